@@ -1,0 +1,96 @@
+//! Every way to fail.
+//!
+//! A message has the name, the value, the limit and the way out. [`Error::exit_code`] tells the two kinds apart:
+//! 2 for input or settings that are wrong (found before anything is computed), 1 for work that failed.
+
+use std::path::PathBuf;
+
+/// Shorthand for `std::result::Result<T, interslice::Error>`.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Every way to fail.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file or folder cannot be opened or read.
+    #[error("{}: cannot read: {source}", path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// A file's content is not what its format demands.
+    #[error("{}: {message}", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// Field or line, value found, value expected.
+        message: String,
+    },
+    /// One slice does not fit the stack.
+    #[error("slice {index} (`{name}`): {message}")]
+    Slice {
+        /// Position in the stack, from 0.
+        index: usize,
+        /// File name, or the slice's own name.
+        name: String,
+        /// Value found and the limit.
+        message: String,
+    },
+    /// The stack as a whole cannot be reconstructed.
+    #[error("stack: {0}")]
+    Stack(String),
+    /// A setting lies outside its range.
+    #[error("`{name}` {message}")]
+    Setting {
+        /// Name of the setting.
+        name: String,
+        /// Range and value, e.g. "must lie in (0, 1); got 1.2".
+        message: String,
+    },
+    /// The machine does not have the memory the job needs.
+    #[error(
+        "this job needs about {needed_mib} MiB of memory, {available_mib} MiB are available; use a coarser `--dz` or a smaller stack"
+    )]
+    Memory {
+        /// Estimate for the whole job, MiB.
+        needed_mib: u64,
+        /// Available now, MiB.
+        available_mib: u64,
+    },
+    /// An output cannot be created; found before the work starts.
+    #[error("{}: cannot write: {message}", path.display())]
+    Output {
+        /// The output as named by the user.
+        path: PathBuf,
+        /// Why.
+        message: String,
+    },
+    /// Writing an output failed half way (disk full, folder removed). The temporary file is gone, the old file untouched.
+    #[error("{}: writing failed: {source}", path.display())]
+    Write {
+        /// The output.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// A numeric stage produced something that must not be: a NaN, a vanished group.
+    #[error("stage `{stage}`: {message}")]
+    Numerics {
+        /// Name of the stage.
+        stage: &'static str,
+        /// What was found, where.
+        message: String,
+    },
+}
+
+impl Error {
+    /// Exit code of the program: 2 input or settings wrong, 1 the work failed.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Error::Write { .. } | Error::Numerics { .. } => 1,
+            _ => 2,
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! How far the work has come, told to whoever listens.
+
+/// Listens to the pipeline. All methods may be called from any thread.
+pub trait Progress: Sync {
+    /// A stage of `total` units begins.
+    fn begin(&self, stage: &'static str, total: usize);
+    /// Another `units` of the current stage are done.
+    fn advance(&self, units: usize);
+    /// The current stage is done.
+    fn end(&self);
+}
+
+/// Listens to nothing.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn begin(&self, _stage: &'static str, _total: usize) {}
+    fn advance(&self, _units: usize) {}
+    fn end(&self) {}
+}

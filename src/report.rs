@@ -1,0 +1,149 @@
+//! The certificate of a reconstruction: what was done and how well each contour is met. Written as JSON.
+
+use serde::Serialize;
+
+use crate::settings::Settings;
+
+/// What was done and how well.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Report {
+    /// Version of the program.
+    pub version: String,
+    /// Settings used.
+    pub settings: Settings,
+    /// Backend that did the work.
+    pub backend: String,
+    /// Pixels per slice.
+    pub dims: [usize; 2],
+    /// Pixel spacing.
+    pub spacing: [f64; 2],
+    /// Length unit.
+    pub unit: String,
+    /// Volume of the body, unit cubed (of the mesh; filled by whoever makes one).
+    pub volume: Option<f64>,
+    /// Area of the surface, unit squared.
+    pub area: Option<f64>,
+    /// One entry per input contour.
+    pub contours: Vec<ContourReport>,
+    /// One entry per interval between neighbouring contours.
+    pub intervals: Vec<IntervalReport>,
+    /// Seconds per stage, in the order they ran.
+    pub stages: Vec<StageReport>,
+    /// Things a person should know: parts that do not shrink at an extrapolated end, fronts that stopped short.
+    pub warnings: Vec<String>,
+}
+
+/// How well one input contour is met.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct ContourReport {
+    /// Name of the slice.
+    pub name: String,
+    /// Height.
+    pub z: f64,
+    /// A user's added contour.
+    pub extra: bool,
+    /// 4-connected parts.
+    pub components: usize,
+    /// 8-connected holes.
+    pub holes: usize,
+    /// Pixels inside.
+    pub pixels: usize,
+    /// Pixels of the result at this height whose side differs from the input; computed on the layer itself, must be 0.
+    pub differing_pixels: usize,
+    /// How far the sweep from below ends from this contour.
+    pub arrival_from_below: Option<Residual>,
+    /// How far the sweep from above ends from this contour.
+    pub arrival_from_above: Option<Residual>,
+}
+
+/// Distance of an arriving front from its contour, px.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Residual {
+    /// Mean over the front's crossings.
+    pub mean: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+/// What happened between two neighbouring contours.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct IntervalReport {
+    /// Height of the lower contour.
+    pub z_low: f64,
+    /// Height of the upper contour.
+    pub z_high: f64,
+    /// Groups that morph together.
+    pub groups: usize,
+    /// Topology events, upward.
+    pub events: Vec<Event>,
+    /// Tracker particles, both directions.
+    pub particles: Particles,
+    /// Time steps of the morphs, both directions and all groups.
+    pub trace_steps: usize,
+    /// Band pixels updated by those steps.
+    pub trace_pixels: usize,
+    /// Time steps of the sweeps.
+    pub sweep_steps: usize,
+    /// Band pixels updated by those steps.
+    pub sweep_pixels: usize,
+}
+
+/// Tracker particles of an interval.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Particles {
+    /// Put on the contours.
+    pub seeded: usize,
+    /// Reached the next contour.
+    pub arrived: usize,
+    /// Lost on the way: their piece of contour has no counterpart.
+    pub died: usize,
+}
+
+/// A change of topology between two neighbouring contours, seen from below.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum Event {
+    /// One or more parts become several.
+    Split {
+        /// Component numbers below.
+        from: Vec<usize>,
+        /// Component numbers above.
+        to: Vec<usize>,
+    },
+    /// Several parts become one.
+    Merge {
+        /// Component numbers below.
+        from: Vec<usize>,
+        /// Component numbers above.
+        to: Vec<usize>,
+    },
+    /// A part without partner below.
+    Birth {
+        /// Component number above.
+        component: usize,
+    },
+    /// A part without partner above.
+    Death {
+        /// Component number below.
+        component: usize,
+    },
+    /// A hole opens on the way up.
+    HoleBirth {
+        /// Pixels of the hole in the upper contour.
+        pixels: usize,
+    },
+    /// A hole closes on the way up.
+    HoleDeath {
+        /// Pixels of the hole in the lower contour.
+        pixels: usize,
+    },
+}
+
+/// Time spent in a stage.
+#[derive(Debug, Clone, Serialize)]
+pub struct StageReport {
+    /// Name of the stage.
+    pub name: &'static str,
+    /// Wall seconds.
+    pub seconds: f64,
+}

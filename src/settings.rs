@@ -1,0 +1,234 @@
+//! Every numeric parameter, once: unit and range beside each field, the default in `impl Default`. The command line (clap) and
+//! the settings file (serde) read this same struct.
+//!
+//! Lengths are in pixels of the larger pixel side, times in normalised time of an interval (0 at one contour, 1 at the next).
+
+use std::fmt;
+use std::str::FromStr;
+
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+
+/// How a mask's staircase becomes a smooth contour. No rule flips a pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AntiAlias {
+    /// The contour runs half way between pixels.
+    None,
+    /// Ten iterations of the reinitialisation equation on the binary field (the paper's way).
+    Eq6,
+    /// Smoothing with `2G - G*G`, which has no second moment and so shrinks nothing, within 0.25 px of the exact distance.
+    Kernel,
+}
+
+/// Rule for the slope dS/dz of the distance along each correspondence at a contour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SlopeRule {
+    /// Straight lines: a crease at every contour.
+    Linear,
+    /// Natural cubic spline through all contours: smoothest, overshoots.
+    Natural,
+    /// Natural cubic spline with Hyman's monotone filter: no overshoot.
+    Hyman,
+    /// Harmonic mean of Fritsch and Carlson: local, never overshoots.
+    Pchip,
+    /// Mean of the neighbouring secants by distance (Catmull-Rom): local, may overshoot.
+    Catmull,
+}
+
+/// What the cubic spline of `natural` and `hyman` does at the first and last contour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SplineEnd {
+    /// No curvature at the end.
+    Natural,
+    /// Constant curvature over the end interval.
+    Parabolic,
+    /// The two end intervals are one cubic.
+    NotAKnot,
+}
+
+/// What happens beyond the first or last contour.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum EndRule {
+    /// Stop at the contour with a flat lid.
+    Flat,
+    /// Keep the contour for half a gap, then a flat lid.
+    HalfSlice,
+    /// Close by the contour's own slope: `r = D (1 - t/H)^p`, `p = |m| H / D`, `H = D / (2 |m|)`.
+    Extrapolate,
+    /// The same law with its tip at this height (unit of the stack).
+    Peak(f64),
+}
+
+impl fmt::Display for EndRule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            EndRule::Flat => f.write_str("flat"),
+            EndRule::HalfSlice => f.write_str("half-slice"),
+            EndRule::Extrapolate => f.write_str("extrapolate"),
+            EndRule::Peak(z) => write!(f, "peak={z}"),
+        }
+    }
+}
+
+impl FromStr for EndRule {
+    type Err = String;
+
+    fn from_str(s: &str) -> std::result::Result<Self, String> {
+        match s {
+            "flat" => Ok(EndRule::Flat),
+            "half-slice" => Ok(EndRule::HalfSlice),
+            "extrapolate" => Ok(EndRule::Extrapolate),
+            _ => s
+                .strip_prefix("peak=")
+                .and_then(|z| z.parse::<f64>().ok())
+                .filter(|z| z.is_finite())
+                .map(EndRule::Peak)
+                .ok_or_else(|| format!("must be flat, half-slice, extrapolate or peak=HEIGHT; got `{s}`")),
+        }
+    }
+}
+
+impl TryFrom<String> for EndRule {
+    type Error = String;
+
+    fn try_from(s: String) -> std::result::Result<Self, String> {
+        s.parse()
+    }
+}
+
+impl From<EndRule> for String {
+    fn from(rule: EndRule) -> String {
+        rule.to_string()
+    }
+}
+
+/// Every numeric parameter of a reconstruction.
+#[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[command(next_help_heading = "Method")]
+pub struct Settings {
+    /// How a mask's staircase becomes a smooth contour
+    #[arg(long, value_enum, default_value_t = Settings::default().anti_alias)]
+    pub anti_alias: AntiAlias,
+
+    /// Width of the anti-aliasing kernel, samples, (0, 5]
+    #[arg(long, value_name = "PX", default_value_t = Settings::default().sigma)]
+    pub sigma: f64,
+
+    /// Rule for the slope of the surface at the contours
+    #[arg(long, value_enum, default_value_t = Settings::default().slope)]
+    pub slope: SlopeRule,
+
+    /// Ends of the cubic spline (natural and hyman)
+    #[arg(long, value_enum, default_value_t = Settings::default().spline_end)]
+    pub spline_end: SplineEnd,
+
+    /// Slope of the surface at the first contour, outward length per height (same unit), instead of the rule's own
+    #[arg(long, value_name = "SLOPE", allow_negative_numbers = true)]
+    pub clamp_bottom: Option<f64>,
+
+    /// Slope of the surface at the last contour, outward length per height (same unit), instead of the rule's own
+    #[arg(long, value_name = "SLOPE", allow_negative_numbers = true)]
+    pub clamp_top: Option<f64>,
+
+    /// Below the first contour: flat, half-slice, extrapolate or peak=HEIGHT
+    #[arg(long, value_name = "RULE", default_value_t = Settings::default().end_bottom)]
+    pub end_bottom: EndRule,
+
+    /// Above the last contour: flat, half-slice, extrapolate or peak=HEIGHT
+    #[arg(long, value_name = "RULE", default_value_t = Settings::default().end_top)]
+    pub end_top: EndRule,
+
+    /// Largest height of an extrapolated end, in gaps, (0, 10]
+    #[arg(long, value_name = "GAPS", default_value_t = Settings::default().cap_gaps)]
+    pub cap_gaps: f64,
+
+    /// Re-estimate the remaining distances by a new morph every N steps of the sweep; 0: never
+    #[arg(long, value_name = "N", default_value_t = Settings::default().redistance)]
+    pub redistance: usize,
+
+    /// Courant number: pixels the front may move in a step, [0.05, 0.9]
+    #[arg(long, value_name = "NUMBER", default_value_t = Settings::default().cfl)]
+    pub cfl: f64,
+
+    /// Half width of the tube in which the level set lives (gamma), px, [4, 12]
+    #[arg(long, value_name = "PX", default_value_t = Settings::default().half_width)]
+    pub half_width: f64,
+
+    /// Where the tube's cut-off begins (beta), px, [1, half_width - 1]
+    #[arg(long, value_name = "PX", default_value_t = Settings::default().cut_off)]
+    pub cut_off: f64,
+
+    /// Distance between tracker particles along a contour, px, [0.05, 2]
+    #[arg(long, value_name = "PX", default_value_t = Settings::default().seed_spacing)]
+    pub seed_spacing: f64,
+
+    /// A morph has arrived when no crossing is farther than this from the next contour, px, [0.01, 0.5]
+    #[arg(long, value_name = "PX", default_value_t = Settings::default().tolerance)]
+    pub tolerance: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            anti_alias: AntiAlias::Kernel,
+            sigma: 1.0,
+            slope: SlopeRule::Pchip,
+            spline_end: SplineEnd::Parabolic,
+            clamp_bottom: None,
+            clamp_top: None,
+            end_bottom: EndRule::Flat,
+            end_top: EndRule::Flat,
+            cap_gaps: 2.0,
+            redistance: 0,
+            cfl: 0.5,
+            half_width: 6.0,
+            cut_off: 3.0,
+            seed_spacing: 0.5,
+            tolerance: 0.1,
+        }
+    }
+}
+
+impl Settings {
+    /// Width of "outside" around every image and tile, px: a front may leave its contours by this much.
+    pub fn margin(&self) -> usize {
+        self.half_width.ceil() as usize + 8
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] with name, range and value.
+    pub fn validate(&self) -> Result<()> {
+        let within = |name: &str, value: f64, low: f64, high: f64, low_open: bool| {
+            if value >= low && value <= high && !(low_open && value == low) {
+                return Ok(());
+            }
+            let bracket = if low_open { '(' } else { '[' };
+            let message = format!("must lie in {bracket}{low}, {high}]; got {value}");
+            Err(Error::Setting { name: name.into(), message })
+        };
+        within("sigma", self.sigma, 0.0, 5.0, true)?;
+        within("cap_gaps", self.cap_gaps, 0.0, 10.0, true)?;
+        within("cfl", self.cfl, 0.05, 0.9, false)?;
+        within("half_width", self.half_width, 4.0, 12.0, false)?;
+        within("cut_off", self.cut_off, 1.0, self.half_width - 1.0, false)?;
+        within("seed_spacing", self.seed_spacing, 0.05, 2.0, false)?;
+        within("tolerance", self.tolerance, 0.01, 0.5, false)?;
+        for (name, slope) in [("clamp_bottom", self.clamp_bottom), ("clamp_top", self.clamp_top)] {
+            if let Some(m) = slope
+                && !m.is_finite()
+            {
+                return Err(Error::Setting { name: name.into(), message: format!("must be a finite number; got {m}") });
+            }
+        }
+        Ok(())
+    }
+}

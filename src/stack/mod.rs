@@ -1,0 +1,174 @@
+//! What comes in: a stack of parallel contours, each at its own height.
+//!
+//! One reader per format; each gives a [`ContourStack`]. Numerics see only this type and know nothing of files.
+
+use crate::error::{Error, Result};
+
+/// A stack of parallel contours. Pixel (0, 0) has its centre at `geometry.origin`; rows run along the second axis.
+#[derive(Debug, Clone)]
+pub struct ContourStack {
+    /// Pixels per slice, `[nx, ny]`.
+    pub dims: [usize; 2],
+    /// Pixel spacing `[dx, dy]` in `unit`, both > 0.
+    pub spacing: [f64; 2],
+    /// Name of the length unit ("mm"), carried to the outputs.
+    pub unit: String,
+    /// Slices by strictly increasing height; at least two, at least one not empty.
+    pub slices: Vec<Slice>,
+    /// Output heights asked for by the input itself.
+    pub z_out: Option<HeightGrid>,
+    /// Where the stack lies in the world.
+    pub geometry: Geometry,
+}
+
+/// One contour of the stack.
+#[derive(Debug, Clone)]
+pub struct Slice {
+    /// File name or "k=17": what messages call it.
+    pub name: String,
+    /// Height in the stack's unit.
+    pub z: f64,
+    /// A user's added contour: an ordinary knot outside the counted stack.
+    pub extra: bool,
+    /// The contour itself.
+    pub content: SliceContent,
+}
+
+/// How a slice says where its contour is. Row-major, `dims[0] * dims[1]` values.
+#[derive(Debug, Clone)]
+pub enum SliceContent {
+    /// Inside or not; the contour runs half way between pixels.
+    Mask(Vec<bool>),
+    /// Implicit function `level - value`: negative inside, the contour is its sub-pixel zero set (0 counts as outside).
+    Level(Vec<f32>),
+}
+
+impl SliceContent {
+    /// Whether pixel `node` is inside.
+    pub fn inside(&self, node: usize) -> bool {
+        match self {
+            SliceContent::Mask(m) => m[node],
+            SliceContent::Level(u) => u[node] < 0.0,
+        }
+    }
+
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        match self {
+            SliceContent::Mask(m) => m.len(),
+            SliceContent::Level(u) => u.len(),
+        }
+    }
+
+    /// Whether no pixel is inside.
+    pub fn is_empty(&self) -> bool {
+        (0..self.len()).all(|k| !self.inside(k))
+    }
+}
+
+/// Equally spaced output heights `start + k * step`, `k < count`, in the stack's unit.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, serde::Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct HeightGrid {
+    /// First height.
+    pub start: f64,
+    /// Distance between heights, > 0.
+    pub step: f64,
+    /// Number of heights, >= 1.
+    pub count: usize,
+}
+
+/// Placement in patient or world space, LPS (x to the left, y to the back, z up), as DICOM and ITK use it.
+/// The point of pixel (i, j) at stack height z is `origin + i dx axes[0] + j dy axes[1] + z axes[2]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Geometry {
+    /// World position of pixel (0, 0) at stack height 0.
+    pub origin: [f64; 3],
+    /// Unit vectors of the row direction (x), the column direction (y) and the stacking direction (z).
+    pub axes: [[f64; 3]; 3],
+}
+
+impl Default for Geometry {
+    fn default() -> Self {
+        Geometry { origin: [0.0; 3], axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] }
+    }
+}
+
+impl ContourStack {
+    /// Checks what every reader must guarantee: sizes, finite and strictly increasing heights, positive spacing, at least two
+    /// slices, at least one pixel inside somewhere.
+    ///
+    /// # Errors
+    /// [`Error::Slice`] or [`Error::Stack`], naming slice, value and limit.
+    pub fn validate(&self) -> Result<()> {
+        if self.slices.len() < 2 {
+            return Err(Error::Stack(format!("at least 2 slices are needed; got {}", self.slices.len())));
+        }
+        if self.dims.contains(&0) {
+            return Err(Error::Stack(format!("slices have no pixels: {}x{}", self.dims[0], self.dims[1])));
+        }
+        for (axis, h) in ["dx", "dy"].iter().zip(self.spacing) {
+            if !(h.is_finite() && h > 0.0) {
+                return Err(Error::Stack(format!("pixel spacing {axis} must be a positive number; got {h}")));
+            }
+        }
+        let mut below: Option<&Slice> = None;
+        for (index, s) in self.slices.iter().enumerate() {
+            let fail = |message| Err(Error::Slice { index, name: s.name.clone(), message });
+            if s.content.len() != self.dims[0] * self.dims[1] {
+                return fail(format!(
+                    "{} pixels, but the stack is {}x{} px",
+                    s.content.len(),
+                    self.dims[0],
+                    self.dims[1]
+                ));
+            }
+            if !s.z.is_finite() {
+                return fail(format!("height must be a finite number; got {}", s.z));
+            }
+            if let Some(b) = below
+                && s.z <= b.z
+            {
+                return fail(format!("height {} must lie above that of the slice before (`{}`: {})", s.z, b.name, b.z));
+            }
+            if let SliceContent::Level(u) = &s.content
+                && let Some(k) = u.iter().position(|v| !v.is_finite())
+            {
+                return fail(format!("pixel ({}, {}) is not a finite number", k % self.dims[0], k / self.dims[0]));
+            }
+            below = Some(s);
+        }
+        if self.slices.iter().all(|s| s.content.is_empty()) {
+            return Err(Error::Stack("all slices are empty: no pixel lies inside".into()));
+        }
+        if let Some(g) = self.z_out {
+            g.validate()?;
+        }
+        Ok(())
+    }
+}
+
+impl HeightGrid {
+    /// Checks that the grid is finite and increasing.
+    ///
+    /// # Errors
+    /// [`Error::Stack`] naming the field.
+    pub fn validate(&self) -> Result<()> {
+        let fail = |m: String| Err(Error::Stack(m));
+        if !self.start.is_finite() {
+            return fail(format!("z_out.start must be a finite number; got {}", self.start));
+        }
+        if !(self.step.is_finite() && self.step > 0.0) {
+            return fail(format!("z_out.step must be a positive number; got {}", self.step));
+        }
+        if self.count == 0 {
+            return fail("z_out.count must be at least 1; got 0".into());
+        }
+        Ok(())
+    }
+
+    /// The heights themselves.
+    pub fn heights(&self) -> Vec<f64> {
+        (0..self.count).map(|k| self.start + k as f64 * self.step).collect()
+    }
+}

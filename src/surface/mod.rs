@@ -1,0 +1,39 @@
+//! What goes out: the reconstructed body as layers of signed distance, and one writer per format.
+
+use crate::report::Report;
+use crate::stack::Geometry;
+
+/// The body as in-plane signed distance on layers of increasing height.
+///
+/// Layers are the output heights, the heights of all input contours, and the two end planes. Between neighbouring layers the body
+/// is what linear interpolation along z says; where it is still inside at `extent`, it is cut flat there.
+#[derive(Debug, Clone)]
+pub struct Reconstruction {
+    /// Pixels per layer, `[nx, ny]`, those of the input.
+    pub dims: [usize; 2],
+    /// Pixel spacing `[dx, dy]`.
+    pub spacing: [f64; 2],
+    /// Length unit.
+    pub unit: String,
+    /// Placement in the world.
+    pub geometry: Geometry,
+    /// Lowest and highest height at which there is a body: where it is still inside there, it ends flat.
+    pub extent: [f64; 2],
+    /// Layers by strictly increasing height.
+    pub layers: Vec<Layer>,
+    /// What was done and how well.
+    pub report: Report,
+}
+
+/// One layer of the body.
+#[derive(Debug, Clone)]
+pub struct Layer {
+    /// Height, unit of the stack.
+    pub z: f64,
+    /// Signed in-plane distance to the contour in the stack's unit, row-major, negative inside, never zero, clamped to the margin.
+    pub phi: Vec<f32>,
+    /// Belongs to the output grid (volumes are written from these).
+    pub output: bool,
+    /// Index of the input contour at this height.
+    pub contour: Option<usize>,
+}

@@ -2,26 +2,62 @@
 
 #![warn(missing_docs)]
 
+pub mod backend;
+pub mod caps;
+pub mod components;
+mod compose;
+pub mod contour;
+mod contours;
+mod ends;
 pub mod error;
+pub mod field;
+mod fit;
+pub mod heights;
+pub mod jobs;
+mod matching;
+mod motion;
+mod pipeline;
 pub mod progress;
+pub mod reference;
 pub mod report;
 pub mod settings;
+pub mod spline;
 pub mod stack;
+pub mod stencil;
 pub mod surface;
+pub mod topology;
 
+pub use backend::Backend;
 pub use error::{Error, Result};
+pub use heights::height_grid;
 pub use progress::Progress;
+pub use reference::Reference;
 pub use report::Report;
 pub use settings::Settings;
 pub use stack::ContourStack;
 pub use surface::Reconstruction;
 
-/// Reconstructs the body between the contours of `stack`.
+/// Reconstructs the body between the contours of `stack` on the reference path, at the heights [`height_grid`] gives.
 ///
 /// # Errors
-/// [`Error::Stack`], [`Error::Slice`], [`Error::Setting`] or [`Error::Memory`] for wrong input, before anything is computed;
-/// [`Error::Numerics`] when a stage fails.
+/// [`Error::Stack`], [`Error::Slice`] or [`Error::Setting`] for wrong input, before anything is computed; [`Error::Numerics`] when a
+/// stage fails.
 pub fn reconstruct(stack: &ContourStack, settings: &Settings) -> Result<Reconstruction> {
-    let _ = (stack, settings);
-    Err(Error::Numerics { stage: "pipeline", message: "not built yet".into() })
+    stack.validate()?;
+    let heights = height_grid(stack, settings, None).heights();
+    reconstruct_with(stack, &heights, settings, &Reference, &progress::Silent)
+}
+
+/// The same at given heights (increasing, unit of the stack), on any backend, told to `progress`.
+///
+/// # Errors
+/// As [`reconstruct`].
+pub fn reconstruct_with(
+    stack: &ContourStack,
+    heights: &[f64],
+    settings: &Settings,
+    backend: &dyn Backend,
+    progress: &dyn Progress,
+) -> Result<Reconstruction> {
+    pipeline::run(stack, heights, settings, backend, progress)
 }

@@ -65,6 +65,14 @@ pub struct Residual {
     pub max: f64,
 }
 
+impl Residual {
+    /// The larger of both, entry by entry: a contour is met as well as its worst group.
+    pub fn absorb(&mut self, other: &Residual) {
+        self.mean = self.mean.max(other.mean);
+        self.max = self.max.max(other.max);
+    }
+}
+
 /// What happened between two neighbouring contours.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct IntervalReport {

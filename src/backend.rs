@@ -1,0 +1,119 @@
+//! What the pipeline may ask of a machine. The order of the questions is the pipeline's; a backend answers batches of jobs.
+
+use crate::error::Result;
+use crate::field::Field;
+use crate::jobs::{PartJob, SweepJob, Swept, TraceJob, Traced};
+use crate::progress::Progress;
+use crate::settings::{AntiAlias, Settings};
+
+/// A slice on the padded image.
+#[derive(Debug, Clone)]
+pub enum PaddedSlice {
+    /// Inside or not.
+    Mask(Vec<bool>),
+    /// Implicit function, negative inside.
+    Level(Field),
+}
+
+/// How slices become level sets.
+#[derive(Debug, Clone, Copy)]
+pub struct ContourOptions {
+    /// Rule for masks.
+    pub anti_alias: AntiAlias,
+    /// Kernel width, samples.
+    pub sigma: f64,
+    /// Half width of the tubes, px.
+    pub half_width: f64,
+}
+
+/// Parameters of morphs and sweeps; see [`Settings`] for units and ranges.
+#[derive(Debug, Clone, Copy)]
+pub struct MorphOptions {
+    /// Half width of the tube (gamma).
+    pub half_width: f64,
+    /// Start of the cut-off (beta).
+    pub cut_off: f64,
+    /// Courant number.
+    pub cfl: f64,
+    /// Arrival tolerance.
+    pub tolerance: f64,
+    /// Distance between particles.
+    pub seed_spacing: f64,
+    /// Steps between re-estimations, 0: never.
+    pub redistance: usize,
+}
+
+impl From<&Settings> for ContourOptions {
+    fn from(s: &Settings) -> Self {
+        ContourOptions { anti_alias: s.anti_alias, sigma: s.sigma, half_width: s.half_width }
+    }
+}
+
+impl From<&Settings> for MorphOptions {
+    fn from(s: &Settings) -> Self {
+        MorphOptions {
+            half_width: s.half_width,
+            cut_off: s.cut_off,
+            cfl: s.cfl,
+            tolerance: s.tolerance,
+            seed_spacing: s.seed_spacing,
+            redistance: s.redistance,
+        }
+    }
+}
+
+/// A machine that runs the numeric stages. `h` is the pixel's size in units of its larger side; fields and results are in that unit.
+/// Results come in the order of the jobs and do not depend on how a backend groups or parallelises them.
+pub trait Backend: Sync {
+    /// Name for people and reports.
+    fn name(&self) -> String;
+
+    /// Level sets of slices: anti-aliasing, distance, conditioning.
+    ///
+    /// # Errors
+    /// A backend's own failures.
+    fn contour_fields(
+        &self,
+        slices: &[PaddedSlice],
+        dims: [usize; 2],
+        h: [f64; 2],
+        options: ContourOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Field>>;
+
+    /// Level sets of parts of contours.
+    ///
+    /// # Errors
+    /// A backend's own failures.
+    fn part_fields(&self, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>>;
+
+    /// Morphs with tracker particles.
+    ///
+    /// # Errors
+    /// A backend's own failures.
+    fn trace(
+        &self,
+        jobs: &[TraceJob<'_>],
+        h: [f64; 2],
+        options: &MorphOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Traced>>;
+
+    /// Sweeps through intervals.
+    ///
+    /// # Errors
+    /// A backend's own failures.
+    fn propagate(
+        &self,
+        jobs: &[SweepJob<'_>],
+        h: [f64; 2],
+        options: &MorphOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Swept>>;
+
+    /// Makes fields that are right near their contours distances farther out, up to `limit` px, within their tiles.
+    ///
+    /// # Errors
+    /// A backend's own failures.
+    fn distances(&self, fields: Vec<Field>, h: [f64; 2], limit: f64) -> Result<Vec<Field>>;
+}

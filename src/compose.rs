@@ -1,0 +1,168 @@
+//! The compose stage: sweeps of both directions blended, holes and lone parts put back, layers of the volume filled.
+
+use crate::caps::{Cap, Profile};
+use crate::contours::Contour;
+use crate::field::Field;
+use crate::fit::{Direction, Fitted};
+use crate::jobs::{Swept, Tile};
+use crate::matching::{GroupFields, Interval, LonePart};
+
+/// Where in the gap a lone part closes.
+const HALF_WAY: f64 = 0.5;
+
+/// A layer being filled: the unpadded image, px, positive outside.
+#[derive(Debug, Clone)]
+pub struct Canvas {
+    /// Pixels of the image.
+    pub dims: [usize; 2],
+    /// Padding of the padded image that tiles live on.
+    pub pad: usize,
+    /// Distances are clamped to this, px.
+    pub limit: f64,
+    /// Signed distance, px.
+    pub phi: Vec<f32>,
+}
+
+impl Canvas {
+    /// A layer with nothing on it.
+    pub fn empty(dims: [usize; 2], pad: usize, limit: f64) -> Self {
+        Canvas { dims, pad, limit, phi: vec![limit as f32; dims[0] * dims[1]] }
+    }
+
+    /// Unites the layer with a body on a tile: the smaller distance counts.
+    pub fn unite(&mut self, tile: &Tile, mut value: impl FnMut(usize) -> f64) {
+        let (limit, [nx, ny]) = (self.limit, self.dims);
+        let columns = self.pad.max(tile.origin[0])..(self.pad + nx).min(tile.origin[0] + tile.dims[0]);
+        let rows = self.pad.max(tile.origin[1])..(self.pad + ny).min(tile.origin[1] + tile.dims[1]);
+        for j in rows {
+            let (from, to) = ((j - tile.origin[1]) * tile.dims[0], (j - self.pad) * nx);
+            for i in columns.clone() {
+                let v = value(from + i - tile.origin[0]).clamp(-limit, limit) as f32;
+                let slot = &mut self.phi[to + i - self.pad];
+                *slot = slot.min(v);
+            }
+        }
+    }
+
+    /// A layer that is an input contour.
+    pub fn of_contour(dims: [usize; 2], pad: usize, limit: f64, contour: &Field) -> Self {
+        let mut canvas = Canvas::empty(dims, pad, limit);
+        let whole = Tile { origin: [0, 0], dims: contour.dims };
+        canvas.unite(&whole, |n| contour.data[n]);
+        canvas
+    }
+}
+
+/// A group's level set at time `t` in (0, 1) on its tile: `(1 - w) up + w down`, `w = 3 t^2 - 2 t^3`, holes cut out again, and no
+/// overlap of the two contours lost.
+///
+/// A sweep whose front vanished has nothing to say; the other one then stands alone.
+pub fn blend(
+    group: &GroupFields,
+    up: (&Swept, usize),
+    down: (&Swept, usize),
+    hole_caps: &[(Cap, Direction)],
+    t: f64,
+    image_nx: usize,
+) -> Field {
+    let w = match (up.0.vanished, down.0.vanished) {
+        (Some(_), None) => 1.0,
+        (None, Some(_)) => 0.0,
+        _ => t * t * (3.0 - 2.0 * t),
+    };
+    let data = up.0.fields[up.1]
+        .iter()
+        .zip(&down.0.fields[down.1])
+        .map(|(&a, &b)| (1.0 - w) * f64::from(a) + w * f64::from(b))
+        .collect();
+    let mut phi = Field { dims: group.tile.dims, data };
+    for (cap, direction) in hole_caps {
+        let away = match direction {
+            Direction::Up => t,
+            Direction::Down => 1.0 - t,
+        };
+        let offset = cap.offset(away);
+        for (v, hole) in phi.data.iter_mut().zip(&cap.field.data) {
+            *v = v.max(-(hole + offset));
+        }
+    }
+    for &anchor in &group.group.anchors {
+        if let Some(node) = group.tile.local_node(anchor, image_nx) {
+            hold(&mut phi, group, node);
+        }
+    }
+    phi
+}
+
+/// Puts the overlap of the two contours around `anchor` back where the blend has lost it, so that what overlaps is connected.
+fn hold(phi: &mut Field, group: &GroupFields, anchor: usize) {
+    if phi.data[anchor] < 0.0 {
+        return;
+    }
+    let overlap = |n: usize| group.low.phi.data[n].max(group.high.phi.data[n]);
+    let [nx, ny] = phi.dims;
+    let mut seen = vec![false; phi.data.len()];
+    let mut open = vec![anchor];
+    while let Some(node) = open.pop() {
+        if std::mem::replace(&mut seen[node], true) || overlap(node) >= 0.0 {
+            continue;
+        }
+        phi.data[node] = phi.data[node].min(overlap(node));
+        let (i, j) = (node % nx, node / nx);
+        open.extend((i > 0).then(|| node - 1));
+        open.extend((i + 1 < nx).then_some(node + 1));
+        open.extend((j > 0).then(|| node - nx));
+        open.extend((j + 1 < ny).then_some(node + nx));
+    }
+}
+
+/// Caps of an interval's holes, group by group, and of its lone solid parts.
+#[derive(Debug, Clone, Default)]
+pub struct IntervalCaps {
+    /// Per group.
+    pub holes: Vec<Vec<(Cap, Direction)>>,
+    /// Solid parts.
+    pub solids: Vec<(Cap, Direction)>,
+}
+
+impl IntervalCaps {
+    /// Profiles from the slopes of each part's own contour; `gap` is the interval's height.
+    pub fn new(interval: &Interval, low: &Fitted, high: &Fitted, gap: f64) -> Self {
+        let cap = |part: &LonePart, outward: f64| {
+            let (fitted, sign) = match part.direction {
+                Direction::Up => (low, 1.0),
+                Direction::Down => (high, -1.0),
+            };
+            let mean = mean_slope(fitted, &part.seeds) * sign * outward * gap;
+            let profile = Profile::between(-mean * HALF_WAY / part.depth.max(1e-6));
+            let cap = Cap { tile: part.tile, field: part.field.clone(), depth: part.depth, height: HALF_WAY, profile };
+            (cap, part.direction)
+        };
+        IntervalCaps {
+            holes: interval.groups.iter().map(|g| g.holes.iter().map(|h| cap(h, -1.0)).collect()).collect(),
+            solids: interval.lone.iter().map(|p| cap(p, 1.0)).collect(),
+        }
+    }
+}
+
+/// Mean slope of some seeds, 0 where there are none.
+pub fn mean_slope(fitted: &Fitted, seeds: &[u32]) -> f64 {
+    let sum: f64 = seeds.iter().map(|&k| fitted.slopes[k as usize]).sum();
+    sum / seeds.len().max(1) as f64
+}
+
+/// Unites a layer with a cap, `away` from the cap's contour.
+pub fn unite_cap(canvas: &mut Canvas, cap: &Cap, away: f64) {
+    let offset = cap.offset(away);
+    canvas.unite(&cap.tile, |n| cap.field.data[n] + offset);
+}
+
+/// Pixels of a layer whose side differs from what the slice says.
+pub fn differing_pixels(phi: &[f32], inside: impl Fn(usize) -> bool) -> usize {
+    phi.iter().enumerate().filter(|&(k, v)| (*v < 0.0) != inside(k)).count()
+}
+
+/// Deepest point of a contour, for the parts' ends.
+pub fn part_numbers(contour: &Contour) -> Vec<u32> {
+    (1..=contour.solids.count as u32).collect()
+}

@@ -1,0 +1,76 @@
+//! The input contours as the host stages see them: level set, parts, seeds.
+
+use crate::components::{Components, label4, label8};
+use crate::contour::{Seed, seeds};
+use crate::field::Field;
+use crate::jobs::Tile;
+
+/// One input contour on the padded image.
+#[derive(Debug, Clone)]
+pub struct Contour {
+    /// Height.
+    pub z: f64,
+    /// Its level set, px; `inf` everywhere for an empty slice.
+    pub phi: Field,
+    /// 4-connected solid parts.
+    pub solids: Components,
+    /// 8-connected parts of the background; the first is the outside.
+    pub background: Components,
+    /// Tracker seeds along the contour, pixels of the padded image.
+    pub seeds: Vec<Seed>,
+    /// Inradius of each solid part, px, by number; entry 0 is unused.
+    pub solid_depth: Vec<f64>,
+    /// Bounding box `(low, high)` of each solid part, both ends included.
+    pub solid_box: Vec<([usize; 2], [usize; 2])>,
+}
+
+impl Contour {
+    /// Labels and seeds for a level set.
+    pub fn new(z: f64, phi: Field, h: [f64; 2], seed_spacing: f64) -> Self {
+        let inside = phi.inside();
+        let outside: Vec<bool> = inside.iter().map(|m| !m).collect();
+        let (solids, background) = (label4(&inside, phi.dims), label8(&outside, phi.dims));
+        let solid_depth = depths(&solids, &phi);
+        let solid_box = boxes(&solids, phi.dims);
+        Contour { z, seeds: seeds(&phi, h, seed_spacing), phi, solids, background, solid_depth, solid_box }
+    }
+
+    /// The tile of some solid parts and `margin` px around them.
+    pub fn tile_of(&self, parts: &[u32], margin: usize) -> Tile {
+        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+        for &p in parts {
+            let (a, b) = self.solid_box[p as usize];
+            low = [low[0].min(a[0]), low[1].min(a[1])];
+            high = [high[0].max(b[0]), high[1].max(b[1])];
+        }
+        Tile::spanning(self.phi.dims, margin, low, high)
+    }
+
+    /// Number of holes.
+    pub fn holes(&self) -> usize {
+        self.background.count.saturating_sub(1)
+    }
+}
+
+/// Bounding boxes of all parts.
+fn boxes(parts: &Components, [nx, _]: [usize; 2]) -> Vec<([usize; 2], [usize; 2])> {
+    let mut out = vec![([usize::MAX; 2], [0; 2]); parts.count + 1];
+    for (node, label) in parts.labels.iter().enumerate() {
+        if *label > 0 {
+            let (i, j) = (node % nx, node / nx);
+            let (low, high) = &mut out[*label as usize];
+            *low = [low[0].min(i), low[1].min(j)];
+            *high = [high[0].max(i), high[1].max(j)];
+        }
+    }
+    out
+}
+
+/// Largest |phi| within each part.
+fn depths(parts: &Components, phi: &Field) -> Vec<f64> {
+    let mut depth = vec![0.0f64; parts.count + 1];
+    for (label, v) in parts.labels.iter().zip(&phi.data) {
+        depth[*label as usize] = depth[*label as usize].max(v.abs());
+    }
+    depth
+}

@@ -1,0 +1,118 @@
+//! What the body does beyond its first and last contour.
+
+use crate::backend::Backend;
+use crate::caps::{Cap, Profile};
+use crate::compose::{Canvas, mean_slope, part_numbers, unite_cap};
+use crate::contours::Contour;
+use crate::error::Result;
+use crate::fit::{Direction, Fitted};
+use crate::matching::lone_solids;
+use crate::settings::EndRule;
+
+/// Power of the cap law for a part that a peak closes although its contour does not shrink.
+const UPRIGHT_POWER: f64 = 0.5;
+
+/// One end of the body.
+#[derive(Debug, Clone)]
+pub struct End {
+    /// Height of its contour.
+    pub contour: f64,
+    /// Height at which the body ends.
+    pub extent: f64,
+    /// Caps of its parts; `away` is measured in the stack's unit.
+    caps: Vec<Cap>,
+    /// The contour goes on unchanged up to `extent`.
+    straight: bool,
+}
+
+impl End {
+    /// Whether the body can be found at height `z` beyond its contour.
+    pub fn reaches(&self, z: f64) -> bool {
+        (z - self.contour).abs() <= (self.extent - self.contour).abs()
+    }
+
+    /// The layer at height `z` beyond the end's contour.
+    pub fn layer(&self, z: f64, contour: &Contour, mut canvas: Canvas) -> Canvas {
+        if self.straight && self.reaches(z) {
+            return Canvas::of_contour(canvas.dims, canvas.pad, canvas.limit, &contour.phi);
+        }
+        for cap in &self.caps {
+            unite_cap(&mut canvas, cap, (z - self.contour).abs());
+        }
+        canvas
+    }
+}
+
+/// What an end needs to know.
+pub struct EndSpec<'a> {
+    /// The first or last contour.
+    pub contour: &'a Contour,
+    /// Its slopes.
+    pub fitted: &'a Fitted,
+    /// Down at the first, up at the last.
+    pub direction: Direction,
+    /// Rule.
+    pub rule: EndRule,
+    /// Distance to the neighbouring contour.
+    pub gap: f64,
+    /// Largest height of an extrapolated cap.
+    pub highest: f64,
+    /// Margin of tiles, px.
+    pub margin: usize,
+}
+
+/// Builds an end: `r = D (1 - t/H)^p`, `p = |m| H / D`, `H = D / (2 |m|)` or the height to the peak. Warnings go to `warnings`.
+pub fn end(spec: &EndSpec<'_>, h: [f64; 2], backend: &dyn Backend, warnings: &mut Vec<String>) -> Result<End> {
+    let z = spec.contour.z;
+    let sign = if spec.direction == Direction::Up { 1.0 } else { -1.0 };
+    let side = if spec.direction == Direction::Up { "top" } else { "bottom" };
+    let mut end = End { contour: z, extent: z, caps: Vec::new(), straight: false };
+    let tip = match spec.rule {
+        _ if spec.contour.solids.count == 0 => return Ok(end),
+        EndRule::Flat => return Ok(end),
+        EndRule::HalfSlice => {
+            end.extent = z + sign * 0.5 * spec.gap;
+            end.straight = true;
+            return Ok(end);
+        }
+        EndRule::Extrapolate => None,
+        EndRule::Peak(tip) => Some((tip - z).abs()),
+    };
+    for (number, part) in part_numbers(spec.contour).into_iter().zip(lone_solids(
+        spec.contour,
+        &part_numbers(spec.contour),
+        h,
+        spec.margin,
+        spec.direction,
+        backend,
+    )?) {
+        let m = mean_slope(spec.fitted, &part.seeds) * sign;
+        let (height, power) = match tip {
+            Some(height) if m < 0.0 => (height, -m * height / part.depth),
+            Some(height) => {
+                warnings.push(format!("{side} end: part {number} does not shrink towards its peak; closed upright"));
+                (height, UPRIGHT_POWER)
+            }
+            None if m < 0.0 => {
+                let height = (part.depth / (-2.0 * m)).min(spec.highest);
+                (height, -m * height / part.depth)
+            }
+            None => {
+                warnings
+                    .push(format!("{side} end: part {number} does not shrink (slope {m:.3} px per unit); ends flat"));
+                continue;
+            }
+        };
+        end.caps.push(Cap {
+            tile: part.tile,
+            field: part.field,
+            depth: part.depth,
+            height,
+            profile: Profile::Power(power),
+        });
+        if height > (end.extent - z).abs() {
+            end.extent = z + sign * height;
+        }
+    }
+    Ok(end)
+}

@@ -1,0 +1,113 @@
+//! A scalar field on a tile of pixels, and how it is read between pixels.
+//!
+//! Pixel space: a position `x = [x, y]` counts pixels, pixel `(i, j)` has its centre at `[i, j]`, `node = j * nx + i`. Lengths (values
+//! of distance fields, normals, speeds) are in pixels of the larger pixel side; `h = [hx, hy]`, the sides of one pixel in that unit,
+//! has a 1 in it and nothing larger.
+
+/// A scalar field on a tile, row-major.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Field {
+    /// Pixels `[nx, ny]`.
+    pub dims: [usize; 2],
+    /// Values, `nx * ny`.
+    pub data: Vec<f64>,
+}
+
+impl Field {
+    /// A field of one value.
+    pub fn filled(dims: [usize; 2], value: f64) -> Self {
+        Field { dims, data: vec![value; dims[0] * dims[1]] }
+    }
+
+    /// A field from a function of the pixel `(i, j)`.
+    pub fn from_fn(dims: [usize; 2], mut f: impl FnMut(usize, usize) -> f64) -> Self {
+        let mut data = Vec::with_capacity(dims[0] * dims[1]);
+        for j in 0..dims[1] {
+            data.extend((0..dims[0]).map(|i| f(i, j)));
+        }
+        Field { dims, data }
+    }
+
+    /// Whether any pixel is inside.
+    pub fn has_inside(&self) -> bool {
+        self.data.iter().any(|&v| v < 0.0)
+    }
+
+    /// Which pixels are inside.
+    pub fn inside(&self) -> Vec<bool> {
+        self.data.iter().map(|&v| v < 0.0).collect()
+    }
+
+    /// Bilinear value at `x`; positions beyond the tile read its edge.
+    pub fn sample(&self, x: [f64; 2]) -> f64 {
+        let (node, [fx, fy]) = self.cell(x, 0);
+        let (a, nx) = (&self.data, self.dims[0]);
+        (1.0 - fy) * ((1.0 - fx) * a[node] + fx * a[node + 1])
+            + fy * ((1.0 - fx) * a[node + nx] + fx * a[node + nx + 1])
+    }
+
+    /// Unit normal `grad / |grad|` at `x`: bilinear mean of the central differences at the four pixels around, zero where the
+    /// gradient vanishes.
+    pub fn normal(&self, x: [f64; 2], h: [f64; 2]) -> [f64; 2] {
+        let (node, [fx, fy]) = self.cell(x, 1);
+        let nx = self.dims[0];
+        let mut g = [0.0; 2];
+        for (corner, w) in [
+            (node, (1.0 - fx) * (1.0 - fy)),
+            (node + 1, fx * (1.0 - fy)),
+            (node + nx, (1.0 - fx) * fy),
+            (node + nx + 1, fx * fy),
+        ] {
+            let d = self.gradient(corner, h);
+            g[0] += w * d[0];
+            g[1] += w * d[1];
+        }
+        let length = g[0].hypot(g[1]);
+        if length < 1e-9 { [0.0; 2] } else { [g[0] / length, g[1] / length] }
+    }
+
+    /// Gradient at a pixel that has four neighbours, by central differences.
+    #[inline(always)]
+    pub fn gradient(&self, node: usize, h: [f64; 2]) -> [f64; 2] {
+        let (a, nx) = (&self.data, self.dims[0]);
+        [0.5 * (a[node + 1] - a[node - 1]) / h[0], 0.5 * (a[node + nx] - a[node - nx]) / h[1]]
+    }
+
+    /// Lower corner of the cell around `x`, kept `rim` pixels off the edge, and the place in it.
+    #[inline(always)]
+    fn cell(&self, x: [f64; 2], rim: usize) -> (usize, [f64; 2]) {
+        let mut corner = [0; 2];
+        let mut place = [0.0; 2];
+        for axis in 0..2 {
+            let last = self.dims[axis] - 2 - rim;
+            let at = x[axis].clamp(rim as f64, (last + 1) as f64);
+            corner[axis] = (at as usize).min(last);
+            place[axis] = at - corner[axis] as f64;
+        }
+        (corner[1] * self.dims[0] + corner[0], place)
+    }
+
+    /// Whether the contour passes between pixel `node` and one of its four neighbours.
+    #[inline(always)]
+    pub fn at_contour(&self, node: usize) -> bool {
+        let (a, nx) = (&self.data, self.dims[0]);
+        let inside = a[node] < 0.0;
+        (a[node - 1] < 0.0) != inside
+            || (a[node + 1] < 0.0) != inside
+            || (a[node - nx] < 0.0) != inside
+            || (a[node + nx] < 0.0) != inside
+    }
+
+    /// Contour point closest to pixel `node`: `x - phi n`, in pixels.
+    pub fn closest_point(&self, node: usize, h: [f64; 2]) -> [f64; 2] {
+        let g = self.gradient(node, h);
+        let scale = self.data[node] / (g[0].hypot(g[1]) + 1e-9);
+        let (i, j) = (node % self.dims[0], node / self.dims[0]);
+        [i as f64 - scale * g[0] / h[0], j as f64 - scale * g[1] / h[1]]
+    }
+}
+
+/// Length of the step from `a` to `b`.
+pub fn distance(a: [f64; 2], b: [f64; 2], h: [f64; 2]) -> f64 {
+    ((a[0] - b[0]) * h[0]).hypot((a[1] - b[1]) * h[1])
+}

@@ -1,0 +1,128 @@
+//! The heights at which the body is computed: output heights, all contours, both end planes.
+
+use crate::error::{Error, Result};
+use crate::settings::{EndRule, Settings};
+use crate::stack::{ContourStack, HeightGrid};
+
+/// An output height this close to a contour, in gaps, is the contour's.
+const SAME: f64 = 1e-6;
+
+/// One height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Height {
+    /// The height, unit of the stack.
+    pub z: f64,
+    /// Whether it belongs to the output grid.
+    pub output: bool,
+}
+
+/// All heights of a run.
+#[derive(Debug, Clone)]
+pub struct Heights {
+    /// Every height, increasing.
+    pub all: Vec<Height>,
+    /// The heights of the contours.
+    pub contours: Vec<Height>,
+    inner: Vec<(usize, usize)>,
+}
+
+impl Heights {
+    /// Merges output heights (increasing), contours, and the end planes `extent`.
+    ///
+    /// # Errors
+    /// [`Error::Stack`] where no output height meets the body.
+    pub fn new(stack: &ContourStack, output: &[f64], extent: [f64; 2]) -> Result<Self> {
+        let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
+        meets(output, [extent[0].min(z[0]), extent[1].max(z[z.len() - 1])])?;
+        let mut all: Vec<Height> = z.iter().map(|&z| Height { z, output: false }).collect();
+        let mut beside: Vec<Height> = Vec::new();
+        for &x in output {
+            let (k, gap) = nearest(&z, x);
+            if (x - z[k]).abs() <= SAME * gap {
+                all[k].output = true
+            } else {
+                beside.push(Height { z: x, output: true })
+            }
+        }
+        let contours = all.clone();
+        for x in extent {
+            let (_, gap) = nearest(&z, x);
+            let known = |h: &Height| (h.z - x).abs() <= SAME * gap;
+            if !all.iter().any(known) && !beside.iter().any(known) {
+                beside.push(Height { z: x, output: false });
+            }
+        }
+        all.append(&mut beside);
+        all.sort_by(|a, b| a.z.total_cmp(&b.z));
+        let place = |z: f64| all.partition_point(|h| h.z < z);
+        let inner = z.windows(2).map(|w| (place(w[0]) + 1, place(w[1]))).collect();
+        Ok(Heights { all, contours, inner })
+    }
+
+    /// Heights strictly between contours `i` and `i + 1`.
+    pub fn between(&self, i: usize) -> &[Height] {
+        let (from, to) = self.inner[i];
+        &self.all[from..to]
+    }
+}
+
+/// Nearest contour and the smaller of the gaps around it.
+fn nearest(z: &[f64], x: f64) -> (usize, f64) {
+    let k = z.partition_point(|&v| v < x);
+    let k = if k == z.len() || (k > 0 && x - z[k - 1] < z[k] - x) { k - 1 } else { k };
+    let left = if k > 0 { z[k] - z[k - 1] } else { f64::INFINITY };
+    let right = if k + 1 < z.len() { z[k + 1] - z[k] } else { f64::INFINITY };
+    (k, left.min(right))
+}
+
+/// Checks that some output height lies in the range `[low, high]` of the body.
+///
+/// # Errors
+/// [`Error::Stack`] with both ranges.
+pub fn meets(output: &[f64], [low, high]: [f64; 2]) -> Result<()> {
+    let slack = SAME * (high - low);
+    match (output.first(), output.last()) {
+        (Some(first), Some(last)) if output.iter().all(|&x| x < low - slack || x > high + slack) => Err(Error::Stack(
+            format!("output heights {first} to {last} meet no part of the body, which lies in {low} to {high}"),
+        )),
+        (None, _) => Err(Error::Stack("no output heights".into())),
+        _ => Ok(()),
+    }
+}
+
+/// Lowest and highest height that a body can reach under its end rules (extrapolated ends may stop earlier).
+pub fn reach(stack: &ContourStack, settings: &Settings) -> [f64; 2] {
+    let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
+    let (Some(first), Some(last)) = (z.first(), z.last()) else { return [0.0; 2] };
+    let beyond = |gap: f64, rule: EndRule, contour: f64, empty: bool| match rule {
+        _ if empty => 0.0,
+        EndRule::Flat => 0.0,
+        EndRule::HalfSlice => 0.5 * gap,
+        EndRule::Extrapolate => settings.cap_gaps * gap,
+        EndRule::Peak(tip) => (tip - contour).abs(),
+    };
+    let empty = |k: usize| stack.slices[k].content.is_empty();
+    let n = z.len();
+    if n < 2 {
+        return [*first, *last];
+    }
+    [
+        first - beyond(z[1] - z[0], settings.end_bottom, *first, empty(0)),
+        last + beyond(z[n - 1] - z[n - 2], settings.end_top, *last, empty(n - 1)),
+    ]
+}
+
+/// The output heights of a stack: `dz` where given, else the input's own grid, else as fine as the pixel spacing. A grid made here
+/// contains the first contour's height and covers the whole body.
+pub fn height_grid(stack: &ContourStack, settings: &Settings, dz: Option<f64>) -> HeightGrid {
+    if let (None, Some(grid)) = (dz, stack.z_out) {
+        return grid;
+    }
+    let step = dz.unwrap_or(stack.spacing[0].min(stack.spacing[1]));
+    let first = stack.slices.first().map_or(0.0, |s| s.z);
+    let [low, high] = reach(stack, settings);
+    let slack = 1e-6;
+    let below = ((first - low) / step - slack).ceil().max(0.0);
+    let above = ((high - first) / step + slack).floor().max(0.0);
+    HeightGrid { start: first - below * step, step, count: (below + above) as usize + 1 }
+}

@@ -1,0 +1,216 @@
+//! The match stage: for every interval the groups that morph together, each with its tile, its level sets below and above, and the
+//! parts that begin or end there.
+
+use rayon::prelude::*;
+
+use crate::backend::Backend;
+use crate::components::label8;
+use crate::contours::Contour;
+use crate::error::Result;
+use crate::field::Field;
+use crate::fit::Direction;
+use crate::jobs::{PartJob, Tile};
+use crate::report::Event;
+use crate::topology::{Group, match_components};
+
+/// An interval's groups and unmatched parts.
+#[derive(Debug, Clone)]
+pub struct Interval {
+    /// Groups that morph.
+    pub groups: Vec<GroupFields>,
+    /// Solid parts without partner.
+    pub lone: Vec<LonePart>,
+    /// What happens to the topology on the way up.
+    pub events: Vec<Event>,
+}
+
+/// A group on its tile.
+#[derive(Debug, Clone)]
+pub struct GroupFields {
+    /// Members and anchors (nodes of the padded image).
+    pub group: Group,
+    /// Where.
+    pub tile: Tile,
+    /// The two level sets that morph into each other: the group's components with all dying holes filled.
+    pub low: MorphEnd,
+    /// The same above.
+    pub high: MorphEnd,
+    /// Holes that open or close between the contours; their fields are negative inside the hole.
+    pub holes: Vec<LonePart>,
+}
+
+/// One end of a group's morph.
+#[derive(Debug, Clone)]
+pub struct MorphEnd {
+    /// Level set on the tile.
+    pub phi: Field,
+    /// Seeds of the contour that take part, by number.
+    pub seeds: Vec<u32>,
+}
+
+/// A part of one contour without counterpart in the other.
+#[derive(Debug, Clone)]
+pub struct LonePart {
+    /// Where.
+    pub tile: Tile,
+    /// Signed distance to the part, negative inside.
+    pub field: Field,
+    /// Inradius, px.
+    pub depth: f64,
+    /// Its seeds on the contour, by number.
+    pub seeds: Vec<u32>,
+    /// Where it goes from its contour to its end.
+    pub direction: Direction,
+}
+
+/// What one group asks of the backend, before it has answered.
+struct Plan {
+    group: Group,
+    tile: Tile,
+    seeds: [Vec<u32>; 2],
+    holes: Vec<(Direction, Vec<u32>)>,
+    jobs: Vec<PartJob>,
+}
+
+/// Match stage for the interval between two contours. Tiles have `margin` px around the parts.
+pub fn match_interval(
+    low: &Contour,
+    high: &Contour,
+    h: [f64; 2],
+    margin: usize,
+    backend: &dyn Backend,
+) -> Result<Interval> {
+    let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi));
+    let mut events = matching.events();
+    let plans: Vec<Plan> = matching.groups.into_par_iter().map(|group| plan_group(low, high, group, margin)).collect();
+    let mut groups = Vec::new();
+    for plan in plans {
+        let mut fields = backend.part_fields(&plan.jobs, h)?.into_iter();
+        let (Some(low_phi), Some(high_phi)) = (fields.next(), fields.next()) else { continue };
+        let holes: Vec<LonePart> = fields
+            .zip(plan.holes)
+            .map(|(field, (direction, seeds))| lone_part(plan.tile, field, seeds, direction))
+            .collect();
+        events.extend(holes.iter().map(|hole| {
+            let pixels = hole.field.data.iter().filter(|v| **v < 0.0).count();
+            match hole.direction {
+                Direction::Up => Event::HoleDeath { pixels },
+                Direction::Down => Event::HoleBirth { pixels },
+            }
+        }));
+        let [low_seeds, high_seeds] = plan.seeds;
+        groups.push(GroupFields {
+            group: plan.group,
+            tile: plan.tile,
+            low: MorphEnd { phi: low_phi, seeds: low_seeds },
+            high: MorphEnd { phi: high_phi, seeds: high_seeds },
+            holes,
+        });
+    }
+    let mut lone = lone_solids(low, &matching.deaths, h, margin, Direction::Up, backend)?;
+    lone.extend(lone_solids(high, &matching.births, h, margin, Direction::Down, backend)?);
+    Ok(Interval { groups, lone, events })
+}
+
+/// The given solid parts of a contour, each by itself on its own tile.
+pub fn lone_solids(
+    contour: &Contour,
+    parts: &[u32],
+    h: [f64; 2],
+    margin: usize,
+    direction: Direction,
+    backend: &dyn Backend,
+) -> Result<Vec<LonePart>> {
+    let tiles: Vec<Tile> = parts.iter().map(|&p| contour.tile_of(&[p], margin)).collect();
+    let jobs: Vec<PartJob> = parts
+        .par_iter()
+        .zip(&tiles)
+        .map(|(&part, tile)| PartJob {
+            whole: tile.cut(&contour.phi),
+            inside: tile.nodes(contour.phi.dims[0]).map(|n| contour.solids.labels[n] == part).collect(),
+        })
+        .collect();
+    let fields = backend.part_fields(&jobs, h)?;
+    Ok(parts
+        .iter()
+        .zip(tiles)
+        .zip(fields)
+        .map(|((&part, tile), field)| {
+            let seeds = (0..).zip(&contour.seeds).filter(|(_, s)| contour.solids.labels[s.inside] == part);
+            lone_part(tile, field, seeds.map(|(k, _)| k).collect(), direction)
+        })
+        .collect())
+}
+
+fn lone_part(tile: Tile, field: Field, seeds: Vec<u32>, direction: Direction) -> LonePart {
+    let depth = -field.data.iter().copied().fold(0.0, f64::min);
+    LonePart { tile, field, depth, seeds, direction }
+}
+
+fn plan_group(low: &Contour, high: &Contour, group: Group, margin: usize) -> Plan {
+    let tile = low.tile_of(&group.low, margin).joined(high.tile_of(&group.high, margin));
+    let nx = low.phi.dims[0];
+    let members = |c: &Contour, ids: &[u32]| -> Vec<bool> {
+        let mut wanted = vec![false; c.solids.count + 1];
+        ids.iter().for_each(|&k| wanted[k as usize] = true);
+        tile.nodes(nx).map(|n| wanted[c.solids.labels[n] as usize]).collect()
+    };
+    let (low_inside, high_inside) = (members(low, &group.low), members(high, &group.high));
+    let (low_end, low_holes) = fill_dying_holes(low, &group.low, &tile, &low_inside, &high_inside);
+    let (high_end, high_holes) = fill_dying_holes(high, &group.high, &tile, &high_inside, &low_inside);
+    let mut jobs = vec![low_end.job, high_end.job];
+    let mut holes = Vec::new();
+    for (direction, parts) in [(Direction::Up, low_holes), (Direction::Down, high_holes)] {
+        for (job, seeds) in parts {
+            jobs.push(job);
+            holes.push((direction, seeds));
+        }
+    }
+    Plan { group, tile, seeds: [low_end.seeds, high_end.seeds], holes, jobs }
+}
+
+struct EndPlan {
+    job: PartJob,
+    seeds: Vec<u32>,
+}
+
+/// A group's end with those holes filled that meet no background of the other end, and these holes with their seeds.
+fn fill_dying_holes(
+    contour: &Contour,
+    ids: &[u32],
+    tile: &Tile,
+    inside: &[bool],
+    other: &[bool],
+) -> (EndPlan, Vec<(PartJob, Vec<u32>)>) {
+    let outside: Vec<bool> = inside.iter().map(|m| !m).collect();
+    let background = label8(&outside, tile.dims);
+    let mut lives = vec![false; background.count + 1];
+    for (label, other) in background.labels.iter().zip(other) {
+        lives[*label as usize] |= !other;
+    }
+    let dies = |label: u32| label > 0 && !lives[label as usize];
+    let mut seeds = Vec::new();
+    let mut hole_seeds: Vec<Vec<u32>> = vec![Vec::new(); background.count + 1];
+    for (k, seed) in (0..).zip(&contour.seeds) {
+        if ids.binary_search(&contour.solids.labels[seed.inside]).is_err() {
+            continue;
+        }
+        let hole = tile.local_node(seed.outside, contour.phi.dims[0]).map_or(0, |n| background.labels[n]);
+        if dies(hole) {
+            hole_seeds[hole as usize].push(k);
+        } else {
+            seeds.push(k);
+        }
+    }
+    let whole = tile.cut(&contour.phi);
+    let filled = inside.iter().zip(&background.labels).map(|(&m, &l)| m || dies(l)).collect();
+    let holes = (1..=background.count as u32)
+        .filter(|&l| dies(l))
+        .map(|l| {
+            let turned = Field { dims: whole.dims, data: whole.data.iter().map(|v| -v).collect() };
+            let part = background.labels.iter().map(|&k| k == l).collect();
+            (PartJob { whole: turned, inside: part }, std::mem::take(&mut hole_seeds[l as usize]))
+        })
+        .collect();
+    (EndPlan { job: PartJob { whole, inside: filled }, seeds }, holes)
+}

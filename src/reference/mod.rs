@@ -1,0 +1,86 @@
+//! The f64 reference path: plain loops, one kernel a file, parallel over jobs. Every other backend is compared with it.
+
+pub mod band;
+pub mod contour_field;
+pub mod distance;
+pub mod exact;
+pub mod extend;
+pub mod hj_step;
+pub mod part;
+pub mod particles;
+pub mod propagate;
+pub mod reinit;
+pub mod scatter;
+pub mod trace;
+
+use rayon::prelude::*;
+
+use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
+use crate::error::Result;
+use crate::field::Field;
+use crate::jobs::{PartJob, SweepJob, Swept, TraceJob, Traced};
+use crate::progress::Progress;
+
+/// The reference path. Jobs run in parallel on rayon's current pool, each by itself: the same bits for any number of threads.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Reference;
+
+/// Runs one job per item, results in order, telling how many are done.
+fn in_parallel<J: Sync, R: Send>(jobs: &[J], progress: &dyn Progress, run: impl Fn(&J) -> R + Sync) -> Vec<R> {
+    jobs.par_iter()
+        .with_max_len(1)
+        .map(|job| {
+            let result = run(job);
+            progress.advance(1);
+            result
+        })
+        .collect()
+}
+
+impl Backend for Reference {
+    fn name(&self) -> String {
+        format!("reference (f64, {} threads)", rayon::current_num_threads())
+    }
+
+    fn contour_fields(
+        &self,
+        slices: &[PaddedSlice],
+        dims: [usize; 2],
+        h: [f64; 2],
+        options: ContourOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Field>> {
+        Ok(in_parallel(slices, progress, |slice| match slice {
+            PaddedSlice::Mask(mask) => contour_field::field_of_mask(mask, dims, h, options),
+            PaddedSlice::Level(u) => contour_field::field_of_level(u, h, options),
+        }))
+    }
+
+    fn part_fields(&self, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {
+        Ok(jobs.par_iter().map(|job| part::part_field(job, h)).collect())
+    }
+
+    fn trace(
+        &self,
+        jobs: &[TraceJob<'_>],
+        h: [f64; 2],
+        options: &MorphOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Traced>> {
+        Ok(in_parallel(jobs, progress, |job| trace::trace(job, h, options)))
+    }
+
+    fn propagate(
+        &self,
+        jobs: &[SweepJob<'_>],
+        h: [f64; 2],
+        options: &MorphOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Swept>> {
+        Ok(in_parallel(jobs, progress, |job| propagate::propagate(job, h, options)))
+    }
+
+    fn distances(&self, fields: Vec<Field>, h: [f64; 2], limit: f64) -> Result<Vec<Field>> {
+        Ok(fields.into_par_iter().map(|f| distance::far_distance(f, h, limit)).collect())
+    }
+}

@@ -1,0 +1,100 @@
+//! Tracker particles: advection along the normal, back-projection onto the front, distance covered, death.
+
+use crate::contour::Seed;
+use crate::field::{Field, distance};
+
+/// Farthest a living particle may be from the front after back-projection, px.
+const OFF_FRONT: f64 = 0.1;
+/// Largest move of a back-projection, px: more means that the front under the particle is gone.
+const LOST: f64 = 1.0;
+/// Newton steps of a back-projection.
+const PROJECTIONS: usize = 2;
+/// Smallest share of its way that a dead particle is taken to have covered.
+const LEAST_SHARE: f64 = 0.05;
+
+/// A particle on its way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Particle {
+    /// Position, pixels of the tile.
+    pub x: [f64; 2],
+    /// `S = int F dt`, px, outward positive: signed by itself and blind to sliding.
+    pub covered: f64,
+    /// Length of the path, px.
+    pub arc: f64,
+    /// Time of death.
+    pub died: Option<f64>,
+    predicted: [f64; 2],
+    velocity: [f64; 2],
+    speed: f64,
+}
+
+impl Particle {
+    /// A particle at a seed.
+    pub fn at(seed: &Seed) -> Self {
+        Particle { x: seed.x, covered: 0.0, arc: 0.0, died: None, predicted: seed.x, velocity: [0.0; 2], speed: 0.0 }
+    }
+
+    /// The whole way of this piece of contour, px: what was covered, for a dead particle divided by the share `1 - exp(-tau)` that the
+    /// relaxation `F = phi - phi_B` covers by the time tau.
+    pub fn full_distance(&self) -> f64 {
+        match self.died {
+            None => self.covered,
+            Some(tau) => self.covered / (1.0 - (-tau).exp()).max(LEAST_SHARE),
+        }
+    }
+}
+
+/// Speed and velocity of Eq. 2 at `x`: `dx/dt = (phi(x) - phi_B(x)) n`, in pixels of each axis.
+fn motion(phi: &Field, target: &Field, x: [f64; 2], h: [f64; 2]) -> (f64, [f64; 2]) {
+    let speed = phi.sample(x) - target.sample(x);
+    let n = phi.normal(x, h);
+    (speed, [speed * n[0] / h[0], speed * n[1] / h[1]])
+}
+
+/// Predictor: an Euler step in the field before the front moves.
+pub fn predict(particles: &mut [Particle], phi: &Field, target: &Field, h: [f64; 2], dt: f64) {
+    for p in particles.iter_mut().filter(|p| p.died.is_none()) {
+        (p.speed, p.velocity) = motion(phi, target, p.x, h);
+        p.predicted = [p.x[0] + dt * p.velocity[0], p.x[1] + dt * p.velocity[1]];
+    }
+}
+
+/// Corrector in the field after the front has moved (Heun), back-projection `x <- x - phi(x) n`, distances; `now` is the time reached.
+pub fn correct(particles: &mut [Particle], phi: &Field, target: &Field, h: [f64; 2], dt: f64, now: f64) {
+    for p in particles.iter_mut().filter(|p| p.died.is_none()) {
+        let (speed, velocity) = motion(phi, target, p.predicted, h);
+        let moved = std::array::from_fn(|a| p.x[a] + 0.5 * dt * (p.velocity[a] + velocity[a]));
+        let projected = back_project(phi, moved, h);
+        if phi.sample(projected).abs() > OFF_FRONT || distance(projected, moved, h) > LOST {
+            p.died = Some(now);
+            continue;
+        }
+        p.covered += 0.5 * dt * (p.speed + speed);
+        p.arc += distance(projected, p.x, h);
+        p.x = projected;
+    }
+}
+
+fn back_project(phi: &Field, mut x: [f64; 2], h: [f64; 2]) -> [f64; 2] {
+    for _ in 0..PROJECTIONS {
+        let (v, n) = (phi.sample(x).clamp(-1.0, 1.0), phi.normal(x, h));
+        x = [x[0] - v * n[0] / h[0], x[1] - v * n[1] / h[1]];
+    }
+    x
+}
+
+/// The rest of the way when the morph has stopped at time `now`: `S += -phi_B(x)`. A particle that is still more than a pixel away has
+/// no counterpart and is dead.
+pub fn land(particles: &mut [Particle], phi: &Field, target: &Field, h: [f64; 2], now: f64) {
+    for p in particles.iter_mut().filter(|p| p.died.is_none()) {
+        let rest = -target.sample(p.x);
+        if rest.abs() > LOST {
+            p.died = Some(now);
+            continue;
+        }
+        let n = phi.normal(p.x, h);
+        p.x = [p.x[0] + rest * n[0] / h[0], p.x[1] + rest * n[1] / h[1]];
+        p.covered += rest;
+        p.arc += rest.abs();
+    }
+}

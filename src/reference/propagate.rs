@@ -1,0 +1,187 @@
+//! The sweep that makes the surface: each piece of contour moves by its course, is steered onto the next contour, and the level set is
+//! copied out on the way (Eq. 1, with fields carried instead of particles).
+
+use super::band::Band;
+use super::extend::Upwind;
+use super::hj_step::{Scratch, Speed, Tube, hj_step};
+use super::reinit::reinit;
+use super::scatter::scatter;
+use super::trace::{arrival, trace};
+use crate::backend::MorphOptions;
+use crate::contour::seeds;
+use crate::field::Field;
+use crate::jobs::{Course, SweepJob, Swept, TraceJob};
+use crate::spline::{hermite, hermite_rate};
+
+/// Jacobi passes of the extension per step (8 and 16 give the same), and at the start.
+const PASSES: usize = 4;
+const FIRST_PASSES: usize = 8;
+/// Largest time step.
+const STEP_LIMIT: f64 = 0.1;
+/// Pixels this close to the front decide about its time step.
+const NEAR: f64 = 1.5;
+/// Largest error that the feedback answers to at once, px.
+const ERROR_LIMIT: f64 = 2.0;
+/// The feedback's gain is `GAIN / (1 - t)`, at most `GAIN / LEAST_TIME`, and never more than one whole correction per step.
+const GAIN: f64 = 2.0;
+const LEAST_TIME: f64 = 0.02;
+
+/// Smooth step from 0 at `t <= 0` to 1 at `t >= 1`.
+fn smoothstep(t: f64) -> f64 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// Distances re-estimated by a new morph on the way.
+struct Remeasured {
+    /// `[remaining distance, validity]` per pixel.
+    field: Vec<[f64; 2]>,
+}
+
+/// Runs one sweep from t = 0 to t = 1.
+pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> Swept {
+    let mut phi = job.source.clone();
+    let mut band = Band::new(&mut phi, options.half_width);
+    let tube = Tube { beta: options.cut_off, gamma: options.half_width };
+    let mut scratch = Scratch::default();
+    let (mut upwind, mut passes4, mut passes2, mut passes1) = (Upwind::default(), Vec::new(), Vec::new(), Vec::new());
+    let mut courses: Vec<Course> = scatter(&phi, &band, h, &job.seeds, &job.courses);
+    upwind.find(&phi, &band, h);
+    upwind.extend(&mut courses, &band, FIRST_PASSES, &mut passes4);
+    let mut speed = Field::filled(phi.dims, 0.0);
+    let mut line: Vec<[f64; 1]> = vec![[0.0]; phi.data.len()];
+    let mut errors: Vec<(usize, f64)> = Vec::new();
+    let mut remeasured: Option<Remeasured> = None;
+    let mut out = Swept::default();
+    let mut t = 0.0;
+    for stop in job.times.iter().copied().chain([1.0]) {
+        while t < stop {
+            if !band.nodes().any(|n| phi.data[n] < 0.0) {
+                out.vanished.get_or_insert(t);
+                break;
+            }
+            if out.steps > 0 {
+                upwind.find(&phi, &band, h);
+                upwind.extend(&mut courses, &band, PASSES, &mut passes4);
+                if let Some(r) = &mut remeasured {
+                    upwind.extend(&mut r.field, &band, PASSES, &mut passes2);
+                }
+            }
+            if options.redistance > 0 && out.steps > 0 && out.steps.is_multiple_of(options.redistance) {
+                remeasured = Some(remeasure(&phi, job.target, &band, &upwind, h, options));
+            }
+            measure(&mut errors, &phi, job.target, &band, &courses, remeasured.as_ref(), t, h);
+            let weight = if remeasured.is_some() { 1.0 } else { smoothstep(t) };
+            let gain = weight * GAIN / (1.0 - t).max(LEAST_TIME);
+            let dt = step_length(&phi, &band, &courses, &errors, gain, t, stop, h, options.cfl);
+            for node in band.nodes() {
+                let c = &courses[node];
+                line[node] = [(hermite(c, t + dt) - hermite(c, t)) / dt];
+            }
+            for &(node, e) in &errors {
+                line[node][0] += gain.min(weight / dt) * e;
+            }
+            upwind.extend(&mut line, &band, PASSES, &mut passes1);
+            for node in band.nodes() {
+                speed.data[node] = line[node][0];
+            }
+            if let Some(r) = &mut remeasured {
+                band.nodes().for_each(|n| r.field[n][0] -= dt * speed.data[n]);
+            }
+            hj_step(&mut phi, Speed::Given(&speed), &band, h, tube, dt, &mut scratch);
+            reinit(&mut phi, &band, h, 1, &mut scratch);
+            out.pixels += band.count;
+            out.steps += 1;
+            band.rebuild(&mut phi);
+            t = if stop - (t + dt) < 1e-9 { stop } else { t + dt };
+        }
+        if stop < 1.0 {
+            out.fields.push(snapshot(&phi, options.half_width, out.vanished.is_some()));
+        }
+    }
+    if out.vanished.is_none() {
+        out.residual = arrival(&phi, job.target, &band).unwrap_or_default();
+    }
+    out
+}
+
+fn snapshot(phi: &Field, half_width: f64, vanished: bool) -> Vec<f32> {
+    let out = (half_width + 0.5) as f32;
+    if vanished { vec![out; phi.data.len()] } else { phi.data.iter().map(|&v| (v as f32).clamp(-out, out)).collect() }
+}
+
+/// Errors `e = clip(remaining - scheduled remaining)` at the contour's pixels. Remaining is `-target` at the closest contour point, the
+/// true distance near the target, or what the last morph measured. Pieces whose particle died are steered only late.
+#[expect(clippy::too_many_arguments, reason = "the state of one sweep, read by one caller")]
+fn measure(
+    errors: &mut Vec<(usize, f64)>,
+    phi: &Field,
+    target: &Field,
+    band: &Band,
+    courses: &[Course],
+    remeasured: Option<&Remeasured>,
+    t: f64,
+    h: [f64; 2],
+) {
+    errors.clear();
+    let late = smoothstep((t - 0.6) / 0.3);
+    for node in band.nodes().filter(|&n| phi.at_contour(n)) {
+        let course = &courses[node];
+        let (remaining, valid) = match remeasured {
+            Some(r) => (r.field[node][0], course[3].min(r.field[node][1])),
+            None => (-target.sample(phi.closest_point(node, h)), course[3]),
+        };
+        let trust = (2.0 * (valid.max(late) - 0.5)).clamp(0.0, 1.0);
+        let scheduled = course[0] - hermite(course, t);
+        errors.push((node, trust * (remaining - scheduled).clamp(-ERROR_LIMIT, ERROR_LIMIT)));
+    }
+}
+
+/// `min(CFL / max |F|, 0.1, stop - t)`, the last two steps before a stop made equal.
+#[expect(clippy::too_many_arguments, reason = "the state of one sweep, read by one caller")]
+fn step_length(
+    phi: &Field,
+    band: &Band,
+    courses: &[Course],
+    errors: &[(usize, f64)],
+    gain: f64,
+    t: f64,
+    stop: f64,
+    h: [f64; 2],
+    cfl: f64,
+) -> f64 {
+    let scheduled = band
+        .nodes()
+        .filter(|&n| phi.data[n].abs() < NEAR)
+        .map(|n| hermite_rate(&courses[n], t).abs())
+        .fold(1e-6, f64::max);
+    let steered =
+        errors.iter().map(|&(n, e)| (hermite_rate(&courses[n], t) + gain * e).abs()).fold(scheduled, f64::max);
+    let dt = (cfl * h[0].min(h[1]) / steered).min(STEP_LIMIT);
+    let left = stop - t;
+    if dt >= left {
+        left
+    } else if left < 2.0 * dt {
+        0.5 * left
+    } else {
+        dt
+    }
+}
+
+/// A new morph from the front as it is, as the paper does: remaining distances at its particles, brought to the pixels.
+fn remeasure(
+    phi: &Field,
+    target: &Field,
+    band: &Band,
+    upwind: &Upwind,
+    h: [f64; 2],
+    options: &MorphOptions,
+) -> Remeasured {
+    let seeds = seeds(phi, h, options.seed_spacing);
+    let positions: Vec<_> = seeds.iter().map(|s| s.x).collect();
+    let traced = trace(&TraceJob { source: phi, target, seeds }, h, options);
+    let values: Vec<_> = traced.tracks.iter().map(|k| [k.distance, f64::from(k.arrived)]).collect();
+    let mut field = scatter(phi, band, h, &positions, &values);
+    upwind.extend(&mut field, band, FIRST_PASSES, &mut Vec::new());
+    Remeasured { field }
+}

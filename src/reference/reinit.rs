@@ -1,0 +1,44 @@
+//! Reinitialisation `phi_tau + S(phi) (|grad phi| - 1) = 0` in the tube N (Eq. 6): forward Euler, WENO5, smeared sign.
+
+use multiversion::multiversion;
+
+use super::band::{Band, Run};
+use super::hj_step::{Scratch, Window};
+use crate::field::Field;
+use crate::stencil::{REACH, godunov, one_sided, smeared_sign};
+
+/// Pseudo-time step in pixels of the smaller side.
+const STEP: f64 = 0.5;
+
+/// `iterations` steps with the sign S of the field as it comes in.
+pub fn reinit(phi: &mut Field, band: &Band, h: [f64; 2], iterations: usize, scratch: &mut Scratch) {
+    let dtau = STEP * h[0].min(h[1]);
+    scratch.start.clear();
+    scratch.start.extend(band.nodes().map(|node| smeared_sign(phi.data[node], phi.gradient(node, h))));
+    scratch.next.resize(band.count, 0.0);
+    for _ in 0..iterations {
+        let mut k = 0;
+        for run in &band.runs {
+            let (sign, next) = (&scratch.start[k..k + run.len], &mut scratch.next[k..k + run.len]);
+            relax(&phi.data, phi.dims[0], *run, h, dtau, sign, next);
+            k += run.len;
+        }
+        let mut k = 0;
+        for run in &band.runs {
+            phi.data[run.nodes()].copy_from_slice(&scratch.next[k..k + run.len]);
+            k += run.len;
+        }
+    }
+}
+
+/// `next <- phi - dtau S (|grad phi| - 1)` along one run.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
+fn relax(phi: &[f64], nx: usize, run: Run, h: [f64; 2], dtau: f64, sign: &[f64], next: &mut [f64]) {
+    let Window { along, across } = Window::new(phi, nx, run);
+    let (per_x, per_y) = (1.0 / h[0], 1.0 / h[1]);
+    for ((k, out), s) in next.iter_mut().enumerate().take(run.len).zip(sign) {
+        let dx = one_sided(std::array::from_fn(|q| along[k + q]), per_x);
+        let dy = one_sided(std::array::from_fn(|q| across[q][k]), per_y);
+        *out = across[REACH][k] - dtau * s * (godunov(dx, dy, *s) - 1.0);
+    }
+}

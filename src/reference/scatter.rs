@@ -1,0 +1,113 @@
+//! From seeds to the pixels at a contour: each such pixel takes the kernel-weighted mean of the seeds near its closest contour point.
+//!
+//! Gathered through cell bins in seed order, never scattered: the result cannot depend on the order in which threads run.
+
+use super::band::Band;
+use crate::field::{Field, distance};
+
+/// Reach of the kernel `(1 - d / R)^2`, px.
+const RADIUS: f64 = 1.5;
+/// Rounds of filling from neighbours for contour pixels that no seed reaches.
+const FILL_ROUNDS: usize = 30;
+
+/// Values per pixel, dense over the tile: seed values at the contour's pixels, zero elsewhere.
+pub fn scatter<const C: usize>(
+    phi: &Field,
+    band: &Band,
+    h: [f64; 2],
+    seeds: &[[f64; 2]],
+    values: &[[f64; C]],
+) -> Vec<[f64; C]> {
+    let bins = Bins::new(phi.dims, h, seeds);
+    let mut out = vec![[0.0; C]; phi.data.len()];
+    let mut known = vec![false; phi.data.len()];
+    let mut unknown = Vec::new();
+    for node in band.nodes().filter(|&n| phi.at_contour(n)) {
+        let x = phi.closest_point(node, h);
+        let (mut sum, mut total) = ([0.0; C], 0.0);
+        bins.near(x, |k| {
+            let w = (1.0 - distance(seeds[k], x, h) / RADIUS).max(0.0).powi(2);
+            total += w;
+            sum.iter_mut().zip(&values[k]).for_each(|(s, v)| *s += w * v);
+        });
+        if total > 1e-6 {
+            out[node] = sum.map(|s| s / total);
+            known[node] = true;
+        } else {
+            unknown.push(node);
+        }
+    }
+    fill(&mut out, &mut known, unknown, phi.dims[0]);
+    out
+}
+
+/// Pixels without seeds take the mean of their known neighbours at the contour, ring by ring.
+fn fill<const C: usize>(out: &mut [[f64; C]], known: &mut [bool], mut unknown: Vec<usize>, nx: usize) {
+    for _ in 0..FILL_ROUNDS {
+        if unknown.is_empty() {
+            return;
+        }
+        let mut found = Vec::new();
+        for &node in &unknown {
+            let (mut sum, mut total) = ([0.0; C], 0.0);
+            for row in [node - nx, node, node + nx] {
+                for n in (row - 1..=row + 1).filter(|&n| known[n]) {
+                    total += 1.0;
+                    sum.iter_mut().zip(&out[n]).for_each(|(s, v)| *s += v);
+                }
+            }
+            if total > 0.0 {
+                found.push((node, sum.map(|s| s / total)));
+            }
+        }
+        for &(node, value) in &found {
+            out[node] = value;
+            known[node] = true;
+        }
+        unknown.retain(|&n| !known[n]);
+    }
+}
+
+/// Seeds sorted into square cells a kernel radius wide.
+struct Bins {
+    size: [f64; 2],
+    cells: [usize; 2],
+    first: Vec<u32>,
+    seeds: Vec<u32>,
+}
+
+impl Bins {
+    fn new(dims: [usize; 2], h: [f64; 2], seeds: &[[f64; 2]]) -> Self {
+        let size = h.map(|h| RADIUS / h);
+        let cells = std::array::from_fn(|a| (dims[a] as f64 / size[a]) as usize + 1);
+        let mut bins = Bins { size, cells, first: vec![0; cells[0] * cells[1] + 1], seeds: vec![0; seeds.len()] };
+        for x in seeds {
+            let [i, j] = bins.cell(*x);
+            bins.first[j * cells[0] + i + 1] += 1;
+        }
+        for k in 1..bins.first.len() {
+            bins.first[k] += bins.first[k - 1];
+        }
+        let mut fill = bins.first.clone();
+        for (k, x) in seeds.iter().enumerate() {
+            let [i, j] = bins.cell(*x);
+            let slot = &mut fill[j * cells[0] + i];
+            bins.seeds[*slot as usize] = k as u32;
+            *slot += 1;
+        }
+        bins
+    }
+
+    fn cell(&self, x: [f64; 2]) -> [usize; 2] {
+        std::array::from_fn(|a| ((x[a] / self.size[a]).max(0.0) as usize).min(self.cells[a] - 1))
+    }
+
+    fn near(&self, x: [f64; 2], mut visit: impl FnMut(usize)) {
+        let [i, j] = self.cell(x);
+        for row in j.saturating_sub(1)..=(j + 1).min(self.cells[1] - 1) {
+            let (low, high) = (i.saturating_sub(1), (i + 1).min(self.cells[0] - 1));
+            let (from, to) = (self.first[row * self.cells[0] + low], self.first[row * self.cells[0] + high + 1]);
+            self.seeds[from as usize..to as usize].iter().for_each(|&k| visit(k as usize));
+        }
+    }
+}

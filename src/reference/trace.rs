@@ -1,0 +1,83 @@
+//! The morph of one contour onto the next with tracker particles: `phi_t = (phi_B - phi) |grad phi|` (Eq. 2).
+
+use super::band::Band;
+use super::hj_step::{Scratch, Speed, Tube, hj_step};
+use super::particles::{Particle, correct, land, predict};
+use super::reinit::reinit;
+use crate::backend::MorphOptions;
+use crate::field::Field;
+use crate::jobs::{TraceJob, Traced, Track};
+use crate::report::Residual;
+
+/// Largest time step: the relaxation `phi_t = phi_B - phi` is unstable above 2.5 and already costs accuracy at 2.2.
+const STEP_LIMIT: f64 = 0.5;
+/// Pixels this close to the front decide about its time step.
+const NEAR: f64 = 1.5;
+/// A front that has come this close and gains less than [`LEAST_GAIN`] in [`PATIENCE`] steps hangs at kinks of phi_B.
+const STALL_BELOW: f64 = 1.0;
+const LEAST_GAIN: f64 = 1e-3;
+const PATIENCE: usize = 12;
+
+/// Runs the morph until the front has arrived, stalls, or has used up its steps.
+pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced {
+    let mut phi = job.source.clone();
+    let mut band = Band::new(&mut phi, options.half_width);
+    let mut particles: Vec<Particle> = job.seeds.iter().map(Particle::at).collect();
+    let tube = Tube { beta: options.cut_off, gamma: options.half_width };
+    let mut scratch = Scratch::default();
+    let mut out = Traced::default();
+    let mut now = 0.0;
+    let (mut best, mut idle) = (f64::INFINITY, 0);
+    let mut most_steps = None;
+    loop {
+        let residual = arrival(&phi, job.target, &band);
+        let Some(r) = residual else { break };
+        out.residual = r;
+        let most = *most_steps.get_or_insert_with(|| (3.0 * r.max / options.cfl) as usize + 20);
+        idle = if r.max < best - LEAST_GAIN { 0 } else { idle + 1 };
+        best = best.min(r.max);
+        if r.max < options.tolerance || (r.max < STALL_BELOW && idle > PATIENCE) || out.steps >= most {
+            break;
+        }
+        let fastest = band
+            .nodes()
+            .filter(|&n| phi.data[n].abs() < NEAR)
+            .map(|n| (phi.data[n] - job.target.data[n]).abs())
+            .fold(1e-9, f64::max);
+        let dt = (options.cfl * h[0].min(h[1]) / fastest).min(STEP_LIMIT);
+        predict(&mut particles, &phi, job.target, h, dt);
+        hj_step(&mut phi, Speed::Towards(job.target), &band, h, tube, dt, &mut scratch);
+        reinit(&mut phi, &band, h, 1, &mut scratch);
+        out.pixels += band.count;
+        out.steps += 1;
+        band.rebuild(&mut phi);
+        now += dt;
+        correct(&mut particles, &phi, job.target, h, dt, now);
+    }
+    land(&mut particles, &phi, job.target, h, now);
+    out.tracks = particles
+        .iter()
+        .map(|p| Track { distance: p.full_distance(), arc: p.arc, landing: p.x, arrived: p.died.is_none() })
+        .collect();
+    out
+}
+
+/// `|target|` where the contour of `phi` crosses the edges between pixels; `None` where there is no contour.
+pub fn arrival(phi: &Field, target: &Field, band: &Band) -> Option<Residual> {
+    let nx = phi.dims[0];
+    let (mut sum, mut count, mut max) = (0.0, 0usize, 0.0f64);
+    for node in band.nodes() {
+        let a = phi.data[node];
+        for next in [node + 1, node + nx] {
+            let b = phi.data[next];
+            if (a < 0.0) != (b < 0.0) {
+                let f = a / (a - b);
+                let v = ((1.0 - f) * target.data[node] + f * target.data[next]).abs();
+                sum += v;
+                count += 1;
+                max = max.max(v);
+            }
+        }
+    }
+    (count > 0).then(|| Residual { mean: sum / count as f64, max })
+}

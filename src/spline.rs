@@ -1,0 +1,124 @@
+//! Splines through distances: cubic Hermite curves and the rules for the slope at a contour.
+
+use crate::jobs::Course;
+use crate::settings::{SlopeRule, SplineEnd};
+
+/// Cubic Hermite curve of a course, `s(0) = 0`, at `t` in [0, 1].
+#[inline(always)]
+pub fn hermite(&[s, m0, m1, _]: &Course, t: f64) -> f64 {
+    t * (m0 + t * ((3.0 * s - 2.0 * m0 - m1) + t * (m0 + m1 - 2.0 * s)))
+}
+
+/// Its derivative.
+#[inline(always)]
+pub fn hermite_rate(&[s, m0, m1, _]: &Course, t: f64) -> f64 {
+    m0 + t * (2.0 * (3.0 * s - 2.0 * m0 - m1) + t * 3.0 * (m0 + m1 - 2.0 * s))
+}
+
+/// Slope ds/dz at knot `center` of the curve that `rule` puts through the knots `(z, s)`, increasing in z. Fewer than two knots have
+/// slope 0, two have their secant.
+///
+/// - `linear`: no slope of its own; the mean of the secants, used only to judge ends
+/// - `natural`: C2 cubic spline with the given end condition (de Boor 2001, ch. IV)
+/// - `hyman`: that spline's slope, limited to three times the smaller neighbouring secant, 0 at extrema (Hyman 1983)
+/// - `pchip`: weighted harmonic mean (Fritsch and Butland 1984); at the ends the three-point formula, limited as in SciPy
+/// - `catmull`: secants weighted by distance (a parabola through three knots), three-point ends
+pub fn slope(z: &[f64], s: &[f64], center: usize, rule: SlopeRule, end: SplineEnd) -> f64 {
+    let n = z.len();
+    if n < 2 {
+        return 0.0;
+    }
+    let gap = |k: usize| z[k + 1] - z[k];
+    let secant = |k: usize| (s[k + 1] - s[k]) / gap(k);
+    if n == 2 {
+        return secant(0);
+    }
+    let interior = center > 0 && center + 1 < n;
+    match rule {
+        SlopeRule::Natural => spline_slope(z, s, center, end),
+        SlopeRule::Hyman => {
+            let m = spline_slope(z, s, center, end);
+            if interior {
+                limited(m, secant(center - 1), secant(center))
+            } else {
+                let d = if center == 0 { secant(0) } else { secant(n - 2) };
+                limited(m, d, d)
+            }
+        }
+        SlopeRule::Pchip if interior => harmonic(secant(center - 1), secant(center), gap(center - 1), gap(center)),
+        SlopeRule::Linear | SlopeRule::Catmull if interior => {
+            let (hl, hr) = (gap(center - 1), gap(center));
+            (hr * secant(center - 1) + hl * secant(center)) / (hl + hr)
+        }
+        _ => {
+            let (a, b) = if center == 0 { (0, 1) } else { (n - 2, n - 3) };
+            let (da, db) = (secant(a), secant(b));
+            let m = ((2.0 * gap(a) + gap(b)) * da - gap(a) * db) / (gap(a) + gap(b));
+            if rule != SlopeRule::Pchip {
+                m
+            } else if m * da <= 0.0 {
+                0.0
+            } else if da * db <= 0.0 && m.abs() > 3.0 * da.abs() {
+                3.0 * da
+            } else {
+                m
+            }
+        }
+    }
+}
+
+/// Weighted harmonic mean of two secants, 0 where they differ in sign.
+fn harmonic(dl: f64, dr: f64, hl: f64, hr: f64) -> f64 {
+    if dl * dr <= 0.0 {
+        return 0.0;
+    }
+    let (wl, wr) = (2.0 * hr + hl, hr + 2.0 * hl);
+    (wl + wr) / (wl / dl + wr / dr)
+}
+
+/// `m` where it has the sign of both secants and at most three times the smaller one, else the nearest such value.
+fn limited(m: f64, dl: f64, dr: f64) -> f64 {
+    if dl * dr <= 0.0 || m * dl <= 0.0 {
+        return 0.0;
+    }
+    m.abs().min(3.0 * dl.abs().min(dr.abs())).copysign(dl)
+}
+
+/// Keeps a course monotone whatever error its correspondences have: both slopes between 0 and 3 S.
+pub fn monotone([s, m0, m1, ok]: Course) -> Course {
+    [s, limited(m0, s, s), limited(m1, s, s), ok]
+}
+
+/// Slope of the C2 cubic spline at one knot; at least three knots.
+fn spline_slope(z: &[f64], s: &[f64], center: usize, end: SplineEnd) -> f64 {
+    let n = z.len();
+    let h: Vec<f64> = z.windows(2).map(|w| w[1] - w[0]).collect();
+    let d: Vec<f64> = s.windows(2).zip(&h).map(|(w, h)| (w[1] - w[0]) / h).collect();
+    // Rows (below, diagonal, above, right-hand side) of the tridiagonal system for the slopes.
+    let mut rows: Vec<[f64; 4]> = Vec::with_capacity(n);
+    let end_row = |h0: f64, h1: f64, d0: f64, d1: f64| match end {
+        SplineEnd::Natural => [2.0, 1.0, 3.0 * d0],
+        SplineEnd::Parabolic => [1.0, 1.0, 2.0 * d0],
+        // With three knots both ends say the same: one parabola.
+        SplineEnd::NotAKnot if n == 3 => [1.0, 0.0, ((2.0 * h0 + h1) * d0 - h0 * d1) / (h0 + h1)],
+        SplineEnd::NotAKnot => [h1, h0 + h1, ((h0 + 2.0 * (h0 + h1)) * h1 * d0 + h0 * h0 * d1) / (h0 + h1)],
+    };
+    let [diagonal, above, right] = end_row(h[0], h[1], d[0], d[1]);
+    rows.push([0.0, diagonal, above, right]);
+    for i in 1..n - 1 {
+        rows.push([h[i], 2.0 * (h[i - 1] + h[i]), h[i - 1], 3.0 * (h[i] * d[i - 1] + h[i - 1] * d[i])]);
+    }
+    let [diagonal, below, right] = end_row(h[n - 2], h[n - 3], d[n - 2], d[n - 3]);
+    rows.push([below, diagonal, 0.0, right]);
+    for i in 1..n {
+        let [_, diagonal, above, right] = rows[i - 1];
+        let factor = rows[i][0] / diagonal;
+        rows[i][1] -= factor * above;
+        rows[i][3] -= factor * right;
+    }
+    let mut m = rows[n - 1][3] / rows[n - 1][1];
+    for row in rows[center..n - 1].iter().rev() {
+        m = (row[3] - row[2] * m) / row[1];
+    }
+    m
+}

@@ -179,7 +179,7 @@ impl Default for Settings {
         Settings {
             anti_alias: AntiAlias::Kernel,
             sigma: 1.0,
-            slope: SlopeRule::Pchip,
+            slope: SlopeRule::Hyman,
             spline_end: SplineEnd::Parabolic,
             clamp_bottom: None,
             clamp_top: None,

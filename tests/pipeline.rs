@@ -57,3 +57,160 @@ fn circle_stacks_follow_the_one_dimensional_spline() {
         }
     }
 }
+
+fn fig10() -> ContourStack {
+    let pair = union(circle(33.0, 55.0, 12.0), circle(77.0, 55.0, 12.0));
+    masks(110, &[0.0, 14.0, 28.0], &[pair, square(55.0, 55.0, 28.0, 0.0), circle(55.0, 55.0, 38.0)])
+}
+
+fn stars() -> ContourStack {
+    let turned = star(55.0, 55.0, 26.0, 0.35, std::f64::consts::PI);
+    masks(110, &[0.0, 12.0, 24.0], &[star(55.0, 55.0, 26.0, 0.35, 0.0), circle(57.0, 55.0, 22.0), turned])
+}
+
+/// Level sets of a hilly island; a roughness of 3 gives it spits two pixels wide.
+fn terrain(roughness: f64) -> ContourStack {
+    let height = move |x: f64, y: f64| -> f64 {
+        let hills =
+            [(48.0, 50.0, 22.0, 100.0), (70.0, 66.0, 14.0, 60.0), (70.0, 38.0, 10.0, 35.0), (36.0, 72.0, 9.0, 30.0)];
+        let hills: f64 =
+            hills.iter().map(|(cx, cy, s, a)| a * (-((x - cx).powi(2) + (y - cy).powi(2)) / (2.0 * s * s)).exp()).sum();
+        hills + roughness * ((0.61 * x + 0.2 * y).sin() * (0.53 * y - 0.1 * x).cos())
+    };
+    let levels = [12.0, 30.0, 50.0, 70.0, 90.0];
+    let heights: Vec<f64> = levels.iter().map(|l| l / 4.0).collect();
+    let shapes: Vec<Shape> = levels.iter().map(|&l| Box::new(move |x, y| l - height(x, y)) as Shape).collect();
+    masks(110, &heights, &shapes)
+}
+
+/// Every other half unit of height between the first and last contour.
+fn dense(stack: &ContourStack) -> Vec<f64> {
+    let (low, high) = (stack.slices[0].z, stack.slices[stack.slices.len() - 1].z);
+    (0..=(2.0 * (high - low)) as usize).map(|k| low + 0.5 * k as f64).collect()
+}
+
+#[test]
+fn sweeps_arrive_on_their_contours() {
+    for (name, stack) in [("fig10", fig10()), ("stars", stars()), ("terrain", terrain(1.0))] {
+        let result = run(&stack, &dense(&stack), &Settings::default());
+        for c in &result.report.contours {
+            for residual in [c.arrival_from_below, c.arrival_from_above].into_iter().flatten() {
+                println!("{name} z = {}: max {:.3} px, mean {:.4} px", c.z, residual.max, residual.mean);
+                assert!(residual.max <= 0.1, "{name} z = {}: {} px", c.z, residual.max);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_rough_coast_is_met_on_average() {
+    let stack = terrain(3.0);
+    let result = run(&stack, &dense(&stack), &Settings::default());
+    for r in result.report.contours.iter().flat_map(|c| [c.arrival_from_below, c.arrival_from_above]).flatten() {
+        assert!(r.mean <= 0.03 && r.max <= 0.5, "{r:?}");
+    }
+}
+
+/// Mean |jump| of the surface's in-plane speed across the inner contours, px per unit of height, from layers `delta` away.
+fn speed_jump(stack: &ContourStack, settings: &Settings, delta: f64) -> f64 {
+    let mut heights = Vec::new();
+    for s in &stack.slices[1..stack.slices.len() - 1] {
+        heights.extend([s.z - delta, s.z + delta]);
+    }
+    let result = run(stack, &heights, settings);
+    let (mut sum, mut count) = (0.0, 0);
+    for k in 0..result.layers.len() {
+        if !result.layers[k].contour.is_some_and(|i| i > 0 && i + 1 < stack.slices.len()) {
+            continue;
+        }
+        let [below, at, above] = [k - 1, k, k + 1].map(|k| &result.layers[k].phi);
+        for n in (0..at.len()).filter(|&n| at[n].abs() < 1.0) {
+            sum += f64::from((above[n] - at[n]) - (at[n] - below[n])).abs() / delta;
+            count += 1;
+        }
+    }
+    sum / f64::from(count)
+}
+
+#[test]
+fn the_surface_is_c1_across_contours() {
+    // A jump of a C1 surface is the curvature's: it falls in proportion to the offset. A crease stays.
+    for (name, stack) in [("stars", stars()), ("terrain", terrain(1.0))] {
+        let jump = |rule, delta| speed_jump(&stack, &Settings { slope: rule, ..Settings::default() }, delta);
+        let smooth = [1.0, 0.5, 0.25].map(|delta| jump(SlopeRule::Natural, delta));
+        let crease = [1.0, 0.25].map(|delta| jump(SlopeRule::Linear, delta));
+        println!("{name}: natural {smooth:.4?}, linear {crease:.4?}");
+        assert!(smooth[2] < 0.4 * smooth[0], "{name}: {smooth:?}");
+        assert!(crease[1] > 0.8 * crease[0], "{name}: {crease:?}");
+    }
+}
+
+#[test]
+fn natural_overshoots_where_monotone_rules_do_not() {
+    // Fig. 6: small, large, large.
+    let stack = levels(90, &[0.0, 16.0, 32.0], &[14.0, 30.0, 30.0].map(|r| circle(44.5, 44.5, r)));
+    let largest = |rule| {
+        let result = run(&stack, &dense(&stack), &Settings { slope: rule, ..Settings::default() });
+        result.layers.iter().map(|l| radius(l, result.dims, 44.5).0).fold(0.0, f64::max)
+    };
+    assert!(largest(SlopeRule::Natural) > 30.5);
+    assert!(largest(SlopeRule::Hyman) < 30.05);
+    assert!(largest(SlopeRule::Pchip) < 30.05);
+}
+
+#[test]
+fn linear_shows_a_crease_and_natural_does_not() {
+    // Fig. 5: large, small, large.
+    let stack = levels(90, &[0.0, 16.0, 32.0], &[30.0, 14.0, 30.0].map(|r| circle(44.5, 44.5, r)));
+    let jump = |rule| speed_jump(&stack, &Settings { slope: rule, ..Settings::default() }, 0.25);
+    let (linear, natural) = (jump(SlopeRule::Linear), jump(SlopeRule::Natural));
+    println!("linear {linear:.3}, natural {natural:.3} px per unit");
+    assert!((linear - 2.0).abs() < 0.1, "two cones of slope 1 meet; got {linear}");
+    assert!(natural < 0.15, "{natural}");
+}
+
+#[test]
+fn fig10_keeps_the_corners_of_its_square() {
+    let stack = fig10();
+    let result = run(&stack, &[13.5, 14.0, 14.5], &Settings::default());
+    for layer in result.layers.iter().filter(|l| (l.z - 14.0).abs() < 0.6) {
+        for (x, y) in [(28, 28), (82, 28), (28, 82), (82, 82)] {
+            // The last pixel inside at each corner of the square; half a unit of height away the corner is at most 2 px from there.
+            let v = layer.phi[y * 110 + x];
+            assert!(v < if layer.z == 14.0 { 0.0 } else { 2.0 }, "corner ({x}, {y}) at z = {}: {v}", layer.z);
+        }
+    }
+}
+
+#[test]
+fn a_wider_image_costs_the_same() {
+    let cost = |n: usize| {
+        let c = n as f64 / 2.0;
+        let shapes: Vec<Shape> = vec![star(c, c, 26.0, 0.3, 0.0), circle(c + 2.0, c, 22.0), star(c, c, 26.0, 0.3, 2.0)];
+        let result = run(&masks(n, &[0.0, 12.0, 24.0], &shapes), &[6.0, 18.0], &Settings::default());
+        let sum =
+            |f: fn(&interslice::report::IntervalReport) -> usize| result.report.intervals.iter().map(f).sum::<usize>();
+        (sum(|i| i.trace_pixels), sum(|i| i.sweep_pixels), sum(|i| i.particles.seeded))
+    };
+    let narrow = cost(110);
+    assert!(narrow.0 > 100_000, "the contours are worked on: {narrow:?}");
+    assert_eq!(narrow, cost(220));
+    assert_eq!(narrow, cost(440));
+}
+
+#[test]
+fn re_estimated_distances_arrive_too() {
+    let stack = stars();
+    let plain = run(&stack, &dense(&stack), &Settings::default());
+    let again = run(&stack, &dense(&stack), &Settings { redistance: 4, ..Settings::default() });
+    let mut moved = 0.0f32;
+    for (a, b) in plain.layers.iter().zip(&again.layers) {
+        moved =
+            a.phi.iter().zip(&b.phi).filter(|(a, _)| a.abs() < 1.0).map(|(a, b)| (a - b).abs()).fold(moved, f32::max);
+    }
+    let residual = again.report.contours.iter().filter_map(|c| c.arrival_from_below).map(|r| r.max).fold(0.0, f64::max);
+    println!("front moved by up to {moved} px, residual {residual} px");
+    assert!(moved > 1e-4, "re-estimation changes something");
+    assert!(moved < 1.0, "but not much: {moved}");
+    assert!(residual <= 0.3, "{residual}");
+}

@@ -39,10 +39,7 @@ fn letter_c() -> Shape {
 
 fn zoo() -> Vec<(&'static str, Vec<Shape>)> {
     let four = || {
-        union(
-            union(disc(30.0, 30.0, 9.0), disc(30.0, 60.0, 9.0)),
-            union(disc(60.0, 30.0, 9.0), disc(60.0, 60.0, 9.0)),
-        )
+        union(union(disc(30.0, 30.0, 9.0), disc(30.0, 60.0, 9.0)), union(disc(60.0, 30.0, 9.0), disc(60.0, 60.0, 9.0)))
     };
     let cross = |angle: f64| union(bar(8.0, angle), bar(8.0, angle + std::f64::consts::FRAC_PI_2));
     vec![
@@ -51,7 +48,11 @@ fn zoo() -> Vec<(&'static str, Vec<Shape>)> {
         ("hole_appears", vec![disc(45.0, 45.0, 22.0), ring(), ring()]),
         (
             "tiny_hole_off_centre",
-            vec![disc(45.0, 45.0, 25.0), without(disc(45.0, 45.0, 25.0), disc(40.0, 52.0, 2.0)), disc(45.0, 45.0, 25.0)],
+            vec![
+                disc(45.0, 45.0, 25.0),
+                without(disc(45.0, 45.0, 25.0), disc(40.0, 52.0, 2.0)),
+                disc(45.0, 45.0, 25.0),
+            ],
         ),
         ("island_in_hole", vec![union(ring(), disc(45.0, 45.0, 5.0)), disc(45.0, 45.0, 27.0), ring()]),
         ("island_dies_in_hole", vec![union(ring(), disc(45.0, 45.0, 5.0)), ring(), ring()]),
@@ -80,11 +81,17 @@ fn zoo() -> Vec<(&'static str, Vec<Shape>)> {
         ("thin_line", vec![bar(1.0, 0.0), bar(1.0, 0.15), bar(1.0, 0.3)]),
         ("thin_diagonal", vec![bar(2.2, 0.8), bar(2.2, 0.9), bar(2.2, 1.2)]),
         ("single_pixel", vec![disc(45.0, 45.0, 0.8), disc(45.0, 46.0, 0.8), disc(45.0, 45.0, 12.0)]),
-        ("square_to_circle", vec![square(45.0, 45.0, 24.0, 0.0), disc(45.0, 45.0, 24.0), square(45.0, 45.0, 24.0, 0.7)]),
+        (
+            "square_to_circle",
+            vec![square(45.0, 45.0, 24.0, 0.0), disc(45.0, 45.0, 24.0), square(45.0, 45.0, 24.0, 0.7)],
+        ),
         ("small_in_big", vec![disc(45.0, 45.0, 28.0), disc(30.0, 50.0, 3.0), disc(45.0, 45.0, 28.0)]),
         ("cross_to_blob", vec![cross(0.0), disc(50.0, 40.0, 10.0), cross(0.78)]),
         ("letters_c_to_o", vec![letter_c(), ring(), disc(45.0, 45.0, 20.0)]),
-        ("at_the_border", vec![disc(0.0, 40.0, 20.0), disc(10.0, 45.0, 20.0), union(disc(89.0, 89.0, 6.0), disc(5.0, 45.0, 30.0))]),
+        (
+            "at_the_border",
+            vec![disc(0.0, 40.0, 20.0), disc(10.0, 45.0, 20.0), union(disc(89.0, 89.0, 6.0), disc(5.0, 45.0, 30.0))],
+        ),
         ("barely_overlapping", vec![disc(45.0, 30.0, 10.0), disc(45.0, 48.9, 10.0), disc(62.0, 55.0, 11.5)]),
         ("full_image", vec![disc(45.0, 45.0, 200.0), disc(45.0, 45.0, 20.0)]),
     ]
@@ -181,8 +188,7 @@ fn parts_that_overlap_are_connected() {
         for (name, shapes) in zoo() {
             let stack = masks(N, &knots(shapes.len()), &shapes);
             let result = run(&stack, &heights_of(shapes.len()), &Settings { slope: rule, ..Settings::default() });
-            let at: Vec<usize> =
-                (0..result.layers.len()).filter(|&k| result.layers[k].contour.is_some()).collect();
+            let at: Vec<usize> = (0..result.layers.len()).filter(|&k| result.layers[k].contour.is_some()).collect();
             let masks: Vec<Vec<bool>> =
                 at.iter().map(|&k| result.layers[k].phi.iter().map(|v| *v < 0.0).collect()).collect();
             for i in 0..at.len() - 1 {

@@ -1,5 +1,13 @@
 //! What goes out: the reconstructed body as layers of signed distance, and one writer per format.
 
+mod cases;
+pub mod heightmap;
+pub mod mesh;
+pub mod mesh_files;
+pub mod nifti;
+pub mod nrrd;
+pub mod render;
+
 use crate::report::Report;
 use crate::stack::Geometry;
 
@@ -36,4 +44,23 @@ pub struct Layer {
     pub output: bool,
     /// Index of the input contour at this height.
     pub contour: Option<usize>,
+}
+
+impl Reconstruction {
+    /// Layers of the output grid.
+    pub fn output_layers(&self) -> impl Iterator<Item = &Layer> {
+        self.layers.iter().filter(|l| l.output)
+    }
+
+    /// Number of output layers, the height of the first and their distance (the larger pixel side where there is only one).
+    pub fn output_grid(&self) -> (usize, f64, f64) {
+        let heights: Vec<f64> = self.output_layers().map(|l| l.z).collect();
+        let count = heights.len();
+        let (first, step) = match heights[..] {
+            [first, .., last] => (first, (last - first) / (count - 1) as f64),
+            [first] => (first, self.spacing[0].max(self.spacing[1])),
+            [] => (0.0, 1.0),
+        };
+        (count, first, step)
+    }
 }

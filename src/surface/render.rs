@@ -1,0 +1,257 @@
+//! A shaded picture of the surface, so that a person sees the result without another program: z-buffered triangles in an orthographic
+//! three-quarter view from above, smooth normals, a key light, sky light and a little rim light.
+
+use std::io::{self, Seek, Write};
+
+use image::{ImageFormat, Rgb, RgbImage};
+
+use super::mesh::{Mesh, cross, dot, length, sub, to_world};
+use super::{Layer, Reconstruction};
+use crate::contour::trace_loops;
+use crate::field::Field;
+
+/// Samples per pixel side.
+const SUPERSAMPLING: u32 = 2;
+/// Direction of view: turned about the vertical, then down.
+const YAW: f64 = 0.62;
+const PITCH: f64 = 0.56;
+/// Share of the picture's shorter free side that stays empty around the body.
+const BORDER: f64 = 0.06;
+/// A body flatter than this share of its width is drawn stretched to it in height, or a terrain would be a sheet.
+const FLATTEST: f64 = 0.15;
+const BODY: [f64; 3] = [0.86, 0.80, 0.70];
+const CONTOUR: [f64; 3] = [0.62, 0.10, 0.08];
+
+/// What to draw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RenderOptions {
+    /// Width of the picture, px.
+    pub width: u32,
+    /// Height of the picture, px.
+    pub height: u32,
+    /// Draw the input contours on the surface.
+    pub contours: bool,
+}
+
+impl Default for RenderOptions {
+    fn default() -> Self {
+        RenderOptions { width: 1200, height: 900, contours: false }
+    }
+}
+
+/// Renders and writes a PNG.
+///
+/// # Errors
+/// Those of `out`, as the encoder tells them.
+pub fn write_png(
+    mut out: impl Write + Seek,
+    body: &Reconstruction,
+    mesh: &Mesh,
+    options: RenderOptions,
+) -> io::Result<()> {
+    render(body, mesh, options).write_to(&mut out, ImageFormat::Png).map_err(io::Error::other)
+}
+
+/// The picture itself. Heights are to scale unless the body is flatter than 15 % of its width; then they are stretched to that.
+pub fn render(body: &Reconstruction, mesh: &Mesh, options: RenderOptions) -> RgbImage {
+    let size = [options.width.max(1) * SUPERSAMPLING, options.height.max(1) * SUPERSAMPLING];
+    let mut canvas = Canvas::new(size);
+    if let Some(camera) = Camera::fit(body, mesh, size) {
+        let positions: Vec<[f64; 3]> = mesh.positions.iter().map(|p| camera.project(*p)).collect();
+        let normals: Vec<[f64; 3]> = mesh.normals().iter().map(|n| camera.turn_normal(*n)).collect();
+        for t in &mesh.triangles {
+            canvas.triangle(t.map(|v| positions[v as usize]), t.map(|v| normals[v as usize]));
+        }
+        if options.contours {
+            for layer in body.layers.iter().filter(|l| l.contour.is_some()) {
+                draw_contours(&mut canvas, &camera, body, layer);
+            }
+        }
+    }
+    canvas.finish()
+}
+
+fn draw_contours(canvas: &mut Canvas, camera: &Camera, body: &Reconstruction, layer: &Layer) {
+    // One ring of outside, so that contours at the border close.
+    let [nx, ny] = body.dims;
+    let phi = Field::from_fn([nx + 2, ny + 2], |i, j| match (i.checked_sub(1), j.checked_sub(1)) {
+        (Some(i), Some(j)) if i < nx && j < ny => f64::from(layer.phi[j * nx + i]),
+        _ => 0.5 * body.spacing[0].min(body.spacing[1]),
+    });
+    for path in trace_loops(&phi) {
+        let points: Vec<[f64; 3]> = path
+            .iter()
+            .chain(path.first())
+            .map(|c| {
+                let stack = [(c.x[0] - 1.0) * body.spacing[0], (c.x[1] - 1.0) * body.spacing[1], layer.z];
+                camera.project(to_world(&body.geometry, stack))
+            })
+            .collect();
+        points.windows(2).for_each(|p| canvas.line(p[0], p[1]));
+    }
+}
+
+/// Maps world coordinates to the picture: x right, y down, depth away from the viewer, all in samples.
+struct Camera {
+    axes: [[f64; 3]; 3],
+    stretch: f64,
+    up: [f64; 3],
+    center: [f64; 3],
+    scale: f64,
+    middle: [f64; 2],
+}
+
+impl Camera {
+    fn fit(body: &Reconstruction, mesh: &Mesh, size: [u32; 2]) -> Option<Self> {
+        let g = &body.geometry;
+        let (sin_yaw, cos_yaw, sin_pitch, cos_pitch) = (YAW.sin(), YAW.cos(), PITCH.sin(), PITCH.cos());
+        // Right, down and away in the stack's own frame (its x to the right, its y to the back); then by its axes into the world.
+        let frame = [
+            [cos_yaw, sin_yaw, 0.0],
+            [sin_yaw * sin_pitch, -cos_yaw * sin_pitch, -cos_pitch],
+            [-sin_yaw * cos_pitch, cos_yaw * cos_pitch, -sin_pitch],
+        ];
+        let axes =
+            frame.map(|v| std::array::from_fn(|a| v[0] * g.axes[0][a] + v[1] * g.axes[1][a] + v[2] * g.axes[2][a]));
+        let up = g.axes[2];
+        let spread = |axis: [f64; 3]| {
+            let along = mesh.positions.iter().map(|p| dot(*p, axis));
+            along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
+        };
+        let ranges = g.axes.map(spread);
+        let [wide, deep, high] = ranges.map(|(a, b)| b - a);
+        if !(wide.is_finite() && high > 0.0) {
+            return None;
+        }
+        let stretch = (FLATTEST * wide.max(deep) / high).max(1.0);
+        let center =
+            std::array::from_fn(|a| (0..3).map(|k| 0.5 * (ranges[k].0 + ranges[k].1) * g.axes[k][a]).sum::<f64>());
+        let mut camera = Camera { axes, stretch, up, center, scale: 1.0, middle: [0.0; 2] };
+        let (mut low, mut top) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for p in &mesh.positions {
+            let q = camera.project(*p);
+            (0..2).for_each(|a| (low[a], top[a]) = (low[a].min(q[a]), top[a].max(q[a])));
+        }
+        let free = |a: usize| f64::from(size[a]) * (1.0 - 2.0 * BORDER) / (top[a] - low[a]).max(1e-12);
+        camera.scale = free(0).min(free(1));
+        camera.middle = std::array::from_fn(|a| 0.5 * f64::from(size[a]) - 0.5 * (low[a] + top[a]) * camera.scale);
+        Some(camera)
+    }
+
+    fn project(&self, p: [f64; 3]) -> [f64; 3] {
+        let mut d = sub(p, self.center);
+        let rise = dot(d, self.up) * (self.stretch - 1.0);
+        (0..3).for_each(|a| d[a] += rise * self.up[a]);
+        let [x, y, depth] = self.axes.map(|axis| dot(d, axis) * self.scale);
+        [x + self.middle[0], y + self.middle[1], depth]
+    }
+
+    /// A normal in the picture's frame, for a body stretched in height.
+    fn turn_normal(&self, n: [f64; 3]) -> [f64; 3] {
+        let fall = dot(n, self.up) * (1.0 / self.stretch - 1.0);
+        let n = std::array::from_fn(|a| n[a] + fall * self.up[a]);
+        let l = length(n).max(1e-12);
+        self.axes.map(|axis| dot(n, axis) / l)
+    }
+}
+
+struct Canvas {
+    size: [usize; 2],
+    depth: Vec<f64>,
+    color: Vec<[f64; 3]>,
+}
+
+impl Canvas {
+    fn new(size: [u32; 2]) -> Self {
+        let size = size.map(|s| s as usize);
+        let n = size[0] * size[1];
+        let backdrop = |k: usize| {
+            let fall = (k / size[0]) as f64 / size[1] as f64;
+            [0.98 - 0.12 * fall, 0.98 - 0.11 * fall, 0.99 - 0.09 * fall]
+        };
+        Canvas { size, depth: vec![f64::INFINITY; n], color: (0..n).map(backdrop).collect() }
+    }
+
+    fn triangle(&mut self, p: [[f64; 3]; 3], n: [[f64; 3]; 3]) {
+        let flat = p.map(|p| [p[0], p[1], 0.0]);
+        let area = cross(sub(flat[1], flat[0]), sub(flat[2], flat[0]))[2];
+        if area.abs() < 1e-12 {
+            return;
+        }
+        let range = |a: usize| {
+            let low = p[0][a].min(p[1][a]).min(p[2][a]).ceil().max(0.0) as usize;
+            let high = p[0][a].max(p[1][a]).max(p[2][a]).floor().min(self.size[a] as f64 - 1.0);
+            low..if high < 0.0 { 0 } else { high as usize + 1 }
+        };
+        for y in range(1) {
+            for x in range(0) {
+                let at = [x as f64, y as f64, 0.0];
+                let w: [f64; 3] =
+                    std::array::from_fn(|k| cross(sub(flat[(k + 1) % 3], at), sub(flat[(k + 2) % 3], at))[2] / area);
+                if w.iter().any(|w| *w < -1e-9) {
+                    continue;
+                }
+                let mix = |v: [[f64; 3]; 3], a: usize| w[0] * v[0][a] + w[1] * v[1][a] + w[2] * v[2][a];
+                let depth = mix(p, 2);
+                let node = y * self.size[0] + x;
+                if depth < self.depth[node] {
+                    self.depth[node] = depth;
+                    self.color[node] = shade([mix(n, 0), mix(n, 1), mix(n, 2)]);
+                }
+            }
+        }
+    }
+
+    /// A line two samples and a bit wide, in front of what is at most a few samples nearer.
+    fn line(&mut self, a: [f64; 3], b: [f64; 3]) {
+        let steps = (b[0] - a[0]).hypot(b[1] - a[1]).ceil().max(1.0);
+        for s in 0..=steps as usize {
+            let t = s as f64 / steps;
+            let p: [f64; 3] = std::array::from_fn(|k| a[k] + t * (b[k] - a[k]));
+            for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+                let (x, y) = (p[0] + dx, p[1] + dy);
+                if x < 0.0 || y < 0.0 || x >= self.size[0] as f64 || y >= self.size[1] as f64 {
+                    continue;
+                }
+                let node = y as usize * self.size[0] + x as usize;
+                if p[2] - 4.0 < self.depth[node] {
+                    self.color[node] = CONTOUR;
+                }
+            }
+        }
+    }
+
+    fn finish(self) -> RgbImage {
+        let s = SUPERSAMPLING as usize;
+        let (width, height) = (self.size[0] / s, self.size[1] / s);
+        RgbImage::from_fn(width as u32, height as u32, |x, y| {
+            let mut sum = [0.0; 3];
+            for dy in 0..s {
+                for dx in 0..s {
+                    let c = self.color[(y as usize * s + dy) * self.size[0] + x as usize * s + dx];
+                    (0..3).for_each(|a| sum[a] += c[a]);
+                }
+            }
+            Rgb(sum.map(|v| (255.0 * (v / (s * s) as f64).clamp(0.0, 1.0)).round() as u8))
+        })
+    }
+}
+
+/// Colour of the body where its normal (picture's frame: right, down, away) is `n`.
+fn shade(n: [f64; 3]) -> [f64; 3] {
+    let l = length(n).max(1e-12);
+    let mut n = n.map(|v| v / l);
+    if n[2] > 0.0 {
+        n = n.map(|v| -v); // a back face seen through a grazing silhouette
+    }
+    let unit = |v: [f64; 3]| {
+        let l = length(v);
+        v.map(|c| c / l)
+    };
+    let key = dot(n, unit([-0.55, -0.65, -0.75])).max(0.0);
+    let half = dot(n, unit([-0.30, -0.35, -0.95])).max(0.0).powi(40);
+    let sky = 0.5 - 0.5 * n[1];
+    let rim = (1.0 + n[2]).max(0.0).powi(3);
+    let light = 0.20 + 0.62 * key + 0.22 * sky;
+    std::array::from_fn(|a| BODY[a] * light + 0.12 * half + 0.05 * rim * [0.6, 0.7, 1.0][a])
+}

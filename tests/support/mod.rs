@@ -1,0 +1,58 @@
+//! Bodies and checks shared by tests.
+#![allow(dead_code)]
+
+use std::collections::HashMap;
+
+use interslice::Reconstruction;
+use interslice::report::Report;
+use interslice::stack::Geometry;
+use interslice::surface::Layer;
+use interslice::surface::mesh::Mesh;
+
+/// A body from an implicit function of (x, y, z), negative inside; every layer is an output layer.
+pub fn body(dims: [usize; 2], heights: &[f64], f: impl Fn(f64, f64, f64) -> f64) -> Reconstruction {
+    let spacing = [1.0, 1.0];
+    let layers = heights
+        .iter()
+        .map(|&z| {
+            let at = |k: usize| f((k % dims[0]) as f64, (k / dims[0]) as f64, z) as f32;
+            let phi = (0..dims[0] * dims[1]).map(at).map(|v| if v == 0.0 { f32::MIN_POSITIVE } else { v }).collect();
+            Layer { z, phi, output: true, contour: None }
+        })
+        .collect();
+    Reconstruction {
+        dims,
+        spacing,
+        unit: "mm".into(),
+        geometry: Geometry::default(),
+        extent: [heights[0], heights[heights.len() - 1]],
+        layers,
+        report: Report::default(),
+    }
+}
+
+/// Edges that are not in exactly two triangles, once in each direction, by vertex numbers.
+pub fn edge_defects(triangles: &[[u32; 3]]) -> usize {
+    let mut edges: HashMap<(u32, u32), [usize; 2]> = HashMap::new();
+    for t in triangles {
+        for k in 0..3 {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            edges.entry((a.min(b), a.max(b))).or_default()[usize::from(a > b)] += 1;
+        }
+    }
+    edges.values().filter(|uses| **uses != [1, 1]).count()
+}
+
+/// The same triangles after merging vertices whose f32 positions are equal, as a reader of STL does.
+pub fn merged(mesh: &Mesh) -> Vec<[u32; 3]> {
+    let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
+    let merged: Vec<u32> = mesh
+        .positions
+        .iter()
+        .map(|p| {
+            let next = numbers.len() as u32;
+            *numbers.entry(p.map(|v| ((v as f32) + 0.0).to_bits())).or_insert(next)
+        })
+        .collect();
+    mesh.triangles.iter().map(|t| t.map(|v| merged[v as usize])).collect()
+}

@@ -8,6 +8,7 @@ pub mod components;
 mod compose;
 pub mod contour;
 mod contours;
+pub mod demo;
 mod ends;
 pub mod error;
 pub mod field;
@@ -15,6 +16,7 @@ mod fit;
 pub mod heights;
 pub mod jobs;
 mod matching;
+pub mod memory;
 mod motion;
 mod pipeline;
 pub mod progress;
@@ -44,7 +46,7 @@ pub use surface::Reconstruction;
 /// stage fails.
 pub fn reconstruct(stack: &ContourStack, settings: &Settings) -> Result<Reconstruction> {
     stack.validate()?;
-    let heights = height_grid(stack, settings, None).heights();
+    let heights = height_grid(stack, settings, None).heights()?;
     reconstruct_with(stack, &heights, settings, &Reference, &progress::Silent)
 }
 

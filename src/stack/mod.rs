@@ -2,7 +2,18 @@
 //!
 //! One reader per format; each gives a [`ContourStack`]. Numerics see only this type and know nothing of files.
 
+pub mod folder;
+pub mod nifti;
+pub mod nrrd;
+pub mod read;
+pub mod volume;
+
+pub use read::{ReadOptions, read};
+
 use crate::error::{Error, Result};
+
+/// Most output heights of a run; a `dz` that asks for more is a mistake.
+pub const MOST_HEIGHTS: usize = 10_000_000;
 
 /// A stack of parallel contours. Pixel (0, 0) has its centre at `geometry.origin`; rows run along the second axis.
 #[derive(Debug, Clone)]
@@ -168,7 +179,13 @@ impl HeightGrid {
     }
 
     /// The heights themselves.
-    pub fn heights(&self) -> Vec<f64> {
-        (0..self.count).map(|k| self.start + k as f64 * self.step).collect()
+    ///
+    /// # Errors
+    /// [`Error::Stack`] where they are more than [`MOST_HEIGHTS`].
+    pub fn heights(&self) -> Result<Vec<f64>> {
+        if self.count > MOST_HEIGHTS {
+            return Err(Error::Stack(format!("at most {MOST_HEIGHTS} output heights; got {}", self.count)));
+        }
+        Ok((0..self.count).map(|k| self.start + k as f64 * self.step).collect())
     }
 }

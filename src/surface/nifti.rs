@@ -62,11 +62,11 @@ fn header(body: &Reconstruction, content: Content) -> io::Result<Vec<u8>> {
     put(123, &[unit]);
     put(254, &1i16.to_le_bytes()); // sform_code: scanner
     let origin = to_world(&body.geometry, [0.0, 0.0, first]);
-    for row in 0..3 {
+    for (row, offset) in origin.iter().enumerate() {
         // LPS to RAS turns the first two axes.
         let sign = if row < 2 { -1.0 } else { 1.0 };
-        for column in 0..4 {
-            let v = if column < 3 { body.geometry.axes[column][row] * sides[column] } else { origin[row] };
+        let columns = body.geometry.axes.iter().zip(sides).map(|(axis, side)| axis[row] * side);
+        for (column, v) in columns.chain([*offset]).enumerate() {
             put(280 + 16 * row + 4 * column, &((sign * v) as f32).to_le_bytes());
         }
     }

@@ -1,0 +1,41 @@
+//! Subcommands, one a file.
+
+mod bar;
+mod config;
+mod demo;
+mod inspect;
+mod outputs;
+mod reconstruct;
+
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use interslice::Result;
+
+/// Smooth closed surfaces from stacks of parallel contours.
+#[derive(Debug, Parser)]
+#[command(name = "interslice", version, about)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Turn a stack of contours into a closed surface
+    Reconstruct(Box<reconstruct::Arguments>),
+    /// Say what is in a stack, before any work
+    Inspect(inspect::Arguments),
+    /// Write the paper's synthetic stacks and reconstruct them
+    Demo(demo::Arguments),
+}
+
+/// Parses the command line and runs it.
+pub fn run() -> Result<()> {
+    let matches = Cli::command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
+    match (cli.command, matches.subcommand()) {
+        (Command::Reconstruct(arguments), Some((_, matches))) => reconstruct::run(*arguments, matches),
+        (Command::Inspect(arguments), _) => inspect::run(&arguments),
+        (Command::Demo(arguments), _) => demo::run(&arguments),
+        (Command::Reconstruct(_), None) => Ok(()),
+    }
+}

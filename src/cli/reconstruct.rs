@@ -1,0 +1,178 @@
+//! `interslice reconstruct`.
+
+use std::path::PathBuf;
+
+use clap::ArgMatches;
+use interslice::stack::{self, ReadOptions};
+use interslice::surface::mesh::Mesh;
+use interslice::{ContourStack, Error, Progress, Reference, Result, Settings, height_grid, memory, reconstruct_with};
+use serde::{Deserialize, Serialize};
+
+use super::bar::Bars;
+use super::config::File;
+use super::outputs::{OutputOptions, Outputs, measured_surface};
+
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Folder with stack.json, or a .nrrd, .nii, .nii.gz label volume
+    input: PathBuf,
+
+    /// Output file, by extension: .nrrd .nii .nii.gz (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map); repeatable
+    #[arg(short, long = "output", value_name = "FILE")]
+    outputs: Vec<PathBuf>,
+
+    /// Write what was done and how well each contour is met, as JSON
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+
+    /// Read options from a TOML file (keys as the long options, with _ for -); the command line wins
+    #[arg(long = "settings", value_name = "FILE")]
+    settings_file: Option<PathBuf>,
+
+    #[command(flatten)]
+    made: Made,
+
+    #[command(flatten)]
+    read: ReadOptions,
+
+    #[command(flatten)]
+    settings: Settings,
+
+    /// Threads [default: one per core]; the result does not depend on it
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+
+    /// Say nothing but errors
+    #[arg(short, long, conflicts_with = "verbose")]
+    quiet: bool,
+
+    /// Say how long each stage took and how well each contour is met
+    #[arg(short, long)]
+    verbose: bool,
+}
+
+/// What is made of the result.
+#[derive(Debug, Clone, Default, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[command(next_help_heading = "Output")]
+struct Made {
+    /// Distance between output heights [default: the input's own z_out, else the smaller pixel side]
+    #[arg(long, value_name = "HEIGHT")]
+    dz: Option<f64>,
+
+    /// Volumes hold 8-bit masks instead of signed distances
+    #[arg(long)]
+    mask: bool,
+
+    /// Draw the input contours into pictures
+    #[arg(long)]
+    contours: bool,
+}
+
+/// How much a run tells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Telling {
+    /// Errors only.
+    Quiet,
+    /// The backend, warnings, what was written.
+    Normal,
+    /// Everything.
+    Verbose,
+}
+
+pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
+    if let Some(path) = &arguments.settings_file {
+        let mut file = File::read(path)?;
+        arguments.settings = file.overlay(arguments.settings, matches)?;
+        arguments.read = file.overlay(arguments.read, matches)?;
+        arguments.made = file.overlay(arguments.made, matches)?;
+        file.finish()?;
+    }
+    if arguments.outputs.is_empty() && arguments.report.is_none() {
+        return Err(Error::Setting { name: "--output".into(), message: "is missing: nothing would be written".into() });
+    }
+    arguments.settings.validate()?;
+    if let Some(dz) = arguments.made.dz
+        && !(dz.is_finite() && dz > 0.0)
+    {
+        return Err(Error::Setting { name: "dz".into(), message: format!("must be a positive number; got {dz}") });
+    }
+    set_threads(arguments.threads)?;
+    let telling = match (arguments.quiet, arguments.verbose) {
+        (true, _) => Telling::Quiet,
+        (_, true) => Telling::Verbose,
+        _ => Telling::Normal,
+    };
+    let stack = stack::read(&arguments.input, &arguments.read)?;
+    let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref())?;
+    let options = OutputOptions { mask: arguments.made.mask, contours: arguments.made.contours };
+    reconstruct(&stack, &arguments.settings, arguments.made.dz, outputs, options, telling)
+}
+
+fn set_threads(threads: Option<usize>) -> Result<()> {
+    let Some(n) = threads else { return Ok(()) };
+    let fail = |message: String| Err(Error::Setting { name: "threads".into(), message });
+    if !(1..=1024).contains(&n) {
+        return fail(format!("must lie in [1, 1024]; got {n}"));
+    }
+    rayon::ThreadPoolBuilder::new().num_threads(n).build_global().or_else(|e| fail(e.to_string()))
+}
+
+/// One reconstruction, from a checked stack to its files.
+pub fn reconstruct(
+    stack: &ContourStack,
+    settings: &Settings,
+    dz: Option<f64>,
+    outputs: Outputs,
+    options: OutputOptions,
+    telling: Telling,
+) -> Result<()> {
+    let heights = height_grid(stack, settings, dz).heights()?;
+    memory::check(memory::estimate_bytes(stack, &heights, settings, rayon::current_num_threads()))?;
+    if telling != Telling::Quiet {
+        eprintln!(
+            "running on the CPU reference path, {} threads (this version has no GPU backend yet)",
+            rayon::current_num_threads()
+        );
+    }
+    let bars = Bars::default();
+    let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
+    let mut body = reconstruct_with(stack, &heights, settings, &Reference, progress)?;
+    let mesh = if outputs.need_mesh() { measured_surface(&mut body) } else { Mesh::default() };
+    if telling != Telling::Quiet {
+        body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+    }
+    if telling == Telling::Verbose {
+        tell(&body);
+    }
+    let written = outputs.write(&body, &mesh, options)?;
+    if telling != Telling::Quiet {
+        written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+/// Stages and contours, for people.
+fn tell(body: &interslice::Reconstruction) {
+    for stage in &body.report.stages {
+        eprintln!("{:>10} {:8.3} s", stage.name, stage.seconds);
+    }
+    for c in &body.report.contours {
+        let residual =
+            |r: Option<interslice::report::Residual>| r.map_or("      -".into(), |r| format!("{:.3} px", r.max));
+        eprintln!(
+            "{} at {}: {} parts, {} holes, {} of {} px differ, arrival from below {}, from above {}",
+            c.name,
+            c.z,
+            c.components,
+            c.holes,
+            c.differing_pixels,
+            c.pixels,
+            residual(c.arrival_from_below),
+            residual(c.arrival_from_above)
+        );
+    }
+    if let (Some(volume), Some(area)) = (body.report.volume, body.report.area) {
+        eprintln!("volume {volume:.6} {0}^3, area {area:.6} {0}^2", body.unit);
+    }
+}

@@ -1,0 +1,45 @@
+//! How much memory a reconstruction needs, asked before it starts.
+
+use sysinfo::System;
+
+use crate::error::{Error, Result};
+use crate::settings::Settings;
+use crate::stack::ContourStack;
+
+/// Bytes per padded pixel and slice: level set, labels of solids and background, the level sets of its groups below and above.
+const PER_SLICE_PIXEL: f64 = 56.0;
+/// Bytes per pixel and layer of the result, and of the tiles of both directions while an interval is swept and blended.
+const PER_LAYER_PIXEL: f64 = 4.0;
+const PER_SWEPT_PIXEL: f64 = 8.0;
+const PER_BLENDED_PIXEL: f64 = 28.0;
+
+/// Bytes a run on the reference path needs at most, for `heights` (increasing) and `threads`: an estimate from above, as if every group
+/// filled the image.
+pub fn estimate_bytes(stack: &ContourStack, heights: &[f64], settings: &Settings, threads: usize) -> u64 {
+    let padded: f64 = stack.dims.iter().map(|n| (n + 2 * (settings.margin() + 8)) as f64).product();
+    let pixels: f64 = stack.dims.iter().map(|n| *n as f64).product();
+    let layers = (heights.len() + stack.slices.len() + 2) as f64;
+    let between = |w: &[crate::stack::Slice]| heights.iter().filter(|z| **z > w[0].z && **z < w[1].z).count();
+    let most_between = stack.slices.windows(2).map(between).max().unwrap_or(0) as f64;
+    let at_once = (2 * threads).min(stack.slices.len()) as f64;
+    let bytes = stack.slices.len() as f64 * padded * PER_SLICE_PIXEL
+        + layers * pixels * PER_LAYER_PIXEL
+        + at_once * most_between * padded * PER_SWEPT_PIXEL
+        + most_between * padded * PER_BLENDED_PIXEL;
+    bytes as u64
+}
+
+/// Refuses a run that needs more than is free.
+///
+/// # Errors
+/// [`Error::Memory`] with both figures.
+pub fn check(needed: u64) -> Result<()> {
+    // A system that tells nothing is not asked.
+    let Ok(mut system) = System::new() else { return Ok(()) };
+    system.refresh_memory();
+    let available = system.available_memory();
+    if available > 0 && needed > available {
+        return Err(Error::Memory { needed_mib: needed >> 20, available_mib: available >> 20 });
+    }
+    Ok(())
+}

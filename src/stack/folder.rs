@@ -1,0 +1,144 @@
+//! A folder with `stack.json` and one grey image (8 or 16 bit PNG or TIFF) per slice.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use image::{DynamicImage, ImageReader};
+use serde::Deserialize;
+
+use super::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
+use crate::error::{Error, Result};
+
+/// Schema of `stack.json`; any other field is an error.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StackFile {
+    spacing_xy: [f64; 2],
+    #[serde(default = "millimetres")]
+    unit: String,
+    slices: Vec<SliceEntry>,
+    z_out: Option<HeightGrid>,
+    #[serde(default)]
+    #[expect(dead_code, reason = "only one value exists; serde refuses the others")]
+    outside: Outside,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SliceEntry {
+    file: String,
+    z: f64,
+    #[serde(default)]
+    extra: bool,
+}
+
+/// What lies around the contours.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Outside {
+    #[default]
+    Black,
+}
+
+fn millimetres() -> String {
+    "mm".into()
+}
+
+/// Reads a folder, or the `stack.json` in it.
+///
+/// # Errors
+/// As [`super::read::read`].
+pub fn read(path: &Path, level: Option<f64>) -> Result<ContourStack> {
+    let file = if path.is_dir() { path.join("stack.json") } else { path.to_path_buf() };
+    let text = fs::read_to_string(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
+    let parsed: StackFile =
+        serde_json::from_str(&text).map_err(|e| Error::Format { path: file.clone(), message: e.to_string() })?;
+    if let Some(z_out) = parsed.z_out {
+        z_out.validate()?;
+    }
+    let folder = file.parent().map(Path::to_path_buf).unwrap_or_default();
+    let mut images = Vec::with_capacity(parsed.slices.len());
+    for (index, entry) in parsed.slices.iter().enumerate() {
+        images.push(read_image(&folder.join(&entry.file), index, &entry.file)?);
+        let (first, this): (&Grey, &Grey) = (&images[0], &images[index]);
+        let fail = |message| Err(Error::Slice { index, name: entry.file.clone(), message });
+        if this.dims != first.dims {
+            let ([w, h], [w0, h0]) = (this.dims, first.dims);
+            return fail(format!("{w}x{h} px, but slice 0 is {w0}x{h0}"));
+        }
+        if this.bits != first.bits {
+            return fail(format!("{} bits per pixel, but slice 0 has {}", this.bits, first.bits));
+        }
+    }
+    let contents = contents(&images, level)?;
+    let slices = parsed
+        .slices
+        .into_iter()
+        .zip(contents)
+        .map(|(e, content)| Slice { name: e.file, z: e.z, extra: e.extra, content })
+        .collect();
+    Ok(ContourStack {
+        dims: images.first().map_or([0, 0], |i| i.dims),
+        spacing: parsed.spacing_xy,
+        unit: parsed.unit,
+        slices,
+        z_out: parsed.z_out,
+        geometry: Geometry::default(),
+    })
+}
+
+struct Grey {
+    dims: [usize; 2],
+    bits: u8,
+    values: Vec<u16>,
+}
+
+fn read_image(path: &PathBuf, index: usize, name: &str) -> Result<Grey> {
+    let fail = |message: String| Error::Slice { index, name: name.into(), message };
+    let reader = ImageReader::open(path)
+        .and_then(|r| r.with_guessed_format())
+        .map_err(|e| fail(format!("{}: cannot read: {e}", path.display())))?;
+    let image = reader.decode().map_err(|e| fail(format!("{}: {e}", path.display())))?;
+    let dims = [image.width() as usize, image.height() as usize];
+    match image {
+        DynamicImage::ImageLuma8(i) => {
+            Ok(Grey { dims, bits: 8, values: i.into_raw().into_iter().map(u16::from).collect() })
+        }
+        DynamicImage::ImageLuma16(i) => Ok(Grey { dims, bits: 16, values: i.into_raw() }),
+        // Colour images whose channels agree are grey images that some program saved as colour.
+        DynamicImage::ImageRgb8(_) | DynamicImage::ImageRgba8(_) | DynamicImage::ImageLumaA8(_) => {
+            let rgba = image.to_rgba8();
+            if let Some((x, y, p)) =
+                rgba.enumerate_pixels().find(|(_, _, p)| p[0] != p[1] || p[1] != p[2] || p[3] != 255)
+            {
+                let [r, g, b, a] = p.0;
+                return Err(fail(format!(
+                    "pixel ({x}, {y}) is coloured or transparent ({r}, {g}, {b}, {a}); a slice must be a grey image"
+                )));
+            }
+            Ok(Grey { dims, bits: 8, values: rgba.pixels().map(|p| u16::from(p[0])).collect() })
+        }
+        other => Err(fail(format!("pixels are {:?}; a slice must be an 8 or 16 bit grey image", other.color()))),
+    }
+}
+
+/// Two values in the whole stack make masks, the larger one inside; more, or a given level, make sub-pixel contours.
+fn contents(images: &[Grey], level: Option<f64>) -> Result<Vec<SliceContent>> {
+    let values = || images.iter().flat_map(|i| i.values.iter().copied());
+    let (Some(low), Some(high)) = (values().min(), values().max()) else {
+        return Err(Error::Stack(format!("at least 2 slices are needed; got {}", images.len())));
+    };
+    if let Some(level) = level
+        && !(level.is_finite() && level >= f64::from(low) && level < f64::from(high))
+    {
+        let message = format!("must lie in [{low}, {high}), the range of the slices' values; got {level}");
+        return Err(Error::Setting { name: "level".into(), message });
+    }
+    if level.is_none() && values().all(|v| v == low || v == high) {
+        let inside = |v: u16| if low == high { v > 0 } else { v == high };
+        return Ok(images.iter().map(|i| SliceContent::Mask(i.values.iter().map(|&v| inside(v)).collect())).collect());
+    }
+    let level = level.unwrap_or((f64::from(low) + f64::from(high)) / 2.0);
+    let content = |i: &Grey| SliceContent::Level(i.values.iter().map(|&v| (level - f64::from(v)) as f32).collect());
+    Ok(images.iter().map(content).collect())
+}

@@ -1,0 +1,256 @@
+//! Wrong input: a clear error that names file, slice, value and limit, before anything is computed; exit code 2; nothing written,
+//! nothing the user had is lost.
+
+#[path = "support/files.rs"]
+mod files;
+
+use std::fs;
+use std::path::Path;
+
+use files::*;
+use interslice::stack::nrrd::read_from;
+use proptest::prelude::*;
+
+/// Runs `reconstruct` on `input` with an old output in place; checks exit code, message and that nothing changed.
+fn refused(input: &Path, options: &[&str], says: &[&str]) {
+    let out = folder();
+    let target = out.path().join("out.nrrd");
+    fs::write(&target, "what the user had").expect("a file can be written");
+    let (input, target_name) = (input.display().to_string(), target.display().to_string());
+    let mut arguments = vec!["reconstruct", &input, "-o", &target_name];
+    arguments.extend(options);
+    let result = interslice(&arguments);
+    let message = stderr(&result);
+    assert_eq!(result.status.code(), Some(2), "{arguments:?}: {message}");
+    for part in says {
+        assert!(message.contains(part), "`{part}` is missing from: {message}");
+    }
+    assert!(!message.contains("panicked"), "{message}");
+    assert_eq!(fs::read_to_string(&target).expect("the old output is there"), "what the user had");
+    assert_eq!(listing(out.path()), [target], "no half-written output");
+}
+
+/// The sound stack with `from` replaced by `to` in its stack.json.
+fn spoilt(from: &str, to: &str, says: &[&str]) {
+    let input = folder();
+    let text = sound_stack(input.path());
+    assert!(text.contains(from), "the test must change something: {from}");
+    write_stack(input.path(), &text.replacen(from, to, 1));
+    refused(input.path(), &[], says);
+}
+
+#[test]
+fn the_sound_stack_is_taken() {
+    let input = folder();
+    sound_stack(input.path());
+    let target = input.path().join("out.stl").display().to_string();
+    let result = interslice(&["reconstruct", &input.path().display().to_string(), "-o", &target]);
+    assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+}
+
+#[test]
+fn no_such_input() {
+    refused(Path::new("no/such/folder"), &[], &["no/such/folder", "cannot read"]);
+    let empty = folder();
+    refused(empty.path(), &[], &["stack.json", "cannot read"]);
+    let other = empty.path().join("notes.txt");
+    fs::write(&other, "hello").expect("a file can be written");
+    refused(&other, &[], &["notes.txt", "expected a folder with stack.json"]);
+}
+
+#[test]
+fn broken_json_is_told_with_its_line() {
+    spoilt("\"slices\": [", "\"slices\": [,", &["stack.json", "line 3"]);
+    spoilt("\"z\": 4.0", "\"z\": \"four\"", &["stack.json", "line 5", "string \"four\""]);
+    spoilt("\"z\": 4.0", "\"z\": NaN", &["stack.json", "line 5"]);
+}
+
+#[test]
+fn unknown_and_missing_fields() {
+    spoilt("\"slices\"", "\"colour\": 1, \"slices\"", &["stack.json", "unknown field `colour`", "line 3"]);
+    spoilt("\"z\": 4.0", "\"z\": 4.0, \"hidden\": true", &["unknown field `hidden`"]);
+    spoilt("\"spacing_xy\": [1.0, 1.0],", "", &["missing field `spacing_xy`"]);
+    spoilt("\"slices\"", "\"outside\": \"white\", \"slices\"", &["unknown variant `white`", "black"]);
+}
+
+#[test]
+fn missing_truncated_and_wrong_sized_slices() {
+    spoilt("s1.png", "s9.png", &["slice 1 (`s9.png`)", "cannot read"]);
+    let input = folder();
+    sound_stack(input.path());
+    let path = input.path().join("s1.png");
+    let whole = fs::read(&path).expect("the slice is there");
+    fs::write(&path, &whole[..whole.len() / 2]).expect("a file can be written");
+    refused(input.path(), &[], &["slice 1 (`s1.png`)"]);
+    disc(&path, 40, 9.0);
+    refused(input.path(), &[], &["slice 1 (`s1.png`)", "40x40 px, but slice 0 is 32x32"]);
+    fs::write(&path, "not an image").expect("a file can be written");
+    refused(input.path(), &[], &["slice 1 (`s1.png`)"]);
+    image::RgbImage::from_fn(32, 32, |x, _| image::Rgb([x as u8, 0, 200])).save(&path).expect("a PNG can be written");
+    refused(input.path(), &[], &["slice 1 (`s1.png`)", "pixel (0, 0) is coloured"]);
+}
+
+#[test]
+fn heights_must_increase() {
+    spoilt("\"z\": 4.0", "\"z\": 9.0", &["slice 2 (`s2.png`)", "height 8 must lie above", "`s1.png`: 9"]);
+    spoilt("\"z\": 4.0", "\"z\": 8.0", &["slice 2 (`s2.png`)", "height 8 must lie above"]);
+    spoilt("\"z\": 4.0", "\"z\": 1e999", &["stack.json", "line 5", "out of range"]);
+}
+
+#[test]
+fn spacing_must_be_positive() {
+    spoilt("[1.0, 1.0]", "[0.0, 1.0]", &["pixel spacing dx must be a positive number; got 0"]);
+    spoilt("[1.0, 1.0]", "[1.0, -2.0]", &["pixel spacing dy must be a positive number; got -2"]);
+    spoilt("[1.0, 1.0]", "[1.0]", &["stack.json", "line 2"]);
+}
+
+#[test]
+fn too_few_slices_and_none_with_anything() {
+    let input = folder();
+    sound_stack(input.path());
+    write_stack(input.path(), r#"{"spacing_xy": [1, 1], "slices": [{"file": "s0.png", "z": 0}]}"#);
+    refused(input.path(), &[], &["at least 2 slices are needed; got 1"]);
+    write_stack(input.path(), r#"{"spacing_xy": [1, 1], "slices": []}"#);
+    refused(input.path(), &[], &["at least 2 slices are needed; got 0"]);
+    sound_stack(input.path());
+    for k in 0..3 {
+        disc(&input.path().join(format!("s{k}.png")), 32, 0.0);
+    }
+    refused(input.path(), &[], &["all slices are empty"]);
+}
+
+#[test]
+fn output_heights_must_meet_the_body() {
+    spoilt("\"start\": 0.0", "\"start\": 20.0", &["output heights 20 to 28 meet no part of the body", "0 to 8"]);
+    spoilt("\"step\": 1.0", "\"step\": 0.0", &["z_out.step must be a positive number; got 0"]);
+    spoilt("\"count\": 9", "\"count\": 0", &["z_out.count must be at least 1; got 0"]);
+    spoilt("\"count\": 9", "\"count\": -1", &["stack.json", "line 8"]);
+}
+
+#[test]
+fn more_memory_than_the_machine_has() {
+    spoilt(
+        "\"step\": 1.0, \"count\": 9",
+        "\"step\": 1e-6, \"count\": 9000000000",
+        &["at most 10000000 output heights"],
+    );
+    let input = folder();
+    sound_stack(input.path());
+    for k in 0..3 {
+        disc(&input.path().join(format!("s{k}.png")), 2000, 10.0 + f64::from(k));
+    }
+    refused(input.path(), &["--dz", "0.000002"], &["this job needs about", "MiB of memory", "are available"]);
+}
+
+#[test]
+fn outputs_are_checked_before_the_work() {
+    let input = folder();
+    sound_stack(input.path());
+    refused(input.path(), &["-o", "no/such/folder/x.stl"], &["no/such/folder/x.stl: cannot write"]);
+    refused(input.path(), &["-o", "x.docx"], &["x.docx", "unknown extension", ".nrrd"]);
+    let taken = folder();
+    let name = taken.path().join("folder.stl");
+    fs::create_dir(&name).expect("a folder can be made");
+    refused(input.path(), &["-o", &name.display().to_string()], &["is a folder"]);
+    let twice = taken.path().join("a.stl").display().to_string();
+    refused(input.path(), &["-o", &twice, "-o", &twice], &["is named twice"]);
+    let nothing = interslice(&["reconstruct", &input.path().display().to_string()]);
+    assert_eq!(nothing.status.code(), Some(2));
+}
+
+#[test]
+fn settings_are_checked() {
+    let input = folder();
+    sound_stack(input.path());
+    refused(input.path(), &["--cfl", "1.2"], &["`cfl` must lie in [0.05, 0.9]; got 1.2"]);
+    refused(input.path(), &["--sigma", "NaN"], &["`sigma` must lie in (0, 5]; got NaN"]);
+    refused(input.path(), &["--half-width", "6", "--cut-off", "5.5"], &["`cut_off` must lie in [1, 5]; got 5.5"]);
+    refused(input.path(), &["--end-top", "peak=3"], &["`end_top` peak must lie above the last contour at 8; got 3"]);
+    refused(input.path(), &["--end-top", "pointed"], &["pointed", "peak=HEIGHT"]);
+    refused(input.path(), &["--dz", "0"], &["`dz` must be a positive number; got 0"]);
+    refused(input.path(), &["--threads", "0"], &["`threads` must lie in [1, 1024]; got 0"]);
+    refused(input.path(), &["--label", "3"], &["`label` is not for a folder of slices"]);
+    refused(input.path(), &["--level", "255"], &["`level` must lie in [0, 255)", "got 255"]);
+    refused(input.path(), &["--slope", "steep"], &["steep", "pchip"]);
+}
+
+#[test]
+fn settings_files_are_checked() {
+    let input = folder();
+    sound_stack(input.path());
+    let file = input.path().join("settings.toml");
+    let name = file.display().to_string();
+    let with = |text: &str, says: &[&str]| {
+        fs::write(&file, text).expect("a file can be written");
+        refused(input.path(), &["--settings", &name], says);
+    };
+    with("colour = 1", &["settings.toml", "unknown key `colour`"]);
+    with("cfl = \"fast\"", &["settings.toml", "`cfl`", "fast"]);
+    with("cfl = 2", &["`cfl` must lie in [0.05, 0.9]; got 2"]);
+    with("cfl = ", &["settings.toml", "line 1"]);
+    with("end_top = \"round\"", &["settings.toml", "`end_top`", "round"]);
+    refused(input.path(), &["--settings", "no/such.toml"], &["no/such.toml", "cannot read"]);
+}
+
+#[test]
+fn broken_nrrd_files() {
+    let place = folder();
+    let path = place.path().join("labels.nrrd");
+    let data = [0u8, 1, 1, 0].repeat(3);
+    let with = |bytes: &[u8], says: &[&str]| {
+        fs::write(&path, bytes).expect("a file can be written");
+        refused(&path, &[], says);
+    };
+    with(b"PNG", &["labels.nrrd", "NRRD000"]);
+    with(&nrrd("encoding: raw", "uchar", [2, 2, 3], &data[..7]), &["labels.nrrd", "data end after 7 of 12 bytes"]);
+    with(&nrrd("encoding: raw", "uchar", [2, 2, 0], &data), &["sizes 2 2 0"]);
+    with(&nrrd("encoding: raw", "uchar", [usize::MAX, 2, 3], &data), &["sizes"]);
+    with(&nrrd("encoding: hex", "uchar", [2, 2, 3], &data), &["encoding must be raw or gzip; got hex"]);
+    with(&nrrd("encoding: gzip", "uchar", [2, 2, 3], &data), &["labels.nrrd", "data"]);
+    with(&nrrd("encoding: raw", "blob", [2, 2, 3], &data), &["type `blob` is not known"]);
+    with(&nrrd("encoding: raw", "short", [2, 1, 3], &data), &["endian must be little or big; got nothing"]);
+    with(&nrrd("encoding: raw\nspacings: 1 1 NaN", "uchar", [2, 2, 3], &data), &["voxel spacing along axis 2", "NaN"]);
+    with(
+        &nrrd("encoding: raw\nspace: LPS\nspace directions: (1,0,0) (0,1,0) (0.3,0,1)", "uchar", [2, 2, 3], &data),
+        &["axes 0 and 2 are not perpendicular"],
+    );
+    with(&nrrd("encoding: raw", "uchar", [2, 2, 3], &[0; 12]), &["has a non-zero label"]);
+    with(
+        &nrrd("encoding: raw\nendian: little", "float", [1, 1, 3], &0.5f32.to_le_bytes().repeat(3)),
+        &["voxel 0 is 0.5"],
+    );
+}
+
+#[test]
+fn broken_nifti_files() {
+    let place = folder();
+    let path = place.path().join("labels.nii");
+    let with = |bytes: &[u8], says: &[&str]| {
+        fs::write(&path, bytes).expect("a file can be written");
+        refused(&path, &[], says);
+    };
+    with(b"too short", &["labels.nii", "NIfTI"]);
+    with(&[0u8; 400], &["labels.nii", "NIfTI"]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn damaged_nrrd_headers_never_panic(
+        cut in 0usize..400,
+        flips in prop::collection::vec((0usize..400, any::<u8>()), 0..6),
+    ) {
+        let extra = "encoding: raw\nendian: big\nspace: RAS\nspace directions: (1,0,0) (0,1,0) (0,0,2)\nspace origin: (0,0,0)";
+        let mut bytes = nrrd(extra, "int16", [2, 2, 3], &[0, 1].repeat(12));
+        for (at, value) in flips {
+            let n = bytes.len();
+            bytes[at % n] ^= value;
+        }
+        bytes.truncate(cut.max(1));
+        // Whatever comes back, it comes back.
+        if let Ok(volume) = read_from(&bytes[..]) {
+            prop_assert_eq!(volume.labels.len(), volume.dims.iter().product::<usize>());
+        }
+    }
+}

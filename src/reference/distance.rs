@@ -25,7 +25,7 @@ pub fn distance_of(u: &Field, h: [f64; 2]) -> Field {
             let node = j * nx + i;
             let dx = nearest_crossing(u, node, [(i > 0).then(|| node - 1), (i + 1 < nx).then_some(node + 1)]) * h[0];
             let dy = nearest_crossing(u, node, [(j > 0).then(|| node - nx), (j + 1 < ny).then_some(node + nx)]) * h[1];
-            if dx < FAR || dy < FAR {
+            if dx.is_finite() || dy.is_finite() {
                 let (dx, dy) = (dx.max(1e-6), dy.max(1e-6));
                 d.data[node] = 1.0 / (1.0 / (dx * dx) + 1.0 / (dy * dy)).sqrt();
                 fixed[node] = true;
@@ -41,7 +41,7 @@ pub fn distance_of(u: &Field, h: [f64; 2]) -> Field {
     d
 }
 
-/// Distance along one axis to the closer of two crossings, as a fraction of the pixel side.
+/// Distance along one axis to the closer of two crossings, as a fraction of the pixel side; `inf` where there is none.
 fn nearest_crossing(u: &Field, node: usize, neighbours: [Option<usize>; 2]) -> f64 {
     let c = u.data[node];
     neighbours
@@ -50,7 +50,7 @@ fn nearest_crossing(u: &Field, node: usize, neighbours: [Option<usize>; 2]) -> f
         .map(|n| u.data[n])
         .filter(|v| (*v < 0.0) != (c < 0.0))
         .map(|v| c.abs() / (c.abs() + v.abs() + 1e-30))
-        .fold(FAR, f64::min)
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// Solves `|grad d| = 1` outwards from the fixed pixels: Gauss-Seidel in four directions, repeated until nothing changes.

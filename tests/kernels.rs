@@ -412,8 +412,9 @@ fn a_part_keeps_the_field_where_it_is_nearest() {
     let inside: Vec<bool> = (0..whole.data.len()).map(|k| whole.data[k] < 0.0 && k % 90 < 45).collect();
     let part = part_field(&PartJob { whole: whole.clone(), inside: inside.clone() }, SQUARE);
     let alone = field([90, 60], SQUARE, &circle(25.0, 30.0, 12.0));
-    for k in 0..part.data.len() {
-        assert_eq!(part.data[k] < 0.0, inside[k]);
+    assert_eq!(part.data.len(), inside.len());
+    for (k, is_inside) in inside.iter().enumerate() {
+        assert_eq!(part.data[k] < 0.0, *is_inside);
         assert!((part.data[k] - alone.data[k]).abs() < 0.8, "pixel {k}: {} against {}", part.data[k], alone.data[k]);
         if k % 90 < 40 {
             assert_eq!(part.data[k].to_bits(), whole.data[k].to_bits(), "pixel {k}");

@@ -12,7 +12,7 @@ const MAX_ROUNDS: usize = 64;
 /// Change below which a value counts as settled, px.
 const SETTLED: f64 = 1e-9;
 
-/// Signed distance to the zero set of `u`, px, negative where `u < 0`; [`FAR`]-like large where there is no contour at all.
+/// Signed distance to the zero set of `u`, px, negative where `u < 0`; 1e30 where there is no contour at all.
 ///
 /// Start values at pixels next to the contour: along each axis the linear crossing `d = |u| / (|u| + |u_n|)`, both axes combined as
 /// `1 / d^2 = 1 / dx^2 + 1 / dy^2`. They stay fixed.
@@ -97,10 +97,10 @@ fn sweep_once(d: &mut Field, fixed: &[bool], h: [f64; 2], up: bool, right: bool)
     changed
 }
 
-/// Pixels this close to a contour keep what the sweep of the front made of them, px.
+/// What counts as right: pixels this close to a contour keep what the sweep of the front made of them, px.
 const TRUSTED: f64 = 3.0;
 
-/// A field that is right within [`TRUSTED`] of its contour, continued outwards as a distance and clamped to `limit` px.
+/// A field that is right within 3 px of its contour, continued outwards as a distance and clamped to `limit` px.
 pub fn far_distance(phi: Field, h: [f64; 2], limit: f64) -> Field {
     let fixed: Vec<bool> = phi.data.iter().map(|v| v.abs() < TRUSTED).collect();
     let data = phi.data.iter().zip(&fixed).map(|(v, &f)| if f { v.abs() } else { limit }).collect();

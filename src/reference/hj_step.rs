@@ -80,7 +80,7 @@ pub fn hj_step(
 fn right_hand_side(phi: &[f64], nx: usize, run: Run, h: [f64; 2], tube: Tube, out: &mut [f64]) {
     let Window { along, across } = Window::new(phi, nx, run);
     let (per_x, per_y) = (1.0 / h[0], 1.0 / h[1]);
-    for (k, f) in out.iter_mut().enumerate().take(run.len) {
+    for (k, f) in out[..run.len].iter_mut().enumerate() {
         let center = across[REACH][k];
         let c = cut_off(center, tube.beta, tube.gamma);
         let dx = one_sided(std::array::from_fn(|s| along[k + s]), per_x);

@@ -2,14 +2,17 @@
 //! where its contours overlap.
 
 mod shapes;
+mod support;
 
 use interslice::components::label4;
 use interslice::progress::Silent;
 use interslice::report::Event;
 use interslice::settings::{EndRule, SlopeRule};
 use interslice::stack::{ContourStack, SliceContent};
+use interslice::surface::mesh::closed_surface;
 use interslice::{Reconstruction, Reference, Settings, reconstruct_with};
 use shapes::*;
+use support::{edge_defects, merged};
 
 const N: usize = 90;
 /// |phi| of a stack and of the same stack upside down differ by rounding of heights to times and of f64 to f32 only.
@@ -124,7 +127,7 @@ fn knots(count: usize) -> Vec<f64> {
 }
 
 #[test]
-fn every_case_is_exact_at_its_inputs_and_finite() {
+fn every_case_is_closed_exact_at_its_inputs_and_finite() {
     for (name, shapes) in zoo() {
         let stack = masks(N, &knots(shapes.len()), &shapes);
         let result = run(&stack, &heights_of(shapes.len()), &Settings::default());
@@ -140,7 +143,10 @@ fn every_case_is_exact_at_its_inputs_and_finite() {
                 assert_eq!(different, 0, "{name}: contour {i}");
             }
         }
-        println!("{name}: {:?}", result.report.warnings);
+        let mesh = closed_surface(&result);
+        assert_eq!(edge_defects(&mesh.triangles), 0, "{name}");
+        assert_eq!(edge_defects(&merged(&mesh)), 0, "{name}: after merging equal positions");
+        assert!(mesh.volume() > 0.0, "{name}");
     }
 }
 

@@ -1,0 +1,158 @@
+//! What the body does beyond its first and last contour, against bodies whose ends are known.
+
+mod shapes;
+mod support;
+
+use interslice::progress::Silent;
+use interslice::settings::EndRule;
+use interslice::stack::ContourStack;
+use interslice::surface::mesh::closed_surface;
+use interslice::{Reconstruction, Reference, Settings, reconstruct_with};
+use shapes::*;
+use support::{edge_defects, merged};
+
+const CENTER: f64 = 60.0;
+
+/// Circles of these radii, sub-pixel, at these heights.
+fn circles(heights: &[f64], radius: impl Fn(f64) -> f64) -> ContourStack {
+    let shapes: Vec<Shape> = heights.iter().map(|&z| circle(CENTER, CENTER, radius(z))).collect();
+    levels(121, heights, &shapes)
+}
+
+fn run(stack: &ContourStack, settings: &Settings) -> Reconstruction {
+    let heights: Vec<f64> = (-60..=120).map(f64::from).collect();
+    let body = reconstruct_with(stack, &heights, settings, &Reference, &Silent).expect("the stack is valid");
+    let mesh = closed_surface(&body);
+    assert_eq!(edge_defects(&mesh.triangles), 0);
+    assert_eq!(edge_defects(&merged(&mesh)), 0);
+    body
+}
+
+/// Volume above the last contour, by the mesh.
+fn cap_volume(stack: &ContourStack, rule: EndRule) -> f64 {
+    let volume = |rule| {
+        let body = run(stack, &Settings { end_top: rule, ..Settings::default() });
+        closed_surface(&body).volume()
+    };
+    volume(rule) - volume(EndRule::Flat)
+}
+
+#[test]
+fn caps_of_known_bodies_have_about_their_volume() {
+    let pi = std::f64::consts::PI;
+    // (name, radius at height, heights, tip, exact cap volume, largest error by its own slope, by a given height)
+    type Case = (&'static str, fn(f64) -> f64, [f64; 5], f64, f64, [f64; 2], [f64; 2]);
+    let cases: [Case; 3] = [
+        (
+            "sphere",
+            |z| (36f64.powi(2) - z * z).sqrt(),
+            [0.0, 8.0, 16.0, 23.0, 29.0],
+            36.0,
+            pi * 49.0 * (36.0 - 7.0 / 3.0),
+            [0.10, 0.34],
+            [-0.06, 0.16],
+        ),
+        (
+            "paraboloid",
+            |z| (40.0 * (36.0 - z)).sqrt(),
+            [0.0, 8.0, 16.0, 22.0, 28.0],
+            36.0,
+            pi * 40.0 * 32.0,
+            [-0.08, 0.10],
+            [-0.08, 0.10],
+        ),
+        (
+            "cone",
+            |z| 36.0 - z,
+            [0.0, 6.0, 12.0, 18.0, 24.0],
+            36.0,
+            pi * 12f64.powi(3) / 3.0,
+            [-0.42, -0.22],
+            [-0.06, 0.06],
+        ),
+    ];
+    for (name, radius, heights, tip, exact, own, given) in cases {
+        let stack = circles(&heights, radius);
+        let by_slope = cap_volume(&stack, EndRule::Extrapolate) / exact - 1.0;
+        let by_height = cap_volume(&stack, EndRule::Peak(tip)) / exact - 1.0;
+        println!("{name}: own slope {:+.1} %, height given {:+.1} %", 100.0 * by_slope, 100.0 * by_height);
+        assert!(own[0] <= by_slope && by_slope <= own[1], "{name}: {by_slope}");
+        assert!(given[0] <= by_height && by_height <= given[1], "{name}: {by_height}");
+    }
+}
+
+#[test]
+fn ends_are_chosen_separately() {
+    let stack = circles(&[0.0, 10.0, 20.0], |z| 24.0 - 0.06 * (z - 10.0).powi(2));
+    let extent =
+        |bottom, top| run(&stack, &Settings { end_bottom: bottom, end_top: top, ..Settings::default() }).extent;
+    assert_eq!(extent(EndRule::Flat, EndRule::Flat), [0.0, 20.0]);
+    assert_eq!(extent(EndRule::HalfSlice, EndRule::Flat), [-5.0, 20.0]);
+    assert_eq!(extent(EndRule::Flat, EndRule::HalfSlice), [0.0, 25.0]);
+    assert_eq!(extent(EndRule::Peak(-8.0), EndRule::Peak(31.5)), [-8.0, 31.5]);
+    let [low, high] = extent(EndRule::Extrapolate, EndRule::Extrapolate);
+    assert!(low < -2.0 && (low + high - 20.0).abs() < 0.1, "symmetric: {low} {high}");
+}
+
+#[test]
+fn half_a_slice_is_the_contour_itself() {
+    let stack = circles(&[0.0, 10.0, 20.0], |z| 14.0 + 0.3 * z);
+    let body = run(&stack, &Settings { end_top: EndRule::HalfSlice, ..Settings::default() });
+    let at = |z: f64| body.layers.iter().find(|l| l.z == z).expect("a layer");
+    assert_eq!(at(20.0).phi, at(23.0).phi);
+    assert_eq!(at(20.0).phi, at(25.0).phi);
+    assert!(at(26.0).phi.iter().all(|v| *v > 0.0));
+}
+
+#[test]
+fn a_part_that_grows_towards_its_end_ends_flat_and_is_told() {
+    let stack = circles(&[0.0, 10.0, 20.0], |z| 10.0 + 0.5 * z);
+    let body = run(&stack, &Settings { end_top: EndRule::Extrapolate, ..Settings::default() });
+    assert_eq!(body.extent[1], 20.0);
+    assert!(
+        body.report.warnings.iter().any(|w| w.contains("top end: part 1 does not shrink")),
+        "{:?}",
+        body.report.warnings
+    );
+    let closed = run(&stack, &Settings { end_top: EndRule::Peak(30.0), ..Settings::default() });
+    assert_eq!(closed.extent[1], 30.0);
+    assert!(closed.report.warnings.iter().any(|w| w.contains("closed upright")));
+}
+
+#[test]
+fn an_extrapolated_end_is_no_higher_than_its_limit() {
+    let stack = circles(&[0.0, 10.0, 20.0], |z| 30.0 - 0.02 * z);
+    let body = run(&stack, &Settings { end_top: EndRule::Extrapolate, cap_gaps: 1.5, ..Settings::default() });
+    assert_eq!(body.extent[1], 35.0);
+}
+
+#[test]
+fn empty_end_slices_close_half_way() {
+    let shapes = vec![nothing(), circle(CENTER, CENTER, 20.0), circle(CENTER, CENTER, 22.0), nothing()];
+    let stack = masks(121, &[0.0, 10.0, 20.0, 30.0], &shapes);
+    let body = run(&stack, &Settings { end_top: EndRule::Extrapolate, ..Settings::default() });
+    let inside: Vec<f64> = body.layers.iter().filter(|l| l.phi.iter().any(|v| *v < 0.0)).map(|l| l.z).collect();
+    let (low, high) = (inside[0], inside[inside.len() - 1]);
+    assert!((5.0..=6.0).contains(&low) && (24.0..=25.0).contains(&high), "{low} to {high}");
+    assert_eq!(body.extent, [0.0, 30.0]);
+}
+
+#[test]
+fn clamped_end_slopes_are_obeyed() {
+    let stack = circles(&[0.0, 10.0, 20.0], |_| 20.0);
+    let settings = Settings {
+        slope: interslice::settings::SlopeRule::Natural,
+        clamp_bottom: Some(0.8),
+        clamp_top: Some(-0.8),
+        ..Settings::default()
+    };
+    let body = run(&stack, &settings);
+    let radius = |z: f64| {
+        let layer = body.layers.iter().find(|l| l.z == z).expect("a layer");
+        20.0 - f64::from(layer.phi[60 * 121 + 80])
+    };
+    // Hermite with slope .8 at the end and 0 inside: s = 8 (t^3 - 2 t^2 + t), 1.152 at t = .2 or .4.
+    for (z, s) in [(2.0, 8.0 * 0.128), (4.0, 8.0 * 0.144), (18.0, 8.0 * 0.128)] {
+        assert!((radius(z) - 20.0 - s).abs() < 0.05, "z = {z}: {} for {s}", radius(z) - 20.0);
+    }
+}

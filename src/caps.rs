@@ -8,6 +8,9 @@ const POWERS: std::ops::RangeInclusive<f64> = 0.3..=2.0;
 /// Below this power a part that ends inside an interval closes as a quarter ellipse.
 const ROUND_BELOW: f64 = 0.15;
 
+/// At its tip a part is gone, whichever way the height was rounded.
+const AT_TIP: f64 = 1.0 - 1e-6;
+
 /// How a part's inradius falls from D at q = 0 to 0 at q = 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Profile {
@@ -56,6 +59,6 @@ impl Cap {
     /// What is added to the field at a distance `away` from the contour: `D (1 - r(q))`, beyond the tip as far again as it is away.
     pub fn offset(&self, away: f64) -> f64 {
         let q = away / self.height;
-        self.depth * if q < 1.0 { 1.0 - self.profile.radius(q) } else { q }
+        self.depth * if q < AT_TIP { 1.0 - self.profile.radius(q) } else { q / AT_TIP }
     }
 }

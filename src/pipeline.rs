@@ -309,8 +309,8 @@ impl Run<'_> {
         for &i in chunk {
             let (low, high) = (contours[i].z, contours[i + 1].z);
             let gap = high - low;
-            let up: Vec<f64> = heights.between(i).iter().map(|x| (x.z - low) / gap).collect();
-            let down: Vec<f64> = heights.between(i).iter().rev().map(|x| (high - x.z) / gap).collect();
+            let up: Vec<f64> = heights.between(i).iter().map(|x| time(x.z, low, high)).collect();
+            let down: Vec<f64> = up.iter().rev().map(|t| 1.0 - t).collect();
             let (Some(up_side), Some(down_side)) = (&sides[i].up, &sides[i + 1].down) else { continue };
             for group in &intervals[i].groups {
                 let rule = self.settings.slope;
@@ -381,7 +381,7 @@ impl Run<'_> {
             .par_iter()
             .enumerate()
             .map(|(k, height)| {
-                let t = (height.z - low) / (high - low);
+                let t = time(height.z, low, high);
                 let blended: Vec<Field> = interval
                     .groups
                     .iter()
@@ -427,6 +427,13 @@ impl Run<'_> {
         }
         Layer { z: height.z, phi, output: height.output, contour: None }
     }
+}
+
+/// Height as time of its interval, in steps of 2^-30: a stack and the same upside down then sweep with the very same times, whichever way
+/// their heights were rounded, and `1 - t` is exact.
+fn time(z: f64, low: f64, high: f64) -> f64 {
+    const STEPS: f64 = (1u64 << 30) as f64;
+    ((z - low) / (high - low) * STEPS).round().clamp(1.0, STEPS - 1.0) / STEPS
 }
 
 fn trace_job<'a>(group: &'a GroupFields, contour: &Contour, direction: Direction) -> TraceJob<'a> {

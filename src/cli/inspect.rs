@@ -21,6 +21,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
+/// A number without the tail that binary fractions leave.
+fn short(v: f64) -> f64 {
+    format!("{v:.9}").parse().unwrap_or(v)
+}
+
 /// What a colleague would say about the stack.
 fn describe(stack: &ContourStack) -> Result<String> {
     let unit = &stack.unit;
@@ -37,16 +42,25 @@ fn describe(stack: &ContourStack) -> Result<String> {
         if extra > 0 { format!(", {extra} of them extra contours") } else { String::new() },
         stack.dims[0],
         stack.dims[1],
-        stack.spacing[0],
-        stack.spacing[1]
+        short(stack.spacing[0]),
+        short(stack.spacing[1])
     ));
     let gaps: Vec<f64> = stack.slices.windows(2).map(|w| w[1].z - w[0].z).collect();
     let (low, high) = gaps.iter().fold((f64::INFINITY, 0.0f64), |(a, b), g| (a.min(*g), b.max(*g)));
-    let spread = if high - low <= 1e-6 * high { format!("{low} apart") } else { format!("{low} to {high} apart") };
-    lines.push(format!("heights {} to {} {unit}, {spread}", first.z, last.z));
+    let spread = if high - low <= 1e-6 * high {
+        format!("{} apart", short(low))
+    } else {
+        format!("{} to {} apart", short(low), short(high))
+    };
+    lines.push(format!("heights {} to {} {unit}, {spread}", short(first.z), short(last.z)));
     let heights = height_grid(stack, &Settings::default(), None);
     let from = if stack.z_out.is_some() { "from the input" } else { "as fine as the pixels" };
-    lines.push(format!("output heights {} + k {}, {} of them ({from})", heights.start, heights.step, heights.count));
+    lines.push(format!(
+        "output heights {} + k {}, {} of them ({from})",
+        short(heights.start),
+        short(heights.step),
+        heights.count
+    ));
     let needed = memory::estimate_bytes(stack, &heights.heights()?, &Settings::default(), rayon::current_num_threads());
     lines.push(format!("a reconstruction needs about {} MiB of memory", needed.div_ceil(1 << 20)));
     lines.push(String::new());
@@ -90,7 +104,7 @@ impl Seen {
     }
 
     fn line(&self, k: usize, slice: &Slice, [nx, ny]: [usize; 2]) -> String {
-        let mut text = format!("slice {k} (`{}`) at {}: ", slice.name, slice.z);
+        let mut text = format!("slice {k} (`{}`) at {}: ", slice.name, short(slice.z));
         if self.pixels == 0 {
             text += "empty";
         } else {

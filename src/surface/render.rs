@@ -252,6 +252,6 @@ fn shade(n: [f64; 3]) -> [f64; 3] {
     let half = dot(n, unit([-0.30, -0.35, -0.95])).max(0.0).powi(40);
     let sky = 0.5 - 0.5 * n[1];
     let rim = (1.0 + n[2]).max(0.0).powi(3);
-    let light = 0.20 + 0.62 * key + 0.22 * sky;
+    let light = 0.27 + 0.60 * key + 0.24 * sky;
     std::array::from_fn(|a| BODY[a] * light + 0.12 * half + 0.05 * rim * [0.6, 0.7, 1.0][a])
 }

@@ -5,6 +5,7 @@ use crate::field::Field;
 use crate::jobs::{PartJob, SweepJob, Swept, TraceJob, Traced};
 use crate::progress::Progress;
 use crate::settings::{AntiAlias, Settings};
+use crate::stack::SliceContent;
 
 /// A slice on the padded image.
 #[derive(Debug, Clone)]
@@ -13,6 +14,34 @@ pub enum PaddedSlice {
     Mask(Vec<bool>),
     /// Implicit function, negative inside.
     Level(Field),
+}
+
+impl PaddedSlice {
+    /// The slice of `nx` x `ny` pixels with `pad` pixels of outside all around it.
+    pub fn new(content: &SliceContent, [nx, ny]: [usize; 2], pad: usize) -> Self {
+        let source = |i: usize, j: usize| {
+            let (i, j) = (i.checked_sub(pad)?, j.checked_sub(pad)?);
+            (i < nx && j < ny).then(|| j * nx + i)
+        };
+        let dims = [nx + 2 * pad, ny + 2 * pad];
+        match content {
+            SliceContent::Mask(mask) => {
+                let mut out = vec![false; dims[0] * dims[1]];
+                for j in 0..ny {
+                    let to = (j + pad) * dims[0] + pad;
+                    out[to..to + nx].copy_from_slice(&mask[j * nx..(j + 1) * nx]);
+                }
+                PaddedSlice::Mask(out)
+            }
+            SliceContent::Level(u) => {
+                // Outside as far from the level as the slice's own values are, so that a contour at the border lies near it.
+                let outside = u.iter().copied().fold(f32::MIN_POSITIVE, |a, v| a.max(v.abs()));
+                PaddedSlice::Level(Field::from_fn(dims, |i, j| {
+                    f64::from(source(i, j).map_or(outside, |n| if u[n] == 0.0 { f32::MIN_POSITIVE } else { u[n] }))
+                }))
+            }
+        }
+    }
 }
 
 /// How slices become level sets.

@@ -3,8 +3,8 @@
 use crate::caps::{Cap, Profile};
 use crate::contours::Contour;
 use crate::field::Field;
-use crate::fit::{Direction, Fitted};
-use crate::jobs::{Swept, Tile};
+use crate::fit::Fitted;
+use crate::jobs::{Direction, Swept, Tile};
 use crate::matching::{GroupFields, Interval, LonePart};
 
 /// Where in the gap a lone part closes.

@@ -5,7 +5,8 @@ use crate::caps::{Cap, Profile};
 use crate::compose::{Canvas, mean_slope, part_numbers, unite_cap};
 use crate::contours::Contour;
 use crate::error::Result;
-use crate::fit::{Direction, Fitted};
+use crate::fit::Fitted;
+use crate::jobs::Direction;
 use crate::matching::lone_solids;
 use crate::settings::EndRule;
 

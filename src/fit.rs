@@ -8,62 +8,20 @@ use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
 use crate::contours::Contour;
-use crate::jobs::{Course, Track};
+use crate::jobs::{Course, Direction, Track};
 use crate::settings::{Settings, SlopeRule};
 use crate::spline::{monotone, slope};
+use crate::tracks::{Side, Sides};
 
 /// Seeds read at a landing point, with weights `1 / (d + SOFT)^2`.
 const NEIGHBOURS: usize = 4;
 const SOFT: f64 = 0.25;
 /// Contours a chain reaches to each side: farther ones change the slope of a cubic spline by less than .27^12 = 2e-7 of a secant.
 const CHAIN_REACH: usize = 12;
-/// A part of depth D without partner closes half way; its contour has gone this many times D at the other contour's height.
-const VIRTUAL_DEPTHS: f64 = 2.0;
-
 /// Slope at the far end, over S, of a piece of contour whose particle died: the steepest that a monotone course can have. What has no
 /// counterpart keeps its place long and leaves fast. Measured (mean Dice over 10 runs with such parts): 0 .8783, 1 .8833, 2 .8847,
 /// 3 .8857.
 const FORSAKEN_END: f64 = 3.0;
-
-/// What the morph towards one neighbour measured for each seed of a contour.
-#[derive(Debug, Clone)]
-pub struct Side {
-    /// One per seed; landing in pixels of the padded image.
-    pub tracks: Vec<Track>,
-    /// The seed's part has no partner on this side.
-    pub lone: Vec<bool>,
-}
-
-impl Side {
-    /// All seeds of a contour without any partner: a solid part of depth D has S = -2 D, a hole that closes S = +2 D.
-    pub fn without_partner(contour: &Contour) -> Self {
-        let tracks = contour
-            .seeds
-            .iter()
-            .map(|s| Track {
-                distance: -VIRTUAL_DEPTHS * contour.solid_depth[contour.solids.labels[s.inside] as usize],
-                arc: 0.0,
-                landing: s.x,
-                arrived: false,
-            })
-            .collect();
-        Side { tracks, lone: vec![true; contour.seeds.len()] }
-    }
-
-    /// The distance of a seed at a hole of this depth that closes.
-    pub fn closing_hole(depth: f64) -> f64 {
-        VIRTUAL_DEPTHS * depth
-    }
-}
-
-/// Both sides of a contour; `None` where the stack ends.
-#[derive(Debug, Clone, Default)]
-pub struct Sides {
-    /// Towards the contour below.
-    pub down: Option<Side>,
-    /// Towards the contour above.
-    pub up: Option<Side>,
-}
 
 /// Slopes of a contour's seeds and where their chains go on.
 #[derive(Debug, Clone)]
@@ -208,15 +166,6 @@ fn slopes_of(
             slope(&z, &s, center, settings.slope, settings.spline_end)
         })
         .collect()
-}
-
-/// Which way a course goes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Direction {
-    /// From a contour to the one below.
-    Down,
-    /// From a contour to the one above.
-    Up,
 }
 
 /// The course of seed `k` of a contour towards its neighbour `next`, `gap` away.

@@ -75,11 +75,34 @@ fn nearest(z: &[f64], x: f64) -> (usize, f64) {
     (k, left.min(right))
 }
 
+/// Checks output heights and peaks against the stack before anything is computed.
+///
+/// # Errors
+/// [`Error::Stack`] or [`Error::Setting`] with value and limit.
+pub fn check(stack: &ContourStack, heights: &[f64], settings: &Settings) -> Result<()> {
+    if let Some(k) = (1..heights.len()).find(|&k| heights[k] <= heights[k - 1]) {
+        let message = format!("output heights must increase; got {} after {}", heights[k], heights[k - 1]);
+        return Err(Error::Stack(message));
+    }
+    meets(heights, reach(stack, settings))?;
+    let (first, last) = (stack.slices[0].z, stack.slices[stack.slices.len() - 1].z);
+    let fail = |name: &str, message| Err(Error::Setting { name: name.into(), message });
+    match (settings.end_bottom, settings.end_top) {
+        (EndRule::Peak(z), _) if z >= first => {
+            fail("end_bottom", format!("peak must lie below the first contour at {first}; got {z}"))
+        }
+        (_, EndRule::Peak(z)) if z <= last => {
+            fail("end_top", format!("peak must lie above the last contour at {last}; got {z}"))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Checks that some output height lies in the range `[low, high]` of the body.
 ///
 /// # Errors
 /// [`Error::Stack`] with both ranges.
-pub fn meets(output: &[f64], [low, high]: [f64; 2]) -> Result<()> {
+fn meets(output: &[f64], [low, high]: [f64; 2]) -> Result<()> {
     let slack = SAME * (high - low);
     match (output.first(), output.last()) {
         (Some(first), Some(last)) if output.iter().all(|&x| x < low - slack || x > high + slack) => Err(Error::Stack(
@@ -91,7 +114,7 @@ pub fn meets(output: &[f64], [low, high]: [f64; 2]) -> Result<()> {
 }
 
 /// Lowest and highest height that a body can reach under its end rules (extrapolated ends may stop earlier).
-pub fn reach(stack: &ContourStack, settings: &Settings) -> [f64; 2] {
+fn reach(stack: &ContourStack, settings: &Settings) -> [f64; 2] {
     let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
     let (Some(first), Some(last)) = (z.first(), z.last()) else { return [0.0; 2] };
     let beyond = |gap: f64, rule: EndRule, contour: f64, empty: bool| match rule {

@@ -70,6 +70,15 @@ impl Tile {
     }
 }
 
+/// Which way a morph or sweep goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// From a contour to the one below.
+    Down,
+    /// From a contour to the one above.
+    Up,
+}
+
 /// Ask for the distance field of a part of a contour: some components alone, or a contour whose dying holes are filled.
 #[derive(Debug, Clone)]
 pub struct PartJob {

@@ -28,6 +28,7 @@ pub mod stack;
 pub mod stencil;
 pub mod surface;
 pub mod topology;
+mod tracks;
 
 pub use backend::Backend;
 pub use error::{Error, Result};

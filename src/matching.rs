@@ -8,8 +8,7 @@ use crate::components::label8;
 use crate::contours::Contour;
 use crate::error::Result;
 use crate::field::Field;
-use crate::fit::Direction;
-use crate::jobs::{PartJob, Tile};
+use crate::jobs::{Direction, PartJob, Tile};
 use crate::report::Event;
 use crate::topology::{Group, match_components};
 

@@ -14,16 +14,17 @@ use crate::contours::Contour;
 use crate::ends::{End, EndSpec, end};
 use crate::error::{Error, Result};
 use crate::field::Field;
-use crate::fit::{Direction, Fitted, Side, Sides, course, fit};
-use crate::heights::{Height, Heights, meets, reach};
-use crate::jobs::{SweepJob, Swept, TraceJob, Traced};
-use crate::matching::{GroupFields, Interval, match_interval};
-use crate::motion::{Frame, frames};
+use crate::fit::{Fitted, course, fit};
+use crate::heights::{Height, Heights, check};
+use crate::jobs::{Direction, SweepJob, Swept, Traced};
+use crate::matching::{Interval, match_interval};
+use crate::motion::frames;
 use crate::progress::Progress;
 use crate::report::{ContourReport, IntervalReport, Report, StageReport};
-use crate::settings::{EndRule, Settings, SlopeRule};
-use crate::stack::{ContourStack, SliceContent};
+use crate::settings::{Settings, SlopeRule};
+use crate::stack::ContourStack;
 use crate::surface::{Layer, Reconstruction};
+use crate::tracks::{Side, Sides, sides, trace_job};
 
 /// Extra margin for rules whose curves overshoot their contours, px.
 const OVERSHOOT: usize = 8;
@@ -58,7 +59,7 @@ pub fn run(
 ) -> Result<Reconstruction> {
     stack.validate()?;
     settings.validate()?;
-    check_heights(stack, heights, settings)?;
+    check(stack, heights, settings)?;
     let px = stack.spacing[0].max(stack.spacing[1]);
     let overshoots = matches!(settings.slope, SlopeRule::Natural | SlopeRule::Catmull);
     let margin = settings.margin() + if overshoots { OVERSHOOT } else { 0 };
@@ -103,26 +104,6 @@ pub fn run(
     })
 }
 
-/// Checks output heights and peaks against the stack before anything is computed.
-fn check_heights(stack: &ContourStack, heights: &[f64], settings: &Settings) -> Result<()> {
-    if let Some(k) = (1..heights.len()).find(|&k| heights[k] <= heights[k - 1]) {
-        let message = format!("output heights must increase; got {} after {}", heights[k], heights[k - 1]);
-        return Err(Error::Stack(message));
-    }
-    meets(heights, reach(stack, settings))?;
-    let (first, last) = (stack.slices[0].z, stack.slices[stack.slices.len() - 1].z);
-    let fail = |name: &str, message| Err(Error::Setting { name: name.into(), message });
-    match (settings.end_bottom, settings.end_top) {
-        (EndRule::Peak(z), _) if z >= first => {
-            fail("end_bottom", format!("peak must lie below the first contour at {first}; got {z}"))
-        }
-        (_, EndRule::Peak(z)) if z <= last => {
-            fail("end_top", format!("peak must lie above the last contour at {last}; got {z}"))
-        }
-        _ => Ok(()),
-    }
-}
-
 impl Run<'_> {
     /// Runs one stage, telling listeners and taking its time.
     fn stage<T>(&mut self, name: &'static str, total: usize, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
@@ -135,7 +116,8 @@ impl Run<'_> {
     }
 
     fn distance(&mut self) -> Result<Vec<Contour>> {
-        let padded: Vec<PaddedSlice> = self.stack.slices.par_iter().map(|s| self.padded(&s.content)).collect();
+        let padded: Vec<PaddedSlice> =
+            self.stack.slices.par_iter().map(|s| PaddedSlice::new(&s.content, self.stack.dims, self.pad)).collect();
         let dims = self.stack.dims.map(|n| n + 2 * self.pad);
         let options = ContourOptions::from(self.settings);
         let fields = self.backend.contour_fields(&padded, dims, self.h, options, self.progress)?;
@@ -156,34 +138,6 @@ impl Run<'_> {
             })
             .collect();
         Ok(contours)
-    }
-
-    /// The slice with "outside" all around it.
-    fn padded(&self, content: &SliceContent) -> PaddedSlice {
-        let [nx, ny] = self.stack.dims;
-        let pad = self.pad;
-        let source = |i: usize, j: usize| {
-            let (i, j) = (i.checked_sub(pad)?, j.checked_sub(pad)?);
-            (i < nx && j < ny).then(|| j * nx + i)
-        };
-        let dims = [nx + 2 * pad, ny + 2 * pad];
-        match content {
-            SliceContent::Mask(mask) => {
-                let mut out = vec![false; dims[0] * dims[1]];
-                for j in 0..ny {
-                    let to = (j + pad) * dims[0] + pad;
-                    out[to..to + nx].copy_from_slice(&mask[j * nx..(j + 1) * nx]);
-                }
-                PaddedSlice::Mask(out)
-            }
-            SliceContent::Level(u) => {
-                // Outside as far from the level as the slice's own values are, so that a contour at the border lies near it.
-                let outside = u.iter().copied().fold(f32::MIN_POSITIVE, |a, v| a.max(v.abs()));
-                PaddedSlice::Level(Field::from_fn(dims, |i, j| {
-                    f64::from(source(i, j).map_or(outside, |n| if u[n] == 0.0 { f32::MIN_POSITIVE } else { u[n] }))
-                }))
-            }
-        }
     }
 
     fn matching(&mut self, contours: &[Contour]) -> Result<Vec<Interval>> {
@@ -434,59 +388,4 @@ impl Run<'_> {
 fn time(z: f64, low: f64, high: f64) -> f64 {
     const STEPS: f64 = (1u64 << 30) as f64;
     ((z - low) / (high - low) * STEPS).round().clamp(1.0, STEPS - 1.0) / STEPS
-}
-
-fn trace_job<'a>(group: &'a GroupFields, contour: &Contour, direction: Direction) -> TraceJob<'a> {
-    let (source, target) = match direction {
-        Direction::Up => (&group.low, &group.high),
-        Direction::Down => (&group.high, &group.low),
-    };
-    let seeds = source
-        .seeds
-        .iter()
-        .map(|&k| {
-            let mut seed = contour.seeds[k as usize];
-            seed.x = group.tile.to_local(seed.x);
-            seed
-        })
-        .collect();
-    TraceJob { source: &source.phi, target: &target.phi, seeds }
-}
-
-/// Brings the tracks of all morphs to the seeds of their contours. Seeds that no morph carried have no partner on that side.
-fn sides(contours: &[Contour], intervals: &[Interval], frames: &[Frame], traced: &[Traced]) -> Vec<Sides> {
-    let last = contours.len() - 1;
-    let mut sides: Vec<Sides> = contours
-        .iter()
-        .enumerate()
-        .map(|(i, c)| Sides {
-            down: (i > 0).then(|| Side::without_partner(c)),
-            up: (i < last).then(|| Side::without_partner(c)),
-        })
-        .collect();
-    let mut traced = traced.iter();
-    for (i, interval) in intervals.iter().enumerate() {
-        for group in &interval.groups {
-            let ends = [(i, &group.low, Direction::Up), (i + 1, &group.high, Direction::Down)];
-            for ((at, end, direction), result) in ends.into_iter().zip(traced.by_ref()) {
-                let side = match direction {
-                    Direction::Up => &mut sides[at].up,
-                    Direction::Down => &mut sides[at].down,
-                };
-                let Some(side) = side else { continue };
-                for (&k, track) in end.seeds.iter().zip(&result.tracks) {
-                    let x = group.tile.to_image(track.landing);
-                    let landing = if direction == Direction::Up { frames[i].up(x) } else { frames[i].down(x) };
-                    side.tracks[k as usize] = crate::jobs::Track { landing, ..*track };
-                    side.lone[k as usize] = false;
-                }
-                for hole in group.holes.iter().filter(|h| h.direction == direction) {
-                    for &k in &hole.seeds {
-                        side.tracks[k as usize].distance = Side::closing_hole(hole.depth);
-                    }
-                }
-            }
-        }
-    }
-    sides
 }

@@ -5,10 +5,12 @@
 pub mod folder;
 pub mod nifti;
 pub mod nrrd;
+pub mod options;
 pub mod read;
 pub mod volume;
 
-pub use read::{ReadOptions, read};
+pub use options::ReadOptions;
+pub use read::read;
 
 use crate::error::{Error, Result};
 

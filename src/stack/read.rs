@@ -2,33 +2,10 @@
 
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
-
+use super::options::ReadOptions;
 use super::volume::LabelVolume;
 use super::{ContourStack, folder, nifti, nrrd};
 use crate::error::{Error, Result};
-
-/// What to read from an input.
-#[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-#[command(next_help_heading = "Input")]
-pub struct ReadOptions {
-    /// Grey slices: the contour runs where the value crosses this level, inside is above [default: the middle of the stack's range]
-    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
-    pub level: Option<f64>,
-
-    /// Label volumes: reconstruct this label only [default: all that is not zero]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub label: Option<i64>,
-
-    /// Label volumes: use every K-th slice only [default: the slices that have the label]
-    #[arg(long, value_name = "K", conflicts_with = "slices")]
-    pub keep: Option<usize>,
-
-    /// Label volumes: use these slices only, numbered from 0
-    #[arg(long, value_name = "I,J,..", value_delimiter = ',')]
-    pub slices: Option<Vec<usize>>,
-}
 
 /// Reads a stack: a folder with `stack.json` (or that file itself), or a `.nrrd`, `.nii`, `.nii.gz` label volume.
 ///

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::read::ReadOptions;
+use super::options::ReadOptions;
 use super::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
 use crate::error::{Error, Result};
 

@@ -1,0 +1,105 @@
+//! From contours to morphs and back: the jobs of the trace stage, and what they measured, seed by seed of each contour.
+
+use crate::contours::Contour;
+use crate::jobs::{Direction, TraceJob, Traced, Track};
+use crate::matching::{GroupFields, Interval};
+use crate::motion::Frame;
+
+/// A part of depth D without partner closes half way; its contour has gone this many times D at the other contour's height.
+const VIRTUAL_DEPTHS: f64 = 2.0;
+
+/// What the morph towards one neighbour measured for each seed of a contour.
+#[derive(Debug, Clone)]
+pub struct Side {
+    /// One per seed; landing in pixels of the padded image.
+    pub tracks: Vec<Track>,
+    /// The seed's part has no partner on this side.
+    pub lone: Vec<bool>,
+}
+
+impl Side {
+    /// All seeds of a contour without any partner: a solid part of depth D has S = -2 D, a hole that closes S = +2 D.
+    pub fn without_partner(contour: &Contour) -> Self {
+        let tracks = contour
+            .seeds
+            .iter()
+            .map(|s| Track {
+                distance: -VIRTUAL_DEPTHS * contour.solid_depth[contour.solids.labels[s.inside] as usize],
+                arc: 0.0,
+                landing: s.x,
+                arrived: false,
+            })
+            .collect();
+        Side { tracks, lone: vec![true; contour.seeds.len()] }
+    }
+
+    /// The distance of a seed at a hole of this depth that closes.
+    pub fn closing_hole(depth: f64) -> f64 {
+        VIRTUAL_DEPTHS * depth
+    }
+}
+
+/// Both sides of a contour; `None` where the stack ends.
+#[derive(Debug, Clone, Default)]
+pub struct Sides {
+    /// Towards the contour below.
+    pub down: Option<Side>,
+    /// Towards the contour above.
+    pub up: Option<Side>,
+}
+
+/// The morph of one end of a group onto the other, with the seeds that take part.
+pub fn trace_job<'a>(group: &'a GroupFields, contour: &Contour, direction: Direction) -> TraceJob<'a> {
+    let (source, target) = match direction {
+        Direction::Up => (&group.low, &group.high),
+        Direction::Down => (&group.high, &group.low),
+    };
+    let seeds = source
+        .seeds
+        .iter()
+        .map(|&k| {
+            let mut seed = contour.seeds[k as usize];
+            seed.x = group.tile.to_local(seed.x);
+            seed
+        })
+        .collect();
+    TraceJob { source: &source.phi, target: &target.phi, seeds }
+}
+
+/// Brings the tracks of all morphs to the seeds of their contours. Seeds that no morph carried have no partner on that side.
+pub fn sides(contours: &[Contour], intervals: &[Interval], frames: &[Frame], traced: &[Traced]) -> Vec<Sides> {
+    let last = contours.len() - 1;
+    let mut sides: Vec<Sides> = contours
+        .iter()
+        .enumerate()
+        .map(|(i, c)| Sides {
+            down: (i > 0).then(|| Side::without_partner(c)),
+            up: (i < last).then(|| Side::without_partner(c)),
+        })
+        .collect();
+    let mut traced = traced.iter();
+    for (i, interval) in intervals.iter().enumerate() {
+        for group in &interval.groups {
+            let ends = [(i, &group.low, Direction::Up), (i + 1, &group.high, Direction::Down)];
+            for ((at, end, direction), result) in ends.into_iter().zip(traced.by_ref()) {
+                let side = match direction {
+                    Direction::Up => &mut sides[at].up,
+                    Direction::Down => &mut sides[at].down,
+                };
+                let Some(side) = side else { continue };
+                for (&k, track) in end.seeds.iter().zip(&result.tracks) {
+                    let x = group.tile.to_image(track.landing);
+                    let landing = if direction == Direction::Up { frames[i].up(x) } else { frames[i].down(x) };
+                    side.tracks[k as usize] = Track { landing, ..*track };
+                    side.lone[k as usize] = false;
+                }
+                for hole in group.holes.iter().filter(|h| h.direction == direction) {
+                    for &k in &hole.seeds {
+                        side.tracks[k as usize].distance = Side::closing_hole(hole.depth);
+                    }
+                }
+            }
+        }
+    }
+    sides
+}

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::field::Field;
-use crate::jobs::{PartJob, SweepJob, Swept, TraceJob, Traced};
+use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
 use crate::progress::Progress;
 use crate::settings::{AntiAlias, Settings};
 use crate::stack::SliceContent;
@@ -70,6 +70,8 @@ pub struct MorphOptions {
     pub seed_spacing: f64,
     /// Steps between re-estimations, 0: never.
     pub redistance: usize,
+    /// Distance to which slices are right, px.
+    pub limit: f64,
 }
 
 impl From<&Settings> for ContourOptions {
@@ -87,6 +89,7 @@ impl From<&Settings> for MorphOptions {
             tolerance: s.tolerance,
             seed_spacing: s.seed_spacing,
             redistance: s.redistance,
+            limit: s.margin() as f64,
         }
     }
 }
@@ -128,21 +131,15 @@ pub trait Backend: Sync {
         progress: &dyn Progress,
     ) -> Result<Vec<Traced>>;
 
-    /// Sweeps through intervals.
+    /// Sweeps through intervals in both directions, blended, mended, and continued outwards as distances.
     ///
     /// # Errors
     /// A backend's own failures.
     fn propagate(
         &self,
-        jobs: &[SweepJob<'_>],
+        pairs: &[SweepPair<'_>],
         h: [f64; 2],
         options: &MorphOptions,
         progress: &dyn Progress,
-    ) -> Result<Vec<Swept>>;
-
-    /// Makes fields that are right near their contours distances farther out, up to `limit` px, within their tiles.
-    ///
-    /// # Errors
-    /// A backend's own failures.
-    fn distances(&self, fields: Vec<Field>, h: [f64; 2], limit: f64) -> Result<Vec<Field>>;
+    ) -> Result<Vec<Filled>>;
 }

@@ -4,7 +4,7 @@ use crate::caps::{Cap, Profile};
 use crate::contours::Contour;
 use crate::field::Field;
 use crate::fit::Fitted;
-use crate::jobs::{Direction, Swept, Tile};
+use crate::jobs::{Direction, Tile};
 use crate::matching::{GroupFields, Interval, LonePart};
 
 /// Where in the gap a lone part closes.
@@ -58,33 +58,18 @@ impl Canvas {
     }
 }
 
-/// A group's level set at time `t` in (0, 1) on its tile: `(1 - w) up + w down`, `w = 3 t^2 - 2 t^3`, holes cut out again, and no
-/// overlap of the two contours lost.
-///
-/// A sweep whose front vanished has nothing to say; the other one then stands alone.
-pub fn blend(
-    group: &GroupFields,
-    up: (&Swept, usize),
-    down: (&Swept, usize),
-    hole_caps: &[(Cap, Direction)],
-    t: f64,
-    image_nx: usize,
-) -> Field {
-    let w = match (up.0.vanished, down.0.vanished) {
-        (Some(_), None) => 1.0,
-        (None, Some(_)) => 0.0,
-        _ => t * t * (3.0 - 2.0 * t),
+/// Two sweeps of a group at the same time, `weights[0] up + weights[1] down`, neither deeper than the other by more than DISAGREEMENT.
+pub fn blend(up: &[f32], down: &[f32], weights: [f64; 2], dims: [usize; 2]) -> Field {
+    let mixed = |(&a, &b): (&f32, &f32)| {
+        let (a, b) = (f64::from(a), f64::from(b));
+        let limit = a.abs().min(b.abs()) + DISAGREEMENT;
+        weights[0] * a.clamp(-limit, limit) + weights[1] * b.clamp(-limit, limit)
     };
-    let data = up.0.fields[up.1]
-        .iter()
-        .zip(&down.0.fields[down.1])
-        .map(|(&a, &b)| {
-            let (a, b) = (f64::from(a), f64::from(b));
-            let limit = a.abs().min(b.abs()) + DISAGREEMENT;
-            (1.0 - w) * a.clamp(-limit, limit) + w * b.clamp(-limit, limit)
-        })
-        .collect();
-    let mut phi = Field { dims: group.tile.dims, data };
+    Field { dims, data: up.iter().zip(down).map(mixed).collect() }
+}
+
+/// Puts back what a blend at time `t` has lost: holes are cut out again, overlaps of the two contours are joined. Whether anything changed.
+pub fn mend(phi: &mut Field, group: &GroupFields, hole_caps: &[(Cap, Direction)], t: f64, image_nx: usize) -> bool {
     for (cap, direction) in hole_caps {
         let away = match direction {
             Direction::Up => t,
@@ -95,19 +80,20 @@ pub fn blend(
             *v = v.max(-(hole + offset));
         }
     }
+    let mut changed = !hole_caps.is_empty();
     for &anchor in &group.group.anchors {
-        if let Some(node) = group.tile.local_node(anchor, image_nx) {
-            hold(&mut phi, group, node);
+        if let Some(node) = group.tile.local_node(anchor, image_nx)
+            && phi.data[node] >= 0.0
+        {
+            hold(phi, group, node);
+            changed = true;
         }
     }
-    phi
+    changed
 }
 
 /// Puts the overlap of the two contours around `anchor` back where the blend has lost it, so that what overlaps is connected.
 fn hold(phi: &mut Field, group: &GroupFields, anchor: usize) {
-    if phi.data[anchor] < 0.0 {
-        return;
-    }
     let overlap = |n: usize| group.low.phi.data[n].max(group.high.phi.data[n]);
     let [nx, ny] = phi.dims;
     let mut seen = vec![false; phi.data.len()];

@@ -75,6 +75,9 @@ pub enum Error {
         /// What the operating system said.
         source: std::io::Error,
     },
+    /// The GPU cannot do the work: no adapter, limits too small, out of memory, a lost or hanging device, a driver's complaint.
+    #[error("GPU: {0}")]
+    Gpu(String),
     /// A numeric stage produced something that must not be: a NaN, a vanished group.
     #[error("stage `{stage}`: {message}")]
     Numerics {
@@ -89,7 +92,7 @@ impl Error {
     /// Exit code of the program: 2 input or settings wrong, 1 the work failed.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Error::Write { .. } | Error::Numerics { .. } => 1,
+            Error::Write { .. } | Error::Numerics { .. } | Error::Gpu(_) => 1,
             _ => 2,
         }
     }

@@ -88,6 +88,16 @@ pub struct PartJob {
     pub inside: Vec<bool>,
 }
 
+impl PartJob {
+    /// The field where nothing has to be computed: `inf` for an empty part, the whole contour's own for the whole.
+    pub fn without_computing(&self) -> Option<Field> {
+        if !self.inside.contains(&true) {
+            return Some(Field::filled(self.whole.dims, f64::INFINITY));
+        }
+        self.whole.data.iter().zip(&self.inside).all(|(v, m)| (*v < 0.0) == *m).then(|| self.whole.clone())
+    }
+}
+
 /// Morph `source` onto `target` and follow particles from `seeds` (Eq. 2).
 #[derive(Debug, Clone)]
 pub struct TraceJob<'a> {
@@ -125,6 +135,18 @@ pub struct Track {
     pub arrived: bool,
 }
 
+/// Smallest share of its way that a dead particle is taken to have covered.
+const LEAST_SHARE: f64 = 0.05;
+
+/// The whole way of a piece of contour, px: what its particle covered, for one that died at time tau divided by the share `1 - exp(-tau)`
+/// that the relaxation `F = phi - phi_B` covers by then.
+pub fn full_distance(covered: f64, died: Option<f64>) -> f64 {
+    match died {
+        None => covered,
+        Some(tau) => covered / (1.0 - (-tau).exp()).max(LEAST_SHARE),
+    }
+}
+
 /// What a piece of contour does over the interval: `[S, m0, m1, ok]` in px per interval, the cubic Hermite curve
 /// `s(0) = 0, s(1) = S, s'(0) = m0, s'(1) = m1`, and 1 where its particle arrived.
 pub type Course = [f64; 4];
@@ -144,11 +166,33 @@ pub struct SweepJob<'a> {
     pub times: Vec<f64>,
 }
 
-/// What the sweep gave.
+/// Puts back into slice k of a pair what its blend has lost (holes, overlaps); whether anything changed.
+pub type Mend<'a> = dyn Fn(usize, &mut Field) -> bool + Sync + 'a;
+
+/// Both sweeps of a group and the slices between its contours.
+pub struct SweepPair<'a> {
+    /// From the contour below; its times are those of the slices.
+    pub up: SweepJob<'a>,
+    /// From the contour above; its times are `1 - t` of the slices, from the last to the first.
+    pub down: SweepJob<'a>,
+    /// Asked about every slice after blending.
+    pub mend: Box<Mend<'a>>,
+}
+
+/// What a pair of sweeps gave.
+#[derive(Debug, Clone, Default)]
+pub struct Filled {
+    /// The slices on the pair's tile: signed distance near the contour, clamped far away.
+    pub slices: Vec<Vec<f32>>,
+    /// How the upward sweep went.
+    pub up: Swept,
+    /// How the downward sweep went.
+    pub down: Swept,
+}
+
+/// How a sweep went.
 #[derive(Debug, Clone, Default)]
 pub struct Swept {
-    /// The level set at each time on the tile, clamped to the tube.
-    pub fields: Vec<Vec<f32>>,
     /// Time steps.
     pub steps: usize,
     /// Band pixels updated.
@@ -157,4 +201,15 @@ pub struct Swept {
     pub residual: Residual,
     /// The front vanished on the way at this time.
     pub vanished: Option<f64>,
+}
+
+/// Weights of the upward and the downward sweep at time `t`: `1 - w` and `w = 3 t^2 - 2 t^3`; a sweep whose front vanished has nothing
+/// to say, the other one then stands alone.
+pub fn blend_weights(t: f64, up: &Swept, down: &Swept) -> [f64; 2] {
+    let w = match (up.vanished, down.vanished) {
+        (Some(_), None) => 1.0,
+        (None, Some(_)) => 0.0,
+        _ => t * t * (3.0 - 2.0 * t),
+    };
+    [1.0 - w, w]
 }

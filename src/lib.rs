@@ -6,6 +6,7 @@ pub mod backend;
 pub mod caps;
 pub mod components;
 mod compose;
+pub mod conditioning;
 pub mod contour;
 mod contours;
 pub mod demo;
@@ -13,6 +14,8 @@ mod ends;
 pub mod error;
 pub mod field;
 mod fit;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod heights;
 pub mod jobs;
 mod matching;

@@ -71,44 +71,95 @@ struct Plan {
     jobs: Vec<PartJob>,
 }
 
-/// Match stage for the interval between two contours. Tiles have `margin` px around the parts.
-pub fn match_interval(
-    low: &Contour,
-    high: &Contour,
-    h: [f64; 2],
-    margin: usize,
-    backend: &dyn Backend,
-) -> Result<Interval> {
-    let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi));
-    let mut events = matching.events();
-    let plans: Vec<Plan> = matching.groups.into_par_iter().map(|group| plan_group(low, high, group, margin)).collect();
-    let mut groups = Vec::new();
-    for plan in plans {
-        let mut fields = backend.part_fields(&plan.jobs, h)?.into_iter();
-        let (Some(low_phi), Some(high_phi)) = (fields.next(), fields.next()) else { continue };
-        let holes: Vec<LonePart> = fields
-            .zip(plan.holes)
-            .map(|(field, (direction, seeds))| lone_part(plan.tile, field, seeds, direction))
-            .collect();
-        events.extend(holes.iter().map(|hole| {
-            let pixels = hole.field.data.iter().filter(|v| **v < 0.0).count();
-            match hole.direction {
-                Direction::Up => Event::HoleDeath { pixels },
-                Direction::Down => Event::HoleBirth { pixels },
-            }
-        }));
-        let [low_seeds, high_seeds] = plan.seeds;
-        groups.push(GroupFields {
-            group: plan.group,
-            tile: plan.tile,
-            low: MorphEnd { phi: low_phi, seeds: low_seeds },
-            high: MorphEnd { phi: high_phi, seeds: high_seeds },
-            holes,
-        });
+/// What an interval asks of the backend: its groups and its lone parts.
+pub struct IntervalPlan {
+    plans: Vec<Plan>,
+    lone: [LonePlan; 2],
+    events: Vec<Event>,
+}
+
+impl IntervalPlan {
+    /// Matches the components of two neighbouring contours. Tiles have `margin` px around the parts.
+    pub fn new(low: &Contour, high: &Contour, margin: usize) -> Self {
+        let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi));
+        let events = matching.events();
+        let plans = matching.groups.into_par_iter().map(|group| plan_group(low, high, group, margin)).collect();
+        let lone = [
+            LonePlan::new(low, &matching.deaths, margin, Direction::Up),
+            LonePlan::new(high, &matching.births, margin, Direction::Down),
+        ];
+        IntervalPlan { plans, lone, events }
     }
-    let mut lone = lone_solids(low, &matching.deaths, h, margin, Direction::Up, backend)?;
-    lone.extend(lone_solids(high, &matching.births, h, margin, Direction::Down, backend)?);
-    Ok(Interval { groups, lone, events })
+
+    /// Takes the jobs out, in the order in which [`IntervalPlan::finish`] wants their fields.
+    pub fn take_jobs(&mut self) -> Vec<PartJob> {
+        let groups = self.plans.iter_mut().flat_map(|p| std::mem::take(&mut p.jobs));
+        let lone = self.lone.iter_mut().flat_map(|l| std::mem::take(&mut l.jobs));
+        groups.chain(lone).collect()
+    }
+
+    /// The interval, from the fields of its jobs.
+    pub fn finish(self, fields: &mut impl Iterator<Item = Field>) -> Interval {
+        let mut events = self.events;
+        let mut groups = Vec::new();
+        for plan in self.plans {
+            let (Some(low_phi), Some(high_phi)) = (fields.next(), fields.next()) else { continue };
+            let holes: Vec<LonePart> = fields
+                .take(plan.holes.len())
+                .zip(plan.holes)
+                .map(|(field, (direction, seeds))| lone_part(plan.tile, field, seeds, direction))
+                .collect();
+            events.extend(holes.iter().map(|hole| {
+                let pixels = hole.field.data.iter().filter(|v| **v < 0.0).count();
+                match hole.direction {
+                    Direction::Up => Event::HoleDeath { pixels },
+                    Direction::Down => Event::HoleBirth { pixels },
+                }
+            }));
+            let [low_seeds, high_seeds] = plan.seeds;
+            groups.push(GroupFields {
+                group: plan.group,
+                tile: plan.tile,
+                low: MorphEnd { phi: low_phi, seeds: low_seeds },
+                high: MorphEnd { phi: high_phi, seeds: high_seeds },
+                holes,
+            });
+        }
+        let lone = self.lone.into_iter().flat_map(|l| l.finish(fields)).collect();
+        Interval { groups, lone, events }
+    }
+}
+
+/// Solid parts of a contour, each by itself on its own tile, before the backend has answered.
+struct LonePlan {
+    direction: Direction,
+    parts: Vec<(Tile, Vec<u32>)>,
+    jobs: Vec<PartJob>,
+}
+
+impl LonePlan {
+    fn new(contour: &Contour, parts: &[u32], margin: usize, direction: Direction) -> Self {
+        let tiles: Vec<Tile> = parts.iter().map(|&p| contour.tile_of(&[p], margin)).collect();
+        let jobs = parts
+            .par_iter()
+            .zip(&tiles)
+            .map(|(&part, tile)| PartJob {
+                whole: tile.cut(&contour.phi),
+                inside: tile.nodes(contour.phi.dims[0]).map(|n| contour.solids.labels[n] == part).collect(),
+            })
+            .collect();
+        let seeds_of = |part: u32| {
+            let seeds = (0..).zip(&contour.seeds).filter(|(_, s)| contour.solids.labels[s.inside] == part);
+            seeds.map(|(k, _)| k).collect()
+        };
+        let parts = tiles.into_iter().zip(parts).map(|(tile, &part)| (tile, seeds_of(part))).collect();
+        LonePlan { direction, parts, jobs }
+    }
+
+    fn finish(self, fields: &mut impl Iterator<Item = Field>) -> Vec<LonePart> {
+        let fields = fields.take(self.parts.len());
+        self.parts.into_iter().zip(fields).map(|((tile, seeds), f)| lone_part(tile, f, seeds, self.direction)).collect()
+    }
 }
 
 /// The given solid parts of a contour, each by itself on its own tile.
@@ -120,25 +171,9 @@ pub fn lone_solids(
     direction: Direction,
     backend: &dyn Backend,
 ) -> Result<Vec<LonePart>> {
-    let tiles: Vec<Tile> = parts.iter().map(|&p| contour.tile_of(&[p], margin)).collect();
-    let jobs: Vec<PartJob> = parts
-        .par_iter()
-        .zip(&tiles)
-        .map(|(&part, tile)| PartJob {
-            whole: tile.cut(&contour.phi),
-            inside: tile.nodes(contour.phi.dims[0]).map(|n| contour.solids.labels[n] == part).collect(),
-        })
-        .collect();
-    let fields = backend.part_fields(&jobs, h)?;
-    Ok(parts
-        .iter()
-        .zip(tiles)
-        .zip(fields)
-        .map(|((&part, tile), field)| {
-            let seeds = (0..).zip(&contour.seeds).filter(|(_, s)| contour.solids.labels[s.inside] == part);
-            lone_part(tile, field, seeds.map(|(k, _)| k).collect(), direction)
-        })
-        .collect())
+    let mut plan = LonePlan::new(contour, parts, margin, direction);
+    let fields = backend.part_fields(&std::mem::take(&mut plan.jobs), h)?;
+    Ok(plan.finish(&mut fields.into_iter()))
 }
 
 fn lone_part(tile: Tile, field: Field, seeds: Vec<u32>, direction: Direction) -> LonePart {

@@ -9,15 +9,14 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
-use crate::compose::{Canvas, IntervalCaps, blend, differing_pixels, unite_cap};
+use crate::compose::{Canvas, IntervalCaps, differing_pixels, mend, unite_cap};
 use crate::contours::Contour;
 use crate::ends::{End, EndSpec, end};
 use crate::error::{Error, Result};
-use crate::field::Field;
 use crate::fit::{Fitted, course, fit};
 use crate::heights::{Height, Heights, check};
-use crate::jobs::{Direction, SweepJob, Swept, Traced};
-use crate::matching::{Interval, match_interval};
+use crate::jobs::{Direction, Filled, PartJob, SweepJob, SweepPair, Traced};
+use crate::matching::{Interval, IntervalPlan};
 use crate::motion::frames;
 use crate::progress::Progress;
 use crate::report::{ContourReport, IntervalReport, Report, StageReport};
@@ -141,15 +140,13 @@ impl Run<'_> {
     }
 
     fn matching(&mut self, contours: &[Contour]) -> Result<Vec<Interval>> {
-        let (h, margin, backend, progress) = (self.h, self.margin, self.backend, self.progress);
-        let intervals: Vec<Interval> = contours
-            .par_windows(2)
-            .map(|pair| {
-                let interval = match_interval(&pair[0], &pair[1], h, margin, backend);
-                progress.advance(1);
-                interval
-            })
-            .collect::<Result<_>>()?;
+        let margin = self.margin;
+        let mut plans: Vec<IntervalPlan> =
+            contours.par_windows(2).map(|pair| IntervalPlan::new(&pair[0], &pair[1], margin)).collect();
+        let jobs: Vec<PartJob> = plans.iter_mut().flat_map(IntervalPlan::take_jobs).collect();
+        let mut fields = self.backend.part_fields(&jobs, self.h)?.into_iter();
+        let intervals: Vec<Interval> = plans.into_iter().map(|plan| plan.finish(&mut fields)).collect();
+        self.progress.advance(intervals.len());
         self.report.intervals = intervals
             .iter()
             .zip(contours.windows(2))
@@ -233,13 +230,19 @@ impl Run<'_> {
         let at_once = 2 * rayon::current_num_threads();
         for first in (0..intervals.len()).step_by(at_once) {
             let chunk: Vec<usize> = (first..intervals.len().min(first + at_once)).collect();
-            let swept = self.sweep_chunk(&chunk, contours, intervals, sides, fitted, heights)?;
-            let mut swept = swept.into_iter();
-            for &i in &chunk {
+            let caps: Vec<IntervalCaps> = chunk
+                .iter()
+                .map(|&i| {
+                    let gap = contours[i + 1].z - contours[i].z;
+                    IntervalCaps::new(&intervals[i], &fitted[i], &fitted[i + 1], gap)
+                })
+                .collect();
+            let mut filled = self.sweep_chunk(&chunk, contours, intervals, &caps, sides, fitted, heights)?.into_iter();
+            for (&i, caps) in chunk.iter().zip(&caps) {
                 let contour = &heights.contours[i];
                 layers.push(self.contour_layer(contour, &contours[i], i));
-                let of_interval: Vec<Swept> = swept.by_ref().take(2 * intervals[i].groups.len()).collect();
-                layers.extend(self.compose_interval(i, contours, &intervals[i], fitted, heights, &of_interval)?);
+                let of_interval: Vec<Filled> = filled.by_ref().take(intervals[i].groups.len()).collect();
+                layers.extend(self.compose_interval(i, contours, &intervals[i], caps, heights, &of_interval));
             }
         }
         let last = contours.len() - 1;
@@ -249,24 +252,27 @@ impl Run<'_> {
         Ok(layers)
     }
 
+    #[expect(clippy::too_many_arguments, reason = "one stage reads what all stages before it have made")]
     fn sweep_chunk(
         &mut self,
         chunk: &[usize],
         contours: &[Contour],
         intervals: &[Interval],
+        caps: &[IntervalCaps],
         sides: &[Sides],
         fitted: &[Fitted],
         heights: &Heights,
-    ) -> Result<Vec<Swept>> {
-        let mut jobs = Vec::new();
+    ) -> Result<Vec<Filled>> {
+        let mut pairs = Vec::new();
         let mut owners = Vec::new();
-        for &i in chunk {
+        for (&i, caps) in chunk.iter().zip(caps) {
             let (low, high) = (contours[i].z, contours[i + 1].z);
             let gap = high - low;
             let up: Vec<f64> = heights.between(i).iter().map(|x| time(x.z, low, high)).collect();
             let down: Vec<f64> = up.iter().rev().map(|t| 1.0 - t).collect();
             let (Some(up_side), Some(down_side)) = (&sides[i].up, &sides[i + 1].down) else { continue };
-            for group in &intervals[i].groups {
+            let image_nx = contours[i].phi.dims[0];
+            for (group, holes) in intervals[i].groups.iter().zip(&caps.holes) {
                 let rule = self.settings.slope;
                 let courses = |end: &[u32], at: usize, next: usize, side: &Side, direction| {
                     let of = |&k: &u32| {
@@ -278,43 +284,46 @@ impl Run<'_> {
                 let positions = |end: &[u32], at: usize| {
                     end.iter().map(|&k| group.tile.to_local(contours[at].seeds[k as usize].x)).collect()
                 };
-                jobs.push(SweepJob {
-                    source: &group.low.phi,
-                    target: &group.high.phi,
-                    seeds: positions(&group.low.seeds, i),
-                    courses: courses(&group.low.seeds, i, i + 1, up_side, Direction::Up),
-                    times: up.clone(),
+                let times = up.clone();
+                pairs.push(SweepPair {
+                    up: SweepJob {
+                        source: &group.low.phi,
+                        target: &group.high.phi,
+                        seeds: positions(&group.low.seeds, i),
+                        courses: courses(&group.low.seeds, i, i + 1, up_side, Direction::Up),
+                        times: up.clone(),
+                    },
+                    down: SweepJob {
+                        source: &group.high.phi,
+                        target: &group.low.phi,
+                        seeds: positions(&group.high.seeds, i + 1),
+                        courses: courses(&group.high.seeds, i + 1, i, down_side, Direction::Down),
+                        times: down.clone(),
+                    },
+                    mend: Box::new(move |k, phi| mend(phi, group, holes, times[k], image_nx)),
                 });
-                jobs.push(SweepJob {
-                    source: &group.high.phi,
-                    target: &group.low.phi,
-                    seeds: positions(&group.high.seeds, i + 1),
-                    courses: courses(&group.high.seeds, i + 1, i, down_side, Direction::Down),
-                    times: down.clone(),
-                });
-                owners.extend([(i, Direction::Up), (i, Direction::Down)]);
+                owners.push(i);
             }
         }
-        let swept = self.backend.propagate(&jobs, self.h, &MorphOptions::from(self.settings), self.progress)?;
-        for (s, &(i, direction)) in swept.iter().zip(&owners) {
+        let filled = self.backend.propagate(&pairs, self.h, &MorphOptions::from(self.settings), self.progress)?;
+        for (f, &i) in filled.iter().zip(&owners) {
             let between = || format!("between heights {} and {}", contours[i].z, contours[i + 1].z);
-            if s.fields.iter().flatten().any(|v| v.is_nan()) {
+            if f.slices.iter().flatten().any(|v| v.is_nan()) {
                 return Err(Error::Numerics { stage: "propagate", message: format!("NaN {}", between()) });
             }
-            if let Some(t) = s.vanished {
-                let way = if direction == Direction::Up { "upward" } else { "downward" };
-                self.report.warnings.push(format!("the {way} sweep of a group {} vanished at t = {t:.3}", between()));
+            for (swept, way) in [(&f.up, "upward"), (&f.down, "downward")] {
+                if let Some(t) = swept.vanished {
+                    let message = format!("the {way} sweep of a group {} vanished at t = {t:.3}", between());
+                    self.report.warnings.push(message);
+                }
+                let report = &mut self.report.intervals[i];
+                report.sweep_steps += swept.steps;
+                report.sweep_pixels += swept.pixels;
             }
-            let report = &mut self.report.intervals[i];
-            report.sweep_steps += s.steps;
-            report.sweep_pixels += s.pixels;
-            let residual = match direction {
-                Direction::Up => &mut self.report.contours[i + 1].arrival_from_below,
-                Direction::Down => &mut self.report.contours[i].arrival_from_above,
-            };
-            residual.get_or_insert_default().absorb(&s.residual);
+            self.report.contours[i + 1].arrival_from_below.get_or_insert_default().absorb(&f.up.residual);
+            self.report.contours[i].arrival_from_above.get_or_insert_default().absorb(&f.down.residual);
         }
-        Ok(swept)
+        Ok(filled)
     }
 
     fn compose_interval(
@@ -322,37 +331,25 @@ impl Run<'_> {
         i: usize,
         contours: &[Contour],
         interval: &Interval,
-        fitted: &[Fitted],
+        caps: &IntervalCaps,
         heights: &Heights,
-        swept: &[Swept],
-    ) -> Result<Vec<Layer>> {
+        filled: &[Filled],
+    ) -> Vec<Layer> {
         let (low, high) = (contours[i].z, contours[i + 1].z);
-        let caps = IntervalCaps::new(interval, &fitted[i], &fitted[i + 1], high - low);
-        let between = heights.between(i);
-        let image_nx = contours[i].phi.dims[0];
-        let limit = self.settings.margin() as f64;
-        between
+        heights
+            .between(i)
             .par_iter()
             .enumerate()
             .map(|(k, height)| {
                 let t = time(height.z, low, high);
-                let blended: Vec<Field> = interval
-                    .groups
-                    .iter()
-                    .zip(swept.chunks_exact(2))
-                    .zip(&caps.holes)
-                    .map(|((group, pair), holes)| {
-                        blend(group, (&pair[0], k), (&pair[1], between.len() - 1 - k), holes, t, image_nx)
-                    })
-                    .collect();
                 let mut canvas = self.canvas();
-                for (field, group) in self.backend.distances(blended, self.h, limit)?.iter().zip(&interval.groups) {
-                    canvas.unite(&group.tile, |n| field.data[n]);
+                for (f, group) in filled.iter().zip(&interval.groups) {
+                    canvas.unite(&group.tile, |n| f64::from(f.slices[k][n]));
                 }
                 for (cap, direction) in &caps.solids {
                     unite_cap(&mut canvas, cap, if *direction == Direction::Up { t } else { 1.0 - t });
                 }
-                Ok(self.layer(height, canvas))
+                self.layer(height, canvas)
             })
             .collect()
     }

@@ -130,6 +130,11 @@ impl Band {
         }
     }
 
+    /// Half width of the tube T, px.
+    pub fn gamma(&self) -> f64 {
+        self.gamma
+    }
+
     /// All nodes of N in row order.
     pub fn nodes(&self) -> impl Iterator<Item = usize> + '_ {
         self.runs.iter().flat_map(|r| r.nodes())

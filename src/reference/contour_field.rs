@@ -6,20 +6,12 @@ use super::exact::exact_distance;
 use super::hj_step::Scratch;
 use super::reinit::reinit;
 use crate::backend::ContourOptions;
+use crate::conditioning::{
+    CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP, MASK_FLOOR,
+    gaussian_weights,
+};
 use crate::field::Field;
 use crate::settings::AntiAlias;
-
-/// Smallest |value| of an anti-aliased mask: no pixel changes its side.
-const MASK_FLOOR: f64 = 0.02;
-/// The same for the conditioned field, px.
-const FIELD_FLOOR: f64 = 0.01;
-/// How far the kernel may move a contour from the exact distance, px: protects thin parts.
-const KERNEL_CLIP: f64 = 0.25;
-/// Iterations of Eq. 6 on a binary field for `eq6`.
-const EQ6_ITERATIONS: usize = 10;
-/// Iterations of Eq. 6 that bring phi to the fixed point of the sweeps' own reinitialisation. Without them the speed jumps at the
-/// contours (prototype: a star .038 instead of .005 px per unit z).
-const CONDITION_ITERATIONS: usize = 20;
 
 /// Signed distance field of a mask, px; `inf` where the mask is empty. The side of every pixel is the mask's.
 pub fn field_of_mask(mask: &[bool], dims: [usize; 2], h: [f64; 2], options: ContourOptions) -> Field {
@@ -31,7 +23,7 @@ pub fn field_of_mask(mask: &[bool], dims: [usize; 2], h: [f64; 2], options: Cont
         AntiAlias::None => return condition(distance_of(&binary, h), h, options.half_width),
         AntiAlias::Kernel => without_second_moment(&binary, options.sigma),
         AntiAlias::Eq6 => {
-            let band = Band::new(&mut exact_distance(mask, dims, h), options.half_width + 4.0);
+            let band = Band::new(&mut exact_distance(mask, dims, h), options.half_width + CONDITION_WIDER);
             let mut u = binary;
             reinit(&mut u, &band, h, EQ6_ITERATIONS, &mut Scratch::default());
             u
@@ -58,11 +50,11 @@ pub fn field_of_level(u: &Field, h: [f64; 2], options: ContourOptions) -> Field 
 /// Brings a distance field to the fixed point of the sweeps' reinitialisation near its contour, without changing any side.
 fn condition(phi: Field, h: [f64; 2], half_width: f64) -> Field {
     let mut relaxed = phi.clone();
-    let band = Band::new(&mut relaxed, half_width + 4.0);
+    let band = Band::new(&mut relaxed, half_width + CONDITION_WIDER);
     reinit(&mut relaxed, &band, h, CONDITION_ITERATIONS, &mut Scratch::default());
     let mut out = phi.clone();
     for node in band.nodes() {
-        if relaxed.data[node].abs() < half_width + 3.0 {
+        if relaxed.data[node].abs() < half_width + CONDITIONED {
             out.data[node] = relaxed.data[node];
         }
     }
@@ -85,11 +77,8 @@ fn without_second_moment(u: &Field, sigma: f64) -> Field {
 
 /// Gaussian of width `sigma` samples, cut at 4 sigma, edges repeated.
 fn gaussian(u: &Field, sigma: f64) -> Field {
-    let reach = (4.0 * sigma + 0.5) as usize;
-    let mut weights: Vec<f64> =
-        (0..=2 * reach).map(|k| (-0.5 * ((k as f64 - reach as f64) / sigma).powi(2)).exp()).collect();
-    let sum: f64 = weights.iter().sum();
-    weights.iter_mut().for_each(|w| *w /= sum);
+    let weights = gaussian_weights(sigma);
+    let reach = weights.len() / 2;
     let [nx, ny] = u.dims;
     let along_x = Field::from_fn(u.dims, |i, j| {
         let row = &u.data[j * nx..(j + 1) * nx];

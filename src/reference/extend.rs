@@ -1,6 +1,6 @@
 //! Extension of values off the contour along its normals, `F_tau + S(phi) n . grad F = 0` (Eq. 3), by Jacobi passes of its steady
 //! first-order upwind form (Adalsteinsson and Sethian 1999): every pixel takes the mean of its neighbours that lie closer to the
-//! contour, weighted by how much closer. Pixels at the contour keep their values.
+//! contour, weighted by how much closer; only pixels of the tube T are looked at. Pixels at the contour keep their values.
 
 use super::band::Band;
 use crate::field::Field;
@@ -25,7 +25,8 @@ impl Upwind {
             let at = phi.data[node].abs();
             let closer = |minus: usize, plus: usize| {
                 let source = if phi.data[minus].abs() < phi.data[plus].abs() { minus } else { plus };
-                (source, (at - phi.data[source].abs()).max(0.0))
+                let v = phi.data[source].abs();
+                (source, if v < band.gamma() { (at - v).max(0.0) } else { 0.0 })
             };
             let ((x, gain_x), (y, gain_y)) = (closer(node - 1, node + 1), closer(node - nx, node + nx));
             let (wx, wy) = (gain_x / (h[0] * h[0]), gain_y / (h[1] * h[1]));

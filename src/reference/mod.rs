@@ -16,9 +16,10 @@ pub mod trace;
 use rayon::prelude::*;
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
+use crate::compose::blend;
 use crate::error::Result;
 use crate::field::Field;
-use crate::jobs::{PartJob, SweepJob, Swept, TraceJob, Traced};
+use crate::jobs::{Filled, PartJob, SweepJob, SweepPair, Swept, TraceJob, Traced, blend_weights};
 use crate::progress::Progress;
 
 /// The reference path. Jobs run in parallel on rayon's current pool, each by itself: the same bits for any number of threads.
@@ -72,15 +73,25 @@ impl Backend for Reference {
 
     fn propagate(
         &self,
-        jobs: &[SweepJob<'_>],
+        pairs: &[SweepPair<'_>],
         h: [f64; 2],
         options: &MorphOptions,
         progress: &dyn Progress,
-    ) -> Result<Vec<Swept>> {
-        Ok(in_parallel(jobs, progress, |job| propagate::propagate(job, h, options)))
-    }
-
-    fn distances(&self, fields: Vec<Field>, h: [f64; 2], limit: f64) -> Result<Vec<Field>> {
-        Ok(fields.into_par_iter().map(|f| distance::far_distance(f, h, limit)).collect())
+    ) -> Result<Vec<Filled>> {
+        let jobs: Vec<&SweepJob<'_>> = pairs.iter().flat_map(|p| [&p.up, &p.down]).collect();
+        let swept = in_parallel(&jobs, progress, |job| propagate::propagate(job, h, options));
+        let fill = |(pair, swept): (&SweepPair<'_>, &[(Swept, Vec<Vec<f32>>)])| {
+            let [(up, up_fields), (down, down_fields)] = swept else { return Filled::default() };
+            let last = pair.up.times.len().saturating_sub(1);
+            let slice = |(k, &t): (usize, &f64)| {
+                let weights = blend_weights(t, up, down);
+                let mut phi = blend(&up_fields[k], &down_fields[last - k], weights, pair.up.source.dims);
+                (pair.mend)(k, &mut phi);
+                distance::far_distance(phi, h, options.limit).data.iter().map(|v| *v as f32).collect()
+            };
+            let slices = pair.up.times.par_iter().enumerate().map(slice).collect();
+            Filled { slices, up: up.clone(), down: down.clone() }
+        };
+        Ok(pairs.par_iter().zip(swept.par_chunks_exact(2)).map(fill).collect())
     }
 }

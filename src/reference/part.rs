@@ -7,13 +7,10 @@ use crate::jobs::PartJob;
 /// Signed distance to the part's edges, negative inside the part. Where the nearest edge of the whole contour belongs to the part,
 /// the value of the whole contour's field stands bit for bit; `inf` where the part is empty.
 pub fn part_field(job: &PartJob, h: [f64; 2]) -> Field {
+    if let Some(field) = job.without_computing() {
+        return field;
+    }
     let PartJob { whole, inside } = job;
-    if !inside.contains(&true) {
-        return Field::filled(whole.dims, f64::INFINITY);
-    }
-    if whole.data.iter().zip(inside).all(|(v, m)| (*v < 0.0) == *m) {
-        return whole.clone();
-    }
     let far = Field::filled(whole.dims, 1e30);
     let (mut own, mut other) = (far.clone(), far);
     let (mut own_fixed, mut other_fixed) = (vec![false; inside.len()], vec![false; inside.len()]);

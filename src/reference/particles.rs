@@ -9,8 +9,6 @@ const OFF_FRONT: f64 = 0.1;
 const LOST: f64 = 1.0;
 /// Newton steps of a back-projection.
 const PROJECTIONS: usize = 2;
-/// Smallest share of its way that a dead particle is taken to have covered.
-const LEAST_SHARE: f64 = 0.05;
 
 /// A particle on its way.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,15 +30,6 @@ impl Particle {
     /// A particle at a seed.
     pub fn at(seed: &Seed) -> Self {
         Particle { x: seed.x, covered: 0.0, arc: 0.0, died: None, predicted: seed.x, velocity: [0.0; 2], speed: 0.0 }
-    }
-
-    /// The whole way of this piece of contour, px: what was covered, for a dead particle divided by the share `1 - exp(-tau)` that the
-    /// relaxation `F = phi - phi_B` covers by the time tau.
-    pub fn full_distance(&self) -> f64 {
-        match self.died {
-            None => self.covered,
-            Some(tau) => self.covered / (1.0 - (-tau).exp()).max(LEAST_SHARE),
-        }
     }
 }
 

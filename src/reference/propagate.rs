@@ -38,8 +38,8 @@ struct Remeasured {
     field: Vec<[f64; 2]>,
 }
 
-/// Runs one sweep from t = 0 to t = 1.
-pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> Swept {
+/// Runs one sweep from t = 0 to t = 1: how it went, and the level set at each of the job's times, clamped to the tube.
+pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Swept, Vec<Vec<f32>>) {
     let mut phi = job.source.clone();
     let mut band = Band::new(&mut phi, options.half_width);
     let tube = Tube { beta: options.cut_off, gamma: options.half_width };
@@ -53,6 +53,7 @@ pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> Swe
     let mut errors: Vec<(usize, f64)> = Vec::new();
     let mut remeasured: Option<Remeasured> = None;
     let mut out = Swept::default();
+    let mut fields = Vec::with_capacity(job.times.len());
     let mut t = 0.0;
     for stop in job.times.iter().copied().chain([1.0]) {
         while t < stop {
@@ -96,13 +97,13 @@ pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> Swe
             t = if stop - (t + dt) < 1e-9 { stop } else { t + dt };
         }
         if stop < 1.0 {
-            out.fields.push(snapshot(&phi, options.half_width, out.vanished.is_some()));
+            fields.push(snapshot(&phi, options.half_width, out.vanished.is_some()));
         }
     }
     if out.vanished.is_none() {
         out.residual = arrival(&phi, job.target, &band).unwrap_or_default();
     }
-    out
+    (out, fields)
 }
 
 fn snapshot(phi: &Field, half_width: f64, vanished: bool) -> Vec<f32> {

@@ -6,7 +6,7 @@ use super::particles::{Particle, correct, land, predict};
 use super::reinit::reinit;
 use crate::backend::MorphOptions;
 use crate::field::Field;
-use crate::jobs::{TraceJob, Traced, Track};
+use crate::jobs::{TraceJob, Traced, Track, full_distance};
 use crate::report::Residual;
 
 /// Largest time step: the relaxation `phi_t = phi_B - phi` is unstable above 2.5 and already costs accuracy at 2.2.
@@ -57,7 +57,12 @@ pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced 
     land(&mut particles, &phi, job.target, h, now);
     out.tracks = particles
         .iter()
-        .map(|p| Track { distance: p.full_distance(), arc: p.arc, landing: p.x, arrived: p.died.is_none() })
+        .map(|p| Track {
+            distance: full_distance(p.covered, p.died),
+            arc: p.arc,
+            landing: p.x,
+            arrived: p.died.is_none(),
+        })
         .collect();
     out
 }

@@ -1,0 +1,102 @@
+// Tables that all kernels share. Mirrored in src/gpu/layout.rs; tests/layout.rs compares names and offsets.
+//
+// The tiles of all jobs lie one after the other in an atlas: pixel (i, j) of a tile is node `offset + j * nx + i`. A block is 64 consecutive
+// nodes of one tile; tiles begin at block borders.
+
+const NONE: u32 = 0xffffffffu;
+const BLOCK: u32 = 64u;
+
+// Phases of a job.
+const RUNNING: u32 = 0u;
+const DONE: u32 = 1u;
+const VANISHED: u32 = 2u;
+
+// Widest row of workgroups in an indirect dispatch; longer lists take several rows.
+const GRID: u32 = 4096u;
+
+override lane_count: u32 = 64u;
+
+// What all jobs of a batch share. Lengths in pixels of the larger pixel side.
+struct Params {
+    hx: f32,
+    hy: f32,
+    gamma: f32,
+    beta: f32,
+    cfl: f32,
+    tolerance: f32,
+    limit: f32,
+    job_count: u32,
+    block_count: u32,
+    band_capacity: u32,
+    value_capacity: u32,
+    patch_count: u32,
+}
+
+struct Job {
+    offset: u32,
+    nx: u32,
+    ny: u32,
+    first_block: u32,
+    block_count: u32,
+    // State of a morph or sweep.
+    phase: u32,
+    steps: u32,
+    pixels: u32,
+    now: f32,
+    dt: f32,
+    // Morphs.
+    most_steps: u32,
+    idle: u32,
+    best: f32,
+    residual_max: f32,
+    residual_mean: f32,
+    // Sweeps: output times, the next of them, whether this step reaches it, where its copies go.
+    first_time: u32,
+    time_count: u32,
+    next_time: u32,
+    reaches: u32,
+    first_copy: u32,
+    vanished: f32,
+    // Sweeps: bins of the seeds.
+    first_bin: u32,
+    bins_x: u32,
+    bins_y: u32,
+}
+
+// 64 nodes: which of them are in the tubes N and T and off the tile's rim, and where the block's part of the band begins.
+struct Block {
+    near_low: u32,
+    near_high: u32,
+    tube_low: u32,
+    tube_high: u32,
+    inner_low: u32,
+    inner_high: u32,
+    first: u32,
+    job: u32,
+}
+
+// Lengths of the work lists with their indirect arguments, then the blocks that the tubes touch, in order.
+struct Work {
+    block_total: u32,
+    band_total: u32,
+    band_wanted: u32,
+    padding: u32,
+    block_groups: array<u32, 4>,
+    band_groups: array<u32, 4>,
+    blocks: array<u32>,
+}
+
+// Reductions of one job; floats that are not negative compare like their bits.
+struct Sums {
+    fastest: atomic<u32>,
+    residual_max: atomic<u32>,
+    residual_sum: atomic<u32>,
+    crossings: atomic<u32>,
+    inside: atomic<u32>,
+    pixels: atomic<u32>,
+}
+
+// Index of an invocation in a list that is dispatched GRID workgroups wide.
+fn list_index(group: vec3<u32>, local: u32) -> u32 {
+    return (group.y * GRID + group.x) * lane_count + local;
+}

@@ -1,0 +1,126 @@
+// From sweeps to slices. A front is copied as bits (in N, inside) and the values of N alone, so that the copies of a sweep take little more
+// room than its contours; the copies of both directions are then blended into whole tiles.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> jobs: array<Job>;
+@group(0) @binding(2) var<storage, read> blocks: array<Block>;
+@group(0) @binding(3) var<storage, read> phi: array<f32>;
+@group(0) @binding(4) var<storage, read> reached: Reached;
+@group(0) @binding(5) var<storage, read_write> copies: array<Copy>;
+@group(0) @binding(6) var<storage, read_write> values: Values;
+@group(0) @binding(7) var<storage, read> items: array<Item>;
+@group(0) @binding(8) var<storage, read_write> blended: array<f32>;
+
+// How much deeper one sweep's field may be than the other's when they are blended, px: the reason is in src/compose.rs.
+const DISAGREEMENT: f32 = 0.5;
+
+struct Reached {
+    groups_x: u32,
+    groups_y: u32,
+    groups_z: u32,
+    padding: u32,
+    jobs: array<u32>,
+}
+
+// A block of a copied front.
+struct Copy {
+    near_low: u32,
+    near_high: u32,
+    inside_low: u32,
+    inside_high: u32,
+    first: u32,
+}
+
+struct Values {
+    used: atomic<u32>,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
+    phi: array<f32>,
+}
+
+// A slice of a group: its copies from below and above (NONE: that front has vanished), their weights, and where it goes.
+struct Item {
+    up: u32,
+    down: u32,
+    up_weight: f32,
+    down_weight: f32,
+    block_count: u32,
+    offset: u32,
+    padding_a: u32,
+    padding_b: u32,
+}
+
+// Copies the fronts of all jobs that have reached an output time, block by block.
+@compute @workgroup_size(lane_count)
+fn copy_front(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let q = reached.jobs[group.y];
+    let k = group.x * lane_count + local;
+    if k >= jobs[q].block_count {
+        return;
+    }
+    let b = jobs[q].first_block + k;
+    var inside = vec2<u32>(0u);
+    for (var c = 0u; c < BLOCK; c++) {
+        if phi[b * BLOCK + c] < 0.0 {
+            inside[c >> 5u] |= 1u << (c & 31u);
+        }
+    }
+    let near = vec2<u32>(blocks[b].near_low, blocks[b].near_high);
+    let count = countOneBits(near.x) + countOneBits(near.y);
+    var first = 0u;
+    if count > 0u {
+        first = atomicAdd(&values.used, count);
+        var place = first;
+        for (var word = 0u; word < 2u; word++) {
+            var bits = near[word];
+            while bits != 0u {
+                let node = b * BLOCK + word * 32u + countTrailingZeros(bits);
+                bits &= bits - 1u;
+                if place < params.value_capacity {
+                    values.phi[place] = phi[node];
+                }
+                place++;
+            }
+        }
+    }
+    copies[jobs[q].first_copy + jobs[q].next_time * jobs[q].block_count + k] = Copy(near.x, near.y, inside.x, inside.y, first);
+}
+
+// A pixel of a copied front, clamped to the tube.
+fn front_value(block: Copy, c: u32) -> f32 {
+    let outside = params.gamma + 0.5;
+    let bit = 1u << (c & 31u);
+    let near = select(block.near_low, block.near_high, c >= 32u);
+    if (near & bit) == 0u {
+        let inside = select(block.inside_low, block.inside_high, c >= 32u);
+        return select(outside, -outside, (inside & bit) != 0u);
+    }
+    let rank = countOneBits(near & (bit - 1u)) + select(0u, countOneBits(block.near_low), c >= 32u);
+    return clamp(values.phi[min(block.first + rank, params.value_capacity - 1u)], -outside, outside);
+}
+
+// `(1 - w) up + w down`, neither deeper than the other by more than DISAGREEMENT.
+@compute @workgroup_size(lane_count)
+fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let item = items[group.y];
+    let k = group.x * lane_count + local;
+    if k >= item.block_count {
+        return;
+    }
+    let gone = Copy(0u, 0u, 0u, 0u, 0u);
+    var up = gone;
+    var down = gone;
+    if item.up != NONE {
+        up = copies[item.up + k];
+    }
+    if item.down != NONE {
+        down = copies[item.down + k];
+    }
+    for (var c = 0u; c < BLOCK; c++) {
+        let a = front_value(up, c);
+        let b = front_value(down, c);
+        let limit = min(abs(a), abs(b)) + DISAGREEMENT;
+        blended[item.offset + k * BLOCK + c] = item.up_weight * clamp(a, -limit, limit) + item.down_weight * clamp(b, -limit, limit);
+    }
+}

@@ -1,0 +1,98 @@
+// From a slice to its level set: anti-aliasing with `2 G - G * G`, the side of every pixel kept, the limit by the exact distance, and the
+// conditioned values put in. The twin is src/reference/contour_field.rs.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> rule: Rule;
+@group(0) @binding(2) var<storage, read> jobs: array<Job>;
+@group(0) @binding(3) var<storage, read> blocks: array<Block>;
+@group(0) @binding(4) var<storage, read> first: array<f32>;
+@group(0) @binding(5) var<storage, read> second: array<f32>;
+@group(0) @binding(6) var<storage, read> sides: array<f32>;
+@group(0) @binding(7) var<storage, read_write> result: array<f32>;
+
+// Weights of a Gaussian in groups of four, `reach` to each side; smallest |value| that keeps a pixel's side; largest move from the exact
+// distance; how far conditioned values count.
+struct Rule {
+    weights: array<vec4<f32>, 11>,
+    reach: u32,
+    vertical: u32,
+    mask_floor: f32,
+    field_floor: f32,
+    kernel_clip: f32,
+    conditioned: f32,
+    padding_a: u32,
+    padding_b: u32,
+}
+
+fn keep_side(v: f32, side: f32, floor: f32) -> f32 {
+    return select(max(v, floor), min(v, -floor), side < 0.0);
+}
+
+// One axis of a Gaussian of `first`, the tile's edge repeated.
+@compute @workgroup_size(lane_count)
+fn gaussian(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let node = list_index(group, local);
+    if node >= params.block_count * BLOCK {
+        return;
+    }
+    let q = blocks[node / BLOCK].job;
+    let nx = jobs[q].nx;
+    let ny = jobs[q].ny;
+    let n = node - jobs[q].offset;
+    if n >= nx * ny {
+        return;
+    }
+    let i = n % nx;
+    let j = n / nx;
+    let at = select(i, j, rule.vertical == 1u);
+    let last = select(nx, ny, rule.vertical == 1u) - 1u;
+    let stride = select(1u, nx, rule.vertical == 1u);
+    let origin = node - at * stride;
+    var sum = 0.0;
+    for (var k = 0u; k <= 2u * rule.reach; k++) {
+        let reading = min(max(at + k, rule.reach) - rule.reach, last);
+        sum += rule.weights[k / 4u][k % 4u] * first[origin + reading * stride];
+    }
+    result[node] = sum;
+}
+
+// `2 G u - G G u` on the mask's side.
+@compute @workgroup_size(lane_count)
+fn sharpen(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let node = list_index(group, local);
+    if node < params.block_count * BLOCK {
+        result[node] = keep_side(2.0 * first[node] - second[node], sides[node], rule.mask_floor);
+    }
+}
+
+// `first` on the mask's side.
+@compute @workgroup_size(lane_count)
+fn hold_sides(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let node = list_index(group, local);
+    if node < params.block_count * BLOCK {
+        result[node] = keep_side(first[node], sides[node], rule.mask_floor);
+    }
+}
+
+// `result` no farther than KERNEL_CLIP from the exact distance `first`.
+@compute @workgroup_size(lane_count)
+fn limit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let node = list_index(group, local);
+    if node < params.block_count * BLOCK {
+        result[node] = clamp(result[node], first[node] - rule.kernel_clip, first[node] + rule.kernel_clip);
+    }
+}
+
+// The distance `second`, replaced by the conditioned field `first` near the contour; no pixel changes its side.
+@compute @workgroup_size(lane_count)
+fn put_conditioned(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let node = list_index(group, local);
+    if node >= params.block_count * BLOCK {
+        return;
+    }
+    let b = node / BLOCK;
+    let bit = 1u << (node & 31u);
+    let near = select(blocks[b].near_low, blocks[b].near_high, (node & 32u) != 0u);
+    let use_first = (near & bit) != 0u && abs(first[node]) < rule.conditioned;
+    result[node] = keep_side(select(second[node], first[node], use_first), second[node], rule.field_floor);
+}

@@ -1,0 +1,95 @@
+// Distance field of a part of a contour: distances to its own edges and to the others', and the whole contour's value where its nearest
+// edge is the part's own. The twin is src/reference/part.rs.
+//
+// A job has two tiles one after the other, `own` first: `whole` and `inside` (1 or 0) are given on both.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(2) var<storage, read> jobs: array<Job>;
+@group(0) @binding(3) var<storage, read> blocks: array<Block>;
+@group(0) @binding(4) var<storage, read> whole: array<f32>;
+@group(0) @binding(5) var<storage, read> inside: array<f32>;
+@group(0) @binding(6) var<storage, read_write> d: array<f32>;
+@group(0) @binding(7) var<storage, read_write> awake: array<atomic<u32>>;
+
+const FAR: f32 = 1e30;
+const PATCH: u32 = 16u;
+
+// Inverse squares of the distances from a pixel to the crossings on its edges: the part's own, the others'.
+fn edges(q: u32, node: u32, i: u32, j: u32) -> vec2<f32> {
+    let nx = jobs[q].nx;
+    var along = vec2<f32>(FAR);
+    var across = vec2<f32>(FAR);
+    if i > 0u {
+        along = nearer(along, node, node - 1u, params.hx);
+    }
+    if i + 1u < nx {
+        along = nearer(along, node, node + 1u, params.hx);
+    }
+    if j > 0u {
+        across = nearer(across, node, node - nx, params.hy);
+    }
+    if j + 1u < jobs[q].ny {
+        across = nearer(across, node, node + nx, params.hy);
+    }
+    return vec2<f32>(inverse(along.x) + inverse(across.x), inverse(along.y) + inverse(across.y));
+}
+
+fn nearer(nearest: vec2<f32>, node: u32, next: u32, h: f32) -> vec2<f32> {
+    let c = whole[node];
+    let v = whole[next];
+    if (v < 0.0) == (c < 0.0) {
+        return nearest;
+    }
+    let at = h * abs(c) / (abs(c) + abs(v));
+    let own = inside[next] != inside[node];
+    return vec2<f32>(select(nearest.x, min(nearest.x, at), own), select(min(nearest.y, at), nearest.y, own));
+}
+
+fn inverse(at: f32) -> f32 {
+    return select(1.0 / square(max(at, 1e-6)), 0.0, at >= FAR);
+}
+
+// Start values of both sweeps; a value with its sign bit set stays.
+@compute @workgroup_size(lane_count)
+fn start_part(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let node = list_index(group, local);
+    if node >= params.block_count * BLOCK {
+        return;
+    }
+    let q = blocks[node / BLOCK].job;
+    let n = node - jobs[q].offset;
+    let i = n % jobs[q].nx;
+    let j = n / jobs[q].nx;
+    if j >= jobs[q].ny {
+        return;
+    }
+    let found = edges(q, node, i, j);
+    let of_own = (q & 1u) == 0u;
+    d[node] = FAR;
+    if select(found.y, found.x, of_own) > 0.0 {
+        // Next to edges of both kinds the whole field may measure the wrong one.
+        let own_only = of_own && found.y > 0.0;
+        d[node] = -max(select(abs(whole[node]), inverseSqrt(max(found.x, 1e-30)), own_only), 1e-30);
+        atomicStore(&awake[jobs[q].first_copy + (j / PATCH) * ((jobs[q].nx + PATCH - 1u) / PATCH) + i / PATCH], 2u);
+    }
+}
+
+// The part's signed distance, into the tile of `own`.
+@compute @workgroup_size(lane_count)
+fn finish_part(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let node = list_index(group, local);
+    if node >= params.block_count * BLOCK {
+        return;
+    }
+    let q = blocks[node / BLOCK].job;
+    if (q & 1u) == 1u {
+        return;
+    }
+    let twin = node - jobs[q].offset + jobs[q + 1u].offset;
+    let own = d[node];
+    let other = d[twin];
+    let same_side = (whole[node] < 0.0) == (inside[node] > 0.5);
+    let keep = same_side && abs(own) <= abs(other) && !(own < 0.0 && other < 0.0);
+    let away = select(abs(own), abs(whole[node]), keep);
+    d[node] = select(away, -away, inside[node] > 0.5);
+}

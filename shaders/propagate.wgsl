@@ -1,0 +1,183 @@
+// What steers a sweep: each piece of contour moves by its course and is led onto the next contour by feedback at the contour's pixels.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> jobs: array<Job>;
+@group(0) @binding(2) var<storage, read> blocks: array<Block>;
+@group(0) @binding(3) var<storage, read> work: Work;
+@group(0) @binding(4) var<storage, read> phi: array<f32>;
+@group(0) @binding(5) var<storage, read> goal: array<f32>;
+@group(0) @binding(6) var<storage, read_write> sums: array<Sums>;
+@group(0) @binding(7) var<storage, read> courses: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read_write> misses: array<f32>;
+@group(0) @binding(9) var<storage, read_write> states: array<Job>;
+@group(0) @binding(10) var<storage, read> times: array<f32>;
+@group(0) @binding(11) var<storage, read_write> copies: Copies;
+@group(0) @binding(12) var<storage, read> band: array<vec2<u32>>;
+@group(0) @binding(13) var<storage, read_write> line: array<f32>;
+
+// Largest time step.
+const STEP_LIMIT: f32 = 0.1;
+// Pixels this close to the front decide about its time step.
+const NEAR: f32 = 1.5;
+// Largest error that the feedback answers to at once, px.
+const ERROR_LIMIT: f32 = 2.0;
+// The feedback's gain is GAIN / (1 - t), at most GAIN / LEAST_TIME, and never more than one whole correction per step.
+const GAIN: f32 = 2.0;
+const LEAST_TIME: f32 = 0.02;
+
+// Jobs that reach an output time in this step, with the indirect arguments of their copying.
+struct Copies {
+    groups_x: atomic<u32>,
+    groups_y: atomic<u32>,
+    groups_z: u32,
+    padding: u32,
+    jobs: array<u32>,
+}
+
+fn gain_at(t: f32) -> f32 {
+    return smoothstep01(t) * GAIN / max(1.0 - t, LEAST_TIME);
+}
+
+// Takes over the time that the last step has reached.
+@compute @workgroup_size(lane_count)
+fn advance(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let q = list_index(group, local);
+    if q == 0u {
+        atomicStore(&copies.groups_x, 0u);
+        atomicStore(&copies.groups_y, 0u);
+        copies.groups_z = 1u;
+    }
+    if q >= params.job_count || states[q].phase != RUNNING {
+        return;
+    }
+    if states[q].reaches == 1u {
+        states[q].now = stop_of(q);
+        states[q].next_time += 1u;
+        states[q].reaches = 0u;
+    } else {
+        states[q].now += states[q].dt;
+    }
+}
+
+// The next time at which the job must stop: an output time, or the end.
+fn stop_of(q: u32) -> f32 {
+    if states[q].next_time < states[q].time_count {
+        return times[states[q].first_time + states[q].next_time];
+    }
+    return 1.0;
+}
+
+// Errors `e = clip(remaining - scheduled remaining)` at the contour's pixels, the largest speed, and what is left of the front. Remaining is
+// `-goal` at the closest contour point. Pieces whose particle died are steered only late.
+@compute @workgroup_size(lane_count)
+fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let place = list_index(group, local);
+    if place >= work.block_total {
+        return;
+    }
+    let b = work.blocks[place];
+    let q = blocks[b].job;
+    if jobs[q].phase != RUNNING {
+        return;
+    }
+    let nx = jobs[q].nx;
+    let t = jobs[q].now;
+    let gain = gain_at(t);
+    let late = smoothstep01((t - 0.6) / 0.3);
+    var fastest = 0.0;
+    var inside = 0u;
+    var rest = Rest(0.0, 0u, 0u);
+    var k = blocks[b].first;
+    for (var word = 0u; word < 2u; word++) {
+        var bits = select(blocks[b].near_low, blocks[b].near_high, word == 1u);
+        while bits != 0u && k < params.band_capacity {
+            let node = b * BLOCK + word * 32u + countTrailingZeros(bits);
+            bits &= bits - 1u;
+            let v = phi[node];
+            inside += select(0u, 1u, v < 0.0);
+            var miss = 0.0;
+            if abs(v) < NEAR {
+                fastest = max(fastest, abs(hermite_rate(courses[k], t)));
+            }
+            if at_contour(node, nx) {
+                let course = courses[k];
+                let remaining = -sample_goal(q, closest_point(q, node));
+                let trust = clamp(2.0 * (max(course.w, late) - 0.5), 0.0, 1.0);
+                miss = trust * clamp(remaining - (course.x - hermite(course, t)), -ERROR_LIMIT, ERROR_LIMIT);
+                fastest = max(fastest, abs(hermite_rate(course, t) + gain * miss));
+                rest = crossing(rest, node, node + 1u);
+                rest = crossing(rest, node, node + nx);
+            }
+            misses[k] = miss;
+            k++;
+        }
+    }
+    atomicMax(&sums[q].fastest, bitcast<u32>(fastest));
+    atomicAdd(&sums[q].pixels, countOneBits(blocks[b].near_low) + countOneBits(blocks[b].near_high));
+    if inside > 0u {
+        atomicAdd(&sums[q].inside, inside);
+    }
+    add_rest(q, rest);
+}
+
+// One step of each job: `min(CFL / max |F|, 0.1, stop - t)`, the last two steps before a stop made equal.
+@compute @workgroup_size(lane_count)
+fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let q = list_index(group, local);
+    if q >= params.job_count || states[q].phase != RUNNING {
+        return;
+    }
+    let crossings = atomicExchange(&sums[q].crossings, 0u);
+    let residual = bitcast<f32>(atomicExchange(&sums[q].residual_max, 0u));
+    let sum = atomicExchange(&sums[q].residual_sum, 0u);
+    let fastest = max(bitcast<f32>(atomicExchange(&sums[q].fastest, 0u)), 1e-6);
+    let inside = atomicExchange(&sums[q].inside, 0u);
+    let pixels = atomicExchange(&sums[q].pixels, 0u);
+    let t = states[q].now;
+    if t >= 1.0 {
+        states[q].phase = DONE;
+        if crossings > 0u {
+            states[q].residual_max = residual;
+            states[q].residual_mean = f32(sum) / REST_UNIT / f32(crossings);
+        }
+        return;
+    }
+    if inside == 0u {
+        states[q].phase = VANISHED;
+        states[q].vanished = t;
+        return;
+    }
+    let left = stop_of(q) - t;
+    var dt = min(params.cfl * min(params.hx, params.hy) / fastest, STEP_LIMIT);
+    if dt >= left {
+        dt = left;
+        states[q].reaches = 1u;
+        if states[q].next_time < states[q].time_count {
+            let place = atomicAdd(&copies.groups_y, 1u);
+            copies.jobs[place] = q;
+            atomicMax(&copies.groups_x, (states[q].block_count + lane_count - 1u) / lane_count);
+        }
+    } else if left < 2.0 * dt {
+        dt = 0.5 * left;
+    }
+    states[q].dt = dt;
+    states[q].steps += 1u;
+    states[q].pixels += pixels;
+}
+
+// Speed of the course over this step, and the correction at the contour's pixels.
+@compute @workgroup_size(lane_count)
+fn steer(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let k = list_index(group, local);
+    if k >= work.band_total {
+        return;
+    }
+    let q = band[k].y;
+    if jobs[q].phase != RUNNING {
+        return;
+    }
+    let t = jobs[q].now;
+    let dt = jobs[q].dt;
+    let correction = min(gain_at(t), smoothstep01(t) / dt);
+    line[k] = hermite_mean_rate(courses[k], t, dt) + correction * misses[k];
+}

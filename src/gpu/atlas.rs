@@ -1,0 +1,104 @@
+//! Tiles of all jobs of a batch, one after the other in one buffer, and batches that fit a machine.
+
+use std::ops::Range;
+
+use super::layout::{BLOCK, Block, Job, PATCH, Patch};
+use crate::field::Field;
+
+/// The place of every job of a batch.
+#[derive(Debug, Clone, Default)]
+pub struct Atlas {
+    /// Jobs in order, tiles laid out, nothing begun.
+    pub jobs: Vec<Job>,
+}
+
+impl Atlas {
+    /// Tiles of these sizes.
+    pub fn new(dims: impl IntoIterator<Item = [usize; 2]>) -> Self {
+        let mut first_block = 0;
+        let jobs = dims
+            .into_iter()
+            .map(|[nx, ny]| {
+                let block_count = (nx * ny).div_ceil(BLOCK) as u32;
+                let offset = first_block * BLOCK as u32;
+                first_block += block_count;
+                Job {
+                    offset,
+                    nx: nx as u32,
+                    ny: ny as u32,
+                    first_block: first_block - block_count,
+                    block_count,
+                    vanished: -1.0,
+                    ..Job::default()
+                }
+            })
+            .collect();
+        Atlas { jobs }
+    }
+
+    /// Blocks of all tiles.
+    pub fn block_count(&self) -> usize {
+        self.jobs.last().map_or(0, |j| (j.first_block + j.block_count) as usize)
+    }
+
+    /// Nodes of all tiles, with what fills the last block of each.
+    pub fn len(&self) -> usize {
+        self.block_count() * BLOCK
+    }
+
+    /// The table of blocks: which job each belongs to.
+    pub fn blocks(&self) -> Vec<Block> {
+        let of = |(q, job): (usize, &Job)| {
+            std::iter::repeat_n(Block { job: q as u32, ..Block::default() }, job.block_count as usize)
+        };
+        self.jobs.iter().enumerate().flat_map(of).collect()
+    }
+
+    /// Fields of all jobs in single precision, `fill` between them.
+    pub fn pack<'a>(&self, fields: impl Iterator<Item = &'a Field>, fill: f32) -> Vec<f32> {
+        let mut out = Vec::with_capacity(self.len());
+        for (job, field) in self.jobs.iter().zip(fields) {
+            out.extend(field.data.iter().map(|&v| v.clamp(-1e30, 1e30) as f32));
+            out.resize((job.offset + job.block_count * BLOCK as u32) as usize, fill);
+        }
+        out
+    }
+
+    /// Nodes of a job.
+    pub fn nodes(&self, q: usize) -> Range<usize> {
+        let job = &self.jobs[q];
+        let first = job.offset as usize;
+        first..first + (job.nx * job.ny) as usize
+    }
+
+    /// Patches of all tiles for the distance sweeps; writes each tile's first patch number into its job.
+    pub fn patches(&mut self) -> Vec<Patch> {
+        let mut out = Vec::new();
+        for (q, job) in self.jobs.iter_mut().enumerate() {
+            job.first_copy = out.len() as u32;
+            let patch = |row, column| Patch { job: q as u32, column, row, padding: 0 };
+            let [columns, rows] = [job.nx, job.ny].map(|n| n.div_ceil(PATCH as u32));
+            out.extend((0..rows).flat_map(|row| (0..columns).map(move |column| patch(row, column))));
+        }
+        out
+    }
+}
+
+/// Cuts jobs of these sizes into batches of at most `most`, in order; a job that is larger alone makes its own batch.
+pub fn batches(sizes: impl IntoIterator<Item = usize>, most: usize) -> Vec<Range<usize>> {
+    let mut out: Vec<Range<usize>> = Vec::new();
+    let mut filled = 0;
+    for (k, size) in sizes.into_iter().enumerate() {
+        match out.last_mut() {
+            Some(batch) if filled + size <= most => {
+                batch.end = k + 1;
+                filled += size;
+            }
+            _ => {
+                out.push(k..k + 1);
+                filled = size;
+            }
+        }
+    }
+    out
+}

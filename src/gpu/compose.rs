@@ -1,0 +1,161 @@
+//! From copied fronts to slices on the GPU: blending, distances farther out, and the way back to the host.
+
+use super::Gpu;
+use super::atlas::{Atlas, batches};
+use super::band::Front;
+use super::device::Buffer;
+use super::distance::{self, Distances};
+use super::kernels::{Bound, Recorder, Size};
+use super::layout::{Copy, Item, Job, NONE, Params, VANISHED};
+use super::trace::morph_params;
+use crate::backend::MorphOptions;
+use crate::error::Result;
+use crate::field::Field;
+use crate::jobs::{Filled, SweepPair, Swept, blend_weights};
+
+/// Head of the pool of values: how many are used.
+const VALUES_HEAD: usize = 4;
+
+/// Fronts as they were at the output times of their jobs.
+pub struct Copies {
+    /// Places in the pool of values.
+    pub value_capacity: u32,
+    blocks: Buffer,
+    values: Buffer,
+    states: Vec<Job>,
+}
+
+impl Copies {
+    /// Room for the copies of all jobs, whose bands share `room` places; writes into each job where its copies go.
+    pub fn new(gpu: &Gpu, atlas: &mut Atlas, room: usize) -> Result<Self> {
+        let mut count = 0;
+        for job in &mut atlas.jobs {
+            job.first_copy = count;
+            count += job.time_count * job.block_count;
+        }
+        let times = atlas.jobs.iter().map(|j| j.time_count as usize).max().unwrap_or(0);
+        // `room` is generous, so that a part of it per time is enough; the host tries again with more where it is not.
+        let most = gpu.device.largest_binding() as usize / 4 - VALUES_HEAD;
+        let value_capacity = (room * times.max(1)).min(most);
+        Ok(Copies {
+            value_capacity: value_capacity as u32,
+            blocks: gpu.device.storage::<Copy>("copies", count as usize)?,
+            values: gpu.device.storage::<f32>("values", VALUES_HEAD + value_capacity)?,
+            states: Vec::new(),
+        })
+    }
+
+    /// The kernel that copies fronts of the jobs in `reached`.
+    pub fn bind<'g>(&self, gpu: &'g Gpu, front: &Front<'g>, reached: &Buffer) -> Bound<'g> {
+        let Front { params, jobs, blocks, phi, .. } = front;
+        gpu.kernels.copy_front.bind(&gpu.device, &[params, jobs, blocks, phi, reached, &self.blocks, &self.values])
+    }
+
+    /// Whether the pool was too small.
+    pub fn overflow(&self, gpu: &Gpu) -> Result<bool> {
+        Ok(gpu.device.read::<u32>(&self.values, 0, 1)?.first().is_some_and(|&used| used > self.value_capacity))
+    }
+
+    /// With the states in which the jobs ended.
+    pub fn finished(self, states: Vec<Job>) -> Self {
+        Copies { states, ..self }
+    }
+
+    /// First block of copy `k` of job `q`; [`NONE`] where its front had vanished.
+    fn first(&self, q: usize, k: usize) -> u32 {
+        let job = &self.states[q];
+        if job.phase == VANISHED && k as u32 >= job.next_time {
+            return NONE;
+        }
+        job.first_copy + k as u32 * job.block_count
+    }
+}
+
+/// Slices of all pairs, as many at once as fit.
+pub fn fill_slices(
+    gpu: &Gpu,
+    pairs: &[SweepPair<'_>],
+    h: [f64; 2],
+    options: &MorphOptions,
+    (swept, copies): (Vec<Swept>, Copies),
+) -> Result<Vec<Filled>> {
+    let wanted: Vec<(usize, usize)> =
+        pairs.iter().enumerate().flat_map(|(p, pair)| (0..pair.up.times.len()).map(move |k| (p, k))).collect();
+    let mut out: Vec<Filled> =
+        swept.chunks_exact(2).map(|s| Filled { slices: Vec::new(), up: s[0].clone(), down: s[1].clone() }).collect();
+    let params = morph_params(h, options);
+    let most = gpu.most_nodes(distance::NODE_BYTES, 0);
+    for batch in batches(wanted.iter().map(|&(p, _)| pairs[p].up.source.data.len()), most) {
+        let batch = &wanted[batch];
+        let atlas = Atlas::new(batch.iter().map(|&(p, _)| pairs[p].up.source.dims));
+        let items: Vec<Item> = batch
+            .iter()
+            .zip(&atlas.jobs)
+            .map(|(&(p, k), tile)| {
+                let times = &pairs[p].up.times;
+                let [up_weight, down_weight] = blend_weights(times[k], &out[p].up, &out[p].down).map(|w| w as f32);
+                Item {
+                    up: copies.first(2 * p, k),
+                    down: copies.first(2 * p + 1, times.len() - 1 - k),
+                    up_weight,
+                    down_weight,
+                    block_count: tile.block_count,
+                    offset: tile.offset,
+                    ..Item::default()
+                }
+            })
+            .collect();
+        let mut slices = blend(gpu, &copies, &items, atlas, params)?;
+        let mut mended = Vec::new();
+        for (slot, &(p, k)) in batch.iter().enumerate() {
+            if (pairs[p].mend)(k, &mut slices[slot]) {
+                mended.push(slot);
+            }
+        }
+        // What the host has changed is continued outwards once more.
+        for (slot, field) in mended.iter().zip(far_distances(gpu, mended.iter().map(|&s| &slices[s]), params)?) {
+            slices[*slot] = field;
+        }
+        for (&(p, _), slice) in batch.iter().zip(slices) {
+            out[p].slices.push(slice.data.iter().map(|&v| v as f32).collect());
+        }
+    }
+    Ok(out)
+}
+
+fn blend(gpu: &Gpu, copies: &Copies, items: &[Item], atlas: Atlas, params: Params) -> Result<Vec<Field>> {
+    let device = &gpu.device;
+    let blended = device.storage::<f32>("blended", atlas.len())?;
+    let items_buffer = device.upload("items", items)?;
+    let params = Params { value_capacity: copies.value_capacity, ..params };
+    let uniform = device.uniform("params", params);
+    let buffers = [&uniform, &copies.blocks, &copies.values, &items_buffer, &blended];
+    let blend = gpu.kernels.blend.bind(device, &buffers);
+    let largest = items.iter().map(|i| i.block_count as usize).max().unwrap_or(0);
+    let mut work = Recorder::new(device, &gpu.profiler);
+    work.run(&blend, Size::Rows(largest, items.len()));
+    work.submit()?;
+    outwards(gpu, atlas, params, blended)
+}
+
+fn far_distances<'a>(gpu: &Gpu, fields: impl Iterator<Item = &'a Field> + Clone, params: Params) -> Result<Vec<Field>> {
+    let atlas = Atlas::new(fields.clone().map(|f| f.dims));
+    if atlas.jobs.is_empty() {
+        return Ok(Vec::new());
+    }
+    let u = gpu.device.upload("mended", &atlas.pack(fields, 1.0))?;
+    outwards(gpu, atlas, params, u)
+}
+
+/// Fields that are right near their contours, continued outwards as distances.
+fn outwards(gpu: &Gpu, atlas: Atlas, params: Params, u: Buffer) -> Result<Vec<Field>> {
+    let tiles = Distances::new(gpu, atlas, params, u)?;
+    tiles.solve(true)?;
+    let values = tiles.read()?;
+    let atlas = &tiles.atlas;
+    let field = |(q, job): (usize, &Job)| Field {
+        dims: [job.nx as usize, job.ny as usize],
+        data: values[atlas.nodes(q)].iter().map(|&v| f64::from(v)).collect(),
+    };
+    Ok(atlas.jobs.iter().enumerate().map(field).collect())
+}

@@ -1,0 +1,367 @@
+//! Adapters and the device: choosing, limits, the byte budget, waiting, and what goes wrong.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use bytemuck::Pod;
+use sysinfo::System;
+use wgpu::util::{BufferInitDescriptor, DeviceExt};
+
+use crate::error::{Error, Result};
+
+/// Longest time one batch of work may take before the device counts as hung.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// Share of the memory that is free now which software adapters, and GPUs that do not say how much they have, may use.
+const SHARE: f64 = 0.6;
+/// Budget where nothing is known about memory.
+const UNKNOWN_BUDGET: u64 = 2 << 30;
+
+/// A failure of the GPU, in words.
+pub fn failure(message: impl Into<String>) -> Error {
+    Error::Gpu(message.into())
+}
+
+/// An adapter as people see it.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct AdapterSummary {
+    /// Position in the list.
+    pub index: usize,
+    /// Name of the GPU.
+    pub name: String,
+    /// Vulkan, Metal or Dx12.
+    pub api: String,
+    /// Discrete, integrated, virtual, CPU or other.
+    pub kind: String,
+    /// Driver and its version.
+    pub driver: String,
+    /// Largest storage binding, bytes.
+    pub largest_binding: u64,
+    /// Largest buffer, bytes.
+    pub largest_buffer: u64,
+    /// What is missing, if anything.
+    pub lacks: Option<String>,
+}
+
+impl AdapterSummary {
+    /// Whether this is a program that computes on the CPU.
+    pub fn is_software(&self) -> bool {
+        self.kind == "CPU"
+    }
+}
+
+fn instance() -> wgpu::Instance {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+    if std::env::var_os("WGPU_BACKEND").is_none() {
+        descriptor.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
+    }
+    // It costs 12 to 70 us per indirect dispatch; the arguments are written by our own kernels and bounded there.
+    descriptor.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
+    wgpu::Instance::new(descriptor)
+}
+
+/// Best first: discrete, integrated, virtual, other, CPU.
+fn rank(kind: wgpu::DeviceType) -> u8 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    }
+}
+
+fn enumerate() -> Vec<(wgpu::Adapter, AdapterSummary)> {
+    let mut adapters = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::all()));
+    adapters.sort_by_key(|a| rank(a.get_info().device_type));
+    adapters
+        .into_iter()
+        .enumerate()
+        .map(|(index, adapter)| {
+            let (info, limits) = (adapter.get_info(), adapter.limits());
+            let kind = match info.device_type {
+                wgpu::DeviceType::DiscreteGpu => "discrete",
+                wgpu::DeviceType::IntegratedGpu => "integrated",
+                wgpu::DeviceType::VirtualGpu => "virtual",
+                wgpu::DeviceType::Cpu => "CPU",
+                wgpu::DeviceType::Other => "other",
+            };
+            let mut lacks = Vec::new();
+            wgpu::Limits::default().check_limits_with_fail_fn(&limits, false, |name, wanted, allowed| {
+                if compute_limit(name) {
+                    lacks.push(format!("{name} is {allowed}, {wanted} is needed"));
+                }
+            });
+            let summary = AdapterSummary {
+                index,
+                name: info.name,
+                api: info.backend.to_string(),
+                kind: kind.into(),
+                driver: format!("{} {}", info.driver, info.driver_info).trim().into(),
+                largest_binding: limits.max_storage_buffer_binding_size,
+                largest_buffer: limits.max_buffer_size,
+                lacks: (!lacks.is_empty()).then(|| lacks.join("; ")),
+            };
+            (adapter, summary)
+        })
+        .collect()
+}
+
+/// Limits that compute kernels depend on; a device for graphics may fall short in others.
+fn compute_limit(name: &str) -> bool {
+    ["compute", "storage", "uniform", "bind", "buffer"].iter().any(|part| name.contains(part))
+        && !name.contains("texture")
+}
+
+/// All adapters, best first.
+pub fn adapters() -> Vec<AdapterSummary> {
+    enumerate().into_iter().map(|(_, summary)| summary).collect()
+}
+
+/// A device with everything the backend asks of it.
+pub struct Device {
+    /// What it is.
+    pub summary: AdapterSummary,
+    /// Its limits, as granted.
+    pub limits: wgpu::Limits,
+    /// Whether kernels can be timed.
+    pub can_time: bool,
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    faults: Arc<Mutex<Vec<String>>>,
+    budget: u64,
+    used: Arc<AtomicU64>,
+}
+
+impl std::fmt::Debug for Device {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Device").field("summary", &self.summary).field("budget", &self.budget).finish_non_exhaustive()
+    }
+}
+
+/// A buffer that gives its bytes back to the budget when dropped.
+#[derive(Debug)]
+pub struct Buffer {
+    pub(super) raw: wgpu::Buffer,
+    used: Arc<AtomicU64>,
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        self.used.fetch_sub(self.raw.size(), Ordering::Relaxed);
+    }
+}
+
+impl Device {
+    /// Opens an adapter by index or by a part of its name; without a wish the best one. `memory` is the byte budget.
+    ///
+    /// # Errors
+    /// [`Error::Gpu`] if there is no such adapter, if it lacks something, or if the driver refuses.
+    pub fn open(wish: Option<&str>, memory: Option<u64>) -> Result<Self> {
+        let mut found = enumerate();
+        if found.is_empty() {
+            return Err(failure(
+                "no adapter found: there is no Vulkan, Metal or DirectX 12 driver (on Debian: mesa-vulkan-drivers, libvulkan1)",
+            ));
+        }
+        let at = match wish {
+            None => found.iter().position(|(_, s)| s.lacks.is_none()).unwrap_or(0),
+            Some(wish) => {
+                let wanted = wish.to_lowercase();
+                let by_index = wish.parse::<usize>().ok().filter(|&k| k < found.len());
+                by_index
+                    .or_else(|| found.iter().position(|(_, s)| s.name.to_lowercase().contains(&wanted)))
+                    .ok_or_else(|| {
+                        let names: Vec<_> = found.iter().map(|(_, s)| format!("{} ({})", s.index, s.name)).collect();
+                        failure(format!("no adapter matches `{wish}`; there are {}", names.join(", ")))
+                    })?
+            }
+        };
+        let (adapter, summary) = found.swap_remove(at);
+        if let Some(lacks) = &summary.lacks {
+            return Err(failure(format!("{}: limits too small: {lacks}", summary.name)));
+        }
+        let limits = wgpu::Limits {
+            max_buffer_size: adapter.limits().max_buffer_size,
+            max_storage_buffer_binding_size: adapter.limits().max_storage_buffer_binding_size,
+            ..wgpu::Limits::default().or_worse_values_from(&adapter.limits())
+        };
+        let can_time = adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("interslice"),
+            required_features: if can_time { wgpu::Features::TIMESTAMP_QUERY } else { wgpu::Features::empty() },
+            required_limits: limits.clone(),
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .map_err(|e| failure(format!("{}: no device: {e}", summary.name)))?;
+        let faults = Arc::new(Mutex::new(Vec::new()));
+        let lost = faults.clone();
+        device.set_device_lost_callback(move |reason, message| {
+            if reason != wgpu::DeviceLostReason::Destroyed || !message.contains("dropped") {
+                note(&lost, format!("the device is lost ({reason:?}): {message}"));
+            }
+        });
+        let uncaptured = faults.clone();
+        device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| note(&uncaptured, e.to_string())));
+        let budget = memory.unwrap_or_else(free_memory);
+        Ok(Device { summary, limits, can_time, device, queue, faults, budget, used: Arc::default() })
+    }
+
+    /// Bytes that a batch may use.
+    pub fn budget(&self) -> u64 {
+        self.budget
+    }
+
+    /// Largest array in one binding, bytes.
+    pub fn largest_binding(&self) -> u64 {
+        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
+    }
+
+    /// Fails if the device is lost or has complained.
+    ///
+    /// # Errors
+    /// [`Error::Gpu`] with what it said.
+    pub fn check(&self) -> Result<()> {
+        let faults = self.faults.lock().unwrap_or_else(PoisonError::into_inner);
+        match faults.first() {
+            Some(message) => Err(failure(format!("{}: {message}", self.summary.name))),
+            None => Ok(()),
+        }
+    }
+
+    /// A buffer of `bytes`, within the limits and the budget.
+    ///
+    /// # Errors
+    /// [`Error::Gpu`] that names the buffer, its size and the limit.
+    pub fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<Buffer> {
+        self.check()?;
+        let size = bytes.next_multiple_of(4).max(16);
+        let staging = usage.contains(wgpu::BufferUsages::MAP_READ);
+        let limit = if staging { self.limits.max_buffer_size } else { self.largest_binding() };
+        if size > limit {
+            return Err(failure(format!("buffer `{label}` needs {size} bytes, {} allows {limit}", self.summary.name)));
+        }
+        let used = self.used.fetch_add(size, Ordering::Relaxed) + size;
+        if used > self.budget {
+            self.used.fetch_sub(size, Ordering::Relaxed);
+            return Err(failure(format!(
+                "out of memory: buffer `{label}` of {size} bytes exceeds the budget of {} bytes (--memory)",
+                self.budget
+            )));
+        }
+        let out_of_memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let invalid = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let raw = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage,
+            mapped_at_creation: false,
+        });
+        let buffer = Buffer { raw, used: self.used.clone() };
+        let error = pollster::block_on(invalid.pop()).or(pollster::block_on(out_of_memory.pop()));
+        match error {
+            Some(e) => Err(failure(format!("buffer `{label}` of {size} bytes: {e}"))),
+            None => Ok(buffer),
+        }
+    }
+
+    /// A storage buffer of `count` zeroed values.
+    ///
+    /// # Errors
+    /// As [`Device::buffer`].
+    pub fn storage<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer> {
+        let usage = wgpu::BufferUsages::STORAGE
+            | wgpu::BufferUsages::INDIRECT
+            | wgpu::BufferUsages::COPY_SRC
+            | wgpu::BufferUsages::COPY_DST;
+        self.buffer(label, (count * size_of::<T>()) as u64, usage)
+    }
+
+    /// A storage buffer with these values.
+    ///
+    /// # Errors
+    /// As [`Device::buffer`].
+    pub fn upload<T: Pod>(&self, label: &str, values: &[T]) -> Result<Buffer> {
+        let buffer = self.storage::<T>(label, values.len())?;
+        self.queue.write_buffer(&buffer.raw, 0, bytemuck::cast_slice(values));
+        Ok(buffer)
+    }
+
+    /// A uniform buffer with one value.
+    pub fn uniform<T: Pod>(&self, label: &str, value: T) -> Buffer {
+        let descriptor = BufferInitDescriptor {
+            label: Some(label),
+            contents: bytemuck::bytes_of(&value),
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        };
+        let raw = self.device.create_buffer_init(&descriptor);
+        self.used.fetch_add(raw.size(), Ordering::Relaxed);
+        Buffer { raw, used: self.used.clone() }
+    }
+
+    /// Waits until everything submitted is done.
+    ///
+    /// # Errors
+    /// [`Error::Gpu`] when the device is lost, has complained, or hangs.
+    pub fn wait(&self) -> Result<()> {
+        let poll = self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) });
+        self.check()?;
+        poll.map(|_| ())
+            .map_err(|e| failure(format!("{}: no answer within {} s: {e}", self.summary.name, PATIENCE.as_secs())))
+    }
+
+    /// Copies `count` values back, from the value `first` on.
+    ///
+    /// # Errors
+    /// As [`Device::buffer`] and [`Device::wait`].
+    pub fn read<T: Pod>(&self, buffer: &Buffer, first: usize, count: usize) -> Result<Vec<T>> {
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let size = size_of::<T>() as u64;
+        let bytes = count as u64 * size;
+        let staging = self.buffer("staging", bytes, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?;
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
+        encoder.copy_buffer_to_buffer(&buffer.raw, first as u64 * size, &staging.raw, 0, bytes);
+        self.queue.submit([encoder.finish()]);
+        let answer = Arc::new(Mutex::new(None));
+        let slot = answer.clone();
+        staging.raw.slice(..bytes).map_async(wgpu::MapMode::Read, move |r| {
+            *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(r);
+        });
+        self.wait()?;
+        let answer = answer.lock().unwrap_or_else(PoisonError::into_inner).take();
+        match answer {
+            Some(Ok(())) => {
+                let view = staging
+                    .raw
+                    .slice(..bytes)
+                    .get_mapped_range()
+                    .map_err(|e| failure(format!("{}: reading back failed: {e}", self.summary.name)))?;
+                Ok(bytemuck::pod_collect_to_vec(&view))
+            }
+            Some(Err(e)) => Err(failure(format!("{}: reading back failed: {e}", self.summary.name))),
+            None => Err(failure(format!("{}: reading back gave no answer", self.summary.name))),
+        }
+    }
+
+    /// Loses the device on purpose: everything after fails. For tests.
+    pub fn destroy(&self) {
+        self.device.destroy();
+        note(&self.faults, "the device was destroyed".into());
+    }
+}
+
+fn note(faults: &Mutex<Vec<String>>, message: String) {
+    faults.lock().unwrap_or_else(PoisonError::into_inner).push(message);
+}
+
+fn free_memory() -> u64 {
+    let Ok(mut system) = System::new() else { return UNKNOWN_BUDGET };
+    system.refresh_memory();
+    match system.available_memory() {
+        0 => UNKNOWN_BUDGET,
+        free => (free as f64 * SHARE) as u64,
+    }
+}

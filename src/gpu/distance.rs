@@ -1,0 +1,106 @@
+//! Distance sweeps on the GPU, by patches, until no patch is awake.
+
+use super::Gpu;
+use super::atlas::Atlas;
+use super::device::Buffer;
+use super::kernels::{Bound, Recorder, Size};
+use super::layout::{Block, Job, Params};
+use crate::error::Result;
+
+/// Rounds of both colours between two looks.
+const LOOK: usize = 16;
+/// Bytes per node: the level set and its distance, patches and tables of blocks.
+pub const NODE_BYTES: usize = 9;
+
+/// The tiles of a batch with a distance each.
+pub struct Distances<'g> {
+    /// Where the tiles lie; `first_copy` is a tile's first patch.
+    pub atlas: Atlas,
+    /// Shared parameters.
+    pub params: Buffer,
+    /// Job table.
+    pub jobs: Buffer,
+    /// Block table.
+    pub blocks: Buffer,
+    /// What the distance is measured from.
+    pub u: Buffer,
+    /// Distances.
+    pub d: Buffer,
+    /// Which patches are awake.
+    pub awake: Buffer,
+    changes: Buffer,
+    gpu: &'g Gpu,
+    sweeps: [Bound<'g>; 2],
+    patch_count: usize,
+}
+
+impl<'g> Distances<'g> {
+    /// Distances on these tiles; `u` has a value for every node.
+    pub fn new(gpu: &'g Gpu, mut atlas: Atlas, params: Params, u: Buffer) -> Result<Self> {
+        let device = &gpu.device;
+        let patches = atlas.patches();
+        let params = Params {
+            job_count: atlas.jobs.len() as u32,
+            block_count: atlas.block_count() as u32,
+            patch_count: patches.len() as u32,
+            ..params
+        };
+        let params = device.uniform("params", params);
+        let jobs = device.upload::<Job>("jobs", &atlas.jobs)?;
+        let blocks = device.upload::<Block>("blocks", &atlas.blocks())?;
+        let d = device.storage::<f32>("distance", atlas.len())?;
+        let awake = device.storage::<u32>("awake", patches.len())?;
+        let changes = device.storage::<u32>("changes", 1)?;
+        let patch_count = patches.len();
+        let patches = device.upload("patches", &patches)?;
+        let sweeps = [0u32, 1].map(|colour| {
+            let colour = device.uniform("colour", [colour, 0, 0, 0]);
+            gpu.kernels.distance_sweep.bind(device, &[&params, &colour, &jobs, &d, &awake, &patches, &changes])
+        });
+        Ok(Distances { atlas, params, jobs, blocks, u, d, awake, changes, gpu, sweeps, patch_count })
+    }
+
+    /// One invocation per node.
+    pub fn per_node(&self) -> Size<'static> {
+        Size::List(self.atlas.len())
+    }
+
+    /// Start values, then sweeps to the fixed point, then signs. `far`: from a field that is right near its contour.
+    pub fn solve(&self, far: bool) -> Result<()> {
+        let (device, k) = (&self.gpu.device, &self.gpu.kernels);
+        let start = if far { &k.distance_start_far } else { &k.distance_start };
+        let start = start.bind(device, &[&self.params, &self.jobs, &self.blocks, &self.u, &self.d, &self.awake]);
+        let mut work = Recorder::new(device, &self.gpu.profiler);
+        work.run(&start, self.per_node());
+        work.submit()?;
+        self.settle()?;
+        let finish = k.distance_finish.bind(device, &[&self.params, &self.u, &self.d]);
+        let mut work = Recorder::new(device, &self.gpu.profiler);
+        work.run(&finish, self.per_node());
+        work.submit()
+    }
+
+    /// Sweeps from the start values in `d` until no patch is awake.
+    pub fn settle(&self) -> Result<()> {
+        loop {
+            let mut work = Recorder::new(&self.gpu.device, &self.gpu.profiler);
+            for round in 0..LOOK {
+                if round + 1 == LOOK {
+                    work.clear(&self.changes);
+                }
+                for sweep in &self.sweeps {
+                    work.run(sweep, Size::List(self.patch_count));
+                }
+            }
+            work.submit()?;
+            if self.gpu.device.read::<u32>(&self.changes, 0, 1)? == [0] {
+                return Ok(());
+            }
+        }
+    }
+
+    /// The distances of all tiles.
+    pub fn read(&self) -> Result<Vec<f32>> {
+        self.gpu.device.read(&self.d, 0, self.atlas.len())
+    }
+}

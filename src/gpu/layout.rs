@@ -1,0 +1,191 @@
+//! The structs that host and shaders share, member by member as in `shaders/`; `tests/layout.rs` asks naga for the other side and compares
+//! names, offsets and sizes.
+
+use bytemuck::{Pod, Zeroable};
+
+/// No place, no node, no copy.
+pub const NONE: u32 = u32::MAX;
+/// Nodes of a block.
+pub const BLOCK: usize = 64;
+/// Side of a patch of the distance sweeps, px.
+pub const PATCH: usize = 16;
+/// Widest row of workgroups in a dispatch over a list.
+pub const GRID: u32 = 4096;
+/// Phases of a job.
+pub const RUNNING: u32 = 0;
+/// The front disappeared on the way.
+pub const VANISHED: u32 = 2;
+
+/// A mirrored struct: its name in WGSL and its members with their offsets.
+pub trait Layout: Pod {
+    /// Name of the WGSL struct.
+    const NAME: &'static str;
+    /// `(member, offset)` in order.
+    fn members() -> Vec<(&'static str, usize)>;
+}
+
+macro_rules! mirrored {
+    ($(#[$doc:meta])* $name:ident { $($(#[$member_doc:meta])* $member:ident: $kind:ty,)* }) => {
+        $(#[$doc])*
+        #[repr(C)]
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+        pub struct $name {
+            $($(#[$member_doc])* #[allow(missing_docs)] pub $member: $kind,)*
+        }
+
+        impl Layout for $name {
+            const NAME: &'static str = stringify!($name);
+            fn members() -> Vec<(&'static str, usize)> {
+                vec![$((stringify!($member), std::mem::offset_of!($name, $member)),)*]
+            }
+        }
+    };
+}
+
+mirrored!(
+    /// What all jobs of a batch share (`common/job.wgsl`).
+    Params {
+        hx: f32,
+        hy: f32,
+        gamma: f32,
+        beta: f32,
+        cfl: f32,
+        tolerance: f32,
+        limit: f32,
+        job_count: u32,
+        block_count: u32,
+        band_capacity: u32,
+        value_capacity: u32,
+        patch_count: u32,
+    }
+);
+
+mirrored!(
+    /// A job: its tile in the atlas and its state (`common/job.wgsl`).
+    Job {
+        offset: u32,
+        nx: u32,
+        ny: u32,
+        first_block: u32,
+        block_count: u32,
+        phase: u32,
+        steps: u32,
+        pixels: u32,
+        now: f32,
+        dt: f32,
+        most_steps: u32,
+        idle: u32,
+        best: f32,
+        residual_max: f32,
+        residual_mean: f32,
+        first_time: u32,
+        time_count: u32,
+        next_time: u32,
+        reaches: u32,
+        first_copy: u32,
+        vanished: f32,
+        first_bin: u32,
+        bins_x: u32,
+        bins_y: u32,
+    }
+);
+
+mirrored!(
+    /// 64 nodes of a tile (`common/job.wgsl`).
+    Block {
+        near_low: u32,
+        near_high: u32,
+        tube_low: u32,
+        tube_high: u32,
+        inner_low: u32,
+        inner_high: u32,
+        first: u32,
+        job: u32,
+    }
+);
+
+mirrored!(
+    /// Reductions of a job (`common/job.wgsl`).
+    Sums { fastest: u32, residual_max: u32, residual_sum: u32, crossings: u32, inside: u32, pixels: u32, }
+);
+
+mirrored!(
+    /// Head of the work lists; the list of blocks follows (`common/job.wgsl`).
+    Work {
+        block_total: u32,
+        band_total: u32,
+        band_wanted: u32,
+        padding: u32,
+        block_groups: [u32; 4],
+        band_groups: [u32; 4],
+    }
+);
+
+mirrored!(
+    /// A stage of a step (`hj_step.wgsl`, `reinit.wgsl`).
+    Stage { a: f32, b: f32, first: u32, towards: u32, }
+);
+
+mirrored!(
+    /// A tracker particle (`particles.wgsl`).
+    Particle {
+        x: [f32; 2],
+        predicted: [f32; 2],
+        velocity: [f32; 2],
+        speed: f32,
+        covered: f32,
+        arc: f32,
+        died: f32,
+        job: u32,
+        padding: u32,
+    }
+);
+
+mirrored!(
+    /// Upwind neighbours of a band pixel (`extend.wgsl`).
+    Source { x: u32, y: u32, weight: f32, }
+);
+
+mirrored!(
+    /// A seed with its course (`scatter.wgsl`).
+    Seed { course: [f32; 4], x: [f32; 2], padding: [f32; 2], }
+);
+
+mirrored!(
+    /// A block of a copied front (`compose.wgsl`).
+    Copy { near_low: u32, near_high: u32, inside_low: u32, inside_high: u32, first: u32, }
+);
+
+mirrored!(
+    /// A slice to blend (`compose.wgsl`).
+    Item {
+        up: u32,
+        down: u32,
+        up_weight: f32,
+        down_weight: f32,
+        block_count: u32,
+        offset: u32,
+        padding_a: u32,
+        padding_b: u32,
+    }
+);
+
+mirrored!(
+    /// A patch of the distance sweeps (`distance.wgsl`).
+    Patch { job: u32, column: u32, row: u32, padding: u32, }
+);
+
+mirrored!(
+    /// How slices become level sets (`contour_field.wgsl`).
+    Rule {
+        weights: [[f32; 4]; 11],
+        reach: u32,
+        vertical: u32,
+        mask_floor: f32,
+        field_floor: f32,
+        kernel_clip: f32,
+        conditioned: f32,
+        padding_a: u32,
+        padding_b: u32,
+    }
+);

@@ -1,0 +1,105 @@
+//! The GPU path: every numeric stage as WGSL kernels through wgpu, in single precision, batched over all jobs.
+//!
+//! One kernel a file, under the same stem as its twin in `reference` and its text in `shaders`. The host looks at the jobs every 16 steps;
+//! within a stage nothing else comes back. Jobs are cut into batches that fit the adapter's limits and the byte budget; a job's bits do not
+//! depend on the batch it is in.
+
+pub mod atlas;
+pub mod band;
+mod compose;
+mod contour_field;
+pub mod device;
+mod distance;
+pub mod kernels;
+pub mod layout;
+mod part;
+mod propagate;
+mod trace;
+
+use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
+use crate::error::Result;
+use crate::field::Field;
+use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
+use crate::progress::Progress;
+use device::Device;
+use kernels::{Kernels, Profile, Profiler};
+
+/// Share of nodes in the band that batches are planned with; where it is more, lists are made longer.
+const BAND_SHARE: f64 = 0.4;
+
+/// The GPU backend.
+#[derive(Debug)]
+pub struct Gpu {
+    /// The device.
+    pub device: Device,
+    kernels: Kernels,
+    profiler: Profiler,
+}
+
+impl Gpu {
+    /// Opens a device (see [`Device::open`]) and compiles all kernels; `timed` measures them.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`].
+    pub fn open(adapter: Option<&str>, memory: Option<u64>, timed: bool) -> Result<Self> {
+        let device = Device::open(adapter, memory)?;
+        let kernels = Kernels::new(&device)?;
+        Ok(Gpu { device, kernels, profiler: Profiler::new(timed) })
+    }
+
+    /// What the kernels have cost so far.
+    pub fn profile(&self) -> Profile {
+        self.profiler.profile()
+    }
+
+    /// Nodes that a batch may have at `node_bytes` each and `place_bytes` per band place.
+    fn most_nodes(&self, node_bytes: usize, place_bytes: usize) -> usize {
+        let bytes = node_bytes as f64 + BAND_SHARE * place_bytes as f64;
+        let by_budget = self.device.budget() as f64 / bytes;
+        // Four bytes a node in one array.
+        let by_binding = self.device.largest_binding() as f64 / 4.0;
+        by_budget.min(by_binding) as usize
+    }
+}
+
+impl Backend for Gpu {
+    fn name(&self) -> String {
+        let s = &self.device.summary;
+        format!("GPU {} ({}, {})", s.name, s.api, s.driver)
+    }
+
+    fn contour_fields(
+        &self,
+        slices: &[PaddedSlice],
+        dims: [usize; 2],
+        h: [f64; 2],
+        options: ContourOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Field>> {
+        contour_field::contour_fields(self, slices, dims, h, options, progress)
+    }
+
+    fn part_fields(&self, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {
+        part::part_fields(self, jobs, h)
+    }
+
+    fn trace(
+        &self,
+        jobs: &[TraceJob<'_>],
+        h: [f64; 2],
+        options: &MorphOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Traced>> {
+        trace::trace(self, jobs, h, options, progress)
+    }
+
+    fn propagate(
+        &self,
+        pairs: &[SweepPair<'_>],
+        h: [f64; 2],
+        options: &MorphOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Filled>> {
+        propagate::propagate(self, pairs, h, options, progress)
+    }
+}

@@ -1,0 +1,198 @@
+//! Sweeps on the GPU, and the slices made of them.
+
+use super::Gpu;
+use super::atlas::{Atlas, batches};
+use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, crossings, places, with_room};
+use super::compose::{Copies, fill_slices};
+use super::kernels::{Bound, Recorder, Size};
+use super::layout::{Job, RUNNING, Seed, Source, Sums, VANISHED};
+use super::trace::morph_params;
+use crate::backend::MorphOptions;
+use crate::error::Result;
+use crate::jobs::{Filled, SweepJob, SweepPair, Swept};
+use crate::progress::Progress;
+use crate::report::Residual;
+
+/// Steps between two looks at the jobs.
+const LOOK: usize = 16;
+/// Passes of the extension per step, and at the start.
+const PASSES: usize = 4;
+const FIRST_PASSES: usize = 8;
+/// Reach of the kernel that brings seeds to pixels, px; the side of a bin.
+const RADIUS: f64 = 1.5;
+/// Bytes per band place beside the front's own: courses and speeds twice, misses, sources, rounds of filling.
+const SWEEP_PLACE_BYTES: usize = PLACE_BYTES + 64;
+
+/// All pairs of sweeps, batch by batch, and their slices.
+pub fn propagate(
+    gpu: &Gpu,
+    pairs: &[SweepPair<'_>],
+    h: [f64; 2],
+    options: &MorphOptions,
+    progress: &dyn Progress,
+) -> Result<Vec<Filled>> {
+    let most = gpu.most_nodes(NODE_BYTES + 4, SWEEP_PLACE_BYTES);
+    let mut out = Vec::with_capacity(pairs.len());
+    for batch in batches(pairs.iter().map(|p| 2 * p.up.source.data.len()), most) {
+        let batch = &pairs[batch];
+        let nodes: usize = batch.iter().map(|p| 2 * p.up.source.data.len()).sum();
+        let edges = |p: &SweepPair<'_>| 2 * crossings(p.up.source).max(crossings(p.up.target));
+        let room = places(batch.iter().map(edges).sum(), options.half_width, nodes);
+        let swept = with_room(room, nodes.max(room), |room| run(gpu, batch, h, options, room))?;
+        out.extend(fill_slices(gpu, batch, h, options, swept)?);
+        progress.advance(2 * batch.len());
+    }
+    Ok(out)
+}
+
+/// Buffers of the carried values, in band order; the first index says which step's turn it is.
+struct Carried<'g> {
+    measure: [Bound<'g>; 2],
+    steer: [Bound<'g>; 2],
+    carry: [Bound<'g>; 2],
+    /// Passes from these courses to the others.
+    courses: [Bound<'g>; 2],
+    /// Passes over the speed, there and back.
+    line: [Bound<'g>; 2],
+}
+
+fn run(
+    gpu: &Gpu,
+    pairs: &[SweepPair<'_>],
+    h: [f64; 2],
+    options: &MorphOptions,
+    room: usize,
+) -> Result<Room<(Vec<Swept>, Copies)>> {
+    let (device, k) = (&gpu.device, &gpu.kernels);
+    let jobs: Vec<&SweepJob<'_>> = pairs.iter().flat_map(|p| [&p.up, &p.down]).collect();
+    let mut atlas = Atlas::new(jobs.iter().map(|j| j.source.dims));
+    let times = place_times(&mut atlas, &jobs);
+    let (seeds, bins) = place_seeds(&mut atlas, &jobs, h);
+    let copies = Copies::new(gpu, &mut atlas, room)?;
+    let phi = atlas.pack(jobs.iter().map(|j| j.source), 1.0);
+    let goal = device.upload("goal", &atlas.pack(jobs.iter().map(|j| j.target), 1.0))?;
+    let params = super::layout::Params { value_capacity: copies.value_capacity, ..morph_params(h, options) };
+    let front = Front::new(gpu, atlas, params, Some(&phi), room)?;
+    let (times, seeds, bins) =
+        (device.upload("times", &times)?, device.upload("seeds", &seeds)?, device.upload("bins", &bins)?);
+    let sums = device.storage::<Sums>("sums", jobs.len())?;
+    let reached = device.storage::<u32>("reached", 4 + jobs.len())?;
+    let courses = [0, 1].map(|_| device.storage::<[f32; 4]>("courses", room));
+    let line = [0, 1].map(|_| device.storage::<f32>("line", room));
+    let ([courses_a, courses_b], [line_a, line_b]) = (courses, line);
+    let (courses, line) = ([courses_a?, courses_b?], [line_a?, line_b?]);
+    let misses = device.storage::<f32>("misses", room)?;
+    let sources = device.storage::<Source>("sources", room)?;
+    let rounds = device.storage::<u32>("rounds", 4 + 2 * room)?;
+    let Front { params, jobs: table, blocks, work: lists, phi, band, slots, earlier, .. } = &front;
+    let scatter = k.scatter.bind(device, &[params, table, lists, band, phi, &seeds, &bins, &courses[0], &rounds]);
+    let fill = k.scatter_fill.bind(device, &[params, table, band, &courses[0], &rounds, slots]);
+    let find = k.extend_find.bind(device, &[params, table, lists, band, phi, slots, &sources]);
+    let advance = k.sweep_advance.bind(device, &[params, table, &times, &reached]);
+    let control = k.sweep_control.bind(device, &[params, &sums, table, &times, &reached]);
+    let copy = copies.bind(gpu, &front, &reached);
+    let carried = Carried {
+        measure: [0, 1].map(|a| {
+            k.sweep_measure.bind(device, &[params, table, blocks, lists, phi, &goal, &sums, &courses[a], &misses])
+        }),
+        steer: [0, 1].map(|a| k.sweep_steer.bind(device, &[table, lists, &courses[a], &misses, band, &line[0]])),
+        carry: [0, 1].map(|a| k.extend_carry.bind(device, &[params, lists, &courses[a], &courses[1 - a], earlier])),
+        courses: [0, 1].map(|a| k.extend_courses.bind(device, &[lists, &sources, &courses[a], &courses[1 - a]])),
+        line: [0, 1].map(|a| k.extend_line.bind(device, &[lists, &sources, &line[a], &line[1 - a]])),
+    };
+    let stages = front.bind_step(&line[0], false);
+    let each_job = Size::List(jobs.len());
+    let mut work = Recorder::new(device, &gpu.profiler);
+    front.begin(&mut work);
+    work.run(&scatter, front.per_pixel());
+    work.run(&fill, Size::One);
+    work.run(&find, front.per_pixel());
+    for pass in 0..FIRST_PASSES {
+        work.run(&carried.courses[pass % 2], front.per_pixel());
+    }
+    let mut turn = 0;
+    let states = loop {
+        for _ in 0..LOOK {
+            work.run(&advance, each_job);
+            work.run(&carried.measure[turn], front.per_block());
+            work.run(&control, each_job);
+            work.run(&carried.steer[turn], front.per_pixel());
+            for pass in 0..PASSES {
+                work.run(&carried.line[pass % 2], front.per_pixel());
+            }
+            front.step(&mut work, &stages);
+            front.rebuild(&mut work);
+            work.run(&copy, Size::Indirect(&reached, 0));
+            work.run(&carried.carry[turn], front.per_pixel());
+            turn = 1 - turn;
+            work.run(&find, front.per_pixel());
+            for pass in 0..PASSES {
+                work.run(&carried.courses[(turn + pass) % 2], front.per_pixel());
+            }
+        }
+        work.submit()?;
+        let states = front.states()?;
+        if let Some(wanted) = front.overflow()? {
+            return Ok(Room::Short(wanted));
+        }
+        work = Recorder::new(device, &gpu.profiler);
+        if states.iter().all(|s| s.phase != RUNNING) {
+            break states;
+        }
+    };
+    drop(work);
+    if copies.overflow(gpu)? {
+        return Ok(Room::Short(room + 1));
+    }
+    Ok(Room::Enough((states.iter().map(swept).collect(), copies.finished(states))))
+}
+
+fn swept(s: &Job) -> Swept {
+    Swept {
+        steps: s.steps as usize,
+        pixels: s.pixels as usize,
+        residual: Residual { mean: f64::from(s.residual_mean), max: f64::from(s.residual_max) },
+        vanished: (s.phase == VANISHED).then_some(f64::from(s.vanished)),
+    }
+}
+
+/// Output times of all jobs, one after the other.
+fn place_times(atlas: &mut Atlas, jobs: &[&SweepJob<'_>]) -> Vec<f32> {
+    let mut times = Vec::new();
+    for (slot, job) in atlas.jobs.iter_mut().zip(jobs) {
+        (slot.first_time, slot.time_count) = (times.len() as u32, job.times.len() as u32);
+        times.extend(job.times.iter().map(|&t| t as f32));
+    }
+    if times.is_empty() { vec![1.0] } else { times }
+}
+
+/// Seeds of all jobs sorted into bins of RADIUS px, and where each bin begins.
+fn place_seeds(atlas: &mut Atlas, jobs: &[&SweepJob<'_>], h: [f64; 2]) -> (Vec<Seed>, Vec<u32>) {
+    let (mut seeds, mut bins) = (Vec::new(), Vec::new());
+    for (slot, job) in atlas.jobs.iter_mut().zip(jobs) {
+        let cells: [usize; 2] = std::array::from_fn(|a| (job.source.dims[a] as f64 * h[a] / RADIUS) as usize + 1);
+        (slot.first_bin, slot.bins_x, slot.bins_y) = (bins.len() as u32, cells[0] as u32, cells[1] as u32);
+        let bin = |x: &[f64; 2]| {
+            let cell = |a: usize| ((x[a] * h[a] / RADIUS).max(0.0) as usize).min(cells[a] - 1);
+            cell(1) * cells[0] + cell(0)
+        };
+        let mut order: Vec<(usize, usize)> = job.seeds.iter().enumerate().map(|(k, x)| (bin(x), k)).collect();
+        order.sort_unstable();
+        let mut next = 0;
+        for b in 0..=cells[0] * cells[1] {
+            while next < order.len() && order[next].0 < b {
+                next += 1;
+            }
+            bins.push((seeds.len() + next) as u32);
+        }
+        seeds.extend(order.iter().map(|&(_, k)| Seed {
+            course: job.courses[k].map(|v| v as f32),
+            x: job.seeds[k].map(|v| v as f32),
+            padding: [0.0; 2],
+        }));
+    }
+    if seeds.is_empty() {
+        seeds.push(Seed::default());
+    }
+    (seeds, bins)
+}

@@ -55,12 +55,9 @@ fn start(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
             }
         }
     }
-    blocks[b].near_low = inner.x;
-    blocks[b].near_high = inner.y;
-    blocks[b].inner_low = inner.x;
-    blocks[b].inner_high = inner.y;
-    blocks[b].tube_low = tube.x;
-    blocks[b].tube_high = tube.y;
+    blocks[b].near = inner;
+    blocks[b].inner = inner;
+    blocks[b].tube = tube;
     lists.blocks[b] = b;
     if b == 0u {
         set_block_total(params.block_count);
@@ -68,11 +65,14 @@ fn start(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
 }
 
 fn set_block_total(total: u32) {
-    let groups = (total + lane_count - 1u) / lane_count;
     lists.block_total = total;
-    lists.block_groups[0] = min(groups, GRID);
-    lists.block_groups[1] = (groups + GRID - 1u) / GRID;
-    lists.block_groups[2] = 1u;
+    lists.block_groups = groups_of(total);
+}
+
+// Arguments of a dispatch over a list.
+fn groups_of(total: u32) -> array<u32, 4> {
+    let groups = (total + lane_count - 1u) / lane_count;
+    return array<u32, 4>(min(groups, GRID), (groups + GRID - 1u) / GRID, 1u, 0u);
 }
 
 fn touch(b: u32) {
@@ -102,17 +102,16 @@ fn tube(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     }
     let b = work.blocks[k];
     let q = blocks[b].job;
-    var low = 0u;
-    var high = 0u;
+    var bits = vec2<u32>(0u);
     if jobs[q].phase == RUNNING {
-        low = tube_bits(blocks[b].near_low, b * BLOCK);
-        high = tube_bits(blocks[b].near_high, b * BLOCK + 32u);
-        if (blocks[b].near_low | blocks[b].near_high) != 0u {
+        let near = blocks[b].near;
+        bits = vec2<u32>(tube_bits(near.x, b * BLOCK), tube_bits(near.y, b * BLOCK + 32u));
+        if any(near != vec2<u32>(0u)) {
             touch(b);
         }
-        if (low | high) != 0u {
-            let first = select(32u + countTrailingZeros(high), countTrailingZeros(low), low != 0u);
-            let last = select(31u - countLeadingZeros(low), 63u - countLeadingZeros(high), high != 0u);
+        if any(bits != vec2<u32>(0u)) {
+            let first = select(32u + countTrailingZeros(bits.y), countTrailingZeros(bits.x), bits.x != 0u);
+            let last = select(31u - countLeadingZeros(bits.x), 63u - countLeadingZeros(bits.y), bits.y != 0u);
             let nx = jobs[q].nx;
             for (var row = 0u; row < 3u; row++) {
                 let base = b * BLOCK + row * nx - nx;
@@ -122,8 +121,7 @@ fn tube(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
             }
         }
     }
-    blocks[b].tube_low = low;
-    blocks[b].tube_high = high;
+    blocks[b].tube = bits;
 }
 
 // Lists the touched blocks in order and wipes the marks. One workgroup; each invocation takes a stretch of words.
@@ -158,28 +156,31 @@ fn gather(@builtin(local_invocation_index) local: u32) {
     }
 }
 
-// T as one string of bits: the 32 that begin at `node`.
+// T as one string of bits, a word of it.
 fn tube_word(w: u32) -> u32 {
-    return select(blocks[w >> 1u].tube_low, blocks[w >> 1u].tube_high, (w & 1u) == 1u);
+    return blocks[w >> 1u].tube[w & 1u];
 }
 
-fn tube_at(node: u32) -> u32 {
-    let shift = node & 31u;
-    let low = tube_word(node >> 5u);
-    if shift == 0u {
-        return low;
-    }
-    return (low >> shift) | (tube_word((node >> 5u) + 1u) << (32u - shift));
+// The 32 bits that begin at bit `shift` of three words, `shift` at most 64.
+fn cut_out(words: vec3<u32>, shift: u32) -> u32 {
+    let low = select(words.x, words.y, shift >= 32u);
+    let high = select(words.y, words.z, shift >= 32u);
+    let by = shift & 31u;
+    return select((low >> by) | (high << (32u - by)), low, by == 0u);
 }
 
+// T and its ring in the 32 nodes from `node` on.
 fn grown(node: u32, nx: u32, inner: u32) -> u32 {
     if inner == 0u {
         return 0u;
     }
     var bits = 0u;
     for (var row = 0u; row < 3u; row++) {
-        let at = node + row * nx - nx;
-        bits |= tube_at(at - 1u) | tube_at(at) | tube_at(at + 1u);
+        let first = node + row * nx - nx - 1u;
+        let w = first >> 5u;
+        let words = vec3<u32>(tube_word(w), tube_word(w + 1u), tube_word(w + 2u));
+        let shift = first & 31u;
+        bits |= cut_out(words, shift) | cut_out(words, shift + 1u) | cut_out(words, shift + 2u);
     }
     return bits & inner;
 }
@@ -205,13 +206,13 @@ fn grow(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     }
     let b = work.blocks[k];
     let nx = jobs[blocks[b].job].nx;
-    let low = grown(b * BLOCK, nx, blocks[b].inner_low);
-    let high = grown(b * BLOCK + 32u, nx, blocks[b].inner_high);
-    put_outside(blocks[b].near_low & ~low, b * BLOCK);
-    put_outside(blocks[b].near_high & ~high, b * BLOCK + 32u);
-    blocks[b].near_low = low;
-    blocks[b].near_high = high;
-    blocks[b].first = countOneBits(low) + countOneBits(high);
+    let inner = blocks[b].inner;
+    let near = vec2<u32>(grown(b * BLOCK, nx, inner.x), grown(b * BLOCK + 32u, nx, inner.y));
+    let leaving = blocks[b].near & ~near;
+    put_outside(leaving.x, b * BLOCK);
+    put_outside(leaving.y, b * BLOCK + 32u);
+    blocks[b].near = near;
+    blocks[b].first = countOneBits(near.x) + countOneBits(near.y);
 }
 
 // Turns the blocks' counts into places and says how long the band is.
@@ -239,12 +240,10 @@ fn scan(@builtin(local_invocation_index) local: u32) {
     }
     if local == scan_width - 1u {
         let kept = min(place, params.band_capacity);
-        let groups = (kept + lane_count - 1u) / lane_count;
         lists.band_wanted = max(lists.band_wanted, place);
         lists.band_total = kept;
-        lists.band_groups[0] = min(groups, GRID);
-        lists.band_groups[1] = (groups + GRID - 1u) / GRID;
-        lists.band_groups[2] = 1u;
+        lists.band_groups = groups_of(kept);
+        lists.chunk_groups = groups_of((kept + chunk_length - 1u) / chunk_length);
     }
 }
 
@@ -273,6 +272,7 @@ fn collect(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
     let b = work.blocks[k];
     let q = blocks[b].job;
-    let middle = list_nodes(blocks[b].near_low, b * BLOCK, q, blocks[b].first);
-    list_nodes(blocks[b].near_high, b * BLOCK + 32u, q, middle);
+    let near = blocks[b].near;
+    let middle = list_nodes(near.x, b * BLOCK, q, blocks[b].first);
+    list_nodes(near.y, b * BLOCK + 32u, q, middle);
 }

@@ -24,11 +24,10 @@ struct Reached {
 
 // A block of a copied front.
 struct Copy {
-    near_low: u32,
-    near_high: u32,
-    inside_low: u32,
-    inside_high: u32,
+    near: vec2<u32>,
+    inside: vec2<u32>,
     first: u32,
+    padding: u32,
 }
 
 struct Values {
@@ -66,7 +65,7 @@ fn copy_front(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
             inside[c >> 5u] |= 1u << (c & 31u);
         }
     }
-    let near = vec2<u32>(blocks[b].near_low, blocks[b].near_high);
+    let near = blocks[b].near;
     let count = countOneBits(near.x) + countOneBits(near.y);
     var first = 0u;
     if count > 0u {
@@ -84,19 +83,18 @@ fn copy_front(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
             }
         }
     }
-    copies[jobs[q].first_copy + jobs[q].next_time * jobs[q].block_count + k] = Copy(near.x, near.y, inside.x, inside.y, first);
+    copies[jobs[q].first_copy + jobs[q].next_time * jobs[q].block_count + k] = Copy(near, inside, first, 0u);
 }
 
 // A pixel of a copied front, clamped to the tube.
 fn front_value(block: Copy, c: u32) -> f32 {
     let outside = params.gamma + 0.5;
     let bit = 1u << (c & 31u);
-    let near = select(block.near_low, block.near_high, c >= 32u);
+    let near = block.near[c >> 5u];
     if (near & bit) == 0u {
-        let inside = select(block.inside_low, block.inside_high, c >= 32u);
-        return select(outside, -outside, (inside & bit) != 0u);
+        return select(outside, -outside, (block.inside[c >> 5u] & bit) != 0u);
     }
-    let rank = countOneBits(near & (bit - 1u)) + select(0u, countOneBits(block.near_low), c >= 32u);
+    let rank = countOneBits(near & (bit - 1u)) + select(0u, countOneBits(block.near.x), c >= 32u);
     return clamp(values.phi[min(block.first + rank, params.value_capacity - 1u)], -outside, outside);
 }
 
@@ -108,7 +106,7 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     if k >= item.block_count {
         return;
     }
-    let gone = Copy(0u, 0u, 0u, 0u, 0u);
+    let gone = Copy(vec2<u32>(0u), vec2<u32>(0u), 0u, 0u);
     var up = gone;
     var down = gone;
     if item.up != NONE {

@@ -92,7 +92,7 @@ fn put_conditioned(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
     }
     let b = node / BLOCK;
     let bit = 1u << (node & 31u);
-    let near = select(blocks[b].near_low, blocks[b].near_high, (node & 32u) != 0u);
+    let near = blocks[b].near[(node >> 5u) & 1u];
     let use_first = (near & bit) != 0u && abs(first[node]) < rule.conditioned;
     result[node] = keep_side(select(second[node], first[node], use_first), second[node], rule.field_floor);
 }

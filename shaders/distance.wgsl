@@ -7,7 +7,7 @@
 // Distances are not negative. A start value is kept with its sign bit set: it does not change.
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<uniform> sweep: Sweep;
+@group(0) @binding(1) var<uniform> colour: Colour;
 @group(0) @binding(2) var<storage, read> jobs: array<Job>;
 @group(0) @binding(3) var<storage, read> blocks: array<Block>;
 @group(0) @binding(4) var<storage, read> u: array<f32>;
@@ -23,16 +23,20 @@ const SETTLED: f32 = 1e-5;
 // Pixels this close to a contour keep what the sweep of the front made of them, px.
 const TRUSTED: f32 = 3.0;
 
-struct Sweep {
-    colour: u32,
+// The patches of one colour in `patches`.
+struct Colour {
+    first: u32,
+    count: u32,
+    padding_a: u32,
+    padding_b: u32,
 }
 
-// 16 x 16 pixels of a tile, or less at its edge.
+// 16 x 16 pixels of a tile, or less at its edge; its number, row by row over all tiles, is its place in `awake`.
 struct Patch {
     job: u32,
     column: u32,
     row: u32,
-    padding: u32,
+    number: u32,
 }
 
 // Fraction of the pixel side at which the contour crosses towards a neighbour, FAR where it does not.
@@ -45,7 +49,7 @@ fn columns_of(q: u32) -> u32 {
 }
 
 fn wake_at(q: u32, i: u32, j: u32) {
-    // Patches are numbered tile by tile; a tile's first patch number is kept in `first_copy`.
+    // A tile's first patch number is kept in `first_copy`.
     atomicStore(&awake[jobs[q].first_copy + (j / PATCH) * columns_of(q) + i / PATCH], 2u);
 }
 
@@ -116,19 +120,21 @@ fn start_far(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
 // Four sweeps of every patch of one colour that is awake.
 @compute @workgroup_size(lane_count)
 fn sweep_patches(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let p = list_index(group, local);
-    if p >= params.patch_count || ((patches[p].column + patches[p].row) & 1u) != sweep.colour {
+    let k = list_index(group, local);
+    if k >= colour.count {
         return;
     }
+    let own = patches[colour.first + k];
+    let p = own.number;
     let state = atomicExchange(&awake[p], 0u);
     if state == 0u {
         return;
     }
-    let q = patches[p].job;
+    let q = own.job;
     let nx = jobs[q].nx;
     let ny = jobs[q].ny;
-    let i0 = patches[p].column * PATCH;
-    let j0 = patches[p].row * PATCH;
+    let i0 = own.column * PATCH;
+    let j0 = own.row * PATCH;
     let width = min(PATCH, nx - i0);
     let height = min(PATCH, ny - j0);
     var changed = false;
@@ -177,16 +183,16 @@ fn sweep_patches(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
     if changed {
         atomicMax(&awake[p], 1u);
     }
-    if border.x && patches[p].column > 0u {
+    if border.x && own.column > 0u {
         atomicMax(&awake[p - 1u], 1u);
     }
-    if border.y && patches[p].column + 1u < columns {
+    if border.y && own.column + 1u < columns {
         atomicMax(&awake[p + 1u], 1u);
     }
-    if border.z && patches[p].row > 0u {
+    if border.z && own.row > 0u {
         atomicMax(&awake[p - columns], 1u);
     }
-    if border.w && patches[p].row + 1u < rows {
+    if border.w && own.row + 1u < rows {
         atomicMax(&awake[p + columns], 1u);
     }
     if changed || any(border) {

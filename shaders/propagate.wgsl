@@ -2,7 +2,7 @@
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> jobs: array<Job>;
-@group(0) @binding(2) var<storage, read> blocks: array<Block>;
+@group(0) @binding(2) var<storage, read> band: array<vec2<u32>>;
 @group(0) @binding(3) var<storage, read> work: Work;
 @group(0) @binding(4) var<storage, read> phi: array<f32>;
 @group(0) @binding(5) var<storage, read> goal: array<f32>;
@@ -12,8 +12,7 @@
 @group(0) @binding(9) var<storage, read_write> states: array<Job>;
 @group(0) @binding(10) var<storage, read> times: array<f32>;
 @group(0) @binding(11) var<storage, read_write> copies: Copies;
-@group(0) @binding(12) var<storage, read> band: array<vec2<u32>>;
-@group(0) @binding(13) var<storage, read_write> line: array<f32>;
+@group(0) @binding(12) var<storage, read_write> line: array<f32>;
 
 // Largest time step.
 const STEP_LIMIT: f32 = 0.1;
@@ -71,53 +70,59 @@ fn stop_of(q: u32) -> f32 {
 // `-goal` at the closest contour point. Pieces whose particle died are steered only late.
 @compute @workgroup_size(lane_count)
 fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let place = list_index(group, local);
-    if place >= work.block_total {
+    let begin = list_index(group, local) * chunk_length;
+    if begin >= work.band_total {
         return;
     }
-    let b = work.blocks[place];
-    let q = blocks[b].job;
-    if jobs[q].phase != RUNNING {
-        return;
-    }
-    let nx = jobs[q].nx;
-    let t = jobs[q].now;
-    let gain = gain_at(t);
-    let late = smoothstep01((t - 0.6) / 0.3);
-    var fastest = 0.0;
-    var inside = 0u;
-    var rest = Rest(0.0, 0u, 0u);
-    var k = blocks[b].first;
-    for (var word = 0u; word < 2u; word++) {
-        var bits = select(blocks[b].near_low, blocks[b].near_high, word == 1u);
-        while bits != 0u && k < params.band_capacity {
-            let node = b * BLOCK + word * 32u + countTrailingZeros(bits);
-            bits &= bits - 1u;
-            let v = phi[node];
-            inside += select(0u, 1u, v < 0.0);
-            var miss = 0.0;
-            if abs(v) < NEAR {
-                fastest = max(fastest, abs(hermite_rate(courses[k], t)));
-            }
-            if at_contour(node, nx) {
-                let course = courses[k];
-                let remaining = -sample_goal(q, closest_point(q, node));
-                let trust = clamp(2.0 * (max(course.w, late) - 0.5), 0.0, 1.0);
-                miss = trust * clamp(remaining - (course.x - hermite(course, t)), -ERROR_LIMIT, ERROR_LIMIT);
-                fastest = max(fastest, abs(hermite_rate(course, t) + gain * miss));
-                rest = crossing(rest, node, node + 1u);
-                rest = crossing(rest, node, node + nx);
-            }
-            misses[k] = miss;
-            k++;
+    let end = min(begin + chunk_length, work.band_total);
+    var q = band[begin].y;
+    var found = Found(0.0, 0u, 0u, Rest(0.0, 0u, 0u));
+    for (var k = begin; k < end; k++) {
+        if band[k].y != q {
+            add(q, found);
+            q = band[k].y;
+            found = Found(0.0, 0u, 0u, Rest(0.0, 0u, 0u));
         }
+        let node = band[k].x;
+        let nx = jobs[q].nx;
+        let t = jobs[q].now;
+        let v = phi[node];
+        found.pixels++;
+        found.inside += select(0u, 1u, v < 0.0);
+        var miss = 0.0;
+        if abs(v) < NEAR {
+            found.fastest = max(found.fastest, abs(hermite_rate(courses[k], t)));
+        }
+        if at_contour(node, nx) {
+            let course = courses[k];
+            let late = smoothstep01((t - 0.6) / 0.3);
+            let remaining = -sample_goal(q, closest_point(q, node));
+            let trust = clamp(2.0 * (max(course.w, late) - 0.5), 0.0, 1.0);
+            miss = trust * clamp(remaining - (course.x - hermite(course, t)), -ERROR_LIMIT, ERROR_LIMIT);
+            found.fastest = max(found.fastest, abs(hermite_rate(course, t) + gain_at(t) * miss));
+            found.rest = crossing(found.rest, node, node + 1u);
+            found.rest = crossing(found.rest, node, node + nx);
+        }
+        misses[k] = miss;
     }
-    atomicMax(&sums[q].fastest, bitcast<u32>(fastest));
-    atomicAdd(&sums[q].pixels, countOneBits(blocks[b].near_low) + countOneBits(blocks[b].near_high));
-    if inside > 0u {
-        atomicAdd(&sums[q].inside, inside);
+    add(q, found);
+}
+
+// What an invocation has found of one job.
+struct Found {
+    fastest: f32,
+    inside: u32,
+    pixels: u32,
+    rest: Rest,
+}
+
+fn add(q: u32, found: Found) {
+    if jobs[q].phase == RUNNING {
+        atomicMax(&sums[q].fastest, bitcast<u32>(found.fastest));
+        atomicAdd(&sums[q].inside, found.inside);
+        atomicAdd(&sums[q].pixels, found.pixels);
+        add_rest(q, found.rest);
     }
-    add_rest(q, rest);
 }
 
 // One step of each job: `min(CFL / max |F|, 0.1, stop - t)`, the last two steps before a stop made equal.

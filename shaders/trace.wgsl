@@ -2,7 +2,7 @@
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> jobs: array<Job>;
-@group(0) @binding(2) var<storage, read> blocks: array<Block>;
+@group(0) @binding(2) var<storage, read> band: array<vec2<u32>>;
 @group(0) @binding(3) var<storage, read> work: Work;
 @group(0) @binding(4) var<storage, read> phi: array<f32>;
 @group(0) @binding(5) var<storage, read> goal: array<f32>;
@@ -18,37 +18,44 @@ const STALL_BELOW: f32 = 1.0;
 const LEAST_GAIN: f32 = 1e-3;
 const PATIENCE: u32 = 12u;
 
-// Speed near the front and distance of its crossings from the goal, block by block.
+// Speed near the front and distance of its crossings from the goal, some band pixels at a time.
 @compute @workgroup_size(lane_count)
 fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let k = list_index(group, local);
-    if k >= work.block_total {
+    let begin = list_index(group, local) * chunk_length;
+    if begin >= work.band_total {
         return;
     }
-    let b = work.blocks[k];
-    let q = blocks[b].job;
-    if jobs[q].phase != RUNNING {
-        return;
-    }
-    let nx = jobs[q].nx;
+    let end = min(begin + chunk_length, work.band_total);
+    var q = band[begin].y;
     var fastest = 0.0;
     var rest = Rest(0.0, 0u, 0u);
-    for (var word = 0u; word < 2u; word++) {
-        var bits = select(blocks[b].near_low, blocks[b].near_high, word == 1u);
-        while bits != 0u {
-            let node = b * BLOCK + word * 32u + countTrailingZeros(bits);
-            bits &= bits - 1u;
-            let v = phi[node];
-            if abs(v) < NEAR {
-                fastest = max(fastest, abs(v - goal[node]));
-            }
-            rest = crossing(rest, node, node + 1u);
-            rest = crossing(rest, node, node + nx);
+    var pixels = 0u;
+    for (var k = begin; k < end; k++) {
+        let node = band[k].x;
+        if band[k].y != q {
+            add(q, fastest, rest, pixels);
+            q = band[k].y;
+            fastest = 0.0;
+            rest = Rest(0.0, 0u, 0u);
+            pixels = 0u;
         }
+        let v = phi[node];
+        if abs(v) < NEAR {
+            fastest = max(fastest, abs(v - goal[node]));
+        }
+        rest = crossing(rest, node, node + 1u);
+        rest = crossing(rest, node, node + jobs[q].nx);
+        pixels++;
     }
-    atomicMax(&sums[q].fastest, bitcast<u32>(fastest));
-    add_rest(q, rest);
-    atomicAdd(&sums[q].pixels, countOneBits(blocks[b].near_low) + countOneBits(blocks[b].near_high));
+    add(q, fastest, rest, pixels);
+}
+
+fn add(q: u32, fastest: f32, rest: Rest, pixels: u32) {
+    if jobs[q].phase == RUNNING {
+        atomicMax(&sums[q].fastest, bitcast<u32>(fastest));
+        add_rest(q, rest);
+        atomicAdd(&sums[q].pixels, pixels);
+    }
 }
 
 // One step of each job, or its end.

@@ -3,6 +3,7 @@
 use sysinfo::System;
 
 use crate::error::{Error, Result};
+use crate::pipeline::CHUNK_BYTES;
 use crate::settings::Settings;
 use crate::stack::ContourStack;
 
@@ -22,9 +23,10 @@ pub fn estimate_bytes(stack: &ContourStack, heights: &[f64], settings: &Settings
     let between = |w: &[crate::stack::Slice]| heights.iter().filter(|z| **z > w[0].z && **z < w[1].z).count();
     let most_between = stack.slices.windows(2).map(between).max().unwrap_or(0) as f64;
     let at_once = (2 * threads).min(stack.slices.len()) as f64;
+    let swept = (at_once * most_between * padded).max(CHUNK_BYTES as f64 / 4.0).min(layers * padded);
     let bytes = stack.slices.len() as f64 * padded * PER_SLICE_PIXEL
         + layers * pixels * PER_LAYER_PIXEL
-        + at_once * most_between * padded * PER_SWEPT_PIXEL
+        + swept * PER_SWEPT_PIXEL
         + most_between * padded * PER_BLENDED_PIXEL;
     bytes as u64
 }

@@ -4,6 +4,7 @@
 //! distance -> motion -> match -> trace -> fit -> propagate -> compose
 //! ```
 
+use std::ops::Range;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -27,6 +28,8 @@ use crate::tracks::{Side, Sides, sides, trace_job};
 
 /// Extra margin for rules whose curves overshoot their contours, px.
 const OVERSHOOT: usize = 8;
+/// Bytes of the slices that are swept together.
+pub(crate) const CHUNK_BYTES: usize = 256 << 20;
 
 /// Everything a run carries from stage to stage.
 struct Run<'a> {
@@ -92,6 +95,11 @@ pub fn run(
     let heights = Heights::new(stack, heights, [ends[0].extent, ends[1].extent])?;
     let layers =
         run.stage("propagate", jobs, |run| run.propagate(&contours, &intervals, &sides, &fitted, &ends, &heights))?;
+    let done_by = backend.name();
+    if done_by != run.report.backend {
+        run.report.warnings.push(format!("the backend has changed on the way: {done_by}"));
+        run.report.backend = done_by;
+    }
     Ok(Reconstruction {
         dims: stack.dims,
         spacing: stack.spacing,
@@ -227,9 +235,8 @@ impl Run<'_> {
         let mut layers: Vec<Layer> = Vec::with_capacity(heights.all.len());
         let below = heights.all.iter().filter(|x| x.z < contours[0].z);
         layers.extend(below.map(|x| self.layer(x, ends[0].layer(x.z, &contours[0], self.canvas()))));
-        let at_once = 2 * rayon::current_num_threads();
-        for first in (0..intervals.len()).step_by(at_once) {
-            let chunk: Vec<usize> = (first..intervals.len().min(first + at_once)).collect();
+        for chunk in chunks(intervals, heights) {
+            let chunk: Vec<usize> = chunk.collect();
             let caps: Vec<IntervalCaps> = chunk
                 .iter()
                 .map(|&i| {
@@ -378,6 +385,26 @@ impl Run<'_> {
         }
         Layer { z: height.z, phi, output: height.output, contour: None }
     }
+}
+
+/// Intervals that are swept together: enough for all threads and for a GPU, but no more slices than [`CHUNK_BYTES`] hold.
+fn chunks(intervals: &[Interval], heights: &Heights) -> Vec<Range<usize>> {
+    let at_least = 2 * rayon::current_num_threads();
+    let mut out: Vec<Range<usize>> = Vec::new();
+    let mut filled = 0;
+    for (i, interval) in intervals.iter().enumerate() {
+        let nodes: usize = interval.groups.iter().map(|g| g.tile.len()).sum();
+        let bytes = size_of::<f32>() * nodes * heights.between(i).len();
+        match out.last_mut() {
+            Some(chunk) if chunk.len() < at_least || filled + bytes <= CHUNK_BYTES => chunk.end = i + 1,
+            _ => {
+                out.push(i..i + 1);
+                filled = 0;
+            }
+        }
+        filled += bytes;
+    }
+    out
 }
 
 /// Height as time of its interval, in steps of 2^-30: a stack and the same upside down then sweep with the very same times, whichever way

@@ -1,5 +1,7 @@
 //! The certificate of a reconstruction: what was done and how well each contour is met. Written as JSON.
 
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use crate::settings::Settings;
@@ -13,6 +15,12 @@ pub struct Report {
     pub settings: Settings,
     /// Backend that did the work.
     pub backend: String,
+    /// Why this backend; filled by whoever chose it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub backend_reason: Option<String>,
+    /// What its kernels cost; filled by whoever asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub profile: Option<Profile>,
     /// Pixels per slice.
     pub dims: [usize; 2],
     /// Pixel spacing.
@@ -145,6 +153,30 @@ pub enum Event {
         /// Pixels of the hole in the lower contour.
         pixels: usize,
     },
+}
+
+/// What the kernels of a GPU cost, added up by name.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Profile {
+    /// Per kernel.
+    pub kernels: BTreeMap<&'static str, KernelCost>,
+    /// Submissions.
+    pub submissions: u64,
+    /// Bytes sent to the device.
+    pub bytes_up: u64,
+    /// Bytes read back.
+    pub bytes_down: u64,
+}
+
+/// Cost of one kernel.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct KernelCost {
+    /// Dispatches.
+    pub dispatches: u64,
+    /// Seconds on the device; 0 unless timed.
+    pub seconds: f64,
+    /// Pixels updated, where they are counted.
+    pub pixels: u64,
 }
 
 /// Time spent in a stage.

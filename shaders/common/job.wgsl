@@ -16,6 +16,9 @@ const GRID: u32 = 4096u;
 
 override lane_count: u32 = 64u;
 
+// Band pixels that one invocation takes where a pixel alone would be too little work.
+override chunk_length: u32 = 16u;
+
 // What all jobs of a batch share. Lengths in pixels of the larger pixel side.
 struct Params {
     hx: f32,
@@ -65,12 +68,9 @@ struct Job {
 
 // 64 nodes: which of them are in the tubes N and T and off the tile's rim, and where the block's part of the band begins.
 struct Block {
-    near_low: u32,
-    near_high: u32,
-    tube_low: u32,
-    tube_high: u32,
-    inner_low: u32,
-    inner_high: u32,
+    near: vec2<u32>,
+    tube: vec2<u32>,
+    inner: vec2<u32>,
     first: u32,
     job: u32,
 }
@@ -83,6 +83,7 @@ struct Work {
     padding: u32,
     block_groups: array<u32, 4>,
     band_groups: array<u32, 4>,
+    chunk_groups: array<u32, 4>,
     blocks: array<u32>,
 }
 

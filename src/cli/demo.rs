@@ -8,8 +8,9 @@ use interslice::stack::SliceContent;
 use interslice::{Error, Result};
 use serde_json::json;
 
+use super::devices::DeviceOptions;
 use super::outputs::{OutputOptions, Outputs};
-use super::reconstruct::{Telling, reconstruct};
+use super::reconstruct::{Job, Telling, reconstruct};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -20,6 +21,9 @@ pub struct Arguments {
     /// Folder to write to; each stack gets a folder of its own in it
     #[arg(short, long = "output", value_name = "FOLDER")]
     output: PathBuf,
+
+    #[command(flatten)]
+    device: DeviceOptions,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
@@ -31,7 +35,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let files = ["surface.stl", "volume.nrrd", "picture.png"].map(|f| folder.join(f));
         let outputs = Outputs::open(&files, Some(&folder.join("report.json")))?;
         let options = OutputOptions { mask: false, contours: true };
-        reconstruct(&demo.stack, &demo.settings, None, outputs, options, Telling::Normal)?;
+        let job = Job { stack: &demo.stack, settings: &demo.settings, dz: None, device: &arguments.device };
+        reconstruct(&job, outputs, options, Telling::Normal)?;
     }
     Ok(())
 }

@@ -3,6 +3,7 @@
 mod bar;
 mod config;
 mod demo;
+mod devices;
 mod inspect;
 mod outputs;
 mod reconstruct;
@@ -26,6 +27,8 @@ enum Command {
     Inspect(inspect::Arguments),
     /// Write the paper's synthetic stacks and reconstruct them
     Demo(demo::Arguments),
+    /// List the GPUs of this machine and which one would be used
+    Devices,
 }
 
 /// Parses the command line and runs it.
@@ -36,6 +39,10 @@ pub fn run() -> Result<()> {
         (Command::Reconstruct(arguments), Some((_, matches))) => reconstruct::run(*arguments, matches),
         (Command::Inspect(arguments), _) => inspect::run(&arguments),
         (Command::Demo(arguments), _) => demo::run(&arguments),
+        (Command::Devices, _) => {
+            devices::list();
+            Ok(())
+        }
         (Command::Reconstruct(_), None) => Ok(()),
     }
 }

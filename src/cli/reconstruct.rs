@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use clap::ArgMatches;
 use interslice::stack::{self, ReadOptions};
 use interslice::surface::mesh::Mesh;
-use interslice::{ContourStack, Error, Progress, Reference, Result, Settings, height_grid, memory, reconstruct_with};
+use interslice::{ContourStack, Error, Progress, Result, Settings, height_grid, memory, reconstruct_with};
 use serde::{Deserialize, Serialize};
 
 use super::bar::Bars;
 use super::config::File;
+use super::devices::{DeviceOptions, choose, tell_profile};
 use super::outputs::{OutputOptions, Outputs, measured_surface};
 
 #[derive(Debug, clap::Args)]
@@ -37,6 +38,9 @@ pub struct Arguments {
 
     #[command(flatten)]
     settings: Settings,
+
+    #[command(flatten)]
+    device: DeviceOptions,
 
     /// Threads [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N")]
@@ -86,6 +90,7 @@ pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
         arguments.settings = file.overlay(arguments.settings, matches)?;
         arguments.read = file.overlay(arguments.read, matches)?;
         arguments.made = file.overlay(arguments.made, matches)?;
+        arguments.device = file.overlay(arguments.device, matches)?;
         file.finish()?;
     }
     if arguments.outputs.is_empty() && arguments.report.is_none() {
@@ -106,7 +111,8 @@ pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
     let stack = stack::read(&arguments.input, &arguments.read)?;
     let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref())?;
     let options = OutputOptions { mask: arguments.made.mask, contours: arguments.made.contours };
-    reconstruct(&stack, &arguments.settings, arguments.made.dz, outputs, options, telling)
+    let job = Job { stack: &stack, settings: &arguments.settings, dz: arguments.made.dz, device: &arguments.device };
+    reconstruct(&job, outputs, options, telling)
 }
 
 fn set_threads(threads: Option<usize>) -> Result<()> {
@@ -118,32 +124,42 @@ fn set_threads(threads: Option<usize>) -> Result<()> {
     rayon::ThreadPoolBuilder::new().num_threads(n).build_global().or_else(|e| fail(e.to_string()))
 }
 
+/// One reconstruction: what of, how, where.
+pub struct Job<'a> {
+    /// The checked stack.
+    pub stack: &'a ContourStack,
+    /// How.
+    pub settings: &'a Settings,
+    /// Distance between output heights.
+    pub dz: Option<f64>,
+    /// Which machine.
+    pub device: &'a DeviceOptions,
+}
+
 /// One reconstruction, from a checked stack to its files.
-pub fn reconstruct(
-    stack: &ContourStack,
-    settings: &Settings,
-    dz: Option<f64>,
-    outputs: Outputs,
-    options: OutputOptions,
-    telling: Telling,
-) -> Result<()> {
+pub fn reconstruct(job: &Job<'_>, outputs: Outputs, options: OutputOptions, telling: Telling) -> Result<()> {
+    let Job { stack, settings, dz, device } = *job;
     let heights = height_grid(stack, settings, dz).heights()?;
     memory::check(memory::estimate_bytes(stack, &heights, settings, rayon::current_num_threads()))?;
+    let notice = |message: &str| eprintln!("warning: {message}");
+    let chosen = choose(device, &notice)?;
     if telling != Telling::Quiet {
-        eprintln!(
-            "running on the CPU reference path, {} threads (this version has no GPU backend yet)",
-            rayon::current_num_threads()
-        );
+        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
     }
     let bars = Bars::default();
     let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
-    let mut body = reconstruct_with(stack, &heights, settings, &Reference, progress)?;
+    let mut body = reconstruct_with(stack, &heights, settings, chosen.backend(), progress)?;
+    body.report.backend_reason = Some(chosen.reason.clone());
+    body.report.profile = chosen.profile();
     let mesh = if outputs.need_mesh() { measured_surface(&mut body) } else { Mesh::default() };
     if telling != Telling::Quiet {
         body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
     }
     if telling == Telling::Verbose {
         tell(&body);
+    }
+    if let Some(profile) = &body.report.profile {
+        tell_profile(profile);
     }
     let written = outputs.write(&body, &mesh, options)?;
     if telling != Telling::Quiet {

@@ -71,14 +71,18 @@ impl Atlas {
         first..first + (job.nx * job.ny) as usize
     }
 
-    /// Patches of all tiles for the distance sweeps; writes each tile's first patch number into its job.
-    pub fn patches(&mut self) -> Vec<Patch> {
-        let mut out = Vec::new();
+    /// Patches of all tiles for the distance sweeps, those of either colour of a checkerboard; writes each tile's first patch number into
+    /// its job.
+    pub fn patches(&mut self) -> [Vec<Patch>; 2] {
+        let mut out = [Vec::new(), Vec::new()];
+        let mut number = 0;
         for (q, job) in self.jobs.iter_mut().enumerate() {
-            job.first_copy = out.len() as u32;
-            let patch = |row, column| Patch { job: q as u32, column, row, padding: 0 };
+            job.first_copy = number;
             let [columns, rows] = [job.nx, job.ny].map(|n| n.div_ceil(PATCH as u32));
-            out.extend((0..rows).flat_map(|row| (0..columns).map(move |column| patch(row, column))));
+            for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+                out[(row + column) as usize % 2].push(Patch { job: q as u32, column, row, number });
+                number += 1;
+            }
         }
         out
     }

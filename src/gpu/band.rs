@@ -8,9 +8,10 @@ use super::layout::{Block, Job, Params, Stage, Work};
 use crate::error::Result;
 use crate::stencil::TVD_RK3;
 
-/// Bytes of the arguments of dispatches over blocks and over the band in [`Work`].
+/// Bytes of the arguments of dispatches over blocks, the band, and the band in chunks in [`Work`].
 const BLOCK_GROUPS: u64 = std::mem::offset_of!(Work, block_groups) as u64;
 const BAND_GROUPS: u64 = std::mem::offset_of!(Work, band_groups) as u64;
+const CHUNK_GROUPS: u64 = std::mem::offset_of!(Work, chunk_groups) as u64;
 
 /// Bytes per node of an atlas: two copies of phi, the place in the band, bits and lists of blocks.
 pub const NODE_BYTES: usize = 13;
@@ -117,6 +118,11 @@ impl<'g> Front<'g> {
         Size::Indirect(&self.work, BAND_GROUPS)
     }
 
+    /// One invocation per chunk of band pixels.
+    pub fn per_chunk(&self) -> Size<'_> {
+        Size::Indirect(&self.work, CHUNK_GROUPS)
+    }
+
     /// The first band, found by looking at whole tiles.
     pub fn begin(&self, work: &mut Recorder<'_>) {
         work.run(&self.start, Size::List(self.atlas.block_count()));
@@ -168,9 +174,8 @@ impl<'g> Front<'g> {
 
     /// Gives both copies of phi new values and leaves the band as it is.
     pub fn replace_phi(&self, phi: &[f32]) {
-        let bytes = bytemuck::cast_slice(phi);
-        self.gpu.device.queue.write_buffer(&self.phi.raw, 0, bytes);
-        self.gpu.device.queue.write_buffer(&self.other.raw, 0, bytes);
+        self.gpu.device.write(&self.phi, phi);
+        self.gpu.device.write(&self.other, phi);
     }
 
     /// The job table as it is now.

@@ -131,6 +131,8 @@ pub struct Device {
     faults: Arc<Mutex<Vec<String>>>,
     budget: u64,
     used: Arc<AtomicU64>,
+    /// Bytes sent and read back.
+    traffic: [AtomicU64; 2],
 }
 
 impl std::fmt::Debug for Device {
@@ -205,7 +207,17 @@ impl Device {
         let uncaptured = faults.clone();
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| note(&uncaptured, e.to_string())));
         let budget = memory.unwrap_or_else(free_memory);
-        Ok(Device { summary, limits, can_time, device, queue, faults, budget, used: Arc::default() })
+        Ok(Device {
+            summary,
+            limits,
+            can_time,
+            device,
+            queue,
+            faults,
+            budget,
+            used: Arc::default(),
+            traffic: Default::default(),
+        })
     }
 
     /// Bytes that a batch may use.
@@ -284,8 +296,19 @@ impl Device {
     /// As [`Device::buffer`].
     pub fn upload<T: Pod>(&self, label: &str, values: &[T]) -> Result<Buffer> {
         let buffer = self.storage::<T>(label, values.len())?;
-        self.queue.write_buffer(&buffer.raw, 0, bytemuck::cast_slice(values));
+        self.write(&buffer, values);
         Ok(buffer)
+    }
+
+    /// Gives the first values of a buffer new ones.
+    pub fn write<T: Pod>(&self, buffer: &Buffer, values: &[T]) {
+        self.traffic[0].fetch_add(size_of_val(values) as u64, Ordering::Relaxed);
+        self.queue.write_buffer(&buffer.raw, 0, bytemuck::cast_slice(values));
+    }
+
+    /// Bytes sent and read back so far.
+    pub fn traffic(&self) -> [u64; 2] {
+        self.traffic.each_ref().map(|bytes| bytes.load(Ordering::Relaxed))
     }
 
     /// A uniform buffer with one value.
@@ -321,6 +344,7 @@ impl Device {
         }
         let size = size_of::<T>() as u64;
         let bytes = count as u64 * size;
+        self.traffic[1].fetch_add(bytes, Ordering::Relaxed);
         let staging = self.buffer("staging", bytes, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
         encoder.copy_buffer_to_buffer(&buffer.raw, first as u64 * size, &staging.raw, 0, bytes);

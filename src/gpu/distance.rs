@@ -4,7 +4,7 @@ use super::Gpu;
 use super::atlas::Atlas;
 use super::device::Buffer;
 use super::kernels::{Bound, Recorder, Size};
-use super::layout::{Block, Job, Params};
+use super::layout::{Block, Colour, Job, Params};
 use crate::error::Result;
 
 /// Rounds of both colours between two looks.
@@ -30,15 +30,17 @@ pub struct Distances<'g> {
     pub awake: Buffer,
     changes: Buffer,
     gpu: &'g Gpu,
-    sweeps: [Bound<'g>; 2],
-    patch_count: usize,
+    /// Sweeps over the patches of a colour, with their number.
+    sweeps: [(Bound<'g>, usize); 2],
 }
 
 impl<'g> Distances<'g> {
     /// Distances on these tiles; `u` has a value for every node.
     pub fn new(gpu: &'g Gpu, mut atlas: Atlas, params: Params, u: Buffer) -> Result<Self> {
         let device = &gpu.device;
-        let patches = atlas.patches();
+        let colours = atlas.patches();
+        let counts = colours.each_ref().map(Vec::len);
+        let patches = colours.concat();
         let params = Params {
             job_count: atlas.jobs.len() as u32,
             block_count: atlas.block_count() as u32,
@@ -51,13 +53,15 @@ impl<'g> Distances<'g> {
         let d = device.storage::<f32>("distance", atlas.len())?;
         let awake = device.storage::<u32>("awake", patches.len())?;
         let changes = device.storage::<u32>("changes", 1)?;
-        let patch_count = patches.len();
         let patches = device.upload("patches", &patches)?;
-        let sweeps = [0u32, 1].map(|colour| {
-            let colour = device.uniform("colour", [colour, 0, 0, 0]);
-            gpu.kernels.distance_sweep.bind(device, &[&params, &colour, &jobs, &d, &awake, &patches, &changes])
+        let sweeps = [0, 1].map(|k| {
+            let first = if k == 0 { 0 } else { counts[0] as u32 };
+            let colour = Colour { first, count: counts[k] as u32, ..Colour::default() };
+            let colour = device.uniform("colour", colour);
+            let buffers = [&params, &colour, &jobs, &d, &awake, &patches, &changes];
+            (gpu.kernels.distance_sweep.bind(device, &buffers), counts[k])
         });
-        Ok(Distances { atlas, params, jobs, blocks, u, d, awake, changes, gpu, sweeps, patch_count })
+        Ok(Distances { atlas, params, jobs, blocks, u, d, awake, changes, gpu, sweeps })
     }
 
     /// One invocation per node.
@@ -88,8 +92,8 @@ impl<'g> Distances<'g> {
                 if round + 1 == LOOK {
                     work.clear(&self.changes);
                 }
-                for sweep in &self.sweeps {
-                    work.run(sweep, Size::List(self.patch_count));
+                for (sweep, count) in self.sweeps.iter().filter(|s| s.1 > 0) {
+                    work.run(sweep, Size::List(*count));
                 }
             }
             work.submit()?;

@@ -1,13 +1,12 @@
 //! All kernels: WGSL text put together, compiled once per device, and how work is recorded.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, PoisonError};
-
-use serde::Serialize;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::device::{Buffer, Device, failure};
 use super::layout::GRID;
 use crate::error::Result;
+use crate::report::Profile;
 
 /// Invocations of a workgroup.
 pub const WORKGROUP: u32 = 64;
@@ -98,7 +97,7 @@ kernels!(
     sweep_advance: "propagate"."advance" [0, 9, 10, 11],
     sweep_measure: "propagate"."measure" [0, 1, 2, 3, 4, 5, 6, 7, 8],
     sweep_control: "propagate"."control" [0, 6, 9, 10, 11],
-    sweep_steer: "propagate"."steer" [1, 3, 7, 8, 12, 13],
+    sweep_steer: "propagate"."steer" [1, 2, 3, 7, 8, 12],
     scatter: "scatter"."scatter" [0, 1, 2, 3, 4, 5, 6, 7, 8],
     scatter_fill: "scatter"."fill" [0, 1, 3, 7, 8, 9],
     copy_front: "compose"."copy_front" [0, 1, 2, 3, 4, 5, 6],
@@ -198,24 +197,6 @@ pub enum Size<'b> {
     Indirect(&'b Buffer, u64),
 }
 
-/// What kernels cost, added up by name.
-#[derive(Debug, Clone, Default, Serialize)]
-pub struct Profile {
-    /// Per kernel.
-    pub kernels: BTreeMap<&'static str, KernelCost>,
-    /// Submissions.
-    pub submissions: u64,
-}
-
-/// Cost of one kernel.
-#[derive(Debug, Clone, Copy, Default, Serialize)]
-pub struct KernelCost {
-    /// Dispatches.
-    pub dispatches: u64,
-    /// Seconds on the device; 0 unless timed.
-    pub seconds: f64,
-}
-
 /// Where profiles are gathered; timing gives every dispatch its own pass.
 #[derive(Debug)]
 pub struct Profiler {
@@ -232,7 +213,19 @@ impl Profiler {
 
     /// What has been gathered so far.
     pub fn profile(&self) -> Profile {
-        self.gathered.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.gathered().clone()
+    }
+
+    /// Says how many pixels kernels over the band have updated, which the host learns only afterwards.
+    pub fn count(&self, kernels: &[&'static str], pixels: usize) {
+        let mut gathered = self.gathered();
+        for kernel in kernels {
+            gathered.kernels.entry(kernel).or_default().pixels += pixels as u64;
+        }
+    }
+
+    fn gathered(&self) -> MutexGuard<'_, Profile> {
+        self.gathered.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -246,7 +239,8 @@ pub struct Recorder<'d> {
     encoder: wgpu::CommandEncoder,
     pass: Option<wgpu::ComputePass<'static>>,
     queries: Option<wgpu::QuerySet>,
-    labels: Vec<&'static str>,
+    /// Kernel and pixels of each dispatch.
+    runs: Vec<(&'static str, usize)>,
 }
 
 impl<'d> Recorder<'d> {
@@ -260,12 +254,12 @@ impl<'d> Recorder<'d> {
                 count: MOST_QUERIES,
             })
         });
-        Recorder { device, profiler, encoder, pass: None, queries, labels: Vec::new() }
+        Recorder { device, profiler, encoder, pass: None, queries, runs: Vec::new() }
     }
 
     /// Records one dispatch.
     pub fn run(&mut self, bound: &Bound<'_>, size: Size<'_>) {
-        let at = 2 * self.labels.len() as u32;
+        let at = 2 * self.runs.len() as u32;
         let timed = self.queries.as_ref().filter(|_| at + 1 < MOST_QUERIES);
         if timed.is_some() || self.pass.is_none() {
             self.pass = None;
@@ -278,7 +272,12 @@ impl<'d> Recorder<'d> {
             self.pass = Some(self.encoder.begin_compute_pass(&descriptor).forget_lifetime());
         }
         let Some(pass) = &mut self.pass else { return };
-        self.labels.push(bound.kernel.label);
+        let pixels = match size {
+            Size::List(n) => n,
+            Size::Rows(n, rows) => n * rows,
+            _ => 0,
+        };
+        self.runs.push((bound.kernel.label, pixels));
         pass.set_pipeline(&bound.kernel.pipeline);
         pass.set_bind_group(0, &bound.group, &[]);
         let groups = |n: usize| n.div_ceil(WORKGROUP as usize) as u32;
@@ -312,8 +311,8 @@ impl<'d> Recorder<'d> {
     pub fn submit(mut self) -> Result<()> {
         self.pass = None;
         let stamps = match self.queries.take() {
-            Some(set) if !self.labels.is_empty() => {
-                let count = (2 * self.labels.len() as u32).min(MOST_QUERIES);
+            Some(set) if !self.runs.is_empty() => {
+                let count = (2 * self.runs.len() as u32).min(MOST_QUERIES);
                 let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
                 let resolved = self.device.buffer("timestamps", u64::from(count) * 8, usage)?;
                 self.encoder.resolve_query_set(&set, 0..count, &resolved.raw, 0);
@@ -328,11 +327,12 @@ impl<'d> Recorder<'d> {
             None => Vec::new(),
         };
         let period = f64::from(self.device.queue.get_timestamp_period()) * 1e-9;
-        let mut profile = self.profiler.gathered.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut profile = self.profiler.gathered();
         profile.submissions += 1;
-        for (k, label) in self.labels.iter().enumerate() {
+        for (k, (label, pixels)) in self.runs.iter().enumerate() {
             let cost = profile.kernels.entry(label).or_default();
             cost.dispatches += 1;
+            cost.pixels += *pixels as u64;
             if let [from, to] = times.get(2 * k..2 * k + 2).unwrap_or_default() {
                 cost.seconds += to.saturating_sub(*from) as f64 * period;
             }

@@ -93,12 +93,9 @@ mirrored!(
 mirrored!(
     /// 64 nodes of a tile (`common/job.wgsl`).
     Block {
-        near_low: u32,
-        near_high: u32,
-        tube_low: u32,
-        tube_high: u32,
-        inner_low: u32,
-        inner_high: u32,
+        near: [u32; 2],
+        tube: [u32; 2],
+        inner: [u32; 2],
         first: u32,
         job: u32,
     }
@@ -118,6 +115,7 @@ mirrored!(
         padding: u32,
         block_groups: [u32; 4],
         band_groups: [u32; 4],
+        chunk_groups: [u32; 4],
     }
 );
 
@@ -153,7 +151,7 @@ mirrored!(
 
 mirrored!(
     /// A block of a copied front (`compose.wgsl`).
-    Copy { near_low: u32, near_high: u32, inside_low: u32, inside_high: u32, first: u32, }
+    Copy { near: [u32; 2], inside: [u32; 2], first: u32, padding: u32, }
 );
 
 mirrored!(
@@ -171,8 +169,13 @@ mirrored!(
 );
 
 mirrored!(
+    /// The patches of one colour (`distance.wgsl`).
+    Colour { first: u32, count: u32, padding_a: u32, padding_b: u32, }
+);
+
+mirrored!(
     /// A patch of the distance sweeps (`distance.wgsl`).
-    Patch { job: u32, column: u32, row: u32, padding: u32, }
+    Patch { job: u32, column: u32, row: u32, number: u32, }
 );
 
 mirrored!(

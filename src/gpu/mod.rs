@@ -10,6 +10,7 @@ mod compose;
 mod contour_field;
 pub mod device;
 mod distance;
+mod fallback;
 pub mod kernels;
 pub mod layout;
 mod part;
@@ -21,8 +22,11 @@ use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
 use crate::progress::Progress;
+use crate::reference::Reference;
+use crate::report::Profile;
 use device::Device;
-use kernels::{Kernels, Profile, Profiler};
+pub use fallback::GpuOrReference;
+use kernels::{Kernels, Profiler};
 
 /// Share of nodes in the band that batches are planned with; where it is more, lists are made longer.
 const BAND_SHARE: f64 = 0.4;
@@ -49,7 +53,8 @@ impl Gpu {
 
     /// What the kernels have cost so far.
     pub fn profile(&self) -> Profile {
-        self.profiler.profile()
+        let [bytes_up, bytes_down] = self.device.traffic();
+        Profile { bytes_up, bytes_down, ..self.profiler.profile() }
     }
 
     /// Nodes that a batch may have at `node_bytes` each and `place_bytes` per band place.
@@ -100,6 +105,10 @@ impl Backend for Gpu {
         options: &MorphOptions,
         progress: &dyn Progress,
     ) -> Result<Vec<Filled>> {
+        if options.redistance > 0 {
+            // A morph of its own in every few steps of every sweep: the paper's way, kept for comparison only.
+            return Reference.propagate(pairs, h, options, progress);
+        }
         propagate::propagate(self, pairs, h, options, progress)
     }
 }

@@ -84,7 +84,7 @@ fn run(
     let misses = device.storage::<f32>("misses", room)?;
     let sources = device.storage::<Source>("sources", room)?;
     let rounds = device.storage::<u32>("rounds", 4 + 2 * room)?;
-    let Front { params, jobs: table, blocks, work: lists, phi, band, slots, earlier, .. } = &front;
+    let Front { params, jobs: table, work: lists, phi, band, slots, earlier, .. } = &front;
     let scatter = k.scatter.bind(device, &[params, table, lists, band, phi, &seeds, &bins, &courses[0], &rounds]);
     let fill = k.scatter_fill.bind(device, &[params, table, band, &courses[0], &rounds, slots]);
     let find = k.extend_find.bind(device, &[params, table, lists, band, phi, slots, &sources]);
@@ -93,9 +93,9 @@ fn run(
     let copy = copies.bind(gpu, &front, &reached);
     let carried = Carried {
         measure: [0, 1].map(|a| {
-            k.sweep_measure.bind(device, &[params, table, blocks, lists, phi, &goal, &sums, &courses[a], &misses])
+            k.sweep_measure.bind(device, &[params, table, band, lists, phi, &goal, &sums, &courses[a], &misses])
         }),
-        steer: [0, 1].map(|a| k.sweep_steer.bind(device, &[table, lists, &courses[a], &misses, band, &line[0]])),
+        steer: [0, 1].map(|a| k.sweep_steer.bind(device, &[table, band, lists, &courses[a], &misses, &line[0]])),
         carry: [0, 1].map(|a| k.extend_carry.bind(device, &[params, lists, &courses[a], &courses[1 - a], earlier])),
         courses: [0, 1].map(|a| k.extend_courses.bind(device, &[lists, &sources, &courses[a], &courses[1 - a]])),
         line: [0, 1].map(|a| k.extend_line.bind(device, &[lists, &sources, &line[a], &line[1 - a]])),
@@ -114,7 +114,7 @@ fn run(
     let states = loop {
         for _ in 0..LOOK {
             work.run(&advance, each_job);
-            work.run(&carried.measure[turn], front.per_block());
+            work.run(&carried.measure[turn], front.per_chunk());
             work.run(&control, each_job);
             work.run(&carried.steer[turn], front.per_pixel());
             for pass in 0..PASSES {
@@ -141,6 +141,10 @@ fn run(
         }
     };
     drop(work);
+    let pixels = states.iter().map(|s| s.pixels as usize).sum();
+    gpu.profiler
+        .count(&["hj_step", "hj_step", "hj_step", "reinit", "sweep_steer", "extend_find", "extend_carry"], pixels);
+    gpu.profiler.count(&["extend_line", "extend_courses"], PASSES * pixels);
     if copies.overflow(gpu)? {
         return Ok(Room::Short(room + 1));
     }

@@ -63,8 +63,8 @@ fn run(
     // An array cannot be empty; a dead particle stands for none.
     let none = [Particle { died: 0.0, ..Particle::default() }];
     let particles = device.upload("particles", if seeds.is_empty() { &none[..] } else { &seeds })?;
-    let Front { params, jobs: table, blocks, work: lists, phi, .. } = &front;
-    let measure = k.trace_measure.bind(device, &[table, blocks, lists, phi, &goal, &sums]);
+    let Front { params, jobs: table, band, work: lists, phi, .. } = &front;
+    let measure = k.trace_measure.bind(device, &[table, band, lists, phi, &goal, &sums]);
     let control = k.trace_control.bind(device, &[params, &sums, table]);
     let follow = [&k.particles_predict, &k.particles_correct, &k.particles_land]
         .map(|kernel| kernel.bind(device, &[params, table, phi, &goal, &particles]));
@@ -75,7 +75,7 @@ fn run(
     front.begin(&mut work);
     let states = loop {
         for _ in 0..LOOK {
-            work.run(&measure, front.per_block());
+            work.run(&measure, front.per_chunk());
             work.run(&control, each_job);
             work.run(&follow[0], each_particle);
             front.step(&mut work, &stages);
@@ -94,6 +94,7 @@ fn run(
     };
     work.run(&follow[2], each_particle);
     work.submit()?;
+    gpu.profiler.count(&["hj_step", "hj_step", "hj_step", "reinit"], states.iter().map(|s| s.pixels as usize).sum());
     let landed: Vec<Particle> = device.read(&particles, 0, seeds.len())?;
     let mut landed = landed.iter();
     Ok(Room::Enough(

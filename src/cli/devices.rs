@@ -1,0 +1,219 @@
+//! Which machine does the work: `--backend`, `--adapter`, `--memory`, `--profile`, and `interslice devices`.
+
+use clap::ValueEnum;
+#[cfg(feature = "gpu")]
+use interslice::gpu::device::{AdapterSummary, adapters};
+#[cfg(feature = "gpu")]
+use interslice::gpu::{Gpu, GpuOrReference};
+use interslice::report::Profile;
+use interslice::{Backend, Error, Reference, Result};
+use serde::{Deserialize, Serialize};
+
+/// What the user wants.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Wish {
+    /// A GPU if there is one, else the reference path; the reference path too when the GPU fails
+    #[default]
+    Auto,
+    /// A GPU, or a software adapter where there is none; fails when it fails
+    Gpu,
+    /// The f64 reference path
+    Cpu,
+}
+
+#[derive(Debug, Clone, Default, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[command(next_help_heading = "Machine")]
+pub struct DeviceOptions {
+    /// Where the numeric stages run
+    #[arg(long, value_enum, default_value_t)]
+    backend: Wish,
+
+    /// GPU to use, by its number in `interslice devices` or a part of its name
+    #[arg(long, value_name = "NAME|NUMBER")]
+    adapter: Option<String>,
+
+    /// Memory that the GPU's buffers may take, e.g. 512M or 4G [default: 60 % of what is free]
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    memory: Option<u64>,
+
+    /// Time every kernel and say what each has cost
+    #[arg(long)]
+    profile: bool,
+}
+
+/// A number of bytes with an optional K, M, G or T (powers of 1024).
+fn bytes(text: &str) -> std::result::Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match text[digits.len()..].to_uppercase().trim_end_matches('B').trim_end_matches('I') {
+        "" => 1u64,
+        "K" => 1 << 10,
+        "M" => 1 << 20,
+        "G" => 1 << 30,
+        "T" => 1 << 40,
+        _ => return Err(format!("must be a number of bytes with K, M, G or T, such as 512M; got `{text}`")),
+    };
+    let wrong = || format!("must be a number of bytes such as 512M or 4G, at least 1M; got `{text}`");
+    let count: u64 = digits.parse().map_err(|_| wrong())?;
+    count.checked_mul(unit).filter(|&b| b >= 1 << 20).ok_or_else(wrong)
+}
+
+/// The machine that was chosen, and why.
+pub struct Chosen<'n> {
+    machine: Machine<'n>,
+    /// Why this one.
+    pub reason: String,
+    profile: bool,
+}
+
+enum Machine<'n> {
+    Reference(std::marker::PhantomData<&'n ()>),
+    #[cfg(feature = "gpu")]
+    Gpu(Box<Gpu>),
+    #[cfg(feature = "gpu")]
+    Either(Box<GpuOrReference<'n>>),
+}
+
+impl Chosen<'_> {
+    fn reference(options: &DeviceOptions, reason: impl Into<String>) -> Self {
+        let machine = Machine::Reference(std::marker::PhantomData);
+        Chosen { machine, reason: reason.into(), profile: options.profile }
+    }
+
+    /// The backend.
+    pub fn backend(&self) -> &dyn Backend {
+        match &self.machine {
+            Machine::Reference(_) => &Reference,
+            #[cfg(feature = "gpu")]
+            Machine::Gpu(gpu) => &**gpu,
+            #[cfg(feature = "gpu")]
+            Machine::Either(either) => &**either,
+        }
+    }
+
+    /// What the kernels have cost, if that was asked.
+    pub fn profile(&self) -> Option<Profile> {
+        match &self.machine {
+            _ if !self.profile => None,
+            Machine::Reference(_) => None,
+            #[cfg(feature = "gpu")]
+            Machine::Gpu(gpu) => Some(gpu.profile()),
+            #[cfg(feature = "gpu")]
+            Machine::Either(either) => Some(either.gpu.profile()),
+        }
+    }
+}
+
+/// Opens what the options ask for; `notice` is told when a GPU fails on the way.
+#[cfg(feature = "gpu")]
+pub fn choose<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<Chosen<'n>> {
+    let open = || Gpu::open(options.adapter.as_deref(), options.memory, options.profile);
+    let machine = match options.backend {
+        Wish::Cpu => return Ok(Chosen::reference(options, "asked for with --backend cpu")),
+        Wish::Gpu => {
+            return Ok(Chosen {
+                machine: Machine::Gpu(Box::new(open()?)),
+                reason: "asked for with --backend gpu".into(),
+                profile: options.profile,
+            });
+        }
+        Wish::Auto if options.adapter.is_none() => {
+            if let Err(why) = automatic(&adapters()) {
+                return Ok(Chosen::reference(options, why));
+            }
+            open()
+        }
+        Wish::Auto => open(),
+    };
+    match machine {
+        Ok(gpu) => Ok(Chosen {
+            reason: if options.adapter.is_some() { "asked for with --adapter" } else { "the best GPU of this machine" }
+                .into(),
+            machine: Machine::Either(Box::new(GpuOrReference::new(gpu, notice))),
+            profile: options.profile,
+        }),
+        Err(Error::Gpu(message)) => Ok(Chosen::reference(options, message)),
+        Err(e) => Err(e),
+    }
+}
+
+/// The adapter that `--backend auto` takes, or why it takes none.
+#[cfg(feature = "gpu")]
+fn automatic(found: &[AdapterSummary]) -> std::result::Result<usize, String> {
+    if let Some(k) = found.iter().position(|a| a.lacks.is_none() && !a.is_software()) {
+        return Ok(k);
+    }
+    Err(match found.first() {
+        None => "there is no GPU driver here".into(),
+        Some(a) if a.is_software() => {
+            format!("{} computes on the CPU, where the reference path is faster", a.name)
+        }
+        Some(a) => format!("{}: {}", a.name, a.lacks.as_deref().unwrap_or("cannot be used")),
+    })
+}
+
+/// Without the GPU backend there is one choice.
+#[cfg(not(feature = "gpu"))]
+pub fn choose<'n>(options: &DeviceOptions, _notice: &'n (dyn Fn(&str) + Sync)) -> Result<Chosen<'n>> {
+    match options.backend {
+        Wish::Gpu => Err(Error::Gpu("this program was built without the `gpu` feature".into())),
+        Wish::Auto => Ok(Chosen::reference(options, "this program was built without the `gpu` feature")),
+        Wish::Cpu => Ok(Chosen::reference(options, "asked for with --backend cpu")),
+    }
+}
+
+/// Kernels by cost, for people.
+pub fn tell_profile(profile: &Profile) {
+    let mut kernels: Vec<_> = profile.kernels.iter().collect();
+    kernels.sort_by(|a, b| b.1.seconds.total_cmp(&a.1.seconds));
+    let total: f64 = kernels.iter().map(|(_, k)| k.seconds).sum();
+    let dispatches: u64 = kernels.iter().map(|(_, k)| k.dispatches).sum();
+    eprintln!("{:>20} {:>10} {:>7} {:>11} {:>10} {:>8}", "kernel", "GPU ms", "share", "dispatches", "us each", "Mpx/s");
+    for (name, k) in kernels {
+        let rate = if k.pixels > 0 && k.seconds > 0.0 {
+            format!("{:8.1}", k.pixels as f64 / k.seconds * 1e-6)
+        } else {
+            "       -".into()
+        };
+        eprintln!(
+            "{name:>20} {:10.2} {:6.1}% {:>11} {:10.1} {rate}",
+            1e3 * k.seconds,
+            if total > 0.0 { 100.0 * k.seconds / total } else { 0.0 },
+            k.dispatches,
+            1e6 * k.seconds / k.dispatches.max(1) as f64
+        );
+    }
+    eprintln!(
+        "{:.1} GPU ms in {dispatches} dispatches and {} submissions; {:.1} MB sent, {:.1} MB read back",
+        1e3 * total,
+        profile.submissions,
+        profile.bytes_up as f64 * 1e-6,
+        profile.bytes_down as f64 * 1e-6
+    );
+}
+
+/// `interslice devices`.
+#[cfg(feature = "gpu")]
+pub fn list() {
+    let found = adapters();
+    for a in &found {
+        println!("{}: {} ({}, {}; {})", a.index, a.name, a.kind, a.api, a.driver);
+        println!(
+            "   largest array {} MiB, largest buffer {} MiB{}",
+            a.largest_binding >> 20,
+            a.largest_buffer >> 20,
+            a.lacks.as_ref().map_or(String::new(), |l| format!("; cannot be used: {l}"))
+        );
+    }
+    match automatic(&found) {
+        Ok(k) => println!("--backend auto takes adapter {k}: {}", found[k].name),
+        Err(why) => println!("--backend auto takes the CPU reference path: {why}"),
+    }
+}
+
+/// `interslice devices` of a program without GPU backend.
+#[cfg(not(feature = "gpu"))]
+pub fn list() {
+    println!("this program was built without the `gpu` feature: everything runs on the CPU reference path");
+}

@@ -1,0 +1,83 @@
+//! A GPU with the reference path behind it: when the GPU fails, the rest of the job goes on there.
+
+use std::sync::OnceLock;
+
+use super::Gpu;
+use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
+use crate::error::{Error, Result};
+use crate::field::Field;
+use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
+use crate::progress::Progress;
+use crate::reference::Reference;
+
+/// A GPU, and the reference path from its first failure on.
+pub struct GpuOrReference<'n> {
+    /// The GPU.
+    pub gpu: Gpu,
+    failure: OnceLock<String>,
+    notice: &'n (dyn Fn(&str) + Sync),
+}
+
+impl<'n> GpuOrReference<'n> {
+    /// `notice` is told of the failure when it happens.
+    pub fn new(gpu: Gpu, notice: &'n (dyn Fn(&str) + Sync)) -> Self {
+        GpuOrReference { gpu, failure: OnceLock::new(), notice }
+    }
+
+    fn ask<T>(&self, on: impl Fn(&dyn Backend) -> Result<T>) -> Result<T> {
+        if self.failure.get().is_none() {
+            match on(&self.gpu) {
+                Err(Error::Gpu(message)) => {
+                    (self.notice)(&format!("{message}; the rest of the job runs on the CPU reference path"));
+                    self.failure.get_or_init(|| message);
+                }
+                result => return result,
+            }
+        }
+        on(&Reference)
+    }
+}
+
+impl Backend for GpuOrReference<'_> {
+    fn name(&self) -> String {
+        match self.failure.get() {
+            None => self.gpu.name(),
+            Some(message) => format!("{} until it failed ({message}), then {}", self.gpu.name(), Reference.name()),
+        }
+    }
+
+    fn contour_fields(
+        &self,
+        slices: &[PaddedSlice],
+        dims: [usize; 2],
+        h: [f64; 2],
+        options: ContourOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Field>> {
+        self.ask(|backend| backend.contour_fields(slices, dims, h, options, progress))
+    }
+
+    fn part_fields(&self, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {
+        self.ask(|backend| backend.part_fields(jobs, h))
+    }
+
+    fn trace(
+        &self,
+        jobs: &[TraceJob<'_>],
+        h: [f64; 2],
+        options: &MorphOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Traced>> {
+        self.ask(|backend| backend.trace(jobs, h, options, progress))
+    }
+
+    fn propagate(
+        &self,
+        pairs: &[SweepPair<'_>],
+        h: [f64; 2],
+        options: &MorphOptions,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Filled>> {
+        self.ask(|backend| backend.propagate(pairs, h, options, progress))
+    }
+}

@@ -16,6 +16,8 @@
 
 // Largest time step.
 const STEP_LIMIT: f32 = 0.1;
+// A step that reaches this share of what is left reaches the whole: rounding must not decide between one step and two.
+const ALMOST: f32 = 0.9999;
 // Pixels this close to the front decide about its time step.
 const NEAR: f32 = 1.5;
 // Largest error that the feedback answers to at once, px.
@@ -154,7 +156,7 @@ fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
     let left = stop_of(q) - t;
     var dt = min(params.cfl * min(params.hx, params.hy) / fastest, STEP_LIMIT);
-    if dt >= left {
+    if dt >= left * ALMOST {
         dt = left;
         states[q].reaches = 1u;
         if states[q].next_time < states[q].time_count {

@@ -2,12 +2,12 @@
 #![cfg(feature = "gpu")]
 
 use interslice::demo::{NAMES, demo};
-use interslice::gpu::Gpu;
+use interslice::gpu::{Gpu, GpuOptions};
 use interslice::progress::Silent;
 use interslice::{ContourStack, Reconstruction, Reference, Settings, height_grid, reconstruct_with};
 
 fn both(stack: &ContourStack, settings: &Settings) -> [Reconstruction; 2] {
-    let gpu = Gpu::open(None, None, false).expect("an adapter");
+    let gpu = Gpu::open(&GpuOptions::default()).expect("an adapter");
     let heights = height_grid(stack, settings, None).heights().expect("a grid");
     let a = std::time::Instant::now();
     let on_gpu = reconstruct_with(stack, &heights, settings, &gpu, &Silent).expect("GPU");

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 #[cfg(feature = "gpu")]
 use interslice::gpu::device::{AdapterSummary, adapters};
 #[cfg(feature = "gpu")]
-use interslice::gpu::{Gpu, GpuOrReference};
+use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
 use interslice::report::Profile;
 use interslice::{Backend, Error, Reference, Result};
 use serde::{Deserialize, Serialize};
@@ -108,7 +108,13 @@ impl Chosen<'_> {
 /// Opens what the options ask for; `notice` is told when a GPU fails on the way.
 #[cfg(feature = "gpu")]
 pub fn choose<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<Chosen<'n>> {
-    let open = || Gpu::open(options.adapter.as_deref(), options.memory, options.profile);
+    let wanted = GpuOptions {
+        adapter: options.adapter.clone(),
+        memory: options.memory,
+        timed: options.profile,
+        ..GpuOptions::default()
+    };
+    let open = || Gpu::open(&wanted);
     let machine = match options.backend {
         Wish::Cpu => return Ok(Chosen::reference(options, "asked for with --backend cpu")),
         Wish::Gpu => {

@@ -64,6 +64,15 @@ impl Atlas {
         out
     }
 
+    /// Fields of all jobs from values of the whole atlas.
+    pub fn unpack(&self, values: &[f32]) -> Vec<Field> {
+        let field = |(q, job): (usize, &Job)| Field {
+            dims: [job.nx as usize, job.ny as usize],
+            data: values[self.nodes(q)].iter().map(|&v| f64::from(v)).collect(),
+        };
+        self.jobs.iter().enumerate().map(field).collect()
+    }
+
     /// Nodes of a job.
     pub fn nodes(&self, q: usize) -> Range<usize> {
         let job = &self.jobs[q];

@@ -67,8 +67,8 @@ impl<'g> Front<'g> {
         let params = device.uniform("params", params);
         let jobs = device.upload("jobs", &atlas.jobs)?;
         let blocks = device.upload::<Block>("blocks", &atlas.blocks())?;
-        let work = device.storage::<u32>("work", size_of::<Work>() / 4 + atlas.block_count())?;
-        let touched = device.storage::<u32>("touched", atlas.block_count().div_ceil(32))?;
+        let work = device.zeroed::<u32>("work", size_of::<Work>() / 4 + atlas.block_count())?;
+        let touched = device.zeroed::<u32>("touched", atlas.block_count().div_ceil(32))?;
         let band = device.storage::<[u32; 2]>("band", capacity)?;
         let slots = device.storage::<u32>("slots", nodes)?;
         let earlier = device.storage::<u32>("earlier", capacity)?;

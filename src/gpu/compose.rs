@@ -40,7 +40,7 @@ impl Copies {
         Ok(Copies {
             value_capacity: value_capacity as u32,
             blocks: gpu.device.storage::<Copy>("copies", count as usize)?,
-            values: gpu.device.storage::<f32>("values", VALUES_HEAD + value_capacity)?,
+            values: gpu.device.zeroed::<f32>("values", VALUES_HEAD + value_capacity)?,
             states: Vec::new(),
         })
     }
@@ -105,16 +105,33 @@ pub fn fill_slices(
                 }
             })
             .collect();
-        let mut slices = blend(gpu, &copies, &items, atlas, params)?;
-        let mut mended = Vec::new();
-        for (slot, &(p, k)) in batch.iter().enumerate() {
-            if (pairs[p].mend)(k, &mut slices[slot]) {
-                mended.push(slot);
+        let blended = blend(gpu, &copies, &items, atlas.len(), params)?;
+        let mut slices = outwards(gpu, atlas, params, blended)?;
+        // Most slices are whole. Those that are not are blended once more, mended as they were blended, and continued outwards.
+        let broken: Vec<usize> = batch
+            .iter()
+            .enumerate()
+            .filter(|&(slot, &(p, k))| (pairs[p].mend)(k, &mut slices[slot].clone()))
+            .map(|(slot, _)| slot)
+            .collect();
+        if !broken.is_empty() {
+            let atlas = Atlas::new(broken.iter().map(|&slot| slices[slot].dims));
+            let again: Vec<Item> = broken
+                .iter()
+                .zip(&atlas.jobs)
+                .map(|(&slot, tile)| Item { offset: tile.offset, ..items[slot] })
+                .collect();
+            let blended = blend(gpu, &copies, &again, atlas.len(), params)?;
+            let values: Vec<f32> = gpu.device.read(&blended, 0, atlas.len())?;
+            let mut mended = atlas.unpack(&values);
+            for (field, &slot) in mended.iter_mut().zip(&broken) {
+                let (p, k) = batch[slot];
+                (pairs[p].mend)(k, field);
             }
-        }
-        // What the host has changed is continued outwards once more.
-        for (slot, field) in mended.iter().zip(far_distances(gpu, mended.iter().map(|&s| &slices[s]), params)?) {
-            slices[*slot] = field;
+            let mended = gpu.device.upload("mended", &atlas.pack(mended.iter(), 1.0))?;
+            for (&slot, field) in broken.iter().zip(outwards(gpu, atlas, params, mended)?) {
+                slices[slot] = field;
+            }
         }
         for (&(p, _), slice) in batch.iter().zip(slices) {
             out[p].slices.push(slice.data.iter().map(|&v| v as f32).collect());
@@ -123,39 +140,24 @@ pub fn fill_slices(
     Ok(out)
 }
 
-fn blend(gpu: &Gpu, copies: &Copies, items: &[Item], atlas: Atlas, params: Params) -> Result<Vec<Field>> {
+/// Both directions' copies made one, tile by tile.
+fn blend(gpu: &Gpu, copies: &Copies, items: &[Item], nodes: usize, params: Params) -> Result<Buffer> {
     let device = &gpu.device;
-    let blended = device.storage::<f32>("blended", atlas.len())?;
+    let blended = device.storage::<f32>("blended", nodes)?;
     let items_buffer = device.upload("items", items)?;
-    let params = Params { value_capacity: copies.value_capacity, ..params };
-    let uniform = device.uniform("params", params);
+    let uniform = device.uniform("params", Params { value_capacity: copies.value_capacity, ..params });
     let buffers = [&uniform, &copies.blocks, &copies.values, &items_buffer, &blended];
     let blend = gpu.kernels.blend.bind(device, &buffers);
     let largest = items.iter().map(|i| i.block_count as usize).max().unwrap_or(0);
     let mut work = Recorder::new(device, &gpu.profiler);
     work.run(&blend, Size::Rows(largest, items.len()));
     work.submit()?;
-    outwards(gpu, atlas, params, blended)
-}
-
-fn far_distances<'a>(gpu: &Gpu, fields: impl Iterator<Item = &'a Field> + Clone, params: Params) -> Result<Vec<Field>> {
-    let atlas = Atlas::new(fields.clone().map(|f| f.dims));
-    if atlas.jobs.is_empty() {
-        return Ok(Vec::new());
-    }
-    let u = gpu.device.upload("mended", &atlas.pack(fields, 1.0))?;
-    outwards(gpu, atlas, params, u)
+    Ok(blended)
 }
 
 /// Fields that are right near their contours, continued outwards as distances.
 fn outwards(gpu: &Gpu, atlas: Atlas, params: Params, u: Buffer) -> Result<Vec<Field>> {
     let tiles = Distances::new(gpu, atlas, params, u)?;
     tiles.solve(true)?;
-    let values = tiles.read()?;
-    let atlas = &tiles.atlas;
-    let field = |(q, job): (usize, &Job)| Field {
-        dims: [job.nx as usize, job.ny as usize],
-        data: values[atlas.nodes(q)].iter().map(|&v| f64::from(v)).collect(),
-    };
-    Ok(atlas.jobs.iter().enumerate().map(field).collect())
+    Ok(tiles.atlas.unpack(&tiles.read()?))
 }

@@ -91,12 +91,7 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
         work.submit()?;
     }
     let fields = with_room(room, atlas.len(), |room| condition(gpu, &tiles, params, options, room))?;
-    Ok((0..u.len())
-        .map(|q| {
-            let data = fields[atlas.nodes(q)].iter().map(|&v| f64::from(v)).collect();
-            Field { dims: u[q].dims, data }
-        })
-        .collect())
+    Ok(atlas.unpack(&fields))
 }
 
 fn rule(weights: &[f64]) -> Rule {
@@ -138,7 +133,7 @@ fn kernel(gpu: &Gpu, atlas: &Atlas, params: Params, sides: &Buffer, sigma: f64) 
 }
 
 /// Signed exact distance to the other side of each mask.
-fn exact_distance(gpu: &Gpu, atlas: &Atlas, params: Params, sides: &Buffer) -> Result<Buffer> {
+pub fn exact_distance(gpu: &Gpu, atlas: &Atlas, params: Params, sides: &Buffer) -> Result<Buffer> {
     let (device, k) = (&gpu.device, &gpu.kernels);
     let params = device.uniform("params", params);
     let jobs = device.upload("jobs", &atlas.jobs)?;

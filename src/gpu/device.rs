@@ -118,6 +118,19 @@ pub fn adapters() -> Vec<AdapterSummary> {
     enumerate().into_iter().map(|(_, summary)| summary).collect()
 }
 
+/// How a device is opened.
+#[derive(Debug, Clone, Default)]
+pub struct GpuOptions {
+    /// Adapter by its number in [`adapters`] or a part of its name; without it the best one.
+    pub adapter: Option<String>,
+    /// Bytes that buffers may take; without it 60 % of the memory that is free.
+    pub memory: Option<u64>,
+    /// Time every kernel.
+    pub timed: bool,
+    /// Fill buffers with NaN where kernels are to write before they read. For tests.
+    pub poison: bool,
+}
+
 /// A device with everything the backend asks of it.
 pub struct Device {
     /// What it is.
@@ -133,6 +146,7 @@ pub struct Device {
     used: Arc<AtomicU64>,
     /// Bytes sent and read back.
     traffic: [AtomicU64; 2],
+    poison: bool,
 }
 
 impl std::fmt::Debug for Device {
@@ -155,18 +169,18 @@ impl Drop for Buffer {
 }
 
 impl Device {
-    /// Opens an adapter by index or by a part of its name; without a wish the best one. `memory` is the byte budget.
+    /// Opens an adapter.
     ///
     /// # Errors
     /// [`Error::Gpu`] if there is no such adapter, if it lacks something, or if the driver refuses.
-    pub fn open(wish: Option<&str>, memory: Option<u64>) -> Result<Self> {
+    pub fn open(options: &GpuOptions) -> Result<Self> {
         let mut found = enumerate();
         if found.is_empty() {
             return Err(failure(
                 "no adapter found: there is no Vulkan, Metal or DirectX 12 driver (on Debian: mesa-vulkan-drivers, libvulkan1)",
             ));
         }
-        let at = match wish {
+        let at = match &options.adapter {
             None => found.iter().position(|(_, s)| s.lacks.is_none()).unwrap_or(0),
             Some(wish) => {
                 let wanted = wish.to_lowercase();
@@ -206,7 +220,7 @@ impl Device {
         });
         let uncaptured = faults.clone();
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| note(&uncaptured, e.to_string())));
-        let budget = memory.unwrap_or_else(free_memory);
+        let budget = options.memory.unwrap_or_else(free_memory);
         Ok(Device {
             summary,
             limits,
@@ -217,6 +231,7 @@ impl Device {
             budget,
             used: Arc::default(),
             traffic: Default::default(),
+            poison: options.poison,
         })
     }
 
@@ -278,11 +293,23 @@ impl Device {
         }
     }
 
-    /// A storage buffer of `count` zeroed values.
+    /// A storage buffer of `count` values that some kernel writes before any reads them; NaN until then if [`GpuOptions::poison`] says so.
     ///
     /// # Errors
     /// As [`Device::buffer`].
     pub fn storage<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer> {
+        let buffer = self.zeroed::<T>(label, count)?;
+        if self.poison {
+            self.queue.write_buffer(&buffer.raw, 0, &vec![0xff; buffer.raw.size() as usize]);
+        }
+        Ok(buffer)
+    }
+
+    /// A storage buffer of `count` zeroed values.
+    ///
+    /// # Errors
+    /// As [`Device::buffer`].
+    pub fn zeroed<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer> {
         let usage = wgpu::BufferUsages::STORAGE
             | wgpu::BufferUsages::INDIRECT
             | wgpu::BufferUsages::COPY_SRC
@@ -295,7 +322,7 @@ impl Device {
     /// # Errors
     /// As [`Device::buffer`].
     pub fn upload<T: Pod>(&self, label: &str, values: &[T]) -> Result<Buffer> {
-        let buffer = self.storage::<T>(label, values.len())?;
+        let buffer = self.zeroed::<T>(label, values.len())?;
         self.write(&buffer, values);
         Ok(buffer)
     }

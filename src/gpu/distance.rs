@@ -51,8 +51,8 @@ impl<'g> Distances<'g> {
         let jobs = device.upload::<Job>("jobs", &atlas.jobs)?;
         let blocks = device.upload::<Block>("blocks", &atlas.blocks())?;
         let d = device.storage::<f32>("distance", atlas.len())?;
-        let awake = device.storage::<u32>("awake", patches.len())?;
-        let changes = device.storage::<u32>("changes", 1)?;
+        let awake = device.zeroed::<u32>("awake", patches.len())?;
+        let changes = device.zeroed::<u32>("changes", 1)?;
         let patches = device.upload("patches", &patches)?;
         let sweeps = [0, 1].map(|k| {
             let first = if k == 0 { 0 } else { counts[0] as u32 };

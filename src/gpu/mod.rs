@@ -4,6 +4,7 @@
 //! within a stage nothing else comes back. Jobs are cut into batches that fit the adapter's limits and the byte budget; a job's bits do not
 //! depend on the batch it is in.
 
+pub mod alone;
 pub mod atlas;
 pub mod band;
 mod compose;
@@ -16,6 +17,7 @@ pub mod layout;
 mod part;
 mod propagate;
 mod trace;
+pub mod twins;
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
 use crate::error::Result;
@@ -25,6 +27,7 @@ use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::report::Profile;
 use device::Device;
+pub use device::GpuOptions;
 pub use fallback::GpuOrReference;
 use kernels::{Kernels, Profiler};
 
@@ -41,14 +44,14 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// Opens a device (see [`Device::open`]) and compiles all kernels; `timed` measures them.
+    /// Opens a device and compiles all kernels.
     ///
     /// # Errors
     /// [`crate::Error::Gpu`].
-    pub fn open(adapter: Option<&str>, memory: Option<u64>, timed: bool) -> Result<Self> {
-        let device = Device::open(adapter, memory)?;
+    pub fn open(options: &GpuOptions) -> Result<Self> {
+        let device = Device::open(options)?;
         let kernels = Kernels::new(&device)?;
-        Ok(Gpu { device, kernels, profiler: Profiler::new(timed) })
+        Ok(Gpu { device, kernels, profiler: Profiler::new(options.timed) })
     }
 
     /// What the kernels have cost so far.

@@ -33,10 +33,9 @@ pub fn part_fields(gpu: &Gpu, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field
         let mut work = Recorder::new(&gpu.device, &gpu.profiler);
         work.run(&finish, tiles.per_node());
         work.submit()?;
-        let fields = tiles.read()?;
-        for (slot, &k) in batch.iter().enumerate() {
-            let data = fields[tiles.atlas.nodes(2 * slot)].iter().map(|&v| f64::from(v)).collect();
-            out[k] = Some(Field { dims: jobs[k].whole.dims, data });
+        let fields = tiles.atlas.unpack(&tiles.read()?);
+        for (&k, field) in batch.iter().zip(fields.into_iter().step_by(2)) {
+            out[k] = Some(field);
         }
     }
     Ok(out.into_iter().flatten().collect())

@@ -75,15 +75,15 @@ fn run(
     let front = Front::new(gpu, atlas, params, Some(&phi), room)?;
     let (times, seeds, bins) =
         (device.upload("times", &times)?, device.upload("seeds", &seeds)?, device.upload("bins", &bins)?);
-    let sums = device.storage::<Sums>("sums", jobs.len())?;
-    let reached = device.storage::<u32>("reached", 4 + jobs.len())?;
+    let sums = device.zeroed::<Sums>("sums", jobs.len())?;
+    let reached = device.zeroed::<u32>("reached", 4 + jobs.len())?;
     let courses = [0, 1].map(|_| device.storage::<[f32; 4]>("courses", room));
     let line = [0, 1].map(|_| device.storage::<f32>("line", room));
     let ([courses_a, courses_b], [line_a, line_b]) = (courses, line);
     let (courses, line) = ([courses_a?, courses_b?], [line_a?, line_b?]);
     let misses = device.storage::<f32>("misses", room)?;
     let sources = device.storage::<Source>("sources", room)?;
-    let rounds = device.storage::<u32>("rounds", 4 + 2 * room)?;
+    let rounds = device.zeroed::<u32>("rounds", 4 + 2 * room)?;
     let Front { params, jobs: table, work: lists, phi, band, slots, earlier, .. } = &front;
     let scatter = k.scatter.bind(device, &[params, table, lists, band, phi, &seeds, &bins, &courses[0], &rounds]);
     let fill = k.scatter_fill.bind(device, &[params, table, band, &courses[0], &rounds, slots]);
@@ -171,7 +171,7 @@ fn place_times(atlas: &mut Atlas, jobs: &[&SweepJob<'_>]) -> Vec<f32> {
 }
 
 /// Seeds of all jobs sorted into bins of RADIUS px, and where each bin begins.
-fn place_seeds(atlas: &mut Atlas, jobs: &[&SweepJob<'_>], h: [f64; 2]) -> (Vec<Seed>, Vec<u32>) {
+pub fn place_seeds(atlas: &mut Atlas, jobs: &[&SweepJob<'_>], h: [f64; 2]) -> (Vec<Seed>, Vec<u32>) {
     let (mut seeds, mut bins) = (Vec::new(), Vec::new());
     for (slot, job) in atlas.jobs.iter_mut().zip(jobs) {
         let cells: [usize; 2] = std::array::from_fn(|a| (job.source.dims[a] as f64 * h[a] / RADIUS) as usize + 1);

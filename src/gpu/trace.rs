@@ -47,7 +47,7 @@ fn run(
     let phi = atlas.pack(jobs.iter().map(|j| j.source), 1.0);
     let goal = device.upload("goal", &atlas.pack(jobs.iter().map(|j| j.target), 1.0))?;
     let front = Front::new(gpu, atlas, morph_params(h, options), Some(&phi), room)?;
-    let sums = device.storage::<Sums>("sums", jobs.len())?;
+    let sums = device.zeroed::<Sums>("sums", jobs.len())?;
     let seeds: Vec<Particle> = jobs
         .iter()
         .enumerate()
@@ -110,7 +110,8 @@ fn run(
     ))
 }
 
-fn track(p: &Particle) -> Track {
+/// A particle at the end of its way.
+pub fn track(p: &Particle) -> Track {
     let died = (p.died >= 0.0).then_some(f64::from(p.died));
     Track {
         distance: full_distance(f64::from(p.covered), died),

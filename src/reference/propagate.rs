@@ -18,6 +18,8 @@ const PASSES: usize = 4;
 const FIRST_PASSES: usize = 8;
 /// Largest time step.
 const STEP_LIMIT: f64 = 0.1;
+/// A step that reaches this share of what is left reaches the whole: rounding must not decide between one step and two.
+const ALMOST: f64 = 1.0 - 1e-4;
 /// Pixels this close to the front decide about its time step.
 const NEAR: f64 = 1.5;
 /// Largest error that the feedback answers to at once, px.
@@ -160,7 +162,7 @@ fn step_length(
         errors.iter().map(|&(n, e)| (hermite_rate(&courses[n], t) + gain * e).abs()).fold(scheduled, f64::max);
     let dt = (cfl * h[0].min(h[1]) / steered).min(STEP_LIMIT);
     let left = stop - t;
-    if dt >= left {
+    if dt >= left * ALMOST {
         left
     } else if left < 2.0 * dt {
         0.5 * left

@@ -1,0 +1,398 @@
+//! Every stage on the GPU beside its f64 twin, on contours of every kind: what the self-test runs once and the tests run at several sizes.
+
+use super::Gpu;
+use super::alone::{Speeds, Tubes};
+use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
+use crate::contour::seeds;
+use crate::error::Result;
+use crate::field::Field;
+use crate::jobs::{Course, PartJob, SweepJob, SweepPair, TraceJob};
+use crate::progress::Silent;
+use crate::reference::Reference;
+use crate::reference::band::Band;
+use crate::reference::distance::{distance_of, far_distance};
+use crate::reference::exact::exact_distance;
+use crate::reference::extend::Upwind;
+use crate::reference::hj_step::{Scratch, Speed, Tube, hj_step};
+use crate::reference::particles::{Particle, correct, land, predict};
+use crate::reference::reinit::reinit;
+use crate::reference::scatter::scatter;
+use crate::settings::{AntiAlias, Settings};
+
+/// How far a stage on the GPU is from its twin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Comparison {
+    /// The stage.
+    pub stage: &'static str,
+    /// Values compared.
+    pub compared: usize,
+    /// Largest difference, px (`inf` where one side has no number and the other has).
+    pub worst: f64,
+    /// Largest difference that is allowed, px.
+    pub bound: f64,
+}
+
+impl Comparison {
+    /// Compares values pair by pair.
+    pub fn of(stage: &'static str, bound: f64, pairs: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        let mut out = Comparison { stage, compared: 0, worst: 0.0, bound };
+        for (gpu, twin) in pairs {
+            out.compared += 1;
+            let difference = if gpu == twin { 0.0 } else { (gpu - twin).abs() };
+            out.worst = if difference.is_nan() { f64::INFINITY } else { out.worst.max(difference) };
+            if out.worst == f64::INFINITY {
+                break;
+            }
+        }
+        out
+    }
+
+    fn fields<'a>(stage: &'static str, bound: f64, gpu: &'a [Field], twin: &'a [Field]) -> Self {
+        Self::nodes(stage, bound, gpu, twin, |_, _| true)
+    }
+
+    /// Compares the nodes of all jobs that `which` asks for.
+    fn nodes<'a>(
+        stage: &'static str,
+        bound: f64,
+        gpu: &'a [Field],
+        twin: &'a [Field],
+        which: impl Fn(usize, usize) -> bool,
+    ) -> Self {
+        let mut pairs = Vec::new();
+        for (q, (a, b)) in gpu.iter().zip(twin).enumerate() {
+            let both = a.data.iter().zip(&b.data).enumerate();
+            pairs.extend(both.filter(|(n, _)| which(q, *n)).map(|(_, (x, y))| (*x, *y)));
+        }
+        Self::of(stage, bound, pairs)
+    }
+
+    /// Whether the stage can be trusted: something was compared, and nothing is off by more than the bound.
+    pub fn holds(&self) -> bool {
+        self.compared > 0 && self.worst <= self.bound
+    }
+}
+
+/// Contours to compare on: jobs of different odd sizes, and where their contours go next.
+#[derive(Debug, Clone)]
+pub struct Cases {
+    /// Pixel size, px of the larger side.
+    pub h: [f64; 2],
+    /// Level sets, single precision exactly.
+    pub phi: Vec<Field>,
+    /// Level sets of other contours on the same tiles.
+    pub goal: Vec<Field>,
+    /// The first level sets a step later.
+    pub later: Vec<Field>,
+}
+
+/// Half width of the tubes.
+const GAMMA: f64 = 6.0;
+/// Start of the cut-off.
+const BETA: f64 = 3.0;
+
+/// A radius around a center, by direction.
+fn blob(dims: [usize; 2], h: [f64; 2], [cx, cy]: [f64; 2], r: f64, lobes: f64, depth: f64) -> Field {
+    Field::from_fn(dims, |i, j| {
+        let (x, y) = (i as f64 * h[0] - cx, j as f64 * h[1] - cy);
+        let v = x.hypot(y) - r * (1.0 + depth * (lobes * y.atan2(x)).cos());
+        f64::from(v as f32)
+    })
+}
+
+fn joined(a: &Field, b: &Field) -> Field {
+    Field { dims: a.dims, data: a.data.iter().zip(&b.data).map(|(x, y)| x.min(*y)).collect() }
+}
+
+impl Cases {
+    /// A disc and a smaller one, two discs that become one, a star that becomes a disc, nothing at all; tiles of odd sizes, 33 x 39 to 71 x 53 px,
+    /// times `scale`.
+    pub fn new(h: [f64; 2], scale: usize) -> Self {
+        let s = scale as f64;
+        let at = |dims: [usize; 2], x: f64, y: f64| [dims[0] as f64 * h[0] * x, dims[1] as f64 * h[1] * y];
+        // Contours stay a tube's width off the tiles' edges, as they do in the pipeline.
+        let wide = |n: usize, side: f64| ((n * scale) as f64 / side) as usize | 1;
+        let sizes = [[43, 47], [71, 53], [57, 61], [33, 39]].map(|d| [wide(d[0], h[0]), wide(d[1], h[1])]);
+        let disc = |k: usize, x: f64, y: f64, r: f64| blob(sizes[k], h, at(sizes[k], x, y), r * s, 1.0, 0.0);
+        let star = |depth: f64| blob(sizes[2], h, at(sizes[2], 0.5, 0.48), 15.0 * s, 5.0, depth);
+        let empty = Field::filled(sizes[3], 9.0);
+        let pair = |r: f64| joined(&disc(1, 0.33, 0.5, r), &disc(1, 0.68, 0.47, r));
+        Cases {
+            h,
+            phi: vec![disc(0, 0.5, 0.5, 11.0), pair(9.0), star(0.2), empty.clone()],
+            goal: vec![disc(0, 0.52, 0.49, 8.0), disc(1, 0.5, 0.5, 17.0), star(0.0), empty.clone()],
+            later: vec![disc(0, 0.5, 0.5, 10.6), pair(9.4), star(0.17), empty],
+        }
+    }
+
+    fn tubes(&self) -> Tubes {
+        Tubes { h: self.h, gamma: GAMMA, beta: BETA }
+    }
+
+    fn options() -> MorphOptions {
+        MorphOptions { half_width: GAMMA, cut_off: BETA, ..MorphOptions::from(&Settings::default()) }
+    }
+
+    /// Seeds of every job and a course for each, which differ from seed to seed.
+    fn seeded(&self) -> Vec<(Vec<[f64; 2]>, Vec<Course>)> {
+        let of = |phi: &Field| {
+            let positions: Vec<[f64; 2]> = seeds(phi, self.h, 0.5).iter().map(|s| s.x).collect();
+            let course = |x: &[f64; 2]| {
+                let s = f64::from((0.3 * x[0]).sin() as f32) * 2.0;
+                [s, 0.5 * s, 0.25, if x[1] < 20.0 { 0.0 } else { 1.0 }]
+            };
+            let courses = positions.iter().map(course).collect();
+            (positions, courses)
+        };
+        self.phi.iter().map(of).collect()
+    }
+
+    fn sweeps<'a>(&self, source: &'a [Field], target: &'a [Field]) -> Vec<SweepJob<'a>> {
+        let seeded = self.seeded();
+        let job = |((source, target), (seeds, courses)): ((&'a Field, &'a Field), (Vec<[f64; 2]>, Vec<Course>))| {
+            SweepJob { source, target, seeds, courses, times: Vec::new() }
+        };
+        source.iter().zip(target).zip(seeded).map(job).collect()
+    }
+}
+
+/// Every stage on these cases.
+///
+/// # Errors
+/// [`crate::Error::Gpu`] when the GPU cannot do a stage at all.
+pub fn compare(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
+    let mut out = vec![
+        distance(gpu, cases)?,
+        far(gpu, cases)?,
+        exact(gpu, cases)?,
+        band(gpu, cases)?,
+        step_towards(gpu, cases)?,
+        step_given(gpu, cases)?,
+        reinitialisation(gpu, cases)?,
+        carried(gpu, cases)?,
+        particles(gpu, cases)?,
+        parts(gpu, cases)?,
+    ];
+    out.extend(contour_fields(gpu, cases)?);
+    out.extend(morphs(gpu, cases)?);
+    out.extend(sweeps(gpu, cases)?);
+    Ok(out)
+}
+
+fn distance(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
+    let twin: Vec<Field> = cases.phi[..3].iter().map(|u| distance_of(u, cases.h)).collect();
+    Ok(Comparison::fields("distance", 2e-4, &gpu.distances(&cases.phi[..3], cases.h, None)?, &twin))
+}
+
+fn far(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
+    let limit = 12.0;
+    let twin: Vec<Field> = cases.phi.iter().map(|u| far_distance(u.clone(), cases.h, limit)).collect();
+    Ok(Comparison::fields("far distance", 1e-4, &gpu.distances(&cases.phi, cases.h, Some(limit))?, &twin))
+}
+
+fn exact(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
+    let twin: Vec<Field> = cases.phi[..3].iter().map(|u| exact_distance(&u.inside(), u.dims, cases.h)).collect();
+    Ok(Comparison::fields("exact distance", 2e-5, &gpu.exact_distances(&cases.phi[..3], cases.h)?, &twin))
+}
+
+/// The list of nodes must be the twin's to the last; `worst` counts the jobs that differ beside the level sets.
+fn band(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
+    let (nodes, phi) = gpu.bands(&cases.phi, &cases.later, cases.tubes())?;
+    let (mut lists, mut fields) = (Vec::new(), Vec::new());
+    for (first, second) in cases.phi.iter().zip(&cases.later) {
+        let mut field = first.clone();
+        let mut band = Band::new(&mut field, GAMMA);
+        field = second.clone();
+        band.rebuild(&mut field);
+        lists.push(band.nodes().collect::<Vec<_>>());
+        // Off the band the twin keeps what the field was.
+        fields.push(field);
+    }
+    let in_band = |q: usize, n: usize| lists[q].binary_search(&n).is_ok();
+    let levels = Comparison::nodes("band", 1e-6, &phi, &fields, in_band);
+    let lists = nodes.iter().zip(&lists).map(|(a, b)| (f64::from(u8::from(a != b)), 0.0));
+    let lists = Comparison::of("band", 0.0, lists);
+    Ok(Comparison { compared: levels.compared, worst: levels.worst.max(lists.worst), ..levels })
+}
+
+fn stepped<'a>(cases: &Cases, dt: &[f64], speed: impl Fn(usize) -> Speed<'a>) -> Vec<Field> {
+    let step = |(q, phi): (usize, &Field)| {
+        let mut phi = phi.clone();
+        let band = Band::new(&mut phi, GAMMA);
+        let mut scratch = Scratch::default();
+        hj_step(&mut phi, speed(q), &band, cases.h, Tube { beta: BETA, gamma: GAMMA }, dt[q], &mut scratch);
+        reinit(&mut phi, &band, cases.h, 1, &mut scratch);
+        phi
+    };
+    cases.phi.iter().enumerate().map(step).collect()
+}
+
+const STEPS: [f64; 4] = [0.03, 0.05, 0.02, 0.04];
+
+fn step_towards(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
+    let twin = stepped(cases, &STEPS, |q| Speed::Towards(&cases.goal[q]));
+    let ours = gpu.hj_step(&cases.phi, Speeds::Towards(&cases.goal), cases.tubes(), &STEPS)?;
+    Ok(Comparison::fields("step towards a contour", 2e-5, &ours, &twin))
+}
+
+fn step_given(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
+    let speed = |f: &Field| Field::from_fn(f.dims, |i, j| f64::from(((0.2 * i as f64).sin() + 0.05 * j as f64) as f32));
+    let speeds: Vec<Field> = cases.phi.iter().map(speed).collect();
+    let twin = stepped(cases, &STEPS, |q| Speed::Given(&speeds[q]));
+    let ours = gpu.hj_step(&cases.phi, Speeds::Given(&speeds), cases.tubes(), &STEPS)?;
+    Ok(Comparison::fields("step at given speed", 2e-5, &ours, &twin))
+}
+
+fn reinitialisation(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
+    let iterations = 6;
+    // Not a distance to begin with.
+    let bent = |f: &Field| Field { dims: f.dims, data: f.data.iter().map(|v| f64::from((1.4 * v) as f32)).collect() };
+    let bent: Vec<Field> = cases.phi.iter().map(bent).collect();
+    let twin = |phi: &Field| {
+        let mut phi = phi.clone();
+        let band = Band::new(&mut phi, GAMMA);
+        reinit(&mut phi, &band, cases.h, iterations, &mut Scratch::default());
+        phi
+    };
+    let twin: Vec<Field> = bent.iter().map(twin).collect();
+    Ok(Comparison::fields("reinitialisation", 2e-5, &gpu.reinit(&bent, cases.tubes(), iterations)?, &twin))
+}
+
+/// Scatter, fill, extension and carrying in one: courses where both bands have their contours.
+fn carried(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
+    let passes = 5;
+    let jobs = cases.sweeps(&cases.phi, &cases.goal);
+    let ours = gpu.carried(&jobs, &cases.later, cases.tubes(), passes)?;
+    let mut pairs = Vec::new();
+    for ((job, later), ours) in jobs.iter().zip(&cases.later).zip(&ours) {
+        let mut phi = job.source.clone();
+        let mut band = Band::new(&mut phi, GAMMA);
+        let mut upwind = Upwind::default();
+        let mut courses: Vec<Course> = scatter(&phi, &band, cases.h, &job.seeds, &job.courses);
+        let mut extend = |phi: &Field, band: &Band, courses: &mut Vec<Course>| {
+            upwind.find(phi, band, cases.h);
+            upwind.extend(courses, band, passes, &mut Vec::new());
+        };
+        extend(&phi, &band, &mut courses);
+        phi = later.clone();
+        band.rebuild(&mut phi);
+        extend(&phi, &band, &mut courses);
+        for n in band.nodes() {
+            pairs.extend(ours[n].into_iter().zip(courses[n]));
+        }
+    }
+    Ok(Comparison::of("courses at pixels", 5e-5, pairs))
+}
+
+fn particles(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
+    let starts: Vec<Vec<[f64; 2]>> = cases.seeded().into_iter().map(|s| s.0).collect();
+    let ours = gpu.advect(&starts, [&cases.phi, &cases.later, &cases.later], cases.tubes(), &STEPS)?;
+    let mut pairs = Vec::new();
+    for (q, ours) in ours.iter().enumerate() {
+        let (before, after) = (&cases.phi[q], &cases.later[q]);
+        let mut twin: Vec<Particle> = seeds(before, cases.h, 0.5).iter().map(Particle::at).collect();
+        predict(&mut twin, before, after, cases.h, STEPS[q]);
+        correct(&mut twin, after, after, cases.h, STEPS[q], STEPS[q]);
+        land(&mut twin, after, after, cases.h, STEPS[q]);
+        for (a, b) in ours.iter().zip(&twin) {
+            pairs.push((f64::from(u8::from(a.arrived)), f64::from(u8::from(b.died.is_none()))));
+            if b.died.is_none() {
+                pairs.extend([(a.distance, b.covered), (a.arc, b.arc)]);
+                pairs.extend([0, 1].map(|axis| (a.landing[axis], b.x[axis])));
+            }
+        }
+    }
+    Ok(Comparison::of("particles", 2e-4, pairs))
+}
+
+fn parts(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
+    let job = |phi: &Field| {
+        let middle = phi.dims[0] / 2;
+        let inside = phi.data.iter().enumerate().map(|(n, v)| *v < 0.0 && n % phi.dims[0] < middle).collect();
+        PartJob { whole: distance_of(phi, cases.h), inside }
+    };
+    // The second job's left disc; of the others a part of nothing and a whole.
+    let mut jobs = vec![job(&cases.phi[1])];
+    jobs.push(PartJob { inside: cases.phi[2].inside(), whole: distance_of(&cases.phi[2], cases.h) });
+    jobs.push(PartJob { inside: vec![false; cases.phi[0].data.len()], whole: distance_of(&cases.phi[0], cases.h) });
+    jobs.push(job(&cases.phi[1]));
+    let twin = Reference.part_fields(&jobs, cases.h)?;
+    Ok(Comparison::fields("parts", 3e-4, &gpu.part_fields(&jobs, cases.h)?, &twin))
+}
+
+fn contour_fields(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
+    let mut out = Vec::new();
+    for (anti_alias, stage) in [
+        (AntiAlias::None, "contour of a mask"),
+        (AntiAlias::Eq6, "contour of a mask, Eq. 6"),
+        (AntiAlias::Kernel, "contour of a mask, kernel"),
+    ] {
+        let options = ContourOptions { anti_alias, sigma: 1.0, half_width: GAMMA };
+        let (mut ours, mut twin) = (Vec::new(), Vec::new());
+        for phi in &cases.phi {
+            let slices =
+                [PaddedSlice::Mask(phi.inside()), PaddedSlice::Level(phi.clone()), PaddedSlice::Mask(phi.inside())];
+            ours.extend(gpu.contour_fields(&slices, phi.dims, cases.h, options, &Silent)?);
+            twin.extend(Reference.contour_fields(&slices, phi.dims, cases.h, options, &Silent)?);
+        }
+        out.push(Comparison::fields(stage, 1e-3, &ours, &twin));
+    }
+    Ok(out)
+}
+
+/// A whole morph: what it measures, and that it takes the same steps.
+fn morphs(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
+    let job = |(source, target)| TraceJob { source, target, seeds: seeds(source, cases.h, 0.5) };
+    let jobs: Vec<TraceJob<'_>> = cases.phi.iter().zip(&cases.goal).map(job).collect();
+    let ours = gpu.trace(&jobs, cases.h, &Cases::options(), &Silent)?;
+    let twin = Reference.trace(&jobs, cases.h, &Cases::options(), &Silent)?;
+    let steps = ours.iter().zip(&twin).flat_map(|(a, b)| {
+        [
+            (a.steps as f64, b.steps as f64),
+            (a.pixels as f64 / b.pixels.max(1) as f64, f64::from(u8::from(b.pixels > 0))),
+        ]
+    });
+    let mut pairs = Vec::new();
+    for (a, b) in ours.iter().zip(&twin) {
+        pairs.push((a.residual.max, b.residual.max));
+        for (k, l) in a.tracks.iter().zip(&b.tracks) {
+            pairs.push((f64::from(u8::from(k.arrived)), f64::from(u8::from(l.arrived))));
+            pairs.push((k.distance, l.distance));
+            pairs.extend([0, 1].map(|axis| (k.landing[axis], l.landing[axis])));
+        }
+    }
+    Ok(vec![Comparison::of("steps of morphs", 1e-3, steps), Comparison::of("morphs", 2e-3, pairs)])
+}
+
+/// Whole sweeps in both directions and the slices made of them, one of which the host mends.
+fn sweeps(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
+    let times = [0.2, 0.45, 0.5, 0.9];
+    let pairs = || -> Vec<SweepPair<'_>> {
+        let ups = cases.sweeps(&cases.phi, &cases.later);
+        let downs = cases.sweeps(&cases.later, &cases.phi);
+        let pair = |(up, down)| SweepPair {
+            up: SweepJob { times: times.to_vec(), ..up },
+            down: SweepJob { times: times.iter().rev().map(|t| 1.0 - t).collect(), ..down },
+            mend: Box::new(|k, phi: &mut Field| {
+                let hit = k == 2;
+                phi.data.iter_mut().filter(|_| hit).for_each(|v| *v -= 0.25);
+                hit
+            }),
+        };
+        ups.into_iter().zip(downs).map(pair).collect()
+    };
+    let ours = gpu.propagate(&pairs(), cases.h, &Cases::options(), &Silent)?;
+    let twin = Reference.propagate(&pairs(), cases.h, &Cases::options(), &Silent)?;
+    let both = || ours.iter().zip(&twin).flat_map(|(a, b)| [(&a.up, &b.up), (&a.down, &b.down)]);
+    let steps = both().flat_map(|(a, b)| {
+        let vanished = |s: &crate::jobs::Swept| s.vanished.unwrap_or(-1.0);
+        [(a.steps as f64, b.steps as f64), (vanished(a), vanished(b)), (a.residual.max, b.residual.max)]
+    });
+    let steps = Comparison::of("steps of sweeps", 1e-4, steps);
+    let slices = |f: &[crate::jobs::Filled]| -> Vec<f64> {
+        f.iter().flat_map(|f| f.slices.iter().flatten().map(|v| f64::from(*v))).collect()
+    };
+    let near = slices(&ours).into_iter().zip(slices(&twin)).filter(|(_, b)| b.abs() < 3.0);
+    let far = slices(&ours).into_iter().zip(slices(&twin)).filter(|(_, b)| b.abs() >= 3.0);
+    Ok(vec![steps, Comparison::of("slices", 1e-4, near), Comparison::of("slices far from contours", 1e-4, far)])
+}

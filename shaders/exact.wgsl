@@ -11,6 +11,8 @@
 @group(0) @binding(7) var<storage, read_write> distance: array<f32>;
 
 const FAR: f32 = 1e30;
+// Pixels at equal distance may give different results where a pixel is not square: within this many pixels of a tie the least one counts.
+const TIE: f32 = 1e-3;
 
 // Distance to the pixels with `u < 0` (1) or to the others (0).
 struct Side {
@@ -52,6 +54,12 @@ fn begin_of(a: u32, b: u32, row: u32) -> f32 {
     return 0.5 * f32(a + b) + ratio * (sb - sa) * (sb + sa) / f32(2u * (b - a));
 }
 
+// Distance to the pixel of the other side below or above `foot`, less half a pixel.
+fn away(row: u32, i: u32, foot: u32) -> f32 {
+    let d = vec2<f32>(f32(i) - f32(foot), steps[row + foot]);
+    return length(d * vec2<f32>(params.hx, params.hy)) * (1.0 - 0.5 / max(length(d), 0.5));
+}
+
 @compute @workgroup_size(lane_count)
 fn rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let q = group.y;
@@ -88,13 +96,13 @@ fn rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
             distance[row + i] = with_sign(FAR, u[row + i]);
             continue;
         }
-        while k + 1u < count && begins[row + k + 1u] < f32(i) {
+        while k + 1u < count && begins[row + k + 1u] < f32(i) - TIE {
             k++;
         }
-        let dx = f32(i) - f32(feet[row + k]);
-        let dy = steps[row + feet[row + k]];
-        let pixels = length(vec2<f32>(dx, dy));
-        let away = length(vec2<f32>(dx * params.hx, dy * params.hy)) * (1.0 - 0.5 / max(pixels, 0.5));
-        distance[row + i] = with_sign(away, u[row + i]);
+        var least = away(row, i, feet[row + k]);
+        for (var l = k + 1u; l < count && begins[row + l] < f32(i) + TIE; l++) {
+            least = min(least, away(row, i, feet[row + l]));
+        }
+        distance[row + i] = with_sign(least, u[row + i]);
     }
 }

@@ -12,7 +12,7 @@ fn poisoned() -> Gpu {
 #[test]
 fn stages_agree_with_their_twins() {
     let gpu = poisoned();
-    for (h, scale) in [([1.0, 1.0], 1), ([0.45, 1.0], 1), ([1.0, 0.7], 1), ([1.0, 1.0], 3)] {
+    for (h, scale) in [([1.0, 1.0], 1), ([0.45, 1.0], 1), ([1.0, 0.7], 1), ([1.0, 0.8], 1), ([1.0, 1.0], 3)] {
         let comparisons = compare(&gpu, &Cases::new(h, scale)).expect("the GPU works");
         for c in &comparisons {
             println!(

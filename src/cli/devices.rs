@@ -4,7 +4,7 @@ use clap::ValueEnum;
 #[cfg(feature = "gpu")]
 use interslice::gpu::device::{AdapterSummary, adapters};
 #[cfg(feature = "gpu")]
-use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
+use interslice::gpu::{Gpu, GpuOptions, GpuOrReference, doctor};
 use interslice::report::Profile;
 use interslice::{Backend, Error, Reference, Result};
 use serde::{Deserialize, Serialize};
@@ -41,6 +41,13 @@ pub struct DeviceOptions {
     /// Time every kernel and say what each has cost
     #[arg(long)]
     profile: bool,
+}
+
+#[cfg(feature = "gpu")]
+impl DeviceOptions {
+    fn wanted(&self) -> GpuOptions {
+        GpuOptions { adapter: self.adapter.clone(), memory: self.memory, timed: self.profile, ..GpuOptions::default() }
+    }
 }
 
 /// A number of bytes with an optional K, M, G or T (powers of 1024).
@@ -108,13 +115,7 @@ impl Chosen<'_> {
 /// Opens what the options ask for; `notice` is told when a GPU fails on the way.
 #[cfg(feature = "gpu")]
 pub fn choose<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<Chosen<'n>> {
-    let wanted = GpuOptions {
-        adapter: options.adapter.clone(),
-        memory: options.memory,
-        timed: options.profile,
-        ..GpuOptions::default()
-    };
-    let open = || Gpu::open(&wanted);
+    let open = || Gpu::open(&options.wanted());
     let machine = match options.backend {
         Wish::Cpu => return Ok(Chosen::reference(options, "asked for with --backend cpu")),
         Wish::Gpu => {
@@ -216,6 +217,25 @@ pub fn list() {
         Ok(k) => println!("--backend auto takes adapter {k}: {}", found[k].name),
         Err(why) => println!("--backend auto takes the CPU reference path: {why}"),
     }
+}
+
+/// `interslice doctor`.
+#[cfg(feature = "gpu")]
+pub fn examine(options: &DeviceOptions) -> Result<()> {
+    let gpu = Gpu::open(&options.wanted())?;
+    println!("{}", gpu.name());
+    let findings = doctor::examine(&gpu)?;
+    findings.in_words().iter().for_each(|line| println!("  {line}"));
+    if options.profile {
+        tell_profile(&gpu.profile());
+    }
+    if findings.trusted() { Ok(()) } else { Err(Error::Gpu("the self-test failed".into())) }
+}
+
+/// `interslice doctor` of a program without GPU backend.
+#[cfg(not(feature = "gpu"))]
+pub fn examine(_options: &DeviceOptions) -> Result<()> {
+    Err(Error::Gpu("this program was built without the `gpu` feature".into()))
 }
 
 /// `interslice devices` of a program without GPU backend.

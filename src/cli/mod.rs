@@ -29,6 +29,8 @@ enum Command {
     Demo(demo::Arguments),
     /// List the GPUs of this machine and which one would be used
     Devices,
+    /// Test whether a GPU and its driver compute rightly
+    Doctor(devices::DeviceOptions),
 }
 
 /// Parses the command line and runs it.
@@ -43,6 +45,7 @@ pub fn run() -> Result<()> {
             devices::list();
             Ok(())
         }
+        (Command::Doctor(options), _) => devices::examine(&options),
         (Command::Reconstruct(_), None) => Ok(()),
     }
 }

@@ -18,7 +18,7 @@ macro_rules! source {
 }
 
 /// Every module of WGSL: its stem and its whole text.
-pub const MODULES: [(&str, &str); 12] = [
+pub const MODULES: [(&str, &str); 13] = [
     ("band", source!("common/job.wgsl", "common/stencil.wgsl", "band.wgsl")),
     ("hj_step", source!("common/job.wgsl", "common/stencil.wgsl", "hj_step.wgsl")),
     ("reinit", source!("common/job.wgsl", "common/stencil.wgsl", "reinit.wgsl")),
@@ -41,6 +41,7 @@ pub const MODULES: [(&str, &str); 12] = [
     ("distance", source!("common/job.wgsl", "common/stencil.wgsl", "distance.wgsl")),
     ("exact", source!("common/job.wgsl", "common/stencil.wgsl", "exact.wgsl")),
     ("contour_field", source!("common/job.wgsl", "contour_field.wgsl")),
+    ("doctor", source!("doctor.wgsl")),
 ];
 
 /// The module of part fields shares the distance module's patches.
@@ -113,6 +114,8 @@ kernels!(
     hold_sides: "contour_field"."hold_sides" [0, 1, 4, 6, 7],
     limit: "contour_field"."limit" [0, 1, 4, 7],
     put_conditioned: "contour_field"."put_conditioned" [0, 1, 3, 4, 5, 7],
+    doctor_count: "doctor"."count" [0, 1],
+    doctor_nan: "doctor"."not_a_number" [0, 1],
     part_start: "part"."start_part" [0, 2, 3, 4, 5, 6, 7],
     part_finish: "part"."finish_part" [0, 2, 3, 4, 5, 6],
 );
@@ -147,7 +150,11 @@ fn pipeline(
         module: compiled,
         entry_point: Some(entry),
         compilation_options: wgpu::PipelineCompilationOptions {
-            constants: if matches!(entry, "gather" | "scan") { &scan } else { &lists },
+            constants: match entry {
+                "gather" | "scan" => &scan,
+                "count" | "not_a_number" => &[],
+                _ => &lists,
+            },
             ..Default::default()
         },
         cache: None,

@@ -11,6 +11,7 @@ mod compose;
 mod contour_field;
 pub mod device;
 mod distance;
+pub mod doctor;
 mod fallback;
 pub mod kernels;
 pub mod layout;

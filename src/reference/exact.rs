@@ -2,6 +2,9 @@
 
 use crate::field::Field;
 
+/// Pixels at equal distance may give different results where a pixel is not square: within this many pixels of a tie the least one counts.
+const TIE: f64 = 1e-3;
+
 /// Signed distance `e = d (1 - 1 / (2 n))` of each pixel, where d is the distance to the nearest pixel of the other side and n the
 /// same in pixel steps: half a pixel less than d, whatever the direction and pixel shape. Negative inside; `inf` without contour.
 pub fn exact_distance(mask: &[bool], dims: [usize; 2], h: [f64; 2]) -> Field {
@@ -58,12 +61,15 @@ fn unsigned(mask: &[bool], side: bool, [nx, ny]: [usize; 2], h: [f64; 2]) -> Vec
         }
         let mut k = 0;
         for i in 0..nx {
-            while k + 1 < count && starts[k + 1] < i as f64 {
+            while k + 1 < count && starts[k + 1] < i as f64 - TIE {
                 k += 1;
             }
-            let (dx, dy) = (i.abs_diff(feet[k]) as f64, row[feet[k]]);
-            let pixels = dx.hypot(dy);
-            out[j * nx + i] = (dx * h[0]).hypot(dy * h[1]) * (1.0 - 0.5 / pixels.max(0.5));
+            let away = |q: usize| {
+                let (dx, dy) = (i.abs_diff(q) as f64, row[q]);
+                (dx * h[0]).hypot(dy * h[1]) * (1.0 - 0.5 / dx.hypot(dy).max(0.5))
+            };
+            let tied = (k + 1..count).take_while(|&l| starts[l] < i as f64 + TIE);
+            out[j * nx + i] = tied.map(|l| away(feet[l])).fold(away(feet[k]), f64::min);
         }
     }
     out

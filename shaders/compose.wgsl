@@ -11,7 +11,7 @@
 @group(0) @binding(7) var<storage, read> items: array<Item>;
 @group(0) @binding(8) var<storage, read_write> blended: array<f32>;
 
-// How much deeper one sweep's field may be than the other's when they are blended, px: the reason is in src/compose.rs.
+// How much deeper one sweep's field may be than the other's when they are blended, px: the reason is in src/jobs.rs.
 const DISAGREEMENT: f32 = 0.5;
 
 struct Reached {

@@ -5,7 +5,7 @@
 pub const REACH: usize = 3;
 
 /// Keeps the smoothness weights finite (Jiang and Peng 2000, eq. 2.12), for differences of order 1.
-const EPSILON: f64 = 1e-6;
+pub const EPSILON: f64 = 1e-6;
 
 /// Weights `(a, b)` of the three stages of TVD-RK3, `u <- a u0 + b (u + dt L(u))` (Shu and Osher 1988).
 pub const TVD_RK3: [(f64, f64); 3] = [(0.0, 1.0), (0.75, 0.25), (1.0 / 3.0, 2.0 / 3.0)];

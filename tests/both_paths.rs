@@ -1,44 +1,190 @@
-//! Whole reconstructions on the GPU and on the reference path, compared.
+//! Whole reconstructions on the GPU and on the reference path; what must not change a GPU's bits; and what happens when a GPU fails.
 #![cfg(feature = "gpu")]
 
-use interslice::demo::{NAMES, demo};
-use interslice::gpu::{Gpu, GpuOptions};
-use interslice::progress::Silent;
-use interslice::{ContourStack, Reconstruction, Reference, Settings, height_grid, reconstruct_with};
+mod shapes;
 
-fn both(stack: &ContourStack, settings: &Settings) -> [Reconstruction; 2] {
-    let gpu = Gpu::open(&GpuOptions::default()).expect("an adapter");
-    let heights = height_grid(stack, settings, None).heights().expect("a grid");
-    let a = std::time::Instant::now();
-    let on_gpu = reconstruct_with(stack, &heights, settings, &gpu, &Silent).expect("GPU");
-    println!("gpu {:?}", a.elapsed());
-    let a = std::time::Instant::now();
-    let on_cpu = reconstruct_with(stack, &heights, settings, &Reference, &Silent).expect("reference");
-    println!("cpu {:?}", a.elapsed());
-    println!("{:?}\n{:?}", on_gpu.report.stages, on_cpu.report.stages);
-    println!("{:#?}", gpu.profile());
-    [on_gpu, on_cpu]
+use std::path::Path;
+use std::sync::Mutex;
+
+use interslice::components::{label4, label8};
+use interslice::demo::demo;
+use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
+use interslice::progress::Silent;
+use interslice::stack::{ReadOptions, read};
+use interslice::{Backend, ContourStack, Error, Reconstruction, Reference, Settings, height_grid, reconstruct_with};
+use shapes::zoo::{N, zoo};
+use shapes::*;
+
+/// Pixels that may lie on the other side, of all pixels.
+const SIDES: f64 = 5e-4;
+/// Largest |phi_gpu - phi_cpu|, px, for all but [`EXCEPTIONS`] of the pixels with |phi| < 3 px.
+const NEAR: f32 = 0.02;
+const EXCEPTIONS: f64 = 1e-3;
+
+fn open(options: &GpuOptions) -> Gpu {
+    Gpu::open(options).expect("a Vulkan driver (tests/run installs lavapipe)")
+}
+
+fn run(backend: &dyn Backend, stack: &ContourStack, settings: &Settings, dz: Option<f64>) -> Reconstruction {
+    let heights = height_grid(stack, settings, dz).heights().expect("a grid");
+    reconstruct_with(stack, &heights, settings, backend, &Silent).expect("the stack is valid")
+}
+
+/// Parts and holes of a layer.
+fn topology(phi: &[f32], dims: [usize; 2]) -> [usize; 2] {
+    let inside: Vec<bool> = phi.iter().map(|v| *v < 0.0).collect();
+    let outside: Vec<bool> = inside.iter().map(|m| !m).collect();
+    [label4(&inside, dims).count, label8(&outside, dims).count]
+}
+
+fn agree(name: &str, gpu: &Reconstruction, cpu: &Reconstruction) {
+    let px = cpu.spacing[0].max(cpu.spacing[1]) as f32;
+    let (mut all, mut sides, mut near, mut off, mut worst) = (0usize, 0usize, 0usize, 0usize, 0.0f32);
+    assert_eq!(gpu.layers.len(), cpu.layers.len(), "{name}");
+    for (g, c) in gpu.layers.iter().zip(&cpu.layers) {
+        assert!((g.z - c.z).abs() <= 1e-6 * c.z.abs().max(1.0), "{name}: heights {} and {}", g.z, c.z);
+        for (a, b) in g.phi.iter().zip(&c.phi) {
+            all += 1;
+            sides += usize::from((*a < 0.0) != (*b < 0.0));
+            if b.abs() < 3.0 * px {
+                near += 1;
+                let d = (a - b).abs() / px;
+                off += usize::from(d.is_nan() || d > NEAR);
+                worst = worst.max(d);
+            }
+        }
+        assert_eq!(topology(&g.phi, gpu.dims), topology(&c.phi, cpu.dims), "{name}: topology at {}", c.z);
+    }
+    println!(
+        "{name}: {sides} of {all} px on the other side, {off} of {near} off by more than {NEAR}, worst {worst:.1e} px"
+    );
+    assert!(sides as f64 <= SIDES * all as f64, "{name}: {sides} of {all} px lie on the other side");
+    assert!(off as f64 <= EXCEPTIONS * near as f64, "{name}: {off} of {near} px are off by more than {NEAR} px");
+    for (a, b) in gpu.report.intervals.iter().zip(&cpu.report.intervals) {
+        assert_eq!(a.events, b.events, "{name}");
+        assert_eq!(a.particles.seeded, b.particles.seeded, "{name}: seeds");
+    }
+    for c in &gpu.report.contours {
+        assert_eq!(c.differing_pixels, 0, "{name}: contour {}", c.name);
+    }
 }
 
 #[test]
-fn demos() {
-    for name in NAMES {
-        let d = demo(name).expect("demo");
-        let [a, b] = both(&d.stack, &d.settings);
-        let mut differ = 0usize;
-        let mut near = 0usize;
-        let mut off = 0usize;
-        let mut worst = 0.0f32;
-        for (x, y) in a.layers.iter().zip(&b.layers) {
-            for (p, q) in x.phi.iter().zip(&y.phi) {
-                differ += usize::from((*p < 0.0) != (*q < 0.0));
-                if q.abs() < 3.0 {
-                    near += 1;
-                    off += usize::from((p - q).abs() > 0.02);
-                    worst = worst.max((p - q).abs());
-                }
-            }
-        }
-        println!("{name}: {differ} differ, {off} of {near} off, worst {worst}");
+fn the_papers_figures() {
+    let gpu = open(&GpuOptions::default());
+    for name in ["fig5", "fig6", "fig10"] {
+        let demo = demo(name).expect("a demo");
+        let of = |backend: &dyn Backend| run(backend, &demo.stack, &demo.settings, None);
+        agree(name, &of(&gpu), &of(&Reference));
     }
+}
+
+#[test]
+fn the_zoo() {
+    let gpu = open(&GpuOptions { poison: true, ..GpuOptions::default() });
+    for (name, shapes) in zoo() {
+        let heights: Vec<f64> = (0..shapes.len()).map(|k| 10.0 * k as f64).collect();
+        let stack = masks(N, &heights, &shapes);
+        agree(
+            name,
+            &run(&gpu, &stack, &Settings::default(), Some(1.0)),
+            &run(&Reference, &stack, &Settings::default(), Some(1.0)),
+        );
+    }
+}
+
+#[test]
+fn the_example() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/jacksboro");
+    let stack = read(&folder, &ReadOptions::default()).expect("the example");
+    let dz = Some((stack.slices[1].z - stack.slices[0].z) / 4.0);
+    let gpu = open(&GpuOptions::default());
+    let of = |backend: &dyn Backend| run(backend, &stack, &Settings::default(), dz);
+    agree("jacksboro", &of(&gpu), &of(&Reference));
+}
+
+/// Real stacks named in `INTERSLICE_STACKS` (folders, separated by colons); none without it.
+#[test]
+fn stacks_of_your_own() {
+    let named = std::env::var_os("INTERSLICE_STACKS").map(|v| std::env::split_paths(&v).collect::<Vec<_>>());
+    let Some(named) = named else { return };
+    let gpu = open(&GpuOptions::default());
+    for path in named {
+        let stack = read(&path, &ReadOptions::default()).expect("a stack");
+        let of = |backend: &dyn Backend| run(backend, &stack, &Settings::default(), None);
+        agree(&path.display().to_string(), &of(&gpu), &of(&Reference));
+    }
+}
+
+fn fig9() -> (ContourStack, Settings) {
+    let demo = demo("fig9").expect("a demo");
+    (demo.stack, demo.settings)
+}
+
+fn bits(body: &Reconstruction) -> Vec<Vec<u32>> {
+    body.layers.iter().map(|l| l.phi.iter().map(|v| v.to_bits()).collect()).collect()
+}
+
+#[test]
+fn neither_a_second_run_nor_small_batches_nor_lists_change_a_bit() {
+    let (stack, settings) = fig9();
+    let gpu = open(&GpuOptions::default());
+    let first = bits(&run(&gpu, &stack, &settings, None));
+    let again = bits(&run(&gpu, &stack, &settings, None));
+    assert!(first == again, "the second run differs");
+    let whole = gpu.profile().submissions / 2;
+    // So little that a batch holds a few jobs only.
+    let tight = open(&GpuOptions { memory: Some(6 << 20), ..GpuOptions::default() });
+    let in_batches = bits(&run(&tight, &stack, &settings, None));
+    println!("{whole} submissions with all memory, {} with 6 MiB", tight.profile().submissions);
+    assert!(tight.profile().submissions > 2 * whole, "there were several batches");
+    assert!(first == in_batches, "batches change the result");
+}
+
+#[test]
+fn a_failing_gpu_is_told_and_replaced_only_where_that_was_asked() {
+    let (stack, settings) = fig9();
+    let heights = height_grid(&stack, &settings, None).heights().expect("a grid");
+    let of = |backend: &dyn Backend| reconstruct_with(&stack, &heights, &settings, backend, &Silent);
+    let right = bits(&of(&Reference).expect("the stack is valid"));
+
+    let lost = open(&GpuOptions::default());
+    lost.device.destroy();
+    match of(&lost) {
+        Err(Error::Gpu(message)) => assert!(message.contains("destroyed"), "{message}"),
+        other => panic!("a lost device gave {:?}", other.map(|r| r.layers.len())),
+    }
+
+    let short = open(&GpuOptions { memory: Some(1 << 20), ..GpuOptions::default() });
+    match of(&short) {
+        Err(Error::Gpu(message)) => assert!(message.contains("memory") && message.contains("1048576"), "{message}"),
+        other => panic!("a budget of 1 MiB gave {:?}", other.map(|r| r.layers.len())),
+    }
+
+    let told = Mutex::new(Vec::new());
+    let notice = |m: &str| told.lock().expect("one thread").push(m.to_string());
+    let lost = open(&GpuOptions::default());
+    lost.device.destroy();
+    let body = of(&GpuOrReference::new(lost, &notice)).expect("the reference path takes over");
+    assert!(right == bits(&body), "the reference path's own result");
+    assert!(body.report.backend.contains("until it failed"), "{}", body.report.backend);
+    assert!(body.report.warnings.iter().any(|w| w.contains("changed on the way")));
+    assert_eq!(told.lock().expect("one thread").len(), 1, "told once");
+}
+
+#[test]
+fn an_adapter_that_is_not_there_is_named() {
+    match Gpu::open(&GpuOptions { adapter: Some("no such gpu".into()), ..GpuOptions::default() }) {
+        Err(Error::Gpu(message)) => {
+            assert!(message.contains("no such gpu") && message.contains("there are"), "{message}")
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn the_driver_passes_the_self_test() {
+    let findings = interslice::gpu::doctor::examine(&open(&GpuOptions::default())).expect("the GPU works");
+    assert!(findings.trusted(), "{:#?}", findings.in_words());
+    assert!(findings.trips[0] >= 65_000, "loops of {} trips", findings.trips[0]);
 }

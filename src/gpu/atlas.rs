@@ -97,19 +97,20 @@ impl Atlas {
     }
 }
 
-/// Cuts jobs of these sizes into batches of at most `most`, in order; a job that is larger alone makes its own batch.
-pub fn batches(sizes: impl IntoIterator<Item = usize>, most: usize) -> Vec<Range<usize>> {
+/// Cuts jobs that take these shares of a machine into batches, in order, each of at most the whole machine; a job that is more alone
+/// makes its own batch.
+pub fn batches(shares: impl IntoIterator<Item = f64>) -> Vec<Range<usize>> {
     let mut out: Vec<Range<usize>> = Vec::new();
-    let mut filled = 0;
-    for (k, size) in sizes.into_iter().enumerate() {
+    let mut filled = 0.0;
+    for (k, share) in shares.into_iter().enumerate() {
         match out.last_mut() {
-            Some(batch) if filled + size <= most => {
+            Some(batch) if filled + share <= 1.0 => {
                 batch.end = k + 1;
-                filled += size;
+                filled += share;
             }
             _ => {
                 out.push(k..k + 1);
-                filled = size;
+                filled = share;
             }
         }
     }

@@ -210,9 +210,12 @@ pub fn with_room<T>(mut room: usize, most: usize, mut work: impl FnMut(usize) ->
     }
 }
 
+/// Band places of a batch beyond those of its jobs.
+pub const SPARE_PLACES: usize = 1024;
+
 /// Band places that a contour with this many crossed edges may need, with room to grow.
 pub fn places(crossings: usize, gamma: f64, nodes: usize) -> usize {
-    ((1.5 * crossings as f64 * (2.0 * gamma + 4.0)) as usize + 1024).min(nodes)
+    ((1.5 * crossings as f64 * (2.0 * gamma + 4.0)) as usize).min(nodes)
 }
 
 /// Edges between pixels that the contour of a field crosses.

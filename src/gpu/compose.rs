@@ -84,8 +84,12 @@ pub fn fill_slices(
     let mut out: Vec<Filled> =
         swept.chunks_exact(2).map(|s| Filled { slices: Vec::new(), up: s[0].clone(), down: s[1].clone() }).collect();
     let params = morph_params(h, options);
-    let most = gpu.most_nodes(distance::NODE_BYTES, 0);
-    for batch in batches(wanted.iter().map(|&(p, _)| pairs[p].up.source.data.len()), most) {
+    let share = |&(p, _): &(usize, usize)| {
+        let nodes = pairs[p].up.source.data.len();
+        // What is read back lies there twice.
+        gpu.share(nodes * (distance::NODE_BYTES + 4), 4 * nodes)
+    };
+    for batch in batches(wanted.iter().map(share)) {
         let batch = &wanted[batch];
         let atlas = Atlas::new(batch.iter().map(|&(p, _)| pairs[p].up.source.dims));
         let items: Vec<Item> = batch

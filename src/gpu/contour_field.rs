@@ -2,7 +2,7 @@
 
 use super::Gpu;
 use super::atlas::{Atlas, batches};
-use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, crossings, places, with_room};
+use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::device::Buffer;
 use super::distance::Distances;
 use super::kernels::{Recorder, Size};
@@ -39,12 +39,16 @@ pub fn contour_fields(
         })
         .collect();
     let mut out = vec![Field::filled(dims, f64::INFINITY); slices.len()];
-    let most = gpu.most_nodes(BYTES, PLACE_BYTES);
+    let nodes = dims[0] * dims[1];
+    let share = |k: &usize| {
+        let room = places(crossings(&values[*k].0), options.half_width + CONDITION_WIDER, nodes);
+        gpu.share(nodes * BYTES + room * PLACE_BYTES, 4 * nodes)
+    };
     // Masks and grey slices take different ways.
     for masks in [true, false] {
         let open: Vec<usize> =
             (0..slices.len()).filter(|&k| values[k].1 == masks && values[k].0.has_inside()).collect();
-        for batch in batches(open.iter().map(|_| dims[0] * dims[1]), most) {
+        for batch in batches(open.iter().map(share)) {
             let batch = &open[batch];
             let fields: Vec<&Field> = batch.iter().map(|&k| &values[k].0).collect();
             let smooth = if masks { options.anti_alias } else { AntiAlias::None };
@@ -68,8 +72,8 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
         gamma: (options.half_width + CONDITION_WIDER) as f32,
         ..Params::default()
     };
-    let edges = u.iter().map(|f| crossings(f)).sum();
-    let room = places(edges, options.half_width + CONDITION_WIDER, atlas.len());
+    let room_of = |f: &&Field| places(crossings(f), options.half_width + CONDITION_WIDER, f.data.len());
+    let room = u.iter().map(room_of).sum::<usize>() + SPARE_PLACES;
     let sides = gpu.device.upload("sides", &packed)?;
     let source = match smooth {
         AntiAlias::None => None,

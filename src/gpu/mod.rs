@@ -32,8 +32,8 @@ pub use device::GpuOptions;
 pub use fallback::GpuOrReference;
 use kernels::{Kernels, Profiler};
 
-/// Share of nodes in the band that batches are planned with; where it is more, lists are made longer.
-const BAND_SHARE: f64 = 0.4;
+/// Share of the budget that batches are planned with; the rest is for reading back and for lists that must be made longer.
+const BUDGET_SHARE: f64 = 0.7;
 
 /// The GPU backend.
 #[derive(Debug)]
@@ -61,13 +61,11 @@ impl Gpu {
         Profile { bytes_up, bytes_down, ..self.profiler.profile() }
     }
 
-    /// Nodes that a batch may have at `node_bytes` each and `place_bytes` per band place.
-    fn most_nodes(&self, node_bytes: usize, place_bytes: usize) -> usize {
-        let bytes = node_bytes as f64 + BAND_SHARE * place_bytes as f64;
-        let by_budget = self.device.budget() as f64 / bytes;
-        // Four bytes a node in one array.
-        let by_binding = self.device.largest_binding() as f64 / 4.0;
-        by_budget.min(by_binding) as usize
+    /// The share of this device that a job takes: of the byte budget, or of the largest array where that is more.
+    fn share(&self, bytes: usize, largest_array: usize) -> f64 {
+        let of_budget = bytes as f64 / (BUDGET_SHARE * self.device.budget() as f64);
+        let of_array = largest_array as f64 / self.device.largest_binding() as f64;
+        of_budget.max(of_array)
     }
 }
 

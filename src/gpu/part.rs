@@ -14,8 +14,11 @@ pub fn part_fields(gpu: &Gpu, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field
     let mut out: Vec<Option<Field>> = jobs.iter().map(PartJob::without_computing).collect();
     let open: Vec<usize> = (0..jobs.len()).filter(|&k| out[k].is_none()).collect();
     // Two tiles a job, with the whole field and the part's mask.
-    let most = gpu.most_nodes(2 * (NODE_BYTES + 4), 0);
-    for batch in batches(open.iter().map(|&k| jobs[k].inside.len()), most) {
+    let share = |&k: &usize| {
+        let nodes = 2 * jobs[k].inside.len();
+        gpu.share(nodes * (NODE_BYTES + 4), 4 * nodes)
+    };
+    for batch in batches(open.iter().map(share)) {
         let batch = &open[batch];
         let atlas = Atlas::new(batch.iter().flat_map(|&k| [jobs[k].whole.dims; 2]));
         let whole = atlas.pack(batch.iter().flat_map(|&k| [&jobs[k].whole; 2]), 1.0);

@@ -2,24 +2,21 @@
 
 use super::Gpu;
 use super::atlas::{Atlas, batches};
-use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, crossings, places, with_room};
+use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::compose::{Copies, fill_slices};
 use super::kernels::{Bound, Recorder, Size};
-use super::layout::{Job, RUNNING, Seed, Source, Sums, VANISHED};
+use super::layout::{BLOCK, Copy, Job, RUNNING, Seed, Source, Sums, VANISHED};
 use super::trace::morph_params;
 use crate::backend::MorphOptions;
 use crate::error::Result;
 use crate::jobs::{Filled, SweepJob, SweepPair, Swept};
 use crate::progress::Progress;
+use crate::reference::propagate::{FIRST_PASSES, PASSES};
+use crate::reference::scatter::RADIUS;
 use crate::report::Residual;
 
 /// Steps between two looks at the jobs.
 const LOOK: usize = 16;
-/// Passes of the extension per step, and at the start.
-const PASSES: usize = 4;
-const FIRST_PASSES: usize = 8;
-/// Reach of the kernel that brings seeds to pixels, px; the side of a bin.
-const RADIUS: f64 = 1.5;
 /// Bytes per band place beside the front's own: courses and speeds twice, misses, sources, rounds of filling.
 const SWEEP_PLACE_BYTES: usize = PLACE_BYTES + 64;
 
@@ -31,13 +28,22 @@ pub fn propagate(
     options: &MorphOptions,
     progress: &dyn Progress,
 ) -> Result<Vec<Filled>> {
-    let most = gpu.most_nodes(NODE_BYTES + 4, SWEEP_PLACE_BYTES);
+    let room_of = |pair: &SweepPair<'_>| {
+        let edges = crossings(pair.up.source).max(crossings(pair.up.target));
+        2 * places(edges, options.half_width, pair.up.source.data.len())
+    };
+    let rooms: Vec<usize> = pairs.iter().map(room_of).collect();
+    let share = |(pair, room): (&SweepPair<'_>, &usize)| {
+        let nodes = 2 * pair.up.source.data.len();
+        let copied = [room * 4, nodes / BLOCK * size_of::<Copy>()].map(|bytes| bytes * pair.up.times.len());
+        let bytes = nodes * (NODE_BYTES + 4) + room * SWEEP_PLACE_BYTES + copied[0] + copied[1];
+        gpu.share(bytes, (4 * nodes).max(16 * room).max(copied[0]).max(copied[1]))
+    };
     let mut out = Vec::with_capacity(pairs.len());
-    for batch in batches(pairs.iter().map(|p| 2 * p.up.source.data.len()), most) {
+    for batch in batches(pairs.iter().zip(&rooms).map(share)) {
+        let room = rooms[batch.clone()].iter().sum::<usize>() + SPARE_PLACES;
         let batch = &pairs[batch];
         let nodes: usize = batch.iter().map(|p| 2 * p.up.source.data.len()).sum();
-        let edges = |p: &SweepPair<'_>| 2 * crossings(p.up.source).max(crossings(p.up.target));
-        let room = places(batch.iter().map(edges).sum(), options.half_width, nodes);
         let swept = with_room(room, nodes.max(room), |room| run(gpu, batch, h, options, room))?;
         out.extend(fill_slices(gpu, batch, h, options, swept)?);
         progress.advance(2 * batch.len());

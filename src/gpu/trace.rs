@@ -2,7 +2,7 @@
 
 use super::Gpu;
 use super::atlas::{Atlas, batches};
-use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, crossings, places, with_room};
+use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::kernels::{Recorder, Size};
 use super::layout::{Params, Particle, RUNNING, Sums};
 use crate::backend::MorphOptions;
@@ -22,13 +22,21 @@ pub fn trace(
     options: &MorphOptions,
     progress: &dyn Progress,
 ) -> Result<Vec<Traced>> {
-    let most = gpu.most_nodes(NODE_BYTES + 4, PLACE_BYTES);
+    let room_of = |job: &TraceJob<'_>| {
+        let edges = crossings(job.source).max(crossings(job.target));
+        places(edges, options.half_width, job.source.data.len())
+    };
+    let rooms: Vec<usize> = jobs.iter().map(room_of).collect();
+    let share = |(job, room): (&TraceJob<'_>, &usize)| {
+        let (nodes, particles) = (job.source.data.len(), job.seeds.len());
+        let bytes = nodes * (NODE_BYTES + 4) + room * PLACE_BYTES + particles * size_of::<Particle>();
+        gpu.share(bytes, (4 * nodes).max(8 * room).max(particles * size_of::<Particle>()))
+    };
     let mut out = Vec::with_capacity(jobs.len());
-    for batch in batches(jobs.iter().map(|j| j.source.data.len()), most) {
+    for batch in batches(jobs.iter().zip(&rooms).map(share)) {
+        let room = rooms[batch.clone()].iter().sum::<usize>() + SPARE_PLACES;
         let batch = &jobs[batch];
         let nodes: usize = batch.iter().map(|j| j.source.data.len()).sum();
-        let edges = |j: &TraceJob<'_>| crossings(j.source).max(crossings(j.target));
-        let room = places(batch.iter().map(edges).sum(), options.half_width, nodes);
         out.extend(with_room(room, nodes.max(room), |room| run(gpu, batch, h, options, room))?);
         progress.advance(batch.len());
     }

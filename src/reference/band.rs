@@ -8,7 +8,7 @@ use crate::field::Field;
 use crate::stencil::REACH;
 
 /// Pixels at a tile's edge that never belong to a tube: a WENO5 stencil and one more.
-const RIM: usize = REACH + 1;
+pub const RIM: usize = REACH + 1;
 
 /// Consecutive pixels `start..start + len` of one row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

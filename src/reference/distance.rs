@@ -98,7 +98,7 @@ fn sweep_once(d: &mut Field, fixed: &[bool], h: [f64; 2], up: bool, right: bool)
 }
 
 /// What counts as right: pixels this close to a contour keep what the sweep of the front made of them, px.
-const TRUSTED: f64 = 3.0;
+pub const TRUSTED: f64 = 3.0;
 
 /// A field that is right within 3 px of its contour, continued outwards as a distance and clamped to `limit` px.
 pub fn far_distance(phi: Field, h: [f64; 2], limit: f64) -> Field {

@@ -3,7 +3,7 @@
 use crate::field::Field;
 
 /// Pixels at equal distance may give different results where a pixel is not square: within this many pixels of a tie the least one counts.
-const TIE: f64 = 1e-3;
+pub const TIE: f64 = 1e-3;
 
 /// Signed distance `e = d (1 - 1 / (2 n))` of each pixel, where d is the distance to the nearest pixel of the other side and n the
 /// same in pixel steps: half a pixel less than d, whatever the direction and pixel shape. Negative inside; `inf` without contour.

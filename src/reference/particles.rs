@@ -4,11 +4,11 @@ use crate::contour::Seed;
 use crate::field::{Field, distance};
 
 /// Farthest a living particle may be from the front after back-projection, px.
-const OFF_FRONT: f64 = 0.1;
+pub const OFF_FRONT: f64 = 0.1;
 /// Largest move of a back-projection, px: more means that the front under the particle is gone.
-const LOST: f64 = 1.0;
+pub const LOST: f64 = 1.0;
 /// Newton steps of a back-projection.
-const PROJECTIONS: usize = 2;
+pub const PROJECTIONS: usize = 2;
 
 /// A particle on its way.
 #[derive(Debug, Clone, Copy, PartialEq)]

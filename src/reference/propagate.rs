@@ -13,20 +13,22 @@ use crate::field::Field;
 use crate::jobs::{Course, SweepJob, Swept, TraceJob};
 use crate::spline::{hermite, hermite_rate};
 
-/// Jacobi passes of the extension per step (8 and 16 give the same), and at the start.
-const PASSES: usize = 4;
-const FIRST_PASSES: usize = 8;
+/// Jacobi passes of the extension per step: 8 and 16 give the same.
+pub const PASSES: usize = 4;
+/// Jacobi passes of the extension at the start.
+pub const FIRST_PASSES: usize = 8;
 /// Largest time step.
-const STEP_LIMIT: f64 = 0.1;
+pub const STEP_LIMIT: f64 = 0.1;
 /// A step that reaches this share of what is left reaches the whole: rounding must not decide between one step and two.
-const ALMOST: f64 = 1.0 - 1e-4;
+pub const ALMOST: f64 = 1.0 - 1e-4;
 /// Pixels this close to the front decide about its time step.
-const NEAR: f64 = 1.5;
+pub const NEAR: f64 = 1.5;
 /// Largest error that the feedback answers to at once, px.
-const ERROR_LIMIT: f64 = 2.0;
+pub const ERROR_LIMIT: f64 = 2.0;
 /// The feedback's gain is `GAIN / (1 - t)`, at most `GAIN / LEAST_TIME`, and never more than one whole correction per step.
-const GAIN: f64 = 2.0;
-const LEAST_TIME: f64 = 0.02;
+pub const GAIN: f64 = 2.0;
+/// The time left that the gain counts with at least.
+pub const LEAST_TIME: f64 = 0.02;
 
 /// Smooth step from 0 at `t <= 0` to 1 at `t >= 1`.
 fn smoothstep(t: f64) -> f64 {

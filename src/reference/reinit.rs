@@ -8,7 +8,7 @@ use crate::field::Field;
 use crate::stencil::{REACH, godunov, one_sided, smeared_sign};
 
 /// Pseudo-time step in pixels of the smaller side.
-const STEP: f64 = 0.5;
+pub const STEP: f64 = 0.5;
 
 /// `iterations` steps with the sign S of the field as it comes in.
 pub fn reinit(phi: &mut Field, band: &Band, h: [f64; 2], iterations: usize, scratch: &mut Scratch) {

@@ -6,9 +6,9 @@ use super::band::Band;
 use crate::field::{Field, distance};
 
 /// Reach of the kernel `(1 - d / R)^2`, px.
-const RADIUS: f64 = 1.5;
+pub const RADIUS: f64 = 1.5;
 /// Rounds of filling from neighbours for contour pixels that no seed reaches.
-const FILL_ROUNDS: usize = 30;
+pub const FILL_ROUNDS: usize = 30;
 
 /// Values per pixel, dense over the tile: seed values at the contour's pixels, zero elsewhere.
 pub fn scatter<const C: usize>(

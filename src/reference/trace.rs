@@ -10,13 +10,15 @@ use crate::jobs::{TraceJob, Traced, Track, full_distance};
 use crate::report::Residual;
 
 /// Largest time step: the relaxation `phi_t = phi_B - phi` is unstable above 2.5 and already costs accuracy at 2.2.
-const STEP_LIMIT: f64 = 0.5;
+pub const STEP_LIMIT: f64 = 0.5;
 /// Pixels this close to the front decide about its time step.
-const NEAR: f64 = 1.5;
+pub const NEAR: f64 = 1.5;
 /// A front that has come this close and gains less than [`LEAST_GAIN`] in [`PATIENCE`] steps hangs at kinks of phi_B.
-const STALL_BELOW: f64 = 1.0;
-const LEAST_GAIN: f64 = 1e-3;
-const PATIENCE: usize = 12;
+pub const STALL_BELOW: f64 = 1.0;
+/// Least gain of a front that does not hang, px.
+pub const LEAST_GAIN: f64 = 1e-3;
+/// Steps without gain after which a front hangs.
+pub const PATIENCE: usize = 12;
 
 /// Runs the morph until the front has arrived, stalls, or has used up its steps.
 pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced {

@@ -1,6 +1,8 @@
 //! Analytic contours for tests: signed distances in pixels, and stacks made of them.
 #![allow(dead_code)]
 
+pub mod zoo;
+
 use interslice::stack::{ContourStack, Geometry, Slice, SliceContent};
 
 /// Signed distance or any implicit function, negative inside, at pixel position (x, y).

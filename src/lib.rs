@@ -65,5 +65,27 @@ pub fn reconstruct_with(
     backend: &dyn Backend,
     progress: &dyn Progress,
 ) -> Result<Reconstruction> {
-    pipeline::run(stack, heights, settings, backend, progress)
+    let mut layers = Vec::new();
+    let mut keep = |layer| {
+        layers.push(layer);
+        Ok(())
+    };
+    let body = pipeline::run(stack, heights, settings, backend, progress, &mut keep)?;
+    Ok(Reconstruction { layers, ..body })
+}
+
+/// The same with every layer handed to `sink` as soon as it is finished, lowest first, so that the volume need not fit in memory; the result
+/// has no layers.
+///
+/// # Errors
+/// As [`reconstruct`]; what `sink` says.
+pub fn reconstruct_into(
+    stack: &ContourStack,
+    heights: &[f64],
+    settings: &Settings,
+    backend: &dyn Backend,
+    progress: &dyn Progress,
+    sink: &mut dyn FnMut(surface::Layer) -> Result<()>,
+) -> Result<Reconstruction> {
+    pipeline::run(stack, heights, settings, backend, progress, sink)
 }

@@ -48,16 +48,30 @@ struct Run<'a> {
     report: Report,
 }
 
-/// Reconstructs `stack` at `heights` (increasing, unit of the stack).
+/// What the stages before the sweeps have made.
+struct Made {
+    contours: Vec<Contour>,
+    intervals: Vec<Interval>,
+    sides: Vec<Sides>,
+    fitted: Vec<Fitted>,
+    ends: [End; 2],
+}
+
+/// Takes finished layers, lowest first.
+pub type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
+
+/// Reconstructs `stack` at `heights` (increasing, unit of the stack) and hands every layer to `sink`; the result itself has none.
 ///
 /// # Errors
-/// Wrong input or settings before anything is computed; a backend's failure; [`Error::Numerics`] for a value that is not a number.
+/// Wrong input or settings before anything is computed; a backend's failure; [`Error::Numerics`] for a value that is not a number; what
+/// `sink` says.
 pub fn run(
     stack: &ContourStack,
     heights: &[f64],
     settings: &Settings,
     backend: &dyn Backend,
     progress: &dyn Progress,
+    sink: &mut Sink<'_>,
 ) -> Result<Reconstruction> {
     stack.validate()?;
     settings.validate()?;
@@ -93,8 +107,8 @@ pub fn run(
     let fitted = run.stage("fit", 1, |run| Ok(fit(&contours, &sides, run.h, run.px, run.settings)))?;
     let ends = run.ends(&contours, &fitted)?;
     let heights = Heights::new(stack, heights, [ends[0].extent, ends[1].extent])?;
-    let layers =
-        run.stage("propagate", jobs, |run| run.propagate(&contours, &intervals, &sides, &fitted, &ends, &heights))?;
+    let made = Made { contours, intervals, sides, fitted, ends };
+    run.stage("propagate", jobs, |run| run.propagate(&made, &heights, sink))?;
     let done_by = backend.name();
     if done_by != run.report.backend {
         run.report.warnings.push(format!("the backend has changed on the way: {done_by}"));
@@ -105,8 +119,8 @@ pub fn run(
         spacing: stack.spacing,
         unit: stack.unit.clone(),
         geometry: stack.geometry,
-        extent: [ends[0].extent, ends[1].extent],
-        layers,
+        extent: made.ends.each_ref().map(|end| end.extent),
+        layers: Vec::new(),
         report: run.report,
     })
 }
@@ -223,56 +237,50 @@ impl Run<'_> {
     }
 
     /// Sweeps and composes, some intervals at a time, so that only their tiles are in memory.
-    fn propagate(
-        &mut self,
-        contours: &[Contour],
-        intervals: &[Interval],
-        sides: &[Sides],
-        fitted: &[Fitted],
-        ends: &[End; 2],
-        heights: &Heights,
-    ) -> Result<Vec<Layer>> {
-        let mut layers: Vec<Layer> = Vec::with_capacity(heights.all.len());
-        let below = heights.all.iter().filter(|x| x.z < contours[0].z);
-        layers.extend(below.map(|x| self.layer(x, ends[0].layer(x.z, &contours[0], self.canvas()))));
+    fn propagate(&mut self, made: &Made, heights: &Heights, sink: &mut Sink<'_>) -> Result<()> {
+        let Made { contours, intervals, fitted, ends, .. } = made;
+        let last = contours.len() - 1;
+        for height in heights.all.iter().filter(|x| x.z < contours[0].z) {
+            sink(self.layer(height, ends[0].layer(height.z, &contours[0], self.canvas())))?;
+        }
         for chunk in chunks(intervals, heights) {
-            let chunk: Vec<usize> = chunk.collect();
             let caps: Vec<IntervalCaps> = chunk
-                .iter()
-                .map(|&i| {
+                .clone()
+                .map(|i| {
                     let gap = contours[i + 1].z - contours[i].z;
                     IntervalCaps::new(&intervals[i], &fitted[i], &fitted[i + 1], gap)
                 })
                 .collect();
-            let mut filled = self.sweep_chunk(&chunk, contours, intervals, &caps, sides, fitted, heights)?.into_iter();
-            for (&i, caps) in chunk.iter().zip(&caps) {
-                let contour = &heights.contours[i];
-                layers.push(self.contour_layer(contour, &contours[i], i));
+            let mut filled = self.sweep_chunk(chunk.clone(), made, &caps, heights)?.into_iter();
+            for (i, caps) in chunk.zip(&caps) {
+                sink(self.contour_layer(&heights.contours[i], &contours[i], i))?;
                 let of_interval: Vec<Filled> = filled.by_ref().take(intervals[i].groups.len()).collect();
-                layers.extend(self.compose_interval(i, contours, &intervals[i], caps, heights, &of_interval));
+                let at_once = rayon::current_num_threads();
+                for (k, some) in heights.between(i).chunks(at_once).enumerate() {
+                    for layer in self.compose(made, i, caps, some, k * at_once, &of_interval) {
+                        sink(layer)?;
+                    }
+                }
             }
         }
-        let last = contours.len() - 1;
-        layers.push(self.contour_layer(&heights.contours[last], &contours[last], last));
-        let above = heights.all.iter().filter(|x| x.z > contours[last].z);
-        layers.extend(above.map(|x| self.layer(x, ends[1].layer(x.z, &contours[last], self.canvas()))));
-        Ok(layers)
+        sink(self.contour_layer(&heights.contours[last], &contours[last], last))?;
+        for height in heights.all.iter().filter(|x| x.z > contours[last].z) {
+            sink(self.layer(height, ends[1].layer(height.z, &contours[last], self.canvas())))?;
+        }
+        Ok(())
     }
 
-    #[expect(clippy::too_many_arguments, reason = "one stage reads what all stages before it have made")]
     fn sweep_chunk(
         &mut self,
-        chunk: &[usize],
-        contours: &[Contour],
-        intervals: &[Interval],
+        chunk: Range<usize>,
+        made: &Made,
         caps: &[IntervalCaps],
-        sides: &[Sides],
-        fitted: &[Fitted],
         heights: &Heights,
     ) -> Result<Vec<Filled>> {
+        let Made { contours, intervals, sides, fitted, .. } = made;
         let mut pairs = Vec::new();
         let mut owners = Vec::new();
-        for (&i, caps) in chunk.iter().zip(caps) {
+        for (i, caps) in chunk.zip(caps) {
             let (low, high) = (contours[i].z, contours[i + 1].z);
             let gap = high - low;
             let up: Vec<f64> = heights.between(i).iter().map(|x| time(x.z, low, high)).collect();
@@ -333,32 +341,29 @@ impl Run<'_> {
         Ok(filled)
     }
 
-    fn compose_interval(
+    /// Layers of interval `i` at some of its heights, the first of which is number `skip`.
+    fn compose(
         &self,
+        made: &Made,
         i: usize,
-        contours: &[Contour],
-        interval: &Interval,
         caps: &IntervalCaps,
-        heights: &Heights,
+        heights: &[Height],
+        skip: usize,
         filled: &[Filled],
     ) -> Vec<Layer> {
-        let (low, high) = (contours[i].z, contours[i + 1].z);
-        heights
-            .between(i)
-            .par_iter()
-            .enumerate()
-            .map(|(k, height)| {
-                let t = time(height.z, low, high);
-                let mut canvas = self.canvas();
-                for (f, group) in filled.iter().zip(&interval.groups) {
-                    canvas.unite(&group.tile, |n| f64::from(f.slices[k][n]));
-                }
-                for (cap, direction) in &caps.solids {
-                    unite_cap(&mut canvas, cap, if *direction == Direction::Up { t } else { 1.0 - t });
-                }
-                self.layer(height, canvas)
-            })
-            .collect()
+        let (low, high) = (made.contours[i].z, made.contours[i + 1].z);
+        let layer = |(k, height): (usize, &Height)| {
+            let t = time(height.z, low, high);
+            let mut canvas = self.canvas();
+            for (f, group) in filled.iter().zip(&made.intervals[i].groups) {
+                canvas.unite(&group.tile, |n| f64::from(f.slices[skip + k][n]));
+            }
+            for (cap, direction) in &caps.solids {
+                unite_cap(&mut canvas, cap, if *direction == Direction::Up { t } else { 1.0 - t });
+            }
+            self.layer(height, canvas)
+        };
+        heights.par_iter().enumerate().map(layer).collect()
     }
 
     fn canvas(&self) -> Canvas {

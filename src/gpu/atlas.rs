@@ -97,6 +97,11 @@ impl Atlas {
     }
 }
 
+/// Nodes of a tile with what fills its last block.
+pub fn padded(nodes: usize) -> usize {
+    nodes.next_multiple_of(BLOCK)
+}
+
 /// Cuts jobs that take these shares of a machine into batches, in order, each of at most the whole machine; a job that is more alone
 /// makes its own batch.
 pub fn batches(shares: impl IntoIterator<Item = f64>) -> Vec<Range<usize>> {

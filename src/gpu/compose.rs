@@ -1,7 +1,7 @@
 //! From copied fronts to slices on the GPU: blending, distances farther out, and the way back to the host.
 
 use super::Gpu;
-use super::atlas::{Atlas, batches};
+use super::atlas::{Atlas, batches, padded};
 use super::band::Front;
 use super::device::Buffer;
 use super::distance::{self, Distances};
@@ -85,7 +85,7 @@ pub fn fill_slices(
         swept.chunks_exact(2).map(|s| Filled { slices: Vec::new(), up: s[0].clone(), down: s[1].clone() }).collect();
     let params = morph_params(h, options);
     let share = |&(p, _): &(usize, usize)| {
-        let nodes = pairs[p].up.source.data.len();
+        let nodes = padded(pairs[p].up.source.data.len());
         // What is read back lies there twice.
         gpu.share(nodes * (distance::NODE_BYTES + 4), 4 * nodes)
     };

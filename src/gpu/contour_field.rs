@@ -1,7 +1,7 @@
 //! From slices to level sets on the GPU: anti-aliasing, distance, conditioning.
 
 use super::Gpu;
-use super::atlas::{Atlas, batches};
+use super::atlas::{Atlas, batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::device::Buffer;
 use super::distance::Distances;
@@ -39,7 +39,7 @@ pub fn contour_fields(
         })
         .collect();
     let mut out = vec![Field::filled(dims, f64::INFINITY); slices.len()];
-    let nodes = dims[0] * dims[1];
+    let nodes = padded(dims[0] * dims[1]);
     let share = |k: &usize| {
         let room = places(crossings(&values[*k].0), options.half_width + CONDITION_WIDER, nodes);
         gpu.share(nodes * BYTES + room * PLACE_BYTES, 4 * nodes)

@@ -1,7 +1,7 @@
 //! Distance fields of parts of contours on the GPU.
 
 use super::Gpu;
-use super::atlas::{Atlas, batches};
+use super::atlas::{Atlas, batches, padded};
 use super::distance::{Distances, NODE_BYTES};
 use super::kernels::Recorder;
 use super::layout::Params;
@@ -15,7 +15,7 @@ pub fn part_fields(gpu: &Gpu, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field
     let open: Vec<usize> = (0..jobs.len()).filter(|&k| out[k].is_none()).collect();
     // Two tiles a job, with the whole field and the part's mask.
     let share = |&k: &usize| {
-        let nodes = 2 * jobs[k].inside.len();
+        let nodes = 2 * padded(jobs[k].inside.len());
         gpu.share(nodes * (NODE_BYTES + 4), 4 * nodes)
     };
     for batch in batches(open.iter().map(share)) {

@@ -1,9 +1,10 @@
 //! Sweeps on the GPU, and the slices made of them.
 
 use super::Gpu;
-use super::atlas::{Atlas, batches};
+use super::atlas::{Atlas, batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::compose::{Copies, fill_slices};
+use super::device::failure;
 use super::kernels::{Bound, Recorder, Size};
 use super::layout::{BLOCK, Copy, Job, RUNNING, Seed, Source, Sums, VANISHED};
 use super::trace::morph_params;
@@ -17,6 +18,8 @@ use crate::report::Residual;
 
 /// Steps between two looks at the jobs.
 const LOOK: usize = 16;
+/// Steps after which a sweep is given up; real ones take less than a hundred per pixel of motion.
+const MOST_STEPS: u32 = 100_000;
 /// Bytes per band place beside the front's own: courses and speeds twice, misses, sources, rounds of filling.
 const SWEEP_PLACE_BYTES: usize = PLACE_BYTES + 64;
 
@@ -34,7 +37,7 @@ pub fn propagate(
     };
     let rooms: Vec<usize> = pairs.iter().map(room_of).collect();
     let share = |(pair, room): (&SweepPair<'_>, &usize)| {
-        let nodes = 2 * pair.up.source.data.len();
+        let nodes = 2 * padded(pair.up.source.data.len());
         let copied = [room * 4, nodes / BLOCK * size_of::<Copy>()].map(|bytes| bytes * pair.up.times.len());
         let bytes = nodes * (NODE_BYTES + 4) + room * SWEEP_PLACE_BYTES + copied[0] + copied[1];
         gpu.share(bytes, (4 * nodes).max(16 * room).max(copied[0]).max(copied[1]))
@@ -144,6 +147,9 @@ fn run(
         work = Recorder::new(device, &gpu.profiler);
         if states.iter().all(|s| s.phase != RUNNING) {
             break states;
+        }
+        if let Some(stuck) = states.iter().find(|s| s.steps > MOST_STEPS && s.phase == RUNNING) {
+            return Err(failure(format!("a sweep does not end: t = {} after {} steps", stuck.now, stuck.steps)));
         }
     };
     drop(work);

@@ -1,7 +1,7 @@
 //! Morphs with tracker particles on the GPU.
 
 use super::Gpu;
-use super::atlas::{Atlas, batches};
+use super::atlas::{Atlas, batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::kernels::{Recorder, Size};
 use super::layout::{Params, Particle, RUNNING, Sums};
@@ -28,7 +28,7 @@ pub fn trace(
     };
     let rooms: Vec<usize> = jobs.iter().map(room_of).collect();
     let share = |(job, room): (&TraceJob<'_>, &usize)| {
-        let (nodes, particles) = (job.source.data.len(), job.seeds.len());
+        let (nodes, particles) = (padded(job.source.data.len()), job.seeds.len());
         let bytes = nodes * (NODE_BYTES + 4) + room * PLACE_BYTES + particles * size_of::<Particle>();
         gpu.share(bytes, (4 * nodes).max(8 * room).max(particles * size_of::<Particle>()))
     };

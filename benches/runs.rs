@@ -3,13 +3,16 @@
 //!
 //! `cargo bench --bench runs`
 
-use std::path::{Path, PathBuf};
+mod stacks;
+
+use std::path::Path;
 
 use divan::Bencher;
 use interslice::demo::demo;
-use interslice::stack::{ContourStack, ReadOptions, Slice, SliceContent, read};
+use interslice::stack::{ContourStack, ReadOptions, read};
 use interslice::surface::mesh::closed_surface;
 use interslice::{Settings, reconstruct};
+use stacks::{named_stacks, widened};
 
 fn main() {
     divan::main();
@@ -51,28 +54,6 @@ fn fig10_in_a_wider_image(bencher: Bencher, times: usize) {
         println!("{times}x: {seconds:.3} s after the distance stage");
     }
     bencher.bench(|| reconstruct(&stack, &demo.settings));
-}
-
-fn widened(stack: &ContourStack, times: usize) -> ContourStack {
-    let [nx, ny] = stack.dims;
-    let dims = [times * nx, times * ny];
-    let shift = [(dims[0] - nx) / 2, (dims[1] - ny) / 2];
-    let inside = |content: &SliceContent, n: usize| {
-        let (i, j) = (n % dims[0], n / dims[0]);
-        match (i.checked_sub(shift[0]), j.checked_sub(shift[1])) {
-            (Some(i), Some(j)) if i < nx && j < ny => content.inside(j * nx + i),
-            _ => false,
-        }
-    };
-    let slices = stack.slices.iter().map(|s| Slice {
-        content: SliceContent::Mask((0..dims[0] * dims[1]).map(|n| inside(&s.content, n)).collect()),
-        ..s.clone()
-    });
-    ContourStack { dims, slices: slices.collect(), ..stack.clone() }
-}
-
-fn named_stacks() -> Vec<PathBuf> {
-    std::env::var_os("INTERSLICE_STACKS").map(|v| std::env::split_paths(&v).collect()).unwrap_or_default()
 }
 
 #[divan::bench(args = named_stacks().iter().map(|p| p.display().to_string()).collect::<Vec<_>>(), sample_count = 3)]

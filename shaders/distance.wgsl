@@ -53,7 +53,8 @@ fn wake_at(q: u32, i: u32, j: u32) {
     atomicStore(&awake[jobs[q].first_copy + (j / PATCH) * columns_of(q) + i / PATCH], 2u);
 }
 
-// Start values: along each axis the linear crossing, both combined as `1 / d^2 = 1 / dx^2 + 1 / dy^2`; FAR elsewhere.
+// Start values: along each axis the linear crossing, both combined as `1 / d^2 = 1 / dx^2 + 1 / dy^2`; elsewhere FAR, or `limit` if there is
+// one: the sweeps then go no farther.
 @compute @workgroup_size(lane_count)
 fn start(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let node = list_index(group, local);
@@ -83,7 +84,7 @@ fn start(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     if j + 1u < jobs[q].ny {
         dy = min(dy, crossing_at(c, u[node + nx]));
     }
-    d[node] = FAR;
+    d[node] = select(FAR, params.limit, params.limit > 0.0);
     if dx < FAR || dy < FAR {
         var inverse = 0.0;
         if dx < FAR {

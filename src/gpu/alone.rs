@@ -25,6 +25,17 @@ pub struct Tubes {
     pub beta: f64,
 }
 
+/// Which distances are wanted.
+#[derive(Debug, Clone, Copy)]
+pub enum Reach {
+    /// To the contours of any level set, everywhere.
+    Everywhere,
+    /// To the contours of any level set, as far as this many px; no more than that beyond.
+    Within(f64),
+    /// Continued from a field that is right near its contours, as far as this many px.
+    Beyond(f64),
+}
+
 /// Speeds of a Hamilton-Jacobi step, one field per job.
 #[derive(Debug, Clone, Copy)]
 pub enum Speeds<'a> {
@@ -75,17 +86,20 @@ impl Gpu {
         self.device.read(&front.band, 0, head[0].band_total as usize)
     }
 
-    /// Distances to the contours of these level sets; with `limit` continued from fields that are right near their contours.
+    /// Distances measured as `reach` says.
     ///
     /// # Errors
     /// [`crate::Error::Gpu`].
-    pub fn distances(&self, u: &[Field], h: [f64; 2], limit: Option<f64>) -> Result<Vec<Field>> {
+    pub fn distances(&self, u: &[Field], h: [f64; 2], reach: Reach) -> Result<Vec<Field>> {
         let atlas = Atlas::new(u.iter().map(|f| f.dims));
         let values = self.device.upload("level", &atlas.pack(u.iter(), 1.0))?;
-        let limit_px = limit.unwrap_or(0.0) as f32;
-        let params = Params { hx: h[0] as f32, hy: h[1] as f32, limit: limit_px, ..Params::default() };
+        let limit = match reach {
+            Reach::Everywhere => 0.0,
+            Reach::Within(px) | Reach::Beyond(px) => px as f32,
+        };
+        let params = Params { hx: h[0] as f32, hy: h[1] as f32, limit, ..Params::default() };
         let tiles = Distances::new(self, atlas, params, values)?;
-        tiles.solve(limit.is_some())?;
+        tiles.solve(matches!(reach, Reach::Beyond(_)))?;
         self.unpack(&tiles.atlas, &tiles.d)
     }
 

@@ -1,7 +1,7 @@
 //! Every stage on the GPU beside its f64 twin, on contours of every kind: what the self-test runs once and the tests run at several sizes.
 
 use super::Gpu;
-use super::alone::{Speeds, Tubes};
+use super::alone::{Reach, Speeds, Tubes};
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
 use crate::contour::seeds;
 use crate::error::Result;
@@ -136,7 +136,9 @@ impl Cases {
     /// Seeds of every job and a course for each, which differ from seed to seed.
     fn seeded(&self) -> Vec<(Vec<[f64; 2]>, Vec<Course>)> {
         let of = |phi: &Field| {
-            let positions: Vec<[f64; 2]> = seeds(phi, self.h, 0.5).iter().map(|s| s.x).collect();
+            // Contours have no seeds on a stretch, so that pixels are filled from their neighbours there.
+            let bare = |x: &[f64; 2]| x[1] * self.h[1] > 0.58 * phi.dims[1] as f64 * self.h[1];
+            let positions: Vec<[f64; 2]> = seeds(phi, self.h, 0.5).iter().map(|s| s.x).filter(|x| !bare(x)).collect();
             let course = |x: &[f64; 2]| {
                 let s = f64::from((0.3 * x[0]).sin() as f32) * 2.0;
                 [s, 0.5 * s, 0.25, if x[1] < 20.0 { 0.0 } else { 1.0 }]
@@ -163,6 +165,7 @@ impl Cases {
 pub fn compare(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
     let mut out = vec![
         distance(gpu, cases)?,
+        near(gpu, cases)?,
         far(gpu, cases)?,
         exact(gpu, cases)?,
         band(gpu, cases)?,
@@ -181,13 +184,24 @@ pub fn compare(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
 
 fn distance(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
     let twin: Vec<Field> = cases.phi[..3].iter().map(|u| distance_of(u, cases.h)).collect();
-    Ok(Comparison::fields("distance", 2e-4, &gpu.distances(&cases.phi[..3], cases.h, None)?, &twin))
+    Ok(Comparison::fields("distance", 2e-4, &gpu.distances(&cases.phi[..3], cases.h, Reach::Everywhere)?, &twin))
+}
+
+fn near(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
+    let limit = 7.0;
+    let cut = |u: &Field| {
+        let d = distance_of(u, cases.h);
+        Field { dims: d.dims, data: d.data.iter().map(|v| v.clamp(-limit, limit)).collect() }
+    };
+    let twin: Vec<Field> = cases.phi[..3].iter().map(cut).collect();
+    let ours = gpu.distances(&cases.phi[..3], cases.h, Reach::Within(limit))?;
+    Ok(Comparison::fields("distance near contours", 2e-4, &ours, &twin))
 }
 
 fn far(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
     let limit = 12.0;
     let twin: Vec<Field> = cases.phi.iter().map(|u| far_distance(u.clone(), cases.h, limit)).collect();
-    Ok(Comparison::fields("far distance", 1e-4, &gpu.distances(&cases.phi, cases.h, Some(limit))?, &twin))
+    Ok(Comparison::fields("far distance", 1e-4, &gpu.distances(&cases.phi, cases.h, Reach::Beyond(limit))?, &twin))
 }
 
 fn exact(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
@@ -285,7 +299,8 @@ fn carried(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
 }
 
 fn particles(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
-    let starts: Vec<Vec<[f64; 2]>> = cases.seeded().into_iter().map(|s| s.0).collect();
+    let starts: Vec<Vec<[f64; 2]>> =
+        cases.phi.iter().map(|phi| seeds(phi, cases.h, 0.5).iter().map(|s| s.x).collect()).collect();
     let ours = gpu.advect(&starts, [&cases.phi, &cases.later, &cases.later], cases.tubes(), &STEPS)?;
     let mut pairs = Vec::new();
     for (q, ours) in ours.iter().enumerate() {

@@ -149,7 +149,7 @@ pub struct Settings {
     #[arg(long, value_name = "GAPS", default_value_t = Settings::default().cap_gaps)]
     pub cap_gaps: f64,
 
-    /// Re-estimate the remaining distances by a new morph every N steps of the sweep; 0: never
+    /// Re-estimate the remaining distances by a new morph every N steps of the sweep, on the CPU; 0: never
     #[arg(long, value_name = "N", default_value_t = Settings::default().redistance)]
     pub redistance: usize,
 

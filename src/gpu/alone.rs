@@ -67,7 +67,7 @@ impl Gpu {
             (job.dt, job.now) = (*dt as f32, *dt as f32);
         }
         let values = atlas.pack(phi.iter(), 1.0);
-        let room = atlas.len();
+        let room = atlas.node_count();
         Front::new(self, atlas, tubes.params(), Some(&values), room)
     }
 
@@ -78,7 +78,7 @@ impl Gpu {
     }
 
     fn unpack(&self, atlas: &Atlas, buffer: &Buffer) -> Result<Vec<Field>> {
-        Ok(atlas.unpack(&self.device.read(buffer, 0, atlas.len())?))
+        Ok(atlas.unpack(&self.device.read(buffer, 0, atlas.node_count())?))
     }
 
     fn listed(&self, front: &Front<'_>) -> Result<Listed> {
@@ -181,7 +181,7 @@ impl Gpu {
         let mut atlas = Atlas::new(jobs.iter().map(|j| j.source.dims));
         let (seeds, bins) = place_seeds(&mut atlas, &jobs, tubes.h);
         let values = atlas.pack(jobs.iter().map(|j| j.source), 1.0);
-        let room = atlas.len();
+        let room = atlas.node_count();
         let front = Front::new(self, atlas, tubes.params(), Some(&values), room)?;
         let (seeds, bins) = (device.upload::<Seed>("seeds", &seeds)?, device.upload("bins", &bins)?);
         let courses = [device.storage::<[f32; 4]>("courses", room)?, device.storage::<[f32; 4]>("courses", room)?];

@@ -42,7 +42,7 @@ impl Atlas {
     }
 
     /// Nodes of all tiles, with what fills the last block of each.
-    pub fn len(&self) -> usize {
+    pub fn node_count(&self) -> usize {
         self.block_count() * BLOCK
     }
 
@@ -56,7 +56,7 @@ impl Atlas {
 
     /// Fields of all jobs in single precision, `fill` between them.
     pub fn pack<'a>(&self, fields: impl Iterator<Item = &'a Field>, fill: f32) -> Vec<f32> {
-        let mut out = Vec::with_capacity(self.len());
+        let mut out = Vec::with_capacity(self.node_count());
         for (job, field) in self.jobs.iter().zip(fields) {
             out.extend(field.data.iter().map(|&v| v.clamp(-1e30, 1e30) as f32));
             out.resize((job.offset + job.block_count * BLOCK as u32) as usize, fill);

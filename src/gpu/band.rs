@@ -63,7 +63,7 @@ impl<'g> Front<'g> {
             band_capacity: capacity as u32,
             ..params
         };
-        let nodes = atlas.len();
+        let nodes = atlas.node_count();
         let params = device.uniform("params", params);
         let jobs = device.upload("jobs", &atlas.jobs)?;
         let blocks = device.upload::<Block>("blocks", &atlas.blocks())?;

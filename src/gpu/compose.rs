@@ -109,7 +109,7 @@ pub fn fill_slices(
                 }
             })
             .collect();
-        let blended = blend(gpu, &copies, &items, atlas.len(), params)?;
+        let blended = blend(gpu, &copies, &items, atlas.node_count(), params)?;
         let mut slices = outwards(gpu, atlas, params, blended)?;
         // Most slices are whole. Those that are not are blended once more, mended as they were blended, and continued outwards.
         let broken: Vec<usize> = batch
@@ -125,8 +125,8 @@ pub fn fill_slices(
                 .zip(&atlas.jobs)
                 .map(|(&slot, tile)| Item { offset: tile.offset, ..items[slot] })
                 .collect();
-            let blended = blend(gpu, &copies, &again, atlas.len(), params)?;
-            let values: Vec<f32> = gpu.device.read(&blended, 0, atlas.len())?;
+            let blended = blend(gpu, &copies, &again, atlas.node_count(), params)?;
+            let values: Vec<f32> = gpu.device.read(&blended, 0, atlas.node_count())?;
             let mut mended = atlas.unpack(&values);
             for (field, &slot) in mended.iter_mut().zip(&broken) {
                 let (p, k) = batch[slot];

@@ -80,8 +80,8 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
         AntiAlias::Kernel => Some(kernel(gpu, &atlas, params, &sides, options.sigma)?),
         AntiAlias::Eq6 => {
             let exact = exact_distance(gpu, &atlas, params, &sides)?;
-            let exact = gpu.device.read::<f32>(&exact, 0, atlas.len())?;
-            Some(with_room(room, atlas.len(), |room| eq6(gpu, &atlas, params, &exact, &packed, &sides, room))?)
+            let exact = gpu.device.read::<f32>(&exact, 0, atlas.node_count())?;
+            Some(with_room(room, atlas.node_count(), |room| eq6(gpu, &atlas, params, &exact, &packed, &sides, room))?)
         }
     };
     let tiles = Distances::new(gpu, atlas.clone(), params, source.unwrap_or(gpu.device.upload("level", &packed)?))?;
@@ -94,7 +94,7 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
         work.run(&limit, tiles.per_node());
         work.submit()?;
     }
-    let fields = with_room(room, atlas.len(), |room| condition(gpu, &tiles, params, options, room))?;
+    let fields = with_room(room, atlas.node_count(), |room| condition(gpu, &tiles, params, options, room))?;
     Ok(atlas.unpack(&fields))
 }
 
@@ -119,7 +119,7 @@ fn kernel(gpu: &Gpu, atlas: &Atlas, params: Params, sides: &Buffer, sigma: f64) 
     let params = device.uniform("params", shape);
     let jobs = device.upload("jobs", &atlas.jobs)?;
     let blocks = device.upload("blocks", &atlas.blocks())?;
-    let nodes = atlas.len();
+    let nodes = atlas.node_count();
     let half = device.storage::<f32>("half", nodes)?;
     let once = device.storage::<f32>("once", nodes)?;
     let twice = device.storage::<f32>("twice", nodes)?;
@@ -141,7 +141,7 @@ pub fn exact_distance(gpu: &Gpu, atlas: &Atlas, params: Params, sides: &Buffer) 
     let (device, k) = (&gpu.device, &gpu.kernels);
     let params = device.uniform("params", params);
     let jobs = device.upload("jobs", &atlas.jobs)?;
-    let nodes = atlas.len();
+    let nodes = atlas.node_count();
     let (steps, feet) = (device.storage::<f32>("steps", nodes)?, device.storage::<u32>("feet", nodes)?);
     let (begins, distance) = (device.storage::<f32>("begins", nodes)?, device.storage::<f32>("exact", nodes)?);
     let largest = |of: fn(&super::layout::Job) -> u32| atlas.jobs.iter().map(of).max().unwrap_or(0) as usize;
@@ -175,12 +175,12 @@ fn eq6(
         return Ok(Room::Short(wanted));
     }
     front.replace_phi(binary);
-    let result = gpu.device.storage::<f32>("smooth", atlas.len())?;
+    let result = gpu.device.storage::<f32>("smooth", atlas.node_count())?;
     let rule = gpu.device.uniform("rule", rule(&[]));
     let hold = gpu.kernels.hold_sides.bind(&gpu.device, &[&front.params, &rule, &front.phi, sides, &result]);
     let mut work = Recorder::new(&gpu.device, &gpu.profiler);
     front.reinit(&mut work, EQ6_ITERATIONS);
-    work.run(&hold, Size::List(atlas.len()));
+    work.run(&hold, Size::List(atlas.node_count()));
     work.submit()?;
     Ok(Room::Enough(result))
 }
@@ -194,7 +194,7 @@ fn condition(
     room: usize,
 ) -> Result<Room<Vec<f32>>> {
     let device = &gpu.device;
-    let nodes = tiles.atlas.len();
+    let nodes = tiles.atlas.node_count();
     let front = Front::new(gpu, tiles.atlas.clone(), params, None, room)?;
     let result = device.storage::<f32>("result", nodes)?;
     let rule = Rule { conditioned: (options.half_width + CONDITIONED) as f32, ..rule(&[]) };

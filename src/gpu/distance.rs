@@ -50,7 +50,7 @@ impl<'g> Distances<'g> {
         let params = device.uniform("params", params);
         let jobs = device.upload::<Job>("jobs", &atlas.jobs)?;
         let blocks = device.upload::<Block>("blocks", &atlas.blocks())?;
-        let d = device.storage::<f32>("distance", atlas.len())?;
+        let d = device.storage::<f32>("distance", atlas.node_count())?;
         let awake = device.zeroed::<u32>("awake", patches.len())?;
         let changes = device.zeroed::<u32>("changes", 1)?;
         let patches = device.upload("patches", &patches)?;
@@ -66,7 +66,7 @@ impl<'g> Distances<'g> {
 
     /// One invocation per node.
     pub fn per_node(&self) -> Size<'static> {
-        Size::List(self.atlas.len())
+        Size::List(self.atlas.node_count())
     }
 
     /// Start values, then sweeps to the fixed point, then signs. `far`: from a field that is right near its contour.
@@ -105,6 +105,6 @@ impl<'g> Distances<'g> {
 
     /// The distances of all tiles.
     pub fn read(&self) -> Result<Vec<f32>> {
-        self.gpu.device.read(&self.d, 0, self.atlas.len())
+        self.gpu.device.read(&self.d, 0, self.atlas.node_count())
     }
 }

@@ -150,11 +150,10 @@ impl Cases {
     }
 
     fn sweeps<'a>(&self, source: &'a [Field], target: &'a [Field]) -> Vec<SweepJob<'a>> {
-        let seeded = self.seeded();
-        let job = |((source, target), (seeds, courses)): ((&'a Field, &'a Field), (Vec<[f64; 2]>, Vec<Course>))| {
-            SweepJob { source, target, seeds, courses, times: Vec::new() }
-        };
-        source.iter().zip(target).zip(seeded).map(job).collect()
+        let both = source.iter().zip(target);
+        both.zip(self.seeded())
+            .map(|((source, target), (seeds, courses))| SweepJob { source, target, seeds, courses, times: Vec::new() })
+            .collect()
     }
 }
 

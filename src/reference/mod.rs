@@ -38,6 +38,9 @@ fn in_parallel<J: Sync, R: Send>(jobs: &[J], progress: &dyn Progress, run: impl 
         .collect()
 }
 
+/// How a sweep went, and its level sets at the times asked for.
+type SweptWithFields = (Swept, Vec<Vec<f32>>);
+
 impl Backend for Reference {
     fn name(&self) -> String {
         format!("reference (f64, {} threads)", rayon::current_num_threads())
@@ -80,7 +83,7 @@ impl Backend for Reference {
     ) -> Result<Vec<Filled>> {
         let jobs: Vec<&SweepJob<'_>> = pairs.iter().flat_map(|p| [&p.up, &p.down]).collect();
         let swept = in_parallel(&jobs, progress, |job| propagate::propagate(job, h, options));
-        let fill = |(pair, swept): (&SweepPair<'_>, &[(Swept, Vec<Vec<f32>>)])| {
+        let fill = |(pair, swept): (&SweepPair<'_>, &[SweptWithFields])| {
             let [(up, up_fields), (down, down_fields)] = swept else { return Filled::default() };
             let last = pair.up.times.len().saturating_sub(1);
             let slice = |(k, &t): (usize, &f64)| {

@@ -330,11 +330,12 @@ fn parts(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
     jobs.push(PartJob { inside: cases.phi[2].inside(), whole: distance_of(&cases.phi[2], cases.h) });
     jobs.push(PartJob { inside: vec![false; cases.phi[0].data.len()], whole: distance_of(&cases.phi[0], cases.h) });
     jobs.push(job(&cases.phi[1]));
-    // Two rectangles one pixel apart: the pixels between them lie at edges of both.
+    // Two rectangles one pixel apart: the pixels between them lie at edges of both, nearer to the other's.
     let dims = [35, 31];
     let in_left = |i: usize, j: usize| (9..16).contains(&i) && (9..22).contains(&j);
     let in_right = |i: usize, j: usize| (17..25).contains(&i) && (11..20).contains(&j);
-    let near = Field::from_fn(dims, |i, j| if in_left(i, j) || in_right(i, j) { -0.375 } else { 0.625 });
+    let level = |i, j| if in_left(i, j) { -0.375 } else { 0.625 };
+    let near = Field::from_fn(dims, |i, j| if in_right(i, j) { -1.5 } else { level(i, j) });
     let left = (0..dims[0] * dims[1]).map(|n| in_left(n % dims[0], n / dims[0])).collect();
     jobs.push(PartJob { whole: distance_of(&near, cases.h), inside: left });
     let twin = Reference.part_fields(&jobs, cases.h)?;

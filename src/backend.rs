@@ -1,10 +1,12 @@
 //! What the pipeline may ask of a machine. The order of the questions is the pipeline's; a backend answers batches of jobs.
 
+use crate::displacement::Displacement;
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
+use crate::moving_field::{LoneParts, MovingField};
 use crate::progress::Progress;
-use crate::settings::{AntiAlias, Settings};
+use crate::settings::{AntiAlias, Motion, Settings};
 use crate::stack::SliceContent;
 
 /// A slice on the padded image.
@@ -142,4 +144,39 @@ pub trait Backend: Sync {
         options: &MorphOptions,
         progress: &dyn Progress,
     ) -> Result<Vec<Filled>>;
+
+    /// Displacements of all intervals between slices at `heights`; zero without motion.
+    ///
+    /// # Errors
+    /// A backend's own failures.
+    fn displacements(
+        &self,
+        fields: &[Field],
+        heights: &[f64],
+        h: [f64; 2],
+        motion: Motion,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Displacement>>;
+
+    /// Slopes of the fields of all slices along their trajectories, per height.
+    ///
+    /// # Errors
+    /// A backend's own failures.
+    fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>>;
+
+    /// Layers of interval `i` at these times on the whole padded image, clamped to `limit` px.
+    ///
+    /// # Errors
+    /// A backend's own failures.
+    #[expect(clippy::too_many_arguments, reason = "one stage reads what all stages before it have made")]
+    fn moving_layers(
+        &self,
+        moving: &MovingField,
+        slopes: &[Field],
+        lone: &LoneParts,
+        i: usize,
+        times: &[f64],
+        limit: f64,
+        h: [f64; 2],
+    ) -> Result<Vec<Vec<f32>>>;
 }

@@ -46,6 +46,19 @@ impl Field {
             + fy * ((1.0 - fx) * a[node + nx] + fx * a[node + nx + 1])
     }
 
+    /// Catmull-Rom value at `x`, C1 in x; positions beyond the tile read its edge.
+    pub fn sample_smooth(&self, x: [f64; 2]) -> f64 {
+        let (node, [fx, fy]) = self.cell(x, 1);
+        let (a, nx) = (&self.data, self.dims[0]);
+        let (wx, wy) = (catmull_rom(fx), catmull_rom(fy));
+        let mut sum = 0.0;
+        for (row, w) in wy.iter().enumerate() {
+            let first = node + row * nx - nx - 1;
+            sum += w * (wx[0] * a[first] + wx[1] * a[first + 1] + wx[2] * a[first + 2] + wx[3] * a[first + 3]);
+        }
+        sum
+    }
+
     /// Unit normal `grad / |grad|` at `x`: bilinear mean of the central differences at the four pixels around, zero where the
     /// gradient vanishes.
     pub fn normal(&self, x: [f64; 2], h: [f64; 2]) -> [f64; 2] {
@@ -105,6 +118,16 @@ impl Field {
         let (i, j) = (node % self.dims[0], node / self.dims[0]);
         [i as f64 - scale * g[0] / h[0], j as f64 - scale * g[1] / h[1]]
     }
+}
+
+/// Weights of four values in a row at place `f` between the middle two (Catmull and Rom 1974).
+fn catmull_rom(f: f64) -> [f64; 4] {
+    [
+        ((-0.5 * f + 1.0) * f - 0.5) * f,
+        (1.5 * f - 2.5) * f * f + 1.0,
+        ((-1.5 * f + 2.0) * f + 0.5) * f,
+        (0.5 * f - 0.5) * f * f,
+    ]
 }
 
 /// Length of the step from `a` to `b`.

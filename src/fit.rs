@@ -8,6 +8,7 @@ use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
 use crate::contours::Contour;
+use crate::field::Field;
 use crate::jobs::{Course, Direction, Track};
 use crate::settings::{Settings, SlopeRule};
 use crate::spline::{monotone, slope};
@@ -30,6 +31,14 @@ pub struct Fitted {
     pub slopes: Vec<f64>,
     down: Vec<Neighbours>,
     up: Vec<Neighbours>,
+}
+
+impl Fitted {
+    /// Slopes where a field with these slopes per height has its contour: it moves outward where the field falls.
+    pub fn of_field(contour: &Contour, slopes: &Field) -> Self {
+        let slopes = contour.seeds.iter().map(|s| -slopes.sample(s.x)).collect();
+        Fitted { slopes, down: Vec::new(), up: Vec::new() }
+    }
 }
 
 /// Seeds of the next contour at a landing point; empty where the particle died.

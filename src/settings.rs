@@ -51,6 +51,26 @@ pub enum SplineEnd {
     NotAKnot,
 }
 
+/// How slices become a body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Metamorphosis: contours morph into each other and sweep out the surface.
+    Morph,
+    /// The slices' distances interpolated along the moving frame: faster.
+    Field,
+}
+
+/// The frame in which neighbouring slices are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Motion {
+    /// A smooth field of displacements.
+    Field,
+    /// Slices stay where they are.
+    None,
+}
+
 /// What happens beyond the first or last contour.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
@@ -113,6 +133,14 @@ impl From<EndRule> for String {
 #[serde(default, deny_unknown_fields)]
 #[command(next_help_heading = "Method")]
 pub struct Settings {
+    /// How slices become a body
+    #[arg(long, value_enum, default_value_t = Settings::default().method)]
+    pub method: Method,
+
+    /// How parts that move sideways are followed
+    #[arg(long, value_enum, default_value_t = Settings::default().motion)]
+    pub motion: Motion,
+
     /// How a mask's staircase becomes a smooth contour
     #[arg(long, value_enum, default_value_t = Settings::default().anti_alias)]
     pub anti_alias: AntiAlias,
@@ -177,6 +205,8 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Settings {
+            method: Method::Morph,
+            motion: Motion::Field,
             anti_alias: AntiAlias::Kernel,
             sigma: 1.0,
             slope: SlopeRule::Hyman,

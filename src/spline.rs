@@ -53,22 +53,34 @@ pub fn slope(z: &[f64], s: &[f64], center: usize, rule: SlopeRule, end: SplineEn
         _ => {
             let (a, b) = if center == 0 { (0, 1) } else { (n - 2, n - 3) };
             let (da, db) = (secant(a), secant(b));
-            let m = ((2.0 * gap(a) + gap(b)) * da - gap(a) * db) / (gap(a) + gap(b));
-            if rule != SlopeRule::Pchip {
-                m
-            } else if m * da <= 0.0 {
-                0.0
-            } else if da * db <= 0.0 && m.abs() > 3.0 * da.abs() {
-                3.0 * da
+            if rule == SlopeRule::Pchip {
+                three_point_end([gap(a), gap(b)], [da, db])
             } else {
-                m
+                ((2.0 * gap(a) + gap(b)) * da - gap(a) * db) / (gap(a) + gap(b))
             }
         }
     }
 }
 
+/// Slope at an end from the two secants next to it, the nearer first: a parabola's, limited as in SciPy's PCHIP.
+pub fn three_point_end([h0, h1]: [f64; 2], [d0, d1]: [f64; 2]) -> f64 {
+    let m = ((2.0 * h0 + h1) * d0 - h0 * d1) / (h0 + h1);
+    if m * d0 <= 0.0 {
+        0.0
+    } else if d0 * d1 <= 0.0 && m.abs() > 3.0 * d0.abs() {
+        3.0 * d0
+    } else {
+        m
+    }
+}
+
+/// Cubic Hermite curve through values `a` and `b` with slopes per interval, at `t` in [0, 1].
+pub fn hermite_values([a, b]: [f64; 2], [ma, mb]: [f64; 2], t: f64) -> f64 {
+    a + hermite(&[b - a, ma, mb, 1.0], t)
+}
+
 /// Weighted harmonic mean of two secants, 0 where they differ in sign.
-fn harmonic(dl: f64, dr: f64, hl: f64, hr: f64) -> f64 {
+pub fn harmonic(dl: f64, dr: f64, hl: f64, hr: f64) -> f64 {
     if dl * dr <= 0.0 {
         return 0.0;
     }
@@ -77,7 +89,7 @@ fn harmonic(dl: f64, dr: f64, hl: f64, hr: f64) -> f64 {
 }
 
 /// `m` where it has the sign of both secants and at most three times the smaller one, else the nearest such value.
-fn limited(m: f64, dl: f64, dr: f64) -> f64 {
+pub fn limited(m: f64, dl: f64, dr: f64) -> f64 {
     if dl * dr <= 0.0 || m * dl <= 0.0 {
         return 0.0;
     }

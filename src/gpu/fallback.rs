@@ -4,11 +4,14 @@ use std::sync::OnceLock;
 
 use super::Gpu;
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
+use crate::displacement::Displacement;
 use crate::error::{Error, Result};
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
+use crate::moving_field::{LoneParts, MovingField};
 use crate::progress::Progress;
 use crate::reference::Reference;
+use crate::settings::Motion;
 
 /// A GPU, and the reference path from its first failure on.
 pub struct GpuOrReference<'n> {
@@ -79,5 +82,33 @@ impl Backend for GpuOrReference<'_> {
         progress: &dyn Progress,
     ) -> Result<Vec<Filled>> {
         self.ask(|backend| backend.propagate(pairs, h, options, progress))
+    }
+
+    fn displacements(
+        &self,
+        fields: &[Field],
+        heights: &[f64],
+        h: [f64; 2],
+        motion: Motion,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Displacement>> {
+        self.ask(|backend| backend.displacements(fields, heights, h, motion, progress))
+    }
+
+    fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
+        self.ask(|backend| backend.moving_slopes(moving, progress))
+    }
+
+    fn moving_layers(
+        &self,
+        moving: &MovingField,
+        slopes: &[Field],
+        lone: &LoneParts,
+        i: usize,
+        times: &[f64],
+        limit: f64,
+        h: [f64; 2],
+    ) -> Result<Vec<Vec<f32>>> {
+        self.ask(|backend| backend.moving_layers(moving, slopes, lone, i, times, limit, h))
     }
 }

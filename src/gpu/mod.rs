@@ -21,12 +21,15 @@ mod trace;
 pub mod twins;
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
+use crate::displacement::Displacement;
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
+use crate::moving_field::{LoneParts, MovingField};
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::report::Profile;
+use crate::settings::Motion;
 use device::Device;
 pub use device::GpuOptions;
 pub use fallback::GpuOrReference;
@@ -112,5 +115,33 @@ impl Backend for Gpu {
             return Reference.propagate(pairs, h, options, progress);
         }
         propagate::propagate(self, pairs, h, options, progress)
+    }
+
+    fn displacements(
+        &self,
+        fields: &[Field],
+        heights: &[f64],
+        h: [f64; 2],
+        motion: Motion,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Displacement>> {
+        Reference.displacements(fields, heights, h, motion, progress)
+    }
+
+    fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
+        Reference.moving_slopes(moving, progress)
+    }
+
+    fn moving_layers(
+        &self,
+        moving: &MovingField,
+        slopes: &[Field],
+        lone: &LoneParts,
+        i: usize,
+        times: &[f64],
+        limit: f64,
+        h: [f64; 2],
+    ) -> Result<Vec<Vec<f32>>> {
+        Reference.moving_layers(moving, slopes, lone, i, times, limit, h)
     }
 }

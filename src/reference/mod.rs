@@ -2,10 +2,12 @@
 
 pub mod band;
 pub mod contour_field;
+pub mod displacement;
 pub mod distance;
 pub mod exact;
 pub mod extend;
 pub mod hj_step;
+pub mod moving_field;
 pub mod part;
 pub mod particles;
 pub mod propagate;
@@ -17,10 +19,13 @@ use rayon::prelude::*;
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
 use crate::compose::blend;
+use crate::displacement::Displacement;
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepJob, SweepPair, Swept, TraceJob, Traced, blend_weights};
+use crate::moving_field::{LoneParts, MovingField};
 use crate::progress::Progress;
+use crate::settings::Motion;
 
 /// The reference path. Jobs run in parallel on rayon's current pool, each by itself: the same bits for any number of threads.
 #[derive(Debug, Clone, Copy, Default)]
@@ -96,5 +101,40 @@ impl Backend for Reference {
             Filled { slices, up: up.clone(), down: down.clone() }
         };
         Ok(pairs.par_iter().zip(swept.par_chunks_exact(2)).map(fill).collect())
+    }
+
+    fn displacements(
+        &self,
+        fields: &[Field],
+        heights: &[f64],
+        h: [f64; 2],
+        motion: Motion,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Displacement>> {
+        let found = match motion {
+            Motion::Field => displacement::displacements(fields, heights, h),
+            Motion::None => vec![Displacement::zero(fields[0].dims); heights.len() - 1],
+        };
+        progress.advance(found.len());
+        Ok(found)
+    }
+
+    fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
+        let slopes = moving_field::slopes(moving);
+        progress.advance(slopes.len());
+        Ok(slopes)
+    }
+
+    fn moving_layers(
+        &self,
+        moving: &MovingField,
+        slopes: &[Field],
+        lone: &LoneParts,
+        i: usize,
+        times: &[f64],
+        limit: f64,
+        h: [f64; 2],
+    ) -> Result<Vec<Vec<f32>>> {
+        Ok(times.par_iter().map(|&t| moving_field::layer(moving, slopes, lone, i, t, limit, h)).collect())
     }
 }

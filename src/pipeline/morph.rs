@@ -1,52 +1,23 @@
-//! The order of the stages, written once, for any backend.
-//!
-//! ```text
-//! distance -> motion -> match -> trace -> fit -> propagate -> compose
-//! ```
+//! The metamorphosis: contours morphed into each other, courses fitted, sweeps composed.
 
 use std::ops::Range;
-use std::time::Instant;
 
 use rayon::prelude::*;
 
-use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
-use crate::compose::{Canvas, IntervalCaps, differing_pixels, mend, unite_cap};
+use super::{CHUNK_BYTES, Run, Sink, time};
+use crate::backend::MorphOptions;
+use crate::compose::{IntervalCaps, mend, unite_cap};
 use crate::contours::Contour;
-use crate::ends::{End, EndSpec, end};
+use crate::ends::End;
 use crate::error::{Error, Result};
 use crate::fit::{Fitted, course, fit};
-use crate::heights::{Height, Heights, check};
+use crate::heights::{Height, Heights};
 use crate::jobs::{Direction, Filled, PartJob, SweepJob, SweepPair, Traced};
 use crate::matching::{Interval, IntervalPlan};
 use crate::motion::frames;
-use crate::progress::Progress;
-use crate::report::{ContourReport, IntervalReport, Report, StageReport};
-use crate::settings::{Settings, SlopeRule};
-use crate::stack::ContourStack;
-use crate::surface::{Layer, Reconstruction};
+use crate::report::IntervalReport;
+use crate::surface::Layer;
 use crate::tracks::{Side, Sides, sides, trace_job};
-
-/// Extra margin for rules whose curves overshoot their contours, px.
-const OVERSHOOT: usize = 8;
-/// Bytes of the slices that are swept together.
-pub(crate) const CHUNK_BYTES: usize = 256 << 20;
-
-/// Everything a run carries from stage to stage.
-struct Run<'a> {
-    stack: &'a ContourStack,
-    settings: &'a Settings,
-    backend: &'a dyn Backend,
-    progress: &'a dyn Progress,
-    /// Pixel size in units of its larger side.
-    h: [f64; 2],
-    /// Length of a pixel's larger side in the stack's unit.
-    px: f64,
-    /// Padding of the image.
-    pad: usize,
-    /// Margin of tiles.
-    margin: usize,
-    report: Report,
-}
 
 /// What the stages before the sweeps have made.
 struct Made {
@@ -57,108 +28,21 @@ struct Made {
     ends: [End; 2],
 }
 
-/// Takes finished layers, lowest first.
-pub type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
-
-/// Reconstructs `stack` at `heights` (increasing, unit of the stack) and hands every layer to `sink`; the result itself has none.
-///
-/// # Errors
-/// Wrong input or settings before anything is computed; a backend's failure; [`Error::Numerics`] for a value that is not a number; what
-/// `sink` says.
-pub fn run(
-    stack: &ContourStack,
-    heights: &[f64],
-    settings: &Settings,
-    backend: &dyn Backend,
-    progress: &dyn Progress,
-    sink: &mut Sink<'_>,
-) -> Result<Reconstruction> {
-    stack.validate()?;
-    settings.validate()?;
-    check(stack, heights, settings)?;
-    let px = stack.spacing[0].max(stack.spacing[1]);
-    let overshoots = matches!(settings.slope, SlopeRule::Natural | SlopeRule::Catmull);
-    let margin = settings.margin() + if overshoots { OVERSHOOT } else { 0 };
-    let mut run = Run {
-        stack,
-        settings,
-        backend,
-        progress,
-        h: stack.spacing.map(|s| s / px),
-        px,
-        pad: settings.margin() + OVERSHOOT,
-        margin,
-        report: Report {
-            version: env!("CARGO_PKG_VERSION").into(),
-            settings: settings.clone(),
-            backend: backend.name(),
-            dims: stack.dims,
-            spacing: stack.spacing,
-            unit: stack.unit.clone(),
-            ..Report::default()
-        },
-    };
-    let contours = run.stage("distance", stack.slices.len(), Run::distance)?;
-    let frames = frames(contours.len() - 1);
-    let intervals = run.stage("match", contours.len() - 1, |run| run.matching(&contours))?;
-    let jobs = intervals.iter().map(|i| 2 * i.groups.len()).sum();
-    let traced = run.stage("trace", jobs, |run| run.trace(&contours, &intervals))?;
-    let sides = sides(&contours, &intervals, &frames, &traced);
-    let fitted = run.stage("fit", 1, |run| Ok(fit(&contours, &sides, run.h, run.px, run.settings)))?;
-    let ends = run.ends(&contours, &fitted)?;
-    let heights = Heights::new(stack, heights, [ends[0].extent, ends[1].extent])?;
-    let made = Made { contours, intervals, sides, fitted, ends };
-    run.stage("propagate", jobs, |run| run.propagate(&made, &heights, sink))?;
-    let done_by = backend.name();
-    if done_by != run.report.backend {
-        run.report.warnings.push(format!("the backend has changed on the way: {done_by}"));
-        run.report.backend = done_by;
-    }
-    Ok(Reconstruction {
-        dims: stack.dims,
-        spacing: stack.spacing,
-        unit: stack.unit.clone(),
-        geometry: stack.geometry,
-        extent: made.ends.each_ref().map(|end| end.extent),
-        layers: Vec::new(),
-        report: run.report,
-    })
-}
-
 impl Run<'_> {
-    /// Runs one stage, telling listeners and taking its time.
-    fn stage<T>(&mut self, name: &'static str, total: usize, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
-        self.progress.begin(name, total);
-        let start = Instant::now();
-        let result = work(self);
-        self.report.stages.push(StageReport { name, seconds: start.elapsed().as_secs_f64() });
-        self.progress.end();
-        result
-    }
-
-    fn distance(&mut self) -> Result<Vec<Contour>> {
-        let padded: Vec<PaddedSlice> =
-            self.stack.slices.par_iter().map(|s| PaddedSlice::new(&s.content, self.stack.dims, self.pad)).collect();
-        let dims = self.stack.dims.map(|n| n + 2 * self.pad);
-        let options = ContourOptions::from(self.settings);
-        let fields = self.backend.contour_fields(&padded, dims, self.h, options, self.progress)?;
-        let (h, spacing) = (self.h, self.settings.seed_spacing);
-        let contours: Vec<Contour> =
-            fields.into_par_iter().zip(&self.stack.slices).map(|(phi, s)| Contour::new(s.z, phi, h, spacing)).collect();
-        self.report.contours = contours
-            .iter()
-            .zip(&self.stack.slices)
-            .map(|(c, s)| ContourReport {
-                name: s.name.clone(),
-                z: s.z,
-                extra: s.extra,
-                components: c.solids.count,
-                holes: c.holes(),
-                pixels: c.solids.labels.iter().filter(|l| **l > 0).count(),
-                ..ContourReport::default()
-            })
-            .collect();
-        Ok(contours)
+    /// All stages after the distance; the heights at which the body ends.
+    pub(super) fn morph(&mut self, contours: Vec<Contour>, heights: &[f64], sink: &mut Sink<'_>) -> Result<[f64; 2]> {
+        let frames = frames(contours.len() - 1);
+        let intervals = self.stage("match", contours.len() - 1, |run| run.matching(&contours))?;
+        let jobs = intervals.iter().map(|i| 2 * i.groups.len()).sum();
+        let traced = self.stage("trace", jobs, |run| run.trace(&contours, &intervals))?;
+        let sides = sides(&contours, &intervals, &frames, &traced);
+        let fitted = self.stage("fit", 1, |run| Ok(fit(&contours, &sides, run.h, run.px, run.settings)))?;
+        let ends = self.ends(&contours, &fitted)?;
+        let extent = ends.each_ref().map(|end| end.extent);
+        let heights = Heights::new(self.stack, heights, extent)?;
+        let made = Made { contours, intervals, sides, fitted, ends };
+        self.stage("propagate", jobs, |run| run.propagate(&made, &heights, sink))?;
+        Ok(extent)
     }
 
     fn matching(&mut self, contours: &[Contour]) -> Result<Vec<Interval>> {
@@ -210,30 +94,6 @@ impl Run<'_> {
             report.particles.died += t.tracks.len() - arrived;
         }
         Ok(traced)
-    }
-
-    fn ends(&mut self, contours: &[Contour], fitted: &[Fitted]) -> Result<[End; 2]> {
-        let last = contours.len() - 1;
-        let mut warnings = Vec::new();
-        let mut make = |at: usize, next: usize, direction, rule| {
-            let gap = (contours[at].z - contours[next].z).abs();
-            let spec = EndSpec {
-                contour: &contours[at],
-                fitted: &fitted[at],
-                direction,
-                rule,
-                gap,
-                highest: self.settings.cap_gaps * gap,
-                margin: self.margin,
-            };
-            end(&spec, self.h, self.backend, &mut warnings)
-        };
-        let ends = [
-            make(0, 1, Direction::Down, self.settings.end_bottom)?,
-            make(last, last - 1, Direction::Up, self.settings.end_top)?,
-        ];
-        self.report.warnings.append(&mut warnings);
-        Ok(ends)
     }
 
     /// Sweeps and composes, some intervals at a time, so that only their tiles are in memory.
@@ -365,31 +225,6 @@ impl Run<'_> {
         };
         heights.par_iter().enumerate().map(layer).collect()
     }
-
-    fn canvas(&self) -> Canvas {
-        Canvas::empty(self.stack.dims, self.pad, self.settings.margin() as f64)
-    }
-
-    fn contour_layer(&mut self, height: &Height, contour: &Contour, i: usize) -> Layer {
-        let limit = self.settings.margin() as f64;
-        let layer = self.layer(height, Canvas::of_contour(self.stack.dims, self.pad, limit, &contour.phi));
-        let slice = &self.stack.slices[i].content;
-        self.report.contours[i].differing_pixels = differing_pixels(&layer.phi, |n| slice.inside(n));
-        Layer { contour: Some(i), ..layer }
-    }
-
-    /// A canvas in physical units.
-    fn layer(&self, height: &Height, canvas: Canvas) -> Layer {
-        let px = self.px as f32;
-        let mut phi = canvas.phi;
-        for v in &mut phi {
-            *v *= px;
-            if *v == 0.0 {
-                *v = f32::MIN_POSITIVE;
-            }
-        }
-        Layer { z: height.z, phi, output: height.output, contour: None }
-    }
 }
 
 /// Intervals that are swept together: enough for all threads and for a GPU, but no more slices than [`CHUNK_BYTES`] hold.
@@ -410,11 +245,4 @@ fn chunks(intervals: &[Interval], heights: &Heights) -> Vec<Range<usize>> {
         filled += bytes;
     }
     out
-}
-
-/// Height as time of its interval, in steps of 2^-30: a stack and the same upside down then sweep with the very same times, whichever way
-/// their heights were rounded, and `1 - t` is exact.
-fn time(z: f64, low: f64, high: f64) -> f64 {
-    const STEPS: f64 = (1u64 << 30) as f64;
-    ((z - low) / (high - low) * STEPS).round().clamp(1.0, STEPS - 1.0) / STEPS
 }

@@ -1,0 +1,74 @@
+//! A smooth displacement between two contours: one vector per block of pixels, read bilinearly.
+//!
+//! The displacement v of an interval lives in its mid frame: what lies at `x - v/2` in the lower slice lies at `x + v/2` in the upper one.
+//! Vectors are in pixels of the image.
+
+/// Side of a block, px.
+pub const BLOCK: usize = 4;
+/// Fixed-point passes that find the trajectory through a point.
+const PASSES: usize = 3;
+
+/// A vector per block.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Displacement {
+    /// Blocks `[columns, rows]`.
+    pub grid: [usize; 2],
+    /// Vectors at the blocks' centres, row-major, pixels of the image.
+    pub vectors: Vec<[f64; 2]>,
+}
+
+impl Displacement {
+    /// No displacement on an image of these pixels.
+    pub fn zero(dims: [usize; 2]) -> Self {
+        let grid = dims.map(|n| n.div_ceil(BLOCK).max(2));
+        Displacement { grid, vectors: vec![[0.0; 2]; grid[0] * grid[1]] }
+    }
+
+    /// The displacement with a value for every block centre, which `f` is given in pixels, with the block's own vector.
+    pub fn map(&self, f: impl Fn([f64; 2], [f64; 2]) -> [f64; 2]) -> Self {
+        let centre = |b: usize| (b * BLOCK) as f64 + 0.5 * (BLOCK - 1) as f64;
+        let vectors = self
+            .vectors
+            .iter()
+            .enumerate()
+            .map(|(k, &v)| f([centre(k % self.grid[0]), centre(k / self.grid[0])], v))
+            .collect();
+        Displacement { grid: self.grid, vectors }
+    }
+
+    /// The vector at `x`; beyond the blocks' centres that of the nearest.
+    #[inline(always)]
+    pub fn at(&self, x: [f64; 2]) -> [f64; 2] {
+        let mut corner = [0; 2];
+        let mut place = [0.0; 2];
+        for a in 0..2 {
+            let at = (x[a] - 0.5 * (BLOCK - 1) as f64) / BLOCK as f64;
+            let at = at.clamp(0.0, (self.grid[a] - 1) as f64);
+            corner[a] = (at as usize).min(self.grid[a] - 2);
+            place[a] = at - corner[a] as f64;
+        }
+        let k = corner[1] * self.grid[0] + corner[0];
+        let [fx, fy] = place;
+        let v = &self.vectors;
+        std::array::from_fn(|a| {
+            (1.0 - fy) * ((1.0 - fx) * v[k][a] + fx * v[k + 1][a])
+                + fy * ((1.0 - fx) * v[k + self.grid[0]][a] + fx * v[k + self.grid[0] + 1][a])
+        })
+    }
+
+    /// Displacement of the trajectory that passes through `x` at time `1/2 + tau`: `u = v(x - tau u)`.
+    pub fn through(&self, x: [f64; 2], tau: f64) -> [f64; 2] {
+        let mut u = self.at(x);
+        if tau != 0.0 {
+            for _ in 0..PASSES {
+                u = self.at([x[0] - tau * u[0], x[1] - tau * u[1]]);
+            }
+        }
+        u
+    }
+
+    /// Largest component of any vector, px.
+    pub fn largest(&self) -> f64 {
+        self.vectors.iter().flatten().fold(0.0, |m, v| m.max(v.abs()))
+    }
+}

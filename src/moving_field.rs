@@ -1,0 +1,120 @@
+//! A stack in a smooth moving frame: fields of all slices, displacements between them, and what follows from both.
+//!
+//! A point of the lower slice of an interval moves along `x + p(t)`, with `p(0) = 0`, `p(1) = u` and the rates K at the slices, so that
+//! motion too is C1 across contours: `p(t) = t u + (h K_i - u)(t^3 - 2 t^2 + t) + (h K_{i+1} - u)(t^3 - t^2)`.
+
+use crate::displacement::Displacement;
+use crate::field::Field;
+use crate::matching::LonePart;
+use crate::spline::{harmonic, hermite_values};
+
+/// Share of `4 t^2 (1 - t)^2 |A - B|` taken off: what interpolated distances shrink by systematically.
+pub const SHRINKING: f64 = 0.2;
+/// Smallest inradius of a part without partner that closes half way, px.
+pub const LEAST_DEPTH: f64 = 4.0;
+/// A part of depth D that closes half way has gone this many times D at the other contour.
+const VIRTUAL_DEPTHS: f64 = 2.0;
+
+/// Slices and displacements.
+#[derive(Debug, Clone)]
+pub struct MovingField {
+    /// Heights of the slices, increasing.
+    pub heights: Vec<f64>,
+    /// Signed distances, px; finite everywhere.
+    pub fields: Vec<Field>,
+    /// Mid-frame displacement of each interval.
+    pub displacements: Vec<Displacement>,
+    /// The same read at the pixels of the interval's lower and upper slice.
+    pub at_slices: Vec<[Displacement; 2]>,
+    /// Rate of motion at each slice, px of the image per height.
+    pub rates: Vec<Displacement>,
+}
+
+/// Where points of a layer come from and go to.
+#[derive(Debug, Clone)]
+pub struct Paths {
+    /// From the lower slice to the layer.
+    pub come: Displacement,
+    /// From the layer to the upper slice.
+    pub go: Displacement,
+}
+
+impl MovingField {
+    /// What follows from fields and displacements.
+    pub fn new(heights: Vec<f64>, fields: Vec<Field>, displacements: Vec<Displacement>) -> Self {
+        let at_slices: Vec<[Displacement; 2]> =
+            displacements.iter().map(|v| [-0.5, 0.5].map(|tau| v.map(|x, _| v.through(x, tau)))).collect();
+        let last = heights.len() - 1;
+        let gap = |i: usize| heights[i + 1] - heights[i];
+        let rate = |i: usize| {
+            if i == 0 {
+                return at_slices[0][0].map(|_, u| u.map(|c| c / gap(0)));
+            }
+            if i == last {
+                return at_slices[last - 1][1].map(|_, u| u.map(|c| c / gap(last - 1)));
+            }
+            let (before, after) = (&at_slices[i - 1][1], &at_slices[i][0]);
+            let vectors =
+                before.vectors.iter().zip(&after.vectors).map(|(b, a)| {
+                    std::array::from_fn(|c| harmonic(b[c] / gap(i - 1), a[c] / gap(i), gap(i - 1), gap(i)))
+                });
+            Displacement { grid: before.grid, vectors: vectors.collect() }
+        };
+        let rates = (0..=last).map(rate).collect();
+        MovingField { heights, fields, displacements, at_slices, rates }
+    }
+
+    /// Gap of an interval.
+    pub fn gap(&self, i: usize) -> f64 {
+        self.heights[i + 1] - self.heights[i]
+    }
+
+    /// Paths through the layer at time `t` of interval `i`.
+    pub fn paths(&self, i: usize, t: f64) -> Paths {
+        let v = &self.displacements[i];
+        let whole = v.map(|x, _| v.through(x, t - 0.5));
+        let [first, second] = [t * (t - 1.0) * (t - 1.0), t * t * (t - 1.0)];
+        let come = Displacement {
+            grid: v.grid,
+            vectors: (0..v.vectors.len())
+                .map(|k| {
+                    std::array::from_fn(|a| {
+                        let u = whole.vectors[k][a];
+                        let [low, high] = [i, i + 1].map(|s| self.gap(i) * self.rates[s].vectors[k][a] - u);
+                        t * u + low * first + high * second
+                    })
+                })
+                .collect(),
+        };
+        let go = Displacement {
+            grid: v.grid,
+            vectors: whole.vectors.iter().zip(&come.vectors).map(|(u, p)| [u[0] - p[0], u[1] - p[1]]).collect(),
+        };
+        Paths { come, go }
+    }
+}
+
+/// Value of the field at time `t` from values and slopes (per interval) at both ends.
+pub fn between([a, b]: [f64; 2], [ma, mb]: [f64; 2], t: f64) -> f64 {
+    let shrinking = SHRINKING * 4.0 * (t * (1.0 - t)).powi(2) * (a - b).abs();
+    hermite_values([a, b], [ma, mb], t) - shrinking
+}
+
+/// Parts of the two slices of an interval that have no partner, each with its own distance.
+#[derive(Debug, Clone, Default)]
+pub struct LoneParts {
+    /// Of the lower slice.
+    pub low: Vec<LonePart>,
+    /// Of the upper slice.
+    pub high: Vec<LonePart>,
+}
+
+/// The other slice's value that lets a part close half way, `its own distance + 2 D`, at node-space position `x`; `None` off its tile.
+pub fn closing(parts: &[LonePart], x: [f64; 2]) -> Option<f64> {
+    let value = |part: &LonePart| {
+        let local = part.tile.to_local(x);
+        let within = (0..2).all(|a| local[a] >= 0.0 && local[a] <= (part.tile.dims[a] - 1) as f64);
+        within.then(|| part.field.sample(local) + VIRTUAL_DEPTHS * part.depth)
+    };
+    parts.iter().filter_map(value).reduce(f64::min)
+}

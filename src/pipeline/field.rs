@@ -1,0 +1,156 @@
+//! The field method: no morph, the slices' own distances interpolated along the trajectories of a smooth moving frame.
+
+use rayon::prelude::*;
+
+use super::{Run, Sink, time};
+use crate::contours::Contour;
+use crate::ends::End;
+use crate::error::{Error, Result};
+use crate::field::Field;
+use crate::fit::Fitted;
+use crate::heights::Heights;
+use crate::jobs::{Direction, Tile};
+use crate::matching::lone_solids;
+use crate::moving_field::{LEAST_DEPTH, LoneParts, MovingField};
+use crate::report::IntervalReport;
+use crate::topology::match_components;
+
+/// An empty slice reads as the nearest contour beyond this many times its inradius.
+const EMPTY_DEPTHS: f64 = 2.0;
+
+/// What the stages before the layers have made.
+struct Made {
+    contours: Vec<Contour>,
+    moving: MovingField,
+    slopes: Vec<Field>,
+    lone: Vec<LoneParts>,
+    ends: [End; 2],
+}
+
+impl Run<'_> {
+    /// All stages after the distance; the heights at which the body ends.
+    pub(super) fn field(&mut self, contours: Vec<Contour>, heights: &[f64], sink: &mut Sink<'_>) -> Result<[f64; 2]> {
+        self.tell_events(&contours);
+        let moving = self.stage("motion", contours.len() - 1, |run| {
+            let fields = filled_fields(&contours);
+            let z: Vec<f64> = contours.iter().map(|c| c.z).collect();
+            let displacements = run.backend.displacements(&fields, &z, run.h, run.settings.motion, run.progress)?;
+            Ok(MovingField::new(z, fields, displacements))
+        })?;
+        let slopes = self.stage("slopes", contours.len(), |run| run.backend.moving_slopes(&moving, run.progress))?;
+        let fitted: Vec<Fitted> = contours.iter().zip(&slopes).map(|(c, m)| Fitted::of_field(c, m)).collect();
+        let ends = self.ends(&contours, &fitted)?;
+        let extent = ends.each_ref().map(|end| end.extent);
+        let heights = Heights::new(self.stack, heights, extent)?;
+        let lone = self.lone_parts(&contours, &moving)?;
+        let made = Made { contours, moving, slopes, lone, ends };
+        self.stage("layers", heights.all.len(), |run| run.layers(&made, &heights, sink))?;
+        Ok(extent)
+    }
+
+    fn tell_events(&mut self, contours: &[Contour]) {
+        let of = |pair: &[Contour]| {
+            let matching = match_components((&pair[0].solids, &pair[0].phi), (&pair[1].solids, &pair[1].phi));
+            IntervalReport {
+                z_low: pair[0].z,
+                z_high: pair[1].z,
+                groups: matching.groups.len(),
+                events: matching.events(),
+                ..IntervalReport::default()
+            }
+        };
+        self.report.intervals = contours.par_windows(2).map(of).collect();
+    }
+
+    /// Parts that meet nothing in the other slice along their trajectories.
+    fn lone_parts(&self, contours: &[Contour], moving: &MovingField) -> Result<Vec<LoneParts>> {
+        let mut out = Vec::with_capacity(contours.len() - 1);
+        for (i, pair) in contours.windows(2).enumerate() {
+            let [low, high] = [Direction::Up, Direction::Down].map(|direction| {
+                let (own, other, way) = match direction {
+                    Direction::Up => (&pair[0], &moving.fields[i + 1], 1.0),
+                    Direction::Down => (&pair[1], &moving.fields[i], -1.0),
+                };
+                let u = &moving.at_slices[i][usize::from(direction == Direction::Down)];
+                let parts = without_partner(own, |x| {
+                    let v = u.at(x);
+                    other.sample([x[0] + way * v[0], x[1] + way * v[1]]) < 0.0
+                });
+                lone_solids(own, &parts, self.h, self.margin, direction, self.backend)
+            });
+            out.push(LoneParts { low: low?, high: high? });
+        }
+        Ok(out)
+    }
+
+    fn layers(&mut self, made: &Made, heights: &Heights, sink: &mut Sink<'_>) -> Result<()> {
+        let Made { contours, moving, slopes, lone, ends } = made;
+        let last = contours.len() - 1;
+        let limit = self.settings.margin() as f64;
+        for height in heights.all.iter().filter(|x| x.z < contours[0].z) {
+            sink(self.layer(height, ends[0].layer(height.z, &contours[0], self.canvas())))?;
+        }
+        let at_once = 2 * rayon::current_num_threads();
+        for i in 0..last {
+            sink(self.contour_layer(&heights.contours[i], &contours[i], i))?;
+            let (low, high) = (contours[i].z, contours[i + 1].z);
+            for some in heights.between(i).chunks(at_once) {
+                let times: Vec<f64> = some.iter().map(|x| time(x.z, low, high)).collect();
+                let layers = self.backend.moving_layers(moving, slopes, &lone[i], i, &times, limit, self.h)?;
+                for (height, values) in some.iter().zip(layers) {
+                    if values.iter().any(|v| v.is_nan()) {
+                        let message = format!("NaN at height {}", height.z);
+                        return Err(Error::Numerics { stage: "layers", message });
+                    }
+                    let mut canvas = self.canvas();
+                    let whole = Tile { origin: [0, 0], dims: contours[i].phi.dims };
+                    canvas.unite(&whole, |n| f64::from(values[n]));
+                    sink(self.layer(height, canvas))?;
+                    self.progress.advance(1);
+                }
+            }
+        }
+        sink(self.contour_layer(&heights.contours[last], &contours[last], last))?;
+        for height in heights.all.iter().filter(|x| x.z > contours[last].z) {
+            sink(self.layer(height, ends[1].layer(height.z, &contours[last], self.canvas())))?;
+        }
+        Ok(())
+    }
+}
+
+/// Numbers of the parts, at least [`LEAST_DEPTH`] deep, no pixel of which meets anything.
+fn without_partner(contour: &Contour, meets: impl Fn([f64; 2]) -> bool) -> Vec<u32> {
+    let mut lone: Vec<bool> = contour.solid_depth.iter().map(|d| *d >= LEAST_DEPTH).collect();
+    lone[0] = false;
+    let nx = contour.phi.dims[0];
+    for (node, &label) in contour.solids.labels.iter().enumerate() {
+        if lone[label as usize] && meets([(node % nx) as f64, (node / nx) as f64]) {
+            lone[label as usize] = false;
+        }
+    }
+    (0..).zip(lone).filter(|(_, lone)| *lone).map(|(part, _)| part).collect()
+}
+
+/// Distances of all slices; an empty one reads as its nearest contours drawn in by twice their inradius.
+fn filled_fields(contours: &[Contour]) -> Vec<Field> {
+    let full: Vec<usize> = (0..contours.len()).filter(|&i| contours[i].solids.count > 0).collect();
+    let beyond = |j: usize| {
+        let phi = &contours[j].phi;
+        let depth = -phi.data.iter().copied().fold(0.0, f64::min);
+        Field { dims: phi.dims, data: phi.data.iter().map(|v| v + EMPTY_DEPTHS * depth).collect() }
+    };
+    let of = |(i, contour): (usize, &Contour)| {
+        if contour.solids.count > 0 {
+            return contour.phi.clone();
+        }
+        let before = full.iter().rev().find(|&&j| j < i);
+        let after = full.iter().find(|&&j| j > i);
+        let fields = before.into_iter().chain(after).map(|&j| beyond(j));
+        let nearest = |a: Field, b: Field| Field {
+            dims: a.dims,
+            data: a.data.iter().zip(&b.data).map(|(x, y)| x.min(*y)).collect(),
+        };
+        fields.reduce(nearest).unwrap_or_else(|| Field::filled(contour.phi.dims, 1e3))
+    };
+    contours.iter().enumerate().map(of).collect()
+}

@@ -1,0 +1,169 @@
+//! The displacement of every interval from the fields of its two slices: Gauss-Newton on blocks, joint over the intervals.
+//!
+//! With `a = clip(A)(x - v/2)`, `b = clip(B)(x + v/2)`, `r = a - b` and `J = grad(a + b) / 2` a better v solves `S v = S v_old + d`, where
+//! `S = <J J'> - <J><J>'` and `d = <J r> - <J><r>` are Gaussian-window means with the means of growth taken out. Neighbouring intervals
+//! take part as rates; a ridge on the absolute displacement says: no evidence, no motion.
+
+use rayon::prelude::*;
+
+use crate::displacement::{BLOCK, Displacement};
+use crate::field::Field;
+
+/// One round of the iteration, lengths in px.
+#[derive(Debug, Clone, Copy)]
+struct Round {
+    /// Sigma of the window.
+    window: f64,
+    /// Fields are clipped here.
+    clip: f64,
+    /// Width of the weight `exp(-(min(|a|, |b|) / w)^2)`; zero beyond three times that.
+    width: f64,
+    /// Weight of no motion.
+    ridge: f64,
+}
+
+const WIDE: Round = Round { window: 8.0, clip: 16.0, width: 8.0, ridge: 0.10 };
+const NARROW: Round = Round { window: 8.0, clip: 8.0, width: 5.0, ridge: 0.07 };
+/// The rounds in order.
+const ROUNDS: [Round; 7] = [WIDE, WIDE, WIDE, WIDE, NARROW, NARROW, NARROW];
+/// Weight of a neighbouring interval.
+const COUPLING: f64 = 0.5;
+/// Mean weight of evidence that counts half.
+const HALF_EVIDENCE: f64 = 1e-3;
+/// Windows are cut here, sigmas.
+const TRUNCATE: f64 = 3.0;
+
+/// Evidence of one interval per block: `S` (xx, yy, xy) and the right-hand side `S v + d` (x, y), in px of the larger side.
+type Evidence = Vec<[f64; 5]>;
+
+/// Displacements of all intervals between slices at increasing `heights`. `fields` are signed distances on one image, px.
+pub fn displacements(fields: &[Field], heights: &[f64], h: [f64; 2]) -> Vec<Displacement> {
+    let Some(first) = fields.first() else { return Vec::new() };
+    let gaps: Vec<f64> = heights.windows(2).map(|w| w[1] - w[0]).collect();
+    let mut current = vec![Displacement::zero(first.dims); gaps.len()];
+    for round in ROUNDS {
+        let evidence: Vec<Evidence> = (0..gaps.len())
+            .into_par_iter()
+            .map(|i| evidence(&fields[i], &fields[i + 1], &current[i], round, h))
+            .collect();
+        current = (0..gaps.len()).into_par_iter().map(|i| solve(i, &evidence, &gaps, &current[i], round, h)).collect();
+    }
+    current
+}
+
+/// Both fields where the displacement brings them together: `a` and `b` at the pixels of one row.
+fn row(clipped: [&Field; 2], v: &Displacement, j: usize, out: &mut [[f64; 2]]) {
+    for (i, slot) in out.iter_mut().enumerate() {
+        let x = [i as f64, j as f64];
+        let [vx, vy] = v.at(x);
+        *slot = [
+            clipped[0].sample([x[0] - 0.5 * vx, x[1] - 0.5 * vy]),
+            clipped[1].sample([x[0] + 0.5 * vx, x[1] + 0.5 * vy]),
+        ];
+    }
+}
+
+fn evidence(low: &Field, high: &Field, v: &Displacement, round: Round, h: [f64; 2]) -> Evidence {
+    let [nx, ny] = low.dims;
+    let clip =
+        |f: &Field| Field { dims: f.dims, data: f.data.iter().map(|d| d.clamp(-round.clip, round.clip)).collect() };
+    let clipped = [clip(low), clip(high)];
+    let clipped = [&clipped[0], &clipped[1]];
+    // Rows in which nothing lies close to a contour need not be looked at.
+    let reach = 3.0 * round.width + 0.5 * v.largest() + 2.0;
+    let near = |j: usize| (j * nx..(j + 1) * nx).any(|n| low.data[n].abs().min(high.data[n].abs()) < reach);
+    let near: Vec<bool> = (0..ny).map(near).collect();
+    let mut sums = vec![[0.0; 9]; v.grid[0] * v.grid[1]];
+    let mut rows = [vec![[0.0; 2]; nx], vec![[0.0; 2]; nx], vec![[0.0; 2]; nx]];
+    let mut held = [usize::MAX; 3];
+    for j in (1..ny - 1).filter(|&j| near[j]) {
+        for wanted in j - 1..=j + 1 {
+            if held[wanted % 3] != wanted {
+                row(clipped, v, wanted, &mut rows[wanted % 3]);
+                held[wanted % 3] = wanted;
+            }
+        }
+        let [below, here, above] = [j - 1, j, j + 1].map(|k| &rows[k % 3]);
+        for i in 1..nx - 1 {
+            let [a, b] = here[i];
+            let d = a.abs().min(b.abs());
+            if d > 3.0 * round.width {
+                continue;
+            }
+            let w = (-(d / round.width).powi(2)).exp();
+            let sum = |p: [f64; 2]| p[0] + p[1];
+            let gx = 0.25 * (sum(here[i + 1]) - sum(here[i - 1])) / h[0];
+            let gy = 0.25 * (sum(above[i]) - sum(below[i])) / h[1];
+            let r = a - b;
+            let moments = [1.0, gx * gx, gy * gy, gx * gy, gx * r, gy * r, gx, gy, r];
+            let block = &mut sums[(j / BLOCK) * v.grid[0] + i / BLOCK];
+            block.iter_mut().zip(moments).for_each(|(s, m)| *s += w * m);
+        }
+    }
+    let sigma = h.map(|side| round.window / (BLOCK as f64 * side));
+    smooth(&mut sums, v.grid, sigma);
+    sums.iter()
+        .zip(&v.vectors)
+        .map(|(sum, v)| {
+            let weight = sum[0] / (BLOCK * BLOCK) as f64;
+            let whole = sum[0] + 1e-6 * (BLOCK * BLOCK) as f64;
+            let [xx, yy, xy, xr, yr, x, y, r]: [f64; 8] = std::array::from_fn(|k| sum[k + 1] / whole);
+            let (sxx, syy, sxy) = (xx - x * x, yy - y * y, xy - x * y);
+            let (dx, dy) = (xr - x * r, yr - y * r);
+            let (vx, vy) = (v[0] * h[0], v[1] * h[1]);
+            let trust = weight / (weight + HALF_EVIDENCE);
+            [sxx, syy, sxy, dx + sxx * vx + sxy * vy, dy + sxy * vx + syy * vy].map(|s| s * trust)
+        })
+        .collect()
+}
+
+fn solve(i: usize, evidence: &[Evidence], gaps: &[f64], old: &Displacement, round: Round, h: [f64; 2]) -> Displacement {
+    let neighbours: Vec<usize> =
+        [i.checked_sub(1), Some(i + 1)].into_iter().flatten().filter(|&j| j < gaps.len()).collect();
+    let ridge = round.ridge * (1.0 + COUPLING * neighbours.len() as f64);
+    let mut vectors: Vec<[f64; 2]> = (0..old.vectors.len())
+        .map(|k| {
+            let mut sum = evidence[i][k];
+            for &j in &neighbours {
+                // A neighbour's displacement counts as a rate.
+                let rate = gaps[i] / gaps[j];
+                let scale = [1.0, 1.0, 1.0, rate, rate];
+                sum.iter_mut().zip(evidence[j][k]).zip(scale).for_each(|((s, e), k)| *s += COUPLING * k * e);
+            }
+            let [xx, yy, xy, bx, by] = sum;
+            let (xx, yy) = (xx + ridge, yy + ridge);
+            let determinant = xx * yy - xy * xy;
+            [(yy * bx - xy * by) / determinant / h[0], (xx * by - xy * bx) / determinant / h[1]]
+        })
+        .collect();
+    smooth(&mut vectors, old.grid, h.map(|side| 0.5 * round.window / (BLOCK as f64 * side)));
+    Displacement { grid: old.grid, vectors }
+}
+
+/// Gaussian means over blocks, the edge repeated. `sigma` in blocks.
+fn smooth<const C: usize>(values: &mut Vec<[f64; C]>, [nx, ny]: [usize; 2], sigma: [f64; 2]) {
+    for (axis, count, stride) in [(0, nx, 1), (1, ny, nx)] {
+        let weights = weights(sigma[axis]);
+        let reach = weights.len() / 2;
+        let from = std::mem::take(values);
+        *values = (0..nx * ny)
+            .map(|k| {
+                let at = if axis == 0 { k % nx } else { k / nx };
+                let origin = k - at * stride;
+                let mut sum = [0.0; C];
+                for (n, w) in weights.iter().enumerate() {
+                    let reading = (at + n).saturating_sub(reach).min(count - 1);
+                    sum.iter_mut().zip(&from[origin + reading * stride]).for_each(|(s, v)| *s += w * v);
+                }
+                sum
+            })
+            .collect();
+    }
+}
+
+fn weights(sigma: f64) -> Vec<f64> {
+    let reach = (TRUNCATE * sigma + 0.5) as i64;
+    let raw: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
+    let sum: f64 = raw.iter().sum();
+    raw.iter().map(|w| w / sum).collect()
+}

@@ -1,0 +1,108 @@
+//! Slopes and layers of a stack in its moving frame: Hermite curves of the fields along the trajectories.
+
+use rayon::prelude::*;
+
+use crate::field::Field;
+use crate::moving_field::{LoneParts, MovingField, between, closing};
+use crate::spline::{harmonic, limited, three_point_end};
+
+/// Side of the cells that are skipped where no contour can be, px.
+const CELL: usize = 8;
+
+/// Slopes of the fields at all slices, per height: the mean of PCHIP and of Catmull-Rom limited to three times the smaller secant, secants
+/// taken along the trajectories; at the ends the three-point formula.
+pub fn slopes(moving: &MovingField) -> Vec<Field> {
+    let last = moving.fields.len() - 1;
+    (0..=last).into_par_iter().map(|i| slopes_of(moving, i)).collect()
+}
+
+/// Secant of interval `i` at a position of its lower slice.
+fn secant_up(moving: &MovingField, i: usize, x: [f64; 2]) -> f64 {
+    let u = moving.at_slices[i][0].at(x);
+    let there = moving.fields[i + 1].sample([x[0] + u[0], x[1] + u[1]]);
+    (there - moving.fields[i].sample(x)) / moving.gap(i)
+}
+
+/// Secant of interval `i` at a position of its upper slice.
+fn secant_down(moving: &MovingField, i: usize, x: [f64; 2]) -> f64 {
+    let u = moving.at_slices[i][1].at(x);
+    let there = moving.fields[i].sample([x[0] - u[0], x[1] - u[1]]);
+    (moving.fields[i + 1].sample(x) - there) / moving.gap(i)
+}
+
+fn slopes_of(moving: &MovingField, i: usize) -> Field {
+    let last = moving.fields.len() - 1;
+    let gap = |k: usize| moving.gap(k);
+    let slope = |x: [f64; 2]| match i {
+        0 if last == 1 => secant_up(moving, 0, x),
+        1 if last == 1 => secant_down(moving, 0, x),
+        0 => {
+            let u = moving.at_slices[0][0].at(x);
+            let next = secant_up(moving, 1, [x[0] + u[0], x[1] + u[1]]);
+            three_point_end([gap(0), gap(1)], [secant_up(moving, 0, x), next])
+        }
+        _ if i == last => {
+            let u = moving.at_slices[last - 1][1].at(x);
+            let next = secant_down(moving, last - 2, [x[0] - u[0], x[1] - u[1]]);
+            three_point_end([gap(last - 1), gap(last - 2)], [secant_down(moving, last - 1, x), next])
+        }
+        _ => {
+            let (l, r) = (secant_down(moving, i - 1, x), secant_up(moving, i, x));
+            let (hl, hr) = (gap(i - 1), gap(i));
+            0.5 * (harmonic(l, r, hl, hr) + limited((hr * l + hl * r) / (hl + hr), l, r))
+        }
+    };
+    Field::from_fn(moving.fields[i].dims, |x, y| slope([x as f64, y as f64]))
+}
+
+/// The layer at time `t` of interval `i`, px, clamped to `limit`.
+pub fn layer(
+    moving: &MovingField,
+    slopes: &[Field],
+    lone: &LoneParts,
+    i: usize,
+    t: f64,
+    limit: f64,
+    h: [f64; 2],
+) -> Vec<f32> {
+    let paths = moving.paths(i, t);
+    let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
+    let [nx, ny] = low.dims;
+    let gap = moving.gap(i);
+    let ends = |x: [f64; 2]| {
+        let (p, q) = (paths.come.at(x), paths.go.at(x));
+        ([x[0] - p[0], x[1] - p[1]], [x[0] + q[0], x[1] + q[1]])
+    };
+    let value = |x: [f64; 2]| {
+        let (from, to) = ends(x);
+        let (mut a, mut b) = (low.sample_smooth(from), high.sample_smooth(to));
+        let mut m = [gap * slopes[i].sample(from), gap * slopes[i + 1].sample(to)];
+        if let Some(own) = closing(&lone.low, from).filter(|&own| own < b) {
+            (b, m) = (own, [own - a; 2]);
+        }
+        if let Some(own) = closing(&lone.high, to).filter(|&own| own < a) {
+            (a, m) = (own, [b - own; 2]);
+        }
+        between([a, b], m, t).clamp(-limit, limit)
+    };
+    let mut out = vec![0.0; nx * ny];
+    // Distances change by a pixel per pixel, and the frame by less than half of that.
+    let reach = 0.75 * CELL as f64 * h[0].hypot(h[1]) + 2.0;
+    for cell_y in (0..ny).step_by(CELL) {
+        for cell_x in (0..nx).step_by(CELL) {
+            let (width, height) = (CELL.min(nx - cell_x), CELL.min(ny - cell_y));
+            let middle = [(cell_x as f64) + 0.5 * (width - 1) as f64, (cell_y as f64) + 0.5 * (height - 1) as f64];
+            let (from, to) = ends(middle);
+            let (a, b) = (low.sample(from), high.sample(to));
+            let nearest = a.abs().min(b.abs()) - 0.05 * (a - b).abs();
+            let far = (a < 0.0) == (b < 0.0) && nearest > limit + reach;
+            for y in cell_y..cell_y + height {
+                for x in cell_x..cell_x + width {
+                    let v = if far { limit.copysign(a) } else { value([x as f64, y as f64]) };
+                    out[y * nx + x] = v as f32;
+                }
+            }
+        }
+    }
+    out
+}

@@ -13,6 +13,7 @@ pub mod demo;
 pub mod displacement;
 mod ends;
 pub mod error;
+mod fairing;
 pub mod field;
 mod fit;
 #[cfg(feature = "gpu")]

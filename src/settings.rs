@@ -137,6 +137,10 @@ pub struct Settings {
     #[arg(long, value_enum, default_value_t = Settings::default().method)]
     pub method: Method,
 
+    /// Fairing along z that makes the input contours invisible, 0 (none) to 1.5
+    #[arg(long, value_name = "STRENGTH", default_value_t = Settings::default().fair)]
+    pub fair: f64,
+
     /// How parts that move sideways are followed
     #[arg(long, value_enum, default_value_t = Settings::default().motion)]
     pub motion: Motion,
@@ -207,6 +211,7 @@ impl Default for Settings {
         Settings {
             method: Method::Morph,
             motion: Motion::Field,
+            fair: 0.0,
             anti_alias: AntiAlias::Kernel,
             sigma: 1.0,
             slope: SlopeRule::Hyman,
@@ -247,6 +252,7 @@ impl Settings {
         };
         within("sigma", self.sigma, 0.0, 5.0, true)?;
         within("cap_gaps", self.cap_gaps, 0.0, 10.0, true)?;
+        within("fair", self.fair, 0.0, 1.5, false)?;
         within("cfl", self.cfl, 0.05, 0.9, false)?;
         within("half_width", self.half_width, 4.0, 12.0, false)?;
         within("cut_off", self.cut_off, 1.0, self.half_width - 1.0, false)?;

@@ -17,6 +17,7 @@ use crate::compose::{Canvas, differing_pixels};
 use crate::contours::Contour;
 use crate::ends::{End, EndSpec, end};
 use crate::error::Result;
+use crate::fairing::{self, Fairing};
 use crate::fit::Fitted;
 use crate::heights::{Height, check};
 use crate::jobs::Direction;
@@ -90,10 +91,22 @@ pub fn run(
         },
     };
     let contours = run.stage("distance", stack.slices.len(), Run::distance)?;
-    let extent = match settings.method {
-        Method::Morph => run.morph(contours, heights, sink)?,
-        Method::Field => run.field(contours, heights, sink)?,
+    let mut differing = vec![0; stack.slices.len()];
+    let mut certified = |layer: Layer| {
+        if let Some(i) = layer.contour {
+            differing[i] = differing_pixels(&layer.phi, |n| stack.slices[i].content.inside(n));
+        }
+        sink(layer)
     };
+    let extent = if settings.fair > 0.0 {
+        let mut fairing = Fairing::new(run.fairing(heights));
+        let extent = run.between(contours, heights, &mut |layer| fairing.push(layer, &mut certified))?;
+        fairing.finish(&mut certified)?;
+        extent
+    } else {
+        run.between(contours, heights, &mut certified)?
+    };
+    run.report.contours.iter_mut().zip(differing).for_each(|(c, n)| c.differing_pixels = n);
     let done_by = backend.name();
     if done_by != run.report.backend {
         run.report.warnings.push(format!("the backend has changed on the way: {done_by}"));
@@ -146,6 +159,26 @@ impl Run<'_> {
         Ok(contours)
     }
 
+    /// All stages after the distance; the heights at which the body ends.
+    fn between(&mut self, contours: Vec<Contour>, heights: &[f64], sink: &mut Sink<'_>) -> Result<[f64; 2]> {
+        match self.settings.method {
+            Method::Morph => self.morph(contours, heights, sink),
+            Method::Field => self.field(contours, heights, sink),
+        }
+    }
+
+    fn fairing(&self, heights: &[f64]) -> fairing::Spec {
+        let mut steps: Vec<f64> = heights.windows(2).map(|w| w[1] - w[0]).collect();
+        steps.sort_by(f64::total_cmp);
+        fairing::Spec {
+            contours: self.stack.slices.iter().map(|s| s.z).collect(),
+            dims: self.stack.dims,
+            spacing: self.stack.spacing,
+            dz: steps.get(steps.len() / 2).copied().unwrap_or(0.0),
+            alpha: self.settings.fair,
+        }
+    }
+
     fn ends(&mut self, contours: &[Contour], fitted: &[Fitted]) -> Result<[End; 2]> {
         let last = contours.len() - 1;
         let mut warnings = Vec::new();
@@ -174,11 +207,9 @@ impl Run<'_> {
         Canvas::empty(self.stack.dims, self.pad, self.settings.margin() as f64)
     }
 
-    fn contour_layer(&mut self, height: &Height, contour: &Contour, i: usize) -> Layer {
+    fn contour_layer(&self, height: &Height, contour: &Contour, i: usize) -> Layer {
         let limit = self.settings.margin() as f64;
         let layer = self.layer(height, Canvas::of_contour(self.stack.dims, self.pad, limit, &contour.phi));
-        let slice = &self.stack.slices[i].content;
-        self.report.contours[i].differing_pixels = differing_pixels(&layer.phi, |n| slice.inside(n));
         Layer { contour: Some(i), ..layer }
     }
 

@@ -1,0 +1,239 @@
+//! Constrained fairing: a smoothing along z that leaves the input contours where they are and makes them invisible.
+//!
+//! The signed distance u of every layer becomes `v = B tanh(u / (n B))` with the 3D gradient `n = max(|grad u|, .3)`, which counts near the
+//! surface only. With the Gaussian mean K along z, `D = K v - v`, a layer at `z` between the contours i and i + 1 moves by
+//! `alpha (D - (1 - w) D(z_i) - w D(z_{i+1}))`, `w = 3 t^2 - 2 t^3`: as smoothing would move it, less what would move the contours. The result
+//! is turned back into a distance, `u = n B atanh(v / B)`. Layers beyond the first and last contour stay.
+
+use std::collections::VecDeque;
+
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::surface::Layer;
+
+/// Sigma of the mean along z, gaps.
+const SIGMA: f64 = 0.25;
+/// Means are cut here, sigmas.
+const TRUNCATE: f64 = 3.5;
+/// Least gradient: flat places must not be blown up.
+const LEAST_GRADIENT: f32 = 0.3;
+/// Beyond this `u / (n B)` tanh is 1.
+const FLAT: f32 = 6.0;
+/// Pixels that one task takes.
+const STRIP: usize = 1 << 14;
+/// Largest |v| / B that is turned back.
+const SATURATED: f32 = 0.9999;
+
+/// What fairing needs to know of a stack.
+#[derive(Debug, Clone)]
+pub struct Spec {
+    /// Heights of the contours, increasing.
+    pub contours: Vec<f64>,
+    /// Pixels of a layer.
+    pub dims: [usize; 2],
+    /// Pixel spacing.
+    pub spacing: [f64; 2],
+    /// Distance between layers.
+    pub dz: f64,
+    /// Strength, 0 to 1.5.
+    pub alpha: f64,
+}
+
+/// A layer with what fairing makes of it.
+struct Kept {
+    z: f64,
+    contour: Option<usize>,
+    /// Until it is handed on.
+    layer: Option<Layer>,
+    /// `v`, as soon as the layer above is known.
+    v: Vec<f32>,
+    /// `n`.
+    gradient: Vec<f32>,
+}
+
+/// Takes layers in order of height and hands them on, faired.
+pub struct Fairing {
+    spec: Spec,
+    bound: f32,
+    kept: VecDeque<Kept>,
+    /// The lowest interval that is not finished.
+    interval: usize,
+    /// D at its lower contour, if it is known.
+    at_contour: Option<Vec<f32>>,
+}
+
+impl Fairing {
+    /// Nothing yet.
+    pub fn new(spec: Spec) -> Self {
+        let mut gaps: Vec<f64> = spec.contours.windows(2).map(|w| w[1] - w[0]).collect();
+        gaps.sort_by(f64::total_cmp);
+        let median = gaps.get(gaps.len() / 2).copied().unwrap_or(0.0);
+        let bound = (0.5 * median).max(2.0 * spec.dz).max(2.0 * spec.spacing[0].max(spec.spacing[1])) as f32;
+        Fairing { spec, bound, kept: VecDeque::new(), interval: 0, at_contour: None }
+    }
+
+    /// Takes the next layer; hands on what is finished.
+    ///
+    /// # Errors
+    /// What `sink` says.
+    pub fn push(&mut self, layer: Layer, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
+        let (z, contour) = (layer.z, layer.contour);
+        self.kept.push_back(Kept { z, contour, layer: Some(layer), v: Vec::new(), gradient: Vec::new() });
+        let Some(ready) = self.kept.len().checked_sub(2) else { return Ok(()) };
+        self.transform(ready);
+        while self.kept[ready.min(self.kept.len() - 2)].z >= self.needed_up_to() {
+            self.finish_interval(sink)?;
+        }
+        Ok(())
+    }
+
+    /// Hands on everything that is left.
+    ///
+    /// # Errors
+    /// What `sink` says.
+    pub fn finish(mut self, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
+        if let Some(last) = self.kept.len().checked_sub(1) {
+            self.transform(last);
+        }
+        while self.interval + 1 < self.spec.contours.len() {
+            self.finish_interval(sink)?;
+        }
+        self.kept.drain(..).filter_map(|k| k.layer).try_for_each(sink)
+    }
+
+    /// Height up to which layers must be known to finish the current interval.
+    fn needed_up_to(&self) -> f64 {
+        let contours = &self.spec.contours;
+        match contours.get(self.interval + 1) {
+            Some(&high) => {
+                let low = contours[self.interval];
+                (high + TRUNCATE * self.sigma(high)).max(low + TRUNCATE * self.sigma(low))
+            }
+            None => f64::INFINITY,
+        }
+    }
+
+    /// SIGMA times the gap: at a contour the mean of those next to it, linear between.
+    fn sigma(&self, z: f64) -> f64 {
+        let contours = &self.spec.contours;
+        let last = contours.len() - 1;
+        let gap_at = |i: usize| {
+            let below = if i > 0 { contours[i] - contours[i - 1] } else { contours[1] - contours[0] };
+            let above = if i < last { contours[i + 1] - contours[i] } else { contours[last] - contours[last - 1] };
+            0.5 * (below + above)
+        };
+        let i = contours.partition_point(|c| *c <= z).clamp(1, last) - 1;
+        let t = ((z - contours[i]) / (contours[i + 1] - contours[i])).clamp(0.0, 1.0);
+        SIGMA * ((1.0 - t) * gap_at(i) + t * gap_at(i + 1))
+    }
+
+    /// Makes v and n of a layer whose neighbours are there.
+    fn transform(&mut self, k: usize) {
+        let [nx, ny] = self.spec.dims;
+        let [dx, dy] = self.spec.spacing.map(|s| s as f32);
+        let around = [k.saturating_sub(1), k, (k + 1).min(self.kept.len() - 1)].map(|l| &self.kept[l]);
+        let rise = (around[2].z - around[0].z).max(f64::MIN_POSITIVE) as f32;
+        let [Some(below), Some(here), Some(above)] = around.map(|kept| kept.layer.as_ref()) else { return };
+        let (bound, u) = (self.bound, &here.phi);
+        let pixel = |n: usize| {
+            let (i, j) = (n % nx, n / nx);
+            let (left, right) = (n - usize::from(i > 0), n + usize::from(i + 1 < nx));
+            let (down, up) = (n - if j > 0 { nx } else { 0 }, n + if j + 1 < ny { nx } else { 0 });
+            let gx = (u[right] - u[left]) / (dx * (right - left).max(1) as f32);
+            let gy = (u[up] - u[down]) / (dy * ((up - down) / nx).max(1) as f32);
+            let gz = (above.phi[n] - below.phi[n]) / rise;
+            let gradient = (gx * gx + gy * gy + gz * gz).sqrt().max(LEAST_GRADIENT);
+            let ratio = u[n] / (gradient * bound);
+            let v = if ratio.abs() > FLAT { bound.copysign(ratio) } else { bound * ratio.tanh() };
+            (v, gradient)
+        };
+        let (v, gradient) = (0..nx * ny).into_par_iter().map(pixel).unzip();
+        (self.kept[k].v, self.kept[k].gradient) = (v, gradient);
+    }
+
+    /// Weights of the layers in the mean at layer `k`. Each layer stands for half of the way to its neighbours; beyond the body's ends the
+    /// last one is repeated.
+    fn weights(&self, k: usize) -> Vec<(usize, f32)> {
+        let z = self.kept[k].z;
+        let sigma = self.sigma(z);
+        let near = |at: f64| (at - z).abs() <= TRUNCATE * sigma;
+        let weight = |at: f64| (-0.5 * ((at - z) / sigma).powi(2)).exp();
+        let last = self.kept.len() - 1;
+        let share = |l: usize| {
+            let at = self.kept[l].z;
+            let (below, above) = (at - self.kept[l.saturating_sub(1)].z, self.kept[(l + 1).min(last)].z - at);
+            let step = below.max(above);
+            let beyond = |sign: f64| {
+                let repeated = (1..).map(|n| at + sign * f64::from(n) * step).take_while(|&b| near(b));
+                repeated.map(|b| step * weight(b)).sum::<f64>()
+            };
+            let ends = if below == 0.0 { 0.5 * step * weight(at) + beyond(-1.0) } else { 0.0 }
+                + if above == 0.0 { 0.5 * step * weight(at) + beyond(1.0) } else { 0.0 };
+            0.5 * (below + above) * weight(at) + ends
+        };
+        let known = |l: &usize| near(self.kept[*l].z) && !self.kept[*l].v.is_empty();
+        let terms: Vec<(usize, f64)> = (0..=last).filter(known).map(|l| (l, share(l))).collect();
+        let whole: f64 = terms.iter().map(|t| t.1).sum();
+        terms.into_iter().map(|(l, w)| (l, (w / whole) as f32)).collect()
+    }
+
+    /// `K v - v` at layer `k`.
+    fn difference(&self, k: usize) -> Vec<f32> {
+        let weights = self.weights(k);
+        let mut out: Vec<f32> = self.kept[k].v.iter().map(|v| -v).collect();
+        out.par_chunks_mut(STRIP).enumerate().for_each(|(c, out)| {
+            let first = c * STRIP;
+            for &(l, w) in &weights {
+                let v = &self.kept[l].v[first..first + out.len()];
+                out.iter_mut().zip(v).for_each(|(o, v)| *o += w * v);
+            }
+        });
+        out
+    }
+
+    /// Moves the layers of the current interval and hands on everything below its upper contour.
+    fn finish_interval(&mut self, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
+        let place = |c: usize| self.kept.iter().position(|k| k.contour == Some(c));
+        let (Some(low), Some(high)) = (place(self.interval), place(self.interval + 1)) else {
+            self.interval += 1;
+            return Ok(());
+        };
+        let from_low = self.at_contour.take().unwrap_or_else(|| self.difference(low));
+        let from_high = self.difference(high);
+        for k in low + 1..high {
+            let d = self.difference(k);
+            let t = (self.kept[k].z - self.kept[low].z) / (self.kept[high].z - self.kept[low].z);
+            self.move_layer(k, &d, [&from_low, &from_high], t);
+        }
+        self.at_contour = Some(from_high);
+        self.interval += 1;
+        self.kept.range_mut(..high).filter_map(|k| k.layer.take()).try_for_each(sink)?;
+        self.forget();
+        Ok(())
+    }
+
+    fn move_layer(&mut self, k: usize, d: &[f32], [low, high]: [&[f32]; 2], t: f64) {
+        let w = (t * t * (3.0 - 2.0 * t)) as f32;
+        let (bound, alpha) = (self.bound, self.spec.alpha as f32);
+        let Kept { layer: Some(layer), v, gradient, .. } = &mut self.kept[k] else { return };
+        layer.phi.par_iter_mut().enumerate().for_each(|(n, u)| {
+            let moved = (v[n] + alpha * (d[n] - (1.0 - w) * low[n] - w * high[n])) / bound;
+            // Far from the surface nothing changes.
+            if moved.abs() < SATURATED && v[n].abs() < SATURATED * bound {
+                let back = gradient[n] * bound * moved.atanh();
+                *u = if back == 0.0 { f32::MIN_POSITIVE } else { back };
+            }
+        });
+    }
+
+    /// Drops what no later mean needs.
+    fn forget(&mut self) {
+        let contours = &self.spec.contours;
+        let below = |i: usize| contours.get(i).map_or(f64::INFINITY, |&z| z - TRUNCATE * self.sigma(z));
+        let needed = below(self.interval).min(below(self.interval + 1));
+        while self.kept.front().is_some_and(|k| k.layer.is_none() && k.z < needed) && self.kept.len() > 2 {
+            self.kept.pop_front();
+        }
+    }
+}

@@ -26,14 +26,19 @@ impl Displacement {
 
     /// The displacement with a value for every block centre, which `f` is given in pixels, with the block's own vector.
     pub fn map(&self, f: impl Fn([f64; 2], [f64; 2]) -> [f64; 2]) -> Self {
-        let centre = |b: usize| (b * BLOCK) as f64 + 0.5 * (BLOCK - 1) as f64;
-        let vectors = self
-            .vectors
-            .iter()
-            .enumerate()
-            .map(|(k, &v)| f([centre(k % self.grid[0]), centre(k / self.grid[0])], v))
-            .collect();
+        let vectors = self.vectors.iter().enumerate().map(|(k, &v)| f(self.centre(k), v)).collect();
         Displacement { grid: self.grid, vectors }
+    }
+
+    /// The displacement with a value for every block centre that is wanted; the other vectors stay.
+    pub fn map_where(&self, wanted: &[bool], f: impl Fn([f64; 2]) -> [f64; 2]) -> Self {
+        let vector = |k: usize| if wanted[k] { f(self.centre(k)) } else { self.vectors[k] };
+        Displacement { grid: self.grid, vectors: (0..self.vectors.len()).map(vector).collect() }
+    }
+
+    /// Centre of a block, pixels.
+    fn centre(&self, k: usize) -> [f64; 2] {
+        [k % self.grid[0], k / self.grid[0]].map(|b| (b * BLOCK) as f64 + 0.5 * (BLOCK - 1) as f64)
     }
 
     /// The vector at `x`; beyond the blocks' centres that of the nearest.

@@ -1,7 +1,7 @@
 //! Constrained fairing: a smoothing along z that leaves the input contours where they are and makes them invisible.
 //!
 //! The signed distance u of every layer becomes `v = B tanh(u / (n B))` with the 3D gradient `n = max(|grad u|, .3)`, which counts near the
-//! surface only. With the Gaussian mean K along z, `D = K v - v`, a layer at `z` between the contours i and i + 1 moves by
+//! surface only. With the Gaussian mean K along the trajectories of the moving field (or straight along z), `D = K v - v`, a layer at `z` between the contours i and i + 1 moves by
 //! `alpha (D - (1 - w) D(z_i) - w D(z_{i+1}))`, `w = 3 t^2 - 2 t^3`: as smoothing would move it, less what would move the contours. The result
 //! is turned back into a distance, `u = n B atanh(v / B)`. Layers beyond the first and last contour stay.
 
@@ -9,25 +9,27 @@ use std::collections::VecDeque;
 
 use rayon::prelude::*;
 
+use crate::displacement::{BLOCK, Displacement};
 use crate::error::Result;
+use crate::moving_field::{MovingField, Place};
 use crate::surface::Layer;
 
 /// Sigma of the mean along z, gaps.
-const SIGMA: f64 = 0.25;
+const SIGMA: f64 = 0.3;
 /// Means are cut here, sigmas.
 const TRUNCATE: f64 = 3.5;
 /// Least gradient: flat places must not be blown up.
 const LEAST_GRADIENT: f32 = 0.3;
 /// Beyond this `u / (n B)` tanh is 1.
 const FLAT: f32 = 6.0;
-/// Pixels that one task takes.
-const STRIP: usize = 1 << 14;
-/// Largest |v| / B that is turned back.
-const SATURATED: f32 = 0.9999;
+/// Pixels with a larger |v| / B are far from the surface: they stay as they are.
+const SATURATED: f32 = 0.99;
 
 /// What fairing needs to know of a stack.
 #[derive(Debug, Clone)]
-pub struct Spec {
+pub struct Spec<'m> {
+    /// The frame in which layers follow each other, and the padding of its image.
+    pub moving: Option<(&'m MovingField, usize)>,
     /// Heights of the contours, increasing.
     pub contours: Vec<f64>,
     /// Pixels of a layer.
@@ -43,6 +45,7 @@ pub struct Spec {
 /// A layer with what fairing makes of it.
 struct Kept {
     z: f64,
+    place: Option<Place>,
     contour: Option<usize>,
     /// Until it is handed on.
     layer: Option<Layer>,
@@ -53,8 +56,8 @@ struct Kept {
 }
 
 /// Takes layers in order of height and hands them on, faired.
-pub struct Fairing {
-    spec: Spec,
+pub struct Fairing<'m> {
+    spec: Spec<'m>,
     bound: f32,
     kept: VecDeque<Kept>,
     /// The lowest interval that is not finished.
@@ -63,9 +66,9 @@ pub struct Fairing {
     at_contour: Option<Vec<f32>>,
 }
 
-impl Fairing {
+impl<'m> Fairing<'m> {
     /// Nothing yet.
-    pub fn new(spec: Spec) -> Self {
+    pub fn new(spec: Spec<'m>) -> Self {
         let mut gaps: Vec<f64> = spec.contours.windows(2).map(|w| w[1] - w[0]).collect();
         gaps.sort_by(f64::total_cmp);
         let median = gaps.get(gaps.len() / 2).copied().unwrap_or(0.0);
@@ -79,7 +82,8 @@ impl Fairing {
     /// What `sink` says.
     pub fn push(&mut self, layer: Layer, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
         let (z, contour) = (layer.z, layer.contour);
-        self.kept.push_back(Kept { z, contour, layer: Some(layer), v: Vec::new(), gradient: Vec::new() });
+        let place = self.spec.moving.map(|(moving, _)| moving.place(z));
+        self.kept.push_back(Kept { z, place, contour, layer: Some(layer), v: Vec::new(), gradient: Vec::new() });
         let Some(ready) = self.kept.len().checked_sub(2) else { return Ok(()) };
         self.transform(ready);
         while self.kept[ready.min(self.kept.len() - 2)].z >= self.needed_up_to() {
@@ -178,15 +182,64 @@ impl Fairing {
         terms.into_iter().map(|(l, w)| (l, (w / whole) as f32)).collect()
     }
 
-    /// `K v - v` at layer `k`.
+    /// Blocks of layer `k` that are read where its surface is near.
+    fn near_surface(&self, k: usize) -> Vec<bool> {
+        let grid = Displacement::zero(self.spec.dims).grid;
+        let mut near = vec![false; grid[0] * grid[1]];
+        if self.spec.moving.is_none() {
+            return near;
+        }
+        let nx = self.spec.dims[0];
+        let far = SATURATED * self.bound;
+        for (n, _) in self.kept[k].v.iter().enumerate().filter(|(_, v)| v.abs() < far) {
+            // A pixel reads the four blocks whose centres are around it.
+            let low = [n % nx, n / nx].map(|p| (p + BLOCK / 2) / BLOCK);
+            for by in low[1].saturating_sub(1)..=low[1].min(grid[1] - 1) {
+                for bx in low[0].saturating_sub(1)..=low[0].min(grid[0] - 1) {
+                    near[by * grid[0] + bx] = true;
+                }
+            }
+        }
+        near
+    }
+
+    /// Offsets of the trajectories from layer `k` to layer `l` in the blocks `near`, px of the image; `None` where they stand still.
+    fn offsets(&self, k: usize, l: usize, near: &[bool]) -> Option<Displacement> {
+        let (moving, pad) = self.spec.moving.filter(|_| k != l)?;
+        let (from, to) = (self.kept[k].place.as_ref()?, self.kept[l].place.as_ref()?);
+        let pad = pad as f64;
+        let still = Displacement::zero(self.spec.dims);
+        Some(still.map_where(near, |x| {
+            let padded = [x[0] + pad, x[1] + pad];
+            let y = moving.carry(padded, from, to);
+            [y[0] - padded[0], y[1] - padded[1]]
+        }))
+    }
+
+    /// `K v - v` at layer `k`, zero far from its surface.
     fn difference(&self, k: usize) -> Vec<f32> {
-        let weights = self.weights(k);
-        let mut out: Vec<f32> = self.kept[k].v.iter().map(|v| -v).collect();
-        out.par_chunks_mut(STRIP).enumerate().for_each(|(c, out)| {
-            let first = c * STRIP;
-            for &(l, w) in &weights {
-                let v = &self.kept[l].v[first..first + out.len()];
-                out.iter_mut().zip(v).for_each(|(o, v)| *o += w * v);
+        let (weights, near) = (self.weights(k), self.near_surface(k));
+        let offsets: Vec<Option<Displacement>> = weights.par_iter().map(|&(l, _)| self.offsets(k, l, &near)).collect();
+        let (own, bound, nx) = (&self.kept[k].v, self.bound, self.spec.dims[0]);
+        let mut out = vec![0.0f32; own.len()];
+        out.par_chunks_mut(nx).enumerate().for_each(|(j, out)| {
+            for (i, out) in out.iter_mut().enumerate() {
+                let n = j * nx + i;
+                if own[n].abs() >= SATURATED * bound {
+                    continue;
+                }
+                let mut sum = -own[n];
+                for ((l, w), offset) in weights.iter().zip(&offsets) {
+                    let v = &self.kept[*l].v;
+                    sum += w * match offset {
+                        None => v[n],
+                        Some(offset) => {
+                            let [x, y] = offset.at([i as f64, j as f64]);
+                            sample(v, self.spec.dims, [i as f64 + x, j as f64 + y])
+                        }
+                    };
+                }
+                *out = sum;
             }
         });
         out
@@ -204,7 +257,9 @@ impl Fairing {
         for k in low + 1..high {
             let d = self.difference(k);
             let t = (self.kept[k].z - self.kept[low].z) / (self.kept[high].z - self.kept[low].z);
-            self.move_layer(k, &d, [&from_low, &from_high], t);
+            let near = self.near_surface(k);
+            let offsets = [low, high].map(|c| self.offsets(k, c, &near));
+            self.move_layer(k, &d, [(&from_low, &offsets[0]), (&from_high, &offsets[1])], t);
         }
         self.at_contour = Some(from_high);
         self.interval += 1;
@@ -213,14 +268,26 @@ impl Fairing {
         Ok(())
     }
 
-    fn move_layer(&mut self, k: usize, d: &[f32], [low, high]: [&[f32]; 2], t: f64) {
+    /// Moves layer `k` by its own `d` less what the contours below and above would move by, read along the trajectories.
+    fn move_layer(&mut self, k: usize, d: &[f32], contours: [(&[f32], &Option<Displacement>); 2], t: f64) {
         let w = (t * t * (3.0 - 2.0 * t)) as f32;
-        let (bound, alpha) = (self.bound, self.spec.alpha as f32);
+        let (bound, alpha, dims) = (self.bound, self.spec.alpha as f32, self.spec.dims);
         let Kept { layer: Some(layer), v, gradient, .. } = &mut self.kept[k] else { return };
         layer.phi.par_iter_mut().enumerate().for_each(|(n, u)| {
-            let moved = (v[n] + alpha * (d[n] - (1.0 - w) * low[n] - w * high[n])) / bound;
             // Far from the surface nothing changes.
-            if moved.abs() < SATURATED && v[n].abs() < SATURATED * bound {
+            if v[n].abs() >= SATURATED * bound {
+                return;
+            }
+            let [low, high] = contours.map(|(d, offset)| match offset {
+                None => d[n],
+                Some(offset) => {
+                    let x = [(n % dims[0]) as f64, (n / dims[0]) as f64];
+                    let o = offset.at(x);
+                    sample(d, dims, [x[0] + o[0], x[1] + o[1]])
+                }
+            });
+            let moved = (v[n] + alpha * (d[n] - (1.0 - w) * low - w * high)) / bound;
+            if moved.abs() < SATURATED {
                 let back = gradient[n] * bound * moved.atanh();
                 *u = if back == 0.0 { f32::MIN_POSITIVE } else { back };
             }
@@ -236,4 +303,14 @@ impl Fairing {
             self.kept.pop_front();
         }
     }
+}
+
+/// Bilinear value of a layer at `x`, the edge repeated.
+fn sample(v: &[f32], [nx, ny]: [usize; 2], x: [f64; 2]) -> f32 {
+    let at = [x[0].clamp(0.0, (nx - 1) as f64), x[1].clamp(0.0, (ny - 1) as f64)];
+    let (i, j) = ((at[0] as usize).min(nx.saturating_sub(2)), (at[1] as usize).min(ny.saturating_sub(2)));
+    let (fx, fy) = ((at[0] - i as f64) as f32, (at[1] - j as f64) as f32);
+    let (right, up) = (usize::from(nx > 1), if ny > 1 { nx } else { 0 });
+    let n = j * nx + i;
+    (1.0 - fy) * ((1.0 - fx) * v[n] + fx * v[n + right]) + fy * ((1.0 - fx) * v[n + up] + fx * v[n + up + right])
 }

@@ -15,6 +15,9 @@ pub const LEAST_DEPTH: f64 = 4.0;
 /// A part of depth D that closes half way has gone this many times D at the other contour.
 const VIRTUAL_DEPTHS: f64 = 2.0;
 
+/// Fixed-point passes that find where a trajectory is on a layer.
+const CARRY_PASSES: usize = 3;
+
 /// Slices and displacements.
 #[derive(Debug, Clone)]
 pub struct MovingField {
@@ -91,6 +94,53 @@ impl MovingField {
             vectors: whole.vectors.iter().zip(&come.vectors).map(|(u, p)| [u[0] - p[0], u[1] - p[1]]).collect(),
         };
         Paths { come, go }
+    }
+}
+
+/// A layer's place in the stack, and the paths through it.
+#[derive(Debug, Clone)]
+pub struct Place {
+    /// Its interval; a contour's layer belongs to the interval above it.
+    pub interval: usize,
+    /// Paths from and to that interval's slices.
+    pub paths: Paths,
+}
+
+impl MovingField {
+    /// The place of height `z`, the nearest slice's beyond the stack.
+    pub fn place(&self, z: f64) -> Place {
+        let last = self.displacements.len() - 1;
+        let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
+        let t = ((z - self.heights[interval]) / self.gap(interval)).clamp(0.0, 1.0);
+        Place { interval, paths: self.paths(interval, t) }
+    }
+
+    /// Where the trajectory through `x` at one place is at another, px of the padded image.
+    pub fn carry(&self, mut x: [f64; 2], from: &Place, to: &Place) -> [f64; 2] {
+        let plus = |x: [f64; 2], v: [f64; 2], sign: f64| [x[0] + sign * v[0], x[1] + sign * v[1]];
+        // To the slice below or above `to`.
+        let (slice_below, sign) = if from.interval < to.interval {
+            x = plus(x, from.paths.go.at(x), 1.0);
+            for j in from.interval + 1..to.interval {
+                x = plus(x, self.at_slices[j][0].at(x), 1.0);
+            }
+            (true, 1.0)
+        } else if from.interval > to.interval {
+            x = plus(x, from.paths.come.at(x), -1.0);
+            for j in (to.interval + 1..from.interval).rev() {
+                x = plus(x, self.at_slices[j][1].at(x), -1.0);
+            }
+            (false, -1.0)
+        } else {
+            x = plus(x, from.paths.come.at(x), -1.0);
+            (true, 1.0)
+        };
+        let way = if slice_below { &to.paths.come } else { &to.paths.go };
+        let mut y = x;
+        for _ in 0..CARRY_PASSES {
+            y = plus(x, way.at(y), sign);
+        }
+        y
     }
 }
 

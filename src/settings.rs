@@ -211,7 +211,7 @@ impl Default for Settings {
         Settings {
             method: Method::Morph,
             motion: Motion::Field,
-            fair: 0.0,
+            fair: 1.25,
             anti_alias: AntiAlias::Kernel,
             sigma: 1.0,
             slope: SlopeRule::Hyman,

@@ -44,7 +44,9 @@ impl Run<'_> {
         let heights = Heights::new(self.stack, heights, extent)?;
         let lone = self.lone_parts(&contours, &moving)?;
         let made = Made { contours, moving, slopes, lone, ends };
-        self.stage("layers", heights.all.len(), |run| run.layers(&made, &heights, sink))?;
+        self.stage("layers", heights.all.len(), |run| {
+            run.faired(Some(&made.moving), &heights, sink, |run, sink| run.layers(&made, &heights, sink))
+        })?;
         Ok(extent)
     }
 

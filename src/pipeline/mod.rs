@@ -19,8 +19,9 @@ use crate::ends::{End, EndSpec, end};
 use crate::error::Result;
 use crate::fairing::{self, Fairing};
 use crate::fit::Fitted;
-use crate::heights::{Height, check};
+use crate::heights::{Height, Heights, check};
 use crate::jobs::Direction;
+use crate::moving_field::MovingField;
 use crate::progress::Progress;
 use crate::report::{ContourReport, Report, StageReport};
 use crate::settings::{Method, Settings, SlopeRule};
@@ -98,13 +99,9 @@ pub fn run(
         }
         sink(layer)
     };
-    let extent = if settings.fair > 0.0 {
-        let mut fairing = Fairing::new(run.fairing(heights));
-        let extent = run.between(contours, heights, &mut |layer| fairing.push(layer, &mut certified))?;
-        fairing.finish(&mut certified)?;
-        extent
-    } else {
-        run.between(contours, heights, &mut certified)?
+    let extent = match settings.method {
+        Method::Morph => run.morph(contours, heights, &mut certified)?,
+        Method::Field => run.field(contours, heights, &mut certified)?,
     };
     run.report.contours.iter_mut().zip(differing).for_each(|(c, n)| c.differing_pixels = n);
     let done_by = backend.name();
@@ -159,24 +156,29 @@ impl Run<'_> {
         Ok(contours)
     }
 
-    /// All stages after the distance; the heights at which the body ends.
-    fn between(&mut self, contours: Vec<Contour>, heights: &[f64], sink: &mut Sink<'_>) -> Result<[f64; 2]> {
-        match self.settings.method {
-            Method::Morph => self.morph(contours, heights, sink),
-            Method::Field => self.field(contours, heights, sink),
+    /// Runs `make`, whose layers reach `sink` faired if that is wanted.
+    fn faired(
+        &mut self,
+        moving: Option<&MovingField>,
+        heights: &Heights,
+        sink: &mut Sink<'_>,
+        make: impl FnOnce(&mut Self, &mut Sink<'_>) -> Result<()>,
+    ) -> Result<()> {
+        if self.settings.fair == 0.0 {
+            return make(self, sink);
         }
-    }
-
-    fn fairing(&self, heights: &[f64]) -> fairing::Spec {
-        let mut steps: Vec<f64> = heights.windows(2).map(|w| w[1] - w[0]).collect();
+        let mut steps: Vec<f64> = heights.all.windows(2).map(|w| w[1].z - w[0].z).collect();
         steps.sort_by(f64::total_cmp);
-        fairing::Spec {
+        let mut fairing = Fairing::new(fairing::Spec {
+            moving: moving.map(|moving| (moving, self.pad)),
             contours: self.stack.slices.iter().map(|s| s.z).collect(),
             dims: self.stack.dims,
             spacing: self.stack.spacing,
             dz: steps.get(steps.len() / 2).copied().unwrap_or(0.0),
             alpha: self.settings.fair,
-        }
+        });
+        make(self, &mut |layer| fairing.push(layer, sink))?;
+        fairing.finish(sink)
     }
 
     fn ends(&mut self, contours: &[Contour], fitted: &[Fitted]) -> Result<[End; 2]> {

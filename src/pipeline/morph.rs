@@ -41,7 +41,9 @@ impl Run<'_> {
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = Heights::new(self.stack, heights, extent)?;
         let made = Made { contours, intervals, sides, fitted, ends };
-        self.stage("propagate", jobs, |run| run.propagate(&made, &heights, sink))?;
+        self.stage("propagate", jobs, |run| {
+            run.faired(None, &heights, sink, |run, sink| run.propagate(&made, &heights, sink))
+        })?;
         Ok(extent)
     }
 

@@ -27,12 +27,18 @@ pub struct Contour {
 impl Contour {
     /// Labels and seeds for a level set.
     pub fn new(z: f64, phi: Field, h: [f64; 2], seed_spacing: f64) -> Self {
+        let seeds = seeds(&phi, h, seed_spacing);
+        Contour::with_seeds(z, phi, seeds)
+    }
+
+    /// Labels for a level set with given seeds.
+    pub fn with_seeds(z: f64, phi: Field, seeds: Vec<Seed>) -> Self {
         let inside = phi.inside();
         let outside: Vec<bool> = inside.iter().map(|m| !m).collect();
         let (solids, background) = (label4(&inside, phi.dims), label8(&outside, phi.dims));
         let solid_depth = depths(&solids, &phi);
         let solid_box = boxes(&solids, phi.dims);
-        Contour { z, seeds: seeds(&phi, h, seed_spacing), phi, solids, background, solid_depth, solid_box }
+        Contour { z, seeds, phi, solids, background, solid_depth, solid_box }
     }
 
     /// The tile of some solid parts and `margin` px around them.

@@ -3,6 +3,7 @@
 //! A point of the lower slice of an interval moves along `x + p(t)`, with `p(0) = 0`, `p(1) = u` and the rates K at the slices, so that
 //! motion too is C1 across contours: `p(t) = t u + (h K_i - u)(t^3 - 2 t^2 + t) + (h K_{i+1} - u)(t^3 - t^2)`.
 
+use crate::contours::Contour;
 use crate::displacement::Displacement;
 use crate::field::Field;
 use crate::matching::LonePart;
@@ -167,4 +168,31 @@ pub fn closing(parts: &[LonePart], x: [f64; 2]) -> Option<f64> {
         within.then(|| part.field.sample(local) + VIRTUAL_DEPTHS * part.depth)
     };
     parts.iter().filter_map(value).reduce(f64::min)
+}
+
+/// An empty slice reads as the nearest contour beyond this many times its inradius.
+const EMPTY_DEPTHS: f64 = 2.0;
+
+/// Distances of all slices; an empty one reads as its nearest contours drawn in by twice their inradius.
+pub fn filled_fields(contours: &[Contour]) -> Vec<Field> {
+    let full: Vec<usize> = (0..contours.len()).filter(|&i| contours[i].solids.count > 0).collect();
+    let beyond = |j: usize| {
+        let phi = &contours[j].phi;
+        let depth = -phi.data.iter().copied().fold(0.0, f64::min);
+        Field { dims: phi.dims, data: phi.data.iter().map(|v| v + EMPTY_DEPTHS * depth).collect() }
+    };
+    let of = |(i, contour): (usize, &Contour)| {
+        if contour.solids.count > 0 {
+            return contour.phi.clone();
+        }
+        let before = full.iter().rev().find(|&&j| j < i);
+        let after = full.iter().find(|&&j| j > i);
+        let fields = before.into_iter().chain(after).map(|&j| beyond(j));
+        let nearest = |a: Field, b: Field| Field {
+            dims: a.dims,
+            data: a.data.iter().zip(&b.data).map(|(x, y)| x.min(*y)).collect(),
+        };
+        fields.reduce(nearest).unwrap_or_else(|| Field::filled(contour.phi.dims, 1e3))
+    };
+    contours.iter().enumerate().map(of).collect()
 }

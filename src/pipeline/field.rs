@@ -15,9 +15,6 @@ use crate::moving_field::{LEAST_DEPTH, LoneParts, MovingField};
 use crate::report::IntervalReport;
 use crate::topology::match_components;
 
-/// An empty slice reads as the nearest contour beyond this many times its inradius.
-const EMPTY_DEPTHS: f64 = 2.0;
-
 /// What the stages before the layers have made.
 struct Made {
     contours: Vec<Contour>,
@@ -31,12 +28,7 @@ impl Run<'_> {
     /// All stages after the distance; the heights at which the body ends.
     pub(super) fn field(&mut self, contours: Vec<Contour>, heights: &[f64], sink: &mut Sink<'_>) -> Result<[f64; 2]> {
         self.tell_events(&contours);
-        let moving = self.stage("motion", contours.len() - 1, |run| {
-            let fields = filled_fields(&contours);
-            let z: Vec<f64> = contours.iter().map(|c| c.z).collect();
-            let displacements = run.backend.displacements(&fields, &z, run.h, run.settings.motion, run.progress)?;
-            Ok(MovingField::new(z, fields, displacements))
-        })?;
+        let moving = self.moving(&contours)?;
         let slopes = self.stage("slopes", contours.len(), |run| run.backend.moving_slopes(&moving, run.progress))?;
         let fitted: Vec<Fitted> = contours.iter().zip(&slopes).map(|(c, m)| Fitted::of_field(c, m)).collect();
         let ends = self.ends(&contours, &fitted)?;
@@ -131,28 +123,4 @@ fn without_partner(contour: &Contour, meets: impl Fn([f64; 2]) -> bool) -> Vec<u
         }
     }
     (0..).zip(lone).filter(|(_, lone)| *lone).map(|(part, _)| part).collect()
-}
-
-/// Distances of all slices; an empty one reads as its nearest contours drawn in by twice their inradius.
-fn filled_fields(contours: &[Contour]) -> Vec<Field> {
-    let full: Vec<usize> = (0..contours.len()).filter(|&i| contours[i].solids.count > 0).collect();
-    let beyond = |j: usize| {
-        let phi = &contours[j].phi;
-        let depth = -phi.data.iter().copied().fold(0.0, f64::min);
-        Field { dims: phi.dims, data: phi.data.iter().map(|v| v + EMPTY_DEPTHS * depth).collect() }
-    };
-    let of = |(i, contour): (usize, &Contour)| {
-        if contour.solids.count > 0 {
-            return contour.phi.clone();
-        }
-        let before = full.iter().rev().find(|&&j| j < i);
-        let after = full.iter().find(|&&j| j > i);
-        let fields = before.into_iter().chain(after).map(|&j| beyond(j));
-        let nearest = |a: Field, b: Field| Field {
-            dims: a.dims,
-            data: a.data.iter().zip(&b.data).map(|(x, y)| x.min(*y)).collect(),
-        };
-        fields.reduce(nearest).unwrap_or_else(|| Field::filled(contour.phi.dims, 1e3))
-    };
-    contours.iter().enumerate().map(of).collect()
 }

@@ -1,8 +1,8 @@
 //! The order of the stages, written once, for any backend.
 //!
 //! ```text
-//! distance -> match -> trace -> fit -> propagate    (method morph)
-//! distance -> motion -> slopes -> layers            (method field)
+//! distance -> motion -> match -> trace -> fit -> propagate    (method morph)
+//! distance -> motion -> slopes -> layers                      (method field)
 //! ```
 
 mod field;
@@ -21,7 +21,7 @@ use crate::fairing::{self, Fairing};
 use crate::fit::Fitted;
 use crate::heights::{Height, Heights, check};
 use crate::jobs::Direction;
-use crate::moving_field::MovingField;
+use crate::moving_field::{MovingField, filled_fields};
 use crate::progress::Progress;
 use crate::report::{ContourReport, Report, StageReport};
 use crate::settings::{Method, Settings, SlopeRule};
@@ -154,6 +154,16 @@ impl Run<'_> {
             })
             .collect();
         Ok(contours)
+    }
+
+    /// The stack in its moving frame.
+    fn moving(&mut self, contours: &[Contour]) -> Result<MovingField> {
+        self.stage("motion", contours.len() - 1, |run| {
+            let fields = filled_fields(contours);
+            let z: Vec<f64> = contours.iter().map(|c| c.z).collect();
+            let displacements = run.backend.displacements(&fields, &z, run.h, run.settings.motion, run.progress)?;
+            Ok(MovingField::new(z, fields, displacements))
+        })
     }
 
     /// Runs `make`, whose layers reach `sink` faired if that is wanted.

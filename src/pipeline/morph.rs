@@ -1,27 +1,37 @@
 //! The metamorphosis: contours morphed into each other, courses fitted, sweeps composed.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::{CHUNK_BYTES, Run, Sink, time};
 use crate::backend::MorphOptions;
-use crate::compose::{IntervalCaps, mend, unite_cap};
+use crate::compose::{Canvas, IntervalCaps, mend, unite_cap};
 use crate::contours::Contour;
 use crate::ends::End;
 use crate::error::{Error, Result};
+use crate::field::Field;
 use crate::fit::{Fitted, course, fit};
 use crate::heights::{Height, Heights};
 use crate::jobs::{Direction, Filled, PartJob, SweepJob, SweepPair, Traced};
 use crate::matching::{Interval, IntervalPlan};
-use crate::motion::frames;
+use crate::motion::Frame;
+use crate::moving_field::MovingField;
 use crate::report::IntervalReport;
+use crate::settings::Motion;
 use crate::surface::Layer;
 use crate::tracks::{Side, Sides, sides, trace_job};
+use crate::warp::Warp;
+
+/// The two contours of an interval in its frame.
+type Seen<'c> = [Cow<'c, Contour>; 2];
 
 /// What the stages before the sweeps have made.
-struct Made {
-    contours: Vec<Contour>,
+struct Made<'c> {
+    contours: &'c [Contour],
+    moving: Option<&'c MovingField>,
+    seen: Vec<Seen<'c>>,
     intervals: Vec<Interval>,
     sides: Vec<Sides>,
     fitted: Vec<Fitted>,
@@ -31,36 +41,44 @@ struct Made {
 impl Run<'_> {
     /// All stages after the distance; the heights at which the body ends.
     pub(super) fn morph(&mut self, contours: Vec<Contour>, heights: &[f64], sink: &mut Sink<'_>) -> Result<[f64; 2]> {
-        let frames = frames(contours.len() - 1);
-        let intervals = self.stage("match", contours.len() - 1, |run| run.matching(&contours))?;
+        let count = contours.len() - 1;
+        let moving = match self.settings.motion {
+            Motion::Field => Some(self.moving(&contours)?),
+            Motion::None => None,
+        };
+        let frame = |i: usize| moving.as_ref().map_or(Frame::default(), |m| Frame::middle_of(m, i));
+        let frames: Vec<Frame> = (0..count).map(frame).collect();
+        let seen: Vec<Seen<'_>> =
+            (0..count).into_par_iter().map(|i| frames[i].contours(&contours[i], &contours[i + 1])).collect();
+        let intervals = self.stage("match", count, |run| run.matching(&seen))?;
         let jobs = intervals.iter().map(|i| 2 * i.groups.len()).sum();
-        let traced = self.stage("trace", jobs, |run| run.trace(&contours, &intervals))?;
+        let traced = self.stage("trace", jobs, |run| run.trace(&seen, &intervals))?;
         let sides = sides(&contours, &intervals, &frames, &traced);
         let fitted = self.stage("fit", 1, |run| Ok(fit(&contours, &sides, run.h, run.px, run.settings)))?;
         let ends = self.ends(&contours, &fitted)?;
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = Heights::new(self.stack, heights, extent)?;
-        let made = Made { contours, intervals, sides, fitted, ends };
+        let made = Made { contours: &contours, moving: moving.as_ref(), seen, intervals, sides, fitted, ends };
         self.stage("propagate", jobs, |run| {
-            run.faired(None, &heights, sink, |run, sink| run.propagate(&made, &heights, sink))
+            run.faired(moving.as_ref(), &heights, sink, |run, sink| run.propagate(&made, &heights, sink))
         })?;
         Ok(extent)
     }
 
-    fn matching(&mut self, contours: &[Contour]) -> Result<Vec<Interval>> {
+    fn matching(&mut self, seen: &[Seen<'_>]) -> Result<Vec<Interval>> {
         let margin = self.margin;
         let mut plans: Vec<IntervalPlan> =
-            contours.par_windows(2).map(|pair| IntervalPlan::new(&pair[0], &pair[1], margin)).collect();
+            seen.par_iter().map(|[low, high]| IntervalPlan::new(low, high, margin)).collect();
         let jobs: Vec<PartJob> = plans.iter_mut().flat_map(IntervalPlan::take_jobs).collect();
         let mut fields = self.backend.part_fields(&jobs, self.h)?.into_iter();
         let intervals: Vec<Interval> = plans.into_iter().map(|plan| plan.finish(&mut fields)).collect();
         self.progress.advance(intervals.len());
         self.report.intervals = intervals
             .iter()
-            .zip(contours.windows(2))
-            .map(|(interval, pair)| IntervalReport {
-                z_low: pair[0].z,
-                z_high: pair[1].z,
+            .zip(seen)
+            .map(|(interval, [low, high])| IntervalReport {
+                z_low: low.z,
+                z_high: high.z,
                 groups: interval.groups.len(),
                 events: interval.events.clone(),
                 ..IntervalReport::default()
@@ -70,21 +88,20 @@ impl Run<'_> {
     }
 
     /// Both morphs of every group: up, down, group by group, interval by interval.
-    fn trace(&mut self, contours: &[Contour], intervals: &[Interval]) -> Result<Vec<Traced>> {
+    fn trace(&mut self, seen: &[Seen<'_>], intervals: &[Interval]) -> Result<Vec<Traced>> {
         let mut jobs = Vec::new();
         let mut owners = Vec::new();
         for (i, interval) in intervals.iter().enumerate() {
             for group in &interval.groups {
-                jobs.push(trace_job(group, &contours[i], Direction::Up));
-                jobs.push(trace_job(group, &contours[i + 1], Direction::Down));
+                jobs.push(trace_job(group, &seen[i][0], Direction::Up));
+                jobs.push(trace_job(group, &seen[i][1], Direction::Down));
                 owners.extend([i, i]);
             }
         }
         let traced = self.backend.trace(&jobs, self.h, &MorphOptions::from(self.settings), self.progress)?;
         for (t, &i) in traced.iter().zip(&owners) {
             if let Some(k) = t.tracks.iter().position(|k| !(k.distance.is_finite() && k.landing[0].is_finite())) {
-                let message =
-                    format!("particle {k} between heights {} and {} is lost", contours[i].z, contours[i + 1].z);
+                let message = format!("particle {k} between heights {} and {} is lost", seen[i][0].z, seen[i][1].z);
                 return Err(Error::Numerics { stage: "trace", message });
             }
             let report = &mut self.report.intervals[i];
@@ -117,9 +134,15 @@ impl Run<'_> {
             for (i, caps) in chunk.zip(&caps) {
                 sink(self.contour_layer(&heights.contours[i], &contours[i], i))?;
                 let of_interval: Vec<Filled> = filled.by_ref().take(intervals[i].groups.len()).collect();
+                let limit = self.settings.margin() as f64;
+                let slices = [0, 1].map(|side| (&contours[i + side].phi, &made.seen[i][side].phi));
+                let warp = made.moving.map(|moving| Warp::new(moving, i, slices, limit));
                 let at_once = rayon::current_num_threads();
-                for (k, some) in heights.between(i).chunks(at_once).enumerate() {
-                    for layer in self.compose(made, i, caps, some, k * at_once, &of_interval) {
+                let timed = |x: &Height| (*x, time(x.z, contours[i].z, contours[i + 1].z));
+                let between: Vec<(Height, f64)> = heights.between(i).iter().map(timed).collect();
+                for (k, some) in between.chunks(at_once).enumerate() {
+                    for layer in self.compose(&made.intervals[i], caps, warp.as_ref(), some, k * at_once, &of_interval)
+                    {
                         sink(layer)?;
                     }
                 }
@@ -139,7 +162,7 @@ impl Run<'_> {
         caps: &[IntervalCaps],
         heights: &Heights,
     ) -> Result<Vec<Filled>> {
-        let Made { contours, intervals, sides, fitted, .. } = made;
+        let Made { contours, seen, intervals, sides, fitted, .. } = made;
         let mut pairs = Vec::new();
         let mut owners = Vec::new();
         for (i, caps) in chunk.zip(caps) {
@@ -158,22 +181,22 @@ impl Run<'_> {
                     };
                     end.iter().map(of).collect()
                 };
-                let positions = |end: &[u32], at: usize| {
-                    end.iter().map(|&k| group.tile.to_local(contours[at].seeds[k as usize].x)).collect()
+                let positions = |end: &[u32], side: usize| {
+                    end.iter().map(|&k| group.tile.to_local(seen[i][side].seeds[k as usize].x)).collect()
                 };
                 let times = up.clone();
                 pairs.push(SweepPair {
                     up: SweepJob {
                         source: &group.low.phi,
                         target: &group.high.phi,
-                        seeds: positions(&group.low.seeds, i),
+                        seeds: positions(&group.low.seeds, 0),
                         courses: courses(&group.low.seeds, i, i + 1, up_side, Direction::Up),
                         times: up.clone(),
                     },
                     down: SweepJob {
                         source: &group.high.phi,
                         target: &group.low.phi,
-                        seeds: positions(&group.high.seeds, i + 1),
+                        seeds: positions(&group.high.seeds, 1),
                         courses: courses(&group.high.seeds, i + 1, i, down_side, Direction::Down),
                         times: down.clone(),
                     },
@@ -203,27 +226,30 @@ impl Run<'_> {
         Ok(filled)
     }
 
-    /// Layers of interval `i` at some of its heights, the first of which is number `skip`.
+    /// Layers of an interval at some of its heights, the first of which is number `skip`.
     fn compose(
         &self,
-        made: &Made,
-        i: usize,
+        interval: &Interval,
         caps: &IntervalCaps,
-        heights: &[Height],
+        warp: Option<&Warp<'_>>,
+        heights: &[(Height, f64)],
         skip: usize,
         filled: &[Filled],
     ) -> Vec<Layer> {
-        let (low, high) = (made.contours[i].z, made.contours[i + 1].z);
-        let layer = |(k, height): (usize, &Height)| {
-            let t = time(height.z, low, high);
-            let mut canvas = self.canvas();
-            for (f, group) in filled.iter().zip(&made.intervals[i].groups) {
+        let limit = self.settings.margin() as f64;
+        let padded = self.stack.dims.map(|n| n + 2 * self.pad);
+        let layer = |(k, (height, t)): (usize, &(Height, f64))| {
+            let mut canvas = if warp.is_some() { Canvas::empty(padded, 0, limit) } else { self.canvas() };
+            for (f, group) in filled.iter().zip(&interval.groups) {
                 canvas.unite(&group.tile, |n| f64::from(f.slices[skip + k][n]));
             }
             for (cap, direction) in &caps.solids {
-                unite_cap(&mut canvas, cap, if *direction == Direction::Up { t } else { 1.0 - t });
+                unite_cap(&mut canvas, cap, if *direction == Direction::Up { *t } else { 1.0 - t });
             }
-            self.layer(height, canvas)
+            let Some(warp) = warp else { return self.layer(height, canvas) };
+            let seen = Field { dims: padded, data: canvas.phi.iter().map(|v| f64::from(*v)).collect() };
+            let whole = warp.layer(&seen, *t);
+            self.layer(height, Canvas::of_contour(self.stack.dims, self.pad, limit, &whole))
         };
         heights.par_iter().enumerate().map(layer).collect()
     }

@@ -123,13 +123,16 @@ fn solve(i: usize, evidence: &[Evidence], gaps: &[f64], old: &Displacement, roun
     let ridge = round.ridge * (1.0 + COUPLING * neighbours.len() as f64);
     let mut vectors: Vec<[f64; 2]> = (0..old.vectors.len())
         .map(|k| {
-            let mut sum = evidence[i][k];
+            // The neighbours are added up first: the same either way up.
+            let mut beside = [0.0; 5];
             for &j in &neighbours {
                 // A neighbour's displacement counts as a rate.
                 let rate = gaps[i] / gaps[j];
                 let scale = [1.0, 1.0, 1.0, rate, rate];
-                sum.iter_mut().zip(evidence[j][k]).zip(scale).for_each(|((s, e), k)| *s += COUPLING * k * e);
+                beside.iter_mut().zip(evidence[j][k]).zip(scale).for_each(|((s, e), k)| *s += k * e);
             }
+            let own = evidence[i][k];
+            let sum: [f64; 5] = std::array::from_fn(|c| own[c] + COUPLING * beside[c]);
             let [xx, yy, xy, bx, by] = sum;
             let (xx, yy) = (xx + ridge, yy + ridge);
             let determinant = xx * yy - xy * xy;

@@ -38,12 +38,12 @@ impl Frame {
     }
 
     /// Where a position of the lower slice lies in the mid frame.
-    pub fn from_low(&self, x: [f64; 2]) -> [f64; 2] {
+    pub fn of_low(&self, x: [f64; 2]) -> [f64; 2] {
         self.middle.as_ref().map_or(x, |m| (0..PASSES).fold(x, |y, _| plus(x, m.come.at(y), 1.0)))
     }
 
     /// Where a position of the upper slice lies in the mid frame.
-    pub fn from_high(&self, x: [f64; 2]) -> [f64; 2] {
+    pub fn of_high(&self, x: [f64; 2]) -> [f64; 2] {
         self.middle.as_ref().map_or(x, |m| (0..PASSES).fold(x, |y, _| plus(x, m.go.at(y), -1.0)))
     }
 
@@ -52,7 +52,7 @@ impl Frame {
         if self.middle.is_none() {
             return [Cow::Borrowed(low), Cow::Borrowed(high)];
         }
-        [moved(low, |x| self.down(x), |x| self.from_low(x)), moved(high, |x| self.up(x), |x| self.from_high(x))]
+        [moved(low, |x| self.down(x), |x| self.of_low(x)), moved(high, |x| self.up(x), |x| self.of_high(x))]
     }
 }
 

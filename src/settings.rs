@@ -210,8 +210,8 @@ impl Default for Settings {
     fn default() -> Self {
         Settings {
             method: Method::Morph,
-            motion: Motion::Field,
-            fair: 1.25,
+            motion: Motion::None,
+            fair: 0.0,
             anti_alias: AntiAlias::Kernel,
             sigma: 1.0,
             slope: SlopeRule::Hyman,

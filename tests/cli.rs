@@ -22,7 +22,7 @@ fn every_output_is_written_and_the_report_certifies() {
     paths.iter().for_each(|p| arguments.extend(["-o", p]));
     let result = interslice(&arguments);
     assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
-    assert!(stderr(&result).contains("CPU reference path"), "says what it runs on");
+    assert!(stderr(&result).contains("running on: "), "says what it runs on: {}", stderr(&result));
     assert_eq!(listing(out.path()).len(), names.len() + 1, "nothing else is left");
     let report: Value = serde_json::from_slice(&fs::read(&report).expect("it was written")).expect("it is JSON");
     for contour in report["contours"].as_array().expect("a list") {
@@ -134,4 +134,59 @@ fn help_names_every_setting_with_its_default() {
     for part in ["--cfl <NUMBER>", "[default: 0.5]", "--slope", "[default: hyman]", "--end-top", "[default: flat]"] {
         assert!(text.contains(part), "`{part}` is missing");
     }
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn backends_are_chosen_told_and_reported() {
+    let place = folder();
+    sound_stack(place.path());
+    let input = place.path().display().to_string();
+    let report = place.path().join("r.json").display().to_string();
+    let run = |more: &[&str]| {
+        let result = interslice(&[&["reconstruct", &input, "--report", &report], more].concat());
+        let text = fs::read(&report).unwrap_or_default();
+        let _ = fs::remove_file(&report);
+        (result, serde_json::from_slice::<Value>(&text).unwrap_or_default())
+    };
+    let (cpu, told) = run(&["--backend", "cpu"]);
+    assert_eq!(cpu.status.code(), Some(0), "{}", stderr(&cpu));
+    assert!(told["backend"].as_str().is_some_and(|b| b.starts_with("reference")), "{told}");
+    assert!(told["backend_reason"].as_str().is_some_and(|r| r.contains("asked for")), "{told}");
+    let (gpu, told) = run(&["--backend", "gpu", "--profile"]);
+    assert_eq!(gpu.status.code(), Some(0), "{}", stderr(&gpu));
+    assert!(told["backend"].as_str().is_some_and(|b| b.starts_with("GPU ")), "{told}");
+    let steps = &told["profile"]["kernels"]["hj_step"];
+    assert!(steps["dispatches"].as_u64().is_some_and(|n| n > 30) && steps["pixels"].as_u64() > Some(1000), "{steps}");
+    assert!(stderr(&gpu).contains("hj_step") && stderr(&gpu).contains("GPU ms"), "{}", stderr(&gpu));
+    // A budget that nothing fits into: an explicit GPU fails and leaves nothing, an automatic choice goes on.
+    let (short, told) = run(&["--backend", "gpu", "--memory", "1M"]);
+    assert_eq!(short.status.code(), Some(1), "{}", stderr(&short));
+    assert!(stderr(&short).contains("budget of 1048576 bytes") && told.is_null(), "{}", stderr(&short));
+    let (auto, told) = run(&["--adapter", "0", "--memory", "1M"]);
+    assert_eq!(auto.status.code(), Some(0), "{}", stderr(&auto));
+    assert!(stderr(&auto).contains("rest of the job runs on the CPU"), "{}", stderr(&auto));
+    assert!(told["warnings"][0].as_str().is_some_and(|w| w.contains("changed on the way")), "{told}");
+    for (wrong, said) in
+        [("--memory=lots", "512M"), ("--memory=1K", "at least 1M"), ("--backend=tpu", "auto, gpu, cpu")]
+    {
+        let (result, _) = run(&[wrong]);
+        assert_eq!(result.status.code(), Some(2), "{wrong}");
+        assert!(stderr(&result).contains(said), "{wrong}: {}", stderr(&result));
+    }
+    let (missing, _) = run(&["--backend", "gpu", "--adapter", "none such"]);
+    assert_eq!(missing.status.code(), Some(1));
+    assert!(stderr(&missing).contains("none such"), "{}", stderr(&missing));
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn devices_and_doctor_speak_in_words() {
+    let listed = interslice(&["devices"]);
+    let text = String::from_utf8_lossy(&listed.stdout).into_owned();
+    assert!(text.starts_with("0: ") && text.contains("--backend auto takes"), "{text}");
+    let examined = interslice(&["doctor"]);
+    let text = String::from_utf8_lossy(&examined.stdout).into_owned();
+    assert_eq!(examined.status.code(), Some(0), "{text}");
+    assert!(text.contains("loops: ") && text.contains("NaN: ") && text.contains("can be trusted."), "{text}");
 }

@@ -159,14 +159,6 @@ fn backends_are_chosen_told_and_reported() {
     let steps = &told["profile"]["kernels"]["hj_step"];
     assert!(steps["dispatches"].as_u64().is_some_and(|n| n > 30) && steps["pixels"].as_u64() > Some(1000), "{steps}");
     assert!(stderr(&gpu).contains("hj_step") && stderr(&gpu).contains("GPU ms"), "{}", stderr(&gpu));
-    // A budget that nothing fits into: an explicit GPU fails and leaves nothing, an automatic choice goes on.
-    let (short, told) = run(&["--backend", "gpu", "--memory", "1M"]);
-    assert_eq!(short.status.code(), Some(1), "{}", stderr(&short));
-    assert!(stderr(&short).contains("budget of 1048576 bytes") && told.is_null(), "{}", stderr(&short));
-    let (auto, told) = run(&["--adapter", "0", "--memory", "1M"]);
-    assert_eq!(auto.status.code(), Some(0), "{}", stderr(&auto));
-    assert!(stderr(&auto).contains("rest of the job runs on the CPU"), "{}", stderr(&auto));
-    assert!(told["warnings"][0].as_str().is_some_and(|w| w.contains("changed on the way")), "{told}");
     for (wrong, said) in
         [("--memory=lots", "512M"), ("--memory=1K", "at least 1M"), ("--backend=tpu", "auto, gpu, cpu")]
     {
@@ -177,6 +169,30 @@ fn backends_are_chosen_told_and_reported() {
     let (missing, _) = run(&["--backend", "gpu", "--adapter", "none such"]);
     assert_eq!(missing.status.code(), Some(1));
     assert!(stderr(&missing).contains("none such"), "{}", stderr(&missing));
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn a_gpu_without_memory_fails_or_is_replaced() {
+    let place = folder();
+    let demos = place.path().display().to_string();
+    let made = interslice(&["demo", "fig9", "-o", &demos, "--backend", "cpu"]);
+    assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
+    let input = place.path().join("fig9").display().to_string();
+    let report = place.path().join("r.json").display().to_string();
+    let run = |more: &[&str]| {
+        let result = interslice(&[&["reconstruct", &input, "--report", &report], more].concat());
+        let text = fs::read(&report).unwrap_or_default();
+        (result, serde_json::from_slice::<Value>(&text).unwrap_or_default())
+    };
+    // A budget that nothing fits into: an explicit GPU fails and leaves nothing, an automatic choice goes on.
+    let (short, told) = run(&["--backend", "gpu", "--memory", "1M"]);
+    assert_eq!(short.status.code(), Some(1), "{}", stderr(&short));
+    assert!(stderr(&short).contains("budget of 1048576 bytes") && told.is_null(), "{}", stderr(&short));
+    let (auto, told) = run(&["--adapter", "0", "--memory", "1M"]);
+    assert_eq!(auto.status.code(), Some(0), "{}", stderr(&auto));
+    assert!(stderr(&auto).contains("rest of the job runs on the CPU"), "{}", stderr(&auto));
+    assert!(told["warnings"][0].as_str().is_some_and(|w| w.contains("changed on the way")), "{told}");
 }
 
 #[cfg(feature = "gpu")]

@@ -2,8 +2,8 @@
 //!
 //! The signed distance u of every layer becomes `v = B tanh(u / (n B))` with the 3D gradient `n = max(|grad u|, .3)`, which counts near the
 //! surface only. With the Gaussian mean K along the trajectories of the moving field (or straight along z), `D = K v - v`, a layer at `z` between the contours i and i + 1 moves by
-//! `alpha (D - (1 - w) D(z_i) - w D(z_{i+1}))`, `w = 3 t^2 - 2 t^3`: as smoothing would move it, less what would move the contours. The result
-//! is turned back into a distance, `u = n B atanh(v / B)`. Layers beyond the first and last contour stay.
+//! `alpha (D - (1 - w) D(z_i) - w D(z_{i+1}))`, `w = 3 t^2 - 2 t^3`: as smoothing would move it, less what would move the contours. The distance
+//! u moves by n times that where v is small against B, and not at all far from the surface. Layers beyond the first and last contour stay.
 
 use std::collections::VecDeque;
 
@@ -22,8 +22,9 @@ const TRUNCATE: f64 = 3.5;
 const LEAST_GRADIENT: f32 = 0.3;
 /// Beyond this `u / (n B)` tanh is 1.
 const FLAT: f32 = 6.0;
-/// Pixels with a larger |v| / B are far from the surface: they stay as they are.
-const SATURATED: f32 = 0.99;
+/// Pixels with a smaller |v| / B move by all of it, those with a larger than SATURATED not at all.
+const NEAR: f32 = 0.5;
+const SATURATED: f32 = 0.95;
 
 /// What fairing needs to know of a stack.
 #[derive(Debug, Clone)]
@@ -286,10 +287,10 @@ impl<'m> Fairing<'m> {
                     sample(d, dims, [x[0] + o[0], x[1] + o[1]])
                 }
             });
-            let moved = (v[n] + alpha * (d[n] - (1.0 - w) * low - w * high)) / bound;
-            if moved.abs() < SATURATED {
-                let back = gradient[n] * bound * moved.atanh();
-                *u = if back == 0.0 { f32::MIN_POSITIVE } else { back };
+            let rise = alpha * (d[n] - (1.0 - w) * low - w * high);
+            *u += gradient[n] * rise * near(v[n].abs() / bound);
+            if *u == 0.0 {
+                *u = f32::MIN_POSITIVE;
             }
         });
     }
@@ -303,6 +304,12 @@ impl<'m> Fairing<'m> {
             self.kept.pop_front();
         }
     }
+}
+
+/// How much of its way a pixel at `|v| / B` moves.
+fn near(ratio: f32) -> f32 {
+    let s = ((SATURATED - ratio) / (SATURATED - NEAR)).clamp(0.0, 1.0);
+    s * s * (3.0 - 2.0 * s)
 }
 
 /// Bilinear value of a layer at `x`, the edge repeated.

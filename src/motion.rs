@@ -7,10 +7,8 @@ use rayon::prelude::*;
 use crate::contour::Seed;
 use crate::contours::Contour;
 use crate::field::Field;
-use crate::moving_field::{MovingField, Paths};
+use crate::moving_field::{MovingField, Paths, plus};
 
-/// Fixed-point passes that bring a seed into the mid frame.
-const PASSES: usize = 8;
 /// Pixels to each side in which a moved seed looks for its contour.
 const SEARCH: usize = 2;
 
@@ -39,12 +37,12 @@ impl Frame {
 
     /// Where a position of the lower slice lies in the mid frame.
     pub fn of_low(&self, x: [f64; 2]) -> [f64; 2] {
-        self.middle.as_ref().map_or(x, |m| (0..PASSES).fold(x, |y, _| plus(x, m.come.at(y), 1.0)))
+        self.middle.as_ref().map_or(x, |m| m.off_low(x, x))
     }
 
     /// Where a position of the upper slice lies in the mid frame.
     pub fn of_high(&self, x: [f64; 2]) -> [f64; 2] {
-        self.middle.as_ref().map_or(x, |m| (0..PASSES).fold(x, |y, _| plus(x, m.go.at(y), -1.0)))
+        self.middle.as_ref().map_or(x, |m| m.off_high(x, x))
     }
 
     /// The interval's contours as the mid frame sees them, seeds under their own numbers.
@@ -54,10 +52,6 @@ impl Frame {
         }
         [moved(low, |x| self.down(x), |x| self.of_low(x)), moved(high, |x| self.up(x), |x| self.of_high(x))]
     }
-}
-
-fn plus(x: [f64; 2], v: [f64; 2], sign: f64) -> [f64; 2] {
-    [x[0] + sign * v[0], x[1] + sign * v[1]]
 }
 
 /// A contour in another frame: `back` from there to its own slice, `forth` the other way.

@@ -3,6 +3,8 @@
 //! A point of the lower slice of an interval moves along `x + p(t)`, with `p(0) = 0`, `p(1) = u` and the rates K at the slices, so that
 //! motion too is C1 across contours: `p(t) = t u + (h K_i - u)(t^3 - 2 t^2 + t) + (h K_{i+1} - u)(t^3 - t^2)`.
 
+use std::cmp::Ordering;
+
 use crate::contours::Contour;
 use crate::displacement::Displacement;
 use crate::field::Field;
@@ -17,7 +19,7 @@ pub const LEAST_DEPTH: f64 = 4.0;
 const VIRTUAL_DEPTHS: f64 = 2.0;
 
 /// Fixed-point passes that find where a trajectory is on a layer.
-const CARRY_PASSES: usize = 3;
+const PASSES: usize = 4;
 
 /// Slices and displacements.
 #[derive(Debug, Clone)]
@@ -103,6 +105,8 @@ impl MovingField {
 pub struct Place {
     /// Its interval; a contour's layer belongs to the interval above it.
     pub interval: usize,
+    /// Time in it.
+    pub t: f64,
     /// Paths from and to that interval's slices.
     pub paths: Paths,
 }
@@ -113,36 +117,51 @@ impl MovingField {
         let last = self.displacements.len() - 1;
         let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
         let t = ((z - self.heights[interval]) / self.gap(interval)).clamp(0.0, 1.0);
-        Place { interval, paths: self.paths(interval, t) }
+        Place { interval, t, paths: self.paths(interval, t) }
     }
 
-    /// Where the trajectory through `x` at one place is at another, px of the padded image.
-    pub fn carry(&self, mut x: [f64; 2], from: &Place, to: &Place) -> [f64; 2] {
-        let plus = |x: [f64; 2], v: [f64; 2], sign: f64| [x[0] + sign * v[0], x[1] + sign * v[1]];
-        // To the slice below or above `to`.
-        let (slice_below, sign) = if from.interval < to.interval {
-            x = plus(x, from.paths.go.at(x), 1.0);
-            for j in from.interval + 1..to.interval {
-                x = plus(x, self.at_slices[j][0].at(x), 1.0);
+    /// Where the trajectory through `x` at one place is at another, px of the padded image. Within an interval the mean of the ways over
+    /// either slice, so that it is the same upside down.
+    pub fn carry(&self, x: [f64; 2], from: &Place, to: &Place) -> [f64; 2] {
+        let below = || plus(x, from.paths.come.at(x), -1.0);
+        let above = || plus(x, from.paths.go.at(x), 1.0);
+        match from.interval.cmp(&to.interval) {
+            // From or to a slice there is one way.
+            Ordering::Equal if from.t == 0.0 || to.t == 0.0 => to.paths.off_low(below(), x),
+            Ordering::Equal if from.t == 1.0 || to.t == 1.0 => to.paths.off_high(above(), x),
+            Ordering::Equal => {
+                let [a, b] = [to.paths.off_low(below(), x), to.paths.off_high(above(), x)];
+                [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
             }
-            (true, 1.0)
-        } else if from.interval > to.interval {
-            x = plus(x, from.paths.come.at(x), -1.0);
-            for j in (to.interval + 1..from.interval).rev() {
-                x = plus(x, self.at_slices[j][1].at(x), -1.0);
+            Ordering::Less => {
+                let step = |x, j: usize| plus(x, self.at_slices[j][0].at(x), 1.0);
+                let slice = (from.interval + 1..to.interval).fold(above(), step);
+                to.paths.off_low(slice, slice)
             }
-            (false, -1.0)
-        } else {
-            x = plus(x, from.paths.come.at(x), -1.0);
-            (true, 1.0)
-        };
-        let way = if slice_below { &to.paths.come } else { &to.paths.go };
-        let mut y = x;
-        for _ in 0..CARRY_PASSES {
-            y = plus(x, way.at(y), sign);
+            Ordering::Greater => {
+                let step = |x, j: usize| plus(x, self.at_slices[j][1].at(x), -1.0);
+                let slice = (to.interval + 1..from.interval).rev().fold(below(), step);
+                to.paths.off_high(slice, slice)
+            }
         }
-        y
     }
+}
+
+impl Paths {
+    /// Where the trajectory that starts at `slice` on the lower slice is on this layer; `guess` is a first guess.
+    pub fn off_low(&self, slice: [f64; 2], guess: [f64; 2]) -> [f64; 2] {
+        (0..PASSES).fold(guess, |y, _| plus(slice, self.come.at(y), 1.0))
+    }
+
+    /// Where the trajectory that ends at `slice` on the upper slice is on this layer.
+    pub fn off_high(&self, slice: [f64; 2], guess: [f64; 2]) -> [f64; 2] {
+        (0..PASSES).fold(guess, |y, _| plus(slice, self.go.at(y), -1.0))
+    }
+}
+
+/// `x + sign v`.
+pub fn plus(x: [f64; 2], v: [f64; 2], sign: f64) -> [f64; 2] {
+    [x[0] + sign * v[0], x[1] + sign * v[1]]
 }
 
 /// Value of the field at time `t` from values and slopes (per interval) at both ends.

@@ -1,12 +1,10 @@
 //! From the mid frame of an interval to the layers between its slices.
 
 use crate::field::Field;
-use crate::moving_field::{MovingField, Paths};
+use crate::moving_field::{MovingField, Paths, plus};
 
 /// Side of the cells that are skipped where the mid frame's layer is far from any contour, px.
 const CELL: usize = 8;
-/// Fixed-point passes that find a trajectory in the mid frame.
-const PASSES: usize = 3;
 
 /// Brings layers of interval `i` from its mid frame to where they belong.
 pub struct Warp<'m> {
@@ -74,12 +72,7 @@ impl<'m> Warp<'m> {
 /// Where the trajectory through `x` of a layer is in the mid frame: the mean of the ways over either slice.
 fn to_middle(x: [f64; 2], paths: &Paths, middle: &Paths) -> [f64; 2] {
     let (come, go) = (paths.come.at(x), paths.go.at(x));
-    let (low, high) = ([x[0] - come[0], x[1] - come[1]], [x[0] + go[0], x[1] + go[1]]);
-    let (mut a, mut b) = (x, x);
-    for _ in 0..PASSES {
-        let (p, q) = (middle.come.at(a), middle.go.at(b));
-        a = [low[0] + p[0], low[1] + p[1]];
-        b = [high[0] - q[0], high[1] - q[1]];
-    }
+    let a = middle.off_low(plus(x, come, -1.0), x);
+    let b = middle.off_high(plus(x, go, 1.0), x);
     [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
 }

@@ -7,6 +7,8 @@
 pub const BLOCK: usize = 4;
 /// Fixed-point passes that find the trajectory through a point.
 const PASSES: usize = 3;
+/// Gaussian means over blocks are cut here, sigmas.
+const TRUNCATE: f64 = 3.0;
 
 /// A vector per block.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,4 +78,32 @@ impl Displacement {
     pub fn largest(&self) -> f64 {
         self.vectors.iter().flatten().fold(0.0, |m, v| m.max(v.abs()))
     }
+}
+
+/// Gaussian means over blocks, the edge repeated. `sigma` in blocks.
+pub fn smooth<const C: usize>(values: &mut Vec<[f64; C]>, [nx, ny]: [usize; 2], sigma: [f64; 2]) {
+    for (axis, count, stride) in [(0, nx, 1), (1, ny, nx)] {
+        let weights = weights(sigma[axis]);
+        let reach = weights.len() / 2;
+        let from = std::mem::take(values);
+        *values = (0..nx * ny)
+            .map(|k| {
+                let at = if axis == 0 { k % nx } else { k / nx };
+                let origin = k - at * stride;
+                let mut sum = [0.0; C];
+                for (n, w) in weights.iter().enumerate() {
+                    let reading = (at + n).saturating_sub(reach).min(count - 1);
+                    sum.iter_mut().zip(&from[origin + reading * stride]).for_each(|(s, v)| *s += w * v);
+                }
+                sum
+            })
+            .collect();
+    }
+}
+
+fn weights(sigma: f64) -> Vec<f64> {
+    let reach = (TRUNCATE * sigma + 0.5) as i64;
+    let raw: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
+    let sum: f64 = raw.iter().sum();
+    raw.iter().map(|w| w / sum).collect()
 }

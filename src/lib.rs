@@ -35,6 +35,7 @@ pub mod stencil;
 pub mod surface;
 pub mod topology;
 mod tracks;
+mod trust;
 mod warp;
 
 pub use backend::Backend;

@@ -2,6 +2,7 @@
 
 use crate::field::Field;
 use crate::moving_field::{MovingField, Paths, plus};
+use crate::trust::Trust;
 
 /// Side of the cells that are skipped where the mid frame's layer is far from any contour, px.
 const CELL: usize = 8;
@@ -32,18 +33,21 @@ impl<'m> Warp<'m> {
         Warp { moving, i, middle, lost, limit }
     }
 
-    /// The layer at time `t` from its values in the mid frame, both clamped.
-    pub fn layer(&self, seen: &Field, t: f64) -> Field {
+    /// The layer at time `t` from its values in the mid frame, both clamped; where there is no trust in them `other` counts.
+    pub fn layer(&self, seen: &Field, t: f64, trust: &Trust, other: &[f32]) -> Field {
         let paths = self.moving.paths(self.i, t);
         let [nx, ny] = seen.dims;
         let limit = self.limit;
         let w = t * t * (3.0 - 2.0 * t);
         let value = |x: [f64; 2]| {
-            let v = seen.sample_smooth(to_middle(x, &paths, &self.middle));
+            let middle = to_middle(x, &paths, &self.middle);
+            let v = seen.sample_smooth(middle);
             let (come, go) = (paths.come.at(x), paths.go.at(x));
             let low = self.lost[0].sample([x[0] - come[0], x[1] - come[1]]);
             let high = self.lost[1].sample([x[0] + go[0], x[1] + go[1]]);
-            (v + (1.0 - w) * low + w * high).clamp(-limit, limit)
+            let trust = trust.at(middle);
+            let other = f64::from(other[x[1] as usize * nx + x[0] as usize]);
+            (trust * (v + (1.0 - w) * low + w * high) + (1.0 - trust) * other).clamp(-limit, limit)
         };
         let mut out = Field::filled(seen.dims, limit);
         for top in (0..ny).step_by(CELL) {
@@ -57,7 +61,9 @@ impl<'m> Warp<'m> {
                     [left.midpoint(right), top.midpoint(bottom)],
                 ];
                 let values = corners.map(|c| seen.sample(to_middle(c.map(|p| p as f64), &paths, &self.middle)));
-                let far = values.iter().all(|v| *v >= limit) || values.iter().all(|v| *v <= -limit);
+                let others = corners.map(|[x, y]| f64::from(other[y * nx + x]));
+                let all = || values.iter().chain(&others);
+                let far = all().all(|v| *v >= limit) || all().all(|v| *v <= -limit);
                 for y in top..=bottom {
                     for x in left..=right {
                         out.data[y * nx + x] = if far { values[0] } else { value([x as f64, y as f64]) };

@@ -57,7 +57,7 @@ impl Run<'_> {
     }
 
     /// Parts that meet nothing in the other slice along their trajectories.
-    fn lone_parts(&self, contours: &[Contour], moving: &MovingField) -> Result<Vec<LoneParts>> {
+    pub(super) fn lone_parts(&self, contours: &[Contour], moving: &MovingField) -> Result<Vec<LoneParts>> {
         let mut out = Vec::with_capacity(contours.len() - 1);
         for (i, pair) in contours.windows(2).enumerate() {
             let [low, high] = [Direction::Up, Direction::Down].map(|direction| {

@@ -17,25 +17,45 @@ use crate::heights::{Height, Heights};
 use crate::jobs::{Direction, Filled, PartJob, SweepJob, SweepPair, Traced};
 use crate::matching::{Interval, IntervalPlan};
 use crate::motion::Frame;
-use crate::moving_field::MovingField;
+use crate::moving_field::{LoneParts, MovingField};
 use crate::report::IntervalReport;
 use crate::settings::Motion;
 use crate::surface::Layer;
 use crate::tracks::{Side, Sides, sides, trace_job};
+use crate::trust::Trust;
 use crate::warp::Warp;
 
 /// The two contours of an interval in its frame.
 type Seen<'c> = [Cow<'c, Contour>; 2];
 
+/// The moving frame, and what the field method needs where the morph knows nothing.
+struct Beside<'c> {
+    moving: &'c MovingField,
+    slopes: Vec<Field>,
+    lone: Vec<LoneParts>,
+}
+
 /// What the stages before the sweeps have made.
 struct Made<'c> {
     contours: &'c [Contour],
-    moving: Option<&'c MovingField>,
+    beside: Option<Beside<'c>>,
     seen: Vec<Seen<'c>>,
     intervals: Vec<Interval>,
     sides: Vec<Sides>,
     fitted: Vec<Fitted>,
     ends: [End; 2],
+}
+
+impl Made<'_> {
+    /// How far the morphs of interval `i` can be trusted, in its frame.
+    fn trust(&self, i: usize) -> Trust {
+        let ends = [self.sides[i].up.as_ref(), self.sides[i + 1].down.as_ref()];
+        let particles = self.seen[i].iter().zip(ends).flat_map(|(contour, side)| {
+            let tracks = side.map_or(&[][..], |s| &s.tracks);
+            contour.seeds.iter().zip(tracks).map(|(seed, track)| (seed.x, track.arrived))
+        });
+        Trust::new(self.contours[i].phi.dims, particles)
+    }
 }
 
 impl Run<'_> {
@@ -58,7 +78,14 @@ impl Run<'_> {
         let ends = self.ends(&contours, &fitted)?;
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = Heights::new(self.stack, heights, extent)?;
-        let made = Made { contours: &contours, moving: moving.as_ref(), seen, intervals, sides, fitted, ends };
+        let beside = match &moving {
+            None => None,
+            Some(moving) => Some(self.stage("slopes", contours.len(), |run| {
+                let slopes = run.backend.moving_slopes(moving, run.progress)?;
+                Ok(Beside { moving, slopes, lone: run.lone_parts(&contours, moving)? })
+            })?),
+        };
+        let made = Made { contours: &contours, beside, seen, intervals, sides, fitted, ends };
         self.stage("propagate", jobs, |run| {
             run.faired(moving.as_ref(), &heights, sink, |run, sink| run.propagate(&made, &heights, sink))
         })?;
@@ -136,13 +163,20 @@ impl Run<'_> {
                 let of_interval: Vec<Filled> = filled.by_ref().take(intervals[i].groups.len()).collect();
                 let limit = self.settings.margin() as f64;
                 let slices = [0, 1].map(|side| (&contours[i + side].phi, &made.seen[i][side].phi));
-                let warp = made.moving.map(|moving| Warp::new(moving, i, slices, limit));
+                let warp = made.beside.as_ref().map(|b| (Warp::new(b.moving, i, slices, limit), made.trust(i)));
                 let at_once = rayon::current_num_threads();
                 let timed = |x: &Height| (*x, time(x.z, contours[i].z, contours[i + 1].z));
                 let between: Vec<(Height, f64)> = heights.between(i).iter().map(timed).collect();
                 for (k, some) in between.chunks(at_once).enumerate() {
-                    for layer in self.compose(&made.intervals[i], caps, warp.as_ref(), some, k * at_once, &of_interval)
-                    {
+                    let times: Vec<f64> = some.iter().map(|(_, t)| *t).collect();
+                    let others = match &made.beside {
+                        None => Vec::new(),
+                        Some(Beside { moving, slopes, lone }) => {
+                            self.backend.moving_layers(moving, slopes, &lone[i], i, &times, limit, self.h)?
+                        }
+                    };
+                    let frame = warp.as_ref().map(|(warp, trust)| (warp, trust, others.as_slice()));
+                    for layer in self.compose(&made.intervals[i], caps, frame, some, k * at_once, &of_interval) {
                         sink(layer)?;
                     }
                 }
@@ -231,7 +265,7 @@ impl Run<'_> {
         &self,
         interval: &Interval,
         caps: &IntervalCaps,
-        warp: Option<&Warp<'_>>,
+        frame: Option<(&Warp<'_>, &Trust, &[Vec<f32>])>,
         heights: &[(Height, f64)],
         skip: usize,
         filled: &[Filled],
@@ -239,16 +273,16 @@ impl Run<'_> {
         let limit = self.settings.margin() as f64;
         let padded = self.stack.dims.map(|n| n + 2 * self.pad);
         let layer = |(k, (height, t)): (usize, &(Height, f64))| {
-            let mut canvas = if warp.is_some() { Canvas::empty(padded, 0, limit) } else { self.canvas() };
+            let mut canvas = if frame.is_some() { Canvas::empty(padded, 0, limit) } else { self.canvas() };
             for (f, group) in filled.iter().zip(&interval.groups) {
                 canvas.unite(&group.tile, |n| f64::from(f.slices[skip + k][n]));
             }
             for (cap, direction) in &caps.solids {
                 unite_cap(&mut canvas, cap, if *direction == Direction::Up { *t } else { 1.0 - t });
             }
-            let Some(warp) = warp else { return self.layer(height, canvas) };
+            let Some((warp, trust, others)) = frame else { return self.layer(height, canvas) };
             let seen = Field { dims: padded, data: canvas.phi.iter().map(|v| f64::from(*v)).collect() };
-            let whole = warp.layer(&seen, *t);
+            let whole = warp.layer(&seen, *t, trust, &others[k]);
             self.layer(height, Canvas::of_contour(self.stack.dims, self.pad, limit, &whole))
         };
         heights.par_iter().enumerate().map(layer).collect()

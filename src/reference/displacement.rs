@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use crate::displacement::{BLOCK, Displacement};
+use crate::displacement::{BLOCK, Displacement, smooth};
 use crate::field::Field;
 
 /// One round of the iteration, lengths in px.
@@ -30,8 +30,6 @@ const ROUNDS: [Round; 7] = [WIDE, WIDE, WIDE, WIDE, NARROW, NARROW, NARROW];
 const COUPLING: f64 = 0.5;
 /// Mean weight of evidence that counts half.
 const HALF_EVIDENCE: f64 = 1e-3;
-/// Windows are cut here, sigmas.
-const TRUNCATE: f64 = 3.0;
 
 /// Evidence of one interval per block: `S` (xx, yy, xy) and the right-hand side `S v + d` (x, y), in px of the larger side.
 type Evidence = Vec<[f64; 5]>;
@@ -141,32 +139,4 @@ fn solve(i: usize, evidence: &[Evidence], gaps: &[f64], old: &Displacement, roun
         .collect();
     smooth(&mut vectors, old.grid, h.map(|side| 0.5 * round.window / (BLOCK as f64 * side)));
     Displacement { grid: old.grid, vectors }
-}
-
-/// Gaussian means over blocks, the edge repeated. `sigma` in blocks.
-fn smooth<const C: usize>(values: &mut Vec<[f64; C]>, [nx, ny]: [usize; 2], sigma: [f64; 2]) {
-    for (axis, count, stride) in [(0, nx, 1), (1, ny, nx)] {
-        let weights = weights(sigma[axis]);
-        let reach = weights.len() / 2;
-        let from = std::mem::take(values);
-        *values = (0..nx * ny)
-            .map(|k| {
-                let at = if axis == 0 { k % nx } else { k / nx };
-                let origin = k - at * stride;
-                let mut sum = [0.0; C];
-                for (n, w) in weights.iter().enumerate() {
-                    let reading = (at + n).saturating_sub(reach).min(count - 1);
-                    sum.iter_mut().zip(&from[origin + reading * stride]).for_each(|(s, v)| *s += w * v);
-                }
-                sum
-            })
-            .collect();
-    }
-}
-
-fn weights(sigma: f64) -> Vec<f64> {
-    let reach = (TRUNCATE * sigma + 0.5) as i64;
-    let raw: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
-    let sum: f64 = raw.iter().sum();
-    raw.iter().map(|w| w / sum).collect()
 }

@@ -1,0 +1,42 @@
+//! Where a morph knows what it does: how many of the tracker particles nearby have arrived.
+//!
+//! Particles die where a piece of contour has no counterpart, and with them what the morph knows about its way. There the layers of the field
+//! method, which has a slope at every pixel, take its place.
+
+use crate::displacement::{BLOCK, Displacement, smooth};
+
+/// Sigma of the mean over particles, px.
+const REACH: f64 = 6.0;
+/// Below this share of arrived particles the morph has no say, above the other it has all of it.
+const NONE: f64 = 0.6;
+const ALL: f64 = 0.95;
+/// Particles in a block that count as none.
+const FEW: f64 = 1e-6;
+
+/// Shares of arrived particles in the frame of an interval.
+pub struct Trust {
+    /// `[arrived, all]` per block.
+    particles: Displacement,
+}
+
+impl Trust {
+    /// From positions (px of the padded image, `dims` large) and whether each particle has arrived.
+    pub fn new(dims: [usize; 2], particles: impl Iterator<Item = ([f64; 2], bool)>) -> Self {
+        let mut map = Displacement::zero(dims);
+        for (x, arrived) in particles {
+            let block: [usize; 2] = std::array::from_fn(|a| ((x[a].max(0.0) as usize) / BLOCK).min(map.grid[a] - 1));
+            let [good, all] = &mut map.vectors[block[1] * map.grid[0] + block[0]];
+            *good += f64::from(u8::from(arrived));
+            *all += 1.0;
+        }
+        smooth(&mut map.vectors, map.grid, [REACH / BLOCK as f64; 2]);
+        Trust { particles: map }
+    }
+
+    /// The morph's weight at `x`.
+    pub fn at(&self, x: [f64; 2]) -> f64 {
+        let [good, all] = self.particles.at(x);
+        let s = (((good + FEW) / (all + FEW) - NONE) / (ALL - NONE)).clamp(0.0, 1.0);
+        s * s * (3.0 - 2.0 * s)
+    }
+}

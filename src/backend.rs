@@ -145,14 +145,14 @@ pub trait Backend: Sync {
         progress: &dyn Progress,
     ) -> Result<Vec<Filled>>;
 
-    /// Displacements of all intervals between slices at `heights`; zero without motion.
+    /// Displacements of all intervals, whose heights are `gaps`; zero without motion.
     ///
     /// # Errors
     /// A backend's own failures.
     fn displacements(
         &self,
         fields: &[Field],
-        heights: &[f64],
+        gaps: &[f64],
         h: [f64; 2],
         motion: Motion,
         progress: &dyn Progress,

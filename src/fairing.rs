@@ -17,14 +17,14 @@ use crate::surface::Layer;
 /// Sigma of the mean along z, gaps.
 const SIGMA: f64 = 0.3;
 /// Means are cut here, sigmas.
-const TRUNCATE: f64 = 3.5;
+const TRUNCATE: f64 = 2.75;
 /// Least gradient: flat places must not be blown up.
 const LEAST_GRADIENT: f32 = 0.3;
 /// Beyond this `u / (n B)` tanh is 1.
 const FLAT: f32 = 6.0;
 /// Pixels with a smaller |v| / B move by all of it, those with a larger than SATURATED not at all.
-const NEAR: f32 = 0.5;
-const SATURATED: f32 = 0.95;
+const NEAR: f32 = 0.4;
+const SATURATED: f32 = 0.85;
 
 /// What fairing needs to know of a stack.
 #[derive(Debug, Clone)]
@@ -41,6 +41,8 @@ pub struct Spec<'m> {
     pub dz: f64,
     /// Strength, 0 to 1.5.
     pub alpha: f64,
+    /// Whether the user has given the slope at the first and at the last contour: it stays.
+    pub clamped: [bool; 2],
 }
 
 /// A layer with what fairing makes of it.
@@ -260,7 +262,10 @@ impl<'m> Fairing<'m> {
             let t = (self.kept[k].z - self.kept[low].z) / (self.kept[high].z - self.kept[low].z);
             let near = self.near_surface(k);
             let offsets = [low, high].map(|c| self.offsets(k, c, &near));
-            self.move_layer(k, &d, [(&from_low, &offsets[0]), (&from_high, &offsets[1])], t);
+            let (first, last) = (self.interval == 0, self.interval + 2 == self.spec.contours.len());
+            let at_low = if first && self.spec.clamped[0] { smoothstep(t as f32) } else { 1.0 };
+            let at_high = if last && self.spec.clamped[1] { smoothstep(1.0 - t as f32) } else { 1.0 };
+            self.move_layer(k, &d, [(&from_low, &offsets[0]), (&from_high, &offsets[1])], t, at_low * at_high);
         }
         self.at_contour = Some(from_high);
         self.interval += 1;
@@ -269,10 +274,10 @@ impl<'m> Fairing<'m> {
         Ok(())
     }
 
-    /// Moves layer `k` by its own `d` less what the contours below and above would move by, read along the trajectories.
-    fn move_layer(&mut self, k: usize, d: &[f32], contours: [(&[f32], &Option<Displacement>); 2], t: f64) {
-        let w = (t * t * (3.0 - 2.0 * t)) as f32;
-        let (bound, alpha, dims) = (self.bound, self.spec.alpha as f32, self.spec.dims);
+    /// Moves layer `k` by this share of its own `d` less what the contours below and above would move by, read along the trajectories.
+    fn move_layer(&mut self, k: usize, d: &[f32], contours: [(&[f32], &Option<Displacement>); 2], t: f64, share: f32) {
+        let w = smoothstep(t as f32);
+        let (bound, alpha, dims) = (self.bound, share * self.spec.alpha as f32, self.spec.dims);
         let Kept { layer: Some(layer), v, gradient, .. } = &mut self.kept[k] else { return };
         layer.phi.par_iter_mut().enumerate().for_each(|(n, u)| {
             // Far from the surface nothing changes.
@@ -300,7 +305,8 @@ impl<'m> Fairing<'m> {
         let contours = &self.spec.contours;
         let below = |i: usize| contours.get(i).map_or(f64::INFINITY, |&z| z - TRUNCATE * self.sigma(z));
         let needed = below(self.interval).min(below(self.interval + 1));
-        while self.kept.front().is_some_and(|k| k.layer.is_none() && k.z < needed) && self.kept.len() > 2 {
+        // One layer more stays: how far the lowest reaches down is known from it.
+        while self.kept.len() > 2 && self.kept[0].layer.is_none() && self.kept[1].z < needed {
             self.kept.pop_front();
         }
     }
@@ -308,7 +314,11 @@ impl<'m> Fairing<'m> {
 
 /// How much of its way a pixel at `|v| / B` moves.
 fn near(ratio: f32) -> f32 {
-    let s = ((SATURATED - ratio) / (SATURATED - NEAR)).clamp(0.0, 1.0);
+    smoothstep((SATURATED - ratio) / (SATURATED - NEAR))
+}
+
+fn smoothstep(t: f32) -> f32 {
+    let s = t.clamp(0.0, 1.0);
     s * s * (3.0 - 2.0 * s)
 }
 

@@ -8,6 +8,7 @@ use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
 use crate::contours::Contour;
+use crate::displacement::Displacement;
 use crate::field::Field;
 use crate::jobs::{Course, Direction, Track};
 use crate::settings::{Settings, SlopeRule};
@@ -38,6 +39,17 @@ impl Fitted {
     pub fn of_field(contour: &Contour, slopes: &Field) -> Self {
         let slopes = contour.seeds.iter().map(|s| -slopes.sample(s.x)).collect();
         Fitted { slopes, down: Vec::new(), up: Vec::new() }
+    }
+
+    /// The same with slopes moved by `sign` times the outward speed at which the frame carries each seed: growth that the frame's motion
+    /// explains is not in the slopes, although it moves the contour.
+    pub fn with_motion(&self, contour: &Contour, rates: &Displacement, h: [f64; 2], sign: f64) -> Self {
+        let outward = |x: [f64; 2]| {
+            let (rate, n) = (rates.at(x), contour.phi.normal(x, h));
+            rate[0] * h[0] * n[0] + rate[1] * h[1] * n[1]
+        };
+        let slopes = self.slopes.iter().zip(&contour.seeds).map(|(m, s)| m + sign * outward(s.x)).collect();
+        Fitted { slopes, ..self.clone() }
     }
 }
 

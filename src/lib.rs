@@ -19,6 +19,7 @@ mod fit;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod heights;
+pub mod holdout;
 pub mod jobs;
 mod matching;
 pub mod memory;

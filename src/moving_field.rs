@@ -21,11 +21,16 @@ const VIRTUAL_DEPTHS: f64 = 2.0;
 /// Fixed-point passes that find where a trajectory is on a layer.
 const PASSES: usize = 4;
 
+/// Steps of times and gaps.
+pub const STEPS: f64 = (1u64 << 30) as f64;
+
 /// Slices and displacements.
 #[derive(Debug, Clone)]
 pub struct MovingField {
     /// Heights of the slices, increasing.
     pub heights: Vec<f64>,
+    /// Gaps between them, see [`even_gaps`].
+    pub gaps: Vec<f64>,
     /// Signed distances, px; finite everywhere.
     pub fields: Vec<Field>,
     /// Mid-frame displacement of each interval.
@@ -47,11 +52,11 @@ pub struct Paths {
 
 impl MovingField {
     /// What follows from fields and displacements.
-    pub fn new(heights: Vec<f64>, fields: Vec<Field>, displacements: Vec<Displacement>) -> Self {
+    pub fn new(heights: Vec<f64>, gaps: Vec<f64>, fields: Vec<Field>, displacements: Vec<Displacement>) -> Self {
         let at_slices: Vec<[Displacement; 2]> =
             displacements.iter().map(|v| [-0.5, 0.5].map(|tau| v.map(|x, _| v.through(x, tau)))).collect();
         let last = heights.len() - 1;
-        let gap = |i: usize| heights[i + 1] - heights[i];
+        let gap = |i: usize| gaps[i];
         let rate = |i: usize| {
             if i == 0 {
                 return at_slices[0][0].map(|_, u| u.map(|c| c / gap(0)));
@@ -67,12 +72,12 @@ impl MovingField {
             Displacement { grid: before.grid, vectors: vectors.collect() }
         };
         let rates = (0..=last).map(rate).collect();
-        MovingField { heights, fields, displacements, at_slices, rates }
+        MovingField { heights, gaps, fields, displacements, at_slices, rates }
     }
 
     /// Gap of an interval.
     pub fn gap(&self, i: usize) -> f64 {
-        self.heights[i + 1] - self.heights[i]
+        self.gaps[i]
     }
 
     /// Paths through the layer at time `t` of interval `i`.
@@ -116,7 +121,7 @@ impl MovingField {
     pub fn place(&self, z: f64) -> Place {
         let last = self.displacements.len() - 1;
         let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
-        let t = ((z - self.heights[interval]) / self.gap(interval)).clamp(0.0, 1.0);
+        let t = time(z, self.heights[interval], self.heights[interval + 1]);
         Place { interval, t, paths: self.paths(interval, t) }
     }
 
@@ -162,6 +167,22 @@ impl Paths {
 /// `x + sign v`.
 pub fn plus(x: [f64; 2], v: [f64; 2], sign: f64) -> [f64; 2] {
     [x[0] + sign * v[0], x[1] + sign * v[1]]
+}
+
+/// Gaps between heights in steps of 2^-30 of the whole: a stack and the same upside down then have the very same gaps, whichever way their
+/// heights were rounded.
+pub fn even_gaps(heights: &[f64]) -> Vec<f64> {
+    const BITS: u64 = 20;
+    let span = heights[heights.len() - 1] - heights[0];
+    // The span's own last bits are rounded off too.
+    let span = f64::from_bits((span.to_bits() + (1 << (BITS - 1))) >> BITS << BITS);
+    let unit = span / STEPS;
+    heights.windows(2).map(|w| ((w[1] - w[0]) / unit).round().max(1.0) * unit).collect()
+}
+
+/// Height as time of its interval, in steps of 2^-30: `1 - t` is exact; 0 and 1 at the ends and beyond.
+pub fn time(z: f64, low: f64, high: f64) -> f64 {
+    ((z - low) / (high - low) * STEPS).round().clamp(0.0, STEPS) / STEPS
 }
 
 /// Value of the field at time `t` from values and slopes (per interval) at both ends.

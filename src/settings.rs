@@ -210,8 +210,8 @@ impl Default for Settings {
     fn default() -> Self {
         Settings {
             method: Method::Morph,
-            motion: Motion::None,
-            fair: 0.0,
+            motion: Motion::Field,
+            fair: 1.0,
             anti_alias: AntiAlias::Kernel,
             sigma: 1.0,
             slope: SlopeRule::Hyman,
@@ -258,6 +258,10 @@ impl Settings {
         within("cut_off", self.cut_off, 1.0, self.half_width - 1.0, false)?;
         within("seed_spacing", self.seed_spacing, 0.05, 2.0, false)?;
         within("tolerance", self.tolerance, 0.01, 0.5, false)?;
+        if self.method == Method::Field && (self.clamp_bottom.is_some() || self.clamp_top.is_some()) {
+            let message = "need `method` morph: the field method takes its slopes from the slices".to_string();
+            return Err(Error::Setting { name: "clamp_bottom and clamp_top".into(), message });
+        }
         for (name, slope) in [("clamp_bottom", self.clamp_bottom), ("clamp_top", self.clamp_top)] {
             if let Some(m) = slope
                 && !m.is_finite()

@@ -6,10 +6,10 @@
 use crate::displacement::{BLOCK, Displacement, smooth};
 
 /// Sigma of the mean over particles, px.
-const REACH: f64 = 6.0;
+const REACH: f64 = 8.0;
 /// Below this share of arrived particles the morph has no say, above the other it has all of it.
-const NONE: f64 = 0.6;
-const ALL: f64 = 0.95;
+const NONE: f64 = 0.75;
+const ALL: f64 = 1.0;
 /// Particles in a block that count as none.
 const FEW: f64 = 1e-6;
 

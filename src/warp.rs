@@ -1,5 +1,6 @@
 //! From the mid frame of an interval to the layers between its slices.
 
+use crate::displacement::Displacement;
 use crate::field::Field;
 use crate::moving_field::{MovingField, Paths, plus};
 use crate::trust::Trust;
@@ -23,11 +24,10 @@ impl<'m> Warp<'m> {
         let middle = moving.paths(i, 0.5);
         let lost = [0, 1].map(|end| {
             let (own, seen) = slices[end];
-            let paths = moving.paths(i, end as f64);
-            Field::from_fn(own.dims, |x, y| {
-                let x = [x as f64, y as f64];
-                let v = own.data[x[1] as usize * own.dims[0] + x[0] as usize];
-                if v.abs() < limit { v - seen.sample_smooth(to_middle(x, &paths, &middle)) } else { 0.0 }
+            let way = way_to_middle(&moving.paths(i, end as f64), &middle);
+            Field::from_fn(own.dims, |i, j| {
+                let (x, v) = ([i as f64, j as f64], own.data[j * own.dims[0] + i]);
+                if v.abs() < limit { v - seen.sample_smooth(plus(x, way.at(x), 1.0)) } else { 0.0 }
             })
         });
         Warp { moving, i, middle, lost, limit }
@@ -39,8 +39,9 @@ impl<'m> Warp<'m> {
         let [nx, ny] = seen.dims;
         let limit = self.limit;
         let w = t * t * (3.0 - 2.0 * t);
+        let way = way_to_middle(&paths, &self.middle);
         let value = |x: [f64; 2]| {
-            let middle = to_middle(x, &paths, &self.middle);
+            let middle = plus(x, way.at(x), 1.0);
             let v = seen.sample_smooth(middle);
             let (come, go) = (paths.come.at(x), paths.go.at(x));
             let low = self.lost[0].sample([x[0] - come[0], x[1] - come[1]]);
@@ -60,7 +61,7 @@ impl<'m> Warp<'m> {
                     [right, bottom],
                     [left.midpoint(right), top.midpoint(bottom)],
                 ];
-                let values = corners.map(|c| seen.sample(to_middle(c.map(|p| p as f64), &paths, &self.middle)));
+                let values = corners.map(|c| c.map(|p| p as f64)).map(|x| seen.sample(plus(x, way.at(x), 1.0)));
                 let others = corners.map(|[x, y]| f64::from(other[y * nx + x]));
                 let all = || values.iter().chain(&others);
                 let far = all().all(|v| *v >= limit) || all().all(|v| *v <= -limit);
@@ -75,10 +76,11 @@ impl<'m> Warp<'m> {
     }
 }
 
-/// Where the trajectory through `x` of a layer is in the mid frame: the mean of the ways over either slice.
-fn to_middle(x: [f64; 2], paths: &Paths, middle: &Paths) -> [f64; 2] {
-    let (come, go) = (paths.come.at(x), paths.go.at(x));
-    let a = middle.off_low(plus(x, come, -1.0), x);
-    let b = middle.off_high(plus(x, go, 1.0), x);
-    [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
+/// From a layer's pixels to where their trajectories are in the mid frame: the mean of the ways over either slice.
+fn way_to_middle(paths: &Paths, middle: &Paths) -> Displacement {
+    paths.come.map(|x, _| {
+        let a = middle.off_low(plus(x, paths.come.at(x), -1.0), x);
+        let b = middle.off_high(plus(x, paths.go.at(x), 1.0), x);
+        [0.5 * (a[0] + b[0]) - x[0], 0.5 * (a[1] + b[1]) - x[1]]
+    })
 }

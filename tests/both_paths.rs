@@ -74,8 +74,10 @@ fn the_papers_figures() {
     let gpu = open(&GpuOptions::default());
     for name in ["fig5", "fig6", "fig10"] {
         let demo = demo(name).expect("a demo");
-        let of = |backend: &dyn Backend| run(backend, &demo.stack, &demo.settings, None);
-        agree(name, &of(&gpu), &of(&Reference));
+        for settings in [Settings { slope: demo.settings.slope, ..plain() }, demo.settings] {
+            let of = |backend: &dyn Backend| run(backend, &demo.stack, &settings, None);
+            agree(name, &of(&gpu), &of(&Reference));
+        }
     }
 }
 
@@ -85,11 +87,7 @@ fn the_zoo() {
     for (name, shapes) in zoo() {
         let heights: Vec<f64> = (0..shapes.len()).map(|k| 10.0 * k as f64).collect();
         let stack = masks(N, &heights, &shapes);
-        agree(
-            name,
-            &run(&gpu, &stack, &Settings::default(), Some(1.0)),
-            &run(&Reference, &stack, &Settings::default(), Some(1.0)),
-        );
+        agree(name, &run(&gpu, &stack, &plain(), Some(1.0)), &run(&Reference, &stack, &plain(), Some(1.0)));
     }
 }
 
@@ -99,7 +97,7 @@ fn the_example() {
     let stack = read(&folder, &ReadOptions::default()).expect("the example");
     let dz = Some((stack.slices[1].z - stack.slices[0].z) / 4.0);
     let gpu = open(&GpuOptions::default());
-    let of = |backend: &dyn Backend| run(backend, &stack, &Settings::default(), dz);
+    let of = |backend: &dyn Backend| run(backend, &stack, &plain(), dz);
     agree("jacksboro", &of(&gpu), &of(&Reference));
 }
 
@@ -111,7 +109,7 @@ fn stacks_of_your_own() {
     let gpu = open(&GpuOptions::default());
     for path in named {
         let stack = read(&path, &ReadOptions::default()).expect("a stack");
-        let of = |backend: &dyn Backend| run(backend, &stack, &Settings::default(), None);
+        let of = |backend: &dyn Backend| run(backend, &stack, &plain(), None);
         agree(&path.display().to_string(), &of(&gpu), &of(&Reference));
     }
 }

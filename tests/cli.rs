@@ -206,3 +206,31 @@ fn devices_and_doctor_speak_in_words() {
     assert_eq!(examined.status.code(), Some(0), "{text}");
     assert!(text.contains("loops: ") && text.contains("NaN: ") && text.contains("can be trusted."), "{text}");
 }
+
+#[test]
+fn evaluate_leaves_slices_out_and_scores_them() {
+    let place = folder();
+    let demos = place.path().display().to_string();
+    let made = interslice(&["demo", "fig9", "-o", &demos, "--backend", "cpu"]);
+    assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
+    let input = place.path().join("fig9").display().to_string();
+    let result = interslice(&["evaluate", &input, "--json", "--backend", "cpu"]);
+    assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+    let score: Value = serde_json::from_slice(&result.stdout).expect("it is JSON");
+    let dice = score["dice"].as_f64().expect("a number");
+    assert!((0.5..1.0).contains(&dice), "{score}");
+    let slices = score["slices"].as_array().expect("a list");
+    assert!(!slices.is_empty());
+    for slice in slices {
+        let [a, b] = [0, 1].map(|k| slice["pixels"][k].as_f64().expect("a count"));
+        let error = slice["area_error_percent"].as_f64().expect("a number");
+        assert!((error - 100.0 * (b - a) / a).abs() < 1e-9, "{slice}");
+    }
+    let words = interslice(&["evaluate", &input, "--backend", "cpu"]);
+    assert!(String::from_utf8_lossy(&words.stdout).contains("slices left out, one in 2: Dice"));
+    for (wrong, said) in [("--leave=1", "at least 2"), ("--leave=40", "leave nothing out")] {
+        let result = interslice(&["evaluate", &input, wrong]);
+        assert_eq!(result.status.code(), Some(2), "{wrong}");
+        assert!(stderr(&result).contains(said), "{wrong}: {}", stderr(&result));
+    }
+}

@@ -4,7 +4,7 @@ mod shapes;
 mod support;
 
 use interslice::progress::Silent;
-use interslice::settings::EndRule;
+use interslice::settings::{EndRule, Motion};
 use interslice::stack::ContourStack;
 use interslice::surface::mesh::closed_surface;
 use interslice::{Reconstruction, Reference, Settings, reconstruct_with};
@@ -31,7 +31,7 @@ fn run(stack: &ContourStack, settings: &Settings) -> Reconstruction {
 /// Volume above the last contour, by the mesh.
 fn cap_volume(stack: &ContourStack, rule: EndRule) -> f64 {
     let volume = |rule| {
-        let body = run(stack, &Settings { end_top: rule, ..Settings::default() });
+        let body = run(stack, &Settings { end_top: rule, ..plain() });
         closed_surface(&body).volume()
     };
     volume(rule) - volume(EndRule::Flat)
@@ -84,8 +84,7 @@ fn caps_of_known_bodies_have_about_their_volume() {
 #[test]
 fn ends_are_chosen_separately() {
     let stack = circles(&[0.0, 10.0, 20.0], |z| 24.0 - 0.06 * (z - 10.0).powi(2));
-    let extent =
-        |bottom, top| run(&stack, &Settings { end_bottom: bottom, end_top: top, ..Settings::default() }).extent;
+    let extent = |bottom, top| run(&stack, &Settings { end_bottom: bottom, end_top: top, ..plain() }).extent;
     assert_eq!(extent(EndRule::Flat, EndRule::Flat), [0.0, 20.0]);
     assert_eq!(extent(EndRule::HalfSlice, EndRule::Flat), [-5.0, 20.0]);
     assert_eq!(extent(EndRule::Flat, EndRule::HalfSlice), [0.0, 25.0]);
@@ -97,7 +96,7 @@ fn ends_are_chosen_separately() {
 #[test]
 fn half_a_slice_is_the_contour_itself() {
     let stack = circles(&[0.0, 10.0, 20.0], |z| 14.0 + 0.3 * z);
-    let body = run(&stack, &Settings { end_top: EndRule::HalfSlice, ..Settings::default() });
+    let body = run(&stack, &Settings { end_top: EndRule::HalfSlice, ..plain() });
     let at = |z: f64| body.layers.iter().find(|l| l.z == z).expect("a layer");
     assert_eq!(at(20.0).phi, at(23.0).phi);
     assert_eq!(at(20.0).phi, at(25.0).phi);
@@ -107,14 +106,14 @@ fn half_a_slice_is_the_contour_itself() {
 #[test]
 fn a_part_that_grows_towards_its_end_ends_flat_and_is_told() {
     let stack = circles(&[0.0, 10.0, 20.0], |z| 10.0 + 0.5 * z);
-    let body = run(&stack, &Settings { end_top: EndRule::Extrapolate, ..Settings::default() });
+    let body = run(&stack, &Settings { end_top: EndRule::Extrapolate, ..plain() });
     assert_eq!(body.extent[1], 20.0);
     assert!(
         body.report.warnings.iter().any(|w| w.contains("top end: part 1 does not shrink")),
         "{:?}",
         body.report.warnings
     );
-    let closed = run(&stack, &Settings { end_top: EndRule::Peak(30.0), ..Settings::default() });
+    let closed = run(&stack, &Settings { end_top: EndRule::Peak(30.0), ..plain() });
     assert_eq!(closed.extent[1], 30.0);
     assert!(closed.report.warnings.iter().any(|w| w.contains("closed upright")));
 }
@@ -122,7 +121,7 @@ fn a_part_that_grows_towards_its_end_ends_flat_and_is_told() {
 #[test]
 fn an_extrapolated_end_is_no_higher_than_its_limit() {
     let stack = circles(&[0.0, 10.0, 20.0], |z| 30.0 - 0.02 * z);
-    let body = run(&stack, &Settings { end_top: EndRule::Extrapolate, cap_gaps: 1.5, ..Settings::default() });
+    let body = run(&stack, &Settings { end_top: EndRule::Extrapolate, cap_gaps: 1.5, ..plain() });
     assert_eq!(body.extent[1], 35.0);
 }
 
@@ -130,7 +129,7 @@ fn an_extrapolated_end_is_no_higher_than_its_limit() {
 fn empty_end_slices_close_half_way() {
     let shapes = vec![nothing(), circle(CENTER, CENTER, 20.0), circle(CENTER, CENTER, 22.0), nothing()];
     let stack = masks(121, &[0.0, 10.0, 20.0, 30.0], &shapes);
-    let body = run(&stack, &Settings { end_top: EndRule::Extrapolate, ..Settings::default() });
+    let body = run(&stack, &Settings { end_top: EndRule::Extrapolate, ..plain() });
     let inside: Vec<f64> = body.layers.iter().filter(|l| l.phi.iter().any(|v| *v < 0.0)).map(|l| l.z).collect();
     let (low, high) = (inside[0], inside[inside.len() - 1]);
     assert!((5.0..=6.0).contains(&low) && (24.0..=25.0).contains(&high), "{low} to {high}");
@@ -144,7 +143,7 @@ fn clamped_end_slopes_are_obeyed() {
         slope: interslice::settings::SlopeRule::Natural,
         clamp_bottom: Some(0.8),
         clamp_top: Some(-0.8),
-        ..Settings::default()
+        ..plain()
     };
     let body = run(&stack, &settings);
     let radius = |z: f64| {
@@ -155,4 +154,17 @@ fn clamped_end_slopes_are_obeyed() {
     for (z, s) in [(2.0, 8.0 * 0.128), (4.0, 8.0 * 0.144), (18.0, 8.0 * 0.128)] {
         assert!((radius(z) - 20.0 - s).abs() < 0.05, "z = {z}: {} for {s}", radius(z) - 20.0);
     }
+}
+
+#[test]
+fn a_caps_slope_counts_what_the_moving_frame_explains() {
+    // A sphere's upper contours shrink all around, which the frame takes for motion in part.
+    let radius = |z: f64| (36f64.powi(2) - z * z).sqrt();
+    let stack = circles(&[0.0, 8.0, 16.0, 23.0, 29.0], radius);
+    let exact = std::f64::consts::PI * 7f64.powi(2) * (3.0 * 36.0 - 7.0) / 3.0;
+    let volume =
+        |end_top| closed_surface(&run(&stack, &Settings { end_top, motion: Motion::Field, ..plain() })).volume();
+    let cap = volume(EndRule::Extrapolate) - volume(EndRule::Flat);
+    println!("cap off by {:+.1} %", 100.0 * (cap / exact - 1.0));
+    assert!((cap / exact - 1.0).abs() < 0.2, "{cap} of {exact}");
 }

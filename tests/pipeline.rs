@@ -43,7 +43,7 @@ fn circle_stacks_follow_the_one_dimensional_spline() {
         let stack = levels(121, &knots, &shapes);
         let heights: Vec<f64> = (0..=90).map(|k| 0.5 * f64::from(k)).collect();
         for rule in [SlopeRule::Linear, SlopeRule::Natural, SlopeRule::Hyman, SlopeRule::Pchip, SlopeRule::Catmull] {
-            let settings = Settings { slope: rule, spline_end: SplineEnd::Natural, ..Settings::default() };
+            let settings = Settings { slope: rule, spline_end: SplineEnd::Natural, ..plain() };
             let result = run(&stack, &heights, &settings);
             let worst = result
                 .layers
@@ -92,7 +92,7 @@ fn dense(stack: &ContourStack) -> Vec<f64> {
 #[test]
 fn sweeps_arrive_on_their_contours() {
     for (name, stack) in [("fig10", fig10()), ("stars", stars()), ("terrain", terrain(1.0))] {
-        let result = run(&stack, &dense(&stack), &Settings::default());
+        let result = run(&stack, &dense(&stack), &plain());
         for c in &result.report.contours {
             for residual in [c.arrival_from_below, c.arrival_from_above].into_iter().flatten() {
                 println!("{name} z = {}: max {:.3} px, mean {:.4} px", c.z, residual.max, residual.mean);
@@ -105,7 +105,7 @@ fn sweeps_arrive_on_their_contours() {
 #[test]
 fn a_rough_coast_is_met_on_average() {
     let stack = terrain(3.0);
-    let result = run(&stack, &dense(&stack), &Settings::default());
+    let result = run(&stack, &dense(&stack), &plain());
     for r in result.report.contours.iter().flat_map(|c| [c.arrival_from_below, c.arrival_from_above]).flatten() {
         assert!(r.mean <= 0.03 && r.max <= 0.5, "{r:?}");
     }
@@ -136,7 +136,7 @@ fn speed_jump(stack: &ContourStack, settings: &Settings, delta: f64) -> f64 {
 fn the_surface_is_c1_across_contours() {
     // A jump of a C1 surface is the curvature's: it falls in proportion to the offset. A crease stays.
     for (name, stack) in [("stars", stars()), ("terrain", terrain(1.0))] {
-        let jump = |rule, delta| speed_jump(&stack, &Settings { slope: rule, ..Settings::default() }, delta);
+        let jump = |rule, delta| speed_jump(&stack, &Settings { slope: rule, ..plain() }, delta);
         let smooth = [1.0, 0.5, 0.25].map(|delta| jump(SlopeRule::Natural, delta));
         let crease = [1.0, 0.25].map(|delta| jump(SlopeRule::Linear, delta));
         println!("{name}: natural {smooth:.4?}, linear {crease:.4?}");
@@ -150,7 +150,7 @@ fn natural_overshoots_where_monotone_rules_do_not() {
     // Fig. 6: small, large, large.
     let stack = levels(90, &[0.0, 16.0, 32.0], &[14.0, 30.0, 30.0].map(|r| circle(44.5, 44.5, r)));
     let largest = |rule| {
-        let result = run(&stack, &dense(&stack), &Settings { slope: rule, ..Settings::default() });
+        let result = run(&stack, &dense(&stack), &Settings { slope: rule, ..plain() });
         result.layers.iter().map(|l| radius(l, result.dims, 44.5).0).fold(0.0, f64::max)
     };
     assert!(largest(SlopeRule::Natural) > 30.5);
@@ -162,7 +162,7 @@ fn natural_overshoots_where_monotone_rules_do_not() {
 fn linear_shows_a_crease_and_natural_does_not() {
     // Fig. 5: large, small, large.
     let stack = levels(90, &[0.0, 16.0, 32.0], &[30.0, 14.0, 30.0].map(|r| circle(44.5, 44.5, r)));
-    let jump = |rule| speed_jump(&stack, &Settings { slope: rule, ..Settings::default() }, 0.25);
+    let jump = |rule| speed_jump(&stack, &Settings { slope: rule, ..plain() }, 0.25);
     let (linear, natural) = (jump(SlopeRule::Linear), jump(SlopeRule::Natural));
     println!("linear {linear:.3}, natural {natural:.3} px per unit");
     assert!((linear - 2.0).abs() < 0.1, "two cones of slope 1 meet; got {linear}");
@@ -172,7 +172,7 @@ fn linear_shows_a_crease_and_natural_does_not() {
 #[test]
 fn fig10_keeps_the_corners_of_its_square() {
     let stack = fig10();
-    let result = run(&stack, &[13.5, 14.0, 14.5], &Settings::default());
+    let result = run(&stack, &[13.5, 14.0, 14.5], &plain());
     for layer in result.layers.iter().filter(|l| (l.z - 14.0).abs() < 0.6) {
         for (x, y) in [(28, 28), (82, 28), (28, 82), (82, 82)] {
             // The last pixel inside at each corner of the square; half a unit of height away the corner is at most 2 px from there.
@@ -187,7 +187,7 @@ fn a_wider_image_costs_the_same() {
     let cost = |n: usize| {
         let c = n as f64 / 2.0;
         let shapes: Vec<Shape> = vec![star(c, c, 26.0, 0.3, 0.0), circle(c + 2.0, c, 22.0), star(c, c, 26.0, 0.3, 2.0)];
-        let result = run(&masks(n, &[0.0, 12.0, 24.0], &shapes), &[6.0, 18.0], &Settings::default());
+        let result = run(&masks(n, &[0.0, 12.0, 24.0], &shapes), &[6.0, 18.0], &plain());
         let sum =
             |f: fn(&interslice::report::IntervalReport) -> usize| result.report.intervals.iter().map(f).sum::<usize>();
         (sum(|i| i.trace_pixels), sum(|i| i.sweep_pixels), sum(|i| i.particles.seeded))
@@ -201,10 +201,10 @@ fn a_wider_image_costs_the_same() {
 #[test]
 fn re_estimated_distances_arrive_too() {
     let stack = stars();
-    let plain = run(&stack, &dense(&stack), &Settings::default());
-    let again = run(&stack, &dense(&stack), &Settings { redistance: 4, ..Settings::default() });
+    let once = run(&stack, &dense(&stack), &plain());
+    let again = run(&stack, &dense(&stack), &Settings { redistance: 4, ..plain() });
     let mut moved = 0.0f32;
-    for (a, b) in plain.layers.iter().zip(&again.layers) {
+    for (a, b) in once.layers.iter().zip(&again.layers) {
         moved =
             a.phi.iter().zip(&b.phi).filter(|(a, _)| a.abs() < 1.0).map(|(a, b)| (a - b).abs()).fold(moved, f32::max);
     }

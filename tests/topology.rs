@@ -24,13 +24,18 @@ const LEAST_DEPTH: f32 = 1.0;
 
 /// Both methods, plain and with everything on.
 fn ways() -> Vec<(&'static str, Settings)> {
-    let plain = Settings::default;
     vec![
-        ("morph", Settings { method: Method::Morph, motion: Motion::None, fair: 0.0, ..plain() }),
-        ("morph, natural slopes", Settings { slope: SlopeRule::Natural, motion: Motion::None, fair: 0.0, ..plain() }),
-        ("morph, moving, faired", Settings { method: Method::Morph, motion: Motion::Field, fair: 1.25, ..plain() }),
-        ("field", Settings { method: Method::Field, motion: Motion::None, fair: 0.0, ..plain() }),
-        ("field, moving, faired", Settings { method: Method::Field, motion: Motion::Field, fair: 1.25, ..plain() }),
+        ("morph", plain()),
+        ("morph, natural slopes", Settings { slope: SlopeRule::Natural, ..plain() }),
+        (
+            "morph, moving, faired",
+            Settings { method: Method::Morph, motion: Motion::Field, fair: 1.25, ..Settings::default() },
+        ),
+        ("field", Settings { method: Method::Field, motion: Motion::None, fair: 0.0, ..Settings::default() }),
+        (
+            "field, moving, faired",
+            Settings { method: Method::Field, motion: Motion::Field, fair: 1.25, ..Settings::default() },
+        ),
     ]
 }
 
@@ -170,7 +175,7 @@ fn events_tell_what_happens() {
     let events = |name: &str| {
         let (_, shapes) = zoo().into_iter().find(|(n, _)| *n == name).expect("a case of the zoo");
         let stack = masks(N, &knots(shapes.len()), &shapes);
-        let result = run(&stack, &[0.0], &Settings::default());
+        let result = run(&stack, &[0.0], &plain());
         result.report.intervals.into_iter().map(|i| i.events).collect::<Vec<_>>()
     };
     assert_eq!(events("one_to_one"), [vec![]]);

@@ -4,6 +4,7 @@ mod bar;
 mod config;
 mod demo;
 mod devices;
+mod evaluate;
 mod inspect;
 mod outputs;
 mod reconstruct;
@@ -25,6 +26,8 @@ enum Command {
     Reconstruct(Box<reconstruct::Arguments>),
     /// Say what is in a stack, before any work
     Inspect(inspect::Arguments),
+    /// Leave slices out, reconstruct them, and say how well they are found
+    Evaluate(Box<evaluate::Arguments>),
     /// Write the paper's synthetic stacks and reconstruct them
     Demo(demo::Arguments),
     /// List the GPUs of this machine and which one would be used
@@ -40,6 +43,7 @@ pub fn run() -> Result<()> {
     match (cli.command, matches.subcommand()) {
         (Command::Reconstruct(arguments), Some((_, matches))) => reconstruct::run(*arguments, matches),
         (Command::Inspect(arguments), _) => inspect::run(&arguments),
+        (Command::Evaluate(arguments), _) => evaluate::run(&arguments),
         (Command::Demo(arguments), _) => demo::run(&arguments),
         (Command::Devices, _) => {
             devices::list();

@@ -87,12 +87,12 @@ impl Backend for GpuOrReference<'_> {
     fn displacements(
         &self,
         fields: &[Field],
-        heights: &[f64],
+        gaps: &[f64],
         h: [f64; 2],
         motion: Motion,
         progress: &dyn Progress,
     ) -> Result<Vec<Displacement>> {
-        self.ask(|backend| backend.displacements(fields, heights, h, motion, progress))
+        self.ask(|backend| backend.displacements(fields, gaps, h, motion, progress))
     }
 
     fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {

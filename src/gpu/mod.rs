@@ -120,12 +120,12 @@ impl Backend for Gpu {
     fn displacements(
         &self,
         fields: &[Field],
-        heights: &[f64],
+        gaps: &[f64],
         h: [f64; 2],
         motion: Motion,
         progress: &dyn Progress,
     ) -> Result<Vec<Displacement>> {
-        Reference.displacements(fields, heights, h, motion, progress)
+        Reference.displacements(fields, gaps, h, motion, progress)
     }
 
     fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {

@@ -30,8 +30,9 @@ impl Run<'_> {
         self.tell_events(&contours);
         let moving = self.moving(&contours)?;
         let slopes = self.stage("slopes", contours.len(), |run| run.backend.moving_slopes(&moving, run.progress))?;
-        let fitted: Vec<Fitted> = contours.iter().zip(&slopes).map(|(c, m)| Fitted::of_field(c, m)).collect();
-        let ends = self.ends(&contours, &fitted)?;
+        let last = contours.len() - 1;
+        let fitted = [0, last].map(|i| Fitted::of_field(&contours[i], &slopes[i]));
+        let ends = self.ends(&contours, [&fitted[0], &fitted[1]], Some(&moving))?;
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = Heights::new(self.stack, heights, extent)?;
         let lone = self.lone_parts(&contours, &moving)?;

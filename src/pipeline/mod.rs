@@ -21,7 +21,7 @@ use crate::fairing::{self, Fairing};
 use crate::fit::Fitted;
 use crate::heights::{Height, Heights, check};
 use crate::jobs::Direction;
-use crate::moving_field::{MovingField, filled_fields};
+use crate::moving_field::{MovingField, STEPS, even_gaps, filled_fields};
 use crate::progress::Progress;
 use crate::report::{ContourReport, Report, StageReport};
 use crate::settings::{Method, Settings, SlopeRule};
@@ -161,8 +161,9 @@ impl Run<'_> {
         self.stage("motion", contours.len() - 1, |run| {
             let fields = filled_fields(contours);
             let z: Vec<f64> = contours.iter().map(|c| c.z).collect();
-            let displacements = run.backend.displacements(&fields, &z, run.h, run.settings.motion, run.progress)?;
-            Ok(MovingField::new(z, fields, displacements))
+            let gaps = even_gaps(&z);
+            let displacements = run.backend.displacements(&fields, &gaps, run.h, run.settings.motion, run.progress)?;
+            Ok(MovingField::new(z, gaps, fields, displacements))
         })
     }
 
@@ -186,19 +187,26 @@ impl Run<'_> {
             spacing: self.stack.spacing,
             dz: steps.get(steps.len() / 2).copied().unwrap_or(0.0),
             alpha: self.settings.fair,
+            clamped: [self.settings.clamp_bottom, self.settings.clamp_top].map(|m| m.is_some()),
         });
         make(self, &mut |layer| fairing.push(layer, sink))?;
         fairing.finish(sink)
     }
 
-    fn ends(&mut self, contours: &[Contour], fitted: &[Fitted]) -> Result<[End; 2]> {
+    /// Both ends of the body, from what was fitted at the first and last contour.
+    fn ends(&mut self, contours: &[Contour], fitted: [&Fitted; 2], moving: Option<&MovingField>) -> Result<[End; 2]> {
         let last = contours.len() - 1;
+        let whole = |i: usize, fitted: &Fitted| match moving {
+            Some(moving) => fitted.with_motion(&contours[i], &moving.rates[i], self.h, 1.0),
+            None => fitted.clone(),
+        };
+        let fitted = [whole(0, fitted[0]), whole(last, fitted[1])];
         let mut warnings = Vec::new();
         let mut make = |at: usize, next: usize, direction, rule| {
             let gap = (contours[at].z - contours[next].z).abs();
             let spec = EndSpec {
                 contour: &contours[at],
-                fitted: &fitted[at],
+                fitted: &fitted[usize::from(at > 0)],
                 direction,
                 rule,
                 gap,
@@ -242,6 +250,5 @@ impl Run<'_> {
 /// Height as time of its interval, in steps of 2^-30: a stack and the same upside down then sweep with the very same times, whichever way
 /// their heights were rounded, and `1 - t` is exact.
 fn time(z: f64, low: f64, high: f64) -> f64 {
-    const STEPS: f64 = (1u64 << 30) as f64;
     ((z - low) / (high - low) * STEPS).round().clamp(1.0, STEPS - 1.0) / STEPS
 }

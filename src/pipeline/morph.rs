@@ -74,8 +74,16 @@ impl Run<'_> {
         let jobs = intervals.iter().map(|i| 2 * i.groups.len()).sum();
         let traced = self.stage("trace", jobs, |run| run.trace(&seen, &intervals))?;
         let sides = sides(&contours, &intervals, &frames, &traced);
-        let fitted = self.stage("fit", 1, |run| Ok(fit(&contours, &sides, run.h, run.px, run.settings)))?;
-        let ends = self.ends(&contours, &fitted)?;
+        let mut fitted = self.stage("fit", 1, |run| Ok(fit(&contours, &sides, run.h, run.px, run.settings)))?;
+        if let Some(moving) = &moving {
+            // A slope that the user gives is the whole slope.
+            for (i, given) in [(0, self.settings.clamp_bottom), (count, self.settings.clamp_top)] {
+                if given.is_some() {
+                    fitted[i] = fitted[i].with_motion(&contours[i], &moving.rates[i], self.h, -1.0);
+                }
+            }
+        }
+        let ends = self.ends(&contours, [&fitted[0], &fitted[count]], moving.as_ref())?;
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = Heights::new(self.stack, heights, extent)?;
         let beside = match &moving {

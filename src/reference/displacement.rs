@@ -34,17 +34,16 @@ const HALF_EVIDENCE: f64 = 1e-3;
 /// Evidence of one interval per block: `S` (xx, yy, xy) and the right-hand side `S v + d` (x, y), in px of the larger side.
 type Evidence = Vec<[f64; 5]>;
 
-/// Displacements of all intervals between slices at increasing `heights`. `fields` are signed distances on one image, px.
-pub fn displacements(fields: &[Field], heights: &[f64], h: [f64; 2]) -> Vec<Displacement> {
+/// Displacements of all intervals, whose heights are `gaps`. `fields` are signed distances on one image, px.
+pub fn displacements(fields: &[Field], gaps: &[f64], h: [f64; 2]) -> Vec<Displacement> {
     let Some(first) = fields.first() else { return Vec::new() };
-    let gaps: Vec<f64> = heights.windows(2).map(|w| w[1] - w[0]).collect();
     let mut current = vec![Displacement::zero(first.dims); gaps.len()];
     for round in ROUNDS {
         let evidence: Vec<Evidence> = (0..gaps.len())
             .into_par_iter()
             .map(|i| evidence(&fields[i], &fields[i + 1], &current[i], round, h))
             .collect();
-        current = (0..gaps.len()).into_par_iter().map(|i| solve(i, &evidence, &gaps, &current[i], round, h)).collect();
+        current = (0..gaps.len()).into_par_iter().map(|i| solve(i, &evidence, gaps, &current[i], round, h)).collect();
     }
     current
 }

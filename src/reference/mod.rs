@@ -106,14 +106,14 @@ impl Backend for Reference {
     fn displacements(
         &self,
         fields: &[Field],
-        heights: &[f64],
+        gaps: &[f64],
         h: [f64; 2],
         motion: Motion,
         progress: &dyn Progress,
     ) -> Result<Vec<Displacement>> {
         let found = match motion {
-            Motion::Field => displacement::displacements(fields, heights, h),
-            Motion::None => vec![Displacement::zero(fields[0].dims); heights.len() - 1],
+            Motion::Field => displacement::displacements(fields, gaps, h),
+            Motion::None => vec![Displacement::zero(fields[0].dims); gaps.len()],
         };
         progress.advance(found.len());
         Ok(found)

@@ -3,7 +3,14 @@
 
 pub mod zoo;
 
+use interslice::Settings;
+use interslice::settings::{Method, Motion};
 use interslice::stack::{ContourStack, Geometry, Slice, SliceContent};
+
+/// The morph alone: contours stay in their place, and nothing is smoothed after it.
+pub fn plain() -> Settings {
+    Settings { method: Method::Morph, motion: Motion::None, fair: 0.0, ..Settings::default() }
+}
 
 /// Signed distance or any implicit function, negative inside, at pixel position (x, y).
 pub type Shape = Box<dyn Fn(f64, f64) -> f64>;

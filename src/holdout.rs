@@ -1,0 +1,143 @@
+//! The hold-out score: how well a stack's own slices are found again when they are left out.
+
+use serde::Serialize;
+
+use crate::backend::Backend;
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use crate::reference::exact::exact_distance;
+use crate::settings::Settings;
+use crate::stack::{ContourStack, Slice};
+use crate::surface::Layer;
+
+/// How well slices that were left out are found.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct HoldOut {
+    /// Every which slice was left out.
+    pub leave: usize,
+    /// The slices that were left out and have something on them, in the truth or in the result.
+    pub slices: Vec<SliceScore>,
+    /// `2 |A and B| / (|A| + |B|)` over all of them together.
+    pub dice: f64,
+    /// Mean distance between the contours of truth and result, both ways, unit of the stack, over the slices that have both.
+    pub surface_distance: f64,
+    /// Volume of the result less that of the truth, % of the truth.
+    pub volume_error_percent: f64,
+}
+
+/// The same for one slice.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct SliceScore {
+    /// Name of the slice.
+    pub name: String,
+    /// Its height.
+    pub z: f64,
+    /// Pixels inside, truth and result.
+    pub pixels: [usize; 2],
+    /// Dice coefficient.
+    pub dice: f64,
+    /// Mean contour distance, unit of the stack; none where one of both is empty.
+    pub surface_distance: Option<f64>,
+    /// Area of the result less that of the truth, % of the truth; none where the truth is empty.
+    pub area_error_percent: Option<f64>,
+}
+
+/// Leaves out every `leave`-th slice but for the first and last, reconstructs them from the rest, and compares.
+///
+/// # Errors
+/// [`Error::Setting`] if `leave` is less than 2, [`Error::Stack`] if that leaves nothing out; as [`crate::reconstruct_with`].
+pub fn hold_out(
+    stack: &ContourStack,
+    settings: &Settings,
+    leave: usize,
+    backend: &dyn Backend,
+    progress: &dyn Progress,
+) -> Result<HoldOut> {
+    stack.validate()?;
+    if leave < 2 {
+        let message = format!("must be at least 2: 2 leaves out every second slice; got {leave}");
+        return Err(Error::Setting { name: "leave".into(), message });
+    }
+    let last = stack.slices.len() - 1;
+    let left_out = |k: usize| k > 0 && k < last && k % leave == leave - 1;
+    let (dropped, kept): (Vec<usize>, Vec<usize>) = (0..=last).partition(|&k| left_out(k));
+    if dropped.is_empty() {
+        let message = format!(
+            "{} slices leave nothing out with `--leave {leave}`; at least {leave} and one more are needed",
+            last + 1
+        );
+        return Err(Error::Stack(message));
+    }
+    let of = |places: &[usize]| -> Vec<Slice> { places.iter().map(|&k| stack.slices[k].clone()).collect() };
+    let truth = of(&dropped);
+    let rest = ContourStack { slices: of(&kept), z_out: None, ..stack.clone() };
+    let heights: Vec<f64> = truth.iter().map(|s| s.z).collect();
+    let mut found: Vec<Layer> = Vec::with_capacity(truth.len());
+    crate::reconstruct_into(&rest, &heights, settings, backend, progress, &mut |layer| {
+        if layer.output {
+            found.push(layer);
+        }
+        Ok(())
+    })?;
+    let (mut out, mut both, mut sizes, mut distances) =
+        (HoldOut { leave, ..HoldOut::default() }, 0, [0, 0], Vec::new());
+    for (slice, layer) in truth.iter().zip(&found) {
+        let masks = [
+            (0..layer.phi.len()).map(|n| slice.content.inside(n)).collect::<Vec<bool>>(),
+            layer.phi.iter().map(|v| *v < 0.0).collect(),
+        ];
+        let pixels = masks.each_ref().map(|m| m.iter().filter(|i| **i).count());
+        if pixels == [0, 0] {
+            continue;
+        }
+        let common = masks[0].iter().zip(&masks[1]).filter(|(a, b)| **a && **b).count();
+        let distance = contour_distance(&masks, stack.dims, stack.spacing);
+        both += common;
+        sizes = [sizes[0] + pixels[0], sizes[1] + pixels[1]];
+        distances.extend(distance);
+        out.slices.push(SliceScore {
+            name: slice.name.clone(),
+            z: slice.z,
+            pixels,
+            dice: 2.0 * common as f64 / (pixels[0] + pixels[1]) as f64,
+            surface_distance: distance,
+            area_error_percent: (pixels[0] > 0).then(|| excess(pixels)),
+        });
+    }
+    out.dice = 2.0 * both as f64 / (sizes[0] + sizes[1]).max(1) as f64;
+    out.surface_distance = distances.iter().sum::<f64>() / distances.len().max(1) as f64;
+    out.volume_error_percent = excess(sizes);
+    Ok(out)
+}
+
+/// How much more there is in the second than in the first, %.
+fn excess([truth, found]: [usize; 2]) -> f64 {
+    100.0 * (found as f64 - truth as f64) / truth.max(1) as f64
+}
+
+/// Mean distance of each mask's border pixels to the other mask's border.
+fn contour_distance(masks: &[Vec<bool>; 2], dims: [usize; 2], spacing: [f64; 2]) -> Option<f64> {
+    if masks.iter().any(|m| !m.contains(&true) || !m.contains(&false)) {
+        return None;
+    }
+    let px = spacing[0].max(spacing[1]);
+    let fields = masks.each_ref().map(|m| exact_distance(m, dims, spacing.map(|s| s / px)));
+    let [nx, ny] = dims;
+    let (mut sum, mut count) = (0.0, 0usize);
+    for (own, other) in [(0, 1), (1, 0)] {
+        let inside = |n: usize| masks[own][n];
+        for n in (0..nx * ny).filter(|&n| inside(n)) {
+            let (i, j) = (n % nx, n / nx);
+            let open = (i > 0 && !inside(n - 1))
+                || (i + 1 < nx && !inside(n + 1))
+                || (j > 0 && !inside(n - nx))
+                || (j + 1 < ny && !inside(n + nx));
+            if open {
+                // Both borders run half a pixel outside of their last pixels.
+                sum += (fields[other].data[n] - fields[own].data[n]).abs() * px;
+                count += 1;
+            }
+        }
+    }
+    (count > 0).then(|| sum / count as f64)
+}

@@ -4,11 +4,17 @@ use sysinfo::System;
 
 use crate::error::{Error, Result};
 use crate::pipeline::CHUNK_BYTES;
-use crate::settings::Settings;
+use crate::settings::{Method, Motion, Settings};
 use crate::stack::ContourStack;
 
 /// Bytes per padded pixel and slice: level set, labels of solids and background, the level sets of its groups below and above.
 const PER_SLICE_PIXEL: f64 = 56.0;
+/// The same for the moving frame: fields and slopes of the slices, and of the morph both contours of every interval in its mid frame.
+const PER_MOVING_PIXEL: f64 = 24.0;
+const PER_FRAME_PIXEL: f64 = 96.0;
+/// Bytes per pixel of a layer that waits to be faired, and the gaps that wait.
+const PER_WAITING_PIXEL: f64 = 12.0;
+const WAITING_GAPS: f64 = 3.0;
 /// Bytes per pixel and layer of the result, and of the tiles of both directions while an interval is swept and blended.
 const PER_LAYER_PIXEL: f64 = 4.0;
 const PER_SWEPT_PIXEL: f64 = 8.0;
@@ -24,7 +30,14 @@ pub fn estimate_bytes(stack: &ContourStack, heights: &[f64], settings: &Settings
     let most_between = stack.slices.windows(2).map(between).max().unwrap_or(0) as f64;
     let at_once = (2 * threads).min(stack.slices.len()) as f64;
     let swept = (at_once * most_between * padded).max(CHUNK_BYTES as f64 / 4.0).min(layers * padded);
-    let bytes = stack.slices.len() as f64 * padded * PER_SLICE_PIXEL
+    let moving = match (settings.motion, settings.method) {
+        (Motion::None, Method::Morph) => 0.0,
+        (Motion::Field, Method::Morph) => PER_MOVING_PIXEL + PER_FRAME_PIXEL,
+        (_, Method::Field) => PER_MOVING_PIXEL,
+    };
+    let waiting = if settings.fair > 0.0 { layers.min(WAITING_GAPS * most_between) } else { 0.0 };
+    let bytes = stack.slices.len() as f64 * padded * (PER_SLICE_PIXEL + moving)
+        + waiting * pixels * PER_WAITING_PIXEL
         + layers * pixels * PER_LAYER_PIXEL
         + swept * PER_SWEPT_PIXEL
         + most_between * padded * PER_BLENDED_PIXEL;

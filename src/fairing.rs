@@ -22,6 +22,9 @@ const TRUNCATE: f64 = 2.75;
 const LEAST_GRADIENT: f32 = 0.3;
 /// Beyond this `u / (n B)` tanh is 1.
 const FLAT: f32 = 6.0;
+/// Surfaces that rise by less than `1 / STEEP` per length sideways move less, those that rise by less than `1 / FLAT_FROM` not at all.
+const STEEP: f32 = 1.5;
+const FLAT_FROM: f32 = 4.0;
 /// Pixels with a smaller |v| / B move by all of it, those with a larger than SATURATED not at all.
 const NEAR: f32 = 0.4;
 const SATURATED: f32 = 0.85;
@@ -54,7 +57,7 @@ struct Kept {
     layer: Option<Layer>,
     /// `v`, as soon as the layer above is known.
     v: Vec<f32>,
-    /// `n`.
+    /// `n`, less where the surface lies flat.
     gradient: Vec<f32>,
 }
 
@@ -150,10 +153,13 @@ impl<'m> Fairing<'m> {
             let gx = (u[right] - u[left]) / (dx * (right - left).max(1) as f32);
             let gy = (u[up] - u[down]) / (dy * ((up - down) / nx).max(1) as f32);
             let gz = (above.phi[n] - below.phi[n]) / rise;
-            let gradient = (gx * gx + gy * gy + gz * gz).sqrt().max(LEAST_GRADIENT);
+            let along = (gx * gx + gy * gy).sqrt();
+            let gradient = (along * along + gz * gz).sqrt().max(LEAST_GRADIENT);
+            // A surface that lies flat shows no creases, and a mean along z would only wash its relief away.
+            let upright = 1.0 - smoothstep((gz.abs() / along.max(LEAST_GRADIENT) - STEEP) / (FLAT_FROM - STEEP));
             let ratio = u[n] / (gradient * bound);
             let v = if ratio.abs() > FLAT { bound.copysign(ratio) } else { bound * ratio.tanh() };
-            (v, gradient)
+            (v, upright * gradient)
         };
         let (v, gradient) = (0..nx * ny).into_par_iter().map(pixel).unzip();
         (self.kept[k].v, self.kept[k].gradient) = (v, gradient);

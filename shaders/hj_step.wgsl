@@ -12,15 +12,6 @@
 @group(0) @binding(7) var<storage, read_write> begun: array<f32>;
 @group(0) @binding(8) var<storage, read_write> next: array<f32>;
 
-// `next = a begun + b (phi + dt L(phi))`.
-struct Stage {
-    a: f32,
-    b: f32,
-    first: u32,
-    // 1: F = phi - field (a target, by node), taken anew in every stage: the morph of Eq. 2. 0: F = field (by band place), frozen.
-    towards: u32,
-}
-
 @compute @workgroup_size(lane_count)
 fn hj_step(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let k = list_index(group, local);

@@ -13,13 +13,6 @@
 // Pseudo-time step in pixels of the smaller side.
 const STEP: f32 = 0.5;
 
-struct Stage {
-    a: f32,
-    b: f32,
-    first: u32,
-    towards: u32,
-}
-
 @compute @workgroup_size(lane_count)
 fn reinit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let k = list_index(group, local);

@@ -1,9 +1,10 @@
 //! Constrained fairing: a smoothing along z that leaves the input contours where they are and makes them invisible.
 //!
 //! The signed distance u of every layer becomes `v = B tanh(u / (n B))` with the 3D gradient `n = max(|grad u|, .3)`, which counts near the
-//! surface only. With the Gaussian mean K along the trajectories of the moving field (or straight along z), `D = K v - v`, a layer at `z` between the contours i and i + 1 moves by
-//! `alpha (D - (1 - w) D(z_i) - w D(z_{i+1}))`, `w = 3 t^2 - 2 t^3`: as smoothing would move it, less what would move the contours. The distance
-//! u moves by n times that where v is small against B, and not at all far from the surface. Layers beyond the first and last contour stay.
+//! surface only. With the Gaussian mean K along the trajectories of the moving field (or straight along z), `D = K v - v`, a layer at `z`
+//! between the contours i and i + 1 moves by `alpha (D - (1 - w) D(z_i) - w D(z_{i+1}))`, `w = 3 t^2 - 2 t^3`: as smoothing would move it, less
+//! what would move the contours. The distance u moves by n times that where v is small against B, and not at all far from the surface or
+//! where it lies flat. Layers beyond the first and last contour stay.
 
 use std::collections::VecDeque;
 
@@ -12,6 +13,7 @@ use rayon::prelude::*;
 use crate::displacement::{BLOCK, Displacement};
 use crate::error::Result;
 use crate::moving_field::{MovingField, Place};
+use crate::spline::smoothstep;
 use crate::surface::Layer;
 
 /// Sigma of the mean along z, gaps.
@@ -156,7 +158,8 @@ impl<'m> Fairing<'m> {
             let along = (gx * gx + gy * gy).sqrt();
             let gradient = (along * along + gz * gz).sqrt().max(LEAST_GRADIENT);
             // A surface that lies flat shows no creases, and a mean along z would only wash its relief away.
-            let upright = 1.0 - smoothstep((gz.abs() / along.max(LEAST_GRADIENT) - STEEP) / (FLAT_FROM - STEEP));
+            let steepness = gz.abs() / along.max(LEAST_GRADIENT);
+            let upright = 1.0 - smoothstep(f64::from((steepness - STEEP) / (FLAT_FROM - STEEP))) as f32;
             let ratio = u[n] / (gradient * bound);
             let v = if ratio.abs() > FLAT { bound.copysign(ratio) } else { bound * ratio.tanh() };
             (v, upright * gradient)
@@ -269,8 +272,8 @@ impl<'m> Fairing<'m> {
             let near = self.near_surface(k);
             let offsets = [low, high].map(|c| self.offsets(k, c, &near));
             let (first, last) = (self.interval == 0, self.interval + 2 == self.spec.contours.len());
-            let at_low = if first && self.spec.clamped[0] { smoothstep(t as f32) } else { 1.0 };
-            let at_high = if last && self.spec.clamped[1] { smoothstep(1.0 - t as f32) } else { 1.0 };
+            let at_low = if first && self.spec.clamped[0] { smoothstep(t) as f32 } else { 1.0 };
+            let at_high = if last && self.spec.clamped[1] { smoothstep(1.0 - t) as f32 } else { 1.0 };
             self.move_layer(k, &d, [(&from_low, &offsets[0]), (&from_high, &offsets[1])], t, at_low * at_high);
         }
         self.at_contour = Some(from_high);
@@ -282,7 +285,7 @@ impl<'m> Fairing<'m> {
 
     /// Moves layer `k` by this share of its own `d` less what the contours below and above would move by, read along the trajectories.
     fn move_layer(&mut self, k: usize, d: &[f32], contours: [(&[f32], &Option<Displacement>); 2], t: f64, share: f32) {
-        let w = smoothstep(t as f32);
+        let w = smoothstep(t) as f32;
         let (bound, alpha, dims) = (self.bound, share * self.spec.alpha as f32, self.spec.dims);
         let Kept { layer: Some(layer), v, gradient, .. } = &mut self.kept[k] else { return };
         layer.phi.par_iter_mut().enumerate().for_each(|(n, u)| {
@@ -320,12 +323,7 @@ impl<'m> Fairing<'m> {
 
 /// How much of its way a pixel at `|v| / B` moves.
 fn near(ratio: f32) -> f32 {
-    smoothstep((SATURATED - ratio) / (SATURATED - NEAR))
-}
-
-fn smoothstep(t: f32) -> f32 {
-    let s = t.clamp(0.0, 1.0);
-    s * s * (3.0 - 2.0 * s)
+    smoothstep(f64::from((SATURATED - ratio) / (SATURATED - NEAR))) as f32
 }
 
 /// Bilinear value of a layer at `x`, the edge repeated.

@@ -5,6 +5,7 @@
 use crate::contour::Seed;
 use crate::field::Field;
 use crate::report::Residual;
+use crate::spline::smoothstep;
 
 /// A rectangle of pixels of the padded image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -214,7 +215,7 @@ pub fn blend_weights(t: f64, up: &Swept, down: &Swept) -> [f64; 2] {
     let w = match (up.vanished, down.vanished) {
         (Some(_), None) => 1.0,
         (None, Some(_)) => 0.0,
-        _ => t * t * (3.0 - 2.0 * t),
+        _ => smoothstep(t),
     };
     [1.0 - w, w]
 }

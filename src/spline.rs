@@ -15,6 +15,12 @@ pub fn hermite_rate(&[s, m0, m1, _]: &Course, t: f64) -> f64 {
     m0 + t * (2.0 * (3.0 * s - 2.0 * m0 - m1) + t * 3.0 * (m0 + m1 - 2.0 * s))
 }
 
+/// Smooth step from 0 at `t <= 0` to 1 at `t >= 1`: `3 t^2 - 2 t^3`.
+pub fn smoothstep(t: f64) -> f64 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
 /// Slope ds/dz at knot `center` of the curve that `rule` puts through the knots `(z, s)`, increasing in z. Fewer than two knots have
 /// slope 0, two have their secant.
 ///

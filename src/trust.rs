@@ -4,6 +4,7 @@
 //! method, which has a slope at every pixel, take its place.
 
 use crate::displacement::{BLOCK, Displacement, smooth};
+use crate::spline::smoothstep;
 
 /// Sigma of the mean over particles, px.
 const REACH: f64 = 8.0;
@@ -36,7 +37,6 @@ impl Trust {
     /// The morph's weight at `x`.
     pub fn at(&self, x: [f64; 2]) -> f64 {
         let [good, all] = self.particles.at(x);
-        let s = (((good + FEW) / (all + FEW) - NONE) / (ALL - NONE)).clamp(0.0, 1.0);
-        s * s * (3.0 - 2.0 * s)
+        smoothstep(((good + FEW) / (all + FEW) - NONE) / (ALL - NONE))
     }
 }

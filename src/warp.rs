@@ -3,6 +3,7 @@
 use crate::displacement::Displacement;
 use crate::field::Field;
 use crate::moving_field::{MovingField, Paths, plus};
+use crate::spline::smoothstep;
 use crate::trust::Trust;
 
 /// Side of the cells that are skipped where the mid frame's layer is far from any contour, px.
@@ -38,7 +39,7 @@ impl<'m> Warp<'m> {
         let paths = self.moving.paths(self.i, t);
         let [nx, ny] = seen.dims;
         let limit = self.limit;
-        let w = t * t * (3.0 - 2.0 * t);
+        let w = smoothstep(t);
         let way = way_to_middle(&paths, &self.middle);
         let value = |x: [f64; 2]| {
             let middle = plus(x, way.at(x), 1.0);

@@ -20,8 +20,8 @@ macro_rules! source {
 /// Every module of WGSL: its stem and its whole text.
 pub const MODULES: [(&str, &str); 13] = [
     ("band", source!("common/job.wgsl", "common/stencil.wgsl", "band.wgsl")),
-    ("hj_step", source!("common/job.wgsl", "common/stencil.wgsl", "hj_step.wgsl")),
-    ("reinit", source!("common/job.wgsl", "common/stencil.wgsl", "reinit.wgsl")),
+    ("hj_step", source!("common/job.wgsl", "common/stencil.wgsl", "common/stage.wgsl", "hj_step.wgsl")),
+    ("reinit", source!("common/job.wgsl", "common/stencil.wgsl", "common/stage.wgsl", "reinit.wgsl")),
     ("extend", source!("common/job.wgsl", "common/field.wgsl", "extend.wgsl")),
     ("trace", source!("common/job.wgsl", "common/arrival.wgsl", "trace.wgsl")),
     ("particles", source!("common/job.wgsl", "common/field.wgsl", "common/goal.wgsl", "particles.wgsl")),

@@ -120,7 +120,7 @@ mirrored!(
 );
 
 mirrored!(
-    /// A stage of a step (`hj_step.wgsl`, `reinit.wgsl`).
+    /// A stage of a step (`common/stage.wgsl`).
     Stage { a: f32, b: f32, first: u32, towards: u32, }
 );
 

@@ -21,7 +21,7 @@ use crate::fairing::{self, Fairing};
 use crate::fit::Fitted;
 use crate::heights::{Height, Heights, check};
 use crate::jobs::Direction;
-use crate::moving_field::{MovingField, STEPS, even_gaps, filled_fields};
+use crate::moving_field::{self, MovingField, STEPS, even_gaps, filled_fields};
 use crate::progress::Progress;
 use crate::report::{ContourReport, Report, StageReport};
 use crate::settings::{Method, Settings, SlopeRule};
@@ -247,8 +247,8 @@ impl Run<'_> {
     }
 }
 
-/// Height as time of its interval, in steps of 2^-30: a stack and the same upside down then sweep with the very same times, whichever way
-/// their heights were rounded, and `1 - t` is exact.
+/// Height between two contours as time of their interval, never quite 0 or 1: a stack and the same upside down then sweep with the very same
+/// times, whichever way their heights were rounded.
 fn time(z: f64, low: f64, high: f64) -> f64 {
-    ((z - low) / (high - low) * STEPS).round().clamp(1.0, STEPS - 1.0) / STEPS
+    moving_field::time(z, low, high).clamp(1.0 / STEPS, 1.0 - 1.0 / STEPS)
 }

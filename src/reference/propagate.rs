@@ -11,7 +11,7 @@ use crate::backend::MorphOptions;
 use crate::contour::seeds;
 use crate::field::Field;
 use crate::jobs::{Course, SweepJob, Swept, TraceJob};
-use crate::spline::{hermite, hermite_rate};
+use crate::spline::{hermite, hermite_rate, smoothstep};
 
 /// Jacobi passes of the extension per step: 8 and 16 give the same.
 pub const PASSES: usize = 4;
@@ -29,12 +29,6 @@ pub const ERROR_LIMIT: f64 = 2.0;
 pub const GAIN: f64 = 2.0;
 /// The time left that the gain counts with at least.
 pub const LEAST_TIME: f64 = 0.02;
-
-/// Smooth step from 0 at `t <= 0` to 1 at `t >= 1`.
-fn smoothstep(t: f64) -> f64 {
-    let t = t.clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
-}
 
 /// Distances re-estimated by a new morph on the way.
 struct Remeasured {

@@ -6,7 +6,7 @@ use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
 use crate::moving_field::{LoneParts, MovingField};
 use crate::progress::Progress;
-use crate::settings::{AntiAlias, Motion, Settings};
+use crate::settings::{AntiAlias, Settings};
 use crate::stack::SliceContent;
 
 /// A slice on the padded image.
@@ -145,7 +145,7 @@ pub trait Backend: Sync {
         progress: &dyn Progress,
     ) -> Result<Vec<Filled>>;
 
-    /// Displacements of all intervals, whose heights are `gaps`; zero without motion.
+    /// Displacements of all intervals, whose heights are `gaps`, each drawn to its `guess` where the fields say nothing.
     ///
     /// # Errors
     /// A backend's own failures.
@@ -153,8 +153,8 @@ pub trait Backend: Sync {
         &self,
         fields: &[Field],
         gaps: &[f64],
+        guess: &[Displacement],
         h: [f64; 2],
-        motion: Motion,
         progress: &dyn Progress,
     ) -> Result<Vec<Displacement>>;
 

@@ -11,7 +11,6 @@ use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
 use crate::moving_field::{LoneParts, MovingField};
 use crate::progress::Progress;
 use crate::reference::Reference;
-use crate::settings::Motion;
 
 /// A GPU, and the reference path from its first failure on.
 pub struct GpuOrReference<'n> {
@@ -88,11 +87,11 @@ impl Backend for GpuOrReference<'_> {
         &self,
         fields: &[Field],
         gaps: &[f64],
+        guess: &[Displacement],
         h: [f64; 2],
-        motion: Motion,
         progress: &dyn Progress,
     ) -> Result<Vec<Displacement>> {
-        self.ask(|backend| backend.displacements(fields, gaps, h, motion, progress))
+        self.ask(|backend| backend.displacements(fields, gaps, guess, h, progress))
     }
 
     fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {

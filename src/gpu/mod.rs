@@ -29,7 +29,6 @@ use crate::moving_field::{LoneParts, MovingField};
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::report::Profile;
-use crate::settings::Motion;
 use device::Device;
 pub use device::GpuOptions;
 pub use fallback::GpuOrReference;
@@ -121,11 +120,11 @@ impl Backend for Gpu {
         &self,
         fields: &[Field],
         gaps: &[f64],
+        guess: &[Displacement],
         h: [f64; 2],
-        motion: Motion,
         progress: &dyn Progress,
     ) -> Result<Vec<Displacement>> {
-        Reference.displacements(fields, gaps, h, motion, progress)
+        Reference.displacements(fields, gaps, guess, h, progress)
     }
 
     fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {

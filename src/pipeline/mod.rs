@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use crate::backend::{Backend, ContourOptions, PaddedSlice};
 use crate::compose::{Canvas, differing_pixels};
 use crate::contours::Contour;
+use crate::displacement::Displacement;
 use crate::ends::{End, EndSpec, end};
 use crate::error::Result;
 use crate::fairing::{self, Fairing};
@@ -24,7 +25,7 @@ use crate::jobs::Direction;
 use crate::moving_field::{self, MovingField, STEPS, even_gaps, filled_fields};
 use crate::progress::Progress;
 use crate::report::{ContourReport, Report, StageReport};
-use crate::settings::{Method, Settings, SlopeRule};
+use crate::settings::{Method, Motion, Settings, SlopeRule};
 use crate::stack::ContourStack;
 use crate::surface::{Layer, Reconstruction};
 
@@ -162,7 +163,11 @@ impl Run<'_> {
             let fields = filled_fields(contours);
             let z: Vec<f64> = contours.iter().map(|c| c.z).collect();
             let gaps = even_gaps(&z);
-            let displacements = run.backend.displacements(&fields, &gaps, run.h, run.settings.motion, run.progress)?;
+            let still = vec![Displacement::zero(fields[0].dims); gaps.len()];
+            let displacements = match run.settings.motion {
+                Motion::Field => run.backend.displacements(&fields, &gaps, &still, run.h, run.progress)?,
+                Motion::None => still,
+            };
             Ok(MovingField::new(z, gaps, fields, displacements))
         })
     }

@@ -2,7 +2,7 @@
 //!
 //! With `a = clip(A)(x - v/2)`, `b = clip(B)(x + v/2)`, `r = a - b` and `J = grad(a + b) / 2` a better v solves `S v = S v_old + d`, where
 //! `S = <J J'> - <J><J>'` and `d = <J r> - <J><r>` are Gaussian-window means with the means of growth taken out. Neighbouring intervals
-//! take part as rates; a ridge on the absolute displacement says: no evidence, no motion.
+//! take part as rates; a ridge on the difference to a guess says: no evidence, no motion but the guess.
 
 use rayon::prelude::*;
 
@@ -18,7 +18,7 @@ struct Round {
     clip: f64,
     /// Width of the weight `exp(-(min(|a|, |b|) / w)^2)`; zero beyond three times that.
     width: f64,
-    /// Weight of no motion.
+    /// Weight of the guess.
     ridge: f64,
 }
 
@@ -34,16 +34,15 @@ const HALF_EVIDENCE: f64 = 1e-3;
 /// Evidence of one interval per block: `S` (xx, yy, xy) and the right-hand side `S v + d` (x, y), in px of the larger side.
 type Evidence = Vec<[f64; 5]>;
 
-/// Displacements of all intervals, whose heights are `gaps`. `fields` are signed distances on one image, px.
-pub fn displacements(fields: &[Field], gaps: &[f64], h: [f64; 2]) -> Vec<Displacement> {
-    let Some(first) = fields.first() else { return Vec::new() };
-    let mut current = vec![Displacement::zero(first.dims); gaps.len()];
+/// Displacements of all intervals, whose heights are `gaps`, drawn to a `guess` of each. `fields` are signed distances on one image, px.
+pub fn displacements(fields: &[Field], gaps: &[f64], guess: &[Displacement], h: [f64; 2]) -> Vec<Displacement> {
+    let mut current = guess.to_vec();
     for round in ROUNDS {
         let evidence: Vec<Evidence> = (0..gaps.len())
             .into_par_iter()
             .map(|i| evidence(&fields[i], &fields[i + 1], &current[i], round, h))
             .collect();
-        current = (0..gaps.len()).into_par_iter().map(|i| solve(i, &evidence, gaps, &current[i], round, h)).collect();
+        current = (0..gaps.len()).into_par_iter().map(|i| solve(i, &evidence, gaps, &guess[i], round, h)).collect();
     }
     current
 }
@@ -114,11 +113,18 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, round: Round, h: [f64; 
         .collect()
 }
 
-fn solve(i: usize, evidence: &[Evidence], gaps: &[f64], old: &Displacement, round: Round, h: [f64; 2]) -> Displacement {
+fn solve(
+    i: usize,
+    evidence: &[Evidence],
+    gaps: &[f64],
+    guess: &Displacement,
+    round: Round,
+    h: [f64; 2],
+) -> Displacement {
     let neighbours: Vec<usize> =
         [i.checked_sub(1), Some(i + 1)].into_iter().flatten().filter(|&j| j < gaps.len()).collect();
     let ridge = round.ridge * (1.0 + COUPLING * neighbours.len() as f64);
-    let mut vectors: Vec<[f64; 2]> = (0..old.vectors.len())
+    let mut vectors: Vec<[f64; 2]> = (0..guess.vectors.len())
         .map(|k| {
             // The neighbours are added up first: the same either way up.
             let mut beside = [0.0; 5];
@@ -132,10 +138,12 @@ fn solve(i: usize, evidence: &[Evidence], gaps: &[f64], old: &Displacement, roun
             let sum: [f64; 5] = std::array::from_fn(|c| own[c] + COUPLING * beside[c]);
             let [xx, yy, xy, bx, by] = sum;
             let (xx, yy) = (xx + ridge, yy + ridge);
+            let drawn = guess.vectors[k];
+            let (bx, by) = (bx + ridge * drawn[0] * h[0], by + ridge * drawn[1] * h[1]);
             let determinant = xx * yy - xy * xy;
             [(yy * bx - xy * by) / determinant / h[0], (xx * by - xy * bx) / determinant / h[1]]
         })
         .collect();
-    smooth(&mut vectors, old.grid, h.map(|side| 0.5 * round.window / (BLOCK as f64 * side)));
-    Displacement { grid: old.grid, vectors }
+    smooth(&mut vectors, guess.grid, h.map(|side| 0.5 * round.window / (BLOCK as f64 * side)));
+    Displacement { grid: guess.grid, vectors }
 }

@@ -25,7 +25,6 @@ use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepJob, SweepPair, Swept, TraceJob, Traced, blend_weights};
 use crate::moving_field::{LoneParts, MovingField};
 use crate::progress::Progress;
-use crate::settings::Motion;
 
 /// The reference path. Jobs run in parallel on rayon's current pool, each by itself: the same bits for any number of threads.
 #[derive(Debug, Clone, Copy, Default)]
@@ -107,14 +106,11 @@ impl Backend for Reference {
         &self,
         fields: &[Field],
         gaps: &[f64],
+        guess: &[Displacement],
         h: [f64; 2],
-        motion: Motion,
         progress: &dyn Progress,
     ) -> Result<Vec<Displacement>> {
-        let found = match motion {
-            Motion::Field => displacement::displacements(fields, gaps, h),
-            Motion::None => vec![Displacement::zero(fields[0].dims); gaps.len()],
-        };
+        let found = displacement::displacements(fields, gaps, guess, h);
         progress.advance(found.len());
         Ok(found)
     }

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::displacement::{BLOCK, Displacement};
 use crate::error::Result;
-use crate::moving_field::{MovingField, Place};
+use crate::moving_field::{MovingField, Place, upright};
 use crate::spline::smoothstep;
 use crate::surface::Layer;
 
@@ -24,9 +24,6 @@ const TRUNCATE: f64 = 2.75;
 const LEAST_GRADIENT: f32 = 0.3;
 /// Beyond this `u / (n B)` tanh is 1.
 const FLAT: f32 = 6.0;
-/// Surfaces that rise by less than `1 / STEEP` per length sideways move less, those that rise by less than `1 / FLAT_FROM` not at all.
-const STEEP: f32 = 1.5;
-const FLAT_FROM: f32 = 4.0;
 /// Pixels with a smaller |v| / B move by all of it, those with a larger than SATURATED not at all.
 const NEAR: f32 = 0.4;
 const SATURATED: f32 = 0.85;
@@ -158,8 +155,7 @@ impl<'m> Fairing<'m> {
             let along = (gx * gx + gy * gy).sqrt();
             let gradient = (along * along + gz * gz).sqrt().max(LEAST_GRADIENT);
             // A surface that lies flat shows no creases, and a mean along z would only wash its relief away.
-            let steepness = gz.abs() / along.max(LEAST_GRADIENT);
-            let upright = 1.0 - smoothstep(f64::from((steepness - STEEP) / (FLAT_FROM - STEEP))) as f32;
+            let upright = upright(f64::from(gz.abs() / along.max(LEAST_GRADIENT))) as f32;
             let ratio = u[n] / (gradient * bound);
             let v = if ratio.abs() > FLAT { bound.copysign(ratio) } else { bound * ratio.tanh() };
             (v, upright * gradient)

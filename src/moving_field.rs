@@ -9,14 +9,19 @@ use crate::contours::Contour;
 use crate::displacement::Displacement;
 use crate::field::Field;
 use crate::matching::LonePart;
-use crate::spline::{harmonic, hermite_values};
+use crate::spline::{harmonic, hermite_values, smoothstep};
 
-/// Share of `4 t^2 (1 - t)^2 |A - B|` taken off: what interpolated distances shrink by systematically.
+/// Share of `4 t^2 (1 - t)^2 |A - B|` taken off where the surface is upright: what interpolated distances shrink by systematically.
 pub const SHRINKING: f64 = 0.2;
 /// Smallest inradius of a part without partner that closes half way, px.
 pub const LEAST_DEPTH: f64 = 4.0;
 /// A part of depth D that closes half way has gone this many times D at the other contour.
 const VIRTUAL_DEPTHS: f64 = 2.0;
+
+/// Surfaces that go sideways by more than this per height are less upright, those that go by more than FLAT not at all.
+pub const STEEP: f64 = 1.5;
+/// See [`STEEP`].
+pub const FLAT: f64 = 4.0;
 
 /// Fixed-point passes that find where a trajectory is on a layer.
 const PASSES: usize = 4;
@@ -31,6 +36,8 @@ pub struct MovingField {
     pub heights: Vec<f64>,
     /// Gaps between them, see [`even_gaps`].
     pub gaps: Vec<f64>,
+    /// Length of a pixel's larger side in the unit of the heights.
+    pub px: f64,
     /// Signed distances, px; finite everywhere.
     pub fields: Vec<Field>,
     /// Mid-frame displacement of each interval.
@@ -52,7 +59,8 @@ pub struct Paths {
 
 impl MovingField {
     /// What follows from fields and displacements.
-    pub fn new(heights: Vec<f64>, gaps: Vec<f64>, fields: Vec<Field>, displacements: Vec<Displacement>) -> Self {
+    pub fn new(heights: Vec<f64>, px: f64, fields: Vec<Field>, displacements: Vec<Displacement>) -> Self {
+        let gaps = even_gaps(&heights);
         let at_slices: Vec<[Displacement; 2]> =
             displacements.iter().map(|v| [-0.5, 0.5].map(|tau| v.map(|x, _| v.through(x, tau)))).collect();
         let last = heights.len() - 1;
@@ -72,7 +80,7 @@ impl MovingField {
             Displacement { grid: before.grid, vectors: vectors.collect() }
         };
         let rates = (0..=last).map(rate).collect();
-        MovingField { heights, gaps, fields, displacements, at_slices, rates }
+        MovingField { heights, gaps, px, fields, displacements, at_slices, rates }
     }
 
     /// Gap of an interval.
@@ -185,10 +193,17 @@ pub fn time(z: f64, low: f64, high: f64) -> f64 {
     ((z - low) / (high - low) * STEPS).round().clamp(0.0, STEPS) / STEPS
 }
 
-/// Value of the field at time `t` from values and slopes (per interval) at both ends.
-pub fn between([a, b]: [f64; 2], [ma, mb]: [f64; 2], t: f64) -> f64 {
-    let shrinking = SHRINKING * 4.0 * (t * (1.0 - t)).powi(2) * (a - b).abs();
+/// Value of the field at time `t` of an interval `gap` px high, from values and slopes (per interval) at both ends.
+pub fn between([a, b]: [f64; 2], [ma, mb]: [f64; 2], gap: f64, t: f64) -> f64 {
+    let apart = (a - b).abs();
+    let shrinking = SHRINKING * upright(apart / gap) * 4.0 * (t * (1.0 - t)).powi(2) * apart;
     hermite_values([a, b], [ma, mb], t) - shrinking
+}
+
+/// How upright a surface is that goes `sideways` per height: 1 for a wall, 0 for a plain. What lies flat is relief between contour lines, which
+/// neither shrinks nor shows creases.
+pub fn upright(sideways: f64) -> f64 {
+    1.0 - smoothstep((sideways - STEEP) / (FLAT - STEEP))
 }
 
 /// Parts of the two slices of an interval that have no partner, each with its own distance.

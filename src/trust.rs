@@ -1,9 +1,10 @@
 //! Where a morph knows what it does: how many of the tracker particles nearby have arrived.
 //!
 //! Particles die where a piece of contour has no counterpart, and with them what the morph knows about its way. There the layers of the field
-//! method, which has a slope at every pixel, take its place.
+//! method, which has a slope at every pixel, take its place; and where the surface lies flat, as particles travel far there and die at every bend.
 
 use crate::displacement::{BLOCK, Displacement, smooth};
+use crate::moving_field::{MovingField, plus, upright};
 use crate::spline::smoothstep;
 
 /// Sigma of the mean over particles, px.
@@ -21,9 +22,10 @@ pub struct Trust {
 }
 
 impl Trust {
-    /// From positions (px of the padded image, `dims` large) and whether each particle has arrived.
-    pub fn new(dims: [usize; 2], particles: impl Iterator<Item = ([f64; 2], bool)>) -> Self {
-        let mut map = Displacement::zero(dims);
+    /// For interval `i` from positions (px of the padded image) in its mid frame and whether each particle has arrived.
+    pub fn new(moving: &MovingField, i: usize, particles: impl Iterator<Item = ([f64; 2], bool)>) -> Self {
+        let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
+        let mut map = Displacement::zero(low.dims);
         for (x, arrived) in particles {
             let block: [usize; 2] = std::array::from_fn(|a| ((x[a].max(0.0) as usize) / BLOCK).min(map.grid[a] - 1));
             let [good, all] = &mut map.vectors[block[1] * map.grid[0] + block[0]];
@@ -31,7 +33,14 @@ impl Trust {
             *all += 1.0;
         }
         smooth(&mut map.vectors, map.grid, [REACH / BLOCK as f64; 2]);
-        Trust { particles: map }
+        let gap = moving.gap(i) / moving.px;
+        let v = &moving.displacements[i];
+        let particles = map.map(|x, [good, all]| {
+            let half = v.at(x).map(|c| 0.5 * c);
+            let apart = low.sample(plus(x, half, -1.0)) - high.sample(plus(x, half, 1.0));
+            [good * upright(apart.abs() / gap), all]
+        });
+        Trust { particles }
     }
 
     /// The morph's weight at `x`.

@@ -168,7 +168,7 @@ impl Run<'_> {
                 Motion::Field => run.backend.displacements(&fields, &gaps, &still, run.h, run.progress)?,
                 Motion::None => still,
             };
-            Ok(MovingField::new(z, gaps, fields, displacements))
+            Ok(MovingField::new(z, run.px, fields, displacements))
         })
     }
 

@@ -48,13 +48,13 @@ struct Made<'c> {
 
 impl Made<'_> {
     /// How far the morphs of interval `i` can be trusted, in its frame.
-    fn trust(&self, i: usize) -> Trust {
+    fn trust(&self, moving: &MovingField, i: usize) -> Trust {
         let ends = [self.sides[i].up.as_ref(), self.sides[i + 1].down.as_ref()];
         let particles = self.seen[i].iter().zip(ends).flat_map(|(contour, side)| {
             let tracks = side.map_or(&[][..], |s| &s.tracks);
             contour.seeds.iter().zip(tracks).map(|(seed, track)| (seed.x, track.arrived))
         });
-        Trust::new(self.contours[i].phi.dims, particles)
+        Trust::new(moving, i, particles)
     }
 }
 
@@ -171,7 +171,8 @@ impl Run<'_> {
                 let of_interval: Vec<Filled> = filled.by_ref().take(intervals[i].groups.len()).collect();
                 let limit = self.settings.margin() as f64;
                 let slices = [0, 1].map(|side| (&contours[i + side].phi, &made.seen[i][side].phi));
-                let warp = made.beside.as_ref().map(|b| (Warp::new(b.moving, i, slices, limit), made.trust(i)));
+                let warp =
+                    made.beside.as_ref().map(|b| (Warp::new(b.moving, i, slices, limit), made.trust(b.moving, i)));
                 let at_once = rayon::current_num_threads();
                 let timed = |x: &Height| (*x, time(x.z, contours[i].z, contours[i + 1].z));
                 let between: Vec<(Height, f64)> = heights.between(i).iter().map(timed).collect();

@@ -83,7 +83,7 @@ pub fn layer(
         if let Some(own) = closing(&lone.high, to).filter(|&own| own < a) {
             (a, m) = (own, [b - own; 2]);
         }
-        between([a, b], m, t).clamp(-limit, limit)
+        between([a, b], m, gap / moving.px, t).clamp(-limit, limit)
     };
     let mut out = vec![0.0; nx * ny];
     // Distances change by a pixel per pixel, and the frame by less than half of that.

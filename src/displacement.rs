@@ -39,7 +39,7 @@ impl Displacement {
     }
 
     /// Centre of a block, pixels.
-    fn centre(&self, k: usize) -> [f64; 2] {
+    pub fn centre(&self, k: usize) -> [f64; 2] {
         [k % self.grid[0], k / self.grid[0]].map(|b| (b * BLOCK) as f64 + 0.5 * (BLOCK - 1) as f64)
     }
 

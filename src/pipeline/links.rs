@@ -1,0 +1,168 @@
+//! Links: what is known of pairs of parts before the slices are compared, and what becomes of it.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use rayon::prelude::*;
+
+use super::Run;
+use crate::contours::Contour;
+use crate::error::{Error, Result};
+use crate::motion::Frame;
+use crate::moving_field::{MovingField, plus};
+use crate::parts::{candidates, overlaps, parts};
+use crate::reference::exact::exact_distance;
+use crate::report::{LinkReport, LinkedBy};
+use crate::settings::Linking;
+use crate::spline::smoothstep;
+
+/// Fairing keeps off parts that are kept apart by this much and is whole beyond the other, px.
+const UNFAIRED: [f64; 2] = [8.0, 16.0];
+
+/// The links of one interval.
+#[derive(Debug, Clone, Default)]
+pub(super) struct IntervalLinks {
+    /// As the report tells them.
+    pub told: Vec<LinkReport>,
+}
+
+impl IntervalLinks {
+    /// Pairs that belong together.
+    pub fn joined(&self) -> Vec<(u32, u32)> {
+        self.told.iter().filter(|l| l.join).map(|l| (l.from, l.to)).collect()
+    }
+
+    /// Pairs that do not.
+    pub fn parted(&self) -> Vec<(u32, u32)> {
+        self.told.iter().filter(|l| !l.join).map(|l| (l.from, l.to)).collect()
+    }
+}
+
+impl Run<'_> {
+    /// The user's links and those that are found.
+    pub(super) fn find_links(&mut self, contours: &[Contour]) -> Result<()> {
+        for link in &self.settings.links {
+            let count = |k: usize| contours[k].solids.count as u32;
+            if link.from > count(link.slice) || link.to > count(link.slice + 1) {
+                let message = format!("a part of link {link:?} was lost");
+                return Err(Error::Numerics { stage: "distance", message });
+            }
+        }
+        let of = |(i, pair): (usize, &[Contour])| {
+            let links = self.settings.links.iter().filter(|l| l.slice == i);
+            let link = |l: &crate::links::Link| (l.from, l.to, l.join, LinkedBy::File);
+            let mut found: Vec<_> = links.map(link).collect();
+            if self.settings.link == Linking::Auto {
+                let auto = self.alike(pair, &found.iter().map(|l| ((l.0, l.1), l.2)).collect());
+                found.extend(auto.into_iter().map(|(from, to)| (from, to, true, LinkedBy::Auto)));
+            }
+            let told = |(from, to, join, by)| LinkReport { from, to, join, by, meet: false };
+            IntervalLinks { told: found.into_iter().map(told).collect() }
+        };
+        self.links = contours.par_windows(2).enumerate().map(of).collect();
+        Ok(())
+    }
+
+    /// Pairs of parts without partner that look like one and the same; `known` pairs count as partners or are left out.
+    fn alike(&self, pair: &[Contour], known: &BTreeMap<(u32, u32), bool>) -> Vec<(u32, u32)> {
+        let dims = pair[0].phi.dims;
+        let [low, high] = [0, 1].map(|k| parts(&pair[k].solids, dims, self.h));
+        let pairs = |join: bool| known.iter().filter(move |(_, j)| **j == join).map(|(pair, _)| *pair);
+        let mut partners: BTreeSet<(u32, u32)> = overlaps(&pair[0].solids, &pair[1].solids);
+        partners.extend(pairs(true));
+        candidates(&low, &high, &pairs(false).collect(), &partners, dims, self.h)
+            .into_iter()
+            .filter(|c| c.convinces(self.settings.link_reach))
+            .map(|c| (c.from, c.to))
+            .collect()
+    }
+
+    /// Finds out which linked parts meet, in the moving frame if there is one, and warns of those that do not.
+    pub(super) fn see_links(&mut self, contours: &[Contour], moving: Option<&MovingField>) {
+        for (i, links) in self.links.iter_mut().enumerate() {
+            let (low, high) = (&contours[i], &contours[i + 1]);
+            for link in &mut links.told {
+                link.meet = meet(low, high, (link.from, link.to), moving.map(|m| (m, i)));
+                if link.join && !link.meet {
+                    self.report.warnings.push(format!(
+                        "part {} of `{}` and part {} of `{}` are linked but do not meet in the moving frame",
+                        link.from,
+                        self.stack.slices[i].name,
+                        link.to,
+                        self.stack.slices[i + 1].name
+                    ));
+                }
+            }
+        }
+    }
+
+    /// Share of the fairing's strength in every interval where parts are kept apart.
+    pub(super) fn fairing_shares(&self, contours: &[Contour]) -> Vec<Option<Vec<f32>>> {
+        let share = |(i, links): (usize, &IntervalLinks)| {
+            let parted = links.parted();
+            if parted.is_empty() {
+                return None;
+            }
+            let labels = [&contours[i].solids.labels, &contours[i + 1].solids.labels];
+            let apart = |n: usize| parted.iter().any(|(a, b)| *a == labels[0][n] || *b == labels[1][n]);
+            let dims = contours[i].phi.dims;
+            let mask: Vec<bool> = (0..dims[0] * dims[1]).map(apart).collect();
+            let away = exact_distance(&mask, dims, self.h);
+            let [none, all] = UNFAIRED;
+            let [nx, ny] = self.stack.dims;
+            let padded = |n: usize| (n / nx + self.pad) * dims[0] + n % nx + self.pad;
+            Some((0..nx * ny).map(|n| smoothstep((away.data[padded(n)] - none) / (all - none)) as f32).collect())
+        };
+        self.links.iter().enumerate().map(share).collect()
+    }
+}
+
+/// Whether two parts share a pixel along the trajectories.
+fn meet(low: &Contour, high: &Contour, (from, to): (u32, u32), moving: Option<(&MovingField, usize)>) -> bool {
+    let [nx, ny] = low.phi.dims;
+    low.solids.labels.iter().enumerate().filter(|(_, label)| **label == from).any(|(n, _)| {
+        let x = [(n % nx) as f64, (n / nx) as f64];
+        let y = moving.map_or(x, |(moving, i)| plus(x, moving.at_slices[i][0].at(x), 1.0));
+        let [i, j] = [y[0].round(), y[1].round()];
+        let within = i >= 0.0 && j >= 0.0 && (i as usize) < nx && (j as usize) < ny;
+        within && high.solids.labels[j as usize * nx + i as usize] == to
+    })
+}
+
+/// Pairs of parts of two slices under the numbers that the parts have in the mid frame.
+pub(super) fn in_frame(
+    pairs: &[(u32, u32)],
+    own: [&Contour; 2],
+    seen: [&Contour; 2],
+    frame: &Frame,
+) -> Vec<(u32, u32)> {
+    if pairs.is_empty() {
+        return Vec::new();
+    }
+    let low = origins(seen[0], own[0], |x| frame.down(x));
+    let high = origins(seen[1], own[1], |x| frame.up(x));
+    let numbers = |of: &[u32], wanted: u32| -> Vec<u32> {
+        (0..).zip(of).filter(|(_, origin)| **origin == wanted).map(|(number, _)| number).collect()
+    };
+    let of = |&(a, b): &(u32, u32)| -> Vec<(u32, u32)> {
+        let (from, to) = (numbers(&low, a), numbers(&high, b));
+        from.iter().flat_map(|&a| to.iter().map(move |&b| (a, b))).collect()
+    };
+    pairs.iter().flat_map(of).collect()
+}
+
+/// For each part that the mid frame sees the part of the slice that most of its pixels come from, by number; 0 where there is none.
+fn origins(seen: &Contour, own: &Contour, back: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<u32> {
+    let [nx, ny] = own.phi.dims;
+    let mut counts: Vec<BTreeMap<u32, usize>> = vec![BTreeMap::new(); seen.solids.count + 1];
+    for (n, &label) in seen.solids.labels.iter().enumerate().filter(|(_, label)| **label > 0) {
+        let x = back([(n % nx) as f64, (n / nx) as f64]);
+        let [i, j] = [(x[0].round().max(0.0) as usize).min(nx - 1), (x[1].round().max(0.0) as usize).min(ny - 1)];
+        let origin = own.solids.labels[j * nx + i];
+        if origin > 0 {
+            *counts[label as usize].entry(origin).or_default() += 1;
+        }
+    }
+    // The lowest number where two are equally frequent.
+    let most = |counts: &BTreeMap<u32, usize>| counts.iter().rev().max_by_key(|(_, count)| **count).map_or(0, |c| *c.0);
+    counts.iter().map(most).collect()
+}

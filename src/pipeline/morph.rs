@@ -27,6 +27,9 @@ use crate::tracks::{Side, Sides, sides, trace_job};
 use crate::trust::Trust;
 use crate::warp::Warp;
 
+/// Parts that are kept apart close at this share of the way to the layer nearest half way.
+const EARLY: f64 = 0.8;
+
 /// The two contours of an interval in its frame.
 type Seen<'c> = [Cow<'c, Contour>; 2];
 
@@ -217,11 +220,11 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Where in interval `i` parts that are kept apart close: early enough that neither reaches the layer nearest half way.
+    /// Where in interval `i` parts that are kept apart close: well before the layer nearest half way, so that neither reaches it.
     fn middle_layer(&self, heights: &Heights, i: usize) -> f64 {
         let (low, high) = (self.stack.slices[i].z, self.stack.slices[i + 1].z);
         let times = heights.between(i).iter().map(|x| time(x.z, low, high));
-        times.map(|t| t.min(1.0 - t)).reduce(f64::max).unwrap_or(HALF_WAY)
+        EARLY * times.map(|t| t.min(1.0 - t)).reduce(f64::max).unwrap_or(HALF_WAY)
     }
 
     fn sweep_chunk(

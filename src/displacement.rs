@@ -74,6 +74,11 @@ impl Displacement {
         u
     }
 
+    /// The same read at the pixels of the lower and of the upper slice.
+    pub fn at_slices(&self) -> [Self; 2] {
+        [-0.5, 0.5].map(|tau| self.map(|x, _| self.through(x, tau)))
+    }
+
     /// Largest component of any vector, px.
     pub fn largest(&self) -> f64 {
         self.vectors.iter().flatten().fold(0.0, |m, v| m.max(v.abs()))

@@ -117,8 +117,8 @@ pub struct LinkReport {
     pub join: bool,
     /// Who says so.
     pub by: LinkedBy,
-    /// Whether the parts share a pixel in the frame in which the slices are compared.
-    pub meet: bool,
+    /// Share of a part's pixels that lie in the other one in the frame in which the slices are compared, of the part that has more of them.
+    pub meet: f64,
 }
 
 /// Where a link comes from.

@@ -14,6 +14,11 @@ use crate::jobs::Tile;
 const LEAST_GAIN: f64 = 3.0;
 /// A rotation must lower it by this much more than a shift alone.
 const TURNING_GAIN: f64 = 1.5;
+/// Parts whose areas differ by more than this factor are not brought onto each other, but the smaller one into the larger.
+const ALIKE: f64 = 2.0;
+/// So far that this share of what could be common is, in steps of `1 / WAYS` of the way between the centroids.
+const ENOUGH: f64 = 0.5;
+const WAYS: u32 = 16;
 /// Least ratio of the principal moments of a part that has an axis.
 const ELONGATED: f64 = 2.25;
 /// Steps in which a shift is refined, px.
@@ -43,14 +48,25 @@ impl Rigid {
         [self.shift[0] - self.turn * y[1] / h[0], self.shift[1] + self.turn * y[0] / h[1]]
     }
 
-    /// The motion from a part of the lower slice to one of the upper: shift of the centroids and, where both are elongated, rotation of the
-    /// principal axis, refined on the area in which the slices differ.
+    /// The motion from a part of the lower slice to one of the upper. Between parts of like area: shift of the centroids and, where both are
+    /// elongated, rotation of the principal axis, refined on the area in which the slices differ. Else the shift towards the other's
+    /// centroid that is just enough to bring the smaller part into the larger.
     pub fn between(low: (&Contour, u32), high: (&Contour, u32), h: [f64; 2]) -> Found {
         let [a, b] = [Cover::new(low.0, low.1), Cover::new(high.0, high.1)];
         let [ma, mb] = [a.moments(h), b.moments(h)];
         let centre = std::array::from_fn(|c| 0.5 * (ma.centroid[c] + mb.centroid[c]));
-        let shift = std::array::from_fn(|c| mb.centroid[c] - ma.centroid[c]);
+        let shift: [f64; 2] = std::array::from_fn(|c| mb.centroid[c] - ma.centroid[c]);
         let differing = |rigid: &Rigid| differing_area(&a, &b, rigid, h);
+        if ma.area > ALIKE * mb.area || mb.area > ALIKE * ma.area {
+            let part_way = |k: u32| {
+                let s = f64::from(k) / f64::from(WAYS);
+                Rigid { centre, shift: shift.map(|c| s * c), turn: 0.0 }
+            };
+            let common = |k: u32| 0.5 * (ma.area + mb.area - differing(&part_way(k)));
+            let enough = ENOUGH * common(WAYS);
+            let k = (0..WAYS).find(|&k| common(k) >= enough).unwrap_or(WAYS);
+            return Found { rigid: part_way(k), alike: false, worthwhile: false };
+        }
         let (mut rigid, mut left) = refined(Rigid { centre, shift, turn: 0.0 }, differing);
         if ma.ratio > ELONGATED && mb.ratio > ELONGATED {
             // An axis has no direction: the smaller of both turns.
@@ -63,7 +79,7 @@ impl Rigid {
                 }
             }
         }
-        Found { rigid, worthwhile: left * LEAST_GAIN <= differing(&Rigid::STILL) }
+        Found { rigid, alike: true, worthwhile: left * LEAST_GAIN <= differing(&Rigid::STILL) }
     }
 }
 
@@ -72,6 +88,8 @@ impl Rigid {
 pub struct Found {
     /// The best.
     pub rigid: Rigid,
+    /// Whether the parts are of like area.
+    pub alike: bool,
     /// Whether it lowers the area in which the slices differ by enough.
     pub worthwhile: bool,
 }
@@ -83,6 +101,8 @@ struct Cover {
 }
 
 struct Moments {
+    /// Pixels.
+    area: f64,
     /// Pixels.
     centroid: [f64; 2],
     /// Larger over smaller principal moment.
@@ -125,7 +145,8 @@ impl Cover {
         let spread = (0.5 * (xx - yy)).hypot(xy);
         let middle = 0.5 * (xx + yy);
         let ratio = (middle + spread) / (middle - spread).max(f64::MIN_POSITIVE);
-        Moments { centroid, ratio, axis: 0.5 * (2.0 * xy).atan2(xx - yy) }
+        let area = self.share.data.iter().sum();
+        Moments { area, centroid, ratio, axis: 0.5 * (2.0 * xy).atan2(xx - yy) }
     }
 
     /// Share of the pixel at position `x` of the image.

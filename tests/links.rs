@@ -91,7 +91,7 @@ fn linked_parts_make_a_straight_tube() {
         assert!(connected(&layers, [N, N], (0, ends[0]), (layers.len() - 1, ends[1])));
         for interval in &body.report.intervals {
             assert_eq!((interval.groups, &interval.events[..]), (1, &[][..]));
-            assert!(interval.links.iter().all(|l| l.meet && l.join && l.by == LinkedBy::File));
+            assert!(interval.links.iter().all(|l| l.meet > 0.9 && l.join && l.by == LinkedBy::File));
             assert_eq!(interval.links.len(), 1);
         }
         assert!(body.report.warnings.is_empty(), "{:?}", body.report.warnings);
@@ -239,6 +239,44 @@ fn a_file_goes_before_auto() {
     assert_eq!(links(vec![]), [(1, 1, true, LinkedBy::Auto)]);
     assert_eq!(links(vec![link(0, 1, 2)]), [(1, 2, true, LinkedBy::File)]);
     assert_eq!(links(vec![apart(0, 1, 1)]), [(1, 1, false, LinkedBy::File), (1, 2, true, LinkedBy::Auto)]);
+}
+
+#[test]
+fn a_small_part_goes_into_a_large_one_no_farther_than_it_must() {
+    // Two discs beside the large one that they belong to.
+    let low = union(circle(20.0, 60.0, 8.0), circle(100.0, 60.0, 8.0));
+    let stack = masks(N, &[0.0, 12.0, 24.0], &[low, square(60.0, 60.0, 26.0, 0.0), circle(60.0, 60.0, 24.0)]);
+    let heights: Vec<f64> = (0..=24).map(f64::from).collect();
+    for way in ways() {
+        let body = run(&stack, &heights, &Settings { links: vec![link(0, 1, 1), link(0, 2, 1)], ..way.clone() });
+        let merge = [Event::Merge { from: vec![1, 2], to: vec![1] }];
+        assert_eq!(body.report.intervals[0].events[..], merge, "{way:?}");
+        let layers: Vec<&[f32]> = body.layers.iter().map(|l| l.phi.as_slice()).collect();
+        for x in [20, 100] {
+            assert!(connected(&layers, [N, N], (0, 60 * N + x), (12, 60 * N + 60)), "{way:?}: {x}");
+        }
+        // No shreds: every layer is the two that come, or one body.
+        for layer in &body.layers {
+            let inside: Vec<bool> = layer.phi.iter().map(|v| *v < 0.0).collect();
+            let parts = interslice::components::label4(&inside, [N, N]).count;
+            assert!(parts <= if layer.z < 12.0 { 3 } else { 1 }, "{way:?}: {parts} parts at {}", layer.z);
+        }
+    }
+}
+
+#[test]
+fn what_is_in_the_way_is_told() {
+    let slice = |x: f64| union(circle(x, 60.0, 7.0), circle(60.0, 60.0, 10.0));
+    let told = |settings: Settings| {
+        let report = run(&masks(N, &[0.0, 12.0], &[slice(30.0), slice(90.0)]), &[3.0, 6.0, 9.0], &settings).report;
+        (report.intervals[0].links.len(), report.warnings)
+    };
+    let (count, warnings) = told(Settings { link: Linking::Auto, link_reach: 10.0, ..Settings::default() });
+    assert_eq!((count, warnings.len()), (0, 0), "auto leaves it out: {warnings:?}");
+    let (count, warnings) = told(Settings { links: vec![link(0, 2, 2)], ..Settings::default() });
+    assert_eq!(count, 1);
+    let says = "part 2 of `slice 0` and part 2 of `slice 1` are linked, but something else is in the way";
+    assert!(warnings.len() == 1 && warnings[0].contains(says), "{warnings:?}");
 }
 
 /// Whether the discs at `x` on the first and last layer are one body.

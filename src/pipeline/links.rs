@@ -6,17 +6,22 @@ use rayon::prelude::*;
 
 use super::Run;
 use crate::contours::Contour;
+use crate::displacement::Displacement;
 use crate::error::{Error, Result};
+use crate::frames::{self, Frames};
 use crate::motion::Frame;
-use crate::moving_field::{MovingField, plus};
+use crate::moving_field::MovingField;
 use crate::parts::{candidates, overlaps, parts};
 use crate::reference::exact::exact_distance;
 use crate::report::{LinkReport, LinkedBy};
-use crate::settings::Linking;
+use crate::settings::{Linking, Motion};
 use crate::spline::smoothstep;
 
 /// Fairing keeps off parts that are kept apart by this much and is whole beyond the other, px.
 const UNFAIRED: [f64; 2] = [8.0, 16.0];
+
+/// A link can be followed if half way this share of its parts' pixels has its motion, which the ways of others may cross.
+const FOLLOWED: f64 = 0.5;
 
 /// The links of one interval.
 #[derive(Debug, Clone, Default)]
@@ -55,42 +60,61 @@ impl Run<'_> {
                 let auto = self.alike(pair, &found.iter().map(|l| ((l.0, l.1), l.2)).collect());
                 found.extend(auto.into_iter().map(|(from, to)| (from, to, true, LinkedBy::Auto)));
             }
-            let told = |(from, to, join, by)| LinkReport { from, to, join, by, meet: false };
+            let told = |(from, to, join, by)| LinkReport { from, to, join, by, meet: 0.0 };
             IntervalLinks { told: found.into_iter().map(told).collect() }
         };
         self.links = contours.par_windows(2).enumerate().map(of).collect();
         Ok(())
     }
 
-    /// Pairs of parts without partner that look like one and the same; `known` pairs count as partners or are left out.
+    /// Pairs of parts without partner that look like one and the same and can be followed all at once; `known` pairs count as partners or
+    /// are left out.
     fn alike(&self, pair: &[Contour], known: &BTreeMap<(u32, u32), bool>) -> Vec<(u32, u32)> {
         let dims = pair[0].phi.dims;
         let [low, high] = [0, 1].map(|k| parts(&pair[k].solids, dims, self.h));
         let pairs = |join: bool| known.iter().filter(move |(_, j)| **j == join).map(|(pair, _)| *pair);
         let mut partners: BTreeSet<(u32, u32)> = overlaps(&pair[0].solids, &pair[1].solids);
         partners.extend(pairs(true));
-        candidates(&low, &high, &pairs(false).collect(), &partners, dims, self.h)
+        let mut found: Vec<(u32, u32)> = candidates(&low, &high, &pairs(false).collect(), &partners, dims, self.h)
             .into_iter()
             .filter(|c| c.convinces(self.settings.link_reach))
             .map(|c| (c.from, c.to))
-            .collect()
+            .collect();
+        // Ways that cross half way exclude each other.
+        while !found.is_empty() {
+            let all: Vec<(u32, u32)> = pairs(true).chain(found.iter().copied()).collect();
+            let followed = frames::linked(&pair[0], &pair[1], &all, self.h).followed;
+            let shares = followed[all.len() - found.len()..].iter().enumerate();
+            match shares.min_by(|a, b| a.1.total_cmp(b.1)) {
+                Some((worst, share)) if *share < FOLLOWED => found.remove(worst),
+                _ => break,
+            };
+        }
+        found
     }
 
-    /// Finds out which linked parts meet, in the moving frame if there is one, and warns of those that do not.
+    /// The displacements of linked parts, or of all that have a rigid frame; warns of links that cannot be followed.
+    pub(super) fn frames(&mut self, contours: &[Contour]) -> Vec<Displacement> {
+        let frames = if self.settings.motion == Motion::Rigid { frames::rigid } else { frames::linked };
+        let of = |(pair, links): (&[Contour], &IntervalLinks)| frames(&pair[0], &pair[1], &links.joined(), self.h);
+        let found: Vec<Frames> = contours.par_windows(2).zip(&self.links).map(of).collect();
+        for (i, (frames, links)) in found.iter().zip(&self.links).enumerate() {
+            for ((from, to), _) in links.joined().iter().zip(&frames.followed).filter(|(_, share)| **share < FOLLOWED) {
+                let [low, high] = [0, 1].map(|k| &self.stack.slices[i + k].name);
+                self.report.warnings.push(format!(
+                    "part {from} of `{low}` and part {to} of `{high}` are linked, but something else is in the way between them"
+                ));
+            }
+        }
+        found.into_iter().map(|frames| frames.displacement).collect()
+    }
+
+    /// Finds out how far linked parts meet, in the moving frame if there is one.
     pub(super) fn see_links(&mut self, contours: &[Contour], moving: Option<&MovingField>) {
         for (i, links) in self.links.iter_mut().enumerate() {
-            let (low, high) = (&contours[i], &contours[i + 1]);
             for link in &mut links.told {
-                link.meet = meet(low, high, (link.from, link.to), moving.map(|m| (m, i)));
-                if link.join && !link.meet {
-                    self.report.warnings.push(format!(
-                        "part {} of `{}` and part {} of `{}` are linked but do not meet in the moving frame",
-                        link.from,
-                        self.stack.slices[i].name,
-                        link.to,
-                        self.stack.slices[i + 1].name
-                    ));
-                }
+                let at_slices = moving.map(|m| &m.at_slices[i]);
+                link.meet = frames::meeting(&contours[i], &contours[i + 1], (link.from, link.to), at_slices);
             }
         }
     }
@@ -114,18 +138,6 @@ impl Run<'_> {
         };
         self.links.iter().enumerate().map(share).collect()
     }
-}
-
-/// Whether two parts share a pixel along the trajectories.
-fn meet(low: &Contour, high: &Contour, (from, to): (u32, u32), moving: Option<(&MovingField, usize)>) -> bool {
-    let [nx, ny] = low.phi.dims;
-    low.solids.labels.iter().enumerate().filter(|(_, label)| **label == from).any(|(n, _)| {
-        let x = [(n % nx) as f64, (n / nx) as f64];
-        let y = moving.map_or(x, |(moving, i)| plus(x, moving.at_slices[i][0].at(x), 1.0));
-        let [i, j] = [y[0].round(), y[1].round()];
-        let within = i >= 0.0 && j >= 0.0 && (i as usize) < nx && (j as usize) < ny;
-        within && high.solids.labels[j as usize * nx + i as usize] == to
-    })
 }
 
 /// Pairs of parts of two slices under the numbers that the parts have in the mid frame.

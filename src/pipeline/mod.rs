@@ -22,7 +22,6 @@ use crate::ends::{End, EndSpec, end};
 use crate::error::{Error, Result};
 use crate::fairing::{self, Fairing};
 use crate::fit::Fitted;
-use crate::frames;
 use crate::heights::{Height, Heights, check};
 use crate::jobs::Direction;
 use crate::links as user_links;
@@ -174,16 +173,12 @@ impl Run<'_> {
             let fields = filled_fields(contours);
             let z: Vec<f64> = contours.iter().map(|c| c.z).collect();
             let gaps = even_gaps(&z);
-            let of_parts = |frames: fn(&Contour, &Contour, &[(u32, u32)], [f64; 2]) -> Displacement| {
-                let frame =
-                    |(pair, links): (&[Contour], &IntervalLinks)| frames(&pair[0], &pair[1], &links.joined(), run.h);
-                contours.par_windows(2).zip(&run.links).map(frame).collect::<Vec<_>>()
-            };
             let displacements = match run.settings.motion {
                 Motion::Field => {
-                    run.backend.displacements(&fields, &gaps, &of_parts(frames::linked), run.h, run.progress)?
+                    let guess = run.frames(contours);
+                    run.backend.displacements(&fields, &gaps, &guess, run.h, run.progress)?
                 }
-                Motion::Rigid => of_parts(frames::rigid),
+                Motion::Rigid => run.frames(contours),
                 Motion::None => vec![Displacement::zero(fields[0].dims); gaps.len()],
             };
             Ok(MovingField::new(z, gaps, fields, displacements))

@@ -245,7 +245,7 @@ fn a_file_goes_before_auto() {
 fn a_small_part_goes_into_a_large_one_no_farther_than_it_must() {
     // Two discs beside the large one that they belong to.
     let low = union(circle(20.0, 60.0, 8.0), circle(100.0, 60.0, 8.0));
-    let stack = masks(N, &[0.0, 12.0, 24.0], &[low, square(60.0, 60.0, 26.0, 0.0), circle(60.0, 60.0, 24.0)]);
+    let stack = masks(N, &[0.0, 12.0, 24.0], &[low, circle(60.0, 60.0, 27.0), circle(60.0, 60.0, 24.0)]);
     let heights: Vec<f64> = (0..=24).map(f64::from).collect();
     for way in ways() {
         let body = run(&stack, &heights, &Settings { links: vec![link(0, 1, 1), link(0, 2, 1)], ..way.clone() });

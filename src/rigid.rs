@@ -12,6 +12,8 @@ use crate::jobs::Tile;
 
 /// A frame must lower the area in which the slices differ by this factor.
 const LEAST_GAIN: f64 = 3.0;
+/// One that lowers it by less than this from the start is not looked into.
+const PROMISING: f64 = 1.5;
 /// A rotation must lower it by this much more than a shift alone.
 const TURNING_GAIN: f64 = 1.5;
 /// Parts whose areas differ by more than this factor are not brought onto each other, but the smaller one into the larger.
@@ -67,19 +69,25 @@ impl Rigid {
             let k = (0..WAYS).find(|&k| common(k) >= enough).unwrap_or(WAYS);
             return Found { rigid: part_way(k), alike: false, worthwhile: false };
         }
-        let (mut rigid, mut left) = refined(Rigid { centre, shift, turn: 0.0 }, differing);
+        let none = differing(&Rigid::STILL);
+        let mut starts = vec![Rigid { centre, shift, turn: 0.0 }];
         if ma.ratio > ELONGATED && mb.ratio > ELONGATED {
             // An axis has no direction: the smaller of both turns.
             let theta = mb.axis - ma.axis;
             let theta = theta - PI * (theta / PI).round();
             if theta.abs() < FRAC_PI_2 {
-                let (turned, area) = refined(Rigid { centre, shift, turn: 2.0 * (0.5 * theta).tan() }, differing);
-                if area * TURNING_GAIN < left {
-                    (rigid, left) = (turned, area);
-                }
+                starts.push(Rigid { turn: 2.0 * (0.5 * theta).tan(), ..starts[0] });
             }
         }
-        Found { rigid, alike: true, worthwhile: left * LEAST_GAIN <= differing(&Rigid::STILL) }
+        if starts.iter().all(|start| differing(start) * PROMISING > none) {
+            return Found { rigid: starts[0], alike: true, worthwhile: false };
+        }
+        let found: Vec<(Rigid, f64)> = starts.into_iter().map(|start| refined(start, differing)).collect();
+        let (rigid, left) = match found[..] {
+            [(_, shifted), turned] if turned.1 * TURNING_GAIN < shifted => turned,
+            _ => found[0],
+        };
+        Found { rigid, alike: true, worthwhile: left * LEAST_GAIN <= none }
     }
 }
 

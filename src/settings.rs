@@ -166,7 +166,7 @@ pub struct Settings {
     #[arg(long, value_name = "RADII", default_value_t = Settings::default().link_reach)]
     pub link_reach: f64,
 
-    /// What is known of pairs of parts
+    /// What a person says about pairs of parts; on the command line from a file
     #[arg(skip)]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub links: Vec<Link>,

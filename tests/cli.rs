@@ -131,7 +131,7 @@ fn inspect_proposes_links_that_reconstruct_takes() {
         String::from_utf8_lossy(&result.stdout).into_owned()
     };
     let text = inspect(&[]);
-    let says = "3.8 radii apart, area x 1.00, overlap 1.00 when shifted; `--link auto` takes it";
+    let says = "3.8 radii apart, area x 1.00, overlap 1.00 when shifted; enough for `--link auto`";
     let line = text.lines().find(|l| l.contains(says)).expect("the pair is proposed");
     let entry = &line[line.find('{').expect("an entry")..=line.find('}').expect("its end")];
     assert_eq!(text.matches("perhaps").count(), 1, "the others overlap:\n{text}");

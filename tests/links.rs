@@ -58,7 +58,7 @@ fn misfit(layer: &Layer, n: usize, shape: &Shape) -> f64 {
     near.iter().map(|(v, d)| (v - d).abs()).fold(0.0, f64::max)
 }
 
-fn at<'r>(body: &'r Reconstruction, z: f64) -> &'r Layer {
+fn at(body: &Reconstruction, z: f64) -> &Layer {
     body.layers.iter().find(|l| (l.z - z).abs() < 1e-9).expect("a layer lies there")
 }
 

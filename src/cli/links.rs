@@ -78,11 +78,10 @@ fn without_partner(
 
 /// A candidate with its entry for a links file.
 fn proposal(k: usize, c: &Candidate) -> String {
-    let taken =
-        if c.convinces(Settings::default().link_reach) { "`--link auto` takes it" } else { "not by `--link auto`" };
+    let auto = if c.convinces(Settings::default().link_reach) { "enough" } else { "not enough" };
     let nearest = if c.mutual { "" } else { ", nearest one way only" };
     format!(
-        "    perhaps {{\"slice\": {k}, \"from\": {}, \"to\": {}}}: {:.1} radii apart, area x {:.2}, overlap {:.2} when shifted{nearest}; {taken}",
+        "    perhaps {{\"slice\": {k}, \"from\": {}, \"to\": {}}}: {:.1} radii apart, area x {:.2}, overlap {:.2} when shifted{nearest}; {auto} for `--link auto`",
         c.from, c.to, c.distance, c.area_ratio, c.iou
     )
 }

@@ -20,7 +20,7 @@ use crate::spline::smoothstep;
 /// Fairing keeps off parts that are kept apart by this much and is whole beyond the other, px.
 const UNFAIRED: [f64; 2] = [8.0, 16.0];
 
-/// A link can be followed if half way this share of its parts' pixels has its motion, which the ways of others may cross.
+/// A link can be followed if half way this share of its parts' pixels has its motion: others may be in the way.
 const FOLLOWED: f64 = 0.5;
 
 /// The links of one interval.
@@ -80,7 +80,7 @@ impl Run<'_> {
             .filter(|c| c.convinces(self.settings.link_reach))
             .map(|c| (c.from, c.to))
             .collect();
-        // Ways that cross half way exclude each other.
+        // What is in the way of a link, another link or a part that stands still, excludes it.
         while !found.is_empty() {
             let all: Vec<(u32, u32)> = pairs(true).chain(found.iter().copied()).collect();
             let followed = frames::linked(&pair[0], &pair[1], &all, self.h).followed;

@@ -8,7 +8,7 @@ use crate::jobs::{DISAGREEMENT, Direction, Tile};
 use crate::matching::{GroupFields, Interval, LonePart};
 
 /// Where in the gap a lone part closes.
-const HALF_WAY: f64 = 0.5;
+pub const HALF_WAY: f64 = 0.5;
 
 /// A layer being filled: the unpadded image, px, positive outside.
 #[derive(Debug, Clone)]
@@ -116,21 +116,21 @@ pub struct IntervalCaps {
 }
 
 impl IntervalCaps {
-    /// Profiles from the slopes of each part's own contour; `gap` is the interval's height.
-    pub fn new(interval: &Interval, low: &Fitted, high: &Fitted, gap: f64) -> Self {
-        let cap = |part: &LonePart, outward: f64| {
+    /// Profiles from the slopes of each part's own contour; `gap` is the interval's height, `closes` where in it solid parts close.
+    pub fn new(interval: &Interval, low: &Fitted, high: &Fitted, gap: f64, closes: f64) -> Self {
+        let cap = |part: &LonePart, outward: f64, height: f64| {
             let (fitted, sign) = match part.direction {
                 Direction::Up => (low, 1.0),
                 Direction::Down => (high, -1.0),
             };
             let mean = mean_slope(fitted, &part.seeds) * sign * outward * gap;
-            let profile = Profile::between(-mean * HALF_WAY / part.depth.max(1e-6));
-            let cap = Cap { tile: part.tile, field: part.field.clone(), depth: part.depth, height: HALF_WAY, profile };
+            let profile = Profile::between(-mean * height / part.depth.max(1e-6));
+            let cap = Cap { tile: part.tile, field: part.field.clone(), depth: part.depth, height, profile };
             (cap, part.direction)
         };
         IntervalCaps {
-            holes: interval.groups.iter().map(|g| g.holes.iter().map(|h| cap(h, -1.0)).collect()).collect(),
-            solids: interval.lone.iter().map(|p| cap(p, 1.0)).collect(),
+            holes: interval.groups.iter().map(|g| g.holes.iter().map(|h| cap(h, -1.0, HALF_WAY)).collect()).collect(),
+            solids: interval.lone.iter().map(|p| cap(p, 1.0, closes)).collect(),
         }
     }
 }

@@ -39,7 +39,7 @@ impl Displacement {
     }
 
     /// Centre of a block, pixels.
-    fn centre(&self, k: usize) -> [f64; 2] {
+    pub fn centre(&self, k: usize) -> [f64; 2] {
         [k % self.grid[0], k / self.grid[0]].map(|b| (b * BLOCK) as f64 + 0.5 * (BLOCK - 1) as f64)
     }
 
@@ -72,6 +72,11 @@ impl Displacement {
             }
         }
         u
+    }
+
+    /// The same read at the pixels of the lower and of the upper slice.
+    pub fn at_slices(&self) -> [Self; 2] {
+        [-0.5, 0.5].map(|tau| self.map(|x, _| self.through(x, tau)))
     }
 
     /// Largest component of any vector, px.

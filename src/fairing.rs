@@ -45,6 +45,8 @@ pub struct Spec<'m> {
     pub alpha: f64,
     /// Whether the user has given the slope at the first and at the last contour: it stays.
     pub clamped: [bool; 2],
+    /// For an interval with parts that are kept apart the share of the strength at each pixel: smoothing would join them.
+    pub shares: Vec<Option<Vec<f32>>>,
 }
 
 /// A layer with what fairing makes of it.
@@ -283,6 +285,7 @@ impl<'m> Fairing<'m> {
     fn move_layer(&mut self, k: usize, d: &[f32], contours: [(&[f32], &Option<Displacement>); 2], t: f64, share: f32) {
         let w = smoothstep(t) as f32;
         let (bound, alpha, dims) = (self.bound, share * self.spec.alpha as f32, self.spec.dims);
+        let shares = self.spec.shares.get(self.interval).and_then(Option::as_ref);
         let Kept { layer: Some(layer), v, gradient, .. } = &mut self.kept[k] else { return };
         layer.phi.par_iter_mut().enumerate().for_each(|(n, u)| {
             // Far from the surface nothing changes.
@@ -297,6 +300,7 @@ impl<'m> Fairing<'m> {
                     sample(d, dims, [x[0] + o[0], x[1] + o[1]])
                 }
             });
+            let alpha = alpha * shares.map_or(1.0, |s| s[n]);
             let rise = alpha * (d[n] - (1.0 - w) * low - w * high);
             *u += gradient[n] * rise * near(v[n].abs() / bound);
             if *u == 0.0 {

@@ -45,7 +45,7 @@ pub struct SliceScore {
 /// Leaves out every `leave`-th slice but for the first and last, reconstructs them from the rest, and compares.
 ///
 /// # Errors
-/// [`Error::Setting`] if `leave` is less than 2, [`Error::Stack`] if that leaves nothing out; as [`crate::reconstruct_with`].
+/// [`Error::Setting`] if `leave` is less than 2 or there are links, [`Error::Stack`] if that leaves nothing out; as [`crate::reconstruct_with`].
 pub fn hold_out(
     stack: &ContourStack,
     settings: &Settings,
@@ -57,6 +57,10 @@ pub fn hold_out(
     if leave < 2 {
         let message = format!("must be at least 2: 2 leaves out every second slice; got {leave}");
         return Err(Error::Setting { name: "leave".into(), message });
+    }
+    if !settings.links.is_empty() {
+        let message = "name parts of neighbouring slices; with slices left out these are no neighbours".to_string();
+        return Err(Error::Setting { name: "links".into(), message });
     }
     let last = stack.slices.len() - 1;
     let left_out = |k: usize| k > 0 && k < last && k % leave == leave - 1;

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Direction, PartJob, Tile};
 use crate::report::Event;
-use crate::topology::{Group, match_components};
+use crate::topology::{Decided, Group, match_components};
 
 /// An interval's groups and unmatched parts.
 #[derive(Debug, Clone)]
@@ -80,8 +80,8 @@ pub struct IntervalPlan {
 
 impl IntervalPlan {
     /// Matches the components of two neighbouring contours. Tiles have `margin` px around the parts.
-    pub fn new(low: &Contour, high: &Contour, margin: usize) -> Self {
-        let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi));
+    pub fn new(low: &Contour, high: &Contour, decided: &Decided, margin: usize) -> Self {
+        let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi), decided);
         let events = matching.events();
         let plans = matching.groups.into_par_iter().map(|group| plan_group(low, high, group, margin)).collect();
         let lone = [

@@ -32,7 +32,7 @@ pub fn estimate_bytes(stack: &ContourStack, heights: &[f64], settings: &Settings
     let swept = (at_once * most_between * padded).max(CHUNK_BYTES as f64 / 4.0).min(layers * padded);
     let moving = match (settings.motion, settings.method) {
         (Motion::None, Method::Morph) => 0.0,
-        (Motion::Field, Method::Morph) => PER_MOVING_PIXEL + PER_FRAME_PIXEL,
+        (Motion::Field | Motion::Rigid, Method::Morph) => PER_MOVING_PIXEL + PER_FRAME_PIXEL,
         (_, Method::Field) => PER_MOVING_PIXEL,
     };
     let waiting = if settings.fair > 0.0 { layers.min(WAITING_GAPS * most_between) } else { 0.0 };

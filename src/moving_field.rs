@@ -61,8 +61,7 @@ impl MovingField {
     /// What follows from fields and displacements.
     pub fn new(heights: Vec<f64>, px: f64, fields: Vec<Field>, displacements: Vec<Displacement>) -> Self {
         let gaps = even_gaps(&heights);
-        let at_slices: Vec<[Displacement; 2]> =
-            displacements.iter().map(|v| [-0.5, 0.5].map(|tau| v.map(|x, _| v.through(x, tau)))).collect();
+        let at_slices: Vec<[Displacement; 2]> = displacements.iter().map(Displacement::at_slices).collect();
         let last = heights.len() - 1;
         let gap = |i: usize| gaps[i];
         let rate = |i: usize| {

@@ -92,6 +92,8 @@ pub struct IntervalReport {
     pub groups: usize,
     /// Topology events, upward.
     pub events: Vec<Event>,
+    /// Pairs of parts that were linked or kept apart.
+    pub links: Vec<LinkReport>,
     /// Tracker particles, both directions.
     pub particles: Particles,
     /// Time steps of the morphs, both directions and all groups.
@@ -102,6 +104,31 @@ pub struct IntervalReport {
     pub sweep_steps: usize,
     /// Band pixels updated by those steps.
     pub sweep_pixels: usize,
+}
+
+/// A pair of parts about which something was known before.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LinkReport {
+    /// Component number below.
+    pub from: u32,
+    /// Component number above.
+    pub to: u32,
+    /// Joined, or kept apart.
+    pub join: bool,
+    /// Who says so.
+    pub by: LinkedBy,
+    /// Share of a part's pixels that lie in the other one in the frame in which the slices are compared, of the part that has more of them.
+    pub meet: f64,
+}
+
+/// Where a link comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LinkedBy {
+    /// The user's links.
+    File,
+    /// `link` auto.
+    Auto,
 }
 
 /// Tracker particles of an interval.

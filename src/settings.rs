@@ -10,6 +10,7 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::links::Link;
 
 /// How a mask's staircase becomes a smooth contour. No rule flips a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -67,8 +68,20 @@ pub enum Method {
 pub enum Motion {
     /// A smooth field of displacements.
     Field,
+    /// Rigid frames of single parts: an isolated part is shifted and turned from slice to slice, where that is worthwhile.
+    Rigid,
     /// Slices stay where they are.
     None,
+}
+
+/// Whether parts of neighbouring slices that miss each other are taken for one and the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Linking {
+    /// Never, but for those that a links file names.
+    Off,
+    /// Where each is the other's nearest and they are alike: area ratio 0.5 to 2, overlap once their centroids lie on each other above 0.6.
+    Auto,
 }
 
 /// What happens beyond the first or last contour.
@@ -145,6 +158,19 @@ pub struct Settings {
     #[arg(long, value_enum, default_value_t = Settings::default().motion)]
     pub motion: Motion,
 
+    /// Whether parts that miss each other are taken for the same
+    #[arg(long, value_enum, default_value_t = Settings::default().link)]
+    pub link: Linking,
+
+    /// How far apart such parts may be, centroid from centroid, in radii of a circle of the larger one's area, (0, 20]
+    #[arg(long, value_name = "RADII", default_value_t = Settings::default().link_reach)]
+    pub link_reach: f64,
+
+    /// What a person says about pairs of parts; on the command line from a file
+    #[arg(skip)]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub links: Vec<Link>,
+
     /// How a mask's staircase becomes a smooth contour
     #[arg(long, value_enum, default_value_t = Settings::default().anti_alias)]
     pub anti_alias: AntiAlias,
@@ -211,6 +237,9 @@ impl Default for Settings {
         Settings {
             method: Method::Morph,
             motion: Motion::Field,
+            link: Linking::Off,
+            link_reach: 4.0,
+            links: Vec::new(),
             fair: 1.0,
             anti_alias: AntiAlias::Kernel,
             sigma: 1.0,
@@ -253,6 +282,7 @@ impl Settings {
         within("sigma", self.sigma, 0.0, 5.0, true)?;
         within("cap_gaps", self.cap_gaps, 0.0, 10.0, true)?;
         within("fair", self.fair, 0.0, 1.5, false)?;
+        within("link_reach", self.link_reach, 0.0, 20.0, true)?;
         within("cfl", self.cfl, 0.05, 0.9, false)?;
         within("half_width", self.half_width, 4.0, 12.0, false)?;
         within("cut_off", self.cut_off, 1.0, self.half_width - 1.0, false)?;
@@ -261,6 +291,17 @@ impl Settings {
         if self.method == Method::Field && (self.clamp_bottom.is_some() || self.clamp_top.is_some()) {
             let message = "need `method` morph: the field method takes its slopes from the slices".to_string();
             return Err(Error::Setting { name: "clamp_bottom and clamp_top".into(), message });
+        }
+        let joins = self.links.iter().any(|l| l.join);
+        if self.motion == Motion::None && (joins || self.link == Linking::Auto) {
+            let name = if joins { "links" } else { "link" };
+            let message =
+                "needs `motion` field or rigid: parts that miss each other meet in a moving frame only".into();
+            return Err(Error::Setting { name: name.into(), message });
+        }
+        if self.method == Method::Field && self.links.iter().any(|l| !l.join) {
+            let message = "with `join` false need `method` morph: the field method joins whatever overlaps".into();
+            return Err(Error::Setting { name: "links".into(), message });
         }
         for (name, slope) in [("clamp_bottom", self.clamp_bottom), ("clamp_top", self.clamp_top)] {
             if let Some(m) = slope

@@ -29,8 +29,29 @@ pub struct Matching {
     pub births: Vec<u32>,
 }
 
+/// What is known of pairs of components beforehand.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Decided {
+    /// Pairs that belong together, whether they overlap or not.
+    pub joined: Vec<(u32, u32)>,
+    /// Pairs that do not, though they overlap. Others may still bring them into one group.
+    pub parted: Vec<(u32, u32)>,
+}
+
+impl Decided {
+    /// Only pairs that belong together.
+    pub fn joining(pairs: &[(u32, u32)]) -> Self {
+        Decided { joined: pairs.to_vec(), parted: Vec::new() }
+    }
+
+    /// Only pairs that do not.
+    pub fn parting(pairs: Vec<(u32, u32)>) -> Self {
+        Decided { joined: Vec::new(), parted: pairs }
+    }
+}
+
 /// Builds the overlap graph of two labelled contours on the same pixels.
-pub fn match_components(low: (&Components, &Field), high: (&Components, &Field)) -> Matching {
+pub fn match_components(low: (&Components, &Field), high: (&Components, &Field), decided: &Decided) -> Matching {
     // Deepest pixel of each overlapping pair; the first in row order where several are equally deep.
     let mut pairs: BTreeMap<(u32, u32), (f64, usize)> = BTreeMap::new();
     for (node, (&a, &b)) in low.0.labels.iter().zip(&high.0.labels).enumerate() {
@@ -42,6 +63,7 @@ pub fn match_components(low: (&Components, &Field), high: (&Components, &Field))
             }
         }
     }
+    pairs.retain(|pair, _| !decided.parted.contains(pair));
     // Union-find over components below (1..) and above (after them).
     let mut parent: Vec<usize> = (0..low.0.count + high.0.count + 1).collect();
     fn root(parent: &mut [usize], mut k: usize) -> usize {
@@ -51,7 +73,7 @@ pub fn match_components(low: (&Components, &Field), high: (&Components, &Field))
         }
         k
     }
-    for &(a, b) in pairs.keys() {
+    for &(a, b) in pairs.keys().chain(&decided.joined) {
         let (ra, rb) = (root(&mut parent, a as usize), root(&mut parent, low.0.count + b as usize));
         parent[ra.max(rb)] = ra.min(rb);
     }

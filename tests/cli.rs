@@ -114,6 +114,53 @@ fn inspect_reads_like_a_summary() {
 }
 
 #[test]
+fn inspect_proposes_links_that_reconstruct_takes() {
+    let place = folder();
+    sound_stack(place.path());
+    let circle = |file: &str, centre: f64| {
+        let image = image::GrayImage::from_fn(64, 64, |x, y| {
+            image::Luma([if (f64::from(x) - centre).hypot(f64::from(y) - 32.0) < 8.0 { 255 } else { 0 }])
+        });
+        image.save(place.path().join(file)).expect("a PNG can be written");
+    };
+    [("s0.png", 14.0), ("s1.png", 44.0), ("s2.png", 46.0)].into_iter().for_each(|(file, x)| circle(file, x));
+    let input = place.path().display().to_string();
+    let inspect = |more: &[&str]| {
+        let result = interslice(&[&["inspect", &input], more].concat());
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        String::from_utf8_lossy(&result.stdout).into_owned()
+    };
+    let text = inspect(&[]);
+    let says = "3.8 radii apart, area x 1.00, overlap 1.00 when shifted; enough for `--link auto`";
+    let line = text.lines().find(|l| l.contains(says)).expect("the pair is proposed");
+    let entry = &line[line.find('{').expect("an entry")..=line.find('}').expect("its end")];
+    assert_eq!(text.matches("perhaps").count(), 1, "the others overlap:\n{text}");
+    let links = place.path().join("links.json").display().to_string();
+    fs::write(&links, format!("{{\"links\": [{entry}]}}")).expect("a file can be written");
+    assert!(inspect(&["--links", &links]).contains("    linked: 1-1"));
+    assert!(!inspect(&["--links", &links]).contains("no partner"));
+    let report = place.path().join("r.json").display().to_string();
+    let mut told = Vec::new();
+    for options in [&["--links", &links][..], &["--link", "auto"], &[]] {
+        let result = interslice(&[&["reconstruct", &input, "--report", &report], options].concat());
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        let report: Value = serde_json::from_slice(&fs::read(&report).expect("it was written")).expect("it is JSON");
+        told.push(report["intervals"][0]["links"].clone());
+        assert_eq!(report["intervals"][1]["links"], serde_json::json!([]));
+    }
+    let link = |by: &str| serde_json::json!([{"from": 1, "to": 1, "join": true, "by": by, "meet": 1.0}]);
+    assert_eq!(told, [link("file"), link("auto"), serde_json::json!([])]);
+    // A settings file may name the links too.
+    let settings = place.path().join("settings.toml");
+    fs::write(&settings, format!("links = {links:?}\nlink_reach = 5.0")).expect("a file can be written");
+    let result =
+        interslice(&["reconstruct", &input, "--report", &report, "--settings", &settings.display().to_string()]);
+    assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+    let report: Value = serde_json::from_slice(&fs::read(&report).expect("it was written")).expect("it is JSON");
+    assert_eq!(report["intervals"][0]["links"], link("file"));
+}
+
+#[test]
 fn demos_can_be_reconstructed_again_from_what_they_wrote() {
     let place = folder();
     let out = place.path().display().to_string();

@@ -193,6 +193,43 @@ fn settings_files_are_checked() {
 }
 
 #[test]
+fn links_files_are_checked() {
+    let input = folder();
+    sound_stack(input.path());
+    disc(&input.path().join("s2.png"), 32, 0.0);
+    let file = input.path().join("links.json");
+    let name = file.display().to_string();
+    let with = |entries: &str, options: &[&str], says: &[&str]| {
+        fs::write(&file, format!("{{\"links\": [{entries}]}}")).expect("a file can be written");
+        refused(input.path(), &[&["--links", &name], options].concat(), says);
+    };
+    let sound = r#"{"slice": 0, "from": 1, "to": 1}"#;
+    let other = r#"{"slice": 0, "from": 1, "to": 1, "join": false}"#;
+    with(r#"{"slice": 2, "from": 1, "to": 1}"#, &[], &["links.json: link 1: `slice` must lie in [0, 1]", "got 2"]);
+    with(
+        r#"{"slice": 0, "from": 3, "to": 1}"#,
+        &[],
+        &["`from` must lie in [1, 1], the parts of slice 0 (`s0.png`); got 3"],
+    );
+    let second = format!("{sound},{}", r#"{"slice": 0, "from": 1, "to": 0}"#);
+    with(&second, &[], &["link 2: `to` must lie in [1, 1], the parts of slice 1 (`s1.png`); got 0"]);
+    with(r#"{"slice": 1, "from": 1, "to": 1}"#, &[], &["`to` is 1, but slice 2 (`s2.png`) is empty"]);
+    with(&format!("{sound},{sound}"), &[], &["link 2: the pair of parts 1 and 1 above slice 0 is there already"]);
+    with(&format!("{sound},{other}"), &[], &["link 2", "is joined and kept apart"]);
+    with(r#"{"slice": 0, "from": -1, "to": 1}"#, &[], &["links.json", "-1", "line 1"]);
+    with(r#"{"slice": 0, "from": 1}"#, &[], &["links.json", "missing field `to`"]);
+    with(r#"{"slice": 0, "from": 1, "to": 1, "colour": 3}"#, &[], &["links.json", "unknown field `colour`"]);
+    with(sound, &["--motion", "none"], &["`links` needs `motion` field or rigid"]);
+    with(other, &["--method", "field"], &["`links` with `join` false need `method` morph"]);
+    fs::write(&file, "[1, 2").expect("a file can be written");
+    refused(input.path(), &["--links", &name], &["links.json", "line 1"]);
+    refused(input.path(), &["--links", "no/such.json"], &["no/such.json", "cannot read"]);
+    refused(input.path(), &["--link", "perhaps"], &["perhaps", "off, auto"]);
+    refused(input.path(), &["--link-reach", "21"], &["`link_reach` must lie in (0, 20]; got 21"]);
+    refused(input.path(), &["--link", "auto", "--motion", "none"], &["`link` needs `motion` field or rigid"]);
+}
+
+#[test]
 fn broken_nrrd_files() {
     let place = folder();
     let path = place.path().join("labels.nrrd");

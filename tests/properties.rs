@@ -4,7 +4,7 @@ mod shapes;
 mod support;
 
 use interslice::progress::Silent;
-use interslice::settings::{EndRule, Method, Motion, SlopeRule};
+use interslice::settings::{EndRule, Linking, Method, Motion, SlopeRule};
 use interslice::stack::{ContourStack, SliceContent};
 use interslice::surface::mesh::closed_surface;
 use interslice::{Reconstruction, Reference, Settings, reconstruct_with};
@@ -44,7 +44,12 @@ proptest! {
         rule in prop_oneof![Just(SlopeRule::Hyman), Just(SlopeRule::Natural), Just(SlopeRule::Linear)],
         end in prop_oneof![Just(EndRule::Flat), Just(EndRule::HalfSlice), Just(EndRule::Extrapolate)],
         method in prop_oneof![Just(Method::Morph), Just(Method::Field)],
-        (motion, fair) in prop_oneof![Just((Motion::None, 0.0)), Just((Motion::Field, 1.0))],
+        (motion, fair, link) in prop_oneof![
+            Just((Motion::None, 0.0, Linking::Off)),
+            Just((Motion::Field, 1.0, Linking::Off)),
+            Just((Motion::Field, 1.0, Linking::Auto)),
+            Just((Motion::Rigid, 1.0, Linking::Auto)),
+        ],
     ) {
         let z: Vec<f64> = (0..slices.len()).map(|k| gaps[..k].iter().sum()).collect();
         let shapes: Vec<Shape> = slices.iter().map(|s| shape(s)).collect();
@@ -52,7 +57,7 @@ proptest! {
         prop_assume!(stack.slices.iter().any(|s| !s.content.is_empty()));
         let top = z[z.len() - 1];
         let heights: Vec<f64> = (-3..=13).map(|k| top * f64::from(k) / 10.0).collect();
-        let settings = Settings { slope: rule, end_top: end, method, motion, fair, ..Settings::default() };
+        let settings = Settings { slope: rule, end_top: end, method, motion, fair, link, ..Settings::default() };
         let body = run(&stack, &heights, &settings);
         for layer in &body.layers {
             prop_assert!(layer.phi.iter().all(|v| v.is_finite() && *v != 0.0));
@@ -66,9 +71,7 @@ proptest! {
         prop_assert_eq!(edge_defects(&merged(&mesh)), 0);
         prop_assert!(mesh.volume() > 0.0);
 
-        let mut turned = stack.clone();
-        turned.slices.reverse();
-        turned.slices.iter_mut().for_each(|s| s.z = top - s.z);
+        let turned = upside_down(&stack, top);
         let turned_heights: Vec<f64> = heights.iter().rev().map(|z| top - z).collect();
         let back = run(&turned, &turned_heights, &Settings { end_top: EndRule::Flat, end_bottom: end, ..settings });
         prop_assert_eq!(body.layers.len(), back.layers.len());

@@ -7,13 +7,13 @@ mod support;
 use interslice::components::label4;
 use interslice::progress::Silent;
 use interslice::report::Event;
-use interslice::settings::{EndRule, Method, Motion, SlopeRule};
+use interslice::settings::{EndRule, Linking, Method, Motion, SlopeRule};
 use interslice::stack::{ContourStack, SliceContent};
 use interslice::surface::mesh::closed_surface;
 use interslice::{Reconstruction, Reference, Settings, reconstruct_with};
 use shapes::zoo::{N, zoo};
 use shapes::*;
-use support::{edge_defects, merged};
+use support::{connected, edge_defects, merged};
 
 /// |phi| of a stack and of the same stack upside down differ by rounding of heights to times and of f64 to f32 only.
 const REVERSAL_TOLERANCE: f32 = 2e-3;
@@ -36,6 +36,17 @@ fn ways() -> Vec<(&'static str, Settings)> {
             "field, moving, faired",
             Settings { method: Method::Field, motion: Motion::Field, fair: 1.25, ..Settings::default() },
         ),
+        ("morph, linked", Settings { link: Linking::Auto, link_reach: 20.0, ..Settings::default() }),
+        (
+            "field, rigid, linked",
+            Settings {
+                method: Method::Field,
+                motion: Motion::Rigid,
+                link: Linking::Auto,
+                link_reach: 20.0,
+                ..Settings::default()
+            },
+        ),
     ]
 }
 
@@ -52,13 +63,6 @@ fn heights_of(count: usize) -> Vec<f64> {
 
 fn run(stack: &ContourStack, heights: &[f64], settings: &Settings) -> Reconstruction {
     reconstruct_with(stack, heights, settings, &Reference, &Silent).expect("the stack is valid")
-}
-
-fn upside_down(stack: &ContourStack, top: f64) -> ContourStack {
-    let mut turned = stack.clone();
-    turned.slices.reverse();
-    turned.slices.iter_mut().for_each(|s| s.z = top - s.z);
-    turned
 }
 
 fn knots(count: usize) -> Vec<f64> {
@@ -109,27 +113,6 @@ fn upside_down_gives_the_same_upside_down() {
             assert!(worst <= tolerance, "{way}, {name}: |phi| differs by {worst} at z = {}", a.z);
         }
     }
-}
-
-/// Parts of a volume joined through faces: whether the pixels `from` on layer `a` and `to` on layer `b` belong to one.
-fn connected(layers: &[&[f32]], dims: [usize; 2], from: (usize, usize), to: (usize, usize)) -> bool {
-    let n = dims[0] * dims[1];
-    let inside = |k: usize| layers[k / n][k % n] < 0.0;
-    let mut seen = vec![false; n * layers.len()];
-    let mut open = vec![from.0 * n + from.1];
-    while let Some(k) = open.pop() {
-        if !inside(k) || std::mem::replace(&mut seen[k], true) {
-            continue;
-        }
-        let (i, j) = (k % n % dims[0], k % n / dims[0]);
-        open.extend((i > 0).then(|| k - 1));
-        open.extend((i + 1 < dims[0]).then_some(k + 1));
-        open.extend((j > 0).then(|| k - dims[0]));
-        open.extend((j + 1 < dims[1]).then_some(k + dims[0]));
-        open.extend((k >= n).then(|| k - n));
-        open.extend((k + n < seen.len()).then_some(k + n));
-    }
-    seen[to.0 * n + to.1]
 }
 
 #[test]

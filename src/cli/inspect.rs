@@ -3,8 +3,11 @@
 use std::path::PathBuf;
 
 use interslice::components::{Components, label4, label8};
+use interslice::links::Link;
 use interslice::stack::{self, ReadOptions, Slice};
 use interslice::{ContourStack, Result, Settings, height_grid, memory};
+
+use super::links::{LinkOptions, between};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -13,11 +16,15 @@ pub struct Arguments {
 
     #[command(flatten)]
     read: ReadOptions,
+
+    #[command(flatten)]
+    links: LinkOptions,
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     let stack = stack::read(&arguments.input, &arguments.read)?;
-    print!("{}", describe(&stack)?);
+    let links = arguments.links.read(&stack)?;
+    print!("{}", describe(&stack, &links)?);
     Ok(())
 }
 
@@ -27,7 +34,7 @@ fn short(v: f64) -> f64 {
 }
 
 /// What a colleague would say about the stack.
-fn describe(stack: &ContourStack) -> Result<String> {
+fn describe(stack: &ContourStack, links: &[Link]) -> Result<String> {
     let unit = &stack.unit;
     let mut lines = Vec::new();
     let (first, last) = (&stack.slices[0], &stack.slices[stack.slices.len() - 1]);
@@ -67,8 +74,8 @@ fn describe(stack: &ContourStack) -> Result<String> {
     let seen: Vec<Seen> = stack.slices.iter().map(|s| Seen::of(s, stack.dims)).collect();
     for (k, slice) in stack.slices.iter().enumerate() {
         lines.push(seen[k].line(k, slice, stack.dims));
-        if let Some(next) = seen_next(&seen, k, &stack.slices) {
-            lines.extend(next);
+        if let Some(next) = seen.get(k + 1) {
+            lines.extend(between(stack, k, &seen[k].solids, &next.solids, links));
         }
     }
     lines.push(String::new());
@@ -125,39 +132,4 @@ impl Seen {
 
 fn counted(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
-}
-
-/// What overlaps what between slice `k` and the next, where it is more than one part on one part.
-fn seen_next(seen: &[Seen], k: usize, slices: &[Slice]) -> Option<Vec<String>> {
-    let (low, high) = (seen.get(k)?, seen.get(k + 1)?);
-    let mut pairs: Vec<(u32, u32)> = low
-        .solids
-        .labels
-        .iter()
-        .zip(&high.solids.labels)
-        .filter(|(a, b)| **a > 0 && **b > 0)
-        .map(|(a, b)| (*a, *b))
-        .collect();
-    pairs.sort_unstable();
-    pairs.dedup();
-    if low.solids.count == 1 && high.solids.count == 1 && pairs.len() == 1 {
-        return None;
-    }
-    let mut lines = Vec::new();
-    if !pairs.is_empty() {
-        let text: Vec<String> = pairs.iter().map(|(a, b)| format!("{a}-{b}")).collect();
-        lines.push(format!("    parts that overlap: {}", text.join(" ")));
-    }
-    let alone = |count: usize, has: &dyn Fn(u32) -> bool| -> Vec<String> {
-        (1..=count as u32).filter(|p| !has(*p)).map(|p| p.to_string()).collect()
-    };
-    for (parts, place, name) in [
-        (alone(low.solids.count, &|p| pairs.iter().any(|(a, _)| *a == p)), "above", &slices[k].name),
-        (alone(high.solids.count, &|p| pairs.iter().any(|(_, b)| *b == p)), "below", &slices[k + 1].name),
-    ] {
-        if !parts.is_empty() {
-            lines.push(format!("    no partner {place}, closes half way: {} of `{name}`", parts.join(" ")));
-        }
-    }
-    Some(lines)
 }

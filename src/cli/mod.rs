@@ -6,6 +6,7 @@ mod demo;
 mod devices;
 mod evaluate;
 mod inspect;
+mod links;
 mod outputs;
 mod reconstruct;
 

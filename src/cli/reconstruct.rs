@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::bar::Bars;
 use super::config::File;
 use super::devices::{DeviceOptions, choose, tell_profile};
+use super::links::LinkOptions;
 use super::outputs::{OutputOptions, Outputs, measured_surface};
 
 #[derive(Debug, clap::Args)]
@@ -35,6 +36,9 @@ pub struct Arguments {
 
     #[command(flatten)]
     read: ReadOptions,
+
+    #[command(flatten)]
+    links: LinkOptions,
 
     #[command(flatten)]
     settings: Settings,
@@ -89,6 +93,7 @@ pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
         let mut file = File::read(path)?;
         arguments.settings = file.overlay(arguments.settings, matches)?;
         arguments.read = file.overlay(arguments.read, matches)?;
+        arguments.links = file.overlay(arguments.links, matches)?;
         arguments.made = file.overlay(arguments.made, matches)?;
         arguments.device = file.overlay(arguments.device, matches)?;
         file.finish()?;
@@ -109,6 +114,8 @@ pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
         _ => Telling::Normal,
     };
     let stack = stack::read(&arguments.input, &arguments.read)?;
+    arguments.settings.links = arguments.links.read(&stack)?;
+    arguments.settings.validate()?;
     let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref())?;
     let options = OutputOptions { mask: arguments.made.mask, contours: arguments.made.contours };
     let job = Job { stack: &stack, settings: &arguments.settings, dz: arguments.made.dz, device: &arguments.device };

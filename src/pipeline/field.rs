@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::links::IntervalLinks;
 use super::{Run, Sink, time};
 use crate::contours::Contour;
 use crate::ends::End;
@@ -13,7 +14,7 @@ use crate::jobs::{Direction, Tile};
 use crate::matching::lone_solids;
 use crate::moving_field::{LEAST_DEPTH, LoneParts, MovingField};
 use crate::report::IntervalReport;
-use crate::topology::match_components;
+use crate::topology::{Decided, match_components};
 
 /// What the stages before the layers have made.
 struct Made {
@@ -29,6 +30,7 @@ impl Run<'_> {
     pub(super) fn field(&mut self, contours: Vec<Contour>, heights: &[f64], sink: &mut Sink<'_>) -> Result<[f64; 2]> {
         self.tell_events(&contours);
         let moving = self.moving(&contours)?;
+        self.see_links(&contours, Some(&moving));
         let slopes = self.stage("slopes", contours.len(), |run| run.backend.moving_slopes(&moving, run.progress))?;
         let last = contours.len() - 1;
         let fitted = [0, last].map(|i| Fitted::of_field(&contours[i], &slopes[i]));
@@ -38,14 +40,17 @@ impl Run<'_> {
         let lone = self.lone_parts(&contours, &moving)?;
         let made = Made { contours, moving, slopes, lone, ends };
         self.stage("layers", heights.all.len(), |run| {
-            run.faired(Some(&made.moving), &heights, sink, |run, sink| run.layers(&made, &heights, sink))
+            run.faired(&made.contours, Some(&made.moving), &heights, sink, |run, sink| {
+                run.layers(&made, &heights, sink)
+            })
         })?;
         Ok(extent)
     }
 
     fn tell_events(&mut self, contours: &[Contour]) {
-        let of = |pair: &[Contour]| {
-            let matching = match_components((&pair[0].solids, &pair[0].phi), (&pair[1].solids, &pair[1].phi));
+        let of = |(pair, links): (&[Contour], &IntervalLinks)| {
+            let linked = Decided::joining(&links.joined());
+            let matching = match_components((&pair[0].solids, &pair[0].phi), (&pair[1].solids, &pair[1].phi), &linked);
             IntervalReport {
                 z_low: pair[0].z,
                 z_high: pair[1].z,
@@ -54,7 +59,7 @@ impl Run<'_> {
                 ..IntervalReport::default()
             }
         };
-        self.report.intervals = contours.par_windows(2).map(of).collect();
+        self.report.intervals = contours.par_windows(2).zip(&self.links).map(of).collect();
     }
 
     /// Parts that meet nothing in the other slice along their trajectories.

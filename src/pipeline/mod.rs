@@ -6,22 +6,25 @@
 //! ```
 
 mod field;
+mod links;
 mod morph;
 
 use std::time::Instant;
 
 use rayon::prelude::*;
 
+use self::links::IntervalLinks;
 use crate::backend::{Backend, ContourOptions, PaddedSlice};
 use crate::compose::{Canvas, differing_pixels};
 use crate::contours::Contour;
 use crate::displacement::Displacement;
 use crate::ends::{End, EndSpec, end};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fairing::{self, Fairing};
 use crate::fit::Fitted;
 use crate::heights::{Height, Heights, check};
 use crate::jobs::Direction;
+use crate::links as user_links;
 use crate::moving_field::{self, MovingField, STEPS, even_gaps, filled_fields};
 use crate::progress::Progress;
 use crate::report::{ContourReport, Report, StageReport};
@@ -48,6 +51,8 @@ struct Run<'a> {
     pad: usize,
     /// Margin of tiles.
     margin: usize,
+    /// Links of every interval.
+    links: Vec<IntervalLinks>,
     report: Report,
 }
 
@@ -70,6 +75,7 @@ pub fn run(
     stack.validate()?;
     settings.validate()?;
     check(stack, heights, settings)?;
+    user_links::check(stack, &settings.links).map_err(|message| Error::Setting { name: "links".into(), message })?;
     let px = stack.spacing[0].max(stack.spacing[1]);
     let overshoots = matches!(settings.slope, SlopeRule::Natural | SlopeRule::Catmull);
     let margin = settings.margin() + if overshoots { OVERSHOOT } else { 0 };
@@ -82,6 +88,7 @@ pub fn run(
         px,
         pad: settings.margin() + OVERSHOOT,
         margin,
+        links: Vec::new(),
         report: Report {
             version: env!("CARGO_PKG_VERSION").into(),
             settings: settings.clone(),
@@ -93,6 +100,7 @@ pub fn run(
         },
     };
     let contours = run.stage("distance", stack.slices.len(), Run::distance)?;
+    run.find_links(&contours)?;
     let mut differing = vec![0; stack.slices.len()];
     let mut certified = |layer: Layer| {
         if let Some(i) = layer.contour {
@@ -105,6 +113,8 @@ pub fn run(
         Method::Field => run.field(contours, heights, &mut certified)?,
     };
     run.report.contours.iter_mut().zip(differing).for_each(|(c, n)| c.differing_pixels = n);
+    let links = std::mem::take(&mut run.links);
+    run.report.intervals.iter_mut().zip(links).for_each(|(interval, l)| interval.links = l.told);
     let done_by = backend.name();
     if done_by != run.report.backend {
         run.report.warnings.push(format!("the backend has changed on the way: {done_by}"));
@@ -163,10 +173,13 @@ impl Run<'_> {
             let fields = filled_fields(contours);
             let z: Vec<f64> = contours.iter().map(|c| c.z).collect();
             let gaps = even_gaps(&z);
-            let still = vec![Displacement::zero(fields[0].dims); gaps.len()];
             let displacements = match run.settings.motion {
-                Motion::Field => run.backend.displacements(&fields, &gaps, &still, run.h, run.progress)?,
-                Motion::None => still,
+                Motion::Field => {
+                    let guess = run.frames(contours);
+                    run.backend.displacements(&fields, &gaps, &guess, run.h, run.progress)?
+                }
+                Motion::Rigid => run.frames(contours),
+                Motion::None => vec![Displacement::zero(fields[0].dims); gaps.len()],
             };
             Ok(MovingField::new(z, run.px, fields, displacements))
         })
@@ -175,6 +188,7 @@ impl Run<'_> {
     /// Runs `make`, whose layers reach `sink` faired if that is wanted.
     fn faired(
         &mut self,
+        contours: &[Contour],
         moving: Option<&MovingField>,
         heights: &Heights,
         sink: &mut Sink<'_>,
@@ -193,6 +207,7 @@ impl Run<'_> {
             dz: steps.get(steps.len() / 2).copied().unwrap_or(0.0),
             alpha: self.settings.fair,
             clamped: [self.settings.clamp_bottom, self.settings.clamp_top].map(|m| m.is_some()),
+            shares: self.fairing_shares(contours),
         });
         make(self, &mut |layer| fairing.push(layer, sink))?;
         fairing.finish(sink)

@@ -5,9 +5,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::links::in_frame;
 use super::{CHUNK_BYTES, Run, Sink, time};
 use crate::backend::MorphOptions;
-use crate::compose::{Canvas, IntervalCaps, mend, unite_cap};
+use crate::compose::{Canvas, HALF_WAY, IntervalCaps, mend, unite_cap};
 use crate::contours::Contour;
 use crate::ends::End;
 use crate::error::{Error, Result};
@@ -21,9 +22,13 @@ use crate::moving_field::{LoneParts, MovingField};
 use crate::report::IntervalReport;
 use crate::settings::Motion;
 use crate::surface::Layer;
+use crate::topology::Decided;
 use crate::tracks::{Side, Sides, sides, trace_job};
 use crate::trust::Trust;
 use crate::warp::Warp;
+
+/// Parts that are kept apart close at this share of the way to the layer nearest half way.
+const EARLY: f64 = 0.8;
 
 /// The two contours of an interval in its frame.
 type Seen<'c> = [Cow<'c, Contour>; 2];
@@ -40,6 +45,8 @@ struct Made<'c> {
     contours: &'c [Contour],
     beside: Option<Beside<'c>>,
     seen: Vec<Seen<'c>>,
+    /// Pairs that are kept apart, as the mid frame numbers them.
+    parted: Vec<Vec<(u32, u32)>>,
     intervals: Vec<Interval>,
     sides: Vec<Sides>,
     fitted: Vec<Fitted>,
@@ -50,9 +57,16 @@ impl Made<'_> {
     /// How far the morphs of interval `i` can be trusted, in its frame.
     fn trust(&self, moving: &MovingField, i: usize) -> Trust {
         let ends = [self.sides[i].up.as_ref(), self.sides[i + 1].down.as_ref()];
-        let particles = self.seen[i].iter().zip(ends).flat_map(|(contour, side)| {
+        // The field joins whatever overlaps: of parts that are kept apart the morph knows more.
+        let apart = [0, 1].map(|end| {
+            let mut parts = vec![false; self.seen[i][end].solids.count + 1];
+            self.parted[i].iter().for_each(|pair| parts[[pair.0, pair.1][end] as usize] = true);
+            parts
+        });
+        let particles = self.seen[i].iter().zip(ends).zip(&apart).flat_map(|((contour, side), apart)| {
             let tracks = side.map_or(&[][..], |s| &s.tracks);
-            contour.seeds.iter().zip(tracks).map(|(seed, track)| (seed.x, track.arrived))
+            let known = |inside: usize| apart[contour.solids.labels[inside] as usize];
+            contour.seeds.iter().zip(tracks).map(move |(seed, track)| (seed.x, track.arrived || known(seed.inside)))
         });
         Trust::new(moving, i, particles)
     }
@@ -63,14 +77,20 @@ impl Run<'_> {
     pub(super) fn morph(&mut self, contours: Vec<Contour>, heights: &[f64], sink: &mut Sink<'_>) -> Result<[f64; 2]> {
         let count = contours.len() - 1;
         let moving = match self.settings.motion {
-            Motion::Field => Some(self.moving(&contours)?),
+            Motion::Field | Motion::Rigid => Some(self.moving(&contours)?),
             Motion::None => None,
         };
+        self.see_links(&contours, moving.as_ref());
         let frame = |i: usize| moving.as_ref().map_or(Frame::default(), |m| Frame::middle_of(m, i));
         let frames: Vec<Frame> = (0..count).map(frame).collect();
         let seen: Vec<Seen<'_>> =
             (0..count).into_par_iter().map(|i| frames[i].contours(&contours[i], &contours[i + 1])).collect();
-        let intervals = self.stage("match", count, |run| run.matching(&seen))?;
+        let of_interval = |i: usize| {
+            let own = [&contours[i], &contours[i + 1]];
+            in_frame(&self.links[i].parted(), own, seen[i].each_ref().map(|c| c.as_ref()), &frames[i])
+        };
+        let parted: Vec<Vec<(u32, u32)>> = (0..count).map(of_interval).collect();
+        let intervals = self.stage("match", count, |run| run.matching(&seen, &parted))?;
         let jobs = intervals.iter().map(|i| 2 * i.groups.len()).sum();
         let traced = self.stage("trace", jobs, |run| run.trace(&seen, &intervals))?;
         let sides = sides(&contours, &intervals, &frames, &traced);
@@ -93,17 +113,19 @@ impl Run<'_> {
                 Ok(Beside { moving, slopes, lone: run.lone_parts(&contours, moving)? })
             })?),
         };
-        let made = Made { contours: &contours, beside, seen, intervals, sides, fitted, ends };
+        let made = Made { contours: &contours, beside, seen, parted, intervals, sides, fitted, ends };
         self.stage("propagate", jobs, |run| {
-            run.faired(moving.as_ref(), &heights, sink, |run, sink| run.propagate(&made, &heights, sink))
+            run.faired(&contours, moving.as_ref(), &heights, sink, |run, sink| run.propagate(&made, &heights, sink))
         })?;
         Ok(extent)
     }
 
-    fn matching(&mut self, seen: &[Seen<'_>]) -> Result<Vec<Interval>> {
+    fn matching(&mut self, seen: &[Seen<'_>], parted: &[Vec<(u32, u32)>]) -> Result<Vec<Interval>> {
         let margin = self.margin;
-        let mut plans: Vec<IntervalPlan> =
-            seen.par_iter().map(|[low, high]| IntervalPlan::new(low, high, margin)).collect();
+        let plan = |([low, high], parted): (&Seen<'_>, &Vec<(u32, u32)>)| {
+            IntervalPlan::new(low, high, &Decided::parting(parted.clone()), margin)
+        };
+        let mut plans: Vec<IntervalPlan> = seen.par_iter().zip(parted).map(plan).collect();
         let jobs: Vec<PartJob> = plans.iter_mut().flat_map(IntervalPlan::take_jobs).collect();
         let mut fields = self.backend.part_fields(&jobs, self.h)?.into_iter();
         let intervals: Vec<Interval> = plans.into_iter().map(|plan| plan.finish(&mut fields)).collect();
@@ -162,7 +184,8 @@ impl Run<'_> {
                 .clone()
                 .map(|i| {
                     let gap = contours[i + 1].z - contours[i].z;
-                    IntervalCaps::new(&intervals[i], &fitted[i], &fitted[i + 1], gap)
+                    let closes = if made.parted[i].is_empty() { HALF_WAY } else { self.middle_layer(heights, i) };
+                    IntervalCaps::new(&intervals[i], &fitted[i], &fitted[i + 1], gap, closes)
                 })
                 .collect();
             let mut filled = self.sweep_chunk(chunk.clone(), made, &caps, heights)?.into_iter();
@@ -196,6 +219,13 @@ impl Run<'_> {
             sink(self.layer(height, ends[1].layer(height.z, &contours[last], self.canvas())))?;
         }
         Ok(())
+    }
+
+    /// Where in interval `i` parts that are kept apart close: well before the layer nearest half way, so that neither reaches it.
+    fn middle_layer(&self, heights: &Heights, i: usize) -> f64 {
+        let (low, high) = (self.stack.slices[i].z, self.stack.slices[i + 1].z);
+        let times = heights.between(i).iter().map(|x| time(x.z, low, high));
+        EARLY * times.map(|t| t.min(1.0 - t)).reduce(f64::max).unwrap_or(HALF_WAY)
     }
 
     fn sweep_chunk(

@@ -2,7 +2,7 @@
 //!
 //! With `a = clip(A)(x - v/2)`, `b = clip(B)(x + v/2)`, `r = a - b` and `J = grad(a + b) / 2` a better v solves `S v = S v_old + d`, where
 //! `S = <J J'> - <J><J>'` and `d = <J r> - <J><r>` are Gaussian-window means with the means of growth taken out. Neighbouring intervals
-//! take part as rates; a ridge on the difference to a guess says: no evidence, no motion but the guess.
+//! take part as rates; a ridge says: no evidence, no motion. Where there is a guess all of this holds for the difference to it.
 
 use rayon::prelude::*;
 
@@ -18,7 +18,7 @@ struct Round {
     clip: f64,
     /// Width of the weight `exp(-(min(|a|, |b|) / w)^2)`; zero beyond three times that.
     width: f64,
-    /// Weight of the guess.
+    /// Weight of no motion but the guess.
     ridge: f64,
 }
 
@@ -31,16 +31,16 @@ const COUPLING: f64 = 0.5;
 /// Mean weight of evidence that counts half.
 const HALF_EVIDENCE: f64 = 1e-3;
 
-/// Evidence of one interval per block: `S` (xx, yy, xy) and the right-hand side `S v + d` (x, y), in px of the larger side.
+/// Evidence of one interval per block: `S` (xx, yy, xy) and the right-hand side `S (v - guess) + d` (x, y), in px of the larger side.
 type Evidence = Vec<[f64; 5]>;
 
-/// Displacements of all intervals, whose heights are `gaps`, drawn to a `guess` of each. `fields` are signed distances on one image, px.
+/// Displacements of all intervals, whose heights are `gaps`, from a `guess` of each. `fields` are signed distances on one image, px.
 pub fn displacements(fields: &[Field], gaps: &[f64], guess: &[Displacement], h: [f64; 2]) -> Vec<Displacement> {
     let mut current = guess.to_vec();
     for round in ROUNDS {
         let evidence: Vec<Evidence> = (0..gaps.len())
             .into_par_iter()
-            .map(|i| evidence(&fields[i], &fields[i + 1], &current[i], round, h))
+            .map(|i| evidence(&fields[i], &fields[i + 1], &current[i], &guess[i], round, h))
             .collect();
         current = (0..gaps.len()).into_par_iter().map(|i| solve(i, &evidence, gaps, &guess[i], round, h)).collect();
     }
@@ -59,7 +59,7 @@ fn row(clipped: [&Field; 2], v: &Displacement, j: usize, out: &mut [[f64; 2]]) {
     }
 }
 
-fn evidence(low: &Field, high: &Field, v: &Displacement, round: Round, h: [f64; 2]) -> Evidence {
+fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, round: Round, h: [f64; 2]) -> Evidence {
     let [nx, ny] = low.dims;
     let clip =
         |f: &Field| Field { dims: f.dims, data: f.data.iter().map(|d| d.clamp(-round.clip, round.clip)).collect() };
@@ -99,14 +99,14 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, round: Round, h: [f64; 
     let sigma = h.map(|side| round.window / (BLOCK as f64 * side));
     smooth(&mut sums, v.grid, sigma);
     sums.iter()
-        .zip(&v.vectors)
-        .map(|(sum, v)| {
+        .zip(v.vectors.iter().zip(&guess.vectors))
+        .map(|(sum, (v, guess))| {
             let weight = sum[0] / (BLOCK * BLOCK) as f64;
             let whole = sum[0] + 1e-6 * (BLOCK * BLOCK) as f64;
             let [xx, yy, xy, xr, yr, x, y, r]: [f64; 8] = std::array::from_fn(|k| sum[k + 1] / whole);
             let (sxx, syy, sxy) = (xx - x * x, yy - y * y, xy - x * y);
             let (dx, dy) = (xr - x * r, yr - y * r);
-            let (vx, vy) = (v[0] * h[0], v[1] * h[1]);
+            let (vx, vy) = ((v[0] - guess[0]) * h[0], (v[1] - guess[1]) * h[1]);
             let trust = weight / (weight + HALF_EVIDENCE);
             [sxx, syy, sxy, dx + sxx * vx + sxy * vy, dy + sxy * vx + syy * vy].map(|s| s * trust)
         })
@@ -138,12 +138,11 @@ fn solve(
             let sum: [f64; 5] = std::array::from_fn(|c| own[c] + COUPLING * beside[c]);
             let [xx, yy, xy, bx, by] = sum;
             let (xx, yy) = (xx + ridge, yy + ridge);
-            let drawn = guess.vectors[k];
-            let (bx, by) = (bx + ridge * drawn[0] * h[0], by + ridge * drawn[1] * h[1]);
             let determinant = xx * yy - xy * xy;
             [(yy * bx - xy * by) / determinant / h[0], (xx * by - xy * bx) / determinant / h[1]]
         })
         .collect();
     smooth(&mut vectors, guess.grid, h.map(|side| 0.5 * round.window / (BLOCK as f64 * side)));
+    vectors.iter_mut().zip(&guess.vectors).for_each(|(v, g)| *v = [v[0] + g[0], v[1] + g[1]]);
     Displacement { grid: guess.grid, vectors }
 }

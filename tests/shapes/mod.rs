@@ -76,3 +76,11 @@ pub fn levels(n: usize, heights: &[f64], shapes: &[Shape]) -> ContourStack {
     let level = |s: &Shape| SliceContent::Level(values([n, n], s).iter().map(|v| *v as f32).collect());
     stack([n, n], heights, shapes.iter().map(level).collect())
 }
+
+/// The stack upside down, between heights 0 and `top`.
+pub fn upside_down(stack: &ContourStack, top: f64) -> ContourStack {
+    let mut turned = stack.clone();
+    turned.slices.reverse();
+    turned.slices.iter_mut().for_each(|s| s.z = top - s.z);
+    turned
+}

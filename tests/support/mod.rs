@@ -56,3 +56,24 @@ pub fn merged(mesh: &Mesh) -> Vec<[u32; 3]> {
         .collect();
     mesh.triangles.iter().map(|t| t.map(|v| merged[v as usize])).collect()
 }
+
+/// Parts of a volume joined through faces: whether the pixels `from` on layer `a` and `to` on layer `b` belong to one.
+pub fn connected(layers: &[&[f32]], dims: [usize; 2], from: (usize, usize), to: (usize, usize)) -> bool {
+    let n = dims[0] * dims[1];
+    let inside = |k: usize| layers[k / n][k % n] < 0.0;
+    let mut seen = vec![false; n * layers.len()];
+    let mut open = vec![from.0 * n + from.1];
+    while let Some(k) = open.pop() {
+        if !inside(k) || std::mem::replace(&mut seen[k], true) {
+            continue;
+        }
+        let (i, j) = (k % n % dims[0], k % n / dims[0]);
+        open.extend((i > 0).then(|| k - 1));
+        open.extend((i + 1 < dims[0]).then_some(k + 1));
+        open.extend((j > 0).then(|| k - dims[0]));
+        open.extend((j + 1 < dims[1]).then_some(k + dims[0]));
+        open.extend((k >= n).then(|| k - n));
+        open.extend((k + n < seen.len()).then_some(k + n));
+    }
+    seen[to.0 * n + to.1]
+}

@@ -1,0 +1,87 @@
+//! Links on the command line: the file, and what `inspect` says of parts that miss each other.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use interslice::components::Components;
+use interslice::links::{self, Link};
+use interslice::parts::{Candidate, candidates, overlaps, parts};
+use interslice::stack::Slice;
+use interslice::{ContourStack, Result, Settings};
+use serde::{Deserialize, Serialize};
+
+/// What a person has decided about parts.
+#[derive(Debug, Clone, Default, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[command(next_help_heading = "Input")]
+pub struct LinkOptions {
+    /// Which parts of neighbouring slices belong together and which do not, as JSON; `inspect` proposes entries
+    #[arg(long, value_name = "FILE")]
+    links: Option<PathBuf>,
+}
+
+impl LinkOptions {
+    /// The file's links, checked; none without a file.
+    pub fn read(&self, stack: &ContourStack) -> Result<Vec<Link>> {
+        self.links.as_ref().map_or(Ok(Vec::new()), |path| links::read(path, stack))
+    }
+}
+
+/// What there is to say between slice `k`, whose parts are `low`, and the next: overlaps where it is more than one part on one part, parts
+/// without partner, links, and candidates for more.
+pub fn between(stack: &ContourStack, k: usize, low: &Components, high: &Components, links: &[Link]) -> Vec<String> {
+    let mut partners = overlaps(low, high);
+    let links: Vec<&Link> = links.iter().filter(|l| l.slice == k).collect();
+    if low.count == 1 && high.count == 1 && partners.len() == 1 && links.is_empty() {
+        return Vec::new();
+    }
+    let slices = [&stack.slices[k], &stack.slices[k + 1]];
+    let mut lines = Vec::new();
+    if !partners.is_empty() {
+        let text: Vec<String> = partners.iter().map(|(a, b)| format!("{a}-{b}")).collect();
+        lines.push(format!("    parts that overlap: {}", text.join(" ")));
+    }
+    for link in &links {
+        let what = if link.join { "linked" } else { "kept apart" };
+        lines.push(format!("    {what}: {}-{}", link.from, link.to));
+    }
+    let pairs = |join: bool| links.iter().filter(move |l| l.join == join).map(|l| (l.from, l.to));
+    partners.extend(pairs(true));
+    let apart: BTreeSet<(u32, u32)> = pairs(false).collect();
+    lines.extend(without_partner(slices, low, high, &partners.difference(&apart).copied().collect()));
+    let h = stack.spacing.map(|s| s / stack.spacing[0].max(stack.spacing[1]));
+    let of = |solids| parts(solids, stack.dims, h);
+    let found = candidates(&of(low), &of(high), &apart, &partners, stack.dims, h);
+    lines.extend(found.iter().map(|c| proposal(k, c)));
+    lines
+}
+
+fn without_partner(
+    slices: [&Slice; 2],
+    low: &Components,
+    high: &Components,
+    partners: &BTreeSet<(u32, u32)>,
+) -> Vec<String> {
+    let alone = |count: usize, has: &dyn Fn(u32) -> bool| -> Vec<String> {
+        (1..=count as u32).filter(|p| !has(*p)).map(|p| p.to_string()).collect()
+    };
+    let of_low = alone(low.count, &|p| partners.iter().any(|(a, _)| *a == p));
+    let of_high = alone(high.count, &|p| partners.iter().any(|(_, b)| *b == p));
+    [(of_low, "above", slices[0]), (of_high, "below", slices[1])]
+        .into_iter()
+        .filter(|(parts, ..)| !parts.is_empty())
+        .map(|(parts, place, slice)| {
+            format!("    no partner {place}, closes half way: {} of `{}`", parts.join(" "), slice.name)
+        })
+        .collect()
+}
+
+/// A candidate with its entry for a links file.
+fn proposal(k: usize, c: &Candidate) -> String {
+    let auto = if c.convinces(Settings::default().link_reach) { "enough" } else { "not enough" };
+    let nearest = if c.mutual { "" } else { ", nearest one way only" };
+    format!(
+        "    perhaps {{\"slice\": {k}, \"from\": {}, \"to\": {}}}: {:.1} radii apart, area x {:.2}, overlap {:.2} when shifted{nearest}; {auto} for `--link auto`",
+        c.from, c.to, c.distance, c.area_ratio, c.iou
+    )
+}

@@ -1,0 +1,90 @@
+//! What a person says about parts of neighbouring slices: that two belong together though they miss each other, or do not though they overlap.
+//!
+//! ```json
+//! {"links": [{"slice": 3, "from": 1, "to": 2}, {"slice": 4, "from": 2, "to": 1, "join": false}]}
+//! ```
+//!
+//! Part `from` of slice `slice` and part `to` of the next one are joined, or with `"join": false` kept apart. Slices are counted from 0 in the
+//! order of their heights, parts (4-connected) from 1 in row order of their first pixel: as `interslice inspect` lists them.
+
+use std::fs;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::components::label4;
+use crate::error::{Error, Result};
+use crate::stack::ContourStack;
+
+/// What is said about a pair of parts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Link {
+    /// The lower slice, from 0.
+    pub slice: usize,
+    /// Its part, from 1.
+    pub from: u32,
+    /// The part of the next slice, from 1.
+    pub to: u32,
+    /// Whether they belong together.
+    #[serde(default = "joined")]
+    pub join: bool,
+}
+
+fn joined() -> bool {
+    true
+}
+
+/// Schema of a links file; any other field is an error.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LinksFile {
+    links: Vec<Link>,
+}
+
+/// Reads a links file and checks it against its stack.
+///
+/// # Errors
+/// [`Error::Read`]; [`Error::Format`] with the entry's number, value and limit.
+pub fn read(path: &Path, stack: &ContourStack) -> Result<Vec<Link>> {
+    let fail = |message: String| Error::Format { path: path.into(), message };
+    let text = fs::read_to_string(path).map_err(|source| Error::Read { path: path.into(), source })?;
+    let LinksFile { links } = serde_json::from_str(&text).map_err(|e| fail(e.to_string()))?;
+    check(stack, &links).map_err(fail)?;
+    Ok(links)
+}
+
+/// Checks that every link names two parts of neighbouring slices, each pair once; says what is wrong with the first that does not.
+pub fn check(stack: &ContourStack, links: &[Link]) -> std::result::Result<(), String> {
+    let mut counts: Vec<Option<usize>> = vec![None; stack.slices.len()];
+    let mut parts_of = |k: usize| {
+        *counts[k].get_or_insert_with(|| {
+            let content = &stack.slices[k].content;
+            let inside: Vec<bool> = (0..content.len()).map(|n| content.inside(n)).collect();
+            label4(&inside, stack.dims).count
+        })
+    };
+    let last = stack.slices.len() - 1;
+    for (n, link) in links.iter().enumerate() {
+        let fail = |message: String| Err(format!("link {}: {message}", n + 1));
+        if link.slice >= last {
+            let limit = format!("must lie in [0, {}], the slices that have one above them", last - 1);
+            return fail(format!("`slice` {limit}; got {}", link.slice));
+        }
+        for (name, part, k) in [("from", link.from, link.slice), ("to", link.to, link.slice + 1)] {
+            let (count, slice) = (parts_of(k), format!("slice {k} (`{}`)", stack.slices[k].name));
+            if count == 0 {
+                return fail(format!("`{name}` is {part}, but {slice} is empty"));
+            }
+            if part == 0 || part as usize > count {
+                return fail(format!("`{name}` must lie in [1, {count}], the parts of {slice}; got {part}"));
+            }
+        }
+        let same = |other: &&Link| (other.slice, other.from, other.to) == (link.slice, link.from, link.to);
+        if let Some(first) = links[..n].iter().find(same) {
+            let says = if first.join == link.join { "is there already" } else { "is joined and kept apart" };
+            return fail(format!("the pair of parts {} and {} above slice {} {says}", link.from, link.to, link.slice));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,180 @@
+//! Links: what is known of pairs of parts before the slices are compared, and what becomes of it.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use rayon::prelude::*;
+
+use super::Run;
+use crate::contours::Contour;
+use crate::displacement::Displacement;
+use crate::error::{Error, Result};
+use crate::frames::{self, Frames};
+use crate::motion::Frame;
+use crate::moving_field::MovingField;
+use crate::parts::{candidates, overlaps, parts};
+use crate::reference::exact::exact_distance;
+use crate::report::{LinkReport, LinkedBy};
+use crate::settings::{Linking, Motion};
+use crate::spline::smoothstep;
+
+/// Fairing keeps off parts that are kept apart by this much and is whole beyond the other, px.
+const UNFAIRED: [f64; 2] = [8.0, 16.0];
+
+/// A link can be followed if half way this share of its parts' pixels has its motion: others may be in the way.
+const FOLLOWED: f64 = 0.5;
+
+/// The links of one interval.
+#[derive(Debug, Clone, Default)]
+pub(super) struct IntervalLinks {
+    /// As the report tells them.
+    pub told: Vec<LinkReport>,
+}
+
+impl IntervalLinks {
+    /// Pairs that belong together.
+    pub fn joined(&self) -> Vec<(u32, u32)> {
+        self.told.iter().filter(|l| l.join).map(|l| (l.from, l.to)).collect()
+    }
+
+    /// Pairs that do not.
+    pub fn parted(&self) -> Vec<(u32, u32)> {
+        self.told.iter().filter(|l| !l.join).map(|l| (l.from, l.to)).collect()
+    }
+}
+
+impl Run<'_> {
+    /// The user's links and those that are found.
+    pub(super) fn find_links(&mut self, contours: &[Contour]) -> Result<()> {
+        for link in &self.settings.links {
+            let count = |k: usize| contours[k].solids.count as u32;
+            if link.from > count(link.slice) || link.to > count(link.slice + 1) {
+                let message = format!("a part of link {link:?} was lost");
+                return Err(Error::Numerics { stage: "distance", message });
+            }
+        }
+        let of = |(i, pair): (usize, &[Contour])| {
+            let links = self.settings.links.iter().filter(|l| l.slice == i);
+            let link = |l: &crate::links::Link| (l.from, l.to, l.join, LinkedBy::File);
+            let mut found: Vec<_> = links.map(link).collect();
+            if self.settings.link == Linking::Auto {
+                let auto = self.alike(pair, &found.iter().map(|l| ((l.0, l.1), l.2)).collect());
+                found.extend(auto.into_iter().map(|(from, to)| (from, to, true, LinkedBy::Auto)));
+            }
+            let told = |(from, to, join, by)| LinkReport { from, to, join, by, meet: 0.0 };
+            IntervalLinks { told: found.into_iter().map(told).collect() }
+        };
+        self.links = contours.par_windows(2).enumerate().map(of).collect();
+        Ok(())
+    }
+
+    /// Pairs of parts without partner that look like one and the same and can be followed all at once; `known` pairs count as partners or
+    /// are left out.
+    fn alike(&self, pair: &[Contour], known: &BTreeMap<(u32, u32), bool>) -> Vec<(u32, u32)> {
+        let dims = pair[0].phi.dims;
+        let [low, high] = [0, 1].map(|k| parts(&pair[k].solids, dims, self.h));
+        let pairs = |join: bool| known.iter().filter(move |(_, j)| **j == join).map(|(pair, _)| *pair);
+        let mut partners: BTreeSet<(u32, u32)> = overlaps(&pair[0].solids, &pair[1].solids);
+        partners.extend(pairs(true));
+        let mut found: Vec<(u32, u32)> = candidates(&low, &high, &pairs(false).collect(), &partners, dims, self.h)
+            .into_iter()
+            .filter(|c| c.convinces(self.settings.link_reach))
+            .map(|c| (c.from, c.to))
+            .collect();
+        // What is in the way of a link, another link or a part that stands still, excludes it.
+        while !found.is_empty() {
+            let all: Vec<(u32, u32)> = pairs(true).chain(found.iter().copied()).collect();
+            let followed = frames::linked(&pair[0], &pair[1], &all, self.h).followed;
+            let shares = followed[all.len() - found.len()..].iter().enumerate();
+            match shares.min_by(|a, b| a.1.total_cmp(b.1)) {
+                Some((worst, share)) if *share < FOLLOWED => found.remove(worst),
+                _ => break,
+            };
+        }
+        found
+    }
+
+    /// The displacements of linked parts, or of all that have a rigid frame; warns of links that cannot be followed.
+    pub(super) fn frames(&mut self, contours: &[Contour]) -> Vec<Displacement> {
+        let frames = if self.settings.motion == Motion::Rigid { frames::rigid } else { frames::linked };
+        let of = |(pair, links): (&[Contour], &IntervalLinks)| frames(&pair[0], &pair[1], &links.joined(), self.h);
+        let found: Vec<Frames> = contours.par_windows(2).zip(&self.links).map(of).collect();
+        for (i, (frames, links)) in found.iter().zip(&self.links).enumerate() {
+            for ((from, to), _) in links.joined().iter().zip(&frames.followed).filter(|(_, share)| **share < FOLLOWED) {
+                let [low, high] = [0, 1].map(|k| &self.stack.slices[i + k].name);
+                self.report.warnings.push(format!(
+                    "part {from} of `{low}` and part {to} of `{high}` are linked, but something else is in the way between them"
+                ));
+            }
+        }
+        found.into_iter().map(|frames| frames.displacement).collect()
+    }
+
+    /// Finds out how far linked parts meet, in the moving frame if there is one.
+    pub(super) fn see_links(&mut self, contours: &[Contour], moving: Option<&MovingField>) {
+        for (i, links) in self.links.iter_mut().enumerate() {
+            for link in &mut links.told {
+                let at_slices = moving.map(|m| &m.at_slices[i]);
+                link.meet = frames::meeting(&contours[i], &contours[i + 1], (link.from, link.to), at_slices);
+            }
+        }
+    }
+
+    /// Share of the fairing's strength in every interval where parts are kept apart.
+    pub(super) fn fairing_shares(&self, contours: &[Contour]) -> Vec<Option<Vec<f32>>> {
+        let share = |(i, links): (usize, &IntervalLinks)| {
+            let parted = links.parted();
+            if parted.is_empty() {
+                return None;
+            }
+            let labels = [&contours[i].solids.labels, &contours[i + 1].solids.labels];
+            let apart = |n: usize| parted.iter().any(|(a, b)| *a == labels[0][n] || *b == labels[1][n]);
+            let dims = contours[i].phi.dims;
+            let mask: Vec<bool> = (0..dims[0] * dims[1]).map(apart).collect();
+            let away = exact_distance(&mask, dims, self.h);
+            let [none, all] = UNFAIRED;
+            let [nx, ny] = self.stack.dims;
+            let padded = |n: usize| (n / nx + self.pad) * dims[0] + n % nx + self.pad;
+            Some((0..nx * ny).map(|n| smoothstep((away.data[padded(n)] - none) / (all - none)) as f32).collect())
+        };
+        self.links.iter().enumerate().map(share).collect()
+    }
+}
+
+/// Pairs of parts of two slices under the numbers that the parts have in the mid frame.
+pub(super) fn in_frame(
+    pairs: &[(u32, u32)],
+    own: [&Contour; 2],
+    seen: [&Contour; 2],
+    frame: &Frame,
+) -> Vec<(u32, u32)> {
+    if pairs.is_empty() {
+        return Vec::new();
+    }
+    let low = origins(seen[0], own[0], |x| frame.down(x));
+    let high = origins(seen[1], own[1], |x| frame.up(x));
+    let numbers = |of: &[u32], wanted: u32| -> Vec<u32> {
+        (0..).zip(of).filter(|(_, origin)| **origin == wanted).map(|(number, _)| number).collect()
+    };
+    let of = |&(a, b): &(u32, u32)| -> Vec<(u32, u32)> {
+        let (from, to) = (numbers(&low, a), numbers(&high, b));
+        from.iter().flat_map(|&a| to.iter().map(move |&b| (a, b))).collect()
+    };
+    pairs.iter().flat_map(of).collect()
+}
+
+/// For each part that the mid frame sees the part of the slice that most of its pixels come from, by number; 0 where there is none.
+fn origins(seen: &Contour, own: &Contour, back: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<u32> {
+    let [nx, ny] = own.phi.dims;
+    let mut counts: Vec<BTreeMap<u32, usize>> = vec![BTreeMap::new(); seen.solids.count + 1];
+    for (n, &label) in seen.solids.labels.iter().enumerate().filter(|(_, label)| **label > 0) {
+        let x = back([(n % nx) as f64, (n / nx) as f64]);
+        let [i, j] = [(x[0].round().max(0.0) as usize).min(nx - 1), (x[1].round().max(0.0) as usize).min(ny - 1)];
+        let origin = own.solids.labels[j * nx + i];
+        if origin > 0 {
+            *counts[label as usize].entry(origin).or_default() += 1;
+        }
+    }
+    // The lowest number where two are equally frequent.
+    let most = |counts: &BTreeMap<u32, usize>| counts.iter().rev().max_by_key(|(_, count)| **count).map_or(0, |c| *c.0);
+    counts.iter().map(most).collect()
+}

@@ -167,27 +167,30 @@ impl<'m> Fairing<'m> {
     }
 
     /// Weights of the layers in the mean at layer `k`. Each layer stands for half of the way to its neighbours; beyond the body's ends the
-    /// last one is repeated.
+    /// layers go on as their reflections in the last one, `2 v_end - v`, so that a slope there stays.
     fn weights(&self, k: usize) -> Vec<(usize, f32)> {
         let z = self.kept[k].z;
         let sigma = self.sigma(z);
-        let near = |at: f64| (at - z).abs() <= TRUNCATE * sigma;
-        let weight = |at: f64| (-0.5 * ((at - z) / sigma).powi(2)).exp();
         let last = self.kept.len() - 1;
-        let share = |l: usize| {
-            let at = self.kept[l].z;
-            let (below, above) = (at - self.kept[l.saturating_sub(1)].z, self.kept[(l + 1).min(last)].z - at);
-            let step = below.max(above);
-            let beyond = |sign: f64| {
-                let repeated = (1..).map(|n| at + sign * f64::from(n) * step).take_while(|&b| near(b));
-                repeated.map(|b| step * weight(b)).sum::<f64>()
-            };
-            let ends = if below == 0.0 { 0.5 * step * weight(at) + beyond(-1.0) } else { 0.0 }
-                + if above == 0.0 { 0.5 * step * weight(at) + beyond(1.0) } else { 0.0 };
-            0.5 * (below + above) * weight(at) + ends
+        let at = |l: usize| self.kept[l].z;
+        let height = |l: usize| {
+            let (below, above) = (at(l) - at(l.saturating_sub(1)), at((l + 1).min(last)) - at(l));
+            if below == 0.0 || above == 0.0 { below.max(above) } else { 0.5 * (below + above) }
         };
-        let known = |l: &usize| near(self.kept[*l].z) && !self.kept[*l].v.is_empty();
-        let terms: Vec<(usize, f64)> = (0..=last).filter(known).map(|l| (l, share(l))).collect();
+        let weight = |l: usize, z_l: f64| {
+            let away = (z_l - z).abs();
+            if away <= TRUNCATE * sigma { height(l) * (-0.5 * (away / sigma).powi(2)).exp() } else { 0.0 }
+        };
+        let mut weights: Vec<f64> = (0..=last).map(|l| weight(l, at(l))).collect();
+        for end in [0, last] {
+            for l in (0..=last).filter(|&l| l != end) {
+                let reflected = weight(l, 2.0 * at(end) - at(l));
+                weights[end] += 2.0 * reflected;
+                weights[l] -= reflected;
+            }
+        }
+        let known = |(l, w): &(usize, f64)| *w != 0.0 && !self.kept[*l].v.is_empty();
+        let terms: Vec<(usize, f64)> = weights.into_iter().enumerate().filter(known).collect();
         let whole: f64 = terms.iter().map(|t| t.1).sum();
         terms.into_iter().map(|(l, w)| (l, (w / whole) as f32)).collect()
     }

@@ -16,7 +16,7 @@ pub const SHRINKING: f64 = 0.2;
 /// Smallest inradius of a part without partner that closes half way, px.
 pub const LEAST_DEPTH: f64 = 4.0;
 /// A part of depth D that closes half way has gone this many times D at the other contour.
-const VIRTUAL_DEPTHS: f64 = 2.0;
+pub const VIRTUAL_DEPTHS: f64 = 2.0;
 
 /// Fixed-point passes that find where a trajectory is on a layer.
 const PASSES: usize = 4;

@@ -23,10 +23,12 @@ const ROUNDS: f64 = 2e-4;
 const PATHS: f64 = 5e-5;
 /// Distances of up to 100 px in single precision, and their differences; px per gap.
 const SLOPES: f64 = 3e-4;
-/// The same, clamped to [`LIMIT`].
+/// The same, whatever they are clamped to.
 const LAYERS: f64 = 2e-4;
 /// Distances count up to here, px.
 const LIMIT: f64 = 8.0;
+/// All of them.
+const EVERYWHERE: f64 = 1e4;
 /// Where a lone part takes over the slope jumps: pixels whose layer depends on this much of its depth are not compared, px.
 const TIE: f64 = 1e-3;
 
@@ -69,7 +71,8 @@ impl Stack {
             star.clone(),
             single(&joined(&beyond(&star, 12.0), &beyond(&oval, 8.0))),
             oval,
-            distance(&joined(&disc(31.0, 40.0, 9.0), &disc(52.0, 37.0, 8.0))),
+            // Deep inside the larger one both slices are far from their contours, on either side.
+            distance(&joined(&disc(31.0, 40.0, 9.0), &disc(72.0, 37.0, 21.0))),
         ];
         let part = |k: usize, [x, y]: [f64; 2], r: f64, direction| {
             let corner = |sign: f64| [0, 1].map(|a| ((([x, y][a] + sign * r) * s / h[a]) as usize).min(dims[a] - 1));
@@ -83,7 +86,8 @@ impl Stack {
             LoneParts { low: Vec::new(), high: below(Direction::Down) },
             LoneParts { low: below(Direction::Up), high: above(Direction::Down) },
             LoneParts { low: above(Direction::Up), high: Vec::new() },
-            LoneParts::default(),
+            // Not what a stack would have: parts that would close in the other slice's place, too.
+            LoneParts { low: below(Direction::Up), high: above(Direction::Down) },
             LoneParts::default(),
         ];
         Stack { h, fields, lone }
@@ -200,9 +204,13 @@ fn layers(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> 
         LoneParts { low: deeper(&lone.low), high: deeper(&lone.high) }
     };
     let mut pairs = Vec::new();
-    for (i, lone) in stack.lone.iter().enumerate() {
-        let twin = |lone: &LoneParts| Reference.moving_layers(moving, &slopes, lone, i, &TIMES, LIMIT, stack.h);
-        let ours = gpu.moving_layers(moving, &slopes, lone, i, &TIMES, LIMIT, stack.h)?;
+    // Far from contours the edges of lone parts' tiles would show.
+    let none = LoneParts::default();
+    let near = stack.lone.iter().enumerate().map(|(i, lone)| (i, lone, LIMIT));
+    let everywhere = (0..GAPS.len()).map(|i| (i, &none, EVERYWHERE));
+    for (i, lone, limit) in near.chain(everywhere) {
+        let twin = |lone: &LoneParts| Reference.moving_layers(moving, &slopes, lone, i, &TIMES, limit, stack.h);
+        let ours = gpu.moving_layers(moving, &slopes, lone, i, &TIMES, limit, stack.h)?;
         let (twins, more, less) = (twin(lone)?, twin(&deeper(lone, TIE))?, twin(&deeper(lone, -TIE))?);
         for (k, ours) in ours.iter().enumerate() {
             for (n, ours) in ours.iter().enumerate() {

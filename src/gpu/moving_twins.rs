@@ -27,7 +27,9 @@ const SLOPES: f64 = 3e-4;
 const LAYERS: f64 = 2e-4;
 /// Distances count up to here, px.
 const LIMIT: f64 = 8.0;
-/// All of them.
+/// Pixels around lone parts, and times the scale around those that no slice has: what they would change beyond does not count.
+const MARGINS: [usize; 2] = [9, 30];
+/// All distances.
 const EVERYWHERE: f64 = 1e4;
 /// Where a lone part takes over the slope jumps: pixels whose layer depends on this much of its depth are not compared, px.
 const TIE: f64 = 1e-3;
@@ -61,35 +63,35 @@ impl Stack {
         let disc = |x: f64, y: f64, r: f64| shape(x, y, r, 1.0, 0.0);
         let distance = |u: &Field| single(&distance_of(u, h));
         let beyond = |f: &Field, depth: f64| Field { dims, data: f.data.iter().map(|v| v + 2.0 * depth * s).collect() };
-        // Three discs that only one slice has, two of them with tiles that overlap.
-        let alone = [disc(80.0, 57.0, 6.0), disc(79.0, 41.0, 5.0), disc(77.0, 16.0, 5.5)];
-        let star = distance(&joined(&shape(36.0, 35.0, 14.0, 5.0, 0.2), &alone[2]));
+        // Three discs that only one slice has, two of them with tiles that overlap; and two that no slice has.
+        let alone = [(80.0, 57.0, 6.0), (79.0, 41.0, 5.0), (77.0, 16.0, 5.5), (60.0, 38.0, 2.0), (16.0, 38.0, 2.0)];
+        let discs = alone.map(|(x, y, r)| disc(x, y, r));
+        let star = distance(&joined(&shape(36.0, 35.0, 14.0, 5.0, 0.2), &discs[2]));
         let oval = distance(&shape(38.0, 38.0, 12.0, 2.0, 0.35));
         let fields = vec![
             distance(&disc(27.0, 30.0, 13.0)),
-            distance(&joined(&disc(31.0, 33.0, 14.0), &joined(&alone[0], &alone[1]))),
+            distance(&joined(&disc(31.0, 33.0, 14.0), &joined(&discs[0], &discs[1]))),
             star.clone(),
             single(&joined(&beyond(&star, 12.0), &beyond(&oval, 8.0))),
             oval,
             // Deep inside the larger one both slices are far from their contours, on either side.
             distance(&joined(&disc(31.0, 40.0, 9.0), &disc(72.0, 37.0, 21.0))),
         ];
-        let part = |k: usize, [x, y]: [f64; 2], r: f64, direction| {
+        let part = |k: usize, direction| {
+            let (x, y, r) = alone[k];
             let corner = |sign: f64| [0, 1].map(|a| ((([x, y][a] + sign * r) * s / h[a]) as usize).min(dims[a] - 1));
-            let tile = Tile::spanning(dims, 7, corner(-1.0), corner(1.0));
-            let field = single(&tile.cut(&distance(&alone[k])));
+            let margin = if k < 3 { MARGINS[0] } else { MARGINS[1] * scale };
+            let tile = Tile::spanning(dims, margin, corner(-1.0), corner(1.0));
+            let field = single(&tile.cut(&distance(&discs[k])));
             LonePart { tile, field, depth: r * s, seeds: Vec::new(), direction }
         };
-        let below = |direction| vec![part(0, [80.0, 57.0], 6.0, direction), part(1, [79.0, 41.0], 5.0, direction)];
-        let above = |direction| vec![part(2, [77.0, 16.0], 5.5, direction)];
-        let lone = vec![
-            LoneParts { low: Vec::new(), high: below(Direction::Down) },
-            LoneParts { low: below(Direction::Up), high: above(Direction::Down) },
-            LoneParts { low: above(Direction::Up), high: Vec::new() },
-            // Not what a stack would have: parts that would close in the other slice's place, too.
-            LoneParts { low: below(Direction::Up), high: above(Direction::Down) },
-            LoneParts::default(),
-        ];
+        let parts = |low: &[usize], high: &[usize]| LoneParts {
+            low: low.iter().map(|&k| part(k, Direction::Up)).collect(),
+            high: high.iter().map(|&k| part(k, Direction::Down)).collect(),
+        };
+        // Those that no slice has would count on the other side, too: it shows if they do.
+        let lone =
+            vec![parts(&[], &[0, 1]), parts(&[0, 1], &[2]), parts(&[2], &[]), parts(&[3], &[4]), parts(&[], &[])];
         Stack { h, fields, lone }
     }
 

@@ -8,7 +8,10 @@ use std::sync::Mutex;
 
 use interslice::components::{label4, label8};
 use interslice::demo::demo;
+use interslice::displacement::Displacement;
+use interslice::field::Field;
 use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
+use interslice::moving_field::{LoneParts, MovingField};
 use interslice::progress::Silent;
 use interslice::settings::Method;
 use interslice::stack::{ReadOptions, read};
@@ -175,6 +178,34 @@ fn neither_a_second_run_nor_small_batches_nor_lists_change_a_bit() {
         assert!(2 * tight.profile().submissions > 3 * whole, "{name}: there were several batches");
         assert!(first == in_batches, "{name}: batches change the result");
     }
+}
+
+#[test]
+fn stages_of_the_moving_field_are_the_same_in_batches() {
+    let (dims, h) = ([151, 133], [1.0, 0.8]);
+    let circle = |k: usize| circle(60.0 + 3.0 * k as f64, 50.0 - k as f64, 30.0 - 2.0 * k as f64);
+    let field = |k| Field::from_fn(dims, |i, j| circle(k)(i as f64 * h[0], j as f64 * h[1]));
+    let fields: Vec<Field> = (0..10).map(field).collect();
+    let gaps: Vec<f64> = (0..9).map(|k| [1.0, 2.5, 0.7][k % 3]).collect();
+    let heights = (0..10).map(|k| gaps[..k].iter().sum()).collect();
+    let times: Vec<f64> = (1..40).map(|k| f64::from(k) / 40.0).collect();
+    let stages = |memory: Option<u64>| {
+        let gpu = open(&GpuOptions { memory, poison: true, ..GpuOptions::default() });
+        let still = vec![Displacement::zero(dims); gaps.len()];
+        let found = gpu.displacements(&fields, &gaps, &still, h, &Silent).expect("displacements");
+        let moving = MovingField::new(Vec::clone(&heights), gaps.clone(), fields.clone(), found);
+        let slopes = gpu.moving_slopes(&moving, &Silent).expect("slopes");
+        let before = gpu.profile().submissions;
+        let lone = LoneParts::default();
+        let layers = gpu.moving_layers(&moving, &slopes, &lone, 4, &times, 14.0, h).expect("layers");
+        (moving.displacements, slopes, layers, [before, gpu.profile().submissions - before])
+    };
+    let (whole, tight) = (stages(None), stages(Some(2 << 20)));
+    println!("submissions {:?} with all memory, {:?} with 2 MiB", whole.3, tight.3);
+    assert!((0..2).all(|k| 2 * tight.3[k] > 3 * whole.3[k]), "there were several batches");
+    assert!(whole.0 == tight.0, "displacements");
+    assert!(whole.1 == tight.1, "slopes");
+    assert!(whole.2 == tight.2, "layers");
 }
 
 #[test]

@@ -13,15 +13,15 @@ pub const PATCH: usize = 16;
 pub const GRID: u32 = 4096;
 /// Side of the tiles that workgroups take in the moving field, px.
 pub const TILE: usize = 8;
-/// Numbers of a block of a displacement: moments.
+/// Moments of a block of a displacement.
 pub const MOMENTS: usize = 9;
-/// Evidence.
+/// Numbers of its evidence.
 pub const EVIDENCE: usize = 5;
-/// What a slice has on either side.
+/// A slice with others on both sides.
 pub const BOTH: u32 = 0;
-/// The lowest.
+/// The lowest slice.
 pub const ABOVE: u32 = 1;
-/// The highest.
+/// The highest slice.
 pub const BELOW: u32 = 2;
 /// Phases of a job.
 pub const RUNNING: u32 = 0;

@@ -15,13 +15,13 @@ use crate::reference::Reference;
 use crate::reference::displacement::{NARROW, Round, WIDE, better};
 use crate::reference::distance::distance_of;
 
-/// A round from the same vectors: moments of up to 32 px times 1e-7, divided by a ridge of .07 and added up in windows.
+/// A round from the same vectors: moments of up to 32 px times 1e-7, divided by a ridge of .07, px.
 const ROUND: f64 = 1e-4;
 /// All rounds: each passes on less than the error it was given, and adds its own.
 const ROUNDS: f64 = 2e-4;
-/// Vectors of a few px, some sums long.
+/// Vectors of tens of px, a few roundings each; the fixed point passes on less than it is given.
 const PATHS: f64 = 5e-5;
-/// Distances of up to 100 px in single precision, and their differences; px per gap.
+/// Distances of up to 300 px in single precision, read where vectors off by as much as they may be point to; px per gap.
 const SLOPES: f64 = 3e-4;
 /// The same, whatever they are clamped to.
 const LAYERS: f64 = 2e-4;

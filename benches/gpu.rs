@@ -93,12 +93,10 @@ mod gpu {
         }
         let steps: usize = body.report.intervals.iter().map(|i| i.trace_steps + i.sweep_steps).sum();
         let pixels: usize = body.report.intervals.iter().map(|i| i.trace_pixels + i.sweep_pixels).sum();
-        println!(
-            "{:.1} ms on the device of {:.1} ms, {dispatches} dispatches, {steps} steps of jobs, {:.1} ns per band pixel and step",
-            1e3 * total,
-            1e3 * seconds,
-            1e9 * total / pixels.max(1) as f64
-        );
+        println!("{:.1} ms on the device of {:.1} ms, {dispatches} dispatches", 1e3 * total, 1e3 * seconds);
+        if pixels > 0 {
+            println!("{steps} steps of jobs, {:.1} ns per band pixel and step", 1e9 * total / pixels as f64);
+        }
         let plain = open(false)?;
         run(&plain, stack, settings)?;
         let (on_gpu, gpu_body) = run(&plain, stack, settings)?;

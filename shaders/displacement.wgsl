@@ -100,7 +100,7 @@ fn sum_moments(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     }
     let block = vec2<u32>(k % image.columns, k % blocks() / image.columns);
     let begin = max(STRIDE * block, vec2<u32>(1u));
-    var end = min(STRIDE * (block + 1u), vec2<u32>(image.nx, image.ny) - 1u);
+    var end = max(begin, min(STRIDE * (block + 1u), vec2<u32>(image.nx, image.ny) - 1u));
     let nodes = image.nx * image.ny;
     let first = k / blocks() * nodes;
     var sum = array<f32, MOMENTS>();

@@ -1,7 +1,7 @@
 //! The GPU path beside the reference path, measured in one run on whatever adapter is best (or `INTERSLICE_ADAPTER`).
 //!
 //! `cargo bench --bench gpu`: kernels in px/s from timestamp queries, what a dispatch costs, the distance on large slices, Fig. 10 in
-//! wider images, and the stacks named in `INTERSLICE_STACKS` (folders, separated by colons).
+//! wider images, and the stacks named in `INTERSLICE_STACKS` (folders, separated by colons), by both methods.
 
 #[cfg(not(feature = "gpu"))]
 fn main() {
@@ -29,6 +29,7 @@ mod gpu {
     use interslice::gpu::{Gpu, GpuOptions};
     use interslice::progress::Silent;
     use interslice::report::{KernelCost, Profile};
+    use interslice::settings::Method;
     use interslice::stack::{ContourStack, ReadOptions, read};
     use interslice::{Backend, Reconstruction, Reference, Result, Settings, height_grid, reconstruct_with};
 
@@ -42,7 +43,10 @@ mod gpu {
     pub fn all() -> Result<()> {
         let gpu = open(false)?;
         println!("{}\n{}", gpu.name(), Reference.name());
-        kernels()?;
+        if let Some(demo) = demo("fig9") {
+            kernels("fig9", &demo.stack, &demo.settings)?;
+            kernels("fig9 by the field method", &demo.stack, &by_field(&demo.settings))?;
+        }
         distances(&gpu)?;
         wider_images(&gpu)?;
         stacks(&gpu)
@@ -55,19 +59,23 @@ mod gpu {
         Ok((begin.elapsed().as_secs_f64(), body))
     }
 
-    /// Kernels over the band on Fig. 9 (stars), the second of two runs, so that nothing is compiled in it.
-    fn kernels() -> Result<()> {
-        let Some(demo) = demo("fig9") else { return Ok(()) };
+    /// The field method alone: what fairing costs is not the GPU's.
+    fn by_field(settings: &Settings) -> Settings {
+        Settings { method: Method::Field, fair: 0.0, ..settings.clone() }
+    }
+
+    /// Every kernel on a stack, the second of two runs, so that nothing is compiled in it.
+    fn kernels(name: &str, stack: &ContourStack, settings: &Settings) -> Result<()> {
         let gpu = open(true)?;
-        run(&gpu, &demo.stack, &demo.settings)?;
+        run(&gpu, stack, settings)?;
         let before = gpu.profile();
-        let (seconds, body) = run(&gpu, &demo.stack, &demo.settings)?;
+        let (seconds, body) = run(&gpu, stack, settings)?;
         let after = gpu.profile();
         let cost = |p: &Profile, name: &str| p.kernels.get(name).copied().unwrap_or_default();
-        println!("\nkernels, fig9 (timed: every dispatch in a pass of its own)");
+        println!("\nkernels, {name} (timed: every dispatch in a pass of its own)");
         let (mut total, mut dispatches) = (0.0, 0);
-        for name in after.kernels.keys() {
-            let (a, b) = (cost(&before, name), cost(&after, name));
+        for kernel in after.kernels.keys() {
+            let (a, b) = (cost(&before, kernel), cost(&after, kernel));
             let k = KernelCost {
                 dispatches: b.dispatches - a.dispatches,
                 seconds: b.seconds - a.seconds,
@@ -78,24 +86,31 @@ mod gpu {
             let each = 1e6 * k.seconds / k.dispatches.max(1) as f64;
             let rate = if k.pixels > 0 { format!("{:8.1}", k.pixels as f64 / k.seconds * 1e-6) } else { "-".into() };
             println!(
-                "{name:>20} {:8.2} ms, {:5} dispatches, {each:8.1} us each, {rate:>8} Mpx/s",
+                "{kernel:>20} {:8.2} ms, {:5} dispatches, {each:8.1} us each, {rate:>8} Mpx/s",
                 1e3 * k.seconds,
                 k.dispatches
             );
         }
         let steps: usize = body.report.intervals.iter().map(|i| i.trace_steps + i.sweep_steps).sum();
         let pixels: usize = body.report.intervals.iter().map(|i| i.trace_pixels + i.sweep_pixels).sum();
-        println!(
-            "{:.1} ms on the device of {:.1} ms, {dispatches} dispatches, {steps} steps of jobs, {:.1} ns per band pixel and step",
-            1e3 * total,
-            1e3 * seconds,
-            1e9 * total / pixels.max(1) as f64
-        );
+        println!("{:.1} ms on the device of {:.1} ms, {dispatches} dispatches", 1e3 * total, 1e3 * seconds);
+        if pixels > 0 {
+            println!("{steps} steps of jobs, {:.1} ns per band pixel and step", 1e9 * total / pixels as f64);
+        }
         let plain = open(false)?;
-        run(&plain, &demo.stack, &demo.settings)?;
-        let (on_gpu, _) = run(&plain, &demo.stack, &demo.settings)?;
-        let (on_cpu, _) = run(&Reference, &demo.stack, &demo.settings)?;
-        println!("fig9 untimed: GPU {on_gpu:.3} s, reference {on_cpu:.3} s, ratio {:.2}", on_gpu / on_cpu);
+        run(&plain, stack, settings)?;
+        let (on_gpu, gpu_body) = run(&plain, stack, settings)?;
+        let (on_cpu, cpu_body) = run(&Reference, stack, settings)?;
+        println!("{name} untimed: GPU {on_gpu:.3} s, reference {on_cpu:.3} s, ratio {:.2}", on_gpu / on_cpu);
+        for (a, b) in gpu_body.report.stages.iter().zip(&cpu_body.report.stages) {
+            println!(
+                "{:>20} GPU {:.3} s, reference {:.3} s, ratio {:.2}",
+                a.name,
+                a.seconds,
+                b.seconds,
+                a.seconds / b.seconds
+            );
+        }
         Ok(())
     }
 
@@ -151,6 +166,7 @@ mod gpu {
             let (again, _) = run(gpu, &stack, &settings)?;
             let (on_cpu, _) = run(&Reference, &stack, &settings)?;
             println!("\n{}: GPU {first:.3} s cold, {again:.3} s warm; reference {on_cpu:.3} s", path.display());
+            kernels("the same by the field method", &stack, &by_field(&settings))?;
         }
         Ok(())
     }

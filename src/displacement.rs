@@ -6,7 +6,7 @@
 /// Side of a block, px.
 pub const BLOCK: usize = 4;
 /// Fixed-point passes that find the trajectory through a point.
-const PASSES: usize = 3;
+pub const PASSES: usize = 3;
 /// Gaussian means over blocks are cut here, sigmas.
 const TRUNCATE: f64 = 3.0;
 
@@ -106,7 +106,8 @@ pub fn smooth<const C: usize>(values: &mut Vec<[f64; C]>, [nx, ny]: [usize; 2], 
     }
 }
 
-fn weights(sigma: f64) -> Vec<f64> {
+/// Weights of a Gaussian mean, as many to either side; their sum is 1.
+pub fn weights(sigma: f64) -> Vec<f64> {
     let reach = (TRUNCATE * sigma + 0.5) as i64;
     let raw: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
     let sum: f64 = raw.iter().sum();

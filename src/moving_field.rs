@@ -16,7 +16,7 @@ pub const SHRINKING: f64 = 0.2;
 /// Smallest inradius of a part without partner that closes half way, px.
 pub const LEAST_DEPTH: f64 = 4.0;
 /// A part of depth D that closes half way has gone this many times D at the other contour.
-const VIRTUAL_DEPTHS: f64 = 2.0;
+pub const VIRTUAL_DEPTHS: f64 = 2.0;
 
 /// Surfaces that go sideways by more than this per height are less upright, those that go by more than FLAT not at all.
 pub const STEEP: f64 = 1.5;

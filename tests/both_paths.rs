@@ -8,8 +8,12 @@ use std::sync::Mutex;
 
 use interslice::components::{label4, label8};
 use interslice::demo::demo;
+use interslice::displacement::Displacement;
+use interslice::field::Field;
 use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
+use interslice::moving_field::{LoneParts, MovingField};
 use interslice::progress::Silent;
+use interslice::settings::Method;
 use interslice::stack::{ReadOptions, read};
 use interslice::{Backend, ContourStack, Error, Reconstruction, Reference, Settings, height_grid, reconstruct_with};
 use shapes::zoo::{N, zoo};
@@ -20,6 +24,8 @@ const SIDES: f64 = 5e-4;
 /// Largest |phi_gpu - phi_cpu|, px, for all but [`EXCEPTIONS`] of the pixels with |phi| < 3 px.
 const NEAR: f32 = 0.02;
 const EXCEPTIONS: f64 = 1e-3;
+/// The same by the field method, without exception: what the slices' own fields differ by.
+const NEAR_BY_FIELD: f32 = 1e-3;
 
 fn open(options: &GpuOptions) -> Gpu {
     Gpu::open(options).expect("a Vulkan driver (tests/run installs lavapipe)")
@@ -38,6 +44,10 @@ fn topology(phi: &[f32], dims: [usize; 2]) -> [usize; 2] {
 }
 
 fn agree(name: &str, gpu: &Reconstruction, cpu: &Reconstruction) {
+    agree_to(NEAR, EXCEPTIONS, name, gpu, cpu);
+}
+
+fn agree_to(bound: f32, exceptions: f64, name: &str, gpu: &Reconstruction, cpu: &Reconstruction) {
     let px = cpu.spacing[0].max(cpu.spacing[1]) as f32;
     let (mut all, mut sides, mut near, mut off, mut worst) = (0usize, 0usize, 0usize, 0usize, 0.0f32);
     assert_eq!(gpu.layers.len(), cpu.layers.len(), "{name}");
@@ -49,17 +59,17 @@ fn agree(name: &str, gpu: &Reconstruction, cpu: &Reconstruction) {
             if b.abs() < 3.0 * px {
                 near += 1;
                 let d = (a - b).abs() / px;
-                off += usize::from(d.is_nan() || d > NEAR);
+                off += usize::from(d.is_nan() || d > bound);
                 worst = worst.max(d);
             }
         }
         assert_eq!(topology(&g.phi, gpu.dims), topology(&c.phi, cpu.dims), "{name}: topology at {}", c.z);
     }
     println!(
-        "{name}: {sides} of {all} px on the other side, {off} of {near} off by more than {NEAR}, worst {worst:.1e} px"
+        "{name}: {sides} of {all} px on the other side, {off} of {near} off by more than {bound}, worst {worst:.1e} px"
     );
     assert!(sides as f64 <= SIDES * all as f64, "{name}: {sides} of {all} px lie on the other side");
-    assert!(off as f64 <= EXCEPTIONS * near as f64, "{name}: {off} of {near} px are off by more than {NEAR} px");
+    assert!(off as f64 <= exceptions * near as f64, "{name}: {off} of {near} px are off by more than {bound} px");
     for (a, b) in gpu.report.intervals.iter().zip(&cpu.report.intervals) {
         assert_eq!(a.events, b.events, "{name}");
         assert_eq!(a.particles.seeded, b.particles.seeded, "{name}: seeds");
@@ -78,6 +88,34 @@ fn the_papers_figures() {
             let of = |backend: &dyn Backend| run(backend, &demo.stack, &settings, None);
             agree(name, &of(&gpu), &of(&Reference));
         }
+    }
+}
+
+/// Slices interpolated along the moving field, no morph.
+fn by_field(settings: Settings) -> Settings {
+    Settings { method: Method::Field, ..settings }
+}
+
+#[test]
+fn the_papers_figures_by_the_field_method() {
+    let gpu = open(&GpuOptions { poison: true, ..GpuOptions::default() });
+    for name in ["fig5", "fig6", "fig9", "fig10"] {
+        let demo = demo(name).expect("a demo");
+        for settings in [Settings { fair: 0.0, ..by_field(demo.settings.clone()) }, by_field(demo.settings.clone())] {
+            let of = |backend: &dyn Backend| run(backend, &demo.stack, &settings, None);
+            agree_to(NEAR_BY_FIELD, 0.0, name, &of(&gpu), &of(&Reference));
+        }
+    }
+}
+
+#[test]
+fn the_zoo_by_the_field_method() {
+    let gpu = open(&GpuOptions { poison: true, ..GpuOptions::default() });
+    for (name, shapes) in zoo() {
+        let heights: Vec<f64> = (0..shapes.len()).map(|k| 10.0 * k as f64 + if k == 1 { 3.0 } else { 0.0 }).collect();
+        let stack = masks(N, &heights, &shapes);
+        let of = |backend: &dyn Backend| run(backend, &stack, &by_field(Settings::default()), Some(1.0));
+        agree_to(NEAR_BY_FIELD, 0.0, name, &of(&gpu), &of(&Reference));
     }
 }
 
@@ -125,18 +163,49 @@ fn bits(body: &Reconstruction) -> Vec<Vec<u32>> {
 
 #[test]
 fn neither_a_second_run_nor_small_batches_nor_lists_change_a_bit() {
-    let (stack, settings) = fig9();
-    let gpu = open(&GpuOptions::default());
-    let first = bits(&run(&gpu, &stack, &settings, None));
-    let again = bits(&run(&gpu, &stack, &settings, None));
-    assert!(first == again, "the second run differs");
-    let whole = gpu.profile().submissions / 2;
-    // So little that a batch holds a few jobs only.
-    let tight = open(&GpuOptions { memory: Some(6 << 20), ..GpuOptions::default() });
-    let in_batches = bits(&run(&tight, &stack, &settings, None));
-    println!("{whole} submissions with all memory, {} with 6 MiB", tight.profile().submissions);
-    assert!(tight.profile().submissions > 2 * whole, "there were several batches");
-    assert!(first == in_batches, "batches change the result");
+    let (stack, morph) = fig9();
+    let field = by_field(morph.clone());
+    for (name, settings) in [("morph", morph), ("field", field)] {
+        let gpu = open(&GpuOptions::default());
+        let first = bits(&run(&gpu, &stack, &settings, None));
+        let again = bits(&run(&gpu, &stack, &settings, None));
+        assert!(first == again, "{name}: the second run differs");
+        let whole = gpu.profile().submissions / 2;
+        // So little that a batch holds a few jobs only.
+        let tight = open(&GpuOptions { memory: Some(6 << 20), ..GpuOptions::default() });
+        let in_batches = bits(&run(&tight, &stack, &settings, None));
+        println!("{name}: {whole} submissions with all memory, {} with 6 MiB", tight.profile().submissions);
+        assert!(2 * tight.profile().submissions > 3 * whole, "{name}: there were several batches");
+        assert!(first == in_batches, "{name}: batches change the result");
+    }
+}
+
+#[test]
+fn stages_of_the_moving_field_are_the_same_in_batches() {
+    let (dims, h) = ([151, 133], [1.0, 0.8]);
+    let circle = |k: usize| circle(60.0 + 3.0 * k as f64, 50.0 - k as f64, 30.0 - 2.0 * k as f64);
+    let field = |k| Field::from_fn(dims, |i, j| circle(k)(i as f64 * h[0], j as f64 * h[1]));
+    let fields: Vec<Field> = (0..10).map(field).collect();
+    let gaps: Vec<f64> = (0..9).map(|k| [1.0, 2.5, 0.7][k % 3]).collect();
+    let heights = (0..10).map(|k| gaps[..k].iter().sum()).collect();
+    let times: Vec<f64> = (1..40).map(|k| f64::from(k) / 40.0).collect();
+    let stages = |memory: Option<u64>| {
+        let gpu = open(&GpuOptions { memory, poison: true, ..GpuOptions::default() });
+        let still = vec![Displacement::zero(dims); gaps.len()];
+        let found = gpu.displacements(&fields, &gaps, &still, h, &Silent).expect("displacements");
+        let moving = MovingField::new(Vec::clone(&heights), gaps.clone(), fields.clone(), found);
+        let slopes = gpu.moving_slopes(&moving, &Silent).expect("slopes");
+        let before = gpu.profile().submissions;
+        let lone = LoneParts::default();
+        let layers = gpu.moving_layers(&moving, &slopes, &lone, 4, &times, 14.0, h).expect("layers");
+        (moving.displacements, slopes, layers, [before, gpu.profile().submissions - before])
+    };
+    let (whole, tight) = (stages(None), stages(Some(2 << 20)));
+    println!("submissions {:?} with all memory, {:?} with 2 MiB", whole.3, tight.3);
+    assert!((0..2).all(|k| 2 * tight.3[k] > 3 * whole.3[k]), "there were several batches");
+    assert!(whole.0 == tight.0, "displacements");
+    assert!(whole.1 == tight.1, "slopes");
+    assert!(whole.2 == tight.2, "layers");
 }
 
 #[test]

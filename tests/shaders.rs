@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 
 use interslice::gpu::kernels::{MODULES, PART};
 use interslice::gpu::layout::{
-    Block, Colour, Copy, Item, Job, Layout, Params, Particle, Patch, Rule, Seed, Source, Stage, Sums, Work,
+    Axis, Block, Colour, Copy, Image, Interval, Item, Iteration, Job, Knot, Layout, Params, Part, Particle, Patch,
+    Rule, Seed, Source, Span, Stage, Sums, Time, Work,
 };
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
@@ -76,6 +77,14 @@ fn structs_are_laid_out_as_the_host_mirrors_them() {
     mirrors::<Patch>(&mut seen);
     mirrors::<Colour>(&mut seen);
     mirrors::<Rule>(&mut seen);
+    mirrors::<Image>(&mut seen);
+    mirrors::<Iteration>(&mut seen);
+    mirrors::<Axis>(&mut seen);
+    mirrors::<Interval>(&mut seen);
+    mirrors::<Time>(&mut seen);
+    mirrors::<Knot>(&mut seen);
+    mirrors::<Span>(&mut seen);
+    mirrors::<Part>(&mut seen);
     // Whatever else the shaders lay out in buffers must be known here.
     let written_by_shaders_alone = ["Copies", "Reached", "Values", "Rounds", "Round", "Side"];
     let known = |name: &str| seen.contains(name) || written_by_shaders_alone.contains(&name);
@@ -105,7 +114,9 @@ fn wgsl_constant(module: &naga::Module, name: &str) -> Option<f64> {
 
 #[test]
 fn constants_are_those_of_the_twins() {
-    use interslice::reference::{distance, exact, particles, propagate, reinit, scatter, trace};
+    use interslice::gpu::layout;
+    use interslice::reference::{distance, exact, moving_field, particles, propagate, reinit, scatter, trace};
+    use interslice::{displacement, moving_field as field};
     let wanted: &[(&str, &str, f64)] = &[
         ("trace", "STEP_LIMIT", trace::STEP_LIMIT),
         ("trace", "NEAR", trace::NEAR),
@@ -134,6 +145,23 @@ fn constants_are_those_of_the_twins() {
         ("band", "GRID", f64::from(interslice::gpu::layout::GRID)),
         ("distance", "PATCH", interslice::gpu::layout::PATCH as f64),
         ("part", "PATCH", interslice::gpu::layout::PATCH as f64),
+        ("displacement", "STRIDE", displacement::BLOCK as f64),
+        ("trajectories", "STRIDE", displacement::BLOCK as f64),
+        ("moving_slopes", "STRIDE", displacement::BLOCK as f64),
+        ("moving_layer", "STRIDE", displacement::BLOCK as f64),
+        ("displacement", "TILE", layout::TILE as f64),
+        ("moving_slopes", "TILE", layout::TILE as f64),
+        ("moving_layer", "TILE", layout::TILE as f64),
+        ("moving_layer", "TILE", moving_field::CELL as f64),
+        ("displacement", "MOMENTS", layout::MOMENTS as f64),
+        ("displacement", "EVIDENCE", layout::EVIDENCE as f64),
+        ("trajectories", "PASSES", displacement::PASSES as f64),
+        ("moving_slopes", "BOTH", f64::from(layout::BOTH)),
+        ("moving_slopes", "ABOVE", f64::from(layout::ABOVE)),
+        ("moving_slopes", "BELOW", f64::from(layout::BELOW)),
+        ("moving_layer", "SHRINKING", field::SHRINKING),
+        ("moving_layer", "STEEP", field::STEEP),
+        ("moving_layer", "FLAT", field::FLAT),
     ];
     let modules = parsed();
     for (stem, name, value) in wanted {

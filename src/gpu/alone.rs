@@ -5,14 +5,18 @@ use super::Gpu;
 use super::atlas::Atlas;
 use super::band::Front;
 use super::device::Buffer;
+use super::displacement::Solver;
 use super::distance::Distances;
 use super::kernels::{Recorder, Size};
 use super::layout::{Params, Particle, Seed, Source, Work};
 use super::propagate::place_seeds;
-use super::{contour_field, trace};
+use super::{contour_field, moving, trace, trajectories};
+use crate::displacement::Displacement;
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Course, SweepJob};
+use crate::moving_field::{MovingField, Paths};
+use crate::reference::displacement::Round;
 
 /// Shape and parameters of the tubes.
 #[derive(Debug, Clone, Copy)]
@@ -215,6 +219,36 @@ impl Gpu {
             out[*q as usize][(node - front.atlas.jobs[*q as usize].offset) as usize] = value.map(f64::from);
         }
         Ok(out)
+    }
+
+    /// One round of the displacements of all intervals.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`].
+    pub fn better_displacements(
+        &self,
+        fields: &[Field],
+        gaps: &[f64],
+        guess: &[Displacement],
+        current: &[Displacement],
+        round: Round,
+        h: [f64; 2],
+    ) -> Result<Vec<Displacement>> {
+        let mut solver = Solver::new(self, fields, gaps, guess, current, h)?;
+        solver.round(round)?;
+        solver.read()
+    }
+
+    /// Paths through the layers of interval `i` at these times.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`].
+    pub fn paths(&self, moving: &MovingField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Vec<Paths>> {
+        let paths = trajectories::paths(self, moving, i, times, h)?;
+        let grid = moving.displacements[i].grid;
+        let vectors = self.device.read(&paths, 0, 2 * grid[0] * grid[1] * times.len())?;
+        let mut both = moving::displacements(grid, &vectors);
+        Ok(std::iter::from_fn(|| Some(Paths { come: both.next()?, go: both.next()? })).collect())
     }
 
     /// Particles at these positions, one step of `dt` per job: predicted in `before`, corrected in `after`, landed on `goal`.

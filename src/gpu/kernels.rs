@@ -18,7 +18,7 @@ macro_rules! source {
 }
 
 /// Every module of WGSL: its stem and its whole text.
-pub const MODULES: [(&str, &str); 13] = [
+pub const MODULES: [(&str, &str); 17] = [
     ("band", source!("common/job.wgsl", "common/stencil.wgsl", "band.wgsl")),
     ("hj_step", source!("common/job.wgsl", "common/stencil.wgsl", "common/stage.wgsl", "hj_step.wgsl")),
     ("reinit", source!("common/job.wgsl", "common/stencil.wgsl", "common/stage.wgsl", "reinit.wgsl")),
@@ -41,6 +41,28 @@ pub const MODULES: [(&str, &str); 13] = [
     ("distance", source!("common/job.wgsl", "common/stencil.wgsl", "distance.wgsl")),
     ("exact", source!("common/job.wgsl", "common/stencil.wgsl", "exact.wgsl")),
     ("contour_field", source!("common/job.wgsl", "contour_field.wgsl")),
+    ("displacement", source!("common/job.wgsl", "common/moving.wgsl", "displacement.wgsl")),
+    ("trajectories", source!("common/job.wgsl", "common/moving.wgsl", "trajectories.wgsl")),
+    (
+        "moving_slopes",
+        source!(
+            "common/job.wgsl",
+            "common/moving.wgsl",
+            "common/sample.wgsl",
+            "common/spline.wgsl",
+            "moving_slopes.wgsl"
+        ),
+    ),
+    (
+        "moving_layer",
+        source!(
+            "common/job.wgsl",
+            "common/moving.wgsl",
+            "common/sample.wgsl",
+            "common/spline.wgsl",
+            "moving_layer.wgsl"
+        ),
+    ),
     ("doctor", source!("doctor.wgsl")),
 ];
 
@@ -114,6 +136,16 @@ kernels!(
     hold_sides: "contour_field"."hold_sides" [0, 1, 4, 6, 7],
     limit: "contour_field"."limit" [0, 1, 4, 7],
     put_conditioned: "contour_field"."put_conditioned" [0, 1, 3, 4, 5, 7],
+    displacement_pairs: "displacement"."bring_together" [0, 1, 2, 3, 4],
+    displacement_moments: "displacement"."sum_moments" [0, 1, 2, 3, 4, 5],
+    displacement_mean: "displacement"."window_mean" [0, 6, 7, 8, 9],
+    displacement_weigh: "displacement"."weigh" [0, 1, 3, 8, 10, 12],
+    displacement_solve: "displacement"."solve" [0, 1, 10, 11, 13],
+    displacement_guess: "displacement"."add_guess" [0, 8, 12, 13],
+    trajectories: "trajectories"."follow" [0, 1, 2, 3, 4],
+    moving_slopes: "moving_slopes"."find_slopes" [0, 1, 2, 3, 4],
+    moving_layer_far: "moving_layer"."find_far" [0, 1, 2, 3, 6],
+    moving_layer: "moving_layer"."interpolate" [0, 1, 2, 3, 4, 5, 6, 7],
     doctor_count: "doctor"."count" [0, 1],
     doctor_nan: "doctor"."not_a_number" [0, 1],
     part_start: "part"."start_part" [0, 2, 3, 4, 5, 6, 7],
@@ -301,8 +333,13 @@ impl<'d> Recorder<'d> {
 
     /// Records a copy of whole values.
     pub fn copy(&mut self, from: &Buffer, to: &Buffer, bytes: u64) {
+        self.copy_part((from, 0), (to, 0), bytes);
+    }
+
+    /// Records a copy of bytes between places of two buffers.
+    pub fn copy_part(&mut self, (from, first): (&Buffer, u64), (to, place): (&Buffer, u64), bytes: u64) {
         self.pass = None;
-        self.encoder.copy_buffer_to_buffer(&from.raw, 0, &to.raw, 0, bytes);
+        self.encoder.copy_buffer_to_buffer(&from.raw, first, &to.raw, place, bytes);
     }
 
     /// Records zeros.

@@ -11,6 +11,18 @@ pub const BLOCK: usize = 64;
 pub const PATCH: usize = 16;
 /// Widest row of workgroups in a dispatch over a list.
 pub const GRID: u32 = 4096;
+/// Side of the tiles that workgroups take in the moving field, px.
+pub const TILE: usize = 8;
+/// Moments of a block of a displacement.
+pub const MOMENTS: usize = 9;
+/// Numbers of its evidence.
+pub const EVIDENCE: usize = 5;
+/// A slice with others on both sides.
+pub const BOTH: u32 = 0;
+/// The lowest slice.
+pub const ABOVE: u32 = 1;
+/// The highest slice.
+pub const BELOW: u32 = 2;
 /// Phases of a job.
 pub const RUNNING: u32 = 0;
 /// The front disappeared on the way.
@@ -191,4 +203,62 @@ mirrored!(
         padding_a: u32,
         padding_b: u32,
     }
+);
+
+mirrored!(
+    /// Size of the images of a moving field and of their displacements (`common/moving.wgsl`).
+    Image { nx: u32, ny: u32, columns: u32, rows: u32, hx: f32, hy: f32, count: u32, padding: u32, }
+);
+
+mirrored!(
+    /// One round of the displacements (`displacement.wgsl`).
+    Iteration {
+        clip: f32,
+        width: f32,
+        reach: f32,
+        half_evidence: f32,
+        coupling: f32,
+        padding_a: u32,
+        padding_b: u32,
+        padding_c: u32,
+    }
+);
+
+mirrored!(
+    /// A pass of smoothing (`displacement.wgsl`).
+    Axis { vertical: u32, first: u32, reach: u32, width: u32, }
+);
+
+mirrored!(
+    /// What an interval takes part in (`displacement.wgsl`).
+    Interval { before: f32, after: f32, ridge: f32, padding: f32, }
+);
+
+mirrored!(
+    /// Time of a layer (`trajectories.wgsl`).
+    Time { t: f32, tau: f32, first: f32, second: f32, }
+);
+
+mirrored!(
+    /// A slice with its gaps (`moving_slopes.wgsl`).
+    Knot { slice: u32, sides: u32, gaps: [f32; 2], }
+);
+
+mirrored!(
+    /// What the layers of an interval share (`moving_layer.wgsl`).
+    Span {
+        limit: f32,
+        reach: f32,
+        lower_parts: u32,
+        all_parts: u32,
+        gap: f32,
+        padding_a: u32,
+        padding_b: u32,
+        padding_c: u32,
+    }
+);
+
+mirrored!(
+    /// A part without partner (`moving_layer.wgsl`).
+    Part { first: u32, nx: u32, ny: u32, x: i32, y: i32, beyond: f32, }
 );

@@ -10,14 +10,20 @@ pub mod band;
 mod compose;
 mod contour_field;
 pub mod device;
+mod displacement;
 mod distance;
 pub mod doctor;
 mod fallback;
 pub mod kernels;
 pub mod layout;
+mod moving;
+mod moving_layer;
+mod moving_slopes;
+mod moving_twins;
 mod part;
 mod propagate;
 mod trace;
+mod trajectories;
 pub mod twins;
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
@@ -124,11 +130,20 @@ impl Backend for Gpu {
         h: [f64; 2],
         progress: &dyn Progress,
     ) -> Result<Vec<Displacement>> {
-        Reference.displacements(fields, gaps, guess, h, progress)
+        // Images larger than an adapter's arrays (on lavapipe 2590 px squared) are left to the reference path.
+        match fields.first() {
+            Some(image) if self.holds_images(image.dims) => {
+                displacement::displacements(self, fields, gaps, guess, h, progress)
+            }
+            _ => Reference.displacements(fields, gaps, guess, h, progress),
+        }
     }
 
     fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
-        Reference.moving_slopes(moving, progress)
+        match moving.fields.first() {
+            Some(image) if self.holds_images(image.dims) => moving_slopes::slopes(self, moving, progress),
+            _ => Reference.moving_slopes(moving, progress),
+        }
     }
 
     fn moving_layers(
@@ -141,6 +156,10 @@ impl Backend for Gpu {
         limit: f64,
         h: [f64; 2],
     ) -> Result<Vec<Vec<f32>>> {
-        Reference.moving_layers(moving, slopes, lone, i, times, limit, h)
+        if !self.holds_images(moving.fields[i].dims) {
+            return Reference.moving_layers(moving, slopes, lone, i, times, limit, h);
+        }
+        let of = moving_layer::Ingredients { moving, slopes, lone, interval: i, limit, h };
+        moving_layer::layers(self, &of, times)
     }
 }

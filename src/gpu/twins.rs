@@ -2,6 +2,7 @@
 
 use super::Gpu;
 use super::alone::{Reach, Speeds, Tubes};
+use super::moving_twins;
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
 use crate::contour::seeds;
 use crate::error::Result;
@@ -78,6 +79,8 @@ impl Comparison {
 pub struct Cases {
     /// Pixel size, px of the larger side.
     pub h: [f64; 2],
+    /// Their scale.
+    pub scale: usize,
     /// Level sets, single precision exactly.
     pub phi: Vec<Field>,
     /// Level sets of other contours on the same tiles.
@@ -92,7 +95,7 @@ const GAMMA: f64 = 6.0;
 const BETA: f64 = 3.0;
 
 /// A radius around a center, by direction.
-fn blob(dims: [usize; 2], h: [f64; 2], [cx, cy]: [f64; 2], r: f64, lobes: f64, depth: f64) -> Field {
+pub(super) fn blob(dims: [usize; 2], h: [f64; 2], [cx, cy]: [f64; 2], r: f64, lobes: f64, depth: f64) -> Field {
     Field::from_fn(dims, |i, j| {
         let (x, y) = (i as f64 * h[0] - cx, j as f64 * h[1] - cy);
         let v = x.hypot(y) - r * (1.0 + depth * (lobes * y.atan2(x)).cos());
@@ -100,7 +103,7 @@ fn blob(dims: [usize; 2], h: [f64; 2], [cx, cy]: [f64; 2], r: f64, lobes: f64, d
     })
 }
 
-fn joined(a: &Field, b: &Field) -> Field {
+pub(super) fn joined(a: &Field, b: &Field) -> Field {
     Field { dims: a.dims, data: a.data.iter().zip(&b.data).map(|(x, y)| x.min(*y)).collect() }
 }
 
@@ -119,6 +122,7 @@ impl Cases {
         let pair = |r: f64| joined(&disc(1, 0.33, 0.5, r), &disc(1, 0.68, 0.47, r));
         Cases {
             h,
+            scale,
             phi: vec![disc(0, 0.5, 0.5, 11.0), pair(9.0), star(0.2), empty.clone()],
             goal: vec![disc(0, 0.52, 0.49, 8.0), disc(1, 0.5, 0.5, 17.0), star(0.0), empty.clone()],
             later: vec![disc(0, 0.5, 0.5, 10.6), pair(9.4), star(0.17), empty],
@@ -178,6 +182,7 @@ pub fn compare(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
     out.extend(contour_fields(gpu, cases)?);
     out.extend(morphs(gpu, cases)?);
     out.extend(sweeps(gpu, cases)?);
+    out.extend(moving_twins::compare(gpu, cases.h, cases.scale)?);
     Ok(out)
 }
 

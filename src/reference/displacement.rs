@@ -11,40 +11,72 @@ use crate::field::Field;
 
 /// One round of the iteration, lengths in px.
 #[derive(Debug, Clone, Copy)]
-struct Round {
+pub struct Round {
     /// Sigma of the window.
-    window: f64,
+    pub window: f64,
     /// Fields are clipped here.
-    clip: f64,
+    pub clip: f64,
     /// Width of the weight `exp(-(min(|a|, |b|) / w)^2)`; zero beyond three times that.
-    width: f64,
+    pub width: f64,
     /// Weight of no motion but the guess.
-    ridge: f64,
+    pub ridge: f64,
 }
 
-const WIDE: Round = Round { window: 8.0, clip: 16.0, width: 8.0, ridge: 0.10 };
-const NARROW: Round = Round { window: 8.0, clip: 8.0, width: 5.0, ridge: 0.07 };
+/// The first rounds.
+pub const WIDE: Round = Round { window: 8.0, clip: 16.0, width: 8.0, ridge: 0.10 };
+/// The last rounds.
+pub const NARROW: Round = Round { window: 8.0, clip: 8.0, width: 5.0, ridge: 0.07 };
 /// The rounds in order.
-const ROUNDS: [Round; 7] = [WIDE, WIDE, WIDE, WIDE, NARROW, NARROW, NARROW];
+pub const ROUNDS: [Round; 7] = [WIDE, WIDE, WIDE, WIDE, NARROW, NARROW, NARROW];
 /// Weight of a neighbouring interval.
-const COUPLING: f64 = 0.5;
+pub const COUPLING: f64 = 0.5;
 /// Mean weight of evidence that counts half.
-const HALF_EVIDENCE: f64 = 1e-3;
+pub const HALF_EVIDENCE: f64 = 1e-3;
+
+impl Round {
+    /// Distance beyond which a pixel has no weight.
+    pub fn reach(&self) -> f64 {
+        3.0 * self.width
+    }
+
+    /// Weight of a pixel at distance `d`.
+    fn weight(&self, d: f64) -> f64 {
+        if d > self.reach() { 0.0 } else { (-(d / self.width).powi(2)).exp() }
+    }
+
+    /// Sigma of the window, blocks.
+    pub fn window_sigma(&self, h: [f64; 2]) -> [f64; 2] {
+        h.map(|side| self.window / (BLOCK as f64 * side))
+    }
+
+    /// Sigma with which vectors are smoothed, blocks.
+    pub fn smoothing_sigma(&self, h: [f64; 2]) -> [f64; 2] {
+        self.window_sigma(h).map(|sigma| 0.5 * sigma)
+    }
+}
 
 /// Evidence of one interval per block: `S` (xx, yy, xy) and the right-hand side `S (v - guess) + d` (x, y), in px of the larger side.
 type Evidence = Vec<[f64; 5]>;
 
 /// Displacements of all intervals, whose heights are `gaps`, from a `guess` of each. `fields` are signed distances on one image, px.
 pub fn displacements(fields: &[Field], gaps: &[f64], guess: &[Displacement], h: [f64; 2]) -> Vec<Displacement> {
-    let mut current = guess.to_vec();
-    for round in ROUNDS {
-        let evidence: Vec<Evidence> = (0..gaps.len())
-            .into_par_iter()
-            .map(|i| evidence(&fields[i], &fields[i + 1], &current[i], &guess[i], round, h))
-            .collect();
-        current = (0..gaps.len()).into_par_iter().map(|i| solve(i, &evidence, gaps, &guess[i], round, h)).collect();
-    }
-    current
+    ROUNDS.iter().fold(guess.to_vec(), |current, &round| better(fields, gaps, guess, &current, round, h))
+}
+
+/// One round from `current`.
+pub fn better(
+    fields: &[Field],
+    gaps: &[f64],
+    guess: &[Displacement],
+    current: &[Displacement],
+    round: Round,
+    h: [f64; 2],
+) -> Vec<Displacement> {
+    let evidence: Vec<Evidence> = (0..gaps.len())
+        .into_par_iter()
+        .map(|i| evidence(&fields[i], &fields[i + 1], &current[i], &guess[i], round, h))
+        .collect();
+    (0..gaps.len()).into_par_iter().map(|i| solve(i, &evidence, gaps, &guess[i], round, h)).collect()
 }
 
 /// Both fields where the displacement brings them together: `a` and `b` at the pixels of one row.
@@ -65,14 +97,24 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
         |f: &Field| Field { dims: f.dims, data: f.data.iter().map(|d| d.clamp(-round.clip, round.clip)).collect() };
     let clipped = [clip(low), clip(high)];
     let clipped = [&clipped[0], &clipped[1]];
-    // Rows in which nothing lies close to a contour need not be looked at.
-    let reach = 3.0 * round.width + 0.5 * v.largest() + 2.0;
+    // Rows in which nothing lies within the clip of a contour, wherever the displacement reads, need not be looked at.
+    let reach = round.clip + 0.5 * v.largest() + 2.0;
     let near = |j: usize| (j * nx..(j + 1) * nx).any(|n| low.data[n].abs().min(high.data[n].abs()) < reach);
     let near: Vec<bool> = (0..ny).map(near).collect();
     let mut sums = vec![[0.0; 9]; v.grid[0] * v.grid[1]];
     let mut rows = [vec![[0.0; 2]; nx], vec![[0.0; 2]; nx], vec![[0.0; 2]; nx]];
     let mut held = [usize::MAX; 3];
-    for j in (1..ny - 1).filter(|&j| near[j]) {
+    for j in 1..ny - 1 {
+        if !near[j] {
+            let weight = round.weight(round.clip);
+            for i in 1..nx - 1 {
+                let [a, b] = clipped.map(|f| f.data[j * nx + i]);
+                let block = &mut sums[(j / BLOCK) * v.grid[0] + i / BLOCK];
+                block[0] += weight;
+                block[8] += weight * (a - b);
+            }
+            continue;
+        }
         for wanted in j - 1..=j + 1 {
             if held[wanted % 3] != wanted {
                 row(clipped, v, wanted, &mut rows[wanted % 3]);
@@ -82,11 +124,7 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
         let [below, here, above] = [j - 1, j, j + 1].map(|k| &rows[k % 3]);
         for i in 1..nx - 1 {
             let [a, b] = here[i];
-            let d = a.abs().min(b.abs());
-            if d > 3.0 * round.width {
-                continue;
-            }
-            let w = (-(d / round.width).powi(2)).exp();
+            let w = round.weight(a.abs().min(b.abs()));
             let sum = |p: [f64; 2]| p[0] + p[1];
             let gx = 0.25 * (sum(here[i + 1]) - sum(here[i - 1])) / h[0];
             let gy = 0.25 * (sum(above[i]) - sum(below[i])) / h[1];
@@ -96,8 +134,7 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
             block.iter_mut().zip(moments).for_each(|(s, m)| *s += w * m);
         }
     }
-    let sigma = h.map(|side| round.window / (BLOCK as f64 * side));
-    smooth(&mut sums, v.grid, sigma);
+    smooth(&mut sums, v.grid, round.window_sigma(h));
     sums.iter()
         .zip(v.vectors.iter().zip(&guess.vectors))
         .map(|(sum, (v, guess))| {
@@ -142,7 +179,7 @@ fn solve(
             [(yy * bx - xy * by) / determinant / h[0], (xx * by - xy * bx) / determinant / h[1]]
         })
         .collect();
-    smooth(&mut vectors, guess.grid, h.map(|side| 0.5 * round.window / (BLOCK as f64 * side)));
+    smooth(&mut vectors, guess.grid, round.smoothing_sigma(h));
     vectors.iter_mut().zip(&guess.vectors).for_each(|(v, g)| *v = [v[0] + g[0], v[1] + g[1]]);
     Displacement { grid: guess.grid, vectors }
 }

@@ -7,7 +7,7 @@ use crate::moving_field::{LoneParts, MovingField, between, closing};
 use crate::spline::{harmonic, limited, three_point_end};
 
 /// Side of the cells that are skipped where no contour can be, px.
-const CELL: usize = 8;
+pub const CELL: usize = 8;
 
 /// Slopes of the fields at all slices, per height: the mean of PCHIP and of Catmull-Rom limited to three times the smaller secant, secants
 /// taken along the trajectories; at the ends the three-point formula.
@@ -55,6 +55,11 @@ fn slopes_of(moving: &MovingField, i: usize) -> Field {
     Field::from_fn(moving.fields[i].dims, |x, y| slope([x as f64, y as f64]))
 }
 
+/// How far from a cell's middle its pixels may read, px: distances change by a pixel per pixel, and the frame by less than half of that.
+pub fn reach(h: [f64; 2]) -> f64 {
+    0.75 * CELL as f64 * h[0].hypot(h[1]) + 2.0
+}
+
 /// The layer at time `t` of interval `i`, px, clamped to `limit`.
 pub fn layer(
     moving: &MovingField,
@@ -86,8 +91,7 @@ pub fn layer(
         between([a, b], m, gap / moving.px, t).clamp(-limit, limit)
     };
     let mut out = vec![0.0; nx * ny];
-    // Distances change by a pixel per pixel, and the frame by less than half of that.
-    let reach = 0.75 * CELL as f64 * h[0].hypot(h[1]) + 2.0;
+    let reach = reach(h);
     for cell_y in (0..ny).step_by(CELL) {
         for cell_x in (0..nx).step_by(CELL) {
             let (width, height) = (CELL.min(nx - cell_x), CELL.min(ny - cell_y));

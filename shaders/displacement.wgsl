@@ -1,0 +1,235 @@
+// The displacement of every interval, one round: both slices where the displacement brings them together, moments per block, their window
+// means, the evidence of each interval, differences to the guess joint over the intervals. The twin is src/reference/displacement.rs.
+//
+// Moments and vectors are smoothed by one kernel: numbers of a block side by side, `width` of them.
+
+@group(0) @binding(1) var<uniform> iteration: Iteration;
+@group(0) @binding(2) var<storage, read> fields: array<f32>;
+@group(0) @binding(3) var<storage, read> vectors: array<vec2<f32>>;
+@group(0) @binding(4) var<storage, read_write> pairs: array<vec2<f32>>;
+@group(0) @binding(5) var<storage, read_write> moments: array<f32>;
+@group(0) @binding(6) var<uniform> axis: Axis;
+@group(0) @binding(7) var<storage, read> weights: array<f32>;
+@group(0) @binding(8) var<storage, read> rough: array<f32>;
+@group(0) @binding(9) var<storage, read_write> smoothed: array<f32>;
+@group(0) @binding(10) var<storage, read_write> evidence: array<f32>;
+@group(0) @binding(11) var<storage, read> intervals: array<Interval>;
+@group(0) @binding(12) var<storage, read> guess: array<vec2<f32>>;
+@group(0) @binding(13) var<storage, read_write> found: array<vec2<f32>>;
+
+// Numbers of a block: weight, <gx gx>, <gy gy>, <gx gy>, <gx r>, <gy r>, <gx>, <gy>, <r>.
+const MOMENTS: u32 = 9u;
+// Numbers of a block: S (xx, yy, xy) and S (v - guess) + d (x, y).
+const EVIDENCE: u32 = 5u;
+
+// One round; lengths in px. The weight of a pixel is exp(-(d / width)^2), zero beyond `reach`.
+struct Iteration {
+    clip: f32,
+    width: f32,
+    reach: f32,
+    half_evidence: f32,
+    coupling: f32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
+}
+
+// A pass of smoothing: along rows or columns of blocks, with weights from `first` on, `reach` to each side.
+struct Axis {
+    vertical: u32,
+    first: u32,
+    reach: u32,
+    width: u32,
+}
+
+// What an interval takes part in: weights of its neighbours' displacements as rates (0: there is none), and the weight of no motion but the guess.
+struct Interval {
+    before: f32,
+    after: f32,
+    ridge: f32,
+    padding: f32,
+}
+
+fn blocks() -> u32 {
+    return image.columns * image.rows;
+}
+
+fn clipped(k: u32) -> f32 {
+    return clamp(fields[k], -iteration.clip, iteration.clip);
+}
+
+// A slice, clipped, at an offset from a pixel. Where the pixel is farther off than `reach` so is everything the offset may reach.
+fn clipped_at(first: u32, ij: vec2<u32>, offset: vec2<f32>, reach: f32) -> f32 {
+    let here = first + ij.y * image.nx + ij.x;
+    if abs(fields[here]) >= reach {
+        return clipped(here);
+    }
+    let c = cell_of(vec2<u32>(image.nx, image.ny), vec2<i32>(ij), offset, 0);
+    let k = first + c.node;
+    let low = mix(clipped(k), clipped(k + 1u), c.place.x);
+    let high = mix(clipped(k + image.nx), clipped(k + image.nx + 1u), c.place.x);
+    return mix(low, high, c.place.y);
+}
+
+// `(a, b)` at every pixel.
+@compute @workgroup_size(lane_count)
+fn bring_together(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let p = pixel_of(list_index(group, local));
+    if !on_image(p) {
+        return;
+    }
+    let nodes = image.nx * image.ny;
+    let offset = 0.5 * vector_at(p.z * blocks(), vec2<i32>(p.xy), vec2<f32>(0.0));
+    let reach = iteration.clip + length(offset) + 2.0;
+    let a = clipped_at(p.z * nodes, p.xy, -offset, reach);
+    let b = clipped_at((p.z + 1u) * nodes, p.xy, offset, reach);
+    pairs[p.z * nodes + p.y * image.nx + p.x] = vec2<f32>(a, b);
+}
+
+fn pixel_weight(d: f32) -> f32 {
+    let part = d / iteration.width;
+    return select(exp(-part * part), 0.0, d > iteration.reach);
+}
+
+// Sums over the pixels of a block, those at the image's edge left out.
+@compute @workgroup_size(lane_count)
+fn sum_moments(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let k = list_index(group, local);
+    if k >= image.count * blocks() {
+        return;
+    }
+    let block = vec2<u32>(k % image.columns, k % blocks() / image.columns);
+    let begin = max(STRIDE * block, vec2<u32>(1u));
+    var end = max(begin, min(STRIDE * (block + 1u), vec2<u32>(image.nx, image.ny) - 1u));
+    let nodes = image.nx * image.ny;
+    let first = k / blocks() * nodes;
+    var sum = array<f32, MOMENTS>();
+    let middle = min(STRIDE * block + STRIDE / 2u, vec2<u32>(image.nx, image.ny) - 1u);
+    let low = first + middle.y * image.nx + middle.x;
+    // Farther off than this, no pixel that the block reads is within the clip of either slice.
+    let reach = iteration.clip + 0.5 * length(vectors[k]) + 2.0 * f32(STRIDE);
+    if min(abs(fields[low]), abs(fields[low + nodes])) >= reach {
+        let pixels = f32((end.x - begin.x) * (end.y - begin.y));
+        sum[0] = pixels * pixel_weight(iteration.clip);
+        sum[8] = sum[0] * (clipped(low) - clipped(low + nodes));
+        end = begin;
+    }
+    for (var j = begin.y; j < end.y; j++) {
+        for (var i = begin.x; i < end.x; i++) {
+            let n = first + j * image.nx + i;
+            let here = pairs[n];
+            let w = pixel_weight(min(abs(here.x), abs(here.y)));
+            let along = pairs[n + 1u] - pairs[n - 1u];
+            let across = pairs[n + image.nx] - pairs[n - image.nx];
+            let gx = 0.25 * (along.x + along.y) / image.hx;
+            let gy = 0.25 * (across.x + across.y) / image.hy;
+            let r = here.x - here.y;
+            sum[0] += w;
+            sum[1] += w * gx * gx;
+            sum[2] += w * gy * gy;
+            sum[3] += w * gx * gy;
+            sum[4] += w * gx * r;
+            sum[5] += w * gy * r;
+            sum[6] += w * gx;
+            sum[7] += w * gy;
+            sum[8] += w * r;
+        }
+    }
+    for (var m = 0u; m < MOMENTS; m++) {
+        moments[k * MOMENTS + m] = sum[m];
+    }
+}
+
+// One axis of the Gaussian means of `rough`, the edge repeated.
+@compute @workgroup_size(lane_count)
+fn window_mean(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let n = list_index(group, local);
+    if n >= image.count * blocks() * axis.width {
+        return;
+    }
+    let k = n / axis.width % blocks();
+    let at = select(k % image.columns, k / image.columns, axis.vertical == 1u);
+    let last = select(image.columns, image.rows, axis.vertical == 1u) - 1u;
+    let step = select(1u, image.columns, axis.vertical == 1u) * axis.width;
+    let origin = n - at * step;
+    var sum = 0.0;
+    for (var w = 0u; w <= 2u * axis.reach; w++) {
+        let reading = min(max(at + w, axis.reach) - axis.reach, last);
+        sum += weights[axis.first + w] * rough[origin + reading * step];
+    }
+    smoothed[n] = sum;
+}
+
+// `S = <J J'> - <J><J>'` and `S (v - guess) + d`, `d = <J r> - <J><r>`, times the trust in them; one interval on in `evidence`, so that those before
+// and after the batch have room.
+@compute @workgroup_size(lane_count)
+fn weigh(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let k = list_index(group, local);
+    if k >= image.count * blocks() {
+        return;
+    }
+    let pixels = f32(STRIDE * STRIDE);
+    let m = k * MOMENTS;
+    let weight = rough[m] / pixels;
+    let whole = rough[m] + 1e-6 * pixels;
+    let trust = weight / (weight + iteration.half_evidence);
+    let square = vec3<f32>(rough[m + 1u], rough[m + 2u], rough[m + 3u]) / whole;
+    let product = vec2<f32>(rough[m + 4u], rough[m + 5u]) / whole;
+    let g = vec2<f32>(rough[m + 6u], rough[m + 7u]) / whole;
+    let s = square - vec3<f32>(g.x * g.x, g.y * g.y, g.x * g.y);
+    let d = product - g * (rough[m + 8u] / whole);
+    let v = (vectors[k] - guess[k]) * vec2<f32>(image.hx, image.hy);
+    let e = (k + blocks()) * EVIDENCE;
+    evidence[e] = trust * s.x;
+    evidence[e + 1u] = trust * s.y;
+    evidence[e + 2u] = trust * s.z;
+    evidence[e + 3u] = trust * (d.x + s.x * v.x + s.z * v.y);
+    evidence[e + 4u] = trust * (d.y + s.z * v.x + s.y * v.y);
+}
+
+struct System {
+    s: vec3<f32>,
+    b: vec2<f32>,
+}
+
+// A neighbour's evidence, its displacement as a rate; nothing where there is no neighbour.
+fn beside(k: u32, rate: f32) -> System {
+    if rate == 0.0 {
+        return System(vec3<f32>(0.0), vec2<f32>(0.0));
+    }
+    let e = k * EVIDENCE;
+    return System(
+        vec3<f32>(evidence[e], evidence[e + 1u], evidence[e + 2u]),
+        rate * vec2<f32>(evidence[e + 3u], evidence[e + 4u])
+    );
+}
+
+// `v - guess = (S + ridge)^-1 b`, the neighbours' part added up first: the same either way up.
+@compute @workgroup_size(lane_count)
+fn solve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let k = list_index(group, local);
+    if k >= image.count * blocks() {
+        return;
+    }
+    let interval = intervals[k / blocks()];
+    let before = beside(k, interval.before);
+    let own = beside(k + blocks(), 1.0);
+    let after = beside(k + 2u * blocks(), interval.after);
+    let s = own.s + iteration.coupling * (before.s + after.s);
+    let h = vec2<f32>(image.hx, image.hy);
+    let b = own.b + iteration.coupling * (before.b + after.b);
+    let xx = s.x + interval.ridge;
+    let yy = s.y + interval.ridge;
+    let determinant = xx * yy - s.z * s.z;
+    found[k] = vec2<f32>(yy * b.x - s.z * b.y, xx * b.y - s.z * b.x) / determinant / h;
+}
+
+// The vectors: their smoothed differences to the guess, and the guess.
+@compute @workgroup_size(lane_count)
+fn add_guess(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let k = list_index(group, local);
+    if k >= image.count * blocks() {
+        return;
+    }
+    found[k] = guess[k] + vec2<f32>(rough[2u * k], rough[2u * k + 1u]);
+}

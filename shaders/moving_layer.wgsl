@@ -1,0 +1,150 @@
+// Layers of an interval: Hermite curves of the fields along the trajectories. The twin is `layer` in src/reference/moving_field.rs.
+//
+// `fields` holds the lower and the upper slice, their slopes per interval, and the tiles of the lone parts.
+
+@group(0) @binding(1) var<uniform> span: Span;
+@group(0) @binding(2) var<storage, read> fields: array<f32>;
+@group(0) @binding(3) var<storage, read> vectors: array<vec2<f32>>;
+@group(0) @binding(4) var<storage, read> times: array<f32>;
+@group(0) @binding(5) var<storage, read> parts: array<Part>;
+@group(0) @binding(6) var<storage, read_write> far: array<f32>;
+@group(0) @binding(7) var<storage, read_write> layers: array<f32>;
+
+// Share of `4 t^2 (1 - t)^2 |A - B|` taken off where the surface is upright.
+const SHRINKING: f32 = 0.2;
+// Surfaces that go sideways by more than this per height are less upright, those that go by more than FLAT not at all.
+const STEEP: f32 = 1.5;
+const FLAT: f32 = 4.0;
+
+// What the layers of an interval share: values are clamped to `limit`, tiles farther off than `limit + reach` are skipped; lone parts of the
+// lower slice, and of both; the interval's gap in px.
+struct Span {
+    limit: f32,
+    reach: f32,
+    lower_parts: u32,
+    all_parts: u32,
+    gap: f32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
+}
+
+// A part without partner: its tile's place in `fields`, and what is added to its own distance.
+struct Part {
+    first: u32,
+    nx: u32,
+    ny: u32,
+    x: i32,
+    y: i32,
+    beyond: f32,
+}
+
+// A layer's place on the lower and on the upper slice, as offsets from the pixel.
+struct Ends {
+    low: vec2<f32>,
+    high: vec2<f32>,
+}
+
+fn ends_of(layer: u32, ij: vec2<i32>, offset: vec2<f32>) -> Ends {
+    let blocks = image.columns * image.rows;
+    let come = vector_at(2u * layer * blocks, ij, offset);
+    let go = vector_at((2u * layer + 1u) * blocks, ij, offset);
+    return Ends(offset - come, offset + go);
+}
+
+fn dims() -> vec2<u32> {
+    return vec2<u32>(image.nx, image.ny);
+}
+
+// Values of a tile in which no contour can be, 0 where one can: distances change by a pixel per pixel.
+@compute @workgroup_size(lane_count)
+fn find_far(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let n = list_index(group, local);
+    let across = tiles();
+    if n >= image.count * across.x * across.y {
+        return;
+    }
+    let corner = TILE * vec2<u32>(n % across.x, n / across.x % across.y);
+    let middle = 0.5 * vec2<f32>(min(vec2<u32>(TILE), dims() - corner) - 1u);
+    let ij = vec2<i32>(corner);
+    let ends = ends_of(n / (across.x * across.y), ij, middle);
+    let a = sample(0u, dims(), ij, ends.low);
+    let b = sample(image.nx * image.ny, dims(), ij, ends.high);
+    let nearest = min(abs(a), abs(b)) - 0.05 * abs(a - b);
+    let skipped = (a < 0.0) == (b < 0.0) && nearest > span.limit + span.reach;
+    far[n] = select(0.0, select(span.limit, -span.limit, a < 0.0), skipped);
+}
+
+// Weights of four values in a row at place `f` between the middle two (Catmull and Rom 1974).
+fn catmull_rom(f: f32) -> vec4<f32> {
+    return vec4<f32>(
+        ((-0.5 * f + 1.0) * f - 0.5) * f,
+        (1.5 * f - 2.5) * f * f + 1.0,
+        ((-1.5 * f + 2.0) * f + 0.5) * f,
+        (0.5 * f - 0.5) * f * f
+    );
+}
+
+// Catmull-Rom value of the image that begins at `first`.
+fn sample_smooth(first: u32, ij: vec2<i32>, offset: vec2<f32>) -> f32 {
+    let c = cell_of(dims(), ij, offset, 1);
+    let wx = catmull_rom(c.place.x);
+    let wy = catmull_rom(c.place.y);
+    var sum = 0.0;
+    for (var row = 0u; row < 4u; row++) {
+        let k = first + c.node + row * image.nx - image.nx - 1u;
+        sum += wy[row] * dot(wx, vec4<f32>(fields[k], fields[k + 1u], fields[k + 2u], fields[k + 3u]));
+    }
+    return sum;
+}
+
+// The other slice's value that lets the parts from `begin` to `end` close half way; `other` where that is less.
+fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, other: f32) -> f32 {
+    var least = other;
+    for (var k = begin; k < end; k++) {
+        let part = parts[k];
+        let own = ij - vec2<i32>(part.x, part.y);
+        let at = vec2<f32>(own) + offset;
+        let last = vec2<f32>(f32(part.nx - 1u), f32(part.ny - 1u));
+        if all(at >= vec2<f32>(0.0)) && all(at <= last) {
+            least = min(least, sample(part.first, vec2<u32>(part.nx, part.ny), own, offset) + part.beyond);
+        }
+    }
+    return least;
+}
+
+@compute @workgroup_size(lane_count)
+fn interpolate(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let n = list_index(group, local);
+    let p = pixel_of(n);
+    if !on_image(p) {
+        return;
+    }
+    let place = (p.z * image.ny + p.y) * image.nx + p.x;
+    let all_far = far[n / (TILE * TILE)];
+    if all_far != 0.0 {
+        layers[place] = all_far;
+        return;
+    }
+    let ij = vec2<i32>(p.xy);
+    let nodes = image.nx * image.ny;
+    let ends = ends_of(p.z, ij, vec2<f32>(0.0));
+    var v = vec2<f32>(sample_smooth(0u, ij, ends.low), sample_smooth(nodes, ij, ends.high));
+    var m = vec2<f32>(sample(2u * nodes, dims(), ij, ends.low), sample(3u * nodes, dims(), ij, ends.high));
+    let above = closing(0u, span.lower_parts, ij, ends.low, v.y);
+    if above < v.y {
+        v.y = above;
+        m = vec2<f32>(v.y - v.x);
+    }
+    let below = closing(span.lower_parts, span.all_parts, ij, ends.high, v.x);
+    if below < v.x {
+        v.x = below;
+        m = vec2<f32>(v.y - v.x);
+    }
+    let t = times[p.z];
+    let bulge = t * (1.0 - t);
+    let apart = abs(v.x - v.y);
+    let upright = 1.0 - smoothstep(STEEP, FLAT, apart / span.gap);
+    let shrinking = SHRINKING * upright * 4.0 * bulge * bulge * apart;
+    layers[place] = clamp(hermite_values(v, m, t) - shrinking, -span.limit, span.limit);
+}

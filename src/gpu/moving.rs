@@ -1,0 +1,64 @@
+//! What the kernels of the moving field share: images and displacements as they lie on the device.
+
+use super::Gpu;
+use super::kernels::Size;
+use super::layout::{Image, TILE};
+use crate::displacement::Displacement;
+use crate::field::Field;
+
+/// Images of these pixels with displacements on these blocks, and how many items a dispatch has.
+pub fn image(dims: [usize; 2], grid: [usize; 2], h: [f64; 2], count: usize) -> Image {
+    Image {
+        nx: dims[0] as u32,
+        ny: dims[1] as u32,
+        columns: grid[0] as u32,
+        rows: grid[1] as u32,
+        hx: h[0] as f32,
+        hy: h[1] as f32,
+        count: count as u32,
+        padding: 0,
+    }
+}
+
+/// Tiles of an image.
+pub fn tile_count(dims: [usize; 2]) -> usize {
+    dims.map(|n| n.div_ceil(TILE)).iter().product()
+}
+
+/// An invocation per pixel of `count` images, tile by tile.
+pub fn per_pixel(dims: [usize; 2], count: usize) -> Size<'static> {
+    Size::List(TILE * TILE * tile_count(dims) * count)
+}
+
+/// Images one after the other.
+pub fn pack(fields: &[Field]) -> Vec<f32> {
+    fields.iter().flat_map(|f| &f.data).map(|v| v.clamp(-1e30, 1e30) as f32).collect()
+}
+
+/// Displacements one after the other.
+pub fn vectors<'a>(displacements: impl IntoIterator<Item = &'a Displacement>) -> Vec<[f32; 2]> {
+    displacements.into_iter().flat_map(|d| &d.vectors).map(|v| v.map(|c| c as f32)).collect()
+}
+
+/// Displacements on these blocks from their vectors one after the other.
+pub fn displacements(grid: [usize; 2], vectors: &[[f32; 2]]) -> impl Iterator<Item = Displacement> + '_ {
+    vectors
+        .chunks_exact(grid[0] * grid[1])
+        .map(move |some| Displacement { grid, vectors: some.iter().map(|v| v.map(f64::from)).collect() })
+}
+
+/// Images that the largest array of a stage holds at least: slices of a slope.
+const IMAGES_AT_ONCE: usize = 5;
+
+impl Gpu {
+    /// Whether images of these pixels are small enough for this adapter's largest array.
+    pub(super) fn holds_images(&self, dims: [usize; 2]) -> bool {
+        self.share(0, 4 * IMAGES_AT_ONCE * dims[0] * dims[1]) <= 1.0
+    }
+
+    /// The share that a job takes of what `fixed` bytes leave of this device.
+    pub(super) fn share_beside(&self, fixed: usize, bytes: usize, largest_array: usize) -> f64 {
+        let left = (1.0 - self.share(fixed, 0)).max(0.0);
+        (self.share(bytes, 0) / left).max(self.share(0, largest_array))
+    }
+}

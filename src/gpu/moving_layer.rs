@@ -1,0 +1,112 @@
+//! Layers of an interval of a moving stack on the GPU, some times at once.
+
+use super::Gpu;
+use super::atlas::batches;
+use super::device::Buffer;
+use super::kernels::{Recorder, Size};
+use super::layout::{Part, Span};
+use super::moving::{image, per_pixel, tile_count};
+use super::trajectories::paths;
+use crate::error::Result;
+use crate::field::Field;
+use crate::moving_field::{LoneParts, MovingField, VIRTUAL_DEPTHS};
+use crate::reference::moving_field::reach;
+
+/// What the layers of an interval are made of.
+pub struct Ingredients<'a> {
+    /// Slices and displacements.
+    pub moving: &'a MovingField,
+    /// Slopes at the slices, per height.
+    pub slopes: &'a [Field],
+    /// Parts without partner.
+    pub lone: &'a LoneParts,
+    /// The interval.
+    pub interval: usize,
+    /// Distances count up to here, px.
+    pub limit: f64,
+    /// Pixel sides.
+    pub h: [f64; 2],
+}
+
+/// Layers at these times.
+pub fn layers(gpu: &Gpu, of: &Ingredients<'_>, times: &[f64]) -> Result<Vec<Vec<f32>>> {
+    let device = &gpu.device;
+    let dims = of.moving.fields[0].dims;
+    let nodes = dims[0] * dims[1];
+    let (values, parts) = values(of);
+    let blocks = of.moving.displacements[0].vectors.len();
+    // Layers lie there twice while they are read back.
+    let bytes = 8 * nodes + 16 * blocks + 4 * tile_count(dims);
+    let share = |_: &f64| gpu.share_beside(4 * values.len() + 16 * blocks, bytes, 4 * nodes);
+    let span = Span {
+        limit: of.limit as f32,
+        reach: reach(of.h) as f32,
+        lower_parts: of.lone.low.len() as u32,
+        all_parts: parts.len() as u32,
+        gap: (of.moving.gap(of.interval) / of.moving.px) as f32,
+        ..Span::default()
+    };
+    let span = device.uniform("span", span);
+    let fields = device.upload("fields", &values)?;
+    // A binding must not be empty.
+    let parts = device.upload("parts", &if parts.is_empty() { vec![Part::default()] } else { parts })?;
+    let mut out = Vec::with_capacity(times.len());
+    for batch in batches(times.iter().map(share)) {
+        let layers = batch_of_layers(gpu, of, &times[batch.clone()], [&span, &fields, &parts])?;
+        let read: Vec<f32> = device.read(&layers, 0, batch.len() * nodes)?;
+        out.extend(read.chunks_exact(nodes).map(<[f32]>::to_vec));
+    }
+    Ok(out)
+}
+
+fn batch_of_layers(
+    gpu: &Gpu,
+    of: &Ingredients<'_>,
+    times: &[f64],
+    [span, fields, parts]: [&Buffer; 3],
+) -> Result<Buffer> {
+    let (device, k) = (&gpu.device, &gpu.kernels);
+    let (dims, grid) = (of.moving.fields[0].dims, of.moving.displacements[0].grid);
+    let paths = paths(gpu, of.moving, of.interval, times, of.h)?;
+    let image = device.uniform("image", image(dims, grid, of.h, times.len()));
+    let table: Vec<f32> = times.iter().map(|t| *t as f32).collect();
+    let table = device.upload("times", &table)?;
+    let tiles = tile_count(dims) * times.len();
+    let far = device.storage::<f32>("far", tiles)?;
+    let layers = device.storage::<f32>("layers", dims[0] * dims[1] * times.len())?;
+    let find_far = k.moving_layer_far.bind(device, &[&image, span, fields, &paths, &far]);
+    let buffers = [&image, span, fields, &paths, &table, parts, &far, &layers];
+    let interpolate = k.moving_layer.bind(device, &buffers);
+    let mut work = Recorder::new(device, &gpu.profiler);
+    work.run(&find_far, Size::List(tiles));
+    work.run(&interpolate, per_pixel(dims, times.len()));
+    work.submit()?;
+    Ok(layers)
+}
+
+/// Both slices, their slopes per interval, and the tiles of lone parts, one after the other; and where those tiles are, the lower slice's
+/// first.
+fn values(of: &Ingredients<'_>) -> (Vec<f32>, Vec<Part>) {
+    let Ingredients { moving, slopes, lone, interval: i, .. } = *of;
+    let gap = moving.gap(i);
+    let mut values: Vec<f32> = Vec::new();
+    let mut put = |field: &Field, scale: f64| {
+        let first = values.len();
+        values.extend(field.data.iter().map(|v| (scale * v).clamp(-1e30, 1e30) as f32));
+        first as u32
+    };
+    for (fields, scale) in [(moving.fields.as_slice(), 1.0), (slopes, gap)] {
+        put(&fields[i], scale);
+        put(&fields[i + 1], scale);
+    }
+    let parts = lone.low.iter().chain(&lone.high).map(|part| Part {
+        first: put(&part.field, 1.0),
+        nx: part.tile.dims[0] as u32,
+        ny: part.tile.dims[1] as u32,
+        x: part.tile.origin[0] as i32,
+        y: part.tile.origin[1] as i32,
+        beyond: (VIRTUAL_DEPTHS * part.depth) as f32,
+    });
+    let parts = parts.collect();
+    (values, parts)
+}

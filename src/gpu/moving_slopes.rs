@@ -1,0 +1,61 @@
+//! Slopes of the fields of a moving stack on the GPU, some slices at a time.
+
+use std::ops::Range;
+
+use super::Gpu;
+use super::atlas::batches;
+use super::kernels::Recorder;
+use super::layout::{ABOVE, BELOW, BOTH, Knot};
+use super::moving::{image, pack, per_pixel, vectors};
+use crate::error::Result;
+use crate::field::Field;
+use crate::moving_field::MovingField;
+use crate::progress::Progress;
+
+/// Slices that a slope reads on either side of its own.
+const HALO: usize = 2;
+
+/// Slopes at all slices, per height.
+pub fn slopes(gpu: &Gpu, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
+    let slices = moving.fields.len();
+    let nodes = moving.fields[0].data.len();
+    let bytes = 4 * nodes + 16 * moving.displacements[0].vectors.len();
+    // Slopes lie there twice while they are read back.
+    let share = |_| gpu.share_beside(2 * HALO * bytes, bytes + 8 * nodes, 4 * nodes * (1 + 2 * HALO));
+    let mut out = Vec::with_capacity(slices);
+    for batch in batches((0..slices).map(share)) {
+        progress.advance(batch.len());
+        out.extend(of_slices(gpu, moving, batch)?);
+    }
+    Ok(out)
+}
+
+fn of_slices(gpu: &Gpu, moving: &MovingField, batch: Range<usize>) -> Result<Vec<Field>> {
+    let device = &gpu.device;
+    let last = moving.fields.len() - 1;
+    let (dims, grid) = (moving.fields[0].dims, moving.displacements[0].grid);
+    let (first, end) = (batch.start.saturating_sub(HALO), (batch.end + HALO).min(last + 1));
+    let gap = |k: usize| moving.gaps.get(k).copied().unwrap_or(0.0);
+    let knot = |s: usize| {
+        let (sides, gaps) = match s {
+            0 => (ABOVE, [gap(0), gap(1)]),
+            s if s == last => (BELOW, [gap(last - 1), last.checked_sub(2).map_or(0.0, gap)]),
+            s => (BOTH, [gap(s - 1), gap(s)]),
+        };
+        Knot { slice: (s - first) as u32, sides, gaps: gaps.map(|g| g as f32) }
+    };
+    let knots: Vec<Knot> = batch.clone().map(knot).collect();
+    let image = device.uniform("image", image(dims, grid, [1.0; 2], batch.len()));
+    let fields = device.upload("slices", &pack(&moving.fields[first..end]))?;
+    let vectors = device.upload("vectors", &vectors(moving.at_slices[first..end - 1].iter().flatten()))?;
+    let knots = device.upload("knots", &knots)?;
+    let nodes = dims[0] * dims[1];
+    let slopes = device.storage::<f32>("slopes", batch.len() * nodes)?;
+    let find = gpu.kernels.moving_slopes.bind(device, &[&image, &fields, &vectors, &knots, &slopes]);
+    let mut work = Recorder::new(device, &gpu.profiler);
+    work.run(&find, per_pixel(dims, batch.len()));
+    work.submit()?;
+    let values: Vec<f32> = device.read(&slopes, 0, batch.len() * nodes)?;
+    let field = |some: &[f32]| Field { dims, data: some.iter().map(|v| f64::from(*v)).collect() };
+    Ok(values.chunks_exact(nodes).map(field).collect())
+}

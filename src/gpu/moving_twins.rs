@@ -1,0 +1,228 @@
+//! The stages of the moving field on the GPU beside their f64 twins: parts that drift, turn, split, appear alone and vanish, an empty slice,
+//! uneven gaps.
+
+use super::Gpu;
+use super::twins::{Comparison, blob, joined};
+use crate::backend::Backend;
+use crate::displacement::Displacement;
+use crate::error::Result;
+use crate::field::Field;
+use crate::jobs::{Direction, Tile};
+use crate::matching::LonePart;
+use crate::moving_field::{LoneParts, MovingField};
+use crate::progress::Silent;
+use crate::reference::Reference;
+use crate::reference::displacement::{NARROW, Round, WIDE, better};
+use crate::reference::distance::distance_of;
+
+/// A round from the same vectors: moments of up to 32 px times 1e-7, divided by a ridge of .07, px.
+const ROUND: f64 = 1e-4;
+/// All rounds: each passes on less than the error it was given, and adds its own.
+const ROUNDS: f64 = 2e-4;
+/// Vectors of tens of px, a few roundings each; the fixed point passes on less than it is given.
+const PATHS: f64 = 5e-5;
+/// Distances of up to 300 px in single precision, read where vectors off by as much as they may be point to; px per gap.
+const SLOPES: f64 = 3e-4;
+/// The same, whatever they are clamped to.
+const LAYERS: f64 = 2e-4;
+/// Distances count up to here, px.
+const LIMIT: f64 = 8.0;
+/// Pixels around lone parts, and times the scale around those that no slice has: what they would change beyond does not count.
+const MARGINS: [usize; 2] = [9, 30];
+/// All distances.
+const EVERYWHERE: f64 = 1e4;
+/// Where a lone part takes over the slope jumps: pixels whose layer depends on this much of its depth are not compared, px.
+const TIE: f64 = 1e-3;
+
+const GAPS: [f64; 5] = [1.0, 2.5, 0.6, 1.4, 2.2];
+/// Height of a pixel: surfaces of these gaps are upright, flat, and in between.
+const PX: f64 = 0.25;
+const TIMES: [f64; 4] = [0.03, 0.4, 0.5, 0.92];
+
+/// A stack with its lone parts; single precision exactly.
+struct Stack {
+    h: [f64; 2],
+    fields: Vec<Field>,
+    lone: Vec<LoneParts>,
+}
+
+fn single(field: &Field) -> Field {
+    Field { dims: field.dims, data: field.data.iter().map(|v| f64::from(*v as f32)).collect() }
+}
+
+/// A displacement that varies, up to `size` px.
+fn waves(dims: [usize; 2], size: f64, phase: f64) -> Displacement {
+    let wave = |x: f64, y: f64| f64::from((size * (0.07 * x + 0.05 * y + phase).sin()) as f32);
+    Displacement::zero(dims).map(|[x, y], _| [wave(x, y), 0.7 * wave(y, -x)]).map(|_, v| v.map(|c| f64::from(c as f32)))
+}
+
+impl Stack {
+    fn new(h: [f64; 2], scale: usize) -> Self {
+        let s = scale as f64;
+        let wide = |n: usize, side: f64| ((n * scale) as f64 / side) as usize | 1;
+        let dims = [wide(97, h[0]), wide(75, h[1])];
+        let shape = |x: f64, y: f64, r: f64, lobes: f64, depth: f64| blob(dims, h, [x * s, y * s], r * s, lobes, depth);
+        let disc = |x: f64, y: f64, r: f64| shape(x, y, r, 1.0, 0.0);
+        let distance = |u: &Field| single(&distance_of(u, h));
+        let beyond = |f: &Field, depth: f64| Field { dims, data: f.data.iter().map(|v| v + 2.0 * depth * s).collect() };
+        // Three discs that only one slice has, two of them with tiles that overlap; and two that no slice has.
+        let alone = [(80.0, 57.0, 6.0), (79.0, 41.0, 5.0), (77.0, 16.0, 5.5), (60.0, 38.0, 2.0), (16.0, 38.0, 2.0)];
+        let discs = alone.map(|(x, y, r)| disc(x, y, r));
+        let star = distance(&joined(&shape(36.0, 35.0, 14.0, 5.0, 0.2), &discs[2]));
+        let oval = distance(&shape(38.0, 38.0, 12.0, 2.0, 0.35));
+        let fields = vec![
+            distance(&disc(27.0, 30.0, 13.0)),
+            distance(&joined(&disc(31.0, 33.0, 14.0), &joined(&discs[0], &discs[1]))),
+            star.clone(),
+            single(&joined(&beyond(&star, 12.0), &beyond(&oval, 8.0))),
+            oval,
+            // Deep inside the larger one both slices are far from their contours, on either side.
+            distance(&joined(&disc(31.0, 40.0, 9.0), &disc(72.0, 37.0, 21.0))),
+        ];
+        let part = |k: usize, direction| {
+            let (x, y, r) = alone[k];
+            let corner = |sign: f64| [0, 1].map(|a| ((([x, y][a] + sign * r) * s / h[a]) as usize).min(dims[a] - 1));
+            let margin = if k < 3 { MARGINS[0] } else { MARGINS[1] * scale };
+            let tile = Tile::spanning(dims, margin, corner(-1.0), corner(1.0));
+            let field = single(&tile.cut(&distance(&discs[k])));
+            LonePart { tile, field, depth: r * s, seeds: Vec::new(), direction }
+        };
+        let parts = |low: &[usize], high: &[usize]| LoneParts {
+            low: low.iter().map(|&k| part(k, Direction::Up)).collect(),
+            high: high.iter().map(|&k| part(k, Direction::Down)).collect(),
+        };
+        // Those that no slice has would count on the other side, too: it shows if they do.
+        let lone =
+            vec![parts(&[], &[0, 1]), parts(&[0, 1], &[2]), parts(&[2], &[]), parts(&[3], &[4]), parts(&[], &[])];
+        Stack { h, fields, lone }
+    }
+
+    fn dims(&self) -> [usize; 2] {
+        self.fields[0].dims
+    }
+
+    fn still(&self) -> Vec<Displacement> {
+        vec![Displacement::zero(self.dims()); GAPS.len()]
+    }
+
+    /// The stack's first slices in their moving frame.
+    fn moving(&self, slices: usize) -> MovingField {
+        let (fields, gaps) = (&self.fields[..slices], &GAPS[..slices - 1]);
+        let still = &self.still()[..slices - 1];
+        let single = |v: Displacement| v.map(|_, v| v.map(|c| f64::from(c as f32)));
+        let found = crate::reference::displacement::displacements(fields, gaps, still, self.h);
+        let heights = gaps.iter().scan(10.0, |z, gap| {
+            *z += gap;
+            Some(*z)
+        });
+        let heights = std::iter::once(10.0).chain(heights).collect();
+        MovingField::new(heights, PX, fields.to_vec(), found.into_iter().map(single).collect())
+    }
+}
+
+/// Every stage of the moving field at this pixel size and scale.
+///
+/// # Errors
+/// [`crate::Error::Gpu`] when the GPU cannot do a stage at all.
+pub fn compare(gpu: &Gpu, h: [f64; 2], scale: usize) -> Result<Vec<Comparison>> {
+    let stack = Stack::new(h, scale);
+    let moving = stack.moving(stack.fields.len());
+    let mut out = vec![
+        round(gpu, &stack, "displacements, a wide round", WIDE)?,
+        round(gpu, &stack, "displacements, a narrow round", NARROW)?,
+        rounds(gpu, &stack)?,
+        paths(gpu, &stack, &moving)?,
+    ];
+    // Two slices have secants, three have one interior slope.
+    for slices in [2, 3, stack.fields.len()] {
+        out.push(slopes(gpu, &stack.moving(slices))?);
+    }
+    out.push(layers(gpu, &stack, &moving)?);
+    Ok(out)
+}
+
+fn vectors<'a>(
+    gpu: &'a [Displacement],
+    twin: &'a [Displacement],
+    h: [f64; 2],
+) -> impl Iterator<Item = (f64, f64)> + 'a {
+    let both = gpu.iter().zip(twin).flat_map(|(a, b)| a.vectors.iter().zip(&b.vectors));
+    both.flat_map(move |(a, b)| [0, 1].map(|axis| (a[axis] * h[axis], b[axis] * h[axis])))
+}
+
+fn round(gpu: &Gpu, stack: &Stack, stage: &'static str, round: Round) -> Result<Comparison> {
+    let Stack { h, fields, .. } = stack;
+    let waves = |size: f64| -> Vec<Displacement> {
+        (0..GAPS.len()).map(|i| waves(stack.dims(), size, 0.8 * i as f64)).collect()
+    };
+    let (current, guess) = (waves(3.0), waves(1.5));
+    let ours = gpu.better_displacements(fields, &GAPS, &guess, &current, round, *h)?;
+    let twin = better(fields, &GAPS, &guess, &current, round, *h);
+    Ok(Comparison::of(stage, ROUND, vectors(&ours, &twin, *h)))
+}
+
+fn rounds(gpu: &Gpu, stack: &Stack) -> Result<Comparison> {
+    let Stack { h, fields, .. } = stack;
+    let ours = gpu.displacements(fields, &GAPS, &stack.still(), *h, &Silent)?;
+    let twin = Reference.displacements(fields, &GAPS, &stack.still(), *h, &Silent)?;
+    Ok(Comparison::of("displacements", ROUNDS, vectors(&ours, &twin, *h)))
+}
+
+fn paths(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> {
+    let mut pairs = Vec::new();
+    for i in 0..GAPS.len() {
+        let ours = gpu.paths(moving, i, &TIMES, stack.h)?;
+        for (ours, &t) in ours.iter().zip(&TIMES) {
+            let twin = moving.paths(i, t);
+            let of = |a: &Displacement, b: &Displacement| {
+                vectors(std::slice::from_ref(a), std::slice::from_ref(b), stack.h).collect::<Vec<_>>()
+            };
+            pairs.extend(of(&ours.come, &twin.come));
+            pairs.extend(of(&ours.go, &twin.go));
+        }
+    }
+    Ok(Comparison::of("trajectories", PATHS, pairs))
+}
+
+fn slopes(gpu: &Gpu, moving: &MovingField) -> Result<Comparison> {
+    let ours = gpu.moving_slopes(moving, &Silent)?;
+    let twin = Reference.moving_slopes(moving, &Silent)?;
+    let stage = match ours.len() {
+        2 => "slopes of two slices",
+        3 => "slopes of three slices",
+        _ => "slopes along trajectories",
+    };
+    let mut pairs = Vec::new();
+    for (i, (a, b)) in ours.iter().zip(&twin).enumerate() {
+        let gap = moving.gap(i.saturating_sub(1)).min(moving.gap(i.min(moving.gaps.len() - 1)));
+        pairs.extend(a.data.iter().zip(&b.data).map(|(a, b)| (gap * a, gap * b)));
+    }
+    Ok(Comparison::of(stage, SLOPES, pairs))
+}
+
+fn layers(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> {
+    let slopes: Vec<Field> = Reference.moving_slopes(moving, &Silent)?.iter().map(single).collect();
+    let deeper = |lone: &LoneParts, by: f64| {
+        let deeper =
+            |parts: &[LonePart]| parts.iter().map(|part| LonePart { depth: part.depth + by, ..part.clone() }).collect();
+        LoneParts { low: deeper(&lone.low), high: deeper(&lone.high) }
+    };
+    let mut pairs = Vec::new();
+    // Far from contours the edges of lone parts' tiles would show.
+    let none = LoneParts::default();
+    let near = stack.lone.iter().enumerate().map(|(i, lone)| (i, lone, LIMIT));
+    let everywhere = (0..GAPS.len()).map(|i| (i, &none, EVERYWHERE));
+    for (i, lone, limit) in near.chain(everywhere) {
+        let twin = |lone: &LoneParts| Reference.moving_layers(moving, &slopes, lone, i, &TIMES, limit, stack.h);
+        let ours = gpu.moving_layers(moving, &slopes, lone, i, &TIMES, limit, stack.h)?;
+        let (twins, more, less) = (twin(lone)?, twin(&deeper(lone, TIE))?, twin(&deeper(lone, -TIE))?);
+        for (k, ours) in ours.iter().enumerate() {
+            for (n, ours) in ours.iter().enumerate() {
+                if (more[k][n] - less[k][n]).abs() < 10.0 * TIE as f32 {
+                    pairs.push((f64::from(*ours), f64::from(twins[k][n])));
+                }
+            }
+        }
+    }
+    Ok(Comparison::of("layers", LAYERS, pairs))
+}

@@ -1,0 +1,35 @@
+//! Paths through the layers of an interval on the GPU.
+
+use super::Gpu;
+use super::device::Buffer;
+use super::kernels::{Recorder, Size};
+use super::layout::Time;
+use super::moving::{image, vectors};
+use crate::error::Result;
+use crate::moving_field::MovingField;
+
+/// Paths of the layers of interval `i` at these times: vectors from the lower slice per block, then those to the upper one, time by time.
+pub fn paths(gpu: &Gpu, moving: &MovingField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Buffer> {
+    let device = &gpu.device;
+    let v = &moving.displacements[i];
+    let blocks = v.vectors.len();
+    let rates = [i, i + 1].map(|s| moving.rates[s].map(|_, k| k.map(|c| c * moving.gap(i))));
+    let table: Vec<Time> = times
+        .iter()
+        .map(|&t| Time {
+            t: t as f32,
+            tau: (t - 0.5) as f32,
+            first: (t * (t - 1.0) * (t - 1.0)) as f32,
+            second: (t * t * (t - 1.0)) as f32,
+        })
+        .collect();
+    let image = device.uniform("image", image(moving.fields[i].dims, v.grid, h, times.len()));
+    let (own, rates) = (device.upload("vectors", &vectors([v]))?, device.upload("rates", &vectors(&rates))?);
+    let table = device.upload("times", &table)?;
+    let paths = device.storage::<[f32; 2]>("paths", 2 * blocks * times.len())?;
+    let follow = gpu.kernels.trajectories.bind(device, &[&image, &own, &rates, &table, &paths]);
+    let mut work = Recorder::new(device, &gpu.profiler);
+    work.run(&follow, Size::List(blocks * times.len()));
+    work.submit()?;
+    Ok(paths)
+}

@@ -15,6 +15,7 @@ mod ends;
 pub mod error;
 mod fairing;
 pub mod field;
+pub mod files;
 mod fit;
 #[cfg(feature = "gpu")]
 pub mod gpu;

@@ -6,7 +6,6 @@ mod demo;
 mod devices;
 mod evaluate;
 mod inspect;
-mod outputs;
 mod reconstruct;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};

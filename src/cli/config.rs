@@ -29,9 +29,10 @@ impl<'a> File<'a> {
     /// `parsed` with every key of the file that the command line did not give itself.
     pub fn overlay<T: Args + Serialize + DeserializeOwned>(&mut self, parsed: T, matches: &ArgMatches) -> Result<T> {
         let given = |key: &str| matches.value_source(key) == Some(ValueSource::CommandLine);
-        self.left
-            .claim(parsed, given)
-            .map_err(|wrong| Error::Format { path: self.path.into(), message: wrong.join("; ") })
+        match self.left.claim(parsed, given) {
+            (claimed, wrong) if wrong.is_empty() => Ok(claimed),
+            (_, wrong) => Err(Error::Format { path: self.path.into(), message: wrong.join("; ") }),
+        }
     }
 
     /// Refuses keys that nothing has claimed.

@@ -91,7 +91,7 @@ pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
     reconstruct(&loaded, outputs, &arguments.device, telling)
 }
 
-fn set_threads(threads: Option<usize>) -> Result<()> {
+pub fn set_threads(threads: Option<usize>) -> Result<()> {
     let Some(n) = threads else { return Ok(()) };
     let fail = |message: String| Err(Error::Setting { name: "threads".into(), message });
     if !(1..=1024).contains(&n) {

@@ -15,36 +15,27 @@ impl Named {
         Named(table)
     }
 
-    /// `base` with every option of its kind that is named here, but for those that are `overruled`.
-    ///
-    /// # Errors
-    /// One message per wrong value, with name and value.
+    /// `base` with every option of its kind that is named here, but for those that are `overruled`; and a message per wrong value, which
+    /// is left out.
     pub fn claim<T: Args + Serialize + DeserializeOwned>(
         &mut self,
         base: T,
         overruled: impl Fn(&str) -> bool,
-    ) -> Result<T, Vec<String>> {
-        let mut table = Table::try_from(&base).map_err(|e| vec![e.to_string()])?;
-        let mut wrong = Vec::new();
+    ) -> (T, Vec<String>) {
+        let (mut claimed, mut wrong) = (base, Vec::new());
         for key in names::<T>() {
-            let Some(value) = self.0.remove(&key) else { continue };
-            if overruled(&key) {
-                continue;
-            }
+            let Some(value) = self.0.remove(&key).filter(|_| !overruled(&key)) else { continue };
             // One key at a time, so that a wrong value is told by its name.
-            let before = table.insert(key.clone(), value.clone());
-            if let Err(e) = table.clone().try_into::<T>() {
-                wrong.push(format!("`{key}` = {value}: {}", e.message().trim_end()));
-                match before {
-                    Some(before) => table.insert(key, before),
-                    None => table.remove(&key),
-                };
+            let with = Table::try_from(&claimed).map_err(|e| e.to_string()).and_then(|mut table| {
+                table.insert(key.clone(), value.clone());
+                table.try_into::<T>().map_err(|e| e.message().trim_end().to_string())
+            });
+            match with {
+                Ok(with) => claimed = with,
+                Err(e) => wrong.push(format!("`{key}` = {value}: {e}")),
             }
         }
-        match wrong[..] {
-            [] => table.try_into().map_err(|e: toml::de::Error| vec![e.message().into()]),
-            _ => Err(wrong),
-        }
+        (claimed, wrong)
     }
 
     /// What nothing has claimed.

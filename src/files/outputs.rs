@@ -172,6 +172,11 @@ impl Outputs {
         Ok(())
     }
 
+    /// The outputs and the temporary files that will become them.
+    pub fn temporary(&self) -> impl Iterator<Item = (&Path, &Path)> {
+        self.files.iter().map(|f| (f.target.as_path(), f.file.path()))
+    }
+
     /// Renames everything.
     ///
     /// # Errors

@@ -17,6 +17,7 @@ pub mod kernels;
 pub mod layout;
 mod part;
 mod propagate;
+pub mod shared;
 mod trace;
 pub mod twins;
 

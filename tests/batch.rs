@@ -290,6 +290,30 @@ fn two_processes_share_the_work() {
 }
 
 #[test]
+fn a_killed_process_leaves_its_jobs_to_the_other() {
+    let place = folder();
+    let ids = cases(place.path(), 20);
+    fs::write(slice(place.path(), &ids[7]), "not an image").expect("a file can be written");
+    let mut running: Vec<_> =
+        (0..2).map(|_| command(place.path(), &["--jobs", "2"]).spawn().expect("the program starts")).collect();
+    while done(place.path()).is_empty() {
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    let second = running.pop().expect("there are two");
+    let mut first = running.pop().expect("there are two");
+    first.kill().expect("it can be killed");
+    first.wait().expect("it ends");
+    let left = second.wait_with_output().expect("it ends");
+    assert_eq!(left.status.code(), Some(1), "{}", stderr(&left));
+    assert!(stderr(&left).contains("1 job failed, 0 not run, of 20"), "{}", stderr(&left));
+    assert_eq!(outputs(place.path()).len(), 3 * 19, "{:?}", outputs(place.path()).keys());
+    let mut ran = done(place.path());
+    ran.sort();
+    assert_eq!(ran.len(), 19, "none was run twice: {ran:?}");
+    assert!(!ran.contains(&ids[7]));
+}
+
+#[test]
 fn a_torn_line_is_passed_over_and_kept_apart() {
     let place = folder();
     cases(place.path(), 3);

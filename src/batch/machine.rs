@@ -7,10 +7,7 @@ use crate::surface::Reconstruction;
 
 /// One device for all jobs of a batch.
 pub trait Machine: Sync {
-    /// Jobs that it can compute at once.
-    fn at_once(&self) -> usize;
-
-    /// Computes one job. `work` may be asked again, on another backend, when a device fails.
+    /// Computes one job, on a thread of its own; several are computed at once. `work` may be asked again, on another backend, when a device fails.
     ///
     /// # Errors
     /// Those of `work`.
@@ -21,10 +18,6 @@ pub trait Machine: Sync {
 pub type Work<'w> = dyn Fn(&dyn Backend) -> Result<Reconstruction> + 'w;
 
 impl Machine for Reference {
-    fn at_once(&self) -> usize {
-        usize::MAX
-    }
-
     fn compute(&self, work: &Work<'_>) -> Result<Reconstruction> {
         work(self)
     }

@@ -34,7 +34,7 @@ pub struct ResultLine {
     /// Why it failed, in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// Seconds of reading, computing and writing, without waiting for a turn.
+    /// Seconds of reading (with waiting for memory), computing (with waiting for a turn on the GPU) and writing.
     pub seconds: f64,
     /// Version of the program.
     pub version: String,

@@ -6,28 +6,22 @@
 //!
 //! A job's bytes depend on its fingerprint only, not on the order or number of jobs in flight.
 
-use std::any::Any;
 use std::collections::VecDeque;
-use std::fs;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use super::fingerprint::{digest, fingerprint};
-use super::gate::{Gate, Permit};
-use super::lock::{Held, Locks};
+use super::fingerprint::fingerprint;
+use super::flight::{Computed, Read};
+use super::gate::Gate;
+use super::lock::Locks;
 use super::machine::Machine;
 use super::manifest::{Job, Manifest};
-use super::results::{Certificate, ResultLine, Results, Status, Written};
-use crate::error::{Error, Result};
-use crate::files::Loaded;
-use crate::files::outputs::{Outputs, Temporary};
-use crate::progress::Silent;
-use crate::surface::Reconstruction;
+use super::results::Results;
+use crate::error::Result;
 
 /// How long to wait before asking again for jobs that another process has.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -89,8 +83,7 @@ pub fn run(
         agenda: Mutex::new(Agenda { fresh: (0..manifest.jobs.len()).collect(), elsewhere: VecDeque::new() }),
         outcomes: Mutex::new(vec![Outcome::NotRun; manifest.jobs.len()]),
     };
-    let jobs = options.jobs.max(1);
-    fly(&batch, jobs);
+    fly(&batch, options.jobs.max(1));
     Ok(batch.outcomes.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
@@ -104,7 +97,7 @@ fn fly(batch: &Batch<'_>, jobs: usize) {
             let to_compute = to_compute.clone();
             scope.spawn(move || batch.read_all(&to_compute));
         }
-        for _ in 0..jobs.min(batch.machine.at_once()) {
+        for _ in 0..jobs {
             let (to_write, read) = (to_write.clone(), &read);
             scope.spawn(move || batch.compute_all(read, &to_write));
         }
@@ -129,7 +122,7 @@ pub fn finished(manifest: &Manifest, results: &Path, machine: &str) -> Result<Ve
 }
 
 /// Where the locks of a results file are.
-fn lock_folder(results: &Path) -> std::path::PathBuf {
+fn lock_folder(results: &Path) -> PathBuf {
     let mut name = std::ffi::OsString::from(".");
     name.push(results.file_name().unwrap_or_default());
     name.push(".locks");
@@ -137,15 +130,15 @@ fn lock_folder(results: &Path) -> std::path::PathBuf {
 }
 
 /// What all threads share.
-struct Batch<'a> {
-    manifest: &'a Manifest,
-    machine: &'a dyn Machine,
-    options: &'a Options,
+pub(super) struct Batch<'a> {
+    pub(super) manifest: &'a Manifest,
+    pub(super) machine: &'a dyn Machine,
+    pub(super) options: &'a Options,
     watch: &'a dyn Watch,
     stop: &'a AtomicBool,
-    locks: Locks,
-    results: Results,
-    gate: Gate,
+    pub(super) locks: Locks,
+    pub(super) results: Results,
+    pub(super) gate: Gate,
     agenda: Mutex<Agenda>,
     outcomes: Mutex<Vec<Outcome>>,
 }
@@ -156,27 +149,6 @@ struct Agenda {
     /// Those another process had when they were looked at.
     elsewhere: VecDeque<usize>,
 }
-
-/// A job on its way. Whatever ends it, its temporary files go, its memory is free and its lock is open.
-struct Flight<'a> {
-    index: usize,
-    fingerprint: Option<String>,
-    seconds: f64,
-    _lock: Held,
-    outputs: Outputs,
-    permit: Option<Permit<'a>>,
-}
-
-/// What is known of a job when it ends.
-struct End {
-    fingerprint: Option<String>,
-    seconds: f64,
-    outputs: Vec<Written>,
-    certificate: Option<Certificate>,
-}
-
-type Read<'a> = (Flight<'a>, Loaded);
-type Computed<'a> = (Flight<'a>, Loaded, Reconstruction);
 
 impl<'a> Batch<'a> {
     fn stopped(&self) -> bool {
@@ -212,131 +184,26 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// Reads a job whose lock is held; nothing where it has ended already.
-    fn read(&'a self, index: usize, lock: Held) -> Option<Read<'a>> {
-        let begin = Instant::now();
-        let job = &self.manifest.jobs[index];
-        let mut known = None;
-        let read = guarded(|| {
-            let print = fingerprint(job, &self.options.machine)?;
-            known = Some(print.clone());
-            if self.results.finished(&print, job)? {
-                return Ok(Err(Outcome::Skipped));
-            }
-            if let Some(why) = self.results.failure(&print) {
-                return Ok(Err(Outcome::Failed(format!("{why} (in another process)"))));
-            }
-            let loaded = Loaded::read(&job.input, job.options.clone())?;
-            if fingerprint(job, &self.options.machine)? != print {
-                return Err(Error::Format { path: job.input.clone(), message: "has changed while it was read".into() });
-            }
-            let permit = self.gate.pass(loaded.bytes())?;
-            for target in &job.targets {
-                let folder = target.parent().unwrap_or(Path::new("."));
-                fs::create_dir_all(folder)
-                    .map_err(|e| Error::Output { path: target.clone(), message: format!("its folder: {e}") })?;
-            }
-            let outputs = Outputs::open(&job.targets, None, Temporary::Fixed)?;
-            Ok(Ok((permit, outputs, loaded)))
-        });
-        let seconds = begin.elapsed().as_secs_f64();
-        match read {
-            Ok(Ok((permit, outputs, loaded))) => {
-                let flight = Flight { index, fingerprint: known, seconds, _lock: lock, outputs, permit: Some(permit) };
-                Some((flight, loaded))
-            }
-            Ok(Err(outcome)) => {
-                self.ended(index, outcome);
-                None
-            }
-            Err(e) => {
-                self.failed(index, known, seconds, &e);
-                None
-            }
-        }
-    }
-
     fn compute_all(&'a self, read: &Mutex<Receiver<Read<'a>>>, to_write: &SyncSender<Computed<'a>>) {
-        while let Some((mut flight, loaded)) = take(read) {
+        while let Some(read) = take(read) {
             if self.stopped() {
                 continue; // dropped: not run
             }
-            let begin = Instant::now();
-            let body = guarded(|| self.machine.compute(&|backend| loaded.compute(backend, &Silent)));
-            flight.seconds += begin.elapsed().as_secs_f64();
-            match body {
-                Ok(body) => {
-                    if to_write.send((flight, loaded, body)).is_err() {
-                        break;
-                    }
-                }
-                Err(e) => self.failed(flight.index, flight.fingerprint.clone(), flight.seconds, &e),
+            if let Some(computed) = self.compute(read)
+                && to_write.send(computed).is_err()
+            {
+                break;
             }
         }
     }
 
     fn write_all(&self, computed: &Mutex<Receiver<Computed<'a>>>) {
-        while let Some((flight, loaded, body)) = take(computed) {
-            self.write(flight, &loaded, body);
+        while let Some(computed) = take(computed) {
+            self.write(computed);
         }
     }
 
-    /// Makes the outputs of a job, renames them, and writes its line.
-    fn write(&self, flight: Flight<'a>, loaded: &Loaded, mut body: Reconstruction) {
-        let begin = Instant::now();
-        let Flight { index, fingerprint, mut seconds, _lock, mut outputs, permit } = flight;
-        let job = &self.manifest.jobs[index];
-        // Times would differ from run to run; the result line has them.
-        body.report.stages.clear();
-        let written = guarded(|| {
-            outputs.complete(&mut body, &loaded.options.output)?;
-            let written = job.outputs.iter().zip(outputs.temporary()).map(|(file, (target, path))| {
-                let (bytes, blake3) = digest(path).map_err(|source| Error::Write { path: target.into(), source })?;
-                Ok(Written { file: file.clone(), bytes, blake3 })
-            });
-            let written = written.collect::<Result<Vec<_>>>()?;
-            outputs.rename()?;
-            Ok(written)
-        });
-        let certificate = Certificate::from(&body.report);
-        drop((body, permit));
-        seconds += begin.elapsed().as_secs_f64();
-        match written {
-            Ok(outputs) => {
-                let end = End { fingerprint, seconds, outputs, certificate: Some(certificate) };
-                match self.append(index, None, end) {
-                    Ok(()) => self.ended(index, Outcome::Done),
-                    Err(e) => self.ended(index, Outcome::Failed(e.to_string())),
-                }
-            }
-            Err(e) => self.failed(index, fingerprint, seconds, &e),
-        }
-    }
-
-    fn failed(&self, index: usize, fingerprint: Option<String>, seconds: f64, error: &Error) {
-        let end = End { fingerprint, seconds, outputs: Vec::new(), certificate: None };
-        let mut message = error.to_string();
-        if let Err(e) = self.append(index, Some(message.clone()), end) {
-            message += &format!("; {e}");
-        }
-        self.ended(index, Outcome::Failed(message));
-    }
-
-    fn append(&self, index: usize, error: Option<String>, end: End) -> Result<()> {
-        let line = ResultLine {
-            id: self.manifest.jobs[index].id.clone(),
-            status: if error.is_some() { Status::Failed } else { Status::Done },
-            error,
-            seconds: (end.seconds * 1e3).round() / 1e3,
-            version: env!("CARGO_PKG_VERSION").into(),
-            fingerprint: end.fingerprint,
-            outputs: end.outputs,
-            certificate: end.certificate,
-        };
-        self.results.append(&line, &self.locks)
-    }
-
-    fn ended(&self, index: usize, outcome: Outcome) {
+    pub(super) fn ended(&self, index: usize, outcome: Outcome) {
         self.watch.ended(&self.manifest.jobs[index], &outcome);
         if self.options.fail_fast && matches!(outcome, Outcome::Failed(_)) {
             self.stop.store(true, Ordering::Relaxed);
@@ -348,15 +215,4 @@ impl<'a> Batch<'a> {
 /// The next of a queue that several threads take from; nothing when it has ended.
 fn take<T>(queue: &Mutex<Receiver<T>>) -> Option<T> {
     queue.lock().unwrap_or_else(PoisonError::into_inner).recv().ok()
-}
-
-/// A job that panics has failed; the others go on.
-fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
-    let words = |panic: Box<dyn Any + Send>| {
-        let text = panic.downcast_ref::<String>().cloned();
-        text.or_else(|| panic.downcast_ref::<&str>().map(|s| (*s).into())).unwrap_or_default()
-    };
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
-        Err(Error::Numerics { stage: "job", message: format!("a defect of this program: {}", words(panic)) })
-    })
 }

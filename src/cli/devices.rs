@@ -165,6 +165,7 @@ fn find(options: &DeviceOptions) -> Result<(Option<Found>, String)> {
 }
 
 /// Opens what the options ask for; `notice` is told when a GPU fails on the way.
+#[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU gives notice"))]
 pub fn choose<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<Chosen<'n>> {
     let (found, reason) = find(options)?;
     let machine = match found {
@@ -215,14 +216,16 @@ impl Shared<'_> {
     /// What the kernels have cost, if that was asked.
     pub fn profile(&self) -> Option<Profile> {
         match &self.together {
+            _ if !self.profile => None,
             Together::Reference(_) => None,
             #[cfg(feature = "gpu")]
-            Together::Gpu(shared) => self.profile.then(|| shared.gpu().profile()),
+            Together::Gpu(shared) => Some(shared.gpu().profile()),
         }
     }
 }
 
 /// The same as [`choose`] for many jobs.
+#[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU gives notice"))]
 pub fn share<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<Shared<'n>> {
     let (found, reason) = find(options)?;
     let together = match found {

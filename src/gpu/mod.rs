@@ -21,6 +21,8 @@ pub mod shared;
 mod trace;
 pub mod twins;
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
 use crate::displacement::Displacement;
 use crate::error::Result;
@@ -45,6 +47,9 @@ pub struct Gpu {
     pub device: Device,
     kernels: Kernels,
     profiler: Profiler,
+    /// A stage has the whole budget: stages of runs on other threads wait for their turn. No stage may be asked for from within a parallel
+    /// loop, whose threads the stage itself may need.
+    turn: Mutex<()>,
 }
 
 impl Gpu {
@@ -55,13 +60,17 @@ impl Gpu {
     pub fn open(options: &GpuOptions) -> Result<Self> {
         let device = Device::open(options)?;
         let kernels = Kernels::new(&device)?;
-        Ok(Gpu { device, kernels, profiler: Profiler::new(options.timed) })
+        Ok(Gpu { device, kernels, profiler: Profiler::new(options.timed), turn: Mutex::new(()) })
     }
 
     /// What the kernels have cost so far.
     pub fn profile(&self) -> Profile {
         let [bytes_up, bytes_down] = self.device.traffic();
         Profile { bytes_up, bytes_down, ..self.profiler.profile() }
+    }
+
+    fn turn(&self) -> MutexGuard<'_, ()> {
+        self.turn.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The share of this device that a job takes: of the byte budget, or of the largest array where that is more.
@@ -86,10 +95,12 @@ impl Backend for Gpu {
         options: ContourOptions,
         progress: &dyn Progress,
     ) -> Result<Vec<Field>> {
+        let _turn = self.turn();
         contour_field::contour_fields(self, slices, dims, h, options, progress)
     }
 
     fn part_fields(&self, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {
+        let _turn = self.turn();
         part::part_fields(self, jobs, h)
     }
 
@@ -100,6 +111,7 @@ impl Backend for Gpu {
         options: &MorphOptions,
         progress: &dyn Progress,
     ) -> Result<Vec<Traced>> {
+        let _turn = self.turn();
         trace::trace(self, jobs, h, options, progress)
     }
 
@@ -114,6 +126,7 @@ impl Backend for Gpu {
             // A morph of its own in every few steps of every sweep: the paper's way, kept for comparison only.
             return Reference.propagate(pairs, h, options, progress);
         }
+        let _turn = self.turn();
         propagate::propagate(self, pairs, h, options, progress)
     }
 

@@ -1,4 +1,4 @@
-//! One GPU for the jobs of a batch, one after another: pipelines are compiled once, and a device that is lost is opened anew.
+//! One GPU for all jobs of a batch: kernels are compiled once, jobs take turns by the stage, and a device that is lost is opened anew.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -15,13 +15,12 @@ pub struct SharedGpu<'n> {
     fallback: bool,
     notice: &'n (dyn Fn(&str) + Sync),
     gpu: Mutex<Arc<Gpu>>,
-    turn: Mutex<()>,
 }
 
 impl<'n> SharedGpu<'n> {
     /// Shares `gpu`, which was opened with `options`. `notice` is told of failures.
     pub fn new(gpu: Gpu, options: GpuOptions, fallback: bool, notice: &'n (dyn Fn(&str) + Sync)) -> Self {
-        SharedGpu { options, fallback, notice, gpu: Mutex::new(Arc::new(gpu)), turn: Mutex::new(()) }
+        SharedGpu { options, fallback, notice, gpu: Mutex::new(Arc::new(gpu)) }
     }
 
     /// The GPU of now.
@@ -29,41 +28,38 @@ impl<'n> SharedGpu<'n> {
         self.gpu.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Opens the device anew.
-    fn renew(&self) -> Result<()> {
-        let fresh = Arc::new(Gpu::open(&self.options)?);
-        *self.gpu.lock().unwrap_or_else(PoisonError::into_inner) = fresh;
+    /// Opens the device anew, unless another job has done so since `lost` was the one.
+    fn renew(&self, lost: &Arc<Gpu>) -> Result<()> {
+        let mut slot = self.gpu.lock().unwrap_or_else(PoisonError::into_inner);
+        if Arc::ptr_eq(&slot, lost) {
+            *slot = Arc::new(Gpu::open(&self.options)?);
+        }
         Ok(())
     }
 }
 
 impl Machine for SharedGpu<'_> {
-    fn at_once(&self) -> usize {
-        1
-    }
-
     /// A job whose device is lost begins again on the device opened anew, so that its bytes are those of a run in which nothing was lost.
     fn compute(&self, work: &Work<'_>) -> Result<Reconstruction> {
-        let _turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
         let gpu = self.gpu();
         let first = match self.fallback {
             true => work(&GpuOrReference::unless_lost(gpu.clone(), self.notice)),
             false => work(&*gpu),
         };
-        let lost = match first {
+        let why = match first {
             Err(e) if gpu.device.check().is_err() => e,
             other => return other,
         };
-        match (self.renew(), self.fallback) {
+        match (self.renew(&gpu), self.fallback) {
             (Ok(()), fallback) => {
-                (self.notice)(&format!("{lost}; the device was opened anew, the job begins again"));
+                (self.notice)(&format!("{why}; the device was opened anew, the job begins again"));
                 if fallback { work(&GpuOrReference::new(self.gpu(), self.notice)) } else { work(&*self.gpu()) }
             }
             (Err(e), true) => {
-                (self.notice)(&format!("{lost}; {e}; the job runs on the CPU reference path"));
+                (self.notice)(&format!("{why}; {e}; the job runs on the CPU reference path"));
                 work(&Reference)
             }
-            (Err(_), false) => Err(lost),
+            (Err(_), false) => Err(why),
         }
     }
 }

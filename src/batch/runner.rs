@@ -62,7 +62,7 @@ pub trait Watch: Sync {
 /// are being computed are finished, no others begin.
 ///
 /// # Errors
-/// [`Error::Output`], [`Error::Read`] where the results or locks cannot be used. A job's failure is an [`Outcome`].
+/// [`Output`](crate::Error::Output), [`Read`](crate::Error::Read) where the results or locks cannot be used. A job's failure is an [`Outcome`].
 pub fn run(
     manifest: &Manifest,
     results: &Path,
@@ -113,7 +113,7 @@ fn fly(batch: &Batch<'_>, jobs: usize) {
 /// Which jobs are finished, in the manifest's order; nothing is written.
 ///
 /// # Errors
-/// [`Error::Read`].
+/// [`Read`](crate::Error::Read).
 pub fn finished(manifest: &Manifest, results: &Path, machine: &str) -> Result<Vec<bool>> {
     let results = Results::open(results)?;
     // An input that cannot be read is told when its job runs.

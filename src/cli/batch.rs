@@ -20,15 +20,19 @@ const SHARE: f64 = 0.8;
 /// The manifest's lines, for `--help`.
 const MANIFEST: &str = r#"A manifest is JSON Lines (.jsonl), one job a line:
 
-  {"id": "a", "input": "cases/a", "outputs": ["out/a.nrrd", "out/a.stl", "out/a.json"], "options": {"end_top": "extrapolate", "fair": 0.5}}
+  {"id": "a", "input": "cases/a", "outputs": ["out/a.nrrd", "out/a.stl", "out/a.json"],
+   "options": {"end_top": "extrapolate", "fair": 0.5}}          (all on one line)
 
-or CSV (.csv) with the columns id, input, outputs (separated by ;) and options (JSON, or name=value;name=value). Paths are relative to the
-manifest's folder; folders of outputs are made. Options are those of `reconstruct` under Input, Method and Output, with _ for -.
+or CSV (.csv) with the columns id, input, outputs (separated by ;) and options (JSON, or
+name=value;name=value). Paths are relative to the manifest's folder; folders of outputs are made.
+Options are those of `reconstruct` under Input, Method and Output, with _ for -.
 
-Run the same command again and finished jobs are skipped: those whose input, options, outputs' names, --backend, --adapter and program version
-have not changed by their content, and whose outputs are still as they were written. What is missing or was changed is made again.
+Run the same command again and finished jobs are skipped: those whose input, options, names of
+outputs, --backend, --adapter and program version are the same, by content, and whose outputs are
+as they were written. What is missing or was changed since is made again.
 
-Exit codes: 0 all done, 1 some failed or were not run (listed last), 2 the manifest is wrong (every wrong line is listed, nothing is run)."#;
+Exit codes: 0 all done, 1 some failed or were not run (listed last), 2 the manifest is wrong
+(every wrong line is listed, nothing is run)."#;
 
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = MANIFEST)]

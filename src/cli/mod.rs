@@ -41,10 +41,9 @@ enum Command {
 
 /// Parses the command line and runs it.
 pub fn run() -> Result<()> {
-    // In a batch `--memory` is that of the jobs in flight, and nothing is profiled.
-    let of_device =
-        |c: clap::Command| c.mut_arg("memory", |a| a.long("gpu-memory")).mut_arg("profile", |a| a.hide(true));
-    let matches = Cli::command().mut_subcommand("batch", of_device).get_matches();
+    // In a batch `--memory` is that of the jobs in flight.
+    let buffers = |c: clap::Command| c.mut_arg("memory", |a| a.long("gpu-memory"));
+    let matches = Cli::command().mut_subcommand("batch", buffers).get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     match (cli.command, matches.subcommand()) {
         (Command::Reconstruct(arguments), Some((_, matches))) => reconstruct::run(*arguments, matches),

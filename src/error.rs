@@ -75,6 +75,24 @@ pub enum Error {
         /// What the operating system said.
         source: std::io::Error,
     },
+    /// Lines of a manifest are wrong; found before any job ran.
+    #[error("{}: {} wrong, nothing was run{}", path.display(), counted(lines.len(), "thing"), listed(lines.iter().map(|(n, m)| format!("line {n}: {m}"))))]
+    Manifest {
+        /// The manifest.
+        path: PathBuf,
+        /// Every line that is wrong, by number from 1, with field, value and limit.
+        lines: Vec<(usize, String)>,
+    },
+    /// Jobs of a batch have failed, or were not run.
+    #[error("{} failed, {not_run} not run, of {of}{}", counted(failed.len(), "job"), listed(failed.iter().map(|(id, m)| format!("{id}: {m}"))))]
+    Batch {
+        /// The jobs that failed, and why.
+        failed: Vec<(String, String)>,
+        /// Jobs that were not run, because the batch was stopped.
+        not_run: usize,
+        /// All jobs.
+        of: usize,
+    },
     /// The GPU cannot do the work: no adapter, limits too small, out of memory, a lost or hanging device, a driver's complaint.
     #[error("GPU: {0}")]
     Gpu(String),
@@ -92,8 +110,17 @@ impl Error {
     /// Exit code of the program: 2 input or settings wrong, 1 the work failed.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Error::Write { .. } | Error::Numerics { .. } | Error::Gpu(_) => 1,
+            Error::Write { .. } | Error::Numerics { .. } | Error::Gpu(_) | Error::Batch { .. } => 1,
             _ => 2,
         }
     }
+}
+
+fn counted(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+/// One line each.
+fn listed(lines: impl Iterator<Item = String>) -> String {
+    lines.map(|line| format!("\n  {line}")).collect()
 }

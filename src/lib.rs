@@ -3,6 +3,7 @@
 #![warn(missing_docs)]
 
 pub mod backend;
+pub mod batch;
 pub mod caps;
 pub mod components;
 mod compose;
@@ -15,6 +16,7 @@ mod ends;
 pub mod error;
 mod fairing;
 pub mod field;
+pub mod files;
 mod fit;
 mod frames;
 #[cfg(feature = "gpu")]

@@ -8,7 +8,7 @@
 //! order of their heights, parts (4-connected) from 1 in row order of their first pixel: as `interslice inspect` lists them.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +40,26 @@ fn joined() -> bool {
 #[serde(deny_unknown_fields)]
 struct LinksFile {
     links: Vec<Link>,
+}
+
+/// What a person has decided about parts.
+#[derive(Debug, Clone, Default, clap::Args, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[command(next_help_heading = "Input")]
+pub struct LinkOptions {
+    /// Which parts of neighbouring slices belong together and which do not, as JSON; `inspect` proposes entries
+    #[arg(long, value_name = "FILE")]
+    pub links: Option<PathBuf>,
+}
+
+impl LinkOptions {
+    /// The file's links, checked; none without a file.
+    ///
+    /// # Errors
+    /// As [`read`].
+    pub fn read(&self, stack: &ContourStack) -> Result<Vec<Link>> {
+        self.links.as_ref().map_or(Ok(Vec::new()), |path| read(path, stack))
+    }
 }
 
 /// Reads a links file and checks it against its stack.

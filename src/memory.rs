@@ -44,17 +44,22 @@ pub fn estimate_bytes(stack: &ContourStack, heights: &[f64], settings: &Settings
     bytes as u64
 }
 
+/// Bytes of memory that are free; nothing on a system that does not tell.
+pub fn available() -> Option<u64> {
+    let mut system = System::new().ok()?;
+    system.refresh_memory();
+    Some(system.available_memory()).filter(|bytes| *bytes > 0)
+}
+
 /// Refuses a run that needs more than is free.
 ///
 /// # Errors
 /// [`Error::Memory`] with both figures.
 pub fn check(needed: u64) -> Result<()> {
-    // A system that tells nothing is not asked.
-    let Ok(mut system) = System::new() else { return Ok(()) };
-    system.refresh_memory();
-    let available = system.available_memory();
-    if available > 0 && needed > available {
-        return Err(Error::Memory { needed_mib: needed >> 20, available_mib: available >> 20 });
+    match available() {
+        Some(available) if needed > available => {
+            Err(Error::Memory { needed_mib: needed >> 20, available_mib: available >> 20 })
+        }
+        _ => Ok(()),
     }
-    Ok(())
 }

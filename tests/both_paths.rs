@@ -193,7 +193,7 @@ fn stages_of_the_moving_field_are_the_same_in_batches() {
         let gpu = open(&GpuOptions { memory, poison: true, ..GpuOptions::default() });
         let still = vec![Displacement::zero(dims); gaps.len()];
         let found = gpu.displacements(&fields, &gaps, &still, h, &Silent).expect("displacements");
-        let moving = MovingField::new(Vec::clone(&heights), gaps.clone(), fields.clone(), found);
+        let moving = MovingField::new(Vec::clone(&heights), 1.0, fields.clone(), found);
         let slopes = gpu.moving_slopes(&moving, &Silent).expect("slopes");
         let before = gpu.profile().submissions;
         let lone = LoneParts::default();

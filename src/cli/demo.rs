@@ -4,13 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use interslice::demo::{Demo, NAMES, demo};
+use interslice::files::outputs::{OutputOptions, Outputs, Temporary};
+use interslice::files::{JobOptions, Loaded};
 use interslice::stack::SliceContent;
 use interslice::{Error, Result};
 use serde_json::json;
 
 use super::devices::DeviceOptions;
-use super::outputs::{OutputOptions, Outputs};
-use super::reconstruct::{Job, Telling, reconstruct};
+use super::reconstruct::{Telling, reconstruct};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -33,10 +34,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         eprintln!("{}: {}", demo.name, demo.shows);
         write_stack(&folder, &demo)?;
         let files = ["surface.stl", "volume.nrrd", "picture.png"].map(|f| folder.join(f));
-        let outputs = Outputs::open(&files, Some(&folder.join("report.json")))?;
-        let options = OutputOptions { mask: false, contours: true };
-        let job = Job { stack: &demo.stack, settings: &demo.settings, dz: None, device: &arguments.device };
-        reconstruct(&job, outputs, options, Telling::Normal)?;
+        let outputs = Outputs::open(&files, Some(&folder.join("report.json")), Temporary::Random)?;
+        let output = OutputOptions { contours: true, ..OutputOptions::default() };
+        let options = JobOptions { settings: demo.settings, output, ..JobOptions::default() };
+        reconstruct(&Loaded::new(demo.stack, options)?, outputs, &arguments.device, Telling::Normal)?;
     }
     Ok(())
 }

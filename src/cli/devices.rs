@@ -1,8 +1,11 @@
 //! Which machine does the work: `--backend`, `--adapter`, `--memory`, `--profile`, and `interslice devices`.
 
 use clap::ValueEnum;
+use interslice::batch::Machine as BatchMachine;
 #[cfg(feature = "gpu")]
 use interslice::gpu::device::{AdapterSummary, adapters};
+#[cfg(feature = "gpu")]
+use interslice::gpu::shared::SharedGpu;
 #[cfg(feature = "gpu")]
 use interslice::gpu::{Gpu, GpuOptions, GpuOrReference, doctor};
 use interslice::report::Profile;
@@ -43,6 +46,14 @@ pub struct DeviceOptions {
     profile: bool,
 }
 
+impl DeviceOptions {
+    /// The machine as it was asked for; what bounds it changes no result.
+    pub fn wish(&self) -> String {
+        let backend = self.backend.to_possible_value().map_or(String::new(), |v| v.get_name().into());
+        self.adapter.as_ref().map_or(backend.clone(), |adapter| format!("{backend} {adapter}"))
+    }
+}
+
 #[cfg(feature = "gpu")]
 impl DeviceOptions {
     fn wanted(&self) -> GpuOptions {
@@ -51,7 +62,7 @@ impl DeviceOptions {
 }
 
 /// A number of bytes with an optional K, M, G or T (powers of 1024).
-fn bytes(text: &str) -> std::result::Result<u64, String> {
+pub fn bytes(text: &str) -> std::result::Result<u64, String> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let unit = match text[digits.len()..].to_uppercase().trim_end_matches('B').trim_end_matches('I') {
         "" => 1u64,
@@ -83,11 +94,6 @@ enum Machine<'n> {
 }
 
 impl Chosen<'_> {
-    fn reference(options: &DeviceOptions, reason: impl Into<String>) -> Self {
-        let machine = Machine::Reference(std::marker::PhantomData);
-        Chosen { machine, reason: reason.into(), profile: options.profile }
-    }
-
     /// The backend.
     pub fn backend(&self) -> &dyn Backend {
         match &self.machine {
@@ -112,37 +118,126 @@ impl Chosen<'_> {
     }
 }
 
-/// Opens what the options ask for; `notice` is told when a GPU fails on the way.
+/// A GPU that was opened.
 #[cfg(feature = "gpu")]
-pub fn choose<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<Chosen<'n>> {
-    let open = || Gpu::open(&options.wanted());
-    let machine = match options.backend {
-        Wish::Cpu => return Ok(Chosen::reference(options, "asked for with --backend cpu")),
-        Wish::Gpu => {
-            return Ok(Chosen {
-                machine: Machine::Gpu(Box::new(open()?)),
-                reason: "asked for with --backend gpu".into(),
-                profile: options.profile,
-            });
-        }
+struct Found {
+    gpu: Gpu,
+    /// The reference path goes on where it fails.
+    fallback: bool,
+}
+
+/// No program without the `gpu` feature finds one.
+#[cfg(not(feature = "gpu"))]
+enum Found {}
+
+/// Opens what the options ask for; nothing is the reference path. Says why.
+#[cfg(feature = "gpu")]
+fn find(options: &DeviceOptions) -> Result<(Option<Found>, String)> {
+    let open = |fallback| Gpu::open(&options.wanted()).map(|gpu| Found { gpu, fallback });
+    let found = match options.backend {
+        Wish::Cpu => return Ok((None, "asked for with --backend cpu".into())),
+        Wish::Gpu => return Ok((Some(open(false)?), "asked for with --backend gpu".into())),
         Wish::Auto if options.adapter.is_none() => {
             if let Err(why) = automatic(&adapters()) {
-                return Ok(Chosen::reference(options, why));
+                return Ok((None, why));
             }
-            open()
+            open(true)
         }
-        Wish::Auto => open(),
+        Wish::Auto => open(true),
     };
-    match machine {
-        Ok(gpu) => Ok(Chosen {
-            reason: if options.adapter.is_some() { "asked for with --adapter" } else { "the best GPU of this machine" }
-                .into(),
-            machine: Machine::Either(Box::new(GpuOrReference::new(gpu, notice))),
-            profile: options.profile,
-        }),
-        Err(Error::Gpu(message)) => Ok(Chosen::reference(options, message)),
+    let reason = if options.adapter.is_some() { "asked for with --adapter" } else { "the best GPU of this machine" };
+    match found {
+        Ok(found) => Ok((Some(found), reason.into())),
+        Err(Error::Gpu(message)) => Ok((None, message)),
         Err(e) => Err(e),
     }
+}
+
+/// Without the GPU backend there is one choice.
+#[cfg(not(feature = "gpu"))]
+fn find(options: &DeviceOptions) -> Result<(Option<Found>, String)> {
+    let without = "this program was built without the `gpu` feature";
+    match options.backend {
+        Wish::Gpu => Err(Error::Gpu(without.into())),
+        Wish::Auto => Ok((None, without.into())),
+        Wish::Cpu => Ok((None, "asked for with --backend cpu".into())),
+    }
+}
+
+/// Opens what the options ask for; `notice` is told when a GPU fails on the way.
+#[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU gives notice"))]
+pub fn choose<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<Chosen<'n>> {
+    let (found, reason) = find(options)?;
+    let machine = match found {
+        None => Machine::Reference(std::marker::PhantomData),
+        #[cfg(feature = "gpu")]
+        Some(Found { gpu, fallback: false }) => Machine::Gpu(Box::new(gpu)),
+        #[cfg(feature = "gpu")]
+        Some(Found { gpu, fallback: true }) => Machine::Either(Box::new(GpuOrReference::new(gpu, notice))),
+        #[cfg(not(feature = "gpu"))]
+        Some(none) => match none {},
+    };
+    Ok(Chosen { machine, reason, profile: options.profile })
+}
+
+/// The machine that all jobs of a batch share, and why.
+pub struct Shared<'n> {
+    together: Together<'n>,
+    /// Why this one.
+    pub reason: String,
+    profile: bool,
+}
+
+enum Together<'n> {
+    Reference(std::marker::PhantomData<&'n ()>),
+    #[cfg(feature = "gpu")]
+    Gpu(Box<SharedGpu<'n>>),
+}
+
+impl Shared<'_> {
+    /// The machine.
+    pub fn machine(&self) -> &dyn BatchMachine {
+        match &self.together {
+            Together::Reference(_) => &Reference,
+            #[cfg(feature = "gpu")]
+            Together::Gpu(shared) => &**shared,
+        }
+    }
+
+    /// Its name.
+    pub fn name(&self) -> String {
+        match &self.together {
+            Together::Reference(_) => Reference.name(),
+            #[cfg(feature = "gpu")]
+            Together::Gpu(shared) => shared.gpu().name(),
+        }
+    }
+
+    /// What the kernels have cost, if that was asked.
+    pub fn profile(&self) -> Option<Profile> {
+        match &self.together {
+            _ if !self.profile => None,
+            Together::Reference(_) => None,
+            #[cfg(feature = "gpu")]
+            Together::Gpu(shared) => Some(shared.gpu().profile()),
+        }
+    }
+}
+
+/// The same as [`choose`] for many jobs.
+#[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU gives notice"))]
+pub fn share<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<Shared<'n>> {
+    let (found, reason) = find(options)?;
+    let together = match found {
+        None => Together::Reference(std::marker::PhantomData),
+        #[cfg(feature = "gpu")]
+        Some(Found { gpu, fallback }) => {
+            Together::Gpu(Box::new(SharedGpu::new(gpu, options.wanted(), fallback, notice)))
+        }
+        #[cfg(not(feature = "gpu"))]
+        Some(none) => match none {},
+    };
+    Ok(Shared { together, reason, profile: options.profile })
 }
 
 /// The adapter that `--backend auto` takes, or why it takes none.
@@ -158,16 +253,6 @@ fn automatic(found: &[AdapterSummary]) -> std::result::Result<usize, String> {
         }
         Some(a) => format!("{}: {}", a.name, a.lacks.as_deref().unwrap_or("cannot be used")),
     })
-}
-
-/// Without the GPU backend there is one choice.
-#[cfg(not(feature = "gpu"))]
-pub fn choose<'n>(options: &DeviceOptions, _notice: &'n (dyn Fn(&str) + Sync)) -> Result<Chosen<'n>> {
-    match options.backend {
-        Wish::Gpu => Err(Error::Gpu("this program was built without the `gpu` feature".into())),
-        Wish::Auto => Ok(Chosen::reference(options, "this program was built without the `gpu` feature")),
-        Wish::Cpu => Ok(Chosen::reference(options, "asked for with --backend cpu")),
-    }
 }
 
 /// Kernels by cost, for people.

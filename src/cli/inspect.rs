@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use interslice::components::{Components, label4, label8};
-use interslice::links::Link;
+use interslice::links::{Link, LinkOptions};
 use interslice::stack::{self, ReadOptions, Slice};
 use interslice::{ContourStack, Result, Settings, height_grid, memory};
 
-use super::links::{LinkOptions, between};
+use super::links::between;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {

@@ -1,31 +1,12 @@
-//! Links on the command line: the file, and what `inspect` says of parts that miss each other.
+//! What `inspect` says of parts that miss each other, and of links.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
 
 use interslice::components::Components;
-use interslice::links::{self, Link};
+use interslice::links::Link;
 use interslice::parts::{Candidate, candidates, overlaps, parts};
 use interslice::stack::Slice;
-use interslice::{ContourStack, Result, Settings};
-use serde::{Deserialize, Serialize};
-
-/// What a person has decided about parts.
-#[derive(Debug, Clone, Default, clap::Args, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-#[command(next_help_heading = "Input")]
-pub struct LinkOptions {
-    /// Which parts of neighbouring slices belong together and which do not, as JSON; `inspect` proposes entries
-    #[arg(long, value_name = "FILE")]
-    links: Option<PathBuf>,
-}
-
-impl LinkOptions {
-    /// The file's links, checked; none without a file.
-    pub fn read(&self, stack: &ContourStack) -> Result<Vec<Link>> {
-        self.links.as_ref().map_or(Ok(Vec::new()), |path| links::read(path, stack))
-    }
-}
+use interslice::{ContourStack, Settings};
 
 /// What there is to say between slice `k`, whose parts are `low`, and the next: overlaps where it is more than one part on one part, parts
 /// without partner, links, and candidates for more.

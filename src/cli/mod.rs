@@ -1,14 +1,15 @@
 //! Subcommands, one a file.
 
 mod bar;
+mod batch;
 mod config;
 mod demo;
 mod devices;
 mod evaluate;
 mod inspect;
 mod links;
-mod outputs;
 mod reconstruct;
+mod tally;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use interslice::Result;
@@ -25,6 +26,8 @@ struct Cli {
 enum Command {
     /// Turn a stack of contours into a closed surface
     Reconstruct(Box<reconstruct::Arguments>),
+    /// Run the reconstructions that a manifest lists; run again, it goes on where it was interrupted
+    Batch(Box<batch::Arguments>),
     /// Say what is in a stack, before any work
     Inspect(inspect::Arguments),
     /// Leave slices out, reconstruct them, and say how well they are found
@@ -39,10 +42,13 @@ enum Command {
 
 /// Parses the command line and runs it.
 pub fn run() -> Result<()> {
-    let matches = Cli::command().get_matches();
+    // In a batch `--memory` is that of the jobs in flight.
+    let buffers = |c: clap::Command| c.mut_arg("memory", |a| a.long("gpu-memory"));
+    let matches = Cli::command().mut_subcommand("batch", buffers).get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     match (cli.command, matches.subcommand()) {
         (Command::Reconstruct(arguments), Some((_, matches))) => reconstruct::run(*arguments, matches),
+        (Command::Batch(arguments), _) => batch::run(&arguments),
         (Command::Inspect(arguments), _) => inspect::run(&arguments),
         (Command::Evaluate(arguments), _) => evaluate::run(&arguments),
         (Command::Demo(arguments), _) => demo::run(&arguments),

@@ -3,23 +3,23 @@
 use std::path::PathBuf;
 
 use clap::ArgMatches;
-use interslice::stack::{self, ReadOptions};
-use interslice::surface::mesh::Mesh;
-use interslice::{ContourStack, Error, Progress, Result, Settings, height_grid, memory, reconstruct_with};
-use serde::{Deserialize, Serialize};
+use interslice::files::outputs::{OutputOptions, Outputs, Temporary};
+use interslice::files::{JobOptions, Loaded};
+use interslice::links::LinkOptions;
+use interslice::stack::ReadOptions;
+use interslice::{Error, Progress, Result, Settings, memory};
 
 use super::bar::Bars;
 use super::config::File;
 use super::devices::{DeviceOptions, choose, tell_profile};
-use super::links::LinkOptions;
-use super::outputs::{OutputOptions, Outputs, measured_surface};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Folder with stack.json, or a .nrrd, .nii, .nii.gz label volume
     input: PathBuf,
 
-    /// Output file, by extension: .nrrd .nii .nii.gz (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map); repeatable
+    /// Output file, by extension: .nrrd .nii .nii.gz (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map), .json (report);
+    /// repeatable
     #[arg(short, long = "output", value_name = "FILE")]
     outputs: Vec<PathBuf>,
 
@@ -32,7 +32,7 @@ pub struct Arguments {
     settings_file: Option<PathBuf>,
 
     #[command(flatten)]
-    made: Made,
+    output: OutputOptions,
 
     #[command(flatten)]
     read: ReadOptions,
@@ -59,24 +59,6 @@ pub struct Arguments {
     verbose: bool,
 }
 
-/// What is made of the result.
-#[derive(Debug, Clone, Default, clap::Args, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-#[command(next_help_heading = "Output")]
-struct Made {
-    /// Distance between output heights [default: the input's own z_out, else the smaller pixel side]
-    #[arg(long, value_name = "HEIGHT")]
-    dz: Option<f64>,
-
-    /// Volumes hold 8-bit masks instead of signed distances
-    #[arg(long)]
-    mask: bool,
-
-    /// Draw the input contours into pictures
-    #[arg(long)]
-    contours: bool,
-}
-
 /// How much a run tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Telling {
@@ -94,35 +76,32 @@ pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
         arguments.settings = file.overlay(arguments.settings, matches)?;
         arguments.read = file.overlay(arguments.read, matches)?;
         arguments.links = file.overlay(arguments.links, matches)?;
-        arguments.made = file.overlay(arguments.made, matches)?;
+        arguments.output = file.overlay(arguments.output, matches)?;
         arguments.device = file.overlay(arguments.device, matches)?;
         file.finish()?;
     }
     if arguments.outputs.is_empty() && arguments.report.is_none() {
         return Err(Error::Setting { name: "--output".into(), message: "is missing: nothing would be written".into() });
     }
-    arguments.settings.validate()?;
-    if let Some(dz) = arguments.made.dz
-        && !(dz.is_finite() && dz > 0.0)
-    {
-        return Err(Error::Setting { name: "dz".into(), message: format!("must be a positive number; got {dz}") });
-    }
+    let options = JobOptions {
+        read: arguments.read,
+        links: arguments.links,
+        settings: arguments.settings,
+        output: arguments.output,
+    };
+    options.check()?;
     set_threads(arguments.threads)?;
     let telling = match (arguments.quiet, arguments.verbose) {
         (true, _) => Telling::Quiet,
         (_, true) => Telling::Verbose,
         _ => Telling::Normal,
     };
-    let stack = stack::read(&arguments.input, &arguments.read)?;
-    arguments.settings.links = arguments.links.read(&stack)?;
-    arguments.settings.validate()?;
-    let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref())?;
-    let options = OutputOptions { mask: arguments.made.mask, contours: arguments.made.contours };
-    let job = Job { stack: &stack, settings: &arguments.settings, dz: arguments.made.dz, device: &arguments.device };
-    reconstruct(&job, outputs, options, telling)
+    let loaded = Loaded::read(&arguments.input, options)?;
+    let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref(), Temporary::Random)?;
+    reconstruct(&loaded, outputs, &arguments.device, telling)
 }
 
-fn set_threads(threads: Option<usize>) -> Result<()> {
+pub fn set_threads(threads: Option<usize>) -> Result<()> {
     let Some(n) = threads else { return Ok(()) };
     let fail = |message: String| Err(Error::Setting { name: "threads".into(), message });
     if !(1..=1024).contains(&n) {
@@ -131,23 +110,9 @@ fn set_threads(threads: Option<usize>) -> Result<()> {
     rayon::ThreadPoolBuilder::new().num_threads(n).build_global().or_else(|e| fail(e.to_string()))
 }
 
-/// One reconstruction: what of, how, where.
-pub struct Job<'a> {
-    /// The checked stack.
-    pub stack: &'a ContourStack,
-    /// How.
-    pub settings: &'a Settings,
-    /// Distance between output heights.
-    pub dz: Option<f64>,
-    /// Which machine.
-    pub device: &'a DeviceOptions,
-}
-
 /// One reconstruction, from a checked stack to its files.
-pub fn reconstruct(job: &Job<'_>, outputs: Outputs, options: OutputOptions, telling: Telling) -> Result<()> {
-    let Job { stack, settings, dz, device } = *job;
-    let heights = height_grid(stack, settings, dz).heights()?;
-    memory::check(memory::estimate_bytes(stack, &heights, settings, rayon::current_num_threads()))?;
+pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions, telling: Telling) -> Result<()> {
+    memory::check(loaded.bytes())?;
     let notice = |message: &str| eprintln!("warning: {message}");
     let chosen = choose(device, &notice)?;
     if telling != Telling::Quiet {
@@ -155,10 +120,10 @@ pub fn reconstruct(job: &Job<'_>, outputs: Outputs, options: OutputOptions, tell
     }
     let bars = Bars::default();
     let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
-    let mut body = reconstruct_with(stack, &heights, settings, chosen.backend(), progress)?;
+    let mut body = loaded.compute(chosen.backend(), progress)?;
     body.report.backend_reason = Some(chosen.reason.clone());
     body.report.profile = chosen.profile();
-    let mesh = if outputs.need_mesh() { measured_surface(&mut body) } else { Mesh::default() };
+    outputs.complete(&mut body, &loaded.options.output)?;
     if telling != Telling::Quiet {
         body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
     }
@@ -168,7 +133,7 @@ pub fn reconstruct(job: &Job<'_>, outputs: Outputs, options: OutputOptions, tell
     if let Some(profile) = &body.report.profile {
         tell_profile(profile);
     }
-    let written = outputs.write(&body, &mesh, options)?;
+    let written = outputs.rename()?;
     if telling != Telling::Quiet {
         written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
     }

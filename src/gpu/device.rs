@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use bytemuck::Pod;
 use sysinfo::System;
-use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use crate::error::{Error, Result};
 
@@ -340,12 +339,14 @@ impl Device {
 
     /// A uniform buffer with one value.
     pub fn uniform<T: Pod>(&self, label: &str, value: T) -> Buffer {
-        let descriptor = BufferInitDescriptor {
+        let raw = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
-            contents: bytemuck::bytes_of(&value),
+            size: size_of::<T>() as u64,
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-        };
-        let raw = self.device.create_buffer_init(&descriptor);
+            mapped_at_creation: false,
+        });
+        // Written by the queue: to map a buffer of a device that is lost would panic.
+        self.queue.write_buffer(&raw, 0, bytemuck::bytes_of(&value));
         self.used.fetch_add(raw.size(), Ordering::Relaxed);
         Buffer { raw, used: self.used.clone() }
     }
@@ -399,8 +400,9 @@ impl Device {
 
     /// Loses the device on purpose: everything after fails. For tests.
     pub fn destroy(&self) {
-        self.device.destroy();
+        // Noted first: whoever fails because of it finds out why.
         note(&self.faults, "the device was destroyed".into());
+        self.device.destroy();
     }
 }
 

@@ -1,6 +1,6 @@
 //! A GPU with the reference path behind it: when the GPU fails, the rest of the job goes on there.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use super::Gpu;
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
@@ -15,21 +15,28 @@ use crate::reference::Reference;
 /// A GPU, and the reference path from its first failure on.
 pub struct GpuOrReference<'n> {
     /// The GPU.
-    pub gpu: Gpu,
+    pub gpu: Arc<Gpu>,
     failure: OnceLock<String>,
     notice: &'n (dyn Fn(&str) + Sync),
+    /// Whether a lost device is a failure of its own.
+    unless_lost: bool,
 }
 
 impl<'n> GpuOrReference<'n> {
     /// `notice` is told of the failure when it happens.
-    pub fn new(gpu: Gpu, notice: &'n (dyn Fn(&str) + Sync)) -> Self {
-        GpuOrReference { gpu, failure: OnceLock::new(), notice }
+    pub fn new(gpu: impl Into<Arc<Gpu>>, notice: &'n (dyn Fn(&str) + Sync)) -> Self {
+        GpuOrReference { gpu: gpu.into(), failure: OnceLock::new(), notice, unless_lost: false }
+    }
+
+    /// The same, but a device that is lost fails: for a caller that can open another.
+    pub fn unless_lost(gpu: impl Into<Arc<Gpu>>, notice: &'n (dyn Fn(&str) + Sync)) -> Self {
+        GpuOrReference { unless_lost: true, ..Self::new(gpu, notice) }
     }
 
     fn ask<T>(&self, on: impl Fn(&dyn Backend) -> Result<T>) -> Result<T> {
         if self.failure.get().is_none() {
-            match on(&self.gpu) {
-                Err(Error::Gpu(message)) => {
+            match on(&*self.gpu) {
+                Err(Error::Gpu(message)) if !(self.unless_lost && self.gpu.device.check().is_err()) => {
                     (self.notice)(&format!("{message}; the rest of the job runs on the CPU reference path"));
                     self.failure.get_or_init(|| message);
                 }

@@ -22,9 +22,12 @@ mod moving_slopes;
 mod moving_twins;
 mod part;
 mod propagate;
+pub mod shared;
 mod trace;
 mod trajectories;
 pub mod twins;
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
 use crate::displacement::Displacement;
@@ -50,6 +53,9 @@ pub struct Gpu {
     pub device: Device,
     kernels: Kernels,
     profiler: Profiler,
+    /// A stage has the whole budget: stages of runs on other threads wait for their turn. No stage may be asked for from within a parallel
+    /// loop, whose threads the stage itself may need.
+    turn: Mutex<()>,
 }
 
 impl Gpu {
@@ -60,13 +66,17 @@ impl Gpu {
     pub fn open(options: &GpuOptions) -> Result<Self> {
         let device = Device::open(options)?;
         let kernels = Kernels::new(&device)?;
-        Ok(Gpu { device, kernels, profiler: Profiler::new(options.timed) })
+        Ok(Gpu { device, kernels, profiler: Profiler::new(options.timed), turn: Mutex::new(()) })
     }
 
     /// What the kernels have cost so far.
     pub fn profile(&self) -> Profile {
         let [bytes_up, bytes_down] = self.device.traffic();
         Profile { bytes_up, bytes_down, ..self.profiler.profile() }
+    }
+
+    fn turn(&self) -> MutexGuard<'_, ()> {
+        self.turn.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The share of this device that a job takes: of the byte budget, or of the largest array where that is more.
@@ -91,10 +101,12 @@ impl Backend for Gpu {
         options: ContourOptions,
         progress: &dyn Progress,
     ) -> Result<Vec<Field>> {
+        let _turn = self.turn();
         contour_field::contour_fields(self, slices, dims, h, options, progress)
     }
 
     fn part_fields(&self, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {
+        let _turn = self.turn();
         part::part_fields(self, jobs, h)
     }
 
@@ -105,6 +117,7 @@ impl Backend for Gpu {
         options: &MorphOptions,
         progress: &dyn Progress,
     ) -> Result<Vec<Traced>> {
+        let _turn = self.turn();
         trace::trace(self, jobs, h, options, progress)
     }
 
@@ -119,6 +132,7 @@ impl Backend for Gpu {
             // A morph of its own in every few steps of every sweep: the paper's way, kept for comparison only.
             return Reference.propagate(pairs, h, options, progress);
         }
+        let _turn = self.turn();
         propagate::propagate(self, pairs, h, options, progress)
     }
 
@@ -133,6 +147,7 @@ impl Backend for Gpu {
         // Images larger than an adapter's arrays (on lavapipe 2590 px squared) are left to the reference path.
         match fields.first() {
             Some(image) if self.holds_images(image.dims) => {
+                let _turn = self.turn();
                 displacement::displacements(self, fields, gaps, guess, h, progress)
             }
             _ => Reference.displacements(fields, gaps, guess, h, progress),
@@ -141,7 +156,10 @@ impl Backend for Gpu {
 
     fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
         match moving.fields.first() {
-            Some(image) if self.holds_images(image.dims) => moving_slopes::slopes(self, moving, progress),
+            Some(image) if self.holds_images(image.dims) => {
+                let _turn = self.turn();
+                moving_slopes::slopes(self, moving, progress)
+            }
             _ => Reference.moving_slopes(moving, progress),
         }
     }
@@ -159,6 +177,7 @@ impl Backend for Gpu {
         if !self.holds_images(moving.fields[i].dims) {
             return Reference.moving_layers(moving, slopes, lone, i, times, limit, h);
         }
+        let _turn = self.turn();
         let of = moving_layer::Ingredients { moving, slopes, lone, interval: i, limit, h };
         moving_layer::layers(self, &of, times)
     }

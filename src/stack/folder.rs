@@ -44,19 +44,34 @@ fn millimetres() -> String {
     "mm".into()
 }
 
+/// The `stack.json` of a folder (or that file itself): its content, its path, its folder.
+fn parse(path: &Path) -> Result<(StackFile, PathBuf, PathBuf)> {
+    let file = if path.is_dir() { path.join("stack.json") } else { path.to_path_buf() };
+    let text = fs::read_to_string(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
+    let parsed =
+        serde_json::from_str(&text).map_err(|e| Error::Format { path: file.clone(), message: e.to_string() })?;
+    let folder = file.parent().map(Path::to_path_buf).unwrap_or_default();
+    Ok((parsed, file, folder))
+}
+
+/// The `stack.json` of a folder and its slices.
+///
+/// # Errors
+/// As [`super::read::files`].
+pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
+    let (parsed, file, folder) = parse(path)?;
+    Ok(std::iter::once(file).chain(parsed.slices.iter().map(|s| folder.join(&s.file))).collect())
+}
+
 /// Reads a folder, or the `stack.json` in it.
 ///
 /// # Errors
 /// As [`super::read::read`].
 pub fn read(path: &Path, level: Option<f64>) -> Result<ContourStack> {
-    let file = if path.is_dir() { path.join("stack.json") } else { path.to_path_buf() };
-    let text = fs::read_to_string(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
-    let parsed: StackFile =
-        serde_json::from_str(&text).map_err(|e| Error::Format { path: file.clone(), message: e.to_string() })?;
+    let (parsed, _, folder) = parse(path)?;
     if let Some(z_out) = parsed.z_out {
         z_out.validate()?;
     }
-    let folder = file.parent().map(Path::to_path_buf).unwrap_or_default();
     let mut images = Vec::with_capacity(parsed.slices.len());
     for (index, entry) in parsed.slices.iter().enumerate() {
         images.push(read_image(&folder.join(&entry.file), index, &entry.file)?);

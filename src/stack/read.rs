@@ -1,48 +1,98 @@
 //! The front door for files: which reader a path gets.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::options::ReadOptions;
 use super::volume::LabelVolume;
 use super::{ContourStack, folder, nifti, nrrd};
 use crate::error::{Error, Result};
 
+/// What an input is, by its name.
+enum Kind {
+    /// A folder of slices, or its stack.json.
+    Folder,
+    /// A label volume and its reader.
+    Volume(fn(&Path) -> Result<LabelVolume>),
+}
+
+impl Kind {
+    fn of(path: &Path) -> Result<Self> {
+        let metadata = std::fs::metadata(path).map_err(|source| Error::Read { path: path.into(), source })?;
+        let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
+        if metadata.is_dir() || name.ends_with(".json") {
+            Ok(Kind::Folder)
+        } else if name.ends_with(".nrrd") {
+            Ok(Kind::Volume(nrrd::read))
+        } else if name.ends_with(".nii") || name.ends_with(".nii.gz") {
+            Ok(Kind::Volume(nifti::read))
+        } else {
+            Err(Error::Format {
+                path: path.into(),
+                message: "not a known input: expected a folder with stack.json, .nrrd, .nii or .nii.gz".into(),
+            })
+        }
+    }
+
+    /// The kind, if the options are for it.
+    fn for_options(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let kind = Kind::of(path)?;
+        let chooses = "a folder of slices; it chooses from a label volume";
+        let folder = matches!(kind, Kind::Folder);
+        let wrong = [
+            (folder && options.label.is_some(), "label", chooses),
+            (folder && options.keep.is_some(), "keep", chooses),
+            (folder && options.slices.is_some(), "slices", chooses),
+            (!folder && options.level.is_some(), "level", "label volumes; it cuts grey slices"),
+            (options.keep.is_some() && options.slices.is_some(), "keep", "a volume whose `slices` are named"),
+        ];
+        match wrong.into_iter().find(|(wrong, ..)| *wrong) {
+            Some((_, option, what)) => {
+                Err(Error::Setting { name: option.into(), message: format!("is not for {what}") })
+            }
+            None => Ok(kind),
+        }
+    }
+}
+
+/// Checks that an input is there, and that the options are for its kind; its content is not looked at.
+///
+/// # Errors
+/// [`Error::Read`], [`Error::Format`] or [`Error::Setting`].
+pub fn check(path: &Path, options: &ReadOptions) -> Result<()> {
+    Kind::for_options(path, options).map(drop)
+}
+
+/// The files whose content makes up an input.
+///
+/// # Errors
+/// [`Error::Read`] or [`Error::Format`].
+pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
+    match Kind::of(path)? {
+        Kind::Folder => folder::files(path),
+        Kind::Volume(_) => Ok(vec![path.into()]),
+    }
+}
+
+/// The labels of all voxels of a label volume.
+///
+/// # Errors
+/// As [`read`]; [`Error::Format`] for a folder of slices.
+pub fn labels(path: &Path) -> Result<Vec<i64>> {
+    match Kind::of(path)? {
+        Kind::Folder => Err(Error::Format { path: path.into(), message: "is not a label volume".into() }),
+        Kind::Volume(read) => Ok(read(path)?.labels),
+    }
+}
+
 /// Reads a stack: a folder with `stack.json` (or that file itself), or a `.nrrd`, `.nii`, `.nii.gz` label volume.
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Format`], [`Error::Slice`], [`Error::Stack`] or [`Error::Setting`], naming file, slice and value.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
-    let metadata = std::fs::metadata(path).map_err(|source| Error::Read { path: path.into(), source })?;
-    let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let volume = |read: fn(&Path) -> Result<LabelVolume>| -> Result<ContourStack> {
-        if options.level.is_some() {
-            return Err(not_for("level", "label volumes; it cuts grey slices"));
-        }
-        read(path)?.into_stack(path, options)
-    };
-    let stack = if metadata.is_dir() || name.ends_with(".json") {
-        for (given, option) in
-            [(options.label.is_some(), "label"), (options.keep.is_some(), "keep"), (options.slices.is_some(), "slices")]
-        {
-            if given {
-                return Err(not_for(option, "a folder of slices; it chooses from a label volume"));
-            }
-        }
-        folder::read(path, options.level)?
-    } else if name.ends_with(".nrrd") {
-        volume(nrrd::read)?
-    } else if name.ends_with(".nii") || name.ends_with(".nii.gz") {
-        volume(nifti::read)?
-    } else {
-        return Err(Error::Format {
-            path: path.into(),
-            message: "not a known input: expected a folder with stack.json, .nrrd, .nii or .nii.gz".into(),
-        });
+    let stack = match Kind::for_options(path, options)? {
+        Kind::Folder => folder::read(path, options.level)?,
+        Kind::Volume(read) => read(path)?.into_stack(path, options)?,
     };
     stack.validate()?;
     Ok(stack)
-}
-
-fn not_for(option: &str, why: &str) -> Error {
-    Error::Setting { name: option.into(), message: format!("is not for {why}") }
 }

@@ -1,0 +1,46 @@
+//! What a job's bytes depend on, as one number: program version, machine asked for, options, names of the outputs, content of the input
+//! and of the links file.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+use blake3::Hasher;
+
+use super::manifest::Job;
+use crate::error::{Error, Result};
+use crate::stack::read::files;
+
+/// The fingerprint of a job, 64 hexadecimal digits. Equal content gives equal fingerprints, whatever the input is called; an option that is
+/// given its default value is as one not given.
+///
+/// # Errors
+/// [`Error::Read`], [`Error::Format`] for an input that cannot be read.
+pub fn fingerprint(job: &Job, machine: &str) -> Result<String> {
+    let mut hasher = Hasher::new();
+    let mut part = |bytes: &[u8]| {
+        hasher.update(&(bytes.len() as u64).to_le_bytes());
+        hasher.update(bytes);
+    };
+    part(env!("CARGO_PKG_VERSION").as_bytes());
+    part(machine.as_bytes());
+    let options = serde_json::to_string(&job.options)
+        .map_err(|e| Error::Setting { name: "options".into(), message: e.to_string() })?;
+    part(options.as_bytes());
+    part(&(job.outputs.len() as u64).to_le_bytes());
+    job.outputs.iter().for_each(|output| part(output.as_bytes()));
+    for file in files(&job.input)?.into_iter().chain(job.options.links.links.clone()) {
+        part(digest(&file).map_err(|source| Error::Read { path: file.clone(), source })?.1.as_bytes());
+    }
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// Length and BLAKE3 digest of a file.
+///
+/// # Errors
+/// Those of reading it.
+pub fn digest(path: &Path) -> io::Result<(u64, String)> {
+    let mut hasher = Hasher::new();
+    hasher.update_reader(File::open(path)?)?;
+    Ok((hasher.count(), hasher.finalize().to_hex().to_string()))
+}

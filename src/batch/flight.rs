@@ -1,0 +1,169 @@
+//! A job on its way through a batch: read, computed, written, each step once.
+
+use std::any::Any;
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::time::Instant;
+
+use super::fingerprint::{digest, fingerprint};
+use super::gate::Permit;
+use super::lock::Held;
+use super::results::{Certificate, ResultLine, Status, Written};
+use super::runner::{Batch, Outcome};
+use crate::error::{Error, Result};
+use crate::files::Loaded;
+use crate::files::outputs::{Outputs, Temporary};
+use crate::progress::Silent;
+use crate::surface::Reconstruction;
+
+/// A job on its way. Whatever ends it, its temporary files go, its memory is free and its lock is open.
+pub(super) struct Flight<'a> {
+    index: usize,
+    fingerprint: Option<String>,
+    seconds: f64,
+    outputs: Outputs,
+    permit: Permit<'a>,
+    /// Dropped last: until the temporary files are gone nobody else may make them.
+    lock: Held,
+}
+
+/// What is known of a job when it ends.
+struct End {
+    fingerprint: Option<String>,
+    seconds: f64,
+    outputs: Vec<Written>,
+    certificate: Option<Certificate>,
+}
+
+/// A job that was read.
+pub(super) type Read<'a> = (Flight<'a>, Loaded);
+/// A job that was computed.
+pub(super) type Computed<'a> = (Flight<'a>, Loaded, Reconstruction);
+
+impl<'a> Batch<'a> {
+    /// Reads a job whose lock is held; nothing where it has ended already.
+    pub(super) fn read(&'a self, index: usize, lock: Held) -> Option<Read<'a>> {
+        let begin = Instant::now();
+        let job = &self.manifest.jobs[index];
+        let mut known = None;
+        let read = guarded(|| {
+            let print = fingerprint(job, &self.options.machine)?;
+            known = Some(print.clone());
+            if self.results.finished(&print, job)? {
+                return Ok(Err(Outcome::Skipped));
+            }
+            if let Some(why) = self.results.failure(&print) {
+                return Ok(Err(Outcome::Failed(format!("{why} (in another process)"))));
+            }
+            let loaded = Loaded::read(&job.input, job.options.clone())?;
+            if fingerprint(job, &self.options.machine)? != print {
+                return Err(Error::Format { path: job.input.clone(), message: "has changed while it was read".into() });
+            }
+            let permit = self.gate.pass(loaded.bytes())?;
+            for target in &job.targets {
+                let folder = target.parent().unwrap_or(Path::new("."));
+                fs::create_dir_all(folder)
+                    .map_err(|e| Error::Output { path: target.clone(), message: format!("its folder: {e}") })?;
+            }
+            let outputs = Outputs::open(&job.targets, None, Temporary::Fixed)?;
+            Ok(Ok((permit, outputs, loaded)))
+        });
+        let seconds = begin.elapsed().as_secs_f64();
+        match read {
+            Ok(Ok((permit, outputs, loaded))) => {
+                let flight = Flight { index, fingerprint: known, seconds, outputs, permit, lock };
+                Some((flight, loaded))
+            }
+            Ok(Err(outcome)) => {
+                self.ended(index, outcome);
+                None
+            }
+            Err(e) => {
+                self.failed(index, known, seconds, &e);
+                None
+            }
+        }
+    }
+
+    /// Computes a job; nothing where it has failed.
+    pub(super) fn compute(&self, (mut flight, loaded): Read<'a>) -> Option<Computed<'a>> {
+        let begin = Instant::now();
+        let body = guarded(|| self.machine.compute(&|backend| loaded.compute(backend, &Silent)));
+        flight.seconds += begin.elapsed().as_secs_f64();
+        match body {
+            Ok(body) => Some((flight, loaded, body)),
+            Err(e) => {
+                self.failed(flight.index, flight.fingerprint.clone(), flight.seconds, &e);
+                None
+            }
+        }
+    }
+
+    /// Makes the outputs of a job, renames them, and writes its line.
+    pub(super) fn write(&self, (flight, loaded, mut body): Computed<'a>) {
+        let begin = Instant::now();
+        let Flight { index, fingerprint, mut seconds, mut outputs, permit, lock } = flight;
+        let job = &self.manifest.jobs[index];
+        // Times would differ from run to run; the result line has them.
+        body.report.stages.clear();
+        let written = guarded(|| {
+            outputs.complete(&mut body, &loaded.options.output)?;
+            let written = job.outputs.iter().zip(outputs.temporary()).map(|(file, (target, path))| {
+                let (bytes, blake3) = digest(path).map_err(|source| Error::Write { path: target.into(), source })?;
+                Ok(Written { file: file.clone(), bytes, blake3 })
+            });
+            let written = written.collect::<Result<Vec<_>>>()?;
+            outputs.rename()?;
+            Ok(written)
+        });
+        let certificate = Certificate::from(&body.report);
+        drop((body, permit));
+        seconds += begin.elapsed().as_secs_f64();
+        match written {
+            Ok(outputs) => {
+                let end = End { fingerprint, seconds, outputs, certificate: Some(certificate) };
+                match self.append(index, None, end) {
+                    Ok(()) => self.ended(index, Outcome::Done),
+                    Err(e) => self.ended(index, Outcome::Failed(e.to_string())),
+                }
+            }
+            Err(e) => self.failed(index, fingerprint, seconds, &e),
+        }
+        drop(lock);
+    }
+
+    fn failed(&self, index: usize, fingerprint: Option<String>, seconds: f64, error: &Error) {
+        let end = End { fingerprint, seconds, outputs: Vec::new(), certificate: None };
+        let mut message = error.to_string();
+        if let Err(e) = self.append(index, Some(message.clone()), end) {
+            message += &format!("; {e}");
+        }
+        self.ended(index, Outcome::Failed(message));
+    }
+
+    fn append(&self, index: usize, error: Option<String>, end: End) -> Result<()> {
+        let line = ResultLine {
+            id: self.manifest.jobs[index].id.clone(),
+            status: if error.is_some() { Status::Failed } else { Status::Done },
+            error,
+            seconds: (end.seconds * 1e3).round() / 1e3,
+            version: env!("CARGO_PKG_VERSION").into(),
+            fingerprint: end.fingerprint,
+            outputs: end.outputs,
+            certificate: end.certificate,
+        };
+        self.results.append(&line, &self.locks)
+    }
+}
+
+/// A job that panics has failed; the others go on.
+fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
+    let words = |panic: Box<dyn Any + Send>| {
+        let text = panic.downcast_ref::<String>().cloned();
+        text.or_else(|| panic.downcast_ref::<&str>().map(|s| (*s).into())).unwrap_or_default()
+    };
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        Err(Error::Numerics { stage: "job", message: format!("a defect of this program: {}", words(panic)) })
+    })
+}

@@ -1,0 +1,187 @@
+//! A manifest: the jobs of a batch, all checked before any runs.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::path::{Component, Path, PathBuf};
+
+use super::line::{Line, read};
+use crate::error::{Error, Result};
+use crate::files::JobOptions;
+use crate::files::named::{Named, names};
+use crate::files::outputs::{OutputOptions, check_name};
+use crate::links::LinkOptions;
+use crate::settings::Settings;
+use crate::stack::ReadOptions;
+use crate::stack::read::{check, files};
+
+/// The jobs of a batch.
+#[derive(Debug)]
+pub struct Manifest {
+    /// The file.
+    pub path: PathBuf,
+    /// What paths in it are relative to.
+    pub folder: PathBuf,
+    /// Its jobs, in its order.
+    pub jobs: Vec<Job>,
+}
+
+/// One job.
+#[derive(Debug)]
+pub struct Job {
+    /// Its name.
+    pub id: String,
+    /// What is read.
+    pub input: PathBuf,
+    /// Outputs as the manifest names them.
+    pub outputs: Vec<String>,
+    /// The files they are.
+    pub targets: Vec<PathBuf>,
+    /// How.
+    pub options: JobOptions,
+}
+
+/// What lines must not have in common.
+#[derive(Default)]
+struct Claims {
+    /// Ids and their lines.
+    ids: HashMap<String, usize>,
+    /// Outputs and their lines.
+    outputs: HashMap<PathBuf, usize>,
+    /// Inputs and their lines.
+    inputs: HashMap<PathBuf, usize>,
+}
+
+impl Manifest {
+    /// Reads and checks a manifest.
+    ///
+    /// # Errors
+    /// [`Error::Manifest`] with every wrong line; as [`read`].
+    pub fn read(path: &Path) -> Result<Self> {
+        let lines = read(path)?;
+        let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
+        let (mut jobs, mut wrong, mut claims) = (Vec::new(), Vec::new(), Claims::default());
+        for (number, line) in lines {
+            match line.map_err(|e| vec![e]).and_then(|line| job(line, number, &folder, &mut claims)) {
+                Ok(job) => jobs.push((number, job)),
+                Err(messages) => wrong.extend(messages.into_iter().map(|m| (number, m))),
+            }
+        }
+        for (number, job) in &jobs {
+            wrong.extend(overwritten(job, path, &claims).into_iter().map(|m| (*number, m)));
+        }
+        if jobs.is_empty() && wrong.is_empty() {
+            return Err(Error::Format { path: path.into(), message: "has no jobs".into() });
+        }
+        if !wrong.is_empty() {
+            wrong.sort_by_key(|(number, _)| *number);
+            return Err(Error::Manifest { path: path.into(), lines: wrong });
+        }
+        Ok(Manifest { path: path.into(), folder, jobs: jobs.into_iter().map(|(_, job)| job).collect() })
+    }
+}
+
+/// A line as a job, or all that is wrong with it.
+fn job(line: Line, number: usize, folder: &Path, claims: &mut Claims) -> std::result::Result<Job, Vec<String>> {
+    let mut wrong = Vec::new();
+    if line.id.trim().is_empty() {
+        wrong.push("`id` must not be empty".into());
+    } else if let Some(first) = claims.ids.get(&line.id) {
+        wrong.push(format!("id `{}` is that of line {first} too", line.id));
+    } else {
+        claims.ids.insert(line.id.clone(), number);
+    }
+    let options = options(&line, folder, &mut wrong);
+    let input = folder.join(&line.input);
+    if line.input.is_empty() {
+        wrong.push("`input` must not be empty".into());
+    } else {
+        if let Err(e) = check(&input, &options.read) {
+            wrong.push(format!("input: {e}"));
+        }
+        claims.inputs.entry(plain(&input)).or_insert(number);
+    }
+    if line.outputs.is_empty() {
+        wrong.push("`outputs` must name at least one file".into());
+    }
+    let targets: Vec<PathBuf> = line.outputs.iter().map(|o| folder.join(o)).collect();
+    for target in &targets {
+        if let Err(e) = check_name(target) {
+            wrong.push(format!("outputs: {e}"));
+        }
+        match claims.outputs.insert(plain(target), number) {
+            Some(first) if first == number => wrong.push(format!("output {} is named twice", target.display())),
+            Some(first) => wrong.push(format!("output {} is one of line {first} too", target.display())),
+            None => {}
+        }
+    }
+    if wrong.is_empty() { Ok(Job { id: line.id, input, outputs: line.outputs, targets, options }) } else { Err(wrong) }
+}
+
+/// The options of a line; what is wrong with them is added to `wrong`.
+fn options(line: &Line, folder: &Path, wrong: &mut Vec<String>) -> JobOptions {
+    let mut table = toml::Table::new();
+    for (key, value) in &line.options {
+        match toml::Value::try_from(value) {
+            Ok(value) => drop(table.insert(key.clone(), value)),
+            Err(_) => {
+                wrong.push(format!("options: `{key}` must be a number, a text, true, false or a list; got {value}"))
+            }
+        }
+    }
+    let mut named = Named::new(table);
+    let (read, of_read) = named.claim(ReadOptions::default(), |_| false);
+    let (mut links, of_links) = named.claim(LinkOptions::default(), |_| false);
+    let (settings, of_settings) = named.claim(Settings::default(), |_| false);
+    let (output, of_output) = named.claim(OutputOptions::default(), |_| false);
+    links.links = links.links.map(|path| folder.join(path));
+    if let Some(Err(e)) = links.links.as_ref().map(File::open) {
+        wrong.push(format!("options: `links`: {e}"));
+    }
+    let options = JobOptions { read, links, settings, output };
+    let known = [names::<OutputOptions>(), names::<ReadOptions>(), names::<LinkOptions>(), names::<Settings>()]
+        .concat()
+        .join(", ");
+    let unknown = named.unknown().map(|key| format!("unknown option `{key}`; there are {known}")).collect();
+    let range = options.check().err().map(|e| e.to_string());
+    let all = [of_read, of_links, of_settings, of_output, unknown, range.into_iter().collect()].concat();
+    wrong.extend(all.into_iter().map(|e| format!("options: {e}")));
+    options
+}
+
+/// What the outputs of a job would write over.
+fn overwritten(job: &Job, manifest: &Path, claims: &Claims) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for target in &job.targets {
+        let path = plain(target);
+        let folder_is_input = path.parent().is_some_and(|folder| claims.inputs.contains_key(folder));
+        let is_slice = || {
+            let listed = path.parent().and_then(|folder| files(folder).ok()).unwrap_or_default();
+            listed.iter().any(|file| plain(file) == path)
+        };
+        if let Some(line) = claims.inputs.get(&path) {
+            wrong.push(format!("output {} is the input of line {line}", target.display()));
+        } else if folder_is_input && is_slice() {
+            wrong.push(format!("output {} is a slice of an input", target.display()));
+        } else if path == plain(manifest) {
+            wrong.push(format!("output {} is the manifest", target.display()));
+        }
+    }
+    wrong
+}
+
+/// One name per file, as far as names tell: absolute, without `.` and `..`, links of an existing folder followed.
+fn plain(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.into());
+    let (Some(folder), Some(name)) = (absolute.parent(), absolute.file_name()) else { return absolute };
+    if let Ok(folder) = folder.canonicalize() {
+        return folder.join(name);
+    }
+    absolute.components().fold(PathBuf::new(), |mut out, part| {
+        match part {
+            Component::ParentDir => drop(out.pop()),
+            Component::CurDir => {}
+            part => out.push(part),
+        }
+        out
+    })
+}

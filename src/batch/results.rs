@@ -1,0 +1,201 @@
+//! `results.jsonl`: one line per job that has ended, appended in one piece and synced.
+
+use std::collections::HashMap;
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use serde::{Deserialize, Serialize};
+
+use super::fingerprint::digest;
+use super::lock::Locks;
+use super::manifest::Job;
+use crate::error::{Error, Result};
+use crate::report::Report;
+
+/// How a job has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Status {
+    /// All outputs are written.
+    Done,
+    /// None is.
+    Failed,
+}
+
+/// A line of the results.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ResultLine {
+    /// Name of the job.
+    pub id: String,
+    /// How it has ended.
+    pub status: Status,
+    /// Why it failed, in words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// Seconds of reading (with waiting for memory), computing (with waiting for a turn on the GPU) and writing.
+    pub seconds: f64,
+    /// Version of the program.
+    pub version: String,
+    /// What the job depends on; none where its input could not be read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fingerprint: Option<String>,
+    /// What it has written.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub outputs: Vec<Written>,
+    /// How well the contours are met.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub certificate: Option<Certificate>,
+}
+
+/// A file that a job has written.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Written {
+    /// Its name in the manifest.
+    pub file: String,
+    /// Its length.
+    pub bytes: u64,
+    /// Its BLAKE3 digest, hexadecimal.
+    pub blake3: String,
+}
+
+/// The report of a job in short.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Certificate {
+    /// Backend that did the work.
+    pub backend: String,
+    /// Input contours.
+    pub contours: usize,
+    /// Pixels of the result that differ from the input, over all contours.
+    pub differing_pixels: usize,
+    /// Farthest arrival of a front from its contour, px.
+    pub worst_arrival: f64,
+    /// Volume, unit cubed, where a mesh was made.
+    pub volume: Option<f64>,
+    /// Area, unit squared, where a mesh was made.
+    pub area: Option<f64>,
+    /// What a person should know.
+    pub warnings: Vec<String>,
+}
+
+impl From<&Report> for Certificate {
+    fn from(report: &Report) -> Self {
+        let arrivals = report.contours.iter().flat_map(|c| [c.arrival_from_below, c.arrival_from_above]).flatten();
+        Certificate {
+            backend: report.backend.clone(),
+            contours: report.contours.len(),
+            differing_pixels: report.contours.iter().map(|c| c.differing_pixels).sum(),
+            worst_arrival: arrivals.map(|r| r.max).fold(0.0, f64::max),
+            volume: report.volume,
+            area: report.area,
+            warnings: report.warnings.clone(),
+        }
+    }
+}
+
+/// The results of a batch and of those before it.
+#[derive(Debug)]
+pub struct Results {
+    path: PathBuf,
+    seen: Mutex<Seen>,
+}
+
+/// What was read so far.
+#[derive(Debug, Default)]
+struct Seen {
+    /// Bytes read, up to a line's end.
+    offset: u64,
+    /// Outputs of finished jobs by fingerprint.
+    done: HashMap<String, Vec<Written>>,
+    /// Why jobs failed since this batch began, by fingerprint.
+    failed: HashMap<String, String>,
+}
+
+impl Results {
+    /// The results in a file that need not exist.
+    ///
+    /// # Errors
+    /// [`Error::Read`].
+    pub fn open(path: &Path) -> Result<Self> {
+        let results = Results { path: path.into(), seen: Mutex::default() };
+        let mut seen = results.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        results.refresh(&mut seen)?;
+        seen.failed.clear(); // what failed in an earlier batch is tried again
+        drop(seen);
+        Ok(results)
+    }
+
+    /// Reads what was appended since. A line that is no result, as a crash may have left it, is passed over.
+    fn refresh(&self, seen: &mut Seen) -> Result<()> {
+        let mut text = Vec::new();
+        let read = File::open(&self.path).and_then(|mut file| {
+            file.seek(SeekFrom::Start(seen.offset))?;
+            file.read_to_end(&mut text)
+        });
+        match read {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+            Err(source) => return Err(Error::Read { path: self.path.clone(), source }),
+            Ok(_) => {}
+        }
+        let whole = text.iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
+        seen.offset += whole as u64;
+        for line in text[..whole].split(|b| *b == b'\n') {
+            let Ok(line) = serde_json::from_slice::<ResultLine>(line) else { continue };
+            let Some(fingerprint) = line.fingerprint else { continue };
+            match line.status {
+                Status::Done => drop(seen.done.insert(fingerprint, line.outputs)),
+                Status::Failed => drop(seen.failed.insert(fingerprint, line.error.unwrap_or_default())),
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a job with this fingerprint is finished: it has a line, and its outputs are as they were written.
+    ///
+    /// # Errors
+    /// [`Error::Read`].
+    pub fn finished(&self, fingerprint: &str, job: &Job) -> Result<bool> {
+        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        self.refresh(&mut seen)?;
+        let Some(written) = seen.done.get(fingerprint).cloned() else { return Ok(false) };
+        drop(seen);
+        let as_written = |(target, written): (&PathBuf, &Written)| {
+            std::fs::metadata(target).is_ok_and(|m| m.len() == written.bytes)
+                && digest(target).is_ok_and(|(_, blake3)| blake3 == written.blake3)
+        };
+        Ok(written.len() == job.targets.len() && job.targets.iter().zip(&written).all(as_written))
+    }
+
+    /// Why a job with this fingerprint has failed since this batch began.
+    pub fn failure(&self, fingerprint: &str) -> Option<String> {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner).failed.get(fingerprint).cloned()
+    }
+
+    /// Appends a line in one piece and waits until it is on the disk.
+    ///
+    /// # Errors
+    /// [`Error::Write`]; the file then ends as before, or in a piece of a line that the next line is kept apart from.
+    pub fn append(&self, line: &ResultLine, locks: &Locks) -> Result<()> {
+        let _held = locks.results()?;
+        let write = || -> std::io::Result<()> {
+            let mut file = OpenOptions::new().create(true).read(true).append(true).open(&self.path)?;
+            let end = file.seek(SeekFrom::End(0))?;
+            let mut last = [b'\n'];
+            if end > 0 {
+                file.seek(SeekFrom::End(-1))?;
+                file.read_exact(&mut last)?;
+            }
+            // A crash may have torn the last line.
+            let mut text = if last == *b"\n" { Vec::new() } else { vec![b'\n'] };
+            serde_json::to_writer(&mut text, line)?;
+            text.push(b'\n');
+            let written = file.write_all(&text).and_then(|()| file.sync_data());
+            if written.is_err() {
+                let _ = file.set_len(end);
+            }
+            written
+        };
+        write().map_err(|source| Error::Write { path: self.path.clone(), source })
+    }
+}

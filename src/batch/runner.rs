@@ -1,0 +1,218 @@
+//! Runs the jobs of a manifest: reading, computing and writing each on threads of their own, with bounded queues between them.
+//!
+//! ```text
+//! lock, fingerprint, finished? -> read -> gate -> | queue | -> compute -> | queue | -> mesh, write, rename, result line -> unlock
+//! ```
+//!
+//! A job's bytes depend on its fingerprint only, not on the order or number of jobs in flight.
+
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use super::fingerprint::fingerprint;
+use super::flight::{Computed, Read};
+use super::gate::Gate;
+use super::lock::Locks;
+use super::machine::Machine;
+use super::manifest::{Job, Manifest};
+use super::results::Results;
+use crate::error::Result;
+
+/// How long to wait before asking again for jobs that another process has.
+const PATIENCE: Duration = Duration::from_millis(100);
+
+/// How a batch runs.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Jobs computed at once; as many are read ahead and written behind.
+    pub jobs: usize,
+    /// Bytes of memory that the jobs in flight may need together, by their estimates.
+    pub memory: u64,
+    /// Begin no job after one has failed.
+    pub fail_fast: bool,
+    /// The machine as it was asked for. Part of every fingerprint: a result of another machine is another result.
+    pub machine: String,
+}
+
+/// What has become of a job.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Outcome {
+    /// Computed and written now.
+    Done,
+    /// Finished before, or by another process.
+    Skipped,
+    /// Failed, why.
+    Failed(String),
+    /// Not begun, or dropped before it was computed.
+    NotRun,
+}
+
+/// Is told what becomes of the jobs, from any thread.
+pub trait Watch: Sync {
+    /// A job has ended.
+    fn ended(&self, job: &Job, outcome: &Outcome);
+}
+
+/// Runs all jobs of a manifest that are not finished; says what has become of each, in the manifest's order. `stop` ends the batch: jobs that
+/// are being computed are finished, no others begin.
+///
+/// # Errors
+/// [`Output`](crate::Error::Output), [`Read`](crate::Error::Read) where the results or locks cannot be used. A job's failure is an [`Outcome`].
+pub fn run(
+    manifest: &Manifest,
+    results: &Path,
+    machine: &dyn Machine,
+    options: &Options,
+    watch: &dyn Watch,
+    stop: &AtomicBool,
+) -> Result<Vec<Outcome>> {
+    let batch = Batch {
+        manifest,
+        machine,
+        options,
+        watch,
+        stop,
+        locks: Locks::open(&lock_folder(results))?,
+        results: Results::open(results)?,
+        gate: Gate::new(options.memory),
+        agenda: Mutex::new(Agenda { fresh: (0..manifest.jobs.len()).collect(), elsewhere: VecDeque::new() }),
+        outcomes: Mutex::new(vec![Outcome::NotRun; manifest.jobs.len()]),
+    };
+    fly(&batch, options.jobs.max(1));
+    Ok(batch.outcomes.into_inner().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// All jobs through all threads.
+fn fly(batch: &Batch<'_>, jobs: usize) {
+    let (to_compute, read) = sync_channel(jobs);
+    let (to_write, computed) = sync_channel(jobs);
+    let (read, computed) = (Mutex::new(read), Mutex::new(computed));
+    thread::scope(|scope| {
+        for _ in 0..jobs {
+            let to_compute = to_compute.clone();
+            scope.spawn(move || batch.read_all(&to_compute));
+        }
+        for _ in 0..jobs {
+            let (to_write, read) = (to_write.clone(), &read);
+            scope.spawn(move || batch.compute_all(read, &to_write));
+        }
+        for _ in 0..jobs {
+            let computed = &computed;
+            scope.spawn(move || batch.write_all(computed));
+        }
+        // The threads have their own ends of the queues.
+        drop((to_compute, to_write));
+    });
+}
+
+/// Which jobs are finished, in the manifest's order; nothing is written.
+///
+/// # Errors
+/// [`Read`](crate::Error::Read).
+pub fn finished(manifest: &Manifest, results: &Path, machine: &str) -> Result<Vec<bool>> {
+    let results = Results::open(results)?;
+    // An input that cannot be read is told when its job runs.
+    let is = |job: &Job| fingerprint(job, machine).map_or(Ok(false), |f| results.finished(&f, job));
+    manifest.jobs.iter().map(is).collect()
+}
+
+/// Where the locks of a results file are.
+fn lock_folder(results: &Path) -> PathBuf {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(results.file_name().unwrap_or_default());
+    name.push(".locks");
+    results.with_file_name(name)
+}
+
+/// What all threads share.
+pub(super) struct Batch<'a> {
+    pub(super) manifest: &'a Manifest,
+    pub(super) machine: &'a dyn Machine,
+    pub(super) options: &'a Options,
+    watch: &'a dyn Watch,
+    stop: &'a AtomicBool,
+    pub(super) locks: Locks,
+    pub(super) results: Results,
+    pub(super) gate: Gate,
+    agenda: Mutex<Agenda>,
+    outcomes: Mutex<Vec<Outcome>>,
+}
+
+/// Jobs still to be looked at.
+struct Agenda {
+    fresh: VecDeque<usize>,
+    /// Those another process had when they were looked at.
+    elsewhere: VecDeque<usize>,
+}
+
+impl<'a> Batch<'a> {
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    fn next(&self) -> Option<(usize, bool)> {
+        let mut agenda = self.agenda.lock().unwrap_or_else(PoisonError::into_inner);
+        let fresh = agenda.fresh.pop_front().map(|index| (index, false));
+        fresh.or_else(|| agenda.elsewhere.pop_front().map(|index| (index, true)))
+    }
+
+    fn read_all(&'a self, to_compute: &SyncSender<Read<'a>>) {
+        while !self.stopped() {
+            let Some((index, again)) = self.next() else { break };
+            let job = &self.manifest.jobs[index];
+            match self.locks.job(&job.id) {
+                Ok(Some(lock)) => {
+                    if let Some(read) = self.read(index, lock)
+                        && to_compute.send(read).is_err()
+                    {
+                        break;
+                    }
+                }
+                Ok(None) => {
+                    self.agenda.lock().unwrap_or_else(PoisonError::into_inner).elsewhere.push_back(index);
+                    if again {
+                        thread::sleep(PATIENCE);
+                    }
+                }
+                Err(e) => self.ended(index, Outcome::Failed(e.to_string())),
+            }
+        }
+    }
+
+    fn compute_all(&'a self, read: &Mutex<Receiver<Read<'a>>>, to_write: &SyncSender<Computed<'a>>) {
+        while let Some(read) = take(read) {
+            if self.stopped() {
+                continue; // dropped: not run
+            }
+            if let Some(computed) = self.compute(read)
+                && to_write.send(computed).is_err()
+            {
+                break;
+            }
+        }
+    }
+
+    fn write_all(&self, computed: &Mutex<Receiver<Computed<'a>>>) {
+        while let Some(computed) = take(computed) {
+            self.write(computed);
+        }
+    }
+
+    pub(super) fn ended(&self, index: usize, outcome: Outcome) {
+        self.watch.ended(&self.manifest.jobs[index], &outcome);
+        if self.options.fail_fast && matches!(outcome, Outcome::Failed(_)) {
+            self.stop.store(true, Ordering::Relaxed);
+        }
+        self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)[index] = outcome;
+    }
+}
+
+/// The next of a queue that several threads take from; nothing when it has ended.
+fn take<T>(queue: &Mutex<Receiver<T>>) -> Option<T> {
+    queue.lock().unwrap_or_else(PoisonError::into_inner).recv().ok()
+}

@@ -1,0 +1,90 @@
+//! A manifest from a folder of cases.
+
+use std::collections::{BTreeSet, HashSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::Map;
+
+use super::line::Line;
+use crate::error::{Error, Result};
+use crate::stack::read::labels;
+
+/// What a template names.
+#[derive(Debug, Clone)]
+pub struct Template {
+    /// Extensions of the outputs, without dot.
+    pub extensions: Vec<String>,
+    /// Folder of the outputs, as the manifest will name it.
+    pub output: String,
+    /// A line for each label of a label volume.
+    pub each_label: bool,
+}
+
+/// A line per case in `folder`: a sub-folder with stack.json, or a `.nrrd`, `.nii`, `.nii.gz` volume; in the order of their names. Inputs are
+/// named from `base` where they lie in it.
+///
+/// # Errors
+/// [`Error::Read`]; [`Error::Format`] for a folder without cases, or a volume whose labels cannot be read.
+pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<Line>> {
+    let unreadable = |source| Error::Read { path: folder.into(), source };
+    let entries: std::io::Result<Vec<PathBuf>> =
+        fs::read_dir(folder).map_err(unreadable)?.map(|entry| Ok(entry?.path())).collect();
+    let mut cases = entries.map_err(unreadable)?;
+    cases.retain(|path| stem(path).is_some());
+    cases.sort();
+    if cases.is_empty() {
+        let message = "has no cases: expected sub-folders with stack.json, .nrrd, .nii or .nii.gz".into();
+        return Err(Error::Format { path: folder.into(), message });
+    }
+    let mut used = HashSet::new();
+    let mut lines = Vec::new();
+    for path in cases {
+        let full = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let short = stem(&path).unwrap_or_default();
+        // `a` and `a.nrrd` side by side.
+        let name = if used.insert(short.clone()) { short } else { full };
+        let labels = if template.each_label && path.is_file() { Some(distinct(&labels(&path)?)) } else { None };
+        let line = |id: String, options| Line {
+            outputs: template.extensions.iter().map(|e| format!("{}/{id}.{e}", template.output)).collect(),
+            id,
+            input: from(&path, base),
+            options,
+        };
+        match labels {
+            None => lines.push(line(name, Map::new())),
+            Some(labels) => lines.extend(
+                labels
+                    .into_iter()
+                    .map(|l| line(format!("{name}-{l}"), [("label".into(), l.into())].into_iter().collect())),
+            ),
+        }
+    }
+    Ok(lines)
+}
+
+/// Name of a case; nothing for what is none.
+fn stem(path: &Path) -> Option<String> {
+    let name = path.file_name()?.to_string_lossy().into_owned();
+    if path.is_dir() {
+        return path.join("stack.json").is_file().then_some(name);
+    }
+    let lower = name.to_lowercase();
+    let extension = [".nii.gz", ".nii", ".nrrd"].into_iter().find(|e| lower.ends_with(e))?;
+    Some(name[..name.len() - extension.len()].to_string()).filter(|s| !s.is_empty())
+}
+
+fn distinct(labels: &[i64]) -> BTreeSet<i64> {
+    labels.iter().copied().filter(|l| *l != 0).collect()
+}
+
+/// `path` as named from `base`, with `/`.
+fn from(path: &Path, base: &Path) -> String {
+    let absolute = |p: &Path| p.canonicalize().unwrap_or_else(|_| p.into());
+    let (path, base) = (absolute(path), absolute(base));
+    let parts = |p: &Path| -> Vec<String> { p.iter().map(|c| c.to_string_lossy().into_owned()).collect() };
+    match path.strip_prefix(&base) {
+        Ok(inside) => parts(inside).join("/"),
+        Err(_) => path.display().to_string(),
+    }
+}

@@ -1,0 +1,192 @@
+//! `interslice batch`.
+
+use std::fs::{self, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use interslice::batch::template::{Template, template};
+use interslice::batch::{Job, Manifest, Options, Outcome, finished, line, run as run_all};
+use interslice::{Error, Result, memory};
+
+use super::devices::{DeviceOptions, bytes, share, tell_profile};
+use super::reconstruct::set_threads;
+use super::tally::Tally;
+
+/// Share of the free memory that jobs in flight may take.
+const SHARE: f64 = 0.8;
+
+/// The manifest's lines, for `--help`.
+const MANIFEST: &str = r#"A manifest is JSON Lines (.jsonl), one job a line:
+
+  {"id": "a", "input": "cases/a", "outputs": ["out/a.nrrd", "out/a.stl", "out/a.json"],
+   "options": {"end_top": "extrapolate", "fair": 0.5}}          (all on one line)
+
+or CSV (.csv) with the columns id, input, outputs (separated by ;) and options (JSON, or
+name=value;name=value). Paths are relative to the manifest's folder; folders of outputs are made.
+Options are those of `reconstruct` under Input, Method and Output, with _ for -.
+
+Run the same command again and finished jobs are skipped: those whose input, options, names of
+outputs, --backend, --adapter and program version are the same, by content, and whose outputs are
+as they were written. What is missing or was changed since is made again.
+
+Exit codes: 0 all done, 1 some failed or were not run (listed last), 2 the manifest is wrong
+(every wrong line is listed, nothing is run)."#;
+
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = MANIFEST)]
+pub struct Arguments {
+    /// Manifest: .jsonl or .csv; with --template the file to write, which must not exist [default with --template: standard output]
+    #[arg(required_unless_present = "template")]
+    manifest: Option<PathBuf>,
+
+    /// Results, a line per job that has ended [default: results.jsonl beside the manifest]
+    #[arg(long, value_name = "FILE")]
+    results: Option<PathBuf>,
+
+    /// Jobs computed at once (on a GPU they take turns by the stage); as many are read ahead and written behind [default: one per core]
+    #[arg(long, value_name = "N")]
+    jobs: Option<usize>,
+
+    /// Memory that the jobs in flight may need together, by their estimates, e.g. 8G [default: 80 % of what is free]
+    #[arg(id = "in_flight", long = "memory", value_name = "BYTES", value_parser = bytes)]
+    in_flight: Option<u64>,
+
+    /// Begin no job after one has failed
+    #[arg(long)]
+    fail_fast: bool,
+
+    /// Say what would run and what is finished; run nothing
+    #[arg(long)]
+    dry_run: bool,
+
+    /// Make a manifest from a folder of cases: sub-folders with stack.json, .nrrd, .nii, .nii.gz
+    #[arg(long, value_name = "FOLDER", conflicts_with = "dry_run")]
+    template: Option<PathBuf>,
+
+    /// Outputs of the template's jobs, by extension
+    #[arg(long, value_name = "EXT,..", value_delimiter = ',', default_value = "nrrd,stl", requires = "template")]
+    ext: Vec<String>,
+
+    /// Folder of the template's outputs
+    #[arg(long, value_name = "FOLDER", default_value = "out", requires = "template")]
+    out: String,
+
+    /// A job for each label of a label volume in the template
+    #[arg(long, requires = "template")]
+    each_label: bool,
+
+    #[command(flatten)]
+    device: DeviceOptions,
+
+    /// Threads [default: one per core]; the results do not depend on it
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+
+    /// Say nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    if let Some(folder) = &arguments.template {
+        return write_template(folder, arguments);
+    }
+    let Some(path) = &arguments.manifest else { return Ok(()) };
+    let jobs = match arguments.jobs {
+        Some(n) if !(1..=1024).contains(&n) => {
+            return Err(Error::Setting { name: "jobs".into(), message: format!("must lie in [1, 1024]; got {n}") });
+        }
+        Some(n) => n,
+        None => std::thread::available_parallelism().map_or(1, |n| n.get()),
+    };
+    set_threads(arguments.threads)?;
+    let manifest = Manifest::read(path)?;
+    let results = arguments.results.clone().unwrap_or_else(|| manifest.folder.join("results.jsonl"));
+    let machine = arguments.device.wish();
+    if arguments.dry_run {
+        let finished = finished(&manifest, &results, &machine)?;
+        let line =
+            |(job, finished): (&Job, bool)| format!("{} {}\n", if finished { "finished" } else { "to run  " }, job.id);
+        return print(&manifest.jobs.iter().zip(finished).map(line).collect::<String>());
+    }
+    let tally = Tally::new(manifest.jobs.len(), arguments.quiet);
+    let notice = |message: &str| tally.say(&format!("warning: {message}"));
+    let shared = share(&arguments.device, &notice)?;
+    if !arguments.quiet {
+        tally.say(&format!("running on: {} ({})", shared.name(), shared.reason));
+    }
+    let memory = arguments.in_flight.or_else(|| memory::available().map(|free| (free as f64 * SHARE) as u64));
+    let options = Options { jobs, memory: memory.unwrap_or(u64::MAX), fail_fast: arguments.fail_fast, machine };
+    let outcomes = run_all(&manifest, &results, shared.machine(), &options, &tally, &stop_on_interrupt())?;
+    tally.finish();
+    if let Some(profile) = shared.profile() {
+        tell_profile(&profile);
+    }
+    conclude(&manifest, &outcomes, arguments.quiet)
+}
+
+fn print(text: &str) -> Result<()> {
+    let written = std::io::stdout().lock().write_all(text.as_bytes());
+    written.map_err(|source| Error::Write { path: "standard output".into(), source })
+}
+
+/// Says how many jobs are what; failures last, as an error.
+fn conclude(manifest: &Manifest, outcomes: &[Outcome], quiet: bool) -> Result<()> {
+    let count = |what: &Outcome| outcomes.iter().filter(|o| *o == what).count();
+    let (done, skipped, not_run) = (count(&Outcome::Done), count(&Outcome::Skipped), count(&Outcome::NotRun));
+    if !quiet {
+        eprintln!("{done} done, {skipped} finished before");
+    }
+    let failed: Vec<(String, String)> = manifest
+        .jobs
+        .iter()
+        .zip(outcomes)
+        .filter_map(|(job, outcome)| match outcome {
+            Outcome::Failed(why) => Some((job.id.clone(), why.clone())),
+            _ => None,
+        })
+        .collect();
+    if failed.is_empty() && not_run == 0 {
+        return Ok(());
+    }
+    Err(Error::Batch { failed, not_run, of: outcomes.len() })
+}
+
+/// Set by the first interrupt; the second ends the program.
+fn stop_on_interrupt() -> Arc<AtomicBool> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = stop.clone();
+    let set = ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        eprintln!("finishing the jobs that run; interrupt again to drop them");
+    });
+    if let Err(e) = set {
+        eprintln!("warning: an interrupt will end the program at once: {e}");
+    }
+    stop
+}
+
+fn write_template(folder: &Path, arguments: &Arguments) -> Result<()> {
+    let wanted = Template {
+        extensions: arguments.ext.iter().map(|e| e.trim_start_matches('.').to_string()).collect(),
+        output: arguments.out.trim_end_matches('/').to_string(),
+        each_label: arguments.each_label,
+    };
+    let target = arguments.manifest.as_deref();
+    let base = target.and_then(Path::parent).filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let lines = template(folder, base, &wanted)?;
+    let text = line::text(&lines, target.unwrap_or(Path::new("manifest.jsonl")))?;
+    let Some(path) = target else { return print(&text) };
+    let fail = |e: std::io::Error| Error::Output { path: path.into(), message: e.to_string() };
+    let mut file = OpenOptions::new().write(true).create_new(true).open(path).map_err(fail)?;
+    if let Err(source) = file.write_all(text.as_bytes()).and_then(|()| file.sync_all()) {
+        let _ = fs::remove_file(path);
+        return Err(Error::Write { path: path.into(), source });
+    }
+    eprintln!("wrote {} jobs to {}", lines.len(), path.display());
+    Ok(())
+}

@@ -1,0 +1,50 @@
+//! Options given by name, as a settings file or a line of a manifest has them: the names are those of the long options, with _ for -.
+
+use clap::{Args, Command};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use toml::Table;
+
+/// Named options that are still to be claimed.
+#[derive(Debug, Clone, Default)]
+pub struct Named(Table);
+
+impl Named {
+    /// All of `table`.
+    pub fn new(table: Table) -> Self {
+        Named(table)
+    }
+
+    /// `base` with every option of its kind that is named here, but for those that are `overruled`; and a message per wrong value, which
+    /// is left out.
+    pub fn claim<T: Args + Serialize + DeserializeOwned>(
+        &mut self,
+        base: T,
+        overruled: impl Fn(&str) -> bool,
+    ) -> (T, Vec<String>) {
+        let (mut claimed, mut wrong) = (base, Vec::new());
+        for key in names::<T>() {
+            let Some(value) = self.0.remove(&key).filter(|_| !overruled(&key)) else { continue };
+            // One key at a time, so that a wrong value is told by its name.
+            let with = Table::try_from(&claimed).map_err(|e| e.to_string()).and_then(|mut table| {
+                table.insert(key.clone(), value.clone());
+                table.try_into::<T>().map_err(|e| e.message().trim_end().to_string())
+            });
+            match with {
+                Ok(with) => claimed = with,
+                Err(e) => wrong.push(format!("`{key}` = {value}: {e}")),
+            }
+        }
+        (claimed, wrong)
+    }
+
+    /// What nothing has claimed.
+    pub fn unknown(&self) -> impl Iterator<Item = &str> {
+        self.0.keys().map(String::as_str)
+    }
+}
+
+/// Names of a kind of options.
+pub fn names<T: Args>() -> Vec<String> {
+    T::augment_args(Command::new("options")).get_arguments().map(|a| a.get_id().to_string()).collect()
+}

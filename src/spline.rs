@@ -82,7 +82,10 @@ pub fn three_point_end([h0, h1]: [f64; 2], [d0, d1]: [f64; 2]) -> f64 {
 
 /// Cubic Hermite curve through values `a` and `b` with slopes per interval, at `t` in [0, 1].
 pub fn hermite_values([a, b]: [f64; 2], [ma, mb]: [f64; 2], t: f64) -> f64 {
-    a + hermite(&[b - a, ma, mb, 1.0], t)
+    // The same to the last bit from the other end.
+    let s = 1.0 - t;
+    let share = |x: f64| x * x * (3.0 - 2.0 * x);
+    (share(s) * a + share(t) * b) + s * t * (s * ma - t * mb)
 }
 
 /// Weighted harmonic mean of two secants, 0 where they differ in sign.

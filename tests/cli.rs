@@ -5,6 +5,7 @@ mod files;
 
 use std::collections::HashMap;
 use std::fs;
+use std::process::{Command, Stdio};
 
 use files::*;
 use serde_json::Value;
@@ -91,6 +92,24 @@ fn grey_slices_are_cut_at_their_level() {
         let exact = std::f64::consts::PI * r * r;
         // Chords and conditioning move the contour inward by a few hundredths of a pixel.
         assert!((area(level) / exact - 1.0).abs() < 0.02, "level {level}: {} against {exact}", area(level));
+    }
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_failure() {
+    let place = folder();
+    sound_stack(place.path());
+    let input = place.path().display().to_string();
+    for arguments in [vec!["inspect", &input], vec!["devices"]] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_interslice"))
+            .args(&arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        drop(child.stdout.take());
+        let result = child.wait_with_output().expect("it ends");
+        assert_eq!(result.status.code(), Some(0), "{arguments:?}: {}", stderr(&result));
     }
 }
 

@@ -5,6 +5,7 @@ mod support;
 
 use interslice::progress::Silent;
 use interslice::settings::{EndRule, Linking, Method, Motion, SlopeRule};
+use interslice::spline::hermite_values;
 use interslice::stack::{ContourStack, SliceContent};
 use interslice::surface::mesh::closed_surface;
 use interslice::{Reconstruction, Reference, Settings, reconstruct_with};
@@ -34,6 +35,40 @@ fn run(stack: &ContourStack, heights: &[f64], settings: &Settings) -> Reconstruc
     reconstruct_with(stack, heights, settings, &Reference, &Silent).expect("the stack is valid")
 }
 
+/// Checks a reconstruction of `stack`, which ends at `top`, and the same upside down.
+fn check(stack: &ContourStack, top: f64, settings: &Settings) -> Result<(), TestCaseError> {
+    let heights: Vec<f64> = (-3..=13).map(|k| top * f64::from(k) / 10.0).collect();
+    let body = run(stack, &heights, settings);
+    for layer in &body.layers {
+        prop_assert!(layer.phi.iter().all(|v| v.is_finite() && *v != 0.0));
+        if let Some(i) = layer.contour {
+            let SliceContent::Mask(mask) = &stack.slices[i].content else { unreachable!("masks went in") };
+            prop_assert!(mask.iter().zip(&layer.phi).all(|(m, v)| *m == (*v < 0.0)), "contour {i} is not met");
+        }
+    }
+    let mesh = closed_surface(&body);
+    prop_assert_eq!(edge_defects(&mesh.triangles), 0);
+    prop_assert_eq!(edge_defects(&merged(&mesh)), 0);
+    prop_assert!(mesh.volume() > 0.0);
+
+    let turned = upside_down(stack, top);
+    let turned_heights: Vec<f64> = heights.iter().rev().map(|z| top - z).collect();
+    let back = run(
+        &turned,
+        &turned_heights,
+        &Settings { end_top: settings.end_bottom, end_bottom: settings.end_top, ..settings.clone() },
+    );
+    prop_assert_eq!(body.layers.len(), back.layers.len());
+    for (a, b) in body.layers.iter().zip(back.layers.iter().rev()) {
+        // Trajectories of a moving frame are found to a thousandth of a pixel.
+        let sure = if settings.motion == Motion::None { 0.0 } else { 0.02 };
+        let flipped = |(a, b): &(&f32, &f32)| (**a < 0.0) != (**b < 0.0) && a.abs().max(b.abs()) > sure;
+        let different = a.phi.iter().zip(&b.phi).filter(flipped).count();
+        prop_assert_eq!(different, 0, "z = {}", a.z);
+    }
+    Ok(())
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -56,31 +91,28 @@ proptest! {
         let stack = masks(N, &z, &shapes);
         prop_assume!(stack.slices.iter().any(|s| !s.content.is_empty()));
         let top = z[z.len() - 1];
-        let heights: Vec<f64> = (-3..=13).map(|k| top * f64::from(k) / 10.0).collect();
         let settings = Settings { slope: rule, end_top: end, method, motion, fair, link, ..Settings::default() };
-        let body = run(&stack, &heights, &settings);
-        for layer in &body.layers {
-            prop_assert!(layer.phi.iter().all(|v| v.is_finite() && *v != 0.0));
-            if let Some(i) = layer.contour {
-                let SliceContent::Mask(mask) = &stack.slices[i].content else { unreachable!("masks went in") };
-                prop_assert!(mask.iter().zip(&layer.phi).all(|(m, v)| *m == (*v < 0.0)), "contour {i} is not met");
-            }
-        }
-        let mesh = closed_surface(&body);
-        prop_assert_eq!(edge_defects(&mesh.triangles), 0);
-        prop_assert_eq!(edge_defects(&merged(&mesh)), 0);
-        prop_assert!(mesh.volume() > 0.0);
-
-        let turned = upside_down(&stack, top);
-        let turned_heights: Vec<f64> = heights.iter().rev().map(|z| top - z).collect();
-        let back = run(&turned, &turned_heights, &Settings { end_top: EndRule::Flat, end_bottom: end, ..settings });
-        prop_assert_eq!(body.layers.len(), back.layers.len());
-        for (a, b) in body.layers.iter().zip(back.layers.iter().rev()) {
-            // Trajectories of a moving frame are found to a thousandth of a pixel.
-            let sure = if motion == Motion::None { 0.0 } else { 0.02 };
-            let flipped = |(a, b): &(&f32, &f32)| (**a < 0.0) != (**b < 0.0) && a.abs().max(b.abs()) > sure;
-            let different = a.phi.iter().zip(&b.phi).filter(flipped).count();
-            prop_assert_eq!(different, 0, "z = {}", a.z);
-        }
+        check(&stack, top, &settings)?;
     }
+}
+
+#[test]
+fn values_between_slices_are_the_same_from_either_end() {
+    let value = |k: u32, by: f64| (f64::from(k) * by).sin() * 10.0;
+    for k in 0..10_000 {
+        let (a, b, ma, mb) = (value(k, 0.7), value(k, 1.3), value(k, 2.1), value(k, 3.7));
+        // Times are steps of a power of two: `1 - t` is exact.
+        let t = f64::from(k % 1024) / 1024.0;
+        let (up, down) = (hermite_values([a, b], [ma, mb], t), hermite_values([b, a], [-mb, -ma], 1.0 - t));
+        assert_eq!(up.to_bits(), down.to_bits(), "{a} {b} {ma} {mb} at {t}");
+    }
+}
+
+#[test]
+fn a_disc_that_closes_above_an_empty_slice_ends_in_a_tie() {
+    // Half way its deepest pixel is at distance 0.
+    let z = [0.0, 0.5];
+    let stack = masks(N, &z, &[nothing(), circle(26.6133486550037, 41.341264513151835, 9.578079769709053)]);
+    let settings = Settings { method: Method::Field, motion: Motion::None, fair: 0.0, ..Settings::default() };
+    check(&stack, 0.5, &settings).expect("the same upside down");
 }

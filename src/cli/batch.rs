@@ -12,6 +12,7 @@ use interslice::{Error, Result, memory};
 
 use super::devices::{DeviceOptions, bytes, share, tell_profile};
 use super::reconstruct::set_threads;
+use super::say::say;
 use super::tally::Tally;
 
 /// Share of the free memory that jobs in flight may take.
@@ -109,7 +110,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let finished = finished(&manifest, &results, &machine)?;
         let line =
             |(job, finished): (&Job, bool)| format!("{} {}\n", if finished { "finished" } else { "to run  " }, job.id);
-        return print(&manifest.jobs.iter().zip(finished).map(line).collect::<String>());
+        return say(&manifest.jobs.iter().zip(finished).map(line).collect::<String>());
     }
     let tally = Tally::new(manifest.jobs.len(), arguments.quiet);
     let notice = |message: &str| tally.say(&format!("warning: {message}"));
@@ -125,11 +126,6 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         tell_profile(&profile);
     }
     conclude(&manifest, &outcomes, arguments.quiet)
-}
-
-fn print(text: &str) -> Result<()> {
-    let written = std::io::stdout().lock().write_all(text.as_bytes());
-    written.map_err(|source| Error::Write { path: "standard output".into(), source })
 }
 
 /// Says how many jobs are what; failures last, as an error.
@@ -180,7 +176,7 @@ fn write_template(folder: &Path, arguments: &Arguments) -> Result<()> {
     let base = target.and_then(Path::parent).filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let lines = template(folder, base, &wanted)?;
     let text = line::text(&lines, target.unwrap_or(Path::new("manifest.jsonl")))?;
-    let Some(path) = target else { return print(&text) };
+    let Some(path) = target else { return say(&text) };
     let fail = |e: std::io::Error| Error::Output { path: path.into(), message: e.to_string() };
     let mut file = OpenOptions::new().write(true).create_new(true).open(path).map_err(fail)?;
     if let Err(source) = file.write_all(text.as_bytes()).and_then(|()| file.sync_all()) {

@@ -12,6 +12,8 @@ use interslice::report::Profile;
 use interslice::{Backend, Error, Reference, Result};
 use serde::{Deserialize, Serialize};
 
+use super::say::say;
+
 /// What the user wants.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -287,30 +289,35 @@ pub fn tell_profile(profile: &Profile) {
 
 /// `interslice devices`.
 #[cfg(feature = "gpu")]
-pub fn list() {
+pub fn list() -> Result<()> {
     let found = adapters();
-    for a in &found {
-        println!("{}: {} ({}, {}; {})", a.index, a.name, a.kind, a.api, a.driver);
-        println!(
-            "   largest array {} MiB, largest buffer {} MiB{}",
+    let line = |a: &AdapterSummary| {
+        format!(
+            "{}: {} ({}, {}; {})\n   largest array {} MiB, largest buffer {} MiB{}\n",
+            a.index,
+            a.name,
+            a.kind,
+            a.api,
+            a.driver,
             a.largest_binding >> 20,
             a.largest_buffer >> 20,
             a.lacks.as_ref().map_or(String::new(), |l| format!("; cannot be used: {l}"))
-        );
-    }
-    match automatic(&found) {
-        Ok(k) => println!("--backend auto takes adapter {k}: {}", found[k].name),
-        Err(why) => println!("--backend auto takes the CPU reference path: {why}"),
-    }
+        )
+    };
+    let choice = match automatic(&found) {
+        Ok(k) => format!("--backend auto takes adapter {k}: {}\n", found[k].name),
+        Err(why) => format!("--backend auto takes the CPU reference path: {why}\n"),
+    };
+    say(&(found.iter().map(line).collect::<String>() + &choice))
 }
 
 /// `interslice doctor`.
 #[cfg(feature = "gpu")]
 pub fn examine(options: &DeviceOptions) -> Result<()> {
     let gpu = Gpu::open(&options.wanted())?;
-    println!("{}", gpu.name());
+    say(&format!("{}\n", gpu.name()))?;
     let findings = doctor::examine(&gpu)?;
-    findings.in_words().iter().for_each(|line| println!("  {line}"));
+    say(&findings.in_words().iter().map(|line| format!("  {line}\n")).collect::<String>())?;
     if options.profile {
         tell_profile(&gpu.profile());
     }
@@ -325,6 +332,6 @@ pub fn examine(_options: &DeviceOptions) -> Result<()> {
 
 /// `interslice devices` of a program without GPU backend.
 #[cfg(not(feature = "gpu"))]
-pub fn list() {
-    println!("this program was built without the `gpu` feature: everything runs on the CPU reference path");
+pub fn list() -> Result<()> {
+    say("this program was built without the `gpu` feature: everything runs on the CPU reference path\n")
 }

@@ -8,6 +8,7 @@ use interslice::{Result, Settings};
 
 use super::bar::Bars;
 use super::devices::{DeviceOptions, choose};
+use super::say::say;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -41,11 +42,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let bars = Bars::default();
     let score = hold_out(&stack, &arguments.settings, arguments.leave, chosen.backend(), &bars)?;
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&score).unwrap_or_default());
+        say(&(serde_json::to_string_pretty(&score).unwrap_or_default() + "\n"))
     } else {
-        print!("{}", describe(&score, &stack.unit));
+        say(&describe(&score, &stack.unit))
     }
-    Ok(())
 }
 
 fn describe(score: &HoldOut, unit: &str) -> String {

@@ -8,6 +8,7 @@ use interslice::stack::{self, ReadOptions, Slice};
 use interslice::{ContourStack, Result, Settings, height_grid, memory};
 
 use super::links::between;
+use super::say::say;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -24,8 +25,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let stack = stack::read(&arguments.input, &arguments.read)?;
     let links = arguments.links.read(&stack)?;
-    print!("{}", describe(&stack, &links)?);
-    Ok(())
+    say(&describe(&stack, &links)?)
 }
 
 /// A number without the tail that binary fractions leave.

@@ -9,6 +9,7 @@ mod evaluate;
 mod inspect;
 mod links;
 mod reconstruct;
+mod say;
 mod tally;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -52,10 +53,7 @@ pub fn run() -> Result<()> {
         (Command::Inspect(arguments), _) => inspect::run(&arguments),
         (Command::Evaluate(arguments), _) => evaluate::run(&arguments),
         (Command::Demo(arguments), _) => demo::run(&arguments),
-        (Command::Devices, _) => {
-            devices::list();
-            Ok(())
-        }
+        (Command::Devices, _) => devices::list(),
         (Command::Doctor(options), _) => devices::examine(&options),
         (Command::Reconstruct(_), None) => Ok(()),
     }

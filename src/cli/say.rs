@@ -1,0 +1,17 @@
+//! What a command answers, on stdout.
+
+use std::io::{ErrorKind, Write, stdout};
+
+use interslice::{Error, Result};
+
+/// Prints `text` as it is. A reader that has seen enough and gone away is no failure.
+///
+/// # Errors
+/// [`Error::Write`].
+pub fn say(text: &str) -> Result<()> {
+    let mut out = stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(source) if source.kind() != ErrorKind::BrokenPipe => Err(Error::Write { path: "stdout".into(), source }),
+        _ => Ok(()),
+    }
+}

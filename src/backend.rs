@@ -4,7 +4,7 @@ use crate::displacement::Displacement;
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
-use crate::moving_field::{LoneParts, MovingField};
+use crate::moving_field::{Cells, LoneParts, MovingField};
 use crate::progress::Progress;
 use crate::settings::{AntiAlias, Settings};
 use crate::stack::SliceContent;
@@ -164,7 +164,8 @@ pub trait Backend: Sync {
     /// A backend's own failures.
     fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>>;
 
-    /// Layers of interval `i` at these times on the whole padded image, clamped to `limit` px.
+    /// Layers of interval `i` at these times on the whole padded image, clamped to `limit` px. Where `wanted` names cells for each time,
+    /// of others only the corners and the middle count.
     ///
     /// # Errors
     /// A backend's own failures.
@@ -178,5 +179,6 @@ pub trait Backend: Sync {
         times: &[f64],
         limit: f64,
         h: [f64; 2],
+        wanted: Option<&[Cells]>,
     ) -> Result<Vec<Vec<f32>>>;
 }

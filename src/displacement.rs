@@ -46,21 +46,53 @@ impl Displacement {
     /// The vector at `x`; beyond the blocks' centres that of the nearest.
     #[inline(always)]
     pub fn at(&self, x: [f64; 2]) -> [f64; 2] {
-        let mut corner = [0; 2];
-        let mut place = [0.0; 2];
-        for a in 0..2 {
-            let at = (x[a] - 0.5 * (BLOCK - 1) as f64) / BLOCK as f64;
-            let at = at.clamp(0.0, (self.grid[a] - 1) as f64);
-            corner[a] = (at as usize).min(self.grid[a] - 2);
-            place[a] = at - corner[a] as f64;
-        }
-        let k = corner[1] * self.grid[0] + corner[0];
-        let [fx, fy] = place;
+        let ((column, fx), (row, fy)) = (self.place(0, x[0]), self.place(1, x[1]));
+        let k = row * self.grid[0] + column;
         let v = &self.vectors;
         std::array::from_fn(|a| {
             (1.0 - fy) * ((1.0 - fx) * v[k][a] + fx * v[k + 1][a])
                 + fy * ((1.0 - fx) * v[k + self.grid[0]][a] + fx * v[k + self.grid[0] + 1][a])
         })
+    }
+
+    /// The vectors at pixels of row `j` from `first` on. The blocks above and below are brought to the row once for all pixels between.
+    pub fn read_row(&self, j: usize, first: usize, out: &mut [[f64; 2]]) {
+        let (row, fy) = self.place(1, j as f64);
+        let (below, above) = self.vectors[row * self.grid[0]..][..2 * self.grid[0]].split_at(self.grid[0]);
+        let in_row = |k: usize| mix(below[k], above[k], fy);
+        let mut held = usize::MAX;
+        let (mut left, mut right) = ([0.0; 2], [0.0; 2]);
+        for (i, slot) in (first..).zip(out) {
+            let (column, fx) = self.place(0, i as f64);
+            if column != held {
+                left = if held != usize::MAX && column == held + 1 { right } else { in_row(column) };
+                (right, held) = (in_row(column + 1), column);
+            }
+            *slot = mix(left, right, fx);
+        }
+    }
+
+    /// Bounds `[least, largest]` of the vectors at the pixels from `first` to `last`, both included.
+    pub fn range(&self, first: [usize; 2], last: [usize; 2]) -> [[f64; 2]; 2] {
+        let [columns, rows] = [0, 1].map(|a| self.place(a, first[a] as f64).0..=self.place(a, last[a] as f64).0 + 1);
+        let mut bounds = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+        for k in rows.flat_map(|row| columns.clone().map(move |column| row * self.grid[0] + column)) {
+            for (a, v) in self.vectors[k].into_iter().enumerate() {
+                bounds[0][a] = bounds[0][a].min(v);
+                bounds[1][a] = bounds[1][a].max(v);
+            }
+        }
+        bounds
+    }
+
+    /// Along an axis the block before a position, and the place between it and the next.
+    #[inline(always)]
+    fn place(&self, axis: usize, x: f64) -> (usize, f64) {
+        let at = (x - 0.5 * (BLOCK - 1) as f64) / BLOCK as f64;
+        let at = at.clamp(0.0, (self.grid[axis] - 1) as f64);
+        // Through u32, which takes one instruction and usize five.
+        let before = (at as u32 as usize).min(self.grid[axis] - 2);
+        (before, at - before as f64)
     }
 
     /// Displacement of the trajectory that passes through `x` at time `1/2 + tau`: `u = v(x - tau u)`.
@@ -83,6 +115,12 @@ impl Displacement {
     pub fn largest(&self) -> f64 {
         self.vectors.iter().flatten().fold(0.0, |m, v| m.max(v.abs()))
     }
+}
+
+/// The vector at place `f` between two.
+#[inline(always)]
+fn mix(a: [f64; 2], b: [f64; 2], f: f64) -> [f64; 2] {
+    std::array::from_fn(|c| (1.0 - f) * a[c] + f * b[c])
 }
 
 /// Gaussian means over blocks, the edge repeated. `sigma` in blocks.

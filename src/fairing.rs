@@ -7,6 +7,7 @@
 //! where it lies flat. Layers beyond the first and last contour stay.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -204,12 +205,15 @@ impl<'m> Fairing<'m> {
         }
         let nx = self.spec.dims[0];
         let far = SATURATED * self.bound;
-        for (n, _) in self.kept[k].v.iter().enumerate().filter(|(_, v)| v.abs() < far) {
-            // A pixel reads the four blocks whose centres are around it.
-            let low = [n % nx, n / nx].map(|p| (p + BLOCK / 2) / BLOCK);
-            for by in low[1].saturating_sub(1)..=low[1].min(grid[1] - 1) {
-                for bx in low[0].saturating_sub(1)..=low[0].min(grid[0] - 1) {
-                    near[by * grid[0] + bx] = true;
+        // A pixel reads the four blocks whose centres are around it.
+        let around = |low: usize, high: usize, axis: usize| {
+            let [first, last] = [low, high].map(|p| (p + BLOCK / 2) / BLOCK);
+            first.saturating_sub(1)..last.min(grid[axis] - 1) + 1
+        };
+        for (j, row) in self.kept[k].v.chunks_exact(nx).enumerate() {
+            for pixels in stretches(row, far) {
+                for by in around(j, j, 1) {
+                    near[by * grid[0]..][around(pixels.start, pixels.end - 1, 0)].fill(true);
                 }
             }
         }
@@ -229,32 +233,25 @@ impl<'m> Fairing<'m> {
         }))
     }
 
-    /// `K v - v` at layer `k`, zero far from its surface.
-    fn difference(&self, k: usize) -> Vec<f32> {
-        let (weights, near) = (self.weights(k), self.near_surface(k));
-        let offsets: Vec<Option<Displacement>> = weights.par_iter().map(|&(l, _)| self.offsets(k, l, &near)).collect();
-        let (own, bound, nx) = (&self.kept[k].v, self.bound, self.spec.dims[0]);
+    /// `K v - v` at layer `k`, zero far from its surface. `near` are its blocks near the surface.
+    fn difference(&self, k: usize, near: &[bool]) -> Vec<f32> {
+        let weights = self.weights(k);
+        let offsets: Vec<Option<Displacement>> = weights.par_iter().map(|&(l, _)| self.offsets(k, l, near)).collect();
+        let (own, far, nx) = (&self.kept[k].v, SATURATED * self.bound, self.spec.dims[0]);
         let mut out = vec![0.0f32; own.len()];
-        out.par_chunks_mut(nx).enumerate().for_each(|(j, out)| {
-            for (i, out) in out.iter_mut().enumerate() {
-                let n = j * nx + i;
-                if own[n].abs() >= SATURATED * bound {
-                    continue;
+        let dims = self.spec.dims;
+        let row = |there: &mut Vec<f32>, (j, out): (usize, &mut [f32])| {
+            let own = &own[j * nx..][..nx];
+            for pixels in stretches(own, far) {
+                let out = &mut out[pixels.clone()];
+                out.iter_mut().zip(&own[pixels.clone()]).for_each(|(sum, own)| *sum = -own);
+                for ((l, w), offsets) in weights.iter().zip(&offsets) {
+                    read(&self.kept[*l].v, dims, offsets.as_ref(), j, pixels.clone(), there);
+                    out.iter_mut().zip(&*there).for_each(|(sum, v)| *sum += w * v);
                 }
-                let mut sum = -own[n];
-                for ((l, w), offset) in weights.iter().zip(&offsets) {
-                    let v = &self.kept[*l].v;
-                    sum += w * match offset {
-                        None => v[n],
-                        Some(offset) => {
-                            let [x, y] = offset.at([i as f64, j as f64]);
-                            sample(v, self.spec.dims, [i as f64 + x, j as f64 + y])
-                        }
-                    };
-                }
-                *out = sum;
             }
-        });
+        };
+        out.par_chunks_mut(nx).enumerate().for_each_init(Vec::new, row);
         out
     }
 
@@ -265,12 +262,12 @@ impl<'m> Fairing<'m> {
             self.interval += 1;
             return Ok(());
         };
-        let from_low = self.at_contour.take().unwrap_or_else(|| self.difference(low));
-        let from_high = self.difference(high);
+        let from_low = self.at_contour.take().unwrap_or_else(|| self.difference(low, &self.near_surface(low)));
+        let from_high = self.difference(high, &self.near_surface(high));
         for k in low + 1..high {
-            let d = self.difference(k);
-            let t = (self.kept[k].z - self.kept[low].z) / (self.kept[high].z - self.kept[low].z);
             let near = self.near_surface(k);
+            let d = self.difference(k, &near);
+            let t = (self.kept[k].z - self.kept[low].z) / (self.kept[high].z - self.kept[low].z);
             let offsets = [low, high].map(|c| self.offsets(k, c, &near));
             let (first, last) = (self.interval == 0, self.interval + 2 == self.spec.contours.len());
             let at_low = if first && self.spec.clamped[0] { smoothstep(t) as f32 } else { 1.0 };
@@ -290,26 +287,25 @@ impl<'m> Fairing<'m> {
         let (bound, alpha, dims) = (self.bound, share * self.spec.alpha as f32, self.spec.dims);
         let shares = self.spec.shares.get(self.interval).and_then(Option::as_ref);
         let Kept { layer: Some(layer), v, gradient, .. } = &mut self.kept[k] else { return };
-        layer.phi.par_iter_mut().enumerate().for_each(|(n, u)| {
+        let (nx, far) = (dims[0], SATURATED * bound);
+        let row = |there: &mut [Vec<f32>; 2], (j, u): (usize, &mut [f32])| {
             // Far from the surface nothing changes.
-            if v[n].abs() >= SATURATED * bound {
-                return;
-            }
-            let [low, high] = contours.map(|(d, offset)| match offset {
-                None => d[n],
-                Some(offset) => {
-                    let x = [(n % dims[0]) as f64, (n / dims[0]) as f64];
-                    let o = offset.at(x);
-                    sample(d, dims, [x[0] + o[0], x[1] + o[1]])
+            for pixels in stretches(&v[j * nx..][..nx], far) {
+                for ((d, offsets), there) in contours.iter().zip(there.iter_mut()) {
+                    read(d, dims, offsets.as_ref(), j, pixels.clone(), there);
                 }
-            });
-            let alpha = alpha * shares.map_or(1.0, |s| s[n]);
-            let rise = alpha * (d[n] - (1.0 - w) * low - w * high);
-            *u += gradient[n] * rise * near(v[n].abs() / bound);
-            if *u == 0.0 {
-                *u = f32::MIN_POSITIVE;
+                for ((i, low), high) in pixels.zip(&there[0]).zip(&there[1]) {
+                    let (n, u) = (j * nx + i, &mut u[i]);
+                    let alpha = alpha * shares.map_or(1.0, |s| s[n]);
+                    let rise = alpha * (d[n] - (1.0 - w) * low - w * high);
+                    *u += gradient[n] * rise * near(v[n].abs() / bound);
+                    if *u == 0.0 {
+                        *u = f32::MIN_POSITIVE;
+                    }
+                }
             }
-        });
+        };
+        layer.phi.par_chunks_mut(nx).enumerate().for_each_init(Default::default, row);
     }
 
     /// Drops what no later mean needs.
@@ -329,10 +325,43 @@ fn near(ratio: f32) -> f32 {
     smoothstep(f64::from((SATURATED - ratio) / (SATURATED - NEAR))) as f32
 }
 
+/// The stretches of a row in which `v` is less than `far`.
+fn stretches(v: &[f32], far: f32) -> impl Iterator<Item = Range<usize>> {
+    let mut at = 0;
+    v.chunk_by(move |a, b| (a.abs() < far) == (b.abs() < far)).filter_map(move |some| {
+        at += some.len();
+        (some[0].abs() < far).then(|| at - some.len()..at)
+    })
+}
+
+/// Values of a layer at some pixels of row `j`, or where their trajectories are.
+fn read(
+    v: &[f32],
+    dims: [usize; 2],
+    offsets: Option<&Displacement>,
+    j: usize,
+    pixels: Range<usize>,
+    out: &mut Vec<f32>,
+) {
+    out.clear();
+    let Some(offsets) = offsets else {
+        out.extend_from_slice(&v[j * dims[0]..][pixels]);
+        return;
+    };
+    let mut some = [[0.0; 2]; 4 * BLOCK];
+    for first in pixels.clone().step_by(some.len()) {
+        let some = &mut some[..pixels.end.min(first + 4 * BLOCK) - first];
+        offsets.read_row(j, first, some);
+        out.extend((first..).zip(some).map(|(i, [x, y])| sample(v, dims, [i as f64 + *x, j as f64 + *y])));
+    }
+}
+
 /// Bilinear value of a layer at `x`, the edge repeated.
+#[inline]
 fn sample(v: &[f32], [nx, ny]: [usize; 2], x: [f64; 2]) -> f32 {
     let at = [x[0].clamp(0.0, (nx - 1) as f64), x[1].clamp(0.0, (ny - 1) as f64)];
-    let (i, j) = ((at[0] as usize).min(nx.saturating_sub(2)), (at[1] as usize).min(ny.saturating_sub(2)));
+    // Through u32, which takes one instruction and usize five.
+    let [i, j] = [(at[0], nx), (at[1], ny)].map(|(at, n)| (at as u32 as usize).min(n.saturating_sub(2)));
     let (fx, fy) = ((at[0] - i as f64) as f32, (at[1] - j as f64) as f32);
     let (right, up) = (usize::from(nx > 1), if ny > 1 { nx } else { 0 });
     let n = j * nx + i;

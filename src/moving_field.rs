@@ -23,6 +23,9 @@ pub const STEEP: f64 = 1.5;
 /// See [`STEEP`].
 pub const FLAT: f64 = 4.0;
 
+/// Side of the cells that are skipped where no contour can be, px.
+pub const CELL: usize = 8;
+
 /// Fixed-point passes that find where a trajectory is on a layer.
 const PASSES: usize = 4;
 
@@ -203,6 +206,34 @@ pub fn between([a, b]: [f64; 2], [ma, mb]: [f64; 2], gap: f64, t: f64) -> f64 {
 /// neither shrinks nor shows creases.
 pub fn upright(sideways: f64) -> f64 {
     1.0 - smoothstep((sideways - STEEP) / (FLAT - STEEP))
+}
+
+/// Some of the cells of an image.
+#[derive(Debug, Clone)]
+pub struct Cells {
+    columns: usize,
+    /// Row by row.
+    chosen: Vec<bool>,
+}
+
+impl Cells {
+    /// Those that `choose` wants, by the first and the last pixel `[column, row]` of each.
+    pub fn new([nx, ny]: [usize; 2], choose: impl Fn([usize; 2], [usize; 2]) -> bool) -> Self {
+        let last = |first: usize, n: usize| (first + CELL).min(n) - 1;
+        let row = |y| (0..nx).step_by(CELL).map(move |x| ([x, y], [last(x, nx), last(y, ny)]));
+        let chosen = (0..ny).step_by(CELL).flat_map(row).map(|(first, last)| choose(first, last)).collect();
+        Cells { columns: nx.div_ceil(CELL), chosen }
+    }
+
+    /// Whether the cell of a pixel is one of them.
+    pub fn at(&self, x: usize, y: usize) -> bool {
+        self.chosen[y / CELL * self.columns + x / CELL]
+    }
+}
+
+/// Pixels that tell whether a cell is far from any contour: its corners and its middle.
+pub fn probes([left, top]: [usize; 2], [right, bottom]: [usize; 2]) -> [[usize; 2]; 5] {
+    [[left, top], [right, top], [left, bottom], [right, bottom], [left.midpoint(right), top.midpoint(bottom)]]
 }
 
 /// Parts of the two slices of an interval that have no partner, each with its own distance.

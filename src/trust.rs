@@ -15,10 +15,15 @@ const ALL: f64 = 1.0;
 /// Particles in a block that count as none.
 const FEW: f64 = 1e-6;
 
+/// Trust lacks this much of 1 where it counts as whole.
+const WHOLE: f64 = 1e-6;
+
 /// Shares of arrived particles in the frame of an interval.
 pub struct Trust {
     /// `[arrived, all]` per block.
     particles: Displacement,
+    /// Whether the trust may be less than whole between a block and the next, column and row.
+    doubtful: Vec<bool>,
 }
 
 impl Trust {
@@ -40,12 +45,34 @@ impl Trust {
             let apart = low.sample(plus(x, half, -1.0)) - high.sample(plus(x, half, 1.0));
             [good * upright(apart.abs() / gap), all]
         });
-        Trust { particles }
+        let grid = particles.grid;
+        let less = |k: usize| share(particles.vectors[k]) < 1.0 - WHOLE;
+        let doubt = |k: usize| {
+            let (right, up) =
+                (usize::from(k % grid[0] + 1 < grid[0]), if k / grid[0] + 1 < grid[1] { grid[0] } else { 0 });
+            [k, k + right, k + up, k + right + up].into_iter().any(less)
+        };
+        let doubtful = (0..grid[0] * grid[1]).map(doubt).collect();
+        Trust { particles, doubtful }
+    }
+
+    /// Whether there is less than whole trust anywhere from `low` to `high`. Between blocks it is at least the least of theirs.
+    pub fn doubts(&self, low: [f64; 2], high: [f64; 2]) -> bool {
+        let grid = self.particles.grid;
+        let [columns, rows] = [0, 1].map(|a| {
+            let block = |x: f64| (((x - 0.5 * (BLOCK - 1) as f64) / BLOCK as f64).max(0.0) as usize).min(grid[a] - 1);
+            block(low[a])..=block(high[a])
+        });
+        rows.into_iter().any(|row| columns.clone().any(|column| self.doubtful[row * grid[0] + column]))
     }
 
     /// The morph's weight at `x`.
     pub fn at(&self, x: [f64; 2]) -> f64 {
-        let [good, all] = self.particles.at(x);
-        smoothstep(((good + FEW) / (all + FEW) - NONE) / (ALL - NONE))
+        share(self.particles.at(x))
     }
+}
+
+/// The weight for `[arrived, all]` particles.
+fn share([good, all]: [f64; 2]) -> f64 {
+    smoothstep(((good + FEW) / (all + FEW) - NONE) / (ALL - NONE))
 }

@@ -2,12 +2,9 @@
 
 use crate::displacement::Displacement;
 use crate::field::Field;
-use crate::moving_field::{MovingField, Paths, plus};
+use crate::moving_field::{CELL, Cells, MovingField, Paths, plus, probes};
 use crate::spline::smoothstep;
 use crate::trust::Trust;
-
-/// Side of the cells that are skipped where the mid frame's layer is far from any contour, px.
-const CELL: usize = 8;
 
 /// Brings layers of interval `i` from its mid frame to where they belong.
 pub struct Warp<'m> {
@@ -17,6 +14,24 @@ pub struct Warp<'m> {
     /// What the way to the mid frame and back takes from either slice, px.
     lost: [Field; 2],
     limit: f64,
+}
+
+/// How a layer lies to the mid frame.
+pub struct Way {
+    t: f64,
+    paths: Paths,
+    to_middle: Displacement,
+}
+
+impl Way {
+    /// Cells of the layer in which the morph does not have all of the say.
+    pub fn doubts(&self, dims: [usize; 2], trust: &Trust) -> Cells {
+        Cells::new(dims, |first, last| {
+            let [low, high] = self.to_middle.range(first, last);
+            let [from, to] = [first, last].map(|p| p.map(|p| p as f64));
+            trust.doubts(plus(from, low, 1.0), plus(to, high, 1.0))
+        })
+    }
 }
 
 impl<'m> Warp<'m> {
@@ -34,41 +49,54 @@ impl<'m> Warp<'m> {
         Warp { moving, i, middle, lost, limit }
     }
 
-    /// The layer at time `t` from its values in the mid frame, both clamped; where there is no trust in them `other` counts.
-    pub fn layer(&self, seen: &Field, t: f64, trust: &Trust, other: &[f32]) -> Field {
+    /// The way of the layer at time `t`.
+    pub fn way(&self, t: f64) -> Way {
         let paths = self.moving.paths(self.i, t);
+        let to_middle = way_to_middle(&paths, &self.middle);
+        Way { t, paths, to_middle }
+    }
+
+    /// A layer from its values in the mid frame, both clamped; in the cells of `doubts` the layer `other` counts where trust is missing.
+    /// Of other cells it is read at the [`probes`], as both layers tell whether a cell is far from any contour.
+    pub fn layer(&self, seen: &Field, way: &Way, trust: &Trust, doubts: &Cells, other: &[f32]) -> Field {
+        let Way { t, paths, to_middle } = way;
         let [nx, ny] = seen.dims;
         let limit = self.limit;
-        let w = smoothstep(t);
-        let way = way_to_middle(&paths, &self.middle);
-        let value = |x: [f64; 2]| {
-            let middle = plus(x, way.at(x), 1.0);
-            let v = seen.sample_smooth(middle);
-            let (come, go) = (paths.come.at(x), paths.go.at(x));
-            let low = self.lost[0].sample([x[0] - come[0], x[1] - come[1]]);
-            let high = self.lost[1].sample([x[0] + go[0], x[1] + go[1]]);
+        let w = smoothstep(*t);
+        let value = |x: [f64; 2], way, come, go, doubtful: bool| {
+            let middle = plus(x, way, 1.0);
+            let low = self.lost[0].sample(plus(x, come, -1.0));
+            let high = self.lost[1].sample(plus(x, go, 1.0));
+            let v = seen.sample_smooth(middle) + (1.0 - w) * low + w * high;
+            if !doubtful {
+                return v.clamp(-limit, limit);
+            }
             let trust = trust.at(middle);
             let other = f64::from(other[x[1] as usize * nx + x[0] as usize]);
-            (trust * (v + (1.0 - w) * low + w * high) + (1.0 - trust) * other).clamp(-limit, limit)
+            (trust * v + (1.0 - trust) * other).clamp(-limit, limit)
         };
         let mut out = Field::filled(seen.dims, limit);
         for top in (0..ny).step_by(CELL) {
             for left in (0..nx).step_by(CELL) {
                 let (right, bottom) = ((left + CELL).min(nx) - 1, (top + CELL).min(ny) - 1);
-                let corners = [
-                    [left, top],
-                    [right, top],
-                    [left, bottom],
-                    [right, bottom],
-                    [left.midpoint(right), top.midpoint(bottom)],
-                ];
-                let values = corners.map(|c| c.map(|p| p as f64)).map(|x| seen.sample(plus(x, way.at(x), 1.0)));
-                let others = corners.map(|[x, y]| f64::from(other[y * nx + x]));
+                let probes = probes([left, top], [right, bottom]);
+                let doubtful = doubts.at(left, top);
+                let values = probes.map(|p| p.map(|p| p as f64)).map(|x| seen.sample(plus(x, to_middle.at(x), 1.0)));
+                let others = probes.map(|[x, y]| f64::from(other[y * nx + x]));
                 let all = || values.iter().chain(&others);
                 let far = all().all(|v| *v >= limit) || all().all(|v| *v <= -limit);
+                let [mut ways, mut come, mut go] = [[[0.0; 2]; CELL]; 3];
                 for y in top..=bottom {
-                    for x in left..=right {
-                        out.data[y * nx + x] = if far { values[0] } else { value([x as f64, y as f64]) };
+                    let row = &mut out.data[y * nx + left..=y * nx + right];
+                    if far {
+                        row.fill(values[0]);
+                        continue;
+                    }
+                    to_middle.read_row(y, left, &mut ways);
+                    paths.come.read_row(y, left, &mut come);
+                    paths.go.read_row(y, left, &mut go);
+                    for (k, v) in row.iter_mut().enumerate() {
+                        *v = value([(left + k) as f64, y as f64], ways[k], come[k], go[k], doubtful);
                     }
                 }
             }

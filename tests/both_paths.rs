@@ -197,7 +197,7 @@ fn stages_of_the_moving_field_are_the_same_in_batches() {
         let slopes = gpu.moving_slopes(&moving, &Silent).expect("slopes");
         let before = gpu.profile().submissions;
         let lone = LoneParts::default();
-        let layers = gpu.moving_layers(&moving, &slopes, &lone, 4, &times, 14.0, h).expect("layers");
+        let layers = gpu.moving_layers(&moving, &slopes, &lone, 4, &times, 14.0, h, None).expect("layers");
         (moving.displacements, slopes, layers, [before, gpu.profile().submissions - before])
     };
     let (whole, tight) = (stages(None), stages(Some(2 << 20)));

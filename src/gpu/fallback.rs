@@ -8,7 +8,7 @@ use crate::displacement::Displacement;
 use crate::error::{Error, Result};
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
-use crate::moving_field::{LoneParts, MovingField};
+use crate::moving_field::{Cells, LoneParts, MovingField};
 use crate::progress::Progress;
 use crate::reference::Reference;
 
@@ -114,7 +114,8 @@ impl Backend for GpuOrReference<'_> {
         times: &[f64],
         limit: f64,
         h: [f64; 2],
+        wanted: Option<&[Cells]>,
     ) -> Result<Vec<Vec<f32>>> {
-        self.ask(|backend| backend.moving_layers(moving, slopes, lone, i, times, limit, h))
+        self.ask(|backend| backend.moving_layers(moving, slopes, lone, i, times, limit, h, wanted))
     }
 }

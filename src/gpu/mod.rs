@@ -34,7 +34,7 @@ use crate::displacement::Displacement;
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
-use crate::moving_field::{LoneParts, MovingField};
+use crate::moving_field::{Cells, LoneParts, MovingField};
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::report::Profile;
@@ -173,9 +173,10 @@ impl Backend for Gpu {
         times: &[f64],
         limit: f64,
         h: [f64; 2],
+        wanted: Option<&[Cells]>,
     ) -> Result<Vec<Vec<f32>>> {
         if !self.holds_images(moving.fields[i].dims) {
-            return Reference.moving_layers(moving, slopes, lone, i, times, limit, h);
+            return Reference.moving_layers(moving, slopes, lone, i, times, limit, h, wanted);
         }
         let _turn = self.turn();
         let of = moving_layer::Ingredients { moving, slopes, lone, interval: i, limit, h };

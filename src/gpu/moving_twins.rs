@@ -213,8 +213,8 @@ fn layers(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> 
     let near = stack.lone.iter().enumerate().map(|(i, lone)| (i, lone, LIMIT));
     let everywhere = (0..GAPS.len()).map(|i| (i, &none, EVERYWHERE));
     for (i, lone, limit) in near.chain(everywhere) {
-        let twin = |lone: &LoneParts| Reference.moving_layers(moving, &slopes, lone, i, &TIMES, limit, stack.h);
-        let ours = gpu.moving_layers(moving, &slopes, lone, i, &TIMES, limit, stack.h)?;
+        let twin = |lone: &LoneParts| Reference.moving_layers(moving, &slopes, lone, i, &TIMES, limit, stack.h, None);
+        let ours = gpu.moving_layers(moving, &slopes, lone, i, &TIMES, limit, stack.h, None)?;
         let (twins, more, less) = (twin(lone)?, twin(&deeper(lone, TIE))?, twin(&deeper(lone, -TIE))?);
         for (k, ours) in ours.iter().enumerate() {
             for (n, ours) in ours.iter().enumerate() {

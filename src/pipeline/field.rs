@@ -96,7 +96,7 @@ impl Run<'_> {
             let (low, high) = (contours[i].z, contours[i + 1].z);
             for some in heights.between(i).chunks(at_once) {
                 let times: Vec<f64> = some.iter().map(|x| time(x.z, low, high)).collect();
-                let layers = self.backend.moving_layers(moving, slopes, &lone[i], i, &times, limit, self.h)?;
+                let layers = self.backend.moving_layers(moving, slopes, &lone[i], i, &times, limit, self.h, None)?;
                 for (height, values) in some.iter().zip(layers) {
                     if values.iter().any(|v| v.is_nan()) {
                         let message = format!("NaN at height {}", height.z);

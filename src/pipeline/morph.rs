@@ -18,14 +18,14 @@ use crate::heights::{Height, Heights};
 use crate::jobs::{Direction, Filled, PartJob, SweepJob, SweepPair, Traced};
 use crate::matching::{Interval, IntervalPlan};
 use crate::motion::Frame;
-use crate::moving_field::{LoneParts, MovingField};
+use crate::moving_field::{Cells, LoneParts, MovingField};
 use crate::report::IntervalReport;
 use crate::settings::Motion;
 use crate::surface::Layer;
 use crate::topology::Decided;
 use crate::tracks::{Side, Sides, sides, trace_job};
 use crate::trust::Trust;
-use crate::warp::Warp;
+use crate::warp::{Warp, Way};
 
 /// Parts that are kept apart close at this share of the way to the layer nearest half way.
 const EARLY: f64 = 0.8;
@@ -51,6 +51,16 @@ struct Made<'c> {
     sides: Vec<Sides>,
     fitted: Vec<Fitted>,
     ends: [End; 2],
+}
+
+/// What brings some layers of an interval from its frame to where they belong.
+struct InFrame<'w> {
+    warp: &'w Warp<'w>,
+    trust: &'w Trust,
+    ways: Vec<Way>,
+    /// Where the field method's layers, `others`, have a say.
+    doubts: Vec<Cells>,
+    others: Vec<Vec<f32>>,
 }
 
 impl Made<'_> {
@@ -201,14 +211,20 @@ impl Run<'_> {
                 let between: Vec<(Height, f64)> = heights.between(i).iter().map(timed).collect();
                 for (k, some) in between.chunks(at_once).enumerate() {
                     let times: Vec<f64> = some.iter().map(|(_, t)| *t).collect();
-                    let others = match &made.beside {
-                        None => Vec::new(),
-                        Some(Beside { moving, slopes, lone }) => {
-                            self.backend.moving_layers(moving, slopes, &lone[i], i, &times, limit, self.h)?
+                    let frame = match (&made.beside, &warp) {
+                        (Some(Beside { moving, slopes, lone }), Some((warp, trust))) => {
+                            let ways: Vec<Way> = times.par_iter().map(|t| warp.way(*t)).collect();
+                            let dims = contours[i].phi.dims;
+                            let doubts: Vec<Cells> = ways.par_iter().map(|way| way.doubts(dims, trust)).collect();
+                            let (lone, wanted) = (&lone[i], Some(doubts.as_slice()));
+                            let others =
+                                self.backend.moving_layers(moving, slopes, lone, i, &times, limit, self.h, wanted)?;
+                            Some(InFrame { warp, trust, ways, doubts, others })
                         }
+                        _ => None,
                     };
-                    let frame = warp.as_ref().map(|(warp, trust)| (warp, trust, others.as_slice()));
-                    for layer in self.compose(&made.intervals[i], caps, frame, some, k * at_once, &of_interval) {
+                    for layer in self.compose(&made.intervals[i], caps, frame.as_ref(), some, k * at_once, &of_interval)
+                    {
                         sink(layer)?;
                     }
                 }
@@ -304,7 +320,7 @@ impl Run<'_> {
         &self,
         interval: &Interval,
         caps: &IntervalCaps,
-        frame: Option<(&Warp<'_>, &Trust, &[Vec<f32>])>,
+        frame: Option<&InFrame<'_>>,
         heights: &[(Height, f64)],
         skip: usize,
         filled: &[Filled],
@@ -319,9 +335,9 @@ impl Run<'_> {
             for (cap, direction) in &caps.solids {
                 unite_cap(&mut canvas, cap, if *direction == Direction::Up { *t } else { 1.0 - t });
             }
-            let Some((warp, trust, others)) = frame else { return self.layer(height, canvas) };
+            let Some(InFrame { warp, trust, ways, doubts, others }) = frame else { return self.layer(height, canvas) };
             let seen = Field { dims: padded, data: canvas.phi.iter().map(|v| f64::from(*v)).collect() };
-            let whole = warp.layer(&seen, *t, trust, &others[k]);
+            let whole = warp.layer(&seen, &ways[k], trust, &doubts[k], &others[k]);
             self.layer(height, Canvas::of_contour(self.stack.dims, self.pad, limit, &whole))
         };
         heights.par_iter().enumerate().map(layer).collect()

@@ -79,15 +79,21 @@ pub fn better(
     (0..gaps.len()).into_par_iter().map(|i| solve(i, &evidence, gaps, &guess[i], round, h)).collect()
 }
 
-/// Both fields where the displacement brings them together: `a` and `b` at the pixels of one row.
-fn row(clipped: [&Field; 2], v: &Displacement, j: usize, out: &mut [[f64; 2]]) {
+/// Both fields where the displacement brings them together: `a` and `b` at the pixels of one row. Pixels that are not `near` the contours
+/// read what is clipped there as here.
+fn row(clipped: [&Field; 2], near: &[bool], v: &Displacement, j: usize, out: &mut [[f64; 2]]) {
+    v.read_row(j, 0, out);
     for (i, slot) in out.iter_mut().enumerate() {
-        let x = [i as f64, j as f64];
-        let [vx, vy] = v.at(x);
-        *slot = [
-            clipped[0].sample([x[0] - 0.5 * vx, x[1] - 0.5 * vy]),
-            clipped[1].sample([x[0] + 0.5 * vx, x[1] + 0.5 * vy]),
-        ];
+        let n = j * clipped[0].dims[0] + i;
+        let (x, [vx, vy]) = ([i as f64, j as f64], *slot);
+        *slot = if near[n] {
+            [
+                clipped[0].sample([x[0] - 0.5 * vx, x[1] - 0.5 * vy]),
+                clipped[1].sample([x[0] + 0.5 * vx, x[1] + 0.5 * vy]),
+            ]
+        } else {
+            clipped.map(|f| f.data[n])
+        };
     }
 }
 
@@ -97,41 +103,40 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
         |f: &Field| Field { dims: f.dims, data: f.data.iter().map(|d| d.clamp(-round.clip, round.clip)).collect() };
     let clipped = [clip(low), clip(high)];
     let clipped = [&clipped[0], &clipped[1]];
-    // Rows in which nothing lies within the clip of a contour, wherever the displacement reads, need not be looked at.
-    let reach = round.clip + 0.5 * v.largest() + 2.0;
-    let near = |j: usize| (j * nx..(j + 1) * nx).any(|n| low.data[n].abs().min(high.data[n].abs()) < reach);
-    let near: Vec<bool> = (0..ny).map(near).collect();
+    // Where nothing lies within the clip of a contour, wherever the displacement reads, nothing need be looked at.
+    let reach = round.clip + v.largest() + 2.0;
+    let near: Vec<bool> = low.data.iter().zip(&high.data).map(|(a, b)| a.abs().min(b.abs()) < reach).collect();
+    let far_weight = round.weight(round.clip);
     let mut sums = vec![[0.0; 9]; v.grid[0] * v.grid[1]];
     let mut rows = [vec![[0.0; 2]; nx], vec![[0.0; 2]; nx], vec![[0.0; 2]; nx]];
     let mut held = [usize::MAX; 3];
     for j in 1..ny - 1 {
-        if !near[j] {
-            let weight = round.weight(round.clip);
+        let blocks = &mut sums[(j / BLOCK) * v.grid[0]..][..v.grid[0]];
+        if !near[j * nx..(j + 1) * nx].contains(&true) {
             for i in 1..nx - 1 {
                 let [a, b] = clipped.map(|f| f.data[j * nx + i]);
-                let block = &mut sums[(j / BLOCK) * v.grid[0] + i / BLOCK];
-                block[0] += weight;
-                block[8] += weight * (a - b);
+                blocks[i / BLOCK][0] += far_weight;
+                blocks[i / BLOCK][8] += far_weight * (a - b);
             }
             continue;
         }
         for wanted in j - 1..=j + 1 {
             if held[wanted % 3] != wanted {
-                row(clipped, v, wanted, &mut rows[wanted % 3]);
+                row(clipped, &near, v, wanted, &mut rows[wanted % 3]);
                 held[wanted % 3] = wanted;
             }
         }
         let [below, here, above] = [j - 1, j, j + 1].map(|k| &rows[k % 3]);
         for i in 1..nx - 1 {
             let [a, b] = here[i];
-            let w = round.weight(a.abs().min(b.abs()));
+            let d = a.abs().min(b.abs());
+            let w = if d < round.clip { round.weight(d) } else { far_weight };
             let sum = |p: [f64; 2]| p[0] + p[1];
             let gx = 0.25 * (sum(here[i + 1]) - sum(here[i - 1])) / h[0];
             let gy = 0.25 * (sum(above[i]) - sum(below[i])) / h[1];
             let r = a - b;
             let moments = [1.0, gx * gx, gy * gy, gx * gy, gx * r, gy * r, gx, gy, r];
-            let block = &mut sums[(j / BLOCK) * v.grid[0] + i / BLOCK];
-            block.iter_mut().zip(moments).for_each(|(s, m)| *s += w * m);
+            blocks[i / BLOCK].iter_mut().zip(moments).for_each(|(s, m)| *s += w * m);
         }
     }
     smooth(&mut sums, v.grid, round.window_sigma(h));

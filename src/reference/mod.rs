@@ -23,7 +23,7 @@ use crate::displacement::Displacement;
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepJob, SweepPair, Swept, TraceJob, Traced, blend_weights};
-use crate::moving_field::{LoneParts, MovingField};
+use crate::moving_field::{Cells, LoneParts, MovingField};
 use crate::progress::Progress;
 
 /// The reference path. Jobs run in parallel on rayon's current pool, each by itself: the same bits for any number of threads.
@@ -130,7 +130,11 @@ impl Backend for Reference {
         times: &[f64],
         limit: f64,
         h: [f64; 2],
+        wanted: Option<&[Cells]>,
     ) -> Result<Vec<Vec<f32>>> {
-        Ok(times.par_iter().map(|&t| moving_field::layer(moving, slopes, lone, i, t, limit, h)).collect())
+        let layer = |(k, &t): (usize, &f64)| {
+            moving_field::layer(moving, slopes, lone, i, t, limit, h, wanted.map(|cells| &cells[k]))
+        };
+        Ok(times.par_iter().enumerate().map(layer).collect())
     }
 }

@@ -3,11 +3,8 @@
 use rayon::prelude::*;
 
 use crate::field::Field;
-use crate::moving_field::{LoneParts, MovingField, between, closing};
+use crate::moving_field::{CELL, Cells, LoneParts, MovingField, between, closing, plus, probes};
 use crate::spline::{harmonic, limited, three_point_end};
-
-/// Side of the cells that are skipped where no contour can be, px.
-pub const CELL: usize = 8;
 
 /// Slopes of the fields at all slices, per height: the mean of PCHIP and of Catmull-Rom limited to three times the smaller secant, secants
 /// taken along the trajectories; at the ends the three-point formula.
@@ -60,7 +57,8 @@ pub fn reach(h: [f64; 2]) -> f64 {
     0.75 * CELL as f64 * h[0].hypot(h[1]) + 2.0
 }
 
-/// The layer at time `t` of interval `i`, px, clamped to `limit`.
+/// The layer at time `t` of interval `i`, px, clamped to `limit`; in cells that are not `wanted` only at their [`probes`].
+#[expect(clippy::too_many_arguments, reason = "one stage reads what all stages before it have made")]
 pub fn layer(
     moving: &MovingField,
     slopes: &[Field],
@@ -69,17 +67,14 @@ pub fn layer(
     t: f64,
     limit: f64,
     h: [f64; 2],
+    wanted: Option<&Cells>,
 ) -> Vec<f32> {
     let paths = moving.paths(i, t);
     let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
     let [nx, ny] = low.dims;
     let gap = moving.gap(i);
-    let ends = |x: [f64; 2]| {
-        let (p, q) = (paths.come.at(x), paths.go.at(x));
-        ([x[0] - p[0], x[1] - p[1]], [x[0] + q[0], x[1] + q[1]])
-    };
-    let value = |x: [f64; 2]| {
-        let (from, to) = ends(x);
+    let ends = |x: [f64; 2], p: [f64; 2], q: [f64; 2]| (plus(x, p, -1.0), plus(x, q, 1.0));
+    let value = |(from, to): ([f64; 2], [f64; 2])| {
         let (mut a, mut b) = (low.sample_smooth(from), high.sample_smooth(to));
         let mut m = [gap * slopes[i].sample(from), gap * slopes[i + 1].sample(to)];
         if let Some(own) = closing(&lone.low, from).filter(|&own| own < b) {
@@ -96,14 +91,29 @@ pub fn layer(
         for cell_x in (0..nx).step_by(CELL) {
             let (width, height) = (CELL.min(nx - cell_x), CELL.min(ny - cell_y));
             let middle = [(cell_x as f64) + 0.5 * (width - 1) as f64, (cell_y as f64) + 0.5 * (height - 1) as f64];
-            let (from, to) = ends(middle);
+            let (from, to) = ends(middle, paths.come.at(middle), paths.go.at(middle));
             let (a, b) = (low.sample(from), high.sample(to));
             let nearest = a.abs().min(b.abs()) - 0.05 * (a - b).abs();
             let far = (a < 0.0) == (b < 0.0) && nearest > limit + reach;
+            if wanted.is_some_and(|cells| !cells.at(cell_x, cell_y)) {
+                for [x, y] in probes([cell_x, cell_y], [cell_x + width - 1, cell_y + height - 1]) {
+                    let at = [x as f64, y as f64];
+                    let near = || value(ends(at, paths.come.at(at), paths.go.at(at)));
+                    out[y * nx + x] = if far { limit.copysign(a) } else { near() } as f32;
+                }
+                continue;
+            }
+            let (mut come, mut go) = ([[0.0; 2]; CELL], [[0.0; 2]; CELL]);
             for y in cell_y..cell_y + height {
-                for x in cell_x..cell_x + width {
-                    let v = if far { limit.copysign(a) } else { value([x as f64, y as f64]) };
-                    out[y * nx + x] = v as f32;
+                let row = &mut out[y * nx + cell_x..][..width];
+                if far {
+                    row.fill(limit.copysign(a) as f32);
+                    continue;
+                }
+                paths.come.read_row(y, cell_x, &mut come);
+                paths.go.read_row(y, cell_x, &mut go);
+                for (k, v) in row.iter_mut().enumerate() {
+                    *v = value(ends([(cell_x + k) as f64, y as f64], come[k], go[k])) as f32;
                 }
             }
         }

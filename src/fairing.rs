@@ -360,7 +360,7 @@ fn read(
 #[inline]
 fn sample(v: &[f32], [nx, ny]: [usize; 2], x: [f64; 2]) -> f32 {
     let at = [x[0].clamp(0.0, (nx - 1) as f64), x[1].clamp(0.0, (ny - 1) as f64)];
-    // Through u32, which takes one instruction and usize five.
+    // Through u32: cheaper than to usize.
     let [i, j] = [(at[0], nx), (at[1], ny)].map(|(at, n)| (at as u32 as usize).min(n.saturating_sub(2)));
     let (fx, fy) = ((at[0] - i as f64) as f32, (at[1] - j as f64) as f32);
     let (right, up) = (usize::from(nx > 1), if ny > 1 { nx } else { 0 });

@@ -115,7 +115,7 @@ fn wgsl_constant(module: &naga::Module, name: &str) -> Option<f64> {
 #[test]
 fn constants_are_those_of_the_twins() {
     use interslice::gpu::layout;
-    use interslice::reference::{distance, exact, moving_field, particles, propagate, reinit, scatter, trace};
+    use interslice::reference::{distance, exact, particles, propagate, reinit, scatter, trace};
     use interslice::{displacement, moving_field as field};
     let wanted: &[(&str, &str, f64)] = &[
         ("trace", "STEP_LIMIT", trace::STEP_LIMIT),
@@ -152,7 +152,7 @@ fn constants_are_those_of_the_twins() {
         ("displacement", "TILE", layout::TILE as f64),
         ("moving_slopes", "TILE", layout::TILE as f64),
         ("moving_layer", "TILE", layout::TILE as f64),
-        ("moving_layer", "TILE", moving_field::CELL as f64),
+        ("moving_layer", "TILE", field::CELL as f64),
         ("displacement", "MOMENTS", layout::MOMENTS as f64),
         ("displacement", "EVIDENCE", layout::EVIDENCE as f64),
         ("trajectories", "PASSES", displacement::PASSES as f64),

@@ -1,0 +1,44 @@
+//! Displacements read pixel by pixel, by rows, and bounded.
+
+use interslice::displacement::Displacement;
+
+/// A row weighs its axes in the other order: vectors of 7 px differ by their last bits.
+const ROUNDING: f64 = 1e-14;
+
+/// Vectors that differ from block to block, for images whose sides are and are not whole blocks.
+fn examples() -> impl Iterator<Item = ([usize; 2], Displacement)> {
+    [[5, 3], [32, 16], [43, 29]].into_iter().map(|dims| {
+        let wave = |x: [f64; 2]| [(0.3 * x[0] + x[1]).sin() * 7.0, (x[0] - 0.2 * x[1]).cos() * 5.0];
+        (dims, Displacement::zero(dims).map(|x, _| wave(x)))
+    })
+}
+
+#[test]
+fn a_row_reads_as_its_pixels_do() {
+    for ([nx, ny], v) in examples() {
+        for (j, first) in (0..ny).flat_map(|j| (0..nx).map(move |first| (j, first))) {
+            let mut row = vec![[f64::NAN; 2]; nx - first];
+            v.read_row(j, first, &mut row);
+            for (i, found) in (first..).zip(row) {
+                let alone = v.at([i as f64, j as f64]);
+                let same = (0..2).all(|a| (found[a] - alone[a]).abs() < ROUNDING);
+                assert!(same, "{found:?} and {alone:?} at {i}, {j} of {nx} x {ny}, read from {first}");
+            }
+        }
+    }
+}
+
+#[test]
+fn bounds_hold_every_pixel_between() {
+    for ([nx, ny], v) in examples() {
+        for (x, y) in (0..ny).flat_map(|y| (0..nx).map(move |x| (x, y))) {
+            let last = [(x + 6).min(nx - 1), (y + 4).min(ny - 1)];
+            let [least, largest] = v.range([x, y], last);
+            for (i, j) in (y..=last[1]).flat_map(|j| (x..=last[0]).map(move |i| (i, j))) {
+                let found = v.at([i as f64, j as f64]);
+                let held = |a: usize| (least[a]..=largest[a]).contains(&found[a]);
+                assert!(held(0) && held(1), "{found:?} at {i}, {j} is not in {least:?} to {largest:?}");
+            }
+        }
+    }
+}

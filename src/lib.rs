@@ -36,6 +36,7 @@ pub mod reference;
 pub mod report;
 mod rigid;
 pub mod settings;
+pub mod shelf;
 pub mod spline;
 pub mod stack;
 pub mod stencil;
@@ -52,6 +53,7 @@ pub use progress::Progress;
 pub use reference::Reference;
 pub use report::Report;
 pub use settings::Settings;
+pub use shelf::Budget;
 pub use stack::ContourStack;
 pub use surface::Reconstruction;
 
@@ -82,22 +84,23 @@ pub fn reconstruct_with(
         layers.push(layer);
         Ok(())
     };
-    let body = pipeline::run(stack, heights, settings, backend, progress, &mut keep)?;
+    let body = pipeline::run(stack, heights, settings, backend, progress, &Budget::unlimited(), &mut keep)?;
     Ok(Reconstruction { layers, ..body })
 }
 
-/// The same with every layer handed to `sink` as soon as it is finished, lowest first, so that the volume need not fit in memory; the result
-/// has no layers.
+/// The same within `budget`, with every layer handed to `sink` as soon as it is finished, lowest first, so that neither slices nor volume need
+/// fit in memory; the result has no layers and does not depend on the budget.
 ///
 /// # Errors
-/// As [`reconstruct`]; what `sink` says.
+/// As [`reconstruct`]; what `sink` says; [`Error::Read`] or [`Error::Write`] of the temporary file beyond the budget.
 pub fn reconstruct_into(
     stack: &ContourStack,
     heights: &[f64],
     settings: &Settings,
     backend: &dyn Backend,
     progress: &dyn Progress,
+    budget: &Budget,
     sink: &mut dyn FnMut(surface::Layer) -> Result<()>,
 ) -> Result<Reconstruction> {
-    pipeline::run(stack, heights, settings, backend, progress, sink)
+    pipeline::run(stack, heights, settings, backend, progress, budget, sink)
 }

@@ -8,16 +8,17 @@
 mod field;
 mod links;
 mod morph;
+mod moving;
 
 use std::time::Instant;
 
 use rayon::prelude::*;
 
 use self::links::IntervalLinks;
+use self::moving::MovingStack;
 use crate::backend::{Backend, ContourOptions, PaddedSlice};
 use crate::compose::{Canvas, differing_pixels};
 use crate::contours::Contour;
-use crate::displacement::Displacement;
 use crate::ends::{End, EndSpec, end};
 use crate::error::{Error, Result};
 use crate::fairing::{self, Fairing};
@@ -25,10 +26,11 @@ use crate::fit::Fitted;
 use crate::heights::{Height, Heights, check};
 use crate::jobs::Direction;
 use crate::links as user_links;
-use crate::moving_field::{self, MovingField, STEPS, even_gaps, filled_fields};
+use crate::moving_field::{self, STEPS};
 use crate::progress::Progress;
 use crate::report::{ContourReport, Report, StageReport};
-use crate::settings::{Method, Motion, Settings, SlopeRule};
+use crate::settings::{Method, Settings, SlopeRule};
+use crate::shelf::{Budget, Shelf};
 use crate::stack::ContourStack;
 use crate::surface::{Layer, Reconstruction};
 
@@ -43,6 +45,7 @@ struct Run<'a> {
     settings: &'a Settings,
     backend: &'a dyn Backend,
     progress: &'a dyn Progress,
+    budget: &'a Budget,
     /// Pixel size in units of its larger side.
     h: [f64; 2],
     /// Length of a pixel's larger side in the stack's unit.
@@ -59,7 +62,7 @@ struct Run<'a> {
 /// Takes finished layers, lowest first.
 pub type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
 
-/// Reconstructs `stack` at `heights` (increasing, unit of the stack) and hands every layer to `sink`; the result itself has none.
+/// Reconstructs `stack` at `heights` (increasing, unit of the stack) within `budget` and hands every layer to `sink`; the result itself has none.
 ///
 /// # Errors
 /// Wrong input or settings before anything is computed; a backend's failure; [`Error::Numerics`] for a value that is not a number; what
@@ -70,6 +73,7 @@ pub fn run(
     settings: &Settings,
     backend: &dyn Backend,
     progress: &dyn Progress,
+    budget: &Budget,
     sink: &mut Sink<'_>,
 ) -> Result<Reconstruction> {
     stack.validate()?;
@@ -84,6 +88,7 @@ pub fn run(
         settings,
         backend,
         progress,
+        budget,
         h: stack.spacing.map(|s| s / px),
         px,
         pad: settings.margin() + OVERSHOOT,
@@ -109,8 +114,8 @@ pub fn run(
         sink(layer)
     };
     let extent = match settings.method {
-        Method::Morph => run.morph(contours, heights, &mut certified)?,
-        Method::Field => run.field(contours, heights, &mut certified)?,
+        Method::Morph => run.morph(&contours, heights, &mut certified)?,
+        Method::Field => run.field(&contours, heights, &mut certified)?,
     };
     run.report.contours.iter_mut().zip(differing).for_each(|(c, n)| c.differing_pixels = n);
     let links = std::mem::take(&mut run.links);
@@ -131,7 +136,17 @@ pub fn run(
     })
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
+    /// Pixels of the padded image.
+    fn padded(&self) -> [usize; 2] {
+        self.stack.dims.map(|n| n + 2 * self.pad)
+    }
+
+    /// Bytes of a field on it.
+    fn field_bytes(&self) -> usize {
+        size_of::<f64>() * self.padded().iter().product::<usize>()
+    }
+
     /// Runs one stage, telling listeners and taking its time.
     fn stage<T>(&mut self, name: &'static str, total: usize, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         self.progress.begin(name, total);
@@ -142,19 +157,20 @@ impl Run<'_> {
         result
     }
 
-    fn distance(&mut self) -> Result<Vec<Contour>> {
-        let padded: Vec<PaddedSlice> =
-            self.stack.slices.par_iter().map(|s| PaddedSlice::new(&s.content, self.stack.dims, self.pad)).collect();
-        let dims = self.stack.dims.map(|n| n + 2 * self.pad);
+    fn distance(&mut self) -> Result<Shelf<'a, Contour>> {
+        let (h, spacing, dims) = (self.h, self.settings.seed_spacing, self.padded());
         let options = ContourOptions::from(self.settings);
-        let fields = self.backend.contour_fields(&padded, dims, self.h, options, self.progress)?;
-        let (h, spacing) = (self.h, self.settings.seed_spacing);
-        let contours: Vec<Contour> =
-            fields.into_par_iter().zip(&self.stack.slices).map(|(phi, s)| Contour::new(s.z, phi, h, spacing)).collect();
-        self.report.contours = contours
-            .iter()
-            .zip(&self.stack.slices)
-            .map(|(c, s)| ContourReport {
+        let slices = &self.stack.slices;
+        let mut contours = Shelf::new(self.budget);
+        // A slice, its field with what is made on the way, its labels.
+        for some in slices.chunks(self.budget.at_once(slices.len(), 4 * self.field_bytes())) {
+            let padded: Vec<PaddedSlice> =
+                some.par_iter().map(|s| PaddedSlice::new(&s.content, self.stack.dims, self.pad)).collect();
+            let fields = self.backend.contour_fields(&padded, dims, h, options, self.progress)?;
+            drop(padded);
+            let made: Vec<Contour> =
+                fields.into_par_iter().zip(some).map(|(phi, s)| Contour::new(s.z, phi, h, spacing)).collect();
+            self.report.contours.extend(made.iter().zip(some).map(|(c, s)| ContourReport {
                 name: s.name.clone(),
                 z: s.z,
                 extra: s.extra,
@@ -162,34 +178,35 @@ impl Run<'_> {
                 holes: c.holes(),
                 pixels: c.solids.labels.iter().filter(|l| **l > 0).count(),
                 ..ContourReport::default()
-            })
-            .collect();
+            }));
+            made.into_iter().try_for_each(|contour| contours.push(contour))?;
+        }
         Ok(contours)
     }
 
-    /// The stack in its moving frame.
-    fn moving(&mut self, contours: &[Contour]) -> Result<MovingField> {
-        self.stage("motion", contours.len() - 1, |run| {
-            let fields = filled_fields(contours);
-            let z: Vec<f64> = contours.iter().map(|c| c.z).collect();
-            let gaps = even_gaps(&z);
-            let displacements = match run.settings.motion {
-                Motion::Field => {
-                    let guess = run.frames(contours);
-                    run.backend.displacements(&fields, &gaps, &guess, run.h, run.progress)?
-                }
-                Motion::Rigid => run.frames(contours),
-                Motion::None => vec![Displacement::zero(fields[0].dims); gaps.len()],
-            };
-            Ok(MovingField::new(z, run.px, fields, displacements))
-        })
+    /// What `make` makes of the two contours of every interval.
+    fn of_pairs<T: Send>(
+        &self,
+        contours: &Shelf<'_, Contour>,
+        make: impl Fn(usize, [&Contour; 2]) -> T + Sync,
+    ) -> Result<Vec<T>> {
+        let count = contours.len() - 1;
+        let at_once = self.budget.at_once(count, 4 * self.field_bytes());
+        let mut out = Vec::with_capacity(count);
+        for first in (0..count).step_by(at_once) {
+            let end = (first + at_once).min(count);
+            let some = (first..=end).map(|i| contours.get(i)).collect::<Result<Vec<_>>>()?;
+            let pair = |i: usize| make(first + i, [&*some[i], &*some[i + 1]]);
+            out.par_extend((0..end - first).into_par_iter().map(pair));
+        }
+        Ok(out)
     }
 
     /// Runs `make`, whose layers reach `sink` faired if that is wanted.
     fn faired(
         &mut self,
-        contours: &[Contour],
-        moving: Option<&MovingField>,
+        contours: &Shelf<'a, Contour>,
+        moving: Option<&MovingStack<'a>>,
         heights: &Heights,
         sink: &mut Sink<'_>,
         make: impl FnOnce(&mut Self, &mut Sink<'_>) -> Result<()>,
@@ -200,33 +217,36 @@ impl Run<'_> {
         let mut steps: Vec<f64> = heights.all.windows(2).map(|w| w[1].z - w[0].z).collect();
         steps.sort_by(f64::total_cmp);
         let mut fairing = Fairing::new(fairing::Spec {
-            moving: moving.map(|moving| (moving, self.pad)),
+            moving: moving.map(|moving| (&moving.frame, self.pad)),
             contours: self.stack.slices.iter().map(|s| s.z).collect(),
             dims: self.stack.dims,
             spacing: self.stack.spacing,
             dz: steps.get(steps.len() / 2).copied().unwrap_or(0.0),
             alpha: self.settings.fair,
             clamped: [self.settings.clamp_bottom, self.settings.clamp_top].map(|m| m.is_some()),
-            shares: self.fairing_shares(contours),
+            shares: self.fairing_shares(contours)?,
         });
         make(self, &mut |layer| fairing.push(layer, sink))?;
         fairing.finish(sink)
     }
 
     /// Both ends of the body, from what was fitted at the first and last contour.
-    fn ends(&mut self, contours: &[Contour], fitted: [&Fitted; 2], moving: Option<&MovingField>) -> Result<[End; 2]> {
+    fn ends(
+        &mut self,
+        contours: &Shelf<'a, Contour>,
+        fitted: [&Fitted; 2],
+        moving: Option<&MovingStack<'a>>,
+    ) -> Result<[End; 2]> {
         let last = contours.len() - 1;
-        let whole = |i: usize, fitted: &Fitted| match moving {
-            Some(moving) => fitted.with_motion(&contours[i], &moving.rates[i], self.h, 1.0),
-            None => fitted.clone(),
-        };
-        let fitted = [whole(0, fitted[0]), whole(last, fitted[1])];
         let mut warnings = Vec::new();
         let mut make = |at: usize, next: usize, direction, rule| {
-            let gap = (contours[at].z - contours[next].z).abs();
+            let contour = contours.get(at)?;
+            let fitted = fitted[usize::from(at > 0)];
+            let whole = moving.map(|m| fitted.with_motion(&contour, &m.frame.rates[at], self.h, 1.0));
+            let gap = (contour.z - contours.light(next).z).abs();
             let spec = EndSpec {
-                contour: &contours[at],
-                fitted: &fitted[usize::from(at > 0)],
+                contour: &contour,
+                fitted: whole.as_ref().unwrap_or(fitted),
                 direction,
                 rule,
                 gap,
@@ -241,6 +261,34 @@ impl Run<'_> {
         ];
         self.report.warnings.append(&mut warnings);
         Ok(ends)
+    }
+
+    /// The layers below the first contour.
+    fn below(
+        &self,
+        contours: &Shelf<'a, Contour>,
+        ends: &[End; 2],
+        heights: &Heights,
+        sink: &mut Sink<'_>,
+    ) -> Result<()> {
+        let first = contours.get(0)?;
+        let mut below = heights.all.iter().filter(|x| x.z < first.z);
+        below.try_for_each(|x| sink(self.layer(x, ends[0].layer(x.z, &first, self.canvas()))))
+    }
+
+    /// The last contour's layer and those above it.
+    fn above(
+        &self,
+        contours: &Shelf<'a, Contour>,
+        ends: &[End; 2],
+        heights: &Heights,
+        sink: &mut Sink<'_>,
+    ) -> Result<()> {
+        let number = contours.len() - 1;
+        let last = contours.get(number)?;
+        sink(self.contour_layer(&heights.contours[number], &last, number))?;
+        let mut above = heights.all.iter().filter(|x| x.z > last.z);
+        above.try_for_each(|x| sink(self.layer(x, ends[1].layer(x.z, &last, self.canvas()))))
     }
 
     fn canvas(&self) -> Canvas {

@@ -91,20 +91,15 @@ impl Displacement {
         (before, at - before as f64)
     }
 
-    /// Displacement of the trajectory that passes through `x` at time `1/2 + tau`: `u = v(x - tau u)`.
-    pub fn through(&self, x: [f64; 2], tau: f64) -> [f64; 2] {
-        let mut u = self.at(x);
-        if tau != 0.0 {
-            for _ in 0..PASSES {
-                u = self.at([x[0] - tau * u[0], x[1] - tau * u[1]]);
-            }
-        }
-        u
+    /// Displacements of the trajectories that pass through the blocks' centres x at time `1/2 + tau`: `u = v(x - tau u)`.
+    pub fn through(&self, tau: f64) -> Self {
+        let passes = if tau == 0.0 { 0 } else { PASSES };
+        self.map(|x, v| (0..passes).fold(v, |u, _| self.at([x[0] - tau * u[0], x[1] - tau * u[1]])))
     }
 
     /// The same read at the pixels of the lower and of the upper slice.
     pub fn at_slices(&self) -> [Self; 2] {
-        [-0.5, 0.5].map(|tau| self.map(|x, _| self.through(x, tau)))
+        [-0.5, 0.5].map(|tau| self.through(tau))
     }
 
     /// Largest component of any vector, px.

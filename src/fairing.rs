@@ -253,18 +253,17 @@ impl<'m> Fairing<'m> {
         let (own, far, nx) = (&self.kept[k].v, SATURATED * self.bound, self.spec.dims[0]);
         let mut out = vec![0.0f32; own.len()];
         let dims = self.spec.dims;
-        let row = |there: &mut Vec<f32>, (j, out): (usize, &mut [f32])| {
+        let row = |(j, out): (usize, &mut [f32])| {
             let own = &own[j * nx..][..nx];
             for pixels in stretches(own, far) {
                 let out = &mut out[pixels.clone()];
                 out.iter_mut().zip(&own[pixels.clone()]).for_each(|(sum, own)| *sum = -own);
                 for ((l, w), offsets) in weights.iter().zip(&offsets) {
-                    read(&self.kept[*l].v, dims, offsets.as_ref(), j, pixels.clone(), there);
-                    out.iter_mut().zip(&*there).for_each(|(sum, v)| *sum += w * v);
+                    add(&self.kept[*l].v, *w, dims, offsets.as_ref(), j, pixels.start, out);
                 }
             }
         };
-        out.par_chunks_mut(nx).enumerate().for_each_init(Vec::new, row);
+        out.par_chunks_mut(nx).enumerate().for_each(row);
         out
     }
 
@@ -305,7 +304,9 @@ impl<'m> Fairing<'m> {
             // Far from the surface nothing changes.
             for pixels in stretches(&v[j * nx..][..nx], far) {
                 for ((d, offsets), there) in contours.iter().zip(there.iter_mut()) {
-                    read(d, dims, offsets.as_ref(), j, pixels.clone(), there);
+                    there.clear();
+                    there.resize(pixels.len(), 0.0);
+                    add(d, 1.0, dims, offsets.as_ref(), j, pixels.start, there);
                 }
                 for ((i, low), high) in pixels.zip(&there[0]).zip(&there[1]) {
                     let (n, u) = (j * nx + i, &mut u[i]);
@@ -352,25 +353,19 @@ fn stretches(v: &[f32], far: f32) -> impl Iterator<Item = Range<usize>> {
     })
 }
 
-/// Values of a layer at some pixels of row `j`, or where their trajectories are.
-fn read(
-    v: &[f32],
-    dims: [usize; 2],
-    offsets: Option<&Displacement>,
-    j: usize,
-    pixels: Range<usize>,
-    out: &mut Vec<f32>,
-) {
-    out.clear();
+/// Adds `w` times the values of a layer at the pixels of row `j` from `first` on, or where their trajectories are.
+fn add(v: &[f32], w: f32, dims: [usize; 2], offsets: Option<&Displacement>, j: usize, first: usize, out: &mut [f32]) {
     let Some(offsets) = offsets else {
-        out.extend_from_slice(&v[j * dims[0]..][pixels]);
+        out.iter_mut().zip(&v[j * dims[0] + first..]).for_each(|(sum, v)| *sum += w * v);
         return;
     };
     let mut some = [[0.0; 2]; 4 * BLOCK];
-    for first in pixels.clone().step_by(some.len()) {
-        let some = &mut some[..pixels.end.min(first + 4 * BLOCK) - first];
+    for (first, out) in (first..).step_by(some.len()).zip(out.chunks_mut(some.len())) {
+        let some = &mut some[..out.len()];
         offsets.read_row(j, first, some);
-        out.extend((first..).zip(some).map(|(i, [x, y])| sample(v, dims, [i as f64 + *x, j as f64 + *y])));
+        for ((i, sum), [x, y]) in (first..).zip(out).zip(some) {
+            *sum += w * sample(v, dims, [i as f64 + *x, j as f64 + *y]);
+        }
     }
 }
 

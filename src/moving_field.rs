@@ -95,7 +95,7 @@ impl MovingField {
         let v = &self.displacements[i];
         let [first, second] = [t * (t - 1.0) * (t - 1.0), t * t * (t - 1.0)];
         let gap = self.gap(i);
-        let mut go = v.map(|x, _| v.through(x, t - 0.5));
+        let mut go = v.through(t - 0.5);
         let mut come = Displacement { grid: v.grid, vectors: Vec::with_capacity(v.vectors.len()) };
         let rates = self.rates[i].vectors.iter().zip(&self.rates[i + 1].vectors);
         for (whole, (low, high)) in go.vectors.iter_mut().zip(rates) {

@@ -50,6 +50,9 @@ pub struct Spec<'m> {
     pub shares: Vec<Option<Vec<f32>>>,
 }
 
+/// A block of a layer, and where its trajectory meets the slices below and above, px of the padded image.
+type Near = (usize, [[f64; 2]; 2]);
+
 /// A layer with what fairing makes of it.
 struct Kept {
     z: f64,
@@ -59,7 +62,7 @@ struct Kept {
     layer: Option<Layer>,
     /// `v`, as soon as the layer above is known.
     v: Vec<f32>,
-    /// `n`, less where the surface lies flat.
+    /// `n`; near the surface less where it lies flat.
     gradient: Vec<f32>,
 }
 
@@ -126,7 +129,7 @@ impl<'m> Fairing<'m> {
         }
     }
 
-    /// SIGMA times the gap: at a contour the mean of those next to it, linear between.
+    /// SIGMA times the gap: at a contour the mean of those next to it, between them a smooth step, so that what follows is C1.
     fn sigma(&self, z: f64) -> f64 {
         let contours = &self.spec.contours;
         let last = contours.len() - 1;
@@ -137,7 +140,8 @@ impl<'m> Fairing<'m> {
         };
         let i = contours.partition_point(|c| *c <= z).clamp(1, last) - 1;
         let t = ((z - contours[i]) / (contours[i + 1] - contours[i])).clamp(0.0, 1.0);
-        SIGMA * ((1.0 - t) * gap_at(i) + t * gap_at(i + 1))
+        let w = smoothstep(t);
+        SIGMA * ((1.0 - w) * gap_at(i) + w * gap_at(i + 1))
     }
 
     /// Makes v and n of a layer whose neighbours are there.
@@ -147,23 +151,34 @@ impl<'m> Fairing<'m> {
         let around = [k.saturating_sub(1), k, (k + 1).min(self.kept.len() - 1)].map(|l| &self.kept[l]);
         let rise = (around[2].z - around[0].z).max(f64::MIN_POSITIVE) as f32;
         let [Some(below), Some(here), Some(above)] = around.map(|kept| kept.layer.as_ref()) else { return };
-        let (bound, u) = (self.bound, &here.phi);
-        let pixel = |n: usize| {
-            let (i, j) = (n % nx, n / nx);
-            let (left, right) = (n - usize::from(i > 0), n + usize::from(i + 1 < nx));
-            let (down, up) = (n - if j > 0 { nx } else { 0 }, n + if j + 1 < ny { nx } else { 0 });
-            let gx = (u[right] - u[left]) / (dx * (right - left).max(1) as f32);
-            let gy = (u[up] - u[down]) / (dy * ((up - down) / nx).max(1) as f32);
-            let gz = (above.phi[n] - below.phi[n]) / rise;
-            let along = (gx * gx + gy * gy).sqrt();
-            let gradient = (along * along + gz * gz).sqrt().max(LEAST_GRADIENT);
-            // A surface that lies flat shows no creases, and a mean along z would only wash its relief away.
-            let upright = upright(f64::from(gz.abs() / along.max(LEAST_GRADIENT))) as f32;
-            let ratio = u[n] / (gradient * bound);
-            let v = if ratio.abs() > FLAT { bound.copysign(ratio) } else { bound * ratio.tanh() };
-            (v, upright * gradient)
+        let (bound, far) = (self.bound, SATURATED * self.bound);
+        let row = |steep: &mut Vec<f32>, (j, (v, gradient)): (usize, (&mut [f32], &mut [f32]))| {
+            let (down, up) = (j.saturating_sub(1), (j + 1).min(ny - 1));
+            let [u, south, north] = [j, down, up].map(|j| line(here, j, nx));
+            let [lower, higher] = [below, above].map(|layer| line(layer, j, nx));
+            let rise_y = dy * (up - down).max(1) as f32;
+            steep.resize(nx, 0.0);
+            for i in 0..nx {
+                let (left, right) = (i.saturating_sub(1), (i + 1).min(nx - 1));
+                let gx = (u[right] - u[left]) / (dx * (right - left).max(1) as f32);
+                let gy = (north[i] - south[i]) / rise_y;
+                let gz = (higher[i] - lower[i]) / rise;
+                let along = gx * gx + gy * gy;
+                gradient[i] = (along + gz * gz).sqrt().max(LEAST_GRADIENT);
+                steep[i] = gz.abs() / along.sqrt().max(LEAST_GRADIENT);
+            }
+            for i in 0..nx {
+                let ratio = u[i] / (gradient[i] * bound);
+                v[i] = if ratio.abs() > FLAT { bound.copysign(ratio) } else { bound * ratio.tanh() };
+                // A surface that lies flat shows no creases, and a mean along z would only wash its relief away.
+                if v[i].abs() < far {
+                    gradient[i] *= upright(f64::from(steep[i])) as f32;
+                }
+            }
         };
-        let (v, gradient) = (0..nx * ny).into_par_iter().map(pixel).unzip();
+        let (mut v, mut gradient) = (vec![0.0; nx * ny], vec![0.0; nx * ny]);
+        let rows = v.par_chunks_mut(nx).zip(gradient.par_chunks_mut(nx)).enumerate();
+        rows.for_each_init(Vec::new, row);
         (self.kept[k].v, self.kept[k].gradient) = (v, gradient);
     }
 
@@ -196,62 +211,59 @@ impl<'m> Fairing<'m> {
         terms.into_iter().map(|(l, w)| (l, (w / whole) as f32)).collect()
     }
 
-    /// Blocks of layer `k` that are read where its surface is near.
-    fn near_surface(&self, k: usize) -> Vec<bool> {
-        let grid = Displacement::zero(self.spec.dims).grid;
-        let mut near = vec![false; grid[0] * grid[1]];
-        if self.spec.moving.is_none() {
-            return near;
-        }
+    /// Blocks of layer `k` that are read where its surface is near, and where their trajectories meet the slices around it.
+    fn near_surface(&self, k: usize) -> Vec<Near> {
+        let (Some((moving, pad)), Some(place)) = (self.spec.moving, &self.kept[k].place) else { return Vec::new() };
+        let still = Displacement::zero(self.spec.dims);
+        let mut near = vec![false; still.vectors.len()];
         let nx = self.spec.dims[0];
         let far = SATURATED * self.bound;
         // A pixel reads the four blocks whose centres are around it.
         let around = |low: usize, high: usize, axis: usize| {
             let [first, last] = [low, high].map(|p| (p + BLOCK / 2) / BLOCK);
-            first.saturating_sub(1)..last.min(grid[axis] - 1) + 1
+            first.saturating_sub(1)..last.min(still.grid[axis] - 1) + 1
         };
         for (j, row) in self.kept[k].v.chunks_exact(nx).enumerate() {
             for pixels in stretches(row, far) {
                 for by in around(j, j, 1) {
-                    near[by * grid[0]..][around(pixels.start, pixels.end - 1, 0)].fill(true);
+                    near[by * still.grid[0]..][around(pixels.start, pixels.end - 1, 0)].fill(true);
                 }
             }
         }
-        near
+        let slices = |block: usize| moving.to_slices(still.centre(block).map(|x| x + pad as f64), place);
+        (0..near.len()).filter(|&block| near[block]).map(|block| (block, slices(block))).collect()
     }
 
     /// Offsets of the trajectories from layer `k` to layer `l` in the blocks `near`, px of the image; `None` where they stand still.
-    fn offsets(&self, k: usize, l: usize, near: &[bool]) -> Option<Displacement> {
+    fn offsets(&self, k: usize, l: usize, near: &[Near]) -> Option<Displacement> {
         let (moving, pad) = self.spec.moving.filter(|_| k != l)?;
         let (from, to) = (self.kept[k].place.as_ref()?, self.kept[l].place.as_ref()?);
-        let pad = pad as f64;
-        let still = Displacement::zero(self.spec.dims);
-        Some(still.map_where(near, |x| {
-            let padded = [x[0] + pad, x[1] + pad];
-            let y = moving.carry(padded, from, to);
-            [y[0] - padded[0], y[1] - padded[1]]
-        }))
+        let mut offsets = Displacement::zero(self.spec.dims);
+        for &(block, slices) in near {
+            let (x, y) = (offsets.centre(block), moving.carry(slices, from, to));
+            offsets.vectors[block] = [0, 1].map(|a| y[a] - pad as f64 - x[a]);
+        }
+        Some(offsets)
     }
 
     /// `K v - v` at layer `k`, zero far from its surface. `near` are its blocks near the surface.
-    fn difference(&self, k: usize, near: &[bool]) -> Vec<f32> {
+    fn difference(&self, k: usize, near: &[Near]) -> Vec<f32> {
         let weights = self.weights(k);
         let offsets: Vec<Option<Displacement>> = weights.par_iter().map(|&(l, _)| self.offsets(k, l, near)).collect();
         let (own, far, nx) = (&self.kept[k].v, SATURATED * self.bound, self.spec.dims[0]);
         let mut out = vec![0.0f32; own.len()];
         let dims = self.spec.dims;
-        let row = |there: &mut Vec<f32>, (j, out): (usize, &mut [f32])| {
+        let row = |(j, out): (usize, &mut [f32])| {
             let own = &own[j * nx..][..nx];
             for pixels in stretches(own, far) {
                 let out = &mut out[pixels.clone()];
                 out.iter_mut().zip(&own[pixels.clone()]).for_each(|(sum, own)| *sum = -own);
                 for ((l, w), offsets) in weights.iter().zip(&offsets) {
-                    read(&self.kept[*l].v, dims, offsets.as_ref(), j, pixels.clone(), there);
-                    out.iter_mut().zip(&*there).for_each(|(sum, v)| *sum += w * v);
+                    add(&self.kept[*l].v, *w, dims, offsets.as_ref(), j, pixels.start, out);
                 }
             }
         };
-        out.par_chunks_mut(nx).enumerate().for_each_init(Vec::new, row);
+        out.par_chunks_mut(nx).enumerate().for_each(row);
         out
     }
 
@@ -292,7 +304,9 @@ impl<'m> Fairing<'m> {
             // Far from the surface nothing changes.
             for pixels in stretches(&v[j * nx..][..nx], far) {
                 for ((d, offsets), there) in contours.iter().zip(there.iter_mut()) {
-                    read(d, dims, offsets.as_ref(), j, pixels.clone(), there);
+                    there.clear();
+                    there.resize(pixels.len(), 0.0);
+                    add(d, 1.0, dims, offsets.as_ref(), j, pixels.start, there);
                 }
                 for ((i, low), high) in pixels.zip(&there[0]).zip(&there[1]) {
                     let (n, u) = (j * nx + i, &mut u[i]);
@@ -320,6 +334,11 @@ impl<'m> Fairing<'m> {
     }
 }
 
+/// Row `j` of a layer.
+fn line(layer: &Layer, j: usize, nx: usize) -> &[f32] {
+    &layer.phi[j * nx..][..nx]
+}
+
 /// How much of its way a pixel at `|v| / B` moves.
 fn near(ratio: f32) -> f32 {
     smoothstep(f64::from((SATURATED - ratio) / (SATURATED - NEAR))) as f32
@@ -334,25 +353,19 @@ fn stretches(v: &[f32], far: f32) -> impl Iterator<Item = Range<usize>> {
     })
 }
 
-/// Values of a layer at some pixels of row `j`, or where their trajectories are.
-fn read(
-    v: &[f32],
-    dims: [usize; 2],
-    offsets: Option<&Displacement>,
-    j: usize,
-    pixels: Range<usize>,
-    out: &mut Vec<f32>,
-) {
-    out.clear();
+/// Adds `w` times the values of a layer at the pixels of row `j` from `first` on, or where their trajectories are.
+fn add(v: &[f32], w: f32, dims: [usize; 2], offsets: Option<&Displacement>, j: usize, first: usize, out: &mut [f32]) {
     let Some(offsets) = offsets else {
-        out.extend_from_slice(&v[j * dims[0]..][pixels]);
+        out.iter_mut().zip(&v[j * dims[0] + first..]).for_each(|(sum, v)| *sum += w * v);
         return;
     };
     let mut some = [[0.0; 2]; 4 * BLOCK];
-    for first in pixels.clone().step_by(some.len()) {
-        let some = &mut some[..pixels.end.min(first + 4 * BLOCK) - first];
+    for (first, out) in (first..).step_by(some.len()).zip(out.chunks_mut(some.len())) {
+        let some = &mut some[..out.len()];
         offsets.read_row(j, first, some);
-        out.extend((first..).zip(some).map(|(i, [x, y])| sample(v, dims, [i as f64 + *x, j as f64 + *y])));
+        for ((i, sum), [x, y]) in (first..).zip(out).zip(some) {
+            *sum += w * sample(v, dims, [i as f64 + *x, j as f64 + *y]);
+        }
     }
 }
 

@@ -111,24 +111,20 @@ impl MovingField {
     /// Paths through the layer at time `t` of interval `i`.
     pub fn paths(&self, i: usize, t: f64) -> Paths {
         let v = &self.displacements[i];
-        let whole = v.map(|x, _| v.through(x, t - 0.5));
         let [first, second] = [t * (t - 1.0) * (t - 1.0), t * t * (t - 1.0)];
-        let come = Displacement {
-            grid: v.grid,
-            vectors: (0..v.vectors.len())
-                .map(|k| {
-                    std::array::from_fn(|a| {
-                        let u = whole.vectors[k][a];
-                        let [low, high] = [i, i + 1].map(|s| self.gap(i) * self.rates[s].vectors[k][a] - u);
-                        t * u + low * first + high * second
-                    })
-                })
-                .collect(),
-        };
-        let go = Displacement {
-            grid: v.grid,
-            vectors: whole.vectors.iter().zip(&come.vectors).map(|(u, p)| [u[0] - p[0], u[1] - p[1]]).collect(),
-        };
+        let gap = self.gap(i);
+        let mut go = v.through(t - 0.5);
+        let mut come = Displacement { grid: v.grid, vectors: Vec::with_capacity(v.vectors.len()) };
+        let rates = self.rates[i].vectors.iter().zip(&self.rates[i + 1].vectors);
+        for (whole, (low, high)) in go.vectors.iter_mut().zip(rates) {
+            let along = |a: usize| {
+                let u = whole[a];
+                t * u + (gap * low[a] - u) * first + (gap * high[a] - u) * second
+            };
+            let p = [along(0), along(1)];
+            come.vectors.push(p);
+            *whole = [whole[0] - p[0], whole[1] - p[1]];
+        }
         Paths { come, go }
     }
 }
@@ -142,6 +138,8 @@ pub struct Place {
     pub t: f64,
     /// Paths from and to that interval's slices.
     pub paths: Paths,
+    /// From the interval's lower and upper slice to the layer.
+    pub off: [Displacement; 2],
 }
 
 impl MovingField {
@@ -150,31 +148,43 @@ impl MovingField {
         let last = self.displacements.len() - 1;
         let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
         let t = time(z, self.heights[interval], self.heights[interval + 1]);
-        Place { interval, t, paths: self.paths(interval, t) }
+        let paths = self.paths(interval, t);
+        let off = self.off_slices(interval, t, &paths);
+        Place { interval, t, paths, off }
     }
 
-    /// Where the trajectory through `x` at one place is at another, px of the padded image. Within an interval the mean of the ways over
-    /// either slice, so that it is the same upside down.
-    pub fn carry(&self, x: [f64; 2], from: &Place, to: &Place) -> [f64; 2] {
-        let below = || plus(x, from.paths.come.at(x), -1.0);
-        let above = || plus(x, from.paths.go.at(x), 1.0);
+    /// The ways back of `paths`, which are those through the layer at time `t` of interval `i`: from either slice to the layer.
+    pub fn off_slices(&self, i: usize, t: f64, paths: &Paths) -> [Displacement; 2] {
+        let [low, high] = &self.at_slices[i];
+        let to = |x: [f64; 2], y: [f64; 2]| plus(y, x, -1.0);
+        [
+            low.map(|x, u| to(x, paths.off_low(x, plus(x, u, t)))),
+            high.map(|x, u| to(x, paths.off_high(x, plus(x, u, t - 1.0)))),
+        ]
+    }
+
+    /// Where the trajectory through a point of one layer meets the slices below and above it, px of the padded image.
+    pub fn to_slices(&self, x: [f64; 2], from: &Place) -> [[f64; 2]; 2] {
+        [plus(x, from.paths.come.at(x), -1.0), plus(x, from.paths.go.at(x), 1.0)]
+    }
+
+    /// Where the trajectory that meets the slices around layer `from` at `[below, above]` is on another layer. Within an interval the way over
+    /// the lower slice passes smoothly into that over the upper one, so that it is C1 at the slices, and the same upside down.
+    pub fn carry(&self, [below, above]: [[f64; 2]; 2], from: &Place, to: &Place) -> [f64; 2] {
+        let off = |end: usize, slice: [f64; 2]| plus(slice, to.off[end].at(slice), 1.0);
         match from.interval.cmp(&to.interval) {
-            // From or to a slice there is one way.
-            Ordering::Equal if from.t == 0.0 || to.t == 0.0 => to.paths.off_low(below(), x),
-            Ordering::Equal if from.t == 1.0 || to.t == 1.0 => to.paths.off_high(above(), x),
             Ordering::Equal => {
-                let [a, b] = [to.paths.off_low(below(), x), to.paths.off_high(above(), x)];
-                [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
+                let ([a, b], w) = ([off(0, below), off(1, above)], smoothstep(from.t));
+                let v = smoothstep(1.0 - from.t);
+                [v * a[0] + w * b[0], v * a[1] + w * b[1]]
             }
             Ordering::Less => {
                 let step = |x, j: usize| plus(x, self.at_slices[j][0].at(x), 1.0);
-                let slice = (from.interval + 1..to.interval).fold(above(), step);
-                to.paths.off_low(slice, slice)
+                off(0, (from.interval + 1..to.interval).fold(above, step))
             }
             Ordering::Greater => {
                 let step = |x, j: usize| plus(x, self.at_slices[j][1].at(x), -1.0);
-                let slice = (to.interval + 1..from.interval).rev().fold(below(), step);
-                to.paths.off_high(slice, slice)
+                off(1, (to.interval + 1..from.interval).rev().fold(below, step))
             }
         }
     }

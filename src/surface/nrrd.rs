@@ -23,7 +23,7 @@ pub(super) fn write_voxels(out: &mut impl Write, body: &Reconstruction, content:
     for layer in body.output_layers() {
         bytes.clear();
         match content {
-            Content::Distance => bytes.extend(layer.phi.iter().flat_map(|v| v.to_le_bytes())),
+            Content::Distance => layer.phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes())),
             Content::Mask => bytes.extend(layer.phi.iter().map(|v| u8::from(*v < 0.0))),
         }
         out.write_all(&bytes)?;

@@ -77,7 +77,7 @@ pub fn hold_out(
     let rest = ContourStack { slices: of(&kept), z_out: None, ..stack.clone() };
     let heights: Vec<f64> = truth.iter().map(|s| s.z).collect();
     let mut found: Vec<Layer> = Vec::with_capacity(truth.len());
-    crate::reconstruct_into(&rest, &heights, settings, backend, progress, &mut |layer| {
+    crate::reconstruct_into(&rest, &heights, settings, backend, progress, &mut |layer: Layer| {
         if layer.output {
             found.push(layer);
         }

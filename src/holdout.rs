@@ -77,12 +77,20 @@ pub fn hold_out(
     let rest = ContourStack { slices: of(&kept), z_out: None, ..stack.clone() };
     let heights: Vec<f64> = truth.iter().map(|s| s.z).collect();
     let mut found: Vec<Layer> = Vec::with_capacity(truth.len());
-    crate::reconstruct_into(&rest, &heights, settings, backend, progress, &crate::Budget::unlimited(), &mut |layer| {
-        if layer.output {
-            found.push(layer);
-        }
-        Ok(())
-    })?;
+    crate::reconstruct_into(
+        &rest,
+        &heights,
+        settings,
+        backend,
+        progress,
+        &crate::Budget::unlimited(),
+        &mut |layer: Layer| {
+            if layer.output {
+                found.push(layer);
+            }
+            Ok(())
+        },
+    )?;
     let (mut out, mut both, mut sizes, mut distances) =
         (HoldOut { leave, ..HoldOut::default() }, 0, [0, 0], Vec::new());
     for (slice, layer) in truth.iter().zip(&found) {

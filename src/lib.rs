@@ -80,7 +80,7 @@ pub fn reconstruct_with(
     progress: &dyn Progress,
 ) -> Result<Reconstruction> {
     let mut layers = Vec::new();
-    let mut keep = |layer| {
+    let mut keep = |layer: surface::Layer| {
         layers.push(layer);
         Ok(())
     };
@@ -88,8 +88,8 @@ pub fn reconstruct_with(
     Ok(Reconstruction { layers, ..body })
 }
 
-/// The same within `budget`, with every layer handed to `sink` as soon as it is finished, lowest first, so that neither slices nor volume need
-/// fit in memory; the result has no layers and does not depend on the budget.
+/// The same within `budget`, with every layer handed to `sink` (a closure will do) as soon as it is finished, lowest first, so that neither
+/// slices nor volume need fit in memory; the result has no layers and does not depend on the budget.
 ///
 /// # Errors
 /// As [`reconstruct`]; what `sink` says; [`Error::Read`] or [`Error::Write`] of the temporary file beyond the budget.
@@ -100,7 +100,7 @@ pub fn reconstruct_into(
     backend: &dyn Backend,
     progress: &dyn Progress,
     budget: &Budget,
-    sink: &mut dyn FnMut(surface::Layer) -> Result<()>,
+    sink: &mut dyn surface::stream::LayerSink,
 ) -> Result<Reconstruction> {
     pipeline::run(stack, heights, settings, backend, progress, budget, sink)
 }

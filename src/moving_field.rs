@@ -155,7 +155,7 @@ impl MovingField {
 
     /// The ways back of `paths`, which are those through the layer at time `t` of interval `i`: from either slice to the layer.
     pub fn off_slices(&self, i: usize, t: f64, paths: &Paths) -> [Displacement; 2] {
-        let [low, high] = &self.at_slices[i];
+        let [low, high] = &*self.at_slices[i];
         let to = |x: [f64; 2], y: [f64; 2]| plus(y, x, -1.0);
         [
             low.map(|x, u| to(x, paths.off_low(x, plus(x, u, t)))),

@@ -120,10 +120,10 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     }
     let bars = Bars::default();
     let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
-    let mut body = loaded.compute(chosen.backend(), progress)?;
+    let mut body = loaded.compute(chosen.backend(), progress, &mut outputs)?;
     body.report.backend_reason = Some(chosen.reason.clone());
     body.report.profile = chosen.profile();
-    outputs.complete(&mut body, &loaded.options.output)?;
+    outputs.complete(&mut body.report)?;
     if telling != Telling::Quiet {
         body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
     }

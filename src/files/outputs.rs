@@ -1,7 +1,7 @@
 //! Output files: opened before the work starts under a temporary name beside their target, renamed when all are complete. Whatever
 //! fails before leaves what the user had as it was.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
@@ -9,10 +9,13 @@ use serde::{Deserialize, Serialize};
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
-use crate::surface::mesh::{Mesh, closed_surface};
-use crate::surface::nrrd::Content;
-use crate::surface::render::{RenderOptions, write_png};
-use crate::surface::{Reconstruction, heightmap, mesh_files, nifti, nrrd};
+use crate::report::Report;
+use crate::surface::heightmap::HeightMapWriter;
+use crate::surface::mesh_files::{ListedWriter, StlWriter};
+use crate::surface::render::{PictureWriter, RenderOptions};
+use crate::surface::stream::{BodyStream, BodyWriter, Ending, Failed, Header, LayerSink, Needs};
+use crate::surface::volume::Content;
+use crate::surface::{Layer, nifti, nrrd};
 
 /// What a file holds, by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,9 +92,11 @@ pub enum Temporary {
 }
 
 /// Open outputs.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Outputs {
     files: Vec<Pending>,
+    /// The body on its way into the files.
+    stream: Option<BodyStream<'static>>,
 }
 
 #[derive(Debug)]
@@ -125,7 +130,7 @@ impl Outputs {
         if path.is_dir() {
             return fail("is a folder".into());
         }
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder(path);
         let mut builder = tempfile::Builder::new();
         builder.prefix(".interslice-").suffix(".tmp");
         let fixed;
@@ -148,28 +153,33 @@ impl Outputs {
         Ok(())
     }
 
-    /// Whether any output needs the mesh.
-    fn need_mesh(&self) -> bool {
-        self.files
-            .iter()
-            .any(|f| matches!(f.format, Format::Stl | Format::Ply | Format::Obj | Format::Png | Format::Report))
+    /// Takes the layers of a body and writes them under temporary names.
+    pub fn sink<'o>(&'o mut self, options: &'o OutputOptions) -> impl LayerSink + 'o {
+        Sink { outputs: self, options }
     }
 
-    /// Writes everything under temporary names. Where an output needs the surface, its volume and area are put into the report.
+    /// Completes everything under temporary names, when the last layer has come. Where an output needs the surface, its volume and area are
+    /// put into the report.
     ///
     /// # Errors
     /// [`Error::Write`].
-    pub fn complete(&mut self, body: &mut Reconstruction, options: &OutputOptions) -> Result<()> {
-        let mesh = if self.need_mesh() { measured_surface(body) } else { Mesh::default() };
-        for pending in &mut self.files {
-            let fail = |source| Error::Write { path: pending.target.clone(), source };
-            let mut out = BufWriter::with_capacity(1 << 20, pending.file.as_file_mut());
-            write_one(&mut out, pending.format, body, &mesh, options).map_err(fail)?;
-            out.flush().map_err(fail)?;
-            drop(out);
-            pending.file.as_file().sync_all().map_err(fail)?;
+    pub fn complete(&mut self, report: &mut Report) -> Result<()> {
+        if let Some(stream) = self.stream.take() {
+            stream.finish(report).map_err(|failed| self.failed(failed))?;
+        }
+        for pending in &self.files {
+            pending
+                .file
+                .as_file()
+                .sync_all()
+                .map_err(|source| Error::Write { path: pending.target.clone(), source })?;
         }
         Ok(())
+    }
+
+    fn failed(&self, (number, source): Failed) -> Error {
+        // There are as many writers as files.
+        Error::Write { path: self.files.get(number).map(|f| f.target.clone()).unwrap_or_default(), source }
     }
 
     /// The outputs and the temporary files that will become them.
@@ -192,35 +202,71 @@ impl Outputs {
     }
 }
 
-/// The surface, with its measures put into the report.
-fn measured_surface(body: &mut Reconstruction) -> Mesh {
-    let mesh = closed_surface(body);
-    body.report.volume = Some(mesh.volume());
-    body.report.area = Some(mesh.area());
-    mesh
+/// Layers on their way into the files.
+struct Sink<'o> {
+    outputs: &'o mut Outputs,
+    options: &'o OutputOptions,
 }
 
-fn write_one(
-    out: &mut (impl Write + Seek),
-    format: Format,
-    body: &Reconstruction,
-    mesh: &Mesh,
-    options: &OutputOptions,
-) -> io::Result<()> {
+impl LayerSink for Sink<'_> {
+    fn begin(&mut self, header: &Header) -> Result<()> {
+        self.outputs.stream = None;
+        let mut writers = Vec::new();
+        for pending in &mut self.outputs.files {
+            let writer = writer(pending, header, self.options);
+            writers.push(writer.map_err(|source| Error::Write { path: pending.target.clone(), source })?);
+        }
+        let folder = self.outputs.files.first().map_or(Path::new("."), |f| folder(&f.target));
+        self.outputs.stream = Some(BodyStream::new(header, writers, folder));
+        Ok(())
+    }
+
+    fn layer(&mut self, layer: Layer) -> Result<()> {
+        match &mut self.outputs.stream {
+            Some(stream) => stream.layer(&layer).map_err(|failed| self.outputs.failed(failed)),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The folder of a file.
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// The writer of a file, from its beginning.
+fn writer(pending: &mut Pending, header: &Header, options: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
+    let mut file = pending.file.as_file().try_clone()?;
+    file.set_len(0)?;
+    file.rewind()?;
+    let out = BufWriter::with_capacity(1 << 20, file);
     let content = if options.mask { Content::Mask } else { Content::Distance };
-    match format {
-        Format::Nrrd => nrrd::write(out, body, content),
-        Format::Nifti { gzip } => nifti::write(out, body, content, gzip),
-        Format::Stl => mesh_files::write_stl(out, mesh),
-        Format::Ply => mesh_files::write_ply(out, mesh),
-        Format::Obj => mesh_files::write_obj(out, mesh),
+    Ok(match pending.format {
+        Format::Nrrd => Box::new(nrrd::writer(out, header, content)?),
+        Format::Nifti { gzip } => Box::new(nifti::writer(out, header, content, gzip)?),
+        Format::Stl => Box::new(StlWriter::new(out)?),
+        Format::Ply => Box::new(ListedWriter::ply(out)),
+        Format::Obj => Box::new(ListedWriter::obj(out)),
         Format::Png => {
-            write_png(out, body, mesh, RenderOptions { contours: options.contours, ..RenderOptions::default() })
+            let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };
+            Box::new(PictureWriter::new(out, header, options))
         }
-        Format::Tiff => heightmap::write_tiff(out, body),
-        Format::Report => {
-            serde_json::to_writer_pretty(&mut *out, &body.report)?;
-            out.write_all(b"\n")
-        }
+        Format::Tiff => Box::new(HeightMapWriter::new(out, header)),
+        Format::Report => Box::new(ReportWriter(out)),
+    })
+}
+
+/// Writes the report, at the end.
+struct ReportWriter(BufWriter<File>);
+
+impl BodyWriter for ReportWriter {
+    fn needs(&self) -> Needs {
+        Needs::Surface
+    }
+
+    fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
+        serde_json::to_writer_pretty(&mut self.0, end.report)?;
+        self.0.write_all(b"\n")?;
+        self.0.flush()
     }
 }

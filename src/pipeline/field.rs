@@ -12,6 +12,7 @@ use crate::jobs::Tile;
 use crate::moving_field::LoneParts;
 use crate::report::IntervalReport;
 use crate::shelf::Shelf;
+use crate::surface::stream::LayerSink;
 use crate::topology::{Decided, match_components};
 
 /// What the stages before the layers have made.
@@ -28,7 +29,7 @@ impl<'a> Run<'a> {
         &mut self,
         contours: &Shelf<'a, Contour>,
         heights: &[f64],
-        sink: &mut Sink<'_>,
+        sink: &mut dyn LayerSink,
     ) -> Result<[f64; 2]> {
         self.tell_events(contours)?;
         let moving = self.moving(contours)?;
@@ -41,6 +42,8 @@ impl<'a> Run<'a> {
         let ends = self.ends(contours, [&first?, &second?], Some(&moving))?;
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = Heights::new(self.stack, heights, extent)?;
+        sink.begin(&self.header(&heights, extent))?;
+        let sink: &mut Sink<'_> = &mut |layer| sink.layer(layer);
         let lone = self.lone_parts(contours, &moving)?;
         let made = Made { moving, slopes, lone, ends };
         self.stage("layers", heights.all.len(), |run| {

@@ -26,6 +26,7 @@ use crate::report::IntervalReport;
 use crate::settings::Motion;
 use crate::shelf::Shelf;
 use crate::surface::Layer;
+use crate::surface::stream::LayerSink;
 use crate::topology::Decided;
 use crate::tracks::{self, Side, Sides, trace_job};
 use crate::trust::Trust;
@@ -118,7 +119,7 @@ impl<'a> Run<'a> {
         &mut self,
         contours: &Shelf<'a, Contour>,
         heights: &[f64],
-        sink: &mut Sink<'_>,
+        sink: &mut dyn LayerSink,
     ) -> Result<[f64; 2]> {
         let count = contours.len() - 1;
         let moving = match self.settings.motion {
@@ -144,6 +145,8 @@ impl<'a> Run<'a> {
         let ends = self.ends(contours, [&fitted[0], &fitted[count]], moving.as_ref())?;
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = Heights::new(self.stack, heights, extent)?;
+        sink.begin(&self.header(&heights, extent))?;
+        let sink: &mut Sink<'_> = &mut |layer| sink.layer(layer);
         let beside = match &moving {
             None => None,
             Some(moving) => {

@@ -7,7 +7,19 @@ use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
 use crate::moving_field::{Cells, LoneParts, MovingField};
 use crate::progress::Progress;
 use crate::settings::{AntiAlias, Settings};
+use crate::shelf::Budget;
 use crate::stack::SliceContent;
+
+/// What a run may use.
+#[derive(Clone, Copy)]
+pub struct Means<'a> {
+    /// Who computes.
+    pub backend: &'a dyn Backend,
+    /// Who is told.
+    pub progress: &'a dyn Progress,
+    /// How much may be in memory.
+    pub budget: &'a Budget,
+}
 
 /// A slice on the padded image.
 #[derive(Debug, Clone)]

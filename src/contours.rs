@@ -7,7 +7,7 @@ use crate::jobs::Tile;
 use crate::shelf::{Array, Large};
 
 /// One input contour on the padded image.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Contour {
     /// Height.
     pub z: f64,

@@ -7,7 +7,7 @@
 use crate::shelf::{Array, Large};
 
 /// A scalar field on a tile, row-major.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Field {
     /// Pixels `[nx, ny]`.
     pub dims: [usize; 2],

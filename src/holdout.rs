@@ -2,11 +2,12 @@
 
 use serde::Serialize;
 
-use crate::backend::Backend;
+use crate::backend::{Backend, Means};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::reference::exact::exact_distance;
 use crate::settings::Settings;
+use crate::shelf::Budget;
 use crate::stack::{ContourStack, Slice};
 use crate::surface::Layer;
 
@@ -77,20 +78,13 @@ pub fn hold_out(
     let rest = ContourStack { slices: of(&kept), z_out: None, ..stack.clone() };
     let heights: Vec<f64> = truth.iter().map(|s| s.z).collect();
     let mut found: Vec<Layer> = Vec::with_capacity(truth.len());
-    crate::reconstruct_into(
-        &rest,
-        &heights,
-        settings,
-        backend,
-        progress,
-        &crate::Budget::unlimited(),
-        &mut |layer: Layer| {
-            if layer.output {
-                found.push(layer);
-            }
-            Ok(())
-        },
-    )?;
+    let means = Means { backend, progress, budget: &Budget::unlimited() };
+    crate::reconstruct_into(&rest, &heights, settings, &means, &mut |layer: Layer| {
+        if layer.output {
+            found.push(layer);
+        }
+        Ok(())
+    })?;
     let (mut out, mut both, mut sizes, mut distances) =
         (HoldOut { leave, ..HoldOut::default() }, 0, [0, 0], Vec::new());
     for (slice, layer) in truth.iter().zip(&found) {

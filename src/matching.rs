@@ -14,7 +14,7 @@ use crate::shelf::{Array, Large};
 use crate::topology::{Decided, Group, match_components};
 
 /// An interval's groups and unmatched parts.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Interval {
     /// Groups that morph.
     pub groups: Vec<GroupFields>,
@@ -84,6 +84,7 @@ struct Plan {
 }
 
 /// What an interval asks of the backend: its groups and its lone parts.
+#[derive(Default)]
 pub struct IntervalPlan {
     plans: Vec<Plan>,
     lone: [LonePlan; 2],
@@ -143,6 +144,7 @@ impl IntervalPlan {
 }
 
 /// Solid parts of a contour, each by itself on its own tile, before the backend has answered.
+#[derive(Default)]
 struct LonePlan {
     direction: Direction,
     parts: Vec<(Tile, Vec<u32>)>,

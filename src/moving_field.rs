@@ -67,6 +67,17 @@ impl MovingField {
     /// What follows from fields and displacements.
     pub fn new(heights: Vec<f64>, px: f64, fields: Vec<Arc<Field>>, displacements: Vec<Displacement>) -> Self {
         let gaps = even_gaps(&heights);
+        MovingField::with_gaps(heights, gaps, px, fields, displacements)
+    }
+
+    /// The same for some slices of a stack, of whose gaps these are some.
+    pub fn with_gaps(
+        heights: Vec<f64>,
+        gaps: Vec<f64>,
+        px: f64,
+        fields: Vec<Arc<Field>>,
+        displacements: Vec<Displacement>,
+    ) -> Self {
         let at_slices: Vec<Arc<[Displacement; 2]>> = displacements.iter().map(|v| Arc::new(v.at_slices())).collect();
         let last = heights.len() - 1;
         let gap = |i: usize| gaps[i];

@@ -6,7 +6,7 @@ use interslice::links::Link;
 use interslice::progress::Silent;
 use interslice::settings::{Method, Motion};
 use interslice::surface::Layer;
-use interslice::{Backend, Budget, ContourStack, Reference, Settings, height_grid, reconstruct_into};
+use interslice::{Backend, Budget, ContourStack, Means, Reference, Settings, height_grid, reconstruct_into};
 use shapes::*;
 
 /// Nothing stays in memory, one thing is worked on at once.
@@ -23,11 +23,12 @@ fn little(stack: &ContourStack) -> Budget {
 fn run(stack: &ContourStack, settings: &Settings, backend: &dyn Backend, budget: &Budget) -> (Vec<Layer>, String) {
     let heights = height_grid(stack, settings, None).heights().expect("a grid");
     let mut layers = Vec::new();
-    let mut keep = |layer| {
+    let mut keep = |layer: Layer| {
         layers.push(layer);
         Ok(())
     };
-    let body = reconstruct_into(stack, &heights, settings, backend, &Silent, budget, &mut keep).expect("a valid stack");
+    let body = reconstruct_into(stack, &heights, settings, &Means { backend, progress: &Silent, budget }, &mut keep)
+        .expect("a valid stack");
     let mut report = body.report;
     report.stages.clear();
     (layers, format!("{report:?}"))

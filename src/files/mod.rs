@@ -11,7 +11,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::backend::Backend;
+use crate::backend::{Backend, Means};
 use crate::error::{Error, Result};
 use crate::links::LinkOptions;
 use crate::progress::Progress;
@@ -100,14 +100,7 @@ impl Loaded {
         outputs: &mut Outputs,
     ) -> Result<Reconstruction> {
         let mut sink = outputs.sink(&self.options.output);
-        reconstruct_into(
-            &self.stack,
-            &self.heights,
-            &self.options.settings,
-            backend,
-            progress,
-            &Budget::unlimited(),
-            &mut sink,
-        )
+        let means = Means { backend, progress, budget: &Budget::unlimited() };
+        reconstruct_into(&self.stack, &self.heights, &self.options.settings, &means, &mut sink)
     }
 }

@@ -36,20 +36,21 @@ impl<'a> Run<'a> {
         self.see_links(contours, Some(&moving))?;
         let slopes = self.slopes(&moving)?;
         let last = contours.len() - 1;
-        let fitted = |i: usize| Ok(Fitted::of_field(&*contours.get(i)?, &*slopes.get(i)?));
-        let fitted: [Result<Fitted>; 2] = [0, last].map(fitted);
-        let [first, second] = fitted;
-        let ends = self.ends(contours, [&first?, &second?], Some(&moving))?;
+        let fitted = |i: usize, end: usize| match self.span.ends[end] {
+            true => Ok(Fitted::of_field(&*contours.get(i)?, &*slopes.get(i)?)),
+            false => Ok(Fitted::default()),
+        };
+        let fitted: [Result<Fitted>; 2] = [fitted(0, 0), fitted(last, 1)];
+        let [bottom, top] = fitted;
+        let ends = self.ends(contours, [&bottom?, &top?], Some(&moving))?;
         let extent = ends.each_ref().map(|end| end.extent);
-        let heights = Heights::new(self.stack, heights, extent)?;
+        let heights = self.heights(heights, extent)?;
         sink.begin(&self.header(&heights, extent))?;
         let sink: &mut Sink<'_> = &mut |layer| sink.layer(layer);
         let lone = self.lone_parts(contours, &moving)?;
         let made = Made { moving, slopes, lone, ends };
         self.stage("layers", heights.all.len(), |run| {
-            run.faired(contours, Some(&made.moving), &heights, sink, |run, sink| {
-                run.layers(contours, &made, &heights, sink)
-            })
+            run.faired(contours, Some(&made.moving), sink, |run, sink| run.layers(contours, &made, &heights, sink))
         })?;
         Ok(extent)
     }
@@ -78,11 +79,10 @@ impl<'a> Run<'a> {
         sink: &mut Sink<'_>,
     ) -> Result<()> {
         let Made { moving, slopes, lone, ends } = made;
-        let last = contours.len() - 1;
         let limit = self.settings.margin() as f64;
         self.below(contours, ends, heights, sink)?;
         let at_once = 2 * rayon::current_num_threads();
-        for i in 0..last {
+        for i in self.span.layers.clone() {
             sink(self.contour_layer(&heights.contours[i], &*contours.get(i)?, i))?;
             let (low, high) = (contours.light(i).z, contours.light(i + 1).z);
             let (frame, lone) = (moving.interval(i)?, lone.get(i)?);

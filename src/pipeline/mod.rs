@@ -10,25 +10,27 @@ mod links;
 mod morph;
 mod moving;
 
+use std::ops::Range;
 use std::time::Instant;
 
 use rayon::prelude::*;
 
 use self::links::IntervalLinks;
 use self::moving::MovingStack;
-use crate::backend::{Backend, ContourOptions, PaddedSlice};
+use crate::backend::{Backend, ContourOptions, Means, PaddedSlice};
 use crate::compose::{Canvas, differing_pixels};
 use crate::contours::Contour;
 use crate::ends::{End, EndSpec, end};
 use crate::error::{Error, Result};
 use crate::fairing::{self, Fairing};
 use crate::fit::Fitted;
-use crate::heights::{Height, Heights, check};
+use crate::heights::{Height, Heights, check, median};
 use crate::jobs::Direction;
 use crate::links as user_links;
-use crate::moving_field::{self, STEPS};
+use crate::moving_field::{self, STEPS, even_gaps};
 use crate::progress::Progress;
 use crate::report::{ContourReport, Report, StageReport};
+use crate::section::Section;
 use crate::settings::{Method, Settings, SlopeRule};
 use crate::shelf::{Budget, Shelf};
 use crate::stack::ContourStack;
@@ -47,6 +49,8 @@ struct Run<'a> {
     backend: &'a dyn Backend,
     progress: &'a dyn Progress,
     budget: &'a Budget,
+    /// What of the stack is made here.
+    span: Span,
     /// Pixel size in units of its larger side.
     h: [f64; 2],
     /// Length of a pixel's larger side in the stack's unit.
@@ -63,9 +67,52 @@ struct Run<'a> {
 /// Takes finished layers, lowest first.
 type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
 
-/// Counts the pixels of contours that differ from the input, layer by layer on the way to the sink.
+/// A section, its intervals and slices numbered as in the run, and what it must know of the whole stack.
+struct Span {
+    /// Intervals whose layers are kept.
+    kept: Range<usize>,
+    /// Intervals whose layers are computed.
+    layers: Range<usize>,
+    /// Intervals that are traced.
+    traced: Range<usize>,
+    /// Number of the run's first slice in the stack.
+    first: usize,
+    /// Whether the run's layers begin and end where the stack does.
+    ends: [bool; 2],
+    /// Gaps of the intervals, as the whole stack rounds them.
+    gaps: Vec<f64>,
+    /// Median gap of the whole stack.
+    gap: f64,
+    /// Median step between all layers.
+    step: f64,
+}
+
+impl Span {
+    fn new(stack: &ContourStack, section: &Section, heights: &[f64]) -> Self {
+        let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
+        let first = section.slices.start;
+        let here = |r: &Range<usize>| r.start - first..r.end - first;
+        let intervals = first..section.slices.end - 1;
+        Span {
+            kept: here(&section.kept),
+            layers: here(&section.layers),
+            traced: here(&section.traced),
+            first,
+            ends: [section.layers.start == 0, section.layers.end == z.len() - 1],
+            gaps: even_gaps(&z)[intervals].to_vec(),
+            gap: median(z.windows(2).map(|w| w[1] - w[0]).collect()),
+            step: Heights::median_step(&z, heights),
+        }
+    }
+}
+
+/// Hands on the layers that are kept, and counts the pixels of contours that differ from the input.
 struct Certified<'a> {
     stack: &'a ContourStack,
+    /// Heights from the first on and below the second are kept.
+    kept: [f64; 2],
+    /// Number of the run's first slice.
+    first: usize,
     differing: Vec<usize>,
     sink: &'a mut dyn LayerSink,
 }
@@ -75,16 +122,21 @@ impl LayerSink for Certified<'_> {
         self.sink.begin(header)
     }
 
-    fn layer(&mut self, layer: Layer) -> Result<()> {
+    fn layer(&mut self, mut layer: Layer) -> Result<()> {
+        if !(layer.z >= self.kept[0] && layer.z < self.kept[1]) {
+            return Ok(());
+        }
         if let Some(i) = layer.contour {
             let content = &self.stack.slices[i].content;
             self.differing[i] = differing_pixels(&layer.phi, |n| content.inside(n));
+            layer.contour = Some(self.first + i);
         }
         self.sink.layer(layer)
     }
 }
 
-/// Reconstructs `stack` at `heights` (increasing, unit of the stack) within `budget` and hands every layer to `sink`; the result itself has none.
+/// Reconstructs a section of `stack` at `heights` (increasing, unit of the stack) and hands every layer to `sink`; the result itself has none.
+/// Its report has the section's contours, both ends included, and its intervals.
 ///
 /// # Errors
 /// Wrong input or settings before anything is computed; a backend's failure; [`Error::Numerics`] for a value that is not a number; what
@@ -93,15 +145,23 @@ pub fn run(
     stack: &ContourStack,
     heights: &[f64],
     settings: &Settings,
-    backend: &dyn Backend,
-    progress: &dyn Progress,
-    budget: &Budget,
+    section: &Section,
+    means: &Means<'_>,
     sink: &mut dyn LayerSink,
 ) -> Result<Reconstruction> {
+    let &Means { backend, progress, budget } = means;
     stack.validate()?;
     settings.validate()?;
     check(stack, heights, settings)?;
     user_links::check(stack, &settings.links).map_err(|message| Error::Setting { name: "links".into(), message })?;
+    let span = Span::new(stack, section, heights);
+    let kept = [
+        if section.kept.start == 0 { f64::NEG_INFINITY } else { stack.slices[section.kept.start].z },
+        if section.kept.end + 1 == stack.slices.len() { f64::INFINITY } else { stack.slices[section.kept.end].z },
+    ];
+    let (whole, asked) = (stack, settings);
+    let (stack, settings, heights) =
+        (&section.stack(stack), &section.settings(settings), &section.heights(stack, heights));
     let px = stack.spacing[0].max(stack.spacing[1]);
     let overshoots = matches!(settings.slope, SlopeRule::Natural | SlopeRule::Catmull);
     let margin = settings.margin() + if overshoots { OVERSHOOT } else { 0 };
@@ -111,6 +171,7 @@ pub fn run(
         backend,
         progress,
         budget,
+        span,
         h: stack.spacing.map(|s| s / px),
         px,
         pad: settings.margin() + OVERSHOOT,
@@ -118,7 +179,7 @@ pub fn run(
         links: Vec::new(),
         report: Report {
             version: env!("CARGO_PKG_VERSION").into(),
-            settings: settings.clone(),
+            settings: asked.clone(),
             backend: backend.name(),
             dims: stack.dims,
             spacing: stack.spacing,
@@ -128,7 +189,8 @@ pub fn run(
     };
     let contours = run.stage("distance", stack.slices.len(), Run::distance)?;
     run.find_links(&contours)?;
-    let mut certified = Certified { stack, differing: vec![0; stack.slices.len()], sink };
+    let first = run.span.first;
+    let mut certified = Certified { stack, kept, first, differing: vec![0; stack.slices.len()], sink };
     let extent = match settings.method {
         Method::Morph => run.morph(&contours, heights, &mut certified)?,
         Method::Field => run.field(&contours, heights, &mut certified)?,
@@ -141,11 +203,14 @@ pub fn run(
         run.report.warnings.push(format!("the backend has changed on the way: {done_by}"));
         run.report.backend = done_by;
     }
+    let kept = run.span.kept.clone();
+    run.report.contours = run.report.contours.drain(kept.start..=kept.end).collect();
+    run.report.intervals = run.report.intervals.drain(kept).collect();
     Ok(Reconstruction {
-        dims: stack.dims,
-        spacing: stack.spacing,
-        unit: stack.unit.clone(),
-        geometry: stack.geometry,
+        dims: whole.dims,
+        spacing: whole.spacing,
+        unit: whole.unit.clone(),
+        geometry: whole.geometry,
         extent,
         layers: Vec::new(),
         report: run.report,
@@ -169,6 +234,15 @@ impl<'a> Run<'a> {
         let output: Vec<f64> = heights.all.iter().filter(|x| x.output).map(|x| x.z).collect();
         let grid = Header::grid(&output, *spacing);
         Header { dims: *dims, spacing: *spacing, unit: unit.clone(), geometry: *geometry, extent, grid }
+    }
+
+    /// All heights of the run.
+    fn heights(&self, output: &[f64], extent: [f64; 2]) -> Result<Heights> {
+        if self.span.ends == [true; 2] {
+            return Heights::new(self.stack, output, extent);
+        }
+        let z: Vec<f64> = self.stack.slices.iter().map(|s| s.z).collect();
+        Ok(Heights::merged(&z, output, extent))
     }
 
     /// Runs one stage, telling listeners and taking its time.
@@ -231,21 +305,19 @@ impl<'a> Run<'a> {
         &mut self,
         contours: &Shelf<'a, Contour>,
         moving: Option<&MovingStack<'a>>,
-        heights: &Heights,
         sink: &mut Sink<'_>,
         make: impl FnOnce(&mut Self, &mut Sink<'_>) -> Result<()>,
     ) -> Result<()> {
         if self.settings.fair == 0.0 {
             return make(self, sink);
         }
-        let mut steps: Vec<f64> = heights.all.windows(2).map(|w| w[1].z - w[0].z).collect();
-        steps.sort_by(f64::total_cmp);
         let mut fairing = Fairing::new(fairing::Spec {
             moving: moving.map(|moving| (&moving.frame, self.pad)),
             contours: self.stack.slices.iter().map(|s| s.z).collect(),
             dims: self.stack.dims,
             spacing: self.stack.spacing,
-            dz: steps.get(steps.len() / 2).copied().unwrap_or(0.0),
+            gap: self.span.gap,
+            dz: self.span.step,
             alpha: self.settings.fair,
             clamped: [self.settings.clamp_bottom, self.settings.clamp_top].map(|m| m.is_some()),
             shares: self.fairing_shares(contours)?,
@@ -264,6 +336,9 @@ impl<'a> Run<'a> {
         let last = contours.len() - 1;
         let mut warnings = Vec::new();
         let mut make = |at: usize, next: usize, direction, rule| {
+            if !self.span.ends[usize::from(at > 0)] {
+                return Ok(End::cut(contours.light(at).z));
+            }
             let contour = contours.get(at)?;
             let fitted = fitted[usize::from(at > 0)];
             let whole = moving.map(|m| fitted.with_motion(&contour, &m.frame.rates[at], self.h, 1.0));
@@ -295,6 +370,9 @@ impl<'a> Run<'a> {
         heights: &Heights,
         sink: &mut Sink<'_>,
     ) -> Result<()> {
+        if !self.span.ends[0] {
+            return Ok(());
+        }
         let first = contours.get(0)?;
         let mut below = heights.all.iter().filter(|x| x.z < first.z);
         below.try_for_each(|x| sink(self.layer(x, ends[0].layer(x.z, &first, self.canvas()))))
@@ -308,9 +386,12 @@ impl<'a> Run<'a> {
         heights: &Heights,
         sink: &mut Sink<'_>,
     ) -> Result<()> {
-        let number = contours.len() - 1;
+        let number = self.span.layers.end;
         let last = contours.get(number)?;
         sink(self.contour_layer(&heights.contours[number], &last, number))?;
+        if !self.span.ends[1] {
+            return Ok(());
+        }
         let mut above = heights.all.iter().filter(|x| x.z > last.z);
         above.try_for_each(|x| sink(self.layer(x, ends[1].layer(x.z, &last, self.canvas()))))
     }

@@ -144,7 +144,7 @@ impl<'a> Run<'a> {
         }
         let ends = self.ends(contours, [&fitted[0], &fitted[count]], moving.as_ref())?;
         let extent = ends.each_ref().map(|end| end.extent);
-        let heights = Heights::new(self.stack, heights, extent)?;
+        let heights = self.heights(heights, extent)?;
         sink.begin(&self.header(&heights, extent))?;
         let sink: &mut Sink<'_> = &mut |layer| sink.layer(layer);
         let beside = match &moving {
@@ -156,7 +156,7 @@ impl<'a> Run<'a> {
         };
         let made = Made { contours, beside, seen, parted, intervals, sides, fitted, ends };
         self.stage("propagate", jobs, |run| {
-            run.faired(contours, moving.as_ref(), &heights, sink, |run, sink| run.propagate(&made, &heights, sink))
+            run.faired(contours, moving.as_ref(), sink, |run, sink| run.propagate(&made, &heights, sink))
         })?;
         Ok(extent)
     }
@@ -175,8 +175,12 @@ impl<'a> Run<'a> {
         let (mut moved, mut all_parted) = (Shelf::new(self.budget), Vec::with_capacity(count));
         // Two contours as they are and as the frame sees them.
         let at_once = self.budget.at_once(count, 8 * self.field_bytes());
-        for first in (0..count).step_by(at_once) {
-            let some = first..(first + at_once).min(count);
+        let traced = self.span.traced.clone();
+        let none = |moved: &mut Shelf<'a, Contour>| [(); 2].iter().try_for_each(|()| moved.push(Contour::default()));
+        (0..traced.start).try_for_each(|_| none(&mut moved))?;
+        all_parted.resize(traced.start, Pairs::new());
+        for first in traced.clone().step_by(at_once) {
+            let some = first..(first + at_once).min(traced.end);
             let of_interval = |i: usize| {
                 let own = [contours.get(i)?, contours.get(i + 1)?];
                 let frame = moving.middle(i);
@@ -189,6 +193,8 @@ impl<'a> Run<'a> {
                 all_parted.push(made.1);
             }
         }
+        (traced.end..count).try_for_each(|_| none(&mut moved))?;
+        all_parted.resize(count, Pairs::new());
         Ok((SeenStack { contours, moved: Some(moved) }, all_parted))
     }
 
@@ -197,9 +203,13 @@ impl<'a> Run<'a> {
         let mut intervals = Shelf::new(self.budget);
         // Both contours, both ends of all groups, cut and answered.
         let at_once = self.budget.at_once(count, 8 * self.field_bytes());
+        let traced = self.span.traced.clone();
         for first in (0..count).step_by(at_once) {
             let some = first..(first + at_once).min(count);
             let plan = |i: usize| {
+                if !traced.contains(&i) {
+                    return Ok((IntervalPlan::default(), [0.0; 2]));
+                }
                 let [low, high] = seen.get(i)?;
                 let plan = IntervalPlan::new(&low, &high, &Decided::parting(parted[i].clone()), margin);
                 Ok((plan, [low.z, high.z]))
@@ -235,8 +245,8 @@ impl<'a> Run<'a> {
         let mut sides = vec![Sides::default(); count + 1];
         // Both ends of all groups, and what a morph of each keeps.
         let at_once = self.budget.at_once(count, 10 * self.field_bytes());
-        for first in (0..count).step_by(at_once) {
-            let some = first..(first + at_once).min(count);
+        for first in self.span.traced.clone().step_by(at_once) {
+            let some = first..(first + at_once).min(self.span.traced.end);
             let loaded = some.clone().map(|i| intervals.get(i)).collect::<Result<Vec<_>>>()?;
             let mut jobs = Vec::new();
             let mut owners = Vec::new();
@@ -458,7 +468,7 @@ impl<'a> Run<'a> {
         let most = self.budget.working(CHUNK_BYTES);
         let mut out: Vec<Range<usize>> = Vec::new();
         let mut filled = 0;
-        for i in 0..intervals.len() {
+        for i in self.span.layers.clone() {
             let nodes: usize = intervals.light(i).groups.iter().map(|g| g.tile.len()).sum();
             let bytes = size_of::<f32>() * nodes * heights.between(i).len();
             match out.last_mut() {

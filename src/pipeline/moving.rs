@@ -13,11 +13,9 @@ use crate::matching::lone_solids;
 use crate::motion::Frame;
 use crate::moving_field::{LEAST_DEPTH, LoneParts, MovingField, drawn_in};
 use crate::reference::displacement::ROUNDS;
+use crate::section::NEIGHBOURS;
 use crate::settings::Motion;
 use crate::shelf::Shelf;
-
-/// Slices that a slope reads on either side of its own.
-const SLOPE_HALO: usize = 2;
 
 /// The stack in its moving frame.
 pub(super) struct MovingStack<'b> {
@@ -53,13 +51,16 @@ impl<'a> Run<'a> {
             let displacements = match run.settings.motion {
                 Motion::Field => {
                     let guess = run.frames(contours)?;
-                    run.displacements(&fields, &z, &guess)?
+                    run.displacements(&fields, &guess)?
                 }
                 Motion::Rigid => run.frames(contours)?,
                 Motion::None => vec![Displacement::zero(run.padded()); z.len() - 1],
             };
             run.progress.advance(z.len() - 1);
-            Ok(MovingStack { frame: MovingField::new(z, run.px, Vec::new(), displacements), fields })
+            Ok(MovingStack {
+                frame: MovingField::with_gaps(z, run.span.gaps.clone(), run.px, Vec::new(), displacements),
+                fields,
+            })
         })
     }
 
@@ -81,8 +82,8 @@ impl<'a> Run<'a> {
 
     /// Displacements of all intervals: all rounds together where the fields fit into memory, else round by round a few intervals at a time,
     /// with one to either side that takes part.
-    fn displacements(&self, fields: &Shelf<'a, Field>, z: &[f64], guess: &[Displacement]) -> Result<Vec<Displacement>> {
-        let gaps = crate::moving_field::even_gaps(z);
+    fn displacements(&self, fields: &Shelf<'a, Field>, guess: &[Displacement]) -> Result<Vec<Displacement>> {
+        let gaps = &self.span.gaps;
         let count = gaps.len();
         let load = |slices: Range<usize>| slices.map(|i| fields.get(i)).collect::<Result<Vec<Arc<Field>>>>();
         // A field, the same clipped, and what is known of its blocks.
@@ -90,7 +91,7 @@ impl<'a> Run<'a> {
         if at_once == count {
             let job = DisplacementJob {
                 fields: &load(0..count + 1)?,
-                gaps: &gaps,
+                gaps,
                 guess,
                 begin: guess,
                 rounds: 0..ROUNDS.len(),
@@ -121,16 +122,18 @@ impl<'a> Run<'a> {
         Ok(current)
     }
 
-    /// Slopes of the fields of all slices.
+    /// Slopes of the fields of all slices beside layers.
     pub(super) fn slopes(&mut self, moving: &MovingStack<'a>) -> Result<Shelf<'a, Field>> {
         let count = moving.fields.len();
         self.stage("slopes", count, |run| {
             let mut slopes = Shelf::new(run.budget);
             let at_once = run.budget.at_once(count, 2 * run.field_bytes());
-            let own = if at_once == count { count } else { at_once.saturating_sub(2 * SLOPE_HALO).max(1) };
-            for first in (0..count).step_by(own) {
-                let end = (first + own).min(count);
-                let around = first.saturating_sub(SLOPE_HALO)..(end + SLOPE_HALO).min(count);
+            let own = if at_once == count { count } else { at_once.saturating_sub(2 * NEIGHBOURS).max(1) };
+            let wanted = run.span.layers.start..run.span.layers.end + 1;
+            (0..wanted.start).try_for_each(|_| slopes.push(Field::default()))?;
+            for first in wanted.clone().step_by(own) {
+                let end = (first + own).min(wanted.end);
+                let around = first.saturating_sub(NEIGHBOURS)..(end + NEIGHBOURS).min(count);
                 let found = run.backend.moving_slopes(&moving.part(around.clone())?, run.progress)?;
                 found.into_iter().skip(first - around.start).take(end - first).try_for_each(|f| slopes.push(f))?;
             }
@@ -145,7 +148,8 @@ impl<'a> Run<'a> {
         moving: &MovingStack<'a>,
     ) -> Result<Shelf<'a, LoneParts>> {
         let mut out = Shelf::new(self.budget);
-        for i in 0..contours.len() - 1 {
+        (0..self.span.layers.start).try_for_each(|_| out.push(LoneParts::default()))?;
+        for i in self.span.layers.clone() {
             let [low, high] = [Direction::Up, Direction::Down].map(|direction| {
                 let (own, other, way) = match direction {
                     Direction::Up => (i, i + 1, 1.0),

@@ -6,6 +6,7 @@
 
 pub mod named;
 pub mod outputs;
+pub mod pending;
 
 use std::path::Path;
 
@@ -84,7 +85,7 @@ impl Loaded {
         Ok(Loaded { stack, heights, options })
     }
 
-    /// Bytes of memory the reconstruction needs at most.
+    /// Bytes of memory the reconstruction needs at most, without its outputs.
     pub fn bytes(&self) -> u64 {
         memory::estimate_bytes(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
     }

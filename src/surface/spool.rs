@@ -84,6 +84,11 @@ impl Spool {
         slab.triangles.as_flattened().iter().try_for_each(|v| self.file.write_all(&v.to_le_bytes()))
     }
 
+    /// Whether it has left memory.
+    pub fn is_on_disk(&self) -> bool {
+        self.file.get_ref().is_rolled()
+    }
+
     /// Passes over all slabs: the number of the first vertex of the slab below, that slab, the slab.
     fn pass(&mut self, each: &mut dyn FnMut(u64, &Slab, &Slab) -> io::Result<()>) -> io::Result<()> {
         let file = self.file.get_mut();

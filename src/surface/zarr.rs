@@ -74,7 +74,7 @@ impl<T: Element + Copy + Send + Sync> ZarrWriter<T> {
         let group = GroupBuilder::new().attributes(attributes(body, content)).build(store.clone(), "/");
         group.map_err(io::Error::other)?.store_metadata().map_err(io::Error::other)?;
         let [nx, ny] = body.dims;
-        let chunk = [depth(nx * ny, size_of::<T>()), CHUNK[1].min(ny), CHUNK[2].min(nx)];
+        let chunk = [depth(nx * ny, size_of::<T>()).min(body.grid.count.max(1)), CHUNK[1].min(ny), CHUNK[2].min(nx)];
         let shape = [body.grid.count, ny, nx].map(|n| n as u64).to_vec();
         let chunks = chunk.map(|n| n as u64);
         let mut builder = match content {

@@ -14,7 +14,8 @@ use super::results::{Certificate, ResultLine, Status, Written};
 use super::runner::{Batch, Outcome};
 use crate::error::{Error, Result};
 use crate::files::Loaded;
-use crate::files::outputs::{Outputs, Temporary};
+use crate::files::outputs::{self, Outputs};
+use crate::files::pending::Temporary;
 use crate::progress::Silent;
 use crate::surface::Reconstruction;
 
@@ -61,7 +62,8 @@ impl<'a> Batch<'a> {
             if fingerprint(job, &self.options.machine)? != print {
                 return Err(Error::Format { path: job.input.clone(), message: "has changed while it was read".into() });
             }
-            let permit = self.gate.pass(loaded.bytes())?;
+            let writing = outputs::bytes(job.targets.iter().map(|t| t.as_path()), loaded.stack.dims);
+            let permit = self.gate.pass(loaded.bytes() + writing)?;
             for target in &job.targets {
                 let folder = target.parent().unwrap_or(Path::new("."));
                 fs::create_dir_all(folder)

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use clap::ArgMatches;
-use interslice::files::outputs::{OutputOptions, Outputs, Temporary};
+use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::pending::Temporary;
 use interslice::files::{JobOptions, Loaded};
 use interslice::links::LinkOptions;
 use interslice::stack::ReadOptions;
@@ -18,8 +19,8 @@ pub struct Arguments {
     /// Folder with stack.json, or a .nrrd, .nii, .nii.gz label volume
     input: PathBuf,
 
-    /// Output file, by extension: .nrrd .nii .nii.gz (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map), .json (report);
-    /// repeatable
+    /// Output file, by extension: .nrrd .nii .nii.gz .zarr (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map), .json
+    /// (report); repeatable
     #[arg(short, long = "output", value_name = "FILE")]
     outputs: Vec<PathBuf>,
 
@@ -112,7 +113,7 @@ pub fn set_threads(threads: Option<usize>) -> Result<()> {
 
 /// One reconstruction, from a checked stack to its files.
 pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions, telling: Telling) -> Result<()> {
-    memory::check(loaded.bytes())?;
+    memory::check(loaded.bytes() + outputs.bytes(loaded.stack.dims))?;
     let notice = |message: &str| eprintln!("warning: {message}");
     let chosen = choose(device, &notice)?;
     if telling != Telling::Quiet {

@@ -6,6 +6,8 @@
 
 pub mod named;
 pub mod outputs;
+pub mod pending;
+pub mod section_file;
 
 use std::path::Path;
 
@@ -84,7 +86,7 @@ impl Loaded {
         Ok(Loaded { stack, heights, options })
     }
 
-    /// Bytes of memory the reconstruction needs at most.
+    /// Bytes of memory the reconstruction needs at most, without its outputs.
     pub fn bytes(&self) -> u64 {
         memory::estimate_bytes(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
     }

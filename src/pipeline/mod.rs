@@ -250,7 +250,7 @@ impl<'a> Run<'a> {
         self.progress.begin(name, total);
         let start = Instant::now();
         let result = work(self);
-        self.report.stages.push(StageReport { name, seconds: start.elapsed().as_secs_f64() });
+        self.report.stages.push(StageReport { name: name.into(), seconds: start.elapsed().as_secs_f64() });
         self.progress.end();
         result
     }

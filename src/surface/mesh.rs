@@ -60,6 +60,11 @@ pub struct Vertex {
     pub normal: [f64; 3],
 }
 
+/// Is shown vertices.
+pub type EachVertex<'e> = dyn FnMut(&Vertex) -> io::Result<()> + 'e;
+/// Is shown triangles: numbers of their corners, and these.
+pub type EachTriangle<'e> = dyn FnMut([u64; 3], [&Vertex; 3]) -> io::Result<()> + 'e;
+
 /// A mesh that a writer reads in as many passes as its format needs, so that it need not be in memory.
 pub trait MeshSource {
     /// Number of vertices and of triangles.
@@ -69,13 +74,13 @@ pub trait MeshSource {
     ///
     /// # Errors
     /// Those of reading; what `each` says.
-    fn vertices(&mut self, each: &mut dyn FnMut(&Vertex) -> io::Result<()>) -> io::Result<()>;
+    fn vertices(&mut self, each: &mut EachVertex<'_>) -> io::Result<()>;
 
-    /// One pass over all triangles: numbers of their corners, and these.
+    /// One pass over all triangles.
     ///
     /// # Errors
     /// Those of reading; what `each` says.
-    fn triangles(&mut self, each: &mut dyn FnMut([u64; 3], [&Vertex; 3]) -> io::Result<()>) -> io::Result<()>;
+    fn triangles(&mut self, each: &mut EachTriangle<'_>) -> io::Result<()>;
 }
 
 impl MeshSource for &Mesh {
@@ -83,12 +88,12 @@ impl MeshSource for &Mesh {
         [self.positions.len() as u64, self.triangles.len() as u64]
     }
 
-    fn vertices(&mut self, each: &mut dyn FnMut(&Vertex) -> io::Result<()>) -> io::Result<()> {
+    fn vertices(&mut self, each: &mut EachVertex<'_>) -> io::Result<()> {
         let normals = self.normals();
         self.positions.iter().zip(normals).try_for_each(|(&position, normal)| each(&Vertex { position, normal }))
     }
 
-    fn triangles(&mut self, each: &mut dyn FnMut([u64; 3], [&Vertex; 3]) -> io::Result<()>) -> io::Result<()> {
+    fn triangles(&mut self, each: &mut EachTriangle<'_>) -> io::Result<()> {
         let vertex = |(&position, normal)| Vertex { position, normal };
         let vertices: Vec<Vertex> = self.positions.iter().zip(self.normals()).map(vertex).collect();
         self.triangles.iter().try_for_each(|t| each(t.map(u64::from), t.map(|v| &vertices[v as usize])))

@@ -58,6 +58,11 @@ impl<W: Write + Seek> StlWriter<W> {
         self.out.seek(SeekFrom::End(0))?;
         self.out.flush()
     }
+
+    /// What it was written into.
+    pub fn into_inner(self) -> W {
+        self.out
+    }
 }
 
 impl<W: Write + Seek + Send> BodyWriter for StlWriter<W> {

@@ -11,6 +11,8 @@ pub mod render;
 pub mod spool;
 pub mod stream;
 pub mod volume;
+#[cfg(feature = "zarr")]
+pub mod zarr;
 
 use crate::report::Report;
 use crate::stack::Geometry;

@@ -7,7 +7,7 @@ use std::path::Path;
 use tempfile::SpooledTempFile;
 
 use super::marching::Piece;
-use super::mesh::{MeshSource, Vertex, cross, sub, unit};
+use super::mesh::{EachTriangle, EachVertex, MeshSource, Vertex, cross, sub, unit};
 
 /// Bytes kept in memory.
 pub(crate) const IN_MEMORY: usize = 64 << 20;
@@ -84,6 +84,11 @@ impl Spool {
         slab.triangles.as_flattened().iter().try_for_each(|v| self.file.write_all(&v.to_le_bytes()))
     }
 
+    /// Whether it has left memory.
+    pub fn is_on_disk(&self) -> bool {
+        self.file.get_ref().is_rolled()
+    }
+
     /// Passes over all slabs: the number of the first vertex of the slab below, that slab, the slab.
     fn pass(&mut self, each: &mut dyn FnMut(u64, &Slab, &Slab) -> io::Result<()>) -> io::Result<()> {
         let file = self.file.get_mut();
@@ -132,11 +137,11 @@ impl MeshSource for Spool {
         self.counts
     }
 
-    fn vertices(&mut self, each: &mut dyn FnMut(&Vertex) -> io::Result<()>) -> io::Result<()> {
+    fn vertices(&mut self, each: &mut EachVertex<'_>) -> io::Result<()> {
         self.pass(&mut |_, _, slab| slab.vertices.iter().try_for_each(&mut *each))
     }
 
-    fn triangles(&mut self, each: &mut dyn FnMut([u64; 3], [&Vertex; 3]) -> io::Result<()>) -> io::Result<()> {
+    fn triangles(&mut self, each: &mut EachTriangle<'_>) -> io::Result<()> {
         self.pass(&mut |start, below, slab| {
             let of = |v: u32| {
                 let v = v as usize;

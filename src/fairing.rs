@@ -13,7 +13,8 @@ use rayon::prelude::*;
 
 use crate::displacement::{BLOCK, Displacement};
 use crate::error::Result;
-use crate::moving_field::{MovingField, Place, upright};
+use crate::moving_field::{Place, upright};
+use crate::moving_stack::MovingStack;
 use crate::spline::smoothstep;
 use crate::surface::Layer;
 
@@ -30,10 +31,9 @@ const NEAR: f32 = 0.4;
 const SATURATED: f32 = 0.85;
 
 /// What fairing needs to know of a stack.
-#[derive(Debug, Clone)]
 pub struct Spec<'m> {
     /// The frame in which layers follow each other, and the padding of its image.
-    pub moving: Option<(&'m MovingField, usize)>,
+    pub moving: Option<(&'m MovingStack<'m>, usize)>,
     /// Heights of the contours, increasing.
     pub contours: Vec<f64>,
     /// Pixels of a layer.
@@ -92,7 +92,7 @@ impl<'m> Fairing<'m> {
     /// What `sink` says.
     pub fn push(&mut self, layer: Layer, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
         let (z, contour) = (layer.z, layer.contour);
-        let place = self.spec.moving.map(|(moving, _)| moving.place(z));
+        let place = self.spec.moving.map(|(moving, _)| moving.place(z)).transpose()?;
         self.kept.push_back(Kept { z, place, contour, layer: Some(layer), v: Vec::new(), gradient: Vec::new() });
         let Some(ready) = self.kept.len().checked_sub(2) else { return Ok(()) };
         self.transform(ready);
@@ -191,7 +191,7 @@ impl<'m> Fairing<'m> {
 
     /// Blocks of layer `k` that are read where its surface is near, and where their trajectories meet the slices around it.
     fn near_surface(&self, k: usize) -> Vec<Near> {
-        let (Some((moving, pad)), Some(place)) = (self.spec.moving, &self.kept[k].place) else { return Vec::new() };
+        let (Some((_, pad)), Some(place)) = (self.spec.moving, &self.kept[k].place) else { return Vec::new() };
         let still = Displacement::zero(self.spec.dims);
         let mut near = vec![false; still.vectors.len()];
         let nx = self.spec.dims[0];
@@ -208,17 +208,21 @@ impl<'m> Fairing<'m> {
                 }
             }
         }
-        let slices = |block: usize| moving.to_slices(still.centre(block).map(|x| x + pad as f64), place);
+        let slices = |block: usize| place.to_slices(still.centre(block).map(|x| x + pad as f64));
         (0..near.len()).filter(|&block| near[block]).map(|block| (block, slices(block))).collect()
     }
 
     /// Offsets of the trajectories from layer `k` to layer `l` in the blocks `near`, px of the image; `None` where they stand still.
     fn offsets(&self, k: usize, l: usize, near: &[Near]) -> Option<Displacement> {
-        let (moving, pad) = self.spec.moving.filter(|_| k != l)?;
+        let (_, pad) = self.spec.moving.filter(|_| k != l)?;
         let (from, to) = (self.kept[k].place.as_ref()?, self.kept[l].place.as_ref()?);
+        // The lowest layer of every interval between both is among those that wait.
+        let intervals = from.interval.min(to.interval) + 1..from.interval.max(to.interval);
+        let of = |i| self.kept.iter().filter_map(|kept| kept.place.as_ref()).find(|place| place.interval == i);
+        let between: Vec<&[Displacement; 2]> = intervals.filter_map(of).map(|place| &*place.at_slices).collect();
         let mut offsets = Displacement::zero(self.spec.dims);
         for &(block, slices) in near {
-            let (x, y) = (offsets.centre(block), moving.carry(slices, from, to));
+            let (x, y) = (offsets.centre(block), from.carry(slices, to, &between));
             offsets.vectors[block] = [0, 1].map(|a| y[a] - pad as f64 - x[a]);
         }
         Some(offsets)

@@ -29,6 +29,7 @@ mod matching;
 pub mod memory;
 mod motion;
 pub mod moving_field;
+mod moving_stack;
 pub mod parts;
 mod pipeline;
 pub mod progress;

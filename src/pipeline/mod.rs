@@ -16,7 +16,6 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use self::links::IntervalLinks;
-use self::moving::MovingStack;
 use crate::backend::{Backend, ContourOptions, Means, PaddedSlice};
 use crate::compose::{Canvas, differing_pixels};
 use crate::contours::Contour;
@@ -28,6 +27,7 @@ use crate::heights::{Height, Heights, check, median};
 use crate::jobs::Direction;
 use crate::links as user_links;
 use crate::moving_field::{self, STEPS, even_gaps};
+use crate::moving_stack::MovingStack;
 use crate::progress::Progress;
 use crate::report::{ContourReport, Report, StageReport};
 use crate::section::Section;
@@ -288,16 +288,31 @@ impl<'a> Run<'a> {
         contours: &Shelf<'_, Contour>,
         make: impl Fn(usize, [&Contour; 2]) -> T + Sync,
     ) -> Result<Vec<T>> {
+        let mut out = Vec::with_capacity(contours.len() - 1);
+        self.for_pairs(contours, make, |made| {
+            out.push(made);
+            Ok(())
+        })?;
+        Ok(out)
+    }
+
+    /// The same, taken one by one in order.
+    fn for_pairs<T: Send>(
+        &self,
+        contours: &Shelf<'_, Contour>,
+        make: impl Fn(usize, [&Contour; 2]) -> T + Sync,
+        mut take: impl FnMut(T) -> Result<()>,
+    ) -> Result<()> {
         let count = contours.len() - 1;
         let at_once = self.budget.at_once(count, 4 * self.field_bytes());
-        let mut out = Vec::with_capacity(count);
         for first in (0..count).step_by(at_once) {
             let end = (first + at_once).min(count);
             let some = (first..=end).map(|i| contours.get(i)).collect::<Result<Vec<_>>>()?;
             let pair = |i: usize| make(first + i, [&*some[i], &*some[i + 1]]);
-            out.par_extend((0..end - first).into_par_iter().map(pair));
+            let made: Vec<T> = (0..end - first).into_par_iter().map(pair).collect();
+            made.into_iter().try_for_each(&mut take)?;
         }
-        Ok(out)
+        Ok(())
     }
 
     /// Runs `make`, whose layers reach `sink` faired if that is wanted.
@@ -312,7 +327,7 @@ impl<'a> Run<'a> {
             return make(self, sink);
         }
         let mut fairing = Fairing::new(fairing::Spec {
-            moving: moving.map(|moving| (&moving.frame, self.pad)),
+            moving: moving.map(|moving| (moving, self.pad)),
             contours: self.stack.slices.iter().map(|s| s.z).collect(),
             dims: self.stack.dims,
             spacing: self.stack.spacing,
@@ -341,7 +356,8 @@ impl<'a> Run<'a> {
             }
             let contour = contours.get(at)?;
             let fitted = fitted[usize::from(at > 0)];
-            let whole = moving.map(|m| fitted.with_motion(&contour, &m.frame.rates[at], self.h, 1.0));
+            let rate = moving.map(|m| m.rate(at)).transpose()?;
+            let whole = rate.map(|rate| fitted.with_motion(&contour, &rate, self.h, 1.0));
             let gap = (contour.z - contours.light(next).z).abs();
             let spec = EndSpec {
                 contour: &contour,

@@ -15,10 +15,10 @@ use super::devices::{DeviceOptions, choose, tell_profile};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, or a .nrrd, .nii, .nii.gz label volume
+    /// Folder with stack.json, or a label volume: .nrrd, .nii, .nii.gz, .mha, .mhd, .tif (pages, OME-TIFF), .npy
     input: PathBuf,
 
-    /// Output file, by extension: .nrrd .nii .nii.gz (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map), .json (report);
+    /// Output file, by extension: .nrrd .nii .nii.gz .mha (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map), .json (report);
     /// repeatable
     #[arg(short, long = "output", value_name = "FILE")]
     outputs: Vec<PathBuf>,

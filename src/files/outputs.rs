@@ -9,16 +9,18 @@ use serde::{Deserialize, Serialize};
 use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
+use crate::stack::ContourStack;
 use crate::surface::mesh::{Mesh, closed_surface};
-use crate::surface::nrrd::Content;
 use crate::surface::render::{RenderOptions, write_png};
-use crate::surface::{Reconstruction, heightmap, mesh_files, nifti, nrrd};
+use crate::surface::voxels::Content;
+use crate::surface::{Reconstruction, heightmap, mesh_files, mha, nifti, nrrd};
 
 /// What a file holds, by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Format {
     Nrrd,
     Nifti { gzip: bool },
+    Mha,
     Stl,
     Ply,
     Obj,
@@ -27,7 +29,7 @@ enum Format {
     Report,
 }
 
-const KNOWN: &str = ".nrrd, .nii, .nii.gz, .stl, .ply, .obj, .png (picture), .tif (height map), .json (report)";
+const KNOWN: &str = ".nrrd, .nii, .nii.gz, .mha, .stl, .ply, .obj, .png (picture), .tif (height map), .json (report)";
 
 impl Format {
     fn of(path: &Path) -> Result<Self> {
@@ -37,6 +39,7 @@ impl Format {
         }
         match name.rsplit_once('.').map(|(_, extension)| extension) {
             Some("nrrd") => Ok(Format::Nrrd),
+            Some("mha") => Ok(Format::Mha),
             Some("nii") => Ok(Format::Nifti { gzip: false }),
             Some("stl") => Ok(Format::Stl),
             Some("ply") => Ok(Format::Ply),
@@ -70,6 +73,10 @@ pub struct OutputOptions {
     #[arg(long, value_name = "HEIGHT")]
     pub dz: Option<f64>,
 
+    /// Output heights as far apart as the smaller pixel side, whatever the input says
+    #[arg(long, conflicts_with = "dz")]
+    pub isotropic: bool,
+
     /// Volumes hold 8-bit masks instead of signed distances
     #[arg(long)]
     pub mask: bool,
@@ -77,6 +84,14 @@ pub struct OutputOptions {
     /// Draw the input contours into pictures
     #[arg(long)]
     pub contours: bool,
+}
+
+impl OutputOptions {
+    /// Distance between output heights, where the options say it.
+    pub fn step(&self, stack: &ContourStack) -> Option<f64> {
+        let [dx, dy] = stack.spacing;
+        if self.isotropic { Some(dx.min(dy)) } else { self.dz }
+    }
 }
 
 /// Names of temporary files.
@@ -211,6 +226,7 @@ fn write_one(
     match format {
         Format::Nrrd => nrrd::write(out, body, content),
         Format::Nifti { gzip } => nifti::write(out, body, content, gzip),
+        Format::Mha => mha::write(out, body, content),
         Format::Stl => mesh_files::write_stl(out, mesh),
         Format::Ply => mesh_files::write_ply(out, mesh),
         Format::Obj => mesh_files::write_obj(out, mesh),

@@ -3,9 +3,13 @@
 //! One reader per format; each gives a [`ContourStack`]. Numerics see only this type and know nothing of files.
 
 pub mod folder;
+pub mod mha;
 pub mod nifti;
+pub mod npy;
 pub mod nrrd;
+mod ome;
 pub mod options;
+pub mod pages;
 pub mod read;
 pub mod volume;
 
@@ -99,11 +103,13 @@ pub struct Geometry {
     pub origin: [f64; 3],
     /// Unit vectors of the row direction (x), the column direction (y) and the stacking direction (z).
     pub axes: [[f64; 3]; 3],
+    /// Which axis of the input each of them is: volumes are written in the input's order, whatever axis its slices lie across.
+    pub order: [usize; 3],
 }
 
 impl Default for Geometry {
     fn default() -> Self {
-        Geometry { origin: [0.0; 3], axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] }
+        Geometry { origin: [0.0; 3], axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], order: [0, 1, 2] }
     }
 }
 

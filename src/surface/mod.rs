@@ -4,9 +4,11 @@ mod cases;
 pub mod heightmap;
 pub mod mesh;
 pub mod mesh_files;
+pub mod mha;
 pub mod nifti;
 pub mod nrrd;
 pub mod render;
+pub mod voxels;
 
 use crate::report::Report;
 use crate::stack::Geometry;

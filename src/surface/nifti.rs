@@ -6,8 +6,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 
 use super::Reconstruction;
-use super::mesh::to_world;
-use super::nrrd::{Content, write_voxels};
+use super::voxels::{Content, VoxelGrid, write_voxels};
 
 /// Size of header and empty extension block.
 const DATA_OFFSET: usize = 352;
@@ -31,12 +30,12 @@ pub fn write(mut out: impl Write, body: &Reconstruction, content: Content, gzip:
 }
 
 fn header(body: &Reconstruction, content: Content) -> io::Result<Vec<u8>> {
-    let (count, first, step) = body.output_grid();
+    let grid = VoxelGrid::of(body);
     let mut h = vec![0u8; DATA_OFFSET];
     let mut put = |at: usize, bytes: &[u8]| h[at..at + bytes.len()].copy_from_slice(bytes);
     put(0, &348i32.to_le_bytes());
     let mut dim = [3i16, 0, 0, 0, 1, 1, 1, 1];
-    for (slot, n) in dim[1..4].iter_mut().zip([body.dims[0], body.dims[1], count]) {
+    for (slot, n) in dim[1..4].iter_mut().zip(grid.dims) {
         *slot = i16::try_from(n).map_err(|_| {
             io::Error::new(
                 io::ErrorKind::InvalidInput,
@@ -48,9 +47,8 @@ fn header(body: &Reconstruction, content: Content) -> io::Result<Vec<u8>> {
     let (datatype, bits) = if content == Content::Distance { (16i16, 32i16) } else { (2, 8) };
     put(70, &datatype.to_le_bytes());
     put(72, &bits.to_le_bytes());
-    let sides = [body.spacing[0], body.spacing[1], step];
     put(76, &1f32.to_le_bytes());
-    sides.iter().enumerate().for_each(|(k, s)| put(80 + 4 * k, &(*s as f32).to_le_bytes()));
+    grid.sides.iter().enumerate().for_each(|(k, s)| put(80 + 4 * k, &(*s as f32).to_le_bytes()));
     put(108, &(DATA_OFFSET as f32).to_le_bytes());
     put(112, &1f32.to_le_bytes()); // scl_slope
     let unit = match body.unit.as_str() {
@@ -61,11 +59,10 @@ fn header(body: &Reconstruction, content: Content) -> io::Result<Vec<u8>> {
     };
     put(123, &[unit]);
     put(254, &1i16.to_le_bytes()); // sform_code: scanner
-    let origin = to_world(&body.geometry, [0.0, 0.0, first]);
-    for (row, offset) in origin.iter().enumerate() {
+    for (row, offset) in grid.origin.iter().enumerate() {
         // LPS to RAS turns the first two axes.
         let sign = if row < 2 { -1.0 } else { 1.0 };
-        let columns = body.geometry.axes.iter().zip(sides).map(|(axis, side)| axis[row] * side);
+        let columns = grid.axes.iter().zip(grid.sides).map(|(axis, side)| axis[row] * side);
         for (column, v) in columns.chain([*offset]).enumerate() {
             put(280 + 16 * row + 4 * column, &((sign * v) as f32).to_le_bytes());
         }

@@ -32,7 +32,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 /// A number without the tail that binary fractions leave.
 pub fn short(v: f64) -> f64 {
-    format!("{v:.9}").parse().unwrap_or(v)
+    format!("{v:.9}").parse().unwrap_or(v) + 0.0 // no -0
 }
 
 /// What a colleague would say about the stack.

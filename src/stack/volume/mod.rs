@@ -207,7 +207,7 @@ impl Volume {
     }
 }
 
-/// The header of a volume, which may be no larger than `most` bytes beside its voxels.
+/// A file whose header is to be read.
 pub(super) fn open(path: &Path) -> Result<std::io::BufReader<std::fs::File>> {
     let file = std::fs::File::open(path).map_err(|source| Error::Read { path: path.into(), source })?;
     Ok(std::io::BufReader::new(file))

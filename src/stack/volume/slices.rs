@@ -7,13 +7,16 @@ use crate::error::{Error, Result};
 use crate::stack::options::ReadOptions;
 use crate::stack::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
 
+/// Labels that a message names.
+const NAMED: usize = 12;
+
 /// The chosen slices of the chosen label. Heights are distances along the axis from the volume's first slice, and the volume's own slices
 /// are the output grid. Pixels run along the other two axes in the file's order.
 ///
 /// # Errors
 /// [`Error::Setting`] for slices that are not there; [`Error::Format`] where none of them is painted; those of [`Volume::labels`].
 pub fn stack(volume: &Volume, survey: &Survey, choice: &Choice, options: &ReadOptions) -> Result<ContourStack> {
-    let chosen = chosen(volume, &survey.painted[choice.axis], options)?;
+    let chosen = chosen(volume, survey, choice.axis, options)?;
     let axis = choice.axis;
     let [u, v] = [[1, 2], [0, 2], [0, 1]][axis];
     let grid = &volume.grid;
@@ -40,7 +43,8 @@ pub fn stack(volume: &Volume, survey: &Survey, choice: &Choice, options: &ReadOp
     })
 }
 
-fn chosen(volume: &Volume, painted: &[bool], options: &ReadOptions) -> Result<Vec<usize>> {
+fn chosen(volume: &Volume, survey: &Survey, axis: usize, options: &ReadOptions) -> Result<Vec<usize>> {
+    let painted = &survey.painted[axis];
     let count = painted.len();
     let setting = |name: &str, message: String| Err(Error::Setting { name: name.into(), message });
     let chosen: Vec<usize> = match (&options.slices, options.keep) {
@@ -59,7 +63,14 @@ fn chosen(volume: &Volume, painted: &[bool], options: &ReadOptions) -> Result<Ve
     };
     if !chosen.iter().any(|&k| painted[k]) {
         let label = options.label.map_or("a non-zero label".into(), |l| format!("label {l}"));
-        let message = format!("none of the {} chosen slices has {label}", chosen.len());
+        let there: Vec<String> = survey.labels.keys().take(NAMED).map(i64::to_string).collect();
+        let more = if survey.labels.len() > NAMED { ", ..." } else { "" };
+        let message = match there[..] {
+            [] => format!("none of the {} chosen slices has {label}: all voxels are 0", chosen.len()),
+            _ => {
+                format!("none of the {} chosen slices has {label}; labels are {}{more}", chosen.len(), there.join(", "))
+            }
+        };
         return Err(Error::Format { path: volume.path.clone(), message });
     }
     Ok(chosen)

@@ -234,7 +234,7 @@ fn four_axes_and_other_things_of_nifti() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ProptestConfig::with_cases(1500))]
 
     /// Whatever comes back of a damaged file, it comes back, and what is wrong is the input's fault.
     #[test]

@@ -78,7 +78,7 @@ pub fn reconstruct_with(
     progress: &dyn Progress,
 ) -> Result<Reconstruction> {
     let mut layers = Vec::new();
-    let mut keep = |layer| {
+    let mut keep = |layer: surface::Layer| {
         layers.push(layer);
         Ok(())
     };
@@ -86,8 +86,8 @@ pub fn reconstruct_with(
     Ok(Reconstruction { layers, ..body })
 }
 
-/// The same with every layer handed to `sink` as soon as it is finished, lowest first, so that the volume need not fit in memory; the result
-/// has no layers.
+/// The same with every layer handed to `sink` (a closure will do) as soon as it is finished, lowest first, so that the volume need not fit in
+/// memory; the result has no layers.
 ///
 /// # Errors
 /// As [`reconstruct`]; what `sink` says.
@@ -97,7 +97,7 @@ pub fn reconstruct_into(
     settings: &Settings,
     backend: &dyn Backend,
     progress: &dyn Progress,
-    sink: &mut dyn FnMut(surface::Layer) -> Result<()>,
+    sink: &mut dyn surface::stream::LayerSink,
 ) -> Result<Reconstruction> {
     pipeline::run(stack, heights, settings, backend, progress, sink)
 }

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use clap::ArgMatches;
-use interslice::files::outputs::{OutputOptions, Outputs, Temporary};
+use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::pending::Temporary;
 use interslice::files::{JobOptions, Loaded};
 use interslice::links::LinkOptions;
 use interslice::stack::ReadOptions;
@@ -18,8 +19,8 @@ pub struct Arguments {
     /// Folder with stack.json, or a label volume: .nrrd, .nii, .nii.gz, .mha, .mhd, .tif (pages, OME-TIFF), .npy
     input: PathBuf,
 
-    /// Output file, by extension: .nrrd .nii .nii.gz .mha (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map), .json (report);
-    /// repeatable
+    /// Output file, by extension: .nrrd .nii .nii.gz .mha .zarr (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map),
+    /// .json (report); repeatable
     #[arg(short, long = "output", value_name = "FILE")]
     outputs: Vec<PathBuf>,
 
@@ -112,7 +113,7 @@ pub fn set_threads(threads: Option<usize>) -> Result<()> {
 
 /// One reconstruction, from a checked stack to its files.
 pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions, telling: Telling) -> Result<()> {
-    memory::check(loaded.bytes())?;
+    memory::check(loaded.bytes() + outputs.bytes(&loaded.stack))?;
     let notice = |message: &str| eprintln!("warning: {message}");
     let chosen = choose(device, &notice)?;
     if telling != Telling::Quiet {
@@ -120,10 +121,10 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     }
     let bars = Bars::default();
     let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
-    let mut body = loaded.compute(chosen.backend(), progress)?;
+    let mut body = loaded.compute(chosen.backend(), progress, &mut outputs)?;
     body.report.backend_reason = Some(chosen.reason.clone());
     body.report.profile = chosen.profile();
-    outputs.complete(&mut body, &loaded.options.output)?;
+    outputs.complete(&mut body.report)?;
     if telling != Telling::Quiet {
         body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
     }

@@ -1,11 +1,12 @@
 //! From files to files: one reconstruction, as the command line or a line of a manifest asks for it.
 //!
 //! ```text
-//! Loaded::read -> Loaded::compute -> Outputs::complete -> Outputs::rename
+//! Loaded::read -> Loaded::compute (into Outputs::sink) -> Outputs::complete -> Outputs::rename
 //! ```
 
 pub mod named;
 pub mod outputs;
+pub mod pending;
 
 use std::path::Path;
 
@@ -18,8 +19,8 @@ use crate::progress::Progress;
 use crate::settings::Settings;
 use crate::stack::{ContourStack, ReadOptions, read};
 use crate::surface::Reconstruction;
-use crate::{height_grid, memory, reconstruct_with};
-use outputs::OutputOptions;
+use crate::{height_grid, memory, reconstruct_into};
+use outputs::{OutputOptions, Outputs};
 
 /// All that decides a result besides its input.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -87,16 +88,22 @@ impl Loaded {
         Ok(Loaded { stack, heights, options })
     }
 
-    /// Bytes of memory the reconstruction needs at most.
+    /// Bytes of memory the reconstruction needs at most, without its outputs.
     pub fn bytes(&self) -> u64 {
         memory::estimate_bytes(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
     }
 
-    /// Reconstructs the body.
+    /// Reconstructs the body and writes it into `outputs` layer by layer; the result has no layers.
     ///
     /// # Errors
-    /// As [`reconstruct_with`].
-    pub fn compute(&self, backend: &dyn Backend, progress: &dyn Progress) -> Result<Reconstruction> {
-        reconstruct_with(&self.stack, &self.heights, &self.options.settings, backend, progress)
+    /// As [`reconstruct_into`]; [`Error::Write`].
+    pub fn compute(
+        &self,
+        backend: &dyn Backend,
+        progress: &dyn Progress,
+        outputs: &mut Outputs,
+    ) -> Result<Reconstruction> {
+        let mut sink = outputs.sink(&self.options.output);
+        reconstruct_into(&self.stack, &self.heights, &self.options.settings, backend, progress, &mut sink)
     }
 }

@@ -14,6 +14,7 @@ use crate::jobs::{Direction, Tile};
 use crate::matching::lone_solids;
 use crate::moving_field::{LEAST_DEPTH, LoneParts, MovingField};
 use crate::report::IntervalReport;
+use crate::surface::stream::LayerSink;
 use crate::topology::{Decided, match_components};
 
 /// What the stages before the layers have made.
@@ -27,7 +28,12 @@ struct Made {
 
 impl Run<'_> {
     /// All stages after the distance; the heights at which the body ends.
-    pub(super) fn field(&mut self, contours: Vec<Contour>, heights: &[f64], sink: &mut Sink<'_>) -> Result<[f64; 2]> {
+    pub(super) fn field(
+        &mut self,
+        contours: Vec<Contour>,
+        heights: &[f64],
+        sink: &mut dyn LayerSink,
+    ) -> Result<[f64; 2]> {
         self.tell_events(&contours);
         let moving = self.moving(&contours)?;
         self.see_links(&contours, Some(&moving));
@@ -37,6 +43,8 @@ impl Run<'_> {
         let ends = self.ends(&contours, [&fitted[0], &fitted[1]], Some(&moving))?;
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = Heights::new(self.stack, heights, extent)?;
+        sink.begin(&self.header(&heights, extent))?;
+        let sink: &mut Sink<'_> = &mut |layer| sink.layer(layer);
         let lone = self.lone_parts(&contours, &moving)?;
         let made = Made { contours, moving, slopes, lone, ends };
         self.stage("layers", heights.all.len(), |run| {

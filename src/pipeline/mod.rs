@@ -30,6 +30,7 @@ use crate::progress::Progress;
 use crate::report::{ContourReport, Report, StageReport};
 use crate::settings::{Method, Motion, Settings, SlopeRule};
 use crate::stack::ContourStack;
+use crate::surface::stream::{Header, LayerSink};
 use crate::surface::{Layer, Reconstruction};
 
 /// Extra margin for rules whose curves overshoot their contours, px.
@@ -57,7 +58,28 @@ struct Run<'a> {
 }
 
 /// Takes finished layers, lowest first.
-pub type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
+type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
+
+/// Counts the pixels of contours that differ from the input, layer by layer on the way to the sink.
+struct Certified<'a> {
+    stack: &'a ContourStack,
+    differing: Vec<usize>,
+    sink: &'a mut dyn LayerSink,
+}
+
+impl LayerSink for Certified<'_> {
+    fn begin(&mut self, header: &Header) -> Result<()> {
+        self.sink.begin(header)
+    }
+
+    fn layer(&mut self, layer: Layer) -> Result<()> {
+        if let Some(i) = layer.contour {
+            let content = &self.stack.slices[i].content;
+            self.differing[i] = differing_pixels(&layer.phi, |n| content.inside(n));
+        }
+        self.sink.layer(layer)
+    }
+}
 
 /// Reconstructs `stack` at `heights` (increasing, unit of the stack) and hands every layer to `sink`; the result itself has none.
 ///
@@ -70,7 +92,7 @@ pub fn run(
     settings: &Settings,
     backend: &dyn Backend,
     progress: &dyn Progress,
-    sink: &mut Sink<'_>,
+    sink: &mut dyn LayerSink,
 ) -> Result<Reconstruction> {
     stack.validate()?;
     settings.validate()?;
@@ -101,18 +123,12 @@ pub fn run(
     };
     let contours = run.stage("distance", stack.slices.len(), Run::distance)?;
     run.find_links(&contours)?;
-    let mut differing = vec![0; stack.slices.len()];
-    let mut certified = |layer: Layer| {
-        if let Some(i) = layer.contour {
-            differing[i] = differing_pixels(&layer.phi, |n| stack.slices[i].content.inside(n));
-        }
-        sink(layer)
-    };
+    let mut certified = Certified { stack, differing: vec![0; stack.slices.len()], sink };
     let extent = match settings.method {
         Method::Morph => run.morph(contours, heights, &mut certified)?,
         Method::Field => run.field(contours, heights, &mut certified)?,
     };
-    run.report.contours.iter_mut().zip(differing).for_each(|(c, n)| c.differing_pixels = n);
+    run.report.contours.iter_mut().zip(certified.differing).for_each(|(c, n)| c.differing_pixels = n);
     let links = std::mem::take(&mut run.links);
     run.report.intervals.iter_mut().zip(links).for_each(|(interval, l)| interval.links = l.told);
     let done_by = backend.name();
@@ -132,6 +148,14 @@ pub fn run(
 }
 
 impl Run<'_> {
+    /// What is known before the first layer.
+    fn header(&self, heights: &Heights, extent: [f64; 2]) -> Header {
+        let ContourStack { dims, spacing, unit, geometry, .. } = self.stack;
+        let output: Vec<f64> = heights.all.iter().filter(|x| x.output).map(|x| x.z).collect();
+        let grid = Header::grid(&output, *spacing);
+        Header { dims: *dims, spacing: *spacing, unit: unit.clone(), geometry: *geometry, extent, grid }
+    }
+
     /// Runs one stage, telling listeners and taking its time.
     fn stage<T>(&mut self, name: &'static str, total: usize, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         self.progress.begin(name, total);

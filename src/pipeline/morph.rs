@@ -22,6 +22,7 @@ use crate::moving_field::{Cells, LoneParts, MovingField};
 use crate::report::IntervalReport;
 use crate::settings::Motion;
 use crate::surface::Layer;
+use crate::surface::stream::LayerSink;
 use crate::topology::Decided;
 use crate::tracks::{Side, Sides, sides, trace_job};
 use crate::trust::Trust;
@@ -84,7 +85,12 @@ impl Made<'_> {
 
 impl Run<'_> {
     /// All stages after the distance; the heights at which the body ends.
-    pub(super) fn morph(&mut self, contours: Vec<Contour>, heights: &[f64], sink: &mut Sink<'_>) -> Result<[f64; 2]> {
+    pub(super) fn morph(
+        &mut self,
+        contours: Vec<Contour>,
+        heights: &[f64],
+        sink: &mut dyn LayerSink,
+    ) -> Result<[f64; 2]> {
         let count = contours.len() - 1;
         let moving = match self.settings.motion {
             Motion::Field | Motion::Rigid => Some(self.moving(&contours)?),
@@ -116,6 +122,8 @@ impl Run<'_> {
         let ends = self.ends(&contours, [&fitted[0], &fitted[count]], moving.as_ref())?;
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = Heights::new(self.stack, heights, extent)?;
+        sink.begin(&self.header(&heights, extent))?;
+        let sink: &mut Sink<'_> = &mut |layer| sink.layer(layer);
         let beside = match &moving {
             None => None,
             Some(moving) => Some(self.stage("slopes", contours.len(), |run| {

@@ -131,6 +131,10 @@ impl ContourStack {
                 return Err(Error::Stack(format!("pixel spacing {axis} must be a positive number; got {h}")));
             }
         }
+        let order = self.geometry.order;
+        if !(0..3).all(|axis| order.contains(&axis)) {
+            return Err(Error::Stack(format!("the order of axes must have 0, 1 and 2; got {order:?}")));
+        }
         let mut below: Option<&Slice> = None;
         for (index, s) in self.slices.iter().enumerate() {
             let fail = |message| Err(Error::Slice { index, name: s.name.clone(), message });

@@ -1,36 +1,35 @@
 //! Volumes as NIfTI-1 (`.nii`, `.nii.gz`): float signed distance or 8-bit mask, geometry in the sform, RAS.
 
 use std::io::{self, Write};
+use std::path::Path;
 
-use flate2::Compression;
-use flate2::write::GzEncoder;
-
-use super::Reconstruction;
-use super::voxels::{Content, VoxelGrid, write_voxels};
+use super::stream::Header;
+use super::volume::{Coded, Content, VolumeWriter};
+use super::voxels::VoxelGrid;
 
 /// Size of header and empty extension block.
 const DATA_OFFSET: usize = 352;
 
-/// Writes the output layers, compressed where `gzip` says so.
+/// A writer of the output layers, compressed where `gzip` says so. Layers that lie across x or y of the volume wait in a nameless file in
+/// `folder`.
 ///
 /// # Errors
-/// Those of `out`; [`io::ErrorKind::InvalidInput`] where an axis has more than 32767 voxels, which the format cannot hold.
-pub fn write(mut out: impl Write, body: &Reconstruction, content: Content, gzip: bool) -> io::Result<()> {
-    let header = header(body, content)?;
-    if gzip {
-        let mut gz = GzEncoder::new(out, Compression::fast());
-        gz.write_all(&header)?;
-        write_voxels(&mut gz, body, content)?;
-        gz.finish()?.flush()
-    } else {
-        out.write_all(&header)?;
-        write_voxels(&mut out, body, content)?;
-        out.flush()
-    }
+/// Those of `out` and that file; [`io::ErrorKind::InvalidInput`] where an axis has more than 32767 voxels, which the format cannot hold.
+pub fn writer<W: Write>(
+    out: W,
+    body: &Header,
+    content: Content,
+    gzip: bool,
+    folder: &Path,
+) -> io::Result<VolumeWriter<W>> {
+    let grid = VoxelGrid::of(body);
+    let header = header(&grid, &body.unit, content)?;
+    let mut out = if gzip { Coded::gzip(out) } else { Coded::Raw(out) };
+    out.write_all(&header)?;
+    VolumeWriter::new(out, &grid, content, folder)
 }
 
-fn header(body: &Reconstruction, content: Content) -> io::Result<Vec<u8>> {
-    let grid = VoxelGrid::of(body);
+fn header(grid: &VoxelGrid, unit: &str, content: Content) -> io::Result<Vec<u8>> {
     let mut h = vec![0u8; DATA_OFFSET];
     let mut put = |at: usize, bytes: &[u8]| h[at..at + bytes.len()].copy_from_slice(bytes);
     put(0, &348i32.to_le_bytes());
@@ -51,7 +50,7 @@ fn header(body: &Reconstruction, content: Content) -> io::Result<Vec<u8>> {
     grid.sides.iter().enumerate().for_each(|(k, s)| put(80 + 4 * k, &(*s as f32).to_le_bytes()));
     put(108, &(DATA_OFFSET as f32).to_le_bytes());
     put(112, &1f32.to_le_bytes()); // scl_slope
-    let unit = match body.unit.as_str() {
+    let unit = match unit {
         "m" => 1u8,
         "mm" => 2,
         "um" | "µm" => 3,
@@ -62,7 +61,7 @@ fn header(body: &Reconstruction, content: Content) -> io::Result<Vec<u8>> {
     for (row, offset) in grid.origin.iter().enumerate() {
         // LPS to RAS turns the first two axes.
         let sign = if row < 2 { -1.0 } else { 1.0 };
-        let columns = grid.axes.iter().zip(grid.sides).map(|(axis, side)| axis[row] * side);
+        let columns = (0..3).map(|axis| grid.step(axis)[row]);
         for (column, v) in columns.chain([*offset]).enumerate() {
             put(280 + 16 * row + 4 * column, &((sign * v) as f32).to_le_bytes());
         }

@@ -1,23 +1,23 @@
 //! Volumes as NRRD with an attached header (teem's nrrd format 0004): float signed distance or 8-bit mask, gzip.
 
 use std::io::{self, Write};
+use std::path::Path;
 
-use flate2::Compression;
-use flate2::write::GzEncoder;
+use super::stream::Header;
+use super::volume::{Coded, Content, VolumeWriter};
+use super::voxels::VoxelGrid;
 
-use super::Reconstruction;
-use super::voxels::{Content, VoxelGrid, write_voxels};
-
-/// Writes the output layers. Space is left-posterior-superior; origin and directions place the volume where its input was.
+/// A writer of the output layers. Space is left-posterior-superior; origin and directions place the volume where its input was. Layers that
+/// lie across x or y of the volume wait in a nameless file in `folder`.
 ///
 /// # Errors
-/// Those of `out`.
-pub fn write(mut out: impl Write, body: &Reconstruction, content: Content) -> io::Result<()> {
+/// Those of `out` and that file.
+pub fn writer<W: Write>(mut out: W, body: &Header, content: Content, folder: &Path) -> io::Result<VolumeWriter<W>> {
     let grid = VoxelGrid::of(body);
     let vector = |v: [f64; 3]| format!("({},{},{})", v[0], v[1], v[2]);
-    let direction = |axis: usize| vector(grid.axes[axis].map(|v| v * grid.sides[axis]));
-    let kind = if content == Content::Distance { "float" } else { "uint8" };
+    let direction = |axis: usize| vector(grid.step(axis));
     let [nx, ny, nz] = grid.dims;
+    let kind = if content == Content::Distance { "float" } else { "uint8" };
     let unit = body.unit.replace(['"', '\n', '\r'], " ");
     write!(
         out,
@@ -30,7 +30,5 @@ pub fn write(mut out: impl Write, body: &Reconstruction, content: Content) -> io
         z = direction(2),
         origin = vector(grid.origin),
     )?;
-    let mut gzip = GzEncoder::new(out, Compression::fast());
-    write_voxels(&mut gzip, body, content)?;
-    gzip.finish()?.flush()
+    VolumeWriter::new(Coded::gzip(out), &grid, content, folder)
 }

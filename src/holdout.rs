@@ -2,11 +2,12 @@
 
 use serde::Serialize;
 
-use crate::backend::Backend;
+use crate::backend::{Backend, Means};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::reference::exact::exact_distance;
 use crate::settings::Settings;
+use crate::shelf::Budget;
 use crate::stack::{ContourStack, Slice};
 use crate::surface::Layer;
 
@@ -110,7 +111,8 @@ pub fn hold_out(
         });
         Ok(())
     };
-    crate::reconstruct_into(&rest, &heights, settings, backend, progress, &mut score)?;
+    let means = Means { backend, progress, budget: &Budget::unlimited() };
+    crate::reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
     out.dice = 2.0 * both as f64 / (sizes[0] + sizes[1]).max(1) as f64;
     out.surface_distance = distances.iter().sum::<f64>() / distances.len().max(1) as f64;
     out.volume_error_percent = excess(sizes);

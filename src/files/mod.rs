@@ -7,19 +7,20 @@
 pub mod named;
 pub mod outputs;
 pub mod pending;
+pub mod section_file;
 
 use std::path::Path;
 
 use serde::Serialize;
 
-use crate::backend::Backend;
+use crate::backend::{Backend, Means};
 use crate::error::{Error, Result};
 use crate::links::LinkOptions;
 use crate::progress::Progress;
 use crate::settings::Settings;
 use crate::stack::{ContourStack, ReadOptions, read};
 use crate::surface::Reconstruction;
-use crate::{height_grid, memory, reconstruct_into};
+use crate::{Budget, height_grid, memory, reconstruct_into};
 use outputs::{OutputOptions, Outputs};
 
 /// All that decides a result besides its input.
@@ -104,6 +105,7 @@ impl Loaded {
         outputs: &mut Outputs,
     ) -> Result<Reconstruction> {
         let mut sink = outputs.sink(&self.options.output);
-        reconstruct_into(&self.stack, &self.heights, &self.options.settings, backend, progress, &mut sink)
+        let means = Means { backend, progress, budget: &Budget::unlimited() };
+        reconstruct_into(&self.stack, &self.heights, &self.options.settings, &means, &mut sink)
     }
 }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::pending::{Pending, Temporary, files_below, parent};
 use crate::error::{Error, Result};
 use crate::report::Report;
-use crate::stack::ContourStack;
+use crate::stack::{ContourStack, Geometry};
 use crate::surface::heightmap::HeightMapWriter;
 use crate::surface::mesh_files::{ListedWriter, StlWriter};
 use crate::surface::mha::MhaWriter;
@@ -93,15 +93,14 @@ fn check_place(path: &Path, format: Format) -> Result<()> {
     Err(Error::Output { path: path.into(), message: message.into() })
 }
 
-/// Bytes of memory that writing `paths` needs at most while the layers of a body of this stack arrive, however many these are.
-pub fn bytes<'p>(paths: impl IntoIterator<Item = &'p Path>, stack: &ContourStack) -> u64 {
-    needed(paths.into_iter().filter_map(|path| Format::of(path).ok()), stack)
+/// Bytes of memory that writing `paths` needs at most while layers of `dims` pixels that lie so arrive, however many these are.
+pub fn bytes<'p>(paths: impl IntoIterator<Item = &'p Path>, dims: [usize; 2], geometry: &Geometry) -> u64 {
+    needed(paths.into_iter().filter_map(|path| Format::of(path).ok()), dims, geometry)
 }
 
-fn needed(formats: impl Iterator<Item = Format>, stack: &ContourStack) -> u64 {
-    let pixels = stack.dims.iter().product::<usize>() as u64;
-    let turned =
-        if stack.geometry.order == [0, 1, 2] { 0 } else { (transposed::BLOCK_BYTES + transposed::BUFFER_BYTES) as u64 };
+fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], geometry: &Geometry) -> u64 {
+    let pixels = dims.iter().product::<usize>() as u64;
+    let turned = if geometry.is_layered() { 0 } else { (transposed::BLOCK_BYTES + transposed::BUFFER_BYTES) as u64 };
     let formats: Vec<Format> = formats.collect();
     let surface = |f: &Format| matches!(f, Format::Stl | Format::Ply | Format::Obj | Format::Png | Format::Report);
     let mesh = |f: &Format| matches!(f, Format::Ply | Format::Obj | Format::Png);
@@ -201,9 +200,9 @@ impl Outputs {
         Ok(())
     }
 
-    /// Bytes of memory that writing needs at most while the layers of a body of this stack arrive.
-    pub fn bytes(&self, stack: &ContourStack) -> u64 {
-        needed(self.files.iter().map(|f| f.format), stack)
+    /// Bytes of memory that writing needs at most while layers of `dims` pixels that lie so arrive.
+    pub fn bytes(&self, dims: [usize; 2], geometry: &Geometry) -> u64 {
+        needed(self.files.iter().map(|f| f.format), dims, geometry)
     }
 
     /// Takes the layers of a body and writes them under temporary names.

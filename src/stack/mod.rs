@@ -114,6 +114,24 @@ impl Default for Geometry {
     }
 }
 
+impl Geometry {
+    /// Whether slices lie across the last axis of their input, so that its voxels run from slice to slice.
+    pub fn is_layered(&self) -> bool {
+        self.order == [0, 1, 2]
+    }
+
+    /// Checks that the order has every axis.
+    ///
+    /// # Errors
+    /// [`Error::Stack`] with the order.
+    pub fn validate(&self) -> Result<()> {
+        if (0..3).all(|axis| self.order.contains(&axis)) {
+            return Ok(());
+        }
+        Err(Error::Stack(format!("the order of axes must have 0, 1 and 2; got {:?}", self.order)))
+    }
+}
+
 impl ContourStack {
     /// Checks what every reader must guarantee: sizes, finite and strictly increasing heights, positive spacing, at least two
     /// slices, at least one pixel inside somewhere.
@@ -132,10 +150,7 @@ impl ContourStack {
                 return Err(Error::Stack(format!("pixel spacing {axis} must be a positive number; got {h}")));
             }
         }
-        let order = self.geometry.order;
-        if !(0..3).all(|axis| order.contains(&axis)) {
-            return Err(Error::Stack(format!("the order of axes must have 0, 1 and 2; got {order:?}")));
-        }
+        self.geometry.validate()?;
         let mut below: Option<&Slice> = None;
         for (index, s) in self.slices.iter().enumerate() {
             let fail = |message| Err(Error::Slice { index, name: s.name.clone(), message });

@@ -42,7 +42,7 @@ impl<W: Write + Seek> MhaWriter<W> {
         let size_at = out.stream_position()?;
         write!(out, "{:DIGITS$}\nElementDataFile = LOCAL\n", "")?;
         let start = out.stream_position()?;
-        let voxels = VolumeWriter::new(Coded::zlib(out), &grid, content, folder)?;
+        let voxels = VolumeWriter::new(Coded::zlib(out), body, content, folder)?;
         Ok(MhaWriter { voxels, size_at, start })
     }
 }

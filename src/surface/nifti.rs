@@ -26,7 +26,7 @@ pub fn writer<W: Write>(
     let header = header(&grid, &body.unit, content)?;
     let mut out = if gzip { Coded::gzip(out) } else { Coded::Raw(out) };
     out.write_all(&header)?;
-    VolumeWriter::new(out, &grid, content, folder)
+    VolumeWriter::new(out, body, content, folder)
 }
 
 fn header(grid: &VoxelGrid, unit: &str, content: Content) -> io::Result<Vec<u8>> {

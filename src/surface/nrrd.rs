@@ -30,5 +30,5 @@ pub fn writer<W: Write>(mut out: W, body: &Header, content: Content, folder: &Pa
         z = direction(2),
         origin = vector(grid.origin),
     )?;
-    VolumeWriter::new(Coded::gzip(out), &grid, content, folder)
+    VolumeWriter::new(Coded::gzip(out), body, content, folder)
 }

@@ -6,6 +6,7 @@ use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::Path;
 
+use super::stream::Header;
 use super::volume::Content;
 use super::voxels::VoxelGrid;
 
@@ -32,9 +33,10 @@ impl Transposed {
     ///
     /// # Errors
     /// Those of making the file.
-    pub fn new(grid: &VoxelGrid, content: Content, folder: &Path) -> io::Result<Self> {
+    pub fn new(body: &Header, content: Content, folder: &Path) -> io::Result<Self> {
+        let VoxelGrid { dims, order, .. } = VoxelGrid::of(body);
         let file = BufWriter::with_capacity(BUFFER_BYTES, tempfile::tempfile_in(folder)?);
-        Ok(Transposed { file, dims: grid.dims, order: grid.order, size: content.size(), bytes: 0 })
+        Ok(Transposed { file, dims, order, size: content.size(), bytes: 0 })
     }
 
     /// Adds the next layer.

@@ -7,9 +7,8 @@ use flate2::Compression;
 use flate2::write::{GzEncoder, ZlibEncoder};
 
 use super::Layer;
-use super::stream::{BodyWriter, Ending};
+use super::stream::{BodyWriter, Ending, Header};
 use super::transposed::Transposed;
-use super::voxels::VoxelGrid;
 
 /// What a volume holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -95,8 +94,8 @@ impl<W: Write> VolumeWriter<W> {
     ///
     /// # Errors
     /// Those of that file.
-    pub(super) fn new(out: Coded<W>, grid: &VoxelGrid, content: Content, folder: &Path) -> io::Result<Self> {
-        let waiting = if grid.order == [0, 1, 2] { None } else { Some(Transposed::new(grid, content, folder)?) };
+    pub(super) fn new(out: Coded<W>, body: &Header, content: Content, folder: &Path) -> io::Result<Self> {
+        let waiting = if body.geometry.is_layered() { None } else { Some(Transposed::new(body, content, folder)?) };
         Ok(VolumeWriter { out, content, bytes: Vec::new(), waiting })
     }
 

@@ -28,10 +28,23 @@ def labels():
     return (disc & (z % 4 == 0)).astype(np.uint8)
 
 
+passed = 0
+
+
 def check(name, holds, value=""):
+    global passed
     if not holds:
         sys.exit(f"{name}: wrong {value}")
-    print(f"{name}: ok {value}")
+    passed += 1
+
+
+def group(name):
+    """Says how many checks have passed since the last group."""
+    global passed
+    if passed == 0:
+        sys.exit(f"{name}: nothing was checked")
+    print(f"{name}: {passed} checks passed")
+    passed = 0
 
 
 def main(program):
@@ -53,9 +66,12 @@ def main(program):
             heights = tifffile.imread(outputs[6])
             chunks(source, outputs[:1] + outputs[8:])
             check(f"{source} -> tif", heights.shape == SIZES[1::-1] and np.nanmax(heights) == 20.0, heights.shape)
+            group(f"every output of {source}")
         for name, axis, direction in FRAMES:
             other_axes(program, folder, name, axis, np.array(direction, dtype=float))
+            group(f"every input, {name}, cut across {axis}")
         refused_pages(program, folder)
+        group("pages of time or channels")
 
 
 def volumes(source, given, paths):
@@ -77,17 +93,22 @@ def volumes(source, given, paths):
 
 def chunks(source, paths):
     array, _ = nrrd.read(str(paths[0]))
-    group = zarr.open_group(paths[1], mode="r")
+    zarr_place(source, paths[1], array, STEPS.T, ORIGIN)
+
+
+def zarr_place(source, path, array, steps, origin):
+    """The same voxels as `array` (x, y, z), `steps` along each axis as columns."""
+    group = zarr.open_group(path, mode="r")
     level = group["0"]
     check(f"{source} -> zarr values", np.array_equal(np.asarray(level), array.transpose()), f"{level.dtype} {level.shape}, chunks {level.chunks}")
     own = group.attrs["interslice"]
-    steps = np.array([own["space directions"][a] for a in "xyz"])
-    check(f"{source} -> zarr place", np.abs(steps - STEPS).max() < 1e-6 and np.abs(np.array(own["space origin"]) - ORIGIN).max() < 1e-4)
+    written = np.array([own["space directions"][a] for a in "xyz"])
+    check(f"{source} -> zarr place", np.abs(written - steps.T).max() < 1e-6 and np.abs(np.array(own["space origin"]) - origin).max() < 1e-4, written)
     (image,) = group.attrs["ome"]["multiscales"]
     names = [axis["name"] for axis in image["axes"]]
     scale, translation = (t[t["type"]] for t in image["datasets"][0]["coordinateTransformations"])
-    lengths = np.linalg.norm(STEPS, axis=1)
-    along = STEPS @ ORIGIN / lengths
+    lengths = np.linalg.norm(steps, axis=0)
+    along = origin @ steps / lengths
     sound = names == ["z", "y", "x"] == list(level.metadata.dimension_names) and group.attrs["ome"]["version"] == "0.5"
     check(f"{source} -> OME-Zarr", sound and np.allclose(scale[::-1], lengths) and np.allclose(translation[::-1], along, atol=1e-4), scale)
 
@@ -125,7 +146,7 @@ def other_axes(program, folder, name, axis, direction):
         spaced = source.suffix == ".npy" or source.name.endswith("plain.tif")
         placed = not spaced and source.suffix != ".tif"
         frame, origin = (direction, ORIGIN) if placed else (np.eye(3), np.zeros(3))
-        outputs = [folder / f"out.{e}" for e in ("mha", "nrrd", "nii.gz", "stl")]
+        outputs = [folder / f"out.{e}" for e in ("mha", "nrrd", "nii.gz", "stl", "zarr")]
         command = [program, "reconstruct", source, "-q", "--label", "5", "--mask"]
         command += ["--spacing", ",".join(map(str, SIDES))] if spaced else []
         for path in outputs:
@@ -139,6 +160,7 @@ def other_axes(program, folder, name, axis, direction):
             check(f"{what} -> {path.name}", array.shape == given.shape and near(image.GetSpacing(), SIDES) and near(image.GetOrigin(), origin) and near(image.GetDirection(), frame.ravel()))
             drawn = np.take(given, range(0, 13, 4), across) > 0
             check(f"{what} -> {path.name} contours", ((np.take(array, range(0, 13, 4), across) == 1) == drawn).all() and np.take(array, 2, across).sum() > 90)
+        zarr_place(what, outputs[4], array, frame * SIDES, origin)
         mesh = trimesh.load(outputs[3])
         index = np.array([11.0, 10.0, 6.0])[[others.index(a) if a in others else 2 for a in range(3)]]
         center = origin + frame @ (SIDES * index)

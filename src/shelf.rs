@@ -41,6 +41,11 @@ impl Budget {
         fit.min(count).max(1)
     }
 
+    /// Bytes that shelves may keep, where they are bounded.
+    pub fn kept(&self) -> Option<u64> {
+        self.working.map(|_| self.left.load(Ordering::Relaxed))
+    }
+
     /// Bytes of what is worked on at once, at most `most`.
     pub fn working(&self, most: usize) -> usize {
         self.working.map_or(most, |working| most.min(working as usize))

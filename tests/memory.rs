@@ -14,7 +14,7 @@ use interslice::files::{JobOptions, Loaded};
 use interslice::progress::Silent;
 use interslice::settings::Method;
 use interslice::stack::{ContourStack, Geometry, Slice, SliceContent};
-use interslice::{Reference, Settings};
+use interslice::{Budget, Means, Reference, Settings};
 
 /// Where the run of [`one_run`] writes, and its distance between layers, fairing and method.
 const ASKED: &str = "INTERSLICE_MEMORY_TEST";
@@ -80,8 +80,10 @@ fn one_run() {
     let loaded = Loaded::new(stack(), JobOptions { settings, output, ..JobOptions::default() }).expect("it is sound");
     let targets: Vec<_> = KINDS.iter().map(|kind| Path::new(place).join(format!("out.{kind}"))).collect();
     let mut outputs = Outputs::open(&targets, None, Temporary::Random).expect("the folder is there");
-    let said = loaded.bytes() + outputs.bytes(loaded.stack.dims, &loaded.stack.geometry);
-    let mut body = loaded.compute(&Reference, &Silent, &mut outputs).expect("it can be computed");
+    let said = loaded.needs().all + outputs.bytes(loaded.stack.dims, &loaded.stack.geometry);
+    let budget = Budget::unlimited();
+    let means = Means { backend: &Reference, progress: &Silent, budget: &budget };
+    let mut body = loaded.compute(&means, &mut outputs).expect("it can be computed");
     outputs.complete(&mut body.report).expect("it can be written");
     outputs.rename().expect("it can be renamed");
     println!("measured {} {said} {}", peak() - before, loaded.heights.len());

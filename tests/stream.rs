@@ -24,7 +24,7 @@ use interslice::surface::mesh_files::{StlWriter, write_obj, write_ply};
 use interslice::surface::render::{RenderOptions, contour_lines, render};
 use interslice::surface::spool::Spool;
 use interslice::surface::stream::LayerSink;
-use interslice::{Reconstruction, Reference, Settings, reconstruct_with};
+use interslice::{Budget, Means, Reconstruction, Reference, Settings, reconstruct_with};
 
 const KINDS: [&str; 9] = ["nrrd", "nii", "nii.gz", "mha", "stl", "ply", "obj", "png", "tif"];
 const VOLUMES: [&str; 4] = ["nrrd", "nii", "nii.gz", "mha"];
@@ -66,7 +66,9 @@ fn both(place: &Path, stack: &ContourStack, settings: &Settings, mask: bool) -> 
     let options = JobOptions { settings: settings.clone(), output, ..JobOptions::default() };
     let loaded = Loaded::new(stack.clone(), options).expect("the stack is sound");
     let mut outputs = Outputs::open(&named(place), None, Temporary::Random).expect("the folder is there");
-    let mut streamed = loaded.compute(&Reference, &Silent, &mut outputs).expect("it can be computed");
+    let budget = Budget::unlimited();
+    let means = Means { backend: &Reference, progress: &Silent, budget: &budget };
+    let mut streamed = loaded.compute(&means, &mut outputs).expect("it can be computed");
     assert!(streamed.layers.is_empty(), "no layer is kept");
     outputs.complete(&mut streamed.report).expect("it can be written");
     assert_eq!(outputs.rename().expect("it can be renamed"), named(place));

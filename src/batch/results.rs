@@ -8,10 +8,10 @@ use std::sync::{Mutex, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
-use super::fingerprint::digest;
 use super::lock::Locks;
 use super::manifest::Job;
 use crate::error::{Error, Result};
+use crate::files::fingerprint::digest;
 use crate::report::Report;
 
 /// How a job has ended.

@@ -15,7 +15,6 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use super::fingerprint::fingerprint;
 use super::flight::{Computed, Read};
 use super::gate::Gate;
 use super::lock::Locks;
@@ -118,7 +117,7 @@ fn fly(batch: &Batch<'_>, jobs: usize) {
 pub fn finished(manifest: &Manifest, results: &Path, machine: &str) -> Result<Vec<bool>> {
     let results = Results::open(results)?;
     // An input that cannot be read is told when its job runs.
-    let is = |job: &Job| fingerprint(job, machine).map_or(Ok(false), |f| results.finished(&f, job));
+    let is = |job: &Job| job.fingerprint(machine).map_or(Ok(false), |f| results.finished(&f, job));
     manifest.jobs.iter().map(is).collect()
 }
 

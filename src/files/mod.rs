@@ -4,6 +4,7 @@
 //! Loaded::read -> Loaded::compute (into Outputs::sink) -> Outputs::complete -> Outputs::rename
 //! ```
 
+pub mod fingerprint;
 pub mod named;
 pub mod outputs;
 pub mod pending;
@@ -13,14 +14,16 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::backend::{Backend, Means};
+use crate::backend::Means;
 use crate::error::{Error, Result};
 use crate::links::LinkOptions;
-use crate::progress::Progress;
+use crate::memory::Needs;
+use crate::section::Section;
 use crate::settings::Settings;
 use crate::stack::{ContourStack, ReadOptions, read};
 use crate::surface::Reconstruction;
-use crate::{Budget, height_grid, memory, reconstruct_into};
+use crate::surface::stream::LayerSink;
+use crate::{height_grid, reconstruct_into, reconstruct_section};
 use outputs::{OutputOptions, Outputs};
 
 /// All that decides a result besides its input.
@@ -89,23 +92,44 @@ impl Loaded {
         Ok(Loaded { stack, heights, options })
     }
 
-    /// Bytes of memory the reconstruction needs at most, without its outputs.
-    pub fn bytes(&self) -> u64 {
-        memory::estimate_bytes(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
+    /// What the reconstruction needs of memory and disk, without its outputs.
+    pub fn needs(&self) -> Needs {
+        Needs::of(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
+    }
+
+    /// What a section of it needs; the other slices have been read all the same.
+    pub fn needs_of(&self, section: &Section) -> Needs {
+        let heights = section.heights(&self.stack, &self.heights);
+        Needs::of(&section.stack(&self.stack), &heights, &self.options.settings, rayon::current_num_threads())
+    }
+
+    /// Section `number` (from 1) of `count`.
+    ///
+    /// # Errors
+    /// As [`Section::part`].
+    pub fn section(&self, number: usize, count: usize) -> Result<Section> {
+        Section::part(&self.stack, &self.options.settings, number, count)
+    }
+
+    /// Reconstructs a section and hands its layers to `sink`.
+    ///
+    /// # Errors
+    /// As [`reconstruct_section`].
+    pub fn compute_section(
+        &self,
+        section: &Section,
+        means: &Means<'_>,
+        sink: &mut dyn LayerSink,
+    ) -> Result<Reconstruction> {
+        reconstruct_section(&self.stack, section, &self.heights, &self.options.settings, means, sink)
     }
 
     /// Reconstructs the body and writes it into `outputs` layer by layer; the result has no layers.
     ///
     /// # Errors
     /// As [`reconstruct_into`]; [`Error::Write`].
-    pub fn compute(
-        &self,
-        backend: &dyn Backend,
-        progress: &dyn Progress,
-        outputs: &mut Outputs,
-    ) -> Result<Reconstruction> {
+    pub fn compute(&self, means: &Means<'_>, outputs: &mut Outputs) -> Result<Reconstruction> {
         let mut sink = outputs.sink(&self.options.output);
-        let means = Means { backend, progress, budget: &Budget::unlimited() };
-        reconstruct_into(&self.stack, &self.heights, &self.options.settings, &means, &mut sink)
+        reconstruct_into(&self.stack, &self.heights, &self.options.settings, means, &mut sink)
     }
 }

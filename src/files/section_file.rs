@@ -192,6 +192,11 @@ impl Sections {
         self.files[0].1.dims
     }
 
+    /// How the layers lie.
+    pub fn geometry(&self) -> &Geometry {
+        &self.files[0].1.geometry
+    }
+
     /// Hands all layers to `sink`, lowest first; the body without layers.
     ///
     /// # Errors

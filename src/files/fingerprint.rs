@@ -1,5 +1,4 @@
-//! What a job's bytes depend on, as one number: program version, machine asked for, options, names of the outputs, content of the input
-//! and of the links file.
+//! What the bytes of a result depend on, as one number: program version, options, content of the input and of the links file.
 
 use std::fs::File;
 use std::io;
@@ -7,30 +6,29 @@ use std::path::Path;
 
 use blake3::Hasher;
 
-use super::manifest::Job;
+use super::JobOptions;
+use super::pending::files_below;
 use crate::error::{Error, Result};
-use crate::files::pending::files_below;
 use crate::stack::read::files;
 
-/// The fingerprint of a job, 64 hexadecimal digits. Equal content gives equal fingerprints, whatever the input is called; an option that is
-/// given its default value is as one not given.
+/// The fingerprint of a reconstruction and of some `words` that matter to the caller, 64 hexadecimal digits. Equal content gives equal
+/// fingerprints, whatever the input is called; an option that is given its default value is as one not given.
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Format`] for an input that cannot be read.
-pub fn fingerprint(job: &Job, machine: &str) -> Result<String> {
+pub fn fingerprint(input: &Path, options: &JobOptions, words: &[&str]) -> Result<String> {
     let mut hasher = Hasher::new();
     let mut part = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
         hasher.update(bytes);
     };
     part(env!("CARGO_PKG_VERSION").as_bytes());
-    part(machine.as_bytes());
-    let options = serde_json::to_string(&job.options)
+    let told = serde_json::to_string(options)
         .map_err(|e| Error::Setting { name: "options".into(), message: e.to_string() })?;
-    part(options.as_bytes());
-    part(&(job.outputs.len() as u64).to_le_bytes());
-    job.outputs.iter().for_each(|output| part(output.as_bytes()));
-    for file in files(&job.input)?.into_iter().chain(job.options.links.links.clone()) {
+    part(told.as_bytes());
+    part(&(words.len() as u64).to_le_bytes());
+    words.iter().for_each(|word| part(word.as_bytes()));
+    for file in files(input)?.into_iter().chain(options.links.links.clone()) {
         part(digest(&file).map_err(|source| Error::Read { path: file.clone(), source })?.1.as_bytes());
     }
     Ok(hasher.finalize().to_hex().to_string())

@@ -31,10 +31,13 @@ mod motion;
 pub mod moving_field;
 pub mod parts;
 mod pipeline;
+pub mod polygons;
 pub mod progress;
 pub mod reference;
 pub mod report;
 mod rigid;
+#[cfg(feature = "dicom")]
+pub mod rtstruct;
 pub mod settings;
 pub mod spline;
 pub mod stack;

@@ -13,6 +13,8 @@ enum Kind {
     Folder,
     /// A label volume and its reader.
     Volume(fn(&Path) -> Result<LabelVolume>),
+    /// A DICOM RTSTRUCT.
+    StructureSet,
 }
 
 impl Kind {
@@ -25,10 +27,14 @@ impl Kind {
             Ok(Kind::Volume(nrrd::read))
         } else if name.ends_with(".nii") || name.ends_with(".nii.gz") {
             Ok(Kind::Volume(nifti::read))
+        } else if name.ends_with(".dcm") {
+            Ok(Kind::StructureSet)
         } else {
             Err(Error::Format {
                 path: path.into(),
-                message: "not a known input: expected a folder with stack.json, .nrrd, .nii or .nii.gz".into(),
+                message:
+                    "not a known input: expected a folder with stack.json, .nrrd, .nii, .nii.gz or .dcm (RTSTRUCT)"
+                        .into(),
             })
         }
     }
@@ -38,11 +44,16 @@ impl Kind {
         let kind = Kind::of(path)?;
         let chooses = "a folder of slices; it chooses from a label volume";
         let folder = matches!(kind, Kind::Folder);
+        let volume = matches!(kind, Kind::Volume(_));
+        let structures = matches!(kind, Kind::StructureSet);
         let wrong = [
+            (structures && options.label.is_some(), "label", "an RTSTRUCT; `roi` chooses there"),
+            (!structures && !options.roi.is_empty(), "roi", "anything but an RTSTRUCT"),
+            (volume && options.pixel.is_some(), "pixel", "volumes; it is the pixel size for polygons"),
             (folder && options.label.is_some(), "label", chooses),
             (folder && options.keep.is_some(), "keep", chooses),
             (folder && options.slices.is_some(), "slices", chooses),
-            (!folder && options.level.is_some(), "level", "label volumes; it cuts grey slices"),
+            (!folder && options.level.is_some(), "level", "this input; it cuts grey slices"),
             (options.keep.is_some() && options.slices.is_some(), "keep", "a volume whose `slices` are named"),
         ];
         match wrong.into_iter().find(|(wrong, ..)| *wrong) {
@@ -69,7 +80,7 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<()> {
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     match Kind::of(path)? {
         Kind::Folder => folder::files(path),
-        Kind::Volume(_) => Ok(vec![path.into()]),
+        Kind::Volume(_) | Kind::StructureSet => Ok(vec![path.into()]),
     }
 }
 
@@ -79,19 +90,28 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
 /// As [`read`]; [`Error::Format`] for a folder of slices.
 pub fn labels(path: &Path) -> Result<Vec<i64>> {
     match Kind::of(path)? {
-        Kind::Folder => Err(Error::Format { path: path.into(), message: "is not a label volume".into() }),
+        Kind::Folder | Kind::StructureSet => {
+            Err(Error::Format { path: path.into(), message: "is not a label volume".into() })
+        }
         Kind::Volume(read) => Ok(read(path)?.labels),
     }
 }
 
-/// Reads a stack: a folder with `stack.json` (or that file itself), or a `.nrrd`, `.nii`, `.nii.gz` label volume.
+/// Reads a stack: a folder with `stack.json` (or that file itself), a `.nrrd`, `.nii`, `.nii.gz` label volume, or ROIs of a DICOM RTSTRUCT.
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Format`], [`Error::Slice`], [`Error::Stack`] or [`Error::Setting`], naming file, slice and value.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
     let stack = match Kind::for_options(path, options)? {
-        Kind::Folder => folder::read(path, options.level)?,
+        Kind::Folder => folder::read(path, options)?,
         Kind::Volume(read) => read(path)?.into_stack(path, options)?,
+        #[cfg(feature = "dicom")]
+        Kind::StructureSet => crate::rtstruct::read(path, options)?,
+        #[cfg(not(feature = "dicom"))]
+        Kind::StructureSet => {
+            let message = "is DICOM, which this program was built without (feature `dicom`)".into();
+            return Err(Error::Format { path: path.into(), message });
+        }
     };
     stack.validate()?;
     Ok(stack)

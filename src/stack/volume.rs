@@ -39,14 +39,7 @@ impl LabelVolume {
             )));
         }
         let axes: [[f64; 3]; 3] = std::array::from_fn(|a| self.steps[a].map(|v| v / spacing[a]));
-        for (a, b) in [(0, 1), (0, 2), (1, 2)] {
-            let cosine: f64 = (0..3).map(|k| axes[a][k] * axes[b][k]).sum();
-            if cosine.abs() > SHEAR_LIMIT {
-                return Err(fail(format!(
-                    "axes {a} and {b} are not perpendicular (cosine {cosine:.4}, at most {SHEAR_LIMIT}); resample the volume first"
-                )));
-            }
-        }
+        check_axes(&axes).map_err(|m| fail(format!("{m}; resample the volume first")))?;
         let wanted = |v: i64| options.label.map_or(v != 0, |label| v == label);
         let has_label = |k: usize| self.labels[k * nx * ny..(k + 1) * nx * ny].iter().any(|&v| wanted(v));
         let chosen: Vec<usize> = match (&options.slices, options.keep) {
@@ -90,6 +83,27 @@ impl LabelVolume {
             geometry: Geometry { origin: self.origin, axes },
         })
     }
+}
+
+/// Checks that world directions are perpendicular unit vectors.
+///
+/// # Errors
+/// A message with axis, value and limit.
+pub(super) fn check_axes(axes: &[[f64; 3]; 3]) -> std::result::Result<(), String> {
+    let dot = |a: usize, b: usize| -> f64 { (0..3).map(|k| axes[a][k] * axes[b][k]).sum() };
+    for a in 0..3 {
+        let length = dot(a, a).sqrt();
+        if !((length - 1.0).abs() <= SHEAR_LIMIT) {
+            return Err(format!("axis {a} is {length} long; it must be 1"));
+        }
+    }
+    for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+        let cosine = dot(a, b);
+        if cosine.abs() > SHEAR_LIMIT {
+            return Err(format!("axes {a} and {b} are not perpendicular (cosine {cosine:.4}, at most {SHEAR_LIMIT})"));
+        }
+    }
+    Ok(())
 }
 
 /// Whole numbers of a volume of floats.

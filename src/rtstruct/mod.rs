@@ -1,0 +1,122 @@
+//! DICOM RT structure sets: contours drawn plane by plane, in, and completed by what lies between, out.
+//!
+//! ```text
+//! guard -> parse -> StructureSet -> choose -> planes, drawings -> polygons::stack
+//!                        \-> complete (with the contour lines of a result) -> file
+//! ```
+
+mod choose;
+pub mod complete;
+pub mod describe;
+mod guard;
+mod parse;
+
+use std::path::{Path, PathBuf};
+
+use dicom_object::DefaultDicomObject;
+
+pub use choose::Chosen;
+
+use crate::error::{Error, Result};
+use crate::stack::{ContourStack, ReadOptions};
+
+/// An RTSTRUCT file.
+#[derive(Debug)]
+pub struct StructureSet {
+    /// The file.
+    pub path: PathBuf,
+    /// Its regions of interest, in its order.
+    pub rois: Vec<Roi>,
+    /// All of it, for the completed file.
+    object: DefaultDicomObject,
+    /// Hash of its bytes.
+    digest: blake3::Hash,
+}
+
+/// A region of interest.
+#[derive(Debug, Clone)]
+pub struct Roi {
+    /// ROI Number.
+    pub number: i64,
+    /// ROI Name.
+    pub name: String,
+    /// Its contours, in their order.
+    pub contours: Vec<Contour>,
+}
+
+/// One contour of a ROI.
+#[derive(Debug, Clone)]
+pub struct Contour {
+    /// Contour Geometric Type.
+    pub kind: String,
+    /// Points in mm, LPS.
+    pub points: Vec<[f64; 3]>,
+}
+
+impl Contour {
+    /// Whether it is a closed line on a plane.
+    fn is_closed(&self) -> bool {
+        self.kind == CLOSED || self.is_xor()
+    }
+
+    /// Whether its ROI says outright that its contours are combined by even-odd.
+    fn is_xor(&self) -> bool {
+        self.kind == CLOSED_XOR
+    }
+}
+
+const CLOSED: &str = "CLOSED_PLANAR";
+const CLOSED_XOR: &str = "CLOSEDPLANAR_XOR";
+
+impl Roi {
+    /// What messages call it.
+    pub fn label(&self) -> String {
+        format!("ROI {} (`{}`)", self.number, self.name)
+    }
+}
+
+impl StructureSet {
+    /// Reads an RTSTRUCT.
+    ///
+    /// # Errors
+    /// [`Error::Read`] where the file cannot be read, [`Error::Format`] naming field, ROI, contour and value.
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|source| Error::Read { path: path.into(), source })?;
+        let fail = |message: String| Error::Format { path: path.into(), message };
+        let (object, rois) = parse::parse(&bytes).map_err(fail)?;
+        Ok(StructureSet { path: path.into(), rois, object, digest: blake3::hash(&bytes) })
+    }
+
+    /// The ROI of a name, else of a number.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] with all ROIs there are.
+    pub fn find(&self, wanted: &str) -> Result<&Roi> {
+        let fail = |message: String| {
+            Err(Error::Setting { name: "roi".into(), message: format!("{message}; there are {}", self.listed()) })
+        };
+        let named: Vec<&Roi> = self.rois.iter().filter(|r| r.name.trim() == wanted.trim()).collect();
+        match (&named[..], wanted.trim().parse::<i64>()) {
+            ([roi], _) => Ok(roi),
+            ([_, _, ..], _) => fail(format!("`{wanted}` is the name of several ROIs: name it by its number")),
+            ([], Ok(number)) => match self.rois.iter().find(|r| r.number == number) {
+                Some(roi) => Ok(roi),
+                None => fail(format!("must name one of the file's ROIs; got {number}")),
+            },
+            ([], Err(_)) => fail(format!("must name one of the file's ROIs; got `{wanted}`")),
+        }
+    }
+
+    /// Numbers and names of all ROIs.
+    fn listed(&self) -> String {
+        self.rois.iter().map(|r| format!("{} `{}`", r.number, r.name)).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The stack of the ROIs that `options` name, on the planes they name.
+///
+/// # Errors
+/// As [`StructureSet::read`] and [`StructureSet::choose`].
+pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
+    StructureSet::read(path)?.choose(options)?.stack(options)
+}

@@ -7,19 +7,21 @@ use interslice::files::outputs::{OutputOptions, Outputs, Temporary};
 use interslice::files::{JobOptions, Loaded};
 use interslice::links::LinkOptions;
 use interslice::stack::ReadOptions;
-use interslice::{Error, Progress, Result, Settings, memory};
+use interslice::{Error, Progress, Reconstruction, Result, Settings, memory};
 
+#[cfg(feature = "dicom")]
+use super::all_rois::{self, All};
 use super::bar::Bars;
 use super::config::File;
-use super::devices::{DeviceOptions, choose, tell_profile};
+use super::devices::{Chosen, DeviceOptions, choose, tell_profile};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, or a .nrrd, .nii, .nii.gz label volume
+    /// Folder with stack.json, a .nrrd, .nii, .nii.gz label volume, or a .dcm RTSTRUCT
     input: PathBuf,
 
-    /// Output file, by extension: .nrrd .nii .nii.gz (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map), .json (report);
-    /// repeatable
+    /// Output file, by extension: .nrrd .nii .nii.gz (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map), .contours.json
+    /// (polygons), .dcm (the RTSTRUCT, completed), .json (report); repeatable
     #[arg(short, long = "output", value_name = "FILE")]
     outputs: Vec<PathBuf>,
 
@@ -30,6 +32,11 @@ pub struct Arguments {
     /// Read options from a TOML file (keys as the long options, with _ for -); the command line wins
     #[arg(long = "settings", value_name = "FILE")]
     settings_file: Option<PathBuf>,
+
+    /// RTSTRUCT: every closed ROI, each to files with its name before the extension; a .dcm gets all
+    #[cfg(feature = "dicom")]
+    #[arg(long, conflicts_with_all = ["roi", "slices"])]
+    all_rois: bool,
 
     #[command(flatten)]
     output: OutputOptions,
@@ -96,8 +103,15 @@ pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
         (_, true) => Telling::Verbose,
         _ => Telling::Normal,
     };
+    #[cfg(feature = "dicom")]
+    if arguments.all_rois {
+        let (outputs, report) = (&arguments.outputs, arguments.report.as_deref());
+        let all = All { input: &arguments.input, outputs, report, options, device: &arguments.device, telling };
+        return all_rois::run(&all);
+    }
     let loaded = Loaded::read(&arguments.input, options)?;
     let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref(), Temporary::Random)?;
+    outputs.check(&loaded.options.output)?;
     reconstruct(&loaded, outputs, &arguments.device, telling)
 }
 
@@ -112,12 +126,22 @@ pub fn set_threads(threads: Option<usize>) -> Result<()> {
 
 /// One reconstruction, from a checked stack to its files.
 pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions, telling: Telling) -> Result<()> {
-    memory::check(loaded.bytes())?;
     let notice = |message: &str| eprintln!("warning: {message}");
     let chosen = choose(device, &notice)?;
     if telling != Telling::Quiet {
         eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
     }
+    one(loaded, &mut outputs, &chosen, telling)?;
+    let written = outputs.rename()?;
+    if telling != Telling::Quiet {
+        written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+/// One reconstruction on a chosen machine, to files that are still to be renamed.
+pub fn one(loaded: &Loaded, outputs: &mut Outputs, chosen: &Chosen<'_>, telling: Telling) -> Result<Reconstruction> {
+    memory::check(loaded.bytes())?;
     let bars = Bars::default();
     let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
     let mut body = loaded.compute(chosen.backend(), progress)?;
@@ -133,15 +157,11 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     if let Some(profile) = &body.report.profile {
         tell_profile(profile);
     }
-    let written = outputs.rename()?;
-    if telling != Telling::Quiet {
-        written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
-    }
-    Ok(())
+    Ok(body)
 }
 
 /// Stages and contours, for people.
-fn tell(body: &interslice::Reconstruction) {
+fn tell(body: &Reconstruction) {
     for stage in &body.report.stages {
         eprintln!("{:>10} {:8.3} s", stage.name, stage.seconds);
     }

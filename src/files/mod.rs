@@ -60,6 +60,8 @@ pub struct Loaded {
     pub heights: Vec<f64>,
     /// How.
     pub options: JobOptions,
+    /// What a person should know of the input; the report's first warnings.
+    pub notes: Vec<String>,
 }
 
 impl Loaded {
@@ -72,6 +74,14 @@ impl Loaded {
         let stack = read::read(input, &options.read)?;
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
+        #[cfg(feature = "dicom")]
+        if read::is_structure_set(input) {
+            let source = crate::rtstruct::Source::read(input, &options.read)?;
+            let (step, notes) = source.about(&stack)?;
+            options.output.dz = options.output.dz.or(step);
+            options.output.source = Some(std::sync::Arc::new(source));
+            return Ok(Loaded { notes, ..Self::new(stack, options)? });
+        }
         Self::new(stack, options)
     }
 
@@ -81,7 +91,7 @@ impl Loaded {
     /// [`Error::Stack`] for too many output heights.
     pub fn new(stack: ContourStack, options: JobOptions) -> Result<Self> {
         let heights = height_grid(&stack, &options.settings, options.output.dz).heights()?;
-        Ok(Loaded { stack, heights, options })
+        Ok(Loaded { stack, heights, options, notes: Vec::new() })
     }
 
     /// Bytes of memory the reconstruction needs at most.
@@ -94,6 +104,8 @@ impl Loaded {
     /// # Errors
     /// As [`reconstruct_with`].
     pub fn compute(&self, backend: &dyn Backend, progress: &dyn Progress) -> Result<Reconstruction> {
-        reconstruct_with(&self.stack, &self.heights, &self.options.settings, backend, progress)
+        let mut body = reconstruct_with(&self.stack, &self.heights, &self.options.settings, backend, progress)?;
+        body.report.warnings.splice(0..0, self.notes.iter().cloned());
+        Ok(body)
     }
 }

@@ -1,9 +1,11 @@
 //! Output files: opened before the work starts under a temporary name beside their target, renamed when all are complete. Whatever
 //! fails before leaves what the user had as it was.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+#[cfg(feature = "dicom")]
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use tempfile::NamedTempFile;
@@ -12,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::surface::mesh::{Mesh, closed_surface};
 use crate::surface::nrrd::Content;
 use crate::surface::render::{RenderOptions, write_png};
-use crate::surface::{Reconstruction, heightmap, mesh_files, nifti, nrrd};
+use crate::surface::{Reconstruction, contour_lines, heightmap, mesh_files, nifti, nrrd};
 
 /// What a file holds, by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,9 +27,11 @@ enum Format {
     Png,
     Tiff,
     Report,
+    Contours,
+    StructureSet,
 }
 
-const KNOWN: &str = ".nrrd, .nii, .nii.gz, .stl, .ply, .obj, .png (picture), .tif (height map), .json (report)";
+const KNOWN: &str = ".nrrd, .nii, .nii.gz, .stl, .ply, .obj, .png (picture), .tif (height map), .contours.json, .dcm (completed RTSTRUCT), .json (report)";
 
 impl Format {
     fn of(path: &Path) -> Result<Self> {
@@ -35,7 +39,11 @@ impl Format {
         if name.ends_with(".nii.gz") {
             return Ok(Format::Nifti { gzip: true });
         }
+        if name.ends_with(".contours.json") {
+            return Ok(Format::Contours);
+        }
         match name.rsplit_once('.').map(|(_, extension)| extension) {
+            Some("dcm") => Ok(Format::StructureSet),
             Some("nrrd") => Ok(Format::Nrrd),
             Some("nii") => Ok(Format::Nifti { gzip: false }),
             Some("stl") => Ok(Format::Stl),
@@ -77,6 +85,27 @@ pub struct OutputOptions {
     /// Draw the input contours into pictures
     #[arg(long)]
     pub contours: bool,
+
+    /// The RTSTRUCT that was read, for a completed one
+    #[cfg(feature = "dicom")]
+    #[arg(skip)]
+    #[serde(skip)]
+    pub source: Option<Arc<crate::rtstruct::Source>>,
+}
+
+impl OutputOptions {
+    /// Refuses a completed RTSTRUCT where none was read.
+    fn check(&self, path: &Path, format: Format) -> Result<()> {
+        if format != Format::StructureSet {
+            return Ok(());
+        }
+        #[cfg(feature = "dicom")]
+        if let Some(source) = &self.source {
+            return source.check_output(path);
+        }
+        let message = "a completed RTSTRUCT needs an RTSTRUCT as input".into();
+        Err(Error::Output { path: path.into(), message })
+    }
 }
 
 /// Names of temporary files.
@@ -161,15 +190,40 @@ impl Outputs {
     /// [`Error::Write`].
     pub fn complete(&mut self, body: &mut Reconstruction, options: &OutputOptions) -> Result<()> {
         let mesh = if self.need_mesh() { measured_surface(body) } else { Mesh::default() };
+        self.fill(|out, format| write_one(out, format, body, &mesh, options))
+    }
+
+    /// Writes one completed RTSTRUCT, to which several reconstructions have added.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    #[cfg(feature = "dicom")]
+    pub fn complete_structures(
+        &mut self,
+        set: &crate::rtstruct::StructureSet,
+        added: &[crate::rtstruct::Added],
+    ) -> Result<()> {
+        self.fill(|out, _| set.write_completed(out, added))
+    }
+
+    fn fill(&mut self, mut write: impl FnMut(&mut BufWriter<&mut File>, Format) -> io::Result<()>) -> Result<()> {
         for pending in &mut self.files {
             let fail = |source| Error::Write { path: pending.target.clone(), source };
             let mut out = BufWriter::with_capacity(1 << 20, pending.file.as_file_mut());
-            write_one(&mut out, pending.format, body, &mesh, options).map_err(fail)?;
+            write(&mut out, pending.format).map_err(fail)?;
             out.flush().map_err(fail)?;
             drop(out);
             pending.file.as_file().sync_all().map_err(fail)?;
         }
         Ok(())
+    }
+
+    /// Refuses outputs that cannot be made of the input.
+    ///
+    /// # Errors
+    /// [`Error::Output`].
+    pub fn check(&self, options: &OutputOptions) -> Result<()> {
+        self.files.iter().try_for_each(|f| options.check(&f.target, f.format))
     }
 
     /// The outputs and the temporary files that will become them.
@@ -218,9 +272,23 @@ fn write_one(
             write_png(out, body, mesh, RenderOptions { contours: options.contours, ..RenderOptions::default() })
         }
         Format::Tiff => heightmap::write_tiff(out, body),
+        Format::Contours => contour_lines::write_json(out, body),
+        Format::StructureSet => write_structures(out, body, options),
         Format::Report => {
             serde_json::to_writer_pretty(&mut *out, &body.report)?;
             out.write_all(b"\n")
         }
     }
+}
+
+#[cfg(feature = "dicom")]
+fn write_structures(out: &mut impl Write, body: &Reconstruction, options: &OutputOptions) -> io::Result<()> {
+    let Some(source) = &options.source else { return Err(io::ErrorKind::InvalidInput.into()) };
+    let added = source.added(body).map_err(io::Error::other)?;
+    source.set.write_completed(out, added.as_slice())
+}
+
+#[cfg(not(feature = "dicom"))]
+fn write_structures(_: &mut impl Write, _: &Reconstruction, _: &OutputOptions) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
 }

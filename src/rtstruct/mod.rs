@@ -16,9 +16,11 @@ use std::path::{Path, PathBuf};
 use dicom_object::DefaultDicomObject;
 
 pub use choose::Chosen;
+pub use complete::Added;
 
 use crate::error::{Error, Result};
 use crate::stack::{ContourStack, ReadOptions};
+use crate::surface::Reconstruction;
 
 /// An RTSTRUCT file.
 #[derive(Debug)]
@@ -110,6 +112,70 @@ impl StructureSet {
     /// Numbers and names of all ROIs.
     fn listed(&self) -> String {
         self.rois.iter().map(|r| format!("{} `{}`", r.number, r.name)).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// A structure set that a stack was read from, and what was chosen of it.
+#[derive(Debug)]
+pub struct Source {
+    /// The file.
+    pub set: StructureSet,
+    /// What was chosen.
+    pub options: ReadOptions,
+}
+
+impl Source {
+    /// Reads the file again that a stack was read from.
+    ///
+    /// # Errors
+    /// As [`StructureSet::read`] and [`StructureSet::choose`].
+    pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let source = Source { set: StructureSet::read(path)?, options: options.clone() };
+        source.set.choose(options)?;
+        Ok(source)
+    }
+
+    /// Output step where none is asked for, and what a person should know of the contours on `stack`.
+    ///
+    /// # Errors
+    /// As [`StructureSet::choose`].
+    pub fn about(&self, stack: &ContourStack) -> Result<(Option<f64>, Vec<String>)> {
+        let chosen = self.set.choose(&self.options)?;
+        let heights: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
+        let step = chosen.step(&heights);
+        let mut notes = chosen.notes;
+        let lost = stack.slices.iter().filter(|s| s.content.is_empty());
+        let px = stack.spacing[0];
+        notes.extend(lost.map(|s| {
+            format!(
+                "plane {} at {}: no pixel of {px} mm lies inside its contours; a smaller --pixel finds them",
+                s.name, s.z
+            )
+        }));
+        Ok((step, notes))
+    }
+
+    /// Refuses to write a completed file where none can be made.
+    ///
+    /// # Errors
+    /// [`Error::Output`].
+    pub fn check_output(&self, path: &Path) -> Result<()> {
+        let fail = |message: &str| Err(Error::Output { path: path.into(), message: message.into() });
+        if self.options.roi.len() > 1 {
+            return fail("merged ROIs are none of the file's own; a completed RTSTRUCT takes one --roi, or --all-rois");
+        }
+        match (path.canonicalize(), self.set.path.canonicalize()) {
+            (Ok(output), Ok(input)) if output == input => fail("is the input"),
+            _ => Ok(()),
+        }
+    }
+
+    /// The contours that `body` adds to the chosen ROI.
+    ///
+    /// # Errors
+    /// As [`StructureSet::choose`].
+    pub fn added(&self, body: &Reconstruction) -> Result<Option<Added>> {
+        Ok(Added::between(&self.set.choose(&self.options)?, body))
     }
 }
 

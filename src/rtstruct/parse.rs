@@ -39,8 +39,9 @@ pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
         let at = format!("item {} of ROI Contour Sequence", k + 1);
         let number = number(item, tags::REFERENCED_ROI_NUMBER, &at)?;
         let Some(roi) = place.get(&number).map(|k| &mut rois[*k]) else {
-            return Err(format!("{at}: Referenced ROI Number {number} is none of the file's ROIs"));
+            return Err(format!("{at}: Referenced ROI Number {number} is none of the file's ROIs, or is there twice"));
         };
+        place.remove(&number);
         for (c, item) in items(item, tags::CONTOUR_SEQUENCE)?.unwrap_or_default().iter().enumerate() {
             let contour = contour(item).map_err(|m| format!("{}, contour {}: {m}", roi.label(), c + 1))?;
             roi.contours.push(contour);

@@ -84,6 +84,11 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     }
 }
 
+/// Whether an input is an RTSTRUCT, by its name.
+pub fn is_structure_set(path: &Path) -> bool {
+    matches!(Kind::of(path), Ok(Kind::StructureSet))
+}
+
 /// The labels of all voxels of a label volume.
 ///
 /// # Errors

@@ -49,8 +49,7 @@ fn structures(arguments: &Arguments) -> Result<()> {
     let stack = chosen.stack(&arguments.read)?;
     stack.validate()?;
     let links = arguments.links.read(&stack)?;
-    let heights: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
-    let text = describe(&stack, &links, chosen.step(&heights))?;
+    let text = describe(&stack, &links, chosen.steps(&stack).map(|s| s.heights))?;
     say(&(chosen.describe().join("\n") + "\n" + &text))
 }
 
@@ -88,8 +87,8 @@ fn describe(stack: &ContourStack, links: &[Link], dz: Option<f64>) -> Result<Str
     lines.push(format!("heights {} to {} {unit}, {spread}", short(first.z), short(last.z)));
     let heights = height_grid(stack, &Settings::default(), dz);
     let from = match (dz, stack.z_out) {
-        (None, None) => "as fine as the pixels",
-        _ => "from the input",
+        (None, Some(_)) => "from the input",
+        _ => "as fine as the pixels",
     };
     lines.push(format!(
         "output heights {} + k {}, {} of them ({from})",

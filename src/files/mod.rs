@@ -76,9 +76,12 @@ impl Loaded {
         options.settings.validate()?;
         #[cfg(feature = "dicom")]
         if read::is_structure_set(input) {
-            let source = crate::rtstruct::Source::read(input, &options.read)?;
-            let (step, notes) = source.about(&stack)?;
-            options.output.dz = options.output.dz.or(step);
+            let mut source = crate::rtstruct::Source::read(input, &options.read)?;
+            let (steps, notes) = source.about(&stack)?;
+            if options.output.dz.is_none() {
+                options.output.dz = steps.map(|s| s.heights);
+                source.every = steps.map(|s| s.planes);
+            }
             options.output.source = Some(std::sync::Arc::new(source));
             return Ok(Loaded { notes, ..Self::new(stack, options)? });
         }

@@ -148,19 +148,30 @@ impl Chosen<'_> {
         polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]))
     }
 
-    /// Distance between output heights where none is asked for. Where all `heights` lie on planes of another ROI that has planes between
-    /// them, those are taken for the images' slices, and their distance counts; else half the smallest gap.
-    pub fn step(&self, heights: &[f64]) -> Option<f64> {
-        let gap = smallest_gap(heights)?;
+    /// Steps of the output heights of `stack` where none is asked for. Where all its planes lie on those of another ROI that has planes
+    /// between them, those are taken for the images' slices, and interpolated contours belong there; else half way in the smallest gap.
+    pub fn steps(&self, stack: &ContourStack) -> Option<Steps> {
+        let heights: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
+        let gap = smallest_gap(&heights)?;
         let others = self.set.rois.iter().filter_map(|roi| self.set.closed(vec![roi]).ok());
-        let finer = others.filter_map(|other| {
-            let axis =
-                |a: usize| -> f64 { (0..3).map(|k| (other.planes.axes[a][k] - self.planes.axes[a][k]).abs()).sum() };
+        let images = others.filter_map(|other| {
+            let off: f64 = (0..3).map(|k| (other.planes.axes[2][k] - self.planes.axes[2][k]).abs()).sum();
             let theirs = &other.planes.heights;
             let lies = |z: &f64| theirs.iter().any(|w| (w - z).abs() <= TOLERANCE);
             let step = smallest_gap(theirs)?;
-            (axis(2) < 1e-6 && LEFT_OUT * step <= gap && heights.iter().all(lies)).then_some(step)
+            (off < 1e-6 && LEFT_OUT * step <= gap && heights.iter().all(lies)).then_some(step)
         });
-        Some(finer.min_by(f64::total_cmp).unwrap_or(0.5 * gap))
+        let planes = images.min_by(f64::total_cmp).unwrap_or(0.5 * gap);
+        let px = stack.spacing[0].min(stack.spacing[1]);
+        Some(Steps { planes, heights: planes / (planes / px).ceil().max(1.0) })
     }
+}
+
+/// Steps of heights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Steps {
+    /// Between the planes of interpolated contours.
+    pub planes: f64,
+    /// Between output heights: a whole part of `planes`, as fine as the pixels.
+    pub heights: f64,
 }

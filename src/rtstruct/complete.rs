@@ -36,14 +36,18 @@ pub struct Added {
 }
 
 impl Added {
-    /// The contour lines of those output layers that lie between drawn planes, at least half an output step from both.
-    pub fn between(chosen: &Chosen<'_>, body: &Reconstruction) -> Option<Self> {
+    /// The contour lines of those output layers that lie between drawn planes, at least half a step from both: with `every`, of those that
+    /// lie whole such steps from the lowest contour; else of all.
+    pub fn between(chosen: &Chosen<'_>, body: &Reconstruction, every: Option<f64>) -> Option<Self> {
         let roi = chosen.rois.first()?;
-        let (_, _, step) = body.output_grid();
+        let (_, _, between) = body.output_grid();
+        let step = every.unwrap_or(between);
+        let start = body.report.contours.first()?.z;
+        let due = |z: f64| every.is_none_or(|e| ((z - start) / e - ((z - start) / e).round()).abs() < 1e-3);
         let drawn = &chosen.planes.heights;
         let (low, high) = (drawn.first()?, drawn.last()?);
         let apart = (0.5 * step - 1e-6 * step).max(TOLERANCE);
-        let free = |z: f64| z > *low && z < *high && drawn.iter().all(|d| (d - z).abs() >= apart);
+        let free = |z: f64| due(z) && z > *low && z < *high && drawn.iter().all(|d| (d - z).abs() >= apart);
         let point = |x: [f64; 2], z: f64| {
             let [x, y, z] = to_world(&body.geometry, [x[0] * body.spacing[0], x[1] * body.spacing[1], z]);
             format!("{}\\{}\\{}", decimal(x), decimal(y), decimal(z))

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use dicom_object::DefaultDicomObject;
 
-pub use choose::Chosen;
+pub use choose::{Chosen, Steps};
 pub use complete::Added;
 
 use crate::error::{Error, Result};
@@ -122,6 +122,8 @@ pub struct Source {
     pub set: StructureSet,
     /// What was chosen.
     pub options: ReadOptions,
+    /// Step of the planes on which contours are added; else all output heights are such planes.
+    pub every: Option<f64>,
 }
 
 impl Source {
@@ -130,19 +132,18 @@ impl Source {
     /// # Errors
     /// As [`StructureSet::read`] and [`StructureSet::choose`].
     pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
-        let source = Source { set: StructureSet::read(path)?, options: options.clone() };
+        let source = Source { set: StructureSet::read(path)?, options: options.clone(), every: None };
         source.set.choose(options)?;
         Ok(source)
     }
 
-    /// Output step where none is asked for, and what a person should know of the contours on `stack`.
+    /// Steps of output heights where none are asked for, and what a person should know of the contours on `stack`.
     ///
     /// # Errors
     /// As [`StructureSet::choose`].
-    pub fn about(&self, stack: &ContourStack) -> Result<(Option<f64>, Vec<String>)> {
+    pub fn about(&self, stack: &ContourStack) -> Result<(Option<Steps>, Vec<String>)> {
         let chosen = self.set.choose(&self.options)?;
-        let heights: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
-        let step = chosen.step(&heights);
+        let steps = chosen.steps(stack);
         let mut notes = chosen.notes;
         let lost = stack.slices.iter().filter(|s| s.content.is_empty());
         let px = stack.spacing[0];
@@ -152,7 +153,7 @@ impl Source {
                 s.name, s.z
             )
         }));
-        Ok((step, notes))
+        Ok((steps, notes))
     }
 
     /// Refuses to write a completed file where none can be made.
@@ -175,7 +176,7 @@ impl Source {
     /// # Errors
     /// As [`StructureSet::choose`].
     pub fn added(&self, body: &Reconstruction) -> Result<Option<Added>> {
-        Ok(Added::between(&self.set.choose(&self.options)?, body))
+        Ok(Added::between(&self.set.choose(&self.options)?, body, self.every))
     }
 }
 

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use interslice::files::outputs::{Outputs, Temporary};
 use interslice::files::{JobOptions, Loaded};
 use interslice::rtstruct::StructureSet;
+use interslice::stack::read::check;
 use interslice::{Error, Result};
 
 use super::devices::{DeviceOptions, choose};
@@ -23,6 +24,7 @@ pub struct All<'a> {
 
 /// Reconstructs one ROI after the other. Nothing gets its name before everything is complete.
 pub fn run(all: &All<'_>) -> Result<()> {
+    check(all.input, &all.options.read)?;
     let set = StructureSet::read(all.input)?;
     let mut rois = Vec::new();
     for roi in &set.rois {

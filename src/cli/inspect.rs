@@ -40,6 +40,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 /// What is in an RTSTRUCT: all ROIs, or the one (or merged ones) that is chosen.
 #[cfg(feature = "dicom")]
 fn structures(arguments: &Arguments) -> Result<()> {
+    stack::read::check(&arguments.input, &arguments.read)?;
     let set = interslice::rtstruct::StructureSet::read(&arguments.input)?;
     let several = set.rois.len() > 1 && arguments.read.roi.is_empty();
     if arguments.all_rois || several {

@@ -40,7 +40,7 @@ impl PlaneSet {
         let fits = |n: &[f64; 3]| worst(contours, *n).is_none_or(|bent| bent.by <= TOLERANCE);
         let normal = straight.into_iter().find(fits).unwrap_or_else(|| mean_normal(contours));
         match worst(contours, normal) {
-            Some(bent) if !(bent.by <= TOLERANCE) => return Err(bent),
+            Some(bent) if bent.by > TOLERANCE || bent.by.is_nan() => return Err(bent),
             _ => {}
         }
         let axes = frame(normal);

@@ -93,7 +93,7 @@ pub(super) fn check_axes(axes: &[[f64; 3]; 3]) -> std::result::Result<(), String
     let dot = |a: usize, b: usize| -> f64 { (0..3).map(|k| axes[a][k] * axes[b][k]).sum() };
     for a in 0..3 {
         let length = dot(a, a).sqrt();
-        if !((length - 1.0).abs() <= SHEAR_LIMIT) {
+        if (length - 1.0).abs() > SHEAR_LIMIT || length.is_nan() {
             return Err(format!("axis {a} is {length} long; it must be 1"));
         }
     }

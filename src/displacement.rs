@@ -3,6 +3,11 @@
 //! The displacement v of an interval lives in its mid frame: what lies at `x - v/2` in the lower slice lies at `x + v/2` in the upper one.
 //! Vectors are in pixels of the image.
 
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::field::Field;
+
 /// Side of a block, px.
 pub const BLOCK: usize = 4;
 /// Fixed-point passes that find the trajectory through a point.
@@ -19,6 +24,23 @@ pub struct Displacement {
     pub vectors: Vec<[f64; 2]>,
 }
 
+/// Ask for the displacements of neighbouring intervals.
+#[derive(Debug, Clone)]
+pub struct DisplacementJob<'a> {
+    /// Signed distances of the slices, px; one more than intervals.
+    pub fields: &'a [Arc<Field>],
+    /// Heights of the intervals.
+    pub gaps: &'a [f64],
+    /// What each is drawn to where the fields say nothing.
+    pub guess: &'a [Displacement],
+    /// What the first of the rounds begins with.
+    pub begin: &'a [Displacement],
+    /// Rounds, of [`crate::reference::displacement::ROUNDS`].
+    pub rounds: Range<usize>,
+    /// Pixel sides.
+    pub h: [f64; 2],
+}
+
 impl Displacement {
     /// No displacement on an image of these pixels.
     pub fn zero(dims: [usize; 2]) -> Self {
@@ -28,19 +50,16 @@ impl Displacement {
 
     /// The displacement with a value for every block centre, which `f` is given in pixels, with the block's own vector.
     pub fn map(&self, f: impl Fn([f64; 2], [f64; 2]) -> [f64; 2]) -> Self {
-        let vectors = self.vectors.iter().enumerate().map(|(k, &v)| f(self.centre(k), v)).collect();
+        let mut vectors = Vec::with_capacity(self.vectors.len());
+        for (row, blocks) in self.vectors.chunks_exact(self.grid[0]).enumerate() {
+            vectors.extend(blocks.iter().enumerate().map(|(column, &v)| f([centre(column), centre(row)], v)));
+        }
         Displacement { grid: self.grid, vectors }
-    }
-
-    /// The displacement with a value for every block centre that is wanted; the other vectors stay.
-    pub fn map_where(&self, wanted: &[bool], f: impl Fn([f64; 2]) -> [f64; 2]) -> Self {
-        let vector = |k: usize| if wanted[k] { f(self.centre(k)) } else { self.vectors[k] };
-        Displacement { grid: self.grid, vectors: (0..self.vectors.len()).map(vector).collect() }
     }
 
     /// Centre of a block, pixels.
     pub fn centre(&self, k: usize) -> [f64; 2] {
-        [k % self.grid[0], k / self.grid[0]].map(|b| (b * BLOCK) as f64 + 0.5 * (BLOCK - 1) as f64)
+        [k % self.grid[0], k / self.grid[0]].map(centre)
     }
 
     /// The vector at `x`; beyond the blocks' centres that of the nearest.
@@ -48,11 +67,10 @@ impl Displacement {
     pub fn at(&self, x: [f64; 2]) -> [f64; 2] {
         let ((column, fx), (row, fy)) = (self.place(0, x[0]), self.place(1, x[1]));
         let k = row * self.grid[0] + column;
-        let v = &self.vectors;
-        std::array::from_fn(|a| {
-            (1.0 - fy) * ((1.0 - fx) * v[k][a] + fx * v[k + 1][a])
-                + fy * ((1.0 - fx) * v[k + self.grid[0]][a] + fx * v[k + self.grid[0] + 1][a])
-        })
+        let (below, above) = (&self.vectors[k..k + 2], &self.vectors[k + self.grid[0]..][..2]);
+        let in_row = |v: &[[f64; 2]], a: usize| (1.0 - fx) * v[0][a] + fx * v[1][a];
+        let both = |a: usize| (1.0 - fy) * in_row(below, a) + fy * in_row(above, a);
+        [both(0), both(1)]
     }
 
     /// The vectors at pixels of row `j` from `first` on. The blocks above and below are brought to the row once for all pixels between.
@@ -95,20 +113,15 @@ impl Displacement {
         (before, at - before as f64)
     }
 
-    /// Displacement of the trajectory that passes through `x` at time `1/2 + tau`: `u = v(x - tau u)`.
-    pub fn through(&self, x: [f64; 2], tau: f64) -> [f64; 2] {
-        let mut u = self.at(x);
-        if tau != 0.0 {
-            for _ in 0..PASSES {
-                u = self.at([x[0] - tau * u[0], x[1] - tau * u[1]]);
-            }
-        }
-        u
+    /// Displacements of the trajectories that pass through the blocks' centres x at time `1/2 + tau`: `u = v(x - tau u)`.
+    pub fn through(&self, tau: f64) -> Self {
+        let passes = if tau == 0.0 { 0 } else { PASSES };
+        self.map(|x, v| (0..passes).fold(v, |u, _| self.at([x[0] - tau * u[0], x[1] - tau * u[1]])))
     }
 
     /// The same read at the pixels of the lower and of the upper slice.
     pub fn at_slices(&self) -> [Self; 2] {
-        [-0.5, 0.5].map(|tau| self.map(|x, _| self.through(x, tau)))
+        [-0.5, 0.5].map(|tau| self.through(tau))
     }
 
     /// Largest component of any vector, px.
@@ -117,10 +130,16 @@ impl Displacement {
     }
 }
 
+/// Where along an axis the centre of a block lies, pixels.
+#[inline(always)]
+fn centre(block: usize) -> f64 {
+    (block * BLOCK) as f64 + 0.5 * (BLOCK - 1) as f64
+}
+
 /// The vector at place `f` between two.
 #[inline(always)]
 fn mix(a: [f64; 2], b: [f64; 2], f: f64) -> [f64; 2] {
-    std::array::from_fn(|c| (1.0 - f) * a[c] + f * b[c])
+    [(1.0 - f) * a[0] + f * b[0], (1.0 - f) * a[1] + f * b[1]]
 }
 
 /// Gaussian means over blocks, the edge repeated. `sigma` in blocks.

@@ -40,7 +40,9 @@ pub struct Spec<'m> {
     pub dims: [usize; 2],
     /// Pixel spacing.
     pub spacing: [f64; 2],
-    /// Distance between layers.
+    /// Median gap of the whole stack.
+    pub gap: f64,
+    /// Median distance between layers.
     pub dz: f64,
     /// Strength, 0 to 1.5.
     pub alpha: f64,
@@ -49,6 +51,9 @@ pub struct Spec<'m> {
     /// For an interval with parts that are kept apart the share of the strength at each pixel: smoothing would join them.
     pub shares: Vec<Option<Vec<f32>>>,
 }
+
+/// A block of a layer, and where its trajectory meets the slices below and above, px of the padded image.
+type Near = (usize, [[f64; 2]; 2]);
 
 /// A layer with what fairing makes of it.
 struct Kept {
@@ -59,7 +64,7 @@ struct Kept {
     layer: Option<Layer>,
     /// `v`, as soon as the layer above is known.
     v: Vec<f32>,
-    /// `n`, less where the surface lies flat.
+    /// `n`; near the surface less where it lies flat.
     gradient: Vec<f32>,
 }
 
@@ -77,10 +82,7 @@ pub struct Fairing<'m> {
 impl<'m> Fairing<'m> {
     /// Nothing yet.
     pub fn new(spec: Spec<'m>) -> Self {
-        let mut gaps: Vec<f64> = spec.contours.windows(2).map(|w| w[1] - w[0]).collect();
-        gaps.sort_by(f64::total_cmp);
-        let median = gaps.get(gaps.len() / 2).copied().unwrap_or(0.0);
-        let bound = (0.5 * median).max(2.0 * spec.dz).max(2.0 * spec.spacing[0].max(spec.spacing[1])) as f32;
+        let bound = (0.5 * spec.gap).max(2.0 * spec.dz).max(2.0 * spec.spacing[0].max(spec.spacing[1])) as f32;
         Fairing { spec, bound, kept: VecDeque::new(), interval: 0, at_contour: None }
     }
 
@@ -117,27 +119,7 @@ impl<'m> Fairing<'m> {
     /// Height up to which layers must be known to finish the current interval.
     fn needed_up_to(&self) -> f64 {
         let contours = &self.spec.contours;
-        match contours.get(self.interval + 1) {
-            Some(&high) => {
-                let low = contours[self.interval];
-                (high + TRUNCATE * self.sigma(high)).max(low + TRUNCATE * self.sigma(low))
-            }
-            None => f64::INFINITY,
-        }
-    }
-
-    /// SIGMA times the gap: at a contour the mean of those next to it, linear between.
-    fn sigma(&self, z: f64) -> f64 {
-        let contours = &self.spec.contours;
-        let last = contours.len() - 1;
-        let gap_at = |i: usize| {
-            let below = if i > 0 { contours[i] - contours[i - 1] } else { contours[1] - contours[0] };
-            let above = if i < last { contours[i + 1] - contours[i] } else { contours[last] - contours[last - 1] };
-            0.5 * (below + above)
-        };
-        let i = contours.partition_point(|c| *c <= z).clamp(1, last) - 1;
-        let t = ((z - contours[i]) / (contours[i + 1] - contours[i])).clamp(0.0, 1.0);
-        SIGMA * ((1.0 - t) * gap_at(i) + t * gap_at(i + 1))
+        if self.interval + 1 < contours.len() { reach(contours, self.interval)[1] } else { f64::INFINITY }
     }
 
     /// Makes v and n of a layer whose neighbours are there.
@@ -147,23 +129,34 @@ impl<'m> Fairing<'m> {
         let around = [k.saturating_sub(1), k, (k + 1).min(self.kept.len() - 1)].map(|l| &self.kept[l]);
         let rise = (around[2].z - around[0].z).max(f64::MIN_POSITIVE) as f32;
         let [Some(below), Some(here), Some(above)] = around.map(|kept| kept.layer.as_ref()) else { return };
-        let (bound, u) = (self.bound, &here.phi);
-        let pixel = |n: usize| {
-            let (i, j) = (n % nx, n / nx);
-            let (left, right) = (n - usize::from(i > 0), n + usize::from(i + 1 < nx));
-            let (down, up) = (n - if j > 0 { nx } else { 0 }, n + if j + 1 < ny { nx } else { 0 });
-            let gx = (u[right] - u[left]) / (dx * (right - left).max(1) as f32);
-            let gy = (u[up] - u[down]) / (dy * ((up - down) / nx).max(1) as f32);
-            let gz = (above.phi[n] - below.phi[n]) / rise;
-            let along = (gx * gx + gy * gy).sqrt();
-            let gradient = (along * along + gz * gz).sqrt().max(LEAST_GRADIENT);
-            // A surface that lies flat shows no creases, and a mean along z would only wash its relief away.
-            let upright = upright(f64::from(gz.abs() / along.max(LEAST_GRADIENT))) as f32;
-            let ratio = u[n] / (gradient * bound);
-            let v = if ratio.abs() > FLAT { bound.copysign(ratio) } else { bound * ratio.tanh() };
-            (v, upright * gradient)
+        let (bound, far) = (self.bound, SATURATED * self.bound);
+        let row = |steep: &mut Vec<f32>, (j, (v, gradient)): (usize, (&mut [f32], &mut [f32]))| {
+            let (down, up) = (j.saturating_sub(1), (j + 1).min(ny - 1));
+            let [u, south, north] = [j, down, up].map(|j| line(here, j, nx));
+            let [lower, higher] = [below, above].map(|layer| line(layer, j, nx));
+            let rise_y = dy * (up - down).max(1) as f32;
+            steep.resize(nx, 0.0);
+            for i in 0..nx {
+                let (left, right) = (i.saturating_sub(1), (i + 1).min(nx - 1));
+                let gx = (u[right] - u[left]) / (dx * (right - left).max(1) as f32);
+                let gy = (north[i] - south[i]) / rise_y;
+                let gz = (higher[i] - lower[i]) / rise;
+                let along = gx * gx + gy * gy;
+                gradient[i] = (along + gz * gz).sqrt().max(LEAST_GRADIENT);
+                steep[i] = gz.abs() / along.sqrt().max(LEAST_GRADIENT);
+            }
+            for i in 0..nx {
+                let ratio = u[i] / (gradient[i] * bound);
+                v[i] = if ratio.abs() > FLAT { bound.copysign(ratio) } else { bound * ratio.tanh() };
+                // A surface that lies flat shows no creases, and a mean along z would only wash its relief away.
+                if v[i].abs() < far {
+                    gradient[i] *= upright(f64::from(steep[i])) as f32;
+                }
+            }
         };
-        let (v, gradient) = (0..nx * ny).into_par_iter().map(pixel).unzip();
+        let (mut v, mut gradient) = (vec![0.0; nx * ny], vec![0.0; nx * ny]);
+        let rows = v.par_chunks_mut(nx).zip(gradient.par_chunks_mut(nx)).enumerate();
+        rows.for_each_init(Vec::new, row);
         (self.kept[k].v, self.kept[k].gradient) = (v, gradient);
     }
 
@@ -171,7 +164,7 @@ impl<'m> Fairing<'m> {
     /// layers go on as their reflections in the last one, `2 v_end - v`, so that a slope there stays.
     fn weights(&self, k: usize) -> Vec<(usize, f32)> {
         let z = self.kept[k].z;
-        let sigma = self.sigma(z);
+        let sigma = sigma(&self.spec.contours, z);
         let last = self.kept.len() - 1;
         let at = |l: usize| self.kept[l].z;
         let height = |l: usize| {
@@ -196,62 +189,59 @@ impl<'m> Fairing<'m> {
         terms.into_iter().map(|(l, w)| (l, (w / whole) as f32)).collect()
     }
 
-    /// Blocks of layer `k` that are read where its surface is near.
-    fn near_surface(&self, k: usize) -> Vec<bool> {
-        let grid = Displacement::zero(self.spec.dims).grid;
-        let mut near = vec![false; grid[0] * grid[1]];
-        if self.spec.moving.is_none() {
-            return near;
-        }
+    /// Blocks of layer `k` that are read where its surface is near, and where their trajectories meet the slices around it.
+    fn near_surface(&self, k: usize) -> Vec<Near> {
+        let (Some((moving, pad)), Some(place)) = (self.spec.moving, &self.kept[k].place) else { return Vec::new() };
+        let still = Displacement::zero(self.spec.dims);
+        let mut near = vec![false; still.vectors.len()];
         let nx = self.spec.dims[0];
         let far = SATURATED * self.bound;
         // A pixel reads the four blocks whose centres are around it.
         let around = |low: usize, high: usize, axis: usize| {
             let [first, last] = [low, high].map(|p| (p + BLOCK / 2) / BLOCK);
-            first.saturating_sub(1)..last.min(grid[axis] - 1) + 1
+            first.saturating_sub(1)..last.min(still.grid[axis] - 1) + 1
         };
         for (j, row) in self.kept[k].v.chunks_exact(nx).enumerate() {
             for pixels in stretches(row, far) {
                 for by in around(j, j, 1) {
-                    near[by * grid[0]..][around(pixels.start, pixels.end - 1, 0)].fill(true);
+                    near[by * still.grid[0]..][around(pixels.start, pixels.end - 1, 0)].fill(true);
                 }
             }
         }
-        near
+        let slices = |block: usize| moving.to_slices(still.centre(block).map(|x| x + pad as f64), place);
+        (0..near.len()).filter(|&block| near[block]).map(|block| (block, slices(block))).collect()
     }
 
     /// Offsets of the trajectories from layer `k` to layer `l` in the blocks `near`, px of the image; `None` where they stand still.
-    fn offsets(&self, k: usize, l: usize, near: &[bool]) -> Option<Displacement> {
+    fn offsets(&self, k: usize, l: usize, near: &[Near]) -> Option<Displacement> {
         let (moving, pad) = self.spec.moving.filter(|_| k != l)?;
         let (from, to) = (self.kept[k].place.as_ref()?, self.kept[l].place.as_ref()?);
-        let pad = pad as f64;
-        let still = Displacement::zero(self.spec.dims);
-        Some(still.map_where(near, |x| {
-            let padded = [x[0] + pad, x[1] + pad];
-            let y = moving.carry(padded, from, to);
-            [y[0] - padded[0], y[1] - padded[1]]
-        }))
+        let mut offsets = Displacement::zero(self.spec.dims);
+        for &(block, slices) in near {
+            let (x, y) = (offsets.centre(block), moving.carry(slices, from, to));
+            offsets.vectors[block] = [0, 1].map(|a| y[a] - pad as f64 - x[a]);
+        }
+        Some(offsets)
     }
 
     /// `K v - v` at layer `k`, zero far from its surface. `near` are its blocks near the surface.
-    fn difference(&self, k: usize, near: &[bool]) -> Vec<f32> {
+    fn difference(&self, k: usize, near: &[Near]) -> Vec<f32> {
         let weights = self.weights(k);
         let offsets: Vec<Option<Displacement>> = weights.par_iter().map(|&(l, _)| self.offsets(k, l, near)).collect();
         let (own, far, nx) = (&self.kept[k].v, SATURATED * self.bound, self.spec.dims[0]);
         let mut out = vec![0.0f32; own.len()];
         let dims = self.spec.dims;
-        let row = |there: &mut Vec<f32>, (j, out): (usize, &mut [f32])| {
+        let row = |(j, out): (usize, &mut [f32])| {
             let own = &own[j * nx..][..nx];
             for pixels in stretches(own, far) {
                 let out = &mut out[pixels.clone()];
                 out.iter_mut().zip(&own[pixels.clone()]).for_each(|(sum, own)| *sum = -own);
                 for ((l, w), offsets) in weights.iter().zip(&offsets) {
-                    read(&self.kept[*l].v, dims, offsets.as_ref(), j, pixels.clone(), there);
-                    out.iter_mut().zip(&*there).for_each(|(sum, v)| *sum += w * v);
+                    add(&self.kept[*l].v, *w, dims, offsets.as_ref(), j, pixels.start, out);
                 }
             }
         };
-        out.par_chunks_mut(nx).enumerate().for_each_init(Vec::new, row);
+        out.par_chunks_mut(nx).enumerate().for_each(row);
         out
     }
 
@@ -292,7 +282,9 @@ impl<'m> Fairing<'m> {
             // Far from the surface nothing changes.
             for pixels in stretches(&v[j * nx..][..nx], far) {
                 for ((d, offsets), there) in contours.iter().zip(there.iter_mut()) {
-                    read(d, dims, offsets.as_ref(), j, pixels.clone(), there);
+                    there.clear();
+                    there.resize(pixels.len(), 0.0);
+                    add(d, 1.0, dims, offsets.as_ref(), j, pixels.start, there);
                 }
                 for ((i, low), high) in pixels.zip(&there[0]).zip(&there[1]) {
                     let (n, u) = (j * nx + i, &mut u[i]);
@@ -311,13 +303,41 @@ impl<'m> Fairing<'m> {
     /// Drops what no later mean needs.
     fn forget(&mut self) {
         let contours = &self.spec.contours;
-        let below = |i: usize| contours.get(i).map_or(f64::INFINITY, |&z| z - TRUNCATE * self.sigma(z));
-        let needed = below(self.interval).min(below(self.interval + 1));
+        let to_come = self.interval..contours.len() - 1;
+        let needed = to_come.map(|i| reach(contours, i)[0]).fold(f64::INFINITY, f64::min);
         // One layer more stays: how far the lowest reaches down is known from it.
         while self.kept.len() > 2 && self.kept[0].layer.is_none() && self.kept[1].z < needed {
             self.kept.pop_front();
         }
     }
+}
+
+/// SIGMA times the gap: at a contour the mean of those next to it, between them a smooth step, so that what follows is C1.
+fn sigma(contours: &[f64], z: f64) -> f64 {
+    let last = contours.len() - 1;
+    let i = contours.partition_point(|c| *c <= z).clamp(1, last) - 1;
+    let t = ((z - contours[i]) / (contours[i + 1] - contours[i])).clamp(0.0, 1.0);
+    let w = smoothstep(t);
+    SIGMA * ((1.0 - w) * gap_at(contours, i) + w * gap_at(contours, i + 1))
+}
+
+/// The mean of the gaps next to a contour.
+fn gap_at(contours: &[f64], i: usize) -> f64 {
+    let last = contours.len() - 1;
+    let below = if i > 0 { contours[i] - contours[i - 1] } else { contours[1] - contours[0] };
+    let above = if i < last { contours[i + 1] - contours[i] } else { contours[last] - contours[last - 1] };
+    0.5 * (below + above)
+}
+
+/// Lowest and highest height from which layers of interval `i` take their means, contours included.
+pub fn reach(contours: &[f64], i: usize) -> [f64; 2] {
+    let widest = TRUNCATE * SIGMA * gap_at(contours, i).max(gap_at(contours, i + 1));
+    [contours[i] - widest, contours[i + 1] + widest]
+}
+
+/// Row `j` of a layer.
+fn line(layer: &Layer, j: usize, nx: usize) -> &[f32] {
+    &layer.phi[j * nx..][..nx]
 }
 
 /// How much of its way a pixel at `|v| / B` moves.
@@ -334,25 +354,19 @@ fn stretches(v: &[f32], far: f32) -> impl Iterator<Item = Range<usize>> {
     })
 }
 
-/// Values of a layer at some pixels of row `j`, or where their trajectories are.
-fn read(
-    v: &[f32],
-    dims: [usize; 2],
-    offsets: Option<&Displacement>,
-    j: usize,
-    pixels: Range<usize>,
-    out: &mut Vec<f32>,
-) {
-    out.clear();
+/// Adds `w` times the values of a layer at the pixels of row `j` from `first` on, or where their trajectories are.
+fn add(v: &[f32], w: f32, dims: [usize; 2], offsets: Option<&Displacement>, j: usize, first: usize, out: &mut [f32]) {
     let Some(offsets) = offsets else {
-        out.extend_from_slice(&v[j * dims[0]..][pixels]);
+        out.iter_mut().zip(&v[j * dims[0] + first..]).for_each(|(sum, v)| *sum += w * v);
         return;
     };
     let mut some = [[0.0; 2]; 4 * BLOCK];
-    for first in pixels.clone().step_by(some.len()) {
-        let some = &mut some[..pixels.end.min(first + 4 * BLOCK) - first];
+    for (first, out) in (first..).step_by(some.len()).zip(out.chunks_mut(some.len())) {
+        let some = &mut some[..out.len()];
         offsets.read_row(j, first, some);
-        out.extend((first..).zip(some).map(|(i, [x, y])| sample(v, dims, [i as f64 + *x, j as f64 + *y])));
+        for ((i, sum), [x, y]) in (first..).zip(out).zip(some) {
+            *sum += w * sample(v, dims, [i as f64 + *x, j as f64 + *y]);
+        }
     }
 }
 

@@ -4,13 +4,21 @@
 //! of distance fields, normals, speeds) are in pixels of the larger pixel side; `h = [hx, hy]`, the sides of one pixel in that unit,
 //! has a 1 in it and nothing larger.
 
+use crate::shelf::{Array, Large};
+
 /// A scalar field on a tile, row-major.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Field {
     /// Pixels `[nx, ny]`.
     pub dims: [usize; 2],
     /// Values, `nx * ny`.
     pub data: Vec<f64>,
+}
+
+impl Large for Field {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        vec![Array::F64(&mut self.data)]
+    }
 }
 
 impl Field {
@@ -77,7 +85,7 @@ impl Field {
             g[0] += w * d[0];
             g[1] += w * d[1];
         }
-        let length = g[0].hypot(g[1]);
+        let length = length(g);
         if length < 1e-9 { [0.0; 2] } else { [g[0] / length, g[1] / length] }
     }
 
@@ -117,7 +125,7 @@ impl Field {
     /// Contour point closest to pixel `node`: `x - phi n`, in pixels.
     pub fn closest_point(&self, node: usize, h: [f64; 2]) -> [f64; 2] {
         let g = self.gradient(node, h);
-        let scale = self.data[node] / (g[0].hypot(g[1]) + 1e-9);
+        let scale = self.data[node] / (length(g) + 1e-9);
         let (i, j) = (node % self.dims[0], node / self.dims[0]);
         [i as f64 - scale * g[0] / h[0], j as f64 - scale * g[1] / h[1]]
     }
@@ -136,5 +144,11 @@ fn catmull_rom(f: f64) -> [f64; 4] {
 
 /// Length of the step from `a` to `b`.
 pub fn distance(a: [f64; 2], b: [f64; 2], h: [f64; 2]) -> f64 {
-    ((a[0] - b[0]) * h[0]).hypot((a[1] - b[1]) * h[1])
+    length([(a[0] - b[0]) * h[0], (a[1] - b[1]) * h[1]])
+}
+
+/// Of a vector neither of whose squares is out of range: cheaper than `hypot`.
+#[inline(always)]
+fn length([x, y]: [f64; 2]) -> f64 {
+    (x * x + y * y).sqrt()
 }

@@ -15,13 +15,13 @@ const PER_FRAME_PIXEL: f64 = 96.0;
 /// Bytes per pixel of a layer that waits to be faired, and the gaps that wait.
 const PER_WAITING_PIXEL: f64 = 12.0;
 const WAITING_GAPS: f64 = 3.0;
-/// Bytes per pixel and layer of the result, and of the tiles of both directions while an interval is swept and blended.
-const PER_LAYER_PIXEL: f64 = 4.0;
+/// Bytes per pixel and layer of the tiles of both directions while an interval is swept and blended. Finished layers are written and forgotten.
 const PER_SWEPT_PIXEL: f64 = 8.0;
 const PER_BLENDED_PIXEL: f64 = 28.0;
 
 /// Bytes a run on the reference path needs at most, for `heights` (increasing) and `threads`: an estimate from above, as if every group
-/// filled the image.
+/// filled the image. Whoever keeps the layers ([`reconstruct`](crate::reconstruct)) needs 4 bytes per voxel more; writing them takes what
+/// [`outputs::bytes`](crate::files::outputs::bytes) says.
 pub fn estimate_bytes(stack: &ContourStack, heights: &[f64], settings: &Settings, threads: usize) -> u64 {
     let padded: f64 = stack.dims.iter().map(|n| (n + 2 * (settings.margin() + 8)) as f64).product();
     let pixels: f64 = stack.dims.iter().map(|n| *n as f64).product();
@@ -38,7 +38,6 @@ pub fn estimate_bytes(stack: &ContourStack, heights: &[f64], settings: &Settings
     let waiting = if settings.fair > 0.0 { layers.min(WAITING_GAPS * most_between) } else { 0.0 };
     let bytes = stack.slices.len() as f64 * padded * (PER_SLICE_PIXEL + moving)
         + waiting * pixels * PER_WAITING_PIXEL
-        + layers * pixels * PER_LAYER_PIXEL
         + swept * PER_SWEPT_PIXEL
         + most_between * padded * PER_BLENDED_PIXEL;
     bytes as u64

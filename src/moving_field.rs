@@ -4,11 +4,14 @@
 //! motion too is C1 across contours: `p(t) = t u + (h K_i - u)(t^3 - 2 t^2 + t) + (h K_{i+1} - u)(t^3 - t^2)`.
 
 use std::cmp::Ordering;
+use std::ops::Range;
+use std::sync::Arc;
 
 use crate::contours::Contour;
 use crate::displacement::Displacement;
 use crate::field::Field;
 use crate::matching::LonePart;
+use crate::shelf::{Array, Large};
 use crate::spline::{harmonic, hermite_values, smoothstep};
 
 /// Share of `4 t^2 (1 - t)^2 |A - B|` taken off where the surface is upright: what interpolated distances shrink by systematically.
@@ -42,13 +45,13 @@ pub struct MovingField {
     /// Length of a pixel's larger side in the unit of the heights.
     pub px: f64,
     /// Signed distances, px; finite everywhere.
-    pub fields: Vec<Field>,
+    pub fields: Vec<Arc<Field>>,
     /// Mid-frame displacement of each interval.
-    pub displacements: Vec<Displacement>,
+    pub displacements: Vec<Arc<Displacement>>,
     /// The same read at the pixels of the interval's lower and upper slice.
-    pub at_slices: Vec<[Displacement; 2]>,
+    pub at_slices: Vec<Arc<[Displacement; 2]>>,
     /// Rate of motion at each slice, px of the image per height.
-    pub rates: Vec<Displacement>,
+    pub rates: Vec<Arc<Displacement>>,
 }
 
 /// Where points of a layer come from and go to.
@@ -62,9 +65,20 @@ pub struct Paths {
 
 impl MovingField {
     /// What follows from fields and displacements.
-    pub fn new(heights: Vec<f64>, px: f64, fields: Vec<Field>, displacements: Vec<Displacement>) -> Self {
+    pub fn new(heights: Vec<f64>, px: f64, fields: Vec<Arc<Field>>, displacements: Vec<Displacement>) -> Self {
         let gaps = even_gaps(&heights);
-        let at_slices: Vec<[Displacement; 2]> = displacements.iter().map(Displacement::at_slices).collect();
+        MovingField::with_gaps(heights, gaps, px, fields, displacements)
+    }
+
+    /// The same for some slices of a stack, of whose gaps these are some.
+    pub fn with_gaps(
+        heights: Vec<f64>,
+        gaps: Vec<f64>,
+        px: f64,
+        fields: Vec<Arc<Field>>,
+        displacements: Vec<Displacement>,
+    ) -> Self {
+        let at_slices: Vec<Arc<[Displacement; 2]>> = displacements.iter().map(|v| Arc::new(v.at_slices())).collect();
         let last = heights.len() - 1;
         let gap = |i: usize| gaps[i];
         let rate = |i: usize| {
@@ -81,8 +95,23 @@ impl MovingField {
                 });
             Displacement { grid: before.grid, vectors: vectors.collect() }
         };
-        let rates = (0..=last).map(rate).collect();
+        let rates = (0..=last).map(|i| Arc::new(rate(i))).collect();
+        let displacements = displacements.into_iter().map(Arc::new).collect();
         MovingField { heights, gaps, px, fields, displacements, at_slices, rates }
+    }
+
+    /// The same of some slices alone, numbered from 0; slices that are given with their `fields`.
+    pub fn part(&self, slices: Range<usize>, fields: Vec<Arc<Field>>) -> Self {
+        let intervals = slices.start..slices.end - 1;
+        MovingField {
+            heights: self.heights[slices.clone()].to_vec(),
+            gaps: self.gaps[intervals.clone()].to_vec(),
+            px: self.px,
+            fields,
+            displacements: self.displacements[intervals.clone()].to_vec(),
+            at_slices: self.at_slices[intervals].to_vec(),
+            rates: self.rates[slices].to_vec(),
+        }
     }
 
     /// Gap of an interval.
@@ -93,24 +122,20 @@ impl MovingField {
     /// Paths through the layer at time `t` of interval `i`.
     pub fn paths(&self, i: usize, t: f64) -> Paths {
         let v = &self.displacements[i];
-        let whole = v.map(|x, _| v.through(x, t - 0.5));
         let [first, second] = [t * (t - 1.0) * (t - 1.0), t * t * (t - 1.0)];
-        let come = Displacement {
-            grid: v.grid,
-            vectors: (0..v.vectors.len())
-                .map(|k| {
-                    std::array::from_fn(|a| {
-                        let u = whole.vectors[k][a];
-                        let [low, high] = [i, i + 1].map(|s| self.gap(i) * self.rates[s].vectors[k][a] - u);
-                        t * u + low * first + high * second
-                    })
-                })
-                .collect(),
-        };
-        let go = Displacement {
-            grid: v.grid,
-            vectors: whole.vectors.iter().zip(&come.vectors).map(|(u, p)| [u[0] - p[0], u[1] - p[1]]).collect(),
-        };
+        let gap = self.gap(i);
+        let mut go = v.through(t - 0.5);
+        let mut come = Displacement { grid: v.grid, vectors: Vec::with_capacity(v.vectors.len()) };
+        let rates = self.rates[i].vectors.iter().zip(&self.rates[i + 1].vectors);
+        for (whole, (low, high)) in go.vectors.iter_mut().zip(rates) {
+            let along = |a: usize| {
+                let u = whole[a];
+                t * u + (gap * low[a] - u) * first + (gap * high[a] - u) * second
+            };
+            let p = [along(0), along(1)];
+            come.vectors.push(p);
+            *whole = [whole[0] - p[0], whole[1] - p[1]];
+        }
         Paths { come, go }
     }
 }
@@ -124,6 +149,8 @@ pub struct Place {
     pub t: f64,
     /// Paths from and to that interval's slices.
     pub paths: Paths,
+    /// From the interval's lower and upper slice to the layer.
+    pub off: [Displacement; 2],
 }
 
 impl MovingField {
@@ -132,31 +159,43 @@ impl MovingField {
         let last = self.displacements.len() - 1;
         let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
         let t = time(z, self.heights[interval], self.heights[interval + 1]);
-        Place { interval, t, paths: self.paths(interval, t) }
+        let paths = self.paths(interval, t);
+        let off = self.off_slices(interval, t, &paths);
+        Place { interval, t, paths, off }
     }
 
-    /// Where the trajectory through `x` at one place is at another, px of the padded image. Within an interval the mean of the ways over
-    /// either slice, so that it is the same upside down.
-    pub fn carry(&self, x: [f64; 2], from: &Place, to: &Place) -> [f64; 2] {
-        let below = || plus(x, from.paths.come.at(x), -1.0);
-        let above = || plus(x, from.paths.go.at(x), 1.0);
+    /// The ways back of `paths`, which are those through the layer at time `t` of interval `i`: from either slice to the layer.
+    pub fn off_slices(&self, i: usize, t: f64, paths: &Paths) -> [Displacement; 2] {
+        let [low, high] = &*self.at_slices[i];
+        let to = |x: [f64; 2], y: [f64; 2]| plus(y, x, -1.0);
+        [
+            low.map(|x, u| to(x, paths.off_low(x, plus(x, u, t)))),
+            high.map(|x, u| to(x, paths.off_high(x, plus(x, u, t - 1.0)))),
+        ]
+    }
+
+    /// Where the trajectory through a point of one layer meets the slices below and above it, px of the padded image.
+    pub fn to_slices(&self, x: [f64; 2], from: &Place) -> [[f64; 2]; 2] {
+        [plus(x, from.paths.come.at(x), -1.0), plus(x, from.paths.go.at(x), 1.0)]
+    }
+
+    /// Where the trajectory that meets the slices around layer `from` at `[below, above]` is on another layer. Within an interval the way over
+    /// the lower slice passes smoothly into that over the upper one, so that it is C1 at the slices, and the same upside down.
+    pub fn carry(&self, [below, above]: [[f64; 2]; 2], from: &Place, to: &Place) -> [f64; 2] {
+        let off = |end: usize, slice: [f64; 2]| plus(slice, to.off[end].at(slice), 1.0);
         match from.interval.cmp(&to.interval) {
-            // From or to a slice there is one way.
-            Ordering::Equal if from.t == 0.0 || to.t == 0.0 => to.paths.off_low(below(), x),
-            Ordering::Equal if from.t == 1.0 || to.t == 1.0 => to.paths.off_high(above(), x),
             Ordering::Equal => {
-                let [a, b] = [to.paths.off_low(below(), x), to.paths.off_high(above(), x)];
-                [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
+                let ([a, b], w) = ([off(0, below), off(1, above)], smoothstep(from.t));
+                let v = smoothstep(1.0 - from.t);
+                [v * a[0] + w * b[0], v * a[1] + w * b[1]]
             }
             Ordering::Less => {
                 let step = |x, j: usize| plus(x, self.at_slices[j][0].at(x), 1.0);
-                let slice = (from.interval + 1..to.interval).fold(above(), step);
-                to.paths.off_low(slice, slice)
+                off(0, (from.interval + 1..to.interval).fold(above, step))
             }
             Ordering::Greater => {
                 let step = |x, j: usize| plus(x, self.at_slices[j][1].at(x), -1.0);
-                let slice = (to.interval + 1..from.interval).rev().fold(below(), step);
-                to.paths.off_high(slice, slice)
+                off(1, (to.interval + 1..from.interval).rev().fold(below, step))
             }
         }
     }
@@ -245,6 +284,12 @@ pub struct LoneParts {
     pub high: Vec<LonePart>,
 }
 
+impl Large for LoneParts {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        self.low.iter_mut().chain(&mut self.high).map(|part| Array::F64(&mut part.field.data)).collect()
+    }
+}
+
 /// The other slice's value that lets a part close half way, `its own distance + 2 D`, at node-space position `x`; `None` off its tile.
 pub fn closing(parts: &[LonePart], x: [f64; 2]) -> Option<f64> {
     let value = |part: &LonePart| {
@@ -258,26 +303,14 @@ pub fn closing(parts: &[LonePart], x: [f64; 2]) -> Option<f64> {
 /// An empty slice reads as the nearest contour beyond this many times its inradius.
 const EMPTY_DEPTHS: f64 = 2.0;
 
-/// Distances of all slices; an empty one reads as its nearest contours drawn in by twice their inradius.
-pub fn filled_fields(contours: &[Contour]) -> Vec<Field> {
-    let full: Vec<usize> = (0..contours.len()).filter(|&i| contours[i].solids.count > 0).collect();
-    let beyond = |j: usize| {
-        let phi = &contours[j].phi;
+/// What an empty slice reads as: its nearest contours drawn in by twice their inradius.
+pub fn drawn_in(nearest: &[Arc<Contour>], dims: [usize; 2]) -> Field {
+    let beyond = |contour: &Arc<Contour>| {
+        let phi = &contour.phi;
         let depth = -phi.data.iter().copied().fold(0.0, f64::min);
         Field { dims: phi.dims, data: phi.data.iter().map(|v| v + EMPTY_DEPTHS * depth).collect() }
     };
-    let of = |(i, contour): (usize, &Contour)| {
-        if contour.solids.count > 0 {
-            return contour.phi.clone();
-        }
-        let before = full.iter().rev().find(|&&j| j < i);
-        let after = full.iter().find(|&&j| j > i);
-        let fields = before.into_iter().chain(after).map(|&j| beyond(j));
-        let nearest = |a: Field, b: Field| Field {
-            dims: a.dims,
-            data: a.data.iter().zip(&b.data).map(|(x, y)| x.min(*y)).collect(),
-        };
-        fields.reduce(nearest).unwrap_or_else(|| Field::filled(contour.phi.dims, 1e3))
-    };
-    contours.iter().enumerate().map(of).collect()
+    let nearer =
+        |a: Field, b: Field| Field { dims: a.dims, data: a.data.iter().zip(&b.data).map(|(x, y)| x.min(*y)).collect() };
+    nearest.iter().map(beyond).reduce(nearer).unwrap_or_else(|| Field::filled(dims, 1e3))
 }

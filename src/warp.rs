@@ -10,7 +10,8 @@ use crate::trust::Trust;
 pub struct Warp<'m> {
     moving: &'m MovingField,
     i: usize,
-    middle: Paths,
+    /// From the slices to the mid frame.
+    off: [Displacement; 2],
     /// What the way to the mid frame and back takes from either slice, px.
     lost: [Field; 2],
     limit: f64,
@@ -37,22 +38,22 @@ impl Way {
 impl<'m> Warp<'m> {
     /// For an interval whose slices are `low` and `high`, as they are and as the mid frame sees them; distances count up to `limit` px.
     pub fn new(moving: &'m MovingField, i: usize, slices: [(&Field, &Field); 2], limit: f64) -> Self {
-        let middle = moving.paths(i, 0.5);
+        let off = moving.off_slices(i, 0.5, &moving.paths(i, 0.5));
         let lost = [0, 1].map(|end| {
             let (own, seen) = slices[end];
-            let way = way_to_middle(&moving.paths(i, end as f64), &middle);
+            let way = way_to_middle(&moving.paths(i, end as f64), &off);
             Field::from_fn(own.dims, |i, j| {
                 let (x, v) = ([i as f64, j as f64], own.data[j * own.dims[0] + i]);
                 if v.abs() < limit { v - seen.sample_smooth(plus(x, way.at(x), 1.0)) } else { 0.0 }
             })
         });
-        Warp { moving, i, middle, lost, limit }
+        Warp { moving, i, off, lost, limit }
     }
 
     /// The way of the layer at time `t`.
     pub fn way(&self, t: f64) -> Way {
         let paths = self.moving.paths(self.i, t);
-        let to_middle = way_to_middle(&paths, &self.middle);
+        let to_middle = way_to_middle(&paths, &self.off);
         Way { t, paths, to_middle }
     }
 
@@ -106,10 +107,13 @@ impl<'m> Warp<'m> {
 }
 
 /// From a layer's pixels to where their trajectories are in the mid frame: the mean of the ways over either slice.
-fn way_to_middle(paths: &Paths, middle: &Paths) -> Displacement {
-    paths.come.map(|x, _| {
-        let a = middle.off_low(plus(x, paths.come.at(x), -1.0), x);
-        let b = middle.off_high(plus(x, paths.go.at(x), 1.0), x);
-        [0.5 * (a[0] + b[0]) - x[0], 0.5 * (a[1] + b[1]) - x[1]]
-    })
+fn way_to_middle(paths: &Paths, off: &[Displacement; 2]) -> Displacement {
+    let mut way = paths.come.clone();
+    let over = |slice: [f64; 2], off: &Displacement| plus(slice, off.at(slice), 1.0);
+    for ((k, way), go) in way.vectors.iter_mut().enumerate().zip(&paths.go.vectors) {
+        let x = paths.come.centre(k);
+        let (a, b) = (over(plus(x, *way, -1.0), &off[0]), over(plus(x, *go, 1.0), &off[1]));
+        *way = [0.5 * (a[0] + b[0]) - x[0], 0.5 * (a[1] + b[1]) - x[1]];
+    }
+    way
 }

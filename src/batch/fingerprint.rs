@@ -9,6 +9,7 @@ use blake3::Hasher;
 
 use super::manifest::Job;
 use crate::error::{Error, Result};
+use crate::files::pending::files_below;
 use crate::stack::read::files;
 
 /// The fingerprint of a job, 64 hexadecimal digits. Equal content gives equal fingerprints, whatever the input is called; an option that is
@@ -35,12 +36,22 @@ pub fn fingerprint(job: &Job, machine: &str) -> Result<String> {
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-/// Length and BLAKE3 digest of a file.
+/// Length and BLAKE3 digest of a file; of a folder those of its files, with their names.
 ///
 /// # Errors
 /// Those of reading it.
 pub fn digest(path: &Path) -> io::Result<(u64, String)> {
     let mut hasher = Hasher::new();
-    hasher.update_reader(File::open(path)?)?;
-    Ok((hasher.count(), hasher.finalize().to_hex().to_string()))
+    if !path.is_dir() {
+        hasher.update_reader(File::open(path)?)?;
+        return Ok((hasher.count(), hasher.finalize().to_hex().to_string()));
+    }
+    let mut bytes = 0;
+    for file in files_below(path)? {
+        let name = file.strip_prefix(path).unwrap_or(&file).as_os_str().as_encoded_bytes();
+        let (length, blake3) = digest(&file)?;
+        bytes += length;
+        hasher.update(&(name.len() as u64).to_le_bytes()).update(name).update(blake3.as_bytes());
+    }
+    Ok((bytes, hasher.finalize().to_hex().to_string()))
 }

@@ -1,6 +1,7 @@
 //! A job on its way through a batch: read, computed, written, each step once.
 
 use std::any::Any;
+use std::cell::RefCell;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -13,7 +14,8 @@ use super::results::{Certificate, ResultLine, Status, Written};
 use super::runner::{Batch, Outcome};
 use crate::error::{Error, Result};
 use crate::files::Loaded;
-use crate::files::outputs::{Outputs, Temporary};
+use crate::files::outputs::{self, Outputs};
+use crate::files::pending::Temporary;
 use crate::progress::Silent;
 use crate::surface::Reconstruction;
 
@@ -39,7 +41,7 @@ struct End {
 /// A job that was read.
 pub(super) type Read<'a> = (Flight<'a>, Loaded);
 /// A job that was computed.
-pub(super) type Computed<'a> = (Flight<'a>, Loaded, Reconstruction);
+pub(super) type Computed<'a> = (Flight<'a>, Reconstruction);
 
 impl<'a> Batch<'a> {
     /// Reads a job whose lock is held; nothing where it has ended already.
@@ -60,7 +62,8 @@ impl<'a> Batch<'a> {
             if fingerprint(job, &self.options.machine)? != print {
                 return Err(Error::Format { path: job.input.clone(), message: "has changed while it was read".into() });
             }
-            let permit = self.gate.pass(loaded.bytes())?;
+            let writing = outputs::bytes(job.targets.iter().map(|t| t.as_path()), loaded.stack.dims);
+            let permit = self.gate.pass(loaded.bytes() + writing)?;
             for target in &job.targets {
                 let folder = target.parent().unwrap_or(Path::new("."));
                 fs::create_dir_all(folder)
@@ -87,13 +90,16 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// Computes a job; nothing where it has failed.
+    /// Computes a job and writes its layers under temporary names; nothing where it has failed.
     pub(super) fn compute(&self, (mut flight, loaded): Read<'a>) -> Option<Computed<'a>> {
         let begin = Instant::now();
-        let body = guarded(|| self.machine.compute(&|backend| loaded.compute(backend, &Silent)));
+        // A machine may ask again; one call follows the other.
+        let outputs = RefCell::new(&mut flight.outputs);
+        let body =
+            guarded(|| self.machine.compute(&|backend| loaded.compute(backend, &Silent, &mut outputs.borrow_mut())));
         flight.seconds += begin.elapsed().as_secs_f64();
         match body {
-            Ok(body) => Some((flight, loaded, body)),
+            Ok(body) => Some((flight, body)),
             Err(e) => {
                 self.failed(flight.index, flight.fingerprint.clone(), flight.seconds, &e);
                 None
@@ -101,15 +107,15 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// Makes the outputs of a job, renames them, and writes its line.
-    pub(super) fn write(&self, (flight, loaded, mut body): Computed<'a>) {
+    /// Completes the outputs of a job, renames them, and writes its line.
+    pub(super) fn write(&self, (flight, mut body): Computed<'a>) {
         let begin = Instant::now();
         let Flight { index, fingerprint, mut seconds, mut outputs, permit, lock } = flight;
         let job = &self.manifest.jobs[index];
         // Times would differ from run to run; the result line has them.
         body.report.stages.clear();
         let written = guarded(|| {
-            outputs.complete(&mut body, &loaded.options.output)?;
+            outputs.complete(&mut body.report)?;
             let written = job.outputs.iter().zip(outputs.temporary()).map(|(file, (target, path))| {
                 let (bytes, blake3) = digest(path).map_err(|source| Error::Write { path: target.into(), source })?;
                 Ok(Written { file: file.clone(), bytes, blake3 })

@@ -3,14 +3,15 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use interslice::files::outputs::{Outputs, Temporary};
+use interslice::files::outputs::Outputs;
+use interslice::files::pending::Temporary;
 use interslice::files::{JobOptions, Loaded};
-use interslice::rtstruct::StructureSet;
+use interslice::rtstruct::{Gather, StructureSet};
 use interslice::stack::read::check;
-use interslice::{Error, Result};
+use interslice::{Error, Result, memory};
 
-use super::devices::{DeviceOptions, choose};
-use super::reconstruct::{Telling, one};
+use super::devices::DeviceOptions;
+use super::reconstruct::{Telling, chosen, complete, compute};
 
 /// What is to be done with a structure set.
 pub struct All<'a> {
@@ -42,7 +43,7 @@ pub fn run(all: &All<'_>) -> Result<()> {
     let is_set = |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dcm"));
     let completed: Vec<PathBuf> = all.outputs.iter().filter(is_set).cloned().collect();
     let each: Vec<&PathBuf> = all.outputs.iter().filter(|p| !is_set(p)).collect();
-    let mut completed = Outputs::open(&completed, None, Temporary::Random)?;
+    let completed = Outputs::open(&completed, None, Temporary::Random)?;
     let mut files = Vec::new();
     let mut taken = HashSet::new();
     for roi in &rois {
@@ -55,21 +56,24 @@ pub fn run(all: &All<'_>) -> Result<()> {
         let report = all.report.map(|path| with_name(path, &name));
         files.push(Outputs::open(&outputs, report.as_deref(), Temporary::Random)?);
     }
-    let chosen = choose(all.device, &|message: &str| eprintln!("warning: {message}"))?;
-    if all.telling != Telling::Quiet {
-        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
-    }
+    let chosen = chosen(all.device, all.telling)?;
     let mut added = Vec::new();
     for (roi, outputs) in rois.iter().zip(&mut files) {
         let mut options = all.options.clone();
         options.read.roi = vec![roi.number.to_string()];
         let loaded = Loaded::read(all.input, options)?;
         completed.check(&loaded.options.output)?;
+        let writing = outputs.bytes(loaded.stack.dims) + completed.bytes(loaded.stack.dims);
+        memory::check(loaded.bytes() + writing)?;
         tell(all, &roi.label());
-        let body = one(&loaded, outputs, &chosen, all.telling)?;
-        if let Some(source) = &loaded.options.output.source {
-            added.extend(source.added(&body)?);
-        }
+        let source = loaded.options.output.source.as_ref().ok_or_else(|| {
+            let message = "an RTSTRUCT is needed for --all-rois".into();
+            Error::Format { path: all.input.into(), message }
+        })?;
+        let mut gather = Gather::new(source, outputs.sink(&loaded.options.output));
+        let mut body = compute(&loaded, &mut gather, &chosen, all.telling)?;
+        added.extend(gather.added());
+        complete(outputs, &mut body, all.telling)?;
     }
     completed.complete_structures(&set, &added)?;
     for outputs in files.into_iter().chain([completed]) {

@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use clap::ArgMatches;
-use interslice::files::outputs::{OutputOptions, Outputs, Temporary};
+use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::pending::Temporary;
 use interslice::files::{JobOptions, Loaded};
 use interslice::links::LinkOptions;
 use interslice::stack::ReadOptions;
+use interslice::surface::stream::LayerSink;
 use interslice::{Error, Progress, Reconstruction, Result, Settings, memory};
 
 #[cfg(feature = "dicom")]
@@ -20,8 +22,8 @@ pub struct Arguments {
     /// Folder with stack.json, a .nrrd, .nii, .nii.gz label volume, or a .dcm RTSTRUCT
     input: PathBuf,
 
-    /// Output file, by extension: .nrrd .nii .nii.gz (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map), .contours.json
-    /// (polygons), .dcm (the RTSTRUCT, completed), .json (report); repeatable
+    /// Output file, by extension: .nrrd .nii .nii.gz .zarr (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map),
+    /// .contours.json (polygons), .dcm (the RTSTRUCT, completed), .json (report); repeatable
     #[arg(short, long = "output", value_name = "FILE")]
     outputs: Vec<PathBuf>,
 
@@ -126,12 +128,10 @@ pub fn set_threads(threads: Option<usize>) -> Result<()> {
 
 /// One reconstruction, from a checked stack to its files.
 pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions, telling: Telling) -> Result<()> {
-    let notice = |message: &str| eprintln!("warning: {message}");
-    let chosen = choose(device, &notice)?;
-    if telling != Telling::Quiet {
-        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
-    }
-    one(loaded, &mut outputs, &chosen, telling)?;
+    memory::check(loaded.bytes() + outputs.bytes(loaded.stack.dims))?;
+    let chosen = chosen(device, telling)?;
+    let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, telling)?;
+    complete(&mut outputs, &mut body, telling)?;
     let written = outputs.rename()?;
     if telling != Telling::Quiet {
         written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
@@ -139,25 +139,43 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     Ok(())
 }
 
-/// One reconstruction on a chosen machine, to files that are still to be renamed.
-pub fn one(loaded: &Loaded, outputs: &mut Outputs, chosen: &Chosen<'_>, telling: Telling) -> Result<Reconstruction> {
-    memory::check(loaded.bytes())?;
+/// The machine that the options choose.
+pub fn chosen(device: &DeviceOptions, telling: Telling) -> Result<Chosen<'_>> {
+    let chosen = choose(device, &|message: &str| eprintln!("warning: {message}"))?;
+    if telling != Telling::Quiet {
+        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+    }
+    Ok(chosen)
+}
+
+/// The body, its layers given to `sink`.
+pub fn compute(
+    loaded: &Loaded,
+    sink: &mut dyn LayerSink,
+    chosen: &Chosen<'_>,
+    telling: Telling,
+) -> Result<Reconstruction> {
     let bars = Bars::default();
     let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
-    let mut body = loaded.compute(chosen.backend(), progress)?;
+    let mut body = loaded.compute_into(chosen.backend(), progress, sink)?;
     body.report.backend_reason = Some(chosen.reason.clone());
     body.report.profile = chosen.profile();
-    outputs.complete(&mut body, &loaded.options.output)?;
+    Ok(body)
+}
+
+/// Completes the files, which keep their temporary names, when the body is.
+pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, telling: Telling) -> Result<()> {
+    outputs.complete(&mut body.report)?;
     if telling != Telling::Quiet {
         body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
     }
     if telling == Telling::Verbose {
-        tell(&body);
+        tell(body);
     }
     if let Some(profile) = &body.report.profile {
         tell_profile(profile);
     }
-    Ok(body)
+    Ok(())
 }
 
 /// Stages and contours, for people.

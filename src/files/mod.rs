@@ -1,25 +1,28 @@
 //! From files to files: one reconstruction, as the command line or a line of a manifest asks for it.
 //!
 //! ```text
-//! Loaded::read -> Loaded::compute -> Outputs::complete -> Outputs::rename
+//! Loaded::read -> Loaded::compute (into Outputs::sink) -> Outputs::complete -> Outputs::rename
 //! ```
 
 pub mod named;
 pub mod outputs;
+pub mod pending;
+pub mod section_file;
 
 use std::path::Path;
 
 use serde::Serialize;
 
-use crate::backend::Backend;
+use crate::backend::{Backend, Means};
 use crate::error::{Error, Result};
 use crate::links::LinkOptions;
 use crate::progress::Progress;
 use crate::settings::Settings;
 use crate::stack::{ContourStack, ReadOptions, read};
 use crate::surface::Reconstruction;
-use crate::{height_grid, memory, reconstruct_with};
-use outputs::OutputOptions;
+use crate::surface::stream::LayerSink;
+use crate::{Budget, height_grid, memory, reconstruct_into};
+use outputs::{OutputOptions, Outputs};
 
 /// All that decides a result besides its input.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -97,17 +100,36 @@ impl Loaded {
         Ok(Loaded { stack, heights, options, notes: Vec::new() })
     }
 
-    /// Bytes of memory the reconstruction needs at most.
+    /// Bytes of memory the reconstruction needs at most, without its outputs.
     pub fn bytes(&self) -> u64 {
         memory::estimate_bytes(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
     }
 
-    /// Reconstructs the body.
+    /// Reconstructs the body and writes it into `outputs` layer by layer; the result has no layers.
     ///
     /// # Errors
-    /// As [`reconstruct_with`].
-    pub fn compute(&self, backend: &dyn Backend, progress: &dyn Progress) -> Result<Reconstruction> {
-        let mut body = reconstruct_with(&self.stack, &self.heights, &self.options.settings, backend, progress)?;
+    /// As [`Loaded::compute_into`].
+    pub fn compute(
+        &self,
+        backend: &dyn Backend,
+        progress: &dyn Progress,
+        outputs: &mut Outputs,
+    ) -> Result<Reconstruction> {
+        self.compute_into(backend, progress, &mut outputs.sink(&self.options.output))
+    }
+
+    /// Reconstructs the body and gives its layers to `sink`; the result has none.
+    ///
+    /// # Errors
+    /// As [`reconstruct_into`]; those of `sink`.
+    pub fn compute_into(
+        &self,
+        backend: &dyn Backend,
+        progress: &dyn Progress,
+        sink: &mut dyn LayerSink,
+    ) -> Result<Reconstruction> {
+        let means = Means { backend, progress, budget: &Budget::unlimited() };
+        let mut body = reconstruct_into(&self.stack, &self.heights, &self.options.settings, &means, sink)?;
         body.report.warnings.splice(0..0, self.notes.iter().cloned());
         Ok(body)
     }

@@ -54,47 +54,69 @@ fn nearest_crossing(u: &Field, node: usize, neighbours: [Option<usize>; 2]) -> f
 }
 
 /// Solves `|grad d| = 1` outwards from the fixed pixels: Gauss-Seidel in four directions, repeated until nothing changes.
+///
+/// A row is looked at again only if it or a row beside it has changed since it was last swept in the same direction.
 pub fn sweep(d: &mut Field, fixed: &[bool], h: [f64; 2]) {
+    let [nx, ny] = d.dims;
+    // Numbers of passes: that in which a row was last changed, those in which it was last swept to the left and to the right.
+    let (mut changed, mut swept) = (vec![1; ny], vec![[0; 2]; ny]);
+    let mut pass = 1;
     for _ in 0..MAX_ROUNDS {
-        let mut changed = 0.0f64;
+        let mut largest = 0.0f64;
         for (up, right) in [(true, true), (true, false), (false, true), (false, false)] {
-            changed = changed.max(sweep_once(d, fixed, h, up, right));
+            pass += 1;
+            for row in 0..ny {
+                let j = if up { row } else { ny - 1 - row };
+                let beside = changed[j.saturating_sub(1)..(j + 2).min(ny)].iter().max();
+                if beside.is_none_or(|&last| last < swept[j][usize::from(right)]) {
+                    continue;
+                }
+                swept[j][usize::from(right)] = pass;
+                let change = sweep_row(d, &fixed[j * nx..][..nx], h, j, right);
+                if change > 0.0 {
+                    changed[j] = pass;
+                    largest = largest.max(change);
+                }
+            }
         }
-        if changed < SETTLED {
+        if largest < SETTLED {
             break;
         }
     }
 }
 
-fn sweep_once(d: &mut Field, fixed: &[bool], h: [f64; 2], up: bool, right: bool) -> f64 {
+/// Sweeps row `j` in one direction; the largest change.
+fn sweep_row(d: &mut Field, fixed: &[bool], h: [f64; 2], j: usize, right: bool) -> f64 {
     let [nx, ny] = d.dims;
-    let mut changed = 0.0f64;
-    for row in 0..ny {
-        let j = if up { row } else { ny - 1 - row };
-        for column in 0..nx {
-            let i = if right { column } else { nx - 1 - column };
-            let node = j * nx + i;
-            if fixed[node] {
-                continue;
-            }
-            let v = &d.data;
-            let west = if i > 0 { v[node - 1] } else { FAR };
-            let east = if i + 1 < nx { v[node + 1] } else { FAR };
-            let south = if j > 0 { v[node - nx] } else { FAR };
-            let north = if j + 1 < ny { v[node + nx] } else { FAR };
-            let (a, b) = (west.min(east), south.min(north));
-            let old = v[node];
-            if a.min(b) >= old {
-                continue;
-            }
-            let new = eikonal(a, b, h);
-            if new < old {
-                changed = changed.max(old - new);
-                d.data[node] = new;
-            }
+    let (before, rest) = d.data.split_at_mut(j * nx);
+    let (row, after) = rest.split_at_mut(nx);
+    let south = if j > 0 { &before[(j - 1) * nx..] } else { &[] };
+    let north = if j + 1 < ny { &after[..nx] } else { &[] };
+    let mut largest = 0.0f64;
+    let mut visit = |i: usize| {
+        if fixed[i] {
+            return;
         }
+        let west = if i > 0 { row[i - 1] } else { FAR };
+        let east = if i + 1 < nx { row[i + 1] } else { FAR };
+        let beside = |row: &[f64]| row.get(i).copied().unwrap_or(FAR);
+        let (a, b) = (west.min(east), beside(south).min(beside(north)));
+        let old = row[i];
+        if a.min(b) >= old {
+            return;
+        }
+        let new = eikonal(a, b, h);
+        if new < old {
+            largest = largest.max(old - new);
+            row[i] = new;
+        }
+    };
+    if right {
+        (0..nx).for_each(&mut visit)
+    } else {
+        (0..nx).rev().for_each(&mut visit)
     }
-    changed
+    largest
 }
 
 /// What counts as right: pixels this close to a contour keep what the sweep of the front made of them, px.

@@ -12,67 +12,13 @@ use dicom_dictionary_std::{tags, uids};
 use dicom_object::InMemDicomObject;
 use dicom_object::mem::InMemElement;
 
-use super::{CLOSED, CLOSED_XOR, Chosen, StructureSet};
+use super::StructureSet;
+use super::added::{Added, decimal};
 use crate::polygons::plane::TOLERANCE;
-use crate::surface::Reconstruction;
-use crate::surface::contour_lines::contour_lines;
-use crate::surface::mesh::to_world;
 
 /// Most characters of a ROI Description (value representation ST).
 const LONGEST_DESCRIPTION: usize = 1024;
 const PROGRAM: &str = concat!("interslice ", env!("CARGO_PKG_VERSION"));
-
-/// Contours that were made for a ROI.
-#[derive(Debug, Clone)]
-pub struct Added {
-    /// ROI Number.
-    roi: i64,
-    /// CLOSED_PLANAR, or CLOSEDPLANAR_XOR where the ROI was drawn so.
-    kind: &'static str,
-    /// The planes' normal.
-    normal: [f64; 3],
-    /// Heights along it, increasing, and Contour Data of each line there.
-    planes: Vec<(f64, Vec<String>)>,
-}
-
-impl Added {
-    /// The contour lines of those output layers that lie between drawn planes, at least half a step from both: with `every`, of those that
-    /// lie whole such steps from the lowest contour; else of all.
-    pub fn between(chosen: &Chosen<'_>, body: &Reconstruction, every: Option<f64>) -> Option<Self> {
-        let roi = chosen.rois.first()?;
-        let (_, _, between) = body.output_grid();
-        let step = every.unwrap_or(between);
-        let start = body.report.contours.first()?.z;
-        let due = |z: f64| every.is_none_or(|e| ((z - start) / e - ((z - start) / e).round()).abs() < 1e-3);
-        let drawn = &chosen.planes.heights;
-        let (low, high) = (drawn.first()?, drawn.last()?);
-        let apart = (0.5 * step - 1e-6 * step).max(TOLERANCE);
-        let free = |z: f64| due(z) && z > *low && z < *high && drawn.iter().all(|d| (d - z).abs() >= apart);
-        let point = |x: [f64; 2], z: f64| {
-            let [x, y, z] = to_world(&body.geometry, [x[0] * body.spacing[0], x[1] * body.spacing[1], z]);
-            format!("{}\\{}\\{}", decimal(x), decimal(y), decimal(z))
-        };
-        let planes = body.output_layers().filter(|l| free(l.z)).map(|layer| {
-            let lines = contour_lines(layer, body.dims);
-            let data = |line: Vec<[f64; 2]>| line.into_iter().map(|x| point(x, layer.z)).collect::<Vec<_>>().join("\\");
-            (layer.z, lines.into_iter().map(data).collect::<Vec<String>>())
-        });
-        let planes: Vec<_> = planes.filter(|(_, lines)| !lines.is_empty()).collect();
-        let kind = if roi.contours.iter().any(super::Contour::is_xor) { CLOSED_XOR } else { CLOSED };
-        Some(Added { roi: roi.number, kind, normal: chosen.planes.axes[2], planes })
-    }
-}
-
-/// A decimal string of at most 16 characters.
-fn decimal(v: f64) -> String {
-    let text = format!("{v:.4}");
-    let text = text.trim_end_matches('0').trim_end_matches('.');
-    match text {
-        "-0" => "0".into(),
-        text if text.len() <= 16 => text.into(),
-        _ => format!("{v:.8e}"),
-    }
-}
 
 impl StructureSet {
     /// Writes the completed file.

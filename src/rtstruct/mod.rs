@@ -5,8 +5,9 @@
 //!                        \-> complete (with the contour lines of a result) -> file
 //! ```
 
+mod added;
 mod choose;
-pub mod complete;
+mod complete;
 pub mod describe;
 mod guard;
 mod parse;
@@ -15,12 +16,13 @@ use std::path::{Path, PathBuf};
 
 use dicom_object::DefaultDicomObject;
 
+use added::Adding;
+pub use added::{Added, Gather, StructuresWriter};
 pub use choose::{Chosen, Steps};
-pub use complete::Added;
 
 use crate::error::{Error, Result};
 use crate::stack::{ContourStack, ReadOptions};
-use crate::surface::Reconstruction;
+use crate::surface::stream::Header;
 
 /// An RTSTRUCT file.
 #[derive(Debug)]
@@ -171,12 +173,13 @@ impl Source {
         }
     }
 
-    /// The contours that `body` adds to the chosen ROI.
+    /// Takes the layers of the body that is made of what was chosen.
     ///
     /// # Errors
     /// As [`StructureSet::choose`].
-    pub fn added(&self, body: &Reconstruction) -> Result<Option<Added>> {
-        Ok(Added::between(&self.set.choose(&self.options)?, body, self.every))
+    fn adding(&self, header: &Header) -> Result<Adding> {
+        let chosen = self.set.choose(&self.options)?;
+        Adding::new(&chosen, &self.options, self.every, header)
     }
 }
 

@@ -4,7 +4,8 @@ use std::io::{self, Write};
 
 use serde::Serialize;
 
-use super::{Layer, Reconstruction};
+use super::Layer;
+use super::stream::{BodyWriter, Ending, Header};
 use crate::contour::trace_loops;
 use crate::field::Field;
 use crate::polygons::Polygon;
@@ -72,13 +73,13 @@ fn solve(axes: &[[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
     })
 }
 
+/// What a file of contour lines says before its slices.
 #[derive(Serialize)]
-struct ContoursFile<'a> {
+struct Head<'a> {
     unit: &'a str,
     spacing_xy: [f64; 2],
     #[serde(skip_serializing_if = "Option::is_none")]
     axes: Option<[[f64; 3]; 3]>,
-    slices: Vec<DrawnSlice>,
 }
 
 #[derive(Serialize)]
@@ -87,25 +88,47 @@ struct DrawnSlice {
     polygons: Vec<Polygon>,
 }
 
-/// Writes the contour lines of the output layers. Coordinates are the world's (LPS), along `axes` where these are
-/// not the world's own.
-///
-/// # Errors
-/// Those of `out`.
-pub fn write_json(mut out: impl Write, body: &Reconstruction) -> io::Result<()> {
-    let along = AlongAxes::new(&body.geometry, body.spacing);
-    let line = |path: Polygon| path.into_iter().map(|x| along.point(x)).collect();
-    let slice = |layer: &Layer| DrawnSlice {
-        z: along.height(layer.z),
-        polygons: contour_lines(layer, body.dims).into_iter().map(line).collect(),
-    };
-    let straight = body.geometry.axes == Geometry::default().axes;
-    let file = ContoursFile {
-        unit: &body.unit,
-        spacing_xy: body.spacing,
-        axes: (!straight).then_some(body.geometry.axes),
-        slices: body.output_layers().map(slice).collect(),
-    };
-    serde_json::to_writer(&mut out, &file)?;
-    out.write_all(b"\n")
+/// Writes the contour lines of the output layers as these arrive. Coordinates are the world's (LPS), along `axes` where these are not the
+/// world's own.
+pub struct ContoursWriter<W> {
+    out: W,
+    dims: [usize; 2],
+    along: AlongAxes,
+    slices: usize,
+}
+
+impl<W: Write> ContoursWriter<W> {
+    /// The file as far as the slices.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn new(mut out: W, header: &Header) -> io::Result<Self> {
+        let straight = header.geometry.axes == Geometry::default().axes;
+        let axes = (!straight).then_some(header.geometry.axes);
+        let head = serde_json::to_string(&Head { unit: &header.unit, spacing_xy: header.spacing, axes })?;
+        write!(out, "{},\"slices\":[", head.trim_end_matches('}'))?;
+        let along = AlongAxes::new(&header.geometry, header.spacing);
+        Ok(ContoursWriter { out, dims: header.dims, along, slices: 0 })
+    }
+}
+
+impl<W: Write + Send> BodyWriter for ContoursWriter<W> {
+    fn layer(&mut self, layer: &Layer) -> io::Result<()> {
+        if !layer.output {
+            return Ok(());
+        }
+        let line = |path: Polygon| path.into_iter().map(|x| self.along.point(x)).collect();
+        let polygons = contour_lines(layer, self.dims).into_iter().map(line).collect();
+        if self.slices > 0 {
+            self.out.write_all(b",")?;
+        }
+        self.slices += 1;
+        serde_json::to_writer(&mut self.out, &DrawnSlice { z: self.along.height(layer.z), polygons })?;
+        Ok(())
+    }
+
+    fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
+        self.out.write_all(b"]}\n")?;
+        self.out.flush()
+    }
 }

@@ -9,10 +9,11 @@ use interslice::{ContourStack, Result, Settings, height_grid, memory};
 
 use super::links::between;
 use super::say::say;
+use super::volume;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, a .nrrd, .nii, .nii.gz label volume, or a .dcm RTSTRUCT
+    /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy), or a .dcm RTSTRUCT
     input: PathBuf,
 
     /// RTSTRUCT: list all ROIs, as without --roi where there are several
@@ -32,9 +33,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if stack::read::is_structure_set(&arguments.input) {
         return structures(arguments);
     }
-    let stack = stack::read(&arguments.input, &arguments.read)?;
+    let (stack, surveyed) = stack::read::read_surveyed(&arguments.input, &arguments.read)?;
     let links = arguments.links.read(&stack)?;
-    say(&describe(&stack, &links, None)?)
+    let of_volume = surveyed.iter().flat_map(volume::describe).fold(String::new(), |text, line| text + &line + "\n");
+    say(&(of_volume + &describe(&stack, &links, None)?))
 }
 
 /// What is in an RTSTRUCT: all ROIs, or the one (or merged ones) that is chosen.
@@ -55,8 +57,8 @@ fn structures(arguments: &Arguments) -> Result<()> {
 }
 
 /// A number without the tail that binary fractions leave.
-fn short(v: f64) -> f64 {
-    format!("{v:.9}").parse().unwrap_or(v)
+pub fn short(v: f64) -> f64 {
+    format!("{v:.9}").parse().unwrap_or(v) + 0.0 // no -0
 }
 
 /// What a colleague would say about the stack.

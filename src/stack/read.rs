@@ -63,6 +63,12 @@ impl Kind {
             (!folder && options.level.is_some(), "level", "this input; it cuts grey slices"),
             (options.keep.is_some() && options.slices.is_some(), "keep", "a volume whose `slices` are named"),
         ];
+        if let Some(px) = options.pixel.filter(|px| !(px.is_finite() && *px > 0.0)) {
+            return Err(Error::Setting {
+                name: "pixel".into(),
+                message: format!("must be a positive number; got {px}"),
+            });
+        }
         match wrong.into_iter().find(|(wrong, ..)| *wrong) {
             Some((_, option, what)) => {
                 Err(Error::Setting { name: option.into(), message: format!("is not for {what}") })

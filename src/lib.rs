@@ -32,10 +32,13 @@ pub mod moving_field;
 mod moving_stack;
 pub mod parts;
 mod pipeline;
+pub mod polygons;
 pub mod progress;
 pub mod reference;
 pub mod report;
 mod rigid;
+#[cfg(feature = "dicom")]
+pub mod rtstruct;
 pub mod section;
 pub mod settings;
 pub mod shelf;

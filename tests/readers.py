@@ -11,6 +11,7 @@ from pathlib import Path
 import nibabel
 import nrrd
 import numpy as np
+import pydicom
 import SimpleITK
 import tifffile
 import trimesh
@@ -50,6 +51,7 @@ def group(name):
 def main(program):
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
+        structures(program, folder)
         given = labels()
         header = {"space": "left-posterior-superior", "space directions": STEPS, "space origin": ORIGIN}
         nrrd.write(str(folder / "in.nrrd"), given, header)
@@ -72,6 +74,63 @@ def main(program):
             group(f"every input, {name}, cut across {axis}")
         refused_pages(program, folder)
         group("pages of time or channels")
+
+
+def ring(radius, z, points=80):
+    t = 2 * np.pi * np.arange(points) / points
+    return np.column_stack([120.0 + radius * np.cos(t), -80.0 + radius * np.sin(t), np.full(points, z)]).round(2)
+
+
+def structure_set(path, rois):
+    """An RTSTRUCT of rings: {name: [(radius, z), ...]}, the last ROI with image references."""
+    meta = pydicom.dataset.FileMetaDataset()
+    meta.TransferSyntaxUID = pydicom.uid.ImplicitVRLittleEndian
+    meta.MediaStorageSOPClassUID = pydicom.uid.RTStructureSetStorage
+    meta.MediaStorageSOPInstanceUID = "1.2.3.4"
+    d = pydicom.Dataset()
+    d.file_meta = meta
+    d.SOPClassUID, d.SOPInstanceUID, d.SeriesInstanceUID, d.Modality = meta.MediaStorageSOPClassUID, "1.2.3.4", "1.2.3.5", "RTSTRUCT"
+    d.StructureSetLabel, d.ApprovalStatus = "readers", "APPROVED"
+    d.StructureSetROISequence, d.ROIContourSequence = pydicom.Sequence(), pydicom.Sequence()
+    for number, (name, rings) in enumerate(rois.items(), 1):
+        roi, drawn = pydicom.Dataset(), pydicom.Dataset()
+        roi.ROINumber, roi.ROIName, roi.ROIGenerationAlgorithm = number, name, "MANUAL"
+        drawn.ReferencedROINumber, drawn.ContourSequence = number, pydicom.Sequence()
+        for radius, z in rings:
+            c, image = pydicom.Dataset(), pydicom.Dataset()
+            image.ReferencedSOPClassUID, image.ReferencedSOPInstanceUID = pydicom.uid.CTImageStorage, f"1.2.9.{int(z)}"
+            c.ContourImageSequence = pydicom.Sequence([image])
+            c.ContourGeometricType, points = "CLOSED_PLANAR", ring(radius, z)
+            c.NumberOfContourPoints, c.ContourData = len(points), [f"{v:.2f}" for v in points.ravel()]
+            drawn.ContourSequence.append(c)
+        d.StructureSetROISequence.append(roi)
+        d.ROIContourSequence.append(drawn)
+    d.save_as(path, enforce_file_format=True)
+
+
+def raw_contours(path):
+    d = pydicom.dcmread(path)
+    return d, [[c.get_item("ContourData").value for c in r.ContourSequence] for r in d.ROIContourSequence]
+
+
+def structures(program, folder):
+    """A completed RTSTRUCT beside the one that came in."""
+    given, completed = folder / "rtss.dcm", folder / "completed.dcm"
+    structure_set(given, {"tumour": [(10, 6), (12, 12), (10, 18)], "body": [(40, z) for z in range(0, 26, 2)]})
+    subprocess.run([program, "reconstruct", given, "--roi", "tumour", "-o", completed, "-q"], check=True)
+    (_, before), (after, now) = raw_contours(given), raw_contours(completed)
+    check("rtss.dcm -> pydicom, drawn bytes", now[0][: len(before[0])] == before[0] and now[1] == before[1] and isinstance(now[0][0], bytes))
+    added = after.ROIContourSequence[0].ContourSequence[len(before[0]) :]
+    points = [np.array(c.ContourData, float).reshape(-1, 3) for c in added]
+    check("rtss.dcm -> pydicom, planes", [p[0, 2] for p in points] == [8, 10, 14, 16] and all(np.ptp(p[:, 2]) == 0 for p in points))
+    radii = [np.hypot(p[:, 0] - 120, p[:, 1] + 80) for p in points]
+    check("rtss.dcm -> pydicom, place", all(9.7 < r.min() and r.max() < 12.3 for r in radii), [r.mean().round(2) for r in radii])
+    check("rtss.dcm -> pydicom, counts", all(int(c.NumberOfContourPoints) == len(p) for c, p in zip(added, points, strict=True)))
+    images = [c.ContourImageSequence[0].ReferencedSOPInstanceUID for c in added]
+    check("rtss.dcm -> pydicom, images", images == ["1.2.9.8", "1.2.9.10", "1.2.9.14", "1.2.9.16"])
+    fresh = after.SOPInstanceUID == after.file_meta.MediaStorageSOPInstanceUID != "1.2.3.4" and after.SeriesInstanceUID != "1.2.3.5"
+    said = after.StructureSetROISequence[0].ROIDescription
+    check("rtss.dcm -> pydicom, marks", fresh and after.ApprovalStatus == "UNAPPROVED" and "interpolated, at 8, 10, 14, 16" in said, said)
 
 
 def volumes(source, given, paths):

@@ -76,6 +76,7 @@ impl<'a> Batch<'a> {
                     .map_err(|e| Error::Output { path: target.clone(), message: format!("its folder: {e}") })?;
             }
             let outputs = Outputs::open(&job.targets, None, Temporary::Fixed)?;
+            outputs.check(&loaded.options.output)?;
             Ok(Ok((permit, outputs, (loaded, budget))))
         });
         let seconds = begin.elapsed().as_secs_f64();

@@ -1,5 +1,7 @@
 //! Subcommands, one a file.
 
+#[cfg(feature = "dicom")]
+mod all_rois;
 mod bar;
 mod batch;
 mod config;

@@ -4,13 +4,18 @@
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+#[cfg(feature = "dicom")]
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::pending::{Pending, Temporary, files_below, parent};
 use crate::error::{Error, Result};
 use crate::report::Report;
+#[cfg(feature = "dicom")]
+use crate::rtstruct::{Added, Source, StructureSet, StructuresWriter};
 use crate::stack::{ContourStack, Geometry};
+use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::heightmap::HeightMapWriter;
 use crate::surface::mesh_files::{ListedWriter, StlWriter};
 use crate::surface::mha::MhaWriter;
@@ -32,6 +37,8 @@ enum Format {
     Tiff,
     Report,
     Zarr,
+    Contours,
+    StructureSet,
 }
 
 /// Bytes of an output's buffer.
@@ -42,17 +49,22 @@ const PER_VOLUME_PIXEL: u64 = 4;
 const PER_MAP_PIXEL: u64 = 8;
 const PER_SURFACE_PIXEL: u64 = 48;
 const PER_MESH_PIXEL: u64 = 16;
+/// Of the field in which a layer's contour lines are found, and of the lines.
+const PER_LINE_PIXEL: u64 = 24;
 /// Bytes of the picture's samples, 2400 x 1800 with colour and depth, and of the picture.
 const PICTURE_BYTES: u64 = 160 << 20;
 
-const KNOWN: &str =
-    ".nrrd, .nii, .nii.gz, .mha, .zarr, .stl, .ply, .obj, .png (picture), .tif (height map), .json (report)";
+const KNOWN: &str = ".nrrd, .nii, .nii.gz, .mha, .zarr, .stl, .ply, .obj, .png (picture), .tif (height map), .contours.json, \
+                     .dcm (completed RTSTRUCT), .json (report)";
 
 impl Format {
     fn of(path: &Path) -> Result<Self> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         if name.ends_with(".nii.gz") {
             return Ok(Format::Nifti { gzip: true });
+        }
+        if name.ends_with(".contours.json") {
+            return Ok(Format::Contours);
         }
         match name.rsplit_once('.').map(|(_, extension)| extension) {
             Some("nrrd") => Ok(Format::Nrrd),
@@ -64,6 +76,11 @@ impl Format {
             Some("png") => Ok(Format::Png),
             Some("tif" | "tiff") => Ok(Format::Tiff),
             Some("json") => Ok(Format::Report),
+            Some("dcm") if cfg!(feature = "dicom") => Ok(Format::StructureSet),
+            Some("dcm") => {
+                let message = "this program was built without DICOM (feature `dicom`)".into();
+                Err(Error::Output { path: path.into(), message })
+            }
             Some("zarr") if cfg!(feature = "zarr") => Ok(Format::Zarr),
             Some("zarr") => {
                 let message = "this program was built without Zarr (feature `zarr`)".into();
@@ -109,6 +126,7 @@ fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], geometry: &Ge
         Format::Tiff => PER_MAP_PIXEL * pixels,
         Format::Png => PICTURE_BYTES,
         Format::Zarr => zarr_bytes(pixels as usize),
+        Format::Contours | Format::StructureSet => PER_LINE_PIXEL * pixels,
         Format::Stl | Format::Ply | Format::Obj | Format::Report => 0,
     });
     each.sum::<u64>()
@@ -147,9 +165,28 @@ pub struct OutputOptions {
     /// Draw the input contours into pictures
     #[arg(long)]
     pub contours: bool,
+
+    /// The RTSTRUCT that was read, for a completed one
+    #[cfg(feature = "dicom")]
+    #[arg(skip)]
+    #[serde(skip)]
+    pub source: Option<Arc<Source>>,
 }
 
 impl OutputOptions {
+    /// Refuses a completed RTSTRUCT where none was read.
+    fn check(&self, path: &Path, format: Format) -> Result<()> {
+        if format != Format::StructureSet {
+            return Ok(());
+        }
+        #[cfg(feature = "dicom")]
+        if let Some(source) = &self.source {
+            return source.check_output(path);
+        }
+        let message = "a completed RTSTRUCT needs an RTSTRUCT as input".into();
+        Err(Error::Output { path: path.into(), message })
+    }
+
     /// Distance between output heights, where the options say it.
     pub fn step(&self, stack: &ContourStack) -> Option<f64> {
         let [dx, dy] = stack.spacing;
@@ -200,6 +237,14 @@ impl Outputs {
         Ok(())
     }
 
+    /// Refuses outputs that cannot be made of the input.
+    ///
+    /// # Errors
+    /// [`Error::Output`].
+    pub fn check(&self, options: &OutputOptions) -> Result<()> {
+        self.files.iter().try_for_each(|f| options.check(&f.target, f.format))
+    }
+
     /// Bytes of memory that writing needs at most while layers of `dims` pixels that lie so arrive.
     pub fn bytes(&self, dims: [usize; 2], geometry: &Geometry) -> u64 {
         needed(self.files.iter().map(|f| f.format), dims, geometry)
@@ -220,6 +265,23 @@ impl Outputs {
             stream.finish(report).map_err(|failed| self.failed(failed))?;
         }
         self.files.iter().try_for_each(|f| f.pending.sync().map_err(|source| f.fails(source)))
+    }
+
+    /// Completes one structure set, to which several bodies have added, under its temporary name.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    #[cfg(feature = "dicom")]
+    pub fn complete_structures(&self, set: &StructureSet, added: &[Added]) -> Result<()> {
+        self.files.iter().try_for_each(|output| {
+            let write = || {
+                let mut out = BufWriter::with_capacity(BUFFER_BYTES, File::create(output.pending.path())?);
+                set.write_completed(&mut out, added)?;
+                out.flush()?;
+                output.pending.sync()
+            };
+            write().map_err(|source| output.fails(source))
+        })
     }
 
     fn failed(&self, (number, source): Failed) -> Error {
@@ -303,8 +365,22 @@ fn writer(output: &mut Output, header: &Header, options: &OutputOptions) -> io::
         }
         Format::Tiff => Box::new(HeightMapWriter::new(out, header)),
         Format::Report => Box::new(ReportWriter(out)),
+        Format::Contours => Box::new(ContoursWriter::new(out, header)?),
+        Format::StructureSet => return structures(out, header, options),
         Format::Zarr => return Err(io::Error::other("a folder is needed")),
     })
+}
+
+/// The writer of a completed RTSTRUCT.
+#[cfg(feature = "dicom")]
+fn structures(out: BufWriter<File>, header: &Header, options: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
+    let source = options.source.as_ref().ok_or_else(|| io::Error::other("no RTSTRUCT was read"))?;
+    Ok(Box::new(StructuresWriter::new(out, source, header).map_err(io::Error::other)?))
+}
+
+#[cfg(not(feature = "dicom"))]
+fn structures(_: BufWriter<File>, header: &Header, options: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
+    Err(io::Error::other(format!("no DICOM in this program: {header:?}, {options:?}")))
 }
 
 /// The writer of a Zarr into a folder, which is emptied.

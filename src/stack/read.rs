@@ -17,6 +17,8 @@ enum Kind {
     Folder,
     /// A label volume and the reader of its header.
     Volume(fn(&Path) -> Result<Volume>),
+    /// A DICOM RTSTRUCT.
+    StructureSet,
 }
 
 impl Kind {
@@ -33,8 +35,10 @@ impl Kind {
             Some("mha" | "mhd") => Ok(Kind::Volume(mha::read)),
             Some("tif" | "tiff") => Ok(Kind::Volume(pages::read)),
             Some("npy") => Ok(Kind::Volume(npy::read)),
+            Some("dcm") => Ok(Kind::StructureSet),
             _ => {
-                let message = format!("not a known input: expected a folder with stack.json, {VOLUMES}");
+                let message =
+                    format!("not a known input: expected a folder with stack.json, {VOLUMES}, or .dcm (RTSTRUCT)");
                 Err(Error::Format { path: path.into(), message })
             }
         }
@@ -45,15 +49,26 @@ impl Kind {
         let kind = Kind::of(path)?;
         let chooses = "a folder of slices; it chooses from a label volume";
         let folder = matches!(kind, Kind::Folder);
+        let volume = matches!(kind, Kind::Volume(_));
+        let structures = matches!(kind, Kind::StructureSet);
         let wrong = [
+            (structures && options.label.is_some(), "label", "an RTSTRUCT; `roi` chooses there"),
+            (!structures && !options.roi.is_empty(), "roi", "anything but an RTSTRUCT"),
+            (volume && options.pixel.is_some(), "pixel", "volumes; it is the pixel size for polygons"),
             (folder && options.label.is_some(), "label", chooses),
             (folder && options.keep.is_some(), "keep", chooses),
             (folder && options.slices.is_some(), "slices", chooses),
-            (folder && options.axis != axis::Axis::Auto, "axis", chooses),
-            (folder && options.spacing.is_some(), "spacing", "a folder of slices; stack.json has its own"),
-            (!folder && options.level.is_some(), "level", "label volumes; it cuts grey slices"),
+            (!volume && options.axis != axis::Axis::Auto, "axis", "anything but a label volume"),
+            (!volume && options.spacing.is_some(), "spacing", "anything but a label volume whose file has none"),
+            (!folder && options.level.is_some(), "level", "this input; it cuts grey slices"),
             (options.keep.is_some() && options.slices.is_some(), "keep", "a volume whose `slices` are named"),
         ];
+        if let Some(px) = options.pixel.filter(|px| !(px.is_finite() && *px > 0.0)) {
+            return Err(Error::Setting {
+                name: "pixel".into(),
+                message: format!("must be a positive number; got {px}"),
+            });
+        }
         match wrong.into_iter().find(|(wrong, ..)| *wrong) {
             Some((_, option, what)) => {
                 Err(Error::Setting { name: option.into(), message: format!("is not for {what}") })
@@ -79,7 +94,13 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     match Kind::of(path)? {
         Kind::Folder => folder::files(path),
         Kind::Volume(header) => Ok(header(path)?.files()),
+        Kind::StructureSet => Ok(vec![path.into()]),
     }
+}
+
+/// Whether an input is an RTSTRUCT, by its name.
+pub fn is_structure_set(path: &Path) -> bool {
+    matches!(Kind::of(path), Ok(Kind::StructureSet))
 }
 
 /// The labels of a label volume, and which of its slices have any.
@@ -88,7 +109,9 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
 /// As [`read`]; [`Error::Format`] for a folder of slices.
 pub fn survey(path: &Path) -> Result<Survey> {
     match Kind::of(path)? {
-        Kind::Folder => Err(Error::Format { path: path.into(), message: "is not a label volume".into() }),
+        Kind::Folder | Kind::StructureSet => {
+            Err(Error::Format { path: path.into(), message: "is not a label volume".into() })
+        }
         Kind::Volume(header) => Survey::of(&header(path)?, None),
     }
 }
@@ -110,7 +133,7 @@ pub struct Surveyed {
 /// As [`read`].
 pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Option<Surveyed>)> {
     let (stack, surveyed) = match Kind::for_options(path, options)? {
-        Kind::Folder => (folder::read(path, options.level)?, None),
+        Kind::Folder => (folder::read(path, options)?, None),
         Kind::Volume(header) => {
             let mut volume = header(path)?;
             if let Some(sides) = &options.spacing {
@@ -121,12 +144,19 @@ pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack
             let stack = slices::stack(&volume, &survey, &axis, options)?;
             (stack, Some(Surveyed { volume, survey, axis }))
         }
+        #[cfg(feature = "dicom")]
+        Kind::StructureSet => (crate::rtstruct::read(path, options)?, None),
+        #[cfg(not(feature = "dicom"))]
+        Kind::StructureSet => {
+            let message = "is DICOM, which this program was built without (feature `dicom`)".into();
+            return Err(Error::Format { path: path.into(), message });
+        }
     };
     stack.validate()?;
     Ok((stack, surveyed))
 }
 
-/// Reads a stack: a folder with `stack.json` (or that file itself), or a label volume.
+/// Reads a stack: a folder with `stack.json` (or that file itself), a label volume, or ROIs of a DICOM RTSTRUCT.
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Format`], [`Error::Slice`], [`Error::Stack`] or [`Error::Setting`], naming file, slice and value.

@@ -1,6 +1,7 @@
 //! What goes out: the reconstructed body as layers of signed distance, and one writer per format.
 
 mod cases;
+pub mod contour_lines;
 pub mod heightmap;
 pub mod marching;
 pub mod mesh;

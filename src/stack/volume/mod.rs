@@ -74,17 +74,29 @@ impl Grid {
         if let Some(axis) = (0..3).find(|&a| !(spacing[a].is_finite() && spacing[a] > 0.0)) {
             return Err(format!("voxel spacing along axis {axis} must be a positive number; got {}", spacing[axis]));
         }
-        let axes = self.axes();
-        for (a, b) in [(0, 1), (0, 2), (1, 2)] {
-            let cosine: f64 = (0..3).map(|k| axes[a][k] * axes[b][k]).sum();
-            if cosine.is_nan() || cosine.abs() > SHEAR_LIMIT {
-                return Err(format!(
-                    "axes {a} and {b} are not perpendicular (cosine {cosine:.4}, at most {SHEAR_LIMIT}); resample the volume first"
-                ));
-            }
-        }
-        Ok(())
+        check_axes(&self.axes()).map_err(|m| format!("{m}; resample the volume first"))
     }
+}
+
+/// Checks that world directions are perpendicular unit vectors.
+///
+/// # Errors
+/// A message with axis, value and limit.
+pub(super) fn check_axes(axes: &[[f64; 3]; 3]) -> Failure<()> {
+    let dot = |a: usize, b: usize| -> f64 { (0..3).map(|k| axes[a][k] * axes[b][k]).sum() };
+    for a in 0..3 {
+        let length = dot(a, a).sqrt();
+        if length.is_nan() || (length - 1.0).abs() > SHEAR_LIMIT {
+            return Err(format!("axis {a} is {length} long; it must be 1"));
+        }
+    }
+    for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+        let cosine = dot(a, b);
+        if cosine.is_nan() || cosine.abs() > SHEAR_LIMIT {
+            return Err(format!("axes {a} and {b} are not perpendicular (cosine {cosine:.4}, at most {SHEAR_LIMIT})"));
+        }
+    }
+    Ok(())
 }
 
 /// A volume in a file.

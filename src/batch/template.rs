@@ -1,6 +1,6 @@
 //! A manifest from a folder of cases.
 
-use std::collections::{BTreeSet, HashSet};
+use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use serde_json::Map;
 
 use super::line::Line;
 use crate::error::{Error, Result};
-use crate::stack::read::labels;
+use crate::stack::read::{VOLUMES, survey};
 
 /// What a template names.
 #[derive(Debug, Clone)]
@@ -21,7 +21,7 @@ pub struct Template {
     pub each_label: bool,
 }
 
-/// A line per case in `folder`: a sub-folder with stack.json, or a `.nrrd`, `.nii`, `.nii.gz` volume; in the order of their names. Inputs are
+/// A line per case in `folder`: a sub-folder with stack.json, or a volume; in the order of their names. Inputs are
 /// named from `base` where they lie in it.
 ///
 /// # Errors
@@ -34,7 +34,7 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<L
     cases.retain(|path| stem(path).is_some());
     cases.sort();
     if cases.is_empty() {
-        let message = "has no cases: expected sub-folders with stack.json, .nrrd, .nii or .nii.gz".into();
+        let message = format!("has no cases: expected sub-folders with stack.json, {VOLUMES}");
         return Err(Error::Format { path: folder.into(), message });
     }
     let mut used = HashSet::new();
@@ -44,7 +44,7 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<L
         let short = stem(&path).unwrap_or_default();
         // `a` and `a.nrrd` side by side.
         let name = if used.insert(short.clone()) { short } else { full };
-        let labels = if template.each_label && path.is_file() { Some(distinct(&labels(&path)?)) } else { None };
+        let labels = if template.each_label && path.is_file() { Some(labels(&path)?) } else { None };
         let line = |id: String, options| Line {
             outputs: template.extensions.iter().map(|e| format!("{}/{id}.{e}", template.output)).collect(),
             id,
@@ -70,12 +70,18 @@ fn stem(path: &Path) -> Option<String> {
         return path.join("stack.json").is_file().then_some(name);
     }
     let lower = name.to_lowercase();
-    let extension = [".nii.gz", ".nii", ".nrrd"].into_iter().find(|e| lower.ends_with(e))?;
+    let extension = [".nii.gz", ".nii", ".nrrd", ".nhdr", ".mha", ".mhd", ".tif", ".tiff", ".npy"]
+        .into_iter()
+        .find(|e| lower.ends_with(e))?;
     Some(name[..name.len() - extension.len()].to_string()).filter(|s| !s.is_empty())
 }
 
-fn distinct(labels: &[i64]) -> BTreeSet<i64> {
-    labels.iter().copied().filter(|l| *l != 0).collect()
+fn labels(path: &Path) -> Result<Vec<i64>> {
+    let survey = survey(path)?;
+    match survey.more {
+        false => Ok(survey.labels.into_keys().collect()),
+        true => Err(Error::Format { path: path.into(), message: "has too many labels for a line each".into() }),
+    }
 }
 
 /// `path` as named from `base`, with `/`.

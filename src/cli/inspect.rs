@@ -10,10 +10,11 @@ use interslice::{ContourStack, Result, Settings, height_grid};
 
 use super::links::between;
 use super::say::say;
+use super::volume;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, or a .nrrd, .nii, .nii.gz label volume
+    /// Folder with stack.json, or a label volume: .nrrd, .nii, .nii.gz, .mha, .mhd, .tif (pages, OME-TIFF), .npy
     input: PathBuf,
 
     #[command(flatten)]
@@ -24,14 +25,15 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let stack = stack::read(&arguments.input, &arguments.read)?;
+    let (stack, surveyed) = stack::read::read_surveyed(&arguments.input, &arguments.read)?;
     let links = arguments.links.read(&stack)?;
-    say(&describe(&stack, &links)?)
+    let of_volume = surveyed.iter().flat_map(volume::describe).fold(String::new(), |text, line| text + &line + "\n");
+    say(&(of_volume + &describe(&stack, &links)?))
 }
 
 /// A number without the tail that binary fractions leave.
-fn short(v: f64) -> f64 {
-    format!("{v:.9}").parse().unwrap_or(v)
+pub fn short(v: f64) -> f64 {
+    format!("{v:.9}").parse().unwrap_or(v) + 0.0 // no -0
 }
 
 /// What a colleague would say about the stack.

@@ -13,6 +13,7 @@ mod reconstruct;
 mod say;
 mod sections;
 mod tally;
+mod volume;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use interslice::Result;

@@ -17,8 +17,8 @@ pub struct Arguments {
     #[command(flatten)]
     job: JobArguments,
 
-    /// Output file, by extension: .nrrd .nii .nii.gz .zarr (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map), .json
-    /// (report); repeatable
+    /// Output file, by extension: .nrrd .nii .nii.gz .mha .zarr (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map),
+    /// .json (report); repeatable
     #[arg(short, long = "output", value_name = "FILE")]
     outputs: Vec<PathBuf>,
 
@@ -81,7 +81,7 @@ pub fn set_threads(threads: Option<usize>) -> Result<()> {
 
 /// One reconstruction, from a checked stack to its files.
 pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions, telling: Telling) -> Result<()> {
-    let budget = loaded.needs().budget(outputs.bytes(loaded.stack.dims), device.memory())?;
+    let budget = loaded.needs().budget(outputs.bytes(loaded.stack.dims, &loaded.stack.geometry), device.memory())?;
     let notice = |message: &str| eprintln!("warning: {message}");
     let chosen = choose(device, &notice)?;
     if telling != Telling::Quiet {

@@ -186,7 +186,7 @@ pub fn merge(arguments: MergeArguments) -> Result<()> {
     let sections = Sections::open(&arguments.parts)?;
     let options = OutputOptions { mask: arguments.mask, contours: arguments.contours, ..OutputOptions::default() };
     let mut outputs = Outputs::open(&arguments.outputs, None, Temporary::Random)?;
-    memory::check(outputs.bytes(sections.dims()), None)?;
+    memory::check(outputs.bytes(sections.dims(), sections.geometry()), None)?;
     let mut body = sections.replay(&mut outputs.sink(&options))?;
     outputs.complete(&mut body.report)?;
     let written = outputs.rename()?;

@@ -48,6 +48,9 @@ impl JobOptions {
     pub fn check(&self) -> Result<()> {
         self.settings.validate()?;
         match self.output.dz {
+            Some(_) if self.output.isotropic => {
+                Err(Error::Setting { name: "isotropic".into(), message: "sets the distance that `dz` names".into() })
+            }
             Some(dz) if !(dz.is_finite() && dz > 0.0) => {
                 Err(Error::Setting { name: "dz".into(), message: format!("must be a positive number; got {dz}") })
             }
@@ -85,7 +88,7 @@ impl Loaded {
     /// # Errors
     /// [`Error::Stack`] for too many output heights.
     pub fn new(stack: ContourStack, options: JobOptions) -> Result<Self> {
-        let heights = height_grid(&stack, &options.settings, options.output.dz).heights()?;
+        let heights = height_grid(&stack, &options.settings, options.output.step(&stack)).heights()?;
         Ok(Loaded { stack, heights, options })
     }
 

@@ -8,6 +8,7 @@ mod devices;
 mod evaluate;
 mod inspect;
 mod job;
+mod labels;
 mod links;
 mod reconstruct;
 mod say;

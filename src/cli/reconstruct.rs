@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::ArgMatches;
 use interslice::files::Loaded;
+use interslice::files::labels::LabelOptions;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::{Error, Means, Progress, Result};
@@ -11,6 +12,7 @@ use interslice::{Error, Means, Progress, Result};
 use super::bar::Bars;
 use super::devices::{DeviceOptions, choose, tell_profile};
 use super::job::JobArguments;
+use super::labels;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -25,6 +27,9 @@ pub struct Arguments {
     /// Write what was done and how well each contour is met, as JSON
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+
+    #[command(flatten)]
+    labels: LabelOptions,
 
     #[command(flatten)]
     device: DeviceOptions,
@@ -65,6 +70,16 @@ pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
         (_, true) => Telling::Verbose,
         _ => Telling::Normal,
     };
+    if let Some(wanted) = &arguments.labels.labels {
+        let asked = labels::Asked {
+            input: &input,
+            wanted,
+            keep_overlaps: arguments.labels.keep_overlaps,
+            outputs: &arguments.outputs,
+            report: arguments.report.as_deref(),
+        };
+        return labels::reconstruct(&asked, options, &arguments.device, telling);
+    }
     let loaded = Loaded::read(&input, options)?;
     let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref(), Temporary::Random)?;
     reconstruct(&loaded, outputs, &arguments.device, telling)

@@ -106,36 +106,43 @@ impl Layers<'_> {
 
     /// psi of label `a` at a pixel where it is `phi` alone and the nearest other label `other`.
     fn value(&self, a: usize, pixel: [usize; 2], phi: f32, other: f32) -> f32 {
-        let Reach { far, fill, near } = self.reach;
-        let mut joined = phi;
-        // Deep inside, and where no other label is near, the union has no say.
-        if other < far
-            && let Some(union) = self.union[a]
-        {
-            let touching = self.touching.iter().filter_map(|&(b, c)| match a {
-                _ if a == b => Some(c),
-                _ if a == c => Some(b),
-                _ => None,
-            });
-            let nearest = touching.filter_map(|b| self.alone[b].at(pixel)).fold(far, f32::min);
-            if nearest < far {
-                joined = phi.min(union.at(pixel).unwrap_or(far).max(nearest - fill));
-            }
-        }
-        if joined >= near {
+        let joined = if other < self.reach.far { self.joined(a, pixel, phi) } else { phi };
+        if joined >= self.reach.near {
             return phi;
         }
+        // A gap is parted among those that may have it, even if a label that touches none of them is nearer.
+        let gap = phi > 0.0 && other > 0.0 && joined < 0.0;
+        let takes = |b: usize| match self.alone[b].at(pixel) {
+            Some(at) => !gap || self.joined(b, pixel, at) < 0.0,
+            None => false,
+        };
+        let rivals = (0..self.alone.len()).filter(|&b| b != a && takes(b));
+        let other =
+            if gap { rivals.filter_map(|b| self.alone[b].at(pixel)).fold(self.reach.far, f32::min) } else { other };
         let psi = joined.max(0.5 * (phi - other));
         match psi == 0.0 {
-            true if phi == other && self.wins(a, pixel, phi) => -f32::MIN_POSITIVE,
+            true if phi == other && self.wins(a, pixel, phi, takes) => -f32::MIN_POSITIVE,
             true => f32::MIN_POSITIVE,
             false => psi,
         }
     }
 
-    /// Whether `a` comes first among the labels that are `phi` at a pixel.
-    fn wins(&self, a: usize, pixel: [usize; 2], phi: f32) -> bool {
-        let equal = (0..self.alone.len()).filter(|&b| self.alone[b].at(pixel) == Some(phi));
+    /// The field of label `a`, `phi` alone, with what of the union lies near a label that touches it.
+    fn joined(&self, a: usize, pixel: [usize; 2], phi: f32) -> f32 {
+        let Reach { far, fill, .. } = self.reach;
+        let Some(union) = self.union[a] else { return phi };
+        let touching = self.touching.iter().filter_map(|&(b, c)| match a {
+            _ if a == b => Some(c),
+            _ if a == c => Some(b),
+            _ => None,
+        });
+        let nearest = touching.filter_map(|b| self.alone[b].at(pixel)).fold(far, f32::min);
+        if nearest < far { phi.min(union.at(pixel).unwrap_or(far).max(nearest - fill)) } else { phi }
+    }
+
+    /// Whether `a` comes first among the labels that are `phi` at a pixel and may have it.
+    fn wins(&self, a: usize, pixel: [usize; 2], phi: f32, takes: impl Fn(usize) -> bool) -> bool {
+        let equal = (0..self.alone.len()).filter(|&b| self.alone[b].at(pixel) == Some(phi) && takes(b));
         let order = |&b: &usize, &c: &usize| {
             let sums = [b, c].map(|l| self.around(l, pixel));
             sums[0].total_cmp(&sums[1]).then_with(|| self.ranks[b].cmp(&self.ranks[c]))

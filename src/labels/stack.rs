@@ -32,11 +32,9 @@ impl LabelStack {
         for (a, label) in self.labels.iter().enumerate() {
             let slices = self.slices(a).len();
             if slices < 2 {
-                let listed: Vec<String> = self.labels.iter().filter(|l| *l != label).map(i64::to_string).collect();
                 return Err(Error::Stack(format!(
-                    "label {label} is drawn on {} of the slices, at least 2 are needed; leave it out: `--labels {}`",
+                    "label {label} is drawn on {} of the slices, at least 2 are needed; leave it out of `--labels`",
                     if slices == 0 { "none" } else { "1" },
-                    listed.join(",")
                 )));
             }
         }

@@ -24,6 +24,7 @@ pub mod gpu;
 pub mod heights;
 pub mod holdout;
 pub mod jobs;
+pub mod labels;
 pub mod links;
 mod matching;
 pub mod memory;

@@ -10,6 +10,7 @@ mod devices;
 mod evaluate;
 mod inspect;
 mod job;
+mod labels;
 mod links;
 mod reconstruct;
 mod say;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::ArgMatches;
 use interslice::files::Loaded;
+use interslice::files::labels::LabelOptions;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::surface::stream::LayerSink;
@@ -14,6 +15,7 @@ use super::all_rois::{self, All};
 use super::bar::Bars;
 use super::devices::{Chosen, DeviceOptions, choose, tell_profile};
 use super::job::JobArguments;
+use super::labels;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -33,6 +35,9 @@ pub struct Arguments {
     #[cfg(feature = "dicom")]
     #[arg(long, conflicts_with_all = ["roi", "slices"])]
     all_rois: bool,
+
+    #[command(flatten)]
+    labels: LabelOptions,
 
     #[command(flatten)]
     device: DeviceOptions,
@@ -78,6 +83,16 @@ pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
         let (outputs, report) = (&arguments.outputs, arguments.report.as_deref());
         let all = All { input: &input, outputs, report, options, device: &arguments.device, telling };
         return all_rois::run(&all);
+    }
+    if let Some(wanted) = &arguments.labels.labels {
+        let asked = labels::Asked {
+            input: &input,
+            wanted,
+            keep_overlaps: arguments.labels.keep_overlaps,
+            outputs: &arguments.outputs,
+            report: arguments.report.as_deref(),
+        };
+        return labels::reconstruct(&asked, options, &arguments.device, telling);
     }
     let loaded = Loaded::read(&input, options)?;
     let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref(), Temporary::Random)?;

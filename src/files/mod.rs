@@ -5,6 +5,7 @@
 //! ```
 
 pub mod fingerprint;
+pub mod labels;
 pub mod named;
 pub mod outputs;
 pub mod pending;

@@ -21,7 +21,7 @@ use crate::surface::mesh_files::{ListedWriter, StlWriter};
 use crate::surface::mha::MhaWriter;
 use crate::surface::render::{PictureWriter, RenderOptions};
 use crate::surface::stream::{BodyStream, BodyWriter, Ending, Failed, Header, LayerSink, Needs};
-use crate::surface::volume::Content;
+use crate::surface::volume::{Content, Whole};
 use crate::surface::{Layer, nifti, nrrd, spool, transposed};
 
 /// What a file holds, by its extension.
@@ -97,6 +97,32 @@ impl Format {
 /// [`Error::Output`] with what was expected.
 pub fn check_name(path: &Path) -> Result<()> {
     check_place(path, Format::of(path)?)
+}
+
+/// What outputs of many labels are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A volume.
+    Volume,
+    /// A mesh.
+    Mesh,
+    /// A report.
+    Report,
+    /// A picture, a height map, contours.
+    View,
+}
+
+/// What an output is, by its name.
+///
+/// # Errors
+/// [`Error::Output`] with what was expected.
+pub fn kind(path: &Path) -> Result<Kind> {
+    Ok(match Format::of(path)? {
+        Format::Nrrd | Format::Nifti { .. } | Format::Mha | Format::Zarr => Kind::Volume,
+        Format::Stl | Format::Ply | Format::Obj => Kind::Mesh,
+        Format::Report => Kind::Report,
+        Format::Png | Format::Tiff | Format::Contours | Format::StructureSet => Kind::View,
+    })
 }
 
 /// Whether nothing stands at `path` that an output of this format must not replace.
@@ -251,8 +277,14 @@ impl Outputs {
     }
 
     /// Takes the layers of a body and writes them under temporary names.
-    pub fn sink<'o>(&'o mut self, options: &'o OutputOptions) -> impl LayerSink + 'o {
-        Sink { outputs: self, options }
+    pub fn sink(&mut self, options: &OutputOptions) -> impl LayerSink + '_ {
+        let content = if options.mask { Content::Mask } else { Content::Distance };
+        Sink { outputs: self, content, options: options.clone() }
+    }
+
+    /// The same for layers of label numbers.
+    pub fn label_sink(&mut self, numbers: Whole) -> impl LayerSink + '_ {
+        Sink { outputs: self, content: Content::Labels(numbers), options: OutputOptions::default() }
     }
 
     /// Completes everything under temporary names, when the last layer has come. Where an output needs the surface, its volume and area are
@@ -317,7 +349,8 @@ impl Output {
 /// Layers on their way into the files.
 struct Sink<'o> {
     outputs: &'o mut Outputs,
-    options: &'o OutputOptions,
+    content: Content,
+    options: OutputOptions,
 }
 
 impl LayerSink for Sink<'_> {
@@ -325,7 +358,7 @@ impl LayerSink for Sink<'_> {
         self.outputs.stream = None;
         let mut writers = Vec::new();
         for output in &mut self.outputs.files {
-            writers.push(writer(output, header, self.options).map_err(|source| output.fails(source))?);
+            writers.push(writer(output, header, self.content, &self.options).map_err(|source| output.fails(source))?);
         }
         let folder = self.outputs.files.first().map_or(Path::new("."), |f| parent(&f.target));
         self.outputs.stream = Some(BodyStream::new(header, writers, folder));
@@ -341,8 +374,12 @@ impl LayerSink for Sink<'_> {
 }
 
 /// The writer of an output, from its beginning.
-fn writer(output: &mut Output, header: &Header, options: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
-    let content = if options.mask { Content::Mask } else { Content::Distance };
+fn writer(
+    output: &mut Output,
+    header: &Header,
+    content: Content,
+    options: &OutputOptions,
+) -> io::Result<Box<dyn BodyWriter>> {
     let file = match &mut output.pending {
         Pending::File(file) => file.as_file_mut(),
         Pending::Folder(folder) => return in_folder(folder.path(), header, content),

@@ -3,6 +3,7 @@
 //! One reader per format; each gives a [`ContourStack`]. Numerics see only this type and know nothing of files.
 
 pub mod folder;
+pub mod labels;
 pub mod mha;
 pub mod nifti;
 pub mod npy;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::Layer;
 use super::stream::{BodyWriter, Ending, Header};
-use super::volume::{Coded, Content, VolumeWriter};
+use super::volume::{Coded, Content, Scalar, VolumeWriter};
 use super::voxels::VoxelGrid;
 
 /// Digits that the header keeps free for the size of the compressed data.
@@ -27,7 +27,12 @@ impl<W: Write + Seek> MhaWriter<W> {
     pub fn new(mut out: W, body: &Header, content: Content, folder: &Path) -> io::Result<Self> {
         let grid = VoxelGrid::of(body);
         let numbers = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
-        let kind = if content == Content::Distance { "MET_FLOAT" } else { "MET_UCHAR" };
+        let kind = match content.scalar() {
+            Scalar::F32 => "MET_FLOAT",
+            Scalar::U8 => "MET_UCHAR",
+            Scalar::U16 => "MET_USHORT",
+            Scalar::I32 => "MET_INT",
+        };
         let unit = body.unit.replace(['\n', '\r'], " ");
         let [nx, ny, nz] = grid.dims;
         write!(

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use super::stream::Header;
-use super::volume::{Coded, Content, VolumeWriter};
+use super::volume::{Coded, Content, Scalar, VolumeWriter};
 use super::voxels::VoxelGrid;
 
 /// Size of header and empty extension block.
@@ -43,7 +43,12 @@ fn header(grid: &VoxelGrid, unit: &str, content: Content) -> io::Result<Vec<u8>>
         })?;
     }
     dim.iter().enumerate().for_each(|(k, d)| put(40 + 2 * k, &d.to_le_bytes()));
-    let (datatype, bits) = if content == Content::Distance { (16i16, 32i16) } else { (2, 8) };
+    let (datatype, bits) = match content.scalar() {
+        Scalar::F32 => (16i16, 32i16),
+        Scalar::U8 => (2, 8),
+        Scalar::U16 => (512, 16),
+        Scalar::I32 => (8, 32),
+    };
     put(70, &datatype.to_le_bytes());
     put(72, &bits.to_le_bytes());
     put(76, &1f32.to_le_bytes());

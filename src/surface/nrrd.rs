@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use super::stream::Header;
-use super::volume::{Coded, Content, VolumeWriter};
+use super::volume::{Coded, Content, Scalar, VolumeWriter};
 use super::voxels::VoxelGrid;
 
 /// A writer of the output layers. Space is left-posterior-superior; origin and directions place the volume where its input was. Layers that
@@ -17,7 +17,12 @@ pub fn writer<W: Write>(mut out: W, body: &Header, content: Content, folder: &Pa
     let vector = |v: [f64; 3]| format!("({},{},{})", v[0], v[1], v[2]);
     let direction = |axis: usize| vector(grid.step(axis));
     let [nx, ny, nz] = grid.dims;
-    let kind = if content == Content::Distance { "float" } else { "uint8" };
+    let kind = match content.scalar() {
+        Scalar::F32 => "float",
+        Scalar::U8 => "uint8",
+        Scalar::U16 => "uint16",
+        Scalar::I32 => "int32",
+    };
     let unit = body.unit.replace(['"', '\n', '\r'], " ");
     write!(
         out,

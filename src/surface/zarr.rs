@@ -12,7 +12,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use zarrs::array::codec::GzipCodec;
-use zarrs::array::data_type::{float32, uint8};
+use zarrs::array::data_type::{float32, int32, uint8, uint16};
 use zarrs::array::{Array, ArrayBuilder, Element};
 use zarrs::filesystem::FilesystemStore;
 use zarrs::group::GroupBuilder;
@@ -20,7 +20,7 @@ use zarrs::group::GroupBuilder;
 use super::Layer;
 use super::mesh::dot;
 use super::stream::{BodyWriter, Ending, Header};
-use super::volume::Content;
+use super::volume::{Content, Scalar, Whole};
 use super::voxels::VoxelGrid;
 
 /// Columns, rows and layers of a chunk; fewer layers where [`SLAB_BYTES`] hold no more.
@@ -40,6 +40,9 @@ pub fn writer(folder: &Path, body: &Header, content: Content) -> io::Result<Box<
     Ok(match content {
         Content::Distance => Box::new(ZarrWriter::new(folder, body, content, f32::NAN, |phi| phi)?),
         Content::Mask => Box::new(ZarrWriter::new(folder, body, content, 0, |phi| u8::from(phi < 0.0))?),
+        Content::Labels(Whole::U8) => Box::new(ZarrWriter::new(folder, body, content, 0, |number| number as u8)?),
+        Content::Labels(Whole::U16) => Box::new(ZarrWriter::new(folder, body, content, 0, |number| number as u16)?),
+        Content::Labels(Whole::I32) => Box::new(ZarrWriter::new(folder, body, content, 0, |number| number as i32)?),
     })
 }
 
@@ -84,9 +87,11 @@ impl<T: Element + Copy + Send + Sync> ZarrWriter<T> {
         let chunk = [CHUNK[0].min(nx), CHUNK[1].min(ny), depth(nx * ny, size_of::<T>()).min(count.max(1))];
         let shape = zyx(grid.dims).to_vec();
         let chunks = zyx(along_axes(chunk, grid.order));
-        let mut builder = match content {
-            Content::Distance => ArrayBuilder::new(shape, chunks, float32(), f32::NAN),
-            Content::Mask => ArrayBuilder::new(shape, chunks, uint8(), 0u8),
+        let mut builder = match content.scalar() {
+            Scalar::F32 => ArrayBuilder::new(shape, chunks, float32(), f32::NAN),
+            Scalar::U8 => ArrayBuilder::new(shape, chunks, uint8(), 0u8),
+            Scalar::U16 => ArrayBuilder::new(shape, chunks, uint16(), 0u16),
+            Scalar::I32 => ArrayBuilder::new(shape, chunks, int32(), 0i32),
         };
         let gzip = GzipCodec::new(COMPRESSION).map_err(io::Error::other)?;
         builder.bytes_to_bytes_codecs(vec![Arc::new(gzip)]).dimension_names(Some(["z", "y", "x"]));
@@ -176,7 +181,11 @@ fn attributes(body: &Header, grid: &VoxelGrid, content: Content) -> Map<String, 
     });
     let own = json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "content": if content == Content::Mask { "mask" } else { "signed distance" },
+        "content": match content {
+            Content::Distance => "signed distance",
+            Content::Mask => "mask",
+            Content::Labels(_) => "labels",
+        },
         "space": "left-posterior-superior",
         "space units": body.unit,
         "space origin": grid.origin,

@@ -155,6 +155,9 @@ impl MovingField {
     pub fn carry(&self, [below, above]: [[f64; 2]; 2], from: &Place, to: &Place) -> [f64; 2] {
         let off = |end: usize, slice: [f64; 2]| plus(slice, to.off[end].at(slice), 1.0);
         match from.interval.cmp(&to.interval) {
+            // To a slice there is one way, as from the interval on its other side.
+            Ordering::Equal if to.t == 0.0 => below,
+            Ordering::Equal if to.t == 1.0 => above,
             Ordering::Equal => {
                 let ([a, b], w) = ([off(0, below), off(1, above)], smoothstep(from.t));
                 let v = smoothstep(1.0 - from.t);

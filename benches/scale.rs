@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use interslice::progress::Silent;
 use interslice::stack::{ContourStack, Geometry, Slice, SliceContent};
-use interslice::{Backend, Reference, Settings, reconstruct_into};
+use interslice::{Backend, Budget, Means, Reference, Settings, reconstruct_into};
 
 /// Discs with five lobes that drift, turn, meet and part.
 fn stack(side: usize, slices: usize) -> ContourStack {
@@ -70,8 +70,7 @@ fn run(stack: &ContourStack, layers: usize, backend: &dyn Backend) {
         stack,
         &heights,
         &Settings::default(),
-        backend,
-        &Silent,
+        &Means { backend, progress: &Silent, budget: &Budget::unlimited() },
         &mut |layer: interslice::surface::Layer| {
             if layer.output {
                 mask.clear();

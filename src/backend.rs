@@ -1,13 +1,25 @@
 //! What the pipeline may ask of a machine. The order of the questions is the pipeline's; a backend answers batches of jobs.
 
-use crate::displacement::Displacement;
+use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
 use crate::moving_field::{Cells, LoneParts, MovingField};
 use crate::progress::Progress;
 use crate::settings::{AntiAlias, Settings};
+use crate::shelf::Budget;
 use crate::stack::SliceContent;
+
+/// What a run may use.
+#[derive(Clone, Copy)]
+pub struct Means<'a> {
+    /// Who computes.
+    pub backend: &'a dyn Backend,
+    /// Who is told.
+    pub progress: &'a dyn Progress,
+    /// How much may be in memory.
+    pub budget: &'a Budget,
+}
 
 /// A slice on the padded image.
 #[derive(Debug, Clone)]
@@ -145,18 +157,11 @@ pub trait Backend: Sync {
         progress: &dyn Progress,
     ) -> Result<Vec<Filled>>;
 
-    /// Displacements of all intervals, whose heights are `gaps`, each drawn to its `guess` where the fields say nothing.
+    /// Displacements of neighbouring intervals after some rounds of the iteration.
     ///
     /// # Errors
     /// A backend's own failures.
-    fn displacements(
-        &self,
-        fields: &[Field],
-        gaps: &[f64],
-        guess: &[Displacement],
-        h: [f64; 2],
-        progress: &dyn Progress,
-    ) -> Result<Vec<Displacement>>;
+    fn displacements(&self, job: &DisplacementJob<'_>) -> Result<Vec<Displacement>>;
 
     /// Slopes of the fields of all slices along their trajectories, per height.
     ///
@@ -164,7 +169,7 @@ pub trait Backend: Sync {
     /// A backend's own failures.
     fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>>;
 
-    /// Layers of interval `i` at these times on the whole padded image, clamped to `limit` px. Where `wanted` names cells for each time,
+    /// Layers of interval `i`, whose slices have these slopes, at these times on the whole padded image, clamped to `limit` px. Where `wanted` names cells for each time,
     /// of others only the corners and the middle count.
     ///
     /// # Errors
@@ -173,7 +178,7 @@ pub trait Backend: Sync {
     fn moving_layers(
         &self,
         moving: &MovingField,
-        slopes: &[Field],
+        slopes: [&Field; 2],
         lone: &LoneParts,
         i: usize,
         times: &[f64],

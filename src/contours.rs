@@ -4,9 +4,10 @@ use crate::components::{Components, label4, label8};
 use crate::contour::{Seed, seeds};
 use crate::field::Field;
 use crate::jobs::Tile;
+use crate::shelf::{Array, Large};
 
 /// One input contour on the padded image.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Contour {
     /// Height.
     pub z: f64,
@@ -41,6 +42,11 @@ impl Contour {
         Contour { z, seeds, phi, solids, background, solid_depth, solid_box }
     }
 
+    /// What is left of it on a shelf: height and seeds.
+    pub fn outline(&self) -> Outline<'_> {
+        Outline { z: self.z, seeds: &self.seeds }
+    }
+
     /// The tile of some solid parts and `margin` px around them.
     pub fn tile_of(&self, parts: &[u32], margin: usize) -> Tile {
         let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
@@ -56,6 +62,25 @@ impl Contour {
     pub fn holes(&self) -> usize {
         self.background.count.saturating_sub(1)
     }
+}
+
+impl Large for Contour {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        vec![
+            Array::F64(&mut self.phi.data),
+            Array::U32(&mut self.solids.labels),
+            Array::U32(&mut self.background.labels),
+        ]
+    }
+}
+
+/// A contour's height and seeds.
+#[derive(Debug, Clone, Copy)]
+pub struct Outline<'a> {
+    /// Height.
+    pub z: f64,
+    /// Tracker seeds, pixels of the padded image.
+    pub seeds: &'a [Seed],
 }
 
 /// Bounding boxes of all parts.

@@ -3,6 +3,11 @@
 //! The displacement v of an interval lives in its mid frame: what lies at `x - v/2` in the lower slice lies at `x + v/2` in the upper one.
 //! Vectors are in pixels of the image.
 
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::field::Field;
+
 /// Side of a block, px.
 pub const BLOCK: usize = 4;
 /// Fixed-point passes that find the trajectory through a point.
@@ -17,6 +22,23 @@ pub struct Displacement {
     pub grid: [usize; 2],
     /// Vectors at the blocks' centres, row-major, pixels of the image.
     pub vectors: Vec<[f64; 2]>,
+}
+
+/// Ask for the displacements of neighbouring intervals.
+#[derive(Debug, Clone)]
+pub struct DisplacementJob<'a> {
+    /// Signed distances of the slices, px; one more than intervals.
+    pub fields: &'a [Arc<Field>],
+    /// Heights of the intervals.
+    pub gaps: &'a [f64],
+    /// What each is drawn to where the fields say nothing.
+    pub guess: &'a [Displacement],
+    /// What the first of the rounds begins with.
+    pub begin: &'a [Displacement],
+    /// Rounds, of [`crate::reference::displacement::ROUNDS`].
+    pub rounds: Range<usize>,
+    /// Pixel sides.
+    pub h: [f64; 2],
 }
 
 impl Displacement {

@@ -27,6 +27,11 @@ pub struct End {
 }
 
 impl End {
+    /// Where a section of a stack is cut off.
+    pub fn cut(contour: f64) -> Self {
+        End { contour, extent: contour, caps: Vec::new(), straight: false }
+    }
+
     /// Whether the body can be found at height `z` beyond its contour.
     pub fn reaches(&self, z: f64) -> bool {
         (z - self.contour).abs() <= (self.extent - self.contour).abs()

@@ -51,12 +51,24 @@ pub enum Error {
     },
     /// The machine does not have the memory the job needs.
     #[error(
-        "this job needs about {needed_mib} MiB of memory, {available_mib} MiB are available; use a coarser `--dz` or a smaller stack"
+        "this job needs about {needed_mib} MiB of memory, {available_mib} MiB are available; use a coarser `--dz`, a smaller stack, or parts of it (`interslice plan`)"
     )]
     Memory {
         /// Estimate for the whole job, MiB.
         needed_mib: u64,
         /// Available now, MiB.
+        available_mib: u64,
+    },
+    /// The disk does not have the room that a run larger than memory needs.
+    #[error(
+        "{}: {needed_mib} MiB are needed for temporary files, {available_mib} MiB are free; set TMPDIR to a folder with more room", folder.display()
+    )]
+    Disk {
+        /// Where temporary files go.
+        folder: PathBuf,
+        /// Estimate, MiB.
+        needed_mib: u64,
+        /// Free now, MiB.
         available_mib: u64,
     },
     /// An output cannot be created; found before the work starts.

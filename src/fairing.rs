@@ -40,7 +40,9 @@ pub struct Spec<'m> {
     pub dims: [usize; 2],
     /// Pixel spacing.
     pub spacing: [f64; 2],
-    /// Distance between layers.
+    /// Median gap of the whole stack.
+    pub gap: f64,
+    /// Median distance between layers.
     pub dz: f64,
     /// Strength, 0 to 1.5.
     pub alpha: f64,
@@ -80,10 +82,7 @@ pub struct Fairing<'m> {
 impl<'m> Fairing<'m> {
     /// Nothing yet.
     pub fn new(spec: Spec<'m>) -> Self {
-        let mut gaps: Vec<f64> = spec.contours.windows(2).map(|w| w[1] - w[0]).collect();
-        gaps.sort_by(f64::total_cmp);
-        let median = gaps.get(gaps.len() / 2).copied().unwrap_or(0.0);
-        let bound = (0.5 * median).max(2.0 * spec.dz).max(2.0 * spec.spacing[0].max(spec.spacing[1])) as f32;
+        let bound = (0.5 * spec.gap).max(2.0 * spec.dz).max(2.0 * spec.spacing[0].max(spec.spacing[1])) as f32;
         Fairing { spec, bound, kept: VecDeque::new(), interval: 0, at_contour: None }
     }
 
@@ -120,28 +119,7 @@ impl<'m> Fairing<'m> {
     /// Height up to which layers must be known to finish the current interval.
     fn needed_up_to(&self) -> f64 {
         let contours = &self.spec.contours;
-        match contours.get(self.interval + 1) {
-            Some(&high) => {
-                let low = contours[self.interval];
-                (high + TRUNCATE * self.sigma(high)).max(low + TRUNCATE * self.sigma(low))
-            }
-            None => f64::INFINITY,
-        }
-    }
-
-    /// SIGMA times the gap: at a contour the mean of those next to it, between them a smooth step, so that what follows is C1.
-    fn sigma(&self, z: f64) -> f64 {
-        let contours = &self.spec.contours;
-        let last = contours.len() - 1;
-        let gap_at = |i: usize| {
-            let below = if i > 0 { contours[i] - contours[i - 1] } else { contours[1] - contours[0] };
-            let above = if i < last { contours[i + 1] - contours[i] } else { contours[last] - contours[last - 1] };
-            0.5 * (below + above)
-        };
-        let i = contours.partition_point(|c| *c <= z).clamp(1, last) - 1;
-        let t = ((z - contours[i]) / (contours[i + 1] - contours[i])).clamp(0.0, 1.0);
-        let w = smoothstep(t);
-        SIGMA * ((1.0 - w) * gap_at(i) + w * gap_at(i + 1))
+        if self.interval + 1 < contours.len() { reach(contours, self.interval)[1] } else { f64::INFINITY }
     }
 
     /// Makes v and n of a layer whose neighbours are there.
@@ -186,7 +164,7 @@ impl<'m> Fairing<'m> {
     /// layers go on as their reflections in the last one, `2 v_end - v`, so that a slope there stays.
     fn weights(&self, k: usize) -> Vec<(usize, f32)> {
         let z = self.kept[k].z;
-        let sigma = self.sigma(z);
+        let sigma = sigma(&self.spec.contours, z);
         let last = self.kept.len() - 1;
         let at = |l: usize| self.kept[l].z;
         let height = |l: usize| {
@@ -325,13 +303,36 @@ impl<'m> Fairing<'m> {
     /// Drops what no later mean needs.
     fn forget(&mut self) {
         let contours = &self.spec.contours;
-        let below = |i: usize| contours.get(i).map_or(f64::INFINITY, |&z| z - TRUNCATE * self.sigma(z));
-        let needed = below(self.interval).min(below(self.interval + 1));
+        let to_come = self.interval..contours.len() - 1;
+        let needed = to_come.map(|i| reach(contours, i)[0]).fold(f64::INFINITY, f64::min);
         // One layer more stays: how far the lowest reaches down is known from it.
         while self.kept.len() > 2 && self.kept[0].layer.is_none() && self.kept[1].z < needed {
             self.kept.pop_front();
         }
     }
+}
+
+/// SIGMA times the gap: at a contour the mean of those next to it, between them a smooth step, so that what follows is C1.
+fn sigma(contours: &[f64], z: f64) -> f64 {
+    let last = contours.len() - 1;
+    let i = contours.partition_point(|c| *c <= z).clamp(1, last) - 1;
+    let t = ((z - contours[i]) / (contours[i + 1] - contours[i])).clamp(0.0, 1.0);
+    let w = smoothstep(t);
+    SIGMA * ((1.0 - w) * gap_at(contours, i) + w * gap_at(contours, i + 1))
+}
+
+/// The mean of the gaps next to a contour.
+fn gap_at(contours: &[f64], i: usize) -> f64 {
+    let last = contours.len() - 1;
+    let below = if i > 0 { contours[i] - contours[i - 1] } else { contours[1] - contours[0] };
+    let above = if i < last { contours[i + 1] - contours[i] } else { contours[last] - contours[last - 1] };
+    0.5 * (below + above)
+}
+
+/// Lowest and highest height from which layers of interval `i` take their means, contours included.
+pub fn reach(contours: &[f64], i: usize) -> [f64; 2] {
+    let widest = TRUNCATE * SIGMA * gap_at(contours, i).max(gap_at(contours, i + 1));
+    [contours[i] - widest, contours[i + 1] + widest]
 }
 
 /// Row `j` of a layer.

@@ -4,13 +4,21 @@
 //! of distance fields, normals, speeds) are in pixels of the larger pixel side; `h = [hx, hy]`, the sides of one pixel in that unit,
 //! has a 1 in it and nothing larger.
 
+use crate::shelf::{Array, Large};
+
 /// A scalar field on a tile, row-major.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Field {
     /// Pixels `[nx, ny]`.
     pub dims: [usize; 2],
     /// Values, `nx * ny`.
     pub data: Vec<f64>,
+}
+
+impl Large for Field {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        vec![Array::F64(&mut self.data)]
+    }
 }
 
 impl Field {

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
-use crate::contours::Contour;
+use crate::contour::Seed;
+use crate::contours::{Contour, Outline};
 use crate::displacement::Displacement;
 use crate::field::Field;
 use crate::jobs::{Course, Direction, Track};
@@ -19,14 +20,14 @@ use crate::tracks::{Side, Sides};
 const NEIGHBOURS: usize = 4;
 const SOFT: f64 = 0.25;
 /// Contours a chain reaches to each side: farther ones change the slope of a cubic spline by less than .27^12 = 2e-7 of a secant.
-const CHAIN_REACH: usize = 12;
+pub const CHAIN_REACH: usize = 12;
 /// Slope at the far end, over S, of a piece of contour whose particle died: the steepest that a monotone course can have. What has no
 /// counterpart keeps its place long and leaves fast. Measured (mean Dice over 10 runs with such parts): 0 .8783, 1 .8833, 2 .8847,
 /// 3 .8857.
 const FORSAKEN_END: f64 = 3.0;
 
 /// Slopes of a contour's seeds and where their chains go on.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Fitted {
     /// m = ds/dz per seed, px per unit of z.
     pub slopes: Vec<f64>,
@@ -60,8 +61,8 @@ type Neighbours = Vec<(u32, f64)>;
 type Chains = Vec<Vec<Vec<f64>>>;
 
 /// Slopes for all contours. `px` is the length of a pixel's larger side, for the clamped end slopes.
-pub fn fit(contours: &[Contour], sides: &[Sides], h: [f64; 2], px: f64, settings: &Settings) -> Vec<Fitted> {
-    let trees: Vec<_> = contours.par_iter().map(|c| tree(c, h)).collect();
+pub fn fit(contours: &[Outline<'_>], sides: &[Sides], h: [f64; 2], px: f64, settings: &Settings) -> Vec<Fitted> {
+    let trees: Vec<_> = contours.par_iter().map(|c| tree(c.seeds, h)).collect();
     let none = Vec::new;
     let neighbours = |i: usize, side: &Option<Side>, next: Option<usize>| match (side, next) {
         (Some(side), Some(next)) => {
@@ -89,8 +90,8 @@ pub fn fit(contours: &[Contour], sides: &[Sides], h: [f64; 2], px: f64, settings
     fitted
 }
 
-fn tree(contour: &Contour, h: [f64; 2]) -> RTree<GeomWithData<[f64; 2], u32>> {
-    let points = contour.seeds.iter().zip(0..).map(|(s, k)| GeomWithData::new([s.x[0] * h[0], s.x[1] * h[1]], k));
+fn tree(seeds: &[Seed], h: [f64; 2]) -> RTree<GeomWithData<[f64; 2], u32>> {
+    let points = seeds.iter().zip(0..).map(|(s, k)| GeomWithData::new([s.x[0] * h[0], s.x[1] * h[1]], k));
     RTree::bulk_load(points.collect())
 }
 
@@ -149,7 +150,7 @@ fn chains<'a>(
 
 fn slopes_of(
     i: usize,
-    contours: &[Contour],
+    contours: &[Outline<'_>],
     sides: &Sides,
     down: &[Vec<f64>],
     up: &[Vec<f64>],

@@ -34,10 +34,15 @@ impl Heights {
     pub fn new(stack: &ContourStack, output: &[f64], extent: [f64; 2]) -> Result<Self> {
         let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
         meets(output, [extent[0].min(z[0]), extent[1].max(z[z.len() - 1])])?;
+        Ok(Heights::merged(&z, output, extent))
+    }
+
+    /// The same for contours at `z`, where no output height need be.
+    pub fn merged(z: &[f64], output: &[f64], extent: [f64; 2]) -> Self {
         let mut all: Vec<Height> = z.iter().map(|&z| Height { z, output: false }).collect();
         let mut beside: Vec<Height> = Vec::new();
         for &x in output {
-            let (k, gap) = nearest(&z, x);
+            let (k, gap) = nearest(z, x);
             if (x - z[k]).abs() <= SAME * gap {
                 all[k].output = true
             } else {
@@ -46,7 +51,7 @@ impl Heights {
         }
         let contours = all.clone();
         for x in extent {
-            let (_, gap) = nearest(&z, x);
+            let (_, gap) = nearest(z, x);
             let known = |h: &Height| (h.z - x).abs() <= SAME * gap;
             if !all.iter().any(known) && !beside.iter().any(known) {
                 beside.push(Height { z: x, output: false });
@@ -56,7 +61,13 @@ impl Heights {
         all.sort_by(|a, b| a.z.total_cmp(&b.z));
         let place = |z: f64| all.partition_point(|h| h.z < z);
         let inner = z.windows(2).map(|w| (place(w[0]) + 1, place(w[1]))).collect();
-        Ok(Heights { all, contours, inner })
+        Heights { all, contours, inner }
+    }
+
+    /// The median of the steps between heights; end planes do not count.
+    pub fn median_step(z: &[f64], output: &[f64]) -> f64 {
+        let inner = Heights::merged(z, output, [z[0], z[z.len() - 1]]);
+        median(inner.all.windows(2).map(|w| w[1].z - w[0].z).collect())
     }
 
     /// Heights strictly between contours `i` and `i + 1`.
@@ -64,6 +75,12 @@ impl Heights {
         let (from, to) = self.inner[i];
         &self.all[from..to]
     }
+}
+
+/// The upper median; 0 of nothing.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Nearest contour and the smaller of the gaps around it.

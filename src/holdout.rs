@@ -2,11 +2,12 @@
 
 use serde::Serialize;
 
-use crate::backend::Backend;
+use crate::backend::{Backend, Means};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::reference::exact::exact_distance;
 use crate::settings::Settings;
+use crate::shelf::Budget;
 use crate::stack::{ContourStack, Slice};
 use crate::surface::Layer;
 
@@ -72,27 +73,28 @@ pub fn hold_out(
         );
         return Err(Error::Stack(message));
     }
-    let of = |places: &[usize]| -> Vec<Slice> { places.iter().map(|&k| stack.slices[k].clone()).collect() };
-    let truth = of(&dropped);
-    let rest = ContourStack { slices: of(&kept), z_out: None, ..stack.clone() };
-    let heights: Vec<f64> = truth.iter().map(|s| s.z).collect();
-    let mut found: Vec<Layer> = Vec::with_capacity(truth.len());
-    crate::reconstruct_into(&rest, &heights, settings, backend, progress, &mut |layer| {
-        if layer.output {
-            found.push(layer);
-        }
-        Ok(())
-    })?;
+    let slices: Vec<Slice> = kept.iter().map(|&k| stack.slices[k].clone()).collect();
+    let rest = ContourStack {
+        dims: stack.dims,
+        spacing: stack.spacing,
+        unit: stack.unit.clone(),
+        slices,
+        z_out: None,
+        geometry: stack.geometry,
+    };
+    let heights: Vec<f64> = dropped.iter().map(|&k| stack.slices[k].z).collect();
     let (mut out, mut both, mut sizes, mut distances) =
         (HoldOut { leave, ..HoldOut::default() }, 0, [0, 0], Vec::new());
-    for (slice, layer) in truth.iter().zip(&found) {
+    let mut truth = dropped.iter().map(|&k| &stack.slices[k]);
+    let mut score = |layer: Layer| {
+        let Some(slice) = layer.output.then(|| truth.next()).flatten() else { return Ok(()) };
         let masks = [
             (0..layer.phi.len()).map(|n| slice.content.inside(n)).collect::<Vec<bool>>(),
             layer.phi.iter().map(|v| *v < 0.0).collect(),
         ];
         let pixels = masks.each_ref().map(|m| m.iter().filter(|i| **i).count());
         if pixels == [0, 0] {
-            continue;
+            return Ok(());
         }
         let common = masks[0].iter().zip(&masks[1]).filter(|(a, b)| **a && **b).count();
         let distance = contour_distance(&masks, stack.dims, stack.spacing);
@@ -107,7 +109,10 @@ pub fn hold_out(
             surface_distance: distance,
             area_error_percent: (pixels[0] > 0).then(|| excess(pixels)),
         });
-    }
+        Ok(())
+    };
+    let means = Means { backend, progress, budget: &Budget::unlimited() };
+    crate::reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
     out.dice = 2.0 * both as f64 / (sizes[0] + sizes[1]).max(1) as f64;
     out.surface_distance = distances.iter().sum::<f64>() / distances.len().max(1) as f64;
     out.volume_error_percent = excess(sizes);

@@ -35,7 +35,9 @@ pub mod progress;
 pub mod reference;
 pub mod report;
 mod rigid;
+pub mod section;
 pub mod settings;
+pub mod shelf;
 pub mod spline;
 pub mod stack;
 pub mod stencil;
@@ -45,13 +47,15 @@ mod tracks;
 mod trust;
 mod warp;
 
-pub use backend::Backend;
+pub use backend::{Backend, Means};
 pub use error::{Error, Result};
 pub use heights::height_grid;
 pub use progress::Progress;
 pub use reference::Reference;
 pub use report::Report;
+pub use section::Section;
 pub use settings::Settings;
+pub use shelf::Budget;
 pub use stack::ContourStack;
 pub use surface::Reconstruction;
 
@@ -78,26 +82,42 @@ pub fn reconstruct_with(
     progress: &dyn Progress,
 ) -> Result<Reconstruction> {
     let mut layers = Vec::new();
-    let mut keep = |layer| {
+    let mut keep = |layer: surface::Layer| {
         layers.push(layer);
         Ok(())
     };
-    let body = pipeline::run(stack, heights, settings, backend, progress, &mut keep)?;
+    let means = Means { backend, progress, budget: &Budget::unlimited() };
+    let body = reconstruct_into(stack, heights, settings, &means, &mut keep)?;
     Ok(Reconstruction { layers, ..body })
 }
 
-/// The same with every layer handed to `sink` as soon as it is finished, lowest first, so that the volume need not fit in memory; the result
-/// has no layers.
+/// The same with every layer handed to `sink` (a closure will do) as soon as it is finished, lowest first, so that neither slices nor volume
+/// need fit in memory; the result has no layers and does not depend on the budget.
 ///
 /// # Errors
-/// As [`reconstruct`]; what `sink` says.
+/// As [`reconstruct`]; what `sink` says; [`Error::Read`] or [`Error::Write`] of the temporary file beyond the budget.
 pub fn reconstruct_into(
     stack: &ContourStack,
     heights: &[f64],
     settings: &Settings,
-    backend: &dyn Backend,
-    progress: &dyn Progress,
-    sink: &mut dyn FnMut(surface::Layer) -> Result<()>,
+    means: &Means<'_>,
+    sink: &mut dyn surface::stream::LayerSink,
 ) -> Result<Reconstruction> {
-    pipeline::run(stack, heights, settings, backend, progress, sink)
+    pipeline::run(stack, heights, settings, &Section::whole(stack), means, sink)
+}
+
+/// The layers of a section of `stack`, bit by bit those of the whole; `heights` are those of the whole. The report has the section's contours,
+/// both ends included, and its intervals; the extent is the body's where the section ends with the stack.
+///
+/// # Errors
+/// As [`reconstruct_into`].
+pub fn reconstruct_section(
+    stack: &ContourStack,
+    section: &Section,
+    heights: &[f64],
+    settings: &Settings,
+    means: &Means<'_>,
+    sink: &mut dyn surface::stream::LayerSink,
+) -> Result<Reconstruction> {
+    pipeline::run(stack, heights, settings, section, means, sink)
 }

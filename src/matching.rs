@@ -10,10 +10,11 @@ use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Direction, PartJob, Tile};
 use crate::report::Event;
+use crate::shelf::{Array, Large};
 use crate::topology::{Decided, Group, match_components};
 
 /// An interval's groups and unmatched parts.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Interval {
     /// Groups that morph.
     pub groups: Vec<GroupFields>,
@@ -21,6 +22,17 @@ pub struct Interval {
     pub lone: Vec<LonePart>,
     /// What happens to the topology on the way up.
     pub events: Vec<Event>,
+}
+
+impl Large for Interval {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        let groups = self.groups.iter_mut().flat_map(|group| {
+            let ends = [&mut group.low.phi, &mut group.high.phi];
+            ends.into_iter().chain(group.holes.iter_mut().map(|hole| &mut hole.field))
+        });
+        let lone = self.lone.iter_mut().map(|part| &mut part.field);
+        groups.chain(lone).map(|field| Array::F64(&mut field.data)).collect()
+    }
 }
 
 /// A group on its tile.
@@ -72,6 +84,7 @@ struct Plan {
 }
 
 /// What an interval asks of the backend: its groups and its lone parts.
+#[derive(Default)]
 pub struct IntervalPlan {
     plans: Vec<Plan>,
     lone: [LonePlan; 2],
@@ -131,6 +144,7 @@ impl IntervalPlan {
 }
 
 /// Solid parts of a contour, each by itself on its own tile, before the backend has answered.
+#[derive(Default)]
 struct LonePlan {
     direction: Direction,
     parts: Vec<(Tile, Vec<u32>)>,

@@ -4,11 +4,14 @@
 //! motion too is C1 across contours: `p(t) = t u + (h K_i - u)(t^3 - 2 t^2 + t) + (h K_{i+1} - u)(t^3 - t^2)`.
 
 use std::cmp::Ordering;
+use std::ops::Range;
+use std::sync::Arc;
 
 use crate::contours::Contour;
 use crate::displacement::Displacement;
 use crate::field::Field;
 use crate::matching::LonePart;
+use crate::shelf::{Array, Large};
 use crate::spline::{harmonic, hermite_values, smoothstep};
 
 /// Share of `4 t^2 (1 - t)^2 |A - B|` taken off where the surface is upright: what interpolated distances shrink by systematically.
@@ -42,13 +45,13 @@ pub struct MovingField {
     /// Length of a pixel's larger side in the unit of the heights.
     pub px: f64,
     /// Signed distances, px; finite everywhere.
-    pub fields: Vec<Field>,
+    pub fields: Vec<Arc<Field>>,
     /// Mid-frame displacement of each interval.
-    pub displacements: Vec<Displacement>,
+    pub displacements: Vec<Arc<Displacement>>,
     /// The same read at the pixels of the interval's lower and upper slice.
-    pub at_slices: Vec<[Displacement; 2]>,
+    pub at_slices: Vec<Arc<[Displacement; 2]>>,
     /// Rate of motion at each slice, px of the image per height.
-    pub rates: Vec<Displacement>,
+    pub rates: Vec<Arc<Displacement>>,
 }
 
 /// Where points of a layer come from and go to.
@@ -62,9 +65,20 @@ pub struct Paths {
 
 impl MovingField {
     /// What follows from fields and displacements.
-    pub fn new(heights: Vec<f64>, px: f64, fields: Vec<Field>, displacements: Vec<Displacement>) -> Self {
+    pub fn new(heights: Vec<f64>, px: f64, fields: Vec<Arc<Field>>, displacements: Vec<Displacement>) -> Self {
         let gaps = even_gaps(&heights);
-        let at_slices: Vec<[Displacement; 2]> = displacements.iter().map(Displacement::at_slices).collect();
+        MovingField::with_gaps(heights, gaps, px, fields, displacements)
+    }
+
+    /// The same for some slices of a stack, of whose gaps these are some.
+    pub fn with_gaps(
+        heights: Vec<f64>,
+        gaps: Vec<f64>,
+        px: f64,
+        fields: Vec<Arc<Field>>,
+        displacements: Vec<Displacement>,
+    ) -> Self {
+        let at_slices: Vec<Arc<[Displacement; 2]>> = displacements.iter().map(|v| Arc::new(v.at_slices())).collect();
         let last = heights.len() - 1;
         let gap = |i: usize| gaps[i];
         let rate = |i: usize| {
@@ -81,8 +95,23 @@ impl MovingField {
                 });
             Displacement { grid: before.grid, vectors: vectors.collect() }
         };
-        let rates = (0..=last).map(rate).collect();
+        let rates = (0..=last).map(|i| Arc::new(rate(i))).collect();
+        let displacements = displacements.into_iter().map(Arc::new).collect();
         MovingField { heights, gaps, px, fields, displacements, at_slices, rates }
+    }
+
+    /// The same of some slices alone, numbered from 0; slices that are given with their `fields`.
+    pub fn part(&self, slices: Range<usize>, fields: Vec<Arc<Field>>) -> Self {
+        let intervals = slices.start..slices.end - 1;
+        MovingField {
+            heights: self.heights[slices.clone()].to_vec(),
+            gaps: self.gaps[intervals.clone()].to_vec(),
+            px: self.px,
+            fields,
+            displacements: self.displacements[intervals.clone()].to_vec(),
+            at_slices: self.at_slices[intervals].to_vec(),
+            rates: self.rates[slices].to_vec(),
+        }
     }
 
     /// Gap of an interval.
@@ -137,7 +166,7 @@ impl MovingField {
 
     /// The ways back of `paths`, which are those through the layer at time `t` of interval `i`: from either slice to the layer.
     pub fn off_slices(&self, i: usize, t: f64, paths: &Paths) -> [Displacement; 2] {
-        let [low, high] = &self.at_slices[i];
+        let [low, high] = &*self.at_slices[i];
         let to = |x: [f64; 2], y: [f64; 2]| plus(y, x, -1.0);
         [
             low.map(|x, u| to(x, paths.off_low(x, plus(x, u, t)))),
@@ -258,6 +287,12 @@ pub struct LoneParts {
     pub high: Vec<LonePart>,
 }
 
+impl Large for LoneParts {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        self.low.iter_mut().chain(&mut self.high).map(|part| Array::F64(&mut part.field.data)).collect()
+    }
+}
+
 /// The other slice's value that lets a part close half way, `its own distance + 2 D`, at node-space position `x`; `None` off its tile.
 pub fn closing(parts: &[LonePart], x: [f64; 2]) -> Option<f64> {
     let value = |part: &LonePart| {
@@ -271,26 +306,14 @@ pub fn closing(parts: &[LonePart], x: [f64; 2]) -> Option<f64> {
 /// An empty slice reads as the nearest contour beyond this many times its inradius.
 const EMPTY_DEPTHS: f64 = 2.0;
 
-/// Distances of all slices; an empty one reads as its nearest contours drawn in by twice their inradius.
-pub fn filled_fields(contours: &[Contour]) -> Vec<Field> {
-    let full: Vec<usize> = (0..contours.len()).filter(|&i| contours[i].solids.count > 0).collect();
-    let beyond = |j: usize| {
-        let phi = &contours[j].phi;
+/// What an empty slice reads as: its nearest contours drawn in by twice their inradius.
+pub fn drawn_in(nearest: &[Arc<Contour>], dims: [usize; 2]) -> Field {
+    let beyond = |contour: &Arc<Contour>| {
+        let phi = &contour.phi;
         let depth = -phi.data.iter().copied().fold(0.0, f64::min);
         Field { dims: phi.dims, data: phi.data.iter().map(|v| v + EMPTY_DEPTHS * depth).collect() }
     };
-    let of = |(i, contour): (usize, &Contour)| {
-        if contour.solids.count > 0 {
-            return contour.phi.clone();
-        }
-        let before = full.iter().rev().find(|&&j| j < i);
-        let after = full.iter().find(|&&j| j > i);
-        let fields = before.into_iter().chain(after).map(|&j| beyond(j));
-        let nearest = |a: Field, b: Field| Field {
-            dims: a.dims,
-            data: a.data.iter().zip(&b.data).map(|(x, y)| x.min(*y)).collect(),
-        };
-        fields.reduce(nearest).unwrap_or_else(|| Field::filled(contour.phi.dims, 1e3))
-    };
-    contours.iter().enumerate().map(of).collect()
+    let nearer =
+        |a: Field, b: Field| Field { dims: a.dims, data: a.data.iter().zip(&b.data).map(|(x, y)| x.min(*y)).collect() };
+    nearest.iter().map(beyond).reduce(nearer).unwrap_or_else(|| Field::filled(dims, 1e3))
 }

@@ -1,13 +1,14 @@
 //! The certificate of a reconstruction: what was done and how well each contour is met. Written as JSON.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::settings::Settings;
 
 /// What was done and how well.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Report {
     /// Version of the program.
     pub version: String,
@@ -41,8 +42,33 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
+impl Report {
+    /// Takes in the report of the section above: its first contour is the last one here.
+    pub fn join(&mut self, above: Report) {
+        let mut contours = above.contours.into_iter();
+        if let (Some(last), Some(first)) = (self.contours.last_mut(), contours.next()) {
+            // Each section has computed the layers from its first contour on, and has swept up to its last.
+            last.differing_pixels = first.differing_pixels;
+            last.arrival_from_above = first.arrival_from_above;
+        }
+        self.contours.extend(contours);
+        self.intervals.extend(above.intervals);
+        for stage in above.stages {
+            match self.stages.iter_mut().find(|s| s.name == stage.name) {
+                Some(own) => own.seconds += stage.seconds,
+                None => self.stages.push(stage),
+            }
+        }
+        let new = above.warnings.into_iter().filter(|w| !self.warnings.contains(w)).collect::<Vec<_>>();
+        self.warnings.extend(new);
+        if !self.backend.split("; ").any(|known| known == above.backend) {
+            self.backend = format!("{}; {}", self.backend, above.backend);
+        }
+    }
+}
+
 /// How well one input contour is met.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct ContourReport {
     /// Name of the slice.
     pub name: String,
@@ -65,7 +91,7 @@ pub struct ContourReport {
 }
 
 /// Distance of an arriving front from its contour, px.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Residual {
     /// Mean over the front's crossings.
     pub mean: f64,
@@ -82,7 +108,7 @@ impl Residual {
 }
 
 /// What happened between two neighbouring contours.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct IntervalReport {
     /// Height of the lower contour.
     pub z_low: f64,
@@ -107,7 +133,7 @@ pub struct IntervalReport {
 }
 
 /// A pair of parts about which something was known before.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LinkReport {
     /// Component number below.
     pub from: u32,
@@ -122,7 +148,7 @@ pub struct LinkReport {
 }
 
 /// Where a link comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LinkedBy {
     /// The user's links.
@@ -132,7 +158,7 @@ pub enum LinkedBy {
 }
 
 /// Tracker particles of an interval.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Particles {
     /// Put on the contours.
     pub seeded: usize,
@@ -143,7 +169,7 @@ pub struct Particles {
 }
 
 /// A change of topology between two neighbouring contours, seen from below.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Event {
     /// One or more parts become several.
@@ -183,10 +209,10 @@ pub enum Event {
 }
 
 /// What the kernels of a GPU cost, added up by name.
-#[derive(Debug, Clone, Default, Serialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Profile {
     /// Per kernel.
-    pub kernels: BTreeMap<&'static str, KernelCost>,
+    pub kernels: BTreeMap<Cow<'static, str>, KernelCost>,
     /// Submissions.
     pub submissions: u64,
     /// Bytes sent to the device.
@@ -196,7 +222,7 @@ pub struct Profile {
 }
 
 /// Cost of one kernel.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct KernelCost {
     /// Dispatches.
     pub dispatches: u64,
@@ -207,10 +233,10 @@ pub struct KernelCost {
 }
 
 /// Time spent in a stage.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct StageReport {
     /// Name of the stage.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Wall seconds.
     pub seconds: f64,
 }

@@ -1,5 +1,6 @@
 //! From contours to morphs and back: the jobs of the trace stage, and what they measured, seed by seed of each contour.
 
+use crate::contour::Seed;
 use crate::contours::Contour;
 use crate::jobs::{Direction, TraceJob, Traced, Track};
 use crate::matching::{GroupFields, Interval};
@@ -48,8 +49,8 @@ pub struct Sides {
     pub up: Option<Side>,
 }
 
-/// The morph of one end of a group onto the other, with the seeds that take part.
-pub fn trace_job<'a>(group: &'a GroupFields, contour: &Contour, direction: Direction) -> TraceJob<'a> {
+/// The morph of one end of a group onto the other, with those of the contour's seeds that take part.
+pub fn trace_job<'a>(group: &'a GroupFields, seeds: &[Seed], direction: Direction) -> TraceJob<'a> {
     let (source, target) = match direction {
         Direction::Up => (&group.low, &group.high),
         Direction::Down => (&group.high, &group.low),
@@ -58,7 +59,7 @@ pub fn trace_job<'a>(group: &'a GroupFields, contour: &Contour, direction: Direc
         .seeds
         .iter()
         .map(|&k| {
-            let mut seed = contour.seeds[k as usize];
+            let mut seed = seeds[k as usize];
             seed.x = group.tile.to_local(seed.x);
             seed
         })
@@ -66,37 +67,28 @@ pub fn trace_job<'a>(group: &'a GroupFields, contour: &Contour, direction: Direc
     TraceJob { source: &source.phi, target: &target.phi, seeds }
 }
 
-/// Brings the tracks of all morphs to the seeds of their contours. Seeds that no morph carried have no partner on that side.
-pub fn sides(contours: &[Contour], intervals: &[Interval], frames: &[Frame], traced: &[Traced]) -> Vec<Sides> {
-    let last = contours.len() - 1;
-    let mut sides: Vec<Sides> = contours
-        .iter()
-        .enumerate()
-        .map(|(i, c)| Sides {
-            down: (i > 0).then(|| Side::without_partner(c)),
-            up: (i < last).then(|| Side::without_partner(c)),
-        })
-        .collect();
-    let mut traced = traced.iter();
-    for (i, interval) in intervals.iter().enumerate() {
-        for group in &interval.groups {
-            let ends = [(i, &group.low, Direction::Up), (i + 1, &group.high, Direction::Down)];
-            for ((at, end, direction), result) in ends.into_iter().zip(traced.by_ref()) {
-                let side = match direction {
-                    Direction::Up => &mut sides[at].up,
-                    Direction::Down => &mut sides[at].down,
-                };
-                let Some(side) = side else { continue };
-                for (&k, track) in end.seeds.iter().zip(&result.tracks) {
-                    let x = group.tile.to_image(track.landing);
-                    let landing = if direction == Direction::Up { frames[i].up(x) } else { frames[i].down(x) };
-                    side.tracks[k as usize] = Track { landing, ..*track };
-                    side.lone[k as usize] = false;
-                }
-                for hole in group.holes.iter().filter(|h| h.direction == direction) {
-                    for &k in &hole.seeds {
-                        side.tracks[k as usize].distance = Side::closing_hole(hole.depth);
-                    }
+/// The tracks of the morphs of an interval, brought to the seeds of its contours: upward of the lower one, downward of the upper one. Seeds
+/// that no morph carried have no partner on that side. Takes two of `traced` for every group.
+pub fn sides(
+    [low, high]: [&Contour; 2],
+    interval: &Interval,
+    frame: &Frame,
+    traced: &mut impl Iterator<Item = Traced>,
+) -> [Side; 2] {
+    let mut sides = [Side::without_partner(low), Side::without_partner(high)];
+    for group in &interval.groups {
+        let ends = [(0, &group.low, Direction::Up), (1, &group.high, Direction::Down)];
+        for ((at, end, direction), result) in ends.into_iter().zip(traced.by_ref()) {
+            let side = &mut sides[at];
+            for (&k, track) in end.seeds.iter().zip(&result.tracks) {
+                let x = group.tile.to_image(track.landing);
+                let landing = if direction == Direction::Up { frame.up(x) } else { frame.down(x) };
+                side.tracks[k as usize] = Track { landing, ..*track };
+                side.lone[k as usize] = false;
+            }
+            for hole in group.holes.iter().filter(|h| h.direction == direction) {
+                for &k in &hole.seeds {
+                    side.tracks[k as usize].distance = Side::closing_hole(hole.depth);
                 }
             }
         }

@@ -4,15 +4,16 @@
 mod shapes;
 
 use std::path::Path;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use interslice::components::{label4, label8};
 use interslice::demo::demo;
-use interslice::displacement::Displacement;
+use interslice::displacement::{Displacement, DisplacementJob};
 use interslice::field::Field;
 use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
 use interslice::moving_field::{LoneParts, MovingField};
 use interslice::progress::Silent;
+use interslice::reference::displacement::ROUNDS;
 use interslice::settings::Method;
 use interslice::stack::{ReadOptions, read};
 use interslice::{Backend, ContourStack, Error, Reconstruction, Reference, Settings, height_grid, reconstruct_with};
@@ -185,19 +186,22 @@ fn stages_of_the_moving_field_are_the_same_in_batches() {
     let (dims, h) = ([151, 133], [1.0, 0.8]);
     let circle = |k: usize| circle(60.0 + 3.0 * k as f64, 50.0 - k as f64, 30.0 - 2.0 * k as f64);
     let field = |k| Field::from_fn(dims, |i, j| circle(k)(i as f64 * h[0], j as f64 * h[1]));
-    let fields: Vec<Field> = (0..10).map(field).collect();
+    let fields: Vec<Arc<Field>> = (0..10).map(|k| Arc::new(field(k))).collect();
     let gaps: Vec<f64> = (0..9).map(|k| [1.0, 2.5, 0.7][k % 3]).collect();
     let heights = (0..10).map(|k| gaps[..k].iter().sum()).collect();
     let times: Vec<f64> = (1..40).map(|k| f64::from(k) / 40.0).collect();
     let stages = |memory: Option<u64>| {
         let gpu = open(&GpuOptions { memory, poison: true, ..GpuOptions::default() });
         let still = vec![Displacement::zero(dims); gaps.len()];
-        let found = gpu.displacements(&fields, &gaps, &still, h, &Silent).expect("displacements");
+        let job =
+            DisplacementJob { fields: &fields, gaps: &gaps, guess: &still, begin: &still, rounds: 0..ROUNDS.len(), h };
+        let found = gpu.displacements(&job).expect("displacements");
         let moving = MovingField::new(Vec::clone(&heights), 1.0, fields.clone(), found);
         let slopes = gpu.moving_slopes(&moving, &Silent).expect("slopes");
         let before = gpu.profile().submissions;
         let lone = LoneParts::default();
-        let layers = gpu.moving_layers(&moving, &slopes, &lone, 4, &times, 14.0, h, None).expect("layers");
+        let layers =
+            gpu.moving_layers(&moving, [&slopes[4], &slopes[5]], &lone, 4, &times, 14.0, h, None).expect("layers");
         (moving.displacements, slopes, layers, [before, gpu.profile().submissions - before])
     };
     let (whole, tight) = (stages(None), stages(Some(2 << 20)));

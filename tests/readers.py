@@ -14,6 +14,7 @@ import numpy as np
 import SimpleITK
 import tifffile
 import trimesh
+import zarr
 
 # An oblique label volume, axes in LPS, one step a column; slices 0, 4, 8 are drawn.
 SIZES = (40, 30, 9)
@@ -42,7 +43,7 @@ def main(program):
         image = nibabel.Nifti1Image(given, np.vstack([np.column_stack([np.diag([-1, -1, 1]) @ STEPS.T, np.diag([-1, -1, 1]) @ ORIGIN]), [0, 0, 0, 1]]))
         nibabel.save(image, folder / "in.nii.gz")
         for source in ("in.nrrd", "in.nii.gz"):
-            outputs = [folder / f"{source}.{e}" for e in ("nrrd", "nii.gz", "nii", "stl", "ply", "obj", "tif", "png")]
+            outputs = [folder / f"{source}.{e}" for e in ("nrrd", "nii.gz", "nii", "stl", "ply", "obj", "tif", "png", "zarr")]
             command = [program, "reconstruct", folder / source, "-q"]
             for path in outputs:
                 command += ["-o", path]
@@ -50,6 +51,7 @@ def main(program):
             volumes(source, given, outputs[:3])
             meshes(source, outputs[3:6])
             heights = tifffile.imread(outputs[6])
+            chunks(source, outputs[:1] + outputs[8:])
             check(f"{source} -> tif", heights.shape == SIZES[1::-1] and np.nanmax(heights) == 20.0, heights.shape)
 
 
@@ -68,6 +70,23 @@ def volumes(source, given, paths):
         image = SimpleITK.ReadImage(str(path))
         steps = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
         check(f"{path.name} -> SimpleITK", np.abs(steps.T - STEPS).max() < 1e-5 and np.abs(np.array(image.GetOrigin()) - ORIGIN).max() < 1e-3)
+
+
+def chunks(source, paths):
+    array, _ = nrrd.read(str(paths[0]))
+    group = zarr.open_group(paths[1], mode="r")
+    level = group["0"]
+    check(f"{source} -> zarr values", np.array_equal(np.asarray(level), array.transpose()), f"{level.dtype} {level.shape}, chunks {level.chunks}")
+    own = group.attrs["interslice"]
+    steps = np.array([own["space directions"][a] for a in "xyz"])
+    check(f"{source} -> zarr place", np.abs(steps - STEPS).max() < 1e-6 and np.abs(np.array(own["space origin"]) - ORIGIN).max() < 1e-4)
+    (image,) = group.attrs["ome"]["multiscales"]
+    names = [axis["name"] for axis in image["axes"]]
+    scale, translation = (t[t["type"]] for t in image["datasets"][0]["coordinateTransformations"])
+    lengths = np.linalg.norm(STEPS, axis=1)
+    along = STEPS @ ORIGIN / lengths
+    sound = names == ["z", "y", "x"] == list(level.metadata.dimension_names) and group.attrs["ome"]["version"] == "0.5"
+    check(f"{source} -> OME-Zarr", sound and np.allclose(scale[::-1], lengths) and np.allclose(translation[::-1], along, atol=1e-4), scale)
 
 
 def meshes(source, paths):

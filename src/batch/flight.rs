@@ -1,20 +1,24 @@
 //! A job on its way through a batch: read, computed, written, each step once.
 
 use std::any::Any;
+use std::cell::RefCell;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::Instant;
 
-use super::fingerprint::{digest, fingerprint};
 use super::gate::Permit;
 use super::lock::Held;
 use super::results::{Certificate, ResultLine, Status, Written};
 use super::runner::{Batch, Outcome};
+use crate::backend::Means;
 use crate::error::{Error, Result};
 use crate::files::Loaded;
-use crate::files::outputs::{Outputs, Temporary};
+use crate::files::fingerprint::digest;
+use crate::files::outputs::{self, Outputs};
+use crate::files::pending::Temporary;
 use crate::progress::Silent;
+use crate::shelf::Budget;
 use crate::surface::Reconstruction;
 
 /// A job on its way. Whatever ends it, its temporary files go, its memory is free and its lock is open.
@@ -37,9 +41,9 @@ struct End {
 }
 
 /// A job that was read.
-pub(super) type Read<'a> = (Flight<'a>, Loaded);
+pub(super) type Read<'a> = (Flight<'a>, (Loaded, Budget));
 /// A job that was computed.
-pub(super) type Computed<'a> = (Flight<'a>, Loaded, Reconstruction);
+pub(super) type Computed<'a> = (Flight<'a>, Reconstruction);
 
 impl<'a> Batch<'a> {
     /// Reads a job whose lock is held; nothing where it has ended already.
@@ -48,7 +52,7 @@ impl<'a> Batch<'a> {
         let job = &self.manifest.jobs[index];
         let mut known = None;
         let read = guarded(|| {
-            let print = fingerprint(job, &self.options.machine)?;
+            let print = job.fingerprint(&self.options.machine)?;
             known = Some(print.clone());
             if self.results.finished(&print, job)? {
                 return Ok(Err(Outcome::Skipped));
@@ -57,23 +61,27 @@ impl<'a> Batch<'a> {
                 return Ok(Err(Outcome::Failed(format!("{why} (in another process)"))));
             }
             let loaded = Loaded::read(&job.input, job.options.clone())?;
-            if fingerprint(job, &self.options.machine)? != print {
+            if job.fingerprint(&self.options.machine)? != print {
                 return Err(Error::Format { path: job.input.clone(), message: "has changed while it was read".into() });
             }
-            let permit = self.gate.pass(loaded.bytes())?;
+            let writing = outputs::bytes(job.targets.iter().map(|t| t.as_path()), loaded.stack.dims);
+            let needs = loaded.needs();
+            let budget = needs.budget(writing, Some(self.options.memory))?;
+            // A job larger than the memory of all has all of it for itself.
+            let permit = self.gate.pass((needs.all + writing).min(self.options.memory))?;
             for target in &job.targets {
                 let folder = target.parent().unwrap_or(Path::new("."));
                 fs::create_dir_all(folder)
                     .map_err(|e| Error::Output { path: target.clone(), message: format!("its folder: {e}") })?;
             }
             let outputs = Outputs::open(&job.targets, None, Temporary::Fixed)?;
-            Ok(Ok((permit, outputs, loaded)))
+            Ok(Ok((permit, outputs, (loaded, budget))))
         });
         let seconds = begin.elapsed().as_secs_f64();
         match read {
-            Ok(Ok((permit, outputs, loaded))) => {
+            Ok(Ok((permit, outputs, (loaded, budget)))) => {
                 let flight = Flight { index, fingerprint: known, seconds, outputs, permit, lock };
-                Some((flight, loaded))
+                Some((flight, (loaded, budget)))
             }
             Ok(Err(outcome)) => {
                 self.ended(index, outcome);
@@ -86,13 +94,20 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// Computes a job; nothing where it has failed.
-    pub(super) fn compute(&self, (mut flight, loaded): Read<'a>) -> Option<Computed<'a>> {
+    /// Computes a job and writes its layers under temporary names; nothing where it has failed.
+    pub(super) fn compute(&self, (mut flight, (loaded, budget)): Read<'a>) -> Option<Computed<'a>> {
         let begin = Instant::now();
-        let body = guarded(|| self.machine.compute(&|backend| loaded.compute(backend, &Silent)));
+        // A machine may ask again; one call follows the other.
+        let outputs = RefCell::new(&mut flight.outputs);
+        let body = guarded(|| {
+            self.machine.compute(&|backend| {
+                let means = Means { backend, progress: &Silent, budget: &budget };
+                loaded.compute(&means, &mut outputs.borrow_mut())
+            })
+        });
         flight.seconds += begin.elapsed().as_secs_f64();
         match body {
-            Ok(body) => Some((flight, loaded, body)),
+            Ok(body) => Some((flight, body)),
             Err(e) => {
                 self.failed(flight.index, flight.fingerprint.clone(), flight.seconds, &e);
                 None
@@ -100,15 +115,15 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// Makes the outputs of a job, renames them, and writes its line.
-    pub(super) fn write(&self, (flight, loaded, mut body): Computed<'a>) {
+    /// Completes the outputs of a job, renames them, and writes its line.
+    pub(super) fn write(&self, (flight, mut body): Computed<'a>) {
         let begin = Instant::now();
         let Flight { index, fingerprint, mut seconds, mut outputs, permit, lock } = flight;
         let job = &self.manifest.jobs[index];
         // Times would differ from run to run; the result line has them.
         body.report.stages.clear();
         let written = guarded(|| {
-            outputs.complete(&mut body, &loaded.options.output)?;
+            outputs.complete(&mut body.report)?;
             let written = job.outputs.iter().zip(outputs.temporary()).map(|(file, (target, path))| {
                 let (bytes, blake3) = digest(path).map_err(|source| Error::Write { path: target.into(), source })?;
                 Ok(Written { file: file.clone(), bytes, blake3 })

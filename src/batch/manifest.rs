@@ -7,6 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use super::line::{Line, read};
 use crate::error::{Error, Result};
 use crate::files::JobOptions;
+use crate::files::fingerprint::fingerprint;
 use crate::files::named::{Named, names};
 use crate::files::outputs::{OutputOptions, check_name};
 use crate::links::LinkOptions;
@@ -38,6 +39,17 @@ pub struct Job {
     pub targets: Vec<PathBuf>,
     /// How.
     pub options: JobOptions,
+}
+
+impl Job {
+    /// What its bytes depend on, by its content, on the machine asked for.
+    ///
+    /// # Errors
+    /// As [`fingerprint`].
+    pub fn fingerprint(&self, machine: &str) -> Result<String> {
+        let words: Vec<&str> = std::iter::once(machine).chain(self.outputs.iter().map(String::as_str)).collect();
+        fingerprint(&self.input, &self.options, &words)
+    }
 }
 
 /// What lines must not have in common.

@@ -1,6 +1,5 @@
 //! Many reconstructions, as a manifest lists them: one device, bounded memory, resumed where they were interrupted.
 
-pub mod fingerprint;
 mod flight;
 mod gate;
 pub mod line;

@@ -1,7 +1,8 @@
-//! Runs the jobs of a manifest: reading, computing and writing each on threads of their own, with bounded queues between them.
+//! Runs the jobs of a manifest: reading, computing (which writes layer by layer) and completing each on threads of their own, with bounded
+//! queues between them.
 //!
 //! ```text
-//! lock, fingerprint, finished? -> read -> gate -> | queue | -> compute -> | queue | -> mesh, write, rename, result line -> unlock
+//! lock, fingerprint, finished? -> read -> gate -> | queue | -> compute, write -> | queue | -> complete, rename, result line -> unlock
 //! ```
 //!
 //! A job's bytes depend on its fingerprint only, not on the order or number of jobs in flight.
@@ -14,7 +15,6 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-use super::fingerprint::fingerprint;
 use super::flight::{Computed, Read};
 use super::gate::Gate;
 use super::lock::Locks;
@@ -29,7 +29,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// How a batch runs.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Jobs computed at once; as many are read ahead and written behind.
+    /// Jobs computed at once; as many are read ahead and completed behind.
     pub jobs: usize,
     /// Bytes of memory that the jobs in flight may need together, by their estimates.
     pub memory: u64,
@@ -117,7 +117,7 @@ fn fly(batch: &Batch<'_>, jobs: usize) {
 pub fn finished(manifest: &Manifest, results: &Path, machine: &str) -> Result<Vec<bool>> {
     let results = Results::open(results)?;
     // An input that cannot be read is told when its job runs.
-    let is = |job: &Job| fingerprint(job, machine).map_or(Ok(false), |f| results.finished(&f, job));
+    let is = |job: &Job| job.fingerprint(machine).map_or(Ok(false), |f| results.finished(&f, job));
     manifest.jobs.iter().map(is).collect()
 }
 

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use interslice::demo::{Demo, NAMES, demo};
-use interslice::files::outputs::{OutputOptions, Outputs, Temporary};
+use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::pending::Temporary;
 use interslice::files::{JobOptions, Loaded};
 use interslice::stack::SliceContent;
 use interslice::{Error, Result};

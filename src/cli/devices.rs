@@ -39,7 +39,7 @@ pub struct DeviceOptions {
     #[arg(long, value_name = "NAME|NUMBER")]
     adapter: Option<String>,
 
-    /// Memory that the GPU's buffers may take, e.g. 512M or 4G [default: 60 % of what is free]
+    /// Memory that a run may take, and the GPU's buffers, e.g. 512M or 4G [default: what is free; buffers: 60 % of it]
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     memory: Option<u64>,
 
@@ -49,6 +49,11 @@ pub struct DeviceOptions {
 }
 
 impl DeviceOptions {
+    /// Bytes of memory that were allowed.
+    pub fn memory(&self) -> Option<u64> {
+        self.memory
+    }
+
     /// The machine as it was asked for; what bounds it changes no result.
     pub fn wish(&self) -> String {
         let backend = self.backend.to_possible_value().map_or(String::new(), |v| v.get_name().into());

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use interslice::components::{Components, label4, label8};
 use interslice::links::{Link, LinkOptions};
+use interslice::memory::Needs;
 use interslice::stack::{self, ReadOptions, Slice};
-use interslice::{ContourStack, Result, Settings, height_grid, memory};
+use interslice::{ContourStack, Result, Settings, height_grid};
 
 use super::links::between;
 use super::say::say;
@@ -68,8 +69,17 @@ fn describe(stack: &ContourStack, links: &[Link]) -> Result<String> {
         short(heights.step),
         heights.count
     ));
-    let needed = memory::estimate_bytes(stack, &heights.heights()?, &Settings::default(), rayon::current_num_threads());
-    lines.push(format!("a reconstruction needs about {} MiB of memory", needed.div_ceil(1 << 20)));
+    let needs = Needs::of(stack, &heights.heights()?, &Settings::default(), rayon::current_num_threads());
+    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+    lines.push(match needs.least < needs.all {
+        true => format!(
+            "a reconstruction needs about {} MiB of memory, or {} MiB and {} MiB of disk for temporary files",
+            mib(needs.all),
+            mib(needs.least),
+            mib(needs.disk)
+        ),
+        false => format!("a reconstruction needs about {} MiB of memory", mib(needs.all)),
+    });
     lines.push(String::new());
     let seen: Vec<Seen> = stack.slices.iter().map(|s| Seen::of(s, stack.dims)).collect();
     for (k, slice) in stack.slices.iter().enumerate() {

@@ -7,9 +7,11 @@ mod demo;
 mod devices;
 mod evaluate;
 mod inspect;
+mod job;
 mod links;
 mod reconstruct;
 mod say;
+mod sections;
 mod tally;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -29,6 +31,12 @@ enum Command {
     Reconstruct(Box<reconstruct::Arguments>),
     /// Run the reconstructions that a manifest lists; run again, it goes on where it was interrupted
     Batch(Box<batch::Arguments>),
+    /// Say how a reconstruction can be split into parts, and what each needs
+    Plan(Box<sections::PlanArguments>),
+    /// Compute one part of a reconstruction
+    Run(Box<sections::RunArguments>),
+    /// Join the parts of a reconstruction into its outputs
+    Merge(sections::MergeArguments),
     /// Say what is in a stack, before any work
     Inspect(inspect::Arguments),
     /// Leave slices out, reconstruct them, and say how well they are found
@@ -49,12 +57,15 @@ pub fn run() -> Result<()> {
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     match (cli.command, matches.subcommand()) {
         (Command::Reconstruct(arguments), Some((_, matches))) => reconstruct::run(*arguments, matches),
+        (Command::Plan(arguments), Some((_, matches))) => sections::plan(*arguments, matches),
+        (Command::Run(arguments), Some((_, matches))) => sections::run(*arguments, matches),
+        (Command::Merge(arguments), _) => sections::merge(arguments),
         (Command::Batch(arguments), _) => batch::run(&arguments),
         (Command::Inspect(arguments), _) => inspect::run(&arguments),
         (Command::Evaluate(arguments), _) => evaluate::run(&arguments),
         (Command::Demo(arguments), _) => demo::run(&arguments),
         (Command::Devices, _) => devices::list(),
         (Command::Doctor(options), _) => devices::examine(&options),
-        (Command::Reconstruct(_), None) => Ok(()),
+        (Command::Reconstruct(_) | Command::Plan(_) | Command::Run(_), None) => Ok(()),
     }
 }

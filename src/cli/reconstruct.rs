@@ -3,45 +3,28 @@
 use std::path::PathBuf;
 
 use clap::ArgMatches;
-use interslice::files::outputs::{OutputOptions, Outputs, Temporary};
-use interslice::files::{JobOptions, Loaded};
-use interslice::links::LinkOptions;
-use interslice::stack::ReadOptions;
-use interslice::{Error, Progress, Result, Settings, memory};
+use interslice::files::Loaded;
+use interslice::files::outputs::Outputs;
+use interslice::files::pending::Temporary;
+use interslice::{Error, Means, Progress, Result};
 
 use super::bar::Bars;
-use super::config::File;
 use super::devices::{DeviceOptions, choose, tell_profile};
+use super::job::JobArguments;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, or a .nrrd, .nii, .nii.gz label volume
-    input: PathBuf,
+    #[command(flatten)]
+    job: JobArguments,
 
-    /// Output file, by extension: .nrrd .nii .nii.gz (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map), .json (report);
-    /// repeatable
+    /// Output file, by extension: .nrrd .nii .nii.gz .zarr (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map), .json
+    /// (report); repeatable
     #[arg(short, long = "output", value_name = "FILE")]
     outputs: Vec<PathBuf>,
 
     /// Write what was done and how well each contour is met, as JSON
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-
-    /// Read options from a TOML file (keys as the long options, with _ for -); the command line wins
-    #[arg(long = "settings", value_name = "FILE")]
-    settings_file: Option<PathBuf>,
-
-    #[command(flatten)]
-    output: OutputOptions,
-
-    #[command(flatten)]
-    read: ReadOptions,
-
-    #[command(flatten)]
-    links: LinkOptions,
-
-    #[command(flatten)]
-    settings: Settings,
 
     #[command(flatten)]
     device: DeviceOptions,
@@ -71,32 +54,18 @@ pub enum Telling {
 }
 
 pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
-    if let Some(path) = &arguments.settings_file {
-        let mut file = File::read(path)?;
-        arguments.settings = file.overlay(arguments.settings, matches)?;
-        arguments.read = file.overlay(arguments.read, matches)?;
-        arguments.links = file.overlay(arguments.links, matches)?;
-        arguments.output = file.overlay(arguments.output, matches)?;
-        arguments.device = file.overlay(arguments.device, matches)?;
-        file.finish()?;
-    }
+    let input = arguments.job.input.clone();
+    let options = arguments.job.options(&mut arguments.device, matches)?;
     if arguments.outputs.is_empty() && arguments.report.is_none() {
         return Err(Error::Setting { name: "--output".into(), message: "is missing: nothing would be written".into() });
     }
-    let options = JobOptions {
-        read: arguments.read,
-        links: arguments.links,
-        settings: arguments.settings,
-        output: arguments.output,
-    };
-    options.check()?;
     set_threads(arguments.threads)?;
     let telling = match (arguments.quiet, arguments.verbose) {
         (true, _) => Telling::Quiet,
         (_, true) => Telling::Verbose,
         _ => Telling::Normal,
     };
-    let loaded = Loaded::read(&arguments.input, options)?;
+    let loaded = Loaded::read(&input, options)?;
     let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref(), Temporary::Random)?;
     reconstruct(&loaded, outputs, &arguments.device, telling)
 }
@@ -112,7 +81,7 @@ pub fn set_threads(threads: Option<usize>) -> Result<()> {
 
 /// One reconstruction, from a checked stack to its files.
 pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions, telling: Telling) -> Result<()> {
-    memory::check(loaded.bytes())?;
+    let budget = loaded.needs().budget(outputs.bytes(loaded.stack.dims), device.memory())?;
     let notice = |message: &str| eprintln!("warning: {message}");
     let chosen = choose(device, &notice)?;
     if telling != Telling::Quiet {
@@ -120,10 +89,22 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     }
     let bars = Bars::default();
     let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
-    let mut body = loaded.compute(chosen.backend(), progress)?;
+    if let Some(kept) = budget.kept() {
+        let folder = std::env::temp_dir();
+        let message = format!(
+            "what does not fit into memory is kept in {} ({} MiB stay in memory)",
+            folder.display(),
+            kept >> 20
+        );
+        if telling != Telling::Quiet {
+            eprintln!("{message}");
+        }
+    }
+    let means = Means { backend: chosen.backend(), progress, budget: &budget };
+    let mut body = loaded.compute(&means, &mut outputs)?;
     body.report.backend_reason = Some(chosen.reason.clone());
     body.report.profile = chosen.profile();
-    outputs.complete(&mut body, &loaded.options.output)?;
+    outputs.complete(&mut body.report)?;
     if telling != Telling::Quiet {
         body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
     }

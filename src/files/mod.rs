@@ -1,25 +1,30 @@
 //! From files to files: one reconstruction, as the command line or a line of a manifest asks for it.
 //!
 //! ```text
-//! Loaded::read -> Loaded::compute -> Outputs::complete -> Outputs::rename
+//! Loaded::read -> Loaded::compute (into Outputs::sink) -> Outputs::complete -> Outputs::rename
 //! ```
 
+pub mod fingerprint;
 pub mod named;
 pub mod outputs;
+pub mod pending;
+pub mod section_file;
 
 use std::path::Path;
 
 use serde::Serialize;
 
-use crate::backend::Backend;
+use crate::backend::Means;
 use crate::error::{Error, Result};
 use crate::links::LinkOptions;
-use crate::progress::Progress;
+use crate::memory::Needs;
+use crate::section::Section;
 use crate::settings::Settings;
 use crate::stack::{ContourStack, ReadOptions, read};
 use crate::surface::Reconstruction;
-use crate::{height_grid, memory, reconstruct_with};
-use outputs::OutputOptions;
+use crate::surface::stream::LayerSink;
+use crate::{height_grid, reconstruct_into, reconstruct_section};
+use outputs::{OutputOptions, Outputs};
 
 /// All that decides a result besides its input.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -84,16 +89,44 @@ impl Loaded {
         Ok(Loaded { stack, heights, options })
     }
 
-    /// Bytes of memory the reconstruction needs at most.
-    pub fn bytes(&self) -> u64 {
-        memory::estimate_bytes(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
+    /// What the reconstruction needs of memory and disk, without its outputs.
+    pub fn needs(&self) -> Needs {
+        Needs::of(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
     }
 
-    /// Reconstructs the body.
+    /// What a section of it needs; the other slices have been read all the same.
+    pub fn needs_of(&self, section: &Section) -> Needs {
+        let heights = section.heights(&self.stack, &self.heights);
+        Needs::of(&section.stack(&self.stack), &heights, &self.options.settings, rayon::current_num_threads())
+    }
+
+    /// Section `number` (from 1) of `count`.
     ///
     /// # Errors
-    /// As [`reconstruct_with`].
-    pub fn compute(&self, backend: &dyn Backend, progress: &dyn Progress) -> Result<Reconstruction> {
-        reconstruct_with(&self.stack, &self.heights, &self.options.settings, backend, progress)
+    /// As [`Section::part`].
+    pub fn section(&self, number: usize, count: usize) -> Result<Section> {
+        Section::part(&self.stack, &self.options.settings, number, count)
+    }
+
+    /// Reconstructs a section and hands its layers to `sink`.
+    ///
+    /// # Errors
+    /// As [`reconstruct_section`].
+    pub fn compute_section(
+        &self,
+        section: &Section,
+        means: &Means<'_>,
+        sink: &mut dyn LayerSink,
+    ) -> Result<Reconstruction> {
+        reconstruct_section(&self.stack, section, &self.heights, &self.options.settings, means, sink)
+    }
+
+    /// Reconstructs the body and writes it into `outputs` layer by layer; the result has no layers.
+    ///
+    /// # Errors
+    /// As [`reconstruct_into`]; [`Error::Write`].
+    pub fn compute(&self, means: &Means<'_>, outputs: &mut Outputs) -> Result<Reconstruction> {
+        let mut sink = outputs.sink(&self.options.output);
+        reconstruct_into(&self.stack, &self.heights, &self.options.settings, means, &mut sink)
     }
 }

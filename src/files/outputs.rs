@@ -1,18 +1,21 @@
 //! Output files: opened before the work starts under a temporary name beside their target, renamed when all are complete. Whatever
 //! fails before leaves what the user had as it was.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use tempfile::NamedTempFile;
 
+use super::pending::{Pending, Temporary, files_below, parent};
 use crate::error::{Error, Result};
-use crate::surface::mesh::{Mesh, closed_surface};
-use crate::surface::nrrd::Content;
-use crate::surface::render::{RenderOptions, write_png};
-use crate::surface::{Reconstruction, heightmap, mesh_files, nifti, nrrd};
+use crate::report::Report;
+use crate::surface::heightmap::HeightMapWriter;
+use crate::surface::mesh_files::{ListedWriter, StlWriter};
+use crate::surface::render::{PictureWriter, RenderOptions};
+use crate::surface::stream::{BodyStream, BodyWriter, Ending, Failed, Header, LayerSink, Needs};
+use crate::surface::volume::Content;
+use crate::surface::{Layer, nifti, nrrd, spool};
 
 /// What a file holds, by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,9 +28,21 @@ enum Format {
     Png,
     Tiff,
     Report,
+    Zarr,
 }
 
-const KNOWN: &str = ".nrrd, .nii, .nii.gz, .stl, .ply, .obj, .png (picture), .tif (height map), .json (report)";
+/// Bytes of an output's buffer.
+const BUFFER_BYTES: usize = 1 << 20;
+/// Bytes per pixel of a layer: of its voxels, of a height map and the layer below, of the two layers and the vertices on their edges that
+/// marching cubes needs, and of the slab of the mesh whose normals are not finished.
+const PER_VOLUME_PIXEL: u64 = 4;
+const PER_MAP_PIXEL: u64 = 8;
+const PER_SURFACE_PIXEL: u64 = 48;
+const PER_MESH_PIXEL: u64 = 16;
+/// Bytes of the picture's samples, 2400 x 1800 with colour and depth, and of the picture.
+const PICTURE_BYTES: u64 = 160 << 20;
+
+const KNOWN: &str = ".nrrd, .nii, .nii.gz, .zarr, .stl, .ply, .obj, .png (picture), .tif (height map), .json (report)";
 
 impl Format {
     fn of(path: &Path) -> Result<Self> {
@@ -44,21 +59,66 @@ impl Format {
             Some("png") => Ok(Format::Png),
             Some("tif" | "tiff") => Ok(Format::Tiff),
             Some("json") => Ok(Format::Report),
+            Some("zarr") if cfg!(feature = "zarr") => Ok(Format::Zarr),
+            Some("zarr") => {
+                let message = "this program was built without Zarr (feature `zarr`)".into();
+                Err(Error::Output { path: path.into(), message })
+            }
             _ => Err(Error::Output { path: path.into(), message: format!("unknown extension; expected {KNOWN}") }),
         }
     }
 }
 
-/// Whether `path` can be an output by its name, and is no folder.
+/// Whether `path` can be an output by its name, and no folder that must stay has it.
 ///
 /// # Errors
 /// [`Error::Output`] with what was expected.
 pub fn check_name(path: &Path) -> Result<()> {
-    Format::of(path)?;
-    match path.is_dir() {
-        true => Err(Error::Output { path: path.into(), message: "is a folder".into() }),
-        false => Ok(()),
-    }
+    check_place(path, Format::of(path)?)
+}
+
+/// Whether nothing stands at `path` that an output of this format must not replace.
+fn check_place(path: &Path, format: Format) -> Result<()> {
+    let message = match (path.is_dir(), format) {
+        (true, Format::Zarr) if path.join("zarr.json").is_file() => return Ok(()),
+        (true, Format::Zarr) => "is a folder, but none of Zarr, and is not replaced",
+        (true, _) => "is a folder",
+        (false, _) => return Ok(()),
+    };
+    Err(Error::Output { path: path.into(), message: message.into() })
+}
+
+/// Bytes of memory that writing `paths` needs at most while layers of `dims` pixels arrive, however many these are.
+pub fn bytes<'p>(paths: impl IntoIterator<Item = &'p Path>, dims: [usize; 2]) -> u64 {
+    needed(paths.into_iter().filter_map(|path| Format::of(path).ok()), dims)
+}
+
+fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2]) -> u64 {
+    let pixels = dims.iter().product::<usize>() as u64;
+    let formats: Vec<Format> = formats.collect();
+    let surface = |f: &Format| matches!(f, Format::Stl | Format::Ply | Format::Obj | Format::Png | Format::Report);
+    let mesh = |f: &Format| matches!(f, Format::Ply | Format::Obj | Format::Png);
+    let each = formats.iter().map(|format| match format {
+        Format::Nrrd | Format::Nifti { .. } => PER_VOLUME_PIXEL * pixels,
+        Format::Tiff => PER_MAP_PIXEL * pixels,
+        Format::Png => PICTURE_BYTES,
+        Format::Zarr => zarr_bytes(pixels as usize),
+        Format::Stl | Format::Ply | Format::Obj | Format::Report => 0,
+    });
+    each.sum::<u64>()
+        + if formats.iter().any(surface) { PER_SURFACE_PIXEL * pixels } else { 0 }
+        + if formats.iter().any(mesh) { spool::IN_MEMORY as u64 + PER_MESH_PIXEL * pixels } else { 0 }
+        + BUFFER_BYTES as u64 * formats.len() as u64
+}
+
+#[cfg(feature = "zarr")]
+fn zarr_bytes(pixels: usize) -> u64 {
+    crate::surface::zarr::bytes(pixels, rayon::current_num_threads())
+}
+
+#[cfg(not(feature = "zarr"))]
+fn zarr_bytes(_pixels: usize) -> u64 {
+    0
 }
 
 /// What is made of the result.
@@ -79,26 +139,18 @@ pub struct OutputOptions {
     pub contours: bool,
 }
 
-/// Names of temporary files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Temporary {
-    /// Never two alike: any number of runs may write to one folder.
-    Random,
-    /// The same every time, so that what a killed run has left is written over. For a caller that lets nobody else make this output.
-    Fixed,
-}
-
 /// Open outputs.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Outputs {
-    files: Vec<Pending>,
+    files: Vec<Output>,
+    /// The body on its way into the files.
+    stream: Option<BodyStream<'static>>,
 }
 
-#[derive(Debug)]
-struct Pending {
+struct Output {
     target: PathBuf,
     format: Format,
-    file: NamedTempFile,
+    pending: Pending,
 }
 
 impl Outputs {
@@ -122,59 +174,44 @@ impl Outputs {
         if self.files.iter().any(|f| f.target == path) {
             return fail("is named twice".into());
         }
-        if path.is_dir() {
-            return fail("is a folder".into());
-        }
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".interslice-").suffix(".tmp");
-        let fixed;
-        if temporary == Temporary::Fixed {
-            // The target's own name may be as long as names can be.
-            let name = path.file_name().unwrap_or_default().as_encoded_bytes();
-            fixed = format!(".interslice-{}", &blake3::hash(name).to_hex()[..32]);
-            builder.prefix(&fixed).rand_bytes(0);
-            match fs::remove_file(folder.join(format!("{fixed}.tmp"))) {
-                Err(e) if e.kind() != io::ErrorKind::NotFound => return fail(format!("its temporary file: {e}")),
-                _ => {}
-            }
-        }
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666)); // less the umask, as any new file
-        match builder.tempfile_in(folder) {
-            Ok(file) => self.files.push(Pending { target: path.into(), format, file }),
-            Err(e) => return fail(format!("in folder {}: {e}", folder.display())),
+        check_place(path, format)?;
+        match Pending::open(path, format == Format::Zarr, temporary) {
+            Ok(pending) => self.files.push(Output { target: path.into(), format, pending }),
+            Err(e) => return fail(format!("in folder {}: {e}", parent(path).display())),
         }
         Ok(())
     }
 
-    /// Whether any output needs the mesh.
-    fn need_mesh(&self) -> bool {
-        self.files
-            .iter()
-            .any(|f| matches!(f.format, Format::Stl | Format::Ply | Format::Obj | Format::Png | Format::Report))
+    /// Bytes of memory that writing needs at most while layers of `dims` pixels arrive.
+    pub fn bytes(&self, dims: [usize; 2]) -> u64 {
+        needed(self.files.iter().map(|f| f.format), dims)
     }
 
-    /// Writes everything under temporary names. Where an output needs the surface, its volume and area are put into the report.
+    /// Takes the layers of a body and writes them under temporary names.
+    pub fn sink<'o>(&'o mut self, options: &'o OutputOptions) -> impl LayerSink + 'o {
+        Sink { outputs: self, options }
+    }
+
+    /// Completes everything under temporary names, when the last layer has come. Where an output needs the surface, its volume and area are
+    /// put into the report.
     ///
     /// # Errors
     /// [`Error::Write`].
-    pub fn complete(&mut self, body: &mut Reconstruction, options: &OutputOptions) -> Result<()> {
-        let mesh = if self.need_mesh() { measured_surface(body) } else { Mesh::default() };
-        for pending in &mut self.files {
-            let fail = |source| Error::Write { path: pending.target.clone(), source };
-            let mut out = BufWriter::with_capacity(1 << 20, pending.file.as_file_mut());
-            write_one(&mut out, pending.format, body, &mesh, options).map_err(fail)?;
-            out.flush().map_err(fail)?;
-            drop(out);
-            pending.file.as_file().sync_all().map_err(fail)?;
+    pub fn complete(&mut self, report: &mut Report) -> Result<()> {
+        if let Some(stream) = self.stream.take() {
+            stream.finish(report).map_err(|failed| self.failed(failed))?;
         }
-        Ok(())
+        self.files.iter().try_for_each(|f| f.pending.sync().map_err(|source| f.fails(source)))
     }
 
-    /// The outputs and the temporary files that will become them.
+    fn failed(&self, (number, source): Failed) -> Error {
+        // There are as many writers as files.
+        Error::Write { path: self.files.get(number).map(|f| f.target.clone()).unwrap_or_default(), source }
+    }
+
+    /// The outputs and the temporary files, or folders, that will become them.
     pub fn temporary(&self) -> impl Iterator<Item = (&Path, &Path)> {
-        self.files.iter().map(|f| (f.target.as_path(), f.file.path()))
+        self.files.iter().map(|f| (f.target.as_path(), f.pending.path()))
     }
 
     /// Renames everything.
@@ -183,44 +220,95 @@ impl Outputs {
     /// [`Error::Write`].
     pub fn rename(self) -> Result<Vec<PathBuf>> {
         let mut written = Vec::new();
-        for pending in self.files {
-            let target = pending.target;
-            pending.file.persist(&target).map_err(|e| Error::Write { path: target.clone(), source: e.error })?;
+        for Output { target, pending, .. } in self.files {
+            pending.rename(&target).map_err(|source| Error::Write { path: target.clone(), source })?;
             written.push(target);
         }
         Ok(written)
     }
 }
 
-/// The surface, with its measures put into the report.
-fn measured_surface(body: &mut Reconstruction) -> Mesh {
-    let mesh = closed_surface(body);
-    body.report.volume = Some(mesh.volume());
-    body.report.area = Some(mesh.area());
-    mesh
+impl Output {
+    fn fails(&self, source: io::Error) -> Error {
+        Error::Write { path: self.target.clone(), source }
+    }
 }
 
-fn write_one(
-    out: &mut (impl Write + Seek),
-    format: Format,
-    body: &Reconstruction,
-    mesh: &Mesh,
-    options: &OutputOptions,
-) -> io::Result<()> {
+/// Layers on their way into the files.
+struct Sink<'o> {
+    outputs: &'o mut Outputs,
+    options: &'o OutputOptions,
+}
+
+impl LayerSink for Sink<'_> {
+    fn begin(&mut self, header: &Header) -> Result<()> {
+        self.outputs.stream = None;
+        let mut writers = Vec::new();
+        for output in &mut self.outputs.files {
+            writers.push(writer(output, header, self.options).map_err(|source| output.fails(source))?);
+        }
+        let folder = self.outputs.files.first().map_or(Path::new("."), |f| parent(&f.target));
+        self.outputs.stream = Some(BodyStream::new(header, writers, folder));
+        Ok(())
+    }
+
+    fn layer(&mut self, layer: Layer) -> Result<()> {
+        match &mut self.outputs.stream {
+            Some(stream) => stream.layer(&layer).map_err(|failed| self.outputs.failed(failed)),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The writer of an output, from its beginning.
+fn writer(output: &mut Output, header: &Header, options: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
     let content = if options.mask { Content::Mask } else { Content::Distance };
-    match format {
-        Format::Nrrd => nrrd::write(out, body, content),
-        Format::Nifti { gzip } => nifti::write(out, body, content, gzip),
-        Format::Stl => mesh_files::write_stl(out, mesh),
-        Format::Ply => mesh_files::write_ply(out, mesh),
-        Format::Obj => mesh_files::write_obj(out, mesh),
+    let file = match &mut output.pending {
+        Pending::File(file) => file.as_file_mut(),
+        Pending::Folder(folder) => return in_folder(folder.path(), header, content),
+    };
+    let mut file = file.try_clone()?;
+    file.set_len(0)?;
+    file.rewind()?;
+    let out = BufWriter::with_capacity(BUFFER_BYTES, file);
+    Ok(match output.format {
+        Format::Nrrd => Box::new(nrrd::writer(out, header, content)?),
+        Format::Nifti { gzip } => Box::new(nifti::writer(out, header, content, gzip)?),
+        Format::Stl => Box::new(StlWriter::new(out)?),
+        Format::Ply => Box::new(ListedWriter::ply(out)),
+        Format::Obj => Box::new(ListedWriter::obj(out)),
         Format::Png => {
-            write_png(out, body, mesh, RenderOptions { contours: options.contours, ..RenderOptions::default() })
+            let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };
+            Box::new(PictureWriter::new(out, header, options))
         }
-        Format::Tiff => heightmap::write_tiff(out, body),
-        Format::Report => {
-            serde_json::to_writer_pretty(&mut *out, &body.report)?;
-            out.write_all(b"\n")
-        }
+        Format::Tiff => Box::new(HeightMapWriter::new(out, header)),
+        Format::Report => Box::new(ReportWriter(out)),
+        Format::Zarr => return Err(io::Error::other("a folder is needed")),
+    })
+}
+
+/// The writer of a Zarr into a folder, which is emptied.
+fn in_folder(folder: &Path, header: &Header, content: Content) -> io::Result<Box<dyn BodyWriter>> {
+    for file in files_below(folder)? {
+        fs::remove_file(file)?;
+    }
+    #[cfg(feature = "zarr")]
+    return crate::surface::zarr::writer(folder, header, content);
+    #[cfg(not(feature = "zarr"))]
+    Err(io::Error::other(format!("no Zarr in this program: {header:?}, {content:?}")))
+}
+
+/// Writes the report, at the end.
+struct ReportWriter(BufWriter<File>);
+
+impl BodyWriter for ReportWriter {
+    fn needs(&self) -> Needs {
+        Needs::Surface
+    }
+
+    fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
+        serde_json::to_writer_pretty(&mut self.0, end.report)?;
+        self.0.write_all(b"\n")?;
+        self.0.flush()
     }
 }

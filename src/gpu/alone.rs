@@ -5,18 +5,15 @@ use super::Gpu;
 use super::atlas::Atlas;
 use super::band::Front;
 use super::device::Buffer;
-use super::displacement::Solver;
 use super::distance::Distances;
 use super::kernels::{Recorder, Size};
 use super::layout::{Params, Particle, Seed, Source, Work};
 use super::propagate::place_seeds;
 use super::{contour_field, moving, trace, trajectories};
-use crate::displacement::Displacement;
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Course, SweepJob};
 use crate::moving_field::{MovingField, Paths};
-use crate::reference::displacement::Round;
 
 /// Shape and parameters of the tubes.
 #[derive(Debug, Clone, Copy)]
@@ -219,24 +216,6 @@ impl Gpu {
             out[*q as usize][(node - front.atlas.jobs[*q as usize].offset) as usize] = value.map(f64::from);
         }
         Ok(out)
-    }
-
-    /// One round of the displacements of all intervals.
-    ///
-    /// # Errors
-    /// [`crate::Error::Gpu`].
-    pub fn better_displacements(
-        &self,
-        fields: &[Field],
-        gaps: &[f64],
-        guess: &[Displacement],
-        current: &[Displacement],
-        round: Round,
-        h: [f64; 2],
-    ) -> Result<Vec<Displacement>> {
-        let mut solver = Solver::new(self, fields, gaps, guess, current, h)?;
-        solver.round(round)?;
-        solver.read()
     }
 
     /// Paths through the layers of interval `i` at these times.

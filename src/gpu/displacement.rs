@@ -4,6 +4,7 @@
 //! together, batch by batch in every round.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::Gpu;
 use super::atlas::batches;
@@ -11,31 +12,21 @@ use super::device::Buffer;
 use super::kernels::{Recorder, Size};
 use super::layout::{Axis, EVIDENCE, Interval, Iteration, MOMENTS};
 use super::moving::{self, image, pack, per_pixel, vectors};
-use crate::displacement::{Displacement, weights};
+use crate::displacement::{Displacement, DisplacementJob, weights};
 use crate::error::Result;
 use crate::field::Field;
-use crate::progress::Progress;
 use crate::reference::displacement::{COUPLING, HALF_EVIDENCE, ROUNDS, Round};
 
 /// Bytes of a block that stay from round to round: vectors, guess, evidence.
 const KEPT_BYTES: usize = 8 + 8 + 4 * EVIDENCE;
 
-/// Displacements of all intervals, from a guess of each.
-pub fn displacements(
-    gpu: &Gpu,
-    fields: &[Field],
-    gaps: &[f64],
-    guess: &[Displacement],
-    h: [f64; 2],
-    progress: &dyn Progress,
-) -> Result<Vec<Displacement>> {
-    let mut solver = Solver::new(gpu, fields, gaps, guess, guess, h)?;
-    for round in ROUNDS {
-        solver.round(round)?;
+/// Displacements of neighbouring intervals after some rounds.
+pub fn displacements(gpu: &Gpu, job: &DisplacementJob<'_>) -> Result<Vec<Displacement>> {
+    let mut solver = Solver::new(gpu, job)?;
+    for round in &ROUNDS[job.rounds.clone()] {
+        solver.round(*round)?;
     }
-    let found = solver.read()?;
-    progress.advance(found.len());
-    Ok(found)
+    solver.read()
 }
 
 /// Neighbouring intervals whose moments are computed together.
@@ -51,7 +42,7 @@ struct Batch {
 /// All intervals between two rounds.
 pub struct Solver<'a> {
     gpu: &'a Gpu,
-    slices: &'a [Field],
+    slices: &'a [Arc<Field>],
     gaps: &'a [f64],
     h: [f64; 2],
     grid: [usize; 2],
@@ -66,15 +57,9 @@ pub struct Solver<'a> {
 }
 
 impl<'a> Solver<'a> {
-    /// Before the first round, from these vectors.
-    pub fn new(
-        gpu: &'a Gpu,
-        slices: &'a [Field],
-        gaps: &'a [f64],
-        guess: &[Displacement],
-        begin: &[Displacement],
-        h: [f64; 2],
-    ) -> Result<Self> {
+    /// Before the first round.
+    pub fn new(gpu: &'a Gpu, job: &DisplacementJob<'a>) -> Result<Self> {
+        let &DisplacementJob { fields: slices, gaps, guess, begin, h, .. } = job;
         let device = &gpu.device;
         let (dims, grid) = (slices[0].dims, guess[0].grid);
         let (nodes, blocks) = (dims[0] * dims[1], grid[0] * grid[1]);

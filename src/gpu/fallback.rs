@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::Gpu;
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
-use crate::displacement::Displacement;
+use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::{Error, Result};
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
@@ -90,15 +90,8 @@ impl Backend for GpuOrReference<'_> {
         self.ask(|backend| backend.propagate(pairs, h, options, progress))
     }
 
-    fn displacements(
-        &self,
-        fields: &[Field],
-        gaps: &[f64],
-        guess: &[Displacement],
-        h: [f64; 2],
-        progress: &dyn Progress,
-    ) -> Result<Vec<Displacement>> {
-        self.ask(|backend| backend.displacements(fields, gaps, guess, h, progress))
+    fn displacements(&self, job: &DisplacementJob<'_>) -> Result<Vec<Displacement>> {
+        self.ask(|backend| backend.displacements(job))
     }
 
     fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
@@ -108,7 +101,7 @@ impl Backend for GpuOrReference<'_> {
     fn moving_layers(
         &self,
         moving: &MovingField,
-        slopes: &[Field],
+        slopes: [&Field; 2],
         lone: &LoneParts,
         i: usize,
         times: &[f64],

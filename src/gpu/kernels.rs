@@ -259,7 +259,7 @@ impl Profiler {
     pub fn count(&self, kernels: &[&'static str], pixels: usize) {
         let mut gathered = self.gathered();
         for kernel in kernels {
-            gathered.kernels.entry(kernel).or_default().pixels += pixels as u64;
+            gathered.kernels.entry((*kernel).into()).or_default().pixels += pixels as u64;
         }
     }
 
@@ -374,7 +374,7 @@ impl<'d> Recorder<'d> {
         let mut profile = self.profiler.gathered();
         profile.submissions += 1;
         for (k, (label, pixels)) in self.runs.iter().enumerate() {
-            let cost = profile.kernels.entry(label).or_default();
+            let cost = profile.kernels.entry((*label).into()).or_default();
             cost.dispatches += 1;
             cost.pixels += *pixels as u64;
             if let [from, to] = times.get(2 * k..2 * k + 2).unwrap_or_default() {

@@ -30,7 +30,7 @@ pub mod twins;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
-use crate::displacement::Displacement;
+use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
@@ -136,21 +136,14 @@ impl Backend for Gpu {
         propagate::propagate(self, pairs, h, options, progress)
     }
 
-    fn displacements(
-        &self,
-        fields: &[Field],
-        gaps: &[f64],
-        guess: &[Displacement],
-        h: [f64; 2],
-        progress: &dyn Progress,
-    ) -> Result<Vec<Displacement>> {
+    fn displacements(&self, job: &DisplacementJob<'_>) -> Result<Vec<Displacement>> {
         // Images larger than an adapter's arrays (on lavapipe 2590 px squared) are left to the reference path.
-        match fields.first() {
+        match job.fields.first() {
             Some(image) if self.holds_images(image.dims) => {
                 let _turn = self.turn();
-                displacement::displacements(self, fields, gaps, guess, h, progress)
+                displacement::displacements(self, job)
             }
-            _ => Reference.displacements(fields, gaps, guess, h, progress),
+            _ => Reference.displacements(job),
         }
     }
 
@@ -167,7 +160,7 @@ impl Backend for Gpu {
     fn moving_layers(
         &self,
         moving: &MovingField,
-        slopes: &[Field],
+        slopes: [&Field; 2],
         lone: &LoneParts,
         i: usize,
         times: &[f64],

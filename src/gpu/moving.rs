@@ -1,5 +1,7 @@
 //! What the kernels of the moving field share: images and displacements as they lie on the device.
 
+use std::sync::Arc;
+
 use super::Gpu;
 use super::kernels::Size;
 use super::layout::{Image, TILE};
@@ -31,7 +33,7 @@ pub fn per_pixel(dims: [usize; 2], count: usize) -> Size<'static> {
 }
 
 /// Images one after the other.
-pub fn pack(fields: &[Field]) -> Vec<f32> {
+pub fn pack(fields: &[Arc<Field>]) -> Vec<f32> {
     fields.iter().flat_map(|f| &f.data).map(|v| v.clamp(-1e30, 1e30) as f32).collect()
 }
 

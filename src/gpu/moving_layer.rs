@@ -16,8 +16,8 @@ use crate::reference::moving_field::reach;
 pub struct Ingredients<'a> {
     /// Slices and displacements.
     pub moving: &'a MovingField,
-    /// Slopes at the slices, per height.
-    pub slopes: &'a [Field],
+    /// Slopes at the interval's slices, per height.
+    pub slopes: [&'a Field; 2],
     /// Parts without partner.
     pub lone: &'a LoneParts,
     /// The interval.
@@ -95,10 +95,10 @@ fn values(of: &Ingredients<'_>) -> (Vec<f32>, Vec<Part>) {
         values.extend(field.data.iter().map(|v| (scale * v).clamp(-1e30, 1e30) as f32));
         first as u32
     };
-    for (fields, scale) in [(moving.fields.as_slice(), 1.0), (slopes, gap)] {
-        put(&fields[i], scale);
-        put(&fields[i + 1], scale);
-    }
+    put(&moving.fields[i], 1.0);
+    put(&moving.fields[i + 1], 1.0);
+    put(slopes[0], gap);
+    put(slopes[1], gap);
     let parts = lone.low.iter().chain(&lone.high).map(|part| Part {
         first: put(&part.field, 1.0),
         nx: part.tile.dims[0] as u32,

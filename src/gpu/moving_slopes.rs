@@ -47,7 +47,8 @@ fn of_slices(gpu: &Gpu, moving: &MovingField, batch: Range<usize>) -> Result<Vec
     let knots: Vec<Knot> = batch.clone().map(knot).collect();
     let image = device.uniform("image", image(dims, grid, [1.0; 2], batch.len()));
     let fields = device.upload("slices", &pack(&moving.fields[first..end]))?;
-    let vectors = device.upload("vectors", &vectors(moving.at_slices[first..end - 1].iter().flatten()))?;
+    let vectors =
+        device.upload("vectors", &vectors(moving.at_slices[first..end - 1].iter().flat_map(|both| both.iter())))?;
     let knots = device.upload("knots", &knots)?;
     let nodes = dims[0] * dims[1];
     let slopes = device.storage::<f32>("slopes", batch.len() * nodes)?;

@@ -1,10 +1,13 @@
 //! The stages of the moving field on the GPU beside their f64 twins: parts that drift, turn, split, appear alone and vanish, an empty slice,
 //! uneven gaps.
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use super::Gpu;
 use super::twins::{Comparison, blob, joined};
 use crate::backend::Backend;
-use crate::displacement::Displacement;
+use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Direction, Tile};
@@ -12,13 +15,13 @@ use crate::matching::LonePart;
 use crate::moving_field::{LoneParts, MovingField};
 use crate::progress::Silent;
 use crate::reference::Reference;
-use crate::reference::displacement::{NARROW, Round, WIDE, better};
+use crate::reference::displacement::{ROUNDS, displacements};
 use crate::reference::distance::distance_of;
 
 /// A round from the same vectors: moments of up to 32 px times 1e-7, divided by a ridge of .07, px.
 const ROUND: f64 = 1e-4;
 /// All rounds: each passes on less than the error it was given, and adds its own.
-const ROUNDS: f64 = 2e-4;
+const ALL_ROUNDS: f64 = 2e-4;
 /// Vectors of tens of px, a few roundings each; the fixed point passes on less than it is given.
 const PATHS: f64 = 5e-5;
 /// Distances of up to 300 px in single precision, read where vectors off by as much as they may be point to; px per gap.
@@ -42,7 +45,7 @@ const TIMES: [f64; 4] = [0.03, 0.4, 0.5, 0.92];
 /// A stack with its lone parts; single precision exactly.
 struct Stack {
     h: [f64; 2],
-    fields: Vec<Field>,
+    fields: Vec<Arc<Field>>,
     lone: Vec<LoneParts>,
 }
 
@@ -94,7 +97,7 @@ impl Stack {
         // Those that no slice has would count on the other side, too: it shows if they do.
         let lone =
             vec![parts(&[], &[0, 1]), parts(&[0, 1], &[2]), parts(&[2], &[]), parts(&[3], &[4]), parts(&[], &[])];
-        Stack { h, fields, lone }
+        Stack { h, fields: fields.into_iter().map(Arc::new).collect(), lone }
     }
 
     fn dims(&self) -> [usize; 2] {
@@ -105,18 +108,29 @@ impl Stack {
         vec![Displacement::zero(self.dims()); GAPS.len()]
     }
 
+    /// The first intervals' displacements are asked for.
+    fn job<'a>(
+        &'a self,
+        guess: &'a [Displacement],
+        begin: &'a [Displacement],
+        rounds: Range<usize>,
+    ) -> DisplacementJob<'a> {
+        let fields = &self.fields[..=guess.len()];
+        DisplacementJob { fields, gaps: &GAPS[..guess.len()], guess, begin, rounds, h: self.h }
+    }
+
     /// The stack's first slices in their moving frame.
     fn moving(&self, slices: usize) -> MovingField {
-        let (fields, gaps) = (&self.fields[..slices], &GAPS[..slices - 1]);
+        let gaps = &GAPS[..slices - 1];
         let still = &self.still()[..slices - 1];
         let single = |v: Displacement| v.map(|_, v| v.map(|c| f64::from(c as f32)));
-        let found = crate::reference::displacement::displacements(fields, gaps, still, self.h);
+        let found = displacements(&self.job(still, still, 0..ROUNDS.len()));
         let heights = gaps.iter().scan(10.0, |z, gap| {
             *z += gap;
             Some(*z)
         });
         let heights = std::iter::once(10.0).chain(heights).collect();
-        MovingField::new(heights, PX, fields.to_vec(), found.into_iter().map(single).collect())
+        MovingField::new(heights, PX, self.fields[..slices].to_vec(), found.into_iter().map(single).collect())
     }
 }
 
@@ -128,8 +142,8 @@ pub fn compare(gpu: &Gpu, h: [f64; 2], scale: usize) -> Result<Vec<Comparison>> 
     let stack = Stack::new(h, scale);
     let moving = stack.moving(stack.fields.len());
     let mut out = vec![
-        round(gpu, &stack, "displacements, a wide round", WIDE)?,
-        round(gpu, &stack, "displacements, a narrow round", NARROW)?,
+        round(gpu, &stack, "displacements, a wide round", 0..1)?,
+        round(gpu, &stack, "displacements, a narrow round", ROUNDS.len() - 1..ROUNDS.len())?,
         rounds(gpu, &stack)?,
         paths(gpu, &stack, &moving)?,
     ];
@@ -150,22 +164,20 @@ fn vectors<'a>(
     both.flat_map(move |(a, b)| [0, 1].map(|axis| (a[axis] * h[axis], b[axis] * h[axis])))
 }
 
-fn round(gpu: &Gpu, stack: &Stack, stage: &'static str, round: Round) -> Result<Comparison> {
-    let Stack { h, fields, .. } = stack;
+fn round(gpu: &Gpu, stack: &Stack, stage: &'static str, round: Range<usize>) -> Result<Comparison> {
     let waves = |size: f64| -> Vec<Displacement> {
         (0..GAPS.len()).map(|i| waves(stack.dims(), size, 0.8 * i as f64)).collect()
     };
     let (current, guess) = (waves(3.0), waves(1.5));
-    let ours = gpu.better_displacements(fields, &GAPS, &guess, &current, round, *h)?;
-    let twin = better(fields, &GAPS, &guess, &current, round, *h);
-    Ok(Comparison::of(stage, ROUND, vectors(&ours, &twin, *h)))
+    let job = stack.job(&guess, &current, round);
+    Ok(Comparison::of(stage, ROUND, vectors(&gpu.displacements(&job)?, &Reference.displacements(&job)?, stack.h)))
 }
 
 fn rounds(gpu: &Gpu, stack: &Stack) -> Result<Comparison> {
-    let Stack { h, fields, .. } = stack;
-    let ours = gpu.displacements(fields, &GAPS, &stack.still(), *h, &Silent)?;
-    let twin = Reference.displacements(fields, &GAPS, &stack.still(), *h, &Silent)?;
-    Ok(Comparison::of("displacements", ROUNDS, vectors(&ours, &twin, *h)))
+    let still = stack.still();
+    let job = stack.job(&still, &still, 0..ROUNDS.len());
+    let [ours, twin] = [gpu.displacements(&job)?, Reference.displacements(&job)?];
+    Ok(Comparison::of("displacements", ALL_ROUNDS, vectors(&ours, &twin, stack.h)))
 }
 
 fn paths(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> {
@@ -207,14 +219,15 @@ fn layers(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> 
             |parts: &[LonePart]| parts.iter().map(|part| LonePart { depth: part.depth + by, ..part.clone() }).collect();
         LoneParts { low: deeper(&lone.low), high: deeper(&lone.high) }
     };
+    let beside = |i: usize| [&slopes[i], &slopes[i + 1]];
     let mut pairs = Vec::new();
     // Far from contours the edges of lone parts' tiles would show.
     let none = LoneParts::default();
     let near = stack.lone.iter().enumerate().map(|(i, lone)| (i, lone, LIMIT));
     let everywhere = (0..GAPS.len()).map(|i| (i, &none, EVERYWHERE));
     for (i, lone, limit) in near.chain(everywhere) {
-        let twin = |lone: &LoneParts| Reference.moving_layers(moving, &slopes, lone, i, &TIMES, limit, stack.h, None);
-        let ours = gpu.moving_layers(moving, &slopes, lone, i, &TIMES, limit, stack.h, None)?;
+        let twin = |lone: &LoneParts| Reference.moving_layers(moving, beside(i), lone, i, &TIMES, limit, stack.h, None);
+        let ours = gpu.moving_layers(moving, beside(i), lone, i, &TIMES, limit, stack.h, None)?;
         let (twins, more, less) = (twin(lone)?, twin(&deeper(lone, TIE))?, twin(&deeper(lone, -TIE))?);
         for (k, ours) in ours.iter().enumerate() {
             for (n, ours) in ours.iter().enumerate() {

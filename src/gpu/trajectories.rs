@@ -24,7 +24,7 @@ pub fn paths(gpu: &Gpu, moving: &MovingField, i: usize, times: &[f64], h: [f64; 
         })
         .collect();
     let image = device.uniform("image", image(moving.fields[i].dims, v.grid, h, times.len()));
-    let (own, rates) = (device.upload("vectors", &vectors([v]))?, device.upload("rates", &vectors(&rates))?);
+    let (own, rates) = (device.upload("vectors", &vectors([&**v]))?, device.upload("rates", &vectors(&rates))?);
     let table = device.upload("times", &table)?;
     let paths = device.storage::<[f32; 2]>("paths", 2 * blocks * times.len())?;
     let follow = gpu.kernels.trajectories.bind(device, &[&image, &own, &rates, &table, &paths]);

@@ -2,19 +2,18 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rayon::prelude::*;
-
 use super::Run;
+use super::moving::MovingStack;
 use crate::contours::Contour;
 use crate::displacement::Displacement;
 use crate::error::{Error, Result};
 use crate::frames::{self, Frames};
 use crate::motion::Frame;
-use crate::moving_field::MovingField;
 use crate::parts::{candidates, overlaps, parts};
 use crate::reference::exact::exact_distance;
 use crate::report::{LinkReport, LinkedBy};
 use crate::settings::{Linking, Motion};
+use crate::shelf::Shelf;
 use crate::spline::smoothstep;
 
 /// Fairing keeps off parts that are kept apart by this much and is whole beyond the other, px.
@@ -44,15 +43,15 @@ impl IntervalLinks {
 
 impl Run<'_> {
     /// The user's links and those that are found.
-    pub(super) fn find_links(&mut self, contours: &[Contour]) -> Result<()> {
+    pub(super) fn find_links(&mut self, contours: &Shelf<'_, Contour>) -> Result<()> {
         for link in &self.settings.links {
-            let count = |k: usize| contours[k].solids.count as u32;
+            let count = |k: usize| contours.light(k).solids.count as u32;
             if link.from > count(link.slice) || link.to > count(link.slice + 1) {
                 let message = format!("a part of link {link:?} was lost");
                 return Err(Error::Numerics { stage: "distance", message });
             }
         }
-        let of = |(i, pair): (usize, &[Contour])| {
+        let of = |i: usize, pair: [&Contour; 2]| {
             let links = self.settings.links.iter().filter(|l| l.slice == i);
             let link = |l: &crate::links::Link| (l.from, l.to, l.join, LinkedBy::File);
             let mut found: Vec<_> = links.map(link).collect();
@@ -63,13 +62,13 @@ impl Run<'_> {
             let told = |(from, to, join, by)| LinkReport { from, to, join, by, meet: 0.0 };
             IntervalLinks { told: found.into_iter().map(told).collect() }
         };
-        self.links = contours.par_windows(2).enumerate().map(of).collect();
+        self.links = self.of_pairs(contours, of)?;
         Ok(())
     }
 
     /// Pairs of parts without partner that look like one and the same and can be followed all at once; `known` pairs count as partners or
     /// are left out.
-    fn alike(&self, pair: &[Contour], known: &BTreeMap<(u32, u32), bool>) -> Vec<(u32, u32)> {
+    fn alike(&self, pair: [&Contour; 2], known: &BTreeMap<(u32, u32), bool>) -> Vec<(u32, u32)> {
         let dims = pair[0].phi.dims;
         let [low, high] = [0, 1].map(|k| parts(&pair[k].solids, dims, self.h));
         let pairs = |join: bool| known.iter().filter(move |(_, j)| **j == join).map(|(pair, _)| *pair);
@@ -83,7 +82,7 @@ impl Run<'_> {
         // What is in the way of a link, another link or a part that stands still, excludes it.
         while !found.is_empty() {
             let all: Vec<(u32, u32)> = pairs(true).chain(found.iter().copied()).collect();
-            let followed = frames::linked(&pair[0], &pair[1], &all, self.h).followed;
+            let followed = frames::linked(pair[0], pair[1], &all, self.h).followed;
             let shares = followed[all.len() - found.len()..].iter().enumerate();
             match shares.min_by(|a, b| a.1.total_cmp(b.1)) {
                 Some((worst, share)) if *share < FOLLOWED => found.remove(worst),
@@ -94,10 +93,10 @@ impl Run<'_> {
     }
 
     /// The displacements of linked parts, or of all that have a rigid frame; warns of links that cannot be followed.
-    pub(super) fn frames(&mut self, contours: &[Contour]) -> Vec<Displacement> {
+    pub(super) fn frames(&mut self, contours: &Shelf<'_, Contour>) -> Result<Vec<Displacement>> {
         let frames = if self.settings.motion == Motion::Rigid { frames::rigid } else { frames::linked };
-        let of = |(pair, links): (&[Contour], &IntervalLinks)| frames(&pair[0], &pair[1], &links.joined(), self.h);
-        let found: Vec<Frames> = contours.par_windows(2).zip(&self.links).map(of).collect();
+        let of = |i: usize, [low, high]: [&Contour; 2]| frames(low, high, &self.links[i].joined(), self.h);
+        let found: Vec<Frames> = self.of_pairs(contours, of)?;
         for (i, (frames, links)) in found.iter().zip(&self.links).enumerate() {
             for ((from, to), _) in links.joined().iter().zip(&frames.followed).filter(|(_, share)| **share < FOLLOWED) {
                 let [low, high] = [0, 1].map(|k| &self.stack.slices[i + k].name);
@@ -106,35 +105,39 @@ impl Run<'_> {
                 ));
             }
         }
-        found.into_iter().map(|frames| frames.displacement).collect()
+        Ok(found.into_iter().map(|frames| frames.displacement).collect())
     }
 
     /// Finds out how far linked parts meet, in the moving frame if there is one.
-    pub(super) fn see_links(&mut self, contours: &[Contour], moving: Option<&MovingField>) {
-        for (i, links) in self.links.iter_mut().enumerate() {
+    pub(super) fn see_links(&mut self, contours: &Shelf<'_, Contour>, moving: Option<&MovingStack<'_>>) -> Result<()> {
+        for (i, links) in self.links.iter_mut().enumerate().filter(|(_, links)| !links.told.is_empty()) {
+            let [low, high] = [contours.get(i)?, contours.get(i + 1)?];
             for link in &mut links.told {
-                let at_slices = moving.map(|m| &m.at_slices[i]);
-                link.meet = frames::meeting(&contours[i], &contours[i + 1], (link.from, link.to), at_slices);
+                let at_slices = moving.map(|m| &*m.frame.at_slices[i]);
+                link.meet = frames::meeting(&low, &high, (link.from, link.to), at_slices);
             }
         }
+        Ok(())
     }
 
     /// Share of the fairing's strength in every interval where parts are kept apart.
-    pub(super) fn fairing_shares(&self, contours: &[Contour]) -> Vec<Option<Vec<f32>>> {
+    pub(super) fn fairing_shares(&self, contours: &Shelf<'_, Contour>) -> Result<Vec<Option<Vec<f32>>>> {
         let share = |(i, links): (usize, &IntervalLinks)| {
             let parted = links.parted();
             if parted.is_empty() {
-                return None;
+                return Ok(None);
             }
-            let labels = [&contours[i].solids.labels, &contours[i + 1].solids.labels];
+            let pair = [contours.get(i)?, contours.get(i + 1)?];
+            let labels = [&pair[0].solids.labels, &pair[1].solids.labels];
             let apart = |n: usize| parted.iter().any(|(a, b)| *a == labels[0][n] || *b == labels[1][n]);
-            let dims = contours[i].phi.dims;
+            let dims = pair[0].phi.dims;
             let mask: Vec<bool> = (0..dims[0] * dims[1]).map(apart).collect();
             let away = exact_distance(&mask, dims, self.h);
             let [none, all] = UNFAIRED;
             let [nx, ny] = self.stack.dims;
             let padded = |n: usize| (n / nx + self.pad) * dims[0] + n % nx + self.pad;
-            Some((0..nx * ny).map(|n| smoothstep((away.data[padded(n)] - none) / (all - none)) as f32).collect())
+            let part = |n| smoothstep((away.data[padded(n)] - none) / (all - none)) as f32;
+            Ok(Some((0..nx * ny).map(part).collect()))
         };
         self.links.iter().enumerate().map(share).collect()
     }

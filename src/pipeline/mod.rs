@@ -8,28 +8,33 @@
 mod field;
 mod links;
 mod morph;
+mod moving;
 
+use std::ops::Range;
 use std::time::Instant;
 
 use rayon::prelude::*;
 
 use self::links::IntervalLinks;
-use crate::backend::{Backend, ContourOptions, PaddedSlice};
+use self::moving::MovingStack;
+use crate::backend::{Backend, ContourOptions, Means, PaddedSlice};
 use crate::compose::{Canvas, differing_pixels};
 use crate::contours::Contour;
-use crate::displacement::Displacement;
 use crate::ends::{End, EndSpec, end};
 use crate::error::{Error, Result};
 use crate::fairing::{self, Fairing};
 use crate::fit::Fitted;
-use crate::heights::{Height, Heights, check};
+use crate::heights::{Height, Heights, check, median};
 use crate::jobs::Direction;
 use crate::links as user_links;
-use crate::moving_field::{self, MovingField, STEPS, even_gaps, filled_fields};
+use crate::moving_field::{self, STEPS, even_gaps};
 use crate::progress::Progress;
 use crate::report::{ContourReport, Report, StageReport};
-use crate::settings::{Method, Motion, Settings, SlopeRule};
+use crate::section::Section;
+use crate::settings::{Method, Settings, SlopeRule};
+use crate::shelf::{Budget, Shelf};
 use crate::stack::ContourStack;
+use crate::surface::stream::{Header, LayerSink};
 use crate::surface::{Layer, Reconstruction};
 
 /// Extra margin for rules whose curves overshoot their contours, px.
@@ -43,6 +48,9 @@ struct Run<'a> {
     settings: &'a Settings,
     backend: &'a dyn Backend,
     progress: &'a dyn Progress,
+    budget: &'a Budget,
+    /// What of the stack is made here.
+    span: Span,
     /// Pixel size in units of its larger side.
     h: [f64; 2],
     /// Length of a pixel's larger side in the stack's unit.
@@ -57,9 +65,78 @@ struct Run<'a> {
 }
 
 /// Takes finished layers, lowest first.
-pub type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
+type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
 
-/// Reconstructs `stack` at `heights` (increasing, unit of the stack) and hands every layer to `sink`; the result itself has none.
+/// A section, its intervals and slices numbered as in the run, and what it must know of the whole stack.
+struct Span {
+    /// Intervals whose layers are kept.
+    kept: Range<usize>,
+    /// Intervals whose layers are computed.
+    layers: Range<usize>,
+    /// Intervals that are traced.
+    traced: Range<usize>,
+    /// Number of the run's first slice in the stack.
+    first: usize,
+    /// Whether the run's layers begin and end where the stack does.
+    ends: [bool; 2],
+    /// Gaps of the intervals, as the whole stack rounds them.
+    gaps: Vec<f64>,
+    /// Median gap of the whole stack.
+    gap: f64,
+    /// Median step between all layers.
+    step: f64,
+}
+
+impl Span {
+    fn new(stack: &ContourStack, section: &Section, heights: &[f64]) -> Self {
+        let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
+        let first = section.slices.start;
+        let here = |r: &Range<usize>| r.start - first..r.end - first;
+        let intervals = first..section.slices.end - 1;
+        Span {
+            kept: here(&section.kept),
+            layers: here(&section.layers),
+            traced: here(&section.traced),
+            first,
+            ends: [section.layers.start == 0, section.layers.end == z.len() - 1],
+            gaps: even_gaps(&z)[intervals].to_vec(),
+            gap: median(z.windows(2).map(|w| w[1] - w[0]).collect()),
+            step: Heights::median_step(&z, heights),
+        }
+    }
+}
+
+/// Hands on the layers that are kept, and counts the pixels of contours that differ from the input.
+struct Certified<'a> {
+    stack: &'a ContourStack,
+    /// Heights from the first on and below the second are kept.
+    kept: [f64; 2],
+    /// Number of the run's first slice.
+    first: usize,
+    differing: Vec<usize>,
+    sink: &'a mut dyn LayerSink,
+}
+
+impl LayerSink for Certified<'_> {
+    fn begin(&mut self, header: &Header) -> Result<()> {
+        self.sink.begin(header)
+    }
+
+    fn layer(&mut self, mut layer: Layer) -> Result<()> {
+        if !(layer.z >= self.kept[0] && layer.z < self.kept[1]) {
+            return Ok(());
+        }
+        if let Some(i) = layer.contour {
+            let content = &self.stack.slices[i].content;
+            self.differing[i] = differing_pixels(&layer.phi, |n| content.inside(n));
+            layer.contour = Some(self.first + i);
+        }
+        self.sink.layer(layer)
+    }
+}
+
+/// Reconstructs a section of `stack` at `heights` (increasing, unit of the stack) and hands every layer to `sink`; the result itself has none.
+/// Its report has the section's contours, both ends included, and its intervals.
 ///
 /// # Errors
 /// Wrong input or settings before anything is computed; a backend's failure; [`Error::Numerics`] for a value that is not a number; what
@@ -68,14 +145,23 @@ pub fn run(
     stack: &ContourStack,
     heights: &[f64],
     settings: &Settings,
-    backend: &dyn Backend,
-    progress: &dyn Progress,
-    sink: &mut Sink<'_>,
+    section: &Section,
+    means: &Means<'_>,
+    sink: &mut dyn LayerSink,
 ) -> Result<Reconstruction> {
+    let &Means { backend, progress, budget } = means;
     stack.validate()?;
     settings.validate()?;
     check(stack, heights, settings)?;
     user_links::check(stack, &settings.links).map_err(|message| Error::Setting { name: "links".into(), message })?;
+    let span = Span::new(stack, section, heights);
+    let kept = [
+        if section.kept.start == 0 { f64::NEG_INFINITY } else { stack.slices[section.kept.start].z },
+        if section.kept.end + 1 == stack.slices.len() { f64::INFINITY } else { stack.slices[section.kept.end].z },
+    ];
+    let (whole, asked) = (stack, settings);
+    let (stack, settings, heights) =
+        (&section.stack(stack), &section.settings(settings), &section.heights(stack, heights));
     let px = stack.spacing[0].max(stack.spacing[1]);
     let overshoots = matches!(settings.slope, SlopeRule::Natural | SlopeRule::Catmull);
     let margin = settings.margin() + if overshoots { OVERSHOOT } else { 0 };
@@ -84,6 +170,8 @@ pub fn run(
         settings,
         backend,
         progress,
+        budget,
+        span,
         h: stack.spacing.map(|s| s / px),
         px,
         pad: settings.margin() + OVERSHOOT,
@@ -91,7 +179,7 @@ pub fn run(
         links: Vec::new(),
         report: Report {
             version: env!("CARGO_PKG_VERSION").into(),
-            settings: settings.clone(),
+            settings: asked.clone(),
             backend: backend.name(),
             dims: stack.dims,
             spacing: stack.spacing,
@@ -101,18 +189,13 @@ pub fn run(
     };
     let contours = run.stage("distance", stack.slices.len(), Run::distance)?;
     run.find_links(&contours)?;
-    let mut differing = vec![0; stack.slices.len()];
-    let mut certified = |layer: Layer| {
-        if let Some(i) = layer.contour {
-            differing[i] = differing_pixels(&layer.phi, |n| stack.slices[i].content.inside(n));
-        }
-        sink(layer)
-    };
+    let first = run.span.first;
+    let mut certified = Certified { stack, kept, first, differing: vec![0; stack.slices.len()], sink };
     let extent = match settings.method {
-        Method::Morph => run.morph(contours, heights, &mut certified)?,
-        Method::Field => run.field(contours, heights, &mut certified)?,
+        Method::Morph => run.morph(&contours, heights, &mut certified)?,
+        Method::Field => run.field(&contours, heights, &mut certified)?,
     };
-    run.report.contours.iter_mut().zip(differing).for_each(|(c, n)| c.differing_pixels = n);
+    run.report.contours.iter_mut().zip(certified.differing).for_each(|(c, n)| c.differing_pixels = n);
     let links = std::mem::take(&mut run.links);
     run.report.intervals.iter_mut().zip(links).for_each(|(interval, l)| interval.links = l.told);
     let done_by = backend.name();
@@ -120,41 +203,72 @@ pub fn run(
         run.report.warnings.push(format!("the backend has changed on the way: {done_by}"));
         run.report.backend = done_by;
     }
+    let kept = run.span.kept.clone();
+    run.report.contours = run.report.contours.drain(kept.start..=kept.end).collect();
+    run.report.intervals = run.report.intervals.drain(kept).collect();
     Ok(Reconstruction {
-        dims: stack.dims,
-        spacing: stack.spacing,
-        unit: stack.unit.clone(),
-        geometry: stack.geometry,
+        dims: whole.dims,
+        spacing: whole.spacing,
+        unit: whole.unit.clone(),
+        geometry: whole.geometry,
         extent,
         layers: Vec::new(),
         report: run.report,
     })
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
+    /// Pixels of the padded image.
+    fn padded(&self) -> [usize; 2] {
+        self.stack.dims.map(|n| n + 2 * self.pad)
+    }
+
+    /// Bytes of a field on it.
+    fn field_bytes(&self) -> usize {
+        size_of::<f64>() * self.padded().iter().product::<usize>()
+    }
+
+    /// What is known before the first layer.
+    fn header(&self, heights: &Heights, extent: [f64; 2]) -> Header {
+        let ContourStack { dims, spacing, unit, geometry, .. } = self.stack;
+        let output: Vec<f64> = heights.all.iter().filter(|x| x.output).map(|x| x.z).collect();
+        let grid = Header::grid(&output, *spacing);
+        Header { dims: *dims, spacing: *spacing, unit: unit.clone(), geometry: *geometry, extent, grid }
+    }
+
+    /// All heights of the run.
+    fn heights(&self, output: &[f64], extent: [f64; 2]) -> Result<Heights> {
+        if self.span.ends == [true; 2] {
+            return Heights::new(self.stack, output, extent);
+        }
+        let z: Vec<f64> = self.stack.slices.iter().map(|s| s.z).collect();
+        Ok(Heights::merged(&z, output, extent))
+    }
+
     /// Runs one stage, telling listeners and taking its time.
     fn stage<T>(&mut self, name: &'static str, total: usize, work: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
         self.progress.begin(name, total);
         let start = Instant::now();
         let result = work(self);
-        self.report.stages.push(StageReport { name, seconds: start.elapsed().as_secs_f64() });
+        self.report.stages.push(StageReport { name: name.into(), seconds: start.elapsed().as_secs_f64() });
         self.progress.end();
         result
     }
 
-    fn distance(&mut self) -> Result<Vec<Contour>> {
-        let padded: Vec<PaddedSlice> =
-            self.stack.slices.par_iter().map(|s| PaddedSlice::new(&s.content, self.stack.dims, self.pad)).collect();
-        let dims = self.stack.dims.map(|n| n + 2 * self.pad);
+    fn distance(&mut self) -> Result<Shelf<'a, Contour>> {
+        let (h, spacing, dims) = (self.h, self.settings.seed_spacing, self.padded());
         let options = ContourOptions::from(self.settings);
-        let fields = self.backend.contour_fields(&padded, dims, self.h, options, self.progress)?;
-        let (h, spacing) = (self.h, self.settings.seed_spacing);
-        let contours: Vec<Contour> =
-            fields.into_par_iter().zip(&self.stack.slices).map(|(phi, s)| Contour::new(s.z, phi, h, spacing)).collect();
-        self.report.contours = contours
-            .iter()
-            .zip(&self.stack.slices)
-            .map(|(c, s)| ContourReport {
+        let slices = &self.stack.slices;
+        let mut contours = Shelf::new(self.budget);
+        // A slice, its field with what is made on the way, its labels.
+        for some in slices.chunks(self.budget.at_once(slices.len(), 4 * self.field_bytes())) {
+            let padded: Vec<PaddedSlice> =
+                some.par_iter().map(|s| PaddedSlice::new(&s.content, self.stack.dims, self.pad)).collect();
+            let fields = self.backend.contour_fields(&padded, dims, h, options, self.progress)?;
+            drop(padded);
+            let made: Vec<Contour> =
+                fields.into_par_iter().zip(some).map(|(phi, s)| Contour::new(s.z, phi, h, spacing)).collect();
+            self.report.contours.extend(made.iter().zip(some).map(|(c, s)| ContourReport {
                 name: s.name.clone(),
                 z: s.z,
                 extra: s.extra,
@@ -162,71 +276,76 @@ impl Run<'_> {
                 holes: c.holes(),
                 pixels: c.solids.labels.iter().filter(|l| **l > 0).count(),
                 ..ContourReport::default()
-            })
-            .collect();
+            }));
+            made.into_iter().try_for_each(|contour| contours.push(contour))?;
+        }
         Ok(contours)
     }
 
-    /// The stack in its moving frame.
-    fn moving(&mut self, contours: &[Contour]) -> Result<MovingField> {
-        self.stage("motion", contours.len() - 1, |run| {
-            let fields = filled_fields(contours);
-            let z: Vec<f64> = contours.iter().map(|c| c.z).collect();
-            let gaps = even_gaps(&z);
-            let displacements = match run.settings.motion {
-                Motion::Field => {
-                    let guess = run.frames(contours);
-                    run.backend.displacements(&fields, &gaps, &guess, run.h, run.progress)?
-                }
-                Motion::Rigid => run.frames(contours),
-                Motion::None => vec![Displacement::zero(fields[0].dims); gaps.len()],
-            };
-            Ok(MovingField::new(z, run.px, fields, displacements))
-        })
+    /// What `make` makes of the two contours of every interval.
+    fn of_pairs<T: Send>(
+        &self,
+        contours: &Shelf<'_, Contour>,
+        make: impl Fn(usize, [&Contour; 2]) -> T + Sync,
+    ) -> Result<Vec<T>> {
+        let count = contours.len() - 1;
+        let at_once = self.budget.at_once(count, 4 * self.field_bytes());
+        let mut out = Vec::with_capacity(count);
+        for first in (0..count).step_by(at_once) {
+            let end = (first + at_once).min(count);
+            let some = (first..=end).map(|i| contours.get(i)).collect::<Result<Vec<_>>>()?;
+            let pair = |i: usize| make(first + i, [&*some[i], &*some[i + 1]]);
+            out.par_extend((0..end - first).into_par_iter().map(pair));
+        }
+        Ok(out)
     }
 
     /// Runs `make`, whose layers reach `sink` faired if that is wanted.
     fn faired(
         &mut self,
-        contours: &[Contour],
-        moving: Option<&MovingField>,
-        heights: &Heights,
+        contours: &Shelf<'a, Contour>,
+        moving: Option<&MovingStack<'a>>,
         sink: &mut Sink<'_>,
         make: impl FnOnce(&mut Self, &mut Sink<'_>) -> Result<()>,
     ) -> Result<()> {
         if self.settings.fair == 0.0 {
             return make(self, sink);
         }
-        let mut steps: Vec<f64> = heights.all.windows(2).map(|w| w[1].z - w[0].z).collect();
-        steps.sort_by(f64::total_cmp);
         let mut fairing = Fairing::new(fairing::Spec {
-            moving: moving.map(|moving| (moving, self.pad)),
+            moving: moving.map(|moving| (&moving.frame, self.pad)),
             contours: self.stack.slices.iter().map(|s| s.z).collect(),
             dims: self.stack.dims,
             spacing: self.stack.spacing,
-            dz: steps.get(steps.len() / 2).copied().unwrap_or(0.0),
+            gap: self.span.gap,
+            dz: self.span.step,
             alpha: self.settings.fair,
             clamped: [self.settings.clamp_bottom, self.settings.clamp_top].map(|m| m.is_some()),
-            shares: self.fairing_shares(contours),
+            shares: self.fairing_shares(contours)?,
         });
         make(self, &mut |layer| fairing.push(layer, sink))?;
         fairing.finish(sink)
     }
 
     /// Both ends of the body, from what was fitted at the first and last contour.
-    fn ends(&mut self, contours: &[Contour], fitted: [&Fitted; 2], moving: Option<&MovingField>) -> Result<[End; 2]> {
+    fn ends(
+        &mut self,
+        contours: &Shelf<'a, Contour>,
+        fitted: [&Fitted; 2],
+        moving: Option<&MovingStack<'a>>,
+    ) -> Result<[End; 2]> {
         let last = contours.len() - 1;
-        let whole = |i: usize, fitted: &Fitted| match moving {
-            Some(moving) => fitted.with_motion(&contours[i], &moving.rates[i], self.h, 1.0),
-            None => fitted.clone(),
-        };
-        let fitted = [whole(0, fitted[0]), whole(last, fitted[1])];
         let mut warnings = Vec::new();
         let mut make = |at: usize, next: usize, direction, rule| {
-            let gap = (contours[at].z - contours[next].z).abs();
+            if !self.span.ends[usize::from(at > 0)] {
+                return Ok(End::cut(contours.light(at).z));
+            }
+            let contour = contours.get(at)?;
+            let fitted = fitted[usize::from(at > 0)];
+            let whole = moving.map(|m| fitted.with_motion(&contour, &m.frame.rates[at], self.h, 1.0));
+            let gap = (contour.z - contours.light(next).z).abs();
             let spec = EndSpec {
-                contour: &contours[at],
-                fitted: &fitted[usize::from(at > 0)],
+                contour: &contour,
+                fitted: whole.as_ref().unwrap_or(fitted),
                 direction,
                 rule,
                 gap,
@@ -241,6 +360,40 @@ impl Run<'_> {
         ];
         self.report.warnings.append(&mut warnings);
         Ok(ends)
+    }
+
+    /// The layers below the first contour.
+    fn below(
+        &self,
+        contours: &Shelf<'a, Contour>,
+        ends: &[End; 2],
+        heights: &Heights,
+        sink: &mut Sink<'_>,
+    ) -> Result<()> {
+        if !self.span.ends[0] {
+            return Ok(());
+        }
+        let first = contours.get(0)?;
+        let mut below = heights.all.iter().filter(|x| x.z < first.z);
+        below.try_for_each(|x| sink(self.layer(x, ends[0].layer(x.z, &first, self.canvas()))))
+    }
+
+    /// The last contour's layer and those above it.
+    fn above(
+        &self,
+        contours: &Shelf<'a, Contour>,
+        ends: &[End; 2],
+        heights: &Heights,
+        sink: &mut Sink<'_>,
+    ) -> Result<()> {
+        let number = self.span.layers.end;
+        let last = contours.get(number)?;
+        sink(self.contour_layer(&heights.contours[number], &last, number))?;
+        if !self.span.ends[1] {
+            return Ok(());
+        }
+        let mut above = heights.all.iter().filter(|x| x.z > last.z);
+        above.try_for_each(|x| sink(self.layer(x, ends[1].layer(x.z, &last, self.canvas()))))
     }
 
     fn canvas(&self) -> Canvas {

@@ -2,52 +2,83 @@
 
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::links::in_frame;
+use super::links::{IntervalLinks, in_frame};
+use super::moving::MovingStack;
 use super::{CHUNK_BYTES, Run, Sink, time};
 use crate::backend::MorphOptions;
 use crate::compose::{Canvas, HALF_WAY, IntervalCaps, mend, unite_cap};
-use crate::contours::Contour;
+use crate::contour::Seed;
+use crate::contours::{Contour, Outline};
 use crate::ends::End;
 use crate::error::{Error, Result};
 use crate::field::Field;
 use crate::fit::{Fitted, course, fit};
 use crate::heights::{Height, Heights};
-use crate::jobs::{Direction, Filled, PartJob, SweepJob, SweepPair, Traced};
+use crate::jobs::{Direction, Filled, PartJob, SweepJob, SweepPair};
 use crate::matching::{Interval, IntervalPlan};
 use crate::motion::Frame;
 use crate::moving_field::{Cells, LoneParts, MovingField};
 use crate::report::IntervalReport;
 use crate::settings::Motion;
+use crate::shelf::Shelf;
 use crate::surface::Layer;
+use crate::surface::stream::LayerSink;
 use crate::topology::Decided;
-use crate::tracks::{Side, Sides, sides, trace_job};
+use crate::tracks::{self, Side, Sides, trace_job};
 use crate::trust::Trust;
 use crate::warp::{Warp, Way};
 
 /// Parts that are kept apart close at this share of the way to the layer nearest half way.
 const EARLY: f64 = 0.8;
 
+/// Pairs of parts by their numbers.
+type Pairs = Vec<(u32, u32)>;
 /// The two contours of an interval in its frame.
-type Seen<'c> = [Cow<'c, Contour>; 2];
+type Seen = [Arc<Contour>; 2];
 
 /// The moving frame, and what the field method needs where the morph knows nothing.
-struct Beside<'c> {
-    moving: &'c MovingField,
-    slopes: Vec<Field>,
-    lone: Vec<LoneParts>,
+struct Beside<'c, 'b> {
+    moving: &'c MovingStack<'b>,
+    slopes: Shelf<'b, Field>,
+    lone: Shelf<'b, LoneParts>,
+}
+
+/// The contours of all intervals in their frames.
+struct SeenStack<'c, 'b> {
+    contours: &'c Shelf<'b, Contour>,
+    /// Lower and upper contour of each interval; `None` where contours stay in the image's own frame.
+    moved: Option<Shelf<'b, Contour>>,
+}
+
+impl SeenStack<'_, '_> {
+    fn get(&self, i: usize) -> Result<Seen> {
+        match &self.moved {
+            Some(moved) => Ok([moved.get(2 * i)?, moved.get(2 * i + 1)?]),
+            None => Ok([self.contours.get(i)?, self.contours.get(i + 1)?]),
+        }
+    }
+
+    /// Their seeds.
+    fn seeds(&self, i: usize, end: usize) -> &[Seed] {
+        match &self.moved {
+            Some(moved) => &moved.light(2 * i + end).seeds,
+            None => &self.contours.light(i + end).seeds,
+        }
+    }
 }
 
 /// What the stages before the sweeps have made.
-struct Made<'c> {
-    contours: &'c [Contour],
-    beside: Option<Beside<'c>>,
-    seen: Vec<Seen<'c>>,
+struct Made<'c, 'b> {
+    contours: &'c Shelf<'b, Contour>,
+    beside: Option<Beside<'c, 'b>>,
+    seen: SeenStack<'c, 'b>,
     /// Pairs that are kept apart, as the mid frame numbers them.
-    parted: Vec<Vec<(u32, u32)>>,
-    intervals: Vec<Interval>,
+    parted: Vec<Pairs>,
+    intervals: Shelf<'b, Interval>,
     sides: Vec<Sides>,
     fitted: Vec<Fitted>,
     ends: [End; 2],
@@ -63,176 +94,263 @@ struct InFrame<'w> {
     others: Vec<Vec<f32>>,
 }
 
-impl Made<'_> {
-    /// How far the morphs of interval `i` can be trusted, in its frame.
-    fn trust(&self, moving: &MovingField, i: usize) -> Trust {
+impl Made<'_, '_> {
+    /// How far the morphs of interval `i` can be trusted, in its frame, where it is `moving`.
+    fn trust(&self, moving: &MovingField, i: usize, seen: &Seen) -> Trust {
         let ends = [self.sides[i].up.as_ref(), self.sides[i + 1].down.as_ref()];
         // The field joins whatever overlaps: of parts that are kept apart the morph knows more.
         let apart = [0, 1].map(|end| {
-            let mut parts = vec![false; self.seen[i][end].solids.count + 1];
+            let mut parts = vec![false; seen[end].solids.count + 1];
             self.parted[i].iter().for_each(|pair| parts[[pair.0, pair.1][end] as usize] = true);
             parts
         });
-        let particles = self.seen[i].iter().zip(ends).zip(&apart).flat_map(|((contour, side), apart)| {
+        let particles = seen.iter().zip(ends).zip(&apart).flat_map(|((contour, side), apart)| {
             let tracks = side.map_or(&[][..], |s| &s.tracks);
             let known = |inside: usize| apart[contour.solids.labels[inside] as usize];
             contour.seeds.iter().zip(tracks).map(move |(seed, track)| (seed.x, track.arrived || known(seed.inside)))
         });
-        Trust::new(moving, i, particles)
+        Trust::new(moving, 0, particles)
     }
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
     /// All stages after the distance; the heights at which the body ends.
-    pub(super) fn morph(&mut self, contours: Vec<Contour>, heights: &[f64], sink: &mut Sink<'_>) -> Result<[f64; 2]> {
+    pub(super) fn morph(
+        &mut self,
+        contours: &Shelf<'a, Contour>,
+        heights: &[f64],
+        sink: &mut dyn LayerSink,
+    ) -> Result<[f64; 2]> {
         let count = contours.len() - 1;
         let moving = match self.settings.motion {
-            Motion::Field | Motion::Rigid => Some(self.moving(&contours)?),
+            Motion::Field | Motion::Rigid => Some(self.moving(contours)?),
             Motion::None => None,
         };
-        self.see_links(&contours, moving.as_ref());
-        let frame = |i: usize| moving.as_ref().map_or(Frame::default(), |m| Frame::middle_of(m, i));
-        let frames: Vec<Frame> = (0..count).map(frame).collect();
-        let seen: Vec<Seen<'_>> =
-            (0..count).into_par_iter().map(|i| frames[i].contours(&contours[i], &contours[i + 1])).collect();
-        let of_interval = |i: usize| {
-            let own = [&contours[i], &contours[i + 1]];
-            in_frame(&self.links[i].parted(), own, seen[i].each_ref().map(|c| c.as_ref()), &frames[i])
-        };
-        let parted: Vec<Vec<(u32, u32)>> = (0..count).map(of_interval).collect();
+        self.see_links(contours, moving.as_ref())?;
+        let (seen, parted) = self.seen(contours, moving.as_ref())?;
         let intervals = self.stage("match", count, |run| run.matching(&seen, &parted))?;
-        let jobs = intervals.iter().map(|i| 2 * i.groups.len()).sum();
-        let traced = self.stage("trace", jobs, |run| run.trace(&seen, &intervals))?;
-        let sides = sides(&contours, &intervals, &frames, &traced);
-        let mut fitted = self.stage("fit", 1, |run| Ok(fit(&contours, &sides, run.h, run.px, run.settings)))?;
+        let jobs = (0..count).map(|i| 2 * intervals.light(i).groups.len()).sum();
+        let sides = self.stage("trace", jobs, |run| run.trace(&seen, &intervals, moving.as_ref()))?;
+        let outlines: Vec<Outline<'_>> = (0..=count).map(|i| contours.light(i).outline()).collect();
+        let mut fitted = self.stage("fit", 1, |run| Ok(fit(&outlines, &sides, run.h, run.px, run.settings)))?;
         if let Some(moving) = &moving {
             // A slope that the user gives is the whole slope.
             for (i, given) in [(0, self.settings.clamp_bottom), (count, self.settings.clamp_top)] {
                 if given.is_some() {
-                    fitted[i] = fitted[i].with_motion(&contours[i], &moving.rates[i], self.h, -1.0);
+                    let rates = &moving.frame.rates[i];
+                    fitted[i] = fitted[i].with_motion(&*contours.get(i)?, rates, self.h, -1.0);
                 }
             }
         }
-        let ends = self.ends(&contours, [&fitted[0], &fitted[count]], moving.as_ref())?;
+        let ends = self.ends(contours, [&fitted[0], &fitted[count]], moving.as_ref())?;
         let extent = ends.each_ref().map(|end| end.extent);
-        let heights = Heights::new(self.stack, heights, extent)?;
+        let heights = self.heights(heights, extent)?;
+        sink.begin(&self.header(&heights, extent))?;
+        let sink: &mut Sink<'_> = &mut |layer| sink.layer(layer);
         let beside = match &moving {
             None => None,
-            Some(moving) => Some(self.stage("slopes", contours.len(), |run| {
-                let slopes = run.backend.moving_slopes(moving, run.progress)?;
-                Ok(Beside { moving, slopes, lone: run.lone_parts(&contours, moving)? })
-            })?),
+            Some(moving) => {
+                let slopes = self.slopes(moving)?;
+                Some(Beside { moving, slopes, lone: self.lone_parts(contours, moving)? })
+            }
         };
-        let made = Made { contours: &contours, beside, seen, parted, intervals, sides, fitted, ends };
+        let made = Made { contours, beside, seen, parted, intervals, sides, fitted, ends };
         self.stage("propagate", jobs, |run| {
-            run.faired(&contours, moving.as_ref(), &heights, sink, |run, sink| run.propagate(&made, &heights, sink))
+            run.faired(contours, moving.as_ref(), sink, |run, sink| run.propagate(&made, &heights, sink))
         })?;
         Ok(extent)
     }
 
-    fn matching(&mut self, seen: &[Seen<'_>], parted: &[Vec<(u32, u32)>]) -> Result<Vec<Interval>> {
-        let margin = self.margin;
-        let plan = |([low, high], parted): (&Seen<'_>, &Vec<(u32, u32)>)| {
-            IntervalPlan::new(low, high, &Decided::parting(parted.clone()), margin)
+    /// The contours of every interval in its frame, and the pairs of parts that are kept apart there.
+    fn seen<'c>(
+        &self,
+        contours: &'c Shelf<'a, Contour>,
+        moving: Option<&MovingStack<'a>>,
+    ) -> Result<(SeenStack<'c, 'a>, Vec<Pairs>)> {
+        let count = contours.len() - 1;
+        let Some(moving) = moving else {
+            let parted = self.links.iter().map(IntervalLinks::parted).collect();
+            return Ok((SeenStack { contours, moved: None }, parted));
         };
-        let mut plans: Vec<IntervalPlan> = seen.par_iter().zip(parted).map(plan).collect();
-        let jobs: Vec<PartJob> = plans.iter_mut().flat_map(IntervalPlan::take_jobs).collect();
-        let mut fields = self.backend.part_fields(&jobs, self.h)?.into_iter();
-        let intervals: Vec<Interval> = plans.into_iter().map(|plan| plan.finish(&mut fields)).collect();
-        self.progress.advance(intervals.len());
-        self.report.intervals = intervals
-            .iter()
-            .zip(seen)
-            .map(|(interval, [low, high])| IntervalReport {
-                z_low: low.z,
-                z_high: high.z,
-                groups: interval.groups.len(),
-                events: interval.events.clone(),
-                ..IntervalReport::default()
-            })
-            .collect();
+        let (mut moved, mut all_parted) = (Shelf::new(self.budget), Vec::with_capacity(count));
+        // Two contours as they are and as the frame sees them.
+        let at_once = self.budget.at_once(count, 8 * self.field_bytes());
+        let traced = self.span.traced.clone();
+        let none = |moved: &mut Shelf<'a, Contour>| [(); 2].iter().try_for_each(|()| moved.push(Contour::default()));
+        (0..traced.start).try_for_each(|_| none(&mut moved))?;
+        all_parted.resize(traced.start, Pairs::new());
+        for first in traced.clone().step_by(at_once) {
+            let some = first..(first + at_once).min(traced.end);
+            let of_interval = |i: usize| {
+                let own = [contours.get(i)?, contours.get(i + 1)?];
+                let frame = moving.middle(i);
+                let seen = frame.contours(&own[0], &own[1]).map(Cow::into_owned);
+                let parted = in_frame(&self.links[i].parted(), [&own[0], &own[1]], seen.each_ref(), &frame);
+                Ok((seen, parted))
+            };
+            for made in some.into_par_iter().map(of_interval).collect::<Result<Vec<_>>>()? {
+                made.0.into_iter().try_for_each(|contour| moved.push(contour))?;
+                all_parted.push(made.1);
+            }
+        }
+        (traced.end..count).try_for_each(|_| none(&mut moved))?;
+        all_parted.resize(count, Pairs::new());
+        Ok((SeenStack { contours, moved: Some(moved) }, all_parted))
+    }
+
+    fn matching(&mut self, seen: &SeenStack<'_, 'a>, parted: &[Pairs]) -> Result<Shelf<'a, Interval>> {
+        let (margin, count) = (self.margin, parted.len());
+        let mut intervals = Shelf::new(self.budget);
+        // Both contours, both ends of all groups, cut and answered.
+        let at_once = self.budget.at_once(count, 8 * self.field_bytes());
+        let traced = self.span.traced.clone();
+        for first in (0..count).step_by(at_once) {
+            let some = first..(first + at_once).min(count);
+            let plan = |i: usize| {
+                if !traced.contains(&i) {
+                    return Ok((IntervalPlan::default(), [0.0; 2]));
+                }
+                let [low, high] = seen.get(i)?;
+                let plan = IntervalPlan::new(&low, &high, &Decided::parting(parted[i].clone()), margin);
+                Ok((plan, [low.z, high.z]))
+            };
+            let mut plans = some.into_par_iter().map(plan).collect::<Result<Vec<_>>>()?;
+            let jobs: Vec<PartJob> = plans.iter_mut().flat_map(|(plan, _)| plan.take_jobs()).collect();
+            let mut fields = self.backend.part_fields(&jobs, self.h)?.into_iter();
+            drop(jobs);
+            for (plan, [z_low, z_high]) in plans {
+                let interval = plan.finish(&mut fields);
+                self.report.intervals.push(IntervalReport {
+                    z_low,
+                    z_high,
+                    groups: interval.groups.len(),
+                    events: interval.events.clone(),
+                    ..IntervalReport::default()
+                });
+                intervals.push(interval)?;
+                self.progress.advance(1);
+            }
+        }
         Ok(intervals)
     }
 
-    /// Both morphs of every group: up, down, group by group, interval by interval.
-    fn trace(&mut self, seen: &[Seen<'_>], intervals: &[Interval]) -> Result<Vec<Traced>> {
-        let mut jobs = Vec::new();
-        let mut owners = Vec::new();
-        for (i, interval) in intervals.iter().enumerate() {
-            for group in &interval.groups {
-                jobs.push(trace_job(group, &seen[i][0], Direction::Up));
-                jobs.push(trace_job(group, &seen[i][1], Direction::Down));
-                owners.extend([i, i]);
+    /// Both morphs of every group, up and down, and what they say of the contours' seeds.
+    fn trace(
+        &mut self,
+        seen: &SeenStack<'_, 'a>,
+        intervals: &Shelf<'a, Interval>,
+        moving: Option<&MovingStack<'a>>,
+    ) -> Result<Vec<Sides>> {
+        let count = intervals.len();
+        let mut sides = vec![Sides::default(); count + 1];
+        // Both ends of all groups, and what a morph of each keeps.
+        let at_once = self.budget.at_once(count, 10 * self.field_bytes());
+        for first in self.span.traced.clone().step_by(at_once) {
+            let some = first..(first + at_once).min(self.span.traced.end);
+            let loaded = some.clone().map(|i| intervals.get(i)).collect::<Result<Vec<_>>>()?;
+            let mut jobs = Vec::new();
+            let mut owners = Vec::new();
+            for (i, interval) in some.clone().zip(&loaded) {
+                for group in &interval.groups {
+                    jobs.push(trace_job(group, seen.seeds(i, 0), Direction::Up));
+                    jobs.push(trace_job(group, seen.seeds(i, 1), Direction::Down));
+                    owners.extend([i, i]);
+                }
+            }
+            let traced = self.backend.trace(&jobs, self.h, &MorphOptions::from(self.settings), self.progress)?;
+            for (t, &i) in traced.iter().zip(&owners) {
+                let report = &mut self.report.intervals[i];
+                if let Some(k) = t.tracks.iter().position(|k| !(k.distance.is_finite() && k.landing[0].is_finite())) {
+                    let message =
+                        format!("particle {k} between heights {} and {} is lost", report.z_low, report.z_high);
+                    return Err(Error::Numerics { stage: "trace", message });
+                }
+                report.trace_steps += t.steps;
+                report.trace_pixels += t.pixels;
+                let arrived = t.tracks.iter().filter(|k| k.arrived).count();
+                report.particles.seeded += t.tracks.len();
+                report.particles.arrived += arrived;
+                report.particles.died += t.tracks.len() - arrived;
+            }
+            let mut traced = traced.into_iter();
+            for (i, interval) in some.zip(&loaded) {
+                let [low, high] = [seen.contours.get(i)?, seen.contours.get(i + 1)?];
+                let frame = moving.map_or(Frame::default(), |m| m.middle(i));
+                let [up, down] = tracks::sides([&low, &high], interval, &frame, &mut traced);
+                (sides[i].up, sides[i + 1].down) = (Some(up), Some(down));
             }
         }
-        let traced = self.backend.trace(&jobs, self.h, &MorphOptions::from(self.settings), self.progress)?;
-        for (t, &i) in traced.iter().zip(&owners) {
-            if let Some(k) = t.tracks.iter().position(|k| !(k.distance.is_finite() && k.landing[0].is_finite())) {
-                let message = format!("particle {k} between heights {} and {} is lost", seen[i][0].z, seen[i][1].z);
-                return Err(Error::Numerics { stage: "trace", message });
-            }
-            let report = &mut self.report.intervals[i];
-            report.trace_steps += t.steps;
-            report.trace_pixels += t.pixels;
-            let arrived = t.tracks.iter().filter(|k| k.arrived).count();
-            report.particles.seeded += t.tracks.len();
-            report.particles.arrived += arrived;
-            report.particles.died += t.tracks.len() - arrived;
-        }
-        Ok(traced)
+        Ok(sides)
     }
 
     /// Sweeps and composes, some intervals at a time, so that only their tiles are in memory.
-    fn propagate(&mut self, made: &Made, heights: &Heights, sink: &mut Sink<'_>) -> Result<()> {
-        let Made { contours, intervals, fitted, ends, .. } = made;
-        let last = contours.len() - 1;
-        for height in heights.all.iter().filter(|x| x.z < contours[0].z) {
-            sink(self.layer(height, ends[0].layer(height.z, &contours[0], self.canvas())))?;
-        }
-        for chunk in chunks(intervals, heights) {
+    fn propagate(&mut self, made: &Made<'_, 'a>, heights: &Heights, sink: &mut Sink<'_>) -> Result<()> {
+        let Made { contours, fitted, ends, .. } = made;
+        self.below(contours, ends, heights, sink)?;
+        for chunk in self.chunks(&made.intervals, heights) {
+            let intervals = chunk.clone().map(|i| made.intervals.get(i)).collect::<Result<Vec<_>>>()?;
+            let z = |i: usize| contours.light(i).z;
             let caps: Vec<IntervalCaps> = chunk
                 .clone()
-                .map(|i| {
-                    let gap = contours[i + 1].z - contours[i].z;
+                .zip(&intervals)
+                .map(|(i, interval)| {
                     let closes = if made.parted[i].is_empty() { HALF_WAY } else { self.middle_layer(heights, i) };
-                    IntervalCaps::new(&intervals[i], &fitted[i], &fitted[i + 1], gap, closes)
+                    IntervalCaps::new(interval, &fitted[i], &fitted[i + 1], z(i + 1) - z(i), closes)
                 })
                 .collect();
-            let mut filled = self.sweep_chunk(chunk.clone(), made, &caps, heights)?.into_iter();
-            for (i, caps) in chunk.zip(&caps) {
-                sink(self.contour_layer(&heights.contours[i], &contours[i], i))?;
-                let of_interval: Vec<Filled> = filled.by_ref().take(intervals[i].groups.len()).collect();
-                let limit = self.settings.margin() as f64;
-                let slices = [0, 1].map(|side| (&contours[i + side].phi, &made.seen[i][side].phi));
-                let warp =
-                    made.beside.as_ref().map(|b| (Warp::new(b.moving, i, slices, limit), made.trust(b.moving, i)));
-                let at_once = rayon::current_num_threads();
-                let timed = |x: &Height| (*x, time(x.z, contours[i].z, contours[i + 1].z));
-                let between: Vec<(Height, f64)> = heights.between(i).iter().map(timed).collect();
-                for (k, some) in between.chunks(at_once).enumerate() {
-                    let times: Vec<f64> = some.iter().map(|(_, t)| *t).collect();
-                    let frame = match (&made.beside, &warp) {
-                        (Some(Beside { moving, slopes, lone }), Some((warp, trust))) => {
-                            let ways: Vec<Way> = times.par_iter().map(|t| warp.way(*t)).collect();
-                            let dims = contours[i].phi.dims;
-                            let doubts: Vec<Cells> = ways.par_iter().map(|way| way.doubts(dims, trust)).collect();
-                            let (lone, wanted) = (&lone[i], Some(doubts.as_slice()));
-                            let others =
-                                self.backend.moving_layers(moving, slopes, lone, i, &times, limit, self.h, wanted)?;
-                            Some(InFrame { warp, trust, ways, doubts, others })
-                        }
-                        _ => None,
-                    };
-                    for layer in self.compose(&made.intervals[i], caps, frame.as_ref(), some, k * at_once, &of_interval)
-                    {
-                        sink(layer)?;
-                    }
-                }
+            let mut filled = self.sweep_chunk(chunk.clone(), made, &intervals, &caps, heights)?.into_iter();
+            for ((i, caps), interval) in chunk.zip(&caps).zip(&intervals) {
+                sink(self.contour_layer(&heights.contours[i], &*contours.get(i)?, i))?;
+                let filled: Vec<Filled> = filled.by_ref().take(interval.groups.len()).collect();
+                self.layers_between(made, i, interval, caps, &filled, heights.between(i), sink)?;
             }
         }
-        sink(self.contour_layer(&heights.contours[last], &contours[last], last))?;
-        for height in heights.all.iter().filter(|x| x.z > contours[last].z) {
-            sink(self.layer(height, ends[1].layer(height.z, &contours[last], self.canvas())))?;
+        self.above(contours, ends, heights, sink)
+    }
+
+    /// The layers of interval `i`, some at a time.
+    #[expect(clippy::too_many_arguments, reason = "one stage reads what all stages before it have made")]
+    fn layers_between(
+        &self,
+        made: &Made<'_, 'a>,
+        i: usize,
+        interval: &Interval,
+        caps: &IntervalCaps,
+        filled: &[Filled],
+        heights: &[Height],
+        sink: &mut Sink<'_>,
+    ) -> Result<()> {
+        let limit = self.settings.margin() as f64;
+        let [low, high] = [i, i + 1].map(|k| made.contours.light(k).z);
+        let between: Vec<(Height, f64)> = heights.iter().map(|x| (*x, time(x.z, low, high))).collect();
+        let beside = match &made.beside {
+            None => None,
+            Some(Beside { moving, slopes, lone }) => {
+                let part = moving.interval(i)?;
+                let seen = made.seen.get(i)?;
+                let own = [made.contours.get(i)?, made.contours.get(i + 1)?];
+                let slices = [0, 1].map(|side| (&own[side].phi, &seen[side].phi));
+                let warp = Warp::new(&moving.frame, i, slices, limit);
+                let trust = made.trust(&part, i, &seen);
+                Some((part, [slopes.get(i)?, slopes.get(i + 1)?], lone.get(i)?, warp, trust))
+            }
+        };
+        let at_once = rayon::current_num_threads();
+        for (k, some) in between.chunks(at_once).enumerate() {
+            let times: Vec<f64> = some.iter().map(|(_, t)| *t).collect();
+            let frame = match &beside {
+                None => None,
+                Some((part, slopes, lone, warp, trust)) => {
+                    let ways: Vec<Way> = times.par_iter().map(|t| warp.way(*t)).collect();
+                    let doubts: Vec<Cells> = ways.par_iter().map(|way| way.doubts(self.padded(), trust)).collect();
+                    let (slopes, wanted) = ([&*slopes[0], &*slopes[1]], Some(doubts.as_slice()));
+                    let others = self.backend.moving_layers(part, slopes, lone, 0, &times, limit, self.h, wanted)?;
+                    Some(InFrame { warp, trust, ways, doubts, others })
+                }
+            };
+            for layer in self.compose(interval, caps, frame.as_ref(), some, k * at_once, filled) {
+                sink(layer)?;
+            }
         }
         Ok(())
     }
@@ -247,21 +365,22 @@ impl Run<'_> {
     fn sweep_chunk(
         &mut self,
         chunk: Range<usize>,
-        made: &Made,
+        made: &Made<'_, 'a>,
+        intervals: &[Arc<Interval>],
         caps: &[IntervalCaps],
         heights: &Heights,
     ) -> Result<Vec<Filled>> {
-        let Made { contours, seen, intervals, sides, fitted, .. } = made;
+        let Made { contours, seen, sides, fitted, .. } = made;
         let mut pairs = Vec::new();
         let mut owners = Vec::new();
-        for (i, caps) in chunk.zip(caps) {
-            let (low, high) = (contours[i].z, contours[i + 1].z);
+        for ((i, caps), interval) in chunk.zip(caps).zip(intervals) {
+            let [low, high] = [i, i + 1].map(|k| contours.light(k).z);
             let gap = high - low;
             let up: Vec<f64> = heights.between(i).iter().map(|x| time(x.z, low, high)).collect();
             let down: Vec<f64> = up.iter().rev().map(|t| 1.0 - t).collect();
             let (Some(up_side), Some(down_side)) = (&sides[i].up, &sides[i + 1].down) else { continue };
-            let image_nx = contours[i].phi.dims[0];
-            for (group, holes) in intervals[i].groups.iter().zip(&caps.holes) {
+            let image_nx = self.padded()[0];
+            for (group, holes) in interval.groups.iter().zip(&caps.holes) {
                 let rule = self.settings.slope;
                 let courses = |end: &[u32], at: usize, next: usize, side: &Side, direction| {
                     let of = |&k: &u32| {
@@ -271,7 +390,7 @@ impl Run<'_> {
                     end.iter().map(of).collect()
                 };
                 let positions = |end: &[u32], side: usize| {
-                    end.iter().map(|&k| group.tile.to_local(seen[i][side].seeds[k as usize].x)).collect()
+                    end.iter().map(|&k| group.tile.to_local(seen.seeds(i, side)[k as usize].x)).collect()
                 };
                 let times = up.clone();
                 pairs.push(SweepPair {
@@ -296,7 +415,7 @@ impl Run<'_> {
         }
         let filled = self.backend.propagate(&pairs, self.h, &MorphOptions::from(self.settings), self.progress)?;
         for (f, &i) in filled.iter().zip(&owners) {
-            let between = || format!("between heights {} and {}", contours[i].z, contours[i + 1].z);
+            let between = || format!("between heights {} and {}", contours.light(i).z, contours.light(i + 1).z);
             if f.slices.iter().flatten().any(|v| v.is_nan()) {
                 return Err(Error::Numerics { stage: "propagate", message: format!("NaN {}", between()) });
             }
@@ -326,7 +445,7 @@ impl Run<'_> {
         filled: &[Filled],
     ) -> Vec<Layer> {
         let limit = self.settings.margin() as f64;
-        let padded = self.stack.dims.map(|n| n + 2 * self.pad);
+        let padded = self.padded();
         let layer = |(k, (height, t)): (usize, &(Height, f64))| {
             let mut canvas = if frame.is_some() { Canvas::empty(padded, 0, limit) } else { self.canvas() };
             for (f, group) in filled.iter().zip(&interval.groups) {
@@ -342,24 +461,25 @@ impl Run<'_> {
         };
         heights.par_iter().enumerate().map(layer).collect()
     }
-}
 
-/// Intervals that are swept together: enough for all threads and for a GPU, but no more slices than [`CHUNK_BYTES`] hold.
-fn chunks(intervals: &[Interval], heights: &Heights) -> Vec<Range<usize>> {
-    let at_least = 2 * rayon::current_num_threads();
-    let mut out: Vec<Range<usize>> = Vec::new();
-    let mut filled = 0;
-    for (i, interval) in intervals.iter().enumerate() {
-        let nodes: usize = interval.groups.iter().map(|g| g.tile.len()).sum();
-        let bytes = size_of::<f32>() * nodes * heights.between(i).len();
-        match out.last_mut() {
-            Some(chunk) if chunk.len() < at_least || filled + bytes <= CHUNK_BYTES => chunk.end = i + 1,
-            _ => {
-                out.push(i..i + 1);
-                filled = 0;
+    /// Intervals that are swept together: enough for all threads and for a GPU, but no more slices than [`CHUNK_BYTES`] or the budget hold.
+    fn chunks(&self, intervals: &Shelf<'a, Interval>, heights: &Heights) -> Vec<Range<usize>> {
+        let least = self.budget.at_once(2 * rayon::current_num_threads(), 10 * self.field_bytes());
+        let most = self.budget.working(CHUNK_BYTES);
+        let mut out: Vec<Range<usize>> = Vec::new();
+        let mut filled = 0;
+        for i in self.span.layers.clone() {
+            let nodes: usize = intervals.light(i).groups.iter().map(|g| g.tile.len()).sum();
+            let bytes = size_of::<f32>() * nodes * heights.between(i).len();
+            match out.last_mut() {
+                Some(chunk) if chunk.len() < least || filled + bytes <= most => chunk.end = i + 1,
+                _ => {
+                    out.push(i..i + 1);
+                    filled = 0;
+                }
             }
+            filled += bytes;
         }
-        filled += bytes;
+        out
     }
-    out
 }

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use crate::displacement::{BLOCK, Displacement, smooth};
+use crate::displacement::{BLOCK, Displacement, DisplacementJob, smooth};
 use crate::field::Field;
 
 /// One round of the iteration, lengths in px.
@@ -58,20 +58,14 @@ impl Round {
 /// Evidence of one interval per block: `S` (xx, yy, xy) and the right-hand side `S (v - guess) + d` (x, y), in px of the larger side.
 type Evidence = Vec<[f64; 5]>;
 
-/// Displacements of all intervals, whose heights are `gaps`, from a `guess` of each. `fields` are signed distances on one image, px.
-pub fn displacements(fields: &[Field], gaps: &[f64], guess: &[Displacement], h: [f64; 2]) -> Vec<Displacement> {
-    ROUNDS.iter().fold(guess.to_vec(), |current, &round| better(fields, gaps, guess, &current, round, h))
+/// Displacements of neighbouring intervals after some rounds.
+pub fn displacements(job: &DisplacementJob<'_>) -> Vec<Displacement> {
+    ROUNDS[job.rounds.clone()].iter().fold(job.begin.to_vec(), |current, &round| better(job, &current, round))
 }
 
 /// One round from `current`.
-pub fn better(
-    fields: &[Field],
-    gaps: &[f64],
-    guess: &[Displacement],
-    current: &[Displacement],
-    round: Round,
-    h: [f64; 2],
-) -> Vec<Displacement> {
+pub fn better(job: &DisplacementJob<'_>, current: &[Displacement], round: Round) -> Vec<Displacement> {
+    let &DisplacementJob { fields, gaps, guess, h, .. } = job;
     let evidence: Vec<Evidence> = (0..gaps.len())
         .into_par_iter()
         .map(|i| evidence(&fields[i], &fields[i + 1], &current[i], &guess[i], round, h))

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
 use crate::compose::blend;
-use crate::displacement::Displacement;
+use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepJob, SweepPair, Swept, TraceJob, Traced, blend_weights};
@@ -102,17 +102,8 @@ impl Backend for Reference {
         Ok(pairs.par_iter().zip(swept.par_chunks_exact(2)).map(fill).collect())
     }
 
-    fn displacements(
-        &self,
-        fields: &[Field],
-        gaps: &[f64],
-        guess: &[Displacement],
-        h: [f64; 2],
-        progress: &dyn Progress,
-    ) -> Result<Vec<Displacement>> {
-        let found = displacement::displacements(fields, gaps, guess, h);
-        progress.advance(found.len());
-        Ok(found)
+    fn displacements(&self, job: &DisplacementJob<'_>) -> Result<Vec<Displacement>> {
+        Ok(displacement::displacements(job))
     }
 
     fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
@@ -124,7 +115,7 @@ impl Backend for Reference {
     fn moving_layers(
         &self,
         moving: &MovingField,
-        slopes: &[Field],
+        slopes: [&Field; 2],
         lone: &LoneParts,
         i: usize,
         times: &[f64],

@@ -61,7 +61,7 @@ pub fn reach(h: [f64; 2]) -> f64 {
 #[expect(clippy::too_many_arguments, reason = "one stage reads what all stages before it have made")]
 pub fn layer(
     moving: &MovingField,
-    slopes: &[Field],
+    slopes: [&Field; 2],
     lone: &LoneParts,
     i: usize,
     t: f64,
@@ -76,7 +76,7 @@ pub fn layer(
     let ends = |x: [f64; 2], p: [f64; 2], q: [f64; 2]| (plus(x, p, -1.0), plus(x, q, 1.0));
     let value = |(from, to): ([f64; 2], [f64; 2])| {
         let (mut a, mut b) = (low.sample_smooth(from), high.sample_smooth(to));
-        let mut m = [gap * slopes[i].sample(from), gap * slopes[i + 1].sample(to)];
+        let mut m = [gap * slopes[0].sample(from), gap * slopes[1].sample(to)];
         if let Some(own) = closing(&lone.low, from).filter(|&own| own < b) {
             (b, m) = (own, [own - a; 2]);
         }

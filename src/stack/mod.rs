@@ -93,7 +93,8 @@ pub struct HeightGrid {
 
 /// Placement in patient or world space, LPS (x to the left, y to the back, z up), as DICOM and ITK use it.
 /// The point of pixel (i, j) at stack height z is `origin + i dx axes[0] + j dy axes[1] + z axes[2]`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Deserialize, serde::Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Geometry {
     /// World position of pixel (0, 0) at stack height 0.
     pub origin: [f64; 3],

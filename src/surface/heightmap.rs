@@ -2,44 +2,81 @@
 
 use std::io::{self, Seek, Write};
 
-use super::Reconstruction;
+use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
+
+use super::Layer;
+use super::stream::{BodyWriter, Ending, Header};
 
 /// Arrival height per pixel, unit of the stack, row-major: the highest z at which the pixel is inside, by the linear zero between
 /// layers; the upper end of the body where it is still inside there, NaN where it is never inside.
-pub fn arrival_heights(body: &Reconstruction) -> Vec<f32> {
-    let mut out = vec![f32::NAN; body.dims[0] * body.dims[1]];
-    let within: Vec<_> = body.layers.iter().filter(|l| l.z >= body.extent[0] && l.z <= body.extent[1]).collect();
-    for (k, layer) in within.iter().enumerate() {
-        let above = within.get(k + 1);
-        for (n, h) in out.iter_mut().enumerate() {
-            let a = f64::from(layer.phi[n]);
-            if a >= 0.0 {
-                continue;
-            }
-            *h = match above {
-                None => layer.z as f32,
-                Some(next) => {
-                    let b = f64::from(next.phi[n]);
-                    if b < 0.0 { continue } else { (layer.z + (next.z - layer.z) * a / (a - b)) as f32 }
-                }
-            };
-        }
-    }
-    out
+#[derive(Debug, Clone)]
+pub struct ArrivalHeights {
+    extent: [f64; 2],
+    heights: Vec<f32>,
+    /// The layer below, of those within the extent.
+    below: Option<Layer>,
 }
 
-/// Writes the height map as a 32-bit float grey TIFF.
-///
-/// # Errors
-/// Those of `out`, as the TIFF encoder tells them.
-pub fn write_tiff(out: impl Write + Seek, body: &Reconstruction) -> io::Result<()> {
-    // The encoder of `image` has no single-channel float; `tiff` beneath it does.
-    let mut encoder = tiff::encoder::TiffEncoder::new(out).map_err(io::Error::other)?;
-    encoder
-        .write_image::<tiff::encoder::colortype::Gray32Float>(
-            body.dims[0] as u32,
-            body.dims[1] as u32,
-            &arrival_heights(body),
-        )
-        .map_err(io::Error::other)
+impl ArrivalHeights {
+    /// Of no layer yet.
+    pub fn new(header: &Header) -> Self {
+        let heights = vec![f32::NAN; header.dims[0] * header.dims[1]];
+        ArrivalHeights { extent: header.extent, heights, below: None }
+    }
+
+    /// The next layer.
+    pub fn layer(&mut self, layer: &Layer) {
+        if layer.z < self.extent[0] || layer.z > self.extent[1] {
+            return;
+        }
+        let Some(below) = &mut self.below else {
+            self.below = Some(layer.clone());
+            return;
+        };
+        for ((h, a), b) in self.heights.iter_mut().zip(&below.phi).zip(&layer.phi) {
+            let (a, b) = (f64::from(*a), f64::from(*b));
+            if a < 0.0 && b >= 0.0 {
+                *h = (below.z + (layer.z - below.z) * a / (a - b)) as f32;
+            }
+        }
+        below.clone_from(layer);
+    }
+
+    /// The heights, when there is no more layer.
+    pub fn finish(&mut self) -> &[f32] {
+        if let Some(last) = &self.below {
+            let inside = self.heights.iter_mut().zip(&last.phi).filter(|(_, phi)| **phi < 0.0);
+            inside.for_each(|(h, _)| *h = last.z as f32);
+        }
+        &self.heights
+    }
+}
+
+/// Writes the height map as a 32-bit float grey TIFF, at the end.
+pub struct HeightMapWriter<W> {
+    out: W,
+    size: [u32; 2],
+    heights: ArrivalHeights,
+}
+
+impl<W> HeightMapWriter<W> {
+    /// Nothing yet.
+    pub fn new(out: W, header: &Header) -> Self {
+        HeightMapWriter { out, size: header.dims.map(|n| n as u32), heights: ArrivalHeights::new(header) }
+    }
+}
+
+impl<W: Write + Seek + Send> BodyWriter for HeightMapWriter<W> {
+    fn layer(&mut self, layer: &Layer) -> io::Result<()> {
+        self.heights.layer(layer);
+        Ok(())
+    }
+
+    fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
+        // The encoder of `image` has no single-channel float; `tiff` beneath it does.
+        let mut encoder = TiffEncoder::new(&mut self.out).map_err(io::Error::other)?;
+        let [width, height] = self.size;
+        encoder.write_image::<Gray32Float>(width, height, self.heights.finish()).map_err(io::Error::other)?;
+        self.out.flush()
+    }
 }

@@ -1,60 +1,146 @@
 //! Meshes as binary STL, binary PLY and OBJ, in world coordinates.
 
-use std::io::{self, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 
-use super::mesh::{Mesh, cross, length, sub};
+use super::marching::Piece;
+use super::mesh::{MeshSource, cross, sub, unit};
+use super::stream::{BodyWriter, Ending, Needs};
 
-/// Binary STL: f32 facets with their normals.
-///
-/// # Errors
-/// Those of `out`; [`io::ErrorKind::InvalidInput`] beyond 2^32 triangles.
-pub fn write_stl(mut out: impl Write, mesh: &Mesh) -> io::Result<()> {
-    let mut header = [b' '; 80];
-    let text = concat!("interslice ", env!("CARGO_PKG_VERSION"), ", binary STL");
-    header[..text.len()].copy_from_slice(text.as_bytes());
-    out.write_all(&header)?;
-    let count = u32::try_from(mesh.triangles.len())
-        .map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, "STL holds at most 2^32 triangles"))?;
-    out.write_all(&count.to_le_bytes())?;
-    let mut facet = Vec::with_capacity(50);
-    for [a, b, c] in mesh.corners() {
-        let n = cross(sub(b, a), sub(c, a));
-        let l = length(n).max(f64::MIN_POSITIVE);
-        facet.clear();
-        for p in [n.map(|v| v / l), a, b, c] {
-            facet.extend(p.iter().flat_map(|v| (*v as f32).to_le_bytes()));
-        }
-        facet.extend([0, 0]);
-        out.write_all(&facet)?;
+/// Where a STL has the number of its triangles.
+const STL_COUNT: u64 = 80;
+
+/// Binary STL: f32 facets with their normals, written as they arise; their number is filled in at the end.
+pub struct StlWriter<W> {
+    out: W,
+    count: u64,
+}
+
+impl<W: Write + Seek> StlWriter<W> {
+    /// Writes the header.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn new(mut out: W) -> io::Result<Self> {
+        let mut header = [b' '; STL_COUNT as usize];
+        let text = concat!("interslice ", env!("CARGO_PKG_VERSION"), ", binary STL");
+        header[..text.len()].copy_from_slice(text.as_bytes());
+        out.write_all(&header)?;
+        out.write_all(&0u32.to_le_bytes())?;
+        Ok(StlWriter { out, count: 0 })
     }
-    out.flush()
+
+    /// Writes triangles, given by their corners.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn facets(&mut self, corners: impl Iterator<Item = [[f64; 3]; 3]>) -> io::Result<()> {
+        let mut facet = Vec::with_capacity(50);
+        for [a, b, c] in corners {
+            facet.clear();
+            for p in [unit(cross(sub(b, a), sub(c, a))), a, b, c] {
+                facet.extend(p.iter().flat_map(|v| (*v as f32).to_le_bytes()));
+            }
+            facet.extend([0, 0]);
+            self.out.write_all(&facet)?;
+            self.count += 1;
+        }
+        Ok(())
+    }
+
+    /// Fills in the number of triangles.
+    ///
+    /// # Errors
+    /// Those of `out`; [`io::ErrorKind::InvalidInput`] beyond 2^32 triangles.
+    pub fn close(&mut self) -> io::Result<()> {
+        let count = u32::try_from(self.count).map_err(|_| too_many("STL holds at most 2^32 triangles"))?;
+        self.out.seek(SeekFrom::Start(STL_COUNT))?;
+        self.out.write_all(&count.to_le_bytes())?;
+        self.out.seek(SeekFrom::End(0))?;
+        self.out.flush()
+    }
+
+    /// What it was written into.
+    pub fn into_inner(self) -> W {
+        self.out
+    }
+}
+
+impl<W: Write + Seek + Send> BodyWriter for StlWriter<W> {
+    fn needs(&self) -> Needs {
+        Needs::Surface
+    }
+
+    fn piece(&mut self, piece: &Piece) -> io::Result<()> {
+        self.facets(piece.corners())
+    }
+
+    fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
+        self.close()
+    }
+}
+
+/// A format that begins with counts, or lists vertices before triangles.
+pub struct ListedWriter<W> {
+    out: W,
+    format: fn(&mut W, &mut dyn MeshSource) -> io::Result<()>,
+}
+
+impl<W: Write> ListedWriter<W> {
+    /// A PLY, as [`write_ply`] writes it.
+    pub fn ply(out: W) -> Self {
+        ListedWriter { out, format: write_ply }
+    }
+
+    /// An OBJ, as [`write_obj`] writes it.
+    pub fn obj(out: W) -> Self {
+        ListedWriter { out, format: write_obj }
+    }
+}
+
+impl<W: Write + Send> BodyWriter for ListedWriter<W> {
+    fn needs(&self) -> Needs {
+        Needs::Mesh
+    }
+
+    fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
+        (self.format)(&mut self.out, end.mesh)
+    }
+}
+
+fn too_many(what: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidInput, what)
 }
 
 /// Binary little-endian PLY: f32 vertices with normals, triangles.
 ///
 /// # Errors
-/// Those of `out`.
-pub fn write_ply(mut out: impl Write, mesh: &Mesh) -> io::Result<()> {
+/// Those of `out`; [`io::ErrorKind::InvalidInput`] beyond 2^31 vertices.
+pub fn write_ply<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result<()> {
+    let [vertices, triangles] = mesh.counts();
+    if vertices > 1 << 31 {
+        return Err(too_many("PLY holds at most 2^31 vertices"));
+    }
     write!(
         out,
-        "ply\nformat binary_little_endian 1.0\ncomment interslice {}\nelement vertex {}\nproperty float x\nproperty float y\n\
-         property float z\nproperty float nx\nproperty float ny\nproperty float nz\nelement face {}\n\
+        "ply\nformat binary_little_endian 1.0\ncomment interslice {}\nelement vertex {vertices}\nproperty float x\nproperty float y\n\
+         property float z\nproperty float nx\nproperty float ny\nproperty float nz\nelement face {triangles}\n\
          property list uchar int vertex_indices\nend_header\n",
         env!("CARGO_PKG_VERSION"),
-        mesh.positions.len(),
-        mesh.triangles.len()
     )?;
-    for (p, n) in mesh.positions.iter().zip(mesh.normals()) {
-        let vertex: Vec<u8> = p.iter().chain(&n).flat_map(|v| (*v as f32).to_le_bytes()).collect();
-        out.write_all(&vertex)?;
-    }
-    for t in &mesh.triangles {
+    mesh.vertices(&mut |v| {
+        let mut vertex = [[0u8; 4]; 6];
+        for (to, x) in vertex.iter_mut().zip(v.position.iter().chain(&v.normal)) {
+            *to = (*x as f32).to_le_bytes();
+        }
+        out.write_all(vertex.as_flattened())
+    })?;
+    mesh.triangles(&mut |t, _| {
         let mut face = [3u8; 13];
         for (k, v) in t.iter().enumerate() {
-            face[1 + 4 * k..5 + 4 * k].copy_from_slice(&v.to_le_bytes());
+            face[1 + 4 * k..5 + 4 * k].copy_from_slice(&(*v as u32).to_le_bytes());
         }
-        out.write_all(&face)?;
-    }
+        out.write_all(&face)
+    })?;
     out.flush()
 }
 
@@ -62,16 +148,16 @@ pub fn write_ply(mut out: impl Write, mesh: &Mesh) -> io::Result<()> {
 ///
 /// # Errors
 /// Those of `out`.
-pub fn write_obj(mut out: impl Write, mesh: &Mesh) -> io::Result<()> {
+pub fn write_obj<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result<()> {
     writeln!(out, "# interslice {}", env!("CARGO_PKG_VERSION"))?;
-    for p in &mesh.positions {
-        writeln!(out, "v {} {} {}", p[0] as f32, p[1] as f32, p[2] as f32)?;
-    }
-    for n in mesh.normals() {
-        writeln!(out, "vn {:.5} {:.5} {:.5}", n[0], n[1], n[2])?;
-    }
-    for [a, b, c] in mesh.triangles.iter().map(|t| t.map(|v| v + 1)) {
-        writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}")?;
-    }
+    mesh.vertices(&mut |v| {
+        let [x, y, z] = v.position.map(|x| x as f32);
+        writeln!(out, "v {x} {y} {z}")
+    })?;
+    mesh.vertices(&mut |v| writeln!(out, "vn {:.5} {:.5} {:.5}", v.normal[0], v.normal[1], v.normal[2]))?;
+    mesh.triangles(&mut |t, _| {
+        let [a, b, c] = t.map(|v| v + 1);
+        writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}")
+    })?;
     out.flush()
 }

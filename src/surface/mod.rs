@@ -2,14 +2,21 @@
 
 mod cases;
 pub mod heightmap;
+pub mod marching;
 pub mod mesh;
 pub mod mesh_files;
 pub mod nifti;
 pub mod nrrd;
 pub mod render;
+pub mod spool;
+pub mod stream;
+pub mod volume;
+#[cfg(feature = "zarr")]
+pub mod zarr;
 
 use crate::report::Report;
 use crate::stack::Geometry;
+use stream::Header;
 
 /// The body as in-plane signed distance on layers of increasing height.
 ///
@@ -52,15 +59,16 @@ impl Reconstruction {
         self.layers.iter().filter(|l| l.output)
     }
 
-    /// Number of output layers, the height of the first and their distance (the larger pixel side where there is only one).
-    pub fn output_grid(&self) -> (usize, f64, f64) {
+    /// What a writer must know before the first layer.
+    pub fn header(&self) -> Header {
         let heights: Vec<f64> = self.output_layers().map(|l| l.z).collect();
-        let count = heights.len();
-        let (first, step) = match heights[..] {
-            [first, .., last] => (first, (last - first) / (count - 1) as f64),
-            [first] => (first, self.spacing[0].max(self.spacing[1])),
-            [] => (0.0, 1.0),
-        };
-        (count, first, step)
+        Header {
+            dims: self.dims,
+            spacing: self.spacing,
+            unit: self.unit.clone(),
+            geometry: self.geometry,
+            extent: self.extent,
+            grid: Header::grid(&heights, self.spacing),
+        }
     }
 }

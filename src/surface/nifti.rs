@@ -2,41 +2,32 @@
 
 use std::io::{self, Write};
 
-use flate2::Compression;
-use flate2::write::GzEncoder;
-
-use super::Reconstruction;
 use super::mesh::to_world;
-use super::nrrd::{Content, write_voxels};
+use super::stream::Header;
+use super::volume::{Content, VolumeWriter};
 
 /// Size of header and empty extension block.
 const DATA_OFFSET: usize = 352;
 
-/// Writes the output layers, compressed where `gzip` says so.
+/// A writer of the output layers, compressed where `gzip` says so.
 ///
 /// # Errors
 /// Those of `out`; [`io::ErrorKind::InvalidInput`] where an axis has more than 32767 voxels, which the format cannot hold.
-pub fn write(mut out: impl Write, body: &Reconstruction, content: Content, gzip: bool) -> io::Result<()> {
+pub fn writer<W: Write>(mut out: W, body: &Header, content: Content, gzip: bool) -> io::Result<VolumeWriter<W>> {
     let header = header(body, content)?;
     if gzip {
-        let mut gz = GzEncoder::new(out, Compression::fast());
-        gz.write_all(&header)?;
-        write_voxels(&mut gz, body, content)?;
-        gz.finish()?.flush()
-    } else {
-        out.write_all(&header)?;
-        write_voxels(&mut out, body, content)?;
-        out.flush()
+        return VolumeWriter::gzip(out, &header, content);
     }
+    out.write_all(&header)?;
+    Ok(VolumeWriter::raw(out, content))
 }
 
-fn header(body: &Reconstruction, content: Content) -> io::Result<Vec<u8>> {
-    let (count, first, step) = body.output_grid();
+fn header(body: &Header, content: Content) -> io::Result<Vec<u8>> {
     let mut h = vec![0u8; DATA_OFFSET];
     let mut put = |at: usize, bytes: &[u8]| h[at..at + bytes.len()].copy_from_slice(bytes);
     put(0, &348i32.to_le_bytes());
     let mut dim = [3i16, 0, 0, 0, 1, 1, 1, 1];
-    for (slot, n) in dim[1..4].iter_mut().zip([body.dims[0], body.dims[1], count]) {
+    for (slot, n) in dim[1..4].iter_mut().zip([body.dims[0], body.dims[1], body.grid.count]) {
         *slot = i16::try_from(n).map_err(|_| {
             io::Error::new(
                 io::ErrorKind::InvalidInput,
@@ -48,7 +39,7 @@ fn header(body: &Reconstruction, content: Content) -> io::Result<Vec<u8>> {
     let (datatype, bits) = if content == Content::Distance { (16i16, 32i16) } else { (2, 8) };
     put(70, &datatype.to_le_bytes());
     put(72, &bits.to_le_bytes());
-    let sides = [body.spacing[0], body.spacing[1], step];
+    let sides = [body.spacing[0], body.spacing[1], body.grid.step];
     put(76, &1f32.to_le_bytes());
     sides.iter().enumerate().for_each(|(k, s)| put(80 + 4 * k, &(*s as f32).to_le_bytes()));
     put(108, &(DATA_OFFSET as f32).to_le_bytes());
@@ -61,7 +52,7 @@ fn header(body: &Reconstruction, content: Content) -> io::Result<Vec<u8>> {
     };
     put(123, &[unit]);
     put(254, &1i16.to_le_bytes()); // sform_code: scanner
-    let origin = to_world(&body.geometry, [0.0, 0.0, first]);
+    let origin = to_world(&body.geometry, [0.0, 0.0, body.grid.start]);
     for (row, offset) in origin.iter().enumerate() {
         // LPS to RAS turns the first two axes.
         let sign = if row < 2 { -1.0 } else { 1.0 };

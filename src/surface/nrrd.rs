@@ -2,45 +2,19 @@
 
 use std::io::{self, Write};
 
-use flate2::Compression;
-use flate2::write::GzEncoder;
-
-use super::Reconstruction;
 use super::mesh::to_world;
+use super::stream::Header;
+use super::volume::{Content, VolumeWriter};
 
-/// What a volume holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Content {
-    /// f32 signed in-plane distance in the stack's unit, negative inside, clamped to the margin.
-    Distance,
-    /// u8, 1 inside and 0 outside.
-    Mask,
-}
-
-/// Voxels of the output layers as little-endian bytes, x fastest.
-pub(super) fn write_voxels(out: &mut impl Write, body: &Reconstruction, content: Content) -> io::Result<()> {
-    let mut bytes = Vec::new();
-    for layer in body.output_layers() {
-        bytes.clear();
-        match content {
-            Content::Distance => layer.phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes())),
-            Content::Mask => bytes.extend(layer.phi.iter().map(|v| u8::from(*v < 0.0))),
-        }
-        out.write_all(&bytes)?;
-    }
-    Ok(())
-}
-
-/// Writes the output layers. Space is left-posterior-superior; origin and directions place the volume where its input was.
+/// A writer of the output layers. Space is left-posterior-superior; origin and directions place the volume where its input was.
 ///
 /// # Errors
 /// Those of `out`.
-pub fn write(mut out: impl Write, body: &Reconstruction, content: Content) -> io::Result<()> {
-    let (count, first, step) = body.output_grid();
+pub fn writer<W: Write>(mut out: W, body: &Header, content: Content) -> io::Result<VolumeWriter<W>> {
     let g = &body.geometry;
     let vector = |v: [f64; 3]| format!("({},{},{})", v[0], v[1], v[2]);
     let direction = |axis: usize, h: f64| vector(g.axes[axis].map(|v| v * h));
-    let origin = to_world(g, [0.0, 0.0, first]);
+    let origin = to_world(g, [0.0, 0.0, body.grid.start]);
     let kind = if content == Content::Distance { "float" } else { "uint8" };
     let unit = body.unit.replace(['"', '\n', '\r'], " ");
     write!(
@@ -51,12 +25,11 @@ pub fn write(mut out: impl Write, body: &Reconstruction, content: Content) -> io
         version = env!("CARGO_PKG_VERSION"),
         nx = body.dims[0],
         ny = body.dims[1],
+        count = body.grid.count,
         x = direction(0, body.spacing[0]),
         y = direction(1, body.spacing[1]),
-        z = direction(2, step),
+        z = direction(2, body.grid.step),
         origin = vector(origin),
     )?;
-    let mut gzip = GzEncoder::new(out, Compression::fast());
-    write_voxels(&mut gzip, body, content)?;
-    gzip.finish()?.flush()
+    VolumeWriter::gzip(out, &[], content)
 }

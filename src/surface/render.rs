@@ -5,10 +5,12 @@ use std::io::{self, Seek, Write};
 
 use image::{ImageFormat, Rgb, RgbImage};
 
-use super::mesh::{Mesh, cross, dot, length, sub, to_world};
-use super::{Layer, Reconstruction};
+use super::Layer;
+use super::mesh::{MeshSource, cross, dot, length, sub, to_world};
+use super::stream::{BodyWriter, Ending, Header, Needs};
 use crate::contour::trace_loops;
 use crate::field::Field;
+use crate::stack::Geometry;
 
 /// Samples per pixel side.
 const SUPERSAMPLING: u32 = 2;
@@ -39,56 +41,79 @@ impl Default for RenderOptions {
     }
 }
 
-/// Renders and writes a PNG.
-///
-/// # Errors
-/// Those of `out`, as the encoder tells them.
-pub fn write_png(
-    mut out: impl Write + Seek,
-    body: &Reconstruction,
-    mesh: &Mesh,
+/// Writes the picture as a PNG, at the end: until then it keeps the input contours as lines, where they are to be drawn.
+pub struct PictureWriter<W> {
+    out: W,
+    header: Header,
     options: RenderOptions,
-) -> io::Result<()> {
-    render(body, mesh, options).write_to(&mut out, ImageFormat::Png).map_err(io::Error::other)
+    lines: Vec<Line>,
+}
+
+/// A closed contour in world coordinates; the first point is the last too.
+pub type Line = Vec<[f64; 3]>;
+
+impl<W> PictureWriter<W> {
+    /// Nothing yet.
+    pub fn new(out: W, header: &Header, options: RenderOptions) -> Self {
+        PictureWriter { out, header: header.clone(), options, lines: Vec::new() }
+    }
+}
+
+impl<W: Write + Seek + Send> BodyWriter for PictureWriter<W> {
+    fn needs(&self) -> Needs {
+        Needs::Mesh
+    }
+
+    fn layer(&mut self, layer: &Layer) -> io::Result<()> {
+        if self.options.contours && layer.contour.is_some() {
+            self.lines.extend(contour_lines(&self.header, layer));
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
+        let picture = render(&self.header.geometry, end.mesh, &self.lines, self.options)?;
+        picture.write_to(&mut self.out, ImageFormat::Png).map_err(io::Error::other)?;
+        self.out.flush()
+    }
 }
 
 /// The picture itself. Heights are to scale unless the body is flatter than 15 % of its width; then they are stretched to that.
-pub fn render(body: &Reconstruction, mesh: &Mesh, options: RenderOptions) -> RgbImage {
+///
+/// # Errors
+/// Those of reading the mesh.
+pub fn render(
+    geometry: &Geometry,
+    mesh: &mut dyn MeshSource,
+    lines: &[Line],
+    options: RenderOptions,
+) -> io::Result<RgbImage> {
     let size = [options.width.max(1) * SUPERSAMPLING, options.height.max(1) * SUPERSAMPLING];
     let mut canvas = Canvas::new(size);
-    if let Some(camera) = Camera::fit(body, mesh, size) {
-        let positions: Vec<[f64; 3]> = mesh.positions.iter().map(|p| camera.project(*p)).collect();
-        let normals: Vec<[f64; 3]> = mesh.normals().iter().map(|n| camera.turn_normal(*n)).collect();
-        for t in &mesh.triangles {
-            canvas.triangle(t.map(|v| positions[v as usize]), t.map(|v| normals[v as usize]));
-        }
-        if options.contours {
-            for layer in body.layers.iter().filter(|l| l.contour.is_some()) {
-                draw_contours(&mut canvas, &camera, body, layer);
-            }
+    if let Some(camera) = Camera::fit(geometry, mesh, size)? {
+        mesh.triangles(&mut |_, corners| {
+            canvas.triangle(corners.map(|v| camera.project(v.position)), corners.map(|v| camera.turn_normal(v.normal)));
+            Ok(())
+        })?;
+        for line in lines {
+            let points: Vec<[f64; 3]> = line.iter().map(|p| camera.project(*p)).collect();
+            points.windows(2).for_each(|p| canvas.line(p[0], p[1]));
         }
     }
-    canvas.finish()
+    Ok(canvas.finish())
 }
 
-fn draw_contours(canvas: &mut Canvas, camera: &Camera, body: &Reconstruction, layer: &Layer) {
+/// The contours of a layer.
+pub fn contour_lines(header: &Header, layer: &Layer) -> Vec<Line> {
     // One ring of outside, so that contours at the border close.
-    let [nx, ny] = body.dims;
+    let [nx, ny] = header.dims;
+    let [dx, dy] = header.spacing;
     let phi = Field::from_fn([nx + 2, ny + 2], |i, j| match (i.checked_sub(1), j.checked_sub(1)) {
         (Some(i), Some(j)) if i < nx && j < ny => f64::from(layer.phi[j * nx + i]),
-        _ => 0.5 * body.spacing[0].min(body.spacing[1]),
+        _ => 0.5 * dx.min(dy),
     });
-    for path in trace_loops(&phi) {
-        let points: Vec<[f64; 3]> = path
-            .iter()
-            .chain(path.first())
-            .map(|c| {
-                let stack = [(c.x[0] - 1.0) * body.spacing[0], (c.x[1] - 1.0) * body.spacing[1], layer.z];
-                camera.project(to_world(&body.geometry, stack))
-            })
-            .collect();
-        points.windows(2).for_each(|p| canvas.line(p[0], p[1]));
-    }
+    let point = |x: [f64; 2]| to_world(&header.geometry, [(x[0] - 1.0) * dx, (x[1] - 1.0) * dy, layer.z]);
+    trace_loops(&phi).iter().map(|path| path.iter().chain(path.first()).map(|c| point(c.x)).collect()).collect()
 }
 
 /// Maps world coordinates to the picture: x right, y down, depth away from the viewer, all in samples.
@@ -102,8 +127,7 @@ struct Camera {
 }
 
 impl Camera {
-    fn fit(body: &Reconstruction, mesh: &Mesh, size: [u32; 2]) -> Option<Self> {
-        let g = &body.geometry;
+    fn fit(g: &Geometry, mesh: &mut dyn MeshSource, size: [u32; 2]) -> io::Result<Option<Self>> {
         let (sin_yaw, cos_yaw, sin_pitch, cos_pitch) = (YAW.sin(), YAW.cos(), PITCH.sin(), PITCH.cos());
         // Right, down and away in the stack's own frame (its x to the right, its y to the back); then by its axes into the world.
         let frame = [
@@ -114,28 +138,32 @@ impl Camera {
         let axes =
             frame.map(|v| std::array::from_fn(|a| v[0] * g.axes[0][a] + v[1] * g.axes[1][a] + v[2] * g.axes[2][a]));
         let up = g.axes[2];
-        let spread = |axis: [f64; 3]| {
-            let along = mesh.positions.iter().map(|p| dot(*p, axis));
-            along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)))
-        };
-        let ranges = g.axes.map(spread);
+        let mut ranges = [(f64::INFINITY, f64::NEG_INFINITY); 3];
+        mesh.vertices(&mut |vertex| {
+            for ((a, b), axis) in ranges.iter_mut().zip(g.axes) {
+                let v = dot(vertex.position, axis);
+                (*a, *b) = (a.min(v), b.max(v));
+            }
+            Ok(())
+        })?;
         let [wide, deep, high] = ranges.map(|(a, b)| b - a);
         if !(wide.is_finite() && high > 0.0) {
-            return None;
+            return Ok(None);
         }
         let stretch = (FLATTEST * wide.max(deep) / high).max(1.0);
         let center =
             std::array::from_fn(|a| (0..3).map(|k| 0.5 * (ranges[k].0 + ranges[k].1) * g.axes[k][a]).sum::<f64>());
         let mut camera = Camera { axes, stretch, up, center, scale: 1.0, middle: [0.0; 2] };
         let (mut low, mut top) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for p in &mesh.positions {
-            let q = camera.project(*p);
+        mesh.vertices(&mut |vertex| {
+            let q = camera.project(vertex.position);
             (0..2).for_each(|a| (low[a], top[a]) = (low[a].min(q[a]), top[a].max(q[a])));
-        }
+            Ok(())
+        })?;
         let free = |a: usize| f64::from(size[a]) * (1.0 - 2.0 * BORDER) / (top[a] - low[a]).max(1e-12);
         camera.scale = free(0).min(free(1));
         camera.middle = std::array::from_fn(|a| 0.5 * f64::from(size[a]) - 0.5 * (low[a] + top[a]) * camera.scale);
-        Some(camera)
+        Ok(Some(camera))
     }
 
     fn project(&self, p: [f64; 3]) -> [f64; 3] {

@@ -1,0 +1,54 @@
+//! One reconstruction as the command line asks for it: input and options, with those of a settings file.
+
+use std::path::PathBuf;
+
+use clap::ArgMatches;
+use interslice::files::JobOptions;
+use interslice::files::outputs::OutputOptions;
+use interslice::links::LinkOptions;
+use interslice::stack::ReadOptions;
+use interslice::{Result, Settings};
+
+use super::config::File;
+use super::devices::DeviceOptions;
+
+#[derive(Debug, clap::Args)]
+pub struct JobArguments {
+    /// Folder with stack.json, or a .nrrd, .nii, .nii.gz label volume
+    pub input: PathBuf,
+
+    /// Read options from a TOML file (keys as the long options, with _ for -); the command line wins
+    #[arg(long = "settings", value_name = "FILE")]
+    settings_file: Option<PathBuf>,
+
+    #[command(flatten)]
+    output: OutputOptions,
+
+    #[command(flatten)]
+    read: ReadOptions,
+
+    #[command(flatten)]
+    links: LinkOptions,
+
+    #[command(flatten)]
+    settings: Settings,
+}
+
+impl JobArguments {
+    /// The options, checked; `device` takes those of the settings file too.
+    pub fn options(self, device: &mut DeviceOptions, matches: &ArgMatches) -> Result<JobOptions> {
+        let JobArguments { mut output, mut read, mut links, mut settings, .. } = self;
+        if let Some(path) = &self.settings_file {
+            let mut file = File::read(path)?;
+            settings = file.overlay(settings, matches)?;
+            read = file.overlay(read, matches)?;
+            links = file.overlay(links, matches)?;
+            output = file.overlay(output, matches)?;
+            *device = file.overlay(std::mem::take(device), matches)?;
+            file.finish()?;
+        }
+        let options = JobOptions { read, links, settings, output };
+        options.check()?;
+        Ok(options)
+    }
+}

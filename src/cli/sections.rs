@@ -1,0 +1,198 @@
+//! `interslice plan`, `run` and `merge`: one reconstruction in parts, on as many machines as one likes.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::ArgMatches;
+use interslice::files::Loaded;
+use interslice::files::fingerprint::fingerprint;
+use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::pending::Temporary;
+use interslice::files::section_file::{SectionWriter, Sections};
+use interslice::{Error, Progress, Result, memory};
+use serde::Serialize;
+
+use super::bar::Bars;
+use super::devices::{DeviceOptions, choose};
+use super::job::JobArguments;
+use super::reconstruct::set_threads;
+use super::say::say;
+
+#[derive(Debug, clap::Args)]
+pub struct PlanArguments {
+    #[command(flatten)]
+    job: JobArguments,
+
+    /// Parts
+    #[arg(long, value_name = "N")]
+    parts: usize,
+
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Part K of N.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    number: usize,
+    count: usize,
+}
+
+impl FromStr for Part {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let parsed = text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
+        let (number, count) = parsed.ok_or_else(|| format!("must be K/N, such as 2/5; got `{text}`"))?;
+        Ok(Part { number, count })
+    }
+}
+
+#[derive(Debug, clap::Args)]
+pub struct RunArguments {
+    #[command(flatten)]
+    job: JobArguments,
+
+    /// Part K of N
+    #[arg(long, value_name = "K/N")]
+    part: Part,
+
+    /// File for the part, which `merge` takes
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+
+    #[command(flatten)]
+    device: DeviceOptions,
+
+    /// Threads [default: one per core]; the result does not depend on it
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+
+    /// Say nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct MergeArguments {
+    /// The files of all parts, in any order
+    #[arg(required = true)]
+    parts: Vec<PathBuf>,
+
+    /// Output file, as of `reconstruct`; repeatable
+    #[arg(short, long = "output", value_name = "FILE", required = true)]
+    outputs: Vec<PathBuf>,
+
+    /// Volumes hold 8-bit masks instead of signed distances
+    #[arg(long)]
+    mask: bool,
+
+    /// Draw the input contours into pictures
+    #[arg(long)]
+    contours: bool,
+
+    /// Say nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// A part of a plan.
+#[derive(Debug, Serialize)]
+struct Planned {
+    part: String,
+    /// Intervals that it makes, from 0: first, and behind the last.
+    intervals: [usize; 2],
+    /// Their heights.
+    z: [f64; 2],
+    /// Slices that it reads.
+    slices: [usize; 2],
+    /// Memory that it needs at most, MiB.
+    memory_mib: u64,
+}
+
+pub fn plan(arguments: PlanArguments, matches: &ArgMatches) -> Result<()> {
+    let PlanArguments { job, parts, json } = arguments;
+    let input = job.input.clone();
+    let loaded = Loaded::read(&input, job.options(&mut DeviceOptions::default(), matches)?)?;
+    let slices = &loaded.stack.slices;
+    let planned = |number: usize| -> Result<Planned> {
+        let section = loaded.section(number, parts)?;
+        Ok(Planned {
+            part: format!("{number}/{parts}"),
+            intervals: [section.kept.start, section.kept.end],
+            z: [slices[section.kept.start].z, slices[section.kept.end].z],
+            slices: [section.slices.start, section.slices.end],
+            memory_mib: loaded.needs_of(&section).all.div_ceil(1 << 20),
+        })
+    };
+    let planned = (1..=parts.max(1)).map(planned).collect::<Result<Vec<_>>>()?;
+    if json {
+        let text = serde_json::to_string_pretty(&planned)
+            .map_err(|e| Error::Stack(format!("the plan cannot be told: {e}")))?;
+        return say(&(text + "\n"));
+    }
+    let line = |p: &Planned| {
+        format!(
+            "part {}: intervals {} to {} (heights {} to {}), reads slices {} to {} of {}, {} MiB\n",
+            p.part,
+            p.intervals[0],
+            p.intervals[1] - 1,
+            p.z[0],
+            p.z[1],
+            p.slices[0],
+            p.slices[1] - 1,
+            slices.len(),
+            p.memory_mib
+        )
+    };
+    let input = input.display();
+    say(&format!(
+        "{}each: interslice run {input} --part K/{parts} -o K.section [the same options]\n\
+         then: interslice merge *.section -o FILE\n",
+        planned.iter().map(line).collect::<String>()
+    ))
+}
+
+pub fn run(mut arguments: RunArguments, matches: &ArgMatches) -> Result<()> {
+    set_threads(arguments.threads)?;
+    let Part { number, count } = arguments.part;
+    let input = arguments.job.input.clone();
+    let options = arguments.job.options(&mut arguments.device, matches)?;
+    let name = fingerprint(&input, &options, &["section"])?;
+    let loaded = Loaded::read(&input, options)?;
+    let section = loaded.section(number, count)?;
+    let mut writer = SectionWriter::open(&arguments.output, [number, count], name, &loaded.heights)?;
+    let needs = loaded.needs_of(&section);
+    let budget = needs.budget(0, arguments.device.memory())?;
+    let notice = |message: &str| eprintln!("warning: {message}");
+    let chosen = choose(&arguments.device, &notice)?;
+    if !arguments.quiet {
+        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+    }
+    let bars = Bars::default();
+    let progress: &dyn Progress = if arguments.quiet { &interslice::progress::Silent } else { &bars };
+    let means = interslice::Means { backend: chosen.backend(), progress, budget: &budget };
+    let body = loaded.compute_section(&section, &means, &mut writer)?;
+    let written = writer.finish(&body.report)?;
+    if !arguments.quiet {
+        body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+        eprintln!("wrote {}", written.display());
+    }
+    Ok(())
+}
+
+pub fn merge(arguments: MergeArguments) -> Result<()> {
+    let sections = Sections::open(&arguments.parts)?;
+    let options = OutputOptions { mask: arguments.mask, contours: arguments.contours, ..OutputOptions::default() };
+    let mut outputs = Outputs::open(&arguments.outputs, None, Temporary::Random)?;
+    memory::check(outputs.bytes(sections.dims()), None)?;
+    let mut body = sections.replay(&mut outputs.sink(&options))?;
+    outputs.complete(&mut body.report)?;
+    let written = outputs.rename()?;
+    if !arguments.quiet {
+        body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+        written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
+    }
+    Ok(())
+}

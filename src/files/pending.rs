@@ -1,0 +1,145 @@
+//! An output under its temporary name: a file, or for a format of many files a folder.
+
+use std::fs::{self, File, Permissions};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use tempfile::{Builder, NamedTempFile, TempDir};
+
+/// Names of temporary files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Temporary {
+    /// Never two alike: any number of runs may write to one folder.
+    Random,
+    /// The same every time, so that what a killed run has left is written over. For a caller that lets nobody else make this output.
+    Fixed,
+}
+
+/// Gone with its content when dropped before it is renamed.
+#[derive(Debug)]
+pub enum Pending {
+    /// A file.
+    File(NamedTempFile),
+    /// A folder.
+    Folder(TempDir),
+}
+
+impl Pending {
+    /// Opens the temporary file or folder of `target`, beside it.
+    ///
+    /// # Errors
+    /// Those of making it, and of removing what a killed run has left.
+    pub fn open(target: &Path, is_folder: bool, temporary: Temporary) -> io::Result<Self> {
+        let place = parent(target);
+        let mut builder = Builder::new();
+        builder.prefix(".interslice-").suffix(".tmp");
+        let fixed;
+        if temporary == Temporary::Fixed {
+            // The target's own name may be as long as names can be.
+            let name = target.file_name().unwrap_or_default().as_encoded_bytes();
+            fixed = format!(".interslice-{}", &blake3::hash(name).to_hex()[..32]);
+            builder.prefix(&fixed).rand_bytes(0);
+            remove(&place.join(format!("{fixed}.tmp")))?;
+        }
+        if is_folder {
+            set_mode(&mut builder, 0o777);
+            builder.tempdir_in(place).map(Pending::Folder)
+        } else {
+            set_mode(&mut builder, 0o666);
+            builder.tempfile_in(place).map(Pending::File)
+        }
+    }
+
+    /// Where it is until it is renamed.
+    pub fn path(&self) -> &Path {
+        match self {
+            Pending::File(file) => file.path(),
+            Pending::Folder(folder) => folder.path(),
+        }
+    }
+
+    /// Waits until all of it is on the disk.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub fn sync(&self) -> io::Result<()> {
+        match self {
+            Pending::File(file) => file.as_file().sync_all(),
+            Pending::Folder(folder) => {
+                files_below(folder.path())?.iter().try_for_each(|path| File::open(path)?.sync_all())
+            }
+        }
+    }
+
+    /// Gives it its own name. What has that name steps aside for a folder until the new one has it, and is removed then.
+    ///
+    /// # Errors
+    /// Those of renaming; what was there is there again.
+    pub fn rename(self, target: &Path) -> io::Result<()> {
+        let folder = match self {
+            Pending::File(file) => return file.persist(target).map(drop).map_err(|e| e.error),
+            Pending::Folder(folder) => folder,
+        };
+        let aside = folder.path().with_extension("old");
+        let replaces = fs::symlink_metadata(target).is_ok();
+        if replaces {
+            remove(&aside)?;
+            fs::rename(target, &aside)?;
+        }
+        if let Err(e) = fs::rename(folder.path(), target) {
+            if replaces {
+                fs::rename(&aside, target)?;
+            }
+            return Err(e);
+        }
+        // Nothing has its temporary name any more; what stays of the old one, if it cannot be removed, is in nobody's way.
+        let _ = folder.keep();
+        let _ = remove(&aside);
+        Ok(())
+    }
+}
+
+/// Modes of new files and folders as any program's: less the umask.
+fn set_mode(builder: &mut Builder<'_, '_>, mode: u32) {
+    #[cfg(unix)]
+    builder.permissions(<Permissions as std::os::unix::fs::PermissionsExt>::from_mode(mode));
+    #[cfg(not(unix))]
+    let _: (_, _, Option<Permissions>) = (builder, mode, None);
+}
+
+/// Removes a file, or a folder and all in it, where there is one.
+fn remove(path: &Path) -> io::Result<()> {
+    let removed = match fs::symlink_metadata(path) {
+        Ok(found) if found.is_dir() => fs::remove_dir_all(path),
+        Ok(_) => fs::remove_file(path),
+        Err(e) => Err(e),
+    };
+    match removed {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => {
+            Err(io::Error::new(e.kind(), format!("{}: {e}", path.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The folder of a path.
+pub fn parent(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// All files in a folder and the folders below it, sorted.
+///
+/// # Errors
+/// Those of reading the folders.
+pub fn files_below(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    let mut open = vec![folder.to_path_buf()];
+    while let Some(folder) = open.pop() {
+        for entry in fs::read_dir(folder)? {
+            let entry = entry?;
+            if entry.file_type()?.is_dir() { open.push(entry.path()) } else { files.push(entry.path()) }
+        }
+    }
+    files.sort();
+    Ok(files)
+}

@@ -1,0 +1,196 @@
+//! A body written while it is made, layer by layer, so that neither its volume nor its mesh need fit in memory.
+//!
+//! ```text
+//! Header -> writers -> BodyStream::layer, lowest first -> BodyStream::finish
+//! ```
+
+use std::io;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::Layer;
+use super::marching::{Builder, Piece};
+use super::mesh::Measure;
+use super::spool::Spool;
+use crate::error::Result;
+use crate::report::Report;
+use crate::stack::{Geometry, HeightGrid};
+
+/// What is known of a body before its first layer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Header {
+    /// Pixels per layer, `[nx, ny]`.
+    pub dims: [usize; 2],
+    /// Pixel spacing `[dx, dy]`.
+    pub spacing: [f64; 2],
+    /// Length unit.
+    pub unit: String,
+    /// Placement in the world.
+    pub geometry: Geometry,
+    /// Lowest and highest height at which there is a body: where it is still inside there, it ends flat.
+    pub extent: [f64; 2],
+    /// Heights of the output layers; a step of the larger pixel side where there is only one.
+    pub grid: HeightGrid,
+}
+
+impl Header {
+    /// The grid of output layers at `heights`, which increase.
+    pub fn grid(heights: &[f64], spacing: [f64; 2]) -> HeightGrid {
+        let (start, step) = match heights[..] {
+            [first, .., last] => (first, (last - first) / (heights.len() - 1) as f64),
+            [first] => (first, spacing[0].max(spacing[1])),
+            [] => (0.0, 1.0),
+        };
+        HeightGrid { start, step, count: heights.len() }
+    }
+}
+
+/// Takes the layers of a body as they are finished, lowest first.
+pub trait LayerSink {
+    /// The first layer is near. Where a run begins again, this is called again, and what came before does not count.
+    ///
+    /// # Errors
+    /// Any; they end the run.
+    fn begin(&mut self, _header: &Header) -> Result<()> {
+        Ok(())
+    }
+
+    /// The next layer.
+    ///
+    /// # Errors
+    /// Any; they end the run.
+    fn layer(&mut self, layer: Layer) -> Result<()>;
+}
+
+impl<F: FnMut(Layer) -> Result<()>> LayerSink for F {
+    fn layer(&mut self, layer: Layer) -> Result<()> {
+        self(layer)
+    }
+}
+
+/// What a writer needs to be made of a body besides its layers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Needs {
+    /// Nothing.
+    Layers,
+    /// The surface as it arises, or its volume and area.
+    Surface,
+    /// The surface as a whole, at the end.
+    Mesh,
+}
+
+/// Writes a body in one format. It is made with the [`Header`].
+pub trait BodyWriter: Send {
+    /// What must be made for it.
+    fn needs(&self) -> Needs {
+        Needs::Layers
+    }
+
+    /// The next layer, output layer or not.
+    ///
+    /// # Errors
+    /// Those of writing.
+    fn layer(&mut self, _layer: &Layer) -> io::Result<()> {
+        Ok(())
+    }
+
+    /// The surface below that layer, as far as it is new.
+    ///
+    /// # Errors
+    /// Those of writing.
+    fn piece(&mut self, _piece: &Piece) -> io::Result<()> {
+        Ok(())
+    }
+
+    /// The end: writes what is left, up to the last byte.
+    ///
+    /// # Errors
+    /// Those of writing.
+    fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()>;
+}
+
+/// What is known at the end.
+pub struct Ending<'e> {
+    /// What was done, with volume and area where some writer needs the surface.
+    pub report: &'e Report,
+    /// The whole surface where some writer needs the mesh, else nothing.
+    pub mesh: &'e mut Spool,
+}
+
+/// Which writer failed, and why.
+pub type Failed = (usize, io::Error);
+
+/// A body on its way into its writers.
+pub struct BodyStream<'w> {
+    writers: Vec<Box<dyn BodyWriter + 'w>>,
+    needs: Needs,
+    builder: Builder,
+    measure: Measure,
+    spool: Spool,
+}
+
+impl<'w> BodyStream<'w> {
+    /// Nothing yet. A mesh that does not fit in memory waits in a nameless file in `folder`.
+    pub fn new(header: &Header, writers: Vec<Box<dyn BodyWriter + 'w>>, folder: &Path) -> Self {
+        let needs = writers.iter().map(|w| w.needs()).max().unwrap_or(Needs::Layers);
+        BodyStream {
+            writers,
+            needs,
+            builder: Builder::new(header),
+            measure: Measure::default(),
+            spool: Spool::new(folder),
+        }
+    }
+
+    /// The next layer, to all writers at once.
+    ///
+    /// # Errors
+    /// The first writer that failed.
+    pub fn layer(&mut self, layer: &Layer) -> std::result::Result<(), Failed> {
+        let piece = if self.needs >= Needs::Surface { self.builder.layer(layer) } else { None };
+        let write = |writer: &mut Box<dyn BodyWriter + 'w>| {
+            writer.layer(layer)?;
+            piece.map_or(Ok(()), |piece| writer.piece(piece))
+        };
+        let written: Vec<io::Result<()>> = self.writers.par_iter_mut().map(write).collect();
+        first_failure(written)?;
+        match piece {
+            Some(piece) => keep(piece, self.needs, &mut self.measure, &mut self.spool).map_err(|e| (self.keeper(), e)),
+            None => Ok(()),
+        }
+    }
+
+    /// The end of the body. Where some writer needs the surface, its volume and area are put into `report`.
+    ///
+    /// # Errors
+    /// The first writer that failed.
+    pub fn finish(mut self, report: &mut Report) -> std::result::Result<(), Failed> {
+        let keeper = self.keeper();
+        if self.needs >= Needs::Surface {
+            if let Some(piece) = self.builder.finish() {
+                first_failure(self.writers.iter_mut().map(|w| w.piece(piece)).collect())?;
+                keep(piece, self.needs, &mut self.measure, &mut self.spool).map_err(|e| (keeper, e))?;
+            }
+            self.spool.finish().map_err(|e| (keeper, e))?;
+            report.volume = Some(self.measure.volume());
+            report.area = Some(self.measure.area());
+        }
+        let mut end = Ending { report, mesh: &mut self.spool };
+        self.writers.iter_mut().enumerate().try_for_each(|(k, w)| w.finish(&mut end).map_err(|e| (k, e)))
+    }
+
+    /// The writer for which the mesh is kept.
+    fn keeper(&self) -> usize {
+        self.writers.iter().position(|w| w.needs() == Needs::Mesh).unwrap_or(0)
+    }
+}
+
+fn keep(piece: &Piece, needs: Needs, measure: &mut Measure, spool: &mut Spool) -> io::Result<()> {
+    measure.add(piece);
+    if needs == Needs::Mesh { spool.push(piece) } else { Ok(()) }
+}
+
+fn first_failure(written: Vec<io::Result<()>>) -> std::result::Result<(), Failed> {
+    written.into_iter().enumerate().try_for_each(|(k, w)| w.map_err(|e| (k, e)))
+}

@@ -1,0 +1,183 @@
+//! Volumes as Zarr, version 3: a folder of chunks, so that a reader takes what it needs of a volume larger than memory. The metadata are
+//! those of an OME-Zarr 0.5 image with one level.
+//!
+//! OME-Zarr knows a scale and a translation per axis and no rotation: its coordinates are those along the volume's own axes, from the world's
+//! origin (`origin . axis`). How the volume lies in the world stands in the attribute `interslice`, as NRRD has it.
+
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+use zarrs::array::codec::GzipCodec;
+use zarrs::array::data_type::{float32, uint8};
+use zarrs::array::{Array, ArrayBuilder, Element};
+use zarrs::filesystem::FilesystemStore;
+use zarrs::group::GroupBuilder;
+
+use super::Layer;
+use super::mesh::{dot, to_world};
+use super::stream::{BodyWriter, Ending, Header};
+use super::volume::Content;
+
+/// Sides of a chunk, `[z, y, x]`; fewer layers where [`SLAB_BYTES`] hold no more.
+const CHUNK: [usize; 3] = [64, 256, 256];
+/// Most bytes of the layers that wait for their chunks to be full, if two have room.
+const SLAB_BYTES: usize = 256 << 20;
+/// The array's name in the group.
+const LEVEL: &str = "0";
+/// As fast as gzip can.
+const COMPRESSION: u32 = 1;
+
+/// A writer of the output layers into the empty folder `folder`.
+///
+/// # Errors
+/// Those of the folder.
+pub fn writer(folder: &Path, body: &Header, content: Content) -> io::Result<Box<dyn BodyWriter>> {
+    Ok(match content {
+        Content::Distance => Box::new(ZarrWriter::new(folder, body, content, f32::NAN, |phi| phi)?),
+        Content::Mask => Box::new(ZarrWriter::new(folder, body, content, 0, |phi| u8::from(phi < 0.0))?),
+    })
+}
+
+/// Layers of a chunk for layers of so many voxels of so many bytes.
+fn depth(pixels: usize, voxel: usize) -> usize {
+    let room = SLAB_BYTES / (pixels * voxel).max(1);
+    [CHUNK[0], 32, 16, 8, 4, 2].into_iter().find(|depth| *depth <= room).unwrap_or(1)
+}
+
+/// Bytes of memory that writing layers of so many pixels needs at most: a slab, and per thread a chunk before and after its compression.
+pub(crate) fn bytes(pixels: usize, threads: usize) -> u64 {
+    let voxel = size_of::<f32>();
+    let depth = depth(pixels, voxel);
+    let chunk = depth * pixels.min(CHUNK[1] * CHUNK[2]) * voxel;
+    (depth * pixels * voxel + 3 * threads * chunk) as u64
+}
+
+struct ZarrWriter<T> {
+    array: Array<FilesystemStore>,
+    dims: [usize; 2],
+    chunk: [usize; 3],
+    /// What a voxel holds, and what lies beyond the volume.
+    value: fn(f32) -> T,
+    beyond: T,
+    /// Layers that wait, and how many were written before.
+    slab: Vec<T>,
+    written: usize,
+    count: usize,
+}
+
+impl<T: Element + Copy + Send + Sync> ZarrWriter<T> {
+    fn new(folder: &Path, body: &Header, content: Content, beyond: T, value: fn(f32) -> T) -> io::Result<Self> {
+        let store = Arc::new(FilesystemStore::new(folder).map_err(io::Error::other)?);
+        let group = GroupBuilder::new().attributes(attributes(body, content)).build(store.clone(), "/");
+        group.map_err(io::Error::other)?.store_metadata().map_err(io::Error::other)?;
+        let [nx, ny] = body.dims;
+        let chunk = [depth(nx * ny, size_of::<T>()).min(body.grid.count.max(1)), CHUNK[1].min(ny), CHUNK[2].min(nx)];
+        let shape = [body.grid.count, ny, nx].map(|n| n as u64).to_vec();
+        let chunks = chunk.map(|n| n as u64);
+        let mut builder = match content {
+            Content::Distance => ArrayBuilder::new(shape, chunks, float32(), f32::NAN),
+            Content::Mask => ArrayBuilder::new(shape, chunks, uint8(), 0u8),
+        };
+        let gzip = GzipCodec::new(COMPRESSION).map_err(io::Error::other)?;
+        builder.bytes_to_bytes_codecs(vec![Arc::new(gzip)]).dimension_names(Some(["z", "y", "x"]));
+        let array = builder.build(store, &format!("/{LEVEL}")).map_err(io::Error::other)?;
+        array.store_metadata().map_err(io::Error::other)?;
+        let (slab, count) = (Vec::new(), body.grid.count);
+        Ok(ZarrWriter { array, dims: body.dims, chunk, value, beyond, slab, written: 0, count })
+    }
+
+    /// Writes the layers that wait as one layer of chunks.
+    fn store(&mut self) -> io::Result<()> {
+        let [nx, ny] = self.dims;
+        let [depth, height, width] = self.chunk;
+        let layers = self.slab.len() / (nx * ny);
+        let z = (self.written / depth) as u64;
+        let across = nx.div_ceil(width);
+        (0..across * ny.div_ceil(height)).into_par_iter().try_for_each(|n| {
+            let (cy, cx) = (n / across, n % across);
+            let mut chunk = vec![self.beyond; depth * height * width];
+            let (x, row_length) = (cx * width, width.min(nx - cx * width));
+            for k in 0..layers {
+                for j in 0..height.min(ny - cy * height) {
+                    let from = (k * ny + cy * height + j) * nx + x;
+                    let to = (k * height + j) * width;
+                    chunk[to..to + row_length].copy_from_slice(&self.slab[from..from + row_length]);
+                }
+            }
+            self.array.store_chunk(&[z, cy as u64, cx as u64], chunk).map_err(io::Error::other)
+        })?;
+        self.written += layers;
+        self.slab.clear();
+        Ok(())
+    }
+}
+
+impl<T: Element + Copy + Send + Sync> BodyWriter for ZarrWriter<T> {
+    fn layer(&mut self, layer: &Layer) -> io::Result<()> {
+        if !layer.output {
+            return Ok(());
+        }
+        self.slab.extend(layer.phi.iter().map(|phi| (self.value)(*phi)));
+        let full = self.chunk[0] * self.dims[0] * self.dims[1];
+        if self.slab.len() == full { self.store() } else { Ok(()) }
+    }
+
+    fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
+        if !self.slab.is_empty() {
+            self.store()?;
+        }
+        if self.written == self.count {
+            Ok(())
+        } else {
+            Err(io::Error::other(format!("{} of {} layers have come", self.written, self.count)))
+        }
+    }
+}
+
+fn attributes(body: &Header, content: Content) -> Map<String, Value> {
+    let g = &body.geometry;
+    let steps = [body.spacing[0], body.spacing[1], body.grid.step];
+    let origin = to_world(g, [0.0, 0.0, body.grid.start]);
+    let axis = |name: &str| match ome_unit(&body.unit) {
+        Some(unit) => json!({"name": name, "type": "space", "unit": unit}),
+        None => json!({"name": name, "type": "space"}),
+    };
+    let zyx = |of: &dyn Fn(usize) -> f64| json!([of(2), of(1), of(0)]);
+    let transformations = json!([
+        {"type": "scale", "scale": zyx(&|a| steps[a])},
+        {"type": "translation", "translation": zyx(&|a| dot(origin, g.axes[a]))},
+    ]);
+    let axes = ["z", "y", "x"].map(axis);
+    let image = json!({
+        "name": "interslice",
+        "axes": axes,
+        "datasets": [{"path": LEVEL, "coordinateTransformations": transformations}],
+    });
+    let direction = |a: usize| g.axes[a].map(|v| v * steps[a]);
+    let own = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "content": if content == Content::Mask { "mask" } else { "signed distance" },
+        "space": "left-posterior-superior",
+        "space units": body.unit,
+        "space origin": origin,
+        "space directions": {"x": direction(0), "y": direction(1), "z": direction(2)},
+    });
+    let ome = json!({"version": "0.5", "multiscales": [image]});
+    Map::from_iter([("ome".into(), ome), ("interslice".into(), own)])
+}
+
+/// The unit's name in OME-Zarr.
+fn ome_unit(unit: &str) -> Option<&'static str> {
+    match unit {
+        "nm" => Some("nanometer"),
+        "um" | "µm" => Some("micrometer"),
+        "mm" => Some("millimeter"),
+        "cm" => Some("centimeter"),
+        "m" => Some("meter"),
+        "km" => Some("kilometer"),
+        _ => None,
+    }
+}

@@ -192,13 +192,16 @@ impl MovingField {
                 let v = smoothstep(1.0 - from.t);
                 [v * a[0] + w * b[0], v * a[1] + w * b[1]]
             }
+            // A slice beyond is reached from slice to slice alone: it lies in the interval above it or, upside down, in that below.
             Ordering::Less => {
                 let step = |x, j: usize| plus(x, self.at_slices[j][0].at(x), 1.0);
-                off(0, (from.interval + 1..to.interval).fold(above, step))
+                let up_to = |slice: usize| (from.interval + 1..slice).fold(above, step);
+                if to.t == 1.0 { up_to(to.interval + 1) } else { off(0, up_to(to.interval)) }
             }
             Ordering::Greater => {
                 let step = |x, j: usize| plus(x, self.at_slices[j][1].at(x), -1.0);
-                off(1, (to.interval + 1..from.interval).rev().fold(below, step))
+                let down_to = |slice: usize| (slice..from.interval).rev().fold(below, step);
+                if to.t == 0.0 { down_to(to.interval) } else { off(1, down_to(to.interval + 1)) }
             }
         }
     }

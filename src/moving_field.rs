@@ -148,11 +148,11 @@ impl MovingField {
 }
 
 impl Place {
-    /// The place at time `t` of an interval, which is the only one of `alone`.
-    pub fn new(alone: &MovingField, interval: usize, t: f64) -> Self {
-        let paths = alone.paths(0, t);
-        let off = alone.off_slices(0, t, &paths);
-        Place { interval, t, paths, off, at_slices: alone.at_slices[0].clone() }
+    /// The place at time `t` of interval `i` of `moving`, which is number `interval` of the stack.
+    pub fn new(moving: &MovingField, i: usize, interval: usize, t: f64) -> Self {
+        let paths = moving.paths(i, t);
+        let off = moving.off_slices(i, t, &paths);
+        Place { interval, t, paths, off, at_slices: moving.at_slices[i].clone() }
     }
 
     /// Where the trajectory through a point of this layer meets the slices below and above it, px of the padded image.
@@ -166,13 +166,25 @@ impl Place {
     pub fn carry(&self, [below, above]: [[f64; 2]; 2], to: &Place, between: &[&[Displacement; 2]]) -> [f64; 2] {
         let off = |end: usize, slice: [f64; 2]| plus(slice, to.off[end].at(slice), 1.0);
         match self.interval.cmp(&to.interval) {
+            // To a slice there is one way, as from the interval on its other side.
+            Ordering::Equal if to.t == 0.0 => below,
+            Ordering::Equal if to.t == 1.0 => above,
             Ordering::Equal => {
                 let ([a, b], w) = ([off(0, below), off(1, above)], smoothstep(self.t));
                 let v = smoothstep(1.0 - self.t);
                 [v * a[0] + w * b[0], v * a[1] + w * b[1]]
             }
-            Ordering::Less => off(0, between.iter().fold(above, |x, v| plus(x, v[0].at(x), 1.0))),
-            Ordering::Greater => off(1, between.iter().rev().fold(below, |x, v| plus(x, v[1].at(x), -1.0))),
+            // A slice beyond is reached from slice to slice alone: it lies in the interval above it or, upside down, in that below.
+            Ordering::Less => {
+                let step = |x, v: &[Displacement; 2]| plus(x, v[0].at(x), 1.0);
+                let slice = between.iter().fold(above, |x, v| step(x, v));
+                if to.t == 1.0 { step(slice, &to.at_slices) } else { off(0, slice) }
+            }
+            Ordering::Greater => {
+                let step = |x, v: &[Displacement; 2]| plus(x, v[1].at(x), -1.0);
+                let slice = between.iter().rev().fold(below, |x, v| step(x, v));
+                if to.t == 0.0 { step(slice, &to.at_slices) } else { off(1, slice) }
+            }
         }
     }
 }

@@ -124,6 +124,6 @@ impl<'b> MovingStack<'b> {
         let last = self.displacements.len() - 1;
         let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
         let t = time(z, self.heights[interval], self.heights[interval + 1]);
-        Ok(Place::new(&self.frame(interval..interval + 2)?, interval, t))
+        Ok(Place::new(&self.frame(interval..interval + 2)?, 0, interval, t))
     }
 }

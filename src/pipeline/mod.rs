@@ -85,6 +85,8 @@ struct Span {
     gap: f64,
     /// Median step between all layers.
     step: f64,
+    /// Half of it, or of the least gap of the whole stack.
+    apart: f64,
 }
 
 impl Span {
@@ -92,6 +94,8 @@ impl Span {
         let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
         let first = section.slices.start;
         let here = |r: &Range<usize>| r.start - first..r.end - first;
+        let step = Heights::median_step(&z, heights);
+        let gaps = || z.windows(2).map(|w| w[1] - w[0]);
         let intervals = first..section.slices.end - 1;
         Span {
             kept: here(&section.kept),
@@ -100,8 +104,9 @@ impl Span {
             first,
             ends: [section.layers.start == 0, section.layers.end == z.len() - 1],
             gaps: even_gaps(&z)[intervals].to_vec(),
-            gap: median(z.windows(2).map(|w| w[1] - w[0]).collect()),
-            step: Heights::median_step(&z, heights),
+            gap: median(gaps().collect()),
+            step,
+            apart: 0.5 * gaps().fold(step, f64::min),
         }
     }
 }
@@ -333,6 +338,7 @@ impl<'a> Run<'a> {
             spacing: self.stack.spacing,
             gap: self.span.gap,
             dz: self.span.step,
+            apart: self.span.apart,
             alpha: self.settings.fair,
             clamped: [self.settings.clamp_bottom, self.settings.clamp_top].map(|m| m.is_some()),
             shares: self.fairing_shares(contours)?,

@@ -20,7 +20,8 @@ use crate::surface::stream::{Header, LayerSink};
 
 /// Heights this close to each other, in gaps, are one.
 const SAME: f64 = 1e-6;
-/// Pixels, of the larger side, around a label that are computed with it. What lies beyond changes none of its bits (`tests/labels.rs`).
+/// Pixels, of the larger side, around a label that are computed with it. What lies beyond changes no bit of its surface; distances differ by
+/// rounding within a hundredth of a pixel of the clamp (`tests/labels.rs`).
 const AROUND: f64 = 64.0;
 
 /// What a run with labels needs to know.
@@ -74,7 +75,8 @@ impl Decided {
     }
 }
 
-/// Reconstructs each label alone and, to `unite` them, the unions of those that touch, each on its own part of the image.
+/// Reconstructs each label alone and, to `unite` them, the unions of those that touch, each on its own part of the image. Labels that are not
+/// united are computed on the whole image, and their distances are those of a single run to the last bit.
 ///
 /// # Errors
 /// As [`reconstruct_into`], naming the label; [`Error::Write`] for temporary files.
@@ -82,7 +84,8 @@ pub fn reconstruct(stack: &LabelStack, unite: bool, plan: &Plan<'_>, means: &Mea
     stack.validate()?;
     let far = plan.settings.margin() as f32 * pixel(&stack.stack);
     let keep = |members: &[usize]| {
-        let part = Part::of(&stack.united(members));
+        let united = stack.united(members);
+        let part = if unite { Part::of(&united) } else { Part { stack: united, origin: [0; 2] } };
         let mut kept = KeptBody::new(plan.folder, far, stack.stack.dims, part.origin)?;
         let threads = rayon::current_num_threads();
         let needs = Needs::of(&part.stack, plan.heights, plan.settings, threads);

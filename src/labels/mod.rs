@@ -8,7 +8,7 @@
 //! psi_a = max(min(phi_a, max(u, t_a - R)), (phi_a - m_a) / 2)
 //! ```
 //!
-//! - Where labels overlap the deepest wins, and `psi_a = -psi_b` there: the two surfaces are one.
+//! - Where labels overlap the deepest wins; `psi_a = -psi_b` there unless a third label is as near: the two surfaces are one.
 //! - Inside the union, less than R (the margin less a pixel) from both, what no label has goes to the nearest that may have it.
 //! - Elsewhere `psi_a` is `phi_a`, bit by bit; the second half of the maximum counts within 3 px of a only.
 //! - Equal distances: the smaller sum over the 3 x 3 pixels around wins, then the label with more drawn pixels, then that whose first drawn

@@ -6,7 +6,7 @@ use clap::ArgMatches;
 use interslice::files::Loaded;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
-use interslice::{Error, Means, Progress, Result};
+use interslice::{Budget, Error, Means, Progress, Result};
 
 use super::bar::Bars;
 use super::devices::{DeviceOptions, choose, tell_profile};
@@ -89,16 +89,8 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     }
     let bars = Bars::default();
     let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
-    if let Some(kept) = budget.kept() {
-        let folder = std::env::temp_dir();
-        let message = format!(
-            "what does not fit into memory is kept in {} ({} MiB stay in memory)",
-            folder.display(),
-            kept >> 20
-        );
-        if telling != Telling::Quiet {
-            eprintln!("{message}");
-        }
+    if telling != Telling::Quiet {
+        tell_kept(&budget);
     }
     let means = Means { backend: chosen.backend(), progress, budget: &budget };
     let mut body = loaded.compute(&means, &mut outputs)?;
@@ -119,6 +111,15 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
         written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
     }
     Ok(())
+}
+
+/// Where is what does not fit into memory.
+pub fn tell_kept(budget: &Budget) {
+    if let Some(kept) = budget.kept() {
+        let folder = std::env::temp_dir();
+        let folder = folder.display();
+        eprintln!("what does not fit into memory is kept in {folder} ({} MiB stay in memory)", kept >> 20);
+    }
 }
 
 /// Stages and contours, for people.

@@ -122,7 +122,7 @@ fn zarr_bytes(_pixels: usize) -> u64 {
 }
 
 /// What is made of the result.
-#[derive(Debug, Clone, Default, clap::Args, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[command(next_help_heading = "Output")]
 pub struct OutputOptions {

@@ -63,8 +63,8 @@ def tube(path, size, slices, radius):
 
 names = [f"tube{k:02}" for k in range(20)]
 for k, name in enumerate(names):
-    tube(place / f"{name}.nrrd", 120, 14, 15 + k)
-tube(place / "long.nrrd", 200, 60, 40)
+    tube(place / f"{name}.nrrd", 80, 10, 10 + k / 2)
+tube(place / "long.nrrd", 120, 60, 24)
 job = lambda name: {"id": name, "input": f"{name}.nrrd", "outputs": [f"out/{name}.nrrd", f"out/{name}.stl"]}
 (place / "manifest.jsonl").write_text("".join(json.dumps(job(name)) + "\n" for name in names))
 PYTHON
@@ -83,7 +83,6 @@ split:
 folder: parts
 threads: 1
 mem_mb: 1500
-retries: 2
 resources: {runtime: 60}
 YAML
 
@@ -95,9 +94,9 @@ done
   -o "$place/plain/long.nrrd" -o "$place/plain/long.stl" -o "$place/plain/long.png" -o "$place/plain/long.json"
 
 cd "$place/work"
-run_workflow() { "$snakemake" -s "$repository/workflow/Snakefile" --configfile config.yaml "$@" >>"$place/snakemake.log" 2>&1; }
-done_lines() { grep -c '"status":"done"' results.jsonl 2>/dev/null || true; }
-show_and_fail() { cat "$place"/*.log >&2; fail "$*"; }
+run_workflow() { "$snakemake" -s "$repository/workflow/Snakefile" --configfile config.yaml --retries 2 "$@" >>"$place/snakemake.log" 2>&1; }
+done_lines() { cat results.jsonl 2>/dev/null | grep -c "\"status\":\"done\"" || true; }
+show_and_fail() { find "$place" -name "*.log" -exec tail -n 60 {} + >&2; fail "$*"; }
 # Waits for a command to succeed while the workflow runs, at most 10 minutes.
 wait_for() {
   local k
@@ -130,6 +129,11 @@ else
   chmod 755 "$place"
   mkdir "$place/state" "$place/spool" "$place/munge"
   port=$((20000 + $$ % 20000))
+  # Snakemake keeps SLURM_CONF from the steps of a job.
+  mkdir "$place/bin"
+  printf '#!/bin/sh\nSLURM_CONF=%s exec %s "$@"\n' "$SLURM_CONF" "$(command -v srun)" >"$place/bin/srun"
+  chmod +x "$place/bin/srun"
+  export PATH="$place/bin:$PATH"
   # GPUs that are counted, not used: what is tested is that the requests arrive.
   cat >"$SLURM_CONF" <<CONF
 ClusterName=workflow
@@ -144,6 +148,7 @@ StateSaveLocation=$place/state
 SlurmdSpoolDir=$place/spool
 SlurmctldPidFile=$place/slurmctld.pid
 SlurmdPidFile=$place/slurmd.pid
+MpiDefault=none
 ProctrackType=proctrack/linuxproc
 TaskPlugin=task/none
 JobAcctGatherType=jobacct_gather/none
@@ -156,7 +161,7 @@ GresTypes=gpu
 NodeName=localhost CPUs=6 RealMemory=12000 Gres=gpu:3
 PartitionName=main Nodes=localhost Default=YES State=UP
 CONF
-  echo "NodeName=localhost Name=gpu Count=3" >"$place/gres.conf"
+  printf 'NodeName=localhost Name=gpu File=/dev/%s\n' null zero full >"$place/gres.conf"
   echo "CgroupPlugin=cgroup/v1" >"$place/cgroup.conf"
   dd if=/dev/urandom of="$place/munge/key" bs=1024 count=1 status=none
   chmod 600 "$place/munge/key"
@@ -173,7 +178,7 @@ CONF
 
   say "Snakemake on Slurm $(slurmctld -V | cut -d' ' -f2)"
   sed -i 's/^resources:.*/resources: {runtime: 60, gpu: 1}/' config.yaml
-  run_workflow --executor slurm --jobs 6 --latency-wait 60 --slurm-no-account --slurm-status-command squeue \
+  run_workflow --executor slurm --jobs 6 --latency-wait 60 --slurm-status-command squeue \
     --slurm-init-seconds-before-status-checks 2 &
   workflow=$!
   some_are_done() { [ "$(done_lines)" -ge 4 ]; }

@@ -101,7 +101,7 @@ show_and_fail() { find "$place" -name "*.log" -exec tail -n 60 {} + >&2; fail "$
 wait_for() {
   local k
   for k in $(seq 6000); do
-    if "$@"; then return; fi
+    if "$@" >/dev/null; then return; fi
     kill -0 "$workflow" 2>/dev/null || show_and_fail "the workflow ended before: $*"
     sleep 0.1
   done

@@ -238,7 +238,7 @@ if how == "slurm":
     }, "not the jobs that were expected"
     needs = [part["memory_mib"] * 5 // 4 + 250 for part in json.loads((place / "work/parts/long/plan.json").read_text())]
     for job in jobs:
-        gpus, memory = "gres/gpu=1" in job["TRES"], int(re.search(r"mem=(\d+)M", job["TRES"])[1])
+        gpus, memory = "gpu:1" in job.get("TresPerJob", ""), int(re.search(r"mem=(\d+)M", job["TRES"])[1])
         assert gpus == (rule(job) in ("batch", "part")), f"GPUs of {job}"
         assert rule(job) != "part" or memory in needs + [2 * n for n in needs], f"memory of {job}: expected {needs}"
 PYTHON

@@ -70,6 +70,11 @@ impl Heights {
         median(inner.all.windows(2).map(|w| w[1].z - w[0].z).collect())
     }
 
+    /// The heights of the output grid, where they are contours' as these.
+    pub fn output(&self) -> Vec<f64> {
+        self.all.iter().filter(|x| x.output).map(|x| x.z).collect()
+    }
+
     /// Heights strictly between contours `i` and `i + 1`.
     pub fn between(&self, i: usize) -> &[Height] {
         let (from, to) = self.inner[i];

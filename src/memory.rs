@@ -67,15 +67,17 @@ impl Needs {
         let kept = slices * padded * (PER_SLICE_PIXEL + moving);
         let all = kept + waiting + swept * PER_SWEPT_PIXEL + most_between * padded * PER_BLENDED_PIXEL;
         let displaced = if moving > 0.0 { slices * padded * PER_DISPLACED_PIXEL } else { 0.0 };
-        let contents = stack.slices.iter().map(|s| match s.content {
-            SliceContent::Mask(_) => PER_MASK_PIXEL * pixels,
-            SliceContent::Level(_) => PER_LEVEL_PIXEL * pixels,
-        });
         let at_once = most_between.min(threads as f64);
         let interval = padded * (PER_INTERVAL_PIXEL + most_between * PER_SWEPT_PIXEL + at_once * PER_BLENDED_PIXEL);
-        let least = BASE_BYTES + contents.sum::<f64>() + displaced + interval + waiting;
+        let least = BASE_BYTES + contents(stack) + displaced + interval + waiting;
         let [all, least] = [all, least].map(|bytes| bytes as u64);
         Needs { all, least: least.min(all), interval: interval as u64, disk: kept as u64 }
+    }
+
+    /// The same of a section of `stack`, all of which has been read.
+    pub fn within(self, stack: &ContourStack) -> Self {
+        let read = contents(stack) as u64;
+        Needs { all: self.all + read, least: self.least + read, ..self }
     }
 
     /// What a run may keep in memory beside `beside` bytes of others, where `limit` bytes are allowed in all, or else what is free.
@@ -97,6 +99,16 @@ impl Needs {
             _ => Ok(Budget::of((limit - least) / 2, self.interval + (limit - least) / 2)),
         }
     }
+}
+
+/// Bytes of the slices as they were read.
+fn contents(stack: &ContourStack) -> f64 {
+    let pixels: f64 = stack.dims.iter().map(|n| *n as f64).product();
+    let each = stack.slices.iter().map(|s| match s.content {
+        SliceContent::Mask(_) => PER_MASK_PIXEL * pixels,
+        SliceContent::Level(_) => PER_LEVEL_PIXEL * pixels,
+    });
+    each.sum()
 }
 
 /// Bytes that are free on the disk of a folder; nothing on a system that does not tell.

@@ -62,9 +62,20 @@ impl Report {
         let new = above.warnings.into_iter().filter(|w| !self.warnings.contains(w)).collect::<Vec<_>>();
         self.warnings.extend(new);
         if !self.backend.split("; ").any(|known| known == above.backend) {
+            if machine(&self.backend) != machine(&above.backend) {
+                let (own, other) = (machine(&self.backend), machine(&above.backend));
+                self.warnings.push(format!(
+                    "parts come from different machines, whose results differ by hundredths of a pixel: {own}; {other}"
+                ));
+            }
             self.backend = format!("{}; {}", self.backend, above.backend);
         }
     }
+}
+
+/// What of a backend's name the result depends on: on no number of threads.
+fn machine(backend: &str) -> &str {
+    if backend.starts_with("reference") { "reference" } else { backend }
 }
 
 /// How well one input contour is met.

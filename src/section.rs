@@ -43,10 +43,12 @@ impl Section {
     /// [`Error::Setting`] for a part that is not there.
     pub fn part(stack: &ContourStack, settings: &Settings, number: usize, count: usize) -> Result<Self> {
         let intervals = stack.slices.len().saturating_sub(1);
-        if count == 0 || count > intervals || number == 0 || number > count {
-            let message =
-                format!("must be K/N with 1 <= K <= N <= {intervals}, the stack's intervals; got {number}/{count}");
-            return Err(Error::Setting { name: "part".into(), message });
+        let fail = |name: &str, message| Err(Error::Setting { name: name.into(), message });
+        if !(1..=intervals).contains(&count) {
+            return fail("parts", format!("must lie in [1, {intervals}], the stack's intervals; got {count}"));
+        }
+        if !(1..=count).contains(&number) {
+            return fail("part", format!("must be K/{count} with K in [1, {count}]; got {number}/{count}"));
         }
         Ok(Section::keeping(stack, settings, (number - 1) * intervals / count..number * intervals / count))
     }

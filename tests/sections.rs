@@ -88,8 +88,8 @@ fn a_section_reads_no_more_than_it_needs() {
         Section::part(&stack, &Settings { method: Method::Field, ..Settings::default() }, 1, 6).expect("a part");
     assert_eq!((section.kept.clone(), section.slices.start), (0..9, 0));
     assert!(section.slices.end < 30, "{:?}", section.slices);
-    for (k, n) in [(0, 3), (4, 3), (1, 0), (1, 60)] {
+    for (k, n, said) in [(0, 3, "part"), (4, 3, "part"), (1, 0, "parts"), (1, 60, "parts")] {
         let error = Section::part(&stack, &Settings::default(), k, n).expect_err("there is no such part");
-        assert!(matches!(&error, Error::Setting { name, .. } if name == "part"), "{error}");
+        assert!(matches!(&error, Error::Setting { name, .. } if name == said), "{error}");
     }
 }

@@ -125,9 +125,8 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
 /// What may stay in memory beside `writing` bytes; says so where that is not everything.
 pub fn budget(loaded: &Loaded, writing: u64, device: &DeviceOptions, telling: Telling) -> Result<Budget> {
     let budget = loaded.needs().budget(writing, device.memory())?;
-    if let (Some(kept), true) = (budget.kept(), telling != Telling::Quiet) {
-        let folder = std::env::temp_dir();
-        eprintln!("beyond {} MiB the slices are kept in a temporary file in {}", kept >> 20, folder.display());
+    if telling != Telling::Quiet {
+        tell_kept(&budget);
     }
     Ok(budget)
 }
@@ -171,6 +170,14 @@ pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, telling: Telli
         tell_profile(profile);
     }
     Ok(())
+}
+
+/// Where is what does not fit into memory.
+pub fn tell_kept(budget: &Budget) {
+    if let Some(kept) = budget.kept() {
+        let folder = std::env::temp_dir();
+        eprintln!("beyond {} MiB the slices are kept in a temporary file in {}", kept >> 20, folder.display());
+    }
 }
 
 /// Stages and contours, for people.

@@ -13,9 +13,9 @@ use interslice::{Error, Progress, Result, memory};
 use serde::Serialize;
 
 use super::bar::Bars;
-use super::devices::{DeviceOptions, choose};
+use super::devices::{DeviceOptions, choose, tell_profile};
 use super::job::JobArguments;
-use super::reconstruct::set_threads;
+use super::reconstruct::{set_threads, tell_kept};
 use super::say::say;
 
 #[derive(Debug, clap::Args)]
@@ -26,6 +26,10 @@ pub struct PlanArguments {
     /// Parts
     #[arg(long, value_name = "N")]
     parts: usize,
+
+    /// Threads of each run, for its memory [default: one per core]
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
 
     /// Print JSON
     #[arg(long)]
@@ -58,7 +62,7 @@ pub struct RunArguments {
     #[arg(long, value_name = "K/N")]
     part: Part,
 
-    /// File for the part, which `merge` takes
+    /// File for the part, *.section, which `merge` takes
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 
@@ -84,11 +88,11 @@ pub struct MergeArguments {
     #[arg(short, long = "output", value_name = "FILE", required = true)]
     outputs: Vec<PathBuf>,
 
-    /// Volumes hold 8-bit masks instead of signed distances
+    /// Volumes hold 8-bit masks instead of signed distances, as if `run` had been told
     #[arg(long)]
     mask: bool,
 
-    /// Draw the input contours into pictures
+    /// Draw the input contours into pictures, as if `run` had been told
     #[arg(long)]
     contours: bool,
 
@@ -112,7 +116,8 @@ struct Planned {
 }
 
 pub fn plan(arguments: PlanArguments, matches: &ArgMatches) -> Result<()> {
-    let PlanArguments { job, parts, json } = arguments;
+    let PlanArguments { job, parts, threads, json } = arguments;
+    set_threads(threads)?;
     let input = job.input.clone();
     let loaded = Loaded::read(&input, job.options(&mut DeviceOptions::default(), matches)?)?;
     let slices = &loaded.stack.slices;
@@ -162,18 +167,22 @@ pub fn run(mut arguments: RunArguments, matches: &ArgMatches) -> Result<()> {
     let name = fingerprint(&input, &options, &["section"])?;
     let loaded = Loaded::read(&input, options)?;
     let section = loaded.section(number, count)?;
-    let mut writer = SectionWriter::open(&arguments.output, [number, count], name, &loaded.heights)?;
+    let mut writer = SectionWriter::open(&arguments.output, [number, count], name, &loaded)?;
     let needs = loaded.needs_of(&section);
     let budget = needs.budget(0, arguments.device.memory())?;
     let notice = |message: &str| eprintln!("warning: {message}");
     let chosen = choose(&arguments.device, &notice)?;
     if !arguments.quiet {
         eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+        tell_kept(&budget);
     }
     let bars = Bars::default();
     let progress: &dyn Progress = if arguments.quiet { &interslice::progress::Silent } else { &bars };
     let means = interslice::Means { backend: chosen.backend(), progress, budget: &budget };
     let body = loaded.compute_section(&section, &means, &mut writer)?;
+    if let Some(profile) = chosen.profile() {
+        tell_profile(&profile);
+    }
     let written = writer.finish(&body.report)?;
     if !arguments.quiet {
         body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
@@ -184,7 +193,12 @@ pub fn run(mut arguments: RunArguments, matches: &ArgMatches) -> Result<()> {
 
 pub fn merge(arguments: MergeArguments) -> Result<()> {
     let sections = Sections::open(&arguments.parts)?;
-    let options = OutputOptions { mask: arguments.mask, contours: arguments.contours, ..OutputOptions::default() };
+    let told = sections.output();
+    let options = OutputOptions {
+        mask: arguments.mask || told.mask,
+        contours: arguments.contours || told.contours,
+        ..told.clone()
+    };
     let mut outputs = Outputs::open(&arguments.outputs, None, Temporary::Random)?;
     outputs.check(&options)?;
     memory::check(outputs.bytes(sections.dims(), sections.geometry()), None)?;

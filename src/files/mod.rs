@@ -17,13 +17,14 @@ use serde::Serialize;
 
 use crate::backend::Means;
 use crate::error::{Error, Result};
+use crate::heights::Heights;
 use crate::links::LinkOptions;
 use crate::memory::Needs;
 use crate::section::Section;
 use crate::settings::Settings;
-use crate::stack::{ContourStack, ReadOptions, read};
+use crate::stack::{ContourStack, HeightGrid, ReadOptions, read};
 use crate::surface::Reconstruction;
-use crate::surface::stream::LayerSink;
+use crate::surface::stream::{Header, LayerSink};
 use crate::{height_grid, reconstruct_into, reconstruct_section};
 use outputs::{OutputOptions, Outputs};
 
@@ -106,15 +107,24 @@ impl Loaded {
         Ok(Loaded { stack, heights, options, notes: Vec::new() })
     }
 
+    /// The grid of the output layers, of which some are contours' own.
+    pub fn grid(&self) -> HeightGrid {
+        let z: Vec<f64> = self.stack.slices.iter().map(|s| s.z).collect();
+        let all = Heights::merged(&z, &self.heights, [z[0], z[z.len() - 1]]);
+        Header::grid(&all.output(), self.stack.spacing)
+    }
+
     /// What the reconstruction needs of memory and disk, without its outputs.
     pub fn needs(&self) -> Needs {
         Needs::of(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
     }
 
-    /// What a section of it needs; the other slices have been read all the same.
+    /// What a section of it needs, with all slices, which have been read.
     pub fn needs_of(&self, section: &Section) -> Needs {
         let heights = section.heights(&self.stack, &self.heights);
-        Needs::of(&section.stack(&self.stack), &heights, &self.options.settings, rayon::current_num_threads())
+        let needs =
+            Needs::of(&section.stack(&self.stack), &heights, &self.options.settings, rayon::current_num_threads());
+        needs.within(&self.stack)
     }
 
     /// Section `number` (from 1) of `count`.

@@ -1,12 +1,13 @@
 //! A section of a body on its way to be joined with the others: its layers and its report in one file.
 //!
 //! ```text
-//! one line of JSON (Head), then a gzip stream of records:
+//! a gzip stream: one line of JSON (Head), then records:
 //! 1, height f64, output u8, contour + 1 u64 (0: none), nx * ny signed distances f32
 //! 0, length u64, report as JSON
 //! ```
-//! Numbers are little-endian. Joined sections go through the writers of a single run, so that its files have the same bytes.
+//! Numbers are little-endian; gzip's checksum tells whether all is as it was written. Joined sections go through the writers of a single run, so that its files have the same bytes.
 
+use std::cmp::Ordering;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -16,23 +17,33 @@ use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
 
+use super::Loaded;
+use super::outputs::OutputOptions;
 use super::pending::{Pending, Temporary, parent};
 use crate::error::{Error, Result};
 use crate::report::Report;
-use crate::stack::Geometry;
+use crate::stack::{ContourStack, Geometry, HeightGrid};
 use crate::surface::stream::{Header, LayerSink};
 use crate::surface::{Layer, Reconstruction};
 
+/// Bytes of a file's buffer.
+const BUFFER_BYTES: usize = 1 << 20;
 /// First word of every file.
 const MAGIC: &str = "interslice section";
+/// Extension of their names: a section stands in no place that could be another file's.
+const EXTENSION: &str = "section";
 /// Longest first line, bytes.
 const LONGEST_HEAD: u64 = 1 << 20;
+/// Most pixels of a layer.
+const MOST_PIXELS: usize = 1 << 40;
+/// Most parts that are listed as missing.
+const LISTED: usize = 10;
 /// Kinds of records.
 const LAYER: u8 = 1;
 const END: u8 = 0;
 
 /// What a section is part of.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Head {
     format: String,
@@ -48,7 +59,21 @@ struct Head {
     /// Of the body where the section ends with it.
     extent: [f64; 2],
     /// Heights of the output layers of all sections.
-    heights: Vec<f64>,
+    grid: HeightGrid,
+    /// What is to be made of the body.
+    output: OutputOptions,
+}
+
+impl Head {
+    /// Whether it is the head of a section of the same body.
+    fn is_beside(&self, other: &Head) -> bool {
+        // Less what is each section's own.
+        let body = |head: &Head| {
+            let head = Head { part: [0, head.part[1]], extent: [0.0; 2], ..head.clone() };
+            serde_json::to_value(head).ok()
+        };
+        body(self) == body(other)
+    }
 }
 
 /// Writes a section under a temporary name.
@@ -60,28 +85,33 @@ pub struct SectionWriter {
 }
 
 impl SectionWriter {
-    /// Opens the file of part `part` (number from 1, count) of the body with this fingerprint, whose output layers have these `heights`.
+    /// Opens the file of part `part` (number from 1, count) of the body with this fingerprint.
     ///
     /// # Errors
-    /// [`Error::Output`] for a name that cannot be written.
-    pub fn open(target: &Path, part: [usize; 2], fingerprint: String, heights: &[f64]) -> Result<Self> {
+    /// [`Error::Output`] for a name that cannot be written or is not `*.section`.
+    pub fn open(target: &Path, part: [usize; 2], fingerprint: String, loaded: &Loaded) -> Result<Self> {
         let fail = |message: String| Error::Output { path: target.into(), message };
+        if target.extension().is_none_or(|e| e != EXTENSION) {
+            return Err(fail(format!("a part's name must end in .{EXTENSION}")));
+        }
         if target.is_dir() {
             return Err(fail("is a folder".into()));
         }
         let pending = Pending::open(target, false, Temporary::Random)
             .map_err(|e| fail(format!("in folder {}: {e}", parent(target).display())))?;
+        let ContourStack { dims, spacing, unit, geometry, .. } = &loaded.stack;
         let head = Head {
             format: MAGIC.into(),
             version: env!("CARGO_PKG_VERSION").into(),
             fingerprint,
             part,
-            dims: [0; 2],
-            spacing: [0.0; 2],
-            unit: String::new(),
-            geometry: Geometry::default(),
+            dims: *dims,
+            spacing: *spacing,
+            unit: unit.clone(),
+            geometry: *geometry,
             extent: [0.0; 2],
-            heights: heights.to_vec(),
+            grid: loaded.grid(),
+            output: loaded.options.output.clone(),
         };
         Ok(SectionWriter { target: target.into(), pending, head, out: None })
     }
@@ -92,10 +122,11 @@ impl SectionWriter {
 
     fn start(&mut self) -> io::Result<()> {
         let Pending::File(file) = &mut self.pending else { return Ok(()) };
-        let mut out = BufWriter::with_capacity(1 << 20, file.reopen()?);
+        let out = BufWriter::with_capacity(BUFFER_BYTES, file.reopen()?);
+        let mut out = GzEncoder::new(out, Compression::fast());
         serde_json::to_writer(&mut out, &self.head)?;
         out.write_all(b"\n")?;
-        self.out = Some(GzEncoder::new(out, Compression::fast()));
+        self.out = Some(out);
         Ok(())
     }
 
@@ -124,8 +155,9 @@ impl SectionWriter {
 
 impl LayerSink for SectionWriter {
     fn begin(&mut self, header: &Header) -> Result<()> {
-        let Header { dims, spacing, unit, geometry, extent, .. } = header.clone();
-        self.head = Head { dims, spacing, unit, geometry, extent, ..self.head.clone() };
+        self.head.extent = header.extent;
+        // What came before ends in the file first.
+        self.out = None;
         if let Pending::File(file) = &mut self.pending {
             file.as_file_mut().set_len(0).map_err(|source| Error::Write { path: self.target.clone(), source })?;
         }
@@ -157,32 +189,37 @@ impl Sections {
     /// [`Error::Read`]; [`Error::Format`] for files that are no sections, of different bodies, or not all of them.
     pub fn open(paths: &[PathBuf]) -> Result<Self> {
         let mut files: Vec<(PathBuf, Head)> =
-            paths.iter().map(|path| Ok((path.clone(), head(path)?.0))).collect::<Result<_>>()?;
+            paths.iter().map(|path| Ok((path.clone(), SectionReader::open(path)?.head))).collect::<Result<_>>()?;
         files.sort_by_key(|(_, head)| head.part[0]);
         let Some((first_path, first)) = files.first() else {
             return Err(Error::Setting { name: "parts".into(), message: "are missing: nothing to merge".into() });
         };
+        let fail = |path: &Path, message: String| Err(Error::Format { path: path.into(), message });
         let count = first.part[1];
         for (path, head) in &files {
-            let fail = |message: String| Err(Error::Format { path: path.clone(), message });
-            if head.fingerprint != first.fingerprint || head.part[1] != count {
-                return fail(format!(
-                    "is part {} of {} of another body (input, options or number of parts differ from {})",
-                    head.part[0],
-                    head.part[1],
-                    first_path.display()
-                ));
+            if !head.is_beside(first) {
+                let [number, of] = head.part;
+                let first = first_path.display();
+                return fail(
+                    path,
+                    format!(
+                        "is part {number} of {of} of another body than {first}: input, options or number of parts differ"
+                    ),
+                );
             }
         }
-        let numbers: Vec<usize> = files.iter().map(|(_, head)| head.part[0]).collect();
-        let missing: Vec<String> = (1..=count).filter(|k| !numbers.contains(k)).map(|k| k.to_string()).collect();
-        if !missing.is_empty() {
-            let message = format!("of the {count} parts of its body these are missing: {}", missing.join(", "));
-            return Err(Error::Format { path: first_path.clone(), message });
-        }
         if let Some(twice) = files.windows(2).find(|w| w[0].1.part == w[1].1.part) {
-            let message = format!("is part {} again, as {}", twice[1].1.part[0], twice[0].0.display());
-            return Err(Error::Format { path: twice[1].0.clone(), message });
+            return fail(&twice[1].0, format!("is part {} again, as {}", twice[1].1.part[0], twice[0].0.display()));
+        }
+        if files.len() < count {
+            let there = |k: &usize| files.binary_search_by_key(k, |(_, head)| head.part[0]).is_ok();
+            let missing: Vec<String> = (1..=count).filter(|k| !there(k)).take(LISTED).map(|k| k.to_string()).collect();
+            let more = if missing.len() < count - files.len() { ", ..." } else { "" };
+            let number = count - files.len();
+            return fail(
+                first_path,
+                format!("of the {count} parts of its body {number} are missing: {}{more}", missing.join(", ")),
+            );
         }
         Ok(Sections { files })
     }
@@ -197,23 +234,32 @@ impl Sections {
         &self.files[0].1.geometry
     }
 
+    /// What the sections' options say is to be made of the body.
+    pub fn output(&self) -> &OutputOptions {
+        &self.files[0].1.output
+    }
+
     /// Hands all layers to `sink`, lowest first; the body without layers.
     ///
     /// # Errors
     /// [`Error::Read`], [`Error::Format`] for damaged files; what `sink` says.
     pub fn replay(&self, sink: &mut dyn LayerSink) -> Result<Reconstruction> {
         let (bottom, top) = (&self.files[0].1, &self.files[self.files.len() - 1].1);
-        let Head { dims, spacing, unit, geometry, heights, .. } = bottom.clone();
+        let Head { dims, spacing, unit, geometry, grid, .. } = bottom.clone();
         let extent = [bottom.extent[0], top.extent[1]];
-        let grid = Header::grid(&heights, spacing);
         sink.begin(&Header { dims, spacing, unit: unit.clone(), geometry, extent, grid })?;
         let mut whole: Option<Report> = None;
+        let mut seen = Seen { z: f64::NEG_INFINITY, output: 0 };
         for (path, _) in &self.files {
-            let report = replay_one(path, sink)?;
+            let report = SectionReader::open(path)?.replay(&mut seen, sink)?;
             match &mut whole {
                 Some(whole) => whole.join(report),
                 none => *none = Some(report),
             }
+        }
+        if seen.output != grid.count {
+            let message = format!("its body has {} output layers, expected {}", seen.output, grid.count);
+            return Err(Error::Format { path: self.files[0].0.clone(), message });
         }
         Ok(Reconstruction {
             dims,
@@ -227,54 +273,98 @@ impl Sections {
     }
 }
 
-/// The first line of a section, and what follows it.
-fn head(path: &Path) -> Result<(Head, BufReader<File>)> {
-    let failed = |source| Error::Read { path: path.into(), source };
-    let mut file = BufReader::with_capacity(1 << 20, File::open(path).map_err(failed)?);
-    let mut line = Vec::new();
-    file.by_ref().take(LONGEST_HEAD).read_until(b'\n', &mut line).map_err(failed)?;
-    let wrong = |message: String| Error::Format { path: path.into(), message };
-    let head: Head = serde_json::from_slice(&line)
-        .map_err(|e| wrong(format!("is not a section that `interslice run` has written: {e}")))?;
-    if head.format != MAGIC || head.version != env!("CARGO_PKG_VERSION") {
-        return Err(wrong(format!(
-            "is `{}` of version {}, expected `{MAGIC}` of version {}",
-            head.format,
-            head.version,
-            env!("CARGO_PKG_VERSION")
-        )));
-    }
-    if head.part[0] == 0 || head.part[0] > head.part[1] || head.dims.contains(&0) {
-        return Err(wrong(format!("part {:?} of {:?} pixels cannot be", head.part, head.dims)));
-    }
-    head.geometry.validate().map_err(|e| wrong(e.to_string()))?;
-    Ok((head, file))
+/// What has been read of a body.
+struct Seen {
+    /// Height of the last layer.
+    z: f64,
+    /// Output layers.
+    output: usize,
 }
 
-fn replay_one(path: &Path, sink: &mut dyn LayerSink) -> Result<Report> {
-    let (head, file) = head(path)?;
-    let damaged = |e: io::Error| Error::Format { path: path.into(), message: format!("is damaged: {e}") };
-    let too_large = || damaged(io::Error::other(format!("{:?} pixels", head.dims)));
-    let pixels = head.dims[0].checked_mul(head.dims[1]).filter(|n| *n < usize::MAX / 4).ok_or_else(too_large)?;
-    let mut input = GzDecoder::new(file);
-    loop {
-        match number::<1>(&mut input).map_err(damaged)? {
-            [LAYER] => {
-                let z = f64::from_le_bytes(number(&mut input).map_err(damaged)?);
-                let [output] = number(&mut input).map_err(damaged)?;
-                let contour = u64::from_le_bytes(number(&mut input).map_err(damaged)?);
-                let bytes = take(&mut input, 4 * pixels as u64).map_err(damaged)?;
-                let phi = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-                let contour = (contour as usize).checked_sub(1);
-                sink.layer(Layer { z, phi, output: output == 1, contour })?;
-            }
-            [END] => {
-                let length = u64::from_le_bytes(number(&mut input).map_err(damaged)?);
-                let bytes = take(&mut input, length).map_err(damaged)?;
-                return serde_json::from_slice(&bytes).map_err(|e| damaged(e.into()));
-            }
-            [kind] => return Err(damaged(io::Error::other(format!("record of kind {kind}")))),
+/// A section that is read.
+struct SectionReader {
+    path: PathBuf,
+    head: Head,
+    input: BufReader<GzDecoder<BufReader<File>>>,
+}
+
+impl SectionReader {
+    fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(|source| Error::Read { path: path.into(), source })?;
+        let mut input = BufReader::new(GzDecoder::new(BufReader::with_capacity(BUFFER_BYTES, file)));
+        let wrong = |message: String| Error::Format { path: path.into(), message };
+        let mut line = Vec::new();
+        let read = input.by_ref().take(LONGEST_HEAD).read_until(b'\n', &mut line);
+        let none = "is not a part that `interslice run` has written";
+        read.map_err(|e| failure(path, none, e))?;
+        let head: Head = serde_json::from_slice(&line).map_err(|e| wrong(format!("{none}: {e}")))?;
+        if head.format != MAGIC || head.version != env!("CARGO_PKG_VERSION") {
+            let Head { format, version, .. } = &head;
+            let own = env!("CARGO_PKG_VERSION");
+            return Err(wrong(format!("is `{format}` of version {version}, expected `{MAGIC}` of version {own}")));
         }
+        let [nx, ny] = head.dims;
+        let sound = nx.checked_mul(ny).is_some_and(|pixels| (1..=MOST_PIXELS).contains(&pixels));
+        if !sound || !(1..=head.part[1]).contains(&head.part[0]) {
+            return Err(wrong(format!("part {:?} of {:?} pixels cannot be", head.part, head.dims)));
+        }
+        head.geometry.validate().map_err(|e| wrong(e.to_string()))?;
+        Ok(SectionReader { path: path.into(), head, input })
+    }
+
+    /// Hands its layers to `sink`; its report.
+    fn replay(mut self, seen: &mut Seen, sink: &mut dyn LayerSink) -> Result<Report> {
+        while let Some(layer) = self.layer().map_err(|e| self.damaged(e))? {
+            if layer.z.partial_cmp(&seen.z) != Some(Ordering::Greater) {
+                let order = format!("a layer at {} behind one at {}", layer.z, seen.z);
+                return Err(self.damaged(io::Error::other(order)));
+            }
+            seen.z = layer.z;
+            seen.output += usize::from(layer.output);
+            sink.layer(layer)?;
+        }
+        self.report().map_err(|e| self.damaged(e))
+    }
+
+    /// The next layer, or nothing before the report.
+    fn layer(&mut self) -> io::Result<Option<Layer>> {
+        match number::<1>(&mut self.input)? {
+            [LAYER] => {}
+            [END] => return Ok(None),
+            [kind] => return Err(io::Error::other(format!("a record of kind {kind}"))),
+        }
+        let z = f64::from_le_bytes(number(&mut self.input)?);
+        let [output] = number(&mut self.input)?;
+        let contour = u64::from_le_bytes(number(&mut self.input)?) as usize;
+        let bytes = take(&mut self.input, 4 * self.head.dims.iter().product::<usize>() as u64)?;
+        let phi = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        Ok(Some(Layer { z, phi, output: output == 1, contour: contour.checked_sub(1) }))
+    }
+
+    /// The report, and the end of the file.
+    fn report(&mut self) -> io::Result<Report> {
+        let length = u64::from_le_bytes(number(&mut self.input)?);
+        let report = serde_json::from_slice(&take(&mut self.input, length)?)?;
+        // Only at its end gzip's checksum is compared.
+        match self.input.read(&mut [0])? {
+            0 => Ok(report),
+            _ => Err(io::Error::other("more than its report")),
+        }
+    }
+
+    fn damaged(&self, e: io::Error) -> Error {
+        failure(&self.path, "is damaged", e)
+    }
+}
+
+/// An error of the disk, or of what the file holds.
+fn failure(path: &Path, what: &str, e: io::Error) -> Error {
+    use io::ErrorKind::{InvalidData, InvalidInput, Other, UnexpectedEof};
+    match e.kind() {
+        InvalidData | InvalidInput | Other | UnexpectedEof => {
+            Error::Format { path: path.into(), message: format!("{what}: {e}") }
+        }
+        _ => Error::Read { path: path.into(), source: e },
     }
 }
 

@@ -236,8 +236,7 @@ impl<'a> Run<'a> {
     /// What is known before the first layer.
     fn header(&self, heights: &Heights, extent: [f64; 2]) -> Header {
         let ContourStack { dims, spacing, unit, geometry, .. } = self.stack;
-        let output: Vec<f64> = heights.all.iter().filter(|x| x.output).map(|x| x.z).collect();
-        let grid = Header::grid(&output, *spacing);
+        let grid = Header::grid(&heights.output(), *spacing);
         Header { dims: *dims, spacing: *spacing, unit: unit.clone(), geometry: *geometry, extent, grid }
     }
 

@@ -85,7 +85,7 @@ struct Span {
     gap: f64,
     /// Median step between all layers.
     step: f64,
-    /// Half of it, or of the least gap of the whole stack.
+    /// A little less than half of it, or of the least gap of the whole stack.
     apart: f64,
 }
 
@@ -106,7 +106,8 @@ impl Span {
             gaps: even_gaps(&z)[intervals].to_vec(),
             gap: median(gaps().collect()),
             step,
-            apart: 0.5 * gaps().fold(step, f64::min),
+            // Layers exactly half a gap apart (the end plane of half a slice) count from either side, however they are rounded.
+            apart: 0.49 * gaps().fold(step, f64::min),
         }
     }
 }

@@ -25,6 +25,7 @@ pub mod heights;
 pub mod holdout;
 pub mod jobs;
 pub mod links;
+pub mod map;
 mod matching;
 pub mod memory;
 mod motion;
@@ -45,6 +46,8 @@ pub mod spline;
 pub mod stack;
 pub mod stencil;
 pub mod surface;
+#[cfg(feature = "terrain")]
+pub mod terrain;
 pub mod topology;
 mod tracks;
 mod trust;

@@ -12,7 +12,7 @@ use super::say::say;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, a .nrrd, .nii, .nii.gz label volume, or a .dcm RTSTRUCT
+    /// Folder with stack.json, a .nrrd, .nii, .nii.gz label volume, a .dcm RTSTRUCT, or a .geojson or .shp contour map
     input: PathBuf,
 
     /// Leave out every N-th slice

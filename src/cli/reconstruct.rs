@@ -19,7 +19,7 @@ use super::devices::{Chosen, DeviceOptions, choose, tell_profile};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, a .nrrd, .nii, .nii.gz label volume, or a .dcm RTSTRUCT
+    /// Folder with stack.json, a .nrrd, .nii, .nii.gz label volume, a .dcm RTSTRUCT, or a .geojson or .shp contour map
     input: PathBuf,
 
     /// Output file, by extension: .nrrd .nii .nii.gz .zarr (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map),

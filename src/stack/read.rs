@@ -15,6 +15,8 @@ enum Kind {
     Volume(fn(&Path) -> Result<LabelVolume>),
     /// A DICOM RTSTRUCT.
     StructureSet,
+    /// Contour lines with elevations.
+    Map,
 }
 
 impl Kind {
@@ -29,11 +31,13 @@ impl Kind {
             Ok(Kind::Volume(nifti::read))
         } else if name.ends_with(".dcm") {
             Ok(Kind::StructureSet)
+        } else if name.ends_with(".geojson") || name.ends_with(".shp") {
+            Ok(Kind::Map)
         } else {
             Err(Error::Format {
                 path: path.into(),
                 message:
-                    "not a known input: expected a folder with stack.json, .nrrd, .nii, .nii.gz or .dcm (RTSTRUCT)"
+                    "not a known input: expected a folder with stack.json, .nrrd, .nii, .nii.gz, .dcm (RTSTRUCT), .geojson or .shp"
                         .into(),
             })
         }
@@ -46,7 +50,15 @@ impl Kind {
         let folder = matches!(kind, Kind::Folder);
         let volume = matches!(kind, Kind::Volume(_));
         let structures = matches!(kind, Kind::StructureSet);
+        let map = matches!(kind, Kind::Map);
+        let lines = "a contour map";
         let wrong = [
+            (map && options.label.is_some(), "label", lines),
+            (map && options.keep.is_some(), "keep", lines),
+            (map && options.slices.is_some(), "slices", lines),
+            (!map && options.elevation.is_some(), "elevation", "anything but contour maps"),
+            (!map && options.border.is_some(), "border", "anything but contour maps"),
+            (!map && options.crs.is_some(), "crs", "anything but contour maps"),
             (structures && options.label.is_some(), "label", "an RTSTRUCT; `roi` chooses there"),
             (!structures && !options.roi.is_empty(), "roi", "anything but an RTSTRUCT"),
             (volume && options.pixel.is_some(), "pixel", "volumes; it is the pixel size for polygons"),
@@ -80,7 +92,9 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<()> {
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     match Kind::of(path)? {
         Kind::Folder => folder::files(path),
-        Kind::Volume(_) | Kind::StructureSet => Ok(vec![path.into()]),
+        #[cfg(feature = "terrain")]
+        Kind::Map => Ok(crate::terrain::files(path)),
+        _ => Ok(vec![path.into()]),
     }
 }
 
@@ -89,20 +103,26 @@ pub fn is_structure_set(path: &Path) -> bool {
     matches!(Kind::of(path), Ok(Kind::StructureSet))
 }
 
+/// Whether an input is a contour map, by its name.
+pub fn is_map(path: &Path) -> bool {
+    matches!(Kind::of(path), Ok(Kind::Map))
+}
+
 /// The labels of all voxels of a label volume.
 ///
 /// # Errors
 /// As [`read`]; [`Error::Format`] for a folder of slices.
 pub fn labels(path: &Path) -> Result<Vec<i64>> {
     match Kind::of(path)? {
-        Kind::Folder | Kind::StructureSet => {
+        Kind::Folder | Kind::StructureSet | Kind::Map => {
             Err(Error::Format { path: path.into(), message: "is not a label volume".into() })
         }
         Kind::Volume(read) => Ok(read(path)?.labels),
     }
 }
 
-/// Reads a stack: a folder with `stack.json` (or that file itself), a `.nrrd`, `.nii`, `.nii.gz` label volume, or ROIs of a DICOM RTSTRUCT.
+/// Reads a stack: a folder with `stack.json` (or that file itself), a `.nrrd`, `.nii`, `.nii.gz` label volume, ROIs of a DICOM RTSTRUCT, or
+/// the contour lines of a `.geojson` or `.shp` map.
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Format`], [`Error::Slice`], [`Error::Stack`] or [`Error::Setting`], naming file, slice and value.
@@ -115,6 +135,13 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
         #[cfg(not(feature = "dicom"))]
         Kind::StructureSet => {
             let message = "is DICOM, which this program was built without (feature `dicom`)".into();
+            return Err(Error::Format { path: path.into(), message });
+        }
+        #[cfg(feature = "terrain")]
+        Kind::Map => crate::terrain::Terrain::read(path, options)?.stack,
+        #[cfg(not(feature = "terrain"))]
+        Kind::Map => {
+            let message = "is a contour map, which this program was built without (feature `terrain`)".into();
             return Err(Error::Format { path: path.into(), message });
         }
     };

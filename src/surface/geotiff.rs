@@ -66,9 +66,9 @@ impl Raster<'_> {
                 keys.push([PROJECTED_CRS, 0, 1, *code as u16]);
             }
             Crs::Wkt(wkt) => {
-                // How Esri and GDAL hand on a system that has no code. A bar ends a text.
+                // How Esri and GDAL hand on a system that has no code: GDAL reads it of a model of one's own. A bar ends a text.
                 text = format!("ESRI PE String = {}|", wkt.replace('|', "/"));
-                keys.insert(0, [MODEL_TYPE, 0, 1, PROJECTED]);
+                keys.insert(0, [MODEL_TYPE, 0, 1, USER_DEFINED]);
                 keys.push([PROJECTED_CRS, 0, 1, USER_DEFINED]);
                 keys.push([PROJECTED_CITATION, Tag::GeoAsciiParamsTag.to_u16(), text.len() as u16, 0]);
             }

@@ -22,11 +22,15 @@ pub struct Line {
     pub closed: bool,
 }
 
-/// All lines of at least two points, and where their elevations were found.
+/// All lines, and where their elevations were found. What has no length, or is closed and encloses nothing, is left out with a note.
 ///
 /// # Errors
 /// A message with feature and value.
-pub fn lines(features: &[Feature], asked: Option<&str>) -> std::result::Result<(Vec<Line>, String), String> {
+pub fn lines(
+    features: &[Feature],
+    asked: Option<&str>,
+    notes: &mut Vec<String>,
+) -> std::result::Result<(Vec<Line>, String), String> {
     let source = source(features, asked)?;
     let mut lines = Vec::new();
     for feature in features {
@@ -38,13 +42,13 @@ pub fn lines(features: &[Feature], asked: Option<&str>) -> std::result::Result<(
             let z = elevation(feature, k, &source)?;
             let mut points = part.points.clone();
             points.dedup();
-            let repeats = points.len() > 2 && points.first() == points.last();
-            if repeats {
+            let closed = part.ring || (points.len() > 1 && points.first() == points.last());
+            if points.len() > 1 && points.first() == points.last() {
                 points.pop();
             }
-            let closed = (repeats || part.ring) && points.len() > 2;
-            if points.len() < 2 {
-                return Err(format!("{name}: its line {} has {} points; at least 2 are needed", k + 1, points.len()));
+            if points.len() < if closed { 3 } else { 2 } {
+                notes.push(format!("{name}: a line of {z} is a point or encloses nothing; left out"));
+                continue;
             }
             lines.push(Line { feature: name.clone(), z, points, closed });
         }

@@ -70,11 +70,11 @@ impl Terrain {
         let wrong = |message: String| Error::Format { path: path.into(), message };
         let shape = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("shp"));
         let (features, named) = if shape { shapefile::read(path)? } else { geojson::read(path)? };
-        let (lines, field) = lines::lines(&features, options.elevation.as_deref()).map_err(wrong)?;
+        let mut notes = Vec::new();
+        let (lines, field) = lines::lines(&features, options.elevation.as_deref(), &mut notes).map_err(wrong)?;
         let crs = coordinate_system(named, options, &lines).map_err(wrong)?;
         let border = options.border.as_deref().map(Border::given).transpose()?;
         let pixel = lines::pixel(&lines, options.pixel)?;
-        let mut notes = Vec::new();
         if crs == Crs::Unknown {
             notes.push("no coordinate system is named; --crs EPSG:N sets it".into());
         }

@@ -153,11 +153,8 @@ fn chains(level: &mut Level, border: &Border, tolerance: f64) -> Result<(), Stri
             }
         }
     };
-    for end in 0..ends.len() {
-        if mates[end] == Mate::Border {
-            level.open.push(walk(end));
-        }
-    }
+    let at_border = |end: &usize| mates[*end] == Mate::Border;
+    level.open = (0..ends.len()).filter(at_border).map(&mut walk).collect();
     // Chains that were walked from their other end are empty.
     level.open.retain(|chain| !chain.is_empty());
     for end in (0..ends.len()).step_by(2) {

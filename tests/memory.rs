@@ -80,7 +80,7 @@ fn one_run() {
     let loaded = Loaded::new(stack(), JobOptions { settings, output, ..JobOptions::default() }).expect("it is sound");
     let targets: Vec<_> = KINDS.iter().map(|kind| Path::new(place).join(format!("out.{kind}"))).collect();
     let mut outputs = Outputs::open(&targets, None, Temporary::Random).expect("the folder is there");
-    let said = loaded.bytes() + outputs.bytes(loaded.stack.dims);
+    let said = loaded.bytes() + outputs.bytes(loaded.stack.dims, &loaded.stack.geometry);
     let mut body = loaded.compute(&Reference, &Silent, &mut outputs).expect("it can be computed");
     outputs.complete(&mut body.report).expect("it can be written");
     outputs.rename().expect("it can be renamed");

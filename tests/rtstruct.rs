@@ -366,6 +366,54 @@ fn planes_can_be_chosen() {
 }
 
 #[test]
+fn a_batch_takes_rois_and_pixels_and_a_template_names_every_roi_that_can_be_made() {
+    let place = folder();
+    let of = |name: &str| place.path().join(name).display().to_string();
+    let open = vec![("OPEN_PLANAR", circle(5.0, 0.0)), ("OPEN_PLANAR", circle(5.0, 2.0))];
+    let planes = [0.0, 2.0, 4.0];
+    let set = [("wide", tube(12.0, &planes)), ("line", open), ("slim", tube(6.0, &planes)), ("none", Vec::new())];
+    fs::create_dir(of("in")).expect("a folder can be made");
+    write(&set, &place.path().join("in/set.dcm"));
+
+    said(&["batch", "--template", &of("in"), &of("t.jsonl"), "--ext", "json,dcm"], 0);
+    let text = fs::read_to_string(of("t.jsonl")).expect("it is there");
+    let lines: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).expect("JSON")).collect();
+    let named: Vec<_> = lines.iter().map(|l| (l["id"].as_str(), l["options"]["roi"].as_i64())).collect();
+    assert_eq!(named, [(Some("set-1"), Some(1)), (Some("set-3"), Some(3))]);
+    said(&["batch", &of("t.jsonl"), "--backend", "cpu"], 0);
+    let volume = |file: &str| -> f64 {
+        let text = fs::read_to_string(of(file)).expect("the report is there");
+        let report: serde_json::Value = serde_json::from_str(&text).expect("the report is JSON");
+        report["volume"].as_f64().expect("it has the volume")
+    };
+    assert_near(volume("out/set-1.json"), 4.0 * disc(12.0), 0.04 * disc(12.0));
+    assert_near(volume("out/set-3.json"), 4.0 * disc(6.0), 0.04 * disc(6.0));
+    let before = contours_of(&place.path().join("in/set.dcm"));
+    let after = contours_of(&place.path().join("out/set-3.dcm"));
+    let counts = |rois: &[Vec<(String, String)>]| rois.iter().map(Vec::len).collect::<Vec<_>>();
+    assert_eq!((counts(&before), counts(&after)), (vec![3, 2, 3, 0], vec![3, 2, 5, 0]));
+
+    let json = r#"{"id": "a", "input": "in/set.dcm", "outputs": ["a.json", "a.contours.json"], "options": {"roi": "slim", "pixel": 0.5}}
+{"id": "b", "input": "in/set.dcm", "outputs": ["b.json", "b.contours.json"], "options": {"roi": ["1", "slim"], "pixel": 1}}
+"#;
+    fs::write(of("m.jsonl"), json).expect("a file can be written");
+    said(&["batch", &of("m.jsonl"), "--backend", "cpu"], 0);
+    assert_near(volume("a.json"), 4.0 * disc(6.0), 0.04 * disc(6.0));
+    assert_near(volume("b.json"), 4.0 * disc(12.0), 0.04 * disc(12.0));
+    let first = fs::read(of("a.contours.json")).expect("it is there");
+    let drawn = fs::read_to_string(of("a.contours.json")).expect("it is there");
+    assert!(drawn.contains("\"spacing_xy\":[0.5,0.5]"), "{}", &drawn[..80]);
+
+    let csv = "id,input,outputs,options\na,in/set.dcm,a.contours.json,roi=slim;pixel=0.5\n";
+    fs::write(of("m.csv"), csv).expect("a file can be written");
+    said(&["batch", &of("m.csv"), "--backend", "cpu"], 0);
+    assert_eq!(fs::read(of("a.contours.json")).expect("it is there"), first, "CSV says the same");
+
+    fs::write(of("bad.jsonl"), json.replace("0.5", "-1")).expect("a file can be written");
+    assert_says(&said(&["batch", &of("bad.jsonl"), "--backend", "cpu"], 2), &["pixel", "-1"]);
+}
+
+#[test]
 fn missing_and_wrong_fields_are_named() {
     let place = folder();
     let path = place.path().join("a.dcm");

@@ -62,7 +62,8 @@ impl<'a> Batch<'a> {
             if fingerprint(job, &self.options.machine)? != print {
                 return Err(Error::Format { path: job.input.clone(), message: "has changed while it was read".into() });
             }
-            let writing = outputs::bytes(job.targets.iter().map(|t| t.as_path()), loaded.stack.dims);
+            let writing =
+                outputs::bytes(job.targets.iter().map(|t| t.as_path()), loaded.stack.dims, &loaded.stack.geometry);
             let permit = self.gate.pass(loaded.bytes() + writing)?;
             for target in &job.targets {
                 let folder = target.parent().unwrap_or(Path::new("."));

@@ -63,7 +63,8 @@ pub fn run(all: &All<'_>) -> Result<()> {
         options.read.roi = vec![roi.number.to_string()];
         let loaded = Loaded::read(all.input, options)?;
         completed.check(&loaded.options.output)?;
-        let writing = outputs.bytes(loaded.stack.dims) + completed.bytes(loaded.stack.dims);
+        let (dims, geometry) = (loaded.stack.dims, &loaded.stack.geometry);
+        let writing = outputs.bytes(dims, geometry) + completed.bytes(dims, geometry);
         memory::check(loaded.bytes() + writing)?;
         tell(all, &roi.label());
         let source = loaded.options.output.source.as_ref().ok_or_else(|| {

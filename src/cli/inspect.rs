@@ -9,10 +9,12 @@ use interslice::{ContourStack, Result, Settings, height_grid, memory};
 
 use super::links::between;
 use super::say::say;
+use super::volume;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, a .nrrd, .nii, .nii.gz label volume, a .dcm RTSTRUCT, or a .geojson or .shp contour map
+    /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy),
+    /// a .dcm RTSTRUCT, or a .geojson or .shp contour map
     input: PathBuf,
 
     /// RTSTRUCT: list all ROIs, as without --roi where there are several
@@ -36,9 +38,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if stack::read::is_map(&arguments.input) {
         return contour_map(arguments);
     }
-    let stack = stack::read(&arguments.input, &arguments.read)?;
+    let (stack, surveyed) = stack::read::read_surveyed(&arguments.input, &arguments.read)?;
     let links = arguments.links.read(&stack)?;
-    say(&describe(&stack, &links, None)?)
+    let of_volume = surveyed.iter().flat_map(volume::describe).fold(String::new(), |text, line| text + &line + "\n");
+    say(&(of_volume + &describe(&stack, &links, None)?))
 }
 
 /// What is in an RTSTRUCT: all ROIs, or the one (or merged ones) that is chosen.
@@ -72,8 +75,8 @@ fn contour_map(arguments: &Arguments) -> Result<()> {
 }
 
 /// A number without the tail that binary fractions leave.
-fn short(v: f64) -> f64 {
-    format!("{v:.9}").parse().unwrap_or(v)
+pub fn short(v: f64) -> f64 {
+    format!("{v:.9}").parse().unwrap_or(v) + 0.0 // no -0
 }
 
 /// What a colleague would say about the stack.

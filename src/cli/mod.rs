@@ -13,6 +13,7 @@ mod links;
 mod reconstruct;
 mod say;
 mod tally;
+mod volume;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use interslice::Result;

@@ -19,11 +19,12 @@ use super::devices::{Chosen, DeviceOptions, choose, tell_profile};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, a .nrrd, .nii, .nii.gz label volume, a .dcm RTSTRUCT, or a .geojson or .shp contour map
+    /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy),
+    /// a .dcm RTSTRUCT, or a .geojson or .shp contour map
     input: PathBuf,
 
-    /// Output file, by extension: .nrrd .nii .nii.gz .zarr (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map),
-    /// .contours.json (polygons), .dcm (the RTSTRUCT, completed), .json (report); repeatable
+    /// Output file, by extension: .nrrd .nii .nii.gz .mha .zarr (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map),
+    /// .contours.json (polygons), .geojson (contour lines), .dcm (the RTSTRUCT, completed), .json (report); repeatable
     #[arg(short, long = "output", value_name = "FILE")]
     outputs: Vec<PathBuf>,
 
@@ -128,7 +129,7 @@ pub fn set_threads(threads: Option<usize>) -> Result<()> {
 
 /// One reconstruction, from a checked stack to its files.
 pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions, telling: Telling) -> Result<()> {
-    memory::check(loaded.bytes() + outputs.bytes(loaded.stack.dims))?;
+    memory::check(loaded.bytes() + outputs.bytes(loaded.stack.dims, &loaded.stack.geometry))?;
     let chosen = chosen(device, telling)?;
     let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, telling)?;
     complete(&mut outputs, &mut body, telling)?;

@@ -46,6 +46,9 @@ impl JobOptions {
     pub fn check(&self) -> Result<()> {
         self.settings.validate()?;
         match self.output.dz {
+            Some(_) if self.output.isotropic => {
+                Err(Error::Setting { name: "isotropic".into(), message: "sets the distance that `dz` names".into() })
+            }
             Some(dz) if !(dz.is_finite() && dz > 0.0) => {
                 Err(Error::Setting { name: "dz".into(), message: format!("must be a positive number; got {dz}") })
             }
@@ -85,7 +88,7 @@ impl Loaded {
         if read::is_structure_set(input) {
             let mut source = crate::rtstruct::Source::read(input, &options.read)?;
             let (steps, notes) = source.about(&stack)?;
-            if options.output.dz.is_none() {
+            if options.output.dz.is_none() && !options.output.isotropic {
                 options.output.dz = steps.map(|s| s.heights);
                 source.every = steps.map(|s| s.planes);
             }
@@ -113,7 +116,7 @@ impl Loaded {
     /// # Errors
     /// [`Error::Stack`] for too many output heights.
     pub fn new(stack: ContourStack, options: JobOptions) -> Result<Self> {
-        let heights = height_grid(&stack, &options.settings, options.output.dz).heights()?;
+        let heights = height_grid(&stack, &options.settings, options.output.step(&stack)).heights()?;
         Ok(Loaded { stack, heights, options, notes: Vec::new() })
     }
 

@@ -14,20 +14,23 @@ use crate::map::{Crs, Map};
 use crate::report::Report;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::{Added, Source, StructureSet, StructuresWriter};
+use crate::stack::{ContourStack, Geometry};
 use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::geojson::GeoJsonWriter;
 use crate::surface::heightmap::HeightMapWriter;
 use crate::surface::mesh_files::{ListedWriter, StlWriter};
+use crate::surface::mha::MhaWriter;
 use crate::surface::render::{PictureWriter, RenderOptions};
 use crate::surface::stream::{BodyStream, BodyWriter, Ending, Failed, Header, LayerSink, Needs};
 use crate::surface::volume::Content;
-use crate::surface::{Layer, nifti, nrrd, spool};
+use crate::surface::{Layer, nifti, nrrd, spool, transposed};
 
 /// What a file holds, by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Format {
     Nrrd,
     Nifti { gzip: bool },
+    Mha,
     Stl,
     Ply,
     Obj,
@@ -53,7 +56,7 @@ const PER_LINE_PIXEL: u64 = 24;
 /// Bytes of the picture's samples, 2400 x 1800 with colour and depth, and of the picture.
 const PICTURE_BYTES: u64 = 160 << 20;
 
-const KNOWN: &str = ".nrrd, .nii, .nii.gz, .zarr, .stl, .ply, .obj, .png (picture), .tif (height map), .contours.json, .geojson (contours), \
+const KNOWN: &str = ".nrrd, .nii, .nii.gz, .mha, .zarr, .stl, .ply, .obj, .png (picture), .tif (height map), .contours.json, .geojson (contours), \
                      .dcm (completed RTSTRUCT), .json (report)";
 
 impl Format {
@@ -67,6 +70,7 @@ impl Format {
         }
         match name.rsplit_once('.').map(|(_, extension)| extension) {
             Some("nrrd") => Ok(Format::Nrrd),
+            Some("mha") => Ok(Format::Mha),
             Some("nii") => Ok(Format::Nifti { gzip: false }),
             Some("stl") => Ok(Format::Stl),
             Some("ply") => Ok(Format::Ply),
@@ -109,18 +113,19 @@ fn check_place(path: &Path, format: Format) -> Result<()> {
     Err(Error::Output { path: path.into(), message: message.into() })
 }
 
-/// Bytes of memory that writing `paths` needs at most while layers of `dims` pixels arrive, however many these are.
-pub fn bytes<'p>(paths: impl IntoIterator<Item = &'p Path>, dims: [usize; 2]) -> u64 {
-    needed(paths.into_iter().filter_map(|path| Format::of(path).ok()), dims)
+/// Bytes of memory that writing `paths` needs at most while layers of `dims` pixels that lie so arrive, however many these are.
+pub fn bytes<'p>(paths: impl IntoIterator<Item = &'p Path>, dims: [usize; 2], geometry: &Geometry) -> u64 {
+    needed(paths.into_iter().filter_map(|path| Format::of(path).ok()), dims, geometry)
 }
 
-fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2]) -> u64 {
+fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], geometry: &Geometry) -> u64 {
     let pixels = dims.iter().product::<usize>() as u64;
+    let turned = if geometry.is_layered() { 0 } else { (transposed::BLOCK_BYTES + transposed::BUFFER_BYTES) as u64 };
     let formats: Vec<Format> = formats.collect();
     let surface = |f: &Format| matches!(f, Format::Stl | Format::Ply | Format::Obj | Format::Png | Format::Report);
     let mesh = |f: &Format| matches!(f, Format::Ply | Format::Obj | Format::Png);
     let each = formats.iter().map(|format| match format {
-        Format::Nrrd | Format::Nifti { .. } => PER_VOLUME_PIXEL * pixels,
+        Format::Nrrd | Format::Nifti { .. } | Format::Mha => PER_VOLUME_PIXEL * pixels + turned,
         Format::Tiff => PER_MAP_PIXEL * pixels,
         Format::Png => PICTURE_BYTES,
         Format::Zarr => zarr_bytes(pixels as usize),
@@ -151,6 +156,10 @@ pub struct OutputOptions {
     /// Distance between output heights [default: the input's own z_out, else the smaller pixel side]
     #[arg(long, value_name = "HEIGHT")]
     pub dz: Option<f64>,
+
+    /// Output heights as far apart as the smaller pixel side, whatever the input says
+    #[arg(long, conflicts_with = "dz")]
+    pub isotropic: bool,
 
     /// Volumes hold 8-bit masks instead of signed distances
     #[arg(long)]
@@ -184,6 +193,12 @@ impl OutputOptions {
         }
         let message = "a completed RTSTRUCT needs an RTSTRUCT as input".into();
         Err(Error::Output { path: path.into(), message })
+    }
+
+    /// Distance between output heights, where the options say it.
+    pub fn step(&self, stack: &ContourStack) -> Option<f64> {
+        let [dx, dy] = stack.spacing;
+        if self.isotropic { Some(dx.min(dy)) } else { self.dz }
     }
 }
 
@@ -238,9 +253,9 @@ impl Outputs {
         self.files.iter().try_for_each(|f| options.check(&f.target, f.format))
     }
 
-    /// Bytes of memory that writing needs at most while layers of `dims` pixels arrive.
-    pub fn bytes(&self, dims: [usize; 2]) -> u64 {
-        needed(self.files.iter().map(|f| f.format), dims)
+    /// Bytes of memory that writing needs at most while layers of `dims` pixels that lie so arrive.
+    pub fn bytes(&self, dims: [usize; 2], geometry: &Geometry) -> u64 {
+        needed(self.files.iter().map(|f| f.format), dims, geometry)
     }
 
     /// Takes the layers of a body and writes them under temporary names.
@@ -349,13 +364,15 @@ fn writer(output: &mut Output, header: &Header, options: &OutputOptions) -> io::
         Pending::File(file) => file.as_file_mut(),
         Pending::Folder(folder) => return in_folder(folder.path(), header, content),
     };
+    let folder = parent(&output.target);
     let mut file = file.try_clone()?;
     file.set_len(0)?;
     file.rewind()?;
     let out = BufWriter::with_capacity(BUFFER_BYTES, file);
     Ok(match output.format {
-        Format::Nrrd => Box::new(nrrd::writer(out, header, content)?),
-        Format::Nifti { gzip } => Box::new(nifti::writer(out, header, content, gzip)?),
+        Format::Nrrd => Box::new(nrrd::writer(out, header, content, folder)?),
+        Format::Nifti { gzip } => Box::new(nifti::writer(out, header, content, gzip, folder)?),
+        Format::Mha => Box::new(MhaWriter::new(out, header, content, folder)?),
         Format::Stl => Box::new(StlWriter::new(out)?),
         Format::Ply => Box::new(ListedWriter::ply(out)),
         Format::Obj => Box::new(ListedWriter::obj(out)),

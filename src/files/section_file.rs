@@ -242,6 +242,7 @@ fn head(path: &Path) -> Result<(Head, BufReader<File>)> {
     if head.part[0] == 0 || head.part[0] > head.part[1] || head.dims.contains(&0) {
         return Err(wrong(format!("part {:?} of {:?} pixels cannot be", head.part, head.dims)));
     }
+    head.geometry.validate().map_err(|e| wrong(e.to_string()))?;
     Ok((head, file))
 }
 

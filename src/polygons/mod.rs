@@ -95,7 +95,7 @@ pub fn stack(drawings: &[Drawing], planes: &Planes, pixel: Option<[f64; 2]>) -> 
         unit: planes.unit.clone(),
         slices,
         z_out: planes.z_out,
-        geometry: Geometry { origin, axes: planes.axes },
+        geometry: Geometry { origin, axes: planes.axes, ..Geometry::default() },
     })
 }
 

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::volume::axis::Axis;
+
 /// What to read from an input.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -44,6 +46,15 @@ pub struct ReadOptions {
     /// Label volumes and RTSTRUCT: use these slices (drawn planes) only, numbered from 0
     #[arg(long, value_name = "I,J,..", value_delimiter = ',')]
     pub slices: Option<Vec<usize>>,
+
+    /// Label volumes: the axis along which slices lie [default: that along which painted slices stand alone, else that of the coarsest
+    /// spacing, else z]
+    #[arg(long, value_name = "AXIS", default_value = "auto", hide_default_value = true)]
+    pub axis: Axis,
+
+    /// Label volumes whose file does not tell (.npy, plain TIFF): sides of a voxel along x, y, z, mm [default: 1 px]
+    #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',', allow_negative_numbers = true)]
+    pub spacing: Option<Vec<f64>>,
 }
 
 /// A name, a number, or a list of such, as a settings file or a manifest may give them.

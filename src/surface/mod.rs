@@ -8,12 +8,15 @@ pub mod heightmap;
 pub mod marching;
 pub mod mesh;
 pub mod mesh_files;
+pub mod mha;
 pub mod nifti;
 pub mod nrrd;
 pub mod render;
 pub mod spool;
 pub mod stream;
+pub(crate) mod transposed;
 pub mod volume;
+mod voxels;
 #[cfg(feature = "zarr")]
 pub mod zarr;
 

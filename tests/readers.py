@@ -107,6 +107,7 @@ def contour_map(program, folder):
     drawn = json.loads(out.read_text())["features"]
     ends = [l[0][0] == l[-1][0] == 5e5 - 150 for f in drawn if f["properties"]["elevation"] < 220 for l in f["geometry"]["coordinates"]]
     check("cone.geojson -> geojson, open at the border", ends and all(ends), len(ends))
+    group("contour map")
 
 
 def ring(radius, z, points=80):

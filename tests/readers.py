@@ -54,7 +54,9 @@ def main(program):
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         structures(program, folder)
+        group("completed RTSTRUCT")
         contour_map(program, folder)
+        group("contour map")
         given = labels()
         header = {"space": "left-posterior-superior", "space directions": STEPS, "space origin": ORIGIN}
         nrrd.write(str(folder / "in.nrrd"), given, header)
@@ -107,7 +109,6 @@ def contour_map(program, folder):
     drawn = json.loads(out.read_text())["features"]
     ends = [l[0][0] == l[-1][0] == 5e5 - 150 for f in drawn if f["properties"]["elevation"] < 220 for l in f["geometry"]["coordinates"]]
     check("cone.geojson -> geojson, open at the border", ends and all(ends), len(ends))
-    group("contour map")
 
 
 def ring(radius, z, points=80):

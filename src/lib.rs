@@ -26,6 +26,7 @@ pub mod holdout;
 pub mod jobs;
 pub mod labels;
 pub mod links;
+pub mod map;
 mod matching;
 pub mod memory;
 mod motion;
@@ -47,6 +48,8 @@ pub mod spline;
 pub mod stack;
 pub mod stencil;
 pub mod surface;
+#[cfg(feature = "terrain")]
+pub mod terrain;
 pub mod topology;
 mod tracks;
 mod trust;

@@ -3,6 +3,7 @@
     python readers.py <program>
 """
 
+import json
 import subprocess
 import sys
 import tempfile
@@ -12,6 +13,7 @@ import nibabel
 import nrrd
 import numpy as np
 import pydicom
+import rasterio
 import SimpleITK
 import tifffile
 import trimesh
@@ -52,6 +54,9 @@ def main(program):
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         structures(program, folder)
+        group("completed RTSTRUCT")
+        contour_map(program, folder)
+        group("contour map")
         given = labels()
         header = {"space": "left-posterior-superior", "space directions": STEPS, "space origin": ORIGIN}
         nrrd.write(str(folder / "in.nrrd"), given, header)
@@ -74,6 +79,36 @@ def main(program):
             group(f"every input, {name}, cut across {axis}")
         refused_pages(program, folder)
         group("pages of time or channels")
+
+
+def contour_map(program, folder):
+    """A cone's contour lines, all but one cut at the west border of the map, to a GeoTIFF and to lines again."""
+    lines = []
+    for radius in (400, 300, 200, 100):
+        end = np.arccos(max(-150 / radius, -1))
+        t = np.linspace(-end, end, 361)
+        line = np.column_stack([5e5 + radius * np.cos(t), 4e6 + radius * np.sin(t)]).round(6)
+        lines.append({"type": "Feature", "properties": {"elev": 300 - radius / 2}, "geometry": {"type": "LineString", "coordinates": line.tolist()}})
+    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32611"}}
+    given, tif, out = folder / "cone.geojson", folder / "cone.tif", folder / "lines.geojson"
+    given.write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": lines}))
+    subprocess.run([program, "reconstruct", given, "--border", "499850,3999600,500400,4000400", "--pixel", "10", "--end-top", "extrapolate", "-o", tif, "-o", out, "-q"], check=True)
+    with rasterio.open(tif) as map:
+        check("cone.geojson -> rasterio, system", map.crs.to_epsg() == 32611 and np.isnan(map.nodata) and map.dtypes == ("float32",), map.crs)
+        bounds, heights = map.bounds, map.read(1, masked=True)
+        place = bounds.left == 5e5 - 155 and bounds.top == 4e6 + 405 and map.transform.a == 10 and map.transform.e == -10
+        check("cone.geojson -> rasterio, transform", place, bounds)
+        rows, columns = np.indices(heights.shape)
+        x, y = rasterio.transform.xy(map.transform, rows.ravel(), columns.ravel())
+        r = np.hypot(np.array(x) - 5e5, np.array(y) - 4e6).reshape(heights.shape)
+    check("cone.geojson -> rasterio, no data", (heights.mask == (r > 400))[np.abs(r - 400) > 1].all(), heights.mask.mean())
+    # West of that the contours around the summit lie beyond the map, and nobody knows them.
+    between = (r > 105) & (r < 395) & (np.array(x).reshape(r.shape) > 5e5 - 60)
+    error = np.abs(heights - (300 - r / 2))[between].max()
+    check("cone.geojson -> rasterio, heights", error < 2, error)
+    drawn = json.loads(out.read_text())["features"]
+    ends = [l[0][0] == l[-1][0] == 5e5 - 150 for f in drawn if f["properties"]["elevation"] < 220 for l in f["geometry"]["coordinates"]]
+    check("cone.geojson -> geojson, open at the border", ends and all(ends), len(ends))
 
 
 def ring(radius, z, points=80):

@@ -319,7 +319,8 @@ mod zarr {
         let path = place.path().join("mine.zarr");
         fs::create_dir(&path).expect("a folder can be made");
         fs::write(path.join("notes.txt"), "mine").expect("a file can be written");
-        let said = Outputs::open(&[path.clone()], None, Temporary::Random).map(drop).expect_err("it must stay");
+        let said =
+            Outputs::open(std::slice::from_ref(&path), None, Temporary::Random).map(drop).expect_err("it must stay");
         assert!(said.to_string().contains("none of Zarr"), "{said}");
         assert_eq!(files_in(&path).len(), 1);
     }

@@ -12,7 +12,8 @@ use super::say::say;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy), or a .dcm RTSTRUCT
+    /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy),
+    /// a .dcm RTSTRUCT, or a .geojson or .shp contour map
     input: PathBuf,
 
     /// Leave out every N-th slice

@@ -14,7 +14,8 @@ use super::volume;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy), or a .dcm RTSTRUCT
+    /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy),
+    /// a .dcm RTSTRUCT, or a .geojson or .shp contour map
     input: PathBuf,
 
     /// RTSTRUCT: list all ROIs, as without --roi where there are several
@@ -33,6 +34,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     #[cfg(feature = "dicom")]
     if stack::read::is_structure_set(&arguments.input) {
         return structures(arguments);
+    }
+    #[cfg(feature = "terrain")]
+    if stack::read::is_map(&arguments.input) {
+        return contour_map(arguments);
     }
     let (stack, surveyed) = stack::read::read_surveyed(&arguments.input, &arguments.read)?;
     let links = arguments.links.read(&stack)?;
@@ -55,6 +60,19 @@ fn structures(arguments: &Arguments) -> Result<()> {
     let links = arguments.links.read(&stack)?;
     let text = describe(&stack, &links, chosen.steps(&stack).map(|s| s.heights))?;
     say(&(chosen.describe().join("\n") + "\n" + &text))
+}
+
+/// What is in a contour map.
+#[cfg(feature = "terrain")]
+fn contour_map(arguments: &Arguments) -> Result<()> {
+    stack::read::check(&arguments.input, &arguments.read)?;
+    let terrain = interslice::terrain::Terrain::read(&arguments.input, &arguments.read)?;
+    terrain.stack.validate()?;
+    let links = arguments.links.read(&terrain.stack)?;
+    let notes = terrain.notes.iter().map(|note| format!("note: {note}"));
+    let lines: Vec<String> = terrain.description.iter().cloned().chain(notes).collect();
+    let text = describe(&terrain.stack, &links, terrain.step())?;
+    say(&(lines.join("\n") + "\n(the stack goes on 16 px beyond the border)\n" + &text))
 }
 
 /// A number without the tail that binary fractions leave.

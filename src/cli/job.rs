@@ -14,7 +14,8 @@ use super::devices::DeviceOptions;
 
 #[derive(Debug, clap::Args)]
 pub struct JobArguments {
-    /// Folder with stack.json, or a label volume: .nrrd, .nii, .nii.gz, .mha, .mhd, .tif (pages, OME-TIFF), .npy; or a .dcm RTSTRUCT
+    /// Folder with stack.json, or a label volume: .nrrd, .nii, .nii.gz, .mha, .mhd, .tif (pages, OME-TIFF), .npy; a .dcm RTSTRUCT; or
+    /// a .geojson or .shp contour map
     pub input: PathBuf,
 
     /// Read options from a TOML file (keys as the long options, with _ for -); the command line wins

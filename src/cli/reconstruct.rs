@@ -23,7 +23,7 @@ pub struct Arguments {
     job: JobArguments,
 
     /// Output file, by extension: .nrrd .nii .nii.gz .mha .zarr (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map),
-    /// .contours.json (polygons), .dcm (the RTSTRUCT, completed), .json (report); repeatable
+    /// .contours.json (polygons), .geojson (contour lines), .dcm (the RTSTRUCT, completed), .json (report); repeatable
     #[arg(short, long = "output", value_name = "FILE")]
     outputs: Vec<PathBuf>,
 

@@ -81,6 +81,10 @@ impl Loaded {
     /// As [`JobOptions::check`], [`read::read`] and [`LinkOptions::read`].
     pub fn read(input: &Path, mut options: JobOptions) -> Result<Self> {
         options.check()?;
+        #[cfg(feature = "terrain")]
+        if read::is_map(input) {
+            return Self::map(input, options);
+        }
         let stack = read::read(input, &options.read)?;
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
@@ -96,6 +100,19 @@ impl Loaded {
             return Ok(Loaded { notes, ..Self::new(stack, options)? });
         }
         Self::new(stack, options)
+    }
+
+    /// The same for a contour map.
+    #[cfg(feature = "terrain")]
+    fn map(input: &Path, mut options: JobOptions) -> Result<Self> {
+        read::check(input, &options.read)?;
+        let terrain = crate::terrain::Terrain::read(input, &options.read)?;
+        terrain.stack.validate()?;
+        options.settings.links = options.links.read(&terrain.stack)?;
+        options.settings.validate()?;
+        options.output.dz = options.output.dz.or(terrain.step());
+        options.output.map = Some(std::sync::Arc::new(terrain.map));
+        Ok(Loaded { notes: terrain.notes, ..Self::new(terrain.stack, options)? })
     }
 
     /// The same for a stack that no file holds.

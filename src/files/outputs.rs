@@ -4,18 +4,19 @@
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
-#[cfg(feature = "dicom")]
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::pending::{Pending, Temporary, files_below, parent};
 use crate::error::{Error, Result};
+use crate::map::{Crs, Map};
 use crate::report::Report;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::{Added, Source, StructureSet, StructuresWriter};
 use crate::stack::{ContourStack, Geometry};
 use crate::surface::contour_lines::ContoursWriter;
+use crate::surface::geojson::GeoJsonWriter;
 use crate::surface::heightmap::HeightMapWriter;
 use crate::surface::mesh_files::{ListedWriter, StlWriter};
 use crate::surface::mha::MhaWriter;
@@ -38,6 +39,7 @@ enum Format {
     Report,
     Zarr,
     Contours,
+    GeoJson,
     StructureSet,
 }
 
@@ -54,7 +56,7 @@ const PER_LINE_PIXEL: u64 = 24;
 /// Bytes of the picture's samples, 2400 x 1800 with colour and depth, and of the picture.
 const PICTURE_BYTES: u64 = 160 << 20;
 
-const KNOWN: &str = ".nrrd, .nii, .nii.gz, .mha, .zarr, .stl, .ply, .obj, .png (picture), .tif (height map), .contours.json, \
+const KNOWN: &str = ".nrrd, .nii, .nii.gz, .mha, .zarr, .stl, .ply, .obj, .png (picture), .tif (height map), .contours.json, .geojson (contours), \
                      .dcm (completed RTSTRUCT), .json (report)";
 
 impl Format {
@@ -76,6 +78,7 @@ impl Format {
             Some("png") => Ok(Format::Png),
             Some("tif" | "tiff") => Ok(Format::Tiff),
             Some("json") => Ok(Format::Report),
+            Some("geojson") => Ok(Format::GeoJson),
             Some("dcm") if cfg!(feature = "dicom") => Ok(Format::StructureSet),
             Some("dcm") => {
                 let message = "this program was built without DICOM (feature `dicom`)".into();
@@ -121,7 +124,7 @@ pub fn kind(path: &Path) -> Result<Kind> {
         Format::Nrrd | Format::Nifti { .. } | Format::Mha | Format::Zarr => Kind::Volume,
         Format::Stl | Format::Ply | Format::Obj => Kind::Mesh,
         Format::Report => Kind::Report,
-        Format::Png | Format::Tiff | Format::Contours | Format::StructureSet => Kind::View,
+        Format::Png | Format::Tiff | Format::Contours | Format::GeoJson | Format::StructureSet => Kind::View,
     })
 }
 
@@ -152,7 +155,7 @@ fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], geometry: &Ge
         Format::Tiff => PER_MAP_PIXEL * pixels,
         Format::Png => PICTURE_BYTES,
         Format::Zarr => zarr_bytes(pixels as usize),
-        Format::Contours | Format::StructureSet => PER_LINE_PIXEL * pixels,
+        Format::Contours | Format::GeoJson | Format::StructureSet => PER_LINE_PIXEL * pixels,
         Format::Stl | Format::Ply | Format::Obj | Format::Report => 0,
     });
     each.sum::<u64>()
@@ -191,6 +194,11 @@ pub struct OutputOptions {
     /// Draw the input contours into pictures
     #[arg(long)]
     pub contours: bool,
+
+    /// The contour map that was read: where outputs lie, and which part of the stack they show
+    #[arg(skip)]
+    #[serde(skip)]
+    pub map: Option<Arc<Map>>,
 
     /// The RTSTRUCT that was read, for a completed one
     #[cfg(feature = "dicom")]
@@ -279,12 +287,12 @@ impl Outputs {
     /// Takes the layers of a body and writes them under temporary names.
     pub fn sink(&mut self, options: &OutputOptions) -> impl LayerSink + '_ {
         let content = if options.mask { Content::Mask } else { Content::Distance };
-        Sink { outputs: self, content, options: options.clone() }
+        Sink { outputs: self, content, options: options.clone(), dims: [0; 2] }
     }
 
     /// The same for layers of label numbers.
     pub fn label_sink(&mut self, numbers: Whole) -> impl LayerSink + '_ {
-        Sink { outputs: self, content: Content::Labels(numbers), options: OutputOptions::default() }
+        Sink { outputs: self, content: Content::Labels(numbers), options: OutputOptions::default(), dims: [0; 2] }
     }
 
     /// Completes everything under temporary names, when the last layer has come. Where an output needs the surface, its volume and area are
@@ -351,11 +359,16 @@ struct Sink<'o> {
     outputs: &'o mut Outputs,
     content: Content,
     options: OutputOptions,
+    /// Pixels of the layers that arrive.
+    dims: [usize; 2],
 }
 
 impl LayerSink for Sink<'_> {
     fn begin(&mut self, header: &Header) -> Result<()> {
         self.outputs.stream = None;
+        self.dims = header.dims;
+        let within = self.options.map.as_ref().map(|map| map.header(header));
+        let header = within.as_ref().unwrap_or(header);
         let mut writers = Vec::new();
         for output in &mut self.outputs.files {
             writers.push(writer(output, header, self.content, &self.options).map_err(|source| output.fails(source))?);
@@ -366,6 +379,10 @@ impl LayerSink for Sink<'_> {
     }
 
     fn layer(&mut self, layer: Layer) -> Result<()> {
+        let layer = match &self.options.map {
+            Some(map) => map.layer(&layer, self.dims),
+            None => layer,
+        };
         match &mut self.outputs.stream {
             Some(stream) => stream.layer(&layer).map_err(|failed| self.outputs.failed(failed)),
             None => Ok(()),
@@ -400,9 +417,13 @@ fn writer(
             let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };
             Box::new(PictureWriter::new(out, header, options))
         }
-        Format::Tiff => Box::new(HeightMapWriter::new(out, header)),
+        Format::Tiff => Box::new(HeightMapWriter::new(out, header, options.map.as_ref().map(|map| &map.crs))),
         Format::Report => Box::new(ReportWriter(out)),
         Format::Contours => Box::new(ContoursWriter::new(out, header)?),
+        Format::GeoJson => {
+            let crs = options.map.as_ref().map_or(&Crs::Unknown, |map| &map.crs);
+            Box::new(GeoJsonWriter::new(out, header, crs)?)
+        }
         Format::StructureSet => return structures(out, header, options),
         Format::Zarr => return Err(io::Error::other("a folder is needed")),
     })

@@ -39,19 +39,25 @@ impl Grid {
         if spacing.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
             return fail(format!("must be a positive number; got {}", spacing[0]));
         }
+        Grid::over([low, high], spacing, drawings.len())
+    }
+
+    /// The grid over a box, and [`MARGIN`] pixels around it, for so many slices.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for too many pixels.
+    pub fn over([low, high]: [[f64; 2]; 2], spacing: [f64; 2], slices: usize) -> Result<Self> {
         let first = [0, 1].map(|a| (low[a] / spacing[a]).floor() - MARGIN as f64);
         let sides = [0, 1].map(|a| (high[a] / spacing[a]).ceil() + MARGIN as f64 - first[a] + 1.0);
-        let pixels = sides[0] * sides[1] * drawings.len() as f64;
+        let pixels = sides[0] * sides[1] * slices as f64;
         // Beyond 2^52 steps from the origin pixels would have no places of their own.
         let placed = (0..2).all(|a| first[a].abs() < 4e15 && sides[a] < 1e6);
         if !(pixels <= MOST_PIXELS && placed) {
-            return fail(format!(
+            let message = format!(
                 "must be larger: {} slices of {} x {} pixels of {} are more than {MOST_PIXELS} pixels",
-                drawings.len(),
-                sides[0],
-                sides[1],
-                spacing[0]
-            ));
+                slices, sides[0], sides[1], spacing[0]
+            );
+            return Err(Error::Setting { name: "pixel".into(), message });
         }
         let origin = [0, 1].map(|a| first[a] * spacing[a]);
         Ok(Grid { origin, spacing, dims: sides.map(|n| n as usize) })

@@ -100,7 +100,7 @@ pub fn stack(drawings: &[Drawing], planes: &Planes, pixel: Option<[f64; 2]>) -> 
 }
 
 /// `min` over the regions of the signed distance to each, clamped.
-fn level_set(regions: &[Vec<Polygon>], grid: &Grid) -> Vec<f32> {
+pub(crate) fn level_set(regions: &[Vec<Polygon>], grid: &Grid) -> Vec<f32> {
     let px = grid.spacing[0].max(grid.spacing[1]);
     let clamp = CLAMP * px;
     let mut level = vec![clamp as f32; grid.dims[0] * grid.dims[1]];

@@ -22,10 +22,22 @@ pub struct ReadOptions {
     #[serde(deserialize_with = "one_or_many")]
     pub roi: Vec<String>,
 
-    /// Polygons and RTSTRUCT: side of the pixels the contours are laid on, in the input's unit [default: half the distance of neighbouring
+    /// Polygons, RTSTRUCT and contour maps: side of the pixels the contours are laid on, in the input's unit [default: half the distance of neighbouring
     /// points, finer for what is thin]
     #[arg(long, value_name = "LENGTH")]
     pub pixel: Option<f64>,
+
+    /// Contour maps: the attribute that is the elevation [default: the one named elev..., height, contour, z, ..., else the points' z]
+    #[arg(long, value_name = "FIELD")]
+    pub elevation: Option<String>,
+
+    /// Contour maps: where the map ends [default: the box around all lines]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_delimiter = ',', allow_negative_numbers = true)]
+    pub border: Option<Vec<f64>>,
+
+    /// Contour maps: coordinate system of x and y, EPSG:N, or local where they are lengths in none [default: what the file names]
+    #[arg(long, value_name = "EPSG:N|local")]
+    pub crs: Option<String>,
 
     /// Label volumes and RTSTRUCT: use every K-th slice only [default: the slices that have the label, the planes that are drawn]
     #[arg(long, value_name = "K", conflicts_with = "slices")]

@@ -19,6 +19,8 @@ enum Kind {
     Volume(fn(&Path) -> Result<Volume>),
     /// A DICOM RTSTRUCT.
     StructureSet,
+    /// Contour lines with elevations.
+    Map,
 }
 
 impl Kind {
@@ -36,9 +38,11 @@ impl Kind {
             Some("tif" | "tiff") => Ok(Kind::Volume(pages::read)),
             Some("npy") => Ok(Kind::Volume(npy::read)),
             Some("dcm") => Ok(Kind::StructureSet),
+            Some("geojson" | "shp") => Ok(Kind::Map),
             _ => {
-                let message =
-                    format!("not a known input: expected a folder with stack.json, {VOLUMES}, or .dcm (RTSTRUCT)");
+                let message = format!(
+                    "not a known input: expected a folder with stack.json, {VOLUMES}, .dcm (RTSTRUCT), .geojson or .shp"
+                );
                 Err(Error::Format { path: path.into(), message })
             }
         }
@@ -51,7 +55,15 @@ impl Kind {
         let folder = matches!(kind, Kind::Folder);
         let volume = matches!(kind, Kind::Volume(_));
         let structures = matches!(kind, Kind::StructureSet);
+        let map = matches!(kind, Kind::Map);
+        let lines = "a contour map";
         let wrong = [
+            (map && options.label.is_some(), "label", lines),
+            (map && options.keep.is_some(), "keep", lines),
+            (map && options.slices.is_some(), "slices", lines),
+            (!map && options.elevation.is_some(), "elevation", "anything but contour maps"),
+            (!map && options.border.is_some(), "border", "anything but contour maps"),
+            (!map && options.crs.is_some(), "crs", "anything but contour maps"),
             (structures && options.label.is_some(), "label", "an RTSTRUCT; `roi` chooses there"),
             (!structures && !options.roi.is_empty(), "roi", "anything but an RTSTRUCT"),
             (volume && options.pixel.is_some(), "pixel", "volumes; it is the pixel size for polygons"),
@@ -93,7 +105,11 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<()> {
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     match Kind::of(path)? {
         Kind::Folder => folder::files(path),
+        #[cfg(feature = "terrain")]
+        Kind::Map => Ok(crate::terrain::files(path)),
         Kind::Volume(header) => Ok(header(path)?.files()),
+        #[cfg(not(feature = "terrain"))]
+        Kind::Map => Ok(vec![path.into()]),
         Kind::StructureSet => Ok(vec![path.into()]),
     }
 }
@@ -103,13 +119,18 @@ pub fn is_structure_set(path: &Path) -> bool {
     matches!(Kind::of(path), Ok(Kind::StructureSet))
 }
 
+/// Whether an input is a contour map, by its name.
+pub fn is_map(path: &Path) -> bool {
+    matches!(Kind::of(path), Ok(Kind::Map))
+}
+
 /// The labels of a label volume, and which of its slices have any.
 ///
 /// # Errors
 /// As [`read`]; [`Error::Format`] for a folder of slices.
 pub fn survey(path: &Path) -> Result<Survey> {
     match Kind::of(path)? {
-        Kind::Folder | Kind::StructureSet => {
+        Kind::Folder | Kind::StructureSet | Kind::Map => {
             Err(Error::Format { path: path.into(), message: "is not a label volume".into() })
         }
         Kind::Volume(header) => Survey::of(&header(path)?, None),
@@ -149,6 +170,13 @@ pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack
         #[cfg(not(feature = "dicom"))]
         Kind::StructureSet => {
             let message = "is DICOM, which this program was built without (feature `dicom`)".into();
+            return Err(Error::Format { path: path.into(), message });
+        }
+        #[cfg(feature = "terrain")]
+        Kind::Map => (crate::terrain::Terrain::read(path, options)?.stack, None),
+        #[cfg(not(feature = "terrain"))]
+        Kind::Map => {
+            let message = "is a contour map, which this program was built without (feature `terrain`)".into();
             return Err(Error::Format { path: path.into(), message });
         }
     };

@@ -5,7 +5,10 @@ use std::io::{self, Seek, Write};
 use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
 
 use super::Layer;
+use super::contour_lines::AlongAxes;
+use super::geotiff::Raster;
 use super::stream::{BodyWriter, Ending, Header};
+use crate::map::Crs;
 
 /// Arrival height per pixel, unit of the stack, row-major: the highest z at which the pixel is inside, by the linear zero between
 /// layers; the upper end of the body where it is still inside there, NaN where it is never inside.
@@ -52,17 +55,31 @@ impl ArrivalHeights {
     }
 }
 
-/// Writes the height map as a 32-bit float grey TIFF, at the end.
+/// Writes the height map as a 32-bit float grey TIFF, at the end: rows as the stack's; of a contour map as a GeoTIFF, from north to south.
 pub struct HeightMapWriter<W> {
     out: W,
     size: [u32; 2],
     heights: ArrivalHeights,
+    place: Option<Place>,
+}
+
+/// Where a map lies.
+struct Place {
+    crs: Crs,
+    spacing: [f64; 2],
+    corner: [f64; 2],
 }
 
 impl<W> HeightMapWriter<W> {
     /// Nothing yet.
-    pub fn new(out: W, header: &Header) -> Self {
-        HeightMapWriter { out, size: header.dims.map(|n| n as u32), heights: ArrivalHeights::new(header) }
+    pub fn new(out: W, header: &Header, crs: Option<&Crs>) -> Self {
+        let ([nx, ny], spacing) = (header.dims, header.spacing);
+        let place = crs.map(|crs| {
+            let [x, _] = AlongAxes::new(&header.geometry, spacing).point([-0.5, 0.0]);
+            let [_, y] = AlongAxes::new(&header.geometry, spacing).point([0.0, ny as f64 - 0.5]);
+            Place { crs: crs.clone(), spacing, corner: [x, y] }
+        });
+        HeightMapWriter { out, size: [nx as u32, ny as u32], heights: ArrivalHeights::new(header), place }
     }
 }
 
@@ -73,6 +90,13 @@ impl<W: Write + Seek + Send> BodyWriter for HeightMapWriter<W> {
     }
 
     fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
+        if let Some(Place { crs, spacing, corner }) = &self.place {
+            let rows = self.heights.finish().chunks_exact(self.size[0] as usize);
+            let heights: Vec<f32> = rows.rev().flatten().copied().collect();
+            let raster = Raster { size: self.size, spacing: *spacing, corner: *corner, crs };
+            raster.write(&mut self.out, &heights)?;
+            return self.out.flush();
+        }
         // The encoder of `image` has no single-channel float; `tiff` beneath it does.
         let mut encoder = TiffEncoder::new(&mut self.out).map_err(io::Error::other)?;
         let [width, height] = self.size;

@@ -2,6 +2,8 @@
 
 mod cases;
 pub mod contour_lines;
+pub mod geojson;
+pub mod geotiff;
 pub mod heightmap;
 pub mod marching;
 pub mod mesh;

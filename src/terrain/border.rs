@@ -1,0 +1,158 @@
+//! The border of a map, and how lines that end there go on.
+//!
+//! Beyond the border the terrain goes on as it is at the nearest point of the border: lines go on at right angles to it, up to an outer
+//! rectangle, and are closed along that. So the border itself is no contour, near which distances would be wrong.
+
+use super::lines::{Line, bounds, distance};
+use crate::error::{Error, Result};
+use crate::polygons::Polygon;
+
+/// Pieces whose ends lie this close to one side, of the map's longer side, run along it.
+const ALONG: f64 = 1e-7;
+
+/// A rectangle along the axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Border {
+    /// Lowest x and y.
+    pub low: [f64; 2],
+    /// Highest.
+    pub high: [f64; 2],
+}
+
+impl Border {
+    /// X0,Y0,X1,Y1 as the user gives them.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for other than four increasing numbers.
+    pub fn given(values: &[f64]) -> Result<Self> {
+        match *values {
+            [x0, y0, x1, y1] if x0 < x1 && y0 < y1 && values.iter().all(|v| v.is_finite()) => {
+                Ok(Border { low: [x0, y0], high: [x1, y1] })
+            }
+            _ => {
+                let message = format!("must be X0,Y0,X1,Y1 with X0 < X1 and Y0 < Y1; got {values:?}");
+                Err(Error::Setting { name: "border".into(), message })
+            }
+        }
+    }
+
+    /// The box around all lines.
+    pub fn around(lines: &[Line]) -> Self {
+        let [low, high] = bounds(lines.iter().flat_map(|l| &l.points));
+        Border { low, high }
+    }
+
+    /// The same, farther out.
+    pub fn grown(&self, by: f64) -> Self {
+        Border { low: self.low.map(|v| v - by), high: self.high.map(|v| v + by) }
+    }
+
+    /// Distances to the lines through its bottom, right, top and left side; negative outside.
+    fn inward(&self, p: [f64; 2]) -> [f64; 4] {
+        [p[1] - self.low[1], self.high[0] - p[0], self.high[1] - p[1], p[0] - self.low[0]]
+    }
+
+    /// The nearest side of a point inside, and its distance; negative where the point lies beyond it.
+    pub fn nearest(&self, p: [f64; 2]) -> (usize, f64) {
+        let inward = self.inward(p);
+        let side = (0..4).min_by(|a, b| inward[*a].total_cmp(&inward[*b])).unwrap_or(0);
+        (side, inward[side])
+    }
+
+    /// Whether a straight piece runs along a side.
+    fn has(&self, p: [f64; 2], q: [f64; 2]) -> bool {
+        let slack = ALONG * (self.high[0] - self.low[0]).max(self.high[1] - self.low[1]);
+        let (a, b) = (self.inward(p), self.inward(q));
+        (0..4).any(|side| a[side].abs() <= slack && b[side].abs() <= slack)
+    }
+
+    /// A line without its pieces along the border.
+    pub fn without_sides(&self, line: Line) -> Vec<Line> {
+        let n = line.points.len();
+        let pieces = if line.closed { n } else { n - 1 };
+        let runs_along = |k: usize| self.has(line.points[k % n], line.points[(k + 1) % n]);
+        let Some(first) = (0..pieces).find(|k| runs_along(*k)) else { return vec![line] };
+        // A closed line is walked from its first piece along the border.
+        let start = if line.closed { first + 1 } else { 0 };
+        let mut lines = Vec::new();
+        let mut points: Vec<[f64; 2]> = Vec::new();
+        for k in start..start + pieces {
+            if runs_along(k) {
+                lines.push(std::mem::take(&mut points));
+            } else {
+                if points.is_empty() {
+                    points.push(line.points[k % n]);
+                }
+                points.push(line.points[(k + 1) % n]);
+            }
+        }
+        lines.push(points);
+        let open = |points| Line { feature: line.feature.clone(), z: line.z, points, closed: false };
+        lines.into_iter().filter(|points| points.len() > 1).map(open).collect()
+    }
+
+    /// Where a line that ends at `p` reaches the rectangle `outer` beyond.
+    fn reached(&self, p: [f64; 2], outer: &Border) -> [f64; 2] {
+        match self.nearest(p).0 {
+            0 => [p[0], outer.low[1]],
+            1 => [outer.high[0], p[1]],
+            2 => [p[0], outer.high[1]],
+            _ => [outer.low[0], p[1]],
+        }
+    }
+
+    /// A line from border to border, closed beyond it along `outer`.
+    pub fn close(&self, line: &[[f64; 2]], outer: &Border) -> Polygon {
+        let (Some(first), Some(last)) = (line.first(), line.last()) else { return Polygon::new() };
+        let (start, end) = (self.reached(*first, outer), self.reached(*last, outer));
+        let mut polygon = vec![start];
+        polygon.extend(line);
+        polygon.push(end);
+        let (from, mut to) = (outer.place(end), outer.place(start));
+        if to < from {
+            to += 4.0;
+        }
+        let corners = outer.corners();
+        polygon.extend((0..8).filter(|k| f64::from(*k) > from && f64::from(*k) < to).map(|k| corners[k as usize % 4]));
+        polygon
+    }
+
+    /// Corners, counter-clockwise from the lowest.
+    pub fn corners(&self) -> [[f64; 2]; 4] {
+        [self.low, [self.high[0], self.low[1]], self.high, [self.low[0], self.high[1]]]
+    }
+
+    /// How far round a point of the rectangle lies: corner 0, 1, 2, 3 at whole numbers.
+    fn place(&self, p: [f64; 2]) -> f64 {
+        let (side, _) = self.nearest(p);
+        let [from, to] = [self.corners()[side], self.corners()[(side + 1) % 4]];
+        side as f64 + (distance(from, p) / distance(from, to)).min(1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BORDER: Border = Border { low: [0.0, 0.0], high: [10.0, 6.0] };
+
+    #[test]
+    fn lines_from_border_to_border_are_closed_beyond_it() {
+        let closed = BORDER.close(&[[0.0, 3.0], [4.0, 3.0], [4.0, 0.0]], &BORDER.grown(2.0));
+        // From the bottom counter-clockwise round to the left: three corners.
+        let wanted =
+            vec![[-2.0, 3.0], [0.0, 3.0], [4.0, 3.0], [4.0, 0.0], [4.0, -2.0], [12.0, -2.0], [12.0, 8.0], [-2.0, 8.0]];
+        assert_eq!(closed, wanted);
+        let back = BORDER.close(&[[4.0, 0.0], [4.0, 3.0], [0.0, 3.0]], &BORDER.grown(2.0));
+        assert_eq!(back[5..], [[-2.0, -2.0]]);
+    }
+
+    #[test]
+    fn pieces_along_the_border_are_left_out() {
+        let ring = vec![[0.0, 0.0], [5.0, 0.0], [5.0, 6.0], [0.0, 6.0]];
+        let line = Line { feature: "a".into(), z: 1.0, points: ring, closed: true };
+        let left = BORDER.without_sides(line);
+        assert_eq!(left.len(), 1);
+        assert_eq!(left[0].points, [[5.0, 0.0], [5.0, 6.0]]);
+    }
+}

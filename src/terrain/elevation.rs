@@ -1,0 +1,88 @@
+//! Which attribute is the elevation, and what it says.
+
+use serde_json::Value;
+
+use super::Feature;
+
+type Parse<T> = Result<T, String>;
+
+/// Names of elevation attributes, in any case; so are all that begin with "elev".
+const NAMES: [&str; 6] = ["ele", "height", "contour", "z", "altitude", "alt"];
+/// Heights of a line's points this close, of their size, are one.
+const SAME: f64 = 1e-9;
+
+/// Where elevations are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Source {
+    /// In an attribute.
+    Field(String),
+    /// In the points' z.
+    Points,
+}
+
+/// The attribute that is asked for, else the only one with a known name, else the points' z.
+///
+/// # Errors
+/// A message with the names that there are.
+pub fn source(features: &[Feature], asked: Option<&str>) -> Parse<Source> {
+    let mut names: Vec<&str> = features.iter().flat_map(|f| f.fields.iter().map(|(name, _)| name.as_str())).collect();
+    names.sort_unstable();
+    names.dedup();
+    let listed = || if names.is_empty() { "none".into() } else { format!("`{}`", names.join("`, `")) };
+    if let Some(asked) = asked {
+        let exact = names.iter().find(|n| **n == asked);
+        let found = exact.or_else(|| names.iter().find(|n| n.eq_ignore_ascii_case(asked)));
+        let none = || format!("`elevation` must name an attribute of the file; got `{asked}`, there are {}", listed());
+        return found.map(|n| Source::Field((*n).into())).ok_or_else(none);
+    }
+    let known = |name: &str| {
+        let name = name.to_lowercase();
+        NAMES.contains(&name.as_str()) || name.starts_with("elev")
+    };
+    let found: Vec<&str> = names.iter().copied().filter(|n| known(n)).collect();
+    match found[..] {
+        [only] => Ok(Source::Field(only.into())),
+        [] if features.iter().flat_map(|f| &f.lines).any(|l| !l.z.is_empty()) => Ok(Source::Points),
+        [] => Err(format!(
+            "no attribute is known to be the elevation (elev..., height, contour, z, ...) and points have no z; --elevation FIELD names \
+             it; there are {}",
+            listed()
+        )),
+        _ => Err(format!(
+            "several attributes could be the elevation: `{}`; --elevation FIELD names it",
+            found.join("`, `")
+        )),
+    }
+}
+
+/// The elevation of line `part` of a feature.
+///
+/// # Errors
+/// A message with feature, attribute and value.
+pub fn elevation(feature: &Feature, part: usize, source: &Source) -> Parse<f64> {
+    let name = &feature.name;
+    match source {
+        Source::Field(field) => {
+            let value = feature.fields.iter().find(|(n, _)| n == field).map_or(&Value::Null, |(_, v)| v);
+            let number = match value {
+                Value::Number(n) => n.as_f64(),
+                Value::String(text) => text.trim().parse().ok(),
+                _ => None,
+            };
+            let wrong = || format!("{name}: `{field}` is {value}; it must be a finite number");
+            number.filter(|v: &f64| v.is_finite()).ok_or_else(wrong)
+        }
+        Source::Points => {
+            let z = &feature.lines[part].z;
+            let (low, high) = z.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+            match z.first() {
+                None => Err(format!("{name}: its points have no z, and no attribute is the elevation")),
+                Some(_) if !z.iter().all(|v| v.is_finite()) => {
+                    Err(format!("{name}: z of a point is not a finite number"))
+                }
+                Some(first) if high - low <= SAME * first.abs().max(1.0) => Ok(*first),
+                Some(_) => Err(format!("{name}: its points lie at {low} to {high}; a contour line has one height")),
+            }
+        }
+    }
+}

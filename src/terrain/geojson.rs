@@ -1,0 +1,76 @@
+//! GeoJSON: lines and polygons with properties.
+
+use std::path::Path;
+
+use geojson::{FeatureCollection, GeoJson, GeometryValue, Position};
+use serde_json::Value;
+
+use super::{Feature, Part};
+use crate::error::{Error, Result};
+use crate::map::Crs;
+
+/// The features of a file, and the coordinate system its `crs` member names (of before RFC 7946, still what programs write).
+///
+/// # Errors
+/// [`Error::Read`]; [`Error::Format`] with feature and value.
+pub fn read(path: &Path) -> Result<(Vec<Feature>, Crs)> {
+    let wrong = |message: String| Error::Format { path: path.into(), message };
+    let text = std::fs::read_to_string(path).map_err(|source| Error::Read { path: path.into(), source })?;
+    let parsed: GeoJson = text.parse().map_err(|e| wrong(format!("is not GeoJSON: {e}")))?;
+    let GeoJson::FeatureCollection(collection) = parsed else {
+        return Err(wrong("must be a FeatureCollection: each contour a feature with its elevation".into()));
+    };
+    let crs = coordinate_system(&collection).map_err(wrong)?;
+    let features = collection.features.into_iter().enumerate().map(|(k, feature)| {
+        let name = match &feature.id {
+            Some(geojson::feature::Id::String(id)) => format!("feature {} (id {id})", k + 1),
+            Some(geojson::feature::Id::Number(id)) => format!("feature {} (id {id})", k + 1),
+            None => format!("feature {}", k + 1),
+        };
+        let lines = match feature.geometry {
+            Some(geometry) => parts(geometry.value).map_err(|m| wrong(format!("{name}: {m}")))?,
+            None => Vec::new(),
+        };
+        Ok(Feature { name, fields: feature.properties.into_iter().flatten().collect(), lines })
+    });
+    Ok((features.collect::<Result<_>>()?, crs))
+}
+
+fn coordinate_system(collection: &FeatureCollection) -> std::result::Result<Crs, String> {
+    let member = collection.foreign_members.as_ref().and_then(|m| m.get("crs"));
+    match member.map(|crs| &crs["properties"]["name"]) {
+        None => Ok(Crs::Unknown),
+        Some(Value::String(name)) => {
+            Crs::named(name).ok_or_else(|| format!("`crs` is `{name}`; only EPSG codes are known: --crs EPSG:N"))
+        }
+        Some(_) => Err("`crs` has no properties.name; --crs EPSG:N".into()),
+    }
+}
+
+fn parts(value: GeometryValue) -> std::result::Result<Vec<Part>, String> {
+    let line = |points: &Vec<Position>, ring: bool| part(points, ring);
+    match value {
+        GeometryValue::LineString { coordinates } => Ok(vec![line(&coordinates, false)?]),
+        GeometryValue::MultiLineString { coordinates } => coordinates.iter().map(|l| line(l, false)).collect(),
+        GeometryValue::Polygon { coordinates } => coordinates.iter().map(|l| line(l, true)).collect(),
+        GeometryValue::MultiPolygon { coordinates } => coordinates.iter().flatten().map(|l| line(l, true)).collect(),
+        other => Err(format!("is a {}; contours are (Multi)LineStrings or (Multi)Polygons", other.type_name())),
+    }
+}
+
+fn part(positions: &[Position], ring: bool) -> std::result::Result<Part, String> {
+    let mut part = Part { points: Vec::with_capacity(positions.len()), z: Vec::new(), ring };
+    for (k, position) in positions.iter().enumerate() {
+        match position.as_slice() {
+            [x, y, more @ ..] => {
+                part.points.push([*x, *y]);
+                part.z.extend(more.first());
+            }
+            other => return Err(format!("point {} has {} coordinates; at least 2 are needed", k + 1, other.len())),
+        }
+    }
+    if !part.z.is_empty() && part.z.len() < part.points.len() {
+        return Err(format!("{} of its {} points have z; all or none must", part.z.len(), part.points.len()));
+    }
+    Ok(part)
+}

@@ -1,0 +1,216 @@
+//! Lines of one elevation, joined end to end: closed, or from border to border.
+
+use std::collections::{BTreeMap, HashSet};
+
+use rstar::RTree;
+use rstar::primitives::GeomWithData;
+
+use super::border::Border;
+use super::lines::{Line, distance};
+use crate::polygons::Polygon;
+
+/// Ends this close, px, are one, and lie on the border.
+pub const TOLERANCE: f64 = 0.5;
+
+/// The lines of one elevation.
+#[derive(Debug)]
+pub struct Level {
+    /// Elevation.
+    pub z: f64,
+    /// As they came, without pieces along the border.
+    pub lines: Vec<Line>,
+    /// Closed lines.
+    pub rings: Vec<Polygon>,
+    /// Lines from border to border.
+    pub open: Vec<Polygon>,
+}
+
+/// All levels, lowest first.
+#[derive(Debug)]
+pub struct Joined {
+    /// Where the map ends.
+    pub border: Border,
+    /// By elevation.
+    pub levels: Vec<Level>,
+}
+
+impl Joined {
+    /// What is in the map, in a few lines.
+    pub fn describe(&self, field: &str, features: usize) -> Vec<String> {
+        let sum = |of: fn(&Level) -> usize| self.levels.iter().map(of).sum::<usize>();
+        let ends = [self.levels.first(), self.levels.last()].map(|l| l.map_or(f64::NAN, |l| l.z));
+        let Border { low, high } = self.border;
+        vec![
+            format!("contour map of {features} features, elevation from {field}"),
+            format!(
+                "{} levels, {} to {}; {} lines make {} closed ones and {} from border to border",
+                self.levels.len(),
+                ends[0],
+                ends[1],
+                sum(|l| l.lines.len()),
+                sum(|l| l.rings.len()),
+                sum(|l| l.open.len())
+            ),
+            format!("border {}, {} to {}, {}", low[0], low[1], high[0], high[1]),
+        ]
+    }
+}
+
+/// Joins the lines of each elevation; the border is the box around them where none is given.
+///
+/// # Errors
+/// A message with feature, coordinates and distances for a line that ends inside the map or leaves it.
+pub fn join(lines: Vec<Line>, given: Option<Border>, pixel: f64, notes: &mut Vec<String>) -> Result<Joined, String> {
+    let border = given.unwrap_or_else(|| Border::around(&lines));
+    let tolerance = TOLERANCE * pixel;
+    for line in &lines {
+        let outside = |p: &&[f64; 2]| border.nearest(**p).1 < -tolerance;
+        if let Some(p) = line.points.iter().find(outside) {
+            let by = -border.nearest(*p).1;
+            return Err(format!(
+                "{}: ({}, {}) lies {by} beyond the border; at most {tolerance}",
+                line.feature, p[0], p[1]
+            ));
+        }
+    }
+    let lines = distinct(lines, notes);
+    // Where all lines are closed and no border is given, none is cut: what touches the box touches nothing.
+    let bordered = given.is_some() || lines.iter().any(|l| !l.closed);
+    let mut by_level: BTreeMap<u64, Level> = BTreeMap::new();
+    for line in lines {
+        // Bits of floats that are turned so that they sort as the numbers do.
+        let bits = (line.z + 0.0).to_bits();
+        let key = if bits >> 63 == 1 { !bits } else { bits | 1 << 63 };
+        let level = by_level.entry(key).or_insert_with(|| Level {
+            z: line.z + 0.0,
+            lines: Vec::new(),
+            rings: Vec::new(),
+            open: Vec::new(),
+        });
+        level.lines.extend(if bordered { border.without_sides(line) } else { vec![line] });
+    }
+    let mut levels: Vec<Level> = by_level.into_values().collect();
+    levels.retain(|level| {
+        let none = level.lines.is_empty();
+        if none {
+            notes.push(format!("level {}: its lines run along the border only; left out", level.z));
+        }
+        !none
+    });
+    for level in &mut levels {
+        chains(level, &border, tolerance)?;
+    }
+    Ok(Joined { border, levels })
+}
+
+/// Leaves out lines that are there twice.
+fn distinct(lines: Vec<Line>, notes: &mut Vec<String>) -> Vec<Line> {
+    let mut seen = HashSet::new();
+    let mut kept = Vec::with_capacity(lines.len());
+    for line in lines {
+        let mut points: Vec<[u64; 2]> = line.points.iter().map(|p| p.map(|v| (v + 0.0).to_bits())).collect();
+        points.sort_unstable();
+        if seen.insert((line.z.to_bits(), points)) {
+            kept.push(line);
+        } else {
+            notes.push(format!("{}: the same line of {} is there before; left out", line.feature, line.z));
+        }
+    }
+    kept
+}
+
+/// What an end of a line meets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Mate {
+    Border,
+    End(usize),
+}
+
+/// The level's lines end to end. End `2 k` is where line `k` begins, end `2 k + 1` where it stops.
+fn chains(level: &mut Level, border: &Border, tolerance: f64) -> Result<(), String> {
+    level.rings = level.lines.iter().filter(|l| l.closed).map(|l| l.points.clone()).collect();
+    let open: Vec<&Line> = level.lines.iter().filter(|l| !l.closed).collect();
+    let ends: Vec<[f64; 2]> = open.iter().flat_map(|l| [l.points[0], l.points[l.points.len() - 1]]).collect();
+    let mates = mates(&ends, border, tolerance).map_err(|e| dangling(e, &ends, &open, border, tolerance))?;
+    let mut used = vec![false; open.len()];
+    let mut walk = |from: usize| {
+        let (mut chain, mut end) = (Polygon::new(), from);
+        loop {
+            let line = end / 2;
+            if used[line] {
+                return chain;
+            }
+            used[line] = true;
+            let points = open[line].points.iter().copied();
+            if end % 2 == 0 {
+                chain.extend(points)
+            } else {
+                chain.extend(points.rev())
+            }
+            match mates[end ^ 1] {
+                Mate::Border => return chain,
+                Mate::End(next) => end = next,
+            }
+        }
+    };
+    let at_border = |end: &usize| mates[*end] == Mate::Border;
+    level.open = (0..ends.len()).filter(at_border).map(&mut walk).collect();
+    // Chains that were walked from their other end are empty.
+    level.open.retain(|chain| !chain.is_empty());
+    for end in (0..ends.len()).step_by(2) {
+        level.rings.push(walk(end));
+    }
+    level.rings.retain(|ring| ring.len() > 2);
+    Ok(())
+}
+
+/// What every end meets: the nearest pairs first.
+///
+/// # Errors
+/// The first end that meets nothing.
+fn mates(ends: &[[f64; 2]], border: &Border, tolerance: f64) -> Result<Vec<Mate>, usize> {
+    let tree = RTree::bulk_load(ends.iter().enumerate().map(|(k, p)| GeomWithData::new(*p, k)).collect());
+    let mut pairs: Vec<(f64, usize, Mate)> = Vec::new();
+    for (k, p) in ends.iter().enumerate() {
+        let beside = border.nearest(*p).1.abs();
+        if beside <= tolerance {
+            pairs.push((beside, k, Mate::Border));
+        }
+        let near = tree.locate_within_distance(*p, tolerance * tolerance).filter(|other| other.data > k);
+        pairs.extend(near.map(|other| (distance(*p, *other.geom()), k, Mate::End(other.data))));
+    }
+    let rank = |mate: &Mate| match mate {
+        Mate::End(k) => *k,
+        Mate::Border => usize::MAX,
+    };
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(rank(&a.2).cmp(&rank(&b.2))).then(a.1.cmp(&b.1)));
+    let mut mates: Vec<Option<Mate>> = vec![None; ends.len()];
+    for (_, k, mate) in pairs {
+        let free = mates[k].is_none() && !matches!(mate, Mate::End(other) if mates[other].is_some());
+        if free {
+            mates[k] = Some(mate);
+            if let Mate::End(other) = mate {
+                mates[other] = Some(Mate::End(k));
+            }
+        }
+    }
+    mates.into_iter().enumerate().map(|(k, mate)| mate.ok_or(k)).collect()
+}
+
+fn dangling(end: usize, ends: &[[f64; 2]], open: &[&Line], border: &Border, tolerance: f64) -> String {
+    let p = ends[end];
+    let others = ends.iter().enumerate().filter(|(k, _)| *k != end);
+    let nearest = others.min_by(|a, b| distance(*a.1, p).total_cmp(&distance(*b.1, p)));
+    let next = nearest.map_or("there is no other end".into(), |(k, q)| {
+        format!("the next end of one is {} away ({})", distance(p, *q), open[k / 2].feature)
+    });
+    format!(
+        "{}: its line of {} ends inside the map at ({}, {}): {next}, the border {}; ends join within {tolerance} (half a pixel), --border \
+         says where the map ends",
+        open[end / 2].feature,
+        open[end / 2].z,
+        p[0],
+        p[1],
+        border.nearest(p).1
+    )
+}

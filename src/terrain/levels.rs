@@ -1,0 +1,168 @@
+//! From closed lines to regions: which side is uphill, and whether the levels lie inside each other.
+
+use rayon::prelude::*;
+
+use super::border::Border;
+use super::join::{Joined, Level};
+use super::lines::{Line, distance};
+use crate::error::Error;
+use crate::map::{Crs, Map};
+use crate::polygons::Polygon;
+use crate::polygons::grid::Grid;
+use crate::polygons::level_set;
+use crate::stack::{ContourStack, Geometry, Slice, SliceContent};
+
+/// Pixels beyond the border: distances are needed as far.
+const BEYOND: f64 = 16.0;
+/// Lines may lie this far, px, on the wrong side of another level's: they touch on cliffs, and are drawn by hand.
+const CROSSING: f64 = 1.0;
+/// Part of a pixel by which its centre may lie beyond the border.
+const SLACK: f64 = 1e-6;
+
+/// What can be wrong.
+pub enum Wrong {
+    /// The lines, as the message says.
+    Lines(String),
+    /// All else.
+    Other(Error),
+}
+
+impl From<Error> for Wrong {
+    fn from(error: Error) -> Self {
+        Wrong::Other(error)
+    }
+}
+
+/// The regions that are at least as high as each level, as level sets on a grid that goes beyond the border, and the part within it.
+///
+/// # Errors
+/// Lines of different levels that cross, or lie on the wrong side of each other; a pixel size that is too small.
+pub fn stack(joined: &Joined, pixel: f64, crs: Crs) -> Result<(ContourStack, Map), Wrong> {
+    let outer = joined.border.grown(BEYOND * pixel);
+    let grid = Grid::over([outer.low, outer.high], [pixel; 2], joined.levels.len())?;
+    let map = window(&joined.border, &grid, crs)?;
+    let slices = joined.levels.par_iter().map(|level| {
+        let region = region(level, joined, &outer, &grid).map_err(Wrong::Lines)?;
+        let name = format!("level {}", level.z);
+        Ok(Slice { name, z: level.z, extra: false, content: SliceContent::Level(region) })
+    });
+    let slices = slices.collect::<Result<Vec<Slice>, Wrong>>()?;
+    let stack = ContourStack {
+        dims: grid.dims,
+        spacing: grid.spacing,
+        unit: "m".into(),
+        slices,
+        z_out: None,
+        geometry: Geometry { origin: [grid.origin[0], grid.origin[1], 0.0], ..Geometry::default() },
+    };
+    Ok((stack, map))
+}
+
+/// Pixels whose centres lie within the border.
+fn window(border: &Border, grid: &Grid, crs: Crs) -> Result<Map, Error> {
+    let first = [grid.column(border.low[0]), grid.row(border.low[1])].map(|v| (v - SLACK).ceil().max(0.0) as usize);
+    let last = [grid.column(border.high[0]), grid.row(border.high[1])].map(|v| (v + SLACK).floor().max(0.0) as usize);
+    if (0..2).any(|a| last[a] < first[a] + 1) {
+        let message = format!("must be smaller: no two pixels of {} lie within the border", grid.spacing[0]);
+        return Err(Error::Setting { name: "pixel".into(), message });
+    }
+    Ok(Map { crs, first, dims: [0, 1].map(|a| last[a] + 1 - first[a]) })
+}
+
+/// The level set of what is at least as high as a level.
+fn region(level: &Level, joined: &Joined, outer: &Border, grid: &Grid) -> Result<Vec<f32>, String> {
+    let mut polygons: Vec<Polygon> = level.rings.clone();
+    polygons.extend(level.open.iter().map(|line| joined.border.close(line, outer)));
+    let set = level_set(std::slice::from_ref(&polygons), grid);
+    let touching = CROSSING * grid.spacing[0];
+    let mut uphill = 0i64;
+    for other in joined.levels.iter().filter(|l| l.z != level.z) {
+        let side = if other.z > level.z { 1 } else { -1 };
+        let mut vote = |_: &Line, _: [f64; 2], depth: f64| {
+            uphill -= side * i64::from(depth > touching);
+            uphill += side * i64::from(depth < -touching);
+            true
+        };
+        walk(other, &set, grid, &mut vote);
+    }
+    let set = match uphill {
+        1.. => set,
+        0 if joined.levels.len() > 1 => {
+            return Err(format!("level {}: the lines of no other level lie clearly on one side of its own", level.z));
+        }
+        0 => set,
+        _ => {
+            polygons.push(outer.corners().to_vec());
+            level_set(&[polygons], grid)
+        }
+    };
+    for other in joined.levels.iter().filter(|l| l.z != level.z) {
+        let side = if other.z > level.z { 1.0 } else { -1.0 };
+        let mut wrong = None;
+        walk(other, &set, grid, &mut |line, p, depth| {
+            let good = side * depth <= touching;
+            if !good {
+                wrong = Some((line.feature.clone(), p));
+            }
+            good
+        });
+        if let Some((feature, p)) = wrong {
+            return Err(crossing(level, other.z, &feature, p, grid.spacing[0]));
+        }
+    }
+    Ok(set)
+}
+
+/// Calls `see` with points of the level's lines, at most a pixel apart, and their distance from the region of `set`, negative inside; until
+/// it says false.
+fn walk(level: &Level, set: &[f32], grid: &Grid, see: &mut dyn FnMut(&Line, [f64; 2], f64) -> bool) {
+    for line in &level.lines {
+        let back = line.closed.then(|| [line.points[line.points.len() - 1], line.points[0]]);
+        for [p, q] in line.points.windows(2).map(|w| [w[0], w[1]]).chain(back) {
+            let steps = (distance(p, q) / grid.spacing[0]).ceil().max(1.0) as usize;
+            for k in 0..steps {
+                let t = k as f64 / steps as f64;
+                let x = [0, 1].map(|a| p[a] + t * (q[a] - p[a]));
+                if !see(line, x, sample(set, grid, x)) {
+                    return;
+                }
+            }
+        }
+    }
+}
+
+/// Bilinear value at a point.
+fn sample(set: &[f32], grid: &Grid, p: [f64; 2]) -> f64 {
+    let at = [grid.column(p[0]), grid.row(p[1])];
+    let [i, j] = [0, 1].map(|a| (at[a].max(0.0) as usize).min(grid.dims[a] - 2));
+    let [s, t] = [at[0] - i as f64, at[1] - j as f64];
+    let v = |i: usize, j: usize| f64::from(set[j * grid.dims[0] + i]);
+    (1.0 - t) * ((1.0 - s) * v(i, j) + s * v(i + 1, j)) + t * ((1.0 - s) * v(i, j + 1) + s * v(i + 1, j + 1))
+}
+
+fn crossing(level: &Level, z: f64, feature: &str, p: [f64; 2], pixel: f64) -> String {
+    let from = |line: &Line| line.points.iter().map(|q| distance(p, *q)).fold(f64::INFINITY, f64::min);
+    let nearest = level.lines.iter().min_by(|a, b| from(a).total_cmp(&from(b)));
+    let of = nearest.map_or(String::new(), |line| format!(", the nearest of which is {}", line.feature));
+    let side = if z > level.z { "below" } else { "above" };
+    format!(
+        "{feature}: its line of {z} lies {side} the lines of {} at ({}, {}) by more than {pixel} (a pixel){of}: they cross, or a line is \
+         missing or has a wrong elevation",
+        level.z, p[0], p[1]
+    )
+}
+
+/// A note on closed lines that the pixels cannot show.
+pub fn too_small(joined: &Joined, pixel: f64) -> Option<String> {
+    let rings = joined.levels.iter().flat_map(|l| &l.rings);
+    let small = rings.filter(|ring| area(ring).abs() < pixel * pixel).count();
+    (small > 0)
+        .then(|| format!("{small} closed lines are smaller than a pixel and may be lost; a smaller --pixel keeps them"))
+}
+
+/// Signed area, about the first point.
+fn area(ring: &[[f64; 2]]) -> f64 {
+    let o = ring[0];
+    ring.windows(2).map(|w| (w[0][0] - o[0]) * (w[1][1] - o[1]) - (w[1][0] - o[0]) * (w[0][1] - o[1])).sum::<f64>()
+        / 2.0
+}

@@ -1,0 +1,99 @@
+//! From features to lines, each with its elevation.
+
+use super::Feature;
+use super::elevation::{Source, elevation, source};
+use crate::error::{Error, Result};
+
+/// Least and most pixels along the longer side of the map, where the pixel size is chosen here.
+const LONGEST: f64 = 1024.0;
+/// Pixels between neighbouring lines, in the mean, where the pixel size is chosen here.
+const BETWEEN: f64 = 4.0;
+
+/// A line of equal elevation.
+#[derive(Debug, Clone)]
+pub struct Line {
+    /// Its feature.
+    pub feature: String,
+    /// Elevation.
+    pub z: f64,
+    /// Points, each different from the one before.
+    pub points: Vec<[f64; 2]>,
+    /// The last point joins the first, which is not repeated.
+    pub closed: bool,
+}
+
+/// All lines, and where their elevations were found. What has no length, or is closed and encloses nothing, is left out with a note.
+///
+/// # Errors
+/// A message with feature and value.
+pub fn lines(
+    features: &[Feature],
+    asked: Option<&str>,
+    notes: &mut Vec<String>,
+) -> std::result::Result<(Vec<Line>, String), String> {
+    let source = source(features, asked)?;
+    let mut lines = Vec::new();
+    for feature in features {
+        for (k, part) in feature.lines.iter().enumerate() {
+            let name = &feature.name;
+            if let Some([x, y]) = part.points.iter().find(|p| !(p[0].is_finite() && p[1].is_finite())) {
+                return Err(format!("{name} has the point ({x}, {y}); coordinates must be finite numbers"));
+            }
+            let z = elevation(feature, k, &source)?;
+            let mut points = part.points.clone();
+            points.dedup();
+            let closed = part.ring || (points.len() > 1 && points.first() == points.last());
+            if points.len() > 1 && points.first() == points.last() {
+                points.pop();
+            }
+            if points.len() < if closed { 3 } else { 2 } {
+                notes.push(format!("{name}: a line of {z} is a point or encloses nothing; left out"));
+                continue;
+            }
+            lines.push(Line { feature: name.clone(), z, points, closed });
+        }
+    }
+    if lines.is_empty() {
+        return Err("has no lines".into());
+    }
+    let said = match source {
+        Source::Field(field) => format!("attribute `{field}`"),
+        Source::Points => "the points' z".into(),
+    };
+    Ok((lines, said))
+}
+
+/// Lowest and highest coordinates.
+pub fn bounds<'a>(points: impl Iterator<Item = &'a [f64; 2]>) -> [[f64; 2]; 2] {
+    points.fold([[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]], |[low, high], p| {
+        [[low[0].min(p[0]), low[1].min(p[1])], [high[0].max(p[0]), high[1].max(p[1])]]
+    })
+}
+
+/// The side of pixels that is asked for, else the median distance of neighbouring points, but at most a quarter of the mean distance of lines
+/// (area of the map by length of all lines), and at least 1/1024 of the longer side of the map.
+///
+/// # Errors
+/// [`Error::Setting`] for one that is none; [`Error::Stack`] where all points lie on a line.
+pub fn pixel(lines: &[Line], asked: Option<f64>) -> Result<f64> {
+    if let Some(pixel) = asked {
+        let message = format!("must be a positive number; got {pixel}");
+        let good = pixel.is_finite() && pixel > 0.0;
+        return if good { Ok(pixel) } else { Err(Error::Setting { name: "pixel".into(), message }) };
+    }
+    let [low, high] = bounds(lines.iter().flat_map(|l| &l.points));
+    let (width, height) = (high[0] - low[0], high[1] - low[1]);
+    if !(width > 0.0 && height > 0.0) {
+        return Err(Error::Stack("contour lines enclose no area".into()));
+    }
+    let mut lengths: Vec<f64> = lines.iter().flat_map(|l| l.points.windows(2)).map(|w| distance(w[0], w[1])).collect();
+    lengths.sort_by(f64::total_cmp);
+    let apart = width * height / lengths.iter().sum::<f64>();
+    let median = lengths.get(lengths.len() / 2).copied().unwrap_or(f64::INFINITY);
+    Ok(median.min(apart / BETWEEN).max(width.max(height) / LONGEST))
+}
+
+/// Distance of two points.
+pub fn distance(p: [f64; 2], q: [f64; 2]) -> f64 {
+    (q[0] - p[0]).hypot(q[1] - p[1])
+}

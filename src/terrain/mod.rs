@@ -1,0 +1,133 @@
+//! Contour maps: lines of equal elevation become a stack of the regions that are at least so high.
+//!
+//! ```text
+//! geojson, shapefile -> Feature -> elevation -> lines -> join (chains per level) -> border (closed lines) -> levels (uphill side, stack)
+//! ```
+//!
+//! Crossing a line of a level always leads from its one side, at least as high, to the other. So one bit decides for all lines of a level
+//! which side is uphill, and the lines of all other levels vote: higher ones lie uphill, lower ones downhill. A closed line between
+//! the levels 100 and 110 is thus a pit if it is of 100, a summit if it is of 110.
+
+mod border;
+mod elevation;
+mod geojson;
+mod join;
+mod levels;
+mod lines;
+mod shapefile;
+
+use std::path::{Path, PathBuf};
+
+use border::Border;
+
+use crate::error::{Error, Result};
+use crate::map::{Crs, Map};
+use crate::stack::{ContourStack, ReadOptions};
+
+/// Parts of the middle distance between levels that are the distance between output heights, where none is asked for.
+const STEPS_PER_LEVEL: f64 = 8.0;
+
+/// A feature of the file.
+#[derive(Debug)]
+struct Feature {
+    /// "feature 3": counted from 1, with its id if it has one.
+    name: String,
+    /// Attributes.
+    fields: Vec<(String, serde_json::Value)>,
+    /// Its lines: x, y, and z where the file has it.
+    lines: Vec<Part>,
+}
+
+/// A line of a feature.
+#[derive(Debug)]
+struct Part {
+    points: Vec<[f64; 2]>,
+    /// Of all points, or of none.
+    z: Vec<f64>,
+    /// Ring of a polygon.
+    ring: bool,
+}
+
+/// A contour map that was read.
+#[derive(Debug)]
+pub struct Terrain {
+    /// Level sets: the region that is at least so high, slice by slice. They go on beyond the border.
+    pub stack: ContourStack,
+    /// Coordinate system and the pixels within the border.
+    pub map: Map,
+    /// What a person should know.
+    pub notes: Vec<String>,
+    /// What is in the file, in a few lines.
+    pub description: Vec<String>,
+}
+
+impl Terrain {
+    /// Reads contour lines or polygons with elevations from a `.geojson` or `.shp` file.
+    ///
+    /// # Errors
+    /// [`Error::Read`]; [`Error::Format`] with feature, coordinates and limit; [`Error::Setting`] for options that do not fit.
+    pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let wrong = |message: String| Error::Format { path: path.into(), message };
+        let shape = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("shp"));
+        let (features, named) = if shape { shapefile::read(path)? } else { geojson::read(path)? };
+        let mut notes = Vec::new();
+        let (lines, field) = lines::lines(&features, options.elevation.as_deref(), &mut notes).map_err(wrong)?;
+        let crs = coordinate_system(named, options, &lines).map_err(wrong)?;
+        let border = options.border.as_deref().map(Border::given).transpose()?;
+        let pixel = lines::pixel(&lines, options.pixel)?;
+        if crs == Crs::Unknown {
+            notes.push("no coordinate system is named; --crs EPSG:N sets it".into());
+        }
+        if let Some(metres) = crs.metres().filter(|m| (m - 1.0).abs() > 1e-9) {
+            notes.push(format!("x and y are in units of {metres} m; heights are taken to be in the same unit"));
+        }
+        let joined = join::join(lines, border, pixel, &mut notes).map_err(wrong)?;
+        let (stack, map) = levels::stack(&joined, pixel, crs).map_err(|e| match e {
+            levels::Wrong::Lines(message) => wrong(message),
+            levels::Wrong::Other(error) => error,
+        })?;
+        notes.extend(levels::too_small(&joined, pixel));
+        let mut description = joined.describe(&field, features.len());
+        description.push(match &map.crs {
+            Crs::Epsg(code) => format!("coordinate system EPSG:{code}"),
+            Crs::Wkt(wkt) => format!("coordinate system {}", wkt.split(',').next().unwrap_or(wkt)),
+            Crs::Local => "plane coordinates in no known system".into(),
+            Crs::Unknown => "coordinate system not named".into(),
+        });
+        Ok(Terrain { stack, map, notes, description })
+    }
+
+    /// Distance between output heights where none is asked for: an eighth of the middle distance between levels.
+    pub fn step(&self) -> Option<f64> {
+        let mut gaps: Vec<f64> = self.stack.slices.windows(2).map(|w| w[1].z - w[0].z).collect();
+        gaps.sort_by(f64::total_cmp);
+        gaps.get(gaps.len() / 2).map(|gap| gap / STEPS_PER_LEVEL)
+    }
+}
+
+/// The files of a contour map: a shapefile has several.
+pub fn files(path: &Path) -> Vec<PathBuf> {
+    let beside = ["dbf", "prj"].map(|e| path.with_extension(e));
+    let shape = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("shp"));
+    let beside = beside.into_iter().filter(|p| shape && p.is_file());
+    std::iter::once(path.to_path_buf()).chain(beside).collect()
+}
+
+/// That of the options, else of the file.
+fn coordinate_system(named: Crs, options: &ReadOptions, lines: &[lines::Line]) -> std::result::Result<Crs, String> {
+    let crs = match &options.crs {
+        None => named,
+        Some(name) => Crs::named(name)
+            .ok_or_else(|| format!("`crs` must be EPSG:N with 1024 <= N < 32767, or local; got `{name}`"))?,
+    };
+    let mut points = lines.iter().flat_map(|l| &l.points);
+    let degrees = crs == Crs::Unknown && points.all(|[x, y]| x.abs() <= 180.0 && y.abs() <= 90.0);
+    let way_out = "project the file first, or say --crs EPSG:N, or --crs local if these are lengths";
+    match (crs.is_geographic(), degrees) {
+        (true, _) => Err(format!("coordinates are degrees, but x and y must be lengths as heights are; {way_out}")),
+        (_, true) => Err(format!(
+            "coordinates look like degrees (no system is named, and all lie in [-180, 180] x [-90, 90]); {way_out}"
+        )),
+        _ => Ok(crs),
+    }
+}

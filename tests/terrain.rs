@@ -1,0 +1,380 @@
+//! Contour maps in, height maps and contour lines out: files that this test writes itself.
+#![cfg(feature = "terrain")]
+
+#[path = "support/files.rs"]
+mod files;
+
+use std::f64::consts::TAU;
+use std::fs;
+use std::path::Path;
+
+use files::*;
+use interslice::map::Crs;
+use interslice::stack::ReadOptions;
+use interslice::terrain::Terrain;
+use serde_json::{Value, json};
+use tiff::decoder::{Decoder, DecodingResult};
+use tiff::tags::Tag;
+
+type Line = Vec<[f64; 2]>;
+
+/// Far from degrees, as projected coordinates are.
+const EAST: f64 = 500_000.0;
+const NORTH: f64 = 4_000_000.0;
+
+fn circle([x, y]: [f64; 2], radius: f64) -> Line {
+    let at = |k: usize| TAU * (k % 120) as f64 / 120.0;
+    (0..=120).map(|k| [EAST + x + radius * at(k).cos(), NORTH + y + radius * at(k).sin()]).collect()
+}
+
+fn feature(z: impl Into<Value>, line: &Line) -> Value {
+    json!({"type": "Feature", "properties": {"Elev": z.into(), "id": 7},
+           "geometry": {"type": "LineString", "coordinates": line}})
+}
+
+fn write(path: &Path, features: &[Value]) {
+    let crs = json!({"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32611"}});
+    let text = json!({"type": "FeatureCollection", "crs": crs, "features": features}).to_string();
+    fs::write(path, text).expect("a file can be written");
+}
+
+fn read(features: &[Value], options: &ReadOptions) -> Terrain {
+    let place = folder();
+    let path = place.path().join("map.geojson");
+    write(&path, features);
+    Terrain::read(&path, options).expect("the map is sound")
+}
+
+fn pixels(pixel: f64) -> ReadOptions {
+    ReadOptions { pixel: Some(pixel), ..ReadOptions::default() }
+}
+
+/// Whether level `k` is inside at a point.
+fn inside(terrain: &Terrain, k: usize, [x, y]: [f64; 2]) -> bool {
+    let stack = &terrain.stack;
+    let i = ((EAST + x - stack.geometry.origin[0]) / stack.spacing[0]).round() as usize;
+    let j = ((NORTH + y - stack.geometry.origin[1]) / stack.spacing[1]).round() as usize;
+    stack.slices[k].content.inside(j * stack.dims[0] + i)
+}
+
+/// Levels of the cone `z = 300 - r / 2`.
+fn cone() -> Vec<Value> {
+    [(100.0, 400.0), (150.0, 300.0), (200.0, 200.0), (250.0, 100.0)]
+        .map(|(z, r)| feature(z, &circle([0.0, 0.0], r)))
+        .to_vec()
+}
+
+struct GeoTiff {
+    heights: Vec<f32>,
+    dims: [usize; 2],
+    scale: Vec<f64>,
+    tie: Vec<f64>,
+    keys: Vec<u16>,
+    nodata: String,
+}
+
+fn geotiff(path: &Path) -> GeoTiff {
+    let file = std::io::BufReader::new(fs::File::open(path).expect("it was written"));
+    let mut decoder = Decoder::new(file).expect("a TIFF");
+    let (width, height) = decoder.dimensions().expect("dimensions");
+    let DecodingResult::F32(heights) = decoder.read_image().expect("pixels") else { panic!("not 32-bit floats") };
+    GeoTiff {
+        heights,
+        dims: [width as usize, height as usize],
+        scale: decoder.get_tag_f64_vec(Tag::ModelPixelScaleTag).expect("scale"),
+        tie: decoder.get_tag_f64_vec(Tag::ModelTiepointTag).expect("tie point"),
+        keys: decoder.get_tag_u16_vec(Tag::GeoKeyDirectoryTag).expect("keys"),
+        nodata: decoder.get_tag_ascii_string(Tag::GdalNodata).expect("no data"),
+    }
+}
+
+#[test]
+fn a_cone_from_lines_to_a_height_map_and_lines() {
+    let place = folder();
+    let at = |name: &str| place.path().join(name).display().to_string();
+    write(&place.path().join("in.geojson"), &cone());
+    let outputs = ["-o", &at("out.tif"), "-o", &at("out.geojson"), "--dz", "25", "--pixel", "20"];
+    let run = ["reconstruct", &at("in.geojson"), "--end-top", "extrapolate", "--backend", "cpu", "-q"];
+    let output = interslice(&[&run[..], &outputs].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+
+    let map = geotiff(&place.path().join("out.tif"));
+    assert_eq!(map.dims, [41, 41]);
+    assert_eq!(map.scale, [20.0, 20.0, 0.0]);
+    assert_eq!(map.tie, [0.0, 0.0, 0.0, EAST - 410.0, NORTH + 410.0, 0.0]);
+    assert_eq!(map.keys, [1, 1, 0, 3, 1024, 0, 1, 1, 1025, 0, 1, 1, 3072, 0, 1, 32611]);
+    assert_eq!(map.nodata, "nan");
+    for (n, height) in map.heights.iter().enumerate() {
+        let [x, y] = [(n % 41) as f64 * 20.0 - 400.0, 400.0 - (n / 41) as f64 * 20.0];
+        let r = x.hypot(y);
+        match r {
+            // A polygon of 120 sides is up to .14 m narrower.
+            _ if r > 401.0 => assert!(height.is_nan(), "{height} at {r}"),
+            _ if r > 110.0 && r < 399.0 => {
+                let wanted = 300.0 - r / 2.0;
+                // 5 % of the distance between levels.
+                assert!((f64::from(*height) - wanted).abs() < 2.5, "{height}, not {wanted}, at ({x}, {y})");
+            }
+            _ if r < 20.0 => assert!((260.0..310.0).contains(height), "summit {height}"),
+            _ => {}
+        }
+    }
+
+    let lines: Value = serde_json::from_slice(&fs::read(at("out.geojson")).expect("it was written")).expect("JSON");
+    assert_eq!(lines["crs"]["properties"]["name"], "urn:ogc:def:crs:EPSG::32611");
+    let features = lines["features"].as_array().expect("features");
+    let at_175 = features.iter().find(|f| f["properties"]["elevation"] == 175.0).expect("a line half way");
+    let ring = at_175["geometry"]["coordinates"][0].as_array().expect("a line");
+    assert_eq!(ring.first(), ring.last(), "the line is closed");
+    for point in ring {
+        let r = (point[0].as_f64().expect("x") - EAST).hypot(point[1].as_f64().expect("y") - NORTH);
+        assert!((r - 250.0).abs() < 2.0, "radius {r}");
+    }
+}
+
+#[test]
+fn summits_and_pits_are_told_by_the_other_levels() {
+    let (west, east) = ([-200.0, 0.0], [200.0, 0.0]);
+    let lines = [
+        feature(100, &circle([0.0, 0.0], 450.0)),
+        feature("150", &circle(west, 150.0)),
+        feature(150.0, &circle(east, 150.0)),
+        // A pit on the western summit: no line lies in it.
+        feature(150, &circle(west, 50.0)),
+    ];
+    let terrain = read(&lines, &pixels(10.0));
+    assert!(inside(&terrain, 0, west) && inside(&terrain, 0, east));
+    assert!(inside(&terrain, 1, east) && !inside(&terrain, 1, [0.0, 0.0]));
+    assert!(!inside(&terrain, 1, west) && inside(&terrain, 1, [-200.0, 100.0]));
+    // The same lines with all heights turned round are a hollow: what lies beyond all lines is the highest.
+    let hollow = [feature(-100, &lines_of(&lines[0])), feature(-150, &lines_of(&lines[1]))];
+    let terrain = read(&hollow, &pixels(10.0));
+    assert_eq!(terrain.stack.slices[1].z, -100.0);
+    assert!(!inside(&terrain, 1, west) && inside(&terrain, 1, [448.0, 448.0]));
+    assert!(!inside(&terrain, 0, west) && inside(&terrain, 0, east));
+}
+
+fn lines_of(feature: &Value) -> Line {
+    serde_json::from_value(feature["geometry"]["coordinates"].clone()).expect("points")
+}
+
+/// Where the plane `a x + b y = z` crosses the box of 1000 x 800.
+fn across(a: f64, b: f64, z: f64) -> Line {
+    let mut ends = Vec::new();
+    for x in [0.0, 1000.0] {
+        let y = (z - a * x) / b;
+        if b != 0.0 && (0.0..=800.0).contains(&y) {
+            ends.push([EAST + x, NORTH + y]);
+        }
+    }
+    for y in [0.0, 800.0] {
+        let x = (z - b * y) / a;
+        if a != 0.0 && (0.0..=1000.0).contains(&x) {
+            ends.push([EAST + x, NORTH + y]);
+        }
+    }
+    ends.dedup();
+    ends.truncate(2);
+    ends
+}
+
+#[test]
+fn lines_that_end_at_the_border_are_closed_round_any_corner() {
+    for turn in 0..16 {
+        let angle = TAU * (f64::from(turn) + 0.25) / 16.0;
+        let (a, b) = (angle.cos(), angle.sin());
+        let middle = 500.0 * a + 400.0 * b;
+        let levels: Vec<f64> = (-4..=4).map(|k| middle + 90.0 * f64::from(k)).collect();
+        let lines: Vec<Value> = levels.iter().map(|z| feature(*z, &across(a, b, *z))).collect();
+        let border = Some(vec![EAST, NORTH, EAST + 1000.0, NORTH + 800.0]);
+        let terrain = read(&lines, &ReadOptions { border, ..pixels(10.0) });
+        assert_eq!(terrain.map.dims, [101, 81]);
+        for (k, z) in levels.iter().enumerate() {
+            for n in 0..101 * 81 {
+                let x = [(n % 101) as f64 * 10.0, (n / 101) as f64 * 10.0];
+                let height = a * x[0] + b * x[1];
+                if (height - z).abs() > 1e-3 {
+                    assert_eq!(inside(&terrain, k, x), height > *z, "turn {turn}, level {z} at {x:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn pieces_of_a_line_are_joined_whatever_their_direction() {
+    let whole = circle([0.0, 0.0], 300.0);
+    let mut piece = whole[40..=80].to_vec();
+    piece.reverse();
+    // Half a pixel is 5: the ends of the second piece lie 3 off.
+    let moved = whole[80..=120].iter().map(|p| [p[0] + 3.0, p[1]]).collect();
+    let outer = circle([0.0, 0.0], 400.0);
+    let point = [EAST + 1.0, NORTH];
+    let pieces = [
+        feature(100, &outer),
+        feature(150, &whole[0..=40].to_vec()),
+        feature(150, &moved),
+        feature(150, &piece),
+        feature(100, &outer.iter().rev().copied().collect()),
+        feature(150, &vec![point, [EAST + 2.0, NORTH], point]),
+    ];
+    let terrain = read(&pieces, &pixels(10.0));
+    assert!(
+        inside(&terrain, 1, [0.0, 0.0]) && inside(&terrain, 1, [0.0, -290.0]) && !inside(&terrain, 1, [0.0, 320.0])
+    );
+    assert!(terrain.notes.iter().any(|n| n.contains("feature 5: the same line")), "{:?}", terrain.notes);
+    assert!(terrain.notes.iter().any(|n| n.contains("feature 6: a line of 150 is a point")), "{:?}", terrain.notes);
+}
+
+#[test]
+fn heights_may_be_in_the_points_and_polygons_be_lines() {
+    let ring = |r: f64, z: f64| -> Vec<[f64; 3]> { circle([0.0, 0.0], r).iter().map(|p| [p[0], p[1], z]).collect() };
+    let polygon = |r: f64, z: f64| {
+        json!({"type": "Feature", "properties": {"name": "hill"},
+               "geometry": {"type": "MultiPolygon", "coordinates": [[ring(r, z)]]}})
+    };
+    let terrain = read(&[polygon(300.0, 20.0), polygon(200.0, 30.0)], &pixels(10.0));
+    assert_eq!([terrain.stack.slices[0].z, terrain.stack.slices[1].z], [20.0, 30.0]);
+    assert!(inside(&terrain, 1, [0.0, 0.0]) && !inside(&terrain, 1, [250.0, 0.0]) && inside(&terrain, 0, [250.0, 0.0]));
+    assert_eq!(terrain.map.crs, Crs::Epsg(32611));
+}
+
+/// What the program says of a map that it must refuse.
+fn refused(features: &[Value], more: &[&str]) -> String {
+    let place = folder();
+    let path = place.path().join("in.geojson");
+    write(&path, features);
+    refused_file(&path, more)
+}
+
+fn refused_file(path: &Path, more: &[&str]) -> String {
+    let out = path.with_extension("tif");
+    let (input, name) = (path.display().to_string(), out.display().to_string());
+    let run = ["reconstruct", &input, "-o", &name, "--pixel", "20", "--backend", "cpu"];
+    let output = interslice(&[&run[..], more].concat());
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert!(!out.exists());
+    stderr(&output)
+}
+
+#[track_caller]
+fn assert_says(said: &str, words: &[&str]) {
+    words.iter().for_each(|w| assert!(said.contains(w), "`{w}` is not in: {said}"));
+}
+
+fn with_fields(line: &Line, fields: Value) -> Value {
+    json!({"type": "Feature", "properties": fields, "geometry": {"type": "LineString", "coordinates": line}})
+}
+
+#[test]
+fn elevations_that_cannot_be_found_are_named() {
+    let [outer, inner] = [400.0, 300.0].map(|r| circle([0.0, 0.0], r));
+    let nameless = [with_fields(&outer, json!({"colour": 1})), with_fields(&inner, json!({"colour": 2}))];
+    assert_says(&refused(&nameless, &[]), &["in.geojson", "no attribute", "--elevation", "`colour`"]);
+    let two = |z: f64| json!({"ELEV_MIN": z, "ELEV_MAX": z + 50.0});
+    let ambiguous = [with_fields(&outer, two(100.0)), with_fields(&inner, two(150.0))];
+    assert_says(&refused(&ambiguous, &[]), &["several attributes", "`ELEV_MAX`, `ELEV_MIN`"]);
+    assert_says(&refused(&ambiguous, &["--elevation", "H"]), &["got `H`", "`ELEV_MAX`"]);
+    let terrain = read(&ambiguous, &ReadOptions { elevation: Some("elev_min".into()), ..pixels(20.0) });
+    assert_eq!(terrain.stack.slices[0].z, 100.0);
+    assert_says(&refused(&[feature(100, &outer), feature(Value::Null, &inner)], &[]), &["feature 2", "`Elev` is null"]);
+    assert_says(&refused(&[feature(100, &outer), feature("NaN", &inner)], &[]), &["feature 2", "NaN", "finite"]);
+    assert_says(&refused(&[feature(100, &outer)], &[]), &["at least 2 slices"]);
+}
+
+#[test]
+fn lines_that_dangle_or_cross_are_named() {
+    let dangling = [feature(100, &circle([0.0, 0.0], 400.0)), feature(150, &circle([0.0, 0.0], 200.0)[..90].to_vec())];
+    let said = refused(&dangling, &[]);
+    assert_says(&said, &["feature 2", "line of 150", "ends inside the map at (500200, 4000000)", "away", "within 10"]);
+    let crossing = [feature(100, &circle([0.0, 0.0], 400.0)), feature(150, &circle([300.0, 0.0], 200.0))];
+    assert_says(&refused(&crossing, &[]), &["feature", "150", "100", "cross", "more than 20"]);
+    // A summit outside the level below: a line around it is missing.
+    let mut missing = cone();
+    missing.push(feature(200, &circle([800.0, 0.0], 100.0)));
+    assert_says(&refused(&missing, &[]), &["feature 5", "line of 200", "missing"]);
+    let border = format!("{EAST},{NORTH},{},{}", EAST + 100.0, NORTH + 100.0);
+    assert_says(&refused(&cone(), &["--border", &border]), &["feature 1", "beyond the border"]);
+}
+
+#[test]
+fn degrees_and_wrong_files_are_refused() {
+    let place = folder();
+    let path = place.path().join("in.geojson");
+    let degrees = |r: f64| -> Line { circle([0.0, 0.0], r).iter().map(|p| [p[0] - EAST, p[1] - NORTH]).collect() };
+    let features = [feature(100, &degrees(0.4)), feature(150, &degrees(0.3))];
+    let text = |crs: Value| json!({"type": "FeatureCollection", "features": features, "crs": crs}).to_string();
+    let named = |name: &str| json!({"type": "name", "properties": {"name": name}});
+    for (crs, words) in [
+        (named("urn:ogc:def:crs:OGC:1.3:CRS84"), "are degrees"),
+        (named("EPSG:4258"), "are degrees"),
+        (named("mine"), "`crs` is `mine`"),
+        (Value::Null, "properties.name"),
+    ] {
+        fs::write(&path, text(crs)).expect("a file can be written");
+        assert_says(&refused_file(&path, &[]), &["in.geojson", words]);
+    }
+    let bare = json!({"type": "FeatureCollection", "features": features}).to_string();
+    fs::write(&path, &bare).expect("a file can be written");
+    assert_says(&refused_file(&path, &[]), &["look like degrees", "--crs"]);
+    let local = ReadOptions { crs: Some("local".into()), ..pixels(0.02) };
+    assert_eq!(Terrain::read(&path, &local).expect("lengths of one's own").map.crs, Crs::Local);
+    assert_says(&refused_file(&path, &["--crs", "metres"]), &["`crs` must be EPSG:N"]);
+    assert_says(&refused_file(&path, &["--label", "3"]), &["`label` is not for a contour map"]);
+
+    fs::write(&path, &bare[..bare.len() / 2]).expect("a file can be written");
+    assert_says(&refused_file(&path, &[]), &["in.geojson: is not GeoJSON"]);
+    fs::write(&path, r#"{"type": "Point", "coordinates": [1, 2]}"#).expect("a file can be written");
+    assert_says(&refused_file(&path, &[]), &["FeatureCollection"]);
+    let point =
+        json!({"type": "Feature", "properties": {"elev": 1}, "geometry": {"type": "Point", "coordinates": [1, 2]}});
+    assert_says(&refused(&[point], &[]), &["feature 1", "is a Point"]);
+}
+
+/// Writes the cone as a shapefile, with the height of ring `spoilt` as no number.
+fn shapefile(path: &Path, spoilt: Option<usize>) {
+    use shapefile::dbase::{FieldValue, Record, TableWriterBuilder};
+    let name = "CONTOUR".try_into().expect("a field's name");
+    let table = TableWriterBuilder::new().add_numeric_field(name, 12, 2);
+    let mut writer = shapefile::Writer::from_path(path, table).expect("a file can be written");
+    for (k, feature) in cone().iter().enumerate() {
+        let points = lines_of(feature).iter().map(|p| shapefile::Point::new(p[0], p[1])).collect();
+        let z = feature["properties"]["Elev"].as_f64().filter(|_| spoilt != Some(k));
+        let mut record = Record::default();
+        record.insert("CONTOUR".into(), FieldValue::Numeric(z));
+        writer.write_shape_and_record(&shapefile::Polyline::new(points), &record).expect("it can be written");
+    }
+}
+
+#[test]
+fn shapefiles_are_read_and_damaged_ones_refused() {
+    let place = folder();
+    let path = place.path().join("cone.shp");
+    shapefile(&path, None);
+    let wkt = r#"PROJCS["WGS_1984_UTM_Zone_11N",GEOGCS["GCS_WGS_1984"],UNIT["Meter",1.0]]"#;
+    fs::write(path.with_extension("prj"), wkt).expect("a file can be written");
+    let [ours, theirs] = [Terrain::read(&path, &pixels(20.0)).expect("a shapefile"), read(&cone(), &pixels(20.0))];
+    assert_eq!(ours.map, theirs.map);
+    for (a, b) in ours.stack.slices.iter().zip(&theirs.stack.slices) {
+        assert_eq!(a.z, b.z);
+        assert!((0..a.content.len()).all(|n| a.content.inside(n) == b.content.inside(n)));
+    }
+    let degrees = r#"GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984"]]"#;
+    fs::write(path.with_extension("prj"), degrees).expect("a file can be written");
+    assert_says(&refused_file(&path, &[]), &["cone.shp", "are degrees"]);
+    fs::write(path.with_extension("prj"), wkt).expect("a file can be written");
+
+    for file in ["shp", "dbf"] {
+        let damaged = path.with_extension(file);
+        let whole = fs::read(&damaged).expect("it was written");
+        for part in [0, 10, 60, 110, whole.len() / 2, whole.len() - 9] {
+            fs::write(&damaged, &whole[..part.min(whole.len() - 9)]).expect("a file can be written");
+            assert_says(&refused_file(&path, &[]), &["cone."]);
+        }
+        fs::write(&damaged, &whole).expect("a file can be written");
+    }
+    shapefile(&path, Some(2));
+    assert_says(&refused_file(&path, &[]), &["feature 3", "`CONTOUR` is null"]);
+    fs::remove_file(path.with_extension("dbf")).expect("it is there");
+    assert_says(&refused_file(&path, &[]), &["cone.dbf: cannot read"]);
+}

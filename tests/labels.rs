@@ -260,7 +260,7 @@ fn wrong_labels_are_told_before_anything_runs() {
         (&input, &["--labels", "one"], "expected `all` or numbers"),
         (&input, &["--labels", "1,2", "--label", "1"], "cannot be used with"),
         (&input, &["--labels", "1,2", "--mask"], "`mask` is not for many labels"),
-        (&input, &["--labels", "1,2", "-o", text(&picture)], "pictures and height maps are of one body"),
+        (&input, &["--labels", "1,2", "-o", text(&picture)], "are of one body"),
         (&slices, &["--labels", "1"], "`labels` is not for a folder of slices"),
     ];
     for (path, arguments, expected) in cases {

@@ -92,6 +92,10 @@ pub struct MergeArguments {
     #[arg(long)]
     contours: bool,
 
+    /// Meshes with fewer triangles, no farther than this from the full one
+    #[arg(long, value_name = "ERROR")]
+    simplify: Option<f64>,
+
     /// Say nothing but errors
     #[arg(short, long)]
     quiet: bool,
@@ -184,7 +188,9 @@ pub fn run(mut arguments: RunArguments, matches: &ArgMatches) -> Result<()> {
 
 pub fn merge(arguments: MergeArguments) -> Result<()> {
     let sections = Sections::open(&arguments.parts)?;
-    let options = OutputOptions { mask: arguments.mask, contours: arguments.contours, ..OutputOptions::default() };
+    let MergeArguments { mask, contours, simplify, .. } = arguments;
+    let options = OutputOptions { mask, contours, simplify, ..OutputOptions::default() };
+    options.check()?;
     let mut outputs = Outputs::open(&arguments.outputs, None, Temporary::Random)?;
     memory::check(outputs.bytes(sections.dims()), None)?;
     let mut body = sections.replay(&mut outputs.sink(&options))?;

@@ -15,7 +15,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::backend::Means;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::links::LinkOptions;
 use crate::memory::Needs;
 use crate::section::Section;
@@ -47,12 +47,7 @@ impl JobOptions {
     /// [`Error::Setting`] with name, range and value.
     pub fn check(&self) -> Result<()> {
         self.settings.validate()?;
-        match self.output.dz {
-            Some(dz) if !(dz.is_finite() && dz > 0.0) => {
-                Err(Error::Setting { name: "dz".into(), message: format!("must be a positive number; got {dz}") })
-            }
-            _ => Ok(()),
-        }
+        self.output.check()
     }
 }
 

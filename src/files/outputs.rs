@@ -11,7 +11,9 @@ use super::pending::{Pending, Temporary, files_below, parent};
 use crate::error::{Error, Result};
 use crate::report::Report;
 use crate::surface::heightmap::HeightMapWriter;
-use crate::surface::mesh_files::{ListedWriter, StlWriter};
+use crate::surface::html::HtmlWriter;
+use crate::surface::mesh_files::{ListedWriter, MeshFormat, StlWriter, write_obj, write_ply, write_stl};
+use crate::surface::origin::OriginWriter;
 use crate::surface::render::{PictureWriter, RenderOptions};
 use crate::surface::stream::{BodyStream, BodyWriter, Ending, Failed, Header, LayerSink, Needs};
 use crate::surface::volume::Content;
@@ -25,9 +27,11 @@ enum Format {
     Stl,
     Ply,
     Obj,
+    Glb,
     Png,
     Tiff,
     Report,
+    Html,
     Zarr,
 }
 
@@ -42,7 +46,10 @@ const PER_MESH_PIXEL: u64 = 16;
 /// Bytes of the picture's samples, 2400 x 1800 with colour and depth, and of the picture.
 const PICTURE_BYTES: u64 = 160 << 20;
 
-const KNOWN: &str = ".nrrd, .nii, .nii.gz, .zarr, .stl, .ply, .obj, .png (picture), .tif (height map), .json (report)";
+/// Bytes of the page of a report: what it shows, as numbers and as text, twice over.
+const PAGE_BYTES: u64 = 64 << 20;
+
+const KNOWN: &str = ".nrrd, .nii, .nii.gz, .zarr, .stl, .ply, .obj, .glb, .png (picture), .tif (height map), .json, .html (report)";
 
 impl Format {
     fn of(path: &Path) -> Result<Self> {
@@ -56,6 +63,12 @@ impl Format {
             Some("stl") => Ok(Format::Stl),
             Some("ply") => Ok(Format::Ply),
             Some("obj") => Ok(Format::Obj),
+            Some("glb") if cfg!(feature = "glb") => Ok(Format::Glb),
+            Some("glb") => {
+                let message = "this program was built without glTF (feature `glb`)".into();
+                Err(Error::Output { path: path.into(), message })
+            }
+            Some("html" | "htm") => Ok(Format::Html),
             Some("png") => Ok(Format::Png),
             Some("tif" | "tiff") => Ok(Format::Tiff),
             Some("json") => Ok(Format::Report),
@@ -96,14 +109,15 @@ pub fn bytes<'p>(paths: impl IntoIterator<Item = &'p Path>, dims: [usize; 2]) ->
 fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2]) -> u64 {
     let pixels = dims.iter().product::<usize>() as u64;
     let formats: Vec<Format> = formats.collect();
-    let surface = |f: &Format| matches!(f, Format::Stl | Format::Ply | Format::Obj | Format::Png | Format::Report);
-    let mesh = |f: &Format| matches!(f, Format::Ply | Format::Obj | Format::Png);
+    let mesh = |f: &Format| matches!(f, Format::Ply | Format::Obj | Format::Glb | Format::Png | Format::Html);
+    let surface = |f: &Format| mesh(f) || matches!(f, Format::Stl | Format::Report);
     let each = formats.iter().map(|format| match format {
         Format::Nrrd | Format::Nifti { .. } => PER_VOLUME_PIXEL * pixels,
         Format::Tiff => PER_MAP_PIXEL * pixels,
         Format::Png => PICTURE_BYTES,
         Format::Zarr => zarr_bytes(pixels as usize),
-        Format::Stl | Format::Ply | Format::Obj | Format::Report => 0,
+        Format::Html => PAGE_BYTES,
+        Format::Stl | Format::Ply | Format::Obj | Format::Glb | Format::Report => 0,
     });
     each.sum::<u64>()
         + if formats.iter().any(surface) { PER_SURFACE_PIXEL * pixels } else { 0 }
@@ -137,6 +151,30 @@ pub struct OutputOptions {
     /// Draw the input contours into pictures
     #[arg(long)]
     pub contours: bool,
+
+    /// Meshes (.stl .ply .obj .glb) with fewer triangles, closed, no farther than this from the full one (measured both ways); the
+    /// whole mesh must fit in memory
+    #[arg(long, value_name = "ERROR")]
+    pub simplify: Option<f64>,
+}
+
+impl OutputOptions {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] with name, range and value.
+    pub fn check(&self) -> Result<()> {
+        for (name, value) in [("dz", self.dz), ("simplify", self.simplify)] {
+            if let Some(v) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
+                return Err(Error::Setting { name: name.into(), message: format!("must be a positive number; got {v}") });
+            }
+        }
+        if self.simplify.is_some() && cfg!(not(feature = "simplify")) {
+            let message = "this program was built without it (feature `simplify`)".into();
+            return Err(Error::Setting { name: "simplify".into(), message });
+        }
+        Ok(())
+    }
 }
 
 /// Open outputs.
@@ -164,7 +202,8 @@ impl Outputs {
             outputs.add(path, Format::of(path)?, temporary)?;
         }
         if let Some(path) = report {
-            outputs.add(path, Format::Report, temporary)?;
+            let format = if let Ok(Format::Html) = Format::of(path) { Format::Html } else { Format::Report };
+            outputs.add(path, format, temporary)?;
         }
         Ok(outputs)
     }
@@ -244,8 +283,9 @@ impl LayerSink for Sink<'_> {
     fn begin(&mut self, header: &Header) -> Result<()> {
         self.outputs.stream = None;
         let mut writers = Vec::new();
+        let meshes = Meshes::new(self.options);
         for output in &mut self.outputs.files {
-            writers.push(writer(output, header, self.options).map_err(|source| output.fails(source))?);
+            writers.push(writer(output, header, self.options, &meshes).map_err(|source| output.fails(source))?);
         }
         let folder = self.outputs.files.first().map_or(Path::new("."), |f| parent(&f.target));
         self.outputs.stream = Some(BodyStream::new(header, writers, folder));
@@ -261,30 +301,100 @@ impl LayerSink for Sink<'_> {
 }
 
 /// The writer of an output, from its beginning.
-fn writer(output: &mut Output, header: &Header, options: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
-    let content = if options.mask { Content::Mask } else { Content::Distance };
+fn writer(
+    output: &mut Output,
+    header: &Header,
+    options: &OutputOptions,
+    meshes: &Meshes,
+) -> io::Result<Box<dyn BodyWriter>> {
+    let content = content(&output.target, options);
+    let volume = |writer: Box<dyn BodyWriter>| -> Box<dyn BodyWriter> {
+        match content {
+            Content::Distance | Content::Mask => writer,
+            Content::Origin | Content::Confidence => {
+                Box::new(OriginWriter::new(writer, content, parent(&output.target)))
+            }
+        }
+    };
     let file = match &mut output.pending {
         Pending::File(file) => file.as_file_mut(),
-        Pending::Folder(folder) => return in_folder(folder.path(), header, content),
+        Pending::Folder(folder) => return in_folder(folder.path(), header, content).map(volume),
     };
     let mut file = file.try_clone()?;
     file.set_len(0)?;
     file.rewind()?;
     let out = BufWriter::with_capacity(BUFFER_BYTES, file);
     Ok(match output.format {
-        Format::Nrrd => Box::new(nrrd::writer(out, header, content)?),
-        Format::Nifti { gzip } => Box::new(nifti::writer(out, header, content, gzip)?),
-        Format::Stl => Box::new(StlWriter::new(out)?),
-        Format::Ply => Box::new(ListedWriter::ply(out)),
-        Format::Obj => Box::new(ListedWriter::obj(out)),
+        Format::Nrrd => volume(Box::new(nrrd::writer(out, header, content)?)),
+        Format::Nifti { gzip } => volume(Box::new(nifti::writer(out, header, content, gzip)?)),
+        Format::Stl if options.simplify.is_none() => Box::new(StlWriter::new(out)?),
+        Format::Stl => meshes.writer(out, Box::new(write_stl)),
+        Format::Ply => meshes.writer(out, Box::new(write_ply)),
+        Format::Obj => meshes.writer(out, Box::new(write_obj)),
+        Format::Glb => meshes.writer(out, glb(header, &output.target)),
         Format::Png => {
             let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };
             Box::new(PictureWriter::new(out, header, options))
         }
         Format::Tiff => Box::new(HeightMapWriter::new(out, header)),
         Format::Report => Box::new(ReportWriter(out)),
+        Format::Html => Box::new(HtmlWriter::new(out, header, stem(&output.target))),
         Format::Zarr => return Err(io::Error::other("a folder is needed")),
     })
+}
+
+/// What a volume holds: `NAME.origin.nrrd` and `NAME.confidence.nrrd` (any volume format) say so themselves.
+fn content(target: &Path, options: &OutputOptions) -> Content {
+    let name = target.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let parts: Vec<&str> = name.trim_end_matches(".gz").split('.').collect();
+    match parts[..] {
+        [_, .., "origin", _] => Content::Origin,
+        [_, .., "confidence", _] => Content::Confidence,
+        _ if options.mask => Content::Mask,
+        _ => Content::Distance,
+    }
+}
+
+/// An output's name without its extension, as a title.
+fn stem(target: &Path) -> String {
+    target.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+#[cfg(feature = "glb")]
+fn glb(header: &Header, target: &Path) -> MeshFormat<BufWriter<File>> {
+    let named = crate::surface::glb::Named { name: stem(target), unit: header.unit.clone() };
+    Box::new(move |out, mesh| crate::surface::glb::write_glb(out, mesh, &named))
+}
+
+#[cfg(not(feature = "glb"))]
+fn glb(header: &Header, _target: &Path) -> MeshFormat<BufWriter<File>> {
+    let unit = header.unit.clone();
+    Box::new(move |_, _| Err(io::Error::other(format!("no glTF in this program (unit {unit})"))))
+}
+
+/// The meshes of a run: the whole one, or one simpler one for all files.
+struct Meshes {
+    #[cfg(feature = "simplify")]
+    simplifier: Option<std::sync::Arc<crate::surface::simplify::Simplifier>>,
+}
+
+impl Meshes {
+    #[cfg_attr(not(feature = "simplify"), expect(unused_variables, reason = "options have been checked"))]
+    fn new(options: &OutputOptions) -> Self {
+        Meshes {
+            #[cfg(feature = "simplify")]
+            simplifier: options.simplify.map(|error| crate::surface::simplify::Simplifier::new(error).into()),
+        }
+    }
+
+    fn writer(&self, out: BufWriter<File>, format: MeshFormat<BufWriter<File>>) -> Box<dyn BodyWriter> {
+        #[cfg(feature = "simplify")]
+        if let Some(simplifier) = self.simplifier.clone() {
+            let simpler: MeshFormat<_> = Box::new(move |out, mesh| format(out, &mut &*simplifier.simpler(mesh)?));
+            return Box::new(ListedWriter::new(out, simpler));
+        }
+        Box::new(ListedWriter::new(out, format))
+    }
 }
 
 /// The writer of a Zarr into a folder, which is emptied.

@@ -1,13 +1,19 @@
 //! What goes out: the reconstructed body as layers of signed distance, and one writer per format.
 
 mod cases;
+#[cfg(feature = "glb")]
+pub mod glb;
 pub mod heightmap;
+pub mod html;
 pub mod marching;
 pub mod mesh;
 pub mod mesh_files;
 pub mod nifti;
 pub mod nrrd;
+pub mod origin;
 pub mod render;
+#[cfg(feature = "simplify")]
+pub mod simplify;
 pub mod spool;
 pub mod stream;
 pub mod volume;

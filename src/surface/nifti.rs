@@ -36,7 +36,7 @@ fn header(body: &Header, content: Content) -> io::Result<Vec<u8>> {
         })?;
     }
     dim.iter().enumerate().for_each(|(k, d)| put(40 + 2 * k, &d.to_le_bytes()));
-    let (datatype, bits) = if content == Content::Distance { (16i16, 32i16) } else { (2, 8) };
+    let (datatype, bits) = if content.is_float() { (16i16, 32i16) } else { (2, 8) };
     put(70, &datatype.to_le_bytes());
     put(72, &bits.to_le_bytes());
     let sides = [body.spacing[0], body.spacing[1], body.grid.step];

@@ -15,7 +15,7 @@ pub fn writer<W: Write>(mut out: W, body: &Header, content: Content) -> io::Resu
     let vector = |v: [f64; 3]| format!("({},{},{})", v[0], v[1], v[2]);
     let direction = |axis: usize, h: f64| vector(g.axes[axis].map(|v| v * h));
     let origin = to_world(g, [0.0, 0.0, body.grid.start]);
-    let kind = if content == Content::Distance { "float" } else { "uint8" };
+    let kind = if content.is_float() { "float" } else { "uint8" };
     let unit = body.unit.replace(['"', '\n', '\r'], " ");
     write!(
         out,

@@ -15,14 +15,24 @@ pub enum Content {
     Distance,
     /// u8, 1 inside and 0 outside.
     Mask,
+    /// u8, where a voxel comes from, see [`origin`](super::origin).
+    Origin,
+    /// f32, how far a voxel's side can be relied on, see [`origin`](super::origin).
+    Confidence,
 }
 
 impl Content {
+    /// Whether voxels are f32, else u8.
+    pub fn is_float(self) -> bool {
+        matches!(self, Content::Distance | Content::Confidence)
+    }
+
     /// Voxels of a layer as little-endian bytes, x fastest, put behind `bytes`.
     pub(super) fn voxels(self, layer: &Layer, bytes: &mut Vec<u8>) {
         match self {
-            Content::Distance => layer.phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes())),
+            Content::Distance | Content::Confidence => layer.phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes())),
             Content::Mask => bytes.extend(layer.phi.iter().map(|v| u8::from(*v < 0.0))),
+            Content::Origin => bytes.extend(layer.phi.iter().map(|v| *v as u8)),
         }
     }
 }

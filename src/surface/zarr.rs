@@ -36,8 +36,9 @@ const COMPRESSION: u32 = 1;
 /// Those of the folder.
 pub fn writer(folder: &Path, body: &Header, content: Content) -> io::Result<Box<dyn BodyWriter>> {
     Ok(match content {
-        Content::Distance => Box::new(ZarrWriter::new(folder, body, content, f32::NAN, |phi| phi)?),
+        Content::Distance | Content::Confidence => Box::new(ZarrWriter::new(folder, body, content, f32::NAN, |v| v)?),
         Content::Mask => Box::new(ZarrWriter::new(folder, body, content, 0, |phi| u8::from(phi < 0.0))?),
+        Content::Origin => Box::new(ZarrWriter::new(folder, body, content, 0, |v| v as u8)?),
     })
 }
 
@@ -77,9 +78,9 @@ impl<T: Element + Copy + Send + Sync> ZarrWriter<T> {
         let chunk = [depth(nx * ny, size_of::<T>()).min(body.grid.count.max(1)), CHUNK[1].min(ny), CHUNK[2].min(nx)];
         let shape = [body.grid.count, ny, nx].map(|n| n as u64).to_vec();
         let chunks = chunk.map(|n| n as u64);
-        let mut builder = match content {
-            Content::Distance => ArrayBuilder::new(shape, chunks, float32(), f32::NAN),
-            Content::Mask => ArrayBuilder::new(shape, chunks, uint8(), 0u8),
+        let mut builder = match content.is_float() {
+            true => ArrayBuilder::new(shape, chunks, float32(), f32::NAN),
+            false => ArrayBuilder::new(shape, chunks, uint8(), 0u8),
         };
         let gzip = GzipCodec::new(COMPRESSION).map_err(io::Error::other)?;
         builder.bytes_to_bytes_codecs(vec![Arc::new(gzip)]).dimension_names(Some(["z", "y", "x"]));
@@ -159,7 +160,12 @@ fn attributes(body: &Header, content: Content) -> Map<String, Value> {
     let direction = |a: usize| g.axes[a].map(|v| v * steps[a]);
     let own = json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "content": if content == Content::Mask { "mask" } else { "signed distance" },
+        "content": match content {
+            Content::Distance => "signed distance",
+            Content::Mask => "mask",
+            Content::Origin => "origin",
+            Content::Confidence => "confidence",
+        },
         "space": "left-posterior-superior",
         "space units": body.unit,
         "space origin": origin,

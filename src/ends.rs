@@ -46,7 +46,7 @@ impl End {
         if self.straight {
             return area * (self.extent - self.contour).abs();
         }
-        self.caps.iter().map(|cap| cap_volume(cap, image)).sum()
+        self.caps.iter().fold(0.0, |sum, cap| sum + cap_volume(cap, image))
     }
 
     /// The layer at height `z` beyond the end's contour.

@@ -49,7 +49,8 @@ const PICTURE_BYTES: u64 = 160 << 20;
 /// Bytes of the page of a report: what it shows, as numbers and as text, twice over.
 const PAGE_BYTES: u64 = 64 << 20;
 
-const KNOWN: &str = ".nrrd, .nii, .nii.gz, .zarr, .stl, .ply, .obj, .glb, .png (picture), .tif (height map), .json, .html (report)";
+const KNOWN: &str =
+    ".nrrd, .nii, .nii.gz, .zarr, .stl, .ply, .obj, .glb, .png (picture), .tif (height map), .json, .html (report)";
 
 impl Format {
     fn of(path: &Path) -> Result<Self> {
@@ -166,7 +167,10 @@ impl OutputOptions {
     pub fn check(&self) -> Result<()> {
         for (name, value) in [("dz", self.dz), ("simplify", self.simplify)] {
             if let Some(v) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
-                return Err(Error::Setting { name: name.into(), message: format!("must be a positive number; got {v}") });
+                return Err(Error::Setting {
+                    name: name.into(),
+                    message: format!("must be a positive number; got {v}"),
+                });
             }
         }
         if self.simplify.is_some() && cfg!(not(feature = "simplify")) {

@@ -50,7 +50,9 @@ pub fn write_glb<W: Write>(out: &mut W, mesh: &mut dyn MeshSource, named: &Named
     let whole = 12 + 8 + json.len() as u64 + if bytes > 0 { 8 + bytes } else { 0 };
     let length = |n: u64| {
         let fits = u32::try_from(n);
-        fits.map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, "GLB holds at most 4 GiB: use .ply, or --simplify"))
+        fits.map_err(|_| {
+            io::Error::new(io::ErrorKind::InvalidInput, "GLB holds at most 4 GiB: use .ply, or --simplify")
+        })
     };
     out.write_all(b"glTF")?;
     for n in [2, length(whole)?, length(json.len() as u64)?] {
@@ -73,10 +75,7 @@ pub fn write_glb<W: Write>(out: &mut W, mesh: &mut dyn MeshSource, named: &Named
 fn root(named: &Named, [vertices, triangles]: [u64; 2], [low, high]: [[f32; 3]; 2]) -> io::Result<Root> {
     let about = to_raw_value(&json!({"unit": named.unit, "space": "left-posterior-superior"}))?;
     let mut root = Root {
-        asset: Asset {
-            generator: Some(concat!("interslice ", env!("CARGO_PKG_VERSION")).into()),
-            ..Asset::default()
-        },
+        asset: Asset { generator: Some(concat!("interslice ", env!("CARGO_PKG_VERSION")).into()), ..Asset::default() },
         ..Root::default()
     };
     let mut nodes = Vec::new();
@@ -101,7 +100,8 @@ fn root(named: &Named, [vertices, triangles]: [u64; 2], [low, high]: [[f32; 3]; 
                 extras: None,
             });
             let [min, max] = range.map_or([None, None], |r| r.map(Some));
-            let (component, type_) = if triangles { (ComponentType::U32, Type::Scalar) } else { (ComponentType::F32, Type::Vec3) };
+            let (component, type_) =
+                if triangles { (ComponentType::U32, Type::Scalar) } else { (ComponentType::F32, Type::Vec3) };
             root.push(Accessor {
                 buffer_view: Some(view),
                 byte_offset: None,

@@ -30,7 +30,9 @@ impl Content {
     /// Voxels of a layer as little-endian bytes, x fastest, put behind `bytes`.
     pub(super) fn voxels(self, layer: &Layer, bytes: &mut Vec<u8>) {
         match self {
-            Content::Distance | Content::Confidence => layer.phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes())),
+            Content::Distance | Content::Confidence => {
+                layer.phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()))
+            }
             Content::Mask => bytes.extend(layer.phi.iter().map(|v| u8::from(*v < 0.0))),
             Content::Origin => bytes.extend(layer.phi.iter().map(|v| *v as u8)),
         }

@@ -4,7 +4,10 @@
 use std::collections::HashMap;
 use std::io;
 
-use super::super::mesh::{MeshSource, Vertex, unit};
+use super::super::mesh::{MeshSource, Vertex, cross, length, sub, unit};
+
+/// Where a point lies as it is drawn.
+pub type Seen<'s> = dyn Fn([f64; 3]) -> [f64; 3] + 's;
 
 /// Triangles to look at.
 #[derive(Debug, Clone, Default)]
@@ -13,7 +16,7 @@ pub struct Shown {
     pub vertices: Vec<Vertex>,
     /// Their numbers.
     pub triangles: Vec<[u32; 3]>,
-    /// Side of the grid's cells; 0 where all vertices are their own.
+    /// Side of the grid's cells as drawn; 0 where all vertices are their own.
     pub cell: f64,
 }
 
@@ -22,24 +25,21 @@ impl Shown {
     ///
     /// # Errors
     /// Those of reading the mesh.
-    pub fn new(mesh: &mut dyn MeshSource, most: usize) -> io::Result<Self> {
+    pub fn new(mesh: &mut dyn MeshSource, seen: &Seen<'_>, most: usize) -> io::Result<Self> {
         let [_, triangles] = mesh.counts();
         if triangles <= most as u64 {
             return Self::whole(mesh);
         }
         let mut area = 0.0;
-        let mut low = [f64::INFINITY; 3];
         mesh.triangles(&mut |_, corners| {
-            let p = corners.map(|v| v.position);
-            let [a, b] = [1, 2].map(|k| super::super::mesh::sub(p[k], p[0]));
-            area += 0.5 * super::super::mesh::length(super::super::mesh::cross(a, b));
-            (0..3).for_each(|k| low[k] = low[k].min(p[0][k]));
+            let p = corners.map(|v| seen(v.position));
+            area += 0.5 * length(cross(sub(p[1], p[0]), sub(p[2], p[0])));
             Ok(())
         })?;
         // A cell of a plane has about two triangles, of a slanting one more.
         let mut cell = (2.0 * area / most as f64).sqrt();
         loop {
-            let made = Self::clustered(mesh, low, cell)?;
+            let made = Self::clustered(mesh, seen, cell)?;
             if made.triangles.len() <= most {
                 return Ok(made);
             }
@@ -60,9 +60,15 @@ impl Shown {
         Ok(shown)
     }
 
-    fn clustered(mesh: &mut dyn MeshSource, low: [f64; 3], cell: f64) -> io::Result<Self> {
-        let key = |v: &Vertex| -> [i32; 3] { std::array::from_fn(|a| ((v.position[a] - low[a]) / cell).floor() as i32) };
-        let mut numbers: HashMap<[i32; 3], u32> = HashMap::new();
+    fn clustered(mesh: &mut dyn MeshSource, seen: &Seen<'_>, cell: f64) -> io::Result<Self> {
+        // Two sheets in one cell stay apart.
+        let facing = |n: [f64; 3]| (0..3).fold(0, |most, a| if n[a].abs() > n[most].abs() { a } else { most });
+        let key = |v: &Vertex| {
+            let axis = facing(v.normal);
+            (seen(v.position).map(|x| (x / cell).floor() as i32), axis, v.normal[axis] < 0.0)
+        };
+        let mut numbers = HashMap::new();
+        let mut first = None;
         let mut shown = Shown { cell, ..Shown::default() };
         let mut counts: Vec<f64> = Vec::new();
         mesh.vertices(&mut |v| {
@@ -73,6 +79,7 @@ impl Shown {
                 counts.push(0.0);
             }
             let sum = &mut shown.vertices[number];
+            let low = *first.get_or_insert(v.position);
             for a in 0..3 {
                 sum.position[a] += v.position[a] - low[a];
                 sum.normal[a] += v.normal[a];
@@ -80,6 +87,7 @@ impl Shown {
             counts[number] += 1.0;
             Ok(())
         })?;
+        let low = first.unwrap_or_default();
         for (v, count) in shown.vertices.iter_mut().zip(counts) {
             v.position = std::array::from_fn(|a| low[a] + v.position[a] / count);
             v.normal = unit(v.normal);

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::plots::{self, Bar};
 use super::scene::Scene;
-use super::words::{count, escape, event, link, number};
+use super::words::{self, count, escape, link, number};
 use crate::report::{EndReport, Report, Residual, Side};
 use crate::settings::Settings;
 
@@ -74,7 +74,8 @@ fn figures(report: &Report, extent: [f64; 2]) -> String {
         let _ = write!(out, "<div><dt>{name}</dt><dd>{value}</dd></div>");
     };
     if let Some(volume) = report.volume {
-        let litres = if report.unit == "mm" { format!("<small>{} ml</small>", number(volume / 1000.0)) } else { String::new() };
+        let litres =
+            if report.unit == "mm" { format!("<small>{} ml</small>", number(volume / 1000.0)) } else { String::new() };
         figure("Volume", format!("{} {unit}³{litres}", number(volume)));
     }
     if let Some(area) = report.area {
@@ -110,7 +111,7 @@ fn shown(report: &Report, scene: &Scene) -> String {
     }
     out.push('.');
     if scene.stretch > 1.0 {
-        let _ = write!(out, " <strong>Heights are drawn {} times larger than they are.</strong>", number(scene.stretch));
+        let _ = write!(out, " <strong>Heights are drawn {:.1} times larger than they are.</strong>", scene.stretch);
     }
     out
 }
@@ -120,7 +121,9 @@ fn warnings(report: &Report) -> String {
         return String::new();
     }
     let items: String = report.warnings.iter().map(|w| format!("<li>{}</li>", escape(w))).collect();
-    format!(r#"<section class="warnings" aria-labelledby="warned"><h2 id="warned">Please look at this</h2><ul>{items}</ul></section>"#)
+    format!(
+        r#"<section class="warnings" aria-labelledby="warned"><h2 id="warned">Please look at this</h2><ul>{items}</ul></section>"#
+    )
 }
 
 fn areas(report: &Report) -> String {
@@ -191,7 +194,8 @@ fn events(report: &Report) -> String {
     let unit = escape(&report.unit);
     let (mut out, mut quiet) = (String::new(), 0);
     for (interval, ends) in report.intervals.iter().zip(report.contours.windows(2)) {
-        let told: Vec<String> = interval.events.iter().map(event).chain(interval.links.iter().map(link)).collect();
+        let mut told = words::events(&interval.events);
+        told.extend(interval.links.iter().map(link));
         if told.is_empty() {
             quiet += 1;
             continue;
@@ -207,7 +211,10 @@ fn events(report: &Report) -> String {
         );
     }
     match (out.is_empty(), quiet) {
-        (true, _) => "<p>Nowhere do parts split, merge, begin or end between two contours, and no hole opens or closes.</p>".into(),
+        (true, _) => {
+            "<p>Nowhere do parts split, merge, begin or end between two contours, and no hole opens or closes.</p>"
+                .into()
+        }
         (false, 0) => out,
         (false, _) => format!("{out}<p>Nothing of the kind happens in the other {quiet} gaps.</p>"),
     }

@@ -33,13 +33,35 @@ pub fn areas(profile: &AreaProfile, contours: &[ContourReport], unit: &str) -> S
     let x = |z: f64| LEFT + (z - low) / wide * (SIZE[0] - LEFT - RIGHT);
     let y = |area: f64| SIZE[1] - BOTTOM - area / (1.05 * most) * (SIZE[1] - TOP - BOTTOM);
     let unit = escape(unit);
-    let mut svg = open("areas", &format!("Area of the body from height {} to {} {unit}, largest {} {unit}\u{b2}; {} contours are marked.", number(low), number(high), number(most), contours.len()));
+    let mut svg = open(
+        "areas",
+        &format!(
+            "Area of the body from height {} to {} {unit}, largest {} {unit}\u{b2}; {} contours are marked.",
+            number(low),
+            number(high),
+            number(most),
+            contours.len()
+        ),
+    );
     for tick in ticks(0.0, most) {
         let y = y(tick);
-        let _ = write!(svg, r#"<path class="grid" d="M{LEFT} {y:.1}H{}"/><text x="{}" y="{:.1}" text-anchor="end">{}</text>"#, SIZE[0] - RIGHT, LEFT - 6.0, y + 4.0, number(tick));
+        let _ = write!(
+            svg,
+            r#"<path class="grid" d="M{LEFT} {y:.1}H{}"/><text x="{}" y="{:.1}" text-anchor="end">{}</text>"#,
+            SIZE[0] - RIGHT,
+            LEFT - 6.0,
+            y + 4.0,
+            number(tick)
+        );
     }
     for tick in ticks(low, high) {
-        let _ = write!(svg, r#"<text x="{:.1}" y="{}" text-anchor="middle">{}</text>"#, x(tick), SIZE[1] - BOTTOM + 16.0, number(tick));
+        let _ = write!(
+            svg,
+            r#"<text x="{:.1}" y="{}" text-anchor="middle">{}</text>"#,
+            x(tick),
+            SIZE[1] - BOTTOM + 16.0,
+            number(tick)
+        );
     }
     let mut path = String::new();
     for (k, p) in profile.layers.iter().enumerate() {
@@ -51,10 +73,24 @@ pub fn areas(profile: &AreaProfile, contours: &[ContourReport], unit: &str) -> S
         let at = profile.layers.partition_point(|p| p[0] < contour.z - 1e-9 * wide);
         let Some(p) = profile.layers.get(at) else { continue };
         let (x, y, name) = (x(p[0]), y(p[1]), escape(&contour.name));
-        let _ = write!(svg, r#"<g class="mark"><title>{name}: height {} {unit}, area {} {unit}²</title><path d="M{x:.1} {floor:.1}V{y:.1}"/><circle cx="{x:.1}" cy="{y:.1}" r="3"/></g>"#, number(p[0]), number(p[1]));
+        let _ = write!(
+            svg,
+            r#"<g class="mark"><title>{name}: height {} {unit}, area {} {unit}²</title><path d="M{x:.1} {floor:.1}V{y:.1}"/><circle cx="{x:.1}" cy="{y:.1}" r="3"/></g>"#,
+            number(p[0]),
+            number(p[1])
+        );
     }
-    let _ = write!(svg, r#"<path class="curve" d="{path}"/><path class="axis" d="M{LEFT} {floor:.1}H{}"/>"#, SIZE[0] - RIGHT);
-    let _ = write!(svg, r#"<text x="4" y="14">area, {unit}²</text><text x="{}" y="{}" text-anchor="end">height, {unit}</text></svg>"#, SIZE[0] - RIGHT, SIZE[1] - 6.0);
+    let _ = write!(
+        svg,
+        r#"<path class="curve" d="{path}"/><path class="axis" d="M{LEFT} {floor:.1}H{}"/>"#,
+        SIZE[0] - RIGHT
+    );
+    let _ = write!(
+        svg,
+        r#"<text x="4" y="14">area, {unit}²</text><text x="{}" y="{}" text-anchor="end">height, {unit}</text></svg>"#,
+        SIZE[0] - RIGHT,
+        SIZE[1] - 6.0
+    );
     svg
 }
 
@@ -82,11 +118,24 @@ pub fn volumes(bars: &[Bar], unit: &str) -> String {
     let high = (SIZE[1] - TOP) / bars.len().max(1) as f64;
     for (k, bar) in bars.iter().enumerate() {
         let y = TOP + k as f64 * high;
-        let _ = write!(svg, r#"<text x="4" y="{:.1}">{}</text><text x="{}" y="{:.1}" text-anchor="end">{} {unit}³</text>"#, y + 12.0, escape(&bar.name), SIZE[0] - 4.0, y + 12.0, number(bar.whole()));
+        let _ = write!(
+            svg,
+            r#"<text x="4" y="{:.1}">{}</text><text x="{}" y="{:.1}" text-anchor="end">{} {unit}³</text>"#,
+            y + 12.0,
+            escape(&bar.name),
+            SIZE[0] - 4.0,
+            y + 12.0,
+            number(bar.whole())
+        );
         let mut x = 4.0;
         for (part, class) in bar.parts.iter().zip(["below", "between", "above"]) {
             let wide = part / most * (SIZE[0] - 8.0);
-            let _ = write!(svg, r#"<rect class="{class}" x="{x:.1}" y="{:.1}" width="{wide:.1}" height="{:.1}"/>"#, y + 18.0, high - 30.0);
+            let _ = write!(
+                svg,
+                r#"<rect class="{class}" x="{x:.1}" y="{:.1}" width="{wide:.1}" height="{:.1}"/>"#,
+                y + 18.0,
+                high - 30.0
+            );
             x += wide;
         }
     }

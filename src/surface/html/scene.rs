@@ -54,17 +54,24 @@ impl Scene {
         let [x, _, z] = geometry.axes;
         let frame = [x, cross(z, x), z];
         let seen = |p: [f64; 3]| frame.map(|axis| dot(axis, p));
-        let shown = Shown::new(mesh, TRIANGLES)?;
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
-        let on_lines = lines.iter().flat_map(|(_, line)| line.iter().copied());
-        for p in shown.vertices.iter().map(|v| v.position).chain(on_lines).map(seen) {
-            (0..3).for_each(|a| (low[a], high[a]) = (low[a].min(p[a]), high[a].max(p[a])));
-        }
+        let mut widen = |p: [f64; 3]| (0..3).for_each(|a| (low[a], high[a]) = (low[a].min(p[a]), high[a].max(p[a])));
+        lines.iter().flat_map(|(_, line)| line).for_each(|p| widen(seen(*p)));
+        mesh.vertices(&mut |v| {
+            widen(seen(v.position));
+            Ok(())
+        })?;
         if low[0] > high[0] {
             (low, high) = ([0.0; 3], [0.0; 3]);
         }
         let size: [f64; 3] = std::array::from_fn(|a| high[a] - low[a]);
+        let stretch = (FLATTEST * size[0].max(size[1]) / size[2].max(f64::MIN_POSITIVE)).max(1.0);
+        let drawn = |p: [f64; 3]| {
+            let p = seen(p);
+            [p[0] - low[0], p[1] - low[1], (p[2] - low[2]) * stretch]
+        };
+        let shown = Shown::new(mesh, &drawn, TRIANGLES)?;
         let step = size.iter().fold(0.0, |a: f64, b| a.max(*b)).max(f64::MIN_POSITIVE) / MOST;
         let quantised = |p: [f64; 3]| {
             let p = seen(p);
@@ -90,7 +97,7 @@ impl Scene {
         Ok(Scene {
             size,
             step,
-            stretch: (FLATTEST * size[0].max(size[1]) / size[2].max(f64::MIN_POSITIVE)).max(1.0),
+            stretch,
             floor: low[2] - dot(z, geometry.origin),
             vertices: STANDARD.encode(vertices),
             triangles: STANDARD.encode(triangles),

@@ -29,7 +29,8 @@
       float key = max(dot(n, normalize(vec3(-0.45, 0.6, 0.7))), 0.0);
       float sky = 0.5 + 0.5 * n.y;
       float shine = pow(max(dot(n, normalize(vec3(-0.25, 0.33, 0.92))), 0.0), 40.0);
-      color = vec4(body * (0.28 + 0.58 * key + 0.24 * sky) + 0.10 * shine, 1.0);
+      float fill = max(dot(n, normalize(vec3(0.8, 0.1, 0.5))), 0.0);
+      color = vec4(body * (0.26 + 0.54 * key + 0.22 * fill + 0.22 * sky) + 0.10 * shine, 1.0);
     }`;
   // A line's piece is a strip some pixels wide, a little nearer than the surface it lies on.
   const lineVertex = `#version 300 es
@@ -125,8 +126,10 @@
     const [cy, sny, cp, snp] = [Math.cos(view.yaw), Math.sin(view.yaw), Math.cos(view.pitch), Math.sin(view.pitch)];
     // Rows: right, up, towards the viewer.
     const rows = [[cy, sny, 0], [-sny * snp, cy * snp, cp], [sny * cp, -cy * cp, snp]];
-    const far = 5, opening = 0.205, aspect = wide / high;
-    const f = view.zoom / opening * Math.min(1, aspect), near = far - 1.5, back = far + 1.5;
+    // At zoom 1 the body fills the window whichever way it is turned about its height.
+    const far = 5, aspect = wide / high, across = 0.5 * Math.hypot(sx, sy) / radius;
+    const up = across * Math.sin(Math.abs(home.pitch)) + 0.5 * tall / radius * Math.cos(home.pitch);
+    const f = view.zoom * 0.95 * (far - 0.6 * across) * Math.min(aspect / across, 1 / up), near = far - 1.5, back = far + 1.5;
     const a = (back + near) / (near - back), b = 2 * back * near / (near - back);
     const place = new Float32Array(16);
     for (let c = 0; c < 3; c++) {
@@ -168,13 +171,14 @@
     }
   };
 
-  let waiting = false, before = 0;
+  let waiting = false, before = 0, seen = true;
+  new IntersectionObserver(entries => { seen = entries.at(-1).isIntersecting; ask(); }).observe(canvas);
   const frame = now => {
     waiting = false;
-    if (turning && !document.hidden) view.yaw += Math.min(now - before, 100) * 0.0003;
+    if (turning) view.yaw += Math.min(now - before, 100) * 0.0003;
     before = now;
     if (!gl.isContextLost()) draw();
-    if (turning) ask();
+    if (turning && seen) ask();
   };
   const ask = () => { if (!waiting) { waiting = true; requestAnimationFrame(frame); } };
   const press = (button, on) => button.setAttribute("aria-pressed", String(on));

@@ -187,6 +187,7 @@ pub struct Outputs {
     files: Vec<Output>,
     /// The body on its way into the files.
     stream: Option<BodyStream<'static>>,
+    meshes: Meshes,
 }
 
 struct Output {
@@ -243,6 +244,7 @@ impl Outputs {
     pub fn complete(&mut self, report: &mut Report) -> Result<()> {
         if let Some(stream) = self.stream.take() {
             stream.finish(report).map_err(|failed| self.failed(failed))?;
+            report.warnings.extend(self.meshes.warning());
         }
         self.files.iter().try_for_each(|f| f.pending.sync().map_err(|source| f.fails(source)))
     }
@@ -293,6 +295,7 @@ impl LayerSink for Sink<'_> {
         }
         let folder = self.outputs.files.first().map_or(Path::new("."), |f| parent(&f.target));
         self.outputs.stream = Some(BodyStream::new(header, writers, folder));
+        self.outputs.meshes = meshes;
         Ok(())
     }
 
@@ -377,6 +380,7 @@ fn glb(header: &Header, _target: &Path) -> MeshFormat<BufWriter<File>> {
 }
 
 /// The meshes of a run: the whole one, or one simpler one for all files.
+#[derive(Default)]
 struct Meshes {
     #[cfg(feature = "simplify")]
     simplifier: Option<std::sync::Arc<crate::surface::simplify::Simplifier>>,
@@ -389,6 +393,15 @@ impl Meshes {
             #[cfg(feature = "simplify")]
             simplifier: options.simplify.map(|error| crate::surface::simplify::Simplifier::new(error).into()),
         }
+    }
+
+    /// What is to be said at the end.
+    fn warning(&self) -> Option<String> {
+        #[cfg(feature = "simplify")]
+        if self.simplifier.as_ref().is_some_and(|s| s.gave_up()) {
+            return Some("simplify: no closed surface with fewer triangles was found; meshes are the full one".into());
+        }
+        None
     }
 
     fn writer(&self, out: BufWriter<File>, format: MeshFormat<BufWriter<File>>) -> Box<dyn BodyWriter> {

@@ -5,6 +5,7 @@
 
 use std::collections::HashMap;
 use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 use meshopt::{SimplifyOptions, VertexDataAdapter};
@@ -18,7 +19,7 @@ use super::mesh::{Mesh, MeshSource, cross, dot, length, sub};
 const ESTIMATE: f64 = 0.7;
 const LESS: f64 = 0.6;
 /// Tries until the surface stays as it is.
-const TRIES: usize = 8;
+const TRIES: usize = 16;
 /// Most samples along a triangle's side.
 const SAMPLES: usize = 24;
 
@@ -27,15 +28,21 @@ const SAMPLES: usize = 24;
 pub struct Simplifier {
     error: f64,
     made: Mutex<Option<Arc<Mesh>>>,
+    gave_up: AtomicBool,
 }
 
 impl Simplifier {
     /// For surfaces within `error` of the given one, stack's unit.
     pub fn new(error: f64) -> Self {
-        Simplifier { error, made: Mutex::new(None) }
+        Simplifier { error, made: Mutex::new(None), gave_up: AtomicBool::new(false) }
     }
 
-    /// The simpler surface of `mesh`, which is the same in every call.
+    /// Whether none was found, so that the whole mesh was written.
+    pub fn gave_up(&self) -> bool {
+        self.gave_up.load(Ordering::Relaxed)
+    }
+
+    /// The simpler surface of `mesh`, or where none is found the whole one, which is the same in every call.
     ///
     /// # Errors
     /// Those of reading the mesh; [`io::ErrorKind::InvalidInput`] beyond 2^32 vertices.
@@ -45,7 +52,9 @@ impl Simplifier {
             return Ok(made.clone());
         }
         let whole = collected(mesh)?;
-        let simpler = Arc::new(simplified(&whole, self.error).unwrap_or(whole));
+        let simpler = simplified(&whole, self.error);
+        self.gave_up.store(simpler.is_none() && !whole.triangles.is_empty(), Ordering::Relaxed);
+        let simpler = Arc::new(simpler.unwrap_or(whole));
         *made = Some(simpler.clone());
         Ok(simpler)
     }
@@ -68,7 +77,9 @@ fn collected(mesh: &mut dyn MeshSource) -> io::Result<Mesh> {
     Ok(whole)
 }
 
-/// A closed surface with fewer triangles whose sampled distance from `mesh` is at most `error`, both ways; nothing where none was found.
+/// A closed surface with fewer triangles whose distance from `mesh` is at most `error`, both ways, as far as samples tell: all vertices and
+/// middles of triangles of `mesh`, and the simpler one's triangles on a grid no wider than the error where 24 steps a side suffice. Nothing
+/// where none was found.
 pub fn simplified(mesh: &Mesh, error: f64) -> Option<Mesh> {
     let first = *mesh.positions.first()?;
     // About the first vertex, so that f32 suffices far from the world's origin.
@@ -88,10 +99,17 @@ pub fn simplified(mesh: &Mesh, error: f64) -> Option<Mesh> {
             continue;
         }
         let simpler = compact(mesh, &triangles);
-        if within(&simpler, mesh, &given, error) {
+        // Slivers and needles vanish at no cost to a quadric: what is missed stays.
+        let missed = missed(&simpler, mesh, error);
+        let strays = strays(mesh, &triangles, &given, error);
+        if missed.is_empty() && strays.is_empty() {
             return Some(simpler);
         }
-        estimate *= LESS;
+        lock_around(mesh, &missed, &mut locked);
+        if !strays.is_empty() {
+            lock_around(mesh, &strays, &mut locked);
+            estimate *= LESS;
+        }
     }
     None
 }
@@ -113,7 +131,7 @@ fn torn(triangles: &[[u32; 3]]) -> Vec<u32> {
 fn lock_around(mesh: &Mesh, torn: &[u32], locked: &mut [bool]) {
     let before = locked.to_vec();
     torn.iter().for_each(|&v| locked[v as usize] = true);
-    for _ in 0..4 {
+    for _ in 0..2 {
         let held = locked.to_vec();
         for t in mesh.triangles.iter().filter(|t| t.iter().any(|&v| held[v as usize] && !before[v as usize])) {
             t.iter().for_each(|&v| locked[v as usize] = true);
@@ -134,21 +152,24 @@ fn compact(mesh: &Mesh, triangles: &[[u32; 3]]) -> Mesh {
     Mesh { positions, triangles: triangles.iter().map(|t| t.map(|v| numbers[v as usize])).collect() }
 }
 
-/// Whether two surfaces are nowhere farther than `error` from each other, as far as samples tell: all vertices and middles of triangles of the
-/// given one, and the simpler one's triangles on a grid no wider than the error where [`SAMPLES`] suffice.
-fn within(simpler: &Mesh, given: &Mesh, to_given: &Distances, error: f64) -> bool {
+/// Vertices of the given surface that are farther than `error` from the simpler one, or whose triangles' middles are.
+fn missed(simpler: &Mesh, given: &Mesh, error: f64) -> Vec<u32> {
     let to_simpler = Distances::new(simpler);
-    let middles = given.triangles.par_iter().map(|t| {
+    let is_far = |t: &&[u32; 3]| {
         let [a, b, c] = t.map(|v| given.positions[v as usize]);
-        std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0)
-    });
-    let near = |p: [f64; 3]| to_simpler.within(p, error);
-    given.positions.par_iter().all(|p| near(*p))
-        && middles.all(near)
-        && simpler.triangles.par_iter().all(|t| {
-            let corners = t.map(|v| simpler.positions[v as usize]);
-            samples(corners, error).all(|p| to_given.within(p, error))
-        })
+        let middle = std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0);
+        [a, b, c, middle].into_iter().any(|p| !to_simpler.within(p, error))
+    };
+    given.triangles.par_iter().filter(is_far).flat_map_iter(|t| *t).collect()
+}
+
+/// Corners of the simpler surface's triangles, by the numbers of the given one, some sample of which is farther than `error` from that.
+fn strays(given: &Mesh, triangles: &[[u32; 3]], to_given: &Distances, error: f64) -> Vec<u32> {
+    let is_far = |t: &&[u32; 3]| {
+        let corners = t.map(|v| given.positions[v as usize]);
+        samples(corners, error).any(|p| !to_given.within(p, error))
+    };
+    triangles.par_iter().filter(is_far).flat_map_iter(|t| *t).collect()
 }
 
 /// Points of a triangle, corners included, no farther apart than `step` if they are not too many.

@@ -88,7 +88,7 @@ impl Scene {
         let mut drawn = Vec::new();
         for (number, line) in lines {
             let last = line.len().saturating_sub(1);
-            for (k, p) in line.iter().enumerate().filter(|(k, _)| k % every == 0 || *k == last) {
+            for (k, p) in line.iter().enumerate().filter(|(k, _)| k.is_multiple_of(every) || *k == last) {
                 let number = if k == last { 0 } else { (number + 1).min(MOST as usize) as u16 };
                 drawn.extend(quantised(*p).iter().chain(&[number]).flat_map(|c| c.to_le_bytes()));
             }

@@ -20,6 +20,8 @@ const ESTIMATE: f64 = 0.7;
 const LESS: f64 = 0.6;
 /// Tries until the surface stays as it is.
 const TRIES: usize = 16;
+/// One vertex in so many is few: these are kept; where more are missed, the estimate was too large.
+const FEW: usize = 100;
 /// Most samples along a triangle's side.
 const SAMPLES: usize = 24;
 
@@ -105,9 +107,12 @@ pub fn simplified(mesh: &Mesh, error: f64) -> Option<Mesh> {
         if missed.is_empty() && strays.is_empty() {
             return Some(simpler);
         }
-        lock_around(mesh, &missed, &mut locked);
+        if missed.len() < mesh.positions.len() / FEW {
+            lock_around(mesh, &missed, &mut locked);
+        } else {
+            estimate *= LESS;
+        }
         if !strays.is_empty() {
-            lock_around(mesh, &strays, &mut locked);
             estimate *= LESS;
         }
     }

@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::field::Field;
+use crate::shelf::{Array, Large};
 
 /// Side of a block, px.
 pub const BLOCK: usize = 4;
@@ -22,6 +23,18 @@ pub struct Displacement {
     pub grid: [usize; 2],
     /// Vectors at the blocks' centres, row-major, pixels of the image.
     pub vectors: Vec<[f64; 2]>,
+}
+
+impl Large for Displacement {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        vec![Array::Pairs(&mut self.vectors)]
+    }
+}
+
+impl Large for [Displacement; 2] {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        self.iter_mut().map(|d| Array::Pairs(&mut d.vectors)).collect()
+    }
 }
 
 /// Ask for the displacements of neighbouring intervals.

@@ -13,7 +13,8 @@ use rayon::prelude::*;
 
 use crate::displacement::{BLOCK, Displacement};
 use crate::error::Result;
-use crate::moving_field::{MovingField, Place, upright};
+use crate::moving_field::{Place, upright};
+use crate::moving_stack::MovingStack;
 use crate::spline::smoothstep;
 use crate::surface::Layer;
 
@@ -30,10 +31,9 @@ const NEAR: f32 = 0.4;
 const SATURATED: f32 = 0.85;
 
 /// What fairing needs to know of a stack.
-#[derive(Debug, Clone)]
 pub struct Spec<'m> {
     /// The frame in which layers follow each other, and the padding of its image.
-    pub moving: Option<(&'m MovingField, usize)>,
+    pub moving: Option<(&'m MovingStack<'m>, usize)>,
     /// Heights of the contours, increasing.
     pub contours: Vec<f64>,
     /// Pixels of a layer.
@@ -44,6 +44,9 @@ pub struct Spec<'m> {
     pub gap: f64,
     /// Median distance between layers.
     pub dz: f64,
+    /// A gradient along z is taken over at least this distance to either side, at most half of any gap: over a tiny one it would show little
+    /// but the layers' own errors.
+    pub apart: f64,
     /// Strength, 0 to 1.5.
     pub alpha: f64,
     /// Whether the user has given the slope at the first and at the last contour: it stays.
@@ -73,6 +76,8 @@ pub struct Fairing<'m> {
     spec: Spec<'m>,
     bound: f32,
     kept: VecDeque<Kept>,
+    /// How many of the lowest of them have their `v`.
+    transformed: usize,
     /// The lowest interval that is not finished.
     interval: usize,
     /// D at its lower contour, if it is known.
@@ -83,7 +88,7 @@ impl<'m> Fairing<'m> {
     /// Nothing yet.
     pub fn new(spec: Spec<'m>) -> Self {
         let bound = (0.5 * spec.gap).max(2.0 * spec.dz).max(2.0 * spec.spacing[0].max(spec.spacing[1])) as f32;
-        Fairing { spec, bound, kept: VecDeque::new(), interval: 0, at_contour: None }
+        Fairing { spec, bound, kept: VecDeque::new(), transformed: 0, interval: 0, at_contour: None }
     }
 
     /// Takes the next layer; hands on what is finished.
@@ -92,11 +97,13 @@ impl<'m> Fairing<'m> {
     /// What `sink` says.
     pub fn push(&mut self, layer: Layer, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
         let (z, contour) = (layer.z, layer.contour);
-        let place = self.spec.moving.map(|(moving, _)| moving.place(z));
+        let place = self.spec.moving.map(|(moving, _)| moving.place(z)).transpose()?;
         self.kept.push_back(Kept { z, place, contour, layer: Some(layer), v: Vec::new(), gradient: Vec::new() });
-        let Some(ready) = self.kept.len().checked_sub(2) else { return Ok(()) };
-        self.transform(ready);
-        while self.kept[ready.min(self.kept.len() - 2)].z >= self.needed_up_to() {
+        while self.transformed < self.kept.len() && z - self.kept[self.transformed].z >= self.spec.apart {
+            self.transform(self.transformed);
+            self.transformed += 1;
+        }
+        while self.transformed > 0 && self.kept[self.transformed - 1].z >= self.needed_up_to() {
             self.finish_interval(sink)?;
         }
         Ok(())
@@ -107,9 +114,10 @@ impl<'m> Fairing<'m> {
     /// # Errors
     /// What `sink` says.
     pub fn finish(mut self, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
-        if let Some(last) = self.kept.len().checked_sub(1) {
-            self.transform(last);
+        for k in self.transformed..self.kept.len() {
+            self.transform(k);
         }
+        self.transformed = self.kept.len();
         while self.interval + 1 < self.spec.contours.len() {
             self.finish_interval(sink)?;
         }
@@ -126,7 +134,10 @@ impl<'m> Fairing<'m> {
     fn transform(&mut self, k: usize) {
         let [nx, ny] = self.spec.dims;
         let [dx, dy] = self.spec.spacing.map(|s| s as f32);
-        let around = [k.saturating_sub(1), k, (k + 1).min(self.kept.len() - 1)].map(|l| &self.kept[l]);
+        let (z, last) = (self.kept[k].z, self.kept.len() - 1);
+        let below = (0..k).rev().find(|&l| z - self.kept[l].z >= self.spec.apart).unwrap_or(0);
+        let above = (k + 1..=last).find(|&l| self.kept[l].z - z >= self.spec.apart).unwrap_or(last);
+        let around = [below, k, above].map(|l| &self.kept[l]);
         let rise = (around[2].z - around[0].z).max(f64::MIN_POSITIVE) as f32;
         let [Some(below), Some(here), Some(above)] = around.map(|kept| kept.layer.as_ref()) else { return };
         let (bound, far) = (self.bound, SATURATED * self.bound);
@@ -191,7 +202,7 @@ impl<'m> Fairing<'m> {
 
     /// Blocks of layer `k` that are read where its surface is near, and where their trajectories meet the slices around it.
     fn near_surface(&self, k: usize) -> Vec<Near> {
-        let (Some((moving, pad)), Some(place)) = (self.spec.moving, &self.kept[k].place) else { return Vec::new() };
+        let (Some((_, pad)), Some(place)) = (self.spec.moving, &self.kept[k].place) else { return Vec::new() };
         let still = Displacement::zero(self.spec.dims);
         let mut near = vec![false; still.vectors.len()];
         let nx = self.spec.dims[0];
@@ -208,17 +219,21 @@ impl<'m> Fairing<'m> {
                 }
             }
         }
-        let slices = |block: usize| moving.to_slices(still.centre(block).map(|x| x + pad as f64), place);
+        let slices = |block: usize| place.to_slices(still.centre(block).map(|x| x + pad as f64));
         (0..near.len()).filter(|&block| near[block]).map(|block| (block, slices(block))).collect()
     }
 
     /// Offsets of the trajectories from layer `k` to layer `l` in the blocks `near`, px of the image; `None` where they stand still.
     fn offsets(&self, k: usize, l: usize, near: &[Near]) -> Option<Displacement> {
-        let (moving, pad) = self.spec.moving.filter(|_| k != l)?;
+        let (_, pad) = self.spec.moving.filter(|_| k != l)?;
         let (from, to) = (self.kept[k].place.as_ref()?, self.kept[l].place.as_ref()?);
+        // The lowest layer of every interval between both is among those that wait.
+        let intervals = from.interval.min(to.interval) + 1..from.interval.max(to.interval);
+        let of = |i| self.kept.iter().filter_map(|kept| kept.place.as_ref()).find(|place| place.interval == i);
+        let between: Vec<&[Displacement; 2]> = intervals.filter_map(of).map(|place| &*place.at_slices).collect();
         let mut offsets = Displacement::zero(self.spec.dims);
         for &(block, slices) in near {
-            let (x, y) = (offsets.centre(block), moving.carry(slices, from, to));
+            let (x, y) = (offsets.centre(block), from.carry(slices, to, &between));
             offsets.vectors[block] = [0, 1].map(|a| y[a] - pad as f64 - x[a]);
         }
         Some(offsets)
@@ -308,6 +323,7 @@ impl<'m> Fairing<'m> {
         // One layer more stays: how far the lowest reaches down is known from it.
         while self.kept.len() > 2 && self.kept[0].layer.is_none() && self.kept[1].z < needed {
             self.kept.pop_front();
+            self.transformed -= 1;
         }
     }
 }

@@ -43,7 +43,7 @@ struct LinksFile {
 }
 
 /// What a person has decided about parts.
-#[derive(Debug, Clone, Default, clap::Args, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[command(next_help_heading = "Input")]
 pub struct LinkOptions {

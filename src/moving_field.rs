@@ -4,7 +4,6 @@
 //! motion too is C1 across contours: `p(t) = t u + (h K_i - u)(t^3 - 2 t^2 + t) + (h K_{i+1} - u)(t^3 - t^2)`.
 
 use std::cmp::Ordering;
-use std::ops::Range;
 use std::sync::Arc;
 
 use crate::contours::Contour;
@@ -54,6 +53,23 @@ pub struct MovingField {
     pub rates: Vec<Arc<Displacement>>,
 }
 
+/// Rate of motion at a slice, px of the image per height, from the displacements (at the slices) and gaps of the intervals below and above
+/// it, of which there is at least one.
+pub fn rate(below: Option<(&[Displacement; 2], f64)>, above: Option<(&[Displacement; 2], f64)>) -> Displacement {
+    let alone = |v: &Displacement, gap: f64| v.map(|_, u| u.map(|c| c / gap));
+    match (below, above) {
+        (Some((below, h0)), Some((above, h1))) => {
+            let (before, after) = (&below[1], &above[0]);
+            let both = before.vectors.iter().zip(&after.vectors);
+            let vectors = both.map(|(b, a)| std::array::from_fn(|c| harmonic(b[c] / h0, a[c] / h1, h0, h1))).collect();
+            Displacement { grid: before.grid, vectors }
+        }
+        (None, Some((above, gap))) => alone(&above[0], gap),
+        (Some((below, gap)), None) => alone(&below[1], gap),
+        (None, None) => Displacement::zero([0; 2]),
+    }
+}
+
 /// Where points of a layer come from and go to.
 #[derive(Debug, Clone)]
 pub struct Paths {
@@ -67,51 +83,15 @@ impl MovingField {
     /// What follows from fields and displacements.
     pub fn new(heights: Vec<f64>, px: f64, fields: Vec<Arc<Field>>, displacements: Vec<Displacement>) -> Self {
         let gaps = even_gaps(&heights);
-        MovingField::with_gaps(heights, gaps, px, fields, displacements)
-    }
-
-    /// The same for some slices of a stack, of whose gaps these are some.
-    pub fn with_gaps(
-        heights: Vec<f64>,
-        gaps: Vec<f64>,
-        px: f64,
-        fields: Vec<Arc<Field>>,
-        displacements: Vec<Displacement>,
-    ) -> Self {
         let at_slices: Vec<Arc<[Displacement; 2]>> = displacements.iter().map(|v| Arc::new(v.at_slices())).collect();
-        let last = heights.len() - 1;
-        let gap = |i: usize| gaps[i];
+        let beside = |i: usize| Some((&*at_slices[i], gaps[i]));
         let rate = |i: usize| {
-            if i == 0 {
-                return at_slices[0][0].map(|_, u| u.map(|c| c / gap(0)));
-            }
-            if i == last {
-                return at_slices[last - 1][1].map(|_, u| u.map(|c| c / gap(last - 1)));
-            }
-            let (before, after) = (&at_slices[i - 1][1], &at_slices[i][0]);
-            let vectors =
-                before.vectors.iter().zip(&after.vectors).map(|(b, a)| {
-                    std::array::from_fn(|c| harmonic(b[c] / gap(i - 1), a[c] / gap(i), gap(i - 1), gap(i)))
-                });
-            Displacement { grid: before.grid, vectors: vectors.collect() }
+            let below = i.checked_sub(1).and_then(beside);
+            rate(below, if i < gaps.len() { beside(i) } else { None })
         };
-        let rates = (0..=last).map(|i| Arc::new(rate(i))).collect();
+        let rates = (0..heights.len()).map(|i| Arc::new(rate(i))).collect();
         let displacements = displacements.into_iter().map(Arc::new).collect();
         MovingField { heights, gaps, px, fields, displacements, at_slices, rates }
-    }
-
-    /// The same of some slices alone, numbered from 0; slices that are given with their `fields`.
-    pub fn part(&self, slices: Range<usize>, fields: Vec<Arc<Field>>) -> Self {
-        let intervals = slices.start..slices.end - 1;
-        MovingField {
-            heights: self.heights[slices.clone()].to_vec(),
-            gaps: self.gaps[intervals.clone()].to_vec(),
-            px: self.px,
-            fields,
-            displacements: self.displacements[intervals.clone()].to_vec(),
-            at_slices: self.at_slices[intervals].to_vec(),
-            rates: self.rates[slices].to_vec(),
-        }
     }
 
     /// Gap of an interval.
@@ -151,19 +131,11 @@ pub struct Place {
     pub paths: Paths,
     /// From the interval's lower and upper slice to the layer.
     pub off: [Displacement; 2],
+    /// The interval's displacement at its slices.
+    pub at_slices: Arc<[Displacement; 2]>,
 }
 
 impl MovingField {
-    /// The place of height `z`, the nearest slice's beyond the stack.
-    pub fn place(&self, z: f64) -> Place {
-        let last = self.displacements.len() - 1;
-        let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
-        let t = time(z, self.heights[interval], self.heights[interval + 1]);
-        let paths = self.paths(interval, t);
-        let off = self.off_slices(interval, t, &paths);
-        Place { interval, t, paths, off }
-    }
-
     /// The ways back of `paths`, which are those through the layer at time `t` of interval `i`: from either slice to the layer.
     pub fn off_slices(&self, i: usize, t: f64, paths: &Paths) -> [Displacement; 2] {
         let [low, high] = &*self.at_slices[i];
@@ -173,29 +145,45 @@ impl MovingField {
             high.map(|x, u| to(x, paths.off_high(x, plus(x, u, t - 1.0)))),
         ]
     }
+}
 
-    /// Where the trajectory through a point of one layer meets the slices below and above it, px of the padded image.
-    pub fn to_slices(&self, x: [f64; 2], from: &Place) -> [[f64; 2]; 2] {
-        [plus(x, from.paths.come.at(x), -1.0), plus(x, from.paths.go.at(x), 1.0)]
+impl Place {
+    /// The place at time `t` of interval `i` of `moving`, which is number `interval` of the stack.
+    pub fn new(moving: &MovingField, i: usize, interval: usize, t: f64) -> Self {
+        let paths = moving.paths(i, t);
+        let off = moving.off_slices(i, t, &paths);
+        Place { interval, t, paths, off, at_slices: moving.at_slices[i].clone() }
     }
 
-    /// Where the trajectory that meets the slices around layer `from` at `[below, above]` is on another layer. Within an interval the way over
-    /// the lower slice passes smoothly into that over the upper one, so that it is C1 at the slices, and the same upside down.
-    pub fn carry(&self, [below, above]: [[f64; 2]; 2], from: &Place, to: &Place) -> [f64; 2] {
+    /// Where the trajectory through a point of this layer meets the slices below and above it, px of the padded image.
+    pub fn to_slices(&self, x: [f64; 2]) -> [[f64; 2]; 2] {
+        [plus(x, self.paths.come.at(x), -1.0), plus(x, self.paths.go.at(x), 1.0)]
+    }
+
+    /// Where the trajectory that meets the slices around this layer at `[below, above]` is on another layer. Within an interval the way over
+    /// the lower slice passes smoothly into that over the upper one, so that it is C1 at the slices, and the same upside down. `between` are
+    /// the displacements at the slices of the intervals between both, lowest first.
+    pub fn carry(&self, [below, above]: [[f64; 2]; 2], to: &Place, between: &[&[Displacement; 2]]) -> [f64; 2] {
         let off = |end: usize, slice: [f64; 2]| plus(slice, to.off[end].at(slice), 1.0);
-        match from.interval.cmp(&to.interval) {
+        match self.interval.cmp(&to.interval) {
+            // To a slice there is one way, as from the interval on its other side.
+            Ordering::Equal if to.t == 0.0 => below,
+            Ordering::Equal if to.t == 1.0 => above,
             Ordering::Equal => {
-                let ([a, b], w) = ([off(0, below), off(1, above)], smoothstep(from.t));
-                let v = smoothstep(1.0 - from.t);
+                let ([a, b], w) = ([off(0, below), off(1, above)], smoothstep(self.t));
+                let v = smoothstep(1.0 - self.t);
                 [v * a[0] + w * b[0], v * a[1] + w * b[1]]
             }
+            // A slice beyond is reached from slice to slice alone: it lies in the interval above it or, upside down, in that below.
             Ordering::Less => {
-                let step = |x, j: usize| plus(x, self.at_slices[j][0].at(x), 1.0);
-                off(0, (from.interval + 1..to.interval).fold(above, step))
+                let step = |x, v: &[Displacement; 2]| plus(x, v[0].at(x), 1.0);
+                let slice = between.iter().fold(above, |x, v| step(x, v));
+                if to.t == 1.0 { step(slice, &to.at_slices) } else { off(0, slice) }
             }
             Ordering::Greater => {
-                let step = |x, j: usize| plus(x, self.at_slices[j][1].at(x), -1.0);
-                off(1, (to.interval + 1..from.interval).rev().fold(below, step))
+                let step = |x, v: &[Displacement; 2]| plus(x, v[1].at(x), -1.0);
+                let slice = between.iter().rev().fold(below, |x, v| step(x, v));
+                if to.t == 0.0 { step(slice, &to.at_slices) } else { off(1, slice) }
             }
         }
     }

@@ -59,6 +59,7 @@ impl Report {
         }
         self.contours.extend(contours);
         self.ends.extend(above.ends);
+        self.areas = self.areas.take().zip(above.areas).and_then(|(below, above)| below.joined(above));
         self.intervals.extend(above.intervals);
         for stage in above.stages {
             match self.stages.iter_mut().find(|s| s.name == stage.name) {
@@ -121,6 +122,19 @@ pub struct AreaProfile {
     pub layers: Vec<[f64; 2]>,
     /// Trapezoidal integral of the area from the first to the last contour, over all layers, unit cubed.
     pub between_contours: f64,
+}
+
+impl AreaProfile {
+    /// With the profile of the section above, whose first layer is the last one here; nothing where it is not, as there is a gap between them.
+    fn joined(mut self, above: AreaProfile) -> Option<Self> {
+        let [last, first] = [self.layers.last()?, above.layers.first()?];
+        if last[0] != first[0] {
+            return None;
+        }
+        self.layers.extend_from_slice(&above.layers[1..]);
+        self.between_contours += above.between_contours;
+        Some(self)
+    }
 }
 
 /// What the body gains beyond its first or last contour, by the rule used and by others; as swept, before the fairing. The rule `flat` gains

@@ -75,7 +75,7 @@ impl Section {
     pub(crate) fn settings(&self, settings: &Settings) -> Settings {
         let here = |l: &Link| self.slices.contains(&l.slice) && self.slices.contains(&(l.slice + 1));
         let links = settings.links.iter().filter(|l| here(l));
-        let links = links.map(|l| Link { slice: l.slice - self.slices.start, ..l.clone() }).collect();
+        let links = links.map(|l| Link { slice: l.slice - self.slices.start, ..*l }).collect();
         Settings { links, ..settings.clone() }
     }
 

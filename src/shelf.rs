@@ -66,6 +66,8 @@ pub enum Array<'a> {
     F64(&'a mut Vec<f64>),
     /// Labels.
     U32(&'a mut Vec<u32>),
+    /// Vectors of displacements.
+    Pairs(&'a mut Vec<[f64; 2]>),
 }
 
 /// A thing with large arrays.
@@ -184,6 +186,7 @@ impl Array<'_> {
         match self {
             Array::F64(values) => bytemuck::cast_slice(values),
             Array::U32(values) => bytemuck::cast_slice(values),
+            Array::Pairs(values) => bytemuck::cast_slice(values),
         }
     }
 
@@ -192,6 +195,7 @@ impl Array<'_> {
         match self {
             Array::F64(values) => std::mem::take(*values).len(),
             Array::U32(values) => std::mem::take(*values).len(),
+            Array::Pairs(values) => std::mem::take(*values).len(),
         }
     }
 
@@ -204,6 +208,7 @@ impl Array<'_> {
         match self {
             Array::F64(values) => zeros(values, length),
             Array::U32(values) => zeros(values, length),
+            Array::Pairs(values) => zeros(values, length),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Displacements read pixel by pixel, by rows, and bounded.
 
 use interslice::displacement::Displacement;
+use interslice::moving_field::{MovingField, Place, time};
 
 /// A row weighs its axes in the other order: vectors of 7 px differ by their last bits.
 const ROUNDING: f64 = 1e-14;
@@ -38,6 +39,42 @@ fn bounds_hold_every_pixel_between() {
                 let found = v.at([i as f64, j as f64]);
                 let held = |a: usize| (least[a]..=largest[a]).contains(&found[a]);
                 assert!(held(0) && held(1), "{found:?} at {i}, {j} is not in {least:?} to {largest:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn trajectories_are_the_same_upside_down() {
+    let (dims, heights) = ([43, 29], [0.0, 5.0, 6.5, 14.0]);
+    let top = heights[3];
+    let bent = |k: f64| {
+        let wave = move |x: [f64; 2]| [(0.3 * x[0] + x[1] + k).sin() * 3.0, (x[0] - 0.2 * x[1] - k).cos() * 2.0];
+        Displacement::zero(dims).map(|x, _| wave(x))
+    };
+    let displacements: Vec<Displacement> = [0.0, 1.0, 2.0].map(bent).to_vec();
+    let turned = displacements.iter().rev().map(|v| v.map(|_, v| v.map(|c| -c))).collect();
+    let up = MovingField::new(heights.to_vec(), 1.0, Vec::new(), displacements);
+    let down = MovingField::new(heights.map(|z| top - z).into_iter().rev().collect(), 1.0, Vec::new(), turned);
+    // Below and above the slices, on all of them, and between.
+    let layers = [-1.0, 0.0, 2.0, 5.0, 6.0, 6.5, 9.0, 14.0, 15.0];
+    let place = |moving: &MovingField, z: f64| {
+        let i = moving.heights.partition_point(|h| *h <= z).clamp(1, 3) - 1;
+        Place::new(moving, i, i, time(z, moving.heights[i], moving.heights[i + 1]))
+    };
+    let carry = |moving: &MovingField, x: [f64; 2], from: &Place, to: &Place| {
+        let between = from.interval.min(to.interval) + 1..from.interval.max(to.interval);
+        let between: Vec<&[Displacement; 2]> = between.map(|i| &*moving.at_slices[i]).collect();
+        from.carry(from.to_slices(x), to, &between)
+    };
+    let places = layers.map(|z| (z, place(&up, z), place(&down, top - z)));
+    for (z, from, from_turned) in &places {
+        for (end, to, to_turned) in places.iter().filter(|p| p.0 != *z) {
+            for x in (0..7).flat_map(|j| (0..10).map(move |i| [4.3 * f64::from(i), 4.1 * f64::from(j)])) {
+                let a = carry(&up, x, from, to);
+                let b = carry(&down, x, from_turned, to_turned);
+                let off = (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+                assert!(off < 1e-9, "{a:?} and {b:?} from {x:?} at {z} to {end}");
             }
         }
     }

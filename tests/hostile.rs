@@ -8,8 +8,6 @@ use std::fs;
 use std::path::Path;
 
 use files::*;
-use interslice::stack::nrrd::read_from;
-use proptest::prelude::*;
 
 /// Runs `reconstruct` on `input` with an old output in place; checks exit code, message and that nothing changed.
 fn refused(input: &Path, options: &[&str], says: &[&str]) {
@@ -268,26 +266,4 @@ fn broken_nifti_files() {
     };
     with(b"too short", &["labels.nii", "NIfTI"]);
     with(&[0u8; 400], &["labels.nii", "NIfTI"]);
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
-
-    #[test]
-    fn damaged_nrrd_headers_never_panic(
-        cut in 0usize..400,
-        flips in prop::collection::vec((0usize..400, any::<u8>()), 0..6),
-    ) {
-        let extra = "encoding: raw\nendian: big\nspace: RAS\nspace directions: (1,0,0) (0,1,0) (0,0,2)\nspace origin: (0,0,0)";
-        let mut bytes = nrrd(extra, "int16", [2, 2, 3], &[0, 1].repeat(12));
-        for (at, value) in flips {
-            let n = bytes.len();
-            bytes[at % n] ^= value;
-        }
-        bytes.truncate(cut.max(1));
-        // Whatever comes back, it comes back.
-        if let Ok(volume) = read_from(&bytes[..]) {
-            prop_assert_eq!(volume.labels.len(), volume.dims.iter().product::<usize>());
-        }
-    }
 }

@@ -116,3 +116,18 @@ fn a_disc_that_closes_above_an_empty_slice_ends_in_a_tie() {
     let settings = Settings { method: Method::Field, motion: Motion::None, fair: 0.0, ..Settings::default() };
     check(&stack, 0.5, &settings).expect("the same upside down");
 }
+
+#[test]
+fn a_slice_beyond_a_small_gap_is_read_alike_from_either_side() {
+    // Fairing reaches across the small gap.
+    let z = [0.0, 17.26205588527773, 18.897919237465434];
+    let lower = union(circle(5.0979558746454705, 24.86896256579865, 14.01124332706829), circle(0.0, 0.0, 2.0));
+    let stack = masks(N, &z, &[nothing(), lower, circle(31.774114597539594, 34.14344685200299, 13.31051842111368)]);
+    let settings = Settings {
+        slope: SlopeRule::Natural,
+        end_top: EndRule::Extrapolate,
+        link: Linking::Auto,
+        ..Settings::default()
+    };
+    check(&stack, z[2], &settings).expect("the same upside down");
+}

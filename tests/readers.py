@@ -13,6 +13,7 @@ import jsonschema
 import nibabel
 import nrrd
 import numpy as np
+import pydicom
 import SimpleITK
 import tifffile
 import trimesh
@@ -30,15 +31,29 @@ def labels():
     return (disc & (z % 4 == 0)).astype(np.uint8)
 
 
+passed = 0
+
+
 def check(name, holds, value=""):
+    global passed
     if not holds:
         sys.exit(f"{name}: wrong {value}")
-    print(f"{name}: ok {value}")
+    passed += 1
+
+
+def group(name):
+    """Says how many checks have passed since the last group."""
+    global passed
+    if passed == 0:
+        sys.exit(f"{name}: nothing was checked")
+    print(f"{name}: {passed} checks passed")
+    passed = 0
 
 
 def main(program):
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
+        structures(program, folder)
         given = labels()
         header = {"space": "left-posterior-superior", "space directions": STEPS, "space origin": ORIGIN}
         nrrd.write(str(folder / "in.nrrd"), given, header)
@@ -59,6 +74,69 @@ def main(program):
             report(source, outputs[12])
             simpler(source, program, folder)
             check(f"{source} -> tif", heights.shape == SIZES[1::-1] and np.nanmax(heights) == 20.0, heights.shape)
+            group(f"every output of {source}")
+        for name, axis, direction in FRAMES:
+            other_axes(program, folder, name, axis, np.array(direction, dtype=float))
+            group(f"every input, {name}, cut across {axis}")
+        refused_pages(program, folder)
+        group("pages of time or channels")
+
+
+def ring(radius, z, points=80):
+    t = 2 * np.pi * np.arange(points) / points
+    return np.column_stack([120.0 + radius * np.cos(t), -80.0 + radius * np.sin(t), np.full(points, z)]).round(2)
+
+
+def structure_set(path, rois):
+    """An RTSTRUCT of rings: {name: [(radius, z), ...]}, the last ROI with image references."""
+    meta = pydicom.dataset.FileMetaDataset()
+    meta.TransferSyntaxUID = pydicom.uid.ImplicitVRLittleEndian
+    meta.MediaStorageSOPClassUID = pydicom.uid.RTStructureSetStorage
+    meta.MediaStorageSOPInstanceUID = "1.2.3.4"
+    d = pydicom.Dataset()
+    d.file_meta = meta
+    d.SOPClassUID, d.SOPInstanceUID, d.SeriesInstanceUID, d.Modality = meta.MediaStorageSOPClassUID, "1.2.3.4", "1.2.3.5", "RTSTRUCT"
+    d.StructureSetLabel, d.ApprovalStatus = "readers", "APPROVED"
+    d.StructureSetROISequence, d.ROIContourSequence = pydicom.Sequence(), pydicom.Sequence()
+    for number, (name, rings) in enumerate(rois.items(), 1):
+        roi, drawn = pydicom.Dataset(), pydicom.Dataset()
+        roi.ROINumber, roi.ROIName, roi.ROIGenerationAlgorithm = number, name, "MANUAL"
+        drawn.ReferencedROINumber, drawn.ContourSequence = number, pydicom.Sequence()
+        for radius, z in rings:
+            c, image = pydicom.Dataset(), pydicom.Dataset()
+            image.ReferencedSOPClassUID, image.ReferencedSOPInstanceUID = pydicom.uid.CTImageStorage, f"1.2.9.{int(z)}"
+            c.ContourImageSequence = pydicom.Sequence([image])
+            c.ContourGeometricType, points = "CLOSED_PLANAR", ring(radius, z)
+            c.NumberOfContourPoints, c.ContourData = len(points), [f"{v:.2f}" for v in points.ravel()]
+            drawn.ContourSequence.append(c)
+        d.StructureSetROISequence.append(roi)
+        d.ROIContourSequence.append(drawn)
+    d.save_as(path, enforce_file_format=True)
+
+
+def raw_contours(path):
+    d = pydicom.dcmread(path)
+    return d, [[c.get_item("ContourData").value for c in r.ContourSequence] for r in d.ROIContourSequence]
+
+
+def structures(program, folder):
+    """A completed RTSTRUCT beside the one that came in."""
+    given, completed = folder / "rtss.dcm", folder / "completed.dcm"
+    structure_set(given, {"tumour": [(10, 6), (12, 12), (10, 18)], "body": [(40, z) for z in range(0, 26, 2)]})
+    subprocess.run([program, "reconstruct", given, "--roi", "tumour", "-o", completed, "-q"], check=True)
+    (_, before), (after, now) = raw_contours(given), raw_contours(completed)
+    check("rtss.dcm -> pydicom, drawn bytes", now[0][: len(before[0])] == before[0] and now[1] == before[1] and isinstance(now[0][0], bytes))
+    added = after.ROIContourSequence[0].ContourSequence[len(before[0]) :]
+    points = [np.array(c.ContourData, float).reshape(-1, 3) for c in added]
+    check("rtss.dcm -> pydicom, planes", [p[0, 2] for p in points] == [8, 10, 14, 16] and all(np.ptp(p[:, 2]) == 0 for p in points))
+    radii = [np.hypot(p[:, 0] - 120, p[:, 1] + 80) for p in points]
+    check("rtss.dcm -> pydicom, place", all(9.7 < r.min() and r.max() < 12.3 for r in radii), [r.mean().round(2) for r in radii])
+    check("rtss.dcm -> pydicom, counts", all(int(c.NumberOfContourPoints) == len(p) for c, p in zip(added, points, strict=True)))
+    images = [c.ContourImageSequence[0].ReferencedSOPInstanceUID for c in added]
+    check("rtss.dcm -> pydicom, images", images == ["1.2.9.8", "1.2.9.10", "1.2.9.14", "1.2.9.16"])
+    fresh = after.SOPInstanceUID == after.file_meta.MediaStorageSOPInstanceUID != "1.2.3.4" and after.SeriesInstanceUID != "1.2.3.5"
+    said = after.StructureSetROISequence[0].ROIDescription
+    check("rtss.dcm -> pydicom, marks", fresh and after.ApprovalStatus == "UNAPPROVED" and "interpolated, at 8, 10, 14, 16" in said, said)
 
 
 def volumes(source, given, paths):
@@ -80,17 +158,22 @@ def volumes(source, given, paths):
 
 def chunks(source, paths):
     array, _ = nrrd.read(str(paths[0]))
-    group = zarr.open_group(paths[1], mode="r")
+    zarr_place(source, paths[1], array, STEPS.T, ORIGIN)
+
+
+def zarr_place(source, path, array, steps, origin):
+    """The same voxels as `array` (x, y, z), `steps` along each axis as columns."""
+    group = zarr.open_group(path, mode="r")
     level = group["0"]
     check(f"{source} -> zarr values", np.array_equal(np.asarray(level), array.transpose()), f"{level.dtype} {level.shape}, chunks {level.chunks}")
     own = group.attrs["interslice"]
-    steps = np.array([own["space directions"][a] for a in "xyz"])
-    check(f"{source} -> zarr place", np.abs(steps - STEPS).max() < 1e-6 and np.abs(np.array(own["space origin"]) - ORIGIN).max() < 1e-4)
+    written = np.array([own["space directions"][a] for a in "xyz"])
+    check(f"{source} -> zarr place", np.abs(written - steps.T).max() < 1e-6 and np.abs(np.array(own["space origin"]) - origin).max() < 1e-4, written)
     (image,) = group.attrs["ome"]["multiscales"]
     names = [axis["name"] for axis in image["axes"]]
     scale, translation = (t[t["type"]] for t in image["datasets"][0]["coordinateTransformations"])
-    lengths = np.linalg.norm(STEPS, axis=1)
-    along = STEPS @ ORIGIN / lengths
+    lengths = np.linalg.norm(steps, axis=0)
+    along = origin @ steps / lengths
     sound = names == ["z", "y", "x"] == list(level.metadata.dimension_names) and group.attrs["ome"]["version"] == "0.5"
     check(f"{source} -> OME-Zarr", sound and np.allclose(scale[::-1], lengths) and np.allclose(translation[::-1], along, atol=1e-4), scale)
 
@@ -133,6 +216,91 @@ def meshes(source, paths):
         sound = mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
         check(f"{path.name} -> trimesh", sound and mesh.euler_number == 2, f"volume {mesh.volume:.1f}")
         check(f"{path.name} -> place", np.abs(mesh.centroid - center).max() < 2.0, mesh.centroid.round(2))
+
+
+# Axes of a volume as columns in LPS, and the axis its slices lie across.
+FRAMES = [
+    ("as scanned", "z", [[1, 0, 0], [0, 1, 0], [0, 0, 1]]),
+    ("flipped", "y", [[-1, 0, 0], [0, -1, 0], [0, 0, 1]]),
+    ("sagittal", "x", [[0, 0, -1], [1, 0, 0], [0, -1, 0]]),
+    ("mirrored", "x", [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]),
+    ("oblique", "y", [[0.36, -0.8, 0.48], [0.48, 0.6, 0.64], [-0.8, 0, 0.6]]),
+]
+SIDES = np.array([0.75, 1.25, 1.5])
+
+
+def other_axes(program, folder, name, axis, direction):
+    """A volume painted on every fourth slice across `axis`, in every format: the body lies where the input lay, on the input's own grid."""
+    across = "xyz".index(axis)
+    sizes = [26, 22, 24]
+    sizes[across] = 13
+    ijk = np.stack(np.meshgrid(*map(np.arange, sizes), indexing="ij"))
+    others = [a for a in range(3) if a != across]
+    far = np.hypot(ijk[others[0]] - 11.0, ijk[others[1]] - 10.0)
+    given = ((far < 6.0 + 0.2 * ijk[across]) & (ijk[across] % 4 == 0)).astype(np.uint16) * 5
+    for source in written(folder, given, direction):
+        spaced = source.suffix == ".npy" or source.name.endswith("plain.tif")
+        placed = not spaced and source.suffix != ".tif"
+        frame, origin = (direction, ORIGIN) if placed else (np.eye(3), np.zeros(3))
+        outputs = [folder / f"out.{e}" for e in ("mha", "nrrd", "nii.gz", "stl", "zarr")]
+        command = [program, "reconstruct", source, "-q", "--label", "5", "--mask"]
+        command += ["--spacing", ",".join(map(str, SIDES))] if spaced else []
+        for path in outputs:
+            command += ["-o", path]
+        subprocess.run(command, check=True)
+        what = f"{name}, across {axis}, {source.name}"
+        for path in outputs[:3]:
+            image = SimpleITK.ReadImage(str(path))
+            array = SimpleITK.GetArrayFromImage(image).transpose(2, 1, 0)
+            near = lambda a, b: np.abs(np.array(a) - np.array(b)).max() < (1e-6 if path.suffix != ".gz" else 1e-4)
+            check(f"{what} -> {path.name}", array.shape == given.shape and near(image.GetSpacing(), SIDES) and near(image.GetOrigin(), origin) and near(image.GetDirection(), frame.ravel()))
+            drawn = np.take(given, range(0, 13, 4), across) > 0
+            check(f"{what} -> {path.name} contours", ((np.take(array, range(0, 13, 4), across) == 1) == drawn).all() and np.take(array, 2, across).sum() > 90)
+        zarr_place(what, outputs[4], array, frame * SIDES, origin)
+        mesh = trimesh.load(outputs[3])
+        index = np.array([11.0, 10.0, 6.0])[[others.index(a) if a in others else 2 for a in range(3)]]
+        center = origin + frame @ (SIDES * index)
+        check(f"{what} -> mesh", mesh.is_watertight and mesh.volume > 0 and np.abs(mesh.centroid - center).max() < 2.0, mesh.centroid.round(2))
+        said = subprocess.run([program, "inspect", source, "--label", "5"], check=True, capture_output=True, text=True).stdout
+        check(f"{what} -> inspect", f"slices lie along {axis} (painted slices stand alone" in said and f"labels: 5 ({(given > 0).sum()} voxels)" in said and "painted: 4 of 13 slices: 0, 4, 8, 12; empty slices between them: 3 (3 times)" in said)
+
+
+def written(folder, given, direction):
+    """The same labels by every writer of the field."""
+    image = SimpleITK.GetImageFromArray(given.transpose(2, 1, 0).copy())
+    image.SetSpacing(SIDES.tolist())
+    image.SetOrigin(ORIGIN.tolist())
+    image.SetDirection(direction.ravel().tolist())
+    for name, packed in (("itk.mha", True), ("raw.mha", False), ("itk.mhd", False), ("packed.mhd", True), ("itk.nrrd", True), ("itk.nii.gz", True)):
+        SimpleITK.WriteImage(image, str(folder / name), packed)
+        yield folder / name
+    SimpleITK.WriteImage(SimpleITK.Cast(image, SimpleITK.sitkFloat64), str(folder / "float.mha"))
+    yield folder / "float.mha"
+    header = {"space": "left-posterior-superior", "space directions": (direction * SIDES).T, "space origin": ORIGIN}
+    nrrd.write(str(folder / "detached.nhdr"), given.astype(">i4"), {**header, "encoding": "gzip", "endian": "big"}, detached_header=True)
+    yield folder / "detached.nhdr"
+    np.save(folder / "c.npy", np.ascontiguousarray(given.T))
+    np.save(folder / "fortran.npy", np.asfortranarray(given.T.astype(">i8")))
+    yield folder / "c.npy"
+    yield folder / "fortran.npy"
+    pages = np.ascontiguousarray(given.T)
+    sizes = {f"PhysicalSize{a}": s * f for a, s, f in zip("XYZ", SIDES, (1, 1000, 0.1))}
+    units = {"PhysicalSizeXUnit": "mm", "PhysicalSizeYUnit": "\u00b5m", "PhysicalSizeZUnit": "cm"}
+    tifffile.imwrite(folder / "a.ome.tif", pages, ome=True, compression="zlib", metadata={"axes": "ZYX", **sizes, **units})
+    tifffile.imwrite(folder / "big.ome.tif", pages, ome=True, bigtiff=True, byteorder=">", tile=(16, 16), compression="zlib", metadata={"axes": "ZYX", **sizes, **units})
+    tifffile.imwrite(folder / "imagej.tif", pages, imagej=True, resolution=(1 / SIDES[0], 1 / SIDES[1]), metadata={"axes": "ZYX", "spacing": SIDES[2], "unit": "mm"})
+    tifffile.imwrite(folder / "plain.tif", pages, photometric="minisblack")
+    for name in ("a.ome.tif", "big.ome.tif", "imagej.tif", "plain.tif"):
+        yield folder / name
+
+
+def refused_pages(program, folder):
+    """A time or channel axis is refused by its name."""
+    pages = np.ones((2, 5, 9, 8), np.uint8)
+    for name, axes, options in (("time.ome.tif", "TZYX", {"ome": True}), ("channel.ome.tif", "CZYX", {"ome": True}), ("time.tif", "TZYX", {"imagej": True})):
+        tifffile.imwrite(folder / name, pages, metadata={"axes": axes}, photometric="minisblack", **options)
+        result = subprocess.run([program, "inspect", folder / name], capture_output=True, text=True)
+        check(f"{name} is refused", result.returncode == 2 and f"no {name.split('.')[0]} axis" in result.stderr, result.stderr.strip())
 
 
 main(sys.argv[1])

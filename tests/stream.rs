@@ -5,10 +5,11 @@ mod files;
 mod support;
 
 use std::fs;
-use std::io::Cursor;
+use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use files::folder;
+use flate2::read::{GzDecoder, ZlibDecoder};
 use interslice::demo::{NAMES, demo};
 use interslice::files::outputs::{OutputOptions, Outputs};
 use interslice::files::pending::Temporary;
@@ -25,13 +26,34 @@ use interslice::surface::spool::Spool;
 use interslice::surface::stream::LayerSink;
 use interslice::{Budget, Means, Reconstruction, Reference, Settings, reconstruct_with};
 
-const KINDS: [&str; 8] = ["nrrd", "nii", "nii.gz", "stl", "ply", "obj", "png", "tif"];
+const KINDS: [&str; 9] = ["nrrd", "nii", "nii.gz", "mha", "stl", "ply", "obj", "png", "tif"];
+const VOLUMES: [&str; 4] = ["nrrd", "nii", "nii.gz", "mha"];
+/// Axes of the input along which columns, rows and heights of slices across x, y, z run.
+const ACROSS: [[usize; 3]; 3] = [[1, 2, 0], [0, 2, 1], [0, 1, 2]];
 
-/// A frame that is oblique, and one that mirrors.
-fn placed(stack: &ContourStack) -> [ContourStack; 2] {
-    let oblique = Geometry { origin: [10.0, -20.5, 300.0], axes: [[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]] };
-    let mirrored = Geometry { axes: [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], ..oblique };
-    [oblique, mirrored].map(|geometry| ContourStack { geometry, ..stack.clone() })
+/// A frame that is oblique, slices across y of their input, and a frame that mirrors, slices across x.
+fn placed(stack: &ContourStack) -> [ContourStack; 3] {
+    let axes = [[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]];
+    let oblique = Geometry { origin: [10.0, -20.5, 300.0], axes, order: ACROSS[2] };
+    let across_y = Geometry { order: ACROSS[1], ..oblique };
+    let mirrored = Geometry { axes: [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], order: ACROSS[0], ..oblique };
+    [oblique, across_y, mirrored].map(|geometry| ContourStack { geometry, ..stack.clone() })
+}
+
+/// Voxels of the output layers as bytes, in the order of the input's axes.
+fn in_order(body: &Reconstruction, mask: bool) -> Vec<u8> {
+    let layers: Vec<_> = body.output_layers().collect();
+    let order = body.geometry.order;
+    let mut sizes = [0; 3];
+    order.iter().zip([body.dims[0], body.dims[1], layers.len()]).for_each(|(axis, n)| sizes[*axis] = n);
+    let mut bytes = Vec::new();
+    for n in 0..sizes.iter().product() {
+        let xyz = [n % sizes[0], n / sizes[0] % sizes[1], n / (sizes[0] * sizes[1])];
+        let [i, j, k] = order.map(|axis| xyz[axis]);
+        let phi = layers[k].phi[j * body.dims[0] + i];
+        if mask { bytes.push(u8::from(phi < 0.0)) } else { bytes.extend(phi.to_le_bytes()) }
+    }
+    bytes
 }
 
 fn named(place: &Path) -> Vec<PathBuf> {
@@ -73,15 +95,24 @@ fn of_mesh(body: &Reconstruction) -> [Vec<u8>; 4] {
 
 /// The voxels of a volume file.
 fn voxels(bytes: &[u8], kind: &str) -> Vec<u8> {
-    let unzipped = |bytes: &[u8]| {
+    let read = |mut from: Box<dyn Read + '_>| {
         let mut out = Vec::new();
-        std::io::copy(&mut flate2::read::GzDecoder::new(bytes), &mut out).expect("a gzip stream");
+        from.read_to_end(&mut out).expect("a whole stream");
         out
     };
+    let after =
+        |end: &[u8]| &bytes[bytes.windows(end.len()).position(|w| w == end).expect("a header ends") + end.len()..];
     match kind {
         "nii" => bytes[352..].to_vec(),
-        "nii.gz" => unzipped(bytes)[352..].to_vec(),
-        _ => unzipped(&bytes[bytes.windows(2).position(|w| w == b"\n\n").expect("a header ends") + 2..]),
+        "nii.gz" => read(Box::new(GzDecoder::new(bytes)))[352..].to_vec(),
+        "mha" => {
+            let data = after(b"ElementDataFile = LOCAL\n");
+            let header = String::from_utf8_lossy(&bytes[..bytes.len() - data.len()]);
+            let size = header.lines().find_map(|l| l.strip_prefix("CompressedDataSize = ")).expect("it is said");
+            assert_eq!(size.trim().parse::<usize>().expect("a number"), data.len());
+            read(Box::new(ZlibDecoder::new(data)))
+        }
+        _ => read(Box::new(GzDecoder::new(after(b"\n\n")))),
     }
 }
 
@@ -91,17 +122,11 @@ fn every_format_is_that_of_the_collected_body() {
         let demo = demo(name).expect("a demo");
         for (k, stack) in placed(&demo.stack).iter().enumerate() {
             let place = folder();
-            let mask = k == 1;
+            let mask = k == 2;
             let (report, body) = both(place.path(), stack, &demo.settings, mask);
             let file = |kind: &str| fs::read(place.path().join(format!("out.{kind}"))).expect("it was written");
-            let mut given = Vec::new();
-            for layer in body.output_layers() {
-                match mask {
-                    true => given.extend(layer.phi.iter().map(|v| u8::from(*v < 0.0))),
-                    false => given.extend(layer.phi.iter().flat_map(|v| v.to_le_bytes())),
-                }
-            }
-            for kind in ["nrrd", "nii", "nii.gz"] {
+            let given = in_order(&body, mask);
+            for kind in VOLUMES {
                 assert!(voxels(&file(kind), kind) == given, "{name} {k}: {kind}");
             }
             for (kind, bytes) in ["stl", "ply", "obj", "png"].iter().zip(of_mesh(&body)) {
@@ -109,6 +134,47 @@ fn every_format_is_that_of_the_collected_body() {
             }
             let mesh = closed_surface(&body);
             assert_eq!((report.volume, report.area), (Some(mesh.volume()), Some(mesh.area())), "{name} {k}");
+        }
+    }
+}
+
+/// Smooth values that no two voxels near each other share.
+fn wavy(dims: [usize; 2], layers: usize, order: [usize; 3]) -> Reconstruction {
+    let heights: Vec<f64> = (0..layers).map(|k| k as f64).collect();
+    let mut body = support::body(dims, &heights, |x, y, z| 3.0 + 0.001 * x + (0.01 * y).sin() - 0.0037 * z);
+    body.geometry.order = order;
+    body
+}
+
+#[test]
+fn layers_across_every_axis_come_in_the_order_of_their_input() {
+    let place = folder();
+    let orders = ACROSS.iter().copied().chain([[1, 0, 2], [2, 1, 0], [2, 0, 1]]);
+    for (order, mask) in orders.flat_map(|order| [(order, false), (order, true)]) {
+        let mut body = wavy([9, 7], 8, order);
+        // One layer is none of the output.
+        body.layers[5].output = false;
+        body.layers.iter_mut().flat_map(|l| &mut l.phi).for_each(|v| *v -= 3.0);
+        let given = in_order(&body, mask);
+        for kind in VOLUMES {
+            let path = place.path().join(format!("out.{kind}"));
+            support::write(&path, &body, mask);
+            assert!(voxels(&fs::read(&path).expect("written"), kind) == given, "{order:?}, {kind}");
+        }
+    }
+    assert_eq!(files::listing(place.path()).len(), VOLUMES.len(), "no file of layers that wait is left");
+}
+
+/// 42 MB in blocks of whole planes, 72 MB whose planes are too large for a block.
+#[test]
+fn layers_that_wait_are_read_back_in_blocks() {
+    let place = folder();
+    let path = place.path().join("out.nii");
+    for (dims, layers) in [([500, 600], 35), ([3100, 2], 2900)] {
+        for order in &ACROSS[..2] {
+            let body = wavy(dims, layers, *order);
+            support::write(&path, &body, false);
+            assert!(voxels(&fs::read(&path).expect("written"), "nii") == in_order(&body, false), "{dims:?}, {order:?}");
         }
     }
 }
@@ -206,23 +272,12 @@ mod zarr {
         body
     }
 
-    fn write(path: &Path, body: &Reconstruction, mask: bool) {
-        let mut outputs = Outputs::open(&[path.into()], None, Temporary::Random).expect("it can be made");
-        let options = OutputOptions { mask, ..OutputOptions::default() };
-        let mut sink = outputs.sink(&options);
-        sink.begin(&body.header()).expect("it can be written");
-        body.layers.iter().try_for_each(|l| sink.layer(l.clone())).expect("it can be written");
-        drop(sink);
-        outputs.complete(&mut Report::default()).expect("it can be written");
-        outputs.rename().expect("it can be renamed");
-    }
-
     #[test]
     fn is_read_back_by_zarrs() {
         let (place, body) = (folder(), wide());
         let path = place.path().join("out.zarr");
         let given: Vec<f32> = body.output_layers().flat_map(|l| l.phi.clone()).collect();
-        write(&path, &body, false);
+        support::write(&path, &body, false);
         let array = open(&path);
         assert_eq!(array.shape(), [69, 260, 300]);
         let back: Vec<f32> = array.retrieve_array_subset(&array.subset_all()).expect("it is whole");
@@ -230,7 +285,7 @@ mod zarr {
         let chunks = |path: &Path| files_in(path).len();
         assert_eq!(chunks(&path), 2 + 2 * 2 * 2, "two metadata files and all chunks");
         // The same name again, now as a mask: the old one is replaced as a whole.
-        write(&path, &body, true);
+        support::write(&path, &body, true);
         let array = open(&path);
         let back: Vec<u8> = array.retrieve_array_subset(&array.subset_all()).expect("it is whole");
         assert!(back.iter().zip(&given).all(|(m, phi)| *m == u8::from(*phi < 0.0)) && back.len() == given.len());
@@ -239,6 +294,23 @@ mod zarr {
 
     fn files_in(path: &Path) -> Vec<PathBuf> {
         interslice::files::pending::files_below(path).expect("a folder")
+    }
+
+    #[test]
+    fn layers_across_every_axis_come_in_the_order_of_their_input() {
+        for order in ACROSS {
+            let (place, mut body) = (folder(), wide());
+            body.geometry.order = order;
+            let path = place.path().join("out.zarr");
+            support::write(&path, &body, false);
+            let array = open(&path);
+            let back: Vec<f32> = array.retrieve_array_subset(&array.subset_all()).expect("it is whole");
+            let bytes: Vec<u8> = back.iter().flat_map(|v| v.to_le_bytes()).collect();
+            assert!(bytes == in_order(&body, false), "{order:?}");
+            let mut sizes = [0; 3];
+            order.iter().zip([300, 260, 69]).for_each(|(axis, n)| sizes[2 - axis] = n);
+            assert_eq!(array.shape(), sizes, "z, y, x");
+        }
     }
 
     #[test]

@@ -10,6 +10,9 @@ use std::path::Path;
 use files::*;
 use flate2::Compression;
 use flate2::write::GzEncoder;
+use interslice::stack::read::{read_surveyed, survey};
+use interslice::stack::volume::Grid;
+use interslice::stack::volume::axis::Axis;
 use interslice::stack::{ContourStack, ReadOptions, SliceContent, read};
 
 const SIZES: [usize; 3] = [24, 20, 13];
@@ -139,4 +142,143 @@ fn distances_are_written_in_physical_units() {
     // The disc of radius 8 px about (15.5, 15.5), 2 mm per pixel: 5 px off the centre it is 3 px to the contour.
     assert!((voxel(15, 20, 0) + 2.0 * 3.5).abs() < 0.4, "{}", voxel(15, 20, 0));
     assert!((voxel(15, 27, 0) - 2.0 * 3.5).abs() < 0.4, "{}", voxel(15, 27, 0));
+}
+
+/// A bar of label 2 on every third slice across `axis`, unequal sizes and spacing, axes neither aligned nor right-handed.
+fn across(axis: usize) -> (Vec<u8>, [usize; 3], Vec<u8>) {
+    let mut sizes = [9, 8, 7];
+    sizes[axis] = 10;
+    let [nx, ny, nz] = sizes;
+    let labels = (0..nx * ny * nz)
+        .map(|n| {
+            let ijk = [n % nx, n / nx % ny, n / (nx * ny)];
+            let within = (0..3).all(|a| a == axis || (2..5 + a % 2).contains(&ijk[a]));
+            if within && ijk[axis] % 3 == 0 { 2 } else { 0 }
+        })
+        .collect::<Vec<u8>>();
+    // Right-handed as the file has it; across y and x as x, z and y, z the frame of the stack is another.
+    let header = "encoding: raw\nspace: LPS\nspace directions: (0,0,-1.5) (0,2,0) (2.5,0,0)\nspace origin: (5,6,7)";
+    (nrrd(header, "uchar", sizes, &labels), sizes, labels)
+}
+
+#[test]
+fn slices_lie_along_the_axis_on_which_they_stand_alone() {
+    let place = folder();
+    for axis in 0..3 {
+        let path = place.path().join(format!("{axis}.nrrd"));
+        let (bytes, sizes, labels) = across(axis);
+        fs::write(&path, bytes).expect("a file can be written");
+        let (given, surveyed) = read_surveyed(&path, &ReadOptions::default()).expect("the volume is sound");
+        let surveyed = surveyed.expect("it is a volume");
+        assert_eq!(surveyed.axis.axis, axis, "{}", surveyed.axis.why);
+        assert_eq!(
+            surveyed.survey.labels.into_iter().collect::<Vec<_>>(),
+            [(2, labels.iter().filter(|l| **l > 0).count() as u64)]
+        );
+        let [u, v] = [[1, 2], [0, 2], [0, 1]][axis];
+        let h = [1.5, 2.0, 2.5];
+        assert_eq!((given.dims, given.spacing), ([sizes[u], sizes[v]], [h[u], h[v]]));
+        assert_eq!(given.geometry.order, [u, v, axis]);
+        let world = [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]];
+        assert_eq!(given.geometry.axes, [world[u], world[v], world[axis]]);
+        assert_eq!(given.slices.iter().map(|s| (s.z / h[axis]).round() as usize).collect::<Vec<_>>(), [0, 3, 6, 9]);
+        for (slice, k) in given.slices.iter().zip([0, 3, 6, 9]) {
+            for n in 0..slice.content.len() {
+                let mut ijk = [0; 3];
+                (ijk[u], ijk[v], ijk[axis]) = (n % sizes[u], n / sizes[u], k);
+                let label = labels[ijk[0] + sizes[0] * (ijk[1] + sizes[1] * ijk[2])];
+                assert_eq!(slice.content.inside(n), label > 0, "axis {axis}, slice {k}, pixel {n}");
+            }
+        }
+        let asked = stack(&path, ReadOptions { axis: [Axis::Y, Axis::Z, Axis::X][axis], ..Default::default() });
+        assert_eq!(asked.geometry.order[2], (axis + 1) % 3);
+    }
+}
+
+#[test]
+fn volumes_come_back_in_the_order_of_their_input() {
+    let place = folder();
+    for (axis, output) in (0..3).flat_map(|axis| ["nrrd", "mha", "nii.gz"].map(|output| (axis, output))) {
+        let (input, target) = (place.path().join("in.nrrd"), place.path().join(format!("out.{output}")));
+        let (bytes, sizes, labels) = across(axis);
+        fs::write(&input, bytes).expect("a file can be written");
+        let (from, to) = (input.display().to_string(), target.display().to_string());
+        let result = interslice(&["reconstruct", &from, "--mask", "-q", "-o", &to]);
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        let z = |path: &Path| read_surveyed(path, &ReadOptions { axis: Axis::Z, keep: Some(1), ..Default::default() });
+        let (given, was) = z(&input).expect("the volume is sound");
+        let (back, is) = z(&target).expect("the volume is sound");
+        let (was, is) = (was.expect("a volume").volume.grid, is.expect("a volume").volume.grid);
+        assert_eq!(is.dims, sizes, "axis {axis}, {output}");
+        assert!(is.steps.iter().flatten().zip(was.steps.as_flattened()).all(|(a, b)| (a - b).abs() < 1e-6));
+        assert!(is.origin.iter().zip(was.origin).all(|(a, b)| (a - b).abs() < 1e-6));
+        let mut filled = 0;
+        for (k, slice) in back.slices.iter().enumerate() {
+            for n in 0..slice.content.len() {
+                let ijk = [n % sizes[0], n / sizes[0], k];
+                let drawn = labels[n + k * sizes[0] * sizes[1]] > 0;
+                match ijk[axis] % 3 {
+                    0 => assert_eq!(slice.content.inside(n), drawn, "axis {axis}, {output}, voxel {ijk:?}"),
+                    _ => filled += usize::from(slice.content.inside(n)),
+                }
+            }
+        }
+        assert_eq!(given.slices.len(), back.slices.len());
+        assert!(filled > 30, "axis {axis}, {output}: {filled} voxels between the slices");
+    }
+}
+
+#[test]
+fn dz_and_isotropic_set_the_heights_of_a_volume() {
+    let place = folder();
+    let (input, target) = (place.path().join("in.nrrd"), place.path().join("out.mha"));
+    fs::write(&input, across(0).0).expect("a file can be written");
+    let sides = |options: &[&str]| {
+        let (from, to) = (input.display().to_string(), target.display().to_string());
+        let result = interslice(&[&["reconstruct", &from, "--mask", "-q", "-o", &to], options].concat());
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        read_surveyed(&target, &ReadOptions::default()).expect("it is sound").1.expect("a volume").volume.grid
+    };
+    let near = |grid: &Grid, spacing: [f64; 3]| grid.spacing().iter().zip(spacing).all(|(a, b)| (a - b).abs() < 1e-9);
+    assert!(near(&sides(&[]), [1.5, 2.0, 2.5]));
+    let fine = sides(&["--dz", "0.5"]);
+    assert!(near(&fine, [0.5, 2.0, 2.5]) && fine.dims == [28, 8, 7], "{fine:?}");
+    let even = sides(&["--isotropic"]);
+    assert!(near(&even, [2.0, 2.0, 2.5]), "the smaller pixel side, {even:?}");
+}
+
+#[test]
+fn every_type_and_byte_order_gives_the_same_labels() {
+    let place = folder();
+    let labels = [0i64, 1, 0, 100, 7, 0, 1, 100];
+    let write = |name: &str, element: &str, extra: &str, data: Vec<u8>| {
+        let header = format!(
+            "ObjectType = Image\nNDims = 3\n{extra}DimSize = 2 2 2\nElementType = {element}\nElementDataFile = {name}.raw\n"
+        );
+        fs::write(place.path().join(format!("{name}.mhd")), header).expect("a file can be written");
+        fs::write(place.path().join(format!("{name}.raw")), data).expect("a file can be written");
+        place.path().join(format!("{name}.mhd"))
+    };
+    macro_rules! paths {
+        ($($name:literal, $kind:ty);*) => {
+            [$(
+                write($name, $name, "", labels.iter().flat_map(|v| (*v as $kind).to_le_bytes()).collect()),
+                write(
+                    concat!($name, "_MSB"),
+                    $name,
+                    "BinaryDataByteOrderMSB = True\n",
+                    labels.iter().flat_map(|v| (*v as $kind).to_be_bytes()).collect(),
+                )
+            ),*]
+        };
+    }
+    let paths = paths!(
+        "MET_CHAR", i8; "MET_UCHAR", u8; "MET_SHORT", i16; "MET_USHORT", u16; "MET_INT", i32; "MET_UINT", u32;
+        "MET_LONG", i32; "MET_ULONG", u32; "MET_LONG_LONG", i64; "MET_ULONG_LONG", u64; "MET_FLOAT", f32; "MET_DOUBLE", f64
+    );
+    for path in paths {
+        let survey = survey(&path).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(survey.labels.into_iter().collect::<Vec<_>>(), [(1, 2), (7, 1), (100, 2)], "{}", path.display());
+        assert_eq!(interslice::stack::read::files(&path).expect("both"), [path.clone(), path.with_extension("raw")]);
+    }
 }

@@ -64,7 +64,8 @@ impl<'a> Batch<'a> {
             if job.fingerprint(&self.options.machine)? != print {
                 return Err(Error::Format { path: job.input.clone(), message: "has changed while it was read".into() });
             }
-            let writing = outputs::bytes(job.targets.iter().map(|t| t.as_path()), loaded.stack.dims);
+            let writing =
+                outputs::bytes(job.targets.iter().map(|t| t.as_path()), loaded.stack.dims, &loaded.stack.geometry);
             let needs = loaded.needs();
             let budget = needs.budget(writing, Some(self.options.memory))?;
             // A job larger than the memory of all has all of it for itself.
@@ -75,6 +76,7 @@ impl<'a> Batch<'a> {
                     .map_err(|e| Error::Output { path: target.clone(), message: format!("its folder: {e}") })?;
             }
             let outputs = Outputs::open(&job.targets, None, Temporary::Fixed)?;
+            outputs.check(&loaded.options.output)?;
             Ok(Ok((permit, outputs, (loaded, budget))))
         });
         let seconds = begin.elapsed().as_secs_f64();

@@ -1,6 +1,6 @@
 //! A manifest from a folder of cases.
 
-use std::collections::{BTreeSet, HashSet};
+use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,9 @@ use serde_json::Map;
 
 use super::line::Line;
 use crate::error::{Error, Result};
-use crate::stack::read::labels;
+#[cfg(feature = "dicom")]
+use crate::rtstruct::StructureSet;
+use crate::stack::read::{self, VOLUMES, survey};
 
 /// What a template names.
 #[derive(Debug, Clone)]
@@ -21,8 +23,8 @@ pub struct Template {
     pub each_label: bool,
 }
 
-/// A line per case in `folder`: a sub-folder with stack.json, or a `.nrrd`, `.nii`, `.nii.gz` volume; in the order of their names. Inputs are
-/// named from `base` where they lie in it.
+/// A line per case in `folder`, in the order of their names: a sub-folder with stack.json, a volume, or a ROI of an RTSTRUCT that can be
+/// reconstructed. Inputs are named from `base` where they lie in it.
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Format`] for a folder without cases, or a volume whose labels cannot be read.
@@ -34,7 +36,7 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<L
     cases.retain(|path| stem(path).is_some());
     cases.sort();
     if cases.is_empty() {
-        let message = "has no cases: expected sub-folders with stack.json, .nrrd, .nii or .nii.gz".into();
+        let message = format!("has no cases: expected sub-folders with stack.json, {VOLUMES}, or .dcm (RTSTRUCT)");
         return Err(Error::Format { path: folder.into(), message });
     }
     let mut used = HashSet::new();
@@ -44,21 +46,26 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<L
         let short = stem(&path).unwrap_or_default();
         // `a` and `a.nrrd` side by side.
         let name = if used.insert(short.clone()) { short } else { full };
-        let labels = if template.each_label && path.is_file() { Some(distinct(&labels(&path)?)) } else { None };
         let line = |id: String, options| Line {
             outputs: template.extensions.iter().map(|e| format!("{}/{id}.{e}", template.output)).collect(),
             id,
             input: from(&path, base),
             options,
         };
-        match labels {
-            None => lines.push(line(name, Map::new())),
-            Some(labels) => lines.extend(
-                labels
-                    .into_iter()
-                    .map(|l| line(format!("{name}-{l}"), [("label".into(), l.into())].into_iter().collect())),
-            ),
-        }
+        let (option, numbers) = if read::is_structure_set(&path) {
+            ("roi", rois(&path)?)
+        } else if template.each_label && path.is_file() {
+            ("label", labels(&path)?)
+        } else {
+            lines.push(line(name, Map::new()));
+            continue;
+        };
+        let each = |n: i64| line(format!("{name}-{n}"), [(option.into(), n.into())].into_iter().collect());
+        lines.extend(numbers.into_iter().map(each));
+    }
+    if lines.is_empty() {
+        let message = "has no ROI that can be reconstructed".into();
+        return Err(Error::Format { path: folder.into(), message });
     }
     Ok(lines)
 }
@@ -70,12 +77,31 @@ fn stem(path: &Path) -> Option<String> {
         return path.join("stack.json").is_file().then_some(name);
     }
     let lower = name.to_lowercase();
-    let extension = [".nii.gz", ".nii", ".nrrd"].into_iter().find(|e| lower.ends_with(e))?;
+    let extension = [".nii.gz", ".nii", ".nrrd", ".nhdr", ".mha", ".mhd", ".tif", ".tiff", ".npy", ".dcm"]
+        .into_iter()
+        .find(|e| lower.ends_with(e))?;
     Some(name[..name.len() - extension.len()].to_string()).filter(|s| !s.is_empty())
 }
 
-fn distinct(labels: &[i64]) -> BTreeSet<i64> {
-    labels.iter().copied().filter(|l| *l != 0).collect()
+fn labels(path: &Path) -> Result<Vec<i64>> {
+    let survey = survey(path)?;
+    match survey.more {
+        false => Ok(survey.labels.into_keys().collect()),
+        true => Err(Error::Format { path: path.into(), message: "has too many labels for a line each".into() }),
+    }
+}
+
+/// Numbers of the ROIs that can be reconstructed.
+#[cfg(feature = "dicom")]
+fn rois(path: &Path) -> Result<Vec<i64>> {
+    let set = StructureSet::read(path)?;
+    Ok(set.rois.iter().filter(|roi| set.closed(vec![roi]).is_ok()).map(|roi| roi.number).collect())
+}
+
+#[cfg(not(feature = "dicom"))]
+fn rois(path: &Path) -> Result<Vec<i64>> {
+    let message = "is DICOM, which this program was built without (feature `dicom`)".into();
+    Err(Error::Format { path: path.into(), message })
 }
 
 /// `path` as named from `base`, with `/`.

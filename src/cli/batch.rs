@@ -74,7 +74,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FOLDER", default_value = "out", requires = "template")]
     out: String,
 
-    /// A job for each label of a label volume in the template
+    /// A job for each label of a label volume in the template; an RTSTRUCT has one for each ROI in any case
     #[arg(long, requires = "template")]
     each_label: bool,
 

@@ -12,7 +12,7 @@ use super::say::say;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, or a .nrrd, .nii, .nii.gz label volume
+    /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy), or a .dcm RTSTRUCT
     input: PathBuf,
 
     /// Leave out every N-th slice

@@ -10,11 +10,17 @@ use interslice::{ContourStack, Result, Settings, height_grid};
 
 use super::links::between;
 use super::say::say;
+use super::volume;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Folder with stack.json, or a .nrrd, .nii, .nii.gz label volume
+    /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy), or a .dcm RTSTRUCT
     input: PathBuf,
+
+    /// RTSTRUCT: list all ROIs, as without --roi where there are several
+    #[cfg(feature = "dicom")]
+    #[arg(long, conflicts_with = "roi")]
+    all_rois: bool,
 
     #[command(flatten)]
     read: ReadOptions,
@@ -24,25 +30,47 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<()> {
-    let stack = stack::read(&arguments.input, &arguments.read)?;
+    #[cfg(feature = "dicom")]
+    if stack::read::is_structure_set(&arguments.input) {
+        return structures(arguments);
+    }
+    let (stack, surveyed) = stack::read::read_surveyed(&arguments.input, &arguments.read)?;
     let links = arguments.links.read(&stack)?;
-    say(&describe(&stack, &links)?)
+    let of_volume = surveyed.iter().flat_map(volume::describe).fold(String::new(), |text, line| text + &line + "\n");
+    say(&(of_volume + &describe(&stack, &links, None)?))
+}
+
+/// What is in an RTSTRUCT: all ROIs, or the one (or merged ones) that is chosen.
+#[cfg(feature = "dicom")]
+fn structures(arguments: &Arguments) -> Result<()> {
+    stack::read::check(&arguments.input, &arguments.read)?;
+    let set = interslice::rtstruct::StructureSet::read(&arguments.input)?;
+    let several = set.rois.len() > 1 && arguments.read.roi.is_empty();
+    if arguments.all_rois || several {
+        return say(&(set.describe().join("\n") + "\n"));
+    }
+    let chosen = set.choose(&arguments.read)?;
+    let stack = chosen.stack(&arguments.read)?;
+    stack.validate()?;
+    let links = arguments.links.read(&stack)?;
+    let text = describe(&stack, &links, chosen.steps(&stack).map(|s| s.heights))?;
+    say(&(chosen.describe().join("\n") + "\n" + &text))
 }
 
 /// A number without the tail that binary fractions leave.
-fn short(v: f64) -> f64 {
-    format!("{v:.9}").parse().unwrap_or(v)
+pub fn short(v: f64) -> f64 {
+    format!("{v:.9}").parse().unwrap_or(v) + 0.0 // no -0
 }
 
 /// What a colleague would say about the stack.
-fn describe(stack: &ContourStack, links: &[Link]) -> Result<String> {
+fn describe(stack: &ContourStack, links: &[Link], dz: Option<f64>) -> Result<String> {
     let unit = &stack.unit;
     let mut lines = Vec::new();
     let (first, last) = (&stack.slices[0], &stack.slices[stack.slices.len() - 1]);
     let extra = stack.slices.iter().filter(|s| s.extra).count();
     let kind = match first.content {
         stack::SliceContent::Mask(_) => "masks",
-        stack::SliceContent::Level(_) => "grey slices, cut at their level",
+        stack::SliceContent::Level(_) => "sub-pixel contours",
     };
     lines.push(format!(
         "{} slices ({kind}{}), {} x {} px of {} x {} {unit}",
@@ -61,8 +89,11 @@ fn describe(stack: &ContourStack, links: &[Link]) -> Result<String> {
         format!("{} to {} apart", short(low), short(high))
     };
     lines.push(format!("heights {} to {} {unit}, {spread}", short(first.z), short(last.z)));
-    let heights = height_grid(stack, &Settings::default(), None);
-    let from = if stack.z_out.is_some() { "from the input" } else { "as fine as the pixels" };
+    let heights = height_grid(stack, &Settings::default(), dz);
+    let from = match (dz, stack.z_out) {
+        (None, Some(_)) => "from the input",
+        _ => "as fine as the pixels",
+    };
     lines.push(format!(
         "output heights {} + k {}, {} of them ({from})",
         short(heights.start),

@@ -14,7 +14,7 @@ use super::devices::DeviceOptions;
 
 #[derive(Debug, clap::Args)]
 pub struct JobArguments {
-    /// Folder with stack.json, or a .nrrd, .nii, .nii.gz label volume
+    /// Folder with stack.json, or a label volume: .nrrd, .nii, .nii.gz, .mha, .mhd, .tif (pages, OME-TIFF), .npy; or a .dcm RTSTRUCT
     pub input: PathBuf,
 
     /// Read options from a TOML file (keys as the long options, with _ for -); the command line wins

@@ -1,5 +1,7 @@
 //! Subcommands, one a file.
 
+#[cfg(feature = "dicom")]
+mod all_rois;
 mod bar;
 mod batch;
 mod config;
@@ -8,11 +10,13 @@ mod devices;
 mod evaluate;
 mod inspect;
 mod job;
+mod labels;
 mod links;
 mod reconstruct;
 mod say;
 mod sections;
 mod tally;
+mod volume;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use interslice::Result;

@@ -4,27 +4,41 @@ use std::path::PathBuf;
 
 use clap::ArgMatches;
 use interslice::files::Loaded;
+use interslice::files::labels::LabelOptions;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
-use interslice::{Error, Means, Progress, Result};
+use interslice::surface::stream::LayerSink;
+use interslice::{Budget, Error, Means, Progress, Reconstruction, Result};
 
+#[cfg(feature = "dicom")]
+use super::all_rois::{self, All};
 use super::bar::Bars;
-use super::devices::{DeviceOptions, choose, tell_profile};
+use super::devices::{Chosen, DeviceOptions, choose, tell_profile};
 use super::job::JobArguments;
+use super::labels;
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
     job: JobArguments,
 
-    /// Output file, by extension: .nrrd .nii .nii.gz .zarr (volume), .stl .ply .obj .glb (mesh), .png (picture), .tif (height
-    /// map), .json .html (report); NAME.origin.nrrd and NAME.confidence.nrrd (any volume format) say where voxels come from; repeatable
+    /// Output file, by extension: .nrrd .nii .nii.gz .mha .zarr (volume), .stl .ply .obj .glb (mesh), .png (picture), .tif (height
+    /// map), .contours.json (polygons), .dcm (the RTSTRUCT, completed), .json .html (report); NAME.origin.nrrd and
+    /// NAME.confidence.nrrd (any volume format) say where voxels come from; repeatable
     #[arg(short, long = "output", value_name = "FILE")]
     outputs: Vec<PathBuf>,
 
     /// Write what was done and how well each contour is met, as JSON, or as a page to look at (.html)
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+
+    /// RTSTRUCT: every closed ROI, each to files with its name before the extension; a .dcm gets all
+    #[cfg(feature = "dicom")]
+    #[arg(long, conflicts_with_all = ["roi", "slices"])]
+    all_rois: bool,
+
+    #[command(flatten)]
+    labels: LabelOptions,
 
     #[command(flatten)]
     device: DeviceOptions,
@@ -65,8 +79,25 @@ pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
         (_, true) => Telling::Verbose,
         _ => Telling::Normal,
     };
+    #[cfg(feature = "dicom")]
+    if arguments.all_rois {
+        let (outputs, report) = (&arguments.outputs, arguments.report.as_deref());
+        let all = All { input: &input, outputs, report, options, device: &arguments.device, telling };
+        return all_rois::run(&all);
+    }
+    if let Some(wanted) = &arguments.labels.labels {
+        let asked = labels::Asked {
+            input: &input,
+            wanted,
+            keep_overlaps: arguments.labels.keep_overlaps,
+            outputs: &arguments.outputs,
+            report: arguments.report.as_deref(),
+        };
+        return labels::reconstruct(&asked, options, &arguments.device, telling);
+    }
     let loaded = Loaded::read(&input, options)?;
     let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref(), Temporary::Random)?;
+    outputs.check(&loaded.options.output)?;
     reconstruct(&loaded, outputs, &arguments.device, telling)
 }
 
@@ -81,39 +112,10 @@ pub fn set_threads(threads: Option<usize>) -> Result<()> {
 
 /// One reconstruction, from a checked stack to its files.
 pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions, telling: Telling) -> Result<()> {
-    let budget = loaded.needs().budget(outputs.bytes(loaded.stack.dims), device.memory())?;
-    let notice = |message: &str| eprintln!("warning: {message}");
-    let chosen = choose(device, &notice)?;
-    if telling != Telling::Quiet {
-        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
-    }
-    let bars = Bars::default();
-    let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
-    if let Some(kept) = budget.kept() {
-        let folder = std::env::temp_dir();
-        let message = format!(
-            "what does not fit into memory is kept in {} ({} MiB stay in memory)",
-            folder.display(),
-            kept >> 20
-        );
-        if telling != Telling::Quiet {
-            eprintln!("{message}");
-        }
-    }
-    let means = Means { backend: chosen.backend(), progress, budget: &budget };
-    let mut body = loaded.compute(&means, &mut outputs)?;
-    body.report.backend_reason = Some(chosen.reason.clone());
-    body.report.profile = chosen.profile();
-    outputs.complete(&mut body.report)?;
-    if telling != Telling::Quiet {
-        body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
-    }
-    if telling == Telling::Verbose {
-        tell(&body);
-    }
-    if let Some(profile) = &body.report.profile {
-        tell_profile(profile);
-    }
+    let budget = budget(loaded, outputs.bytes(loaded.stack.dims, &loaded.stack.geometry), device, telling)?;
+    let chosen = chosen(device, telling)?;
+    let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, &budget, telling)?;
+    complete(&mut outputs, &mut body, telling)?;
     let written = outputs.rename()?;
     if telling != Telling::Quiet {
         written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
@@ -121,8 +123,59 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     Ok(())
 }
 
+/// What may stay in memory beside `writing` bytes; says so where that is not everything.
+pub fn budget(loaded: &Loaded, writing: u64, device: &DeviceOptions, telling: Telling) -> Result<Budget> {
+    let budget = loaded.needs().budget(writing, device.memory())?;
+    if let (Some(kept), true) = (budget.kept(), telling != Telling::Quiet) {
+        let folder = std::env::temp_dir();
+        eprintln!("beyond {} MiB the slices are kept in a temporary file in {}", kept >> 20, folder.display());
+    }
+    Ok(budget)
+}
+
+/// The machine that the options choose.
+pub fn chosen(device: &DeviceOptions, telling: Telling) -> Result<Chosen<'_>> {
+    let chosen = choose(device, &|message: &str| eprintln!("warning: {message}"))?;
+    if telling != Telling::Quiet {
+        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+    }
+    Ok(chosen)
+}
+
+/// The body, its layers given to `sink`.
+pub fn compute(
+    loaded: &Loaded,
+    sink: &mut dyn LayerSink,
+    chosen: &Chosen<'_>,
+    budget: &Budget,
+    telling: Telling,
+) -> Result<Reconstruction> {
+    let bars = Bars::default();
+    let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
+    let means = Means { backend: chosen.backend(), progress, budget };
+    let mut body = loaded.compute_into(&means, sink)?;
+    body.report.backend_reason = Some(chosen.reason.clone());
+    body.report.profile = chosen.profile();
+    Ok(body)
+}
+
+/// Completes the files, which keep their temporary names, when the body is.
+pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, telling: Telling) -> Result<()> {
+    outputs.complete(&mut body.report)?;
+    if telling != Telling::Quiet {
+        body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+    }
+    if telling == Telling::Verbose {
+        tell(body);
+    }
+    if let Some(profile) = &body.report.profile {
+        tell_profile(profile);
+    }
+    Ok(())
+}
+
 /// Stages and contours, for people.
-fn tell(body: &interslice::Reconstruction) {
+fn tell(body: &Reconstruction) {
     for stage in &body.report.stages {
         eprintln!("{:>10} {:8.3} s", stage.name, stage.seconds);
     }

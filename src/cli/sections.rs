@@ -190,9 +190,10 @@ pub fn merge(arguments: MergeArguments) -> Result<()> {
     let sections = Sections::open(&arguments.parts)?;
     let MergeArguments { mask, contours, simplify, .. } = arguments;
     let options = OutputOptions { mask, contours, simplify, ..OutputOptions::default() };
-    options.check()?;
+    options.check_ranges()?;
     let mut outputs = Outputs::open(&arguments.outputs, None, Temporary::Random)?;
-    memory::check(outputs.bytes(sections.dims()), None)?;
+    outputs.check(&options)?;
+    memory::check(outputs.bytes(sections.dims(), sections.geometry()), None)?;
     let mut body = sections.replay(&mut outputs.sink(&options))?;
     outputs.complete(&mut body.report)?;
     let written = outputs.rename()?;

@@ -5,6 +5,7 @@
 //! ```
 
 pub mod fingerprint;
+pub mod labels;
 pub mod named;
 pub mod outputs;
 pub mod pending;
@@ -47,7 +48,7 @@ impl JobOptions {
     /// [`Error::Setting`] with name, range and value.
     pub fn check(&self) -> Result<()> {
         self.settings.validate()?;
-        self.output.check()
+        self.output.check_ranges()
     }
 }
 
@@ -60,6 +61,8 @@ pub struct Loaded {
     pub heights: Vec<f64>,
     /// How.
     pub options: JobOptions,
+    /// What a person should know of the input; the report's first warnings.
+    pub notes: Vec<String>,
 }
 
 impl Loaded {
@@ -72,6 +75,17 @@ impl Loaded {
         let stack = read::read(input, &options.read)?;
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
+        #[cfg(feature = "dicom")]
+        if read::is_structure_set(input) {
+            let mut source = crate::rtstruct::Source::read(input, &options.read)?;
+            let (steps, notes) = source.about(&stack)?;
+            if options.output.dz.is_none() && !options.output.isotropic {
+                options.output.dz = steps.map(|s| s.heights);
+                source.every = steps.map(|s| s.planes);
+            }
+            options.output.source = Some(std::sync::Arc::new(source));
+            return Ok(Loaded { notes, ..Self::new(stack, options)? });
+        }
         Self::new(stack, options)
     }
 
@@ -80,8 +94,8 @@ impl Loaded {
     /// # Errors
     /// [`Error::Stack`] for too many output heights.
     pub fn new(stack: ContourStack, options: JobOptions) -> Result<Self> {
-        let heights = height_grid(&stack, &options.settings, options.output.dz).heights()?;
-        Ok(Loaded { stack, heights, options })
+        let heights = height_grid(&stack, &options.settings, options.output.step(&stack)).heights()?;
+        Ok(Loaded { stack, heights, options, notes: Vec::new() })
     }
 
     /// What the reconstruction needs of memory and disk, without its outputs.
@@ -113,15 +127,26 @@ impl Loaded {
         means: &Means<'_>,
         sink: &mut dyn LayerSink,
     ) -> Result<Reconstruction> {
-        reconstruct_section(&self.stack, section, &self.heights, &self.options.settings, means, sink)
+        let mut body = reconstruct_section(&self.stack, section, &self.heights, &self.options.settings, means, sink)?;
+        body.report.warnings.splice(0..0, self.notes.iter().cloned());
+        Ok(body)
     }
 
     /// Reconstructs the body and writes it into `outputs` layer by layer; the result has no layers.
     ///
     /// # Errors
-    /// As [`reconstruct_into`]; [`Error::Write`].
+    /// As [`Loaded::compute_into`].
     pub fn compute(&self, means: &Means<'_>, outputs: &mut Outputs) -> Result<Reconstruction> {
-        let mut sink = outputs.sink(&self.options.output);
-        reconstruct_into(&self.stack, &self.heights, &self.options.settings, means, &mut sink)
+        self.compute_into(means, &mut outputs.sink(&self.options.output))
+    }
+
+    /// Reconstructs the body and gives its layers to `sink`; the result has none.
+    ///
+    /// # Errors
+    /// As [`reconstruct_into`]; those of `sink`.
+    pub fn compute_into(&self, means: &Means<'_>, sink: &mut dyn LayerSink) -> Result<Reconstruction> {
+        let mut body = reconstruct_into(&self.stack, &self.heights, &self.options.settings, means, sink)?;
+        body.report.warnings.splice(0..0, self.notes.iter().cloned());
+        Ok(body)
     }
 }

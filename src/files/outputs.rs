@@ -4,26 +4,34 @@
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+#[cfg(feature = "dicom")]
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use super::pending::{Pending, Temporary, files_below, parent};
 use crate::error::{Error, Result};
 use crate::report::Report;
+#[cfg(feature = "dicom")]
+use crate::rtstruct::{Added, Source, StructureSet, StructuresWriter};
+use crate::stack::{ContourStack, Geometry};
+use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::heightmap::HeightMapWriter;
 use crate::surface::html::HtmlWriter;
 use crate::surface::mesh_files::{ListedWriter, MeshFormat, StlWriter, write_obj, write_ply, write_stl};
+use crate::surface::mha::MhaWriter;
 use crate::surface::origin::OriginWriter;
 use crate::surface::render::{PictureWriter, RenderOptions};
 use crate::surface::stream::{BodyStream, BodyWriter, Ending, Failed, Header, LayerSink, Needs};
-use crate::surface::volume::Content;
-use crate::surface::{Layer, nifti, nrrd, spool};
+use crate::surface::volume::{Content, Whole};
+use crate::surface::{Layer, nifti, nrrd, spool, transposed};
 
 /// What a file holds, by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Format {
     Nrrd,
     Nifti { gzip: bool },
+    Mha,
     Stl,
     Ply,
     Obj,
@@ -33,6 +41,8 @@ enum Format {
     Report,
     Html,
     Zarr,
+    Contours,
+    StructureSet,
 }
 
 /// Bytes of an output's buffer.
@@ -43,14 +53,16 @@ const PER_VOLUME_PIXEL: u64 = 4;
 const PER_MAP_PIXEL: u64 = 8;
 const PER_SURFACE_PIXEL: u64 = 48;
 const PER_MESH_PIXEL: u64 = 16;
+/// Of the field in which a layer's contour lines are found, and of the lines.
+const PER_LINE_PIXEL: u64 = 24;
 /// Bytes of the picture's samples, 2400 x 1800 with colour and depth, and of the picture.
 const PICTURE_BYTES: u64 = 160 << 20;
 
 /// Bytes of the page of a report: what it shows, as numbers and as text, twice over.
 const PAGE_BYTES: u64 = 64 << 20;
 
-const KNOWN: &str =
-    ".nrrd, .nii, .nii.gz, .zarr, .stl, .ply, .obj, .glb, .png (picture), .tif (height map), .json, .html (report)";
+const KNOWN: &str = ".nrrd, .nii, .nii.gz, .mha, .zarr, .stl, .ply, .obj, .glb, .png (picture), .tif (height map), .contours.json, \
+                     .dcm (completed RTSTRUCT), .json, .html (report)";
 
 impl Format {
     fn of(path: &Path) -> Result<Self> {
@@ -58,8 +70,12 @@ impl Format {
         if name.ends_with(".nii.gz") {
             return Ok(Format::Nifti { gzip: true });
         }
+        if name.ends_with(".contours.json") {
+            return Ok(Format::Contours);
+        }
         match name.rsplit_once('.').map(|(_, extension)| extension) {
             Some("nrrd") => Ok(Format::Nrrd),
+            Some("mha") => Ok(Format::Mha),
             Some("nii") => Ok(Format::Nifti { gzip: false }),
             Some("stl") => Ok(Format::Stl),
             Some("ply") => Ok(Format::Ply),
@@ -73,6 +89,11 @@ impl Format {
             Some("png") => Ok(Format::Png),
             Some("tif" | "tiff") => Ok(Format::Tiff),
             Some("json") => Ok(Format::Report),
+            Some("dcm") if cfg!(feature = "dicom") => Ok(Format::StructureSet),
+            Some("dcm") => {
+                let message = "this program was built without DICOM (feature `dicom`)".into();
+                Err(Error::Output { path: path.into(), message })
+            }
             Some("zarr") if cfg!(feature = "zarr") => Ok(Format::Zarr),
             Some("zarr") => {
                 let message = "this program was built without Zarr (feature `zarr`)".into();
@@ -91,6 +112,49 @@ pub fn check_name(path: &Path) -> Result<()> {
     check_place(path, Format::of(path)?)
 }
 
+/// What outputs of many labels are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A volume.
+    Volume,
+    /// A mesh.
+    Mesh,
+    /// A report.
+    Report,
+    /// A picture, a page, a height map, contours, origin or confidence: of one body.
+    View,
+}
+
+/// What an output is, by its name.
+///
+/// # Errors
+/// [`Error::Output`] with what was expected.
+pub fn kind(path: &Path) -> Result<Kind> {
+    Ok(match Format::of(path)? {
+        Format::Nrrd | Format::Nifti { .. } | Format::Mha | Format::Zarr => match named_content(path) {
+            Some(_) => Kind::View,
+            None => Kind::Volume,
+        },
+        Format::Stl | Format::Ply | Format::Obj | Format::Glb => Kind::Mesh,
+        Format::Report => Kind::Report,
+        Format::Html | Format::Png | Format::Tiff | Format::Contours | Format::StructureSet => Kind::View,
+    })
+}
+
+/// Whether a report of this name is a page.
+pub fn is_page(path: &Path) -> bool {
+    matches!(Format::of(path), Ok(Format::Html))
+}
+
+/// Where what a name says of the file's content begins: `.stl`, `.nii.gz`, `.contours.json`, `.origin.nrrd`.
+pub fn extension_at(name: &str) -> usize {
+    let name = name.to_ascii_lowercase();
+    let double = [".nii.gz", ".contours.json"].into_iter().find(|e| name.ends_with(e));
+    let at = double.map(|e| name.len() - e.len()).or_else(|| name.rfind('.')).unwrap_or(name.len());
+    let content = [".origin", ".confidence"].into_iter().find(|e| name[..at].ends_with(e));
+    at - content.map_or(0, str::len)
+}
+
 /// Whether nothing stands at `path` that an output of this format must not replace.
 fn check_place(path: &Path, format: Format) -> Result<()> {
     let message = match (path.is_dir(), format) {
@@ -102,22 +166,24 @@ fn check_place(path: &Path, format: Format) -> Result<()> {
     Err(Error::Output { path: path.into(), message: message.into() })
 }
 
-/// Bytes of memory that writing `paths` needs at most while layers of `dims` pixels arrive, however many these are.
-pub fn bytes<'p>(paths: impl IntoIterator<Item = &'p Path>, dims: [usize; 2]) -> u64 {
-    needed(paths.into_iter().filter_map(|path| Format::of(path).ok()), dims)
+/// Bytes of memory that writing `paths` needs at most while layers of `dims` pixels that lie so arrive, however many these are.
+pub fn bytes<'p>(paths: impl IntoIterator<Item = &'p Path>, dims: [usize; 2], geometry: &Geometry) -> u64 {
+    needed(paths.into_iter().filter_map(|path| Format::of(path).ok()), dims, geometry)
 }
 
-fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2]) -> u64 {
+fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], geometry: &Geometry) -> u64 {
     let pixels = dims.iter().product::<usize>() as u64;
+    let turned = if geometry.is_layered() { 0 } else { (transposed::BLOCK_BYTES + transposed::BUFFER_BYTES) as u64 };
     let formats: Vec<Format> = formats.collect();
     let mesh = |f: &Format| matches!(f, Format::Ply | Format::Obj | Format::Glb | Format::Png | Format::Html);
     let surface = |f: &Format| mesh(f) || matches!(f, Format::Stl | Format::Report);
     let each = formats.iter().map(|format| match format {
-        Format::Nrrd | Format::Nifti { .. } => PER_VOLUME_PIXEL * pixels,
+        Format::Nrrd | Format::Nifti { .. } | Format::Mha => PER_VOLUME_PIXEL * pixels + turned,
         Format::Tiff => PER_MAP_PIXEL * pixels,
         Format::Png => PICTURE_BYTES,
         Format::Zarr => zarr_bytes(pixels as usize),
         Format::Html => PAGE_BYTES,
+        Format::Contours | Format::StructureSet => PER_LINE_PIXEL * pixels,
         Format::Stl | Format::Ply | Format::Obj | Format::Glb | Format::Report => 0,
     });
     each.sum::<u64>()
@@ -145,6 +211,10 @@ pub struct OutputOptions {
     #[arg(long, value_name = "HEIGHT")]
     pub dz: Option<f64>,
 
+    /// Output heights as far apart as the smaller pixel side, whatever the input says
+    #[arg(long, conflicts_with = "dz")]
+    pub isotropic: bool,
+
     /// Volumes hold 8-bit masks instead of signed distances
     #[arg(long)]
     pub mask: bool,
@@ -157,6 +227,12 @@ pub struct OutputOptions {
     /// whole mesh must fit in memory
     #[arg(long, value_name = "ERROR")]
     pub simplify: Option<f64>,
+
+    /// The RTSTRUCT that was read, for a completed one
+    #[cfg(feature = "dicom")]
+    #[arg(skip)]
+    #[serde(skip)]
+    pub source: Option<Arc<Source>>,
 }
 
 impl OutputOptions {
@@ -164,20 +240,39 @@ impl OutputOptions {
     ///
     /// # Errors
     /// [`Error::Setting`] with name, range and value.
-    pub fn check(&self) -> Result<()> {
+    pub fn check_ranges(&self) -> Result<()> {
+        let fail = |name: &str, message: String| Err(Error::Setting { name: name.into(), message });
+        if self.isotropic && self.dz.is_some() {
+            return fail("isotropic", "sets the distance that `dz` names".into());
+        }
         for (name, value) in [("dz", self.dz), ("simplify", self.simplify)] {
             if let Some(v) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
-                return Err(Error::Setting {
-                    name: name.into(),
-                    message: format!("must be a positive number; got {v}"),
-                });
+                return fail(name, format!("must be a positive number; got {v}"));
             }
         }
         if self.simplify.is_some() && cfg!(not(feature = "simplify")) {
-            let message = "this program was built without it (feature `simplify`)".into();
-            return Err(Error::Setting { name: "simplify".into(), message });
+            return fail("simplify", "this program was built without it (feature `simplify`)".into());
         }
         Ok(())
+    }
+
+    /// Refuses a completed RTSTRUCT where none was read.
+    fn check(&self, path: &Path, format: Format) -> Result<()> {
+        if format != Format::StructureSet {
+            return Ok(());
+        }
+        #[cfg(feature = "dicom")]
+        if let Some(source) = &self.source {
+            return source.check_output(path);
+        }
+        let message = "a completed RTSTRUCT needs an RTSTRUCT as input".into();
+        Err(Error::Output { path: path.into(), message })
+    }
+
+    /// Distance between output heights, where the options say it.
+    pub fn step(&self, stack: &ContourStack) -> Option<f64> {
+        let [dx, dy] = stack.spacing;
+        if self.isotropic { Some(dx.min(dy)) } else { self.dz }
     }
 }
 
@@ -207,7 +302,7 @@ impl Outputs {
             outputs.add(path, Format::of(path)?, temporary)?;
         }
         if let Some(path) = report {
-            let format = if let Ok(Format::Html) = Format::of(path) { Format::Html } else { Format::Report };
+            let format = if is_page(path) { Format::Html } else { Format::Report };
             outputs.add(path, format, temporary)?;
         }
         Ok(outputs)
@@ -226,14 +321,28 @@ impl Outputs {
         Ok(())
     }
 
-    /// Bytes of memory that writing needs at most while layers of `dims` pixels arrive.
-    pub fn bytes(&self, dims: [usize; 2]) -> u64 {
-        needed(self.files.iter().map(|f| f.format), dims)
+    /// Refuses outputs that cannot be made of the input.
+    ///
+    /// # Errors
+    /// [`Error::Output`].
+    pub fn check(&self, options: &OutputOptions) -> Result<()> {
+        self.files.iter().try_for_each(|f| options.check(&f.target, f.format))
+    }
+
+    /// Bytes of memory that writing needs at most while layers of `dims` pixels that lie so arrive.
+    pub fn bytes(&self, dims: [usize; 2], geometry: &Geometry) -> u64 {
+        needed(self.files.iter().map(|f| f.format), dims, geometry)
     }
 
     /// Takes the layers of a body and writes them under temporary names.
-    pub fn sink<'o>(&'o mut self, options: &'o OutputOptions) -> impl LayerSink + 'o {
-        Sink { outputs: self, options }
+    pub fn sink(&mut self, options: &OutputOptions) -> impl LayerSink + '_ {
+        let content = if options.mask { Content::Mask } else { Content::Distance };
+        Sink { outputs: self, content, options: options.clone() }
+    }
+
+    /// The same for layers of label numbers.
+    pub fn label_sink(&mut self, numbers: Whole) -> impl LayerSink + '_ {
+        Sink { outputs: self, content: Content::Labels(numbers), options: OutputOptions::default() }
     }
 
     /// Completes everything under temporary names, when the last layer has come. Where an output needs the surface, its volume and area are
@@ -247,6 +356,23 @@ impl Outputs {
             report.warnings.extend(self.meshes.warning());
         }
         self.files.iter().try_for_each(|f| f.pending.sync().map_err(|source| f.fails(source)))
+    }
+
+    /// Completes one structure set, to which several bodies have added, under its temporary name.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    #[cfg(feature = "dicom")]
+    pub fn complete_structures(&self, set: &StructureSet, added: &[Added]) -> Result<()> {
+        self.files.iter().try_for_each(|output| {
+            let write = || {
+                let mut out = BufWriter::with_capacity(BUFFER_BYTES, File::create(output.pending.path())?);
+                set.write_completed(&mut out, added)?;
+                out.flush()?;
+                output.pending.sync()
+            };
+            write().map_err(|source| output.fails(source))
+        })
     }
 
     fn failed(&self, (number, source): Failed) -> Error {
@@ -282,16 +408,18 @@ impl Output {
 /// Layers on their way into the files.
 struct Sink<'o> {
     outputs: &'o mut Outputs,
-    options: &'o OutputOptions,
+    content: Content,
+    options: OutputOptions,
 }
 
 impl LayerSink for Sink<'_> {
     fn begin(&mut self, header: &Header) -> Result<()> {
         self.outputs.stream = None;
         let mut writers = Vec::new();
-        let meshes = Meshes::new(self.options);
+        let meshes = Meshes::new(&self.options);
         for output in &mut self.outputs.files {
-            writers.push(writer(output, header, self.options, &meshes).map_err(|source| output.fails(source))?);
+            let writer = writer(output, header, self.content, &self.options, &meshes);
+            writers.push(writer.map_err(|source| output.fails(source))?);
         }
         let folder = self.outputs.files.first().map_or(Path::new("."), |f| parent(&f.target));
         self.outputs.stream = Some(BodyStream::new(header, writers, folder));
@@ -311,16 +439,16 @@ impl LayerSink for Sink<'_> {
 fn writer(
     output: &mut Output,
     header: &Header,
+    content: Content,
     options: &OutputOptions,
     meshes: &Meshes,
 ) -> io::Result<Box<dyn BodyWriter>> {
-    let content = content(&output.target, options);
+    let folder = parent(&output.target);
+    let content = named_content(&output.target).filter(|_| !matches!(content, Content::Labels(_))).unwrap_or(content);
     let volume = |writer: Box<dyn BodyWriter>| -> Box<dyn BodyWriter> {
         match content {
-            Content::Distance | Content::Mask => writer,
-            Content::Origin | Content::Confidence => {
-                Box::new(OriginWriter::new(writer, content, parent(&output.target)))
-            }
+            Content::Distance | Content::Mask | Content::Labels(_) => writer,
+            Content::Origin | Content::Confidence => Box::new(OriginWriter::new(writer, content, folder)),
         }
     };
     let file = match &mut output.pending {
@@ -332,8 +460,9 @@ fn writer(
     file.rewind()?;
     let out = BufWriter::with_capacity(BUFFER_BYTES, file);
     Ok(match output.format {
-        Format::Nrrd => volume(Box::new(nrrd::writer(out, header, content)?)),
-        Format::Nifti { gzip } => volume(Box::new(nifti::writer(out, header, content, gzip)?)),
+        Format::Nrrd => volume(Box::new(nrrd::writer(out, header, content, folder)?)),
+        Format::Nifti { gzip } => volume(Box::new(nifti::writer(out, header, content, gzip, folder)?)),
+        Format::Mha => volume(Box::new(MhaWriter::new(out, header, content, folder)?)),
         Format::Stl if options.simplify.is_none() => Box::new(StlWriter::new(out)?),
         Format::Stl => meshes.writer(out, Box::new(write_stl)),
         Format::Ply => meshes.writer(out, Box::new(write_ply)),
@@ -346,19 +475,20 @@ fn writer(
         Format::Tiff => Box::new(HeightMapWriter::new(out, header)),
         Format::Report => Box::new(ReportWriter(out)),
         Format::Html => Box::new(HtmlWriter::new(out, header, stem(&output.target))),
+        Format::Contours => Box::new(ContoursWriter::new(out, header)?),
+        Format::StructureSet => return structures(out, header, options),
         Format::Zarr => return Err(io::Error::other("a folder is needed")),
     })
 }
 
-/// What a volume holds: `NAME.origin.nrrd` and `NAME.confidence.nrrd` (any volume format) say so themselves.
-fn content(target: &Path, options: &OutputOptions) -> Content {
+/// What a volume holds that its name says: `NAME.origin.nrrd`, `NAME.confidence.nrrd` (any volume format).
+fn named_content(target: &Path) -> Option<Content> {
     let name = target.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let parts: Vec<&str> = name.trim_end_matches(".gz").split('.').collect();
     match parts[..] {
-        [_, .., "origin", _] => Content::Origin,
-        [_, .., "confidence", _] => Content::Confidence,
-        _ if options.mask => Content::Mask,
-        _ => Content::Distance,
+        [_, .., "origin", _] => Some(Content::Origin),
+        [_, .., "confidence", _] => Some(Content::Confidence),
+        _ => None,
     }
 }
 
@@ -412,6 +542,18 @@ impl Meshes {
         }
         Box::new(ListedWriter::new(out, format))
     }
+}
+
+/// The writer of a completed RTSTRUCT.
+#[cfg(feature = "dicom")]
+fn structures(out: BufWriter<File>, header: &Header, options: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
+    let source = options.source.as_ref().ok_or_else(|| io::Error::other("no RTSTRUCT was read"))?;
+    Ok(Box::new(StructuresWriter::new(out, source, header).map_err(io::Error::other)?))
+}
+
+#[cfg(not(feature = "dicom"))]
+fn structures(_: BufWriter<File>, header: &Header, options: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
+    Err(io::Error::other(format!("no DICOM in this program: {header:?}, {options:?}")))
 }
 
 /// The writer of a Zarr into a folder, which is emptied.

@@ -192,6 +192,11 @@ impl Sections {
         self.files[0].1.dims
     }
 
+    /// How the layers lie.
+    pub fn geometry(&self) -> &Geometry {
+        &self.files[0].1.geometry
+    }
+
     /// Hands all layers to `sink`, lowest first; the body without layers.
     ///
     /// # Errors
@@ -242,6 +247,7 @@ fn head(path: &Path) -> Result<(Head, BufReader<File>)> {
     if head.part[0] == 0 || head.part[0] > head.part[1] || head.dims.contains(&0) {
         return Err(wrong(format!("part {:?} of {:?} pixels cannot be", head.part, head.dims)));
     }
+    head.geometry.validate().map_err(|e| wrong(e.to_string()))?;
     Ok((head, file))
 }
 

@@ -1,6 +1,5 @@
 //! The field method: no morph, the slices' own distances interpolated along the trajectories of a smooth moving frame.
 
-use super::moving::MovingStack;
 use super::{Run, Sink, time};
 use crate::contours::Contour;
 use crate::ends::End;
@@ -10,6 +9,7 @@ use crate::fit::Fitted;
 use crate::heights::Heights;
 use crate::jobs::Tile;
 use crate::moving_field::LoneParts;
+use crate::moving_stack::MovingStack;
 use crate::report::IntervalReport;
 use crate::shelf::Shelf;
 use crate::surface::stream::LayerSink;
@@ -85,7 +85,7 @@ impl<'a> Run<'a> {
         for i in self.span.layers.clone() {
             sink(self.contour_layer(&heights.contours[i], &*contours.get(i)?, i))?;
             let (low, high) = (contours.light(i).z, contours.light(i + 1).z);
-            let (frame, lone) = (moving.interval(i)?, lone.get(i)?);
+            let (frame, lone) = (moving.part(i..i + 2)?, lone.get(i)?);
             let slopes = [slopes.get(i)?, slopes.get(i + 1)?];
             for some in heights.between(i).chunks(at_once) {
                 let times: Vec<f64> = some.iter().map(|x| time(x.z, low, high)).collect();

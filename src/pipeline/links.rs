@@ -3,12 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Run;
-use super::moving::MovingStack;
 use crate::contours::Contour;
 use crate::displacement::Displacement;
 use crate::error::{Error, Result};
-use crate::frames::{self, Frames};
+use crate::frames;
 use crate::motion::Frame;
+use crate::moving_stack::MovingStack;
 use crate::parts::{candidates, overlaps, parts};
 use crate::reference::exact::exact_distance;
 use crate::report::{LinkReport, LinkedBy};
@@ -41,7 +41,7 @@ impl IntervalLinks {
     }
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
     /// The user's links and those that are found.
     pub(super) fn find_links(&mut self, contours: &Shelf<'_, Contour>) -> Result<()> {
         for link in &self.settings.links {
@@ -93,28 +93,37 @@ impl Run<'_> {
     }
 
     /// The displacements of linked parts, or of all that have a rigid frame; warns of links that cannot be followed.
-    pub(super) fn frames(&mut self, contours: &Shelf<'_, Contour>) -> Result<Vec<Displacement>> {
+    pub(super) fn frames(&mut self, contours: &Shelf<'a, Contour>) -> Result<Shelf<'a, Displacement>> {
         let frames = if self.settings.motion == Motion::Rigid { frames::rigid } else { frames::linked };
-        let of = |i: usize, [low, high]: [&Contour; 2]| frames(low, high, &self.links[i].joined(), self.h);
-        let found: Vec<Frames> = self.of_pairs(contours, of)?;
-        for (i, (frames, links)) in found.iter().zip(&self.links).enumerate() {
-            for ((from, to), _) in links.joined().iter().zip(&frames.followed).filter(|(_, share)| **share < FOLLOWED) {
-                let [low, high] = [0, 1].map(|k| &self.stack.slices[i + k].name);
-                self.report.warnings.push(format!(
-                    "part {from} of `{low}` and part {to} of `{high}` are linked, but something else is in the way between them"
-                ));
-            }
-        }
-        Ok(found.into_iter().map(|frames| frames.displacement).collect())
+        let of = |i: usize, [low, high]: [&Contour; 2]| {
+            let joined = self.links[i].joined();
+            let found = frames(low, high, &joined, self.h);
+            let unfollowed = joined.into_iter().zip(&found.followed).filter(|(_, share)| **share < FOLLOWED);
+            let [below, above] = [0, 1].map(|k| &self.stack.slices[i + k].name);
+            let warning = |((from, to), _): ((u32, u32), &f64)| {
+                format!(
+                    "part {from} of `{below}` and part {to} of `{above}` are linked, but something else is in the way between them"
+                )
+            };
+            let warnings: Vec<String> = unfollowed.map(warning).collect();
+            (found.displacement, warnings)
+        };
+        let (mut displacements, mut warnings) = (Shelf::new(self.budget), Vec::new());
+        self.for_pairs(contours, of, |(displacement, mut of_pair)| {
+            warnings.append(&mut of_pair);
+            displacements.push(displacement)
+        })?;
+        self.report.warnings.append(&mut warnings);
+        Ok(displacements)
     }
 
     /// Finds out how far linked parts meet, in the moving frame if there is one.
     pub(super) fn see_links(&mut self, contours: &Shelf<'_, Contour>, moving: Option<&MovingStack<'_>>) -> Result<()> {
         for (i, links) in self.links.iter_mut().enumerate().filter(|(_, links)| !links.told.is_empty()) {
             let [low, high] = [contours.get(i)?, contours.get(i + 1)?];
+            let at_slices = moving.map(|m| m.at_slices(i)).transpose()?;
             for link in &mut links.told {
-                let at_slices = moving.map(|m| &*m.frame.at_slices[i]);
-                link.meet = frames::meeting(&low, &high, (link.from, link.to), at_slices);
+                link.meet = frames::meeting(&low, &high, (link.from, link.to), at_slices.as_deref());
             }
         }
         Ok(())

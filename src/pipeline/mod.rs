@@ -16,7 +16,6 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use self::links::IntervalLinks;
-use self::moving::MovingStack;
 use crate::areas::covered;
 use crate::backend::{Backend, ContourOptions, Means, PaddedSlice};
 use crate::compose::{Canvas, differing_pixels};
@@ -29,6 +28,7 @@ use crate::heights::{Height, Heights, check, median};
 use crate::jobs::{Direction, Tile};
 use crate::links as user_links;
 use crate::moving_field::{self, STEPS, even_gaps};
+use crate::moving_stack::MovingStack;
 use crate::progress::Progress;
 use crate::report::{ContourReport, EndReport, Report, Side, StageReport};
 use crate::section::Section;
@@ -86,6 +86,8 @@ struct Span {
     gap: f64,
     /// Median step between all layers.
     step: f64,
+    /// Half of it, or of the least gap of the whole stack.
+    apart: f64,
 }
 
 impl Span {
@@ -93,6 +95,8 @@ impl Span {
         let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
         let first = section.slices.start;
         let here = |r: &Range<usize>| r.start - first..r.end - first;
+        let step = Heights::median_step(&z, heights);
+        let gaps = || z.windows(2).map(|w| w[1] - w[0]);
         let intervals = first..section.slices.end - 1;
         Span {
             kept: here(&section.kept),
@@ -101,8 +105,9 @@ impl Span {
             first,
             ends: [section.layers.start == 0, section.layers.end == z.len() - 1],
             gaps: even_gaps(&z)[intervals].to_vec(),
-            gap: median(z.windows(2).map(|w| w[1] - w[0]).collect()),
-            step: Heights::median_step(&z, heights),
+            gap: median(gaps().collect()),
+            step,
+            apart: 0.5 * gaps().fold(step, f64::min),
         }
     }
 }
@@ -207,6 +212,11 @@ pub fn run(
     let kept = run.span.kept.clone();
     run.report.contours = run.report.contours.drain(kept.start..=kept.end).collect();
     run.report.intervals = run.report.intervals.drain(kept).collect();
+    // Fairing makes a section compute an end that another one keeps.
+    run.report.ends.retain(|end| match end.side {
+        Side::Bottom => section.kept.start == 0,
+        Side::Top => section.kept.end + 1 == whole.slices.len(),
+    });
     Ok(Reconstruction {
         dims: whole.dims,
         spacing: whole.spacing,
@@ -289,16 +299,31 @@ impl<'a> Run<'a> {
         contours: &Shelf<'_, Contour>,
         make: impl Fn(usize, [&Contour; 2]) -> T + Sync,
     ) -> Result<Vec<T>> {
+        let mut out = Vec::with_capacity(contours.len() - 1);
+        self.for_pairs(contours, make, |made| {
+            out.push(made);
+            Ok(())
+        })?;
+        Ok(out)
+    }
+
+    /// The same, taken one by one in order.
+    fn for_pairs<T: Send>(
+        &self,
+        contours: &Shelf<'_, Contour>,
+        make: impl Fn(usize, [&Contour; 2]) -> T + Sync,
+        mut take: impl FnMut(T) -> Result<()>,
+    ) -> Result<()> {
         let count = contours.len() - 1;
         let at_once = self.budget.at_once(count, 4 * self.field_bytes());
-        let mut out = Vec::with_capacity(count);
         for first in (0..count).step_by(at_once) {
             let end = (first + at_once).min(count);
             let some = (first..=end).map(|i| contours.get(i)).collect::<Result<Vec<_>>>()?;
             let pair = |i: usize| make(first + i, [&*some[i], &*some[i + 1]]);
-            out.par_extend((0..end - first).into_par_iter().map(pair));
+            let made: Vec<T> = (0..end - first).into_par_iter().map(pair).collect();
+            made.into_iter().try_for_each(&mut take)?;
         }
-        Ok(out)
+        Ok(())
     }
 
     /// Runs `make`, whose layers reach `sink` faired if that is wanted.
@@ -313,12 +338,13 @@ impl<'a> Run<'a> {
             return make(self, sink);
         }
         let mut fairing = Fairing::new(fairing::Spec {
-            moving: moving.map(|moving| (&moving.frame, self.pad)),
+            moving: moving.map(|moving| (moving, self.pad)),
             contours: self.stack.slices.iter().map(|s| s.z).collect(),
             dims: self.stack.dims,
             spacing: self.stack.spacing,
             gap: self.span.gap,
             dz: self.span.step,
+            apart: self.span.apart,
             alpha: self.settings.fair,
             clamped: [self.settings.clamp_bottom, self.settings.clamp_top].map(|m| m.is_some()),
             shares: self.fairing_shares(contours)?,
@@ -342,7 +368,8 @@ impl<'a> Run<'a> {
             }
             let contour = contours.get(at)?;
             let fitted = fitted[usize::from(at > 0)];
-            let whole = moving.map(|m| fitted.with_motion(&contour, &m.frame.rates[at], self.h, 1.0));
+            let rate = moving.map(|m| m.rate(at)).transpose()?;
+            let whole = rate.map(|rate| fitted.with_motion(&contour, &rate, self.h, 1.0));
             let gap = (contour.z - contours.light(next).z).abs();
             let spec = EndSpec {
                 contour: &contour,

@@ -7,7 +7,6 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::links::{IntervalLinks, in_frame};
-use super::moving::MovingStack;
 use super::{CHUNK_BYTES, Run, Sink, time};
 use crate::backend::MorphOptions;
 use crate::compose::{Canvas, HALF_WAY, IntervalCaps, mend, unite_cap};
@@ -20,8 +19,8 @@ use crate::fit::{Fitted, course, fit};
 use crate::heights::{Height, Heights};
 use crate::jobs::{Direction, Filled, PartJob, SweepJob, SweepPair};
 use crate::matching::{Interval, IntervalPlan};
-use crate::motion::Frame;
 use crate::moving_field::{Cells, LoneParts, MovingField};
+use crate::moving_stack::MovingStack;
 use crate::report::IntervalReport;
 use crate::settings::Motion;
 use crate::shelf::Shelf;
@@ -137,8 +136,8 @@ impl<'a> Run<'a> {
             // A slope that the user gives is the whole slope.
             for (i, given) in [(0, self.settings.clamp_bottom), (count, self.settings.clamp_top)] {
                 if given.is_some() {
-                    let rates = &moving.frame.rates[i];
-                    fitted[i] = fitted[i].with_motion(&*contours.get(i)?, rates, self.h, -1.0);
+                    let rate = moving.rate(i)?;
+                    fitted[i] = fitted[i].with_motion(&*contours.get(i)?, &rate, self.h, -1.0);
                 }
             }
         }
@@ -183,7 +182,7 @@ impl<'a> Run<'a> {
             let some = first..(first + at_once).min(traced.end);
             let of_interval = |i: usize| {
                 let own = [contours.get(i)?, contours.get(i + 1)?];
-                let frame = moving.middle(i);
+                let frame = moving.middle(i)?;
                 let seen = frame.contours(&own[0], &own[1]).map(Cow::into_owned);
                 let parted = in_frame(&self.links[i].parted(), [&own[0], &own[1]], seen.each_ref(), &frame);
                 Ok((seen, parted))
@@ -275,7 +274,7 @@ impl<'a> Run<'a> {
             let mut traced = traced.into_iter();
             for (i, interval) in some.zip(&loaded) {
                 let [low, high] = [seen.contours.get(i)?, seen.contours.get(i + 1)?];
-                let frame = moving.map_or(Frame::default(), |m| m.middle(i));
+                let frame = moving.map(|m| m.middle(i)).transpose()?.unwrap_or_default();
                 let [up, down] = tracks::sides([&low, &high], interval, &frame, &mut traced);
                 (sides[i].up, sides[i + 1].down) = (Some(up), Some(down));
             }
@@ -323,17 +322,17 @@ impl<'a> Run<'a> {
         let limit = self.settings.margin() as f64;
         let [low, high] = [i, i + 1].map(|k| made.contours.light(k).z);
         let between: Vec<(Height, f64)> = heights.iter().map(|x| (*x, time(x.z, low, high))).collect();
-        let beside = match &made.beside {
-            None => None,
-            Some(Beside { moving, slopes, lone }) => {
-                let part = moving.interval(i)?;
+        let part = made.beside.as_ref().map(|b| b.moving.part(i..i + 2)).transpose()?;
+        let beside = match (&made.beside, &part) {
+            (Some(Beside { slopes, lone, .. }), Some(part)) => {
                 let seen = made.seen.get(i)?;
                 let own = [made.contours.get(i)?, made.contours.get(i + 1)?];
                 let slices = [0, 1].map(|side| (&own[side].phi, &seen[side].phi));
-                let warp = Warp::new(&moving.frame, i, slices, limit);
-                let trust = made.trust(&part, i, &seen);
+                let warp = Warp::new(part, 0, slices, limit);
+                let trust = made.trust(part, i, &seen);
                 Some((part, [slopes.get(i)?, slopes.get(i + 1)?], lone.get(i)?, warp, trust))
             }
+            _ => None,
         };
         let at_once = rayon::current_num_threads();
         for (k, some) in between.chunks(at_once).enumerate() {

@@ -1,7 +1,6 @@
-//! The stack in its moving frame: fields on a shelf, displacements between them, and what the stages ask of both.
+//! The stages that make the moving frame and what the fields say in it.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use super::Run;
 use crate::contours::Contour;
@@ -10,37 +9,12 @@ use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::Direction;
 use crate::matching::lone_solids;
-use crate::motion::Frame;
-use crate::moving_field::{LEAST_DEPTH, LoneParts, MovingField, drawn_in};
+use crate::moving_field::{LEAST_DEPTH, LoneParts, drawn_in};
+use crate::moving_stack::MovingStack;
 use crate::reference::displacement::ROUNDS;
 use crate::section::NEIGHBOURS;
 use crate::settings::Motion;
-use crate::shelf::Shelf;
-
-/// The stack in its moving frame.
-pub(super) struct MovingStack<'b> {
-    /// The frame, without fields.
-    pub frame: MovingField,
-    fields: Shelf<'b, Field>,
-}
-
-impl MovingStack<'_> {
-    /// Some slices alone, numbered from 0.
-    fn part(&self, slices: Range<usize>) -> Result<MovingField> {
-        let fields = slices.clone().map(|i| self.fields.get(i)).collect::<Result<_>>()?;
-        Ok(self.frame.part(slices, fields))
-    }
-
-    /// Interval `i` alone, as number 0; its rates are those of the stack.
-    pub fn interval(&self, i: usize) -> Result<MovingField> {
-        self.part(i..i + 2)
-    }
-
-    /// The mid frame of interval `i`.
-    pub fn middle(&self, i: usize) -> Frame {
-        Frame::middle_of(&self.frame, i)
-    }
-}
+use crate::shelf::{Large, Shelf};
 
 impl<'a> Run<'a> {
     /// The stack in its moving frame.
@@ -51,16 +25,13 @@ impl<'a> Run<'a> {
             let displacements = match run.settings.motion {
                 Motion::Field => {
                     let guess = run.frames(contours)?;
-                    run.displacements(&fields, &guess)?
+                    run.displacements(&fields, guess)?
                 }
                 Motion::Rigid => run.frames(contours)?,
-                Motion::None => vec![Displacement::zero(run.padded()); z.len() - 1],
+                Motion::None => run.shelved((1..z.len()).map(|_| Displacement::zero(run.padded())))?,
             };
             run.progress.advance(z.len() - 1);
-            Ok(MovingStack {
-                frame: MovingField::with_gaps(z, run.span.gaps.clone(), run.px, Vec::new(), displacements),
-                fields,
-            })
+            MovingStack::new(z, run.span.gaps.clone(), run.px, fields, displacements, run.budget)
         })
     }
 
@@ -82,49 +53,69 @@ impl<'a> Run<'a> {
 
     /// Displacements of all intervals: all rounds together where the fields fit into memory, else round by round a few intervals at a time,
     /// with one to either side that takes part.
-    fn displacements(&self, fields: &Shelf<'a, Field>, guess: &[Displacement]) -> Result<Vec<Displacement>> {
+    fn displacements(
+        &self,
+        fields: &Shelf<'a, Field>,
+        guess: Shelf<'a, Displacement>,
+    ) -> Result<Shelf<'a, Displacement>> {
         let gaps = &self.span.gaps;
         let count = gaps.len();
-        let load = |slices: Range<usize>| slices.map(|i| fields.get(i)).collect::<Result<Vec<Arc<Field>>>>();
         // A field, the same clipped, and what is known of its blocks.
-        let at_once = self.budget.at_once(count, 3 * self.field_bytes());
+        let at_once = self.budget.at_once(count, 4 * self.field_bytes());
         if at_once == count {
-            let job = DisplacementJob {
-                fields: &load(0..count + 1)?,
-                gaps,
-                guess,
-                begin: guess,
-                rounds: 0..ROUNDS.len(),
-                h: self.h,
-            };
-            return self.backend.displacements(&job);
+            let found = self.some_displacements(fields, [&guess; 2], 0..count, 0..ROUNDS.len(), 0..count)?;
+            return self.shelved(found);
         }
         let own = at_once.saturating_sub(2).max(1);
-        let mut current = guess.to_vec();
+        let mut current: Option<Shelf<'a, Displacement>> = None;
         for round in 0..ROUNDS.len() {
-            let mut better = Vec::with_capacity(count);
+            let mut better = Shelf::new(self.budget);
             for first in (0..count).step_by(own) {
-                let end = (first + own).min(count);
-                let around = first.saturating_sub(1)..(end + 1).min(count);
-                let job = DisplacementJob {
-                    fields: &load(around.start..around.end + 1)?,
-                    gaps: &gaps[around.clone()],
-                    guess: &guess[around.clone()],
-                    begin: &current[around.clone()],
-                    rounds: round..round + 1,
-                    h: self.h,
-                };
-                let found = self.backend.displacements(&job)?;
-                better.extend(found.into_iter().skip(first - around.start).take(end - first));
+                let wanted = first..(first + own).min(count);
+                let around = first.saturating_sub(1)..(wanted.end + 1).min(count);
+                let begin = [&guess, current.as_ref().unwrap_or(&guess)];
+                for found in self.some_displacements(fields, begin, around, round..round + 1, wanted)? {
+                    better.push(found)?;
+                }
             }
-            current = better;
+            current = Some(better);
         }
-        Ok(current)
+        Ok(current.unwrap_or(guess))
+    }
+
+    /// The `wanted` displacements of intervals `around` after some rounds from what is the second of `from`, their guess being the first.
+    fn some_displacements(
+        &self,
+        fields: &Shelf<'a, Field>,
+        [guess, begin]: [&Shelf<'a, Displacement>; 2],
+        around: Range<usize>,
+        rounds: Range<usize>,
+        wanted: Range<usize>,
+    ) -> Result<impl Iterator<Item = Displacement>> {
+        let load = |shelf: &Shelf<'a, Displacement>| {
+            around.clone().map(|i| Ok(shelf.get(i)?.as_ref().clone())).collect::<Result<Vec<_>>>()
+        };
+        let found = self.backend.displacements(&DisplacementJob {
+            fields: &(around.start..=around.end).map(|i| fields.get(i)).collect::<Result<Vec<_>>>()?,
+            gaps: &self.span.gaps[around.clone()],
+            guess: &load(guess)?,
+            begin: &load(begin)?,
+            rounds,
+            h: self.h,
+        })?;
+        Ok(found.into_iter().skip(wanted.start - around.start).take(wanted.len()))
+    }
+
+    /// Things on a shelf.
+    pub(super) fn shelved<T: Large>(&self, things: impl IntoIterator<Item = T>) -> Result<Shelf<'a, T>> {
+        let mut shelf = Shelf::new(self.budget);
+        things.into_iter().try_for_each(|thing| shelf.push(thing))?;
+        Ok(shelf)
     }
 
     /// Slopes of the fields of all slices beside layers.
     pub(super) fn slopes(&mut self, moving: &MovingStack<'a>) -> Result<Shelf<'a, Field>> {
-        let count = moving.fields.len();
+        let count = moving.slices();
         self.stage("slopes", count, |run| {
             let mut slopes = Shelf::new(run.budget);
             let at_once = run.budget.at_once(count, 2 * run.field_bytes());
@@ -155,8 +146,9 @@ impl<'a> Run<'a> {
                     Direction::Up => (i, i + 1, 1.0),
                     Direction::Down => (i + 1, i, -1.0),
                 };
-                let (own, other) = (contours.get(own)?, moving.fields.get(other)?);
-                let u = &moving.frame.at_slices[i][usize::from(direction == Direction::Down)];
+                let (own, other) = (contours.get(own)?, moving.field(other)?);
+                let at_slices = moving.at_slices(i)?;
+                let u = &at_slices[usize::from(direction == Direction::Down)];
                 let parts = without_partner(&own, |x| {
                     let v = u.at(x);
                     other.sample([x[0] + way * v[0], x[1] + way * v[1]]) < 0.0

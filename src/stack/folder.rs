@@ -1,4 +1,4 @@
-//! A folder with `stack.json` and one grey image (8 or 16 bit PNG or TIFF) per slice.
+//! A folder with `stack.json` and one grey image (8 or 16 bit PNG or TIFF) per slice; or slices drawn as polygons in the file itself.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,14 +6,18 @@ use std::path::{Path, PathBuf};
 use image::{DynamicImage, ImageReader};
 use serde::Deserialize;
 
-use super::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
+use super::{ContourStack, Geometry, HeightGrid, ReadOptions, Slice, SliceContent};
 use crate::error::{Error, Result};
+use crate::polygons::{self, Drawing, Planes, Polygon};
 
 /// Schema of `stack.json`; any other field is an error.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct StackFile {
-    spacing_xy: [f64; 2],
+    /// Needed for images; for polygons the pixels they are laid on.
+    spacing_xy: Option<[f64; 2]>,
+    /// World directions (LPS) of x, y and z, for polygons.
+    axes: Option<[[f64; 3]; 3]>,
     #[serde(default = "millimetres")]
     unit: String,
     slices: Vec<SliceEntry>,
@@ -26,7 +30,10 @@ struct StackFile {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SliceEntry {
-    file: String,
+    /// An image,
+    file: Option<String>,
+    /// or closed lines, combined by even-odd.
+    polygons: Option<Vec<Polygon>>,
     z: f64,
     #[serde(default)]
     extra: bool,
@@ -60,23 +67,75 @@ fn parse(path: &Path) -> Result<(StackFile, PathBuf, PathBuf)> {
 /// As [`super::read::files`].
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     let (parsed, file, folder) = parse(path)?;
-    Ok(std::iter::once(file).chain(parsed.slices.iter().map(|s| folder.join(&s.file))).collect())
+    let images = parsed.slices.iter().filter_map(|s| s.file.as_ref()).map(|f| folder.join(f));
+    Ok(std::iter::once(file).chain(images).collect())
 }
 
 /// Reads a folder, or the `stack.json` in it.
 ///
 /// # Errors
 /// As [`super::read::read`].
-pub fn read(path: &Path, level: Option<f64>) -> Result<ContourStack> {
-    let (parsed, _, folder) = parse(path)?;
+pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
+    let (parsed, file, folder) = parse(path)?;
     if let Some(z_out) = parsed.z_out {
         z_out.validate()?;
     }
+    let fail = |message: String| Err(Error::Format { path: file.clone(), message });
+    for (k, entry) in parsed.slices.iter().enumerate() {
+        match (&entry.file, &entry.polygons) {
+            (Some(_), Some(_)) => return fail(format!("slice {k} has both `file` and `polygons`; it must have one")),
+            (None, None) => return fail(format!("slice {k} has neither `file` nor `polygons`; it must have one")),
+            _ => {}
+        }
+    }
+    let drawn = parsed.slices.iter().filter(|s| s.polygons.is_some()).count();
+    if drawn == 0 {
+        images(parsed, &file, &folder, options)
+    } else if drawn == parsed.slices.len() {
+        drawings(parsed, &file, options)
+    } else {
+        fail(format!("{drawn} of {} slices are `polygons`; all or none must be", parsed.slices.len()))
+    }
+}
+
+/// The stack of a file whose slices are polygons.
+fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<ContourStack> {
+    if options.level.is_some() {
+        let message = "is not for polygons; it cuts grey slices".into();
+        return Err(Error::Setting { name: "level".into(), message });
+    }
+    let axes = parsed.axes.unwrap_or(Geometry::default().axes);
+    super::volume::check_axes(&axes)
+        .map_err(|m| Error::Format { path: file.into(), message: format!("`axes`: {m}") })?;
+    let drawing = |(k, entry): (usize, SliceEntry)| Drawing {
+        name: format!("polygons {k}"),
+        z: entry.z,
+        extra: entry.extra,
+        regions: entry.polygons.into_iter().collect(),
+    };
+    let drawings: Vec<Drawing> = parsed.slices.into_iter().enumerate().map(drawing).collect();
+    let planes = Planes { unit: parsed.unit, axes, z_out: parsed.z_out };
+    polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy))
+}
+
+/// The stack of a file whose slices are images.
+fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) -> Result<ContourStack> {
+    let fail = |message: &str| Err(Error::Format { path: file.into(), message: message.into() });
+    if options.pixel.is_some() {
+        let message = "is not for images; it is the pixel size for polygons".into();
+        return Err(Error::Setting { name: "pixel".into(), message });
+    }
+    let Some(spacing) = parsed.spacing_xy else { return fail("missing field `spacing_xy`, the pixel sides") };
+    if parsed.axes.is_some() {
+        return fail("`axes` is for polygons; images lie along x and y");
+    }
     let mut images = Vec::with_capacity(parsed.slices.len());
-    for (index, entry) in parsed.slices.iter().enumerate() {
-        images.push(read_image(&folder.join(&entry.file), index, &entry.file)?);
+    let entries: Vec<(String, f64, bool)> =
+        parsed.slices.into_iter().map(|s| (s.file.unwrap_or_default(), s.z, s.extra)).collect();
+    for (index, (name, ..)) in entries.iter().enumerate() {
+        images.push(read_image(&folder.join(name), index, name)?);
         let (first, this): (&Grey, &Grey) = (&images[0], &images[index]);
-        let fail = |message| Err(Error::Slice { index, name: entry.file.clone(), message });
+        let fail = |message| Err(Error::Slice { index, name: name.clone(), message });
         if this.dims != first.dims {
             let ([w, h], [w0, h0]) = (this.dims, first.dims);
             return fail(format!("{w}x{h} px, but slice 0 is {w0}x{h0}"));
@@ -85,18 +144,13 @@ pub fn read(path: &Path, level: Option<f64>) -> Result<ContourStack> {
             return fail(format!("{} bits per pixel, but slice 0 has {}", this.bits, first.bits));
         }
     }
-    let contents = contents(&images, level)?;
-    let slices = parsed
-        .slices
-        .into_iter()
-        .zip(contents)
-        .map(|(e, content)| Slice { name: e.file, z: e.z, extra: e.extra, content })
-        .collect();
+    let contents = contents(&images, options.level)?;
+    let slice = |((name, z, extra), content)| Slice { name, z, extra, content };
     Ok(ContourStack {
         dims: images.first().map_or([0, 0], |i| i.dims),
-        spacing: parsed.spacing_xy,
+        spacing,
         unit: parsed.unit,
-        slices,
+        slices: entries.into_iter().zip(contents).map(slice).collect(),
         z_out: parsed.z_out,
         geometry: Geometry::default(),
     })

@@ -3,9 +3,14 @@
 //! One reader per format; each gives a [`ContourStack`]. Numerics see only this type and know nothing of files.
 
 pub mod folder;
+pub mod labels;
+pub mod mha;
 pub mod nifti;
+pub mod npy;
 pub mod nrrd;
+mod ome;
 pub mod options;
+pub mod pages;
 pub mod read;
 pub mod volume;
 
@@ -100,11 +105,31 @@ pub struct Geometry {
     pub origin: [f64; 3],
     /// Unit vectors of the row direction (x), the column direction (y) and the stacking direction (z).
     pub axes: [[f64; 3]; 3],
+    /// Which axis of the input each of them is: volumes are written in the input's order, whatever axis its slices lie across.
+    pub order: [usize; 3],
 }
 
 impl Default for Geometry {
     fn default() -> Self {
-        Geometry { origin: [0.0; 3], axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] }
+        Geometry { origin: [0.0; 3], axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], order: [0, 1, 2] }
+    }
+}
+
+impl Geometry {
+    /// Whether slices lie across the last axis of their input, so that its voxels run from slice to slice.
+    pub fn is_layered(&self) -> bool {
+        self.order == [0, 1, 2]
+    }
+
+    /// Checks that the order has every axis.
+    ///
+    /// # Errors
+    /// [`Error::Stack`] with the order.
+    pub fn validate(&self) -> Result<()> {
+        if (0..3).all(|axis| self.order.contains(&axis)) {
+            return Ok(());
+        }
+        Err(Error::Stack(format!("the order of axes must have 0, 1 and 2; got {:?}", self.order)))
     }
 }
 
@@ -126,6 +151,7 @@ impl ContourStack {
                 return Err(Error::Stack(format!("pixel spacing {axis} must be a positive number; got {h}")));
             }
         }
+        self.geometry.validate()?;
         let mut below: Option<&Slice> = None;
         for (index, s) in self.slices.iter().enumerate() {
             let fail = |message| Err(Error::Slice { index, name: s.name.clone(), message });

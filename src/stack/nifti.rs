@@ -1,47 +1,98 @@
-//! NIfTI-1 label volumes, through the `nifti` crate.
+//! NIfTI-1 label volumes; the header is read by the `nifti` crate.
 
+use std::io::{BufRead, Read};
 use std::path::Path;
 
-use nifti::{IntoNdArray, NiftiHeader, NiftiObject, ReaderOptions};
+use flate2::read::MultiGzDecoder;
+use nifti::{Endianness, NiftiHeader};
 
-use super::volume::{LabelVolume, whole};
+use super::volume::data::{Coding, Data};
+use super::volume::element::Element;
+use super::volume::{Failure, Grid, Volume, open};
 use crate::error::{Error, Result};
 
-/// Most voxels this reader takes: the header of a damaged file may ask for anything.
-const MOST_VOXELS: usize = 1 << 33;
+/// Size of the header: voxels cannot begin before its end.
+const HEADER: f32 = 348.0;
+/// Where voxels begin that the header does not place.
+const USUAL_OFFSET: u64 = 352;
 
-/// Reads a `.nii` or `.nii.gz`.
+/// Reads the header of a `.nii` or `.nii.gz`.
 ///
 /// # Errors
-/// [`Error::Format`] naming field and value.
-pub fn read(path: &Path) -> Result<LabelVolume> {
+/// [`Error::Read`], or [`Error::Format`] naming field and value.
+pub fn read(path: &Path) -> Result<Volume> {
     let fail = |message: String| Error::Format { path: path.into(), message };
-    let header = NiftiHeader::from_file(path).map_err(|e| fail(format!("NIfTI header: {e}")))?;
-    let dims = dims(&header).map_err(fail)?;
-    let (origin, steps) = placement(&header, dims).map_err(fail)?;
-    let object = ReaderOptions::new().read_file(path).map_err(|e| fail(format!("NIfTI volume: {e}")))?;
-    let values = object.into_volume().into_ndarray::<f64>().map_err(|e| fail(format!("NIfTI data: {e}")))?;
-    let [nx, ny, nz] = dims;
-    if values.len() != nx * ny * nz {
-        return Err(fail(format!("holds {} voxels, but dim says {nx}x{ny}x{nz}", values.len())));
+    let mut input = open(path)?;
+    let start = input.fill_buf().map_err(|source| Error::Read { path: path.into(), source })?;
+    let gzip = start.starts_with(&[0x1f, 0x8b]);
+    let mut bytes = Vec::new();
+    let mut input: Box<dyn Read> = if gzip { Box::new(MultiGzDecoder::new(input)) } else { Box::new(input) };
+    input.by_ref().take(HEADER as u64).read_to_end(&mut bytes).map_err(|e| fail(format!("NIfTI header: {e}")))?;
+    if matches!(bytes[..], [0x1c, 2, 0, 0, ..] | [0, 0, 2, 0x1c, ..]) {
+        return Err(fail("is NIfTI-2; save it as NIfTI-1".into()));
     }
-    // The array is indexed [x, y, z]; read transposed it runs with x fastest.
-    let labels = values
-        .t()
-        .iter()
-        .enumerate()
-        .map(|(k, v)| whole(*v, k))
-        .collect::<std::result::Result<_, _>>()
-        .map_err(fail)?;
+    let header = NiftiHeader::from_reader(&bytes[..]).map_err(|e| fail(format!("NIfTI header: {e}")))?;
+    let volume = volume(path, gzip, &header).map_err(fail)?;
+    volume.check()?;
+    Ok(volume)
+}
+
+fn volume(path: &Path, gzip: bool, header: &NiftiHeader) -> Failure<Volume> {
+    let dims = dims(header)?;
+    let (origin, steps) = placement(header, dims)?;
     let unit = match header.xyzt_units & 7 {
         1 => "m",
         3 => "um",
         _ => "mm",
     };
-    Ok(LabelVolume { dims, origin, steps, unit: unit.into(), labels })
+    if &header.magic != b"n+1\0" {
+        return Err(format!("magic is {:?}; voxels must lie in the same file (n+1)", magic(&header.magic)));
+    }
+    let skip = match header.vox_offset {
+        0.0 => USUAL_OFFSET,
+        at if at.is_finite() && at >= HEADER && at.fract() == 0.0 => at as u64,
+        at => return Err(format!("vox_offset must be a whole number from {HEADER} on; got {at}")),
+    };
+    let scale = match [header.scl_slope, header.scl_inter] {
+        [0.0, _] | [1.0, 0.0] => None,
+        [slope, inter] if slope.is_finite() && inter.is_finite() => Some([f64::from(slope), f64::from(inter)]),
+        // What some programs write for "no scaling".
+        [slope, _] if slope.is_nan() => None,
+        [slope, inter] => return Err(format!("scl_slope and scl_inter must be finite; got {slope} and {inter}")),
+    };
+    let (offset, coding, skip) = if gzip { (0, Coding::Gzip, skip) } else { (skip, Coding::Raw, 0) };
+    Ok(Volume {
+        path: path.into(),
+        format: "NIfTI",
+        grid: Grid { dims, origin, steps, unit: unit.into(), spaced: true },
+        element: element(header.datatype)?,
+        big_endian: header.endianness == Endianness::Big,
+        stored: [0, 1, 2],
+        scale,
+        data: Data::Stream { file: path.into(), offset, coding, skip },
+    })
 }
 
-type Failure<T> = std::result::Result<T, String>;
+fn magic(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).trim_end_matches('\0').to_string()
+}
+
+fn element(datatype: i16) -> Failure<Element> {
+    let int = |size, signed| Ok(Element::Int { size, signed });
+    match datatype {
+        2 => int(1, false),
+        4 => int(2, true),
+        8 => int(4, true),
+        16 => Ok(Element::Float),
+        64 => Ok(Element::Double),
+        256 => int(1, true),
+        512 => int(2, false),
+        768 => int(4, false),
+        1024 => int(8, true),
+        1280 => int(8, false),
+        other => Err(format!("datatype {other} is no integer of 1 to 8 bytes, nor float32 or float64")),
+    }
+}
 
 fn dims(header: &NiftiHeader) -> Failure<[usize; 3]> {
     let dim = header.dim;
@@ -53,14 +104,17 @@ fn dims(header: &NiftiHeader) -> Failure<[usize; 3]> {
         return Err(format!("dim[{k}] is {}; a label volume has three axes", dim[k]));
     }
     let dims = std::array::from_fn(|a| if a < axes { dim[a + 1] as usize } else { 1 });
-    match dims.iter().try_fold(1usize, |n, &d| n.checked_mul(d)) {
-        Some(n) if (1..=MOST_VOXELS).contains(&n) => Ok(dims),
-        _ => Err(format!("dim {}x{}x{} is no volume of 1 to {MOST_VOXELS} voxels", dims[0], dims[1], dims[2])),
-    }
+    Ok(dims)
 }
 
 /// Origin and steps in LPS, from the sform, else the qform, else the voxel sizes.
 fn placement(header: &NiftiHeader, dims: [usize; 3]) -> Failure<([f64; 3], [[f64; 3]; 3])> {
+    if header.sform_code <= 0
+        && let Some(a) =
+            (1..=3).find(|&a| (a < 3 || dims[2] > 1) && !(header.pixdim[a].is_finite() && header.pixdim[a] > 0.0))
+    {
+        return Err(format!("pixdim[{a}], a voxel spacing, must be a positive number; got {}", header.pixdim[a]));
+    }
     let rows: [[f64; 4]; 3] = if header.sform_code > 0 {
         [header.srow_x, header.srow_y, header.srow_z].map(|r| r.map(f64::from))
     } else if header.qform_code > 0 {

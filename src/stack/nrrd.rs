@@ -1,38 +1,35 @@
-//! NRRD label volumes with an attached header (teem's nrrd format 0001 to 0005), raw or gzip.
+//! NRRD label volumes (teem's nrrd format 0001 to 0005): header attached or detached, raw or gzip.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, Read, Seek};
 use std::path::Path;
 
-use flate2::read::MultiGzDecoder;
-
-use super::volume::{LabelVolume, whole};
+use super::volume::data::{Coding, Data};
+use super::volume::element::Element;
+use super::volume::{Failure, Grid, Volume, open};
 use crate::error::{Error, Result};
 
 /// Longest header line and most lines: a file that is no NRRD must not be read to its end.
 const LONGEST_LINE: u64 = 1 << 16;
 const MOST_LINES: usize = 4096;
-/// Most voxels this reader takes.
-const MOST_VOXELS: usize = 1 << 33;
 
-/// Reads a `.nrrd`.
+/// Reads the header of a `.nrrd` or `.nhdr`.
 ///
 /// # Errors
 /// [`Error::Read`] where the file cannot be read, [`Error::Format`] naming field and value.
-pub fn read(path: &Path) -> Result<LabelVolume> {
-    let file = File::open(path).map_err(|source| Error::Read { path: path.into(), source })?;
-    read_from(BufReader::new(file)).map_err(|message| Error::Format { path: path.into(), message })
+pub fn read(path: &Path) -> Result<Volume> {
+    let mut input = open(path)?;
+    let fail = |message| Error::Format { path: path.into(), message };
+    let fields = header(&mut input).map_err(fail)?;
+    let end = input.stream_position().map_err(|source| Error::Read { path: path.into(), source })?;
+    let volume = volume(path, &fields, end).map_err(fail)?;
+    volume.check()?;
+    Ok(volume)
 }
 
-type Failure<T> = std::result::Result<T, String>;
+type Fields = BTreeMap<String, String>;
 
-/// The same from any reader, with messages that the caller puts the file's name to.
-///
-/// # Errors
-/// A message with field and value.
-pub fn read_from(mut input: impl BufRead) -> Failure<LabelVolume> {
-    let fields = header(&mut input)?;
+fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
     let field = |name: &str| fields.get(name).map(String::as_str);
     let need = |name: &str| field(name).ok_or_else(|| format!("header has no field `{name}`"));
     let dimension: usize = number("dimension", need("dimension")?)?;
@@ -41,50 +38,87 @@ pub fn read_from(mut input: impl BufRead) -> Failure<LabelVolume> {
     }
     let sizes = numbers::<usize>("sizes", need("sizes")?)?;
     let &[nx, ny, nz] = &sizes[..] else { return Err(format!("sizes must be 3 numbers; got {}", sizes.len())) };
-    let count = nx.checked_mul(ny).and_then(|n| n.checked_mul(nz)).filter(|n| (1..=MOST_VOXELS).contains(n));
-    let count = count.ok_or_else(|| format!("sizes {nx} {ny} {nz} are no volume of 1 to {MOST_VOXELS} voxels"))?;
-    if let Some(detached) = field("data file").or(field("datafile")) {
-        return Err(format!("data lie in another file (`{detached}`); save with an attached header"));
+    let known = ["domain", "space", "none", "???"];
+    if let Some(kind) = field("kinds").and_then(|k| k.split_whitespace().find(|k| !known.contains(k))) {
+        return Err(format!("kinds holds `{kind}`; the axes of a label volume are of kind domain or space"));
     }
-    let kind = Kind::parse(need("type")?)?;
-    let big = match field("endian") {
+    let element = element(need("type")?)?;
+    let big_endian = match field("endian") {
         Some("big") => true,
         Some("little") => false,
-        None if kind.size() == 1 => false,
+        None if element.size() == 1 => false,
         other => return Err(format!("endian must be little or big; got {}", other.unwrap_or("nothing"))),
     };
-    let bytes = match need("encoding")? {
-        "raw" => take(input, count * kind.size())?,
-        "gzip" | "gz" => take(MultiGzDecoder::new(input), count * kind.size())?,
+    let coding = match need("encoding")? {
+        "raw" => Coding::Raw,
+        "gzip" | "gz" => Coding::Gzip,
         other => return Err(format!("encoding must be raw or gzip; got {other}")),
     };
-    let labels = bytes
-        .chunks_exact(kind.size())
-        .enumerate()
-        .map(|(k, b)| kind.value(b, big).and_then(|v| v.map_or_else(|f| whole(f, k), Ok)))
-        .collect::<Failure<Vec<i64>>>()?;
-    let (origin, steps) = placement(&field)?;
+    let (origin, steps, spaced) = placement(&field)?;
     let unit = field("space units").and_then(|u| u.split('"').nth(1)).filter(|u| !u.is_empty()).unwrap_or("mm");
-    Ok(LabelVolume { dims: [nx, ny, nz], origin, steps, unit: unit.into(), labels })
+    let grid = Grid { dims: [nx, ny, nz], origin, steps, unit: unit.into(), spaced };
+    let (file, offset) = match field("data file").or(field("datafile")) {
+        None => (path.to_path_buf(), end),
+        Some(list) if list.starts_with("LIST") || list.contains('%') => {
+            return Err(format!("data lie in many files (`data file: {list}`); save them as one"));
+        }
+        Some(name) => (path.parent().unwrap_or(Path::new("")).join(name), 0),
+    };
+    let data = Data::Stream { file, offset, coding, skip: 0 };
+    let mut volume =
+        Volume { path: path.into(), format: "NRRD", grid, element, big_endian, stored: [0, 1, 2], scale: None, data };
+    skip(&mut volume, &field)?;
+    Ok(volume)
 }
 
-fn header(input: &mut impl BufRead) -> Failure<BTreeMap<String, String>> {
-    let mut line = String::new();
-    let mut read_line = |input: &mut dyn BufRead, number: usize| -> Failure<String> {
-        line.clear();
-        let n = input.take(LONGEST_LINE).read_line(&mut line).map_err(|e| format!("header line {number}: {e}"))?;
-        if n == 0 {
-            return Err(format!("ends in the header, at line {number}"));
+/// `line skip` and `byte skip`: lines before the packed bytes, and unpacked bytes before the voxels (-1: the voxels are the file's end).
+fn skip<'a>(volume: &mut Volume, field: &impl Fn(&str) -> Option<&'a str>) -> Failure<()> {
+    let lines: usize = field("line skip").or(field("lineskip")).map_or(Ok(0), |text| number("line skip", text))?;
+    let bytes: i64 = field("byte skip").or(field("byteskip")).map_or(Ok(0), |text| number("byte skip", text))?;
+    if lines == 0 && bytes == 0 {
+        return Ok(());
+    }
+    let needed = volume.grid.dims.iter().try_fold(volume.element.size(), |n, &d| n.checked_mul(d)).unwrap_or(0) as u64;
+    let Data::Stream { file, offset, coding, skip } = &mut volume.data else { return Ok(()) };
+    let unreadable = |e: std::io::Error| format!("data in {}: {e}", file.display());
+    match (bytes, *coding) {
+        (0.., Coding::Raw) => *offset += bytes as u64,
+        (0.., _) => *skip = bytes as u64,
+        (-1, Coding::Raw) => {
+            *offset = std::fs::metadata(&*file).map_err(unreadable)?.len().saturating_sub(needed);
+            return Ok(());
         }
-        Ok(line.trim_end_matches(['\n', '\r']).to_string())
+        _ => return Err(format!("byte skip must be 0 or more, or -1 for raw data; got {bytes}")),
+    }
+    if lines > 0 {
+        let mut input = std::io::BufReader::new(std::fs::File::open(&*file).map_err(unreadable)?);
+        let start = *offset - if *coding == Coding::Raw { bytes as u64 } else { 0 };
+        input.seek(std::io::SeekFrom::Start(start)).map_err(unreadable)?;
+        for _ in 0..lines.min(MOST_LINES) {
+            let n = input.skip_until(b'\n').map_err(unreadable)?;
+            *offset += n as u64;
+        }
+    }
+    Ok(())
+}
+
+fn header(input: &mut impl BufRead) -> Failure<Fields> {
+    let mut read_line = |number: usize| -> Failure<Option<String>> {
+        let mut line = String::new();
+        let n = input.take(LONGEST_LINE).read_line(&mut line).map_err(|e| format!("header line {number}: {e}"))?;
+        Ok((n > 0).then(|| line.trim_end_matches(['\n', '\r']).to_string()))
     };
-    let magic = read_line(input, 1)?;
-    if !magic.starts_with("NRRD000") {
+    if !read_line(1)?.is_some_and(|magic| magic.starts_with("NRRD000")) {
         return Err("does not begin with NRRD000".into());
     }
     let mut fields = BTreeMap::new();
     for number in 2..MOST_LINES {
-        let line = read_line(input, number)?;
+        let line = match read_line(number)? {
+            Some(line) => line,
+            // A header of its own may end without an empty line.
+            None if fields.contains_key("data file") || fields.contains_key("datafile") => return Ok(fields),
+            None => return Err(format!("ends in the header, at line {number}")),
+        };
         if line.is_empty() {
             return Ok(fields);
         }
@@ -106,72 +140,31 @@ fn numbers<T: std::str::FromStr>(name: &str, text: &str) -> Failure<Vec<T>> {
     text.split_whitespace().map(|t| number(name, t)).collect()
 }
 
-fn take(input: impl Read, bytes: usize) -> Failure<Vec<u8>> {
-    // Grows with what is really there: a short file never costs what its header claims.
-    let mut out = Vec::new();
-    input.take(bytes as u64).read_to_end(&mut out).map_err(|e| format!("data: {e}"))?;
-    if out.len() < bytes {
-        return Err(format!("data end after {} of {bytes} bytes", out.len()));
-    }
-    Ok(out)
-}
-
-#[derive(Debug, Clone, Copy)]
-enum Kind {
-    Int { size: usize, signed: bool },
-    Float,
-    Double,
-}
-
-impl Kind {
-    fn parse(name: &str) -> Failure<Self> {
-        let int = |size, signed| Ok(Kind::Int { size, signed });
-        match name {
-            "signed char" | "int8" | "int8_t" => int(1, true),
-            "uchar" | "unsigned char" | "uint8" | "uint8_t" => int(1, false),
-            "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => int(2, true),
-            "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => int(2, false),
-            "int" | "signed int" | "int32" | "int32_t" => int(4, true),
-            "uint" | "unsigned int" | "uint32" | "uint32_t" => int(4, false),
-            "longlong" | "long long" | "long long int" | "int64" | "int64_t" => int(8, true),
-            "ulonglong" | "unsigned long long" | "unsigned long long int" | "uint64" | "uint64_t" => int(8, false),
-            "float" => Ok(Kind::Float),
-            "double" => Ok(Kind::Double),
-            other => Err(format!("type `{other}` is not known")),
-        }
-    }
-
-    fn size(self) -> usize {
-        match self {
-            Kind::Int { size, .. } => size,
-            Kind::Float => 4,
-            Kind::Double => 8,
-        }
-    }
-
-    /// An integer, or a float that has yet to prove whole.
-    fn value(self, bytes: &[u8], big: bool) -> Failure<std::result::Result<i64, f64>> {
-        let mut wide = [0u8; 8];
-        for (k, b) in bytes.iter().enumerate() {
-            wide[if big { bytes.len() - 1 - k } else { k }] = *b;
-        }
-        let raw = u64::from_le_bytes(wide);
-        Ok(match self {
-            Kind::Int { size, signed: true } => {
-                let unused = 64 - 8 * size as u32;
-                Ok(((raw << unused) as i64) >> unused)
-            }
-            Kind::Int { signed: false, .. } => {
-                Ok(i64::try_from(raw).map_err(|_| format!("label {raw} is larger than {}", i64::MAX))?)
-            }
-            Kind::Float => Err(f64::from(f32::from_bits(raw as u32))),
-            Kind::Double => Err(f64::from_bits(raw)),
-        })
+fn element(name: &str) -> Failure<Element> {
+    let int = |size, signed| Ok(Element::Int { size, signed });
+    match name {
+        "signed char" | "int8" | "int8_t" => int(1, true),
+        "uchar" | "unsigned char" | "uint8" | "uint8_t" => int(1, false),
+        "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => int(2, true),
+        "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => int(2, false),
+        "int" | "signed int" | "int32" | "int32_t" => int(4, true),
+        "uint" | "unsigned int" | "uint32" | "uint32_t" => int(4, false),
+        "longlong"
+        | "long long"
+        | "long long int"
+        | "signed long long"
+        | "signed long long int"
+        | "int64"
+        | "int64_t" => int(8, true),
+        "ulonglong" | "unsigned long long" | "unsigned long long int" | "uint64" | "uint64_t" => int(8, false),
+        "float" => Ok(Element::Float),
+        "double" => Ok(Element::Double),
+        other => Err(format!("type `{other}` is not known")),
     }
 }
 
-/// Origin and steps in LPS.
-fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>) -> Failure<([f64; 3], [[f64; 3]; 3])> {
+/// Origin and steps in LPS, and whether the header gives steps.
+fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>) -> Failure<([f64; 3], [[f64; 3]; 3], bool)> {
     let flip = match field("space").map(str::to_lowercase).as_deref() {
         None | Some("left-posterior-superior" | "lps" | "scanner-xyz" | "3d-right-handed") => [1.0, 1.0, 1.0],
         Some("right-anterior-superior" | "ras") => [-1.0, -1.0, 1.0],
@@ -200,8 +193,11 @@ fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>) -> Failure<([f64; 3],
         None => {
             let s = field("spacings").map_or(Ok(vec![1.0; 3]), |text| numbers::<f64>("spacings", text))?;
             let &[x, y, z] = &s[..] else { return Err(format!("spacings must be 3 numbers; got {}", s.len())) };
+            if let Some((axis, h)) = s.iter().enumerate().find(|(_, h)| !(h.is_finite() && **h > 0.0)) {
+                return Err(format!("spacings: voxel spacing along axis {axis} must be a positive number; got {h}"));
+            }
             [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]]
         }
     };
-    Ok((origin, steps))
+    Ok((origin, steps, field("space directions").or(field("spacings")).is_some()))
 }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::volume::axis::Axis;
+
 /// What to read from an input.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -15,11 +17,54 @@ pub struct ReadOptions {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub label: Option<i64>,
 
-    /// Label volumes: use every K-th slice only [default: the slices that have the label]
+    /// RTSTRUCT: the ROI, by name or number; repeatable, several are merged into one body
+    #[arg(long, value_name = "NAME|NUMBER")]
+    #[serde(deserialize_with = "one_or_many")]
+    pub roi: Vec<String>,
+
+    /// Polygons and RTSTRUCT: side of the pixels the contours are laid on, in the input's unit [default: half the distance of neighbouring
+    /// points, finer for what is thin]
+    #[arg(long, value_name = "LENGTH")]
+    pub pixel: Option<f64>,
+
+    /// Label volumes and RTSTRUCT: use every K-th slice only [default: the slices that have the label, the planes that are drawn]
     #[arg(long, value_name = "K", conflicts_with = "slices")]
     pub keep: Option<usize>,
 
-    /// Label volumes: use these slices only, numbered from 0
+    /// Label volumes and RTSTRUCT: use these slices (drawn planes) only, numbered from 0
     #[arg(long, value_name = "I,J,..", value_delimiter = ',')]
     pub slices: Option<Vec<usize>>,
+
+    /// Label volumes: the axis along which slices lie [default: that along which painted slices stand alone, else that of the coarsest
+    /// spacing, else z]
+    #[arg(long, value_name = "AXIS", default_value = "auto", hide_default_value = true)]
+    pub axis: Axis,
+
+    /// Label volumes whose file does not tell (.npy, plain TIFF): sides of a voxel along x, y, z, mm [default: 1 px]
+    #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',', allow_negative_numbers = true)]
+    pub spacing: Option<Vec<f64>>,
+}
+
+/// A name, a number, or a list of such, as a settings file or a manifest may give them.
+fn one_or_many<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Name {
+        Text(String),
+        Number(i64),
+    }
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Names {
+        One(Name),
+        Many(Vec<Name>),
+    }
+    let text = |name| match name {
+        Name::Text(text) => text,
+        Name::Number(number) => number.to_string(),
+    };
+    Ok(match Names::deserialize(deserializer)? {
+        Names::One(name) => vec![text(name)],
+        Names::Many(names) => names.into_iter().map(text).collect(),
+    })
 }

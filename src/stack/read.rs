@@ -3,16 +3,22 @@
 use std::path::{Path, PathBuf};
 
 use super::options::ReadOptions;
-use super::volume::LabelVolume;
-use super::{ContourStack, folder, nifti, nrrd};
+use super::volume::survey::Survey;
+use super::volume::{Volume, axis, slices};
+use super::{ContourStack, folder, mha, nifti, npy, nrrd, pages};
 use crate::error::{Error, Result};
+
+/// Names of volumes.
+pub const VOLUMES: &str = ".nrrd, .nii, .nii.gz, .mha, .mhd, .tif or .npy";
 
 /// What an input is, by its name.
 enum Kind {
     /// A folder of slices, or its stack.json.
     Folder,
-    /// A label volume and its reader.
-    Volume(fn(&Path) -> Result<LabelVolume>),
+    /// A label volume and the reader of its header.
+    Volume(fn(&Path) -> Result<Volume>),
+    /// A DICOM RTSTRUCT.
+    StructureSet,
 }
 
 impl Kind {
@@ -20,16 +26,21 @@ impl Kind {
         let metadata = std::fs::metadata(path).map_err(|source| Error::Read { path: path.into(), source })?;
         let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
         if metadata.is_dir() || name.ends_with(".json") {
-            Ok(Kind::Folder)
-        } else if name.ends_with(".nrrd") {
-            Ok(Kind::Volume(nrrd::read))
-        } else if name.ends_with(".nii") || name.ends_with(".nii.gz") {
-            Ok(Kind::Volume(nifti::read))
-        } else {
-            Err(Error::Format {
-                path: path.into(),
-                message: "not a known input: expected a folder with stack.json, .nrrd, .nii or .nii.gz".into(),
-            })
+            return Ok(Kind::Folder);
+        }
+        let extension = name.strip_suffix(".gz").filter(|n| n.ends_with(".nii")).unwrap_or(&name).rsplit_once('.');
+        match extension.map(|(_, extension)| extension) {
+            Some("nrrd" | "nhdr") => Ok(Kind::Volume(nrrd::read)),
+            Some("nii") => Ok(Kind::Volume(nifti::read)),
+            Some("mha" | "mhd") => Ok(Kind::Volume(mha::read)),
+            Some("tif" | "tiff") => Ok(Kind::Volume(pages::read)),
+            Some("npy") => Ok(Kind::Volume(npy::read)),
+            Some("dcm") => Ok(Kind::StructureSet),
+            _ => {
+                let message =
+                    format!("not a known input: expected a folder with stack.json, {VOLUMES}, or .dcm (RTSTRUCT)");
+                Err(Error::Format { path: path.into(), message })
+            }
         }
     }
 
@@ -38,13 +49,26 @@ impl Kind {
         let kind = Kind::of(path)?;
         let chooses = "a folder of slices; it chooses from a label volume";
         let folder = matches!(kind, Kind::Folder);
+        let volume = matches!(kind, Kind::Volume(_));
+        let structures = matches!(kind, Kind::StructureSet);
         let wrong = [
+            (structures && options.label.is_some(), "label", "an RTSTRUCT; `roi` chooses there"),
+            (!structures && !options.roi.is_empty(), "roi", "anything but an RTSTRUCT"),
+            (volume && options.pixel.is_some(), "pixel", "volumes; it is the pixel size for polygons"),
             (folder && options.label.is_some(), "label", chooses),
             (folder && options.keep.is_some(), "keep", chooses),
             (folder && options.slices.is_some(), "slices", chooses),
-            (!folder && options.level.is_some(), "level", "label volumes; it cuts grey slices"),
+            (!volume && options.axis != axis::Axis::Auto, "axis", "anything but a label volume"),
+            (!volume && options.spacing.is_some(), "spacing", "anything but a label volume whose file has none"),
+            (!folder && options.level.is_some(), "level", "this input; it cuts grey slices"),
             (options.keep.is_some() && options.slices.is_some(), "keep", "a volume whose `slices` are named"),
         ];
+        if let Some(px) = options.pixel.filter(|px| !(px.is_finite() && *px > 0.0)) {
+            return Err(Error::Setting {
+                name: "pixel".into(),
+                message: format!("must be a positive number; got {px}"),
+            });
+        }
         match wrong.into_iter().find(|(wrong, ..)| *wrong) {
             Some((_, option, what)) => {
                 Err(Error::Setting { name: option.into(), message: format!("is not for {what}") })
@@ -69,30 +93,73 @@ pub fn check(path: &Path, options: &ReadOptions) -> Result<()> {
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     match Kind::of(path)? {
         Kind::Folder => folder::files(path),
-        Kind::Volume(_) => Ok(vec![path.into()]),
+        Kind::Volume(header) => Ok(header(path)?.files()),
+        Kind::StructureSet => Ok(vec![path.into()]),
     }
 }
 
-/// The labels of all voxels of a label volume.
+/// Whether an input is an RTSTRUCT, by its name.
+pub fn is_structure_set(path: &Path) -> bool {
+    matches!(Kind::of(path), Ok(Kind::StructureSet))
+}
+
+/// The labels of a label volume, and which of its slices have any.
 ///
 /// # Errors
 /// As [`read`]; [`Error::Format`] for a folder of slices.
-pub fn labels(path: &Path) -> Result<Vec<i64>> {
+pub fn survey(path: &Path) -> Result<Survey> {
     match Kind::of(path)? {
-        Kind::Folder => Err(Error::Format { path: path.into(), message: "is not a label volume".into() }),
-        Kind::Volume(read) => Ok(read(path)?.labels),
+        Kind::Folder | Kind::StructureSet => {
+            Err(Error::Format { path: path.into(), message: "is not a label volume".into() })
+        }
+        Kind::Volume(header) => Survey::of(&header(path)?, None),
     }
 }
 
-/// Reads a stack: a folder with `stack.json` (or that file itself), or a `.nrrd`, `.nii`, `.nii.gz` label volume.
+/// A label volume as it was read.
+#[derive(Debug, Clone)]
+pub struct Surveyed {
+    /// The volume.
+    pub volume: Volume,
+    /// What is in it.
+    pub survey: Survey,
+    /// Across which axis it was cut.
+    pub axis: axis::Choice,
+}
+
+/// Reads a stack, and says what was found if it is a volume.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Option<Surveyed>)> {
+    let (stack, surveyed) = match Kind::for_options(path, options)? {
+        Kind::Folder => (folder::read(path, options)?, None),
+        Kind::Volume(header) => {
+            let mut volume = header(path)?;
+            if let Some(sides) = &options.spacing {
+                volume = volume.with_spacing(sides)?;
+            }
+            let survey = Survey::of(&volume, options.label)?;
+            let axis = axis::choose(options.axis, &volume.grid, &survey);
+            let stack = slices::stack(&volume, &survey, &axis, options)?;
+            (stack, Some(Surveyed { volume, survey, axis }))
+        }
+        #[cfg(feature = "dicom")]
+        Kind::StructureSet => (crate::rtstruct::read(path, options)?, None),
+        #[cfg(not(feature = "dicom"))]
+        Kind::StructureSet => {
+            let message = "is DICOM, which this program was built without (feature `dicom`)".into();
+            return Err(Error::Format { path: path.into(), message });
+        }
+    };
+    stack.validate()?;
+    Ok((stack, surveyed))
+}
+
+/// Reads a stack: a folder with `stack.json` (or that file itself), a label volume, or ROIs of a DICOM RTSTRUCT.
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Format`], [`Error::Slice`], [`Error::Stack`] or [`Error::Setting`], naming file, slice and value.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
-    let stack = match Kind::for_options(path, options)? {
-        Kind::Folder => folder::read(path, options.level)?,
-        Kind::Volume(read) => read(path)?.into_stack(path, options)?,
-    };
-    stack.validate()?;
-    Ok(stack)
+    read_surveyed(path, options).map(|(stack, _)| stack)
 }

@@ -1,6 +1,7 @@
 //! What goes out: the reconstructed body as layers of signed distance, and one writer per format.
 
 mod cases;
+pub mod contour_lines;
 #[cfg(feature = "glb")]
 pub mod glb;
 pub mod heightmap;
@@ -8,6 +9,7 @@ pub mod html;
 pub mod marching;
 pub mod mesh;
 pub mod mesh_files;
+pub mod mha;
 pub mod nifti;
 pub mod nrrd;
 pub mod origin;
@@ -16,7 +18,9 @@ pub mod render;
 pub mod simplify;
 pub mod spool;
 pub mod stream;
+pub(crate) mod transposed;
 pub mod volume;
+mod voxels;
 #[cfg(feature = "zarr")]
 pub mod zarr;
 

@@ -1,12 +1,14 @@
 //! The voxels of a volume, output layer by output layer, behind whatever header.
 
 use std::io::{self, Write};
+use std::path::Path;
 
 use flate2::Compression;
-use flate2::write::GzEncoder;
+use flate2::write::{GzEncoder, ZlibEncoder};
 
 use super::Layer;
-use super::stream::{BodyWriter, Ending};
+use super::stream::{BodyWriter, Ending, Header};
+use super::transposed::Transposed;
 
 /// What a volume holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,12 +21,63 @@ pub enum Content {
     Origin,
     /// f32, how far a voxel's side can be relied on, see [`origin`](super::origin).
     Confidence,
+    /// Numbers of labels: a layer has them instead of distances.
+    Labels(Whole),
+}
+
+/// Whole numbers that hold labels, the smallest that can.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Whole {
+    /// 0 to 255.
+    U8,
+    /// 0 to 65535.
+    U16,
+    /// To 2^24 either side of 0, as far as f32 goes.
+    I32,
+}
+
+impl Whole {
+    /// Largest label either side of 0.
+    pub const MOST: i64 = 1 << 24;
+
+    /// What holds labels from `least` to `most`, and 0; `None` beyond [`Whole::MOST`].
+    pub fn holding(least: i64, most: i64) -> Option<Self> {
+        match (least, most) {
+            (0.., ..=0xff) => Some(Whole::U8),
+            (0.., ..=0xffff) => Some(Whole::U16),
+            _ if least >= -Self::MOST && most <= Self::MOST => Some(Whole::I32),
+            _ => None,
+        }
+    }
+}
+
+/// What a voxel is in the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Scalar {
+    F32,
+    U8,
+    U16,
+    I32,
 }
 
 impl Content {
-    /// Whether voxels are f32, else u8.
-    pub fn is_float(self) -> bool {
-        matches!(self, Content::Distance | Content::Confidence)
+    /// What a voxel is.
+    pub(super) fn scalar(self) -> Scalar {
+        match self {
+            Content::Distance | Content::Confidence => Scalar::F32,
+            Content::Mask | Content::Origin | Content::Labels(Whole::U8) => Scalar::U8,
+            Content::Labels(Whole::U16) => Scalar::U16,
+            Content::Labels(Whole::I32) => Scalar::I32,
+        }
+    }
+
+    /// Bytes of a voxel.
+    pub(super) fn size(self) -> usize {
+        match self.scalar() {
+            Scalar::F32 | Scalar::I32 => 4,
+            Scalar::U16 => 2,
+            Scalar::U8 => 1,
+        }
     }
 
     /// Voxels of a layer as little-endian bytes, x fastest, put behind `bytes`.
@@ -34,47 +87,81 @@ impl Content {
                 layer.phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()))
             }
             Content::Mask => bytes.extend(layer.phi.iter().map(|v| u8::from(*v < 0.0))),
-            Content::Origin => bytes.extend(layer.phi.iter().map(|v| *v as u8)),
+            Content::Origin | Content::Labels(Whole::U8) => bytes.extend(layer.phi.iter().map(|v| *v as u8)),
+            Content::Labels(Whole::U16) => bytes.extend(layer.phi.iter().flat_map(|v| (*v as u16).to_le_bytes())),
+            Content::Labels(Whole::I32) => bytes.extend(layer.phi.iter().flat_map(|v| (*v as i32).to_le_bytes())),
         }
     }
 }
 
-/// Writes voxels.
+/// Writes voxels in the order of the input's axes.
 pub struct VolumeWriter<W: Write> {
     out: Coded<W>,
     content: Content,
     /// The layer's bytes.
     bytes: Vec<u8>,
+    /// Where layers wait that are none of the volume's own.
+    waiting: Option<Transposed>,
 }
 
-enum Coded<W: Write> {
+/// Voxels on their way into a file.
+pub(super) enum Coded<W: Write> {
     Raw(W),
     Gzip(GzEncoder<W>),
+    Zlib(ZlibEncoder<W>),
 }
 
 impl<W: Write> Coded<W> {
-    fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+    /// A gzip stream, as fast as can be.
+    pub fn gzip(out: W) -> Self {
+        Coded::Gzip(GzEncoder::new(out, Compression::fast()))
+    }
+
+    /// A zlib stream, as fast as can be.
+    pub fn zlib(out: W) -> Self {
+        Coded::Zlib(ZlibEncoder::new(out, Compression::fast()))
+    }
+
+    pub fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
         match self {
             Coded::Raw(out) => out.write_all(bytes),
             Coded::Gzip(out) => out.write_all(bytes),
+            Coded::Zlib(out) => out.write_all(bytes),
         }
+    }
+
+    /// Ends the stream.
+    fn finish(&mut self) -> io::Result<&mut W> {
+        Ok(match self {
+            Coded::Raw(out) => out,
+            Coded::Gzip(gzip) => {
+                gzip.try_finish()?;
+                gzip.get_mut()
+            }
+            Coded::Zlib(zlib) => {
+                zlib.try_finish()?;
+                zlib.get_mut()
+            }
+        })
     }
 }
 
 impl<W: Write> VolumeWriter<W> {
-    /// Voxels as they are, after what `out` has already.
-    pub fn raw(out: W, content: Content) -> Self {
-        VolumeWriter { out: Coded::Raw(out), content, bytes: Vec::new() }
-    }
-
-    /// Voxels in a gzip stream that begins with `head`.
+    /// Voxels after what `out` has already. Layers that lie across x or y of the volume wait in a nameless file in `folder`.
     ///
     /// # Errors
-    /// Those of `out`.
-    pub fn gzip(out: W, head: &[u8], content: Content) -> io::Result<Self> {
-        let mut gzip = GzEncoder::new(out, Compression::fast());
-        gzip.write_all(head)?;
-        Ok(VolumeWriter { out: Coded::Gzip(gzip), content, bytes: Vec::new() })
+    /// Those of that file.
+    pub(super) fn new(out: Coded<W>, body: &Header, content: Content, folder: &Path) -> io::Result<Self> {
+        let waiting = if body.geometry.is_layered() { None } else { Some(Transposed::new(body, content, folder)?) };
+        Ok(VolumeWriter { out, content, bytes: Vec::new(), waiting })
+    }
+
+    /// Writes what waits and ends the stream.
+    pub(super) fn end(&mut self) -> io::Result<&mut W> {
+        if let Some(mut layers) = self.waiting.take() {
+            layers.rows(|row| self.out.write_all(row))?;
+        }
+        self.out.finish()
     }
 }
 
@@ -85,16 +172,13 @@ impl<W: Write + Send> BodyWriter for VolumeWriter<W> {
         }
         self.bytes.clear();
         self.content.voxels(layer, &mut self.bytes);
-        self.out.write_all(&self.bytes)
+        match &mut self.waiting {
+            Some(layers) => layers.push(&self.bytes),
+            None => self.out.write_all(&self.bytes),
+        }
     }
 
     fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
-        match &mut self.out {
-            Coded::Raw(out) => out.flush(),
-            Coded::Gzip(gzip) => {
-                gzip.try_finish()?;
-                gzip.get_mut().flush()
-            }
-        }
+        self.end()?.flush()
     }
 }

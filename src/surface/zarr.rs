@@ -1,5 +1,6 @@
 //! Volumes as Zarr, version 3: a folder of chunks, so that a reader takes what it needs of a volume larger than memory. The metadata are
-//! those of an OME-Zarr 0.5 image with one level.
+//! those of an OME-Zarr 0.5 image with one level. The array's axes z, y, x are those of the input, whatever axis its slices lie across; layers
+//! go into chunks as they lie, so that nothing waits but the layers of a chunk.
 //!
 //! OME-Zarr knows a scale and a translation per axis and no rotation: its coordinates are those along the volume's own axes, from the world's
 //! origin (`origin . axis`). How the volume lies in the world stands in the attribute `interslice`, as NRRD has it.
@@ -11,18 +12,19 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use zarrs::array::codec::GzipCodec;
-use zarrs::array::data_type::{float32, uint8};
+use zarrs::array::data_type::{float32, int32, uint8, uint16};
 use zarrs::array::{Array, ArrayBuilder, Element};
 use zarrs::filesystem::FilesystemStore;
 use zarrs::group::GroupBuilder;
 
 use super::Layer;
-use super::mesh::{dot, to_world};
+use super::mesh::dot;
 use super::stream::{BodyWriter, Ending, Header};
-use super::volume::Content;
+use super::volume::{Content, Scalar, Whole};
+use super::voxels::VoxelGrid;
 
-/// Sides of a chunk, `[z, y, x]`; fewer layers where [`SLAB_BYTES`] hold no more.
-const CHUNK: [usize; 3] = [64, 256, 256];
+/// Columns, rows and layers of a chunk; fewer layers where [`SLAB_BYTES`] hold no more.
+const CHUNK: [usize; 3] = [256, 256, 64];
 /// Most bytes of the layers that wait for their chunks to be full, if two have room.
 const SLAB_BYTES: usize = 256 << 20;
 /// The array's name in the group.
@@ -39,27 +41,33 @@ pub fn writer(folder: &Path, body: &Header, content: Content) -> io::Result<Box<
         Content::Distance | Content::Confidence => Box::new(ZarrWriter::new(folder, body, content, f32::NAN, |v| v)?),
         Content::Mask => Box::new(ZarrWriter::new(folder, body, content, 0, |phi| u8::from(phi < 0.0))?),
         Content::Origin => Box::new(ZarrWriter::new(folder, body, content, 0, |v| v as u8)?),
+        Content::Labels(Whole::U8) => Box::new(ZarrWriter::new(folder, body, content, 0, |number| number as u8)?),
+        Content::Labels(Whole::U16) => Box::new(ZarrWriter::new(folder, body, content, 0, |number| number as u16)?),
+        Content::Labels(Whole::I32) => Box::new(ZarrWriter::new(folder, body, content, 0, |number| number as i32)?),
     })
 }
 
 /// Layers of a chunk for layers of so many voxels of so many bytes.
 fn depth(pixels: usize, voxel: usize) -> usize {
     let room = SLAB_BYTES / (pixels * voxel).max(1);
-    [CHUNK[0], 32, 16, 8, 4, 2].into_iter().find(|depth| *depth <= room).unwrap_or(1)
+    [CHUNK[2], 32, 16, 8, 4, 2].into_iter().find(|depth| *depth <= room).unwrap_or(1)
 }
 
 /// Bytes of memory that writing layers of so many pixels needs at most: a slab, and per thread a chunk before and after its compression.
 pub(crate) fn bytes(pixels: usize, threads: usize) -> u64 {
     let voxel = size_of::<f32>();
     let depth = depth(pixels, voxel);
-    let chunk = depth * pixels.min(CHUNK[1] * CHUNK[2]) * voxel;
+    let chunk = depth * pixels.min(CHUNK[0] * CHUNK[1]) * voxel;
     (depth * pixels * voxel + 3 * threads * chunk) as u64
 }
 
 struct ZarrWriter<T> {
     array: Array<FilesystemStore>,
+    /// Pixels of a layer, columns, rows and layers of a chunk.
     dims: [usize; 2],
     chunk: [usize; 3],
+    /// Which axis of the volume each of them runs along.
+    order: [usize; 3],
     /// What a voxel holds, and what lies beyond the volume.
     value: fn(f32) -> T,
     beyond: T,
@@ -72,43 +80,50 @@ struct ZarrWriter<T> {
 impl<T: Element + Copy + Send + Sync> ZarrWriter<T> {
     fn new(folder: &Path, body: &Header, content: Content, beyond: T, value: fn(f32) -> T) -> io::Result<Self> {
         let store = Arc::new(FilesystemStore::new(folder).map_err(io::Error::other)?);
-        let group = GroupBuilder::new().attributes(attributes(body, content)).build(store.clone(), "/");
+        let grid = VoxelGrid::of(body);
+        let group = GroupBuilder::new().attributes(attributes(body, &grid, content)).build(store.clone(), "/");
         group.map_err(io::Error::other)?.store_metadata().map_err(io::Error::other)?;
         let [nx, ny] = body.dims;
-        let chunk = [depth(nx * ny, size_of::<T>()).min(body.grid.count.max(1)), CHUNK[1].min(ny), CHUNK[2].min(nx)];
-        let shape = [body.grid.count, ny, nx].map(|n| n as u64).to_vec();
-        let chunks = chunk.map(|n| n as u64);
-        let mut builder = match content.is_float() {
-            true => ArrayBuilder::new(shape, chunks, float32(), f32::NAN),
-            false => ArrayBuilder::new(shape, chunks, uint8(), 0u8),
+        let count = body.grid.count;
+        let chunk = [CHUNK[0].min(nx), CHUNK[1].min(ny), depth(nx * ny, size_of::<T>()).min(count.max(1))];
+        let shape = zyx(grid.dims).to_vec();
+        let chunks = zyx(along_axes(chunk, grid.order));
+        let mut builder = match content.scalar() {
+            Scalar::F32 => ArrayBuilder::new(shape, chunks, float32(), f32::NAN),
+            Scalar::U8 => ArrayBuilder::new(shape, chunks, uint8(), 0u8),
+            Scalar::U16 => ArrayBuilder::new(shape, chunks, uint16(), 0u16),
+            Scalar::I32 => ArrayBuilder::new(shape, chunks, int32(), 0i32),
         };
         let gzip = GzipCodec::new(COMPRESSION).map_err(io::Error::other)?;
         builder.bytes_to_bytes_codecs(vec![Arc::new(gzip)]).dimension_names(Some(["z", "y", "x"]));
         let array = builder.build(store, &format!("/{LEVEL}")).map_err(io::Error::other)?;
         array.store_metadata().map_err(io::Error::other)?;
-        let (slab, count) = (Vec::new(), body.grid.count);
-        Ok(ZarrWriter { array, dims: body.dims, chunk, value, beyond, slab, written: 0, count })
+        let order = grid.order;
+        Ok(ZarrWriter { array, dims: body.dims, chunk, order, value, beyond, slab: Vec::new(), written: 0, count })
     }
 
     /// Writes the layers that wait as one layer of chunks.
     fn store(&mut self) -> io::Result<()> {
         let [nx, ny] = self.dims;
-        let [depth, height, width] = self.chunk;
+        let [width, height, depth] = self.chunk;
         let layers = self.slab.len() / (nx * ny);
-        let z = (self.written / depth) as u64;
+        let ck = self.written / depth;
+        // How far apart neighbours along the layers' columns, rows and heights lie in a chunk.
+        let [x, y, _] = along_axes(self.chunk, self.order);
+        let [columns, rows, heights] = self.order.map(|axis| [1, x, x * y][axis]);
         let across = nx.div_ceil(width);
         (0..across * ny.div_ceil(height)).into_par_iter().try_for_each(|n| {
-            let (cy, cx) = (n / across, n % across);
+            let (cj, ci) = (n / across, n % across);
             let mut chunk = vec![self.beyond; depth * height * width];
-            let (x, row_length) = (cx * width, width.min(nx - cx * width));
+            let (i, row_length) = (ci * width, width.min(nx - ci * width));
             for k in 0..layers {
-                for j in 0..height.min(ny - cy * height) {
-                    let from = (k * ny + cy * height + j) * nx + x;
-                    let to = (k * height + j) * width;
-                    chunk[to..to + row_length].copy_from_slice(&self.slab[from..from + row_length]);
+                for j in 0..height.min(ny - cj * height) {
+                    let from = (k * ny + cj * height + j) * nx + i;
+                    let to = chunk[k * heights + j * rows..].iter_mut().step_by(columns);
+                    to.zip(&self.slab[from..from + row_length]).for_each(|(to, from)| *to = *from);
                 }
             }
-            self.array.store_chunk(&[z, cy as u64, cx as u64], chunk).map_err(io::Error::other)
+            self.array.store_chunk(&zyx(along_axes([ci, cj, ck], self.order)), chunk).map_err(io::Error::other)
         })?;
         self.written += layers;
         self.slab.clear();
@@ -122,7 +137,7 @@ impl<T: Element + Copy + Send + Sync> BodyWriter for ZarrWriter<T> {
             return Ok(());
         }
         self.slab.extend(layer.phi.iter().map(|phi| (self.value)(*phi)));
-        let full = self.chunk[0] * self.dims[0] * self.dims[1];
+        let full = self.chunk[2] * self.dims[0] * self.dims[1];
         if self.slab.len() == full { self.store() } else { Ok(()) }
     }
 
@@ -138,18 +153,26 @@ impl<T: Element + Copy + Send + Sync> BodyWriter for ZarrWriter<T> {
     }
 }
 
-fn attributes(body: &Header, content: Content) -> Map<String, Value> {
-    let g = &body.geometry;
-    let steps = [body.spacing[0], body.spacing[1], body.grid.step];
-    let origin = to_world(g, [0.0, 0.0, body.grid.start]);
+/// Numbers of the layers' columns, rows and heights as those of the volume's axes.
+fn along_axes(of_layers: [usize; 3], order: [usize; 3]) -> [usize; 3] {
+    let mut axes = [0; 3];
+    order.into_iter().zip(of_layers).for_each(|(axis, n)| axes[axis] = n);
+    axes
+}
+
+fn zyx([x, y, z]: [usize; 3]) -> [u64; 3] {
+    [z, y, x].map(|n| n as u64)
+}
+
+fn attributes(body: &Header, grid: &VoxelGrid, content: Content) -> Map<String, Value> {
     let axis = |name: &str| match ome_unit(&body.unit) {
         Some(unit) => json!({"name": name, "type": "space", "unit": unit}),
         None => json!({"name": name, "type": "space"}),
     };
-    let zyx = |of: &dyn Fn(usize) -> f64| json!([of(2), of(1), of(0)]);
+    let backwards = |of: &dyn Fn(usize) -> f64| json!([of(2), of(1), of(0)]);
     let transformations = json!([
-        {"type": "scale", "scale": zyx(&|a| steps[a])},
-        {"type": "translation", "translation": zyx(&|a| dot(origin, g.axes[a]))},
+        {"type": "scale", "scale": backwards(&|a| grid.sides[a])},
+        {"type": "translation", "translation": backwards(&|a| dot(grid.origin, grid.axes[a]))},
     ]);
     let axes = ["z", "y", "x"].map(axis);
     let image = json!({
@@ -157,7 +180,6 @@ fn attributes(body: &Header, content: Content) -> Map<String, Value> {
         "axes": axes,
         "datasets": [{"path": LEVEL, "coordinateTransformations": transformations}],
     });
-    let direction = |a: usize| g.axes[a].map(|v| v * steps[a]);
     let own = json!({
         "version": env!("CARGO_PKG_VERSION"),
         "content": match content {
@@ -165,11 +187,12 @@ fn attributes(body: &Header, content: Content) -> Map<String, Value> {
             Content::Mask => "mask",
             Content::Origin => "origin",
             Content::Confidence => "confidence",
+            Content::Labels(_) => "labels",
         },
         "space": "left-posterior-superior",
         "space units": body.unit,
-        "space origin": origin,
-        "space directions": {"x": direction(0), "y": direction(1), "z": direction(2)},
+        "space origin": grid.origin,
+        "space directions": {"x": grid.step(0), "y": grid.step(1), "z": grid.step(2)},
     });
     let ome = json!({"version": "0.5", "multiscales": [image]});
     Map::from_iter([("ome".into(), ome), ("interslice".into(), own)])

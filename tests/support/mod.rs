@@ -2,12 +2,16 @@
 #![allow(dead_code)]
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use interslice::Reconstruction;
+use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::pending::Temporary;
 use interslice::report::Report;
 use interslice::stack::Geometry;
 use interslice::surface::Layer;
 use interslice::surface::mesh::Mesh;
+use interslice::surface::stream::LayerSink;
 
 /// A body from an implicit function of (x, y, z), negative inside; every layer is an output layer.
 pub fn body(dims: [usize; 2], heights: &[f64], f: impl Fn(f64, f64, f64) -> f64) -> Reconstruction {
@@ -29,6 +33,18 @@ pub fn body(dims: [usize; 2], heights: &[f64], f: impl Fn(f64, f64, f64) -> f64)
         layers,
         report: Report::default(),
     }
+}
+
+/// Writes a body into the file or folder `path`, layer by layer.
+pub fn write(path: &Path, body: &Reconstruction, mask: bool) {
+    let mut outputs = Outputs::open(&[path.into()], None, Temporary::Random).expect("it can be made");
+    let options = OutputOptions { mask, ..OutputOptions::default() };
+    let mut sink = outputs.sink(&options);
+    sink.begin(&body.header()).expect("it can be written");
+    body.layers.iter().try_for_each(|l| sink.layer(l.clone())).expect("it can be written");
+    drop(sink);
+    outputs.complete(&mut Report::default()).expect("it can be written");
+    outputs.rename().expect("it can be renamed");
 }
 
 /// Edges that are not in exactly two triangles, once in each direction, by vertex numbers.

@@ -1,0 +1,105 @@
+//! `--all-rois`: every ROI of an RTSTRUCT that can be reconstructed, each to files of its own, and one completed RTSTRUCT.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use interslice::files::outputs::{Outputs, extension_at};
+use interslice::files::pending::Temporary;
+use interslice::files::{JobOptions, Loaded};
+use interslice::rtstruct::{Gather, StructureSet};
+use interslice::stack::read::check;
+use interslice::{Error, Result};
+
+use super::devices::DeviceOptions;
+use super::reconstruct::{Telling, budget, chosen, complete, compute};
+
+/// What is to be done with a structure set.
+pub struct All<'a> {
+    pub input: &'a Path,
+    pub outputs: &'a [PathBuf],
+    pub report: Option<&'a Path>,
+    pub options: JobOptions,
+    pub device: &'a DeviceOptions,
+    pub telling: Telling,
+}
+
+/// Reconstructs one ROI after the other. Nothing gets its name before everything is complete.
+pub fn run(all: &All<'_>) -> Result<()> {
+    check(all.input, &all.options.read)?;
+    let set = StructureSet::read(all.input)?;
+    let mut rois = Vec::new();
+    for roi in &set.rois {
+        let usable = set.closed(vec![roi]).and_then(|chosen| chosen.chosen_planes(&all.options.read));
+        match usable {
+            Ok(_) => rois.push(roi),
+            Err(_) if roi.contours.is_empty() => tell(all, &format!("{}: left out, not drawn", roi.label())),
+            Err(e) => tell(all, &format!("{}: left out: {e}", roi.label())),
+        }
+    }
+    if rois.is_empty() {
+        let message = "none of its ROIs can be reconstructed".into();
+        return Err(Error::Format { path: all.input.into(), message });
+    }
+    let is_set = |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dcm"));
+    let completed: Vec<PathBuf> = all.outputs.iter().filter(is_set).cloned().collect();
+    let each: Vec<&PathBuf> = all.outputs.iter().filter(|p| !is_set(p)).collect();
+    let completed = Outputs::open(&completed, None, Temporary::Random)?;
+    let mut files = Vec::new();
+    // These words in a file's name say what it holds.
+    let mut taken = HashSet::from(["contours", "origin", "confidence"].map(String::from));
+    for roi in &rois {
+        let mut name = plain(&roi.name);
+        if !taken.insert(name.to_lowercase()) {
+            name = format!("{name}-{}", roi.number);
+            taken.insert(name.to_lowercase());
+        }
+        let outputs: Vec<PathBuf> = each.iter().map(|path| with_name(path, &name)).collect();
+        let report = all.report.map(|path| with_name(path, &name));
+        files.push(Outputs::open(&outputs, report.as_deref(), Temporary::Random)?);
+    }
+    let chosen = chosen(all.device, all.telling)?;
+    let mut added = Vec::new();
+    for (roi, outputs) in rois.iter().zip(&mut files) {
+        let mut options = all.options.clone();
+        options.read.roi = vec![roi.number.to_string()];
+        let loaded = Loaded::read(all.input, options)?;
+        completed.check(&loaded.options.output)?;
+        let (dims, geometry) = (loaded.stack.dims, &loaded.stack.geometry);
+        let writing = outputs.bytes(dims, geometry) + completed.bytes(dims, geometry);
+        let budget = budget(&loaded, writing, all.device, all.telling)?;
+        tell(all, &roi.label());
+        let source = loaded.options.output.source.as_ref().ok_or_else(|| {
+            let message = "an RTSTRUCT is needed for --all-rois".into();
+            Error::Format { path: all.input.into(), message }
+        })?;
+        let mut gather = Gather::new(source, outputs.sink(&loaded.options.output));
+        let mut body = compute(&loaded, &mut gather, &chosen, &budget, all.telling)?;
+        added.extend(gather.added());
+        complete(outputs, &mut body, all.telling)?;
+    }
+    completed.complete_structures(&set, &added)?;
+    for outputs in files.into_iter().chain([completed]) {
+        outputs.rename()?.iter().for_each(|path| tell(all, &format!("wrote {}", path.display())));
+    }
+    Ok(())
+}
+
+fn tell(all: &All<'_>, message: &str) {
+    if all.telling != Telling::Quiet {
+        eprintln!("{message}");
+    }
+}
+
+/// A ROI's name as part of a file's.
+fn plain(name: &str) -> String {
+    let safe = |c: char| if c.is_alphanumeric() || "-_+".contains(c) { c } else { '_' };
+    let name: String = name.trim().chars().map(safe).collect();
+    if name.is_empty() { "ROI".into() } else { name }
+}
+
+/// `out.stl` as `out.Heart.stl`.
+fn with_name(path: &Path, roi: &str) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let at = extension_at(&name);
+    path.with_file_name(format!("{}.{roi}{}", &name[..at], &name[at..]))
+}

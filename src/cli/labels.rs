@@ -1,0 +1,56 @@
+//! `interslice reconstruct --labels`.
+
+use std::path::{Path, PathBuf};
+
+use interslice::files::JobOptions;
+use interslice::files::labels::{LabelOutputs, LoadedLabels};
+use interslice::stack::labels::Wanted;
+use interslice::{Budget, Means, Progress, Result};
+
+use super::bar::Bars;
+use super::devices::{DeviceOptions, choose};
+use super::reconstruct::Telling;
+
+/// What is asked for.
+pub struct Asked<'a> {
+    pub input: &'a Path,
+    pub wanted: &'a Wanted,
+    pub keep_overlaps: bool,
+    pub outputs: &'a [PathBuf],
+    pub report: Option<&'a Path>,
+}
+
+/// Many labels, from a label volume to their files.
+pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOptions, telling: Telling) -> Result<()> {
+    let loaded = LoadedLabels::read(asked.input, asked.wanted, asked.keep_overlaps, options)?;
+    let mut outputs = LabelOutputs::open(asked.outputs, asked.report, &loaded)?;
+    let notice = |message: &str| eprintln!("warning: {message}");
+    let chosen = choose(device, &notice)?;
+    if telling != Telling::Quiet {
+        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+    }
+    let bars = Bars::default();
+    let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
+    // Every label gets a budget of its own.
+    let means = Means { backend: chosen.backend(), progress, budget: &Budget::unlimited() };
+    let report = loaded.compute(&means, device.memory(), &mut outputs)?;
+    if telling != Telling::Quiet {
+        for label in &report.labels {
+            label.run.warnings.iter().for_each(|w| eprintln!("warning: label {}: {w}", label.label));
+        }
+        if let Some(b) = &report.borders {
+            eprintln!(
+                "{} labels, {} changed by others: {} voxels of overlaps and {} of gaps decided",
+                report.labels.len(),
+                b.changed_labels,
+                b.overlap_voxels,
+                b.gap_voxels
+            );
+        }
+    }
+    let written = outputs.finish(&report)?;
+    if telling != Telling::Quiet {
+        written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
+    }
+    Ok(())
+}

@@ -1,0 +1,261 @@
+//! From a label volume to the label volume between its slices, and a mesh per label.
+//!
+//! Files that hold one label have its number before the extension: `out.stl` becomes `out.5.stl`, `out.nii.gz` `out.5.nii.gz`.
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::JobOptions;
+use super::outputs::{self, Kind, Outputs};
+use super::pending::{Pending, Temporary, parent};
+use crate::backend::Means;
+use crate::error::{Error, Result};
+use crate::height_grid;
+use crate::labels::report::{LabelReport, LabelsReport};
+use crate::labels::{Decided, KeptBody, LabelStack, Plan, decide, reconstruct};
+use crate::report::Report;
+use crate::stack::labels::{Wanted, read_labels};
+use crate::surface::Layer;
+use crate::surface::stream::{BodyStream, BodyWriter, Ending, Header, LayerSink, Needs};
+use crate::surface::volume::Whole;
+
+/// What is said about many labels.
+#[derive(Debug, Clone, Default, clap::Args)]
+#[command(next_help_heading = "Labels")]
+pub struct LabelOptions {
+    /// Label volumes: reconstruct these labels, or all, into one label volume and a mesh per label (out.stl becomes out.N.stl)
+    #[arg(long, value_name = "all|N,N,..", conflicts_with = "label")]
+    pub labels: Option<Wanted>,
+
+    /// Each label into volumes and meshes of its own, as it is alone, overlaps and all
+    #[arg(long, requires = "labels")]
+    pub keep_overlaps: bool,
+}
+
+/// A label volume that was read, and how it is to be reconstructed.
+#[derive(Debug)]
+pub struct LoadedLabels {
+    /// The drawn slices.
+    pub stack: LabelStack,
+    heights: Vec<f64>,
+    options: JobOptions,
+    keep_overlaps: bool,
+    numbers: Whole,
+}
+
+impl LoadedLabels {
+    /// Checks the options and reads the input.
+    ///
+    /// # Errors
+    /// As [`JobOptions::check`] and [`read_labels`]; [`Error::Setting`] for options that are not for many labels.
+    pub fn read(input: &Path, wanted: &Wanted, keep_overlaps: bool, options: JobOptions) -> Result<Self> {
+        options.check()?;
+        let fail = |name: &str, message: String| Err(Error::Setting { name: name.into(), message });
+        if options.links != crate::links::LinkOptions::default() {
+            return fail("links", "are not for many labels: parts are numbered in each by itself".into());
+        }
+        if options.output.mask && !keep_overlaps {
+            return fail("mask", "is not for many labels: their volume has the labels' numbers".into());
+        }
+        let stack = read_labels(input, &options.read, wanted)?;
+        let (least, most) = (stack.labels[0], stack.labels[stack.labels.len() - 1]);
+        let Some(numbers) = Whole::holding(least, most) else {
+            return fail("labels", format!("must lie within {0} either side of 0; got {least} to {most}", Whole::MOST));
+        };
+        let step = options.output.step(&stack.stack);
+        let heights = height_grid(&stack.stack, &options.settings, step).heights()?;
+        Ok(LoadedLabels { stack, heights, options, keep_overlaps, numbers })
+    }
+
+    /// Reconstructs all labels and writes them into `outputs`, under temporary names.
+    ///
+    /// # Errors
+    /// As [`reconstruct`] and [`decide`]; [`Error::Write`].
+    pub fn compute(&self, means: &Means<'_>, memory: Option<u64>, outputs: &mut LabelOutputs) -> Result<LabelsReport> {
+        let start = Instant::now();
+        let folder = std::env::temp_dir();
+        let plan = Plan {
+            heights: &self.heights,
+            settings: &self.options.settings,
+            folder: &folder,
+            beside: outputs.bytes(&self.stack),
+            memory,
+        };
+        let bodies = reconstruct(&self.stack, !self.keep_overlaps, &plan, means)?;
+        let count = self.stack.labels.len();
+        let (decided, borders) = if self.keep_overlaps {
+            let decided = Decided { bodies: bodies.alone, ..Decided::none(count) };
+            (decided, None)
+        } else {
+            let mut volume = outputs.volume.label_sink(self.numbers);
+            let decided = decide(&self.stack, bodies, &plan, &mut volume)?;
+            drop(volume);
+            outputs.volume.complete(&mut Report::default())?;
+            let borders = decided.borders.clone();
+            (decided, Some(borders))
+        };
+        let decides = borders.is_some();
+        let mut labels = Vec::new();
+        for (a, mut body) in decided.bodies.into_iter().enumerate() {
+            let mut run = std::mem::take(&mut body.report);
+            self.write(&mut body, &mut run, &mut outputs.labels[a])?;
+            let differing: usize = run.contours.iter().map(|c| c.differing_pixels).sum();
+            labels.push(LabelReport {
+                label: self.stack.labels[a],
+                changed: decided.changed[a],
+                voxels: decides.then_some(decided.voxels[a]),
+                differing_pixels: differing as u64 + decided.differing[a],
+                volume: run.volume.take(),
+                area: run.area.take(),
+                areas: run.areas.take(),
+                run,
+            });
+        }
+        let version = env!("CARGO_PKG_VERSION").into();
+        let seconds = start.elapsed().as_secs_f64();
+        Ok(LabelsReport { version, backend: means.backend.name(), labels, borders, seconds })
+    }
+
+    /// One label into its own files; its volume and area into the report.
+    fn write(&self, body: &mut KeptBody, report: &mut Report, outputs: &mut Outputs) -> Result<()> {
+        body.replay(&mut outputs.sink(&self.options.output))?;
+        outputs.complete(report)?;
+        if report.volume.is_none() {
+            let mut measured = Measured::default();
+            body.replay(&mut measured)?;
+            let failed = |(_, source)| Error::Write { path: "surface of a label".into(), source };
+            measured.stream.map_or(Ok(()), |stream| stream.finish(report)).map_err(failed)?;
+        }
+        Ok(())
+    }
+}
+
+/// Measures a surface that nobody writes.
+#[derive(Default)]
+struct Measured {
+    stream: Option<BodyStream<'static>>,
+}
+
+struct Measurer;
+
+impl BodyWriter for Measurer {
+    fn needs(&self) -> Needs {
+        Needs::Surface
+    }
+
+    fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl LayerSink for Measured {
+    fn begin(&mut self, header: &Header) -> Result<()> {
+        self.stream = Some(BodyStream::new(header, vec![Box::new(Measurer)], &std::env::temp_dir()));
+        Ok(())
+    }
+
+    fn layer(&mut self, layer: Layer) -> Result<()> {
+        let failed = |(_, source)| Error::Write { path: "surface of a label".into(), source };
+        self.stream.as_mut().map_or(Ok(()), |stream| stream.layer(&layer)).map_err(failed)
+    }
+}
+
+/// Open outputs of many labels.
+pub struct LabelOutputs {
+    /// Label volumes.
+    volume: Outputs,
+    /// The files of each label.
+    labels: Vec<Outputs>,
+    reports: Vec<(PathBuf, Pending)>,
+}
+
+impl LabelOutputs {
+    /// Opens all outputs under temporary names.
+    ///
+    /// # Errors
+    /// [`Error::Output`] for a name that cannot be written, or comes twice.
+    pub fn open(paths: &[PathBuf], report: Option<&Path>, loaded: &LoadedLabels) -> Result<Self> {
+        let (mut volumes, mut own, mut reports) = (Vec::new(), Vec::new(), Vec::new());
+        let of_one = |path: &Path| {
+            let message =
+                "pictures, pages, height maps, contours, origin and confidence are of one body; `--label N` makes one";
+            Err(Error::Output { path: path.into(), message: message.into() })
+        };
+        for path in paths {
+            match outputs::kind(path)? {
+                Kind::Volume if !loaded.keep_overlaps => volumes.push(path.clone()),
+                Kind::Volume | Kind::Mesh => own.push(path.as_path()),
+                Kind::Report => reports.push(path.clone()),
+                Kind::View => return of_one(path),
+            }
+        }
+        if let Some(page) = report.filter(|path| outputs::is_page(path)) {
+            return of_one(page);
+        }
+        reports.extend(report.map(Path::to_path_buf));
+        let of_label = |label: &i64| own.iter().map(|path| of_label(path, *label)).collect::<Vec<_>>();
+        let labels: Vec<Vec<PathBuf>> = loaded.stack.labels.iter().map(of_label).collect();
+        let mut names = BTreeSet::new();
+        if let Some(twice) = volumes.iter().chain(&reports).chain(labels.iter().flatten()).find(|p| !names.insert(*p)) {
+            return Err(Error::Output { path: twice.clone(), message: "is named twice".into() });
+        }
+        let open = |paths: &[PathBuf]| Outputs::open(paths, None, Temporary::Random);
+        let reports = reports.into_iter().map(|path| {
+            let fail = |message: String| Error::Output { path: path.clone(), message };
+            if path.is_dir() {
+                return Err(fail("is a folder".into()));
+            }
+            let pending = Pending::open(&path, false, Temporary::Random);
+            let pending = pending.map_err(|e| fail(format!("in folder {}: {e}", parent(&path).display())))?;
+            Ok((path.clone(), pending))
+        });
+        Ok(LabelOutputs {
+            volume: open(&volumes)?,
+            labels: labels.iter().map(|paths| open(paths)).collect::<Result<_>>()?,
+            reports: reports.collect::<Result<_>>()?,
+        })
+    }
+
+    /// Bytes of memory that writing needs at most: labels are written one by one.
+    fn bytes(&self, stack: &LabelStack) -> u64 {
+        let (dims, geometry) = (stack.stack.dims, &stack.stack.geometry);
+        let labels = self.labels.iter().map(|o| o.bytes(dims, geometry)).max();
+        self.volume.bytes(dims, geometry) + labels.unwrap_or(0)
+    }
+
+    /// Writes the report and gives everything its name.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn finish(self, report: &LabelsReport) -> Result<Vec<PathBuf>> {
+        for (path, pending) in &self.reports {
+            let write = || -> io::Result<()> {
+                let mut out = BufWriter::new(File::create(pending.path())?);
+                serde_json::to_writer_pretty(&mut out, report)?;
+                out.write_all(b"\n")?;
+                out.flush()?;
+                pending.sync()
+            };
+            write().map_err(|source| Error::Write { path: path.clone(), source })?;
+        }
+        let mut written = self.volume.rename()?;
+        for label in self.labels {
+            written.extend(label.rename()?);
+        }
+        for (path, pending) in self.reports {
+            pending.rename(&path).map_err(|source| Error::Write { path: path.clone(), source })?;
+            written.push(path);
+        }
+        Ok(written)
+    }
+}
+
+/// The name of a label's own file.
+fn of_label(path: &Path, label: i64) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let end = outputs::extension_at(&name);
+    path.with_file_name(format!("{}.{label}{}", &name[..end], &name[end..]))
+}

@@ -1,0 +1,162 @@
+//! Which label a voxel belongs to, layer by layer.
+
+use std::cmp::Reverse;
+use std::collections::BTreeSet;
+
+use super::kept::Patch;
+use super::stack::Pair;
+
+/// Within this distance of a label, in pixels, the others have a say in its field: farther out no surface is near.
+pub const NEAR: f32 = 3.0;
+
+/// Distances that the rule knows, in the stack's unit.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Reach {
+    /// Value far outside.
+    pub far: f32,
+    /// The union counts where the nearest label that touches is nearer than this.
+    pub fill: f32,
+    /// [`NEAR`] in the stack's unit.
+    pub near: f32,
+}
+
+/// What decides between labels of equal distance and surroundings: drawn pixels, the first drawn pixel.
+pub(super) type Rank = (Reverse<u64>, usize);
+
+/// All labels at one height.
+pub(super) struct Layers<'l> {
+    /// Pixels of the image.
+    pub dims: [usize; 2],
+    /// Fields of the labels alone.
+    pub alone: &'l [Patch],
+    /// The union of the labels that touch this one.
+    pub union: Vec<Option<&'l Patch>>,
+    /// Labels that touch in the drawn slices below and above.
+    pub touching: &'l BTreeSet<Pair>,
+    pub ranks: &'l [Rank],
+    pub reach: Reach,
+}
+
+/// The decided layer.
+#[derive(Debug, Default)]
+pub(super) struct Parted {
+    /// Fields of the labels, on the rectangles of those alone.
+    pub fields: Vec<Patch>,
+    /// For each label whether its field is another than alone.
+    pub changed: Vec<bool>,
+    /// For each pixel 0, or the place of its label and 1.
+    pub labels: Vec<u32>,
+    /// Pixels that several labels had, that none had and one has now, and that several have now.
+    pub overlap: u64,
+    pub gap: u64,
+    pub twice: u64,
+}
+
+/// The two smallest distances at a pixel, and whose the first is.
+#[derive(Clone, Copy)]
+struct Least {
+    by: usize,
+    phi: [f32; 2],
+}
+
+impl Layers<'_> {
+    /// The rule of the [module](super).
+    pub fn part(&self) -> Parted {
+        let [nx, ny] = self.dims;
+        let least = self.least();
+        let mut parted = Parted { labels: vec![0; nx * ny], ..Parted::default() };
+        for (a, alone) in self.alone.iter().enumerate() {
+            let mut field = alone.clone();
+            let mut changed = false;
+            for (k, psi) in field.phi.iter_mut().enumerate() {
+                let pixel = [alone.origin[0] + k % alone.dims[0], alone.origin[1] + k / alone.dims[0]];
+                let node = pixel[1] * nx + pixel[0];
+                let Least { by, phi: [first, second] } = least[node];
+                *psi = self.value(a, pixel, *psi, if by == a { second } else { first });
+                changed |= psi.to_bits() != alone.phi[k].to_bits();
+                if *psi < 0.0 {
+                    parted.gap += u64::from(first > 0.0);
+                    parted.twice += u64::from(parted.labels[node] > 0);
+                    parted.labels[node] = a as u32 + 1;
+                }
+            }
+            parted.fields.push(field);
+            parted.changed.push(changed);
+        }
+        parted.overlap = least.iter().filter(|l| l.phi[1] < 0.0).count() as u64;
+        parted
+    }
+
+    fn least(&self) -> Vec<Least> {
+        let [nx, ny] = self.dims;
+        let mut least = vec![Least { by: usize::MAX, phi: [self.reach.far; 2] }; nx * ny];
+        for (a, patch) in self.alone.iter().enumerate() {
+            for (start, row) in patch.rows(nx) {
+                for (l, &phi) in least[start..].iter_mut().zip(row) {
+                    if phi < l.phi[0] {
+                        *l = Least { by: a, phi: [phi, l.phi[0]] };
+                    } else if phi < l.phi[1] {
+                        l.phi[1] = phi;
+                    }
+                }
+            }
+        }
+        least
+    }
+
+    /// psi of label `a` at a pixel where it is `phi` alone and the nearest other label `other`.
+    fn value(&self, a: usize, pixel: [usize; 2], phi: f32, other: f32) -> f32 {
+        let joined = if other < self.reach.far { self.joined(a, pixel, phi) } else { phi };
+        if joined >= self.reach.near {
+            return phi;
+        }
+        // A gap is parted among those that may have it, even if a label that touches none of them is nearer.
+        let gap = phi > 0.0 && other > 0.0 && joined < 0.0;
+        let takes = |b: usize| match self.alone[b].at(pixel) {
+            Some(at) => !gap || self.joined(b, pixel, at) < 0.0,
+            None => false,
+        };
+        let rivals = (0..self.alone.len()).filter(|&b| b != a && takes(b));
+        let other =
+            if gap { rivals.filter_map(|b| self.alone[b].at(pixel)).fold(self.reach.far, f32::min) } else { other };
+        let psi = joined.max(0.5 * (phi - other));
+        match psi == 0.0 {
+            true if phi == other && self.wins(a, pixel, phi, takes) => -f32::MIN_POSITIVE,
+            true => f32::MIN_POSITIVE,
+            false => psi,
+        }
+    }
+
+    /// The field of label `a`, `phi` alone, with what of the union lies near a label that touches it.
+    fn joined(&self, a: usize, pixel: [usize; 2], phi: f32) -> f32 {
+        let Reach { far, fill, .. } = self.reach;
+        let Some(union) = self.union[a] else { return phi };
+        let touching = self.touching.iter().filter_map(|&(b, c)| match a {
+            _ if a == b => Some(c),
+            _ if a == c => Some(b),
+            _ => None,
+        });
+        let nearest = touching.filter_map(|b| self.alone[b].at(pixel)).fold(far, f32::min);
+        if nearest < far { phi.min(union.at(pixel).unwrap_or(far).max(nearest - fill)) } else { phi }
+    }
+
+    /// Whether `a` comes first among the labels that are `phi` at a pixel and may have it.
+    fn wins(&self, a: usize, pixel: [usize; 2], phi: f32, takes: impl Fn(usize) -> bool) -> bool {
+        let equal = (0..self.alone.len()).filter(|&b| self.alone[b].at(pixel) == Some(phi) && takes(b));
+        let order = |&b: &usize, &c: &usize| {
+            let sums = [b, c].map(|l| self.around(l, pixel));
+            sums[0].total_cmp(&sums[1]).then_with(|| self.ranks[b].cmp(&self.ranks[c]))
+        };
+        equal.min_by(order) == Some(a)
+    }
+
+    /// Sum of a label's distances over the 3 x 3 pixels around one.
+    fn around(&self, a: usize, [i, j]: [usize; 2]) -> f64 {
+        let neighbours = (0..9).map(|k| [(i + k % 3).checked_sub(1), (j + k / 3).checked_sub(1)]);
+        let value = |p: [Option<usize>; 2]| {
+            let at = p[0].zip(p[1]).and_then(|(i, j)| self.alone[a].at([i, j]));
+            f64::from(at.unwrap_or(self.reach.far))
+        };
+        neighbours.map(value).sum()
+    }
+}

@@ -1,0 +1,185 @@
+//! A body kept in a nameless file, its layers cropped to what is near its surface.
+
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::report::Report;
+use crate::surface::Layer;
+use crate::surface::stream::{Header, LayerSink};
+
+/// A layer without its values.
+#[derive(Debug, Clone)]
+struct Place {
+    z: f64,
+    output: bool,
+    contour: Option<usize>,
+    patch: [usize; 4],
+    offset: u64,
+}
+
+/// A rectangle of a layer: around it all is far outside.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Patch {
+    /// First column and row.
+    pub origin: [usize; 2],
+    /// Columns and rows.
+    pub dims: [usize; 2],
+    /// Values, row-major.
+    pub phi: Vec<f32>,
+}
+
+impl Patch {
+    /// Rows: the first pixel's node in an image of width `nx`, and the values.
+    pub fn rows(&self, nx: usize) -> impl Iterator<Item = (usize, &[f32])> {
+        let start = move |j: usize| (self.origin[1] + j) * nx + self.origin[0];
+        self.phi.chunks_exact(self.dims[0].max(1)).enumerate().map(move |(j, row)| (start(j), row))
+    }
+
+    /// The value at a pixel.
+    pub fn at(&self, [i, j]: [usize; 2]) -> Option<f32> {
+        let i = i.checked_sub(self.origin[0]).filter(|i| *i < self.dims[0])?;
+        let j = j.checked_sub(self.origin[1]).filter(|j| *j < self.dims[1])?;
+        self.phi.get(j * self.dims[0] + i).copied()
+    }
+}
+
+/// A body whose layers wait on the disk.
+#[derive(Debug)]
+pub struct KeptBody {
+    file: File,
+    /// Value far outside.
+    far: f32,
+    layers: Vec<Place>,
+    bytes: u64,
+    /// Pixels of the whole image, and where in it the layers that arrive lie.
+    dims: [usize; 2],
+    origin: [usize; 2],
+    part: [usize; 2],
+    /// What is known of the body; its volume and area are not.
+    pub report: Report,
+    /// What its writers must know.
+    pub header: Option<Header>,
+}
+
+fn failed(source: io::Error) -> Error {
+    Error::Write { path: "temporary file of a label".into(), source }
+}
+
+impl KeptBody {
+    /// No layer yet. The file is in `folder`; `far` is the value far outside. Layers of an image of `dims` pixels will come, or of a part of it
+    /// that begins at `origin`.
+    ///
+    /// # Errors
+    /// [`Error::Write`] where there can be no file.
+    pub(super) fn new(folder: &Path, far: f32, dims: [usize; 2], origin: [usize; 2]) -> Result<Self> {
+        let file = tempfile::tempfile_in(folder).map_err(failed)?;
+        let (layers, report) = (Vec::new(), Report::default());
+        Ok(KeptBody { file, far, layers, bytes: 0, dims, origin, part: dims, report, header: None })
+    }
+
+    /// Heights of the layers, increasing, and whether each is an output layer.
+    pub(super) fn heights(&self) -> impl Iterator<Item = (f64, bool)> + '_ {
+        self.layers.iter().map(|p| (p.z, p.output))
+    }
+
+    /// The values of layer `k`.
+    pub(super) fn patch(&mut self, k: usize) -> Result<Patch> {
+        let Place { patch: [i, j, width, height], offset, .. } = self.layers[k];
+        let mut bytes = vec![0; 4 * width * height];
+        self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.read_exact(&mut bytes)).map_err(failed)?;
+        let phi = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        Ok(Patch { origin: [i, j], dims: [width, height], phi })
+    }
+
+    /// The layer at height `z`, between two layers what linear interpolation says; `None` beyond the body. Heights within `same` are one.
+    pub(super) fn at(&mut self, z: f64, same: f64) -> Result<Option<Patch>> {
+        let above = self.layers.partition_point(|p| p.z < z - same);
+        match self.layers.get(above) {
+            None => Ok(None),
+            Some(p) if p.z <= z + same => self.patch(above).map(Some),
+            Some(_) if above == 0 => Ok(None),
+            Some(p) => {
+                let t = ((z - self.layers[above - 1].z) / (p.z - self.layers[above - 1].z)) as f32;
+                let (low, high) = (self.patch(above - 1)?, self.patch(above)?);
+                let (low, high) = (self.whole(&low), self.whole(&high));
+                let mixed: Vec<f32> = low.iter().zip(&high).map(|(a, b)| (1.0 - t) * a + t * b).collect();
+                Ok(Some(crop(&mixed, self.dims, self.far)))
+            }
+        }
+    }
+
+    /// Adds a layer; its values are those of the patch.
+    pub(super) fn push(&mut self, layer: &Layer, patch: &Patch) -> Result<()> {
+        let bytes: Vec<u8> = patch.phi.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.file.seek(SeekFrom::Start(self.bytes)).and_then(|_| self.file.write_all(&bytes)).map_err(failed)?;
+        let [[i, j], [width, height]] = [patch.origin, patch.dims];
+        let Layer { z, output, contour, .. } = *layer;
+        self.layers.push(Place { z, output, contour, patch: [i, j, width, height], offset: self.bytes });
+        self.bytes += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// The contour at the layer of height `z`.
+    pub(super) fn contour(&self, z: f64, same: f64) -> Option<usize> {
+        self.layers.iter().find(|p| (p.z - z).abs() <= same).and_then(|p| p.contour)
+    }
+
+    /// A patch on the whole image.
+    pub(super) fn whole(&self, patch: &Patch) -> Vec<f32> {
+        let dims = self.dims;
+        let mut phi = vec![self.far; dims[0] * dims[1]];
+        patch.rows(dims[0]).for_each(|(start, row)| phi[start..start + row.len()].copy_from_slice(row));
+        phi
+    }
+
+    /// Hands all layers to `sink`.
+    ///
+    /// # Errors
+    /// What `sink` says; [`Error::Write`] for the temporary file.
+    pub fn replay(&mut self, sink: &mut dyn LayerSink) -> Result<()> {
+        let Some(header) = &self.header else { return Ok(()) };
+        sink.begin(header)?;
+        for k in 0..self.layers.len() {
+            let patch = self.patch(k)?;
+            let phi = self.whole(&patch);
+            let Place { z, output, contour, .. } = self.layers[k];
+            sink.layer(Layer { z, phi, output, contour })?;
+        }
+        Ok(())
+    }
+}
+
+impl LayerSink for KeptBody {
+    fn begin(&mut self, header: &Header) -> Result<()> {
+        self.layers.clear();
+        self.bytes = 0;
+        self.header = Some(Header { dims: self.dims, ..header.clone() });
+        self.part = header.dims;
+        Ok(())
+    }
+
+    fn layer(&mut self, layer: Layer) -> Result<()> {
+        let mut patch = crop(&layer.phi, self.part, self.far);
+        (0..2).for_each(|a| patch.origin[a] += self.origin[a]);
+        self.push(&layer, &patch)
+    }
+}
+
+/// The smallest rectangle beyond which all is `far`.
+fn crop(phi: &[f32], [nx, _]: [usize; 2], far: f32) -> Patch {
+    let near = |v: &f32| v.to_bits() != far.to_bits();
+    let mut columns = [usize::MAX, 0];
+    let mut rows = [usize::MAX, 0];
+    for (j, row) in phi.chunks_exact(nx.max(1)).enumerate() {
+        let (Some(first), Some(last)) = (row.iter().position(near), row.iter().rposition(near)) else { continue };
+        columns = [columns[0].min(first), columns[1].max(last + 1)];
+        rows = [rows[0].min(j), j + 1];
+    }
+    if rows[1] == 0 {
+        return Patch::default();
+    }
+    let values = (rows[0]..rows[1]).flat_map(|j| &phi[j * nx + columns[0]..j * nx + columns[1]]).copied().collect();
+    Patch { origin: [columns[0], rows[0]], dims: [columns[1] - columns[0], rows[1] - rows[0]], phi: values }
+}

@@ -1,0 +1,267 @@
+//! All labels alone and their unions, then all of them in step.
+
+use std::cmp::Reverse;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::decide::{Layers, NEAR, Rank, Reach};
+use super::kept::{KeptBody, Patch};
+use super::report::Borders;
+use super::stack::{LabelStack, Pair};
+use crate::backend::Means;
+use crate::displacement::BLOCK;
+use crate::error::{Error, Result};
+use crate::memory::Needs;
+use crate::reconstruct_into;
+use crate::settings::Settings;
+use crate::stack::{ContourStack, Slice, SliceContent};
+use crate::surface::Layer;
+use crate::surface::stream::{Header, LayerSink};
+
+/// Heights this close to each other, in gaps, are one.
+const SAME: f64 = 1e-6;
+/// Pixels, of the larger side, around a label that are computed with it. What lies beyond changes no bit of its surface; distances differ by
+/// rounding within a hundredth of a pixel of the clamp (`tests/labels.rs`).
+const AROUND: f64 = 64.0;
+
+/// What a run with labels needs to know.
+#[derive(Clone, Copy)]
+pub struct Plan<'p> {
+    /// Output heights.
+    pub heights: &'p [f64],
+    /// How each body is reconstructed.
+    pub settings: &'p Settings,
+    /// Where temporary files go.
+    pub folder: &'p Path,
+    /// Memory beside the runs, and how much is allowed in all.
+    pub beside: u64,
+    /// Bytes of memory that are allowed, else what is free.
+    pub memory: Option<u64>,
+}
+
+/// The labels alone, and the unions of those that touch.
+#[derive(Debug)]
+pub struct Bodies {
+    /// Each label, as it is without the others.
+    pub alone: Vec<KeptBody>,
+    unions: Vec<(Vec<usize>, KeptBody)>,
+}
+
+/// The labels without overlaps and gaps.
+#[derive(Debug)]
+pub struct Decided {
+    /// Each label.
+    pub bodies: Vec<KeptBody>,
+    /// Whether it is another body than alone.
+    pub changed: Vec<bool>,
+    /// Output voxels of each.
+    pub voxels: Vec<u64>,
+    /// Pixels of drawn slices that should have this label and have not, or the other way round.
+    pub differing: Vec<u64>,
+    /// What was decided.
+    pub borders: Borders,
+}
+
+impl Decided {
+    /// Nothing decided of so many labels.
+    pub(crate) fn none(count: usize) -> Self {
+        Decided {
+            bodies: Vec::new(),
+            changed: vec![false; count],
+            voxels: vec![0; count],
+            differing: vec![0; count],
+            borders: Borders::default(),
+        }
+    }
+}
+
+/// Reconstructs each label alone and, to `unite` them, the unions of those that touch, each on its own part of the image. Labels that are not
+/// united are computed on the whole image, and their distances are those of a single run to the last bit.
+///
+/// # Errors
+/// As [`reconstruct_into`], naming the label; [`Error::Write`] for temporary files.
+pub fn reconstruct(stack: &LabelStack, unite: bool, plan: &Plan<'_>, means: &Means<'_>) -> Result<Bodies> {
+    stack.validate()?;
+    let far = plan.settings.margin() as f32 * pixel(&stack.stack);
+    let keep = |members: &[usize]| {
+        let united = stack.united(members);
+        let part = if unite { Part::of(&united) } else { Part { stack: united, origin: [0; 2] } };
+        let mut kept = KeptBody::new(plan.folder, far, stack.stack.dims, part.origin)?;
+        let threads = rayon::current_num_threads();
+        let needs = Needs::of(&part.stack, plan.heights, plan.settings, threads);
+        let budget = needs.budget(plan.beside, plan.memory)?;
+        let means = Means { budget: &budget, ..*means };
+        let named = |e: Error| match (e, members) {
+            (Error::Stack(m), [a]) => Error::Stack(format!("label {}: {m}", stack.labels[*a])),
+            (e, _) => e,
+        };
+        let body = reconstruct_into(&part.stack, plan.heights, plan.settings, &means, &mut kept).map_err(named)?;
+        kept.report = body.report;
+        kept.report.dims = stack.stack.dims;
+        Ok(kept)
+    };
+    let alone = (0..stack.labels.len()).map(|a| keep(&[a])).collect::<Result<_>>()?;
+    let groups = if unite { stack.groups(&stack.touching()) } else { Vec::new() };
+    let unions = groups.into_iter().map(|g| keep(&g).map(|kept| (g, kept))).collect::<Result<_>>()?;
+    Ok(Bodies { alone, unions })
+}
+
+/// Decides every voxel. The label volume goes to `volume`: a layer has the labels' numbers instead of distances.
+///
+/// # Errors
+/// What `volume` says; [`Error::Write`] for temporary files; [`Error::Numerics`] where a drawn slice has not come back or a voxel has two
+/// labels.
+pub fn decide(stack: &LabelStack, mut bodies: Bodies, plan: &Plan<'_>, volume: &mut dyn LayerSink) -> Result<Decided> {
+    let ContourStack { dims, spacing, ref unit, geometry, ref slices, .. } = stack.stack;
+    let (count, px) = (stack.labels.len(), pixel(&stack.stack));
+    let far = plan.settings.margin() as f32 * px;
+    let reach = Reach { far, fill: far - px, near: NEAR * px };
+    let gaps = slices.windows(2).map(|w| w[1].z - w[0].z);
+    let same = SAME * gaps.fold(f64::INFINITY, f64::min);
+    let steps = Steps::new(stack, plan.heights, &bodies, same);
+    let ranks: Vec<Rank> = (0..count).map(|a| stack.drawn_pixels(a)).map(|(n, first)| (Reverse(n), first)).collect();
+    let ranges: Vec<_> = (0..count).map(|a| stack.slices(a)).collect();
+    let mut decided = Decided::none(count);
+    for alone in &bodies.alone {
+        let mut kept = KeptBody::new(plan.folder, far, dims, [0; 2])?;
+        kept.report = alone.report.clone();
+        kept.header = alone.header.clone();
+        decided.bodies.push(kept);
+    }
+    let extent = [plan.heights[0], plan.heights[plan.heights.len() - 1]];
+    let grid = Header::grid(plan.heights, spacing);
+    volume.begin(&Header { dims, spacing, unit: unit.clone(), geometry, extent, grid })?;
+    for step in &steps.all {
+        let z = step.z;
+        let mut alone = Vec::with_capacity(count);
+        for (body, range) in bodies.alone.iter_mut().zip(&ranges) {
+            // A cap must not reach into a slice on which its label is not drawn.
+            let there = step.slice.is_none_or(|k| range.contains(&k));
+            alone.push(if there { body.at(z, same)?.unwrap_or_default() } else { Patch::default() });
+        }
+        let mut unions = Vec::new();
+        for (members, body) in &mut bodies.unions {
+            let there = step.slice.is_none_or(|k| members.iter().any(|&a| ranges[a].contains(&k)));
+            unions.push((&*members, if there { body.at(z, same)? } else { None }));
+        }
+        let of = |a: usize| unions.iter().find(|(m, _)| m.contains(&a)).and_then(|(_, patch)| patch.as_ref());
+        let union = (0..count).map(of).collect();
+        let layers = Layers { dims, alone: &alone, union, touching: &step.touching, ranks: &ranks, reach };
+        let parted = layers.part();
+        if parted.twice > 0 {
+            let message = format!("{} voxels have two labels at height {z}", parted.twice);
+            return Err(Error::Numerics { stage: "labels", message });
+        }
+        if let Some(k) = step.slice {
+            for (&is, &drawn) in parted.labels.iter().zip(&stack.drawn[k]).filter(|(is, drawn)| is != drawn) {
+                [is, drawn].into_iter().filter(|l| *l > 0).for_each(|l| decided.differing[l as usize - 1] += 1);
+            }
+        }
+        for (a, body) in decided.bodies.iter_mut().enumerate() {
+            decided.changed[a] |= parted.changed[a];
+            let contour = bodies.alone[a].contour(z, same);
+            body.push(&Layer { z, phi: Vec::new(), output: step.output, contour }, &parted.fields[a])?;
+        }
+        if step.output {
+            decided.borders.overlap_voxels += parted.overlap;
+            decided.borders.gap_voxels += parted.gap;
+            parted.labels.iter().filter(|l| **l > 0).for_each(|l| decided.voxels[*l as usize - 1] += 1);
+            let number = |l: &u32| if *l == 0 { 0.0 } else { stack.labels[*l as usize - 1] as f32 };
+            let phi = parted.labels.iter().map(number).collect();
+            volume.layer(Layer { z, phi, output: true, contour: step.slice })?;
+        }
+    }
+    if let Some(a) = decided.differing.iter().position(|n| *n > 0) {
+        let message = format!("label {}: {} drawn pixels differ", stack.labels[a], decided.differing[a]);
+        return Err(Error::Numerics { stage: "labels", message });
+    }
+    // A label that no other has changed stays what it was, layer by layer.
+    for (a, alone) in bodies.alone.into_iter().enumerate() {
+        if !decided.changed[a] {
+            decided.bodies[a] = alone;
+        }
+    }
+    decided.borders.changed_labels = decided.changed.iter().filter(|c| **c).count();
+    decided.borders.unions = bodies.unions.iter().map(|(m, _)| m.iter().map(|&a| stack.labels[a]).collect()).collect();
+    Ok(decided)
+}
+
+/// Length of a pixel's larger side.
+fn pixel(stack: &ContourStack) -> f32 {
+    stack.spacing[0].max(stack.spacing[1]) as f32
+}
+
+/// A height at which all labels are decided.
+#[derive(Debug)]
+struct Step {
+    z: f64,
+    output: bool,
+    /// The drawn slice at this height.
+    slice: Option<usize>,
+    touching: BTreeSet<Pair>,
+}
+
+#[derive(Debug)]
+struct Steps {
+    all: Vec<Step>,
+}
+
+impl Steps {
+    /// Every height at which there is an output layer, a drawn slice or a layer of some label.
+    fn new(stack: &LabelStack, output: &[f64], bodies: &Bodies, same: f64) -> Self {
+        let slices: Vec<f64> = stack.stack.slices.iter().map(|s| s.z).collect();
+        let mut heights: Vec<(f64, bool)> = slices.iter().map(|&z| (z, false)).collect();
+        heights.extend(output.iter().map(|&z| (z, true)));
+        heights.extend(bodies.alone.iter().flat_map(|b| b.heights().map(|(z, _)| (z, false))));
+        heights.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let pairs = stack.touching();
+        let at = |group: &[(f64, bool)]| {
+            let z = group[0].0;
+            let above = slices.partition_point(|s| *s < z - same);
+            let slice = slices.get(above).filter(|s| **s <= z + same).map(|_| above);
+            let touching = match slice {
+                Some(k) => pairs[k].clone(),
+                None if above == 0 || above == slices.len() => BTreeSet::new(),
+                None => pairs[above - 1].intersection(&pairs[above]).copied().collect(),
+            };
+            let z = slice.map_or(z, |k| slices[k]);
+            Step { z, output: group.iter().any(|g| g.1), slice, touching }
+        };
+        let all = heights.chunk_by(|a, b| b.0 - a.0 <= same).map(at).collect();
+        Steps { all }
+    }
+}
+
+/// The part of a stack that is not empty, with what is around it.
+struct Part {
+    stack: ContourStack,
+    origin: [usize; 2],
+}
+
+impl Part {
+    /// Blocks of displacements lie where they lie in the whole image.
+    fn of(stack: &ContourStack) -> Self {
+        let [nx, ny] = stack.dims;
+        let mut low = [usize::MAX; 2];
+        let mut high = [0; 2];
+        for slice in &stack.slices {
+            for n in (0..nx * ny).filter(|&n| slice.content.inside(n)) {
+                let pixel = [n % nx, n / nx];
+                (0..2).for_each(|a| (low[a], high[a]) = (low[a].min(pixel[a]), high[a].max(pixel[a] + 1)));
+            }
+        }
+        let larger = stack.spacing[0].max(stack.spacing[1]);
+        let around = stack.spacing.map(|side| (AROUND * larger / side).ceil() as usize);
+        let origin: [usize; 2] =
+            std::array::from_fn(|a| low[a].min(stack.dims[a]).saturating_sub(around[a]) / BLOCK * BLOCK);
+        let dims: [usize; 2] =
+            std::array::from_fn(|a| (high[a] + around[a]).min(stack.dims[a]).max(origin[a] + 1) - origin[a]);
+        let cut = |slice: &Slice| {
+            let pixels = (0..dims[1]).flat_map(|j| (0..dims[0]).map(move |i| (origin[1] + j) * nx + origin[0] + i));
+            let content = SliceContent::Mask(pixels.map(|n| slice.content.inside(n)).collect());
+            Slice { name: slice.name.clone(), z: slice.z, extra: slice.extra, content }
+        };
+        let slices = stack.slices.iter().map(cut).collect();
+        Part { stack: ContourStack { dims, slices, unit: stack.unit.clone(), ..*stack }, origin }
+    }
+}

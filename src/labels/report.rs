@@ -1,0 +1,55 @@
+//! What was done with many labels, written as JSON.
+
+use serde::{Deserialize, Serialize};
+
+use crate::report::{AreaProfile, Report};
+
+/// What was done and how well.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct LabelsReport {
+    /// Version of the program.
+    pub version: String,
+    /// Backend that did the work, and why.
+    pub backend: String,
+    /// One entry per label, by number.
+    pub labels: Vec<LabelReport>,
+    /// What was decided between labels; nothing where overlaps were kept.
+    pub borders: Option<Borders>,
+    /// Wall seconds.
+    pub seconds: f64,
+}
+
+/// One label.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct LabelReport {
+    /// Its number.
+    pub label: i64,
+    /// Whether it is another body than alone.
+    pub changed: bool,
+    /// Output voxels.
+    pub voxels: Option<u64>,
+    /// Pixels of drawn slices whose side differs from the input, in the label's own run and after all was decided; must be 0.
+    pub differing_pixels: u64,
+    /// Volume of its mesh, unit cubed.
+    pub volume: Option<f64>,
+    /// Area of its surface, unit squared.
+    pub area: Option<f64>,
+    /// Area of the body over its height.
+    #[serde(default)]
+    pub areas: Option<AreaProfile>,
+    /// Its own run, before anything was decided.
+    pub run: Report,
+}
+
+/// What was decided between labels.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Borders {
+    /// Output voxels that several labels had.
+    pub overlap_voxels: u64,
+    /// Output voxels that none had, inside the union of labels that touch.
+    pub gap_voxels: u64,
+    /// Labels that are other bodies than alone.
+    pub changed_labels: usize,
+    /// Labels that were reconstructed as one body too.
+    pub unions: Vec<Vec<i64>>,
+}

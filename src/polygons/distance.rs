@@ -1,0 +1,36 @@
+//! Distance from pixel centres to edges, where it is small.
+
+use super::edges::Edge;
+use super::grid::Grid;
+
+/// Exact distance of every pixel centre to the nearest edge, at most `reach`. Each edge is asked only about the pixels within `reach`.
+pub fn near_distance(edges: &[Edge], grid: &Grid, reach: f64) -> Vec<f32> {
+    let [nx, ny] = grid.dims;
+    let mut squared = vec![reach * reach; nx * ny];
+    let within = |at: f64, last: usize| at.clamp(0.0, last as f64) as usize;
+    for edge in edges {
+        let [p, q] = if edge[0][1] <= edge[1][1] { *edge } else { [edge[1], edge[0]] };
+        let rows = within(grid.row(p[1] - reach).ceil(), ny)..within(grid.row(q[1] + reach).floor() + 1.0, ny);
+        for j in rows {
+            let y = grid.y(j);
+            // The part of the edge that is near this row.
+            let at = |y: f64| if q[1] > p[1] { ((y - p[1]) / (q[1] - p[1])).clamp(0.0, 1.0) } else { 0.0 };
+            let [s, t] = if q[1] > p[1] { [at(y - reach), at(y + reach)] } else { [0.0, 1.0] };
+            let [a, b] = [s, t].map(|t| p[0] + t * (q[0] - p[0]));
+            let columns = within(grid.column(a.min(b) - reach).ceil(), nx)
+                ..within(grid.column(a.max(b) + reach).floor() + 1.0, nx);
+            for i in columns {
+                let d = &mut squared[j * nx + i];
+                *d = d.min(squared_distance([grid.x(i), y], [p, q]));
+            }
+        }
+    }
+    squared.into_iter().map(|d| d.sqrt() as f32).collect()
+}
+
+fn squared_distance(x: [f64; 2], [p, q]: Edge) -> f64 {
+    let (dx, dy) = (q[0] - p[0], q[1] - p[1]);
+    let (vx, vy) = (x[0] - p[0], x[1] - p[1]);
+    let t = ((vx * dx + vy * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);
+    (vx - t * dx).powi(2) + (vy - t * dy).powi(2)
+}

@@ -1,0 +1,114 @@
+//! Polygons on parallel planes become slices: level sets whose zero set is the drawn line to a small part of a pixel.
+//!
+//! ```text
+//! polygons -> edges (bridges cancelled) -> sides (even-odd) and distances near the edges -> SliceContent::Level
+//! ```
+//!
+//! What lies inside an odd number of a region's polygons is inside; winding does not count. Work is in proportion to the length of the
+//! contours in pixels, but for the writing of the slices themselves.
+
+pub mod distance;
+pub mod edges;
+pub mod fill;
+pub mod grid;
+pub mod plane;
+
+use distance::near_distance;
+use edges::{Edge, contour_edges};
+use fill::fill;
+use grid::Grid;
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::stack::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
+
+/// A closed line: the last point joins the first.
+pub type Polygon = Vec<[f64; 2]>;
+
+/// Distances are clamped this many px from the contour. The distance stage reads the values next to the contour, at most a pixel's diagonal
+/// away, and the signs of all others.
+pub const CLAMP: f64 = 2.0;
+/// Points that are as close as this, px, are one; edges between the same points cancel in pairs.
+pub const SAME_POINT: f64 = 1e-4;
+
+/// What is drawn on one plane.
+#[derive(Debug, Clone)]
+pub struct Drawing {
+    /// What messages call it.
+    pub name: String,
+    /// Height of the plane.
+    pub z: f64,
+    /// A user's added contour.
+    pub extra: bool,
+    /// Regions, of which each is the even-odd combination of its polygons; the body is their union.
+    pub regions: Vec<Vec<Polygon>>,
+}
+
+impl Drawing {
+    /// All polygons.
+    pub fn polygons(&self) -> impl Iterator<Item = &Polygon> {
+        self.regions.iter().flatten()
+    }
+}
+
+/// What is known of all planes.
+#[derive(Debug, Clone)]
+pub struct Planes {
+    /// Length unit.
+    pub unit: String,
+    /// World directions (LPS) of x, y and the heights.
+    pub axes: [[f64; 3]; 3],
+    /// Output heights that the input asks for.
+    pub z_out: Option<HeightGrid>,
+}
+
+/// The drawings as a stack of level sets on pixels of sides `pixel` (else [`grid::pixel_side`]): signed distances in the unit, negative inside,
+/// exact where they are below [`CLAMP`] px and clamped there. Pixel (0, 0) lies where it must for x and y to be world coordinates along
+/// the axes; pixel centres are whole multiples of the pixel sides.
+///
+/// # Errors
+/// [`Error::Slice`] for a coordinate that is not finite, [`Error::Stack`] where nothing is drawn, [`Error::Setting`] for a pixel size that
+/// is none or too small.
+pub fn stack(drawings: &[Drawing], planes: &Planes, pixel: Option<[f64; 2]>) -> Result<ContourStack> {
+    for (index, drawing) in drawings.iter().enumerate() {
+        let wrong = |p: &&[f64; 2]| !(p[0].is_finite() && p[1].is_finite());
+        let of = drawing.polygons().enumerate().find_map(|(k, polygon)| Some((k, *polygon.iter().find(wrong)?)));
+        if let Some((k, [x, y])) = of {
+            let message = format!("polygon {} has the point ({x}, {y}); coordinates must be finite numbers", k + 1);
+            return Err(Error::Slice { index, name: drawing.name.clone(), message });
+        }
+    }
+    let grid = Grid::around(drawings, pixel)?;
+    let slices = drawings
+        .par_iter()
+        .map(|d| Slice {
+            name: d.name.clone(),
+            z: d.z,
+            extra: d.extra,
+            content: SliceContent::Level(level_set(&d.regions, &grid)),
+        })
+        .collect();
+    let origin = std::array::from_fn(|a| grid.origin[0] * planes.axes[0][a] + grid.origin[1] * planes.axes[1][a]);
+    Ok(ContourStack {
+        dims: grid.dims,
+        spacing: grid.spacing,
+        unit: planes.unit.clone(),
+        slices,
+        z_out: planes.z_out,
+        geometry: Geometry { origin, axes: planes.axes, ..Geometry::default() },
+    })
+}
+
+/// `min` over the regions of the signed distance to each, clamped.
+fn level_set(regions: &[Vec<Polygon>], grid: &Grid) -> Vec<f32> {
+    let px = grid.spacing[0].max(grid.spacing[1]);
+    let clamp = CLAMP * px;
+    let mut level = vec![clamp as f32; grid.dims[0] * grid.dims[1]];
+    for region in regions {
+        let edges: Vec<Edge> = contour_edges(region, SAME_POINT * px);
+        let mut signed = near_distance(&edges, grid, clamp);
+        fill(&edges, grid, |run| signed[run].iter_mut().for_each(|d| *d = -*d));
+        level.iter_mut().zip(signed).for_each(|(a, b)| *a = a.min(b));
+    }
+    level
+}

@@ -1,0 +1,162 @@
+//! Contours between the drawn planes, found while a body's layers arrive; only the lines are kept.
+
+use std::io::{self, Write};
+use std::sync::Arc;
+
+use super::{CLOSED, CLOSED_XOR, Chosen, Contour, Source};
+use crate::error::Result;
+use crate::polygons::plane::TOLERANCE;
+use crate::stack::{Geometry, ReadOptions};
+use crate::surface::Layer;
+use crate::surface::contour_lines::contour_lines;
+use crate::surface::mesh::to_world;
+use crate::surface::stream::{BodyWriter, Ending, Header, LayerSink};
+
+/// Contours that were made for a ROI.
+#[derive(Debug, Clone)]
+pub struct Added {
+    /// ROI Number.
+    pub(super) roi: i64,
+    /// CLOSED_PLANAR, or CLOSEDPLANAR_XOR where the ROI was drawn so.
+    pub(super) kind: &'static str,
+    /// The planes' normal.
+    pub(super) normal: [f64; 3],
+    /// Heights along it, increasing, and Contour Data of each line there.
+    pub(super) planes: Vec<(f64, Vec<String>)>,
+}
+
+/// The contour lines of those output layers that lie between drawn planes, at least half a step from both: with `every`, of those that lie
+/// whole such steps from the lowest contour; else of all.
+#[derive(Debug)]
+pub(super) struct Adding {
+    added: Added,
+    dims: [usize; 2],
+    spacing: [f64; 2],
+    geometry: Geometry,
+    /// Heights of the drawn planes, increasing.
+    drawn: Vec<f64>,
+    /// Least distance from them.
+    apart: f64,
+    /// Height of the lowest contour, and steps from it.
+    start: f64,
+    every: Option<f64>,
+}
+
+impl Adding {
+    /// To the only one of the chosen ROIs; nothing yet.
+    ///
+    /// # Errors
+    /// As [`Chosen::chosen_planes`].
+    pub fn new(chosen: &Chosen<'_>, options: &ReadOptions, every: Option<f64>, header: &Header) -> Result<Self> {
+        let roi = chosen.rois[0];
+        let kind = if roi.contours.iter().any(Contour::is_xor) { CLOSED_XOR } else { CLOSED };
+        let step = every.unwrap_or(header.grid.step);
+        let lowest = chosen.chosen_planes(options)?[0];
+        Ok(Adding {
+            added: Added { roi: roi.number, kind, normal: chosen.planes.axes[2], planes: Vec::new() },
+            dims: header.dims,
+            spacing: header.spacing,
+            geometry: header.geometry,
+            apart: (0.5 * step - 1e-6 * step).max(TOLERANCE),
+            start: chosen.planes.heights[lowest],
+            drawn: chosen.planes.heights.clone(),
+            every,
+        })
+    }
+
+    /// Whether contours at a height are wanted.
+    fn wants(&self, z: f64) -> bool {
+        let due = |every: f64| ((z - self.start) / every - ((z - self.start) / every).round()).abs() < 1e-3;
+        let within = self.drawn.first().is_some_and(|low| z > *low) && self.drawn.last().is_some_and(|high| z < *high);
+        within && self.every.is_none_or(due) && self.drawn.iter().all(|d| (d - z).abs() >= self.apart)
+    }
+
+    /// The next layer.
+    pub fn layer(&mut self, layer: &Layer) {
+        if !layer.output || !self.wants(layer.z) {
+            return;
+        }
+        let point = |x: [f64; 2]| {
+            let place = [x[0] * self.spacing[0], x[1] * self.spacing[1], layer.z];
+            to_world(&self.geometry, place).map(decimal).join("\\")
+        };
+        let data = |line: Vec<[f64; 2]>| line.into_iter().map(point).collect::<Vec<_>>().join("\\");
+        let lines: Vec<String> = contour_lines(layer, self.dims).into_iter().map(data).collect();
+        if !lines.is_empty() {
+            self.added.planes.push((layer.z, lines));
+        }
+    }
+}
+
+/// Writes the completed structure set, at the end.
+pub struct StructuresWriter<W> {
+    out: W,
+    source: Arc<Source>,
+    adding: Adding,
+}
+
+impl<W> StructuresWriter<W> {
+    /// For the body that is made of what `source` chose.
+    ///
+    /// # Errors
+    /// As [`StructureSet::choose`](super::StructureSet::choose).
+    pub fn new(out: W, source: &Arc<Source>, header: &Header) -> Result<Self> {
+        Ok(StructuresWriter { out, source: source.clone(), adding: source.adding(header)? })
+    }
+}
+
+impl<W: Write + Send> BodyWriter for StructuresWriter<W> {
+    fn layer(&mut self, layer: &Layer) -> io::Result<()> {
+        self.adding.layer(layer);
+        Ok(())
+    }
+
+    fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
+        self.source.set.write_completed(&mut self.out, std::slice::from_ref(&self.adding.added))?;
+        self.out.flush()
+    }
+}
+
+/// Keeps what a body adds, for a file of several bodies, while its layers go on to `rest`.
+pub struct Gather<'s, S> {
+    source: &'s Source,
+    adding: Option<Adding>,
+    rest: S,
+}
+
+impl<'s, S: LayerSink> Gather<'s, S> {
+    /// For the body that is made of what `source` chose.
+    pub fn new(source: &'s Source, rest: S) -> Self {
+        Gather { source, adding: None, rest }
+    }
+
+    /// What the body adds; nothing before its first layer.
+    pub fn added(self) -> Option<Added> {
+        self.adding.map(|a| a.added)
+    }
+}
+
+impl<S: LayerSink> LayerSink for Gather<'_, S> {
+    fn begin(&mut self, header: &Header) -> Result<()> {
+        self.adding = Some(self.source.adding(header)?);
+        self.rest.begin(header)
+    }
+
+    fn layer(&mut self, layer: Layer) -> Result<()> {
+        if let Some(adding) = &mut self.adding {
+            adding.layer(&layer);
+        }
+        self.rest.layer(layer)
+    }
+}
+
+/// A decimal string of at most 16 characters.
+pub(super) fn decimal(v: f64) -> String {
+    let text = format!("{v:.4}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    match text {
+        "-0" => "0".into(),
+        text if text.len() <= 16 => text.into(),
+        _ => format!("{v:.8e}"),
+    }
+}

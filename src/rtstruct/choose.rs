@@ -1,0 +1,177 @@
+//! Which contours become the stack: ROIs, their closed contours, their planes.
+
+use super::{Contour, Roi, StructureSet};
+use crate::error::{Error, Result};
+use crate::polygons::plane::{Bent, PlaneSet, TOLERANCE, smallest_gap};
+use crate::polygons::{self, Drawing, Planes};
+use crate::stack::{ContourStack, ReadOptions};
+
+/// How much wider the gaps of a ROI must be than those of another one's planes to be planes that were left out.
+const LEFT_OUT: f64 = 1.5;
+
+/// ROIs to be reconstructed as one body.
+#[derive(Debug)]
+pub struct Chosen<'a> {
+    set: &'a StructureSet,
+    /// The ROIs.
+    pub rois: Vec<&'a Roi>,
+    /// Contours that count: ROI (index in `rois`) and number from 0 in it.
+    used: Vec<(usize, usize)>,
+    /// Their planes.
+    pub planes: PlaneSet,
+    /// What was left out, and why.
+    pub notes: Vec<String>,
+}
+
+impl StructureSet {
+    /// The ROIs that `options.roi` names; the only one of the file where it names none.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] where a name is none of the file's, or several ROIs could be meant; [`Error::Format`] for contours that are not
+    /// closed, leave their plane, or are fewer than two planes.
+    pub fn choose(&self, options: &ReadOptions) -> Result<Chosen<'_>> {
+        let mut rois: Vec<&Roi> = options.roi.iter().map(|name| self.find(name)).collect::<Result<_>>()?;
+        if let Some(k) = (1..rois.len()).find(|k| rois[..*k].iter().any(|r| r.number == rois[*k].number)) {
+            let message = format!("names {} twice", rois[k].label());
+            return Err(Error::Setting { name: "roi".into(), message });
+        }
+        match &self.rois[..] {
+            [] => return Err(self.wrong("has no ROI".into())),
+            [only] if rois.is_empty() => rois.push(only),
+            _ if rois.is_empty() => {
+                let message = format!("is needed: the file has {} ROIs: {}", self.rois.len(), self.listed());
+                return Err(Error::Setting { name: "roi".into(), message });
+            }
+            _ => {}
+        }
+        self.closed(rois)
+    }
+
+    /// The closed contours of `rois` and their planes.
+    ///
+    /// # Errors
+    /// [`Error::Format`] as [`StructureSet::choose`].
+    pub fn closed<'a>(&'a self, rois: Vec<&'a Roi>) -> Result<Chosen<'a>> {
+        let (mut used, mut notes) = (Vec::new(), Vec::new());
+        for (r, roi) in rois.iter().enumerate() {
+            for (c, contour) in roi.contours.iter().enumerate() {
+                let at = format!("{}, contour {}", roi.label(), c + 1);
+                if !contour.is_closed() {
+                    let message =
+                        format!("{at} is {}; only CLOSED_PLANAR and CLOSEDPLANAR_XOR bound a body", contour.kind);
+                    return Err(self.wrong(message));
+                }
+                match contour.points.len() {
+                    n @ 0..=2 => {
+                        let s = if n == 1 { "" } else { "s" };
+                        notes.push(format!(
+                            "{at}: left out, {n} point{s} bound{} no area",
+                            if n == 1 { "s" } else { "" }
+                        ));
+                    }
+                    _ => used.push((r, c)),
+                }
+            }
+        }
+        let points: Vec<&[[f64; 3]]> = used.iter().map(|(r, c)| &rois[*r].contours[*c].points[..]).collect();
+        let planes = PlaneSet::of(&points).map_err(|Bent { contour, by, normal: [x, y, z] }| {
+            let (r, c) = used[contour];
+            self.wrong(format!(
+                "{}, contour {}: leaves its plane by {by:.3} mm along the common normal ({x:.4}, {y:.4}, {z:.4}); at most {TOLERANCE} mm",
+                rois[r].label(),
+                c + 1
+            ))
+        })?;
+        if planes.heights.len() < 2 {
+            let names: Vec<String> = rois.iter().map(|r| r.label()).collect();
+            return Err(self.wrong(format!(
+                "{}: drawn on {} planes; at least 2 are needed",
+                names.join(", "),
+                planes.heights.len()
+            )));
+        }
+        Ok(Chosen { set: self, rois, used, planes, notes })
+    }
+
+    fn wrong(&self, message: String) -> Error {
+        Error::Format { path: self.path.clone(), message }
+    }
+}
+
+impl Chosen<'_> {
+    /// The contours of plane `k`, by ROI.
+    pub fn on_plane(&self, k: usize) -> impl Iterator<Item = (usize, &Contour)> {
+        let here = self.used.iter().zip(&self.planes.plane_of).filter(move |(_, plane)| **plane == k);
+        here.map(|((r, c), _)| (*r, &self.rois[*r].contours[*c]))
+    }
+
+    /// Planes that `options` choose, numbered from 0 by height; all without a choice.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a number that is none, or fewer than two planes.
+    pub fn chosen_planes(&self, options: &ReadOptions) -> Result<Vec<usize>> {
+        let count = self.planes.heights.len();
+        let fail = |name: &str, message: String| Err(Error::Setting { name: name.into(), message });
+        let chosen: Vec<usize> = match (&options.slices, options.keep) {
+            (Some(list), _) => {
+                if let Some(k) = list.iter().find(|k| **k >= count) {
+                    return fail("slices", format!("must name planes 0 to {}; got {k}", count - 1));
+                }
+                let mut list = list.clone();
+                list.sort_unstable();
+                list.dedup();
+                list
+            }
+            (None, Some(0)) => return fail("keep", "must be at least 1; got 0".into()),
+            (None, keep) => (0..count).step_by(keep.unwrap_or(1)).collect(),
+        };
+        if chosen.len() < 2 {
+            let name = if options.slices.is_some() { "slices" } else { "keep" };
+            return fail(name, format!("must leave at least 2 of the {count} planes; got {}", chosen.len()));
+        }
+        Ok(chosen)
+    }
+
+    /// The contours as a stack; heights are those along the planes' normal, x and y those in the planes.
+    ///
+    /// # Errors
+    /// As [`Chosen::chosen_planes`] and [`polygons::stack`].
+    pub fn stack(&self, options: &ReadOptions) -> Result<ContourStack> {
+        let drawing = |k: usize| {
+            let mut regions = vec![Vec::new(); self.rois.len()];
+            self.on_plane(k).for_each(|(r, contour)| regions[r].push(self.planes.project(&contour.points)));
+            regions.retain(|r: &Vec<_>| !r.is_empty());
+            Drawing { name: format!("k={k}"), z: self.planes.heights[k], extra: false, regions }
+        };
+        let drawings: Vec<Drawing> = self.chosen_planes(options)?.into_iter().map(drawing).collect();
+        let planes = Planes { unit: "mm".into(), axes: self.planes.axes, z_out: None };
+        polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]))
+    }
+
+    /// Steps of the output heights of `stack` where none is asked for. Where all its planes lie on those of another ROI that has planes
+    /// between them, those are taken for the images' slices, and interpolated contours belong there; else half way in the smallest gap.
+    pub fn steps(&self, stack: &ContourStack) -> Option<Steps> {
+        let heights: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
+        let gap = smallest_gap(&heights)?;
+        let others = self.set.rois.iter().filter_map(|roi| self.set.closed(vec![roi]).ok());
+        let images = others.filter_map(|other| {
+            let off: f64 = (0..3).map(|k| (other.planes.axes[2][k] - self.planes.axes[2][k]).abs()).sum();
+            let theirs = &other.planes.heights;
+            let lies = |z: &f64| theirs.iter().any(|w| (w - z).abs() <= TOLERANCE);
+            let step = smallest_gap(theirs)?;
+            (off < 1e-6 && LEFT_OUT * step <= gap && heights.iter().all(lies)).then_some(step)
+        });
+        let planes = images.min_by(f64::total_cmp).unwrap_or(0.5 * gap);
+        let px = stack.spacing[0].min(stack.spacing[1]);
+        Some(Steps { planes, heights: planes / (planes / px).ceil().max(1.0) })
+    }
+}
+
+/// Steps of heights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Steps {
+    /// Between the planes of interpolated contours.
+    pub planes: f64,
+    /// Between output heights: a whole part of `planes`, as fine as the pixels.
+    pub heights: f64,
+}

@@ -1,0 +1,183 @@
+//! The structure set out: as it was read, with contours on the planes between those that were drawn.
+//!
+//! What was drawn stays as it is, byte by byte in Contour Data. The file is a new instance in a new series that names its predecessor, is
+//! unapproved, and says in each completed ROI's description which planes are interpolated. UIDs are hashes of the input and of what was
+//! added: the same work gives the same file. It is written as Implicit VR Little Endian, which has no limit on the length of a contour.
+
+use std::io::{self, Write};
+
+use dicom_core::value::{DataSetSequence, PrimitiveValue};
+use dicom_core::{DataElement, Length, Tag, VR};
+use dicom_dictionary_std::{tags, uids};
+use dicom_object::InMemDicomObject;
+use dicom_object::mem::InMemElement;
+
+use super::StructureSet;
+use super::added::{Added, decimal};
+use crate::polygons::plane::TOLERANCE;
+
+/// Most characters of a ROI Description (value representation ST).
+const LONGEST_DESCRIPTION: usize = 1024;
+const PROGRAM: &str = concat!("interslice ", env!("CARGO_PKG_VERSION"));
+
+impl StructureSet {
+    /// Writes the completed file.
+    ///
+    /// # Errors
+    /// Those of `out`; [`io::ErrorKind::InvalidData`] for what the DICOM library cannot write.
+    pub fn write_completed(&self, out: &mut dyn Write, added: &[Added]) -> io::Result<()> {
+        let mut object = self.object.clone();
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(PROGRAM.as_bytes()).update(self.digest.as_bytes());
+        for data in added.iter().flat_map(|a| &a.planes).flat_map(|(_, lines)| lines) {
+            hasher.update(data.as_bytes());
+        }
+        let [instance, series] =
+            ["instance", "series"].map(|what| uid(hasher.clone().update(what.as_bytes()).finalize()));
+        let old = object.get(tags::SOP_INSTANCE_UID).and_then(|e| e.to_str().ok().map(|s| s.into_owned()));
+        for (tag, text) in [(tags::SOP_INSTANCE_UID, &instance), (tags::SERIES_INSTANCE_UID, &series)] {
+            object.put(element(tag, VR::UI, text));
+        }
+        if let Some(old) = old {
+            let predecessor = InMemDicomObject::from_element_iter([
+                element(tags::REFERENCED_SOP_CLASS_UID, VR::UI, uids::RT_STRUCTURE_SET_STORAGE),
+                element(tags::REFERENCED_SOP_INSTANCE_UID, VR::UI, &old),
+            ]);
+            object.put(sequence(tags::PREDECESSOR_STRUCTURE_SET_SEQUENCE, vec![predecessor]));
+        }
+        // Whoever approved the old one has not seen this one.
+        object.put(element(tags::APPROVAL_STATUS, VR::CS, "UNAPPROVED"));
+        for tag in [
+            tags::REVIEW_DATE,
+            tags::REVIEW_TIME,
+            tags::REVIEWER_NAME,
+            tags::INSTANCE_CREATION_DATE,
+            tags::INSTANCE_CREATION_TIME,
+        ] {
+            object.remove_element(tag);
+        }
+        // Type 2: may be empty, and the time of writing would make two runs differ.
+        object.put(DataElement::empty(tags::STRUCTURE_SET_DATE, VR::DA));
+        object.put(DataElement::empty(tags::STRUCTURE_SET_TIME, VR::TM));
+        for a in added {
+            let by_plane = images(&object, a.normal);
+            each_item(&mut object, tags::STRUCTURE_SET_ROI_SEQUENCE, tags::ROI_NUMBER, a.roi, |item| describe(item, a));
+            each_item(&mut object, tags::ROI_CONTOUR_SEQUENCE, tags::REFERENCED_ROI_NUMBER, a.roi, |item| {
+                add(item, a, &by_plane)
+            });
+        }
+        object.update_meta(|meta| {
+            meta.transfer_syntax = uids::IMPLICIT_VR_LITTLE_ENDIAN.into();
+            meta.media_storage_sop_instance_uid = instance;
+        });
+        object.write_all(out).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e.to_string()))
+    }
+}
+
+/// Applies `change` to the items of a sequence that have a number.
+fn each_item(
+    object: &mut InMemDicomObject,
+    in_sequence: Tag,
+    by: Tag,
+    number: i64,
+    change: impl Fn(&mut InMemDicomObject),
+) {
+    let Some(mut element) = object.take(in_sequence) else { return };
+    let items = element.items_mut().into_iter().flatten();
+    items.filter(|i| i.get(by).and_then(|e| e.to_int::<i64>().ok()) == Some(number)).for_each(change);
+    object.put(element);
+}
+
+/// Says what was added, after what was said already.
+fn describe(item: &mut InMemDicomObject, added: &Added) {
+    let heights: Vec<f64> = added.planes.iter().map(|(z, _)| *z).collect();
+    let said = item.get(tags::ROI_DESCRIPTION).and_then(|e| e.to_str().ok().map(|s| s.trim().to_string()));
+    let said = said.filter(|s| !s.is_empty()).map(|s| s + "; ").unwrap_or_default();
+    let text = match heights.len() {
+        0 => format!("{said}{PROGRAM}: no plane added"),
+        n => format!("{said}{PROGRAM}: contours on {n} planes are interpolated, at {}", runs(&heights)),
+    };
+    let short: String = text.chars().take(LONGEST_DESCRIPTION).collect();
+    item.put(element(tags::ROI_DESCRIPTION, VR::ST, &short));
+    if !heights.is_empty()
+        && item
+            .get(tags::ROI_GENERATION_ALGORITHM)
+            .and_then(|e| e.to_str().ok())
+            .is_none_or(|s| s.trim() != "AUTOMATIC")
+    {
+        item.put(element(tags::ROI_GENERATION_ALGORITHM, VR::CS, "SEMIAUTOMATIC"));
+    }
+}
+
+/// Heights in words, equal steps together: `-105.94 to -3.94 by 3, 1.5`.
+fn runs(heights: &[f64]) -> String {
+    let mut parts = Vec::new();
+    let mut rest = heights;
+    while let Some((first, after)) = rest.split_first() {
+        let step = after.first().map_or(0.0, |next| next - first);
+        let same = rest.windows(2).take_while(|w| (w[1] - w[0] - step).abs() <= 1e-3).count();
+        if same < 2 {
+            parts.push(decimal(*first));
+            rest = after;
+        } else {
+            parts.push(format!("{} to {} by {}", decimal(*first), decimal(rest[same]), decimal(step)));
+            rest = &rest[same + 1..];
+        }
+    }
+    parts.join(", ")
+}
+
+/// Adds the contours to a ROI's own.
+fn add(item: &mut InMemDicomObject, added: &Added, images: &[(f64, InMemElement)]) {
+    let old = item.take(tags::CONTOUR_SEQUENCE).and_then(|e| e.into_value().into_items());
+    let mut all: Vec<InMemDicomObject> = old.into_iter().flatten().collect();
+    for (z, data) in added.planes.iter().flat_map(|(z, lines)| lines.iter().map(move |data| (z, data))) {
+        let count = data.split('\\').count() / 3;
+        let mut contour = InMemDicomObject::from_element_iter([
+            element(tags::CONTOUR_GEOMETRIC_TYPE, VR::CS, added.kind),
+            element(tags::NUMBER_OF_CONTOUR_POINTS, VR::IS, &count.to_string()),
+            element(tags::CONTOUR_DATA, VR::DS, data),
+        ]);
+        if let Some((_, image)) = images.iter().find(|(height, _)| (height - z).abs() <= TOLERANCE) {
+            contour.put(image.clone());
+        }
+        all.push(contour);
+    }
+    item.put(sequence(tags::CONTOUR_SEQUENCE, all));
+}
+
+/// The images that contours of the file refer to (Contour Image Sequence), by their heights along `normal`: where another ROI is drawn on an
+/// interpolated plane, its image is that plane's.
+fn images(object: &InMemDicomObject, normal: [f64; 3]) -> Vec<(f64, InMemElement)> {
+    let items = |o: &InMemDicomObject, tag| o.get(tag).and_then(|e| e.items()).unwrap_or_default().to_vec();
+    let rois = items(object, tags::ROI_CONTOUR_SEQUENCE);
+    let contours = rois.iter().flat_map(|roi| items(roi, tags::CONTOUR_SEQUENCE));
+    let placed = contours.filter_map(|contour| {
+        let image = contour.get(tags::CONTOUR_IMAGE_SEQUENCE)?.clone();
+        let data = contour.get(tags::CONTOUR_DATA)?.to_multi_float64().ok()?;
+        let heights = data.as_chunks::<3>().0.iter().map(|p| (0..3).map(|a| p[a] * normal[a]).sum::<f64>());
+        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), h| (a.min(h), b.max(h)));
+        (high - low <= TOLERANCE).then_some((low, image))
+    });
+    let mut placed: Vec<_> = placed.collect();
+    placed.sort_by(|a, b| a.0.total_cmp(&b.0));
+    placed.dedup_by(|a, b| (a.0 - b.0).abs() <= 1e-6);
+    placed
+}
+
+fn element(tag: Tag, vr: VR, text: &str) -> InMemElement {
+    DataElement::new(tag, vr, PrimitiveValue::from(text))
+}
+
+fn sequence(tag: Tag, items: Vec<InMemDicomObject>) -> InMemElement {
+    DataElement::new(tag, VR::SQ, DataSetSequence::new(items, Length::UNDEFINED))
+}
+
+/// A UID from a hash: 2.25 and a UUID of version 8.
+fn uid(hash: blake3::Hash) -> String {
+    let mut bytes = [0; 16];
+    bytes.copy_from_slice(&hash.as_bytes()[..16]);
+    bytes[6] = bytes[6] & 0x0f | 0x80;
+    bytes[8] = bytes[8] & 0x3f | 0x80;
+    format!("2.25.{}", u128::from_be_bytes(bytes))
+}

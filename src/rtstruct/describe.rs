@@ -1,0 +1,111 @@
+//! What a colleague would say about a structure set.
+
+use super::{Chosen, Roi, StructureSet};
+use crate::polygons::Polygon;
+use crate::polygons::plane::smallest_gap;
+
+impl StructureSet {
+    /// Every ROI: its planes, contours and holes, what would be left out, and why it cannot be reconstructed where it cannot.
+    pub fn describe(&self) -> Vec<String> {
+        let drawn = self.rois.iter().filter(|r| !r.contours.is_empty()).count();
+        let mut lines = vec![format!("RT structure set, {} ROIs, {drawn} of them drawn", self.rois.len())];
+        for roi in &self.rois {
+            lines.extend(self.describe_roi(roi));
+        }
+        lines
+    }
+
+    /// One ROI.
+    fn describe_roi(&self, roi: &Roi) -> Vec<String> {
+        let head = roi.label();
+        if roi.contours.is_empty() {
+            return vec![format!("{head}: not drawn")];
+        }
+        match self.closed(vec![roi]) {
+            Err(e) => vec![format!("{head}: {} contours, cannot be reconstructed: {e}", roi.contours.len())],
+            Ok(chosen) => chosen.describe(),
+        }
+    }
+}
+
+impl Chosen<'_> {
+    /// The chosen ROIs as one body, and notes.
+    pub fn describe(&self) -> Vec<String> {
+        let names: Vec<String> = self.rois.iter().map(|r| r.label()).collect();
+        let heights = &self.planes.heights;
+        let holes: usize = (0..heights.len()).map(|k| self.holes(k)).sum();
+        let xor = self.rois.iter().any(|r| r.contours.iter().any(super::Contour::is_xor));
+        let [x, y, z] = self.planes.axes[2];
+        let across = match [x, y, z] {
+            [0.0, 0.0, 1.0] => "axial".into(),
+            [1.0, 0.0, 0.0] => "sagittal".into(),
+            [0.0, 1.0, 0.0] => "coronal".into(),
+            _ => format!("oblique, normal ({x:.4}, {y:.4}, {z:.4})"),
+        };
+        let mut lines = vec![format!(
+            "{}: {} contours{} on {} planes ({across}) at {} to {} mm, {}; {}",
+            names.join(" + "),
+            self.planes.plane_of.len(),
+            if xor { " (XOR)" } else { "" },
+            heights.len(),
+            short(heights[0]),
+            short(heights[heights.len() - 1]),
+            gaps(heights),
+            match holes {
+                0 => "no holes".into(),
+                1 => "1 contour is a hole".into(),
+                n => format!("{n} contours are holes"),
+            }
+        )];
+        lines.extend(self.notes.iter().map(|n| format!("    {n}")));
+        lines
+    }
+
+    /// Contours of plane `k` that lie within an odd number of the same ROI's others.
+    fn holes(&self, k: usize) -> usize {
+        let all: Vec<(usize, Polygon)> =
+            self.on_plane(k).map(|(r, contour)| (r, self.planes.project(&contour.points))).collect();
+        let within = |n: usize| {
+            let around = |(m, (roi, polygon)): (usize, &(usize, Polygon))| {
+                m != n && *roi == all[n].0 && contains(polygon, all[n].1[0])
+            };
+            all.iter().enumerate().filter(|other| around(*other)).count() % 2 == 1
+        };
+        (0..all.len()).filter(|n| within(*n)).count()
+    }
+}
+
+/// Whether a point lies inside a polygon (even-odd).
+fn contains(polygon: &Polygon, [x, y]: [f64; 2]) -> bool {
+    let next = polygon.iter().cycle().skip(1);
+    let crossed = polygon
+        .iter()
+        .zip(next)
+        .filter(|(p, q)| (p[1] <= y) != (q[1] <= y) && p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0]) > x);
+    crossed.count() % 2 == 1
+}
+
+/// The gaps between heights in words: `78 gaps of 3 mm, 1 of 6 mm`.
+fn gaps(heights: &[f64]) -> String {
+    let mut counted: Vec<(f64, usize)> = Vec::new();
+    let mut sorted: Vec<f64> = heights.windows(2).map(|w| w[1] - w[0]).collect();
+    sorted.sort_by(f64::total_cmp);
+    for gap in sorted {
+        match counted.last_mut() {
+            Some((first, n)) if gap - *first <= 1e-3 => *n += 1,
+            _ => counted.push((gap, 1)),
+        }
+    }
+    if counted.len() > 4 {
+        let (low, high) = (smallest_gap(heights).unwrap_or(0.0), counted[counted.len() - 1].0);
+        return format!("gaps of {} to {} mm", short(low), short(high));
+    }
+    let words =
+        counted.iter().map(|(gap, n)| format!("{n} gap{} of {} mm", if *n == 1 { "" } else { "s" }, short(*gap)));
+    words.collect::<Vec<_>>().join(", ")
+}
+
+/// Without the tail that binary fractions leave.
+fn short(v: f64) -> f64 {
+    (v * 1e4).round() / 1e4
+}

@@ -1,0 +1,193 @@
+//! Checks that a DICOM file is what its lengths say before anything is allocated by them.
+//!
+//! The DICOM library believes a length and allocates it, and follows nested sequences by recursion. Here every length is compared with what
+//! is left of the file (or of the sequence or item around it), and nesting is bounded.
+
+use dicom_core::VR;
+use dicom_core::dictionary::{DataDictionary, DataDictionaryEntry};
+use dicom_object::{StandardDataDictionary, Tag};
+
+type Check<T> = std::result::Result<T, String>;
+
+/// Deepest nesting of sequences; a structure set has 4.
+const DEEPEST: usize = 16;
+const EXPLICIT: &str = "1.2.840.10008.1.2.1";
+const IMPLICIT: &str = "1.2.840.10008.1.2";
+const ITEM: Tag = Tag(0xFFFE, 0xE000);
+const ITEM_END: Tag = Tag(0xFFFE, 0xE00D);
+const SEQUENCE_END: Tag = Tag(0xFFFE, 0xE0DD);
+const TRANSFER_SYNTAX: Tag = Tag(0x0002, 0x0010);
+const UNDEFINED: u32 = u32::MAX;
+
+/// Checks preamble, transfer syntax and all lengths.
+///
+/// # Errors
+/// A message with tag, value and place.
+pub fn check(bytes: &[u8]) -> Check<()> {
+    if bytes.get(128..132) != Some(b"DICM") {
+        return Err("is no DICOM file: `DICM` is missing at byte 128".into());
+    }
+    let mut walk = Walk { bytes, at: 132, explicit: true };
+    let mut syntax = None;
+    while walk.peek_group() == Some(2) {
+        let header = walk.header(bytes.len())?;
+        let end = walk.value_end(&header, bytes.len())?;
+        if header.tag == TRANSFER_SYNTAX {
+            let text = String::from_utf8_lossy(&bytes[walk.at..end]).into_owned();
+            syntax = Some(text.trim_end_matches(['\0', ' ']).to_string());
+        }
+        walk.at = end;
+    }
+    walk.explicit = match syntax.as_deref() {
+        Some(EXPLICIT) => true,
+        Some(IMPLICIT) => false,
+        Some(other) => {
+            return Err(format!(
+                "Transfer Syntax UID is {other}; save it as Explicit or Implicit VR Little Endian ({EXPLICIT}, {IMPLICIT})"
+            ));
+        }
+        None => return Err("Transfer Syntax UID (0002,0010) is missing".into()),
+    };
+    walk.data_set()
+}
+
+struct Walk<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    explicit: bool,
+}
+
+struct Header {
+    tag: Tag,
+    /// Where it begins.
+    at: usize,
+    length: u32,
+    sequence: bool,
+}
+
+/// What is open around an element.
+struct Open {
+    kind: Kind,
+    /// Its end, where its length says it; else a delimiter ends it.
+    end: Option<usize>,
+    /// The end of what has one.
+    limit: usize,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Sequence,
+    Item,
+}
+
+impl Walk<'_> {
+    fn data_set(&mut self) -> Check<()> {
+        let mut open: Vec<Open> = Vec::new();
+        loop {
+            while let Some(o) = open.last()
+                && o.end == Some(self.at)
+            {
+                open.pop();
+            }
+            let limit = open.last().map_or(self.bytes.len(), |o| o.limit);
+            if open.is_empty() && self.at == limit {
+                return Ok(());
+            }
+            let ended = open.last().filter(|o| o.end.is_none()).map(|o| o.kind);
+            if open.last().is_some_and(|o| o.kind == Kind::Sequence) {
+                let (tag, length, at) = self.delimiter(limit)?;
+                match tag {
+                    ITEM => open.push(self.opened(Kind::Item, length, limit, tag, at)?),
+                    SEQUENCE_END if ended.is_some() => drop(open.pop()),
+                    _ => return Err(format!("byte {at}: {tag} where an item of a sequence must be")),
+                }
+                continue;
+            }
+            if self.peek_group() == Some(ITEM.0) {
+                let (tag, _, at) = self.delimiter(limit)?;
+                match (tag, ended) {
+                    (ITEM_END, Some(Kind::Item)) => drop(open.pop()),
+                    _ => return Err(format!("byte {at}: {tag} where an element must be")),
+                }
+                continue;
+            }
+            let header = self.header(limit)?;
+            if header.sequence {
+                if open.len() >= 2 * DEEPEST {
+                    return Err(format!(
+                        "byte {}: {} is nested more than {DEEPEST} sequences deep",
+                        header.at, header.tag
+                    ));
+                }
+                open.push(self.opened(Kind::Sequence, header.length, limit, header.tag, header.at)?);
+            } else {
+                self.at = self.value_end(&header, limit)?;
+            }
+        }
+    }
+
+    fn opened(&self, kind: Kind, length: u32, limit: usize, tag: Tag, at: usize) -> Check<Open> {
+        if length == UNDEFINED {
+            return Ok(Open { kind, end: None, limit });
+        }
+        let end = self.value_end(&Header { tag, at, length, sequence: true }, limit)?;
+        Ok(Open { kind, end: Some(end), limit: end })
+    }
+
+    fn value_end(&self, header: &Header, limit: usize) -> Check<usize> {
+        let Header { tag, at, length, .. } = header;
+        if *length == UNDEFINED {
+            return Err(format!("byte {at}: {tag} has no length"));
+        }
+        self.at.checked_add(*length as usize).filter(|end| *end <= limit).ok_or_else(|| {
+            format!("byte {at}: {tag} is said to be {length} bytes long, but {} are left there", limit - self.at)
+        })
+    }
+
+    fn peek_group(&self) -> Option<u16> {
+        self.bytes.get(self.at..self.at + 2).map(|b| u16::from_le_bytes([b[0], b[1]]))
+    }
+
+    fn take<const N: usize>(&mut self, limit: usize) -> Check<[u8; N]> {
+        let end = self.at.saturating_add(N);
+        let bytes = self.bytes.get(self.at..end).filter(|_| end <= limit).and_then(|b| b.try_into().ok());
+        self.at = end;
+        bytes.ok_or_else(|| format!("is cut off: an element begins at byte {} and does not end", end - N))
+    }
+
+    fn tag(&mut self, limit: usize) -> Check<Tag> {
+        let [a, b, c, d] = self.take(limit)?;
+        Ok(Tag(u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])))
+    }
+
+    fn delimiter(&mut self, limit: usize) -> Check<(Tag, u32, usize)> {
+        let at = self.at;
+        Ok((self.tag(limit)?, u32::from_le_bytes(self.take(limit)?), at))
+    }
+
+    fn header(&mut self, limit: usize) -> Check<Header> {
+        let at = self.at;
+        let tag = self.tag(limit)?;
+        if !self.explicit {
+            let length = u32::from_le_bytes(self.take(limit)?);
+            let known = StandardDataDictionary.by_tag(tag).map(|e| e.vr().relaxed());
+            let sequence = known == Some(VR::SQ) || (known.is_none() && length == UNDEFINED);
+            return Ok(Header { tag, at, length, sequence });
+        }
+        let code: [u8; 2] = self.take(limit)?;
+        let vr = VR::from_binary(code).ok_or_else(|| {
+            format!(
+                "byte {at}: {tag} has the value representation {:?}, which there is not",
+                String::from_utf8_lossy(&code)
+            )
+        })?;
+        use VR::{OB, OD, OF, OL, OV, OW, SQ, SV, UC, UN, UR, UT, UV};
+        let length = if matches!(vr, OB | OD | OF | OL | OV | OW | SQ | SV | UC | UN | UR | UT | UV) {
+            let _reserved: [u8; 2] = self.take(limit)?;
+            u32::from_le_bytes(self.take(limit)?)
+        } else {
+            u32::from(u16::from_le_bytes(self.take(limit)?))
+        };
+        Ok(Header { tag, at, length, sequence: vr == SQ })
+    }
+}

@@ -1,0 +1,192 @@
+//! DICOM RT structure sets: contours drawn plane by plane, in, and completed by what lies between, out.
+//!
+//! ```text
+//! guard -> parse -> StructureSet -> choose -> planes, drawings -> polygons::stack
+//!                        \-> complete (with the contour lines of a result) -> file
+//! ```
+
+mod added;
+mod choose;
+mod complete;
+pub mod describe;
+mod guard;
+mod parse;
+
+use std::path::{Path, PathBuf};
+
+use dicom_object::DefaultDicomObject;
+
+use added::Adding;
+pub use added::{Added, Gather, StructuresWriter};
+pub use choose::{Chosen, Steps};
+
+use crate::error::{Error, Result};
+use crate::stack::{ContourStack, ReadOptions};
+use crate::surface::stream::Header;
+
+/// An RTSTRUCT file.
+#[derive(Debug)]
+pub struct StructureSet {
+    /// The file.
+    pub path: PathBuf,
+    /// Its regions of interest, in its order.
+    pub rois: Vec<Roi>,
+    /// All of it, for the completed file.
+    object: DefaultDicomObject,
+    /// Hash of its bytes.
+    digest: blake3::Hash,
+}
+
+/// A region of interest.
+#[derive(Debug, Clone)]
+pub struct Roi {
+    /// ROI Number.
+    pub number: i64,
+    /// ROI Name.
+    pub name: String,
+    /// Its contours, in their order.
+    pub contours: Vec<Contour>,
+}
+
+/// One contour of a ROI.
+#[derive(Debug, Clone)]
+pub struct Contour {
+    /// Contour Geometric Type.
+    pub kind: String,
+    /// Points in mm, LPS.
+    pub points: Vec<[f64; 3]>,
+}
+
+impl Contour {
+    /// Whether it is a closed line on a plane.
+    fn is_closed(&self) -> bool {
+        self.kind == CLOSED || self.is_xor()
+    }
+
+    /// Whether its ROI says outright that its contours are combined by even-odd.
+    fn is_xor(&self) -> bool {
+        self.kind == CLOSED_XOR
+    }
+}
+
+const CLOSED: &str = "CLOSED_PLANAR";
+const CLOSED_XOR: &str = "CLOSEDPLANAR_XOR";
+
+impl Roi {
+    /// What messages call it.
+    pub fn label(&self) -> String {
+        format!("ROI {} (`{}`)", self.number, self.name)
+    }
+}
+
+impl StructureSet {
+    /// Reads an RTSTRUCT.
+    ///
+    /// # Errors
+    /// [`Error::Read`] where the file cannot be read, [`Error::Format`] naming field, ROI, contour and value.
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|source| Error::Read { path: path.into(), source })?;
+        let fail = |message: String| Error::Format { path: path.into(), message };
+        let (object, rois) = parse::parse(&bytes).map_err(fail)?;
+        Ok(StructureSet { path: path.into(), rois, object, digest: blake3::hash(&bytes) })
+    }
+
+    /// The ROI of a name, else of a number.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] with all ROIs there are.
+    pub fn find(&self, wanted: &str) -> Result<&Roi> {
+        let fail = |message: String| {
+            Err(Error::Setting { name: "roi".into(), message: format!("{message}; there are {}", self.listed()) })
+        };
+        let named: Vec<&Roi> = self.rois.iter().filter(|r| r.name.trim() == wanted.trim()).collect();
+        match (&named[..], wanted.trim().parse::<i64>()) {
+            ([roi], _) => Ok(roi),
+            ([_, _, ..], _) => fail(format!("`{wanted}` is the name of several ROIs: name it by its number")),
+            ([], Ok(number)) => match self.rois.iter().find(|r| r.number == number) {
+                Some(roi) => Ok(roi),
+                None => fail(format!("must name one of the file's ROIs; got {number}")),
+            },
+            ([], Err(_)) => fail(format!("must name one of the file's ROIs; got `{wanted}`")),
+        }
+    }
+
+    /// Numbers and names of all ROIs.
+    fn listed(&self) -> String {
+        self.rois.iter().map(|r| format!("{} `{}`", r.number, r.name)).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// A structure set that a stack was read from, and what was chosen of it.
+#[derive(Debug)]
+pub struct Source {
+    /// The file.
+    pub set: StructureSet,
+    /// What was chosen.
+    pub options: ReadOptions,
+    /// Step of the planes on which contours are added; else all output heights are such planes.
+    pub every: Option<f64>,
+}
+
+impl Source {
+    /// Reads the file again that a stack was read from.
+    ///
+    /// # Errors
+    /// As [`StructureSet::read`] and [`StructureSet::choose`].
+    pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let source = Source { set: StructureSet::read(path)?, options: options.clone(), every: None };
+        source.set.choose(options)?;
+        Ok(source)
+    }
+
+    /// Steps of output heights where none are asked for, and what a person should know of the contours on `stack`.
+    ///
+    /// # Errors
+    /// As [`StructureSet::choose`].
+    pub fn about(&self, stack: &ContourStack) -> Result<(Option<Steps>, Vec<String>)> {
+        let chosen = self.set.choose(&self.options)?;
+        let steps = chosen.steps(stack);
+        let mut notes = chosen.notes;
+        let lost = stack.slices.iter().filter(|s| s.content.is_empty());
+        let px = stack.spacing[0];
+        notes.extend(lost.map(|s| {
+            format!(
+                "plane {} at {}: no pixel of {px} mm lies inside its contours; a smaller --pixel finds them",
+                s.name, s.z
+            )
+        }));
+        Ok((steps, notes))
+    }
+
+    /// Refuses to write a completed file where none can be made.
+    ///
+    /// # Errors
+    /// [`Error::Output`].
+    pub fn check_output(&self, path: &Path) -> Result<()> {
+        let fail = |message: &str| Err(Error::Output { path: path.into(), message: message.into() });
+        if self.options.roi.len() > 1 {
+            return fail("merged ROIs are none of the file's own; a completed RTSTRUCT takes one --roi, or --all-rois");
+        }
+        match (path.canonicalize(), self.set.path.canonicalize()) {
+            (Ok(output), Ok(input)) if output == input => fail("is the input"),
+            _ => Ok(()),
+        }
+    }
+
+    /// Takes the layers of the body that is made of what was chosen.
+    ///
+    /// # Errors
+    /// As [`StructureSet::choose`].
+    fn adding(&self, header: &Header) -> Result<Adding> {
+        let chosen = self.set.choose(&self.options)?;
+        Adding::new(&chosen, &self.options, self.every, header)
+    }
+}
+
+/// The stack of the ROIs that `options` name, on the planes they name.
+///
+/// # Errors
+/// As [`StructureSet::read`] and [`StructureSet::choose`].
+pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
+    StructureSet::read(path)?.choose(options)?.stack(options)
+}

@@ -1,0 +1,101 @@
+//! From bytes to ROIs and their contours.
+
+use std::collections::HashMap;
+
+use dicom_dictionary_std::{tags, uids};
+use dicom_object::{DefaultDicomObject, InMemDicomObject, OpenFileOptions, Tag};
+
+use super::{Contour, Roi, guard};
+
+type Parse<T> = std::result::Result<T, String>;
+
+/// The file, and its ROIs.
+///
+/// # Errors
+/// A message with field, ROI, contour and value.
+pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
+    guard::check(bytes)?;
+    let object = OpenFileOptions::new().from_reader(bytes).map_err(|e| with_causes(&e))?;
+    let class = text(&object, tags::SOP_CLASS_UID)?.unwrap_or_default();
+    if class != uids::RT_STRUCTURE_SET_STORAGE {
+        return Err(format!("SOP Class UID is `{class}`; an RT structure set has {}", uids::RT_STRUCTURE_SET_STORAGE));
+    }
+    let mut rois = Vec::new();
+    let named = items(&object, tags::STRUCTURE_SET_ROI_SEQUENCE)?
+        .ok_or("Structure Set ROI Sequence (3006,0020) is missing: the file names no ROI")?;
+    let mut place = HashMap::new();
+    for (k, item) in named.iter().enumerate() {
+        let at = format!("item {} of Structure Set ROI Sequence", k + 1);
+        let number = number(item, tags::ROI_NUMBER, &at)?;
+        let name = text(item, tags::ROI_NAME)?.unwrap_or_default();
+        if place.insert(number, k).is_some() {
+            return Err(format!("{at}: ROI Number {number} is there twice"));
+        }
+        rois.push(Roi { number, name, contours: Vec::new() });
+    }
+    let drawn = items(&object, tags::ROI_CONTOUR_SEQUENCE)?
+        .ok_or("ROI Contour Sequence (3006,0039) is missing: nothing is drawn")?;
+    for (k, item) in drawn.iter().enumerate() {
+        let at = format!("item {} of ROI Contour Sequence", k + 1);
+        let number = number(item, tags::REFERENCED_ROI_NUMBER, &at)?;
+        let Some(roi) = place.get(&number).map(|k| &mut rois[*k]) else {
+            return Err(format!("{at}: Referenced ROI Number {number} is none of the file's ROIs, or is there twice"));
+        };
+        place.remove(&number);
+        for (c, item) in items(item, tags::CONTOUR_SEQUENCE)?.unwrap_or_default().iter().enumerate() {
+            let contour = contour(item).map_err(|m| format!("{}, contour {}: {m}", roi.label(), c + 1))?;
+            roi.contours.push(contour);
+        }
+    }
+    Ok((object, rois))
+}
+
+fn contour(item: &InMemDicomObject) -> Parse<Contour> {
+    let kind = text(item, tags::CONTOUR_GEOMETRIC_TYPE)?.ok_or("Contour Geometric Type (3006,0042) is missing")?;
+    let element = item.get(tags::CONTOUR_DATA).ok_or("Contour Data (3006,0050) is missing")?;
+    let bytes = element.to_bytes().map_err(|e| format!("Contour Data: {e}"))?;
+    let text = String::from_utf8_lossy(&bytes);
+    let text = text.trim_matches(['\0', ' ']);
+    let values = text.split('\\').filter(|_| !text.is_empty()).enumerate().map(|(k, t)| {
+        let wrong = || format!("Contour Data: value {} is `{}`; it must be a finite number", k + 1, t.trim());
+        t.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(wrong)
+    });
+    let values = values.collect::<Parse<Vec<f64>>>()?;
+    let (points, rest) = values.as_chunks::<3>();
+    if !rest.is_empty() {
+        return Err(format!("Contour Data has {} values; points have 3 each", values.len()));
+    }
+    if let Some(said) = item.get(tags::NUMBER_OF_CONTOUR_POINTS) {
+        let said: i64 = said.to_int().map_err(|e| format!("Number of Contour Points: {e}"))?;
+        if usize::try_from(said) != Ok(points.len()) {
+            return Err(format!("Number of Contour Points is {said}, but Contour Data has {}", points.len()));
+        }
+    }
+    Ok(Contour { kind, points: points.to_vec() })
+}
+
+/// Items of a sequence; nothing where the element is missing.
+fn items(object: &InMemDicomObject, tag: Tag) -> Parse<Option<&[InMemDicomObject]>> {
+    match object.get(tag) {
+        None => Ok(None),
+        Some(element) if element.value().primitive().is_some_and(|p| p.multiplicity() == 0) => Ok(Some(&[])),
+        Some(element) => element.items().map(Some).ok_or_else(|| format!("{tag} is no sequence")),
+    }
+}
+
+fn text(object: &InMemDicomObject, tag: Tag) -> Parse<Option<String>> {
+    let Some(element) = object.get(tag) else { return Ok(None) };
+    let text = element.to_str().map_err(|e| format!("{tag}: {e}"))?;
+    Ok(Some(text.trim_matches(['\0', ' ']).to_string()))
+}
+
+fn number(object: &InMemDicomObject, tag: Tag, at: &str) -> Parse<i64> {
+    let element = object.get(tag).ok_or_else(|| format!("{at}: {tag} is missing"))?;
+    element.to_int().map_err(|e| format!("{at}: {tag}: {e}"))
+}
+
+/// An error and what caused it, in one line.
+fn with_causes(error: &dyn std::error::Error) -> String {
+    let causes = std::iter::successors(error.source(), |e| e.source());
+    causes.fold(error.to_string(), |text, cause| format!("{text}: {cause}"))
+}

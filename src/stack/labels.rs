@@ -1,0 +1,113 @@
+//! Reads the drawn slices of many labels from a label volume.
+
+use std::path::Path;
+
+use super::ReadOptions;
+use super::read::{Surveyed, read_surveyed};
+use crate::error::{Error, Result};
+use crate::labels::LabelStack;
+use crate::stack::ContourStack;
+
+/// Most labels of a run.
+const MOST: usize = 4096;
+
+/// Which labels are wanted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Wanted {
+    /// All that are not 0.
+    All,
+    /// These.
+    These(Vec<i64>),
+}
+
+impl std::str::FromStr for Wanted {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        if text == "all" {
+            return Ok(Wanted::All);
+        }
+        let number = |part: &str| match part.trim().parse::<i64>() {
+            Ok(0) => Err("0 is the background and no label".into()),
+            Ok(label) => Ok(label),
+            Err(_) => Err(format!("expected `all` or numbers with commas between, such as 1,2,5; got `{text}`")),
+        };
+        text.split(',').map(number).collect::<std::result::Result<_, String>>().map(Wanted::These)
+    }
+}
+
+/// Reads the slices on which any of the wanted labels is drawn, or those that the options choose, from bottom to top.
+///
+/// # Errors
+/// As [`read_surveyed`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume;
+/// [`Error::Stack`] for one that is drawn on a single slice.
+pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
+    let fail = |message: String| Err(Error::Setting { name: "labels".into(), message });
+    if options.label.is_some() {
+        return fail("is not for a run with `label`".into());
+    }
+    let (stack, surveyed) = read_surveyed(path, options)?;
+    let Some(surveyed) = surveyed else {
+        return fail("is not for a folder of slices; it chooses from a label volume".into());
+    };
+    let there = &surveyed.survey.labels;
+    let labels: Vec<i64> = match wanted {
+        Wanted::All => there.keys().copied().collect(),
+        Wanted::These(list) => {
+            let mut list = list.clone();
+            list.sort_unstable();
+            list.dedup();
+            list
+        }
+    };
+    if let Some(missing) = labels.iter().find(|l| !there.contains_key(l)) {
+        let known: Vec<String> = there.keys().take(12).map(i64::to_string).collect();
+        let more = if there.len() > known.len() { ", ..." } else { "" };
+        let message = format!("has no label {missing}; labels are {}{more}", known.join(", "));
+        return Err(Error::Format { path: path.into(), message });
+    }
+    if surveyed.survey.more || labels.len() > MOST {
+        return fail(format!("are at most {MOST} in a run; name those you want"));
+    }
+    let mut drawn = drawn(&surveyed, &stack, &labels)?;
+    let all_slices = options.keep.is_some() || options.slices.is_some();
+    let mut slices = stack.slices;
+    if !all_slices {
+        let mut has = drawn.iter().map(|slice| slice.iter().any(|l| *l > 0)).collect::<Vec<_>>().into_iter();
+        slices.retain(|_| has.next().unwrap_or(false));
+        drawn.retain(|slice| slice.iter().any(|l| *l > 0));
+    }
+    for (slice, drawn) in slices.iter_mut().zip(&drawn) {
+        slice.content = super::SliceContent::Mask(drawn.iter().map(|l| *l > 0).collect());
+    }
+    let labels = LabelStack { stack: ContourStack { slices, ..stack }, labels, drawn, all_slices };
+    labels.validate()?;
+    Ok(labels)
+}
+
+/// For each slice and pixel 0, or the place of its label and 1.
+fn drawn(surveyed: &Surveyed, stack: &ContourStack, labels: &[i64]) -> Result<Vec<Vec<u32>>> {
+    let [u, v, w] = stack.geometry.order;
+    let (dims, thickness) = (surveyed.volume.grid.dims, surveyed.volume.grid.spacing()[w]);
+    let mut places = vec![None; dims[w]];
+    for (place, slice) in stack.slices.iter().enumerate() {
+        if let Some(at) = places.get_mut((slice.z / thickness).round() as usize) {
+            *at = Some(place);
+        }
+    }
+    let number = |value: i64| labels.binary_search(&value).map_or(0, |k| k as u32 + 1);
+    let mut drawn = vec![vec![0; dims[u] * dims[v]]; stack.slices.len()];
+    surveyed.volume.labels(|run| {
+        let mut at = run.first;
+        for stretch in run.labels.chunk_by(|a, b| a == b) {
+            let number = number(stretch[0]);
+            for _ in stretch {
+                if let (1.., Some(place)) = (number, places[at[w]]) {
+                    drawn[place][at[u] + at[v] * dims[u]] = number;
+                }
+                at[run.along] += 1;
+            }
+        }
+    })?;
+    Ok(drawn)
+}

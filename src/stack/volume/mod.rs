@@ -1,0 +1,226 @@
+//! Volumes of voxels in files: where they lie, and their values in the file's order.
+//!
+//! ```text
+//! reader (header) -> Volume -> Survey (first pass: what is painted) -> axis -> slices (second pass: masks of what is chosen)
+//! ```
+//!
+//! No volume is ever held whole: a pass decodes it a run of voxels at a time.
+
+pub mod axis;
+pub mod data;
+pub mod element;
+pub mod slices;
+pub mod survey;
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use data::Data;
+use element::Element;
+
+/// What a reader says without the file's name.
+pub(super) type Failure<T> = std::result::Result<T, String>;
+
+/// Most voxels of a volume: the header of a damaged file may ask for anything.
+const MOST_VOXELS: usize = 1 << 40;
+/// Largest cosine between two axes that still counts as perpendicular.
+const SHEAR_LIMIT: f64 = 1e-3;
+/// Voxels decoded at a time.
+const RUN: usize = 1 << 16;
+
+/// Where the voxels of a volume lie in the world (LPS).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid {
+    /// Voxels along x, y, z, the file's first, second and third axis.
+    pub dims: [usize; 3],
+    /// Position of voxel (0, 0, 0).
+    pub origin: [f64; 3],
+    /// Steps from voxel to voxel along each axis.
+    pub steps: [[f64; 3]; 3],
+    /// Length unit.
+    pub unit: String,
+    /// Whether the file says how far apart its voxels are.
+    pub spaced: bool,
+}
+
+impl Grid {
+    /// A grid without place or spacing: 1 px along each axis.
+    pub fn unspaced(dims: [usize; 3]) -> Self {
+        let steps = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        Grid { dims, origin: [0.0; 3], steps, unit: "px".into(), spaced: false }
+    }
+
+    /// Voxel sides.
+    pub fn spacing(&self) -> [f64; 3] {
+        self.steps.map(|[x, y, z]| (x * x + y * y + z * z).sqrt())
+    }
+
+    /// Unit vectors along the axes.
+    pub fn axes(&self) -> [[f64; 3]; 3] {
+        let spacing = self.spacing();
+        std::array::from_fn(|a| self.steps[a].map(|v| v / spacing[a]))
+    }
+
+    fn check(&self) -> Failure<()> {
+        let [nx, ny, nz] = self.dims;
+        let count = nx.checked_mul(ny).and_then(|n| n.checked_mul(nz));
+        if !count.is_some_and(|n| (1..=MOST_VOXELS).contains(&n)) {
+            return Err(format!("sizes {nx} {ny} {nz} are no volume of 1 to {MOST_VOXELS} voxels"));
+        }
+        if let Some(bad) = self.origin.iter().find(|v| !v.is_finite()) {
+            return Err(format!("the origin holds {bad}"));
+        }
+        let spacing = self.spacing();
+        if let Some(axis) = (0..3).find(|&a| !(spacing[a].is_finite() && spacing[a] > 0.0)) {
+            return Err(format!("voxel spacing along axis {axis} must be a positive number; got {}", spacing[axis]));
+        }
+        check_axes(&self.axes()).map_err(|m| format!("{m}; resample the volume first"))
+    }
+}
+
+/// Checks that world directions are perpendicular unit vectors.
+///
+/// # Errors
+/// A message with axis, value and limit.
+pub(super) fn check_axes(axes: &[[f64; 3]; 3]) -> Failure<()> {
+    let dot = |a: usize, b: usize| -> f64 { (0..3).map(|k| axes[a][k] * axes[b][k]).sum() };
+    for a in 0..3 {
+        let length = dot(a, a).sqrt();
+        if length.is_nan() || (length - 1.0).abs() > SHEAR_LIMIT {
+            return Err(format!("axis {a} is {length} long; it must be 1"));
+        }
+    }
+    for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+        let cosine = dot(a, b);
+        if cosine.is_nan() || cosine.abs() > SHEAR_LIMIT {
+            return Err(format!("axes {a} and {b} are not perpendicular (cosine {cosine:.4}, at most {SHEAR_LIMIT})"));
+        }
+    }
+    Ok(())
+}
+
+/// A volume in a file.
+#[derive(Debug, Clone)]
+pub struct Volume {
+    /// The file that was named.
+    pub path: PathBuf,
+    /// Its format, for people.
+    pub format: &'static str,
+    /// Where the voxels lie.
+    pub grid: Grid,
+    /// What a voxel is.
+    pub element: Element,
+    /// Whether its bytes run from the largest.
+    pub big_endian: bool,
+    /// The axes as the file runs through them, the fastest first.
+    pub stored: [usize; 3],
+    /// Factor and summand that turn a stored value into a label.
+    pub scale: Option<[f64; 2]>,
+    /// The bytes.
+    pub(super) data: Data,
+}
+
+/// Neighbouring voxels of one row of the file.
+#[derive(Debug, Clone, Copy)]
+pub struct Run<'a> {
+    /// The first voxel, by x, y, z.
+    pub first: [usize; 3],
+    /// The axis along which they run.
+    pub along: usize,
+    /// Their labels.
+    pub labels: &'a [i64],
+}
+
+impl Volume {
+    /// Checks the grid, and the size of the data by that of the file.
+    ///
+    /// # Errors
+    /// [`Error::Format`] with value and limit.
+    pub(super) fn check(&self) -> Result<()> {
+        let fail = |message| Error::Format { path: self.path.clone(), message };
+        self.grid.check().map_err(fail)?;
+        // At most 2^40 voxels of 8 bytes.
+        self.data.check(self.bytes()).map_err(fail)
+    }
+
+    /// The same volume with voxels of these sides.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] where the file has its own.
+    pub(super) fn with_spacing(mut self, sides: &[f64]) -> Result<Self> {
+        let fail = |message: String| Err(Error::Setting { name: "spacing".into(), message });
+        let &[dx, dy, dz] = sides else { return fail(format!("must be three numbers DX,DY,DZ; got {}", sides.len())) };
+        if let Some(bad) = sides.iter().find(|h| !(h.is_finite() && **h > 0.0)) {
+            return fail(format!("must be three positive numbers; got {bad}"));
+        }
+        if self.grid.spaced {
+            let [x, y, z] = self.grid.spacing();
+            let path = self.path.display();
+            return fail(format!("is only for a file without its own; {path} has {x} x {y} x {z} {}", self.grid.unit));
+        }
+        let axes = self.grid.axes();
+        self.grid.steps = std::array::from_fn(|a| axes[a].map(|v| v * [dx, dy, dz][a]));
+        self.grid.unit = "mm".into();
+        Ok(self)
+    }
+
+    /// The files that hold the volume.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut files = vec![self.path.clone()];
+        files.extend(Some(self.data.file().to_path_buf()).filter(|file| *file != self.path));
+        files
+    }
+
+    /// Number of voxels.
+    pub fn voxels(&self) -> usize {
+        self.grid.dims.iter().product()
+    }
+
+    /// Bytes of all voxels.
+    pub fn bytes(&self) -> u64 {
+        self.voxels() as u64 * self.element.size() as u64
+    }
+
+    /// Decodes the volume from its first voxel to its last and hands the labels to `each`, run by run.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for data that end early or cannot be decoded, and for values that are no whole numbers.
+    pub fn labels(&self, mut each: impl FnMut(Run<'_>)) -> Result<()> {
+        self.decode(&mut each).map_err(|message| Error::Format { path: self.path.clone(), message })
+    }
+
+    fn decode(&self, each: &mut impl FnMut(Run<'_>)) -> Failure<()> {
+        let (count, size) = (self.voxels(), self.element.size());
+        let row = self.grid.dims[self.stored[0]];
+        let rows = self.grid.dims[self.stored[1]];
+        let mut input = self.data.open()?;
+        let (mut bytes, mut labels) = (vec![0; RUN.min(count) * size], Vec::with_capacity(RUN.min(count)));
+        let mut at = 0;
+        while at < count {
+            let n = RUN.min(count - at);
+            let bytes = &mut bytes[..n * size];
+            data::fill(&mut input, bytes, (at * size) as u64, self.bytes())?;
+            labels.clear();
+            self.element.labels(bytes, self.big_endian, self.scale, at, &mut labels)?;
+            let mut done = 0;
+            while done < n {
+                let (i, rest) = ((at + done) % row, (at + done) / row);
+                let length = (row - i).min(n - done);
+                let mut first = [0; 3];
+                for (axis, position) in self.stored.into_iter().zip([i, rest % rows, rest / rows]) {
+                    first[axis] = position;
+                }
+                each(Run { first, along: self.stored[0], labels: &labels[done..done + length] });
+                done += length;
+            }
+            at += n;
+        }
+        Ok(())
+    }
+}
+
+/// A file whose header is to be read.
+pub(super) fn open(path: &Path) -> Result<std::io::BufReader<std::fs::File>> {
+    let file = std::fs::File::open(path).map_err(|source| Error::Read { path: path.into(), source })?;
+    Ok(std::io::BufReader::new(file))
+}

@@ -1,0 +1,102 @@
+//! The second pass through a volume: the slices that are chosen, as masks.
+
+use super::Volume;
+use super::axis::Choice;
+use super::survey::{Survey, wanted};
+use crate::error::{Error, Result};
+use crate::stack::options::ReadOptions;
+use crate::stack::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
+
+/// Labels that a message names.
+const NAMED: usize = 12;
+
+/// The chosen slices of the chosen label. Heights are distances along the axis from the volume's first slice, and the volume's own slices
+/// are the output grid. Pixels run along the other two axes in the file's order.
+///
+/// # Errors
+/// [`Error::Setting`] for slices that are not there; [`Error::Format`] where none of them is painted; those of [`Volume::labels`].
+pub fn stack(volume: &Volume, survey: &Survey, choice: &Choice, options: &ReadOptions) -> Result<ContourStack> {
+    let chosen = chosen(volume, survey, choice.axis, options)?;
+    let axis = choice.axis;
+    let [u, v] = [[1, 2], [0, 2], [0, 1]][axis];
+    let grid = &volume.grid;
+    let (dims, spacing, axes) = (grid.dims, grid.spacing(), grid.axes());
+    let masks = masks(volume, &chosen, [u, v, axis], options.label)?;
+    let letter = ['i', 'j', 'k'][axis];
+    let slices = chosen
+        .into_iter()
+        .zip(masks)
+        .map(|(k, mask)| Slice {
+            name: format!("{letter}={k}"),
+            z: k as f64 * spacing[axis],
+            extra: false,
+            content: SliceContent::Mask(mask),
+        })
+        .collect();
+    Ok(ContourStack {
+        dims: [dims[u], dims[v]],
+        spacing: [spacing[u], spacing[v]],
+        unit: grid.unit.clone(),
+        slices,
+        z_out: Some(HeightGrid { start: 0.0, step: spacing[axis], count: dims[axis] }),
+        geometry: Geometry { origin: grid.origin, axes: [axes[u], axes[v], axes[axis]], order: [u, v, axis] },
+    })
+}
+
+fn chosen(volume: &Volume, survey: &Survey, axis: usize, options: &ReadOptions) -> Result<Vec<usize>> {
+    let painted = &survey.painted[axis];
+    let count = painted.len();
+    let setting = |name: &str, message: String| Err(Error::Setting { name: name.into(), message });
+    let chosen: Vec<usize> = match (&options.slices, options.keep) {
+        (Some(list), _) => {
+            if let Some(&k) = list.iter().find(|&&k| k >= count) {
+                return setting("slices", format!("must name slices 0 to {}; got {k}", count - 1));
+            }
+            let mut list = list.clone();
+            list.sort_unstable();
+            list.dedup();
+            list
+        }
+        (None, Some(0)) => return setting("keep", "must be at least 1; got 0".into()),
+        (None, Some(keep)) => (0..count).step_by(keep).collect(),
+        (None, None) => (0..count).filter(|&k| painted[k]).collect(),
+    };
+    if !chosen.iter().any(|&k| painted[k]) {
+        let label = options.label.map_or("a non-zero label".into(), |l| format!("label {l}"));
+        let there: Vec<String> = survey.labels.keys().take(NAMED).map(i64::to_string).collect();
+        let more = if survey.labels.len() > NAMED { ", ..." } else { "" };
+        let message = match there[..] {
+            [] => format!("none of the {} chosen slices has {label}: all voxels are 0", chosen.len()),
+            _ => {
+                format!("none of the {} chosen slices has {label}; labels are {}{more}", chosen.len(), there.join(", "))
+            }
+        };
+        return Err(Error::Format { path: volume.path.clone(), message });
+    }
+    Ok(chosen)
+}
+
+/// Masks of the slices `chosen` across the axis `w`, row-major along `u` and `v`.
+fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option<i64>) -> Result<Vec<Vec<bool>>> {
+    let dims = volume.grid.dims;
+    let mut places = vec![None; dims[w]];
+    chosen.iter().enumerate().for_each(|(place, &k)| places[k] = Some(place));
+    let mut masks = vec![vec![false; dims[u] * dims[v]]; chosen.len()];
+    volume.labels(|run| {
+        let node = run.first[u] + run.first[v] * dims[u];
+        if run.along == w {
+            let slices = places[run.first[w]..].iter().zip(run.labels);
+            for (place, _) in slices.filter(|(_, value)| wanted(label, **value)) {
+                if let Some(place) = *place {
+                    masks[place][node] = true;
+                }
+            }
+        } else if let Some(place) = places[run.first[w]] {
+            let step = if run.along == u { 1 } else { dims[u] };
+            for (pixel, value) in masks[place][node..].iter_mut().step_by(step).zip(run.labels) {
+                *pixel = wanted(label, *value);
+            }
+        }
+    })?;
+    Ok(masks)
+}

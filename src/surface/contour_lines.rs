@@ -1,0 +1,134 @@
+//! The closed lines at which layers cross zero, and layers as polygons in JSON (the schema of a `stack.json` with polygons).
+
+use std::io::{self, Write};
+
+use serde::Serialize;
+
+use super::Layer;
+use super::stream::{BodyWriter, Ending, Header};
+use crate::contour::trace_loops;
+use crate::field::Field;
+use crate::polygons::Polygon;
+use crate::stack::Geometry;
+
+/// The closed contour lines of a layer, pixels: marching squares with linear crossings; in a saddle cell the mean of the four corners says
+/// which are joined. The inside lies to the left in a frame with y upward: lines around a part turn counter-clockwise, those around a hole
+/// clockwise. Where the body touches the image's border, its line runs half a pixel beyond.
+pub fn contour_lines(layer: &Layer, [nx, ny]: [usize; 2]) -> Vec<Polygon> {
+    let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+    for (node, _) in layer.phi.iter().enumerate().filter(|(_, v)| **v < 0.0) {
+        let at = [node % nx, node / nx];
+        (0..2).for_each(|a| (low[a], high[a]) = (low[a].min(at[a]), high[a].max(at[a])));
+    }
+    if low[0] > high[0] {
+        return Vec::new();
+    }
+    // The box around the inside and one ring of outside; beyond the image the border's own pixels count, as outside.
+    let dims = [0, 1].map(|a| high[a] - low[a] + 3);
+    let field = Field::from_fn(dims, |i, j| {
+        let [x, y] = [(low[0] + i).wrapping_sub(1), (low[1] + j).wrapping_sub(1)];
+        let (cx, cy) = ((low[0] + i).saturating_sub(1).min(nx - 1), (low[1] + j).saturating_sub(1).min(ny - 1));
+        let v = f64::from(layer.phi[cy * nx + cx]);
+        if [x, y] == [cx, cy] { v } else { v.abs() }
+    });
+    let place = |x: [f64; 2]| [0, 1].map(|a| x[a] + low[a] as f64 - 1.0);
+    trace_loops(&field).into_iter().map(|path| path.into_iter().map(|c| place(c.x)).collect()).collect()
+}
+
+/// Coordinates along the axes of a geometry from the world's origin: `u a0 + v a1 + w a2` is the point `i dx, j dy, z` of the stack.
+#[derive(Debug, Clone, Copy)]
+pub struct AlongAxes {
+    spacing: [f64; 2],
+    origin: [f64; 3],
+}
+
+impl AlongAxes {
+    /// For a stack's geometry and pixel sides.
+    pub fn new(geometry: &Geometry, spacing: [f64; 2]) -> Self {
+        AlongAxes { spacing, origin: solve(&geometry.axes, geometry.origin) }
+    }
+
+    /// A position in pixels.
+    pub fn point(&self, x: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|a| self.origin[a] + x[a] * self.spacing[a])
+    }
+
+    /// A height of the stack.
+    pub fn height(&self, z: f64) -> f64 {
+        self.origin[2] + z
+    }
+}
+
+/// Solution of `u a0 + v a1 + w a2 = p` (Cramer); the axes are nearly perpendicular.
+fn solve(axes: &[[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
+    let det = |m: [[f64; 3]; 3]| {
+        let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
+        m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1)
+    };
+    let all = det(*axes);
+    std::array::from_fn(|k| {
+        let mut with = *axes;
+        with[k] = p;
+        det(with) / all
+    })
+}
+
+/// What a file of contour lines says before its slices.
+#[derive(Serialize)]
+struct Head<'a> {
+    unit: &'a str,
+    spacing_xy: [f64; 2],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    axes: Option<[[f64; 3]; 3]>,
+}
+
+#[derive(Serialize)]
+struct DrawnSlice {
+    z: f64,
+    polygons: Vec<Polygon>,
+}
+
+/// Writes the contour lines of the output layers as these arrive. Coordinates are the world's (LPS), along `axes` where these are not the
+/// world's own.
+pub struct ContoursWriter<W> {
+    out: W,
+    dims: [usize; 2],
+    along: AlongAxes,
+    slices: usize,
+}
+
+impl<W: Write> ContoursWriter<W> {
+    /// The file as far as the slices.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn new(mut out: W, header: &Header) -> io::Result<Self> {
+        let straight = header.geometry.axes == Geometry::default().axes;
+        let axes = (!straight).then_some(header.geometry.axes);
+        let head = serde_json::to_string(&Head { unit: &header.unit, spacing_xy: header.spacing, axes })?;
+        write!(out, "{},\"slices\":[", head.trim_end_matches('}'))?;
+        let along = AlongAxes::new(&header.geometry, header.spacing);
+        Ok(ContoursWriter { out, dims: header.dims, along, slices: 0 })
+    }
+}
+
+impl<W: Write + Send> BodyWriter for ContoursWriter<W> {
+    fn layer(&mut self, layer: &Layer) -> io::Result<()> {
+        if !layer.output {
+            return Ok(());
+        }
+        let line = |path: Polygon| path.into_iter().map(|x| self.along.point(x)).collect();
+        let polygons = contour_lines(layer, self.dims).into_iter().map(line).collect();
+        if self.slices > 0 {
+            self.out.write_all(b",")?;
+        }
+        self.slices += 1;
+        serde_json::to_writer(&mut self.out, &DrawnSlice { z: self.along.height(layer.z), polygons })?;
+        Ok(())
+    }
+
+    fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
+        self.out.write_all(b"]}\n")?;
+        self.out.flush()
+    }
+}

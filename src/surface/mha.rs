@@ -1,0 +1,68 @@
+//! Volumes as MetaImage (`.mha`): float signed distance or 8-bit mask, zlib, LPS.
+
+use std::io::{self, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use super::Layer;
+use super::stream::{BodyWriter, Ending, Header};
+use super::volume::{Coded, Content, Scalar, VolumeWriter};
+use super::voxels::VoxelGrid;
+
+/// Digits that the header keeps free for the size of the compressed data.
+const DIGITS: usize = 20;
+
+/// Writes the output layers.
+pub struct MhaWriter<W: Write> {
+    voxels: VolumeWriter<W>,
+    /// Where the header keeps the size of the compressed data, and where these begin.
+    size_at: u64,
+    start: u64,
+}
+
+impl<W: Write + Seek> MhaWriter<W> {
+    /// Writes the header. Layers that lie across x or y of the volume wait in a nameless file in `folder`.
+    ///
+    /// # Errors
+    /// Those of `out` and that file.
+    pub fn new(mut out: W, body: &Header, content: Content, folder: &Path) -> io::Result<Self> {
+        let grid = VoxelGrid::of(body);
+        let numbers = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
+        let kind = match content.scalar() {
+            Scalar::F32 => "MET_FLOAT",
+            Scalar::U8 => "MET_UCHAR",
+            Scalar::U16 => "MET_USHORT",
+            Scalar::I32 => "MET_INT",
+        };
+        let unit = body.unit.replace(['\n', '\r'], " ");
+        let [nx, ny, nz] = grid.dims;
+        write!(
+            out,
+            "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = True\n\
+             TransformMatrix = {matrix}\nOffset = {origin}\nCenterOfRotation = 0 0 0\nAnatomicalOrientation = RAI\n\
+             ElementSpacing = {sides}\nDistanceUnits = {unit}\nDimSize = {nx} {ny} {nz}\nElementType = {kind}\nCompressedDataSize = ",
+            matrix = numbers(grid.axes.as_flattened()),
+            origin = numbers(&grid.origin),
+            sides = numbers(&grid.sides),
+        )?;
+        let size_at = out.stream_position()?;
+        write!(out, "{:DIGITS$}\nElementDataFile = LOCAL\n", "")?;
+        let start = out.stream_position()?;
+        let voxels = VolumeWriter::new(Coded::zlib(out), body, content, folder)?;
+        Ok(MhaWriter { voxels, size_at, start })
+    }
+}
+
+impl<W: Write + Seek + Send> BodyWriter for MhaWriter<W> {
+    fn layer(&mut self, layer: &Layer) -> io::Result<()> {
+        self.voxels.layer(layer)
+    }
+
+    fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
+        let out = self.voxels.end()?;
+        let end = out.stream_position()?;
+        out.seek(SeekFrom::Start(self.size_at))?;
+        write!(out, "{:<DIGITS$}", end - self.start)?;
+        out.seek(SeekFrom::Start(end))?;
+        out.flush()
+    }
+}

@@ -1,0 +1,40 @@
+//! Where the voxels of a body's output layers lie, in the axis order of the input.
+
+use super::mesh::to_world;
+use super::stream::Header;
+
+/// The grid of a volume in the world (LPS).
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct VoxelGrid {
+    /// Voxels along each axis, the first runs fastest.
+    pub dims: [usize; 3],
+    /// Position of the first voxel.
+    pub origin: [f64; 3],
+    /// Unit vectors along the axes.
+    pub axes: [[f64; 3]; 3],
+    /// Voxel sides.
+    pub sides: [f64; 3],
+    /// Which axis the columns, rows and heights of the layers run along.
+    pub order: [usize; 3],
+}
+
+impl VoxelGrid {
+    pub fn of(body: &Header) -> Self {
+        let g = &body.geometry;
+        let [nx, ny] = body.dims;
+        let [dx, dy] = body.spacing;
+        let origin = to_world(g, [0.0, 0.0, body.grid.start]);
+        let mut grid = VoxelGrid { dims: [0; 3], origin, axes: [[0.0; 3]; 3], sides: [0.0; 3], order: g.order };
+        for (k, axis) in g.order.into_iter().enumerate() {
+            grid.dims[axis] = [nx, ny, body.grid.count][k];
+            grid.axes[axis] = g.axes[k];
+            grid.sides[axis] = [dx, dy, body.grid.step][k];
+        }
+        grid
+    }
+
+    /// Step along an axis from voxel to voxel.
+    pub fn step(&self, axis: usize) -> [f64; 3] {
+        self.axes[axis].map(|v| v * self.sides[axis])
+    }
+}

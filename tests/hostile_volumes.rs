@@ -1,0 +1,260 @@
+//! Wrong volumes: each format cut short, with flipped bits, with sizes its file cannot hold; a clear error with exit code 2, no panic.
+
+#[path = "support/files.rs"]
+mod files;
+#[path = "support/mod.rs"]
+mod support;
+
+use std::fs;
+use std::io::Cursor;
+use std::path::Path;
+
+use files::*;
+use interslice::stack::{ReadOptions, read};
+use proptest::prelude::*;
+use tiff::encoder::{TiffEncoder, colortype::Gray8};
+use tiff::tags::Tag;
+
+/// A sound volume of 12 x 10 x 5 voxels in every format, by the name of its file.
+fn sound(name: &str) -> Vec<u8> {
+    let disc = support::body([12, 10], &[0.0, 1.0, 2.0, 3.0, 4.0], |x, y, _| (x - 5.0).hypot(y - 4.0) - 3.2);
+    match name {
+        "a.npy" => npy("{'descr': '|u1', 'fortran_order': False, 'shape': (5, 10, 12), }", &voxels(&disc)),
+        "a.tif" => {
+            let mut out = Cursor::new(Vec::new());
+            let mut encoder = TiffEncoder::new(&mut out).expect("memory can be written");
+            for page in voxels(&disc).chunks(120) {
+                let mut image = encoder.new_image::<Gray8>(12, 10).expect("a page");
+                let tag = image.encoder().write_tag(Tag::ImageDescription, OME);
+                tag.expect("a description");
+                image.write_data(page).expect("memory can be written");
+            }
+            out.into_inner()
+        }
+        volume => {
+            let place = folder();
+            let path = place.path().join(volume);
+            support::write(&path, &disc, true);
+            fs::read(path).expect("it was written")
+        }
+    }
+}
+
+const OME: &str = r#"<?xml version="1.0"?><OME><Image><Pixels DimensionOrder="XYZCT" SizeX="12" SizeY="10" SizeZ="5" SizeC="1" SizeT="1" PhysicalSizeX="0.5" PhysicalSizeY="0.5" PhysicalSizeZ="2" Type="uint8"><TiffData IFD="0" PlaneCount="5"/></Pixels></Image></OME>"#;
+
+fn voxels(body: &interslice::Reconstruction) -> Vec<u8> {
+    body.layers.iter().flat_map(|l| l.phi.iter().map(|v| u8::from(*v < 0.0))).collect()
+}
+
+fn npy(header: &str, data: &[u8]) -> Vec<u8> {
+    let mut out = b"\x93NUMPY\x01\x00".to_vec();
+    out.extend((header.len() as u16).to_le_bytes());
+    out.extend(header.as_bytes());
+    out.extend(data);
+    out
+}
+
+const NAMES: [&str; 6] = ["a.nrrd", "a.nii", "a.nii.gz", "a.mha", "a.npy", "a.tif"];
+
+/// Runs `reconstruct` on the bytes as a file `name`; checks exit code, message and that no output is there.
+fn refused(name: &str, bytes: &[u8], options: &[&str], says: &[&str]) {
+    let place = folder();
+    let path = place.path().join(name);
+    fs::write(&path, bytes).expect("a file can be written");
+    refused_in(place.path(), name, options, says);
+}
+
+fn refused_in(place: &Path, name: &str, options: &[&str], says: &[&str]) {
+    let (input, target) = (place.join(name), place.join("out.stl"));
+    let (input, output) = (input.display().to_string(), target.display().to_string());
+    let mut arguments = vec!["reconstruct", &input, "-o", &output];
+    arguments.extend(options);
+    let result = interslice(&arguments);
+    let message = stderr(&result);
+    assert_eq!(result.status.code(), Some(2), "{name}: {message}");
+    for part in says {
+        assert!(message.contains(part), "{name}: `{part}` is missing from: {message}");
+    }
+    assert!(!message.contains("panicked"), "{message}");
+    assert!(!target.exists());
+}
+
+#[test]
+fn sound_volumes_are_taken() {
+    let place = folder();
+    for name in NAMES {
+        let path = place.path().join(name);
+        fs::write(&path, sound(name)).expect("a file can be written");
+        let stack = read(&path, &ReadOptions::default()).expect(name);
+        assert_eq!(stack.dims, [12, 10], "{name}");
+        assert_eq!(stack.slices.len(), 5, "{name}");
+        let inside = |k: usize| (0..120).filter(|&n| stack.slices[k].content.inside(n)).count();
+        assert_eq!((0..5).map(inside).collect::<Vec<_>>(), [inside(0); 5], "{name}");
+        assert!(stack.slices[2].content.inside(4 * 12 + 5) && !stack.slices[2].content.inside(0), "{name}");
+    }
+}
+
+#[test]
+fn cut_short() {
+    for name in NAMES {
+        let bytes = sound(name);
+        refused(name, &[], &[], &[name]);
+        refused(name, &bytes[..20], &[], &[name]);
+        // Deep in the voxels, but for TIFF, whose directory lies at the end.
+        refused(name, &bytes[..bytes.len() - 30], &[], &[name]);
+    }
+    refused("a.npy", &sound("a.npy")[..300], &[], &["a.npy", "data end after", "of 600 bytes"]);
+    refused("a.nii", &sound("a.nii")[..652], &[], &["a.nii", "data end after 300 of 600 bytes"]);
+}
+
+#[test]
+fn sizes_that_the_file_cannot_hold() {
+    let with = |name: &str, from: &str, to: &str, says: &[&str]| {
+        let bytes = sound(name);
+        let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).expect("the field is there");
+        let spoilt = [&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat();
+        refused(name, &spoilt, &[], says);
+    };
+    let cannot = "compressed bytes can hold";
+    with("a.nrrd", "sizes: 12 10 5", "sizes: 9000 9000 9000", &["a.nrrd", "729000000000 bytes of voxels", cannot]);
+    with("a.nrrd", "sizes: 12 10 5", "sizes: 18446744073709551615 2 2", &["sizes 18446744073709551615 2 2"]);
+    with("a.mha", "DimSize = 12 10 5", "DimSize = 9000 9000 9000", &["a.mha", cannot]);
+    with("a.mha", "DimSize = 12 10 5", "DimSize = -12 10 5", &["DimSize must be 3 numbers; got `-12 10 5`"]);
+    let array = |shape: &str| npy(&format!("{{'descr': '|u1', 'fortran_order': True, 'shape': {shape}, }}"), &[1; 600]);
+    refused("a.npy", &array("(9000, 9000, 9000)"), &[], &["a.npy", "data end after 600 of 729000000000 bytes"]);
+    refused("a.npy", &array("(4294967296, 4294967296, 4294967296)"), &[], &["are no volume of 1 to"]);
+    let mut nifti = sound("a.nii");
+    (0..3).for_each(|k| nifti[42 + 2 * k..44 + 2 * k].copy_from_slice(&9000i16.to_le_bytes()));
+    refused("a.nii", &nifti, &[], &["a.nii", "data end after 600 of 729000000000 bytes"]);
+}
+
+#[test]
+fn fields_of_a_metaimage() {
+    let with = |from: &str, to: &str, says: &[&str]| {
+        let bytes = sound("a.mha");
+        let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).expect("the field is there");
+        let spoilt = [&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat();
+        refused("a.mha", &spoilt, &[], says);
+    };
+    with("ObjectType = Image", "ObjectType = Tube", &["ObjectType must be Image; got Tube"]);
+    with("NDims = 3", "NDims = 4", &["NDims is 4; a label volume has 3"]);
+    with("MET_UCHAR", "MET_STRING", &["ElementType `MET_STRING` is not known"]);
+    with(
+        "ElementSpacing = 1 1 1",
+        "ElementSpacing = 1 1 -1",
+        &["spacing along axis 2 must be a positive number; got -1"],
+    );
+    with("ElementSpacing = 1 1 1", "ElementSpacing = 1 NaN 1", &["ElementSpacing holds `NaN`"]);
+    with("ElementSpacing = 1 1 1", "ElementSpacing = 1 1", &["ElementSpacing must be 3 numbers; got 2"]);
+    with(
+        "TransformMatrix = 1 0 0",
+        "TransformMatrix = 2 0 0",
+        &["TransformMatrix", "axis 0 must have length 1; got 2"],
+    );
+    with("TransformMatrix = 1 0 0 0 1 0", "TransformMatrix = 1 0 0 1 0 0", &["axes 0 and 1 are not perpendicular"]);
+    with("Offset = 0 0 0", "Offset = 0 inf 0", &["Offset holds `inf`"]);
+    with("CompressedData = True", "CompressedData = Yes", &["CompressedData must be True or False; got Yes"]);
+    with("CompressedData = True", "CompressedData = False", &["data end after", "of 600 bytes"]);
+    with("ElementDataFile = LOCAL", "ElementDataFile = LIST", &["ElementDataFile = LIST", "many files"]);
+    with("ElementDataFile = LOCAL", "ElementDataFile = none.raw", &["ElementDataFile", "none.raw"]);
+    with("BinaryData = True", "BinaryData = False", &["BinaryData is False"]);
+    with("ElementType", "ElementNumberOfChannels = 3\nElementType", &["ElementNumberOfChannels must be 1; got 3"]);
+}
+
+#[test]
+fn fields_of_a_numpy_array() {
+    let with = |header: &str, says: &[&str]| refused("a.npy", &npy(header, &[1; 600]), &[], says);
+    with("{'descr': '<c8', 'fortran_order': False, 'shape': (5, 10, 12), }", &["descr '<c8'"]);
+    with("{'descr': [('a', '<u1')], 'fortran_order': False, 'shape': (5, 10, 12), }", &["descr [('a', '<u1')]"]);
+    with(
+        "{'descr': '|u1', 'fortran_order': 3, 'shape': (5, 10, 12), }",
+        &["fortran_order must be True or False; got 3"],
+    );
+    with("{'descr': '|u1', 'fortran_order': False, 'shape': (2, 5, 10, 12), }", &["shape (2, 5, 10, 12) has 4 axes"]);
+    with("{'descr': '|u1', 'fortran_order': False}", &["header has no `shape`"]);
+    with(&"(".repeat(60000), &["header has no `descr`"]);
+    let sound = sound("a.npy");
+    refused("a.npy", &sound, &["--spacing", "1,2"], &["`spacing` must be three numbers DX,DY,DZ; got 2"]);
+    refused("a.npy", &sound, &["--spacing", "1,2,-3"], &["`spacing` must be three positive numbers; got -3"]);
+    refused("a.npy", &sound, &["--spacing", "1,2,nan"], &["`spacing` must be three positive numbers; got NaN"]);
+    refused("a.npy", &sound, &["--axis", "w"], &["w", "auto, x, y, z"]);
+    refused("a.npy", &sound, &["--dz", "1", "--isotropic"], &["--isotropic", "--dz"]);
+}
+
+#[test]
+fn spacing_is_refused_where_the_file_has_its_own() {
+    for name in NAMES.into_iter().filter(|name| *name != "a.npy") {
+        refused(name, &sound(name), &["--spacing", "1,2,3"], &["`spacing` is only for a file without its own", name]);
+    }
+    let input = folder();
+    sound_stack(input.path());
+    refused_in(input.path(), "stack.json", &["--spacing", "1,2,3"], &["`spacing` is not for a folder of slices"]);
+    refused_in(input.path(), "stack.json", &["--axis", "x"], &["`axis` is not for a folder of slices"]);
+}
+
+#[test]
+fn descriptions_of_a_tiff() {
+    let with = |from: &str, to: &str, says: &[&str]| {
+        // Of the same length, so that the file stays sound.
+        assert_eq!(from.len(), to.len());
+        let mut bytes = sound("a.tif");
+        let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).expect("the field is there");
+        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+        refused("a.tif", &bytes, &[], says);
+    };
+    with("SizeT=\"1\"", "SizeT=\"2\"", &["OME-XML: SizeT is 2; a label volume has no time axis"]);
+    with("SizeC=\"1\"", "SizeC=\"3\"", &["OME-XML: SizeC is 3; a label volume has no channel axis"]);
+    with("SizeZ=\"5\"", "SizeZ=\"6\"", &["SizeZ is 6, but the file's pages make 5"]);
+    with("PhysicalSizeX=\"0.5\"", "PhysicalSizeX=\"NaN\"", &["PhysicalSizeX must be a positive number; got NaN"]);
+    with("PhysicalSizeZ=\"2\"", "PhysicalSizeQ=\"2\"", &["must all be there, or none"]);
+    with("IFD=\"0\"", "IFD=\"1\"", &["pages are not in the order of z"]);
+    with("</Pixels>", "</Pixelz>", &["a.tif", "OME-XML"]);
+}
+
+#[test]
+fn four_axes_and_other_things_of_nifti() {
+    let with = |at: usize, bytes: &[u8], says: &[&str]| {
+        let mut spoilt = sound("a.nii");
+        spoilt[at..at + bytes.len()].copy_from_slice(bytes);
+        refused("a.nii", &spoilt, &[], says);
+    };
+    with(40, &[4, 0, 12, 0, 10, 0, 5, 0, 2, 0], &["dim[4] is 2; a label volume has three axes"]);
+    with(70, &128i16.to_le_bytes(), &["datatype 128"]);
+    with(108, &f32::NAN.to_le_bytes(), &["vox_offset", "NaN"]);
+    with(112, &f32::INFINITY.to_le_bytes(), &["scl_slope", "inf"]);
+    with(280, &f32::NAN.to_le_bytes(), &["the orientation holds NaN"]);
+    let mut bytes = sound("a.nii");
+    bytes[254] = 0; // no sform
+    bytes[84..88].copy_from_slice(&(-1f32).to_le_bytes());
+    refused("a.nii", &bytes, &[], &["pixdim[2], a voxel spacing, must be a positive number; got -1"]);
+    with(344, b"ni1\0", &["magic is \"ni1\""]);
+    with(0, &540i32.to_le_bytes(), &["is NIfTI-2"]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1500))]
+
+    /// Whatever comes back of a damaged file, it comes back, and what is wrong is the input's fault.
+    #[test]
+    fn damaged_volumes_never_panic(
+        kind in 0usize..NAMES.len(),
+        cut in prop::option::weighted(0.3, 0.0f64..1.0),
+        flips in prop::collection::vec((0.0f64..1.0, any::<u8>(), any::<bool>()), 1..5),
+    ) {
+        let name = NAMES[kind];
+        let mut bytes = sound(name);
+        for (at, value, early) in flips {
+            // Half of them in what is mostly header.
+            let n = if early { bytes.len().min(400) } else { bytes.len() };
+            bytes[(at * n as f64) as usize] ^= value;
+        }
+        bytes.truncate((cut.unwrap_or(1.0) * bytes.len() as f64) as usize);
+        let place = folder();
+        let path = place.path().join(name);
+        fs::write(&path, bytes).expect("a file can be written");
+        match read(&path, &ReadOptions::default()) {
+            Ok(stack) => prop_assert!(stack.slices.iter().all(|s| s.content.len() == stack.dims[0] * stack.dims[1])),
+            Err(e) => prop_assert_eq!(e.exit_code(), 2, "{}", e),
+        }
+    }
+}

@@ -31,15 +31,24 @@ impl Canvas {
 
     /// Unites the layer with a body on a tile: the smaller distance counts.
     pub fn unite(&mut self, tile: &Tile, mut value: impl FnMut(usize) -> f64) {
-        let (limit, [nx, ny]) = (self.limit, self.dims);
+        let limit = self.limit;
+        let mut phi = std::mem::take(&mut self.phi);
+        self.visit(tile, |pixel, node| {
+            let v = value(node).clamp(-limit, limit) as f32;
+            phi[pixel] = phi[pixel].min(v);
+        });
+        self.phi = phi;
+    }
+
+    /// Goes over what a tile and the image share: the image's pixel and the tile's node.
+    pub fn visit(&self, tile: &Tile, mut each: impl FnMut(usize, usize)) {
+        let [nx, ny] = self.dims;
         let columns = self.pad.max(tile.origin[0])..(self.pad + nx).min(tile.origin[0] + tile.dims[0]);
         let rows = self.pad.max(tile.origin[1])..(self.pad + ny).min(tile.origin[1] + tile.dims[1]);
         for j in rows {
             let (from, to) = ((j - tile.origin[1]) * tile.dims[0], (j - self.pad) * nx);
             for i in columns.clone() {
-                let v = value(from + i - tile.origin[0]).clamp(-limit, limit) as f32;
-                let slot = &mut self.phi[to + i - self.pad];
-                *slot = slot.min(v);
+                each(to + i - self.pad, from + i - tile.origin[0]);
             }
         }
     }

@@ -1,5 +1,6 @@
 //! What the body does beyond its first and last contour.
 
+use crate::areas::covered;
 use crate::backend::Backend;
 use crate::caps::{Cap, Profile};
 use crate::compose::{Canvas, mean_slope, part_numbers, unite_cap};
@@ -12,6 +13,9 @@ use crate::settings::EndRule;
 
 /// Power of the cap law for a part that a peak closes although its contour does not shrink.
 const UPRIGHT_POWER: f64 = 0.5;
+/// Width of a bin where the area of a cap is asked many times, px, and layers of the integral of its volume.
+const BIN: f64 = 0.02;
+const CAP_LAYERS: usize = 200;
 
 /// One end of the body.
 #[derive(Debug, Clone)]
@@ -37,6 +41,14 @@ impl End {
         (z - self.contour).abs() <= (self.extent - self.contour).abs()
     }
 
+    /// Volume beyond the contour, whose area is `area`, within the image; lengths in px along the layers, so px squared times the stack's unit.
+    pub fn volume(&self, area: f64, image: &Canvas) -> f64 {
+        if self.straight {
+            return area * (self.extent - self.contour).abs();
+        }
+        self.caps.iter().fold(0.0, |sum, cap| sum + cap_volume(cap, image))
+    }
+
     /// The layer at height `z` beyond the end's contour.
     pub fn layer(&self, z: f64, contour: &Contour, mut canvas: Canvas) -> Canvas {
         if self.straight && self.reaches(z) {
@@ -47,6 +59,24 @@ impl End {
         }
         canvas
     }
+}
+
+/// Volume of a cap: the area of its layers, integrated by the midpoint rule. Areas come from a histogram of its field.
+fn cap_volume(cap: &Cap, image: &Canvas) -> f64 {
+    let last = ((cap.depth + 1.0) / BIN) as usize;
+    let mut histogram = vec![0u64; last + 1];
+    image.visit(&cap.tile, |_, n| {
+        let below = 0.5 - cap.field.data[n];
+        if below > 0.0 {
+            histogram[((below / BIN) as usize).min(last)] += 1;
+        }
+    });
+    let area = |offset: f64| -> f64 {
+        let share = |bin: usize| covered(0.5 - (bin as f64 + 0.5) * BIN + offset);
+        histogram.iter().enumerate().map(|(bin, count)| *count as f64 * share(bin)).sum()
+    };
+    let step = cap.height / CAP_LAYERS as f64;
+    (0..CAP_LAYERS).map(|k| area(cap.offset((k as f64 + 0.5) * step)) * step).sum()
 }
 
 /// What an end needs to know.

@@ -2,6 +2,7 @@
 
 #![warn(missing_docs)]
 
+pub mod areas;
 pub mod backend;
 pub mod batch;
 pub mod caps;

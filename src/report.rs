@@ -32,6 +32,12 @@ pub struct Report {
     pub volume: Option<f64>,
     /// Area of the surface, unit squared.
     pub area: Option<f64>,
+    /// Area of the body over its height (at most some thousand layers; filled with the volume).
+    #[serde(default)]
+    pub areas: Option<AreaProfile>,
+    /// What the body gains beyond its first and last contour.
+    #[serde(default)]
+    pub ends: Vec<EndReport>,
     /// One entry per input contour.
     pub contours: Vec<ContourReport>,
     /// One entry per interval between neighbouring contours.
@@ -52,6 +58,8 @@ impl Report {
             last.arrival_from_above = first.arrival_from_above;
         }
         self.contours.extend(contours);
+        self.ends.extend(above.ends);
+        self.areas = self.areas.take().zip(above.areas).and_then(|(below, above)| below.joined(above));
         self.intervals.extend(above.intervals);
         for stage in above.stages {
             match self.stages.iter_mut().find(|s| s.name == stage.name) {
@@ -116,6 +124,56 @@ impl Residual {
         self.mean = self.mean.max(other.mean);
         self.max = self.max.max(other.max);
     }
+}
+
+/// Areas of the body's layers. A pixel counts by how far it lies inside: `1/2 - phi / px`, between 0 and 1.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct AreaProfile {
+    /// `[height, area]`, lowest first, unit and unit squared.
+    pub layers: Vec<[f64; 2]>,
+    /// Trapezoidal integral of the area from the first to the last contour, over all layers, unit cubed.
+    pub between_contours: f64,
+}
+
+impl AreaProfile {
+    /// With the profile of the section above, whose first layer is the last one here; nothing where it is not, as there is a gap between them.
+    fn joined(mut self, above: AreaProfile) -> Option<Self> {
+        let [last, first] = [self.layers.last()?, above.layers.first()?];
+        if last[0] != first[0] {
+            return None;
+        }
+        self.layers.extend_from_slice(&above.layers[1..]);
+        self.between_contours += above.between_contours;
+        Some(self)
+    }
+}
+
+/// What the body gains beyond its first or last contour, by the rule used and by others; as swept, before the fairing. The rule `flat` gains
+/// nothing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EndReport {
+    /// Below the first contour or above the last.
+    pub side: Side,
+    /// Height of that contour.
+    pub z: f64,
+    /// Its area, unit squared.
+    pub area: f64,
+    /// Volume by the rule in use, unit cubed.
+    pub used: f64,
+    /// Volume by `half-slice`: the contour's area through half the gap to its neighbour, unit cubed.
+    pub half_slice: f64,
+    /// Volume by `extrapolate`: its caps, integrated, unit cubed.
+    pub extrapolate: f64,
+}
+
+/// An end of the body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Side {
+    /// Below the first contour.
+    Bottom,
+    /// Above the last.
+    Top,
 }
 
 /// What happened between two neighbouring contours.

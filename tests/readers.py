@@ -9,6 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import jsonschema
 import nibabel
 import nrrd
 import numpy as np
@@ -63,7 +64,7 @@ def main(program):
         image = nibabel.Nifti1Image(given, np.vstack([np.column_stack([np.diag([-1, -1, 1]) @ STEPS.T, np.diag([-1, -1, 1]) @ ORIGIN]), [0, 0, 0, 1]]))
         nibabel.save(image, folder / "in.nii.gz")
         for source in ("in.nrrd", "in.nii.gz"):
-            outputs = [folder / f"{source}.{e}" for e in ("nrrd", "nii.gz", "nii", "stl", "ply", "obj", "tif", "png", "zarr")]
+            outputs = [folder / f"{source}.{e}" for e in ("nrrd", "nii.gz", "nii", "stl", "ply", "obj", "tif", "png", "zarr", "glb", "origin.nrrd", "confidence.nii.gz", "json")]
             command = [program, "reconstruct", folder / source, "-q"]
             for path in outputs:
                 command += ["-o", path]
@@ -71,7 +72,11 @@ def main(program):
             volumes(source, given, outputs[:3])
             meshes(source, outputs[3:6])
             heights = tifffile.imread(outputs[6])
-            chunks(source, outputs[:1] + outputs[8:])
+            chunks(source, outputs[:1] + outputs[8:9])
+            meshes(source, outputs[9:10])
+            origins(source, given, outputs[:1] + outputs[10:12])
+            report(source, outputs[12])
+            simpler(source, program, folder)
             check(f"{source} -> tif", heights.shape == SIZES[1::-1] and np.nanmax(heights) == 20.0, heights.shape)
             group(f"every output of {source}")
         for name, axis, direction in FRAMES:
@@ -207,10 +212,41 @@ def zarr_place(source, path, array, steps, origin):
     check(f"{source} -> OME-Zarr", sound and np.allclose(scale[::-1], lengths) and np.allclose(translation[::-1], along, atol=1e-4), scale)
 
 
+def origins(source, given, paths):
+    array, origin, sure = nrrd.read(str(paths[0]))[0], nrrd.read(str(paths[1]))[0], np.asarray(nibabel.load(paths[2]).dataobj)
+    drawn = np.zeros(SIZES, bool)
+    drawn[:, :, [0, 4, 8]] = True
+    check(f"{source} -> origin", (origin == np.where(array < 0, np.where(drawn, 1, 2), 0)).all(), np.bincount(origin.ravel()))
+    sound = sure.dtype == np.float32 and sure.min() >= 0 and sure.max() <= 1 and (sure[drawn] == 1).all() and sure.min() < 0.5
+    check(f"{source} -> confidence", sound, f"least {sure.min():.3f}")
+
+
+def report(source, path):
+    schema = json.loads((Path(__file__).parent.parent / "schema" / "report.schema.json").read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    told = json.loads(path.read_text())
+    validator = jsonschema.Draft202012Validator(schema)
+    check(f"{source} -> report.schema.json", not list(validator.iter_errors(told)), [e.message for e in validator.iter_errors(told)])
+    # The schema would notice what is wrong.
+    for spoil in ({"volume": "1"}, {"unheard_of": 1}, {"dims": [1]}):
+        check(f"{source} -> report.schema.json refuses {spoil}", not validator.is_valid(told | spoil))
+
+
+def simpler(source, program, folder):
+    names = ["s.stl", "s.ply", "s.obj", "s.glb"]
+    command = [program, "reconstruct", folder / source, "-q", "--simplify", "0.2"]
+    for name in names:
+        command += ["-o", folder / name]
+    subprocess.run(command, check=True)
+    meshes(source, [folder / name for name in names])
+    full, few = trimesh.load(folder / f"{source}.stl"), trimesh.load(folder / "s.stl")
+    check(f"{source} -> simplified", len(few.faces) < 0.5 * len(full.faces), f"{len(few.faces)} of {len(full.faces)} triangles")
+
+
 def meshes(source, paths):
     center = ORIGIN + STEPS.T @ np.array([19.0, 14.0, 4.0])
     for path in paths:
-        mesh = trimesh.load(path)
+        mesh = trimesh.load(path, force="mesh")
         sound = mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
         check(f"{path.name} -> trimesh", sound and mesh.euler_number == 2, f"volume {mesh.volume:.1f}")
         check(f"{path.name} -> place", np.abs(mesh.centroid - center).max() < 2.0, mesh.centroid.round(2))

@@ -51,7 +51,7 @@ fn check(name: &str, settings: &Settings, parts: usize) {
     let heights = height_grid(&stack, settings, Some(0.8)).heights().expect("a grid");
     let (whole, report) = run(&stack, &Section::whole(&stack), &heights, settings);
     let mut layers = whole.iter();
-    let mut intervals = report.intervals.iter();
+    let (mut intervals, mut ends) = (report.intervals.iter(), report.ends.iter());
     for k in 1..=parts {
         let section = Section::part(&stack, settings, k, parts).expect("a part");
         println!("{name}: part {k} keeps intervals {:?}, reads slices {:?}", section.kept, section.slices);
@@ -66,8 +66,14 @@ fn check(name: &str, settings: &Settings, parts: usize) {
         for own in &part_report.intervals {
             assert_eq!(format!("{own:?}"), format!("{:?}", intervals.next().expect("an interval")), "{name}: part {k}");
         }
+        for own in &part_report.ends {
+            assert_eq!(own, ends.next().expect("no more ends than the whole has"), "{name}: part {k}");
+        }
     }
-    assert!(layers.next().is_none() && intervals.next().is_none(), "{name}: nothing is missing");
+    assert!(
+        layers.next().is_none() && intervals.next().is_none() && ends.next().is_none(),
+        "{name}: nothing is missing"
+    );
 }
 
 #[test]

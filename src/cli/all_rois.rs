@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use interslice::files::outputs::Outputs;
+use interslice::files::outputs::{Outputs, extension_at};
 use interslice::files::pending::Temporary;
 use interslice::files::{JobOptions, Loaded};
 use interslice::rtstruct::{Gather, StructureSet};
@@ -45,7 +45,8 @@ pub fn run(all: &All<'_>) -> Result<()> {
     let each: Vec<&PathBuf> = all.outputs.iter().filter(|p| !is_set(p)).collect();
     let completed = Outputs::open(&completed, None, Temporary::Random)?;
     let mut files = Vec::new();
-    let mut taken = HashSet::new();
+    // These words in a file's name say what it holds.
+    let mut taken = HashSet::from(["contours", "origin", "confidence"].map(String::from));
     for roi in &rois {
         let mut name = plain(&roi.name);
         if !taken.insert(name.to_lowercase()) {
@@ -99,8 +100,6 @@ fn plain(name: &str) -> String {
 /// `out.stl` as `out.Heart.stl`.
 fn with_name(path: &Path, roi: &str) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let lower = name.to_lowercase();
-    let double = [".nii.gz", ".contours.json"].into_iter().find(|e| lower.ends_with(e));
-    let at = double.map(|e| name.len() - e.len()).or_else(|| name.rfind('.')).unwrap_or(name.len());
+    let at = extension_at(&name);
     path.with_file_name(format!("{}.{roi}{}", &name[..at], &name[at..]))
 }

@@ -22,12 +22,13 @@ pub struct Arguments {
     #[command(flatten)]
     job: JobArguments,
 
-    /// Output file, by extension: .nrrd .nii .nii.gz .mha .zarr (volume), .stl .ply .obj (mesh), .png (picture), .tif (height map),
-    /// .contours.json (polygons), .geojson (contour lines), .dcm (the RTSTRUCT, completed), .json (report); repeatable
+    /// Output file, by extension: .nrrd .nii .nii.gz .mha .zarr (volume), .stl .ply .obj .glb (mesh), .png (picture), .tif (height
+    /// map), .contours.json (polygons), .geojson (contour lines), .dcm (the RTSTRUCT, completed), .json .html (report);
+    /// NAME.origin.nrrd and NAME.confidence.nrrd (any volume format) say where voxels come from; repeatable
     #[arg(short, long = "output", value_name = "FILE")]
     outputs: Vec<PathBuf>,
 
-    /// Write what was done and how well each contour is met, as JSON
+    /// Write what was done and how well each contour is met, as JSON, or as a page to look at (.html)
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
 

@@ -96,6 +96,10 @@ pub struct MergeArguments {
     #[arg(long)]
     contours: bool,
 
+    /// Meshes with fewer triangles, no farther than this from the full one
+    #[arg(long, value_name = "ERROR")]
+    simplify: Option<f64>,
+
     /// Say nothing but errors
     #[arg(short, long)]
     quiet: bool,
@@ -197,8 +201,10 @@ pub fn merge(arguments: MergeArguments) -> Result<()> {
     let options = OutputOptions {
         mask: arguments.mask || told.mask,
         contours: arguments.contours || told.contours,
+        simplify: arguments.simplify.or(told.simplify),
         ..told.clone()
     };
+    options.check_ranges()?;
     let mut outputs = Outputs::open(&arguments.outputs, None, Temporary::Random)?;
     outputs.check(&options)?;
     memory::check(outputs.bytes(sections.dims(), sections.geometry()), None)?;

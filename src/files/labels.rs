@@ -110,6 +110,7 @@ impl LoadedLabels {
                 differing_pixels: differing as u64 + decided.differing[a],
                 volume: run.volume.take(),
                 area: run.area.take(),
+                areas: run.areas.take(),
                 run,
             });
         }
@@ -178,16 +179,21 @@ impl LabelOutputs {
     /// [`Error::Output`] for a name that cannot be written, or comes twice.
     pub fn open(paths: &[PathBuf], report: Option<&Path>, loaded: &LoadedLabels) -> Result<Self> {
         let (mut volumes, mut own, mut reports) = (Vec::new(), Vec::new(), Vec::new());
+        let of_one = |path: &Path| {
+            let message =
+                "pictures, pages, height maps, contours, origin and confidence are of one body; `--label N` makes one";
+            Err(Error::Output { path: path.into(), message: message.into() })
+        };
         for path in paths {
             match outputs::kind(path)? {
                 Kind::Volume if !loaded.keep_overlaps => volumes.push(path.clone()),
                 Kind::Volume | Kind::Mesh => own.push(path.as_path()),
                 Kind::Report => reports.push(path.clone()),
-                Kind::View => {
-                    let message = "pictures, height maps and contours are of one body; `--label N` makes one".into();
-                    return Err(Error::Output { path: path.clone(), message });
-                }
+                Kind::View => return of_one(path),
             }
+        }
+        if let Some(page) = report.filter(|path| outputs::is_page(path)) {
+            return of_one(page);
         }
         reports.extend(report.map(Path::to_path_buf));
         let of_label = |label: &i64| own.iter().map(|path| of_label(path, *label)).collect::<Vec<_>>();
@@ -250,7 +256,6 @@ impl LabelOutputs {
 /// The name of a label's own file.
 fn of_label(path: &Path, label: i64) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let gzip = name.to_lowercase().ends_with(".nii.gz").then(|| name.len() - ".nii.gz".len());
-    let end = gzip.or_else(|| name.rfind('.')).unwrap_or(name.len());
+    let end = outputs::extension_at(&name);
     path.with_file_name(format!("{}.{label}{}", &name[..end], &name[end..]))
 }

@@ -16,7 +16,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::backend::Means;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::heights::Heights;
 use crate::links::LinkOptions;
 use crate::memory::Needs;
@@ -46,18 +46,10 @@ impl JobOptions {
     /// Checks every range.
     ///
     /// # Errors
-    /// [`Error::Setting`] with name, range and value.
+    /// [`Error::Setting`](crate::Error::Setting) with name, range and value.
     pub fn check(&self) -> Result<()> {
         self.settings.validate()?;
-        match self.output.dz {
-            Some(_) if self.output.isotropic => {
-                Err(Error::Setting { name: "isotropic".into(), message: "sets the distance that `dz` names".into() })
-            }
-            Some(dz) if !(dz.is_finite() && dz > 0.0) => {
-                Err(Error::Setting { name: "dz".into(), message: format!("must be a positive number; got {dz}") })
-            }
-            _ => Ok(()),
-        }
+        self.output.check_ranges()
     }
 }
 
@@ -118,7 +110,7 @@ impl Loaded {
     /// The same for a stack that no file holds.
     ///
     /// # Errors
-    /// [`Error::Stack`] for too many output heights.
+    /// [`Error::Stack`](crate::Error::Stack) for too many output heights.
     pub fn new(stack: ContourStack, options: JobOptions) -> Result<Self> {
         let heights = height_grid(&stack, &options.settings, options.output.step(&stack)).heights()?;
         Ok(Loaded { stack, heights, options, notes: Vec::new() })

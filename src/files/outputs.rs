@@ -18,8 +18,10 @@ use crate::stack::{ContourStack, Geometry};
 use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::geojson::GeoJsonWriter;
 use crate::surface::heightmap::HeightMapWriter;
-use crate::surface::mesh_files::{ListedWriter, StlWriter};
+use crate::surface::html::HtmlWriter;
+use crate::surface::mesh_files::{ListedWriter, MeshFormat, StlWriter, write_obj, write_ply, write_stl};
 use crate::surface::mha::MhaWriter;
+use crate::surface::origin::OriginWriter;
 use crate::surface::render::{PictureWriter, RenderOptions};
 use crate::surface::stream::{BodyStream, BodyWriter, Ending, Failed, Header, LayerSink, Needs};
 use crate::surface::volume::{Content, Whole};
@@ -34,9 +36,11 @@ enum Format {
     Stl,
     Ply,
     Obj,
+    Glb,
     Png,
     Tiff,
     Report,
+    Html,
     Zarr,
     Contours,
     GeoJson,
@@ -56,8 +60,11 @@ const PER_LINE_PIXEL: u64 = 24;
 /// Bytes of the picture's samples, 2400 x 1800 with colour and depth, and of the picture.
 const PICTURE_BYTES: u64 = 160 << 20;
 
-const KNOWN: &str = ".nrrd, .nii, .nii.gz, .mha, .zarr, .stl, .ply, .obj, .png (picture), .tif (height map), .contours.json, .geojson (contours), \
-                     .dcm (completed RTSTRUCT), .json (report)";
+/// Bytes of the page of a report: what it shows, as numbers and as text, twice over.
+const PAGE_BYTES: u64 = 64 << 20;
+
+const KNOWN: &str = ".nrrd, .nii, .nii.gz, .mha, .zarr, .stl, .ply, .obj, .glb, .png (picture), .tif (height map), .contours.json, \
+                     .geojson (contours), .dcm (completed RTSTRUCT), .json, .html (report)";
 
 impl Format {
     fn of(path: &Path) -> Result<Self> {
@@ -75,6 +82,12 @@ impl Format {
             Some("stl") => Ok(Format::Stl),
             Some("ply") => Ok(Format::Ply),
             Some("obj") => Ok(Format::Obj),
+            Some("glb") if cfg!(feature = "glb") => Ok(Format::Glb),
+            Some("glb") => {
+                let message = "this program was built without glTF (feature `glb`)".into();
+                Err(Error::Output { path: path.into(), message })
+            }
+            Some("html" | "htm") => Ok(Format::Html),
             Some("png") => Ok(Format::Png),
             Some("tif" | "tiff") => Ok(Format::Tiff),
             Some("json") => Ok(Format::Report),
@@ -111,7 +124,7 @@ pub enum Kind {
     Mesh,
     /// A report.
     Report,
-    /// A picture, a height map, contours.
+    /// A picture, a page, a height map, contours, origin or confidence: of one body.
     View,
 }
 
@@ -121,11 +134,30 @@ pub enum Kind {
 /// [`Error::Output`] with what was expected.
 pub fn kind(path: &Path) -> Result<Kind> {
     Ok(match Format::of(path)? {
-        Format::Nrrd | Format::Nifti { .. } | Format::Mha | Format::Zarr => Kind::Volume,
-        Format::Stl | Format::Ply | Format::Obj => Kind::Mesh,
+        Format::Nrrd | Format::Nifti { .. } | Format::Mha | Format::Zarr => match named_content(path) {
+            Some(_) => Kind::View,
+            None => Kind::Volume,
+        },
+        Format::Stl | Format::Ply | Format::Obj | Format::Glb => Kind::Mesh,
         Format::Report => Kind::Report,
-        Format::Png | Format::Tiff | Format::Contours | Format::GeoJson | Format::StructureSet => Kind::View,
+        Format::Html | Format::Png | Format::Tiff | Format::Contours | Format::GeoJson | Format::StructureSet => {
+            Kind::View
+        }
     })
+}
+
+/// Whether a report of this name is a page.
+pub fn is_page(path: &Path) -> bool {
+    matches!(Format::of(path), Ok(Format::Html))
+}
+
+/// Where what a name says of the file's content begins: `.stl`, `.nii.gz`, `.contours.json`, `.origin.nrrd`.
+pub fn extension_at(name: &str) -> usize {
+    let name = name.to_ascii_lowercase();
+    let double = [".nii.gz", ".contours.json"].into_iter().find(|e| name.ends_with(e));
+    let at = double.map(|e| name.len() - e.len()).or_else(|| name.rfind('.')).unwrap_or(name.len());
+    let content = [".origin", ".confidence"].into_iter().find(|e| name[..at].ends_with(e));
+    at - content.map_or(0, str::len)
 }
 
 /// Whether nothing stands at `path` that an output of this format must not replace.
@@ -148,15 +180,16 @@ fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], geometry: &Ge
     let pixels = dims.iter().product::<usize>() as u64;
     let turned = if geometry.is_layered() { 0 } else { (transposed::BLOCK_BYTES + transposed::BUFFER_BYTES) as u64 };
     let formats: Vec<Format> = formats.collect();
-    let surface = |f: &Format| matches!(f, Format::Stl | Format::Ply | Format::Obj | Format::Png | Format::Report);
-    let mesh = |f: &Format| matches!(f, Format::Ply | Format::Obj | Format::Png);
+    let mesh = |f: &Format| matches!(f, Format::Ply | Format::Obj | Format::Glb | Format::Png | Format::Html);
+    let surface = |f: &Format| mesh(f) || matches!(f, Format::Stl | Format::Report);
     let each = formats.iter().map(|format| match format {
         Format::Nrrd | Format::Nifti { .. } | Format::Mha => PER_VOLUME_PIXEL * pixels + turned,
         Format::Tiff => PER_MAP_PIXEL * pixels,
         Format::Png => PICTURE_BYTES,
         Format::Zarr => zarr_bytes(pixels as usize),
+        Format::Html => PAGE_BYTES,
         Format::Contours | Format::GeoJson | Format::StructureSet => PER_LINE_PIXEL * pixels,
-        Format::Stl | Format::Ply | Format::Obj | Format::Report => 0,
+        Format::Stl | Format::Ply | Format::Obj | Format::Glb | Format::Report => 0,
     });
     each.sum::<u64>()
         + if formats.iter().any(surface) { PER_SURFACE_PIXEL * pixels } else { 0 }
@@ -199,6 +232,10 @@ pub struct OutputOptions {
     #[arg(skip)]
     #[serde(skip)]
     pub map: Option<Arc<Map>>,
+    /// Meshes (.stl .ply .obj .glb) with fewer triangles, closed, no farther than this from the full one (measured both ways); the
+    /// whole mesh must fit in memory
+    #[arg(long, value_name = "ERROR")]
+    pub simplify: Option<f64>,
 
     /// The RTSTRUCT that was read, for a completed one
     #[cfg(feature = "dicom")]
@@ -208,6 +245,26 @@ pub struct OutputOptions {
 }
 
 impl OutputOptions {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] with name, range and value.
+    pub fn check_ranges(&self) -> Result<()> {
+        let fail = |name: &str, message: String| Err(Error::Setting { name: name.into(), message });
+        if self.isotropic && self.dz.is_some() {
+            return fail("isotropic", "sets the distance that `dz` names".into());
+        }
+        for (name, value) in [("dz", self.dz), ("simplify", self.simplify)] {
+            if let Some(v) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
+                return fail(name, format!("must be a positive number; got {v}"));
+            }
+        }
+        if self.simplify.is_some() && cfg!(not(feature = "simplify")) {
+            return fail("simplify", "this program was built without it (feature `simplify`)".into());
+        }
+        Ok(())
+    }
+
     /// Refuses a completed RTSTRUCT where none was read.
     fn check(&self, path: &Path, format: Format) -> Result<()> {
         if format != Format::StructureSet {
@@ -234,6 +291,7 @@ pub struct Outputs {
     files: Vec<Output>,
     /// The body on its way into the files.
     stream: Option<BodyStream<'static>>,
+    meshes: Meshes,
 }
 
 struct Output {
@@ -253,7 +311,8 @@ impl Outputs {
             outputs.add(path, Format::of(path)?, temporary)?;
         }
         if let Some(path) = report {
-            outputs.add(path, Format::Report, temporary)?;
+            let format = if is_page(path) { Format::Html } else { Format::Report };
+            outputs.add(path, format, temporary)?;
         }
         Ok(outputs)
     }
@@ -303,6 +362,7 @@ impl Outputs {
     pub fn complete(&mut self, report: &mut Report) -> Result<()> {
         if let Some(stream) = self.stream.take() {
             stream.finish(report).map_err(|failed| self.failed(failed))?;
+            report.warnings.extend(self.meshes.warning());
         }
         self.files.iter().try_for_each(|f| f.pending.sync().map_err(|source| f.fails(source)))
     }
@@ -370,11 +430,14 @@ impl LayerSink for Sink<'_> {
         let within = self.options.map.as_ref().map(|map| map.header(header));
         let header = within.as_ref().unwrap_or(header);
         let mut writers = Vec::new();
+        let meshes = Meshes::new(&self.options);
         for output in &mut self.outputs.files {
-            writers.push(writer(output, header, self.content, &self.options).map_err(|source| output.fails(source))?);
+            let writer = writer(output, header, self.content, &self.options, &meshes);
+            writers.push(writer.map_err(|source| output.fails(source))?);
         }
         let folder = self.outputs.files.first().map_or(Path::new("."), |f| parent(&f.target));
         self.outputs.stream = Some(BodyStream::new(header, writers, folder));
+        self.outputs.meshes = meshes;
         Ok(())
     }
 
@@ -396,29 +459,40 @@ fn writer(
     header: &Header,
     content: Content,
     options: &OutputOptions,
+    meshes: &Meshes,
 ) -> io::Result<Box<dyn BodyWriter>> {
+    let folder = parent(&output.target);
+    let content = named_content(&output.target).filter(|_| !matches!(content, Content::Labels(_))).unwrap_or(content);
+    let volume = |writer: Box<dyn BodyWriter>| -> Box<dyn BodyWriter> {
+        match content {
+            Content::Distance | Content::Mask | Content::Labels(_) => writer,
+            Content::Origin | Content::Confidence => Box::new(OriginWriter::new(writer, content, folder)),
+        }
+    };
     let file = match &mut output.pending {
         Pending::File(file) => file.as_file_mut(),
-        Pending::Folder(folder) => return in_folder(folder.path(), header, content),
+        Pending::Folder(folder) => return in_folder(folder.path(), header, content).map(volume),
     };
-    let folder = parent(&output.target);
     let mut file = file.try_clone()?;
     file.set_len(0)?;
     file.rewind()?;
     let out = BufWriter::with_capacity(BUFFER_BYTES, file);
     Ok(match output.format {
-        Format::Nrrd => Box::new(nrrd::writer(out, header, content, folder)?),
-        Format::Nifti { gzip } => Box::new(nifti::writer(out, header, content, gzip, folder)?),
-        Format::Mha => Box::new(MhaWriter::new(out, header, content, folder)?),
-        Format::Stl => Box::new(StlWriter::new(out)?),
-        Format::Ply => Box::new(ListedWriter::ply(out)),
-        Format::Obj => Box::new(ListedWriter::obj(out)),
+        Format::Nrrd => volume(Box::new(nrrd::writer(out, header, content, folder)?)),
+        Format::Nifti { gzip } => volume(Box::new(nifti::writer(out, header, content, gzip, folder)?)),
+        Format::Mha => volume(Box::new(MhaWriter::new(out, header, content, folder)?)),
+        Format::Stl if options.simplify.is_none() => Box::new(StlWriter::new(out)?),
+        Format::Stl => meshes.writer(out, Box::new(write_stl)),
+        Format::Ply => meshes.writer(out, Box::new(write_ply)),
+        Format::Obj => meshes.writer(out, Box::new(write_obj)),
+        Format::Glb => meshes.writer(out, glb(header, &output.target)),
         Format::Png => {
             let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };
             Box::new(PictureWriter::new(out, header, options))
         }
         Format::Tiff => Box::new(HeightMapWriter::new(out, header, options.map.as_ref().map(|map| &map.crs))),
         Format::Report => Box::new(ReportWriter(out)),
+        Format::Html => Box::new(HtmlWriter::new(out, header, stem(&output.target))),
         Format::Contours => Box::new(ContoursWriter::new(out, header)?),
         Format::GeoJson => {
             let crs = options.map.as_ref().map_or(&Crs::Unknown, |map| &map.crs);
@@ -427,6 +501,69 @@ fn writer(
         Format::StructureSet => return structures(out, header, options),
         Format::Zarr => return Err(io::Error::other("a folder is needed")),
     })
+}
+
+/// What a volume holds that its name says: `NAME.origin.nrrd`, `NAME.confidence.nrrd` (any volume format).
+fn named_content(target: &Path) -> Option<Content> {
+    let name = target.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let parts: Vec<&str> = name.trim_end_matches(".gz").split('.').collect();
+    match parts[..] {
+        [_, .., "origin", _] => Some(Content::Origin),
+        [_, .., "confidence", _] => Some(Content::Confidence),
+        _ => None,
+    }
+}
+
+/// An output's name without its extension, as a title.
+fn stem(target: &Path) -> String {
+    target.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+#[cfg(feature = "glb")]
+fn glb(header: &Header, target: &Path) -> MeshFormat<BufWriter<File>> {
+    let named = crate::surface::glb::Named { name: stem(target), unit: header.unit.clone() };
+    Box::new(move |out, mesh| crate::surface::glb::write_glb(out, mesh, &named))
+}
+
+#[cfg(not(feature = "glb"))]
+fn glb(header: &Header, _target: &Path) -> MeshFormat<BufWriter<File>> {
+    let unit = header.unit.clone();
+    Box::new(move |_, _| Err(io::Error::other(format!("no glTF in this program (unit {unit})"))))
+}
+
+/// The meshes of a run: the whole one, or one simpler one for all files.
+#[derive(Default)]
+struct Meshes {
+    #[cfg(feature = "simplify")]
+    simplifier: Option<std::sync::Arc<crate::surface::simplify::Simplifier>>,
+}
+
+impl Meshes {
+    #[cfg_attr(not(feature = "simplify"), expect(unused_variables, reason = "options have been checked"))]
+    fn new(options: &OutputOptions) -> Self {
+        Meshes {
+            #[cfg(feature = "simplify")]
+            simplifier: options.simplify.map(|error| crate::surface::simplify::Simplifier::new(error).into()),
+        }
+    }
+
+    /// What is to be said at the end.
+    fn warning(&self) -> Option<String> {
+        #[cfg(feature = "simplify")]
+        if self.simplifier.as_ref().is_some_and(|s| s.gave_up()) {
+            return Some("simplify: no closed surface with fewer triangles was found; meshes are the full one".into());
+        }
+        None
+    }
+
+    fn writer(&self, out: BufWriter<File>, format: MeshFormat<BufWriter<File>>) -> Box<dyn BodyWriter> {
+        #[cfg(feature = "simplify")]
+        if let Some(simplifier) = self.simplifier.clone() {
+            let simpler: MeshFormat<_> = Box::new(move |out, mesh| format(out, &mut &*simplifier.simpler(mesh)?));
+            return Box::new(ListedWriter::new(out, simpler));
+        }
+        Box::new(ListedWriter::new(out, format))
+    }
 }
 
 /// The writer of a completed RTSTRUCT.

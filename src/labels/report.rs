@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::report::Report;
+use crate::report::{AreaProfile, Report};
 
 /// What was done and how well.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -34,6 +34,9 @@ pub struct LabelReport {
     pub volume: Option<f64>,
     /// Area of its surface, unit squared.
     pub area: Option<f64>,
+    /// Area of the body over its height.
+    #[serde(default)]
+    pub areas: Option<AreaProfile>,
     /// Its own run, before anything was decided.
     pub run: Report,
 }

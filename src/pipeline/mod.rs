@@ -16,6 +16,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use self::links::IntervalLinks;
+use crate::areas::covered;
 use crate::backend::{Backend, ContourOptions, Means, PaddedSlice};
 use crate::compose::{Canvas, differing_pixels};
 use crate::contours::Contour;
@@ -24,14 +25,14 @@ use crate::error::{Error, Result};
 use crate::fairing::{self, Fairing};
 use crate::fit::Fitted;
 use crate::heights::{Height, Heights, check, median};
-use crate::jobs::Direction;
+use crate::jobs::{Direction, Tile};
 use crate::links as user_links;
 use crate::moving_field::{self, STEPS, even_gaps};
 use crate::moving_stack::MovingStack;
 use crate::progress::Progress;
-use crate::report::{ContourReport, Report, StageReport};
+use crate::report::{ContourReport, EndReport, Report, Side, StageReport};
 use crate::section::Section;
-use crate::settings::{Method, Settings, SlopeRule};
+use crate::settings::{EndRule, Method, Settings, SlopeRule};
 use crate::shelf::{Budget, Shelf};
 use crate::stack::ContourStack;
 use crate::surface::stream::{Header, LayerSink};
@@ -212,6 +213,11 @@ pub fn run(
     let kept = run.span.kept.clone();
     run.report.contours = run.report.contours.drain(kept.start..=kept.end).collect();
     run.report.intervals = run.report.intervals.drain(kept).collect();
+    // Fairing makes a section compute an end that another one keeps.
+    run.report.ends.retain(|end| match end.side {
+        Side::Bottom => section.kept.start == 0,
+        Side::Top => section.kept.end + 1 == whole.slices.len(),
+    });
     Ok(Reconstruction {
         dims: whole.dims,
         spacing: whole.spacing,
@@ -355,7 +361,7 @@ impl<'a> Run<'a> {
         moving: Option<&MovingStack<'a>>,
     ) -> Result<[End; 2]> {
         let last = contours.len() - 1;
-        let mut warnings = Vec::new();
+        let (mut warnings, mut told) = (Vec::new(), Vec::new());
         let mut make = |at: usize, next: usize, direction, rule| {
             if !self.span.ends[usize::from(at > 0)] {
                 return Ok(End::cut(contours.light(at).z));
@@ -374,14 +380,40 @@ impl<'a> Run<'a> {
                 highest: self.settings.cap_gaps * gap,
                 margin: self.margin,
             };
-            end(&spec, self.h, self.backend, &mut warnings)
+            let made = end(&spec, self.h, self.backend, &mut warnings)?;
+            told.push(self.end_report(&spec, &made)?);
+            Ok(made)
         };
         let ends = [
             make(0, 1, Direction::Down, self.settings.end_bottom)?,
             make(last, last - 1, Direction::Up, self.settings.end_top)?,
         ];
         self.report.warnings.append(&mut warnings);
+        self.report.ends = told;
         Ok(ends)
+    }
+
+    /// What `made` and other rules add to the body.
+    fn end_report(&self, spec: &EndSpec<'_>, made: &End) -> Result<EndReport> {
+        let caps = match spec.rule {
+            EndRule::Extrapolate => None,
+            // What it warns of concerns a rule that is not in use.
+            _ => Some(end(&EndSpec { rule: EndRule::Extrapolate, ..*spec }, self.h, self.backend, &mut Vec::new())?),
+        };
+        let image = self.canvas();
+        let mut area = 0.0;
+        let whole = Tile { origin: [0, 0], dims: spec.contour.phi.dims };
+        image.visit(&whole, |_, n| area += covered(spec.contour.phi.data[n]));
+        let pixel = self.stack.spacing[0] * self.stack.spacing[1];
+        let volume = |end: &End| pixel * end.volume(area, &image);
+        Ok(EndReport {
+            side: if spec.direction == Direction::Up { Side::Top } else { Side::Bottom },
+            z: spec.contour.z,
+            area: pixel * area,
+            used: volume(made),
+            half_slice: 0.5 * spec.gap * pixel * area,
+            extrapolate: volume(caps.as_ref().unwrap_or(made)),
+        })
     }
 
     /// The layers below the first contour.

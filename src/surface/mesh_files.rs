@@ -79,21 +79,19 @@ impl<W: Write + Seek + Send> BodyWriter for StlWriter<W> {
     }
 }
 
-/// A format that begins with counts, or lists vertices before triangles.
+/// Writes a whole mesh.
+pub type MeshFormat<W> = Box<dyn Fn(&mut W, &mut dyn MeshSource) -> io::Result<()> + Send>;
+
+/// A format that begins with counts, or lists vertices before triangles; or one of a mesh that is made from the whole.
 pub struct ListedWriter<W> {
     out: W,
-    format: fn(&mut W, &mut dyn MeshSource) -> io::Result<()>,
+    format: MeshFormat<W>,
 }
 
 impl<W: Write> ListedWriter<W> {
-    /// A PLY, as [`write_ply`] writes it.
-    pub fn ply(out: W) -> Self {
-        ListedWriter { out, format: write_ply }
-    }
-
-    /// An OBJ, as [`write_obj`] writes it.
-    pub fn obj(out: W) -> Self {
-        ListedWriter { out, format: write_obj }
+    /// A file in `format`.
+    pub fn new(out: W, format: MeshFormat<W>) -> Self {
+        ListedWriter { out, format }
     }
 }
 
@@ -109,6 +107,16 @@ impl<W: Write + Send> BodyWriter for ListedWriter<W> {
 
 fn too_many(what: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, what)
+}
+
+/// Binary STL, as [`StlWriter`] writes it.
+///
+/// # Errors
+/// As those of [`StlWriter`].
+pub fn write_stl<W: Write + Seek>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result<()> {
+    let mut stl = StlWriter::new(out)?;
+    mesh.triangles(&mut |_, corners| stl.facets([corners.map(|v| v.position)].into_iter()))?;
+    stl.close()
 }
 
 /// Binary little-endian PLY: f32 vertices with normals, triangles.

@@ -20,7 +20,7 @@ const PITCH: f64 = 0.56;
 /// Share of the picture's shorter free side that stays empty around the body.
 const BORDER: f64 = 0.06;
 /// A body flatter than this share of its width is drawn stretched to it in height, or a terrain would be a sheet.
-const FLATTEST: f64 = 0.15;
+pub(super) const FLATTEST: f64 = 0.15;
 const BODY: [f64; 3] = [0.86, 0.80, 0.70];
 const CONTOUR: [f64; 3] = [0.62, 0.10, 0.08];
 

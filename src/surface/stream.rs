@@ -13,6 +13,7 @@ use super::Layer;
 use super::marching::{Builder, Piece};
 use super::mesh::Measure;
 use super::spool::Spool;
+use crate::areas::Areas;
 use crate::error::Result;
 use crate::report::Report;
 use crate::stack::{Geometry, HeightGrid};
@@ -127,6 +128,7 @@ pub struct BodyStream<'w> {
     needs: Needs,
     builder: Builder,
     measure: Measure,
+    areas: Areas,
     spool: Spool,
 }
 
@@ -139,6 +141,7 @@ impl<'w> BodyStream<'w> {
             needs,
             builder: Builder::new(header),
             measure: Measure::default(),
+            areas: Areas::new(header),
             spool: Spool::new(folder),
         }
     }
@@ -155,6 +158,9 @@ impl<'w> BodyStream<'w> {
         };
         let written: Vec<io::Result<()>> = self.writers.par_iter_mut().map(write).collect();
         first_failure(written)?;
+        if self.needs >= Needs::Surface {
+            self.areas.layer(layer);
+        }
         match piece {
             Some(piece) => keep(piece, self.needs, &mut self.measure, &mut self.spool).map_err(|e| (self.keeper(), e)),
             None => Ok(()),
@@ -175,6 +181,7 @@ impl<'w> BodyStream<'w> {
             self.spool.finish().map_err(|e| (keeper, e))?;
             report.volume = Some(self.measure.volume());
             report.area = Some(self.measure.area());
+            report.areas = Some(self.areas.finish());
         }
         let mut end = Ending { report, mesh: &mut self.spool };
         self.writers.iter_mut().enumerate().try_for_each(|(k, w)| w.finish(&mut end).map_err(|e| (k, e)))

@@ -17,6 +17,10 @@ pub enum Content {
     Distance,
     /// u8, 1 inside and 0 outside.
     Mask,
+    /// u8, where a voxel comes from, see [`origin`](super::origin).
+    Origin,
+    /// f32, how far a voxel's side can be relied on, see [`origin`](super::origin).
+    Confidence,
     /// Numbers of labels: a layer has them instead of distances.
     Labels(Whole),
 }
@@ -60,8 +64,8 @@ impl Content {
     /// What a voxel is.
     pub(super) fn scalar(self) -> Scalar {
         match self {
-            Content::Distance => Scalar::F32,
-            Content::Mask | Content::Labels(Whole::U8) => Scalar::U8,
+            Content::Distance | Content::Confidence => Scalar::F32,
+            Content::Mask | Content::Origin | Content::Labels(Whole::U8) => Scalar::U8,
             Content::Labels(Whole::U16) => Scalar::U16,
             Content::Labels(Whole::I32) => Scalar::I32,
         }
@@ -79,9 +83,11 @@ impl Content {
     /// Voxels of a layer as little-endian bytes, x fastest, put behind `bytes`.
     pub(super) fn voxels(self, layer: &Layer, bytes: &mut Vec<u8>) {
         match self {
-            Content::Distance => layer.phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes())),
+            Content::Distance | Content::Confidence => {
+                layer.phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()))
+            }
             Content::Mask => bytes.extend(layer.phi.iter().map(|v| u8::from(*v < 0.0))),
-            Content::Labels(Whole::U8) => bytes.extend(layer.phi.iter().map(|v| *v as u8)),
+            Content::Origin | Content::Labels(Whole::U8) => bytes.extend(layer.phi.iter().map(|v| *v as u8)),
             Content::Labels(Whole::U16) => bytes.extend(layer.phi.iter().flat_map(|v| (*v as u16).to_le_bytes())),
             Content::Labels(Whole::I32) => bytes.extend(layer.phi.iter().flat_map(|v| (*v as i32).to_le_bytes())),
         }

@@ -38,8 +38,9 @@ const COMPRESSION: u32 = 1;
 /// Those of the folder.
 pub fn writer(folder: &Path, body: &Header, content: Content) -> io::Result<Box<dyn BodyWriter>> {
     Ok(match content {
-        Content::Distance => Box::new(ZarrWriter::new(folder, body, content, f32::NAN, |phi| phi)?),
+        Content::Distance | Content::Confidence => Box::new(ZarrWriter::new(folder, body, content, f32::NAN, |v| v)?),
         Content::Mask => Box::new(ZarrWriter::new(folder, body, content, 0, |phi| u8::from(phi < 0.0))?),
+        Content::Origin => Box::new(ZarrWriter::new(folder, body, content, 0, |v| v as u8)?),
         Content::Labels(Whole::U8) => Box::new(ZarrWriter::new(folder, body, content, 0, |number| number as u8)?),
         Content::Labels(Whole::U16) => Box::new(ZarrWriter::new(folder, body, content, 0, |number| number as u16)?),
         Content::Labels(Whole::I32) => Box::new(ZarrWriter::new(folder, body, content, 0, |number| number as i32)?),
@@ -184,6 +185,8 @@ fn attributes(body: &Header, grid: &VoxelGrid, content: Content) -> Map<String, 
         "content": match content {
             Content::Distance => "signed distance",
             Content::Mask => "mask",
+            Content::Origin => "origin",
+            Content::Confidence => "confidence",
             Content::Labels(_) => "labels",
         },
         "space": "left-posterior-superior",

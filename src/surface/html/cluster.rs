@@ -1,0 +1,106 @@
+//! A mesh with few triangles for looking at: vertices in one cell of a grid become one, at their mean (Rossignac and Borrel, 1993). Needs
+//! memory for what is left only. Not closed in general.
+
+use std::collections::HashMap;
+use std::io;
+
+use super::super::mesh::{MeshSource, Vertex, cross, length, sub, unit};
+
+/// Where a point lies as it is drawn.
+pub type Seen<'s> = dyn Fn([f64; 3]) -> [f64; 3] + 's;
+
+/// Triangles to look at.
+#[derive(Debug, Clone, Default)]
+pub struct Shown {
+    /// Vertices.
+    pub vertices: Vec<Vertex>,
+    /// Their numbers.
+    pub triangles: Vec<[u32; 3]>,
+    /// Side of the grid's cells as drawn; 0 where all vertices are their own.
+    pub cell: f64,
+}
+
+impl Shown {
+    /// `mesh` as it is, or on the finest of the grids tried that leaves at most `most` triangles.
+    ///
+    /// # Errors
+    /// Those of reading the mesh.
+    pub fn new(mesh: &mut dyn MeshSource, seen: &Seen<'_>, most: usize) -> io::Result<Self> {
+        let [_, triangles] = mesh.counts();
+        if triangles <= most as u64 {
+            return Self::whole(mesh);
+        }
+        let mut area = 0.0;
+        mesh.triangles(&mut |_, corners| {
+            let p = corners.map(|v| seen(v.position));
+            area += 0.5 * length(cross(sub(p[1], p[0]), sub(p[2], p[0])));
+            Ok(())
+        })?;
+        // A cell of a plane has about two triangles, of a slanting one more.
+        let mut cell = (2.0 * area / most as f64).sqrt();
+        loop {
+            let made = Self::clustered(mesh, seen, cell)?;
+            if made.triangles.len() <= most {
+                return Ok(made);
+            }
+            cell *= 1.2;
+        }
+    }
+
+    fn whole(mesh: &mut dyn MeshSource) -> io::Result<Self> {
+        let mut shown = Shown::default();
+        mesh.vertices(&mut |v| {
+            shown.vertices.push(*v);
+            Ok(())
+        })?;
+        mesh.triangles(&mut |t, _| {
+            shown.triangles.push(t.map(|v| v as u32));
+            Ok(())
+        })?;
+        Ok(shown)
+    }
+
+    fn clustered(mesh: &mut dyn MeshSource, seen: &Seen<'_>, cell: f64) -> io::Result<Self> {
+        // Two sheets in one cell stay apart.
+        let facing = |n: [f64; 3]| (0..3).fold(0, |most, a| if n[a].abs() > n[most].abs() { a } else { most });
+        let key = |v: &Vertex| {
+            let axis = facing(v.normal);
+            (seen(v.position).map(|x| (x / cell).floor() as i32), axis, v.normal[axis] < 0.0)
+        };
+        let mut numbers = HashMap::new();
+        let mut first = None;
+        let mut shown = Shown { cell, ..Shown::default() };
+        let mut counts: Vec<f64> = Vec::new();
+        mesh.vertices(&mut |v| {
+            let next = shown.vertices.len() as u32;
+            let number = *numbers.entry(key(v)).or_insert(next) as usize;
+            if number == shown.vertices.len() {
+                shown.vertices.push(Vertex::default());
+                counts.push(0.0);
+            }
+            let sum = &mut shown.vertices[number];
+            let low = *first.get_or_insert(v.position);
+            let moved = |sum: [f64; 3], by: [f64; 3]| std::array::from_fn(|a| sum[a] + by[a]);
+            sum.position = moved(sum.position, sub(v.position, low));
+            sum.normal = moved(sum.normal, v.normal);
+            counts[number] += 1.0;
+            Ok(())
+        })?;
+        let low = first.unwrap_or_default();
+        for (v, count) in shown.vertices.iter_mut().zip(counts) {
+            v.position = std::array::from_fn(|a| low[a] + v.position[a] / count);
+            v.normal = unit(v.normal);
+        }
+        let mut last = None;
+        mesh.triangles(&mut |_, corners| {
+            let t = corners.map(|v| numbers.get(&key(v)).copied().unwrap_or_default());
+            // Neighbours often become the same triangle.
+            if t[0] != t[1] && t[1] != t[2] && t[2] != t[0] && last != Some(t) {
+                shown.triangles.push(t);
+                last = Some(t);
+            }
+            Ok(())
+        })?;
+        Ok(shown)
+    }
+}

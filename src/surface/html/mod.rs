@@ -1,0 +1,55 @@
+//! The report as one page that needs nothing else, no network either: the surface to be turned, with the contours on it, and the report's
+//! facts in words, tables and plots.
+//!
+//! ```text
+//! cluster -> scene \
+//! report -> words, plots -> page -> template.html
+//! ```
+
+mod cluster;
+mod page;
+mod plots;
+mod scene;
+mod words;
+
+use std::io::{self, Write};
+
+use self::scene::Scene;
+use super::Layer;
+use super::render::{Line, contour_lines};
+use super::stream::{BodyWriter, Ending, Header, Needs};
+
+/// Writes the page, at the end: until then it keeps the input contours as lines.
+pub struct HtmlWriter<W> {
+    out: W,
+    title: String,
+    header: Header,
+    /// Number of the contour, and its line.
+    lines: Vec<(usize, Line)>,
+}
+
+impl<W> HtmlWriter<W> {
+    /// Nothing yet.
+    pub fn new(out: W, header: &Header, title: String) -> Self {
+        HtmlWriter { out, title, header: header.clone(), lines: Vec::new() }
+    }
+}
+
+impl<W: Write + Send> BodyWriter for HtmlWriter<W> {
+    fn needs(&self) -> Needs {
+        Needs::Mesh
+    }
+
+    fn layer(&mut self, layer: &Layer) -> io::Result<()> {
+        if let Some(number) = layer.contour {
+            self.lines.extend(contour_lines(&self.header, layer).into_iter().map(|line| (number, line)));
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
+        let scene = Scene::new(&self.header.geometry, end.mesh, &self.lines)?;
+        self.out.write_all(page::page(&self.title, end.report, self.header.extent, &scene).as_bytes())?;
+        self.out.flush()
+    }
+}

@@ -1,0 +1,284 @@
+//! The page's sections, filled into its template.
+
+use std::fmt::Write;
+
+use clap::Args;
+
+use super::plots::{self, Bar};
+use super::scene::Scene;
+use super::words::{self, count, escape, link, number};
+use crate::report::{EndReport, Report, Residual, Side};
+use crate::settings::Settings;
+
+const TEMPLATE: &str = include_str!("template.html");
+const STYLE: &str = include_str!("page.css");
+const VIEWER: &str = include_str!("viewer.js");
+
+/// The whole page. Whatever comes from a user is escaped.
+pub fn page(title: &str, report: &Report, extent: [f64; 2], scene: &Scene) -> String {
+    // Numbers and base64: no sign of it can end the element it stands in.
+    let numbers = serde_json::to_string(scene).unwrap_or_default();
+    let fills = [
+        ("title", escape(title)),
+        ("style", STYLE.into()),
+        ("script", VIEWER.into()),
+        ("scene", numbers),
+        ("verdict", verdict(report)),
+        ("figures", figures(report, extent)),
+        ("shown", shown(report, scene)),
+        ("warnings", warnings(report)),
+        ("areas", areas(report)),
+        ("volumes", volumes(report)),
+        ("contours", contours(report)),
+        ("unit", escape(&report.unit)),
+        ("events", events(report)),
+        ("settings", settings(&report.settings)),
+        ("run", run(report)),
+    ];
+    fill(TEMPLATE, &fills)
+}
+
+/// Puts texts in the places of their names, `{{name}}`. What is put in is not looked at again.
+fn fill(template: &str, fills: &[(&str, String)]) -> String {
+    let mut out = String::with_capacity(template.len() + fills.iter().map(|(_, text)| text.len()).sum::<usize>());
+    let mut rest = template;
+    while let Some((before, after)) = rest.split_once("{{") {
+        out.push_str(before);
+        let (name, behind) = after.split_once("}}").unwrap_or((after, ""));
+        out.extend(fills.iter().find(|(known, _)| *known == name).map(|(_, text)| text.as_str()));
+        rest = behind;
+    }
+    out + rest
+}
+
+fn verdict(report: &Report) -> String {
+    let all = report.contours.len();
+    let off: Vec<_> = report.contours.iter().filter(|c| c.differing_pixels > 0).collect();
+    if off.is_empty() {
+        return format!(
+            r#"<p class="verdict good"><strong>Every contour is met exactly.</strong> In all {all} contours no pixel of the result differs from what was drawn.</p>"#
+        );
+    }
+    let pixels: usize = off.iter().map(|c| c.differing_pixels).sum();
+    format!(
+        r#"<p class="verdict bad"><strong>{} of {all} contours are not met.</strong> {} pixels of the result differ from what was drawn; the table says where.</p>"#,
+        off.len(),
+        count(pixels as u64)
+    )
+}
+
+fn figures(report: &Report, extent: [f64; 2]) -> String {
+    let unit = escape(&report.unit);
+    let mut out = String::new();
+    let mut figure = |name: &str, value: String| {
+        let _ = write!(out, "<div><dt>{name}</dt><dd>{value}</dd></div>");
+    };
+    if let Some(volume) = report.volume {
+        let litres =
+            if report.unit == "mm" { format!("<small>{} ml</small>", number(volume / 1000.0)) } else { String::new() };
+        figure("Volume", format!("{} {unit}³{litres}", number(volume)));
+    }
+    if let Some(area) = report.area {
+        figure("Surface", format!("{} {unit}²", number(area)));
+    }
+    figure("Body from height", format!("{} to {} {unit}", number(extent[0]), number(extent[1])));
+    let extra = report.contours.iter().filter(|c| c.extra).count();
+    let extra = if extra > 0 { format!("<small>{extra} of them added</small>") } else { String::new() };
+    figure("Contours", format!("{}{extra}", report.contours.len()));
+    figure(
+        "Image",
+        format!(
+            "{} × {} pixels<small>of {} × {} {unit}</small>",
+            report.dims[0],
+            report.dims[1],
+            number(report.spacing[0]),
+            number(report.spacing[1])
+        ),
+    );
+    out
+}
+
+fn shown(report: &Report, scene: &Scene) -> String {
+    let mut out = format!("The red lines are the contours as drawn. {} triangles", count(scene.drawn as u64));
+    if scene.cell > 0.0 {
+        let _ = write!(
+            out,
+            " here, thinned for this page from the {} of the result (points closer than {} {} became one)",
+            count(scene.all),
+            number(scene.cell),
+            escape(&report.unit)
+        );
+    }
+    out.push('.');
+    if scene.stretch > 1.0 {
+        let _ = write!(out, " <strong>Heights are drawn {:.1} times larger than they are.</strong>", scene.stretch);
+    }
+    out
+}
+
+fn warnings(report: &Report) -> String {
+    if report.warnings.is_empty() {
+        return String::new();
+    }
+    let items: String = report.warnings.iter().map(|w| format!("<li>{}</li>", escape(w))).collect();
+    format!(
+        r#"<section class="warnings" aria-labelledby="warned"><h2 id="warned">Please look at this</h2><ul>{items}</ul></section>"#
+    )
+}
+
+fn areas(report: &Report) -> String {
+    report.areas.as_ref().map_or(String::new(), |areas| plots::areas(areas, &report.contours, &report.unit))
+}
+
+/// The volume as made, and as other end rules would make it.
+fn volumes(report: &Report) -> String {
+    let Some(areas) = &report.areas else { return String::new() };
+    let side = |side: Side| report.ends.iter().find(|e| e.side == side);
+    let (bottom, top) = (side(Side::Bottom), side(Side::Top));
+    let bar = |name: String, of: fn(&EndReport) -> f64| Bar {
+        name,
+        parts: [bottom.map_or(0.0, of), areas.between_contours, top.map_or(0.0, of)],
+    };
+    let Settings { end_bottom, end_top, .. } = &report.settings;
+    let bars = [
+        bar(format!("in use: below {end_bottom}, above {end_top}"), |e| e.used),
+        bar("flat".into(), |_| 0.0),
+        bar("half-slice".into(), |e| e.half_slice),
+        bar("extrapolate".into(), |e| e.extrapolate),
+    ];
+    let unit = escape(&report.unit);
+    let mut out = plots::volumes(&bars, &report.unit);
+    let _ = write!(
+        out,
+        r#"<div class="wide"><table><caption>Volume in {unit}³</caption><thead><tr><th scope="col">End rule</th><th scope="col">below</th><th scope="col">between</th><th scope="col">above</th><th scope="col">all</th></tr></thead><tbody>"#
+    );
+    for bar in &bars {
+        let [below, between, above] = bar.parts.map(number);
+        let _ = write!(
+            out,
+            r#"<tr><th scope="row">{}</th><td>{below}</td><td>{between}</td><td>{above}</td><td>{}</td></tr>"#,
+            escape(&bar.name),
+            number(bar.whole())
+        );
+    }
+    out + "</tbody></table></div>"
+}
+
+fn contours(report: &Report) -> String {
+    let residual = |r: &Option<Residual>| match r {
+        Some(r) => format!("<td>{}</td><td>{}</td>", number(r.mean), number(r.max)),
+        None => "<td>–</td><td>–</td>".into(),
+    };
+    let mut out = String::new();
+    for (k, c) in report.contours.iter().enumerate() {
+        let added = if c.extra { " <small>added</small>" } else { "" };
+        let met = if c.differing_pixels == 0 { "met" } else { "off" };
+        let _ = write!(
+            out,
+            r#"<tr><th scope="row"><button type="button" data-contour="{}" aria-pressed="false">{}</button>{added}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class="{met}">{}</td>{}{}</tr>"#,
+            k + 1,
+            escape(&c.name),
+            number(c.z),
+            c.components,
+            c.holes,
+            count(c.pixels as u64),
+            count(c.differing_pixels as u64),
+            residual(&c.arrival_from_below),
+            residual(&c.arrival_from_above),
+        );
+    }
+    out
+}
+
+fn events(report: &Report) -> String {
+    let unit = escape(&report.unit);
+    let (mut out, mut quiet) = (String::new(), 0);
+    for (interval, ends) in report.intervals.iter().zip(report.contours.windows(2)) {
+        let mut told = words::events(&interval.events);
+        told.extend(interval.links.iter().map(link));
+        if told.is_empty() {
+            quiet += 1;
+            continue;
+        }
+        let items: String = told.iter().map(|t| format!("<li>{}</li>", escape(t))).collect();
+        let _ = write!(
+            out,
+            "<h3>From {} to {} {unit} <small>{} to {}</small></h3><ul>{items}</ul>",
+            number(interval.z_low),
+            number(interval.z_high),
+            escape(&ends[0].name),
+            escape(&ends[1].name)
+        );
+    }
+    match (out.is_empty(), quiet) {
+        (true, _) => {
+            "<p>Nowhere do parts split, merge, begin or end between two contours, and no hole opens or closes.</p>"
+                .into()
+        }
+        (false, 0) => out,
+        (false, _) => format!("{out}<p>Nothing of the kind happens in the other {quiet} gaps.</p>"),
+    }
+}
+
+/// Every setting with its own help text; those that differ from the default are marked.
+fn settings(settings: &Settings) -> String {
+    let values = |s: &Settings| serde_json::to_value(s).ok().and_then(|v| v.as_object().cloned()).unwrap_or_default();
+    let (used, usual) = (values(settings), values(&Settings::default()));
+    let options = Settings::augment_args(clap::Command::new("settings"));
+    let mut out = String::new();
+    for (name, value) in &used {
+        let help = options.get_arguments().find(|a| a.get_id() == name.as_str()).and_then(|a| a.get_help());
+        let shown = match value {
+            serde_json::Value::String(text) => text.clone(),
+            serde_json::Value::Null => "–".into(),
+            other => other.to_string(),
+        };
+        let changed = if usual.get(name) == Some(value) { "" } else { r#" class="changed""# };
+        let _ = write!(
+            out,
+            r#"<tr{changed}><th scope="row">{}</th><td>{}</td><td>{}</td></tr>"#,
+            escape(name),
+            escape(&shown),
+            escape(&help.map(ToString::to_string).unwrap_or_default())
+        );
+    }
+    out
+}
+
+fn run(report: &Report) -> String {
+    let reason = report.backend_reason.as_ref().map_or(String::new(), |r| format!("<small>{}</small>", escape(r)));
+    let mut out = format!(
+        r#"<dl class="figures"><div><dt>Program</dt><dd>interslice {}</dd></div><div><dt>Computed on</dt><dd>{}{reason}</dd></div></dl>"#,
+        escape(&report.version),
+        escape(&report.backend)
+    );
+    if report.stages.is_empty() {
+        return out + "<p>This run took no times.</p>";
+    }
+    let all: f64 = report.stages.iter().map(|s| s.seconds).sum();
+    out.push_str(r#"<table><caption>Seconds</caption><thead><tr><th scope="col">Stage</th><th scope="col">seconds</th></tr></thead><tbody>"#);
+    for stage in &report.stages {
+        let _ = write!(out, r#"<tr><th scope="row">{}</th><td>{:.3}</td></tr>"#, escape(&stage.name), stage.seconds);
+    }
+    let _ = write!(out, r#"</tbody><tfoot><tr><th scope="row">all</th><td>{all:.3}</td></tr></tfoot></table>"#);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_put_in_is_not_looked_at_again() {
+        let fills = [("a", "{{b}}".to_string()), ("b", "x".to_string())];
+        assert_eq!(fill("<{{a}}|{{b}}|{{c}}>", &fills), "<{{b}}|x|>");
+    }
+
+    #[test]
+    fn every_place_of_the_template_is_filled() {
+        let report = Report { areas: Some(Default::default()), ..Report::default() };
+        let scene = Scene::new(&Default::default(), &mut &crate::surface::mesh::Mesh::default(), &[]);
+        let page = page("a & b", &report, [0.0, 1.0], &scene.expect("memory can be read"));
+        assert!(!page.contains("{{") && page.contains("<h1>a &amp; b</h1>"));
+    }
+}

@@ -1,0 +1,307 @@
+//! What a person looks at: the page, areas and volumes of the report, .glb, simpler meshes, origin and confidence.
+
+#[path = "support/files.rs"]
+mod files;
+mod support;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use files::{folder, interslice, sound_stack, stderr};
+use interslice::demo::demo;
+use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::pending::Temporary;
+use interslice::files::{JobOptions, Loaded};
+use interslice::progress::Silent;
+use interslice::report::{Report, Side};
+use interslice::settings::EndRule;
+use interslice::stack::ContourStack;
+use interslice::{Budget, Means, Reconstruction, Reference, Settings, reconstruct_with};
+
+/// Writes `names` of a stack into `place`; gives the report.
+fn write(place: &Path, stack: &ContourStack, settings: &Settings, output: OutputOptions, names: &[&str]) -> Report {
+    let options = JobOptions { settings: settings.clone(), output, ..JobOptions::default() };
+    let loaded = Loaded::new(stack.clone(), options).expect("the stack is sound");
+    let paths: Vec<PathBuf> = names.iter().map(|n| place.join(n)).collect();
+    let mut outputs = Outputs::open(&paths, None, Temporary::Random).expect("the folder is there");
+    let budget = Budget::unlimited();
+    let means = Means { backend: &Reference, progress: &Silent, budget: &budget };
+    let mut body = loaded.compute(&means, &mut outputs).expect("it can be computed");
+    outputs.complete(&mut body.report).expect("it can be written");
+    outputs.rename().expect("it can be renamed");
+    body.report
+}
+
+fn collected(stack: &ContourStack, settings: &Settings) -> Reconstruction {
+    let heights = interslice::height_grid(stack, settings, None).heights().expect("a few");
+    reconstruct_with(stack, &heights, settings, &Reference, &Silent).expect("it can be computed")
+}
+
+/// A disc that shrinks by a pixel a slice.
+fn cone() -> ContourStack {
+    let mut stack = demo("fig10").expect("a demo").stack;
+    let [nx, ny] = [64, 60];
+    let (mut slice, heights) = (stack.slices[0].clone(), [0.0, 3.0, 6.0, 9.0]);
+    stack.dims = [nx, ny];
+    stack.spacing = [1.0, 1.0];
+    stack.z_out = None;
+    stack.slices = heights
+        .into_iter()
+        .map(|z| {
+            let disc = |k: usize| ((k % nx) as f64 - 31.3).hypot((k / nx) as f64 - 29.6) < 24.0 - z;
+            slice.content = interslice::stack::SliceContent::Mask((0..nx * ny).map(disc).collect());
+            slice.name = format!("z{z}");
+            slice.z = z;
+            slice.clone()
+        })
+        .collect();
+    stack
+}
+
+#[test]
+fn a_page_survives_hostile_names() {
+    let place = folder();
+    let mut stack = cone();
+    stack.slices[0].name = "<script>alert(1)</script>.png".into();
+    stack.slices[1].name = "\"><img src=x onerror=alert(2)>{{settings}}".into();
+    stack.slices[2].name = "</script><!-- &lt; '".into();
+    stack.unit = "<b>mm</b>".into();
+    let name = "a<script>alert(3)<&{{scene}}.html";
+    write(place.path(), &stack, &Settings::default(), OutputOptions::default(), &[name]);
+    let page = fs::read_to_string(place.path().join(name)).expect("it was written");
+    assert_eq!(page.matches("<script").count(), 2, "the page's own: its numbers and its viewer");
+    assert_eq!(page.matches("</script").count(), 2);
+    for wrong in ["alert(1)</", "<img", "<b>mm", "<!-- &lt;", "https:", "src=\""] {
+        assert!(!page.contains(wrong), "{wrong}");
+    }
+    for right in [
+        "&lt;script&gt;alert(1)&lt;/script&gt;.png</button>",
+        "&quot;&gt;&lt;img src=x onerror=alert(2)&gt;{{settings}}</button>",
+        "<h1>a&lt;script&gt;alert(3)&lt;&amp;{{scene}}</h1>",
+        "&lt;b&gt;mm&lt;/b&gt;³",
+        "Every contour is met exactly.",
+    ] {
+        assert!(page.contains(right), "{right}");
+    }
+}
+
+#[test]
+fn a_page_says_which_contours_are_not_met() {
+    let place = folder();
+    let stack = cone();
+    let loaded = Loaded::new(stack, JobOptions::default()).expect("the stack is sound");
+    let path = place.path().join("x.html");
+    let mut outputs = Outputs::open(&[], Some(&path), Temporary::Random).expect("the folder is there");
+    let budget = Budget::unlimited();
+    let means = Means { backend: &Reference, progress: &Silent, budget: &budget };
+    let mut body = loaded.compute(&means, &mut outputs).expect("it can be computed");
+    body.report.contours[2].differing_pixels = 17;
+    outputs.complete(&mut body.report).expect("it can be written");
+    outputs.rename().expect("it can be renamed");
+    let page = fs::read_to_string(path).expect("--report takes a page too");
+    assert!(page.contains("1 of 4 contours are not met.") && page.contains(r#"<td class="off">17</td>"#));
+}
+
+#[test]
+fn areas_and_ends_add_up_to_the_volume() {
+    let place = folder();
+    let stack = cone();
+    let run = |rule: EndRule| {
+        let settings = Settings { end_bottom: rule, end_top: rule, fair: 0.0, ..Settings::default() };
+        write(place.path(), &stack, &settings, OutputOptions { dz: Some(0.1), ..Default::default() }, &["r.json"])
+    };
+    for rule in [EndRule::Flat, EndRule::HalfSlice, EndRule::Extrapolate, EndRule::Peak(14.0)] {
+        let rule_is = rule.to_string();
+        let settings = Settings { end_top: rule, fair: 0.0, ..Settings::default() };
+        let report =
+            write(place.path(), &stack, &settings, OutputOptions { dz: Some(0.1), ..Default::default() }, &["r.json"]);
+        let areas = report.areas.expect("a report has them");
+        let sum = areas.between_contours + report.ends.iter().map(|e| e.used).sum::<f64>();
+        let volume = report.volume.expect("a report has it");
+        println!("{rule_is}: {volume:.1}, by areas {sum:.1}, ends {:?}", report.ends);
+        assert!((sum / volume - 1.0).abs() < 2e-3, "{rule_is}: {sum} for {volume}");
+        assert_eq!(report.ends.iter().map(|e| e.side).collect::<Vec<_>>(), [Side::Bottom, Side::Top]);
+        assert!(areas.layers.windows(2).all(|w| w[0][0] < w[1][0]), "heights increase");
+    }
+    // What a run says of rules that it does not use is what a run that uses them does.
+    let [flat, half, extrapolated] = [EndRule::Flat, EndRule::HalfSlice, EndRule::Extrapolate].map(run);
+    for k in 0..2 {
+        assert_eq!(flat.ends[k].half_slice, half.ends[k].used);
+        assert_eq!(flat.ends[k].extrapolate, extrapolated.ends[k].used);
+        assert_eq!(flat.ends[k].used, 0.0);
+    }
+    // The law r = D (1 - t/H)^p with slope 1 and D = 15 px would end at H = 7.5; two gaps, 6, are the most, and p = H / D = .4.
+    let tip = extrapolated.areas.and_then(|a| a.layers.last().copied()).expect("it has layers")[0];
+    let exact = flat.ends[1].area * 6.0 / (2.0 * 0.4 + 1.0);
+    println!("extrapolate: {} for {exact}", flat.ends[1].extrapolate);
+    assert!((tip - 15.0).abs() < 1e-9 && (flat.ends[1].extrapolate / exact - 1.0).abs() < 0.02);
+}
+
+#[test]
+fn origin_and_confidence_are_as_defined() {
+    let place = folder();
+    let stack = cone();
+    let settings = Settings { end_top: EndRule::Extrapolate, ..Settings::default() };
+    let names = ["a.origin.nrrd", "a.confidence.nii", "a.nrrd"];
+    write(place.path(), &stack, &settings, OutputOptions::default(), &names);
+    let body = collected(&stack, &settings);
+    let origin = inflated(&fs::read(place.path().join(names[0])).expect("written"));
+    let bytes = fs::read(place.path().join(names[1])).expect("written");
+    let confidence: Vec<f32> = bytes[352..].as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    let layers: Vec<_> = body.output_layers().collect();
+    let n = stack.dims[0] * stack.dims[1];
+    assert_eq!([origin.len(), confidence.len()], [n * layers.len(); 2]);
+    let contour = |k: usize| &body.layers.iter().find(|l| l.contour == Some(k)).expect("a layer each").phi;
+    let mut seen = [0usize; 4];
+    for (layer, (origin, confidence)) in layers.iter().zip(origin.chunks(n).zip(confidence.chunks(n))) {
+        let above = stack.slices.iter().position(|s| s.z >= layer.z).unwrap_or(3).max(1);
+        let [low, high] = [stack.slices[above - 1].z, stack.slices[above].z];
+        let t = (layer.z - low) / (high - low);
+        let kind = if layer.contour.is_some() {
+            1
+        } else if t > 1.0 {
+            3
+        } else {
+            2
+        };
+        for k in 0..n {
+            let inside = layer.phi[k] < 0.0;
+            assert_eq!(origin[k], if inside { kind } else { 0 }, "pixel {k} at {}", layer.z);
+            seen[usize::from(origin[k])] += 1;
+            let change = f64::from(contour(above)[k] - contour(above - 1)[k]).abs();
+            let u = change * if kind == 3 { t - 1.0 } else { t * (1.0 - t) };
+            let expected = if u > 0.0 { 1.0 - (-f64::from(layer.phi[k]).abs() / u).exp() } else { 1.0 };
+            assert!((f64::from(confidence[k]) - expected).abs() < 1e-5, "pixel {k} at {}", layer.z);
+        }
+    }
+    println!("voxels: {seen:?}");
+    assert!(seen.iter().all(|count| *count > 100), "{seen:?}");
+    assert!(confidence.iter().any(|c| *c < 0.2), "somewhere the surface is uncertain");
+}
+
+/// What is behind a NRRD's header.
+fn inflated(bytes: &[u8]) -> Vec<u8> {
+    let start = bytes.windows(2).position(|w| w == b"\n\n").expect("a header ends") + 2;
+    let mut out = Vec::new();
+    std::io::copy(&mut flate2::read::GzDecoder::new(&bytes[start..]), &mut out).expect("a gzip stream");
+    out
+}
+
+#[test]
+fn a_wrong_simplification_is_refused_before_any_work() {
+    let place = folder();
+    sound_stack(place.path());
+    let [input, output] = [place.path(), &place.path().join("x.stl")].map(|p| p.display().to_string());
+    for wrong in ["0", "-1", "nan", "inf"] {
+        let result = interslice(&["reconstruct", &input, "-o", &output, &format!("--simplify={wrong}")]);
+        assert_eq!(result.status.code(), Some(2), "{wrong}");
+        assert!(stderr(&result).contains("simplify"), "{}", stderr(&result));
+    }
+    assert!(!Path::new(&output).exists());
+}
+
+#[cfg(feature = "glb")]
+#[test]
+fn a_glb_holds_the_mesh() {
+    use interslice::surface::mesh::closed_surface;
+    let place = folder();
+    let stack = cone();
+    write(place.path(), &stack, &Settings::default(), OutputOptions::default(), &["left lung.glb"]);
+    let mesh = closed_surface(&collected(&stack, &Settings::default()));
+    let bytes = fs::read(place.path().join("left lung.glb")).expect("it was written");
+    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes")) as usize;
+    assert_eq!((&bytes[..4], word(4), word(8)), (&b"glTF"[..], 2, bytes.len()));
+    let json = word(12);
+    let root = gltf_json::Root::from_slice(&bytes[20..20 + json]).expect("it is glTF");
+    let mut wrong = Vec::new();
+    gltf_json::validation::Validate::validate(&root, &root, gltf_json::Path::new, &mut |path, error| {
+        wrong.push((path().to_string(), error.to_string()));
+    });
+    assert!(wrong.is_empty(), "{wrong:?}");
+    assert_eq!(root.meshes[0].name.as_deref(), Some("left lung"));
+    let extras = root.meshes[0].extras.as_ref().expect("the unit is told").get();
+    assert!(extras.contains(r#""unit":"#) && extras.contains("left-posterior-superior"), "{extras}");
+    let data = &bytes[28 + json..];
+    assert_eq!(word(20 + json), data.len());
+    let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
+    assert_eq!(data.len(), 24 * vertices + 12 * triangles);
+    for (p, b) in mesh.positions.iter().zip(data.as_chunks::<12>().0) {
+        assert_eq!(p.map(|v| (v as f32).to_le_bytes()).as_flattened(), b);
+    }
+    let corners = data[24 * vertices..].as_chunks::<12>().0;
+    for (t, b) in mesh.triangles.iter().zip(corners) {
+        assert_eq!(t.map(u32::to_le_bytes).as_flattened(), b);
+    }
+}
+
+#[cfg(feature = "simplify")]
+mod simplify {
+    use interslice::demo::NAMES;
+    use interslice::surface::mesh::{Mesh, closed_surface};
+    use interslice::surface::simplify::{Distances, simplified};
+
+    use super::*;
+    use crate::support::{edge_defects, merged};
+
+    /// Largest distance of random points of `from` to `to`.
+    fn farthest(from: &Mesh, to: &Mesh) -> f64 {
+        let to = Distances::new(to);
+        let mut state = 7u64;
+        let mut random = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 40) as f64 / (1u64 << 24) as f64
+        };
+        let corners: Vec<_> = from.corners().collect();
+        let points = corners.iter().flat_map(|[a, b, c]| {
+            let [u, v] = [random(), random()];
+            let [u, v] = if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] };
+            let inner = std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
+            [inner, *a, std::array::from_fn(|k| 0.5 * (a[k] + b[k]))]
+        });
+        points.map(|p| to.from(p)).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn simpler_meshes_are_closed_and_near() {
+        for name in NAMES {
+            let demo = demo(name).expect("a demo");
+            let mesh = closed_surface(&collected(&demo.stack, &demo.settings));
+            for error in [0.05, 0.5] {
+                let simpler = simplified(&mesh, error).expect("there is a simpler one");
+                let far = [farthest(&mesh, &simpler), farthest(&simpler, &mesh)];
+                println!(
+                    "{name}, {error}: {} of {} triangles, {:.3} and {:.3} away, volume {:+.4} %",
+                    simpler.triangles.len(),
+                    mesh.triangles.len(),
+                    far[0],
+                    far[1],
+                    100.0 * (simpler.volume() / mesh.volume() - 1.0)
+                );
+                assert_eq!(edge_defects(&simpler.triangles), 0, "{name}");
+                assert_eq!(edge_defects(&merged(&simpler)), 0, "{name}: after merging equal positions");
+                assert!(far[0] <= error && far[1] <= error, "{name}: {far:?} beyond {error}");
+                let share = if error < 0.1 { 0.95 } else { 0.4 };
+                assert!((simpler.triangles.len() as f64) < share * mesh.triangles.len() as f64, "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn all_mesh_files_hold_the_same_simpler_mesh() {
+        let place = folder();
+        let stack = cone();
+        let settings = Settings::default();
+        let output = OutputOptions { simplify: Some(0.3), ..OutputOptions::default() };
+        let report = write(place.path(), &stack, &settings, output, &["a.stl", "a.ply", "a.obj"]);
+        let whole = closed_surface(&collected(&stack, &settings));
+        assert_eq!(report.volume, Some(whole.volume()), "the report tells of the full one");
+        let simpler = simplified(&whole, 0.3).expect("there is a simpler one");
+        let stl = fs::read(place.path().join("a.stl")).expect("written");
+        assert_eq!(stl.len(), 84 + 50 * simpler.triangles.len());
+        let obj = fs::read_to_string(place.path().join("a.obj")).expect("written");
+        assert_eq!(obj.lines().filter(|l| l.starts_with("f ")).count(), simpler.triangles.len());
+        let ply = fs::read(place.path().join("a.ply")).expect("written");
+        let header = String::from_utf8_lossy(&ply[..400]).into_owned();
+        assert!(header.contains(&format!("element vertex {}\n", simpler.positions.len())), "{header}");
+    }
+}

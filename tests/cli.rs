@@ -252,10 +252,10 @@ fn a_gpu_without_memory_fails_or_is_replaced() {
         (result, serde_json::from_slice::<Value>(&text).unwrap_or_default())
     };
     // A budget that nothing fits into: an explicit GPU fails and leaves nothing, an automatic choice goes on.
-    let (short, told) = run(&["--backend", "gpu", "--memory", "1M"]);
+    let (short, told) = run(&["--backend", "gpu", "--gpu-memory", "1M"]);
     assert_eq!(short.status.code(), Some(1), "{}", stderr(&short));
     assert!(stderr(&short).contains("budget of 1048576 bytes") && told.is_null(), "{}", stderr(&short));
-    let (auto, told) = run(&["--adapter", "0", "--memory", "1M"]);
+    let (auto, told) = run(&["--adapter", "0", "--gpu-memory", "1M"]);
     assert_eq!(auto.status.code(), Some(0), "{}", stderr(&auto));
     assert!(stderr(&auto).contains("rest of the job runs on the CPU"), "{}", stderr(&auto));
     assert!(told["warnings"][0].as_str().is_some_and(|w| w.contains("changed on the way")), "{told}");

@@ -188,8 +188,13 @@ fn spacing_is_refused_where_the_file_has_its_own() {
     }
     let input = folder();
     sound_stack(input.path());
-    refused_in(input.path(), "stack.json", &["--spacing", "1,2,3"], &["`spacing` is not for a folder of slices"]);
-    refused_in(input.path(), "stack.json", &["--axis", "x"], &["`axis` is not for a folder of slices"]);
+    refused_in(
+        input.path(),
+        "stack.json",
+        &["--spacing", "1,2,3"],
+        &["`spacing` is not for anything but a label volume"],
+    );
+    refused_in(input.path(), "stack.json", &["--axis", "x"], &["`axis` is not for"]);
 }
 
 #[test]

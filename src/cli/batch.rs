@@ -10,7 +10,7 @@ use interslice::batch::template::{Template, template};
 use interslice::batch::{Job, Manifest, Options, Outcome, finished, line, run as run_all};
 use interslice::{Error, Result, memory};
 
-use super::devices::{DeviceOptions, bytes, share, tell_profile};
+use super::devices::{DeviceOptions, share, tell_profile};
 use super::reconstruct::set_threads;
 use super::say::say;
 use super::tally::Tally;
@@ -49,10 +49,6 @@ pub struct Arguments {
     /// Jobs computed at once (on a GPU they take turns by the stage); as many are read ahead and written behind [default: one per core]
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
-
-    /// Memory that the jobs in flight may need together, by their estimates, e.g. 8G [default: 80 % of what is free]
-    #[arg(id = "in_flight", long = "memory", value_name = "BYTES", value_parser = bytes)]
-    in_flight: Option<u64>,
 
     /// Begin no job after one has failed
     #[arg(long)]
@@ -114,11 +110,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let tally = Tally::new(manifest.jobs.len(), arguments.quiet);
     let notice = |message: &str| tally.say(&format!("warning: {message}"));
-    let shared = share(&arguments.device, &notice)?;
+    // What jobs in flight may take is no bound of the one GPU they share.
+    let device = arguments.device.unbounded();
+    let shared = share(&device, &notice)?;
     if !arguments.quiet {
         tally.say(&format!("running on: {} ({})", shared.name(), shared.reason));
     }
-    let memory = arguments.in_flight.or_else(|| memory::available().map(|free| (free as f64 * SHARE) as u64));
+    let memory = arguments.device.memory().or_else(|| memory::available().map(|free| (free as f64 * SHARE) as u64));
     let options = Options { jobs, memory: memory.unwrap_or(u64::MAX), fail_fast: arguments.fail_fast, machine };
     let outcomes = run_all(&manifest, &results, shared.machine(), &options, &tally, &stop_on_interrupt())?;
     tally.finish();

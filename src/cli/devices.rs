@@ -39,9 +39,13 @@ pub struct DeviceOptions {
     #[arg(long, value_name = "NAME|NUMBER")]
     adapter: Option<String>,
 
-    /// Memory that a run may take, and the GPU's buffers, e.g. 512M or 4G [default: what is free; buffers: 60 % of it]
+    /// Memory that a run aims to stay within, e.g. 512M or 4G [default: what is free]
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     memory: Option<u64>,
+
+    /// Memory that the GPU's buffers may take [default: `--memory`, else 60 % of what is free]
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    gpu_memory: Option<u64>,
 
     /// Time every kernel and say what each has cost
     #[arg(long)]
@@ -49,6 +53,11 @@ pub struct DeviceOptions {
 }
 
 impl DeviceOptions {
+    /// The same with no more bound on memory than that of the GPU's buffers.
+    pub fn unbounded(&self) -> Self {
+        DeviceOptions { memory: None, ..self.clone() }
+    }
+
     /// Bytes of memory that were allowed.
     pub fn memory(&self) -> Option<u64> {
         self.memory
@@ -64,7 +73,12 @@ impl DeviceOptions {
 #[cfg(feature = "gpu")]
 impl DeviceOptions {
     fn wanted(&self) -> GpuOptions {
-        GpuOptions { adapter: self.adapter.clone(), memory: self.memory, timed: self.profile, ..GpuOptions::default() }
+        GpuOptions {
+            adapter: self.adapter.clone(),
+            memory: self.gpu_memory.or(self.memory),
+            timed: self.profile,
+            ..GpuOptions::default()
+        }
     }
 }
 

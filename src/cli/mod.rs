@@ -55,9 +55,9 @@ enum Command {
 
 /// Parses the command line and runs it.
 pub fn run() -> Result<()> {
-    // In a batch `--memory` is that of the jobs in flight.
-    let buffers = |c: clap::Command| c.mut_arg("memory", |a| a.long("gpu-memory"));
-    let matches = Cli::command().mut_subcommand("batch", buffers).get_matches();
+    let together = "Memory that all jobs in flight may take together, by estimate, e.g. 512M or 4G [default: 80 % of what is free]";
+    let batch = |c: clap::Command| c.mut_arg("memory", |a| a.help(together));
+    let matches = Cli::command().mut_subcommand("batch", batch).get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     match (cli.command, matches.subcommand()) {
         (Command::Reconstruct(arguments), Some((_, matches))) => reconstruct::run(*arguments, matches),

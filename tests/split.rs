@@ -116,7 +116,7 @@ fn merged_parts_are_the_single_run() {
         ["single-default", "single-options"].map(|n| fs::read(place.join(n).join("v.nrrd")).expect("written"));
     assert!(String::from_utf8_lossy(&volumes[0]).contains("type: float"));
     assert!(String::from_utf8_lossy(&volumes[1]).contains("type: uint8"), "--mask was told to `run` only");
-    let left: Vec<_> = listing(place).into_iter().filter(|p| p.display().to_string().contains(".tmp")).collect();
+    let left: Vec<_> = listing(place).into_iter().filter(|p| p.extension().is_some_and(|e| e == "tmp")).collect();
     assert!(left.is_empty(), "left behind: {left:?}");
 }
 
@@ -204,7 +204,8 @@ fn parts_that_do_not_belong_together_are_refused() {
     refused(&["merge", &a, &b, "-o", &path(place, "folder.stl")], &["folder.stl", "is a folder"]);
     refused(&["merge", &a, &b], &["--output"]);
     refused(&["merge", "-o", &target], &["PARTS"]);
-    let names: Vec<PathBuf> = listing(place).into_iter().filter(|p| p.display().to_string().contains(".tmp")).collect();
+    let names: Vec<PathBuf> =
+        listing(place).into_iter().filter(|p| p.extension().is_some_and(|e| e == "tmp")).collect();
     assert!(names.is_empty(), "left behind: {names:?}");
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use rayon::prelude::*;
 use sysinfo::{DiskRefreshKind, Disks, System};
 
 use crate::error::{Error, Result};
@@ -22,18 +23,19 @@ const WAITING_GAPS: f64 = 3.0;
 const PER_SWEPT_PIXEL: f64 = 8.0;
 const PER_BLENDED_PIXEL: f64 = 28.0;
 
-/// Of a run that keeps as little as it can: bytes per pixel and slice that stay in memory all the same (the slice's own values, displacements),
+/// Of a run that keeps as little as it can: bytes per pixel and slice that stay in memory all the same (the slice's own values),
 /// and per padded pixel of what one interval takes while it is worked on.
 const PER_MASK_PIXEL: f64 = 1.0;
 const PER_LEVEL_PIXEL: f64 = 4.0;
-const PER_DISPLACED_PIXEL: f64 = 7.0;
 const PER_INTERVAL_PIXEL: f64 = 160.0;
+/// Bytes per pixel edge of the contours: seeds, in their slices and both frames, tracks, chains, slopes. They stay in memory.
+const PER_CONTOUR_EDGE: f64 = 1200.0;
 /// Bytes that do not depend on the stack.
 const BASE_BYTES: f64 = 24.0 * 1024.0 * 1024.0;
 
 /// What a run on the reference path needs, estimated from above, as if every group filled the image. Whoever keeps the layers
 /// ([`reconstruct`](crate::reconstruct)) needs 4 bytes of memory per voxel more; writing them takes what
-/// [`outputs::bytes`](crate::files::outputs::bytes) says.
+/// [`format::bytes`](crate::files::format::bytes) says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Needs {
     /// Bytes of memory where everything stays there.
@@ -66,11 +68,12 @@ impl Needs {
         let waiting = waiting * pixels * PER_WAITING_PIXEL;
         let kept = slices * padded * (PER_SLICE_PIXEL + moving);
         let all = kept + waiting + swept * PER_SWEPT_PIXEL + most_between * padded * PER_BLENDED_PIXEL;
-        let displaced = if moving > 0.0 { slices * padded * PER_DISPLACED_PIXEL } else { 0.0 };
+        let contours: usize = stack.slices.par_iter().map(|s| edges(&s.content, stack.dims)).sum();
+        let contours = contours as f64 * PER_CONTOUR_EDGE;
         let at_once = most_between.min(threads as f64);
         let interval = padded * (PER_INTERVAL_PIXEL + most_between * PER_SWEPT_PIXEL + at_once * PER_BLENDED_PIXEL);
-        let least = BASE_BYTES + contents(stack) + displaced + interval + waiting;
-        let [all, least] = [all, least].map(|bytes| bytes as u64);
+        let least = BASE_BYTES + contents(stack) + contours + interval + waiting;
+        let [all, least] = [all + contours, least].map(|bytes| bytes as u64);
         Needs { all, least: least.min(all), interval: interval as u64, disk: kept as u64 }
     }
 
@@ -109,6 +112,16 @@ fn contents(stack: &ContourStack) -> f64 {
         SliceContent::Level(_) => PER_LEVEL_PIXEL * pixels,
     });
     each.sum()
+}
+
+/// Edges between a pixel inside and one outside.
+fn edges(content: &SliceContent, [nx, ny]: [usize; 2]) -> usize {
+    let crossings = |j: usize| {
+        let inside = |i: usize, j: usize| content.inside(j * nx + i);
+        let right = (1..nx).filter(|&i| inside(i, j) != inside(i - 1, j)).count();
+        right + if j > 0 { (0..nx).filter(|&i| inside(i, j) != inside(i, j - 1)).count() } else { 0 }
+    };
+    (0..ny).map(crossings).sum()
 }
 
 /// Bytes that are free on the disk of a folder; nothing on a system that does not tell.

@@ -212,3 +212,28 @@ impl Array<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::Field;
+
+    #[test]
+    fn what_does_not_fit_is_laid_down_and_read_back_bit_by_bit() {
+        let field = |k: usize| Field::from_fn([6, 10], |i, j| (k * 100 + j * 6 + i) as f64 / 7.0);
+        let budget = Budget::of(100 * 8, 0);
+        let mut shelf = Shelf::new(&budget);
+        (0..3).for_each(|k| shelf.push(field(k)).expect("there is room for a temporary file"));
+        // Of 100 numbers that may stay 60 do.
+        assert_eq!([0, 1, 2].map(|k| shelf.light(k).data.len()), [60, 0, 0]);
+        assert_eq!(budget.kept(), Some(40 * 8));
+        for k in [2, 0, 1, 2] {
+            let back = shelf.get(k).expect("it is read");
+            assert!(
+                back.data.iter().zip(&field(k).data).all(|(a, b)| a.to_bits() == b.to_bits()) && back.dims == [6, 10]
+            );
+        }
+        drop(shelf);
+        assert_eq!((budget.kept(), budget.at_once(5, 1)), (Some(100 * 8), 1));
+    }
+}

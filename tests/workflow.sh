@@ -41,10 +41,10 @@ clean_up() {
   rm -rf "$place"
 }
 trap clean_up EXIT
-mkdir "$place/work" "$place/plain"
+mkdir "$place/given" "$place/plain"
 
 # Tubes that wander: 20 small ones, and one of 60 slices.
-target/workflow/bin/python - "$place/work" <<'PYTHON'
+target/workflow/bin/python - "$place/given" <<'PYTHON'
 import json, sys
 from pathlib import Path
 import numpy
@@ -68,9 +68,9 @@ tube(place / "long.nrrd", 120, 60, 24)
 job = lambda name: {"id": name, "input": f"{name}.nrrd", "outputs": [f"out/{name}.nrrd", f"out/{name}.stl"]}
 (place / "manifest.jsonl").write_text("".join(json.dumps(job(name)) + "\n" for name in names))
 PYTHON
-bodies="$(cd "$place/work" && basename -s .nrrd tube*.nrrd)"
+bodies="$(cd "$place/given" && basename -s .nrrd tube*.nrrd)"
 
-cat >"$place/work/config.yaml" <<YAML
+cat >"$place/given/config.yaml" <<YAML
 interslice: $program
 options: "--backend cpu"
 batch: {manifest: manifest.jsonl, processes: 2}
@@ -88,12 +88,12 @@ YAML
 
 say "plain runs"
 for body in $bodies; do
-  "$program" reconstruct "$place/work/$body.nrrd" -o "$place/plain/$body.nrrd" -o "$place/plain/$body.stl" --backend cpu --quiet
+  "$program" reconstruct "$place/given/$body.nrrd" -o "$place/plain/$body.nrrd" -o "$place/plain/$body.stl" --backend cpu --quiet
 done
-"$program" reconstruct "$place/work/long.nrrd" --end-top extrapolate --backend cpu --quiet \
+"$program" reconstruct "$place/given/long.nrrd" --end-top extrapolate --backend cpu --quiet \
   -o "$place/plain/long.nrrd" -o "$place/plain/long.stl" -o "$place/plain/long.png" -o "$place/plain/long.json"
 
-cd "$place/work"
+cd "$place/given"
 run_workflow() { "$snakemake" -s "$repository/workflow/Snakefile" --configfile config.yaml --retries 2 "$@" >>"$place/snakemake.log" 2>&1; }
 done_lines() { cat results.jsonl 2>/dev/null | grep -c "\"status\":\"done\"" || true; }
 show_and_fail() { find "$place" -name "*.log" -exec tail -n 60 {} + >&2; fail "$*"; }

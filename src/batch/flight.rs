@@ -15,7 +15,8 @@ use crate::backend::Means;
 use crate::error::{Error, Result};
 use crate::files::Loaded;
 use crate::files::fingerprint::digest;
-use crate::files::outputs::{self, Outputs};
+use crate::files::format;
+use crate::files::outputs::Outputs;
 use crate::files::pending::Temporary;
 use crate::progress::Silent;
 use crate::shelf::Budget;
@@ -65,7 +66,7 @@ impl<'a> Batch<'a> {
                 return Err(Error::Format { path: job.input.clone(), message: "has changed while it was read".into() });
             }
             let writing =
-                outputs::bytes(job.targets.iter().map(|t| t.as_path()), loaded.stack.dims, &loaded.stack.geometry);
+                format::bytes(job.targets.iter().map(|t| t.as_path()), loaded.stack.dims, &loaded.stack.geometry);
             let needs = loaded.needs();
             let budget = needs.budget(writing, Some(self.options.memory))?;
             // A job larger than the memory of all has all of it for itself.

@@ -3,7 +3,8 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use interslice::files::outputs::{Outputs, extension_at};
+use interslice::files::format::extension_at;
+use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::{JobOptions, Loaded};
 use interslice::rtstruct::{Gather, StructureSet};

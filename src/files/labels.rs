@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::JobOptions;
-use super::outputs::{self, Kind, Outputs};
+use super::format::{Kind, extension_at, is_page, kind};
+use super::outputs::Outputs;
 use super::pending::{Pending, Temporary, parent};
 use crate::backend::Means;
 use crate::error::{Error, Result};
@@ -185,14 +186,14 @@ impl LabelOutputs {
             Err(Error::Output { path: path.into(), message: message.into() })
         };
         for path in paths {
-            match outputs::kind(path)? {
+            match kind(path)? {
                 Kind::Volume if !loaded.keep_overlaps => volumes.push(path.clone()),
                 Kind::Volume | Kind::Mesh => own.push(path.as_path()),
                 Kind::Report => reports.push(path.clone()),
                 Kind::View => return of_one(path),
             }
         }
-        if let Some(page) = report.filter(|path| outputs::is_page(path)) {
+        if let Some(page) = report.filter(|path| is_page(path)) {
             return of_one(page);
         }
         reports.extend(report.map(Path::to_path_buf));
@@ -256,6 +257,6 @@ impl LabelOutputs {
 /// The name of a label's own file.
 fn of_label(path: &Path, label: i64) -> PathBuf {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let end = outputs::extension_at(&name);
+    let end = extension_at(&name);
     path.with_file_name(format!("{}.{label}{}", &name[..end], &name[end..]))
 }

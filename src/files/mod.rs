@@ -5,11 +5,13 @@
 //! ```
 
 pub mod fingerprint;
+pub mod format;
 pub mod labels;
 pub mod named;
 pub mod outputs;
 pub mod pending;
 pub mod section_file;
+mod writers;
 
 use std::path::Path;
 

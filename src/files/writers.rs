@@ -1,0 +1,165 @@
+//! The writer of each format.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Seek, Write};
+use std::path::Path;
+
+use super::format::{BUFFER_BYTES, Format, named_content};
+use super::outputs::OutputOptions;
+use super::pending::{Pending, files_below, parent};
+use crate::map::Crs;
+#[cfg(feature = "dicom")]
+use crate::rtstruct::StructuresWriter;
+use crate::surface::contour_lines::ContoursWriter;
+use crate::surface::geojson::GeoJsonWriter;
+use crate::surface::heightmap::HeightMapWriter;
+use crate::surface::html::HtmlWriter;
+use crate::surface::mesh_files::{ListedWriter, MeshFormat, StlWriter, write_obj, write_ply, write_stl};
+use crate::surface::mha::MhaWriter;
+use crate::surface::origin::OriginWriter;
+use crate::surface::render::{PictureWriter, RenderOptions};
+use crate::surface::stream::{BodyWriter, Ending, Header, Needs};
+use crate::surface::volume::Content;
+use crate::surface::{nifti, nrrd};
+
+/// The writer of an output, from its beginning.
+pub(super) fn writer(
+    target: &Path,
+    format: Format,
+    pending: &mut Pending,
+    header: &Header,
+    content: Content,
+    options: &OutputOptions,
+    meshes: &Meshes,
+) -> io::Result<Box<dyn BodyWriter>> {
+    let folder = parent(target);
+    let content = named_content(target).filter(|_| !matches!(content, Content::Labels(_))).unwrap_or(content);
+    let volume = |writer: Box<dyn BodyWriter>| -> Box<dyn BodyWriter> {
+        match content {
+            Content::Distance | Content::Mask | Content::Labels(_) => writer,
+            Content::Origin | Content::Confidence => Box::new(OriginWriter::new(writer, content, folder)),
+        }
+    };
+    let file = match pending {
+        Pending::File(file) => file.as_file_mut(),
+        Pending::Folder(folder) => return in_folder(folder.path(), header, content).map(volume),
+    };
+    let mut file = file.try_clone()?;
+    file.set_len(0)?;
+    file.rewind()?;
+    let out = BufWriter::with_capacity(BUFFER_BYTES, file);
+    Ok(match format {
+        Format::Nrrd => volume(Box::new(nrrd::writer(out, header, content, folder)?)),
+        Format::Nifti { gzip } => volume(Box::new(nifti::writer(out, header, content, gzip, folder)?)),
+        Format::Mha => volume(Box::new(MhaWriter::new(out, header, content, folder)?)),
+        Format::Stl if options.simplify.is_none() => Box::new(StlWriter::new(out)?),
+        Format::Stl => meshes.writer(out, Box::new(write_stl)),
+        Format::Ply => meshes.writer(out, Box::new(write_ply)),
+        Format::Obj => meshes.writer(out, Box::new(write_obj)),
+        Format::Glb => meshes.writer(out, glb(header, target)),
+        Format::Png => {
+            let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };
+            Box::new(PictureWriter::new(out, header, options))
+        }
+        Format::Tiff => Box::new(HeightMapWriter::new(out, header, options.map.as_ref().map(|map| &map.crs))),
+        Format::Report => Box::new(ReportWriter(out)),
+        Format::Html => Box::new(HtmlWriter::new(out, header, stem(target))),
+        Format::Contours => Box::new(ContoursWriter::new(out, header)?),
+        Format::GeoJson => {
+            let crs = options.map.as_ref().map_or(&Crs::Unknown, |map| &map.crs);
+            Box::new(GeoJsonWriter::new(out, header, crs)?)
+        }
+        Format::StructureSet => return structures(out, header, options),
+        Format::Zarr => return Err(io::Error::other("a folder is needed")),
+    })
+}
+
+/// An output's name without its extension, as a title.
+fn stem(target: &Path) -> String {
+    target.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+#[cfg(feature = "glb")]
+fn glb(header: &Header, target: &Path) -> MeshFormat<BufWriter<File>> {
+    let named = crate::surface::glb::Named { name: stem(target), unit: header.unit.clone() };
+    Box::new(move |out, mesh| crate::surface::glb::write_glb(out, mesh, &named))
+}
+
+#[cfg(not(feature = "glb"))]
+fn glb(header: &Header, _target: &Path) -> MeshFormat<BufWriter<File>> {
+    let unit = header.unit.clone();
+    Box::new(move |_, _| Err(io::Error::other(format!("no glTF in this program (unit {unit})"))))
+}
+
+/// The meshes of a run: the whole one, or one simpler one for all files.
+#[derive(Default)]
+pub(super) struct Meshes {
+    #[cfg(feature = "simplify")]
+    simplifier: Option<std::sync::Arc<crate::surface::simplify::Simplifier>>,
+}
+
+impl Meshes {
+    #[cfg_attr(not(feature = "simplify"), expect(unused_variables, reason = "options have been checked"))]
+    pub fn new(options: &OutputOptions) -> Self {
+        Meshes {
+            #[cfg(feature = "simplify")]
+            simplifier: options.simplify.map(|error| crate::surface::simplify::Simplifier::new(error).into()),
+        }
+    }
+
+    /// What is to be said at the end.
+    pub fn warning(&self) -> Option<String> {
+        #[cfg(feature = "simplify")]
+        if self.simplifier.as_ref().is_some_and(|s| s.gave_up()) {
+            return Some("simplify: no closed surface with fewer triangles was found; meshes are the full one".into());
+        }
+        None
+    }
+
+    fn writer(&self, out: BufWriter<File>, format: MeshFormat<BufWriter<File>>) -> Box<dyn BodyWriter> {
+        #[cfg(feature = "simplify")]
+        if let Some(simplifier) = self.simplifier.clone() {
+            let simpler: MeshFormat<_> = Box::new(move |out, mesh| format(out, &mut &*simplifier.simpler(mesh)?));
+            return Box::new(ListedWriter::new(out, simpler));
+        }
+        Box::new(ListedWriter::new(out, format))
+    }
+}
+
+/// The writer of a completed RTSTRUCT.
+#[cfg(feature = "dicom")]
+fn structures(out: BufWriter<File>, header: &Header, options: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
+    let source = options.source.as_ref().ok_or_else(|| io::Error::other("no RTSTRUCT was read"))?;
+    Ok(Box::new(StructuresWriter::new(out, source, header).map_err(io::Error::other)?))
+}
+
+#[cfg(not(feature = "dicom"))]
+fn structures(_: BufWriter<File>, header: &Header, options: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
+    Err(io::Error::other(format!("no DICOM in this program: {header:?}, {options:?}")))
+}
+
+/// The writer of a Zarr into a folder, which is emptied.
+fn in_folder(folder: &Path, header: &Header, content: Content) -> io::Result<Box<dyn BodyWriter>> {
+    for file in files_below(folder)? {
+        fs::remove_file(file)?;
+    }
+    #[cfg(feature = "zarr")]
+    return crate::surface::zarr::writer(folder, header, content);
+    #[cfg(not(feature = "zarr"))]
+    Err(io::Error::other(format!("no Zarr in this program: {header:?}, {content:?}")))
+}
+
+/// Writes the report, at the end.
+struct ReportWriter(BufWriter<File>);
+
+impl BodyWriter for ReportWriter {
+    fn needs(&self) -> Needs {
+        Needs::Surface
+    }
+
+    fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
+        serde_json::to_writer_pretty(&mut self.0, end.report)?;
+        self.0.write_all(b"\n")?;
+        self.0.flush()
+    }
+}

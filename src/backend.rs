@@ -59,7 +59,7 @@ impl PaddedSlice {
 }
 
 /// How slices become level sets.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContourOptions {
     /// Rule for masks.
     pub anti_alias: AntiAlias,
@@ -70,7 +70,7 @@ pub struct ContourOptions {
 }
 
 /// Parameters of morphs and sweeps; see [`Settings`] for units and ranges.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MorphOptions {
     /// Half width of the tube (gamma).
     pub half_width: f64,

@@ -1,7 +1,7 @@
 //! Parts that end: an offset of their own distance field that closes them at a given height.
 
 use crate::field::Field;
-use crate::jobs::Tile;
+use crate::tile::Tile;
 
 /// Powers of the cap law outside this range look like a needle or a lid.
 const POWERS: std::ops::RangeInclusive<f64> = 0.3..=2.0;

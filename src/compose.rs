@@ -4,8 +4,9 @@ use crate::caps::{Cap, Profile};
 use crate::contours::Contour;
 use crate::field::Field;
 use crate::fit::Fitted;
-use crate::jobs::{DISAGREEMENT, Direction, Tile};
-use crate::matching::{GroupFields, Interval, LonePart};
+use crate::jobs::{DISAGREEMENT, Direction, SweepPair};
+use crate::matching::{Interval, LonePart};
+use crate::tile::Tile;
 
 /// Where in the gap a lone part closes.
 pub const HALF_WAY: f64 = 0.5;
@@ -72,9 +73,10 @@ pub fn blend(up: &[f32], down: &[f32], weights: [f64; 2], dims: [usize; 2]) -> F
     Field { dims, data: up.iter().zip(down).map(mixed).collect() }
 }
 
-/// Puts back what a blend at time `t` has lost: holes are cut out again, overlaps of the two contours are joined. Whether anything changed.
-pub fn mend(phi: &mut Field, group: &GroupFields, hole_caps: &[(Cap, Direction)], t: f64, image_nx: usize) -> bool {
-    for (cap, direction) in hole_caps {
+/// Puts back what the blend of slice `k` has lost: holes are cut out again, overlaps of the two contours are joined. Whether anything changed.
+pub fn mend(pair: &SweepPair<'_>, k: usize, phi: &mut Field) -> bool {
+    let t = pair.up.times[k];
+    for (cap, direction) in pair.holes.iter() {
         let away = match direction {
             Direction::Up => t,
             Direction::Down => 1.0 - t,
@@ -84,12 +86,10 @@ pub fn mend(phi: &mut Field, group: &GroupFields, hole_caps: &[(Cap, Direction)]
             *v = v.max(-(hole + offset));
         }
     }
-    let mut changed = !hole_caps.is_empty();
-    for &anchor in &group.group.anchors {
-        if let Some(node) = group.tile.local_node(anchor, image_nx)
-            && phi.data[node] >= 0.0
-        {
-            hold(phi, group, node);
+    let mut changed = !pair.holes.is_empty();
+    for &anchor in &pair.anchors {
+        if phi.data[anchor] >= 0.0 {
+            hold(phi, pair, anchor);
             changed = true;
         }
     }
@@ -97,8 +97,8 @@ pub fn mend(phi: &mut Field, group: &GroupFields, hole_caps: &[(Cap, Direction)]
 }
 
 /// Puts the overlap of the two contours around `anchor` back where the blend has lost it, so that what overlaps is connected.
-fn hold(phi: &mut Field, group: &GroupFields, anchor: usize) {
-    let overlap = |n: usize| group.low.phi.data[n].max(group.high.phi.data[n]);
+fn hold(phi: &mut Field, pair: &SweepPair<'_>, anchor: usize) {
+    let overlap = |n: usize| pair.up.source.data[n].max(pair.up.target.data[n]);
     let [nx, ny] = phi.dims;
     let mut seen = vec![false; phi.data.len()];
     let mut open = vec![anchor];

@@ -3,8 +3,8 @@
 use crate::components::{Components, label4, label8};
 use crate::contour::{Seed, seeds};
 use crate::field::Field;
-use crate::jobs::Tile;
 use crate::shelf::{Array, Large};
+use crate::tile::Tile;
 
 /// One input contour on the padded image.
 #[derive(Debug, Clone, Default)]

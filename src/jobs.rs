@@ -1,75 +1,12 @@
 //! Work for a backend: an interval, a direction and a group of components make a job, and every job owns a tile.
-//!
-//! A tile is the group's bounding box and a margin, so that memory and work follow the contours and not the image.
 
+use std::borrow::Cow;
+
+use crate::caps::Cap;
 use crate::contour::Seed;
 use crate::field::Field;
 use crate::report::Residual;
 use crate::spline::smoothstep;
-
-/// A rectangle of pixels of the padded image.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Tile {
-    /// Its first pixel in the padded image.
-    pub origin: [usize; 2],
-    /// Its size.
-    pub dims: [usize; 2],
-}
-
-impl Tile {
-    /// The tile from pixel `low` to pixel `high`, both included, and a margin.
-    pub fn spanning(image: [usize; 2], margin: usize, low: [usize; 2], high: [usize; 2]) -> Self {
-        let origin = low.map(|l| l.saturating_sub(margin));
-        Tile { origin, dims: std::array::from_fn(|a| (high[a] + margin + 1).min(image[a]) - origin[a]) }
-    }
-
-    /// The smallest tile that holds both.
-    pub fn joined(self, other: Tile) -> Self {
-        let origin = std::array::from_fn(|a| self.origin[a].min(other.origin[a]));
-        let end = |t: Tile, a: usize| t.origin[a] + t.dims[a];
-        Tile { origin, dims: std::array::from_fn(|a| end(self, a).max(end(other, a)) - origin[a]) }
-    }
-
-    /// Number of pixels.
-    pub fn len(&self) -> usize {
-        self.dims[0] * self.dims[1]
-    }
-
-    /// Whether it has no pixel.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Nodes of the padded image, of width `nx`, in the order of the tile's own nodes.
-    pub fn nodes(&self, nx: usize) -> impl Iterator<Item = usize> + '_ {
-        (0..self.dims[1]).flat_map(move |j| {
-            let first = (self.origin[1] + j) * nx + self.origin[0];
-            first..first + self.dims[0]
-        })
-    }
-
-    /// The tile's own node for a node of the padded image of width `nx`; `None` beyond the tile.
-    pub fn local_node(&self, node: usize, nx: usize) -> Option<usize> {
-        let i = (node % nx).checked_sub(self.origin[0]).filter(|&i| i < self.dims[0])?;
-        let j = (node / nx).checked_sub(self.origin[1]).filter(|&j| j < self.dims[1])?;
-        Some(j * self.dims[0] + i)
-    }
-
-    /// The tile's part of a field on the padded image.
-    pub fn cut(&self, image: &Field) -> Field {
-        Field { dims: self.dims, data: self.nodes(image.dims[0]).map(|n| image.data[n]).collect() }
-    }
-
-    /// A position of the padded image in the tile's own pixels.
-    pub fn to_local(&self, x: [f64; 2]) -> [f64; 2] {
-        [x[0] - self.origin[0] as f64, x[1] - self.origin[1] as f64]
-    }
-
-    /// A position of the tile in pixels of the padded image.
-    pub fn to_image(&self, x: [f64; 2]) -> [f64; 2] {
-        [x[0] + self.origin[0] as f64, x[1] + self.origin[1] as f64]
-    }
-}
 
 /// Which way a morph or sweep goes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -104,11 +41,22 @@ impl PartJob {
 #[derive(Debug, Clone)]
 pub struct TraceJob<'a> {
     /// Level set at the start, px.
-    pub source: &'a Field,
+    pub source: Cow<'a, Field>,
     /// Level set to arrive at.
-    pub target: &'a Field,
+    pub target: Cow<'a, Field>,
     /// Particles' starts, pixels of the tile.
     pub seeds: Vec<Seed>,
+}
+
+impl TraceJob<'_> {
+    /// A copy that holds its fields itself.
+    pub fn owned(&self) -> TraceJob<'static> {
+        TraceJob { source: owned(&self.source), target: owned(&self.target), seeds: self.seeds.clone() }
+    }
+}
+
+fn owned(field: &Field) -> Cow<'static, Field> {
+    Cow::Owned(field.clone())
 }
 
 /// What the morph measured.
@@ -157,9 +105,9 @@ pub type Course = [f64; 4];
 #[derive(Debug, Clone)]
 pub struct SweepJob<'a> {
     /// Level set at the start.
-    pub source: &'a Field,
+    pub source: Cow<'a, Field>,
     /// Level set to arrive at.
-    pub target: &'a Field,
+    pub target: Cow<'a, Field>,
     /// Seed positions, pixels of the tile.
     pub seeds: Vec<[f64; 2]>,
     /// One course per seed.
@@ -168,17 +116,42 @@ pub struct SweepJob<'a> {
     pub times: Vec<f64>,
 }
 
-/// Puts back into slice k of a pair what its blend has lost (holes, overlaps); whether anything changed.
-pub type Mend<'a> = dyn Fn(usize, &mut Field) -> bool + Sync + 'a;
+impl SweepJob<'_> {
+    /// A copy that holds its fields itself.
+    pub fn owned(&self) -> SweepJob<'static> {
+        SweepJob {
+            source: owned(&self.source),
+            target: owned(&self.target),
+            seeds: self.seeds.clone(),
+            courses: self.courses.clone(),
+            times: self.times.clone(),
+        }
+    }
+}
 
 /// Both sweeps of a group and the slices between its contours.
+#[derive(Debug, Clone)]
 pub struct SweepPair<'a> {
     /// From the contour below; its times are those of the slices.
     pub up: SweepJob<'a>,
     /// From the contour above; its times are `1 - t` of the slices, from the last to the first.
     pub down: SweepJob<'a>,
-    /// Asked about every slice after blending.
-    pub mend: Box<Mend<'a>>,
+    /// What a blend may lose and must have: pixels of the tile where both contours overlap, one for each overlap.
+    pub anchors: Vec<usize>,
+    /// The same: holes that end between the contours, and where they go.
+    pub holes: Cow<'a, [(Cap, Direction)]>,
+}
+
+impl SweepPair<'_> {
+    /// A copy that holds its fields itself.
+    pub fn owned(&self) -> SweepPair<'static> {
+        SweepPair {
+            up: self.up.owned(),
+            down: self.down.owned(),
+            anchors: self.anchors.clone(),
+            holes: Cow::Owned(self.holes.to_vec()),
+        }
+    }
 }
 
 /// What a pair of sweeps gave.

@@ -51,6 +51,7 @@ pub mod stencil;
 pub mod surface;
 #[cfg(feature = "terrain")]
 pub mod terrain;
+pub mod tile;
 pub mod topology;
 mod tracks;
 mod trust;

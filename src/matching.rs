@@ -8,9 +8,10 @@ use crate::components::label8;
 use crate::contours::Contour;
 use crate::error::Result;
 use crate::field::Field;
-use crate::jobs::{Direction, PartJob, Tile};
+use crate::jobs::{Direction, PartJob};
 use crate::report::Event;
 use crate::shelf::{Array, Large};
+use crate::tile::Tile;
 use crate::topology::{Decided, Group, match_components};
 
 /// An interval's groups and unmatched parts.
@@ -48,6 +49,13 @@ pub struct GroupFields {
     pub high: MorphEnd,
     /// Holes that open or close between the contours; their fields are negative inside the hole.
     pub holes: Vec<LonePart>,
+}
+
+impl GroupFields {
+    /// The anchors in the tile's own pixels; the padded image is `nx` wide.
+    pub fn local_anchors(&self, nx: usize) -> Vec<usize> {
+        self.group.anchors.iter().filter_map(|&anchor| self.tile.local_node(anchor, nx)).collect()
+    }
 }
 
 /// One end of a group's morph.

@@ -8,7 +8,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::contours::Contour;
 use crate::field::Field;
-use crate::jobs::Tile;
+use crate::tile::Tile;
 
 /// A frame must lower the area in which the slices differ by this factor.
 const LEAST_GAIN: f64 = 3.0;

@@ -1,5 +1,7 @@
 //! From contours to morphs and back: the jobs of the trace stage, and what they measured, seed by seed of each contour.
 
+use std::borrow::Cow;
+
 use crate::contour::Seed;
 use crate::contours::Contour;
 use crate::jobs::{Direction, TraceJob, Traced, Track};
@@ -64,7 +66,7 @@ pub fn trace_job<'a>(group: &'a GroupFields, seeds: &[Seed], direction: Directio
             seed
         })
         .collect();
-    TraceJob { source: &source.phi, target: &target.phi, seeds }
+    TraceJob { source: Cow::Borrowed(&source.phi), target: Cow::Borrowed(&target.phi), seeds }
 }
 
 /// The tracks of the morphs of an interval, brought to the seeds of its contours: upward of the lower one, downward of the upper one. Seeds

@@ -2,6 +2,8 @@
 
 mod shapes;
 
+use std::borrow::Cow;
+
 use interslice::backend::{ContourOptions, MorphOptions};
 use interslice::contour::{Seed, seeds, trace_loops};
 use interslice::field::Field;
@@ -321,7 +323,7 @@ fn loops_are_closed_and_keep_the_inside_on_one_side() {
 }
 
 fn morph(source: &Field, target: &Field, h: [f64; 2]) -> interslice::jobs::Traced {
-    let job = TraceJob { source, target, seeds: seeds(source, h, 0.5) };
+    let job = TraceJob { source: Cow::Borrowed(source), target: Cow::Borrowed(target), seeds: seeds(source, h, 0.5) };
     trace(&job, h, &MorphOptions::from(&Settings::default()))
 }
 

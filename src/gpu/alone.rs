@@ -181,7 +181,7 @@ impl Gpu {
         let jobs: Vec<&SweepJob<'_>> = jobs.iter().collect();
         let mut atlas = Atlas::new(jobs.iter().map(|j| j.source.dims));
         let (seeds, bins) = place_seeds(&mut atlas, &jobs, tubes.h);
-        let values = atlas.pack(jobs.iter().map(|j| j.source), 1.0);
+        let values = atlas.pack(jobs.iter().map(|j| &*j.source), 1.0);
         let room = atlas.node_count();
         let front = Front::new(self, atlas, tubes.params(), Some(&values), room)?;
         let (seeds, bins) = (device.upload::<Seed>("seeds", &seeds)?, device.upload("bins", &bins)?);

@@ -9,6 +9,7 @@ use super::kernels::{Bound, Recorder, Size};
 use super::layout::{Copy, Item, Job, NONE, Params, VANISHED};
 use super::trace::morph_params;
 use crate::backend::MorphOptions;
+use crate::compose::mend;
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, SweepPair, Swept, blend_weights};
@@ -115,7 +116,7 @@ pub fn fill_slices(
         let broken: Vec<usize> = batch
             .iter()
             .enumerate()
-            .filter(|&(slot, &(p, k))| (pairs[p].mend)(k, &mut slices[slot].clone()))
+            .filter(|&(slot, &(p, k))| mend(&pairs[p], k, &mut slices[slot].clone()))
             .map(|(slot, _)| slot)
             .collect();
         if !broken.is_empty() {
@@ -130,7 +131,7 @@ pub fn fill_slices(
             let mut mended = atlas.unpack(&values);
             for (field, &slot) in mended.iter_mut().zip(&broken) {
                 let (p, k) = batch[slot];
-                (pairs[p].mend)(k, field);
+                mend(&pairs[p], k, field);
             }
             let mended = gpu.device.upload("mended", &atlas.pack(mended.iter(), 1.0))?;
             for (&slot, field) in broken.iter().zip(outwards(gpu, atlas, params, mended)?) {

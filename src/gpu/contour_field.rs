@@ -7,6 +7,7 @@ use super::device::Buffer;
 use super::distance::Distances;
 use super::kernels::{Recorder, Size};
 use super::layout::{Params, Rule};
+use super::waiting::SliceJob;
 use crate::backend::{ContourOptions, PaddedSlice};
 use crate::conditioning::{
     CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP, MASK_FLOOR,
@@ -23,24 +24,23 @@ const BYTES: usize = NODE_BYTES + 24;
 /// Level sets of all slices; `inf` where a slice is empty.
 pub fn contour_fields(
     gpu: &Gpu,
-    slices: &[PaddedSlice],
-    dims: [usize; 2],
+    slices: &[SliceJob<'_>],
     h: [f64; 2],
     options: ContourOptions,
     progress: &dyn Progress,
 ) -> Result<Vec<Field>> {
     let values: Vec<(Field, bool)> = slices
         .iter()
-        .map(|slice| match slice {
+        .map(|job| match &*job.slice {
             PaddedSlice::Mask(mask) => {
-                (Field { dims, data: mask.iter().map(|&m| if m { -0.5 } else { 0.5 }).collect() }, true)
+                (Field { dims: job.dims, data: mask.iter().map(|&m| if m { -0.5 } else { 0.5 }).collect() }, true)
             }
             PaddedSlice::Level(u) => (u.clone(), false),
         })
         .collect();
-    let mut out = vec![Field::filled(dims, f64::INFINITY); slices.len()];
-    let nodes = padded(dims[0] * dims[1]);
+    let mut out: Vec<Field> = slices.iter().map(|job| Field::filled(job.dims, f64::INFINITY)).collect();
     let share = |k: &usize| {
+        let nodes = padded(values[*k].0.data.len());
         let room = places(crossings(&values[*k].0), options.half_width + CONDITION_WIDER, nodes);
         gpu.share(nodes * BYTES + room * PLACE_BYTES, 4 * nodes)
     };

@@ -25,9 +25,11 @@ mod propagate;
 pub mod shared;
 mod trace;
 mod trajectories;
+mod turns;
 pub mod twins;
+mod waiting;
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::borrow::Cow;
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
 use crate::displacement::{Displacement, DisplacementJob};
@@ -35,13 +37,15 @@ use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
 use crate::moving_field::{Cells, LoneParts, MovingField};
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
 use crate::reference::Reference;
 use crate::report::Profile;
 use device::Device;
 pub use device::GpuOptions;
 pub use fallback::GpuOrReference;
 use kernels::{Kernels, Profiler};
+use turns::Turns;
+use waiting::{SliceJob, Waiting};
 
 /// Share of the budget that batches are planned with; the rest is for reading back and for lists that must be made longer.
 const BUDGET_SHARE: f64 = 0.7;
@@ -55,7 +59,8 @@ pub struct Gpu {
     profiler: Profiler,
     /// A stage has the whole budget: stages of runs on other threads wait for their turn. No stage may be asked for from within a parallel
     /// loop, whose threads the stage itself may need.
-    turn: Mutex<()>,
+    turns: Turns,
+    waiting: Waiting,
 }
 
 impl Gpu {
@@ -66,17 +71,19 @@ impl Gpu {
     pub fn open(options: &GpuOptions) -> Result<Self> {
         let device = Device::open(options)?;
         let kernels = Kernels::new(&device)?;
-        Ok(Gpu { device, kernels, profiler: Profiler::new(options.timed), turn: Mutex::new(()) })
+        Ok(Gpu {
+            device,
+            kernels,
+            profiler: Profiler::new(options.timed),
+            turns: Turns::default(),
+            waiting: Waiting::default(),
+        })
     }
 
     /// What the kernels have cost so far.
     pub fn profile(&self) -> Profile {
         let [bytes_up, bytes_down] = self.device.traffic();
         Profile { bytes_up, bytes_down, ..self.profiler.profile() }
-    }
-
-    fn turn(&self) -> MutexGuard<'_, ()> {
-        self.turn.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The share of this device that a job takes: of the byte budget, or of the largest array where that is more.
@@ -101,13 +108,15 @@ impl Backend for Gpu {
         options: ContourOptions,
         progress: &dyn Progress,
     ) -> Result<Vec<Field>> {
-        let _turn = self.turn();
-        contour_field::contour_fields(self, slices, dims, h, options, progress)
+        let jobs: Vec<SliceJob<'_>> =
+            slices.iter().map(|slice| SliceJob { slice: Cow::Borrowed(slice), dims }).collect();
+        self.waiting.slices.ask(&self.turns, (h, options), &jobs, progress, |jobs, progress| {
+            contour_field::contour_fields(self, jobs, h, options, progress)
+        })
     }
 
     fn part_fields(&self, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {
-        let _turn = self.turn();
-        part::part_fields(self, jobs, h)
+        self.waiting.parts.ask(&self.turns, h, jobs, &Silent, |jobs, _| part::part_fields(self, jobs, h))
     }
 
     fn trace(
@@ -117,8 +126,9 @@ impl Backend for Gpu {
         options: &MorphOptions,
         progress: &dyn Progress,
     ) -> Result<Vec<Traced>> {
-        let _turn = self.turn();
-        trace::trace(self, jobs, h, options, progress)
+        self.waiting.traces.ask(&self.turns, (h, *options), jobs, progress, |jobs, progress| {
+            trace::trace(self, jobs, h, options, progress)
+        })
     }
 
     fn propagate(
@@ -132,15 +142,16 @@ impl Backend for Gpu {
             // A morph of its own in every few steps of every sweep: the paper's way, kept for comparison only.
             return Reference.propagate(pairs, h, options, progress);
         }
-        let _turn = self.turn();
-        propagate::propagate(self, pairs, h, options, progress)
+        self.waiting.sweeps.ask(&self.turns, (h, *options), pairs, progress, |pairs, progress| {
+            propagate::propagate(self, pairs, h, options, progress)
+        })
     }
 
     fn displacements(&self, job: &DisplacementJob<'_>) -> Result<Vec<Displacement>> {
         // Images larger than an adapter's arrays (on lavapipe 2590 px squared) are left to the reference path.
         match job.fields.first() {
             Some(image) if self.holds_images(image.dims) => {
-                let _turn = self.turn();
+                let _turn = self.turns.take();
                 displacement::displacements(self, job)
             }
             _ => Reference.displacements(job),
@@ -150,7 +161,7 @@ impl Backend for Gpu {
     fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
         match moving.fields.first() {
             Some(image) if self.holds_images(image.dims) => {
-                let _turn = self.turn();
+                let _turn = self.turns.take();
                 moving_slopes::slopes(self, moving, progress)
             }
             _ => Reference.moving_slopes(moving, progress),
@@ -171,7 +182,7 @@ impl Backend for Gpu {
         if !self.holds_images(moving.fields[i].dims) {
             return Reference.moving_layers(moving, slopes, lone, i, times, limit, h, wanted);
         }
-        let _turn = self.turn();
+        let _turn = self.turns.take();
         let of = moving_layer::Ingredients { moving, slopes, lone, interval: i, limit, h };
         moving_layer::layers(self, &of, times)
     }

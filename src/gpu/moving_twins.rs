@@ -10,13 +10,14 @@ use crate::backend::Backend;
 use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
 use crate::field::Field;
-use crate::jobs::{Direction, Tile};
+use crate::jobs::Direction;
 use crate::matching::LonePart;
 use crate::moving_field::{LoneParts, MovingField};
 use crate::progress::Silent;
 use crate::reference::Reference;
 use crate::reference::displacement::{ROUNDS, displacements};
 use crate::reference::distance::distance_of;
+use crate::tile::Tile;
 
 /// A round from the same vectors: moments of up to 32 px times 1e-7, divided by a ridge of .07, px.
 const ROUND: f64 = 1e-4;

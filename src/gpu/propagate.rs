@@ -32,7 +32,7 @@ pub fn propagate(
     progress: &dyn Progress,
 ) -> Result<Vec<Filled>> {
     let room_of = |pair: &SweepPair<'_>| {
-        let edges = crossings(pair.up.source).max(crossings(pair.up.target));
+        let edges = crossings(&pair.up.source).max(crossings(&pair.up.target));
         2 * places(edges, options.half_width, pair.up.source.data.len())
     };
     let rooms: Vec<usize> = pairs.iter().map(room_of).collect();
@@ -78,8 +78,8 @@ fn run(
     let times = place_times(&mut atlas, &jobs);
     let (seeds, bins) = place_seeds(&mut atlas, &jobs, h);
     let copies = Copies::new(gpu, &mut atlas, room)?;
-    let phi = atlas.pack(jobs.iter().map(|j| j.source), 1.0);
-    let goal = device.upload("goal", &atlas.pack(jobs.iter().map(|j| j.target), 1.0))?;
+    let phi = atlas.pack(jobs.iter().map(|j| &*j.source), 1.0);
+    let goal = device.upload("goal", &atlas.pack(jobs.iter().map(|j| &*j.target), 1.0))?;
     let params = super::layout::Params { value_capacity: copies.value_capacity, ..morph_params(h, options) };
     let front = Front::new(gpu, atlas, params, Some(&phi), room)?;
     let (times, seeds, bins) =

@@ -1,13 +1,16 @@
 //! Every stage on the GPU beside its f64 twin, on contours of every kind: what the self-test runs once and the tests run at several sizes.
 
+use std::borrow::Cow;
+
 use super::Gpu;
 use super::alone::{Reach, Speeds, Tubes};
 use super::moving_twins;
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
+use crate::caps::{Cap, Profile};
 use crate::contour::seeds;
 use crate::error::Result;
 use crate::field::Field;
-use crate::jobs::{Course, PartJob, SweepJob, SweepPair, TraceJob};
+use crate::jobs::{Course, Direction, PartJob, SweepJob, SweepPair, TraceJob};
 use crate::progress::Silent;
 use crate::reference::Reference;
 use crate::reference::band::Band;
@@ -19,6 +22,7 @@ use crate::reference::particles::{Particle, correct, land, predict};
 use crate::reference::reinit::reinit;
 use crate::reference::scatter::scatter;
 use crate::settings::{AntiAlias, Settings};
+use crate::tile::Tile;
 
 /// How far a stage on the GPU is from its twin.
 #[derive(Debug, Clone, PartialEq)]
@@ -156,7 +160,13 @@ impl Cases {
     fn sweeps<'a>(&self, source: &'a [Field], target: &'a [Field]) -> Vec<SweepJob<'a>> {
         let both = source.iter().zip(target);
         both.zip(self.seeded())
-            .map(|((source, target), (seeds, courses))| SweepJob { source, target, seeds, courses, times: Vec::new() })
+            .map(|((source, target), (seeds, courses))| SweepJob {
+                source: Cow::Borrowed(source),
+                target: Cow::Borrowed(target),
+                seeds,
+                courses,
+                times: Vec::new(),
+            })
             .collect()
     }
 }
@@ -283,7 +293,7 @@ fn carried(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
     let ours = gpu.carried(&jobs, &cases.later, cases.tubes(), passes)?;
     let mut pairs = Vec::new();
     for ((job, later), ours) in jobs.iter().zip(&cases.later).zip(&ours) {
-        let mut phi = job.source.clone();
+        let mut phi = job.source.clone().into_owned();
         let mut band = Band::new(&mut phi, GAMMA);
         let mut upwind = Upwind::default();
         let mut courses: Vec<Course> = scatter(&phi, &band, cases.h, &job.seeds, &job.courses);
@@ -369,7 +379,11 @@ fn contour_fields(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
 
 /// A whole morph: what it measures, and that it takes the same steps.
 fn morphs(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
-    let job = |(source, target)| TraceJob { source, target, seeds: seeds(source, cases.h, 0.5) };
+    let job = |(source, target)| TraceJob {
+        source: Cow::Borrowed(source),
+        target: Cow::Borrowed(target),
+        seeds: seeds(source, cases.h, 0.5),
+    };
     let jobs: Vec<TraceJob<'_>> = cases.phi.iter().zip(&cases.goal).map(job).collect();
     let ours = gpu.trace(&jobs, cases.h, &Cases::options(), &Silent)?;
     let twin = Reference.trace(&jobs, cases.h, &Cases::options(), &Silent)?;
@@ -400,13 +414,20 @@ fn sweeps(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
         let pair = |(up, down)| SweepPair {
             up: SweepJob { times: times.to_vec(), ..up },
             down: SweepJob { times: times.iter().rev().map(|t| 1.0 - t).collect(), ..down },
-            mend: Box::new(|k, phi: &mut Field| {
-                let hit = k == 2;
-                phi.data.iter_mut().filter(|_| hit).for_each(|v| *v -= 0.25);
-                hit
-            }),
+            anchors: Vec::new(),
+            holes: Cow::Borrowed(&[]),
         };
-        ups.into_iter().zip(downs).map(pair).collect()
+        let mut pairs: Vec<SweepPair<'_>> = ups.into_iter().zip(downs).map(pair).collect();
+        // The host mends one pair's slices: a hole that closes.
+        if let Some(pair) = pairs.first_mut() {
+            let dims = pair.up.source.dims;
+            let field =
+                Field::from_fn(dims, |i, j| ((i as f64 - 24.0).powi(2) + (j as f64 - 24.0).powi(2)).sqrt() - 6.0);
+            let tile = Tile { origin: [0, 0], dims };
+            let hole = Cap { tile, field, depth: 6.0, height: 0.7, profile: Profile::Ellipse };
+            pair.holes = Cow::Owned(vec![(hole, Direction::Up)]);
+        }
+        pairs
     };
     let ours = gpu.propagate(&pairs(), cases.h, &Cases::options(), &Silent)?;
     let twin = Reference.propagate(&pairs(), cases.h, &Cases::options(), &Silent)?;

@@ -7,12 +7,12 @@ use crate::error::{Error, Result};
 use crate::field::Field;
 use crate::fit::Fitted;
 use crate::heights::Heights;
-use crate::jobs::Tile;
 use crate::moving_field::LoneParts;
 use crate::moving_stack::MovingStack;
 use crate::report::IntervalReport;
 use crate::shelf::Shelf;
 use crate::surface::stream::LayerSink;
+use crate::tile::Tile;
 use crate::topology::{Decided, match_components};
 
 /// What the stages before the layers have made.

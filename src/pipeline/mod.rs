@@ -25,7 +25,7 @@ use crate::error::{Error, Result};
 use crate::fairing::{self, Fairing};
 use crate::fit::Fitted;
 use crate::heights::{Height, Heights, check, median};
-use crate::jobs::{Direction, Tile};
+use crate::jobs::Direction;
 use crate::links as user_links;
 use crate::moving_field::{self, STEPS, even_gaps};
 use crate::moving_stack::MovingStack;
@@ -37,6 +37,7 @@ use crate::shelf::{Budget, Shelf};
 use crate::stack::ContourStack;
 use crate::surface::stream::{Header, LayerSink};
 use crate::surface::{Layer, Reconstruction};
+use crate::tile::Tile;
 
 /// Extra margin for rules whose curves overshoot their contours, px.
 const OVERSHOOT: usize = 8;

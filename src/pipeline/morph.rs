@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::links::{IntervalLinks, in_frame};
 use super::{CHUNK_BYTES, Run, Sink, time};
 use crate::backend::MorphOptions;
-use crate::compose::{Canvas, HALF_WAY, IntervalCaps, mend, unite_cap};
+use crate::compose::{Canvas, HALF_WAY, IntervalCaps, unite_cap};
 use crate::contour::Seed;
 use crate::contours::{Contour, Outline};
 use crate::ends::End;
@@ -391,23 +391,23 @@ impl<'a> Run<'a> {
                 let positions = |end: &[u32], side: usize| {
                     end.iter().map(|&k| group.tile.to_local(seen.seeds(i, side)[k as usize].x)).collect()
                 };
-                let times = up.clone();
                 pairs.push(SweepPair {
                     up: SweepJob {
-                        source: &group.low.phi,
-                        target: &group.high.phi,
+                        source: Cow::Borrowed(&group.low.phi),
+                        target: Cow::Borrowed(&group.high.phi),
                         seeds: positions(&group.low.seeds, 0),
                         courses: courses(&group.low.seeds, i, i + 1, up_side, Direction::Up),
                         times: up.clone(),
                     },
                     down: SweepJob {
-                        source: &group.high.phi,
-                        target: &group.low.phi,
+                        source: Cow::Borrowed(&group.high.phi),
+                        target: Cow::Borrowed(&group.low.phi),
                         seeds: positions(&group.high.seeds, 1),
                         courses: courses(&group.high.seeds, i + 1, i, down_side, Direction::Down),
                         times: down.clone(),
                     },
-                    mend: Box::new(move |k, phi| mend(phi, group, holes, times[k], image_nx)),
+                    anchors: group.local_anchors(image_nx),
+                    holes: Cow::Borrowed(holes),
                 });
                 owners.push(i);
             }

@@ -18,7 +18,7 @@ pub mod trace;
 use rayon::prelude::*;
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
-use crate::compose::blend;
+use crate::compose::{blend, mend};
 use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
 use crate::field::Field;
@@ -93,7 +93,7 @@ impl Backend for Reference {
             let slice = |(k, &t): (usize, &f64)| {
                 let weights = blend_weights(t, up, down);
                 let mut phi = blend(&up_fields[k], &down_fields[last - k], weights, pair.up.source.dims);
-                (pair.mend)(k, &mut phi);
+                mend(pair, k, &mut phi);
                 distance::far_distance(phi, h, options.limit).data.iter().map(|v| *v as f32).collect()
             };
             let slices = pair.up.times.par_iter().enumerate().map(slice).collect();

@@ -1,6 +1,8 @@
 //! The sweep that makes the surface: each piece of contour moves by its course, is steered onto the next contour, and the level set is
 //! copied out on the way (Eq. 1, with fields carried instead of particles).
 
+use std::borrow::Cow;
+
 use super::band::Band;
 use super::extend::Upwind;
 use super::hj_step::{Scratch, Speed, Tube, hj_step};
@@ -38,7 +40,7 @@ struct Remeasured {
 
 /// Runs one sweep from t = 0 to t = 1: how it went, and the level set at each of the job's times, clamped to the tube.
 pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Swept, Vec<Vec<f32>>) {
-    let mut phi = job.source.clone();
+    let mut phi = job.source.clone().into_owned();
     let mut band = Band::new(&mut phi, options.half_width);
     let tube = Tube { beta: options.cut_off, gamma: options.half_width };
     let mut scratch = Scratch::default();
@@ -67,9 +69,9 @@ pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Sw
                 }
             }
             if options.redistance > 0 && out.steps > 0 && out.steps.is_multiple_of(options.redistance) {
-                remeasured = Some(remeasure(&phi, job.target, &band, &upwind, h, options));
+                remeasured = Some(remeasure(&phi, &job.target, &band, &upwind, h, options));
             }
-            measure(&mut errors, &phi, job.target, &band, &courses, remeasured.as_ref(), t, h);
+            measure(&mut errors, &phi, &job.target, &band, &courses, remeasured.as_ref(), t, h);
             let weight = if remeasured.is_some() { 1.0 } else { smoothstep(t) };
             let gain = weight * GAIN / (1.0 - t).max(LEAST_TIME);
             let dt = step_length(&phi, &band, &courses, &errors, gain, t, stop, h, options.cfl);
@@ -99,7 +101,7 @@ pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Sw
         }
     }
     if out.vanished.is_none() {
-        out.residual = arrival(&phi, job.target, &band).unwrap_or_default();
+        out.residual = arrival(&phi, &job.target, &band).unwrap_or_default();
     }
     (out, fields)
 }
@@ -178,7 +180,7 @@ fn remeasure(
 ) -> Remeasured {
     let seeds = seeds(phi, h, options.seed_spacing);
     let positions: Vec<_> = seeds.iter().map(|s| s.x).collect();
-    let traced = trace(&TraceJob { source: phi, target, seeds }, h, options);
+    let traced = trace(&TraceJob { source: Cow::Borrowed(phi), target: Cow::Borrowed(target), seeds }, h, options);
     let values: Vec<_> = traced.tracks.iter().map(|k| [k.distance, f64::from(k.arrived)]).collect();
     let mut field = scatter(phi, band, h, &positions, &values);
     upwind.extend(&mut field, band, FIRST_PASSES, &mut Vec::new());

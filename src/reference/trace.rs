@@ -22,7 +22,7 @@ pub const PATIENCE: usize = 12;
 
 /// Runs the morph until the front has arrived, stalls, or has used up its steps.
 pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced {
-    let mut phi = job.source.clone();
+    let mut phi = job.source.clone().into_owned();
     let mut band = Band::new(&mut phi, options.half_width);
     let mut particles: Vec<Particle> = job.seeds.iter().map(Particle::at).collect();
     let tube = Tube { beta: options.cut_off, gamma: options.half_width };
@@ -32,7 +32,7 @@ pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced 
     let (mut best, mut idle) = (f64::INFINITY, 0);
     let mut most_steps = None;
     loop {
-        let residual = arrival(&phi, job.target, &band);
+        let residual = arrival(&phi, &job.target, &band);
         let Some(r) = residual else { break };
         out.residual = r;
         let most = *most_steps.get_or_insert_with(|| (3.0 * r.max / options.cfl) as usize + 20);
@@ -47,16 +47,16 @@ pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced 
             .map(|n| (phi.data[n] - job.target.data[n]).abs())
             .fold(1e-9, f64::max);
         let dt = (options.cfl * h[0].min(h[1]) / fastest).min(STEP_LIMIT);
-        predict(&mut particles, &phi, job.target, h, dt);
-        hj_step(&mut phi, Speed::Towards(job.target), &band, h, tube, dt, &mut scratch);
+        predict(&mut particles, &phi, &job.target, h, dt);
+        hj_step(&mut phi, Speed::Towards(&job.target), &band, h, tube, dt, &mut scratch);
         reinit(&mut phi, &band, h, 1, &mut scratch);
         out.pixels += band.count;
         out.steps += 1;
         band.rebuild(&mut phi);
         now += dt;
-        correct(&mut particles, &phi, job.target, h, dt, now);
+        correct(&mut particles, &phi, &job.target, h, dt, now);
     }
-    land(&mut particles, &phi, job.target, h, now);
+    land(&mut particles, &phi, &job.target, h, now);
     out.tracks = particles
         .iter()
         .map(|p| Track {

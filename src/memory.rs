@@ -99,7 +99,7 @@ impl Needs {
             Some(free) if free < self.disk => {
                 Err(Error::Disk { folder, needed_mib: self.disk.div_ceil(1 << 20), available_mib: free >> 20 })
             }
-            _ => Ok(Budget::of((limit - least) / 2, self.interval + (limit - least) / 2)),
+            _ => Ok(Budget::of((limit - least) / 2, (limit - least) / 2)),
         }
     }
 }
@@ -116,12 +116,17 @@ fn contents(stack: &ContourStack) -> f64 {
 
 /// Edges between a pixel inside and one outside.
 fn edges(content: &SliceContent, [nx, ny]: [usize; 2]) -> usize {
-    let crossings = |j: usize| {
-        let inside = |i: usize, j: usize| content.inside(j * nx + i);
-        let right = (1..nx).filter(|&i| inside(i, j) != inside(i - 1, j)).count();
-        right + if j > 0 { (0..nx).filter(|&i| inside(i, j) != inside(i, j - 1)).count() } else { 0 }
-    };
-    (0..ny).map(crossings).sum()
+    let (mut below, mut row) = (vec![false; nx], vec![false; nx]);
+    let mut count = 0;
+    for j in 0..ny {
+        content.read(j * nx, &mut row);
+        count += row.windows(2).filter(|w| w[0] != w[1]).count();
+        if j > 0 {
+            count += row.iter().zip(&below).filter(|(a, b)| a != b).count();
+        }
+        std::mem::swap(&mut below, &mut row);
+    }
+    count
 }
 
 /// Bytes that are free on the disk of a folder; nothing on a system that does not tell.

@@ -27,6 +27,7 @@ mod trace;
 mod trajectories;
 pub mod twins;
 
+use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
@@ -147,13 +148,18 @@ impl Backend for Gpu {
         }
     }
 
-    fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
+    fn moving_slopes(
+        &self,
+        moving: &MovingField,
+        wanted: Range<usize>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Field>> {
         match moving.fields.first() {
             Some(image) if self.holds_images(image.dims) => {
                 let _turn = self.turn();
-                moving_slopes::slopes(self, moving, progress)
+                moving_slopes::slopes(self, moving, wanted, progress)
             }
-            _ => Reference.moving_slopes(moving, progress),
+            _ => Reference.moving_slopes(moving, wanted, progress),
         }
     }
 

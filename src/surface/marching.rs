@@ -1,5 +1,7 @@
 //! Marching cubes on the layers' true heights, slab by slab: a slab needs its two layers and the vertices of the slab below, no more.
 
+use std::collections::HashMap;
+
 use super::Layer;
 use super::cases::{CASES, EDGES, Patch};
 use super::mesh::{cross, dot, to_world};
@@ -9,8 +11,6 @@ use crate::stack::Geometry;
 /// Vertices stay this far, in cell sides, from the corners of their cells: vertices of different edges stay apart in f32 too, so that a
 /// reader that merges equal positions (STL) finds the same closed surface.
 const OFF_CORNER: f64 = 1e-3;
-/// No vertex yet.
-const NONE: u32 = u32::MAX;
 
 /// What a slab adds to the surface. Its triangles have corners of its own and of the slab below, of no other.
 #[derive(Debug, Clone, Default)]
@@ -76,11 +76,9 @@ pub struct Builder {
     planes: [Plane; 2],
     /// Which of their nodes are inside.
     inside: [Vec<u8>; 2],
-    /// Vertices on edges along x and y of the two layers, and along z between them, counted within their slab: an edge of the lower layer
-    /// that is crossed was crossed in the slab below, so its vertex is one of that.
-    along_x: [Vec<u32>; 2],
-    along_y: [Vec<u32>; 2],
-    along_z: Vec<u32>,
+    /// Vertices of the slab below and of this one by axis and lower node of their edges, counted within their slab: an edge of the lower
+    /// layer that is crossed was crossed in the slab below, so its vertex is one of that.
+    along: [HashMap<(u8, usize), u32>; 2],
     /// Positions of the vertices of the slab below and of this one, in the stack.
     positions: [Vec<[f64; 3]>; 2],
     piece: Piece,
@@ -102,9 +100,7 @@ impl Builder {
             dims,
             planes: Default::default(),
             inside: Default::default(),
-            along_x: Default::default(),
-            along_y: Default::default(),
-            along_z: Vec::new(),
+            along: Default::default(),
             positions: Default::default(),
             piece: Piece::default(),
         }
@@ -136,20 +132,14 @@ impl Builder {
     fn slab(&mut self) {
         let n = self.dims[0] * self.dims[1];
         self.inside.swap(0, 1);
-        self.along_x.swap(0, 1);
-        self.along_y.swap(0, 1);
+        self.along.swap(0, 1);
+        self.along[1].clear();
         self.positions.swap(0, 1);
         self.positions[1].clear();
         self.piece.positions.swap(0, 1);
         self.piece.positions[1].clear();
         self.piece.starts = [self.piece.starts[1], self.piece.starts[1] + self.positions[0].len() as u64];
         self.piece.triangles.clear();
-        for both in [&mut self.along_x, &mut self.along_y] {
-            both[1].clear();
-            both.iter_mut().for_each(|one| one.resize(n, NONE));
-        }
-        self.along_z.clear();
-        self.along_z.resize(n, NONE);
         self.inside[1].clear();
         self.inside.iter_mut().for_each(|one| one.resize(n, 0));
         let [nx, ny] = self.image;
@@ -230,21 +220,13 @@ impl Builder {
         let (i, j, side) = (i + (corner & 1), j + (corner >> 1 & 1), corner >> 2);
         let node = j * self.dims[0] + i;
         let axis = e / 4;
-        let (known, slab) = match axis {
-            0 => (self.along_x[side][node], side),
-            1 => (self.along_y[side][node], side),
-            _ => (self.along_z[node], 1),
-        };
-        if known != NONE {
+        let slab = if axis == 2 { 1 } else { side };
+        if let Some(&known) = self.along[slab].get(&(axis, node)) {
             return self.piece.starts[slab] + u64::from(known);
         }
         let position = self.crossing([i, j], side, axis);
         let vertex = self.push(position);
-        match axis {
-            0 => self.along_x[side][node] = vertex,
-            1 => self.along_y[side][node] = vertex,
-            _ => self.along_z[node] = vertex,
-        }
+        self.along[slab].insert((axis, node), vertex);
         self.piece.starts[1] + u64::from(vertex)
     }
 

@@ -60,11 +60,11 @@ impl SeenStack<'_, '_> {
         }
     }
 
-    /// The same, with their seeds alone.
-    fn seeds(&self, i: usize) -> Result<Seen> {
+    /// The same with some of their arrays.
+    fn some(&self, i: usize, wanted: &[usize]) -> Result<Seen> {
         let of = |end: usize| match &self.moved {
-            Some(moved) => moved.some(2 * i + end, Contour::SEEDS),
-            None => self.contours.some(i + end, Contour::SEEDS),
+            Some(moved) => moved.some(2 * i + end, wanted),
+            None => self.contours.some(i + end, wanted),
         };
         Ok([of(0)?, of(1)?])
     }
@@ -95,7 +95,8 @@ struct InFrame<'w> {
 
 impl Made<'_, '_> {
     /// How far the morphs of interval `i` can be trusted, in its frame, where it is `moving`.
-    fn trust(&self, moving: &MovingField, i: usize, seen: &Seen) -> Result<Trust> {
+    fn trust(&self, moving: &MovingField, i: usize) -> Result<Trust> {
+        let seen = self.seen.some(i, Contour::SEEDS_AND_PARTS)?;
         let sides = self.sides.get(i)?;
         let ends = [sides.up.as_ref(), sides.down.as_ref()];
         // The field joins whatever overlaps: of parts that are kept apart the morph knows more.
@@ -263,7 +264,7 @@ impl<'a> Run<'a> {
             let mut jobs = Vec::new();
             let mut owners = Vec::new();
             for (i, interval) in some.clone().zip(&loaded) {
-                let [low, high] = seen.seeds(i)?;
+                let [low, high] = seen.some(i, Contour::SEEDS)?;
                 for group in &interval.groups {
                     jobs.push(trace_job(group, &low.seeds, Direction::Up));
                     jobs.push(trace_job(group, &high.seeds, Direction::Down));
@@ -339,11 +340,8 @@ impl<'a> Run<'a> {
         let part = made.beside.as_ref().map(|b| b.moving.part(i..i + 2)).transpose()?;
         let beside = match (&made.beside, &part) {
             (Some(Beside { slopes, lone, .. }), Some(part)) => {
-                let seen = made.seen.get(i)?;
-                let trust = made.trust(part, i, &seen)?;
-                // The frame's own field of a slice that is not empty is the slice's.
-                let own = |side: usize| (made.contours.light(i + side).solids.count > 0).then(|| &*part.fields[side]);
-                let warp = Warp::new(part, 0, [0, 1].map(|side| (own(side), &seen[side].phi)), limit);
+                let trust = made.trust(part, i)?;
+                let warp = self.warp(made, part, i)?;
                 Some((part, [slopes.get(i)?, slopes.get(i + 1)?], lone.get(i)?, warp, trust))
             }
             _ => None,
@@ -367,6 +365,15 @@ impl<'a> Run<'a> {
             layers.into_iter().try_for_each(&mut *sink)?;
         }
         Ok(())
+    }
+
+    /// From the mid frame of interval `i`, which is `part`, to its layers.
+    fn warp<'p>(&self, made: &Made<'_, 'a>, part: &'p MovingField, i: usize) -> Result<Warp<'p>> {
+        let seen = made.seen.some(i, Contour::FIELD)?;
+        // The frame's own field of a slice that is not empty is the slice's.
+        let own = |side: usize| (made.contours.light(i + side).solids.count > 0).then(|| &*part.fields[side]);
+        let slices = [0, 1].map(|side| (own(side), &seen[side].phi));
+        Ok(Warp::new(part, 0, slices, self.settings.margin() as f64))
     }
 
     /// Where in interval `i` parts that are kept apart close: well before the layer nearest half way, so that neither reaches it.
@@ -395,7 +402,7 @@ impl<'a> Run<'a> {
             let sides = sides.get(i)?;
             let (Some(up_side), Some(down_side)) = (&sides.up, &sides.down) else { continue };
             let [low_fitted, high_fitted] = [fitted.get(i)?, fitted.get(i + 1)?];
-            let seeds = seen.seeds(i)?;
+            let seeds = seen.some(i, Contour::SEEDS)?;
             let image_nx = self.padded()[0];
             for (group, holes) in interval.groups.iter().zip(&caps.holes) {
                 let rule = self.settings.slope;

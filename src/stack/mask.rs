@@ -57,6 +57,11 @@ impl Mask {
         out[at..].fill(inside);
     }
 
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.changes)
+    }
+
     fn side(&self, node: usize) -> bool {
         self.changes.partition_point(|&c| c <= node) % 2 == 1
     }

@@ -154,6 +154,12 @@ impl Geometry {
 }
 
 impl ContourStack {
+    /// Pixels of the larger of its first and last contour: on no more the body ends flat.
+    pub fn lid(&self) -> usize {
+        let ends = [self.slices.first(), self.slices.last()].into_iter().flatten();
+        ends.map(|slice| slice.content.sides().iter().filter(|inside| **inside).count()).max().unwrap_or(0)
+    }
+
     /// Checks what every reader must guarantee: sizes, finite and strictly increasing heights, positive spacing, at least two
     /// slices, at least one pixel inside somewhere.
     ///

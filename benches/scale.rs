@@ -39,7 +39,7 @@ fn stack(side: usize, slices: usize) -> ContourStack {
             name: format!("slice {k}"),
             z: k as f64 * 8.0,
             extra: false,
-            content: SliceContent::Mask(mask),
+            content: SliceContent::Mask(mask.into_iter().collect()),
         })
         .collect();
     ContourStack {

@@ -1,5 +1,7 @@
 //! What the pipeline may ask of a machine. The order of the questions is the pipeline's; a backend answers batches of jobs.
 
+use std::ops::Range;
+
 use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
 use crate::field::Field;
@@ -43,7 +45,7 @@ impl PaddedSlice {
                 let mut out = vec![false; dims[0] * dims[1]];
                 for j in 0..ny {
                     let to = (j + pad) * dims[0] + pad;
-                    out[to..to + nx].copy_from_slice(&mask[j * nx..(j + 1) * nx]);
+                    mask.read(j * nx, &mut out[to..to + nx]);
                 }
                 PaddedSlice::Mask(out)
             }
@@ -163,11 +165,11 @@ pub trait Backend: Sync {
     /// A backend's own failures.
     fn displacements(&self, job: &DisplacementJob<'_>) -> Result<Vec<Displacement>>;
 
-    /// Slopes of the fields of all slices along their trajectories, per height.
+    /// Slopes of the fields of the `wanted` slices along their trajectories, per height.
     ///
     /// # Errors
     /// A backend's own failures.
-    fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>>;
+    fn moving_slopes(&self, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>>;
 
     /// Layers of interval `i`, whose slices have these slopes, at these times on the whole padded image, clamped to `limit` px. Where `wanted` names cells for each time,
     /// of others only the corners and the middle count.

@@ -1,15 +1,22 @@
 //! The compose stage: sweeps of both directions blended, holes and lone parts put back, layers of the volume filled.
 
+use std::ops::Range;
+
 use crate::caps::{Cap, Profile};
 use crate::contours::Contour;
 use crate::field::Field;
 use crate::fit::Fitted;
 use crate::jobs::{DISAGREEMENT, Direction, SweepPair};
 use crate::matching::{Interval, LonePart};
+use crate::packed::Packed;
+use crate::stack::SliceContent;
 use crate::tile::Tile;
 
 /// Where in the gap a lone part closes.
 pub const HALF_WAY: f64 = 0.5;
+
+/// Pixels of a slice that are read at once.
+const PIXELS_READ: usize = 4096;
 
 /// A layer being filled: the unpadded image, px, positive outside.
 #[derive(Debug, Clone)]
@@ -41,11 +48,33 @@ impl Canvas {
         self.phi = phi;
     }
 
+    /// The same with a body that is there.
+    pub fn unite_packed(&mut self, tile: &Tile, body: &Packed<f32>) {
+        let (limit, [nx, _]) = (self.limit, self.dims);
+        let [columns, rows] = self.shared(tile);
+        let mut values = vec![0.0; columns.len()];
+        for j in rows {
+            body.read(columns.start - tile.origin[0], j - tile.origin[1], &mut values);
+            let row = &mut self.phi[(j - self.pad) * nx + columns.start - self.pad..];
+            for (phi, v) in row.iter_mut().zip(&values) {
+                *phi = phi.min(f64::from(*v).clamp(-limit, limit) as f32);
+            }
+        }
+    }
+
+    /// Columns and rows of the padded image that a tile and the image share.
+    fn shared(&self, tile: &Tile) -> [Range<usize>; 2] {
+        std::array::from_fn(|a| {
+            let end = (self.pad + self.dims[a]).min(tile.origin[a] + tile.dims[a]);
+            let start = self.pad.max(tile.origin[a]);
+            start..end.max(start)
+        })
+    }
+
     /// Goes over what a tile and the image share: the image's pixel and the tile's node.
     pub fn visit(&self, tile: &Tile, mut each: impl FnMut(usize, usize)) {
-        let [nx, ny] = self.dims;
-        let columns = self.pad.max(tile.origin[0])..(self.pad + nx).min(tile.origin[0] + tile.dims[0]);
-        let rows = self.pad.max(tile.origin[1])..(self.pad + ny).min(tile.origin[1] + tile.dims[1]);
+        let [nx, _] = self.dims;
+        let [columns, rows] = self.shared(tile);
         for j in rows {
             let (from, to) = ((j - tile.origin[1]) * tile.dims[0], (j - self.pad) * nx);
             for i in columns.clone() {
@@ -64,13 +93,20 @@ impl Canvas {
 }
 
 /// Two sweeps of a group at the same time, `weights[0] up + weights[1] down`, neither deeper than the other by more than DISAGREEMENT.
-pub fn blend(up: &[f32], down: &[f32], weights: [f64; 2], dims: [usize; 2]) -> Field {
+pub fn blend(up: &Packed<f32>, down: &Packed<f32>, weights: [f64; 2]) -> Field {
     let mixed = |(&a, &b): (&f32, &f32)| {
         let (a, b) = (f64::from(a), f64::from(b));
         let limit = a.abs().min(b.abs()) + DISAGREEMENT;
         weights[0] * a.clamp(-limit, limit) + weights[1] * b.clamp(-limit, limit)
     };
-    Field { dims, data: up.iter().zip(down).map(mixed).collect() }
+    let [nx, ny] = up.dims();
+    let mut phi = Field { dims: [nx, ny], data: Vec::with_capacity(nx * ny) };
+    let mut rows = [vec![0.0; nx], vec![0.0; nx]];
+    for j in 0..ny {
+        rows.iter_mut().zip([up, down]).for_each(|(row, sweep)| sweep.read(0, j, row));
+        phi.data.extend(rows[0].iter().zip(&rows[1]).map(mixed));
+    }
+    phi
 }
 
 /// Puts back what the blend of slice `k` has lost: holes are cut out again, overlaps of the two contours are joined. Whether anything changed.
@@ -157,8 +193,14 @@ pub fn unite_cap(canvas: &mut Canvas, cap: &Cap, away: f64) {
 }
 
 /// Pixels of a layer whose side differs from what the slice says.
-pub fn differing_pixels(phi: &[f32], inside: impl Fn(usize) -> bool) -> usize {
-    phi.iter().enumerate().filter(|&(k, v)| (*v < 0.0) != inside(k)).count()
+pub fn differing_pixels(phi: &[f32], slice: &SliceContent) -> usize {
+    let mut inside = [false; PIXELS_READ];
+    let differing = |(first, some): (usize, &[f32])| {
+        let inside = &mut inside[..some.len()];
+        slice.read(first, inside);
+        some.iter().zip(&*inside).filter(|(v, inside)| (**v < 0.0) != **inside).count()
+    };
+    (0..).step_by(PIXELS_READ).zip(phi.chunks(PIXELS_READ)).map(differing).sum()
 }
 
 /// Deepest point of a contour, for the parts' ends.

@@ -1,5 +1,7 @@
 //! The zero set of a field as closed polylines, and tracker seeds evenly spaced along them.
 
+use bytemuck::{Pod, Zeroable};
+
 use crate::field::{Field, distance};
 
 /// A point where a contour crosses the edge between two pixels.
@@ -17,7 +19,8 @@ pub struct Crossing {
 pub type Loop = Vec<Crossing>;
 
 /// A tracker particle's start.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Seed {
     /// Position, pixels.
     pub x: [f64; 2],

@@ -15,8 +15,8 @@ pub struct Contour {
     pub phi: Field,
     /// 4-connected solid parts.
     pub solids: Components,
-    /// 8-connected parts of the background; the first is the outside.
-    pub background: Components,
+    /// Number of holes: 8-connected parts of the background but the outside.
+    pub holes: usize,
     /// Tracker seeds along the contour, pixels of the padded image.
     pub seeds: Vec<Seed>,
     /// Inradius of each solid part, px, by number; entry 0 is unused.
@@ -34,18 +34,23 @@ impl Contour {
 
     /// Labels for a level set with given seeds.
     pub fn with_seeds(z: f64, phi: Field, seeds: Vec<Seed>) -> Self {
-        let inside = phi.inside();
-        let outside: Vec<bool> = inside.iter().map(|m| !m).collect();
-        let (solids, background) = (label4(&inside, phi.dims), label8(&outside, phi.dims));
+        let mut side = phi.inside();
+        let solids = label4(&side, phi.dims);
+        side.iter_mut().for_each(|inside| *inside = !*inside);
+        let holes = label8(&side, phi.dims).count.saturating_sub(1);
         let solid_depth = depths(&solids, &phi);
         let solid_box = boxes(&solids, phi.dims);
-        Contour { z, seeds, phi, solids, background, solid_depth, solid_box }
+        Contour { z, seeds, phi, solids, holes, solid_depth, solid_box }
     }
 
-    /// What is left of it on a shelf: height and seeds.
-    pub fn outline(&self) -> Outline<'_> {
-        Outline { z: self.z, seeds: &self.seeds }
-    }
+    /// Its seeds alone, of what [`Shelf::some`](crate::shelf::Shelf::some) gives.
+    pub const SEEDS: &[usize] = &[0];
+    /// Its level set alone.
+    pub const FIELD: &[usize] = &[1];
+    /// Its seeds and its level set, but not the parts.
+    pub const SEEDS_AND_FIELD: &[usize] = &[0, 1];
+    /// Its seeds and its parts, but not the level set.
+    pub const SEEDS_AND_PARTS: &[usize] = &[0, 2];
 
     /// The tile of some solid parts and `margin` px around them.
     pub fn tile_of(&self, parts: &[u32], margin: usize) -> Tile {
@@ -57,30 +62,12 @@ impl Contour {
         }
         Tile::spanning(self.phi.dims, margin, low, high)
     }
-
-    /// Number of holes.
-    pub fn holes(&self) -> usize {
-        self.background.count.saturating_sub(1)
-    }
 }
 
 impl Large for Contour {
     fn arrays(&mut self) -> Vec<Array<'_>> {
-        vec![
-            Array::F64(&mut self.phi.data),
-            Array::U32(&mut self.solids.labels),
-            Array::U32(&mut self.background.labels),
-        ]
+        vec![&mut self.seeds, &mut self.phi.data, &mut self.solids.labels]
     }
-}
-
-/// A contour's height and seeds.
-#[derive(Debug, Clone, Copy)]
-pub struct Outline<'a> {
-    /// Height.
-    pub z: f64,
-    /// Tracker seeds, pixels of the padded image.
-    pub seeds: &'a [Seed],
 }
 
 /// Bounding boxes of all parts.

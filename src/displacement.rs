@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::field::Field;
+use crate::packed::Packed;
 use crate::shelf::{Array, Large};
 
 /// Side of a block, px.
@@ -27,13 +28,35 @@ pub struct Displacement {
 
 impl Large for Displacement {
     fn arrays(&mut self) -> Vec<Array<'_>> {
-        vec![Array::Pairs(&mut self.vectors)]
+        vec![&mut self.vectors]
     }
 }
 
 impl Large for [Displacement; 2] {
     fn arrays(&mut self) -> Vec<Array<'_>> {
-        self.iter_mut().map(|d| Array::Pairs(&mut d.vectors)).collect()
+        self.iter_mut().map(|d| &mut d.vectors as Array<'_>).collect()
+    }
+}
+
+/// A displacement that is only read, and takes little memory where nothing moves.
+#[derive(Debug, Clone)]
+pub struct Resting {
+    grid: [usize; 2],
+    vectors: Packed<[f64; 2]>,
+}
+
+impl Resting {
+    /// The vector at `x`, as [`Displacement::at`] gives it.
+    #[inline(always)]
+    pub fn at(&self, x: [f64; 2]) -> [f64; 2] {
+        let ((column, fx), (row, fy)) = (place(self.grid[0], x[0]), place(self.grid[1], x[1]));
+        bilinear(self.vectors.corners(column, row, 1, 1), [fx, fy])
+    }
+}
+
+impl From<&Displacement> for Resting {
+    fn from(v: &Displacement) -> Self {
+        Resting { grid: v.grid, vectors: Packed::of(v.grid, &v.vectors) }
     }
 }
 
@@ -81,9 +104,7 @@ impl Displacement {
         let ((column, fx), (row, fy)) = (self.place(0, x[0]), self.place(1, x[1]));
         let k = row * self.grid[0] + column;
         let (below, above) = (&self.vectors[k..k + 2], &self.vectors[k + self.grid[0]..][..2]);
-        let in_row = |v: &[[f64; 2]], a: usize| (1.0 - fx) * v[0][a] + fx * v[1][a];
-        let both = |a: usize| (1.0 - fy) * in_row(below, a) + fy * in_row(above, a);
-        [both(0), both(1)]
+        bilinear([below[0], below[1], above[0], above[1]], [fx, fy])
     }
 
     /// The vectors at pixels of row `j` from `first` on. The blocks above and below are brought to the row once for all pixels between.
@@ -119,11 +140,7 @@ impl Displacement {
     /// Along an axis the block before a position, and the place between it and the next.
     #[inline(always)]
     fn place(&self, axis: usize, x: f64) -> (usize, f64) {
-        let at = (x - 0.5 * (BLOCK - 1) as f64) / BLOCK as f64;
-        let at = at.clamp(0.0, (self.grid[axis] - 1) as f64);
-        // Through u32: cheaper than to usize.
-        let before = (at as u32 as usize).min(self.grid[axis] - 2);
-        (before, at - before as f64)
+        place(self.grid[axis], x)
     }
 
     /// Displacements of the trajectories that pass through the blocks' centres x at time `1/2 + tau`: `u = v(x - tau u)`.
@@ -141,6 +158,24 @@ impl Displacement {
     pub fn largest(&self) -> f64 {
         self.vectors.iter().flatten().fold(0.0, |m, v| m.max(v.abs()))
     }
+}
+
+/// Along an axis of so many blocks the block before a position, and the place between it and the next.
+#[inline(always)]
+fn place(blocks: usize, x: f64) -> (usize, f64) {
+    let at = (x - 0.5 * (BLOCK - 1) as f64) / BLOCK as f64;
+    let at = at.clamp(0.0, (blocks - 1) as f64);
+    // Through u32: cheaper than to usize.
+    let before = (at as u32 as usize).min(blocks - 2);
+    (before, at - before as f64)
+}
+
+/// The vector at place `[fx, fy]` between four, row by row.
+#[inline(always)]
+fn bilinear([a, b, c, d]: [[f64; 2]; 4], [fx, fy]: [f64; 2]) -> [f64; 2] {
+    let in_row = |v: [f64; 2], w: [f64; 2], k: usize| (1.0 - fx) * v[k] + fx * w[k];
+    let both = |k: usize| (1.0 - fy) * in_row(a, b, k) + fy * in_row(c, d, k);
+    [both(0), both(1)]
 }
 
 /// Where along an axis the centre of a block lies, pixels.

@@ -11,10 +11,11 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::displacement::{BLOCK, Displacement};
+use crate::displacement::{BLOCK, Displacement, Resting};
 use crate::error::Result;
-use crate::moving_field::{Place, upright};
+use crate::moving_field::{Paths, Place, upright};
 use crate::moving_stack::MovingStack;
+use crate::packed::Packed;
 use crate::spline::smoothstep;
 use crate::surface::Layer;
 
@@ -61,14 +62,38 @@ type Near = (usize, [[f64; 2]; 2]);
 /// A layer with what fairing makes of it.
 struct Kept {
     z: f64,
-    place: Option<Place>,
     contour: Option<usize>,
-    /// Until it is handed on.
-    layer: Option<Layer>,
-    /// `v`, as soon as the layer above is known.
-    v: Vec<f32>,
-    /// `n`; near the surface less where it lies flat.
-    gradient: Vec<f32>,
+    /// Whether it belongs to the output grid, and its distances, until it is handed on.
+    layer: Option<(bool, Packed<f32>)>,
+    /// As soon as the layer above is known.
+    made: Option<Transformed>,
+}
+
+/// What fairing makes of a layer.
+struct Transformed {
+    v: Packed<f32>,
+    /// `n` near the surface, less where it lies flat; 0 elsewhere.
+    gradient: Packed<f32>,
+    place: Option<Place>,
+    /// Blocks that are read where its surface is near.
+    near: Vec<Near>,
+}
+
+impl Kept {
+    fn new(layer: Layer, dims: [usize; 2]) -> Self {
+        let Layer { z, phi, output, contour } = layer;
+        Kept { z, contour, layer: Some((output, Packed::of(dims, &phi))), made: None }
+    }
+
+    /// The layer, which is handed on.
+    fn take(&mut self) -> Option<Layer> {
+        let (output, phi) = self.layer.take()?;
+        Some(Layer { z: self.z, phi: phi.unpack(), output, contour: self.contour })
+    }
+
+    fn place(&self) -> Option<&Place> {
+        self.made.as_ref()?.place.as_ref()
+    }
 }
 
 /// Takes layers in order of height and hands them on, faired.
@@ -81,7 +106,7 @@ pub struct Fairing<'m> {
     /// The lowest interval that is not finished.
     interval: usize,
     /// D at its lower contour, if it is known.
-    at_contour: Option<Vec<f32>>,
+    at_contour: Option<Packed<f32>>,
 }
 
 impl<'m> Fairing<'m> {
@@ -96,11 +121,10 @@ impl<'m> Fairing<'m> {
     /// # Errors
     /// What `sink` says.
     pub fn push(&mut self, layer: Layer, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
-        let (z, contour) = (layer.z, layer.contour);
-        let place = self.spec.moving.map(|(moving, _)| moving.place(z)).transpose()?;
-        self.kept.push_back(Kept { z, place, contour, layer: Some(layer), v: Vec::new(), gradient: Vec::new() });
+        let z = layer.z;
+        self.kept.push_back(Kept::new(layer, self.spec.dims));
         while self.transformed < self.kept.len() && z - self.kept[self.transformed].z >= self.spec.apart {
-            self.transform(self.transformed);
+            self.transform(self.transformed)?;
             self.transformed += 1;
         }
         while self.transformed > 0 && self.kept[self.transformed - 1].z >= self.needed_up_to() {
@@ -115,13 +139,13 @@ impl<'m> Fairing<'m> {
     /// What `sink` says.
     pub fn finish(mut self, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
         for k in self.transformed..self.kept.len() {
-            self.transform(k);
+            self.transform(k)?;
         }
         self.transformed = self.kept.len();
         while self.interval + 1 < self.spec.contours.len() {
             self.finish_interval(sink)?;
         }
-        self.kept.drain(..).filter_map(|k| k.layer).try_for_each(sink)
+        self.kept.iter_mut().filter_map(Kept::take).try_for_each(sink)
     }
 
     /// Height up to which layers must be known to finish the current interval.
@@ -131,44 +155,58 @@ impl<'m> Fairing<'m> {
     }
 
     /// Makes v and n of a layer whose neighbours are there.
-    fn transform(&mut self, k: usize) {
-        let [nx, ny] = self.spec.dims;
-        let [dx, dy] = self.spec.spacing.map(|s| s as f32);
+    fn transform(&mut self, k: usize) -> Result<()> {
         let (z, last) = (self.kept[k].z, self.kept.len() - 1);
         let below = (0..k).rev().find(|&l| z - self.kept[l].z >= self.spec.apart).unwrap_or(0);
         let above = (k + 1..=last).find(|&l| self.kept[l].z - z >= self.spec.apart).unwrap_or(last);
         let around = [below, k, above].map(|l| &self.kept[l]);
         let rise = (around[2].z - around[0].z).max(f64::MIN_POSITIVE) as f32;
-        let [Some(below), Some(here), Some(above)] = around.map(|kept| kept.layer.as_ref()) else { return };
+        let around = around.map(|kept| kept.layer.as_ref().map(|(_, phi)| phi));
+        let [Some(below), Some(here), Some(above)] = around else { return Ok(()) };
+        let [v, gradient] = self.slopes([below, here, above], rise);
+        let (mut place, mut near) = (None, Vec::new());
+        if let Some((moving, pad)) = self.spec.moving {
+            let (found, paths) = moving.place(z, k.checked_sub(1).and_then(|l| self.kept[l].place()))?;
+            near = self.near_surface(&v, &paths, pad);
+            place = Some(found);
+        }
+        self.kept[k].made = Some(Transformed { v, gradient, place, near });
+        Ok(())
+    }
+
+    /// v and n of a layer from itself and those below and above it, which are `rise` apart.
+    fn slopes(&self, [below, here, above]: [&Packed<f32>; 3], rise: f32) -> [Packed<f32>; 2] {
+        let [nx, ny] = self.spec.dims;
+        let [dx, dy] = self.spec.spacing.map(|s| s as f32);
         let (bound, far) = (self.bound, SATURATED * self.bound);
-        let row = |steep: &mut Vec<f32>, (j, (v, gradient)): (usize, (&mut [f32], &mut [f32]))| {
+        let row = |j: usize, v: &mut [f32], gradient: &mut [f32]| {
             let (down, up) = (j.saturating_sub(1), (j + 1).min(ny - 1));
-            let [u, south, north] = [j, down, up].map(|j| line(here, j, nx));
-            let [lower, higher] = [below, above].map(|layer| line(layer, j, nx));
+            let line = |layer: &Packed<f32>, j: usize| {
+                let mut line = vec![0.0; nx];
+                layer.read(0, j, &mut line);
+                line
+            };
+            let [u, south, north] = [j, down, up].map(|j| line(here, j));
+            let [lower, higher] = [below, above].map(|layer| line(layer, j));
             let rise_y = dy * (up - down).max(1) as f32;
-            steep.resize(nx, 0.0);
             for i in 0..nx {
                 let (left, right) = (i.saturating_sub(1), (i + 1).min(nx - 1));
                 let gx = (u[right] - u[left]) / (dx * (right - left).max(1) as f32);
                 let gy = (north[i] - south[i]) / rise_y;
                 let gz = (higher[i] - lower[i]) / rise;
                 let along = gx * gx + gy * gy;
-                gradient[i] = (along + gz * gz).sqrt().max(LEAST_GRADIENT);
-                steep[i] = gz.abs() / along.sqrt().max(LEAST_GRADIENT);
-            }
-            for i in 0..nx {
-                let ratio = u[i] / (gradient[i] * bound);
+                let steep = gz.abs() / along.sqrt().max(LEAST_GRADIENT);
+                let n = (along + gz * gz).sqrt().max(LEAST_GRADIENT);
+                let ratio = u[i] / (n * bound);
                 v[i] = if ratio.abs() > FLAT { bound.copysign(ratio) } else { bound * ratio.tanh() };
                 // A surface that lies flat shows no creases, and a mean along z would only wash its relief away.
-                if v[i].abs() < far {
-                    gradient[i] *= upright(f64::from(steep[i])) as f32;
-                }
+                gradient[i] = if v[i].abs() < far { n * upright(f64::from(steep)) as f32 } else { 0.0 };
             }
         };
-        let (mut v, mut gradient) = (vec![0.0; nx * ny], vec![0.0; nx * ny]);
-        let rows = v.par_chunks_mut(nx).zip(gradient.par_chunks_mut(nx)).enumerate();
-        rows.for_each_init(Vec::new, row);
-        (self.kept[k].v, self.kept[k].gradient) = (v, gradient);
+        Packed::of_rows(self.spec.dims, |first, [v, gradient]: [&mut [f32]; 2]| {
+            let rows = v.chunks_exact_mut(nx).zip(gradient.chunks_exact_mut(nx));
+            (first..).zip(rows).for_each(|(j, (v, gradient))| row(j, v, gradient));
+        })
     }
 
     /// Weights of the layers in the mean at layer `k`. Each layer stands for half of the way to its neighbours; beyond the body's ends the
@@ -194,69 +232,79 @@ impl<'m> Fairing<'m> {
                 weights[l] -= reflected;
             }
         }
-        let known = |(l, w): &(usize, f64)| *w != 0.0 && !self.kept[*l].v.is_empty();
+        let known = |(l, w): &(usize, f64)| *w != 0.0 && self.kept[*l].made.is_some();
         let terms: Vec<(usize, f64)> = weights.into_iter().enumerate().filter(known).collect();
         let whole: f64 = terms.iter().map(|t| t.1).sum();
         terms.into_iter().map(|(l, w)| (l, (w / whole) as f32)).collect()
     }
 
-    /// Blocks of layer `k` that are read where its surface is near, and where their trajectories meet the slices around it.
-    fn near_surface(&self, k: usize) -> Vec<Near> {
-        let (Some((_, pad)), Some(place)) = (self.spec.moving, &self.kept[k].place) else { return Vec::new() };
+    /// Blocks of a layer that are read where its surface is near, and where their trajectories meet the slices around it.
+    fn near_surface(&self, v: &Packed<f32>, paths: &Paths, pad: usize) -> Vec<Near> {
         let still = Displacement::zero(self.spec.dims);
         let mut near = vec![false; still.vectors.len()];
-        let nx = self.spec.dims[0];
+        let [nx, ny] = self.spec.dims;
         let far = SATURATED * self.bound;
         // A pixel reads the four blocks whose centres are around it.
         let around = |low: usize, high: usize, axis: usize| {
             let [first, last] = [low, high].map(|p| (p + BLOCK / 2) / BLOCK);
             first.saturating_sub(1)..last.min(still.grid[axis] - 1) + 1
         };
-        for (j, row) in self.kept[k].v.chunks_exact(nx).enumerate() {
-            for pixels in stretches(row, far) {
+        let mut row = vec![0.0; nx];
+        for j in 0..ny {
+            v.read(0, j, &mut row);
+            for pixels in stretches(&row, far) {
                 for by in around(j, j, 1) {
                     near[by * still.grid[0]..][around(pixels.start, pixels.end - 1, 0)].fill(true);
                 }
             }
         }
-        let slices = |block: usize| place.to_slices(still.centre(block).map(|x| x + pad as f64));
+        let slices = |block: usize| paths.to_slices(still.centre(block).map(|x| x + pad as f64));
         (0..near.len()).filter(|&block| near[block]).map(|block| (block, slices(block))).collect()
     }
 
-    /// Offsets of the trajectories from layer `k` to layer `l` in the blocks `near`, px of the image; `None` where they stand still.
-    fn offsets(&self, k: usize, l: usize, near: &[Near]) -> Option<Displacement> {
+    /// Offsets of the trajectories from layer `k` to layer `l` in the blocks near its surface, px of the image; `None` where they stand still.
+    fn offsets(&self, k: usize, l: usize) -> Option<Displacement> {
         let (_, pad) = self.spec.moving.filter(|_| k != l)?;
-        let (from, to) = (self.kept[k].place.as_ref()?, self.kept[l].place.as_ref()?);
+        let (from, to) = (self.kept[k].made.as_ref()?, self.kept[l].place()?);
+        let (near, from) = (&from.near, from.place.as_ref()?);
         // The lowest layer of every interval between both is among those that wait.
         let intervals = from.interval.min(to.interval) + 1..from.interval.max(to.interval);
-        let of = |i| self.kept.iter().filter_map(|kept| kept.place.as_ref()).find(|place| place.interval == i);
-        let between: Vec<&[Displacement; 2]> = intervals.filter_map(of).map(|place| &*place.at_slices).collect();
+        let of = |i| self.kept.iter().filter_map(Kept::place).find(|place| place.interval == i);
+        let between: Vec<&[Resting; 2]> = intervals.filter_map(of).map(|place| &*place.at_slices).collect();
         let mut offsets = Displacement::zero(self.spec.dims);
-        for &(block, slices) in near {
+        let offset = |&(block, slices): &Near| {
             let (x, y) = (offsets.centre(block), from.carry(slices, to, &between));
-            offsets.vectors[block] = [0, 1].map(|a| y[a] - pad as f64 - x[a]);
-        }
+            [0, 1].map(|a| y[a] - pad as f64 - x[a])
+        };
+        let found: Vec<[f64; 2]> = near.par_iter().map(offset).collect();
+        near.iter().zip(found).for_each(|((block, _), offset)| offsets.vectors[*block] = offset);
         Some(offsets)
     }
 
-    /// `K v - v` at layer `k`, zero far from its surface. `near` are its blocks near the surface.
-    fn difference(&self, k: usize, near: &[Near]) -> Vec<f32> {
-        let weights = self.weights(k);
-        let offsets: Vec<Option<Displacement>> = weights.par_iter().map(|&(l, _)| self.offsets(k, l, near)).collect();
-        let (own, far, nx) = (&self.kept[k].v, SATURATED * self.bound, self.spec.dims[0]);
-        let mut out = vec![0.0f32; own.len()];
-        let dims = self.spec.dims;
-        let row = |(j, out): (usize, &mut [f32])| {
-            let own = &own[j * nx..][..nx];
-            for pixels in stretches(own, far) {
-                let out = &mut out[pixels.clone()];
-                out.iter_mut().zip(&own[pixels.clone()]).for_each(|(sum, own)| *sum = -own);
-                for ((l, w), offsets) in weights.iter().zip(&offsets) {
-                    add(&self.kept[*l].v, *w, dims, offsets.as_ref(), j, pixels.start, out);
-                }
+    /// `K v - v` at layer `k`, row-major, zero far from its surface; nothing of a layer that has no v.
+    fn difference(&self, k: usize) -> Vec<f32> {
+        let (dims, far, nx) = (self.spec.dims, SATURATED * self.bound, self.spec.dims[0]);
+        let mut out = vec![0.0f32; nx * dims[1]];
+        let Some(own) = &self.kept[k].made else { return out };
+        let begin = |(j, out): (usize, &mut [f32])| {
+            let mut row = vec![0.0; nx];
+            own.v.read(0, j, &mut row);
+            let near: Vec<Range<usize>> = stretches(&row, far).collect();
+            for pixels in near.iter().cloned() {
+                out[pixels.clone()].iter_mut().zip(&row[pixels]).for_each(|(sum, own)| *sum = -own);
             }
+            near
         };
-        out.par_chunks_mut(nx).enumerate().for_each(row);
+        let near: Vec<Vec<Range<usize>>> = out.par_chunks_mut(nx).enumerate().map(begin).collect();
+        for (l, w) in self.weights(k) {
+            let (Some(other), offsets) = (&self.kept[l].made, self.offsets(k, l)) else { continue };
+            let row = |((j, out), near): ((usize, &mut [f32]), &Vec<Range<usize>>)| {
+                for pixels in near.iter().cloned() {
+                    add(&other.v, w, offsets.as_ref(), j, pixels.start, &mut out[pixels]);
+                }
+            };
+            out.par_chunks_mut(nx).enumerate().zip(&near).for_each(row);
+        }
         out
     }
 
@@ -267,45 +315,53 @@ impl<'m> Fairing<'m> {
             self.interval += 1;
             return Ok(());
         };
-        let from_low = self.at_contour.take().unwrap_or_else(|| self.difference(low, &self.near_surface(low)));
-        let from_high = self.difference(high, &self.near_surface(high));
+        let from_low = self.at_contour.take();
+        let at = |k: usize| Packed::of(self.spec.dims, &self.difference(k));
+        let (from_low, from_high) = (from_low.unwrap_or_else(|| at(low)), at(high));
+        self.kept.range_mut(..=low).filter_map(Kept::take).try_for_each(&mut *sink)?;
         for k in low + 1..high {
-            let near = self.near_surface(k);
-            let d = self.difference(k, &near);
             let t = (self.kept[k].z - self.kept[low].z) / (self.kept[high].z - self.kept[low].z);
-            let offsets = [low, high].map(|c| self.offsets(k, c, &near));
             let (first, last) = (self.interval == 0, self.interval + 2 == self.spec.contours.len());
             let at_low = if first && self.spec.clamped[0] { smoothstep(t) as f32 } else { 1.0 };
             let at_high = if last && self.spec.clamped[1] { smoothstep(1.0 - t) as f32 } else { 1.0 };
-            self.move_layer(k, &d, [(&from_low, &offsets[0]), (&from_high, &offsets[1])], t, at_low * at_high);
+            let contours = [(low, &from_low), (high, &from_high)];
+            if let Some(layer) = self.moved(k, contours, t, at_low * at_high) {
+                sink(layer)?;
+            }
         }
         self.at_contour = Some(from_high);
         self.interval += 1;
-        self.kept.range_mut(..high).filter_map(|k| k.layer.take()).try_for_each(sink)?;
         self.forget();
         Ok(())
     }
 
-    /// Moves layer `k` by this share of its own `d` less what the contours below and above would move by, read along the trajectories.
-    fn move_layer(&mut self, k: usize, d: &[f32], contours: [(&[f32], &Option<Displacement>); 2], t: f64, share: f32) {
+    /// Layer `k`, which is handed on, moved by this share of its own difference less what the contours below and above would move by, read
+    /// along the trajectories.
+    fn moved(&mut self, k: usize, contours: [(usize, &Packed<f32>); 2], t: f64, share: f32) -> Option<Layer> {
+        let d = self.difference(k);
+        let contours = contours.map(|(c, d)| (d, self.offsets(k, c)));
         let w = smoothstep(t) as f32;
-        let (bound, alpha, dims) = (self.bound, share * self.spec.alpha as f32, self.spec.dims);
+        let (bound, alpha, nx) = (self.bound, share * self.spec.alpha as f32, self.spec.dims[0]);
         let shares = self.spec.shares.get(self.interval).and_then(Option::as_ref);
-        let Kept { layer: Some(layer), v, gradient, .. } = &mut self.kept[k] else { return };
-        let (nx, far) = (dims[0], SATURATED * bound);
+        let mut layer = self.kept[k].take()?;
+        let Some(Transformed { v, gradient, .. }) = &self.kept[k].made else { return Some(layer) };
+        let far = SATURATED * bound;
         let row = |there: &mut [Vec<f32>; 2], (j, u): (usize, &mut [f32])| {
+            let [mut own, mut slope] = [vec![0.0; nx], vec![0.0; nx]];
+            v.read(0, j, &mut own);
+            gradient.read(0, j, &mut slope);
             // Far from the surface nothing changes.
-            for pixels in stretches(&v[j * nx..][..nx], far) {
+            for pixels in stretches(&own, far) {
                 for ((d, offsets), there) in contours.iter().zip(there.iter_mut()) {
                     there.clear();
                     there.resize(pixels.len(), 0.0);
-                    add(d, 1.0, dims, offsets.as_ref(), j, pixels.start, there);
+                    add(d, 1.0, offsets.as_ref(), j, pixels.start, there);
                 }
                 for ((i, low), high) in pixels.zip(&there[0]).zip(&there[1]) {
                     let (n, u) = (j * nx + i, &mut u[i]);
                     let alpha = alpha * shares.map_or(1.0, |s| s[n]);
                     let rise = alpha * (d[n] - (1.0 - w) * low - w * high);
-                    *u += gradient[n] * rise * near(v[n].abs() / bound);
+                    *u += slope[i] * rise * near(own[i].abs() / bound);
                     if *u == 0.0 {
                         *u = f32::MIN_POSITIVE;
                     }
@@ -313,6 +369,7 @@ impl<'m> Fairing<'m> {
             }
         };
         layer.phi.par_chunks_mut(nx).enumerate().for_each_init(Default::default, row);
+        Some(layer)
     }
 
     /// Drops what no later mean needs.
@@ -351,11 +408,6 @@ pub fn reach(contours: &[f64], i: usize) -> [f64; 2] {
     [contours[i] - widest, contours[i + 1] + widest]
 }
 
-/// Row `j` of a layer.
-fn line(layer: &Layer, j: usize, nx: usize) -> &[f32] {
-    &layer.phi[j * nx..][..nx]
-}
-
 /// How much of its way a pixel at `|v| / B` moves.
 fn near(ratio: f32) -> f32 {
     smoothstep(f64::from((SATURATED - ratio) / (SATURATED - NEAR))) as f32
@@ -371,9 +423,14 @@ fn stretches(v: &[f32], far: f32) -> impl Iterator<Item = Range<usize>> {
 }
 
 /// Adds `w` times the values of a layer at the pixels of row `j` from `first` on, or where their trajectories are.
-fn add(v: &[f32], w: f32, dims: [usize; 2], offsets: Option<&Displacement>, j: usize, first: usize, out: &mut [f32]) {
+fn add(v: &Packed<f32>, w: f32, offsets: Option<&Displacement>, j: usize, first: usize, out: &mut [f32]) {
     let Some(offsets) = offsets else {
-        out.iter_mut().zip(&v[j * dims[0] + first..]).for_each(|(sum, v)| *sum += w * v);
+        let mut some = [0.0; 4 * BLOCK];
+        for (first, out) in (first..).step_by(some.len()).zip(out.chunks_mut(some.len())) {
+            let some = &mut some[..out.len()];
+            v.read(first, j, some);
+            out.iter_mut().zip(some).for_each(|(sum, v)| *sum += w * *v);
+        }
         return;
     };
     let mut some = [[0.0; 2]; 4 * BLOCK];
@@ -381,19 +438,19 @@ fn add(v: &[f32], w: f32, dims: [usize; 2], offsets: Option<&Displacement>, j: u
         let some = &mut some[..out.len()];
         offsets.read_row(j, first, some);
         for ((i, sum), [x, y]) in (first..).zip(out).zip(some) {
-            *sum += w * sample(v, dims, [i as f64 + *x, j as f64 + *y]);
+            *sum += w * sample(v, [i as f64 + *x, j as f64 + *y]);
         }
     }
 }
 
 /// Bilinear value of a layer at `x`, the edge repeated.
 #[inline]
-fn sample(v: &[f32], [nx, ny]: [usize; 2], x: [f64; 2]) -> f32 {
+fn sample(v: &Packed<f32>, x: [f64; 2]) -> f32 {
+    let [nx, ny] = v.dims();
     let at = [x[0].clamp(0.0, (nx - 1) as f64), x[1].clamp(0.0, (ny - 1) as f64)];
     // Through u32: cheaper than to usize.
     let [i, j] = [(at[0], nx), (at[1], ny)].map(|(at, n)| (at as u32 as usize).min(n.saturating_sub(2)));
     let (fx, fy) = ((at[0] - i as f64) as f32, (at[1] - j as f64) as f32);
-    let (right, up) = (usize::from(nx > 1), if ny > 1 { nx } else { 0 });
-    let n = j * nx + i;
-    (1.0 - fy) * ((1.0 - fx) * v[n] + fx * v[n + right]) + fy * ((1.0 - fx) * v[n + up] + fx * v[n + up + right])
+    let [a, b, c, d] = v.corners(i, j, usize::from(nx > 1), usize::from(ny > 1));
+    (1.0 - fy) * ((1.0 - fx) * a + fx * b) + fy * ((1.0 - fx) * c + fx * d)
 }

@@ -17,7 +17,7 @@ pub struct Field {
 
 impl Large for Field {
     fn arrays(&mut self) -> Vec<Array<'_>> {
-        vec![Array::F64(&mut self.data)]
+        vec![&mut self.data]
     }
 }
 
@@ -49,31 +49,21 @@ impl Field {
     /// Bilinear value at `x`; positions beyond the tile read its edge.
     #[inline]
     pub fn sample(&self, x: [f64; 2]) -> f64 {
-        let (node, [fx, fy]) = self.cell(x, 0);
-        let (a, nx) = (&self.data, self.dims[0]);
-        (1.0 - fy) * ((1.0 - fx) * a[node] + fx * a[node + 1])
-            + fy * ((1.0 - fx) * a[node + nx] + fx * a[node + nx + 1])
+        sample(&self.data, self.dims, x)
     }
 
     /// Catmull-Rom value at `x`, C1 in x; positions beyond the tile read its edge.
     #[inline]
     pub fn sample_smooth(&self, x: [f64; 2]) -> f64 {
-        let (node, [fx, fy]) = self.cell(x, 1);
-        let (a, nx) = (&self.data, self.dims[0]);
-        let (wx, wy) = (catmull_rom(fx), catmull_rom(fy));
-        let mut columns = [0.0; 4];
-        for (row, w) in wy.iter().enumerate() {
-            let first = node + row * nx - nx - 1;
-            columns.iter_mut().zip(&a[first..first + 4]).for_each(|(sum, v)| *sum += w * v);
-        }
-        columns.iter().zip(wx).map(|(sum, w)| w * sum).sum()
+        sample_smooth(&self.data, self.dims, x)
     }
 
     /// Unit normal `grad / |grad|` at `x`: bilinear mean of the central differences at the four pixels around, zero where the
     /// gradient vanishes.
     pub fn normal(&self, x: [f64; 2], h: [f64; 2]) -> [f64; 2] {
-        let (node, [fx, fy]) = self.cell(x, 1);
+        let ([i, j], [fx, fy]) = cell(self.dims, x, 1);
         let nx = self.dims[0];
+        let node = j * nx + i;
         let mut g = [0.0; 2];
         for (corner, w) in [
             (node, (1.0 - fx) * (1.0 - fy)),
@@ -96,21 +86,6 @@ impl Field {
         [0.5 * (a[node + 1] - a[node - 1]) / h[0], 0.5 * (a[node + nx] - a[node - nx]) / h[1]]
     }
 
-    /// Lower corner of the cell around `x`, kept `rim` pixels off the edge, and the place in it.
-    #[inline(always)]
-    fn cell(&self, x: [f64; 2], rim: usize) -> (usize, [f64; 2]) {
-        let mut corner = [0; 2];
-        let mut place = [0.0; 2];
-        for axis in 0..2 {
-            let last = self.dims[axis] - 2 - rim;
-            let at = x[axis].clamp(rim as f64, (last + 1) as f64);
-            // Through u32: cheaper than to usize.
-            corner[axis] = (at as u32 as usize).min(last);
-            place[axis] = at - corner[axis] as f64;
-        }
-        (corner[1] * self.dims[0] + corner[0], place)
-    }
-
     /// Whether the contour passes between pixel `node` and one of its four neighbours.
     #[inline(always)]
     pub fn at_contour(&self, node: usize) -> bool {
@@ -129,6 +104,49 @@ impl Field {
         let (i, j) = (node % self.dims[0], node / self.dims[0]);
         [i as f64 - scale * g[0] / h[0], j as f64 - scale * g[1] / h[1]]
     }
+}
+
+/// Bilinear value at `x` of values on a tile, see [`Field::sample`].
+#[inline]
+pub fn sample<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]) -> f64 {
+    let ([i, j], place) = cell(dims, x, 0);
+    let (nx, node) = (dims[0], j * dims[0] + i);
+    bilinear([a[node], a[node + 1], a[node + nx], a[node + nx + 1]].map(Into::into), place)
+}
+
+/// Catmull-Rom value at `x` of values on a tile, see [`Field::sample_smooth`].
+#[inline]
+pub fn sample_smooth<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]) -> f64 {
+    let ([i, j], [fx, fy]) = cell(dims, x, 1);
+    let (nx, node) = (dims[0], j * dims[0] + i);
+    let (wx, wy) = (catmull_rom(fx), catmull_rom(fy));
+    let mut columns = [0.0; 4];
+    for (row, w) in wy.iter().enumerate() {
+        let first = node + row * nx - nx - 1;
+        columns.iter_mut().zip(&a[first..first + 4]).for_each(|(sum, v)| *sum += w * (*v).into());
+    }
+    columns.iter().zip(wx).map(|(sum, w)| w * sum).sum()
+}
+
+/// Lower corner of the cell around `x`, kept `rim` pixels off the edge of the tile, and the place in it.
+#[inline(always)]
+pub fn cell(dims: [usize; 2], x: [f64; 2], rim: usize) -> ([usize; 2], [f64; 2]) {
+    let mut corner = [0; 2];
+    let mut place = [0.0; 2];
+    for axis in 0..2 {
+        let last = dims[axis] - 2 - rim;
+        let at = x[axis].clamp(rim as f64, (last + 1) as f64);
+        // Through u32: cheaper than to usize.
+        corner[axis] = (at as u32 as usize).min(last);
+        place[axis] = at - corner[axis] as f64;
+    }
+    (corner, place)
+}
+
+/// The value at a place in a cell, from those at its corners, row by row.
+#[inline(always)]
+pub fn bilinear([a, b, c, d]: [f64; 4], [fx, fy]: [f64; 2]) -> f64 {
+    (1.0 - fy) * ((1.0 - fx) * a + fx * b) + fy * ((1.0 - fx) * c + fx * d)
 }
 
 /// Weights of four values in a row at place `f` between the middle two (Catmull and Rom 1974).

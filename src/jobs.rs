@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use crate::caps::Cap;
 use crate::contour::Seed;
 use crate::field::Field;
+use crate::packed::Packed;
 use crate::report::Residual;
 use crate::spline::smoothstep;
 
@@ -85,6 +86,18 @@ pub struct Track {
     pub arrived: bool,
 }
 
+impl Track {
+    /// All that is known of it, as numbers.
+    pub fn numbers(&self) -> [f64; 5] {
+        [self.distance, self.arc, self.landing[0], self.landing[1], f64::from(u8::from(self.arrived))]
+    }
+
+    /// The track of these numbers.
+    pub fn of_numbers([distance, arc, x, y, arrived]: [f64; 5]) -> Self {
+        Track { distance, arc, landing: [x, y], arrived: arrived != 0.0 }
+    }
+}
+
 /// Smallest share of its way that a dead particle is taken to have covered.
 const LEAST_SHARE: f64 = 0.05;
 
@@ -158,7 +171,7 @@ impl SweepPair<'_> {
 #[derive(Debug, Clone, Default)]
 pub struct Filled {
     /// The slices on the pair's tile: signed distance near the contour, clamped far away.
-    pub slices: Vec<Vec<f32>>,
+    pub slices: Vec<Packed<f32>>,
     /// How the upward sweep went.
     pub up: Swept,
     /// How the downward sweep went.

@@ -33,6 +33,7 @@ pub mod memory;
 mod motion;
 pub mod moving_field;
 mod moving_stack;
+pub mod packed;
 pub mod parts;
 mod pipeline;
 pub mod polygons;

@@ -80,7 +80,7 @@ pub fn check(stack: &ContourStack, links: &[Link]) -> std::result::Result<(), St
     let mut parts_of = |k: usize| {
         *counts[k].get_or_insert_with(|| {
             let content = &stack.slices[k].content;
-            let inside: Vec<bool> = (0..content.len()).map(|n| content.inside(n)).collect();
+            let inside = content.sides();
             label4(&inside, stack.dims).count
         })
     };

@@ -27,12 +27,16 @@ pub struct Interval {
 
 impl Large for Interval {
     fn arrays(&mut self) -> Vec<Array<'_>> {
-        let groups = self.groups.iter_mut().flat_map(|group| {
-            let ends = [&mut group.low.phi, &mut group.high.phi];
-            ends.into_iter().chain(group.holes.iter_mut().map(|hole| &mut hole.field))
-        });
-        let lone = self.lone.iter_mut().map(|part| &mut part.field);
-        groups.chain(lone).map(|field| Array::F64(&mut field.data)).collect()
+        let mut arrays: Vec<Array<'_>> = Vec::new();
+        let mut lone: Vec<&mut LonePart> = self.lone.iter_mut().collect();
+        for group in &mut self.groups {
+            for end in [&mut group.low, &mut group.high] {
+                arrays.extend([&mut end.phi.data as Array<'_>, &mut end.seeds]);
+            }
+            lone.extend(&mut group.holes);
+        }
+        arrays.extend(lone.into_iter().flat_map(|part| [&mut part.field.data as Array<'_>, &mut part.seeds]));
+        arrays
     }
 }
 

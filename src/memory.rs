@@ -6,32 +6,32 @@ use rayon::prelude::*;
 use sysinfo::{DiskRefreshKind, Disks, System};
 
 use crate::error::{Error, Result};
-use crate::pipeline::CHUNK_BYTES;
 use crate::settings::{Method, Motion, Settings};
 use crate::shelf::Budget;
 use crate::stack::{ContourStack, SliceContent};
 
-/// Bytes per padded pixel and slice: level set, labels of solids and background, the level sets of its groups below and above.
-const PER_SLICE_PIXEL: f64 = 56.0;
-/// The same for the moving frame: fields and slopes of the slices, and of the morph both contours of every interval in its mid frame.
-const PER_MOVING_PIXEL: f64 = 24.0;
-const PER_FRAME_PIXEL: f64 = 96.0;
-/// Bytes per pixel of a layer that waits to be faired, and the gaps that wait.
-const PER_WAITING_PIXEL: f64 = 12.0;
-const WAITING_GAPS: f64 = 3.0;
-/// Bytes per pixel and layer of the tiles of both directions while an interval is swept and blended. Finished layers are written and forgotten.
-const PER_SWEPT_PIXEL: f64 = 8.0;
-const PER_BLENDED_PIXEL: f64 = 28.0;
-
-/// Of a run that keeps as little as it can: bytes per pixel and slice that stay in memory all the same (the slice's own values),
-/// and per padded pixel of what one interval takes while it is worked on.
-const PER_MASK_PIXEL: f64 = 1.0;
-const PER_LEVEL_PIXEL: f64 = 4.0;
-const PER_INTERVAL_PIXEL: f64 = 160.0;
-/// Bytes per pixel edge of the contours: seeds, in their slices and both frames, tracks, chains, slopes. They stay in memory.
-const PER_CONTOUR_EDGE: f64 = 1200.0;
+/// Bytes per padded pixel and slice that stay in memory where everything does: level set and parts; the fields, slopes and displacements of
+/// the moving frame; both contours of an interval as its mid frame sees them; and, of the box around all contours, both ends of its groups.
+const PER_SLICE_PIXEL: f64 = 14.0;
+const PER_MOVING_PIXEL: f64 = 22.0;
+const PER_FRAME_PIXEL: f64 = 26.0;
+const PER_GROUP_PIXEL: f64 = 20.0;
+/// Bytes per padded pixel of what one interval takes while it is worked on: its slices' fields and slopes, and a layer.
+const PER_INTERVAL_PIXEL: f64 = 60.0;
+/// Bytes per pixel of the box around all contours of a sweep, and of both ends of the groups of an interval.
+const PER_SWEEP_PIXEL: f64 = 52.0;
+/// Bytes per padded pixel of every further layer that is made at once.
+const PER_LAYER_PIXEL: f64 = 20.0;
+/// Bytes per pixel edge of the contours: seeds, in their slices and both frames, tracks, chains, slopes; of all slices where everything
+/// stays in memory, else of three.
+const PER_CONTOUR_EDGE: f64 = 800.0;
+const CONTOURS_AT_ONCE: f64 = 3.0;
+/// Bytes per pixel edge of a layer that waits to be faired, and at most per pixel; the gaps that wait.
+const PER_WAITING_EDGE: f64 = 750.0;
+const PER_WAITING_PIXEL: f64 = 20.0;
+const WAITING_GAPS: f64 = 3.5;
 /// Bytes that do not depend on the stack.
-const BASE_BYTES: f64 = 24.0 * 1024.0 * 1024.0;
+const BASE_BYTES: f64 = 16.0 * 1024.0 * 1024.0;
 
 /// What a run on the reference path needs, estimated from above, as if every group filled the image. Whoever keeps the layers
 /// ([`reconstruct`](crate::reconstruct)) needs 4 bytes of memory per voxel more; writing them takes what
@@ -42,8 +42,6 @@ pub struct Needs {
     pub all: u64,
     /// Bytes of memory where as much as can be is in a temporary file.
     pub least: u64,
-    /// Bytes of what one interval takes, in `least`.
-    interval: u64,
     /// Bytes of the temporary file where nothing stays in memory.
     pub disk: u64,
 }
@@ -51,30 +49,40 @@ pub struct Needs {
 impl Needs {
     /// Of a run for `heights` (increasing) on so many threads.
     pub fn of(stack: &ContourStack, heights: &[f64], settings: &Settings, threads: usize) -> Self {
-        let padded: f64 = stack.dims.iter().map(|n| (n + 2 * (settings.margin() + 8)) as f64).product();
+        let around = settings.margin() + 8;
+        let padded: f64 = stack.dims.iter().map(|n| (n + 2 * around) as f64).product();
         let pixels: f64 = stack.dims.iter().map(|n| *n as f64).product();
         let slices = stack.slices.len() as f64;
-        let layers = (heights.len() + stack.slices.len() + 2) as f64;
+        let threads = threads as f64;
+        let drawn: Vec<Drawn> = stack.slices.par_iter().map(|s| Drawn::of(&s.content, stack.dims)).collect();
+        let all_drawn = drawn.iter().fold(Drawn::default(), Drawn::and);
+        let largest = drawn.iter().map(|d| d.edges).max().unwrap_or(0) as f64;
+        let boxed = all_drawn.box_pixels(around);
         let between = |w: &[crate::stack::Slice]| heights.iter().filter(|z| **z > w[0].z && **z < w[1].z).count();
         let most_between = stack.slices.windows(2).map(between).max().unwrap_or(0) as f64;
-        let at_once = (2 * threads).min(stack.slices.len()) as f64;
-        let swept = (at_once * most_between * padded).max(CHUNK_BYTES as f64 / 4.0).min(layers * padded);
+        let morph = settings.method == Method::Morph;
         let moving = match (settings.motion, settings.method) {
             (Motion::None, Method::Morph) => 0.0,
             (Motion::Field | Motion::Rigid, Method::Morph) => PER_MOVING_PIXEL + PER_FRAME_PIXEL,
             (_, Method::Field) => PER_MOVING_PIXEL,
         };
-        let waiting = if settings.fair > 0.0 { layers.min(WAITING_GAPS * most_between) } else { 0.0 };
-        let waiting = waiting * pixels * PER_WAITING_PIXEL;
-        let kept = slices * padded * (PER_SLICE_PIXEL + moving);
-        let all = kept + waiting + swept * PER_SWEPT_PIXEL + most_between * padded * PER_BLENDED_PIXEL;
-        let contours: usize = stack.slices.par_iter().map(|s| edges(&s.content, stack.dims)).sum();
-        let contours = contours as f64 * PER_CONTOUR_EDGE;
-        let at_once = most_between.min(threads as f64);
-        let interval = padded * (PER_INTERVAL_PIXEL + most_between * PER_SWEPT_PIXEL + at_once * PER_BLENDED_PIXEL);
-        let least = BASE_BYTES + contents(stack) + contours + interval + waiting;
-        let [all, least] = [all + contours, least].map(|bytes| bytes as u64);
-        Needs { all, least: least.min(all), interval: interval as u64, disk: kept as u64 }
+        let layers = (heights.len() + stack.slices.len() + 2) as f64;
+        let waiting = if settings.fair > 0.0 { layers.min(WAITING_GAPS * (most_between + 1.0)) } else { 0.0 };
+        let waiting = waiting * (largest * PER_WAITING_EDGE).min(pixels * PER_WAITING_PIXEL);
+        let groups = if morph { boxed * PER_GROUP_PIXEL } else { 0.0 };
+        let kept = slices * (padded * (PER_SLICE_PIXEL + moving) + groups);
+        let at_once = threads.min(most_between);
+        let sweeping = if morph { groups + threads * boxed * PER_SWEEP_PIXEL } else { 0.0 };
+        let all = kept
+            + all_drawn.edges as f64 * PER_CONTOUR_EDGE
+            + waiting
+            + (at_once * padded * PER_LAYER_PIXEL).max(threads * padded * 2.0 * PER_LAYER_PIXEL);
+        let contours = largest * CONTOURS_AT_ONCE.min(slices) * PER_CONTOUR_EDGE;
+        let interval = (padded * PER_INTERVAL_PIXEL).max(sweeping);
+        let read = contents(stack);
+        let least = interval + contours + waiting;
+        let [all, least] = [all, least].map(|bytes| (BASE_BYTES + read + bytes) as u64);
+        Needs { all, least: least.min(all), disk: (kept + all_drawn.edges as f64 * PER_CONTOUR_EDGE) as u64 }
     }
 
     /// The same of a section of `stack`, all of which has been read.
@@ -99,29 +107,68 @@ impl Needs {
             Some(free) if free < self.disk => {
                 Err(Error::Disk { folder, needed_mib: self.disk.div_ceil(1 << 20), available_mib: free >> 20 })
             }
-            _ => Ok(Budget::of((limit - least) / 2, self.interval + (limit - least) / 2)),
+            _ => Ok(Budget::of((limit - least) / 2, (limit - least) / 2)),
         }
     }
 }
 
 /// Bytes of the slices as they were read.
 fn contents(stack: &ContourStack) -> f64 {
-    let pixels: f64 = stack.dims.iter().map(|n| *n as f64).product();
-    let each = stack.slices.iter().map(|s| match s.content {
-        SliceContent::Mask(_) => PER_MASK_PIXEL * pixels,
-        SliceContent::Level(_) => PER_LEVEL_PIXEL * pixels,
+    let each = stack.slices.iter().map(|s| match &s.content {
+        SliceContent::Mask(mask) => mask.bytes(),
+        SliceContent::Level(u) => size_of_val(&**u),
     });
-    each.sum()
+    each.sum::<usize>() as f64
 }
 
-/// Edges between a pixel inside and one outside.
-fn edges(content: &SliceContent, [nx, ny]: [usize; 2]) -> usize {
-    let crossings = |j: usize| {
-        let inside = |i: usize, j: usize| content.inside(j * nx + i);
-        let right = (1..nx).filter(|&i| inside(i, j) != inside(i - 1, j)).count();
-        right + if j > 0 { (0..nx).filter(|&i| inside(i, j) != inside(i, j - 1)).count() } else { 0 }
-    };
-    (0..ny).map(crossings).sum()
+/// What is drawn on slices.
+#[derive(Debug, Clone)]
+struct Drawn {
+    /// Edges between a pixel inside and one outside.
+    edges: usize,
+    /// First and last column and row that have a pixel inside.
+    low: [usize; 2],
+    high: [usize; 2],
+}
+
+impl Default for Drawn {
+    fn default() -> Self {
+        Drawn { edges: 0, low: [usize::MAX; 2], high: [0; 2] }
+    }
+}
+
+impl Drawn {
+    fn of(content: &SliceContent, [nx, ny]: [usize; 2]) -> Self {
+        let (mut below, mut row) = (vec![false; nx], vec![false; nx]);
+        let mut drawn = Drawn::default();
+        for j in 0..ny {
+            content.read(j * nx, &mut row);
+            drawn.edges += row.windows(2).filter(|w| w[0] != w[1]).count();
+            if j > 0 {
+                drawn.edges += row.iter().zip(&below).filter(|(a, b)| a != b).count();
+            }
+            let ends = row.iter().position(|inside| *inside).zip(row.iter().rposition(|inside| *inside));
+            if let Some((first, last)) = ends {
+                drawn = drawn.and(&Drawn { edges: 0, low: [first, j], high: [last, j] });
+            }
+            std::mem::swap(&mut below, &mut row);
+        }
+        drawn
+    }
+
+    /// What is drawn on these and on others.
+    fn and(self, other: &Drawn) -> Self {
+        Drawn {
+            edges: self.edges + other.edges,
+            low: std::array::from_fn(|a| self.low[a].min(other.low[a])),
+            high: std::array::from_fn(|a| self.high[a].max(other.high[a])),
+        }
+    }
+
+    /// Pixels of the box around it and so many more to each side.
+    fn box_pixels(&self, around: usize) -> f64 {
+        (0..2).map(|a| (self.high[a] + 1 + 2 * around).saturating_sub(self.low[a]) as f64).product()
+    }
 }
 
 /// Bytes that are free on the disk of a folder; nothing on a system that does not tell.

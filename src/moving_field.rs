@@ -7,7 +7,7 @@ use std::cmp::Ordering;
 use std::sync::Arc;
 
 use crate::contours::Contour;
-use crate::displacement::Displacement;
+use crate::displacement::{Displacement, Resting};
 use crate::field::Field;
 use crate::matching::LonePart;
 use crate::shelf::{Array, Large};
@@ -120,19 +120,17 @@ impl MovingField {
     }
 }
 
-/// A layer's place in the stack, and the paths through it.
+/// A layer's place in the stack.
 #[derive(Debug, Clone)]
 pub struct Place {
     /// Its interval; a contour's layer belongs to the interval above it.
     pub interval: usize,
     /// Time in it.
     pub t: f64,
-    /// Paths from and to that interval's slices.
-    pub paths: Paths,
     /// From the interval's lower and upper slice to the layer.
-    pub off: [Displacement; 2],
+    pub off: [Resting; 2],
     /// The interval's displacement at its slices.
-    pub at_slices: Arc<[Displacement; 2]>,
+    pub at_slices: Arc<[Resting; 2]>,
 }
 
 impl MovingField {
@@ -148,22 +146,10 @@ impl MovingField {
 }
 
 impl Place {
-    /// The place at time `t` of interval `i` of `moving`, which is number `interval` of the stack.
-    pub fn new(moving: &MovingField, i: usize, interval: usize, t: f64) -> Self {
-        let paths = moving.paths(i, t);
-        let off = moving.off_slices(i, t, &paths);
-        Place { interval, t, paths, off, at_slices: moving.at_slices[i].clone() }
-    }
-
-    /// Where the trajectory through a point of this layer meets the slices below and above it, px of the padded image.
-    pub fn to_slices(&self, x: [f64; 2]) -> [[f64; 2]; 2] {
-        [plus(x, self.paths.come.at(x), -1.0), plus(x, self.paths.go.at(x), 1.0)]
-    }
-
     /// Where the trajectory that meets the slices around this layer at `[below, above]` is on another layer. Within an interval the way over
     /// the lower slice passes smoothly into that over the upper one, so that it is C1 at the slices, and the same upside down. `between` are
     /// the displacements at the slices of the intervals between both, lowest first.
-    pub fn carry(&self, [below, above]: [[f64; 2]; 2], to: &Place, between: &[&[Displacement; 2]]) -> [f64; 2] {
+    pub fn carry(&self, [below, above]: [[f64; 2]; 2], to: &Place, between: &[&[Resting; 2]]) -> [f64; 2] {
         let off = |end: usize, slice: [f64; 2]| plus(slice, to.off[end].at(slice), 1.0);
         match self.interval.cmp(&to.interval) {
             // To a slice there is one way, as from the interval on its other side.
@@ -176,12 +162,12 @@ impl Place {
             }
             // A slice beyond is reached from slice to slice alone: it lies in the interval above it or, upside down, in that below.
             Ordering::Less => {
-                let step = |x, v: &[Displacement; 2]| plus(x, v[0].at(x), 1.0);
+                let step = |x, v: &[Resting; 2]| plus(x, v[0].at(x), 1.0);
                 let slice = between.iter().fold(above, |x, v| step(x, v));
                 if to.t == 1.0 { step(slice, &to.at_slices) } else { off(0, slice) }
             }
             Ordering::Greater => {
-                let step = |x, v: &[Displacement; 2]| plus(x, v[1].at(x), -1.0);
+                let step = |x, v: &[Resting; 2]| plus(x, v[1].at(x), -1.0);
                 let slice = between.iter().rev().fold(below, |x, v| step(x, v));
                 if to.t == 0.0 { step(slice, &to.at_slices) } else { off(1, slice) }
             }
@@ -190,6 +176,11 @@ impl Place {
 }
 
 impl Paths {
+    /// Where the trajectory through a point of this layer meets the slices below and above it, px of the padded image.
+    pub fn to_slices(&self, x: [f64; 2]) -> [[f64; 2]; 2] {
+        [plus(x, self.come.at(x), -1.0), plus(x, self.go.at(x), 1.0)]
+    }
+
     /// Where the trajectory that starts at `slice` on the lower slice is on this layer; `guess` is a first guess.
     pub fn off_low(&self, slice: [f64; 2], guess: [f64; 2]) -> [f64; 2] {
         (0..PASSES).fold(guess, |y, _| plus(slice, self.come.at(y), 1.0))
@@ -274,7 +265,7 @@ pub struct LoneParts {
 
 impl Large for LoneParts {
     fn arrays(&mut self) -> Vec<Array<'_>> {
-        self.low.iter_mut().chain(&mut self.high).map(|part| Array::F64(&mut part.field.data)).collect()
+        self.low.iter_mut().chain(&mut self.high).map(|part| &mut part.field.data as Array<'_>).collect()
     }
 }
 

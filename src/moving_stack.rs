@@ -3,11 +3,11 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::displacement::Displacement;
+use crate::displacement::{Displacement, Resting};
 use crate::error::Result;
 use crate::field::Field;
 use crate::motion::Frame;
-use crate::moving_field::{MovingField, Place, rate, time};
+use crate::moving_field::{MovingField, Paths, Place, rate, time};
 use crate::shelf::{Budget, Shelf};
 
 /// The stack in its moving frame.
@@ -116,14 +116,22 @@ impl<'b> MovingStack<'b> {
         Ok(Frame::middle_of(&self.frame(i..i + 2)?, 0))
     }
 
-    /// The place of height `z`, the nearest slice's beyond the stack.
+    /// The place of height `z`, the nearest slice's beyond the stack, and the paths through it. What it shares with a `known` place of its
+    /// interval is taken from there.
     ///
     /// # Errors
     /// Those of the shelves.
-    pub fn place(&self, z: f64) -> Result<Place> {
+    pub fn place(&self, z: f64, known: Option<&Place>) -> Result<(Place, Paths)> {
         let last = self.displacements.len() - 1;
         let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
         let t = time(z, self.heights[interval], self.heights[interval + 1]);
-        Ok(Place::new(&self.frame(interval..interval + 2)?, 0, interval, t))
+        let frame = self.frame(interval..interval + 2)?;
+        let paths = frame.paths(0, t);
+        let off = frame.off_slices(0, t, &paths).each_ref().map(Resting::from);
+        let at_slices = match known.filter(|place| place.interval == interval) {
+            Some(place) => place.at_slices.clone(),
+            None => Arc::new(frame.at_slices[0].each_ref().map(Resting::from)),
+        };
+        Ok((Place { interval, t, off, at_slices }, paths))
     }
 }

@@ -3,19 +3,21 @@
 //! What is read back has the very bits that were put in, so that no result depends on the budget.
 
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use bytemuck::Pod;
-
+use crate::contour::Seed;
 use crate::error::{Error, Result};
+use crate::fit::Weighted;
+use crate::jobs::Track;
 
 /// Bytes that all shelves of a run may keep in memory together.
 #[derive(Debug)]
 pub struct Budget {
     left: AtomicU64,
-    working: Option<u64>,
+    /// What may be worked on beside one thing.
+    spare: Option<u64>,
 }
 
 impl Default for Budget {
@@ -27,28 +29,28 @@ impl Default for Budget {
 impl Budget {
     /// Everything stays in memory.
     pub fn unlimited() -> Self {
-        Budget { left: AtomicU64::new(u64::MAX), working: None }
+        Budget { left: AtomicU64::new(u64::MAX), spare: None }
     }
 
-    /// Shelves keep `kept` bytes, and what is worked on at once should stay within `working`.
-    pub fn of(kept: u64, working: u64) -> Self {
-        Budget { left: AtomicU64::new(kept), working: Some(working) }
+    /// Shelves keep `kept` bytes; where one thing is worked on, others may take `spare` bytes.
+    pub fn of(kept: u64, spare: u64) -> Self {
+        Budget { left: AtomicU64::new(kept), spare: Some(spare) }
     }
 
     /// How many of `count` things of `bytes` each are worked on at once, at least one.
     pub fn at_once(&self, count: usize, bytes: usize) -> usize {
-        let fit = self.working.map_or(usize::MAX, |working| (working / bytes.max(1) as u64) as usize);
-        fit.min(count).max(1)
+        let more = self.spare.map_or(usize::MAX, |spare| (spare / bytes.max(1) as u64) as usize);
+        more.saturating_add(1).min(count).max(1)
     }
 
     /// Bytes that shelves may keep, where they are bounded.
     pub fn kept(&self) -> Option<u64> {
-        self.working.map(|_| self.left.load(Ordering::Relaxed))
+        self.spare.map(|_| self.left.load(Ordering::Relaxed))
     }
 
-    /// Bytes of what is worked on at once, at most `most`.
-    pub fn working(&self, most: usize) -> usize {
-        self.working.map_or(most, |working| most.min(working as usize))
+    /// Bytes that what is worked on beside one thing may take, at most `most`.
+    pub fn spare(&self, most: usize) -> usize {
+        self.spare.map_or(most, |spare| most.min(spare as usize))
     }
 
     fn take(&self, bytes: u64) -> bool {
@@ -61,13 +63,110 @@ impl Budget {
 }
 
 /// A large array of a thing.
-pub enum Array<'a> {
-    /// Numbers of fields.
-    F64(&'a mut Vec<f64>),
-    /// Labels.
-    U32(&'a mut Vec<u32>),
-    /// Vectors of displacements.
-    Pairs(&'a mut Vec<[f64; 2]>),
+pub type Array<'a> = &'a mut dyn Stored;
+
+/// Values that can be laid down as bytes and come back with the very same bits.
+pub trait Stored {
+    /// How many there are.
+    fn count(&self) -> usize;
+
+    /// Bytes of one.
+    fn size(&self) -> usize;
+
+    /// Writes them.
+    ///
+    /// # Errors
+    /// Those of the file.
+    fn write(&self, file: &mut dyn Write) -> io::Result<()>;
+
+    /// Drops them.
+    fn clear(&mut self);
+
+    /// Reads `count` of them.
+    ///
+    /// # Errors
+    /// Those of the file.
+    fn read(&mut self, count: usize, file: &mut dyn Read) -> io::Result<()>;
+}
+
+macro_rules! stored_as_they_are {
+    ($($value:ty),*) => {$(
+        impl Stored for Vec<$value> {
+            fn count(&self) -> usize {
+                self.len()
+            }
+
+            fn size(&self) -> usize {
+                size_of::<$value>()
+            }
+
+            fn write(&self, file: &mut dyn Write) -> io::Result<()> {
+                file.write_all(bytemuck::cast_slice(self))
+            }
+
+            fn clear(&mut self) {
+                *self = Vec::new();
+            }
+
+            fn read(&mut self, count: usize, file: &mut dyn Read) -> io::Result<()> {
+                *self = vec![bytemuck::Zeroable::zeroed(); count];
+                file.read_exact(bytemuck::cast_slice_mut(self))
+            }
+        }
+    )*};
+}
+
+stored_as_they_are!(f64, f32, u32, [f64; 2], Seed, Weighted);
+
+impl Stored for Vec<bool> {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn size(&self) -> usize {
+        1
+    }
+
+    fn write(&self, file: &mut dyn Write) -> io::Result<()> {
+        file.write_all(bytemuck::cast_slice(self))
+    }
+
+    fn clear(&mut self) {
+        *self = Vec::new();
+    }
+
+    fn read(&mut self, count: usize, file: &mut dyn Read) -> io::Result<()> {
+        let mut bytes = vec![0u8; count];
+        file.read_exact(&mut bytes)?;
+        *self = bytes.into_iter().map(|byte| byte != 0).collect();
+        Ok(())
+    }
+}
+
+impl Stored for Vec<Track> {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn size(&self) -> usize {
+        size_of::<[f64; 5]>()
+    }
+
+    fn write(&self, file: &mut dyn Write) -> io::Result<()> {
+        let numbers: Vec<[f64; 5]> = self.iter().map(|track| track.numbers()).collect();
+        file.write_all(bytemuck::cast_slice(&numbers))
+    }
+
+    fn clear(&mut self) {
+        *self = Vec::new();
+    }
+
+    fn read(&mut self, count: usize, file: &mut dyn Read) -> io::Result<()> {
+        let mut numbers = vec![[0.0; 5]; count];
+        file.read_exact(bytemuck::cast_slice_mut(&mut numbers))?;
+        *self = numbers.into_iter().map(Track::of_numbers).collect();
+        Ok(())
+    }
 }
 
 /// A thing with large arrays.
@@ -119,7 +218,7 @@ impl<'b, T: Large> Shelf<'b, T> {
     /// # Errors
     /// [`Error::Write`] where the temporary file cannot be written.
     pub fn push(&mut self, mut item: T) -> Result<()> {
-        let bytes = item.arrays().iter_mut().map(|a| a.bytes().len() as u64).sum();
+        let bytes = item.arrays().iter().map(|a| (a.count() * a.size()) as u64).sum();
         if self.budget.take(bytes) {
             self.items.push(Item::Kept { item: Arc::new(item), bytes });
             return Ok(());
@@ -132,9 +231,10 @@ impl<'b, T: Large> Shelf<'b, T> {
         let file = file.get_mut().unwrap_or_else(PoisonError::into_inner);
         file.seek(SeekFrom::Start(self.end)).map_err(failed)?;
         let mut lengths = Vec::new();
-        for mut array in item.arrays() {
-            file.write_all(array.bytes()).map_err(failed)?;
-            lengths.push(array.clear());
+        for array in item.arrays() {
+            array.write(file).map_err(failed)?;
+            lengths.push(array.count());
+            array.clear();
         }
         self.items.push(Item::Laid { rest: item, at: self.end, lengths });
         self.end += bytes;
@@ -146,6 +246,18 @@ impl<'b, T: Large> Shelf<'b, T> {
     /// # Errors
     /// [`Error::Read`] where the temporary file cannot be read.
     pub fn get(&self, i: usize) -> Result<Arc<T>> {
+        self.load(i, |_| true)
+    }
+
+    /// Thing `i` with at least these of its arrays, by their places in [`Large::arrays`]; others may be missing.
+    ///
+    /// # Errors
+    /// As [`Shelf::get`].
+    pub fn some(&self, i: usize, wanted: &[usize]) -> Result<Arc<T>> {
+        self.load(i, |k| wanted.contains(&k))
+    }
+
+    fn load(&self, i: usize, wanted: impl Fn(usize) -> bool) -> Result<Arc<T>> {
         let (rest, at, lengths) = match &self.items[i] {
             Item::Kept { item, .. } => return Ok(item.clone()),
             Item::Laid { rest, at, lengths } => (rest, at, lengths),
@@ -154,9 +266,13 @@ impl<'b, T: Large> Shelf<'b, T> {
         let mut item = rest.clone();
         if let Some(file) = &self.file {
             let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
-            file.seek(SeekFrom::Start(*at)).map_err(failed)?;
-            for (mut array, &length) in item.arrays().into_iter().zip(lengths) {
-                file.read_exact(array.grow(length)).map_err(failed)?;
+            let mut at = *at;
+            for (k, (array, &length)) in item.arrays().into_iter().zip(lengths).enumerate() {
+                if wanted(k) {
+                    file.seek(SeekFrom::Start(at)).map_err(failed)?;
+                    array.read(length, &mut *file).map_err(failed)?;
+                }
+                at += (length * array.size()) as u64;
             }
         }
         Ok(Arc::new(item))
@@ -177,38 +293,6 @@ impl<T> Drop for Shelf<'_, T> {
             if let Item::Kept { bytes, .. } = item {
                 self.budget.give_back(*bytes);
             }
-        }
-    }
-}
-
-impl Array<'_> {
-    fn bytes(&mut self) -> &[u8] {
-        match self {
-            Array::F64(values) => bytemuck::cast_slice(values),
-            Array::U32(values) => bytemuck::cast_slice(values),
-            Array::Pairs(values) => bytemuck::cast_slice(values),
-        }
-    }
-
-    /// Drops the values; how many they were.
-    fn clear(&mut self) -> usize {
-        match self {
-            Array::F64(values) => std::mem::take(*values).len(),
-            Array::U32(values) => std::mem::take(*values).len(),
-            Array::Pairs(values) => std::mem::take(*values).len(),
-        }
-    }
-
-    /// Room for as many values, as bytes.
-    fn grow(&mut self, length: usize) -> &mut [u8] {
-        fn zeros<N: Pod>(values: &mut Vec<N>, length: usize) -> &mut [u8] {
-            *values = vec![N::zeroed(); length];
-            bytemuck::cast_slice_mut(values)
-        }
-        match self {
-            Array::F64(values) => zeros(values, length),
-            Array::U32(values) => zeros(values, length),
-            Array::Pairs(values) => zeros(values, length),
         }
     }
 }

@@ -7,6 +7,7 @@ use crate::contours::Contour;
 use crate::jobs::{Direction, TraceJob, Traced, Track};
 use crate::matching::{GroupFields, Interval};
 use crate::motion::Frame;
+use crate::shelf::{Array, Large};
 
 /// A part of depth D without partner closes half way; its contour has gone this many times D at the other contour's height.
 const VIRTUAL_DEPTHS: f64 = 2.0;
@@ -42,13 +43,20 @@ impl Side {
     }
 }
 
-/// Both sides of a contour; `None` where the stack ends.
+/// What was measured in an interval; nothing where it was not traced.
 #[derive(Debug, Clone, Default)]
 pub struct Sides {
-    /// Towards the contour below.
-    pub down: Option<Side>,
-    /// Towards the contour above.
+    /// Upward, of the contour below.
     pub up: Option<Side>,
+    /// Downward, of the contour above.
+    pub down: Option<Side>,
+}
+
+impl Large for Sides {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        let both = [&mut self.up, &mut self.down].into_iter().flatten();
+        both.flat_map(|side| [&mut side.tracks as Array<'_>, &mut side.lone]).collect()
+    }
 }
 
 /// The morph of one end of a group onto the other, with those of the contour's seeds that take part.

@@ -1,8 +1,11 @@
 //! From the mid frame of an interval to the layers between its slices.
 
+use rayon::prelude::*;
+
 use crate::displacement::Displacement;
-use crate::field::Field;
+use crate::field::{Field, sample, sample_smooth};
 use crate::moving_field::{CELL, Cells, MovingField, Paths, plus, probes};
+use crate::packed::Packed;
 use crate::spline::smoothstep;
 use crate::trust::Trust;
 
@@ -13,7 +16,7 @@ pub struct Warp<'m> {
     /// From the slices to the mid frame.
     off: [Displacement; 2],
     /// What the way to the mid frame and back takes from either slice, px.
-    lost: [Field; 2],
+    lost: [Packed<f64>; 2],
     limit: f64,
 }
 
@@ -36,16 +39,24 @@ impl Way {
 }
 
 impl<'m> Warp<'m> {
-    /// For an interval whose slices are `low` and `high`, as they are and as the mid frame sees them; distances count up to `limit` px.
-    pub fn new(moving: &'m MovingField, i: usize, slices: [(&Field, &Field); 2], limit: f64) -> Self {
+    /// For an interval whose slices are `low` and `high`, as they are (nothing where they are empty) and as the mid frame sees them;
+    /// distances count up to `limit` px.
+    pub fn new(moving: &'m MovingField, i: usize, slices: [(Option<&Field>, &Field); 2], limit: f64) -> Self {
         let off = moving.off_slices(i, 0.5, &moving.paths(i, 0.5));
         let lost = [0, 1].map(|end| {
             let (own, seen) = slices[end];
             let way = way_to_middle(&moving.paths(i, end as f64), &off);
-            Field::from_fn(own.dims, |i, j| {
-                let (x, v) = ([i as f64, j as f64], own.data[j * own.dims[0] + i]);
-                if v.abs() < limit { v - seen.sample_smooth(plus(x, way.at(x), 1.0)) } else { 0.0 }
-            })
+            let [lost] = Packed::of_rows(seen.dims, |first, [rows]: [&mut [f64]; 1]| {
+                let Some(own) = own else { return };
+                let nx = own.dims[0];
+                for (n, lost) in (first * nx..).zip(rows) {
+                    let (x, v) = ([(n % nx) as f64, (n / nx) as f64], own.data[n]);
+                    if v.abs() < limit {
+                        *lost = v - seen.sample_smooth(plus(x, way.at(x), 1.0));
+                    }
+                }
+            });
+            lost
         });
         Warp { moving, i, off, lost, limit }
     }
@@ -57,18 +68,19 @@ impl<'m> Warp<'m> {
         Way { t, paths, to_middle }
     }
 
-    /// A layer from its values in the mid frame, both clamped; in the cells of `doubts` the layer `other` counts where trust is missing.
+    /// A layer from its values in the mid frame, `seen`, row-major as the layer is, and both clamped; in the cells of `doubts` the layer `other` counts where trust is missing.
     /// Of other cells it is read at the [`probes`], as both layers tell whether a cell is far from any contour.
-    pub fn layer(&self, seen: &Field, way: &Way, trust: &Trust, doubts: &Cells, other: &[f32]) -> Field {
+    pub fn layer(&self, seen: &[f32], way: &Way, trust: &Trust, doubts: &Cells, other: &[f32]) -> Vec<f32> {
         let Way { t, paths, to_middle } = way;
-        let [nx, ny] = seen.dims;
+        let dims = self.lost[0].dims();
+        let [nx, ny] = dims;
         let limit = self.limit;
         let w = smoothstep(*t);
         let value = |x: [f64; 2], way, come, go, doubtful: bool| {
             let middle = plus(x, way, 1.0);
             let low = self.lost[0].sample(plus(x, come, -1.0));
             let high = self.lost[1].sample(plus(x, go, 1.0));
-            let v = seen.sample_smooth(middle) + (1.0 - w) * low + w * high;
+            let v = sample_smooth(seen, dims, middle) + (1.0 - w) * low + w * high;
             if !doubtful {
                 return v.clamp(-limit, limit);
             }
@@ -76,32 +88,34 @@ impl<'m> Warp<'m> {
             let other = f64::from(other[x[1] as usize * nx + x[0] as usize]);
             (trust * v + (1.0 - trust) * other).clamp(-limit, limit)
         };
-        let mut out = Field::filled(seen.dims, limit);
-        for top in (0..ny).step_by(CELL) {
+        let mut out = vec![0.0; nx * ny];
+        out.par_chunks_mut(nx * CELL).enumerate().for_each(|(cell, rows)| {
+            let top = cell * CELL;
             for left in (0..nx).step_by(CELL) {
                 let (right, bottom) = ((left + CELL).min(nx) - 1, (top + CELL).min(ny) - 1);
                 let probes = probes([left, top], [right, bottom]);
                 let doubtful = doubts.at(left, top);
-                let values = probes.map(|p| p.map(|p| p as f64)).map(|x| seen.sample(plus(x, to_middle.at(x), 1.0)));
+                let at = |x: [f64; 2]| sample(seen, dims, plus(x, to_middle.at(x), 1.0));
+                let values = probes.map(|p| at(p.map(|p| p as f64)));
                 let others = probes.map(|[x, y]| f64::from(other[y * nx + x]));
                 let all = || values.iter().chain(&others);
                 let far = all().all(|v| *v >= limit) || all().all(|v| *v <= -limit);
                 let [mut ways, mut come, mut go] = [[[0.0; 2]; CELL]; 3];
                 for y in top..=bottom {
-                    let row = &mut out.data[y * nx + left..=y * nx + right];
+                    let row = &mut rows[(y - top) * nx + left..=(y - top) * nx + right];
                     if far {
-                        row.fill(values[0]);
+                        row.fill(values[0] as f32);
                         continue;
                     }
                     to_middle.read_row(y, left, &mut ways);
                     paths.come.read_row(y, left, &mut come);
                     paths.go.read_row(y, left, &mut go);
                     for (k, v) in row.iter_mut().enumerate() {
-                        *v = value([(left + k) as f64, y as f64], ways[k], come[k], go[k], doubtful);
+                        *v = value([(left + k) as f64, y as f64], ways[k], come[k], go[k], doubtful) as f32;
                     }
                 }
             }
-        }
+        });
         out
     }
 }

@@ -197,7 +197,7 @@ fn stages_of_the_moving_field_are_the_same_in_batches() {
             DisplacementJob { fields: &fields, gaps: &gaps, guess: &still, begin: &still, rounds: 0..ROUNDS.len(), h };
         let found = gpu.displacements(&job).expect("displacements");
         let moving = MovingField::new(Vec::clone(&heights), 1.0, fields.clone(), found);
-        let slopes = gpu.moving_slopes(&moving, &Silent).expect("slopes");
+        let slopes = gpu.moving_slopes(&moving, 0..10, &Silent).expect("slopes");
         let before = gpu.profile().submissions;
         let lone = LoneParts::default();
         let layers =

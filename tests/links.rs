@@ -390,7 +390,7 @@ fn linked_stacks_are_closed_exact_and_the_same_upside_down() {
             assert!(layer.phi.iter().all(|v| v.is_finite() && *v != 0.0));
             if let Some(i) = layer.contour {
                 let SliceContent::Mask(mask) = &stack.slices[i].content else { panic!("masks went in") };
-                assert!(mask.iter().zip(&layer.phi).all(|(m, v)| *m == (*v < 0.0)), "contour {i}");
+                assert!(mask.iter().zip(&layer.phi).all(|(m, v)| m == (*v < 0.0)), "contour {i}");
             }
         }
         let mesh = closed_surface(&body);

@@ -78,7 +78,7 @@ fn one_run(asked: &str) {
     let loaded = Loaded::new(stack(), JobOptions { settings, output, ..JobOptions::default() }).expect("it is sound");
     let targets: Vec<_> = KINDS.iter().map(|kind| Path::new(place).join(format!("out.{kind}"))).collect();
     let mut outputs = Outputs::open(&targets, None, Temporary::Random).expect("the folder is there");
-    let said = loaded.needs().all + outputs.bytes(loaded.stack.dims, &loaded.stack.geometry);
+    let said = loaded.needs().all + outputs.bytes(loaded.stack.dims, &loaded.stack.geometry, loaded.stack.lid());
     let budget = Budget::unlimited();
     let means = Means { backend: &Reference, progress: &Silent, budget: &budget };
     let mut body = loaded.compute(&means, &mut outputs).expect("it can be computed");

@@ -43,7 +43,7 @@ fn check(stack: &ContourStack, top: f64, settings: &Settings) -> Result<(), Test
         prop_assert!(layer.phi.iter().all(|v| v.is_finite() && *v != 0.0));
         if let Some(i) = layer.contour {
             let SliceContent::Mask(mask) = &stack.slices[i].content else { unreachable!("masks went in") };
-            prop_assert!(mask.iter().zip(&layer.phi).all(|(m, v)| *m == (*v < 0.0)), "contour {i} is not met");
+            prop_assert!(mask.iter().zip(&layer.phi).all(|(m, v)| m == (*v < 0.0)), "contour {i} is not met");
         }
     }
     let mesh = closed_surface(&body);

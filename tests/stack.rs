@@ -21,7 +21,7 @@ fn heights_that_are_no_numbers_are_refused_by_name() {
     stack.slices[1].z = f64::INFINITY;
     assert!(reconstruct(&stack, &Settings::default()).is_err());
     stack.slices[1].z = 5.0;
-    stack.slices[2].content = SliceContent::Mask(vec![true; 7]);
+    stack.slices[2].content = SliceContent::Mask([true; 7].into_iter().collect());
     let message = reconstruct(&stack, &Settings::default()).expect_err("seven pixels are no slice").to_string();
     assert!(message.contains("slice 2") && message.contains("7 pixels") && message.contains("40x40"), "{message}");
     let mut grey = levels(40, &[0.0, 5.0], &[9.0, 8.0].map(|r| circle(19.0, 19.0, r)));

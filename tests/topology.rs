@@ -84,7 +84,7 @@ fn every_case_is_closed_exact_at_its_inputs_and_finite() {
             assert!(layer.phi.iter().all(|v| v.is_finite() && *v != 0.0), "{way}, {name}: z = {}", layer.z);
             if let Some(i) = layer.contour {
                 let SliceContent::Mask(mask) = &stack.slices[i].content else { panic!("masks went in") };
-                let different = mask.iter().zip(&layer.phi).filter(|(m, v)| **m != (**v < 0.0)).count();
+                let different = mask.iter().zip(&layer.phi).filter(|(m, v)| *m != (**v < 0.0)).count();
                 assert_eq!(different, 0, "{way}, {name}: contour {i}");
             }
         }

@@ -65,8 +65,8 @@ fn slices_are_chosen_by_label_keep_or_number() {
     let all = stack(&path, ReadOptions::default());
     assert_eq!(all.slices[2].name, "k=4");
     let SliceContent::Mask(mask) = &all.slices[2].content else { panic!("labels are masks") };
-    assert_eq!(mask.iter().position(|m| *m), Some(2 * 24 + 2));
-    assert_eq!(mask.iter().filter(|m| **m).count(), 1);
+    assert_eq!(mask.iter().position(|m| m), Some(2 * 24 + 2));
+    assert_eq!(mask.iter().filter(|m| *m).count(), 1);
     assert_eq!(all.spacing.map(|s| (s * 1e9).round() / 1e9), [1.0, 2.0]);
     assert_eq!(all.z_out.map(|g| (g.start, g.step, g.count)), Some((0.0, 2.5, 13)));
     assert!(read(&path, &ReadOptions { label: Some(5), ..Default::default() }).is_err());

@@ -65,8 +65,9 @@ impl<'a> Batch<'a> {
             if job.fingerprint(&self.options.machine)? != print {
                 return Err(Error::Format { path: job.input.clone(), message: "has changed while it was read".into() });
             }
-            let writing =
-                format::bytes(job.targets.iter().map(|t| t.as_path()), loaded.stack.dims, &loaded.stack.geometry);
+            let stack = &loaded.stack;
+            let targets = job.targets.iter().map(|t| t.as_path());
+            let writing = format::bytes(targets, stack.dims, &stack.geometry, stack.lid());
             let needs = loaded.needs();
             let budget = needs.budget(writing, Some(self.options.memory))?;
             // A job larger than the memory of all has all of it for itself.

@@ -65,8 +65,8 @@ pub fn run(all: &All<'_>) -> Result<()> {
         options.read.roi = vec![roi.number.to_string()];
         let loaded = Loaded::read(all.input, options)?;
         completed.check(&loaded.options.output)?;
-        let (dims, geometry) = (loaded.stack.dims, &loaded.stack.geometry);
-        let writing = outputs.bytes(dims, geometry) + completed.bytes(dims, geometry);
+        let (dims, geometry, lid) = (loaded.stack.dims, &loaded.stack.geometry, loaded.stack.lid());
+        let writing = outputs.bytes(dims, geometry, lid) + completed.bytes(dims, geometry, lid);
         let budget = budget(&loaded, writing, all.device, all.telling)?;
         tell(all, &roi.label());
         let source = loaded.options.output.source.as_ref().ok_or_else(|| {

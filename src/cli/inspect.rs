@@ -151,7 +151,7 @@ struct Seen {
 
 impl Seen {
     fn of(slice: &Slice, [nx, ny]: [usize; 2]) -> Self {
-        let inside: Vec<bool> = (0..nx * ny).map(|n| slice.content.inside(n)).collect();
+        let inside = slice.content.sides();
         let outside: Vec<bool> = inside.iter().map(|m| !m).collect();
         let background = label8(&outside, [nx, ny]);
         let border = (0..nx * ny).filter(|n| n % nx == 0 || n % nx == nx - 1 || n / nx == 0 || n / nx == ny - 1);

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "dicom")]
 mod all_rois;
+mod allocator;
 mod bar;
 mod batch;
 mod config;
@@ -59,6 +60,10 @@ pub fn run() -> Result<()> {
     let batch = |c: clap::Command| c.mut_arg("memory", |a| a.help(together));
     let matches = Cli::command().mut_subcommand("batch", batch).get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
+    let bounded = |(_, matches): (&str, &clap::ArgMatches)| matches!(matches.try_get_one::<u64>("memory"), Ok(Some(_)));
+    if matches.subcommand().is_some_and(bounded) {
+        allocator::give_back_at_once();
+    }
     match (cli.command, matches.subcommand()) {
         (Command::Reconstruct(arguments), Some((_, matches))) => reconstruct::run(*arguments, matches),
         (Command::Plan(arguments), Some((_, matches))) => sections::plan(*arguments, matches),

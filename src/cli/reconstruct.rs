@@ -112,7 +112,8 @@ pub fn set_threads(threads: Option<usize>) -> Result<()> {
 
 /// One reconstruction, from a checked stack to its files.
 pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions, telling: Telling) -> Result<()> {
-    let budget = budget(loaded, outputs.bytes(loaded.stack.dims, &loaded.stack.geometry), device, telling)?;
+    let stack = &loaded.stack;
+    let budget = budget(loaded, outputs.bytes(stack.dims, &stack.geometry, stack.lid()), device, telling)?;
     let chosen = chosen(device, telling)?;
     let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, &budget, telling)?;
     complete(&mut outputs, &mut body, telling)?;

@@ -207,7 +207,9 @@ pub fn merge(arguments: MergeArguments) -> Result<()> {
     options.check_ranges()?;
     let mut outputs = Outputs::open(&arguments.outputs, None, Temporary::Random)?;
     outputs.check(&options)?;
-    memory::check(outputs.bytes(sections.dims(), sections.geometry()), None)?;
+    // What was drawn is not known here: as if a third of the image were.
+    let lid = sections.dims().iter().product::<usize>() / 3;
+    memory::check(outputs.bytes(sections.dims(), sections.geometry(), lid), None)?;
     let mut body = sections.replay(&mut outputs.sink(&options))?;
     outputs.complete(&mut body.report)?;
     let written = outputs.rename()?;

@@ -29,11 +29,12 @@ pub(super) enum Format {
 
 /// Bytes of an output's buffer.
 pub(super) const BUFFER_BYTES: usize = 1 << 20;
-/// Bytes per pixel of a layer: of its voxels, of a height map and the layer below, of the two layers and the vertices on their edges that
-/// marching cubes needs, and of the slab of the mesh whose normals are not finished.
-const PER_VOLUME_PIXEL: u64 = 4;
+/// Bytes per pixel of a layer: of some of its voxels, of a height map and the layer below, of the two layers that marching cubes needs (and of
+/// the vertices and triangles where the body ends flat), and of the slab of the mesh whose normals are not finished.
+const PER_VOLUME_PIXEL: u64 = 1;
 const PER_MAP_PIXEL: u64 = 8;
-const PER_SURFACE_PIXEL: u64 = 48;
+const PER_SURFACE_PIXEL: u64 = 4;
+const PER_LID_PIXEL: u64 = 140;
 const PER_MESH_PIXEL: u64 = 16;
 /// Of the field in which a layer's contour lines are found, and of the lines.
 const PER_LINE_PIXEL: u64 = 24;
@@ -151,12 +152,13 @@ pub(super) fn check_place(path: &Path, format: Format) -> Result<()> {
     Err(Error::Output { path: path.into(), message: message.into() })
 }
 
-/// Bytes of memory that writing `paths` needs at most while layers of `dims` pixels that lie so arrive, however many these are.
-pub fn bytes<'p>(paths: impl IntoIterator<Item = &'p Path>, dims: [usize; 2], geometry: &Geometry) -> u64 {
-    needed(paths.into_iter().filter_map(|path| Format::of(path).ok()), dims, geometry)
+/// Bytes of memory that writing `paths` needs at most while layers of `dims` pixels that lie so arrive, however many these are, and the
+/// body ends flat on at most `lid` pixels.
+pub fn bytes<'p>(paths: impl IntoIterator<Item = &'p Path>, dims: [usize; 2], geometry: &Geometry, lid: usize) -> u64 {
+    needed(paths.into_iter().filter_map(|path| Format::of(path).ok()), dims, geometry, lid)
 }
 
-pub(super) fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], geometry: &Geometry) -> u64 {
+pub(super) fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], geometry: &Geometry, lid: usize) -> u64 {
     let pixels = dims.iter().product::<usize>() as u64;
     let turned = if geometry.is_layered() { 0 } else { (transposed::BLOCK_BYTES + transposed::BUFFER_BYTES) as u64 };
     let formats: Vec<Format> = formats.collect();
@@ -172,7 +174,7 @@ pub(super) fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], ge
         Format::Stl | Format::Ply | Format::Obj | Format::Glb | Format::Report => 0,
     });
     each.sum::<u64>()
-        + if formats.iter().any(surface) { PER_SURFACE_PIXEL * pixels } else { 0 }
+        + if formats.iter().any(surface) { PER_SURFACE_PIXEL * pixels + PER_LID_PIXEL * lid as u64 } else { 0 }
         + if formats.iter().any(mesh) { spool::IN_MEMORY as u64 + PER_MESH_PIXEL * pixels } else { 0 }
         + BUFFER_BYTES as u64 * formats.len() as u64
 }

@@ -222,9 +222,9 @@ impl LabelOutputs {
 
     /// Bytes of memory that writing needs at most: labels are written one by one.
     fn bytes(&self, stack: &LabelStack) -> u64 {
-        let (dims, geometry) = (stack.stack.dims, &stack.stack.geometry);
-        let labels = self.labels.iter().map(|o| o.bytes(dims, geometry)).max();
-        self.volume.bytes(dims, geometry) + labels.unwrap_or(0)
+        let (dims, geometry, lid) = (stack.stack.dims, &stack.stack.geometry, stack.stack.lid());
+        let labels = self.labels.iter().map(|o| o.bytes(dims, geometry, lid)).max();
+        self.volume.bytes(dims, geometry, lid) + labels.unwrap_or(0)
     }
 
     /// Writes the report and gives everything its name.

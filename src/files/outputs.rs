@@ -158,9 +158,10 @@ impl Outputs {
         self.files.iter().try_for_each(|f| options.check(&f.target, f.format))
     }
 
-    /// Bytes of memory that writing needs at most while layers of `dims` pixels that lie so arrive.
-    pub fn bytes(&self, dims: [usize; 2], geometry: &Geometry) -> u64 {
-        needed(self.files.iter().map(|f| f.format), dims, geometry)
+    /// Bytes of memory that writing needs at most while layers of `dims` pixels that lie so arrive, and the body ends flat on at most `lid`
+    /// pixels.
+    pub fn bytes(&self, dims: [usize; 2], geometry: &Geometry, lid: usize) -> u64 {
+        needed(self.files.iter().map(|f| f.format), dims, geometry, lid)
     }
 
     /// Takes the layers of a body and writes them under temporary names.

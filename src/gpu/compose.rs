@@ -13,6 +13,7 @@ use crate::compose::mend;
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, SweepPair, Swept, blend_weights};
+use crate::packed::Packed;
 
 /// Head of the pool of values: how many are used.
 const VALUES_HEAD: usize = 4;
@@ -139,7 +140,7 @@ pub fn fill_slices(
             }
         }
         for (&(p, _), slice) in batch.iter().zip(slices) {
-            out[p].slices.push(slice.data.iter().map(|&v| v as f32).collect());
+            out[p].slices.push(Packed::single(&slice));
         }
     }
     Ok(out)

@@ -94,8 +94,8 @@ impl Backend for GpuOrReference<'_> {
         self.ask(|backend| backend.displacements(job))
     }
 
-    fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
-        self.ask(|backend| backend.moving_slopes(moving, progress))
+    fn moving_slopes(&self, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
+        self.ask(|backend| backend.moving_slopes(moving, wanted.clone(), progress))
     }
 
     fn moving_layers(

@@ -30,6 +30,7 @@ pub mod twins;
 mod waiting;
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
 use crate::displacement::{Displacement, DisplacementJob};
@@ -158,13 +159,13 @@ impl Backend for Gpu {
         }
     }
 
-    fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
+    fn moving_slopes(&self, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
         match moving.fields.first() {
             Some(image) if self.holds_images(image.dims) => {
                 let _turn = self.turns.take();
-                moving_slopes::slopes(self, moving, progress)
+                moving_slopes::slopes(self, moving, wanted, progress)
             }
-            _ => Reference.moving_slopes(moving, progress),
+            _ => Reference.moving_slopes(moving, wanted, progress),
         }
     }
 

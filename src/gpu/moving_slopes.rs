@@ -15,9 +15,9 @@ use crate::progress::Progress;
 /// Slices that a slope reads on either side of its own.
 const HALO: usize = 2;
 
-/// Slopes at all slices, per height.
-pub fn slopes(gpu: &Gpu, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
-    let slices = moving.fields.len();
+/// Slopes at the `wanted` slices, per height.
+pub fn slopes(gpu: &Gpu, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
+    let slices = wanted.len();
     let nodes = moving.fields[0].data.len();
     let bytes = 4 * nodes + 16 * moving.displacements[0].vectors.len();
     // Slopes lie there twice while they are read back.
@@ -25,7 +25,7 @@ pub fn slopes(gpu: &Gpu, moving: &MovingField, progress: &dyn Progress) -> Resul
     let mut out = Vec::with_capacity(slices);
     for batch in batches((0..slices).map(share)) {
         progress.advance(batch.len());
-        out.extend(of_slices(gpu, moving, batch)?);
+        out.extend(of_slices(gpu, moving, wanted.start + batch.start..wanted.start + batch.end)?);
     }
     Ok(out)
 }

@@ -198,8 +198,8 @@ fn paths(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> {
 }
 
 fn slopes(gpu: &Gpu, moving: &MovingField) -> Result<Comparison> {
-    let ours = gpu.moving_slopes(moving, &Silent)?;
-    let twin = Reference.moving_slopes(moving, &Silent)?;
+    let ours = gpu.moving_slopes(moving, 0..moving.fields.len(), &Silent)?;
+    let twin = Reference.moving_slopes(moving, 0..moving.fields.len(), &Silent)?;
     let stage = match ours.len() {
         2 => "slopes of two slices",
         3 => "slopes of three slices",
@@ -214,7 +214,8 @@ fn slopes(gpu: &Gpu, moving: &MovingField) -> Result<Comparison> {
 }
 
 fn layers(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> {
-    let slopes: Vec<Field> = Reference.moving_slopes(moving, &Silent)?.iter().map(single).collect();
+    let slopes: Vec<Field> =
+        Reference.moving_slopes(moving, 0..moving.fields.len(), &Silent)?.iter().map(single).collect();
     let deeper = |lone: &LoneParts, by: f64| {
         let deeper =
             |parts: &[LonePart]| parts.iter().map(|part| LonePart { depth: part.depth + by, ..part.clone() }).collect();

@@ -438,7 +438,7 @@ fn sweeps(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
     });
     let steps = Comparison::of("steps of sweeps", 1e-4, steps);
     let slices = |f: &[crate::jobs::Filled]| -> Vec<f64> {
-        f.iter().flat_map(|f| f.slices.iter().flatten().map(|v| f64::from(*v))).collect()
+        f.iter().flat_map(|f| f.slices.iter().flat_map(|slice| slice.unpack()).map(f64::from)).collect()
     };
     let near = slices(&ours).into_iter().zip(slices(&twin)).filter(|(_, b)| b.abs() < 3.0);
     let far = slices(&ours).into_iter().zip(slices(&twin)).filter(|(_, b)| b.abs() >= 3.0);

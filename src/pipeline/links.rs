@@ -62,7 +62,10 @@ impl<'a> Run<'a> {
             let told = |(from, to, join, by)| LinkReport { from, to, join, by, meet: 0.0 };
             IntervalLinks { told: found.into_iter().map(told).collect() }
         };
-        self.links = self.of_pairs(contours, of)?;
+        self.links = match self.settings.links.is_empty() && self.settings.link != Linking::Auto {
+            true => vec![IntervalLinks::default(); contours.len() - 1],
+            false => self.of_pairs(contours, of)?,
+        };
         Ok(())
     }
 

@@ -136,7 +136,7 @@ impl LayerSink for Certified<'_> {
         }
         if let Some(i) = layer.contour {
             let content = &self.stack.slices[i].content;
-            self.differing[i] = differing_pixels(&layer.phi, |n| content.inside(n));
+            self.differing[i] = differing_pixels(&layer.phi, content);
             layer.contour = Some(self.first + i);
         }
         self.sink.layer(layer)
@@ -285,7 +285,7 @@ impl<'a> Run<'a> {
                 z: s.z,
                 extra: s.extra,
                 components: c.solids.count,
-                holes: c.holes(),
+                holes: c.holes,
                 pixels: c.solids.labels.iter().filter(|l| **l > 0).count(),
                 ..ContourReport::default()
             }));

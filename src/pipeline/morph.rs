@@ -10,12 +10,11 @@ use super::links::{IntervalLinks, in_frame};
 use super::{CHUNK_BYTES, Run, Sink, time};
 use crate::backend::MorphOptions;
 use crate::compose::{Canvas, HALF_WAY, IntervalCaps, unite_cap};
-use crate::contour::Seed;
-use crate::contours::{Contour, Outline};
+use crate::contours::Contour;
 use crate::ends::End;
 use crate::error::{Error, Result};
 use crate::field::Field;
-use crate::fit::{Fitted, course, fit};
+use crate::fit::{Fitted, Measured, course, fit};
 use crate::heights::{Height, Heights};
 use crate::jobs::{Direction, Filled, PartJob, SweepJob, SweepPair};
 use crate::matching::{Interval, IntervalPlan};
@@ -26,6 +25,7 @@ use crate::settings::Motion;
 use crate::shelf::Shelf;
 use crate::surface::Layer;
 use crate::surface::stream::LayerSink;
+use crate::tile::Tile;
 use crate::topology::Decided;
 use crate::tracks::{self, Side, Sides, trace_job};
 use crate::trust::Trust;
@@ -61,12 +61,13 @@ impl SeenStack<'_, '_> {
         }
     }
 
-    /// Their seeds.
-    fn seeds(&self, i: usize, end: usize) -> &[Seed] {
-        match &self.moved {
-            Some(moved) => &moved.light(2 * i + end).seeds,
-            None => &self.contours.light(i + end).seeds,
-        }
+    /// The same with some of their arrays.
+    fn some(&self, i: usize, wanted: &[usize]) -> Result<Seen> {
+        let of = |end: usize| match &self.moved {
+            Some(moved) => moved.some(2 * i + end, wanted),
+            None => self.contours.some(i + end, wanted),
+        };
+        Ok([of(0)?, of(1)?])
     }
 }
 
@@ -78,8 +79,8 @@ struct Made<'c, 'b> {
     /// Pairs that are kept apart, as the mid frame numbers them.
     parted: Vec<Pairs>,
     intervals: Shelf<'b, Interval>,
-    sides: Vec<Sides>,
-    fitted: Vec<Fitted>,
+    sides: Shelf<'b, Sides>,
+    fitted: Shelf<'b, Fitted>,
     ends: [End; 2],
 }
 
@@ -95,8 +96,10 @@ struct InFrame<'w> {
 
 impl Made<'_, '_> {
     /// How far the morphs of interval `i` can be trusted, in its frame, where it is `moving`.
-    fn trust(&self, moving: &MovingField, i: usize, seen: &Seen) -> Trust {
-        let ends = [self.sides[i].up.as_ref(), self.sides[i + 1].down.as_ref()];
+    fn trust(&self, moving: &MovingField, i: usize) -> Result<Trust> {
+        let seen = self.seen.some(i, Contour::SEEDS_AND_PARTS)?;
+        let sides = self.sides.get(i)?;
+        let ends = [sides.up.as_ref(), sides.down.as_ref()];
         // The field joins whatever overlaps: of parts that are kept apart the morph knows more.
         let apart = [0, 1].map(|end| {
             let mut parts = vec![false; seen[end].solids.count + 1];
@@ -108,7 +111,7 @@ impl Made<'_, '_> {
             let known = |inside: usize| apart[contour.solids.labels[inside] as usize];
             contour.seeds.iter().zip(tracks).map(move |(seed, track)| (seed.x, track.arrived || known(seed.inside)))
         });
-        Trust::new(moving, 0, particles)
+        Ok(Trust::new(moving, 0, particles))
     }
 }
 
@@ -130,18 +133,24 @@ impl<'a> Run<'a> {
         let intervals = self.stage("match", count, |run| run.matching(&seen, &parted))?;
         let jobs = (0..count).map(|i| 2 * intervals.light(i).groups.len()).sum();
         let sides = self.stage("trace", jobs, |run| run.trace(&seen, &intervals, moving.as_ref()))?;
-        let outlines: Vec<Outline<'_>> = (0..=count).map(|i| contours.light(i).outline()).collect();
-        let mut fitted = self.stage("fit", 1, |run| Ok(fit(&outlines, &sides, run.h, run.px, run.settings)))?;
-        if let Some(moving) = &moving {
-            // A slope that the user gives is the whole slope.
-            for (i, given) in [(0, self.settings.clamp_bottom), (count, self.settings.clamp_top)] {
-                if given.is_some() {
-                    let rate = moving.rate(i)?;
-                    fitted[i] = fitted[i].with_motion(&*contours.get(i)?, &rate, self.h, -1.0);
+        let fitted = self.stage("fit", 1, |run| {
+            let measured = Measured { contours, sides: &sides, h: run.h, px: run.px };
+            fit(&measured, run.settings, run.budget, |i, fitted| {
+                // A slope that the user gives is the whole slope.
+                let given = match i {
+                    0 => run.settings.clamp_bottom,
+                    _ if i == count => run.settings.clamp_top,
+                    _ => None,
+                };
+                match (&moving, given) {
+                    (Some(moving), Some(_)) => {
+                        Ok(fitted.with_motion(&*contours.get(i)?, &*moving.rate(i)?, run.h, -1.0))
+                    }
+                    _ => Ok(fitted),
                 }
-            }
-        }
-        let ends = self.ends(contours, [&fitted[0], &fitted[count]], moving.as_ref())?;
+            })
+        })?;
+        let ends = self.ends(contours, [&*fitted.get(0)?, &*fitted.get(count)?], moving.as_ref())?;
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = self.heights(heights, extent)?;
         sink.begin(&self.header(&heights, extent))?;
@@ -181,10 +190,15 @@ impl<'a> Run<'a> {
         for first in traced.clone().step_by(at_once) {
             let some = first..(first + at_once).min(traced.end);
             let of_interval = |i: usize| {
-                let own = [contours.get(i)?, contours.get(i + 1)?];
+                let parted = self.links[i].parted();
+                let own = |k: usize| match parted.is_empty() && contours.light(k).solids.count > 0 {
+                    true => contours.some(k, Contour::SEEDS_AND_FIELD),
+                    false => contours.get(k),
+                };
+                let own = [own(i)?, own(i + 1)?];
                 let frame = moving.middle(i)?;
                 let seen = frame.contours(&own[0], &own[1]).map(Cow::into_owned);
-                let parted = in_frame(&self.links[i].parted(), [&own[0], &own[1]], seen.each_ref(), &frame);
+                let parted = in_frame(&parted, [&own[0], &own[1]], seen.each_ref(), &frame);
                 Ok((seen, parted))
             };
             for made in some.into_par_iter().map(of_interval).collect::<Result<Vec<_>>>()? {
@@ -239,9 +253,10 @@ impl<'a> Run<'a> {
         seen: &SeenStack<'_, 'a>,
         intervals: &Shelf<'a, Interval>,
         moving: Option<&MovingStack<'a>>,
-    ) -> Result<Vec<Sides>> {
+    ) -> Result<Shelf<'a, Sides>> {
         let count = intervals.len();
-        let mut sides = vec![Sides::default(); count + 1];
+        let mut sides = Shelf::new(self.budget);
+        (0..self.span.traced.start).try_for_each(|_| sides.push(Sides::default()))?;
         // Both ends of all groups, and what a morph of each keeps.
         let at_once = self.budget.at_once(count, 10 * self.field_bytes());
         for first in self.span.traced.clone().step_by(at_once) {
@@ -250,9 +265,10 @@ impl<'a> Run<'a> {
             let mut jobs = Vec::new();
             let mut owners = Vec::new();
             for (i, interval) in some.clone().zip(&loaded) {
+                let [low, high] = seen.some(i, Contour::SEEDS)?;
                 for group in &interval.groups {
-                    jobs.push(trace_job(group, seen.seeds(i, 0), Direction::Up));
-                    jobs.push(trace_job(group, seen.seeds(i, 1), Direction::Down));
+                    jobs.push(trace_job(group, &low.seeds, Direction::Up));
+                    jobs.push(trace_job(group, &high.seeds, Direction::Down));
                     owners.extend([i, i]);
                 }
             }
@@ -273,12 +289,14 @@ impl<'a> Run<'a> {
             }
             let mut traced = traced.into_iter();
             for (i, interval) in some.zip(&loaded) {
-                let [low, high] = [seen.contours.get(i)?, seen.contours.get(i + 1)?];
+                let own = |i| seen.contours.some(i, Contour::SEEDS_AND_PARTS);
+                let [low, high] = [own(i)?, own(i + 1)?];
                 let frame = moving.map(|m| m.middle(i)).transpose()?.unwrap_or_default();
                 let [up, down] = tracks::sides([&low, &high], interval, &frame, &mut traced);
-                (sides[i].up, sides[i + 1].down) = (Some(up), Some(down));
+                sides.push(Sides { up: Some(up), down: Some(down) })?;
             }
         }
+        (self.span.traced.end..count).try_for_each(|_| sides.push(Sides::default()))?;
         Ok(sides)
     }
 
@@ -289,17 +307,15 @@ impl<'a> Run<'a> {
         for chunk in self.chunks(&made.intervals, heights) {
             let intervals = chunk.clone().map(|i| made.intervals.get(i)).collect::<Result<Vec<_>>>()?;
             let z = |i: usize| contours.light(i).z;
-            let caps: Vec<IntervalCaps> = chunk
-                .clone()
-                .zip(&intervals)
-                .map(|(i, interval)| {
-                    let closes = if made.parted[i].is_empty() { HALF_WAY } else { self.middle_layer(heights, i) };
-                    IntervalCaps::new(interval, &fitted[i], &fitted[i + 1], z(i + 1) - z(i), closes)
-                })
-                .collect();
+            let caps = |(i, interval): (usize, &Arc<Interval>)| {
+                let closes = if made.parted[i].is_empty() { HALF_WAY } else { self.middle_layer(heights, i) };
+                let [low, high] = [fitted.get(i)?, fitted.get(i + 1)?];
+                Ok(IntervalCaps::new(interval, &low, &high, z(i + 1) - z(i), closes))
+            };
+            let caps: Vec<IntervalCaps> = chunk.clone().zip(&intervals).map(caps).collect::<Result<_>>()?;
             let mut filled = self.sweep_chunk(chunk.clone(), made, &intervals, &caps, heights)?.into_iter();
             for ((i, caps), interval) in chunk.zip(&caps).zip(&intervals) {
-                sink(self.contour_layer(&heights.contours[i], &*contours.get(i)?, i))?;
+                sink(self.contour_layer(&heights.contours[i], &*contours.some(i, Contour::FIELD)?, i))?;
                 let filled: Vec<Filled> = filled.by_ref().take(interval.groups.len()).collect();
                 self.layers_between(made, i, interval, caps, &filled, heights.between(i), sink)?;
             }
@@ -325,16 +341,14 @@ impl<'a> Run<'a> {
         let part = made.beside.as_ref().map(|b| b.moving.part(i..i + 2)).transpose()?;
         let beside = match (&made.beside, &part) {
             (Some(Beside { slopes, lone, .. }), Some(part)) => {
-                let seen = made.seen.get(i)?;
-                let own = [made.contours.get(i)?, made.contours.get(i + 1)?];
-                let slices = [0, 1].map(|side| (&own[side].phi, &seen[side].phi));
-                let warp = Warp::new(part, 0, slices, limit);
-                let trust = made.trust(part, i, &seen);
+                let trust = made.trust(part, i)?;
+                let warp = self.warp(made, part, i)?;
                 Some((part, [slopes.get(i)?, slopes.get(i + 1)?], lone.get(i)?, warp, trust))
             }
             _ => None,
         };
-        let at_once = rayon::current_num_threads();
+        // Of a layer its values in the mid frame, the other method's, and itself.
+        let at_once = self.budget.at_once(rayon::current_num_threads(), 2 * self.field_bytes());
         for (k, some) in between.chunks(at_once).enumerate() {
             let times: Vec<f64> = some.iter().map(|(_, t)| *t).collect();
             let frame = match &beside {
@@ -347,11 +361,20 @@ impl<'a> Run<'a> {
                     Some(InFrame { warp, trust, ways, doubts, others })
                 }
             };
-            for layer in self.compose(interval, caps, frame.as_ref(), some, k * at_once, filled) {
-                sink(layer)?;
-            }
+            let layers = self.compose(interval, caps, frame.as_ref(), some, k * at_once, filled);
+            drop(frame);
+            layers.into_iter().try_for_each(&mut *sink)?;
         }
         Ok(())
+    }
+
+    /// From the mid frame of interval `i`, which is `part`, to its layers.
+    fn warp<'p>(&self, made: &Made<'_, 'a>, part: &'p MovingField, i: usize) -> Result<Warp<'p>> {
+        let seen = made.seen.some(i, Contour::FIELD)?;
+        // The frame's own field of a slice that is not empty is the slice's.
+        let own = |side: usize| (made.contours.light(i + side).solids.count > 0).then(|| &*part.fields[side]);
+        let slices = [0, 1].map(|side| (own(side), &seen[side].phi));
+        Ok(Warp::new(part, 0, slices, self.settings.margin() as f64))
     }
 
     /// Where in interval `i` parts that are kept apart close: well before the layer nearest half way, so that neither reaches it.
@@ -377,33 +400,36 @@ impl<'a> Run<'a> {
             let gap = high - low;
             let up: Vec<f64> = heights.between(i).iter().map(|x| time(x.z, low, high)).collect();
             let down: Vec<f64> = up.iter().rev().map(|t| 1.0 - t).collect();
-            let (Some(up_side), Some(down_side)) = (&sides[i].up, &sides[i + 1].down) else { continue };
+            let sides = sides.get(i)?;
+            let (Some(up_side), Some(down_side)) = (&sides.up, &sides.down) else { continue };
+            let [low_fitted, high_fitted] = [fitted.get(i)?, fitted.get(i + 1)?];
+            let seeds = seen.some(i, Contour::SEEDS)?;
             let image_nx = self.padded()[0];
             for (group, holes) in interval.groups.iter().zip(&caps.holes) {
                 let rule = self.settings.slope;
-                let courses = |end: &[u32], at: usize, next: usize, side: &Side, direction| {
+                let courses = |end: &[u32], own: &Fitted, next: &Fitted, side: &Side, direction| {
                     let of = |&k: &u32| {
                         let track = &side.tracks[k as usize];
-                        course(&fitted[at], track, &fitted[next], k as usize, direction, gap, rule)
+                        course(own, track, next, k as usize, direction, gap, rule)
                     };
                     end.iter().map(of).collect()
                 };
                 let positions = |end: &[u32], side: usize| {
-                    end.iter().map(|&k| group.tile.to_local(seen.seeds(i, side)[k as usize].x)).collect()
+                    end.iter().map(|&k| group.tile.to_local(seeds[side].seeds[k as usize].x)).collect()
                 };
                 pairs.push(SweepPair {
                     up: SweepJob {
                         source: Cow::Borrowed(&group.low.phi),
                         target: Cow::Borrowed(&group.high.phi),
                         seeds: positions(&group.low.seeds, 0),
-                        courses: courses(&group.low.seeds, i, i + 1, up_side, Direction::Up),
+                        courses: courses(&group.low.seeds, &low_fitted, &high_fitted, up_side, Direction::Up),
                         times: up.clone(),
                     },
                     down: SweepJob {
                         source: Cow::Borrowed(&group.high.phi),
                         target: Cow::Borrowed(&group.low.phi),
                         seeds: positions(&group.high.seeds, 1),
-                        courses: courses(&group.high.seeds, i + 1, i, down_side, Direction::Down),
+                        courses: courses(&group.high.seeds, &high_fitted, &low_fitted, down_side, Direction::Down),
                         times: down.clone(),
                     },
                     anchors: group.local_anchors(image_nx),
@@ -415,7 +441,7 @@ impl<'a> Run<'a> {
         let filled = self.backend.propagate(&pairs, self.h, &MorphOptions::from(self.settings), self.progress)?;
         for (f, &i) in filled.iter().zip(&owners) {
             let between = || format!("between heights {} and {}", contours.light(i).z, contours.light(i + 1).z);
-            if f.slices.iter().flatten().any(|v| v.is_nan()) {
+            if f.slices.iter().any(|slice| slice.values().any(f32::is_nan)) {
                 return Err(Error::Numerics { stage: "propagate", message: format!("NaN {}", between()) });
             }
             for (swept, way) in [(&f.up, "upward"), (&f.down, "downward")] {
@@ -448,15 +474,17 @@ impl<'a> Run<'a> {
         let layer = |(k, (height, t)): (usize, &(Height, f64))| {
             let mut canvas = if frame.is_some() { Canvas::empty(padded, 0, limit) } else { self.canvas() };
             for (f, group) in filled.iter().zip(&interval.groups) {
-                canvas.unite(&group.tile, |n| f64::from(f.slices[skip + k][n]));
+                canvas.unite_packed(&group.tile, &f.slices[skip + k]);
             }
             for (cap, direction) in &caps.solids {
                 unite_cap(&mut canvas, cap, if *direction == Direction::Up { *t } else { 1.0 - t });
             }
             let Some(InFrame { warp, trust, ways, doubts, others }) = frame else { return self.layer(height, canvas) };
-            let seen = Field { dims: padded, data: canvas.phi.iter().map(|v| f64::from(*v)).collect() };
-            let whole = warp.layer(&seen, &ways[k], trust, &doubts[k], &others[k]);
-            self.layer(height, Canvas::of_contour(self.stack.dims, self.pad, limit, &whole))
+            let whole = warp.layer(&canvas.phi, &ways[k], trust, &doubts[k], &others[k]);
+            drop(canvas);
+            let mut canvas = self.canvas();
+            canvas.unite(&Tile { origin: [0, 0], dims: padded }, |n| f64::from(whole[n]));
+            self.layer(height, canvas)
         };
         heights.par_iter().enumerate().map(layer).collect()
     }
@@ -464,7 +492,7 @@ impl<'a> Run<'a> {
     /// Intervals that are swept together: enough for all threads and for a GPU, but no more slices than [`CHUNK_BYTES`] or the budget hold.
     fn chunks(&self, intervals: &Shelf<'a, Interval>, heights: &Heights) -> Vec<Range<usize>> {
         let least = self.budget.at_once(2 * rayon::current_num_threads(), 10 * self.field_bytes());
-        let most = self.budget.working(CHUNK_BYTES);
+        let most = self.budget.spare(CHUNK_BYTES);
         let mut out: Vec<Range<usize>> = Vec::new();
         let mut filled = 0;
         for i in self.span.layers.clone() {

@@ -41,10 +41,14 @@ impl<'a> Run<'a> {
         let full = |i: &usize| contours.light(*i).solids.count > 0;
         for i in 0..contours.len() {
             fields.push(if full(&i) {
-                contours.get(i)?.phi.clone()
+                contours.some(i, Contour::FIELD)?.phi.clone()
             } else {
                 let nearest = [(0..i).rev().find(full), (i + 1..contours.len()).find(full)];
-                let nearest = nearest.into_iter().flatten().map(|k| contours.get(k)).collect::<Result<Vec<_>>>()?;
+                let nearest = nearest
+                    .into_iter()
+                    .flatten()
+                    .map(|k| contours.some(k, Contour::FIELD))
+                    .collect::<Result<Vec<_>>>()?;
                 drawn_in(&nearest, self.padded())
             })?;
         }
@@ -60,8 +64,8 @@ impl<'a> Run<'a> {
     ) -> Result<Shelf<'a, Displacement>> {
         let gaps = &self.span.gaps;
         let count = gaps.len();
-        // A field, the same clipped, and what is known of its blocks.
-        let at_once = self.budget.at_once(count, 4 * self.field_bytes());
+        // A field, and what is known of its blocks.
+        let at_once = self.budget.at_once(count, 2 * self.field_bytes());
         if at_once == count {
             let found = self.some_displacements(fields, [&guess; 2], 0..count, 0..ROUNDS.len(), 0..count)?;
             return self.shelved(found);
@@ -118,15 +122,19 @@ impl<'a> Run<'a> {
         let count = moving.slices();
         self.stage("slopes", count, |run| {
             let mut slopes = Shelf::new(run.budget);
-            let at_once = run.budget.at_once(count, 2 * run.field_bytes());
-            let own = if at_once == count { count } else { at_once.saturating_sub(2 * NEIGHBOURS).max(1) };
+            // A field and the slopes.
+            let own = run.budget.at_once(count, 2 * run.field_bytes());
             let wanted = run.span.layers.start..run.span.layers.end + 1;
             (0..wanted.start).try_for_each(|_| slopes.push(Field::default()))?;
             for first in wanted.clone().step_by(own) {
                 let end = (first + own).min(wanted.end);
-                let around = first.saturating_sub(NEIGHBOURS)..(end + NEIGHBOURS).min(count);
-                let found = run.backend.moving_slopes(&moving.part(around.clone())?, run.progress)?;
-                found.into_iter().skip(first - around.start).take(end - first).try_for_each(|f| slopes.push(f))?;
+                // A slope reads the slices beside its own, at an end of the stack NEIGHBOURS to the one side.
+                let below = if end == count { first.min(count - NEIGHBOURS.min(count - 1)) } else { first };
+                let above = if first == 0 { end.max(NEIGHBOURS) } else { end };
+                let around = below.saturating_sub(1)..(above + 1).min(count);
+                let own = first - around.start..end - around.start;
+                let found = run.backend.moving_slopes(&moving.part(around)?, own, run.progress)?;
+                found.into_iter().try_for_each(|field| slopes.push(field))?;
             }
             Ok(slopes)
         })

@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use crate::displacement::{BLOCK, Displacement, DisplacementJob, smooth};
-use crate::field::Field;
+use crate::field::{Field, bilinear, cell};
 
 /// One round of the iteration, lengths in px.
 #[derive(Debug, Clone, Copy)]
@@ -75,28 +75,34 @@ pub fn better(job: &DisplacementJob<'_>, current: &[Displacement], round: Round)
 
 /// Both fields where the displacement brings them together: `a` and `b` at the pixels of one row. Pixels that are not `near` the contours
 /// read what is clipped there as here.
-fn row(clipped: [&Field; 2], near: &[bool], v: &Displacement, j: usize, out: &mut [[f64; 2]]) {
+fn row(fields: [&Field; 2], clip: f64, near: &[bool], v: &Displacement, j: usize, out: &mut [[f64; 2]]) {
     v.read_row(j, 0, out);
     for (i, slot) in out.iter_mut().enumerate() {
-        let n = j * clipped[0].dims[0] + i;
+        let n = j * fields[0].dims[0] + i;
         let (x, [vx, vy]) = ([i as f64, j as f64], *slot);
         *slot = if near[n] {
             [
-                clipped[0].sample([x[0] - 0.5 * vx, x[1] - 0.5 * vy]),
-                clipped[1].sample([x[0] + 0.5 * vx, x[1] + 0.5 * vy]),
+                sample_clipped(fields[0], clip, [x[0] - 0.5 * vx, x[1] - 0.5 * vy]),
+                sample_clipped(fields[1], clip, [x[0] + 0.5 * vx, x[1] + 0.5 * vy]),
             ]
         } else {
-            clipped.map(|f| f.data[n])
+            fields.map(|f| f.data[n].clamp(-clip, clip))
         };
     }
 }
 
+/// Bilinear value of a clipped field.
+#[inline]
+fn sample_clipped(field: &Field, clip: f64, x: [f64; 2]) -> f64 {
+    let ([i, j], place) = cell(field.dims, x, 0);
+    let nx = field.dims[0];
+    let node = j * nx + i;
+    bilinear([node, node + 1, node + nx, node + nx + 1].map(|n| field.data[n].clamp(-clip, clip)), place)
+}
+
 fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, round: Round, h: [f64; 2]) -> Evidence {
     let [nx, ny] = low.dims;
-    let clip =
-        |f: &Field| Field { dims: f.dims, data: f.data.iter().map(|d| d.clamp(-round.clip, round.clip)).collect() };
-    let clipped = [clip(low), clip(high)];
-    let clipped = [&clipped[0], &clipped[1]];
+    let clip = |d: f64| d.clamp(-round.clip, round.clip);
     // Where nothing lies within the clip of a contour, wherever the displacement reads, nothing need be looked at.
     let reach = round.clip + v.largest() + 2.0;
     let near: Vec<bool> = low.data.iter().zip(&high.data).map(|(a, b)| a.abs().min(b.abs()) < reach).collect();
@@ -108,7 +114,7 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
         let blocks = &mut sums[(j / BLOCK) * v.grid[0]..][..v.grid[0]];
         if !near[j * nx..(j + 1) * nx].contains(&true) {
             for i in 1..nx - 1 {
-                let [a, b] = clipped.map(|f| f.data[j * nx + i]);
+                let [a, b] = [low, high].map(|f| clip(f.data[j * nx + i]));
                 blocks[i / BLOCK][0] += far_weight;
                 blocks[i / BLOCK][8] += far_weight * (a - b);
             }
@@ -116,7 +122,7 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
         }
         for wanted in j - 1..=j + 1 {
             if held[wanted % 3] != wanted {
-                row(clipped, &near, v, wanted, &mut rows[wanted % 3]);
+                row([low, high], round.clip, &near, v, wanted, &mut rows[wanted % 3]);
                 held[wanted % 3] = wanted;
             }
         }

@@ -15,6 +15,8 @@ pub mod reinit;
 pub mod scatter;
 pub mod trace;
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
@@ -24,6 +26,7 @@ use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepJob, SweepPair, Swept, TraceJob, Traced, blend_weights};
 use crate::moving_field::{Cells, LoneParts, MovingField};
+use crate::packed::Packed;
 use crate::progress::Progress;
 
 /// The reference path. Jobs run in parallel on rayon's current pool, each by itself: the same bits for any number of threads.
@@ -43,7 +46,7 @@ fn in_parallel<J: Sync, R: Send>(jobs: &[J], progress: &dyn Progress, run: impl 
 }
 
 /// How a sweep went, and its level sets at the times asked for.
-type SweptWithFields = (Swept, Vec<Vec<f32>>);
+type SweptWithFields = (Swept, Vec<Packed<f32>>);
 
 impl Backend for Reference {
     fn name(&self) -> String {
@@ -92,9 +95,10 @@ impl Backend for Reference {
             let last = pair.up.times.len().saturating_sub(1);
             let slice = |(k, &t): (usize, &f64)| {
                 let weights = blend_weights(t, up, down);
-                let mut phi = blend(&up_fields[k], &down_fields[last - k], weights, pair.up.source.dims);
+                let mut phi = blend(&up_fields[k], &down_fields[last - k], weights);
                 mend(pair, k, &mut phi);
-                distance::far_distance(phi, h, options.limit).data.iter().map(|v| *v as f32).collect()
+                let far = distance::far_distance(phi, h, options.limit);
+                Packed::single(&far)
             };
             let slices = pair.up.times.par_iter().enumerate().map(slice).collect();
             Filled { slices, up: up.clone(), down: down.clone() }
@@ -106,8 +110,8 @@ impl Backend for Reference {
         Ok(displacement::displacements(job))
     }
 
-    fn moving_slopes(&self, moving: &MovingField, progress: &dyn Progress) -> Result<Vec<Field>> {
-        let slopes = moving_field::slopes(moving);
+    fn moving_slopes(&self, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
+        let slopes = moving_field::slopes(moving, wanted);
         progress.advance(slopes.len());
         Ok(slopes)
     }

@@ -1,16 +1,17 @@
 //! Slopes and layers of a stack in its moving frame: Hermite curves of the fields along the trajectories.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::field::Field;
 use crate::moving_field::{CELL, Cells, LoneParts, MovingField, between, closing, plus, probes};
 use crate::spline::{harmonic, limited, three_point_end};
 
-/// Slopes of the fields at all slices, per height: the mean of PCHIP and of Catmull-Rom limited to three times the smaller secant, secants
+/// Slopes of the fields at the `wanted` slices, per height: the mean of PCHIP and of Catmull-Rom limited to three times the smaller secant, secants
 /// taken along the trajectories; at the ends the three-point formula.
-pub fn slopes(moving: &MovingField) -> Vec<Field> {
-    let last = moving.fields.len() - 1;
-    (0..=last).into_par_iter().map(|i| slopes_of(moving, i)).collect()
+pub fn slopes(moving: &MovingField, wanted: Range<usize>) -> Vec<Field> {
+    wanted.into_par_iter().map(|i| slopes_of(moving, i)).collect()
 }
 
 /// Secant of interval `i` at a position of its lower slice.
@@ -49,7 +50,13 @@ fn slopes_of(moving: &MovingField, i: usize) -> Field {
             0.5 * (harmonic(l, r, hl, hr) + limited((hr * l + hl * r) / (hl + hr), l, r))
         }
     };
-    Field::from_fn(moving.fields[i].dims, |x, y| slope([x as f64, y as f64]))
+    let dims = moving.fields[i].dims;
+    let mut slopes = Field::filled(dims, 0.0);
+    let row = |(y, row): (usize, &mut [f64])| {
+        row.iter_mut().enumerate().for_each(|(x, m)| *m = slope([x as f64, y as f64]));
+    };
+    slopes.data.par_chunks_mut(dims[0]).enumerate().for_each(row);
+    slopes
 }
 
 /// How far from a cell's middle its pixels may read, px: distances change by a pixel per pixel, and the frame by less than half of that.
@@ -87,7 +94,8 @@ pub fn layer(
     };
     let mut out = vec![0.0; nx * ny];
     let reach = reach(h);
-    for cell_y in (0..ny).step_by(CELL) {
+    out.par_chunks_mut(nx * CELL).enumerate().for_each(|(cell, rows)| {
+        let cell_y = cell * CELL;
         for cell_x in (0..nx).step_by(CELL) {
             let (width, height) = (CELL.min(nx - cell_x), CELL.min(ny - cell_y));
             let middle = [(cell_x as f64) + 0.5 * (width - 1) as f64, (cell_y as f64) + 0.5 * (height - 1) as f64];
@@ -99,13 +107,13 @@ pub fn layer(
                 for [x, y] in probes([cell_x, cell_y], [cell_x + width - 1, cell_y + height - 1]) {
                     let at = [x as f64, y as f64];
                     let near = || value(ends(at, paths.come.at(at), paths.go.at(at)));
-                    out[y * nx + x] = if far { limit.copysign(a) } else { near() } as f32;
+                    rows[(y - cell_y) * nx + x] = if far { limit.copysign(a) } else { near() } as f32;
                 }
                 continue;
             }
             let (mut come, mut go) = ([[0.0; 2]; CELL], [[0.0; 2]; CELL]);
             for y in cell_y..cell_y + height {
-                let row = &mut out[y * nx + cell_x..][..width];
+                let row = &mut rows[(y - cell_y) * nx + cell_x..][..width];
                 if far {
                     row.fill(limit.copysign(a) as f32);
                     continue;
@@ -117,6 +125,6 @@ pub fn layer(
                 }
             }
         }
-    }
+    });
     out
 }

@@ -13,6 +13,7 @@ use crate::backend::MorphOptions;
 use crate::contour::seeds;
 use crate::field::Field;
 use crate::jobs::{Course, SweepJob, Swept, TraceJob};
+use crate::packed::Packed;
 use crate::spline::{hermite, hermite_rate, smoothstep};
 
 /// Jacobi passes of the extension per step: 8 and 16 give the same.
@@ -39,7 +40,7 @@ struct Remeasured {
 }
 
 /// Runs one sweep from t = 0 to t = 1: how it went, and the level set at each of the job's times, clamped to the tube.
-pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Swept, Vec<Vec<f32>>) {
+pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Swept, Vec<Packed<f32>>) {
     let mut phi = job.source.clone().into_owned();
     let mut band = Band::new(&mut phi, options.half_width);
     let tube = Tube { beta: options.cut_off, gamma: options.half_width };
@@ -106,9 +107,13 @@ pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Sw
     (out, fields)
 }
 
-fn snapshot(phi: &Field, half_width: f64, vanished: bool) -> Vec<f32> {
-    let out = (half_width + 0.5) as f32;
-    if vanished { vec![out; phi.data.len()] } else { phi.data.iter().map(|&v| (v as f32).clamp(-out, out)).collect() }
+fn snapshot(phi: &Field, half_width: f64, vanished: bool) -> Packed<f32> {
+    let (out, nx) = ((half_width + 0.5) as f32, phi.dims[0]);
+    let [snapshot] = Packed::of_rows(phi.dims, |first, [rows]: [&mut [f32]; 1]| match vanished {
+        true => rows.fill(out),
+        false => rows.iter_mut().zip(&phi.data[first * nx..]).for_each(|(to, v)| *to = (*v as f32).clamp(-out, out)),
+    });
+    snapshot
 }
 
 /// Errors `e = clip(remaining - scheduled remaining)` at the contour's pixels. Remaining is `-target` at the closest contour point, the

@@ -4,6 +4,7 @@
 
 pub mod folder;
 pub mod labels;
+pub mod mask;
 pub mod mha;
 pub mod nifti;
 pub mod npy;
@@ -14,6 +15,7 @@ pub mod pages;
 pub mod read;
 pub mod volume;
 
+pub use mask::Mask;
 pub use options::ReadOptions;
 pub use read::read;
 
@@ -56,7 +58,7 @@ pub struct Slice {
 #[derive(Debug, Clone)]
 pub enum SliceContent {
     /// Inside or not; the contour runs half way between pixels.
-    Mask(Vec<bool>),
+    Mask(Mask),
     /// Implicit function `level - value`: negative inside, the contour is its sub-pixel zero set (0 counts as outside).
     Level(Vec<f32>),
 }
@@ -65,7 +67,7 @@ impl SliceContent {
     /// Whether pixel `node` is inside.
     pub fn inside(&self, node: usize) -> bool {
         match self {
-            SliceContent::Mask(m) => m[node],
+            SliceContent::Mask(m) => m.at(node),
             SliceContent::Level(u) => u[node] < 0.0,
         }
     }
@@ -80,7 +82,25 @@ impl SliceContent {
 
     /// Whether no pixel is inside.
     pub fn is_empty(&self) -> bool {
-        (0..self.len()).all(|k| !self.inside(k))
+        match self {
+            SliceContent::Mask(m) => m.is_blank(),
+            SliceContent::Level(u) => !u.iter().any(|v| *v < 0.0),
+        }
+    }
+
+    /// Whether each pixel is inside.
+    pub fn sides(&self) -> Vec<bool> {
+        let mut sides = vec![false; self.len()];
+        self.read(0, &mut sides);
+        sides
+    }
+
+    /// Whether the pixels from `first` on are inside.
+    pub fn read(&self, first: usize, out: &mut [bool]) {
+        match self {
+            SliceContent::Mask(m) => m.read(first, out),
+            SliceContent::Level(u) => out.iter_mut().zip(&u[first..]).for_each(|(inside, v)| *inside = *v < 0.0),
+        }
     }
 }
 
@@ -134,6 +154,12 @@ impl Geometry {
 }
 
 impl ContourStack {
+    /// Pixels of the larger of its first and last contour: on no more the body ends flat.
+    pub fn lid(&self) -> usize {
+        let ends = [self.slices.first(), self.slices.last()].into_iter().flatten();
+        ends.map(|slice| slice.content.sides().iter().filter(|inside| **inside).count()).max().unwrap_or(0)
+    }
+
     /// Checks what every reader must guarantee: sizes, finite and strictly increasing heights, positive spacing, at least two
     /// slices, at least one pixel inside somewhere.
     ///

@@ -1,16 +1,17 @@
 //! Marching cubes on the layers' true heights, slab by slab: a slab needs its two layers and the vertices of the slab below, no more.
 
+use std::collections::HashMap;
+
 use super::Layer;
 use super::cases::{CASES, EDGES, Patch};
 use super::mesh::{cross, dot, to_world};
 use super::stream::Header;
+use crate::packed::Packed;
 use crate::stack::Geometry;
 
 /// Vertices stay this far, in cell sides, from the corners of their cells: vertices of different edges stay apart in f32 too, so that a
 /// reader that merges equal positions (STL) finds the same closed surface.
 const OFF_CORNER: f64 = 1e-3;
-/// No vertex yet.
-const NONE: u32 = u32::MAX;
 
 /// What a slab adds to the surface. Its triangles have corners of its own and of the slab below, of no other.
 #[derive(Debug, Clone, Default)]
@@ -56,7 +57,7 @@ impl Piece {
 #[derive(Debug, Default)]
 struct Plane {
     z: Option<f64>,
-    phi: Vec<f32>,
+    phi: Packed<f32>,
 }
 
 /// Builds the surface slab by slab, from the lowest layer to the highest and the outside above it.
@@ -76,11 +77,9 @@ pub struct Builder {
     planes: [Plane; 2],
     /// Which of their nodes are inside.
     inside: [Vec<u8>; 2],
-    /// Vertices on edges along x and y of the two layers, and along z between them, counted within their slab: an edge of the lower layer
-    /// that is crossed was crossed in the slab below, so its vertex is one of that.
-    along_x: [Vec<u32>; 2],
-    along_y: [Vec<u32>; 2],
-    along_z: Vec<u32>,
+    /// Vertices of the slab below and of this one by their edges, three per lower node, counted within their slab: an edge of the lower
+    /// layer that is crossed was crossed in the slab below, so its vertex is one of that.
+    along: [HashMap<usize, u32>; 2],
     /// Positions of the vertices of the slab below and of this one, in the stack.
     positions: [Vec<[f64; 3]>; 2],
     piece: Piece,
@@ -102,9 +101,7 @@ impl Builder {
             dims,
             planes: Default::default(),
             inside: Default::default(),
-            along_x: Default::default(),
-            along_y: Default::default(),
-            along_z: Vec::new(),
+            along: Default::default(),
             positions: Default::default(),
             piece: Piece::default(),
         }
@@ -118,7 +115,7 @@ impl Builder {
         self.planes.swap(0, 1);
         let plane = &mut self.planes[1];
         plane.z = Some(layer.z);
-        plane.phi.clone_from(&layer.phi);
+        plane.phi = Packed::of(self.image, &layer.phi);
         self.slab();
         Some(&self.piece)
     }
@@ -134,30 +131,26 @@ impl Builder {
 
     /// Fills the cells between the two layers.
     fn slab(&mut self) {
+        // Nothing is used again: a lid needs far more than the slabs after it.
         let n = self.dims[0] * self.dims[1];
         self.inside.swap(0, 1);
-        self.along_x.swap(0, 1);
-        self.along_y.swap(0, 1);
+        self.along.swap(0, 1);
+        self.along[1] = HashMap::new();
         self.positions.swap(0, 1);
-        self.positions[1].clear();
+        self.positions[1] = Vec::new();
         self.piece.positions.swap(0, 1);
-        self.piece.positions[1].clear();
+        self.piece.positions[1] = Vec::new();
         self.piece.starts = [self.piece.starts[1], self.piece.starts[1] + self.positions[0].len() as u64];
-        self.piece.triangles.clear();
-        for both in [&mut self.along_x, &mut self.along_y] {
-            both[1].clear();
-            both.iter_mut().for_each(|one| one.resize(n, NONE));
-        }
-        self.along_z.clear();
-        self.along_z.resize(n, NONE);
+        self.piece.triangles = Vec::new();
         self.inside[1].clear();
         self.inside.iter_mut().for_each(|one| one.resize(n, 0));
         let [nx, ny] = self.image;
         if self.planes[1].z.is_some() {
+            let mut row = vec![0.0; nx];
             for j in 0..ny {
                 let to = (j + 1) * self.dims[0] + 1;
-                let row = &self.planes[1].phi[j * nx..(j + 1) * nx];
-                for (s, v) in self.inside[1][to..to + nx].iter_mut().zip(row) {
+                self.planes[1].phi.read(0, j, &mut row);
+                for (s, v) in self.inside[1][to..to + nx].iter_mut().zip(&row) {
                     *s = u8::from(*v < 0.0);
                 }
             }
@@ -230,21 +223,13 @@ impl Builder {
         let (i, j, side) = (i + (corner & 1), j + (corner >> 1 & 1), corner >> 2);
         let node = j * self.dims[0] + i;
         let axis = e / 4;
-        let (known, slab) = match axis {
-            0 => (self.along_x[side][node], side),
-            1 => (self.along_y[side][node], side),
-            _ => (self.along_z[node], 1),
-        };
-        if known != NONE {
+        let (slab, edge) = (if axis == 2 { 1 } else { side }, 3 * node + usize::from(axis));
+        if let Some(&known) = self.along[slab].get(&edge) {
             return self.piece.starts[slab] + u64::from(known);
         }
         let position = self.crossing([i, j], side, axis);
         let vertex = self.push(position);
-        match axis {
-            0 => self.along_x[side][node] = vertex,
-            1 => self.along_y[side][node] = vertex,
-            _ => self.along_z[node] = vertex,
-        }
+        self.along[slab].insert(edge, vertex);
         self.piece.starts[1] + u64::from(vertex)
     }
 
@@ -282,6 +267,6 @@ impl Builder {
     fn value(&self, side: usize, [i, j]: [usize; 2]) -> Option<f32> {
         let [nx, ny] = self.image;
         let (i, j) = (i.checked_sub(1)?, j.checked_sub(1)?);
-        (i < nx && j < ny).then(|| self.planes[side].phi[j * nx + i])
+        (i < nx && j < ny).then(|| self.planes[side].phi.at(i, j))
     }
 }

@@ -10,6 +10,9 @@ use super::Layer;
 use super::stream::{BodyWriter, Ending, Header};
 use super::transposed::Transposed;
 
+/// Voxels that are written at once.
+const VOXELS: usize = 1 << 16;
+
 /// What a volume holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Content {
@@ -80,16 +83,16 @@ impl Content {
         }
     }
 
-    /// Voxels of a layer as little-endian bytes, x fastest, put behind `bytes`.
-    pub(super) fn voxels(self, layer: &Layer, bytes: &mut Vec<u8>) {
+    /// Voxels of (a part of) a layer as little-endian bytes, x fastest, put behind `bytes`.
+    pub(super) fn voxels(self, phi: &[f32], bytes: &mut Vec<u8>) {
         match self {
             Content::Distance | Content::Confidence => {
-                layer.phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()))
+                phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()))
             }
-            Content::Mask => bytes.extend(layer.phi.iter().map(|v| u8::from(*v < 0.0))),
-            Content::Origin | Content::Labels(Whole::U8) => bytes.extend(layer.phi.iter().map(|v| *v as u8)),
-            Content::Labels(Whole::U16) => bytes.extend(layer.phi.iter().flat_map(|v| (*v as u16).to_le_bytes())),
-            Content::Labels(Whole::I32) => bytes.extend(layer.phi.iter().flat_map(|v| (*v as i32).to_le_bytes())),
+            Content::Mask => bytes.extend(phi.iter().map(|v| u8::from(*v < 0.0))),
+            Content::Origin | Content::Labels(Whole::U8) => bytes.extend(phi.iter().map(|v| *v as u8)),
+            Content::Labels(Whole::U16) => bytes.extend(phi.iter().flat_map(|v| (*v as u16).to_le_bytes())),
+            Content::Labels(Whole::I32) => bytes.extend(phi.iter().flat_map(|v| (*v as i32).to_le_bytes())),
         }
     }
 }
@@ -98,7 +101,7 @@ impl Content {
 pub struct VolumeWriter<W: Write> {
     out: Coded<W>,
     content: Content,
-    /// The layer's bytes.
+    /// Bytes of some voxels.
     bytes: Vec<u8>,
     /// Where layers wait that are none of the volume's own.
     waiting: Option<Transposed>,
@@ -170,12 +173,14 @@ impl<W: Write + Send> BodyWriter for VolumeWriter<W> {
         if !layer.output {
             return Ok(());
         }
-        self.bytes.clear();
-        self.content.voxels(layer, &mut self.bytes);
-        match &mut self.waiting {
-            Some(layers) => layers.push(&self.bytes),
-            None => self.out.write_all(&self.bytes),
-        }
+        layer.phi.chunks(VOXELS).try_for_each(|some| {
+            self.bytes.clear();
+            self.content.voxels(some, &mut self.bytes);
+            match &mut self.waiting {
+                Some(layers) => layers.push(&self.bytes),
+                None => self.out.write_all(&self.bytes),
+            }
+        })
     }
 
     fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {

@@ -4,6 +4,7 @@ use super::Volume;
 use super::axis::Choice;
 use super::survey::{Survey, wanted};
 use crate::error::{Error, Result};
+use crate::stack::mask::{Drawing, Mask};
 use crate::stack::options::ReadOptions;
 use crate::stack::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
 
@@ -77,26 +78,26 @@ fn chosen(volume: &Volume, survey: &Survey, axis: usize, options: &ReadOptions) 
 }
 
 /// Masks of the slices `chosen` across the axis `w`, row-major along `u` and `v`.
-fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option<i64>) -> Result<Vec<Vec<bool>>> {
+fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option<i64>) -> Result<Vec<Mask>> {
     let dims = volume.grid.dims;
     let mut places = vec![None; dims[w]];
     chosen.iter().enumerate().for_each(|(place, &k)| places[k] = Some(place));
-    let mut masks = vec![vec![false; dims[u] * dims[v]]; chosen.len()];
+    let mut masks = vec![Drawing::new(dims[u] * dims[v]); chosen.len()];
     volume.labels(|run| {
         let node = run.first[u] + run.first[v] * dims[u];
         if run.along == w {
             let slices = places[run.first[w]..].iter().zip(run.labels);
             for (place, _) in slices.filter(|(_, value)| wanted(label, **value)) {
                 if let Some(place) = *place {
-                    masks[place][node] = true;
+                    masks[place].set(node, true);
                 }
             }
         } else if let Some(place) = places[run.first[w]] {
             let step = if run.along == u { 1 } else { dims[u] };
-            for (pixel, value) in masks[place][node..].iter_mut().step_by(step).zip(run.labels) {
-                *pixel = wanted(label, *value);
+            for (pixel, value) in (node..).step_by(step).zip(run.labels) {
+                masks[place].set(pixel, wanted(label, *value));
             }
         }
     })?;
-    Ok(masks)
+    Ok(masks.into_iter().map(Drawing::finish).collect())
 }

@@ -1,0 +1,133 @@
+//! Which pixels of a slice are inside, kept as runs: memory follows the contour, not the image.
+
+use std::iter::repeat_n;
+
+/// A mask, row-major: pixels from the first change to before the second are inside, and so on.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Mask {
+    len: usize,
+    /// Where the side changes, increasing; before the first is outside.
+    changes: Vec<usize>,
+}
+
+impl Mask {
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether it has no pixels at all.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Whether no pixel is inside.
+    pub fn is_blank(&self) -> bool {
+        self.changes.is_empty()
+    }
+
+    /// Whether pixel `node` is inside.
+    ///
+    /// # Panics
+    /// If there is no such pixel.
+    pub fn at(&self, node: usize) -> bool {
+        assert!(node < self.len, "pixel {node} of {}", self.len);
+        self.side(node)
+    }
+
+    /// The pixels in order.
+    pub fn iter(&self) -> impl Iterator<Item = bool> + '_ {
+        let ends = self.changes.iter().copied().chain([self.len]);
+        let starts = [0].into_iter().chain(self.changes.iter().copied());
+        starts.zip(ends).enumerate().flat_map(|(k, (start, end))| repeat_n(k % 2 == 1, end - start))
+    }
+
+    /// The pixels from `first` on.
+    pub fn read(&self, first: usize, out: &mut [bool]) {
+        let next = self.changes.partition_point(|&c| c <= first);
+        let (mut at, mut inside) = (0, next % 2 == 1);
+        for change in &self.changes[next..] {
+            let end = (change - first).min(out.len());
+            out[at..end].fill(inside);
+            if end == out.len() {
+                return;
+            }
+            (at, inside) = (end, !inside);
+        }
+        out[at..].fill(inside);
+    }
+
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.changes)
+    }
+
+    fn side(&self, node: usize) -> bool {
+        self.changes.partition_point(|&c| c <= node) % 2 == 1
+    }
+}
+
+impl FromIterator<bool> for Mask {
+    fn from_iter<I: IntoIterator<Item = bool>>(pixels: I) -> Self {
+        let mut mask = Mask::default();
+        let mut inside = false;
+        for pixel in pixels {
+            if pixel != inside {
+                mask.changes.push(mask.len);
+                inside = pixel;
+            }
+            mask.len += 1;
+        }
+        mask.changes.shrink_to_fit();
+        mask
+    }
+}
+
+/// A mask while it is drawn, a bit per pixel.
+#[derive(Debug, Clone)]
+pub(super) struct Drawing {
+    len: usize,
+    words: Vec<u64>,
+}
+
+impl Drawing {
+    /// All outside.
+    pub fn new(len: usize) -> Self {
+        Drawing { len, words: vec![0; len.div_ceil(64)] }
+    }
+
+    /// Puts a pixel on a side.
+    pub fn set(&mut self, node: usize, inside: bool) {
+        let (word, bit) = (&mut self.words[node / 64], 1 << (node % 64));
+        *word = if inside { *word | bit } else { *word & !bit };
+    }
+
+    /// The mask that was drawn.
+    pub fn finish(self) -> Mask {
+        (0..self.len).map(|n| self.words[n / 64] >> (n % 64) & 1 == 1).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mask_gives_back_the_pixels_it_was_made_of() {
+        for k in 0..200u32 {
+            let pixels: Vec<bool> = (0..130u32).map(|n| (n * n / 7 + k) % (2 + k % 9) == 0 && k != 7).collect();
+            let mut drawing = Drawing::new(pixels.len());
+            pixels.iter().enumerate().for_each(|(n, inside)| drawing.set(n, *inside));
+            let mask: Mask = pixels.iter().copied().collect();
+            assert_eq!(drawing.finish(), mask);
+            assert!(mask.iter().eq(pixels.iter().copied()));
+            assert!((0..pixels.len()).all(|n| mask.at(n) == pixels[n]));
+            assert_eq!(mask.is_blank(), !pixels.contains(&true));
+            for (first, count) in [(0, 130), (1, 64), (77, 53), (129, 1), (40, 0)] {
+                let mut out = vec![false; count];
+                mask.read(first, &mut out);
+                assert_eq!(out, pixels[first..first + count]);
+            }
+        }
+    }
+}

@@ -169,12 +169,7 @@ pub trait Backend: Sync {
     ///
     /// # Errors
     /// A backend's own failures.
-    fn moving_slopes(
-        &self,
-        moving: &MovingField,
-        wanted: Range<usize>,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Field>>;
+    fn moving_slopes(&self, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>>;
 
     /// Layers of interval `i`, whose slices have these slopes, at these times on the whole padded image, clamped to `limit` px. Where `wanted` names cells for each time,
     /// of others only the corners and the middle count.

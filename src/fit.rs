@@ -52,7 +52,10 @@ impl<T: Copy> Lists<T> {
     }
 
     fn new(lists: &[Vec<T>]) -> Self {
-        let mut out = Lists { ends: Vec::with_capacity(lists.len()), values: Vec::with_capacity(lists.iter().map(Vec::len).sum()) };
+        let mut out = Lists {
+            ends: Vec::with_capacity(lists.len()),
+            values: Vec::with_capacity(lists.iter().map(Vec::len).sum()),
+        };
         for list in lists {
             out.values.extend_from_slice(list);
             out.ends.push(out.values.len() as u32);

@@ -88,10 +88,7 @@ pub fn hold_out(
     let mut truth = dropped.iter().map(|&k| &stack.slices[k]);
     let mut score = |layer: Layer| {
         let Some(slice) = layer.output.then(|| truth.next()).flatten() else { return Ok(()) };
-        let masks = [
-            slice.content.sides(),
-            layer.phi.iter().map(|v| *v < 0.0).collect(),
-        ];
+        let masks = [slice.content.sides(), layer.phi.iter().map(|v| *v < 0.0).collect()];
         let pixels = masks.each_ref().map(|m| m.iter().filter(|i| **i).count());
         if pixels == [0, 0] {
             return Ok(());

@@ -58,7 +58,8 @@ impl<T: Pod + Send + Sync> Packed<T> {
 
     fn of_strips(dims: [usize; 2], strips: Vec<Strip<T>>) -> Self {
         let columns = dims[0].div_ceil(SQUARE);
-        let mut packed = Packed { dims, columns, places: Vec::with_capacity(columns * strips.len()), values: Vec::new() };
+        let mut packed =
+            Packed { dims, columns, places: Vec::with_capacity(columns * strips.len()), values: Vec::new() };
         let mut shared: Vec<(T, u32)> = Vec::new();
         packed.values.reserve_exact(strips.iter().map(|s| s.values.len()).sum::<usize>() + SHARED * AREA);
         for strip in strips {

@@ -51,8 +51,9 @@ fn write_stack(folder: &Path, demo: &Demo) -> Result<()> {
     for slice in &stack.slices {
         let SliceContent::Mask(mask) = &slice.content else { continue };
         let [nx, ny] = stack.dims.map(|n| n as u32);
-        let image =
-            image::GrayImage::from_fn(nx, ny, |x, y| image::Luma([if mask.at((y * nx + x) as usize) { 255 } else { 0 }]));
+        let image = image::GrayImage::from_fn(nx, ny, |x, y| {
+            image::Luma([if mask.at((y * nx + x) as usize) { 255 } else { 0 }])
+        });
         let path = folder.join(&slice.name);
         image.save(&path).map_err(|e| output(&path, e.to_string()))?;
     }

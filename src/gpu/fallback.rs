@@ -94,12 +94,7 @@ impl Backend for GpuOrReference<'_> {
         self.ask(|backend| backend.displacements(job))
     }
 
-    fn moving_slopes(
-        &self,
-        moving: &MovingField,
-        wanted: Range<usize>,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Field>> {
+    fn moving_slopes(&self, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
         self.ask(|backend| backend.moving_slopes(moving, wanted.clone(), progress))
     }
 

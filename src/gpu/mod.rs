@@ -148,12 +148,7 @@ impl Backend for Gpu {
         }
     }
 
-    fn moving_slopes(
-        &self,
-        moving: &MovingField,
-        wanted: Range<usize>,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Field>> {
+    fn moving_slopes(&self, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
         match moving.fields.first() {
             Some(image) if self.holds_images(image.dims) => {
                 let _turn = self.turn();

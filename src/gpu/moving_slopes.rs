@@ -16,12 +16,7 @@ use crate::progress::Progress;
 const HALO: usize = 2;
 
 /// Slopes at the `wanted` slices, per height.
-pub fn slopes(
-    gpu: &Gpu,
-    moving: &MovingField,
-    wanted: Range<usize>,
-    progress: &dyn Progress,
-) -> Result<Vec<Field>> {
+pub fn slopes(gpu: &Gpu, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
     let slices = wanted.len();
     let nodes = moving.fields[0].data.len();
     let bytes = 4 * nodes + 16 * moving.displacements[0].vectors.len();

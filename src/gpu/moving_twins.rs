@@ -213,7 +213,8 @@ fn slopes(gpu: &Gpu, moving: &MovingField) -> Result<Comparison> {
 }
 
 fn layers(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> {
-    let slopes: Vec<Field> = Reference.moving_slopes(moving, 0..moving.fields.len(), &Silent)?.iter().map(single).collect();
+    let slopes: Vec<Field> =
+        Reference.moving_slopes(moving, 0..moving.fields.len(), &Silent)?.iter().map(single).collect();
     let deeper = |lone: &LoneParts, by: f64| {
         let deeper =
             |parts: &[LonePart]| parts.iter().map(|part| LonePart { depth: part.depth + by, ..part.clone() }).collect();

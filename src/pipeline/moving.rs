@@ -44,7 +44,11 @@ impl<'a> Run<'a> {
                 contours.some(i, Contour::FIELD)?.phi.clone()
             } else {
                 let nearest = [(0..i).rev().find(full), (i + 1..contours.len()).find(full)];
-                let nearest = nearest.into_iter().flatten().map(|k| contours.some(k, Contour::FIELD)).collect::<Result<Vec<_>>>()?;
+                let nearest = nearest
+                    .into_iter()
+                    .flatten()
+                    .map(|k| contours.some(k, Contour::FIELD))
+                    .collect::<Result<Vec<_>>>()?;
                 drawn_in(&nearest, self.padded())
             })?;
         }

@@ -110,12 +110,7 @@ impl Backend for Reference {
         Ok(displacement::displacements(job))
     }
 
-    fn moving_slopes(
-        &self,
-        moving: &MovingField,
-        wanted: Range<usize>,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Field>> {
+    fn moving_slopes(&self, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
         let slopes = moving_field::slopes(moving, wanted);
         progress.advance(slopes.len());
         Ok(slopes)

@@ -13,7 +13,8 @@ use rayon::prelude::*;
 
 use crate::displacement::{BLOCK, Displacement, Resting};
 use crate::error::Result;
-use crate::moving_field::{Paths, Place, upright};
+use crate::flatness::{self, Around};
+use crate::moving_field::{Paths, Place};
 use crate::moving_stack::MovingStack;
 use crate::packed::Packed;
 use crate::spline::smoothstep;
@@ -179,7 +180,7 @@ impl<'m> Fairing<'m> {
         let [nx, ny] = self.spec.dims;
         let [dx, dy] = self.spec.spacing.map(|s| s as f32);
         let (bound, far) = (self.bound, SATURATED * self.bound);
-        let row = |j: usize, v: &mut [f32], gradient: &mut [f32]| {
+        let row = |j: usize, v: &mut [f32], gradient: &mut [f32], sideways: &mut [f32]| {
             let (down, up) = (j.saturating_sub(1), (j + 1).min(ny - 1));
             let line = |layer: &Packed<f32>, j: usize| {
                 let mut line = vec![0.0; nx];
@@ -199,14 +200,29 @@ impl<'m> Fairing<'m> {
                 let n = (along + gz * gz).sqrt().max(LEAST_GRADIENT);
                 let ratio = u[i] / (n * bound);
                 v[i] = if ratio.abs() > FLAT { bound.copysign(ratio) } else { bound * ratio.tanh() };
-                // A surface that lies flat shows no creases, and a mean along z would only wash its relief away.
-                gradient[i] = if v[i].abs() < far { n * upright(f64::from(steep)) as f32 } else { 0.0 };
+                (gradient[i], sideways[i]) = (0.0, -1.0);
+                if v[i].abs() < far {
+                    (gradient[i], sideways[i]) = (n * flatness::alone(f64::from(steep)) as f32, steep);
+                }
             }
         };
-        Packed::of_rows(self.spec.dims, |first, [v, gradient]: [&mut [f32]; 2]| {
-            let rows = v.chunks_exact_mut(nx).zip(gradient.chunks_exact_mut(nx));
-            (first..).zip(rows).for_each(|(j, (v, gradient))| row(j, v, gradient));
-        })
+        let made = Packed::of_rows(self.spec.dims, |first, [v, gradient, sideways]: [&mut [f32]; 3]| {
+            let rows = v.chunks_exact_mut(nx).zip(gradient.chunks_exact_mut(nx)).zip(sideways.chunks_exact_mut(nx));
+            (first..).zip(rows).for_each(|(j, ((v, gradient), sideways))| row(j, v, gradient, sideways));
+        });
+        let [v, gradient, sideways] = made;
+        let around = Around::new(&sideways, self.spec.spacing);
+        let [gradient] = Packed::of_rows(self.spec.dims, |first, [rows]: [&mut [f32]; 1]| {
+            let mut own = vec![0.0; nx];
+            for (j, row) in (first..).zip(rows.chunks_exact_mut(nx)) {
+                gradient.read(0, j, row);
+                v.read(0, j, &mut own);
+                for pixels in stretches(&own, far) {
+                    around.scale(j, pixels.start, &mut row[pixels]);
+                }
+            }
+        });
+        [v, gradient]
     }
 
     /// Weights of the layers in the mean at layer `k`. Each layer stands for half of the way to its neighbours; beyond the body's ends the

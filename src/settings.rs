@@ -240,7 +240,7 @@ impl Default for Settings {
             link: Linking::Off,
             link_reach: 4.0,
             links: Vec::new(),
-            fair: 1.0,
+            fair: 1.5,
             anti_alias: AntiAlias::Kernel,
             sigma: 1.0,
             slope: SlopeRule::Hyman,

@@ -1,0 +1,70 @@
+//! Where a layer's surface lies flat: relief between contour lines, which shows no creases and whose shape a mean along z would wash away.
+//!
+//! A pixel near the surface stands by itself, `1 - smoothstep((s - 3) / 5)` for a surface that goes `s` sideways per height, and among its
+//! neighbours: by the mean of [`upright`] over what is near the surface in a Gaussian window, from .2 on, wholly from .6 on. A flat place
+//! between walls, the end of a bone, shows its creases as a wall does; a plain has relief. Measured with strength 1.5 (crease of pelvis_ts and
+//! vertebra_l3 medium over the truth's; RMSE of Jacksboro at 12 and 8 levels, m): [`upright`] of each pixel alone 1.17, 1.04; 10.1, 16.2. Its
+//! mean alone 1.12, 1.06; 10.1, 16.2. Both as here 1.09, 1.04; 10.1, 16.3. Each pixel alone from 3 to 8: 1.09, .99; at strength 1 10.4, 16.7.
+
+use rayon::prelude::*;
+
+use crate::displacement::{BLOCK, Displacement, smooth};
+use crate::moving_field::upright;
+use crate::packed::Packed;
+use crate::spline::smoothstep;
+
+/// A pixel that goes sideways by more than this per height stands less by itself, one that goes by more than FLAT not at all.
+const STEEP: f64 = 3.0;
+const FLAT: f64 = 8.0;
+/// Sigma of the window, px of the larger side.
+const REACH: f64 = 8.0;
+/// Means below this count as flat, above the other as upright.
+const NONE: f64 = 0.2;
+const ALL: f64 = 0.6;
+
+/// How upright pixel by pixel a surface is by itself.
+pub fn alone(sideways: f64) -> f64 {
+    1.0 - smoothstep((sideways - STEEP) / (FLAT - STEEP))
+}
+
+/// How upright the surface of a layer is around each pixel.
+pub struct Around {
+    /// Sums of what is upright and of all that is near the surface, per block.
+    sums: Displacement,
+}
+
+impl Around {
+    /// From what its surface goes sideways per height at each pixel, less than 0 where it is not near.
+    pub fn new(sideways: &Packed<f32>, spacing: [f64; 2]) -> Self {
+        let [nx, ny] = sideways.dims();
+        let mut sums = Displacement::zero([nx, ny]);
+        let columns = sums.grid[0];
+        let add = |(row, blocks): (usize, &mut [[f64; 2]])| {
+            let mut line = vec![0.0; nx];
+            for j in (row * BLOCK)..((row + 1) * BLOCK).min(ny) {
+                sideways.read(0, j, &mut line);
+                for (i, &s) in line.iter().enumerate().filter(|(_, s)| **s >= 0.0) {
+                    let [stands, all] = &mut blocks[i / BLOCK];
+                    *stands += upright(f64::from(s));
+                    *all += 1.0;
+                }
+            }
+        };
+        sums.vectors.par_chunks_mut(columns).enumerate().for_each(add);
+        let side = spacing[0].max(spacing[1]);
+        smooth(&mut sums.vectors, sums.grid, spacing.map(|s| REACH * side / s / BLOCK as f64));
+        Around { sums }
+    }
+
+    /// Scales the values of a stretch of row `j` that begins at pixel `first`.
+    pub fn scale(&self, j: usize, first: usize, values: &mut [f32]) {
+        let mut some = [[0.0; 2]; 4 * BLOCK];
+        for (first, values) in (first..).step_by(some.len()).zip(values.chunks_mut(some.len())) {
+            let some = &mut some[..values.len()];
+            self.sums.read_row(j, first, some);
+            for (value, [stands, all]) in values.iter_mut().zip(some) {
+                *value *= smoothstep((*stands / all.max(f64::MIN_POSITIVE) - NONE) / (ALL - NONE)) as f32;
+            }
+        }
+    }
+}

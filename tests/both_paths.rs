@@ -182,6 +182,34 @@ fn neither_a_second_run_nor_small_batches_nor_lists_change_a_bit() {
 }
 
 #[test]
+fn runs_at_once_on_one_gpu_have_the_bits_of_runs_alone() {
+    let gpu = open(&GpuOptions::default());
+    let stacks: Vec<ContourStack> = zoo().into_iter().take(6).map(|case| case.stack).collect();
+    let settings = Settings::default();
+    let alone: Vec<_> = stacks.iter().map(|stack| bits(&run(&gpu, stack, &settings, None))).collect();
+    let before = gpu.profile().submissions;
+    let together: Vec<_> = std::thread::scope(|scope| {
+        let run = |stack| bits(&run(&gpu, stack, &settings, None));
+        let runs: Vec<_> = stacks.iter().map(|stack| scope.spawn(move || run(stack))).collect();
+        runs.into_iter().map(|run| run.join().expect("no panic")).collect()
+    });
+    assert!(alone == together, "what is computed beside a run changes it");
+    let [apart, joined] = [before, gpu.profile().submissions - before];
+    println!("{apart} submissions one after the other, {joined} at once");
+    assert!(joined < apart, "calls that waited were answered together: {joined} of {apart} submissions");
+}
+
+#[test]
+fn a_grid_without_layers_between_contours() {
+    let (stack, settings) = fig9();
+    let gap = stack.slices[1].z - stack.slices[0].z;
+    let [gpu, cpu]: [Reconstruction; 2] = [&open(&GpuOptions::default()) as &dyn Backend, &Reference]
+        .map(|backend| run(backend, &stack, &settings, Some(gap)));
+    assert!(gpu.layers.iter().filter(|l| l.contour.is_some()).count() == stack.slices.len(), "every contour is there");
+    agree("contours alone", &gpu, &cpu);
+}
+
+#[test]
 fn stages_of_the_moving_field_are_the_same_in_batches() {
     let (dims, h) = ([151, 133], [1.0, 0.8]);
     let circle = |k: usize| circle(60.0 + 3.0 * k as f64, 50.0 - k as f64, 30.0 - 2.0 * k as f64);

@@ -313,7 +313,8 @@ impl Device {
             | wgpu::BufferUsages::INDIRECT
             | wgpu::BufferUsages::COPY_SRC
             | wgpu::BufferUsages::COPY_DST;
-        self.buffer(label, (count * size_of::<T>()) as u64, usage)
+        // A binding must hold one.
+        self.buffer(label, (count.max(1) * size_of::<T>()) as u64, usage)
     }
 
     /// A storage buffer with these values.

@@ -184,12 +184,16 @@ fn neither_a_second_run_nor_small_batches_nor_lists_change_a_bit() {
 #[test]
 fn runs_at_once_on_one_gpu_have_the_bits_of_runs_alone() {
     let gpu = open(&GpuOptions::default());
-    let stacks: Vec<ContourStack> = zoo().into_iter().take(6).map(|case| case.stack).collect();
+    let stack = |(_, shapes): (_, Vec<Shape>)| {
+        let heights: Vec<f64> = (0..shapes.len()).map(|k| 10.0 * k as f64).collect();
+        masks(N, &heights, &shapes)
+    };
+    let stacks: Vec<ContourStack> = zoo().into_iter().take(6).map(stack).collect();
     let settings = Settings::default();
-    let alone: Vec<_> = stacks.iter().map(|stack| bits(&run(&gpu, stack, &settings, None))).collect();
+    let run = |stack| bits(&run(&gpu, stack, &settings, Some(1.0)));
+    let alone: Vec<_> = stacks.iter().map(run).collect();
     let before = gpu.profile().submissions;
     let together: Vec<_> = std::thread::scope(|scope| {
-        let run = |stack| bits(&run(&gpu, stack, &settings, None));
         let runs: Vec<_> = stacks.iter().map(|stack| scope.spawn(move || run(stack))).collect();
         runs.into_iter().map(|run| run.join().expect("no panic")).collect()
     });

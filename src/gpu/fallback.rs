@@ -1,5 +1,6 @@
 //! A GPU with the reference path behind it: when the GPU fails, the rest of the job goes on there.
 
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use super::Gpu;

@@ -31,7 +31,7 @@ const PER_WAITING_EDGE: f64 = 750.0;
 const PER_WAITING_PIXEL: f64 = 20.0;
 const WAITING_GAPS: f64 = 3.5;
 /// Bytes that do not depend on the stack.
-const BASE_BYTES: f64 = 16.0 * 1024.0 * 1024.0;
+const BASE_BYTES: f64 = 24.0 * 1024.0 * 1024.0;
 
 /// What a run on the reference path needs, estimated from above, as if every group filled the image. Whoever keeps the layers
 /// ([`reconstruct`](crate::reconstruct)) needs 4 bytes of memory per voxel more; writing them takes what

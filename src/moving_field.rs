@@ -146,6 +146,18 @@ impl MovingField {
 }
 
 impl Place {
+    /// The place at time `t` of interval `i` of `moving`, which is number `interval` of the stack, and the paths through it. What it shares
+    /// with another place of the interval is taken from there.
+    pub fn new(moving: &MovingField, i: usize, interval: usize, t: f64, known: Option<&Place>) -> (Self, Paths) {
+        let paths = moving.paths(i, t);
+        let off = moving.off_slices(i, t, &paths).each_ref().map(Resting::from);
+        let at_slices = match known {
+            Some(place) => place.at_slices.clone(),
+            None => Arc::new(moving.at_slices[i].each_ref().map(Resting::from)),
+        };
+        (Place { interval, t, off, at_slices }, paths)
+    }
+
     /// Where the trajectory that meets the slices around this layer at `[below, above]` is on another layer. Within an interval the way over
     /// the lower slice passes smoothly into that over the upper one, so that it is C1 at the slices, and the same upside down. `between` are
     /// the displacements at the slices of the intervals between both, lowest first.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::displacement::{Displacement, Resting};
+use crate::displacement::Displacement;
 use crate::error::Result;
 use crate::field::Field;
 use crate::motion::Frame;
@@ -126,12 +126,6 @@ impl<'b> MovingStack<'b> {
         let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
         let t = time(z, self.heights[interval], self.heights[interval + 1]);
         let frame = self.frame(interval..interval + 2)?;
-        let paths = frame.paths(0, t);
-        let off = frame.off_slices(0, t, &paths).each_ref().map(Resting::from);
-        let at_slices = match known.filter(|place| place.interval == interval) {
-            Some(place) => place.at_slices.clone(),
-            None => Arc::new(frame.at_slices[0].each_ref().map(Resting::from)),
-        };
-        Ok((Place { interval, t, off, at_slices }, paths))
+        Ok(Place::new(&frame, 0, interval, t, known.filter(|place| place.interval == interval)))
     }
 }

@@ -1,7 +1,7 @@
 //! Displacements read pixel by pixel, by rows, and bounded.
 
-use interslice::displacement::Displacement;
-use interslice::moving_field::{MovingField, Place, time};
+use interslice::displacement::{Displacement, Resting};
+use interslice::moving_field::{MovingField, Paths, Place, time};
 
 /// A row weighs its axes in the other order: vectors of 7 px differ by their last bits.
 const ROUNDING: f64 = 1e-14;
@@ -60,12 +60,12 @@ fn trajectories_are_the_same_upside_down() {
     let layers = [-1.0, 0.0, 2.0, 5.0, 6.0, 6.5, 9.0, 14.0, 15.0];
     let place = |moving: &MovingField, z: f64| {
         let i = moving.heights.partition_point(|h| *h <= z).clamp(1, 3) - 1;
-        Place::new(moving, i, i, time(z, moving.heights[i], moving.heights[i + 1]))
+        Place::new(moving, i, i, time(z, moving.heights[i], moving.heights[i + 1]), None)
     };
-    let carry = |moving: &MovingField, x: [f64; 2], from: &Place, to: &Place| {
+    let carry = |moving: &MovingField, x: [f64; 2], (from, paths): &(Place, Paths), (to, _): &(Place, Paths)| {
         let between = from.interval.min(to.interval) + 1..from.interval.max(to.interval);
-        let between: Vec<&[Displacement; 2]> = between.map(|i| &*moving.at_slices[i]).collect();
-        from.carry(from.to_slices(x), to, &between)
+        let between: Vec<[Resting; 2]> = between.map(|i| moving.at_slices[i].each_ref().map(Resting::from)).collect();
+        from.carry(paths.to_slices(x), to, &between.iter().collect::<Vec<_>>())
     };
     let places = layers.map(|z| (z, place(&up, z), place(&down, top - z)));
     for (z, from, from_turned) in &places {

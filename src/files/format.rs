@@ -34,7 +34,7 @@ pub(super) const BUFFER_BYTES: usize = 1 << 20;
 const PER_VOLUME_PIXEL: u64 = 1;
 const PER_MAP_PIXEL: u64 = 8;
 const PER_SURFACE_PIXEL: u64 = 4;
-const PER_LID_PIXEL: u64 = 140;
+const PER_LID_PIXEL: u64 = 120;
 const PER_MESH_PIXEL: u64 = 16;
 /// Of the field in which a layer's contour lines are found, and of the lines.
 const PER_LINE_PIXEL: u64 = 24;

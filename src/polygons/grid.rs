@@ -4,6 +4,7 @@ use super::edges::contour_edges;
 use super::fill::area;
 use super::{Drawing, Polygon};
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// Empty pixels around all contours: room for what bulges between the planes.
 pub const MARGIN: usize = 8;
@@ -59,6 +60,13 @@ impl Grid {
             );
             return Err(Error::Setting { name: "pixel".into(), message });
         }
+        // The slices and, of those at work, another field.
+        let at_work = slices.min(rayon::current_num_threads());
+        let bytes = size_of::<f32>() as f64 * sides[0] * sides[1] * (slices + at_work) as f64;
+        memory::check_room(bytes).map_err(|m| {
+            let of = format!("{slices} slices of {} x {} pixels of {}", sides[0], sides[1], spacing[0]);
+            Error::Setting { name: "pixel".into(), message: format!("must be larger: {of} {m}") }
+        })?;
         let origin = [0, 1].map(|a| first[a] * spacing[a]);
         Ok(Grid { origin, spacing, dims: sides.map(|n| n as usize) })
     }

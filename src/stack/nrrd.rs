@@ -126,7 +126,7 @@ fn header(input: &mut impl BufRead) -> Failure<Fields> {
             continue;
         }
         let (name, value) =
-            line.split_once(": ").ok_or_else(|| format!("header line {number} is no field: `{line}`"))?;
+            line.split_once(": ").ok_or_else(|| format!("header line {number} is no field: `{line:.60}`"))?;
         fields.insert(name.to_lowercase(), value.trim().to_string());
     }
     Err(format!("header has more than {MOST_LINES} lines"))

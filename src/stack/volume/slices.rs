@@ -4,6 +4,7 @@ use super::Volume;
 use super::axis::Choice;
 use super::survey::{Survey, wanted};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::stack::options::ReadOptions;
 use crate::stack::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
 
@@ -79,6 +80,11 @@ fn chosen(volume: &Volume, survey: &Survey, axis: usize, options: &ReadOptions) 
 /// Masks of the slices `chosen` across the axis `w`, row-major along `u` and `v`.
 fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option<i64>) -> Result<Vec<Vec<bool>>> {
     let dims = volume.grid.dims;
+    let [nx, ny, count] = [dims[u], dims[v], chosen.len()];
+    memory::check_room(nx as f64 * ny as f64 * count as f64).map_err(|m| {
+        let message = format!("{count} slices of {nx}x{ny} px {m}");
+        Error::Format { path: volume.path.clone(), message }
+    })?;
     let mut places = vec![None; dims[w]];
     chosen.iter().enumerate().for_each(|(place, &k)| places[k] = Some(place));
     let mut masks = vec![vec![false; dims[u] * dims[v]]; chosen.len()];

@@ -3,7 +3,7 @@
 
 use std::f64::consts::TAU;
 use std::fs;
-use std::io::{Cursor, Read};
+use std::io::{Cursor, Read, Write};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -129,6 +129,9 @@ fn arrays(keep: Keep<'_>) -> Try {
     let skips = "encoding: raw\ndata file: data\nbyte skip: 2\nline skip: 1";
     keep("nrrd", "detached", &[&header("uchar", skips), BETWEEN, b"a line\nxx", &bytes].concat())?;
     keep("nrrd", "short", &[header("short", "encoding: raw\nendian: big\nbyte skip: -1\n"), shorts.clone()].concat())?;
+    let mut bzip2 = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::best());
+    bzip2.write_all(&bytes)?;
+    keep("nrrd", "bzip2", &[header("uchar", "encoding: bzip2\n"), bzip2.finish()?].concat())?;
     let ras =
         "encoding: raw\nendian: little\nspace: RAS\nspace directions: (0,1,0) (1,0,0) (0,0,2)\nspace origin: (1,2,3)\n";
     keep("nrrd", "float", &[header("float", ras), floats.clone()].concat())?;

@@ -16,6 +16,7 @@ use interslice::rtstruct::StructureSet;
 use interslice::stack::labels::{Wanted, read_labels};
 use interslice::stack::{Geometry, ReadOptions, Slice, SliceContent};
 use interslice::{ContourStack, Error, Result, links, memory, stack};
+use serde_json::Value;
 use tempfile::TempDir;
 
 /// What a target does: reads an input.
@@ -39,8 +40,8 @@ pub const TARGETS: [(&str, Target); 12] = [
 
 /// Between the files of an input of several files.
 pub const BETWEEN: &[u8] = b"\n%%%%\n";
-/// Finest pixels of polygons that are tried: a file may ask for a gibibyte of them, and is not wrong.
-const FINEST: f64 = 0.05;
+/// Most pixels of polygons that are tried: a file may ask for 2^30 of them, and is not wrong.
+const MOST_PIXELS: f64 = (1 << 24) as f64;
 /// Bytes that writing a body may take.
 const MOST_WRITING: u64 = 1 << 28;
 
@@ -89,14 +90,33 @@ pub fn tiff(bytes: &[u8]) -> Result<()> {
 
 /// A folder: `stack.json` with polygons, or with slices that are all one image (`s.png`), PNG or TIFF.
 pub fn folder(bytes: &[u8]) -> Result<()> {
-    let (json, _) = cut(bytes);
-    let json = serde_json::from_slice::<serde_json::Value>(json).unwrap_or_default();
-    let sides = json.get("spacing_xy").and_then(|sides| sides.as_array()).into_iter().flatten();
-    let too_fine = sides.filter_map(|h| h.as_f64()).any(|h| h > 0.0 && h < FINEST);
-    if too_fine {
+    let json = serde_json::from_slice(cut(bytes).0).unwrap_or_default();
+    if pixels(&json) > MOST_PIXELS {
         return Ok(());
     }
     with_files(&["stack.json", "s.png"], bytes, |folder| read(folder, &ReadOptions::default()))
+}
+
+/// About the pixels that polygons are laid on, of the size that the file asks for.
+fn pixels(json: &Value) -> f64 {
+    fn numbers(value: &Value, out: &mut [Vec<f64>; 2]) {
+        match value.as_array().map(Vec::as_slice) {
+            Some([x, y]) if x.is_number() && y.is_number() => {
+                [x, y].iter().zip(out).for_each(|(v, out)| out.extend(v.as_f64()));
+            }
+            Some(more) => more.iter().for_each(|v| numbers(v, out)),
+            None => {}
+        }
+    }
+    let slices = json["slices"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let mut places = [Vec::new(), Vec::new()];
+    slices.iter().for_each(|s| numbers(&s["polygons"], &mut places));
+    let side = |axis: usize| {
+        let (low, high) =
+            places[axis].iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+        json["spacing_xy"][axis].as_f64().map_or(1.0, |h| ((high - low) / h).abs() + 20.0)
+    };
+    side(0) * side(1) * slices.len() as f64
 }
 
 /// DICOM RTSTRUCT: every ROI described, and the first ones read.

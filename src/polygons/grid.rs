@@ -60,9 +60,9 @@ impl Grid {
             );
             return Err(Error::Setting { name: "pixel".into(), message });
         }
-        // The slices and, of those at work, another field.
+        // All slices, and the distances, squared and not, of those at work.
         let at_work = slices.min(rayon::current_num_threads());
-        let bytes = size_of::<f32>() as f64 * sides[0] * sides[1] * (slices + at_work) as f64;
+        let bytes = sides[0] * sides[1] * (4 * slices + 12 * at_work) as f64;
         memory::check_room(bytes).map_err(|m| {
             let of = format!("{slices} slices of {} x {} pixels of {}", sides[0], sides[1], spacing[0]);
             Error::Setting { name: "pixel".into(), message: format!("must be larger: {of} {m}") }

@@ -1,4 +1,4 @@
-//! NRRD label volumes (teem's nrrd format 0001 to 0005): header attached or detached, raw or gzip.
+//! NRRD label volumes (teem's nrrd format 0001 to 0005): header attached or detached, raw, gzip or bzip2.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, Read, Seek};
@@ -52,7 +52,8 @@ fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
     let coding = match need("encoding")? {
         "raw" => Coding::Raw,
         "gzip" | "gz" => Coding::Gzip,
-        other => return Err(format!("encoding must be raw or gzip; got {other}")),
+        "bzip2" | "bz2" => Coding::Bzip2,
+        other => return Err(format!("encoding must be raw, gzip or bzip2; got {other}")),
     };
     let (origin, steps, spaced) = placement(&field)?;
     let unit = field("space units").and_then(|u| u.split('"').nth(1)).filter(|u| !u.is_empty()).unwrap_or("mm");

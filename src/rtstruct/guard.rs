@@ -221,7 +221,7 @@ fn whole(tag: Tag, at: usize, vr: VR, length: u32) -> Check<()> {
         FD | OD | OV | SV | UV => 8,
         _ => 1,
     };
-    if length != UNDEFINED && length % size != 0 {
+    if length != UNDEFINED && !length.is_multiple_of(size) {
         return Err(format!("byte {at}: {tag} has {length} bytes; a number of it ({vr}) has {size}"));
     }
     Ok(())

@@ -2,13 +2,15 @@
 //! with the inputs that once failed.
 #![cfg(all(feature = "dicom", feature = "terrain"))]
 
+#[path = "support/files.rs"]
+mod support;
 #[path = "../fuzz/src/lib.rs"]
 mod targets;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use targets::{TARGETS, run};
+use targets::{BETWEEN, TARGETS, run};
 
 /// Parts of a file that are left when it is cut short, of 64.
 const CUTS: usize = 64;
@@ -66,6 +68,35 @@ fn seeds_with_flipped_bits_are_read_or_refused() {
                 refused += usize::from(run(target, &spoilt).is_err());
             }
             assert!(refused > 0, "{seed}: no flipped bit was refused");
+        }
+    }
+}
+
+/// Inputs of one file, as a user meets them.
+#[test]
+fn the_program_names_a_file_cut_short() {
+    let names = [
+        ("folder", "stack.json"),
+        ("geojson", "a.geojson"),
+        ("mha", "a.mha"),
+        ("nifti", "a.nii"),
+        ("npy", "a.npy"),
+        ("nrrd", "a.nrrd"),
+        ("rtstruct", "a.dcm"),
+        ("tiff", "a.tif"),
+    ];
+    for (target, name) in names {
+        let whole = files("seeds", target);
+        for (seed, bytes) in whole.iter().filter(|(_, bytes)| !bytes.windows(BETWEEN.len()).any(|w| w == BETWEEN)) {
+            let place = support::folder();
+            let path = place.path().join(name);
+            for part in [0, 1, 20, 31] {
+                fs::write(&path, &bytes[..bytes.len() * part / 32]).expect("a file can be written");
+                let result = support::interslice(&["inspect", &path.display().to_string()]);
+                let message = support::stderr(&result);
+                assert_eq!(result.status.code(), Some(2), "{seed}, {part} of 32: {message}");
+                assert!(message.contains(name) && !message.contains("panicked"), "{seed}, {part} of 32: {message}");
+            }
         }
     }
 }

@@ -238,6 +238,7 @@ fn broken_nrrd_files() {
     };
     with(b"PNG", &["labels.nrrd", "NRRD000"]);
     with(&nrrd("encoding: raw", "uchar", [2, 2, 3], &data[..7]), &["labels.nrrd", "data end after 7 of 12 bytes"]);
+    with(&nrrd("encoding: raw\nbyte skip: -1", "uchar", [2, 2, 3], &data[..7]), &["data end after 7 of 12 bytes"]);
     with(&nrrd("encoding: raw", "uchar", [2, 2, 0], &data), &["sizes 2 2 0"]);
     with(&nrrd("encoding: raw", "uchar", [usize::MAX, 2, 3], &data), &["sizes"]);
     with(&nrrd("encoding: hex", "uchar", [2, 2, 3], &data), &["encoding must be raw, gzip or bzip2; got hex"]);

@@ -111,6 +111,9 @@ fn pixels(json: &Value) -> f64 {
     let slices = json["slices"].as_array().map(Vec::as_slice).unwrap_or_default();
     let mut places = [Vec::new(), Vec::new()];
     slices.iter().for_each(|s| numbers(&s["polygons"], &mut places));
+    if places[0].is_empty() {
+        return 0.0;
+    }
     let side = |axis: usize| {
         let (low, high) =
             places[axis].iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));

@@ -86,7 +86,9 @@ fn skip<'a>(volume: &mut Volume, field: &impl Fn(&str) -> Option<&'a str>) -> Fa
         (0.., Coding::Raw) => *offset += bytes as u64,
         (0.., _) => *skip = bytes as u64,
         (-1, Coding::Raw) => {
-            *offset = std::fs::metadata(&*file).map_err(unreadable)?.len().saturating_sub(needed);
+            // Never in the header, where the file is cut short.
+            let length = std::fs::metadata(&*file).map_err(unreadable)?.len();
+            *offset = length.saturating_sub(needed).max(*offset);
             return Ok(());
         }
         _ => return Err(format!("byte skip must be 0 or more, or -1 for raw data; got {bytes}")),

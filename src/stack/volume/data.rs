@@ -114,6 +114,17 @@ fn packed(length: u64, most: u64, needed: u64) -> Failure<()> {
     Ok(())
 }
 
+/// Reads on behind the last voxel: only where packed bytes end their checksum is compared.
+pub(super) fn end(input: &mut impl Read) -> Failure<()> {
+    loop {
+        match input.read(&mut [0]) {
+            Ok(_) => return Ok(()),
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(format!("data, behind the last voxel: {e}")),
+        }
+    }
+}
+
 /// Fills `bytes`, which begin at byte `at` of `all`.
 pub(super) fn fill(input: &mut impl Read, bytes: &mut [u8], at: u64, all: u64) -> Failure<()> {
     let mut done = 0;

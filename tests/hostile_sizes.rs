@@ -161,6 +161,26 @@ fn shapefiles() {
     inspected(&path, &["a.shx", "is said to be"]);
 }
 
+/// Pairs of ends that all lie at one place.
+#[test]
+fn lines_from_one_point() {
+    let place = folder();
+    let path = place.path().join("hub.geojson");
+    let line = |k: usize| {
+        let at = k as f64 / 20_000.0 * std::f64::consts::TAU;
+        let end = format!("[{}, {}]", 5e5 + 900.0 * at.cos(), 4e6 + 900.0 * at.sin());
+        let middle = format!("[{}, {}]", 5e5 + 450.0 * at.cos(), 4e6 + 450.0 * at.sin());
+        let line = format!("[[5e5, 4e6], {middle}, {end}]");
+        format!(
+            "{{\"type\": \"Feature\", \"properties\": {{\"z\": 1}}, \"geometry\": {{\"type\": \"LineString\", \"coordinates\": {line}}}}}"
+        )
+    };
+    let features = (0..20_000).map(line).collect::<Vec<_>>().join(",\n");
+    let text = format!("{{\"type\": \"FeatureCollection\", \"features\": [{features}]}}");
+    fs::write(&path, text).expect("a file can be written");
+    inspected(&path, &["hub.geojson", "ends inside the map at"]);
+}
+
 /// What makes the DICOM library take a value's bytes for the next element, and so for a length: numbers that are not whole, a meta group that
 /// ends elsewhere.
 #[test]

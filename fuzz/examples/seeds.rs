@@ -270,6 +270,9 @@ fn words(keep: Keep<'_>) -> Try {
 {"id": "b", "input": "a.nrrd", "outputs": ["b.nii.gz"], "options": {"end_top": "peak=9", "slices": [0, 4], "mask": true}}
 "#;
     keep("manifest", "lines", lines.as_bytes())?;
+    let settings = "method = \"morph\"\nmotion = \"rigid\"\nend_top = \"peak=3.5\"\nend_bottom = \"extrapolate\"\nslope = \"natural\"\nfair = 0.5\ncfl = 0.4\nlink = \"auto\"\nlink_reach = 8\nmask = true\ndz = 0.25\naxis = \"z\"\nroi = [\"Heart\", 3]\n";
+    keep("settings", "many", settings.as_bytes())?;
+    keep("settings", "field", b"method = \"field\"\nmotion = \"none\"\nsigma = 0.7\nhalf_width = 4\ncut_off = 3.0\n")?;
     let table = "id,input,outputs,options\na,a.nrrd,a.stl;a.json,dz=0.5;label=3\nb,a.nrrd,b.ply,\"{\"\"axis\"\": \"\"x\"\"}\"\n";
     keep("manifest", "table", table.as_bytes())
 }

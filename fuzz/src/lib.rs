@@ -9,13 +9,16 @@ use std::path::Path;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use interslice::batch::manifest::Manifest;
+use interslice::files::JobOptions;
+use interslice::files::named::Named;
 use interslice::files::outputs::{OutputOptions, Outputs};
 use interslice::files::pending::Temporary;
 use interslice::files::section_file::Sections;
+use interslice::links::LinkOptions;
 use interslice::rtstruct::StructureSet;
 use interslice::stack::labels::{Wanted, read_labels};
 use interslice::stack::{Geometry, ReadOptions, Slice, SliceContent};
-use interslice::{ContourStack, Error, Result, links, memory, stack};
+use interslice::{ContourStack, Error, Result, Settings, links, memory, stack};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -23,7 +26,7 @@ use tempfile::TempDir;
 pub type Target = fn(&[u8]) -> Result<()>;
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 12] = [
+pub const TARGETS: [(&str, Target); 13] = [
     ("folder", folder),
     ("geojson", geojson),
     ("links", links),
@@ -34,6 +37,7 @@ pub const TARGETS: [(&str, Target); 12] = [
     ("nrrd", nrrd),
     ("rtstruct", rtstruct),
     ("section", section),
+    ("settings", settings),
     ("shapefile", shapefile),
     ("tiff", tiff),
 ];
@@ -146,15 +150,8 @@ pub fn shapefile(bytes: &[u8]) -> Result<()> {
 
 /// Links between the parts of three slices: two, one and three parts.
 pub fn links(bytes: &[u8]) -> Result<()> {
-    let slice = |(z, parts): (f64, usize)| {
-        let mask = (0..64).map(|node| node % 8 != 7 && node / 8 < 2 * parts && node / 8 % 2 == 0).collect();
-        Slice { name: format!("k={z}"), z, extra: false, content: SliceContent::Mask(mask) }
-    };
-    let slices = [(0.0, 2), (1.0, 1), (2.0, 3)].map(slice).into();
-    let (unit, geometry) = (String::from("mm"), Geometry::default());
-    let stack = ContourStack { dims: [8, 8], spacing: [1.0; 2], unit, slices, z_out: None, geometry };
     with_files(&["links.json"], bytes, |folder| {
-        let links = links::read(&folder.join("links.json"), &stack)?;
+        let links = links::read(&folder.join("links.json"), &small())?;
         assert!(links.iter().all(|l| l.slice < 2 && l.from > 0 && l.to > 0));
         Ok(())
     })
@@ -186,6 +183,37 @@ pub fn manifest(bytes: &[u8]) -> Result<()> {
         assert!(!manifest.jobs.is_empty());
         Ok(())
     })
+}
+
+/// Settings as a TOML file has them, and a small body by those that are sound.
+pub fn settings(bytes: &[u8]) -> Result<()> {
+    let wrong = |message: String| Error::Setting { name: "settings".into(), message };
+    let text = std::str::from_utf8(bytes).map_err(|e| wrong(e.to_string()))?;
+    let mut named = Named::new(text.parse().map_err(|e: toml::de::Error| wrong(e.to_string()))?);
+    let (read, of_read) = named.claim(ReadOptions::default(), |_| false);
+    let (links, of_links) = named.claim(LinkOptions::default(), |_| false);
+    let (settings, of_settings) = named.claim(Settings::default(), |_| false);
+    let (output, of_output) = named.claim(OutputOptions::default(), |_| false);
+    let all = [of_read, of_links, of_settings, of_output, named.unknown().map(String::from).collect()].concat();
+    if !all.is_empty() {
+        return Err(wrong(all.join("; ")));
+    }
+    let options = JobOptions { read, links, settings, output };
+    options.check()?;
+    // A stage may fail, in words.
+    let _ = interslice::reconstruct(&small(), &options.settings);
+    Ok(())
+}
+
+/// Three small slices of two, one and three parts.
+fn small() -> ContourStack {
+    let slice = |(z, parts): (f64, usize)| {
+        let mask = (0..64).map(|node| node % 8 != 7 && node / 8 < 2 * parts && node / 8 % 2 == 0).collect();
+        Slice { name: format!("k={z}"), z, extra: false, content: SliceContent::Mask(mask) }
+    };
+    let slices = [(0.0, 2), (1.0, 1), (2.0, 3)].map(slice).into();
+    let (unit, geometry) = (String::from("mm"), Geometry::default());
+    ContourStack { dims: [8, 8], spacing: [1.0; 2], unit, slices, z_out: None, geometry }
 }
 
 /// The bytes before the first [`BETWEEN`], and those behind it.

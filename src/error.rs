@@ -3,7 +3,7 @@
 //! A message has the name, the value, the limit and the way out. [`Error::exit_code`] tells the two kinds apart:
 //! 2 for input or settings that are wrong (found before anything is computed), 1 for work that failed.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Shorthand for `std::result::Result<T, interslice::Error>`.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -119,6 +119,14 @@ pub enum Error {
 }
 
 impl Error {
+    /// The same of a stack that a file holds: what is wrong with the stack as a whole is said of the file.
+    pub(crate) fn in_file(self, path: &Path) -> Self {
+        match self {
+            Error::Stack(message) => Error::Format { path: path.into(), message },
+            other => other,
+        }
+    }
+
     /// Exit code of the program: 2 input or settings wrong, 1 the work failed.
     pub fn exit_code(&self) -> u8 {
         match self {

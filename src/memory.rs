@@ -186,6 +186,20 @@ pub fn available() -> Option<u64> {
     Some(system.available_memory()).filter(|bytes| *bytes > 0)
 }
 
+/// Refuses to hold what was read where it is larger than the memory that is free.
+///
+/// # Errors
+/// What takes too much: its size and what is free.
+pub fn check_room(bytes: f64) -> std::result::Result<(), String> {
+    const MIB: f64 = (1 << 20) as f64;
+    match available() {
+        Some(free) if bytes > free as f64 => {
+            Err(format!("take {:.0} MiB of memory, {} MiB are available", (bytes / MIB).ceil(), free >> 20))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Refuses what needs more memory than `limit`, or else than is free.
 ///
 /// # Errors

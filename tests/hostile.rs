@@ -238,10 +238,13 @@ fn broken_nrrd_files() {
     };
     with(b"PNG", &["labels.nrrd", "NRRD000"]);
     with(&nrrd("encoding: raw", "uchar", [2, 2, 3], &data[..7]), &["labels.nrrd", "data end after 7 of 12 bytes"]);
+    with(&nrrd("encoding: raw\nbyte skip: -1", "uchar", [2, 2, 3], &data[..7]), &["data end after 7 of 12 bytes"]);
     with(&nrrd("encoding: raw", "uchar", [2, 2, 0], &data), &["sizes 2 2 0"]);
     with(&nrrd("encoding: raw", "uchar", [usize::MAX, 2, 3], &data), &["sizes"]);
-    with(&nrrd("encoding: hex", "uchar", [2, 2, 3], &data), &["encoding must be raw or gzip; got hex"]);
+    with(&nrrd("encoding: hex", "uchar", [2, 2, 3], &data), &["encoding must be raw, gzip or bzip2; got hex"]);
     with(&nrrd("encoding: gzip", "uchar", [2, 2, 3], &data), &["labels.nrrd", "data"]);
+    with(&nrrd("encoding: bzip2", "uchar", [2, 2, 3], &data), &["labels.nrrd", "data"]);
+    with(&nrrd("encoding: bzip2", "uchar", [9000, 9000, 9000], &data), &["compressed bytes can hold"]);
     with(&nrrd("encoding: raw", "blob", [2, 2, 3], &data), &["type `blob` is not known"]);
     with(&nrrd("encoding: raw", "short", [2, 1, 3], &data), &["endian must be little or big; got nothing"]);
     with(&nrrd("encoding: raw\nspacings: 1 1 NaN", "uchar", [2, 2, 3], &data), &["voxel spacing along axis 2", "NaN"]);

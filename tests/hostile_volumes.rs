@@ -105,6 +105,15 @@ fn cut_short() {
     }
     refused("a.npy", &sound("a.npy")[..300], &[], &["a.npy", "data end after", "of 600 bytes"]);
     refused("a.nii", &sound("a.nii")[..652], &[], &["a.nii", "data end after 300 of 600 bytes"]);
+    // All voxels are there, but not the checksum, or another.
+    for name in ["a.nrrd", "a.nii.gz", "a.mha"] {
+        let mut bytes = sound(name);
+        let end = bytes.len();
+        refused(name, &bytes[..end - 2], &[], &[name, "data, behind the last voxel"]);
+        // Of gzip it stands before the length.
+        bytes[end - if name == "a.mha" { 1 } else { 5 }] ^= 1;
+        refused(name, &bytes, &[], &[name, "data", "corrupt"]);
+    }
 }
 
 #[test]

@@ -313,6 +313,8 @@ def written(folder, given, direction):
     header = {"space": "left-posterior-superior", "space directions": (direction * SIDES).T, "space origin": ORIGIN}
     nrrd.write(str(folder / "detached.nhdr"), given.astype(">i4"), {**header, "encoding": "gzip", "endian": "big"}, detached_header=True)
     yield folder / "detached.nhdr"
+    nrrd.write(str(folder / "bzip2.nrrd"), given, {**header, "encoding": "bzip2"})
+    yield folder / "bzip2.nrrd"
     np.save(folder / "c.npy", np.ascontiguousarray(given.T))
     np.save(folder / "fortran.npy", np.asfortranarray(given.T.astype(">i8")))
     yield folder / "c.npy"

@@ -48,6 +48,34 @@ fn write_labels(path: &Path) {
     fs::write(path, bytes).expect("a file can be written");
 }
 
+#[test]
+fn bzip2_is_read_as_gzip_is() {
+    let place = folder();
+    let [gzip, bzip2] = ["gzip.nrrd", "bzip2.nrrd"].map(|name| place.path().join(name));
+    write_labels(&gzip);
+    let data: Vec<u8> = labels().iter().flat_map(|v| v.to_be_bytes()).collect();
+    // Two streams, as parallel writers make them, behind two bytes to be skipped.
+    let (low, high) = data.split_at(data.len() / 3);
+    let packed = [&[&[0, 0], low].concat(), high].map(|part| {
+        let mut packed = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::best());
+        packed.write_all(part).and_then(|()| packed.finish()).expect("memory can be written")
+    });
+    let header = format!(
+        "space: left-posterior-superior\nspace directions: {DIRECTIONS}\nspace origin: {ORIGIN}\nendian: big\nencoding: bzip2\nbyte skip: 2"
+    );
+    let bytes = nrrd(&header, "int16", SIZES, &packed.concat());
+    fs::write(&bzip2, &bytes).expect("a file can be written");
+    let [gzip, read_bzip2] = [&gzip, &bzip2].map(|path| stack(path, ReadOptions::default()));
+    assert_eq!(gzip.slices.len(), read_bzip2.slices.len());
+    for (a, b) in gzip.slices.iter().zip(&read_bzip2.slices) {
+        assert_eq!(a.z, b.z);
+        assert!((0..a.content.len()).all(|n| a.content.inside(n) == b.content.inside(n)), "{}", a.name);
+    }
+    fs::write(&bzip2, &bytes[..bytes.len() - 20]).expect("a file can be written");
+    let cut = read(&bzip2, &ReadOptions::default()).expect_err("it is cut short").to_string();
+    assert!(cut.contains("bzip2.nrrd") && cut.contains("data"), "{cut}");
+}
+
 fn stack(path: &Path, options: ReadOptions) -> ContourStack {
     read(path, &options).expect("the volume is sound")
 }

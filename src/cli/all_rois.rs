@@ -2,6 +2,7 @@
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use interslice::files::format::extension_at;
 use interslice::files::outputs::Outputs;
@@ -27,7 +28,7 @@ pub struct All<'a> {
 /// Reconstructs one ROI after the other. Nothing gets its name before everything is complete.
 pub fn run(all: &All<'_>) -> Result<()> {
     check(all.input, &all.options.read)?;
-    let set = StructureSet::read(all.input)?;
+    let set = Arc::new(StructureSet::read(all.input)?);
     let mut rois = Vec::new();
     for roi in &set.rois {
         let usable = set.closed(vec![roi]).and_then(|chosen| chosen.chosen_planes(&all.options.read));
@@ -63,7 +64,7 @@ pub fn run(all: &All<'_>) -> Result<()> {
     for (roi, outputs) in rois.iter().zip(&mut files) {
         let mut options = all.options.clone();
         options.read.roi = vec![roi.number.to_string()];
-        let loaded = Loaded::read(all.input, options)?;
+        let loaded = Loaded::of_structures(&set, options)?;
         completed.check(&loaded.options.output)?;
         let (dims, geometry, lid) = (loaded.stack.dims, &loaded.stack.geometry, loaded.stack.lid());
         let writing = outputs.bytes(dims, geometry, lid) + completed.bytes(dims, geometry, lid);

@@ -56,7 +56,6 @@ fn structures(arguments: &Arguments) -> Result<()> {
     }
     let chosen = set.choose(&arguments.read)?;
     let stack = chosen.stack(&arguments.read)?;
-    stack.validate()?;
     let links = arguments.links.read(&stack)?;
     let text = describe(&stack, &links, chosen.steps(&stack).map(|s| s.heights))?;
     say(&(chosen.describe().join("\n") + "\n" + &text))
@@ -67,7 +66,6 @@ fn structures(arguments: &Arguments) -> Result<()> {
 fn contour_map(arguments: &Arguments) -> Result<()> {
     stack::read::check(&arguments.input, &arguments.read)?;
     let terrain = interslice::terrain::Terrain::read(&arguments.input, &arguments.read)?;
-    terrain.stack.validate()?;
     let links = arguments.links.read(&terrain.stack)?;
     let notes = terrain.notes.iter().map(|note| format!("note: {note}"));
     let lines: Vec<String> = terrain.description.iter().cloned().chain(notes).collect();

@@ -14,6 +14,8 @@ pub mod section_file;
 mod writers;
 
 use std::path::Path;
+#[cfg(feature = "dicom")]
+use std::sync::Arc;
 
 use serde::Serialize;
 
@@ -22,6 +24,8 @@ use crate::error::Result;
 use crate::heights::Heights;
 use crate::links::LinkOptions;
 use crate::memory::Needs;
+#[cfg(feature = "dicom")]
+use crate::rtstruct::{Source, StructureSet};
 use crate::section::Section;
 use crate::settings::Settings;
 use crate::stack::{ContourStack, HeightGrid, ReadOptions, read};
@@ -79,21 +83,35 @@ impl Loaded {
         if read::is_map(input) {
             return Self::map(input, options);
         }
+        #[cfg(feature = "dicom")]
+        if read::is_structure_set(input) {
+            read::check(input, &options.read)?;
+            return Self::of_structures(&Arc::new(StructureSet::read(input)?), options);
+        }
         let stack = read::read(input, &options.read)?;
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
-        #[cfg(feature = "dicom")]
-        if read::is_structure_set(input) {
-            let mut source = crate::rtstruct::Source::read(input, &options.read)?;
-            let (steps, notes) = source.about(&stack)?;
-            if options.output.dz.is_none() && !options.output.isotropic {
-                options.output.dz = steps.map(|s| s.heights);
-                source.every = steps.map(|s| s.planes);
-            }
-            options.output.source = Some(std::sync::Arc::new(source));
-            return Ok(Loaded { notes, ..Self::new(stack, options)? });
-        }
         Self::new(stack, options)
+    }
+
+    /// The same for ROIs of an RTSTRUCT that was read; it is kept for the completed file.
+    ///
+    /// # Errors
+    /// As [`Loaded::read`].
+    #[cfg(feature = "dicom")]
+    pub fn of_structures(set: &Arc<StructureSet>, mut options: JobOptions) -> Result<Self> {
+        options.check()?;
+        let mut source = Source::new(set, &options.read)?;
+        let stack = source.stack()?;
+        options.settings.links = options.links.read(&stack)?;
+        options.settings.validate()?;
+        let (steps, notes) = source.about(&stack)?;
+        if options.output.dz.is_none() && !options.output.isotropic {
+            options.output.dz = steps.map(|s| s.heights);
+            source.every = steps.map(|s| s.planes);
+        }
+        options.output.source = Some(Arc::new(source));
+        Ok(Loaded { notes, ..Self::new(stack, options)? })
     }
 
     /// The same for a contour map.
@@ -101,7 +119,6 @@ impl Loaded {
     fn map(input: &Path, mut options: JobOptions) -> Result<Self> {
         read::check(input, &options.read)?;
         let terrain = crate::terrain::Terrain::read(input, &options.read)?;
-        terrain.stack.validate()?;
         options.settings.links = options.links.read(&terrain.stack)?;
         options.settings.validate()?;
         options.output.dz = options.output.dz.or(terrain.step());

@@ -4,6 +4,7 @@ use super::edges::contour_edges;
 use super::fill::area;
 use super::{Drawing, Polygon};
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// Empty pixels around all contours: room for what bulges between the planes.
 pub const MARGIN: usize = 8;
@@ -59,6 +60,13 @@ impl Grid {
             );
             return Err(Error::Setting { name: "pixel".into(), message });
         }
+        // All slices, and the distances, squared and not, of those at work.
+        let at_work = slices.min(rayon::current_num_threads());
+        let bytes = sides[0] * sides[1] * (4 * slices + 12 * at_work) as f64;
+        memory::check_room(bytes).map_err(|m| {
+            let of = format!("{slices} slices of {} x {} pixels of {}", sides[0], sides[1], spacing[0]);
+            Error::Setting { name: "pixel".into(), message: format!("must be larger: {of} {m}") }
+        })?;
         let origin = [0, 1].map(|a| first[a] * spacing[a]);
         Ok(Grid { origin, spacing, dims: sides.map(|n| n as usize) })
     }

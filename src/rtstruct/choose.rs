@@ -135,7 +135,7 @@ impl Chosen<'_> {
     /// The contours as a stack; heights are those along the planes' normal, x and y those in the planes.
     ///
     /// # Errors
-    /// As [`Chosen::chosen_planes`] and [`polygons::stack`].
+    /// As [`Chosen::chosen_planes`], [`polygons::stack`] and [`ContourStack::validate`], with the file's name.
     pub fn stack(&self, options: &ReadOptions) -> Result<ContourStack> {
         let drawing = |k: usize| {
             let mut regions = vec![Vec::new(); self.rois.len()];
@@ -145,7 +145,9 @@ impl Chosen<'_> {
         };
         let drawings: Vec<Drawing> = self.chosen_planes(options)?.into_iter().map(drawing).collect();
         let planes = Planes { unit: "mm".into(), axes: self.planes.axes, z_out: None };
-        polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]))
+        let stack = polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]));
+        let checked = stack.and_then(|stack| stack.validate().map(|()| stack));
+        checked.map_err(|e| e.in_file(&self.set.path))
     }
 
     /// Steps of the output heights of `stack` where none is asked for. Where all its planes lie on those of another ROI that has planes

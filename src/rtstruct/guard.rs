@@ -16,6 +16,7 @@ const IMPLICIT: &str = "1.2.840.10008.1.2";
 const ITEM: Tag = Tag(0xFFFE, 0xE000);
 const ITEM_END: Tag = Tag(0xFFFE, 0xE00D);
 const SEQUENCE_END: Tag = Tag(0xFFFE, 0xE0DD);
+const GROUP_LENGTH: Tag = Tag(0x0002, 0x0000);
 const TRANSFER_SYNTAX: Tag = Tag(0x0002, 0x0010);
 const UNDEFINED: u32 = u32::MAX;
 
@@ -28,6 +29,7 @@ pub fn check(bytes: &[u8]) -> Check<()> {
         return Err("is no DICOM file: `DICM` is missing at byte 128".into());
     }
     let mut walk = Walk { bytes, at: 132, explicit: true };
+    let begin = walk.meta()?;
     let mut syntax = None;
     while walk.peek_group() == Some(2) {
         let header = walk.header(bytes.len())?;
@@ -37,6 +39,12 @@ pub fn check(bytes: &[u8]) -> Check<()> {
             syntax = Some(text.trim_end_matches(['\0', ' ']).to_string());
         }
         walk.at = end;
+    }
+    if walk.at != begin {
+        let end = walk.at;
+        return Err(format!(
+            "{GROUP_LENGTH} says that the file's meta group ends at byte {begin}, but it ends at {end}"
+        ));
     }
     walk.explicit = match syntax.as_deref() {
         Some(EXPLICIT) => true,
@@ -81,6 +89,16 @@ enum Kind {
 }
 
 impl Walk<'_> {
+    /// The first element, File Meta Information Group Length: where the library begins with the data set.
+    fn meta(&mut self) -> Check<usize> {
+        let Header { tag, length, .. } = self.header(self.bytes.len())?;
+        if tag != GROUP_LENGTH || length != 4 {
+            return Err(format!("begins with {tag} of {length} bytes; it must be {GROUP_LENGTH} of 4"));
+        }
+        let group = u32::from_le_bytes(self.take(self.bytes.len())?);
+        Ok(self.at.saturating_add(group as usize))
+    }
+
     fn data_set(&mut self) -> Check<()> {
         let mut open: Vec<Open> = Vec::new();
         loop {
@@ -172,6 +190,7 @@ impl Walk<'_> {
             let length = u32::from_le_bytes(self.take(limit)?);
             let known = StandardDataDictionary.by_tag(tag).map(|e| e.vr().relaxed());
             let sequence = known == Some(VR::SQ) || (known.is_none() && length == UNDEFINED);
+            whole(tag, at, known.unwrap_or(VR::UN), length)?;
             return Ok(Header { tag, at, length, sequence });
         }
         let code: [u8; 2] = self.take(limit)?;
@@ -188,6 +207,22 @@ impl Walk<'_> {
         } else {
             u32::from(u16::from_le_bytes(self.take(limit)?))
         };
+        whole(tag, at, vr, length)?;
         Ok(Header { tag, at, length, sequence: vr == SQ })
     }
+}
+
+/// Checks that a value is of whole numbers: of others the library leaves bytes unread, and takes them for the next element.
+fn whole(tag: Tag, at: usize, vr: VR, length: u32) -> Check<()> {
+    use VR::{AT, FD, FL, OD, OF, OL, OV, OW, SL, SS, SV, UL, US, UV};
+    let size = match vr {
+        OW | SS | US => 2,
+        AT | FL | OF | OL | SL | UL => 4,
+        FD | OD | OV | SV | UV => 8,
+        _ => 1,
+    };
+    if length != UNDEFINED && !length.is_multiple_of(size) {
+        return Err(format!("byte {at}: {tag} has {length} bytes; a number of it ({vr}) has {size}"));
+    }
+    Ok(())
 }

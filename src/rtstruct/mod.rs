@@ -13,6 +13,7 @@ mod guard;
 mod parse;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use dicom_object::DefaultDicomObject;
 
@@ -121,7 +122,7 @@ impl StructureSet {
 #[derive(Debug)]
 pub struct Source {
     /// The file.
-    pub set: StructureSet,
+    pub set: Arc<StructureSet>,
     /// What was chosen.
     pub options: ReadOptions,
     /// Step of the planes on which contours are added; else all output heights are such planes.
@@ -129,14 +130,21 @@ pub struct Source {
 }
 
 impl Source {
-    /// Reads the file again that a stack was read from.
+    /// What `options` choose of a file, checked.
     ///
     /// # Errors
-    /// As [`StructureSet::read`] and [`StructureSet::choose`].
-    pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
-        let source = Source { set: StructureSet::read(path)?, options: options.clone(), every: None };
-        source.set.choose(options)?;
-        Ok(source)
+    /// As [`StructureSet::choose`].
+    pub fn new(set: &Arc<StructureSet>, options: &ReadOptions) -> Result<Self> {
+        set.choose(options)?;
+        Ok(Source { set: set.clone(), options: options.clone(), every: None })
+    }
+
+    /// The stack of what was chosen.
+    ///
+    /// # Errors
+    /// As [`StructureSet::choose`] and [`Chosen::stack`].
+    pub fn stack(&self) -> Result<ContourStack> {
+        self.set.choose(&self.options)?.stack(&self.options)
     }
 
     /// Steps of output heights where none are asked for, and what a person should know of the contours on `stack`.

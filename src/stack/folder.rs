@@ -8,7 +8,11 @@ use serde::Deserialize;
 
 use super::{ContourStack, Geometry, HeightGrid, ReadOptions, Slice, SliceContent};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::polygons::{self, Drawing, Planes, Polygon};
+
+/// Of an image's values and of the contour made of them.
+const BYTES_PER_PIXEL: f64 = (size_of::<u16>() + size_of::<f32>()) as f64;
 
 /// Schema of `stack.json`; any other field is an error.
 #[derive(Debug, Deserialize)]
@@ -142,6 +146,13 @@ fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) 
         }
         if this.bits != first.bits {
             return fail(format!("{} bits per pixel, but slice 0 has {}", this.bits, first.bits));
+        }
+        if index == 0 {
+            let ([w, h], count) = (first.dims, entries.len());
+            let bytes = BYTES_PER_PIXEL * (w * h) as f64 * count as f64;
+            let wrong =
+                |m: String| Error::Format { path: file.into(), message: format!("{count} slices of {w}x{h} px {m}") };
+            memory::check_room(bytes).map_err(wrong)?;
         }
     }
     let contents = contents(&images, options.level)?;

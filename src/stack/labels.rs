@@ -6,6 +6,7 @@ use super::ReadOptions;
 use super::read::{Surveyed, read_surveyed};
 use crate::error::{Error, Result};
 use crate::labels::LabelStack;
+use crate::memory;
 use crate::stack::ContourStack;
 
 /// Most labels of a run.
@@ -39,8 +40,8 @@ impl std::str::FromStr for Wanted {
 /// Reads the slices on which any of the wanted labels is drawn, or those that the options choose, from bottom to top.
 ///
 /// # Errors
-/// As [`read_surveyed`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume;
-/// [`Error::Stack`] for one that is drawn on a single slice.
+/// As [`read_surveyed`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume,
+/// and for one that is drawn on a single slice.
 pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
     let fail = |message: String| Err(Error::Setting { name: "labels".into(), message });
     if options.label.is_some() {
@@ -81,7 +82,7 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
         slice.content = super::SliceContent::Mask(drawn.iter().map(|l| *l > 0).collect());
     }
     let labels = LabelStack { stack: ContourStack { slices, ..stack }, labels, drawn, all_slices };
-    labels.validate()?;
+    labels.validate().map_err(|e| e.in_file(path))?;
     Ok(labels)
 }
 
@@ -95,6 +96,11 @@ fn drawn(surveyed: &Surveyed, stack: &ContourStack, labels: &[i64]) -> Result<Ve
             *at = Some(place);
         }
     }
+    let ([nx, ny], count) = (stack.dims, stack.slices.len());
+    memory::check_room(size_of::<u32>() as f64 * nx as f64 * ny as f64 * count as f64).map_err(|m| {
+        let message = format!("the labels of {count} slices of {nx}x{ny} px {m}");
+        Error::Format { path: surveyed.volume.path.clone(), message }
+    })?;
     let number = |value: i64| labels.binary_search(&value).map_or(0, |k| k as u32 + 1);
     let mut drawn = vec![vec![0; dims[u] * dims[v]]; stack.slices.len()];
     surveyed.volume.labels(|run| {

@@ -1,4 +1,4 @@
-//! NRRD label volumes (teem's nrrd format 0001 to 0005): header attached or detached, raw or gzip.
+//! NRRD label volumes (teem's nrrd format 0001 to 0005): header attached or detached, raw, gzip or bzip2.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, Read, Seek};
@@ -52,7 +52,8 @@ fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
     let coding = match need("encoding")? {
         "raw" => Coding::Raw,
         "gzip" | "gz" => Coding::Gzip,
-        other => return Err(format!("encoding must be raw or gzip; got {other}")),
+        "bzip2" | "bz2" => Coding::Bzip2,
+        other => return Err(format!("encoding must be raw, gzip or bzip2; got {other}")),
     };
     let (origin, steps, spaced) = placement(&field)?;
     let unit = field("space units").and_then(|u| u.split('"').nth(1)).filter(|u| !u.is_empty()).unwrap_or("mm");
@@ -85,7 +86,9 @@ fn skip<'a>(volume: &mut Volume, field: &impl Fn(&str) -> Option<&'a str>) -> Fa
         (0.., Coding::Raw) => *offset += bytes as u64,
         (0.., _) => *skip = bytes as u64,
         (-1, Coding::Raw) => {
-            *offset = std::fs::metadata(&*file).map_err(unreadable)?.len().saturating_sub(needed);
+            // Never in the header, where the file is cut short.
+            let length = std::fs::metadata(&*file).map_err(unreadable)?.len();
+            *offset = length.saturating_sub(needed).max(*offset);
             return Ok(());
         }
         _ => return Err(format!("byte skip must be 0 or more, or -1 for raw data; got {bytes}")),
@@ -126,7 +129,7 @@ fn header(input: &mut impl BufRead) -> Failure<Fields> {
             continue;
         }
         let (name, value) =
-            line.split_once(": ").ok_or_else(|| format!("header line {number} is no field: `{line}`"))?;
+            line.split_once(": ").ok_or_else(|| format!("header line {number} is no field: `{line:.60}`"))?;
         fields.insert(name.to_lowercase(), value.trim().to_string());
     }
     Err(format!("header has more than {MOST_LINES} lines"))

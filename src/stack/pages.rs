@@ -13,6 +13,7 @@ use super::volume::data::Data;
 use super::volume::element::Element;
 use super::volume::{Failure, Grid, Volume};
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// Longest description, e.g. OME-XML with an entry per plane.
 const LONGEST_DESCRIPTION: usize = 1 << 26;
@@ -97,6 +98,7 @@ fn volume(path: &Path) -> Failure<Volume> {
     }
     let bytes = nx.checked_mul(ny).and_then(|n| n.checked_mul(element.size()));
     let bytes = bytes.ok_or_else(|| format!("page 0: {nx}x{ny} px are too many"))?;
+    memory::check_room(bytes as f64).map_err(|m| format!("page 0: {nx}x{ny} px {m}"))?;
     let data = Data::Pages { file: path.into(), count, bytes };
     // The decoder gives the machine's own byte order.
     let big_endian = cfg!(target_endian = "big");

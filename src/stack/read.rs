@@ -153,7 +153,14 @@ pub struct Surveyed {
 /// # Errors
 /// As [`read`].
 pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Option<Surveyed>)> {
-    let (stack, surveyed) = match Kind::for_options(path, options)? {
+    let (stack, surveyed) = unchecked(path, options).map_err(|e| e.in_file(path))?;
+    stack.validate().map_err(|e| e.in_file(path))?;
+    Ok((stack, surveyed))
+}
+
+/// The same as the readers give it.
+fn unchecked(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Option<Surveyed>)> {
+    Ok(match Kind::for_options(path, options)? {
         Kind::Folder => (folder::read(path, options)?, None),
         Kind::Volume(header) => {
             let mut volume = header(path)?;
@@ -179,15 +186,13 @@ pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack
             let message = "is a contour map, which this program was built without (feature `terrain`)".into();
             return Err(Error::Format { path: path.into(), message });
         }
-    };
-    stack.validate()?;
-    Ok((stack, surveyed))
+    })
 }
 
 /// Reads a stack: a folder with `stack.json` (or that file itself), a label volume, or ROIs of a DICOM RTSTRUCT.
 ///
 /// # Errors
-/// [`Error::Read`], [`Error::Format`], [`Error::Slice`], [`Error::Stack`] or [`Error::Setting`], naming file, slice and value.
+/// [`Error::Read`], [`Error::Format`], [`Error::Slice`] or [`Error::Setting`], naming file, slice and value.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
     read_surveyed(path, options).map(|(stack, _)| stack)
 }

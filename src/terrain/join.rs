@@ -11,6 +11,8 @@ use crate::polygons::Polygon;
 
 /// Ends this close, px, are one, and lie on the border.
 pub const TOLERANCE: f64 = 0.5;
+/// Ends that are looked at around each: where more meet, they are no contours, and all pairs of them would be too many.
+const MOST_NEAR: usize = 16;
 
 /// The lines of one elevation.
 #[derive(Debug)]
@@ -176,14 +178,18 @@ fn mates(ends: &[[f64; 2]], border: &Border, tolerance: f64) -> Result<Vec<Mate>
         if beside <= tolerance {
             pairs.push((beside, k, Mate::Border));
         }
-        let near = tree.locate_within_distance(*p, tolerance * tolerance).filter(|other| other.data > k);
-        pairs.extend(near.map(|other| (distance(*p, *other.geom()), k, Mate::End(other.data))));
+        let near = tree.nearest_neighbor_iter_with_distance_2(*p).take(1 + MOST_NEAR);
+        let near = near.take_while(|(_, squared)| *squared <= tolerance * tolerance).map(|(other, _)| other);
+        let near = near.filter(|other| other.data != k);
+        pairs.extend(near.map(|other| (distance(*p, *other.geom()), k.min(other.data), Mate::End(k.max(other.data)))));
     }
     let rank = |mate: &Mate| match mate {
         Mate::End(k) => *k,
         Mate::Border => usize::MAX,
     };
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(rank(&a.2).cmp(&rank(&b.2))).then(a.1.cmp(&b.1)));
+    // Most pairs were found from both their ends.
+    pairs.dedup();
     let mut mates: Vec<Option<Mate>> = vec![None; ends.len()];
     for (_, k, mate) in pairs {
         let free = mates[k].is_none() && !matches!(mate, Mate::End(other) if mates[other].is_some());

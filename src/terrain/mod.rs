@@ -11,6 +11,7 @@
 mod border;
 mod elevation;
 mod geojson;
+mod guard;
 mod join;
 mod levels;
 mod lines;
@@ -74,7 +75,7 @@ impl Terrain {
         let (lines, field) = lines::lines(&features, options.elevation.as_deref(), &mut notes).map_err(wrong)?;
         let crs = coordinate_system(named, options, &lines).map_err(wrong)?;
         let border = options.border.as_deref().map(Border::given).transpose()?;
-        let pixel = lines::pixel(&lines, options.pixel)?;
+        let pixel = lines::pixel(&lines, options.pixel).map_err(|e| e.in_file(path))?;
         if crs == Crs::Unknown {
             notes.push("no coordinate system is named; --crs EPSG:N sets it".into());
         }
@@ -84,8 +85,9 @@ impl Terrain {
         let joined = join::join(lines, border, pixel, &mut notes).map_err(wrong)?;
         let (stack, map) = levels::stack(&joined, pixel, crs).map_err(|e| match e {
             levels::Wrong::Lines(message) => wrong(message),
-            levels::Wrong::Other(error) => error,
+            levels::Wrong::Other(error) => error.in_file(path),
         })?;
+        stack.validate().map_err(|e| e.in_file(path))?;
         notes.extend(levels::too_small(&joined, pixel));
         let mut description = joined.describe(&field, features.len());
         description.push(match &map.crs {
@@ -107,7 +109,7 @@ impl Terrain {
 
 /// The files of a contour map: a shapefile has several.
 pub fn files(path: &Path) -> Vec<PathBuf> {
-    let beside = ["dbf", "prj"].map(|e| path.with_extension(e));
+    let beside = ["dbf", "prj", "shx"].map(|e| path.with_extension(e));
     let shape = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("shp"));
     let beside = beside.into_iter().filter(|p| shape && p.is_file());
     std::iter::once(path.to_path_buf()).chain(beside).collect()

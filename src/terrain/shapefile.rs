@@ -1,12 +1,14 @@
 //! Shapefiles: .shp with its .dbf, and .prj if there is one.
 
+use std::fs::File;
+use std::io::{BufReader, Cursor, ErrorKind, Read, Seek};
 use std::path::Path;
 
 use serde_json::Value;
-use shapefile::dbase::{self, FieldValue};
+use shapefile::dbase::{self, FieldError, FieldIterator, FieldValue, ReadableRecord};
 use shapefile::{Shape, ShapeReader};
 
-use super::{Feature, Part};
+use super::{Feature, Part, guard};
 use crate::error::{Error, Result};
 use crate::map::Crs;
 
@@ -20,10 +22,25 @@ const NO_DATA: f64 = -1e38;
 pub fn read(path: &Path) -> Result<(Vec<Feature>, Crs)> {
     let unreadable = |path: &Path, source| Error::Read { path: path.into(), source };
     let wrong = |path: &Path, message: String| Error::Format { path: path.into(), message };
-    std::fs::File::open(path).map_err(|e| unreadable(path, e))?;
+    let there = |path: &Path| match std::fs::read(path) {
+        Ok(bytes) => Ok(Some(bytes)),
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
+        Err(e) => Err(unreadable(path, e)),
+    };
+    let bytes = std::fs::read(path).map_err(|e| unreadable(path, e))?;
     let table = path.with_extension("dbf");
-    std::fs::File::open(&table).map_err(|e| unreadable(&table, e))?;
-    let mut reader = ShapeReader::from_path(path).map_err(|e| wrong(path, format!("is no shapefile: {e}")))?;
+    let table_file = File::open(&table).map_err(|e| unreadable(&table, e))?;
+    let index = path.with_extension("shx");
+    let indexed = there(&index)?;
+    if let Some(shx) = &indexed {
+        guard::index(shx).map_err(|m| wrong(&index, m))?;
+    }
+    guard::shapes(&bytes, indexed.as_deref()).map_err(|m| wrong(path, m))?;
+    let reader = match indexed {
+        Some(shx) => ShapeReader::with_shx(Cursor::new(bytes), Cursor::new(shx)),
+        None => ShapeReader::new(Cursor::new(bytes)),
+    };
+    let mut reader = reader.map_err(|e| wrong(path, format!("is no shapefile: {e}")))?;
     let mut features = Vec::new();
     for (k, shape) in reader.iter_shapes().enumerate() {
         let name = format!("feature {}", k + 1);
@@ -31,25 +48,44 @@ pub fn read(path: &Path) -> Result<(Vec<Feature>, Crs)> {
         let lines = parts(shape).map_err(|m| wrong(path, format!("{name}: {m}")))?;
         features.push(Feature { name, fields: Vec::new(), lines });
     }
-    let mut records = dbase::Reader::from_path(&table).map_err(|e| wrong(&table, format!("is no dBase table: {e}")))?;
+    let no_table = |e| wrong(&table, format!("is no dBase table: {e}"));
+    let mut records = dbase::Reader::new(BufReader::new(table_file)).map_err(no_table)?;
     let mut count = 0;
-    for (k, record) in records.iter_records().enumerate() {
-        let record = record.map_err(|e| wrong(&table, format!("record {}: {e}", k + 1)))?;
+    for (k, record) in records.iter_records_as::<Fields>().enumerate() {
+        let Fields(fields) = record.map_err(|e| wrong(&table, format!("record {}: {e}", k + 1)))?;
         count += 1;
         if let Some(feature) = features.get_mut(k) {
-            feature.fields = record.into_iter().map(|(name, value)| (name, json(value))).collect();
+            feature.fields = fields;
         }
     }
     if count != features.len() {
         return Err(wrong(&table, format!("has {count} records, but the .shp has {} shapes", features.len())));
     }
     let projection = path.with_extension("prj");
-    let crs = match std::fs::read(&projection) {
-        Ok(bytes) => Crs::of_wkt(&String::from_utf8_lossy(&bytes)),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Crs::Unknown,
-        Err(e) => return Err(unreadable(&projection, e)),
-    };
+    let wkt = there(&projection)?;
+    let crs = wkt.map_or(Crs::Unknown, |bytes| Crs::of_wkt(&String::from_utf8_lossy(&bytes)));
     Ok((features, crs))
+}
+
+/// A record's attributes, but for memos: those lie in another file, and are no elevations.
+struct Fields(Vec<(String, Value)>);
+
+impl ReadableRecord for Fields {
+    fn read_using<S, M>(record: &mut FieldIterator<'_, S, M>) -> std::result::Result<Self, FieldError>
+    where
+        S: Read + Seek,
+        M: Read + Seek,
+    {
+        let mut fields = Vec::new();
+        for field in record {
+            match field {
+                Ok(field) => fields.push((field.name.to_string(), json(field.value))),
+                Err(e) if matches!(e.kind(), dbase::ErrorKind::MissingMemoFile) => {}
+                Err(e) => return Err(e),
+            }
+        }
+        Ok(Fields(fields))
+    }
 }
 
 fn json(value: FieldValue) -> Value {

@@ -4,13 +4,16 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use bzip2::bufread::MultiBzDecoder;
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 
 use super::Failure;
 use crate::stack::pages::Pages;
 
-/// Most bytes that one byte of deflate can stand for (1032), of the codecs of TIFF (LZW: 4096 codes of 12 bits).
+/// Most bytes that one byte of deflate can stand for (1032), of bzip2 (blocks of 900 000 bytes, of which 5 stand for 259, packed into 32), of the
+/// codecs of TIFF (LZW: 4096 codes of 12 bits).
 const MOST_DEFLATED: u64 = 1032;
+const MOST_IN_BLOCKS: u64 = 1 << 21;
 const MOST_IN_PAGES: u64 = 4096;
 
 /// How bytes are packed.
@@ -22,6 +25,8 @@ pub enum Coding {
     Gzip,
     /// zlib.
     Zlib,
+    /// bzip2, one stream or more.
+    Bzip2,
 }
 
 /// Where bytes are.
@@ -71,7 +76,10 @@ impl Data {
                     _ => Ok(()),
                 }
             }
-            Data::Stream { offset, .. } => packed(length.saturating_sub(offset), MOST_DEFLATED, needed),
+            Data::Stream { offset, coding, .. } => {
+                let most = if coding == Coding::Bzip2 { MOST_IN_BLOCKS } else { MOST_DEFLATED };
+                packed(length.saturating_sub(offset), most, needed)
+            }
             Data::Pages { .. } => packed(length, MOST_IN_PAGES, needed),
         }
     }
@@ -87,6 +95,7 @@ impl Data {
                     Coding::Raw => Box::new(input),
                     Coding::Gzip => Box::new(MultiGzDecoder::new(input)),
                     Coding::Zlib => Box::new(ZlibDecoder::new(input)),
+                    Coding::Bzip2 => Box::new(MultiBzDecoder::new(input)),
                 };
                 self.named(io::copy(&mut input.by_ref().take(*skip), &mut io::sink()))?;
                 Ok(input)
@@ -103,6 +112,17 @@ fn packed(length: u64, most: u64, needed: u64) -> Failure<()> {
         ));
     }
     Ok(())
+}
+
+/// Reads on behind the last voxel: only where packed bytes end their checksum is compared.
+pub(super) fn end(input: &mut impl Read) -> Failure<()> {
+    loop {
+        match input.read(&mut [0]) {
+            Ok(_) => return Ok(()),
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(format!("data, behind the last voxel: {e}")),
+        }
+    }
 }
 
 /// Fills `bytes`, which begin at byte `at` of `all`.

@@ -215,7 +215,7 @@ impl Volume {
             }
             at += n;
         }
-        Ok(())
+        data::end(&mut input)
     }
 }
 

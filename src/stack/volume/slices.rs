@@ -4,6 +4,7 @@ use super::Volume;
 use super::axis::Choice;
 use super::survey::{Survey, wanted};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::stack::mask::{Drawing, Mask};
 use crate::stack::options::ReadOptions;
 use crate::stack::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
@@ -80,6 +81,12 @@ fn chosen(volume: &Volume, survey: &Survey, axis: usize, options: &ReadOptions) 
 /// Masks of the slices `chosen` across the axis `w`, row-major along `u` and `v`.
 fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option<i64>) -> Result<Vec<Mask>> {
     let dims = volume.grid.dims;
+    let [nx, ny] = [dims[u], dims[v]];
+    // Masks are runs; one at a time is read as pixels.
+    memory::check_room(nx as f64 * ny as f64).map_err(|m| {
+        let message = format!("the pixels of a slice, {nx}x{ny}, {m}");
+        Error::Format { path: volume.path.clone(), message }
+    })?;
     let mut places = vec![None; dims[w]];
     chosen.iter().enumerate().for_each(|(place, &k)| places[k] = Some(place));
     let mut masks = vec![Drawing::new(dims[u] * dims[v]); chosen.len()];

@@ -1,0 +1,270 @@
+//! What the targets do: an input's bytes become files in a folder in memory, which a reader reads. The program's own tests
+//! (`tests/fuzzed.rs`) do the same with the seeds, with damaged seeds, and with the inputs that once failed.
+
+use std::cell::OnceCell;
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use interslice::batch::manifest::Manifest;
+use interslice::files::JobOptions;
+use interslice::files::named::Named;
+use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::pending::Temporary;
+use interslice::files::section_file::Sections;
+use interslice::links::LinkOptions;
+use interslice::rtstruct::StructureSet;
+use interslice::stack::labels::{Wanted, read_labels};
+use interslice::stack::{Geometry, ReadOptions, Slice, SliceContent};
+use interslice::{ContourStack, Error, Result, Settings, links, memory, stack};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// What a target does: reads an input.
+pub type Target = fn(&[u8]) -> Result<()>;
+
+/// All targets by name.
+pub const TARGETS: [(&str, Target); 13] = [
+    ("folder", folder),
+    ("geojson", geojson),
+    ("links", links),
+    ("manifest", manifest),
+    ("mha", mha),
+    ("nifti", nifti),
+    ("npy", npy),
+    ("nrrd", nrrd),
+    ("rtstruct", rtstruct),
+    ("section", section),
+    ("settings", settings),
+    ("shapefile", shapefile),
+    ("tiff", tiff),
+];
+
+/// Between the files of an input of several files.
+pub const BETWEEN: &[u8] = b"\n%%%%\n";
+/// Most pixels of polygons that are tried: a file may ask for 2^30 of them, and is not wrong.
+const MOST_PIXELS: f64 = (1 << 24) as f64;
+/// Bytes that writing a body may take.
+const MOST_WRITING: u64 = 1 << 28;
+
+/// Runs a target: an error is the input's fault, and names the file, the slice or the setting.
+pub fn run(target: Target, bytes: &[u8]) -> Result<()> {
+    let result = target(bytes);
+    if let Err(e) = &result {
+        assert_eq!(e.exit_code(), 2, "{e}");
+        let named = match e {
+            Error::Read { path, .. } | Error::Format { path, .. } | Error::Manifest { path, .. } => {
+                path.file_name().is_some()
+            }
+            Error::Slice { name, .. } | Error::Setting { name, .. } => !name.is_empty(),
+            Error::Memory { .. } => true,
+            _ => false,
+        };
+        assert!(named, "names nothing: {e}");
+    }
+    result
+}
+
+/// NRRD, with its header attached or (`data file: data`) detached.
+pub fn nrrd(bytes: &[u8]) -> Result<()> {
+    with_files(&["a.nrrd", "data"], bytes, |folder| volume(&folder.join("a.nrrd")))
+}
+
+/// MetaImage, with its header attached or (`ElementDataFile = data`) detached.
+pub fn mha(bytes: &[u8]) -> Result<()> {
+    with_files(&["a.mha", "data"], bytes, |folder| volume(&folder.join("a.mha")))
+}
+
+/// NIfTI-1, plain or gzip.
+pub fn nifti(bytes: &[u8]) -> Result<()> {
+    with_files(&["a.nii"], bytes, |folder| volume(&folder.join("a.nii")))
+}
+
+/// Arrays of numpy.
+pub fn npy(bytes: &[u8]) -> Result<()> {
+    with_files(&["a.npy"], bytes, |folder| volume(&folder.join("a.npy")))
+}
+
+/// TIFF of many pages, with or without OME-XML or ImageJ's description.
+pub fn tiff(bytes: &[u8]) -> Result<()> {
+    with_files(&["a.tif"], bytes, |folder| volume(&folder.join("a.tif")))
+}
+
+/// A folder: `stack.json` with polygons, or with slices that are all one image (`s.png`), PNG or TIFF.
+pub fn folder(bytes: &[u8]) -> Result<()> {
+    let json = serde_json::from_slice(cut(bytes).0).unwrap_or_default();
+    if pixels(&json) > MOST_PIXELS {
+        return Ok(());
+    }
+    with_files(&["stack.json", "s.png"], bytes, |folder| read(folder, &ReadOptions::default()))
+}
+
+/// About the pixels that polygons are laid on, of the size that the file asks for.
+fn pixels(json: &Value) -> f64 {
+    fn numbers(value: &Value, out: &mut [Vec<f64>; 2]) {
+        match value.as_array().map(Vec::as_slice) {
+            Some([x, y]) if x.is_number() && y.is_number() => {
+                [x, y].iter().zip(out).for_each(|(v, out)| out.extend(v.as_f64()));
+            }
+            Some(more) => more.iter().for_each(|v| numbers(v, out)),
+            None => {}
+        }
+    }
+    let slices = json["slices"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let mut places = [Vec::new(), Vec::new()];
+    slices.iter().for_each(|s| numbers(&s["polygons"], &mut places));
+    if places[0].is_empty() {
+        return 0.0;
+    }
+    let side = |axis: usize| {
+        let (low, high) =
+            places[axis].iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+        json["spacing_xy"][axis].as_f64().map_or(1.0, |h| ((high - low) / h).abs() + 20.0)
+    };
+    side(0) * side(1) * slices.len() as f64
+}
+
+/// DICOM RTSTRUCT: every ROI described, and the first ones read.
+pub fn rtstruct(bytes: &[u8]) -> Result<()> {
+    with_files(&["a.dcm"], bytes, |folder| {
+        let path = folder.join("a.dcm");
+        let set = StructureSet::read(&path)?;
+        assert!(set.describe().len() > set.rois.len());
+        let roi = |number: i64| ReadOptions { roi: vec![number.to_string()], ..ReadOptions::default() };
+        let stacks = set.rois.iter().take(3).map(|r| read(&path, &roi(r.number)));
+        stacks.reduce(Result::or).unwrap_or(Ok(()))
+    })
+}
+
+/// Contour maps as GeoJSON, in the system they name or in none.
+pub fn geojson(bytes: &[u8]) -> Result<()> {
+    with_files(&["a.geojson"], bytes, |folder| map(&folder.join("a.geojson")))
+}
+
+/// Contour maps as shapefiles: .shp, .dbf, .prj, .shx.
+pub fn shapefile(bytes: &[u8]) -> Result<()> {
+    with_files(&["a.shp", "a.dbf", "a.prj", "a.shx"], bytes, |folder| map(&folder.join("a.shp")))
+}
+
+/// Links between the parts of three slices: two, one and three parts.
+pub fn links(bytes: &[u8]) -> Result<()> {
+    with_files(&["links.json"], bytes, |folder| {
+        let links = links::read(&folder.join("links.json"), &small())?;
+        assert!(links.iter().all(|l| l.slice < 2 && l.from > 0 && l.to > 0));
+        Ok(())
+    })
+}
+
+/// A part of a body on its way to `merge`, unpacked: it is packed here, so that gzip's checksum fits.
+pub fn section(bytes: &[u8]) -> Result<()> {
+    let mut packed = GzEncoder::new(Vec::new(), Compression::none());
+    let packed = packed.write_all(bytes).and_then(|()| packed.finish()).expect("memory can be written");
+    with_files(&["a.section"], &packed, |folder| {
+        let sections = Sections::open(&[folder.join("a.section")])?;
+        let outputs = [folder.join("out.nrrd"), folder.join("out.stl")];
+        let mut outputs = Outputs::open(&outputs, None, Temporary::Random)?;
+        // As `merge` does.
+        memory::check(outputs.bytes(sections.dims(), sections.geometry()), Some(MOST_WRITING))?;
+        let options = OutputOptions { mask: false, ..sections.output().clone() };
+        options.check_ranges()?;
+        let mut sink = outputs.sink(&options);
+        sections.replay(&mut sink).map(drop)
+    })
+}
+
+/// Manifests of batches: CSV where the first byte is an `i` (of `id,`), else JSON Lines.
+pub fn manifest(bytes: &[u8]) -> Result<()> {
+    let name = if bytes.starts_with(b"i") { "m.csv" } else { "m.jsonl" };
+    with_files(&[name], bytes, |folder| {
+        fs::write(folder.join("a.nrrd"), "").expect("a file can be written");
+        let manifest = Manifest::read(&folder.join(name))?;
+        assert!(!manifest.jobs.is_empty());
+        Ok(())
+    })
+}
+
+/// Settings as a TOML file has them, and a small body by those that are sound.
+pub fn settings(bytes: &[u8]) -> Result<()> {
+    let wrong = |message: String| Error::Setting { name: "settings".into(), message };
+    let text = std::str::from_utf8(bytes).map_err(|e| wrong(e.to_string()))?;
+    let mut named = Named::new(text.parse().map_err(|e: toml::de::Error| wrong(e.to_string()))?);
+    let (read, of_read) = named.claim(ReadOptions::default(), |_| false);
+    let (links, of_links) = named.claim(LinkOptions::default(), |_| false);
+    let (settings, of_settings) = named.claim(Settings::default(), |_| false);
+    let (output, of_output) = named.claim(OutputOptions::default(), |_| false);
+    let all = [of_read, of_links, of_settings, of_output, named.unknown().map(String::from).collect()].concat();
+    if !all.is_empty() {
+        return Err(wrong(all.join("; ")));
+    }
+    let options = JobOptions { read, links, settings, output };
+    options.check()?;
+    // A stage may fail, in words.
+    let _ = interslice::reconstruct(&small(), &options.settings);
+    Ok(())
+}
+
+/// Three small slices of two, one and three parts.
+fn small() -> ContourStack {
+    let slice = |(z, parts): (f64, usize)| {
+        let mask = (0..64).map(|node| node % 8 != 7 && node / 8 < 2 * parts && node / 8 % 2 == 0).collect();
+        Slice { name: format!("k={z}"), z, extra: false, content: SliceContent::Mask(mask) }
+    };
+    let slices = [(0.0, 2), (1.0, 1), (2.0, 3)].map(slice).into();
+    let (unit, geometry) = (String::from("mm"), Geometry::default());
+    ContourStack { dims: [8, 8], spacing: [1.0; 2], unit, slices, z_out: None, geometry }
+}
+
+/// The bytes before the first [`BETWEEN`], and those behind it.
+fn cut(bytes: &[u8]) -> (&[u8], Option<&[u8]>) {
+    let at = bytes.windows(BETWEEN.len()).position(|w| w == BETWEEN);
+    at.map_or((bytes, None), |at| (&bytes[..at], Some(&bytes[at + BETWEEN.len()..])))
+}
+
+thread_local! {
+    static FOLDER: OnceCell<TempDir> = const { OnceCell::new() };
+}
+
+/// Calls `each` with a folder in which the pieces of `bytes` are the files `names`, in their order; the last has all that is left.
+fn with_files(names: &[&str], bytes: &[u8], each: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+    FOLDER.with(|folder| {
+        let in_memory = || tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir());
+        let folder = folder.get_or_init(|| in_memory().expect("a folder can be made")).path();
+        let mut rest = Some(bytes);
+        for (k, name) in names.iter().enumerate() {
+            let path = folder.join(name);
+            let Some(all) = rest else {
+                let _ = fs::remove_file(path);
+                continue;
+            };
+            let (piece, more) = if k + 1 < names.len() { cut(all) } else { (all, None) };
+            fs::write(path, piece).expect("a file can be written");
+            rest = more;
+        }
+        each(folder)
+    })
+}
+
+/// Reads a stack of any kind; what comes back is one that may be reconstructed.
+fn read(path: &Path, options: &ReadOptions) -> Result<()> {
+    let stack = stack::read(path, options)?;
+    stack.validate().expect("a reader gives a stack that may be reconstructed");
+    Ok(())
+}
+
+/// Reads a label volume as one body and as many labels.
+fn volume(path: &Path) -> Result<()> {
+    read(path, &ReadOptions::default())?;
+    // A single drawn slice is a body, but no label.
+    if let Ok(labels) = read_labels(path, &ReadOptions::default(), &Wanted::All) {
+        labels.validate().expect("a reader gives labels that may be reconstructed");
+    }
+    Ok(())
+}
+
+/// Reads a contour map in the system that it names, or in none.
+fn map(path: &Path) -> Result<()> {
+    let local = || ReadOptions { crs: Some("local".into()), ..ReadOptions::default() };
+    read(path, &ReadOptions::default()).or_else(|_| read(path, &local()))
+}

@@ -166,7 +166,10 @@ pub fn section(bytes: &[u8]) -> Result<()> {
         let outputs = [folder.join("out.nrrd"), folder.join("out.stl")];
         let mut outputs = Outputs::open(&outputs, None, Temporary::Random)?;
         // As `merge` does.
-        memory::check(outputs.bytes(sections.dims(), sections.geometry(), sections.dims().iter().product()), Some(MOST_WRITING))?;
+        memory::check(
+            outputs.bytes(sections.dims(), sections.geometry(), sections.dims().iter().product()),
+            Some(MOST_WRITING),
+        )?;
         let options = OutputOptions { mask: false, ..sections.output().clone() };
         options.check_ranges()?;
         let mut sink = outputs.sink(&options);

@@ -497,7 +497,8 @@ impl<'a> Run<'a> {
         let mut filled = 0;
         for i in self.span.layers.clone() {
             let nodes: usize = intervals.light(i).groups.iter().map(|g| g.tile.len()).sum();
-            let bytes = size_of::<f32>() * nodes * heights.between(i).len();
+            // Both ends of its groups, and the slices between.
+            let bytes = nodes * (2 * size_of::<f64>() + size_of::<f32>() * heights.between(i).len());
             match out.last_mut() {
                 Some(chunk) if chunk.len() < least || filled + bytes <= most => chunk.end = i + 1,
                 _ => {

@@ -14,11 +14,16 @@ import nibabel
 import nrrd
 import numpy as np
 import pydicom
+import pydicom.dicomio
 import rasterio
 import SimpleITK
 import tifffile
 import trimesh
 import zarr
+
+# The parser was written for pydicom 2, where dcmread had this name too.
+pydicom.dicomio.read_file = pydicom.dcmread
+from dicompylercore.dicomparser import DicomParser  # noqa: E402
 
 # An oblique label volume, axes in LPS, one step a column; slices 0, 4, 8 are drawn.
 SIZES = (40, 30, 9)
@@ -171,6 +176,13 @@ def structures(program, folder):
     fresh = after.SOPInstanceUID == after.file_meta.MediaStorageSOPInstanceUID != "1.2.3.4" and after.SeriesInstanceUID != "1.2.3.5"
     said = after.StructureSetROISequence[0].ROIDescription
     check("rtss.dcm -> pydicom, marks", fresh and after.ApprovalStatus == "UNAPPROVED" and "interpolated, at 8, 10, 14, 16" in said, said)
+    parsed = DicomParser(str(completed))
+    tumour = parsed.GetStructures()[1]
+    planes = parsed.GetStructureCoordinates(1)
+    heights = sorted(float(z) for z in planes)
+    check("rtss.dcm -> dicompyler-core", tumour["name"] == "tumour" and not tumour["empty"] and heights == [6, 8, 10, 12, 14, 16, 18], heights)
+    sizes = [len(c["data"]) == c["num_points"] > 20 for plane in planes.values() for c in plane]
+    check("rtss.dcm -> dicompyler-core, points", len(sizes) == 7 and all(sizes), sizes)
 
 
 def volumes(source, given, paths):

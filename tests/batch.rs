@@ -93,7 +93,7 @@ fn what_has_not_changed_is_skipped_and_what_has_is_made_again() {
 
     // Options, but not by saying the default.
     lines[2]["options"] = json!({"fair": 0});
-    lines[0]["options"] = json!({"slope": "hyman", "fair": 1});
+    lines[0]["options"] = json!({"slope": "hyman", "fair": 1.5});
     write_manifest(place.path(), &lines);
     assert_eq!(finished(place.path()), [true, true, false, true]);
     all_done(place.path(), &[]);
@@ -270,7 +270,7 @@ fn a_job_that_needs_more_memory_than_allowed_fails_in_words() {
     assert!(stderr(&result).contains("case02: this job needs about"), "{}", stderr(&result));
     assert!(stderr(&result).contains("1 MiB are available"), "{}", stderr(&result));
     // Room for one at a time is enough.
-    assert!(all_done(place.path(), &["--memory", "12M", "--jobs", "3"]).contains("3 done"));
+    assert!(all_done(place.path(), &["--memory", "40M", "--jobs", "3"]).contains("3 done"));
 }
 
 #[test]

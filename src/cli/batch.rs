@@ -46,7 +46,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     results: Option<PathBuf>,
 
-    /// Jobs computed at once (on a GPU they take turns by the stage); as many are read ahead and written behind [default: one per core]
+    /// Jobs computed at once (on a GPU they take turns by the stage, and calls that wait are computed together); as many are read ahead and written behind [default: one per core]
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
 

@@ -1,4 +1,4 @@
-//! One GPU for all jobs of a batch: kernels are compiled once, jobs take turns by the stage, and a device that is lost is opened anew.
+//! One GPU for all jobs of a batch: kernels are compiled once, calls of several jobs are computed together, and a device that is lost is opened anew.
 
 use std::sync::{Arc, Mutex, PoisonError};
 

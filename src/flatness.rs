@@ -68,3 +68,47 @@ impl Around {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DIMS: [usize; 2] = [120, 100];
+
+    /// What is left of 1 at pixels of row 50 of a layer that goes sideways by `of` at each column.
+    fn left(of: impl Fn(usize) -> f32 + Sync, spacing: [f64; 2]) -> Vec<f32> {
+        let [sideways] = Packed::of_rows(DIMS, |_, [rows]: [&mut [f32]; 1]| {
+            rows.iter_mut().enumerate().for_each(|(n, s)| *s = of(n % DIMS[0]));
+        });
+        let mut row = vec![1.0; DIMS[0] - 7];
+        Around::new(&sideways, spacing).scale(50, 7, &mut row);
+        row
+    }
+
+    #[test]
+    fn walls_stand_and_plains_lie() {
+        assert!(left(|_| 1.0, [1.0; 2]).iter().all(|v| *v == 1.0));
+        assert!(left(|_| 4.5, [1.0; 2]).iter().all(|v| *v == 0.0));
+        assert!(left(|_| -1.0, [1.0; 2]).iter().all(|v| *v == 0.0), "nothing is near the surface");
+        assert_eq!([2.9, 8.1].map(alone), [1.0, 0.0]);
+    }
+
+    #[test]
+    fn a_flat_place_between_walls_stands_and_a_wall_in_a_plain_lies() {
+        let narrow = |i: usize| if i.abs_diff(60) < 4 { 6.0 } else { 0.5 };
+        assert!(left(narrow, [1.0; 2]).iter().all(|v| *v > 0.95), "{:?}", left(narrow, [1.0; 2]));
+        let opposite = |i: usize| if i.abs_diff(60) < 2 { 0.5 } else { 6.0 };
+        assert!(left(opposite, [1.0; 2]).iter().all(|v| *v < 0.05), "{:?}", left(opposite, [1.0; 2]));
+    }
+
+    #[test]
+    fn the_window_is_measured_in_pixels_of_the_larger_side() {
+        // Half as wide pixels: the same stretch is twice as many.
+        let step = |at: usize| move |i: usize| if i < at { 0.5 } else { 6.0 };
+        let (square, narrow) = (left(step(40), [1.0; 2]), left(step(80), [0.5, 1.0]));
+        let half = |row: &[f32]| row.iter().position(|v| *v < 0.5).expect("it falls") + 7;
+        let width = |row: &[f32]| row.iter().filter(|v| **v > 0.01 && **v < 0.99).count();
+        assert!(half(&square).abs_diff(half(&narrow) / 2) <= 2, "{} {}", half(&square), half(&narrow));
+        assert!((1.6..2.4).contains(&(width(&narrow) as f64 / width(&square) as f64)));
+    }
+}

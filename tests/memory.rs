@@ -1,11 +1,14 @@
-//! What a run needs of memory, beside what was said before it, and that the number of layers does not matter.
+//! What a run needs of memory, beside what was said before it and what it is allowed, and that the number of layers does not matter.
 #![cfg(target_os = "linux")]
 
 #[path = "support/files.rs"]
 mod files;
 
+use std::fs;
 use std::path::Path;
 use std::process::Command;
+use std::thread::sleep;
+use std::time::Duration;
 
 use files::folder;
 use interslice::files::outputs::{OutputOptions, Outputs};
@@ -21,11 +24,16 @@ const ASKED: &str = "INTERSLICE_MEMORY_TEST";
 const SIDE: usize = 400;
 const KINDS: [&str; 6] = ["nrrd", "nii.gz", "stl", "ply", "tif", "json"];
 
-/// Largest resident set so far, bytes.
+/// Largest resident set of a process so far, bytes; nothing where it has ended.
+fn peak_of(process: &str) -> Option<u64> {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    line.split_whitespace().next().and_then(|n| n.parse::<u64>().ok()).map(|kib| kib << 10)
+}
+
+/// That of this process.
 fn peak() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").expect("Linux tells");
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:")).expect("Linux tells");
-    line.split_whitespace().next().and_then(|n| n.parse::<u64>().ok()).expect("a number") << 10
+    peak_of("self").expect("Linux tells")
 }
 
 /// Four discs that drift.
@@ -107,4 +115,52 @@ fn does_not_grow_with_the_layers() {
     let voxels = (more - layers) * (SIDE * SIDE * 4) as u64;
     assert!(voxels > 100 << 20, "{voxels} bytes of layers more");
     assert!(many < few + voxels / 5, "{few} bytes for {layers} layers, {many} for {more}");
+}
+
+/// The program on many slices with these arguments: its largest resident set, bytes, and what it wrote.
+fn program(place: &Path, arguments: &[&str]) -> (u64, Vec<Vec<u8>>) {
+    let outputs = ["out.nrrd", "out.stl"].map(|name| place.join(name));
+    let mut child = Command::new(env!("CARGO_BIN_EXE_interslice"))
+        .arg("reconstruct")
+        .arg(place.join("in.nrrd"))
+        .args(["--backend", "cpu", "--threads", "2", "--dz", "2", "-q", "-o"])
+        .args([&outputs[0], Path::new("-o"), &outputs[1]])
+        .args(arguments)
+        .spawn()
+        .expect("it starts");
+    let process = child.id().to_string();
+    let mut peak = 0;
+    let status = loop {
+        peak = peak.max(peak_of(&process).unwrap_or(0));
+        match child.try_wait().expect("it can be waited for") {
+            Some(status) => break status,
+            None => sleep(Duration::from_millis(2)),
+        }
+    };
+    assert!(status.success(), "{arguments:?}: {status}");
+    (peak, outputs.iter().map(|path| fs::read(path).expect("it was written")).collect())
+}
+
+#[test]
+fn a_run_stays_within_what_it_is_allowed_and_writes_the_same() {
+    const SLICES: usize = 24;
+    let place = folder();
+    let header = format!(
+        "NRRD0004\ntype: uint8\ndimension: 3\nspace: left-posterior-superior\nsizes: {SIDE} {SIDE} {SLICES}\n\
+         space directions: (1,0,0) (0,1,0) (0,0,4)\nencoding: raw\nspace origin: (0,0,0)\n\n"
+    );
+    let inside = |n: usize| {
+        let (k, n) = ((n / (SIDE * SIDE)) as f64, n % (SIDE * SIDE));
+        let (x, y) = ((n % SIDE) as f64 - 150.0 - 4.0 * k, (n / SIDE) as f64 - 190.0);
+        u8::from(x.hypot(y) < 70.0 + 15.0 * (0.5 * k).sin())
+    };
+    let voxels = (0..SIDE * SIDE * SLICES).map(inside);
+    let path = place.path().join("in.nrrd");
+    fs::write(path, header.into_bytes().into_iter().chain(voxels).collect::<Vec<u8>>()).expect("it can be written");
+    let (free, whole) = program(place.path(), &[]);
+    let (bounded, same) = program(place.path(), &["--memory", "80M"]);
+    println!("{} MiB, {} MiB of 80 allowed", free >> 20, bounded >> 20);
+    assert!(bounded <= 80 << 20, "{bounded} bytes were needed, 80 MiB allowed");
+    assert!(2 * free > 3 * bounded, "{free} bytes are needed without bound: too little to tell");
+    assert!(whole == same, "the bound changes what is written");
 }

@@ -3,7 +3,7 @@
 //! A pixel near the surface stands by itself, `1 - smoothstep((s - 3) / 5)` for a surface that goes `s` sideways per height, and among its
 //! neighbours: by the mean of [`upright`] over what is near the surface in a Gaussian window, from .2 on, wholly from .6 on. A flat place
 //! between walls, the end of a bone, shows its creases as a wall does; a plain has relief. Measured with strength 1.5 (crease of pelvis_ts and
-//! vertebra_l3 medium over the truth's; RMSE of Jacksboro at 12 and 8 levels, m): [`upright`] of each pixel alone 1.17, 1.04; 10.1, 16.2. Its
+//! vertebra_l3 medium over the truth's; RMSE of Jacksboro at 12 and 8 levels, m): [`upright`] of each pixel alone 1.17, 1.04; 10.2, 16.4. Its
 //! mean alone 1.12, 1.06; 10.1, 16.2. Both as here 1.09, 1.04; 10.1, 16.3. Each pixel alone from 3 to 8: 1.09, .99; at strength 1 10.4, 16.7.
 
 use rayon::prelude::*;

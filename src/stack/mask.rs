@@ -26,13 +26,9 @@ impl Mask {
         self.changes.is_empty()
     }
 
-    /// Whether pixel `node` is inside.
-    ///
-    /// # Panics
-    /// If there is no such pixel.
+    /// Whether pixel `node` is inside; what lies beyond the last pixel is not.
     pub fn at(&self, node: usize) -> bool {
-        assert!(node < self.len, "pixel {node} of {}", self.len);
-        self.side(node)
+        node < self.len && self.side(node)
     }
 
     /// The pixels in order.

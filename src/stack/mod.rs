@@ -64,11 +64,11 @@ pub enum SliceContent {
 }
 
 impl SliceContent {
-    /// Whether pixel `node` is inside.
+    /// Whether pixel `node` is inside; what lies beyond the last pixel is not.
     pub fn inside(&self, node: usize) -> bool {
         match self {
             SliceContent::Mask(m) => m.at(node),
-            SliceContent::Level(u) => u[node] < 0.0,
+            SliceContent::Level(u) => u.get(node).is_some_and(|v| *v < 0.0),
         }
     }
 

@@ -27,7 +27,7 @@ def check(name, holds, value=""):
 
 def browser(size):
     options = webdriver.ChromeOptions()
-    flags = ["headless=new", "no-sandbox", "use-gl=angle", "use-angle=swiftshader", "enable-unsafe-swiftshader", "hide-scrollbars"]
+    flags = ["headless=new", "no-sandbox", "disable-dev-shm-usage", "use-gl=angle", "use-angle=swiftshader", "enable-unsafe-swiftshader", "hide-scrollbars"]
     for flag in [*flags, "force-prefers-reduced-motion", "window-size=1280,900"]:
         options.add_argument(f"--{flag}")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})

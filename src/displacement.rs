@@ -6,12 +6,16 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use multiversion::multiversion;
+
 use crate::field::Field;
 use crate::packed::Packed;
 use crate::shelf::{Array, Large};
 
 /// Side of a block, px.
 pub const BLOCK: usize = 4;
+/// Places of pixels between the centres of two blocks.
+const PLACES: [f64; BLOCK] = [0.125, 0.375, 0.625, 0.875];
 /// Fixed-point passes that find the trajectory through a point.
 pub const PASSES: usize = 3;
 /// Gaussian means over blocks are cut here, sigmas.
@@ -84,11 +88,13 @@ impl Displacement {
         Displacement { grid, vectors: vec![[0.0; 2]; grid[0] * grid[1]] }
     }
 
-    /// The displacement with a value for every block centre, which `f` is given in pixels, with the block's own vector.
-    pub fn map(&self, f: impl Fn([f64; 2], [f64; 2]) -> [f64; 2]) -> Self {
+    /// The displacement with a value for every block, of which `f` is given number, centre (pixels) and own vector.
+    pub fn map(&self, f: impl Fn(usize, [f64; 2], [f64; 2]) -> [f64; 2]) -> Self {
         let mut vectors = Vec::with_capacity(self.vectors.len());
         for (row, blocks) in self.vectors.chunks_exact(self.grid[0]).enumerate() {
-            vectors.extend(blocks.iter().enumerate().map(|(column, &v)| f([centre(column), centre(row)], v)));
+            let first = row * self.grid[0];
+            let of = |(column, &v)| f(first + column, [centre(column), centre(row)], v);
+            vectors.extend(blocks.iter().enumerate().map(of));
         }
         Displacement { grid: self.grid, vectors }
     }
@@ -108,19 +114,24 @@ impl Displacement {
     }
 
     /// The vectors at pixels of row `j` from `first` on. The blocks above and below are brought to the row once for all pixels between.
-    pub fn read_row(&self, j: usize, first: usize, out: &mut [[f64; 2]]) {
+    pub fn read_row(&self, j: usize, first: usize, mut out: &mut [[f64; 2]]) {
         let (row, fy) = self.place(1, j as f64);
         let (below, above) = self.vectors[row * self.grid[0]..][..2 * self.grid[0]].split_at(self.grid[0]);
         let in_row = |k: usize| mix(below[k], above[k], fy);
-        let mut held = usize::MAX;
-        let (mut left, mut right) = ([0.0; 2], [0.0; 2]);
-        for (i, slot) in (first..).zip(out) {
+        let mut i = first;
+        while !out.is_empty() {
+            // Pixels until the next block's centre.
+            let count = (BLOCK - (i + BLOCK / 2) % BLOCK).min(out.len());
+            let (some, rest) = std::mem::take(&mut out).split_at_mut(count);
             let (column, fx) = self.place(0, i as f64);
-            if column != held {
-                left = if held != usize::MAX && column == held + 1 { right } else { in_row(column) };
-                (right, held) = (in_row(column + 1), column);
+            let (left, right) = (in_row(column), in_row(column + 1));
+            if fx == PLACES[0] && count == BLOCK {
+                some.iter_mut().zip(PLACES).for_each(|(slot, f)| *slot = mix(left, right, f));
+            } else {
+                let place = |k: usize| self.place(0, (i + k) as f64).1;
+                some.iter_mut().enumerate().for_each(|(k, slot)| *slot = mix(left, right, place(k)));
             }
-            *slot = mix(left, right, fx);
+            (i, out) = (i + count, rest);
         }
     }
 
@@ -146,7 +157,7 @@ impl Displacement {
     /// Displacements of the trajectories that pass through the blocks' centres x at time `1/2 + tau`: `u = v(x - tau u)`.
     pub fn through(&self, tau: f64) -> Self {
         let passes = if tau == 0.0 { 0 } else { PASSES };
-        self.map(|x, v| (0..passes).fold(v, |u, _| self.at([x[0] - tau * u[0], x[1] - tau * u[1]])))
+        self.map(|_, x, v| (0..passes).fold(v, |u, _| self.at([x[0] - tau * u[0], x[1] - tau * u[1]])))
     }
 
     /// The same read at the pixels of the lower and of the upper slice.
@@ -191,24 +202,38 @@ fn mix(a: [f64; 2], b: [f64; 2], f: f64) -> [f64; 2] {
 }
 
 /// Gaussian means over blocks, the edge repeated. `sigma` in blocks.
-pub fn smooth<const C: usize>(values: &mut Vec<[f64; C]>, [nx, ny]: [usize; 2], sigma: [f64; 2]) {
-    for (axis, count, stride) in [(0, nx, 1), (1, ny, nx)] {
-        let weights = weights(sigma[axis]);
-        let reach = weights.len() / 2;
-        let from = std::mem::take(values);
-        *values = (0..nx * ny)
-            .map(|k| {
-                let at = if axis == 0 { k % nx } else { k / nx };
-                let origin = k - at * stride;
-                let mut sum = [0.0; C];
-                for (n, w) in weights.iter().enumerate() {
-                    let reading = (at + n).saturating_sub(reach).min(count - 1);
-                    sum.iter_mut().zip(&from[origin + reading * stride]).for_each(|(s, v)| *s += w * v);
-                }
-                sum
-            })
-            .collect();
+pub fn smooth<const C: usize>(values: &mut [[f64; C]], [nx, ny]: [usize; 2], sigma: [f64; 2]) {
+    let values = values.as_flattened_mut();
+    let (row, mut from) = (nx * C, values.to_vec());
+    let across = weights(sigma[0]);
+    let reach = across.len() / 2;
+    let mut line = Vec::with_capacity(row + 2 * reach * C);
+    for (sums, given) in values.chunks_exact_mut(row).zip(from.chunks_exact(row)) {
+        line.clear();
+        (0..reach).for_each(|_| line.extend_from_slice(&given[..C]));
+        line.extend_from_slice(given);
+        (0..reach).for_each(|_| line.extend_from_slice(&given[row - C..]));
+        sums.fill(0.0);
+        for (n, w) in across.iter().enumerate() {
+            add_scaled(sums, &line[n * C..][..row], *w);
+        }
     }
+    from.copy_from_slice(values);
+    let along = weights(sigma[1]);
+    let reach = along.len() / 2;
+    for (j, sums) in values.chunks_exact_mut(row).enumerate() {
+        sums.fill(0.0);
+        for (n, w) in along.iter().enumerate() {
+            let reading = (j + n).saturating_sub(reach).min(ny - 1);
+            add_scaled(sums, &from[reading * row..][..row], *w);
+        }
+    }
+}
+
+/// Adds `w` times `values` to `sums`.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
+fn add_scaled(sums: &mut [f64], values: &[f64], w: f64) {
+    sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += w * v);
 }
 
 /// Weights of a Gaussian mean, as many to either side; their sum is 1.

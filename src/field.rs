@@ -47,13 +47,13 @@ impl Field {
     }
 
     /// Bilinear value at `x`; positions beyond the tile read its edge.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, x: [f64; 2]) -> f64 {
         sample(&self.data, self.dims, x)
     }
 
     /// Catmull-Rom value at `x`, C1 in x; positions beyond the tile read its edge.
-    #[inline]
+    #[inline(always)]
     pub fn sample_smooth(&self, x: [f64; 2]) -> f64 {
         sample_smooth(&self.data, self.dims, x)
     }
@@ -107,7 +107,7 @@ impl Field {
 }
 
 /// Bilinear value at `x` of values on a tile, see [`Field::sample`].
-#[inline]
+#[inline(always)]
 pub fn sample<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]) -> f64 {
     let ([i, j], place) = cell(dims, x, 0);
     let (nx, node) = (dims[0], j * dims[0] + i);
@@ -115,7 +115,7 @@ pub fn sample<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]) -> f6
 }
 
 /// Catmull-Rom value at `x` of values on a tile, see [`Field::sample_smooth`].
-#[inline]
+#[inline(always)]
 pub fn sample_smooth<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]) -> f64 {
     let ([i, j], [fx, fy]) = cell(dims, x, 1);
     let (nx, node) = (dims[0], j * dims[0] + i);
@@ -150,7 +150,7 @@ pub fn bilinear([a, b, c, d]: [f64; 4], [fx, fy]: [f64; 2]) -> f64 {
 }
 
 /// Weights of four values in a row at place `f` between the middle two (Catmull and Rom 1974).
-#[inline]
+#[inline(always)]
 fn catmull_rom(f: f64) -> [f64; 4] {
     [
         ((-0.5 * f + 1.0) * f - 0.5) * f,
@@ -167,6 +167,6 @@ pub fn distance(a: [f64; 2], b: [f64; 2], h: [f64; 2]) -> f64 {
 
 /// Of a vector neither of whose squares is out of range: cheaper than `hypot`.
 #[inline(always)]
-fn length([x, y]: [f64; 2]) -> f64 {
+pub fn length([x, y]: [f64; 2]) -> f64 {
     (x * x + y * y).sqrt()
 }

@@ -19,7 +19,6 @@ mod fairing;
 pub mod field;
 pub mod files;
 mod fit;
-mod flatness;
 mod frames;
 #[cfg(feature = "gpu")]
 pub mod gpu;

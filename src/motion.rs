@@ -2,12 +2,14 @@
 
 use std::borrow::Cow;
 
+use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::contour::Seed;
 use crate::contours::Contour;
+use crate::displacement::Displacement;
 use crate::field::Field;
-use crate::moving_field::{MovingField, Paths, plus};
+use crate::moving_field::{MovingField, PASSES, Paths, plus};
 
 /// Pixels to each side in which a moved seed looks for its contour.
 const SEARCH: usize = 2;
@@ -37,40 +39,51 @@ impl Frame {
 
     /// Where a position of the lower slice lies in the mid frame.
     pub fn of_low(&self, x: [f64; 2]) -> [f64; 2] {
-        self.middle.as_ref().map_or(x, |m| m.off_low(x, x))
+        self.middle.as_ref().map_or(x, |m| m.off_low(x, x, PASSES))
     }
 
     /// Where a position of the upper slice lies in the mid frame.
     pub fn of_high(&self, x: [f64; 2]) -> [f64; 2] {
-        self.middle.as_ref().map_or(x, |m| m.off_high(x, x))
+        self.middle.as_ref().map_or(x, |m| m.off_high(x, x, PASSES))
     }
 
     /// The interval's contours as the mid frame sees them, seeds under their own numbers.
     pub fn contours<'c>(&self, low: &'c Contour, high: &'c Contour) -> [Cow<'c, Contour>; 2] {
-        if self.middle.is_none() {
+        let Some(Paths { come, go }) = &self.middle else {
             return [Cow::Borrowed(low), Cow::Borrowed(high)];
-        }
-        [moved(low, |x| self.down(x), |x| self.of_low(x)), moved(high, |x| self.up(x), |x| self.of_high(x))]
+        };
+        [moved(low, (come, -1.0), |x| self.of_low(x)), moved(high, (go, 1.0), |x| self.of_high(x))]
     }
 }
 
-/// A contour in another frame: `back` from there to its own slice, `forth` the other way.
-fn moved(
-    contour: &Contour,
-    back: impl Fn([f64; 2]) -> [f64; 2] + Sync,
-    forth: impl Fn([f64; 2]) -> [f64; 2] + Sync,
-) -> Cow<'_, Contour> {
+/// A contour in another frame: from a position there to that on its own slice it is `back` with its sign, the other way `forth`.
+fn moved<'c>(
+    contour: &'c Contour,
+    back: (&Displacement, f64),
+    forth: impl Fn([f64; 2]) -> [f64; 2],
+) -> Cow<'c, Contour> {
     if contour.solids.count == 0 {
         return Cow::Borrowed(contour);
     }
-    let [nx, ny] = contour.phi.dims;
-    let value = |n: usize| {
-        let v = contour.phi.sample_smooth(back([(n % nx) as f64, (n / nx) as f64]));
-        if v == 0.0 { f64::MIN_POSITIVE } else { v }
+    let [nx, _] = contour.phi.dims;
+    let mut phi = Field::filled(contour.phi.dims, 0.0);
+    let row = |ways: &mut Vec<[f64; 2]>, (j, row): (usize, &mut [f64])| {
+        ways.resize(nx, [0.0; 2]);
+        back.0.read_row(j, 0, ways);
+        moved_row(&contour.phi, (ways, back.1), j, row);
     };
-    let phi = Field { dims: [nx, ny], data: (0..nx * ny).into_par_iter().map(value).collect() };
+    phi.data.par_chunks_mut(nx).enumerate().for_each_init(Vec::new, row);
     let seeds = contour.seeds.iter().map(|s| seed_at(&phi, forth(s.x))).collect();
     Cow::Owned(Contour::with_seeds(contour.z, phi, seeds))
+}
+
+/// Row `j` of a field, each pixel read from where its way with this sign leads; never 0.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
+fn moved_row(phi: &Field, (ways, sign): (&[[f64; 2]], f64), j: usize, row: &mut [f64]) {
+    for (i, (out, way)) in row.iter_mut().zip(ways).enumerate() {
+        let v = phi.sample_smooth(plus([i as f64, j as f64], *way, sign));
+        *out = if v == 0.0 { f64::MIN_POSITIVE } else { v };
+    }
 }
 
 /// A seed at `x` with the deepest and the farthest pixel around it.

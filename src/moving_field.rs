@@ -28,8 +28,8 @@ pub const FLAT: f64 = 4.0;
 /// Side of the cells that are skipped where no contour can be, px.
 pub const CELL: usize = 8;
 
-/// Fixed-point passes that find where a trajectory is on a layer.
-const PASSES: usize = 4;
+/// Fixed-point passes that find where a trajectory is on a layer, from where it is on the slice.
+pub const PASSES: usize = 4;
 
 /// Steps of times and gaps.
 pub const STEPS: f64 = (1u64 << 30) as f64;
@@ -56,7 +56,7 @@ pub struct MovingField {
 /// Rate of motion at a slice, px of the image per height, from the displacements (at the slices) and gaps of the intervals below and above
 /// it, of which there is at least one.
 pub fn rate(below: Option<(&[Displacement; 2], f64)>, above: Option<(&[Displacement; 2], f64)>) -> Displacement {
-    let alone = |v: &Displacement, gap: f64| v.map(|_, u| u.map(|c| c / gap));
+    let alone = |v: &Displacement, gap: f64| v.map(|_, _, u| u.map(|c| c / gap));
     match (below, above) {
         (Some((below, h0)), Some((above, h1))) => {
             let (before, after) = (&below[1], &above[0]);
@@ -102,21 +102,22 @@ impl MovingField {
     /// Paths through the layer at time `t` of interval `i`.
     pub fn paths(&self, i: usize, t: f64) -> Paths {
         let v = &self.displacements[i];
-        let [first, second] = [t * (t - 1.0) * (t - 1.0), t * t * (t - 1.0)];
-        let gap = self.gap(i);
         let mut go = v.through(t - 0.5);
         let mut come = Displacement { grid: v.grid, vectors: Vec::with_capacity(v.vectors.len()) };
-        let rates = self.rates[i].vectors.iter().zip(&self.rates[i + 1].vectors);
-        for (whole, (low, high)) in go.vectors.iter_mut().zip(rates) {
-            let along = |a: usize| {
-                let u = whole[a];
-                t * u + (gap * low[a] - u) * first + (gap * high[a] - u) * second
-            };
-            let p = [along(0), along(1)];
+        for (k, whole) in go.vectors.iter_mut().enumerate() {
+            let p = self.along(i, t, k, *whole);
             come.vectors.push(p);
             *whole = [whole[0] - p[0], whole[1] - p[1]];
         }
         Paths { come, go }
+    }
+
+    /// `p(t)` in interval `i` with displacement `u` and the rates of block `k`.
+    #[inline]
+    fn along(&self, i: usize, t: f64, k: usize, u: [f64; 2]) -> [f64; 2] {
+        let [first, second] = [t * (t - 1.0) * (t - 1.0), t * t * (t - 1.0)];
+        let (gap, low, high) = (self.gap(i), self.rates[i].vectors[k], self.rates[i + 1].vectors[k]);
+        std::array::from_fn(|a| t * u[a] + (gap * low[a] - u[a]) * first + (gap * high[a] - u[a]) * second)
     }
 }
 
@@ -137,11 +138,17 @@ impl MovingField {
     /// The ways back of `paths`, which are those through the layer at time `t` of interval `i`: from either slice to the layer.
     pub fn off_slices(&self, i: usize, t: f64, paths: &Paths) -> [Displacement; 2] {
         let [low, high] = &*self.at_slices[i];
-        let to = |x: [f64; 2], y: [f64; 2]| plus(y, x, -1.0);
-        [
-            low.map(|x, u| to(x, paths.off_low(x, plus(x, u, t)))),
-            high.map(|x, u| to(x, paths.off_high(x, plus(x, u, t - 1.0)))),
-        ]
+        let from = |x: [f64; 2], y: [f64; 2]| plus(y, x, -1.0);
+        // What the blocks at the slices say themselves is near enough for half of the passes.
+        let passes = PASSES / 2;
+        let up = || low.map(|k, x, u| from(x, paths.off_low(x, plus(x, self.along(i, t, k, u), 1.0), passes)));
+        let down = || {
+            high.map(|k, x, u| {
+                let p = self.along(i, t, k, u);
+                from(x, paths.off_high(x, plus(x, [p[0] - u[0], p[1] - u[1]], 1.0), passes))
+            })
+        };
+        rayon::join(up, down).into()
     }
 }
 
@@ -193,18 +200,19 @@ impl Paths {
         [plus(x, self.come.at(x), -1.0), plus(x, self.go.at(x), 1.0)]
     }
 
-    /// Where the trajectory that starts at `slice` on the lower slice is on this layer; `guess` is a first guess.
-    pub fn off_low(&self, slice: [f64; 2], guess: [f64; 2]) -> [f64; 2] {
-        (0..PASSES).fold(guess, |y, _| plus(slice, self.come.at(y), 1.0))
+    /// Where the trajectory that starts at `slice` on the lower slice is on this layer, by fixed-point passes from a first guess.
+    pub fn off_low(&self, slice: [f64; 2], guess: [f64; 2], passes: usize) -> [f64; 2] {
+        (0..passes).fold(guess, |y, _| plus(slice, self.come.at(y), 1.0))
     }
 
     /// Where the trajectory that ends at `slice` on the upper slice is on this layer.
-    pub fn off_high(&self, slice: [f64; 2], guess: [f64; 2]) -> [f64; 2] {
-        (0..PASSES).fold(guess, |y, _| plus(slice, self.go.at(y), -1.0))
+    pub fn off_high(&self, slice: [f64; 2], guess: [f64; 2], passes: usize) -> [f64; 2] {
+        (0..passes).fold(guess, |y, _| plus(slice, self.go.at(y), -1.0))
     }
 }
 
 /// `x + sign v`.
+#[inline]
 pub fn plus(x: [f64; 2], v: [f64; 2], sign: f64) -> [f64; 2] {
     [x[0] + sign * v[0], x[1] + sign * v[1]]
 }
@@ -226,6 +234,7 @@ pub fn time(z: f64, low: f64, high: f64) -> f64 {
 }
 
 /// Value of the field at time `t` of an interval `gap` px high, from values and slopes (per interval) at both ends.
+#[inline]
 pub fn between([a, b]: [f64; 2], [ma, mb]: [f64; 2], gap: f64, t: f64) -> f64 {
     let apart = (a - b).abs();
     let shrinking = SHRINKING * upright(apart / gap) * 4.0 * (t * (1.0 - t)).powi(2) * apart;
@@ -234,6 +243,7 @@ pub fn between([a, b]: [f64; 2], [ma, mb]: [f64; 2], gap: f64, t: f64) -> f64 {
 
 /// How upright a surface is that goes `sideways` per height: 1 for a wall, 0 for a plain. What lies flat is relief between contour lines, which
 /// neither shrinks nor shows creases.
+#[inline]
 pub fn upright(sideways: f64) -> f64 {
     1.0 - smoothstep((sideways - STEEP) / (FLAT - STEEP))
 }
@@ -282,6 +292,7 @@ impl Large for LoneParts {
 }
 
 /// The other slice's value that lets a part close half way, `its own distance + 2 D`, at node-space position `x`; `None` off its tile.
+#[inline]
 pub fn closing(parts: &[LonePart], x: [f64; 2]) -> Option<f64> {
     let value = |part: &LonePart| {
         let local = part.tile.to_local(x);

@@ -164,7 +164,7 @@ impl Packed<f32> {
 
 impl Packed<f64> {
     /// Bilinear value at `x`; positions beyond the image read its edge.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, x: [f64; 2]) -> f64 {
         let ([i, j], place) = cell(self.dims, x, 0);
         bilinear(self.corners(i, j, 1, 1), place)

@@ -16,6 +16,7 @@ pub fn hermite_rate(&[s, m0, m1, _]: &Course, t: f64) -> f64 {
 }
 
 /// Smooth step from 0 at `t <= 0` to 1 at `t >= 1`: `3 t^2 - 2 t^3`.
+#[inline]
 pub fn smoothstep(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -81,6 +82,7 @@ pub fn three_point_end([h0, h1]: [f64; 2], [d0, d1]: [f64; 2]) -> f64 {
 }
 
 /// Cubic Hermite curve through values `a` and `b` with slopes per interval, at `t` in [0, 1].
+#[inline]
 pub fn hermite_values([a, b]: [f64; 2], [ma, mb]: [f64; 2], t: f64) -> f64 {
     // The same to the last bit from the other end.
     let s = 1.0 - t;
@@ -89,6 +91,7 @@ pub fn hermite_values([a, b]: [f64; 2], [ma, mb]: [f64; 2], t: f64) -> f64 {
 }
 
 /// Weighted harmonic mean of two secants, 0 where they differ in sign.
+#[inline]
 pub fn harmonic(dl: f64, dr: f64, hl: f64, hr: f64) -> f64 {
     if dl * dr <= 0.0 {
         return 0.0;
@@ -98,6 +101,7 @@ pub fn harmonic(dl: f64, dr: f64, hl: f64, hr: f64) -> f64 {
 }
 
 /// `m` where it has the sign of both secants and at most three times the smaller one, else the nearest such value.
+#[inline]
 pub fn limited(m: f64, dl: f64, dr: f64) -> f64 {
     if dl * dr <= 0.0 || m * dl <= 0.0 {
         return 0.0;

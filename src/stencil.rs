@@ -61,14 +61,34 @@ pub fn smeared_sign(phi: f64, gradient: [f64; 2]) -> f64 {
     phi / (phi * phi + gradient[0] * gradient[0] + gradient[1] * gradient[1] + 1e-12).sqrt()
 }
 
-/// Solution `v` of `((v - a)+ / hx)^2 + ((v - b)+ / hy)^2 = 1`, the upwind eikonal update (Zhao 2005, eq. 2.4).
-#[inline(always)]
-pub fn eikonal(a: f64, b: f64, [hx, hy]: [f64; 2]) -> f64 {
-    let one = (a + hx).min(b + hy);
-    // Both neighbours count where the one-sided answer lies above them.
-    let (wx, wy) = (1.0 / (hx * hx), 1.0 / (hy * hy));
-    let sum = wx + wy;
-    let mean = (wx * a + wy * b) / sum;
-    let discriminant = 1.0 / sum - wx * wy * (a - b) * (a - b) / (sum * sum);
-    if one > a.max(b) && discriminant > 0.0 { mean + discriminant.sqrt() } else { one }
+/// The upwind eikonal update on pixels of given sides (Zhao 2005, eq. 2.4).
+#[derive(Debug, Clone, Copy)]
+pub struct Eikonal {
+    h: [f64; 2],
+    /// Shares of both neighbours in the mean, and what the discriminant is made of.
+    shares: [f64; 2],
+    alike: f64,
+    apart: f64,
+}
+
+impl Eikonal {
+    /// For pixel sides `h`.
+    pub fn new(h: [f64; 2]) -> Self {
+        let [wx, wy] = h.map(|side| 1.0 / (side * side));
+        let sum = wx + wy;
+        Eikonal { h, shares: [wx / sum, wy / sum], alike: 1.0 / sum, apart: wx * wy / (sum * sum) }
+    }
+
+    /// Solution `v` of `((v - a)+ / hx)^2 + ((v - b)+ / hy)^2 = 1`.
+    #[inline(always)]
+    pub fn solve(&self, a: f64, b: f64) -> f64 {
+        let one = (a + self.h[0]).min(b + self.h[1]);
+        // Both neighbours count where the one-sided answer lies above them.
+        let discriminant = self.alike - self.apart * (a - b) * (a - b);
+        if one > a.max(b) && discriminant > 0.0 {
+            self.shares[0] * a + self.shares[1] * b + discriminant.sqrt()
+        } else {
+            one
+        }
+    }
 }

@@ -40,7 +40,7 @@ impl Trust {
         smooth(&mut map.vectors, map.grid, [REACH / BLOCK as f64; 2]);
         let gap = moving.gap(i) / moving.px;
         let v = &moving.displacements[i];
-        let particles = map.map(|x, [good, all]| {
+        let particles = map.map(|_, x, [good, all]| {
             let half = v.at(x).map(|c| 0.5 * c);
             let apart = low.sample(plus(x, half, -1.0)) - high.sample(plus(x, half, 1.0));
             [good * upright(apart.abs() / gap), all]

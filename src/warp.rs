@@ -1,5 +1,6 @@
 //! From the mid frame of an interval to the layers between its slices.
 
+use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::displacement::Displacement;
@@ -76,18 +77,7 @@ impl<'m> Warp<'m> {
         let [nx, ny] = dims;
         let limit = self.limit;
         let w = smoothstep(*t);
-        let value = |x: [f64; 2], way, come, go, doubtful: bool| {
-            let middle = plus(x, way, 1.0);
-            let low = self.lost[0].sample(plus(x, come, -1.0));
-            let high = self.lost[1].sample(plus(x, go, 1.0));
-            let v = sample_smooth(seen, dims, middle) + (1.0 - w) * low + w * high;
-            if !doubtful {
-                return v.clamp(-limit, limit);
-            }
-            let trust = trust.at(middle);
-            let other = f64::from(other[x[1] as usize * nx + x[0] as usize]);
-            (trust * v + (1.0 - trust) * other).clamp(-limit, limit)
-        };
+        let read = Read { seen, dims, lost: &self.lost, weights: [1.0 - w, w], limit };
         let mut out = vec![0.0; nx * ny];
         out.par_chunks_mut(nx * CELL).enumerate().for_each(|(cell, rows)| {
             let top = cell * CELL;
@@ -96,27 +86,59 @@ impl<'m> Warp<'m> {
                 let probes = probes([left, top], [right, bottom]);
                 let doubtful = doubts.at(left, top);
                 let at = |x: [f64; 2]| sample(seen, dims, plus(x, to_middle.at(x), 1.0));
-                let values = probes.map(|p| at(p.map(|p| p as f64)));
+                let probed = probes.map(|p| at(p.map(|p| p as f64)));
                 let others = probes.map(|[x, y]| f64::from(other[y * nx + x]));
-                let all = || values.iter().chain(&others);
+                let all = || probed.iter().chain(&others);
                 let far = all().all(|v| *v >= limit) || all().all(|v| *v <= -limit);
                 let [mut ways, mut come, mut go] = [[[0.0; 2]; CELL]; 3];
                 for y in top..=bottom {
                     let row = &mut rows[(y - top) * nx + left..=(y - top) * nx + right];
                     if far {
-                        row.fill(values[0] as f32);
+                        row.fill(probed[0] as f32);
                         continue;
                     }
                     to_middle.read_row(y, left, &mut ways);
                     paths.come.read_row(y, left, &mut come);
                     paths.go.read_row(y, left, &mut go);
-                    for (k, v) in row.iter_mut().enumerate() {
-                        *v = value([(left + k) as f64, y as f64], ways[k], come[k], go[k], doubtful) as f32;
-                    }
+                    let others = doubtful.then(|| (trust, &other[y * nx + left..]));
+                    values(&read, [left, y], [&ways, &come, &go], others, row);
                 }
             }
         });
         out
+    }
+}
+
+/// What a layer's values are made of: those in the mid frame, and what the way there takes from either slice with its weight at this time.
+struct Read<'a> {
+    seen: &'a [f32],
+    dims: [usize; 2],
+    lost: &'a [Packed<f64>; 2],
+    weights: [f64; 2],
+    limit: f64,
+}
+
+/// Values at pixels of a row from `first` on, by their ways to the mid frame, from the lower slice and to the upper one; where trust may be
+/// missing with the other method's values.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
+fn values(
+    read: &Read<'_>,
+    first: [usize; 2],
+    [ways, come, go]: [&[[f64; 2]; CELL]; 3],
+    others: Option<(&Trust, &[f32])>,
+    row: &mut [f32],
+) {
+    for (k, out) in row.iter_mut().enumerate() {
+        let x = [(first[0] + k) as f64, first[1] as f64];
+        let middle = plus(x, ways[k], 1.0);
+        let low = read.lost[0].sample(plus(x, come[k], -1.0));
+        let high = read.lost[1].sample(plus(x, go[k], 1.0));
+        let v = sample_smooth(read.seen, read.dims, middle) + read.weights[0] * low + read.weights[1] * high;
+        let v = others.map_or(v, |(trust, others)| {
+            let trust = trust.at(middle);
+            trust * v + (1.0 - trust) * f64::from(others[k])
+        });
+        *out = v.clamp(-read.limit, read.limit) as f32;
     }
 }
 

@@ -10,7 +10,7 @@ const ROUNDING: f64 = 1e-14;
 fn examples() -> impl Iterator<Item = ([usize; 2], Displacement)> {
     [[5, 3], [32, 16], [43, 29]].into_iter().map(|dims| {
         let wave = |x: [f64; 2]| [(0.3 * x[0] + x[1]).sin() * 7.0, (x[0] - 0.2 * x[1]).cos() * 5.0];
-        (dims, Displacement::zero(dims).map(|x, _| wave(x)))
+        (dims, Displacement::zero(dims).map(|_, x, _| wave(x)))
     })
 }
 
@@ -50,10 +50,10 @@ fn trajectories_are_the_same_upside_down() {
     let top = heights[3];
     let bent = |k: f64| {
         let wave = move |x: [f64; 2]| [(0.3 * x[0] + x[1] + k).sin() * 3.0, (x[0] - 0.2 * x[1] - k).cos() * 2.0];
-        Displacement::zero(dims).map(|x, _| wave(x))
+        Displacement::zero(dims).map(|_, x, _| wave(x))
     };
     let displacements: Vec<Displacement> = [0.0, 1.0, 2.0].map(bent).to_vec();
-    let turned = displacements.iter().rev().map(|v| v.map(|_, v| v.map(|c| -c))).collect();
+    let turned = displacements.iter().rev().map(|v| v.map(|_, _, v| v.map(|c| -c))).collect();
     let up = MovingField::new(heights.to_vec(), 1.0, Vec::new(), displacements);
     let down = MovingField::new(heights.map(|z| top - z).into_iter().rev().collect(), 1.0, Vec::new(), turned);
     // Below and above the slices, on all of them, and between.

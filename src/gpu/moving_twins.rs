@@ -57,7 +57,9 @@ fn single(field: &Field) -> Field {
 /// A displacement that varies, up to `size` px.
 fn waves(dims: [usize; 2], size: f64, phase: f64) -> Displacement {
     let wave = |x: f64, y: f64| f64::from((size * (0.07 * x + 0.05 * y + phase).sin()) as f32);
-    Displacement::zero(dims).map(|[x, y], _| [wave(x, y), 0.7 * wave(y, -x)]).map(|_, v| v.map(|c| f64::from(c as f32)))
+    Displacement::zero(dims)
+        .map(|_, [x, y], _| [wave(x, y), 0.7 * wave(y, -x)])
+        .map(|_, _, v| v.map(|c| f64::from(c as f32)))
 }
 
 impl Stack {
@@ -124,7 +126,7 @@ impl Stack {
     fn moving(&self, slices: usize) -> MovingField {
         let gaps = &GAPS[..slices - 1];
         let still = &self.still()[..slices - 1];
-        let single = |v: Displacement| v.map(|_, v| v.map(|c| f64::from(c as f32)));
+        let single = |v: Displacement| v.map(|_, _, v| v.map(|c| f64::from(c as f32)));
         let found = displacements(&self.job(still, still, 0..ROUNDS.len()));
         let heights = gaps.iter().scan(10.0, |z, gap| {
             *z += gap;

@@ -4,6 +4,7 @@
 //! `S = <J J'> - <J><J>'` and `d = <J r> - <J><r>` are Gaussian-window means with the means of growth taken out. Neighbouring intervals
 //! take part as rates; a ridge says: no evidence, no motion. Where there is a guess all of this holds for the difference to it.
 
+use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::displacement::{BLOCK, Displacement, DisplacementJob, smooth};
@@ -75,6 +76,7 @@ pub fn better(job: &DisplacementJob<'_>, current: &[Displacement], round: Round)
 
 /// Both fields where the displacement brings them together: `a` and `b` at the pixels of one row. Pixels that are not `near` the contours
 /// read what is clipped there as here.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn row(fields: [&Field; 2], clip: f64, near: &[bool], v: &Displacement, j: usize, out: &mut [[f64; 2]]) {
     v.read_row(j, 0, out);
     for (i, slot) in out.iter_mut().enumerate() {
@@ -92,7 +94,7 @@ fn row(fields: [&Field; 2], clip: f64, near: &[bool], v: &Displacement, j: usize
 }
 
 /// Bilinear value of a clipped field.
-#[inline]
+#[inline(always)]
 fn sample_clipped(field: &Field, clip: f64, x: [f64; 2]) -> f64 {
     let ([i, j], place) = cell(field.dims, x, 0);
     let nx = field.dims[0];
@@ -126,18 +128,7 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
                 held[wanted % 3] = wanted;
             }
         }
-        let [below, here, above] = [j - 1, j, j + 1].map(|k| &rows[k % 3]);
-        for i in 1..nx - 1 {
-            let [a, b] = here[i];
-            let d = a.abs().min(b.abs());
-            let w = if d < round.clip { round.weight(d) } else { far_weight };
-            let sum = |p: [f64; 2]| p[0] + p[1];
-            let gx = 0.25 * (sum(here[i + 1]) - sum(here[i - 1])) / h[0];
-            let gy = 0.25 * (sum(above[i]) - sum(below[i])) / h[1];
-            let r = a - b;
-            let moments = [1.0, gx * gx, gy * gy, gx * gy, gx * r, gy * r, gx, gy, r];
-            blocks[i / BLOCK].iter_mut().zip(moments).for_each(|(s, m)| *s += w * m);
-        }
+        add_moments([j - 1, j, j + 1].map(|k| rows[k % 3].as_slice()), round, h, blocks);
     }
     smooth(&mut sums, v.grid, round.window_sigma(h));
     sums.iter()
@@ -153,6 +144,23 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
             [sxx, syy, sxy, dx + sxx * vx + sxy * vy, dy + sxy * vx + syy * vy].map(|s| s * trust)
         })
         .collect()
+}
+
+/// Adds the weighted moments of a row's pixels to those of its blocks; the rows beside it hold what gradients are taken from.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
+fn add_moments([below, here, above]: [&[[f64; 2]]; 3], round: Round, h: [f64; 2], blocks: &mut [[f64; 9]]) {
+    let far_weight = round.weight(round.clip);
+    let sum = |p: [f64; 2]| p[0] + p[1];
+    for i in 1..here.len() - 1 {
+        let [a, b] = here[i];
+        let d = a.abs().min(b.abs());
+        let w = if d < round.clip { round.weight(d) } else { far_weight };
+        let gx = 0.25 * (sum(here[i + 1]) - sum(here[i - 1])) / h[0];
+        let gy = 0.25 * (sum(above[i]) - sum(below[i])) / h[1];
+        let r = a - b;
+        let moments = [1.0, gx * gx, gy * gy, gx * gy, gx * r, gy * r, gx, gy, r];
+        blocks[i / BLOCK].iter_mut().zip(moments).for_each(|(s, m)| *s += w * m);
+    }
 }
 
 fn solve(

@@ -1,7 +1,7 @@
 //! Fast sweeping: signed distance to the zero set of a field (Zhao 2005), with sub-cell start values.
 
 use crate::field::Field;
-use crate::stencil::eikonal;
+use crate::stencil::Eikonal;
 
 /// Farther than any distance on an image.
 const FAR: f64 = 1e30;
@@ -60,7 +60,7 @@ pub fn sweep(d: &mut Field, fixed: &[bool], h: [f64; 2]) {
     let [nx, ny] = d.dims;
     // Numbers of passes: that in which a row was last changed, those in which it was last swept to the left and to the right.
     let (mut changed, mut swept) = (vec![1; ny], vec![[0; 2]; ny]);
-    let mut pass = 1;
+    let (eikonal, mut pass) = (Eikonal::new(h), 1);
     for _ in 0..MAX_ROUNDS {
         let mut largest = 0.0f64;
         for (up, right) in [(true, true), (true, false), (false, true), (false, false)] {
@@ -72,7 +72,7 @@ pub fn sweep(d: &mut Field, fixed: &[bool], h: [f64; 2]) {
                     continue;
                 }
                 swept[j][usize::from(right)] = pass;
-                let change = sweep_row(d, &fixed[j * nx..][..nx], h, j, right);
+                let change = sweep_row(d, &fixed[j * nx..][..nx], eikonal, j, right);
                 if change > 0.0 {
                     changed[j] = pass;
                     largest = largest.max(change);
@@ -86,7 +86,7 @@ pub fn sweep(d: &mut Field, fixed: &[bool], h: [f64; 2]) {
 }
 
 /// Sweeps row `j` in one direction; the largest change.
-fn sweep_row(d: &mut Field, fixed: &[bool], h: [f64; 2], j: usize, right: bool) -> f64 {
+fn sweep_row(d: &mut Field, fixed: &[bool], eikonal: Eikonal, j: usize, right: bool) -> f64 {
     let [nx, ny] = d.dims;
     let (before, rest) = d.data.split_at_mut(j * nx);
     let (row, after) = rest.split_at_mut(nx);
@@ -105,7 +105,7 @@ fn sweep_row(d: &mut Field, fixed: &[bool], h: [f64; 2], j: usize, right: bool) 
         if a.min(b) >= old {
             return;
         }
-        let new = eikonal(a, b, h);
+        let new = eikonal.solve(a, b);
         if new < old {
             largest = largest.max(old - new);
             row[i] = new;

@@ -1,6 +1,6 @@
 //! Exact Euclidean distance to the other side of a mask (Felzenszwalb and Huttenlocher 2012), the pixel edge half way.
 
-use crate::field::Field;
+use crate::field::{Field, length};
 
 /// Pixels at equal distance may give different results where a pixel is not square: within this many pixels of a tie the least one counts.
 pub const TIE: f64 = 1e-3;
@@ -14,7 +14,7 @@ pub fn exact_distance(mask: &[bool], dims: [usize; 2], h: [f64; 2]) -> Field {
     Field { dims, data }
 }
 
-/// Distance to the nearest pixel with `mask == side`, less half a pixel; meaningful where `mask != side`.
+/// Distance to the nearest pixel with `mask == side`, less half a pixel, where `mask != side`.
 fn unsigned(mask: &[bool], side: bool, [nx, ny]: [usize; 2], h: [f64; 2]) -> Vec<f64> {
     // Columns: steps to the nearest pixel of the side in the same column.
     let mut steps = vec![f64::INFINITY; nx * ny];
@@ -60,13 +60,13 @@ fn unsigned(mask: &[bool], side: bool, [nx, ny]: [usize; 2], h: [f64; 2]) -> Vec
             continue;
         }
         let mut k = 0;
-        for i in 0..nx {
+        for i in (0..nx).filter(|i| mask[j * nx + i] != side) {
             while k + 1 < count && starts[k + 1] < i as f64 - TIE {
                 k += 1;
             }
             let away = |q: usize| {
                 let (dx, dy) = (i.abs_diff(q) as f64, row[q]);
-                (dx * h[0]).hypot(dy * h[1]) * (1.0 - 0.5 / dx.hypot(dy).max(0.5))
+                length([dx * h[0], dy * h[1]]) * (1.0 - 0.5 / length([dx, dy]).max(0.5))
             };
             let tied = (k + 1..count).take_while(|&l| starts[l] < i as f64 + TIE);
             out[j * nx + i] = tied.map(|l| away(feet[l])).fold(away(feet[k]), f64::min);

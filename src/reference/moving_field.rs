@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::field::Field;
@@ -30,8 +31,24 @@ fn secant_down(moving: &MovingField, i: usize, x: [f64; 2]) -> f64 {
 
 fn slopes_of(moving: &MovingField, i: usize) -> Field {
     let last = moving.fields.len() - 1;
+    let dims = moving.fields[i].dims;
+    let mut slopes = Field::filled(dims, 0.0);
+    let row = |(y, row): (usize, &mut [f64])| {
+        if i == 0 || i == last {
+            row.iter_mut().enumerate().for_each(|(x, m)| *m = end_slope(moving, i, [x as f64, y as f64]));
+        } else {
+            inner_slopes(moving, i, y, row);
+        }
+    };
+    slopes.data.par_chunks_mut(dims[0]).enumerate().for_each(row);
+    slopes
+}
+
+/// Slope at a position of the first or the last slice.
+fn end_slope(moving: &MovingField, i: usize, x: [f64; 2]) -> f64 {
+    let last = moving.fields.len() - 1;
     let gap = |k: usize| moving.gap(k);
-    let slope = |x: [f64; 2]| match i {
+    match i {
         0 if last == 1 => secant_up(moving, 0, x),
         1 if last == 1 => secant_down(moving, 0, x),
         0 => {
@@ -39,24 +56,29 @@ fn slopes_of(moving: &MovingField, i: usize) -> Field {
             let next = secant_up(moving, 1, [x[0] + u[0], x[1] + u[1]]);
             three_point_end([gap(0), gap(1)], [secant_up(moving, 0, x), next])
         }
-        _ if i == last => {
+        _ => {
             let u = moving.at_slices[last - 1][1].at(x);
             let next = secant_down(moving, last - 2, [x[0] - u[0], x[1] - u[1]]);
             three_point_end([gap(last - 1), gap(last - 2)], [secant_down(moving, last - 1, x), next])
         }
-        _ => {
-            let (l, r) = (secant_down(moving, i - 1, x), secant_up(moving, i, x));
-            let (hl, hr) = (gap(i - 1), gap(i));
-            0.5 * (harmonic(l, r, hl, hr) + limited((hr * l + hl * r) / (hl + hr), l, r))
-        }
-    };
-    let dims = moving.fields[i].dims;
-    let mut slopes = Field::filled(dims, 0.0);
-    let row = |(y, row): (usize, &mut [f64])| {
-        row.iter_mut().enumerate().for_each(|(x, m)| *m = slope([x as f64, y as f64]));
-    };
-    slopes.data.par_chunks_mut(dims[0]).enumerate().for_each(row);
-    slopes
+    }
+}
+
+/// Slopes at the pixels of row `y` of a slice between others.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
+fn inner_slopes(moving: &MovingField, i: usize, y: usize, row: &mut [f64]) {
+    let [below, here, above] = [i - 1, i, i + 1].map(|k| &moving.fields[k]);
+    let (hl, hr) = (moving.gap(i - 1), moving.gap(i));
+    let mut moved = [(); 2].map(|()| vec![[0.0; 2]; row.len()]);
+    moving.at_slices[i - 1][1].read_row(y, 0, &mut moved[0]);
+    moving.at_slices[i][0].read_row(y, 0, &mut moved[1]);
+    let own = &here.data[y * row.len()..];
+    for (x, (m, own)) in row.iter_mut().zip(own).enumerate() {
+        let at = [x as f64, y as f64];
+        let l = (own - below.sample(plus(at, moved[0][x], -1.0))) / hl;
+        let r = (above.sample(plus(at, moved[1][x], 1.0)) - own) / hr;
+        *m = 0.5 * (harmonic(l, r, hl, hr) + limited((hr * l + hl * r) / (hl + hr), l, r));
+    }
 }
 
 /// How far from a cell's middle its pixels may read, px: distances change by a pixel per pixel, and the frame by less than half of that.
@@ -79,19 +101,8 @@ pub fn layer(
     let paths = moving.paths(i, t);
     let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
     let [nx, ny] = low.dims;
-    let gap = moving.gap(i);
+    let curves = Curves { fields: [low, high], slopes, lone, gap: moving.gap(i), px: moving.px, t, limit };
     let ends = |x: [f64; 2], p: [f64; 2], q: [f64; 2]| (plus(x, p, -1.0), plus(x, q, 1.0));
-    let value = |(from, to): ([f64; 2], [f64; 2])| {
-        let (mut a, mut b) = (low.sample_smooth(from), high.sample_smooth(to));
-        let mut m = [gap * slopes[0].sample(from), gap * slopes[1].sample(to)];
-        if let Some(own) = closing(&lone.low, from).filter(|&own| own < b) {
-            (b, m) = (own, [own - a; 2]);
-        }
-        if let Some(own) = closing(&lone.high, to).filter(|&own| own < a) {
-            (a, m) = (own, [b - own; 2]);
-        }
-        between([a, b], m, gap / moving.px, t).clamp(-limit, limit)
-    };
     let mut out = vec![0.0; nx * ny];
     let reach = reach(h);
     out.par_chunks_mut(nx * CELL).enumerate().for_each(|(cell, rows)| {
@@ -106,7 +117,7 @@ pub fn layer(
             if wanted.is_some_and(|cells| !cells.at(cell_x, cell_y)) {
                 for [x, y] in probes([cell_x, cell_y], [cell_x + width - 1, cell_y + height - 1]) {
                     let at = [x as f64, y as f64];
-                    let near = || value(ends(at, paths.come.at(at), paths.go.at(at)));
+                    let near = || curves.value(ends(at, paths.come.at(at), paths.go.at(at)));
                     rows[(y - cell_y) * nx + x] = if far { limit.copysign(a) } else { near() } as f32;
                 }
                 continue;
@@ -120,11 +131,45 @@ pub fn layer(
                 }
                 paths.come.read_row(y, cell_x, &mut come);
                 paths.go.read_row(y, cell_x, &mut go);
-                for (k, v) in row.iter_mut().enumerate() {
-                    *v = value(ends([(cell_x + k) as f64, y as f64], come[k], go[k])) as f32;
-                }
+                values(&curves, [cell_x, y], &come, &go, row);
             }
         }
     });
     out
+}
+
+/// Hermite curves of the fields of an interval's two slices, and the time at which they are read.
+struct Curves<'a> {
+    fields: [&'a Field; 2],
+    slopes: [&'a Field; 2],
+    lone: &'a LoneParts,
+    gap: f64,
+    px: f64,
+    t: f64,
+    limit: f64,
+}
+
+impl Curves<'_> {
+    /// Value on the trajectory between a position of the lower and one of the upper slice.
+    #[inline(always)]
+    fn value(&self, (from, to): ([f64; 2], [f64; 2])) -> f64 {
+        let (mut a, mut b) = (self.fields[0].sample_smooth(from), self.fields[1].sample_smooth(to));
+        let mut m = [self.gap * self.slopes[0].sample(from), self.gap * self.slopes[1].sample(to)];
+        if let Some(own) = closing(&self.lone.low, from).filter(|&own| own < b) {
+            (b, m) = (own, [own - a; 2]);
+        }
+        if let Some(own) = closing(&self.lone.high, to).filter(|&own| own < a) {
+            (a, m) = (own, [b - own; 2]);
+        }
+        between([a, b], m, self.gap / self.px, self.t).clamp(-self.limit, self.limit)
+    }
+}
+
+/// Values at pixels of a row from `first` on, by where they come from and go to.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
+fn values(curves: &Curves<'_>, first: [usize; 2], come: &[[f64; 2]; CELL], go: &[[f64; 2]; CELL], row: &mut [f32]) {
+    for (k, v) in row.iter_mut().enumerate() {
+        let x = [(first[0] + k) as f64, first[1] as f64];
+        *v = curves.value((plus(x, come[k], -1.0), plus(x, go[k], 1.0))) as f32;
+    }
 }

@@ -6,31 +6,31 @@
 //! what would move the contours. The distance u moves by n times that where v is small against B, and not at all far from the surface or
 //! where it lies flat. Layers beyond the first and last contour stay.
 
+mod along;
+mod flatness;
+mod transform;
+mod window;
+
 use std::collections::VecDeque;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
+use self::along::add;
+use self::transform::{Lengths, SATURATED, near_surface, transform};
+pub use self::window::reach;
+use self::window::weights;
+
 use crate::displacement::{BLOCK, Displacement, Resting};
 use crate::error::Result;
-use crate::flatness::{self, Around};
 use crate::moving_field::{Paths, Place};
 use crate::moving_stack::MovingStack;
 use crate::packed::Packed;
 use crate::spline::smoothstep;
 use crate::surface::Layer;
 
-/// Sigma of the mean along z, gaps.
-const SIGMA: f64 = 0.3;
-/// Means are cut here, sigmas.
-const TRUNCATE: f64 = 2.75;
-/// Least gradient: flat places must not be blown up.
-const LEAST_GRADIENT: f32 = 0.3;
-/// Beyond this `u / (n B)` tanh is 1.
-const FLAT: f32 = 6.0;
 /// Pixels with a smaller |v| / B move by all of it, those with a larger than SATURATED not at all.
 const NEAR: f32 = 0.4;
-const SATURATED: f32 = 0.85;
 
 /// What fairing needs to know of a stack.
 pub struct Spec<'m> {
@@ -164,102 +164,23 @@ impl<'m> Fairing<'m> {
         let rise = (around[2].z - around[0].z).max(f64::MIN_POSITIVE) as f32;
         let around = around.map(|kept| kept.layer.as_ref().map(|(_, phi)| phi));
         let [Some(below), Some(here), Some(above)] = around else { return Ok(()) };
-        let [v, gradient] = self.slopes([below, here, above], rise);
+        let lengths = Lengths { spacing: self.spec.spacing, bound: self.bound, rise };
+        let [v, gradient] = transform([below, here, above], lengths);
         let (mut place, mut near) = (None, Vec::new());
         if let Some((moving, pad)) = self.spec.moving {
             let (found, paths) = moving.place(z, k.checked_sub(1).and_then(|l| self.kept[l].place()))?;
-            near = self.near_surface(&v, &paths, pad);
+            near = self.blocks_near(&v, &paths, pad);
             place = Some(found);
         }
         self.kept[k].made = Some(Transformed { v, gradient, place, near });
         Ok(())
     }
 
-    /// v and n of a layer from itself and those below and above it, which are `rise` apart.
-    fn slopes(&self, [below, here, above]: [&Packed<f32>; 3], rise: f32) -> [Packed<f32>; 2] {
-        let [nx, ny] = self.spec.dims;
-        let [dx, dy] = self.spec.spacing.map(|s| s as f32);
-        let (bound, far) = (self.bound, SATURATED * self.bound);
-        let row = |j: usize, v: &mut [f32], gradient: &mut [f32], sideways: &mut [f32]| {
-            let (down, up) = (j.saturating_sub(1), (j + 1).min(ny - 1));
-            let line = |layer: &Packed<f32>, j: usize| {
-                let mut line = vec![0.0; nx];
-                layer.read(0, j, &mut line);
-                line
-            };
-            let [u, south, north] = [j, down, up].map(|j| line(here, j));
-            let [lower, higher] = [below, above].map(|layer| line(layer, j));
-            let rise_y = dy * (up - down).max(1) as f32;
-            for i in 0..nx {
-                let (left, right) = (i.saturating_sub(1), (i + 1).min(nx - 1));
-                let gx = (u[right] - u[left]) / (dx * (right - left).max(1) as f32);
-                let gy = (north[i] - south[i]) / rise_y;
-                let gz = (higher[i] - lower[i]) / rise;
-                let along = gx * gx + gy * gy;
-                let steep = gz.abs() / along.sqrt().max(LEAST_GRADIENT);
-                let n = (along + gz * gz).sqrt().max(LEAST_GRADIENT);
-                let ratio = u[i] / (n * bound);
-                v[i] = if ratio.abs() > FLAT { bound.copysign(ratio) } else { bound * ratio.tanh() };
-                (gradient[i], sideways[i]) = (0.0, -1.0);
-                if v[i].abs() < far {
-                    (gradient[i], sideways[i]) = (n * flatness::alone(f64::from(steep)) as f32, steep);
-                }
-            }
-        };
-        let made = Packed::of_rows(self.spec.dims, |first, [v, gradient, sideways]: [&mut [f32]; 3]| {
-            let rows = v.chunks_exact_mut(nx).zip(gradient.chunks_exact_mut(nx)).zip(sideways.chunks_exact_mut(nx));
-            (first..).zip(rows).for_each(|(j, ((v, gradient), sideways))| row(j, v, gradient, sideways));
-        });
-        let [v, gradient, sideways] = made;
-        let around = Around::new(&sideways, self.spec.spacing);
-        let [gradient] = Packed::of_rows(self.spec.dims, |first, [rows]: [&mut [f32]; 1]| {
-            let mut own = vec![0.0; nx];
-            for (j, row) in (first..).zip(rows.chunks_exact_mut(nx)) {
-                gradient.read(0, j, row);
-                v.read(0, j, &mut own);
-                for pixels in stretches(&own, far) {
-                    around.scale(j, pixels.start, &mut row[pixels]);
-                }
-            }
-        });
-        [v, gradient]
-    }
-
-    /// Weights of the layers in the mean at layer `k`. Each layer stands for half of the way to its neighbours; beyond the body's ends the
-    /// layers go on as their reflections in the last one, `2 v_end - v`, so that a slope there stays.
-    fn weights(&self, k: usize) -> Vec<(usize, f32)> {
-        let z = self.kept[k].z;
-        let sigma = sigma(&self.spec.contours, z);
-        let last = self.kept.len() - 1;
-        let at = |l: usize| self.kept[l].z;
-        let height = |l: usize| {
-            let (below, above) = (at(l) - at(l.saturating_sub(1)), at((l + 1).min(last)) - at(l));
-            if below == 0.0 || above == 0.0 { below.max(above) } else { 0.5 * (below + above) }
-        };
-        let weight = |l: usize, z_l: f64| {
-            let away = (z_l - z).abs();
-            if away <= TRUNCATE * sigma { height(l) * (-0.5 * (away / sigma).powi(2)).exp() } else { 0.0 }
-        };
-        let mut weights: Vec<f64> = (0..=last).map(|l| weight(l, at(l))).collect();
-        for end in [0, last] {
-            for l in (0..=last).filter(|&l| l != end) {
-                let reflected = weight(l, 2.0 * at(end) - at(l));
-                weights[end] += 2.0 * reflected;
-                weights[l] -= reflected;
-            }
-        }
-        let known = |(l, w): &(usize, f64)| *w != 0.0 && self.kept[*l].made.is_some();
-        let terms: Vec<(usize, f64)> = weights.into_iter().enumerate().filter(known).collect();
-        let whole: f64 = terms.iter().map(|t| t.1).sum();
-        terms.into_iter().map(|(l, w)| (l, (w / whole) as f32)).collect()
-    }
-
     /// Blocks of a layer that are read where its surface is near, and where their trajectories meet the slices around it.
-    fn near_surface(&self, v: &Packed<f32>, paths: &Paths, pad: usize) -> Vec<Near> {
+    fn blocks_near(&self, v: &Packed<f32>, paths: &Paths, pad: usize) -> Vec<Near> {
         let still = Displacement::zero(self.spec.dims);
         let mut near = vec![false; still.vectors.len()];
         let [nx, ny] = self.spec.dims;
-        let far = SATURATED * self.bound;
         // A pixel reads the four blocks whose centres are around it.
         let around = |low: usize, high: usize, axis: usize| {
             let [first, last] = [low, high].map(|p| (p + BLOCK / 2) / BLOCK);
@@ -268,7 +189,7 @@ impl<'m> Fairing<'m> {
         let mut row = vec![0.0; nx];
         for j in 0..ny {
             v.read(0, j, &mut row);
-            for pixels in stretches(&row, far) {
+            for pixels in near_surface(&row, self.bound) {
                 for by in around(j, j, 1) {
                     near[by * still.grid[0]..][around(pixels.start, pixels.end - 1, 0)].fill(true);
                 }
@@ -299,20 +220,27 @@ impl<'m> Fairing<'m> {
 
     /// `K v - v` at layer `k`, row-major, zero far from its surface; nothing of a layer that has no v.
     fn difference(&self, k: usize) -> Vec<f32> {
-        let (dims, far, nx) = (self.spec.dims, SATURATED * self.bound, self.spec.dims[0]);
+        // Among the workers, not one call to them for each of the layers.
+        rayon::scope(|_| self.difference_here(k))
+    }
+
+    fn difference_here(&self, k: usize) -> Vec<f32> {
+        let (dims, nx) = (self.spec.dims, self.spec.dims[0]);
         let mut out = vec![0.0f32; nx * dims[1]];
         let Some(own) = &self.kept[k].made else { return out };
         let begin = |(j, out): (usize, &mut [f32])| {
             let mut row = vec![0.0; nx];
             own.v.read(0, j, &mut row);
-            let near: Vec<Range<usize>> = stretches(&row, far).collect();
+            let near: Vec<Range<usize>> = near_surface(&row, self.bound).collect();
             for pixels in near.iter().cloned() {
                 out[pixels.clone()].iter_mut().zip(&row[pixels]).for_each(|(sum, own)| *sum = -own);
             }
             near
         };
         let near: Vec<Vec<Range<usize>>> = out.par_chunks_mut(nx).enumerate().map(begin).collect();
-        for (l, w) in self.weights(k) {
+        let heights: Vec<f64> = self.kept.iter().map(|kept| kept.z).collect();
+        let known = |l: usize| self.kept[l].made.is_some();
+        for (l, w) in weights(&heights, &self.spec.contours, k, known) {
             let (Some(other), offsets) = (&self.kept[l].made, self.offsets(k, l)) else { continue };
             let row = |((j, out), near): ((usize, &mut [f32]), &Vec<Range<usize>>)| {
                 for pixels in near.iter().cloned() {
@@ -361,13 +289,12 @@ impl<'m> Fairing<'m> {
         let shares = self.spec.shares.get(self.interval).and_then(Option::as_ref);
         let mut layer = self.kept[k].take()?;
         let Some(Transformed { v, gradient, .. }) = &self.kept[k].made else { return Some(layer) };
-        let far = SATURATED * bound;
         let row = |there: &mut [Vec<f32>; 2], (j, u): (usize, &mut [f32])| {
             let [mut own, mut slope] = [vec![0.0; nx], vec![0.0; nx]];
             v.read(0, j, &mut own);
             gradient.read(0, j, &mut slope);
             // Far from the surface nothing changes.
-            for pixels in stretches(&own, far) {
+            for pixels in near_surface(&own, bound) {
                 for ((d, offsets), there) in contours.iter().zip(there.iter_mut()) {
                     there.clear();
                     there.resize(pixels.len(), 0.0);
@@ -401,72 +328,7 @@ impl<'m> Fairing<'m> {
     }
 }
 
-/// SIGMA times the gap: at a contour the mean of those next to it, between them a smooth step, so that what follows is C1.
-fn sigma(contours: &[f64], z: f64) -> f64 {
-    let last = contours.len() - 1;
-    let i = contours.partition_point(|c| *c <= z).clamp(1, last) - 1;
-    let t = ((z - contours[i]) / (contours[i + 1] - contours[i])).clamp(0.0, 1.0);
-    let w = smoothstep(t);
-    SIGMA * ((1.0 - w) * gap_at(contours, i) + w * gap_at(contours, i + 1))
-}
-
-/// The mean of the gaps next to a contour.
-fn gap_at(contours: &[f64], i: usize) -> f64 {
-    let last = contours.len() - 1;
-    let below = if i > 0 { contours[i] - contours[i - 1] } else { contours[1] - contours[0] };
-    let above = if i < last { contours[i + 1] - contours[i] } else { contours[last] - contours[last - 1] };
-    0.5 * (below + above)
-}
-
-/// Lowest and highest height from which layers of interval `i` take their means, contours included.
-pub fn reach(contours: &[f64], i: usize) -> [f64; 2] {
-    let widest = TRUNCATE * SIGMA * gap_at(contours, i).max(gap_at(contours, i + 1));
-    [contours[i] - widest, contours[i + 1] + widest]
-}
-
 /// How much of its way a pixel at `|v| / B` moves.
 fn near(ratio: f32) -> f32 {
     smoothstep(f64::from((SATURATED - ratio) / (SATURATED - NEAR))) as f32
-}
-
-/// The stretches of a row in which `v` is less than `far`.
-fn stretches(v: &[f32], far: f32) -> impl Iterator<Item = Range<usize>> {
-    let mut at = 0;
-    v.chunk_by(move |a, b| (a.abs() < far) == (b.abs() < far)).filter_map(move |some| {
-        at += some.len();
-        (some[0].abs() < far).then(|| at - some.len()..at)
-    })
-}
-
-/// Adds `w` times the values of a layer at the pixels of row `j` from `first` on, or where their trajectories are.
-fn add(v: &Packed<f32>, w: f32, offsets: Option<&Displacement>, j: usize, first: usize, out: &mut [f32]) {
-    let Some(offsets) = offsets else {
-        let mut some = [0.0; 4 * BLOCK];
-        for (first, out) in (first..).step_by(some.len()).zip(out.chunks_mut(some.len())) {
-            let some = &mut some[..out.len()];
-            v.read(first, j, some);
-            out.iter_mut().zip(some).for_each(|(sum, v)| *sum += w * *v);
-        }
-        return;
-    };
-    let mut some = [[0.0; 2]; 4 * BLOCK];
-    for (first, out) in (first..).step_by(some.len()).zip(out.chunks_mut(some.len())) {
-        let some = &mut some[..out.len()];
-        offsets.read_row(j, first, some);
-        for ((i, sum), [x, y]) in (first..).zip(out).zip(some) {
-            *sum += w * sample(v, [i as f64 + *x, j as f64 + *y]);
-        }
-    }
-}
-
-/// Bilinear value of a layer at `x`, the edge repeated.
-#[inline]
-fn sample(v: &Packed<f32>, x: [f64; 2]) -> f32 {
-    let [nx, ny] = v.dims();
-    let at = [x[0].clamp(0.0, (nx - 1) as f64), x[1].clamp(0.0, (ny - 1) as f64)];
-    // Through u32: cheaper than to usize.
-    let [i, j] = [(at[0], nx), (at[1], ny)].map(|(at, n)| (at as u32 as usize).min(n.saturating_sub(2)));
-    let (fx, fy) = ((at[0] - i as f64) as f32, (at[1] - j as f64) as f32);
-    let [a, b, c, d] = v.corners(i, j, usize::from(nx > 1), usize::from(ny > 1));
-    (1.0 - fy) * ((1.0 - fx) * a + fx * b) + fy * ((1.0 - fx) * c + fx * d)
 }

@@ -5,39 +5,37 @@
 //! distance -> motion -> slopes -> layers                      (method field)
 //! ```
 
+mod ends;
 mod field;
 mod links;
 mod morph;
 mod moving;
+mod propagate;
+mod span;
 
-use std::ops::Range;
 use std::time::Instant;
 
 use rayon::prelude::*;
 
 use self::links::IntervalLinks;
-use crate::areas::covered;
+use self::span::Span;
 use crate::backend::{Backend, ContourOptions, Means, PaddedSlice};
 use crate::compose::{Canvas, differing_pixels};
 use crate::contours::Contour;
-use crate::ends::{End, EndSpec, end};
 use crate::error::{Error, Result};
 use crate::fairing::{self, Fairing};
-use crate::fit::Fitted;
-use crate::heights::{Height, Heights, check, median};
-use crate::jobs::Direction;
+use crate::heights::{Height, Heights, check};
 use crate::links as user_links;
-use crate::moving_field::{self, STEPS, even_gaps};
+use crate::moving_field::{self, STEPS};
 use crate::moving_stack::MovingStack;
 use crate::progress::Progress;
-use crate::report::{ContourReport, EndReport, Report, Side, StageReport};
+use crate::report::{ContourReport, Report, Side, StageReport};
 use crate::section::Section;
-use crate::settings::{EndRule, Method, Settings, SlopeRule};
+use crate::settings::{Method, Settings, SlopeRule};
 use crate::shelf::{Budget, Shelf};
 use crate::stack::ContourStack;
 use crate::surface::stream::{Header, LayerSink};
 use crate::surface::{Layer, Reconstruction};
-use crate::tile::Tile;
 
 /// Extra margin for rules whose curves overshoot their contours, px.
 const OVERSHOOT: usize = 8;
@@ -68,51 +66,6 @@ struct Run<'a> {
 
 /// Takes finished layers, lowest first.
 type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
-
-/// A section, its intervals and slices numbered as in the run, and what it must know of the whole stack.
-struct Span {
-    /// Intervals whose layers are kept.
-    kept: Range<usize>,
-    /// Intervals whose layers are computed.
-    layers: Range<usize>,
-    /// Intervals that are traced.
-    traced: Range<usize>,
-    /// Number of the run's first slice in the stack.
-    first: usize,
-    /// Whether the run's layers begin and end where the stack does.
-    ends: [bool; 2],
-    /// Gaps of the intervals, as the whole stack rounds them.
-    gaps: Vec<f64>,
-    /// Median gap of the whole stack.
-    gap: f64,
-    /// Median step between all layers.
-    step: f64,
-    /// A little less than half of it, or of the least gap of the whole stack.
-    apart: f64,
-}
-
-impl Span {
-    fn new(stack: &ContourStack, section: &Section, heights: &[f64]) -> Self {
-        let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
-        let first = section.slices.start;
-        let here = |r: &Range<usize>| r.start - first..r.end - first;
-        let step = Heights::median_step(&z, heights);
-        let gaps = || z.windows(2).map(|w| w[1] - w[0]);
-        let intervals = first..section.slices.end - 1;
-        Span {
-            kept: here(&section.kept),
-            layers: here(&section.layers),
-            traced: here(&section.traced),
-            first,
-            ends: [section.layers.start == 0, section.layers.end == z.len() - 1],
-            gaps: even_gaps(&z)[intervals].to_vec(),
-            gap: median(gaps().collect()),
-            step,
-            // Layers exactly half a gap apart (the end plane of half a slice) count from either side, however they are rounded.
-            apart: 0.49 * gaps().fold(step, f64::min),
-        }
-    }
-}
 
 /// Hands on the layers that are kept, and counts the pixels of contours that differ from the input.
 struct Certified<'a> {
@@ -352,103 +305,6 @@ impl<'a> Run<'a> {
         });
         make(self, &mut |layer| fairing.push(layer, sink))?;
         fairing.finish(sink)
-    }
-
-    /// Both ends of the body, from what was fitted at the first and last contour.
-    fn ends(
-        &mut self,
-        contours: &Shelf<'a, Contour>,
-        fitted: [&Fitted; 2],
-        moving: Option<&MovingStack<'a>>,
-    ) -> Result<[End; 2]> {
-        let last = contours.len() - 1;
-        let (mut warnings, mut told) = (Vec::new(), Vec::new());
-        let mut make = |at: usize, next: usize, direction, rule| {
-            if !self.span.ends[usize::from(at > 0)] {
-                return Ok(End::cut(contours.light(at).z));
-            }
-            let contour = contours.get(at)?;
-            let fitted = fitted[usize::from(at > 0)];
-            let rate = moving.map(|m| m.rate(at)).transpose()?;
-            let whole = rate.map(|rate| fitted.with_motion(&contour, &rate, self.h, 1.0));
-            let gap = (contour.z - contours.light(next).z).abs();
-            let spec = EndSpec {
-                contour: &contour,
-                fitted: whole.as_ref().unwrap_or(fitted),
-                direction,
-                rule,
-                gap,
-                highest: self.settings.cap_gaps * gap,
-                margin: self.margin,
-            };
-            let made = end(&spec, self.h, self.backend, &mut warnings)?;
-            told.push(self.end_report(&spec, &made)?);
-            Ok(made)
-        };
-        let ends = [
-            make(0, 1, Direction::Down, self.settings.end_bottom)?,
-            make(last, last - 1, Direction::Up, self.settings.end_top)?,
-        ];
-        self.report.warnings.append(&mut warnings);
-        self.report.ends = told;
-        Ok(ends)
-    }
-
-    /// What `made` and other rules add to the body.
-    fn end_report(&self, spec: &EndSpec<'_>, made: &End) -> Result<EndReport> {
-        let caps = match spec.rule {
-            EndRule::Extrapolate => None,
-            // What it warns of concerns a rule that is not in use.
-            _ => Some(end(&EndSpec { rule: EndRule::Extrapolate, ..*spec }, self.h, self.backend, &mut Vec::new())?),
-        };
-        let image = self.canvas();
-        let mut area = 0.0;
-        let whole = Tile { origin: [0, 0], dims: spec.contour.phi.dims };
-        image.visit(&whole, |_, n| area += covered(spec.contour.phi.data[n]));
-        let pixel = self.stack.spacing[0] * self.stack.spacing[1];
-        let volume = |end: &End| pixel * end.volume(area, &image);
-        Ok(EndReport {
-            side: if spec.direction == Direction::Up { Side::Top } else { Side::Bottom },
-            z: spec.contour.z,
-            area: pixel * area,
-            used: volume(made),
-            half_slice: 0.5 * spec.gap * pixel * area,
-            extrapolate: volume(caps.as_ref().unwrap_or(made)),
-        })
-    }
-
-    /// The layers below the first contour.
-    fn below(
-        &self,
-        contours: &Shelf<'a, Contour>,
-        ends: &[End; 2],
-        heights: &Heights,
-        sink: &mut Sink<'_>,
-    ) -> Result<()> {
-        if !self.span.ends[0] {
-            return Ok(());
-        }
-        let first = contours.get(0)?;
-        let mut below = heights.all.iter().filter(|x| x.z < first.z);
-        below.try_for_each(|x| sink(self.layer(x, ends[0].layer(x.z, &first, self.canvas()))))
-    }
-
-    /// The last contour's layer and those above it.
-    fn above(
-        &self,
-        contours: &Shelf<'a, Contour>,
-        ends: &[End; 2],
-        heights: &Heights,
-        sink: &mut Sink<'_>,
-    ) -> Result<()> {
-        let number = self.span.layers.end;
-        let last = contours.get(number)?;
-        sink(self.contour_layer(&heights.contours[number], &last, number))?;
-        if !self.span.ends[1] {
-            return Ok(());
-        }
-        let mut above = heights.all.iter().filter(|x| x.z > last.z);
-        above.try_for_each(|x| sink(self.layer(x, ends[1].layer(x.z, &last, self.canvas()))))
     }
 
     fn canvas(&self) -> Canvas {

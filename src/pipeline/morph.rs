@@ -1,38 +1,28 @@
-//! The metamorphosis: contours morphed into each other, courses fitted, sweeps composed.
+//! The first half of the metamorphosis: contours morphed into each other and courses fitted.
 
 use std::borrow::Cow;
-use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use super::links::{IntervalLinks, in_frame};
-use super::{CHUNK_BYTES, Run, Sink, time};
+use super::{Run, Sink};
 use crate::backend::MorphOptions;
-use crate::compose::{Canvas, HALF_WAY, IntervalCaps, unite_cap};
 use crate::contours::Contour;
 use crate::ends::End;
 use crate::error::{Error, Result};
 use crate::field::Field;
-use crate::fit::{Fitted, Measured, course, fit};
-use crate::heights::{Height, Heights};
-use crate::jobs::{Direction, Filled, PartJob, SweepJob, SweepPair};
+use crate::fit::{Fitted, Measured, fit};
+use crate::jobs::{Direction, PartJob};
 use crate::matching::{Interval, IntervalPlan};
-use crate::moving_field::{Cells, LoneParts, MovingField};
+use crate::moving_field::LoneParts;
 use crate::moving_stack::MovingStack;
 use crate::report::IntervalReport;
 use crate::settings::Motion;
 use crate::shelf::Shelf;
-use crate::surface::Layer;
 use crate::surface::stream::LayerSink;
-use crate::tile::Tile;
 use crate::topology::Decided;
-use crate::tracks::{self, Side, Sides, trace_job};
-use crate::trust::Trust;
-use crate::warp::{Warp, Way};
-
-/// Parts that are kept apart close at this share of the way to the layer nearest half way.
-const EARLY: f64 = 0.8;
+use crate::tracks::{self, Sides, trace_job};
 
 /// Pairs of parts by their numbers.
 type Pairs = Vec<(u32, u32)>;
@@ -40,21 +30,21 @@ type Pairs = Vec<(u32, u32)>;
 type Seen = [Arc<Contour>; 2];
 
 /// The moving frame, and what the field method needs where the morph knows nothing.
-struct Beside<'c, 'b> {
-    moving: &'c MovingStack<'b>,
-    slopes: Shelf<'b, Field>,
-    lone: Shelf<'b, LoneParts>,
+pub(super) struct Beside<'c, 'b> {
+    pub(super) moving: &'c MovingStack<'b>,
+    pub(super) slopes: Shelf<'b, Field>,
+    pub(super) lone: Shelf<'b, LoneParts>,
 }
 
 /// The contours of all intervals in their frames.
-struct SeenStack<'c, 'b> {
+pub(super) struct SeenStack<'c, 'b> {
     contours: &'c Shelf<'b, Contour>,
     /// Lower and upper contour of each interval; `None` where contours stay in the image's own frame.
     moved: Option<Shelf<'b, Contour>>,
 }
 
 impl SeenStack<'_, '_> {
-    fn get(&self, i: usize) -> Result<Seen> {
+    pub(super) fn get(&self, i: usize) -> Result<Seen> {
         match &self.moved {
             Some(moved) => Ok([moved.get(2 * i)?, moved.get(2 * i + 1)?]),
             None => Ok([self.contours.get(i)?, self.contours.get(i + 1)?]),
@@ -62,7 +52,7 @@ impl SeenStack<'_, '_> {
     }
 
     /// The same with some of their arrays.
-    fn some(&self, i: usize, wanted: &[usize]) -> Result<Seen> {
+    pub(super) fn some(&self, i: usize, wanted: &[usize]) -> Result<Seen> {
         let of = |end: usize| match &self.moved {
             Some(moved) => moved.some(2 * i + end, wanted),
             None => self.contours.some(i + end, wanted),
@@ -72,47 +62,16 @@ impl SeenStack<'_, '_> {
 }
 
 /// What the stages before the sweeps have made.
-struct Made<'c, 'b> {
-    contours: &'c Shelf<'b, Contour>,
-    beside: Option<Beside<'c, 'b>>,
-    seen: SeenStack<'c, 'b>,
+pub(super) struct Made<'c, 'b> {
+    pub(super) contours: &'c Shelf<'b, Contour>,
+    pub(super) beside: Option<Beside<'c, 'b>>,
+    pub(super) seen: SeenStack<'c, 'b>,
     /// Pairs that are kept apart, as the mid frame numbers them.
-    parted: Vec<Pairs>,
-    intervals: Shelf<'b, Interval>,
-    sides: Shelf<'b, Sides>,
-    fitted: Shelf<'b, Fitted>,
-    ends: [End; 2],
-}
-
-/// What brings some layers of an interval from its frame to where they belong.
-struct InFrame<'w> {
-    warp: &'w Warp<'w>,
-    trust: &'w Trust,
-    ways: Vec<Way>,
-    /// Where the field method's layers, `others`, have a say.
-    doubts: Vec<Cells>,
-    others: Vec<Vec<f32>>,
-}
-
-impl Made<'_, '_> {
-    /// How far the morphs of interval `i` can be trusted, in its frame, where it is `moving`.
-    fn trust(&self, moving: &MovingField, i: usize) -> Result<Trust> {
-        let seen = self.seen.some(i, Contour::SEEDS_AND_PARTS)?;
-        let sides = self.sides.get(i)?;
-        let ends = [sides.up.as_ref(), sides.down.as_ref()];
-        // The field joins whatever overlaps: of parts that are kept apart the morph knows more.
-        let apart = [0, 1].map(|end| {
-            let mut parts = vec![false; seen[end].solids.count + 1];
-            self.parted[i].iter().for_each(|pair| parts[[pair.0, pair.1][end] as usize] = true);
-            parts
-        });
-        let particles = seen.iter().zip(ends).zip(&apart).flat_map(|((contour, side), apart)| {
-            let tracks = side.map_or(&[][..], |s| &s.tracks);
-            let known = |inside: usize| apart[contour.solids.labels[inside] as usize];
-            contour.seeds.iter().zip(tracks).map(move |(seed, track)| (seed.x, track.arrived || known(seed.inside)))
-        });
-        Ok(Trust::new(moving, 0, particles))
-    }
+    pub(super) parted: Vec<Pairs>,
+    pub(super) intervals: Shelf<'b, Interval>,
+    pub(super) sides: Shelf<'b, Sides>,
+    pub(super) fitted: Shelf<'b, Fitted>,
+    pub(super) ends: [End; 2],
 }
 
 impl<'a> Run<'a> {
@@ -298,216 +257,5 @@ impl<'a> Run<'a> {
         }
         (self.span.traced.end..count).try_for_each(|_| sides.push(Sides::default()))?;
         Ok(sides)
-    }
-
-    /// Sweeps and composes, some intervals at a time, so that only their tiles are in memory.
-    fn propagate(&mut self, made: &Made<'_, 'a>, heights: &Heights, sink: &mut Sink<'_>) -> Result<()> {
-        let Made { contours, fitted, ends, .. } = made;
-        self.below(contours, ends, heights, sink)?;
-        for chunk in self.chunks(&made.intervals, heights) {
-            let intervals = chunk.clone().map(|i| made.intervals.get(i)).collect::<Result<Vec<_>>>()?;
-            let z = |i: usize| contours.light(i).z;
-            let caps = |(i, interval): (usize, &Arc<Interval>)| {
-                let closes = if made.parted[i].is_empty() { HALF_WAY } else { self.middle_layer(heights, i) };
-                let [low, high] = [fitted.get(i)?, fitted.get(i + 1)?];
-                Ok(IntervalCaps::new(interval, &low, &high, z(i + 1) - z(i), closes))
-            };
-            let caps: Vec<IntervalCaps> = chunk.clone().zip(&intervals).map(caps).collect::<Result<_>>()?;
-            let mut filled = self.sweep_chunk(chunk.clone(), made, &intervals, &caps, heights)?.into_iter();
-            for ((i, caps), interval) in chunk.zip(&caps).zip(&intervals) {
-                sink(self.contour_layer(&heights.contours[i], &*contours.some(i, Contour::FIELD)?, i))?;
-                let filled: Vec<Filled> = filled.by_ref().take(interval.groups.len()).collect();
-                self.layers_between(made, i, interval, caps, &filled, heights.between(i), sink)?;
-            }
-        }
-        self.above(contours, ends, heights, sink)
-    }
-
-    /// The layers of interval `i`, some at a time.
-    #[expect(clippy::too_many_arguments, reason = "one stage reads what all stages before it have made")]
-    fn layers_between(
-        &self,
-        made: &Made<'_, 'a>,
-        i: usize,
-        interval: &Interval,
-        caps: &IntervalCaps,
-        filled: &[Filled],
-        heights: &[Height],
-        sink: &mut Sink<'_>,
-    ) -> Result<()> {
-        let limit = self.settings.margin() as f64;
-        let [low, high] = [i, i + 1].map(|k| made.contours.light(k).z);
-        let between: Vec<(Height, f64)> = heights.iter().map(|x| (*x, time(x.z, low, high))).collect();
-        let part = made.beside.as_ref().map(|b| b.moving.part(i..i + 2)).transpose()?;
-        let beside = match (&made.beside, &part) {
-            (Some(Beside { slopes, lone, .. }), Some(part)) => {
-                let trust = made.trust(part, i)?;
-                let warp = self.warp(made, part, i)?;
-                Some((part, [slopes.get(i)?, slopes.get(i + 1)?], lone.get(i)?, warp, trust))
-            }
-            _ => None,
-        };
-        // Of a layer its values in the mid frame, the other method's, and itself.
-        let at_once = self.budget.at_once(rayon::current_num_threads(), 2 * self.field_bytes());
-        for (k, some) in between.chunks(at_once).enumerate() {
-            let times: Vec<f64> = some.iter().map(|(_, t)| *t).collect();
-            let frame = match &beside {
-                None => None,
-                Some((part, slopes, lone, warp, trust)) => {
-                    let ways: Vec<Way> = times.par_iter().map(|t| warp.way(*t)).collect();
-                    let doubts: Vec<Cells> = ways.par_iter().map(|way| way.doubts(self.padded(), trust)).collect();
-                    let (slopes, wanted) = ([&*slopes[0], &*slopes[1]], Some(doubts.as_slice()));
-                    let others = self.backend.moving_layers(part, slopes, lone, 0, &times, limit, self.h, wanted)?;
-                    Some(InFrame { warp, trust, ways, doubts, others })
-                }
-            };
-            let layers = self.compose(interval, caps, frame.as_ref(), some, k * at_once, filled);
-            drop(frame);
-            layers.into_iter().try_for_each(&mut *sink)?;
-        }
-        Ok(())
-    }
-
-    /// From the mid frame of interval `i`, which is `part`, to its layers.
-    fn warp<'p>(&self, made: &Made<'_, 'a>, part: &'p MovingField, i: usize) -> Result<Warp<'p>> {
-        let seen = made.seen.some(i, Contour::FIELD)?;
-        // The frame's own field of a slice that is not empty is the slice's.
-        let own = |side: usize| (made.contours.light(i + side).solids.count > 0).then(|| &*part.fields[side]);
-        let slices = [0, 1].map(|side| (own(side), &seen[side].phi));
-        Ok(Warp::new(part, 0, slices, self.settings.margin() as f64))
-    }
-
-    /// Where in interval `i` parts that are kept apart close: well before the layer nearest half way, so that neither reaches it.
-    fn middle_layer(&self, heights: &Heights, i: usize) -> f64 {
-        let (low, high) = (self.stack.slices[i].z, self.stack.slices[i + 1].z);
-        let times = heights.between(i).iter().map(|x| time(x.z, low, high));
-        EARLY * times.map(|t| t.min(1.0 - t)).reduce(f64::max).unwrap_or(HALF_WAY)
-    }
-
-    fn sweep_chunk(
-        &mut self,
-        chunk: Range<usize>,
-        made: &Made<'_, 'a>,
-        intervals: &[Arc<Interval>],
-        caps: &[IntervalCaps],
-        heights: &Heights,
-    ) -> Result<Vec<Filled>> {
-        let Made { contours, seen, sides, fitted, .. } = made;
-        let mut pairs = Vec::new();
-        let mut owners = Vec::new();
-        for ((i, caps), interval) in chunk.zip(caps).zip(intervals) {
-            let [low, high] = [i, i + 1].map(|k| contours.light(k).z);
-            let gap = high - low;
-            let up: Vec<f64> = heights.between(i).iter().map(|x| time(x.z, low, high)).collect();
-            let down: Vec<f64> = up.iter().rev().map(|t| 1.0 - t).collect();
-            let sides = sides.get(i)?;
-            let (Some(up_side), Some(down_side)) = (&sides.up, &sides.down) else { continue };
-            let [low_fitted, high_fitted] = [fitted.get(i)?, fitted.get(i + 1)?];
-            let seeds = seen.some(i, Contour::SEEDS)?;
-            let image_nx = self.padded()[0];
-            for (group, holes) in interval.groups.iter().zip(&caps.holes) {
-                let rule = self.settings.slope;
-                let courses = |end: &[u32], own: &Fitted, next: &Fitted, side: &Side, direction| {
-                    let of = |&k: &u32| {
-                        let track = &side.tracks[k as usize];
-                        course(own, track, next, k as usize, direction, gap, rule)
-                    };
-                    end.iter().map(of).collect()
-                };
-                let positions = |end: &[u32], side: usize| {
-                    end.iter().map(|&k| group.tile.to_local(seeds[side].seeds[k as usize].x)).collect()
-                };
-                pairs.push(SweepPair {
-                    up: SweepJob {
-                        source: Cow::Borrowed(&group.low.phi),
-                        target: Cow::Borrowed(&group.high.phi),
-                        seeds: positions(&group.low.seeds, 0),
-                        courses: courses(&group.low.seeds, &low_fitted, &high_fitted, up_side, Direction::Up),
-                        times: up.clone(),
-                    },
-                    down: SweepJob {
-                        source: Cow::Borrowed(&group.high.phi),
-                        target: Cow::Borrowed(&group.low.phi),
-                        seeds: positions(&group.high.seeds, 1),
-                        courses: courses(&group.high.seeds, &high_fitted, &low_fitted, down_side, Direction::Down),
-                        times: down.clone(),
-                    },
-                    anchors: group.local_anchors(image_nx),
-                    holes: Cow::Borrowed(holes),
-                });
-                owners.push(i);
-            }
-        }
-        let filled = self.backend.propagate(&pairs, self.h, &MorphOptions::from(self.settings), self.progress)?;
-        for (f, &i) in filled.iter().zip(&owners) {
-            let between = || format!("between heights {} and {}", contours.light(i).z, contours.light(i + 1).z);
-            if f.slices.iter().any(|slice| slice.values().any(f32::is_nan)) {
-                return Err(Error::Numerics { stage: "propagate", message: format!("NaN {}", between()) });
-            }
-            for (swept, way) in [(&f.up, "upward"), (&f.down, "downward")] {
-                if let Some(t) = swept.vanished {
-                    let message = format!("the {way} sweep of a group {} vanished at t = {t:.3}", between());
-                    self.report.warnings.push(message);
-                }
-                let report = &mut self.report.intervals[i];
-                report.sweep_steps += swept.steps;
-                report.sweep_pixels += swept.pixels;
-            }
-            self.report.contours[i + 1].arrival_from_below.get_or_insert_default().absorb(&f.up.residual);
-            self.report.contours[i].arrival_from_above.get_or_insert_default().absorb(&f.down.residual);
-        }
-        Ok(filled)
-    }
-
-    /// Layers of an interval at some of its heights, the first of which is number `skip`.
-    fn compose(
-        &self,
-        interval: &Interval,
-        caps: &IntervalCaps,
-        frame: Option<&InFrame<'_>>,
-        heights: &[(Height, f64)],
-        skip: usize,
-        filled: &[Filled],
-    ) -> Vec<Layer> {
-        let limit = self.settings.margin() as f64;
-        let padded = self.padded();
-        let layer = |(k, (height, t)): (usize, &(Height, f64))| {
-            let mut canvas = if frame.is_some() { Canvas::empty(padded, 0, limit) } else { self.canvas() };
-            for (f, group) in filled.iter().zip(&interval.groups) {
-                canvas.unite_packed(&group.tile, &f.slices[skip + k]);
-            }
-            for (cap, direction) in &caps.solids {
-                unite_cap(&mut canvas, cap, if *direction == Direction::Up { *t } else { 1.0 - t });
-            }
-            let Some(InFrame { warp, trust, ways, doubts, others }) = frame else { return self.layer(height, canvas) };
-            let whole = warp.layer(&canvas.phi, &ways[k], trust, &doubts[k], &others[k]);
-            drop(canvas);
-            let mut canvas = self.canvas();
-            canvas.unite(&Tile { origin: [0, 0], dims: padded }, |n| f64::from(whole[n]));
-            self.layer(height, canvas)
-        };
-        heights.par_iter().enumerate().map(layer).collect()
-    }
-
-    /// Intervals that are swept together: enough for all threads and for a GPU, but no more slices than [`CHUNK_BYTES`] or the budget hold.
-    fn chunks(&self, intervals: &Shelf<'a, Interval>, heights: &Heights) -> Vec<Range<usize>> {
-        let least = self.budget.at_once(2 * rayon::current_num_threads(), 10 * self.field_bytes());
-        let most = self.budget.spare(CHUNK_BYTES);
-        let mut out: Vec<Range<usize>> = Vec::new();
-        let mut filled = 0;
-        for i in self.span.layers.clone() {
-            let nodes: usize = intervals.light(i).groups.iter().map(|g| g.tile.len()).sum();
-            // Both ends of its groups, and the slices between.
-            let bytes = nodes * (2 * size_of::<f64>() + size_of::<f32>() * heights.between(i).len());
-            match out.last_mut() {
-                Some(chunk) if chunk.len() < least || filled + bytes <= most => chunk.end = i + 1,
-                _ => {
-                    out.push(i..i + 1);
-                    filled = 0;
-                }
-            }
-            filled += bytes;
-        }
-        out
     }
 }

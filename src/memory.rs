@@ -121,11 +121,48 @@ fn contents(stack: &ContourStack) -> f64 {
     each.sum::<usize>() as f64
 }
 
+/// Triangles per pixel edge of the larger of the contours around a layer, per pixel in which neighbouring contours differ, and per pixel on
+/// which the body ends.
+const PER_LAYER_EDGE: f64 = 2.5;
+const PER_DIFFERENCE: f64 = 3.0;
+const PER_END_PIXEL: f64 = 3.0;
+
+/// Triangles that the surface has at most, as far as contours tell.
+pub fn triangles(stack: &ContourStack, heights: &[f64]) -> u64 {
+    let drawn: Vec<Drawn> = stack.slices.par_iter().map(|s| Drawn::of(&s.content, stack.dims)).collect();
+    let layers = |low: f64, high: f64| (1 + heights.iter().filter(|z| **z > low && **z < high).count()) as f64;
+    let between = |(w, d): (&[crate::stack::Slice], &[Drawn])| {
+        let edges = d[0].edges.max(d[1].edges) as f64;
+        let differing = differing([&w[0].content, &w[1].content], stack.dims) as f64;
+        layers(w[0].z, w[1].z) * edges * PER_LAYER_EDGE + differing * PER_DIFFERENCE
+    };
+    let sides = stack.slices.par_windows(2).zip(drawn.par_windows(2)).map(between);
+    let end = |d: &Drawn, low: f64, high: f64| {
+        layers(low, high) * d.edges as f64 * PER_LAYER_EDGE + d.pixels as f64 * PER_END_PIXEL
+    };
+    let first = stack.slices.first().zip(drawn.first()).map_or(0.0, |(s, d)| end(d, f64::NEG_INFINITY, s.z));
+    let last = stack.slices.last().zip(drawn.last()).map_or(0.0, |(s, d)| end(d, s.z, f64::INFINITY));
+    (sides.collect::<Vec<f64>>().iter().sum::<f64>() + first + last) as u64
+}
+
+/// Pixels in which two slices differ.
+fn differing([a, b]: [&SliceContent; 2], [nx, ny]: [usize; 2]) -> usize {
+    let mut rows = [vec![false; nx], vec![false; nx]];
+    let differing = |j: usize| {
+        a.read(j * nx, &mut rows[0]);
+        b.read(j * nx, &mut rows[1]);
+        rows[0].iter().zip(&rows[1]).filter(|(a, b)| a != b).count()
+    };
+    (0..ny).map(differing).sum()
+}
+
 /// What is drawn on slices.
 #[derive(Debug, Clone)]
 struct Drawn {
     /// Edges between a pixel inside and one outside.
     edges: usize,
+    /// Pixels inside.
+    pixels: usize,
     /// First and last column and row that have a pixel inside.
     low: [usize; 2],
     high: [usize; 2],
@@ -133,7 +170,7 @@ struct Drawn {
 
 impl Default for Drawn {
     fn default() -> Self {
-        Drawn { edges: 0, low: [usize::MAX; 2], high: [0; 2] }
+        Drawn { edges: 0, pixels: 0, low: [usize::MAX; 2], high: [0; 2] }
     }
 }
 
@@ -149,7 +186,8 @@ impl Drawn {
             }
             let ends = row.iter().position(|inside| *inside).zip(row.iter().rposition(|inside| *inside));
             if let Some((first, last)) = ends {
-                drawn = drawn.and(&Drawn { edges: 0, low: [first, j], high: [last, j] });
+                let pixels = row.iter().filter(|inside| **inside).count();
+                drawn = drawn.and(&Drawn { edges: 0, pixels, low: [first, j], high: [last, j] });
             }
             std::mem::swap(&mut below, &mut row);
         }
@@ -160,6 +198,7 @@ impl Drawn {
     fn and(self, other: &Drawn) -> Self {
         Drawn {
             edges: self.edges + other.edges,
+            pixels: self.pixels + other.pixels,
             low: std::array::from_fn(|a| self.low[a].min(other.low[a])),
             high: std::array::from_fn(|a| self.high[a].max(other.high[a])),
         }

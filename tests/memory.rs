@@ -56,10 +56,15 @@ fn stack() -> ContourStack {
 
 /// A run in a process of its own: bytes it needed, bytes that were said, layers.
 fn measured(dz: f64, fair: f64, method: &str) -> [u64; 3] {
+    measured_simpler(dz, fair, method, None)
+}
+
+/// The same, with meshes simpler by at most an error.
+fn measured_simpler(dz: f64, fair: f64, method: &str, simplify: Option<f64>) -> [u64; 3] {
     let place = folder();
     let result = Command::new(std::env::current_exe().expect("this test"))
         .args(["--exact", "is_what_was_said_at_most", "--nocapture"])
-        .env(ASKED, format!("{};{dz};{fair};{method}", place.path().display()))
+        .env(ASKED, format!("{};{dz};{fair};{method};{}", place.path().display(), simplify.unwrap_or(0.0)))
         .env("RAYON_NUM_THREADS", "2")
         .output()
         .expect("it starts");
@@ -67,7 +72,7 @@ fn measured(dz: f64, fair: f64, method: &str) -> [u64; 3] {
     let line = said.lines().find_map(|l| l.split_once("measured ")).unwrap_or_else(|| panic!("{said}")).1;
     let numbers: Vec<u64> = line.split_whitespace().map(|n| n.parse().expect("a number")).collect();
     println!(
-        "dz {dz}, fair {fair}, {method}: {} MiB of {} MiB, {} layers",
+        "dz {dz}, fair {fair}, {method}, simplify {simplify:?}: {} MiB of {} MiB, {} layers",
         numbers[0] >> 20,
         numbers[1] >> 20,
         numbers[2]
@@ -77,16 +82,19 @@ fn measured(dz: f64, fair: f64, method: &str) -> [u64; 3] {
 
 /// The run that is asked for, in this process.
 fn one_run(asked: &str) {
-    let [place, dz, fair, method] = asked.split(';').collect::<Vec<_>>().try_into().expect("four words");
+    let [place, dz, fair, method, simplify] = asked.split(';').collect::<Vec<_>>().try_into().expect("five words");
     let number = |word: &str| word.parse::<f64>().expect("a number");
     let method = if method == "field" { Method::Field } else { Method::Morph };
     let settings = Settings { fair: number(fair), method, ..Settings::default() };
-    let output = OutputOptions { dz: Some(number(dz)), ..OutputOptions::default() };
+    let simplify = Some(number(simplify)).filter(|error| *error > 0.0);
+    let output = OutputOptions { dz: Some(number(dz)), simplify, ..OutputOptions::default() };
     let before = peak();
     let loaded = Loaded::new(stack(), JobOptions { settings, output, ..JobOptions::default() }).expect("it is sound");
     let targets: Vec<_> = KINDS.iter().map(|kind| Path::new(place).join(format!("out.{kind}"))).collect();
     let mut outputs = Outputs::open(&targets, None, Temporary::Random).expect("the folder is there");
-    let said = loaded.needs().all + outputs.bytes(loaded.stack.dims, &loaded.stack.geometry, loaded.stack.lid());
+    let said = loaded.needs().all
+        + outputs.bytes(loaded.stack.dims, &loaded.stack.geometry, loaded.stack.lid())
+        + loaded.needs_to_simplify(outputs.has_mesh());
     let budget = Budget::unlimited();
     let means = Means { backend: &Reference, progress: &Silent, budget: &budget };
     let mut body = loaded.compute(&means, &mut outputs).expect("it can be computed");
@@ -105,6 +113,34 @@ fn is_what_was_said_at_most() {
         let [needed, said, _] = measured(dz, fair, method);
         assert!(needed <= said, "{needed} bytes were needed, {said} said");
         assert!(6 * needed >= said, "{needed} bytes were needed, {said} said: too many");
+    }
+}
+
+#[cfg(feature = "simplify")]
+#[test]
+fn of_simplifying_is_what_was_said_at_most() {
+    let [plain, said, _] = measured(0.05, 0.0, "field");
+    // At an error so small that less can be left out, and at a usual one.
+    for error in [0.01, 0.3] {
+        let [needed, more, _] = measured_simpler(0.05, 0.0, "field", Some(error));
+        assert!(needed > plain + (20 << 20) && more > said, "{needed} bytes were needed, {plain} without");
+        assert!(needed <= more, "{needed} bytes were needed, {more} said");
+        assert!(6 * needed >= more, "{needed} bytes were needed, {more} said: too many");
+    }
+}
+
+#[test]
+fn of_a_mesh_are_its_triangles_which_contours_tell() {
+    let mut stacks: Vec<(ContourStack, Settings)> =
+        interslice::demo::NAMES.into_iter().filter_map(interslice::demo::demo).map(|d| (d.stack, d.settings)).collect();
+    stacks.push((stack(), Settings::default()));
+    for (stack, settings) in stacks {
+        let heights = interslice::height_grid(&stack, &settings, None).heights().expect("a few");
+        let body = interslice::reconstruct_with(&stack, &heights, &settings, &Reference, &Silent).expect("it can be");
+        let triangles = interslice::surface::mesh::closed_surface(&body).triangles.len() as u64;
+        let said = interslice::memory::triangles(&stack, &heights);
+        println!("{triangles} triangles, {said} said");
+        assert!(triangles <= said && said <= 3 * triangles, "{triangles} triangles, {said} said");
     }
 }
 

@@ -67,7 +67,9 @@ impl<'a> Batch<'a> {
             }
             let stack = &loaded.stack;
             let targets = job.targets.iter().map(|t| t.as_path());
-            let writing = format::bytes(targets, stack.dims, &stack.geometry, stack.lid());
+            let has_mesh = targets.clone().any(|path| matches!(format::kind(path), Ok(format::Kind::Mesh)));
+            let writing =
+                format::bytes(targets, stack.dims, &stack.geometry, stack.lid()) + loaded.needs_to_simplify(has_mesh);
             let needs = loaded.needs();
             let budget = needs.budget(writing, Some(self.options.memory))?;
             // A job larger than the memory of all has all of it for itself.

@@ -67,7 +67,8 @@ pub fn run(all: &All<'_>) -> Result<()> {
         let loaded = Loaded::of_structures(&set, options)?;
         completed.check(&loaded.options.output)?;
         let (dims, geometry, lid) = (loaded.stack.dims, &loaded.stack.geometry, loaded.stack.lid());
-        let writing = outputs.bytes(dims, geometry, lid) + completed.bytes(dims, geometry, lid);
+        let simplifying = loaded.needs_to_simplify(outputs.has_mesh());
+        let writing = outputs.bytes(dims, geometry, lid) + completed.bytes(dims, geometry, lid) + simplifying;
         let budget = budget(&loaded, writing, all.device, all.telling)?;
         tell(all, &roi.label());
         let source = loaded.options.output.source.as_ref().ok_or_else(|| {

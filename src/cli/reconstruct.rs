@@ -113,7 +113,9 @@ pub fn set_threads(threads: Option<usize>) -> Result<()> {
 /// One reconstruction, from a checked stack to its files.
 pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions, telling: Telling) -> Result<()> {
     let stack = &loaded.stack;
-    let budget = budget(loaded, outputs.bytes(stack.dims, &stack.geometry, stack.lid()), device, telling)?;
+    let writing =
+        outputs.bytes(stack.dims, &stack.geometry, stack.lid()) + loaded.needs_to_simplify(outputs.has_mesh());
+    let budget = budget(loaded, writing, device, telling)?;
     let chosen = chosen(device, telling)?;
     let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, &budget, telling)?;
     complete(&mut outputs, &mut body, telling)?;

@@ -78,11 +78,14 @@ impl LoadedLabels {
     pub fn compute(&self, means: &Means<'_>, memory: Option<u64>, outputs: &mut LabelOutputs) -> Result<LabelsReport> {
         let start = Instant::now();
         let folder = std::env::temp_dir();
+        let has_mesh = outputs.labels.iter().any(Outputs::has_mesh);
+        let simplifying =
+            if has_mesh { self.options.output.bytes_to_simplify(&self.stack.stack, &self.heights) } else { 0 };
         let plan = Plan {
             heights: &self.heights,
             settings: &self.options.settings,
             folder: &folder,
-            beside: outputs.bytes(&self.stack),
+            beside: outputs.bytes(&self.stack) + simplifying,
             memory,
         };
         let bodies = reconstruct(&self.stack, !self.keep_overlaps, &plan, means)?;

@@ -147,6 +147,11 @@ impl Loaded {
         Needs::of(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
     }
 
+    /// Bytes of memory that making meshes simpler needs, where that is asked for; nothing where no output is a mesh.
+    pub fn needs_to_simplify(&self, has_mesh: bool) -> u64 {
+        if has_mesh { self.options.output.bytes_to_simplify(&self.stack, &self.heights) } else { 0 }
+    }
+
     /// What a section of it needs, with all slices, which have been read.
     pub fn needs_of(&self, section: &Section) -> Needs {
         let heights = section.heights(&self.stack, &self.heights);

@@ -18,11 +18,15 @@ use super::pending::{Pending, Temporary, parent};
 use super::writers::{Meshes, writer};
 use crate::error::{Error, Result};
 use crate::map::Map;
+#[cfg(feature = "simplify")]
+use crate::memory;
 use crate::report::Report;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::{Added, Source, StructureSet};
 use crate::stack::{ContourStack, Geometry};
 use crate::surface::Layer;
+#[cfg(feature = "simplify")]
+use crate::surface::simplify;
 use crate::surface::stream::{BodyStream, Failed, Header, LayerSink};
 use crate::surface::volume::{Content, Whole};
 
@@ -98,6 +102,16 @@ impl OutputOptions {
         Err(Error::Output { path: path.into(), message })
     }
 
+    /// Bytes of memory that making a mesh simpler needs at most, one at a time; nothing where that is not asked for.
+    #[cfg_attr(not(feature = "simplify"), expect(unused_variables, reason = "options have been checked"))]
+    pub fn bytes_to_simplify(&self, stack: &ContourStack, heights: &[f64]) -> u64 {
+        #[cfg(feature = "simplify")]
+        if self.simplify.is_some() {
+            return simplify::bytes(memory::triangles(stack, heights), rayon::current_num_threads());
+        }
+        0
+    }
+
     /// Distance between output heights, where the options say it.
     pub fn step(&self, stack: &ContourStack) -> Option<f64> {
         let [dx, dy] = stack.spacing;
@@ -111,7 +125,6 @@ pub struct Outputs {
     files: Vec<Output>,
     /// The body on its way into the files.
     stream: Option<BodyStream<'static>>,
-    meshes: Meshes,
 }
 
 struct Output {
@@ -164,6 +177,11 @@ impl Outputs {
         needed(self.files.iter().map(|f| f.format), dims, geometry, lid)
     }
 
+    /// Whether there is a mesh among them.
+    pub fn has_mesh(&self) -> bool {
+        self.files.iter().any(|f| f.format.is_mesh())
+    }
+
     /// Takes the layers of a body and writes them under temporary names.
     pub fn sink(&mut self, options: &OutputOptions) -> impl LayerSink + '_ {
         let content = if options.mask { Content::Mask } else { Content::Distance };
@@ -176,14 +194,13 @@ impl Outputs {
     }
 
     /// Completes everything under temporary names, when the last layer has come. Where an output needs the surface, its volume and area are
-    /// put into the report.
+    /// put into the report, and why meshes are no simpler.
     ///
     /// # Errors
     /// [`Error::Write`].
     pub fn complete(&mut self, report: &mut Report) -> Result<()> {
         if let Some(stream) = self.stream.take() {
             stream.finish(report).map_err(|failed| self.failed(failed))?;
-            report.warnings.extend(self.meshes.warning());
         }
         self.files.iter().try_for_each(|f| f.pending.sync().map_err(|source| f.fails(source)))
     }
@@ -259,7 +276,6 @@ impl LayerSink for Sink<'_> {
         }
         let folder = self.outputs.files.first().map_or(Path::new("."), |f| parent(&f.target));
         self.outputs.stream = Some(BodyStream::new(header, writers, folder));
-        self.outputs.meshes = meshes;
         Ok(())
     }
 

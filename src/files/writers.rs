@@ -18,6 +18,8 @@ use crate::surface::mesh_files::{ListedWriter, MeshFormat, StlWriter, write_obj,
 use crate::surface::mha::MhaWriter;
 use crate::surface::origin::OriginWriter;
 use crate::surface::render::{PictureWriter, RenderOptions};
+#[cfg(feature = "simplify")]
+use crate::surface::spool::Spool;
 use crate::surface::stream::{BodyWriter, Ending, Header, Needs};
 use crate::surface::volume::Content;
 use crate::surface::{nifti, nrrd};
@@ -107,22 +109,38 @@ impl Meshes {
         }
     }
 
-    /// What is to be said at the end.
-    pub fn warning(&self) -> Option<String> {
-        #[cfg(feature = "simplify")]
-        if self.simplifier.as_ref().is_some_and(|s| s.gave_up()) {
-            return Some("simplify: no closed surface with fewer triangles was found; meshes are the full one".into());
-        }
-        None
-    }
-
     fn writer(&self, out: BufWriter<File>, format: MeshFormat<BufWriter<File>>) -> Box<dyn BodyWriter> {
         #[cfg(feature = "simplify")]
         if let Some(simplifier) = self.simplifier.clone() {
-            let simpler: MeshFormat<_> = Box::new(move |out, mesh| format(out, &mut &*simplifier.simpler(mesh)?));
-            return Box::new(ListedWriter::new(out, simpler));
+            return Box::new(SimplerWriter { out, format, simplifier });
         }
         Box::new(ListedWriter::new(out, format))
+    }
+}
+
+/// Writes the simpler mesh, or where there is none the whole one.
+#[cfg(feature = "simplify")]
+struct SimplerWriter {
+    out: BufWriter<File>,
+    format: MeshFormat<BufWriter<File>>,
+    simplifier: std::sync::Arc<crate::surface::simplify::Simplifier>,
+}
+
+#[cfg(feature = "simplify")]
+impl BodyWriter for SimplerWriter {
+    fn needs(&self) -> Needs {
+        Needs::Mesh
+    }
+
+    fn prepare(&mut self, mesh: &mut Spool) -> io::Result<Option<String>> {
+        Ok(self.simplifier.simpler(mesh)?.err())
+    }
+
+    fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
+        match self.simplifier.simpler(end.mesh)? {
+            Ok(simpler) => (self.format)(&mut self.out, &mut &*simpler),
+            Err(_) => (self.format)(&mut self.out, end.mesh),
+        }
     }
 }
 

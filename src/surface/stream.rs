@@ -104,6 +104,14 @@ pub trait BodyWriter: Send {
         Ok(())
     }
 
+    /// Before any writer's end, where some writer needs the mesh: what a person should know of what becomes of it.
+    ///
+    /// # Errors
+    /// Those of reading the mesh.
+    fn prepare(&mut self, _mesh: &mut Spool) -> io::Result<Option<String>> {
+        Ok(None)
+    }
+
     /// The end: writes what is left, up to the last byte.
     ///
     /// # Errors
@@ -167,7 +175,7 @@ impl<'w> BodyStream<'w> {
         }
     }
 
-    /// The end of the body. Where some writer needs the surface, its volume and area are put into `report`.
+    /// The end of the body. Where some writer needs the surface, its volume and area are put into `report`, and what writers warn of.
     ///
     /// # Errors
     /// The first writer that failed.
@@ -182,6 +190,11 @@ impl<'w> BodyStream<'w> {
             report.volume = Some(self.measure.volume());
             report.area = Some(self.measure.area());
             report.areas = Some(self.areas.finish());
+        }
+        for (k, writer) in self.writers.iter_mut().enumerate() {
+            let warning = writer.prepare(&mut self.spool).map_err(|e| (k, e))?;
+            let new = warning.filter(|w| !report.warnings.contains(w));
+            report.warnings.extend(new);
         }
         let mut end = Ending { report, mesh: &mut self.spool };
         self.writers.iter_mut().enumerate().try_for_each(|(k, w)| w.finish(&mut end).map_err(|e| (k, e)))

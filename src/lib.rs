@@ -13,6 +13,8 @@ pub mod contour;
 mod contours;
 pub mod demo;
 pub mod displacement;
+mod drawn;
+pub mod effort;
 mod ends;
 pub mod error;
 mod fairing;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use interslice::components::{Components, label4, label8};
+use interslice::effort::Effort;
 use interslice::links::{Link, LinkOptions};
 use interslice::memory::Needs;
 use interslice::stack::{self, ReadOptions, Slice};
@@ -116,17 +117,19 @@ fn describe(stack: &ContourStack, links: &[Link], dz: Option<f64>) -> Result<Str
         short(heights.step),
         heights.count
     ));
-    let needs = Needs::of(stack, &heights.heights()?, &Settings::default(), rayon::current_num_threads());
+    let all = heights.heights()?;
+    let threads = rayon::current_num_threads();
+    let needs = Needs::of(stack, &all, &Settings::default(), threads);
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-    lines.push(match needs.least < needs.all {
-        true => format!(
-            "a reconstruction needs about {} MiB of memory, or {} MiB and {} MiB of disk for temporary files",
-            mib(needs.all),
-            mib(needs.least),
-            mib(needs.disk)
-        ),
-        false => format!("a reconstruction needs about {} MiB of memory", mib(needs.all)),
-    });
+    let instead = match needs.least < needs.all {
+        true => format!(" (or {} MiB, and {} MiB of disk for temporary files)", mib(needs.least), mib(needs.disk)),
+        false => String::new(),
+    };
+    let seconds = rough(Effort::of(stack, &all).seconds(threads));
+    lines.push(format!(
+        "a reconstruction needs about {} MiB of memory{instead} and, on {threads} cores of this CPU, {seconds}",
+        mib(needs.all),
+    ));
     lines.push(String::new());
     let seen: Vec<Seen> = stack.slices.iter().map(|s| Seen::of(s, stack.dims)).collect();
     for (k, slice) in stack.slices.iter().enumerate() {
@@ -189,4 +192,14 @@ impl Seen {
 
 fn counted(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+/// A time that is known roughly, in words.
+fn rough(seconds: f64) -> String {
+    match seconds {
+        ..1.0 => "less than a second".into(),
+        ..100.0 => format!("about {seconds:.0} s"),
+        ..6000.0 => format!("about {:.0} min", seconds / 60.0),
+        _ => format!("about {:.1} h", seconds / 3600.0),
+    }
 }

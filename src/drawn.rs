@@ -1,0 +1,69 @@
+//! What is drawn on slices, counted in pixels: what memory and time are estimated from.
+
+use crate::stack::SliceContent;
+
+/// Pixels in which two slices differ.
+pub fn differing([a, b]: [&SliceContent; 2], [nx, ny]: [usize; 2]) -> usize {
+    let mut rows = [vec![false; nx], vec![false; nx]];
+    let differing = |j: usize| {
+        a.read(j * nx, &mut rows[0]);
+        b.read(j * nx, &mut rows[1]);
+        rows[0].iter().zip(&rows[1]).filter(|(a, b)| a != b).count()
+    };
+    (0..ny).map(differing).sum()
+}
+
+/// What is drawn on slices.
+#[derive(Debug, Clone)]
+pub struct Drawn {
+    /// Edges between a pixel inside and one outside.
+    pub edges: usize,
+    /// Pixels inside.
+    pub pixels: usize,
+    /// First and last column and row that have a pixel inside.
+    low: [usize; 2],
+    high: [usize; 2],
+}
+
+impl Default for Drawn {
+    fn default() -> Self {
+        Drawn { edges: 0, pixels: 0, low: [usize::MAX; 2], high: [0; 2] }
+    }
+}
+
+impl Drawn {
+    /// On one slice.
+    pub fn of(content: &SliceContent, [nx, ny]: [usize; 2]) -> Self {
+        let (mut below, mut row) = (vec![false; nx], vec![false; nx]);
+        let mut drawn = Drawn::default();
+        for j in 0..ny {
+            content.read(j * nx, &mut row);
+            drawn.edges += row.windows(2).filter(|w| w[0] != w[1]).count();
+            if j > 0 {
+                drawn.edges += row.iter().zip(&below).filter(|(a, b)| a != b).count();
+            }
+            let ends = row.iter().position(|inside| *inside).zip(row.iter().rposition(|inside| *inside));
+            if let Some((first, last)) = ends {
+                let pixels = row.iter().filter(|inside| **inside).count();
+                drawn = drawn.and(&Drawn { edges: 0, pixels, low: [first, j], high: [last, j] });
+            }
+            std::mem::swap(&mut below, &mut row);
+        }
+        drawn
+    }
+
+    /// What is drawn on these and on others.
+    pub fn and(self, other: &Drawn) -> Self {
+        Drawn {
+            edges: self.edges + other.edges,
+            pixels: self.pixels + other.pixels,
+            low: std::array::from_fn(|a| self.low[a].min(other.low[a])),
+            high: std::array::from_fn(|a| self.high[a].max(other.high[a])),
+        }
+    }
+
+    /// Pixels of the box around it and so many more to each side.
+    pub fn box_pixels(&self, around: usize) -> f64 {
+        (0..2).map(|a| (self.high[a] + 1 + 2 * around).saturating_sub(self.low[a]) as f64).product()
+    }
+}

@@ -214,7 +214,7 @@ from collections import Counter
 from pathlib import Path
 
 place, how = Path(sys.argv[1]), sys.argv[2]
-lines = [json.loads(line) for line in (place / "work/results.jsonl").read_text().splitlines()]
+lines = [json.loads(line) for line in (place / "given/results.jsonl").read_text().splitlines()]
 assert all(line["status"] == "done" for line in lines), lines
 times = Counter(line["id"] for line in lines)
 assert times == {f"tube{k:02}": 1 for k in range(20)}, f"jobs that were not done once: {times}"
@@ -225,7 +225,7 @@ def report(folder):
     return {name: value for name, value in told.items() if name not in ("stages", "backend", "backend_reason")}
 
 
-assert report("work/out") == report("plain"), "the reports differ"
+assert report("given/out") == report("plain"), "the reports differ"
 assert len(report("plain")["contours"]) == 60
 jobs = [dict(re.findall(r"(\w+)=(\S*)", line)) for line in (place / "jobs").read_text().splitlines()]
 if how == "slurm":
@@ -236,7 +236,7 @@ if how == "slurm":
         ("batch", "COMPLETED"): 2, ("batch", "FAILED"): 1, ("plan", "COMPLETED"): 1,
         ("part", "COMPLETED"): 3, ("part", "CANCELLED"): 1, ("merge", "COMPLETED"): 1,
     }, "not the jobs that were expected"
-    needs = [part["memory_mib"] * 5 // 4 + 250 for part in json.loads((place / "work/parts/long/plan.json").read_text())]
+    needs = [part["memory_mib"] * 5 // 4 + 250 for part in json.loads((place / "given/parts/long/plan.json").read_text())]
     for job in jobs:
         gpus, memory = "gpu:1" in job.get("TresPerJob", ""), int(re.search(r"mem=(\d+)M", job["TRES"])[1])
         assert gpus == (rule(job) in ("batch", "part")), f"GPUs of {job}"

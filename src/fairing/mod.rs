@@ -32,6 +32,9 @@ use crate::surface::Layer;
 /// Pixels with a smaller |v| / B move by all of it, those with a larger than SATURATED not at all.
 const NEAR: f32 = 0.4;
 
+/// Layers of fewer pixels are worked on side by side.
+const SMALL: usize = 1 << 20;
+
 /// What fairing needs to know of a stack.
 pub struct Spec<'m> {
     /// The frame in which layers follow each other, and the padding of its image.
@@ -124,14 +127,15 @@ impl<'m> Fairing<'m> {
     pub fn push(&mut self, layer: Layer, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
         let z = layer.z;
         self.kept.push_back(Kept::new(layer, self.spec.dims));
-        while self.transformed < self.kept.len() && z - self.kept[self.transformed].z >= self.spec.apart {
-            self.transform(self.transformed)?;
-            self.transformed += 1;
-        }
-        while self.transformed > 0 && self.kept[self.transformed - 1].z >= self.needed_up_to() {
+        loop {
+            // Those that have a neighbour above.
+            let ready = self.kept.partition_point(|kept| z - kept.z >= self.spec.apart);
+            if ready == 0 || self.kept[ready - 1].z < self.needed_up_to() {
+                return Ok(());
+            }
+            self.transform(ready)?;
             self.finish_interval(sink)?;
         }
-        Ok(())
     }
 
     /// Hands on everything that is left.
@@ -139,10 +143,7 @@ impl<'m> Fairing<'m> {
     /// # Errors
     /// What `sink` says.
     pub fn finish(mut self, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
-        for k in self.transformed..self.kept.len() {
-            self.transform(k)?;
-        }
-        self.transformed = self.kept.len();
+        self.transform(self.kept.len())?;
         while self.interval + 1 < self.spec.contours.len() {
             self.finish_interval(sink)?;
         }
@@ -155,25 +156,40 @@ impl<'m> Fairing<'m> {
         if self.interval + 1 < contours.len() { reach(contours, self.interval)[1] } else { f64::INFINITY }
     }
 
-    /// Makes v and n of a layer whose neighbours are there.
-    fn transform(&mut self, k: usize) -> Result<()> {
+    /// Layers that are worked on at the same time: rows of small ones are too little for all threads.
+    fn at_once(&self) -> usize {
+        if self.spec.dims[0] * self.spec.dims[1] < SMALL { rayon::current_num_threads() } else { 1 }
+    }
+
+    /// Makes of the lowest `count` layers, whose neighbours are there, what has not been made yet.
+    fn transform(&mut self, count: usize) -> Result<()> {
+        while self.transformed < count {
+            let some = self.transformed..(self.transformed + self.at_once()).min(count);
+            let made = some.clone().into_par_iter().map(|k| self.transformed(k)).collect::<Result<Vec<_>>>()?;
+            self.kept.range_mut(some.clone()).zip(made).for_each(|(kept, made)| kept.made = made);
+            self.transformed = some.end;
+        }
+        Ok(())
+    }
+
+    fn transformed(&self, k: usize) -> Result<Option<Transformed>> {
         let (z, last) = (self.kept[k].z, self.kept.len() - 1);
         let below = (0..k).rev().find(|&l| z - self.kept[l].z >= self.spec.apart).unwrap_or(0);
         let above = (k + 1..=last).find(|&l| self.kept[l].z - z >= self.spec.apart).unwrap_or(last);
         let around = [below, k, above].map(|l| &self.kept[l]);
         let rise = (around[2].z - around[0].z).max(f64::MIN_POSITIVE) as f32;
         let around = around.map(|kept| kept.layer.as_ref().map(|(_, phi)| phi));
-        let [Some(below), Some(here), Some(above)] = around else { return Ok(()) };
+        let [Some(below), Some(here), Some(above)] = around else { return Ok(None) };
         let lengths = Lengths { spacing: self.spec.spacing, bound: self.bound, rise };
         let [v, gradient] = transform([below, here, above], lengths);
         let (mut place, mut near) = (None, Vec::new());
         if let Some((moving, pad)) = self.spec.moving {
-            let (found, paths) = moving.place(z, k.checked_sub(1).and_then(|l| self.kept[l].place()))?;
+            let known = self.kept.iter().take(k).rev().find_map(Kept::place);
+            let (found, paths) = moving.place(z, known)?;
             near = self.blocks_near(&v, &paths, pad);
             place = Some(found);
         }
-        self.kept[k].made = Some(Transformed { v, gradient, place, near });
-        Ok(())
+        Ok(Some(Transformed { v, gradient, place, near }))
     }
 
     /// Blocks of a layer that are read where its surface is near, and where their trajectories meet the slices around it.
@@ -220,11 +236,6 @@ impl<'m> Fairing<'m> {
 
     /// `K v - v` at layer `k`, row-major, zero far from its surface; nothing of a layer that has no v.
     fn difference(&self, k: usize) -> Vec<f32> {
-        // Among the workers, not one call to them for each of the layers.
-        rayon::scope(|_| self.difference_here(k))
-    }
-
-    fn difference_here(&self, k: usize) -> Vec<f32> {
         let (dims, nx) = (self.spec.dims, self.spec.dims[0]);
         let mut out = vec![0.0f32; nx * dims[1]];
         let Some(own) = &self.kept[k].made else { return out };
@@ -261,17 +272,17 @@ impl<'m> Fairing<'m> {
         };
         let from_low = self.at_contour.take();
         let at = |k: usize| Packed::of(self.spec.dims, &self.difference(k));
-        let (from_low, from_high) = (from_low.unwrap_or_else(|| at(low)), at(high));
+        let (from_low, from_high) = rayon::join(|| from_low.unwrap_or_else(|| at(low)), || at(high));
         self.kept.range_mut(..=low).filter_map(Kept::take).try_for_each(&mut *sink)?;
-        for k in low + 1..high {
-            let t = (self.kept[k].z - self.kept[low].z) / (self.kept[high].z - self.kept[low].z);
-            let (first, last) = (self.interval == 0, self.interval + 2 == self.spec.contours.len());
-            let at_low = if first && self.spec.clamped[0] { smoothstep(t) as f32 } else { 1.0 };
-            let at_high = if last && self.spec.clamped[1] { smoothstep(1.0 - t) as f32 } else { 1.0 };
-            let contours = [(low, &from_low), (high, &from_high)];
-            if let Some(layer) = self.moved(k, contours, t, at_low * at_high) {
-                sink(layer)?;
-            }
+        let between: Vec<usize> = (low + 1..high).collect();
+        for some in between.chunks(self.at_once()) {
+            let layers: Vec<(usize, Layer)> =
+                some.iter().filter_map(|&k| self.kept[k].take().map(|layer| (k, layer))).collect();
+            let moved = |(k, layer): (usize, Layer)| {
+                let t = (self.kept[k].z - self.kept[low].z) / (self.kept[high].z - self.kept[low].z);
+                self.moved(k, layer, [(low, &from_low), (high, &from_high)], t)
+            };
+            layers.into_par_iter().map(moved).collect::<Vec<Layer>>().into_iter().try_for_each(&mut *sink)?;
         }
         self.at_contour = Some(from_high);
         self.interval += 1;
@@ -279,16 +290,18 @@ impl<'m> Fairing<'m> {
         Ok(())
     }
 
-    /// Layer `k`, which is handed on, moved by this share of its own difference less what the contours below and above would move by, read
-    /// along the trajectories.
-    fn moved(&mut self, k: usize, contours: [(usize, &Packed<f32>); 2], t: f64, share: f32) -> Option<Layer> {
+    /// Layer `k`, at time `t` of its interval, moved by its own difference less what the contours below and above would move by, read along
+    /// the trajectories.
+    fn moved(&self, k: usize, mut layer: Layer, contours: [(usize, &Packed<f32>); 2], t: f64) -> Layer {
+        let Some(Transformed { v, gradient, .. }) = &self.kept[k].made else { return layer };
         let d = self.difference(k);
         let contours = contours.map(|(c, d)| (d, self.offsets(k, c)));
+        let (first, last) = (self.interval == 0, self.interval + 2 == self.spec.contours.len());
+        let at_low = if first && self.spec.clamped[0] { smoothstep(t) as f32 } else { 1.0 };
+        let at_high = if last && self.spec.clamped[1] { smoothstep(1.0 - t) as f32 } else { 1.0 };
         let w = smoothstep(t) as f32;
-        let (bound, alpha, nx) = (self.bound, share * self.spec.alpha as f32, self.spec.dims[0]);
+        let (bound, alpha, nx) = (self.bound, at_low * at_high * self.spec.alpha as f32, self.spec.dims[0]);
         let shares = self.spec.shares.get(self.interval).and_then(Option::as_ref);
-        let mut layer = self.kept[k].take()?;
-        let Some(Transformed { v, gradient, .. }) = &self.kept[k].made else { return Some(layer) };
         let row = |there: &mut [Vec<f32>; 2], (j, u): (usize, &mut [f32])| {
             let [mut own, mut slope] = [vec![0.0; nx], vec![0.0; nx]];
             v.read(0, j, &mut own);
@@ -312,7 +325,7 @@ impl<'m> Fairing<'m> {
             }
         };
         layer.phi.par_chunks_mut(nx).enumerate().for_each_init(Default::default, row);
-        Some(layer)
+        layer
     }
 
     /// Drops what no later mean needs.

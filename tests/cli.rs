@@ -124,6 +124,8 @@ fn inspect_reads_like_a_summary() {
     for part in [
         "3 slices (masks), 32 x 32 px of 1 x 1 mm",
         "heights 0 to 8 mm, 4 apart",
+        "MiB of memory",
+        "of this CPU, less than a second",
         "slice 1 (`s1.png`) at 4: empty",
         "1 part, 0 holes",
         "no partner above, closes half way: 1 of `s0.png`",

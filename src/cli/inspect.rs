@@ -125,9 +125,10 @@ fn describe(stack: &ContourStack, links: &[Link], dz: Option<f64>) -> Result<Str
         true => format!(" (or {} MiB, and {} MiB of disk for temporary files)", mib(needs.least), mib(needs.disk)),
         false => String::new(),
     };
+    let cores = if threads == 1 { "one core".into() } else { format!("{threads} cores") };
     let seconds = rough(Effort::of(stack, &all).seconds(threads));
     lines.push(format!(
-        "a reconstruction needs about {} MiB of memory{instead} and, on {threads} cores of this CPU, {seconds}",
+        "a reconstruction needs about {} MiB of memory{instead} and, on {cores} of this CPU, {seconds}",
         mib(needs.all),
     ));
     lines.push(String::new());

@@ -111,6 +111,30 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_plane_has_its_gradient_at_every_pixel() {
+        let (dims, spacing, slope) = ([37, 21], [0.5, 2.0], [0.6f32, 0.48, 0.3]);
+        let value = |z: f32, n: usize| {
+            let (x, y) = ((n % dims[0]) as f32 * 0.5, (n / dims[0]) as f32 * 2.0);
+            slope[0] * (x - 9.0) + slope[1] * (y - 20.0) + slope[2] * z
+        };
+        let layer = |z: f32| Packed::of(dims, &(0..dims[0] * dims[1]).map(|n| value(z, n)).collect::<Vec<f32>>());
+        let layers = [layer(-1.5), layer(0.0), layer(0.5)];
+        let lengths = Lengths { spacing, bound: 2.0, rise: 2.0 };
+        let [v, gradient] = transform(layers.each_ref(), lengths).map(|of| of.unpack());
+        let n = slope.iter().map(|s| s * s).sum::<f32>().sqrt();
+        for (k, (v, gradient)) in v.iter().zip(&gradient).enumerate() {
+            let ratio = (value(0.0, k) / (n * 2.0)).tanh();
+            assert!((v - 2.0 * ratio).abs() < 1e-4, "v of pixel {k}: {v}");
+            let expected = if ratio.abs() < SATURATED { n } else { 0.0 };
+            assert!(
+                (gradient - expected).abs() < 1e-4 || (ratio.abs() - SATURATED).abs() < 1e-4,
+                "n of pixel {k}: {gradient}"
+            );
+        }
+        assert!(gradient.iter().filter(|n| **n > 0.0).count() > 100);
+    }
+
+    #[test]
     fn tanh_is_the_hyperbolic_tangent() {
         for k in -20_000..=20_000 {
             let x = k as f32 * 5e-4;

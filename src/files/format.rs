@@ -48,11 +48,6 @@ const KNOWN: &str = ".nrrd, .nii, .nii.gz, .mha, .zarr, .stl, .ply, .obj, .glb, 
                      .geojson (contours), .dcm (completed RTSTRUCT), .json, .html (report)";
 
 impl Format {
-    /// Whether it is a mesh alone.
-    pub fn is_mesh(self) -> bool {
-        matches!(self, Format::Stl | Format::Ply | Format::Obj | Format::Glb)
-    }
-
     pub fn of(path: &Path) -> Result<Self> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         if name.ends_with(".nii.gz") {

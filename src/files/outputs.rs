@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 #[cfg(feature = "dicom")]
 use super::format::BUFFER_BYTES;
-use super::format::{Format, check_place, is_page, needed};
+use super::format::{Format, Kind, check_place, is_page, kind, needed};
 use super::pending::{Pending, Temporary, parent};
 use super::writers::{Meshes, writer};
 use crate::error::{Error, Result};
@@ -179,7 +179,7 @@ impl Outputs {
 
     /// Whether there is a mesh among them.
     pub fn has_mesh(&self) -> bool {
-        self.files.iter().any(|f| f.format.is_mesh())
+        self.files.iter().any(|f| matches!(kind(&f.target), Ok(Kind::Mesh)))
     }
 
     /// Takes the layers of a body and writes them under temporary names.

@@ -17,26 +17,27 @@ const STEEP: f32 = 1.5;
 const FLAT: f32 = 4.0;
 
 // What the layers of an interval share: values are clamped to `limit`, tiles farther off than `limit + reach` are skipped; lone parts of the
-// lower slice, and of both; the interval's gap in px.
+// lower slice, and of both; the interval's gap in px; whether one of its slices is empty.
 struct Span {
     limit: f32,
     reach: f32,
     lower_parts: u32,
     all_parts: u32,
     gap: f32,
+    empty: u32,
     padding_a: u32,
     padding_b: u32,
-    padding_c: u32,
 }
 
-// A part without partner: its tile's place in `fields`, and what is added to its own distance.
+// A part without partner: its tile's place in `fields`, its inradius, and where in the interval it closes.
 struct Part {
     first: u32,
     nx: u32,
     ny: u32,
     x: i32,
     y: i32,
-    beyond: f32,
+    depth: f32,
+    closes: f32,
 }
 
 // A layer's place on the lower and on the upper slice, as offsets from the pixel.
@@ -98,8 +99,9 @@ fn sample_smooth(first: u32, ij: vec2<i32>, offset: vec2<f32>) -> f32 {
     return sum;
 }
 
-// The other slice's value that lets the parts from `begin` to `end` close half way; `other` where that is less.
-fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, other: f32) -> f32 {
+// Least value of the parts from `begin` to `end` at time `t`, counted from their own slice, where its value is `a` and changes by `m` at first;
+// `other` where that is less.
+fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, a: f32, m: f32, t: f32, other: f32) -> f32 {
     var least = other;
     for (var k = begin; k < end; k++) {
         let part = parts[k];
@@ -107,7 +109,9 @@ fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, other: f32) -
         let at = vec2<f32>(own) + offset;
         let last = vec2<f32>(f32(part.nx - 1u), f32(part.ny - 1u));
         if all(at >= vec2<f32>(0.0)) && all(at <= last) {
-            least = min(least, sample(part.first, vec2<u32>(part.nx, part.ny), own, offset) + part.beyond);
+            let bend = max(part.depth - m * part.closes, 0.0) / (part.closes * part.closes);
+            let distance = max(sample(part.first, vec2<u32>(part.nx, part.ny), own, offset), a);
+            least = min(least, distance + (m + bend * t) * t);
         }
     }
     return least;
@@ -129,22 +133,15 @@ fn interpolate(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     let ij = vec2<i32>(p.xy);
     let nodes = image.nx * image.ny;
     let ends = ends_of(p.z, ij, vec2<f32>(0.0));
-    var v = vec2<f32>(sample_smooth(0u, ij, ends.low), sample_smooth(nodes, ij, ends.high));
-    var m = vec2<f32>(sample(2u * nodes, dims(), ij, ends.low), sample(3u * nodes, dims(), ij, ends.high));
-    let above = closing(0u, span.lower_parts, ij, ends.low, v.y);
-    if above < v.y {
-        v.y = above;
-        m = vec2<f32>(v.y - v.x);
-    }
-    let below = closing(span.lower_parts, span.all_parts, ij, ends.high, v.x);
-    if below < v.x {
-        v.x = below;
-        m = vec2<f32>(v.y - v.x);
-    }
+    let v = vec2<f32>(sample_smooth(0u, ij, ends.low), sample_smooth(nodes, ij, ends.high));
+    let m = vec2<f32>(sample(2u * nodes, dims(), ij, ends.low), sample(3u * nodes, dims(), ij, ends.high));
     let t = times[p.z];
     let bulge = t * (1.0 - t);
     let apart = abs(v.x - v.y);
     let upright = 1.0 - smoothstep(STEEP, FLAT, apart / span.gap);
     let shrinking = SHRINKING * upright * 4.0 * bulge * bulge * apart;
-    layers[place] = clamp(hermite_values(v, m, t) - shrinking, -span.limit, span.limit);
+    var value = select(hermite_values(v, m, t) - shrinking, span.limit, span.empty != 0u);
+    value = closing(0u, span.lower_parts, ij, ends.low, v.x, m.x, t, value);
+    value = closing(span.lower_parts, span.all_parts, ij, ends.high, v.y, -m.y, 1.0 - t, value);
+    layers[place] = clamp(value, -span.limit, span.limit);
 }

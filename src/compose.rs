@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::caps::{Cap, Profile};
+use crate::closing::HALF_WAY;
 use crate::contours::Contour;
 use crate::field::Field;
 use crate::fit::Fitted;
@@ -11,9 +12,6 @@ use crate::matching::{Interval, LonePart};
 use crate::packed::Packed;
 use crate::stack::SliceContent;
 use crate::tile::Tile;
-
-/// Where in the gap a lone part closes.
-pub const HALF_WAY: f64 = 0.5;
 
 /// Pixels of a slice that are read at once.
 const PIXELS_READ: usize = 4096;
@@ -161,8 +159,9 @@ pub struct IntervalCaps {
 }
 
 impl IntervalCaps {
-    /// Profiles from the slopes of each part's own contour; `gap` is the interval's height, `closes` where in it solid parts close.
-    pub fn new(interval: &Interval, low: &Fitted, high: &Fitted, gap: f64, closes: f64) -> Self {
+    /// Profiles from the slopes of each part's own contour; `gap` is the interval's height; solid parts close by
+    /// themselves, or at `latest`.
+    pub fn new(interval: &Interval, low: &Fitted, high: &Fitted, gap: f64, latest: f64) -> Self {
         let cap = |part: &LonePart, outward: f64, height: f64| {
             let (fitted, sign) = match part.direction {
                 Direction::Up => (low, 1.0),
@@ -175,7 +174,7 @@ impl IntervalCaps {
         };
         IntervalCaps {
             holes: interval.groups.iter().map(|g| g.holes.iter().map(|h| cap(h, -1.0, HALF_WAY)).collect()).collect(),
-            solids: interval.lone.iter().map(|p| cap(p, 1.0, closes)).collect(),
+            solids: interval.lone.iter().map(|p| cap(p, 1.0, p.closes.min(latest))).collect(),
         }
     }
 }

@@ -6,6 +6,7 @@ pub mod areas;
 pub mod backend;
 pub mod batch;
 pub mod caps;
+mod closing;
 pub mod components;
 mod compose;
 pub mod conditioning;

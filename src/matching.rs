@@ -4,6 +4,7 @@
 use rayon::prelude::*;
 
 use crate::backend::Backend;
+use crate::closing::HALF_WAY;
 use crate::components::label8;
 use crate::contours::Contour;
 use crate::error::Result;
@@ -80,6 +81,8 @@ pub struct LonePart {
     pub field: Field,
     /// Inradius, px.
     pub depth: f64,
+    /// Where it ends beyond its contour, in gaps of its interval.
+    pub closes: f64,
     /// Its seeds on the contour, by number.
     pub seeds: Vec<u32>,
     /// Where it goes from its contour to its end.
@@ -204,7 +207,7 @@ pub fn lone_solids(
 
 fn lone_part(tile: Tile, field: Field, seeds: Vec<u32>, direction: Direction) -> LonePart {
     let depth = -field.data.iter().copied().fold(0.0, f64::min);
-    LonePart { tile, field, depth, seeds, direction }
+    LonePart { tile, field, depth, closes: HALF_WAY, seeds, direction }
 }
 
 fn plan_group(low: &Contour, high: &Contour, group: Group, margin: usize) -> Plan {

@@ -15,10 +15,8 @@ use crate::spline::{harmonic, hermite_values, smoothstep};
 
 /// Share of `4 t^2 (1 - t)^2 |A - B|` taken off where the surface is upright: what interpolated distances shrink by systematically.
 pub const SHRINKING: f64 = 0.2;
-/// Smallest inradius of a part without partner that closes half way, px.
+/// Smallest inradius of a part without partner that is closed by itself where the other slice is not empty, px.
 pub const LEAST_DEPTH: f64 = 4.0;
-/// A part of depth D that closes half way has gone this many times D at the other contour.
-pub const VIRTUAL_DEPTHS: f64 = 2.0;
 
 /// Surfaces that go sideways by more than this per height are less upright, those that go by more than FLAT not at all.
 pub const STEEP: f64 = 1.5;
@@ -283,6 +281,8 @@ pub struct LoneParts {
     pub low: Vec<LonePart>,
     /// Of the upper slice.
     pub high: Vec<LonePart>,
+    /// Whether one of the slices is empty: then there is nothing but these parts.
+    pub empty: bool,
 }
 
 impl Large for LoneParts {
@@ -291,13 +291,18 @@ impl Large for LoneParts {
     }
 }
 
-/// The other slice's value that lets a part close half way, `its own distance + 2 D`, at node-space position `x`; `None` off its tile.
+/// Least value at time `t`, counted from their own slice, of the parts at node-space position `x` of it, where the slice's field is `a` and
+/// changes by `m` per interval at first: `a + m t + c t^2`, c such that a part's deepest point is on the surface where it closes, or before.
+/// `None` off their tiles.
 #[inline]
-pub fn closing(parts: &[LonePart], x: [f64; 2]) -> Option<f64> {
+pub fn closing(parts: &[LonePart], x: [f64; 2], a: f64, m: f64, t: f64) -> Option<f64> {
     let value = |part: &LonePart| {
         let local = part.tile.to_local(x);
         let within = (0..2).all(|a| local[a] >= 0.0 && local[a] <= (part.tile.dims[a] - 1) as f64);
-        within.then(|| part.field.sample(local) + VIRTUAL_DEPTHS * part.depth)
+        within.then(|| {
+            let bend = (part.depth - m * part.closes).max(0.0) / part.closes.powi(2);
+            part.field.sample(local).max(a) + (m + bend * t) * t
+        })
     };
     parts.iter().filter_map(value).reduce(f64::min)
 }

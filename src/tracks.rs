@@ -2,15 +2,13 @@
 
 use std::borrow::Cow;
 
+use crate::closing::HALF_WAY;
 use crate::contour::Seed;
 use crate::contours::Contour;
 use crate::jobs::{Direction, TraceJob, Traced, Track};
-use crate::matching::{GroupFields, Interval};
+use crate::matching::{GroupFields, Interval, LonePart};
 use crate::motion::Frame;
 use crate::shelf::{Array, Large};
-
-/// A part of depth D without partner closes half way; its contour has gone this many times D at the other contour's height.
-const VIRTUAL_DEPTHS: f64 = 2.0;
 
 /// What the morph towards one neighbour measured for each seed of a contour.
 #[derive(Debug, Clone)]
@@ -22,24 +20,19 @@ pub struct Side {
 }
 
 impl Side {
-    /// All seeds of a contour without any partner: a solid part of depth D has S = -2 D, a hole that closes S = +2 D.
-    pub fn without_partner(contour: &Contour) -> Self {
-        let tracks = contour
-            .seeds
-            .iter()
-            .map(|s| Track {
-                distance: -VIRTUAL_DEPTHS * contour.solid_depth[contour.solids.labels[s.inside] as usize],
-                arc: 0.0,
-                landing: s.x,
-                arrived: false,
-            })
-            .collect();
+    /// All seeds of a contour without any partner. A part of depth D that closes at the share e of the gap has S = -D / e.
+    fn without_partner<'p>(contour: &Contour, parts: impl Iterator<Item = &'p LonePart>) -> Self {
+        let still = |s: &Seed| Track { distance: 0.0, arc: 0.0, landing: s.x, arrived: false };
+        let mut tracks: Vec<Track> = contour.seeds.iter().map(still).collect();
+        for part in parts {
+            part.seeds.iter().for_each(|&k| tracks[k as usize].distance = -part.depth / part.closes);
+        }
         Side { tracks, lone: vec![true; contour.seeds.len()] }
     }
 
-    /// The distance of a seed at a hole of this depth that closes.
-    pub fn closing_hole(depth: f64) -> f64 {
-        VIRTUAL_DEPTHS * depth
+    /// The distance of a seed at a hole of this depth that closes, half way.
+    fn closing_hole(depth: f64) -> f64 {
+        depth / HALF_WAY
     }
 }
 
@@ -85,7 +78,9 @@ pub fn sides(
     frame: &Frame,
     traced: &mut impl Iterator<Item = Traced>,
 ) -> [Side; 2] {
-    let mut sides = [Side::without_partner(low), Side::without_partner(high)];
+    let lone = |direction| interval.lone.iter().filter(move |part| part.direction == direction);
+    let mut sides =
+        [Side::without_partner(low, lone(Direction::Up)), Side::without_partner(high, lone(Direction::Down))];
     for group in &interval.groups {
         let ends = [(0, &group.low, Direction::Up), (1, &group.high, Direction::Down)];
         for ((at, end, direction), result) in ends.into_iter().zip(traced.by_ref()) {

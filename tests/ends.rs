@@ -126,17 +126,6 @@ fn an_extrapolated_end_is_no_higher_than_its_limit() {
 }
 
 #[test]
-fn empty_end_slices_close_half_way() {
-    let shapes = vec![nothing(), circle(CENTER, CENTER, 20.0), circle(CENTER, CENTER, 22.0), nothing()];
-    let stack = masks(121, &[0.0, 10.0, 20.0, 30.0], &shapes);
-    let body = run(&stack, &Settings { end_top: EndRule::Extrapolate, ..plain() });
-    let inside: Vec<f64> = body.layers.iter().filter(|l| l.phi.iter().any(|v| *v < 0.0)).map(|l| l.z).collect();
-    let (low, high) = (inside[0], inside[inside.len() - 1]);
-    assert!((5.0..=6.0).contains(&low) && (24.0..=25.0).contains(&high), "{low} to {high}");
-    assert_eq!(body.extent, [0.0, 30.0]);
-}
-
-#[test]
 fn clamped_end_slopes_are_obeyed() {
     let stack = circles(&[0.0, 10.0, 20.0], |_| 20.0);
     let settings = Settings {

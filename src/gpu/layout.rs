@@ -252,13 +252,13 @@ mirrored!(
         lower_parts: u32,
         all_parts: u32,
         gap: f32,
+        empty: u32,
         padding_a: u32,
         padding_b: u32,
-        padding_c: u32,
     }
 );
 
 mirrored!(
     /// A part without partner (`moving_layer.wgsl`).
-    Part { first: u32, nx: u32, ny: u32, x: i32, y: i32, beyond: f32, }
+    Part { first: u32, nx: u32, ny: u32, x: i32, y: i32, depth: f32, closes: f32, }
 );

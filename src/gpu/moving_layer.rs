@@ -9,7 +9,7 @@ use super::moving::{image, per_pixel, tile_count};
 use super::trajectories::paths;
 use crate::error::Result;
 use crate::field::Field;
-use crate::moving_field::{LoneParts, MovingField, VIRTUAL_DEPTHS};
+use crate::moving_field::{LoneParts, MovingField};
 use crate::reference::moving_field::reach;
 
 /// What the layers of an interval are made of.
@@ -44,6 +44,7 @@ pub fn layers(gpu: &Gpu, of: &Ingredients<'_>, times: &[f64]) -> Result<Vec<Vec<
         lower_parts: of.lone.low.len() as u32,
         all_parts: parts.len() as u32,
         gap: (of.moving.gap(of.interval) / of.moving.px) as f32,
+        empty: u32::from(of.lone.empty),
         ..Span::default()
     };
     let span = device.uniform("span", span);
@@ -105,7 +106,8 @@ fn values(of: &Ingredients<'_>) -> (Vec<f32>, Vec<Part>) {
         ny: part.tile.dims[1] as u32,
         x: part.tile.origin[0] as i32,
         y: part.tile.origin[1] as i32,
-        beyond: (VIRTUAL_DEPTHS * part.depth) as f32,
+        depth: part.depth as f32,
+        closes: part.closes as f32,
     });
     let parts = parts.collect();
     (values, parts)

@@ -35,8 +35,6 @@ const LIMIT: f64 = 8.0;
 const MARGINS: [usize; 2] = [9, 30];
 /// All distances.
 const EVERYWHERE: f64 = 1e4;
-/// Where a lone part takes over the slope jumps: pixels whose layer depends on this much of its depth are not compared, px.
-const TIE: f64 = 1e-3;
 
 const GAPS: [f64; 5] = [1.0, 2.5, 0.6, 1.4, 2.2];
 /// Height of a pixel: surfaces of these gaps are upright, flat, and in between.
@@ -85,21 +83,24 @@ impl Stack {
             // Deep inside the larger one both slices are far from their contours, on either side.
             distance(&joined(&disc(31.0, 40.0, 9.0), &disc(72.0, 37.0, 21.0))),
         ];
+        let closes = [0.5, 0.75, 0.2, 0.6, 0.4];
         let part = |k: usize, direction| {
             let (x, y, r) = alone[k];
             let corner = |sign: f64| [0, 1].map(|a| ((([x, y][a] + sign * r) * s / h[a]) as usize).min(dims[a] - 1));
             let margin = if k < 3 { MARGINS[0] } else { MARGINS[1] * scale };
             let tile = Tile::spanning(dims, margin, corner(-1.0), corner(1.0));
             let field = single(&tile.cut(&distance(&discs[k])));
-            LonePart { tile, field, depth: r * s, seeds: Vec::new(), direction }
+            LonePart { tile, field, depth: r * s, closes: closes[k], seeds: Vec::new(), direction }
         };
         let parts = |low: &[usize], high: &[usize]| LoneParts {
             low: low.iter().map(|&k| part(k, Direction::Up)).collect(),
             high: high.iter().map(|&k| part(k, Direction::Down)).collect(),
+            empty: false,
         };
         // Those that no slice has would count on the other side, too: it shows if they do.
-        let lone =
+        let mut lone =
             vec![parts(&[], &[0, 1]), parts(&[0, 1], &[2]), parts(&[2], &[]), parts(&[3], &[4]), parts(&[], &[])];
+        lone[2].empty = true;
         Stack { h, fields: fields.into_iter().map(Arc::new).collect(), lone }
     }
 
@@ -218,11 +219,6 @@ fn slopes(gpu: &Gpu, moving: &MovingField) -> Result<Comparison> {
 fn layers(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> {
     let slopes: Vec<Field> =
         Reference.moving_slopes(moving, 0..moving.fields.len(), &Silent)?.iter().map(single).collect();
-    let deeper = |lone: &LoneParts, by: f64| {
-        let deeper =
-            |parts: &[LonePart]| parts.iter().map(|part| LonePart { depth: part.depth + by, ..part.clone() }).collect();
-        LoneParts { low: deeper(&lone.low), high: deeper(&lone.high) }
-    };
     let beside = |i: usize| [&slopes[i], &slopes[i + 1]];
     let mut pairs = Vec::new();
     // Far from contours the edges of lone parts' tiles would show.
@@ -230,15 +226,10 @@ fn layers(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> 
     let near = stack.lone.iter().enumerate().map(|(i, lone)| (i, lone, LIMIT));
     let everywhere = (0..GAPS.len()).map(|i| (i, &none, EVERYWHERE));
     for (i, lone, limit) in near.chain(everywhere) {
-        let twin = |lone: &LoneParts| Reference.moving_layers(moving, beside(i), lone, i, &TIMES, limit, stack.h, None);
         let ours = gpu.moving_layers(moving, beside(i), lone, i, &TIMES, limit, stack.h, None)?;
-        let (twins, more, less) = (twin(lone)?, twin(&deeper(lone, TIE))?, twin(&deeper(lone, -TIE))?);
-        for (k, ours) in ours.iter().enumerate() {
-            for (n, ours) in ours.iter().enumerate() {
-                if (more[k][n] - less[k][n]).abs() < 10.0 * TIE as f32 {
-                    pairs.push((f64::from(*ours), f64::from(twins[k][n])));
-                }
-            }
+        let twins = Reference.moving_layers(moving, beside(i), lone, i, &TIMES, limit, stack.h, None)?;
+        for (ours, twin) in ours.iter().zip(&twins) {
+            pairs.extend(ours.iter().zip(twin).map(|(a, b)| (f64::from(*a), f64::from(*b))));
         }
     }
     Ok(Comparison::of("layers", LAYERS, pairs))

@@ -190,8 +190,9 @@ impl<'a> Run<'a> {
             let jobs: Vec<PartJob> = plans.iter_mut().flat_map(|(plan, _)| plan.take_jobs()).collect();
             let mut fields = self.backend.part_fields(&jobs, self.h)?.into_iter();
             drop(jobs);
-            for (plan, [z_low, z_high]) in plans {
-                let interval = plan.finish(&mut fields);
+            for (i, (plan, [z_low, z_high])) in (first..).zip(plans) {
+                let mut interval = plan.finish(&mut fields);
+                self.close(seen.contours, i, &mut interval.lone)?;
                 self.report.intervals.push(IntervalReport {
                     z_low,
                     z_high,

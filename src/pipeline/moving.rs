@@ -3,12 +3,13 @@
 use std::ops::Range;
 
 use super::Run;
+use crate::closing::closes;
 use crate::contours::Contour;
 use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::Direction;
-use crate::matching::lone_solids;
+use crate::matching::{LonePart, lone_solids};
 use crate::moving_field::{LEAST_DEPTH, LoneParts, drawn_in};
 use crate::moving_stack::MovingStack;
 use crate::reference::displacement::ROUNDS;
@@ -154,24 +155,45 @@ impl<'a> Run<'a> {
                     Direction::Up => (i, i + 1, 1.0),
                     Direction::Down => (i + 1, i, -1.0),
                 };
+                let least = if contours.light(other).solids.count > 0 { LEAST_DEPTH } else { 0.0 };
                 let (own, other) = (contours.get(own)?, moving.field(other)?);
                 let at_slices = moving.at_slices(i)?;
                 let u = &at_slices[usize::from(direction == Direction::Down)];
-                let parts = without_partner(&own, |x| {
+                let parts = without_partner(&own, least, |x| {
                     let v = u.at(x);
                     other.sample([x[0] + way * v[0], x[1] + way * v[1]]) < 0.0
                 });
-                lone_solids(&own, &parts, self.h, self.margin, direction, self.backend)
+                let mut lone = lone_solids(&own, &parts, self.h, self.margin, direction, self.backend)?;
+                self.close(contours, i, &mut lone)?;
+                Ok(lone)
             });
-            out.push(LoneParts { low: low?, high: high? })?;
+            let empty = [i, i + 1].iter().any(|k| contours.light(*k).solids.count == 0);
+            out.push(LoneParts { low: low?, high: high?, empty })?;
         }
         Ok(out)
     }
 }
 
-/// Numbers of the parts, at least [`LEAST_DEPTH`] deep, no pixel of which meets anything.
-fn without_partner(contour: &Contour, meets: impl Fn([f64; 2]) -> bool) -> Vec<u32> {
-    let mut lone: Vec<bool> = contour.solid_depth.iter().map(|d| *d >= LEAST_DEPTH).collect();
+impl<'a> Run<'a> {
+    /// Says where parts without partner in interval `i` end.
+    pub(super) fn close(&self, contours: &Shelf<'a, Contour>, i: usize, lone: &mut [LonePart]) -> Result<()> {
+        let gaps = &self.span.gaps;
+        for part in lone {
+            let (own, inner) = match part.direction {
+                Direction::Up => (i, i.checked_sub(1).map(|k| (k, gaps[k]))),
+                Direction::Down => (i + 1, (i + 2 < contours.len()).then(|| (i + 2, gaps[i + 1]))),
+            };
+            let load = |k| contours.some(k, Contour::SEEDS_AND_PARTS);
+            let (own, inner) = (load(own)?, inner.map(|(k, gap)| load(k).map(|c| (c, gap))).transpose()?);
+            part.closes = closes(part, &own, inner.as_ref().map(|(inner, gap)| (&**inner, gap / gaps[i])));
+        }
+        Ok(())
+    }
+}
+
+/// Numbers of the parts, at least `least` deep, no pixel of which meets anything.
+fn without_partner(contour: &Contour, least: f64, meets: impl Fn([f64; 2]) -> bool) -> Vec<u32> {
+    let mut lone: Vec<bool> = contour.solid_depth.iter().map(|d| *d >= least).collect();
     lone[0] = false;
     let nx = contour.phi.dims[0];
     for (node, &label) in contour.solids.labels.iter().enumerate() {

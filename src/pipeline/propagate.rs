@@ -9,7 +9,8 @@ use rayon::prelude::*;
 use super::morph::{Beside, Made};
 use super::{CHUNK_BYTES, Run, Sink, time};
 use crate::backend::MorphOptions;
-use crate::compose::{Canvas, HALF_WAY, IntervalCaps, unite_cap};
+use crate::closing::HALF_WAY;
+use crate::compose::{Canvas, IntervalCaps, unite_cap};
 use crate::contours::Contour;
 use crate::error::{Error, Result};
 use crate::fit::{Fitted, course};
@@ -67,9 +68,9 @@ impl<'a> Run<'a> {
             let intervals = chunk.clone().map(|i| made.intervals.get(i)).collect::<Result<Vec<_>>>()?;
             let z = |i: usize| contours.light(i).z;
             let caps = |(i, interval): (usize, &Arc<Interval>)| {
-                let closes = if made.parted[i].is_empty() { HALF_WAY } else { self.middle_layer(heights, i) };
+                let latest = if made.parted[i].is_empty() { 1.0 } else { self.middle_layer(heights, i) };
                 let [low, high] = [fitted.get(i)?, fitted.get(i + 1)?];
-                Ok(IntervalCaps::new(interval, &low, &high, z(i + 1) - z(i), closes))
+                Ok(IntervalCaps::new(interval, &low, &high, z(i + 1) - z(i), latest))
             };
             let caps: Vec<IntervalCaps> = chunk.clone().zip(&intervals).map(caps).collect::<Result<_>>()?;
             let mut filled = self.sweep_chunk(chunk.clone(), made, &intervals, &caps, heights)?.into_iter();

@@ -153,15 +153,15 @@ impl Curves<'_> {
     /// Value on the trajectory between a position of the lower and one of the upper slice.
     #[inline(always)]
     fn value(&self, (from, to): ([f64; 2], [f64; 2])) -> f64 {
-        let (mut a, mut b) = (self.fields[0].sample_smooth(from), self.fields[1].sample_smooth(to));
-        let mut m = [self.gap * self.slopes[0].sample(from), self.gap * self.slopes[1].sample(to)];
-        if let Some(own) = closing(&self.lone.low, from).filter(|&own| own < b) {
-            (b, m) = (own, [own - a; 2]);
-        }
-        if let Some(own) = closing(&self.lone.high, to).filter(|&own| own < a) {
-            (a, m) = (own, [b - own; 2]);
-        }
-        between([a, b], m, self.gap / self.px, self.t).clamp(-self.limit, self.limit)
+        let (a, b) = (self.fields[0].sample_smooth(from), self.fields[1].sample_smooth(to));
+        let m = [self.gap * self.slopes[0].sample(from), self.gap * self.slopes[1].sample(to)];
+        let joined = match self.lone.empty {
+            true => self.limit,
+            false => between([a, b], m, self.gap / self.px, self.t),
+        };
+        let low = closing(&self.lone.low, from, a, m[0], self.t);
+        let high = closing(&self.lone.high, to, b, -m[1], 1.0 - self.t);
+        [low, high].into_iter().flatten().fold(joined, f64::min).clamp(-self.limit, self.limit)
     }
 }
 

@@ -1,0 +1,111 @@
+//! Where parts end that have no partner in the next slice: where the fall of their area says, else half way; by every method.
+
+mod shapes;
+mod support;
+
+use interslice::progress::Silent;
+use interslice::settings::{EndRule, Method, Motion};
+use interslice::surface::mesh::closed_surface;
+use interslice::{Reference, Settings, reconstruct_with};
+use shapes::*;
+use support::edge_defects;
+
+const C: f64 = 60.0;
+/// Distance of the layers; a tip lies between the last one inside and the next.
+const STEP: f64 = 0.25;
+/// What a tip of a pixel or two may lack.
+const TIP: f64 = 0.75;
+
+fn disc(r: f64) -> Shape {
+    circle(C, C, r)
+}
+
+fn ring(outer: f64, inner: f64) -> Shape {
+    without(disc(outer), disc(inner))
+}
+
+fn pair(apart: f64, r: f64) -> Shape {
+    union(circle(C - apart, C, r), circle(C + apart, C, r))
+}
+
+/// Lowest and highest layer with anything inside.
+fn reach(heights: &[f64], shapes: &[Shape], method: Method, motion: Motion) -> [f64; 2] {
+    let stack = masks(121, heights, shapes);
+    let count = (heights[heights.len() - 1] / STEP) as usize;
+    let layers: Vec<f64> = (0..=count).map(|k| k as f64 * STEP).collect();
+    let settings = Settings { method, motion, ..plain() };
+    let body = reconstruct_with(&stack, &layers, &settings, &Reference, &Silent).expect("the stack is valid");
+    assert_eq!(edge_defects(&closed_surface(&body).triangles), 0);
+    let inside: Vec<f64> = body.layers.iter().filter(|l| l.phi.iter().any(|v| *v < 0.0)).map(|l| l.z).collect();
+    [inside[0], inside[inside.len() - 1]]
+}
+
+const METHODS: [(Method, Motion); 3] =
+    [(Method::Morph, Motion::None), (Method::Morph, Motion::Field), (Method::Field, Motion::Field)];
+
+#[test]
+fn parts_end_where_the_fall_of_their_area_says() {
+    // Heights, shapes, and where the body ends below and above.
+    let cases: [(&str, Vec<f64>, Vec<Shape>, [f64; 2]); 6] = [
+        (
+            "tapering",
+            vec![0.0, 10.0, 20.0, 30.0, 40.0],
+            vec![nothing(), disc(20.0), disc(30.0), disc(12.0), nothing()],
+            // 2.25 and 6.25 times their area before.
+            [10.0 - 10.0 * 0.85 / 1.25, 30.0 + 10.0 * 0.85 / 5.25],
+        ),
+        (
+            "a prism",
+            vec![0.0, 10.0, 20.0, 30.0],
+            vec![nothing(), disc(20.0), disc(20.0), nothing()],
+            [10.0 - 7.5, 20.0 + 7.5],
+        ),
+        ("alone", vec![0.0, 10.0, 20.0], vec![nothing(), disc(20.0), nothing()], [5.0, 15.0]),
+        (
+            "branches",
+            vec![0.0, 10.0, 20.0, 30.0],
+            vec![nothing(), pair(17.0, 8.0), disc(30.0), pair(17.0, 8.0)],
+            [5.0, 30.0],
+        ),
+        (
+            // Its area falls to five ninths, its thickness to a sixth.
+            "a dish",
+            vec![0.0, 10.0, 20.0],
+            vec![disc(30.0), ring(30.0, 20.0), nothing()],
+            [0.0, 10.0 + 10.0 * 0.85 / 5.0],
+        ),
+        (
+            "uneven gaps",
+            vec![0.0, 20.0, 30.0],
+            vec![disc(30.0), disc(12.0), nothing()],
+            [0.0, 20.0 + 10.0 * 2.0 * 0.85 / 5.25],
+        ),
+    ];
+    for (name, heights, shapes, [low, high]) in &cases {
+        for (method, motion) in METHODS {
+            let [from, to] = reach(heights, shapes, method, motion);
+            let near = |end: f64, expected: f64| (-STEP..=TIP).contains(&(expected - end));
+            assert!(
+                near(-from, -low) && near(to, *high),
+                "{name}, {method:?}, {motion:?}: {from} to {to}, not {low} to {high}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_else_there_is_changes_nothing() {
+    let beside = |r: f64| union(circle(30.0, 60.0, 10.0), circle(85.0, 60.0, r));
+    let heights = [0.0, 10.0, 20.0, 30.0];
+    let shapes = [beside(20.0), beside(14.0), circle(30.0, 60.0, 10.0), circle(30.0, 60.0, 10.0)];
+    let stack = masks(121, &heights, &shapes);
+    let layers: Vec<f64> = (0..=120).map(|k| k as f64 * STEP).collect();
+    for (method, motion) in METHODS {
+        let settings = Settings { method, motion, end_top: EndRule::Flat, ..plain() };
+        let body = reconstruct_with(&stack, &layers, &settings, &Reference, &Silent).expect("the stack is valid");
+        let there = |l: &&interslice::surface::Layer| l.phi[60 * 121 + 85] < 0.0;
+        let tip = body.layers.iter().filter(there).map(|l| l.z).fold(0.0, f64::max);
+        let expected = 10.0 + 10.0 * 0.85 / ((20.0f64 / 14.0).powi(2) - 1.0).max(0.85 / 0.75);
+        assert!((-STEP..=TIP).contains(&(expected - tip)), "{method:?}, {motion:?}: {tip}, not {expected}");
+    }
+}

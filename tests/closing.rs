@@ -46,7 +46,8 @@ const METHODS: [(Method, Motion); 3] =
 #[test]
 fn parts_end_where_the_fall_of_their_area_says() {
     // Heights, shapes, and where the body ends below and above.
-    let cases: [(&str, Vec<f64>, Vec<Shape>, [f64; 2]); 6] = [
+    type Case = (&'static str, Vec<f64>, Vec<Shape>, [f64; 2]);
+    let cases: [Case; 6] = [
         (
             "tapering",
             vec![0.0, 10.0, 20.0, 30.0, 40.0],

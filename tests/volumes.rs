@@ -100,7 +100,6 @@ fn slices_are_chosen_by_label_keep_or_number() {
     assert!(read(&path, &ReadOptions { label: Some(5), ..Default::default() }).is_err());
     assert!(read(&path, &ReadOptions { slices: Some(vec![0, 13]), ..Default::default() }).is_err());
     assert!(read(&path, &ReadOptions { keep: Some(0), ..Default::default() }).is_err());
-    assert!(read(&path, &ReadOptions { level: Some(1.0), ..Default::default() }).is_err());
 }
 
 /// What the program writes as a mask is read back with the same geometry and the same contours.

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use interslice::stack::read::Surveyed;
 use interslice::stack::volume::Volume;
 use interslice::stack::volume::axis::NAMES;
+use interslice::stack::volume::survey::Survey;
 
 use super::inspect::short;
 
@@ -28,6 +29,14 @@ pub fn describe(surveyed: &Surveyed) -> Vec<String> {
         format!("voxels of {} {}{assumed}", by(grid.spacing().map(|h| short(h).to_string())), grid.unit),
         orientation(volume),
     ];
+    lines.push(survey.greys.map_or_else(|| labels(survey), |[low, high]| format!("grey values from {low} to {high}")));
+    lines.push(format!("slices lie along {} ({})", NAMES[axis.axis], axis.why));
+    lines.push(painted(&survey.painted[axis.axis]));
+    lines
+}
+
+/// Labels and how many voxels have them, the most first.
+fn labels(survey: &Survey) -> String {
     let mut labels: Vec<(i64, u64)> = survey.labels.iter().map(|(label, n)| (*label, *n)).collect();
     labels.sort_by_key(|(label, n)| (std::cmp::Reverse(*n), *label));
     let rest = labels.len().saturating_sub(LISTED);
@@ -38,10 +47,7 @@ pub fn describe(surveyed: &Surveyed) -> Vec<String> {
         (_, 0) => String::new(),
         (_, n) => format!(" and {n} more"),
     };
-    lines.push(format!("labels: {}{more}", listed.join(", ")));
-    lines.push(format!("slices lie along {} ({})", NAMES[axis.axis], axis.why));
-    lines.push(painted(&survey.painted[axis.axis]));
-    lines
+    format!("labels: {}{more}", listed.join(", "))
 }
 
 /// Where the axes point: the nearest directions of the body, and how far off.

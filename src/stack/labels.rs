@@ -47,6 +47,9 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
     if options.label.is_some() {
         return fail("is not for a run with `label`".into());
     }
+    if options.level.is_some() {
+        return fail("is not for grey values, which `level` cuts".into());
+    }
     let (stack, surveyed) = read_surveyed(path, options)?;
     let Some(surveyed) = surveyed else {
         return fail("is not for a folder of slices; it chooses from a label volume".into());
@@ -105,7 +108,7 @@ fn drawn(surveyed: &Surveyed, stack: &ContourStack, labels: &[i64]) -> Result<Ve
     let mut drawn = vec![vec![0; dims[u] * dims[v]]; stack.slices.len()];
     surveyed.volume.labels(|run| {
         let mut at = run.first;
-        for stretch in run.labels.chunk_by(|a, b| a == b) {
+        for stretch in run.values.chunk_by(|a, b| a == b) {
             let number = number(stretch[0]);
             for _ in stretch {
                 if let (1.., Some(place)) = (number, places[at[w]]) {

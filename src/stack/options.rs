@@ -9,7 +9,8 @@ use super::volume::axis::Axis;
 #[serde(default, deny_unknown_fields)]
 #[command(next_help_heading = "Input")]
 pub struct ReadOptions {
-    /// Grey slices: the contour runs where the value crosses this level, inside is above [default: the middle of the stack's range]
+    /// Grey slices and volumes: the contour runs where the value crosses this level, inside is above [default: the middle of the slices' range;
+    /// a volume without a level holds labels]
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
     pub level: Option<f64>,
 

@@ -72,7 +72,8 @@ impl Kind {
             (folder && options.slices.is_some(), "slices", chooses),
             (!volume && options.axis != axis::Axis::Auto, "axis", "anything but a label volume"),
             (!volume && options.spacing.is_some(), "spacing", "anything but a label volume whose file has none"),
-            (!folder && options.level.is_some(), "level", "this input; it cuts grey slices"),
+            (!folder && !volume && options.level.is_some(), "level", "this input; it cuts grey slices and volumes"),
+            (options.label.is_some() && options.level.is_some(), "label", "grey values, which `level` cuts"),
             (options.keep.is_some() && options.slices.is_some(), "keep", "a volume whose `slices` are named"),
         ];
         if let Some(px) = options.pixel.filter(|px| !(px.is_finite() && *px > 0.0)) {
@@ -167,7 +168,10 @@ fn unchecked(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Option
             if let Some(sides) = &options.spacing {
                 volume = volume.with_spacing(sides)?;
             }
-            let survey = Survey::of(&volume, options.label)?;
+            let survey = match options.level {
+                Some(level) => Survey::above(&volume, level)?,
+                None => Survey::of(&volume, options.label)?,
+            };
             let axis = axis::choose(options.axis, &volume.grid, &survey);
             let stack = slices::stack(&volume, &survey, &axis, options)?;
             (stack, Some(Surveyed { volume, survey, axis }))

@@ -18,6 +18,29 @@ pub enum Element {
     Double,
 }
 
+/// Some voxels as the file holds them.
+pub(super) struct Voxels<'a> {
+    /// Their bytes.
+    pub bytes: &'a [u8],
+    /// Whether each runs from its largest byte.
+    pub big_endian: bool,
+    /// Factor and summand of their values.
+    pub scale: Option<[f64; 2]>,
+    /// The number of the first.
+    pub first: usize,
+}
+
+/// Does something with the number and the stored value of every voxel.
+macro_rules! decode {
+    ($kind:ty, $bytes:expr, $big_endian:expr, |$k:ident, $v:ident| $each:expr) => {{
+        let (chunks, _) = $bytes.as_chunks::<{ size_of::<$kind>() }>();
+        for ($k, chunk) in chunks.iter().enumerate() {
+            let $v = if $big_endian { <$kind>::from_be_bytes(*chunk) } else { <$kind>::from_le_bytes(*chunk) };
+            $each;
+        }
+    }};
+}
+
 impl Element {
     /// Bytes of a voxel.
     pub fn size(self) -> usize {
@@ -37,27 +60,16 @@ impl Element {
         }
     }
 
-    /// Appends the labels of `bytes` to `out`; `first` is the number of the first voxel.
+    /// Appends the labels of `voxels` to `out`.
     ///
     /// # Errors
     /// A message with place and value for what is no whole number, or too large.
-    pub(super) fn labels(
-        self,
-        bytes: &[u8],
-        big_endian: bool,
-        scale: Option<[f64; 2]>,
-        first: usize,
-        out: &mut Vec<i64>,
-    ) -> Failure<()> {
+    pub(super) fn labels(self, voxels: &Voxels<'_>, out: &mut Vec<i64>) -> Failure<()> {
+        let &Voxels { bytes, big_endian, scale, first } = voxels;
         macro_rules! each {
-            ($kind:ty, $label:expr) => {{
-                const N: usize = size_of::<$kind>();
-                let (chunks, _) = bytes.as_chunks::<N>();
-                for (k, chunk) in chunks.iter().enumerate() {
-                    let v = if big_endian { <$kind>::from_be_bytes(*chunk) } else { <$kind>::from_le_bytes(*chunk) };
-                    out.push($label(v, first + k)?);
-                }
-            }};
+            ($kind:ty, $label:expr) => {
+                decode!($kind, bytes, big_endian, |k, v| out.push($label(v, first + k)?))
+            };
         }
         macro_rules! whole_numbers {
             ($kind:ty) => {
@@ -85,6 +97,36 @@ impl Element {
         }
         Ok(())
     }
+
+    /// Appends the grey values of `voxels` to `out`.
+    ///
+    /// # Errors
+    /// A message with place and value for what is no finite number.
+    pub(super) fn greys(self, voxels: &Voxels<'_>, out: &mut Vec<f64>) -> Failure<()> {
+        let &Voxels { bytes, big_endian, scale, first } = voxels;
+        let [factor, summand] = scale.unwrap_or([1.0, 0.0]);
+        macro_rules! each {
+            ($kind:ty) => {
+                decode!($kind, bytes, big_endian, |k, v| match v as f64 * factor + summand {
+                    value if value.is_finite() => out.push(value),
+                    value => return Err(format!("voxel {} is {value}, no finite number", first + k)),
+                })
+            };
+        }
+        match self {
+            Element::Int { size: 1, signed: false } => each!(u8),
+            Element::Int { size: 1, signed: true } => each!(i8),
+            Element::Int { size: 2, signed: false } => each!(u16),
+            Element::Int { size: 2, signed: true } => each!(i16),
+            Element::Int { size: 4, signed: false } => each!(u32),
+            Element::Int { size: 4, signed: true } => each!(i32),
+            Element::Int { signed: false, .. } => each!(u64),
+            Element::Int { signed: true, .. } => each!(i64),
+            Element::Float => each!(f32),
+            Element::Double => each!(f64),
+        }
+        Ok(())
+    }
 }
 
 /// A float that is a label.
@@ -92,6 +134,8 @@ fn whole(value: f64, voxel: usize) -> Failure<i64> {
     if value.fract() == 0.0 && value.abs() < 9e15 {
         Ok(value as i64)
     } else {
-        Err(format!("voxel {voxel} is {value}; a label volume must hold whole numbers"))
+        Err(format!(
+            "voxel {voxel} is {value}; a label volume must hold whole numbers (grey values are cut at a `level`)"
+        ))
     }
 }

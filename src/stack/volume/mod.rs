@@ -1,7 +1,7 @@
 //! Volumes of voxels in files: where they lie, and their values in the file's order.
 //!
 //! ```text
-//! reader (header) -> Volume -> Survey (first pass: what is painted) -> axis -> slices (second pass: masks of what is chosen)
+//! reader (header) -> Volume -> Survey (first pass: what is painted) -> axis -> slices (second pass: what is chosen)
 //! ```
 //!
 //! No volume is ever held whole: a pass decodes it a run of voxels at a time.
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use data::Data;
-use element::Element;
+use element::{Element, Voxels};
 
 /// What a reader says without the file's name.
 pub(super) type Failure<T> = std::result::Result<T, String>;
@@ -120,15 +120,18 @@ pub struct Volume {
     pub(super) data: Data,
 }
 
+/// How the values of voxels are had from their bytes.
+type Decode<T> = fn(Element, &Voxels<'_>, &mut Vec<T>) -> Failure<()>;
+
 /// Neighbouring voxels of one row of the file.
 #[derive(Debug, Clone, Copy)]
-pub struct Run<'a> {
+pub struct Run<'a, T = i64> {
     /// The first voxel, by x, y, z.
     pub first: [usize; 3],
     /// The axis along which they run.
     pub along: usize,
-    /// Their labels.
-    pub labels: &'a [i64],
+    /// Their labels or grey values.
+    pub values: &'a [T],
 }
 
 impl Volume {
@@ -186,22 +189,35 @@ impl Volume {
     /// # Errors
     /// [`Error::Format`] for data that end early or cannot be decoded, and for values that are no whole numbers.
     pub fn labels(&self, mut each: impl FnMut(Run<'_>)) -> Result<()> {
-        self.decode(&mut each).map_err(|message| Error::Format { path: self.path.clone(), message })
+        self.decode(Element::labels, &mut each)
     }
 
-    fn decode(&self, each: &mut impl FnMut(Run<'_>)) -> Failure<()> {
+    /// The same with grey values.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for data that end early or cannot be decoded, and for values that are no finite numbers.
+    pub fn greys(&self, mut each: impl FnMut(Run<'_, f64>)) -> Result<()> {
+        self.decode(Element::greys, &mut each)
+    }
+
+    fn decode<T>(&self, decode: Decode<T>, each: &mut impl FnMut(Run<'_, T>)) -> Result<()> {
+        self.runs(decode, each).map_err(|message| Error::Format { path: self.path.clone(), message })
+    }
+
+    fn runs<T>(&self, decode: Decode<T>, each: &mut impl FnMut(Run<'_, T>)) -> Failure<()> {
         let (count, size) = (self.voxels(), self.element.size());
         let row = self.grid.dims[self.stored[0]];
         let rows = self.grid.dims[self.stored[1]];
         let mut input = self.data.open()?;
-        let (mut bytes, mut labels) = (vec![0; RUN.min(count) * size], Vec::with_capacity(RUN.min(count)));
+        let (mut bytes, mut values) = (vec![0; RUN.min(count) * size], Vec::with_capacity(RUN.min(count)));
         let mut at = 0;
         while at < count {
             let n = RUN.min(count - at);
             let bytes = &mut bytes[..n * size];
             data::fill(&mut input, bytes, (at * size) as u64, self.bytes())?;
-            labels.clear();
-            self.element.labels(bytes, self.big_endian, self.scale, at, &mut labels)?;
+            values.clear();
+            let voxels = Voxels { bytes, big_endian: self.big_endian, scale: self.scale, first: at };
+            decode(self.element, &voxels, &mut values)?;
             let mut done = 0;
             while done < n {
                 let (i, rest) = ((at + done) % row, (at + done) / row);
@@ -210,7 +226,7 @@ impl Volume {
                 for (axis, position) in self.stored.into_iter().zip([i, rest % rows, rest / rows]) {
                     first[axis] = position;
                 }
-                each(Run { first, along: self.stored[0], labels: &labels[done..done + length] });
+                each(Run { first, along: self.stored[0], values: &values[done..done + length] });
                 done += length;
             }
             at += n;

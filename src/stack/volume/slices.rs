@@ -1,18 +1,18 @@
-//! The second pass through a volume: the slices that are chosen, as masks.
+//! The second pass through a volume: the slices that are chosen, as masks of what is painted or cut where grey values cross a level.
 
 use super::Volume;
 use super::axis::Choice;
-use super::survey::{Survey, wanted};
+use super::survey::{Survey, depth, wanted};
 use crate::error::{Error, Result};
 use crate::memory;
-use crate::stack::mask::{Drawing, Mask};
+use crate::stack::mask::Drawing;
 use crate::stack::options::ReadOptions;
 use crate::stack::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
 
 /// Labels that a message names.
 const NAMED: usize = 12;
 
-/// The chosen slices of the chosen label. Heights are distances along the axis from the volume's first slice, and the volume's own slices
+/// The chosen slices of the chosen label or grey level. Heights are distances along the axis from the volume's first slice, and the volume's own slices
 /// are the output grid. Pixels run along the other two axes in the file's order.
 ///
 /// # Errors
@@ -23,17 +23,15 @@ pub fn stack(volume: &Volume, survey: &Survey, choice: &Choice, options: &ReadOp
     let [u, v] = [[1, 2], [0, 2], [0, 1]][axis];
     let grid = &volume.grid;
     let (dims, spacing, axes) = (grid.dims, grid.spacing(), grid.axes());
-    let masks = masks(volume, &chosen, [u, v, axis], options.label)?;
+    let contents = match options.level {
+        Some(level) => levels(volume, &chosen, [u, v, axis], level)?,
+        None => masks(volume, &chosen, [u, v, axis], options.label)?,
+    };
     let letter = ['i', 'j', 'k'][axis];
     let slices = chosen
         .into_iter()
-        .zip(masks)
-        .map(|(k, mask)| Slice {
-            name: format!("{letter}={k}"),
-            z: k as f64 * spacing[axis],
-            extra: false,
-            content: SliceContent::Mask(mask),
-        })
+        .zip(contents)
+        .map(|(k, content)| Slice { name: format!("{letter}={k}"), z: k as f64 * spacing[axis], extra: false, content })
         .collect();
     Ok(ContourStack {
         dims: [dims[u], dims[v]],
@@ -61,9 +59,14 @@ fn chosen(volume: &Volume, survey: &Survey, axis: usize, options: &ReadOptions) 
         }
         (None, Some(0)) => return setting("keep", "must be at least 1; got 0".into()),
         (None, Some(keep)) => (0..count).step_by(keep).collect(),
-        (None, None) => (0..count).filter(|&k| painted[k]).collect(),
+        // Every slice of grey values says something, an empty one too.
+        (None, None) => (0..count).filter(|&k| painted[k] || survey.greys.is_some()).collect(),
     };
     if !chosen.iter().any(|&k| painted[k]) {
+        if let Some(level) = options.level {
+            let message = format!("none of the {} chosen slices has a value above the level {level}", chosen.len());
+            return Err(Error::Format { path: volume.path.clone(), message });
+        }
         let label = options.label.map_or("a non-zero label".into(), |l| format!("label {l}"));
         let there: Vec<String> = survey.labels.keys().take(NAMED).map(i64::to_string).collect();
         let more = if survey.labels.len() > NAMED { ", ..." } else { "" };
@@ -79,7 +82,7 @@ fn chosen(volume: &Volume, survey: &Survey, axis: usize, options: &ReadOptions) 
 }
 
 /// Masks of the slices `chosen` across the axis `w`, row-major along `u` and `v`.
-fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option<i64>) -> Result<Vec<Mask>> {
+fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option<i64>) -> Result<Vec<SliceContent>> {
     let dims = volume.grid.dims;
     let [nx, ny] = [dims[u], dims[v]];
     // Masks are runs; one at a time is read as pixels.
@@ -87,13 +90,12 @@ fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option
         let message = format!("the pixels of a slice, {nx}x{ny}, {m}");
         Error::Format { path: volume.path.clone(), message }
     })?;
-    let mut places = vec![None; dims[w]];
-    chosen.iter().enumerate().for_each(|(place, &k)| places[k] = Some(place));
+    let places = places(chosen, dims[w]);
     let mut masks = vec![Drawing::new(dims[u] * dims[v]); chosen.len()];
     volume.labels(|run| {
         let node = run.first[u] + run.first[v] * dims[u];
         if run.along == w {
-            let slices = places[run.first[w]..].iter().zip(run.labels);
+            let slices = places[run.first[w]..].iter().zip(run.values);
             for (place, _) in slices.filter(|(_, value)| wanted(label, **value)) {
                 if let Some(place) = *place {
                     masks[place].set(node, true);
@@ -101,10 +103,39 @@ fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option
             }
         } else if let Some(place) = places[run.first[w]] {
             let step = if run.along == u { 1 } else { dims[u] };
-            for (pixel, value) in (node..).step_by(step).zip(run.labels) {
+            for (pixel, value) in (node..).step_by(step).zip(run.values) {
                 masks[place].set(pixel, wanted(label, *value));
             }
         }
     })?;
-    Ok(masks.into_iter().map(Drawing::finish).collect())
+    Ok(masks.into_iter().map(|mask| SliceContent::Mask(mask.finish())).collect())
+}
+
+/// Level sets of the slices `chosen` across the axis `w`, row-major along `u` and `v`.
+fn levels(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], level: f64) -> Result<Vec<SliceContent>> {
+    let dims = volume.grid.dims;
+    let [nx, ny, count] = [dims[u], dims[v], chosen.len()];
+    memory::check_room(size_of::<f32>() as f64 * nx as f64 * ny as f64 * count as f64).map_err(|m| {
+        let message = format!("the grey values of {count} slices of {nx}x{ny} px {m}");
+        Error::Format { path: volume.path.clone(), message }
+    })?;
+    let places = places(chosen, dims[w]);
+    let mut levels = vec![vec![0.0; nx * ny]; count];
+    volume.greys(|run| {
+        let mut at = run.first;
+        for value in run.values {
+            if let Some(place) = places[at[w]] {
+                levels[place][at[u] + at[v] * nx] = depth(level, *value);
+            }
+            at[run.along] += 1;
+        }
+    })?;
+    Ok(levels.into_iter().map(SliceContent::Level).collect())
+}
+
+/// For each slice across an axis its place among the chosen ones.
+fn places(chosen: &[usize], slices: usize) -> Vec<Option<usize>> {
+    let mut places = vec![None; slices];
+    chosen.iter().enumerate().for_each(|(place, &k)| places[k] = Some(place));
+    places
 }

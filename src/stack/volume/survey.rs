@@ -1,9 +1,10 @@
-//! The first pass through a volume: which labels there are, and which slices of each axis are painted.
+//! The first pass through a volume: which labels or grey values there are, and which slices of each axis are painted.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
-use super::Volume;
-use crate::error::Result;
+use super::{Run, Volume};
+use crate::error::{Error, Result};
 
 /// Labels from 0 to here are counted in a table.
 const TABLE: usize = 1 << 16;
@@ -17,6 +18,8 @@ pub struct Survey {
     pub labels: BTreeMap<i64, u64>,
     /// Whether there are more labels than were told apart.
     pub more: bool,
+    /// Least and largest grey value, where that is what voxels are.
+    pub greys: Option<[f64; 2]>,
     /// For each axis and each slice across it: whether it has a voxel that is wanted.
     pub painted: [Vec<bool>; 3],
 }
@@ -32,7 +35,7 @@ impl Survey {
         volume.labels(|run| {
             let mut start = 0;
             // Labels come in long stretches of the same.
-            for stretch in run.labels.chunk_by(|a, b| a == b) {
+            for stretch in run.values.chunk_by(|a, b| a == b) {
                 let (value, length) = (stretch[0], stretch.len());
                 let places = start..start + length;
                 start += length;
@@ -41,20 +44,51 @@ impl Survey {
                     _ => survey.count(value, length as u64),
                 }
                 if wanted(label, value) {
-                    for (axis, painted) in survey.painted.iter_mut().enumerate() {
-                        let first = run.first[axis];
-                        if axis == run.along {
-                            painted[first + places.start..first + places.end].fill(true);
-                        } else {
-                            painted[first] = true;
-                        }
-                    }
+                    survey.paint(&run, places);
                 }
             }
         })?;
         let counted = table.into_iter().enumerate().skip(1).filter(|(_, n)| *n > 0);
         survey.labels.extend(counted.map(|(label, n)| (label as i64, n)));
         Ok(survey)
+    }
+
+    /// Goes through a volume of grey values; what is above `level` is wanted.
+    ///
+    /// # Errors
+    /// As [`Volume::greys`]; [`Error::Setting`] for a level that no contour can have.
+    pub fn above(volume: &Volume, level: f64) -> Result<Self> {
+        let mut survey = Survey { painted: volume.grid.dims.map(|n| vec![false; n]), ..Survey::default() };
+        let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
+        volume.greys(|run| {
+            let mut start = 0;
+            for stretch in run.values.chunk_by(|a, b| (depth(level, *a) < 0.0) == (depth(level, *b) < 0.0)) {
+                let places = start..start + stretch.len();
+                start = places.end;
+                (low, high) = stretch.iter().fold((low, high), |(low, high), v| (low.min(*v), high.max(*v)));
+                if depth(level, stretch[0]) < 0.0 {
+                    survey.paint(&run, places);
+                }
+            }
+        })?;
+        if !(level.is_finite() && level >= low && level < high) {
+            let message = format!("must lie in [{low}, {high}), the range of the volume's values; got {level}");
+            return Err(Error::Setting { name: "level".into(), message });
+        }
+        survey.greys = Some([low, high]);
+        Ok(survey)
+    }
+
+    /// Notes that the voxels at these places of a run are wanted.
+    fn paint<T>(&mut self, run: &Run<'_, T>, places: Range<usize>) {
+        for (axis, painted) in self.painted.iter_mut().enumerate() {
+            let first = run.first[axis];
+            if axis == run.along {
+                painted[first + places.start..first + places.end].fill(true);
+            } else {
+                painted[first] = true;
+            }
+        }
     }
 
     fn count(&mut self, label: i64, voxels: u64) {
@@ -71,4 +105,9 @@ impl Survey {
 /// Whether a voxel is inside.
 pub(super) fn wanted(label: Option<i64>, value: i64) -> bool {
     label.map_or(value != 0, |label| value == label)
+}
+
+/// How far a grey value lies below the level: negative inside.
+pub(super) fn depth(level: f64, value: f64) -> f32 {
+    (level - value) as f32
 }

@@ -1,0 +1,142 @@
+//! Volumes of grey values, cut at a level.
+
+#[path = "support/files.rs"]
+mod files;
+
+use std::fs;
+use std::path::Path;
+
+use files::*;
+use interslice::stack::volume::axis::Axis;
+use interslice::stack::{ContourStack, ReadOptions, SliceContent, read};
+
+const SIZES: [usize; 3] = [41, 37, 13];
+const RADIUS: f64 = 14.3;
+
+/// 1000 - 10 times the distance from the middle, in voxels of 1 x 1 x 3: 857 at the sphere.
+fn value(i: usize, j: usize, k: usize) -> f64 {
+    let [x, y, z] = [i as f64 - 20.2, j as f64 - 18.4, 3.0 * (k as f64 - 6.1)];
+    1000.0 - 10.0 * (x * x + y * y + z * z).sqrt()
+}
+
+const LEVEL: f64 = 1000.0 - 10.0 * RADIUS;
+
+fn values() -> impl Iterator<Item = f64> {
+    let [nx, ny, nz] = SIZES;
+    (0..nx * ny * nz).map(move |n| value(n % nx, n / nx % ny, n / (nx * ny)))
+}
+
+fn write(path: &Path, kind: &str, bytes: &[u8]) {
+    let header = "spacings: 1 1 3\nencoding: raw\nendian: little";
+    fs::write(path, nrrd(header, kind, SIZES, bytes)).expect("a file can be written");
+}
+
+fn write_floats(path: &Path) {
+    write(path, "float", &values().flat_map(|v| (v as f32).to_le_bytes()).collect::<Vec<u8>>());
+}
+
+fn cut(path: &Path, more: ReadOptions) -> ContourStack {
+    read(path, &ReadOptions { level: Some(LEVEL), ..more }).expect("the volume is sound")
+}
+
+fn levels(stack: &ContourStack, slice: usize) -> &[f32] {
+    match &stack.slices[slice].content {
+        SliceContent::Level(u) => u,
+        SliceContent::Mask(_) => panic!("grey values make level sets"),
+    }
+}
+
+#[test]
+fn every_slice_is_a_level_set_of_its_values() {
+    let place = folder();
+    let path = place.path().join("grey.nrrd");
+    write_floats(&path);
+    let stack = cut(&path, ReadOptions::default());
+    assert_eq!(stack.slices.len(), SIZES[2], "an empty slice says something too");
+    for k in 0..SIZES[2] {
+        assert_eq!(stack.slices[k].z, 3.0 * k as f64);
+        for (n, u) in levels(&stack, k).iter().enumerate() {
+            let expected = LEVEL - f64::from(value(n % SIZES[0], n / SIZES[0], k) as f32);
+            assert!((f64::from(*u) - expected).abs() < 1e-4, "pixel {n} of slice {k}: {u}, not {expected}");
+        }
+    }
+    assert_eq!(cut(&path, ReadOptions { keep: Some(4), ..Default::default() }).slices.len(), 4);
+    let across = cut(&path, ReadOptions { axis: Axis::X, ..Default::default() });
+    assert_eq!((across.dims, across.slices.len()), ([SIZES[1], SIZES[2]], SIZES[0]));
+    let u = levels(&across, 30)[5 * SIZES[1] + 18];
+    assert!((f64::from(u) - (LEVEL - value(30, 18, 5))).abs() < 1e-3, "{u}");
+}
+
+#[test]
+fn every_type_of_voxel_and_a_scale_give_their_values() {
+    let place = folder();
+    let of = |name: &str, kind: &str, bytes: Vec<u8>| {
+        let path = place.path().join(name);
+        write(&path, kind, &bytes);
+        cut(&path, ReadOptions::default())
+    };
+    let rounded = || values().map(f64::round);
+    let stacks = [
+        of("i16.nrrd", "short", rounded().flat_map(|v| (v as i16).to_le_bytes()).collect()),
+        of("u16.nrrd", "ushort", rounded().flat_map(|v| (v as u16).to_le_bytes()).collect()),
+        of("i32.nrrd", "int", rounded().flat_map(|v| (v as i32).to_le_bytes()).collect()),
+        of("u32.nrrd", "uint", rounded().flat_map(|v| (v as u32).to_le_bytes()).collect()),
+        of("i64.nrrd", "longlong", rounded().flat_map(|v| (v as i64).to_le_bytes()).collect()),
+        of("u64.nrrd", "ulonglong", rounded().flat_map(|v| (v as u64).to_le_bytes()).collect()),
+        of("f64.nrrd", "double", rounded().flat_map(f64::to_le_bytes).collect()),
+    ];
+    for stack in &stacks {
+        for k in 0..SIZES[2] {
+            assert_eq!(levels(stack, k), levels(&stacks[0], k));
+        }
+    }
+    let middle = f64::from(levels(&stacks[0], 6)[18 * SIZES[0] + 20]);
+    assert_eq!(middle, LEVEL - value(20, 18, 6).round());
+}
+
+/// The command line, from a grey volume to a volume and what is said of it.
+#[test]
+fn a_sphere_comes_out_as_large_as_it_is() {
+    let place = folder();
+    let [input, report] = ["grey.nrrd", "report.json"].map(|name| place.path().join(name));
+    write_floats(&input);
+    let [input, report] = [input, report].map(|path| path.display().to_string());
+    let mesh = place.path().join("sphere.stl").display().to_string();
+    let level = LEVEL.to_string();
+    let made =
+        ["reconstruct", &input, "--level", &level, "--backend", "cpu", "--dz", "1", "-o", &mesh, "--report", &report];
+    let output = interslice(&made);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let report: serde_json::Value =
+        serde_json::from_slice(&fs::read(report).expect("a report")).expect("the report is JSON");
+    let volume = report["volume"]["value"].as_f64().or_else(|| report["volume"].as_f64()).expect("a volume");
+    let exact = 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3);
+    assert!((volume / exact - 1.0).abs() < 0.02, "{volume} of {exact}");
+    let output = interslice(&["inspect", &input, "--level", &level]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success() && said.contains("grey values from "), "{said}");
+}
+
+#[test]
+fn what_cannot_be_cut_is_refused() {
+    let place = folder();
+    let path = place.path().join("grey.nrrd");
+    write_floats(&path);
+    let input = path.display().to_string();
+    let refused = |more: &[&str], words: &[&str]| {
+        let output = interslice(&[&["reconstruct", &input, "-o", "never.stl"], more].concat());
+        let said = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        words.iter().for_each(|word| assert!(said.contains(word), "{said} lacks {word}"));
+    };
+    refused(&[], &["grey.nrrd", "voxel 0", "whole numbers", "level"]);
+    refused(&["--level", "2000"], &["level", "2000", "range"]);
+    refused(&["--level", "nan"], &["level", "NaN"]);
+    refused(&["--level", &LEVEL.to_string(), "--label", "1"], &["label", "grey"]);
+    refused(&["--level", &LEVEL.to_string(), "--labels", "all"], &["labels", "grey"]);
+    refused(&["--level", &LEVEL.to_string(), "--slices", "0,1"], &["grey.nrrd", "2 chosen slices", "above the level"]);
+    let mut bytes: Vec<u8> = values().flat_map(|v| (v as f32).to_le_bytes()).collect();
+    bytes[400..404].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    write(&path, "float", &bytes);
+    refused(&["--level", &LEVEL.to_string()], &["grey.nrrd", "voxel 100", "inf"]);
+}

@@ -99,8 +99,8 @@ fn sample_smooth(first: u32, ij: vec2<i32>, offset: vec2<f32>) -> f32 {
     return sum;
 }
 
-// Least value of the parts from `begin` to `end` at time `t`, counted from their own slice, where its value is `a` and changes by `m` at first;
-// `other` where that is less.
+// Least value of the parts from `begin` to `end` at time `t`, counted from their own slice, where its value is `a` and changes by `m` at first,
+// but no faster than a cone; `other` where that is less.
 fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, a: f32, m: f32, t: f32, other: f32) -> f32 {
     var least = other;
     for (var k = begin; k < end; k++) {
@@ -109,9 +109,10 @@ fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, a: f32, m: f3
         let at = vec2<f32>(own) + offset;
         let last = vec2<f32>(f32(part.nx - 1u), f32(part.ny - 1u));
         if all(at >= vec2<f32>(0.0)) && all(at <= last) {
-            let bend = max(part.depth - m * part.closes, 0.0) / (part.closes * part.closes);
+            let cone = part.depth / part.closes;
+            let first = min(m, cone);
             let distance = max(sample(part.first, vec2<u32>(part.nx, part.ny), own, offset), a);
-            least = min(least, distance + (m + bend * t) * t);
+            least = min(least, distance + (first + (cone - first) / part.closes * t) * t);
         }
     }
     return least;

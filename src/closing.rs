@@ -4,9 +4,11 @@
 //! `A`, and is 0 at `g = A g' / (A' - A)` beyond. Where its thickness falls faster than its area, as that of a ring does which opens in a dish,
 //! `(D' / D)^s` takes the place of `A' / A`; s is 2 for a disc and 1 for a strip, whose area is its width.
 //!
-//! Measured on 118 parts of the evaluation's cases: those that are a single part's single successor end at .85 g, the others half way in the
-//! mean. With it the mean Dice of the synthetic cases at every 8th and 16th slice rises by .0013 and .0046 over ends half way, and that of
-//! the real ones stays within .0001.
+//! Where nothing is known of its fall it ends half way, and in any case no farther away than it is thick: bodies are as long as they are
+//! wide, until something says otherwise.
+//!
+//! Measured on 118 parts of the evaluation's volumes: those that are a single part's single successor end at .85 g, the others half way in the
+//! mean and .7 of their inradius beyond their slice in the middle one.
 
 use crate::contours::Contour;
 use crate::matching::LonePart;
@@ -17,37 +19,77 @@ pub const HALF_WAY: f64 = 0.5;
 const ROUNDER: f64 = 0.85;
 /// What has ended by the next slice has hardly come nearer to it than this share of the gap leaves; and no end is flat.
 const REACH: std::ops::RangeInclusive<f64> = 0.05..=0.75;
+/// The farthest that a part goes, in inradii.
+const ROUND: f64 = 0.7;
 /// A part that is larger than this many times what it comes from is no end of a body that tapers.
 const WIDER: f64 = 2.0;
 
-/// Where `part` of the slice `own` ends beyond it, in gaps, from the slice on its other side, `inner_gaps` of them away. A part that is one of
-/// several of what it comes from, or comes from several, is a branch, of which nothing is known.
-pub fn closes(part: &LonePart, own: &Contour, inner: Option<(&Contour, f64)>) -> f64 {
-    let (Some((inner, inner_gaps)), Some(&seed)) = (inner, part.seeds.first()) else { return HALF_WAY };
-    let number = own.solids.labels[own.seeds[seed as usize].inside];
-    let Some([before, area]) = succession(number, own, inner) else { return HALF_WAY };
-    if area[1] > WIDER * before[1] {
-        return HALF_WAY;
-    }
-    let fall = (before[1] / area[1]).max((before[0] / part.depth).powf(slimming(part)));
-    let gone = if fall > 1.0 { ROUNDER * inner_gaps / (fall - 1.0) } else { f64::INFINITY };
-    gone.clamp(*REACH.start(), *REACH.end())
+/// Where `part` ends beyond its slice, as a share of the gap to the next one (px), by what it comes from on the other side, `inner_gap` px away.
+pub fn closes(part: &LonePart, gap: f64, inner: Option<(&Succession, f64)>) -> f64 {
+    let fall = inner.and_then(|(inner, inner_gap)| Some((inner.fall(part)?, inner_gap)));
+    let gone = match fall {
+        Some((fall, inner_gap)) if fall > 1.0 => ROUNDER * inner_gap / (fall - 1.0) / gap,
+        Some(_) => f64::INFINITY,
+        None => HALF_WAY,
+    };
+    gone.min(ROUND * part.depth / gap).clamp(*REACH.start(), *REACH.end())
 }
 
-/// Inradius and area (px) of the only part that overlaps part `number` and nothing else of its slice, and of that part itself.
-fn succession(number: u32, own: &Contour, inner: &Contour) -> Option<[[f64; 2]; 2]> {
-    let both = || own.solids.labels.iter().copied().zip(inner.solids.labels.iter().copied());
-    let from = both().find(|(a, b)| *a == number && *b > 0)?.1;
-    let (mut before, mut area) = (0u32, 0u32);
-    for (a, b) in both() {
-        if (a == number && b > 0 && b != from) || (b == from && a > 0 && a != number) {
-            return None;
-        }
-        area += u32::from(a == number);
-        before += u32::from(b == from);
+/// What a part overlaps in another slice.
+#[derive(Clone, Copy, PartialEq)]
+enum Met {
+    Nothing,
+    One(u32),
+    Several,
+}
+
+impl Met {
+    fn and(&mut self, part: u32) {
+        *self = match *self {
+            Met::Nothing => Met::One(part),
+            Met::One(known) if known == part => Met::One(part),
+            _ => Met::Several,
+        };
     }
-    let of = |contour: &Contour, number: u32, area: u32| [contour.solid_depth[number as usize], f64::from(area)];
-    Some([of(inner, from, before), of(own, number, area)])
+}
+
+/// The parts of a slice and those of the next one inward.
+pub struct Succession<'a> {
+    own: &'a Contour,
+    inner: &'a Contour,
+    /// What each part meets in the other slice, and its pixels.
+    from: Vec<(Met, u32)>,
+    /// The same of the inner slice's parts.
+    to: Vec<(Met, u32)>,
+}
+
+impl<'a> Succession<'a> {
+    /// Of a slice and the next one inward.
+    pub fn new(own: &'a Contour, inner: &'a Contour) -> Self {
+        let none = |contour: &Contour| vec![(Met::Nothing, 0); contour.solids.count + 1];
+        let (mut from, mut to) = (none(own), none(inner));
+        for (&a, &b) in own.solids.labels.iter().zip(&inner.solids.labels) {
+            let (own, inner) = (&mut from[a as usize], &mut to[b as usize]);
+            own.1 += 1;
+            inner.1 += 1;
+            if a > 0 && b > 0 {
+                own.0.and(b);
+                inner.0.and(a);
+            }
+        }
+        Succession { own, inner, from, to }
+    }
+
+    /// `A' / A`, or `(D' / D)^s` where that is more. A part that is one of several of what it comes from, or comes from several, is a branch,
+    /// of whose fall nothing is known.
+    fn fall(&self, part: &LonePart) -> Option<f64> {
+        let number = self.own.solids.labels[self.own.seeds[*part.seeds.first()? as usize].inside];
+        let (Met::One(from), area) = self.from[number as usize] else { return None };
+        let (Met::One(_), before) = self.to[from as usize] else { return None };
+        let [area, before] = [area, before].map(f64::from);
+        let thickness = self.inner.solid_depth[from as usize] / self.own.solid_depth[number as usize];
+        (area <= WIDER * before).then(|| (before / area).max(thickness.powf(slimming(part))))
+    }
 }
 
 /// The power s of the inradius with which a part's area falls as its contour is drawn in: `D P / A` by its perimeter P, from 1 to 2.

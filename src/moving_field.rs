@@ -15,8 +15,6 @@ use crate::spline::{harmonic, hermite_values, smoothstep};
 
 /// Share of `4 t^2 (1 - t)^2 |A - B|` taken off where the surface is upright: what interpolated distances shrink by systematically.
 pub const SHRINKING: f64 = 0.2;
-/// Smallest inradius of a part without partner that is closed by itself where the other slice is not empty, px.
-pub const LEAST_DEPTH: f64 = 4.0;
 
 /// Surfaces that go sideways by more than this per height are less upright, those that go by more than FLAT not at all.
 pub const STEEP: f64 = 1.5;
@@ -292,16 +290,15 @@ impl Large for LoneParts {
 }
 
 /// Least value at time `t`, counted from their own slice, of the parts at node-space position `x` of it, where the slice's field is `a` and
-/// changes by `m` per interval at first: `a + m t + c t^2`, c such that a part's deepest point is on the surface where it closes, or before.
-/// `None` off their tiles.
+/// changes by `m` per interval at first, but no faster than a cone would: `a + m t + c t^2`, c such that a part's deepest point is on the
+/// surface where it closes. `None` off their tiles.
 #[inline]
-pub fn closing(parts: &[LonePart], x: [f64; 2], a: f64, m: f64, t: f64) -> Option<f64> {
-    let value = |part: &LonePart| {
-        let local = part.tile.to_local(x);
-        let within = (0..2).all(|a| local[a] >= 0.0 && local[a] <= (part.tile.dims[a] - 1) as f64);
-        within.then(|| {
-            let bend = (part.depth - m * part.closes).max(0.0) / part.closes.powi(2);
-            part.field.sample(local).max(a) + (m + bend * t) * t
+pub fn closing(parts: &[&LonePart], x: [f64; 2], a: f64, m: f64, t: f64) -> Option<f64> {
+    let value = |part: &&LonePart| {
+        part.tile.holds(x, 0.0).then(|| {
+            let cone = part.depth / part.closes;
+            let m = m.min(cone);
+            part.field.sample(part.tile.to_local(x)).max(a) + (m + (cone - m) / part.closes * t) * t
         })
     };
     parts.iter().filter_map(value).reduce(f64::min)

@@ -60,6 +60,13 @@ impl Tile {
         [x[0] - self.origin[0] as f64, x[1] - self.origin[1] as f64]
     }
 
+    /// Whether a position of the padded image lies between its pixels, or no farther off than `around`.
+    #[inline]
+    pub fn holds(&self, x: [f64; 2], around: f64) -> bool {
+        let local = self.to_local(x);
+        (0..2).all(|a| local[a] >= -around && local[a] <= (self.dims[a] - 1) as f64 + around)
+    }
+
     /// A position of the tile in pixels of the padded image.
     pub fn to_image(&self, x: [f64; 2]) -> [f64; 2] {
         [x[0] + self.origin[0] as f64, x[1] + self.origin[1] as f64]

@@ -47,7 +47,7 @@ const METHODS: [(Method, Motion); 3] =
 fn parts_end_where_the_fall_of_their_area_says() {
     // Heights, shapes, and where the body ends below and above.
     type Case = (&'static str, Vec<f64>, Vec<Shape>, [f64; 2]);
-    let cases: [Case; 6] = [
+    let cases: [Case; 7] = [
         (
             "tapering",
             vec![0.0, 10.0, 20.0, 30.0, 40.0],
@@ -60,6 +60,13 @@ fn parts_end_where_the_fall_of_their_area_says() {
             vec![0.0, 10.0, 20.0, 30.0],
             vec![nothing(), disc(20.0), disc(20.0), nothing()],
             [10.0 - 7.5, 20.0 + 7.5],
+        ),
+        (
+            // .7 of a thickness of 10 px, less half a pixel's edge.
+            "a thin one",
+            vec![0.0, 20.0, 40.0, 60.0],
+            vec![nothing(), disc(10.0), disc(10.0), nothing()],
+            [20.0 - 7.0, 40.0 + 7.0],
         ),
         ("alone", vec![0.0, 10.0, 20.0], vec![nothing(), disc(20.0), nothing()], [5.0, 15.0]),
         (

@@ -192,7 +192,8 @@ impl<'a> Run<'a> {
             drop(jobs);
             for (i, (plan, [z_low, z_high])) in (first..).zip(plans) {
                 let mut interval = plan.finish(&mut fields);
-                self.close(seen.contours, i, &mut interval.lone)?;
+                self.close(seen.contours, i, Direction::Up, &mut interval.lone)?;
+                self.close(seen.contours, i, Direction::Down, &mut interval.lone)?;
                 self.report.intervals.push(IntervalReport {
                     z_low,
                     z_high,

@@ -3,14 +3,14 @@
 use std::ops::Range;
 
 use super::Run;
-use crate::closing::closes;
+use crate::closing::{Succession, closes};
 use crate::contours::Contour;
 use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::Direction;
 use crate::matching::{LonePart, lone_solids};
-use crate::moving_field::{LEAST_DEPTH, LoneParts, drawn_in};
+use crate::moving_field::{LoneParts, drawn_in};
 use crate::moving_stack::MovingStack;
 use crate::reference::displacement::ROUNDS;
 use crate::section::NEIGHBOURS;
@@ -155,16 +155,15 @@ impl<'a> Run<'a> {
                     Direction::Up => (i, i + 1, 1.0),
                     Direction::Down => (i + 1, i, -1.0),
                 };
-                let least = if contours.light(other).solids.count > 0 { LEAST_DEPTH } else { 0.0 };
                 let (own, other) = (contours.get(own)?, moving.field(other)?);
                 let at_slices = moving.at_slices(i)?;
                 let u = &at_slices[usize::from(direction == Direction::Down)];
-                let parts = without_partner(&own, least, |x| {
+                let parts = without_partner(&own, |x| {
                     let v = u.at(x);
                     other.sample([x[0] + way * v[0], x[1] + way * v[1]]) < 0.0
                 });
                 let mut lone = lone_solids(&own, &parts, self.h, self.margin, direction, self.backend)?;
-                self.close(contours, i, &mut lone)?;
+                self.close(contours, i, direction, &mut lone)?;
                 Ok(lone)
             });
             let empty = [i, i + 1].iter().any(|k| contours.light(*k).solids.count == 0);
@@ -175,25 +174,36 @@ impl<'a> Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Says where parts without partner in interval `i` end.
-    pub(super) fn close(&self, contours: &Shelf<'a, Contour>, i: usize, lone: &mut [LonePart]) -> Result<()> {
-        let gaps = &self.span.gaps;
-        for part in lone {
-            let (own, inner) = match part.direction {
-                Direction::Up => (i, i.checked_sub(1).map(|k| (k, gaps[k]))),
-                Direction::Down => (i + 1, (i + 2 < contours.len()).then(|| (i + 2, gaps[i + 1]))),
-            };
-            let load = |k| contours.some(k, Contour::SEEDS_AND_PARTS);
-            let (own, inner) = (load(own)?, inner.map(|(k, gap)| load(k).map(|c| (c, gap))).transpose()?);
-            part.closes = closes(part, &own, inner.as_ref().map(|(inner, gap)| (&**inner, gap / gaps[i])));
+    /// Says where parts without partner in interval `i` end, which go on from its lower contour or, `Direction::Down`, from its upper one.
+    pub(super) fn close(
+        &self,
+        contours: &Shelf<'a, Contour>,
+        i: usize,
+        direction: Direction,
+        lone: &mut [LonePart],
+    ) -> Result<()> {
+        if !lone.iter().any(|part| part.direction == direction) {
+            return Ok(());
+        }
+        let gap = |k: usize| self.span.gaps[k] / self.px;
+        let (own, inner) = match direction {
+            Direction::Up => (i, i.checked_sub(1).map(|k| (k, gap(k)))),
+            Direction::Down => (i + 1, (i + 2 < contours.len()).then(|| (i + 2, gap(i + 1)))),
+        };
+        let load = |k| contours.some(k, Contour::SEEDS_AND_PARTS);
+        let (own, inner) = (load(own)?, inner.map(|(k, gap)| load(k).map(|c| (c, gap))).transpose()?);
+        let inner = inner.as_ref().map(|(inner, gap)| (Succession::new(&own, inner), *gap));
+        let inner = inner.as_ref().map(|(inner, gap)| (inner, *gap));
+        for part in lone.iter_mut().filter(|part| part.direction == direction) {
+            part.closes = closes(part, gap(i), inner);
         }
         Ok(())
     }
 }
 
-/// Numbers of the parts, at least `least` deep, no pixel of which meets anything.
-fn without_partner(contour: &Contour, least: f64, meets: impl Fn([f64; 2]) -> bool) -> Vec<u32> {
-    let mut lone: Vec<bool> = contour.solid_depth.iter().map(|d| *d >= least).collect();
+/// Numbers of the parts no pixel of which meets anything.
+fn without_partner(contour: &Contour, meets: impl Fn([f64; 2]) -> bool) -> Vec<u32> {
+    let mut lone = vec![true; contour.solids.count + 1];
     lone[0] = false;
     let nx = contour.phi.dims[0];
     for (node, &label) in contour.solids.labels.iter().enumerate() {

@@ -6,6 +6,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::field::Field;
+use crate::matching::LonePart;
 use crate::moving_field::{CELL, Cells, LoneParts, MovingField, between, closing, plus, probes};
 use crate::spline::{harmonic, limited, three_point_end};
 
@@ -101,12 +102,13 @@ pub fn layer(
     let paths = moving.paths(i, t);
     let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
     let [nx, ny] = low.dims;
-    let curves = Curves { fields: [low, high], slopes, lone, gap: moving.gap(i), px: moving.px, t, limit };
+    let curves = Curves { fields: [low, high], slopes, empty: lone.empty, gap: moving.gap(i), px: moving.px, t, limit };
     let ends = |x: [f64; 2], p: [f64; 2], q: [f64; 2]| (plus(x, p, -1.0), plus(x, q, 1.0));
     let mut out = vec![0.0; nx * ny];
-    let reach = reach(h);
+    let (reach, around) = (reach(h), self::reach([1.0; 2]));
     out.par_chunks_mut(nx * CELL).enumerate().for_each(|(cell, rows)| {
         let cell_y = cell * CELL;
+        let mut parts = Parts::default();
         for cell_x in (0..nx).step_by(CELL) {
             let (width, height) = (CELL.min(nx - cell_x), CELL.min(ny - cell_y));
             let middle = [(cell_x as f64) + 0.5 * (width - 1) as f64, (cell_y as f64) + 0.5 * (height - 1) as f64];
@@ -114,10 +116,11 @@ pub fn layer(
             let (a, b) = (low.sample(from), high.sample(to));
             let nearest = a.abs().min(b.abs()) - 0.05 * (a - b).abs();
             let far = (a < 0.0) == (b < 0.0) && nearest > limit + reach;
+            parts.choose(lone, from, to, around);
             if wanted.is_some_and(|cells| !cells.at(cell_x, cell_y)) {
                 for [x, y] in probes([cell_x, cell_y], [cell_x + width - 1, cell_y + height - 1]) {
                     let at = [x as f64, y as f64];
-                    let near = || curves.value(ends(at, paths.come.at(at), paths.go.at(at)));
+                    let near = || curves.value(&parts, ends(at, paths.come.at(at), paths.go.at(at)));
                     rows[(y - cell_y) * nx + x] = if far { limit.copysign(a) } else { near() } as f32;
                 }
                 continue;
@@ -131,7 +134,7 @@ pub fn layer(
                 }
                 paths.come.read_row(y, cell_x, &mut come);
                 paths.go.read_row(y, cell_x, &mut go);
-                values(&curves, [cell_x, y], &come, &go, row);
+                values(&curves, &parts, [cell_x, y], &come, &go, row);
             }
         }
     });
@@ -142,34 +145,59 @@ pub fn layer(
 struct Curves<'a> {
     fields: [&'a Field; 2],
     slopes: [&'a Field; 2],
-    lone: &'a LoneParts,
+    /// One of the slices is empty.
+    empty: bool,
     gap: f64,
     px: f64,
     t: f64,
     limit: f64,
 }
 
+/// The lone parts of either slice that a cell's pixels may read.
+#[derive(Default)]
+struct Parts<'a> {
+    low: Vec<&'a LonePart>,
+    high: Vec<&'a LonePart>,
+}
+
+impl<'a> Parts<'a> {
+    /// Those no farther than `around` from where the cell's middle comes from and goes to.
+    fn choose(&mut self, lone: &'a LoneParts, from: [f64; 2], to: [f64; 2], around: f64) {
+        for (near, all, x) in [(&mut self.low, &lone.low, from), (&mut self.high, &lone.high, to)] {
+            near.clear();
+            near.extend(all.iter().filter(|part| part.tile.holds(x, around)));
+        }
+    }
+}
+
 impl Curves<'_> {
     /// Value on the trajectory between a position of the lower and one of the upper slice.
     #[inline(always)]
-    fn value(&self, (from, to): ([f64; 2], [f64; 2])) -> f64 {
+    fn value(&self, parts: &Parts<'_>, (from, to): ([f64; 2], [f64; 2])) -> f64 {
         let (a, b) = (self.fields[0].sample_smooth(from), self.fields[1].sample_smooth(to));
         let m = [self.gap * self.slopes[0].sample(from), self.gap * self.slopes[1].sample(to)];
-        let joined = match self.lone.empty {
+        let joined = match self.empty {
             true => self.limit,
             false => between([a, b], m, self.gap / self.px, self.t),
         };
-        let low = closing(&self.lone.low, from, a, m[0], self.t);
-        let high = closing(&self.lone.high, to, b, -m[1], 1.0 - self.t);
+        let low = closing(&parts.low, from, a, m[0], self.t);
+        let high = closing(&parts.high, to, b, -m[1], 1.0 - self.t);
         [low, high].into_iter().flatten().fold(joined, f64::min).clamp(-self.limit, self.limit)
     }
 }
 
 /// Values at pixels of a row from `first` on, by where they come from and go to.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
-fn values(curves: &Curves<'_>, first: [usize; 2], come: &[[f64; 2]; CELL], go: &[[f64; 2]; CELL], row: &mut [f32]) {
+fn values(
+    curves: &Curves<'_>,
+    parts: &Parts<'_>,
+    first: [usize; 2],
+    come: &[[f64; 2]; CELL],
+    go: &[[f64; 2]; CELL],
+    row: &mut [f32],
+) {
     for (k, v) in row.iter_mut().enumerate() {
         let x = [(first[0] + k) as f64, first[1] as f64];
-        *v = curves.value((plus(x, come[k], -1.0), plus(x, go[k], 1.0))) as f32;
+        *v = curves.value(parts, (plus(x, come[k], -1.0), plus(x, go[k], 1.0))) as f32;
     }
 }

@@ -288,6 +288,18 @@ pub struct Profile {
     pub bytes_up: u64,
     /// Bytes read back.
     pub bytes_down: u64,
+    /// How much of its time the device worked; absent unless timed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub busy: Option<Busy>,
+}
+
+/// Time in which a device had work, by its own clock.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Busy {
+    /// From the beginning to the end of submissions, none of it twice, seconds.
+    pub seconds: f64,
+    /// From the beginning of the first to the end of the last, seconds.
+    pub of_seconds: f64,
 }
 
 /// Cost of one kernel.

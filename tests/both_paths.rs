@@ -204,6 +204,22 @@ fn runs_at_once_on_one_gpu_have_the_bits_of_runs_alone() {
 }
 
 #[test]
+fn a_timed_device_says_how_much_of_its_time_it_works() {
+    let (stack, settings) = fig9();
+    let [timed, untimed] = [true, false].map(|timed| open(&GpuOptions { timed, ..GpuOptions::default() }));
+    let [a, b] = [&timed, &untimed].map(|gpu| bits(&run(gpu, &stack, &settings, Some(1.0))));
+    assert!(a == b, "timing changes no bit");
+    assert!(untimed.profile().busy.is_none());
+    let profile = timed.profile();
+    let busy = profile.busy.expect("kernels have run");
+    let kernels: f64 = profile.kernels.values().map(|k| k.seconds).sum();
+    println!("{kernels:.3} s of kernels, {:.3} s with work of {:.3} s", busy.seconds, busy.of_seconds);
+    assert!(profile.kernels.values().all(|k| k.dispatches > 0 && k.seconds > 0.0));
+    // Kernels of one submission do not overlap on this driver.
+    assert!(0.0 < kernels && kernels <= 1.001 * busy.seconds && busy.seconds <= busy.of_seconds);
+}
+
+#[test]
 fn a_grid_without_layers_between_contours() {
     let (stack, settings) = fig9();
     let gap = stack.slices[1].z - stack.slices[0].z;

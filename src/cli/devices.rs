@@ -304,6 +304,13 @@ pub fn tell_profile(profile: &Profile) {
         profile.bytes_up as f64 * 1e-6,
         profile.bytes_down as f64 * 1e-6
     );
+    if let Some(busy) = profile.busy.filter(|busy| busy.of_seconds > 0.0) {
+        eprintln!(
+            "the device had work in {:.1} % of the {:.2} s from its first kernel to its last",
+            100.0 * busy.seconds / busy.of_seconds,
+            busy.of_seconds
+        );
+    }
 }
 
 /// `interslice devices`.

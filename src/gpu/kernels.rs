@@ -1,12 +1,11 @@
 //! All kernels: WGSL text put together, compiled once per device, and how work is recorded.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::device::{Buffer, Device, failure};
 use super::layout::GRID;
+use super::profiler::{Profiler, Stamps};
 use crate::error::Result;
-use crate::report::Profile;
 
 /// Invocations of a workgroup.
 pub const WORKGROUP: u32 = 64;
@@ -236,38 +235,6 @@ pub enum Size<'b> {
     Indirect(&'b Buffer, u64),
 }
 
-/// Where profiles are gathered; timing gives every dispatch its own pass.
-#[derive(Debug)]
-pub struct Profiler {
-    /// Whether kernels are timed.
-    pub timed: bool,
-    gathered: Mutex<Profile>,
-}
-
-impl Profiler {
-    /// Nothing gathered yet.
-    pub fn new(timed: bool) -> Self {
-        Profiler { timed, gathered: Mutex::default() }
-    }
-
-    /// What has been gathered so far.
-    pub fn profile(&self) -> Profile {
-        self.gathered().clone()
-    }
-
-    /// Says how many pixels kernels over the band have updated, which the host learns only afterwards.
-    pub fn count(&self, kernels: &[&'static str], pixels: usize) {
-        let mut gathered = self.gathered();
-        for kernel in kernels {
-            gathered.kernels.entry((*kernel).into()).or_default().pixels += pixels as u64;
-        }
-    }
-
-    fn gathered(&self) -> MutexGuard<'_, Profile> {
-        self.gathered.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 /// Timestamps of one submission at most.
 const MOST_QUERIES: u32 = 4096;
 
@@ -360,27 +327,13 @@ impl<'d> Recorder<'d> {
                 let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
                 let resolved = self.device.buffer("timestamps", u64::from(count) * 8, usage)?;
                 self.encoder.resolve_query_set(&set, 0..count, &resolved.raw, 0);
-                Some((resolved, count))
+                let kernels = self.runs.iter().map(|(kernel, _)| *kernel).collect();
+                Some(Stamps { buffer: resolved, count: count as usize, kernels })
             }
             _ => None,
         };
         self.device.queue.submit([self.encoder.finish()]);
         self.device.check()?;
-        let times: Vec<u64> = match &stamps {
-            Some((buffer, count)) => self.device.read(buffer, 0, *count as usize)?,
-            None => Vec::new(),
-        };
-        let period = f64::from(self.device.queue.get_timestamp_period()) * 1e-9;
-        let mut profile = self.profiler.gathered();
-        profile.submissions += 1;
-        for (k, (label, pixels)) in self.runs.iter().enumerate() {
-            let cost = profile.kernels.entry((*label).into()).or_default();
-            cost.dispatches += 1;
-            cost.pixels += *pixels as u64;
-            if let [from, to] = times.get(2 * k..2 * k + 2).unwrap_or_default() {
-                cost.seconds += to.saturating_sub(*from) as f64 * period;
-            }
-        }
-        Ok(())
+        self.profiler.submitted(self.device, &self.runs, stamps)
     }
 }

@@ -21,6 +21,7 @@ mod moving_layer;
 mod moving_slopes;
 mod moving_twins;
 mod part;
+mod profiler;
 mod propagate;
 pub mod shared;
 mod trace;
@@ -44,7 +45,8 @@ use crate::report::Profile;
 use device::Device;
 pub use device::GpuOptions;
 pub use fallback::GpuOrReference;
-use kernels::{Kernels, Profiler};
+use kernels::Kernels;
+use profiler::Profiler;
 use turns::Turns;
 use waiting::{SliceJob, Waiting};
 
@@ -84,7 +86,7 @@ impl Gpu {
     /// What the kernels have cost so far.
     pub fn profile(&self) -> Profile {
         let [bytes_up, bytes_down] = self.device.traffic();
-        Profile { bytes_up, bytes_down, ..self.profiler.profile() }
+        Profile { bytes_up, bytes_down, ..self.profiler.profile(&self.device) }
     }
 
     /// The share of this device that a job takes: of the byte budget, or of the largest array where that is more.

@@ -28,6 +28,11 @@ fn pair(apart: f64, r: f64) -> Shape {
     union(circle(C - apart, C, r), circle(C + apart, C, r))
 }
 
+/// The pair and a thin bridge.
+fn joined_pair(apart: f64, r: f64) -> Shape {
+    [-8.0, -4.0, 0.0, 4.0, 8.0].into_iter().fold(pair(apart, r), |all, x| union(all, circle(C + x, C, 3.0)))
+}
+
 /// Lowest and highest layer with anything inside.
 fn reach(heights: &[f64], shapes: &[Shape], method: Method, motion: Motion) -> [f64; 2] {
     let stack = masks(121, heights, shapes);
@@ -47,7 +52,7 @@ const METHODS: [(Method, Motion); 3] =
 fn parts_end_where_the_fall_of_their_area_says() {
     // Heights, shapes, and where the body ends below and above.
     type Case = (&'static str, Vec<f64>, Vec<Shape>, [f64; 2]);
-    let cases: [Case; 7] = [
+    let cases: [Case; 8] = [
         (
             "tapering",
             vec![0.0, 10.0, 20.0, 30.0, 40.0],
@@ -74,6 +79,13 @@ fn parts_end_where_the_fall_of_their_area_says() {
             vec![0.0, 10.0, 20.0, 30.0],
             vec![nothing(), pair(17.0, 8.0), disc(30.0), pair(17.0, 8.0)],
             [5.0, 30.0],
+        ),
+        (
+            // As deep as what they come from: nothing says that they end before long.
+            "branches as thick as the body",
+            vec![0.0, 5.0, 10.0],
+            vec![nothing(), pair(17.0, 8.0), joined_pair(17.0, 8.0)],
+            [5.0 - 3.75, 10.0],
         ),
         (
             // Its area falls to five ninths, its thickness to a sixth.

@@ -190,8 +190,8 @@ impl<'a> Run<'a> {
             Direction::Up => (i, i.checked_sub(1).map(|k| (k, gap(k)))),
             Direction::Down => (i + 1, (i + 2 < contours.len()).then(|| (i + 2, gap(i + 1)))),
         };
-        let load = |k| contours.some(k, Contour::SEEDS_AND_PARTS);
-        let (own, inner) = (load(own)?, inner.map(|(k, gap)| load(k).map(|c| (c, gap))).transpose()?);
+        let own = contours.some(own, Contour::SEEDS_AND_PARTS)?;
+        let inner = inner.map(|(k, gap)| contours.get(k).map(|c| (c, gap))).transpose()?;
         let inner = inner.as_ref().map(|(inner, gap)| (Succession::new(&own, inner), *gap));
         let inner = inner.as_ref().map(|(inner, gap)| (inner, *gap));
         for part in lone.iter_mut().filter(|part| part.direction == direction) {

@@ -9,7 +9,8 @@
 //! otherwise.
 //!
 //! Measured on 118 parts of the evaluation's volumes: those that are a single part's single successor end at .85 g, the others half way in the
-//! mean and .7 of their inradius beyond their slice in the middle one.
+//! mean and .7 of their inradius beyond their slice in the middle one. Mean Dice over ends half way of parts 4 px deep and more, none of
+//! smaller ones: synthetic cases every 4th, 8th and 16th slice +.0006, +.0011, +.0070, real ones easy, medium and hard +.0010, -.0004, -.0001.
 
 use crate::contours::Contour;
 use crate::matching::LonePart;

@@ -44,6 +44,8 @@ pub const TARGETS: [(&str, Target); 13] = [
 
 /// Between the files of an input of several files.
 pub const BETWEEN: &[u8] = b"\n%%%%\n";
+/// Where grey values are cut.
+const GREY: f64 = 0.5;
 /// Most pixels of polygons that are tried: a file may ask for 2^30 of them, and is not wrong.
 const MOST_PIXELS: f64 = (1 << 24) as f64;
 /// Bytes that writing a body may take.
@@ -256,8 +258,13 @@ fn read(path: &Path, options: &ReadOptions) -> Result<()> {
     Ok(())
 }
 
-/// Reads a label volume as one body and as many labels.
+/// Reads a volume as grey values, as one body and as many labels.
 fn volume(path: &Path) -> Result<()> {
+    // Not every volume of labels crosses this level.
+    match read(path, &ReadOptions { level: Some(GREY), ..ReadOptions::default() }) {
+        Err(e) if !matches!(e, Error::Setting { .. }) => return Err(e),
+        _ => {}
+    }
     read(path, &ReadOptions::default())?;
     // A single drawn slice is a body, but no label.
     if let Ok(labels) = read_labels(path, &ReadOptions::default(), &Wanted::All) {

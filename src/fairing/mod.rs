@@ -106,7 +106,7 @@ pub struct Fairing<'m> {
     bound: f32,
     kept: VecDeque<Kept>,
     /// How many of the lowest of them have their `v`.
-    transformed: usize,
+    made: usize,
     /// The lowest interval that is not finished.
     interval: usize,
     /// D at its lower contour, if it is known.
@@ -117,7 +117,7 @@ impl<'m> Fairing<'m> {
     /// Nothing yet.
     pub fn new(spec: Spec<'m>) -> Self {
         let bound = (0.5 * spec.gap).max(2.0 * spec.dz).max(2.0 * spec.spacing[0].max(spec.spacing[1])) as f32;
-        Fairing { spec, bound, kept: VecDeque::new(), transformed: 0, interval: 0, at_contour: None }
+        Fairing { spec, bound, kept: VecDeque::new(), made: 0, interval: 0, at_contour: None }
     }
 
     /// Takes the next layer; hands on what is finished.
@@ -163,11 +163,11 @@ impl<'m> Fairing<'m> {
 
     /// Makes of the lowest `count` layers, whose neighbours are there, what has not been made yet.
     fn transform(&mut self, count: usize) -> Result<()> {
-        while self.transformed < count {
-            let some = self.transformed..(self.transformed + self.at_once()).min(count);
+        while self.made < count {
+            let some = self.made..(self.made + self.at_once()).min(count);
             let made = some.clone().into_par_iter().map(|k| self.transformed(k)).collect::<Result<Vec<_>>>()?;
             self.kept.range_mut(some.clone()).zip(made).for_each(|(kept, made)| kept.made = made);
-            self.transformed = some.end;
+            self.made = some.end;
         }
         Ok(())
     }
@@ -336,7 +336,7 @@ impl<'m> Fairing<'m> {
         // One layer more stays: how far the lowest reaches down is known from it.
         while self.kept.len() > 2 && self.kept[0].layer.is_none() && self.kept[1].z < needed {
             self.kept.pop_front();
-            self.transformed -= 1;
+            self.made -= 1;
         }
     }
 }

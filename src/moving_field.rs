@@ -16,6 +16,9 @@ use crate::spline::{harmonic, hermite_values, smoothstep};
 /// Share of `4 t^2 (1 - t)^2 |A - B|` taken off where the surface is upright: what interpolated distances shrink by systematically.
 pub const SHRINKING: f64 = 0.2;
 
+/// Smallest inradius of a part that is closed by itself where the other slice is not empty, px: that of a few pixels is what keeps their sign.
+pub const LEAST_DEPTH: f64 = 1.0;
+
 /// Surfaces that go sideways by more than this per height are less upright, those that go by more than FLAT not at all.
 pub const STEEP: f64 = 1.5;
 /// See [`STEEP`].

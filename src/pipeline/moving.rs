@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::Direction;
 use crate::matching::{LonePart, lone_solids};
-use crate::moving_field::{LoneParts, drawn_in};
+use crate::moving_field::{LEAST_DEPTH, LoneParts, drawn_in};
 use crate::moving_stack::MovingStack;
 use crate::reference::displacement::ROUNDS;
 use crate::section::NEIGHBOURS;
@@ -155,10 +155,11 @@ impl<'a> Run<'a> {
                     Direction::Up => (i, i + 1, 1.0),
                     Direction::Down => (i + 1, i, -1.0),
                 };
+                let least = if contours.light(other).solids.count > 0 { LEAST_DEPTH } else { 0.0 };
                 let (own, other) = (contours.get(own)?, moving.field(other)?);
                 let at_slices = moving.at_slices(i)?;
                 let u = &at_slices[usize::from(direction == Direction::Down)];
-                let parts = without_partner(&own, |x| {
+                let parts = without_partner(&own, least, |x| {
                     let v = u.at(x);
                     other.sample([x[0] + way * v[0], x[1] + way * v[1]]) < 0.0
                 });
@@ -201,9 +202,9 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Numbers of the parts no pixel of which meets anything.
-fn without_partner(contour: &Contour, meets: impl Fn([f64; 2]) -> bool) -> Vec<u32> {
-    let mut lone = vec![true; contour.solids.count + 1];
+/// Numbers of the parts, at least `least` deep, no pixel of which meets anything.
+fn without_partner(contour: &Contour, least: f64, meets: impl Fn([f64; 2]) -> bool) -> Vec<u32> {
+    let mut lone: Vec<bool> = contour.solid_depth.iter().map(|depth| *depth >= least).collect();
     lone[0] = false;
     let nx = contour.phi.dims[0];
     for (node, &label) in contour.solids.labels.iter().enumerate() {

@@ -1,18 +1,15 @@
 //! What of a layer is averaged: `v = B tanh(u / (n B))` of its distances u, with the 3D gradient `n = max(|grad u|, .3)`.
 
-use std::ops::Range;
-
 use multiversion::multiversion;
 
 use super::flatness::{self, Around};
+use super::near::{SATURATED, nearer};
 use crate::packed::Packed;
 
 /// Least gradient: flat places must not be blown up.
 const LEAST_GRADIENT: f32 = 0.3;
 /// Beyond this `u / (n B)` tanh stays as it is.
 const FLAT: f32 = 6.0;
-/// Pixels with a larger |v| / B are not near the surface.
-pub const SATURATED: f32 = 0.85;
 
 /// Lengths that the transformation of a layer depends on.
 #[derive(Debug, Clone, Copy)]
@@ -49,13 +46,13 @@ pub fn transform(layers: [&Packed<f32>; 3], lengths: Lengths) -> [Packed<f32>; 2
         }
     };
     let [v, gradient, sideways] = Packed::of_rows(dims, fill);
-    let around = Around::new(&sideways, lengths.spacing);
+    let around = Around::new([&sideways, &v], lengths.bound, lengths.spacing);
     let [gradient] = Packed::of_rows(dims, |first, [rows]: [&mut [f32]; 1]| {
         let mut own = vec![0.0; nx];
         for (j, row) in (first..).zip(rows.chunks_exact_mut(nx)) {
             gradient.read(0, j, row);
             v.read(0, j, &mut own);
-            for pixels in near_surface(&own, lengths.bound) {
+            for pixels in nearer(&own, SATURATED * lengths.bound) {
                 around.scale(j, pixels.start, &mut row[pixels]);
             }
         }
@@ -63,7 +60,7 @@ pub fn transform(layers: [&Packed<f32>; 3], lengths: Lengths) -> [Packed<f32>; 2
     [v, gradient]
 }
 
-/// v, n as each pixel asks by itself, and how far the surface goes sideways per height (-1 where it is not near), of a row from itself, those
+/// v, n as each pixel asks by itself, and how far the surface goes sideways per height (both 0 where it is not near), of a row from itself, those
 /// beside it, and those below and above it, each with one value more at either end; `per` is what differences are divided by.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn transform_row(lines: [&[f32]; 5], per: [f32; 3], bound: f32, [v, gradient, sideways]: [&mut [f32]; 3]) {
@@ -82,7 +79,7 @@ fn transform_row(lines: [&[f32]; 5], per: [f32; 3], bound: f32, [v, gradient, si
         let near = ratio.abs() < SATURATED;
         v[i] = bound * ratio;
         gradient[i] = if near { n * alone } else { 0.0 };
-        sideways[i] = if near { steep } else { -1.0 };
+        sideways[i] = if near { steep } else { 0.0 };
     }
 }
 
@@ -94,16 +91,6 @@ fn tanh(x: f32) -> f32 {
     let p = x * ((((s + 990.0) * s + 135_135.0) * s + 4_729_725.0) * s + 34_459_425.0);
     let q = (((45.0 * s + 13_860.0) * s + 945_945.0) * s + 16_216_200.0) * s + 34_459_425.0;
     (p / q).clamp(-1.0, 1.0)
-}
-
-/// The stretches of a row of v that are near the surface.
-pub fn near_surface(v: &[f32], bound: f32) -> impl Iterator<Item = Range<usize>> {
-    let far = SATURATED * bound;
-    let mut at = 0;
-    v.chunk_by(move |a, b| (a.abs() < far) == (b.abs() < far)).filter_map(move |some| {
-        at += some.len();
-        (some[0].abs() < far).then(|| at - some.len()..at)
-    })
 }
 
 #[cfg(test)]

@@ -113,26 +113,9 @@ impl Displacement {
         bilinear([below[0], below[1], above[0], above[1]], [fx, fy])
     }
 
-    /// The vectors at pixels of row `j` from `first` on. The blocks above and below are brought to the row once for all pixels between.
-    pub fn read_row(&self, j: usize, first: usize, mut out: &mut [[f64; 2]]) {
-        let (row, fy) = self.place(1, j as f64);
-        let (below, above) = self.vectors[row * self.grid[0]..][..2 * self.grid[0]].split_at(self.grid[0]);
-        let in_row = |k: usize| mix(below[k], above[k], fy);
-        let mut i = first;
-        while !out.is_empty() {
-            // Pixels until the next block's centre.
-            let count = (BLOCK - (i + BLOCK / 2) % BLOCK).min(out.len());
-            let (some, rest) = std::mem::take(&mut out).split_at_mut(count);
-            let (column, fx) = self.place(0, i as f64);
-            let (left, right) = (in_row(column), in_row(column + 1));
-            if fx == PLACES[0] && count == BLOCK {
-                some.iter_mut().zip(PLACES).for_each(|(slot, f)| *slot = mix(left, right, f));
-            } else {
-                let place = |k: usize| self.place(0, (i + k) as f64).1;
-                some.iter_mut().enumerate().for_each(|(k, slot)| *slot = mix(left, right, place(k)));
-            }
-            (i, out) = (i + count, rest);
-        }
+    /// The vectors at pixels of row `j` from `first` on.
+    pub fn read_row(&self, j: usize, first: usize, out: &mut [[f64; 2]]) {
+        read_row(self, j, first, out);
     }
 
     /// Bounds `[least, largest]` of the vectors at the pixels from `first` to `last`, both included.
@@ -168,6 +151,33 @@ impl Displacement {
     /// Largest component of any vector, px.
     pub fn largest(&self) -> f64 {
         self.vectors.iter().flatten().fold(0.0, |m, v| m.max(v.abs()))
+    }
+}
+
+/// See [`Displacement::read_row`]. The blocks above and below are brought to the row once for all pixels between.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
+fn read_row(v: &Displacement, j: usize, first: usize, mut out: &mut [[f64; 2]]) {
+    let (row, fy) = v.place(1, j as f64);
+    let (below, above) = v.vectors[row * v.grid[0]..][..2 * v.grid[0]].split_at(v.grid[0]);
+    let in_row = |k: usize| mix(below[k], above[k], fy);
+    let mut before = v.place(0, first as f64).0;
+    let [mut left, mut right] = [in_row(before), in_row(before + 1)];
+    let mut i = first;
+    while !out.is_empty() {
+        // Pixels until the next block's centre.
+        let count = (BLOCK - (i + BLOCK / 2) % BLOCK).min(out.len());
+        let (some, rest) = std::mem::take(&mut out).split_at_mut(count);
+        let (column, fx) = v.place(0, i as f64);
+        if column != before {
+            (left, right, before) = (right, in_row(column + 1), column);
+        }
+        if fx == PLACES[0] && count == BLOCK {
+            some.iter_mut().zip(PLACES).for_each(|(slot, f)| *slot = mix(left, right, f));
+        } else {
+            let place = |k: usize| v.place(0, (i + k) as f64).1;
+            some.iter_mut().enumerate().for_each(|(k, slot)| *slot = mix(left, right, place(k)));
+        }
+        (i, out) = (i + count, rest);
     }
 }
 

@@ -10,6 +10,9 @@ pub const SATURATED: f32 = 0.85;
 /// At a contour the difference fades out between these: layers beside it read it there, near their own surface.
 const FADE: [f32; 2] = [0.82, 0.88];
 
+/// Pixels that are passed over at once.
+const RUN: usize = 16;
+
 /// How near the surface a pixel at `|v| / B` is, 1 to 0.
 pub fn nearness(ratio: f32) -> f64 {
     smoothstep(f64::from((SATURATED - ratio) / (SATURATED - NEAR)))
@@ -28,8 +31,33 @@ pub fn widest(at_contour: bool) -> f32 {
 /// The stretches of a row of v that are nearer the surface than `far`.
 pub fn nearer(v: &[f32], far: f32) -> impl Iterator<Item = Range<usize>> {
     let mut at = 0;
-    v.chunk_by(move |a, b| (a.abs() < far) == (b.abs() < far)).filter_map(move |some| {
-        at += some.len();
-        (some[0].abs() < far).then(|| at - some.len()..at)
+    let is = move |v: &f32| v.abs() < far;
+    std::iter::from_fn(move || {
+        // Most of a row is far: whole runs at a time.
+        let some = v[at..].chunks(RUN).take_while(|run| !run.iter().fold(false, |any, v| any | is(v)));
+        at += some.map(<[f32]>::len).sum::<usize>();
+        let begin = at + v[at..].iter().position(is)?;
+        at = v[begin..].iter().position(|v| !is(v)).map_or(v.len(), |count| begin + count);
+        Some(begin..at)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stretches_are_those_of_the_pixels_that_are_near() {
+        for seed in 0..50u32 {
+            let length = seed as usize * 5;
+            // Now and then a stretch, some at either end.
+            let value =
+                |k: usize| if (k as u32 / (1 + seed % 7)).wrapping_mul(2654435761) >> 29 < 2 { 0.1 } else { -0.9 };
+            let v: Vec<f32> = (0..length).map(value).collect();
+            let found: Vec<Range<usize>> = nearer(&v, 0.5).collect();
+            let near: Vec<usize> = found.iter().cloned().flatten().collect();
+            assert_eq!(near, (0..length).filter(|&k| v[k].abs() < 0.5).collect::<Vec<_>>());
+            assert!(found.windows(2).all(|pair| pair[0].end < pair[1].start), "whole stretches: {found:?}");
+        }
+    }
 }

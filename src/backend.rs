@@ -35,10 +35,6 @@ pub enum PaddedSlice {
 impl PaddedSlice {
     /// The slice of `nx` x `ny` pixels with `pad` pixels of outside all around it.
     pub fn new(content: &SliceContent, [nx, ny]: [usize; 2], pad: usize) -> Self {
-        let source = |i: usize, j: usize| {
-            let (i, j) = (i.checked_sub(pad)?, j.checked_sub(pad)?);
-            (i < nx && j < ny).then(|| j * nx + i)
-        };
         let dims = [nx + 2 * pad, ny + 2 * pad];
         match content {
             SliceContent::Mask(mask) => {
@@ -51,10 +47,19 @@ impl PaddedSlice {
             }
             SliceContent::Level(u) => {
                 // Outside as far from the level as the slice's own values are, so that a contour at the border lies near it.
-                let outside = u.iter().copied().fold(f32::MIN_POSITIVE, |a, v| a.max(v.abs()));
-                PaddedSlice::Level(Field::from_fn(dims, |i, j| {
-                    f64::from(source(i, j).map_or(outside, |n| if u[n] == 0.0 { f32::MIN_POSITIVE } else { u[n] }))
-                }))
+                let far = f64::from(u.largest());
+                let mut out = Field::filled(dims, far);
+                let mut inside = vec![false; nx];
+                for j in 0..ny {
+                    u.sides().read(j * nx, &mut inside);
+                    let row = &mut out.data[(j + pad) * dims[0] + pad..][..nx];
+                    row.iter_mut().zip(&inside).filter(|(_, inside)| **inside).for_each(|(v, _)| *v = -far);
+                }
+                for (n, v) in u.near() {
+                    let v = if *v == 0.0 { f32::MIN_POSITIVE } else { *v };
+                    out.data[(n / nx + pad) * dims[0] + n % nx + pad] = f64::from(v);
+                }
+                PaddedSlice::Level(out)
             }
         }
     }

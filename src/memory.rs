@@ -117,7 +117,7 @@ impl Needs {
 fn contents(stack: &ContourStack) -> f64 {
     let each = stack.slices.iter().map(|s| match &s.content {
         SliceContent::Mask(mask) => mask.bytes(),
-        SliceContent::Level(u) => size_of_val(&**u),
+        SliceContent::Level(u) => u.bytes(),
     });
     each.sum::<usize>() as f64
 }
@@ -171,6 +171,24 @@ pub fn check_room(bytes: f64) -> std::result::Result<(), String> {
         Some(free) if bytes > free as f64 => {
             Err(format!("take {:.0} MiB of memory, {} MiB are available", (bytes / MIB).ceil(), free >> 20))
         }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses slices of so many pixels that could not even wait for their turn: what is kept of each, in memory or in a temporary file.
+///
+/// # Errors
+/// What takes too much: its size and what is free.
+pub fn check_slices(pixels: f64, slices: usize) -> std::result::Result<(), String> {
+    const MIB: f64 = (1 << 20) as f64;
+    let needed = PER_SLICE_PIXEL * pixels * slices as f64;
+    match available().zip(free_disk(&std::env::temp_dir())) {
+        Some((memory, disk)) if needed > memory as f64 + disk as f64 => Err(format!(
+            "take {:.0} MiB of memory and temporary files, {} and {} MiB are available",
+            (needed / MIB).ceil(),
+            memory >> 20,
+            disk >> 20
+        )),
         _ => Ok(()),
     }
 }

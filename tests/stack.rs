@@ -8,7 +8,7 @@ use std::fs;
 
 use files::*;
 use interslice::settings::EndRule;
-use interslice::stack::{HeightGrid, ReadOptions, SliceContent, read};
+use interslice::stack::{HeightGrid, Level, ReadOptions, SliceContent, read};
 use interslice::{Settings, height_grid, reconstruct};
 use shapes::{circle, levels, masks};
 
@@ -26,7 +26,9 @@ fn heights_that_are_no_numbers_are_refused_by_name() {
     assert!(message.contains("slice 2") && message.contains("7 pixels") && message.contains("40x40"), "{message}");
     let mut grey = levels(40, &[0.0, 5.0], &[9.0, 8.0].map(|r| circle(19.0, 19.0, r)));
     let SliceContent::Level(u) = &mut grey.slices[1].content else { panic!("levels were asked for") };
-    u[85] = f32::NAN;
+    let mut values = u.values();
+    values[85] = f32::NAN;
+    *u = Level::new(&values, 40);
     let message = grey.validate().expect_err("NaN is no value").to_string();
     assert!(message.contains("slice 1") && message.contains("pixel (5, 2)"), "{message}");
 }

@@ -20,7 +20,7 @@ use grid::Grid;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::stack::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
+use crate::stack::{ContourStack, Geometry, HeightGrid, Level, Slice, SliceContent};
 
 /// A closed line: the last point joins the first.
 pub type Polygon = Vec<[f64; 2]>;
@@ -85,7 +85,7 @@ pub fn stack(drawings: &[Drawing], planes: &Planes, pixel: Option<[f64; 2]>) -> 
             name: d.name.clone(),
             z: d.z,
             extra: d.extra,
-            content: SliceContent::Level(level_set(&d.regions, &grid)),
+            content: SliceContent::Level(Level::new(&level_set(&d.regions, &grid), grid.dims[0])),
         })
         .collect();
     let origin = std::array::from_fn(|a| grid.origin[0] * planes.axes[0][a] + grid.origin[1] * planes.axes[1][a]);

@@ -4,15 +4,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, ImageReader};
+use rayon::prelude::*;
 use serde::Deserialize;
 
-use super::{ContourStack, Geometry, HeightGrid, ReadOptions, Slice, SliceContent};
+use super::{ContourStack, Geometry, HeightGrid, Level, ReadOptions, Slice, SliceContent};
 use crate::error::{Error, Result};
 use crate::memory;
 use crate::polygons::{self, Drawing, Planes, Polygon};
 
-/// Of an image's values and of the contour made of them.
-const BYTES_PER_PIXEL: f64 = (size_of::<u16>() + size_of::<f32>()) as f64;
+/// Of an image's values, as decoded and as grey values, and of the depths made of them.
+const BYTES_PER_PIXEL: f64 = (2 * size_of::<u16>() + size_of::<f32>()) as f64;
 
 /// Schema of `stack.json`; any other field is an error.
 #[derive(Debug, Deserialize)]
@@ -133,32 +134,22 @@ fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) 
     if parsed.axes.is_some() {
         return fail("`axes` is for polygons; images lie along x and y");
     }
-    let mut images = Vec::with_capacity(parsed.slices.len());
     let entries: Vec<(String, f64, bool)> =
         parsed.slices.into_iter().map(|s| (s.file.unwrap_or_default(), s.z, s.extra)).collect();
-    for (index, (name, ..)) in entries.iter().enumerate() {
-        images.push(read_image(&folder.join(name), index, name)?);
-        let (first, this): (&Grey, &Grey) = (&images[0], &images[index]);
-        let fail = |message| Err(Error::Slice { index, name: name.clone(), message });
-        if this.dims != first.dims {
-            let ([w, h], [w0, h0]) = (this.dims, first.dims);
-            return fail(format!("{w}x{h} px, but slice 0 is {w0}x{h0}"));
+    let names: Vec<(PathBuf, &str)> = entries.iter().map(|(name, ..)| (folder.join(name), name.as_str())).collect();
+    let ranges = ranges(file, &names)?;
+    let rule = Rule::new(&ranges, options.level)?;
+    let contents = each(&names, |index, (path, name)| {
+        let image = read_image(path, index, name)?;
+        if Range::of(&image) != ranges[index] {
+            let message = "has changed while it was read".into();
+            return Err(Error::Slice { index, name: name.to_string(), message });
         }
-        if this.bits != first.bits {
-            return fail(format!("{} bits per pixel, but slice 0 has {}", this.bits, first.bits));
-        }
-        if index == 0 {
-            let ([w, h], count) = (first.dims, entries.len());
-            let bytes = BYTES_PER_PIXEL * (w * h) as f64 * count as f64;
-            let wrong =
-                |m: String| Error::Format { path: file.into(), message: format!("{count} slices of {w}x{h} px {m}") };
-            memory::check_room(bytes).map_err(wrong)?;
-        }
-    }
-    let contents = contents(&images, options.level)?;
+        Ok(rule.content(&image))
+    })?;
     let slice = |((name, z, extra), content)| Slice { name, z, extra, content };
     Ok(ContourStack {
-        dims: images.first().map_or([0, 0], |i| i.dims),
+        dims: ranges.first().map_or([0, 0], |r| r.dims),
         spacing,
         unit: parsed.unit,
         slices: entries.into_iter().zip(contents).map(slice).collect(),
@@ -167,10 +158,100 @@ fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) 
     })
 }
 
+/// Goes through the slices, as many at a time as there are threads; the first error in their order.
+fn each<T: Send>(names: &[(PathBuf, &str)], f: impl Fn(usize, &(PathBuf, &str)) -> Result<T> + Sync) -> Result<Vec<T>> {
+    let all: Vec<Result<T>> = names.par_iter().enumerate().map(|(index, name)| f(index, name)).collect();
+    all.into_iter().collect()
+}
+
+/// What the images have in common, and which values each has. No more of them is kept: what is made of them depends on all.
+fn ranges(file: &Path, names: &[(PathBuf, &str)]) -> Result<Vec<Range>> {
+    let Some((path, name)) = names.first() else { return Ok(Vec::new()) };
+    let first = Range::of(&read_image(path, 0, name)?);
+    let ([w, h], count) = (first.dims, names.len());
+    let at_once = count.min(rayon::current_num_threads());
+    let pixels = (w * h) as f64;
+    let wrong = |count: usize, m: String| Error::Format {
+        path: file.into(),
+        message: format!("{count} slices of {w}x{h} px {m}"),
+    };
+    memory::check_room(BYTES_PER_PIXEL * pixels * at_once as f64).map_err(|m| wrong(at_once, m))?;
+    memory::check_slices(pixels, count).map_err(|m| wrong(count, m))?;
+    each(names, |index, (path, name)| {
+        let this = Range::of(&read_image(path, index, name)?);
+        let fail = |message| Err(Error::Slice { index, name: name.to_string(), message });
+        if this.dims != first.dims {
+            let [width, height] = this.dims;
+            return fail(format!("{width}x{height} px, but slice 0 is {w}x{h}"));
+        }
+        if this.bits != first.bits {
+            return fail(format!("{} bits per pixel, but slice 0 has {}", this.bits, first.bits));
+        }
+        Ok(this)
+    })
+}
+
 struct Grey {
     dims: [usize; 2],
     bits: u8,
     values: Vec<u16>,
+}
+
+/// An image without its pixels.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Range {
+    dims: [usize; 2],
+    bits: u8,
+    /// Least and largest value; 0 for both of an image without pixels.
+    ends: [u16; 2],
+    /// Whether it has others.
+    more: bool,
+}
+
+impl Range {
+    fn of(image: &Grey) -> Self {
+        let values = || image.values.iter().copied();
+        let ends = [values().min(), values().max()].map(Option::unwrap_or_default);
+        Range { dims: image.dims, bits: image.bits, ends, more: values().any(|v| !ends.contains(&v)) }
+    }
+}
+
+/// What is inside: of two values in the whole stack the larger one; of more, or with a given level, what is above it, to parts of a pixel.
+enum Rule {
+    /// This value and larger ones.
+    Least(u16),
+    /// What is above, with sub-pixel contours.
+    Above(f64),
+}
+
+impl Rule {
+    fn new(ranges: &[Range], level: Option<f64>) -> Result<Self> {
+        let ends = || ranges.iter().flat_map(|r| r.ends);
+        let (Some(low), Some(high)) = (ends().min(), ends().max()) else {
+            return Err(Error::Stack(format!("at least 2 slices are needed; got {}", ranges.len())));
+        };
+        if let Some(level) = level
+            && !(level.is_finite() && level >= f64::from(low) && level < f64::from(high))
+        {
+            let message = format!("must lie in [{low}, {high}), the range of the slices' values; got {level}");
+            return Err(Error::Setting { name: "level".into(), message });
+        }
+        let two = ranges.iter().all(|r| !r.more) && ends().all(|v| v == low || v == high);
+        Ok(match level {
+            None if two => Rule::Least(high.max(1)),
+            _ => Rule::Above(level.unwrap_or((f64::from(low) + f64::from(high)) / 2.0)),
+        })
+    }
+
+    fn content(&self, image: &Grey) -> SliceContent {
+        match self {
+            Rule::Least(least) => SliceContent::Mask(image.values.iter().map(|v| v >= least).collect()),
+            Rule::Above(level) => {
+                let depths: Vec<f32> = image.values.iter().map(|&v| (level - f64::from(v)) as f32).collect();
+                SliceContent::Level(Level::new(&depths, image.dims[0]))
+            }
+        }
+    }
 }
 
 fn read_image(path: &PathBuf, index: usize, name: &str) -> Result<Grey> {
@@ -200,25 +281,4 @@ fn read_image(path: &PathBuf, index: usize, name: &str) -> Result<Grey> {
         }
         other => Err(fail(format!("pixels are {:?}; a slice must be an 8 or 16 bit grey image", other.color()))),
     }
-}
-
-/// Two values in the whole stack make masks, the larger one inside; more, or a given level, make sub-pixel contours.
-fn contents(images: &[Grey], level: Option<f64>) -> Result<Vec<SliceContent>> {
-    let values = || images.iter().flat_map(|i| i.values.iter().copied());
-    let (Some(low), Some(high)) = (values().min(), values().max()) else {
-        return Err(Error::Stack(format!("at least 2 slices are needed; got {}", images.len())));
-    };
-    if let Some(level) = level
-        && !(level.is_finite() && level >= f64::from(low) && level < f64::from(high))
-    {
-        let message = format!("must lie in [{low}, {high}), the range of the slices' values; got {level}");
-        return Err(Error::Setting { name: "level".into(), message });
-    }
-    if level.is_none() && values().all(|v| v == low || v == high) {
-        let inside = |v: u16| if low == high { v > 0 } else { v == high };
-        return Ok(images.iter().map(|i| SliceContent::Mask(i.values.iter().map(|&v| inside(v)).collect())).collect());
-    }
-    let level = level.unwrap_or((f64::from(low) + f64::from(high)) / 2.0);
-    let content = |i: &Grey| SliceContent::Level(i.values.iter().map(|&v| (level - f64::from(v)) as f32).collect());
-    Ok(images.iter().map(content).collect())
 }

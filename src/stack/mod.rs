@@ -4,6 +4,7 @@
 
 pub mod folder;
 pub mod labels;
+pub mod level;
 pub mod mask;
 pub mod mha;
 pub mod nifti;
@@ -15,6 +16,7 @@ pub mod pages;
 pub mod read;
 pub mod volume;
 
+pub use level::Level;
 pub use mask::Mask;
 pub use options::ReadOptions;
 pub use read::read;
@@ -59,8 +61,8 @@ pub struct Slice {
 pub enum SliceContent {
     /// Inside or not; the contour runs half way between pixels.
     Mask(Mask),
-    /// Implicit function `level - value`: negative inside, the contour is its sub-pixel zero set (0 counts as outside).
-    Level(Vec<f32>),
+    /// Implicit function, `level - value` of a grey slice: the contour is its sub-pixel zero set.
+    Level(Level),
 }
 
 impl SliceContent {
@@ -68,7 +70,7 @@ impl SliceContent {
     pub fn inside(&self, node: usize) -> bool {
         match self {
             SliceContent::Mask(m) => m.at(node),
-            SliceContent::Level(u) => u.get(node).is_some_and(|v| *v < 0.0),
+            SliceContent::Level(u) => u.sides().at(node),
         }
     }
 
@@ -76,7 +78,7 @@ impl SliceContent {
     pub fn len(&self) -> usize {
         match self {
             SliceContent::Mask(m) => m.len(),
-            SliceContent::Level(u) => u.len(),
+            SliceContent::Level(u) => u.sides().len(),
         }
     }
 
@@ -84,7 +86,7 @@ impl SliceContent {
     pub fn is_empty(&self) -> bool {
         match self {
             SliceContent::Mask(m) => m.is_blank(),
-            SliceContent::Level(u) => !u.iter().any(|v| *v < 0.0),
+            SliceContent::Level(u) => u.sides().is_blank(),
         }
     }
 
@@ -99,7 +101,7 @@ impl SliceContent {
     pub fn read(&self, first: usize, out: &mut [bool]) {
         match self {
             SliceContent::Mask(m) => m.read(first, out),
-            SliceContent::Level(u) => out.iter_mut().zip(&u[first..]).for_each(|(inside, v)| *inside = *v < 0.0),
+            SliceContent::Level(u) => u.sides().read(first, out),
         }
     }
 }
@@ -198,7 +200,7 @@ impl ContourStack {
                 return fail(format!("height {} must lie above that of the slice before (`{}`: {})", s.z, b.name, b.z));
             }
             if let SliceContent::Level(u) = &s.content
-                && let Some(k) = u.iter().position(|v| !v.is_finite())
+                && let Some((k, _)) = u.near().iter().find(|(_, v)| !v.is_finite())
             {
                 return fail(format!("pixel ({}, {}) is not a finite number", k % self.dims[0], k / self.dims[0]));
             }

@@ -10,7 +10,7 @@ use crate::map::{Crs, Map};
 use crate::polygons::Polygon;
 use crate::polygons::grid::Grid;
 use crate::polygons::level_set;
-use crate::stack::{ContourStack, Geometry, Slice, SliceContent};
+use crate::stack::{self, ContourStack, Geometry, Slice, SliceContent};
 
 /// Pixels beyond the border: distances are needed as far.
 const BEYOND: f64 = 16.0;
@@ -44,7 +44,8 @@ pub fn stack(joined: &Joined, pixel: f64, crs: Crs) -> Result<(ContourStack, Map
     let slices = joined.levels.par_iter().map(|level| {
         let region = region(level, joined, &outer, &grid).map_err(Wrong::Lines)?;
         let name = format!("level {}", level.z);
-        Ok(Slice { name, z: level.z, extra: false, content: SliceContent::Level(region) })
+        let content = stack::Level::new(&region, grid.dims[0]);
+        Ok(Slice { name, z: level.z, extra: false, content: SliceContent::Level(content) })
     });
     let slices = slices.collect::<Result<Vec<Slice>, Wrong>>()?;
     let stack = ContourStack {

@@ -5,7 +5,7 @@ pub mod zoo;
 
 use interslice::Settings;
 use interslice::settings::{Method, Motion};
-use interslice::stack::{ContourStack, Geometry, Slice, SliceContent};
+use interslice::stack::{ContourStack, Geometry, Level, Slice, SliceContent};
 
 /// The morph alone: contours stay in their place, and nothing is smoothed after it.
 pub fn plain() -> Settings {
@@ -73,7 +73,8 @@ pub fn masks(n: usize, heights: &[f64], shapes: &[Shape]) -> ContourStack {
 /// A stack of sub-pixel level sets, so that no staircase hides the method's own error.
 pub fn levels(n: usize, heights: &[f64], shapes: &[Shape]) -> ContourStack {
     assert_eq!(heights.len(), shapes.len());
-    let level = |s: &Shape| SliceContent::Level(values([n, n], s).iter().map(|v| *v as f32).collect());
+    let single = |s: &Shape| values([n, n], s).iter().map(|v| *v as f32).collect::<Vec<f32>>();
+    let level = |s: &Shape| SliceContent::Level(Level::new(&single(s), n));
     stack([n, n], heights, shapes.iter().map(level).collect())
 }
 

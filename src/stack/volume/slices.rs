@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::memory;
 use crate::stack::mask::Drawing;
 use crate::stack::options::ReadOptions;
-use crate::stack::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
+use crate::stack::{ContourStack, Geometry, HeightGrid, Level, Slice, SliceContent};
 
 /// Labels that a message names.
 const NAMED: usize = 12;
@@ -114,23 +114,36 @@ fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option
 /// Level sets of the slices `chosen` across the axis `w`, row-major along `u` and `v`.
 fn levels(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], level: f64) -> Result<Vec<SliceContent>> {
     let dims = volume.grid.dims;
-    let [nx, ny, count] = [dims[u], dims[v], chosen.len()];
+    let [nx, ny] = [dims[u], dims[v]];
+    // Across the file's last axis one slice is read after the other, across others all at the same time.
+    let count = if w == 2 { 1 } else { chosen.len() };
     memory::check_room(size_of::<f32>() as f64 * nx as f64 * ny as f64 * count as f64).map_err(|m| {
         let message = format!("the grey values of {count} slices of {nx}x{ny} px {m}");
         Error::Format { path: volume.path.clone(), message }
     })?;
     let places = places(chosen, dims[w]);
-    let mut levels = vec![vec![0.0; nx * ny]; count];
+    let mut levels: Vec<Option<Level>> = vec![None; chosen.len()];
+    let mut read: Vec<(Vec<f32>, usize)> = vec![(Vec::new(), 0); chosen.len()];
     volume.greys(|run| {
         let mut at = run.first;
         for value in run.values {
             if let Some(place) = places[at[w]] {
-                levels[place][at[u] + at[v] * nx] = depth(level, *value);
+                let (values, known) = &mut read[place];
+                if *known == 0 {
+                    values.resize(nx * ny, 0.0);
+                }
+                values[at[u] + at[v] * nx] = depth(level, *value);
+                *known += 1;
+                if *known == nx * ny {
+                    levels[place] = Some(Level::new(values, nx));
+                    *values = Vec::new();
+                }
             }
             at[run.along] += 1;
         }
     })?;
-    Ok(levels.into_iter().map(SliceContent::Level).collect())
+    // Every reader gives all voxels or says what is missing.
+    Ok(levels.into_iter().map(|level| SliceContent::Level(level.unwrap_or_default())).collect())
 }
 
 /// For each slice across an axis its place among the chosen ones.

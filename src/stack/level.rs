@@ -17,17 +17,32 @@ impl Level {
     /// From the values of all pixels, of which a row has `nx`.
     pub fn new(values: &[f32], nx: usize) -> Self {
         let nx = nx.max(1);
-        let inside = |n: usize| values.get(n).is_some_and(|v| *v < 0.0);
-        let beside = |n: usize| {
-            let i = n % nx;
-            let left = i > 0 && inside(n - 1);
-            let right = i + 1 < nx && inside(n + 1);
-            [left, right, n >= nx && inside(n - nx), inside(n + nx)]
+        let mut near = Vec::new();
+        // Sides of a row and of those before and after it, with what lies beyond either end.
+        let mut sides = [const { Vec::new() }; 3].map(|mut row: Vec<bool>| {
+            row.resize(nx + 2, false);
+            row
+        });
+        let read = |to: &mut [bool], row: Option<&[f32]>| {
+            to.fill(false);
+            to[1..].iter_mut().zip(row.unwrap_or_default()).for_each(|(inside, v)| *inside = *v < 0.0);
         };
-        let is_near = |n: usize| beside(n).contains(&!inside(n));
-        // Values that are no numbers are kept for whoever checks the slice.
-        let kept = values.iter().enumerate().filter(|(n, v)| !v.is_finite() || is_near(*n));
-        let mut near: Vec<(usize, f32)> = kept.map(|(n, v)| (n, *v)).collect();
+        let mut rows = values.chunks(nx);
+        read(&mut sides[2], rows.next());
+        let mut kept = vec![false; nx];
+        for (first, row) in (0..).step_by(nx).zip(values.chunks(nx)) {
+            sides.rotate_left(1);
+            read(&mut sides[2], rows.next());
+            let [before, own, after] = sides.each_ref().map(|side| &side[..nx + 2]);
+            for (i, (kept, v)) in kept.iter_mut().zip(row).enumerate() {
+                let side = own[i + 1];
+                let other = (own[i] != side) | (own[i + 2] != side) | (before[i + 1] != side) | (after[i + 1] != side);
+                // Values that are no numbers are kept for whoever checks the slice.
+                *kept = other | !v.is_finite();
+            }
+            let of_row = kept.iter().zip(row).enumerate().filter(|(_, (kept, _))| **kept);
+            near.extend(of_row.map(|(i, (_, v))| (first + i, *v)));
+        }
         near.shrink_to_fit();
         let largest = values.iter().fold(f32::MIN_POSITIVE, |a, v| a.max(v.abs()));
         Level { sides: values.iter().map(|v| *v < 0.0).collect(), near, largest }

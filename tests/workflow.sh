@@ -182,14 +182,16 @@ CONF
     --slurm-init-seconds-before-status-checks 2 &
   workflow=$!
   some_are_done() { [ "$(done_lines)" -ge 4 ]; }
+  # Known before it is needed: on a busy machine the search takes as long as some jobs.
+  batch_runs() { killed="$(process_of batch)"; }
+  wait_for batch_runs
   wait_for some_are_done
-  killed="$(process_of batch)" || show_and_fail "no process of the batch runs"
-  kill -9 "$killed"
+  kill -9 "$killed" || show_and_fail "process $killed of the batch has ended"
   finished_then="$(done_lines)"
   [ "$finished_then" -lt 20 ] || fail "the batch was over when it was to be killed"
   say "killed a process of the batch (kill -9 $killed) when $finished_then of 20 jobs were done"
-  wait_for process_of run
-  part="$(tr '\0' ' ' <"/proc/$(process_of run)/cmdline" | sed 's/.*--part \([0-9]*\).*/\1/')"
+  part_runs() { of_part="$(process_of run)" && part="$(tr '\0' ' ' <"/proc/$of_part/cmdline" | sed 's/.*--part \([0-9]*\).*/\1/')"; }
+  wait_for part_runs
   cancelled="$(squeue -h -t R -o '%i %k' | grep "rule_part_wildcards_.*[_=]$part\$" | cut -d' ' -f1)"
   [ -n "$cancelled" ] || show_and_fail "Slurm does not know part $part: $(squeue -h -o '%i %k')"
   scancel "$cancelled"

@@ -31,6 +31,9 @@ const CONTOURS_AT_ONCE: f64 = 3.0;
 const PER_WAITING_EDGE: f64 = 750.0;
 const PER_WAITING_PIXEL: f64 = 20.0;
 const WAITING_GAPS: f64 = 3.5;
+/// Bytes of a MiB.
+const MIB: f64 = (1 << 20) as f64;
+
 /// Bytes that do not depend on the stack.
 const BASE_BYTES: f64 = 24.0 * 1024.0 * 1024.0;
 
@@ -166,7 +169,6 @@ pub fn available() -> Option<u64> {
 /// # Errors
 /// What takes too much: its size and what is free.
 pub fn check_room(bytes: f64) -> std::result::Result<(), String> {
-    const MIB: f64 = (1 << 20) as f64;
     match available() {
         Some(free) if bytes > free as f64 => {
             Err(format!("take {:.0} MiB of memory, {} MiB are available", (bytes / MIB).ceil(), free >> 20))
@@ -180,7 +182,6 @@ pub fn check_room(bytes: f64) -> std::result::Result<(), String> {
 /// # Errors
 /// What takes too much: its size and what is free.
 pub fn check_slices(pixels: f64, slices: usize) -> std::result::Result<(), String> {
-    const MIB: f64 = (1 << 20) as f64;
     let needed = PER_SLICE_PIXEL * pixels * slices as f64;
     match available().zip(free_disk(&std::env::temp_dir())) {
         Some((memory, disk)) if needed > memory as f64 + disk as f64 => Err(format!(

@@ -132,12 +132,15 @@ fn describe(stack: &ContourStack, links: &[Link], dz: Option<f64>) -> Result<Str
         mib(needs.all),
     ));
     lines.push(String::new());
-    let seen: Vec<Seen> = stack.slices.iter().map(|s| Seen::of(s, stack.dims)).collect();
+    // Two slices at a time: a stack may be larger than memory.
+    let mut below: Option<Seen> = None;
     for (k, slice) in stack.slices.iter().enumerate() {
-        lines.push(seen[k].line(k, slice, stack.dims));
-        if let Some(next) = seen.get(k + 1) {
-            lines.extend(between(stack, k, &seen[k].solids, &next.solids, links));
+        let seen = Seen::of(slice, stack.dims);
+        if let Some(below) = below {
+            lines.extend(between(stack, k - 1, &below.solids, &seen.solids, links));
         }
+        lines.push(seen.line(k, slice, stack.dims));
+        below = Some(seen);
     }
     lines.push(String::new());
     Ok(lines.join("\n"))

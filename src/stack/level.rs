@@ -19,10 +19,7 @@ impl Level {
         let nx = nx.max(1);
         let mut near = Vec::new();
         // Sides of a row and of those before and after it, with what lies beyond either end.
-        let mut sides = [const { Vec::new() }; 3].map(|mut row: Vec<bool>| {
-            row.resize(nx + 2, false);
-            row
-        });
+        let mut sides = [(); 3].map(|()| vec![false; nx + 2]);
         let read = |to: &mut [bool], row: Option<&[f32]>| {
             to.fill(false);
             to[1..].iter_mut().zip(row.unwrap_or_default()).for_each(|(inside, v)| *inside = *v < 0.0);

@@ -49,7 +49,7 @@ fn random(state: &mut u64) -> f64 {
 fn killed_at_25_random_moments() {
     let place = folder();
     let ids = cases(place.path(), 12);
-    let (whole, took) = undisturbed(place.path());
+    let (whole, mut took) = undisturbed(place.path());
     let (mut alive, mut in_the_middle, mut leftovers, mut seed) = (0, 0, 0, 25u64);
     for trial in 0..25 {
         fs::remove_dir_all(place.path().join("out")).expect("it is there");
@@ -62,6 +62,10 @@ fn killed_at_25_random_moments() {
         let before = done(place.path());
         let left = outputs(place.path());
         alive += usize::from(was_alive);
+        if !was_alive {
+            // The machine is faster than it was at first.
+            took = took.mul_f64(0.85);
+        }
         in_the_middle += usize::from(was_alive && !before.is_empty() && before.len() < ids.len());
         leftovers += usize::from(left.keys().any(|name| name.ends_with(".tmp")));
         // Under their own names there are whole files only.

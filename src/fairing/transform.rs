@@ -60,8 +60,8 @@ pub fn transform(layers: [&Packed<f32>; 3], lengths: Lengths) -> [Packed<f32>; 2
     [v, gradient]
 }
 
-/// v, n as each pixel asks by itself, and how far the surface goes sideways per height (both 0 where it is not near), of a row from itself, those
-/// beside it, and those below and above it, each with one value more at either end; `per` is what differences are divided by.
+/// v, n as each pixel asks by itself, and how far the surface goes sideways per height (the latter two 0 where it is not near), of a row from
+/// itself, those beside it, and those below and above it, each with one value more at either end; `per` is what differences are divided by.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn transform_row(lines: [&[f32]; 5], per: [f32; 3], bound: f32, [v, gradient, sideways]: [&mut [f32]; 3]) {
     let nx = v.len();

@@ -14,7 +14,7 @@ pub struct Level {
 }
 
 impl Level {
-    /// From the values of all pixels, of which a row has `nx`.
+    /// From the values of all pixels, of which a row has `nx`: as many as the stack's rows, else values beside the contour are lost.
     pub fn new(values: &[f32], nx: usize) -> Self {
         let nx = nx.max(1);
         let mut near = Vec::new();

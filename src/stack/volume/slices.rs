@@ -115,8 +115,8 @@ fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option
 fn levels(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], level: f64) -> Result<Vec<SliceContent>> {
     let dims = volume.grid.dims;
     let [nx, ny] = [dims[u], dims[v]];
-    // Across the file's last axis one slice is read after the other, across others all at the same time.
-    let count = if w == 2 { 1 } else { chosen.len() };
+    // Across the axis that the file stores last one slice is read after the other, across others all at the same time.
+    let count = if w == volume.stored[2] { 1 } else { chosen.len() };
     memory::check_room(size_of::<f32>() as f64 * nx as f64 * ny as f64 * count as f64).map_err(|m| {
         let message = format!("the grey values of {count} slices of {nx}x{ny} px {m}");
         Error::Format { path: volume.path.clone(), message }

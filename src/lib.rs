@@ -2,6 +2,7 @@
 
 #![warn(missing_docs)]
 
+pub mod appearance;
 pub mod areas;
 pub mod backend;
 pub mod batch;

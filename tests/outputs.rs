@@ -200,7 +200,6 @@ fn a_wrong_simplification_is_refused_before_any_work() {
     assert!(!Path::new(&output).exists());
 }
 
-#[cfg(feature = "glb")]
 #[test]
 fn a_glb_holds_the_mesh() {
     use interslice::surface::mesh::closed_surface;

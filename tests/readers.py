@@ -141,6 +141,7 @@ def structure_set(path, rois):
         roi, drawn = pydicom.Dataset(), pydicom.Dataset()
         roi.ROINumber, roi.ROIName, roi.ROIGenerationAlgorithm = number, name, "MANUAL"
         drawn.ReferencedROINumber, drawn.ContourSequence = number, pydicom.Sequence()
+        drawn.ROIDisplayColor = [255, 100 * number, 0]
         for radius, z in rings:
             c, image = pydicom.Dataset(), pydicom.Dataset()
             image.ReferencedSOPClassUID, image.ReferencedSOPInstanceUID = pydicom.uid.CTImageStorage, f"1.2.9.{int(z)}"
@@ -183,6 +184,15 @@ def structures(program, folder):
     check("rtss.dcm -> dicompyler-core", tumour["name"] == "tumour" and not tumour["empty"] and heights == [6, 8, 10, 12, 14, 16, 18], heights)
     sizes = [len(c["data"]) == c["num_points"] > 20 for plane in planes.values() for c in plane]
     check("rtss.dcm -> dicompyler-core, points", len(sizes) == 7 and all(sizes), sizes)
+    subprocess.run([program, "reconstruct", given, "--all-rois", "-o", folder / "scene.glb", "-q"], check=True)
+    scene = trimesh.load(folder / "scene.glb")
+    check("rtss.dcm -> trimesh, names", list(scene.geometry) == ["tumour", "body"], list(scene.geometry))
+    for number, mesh in enumerate(scene.geometry.values(), 1):
+        srgb = 100 * number / 255
+        wanted = [255, 255 * ((srgb + 0.055) / 1.055) ** 2.4, 0, 255]
+        colour = np.array(mesh.visual.material.baseColorFactor, float)
+        near = np.abs(mesh.centroid[:2] - [120, -80]).max() < 0.5
+        check("rtss.dcm -> trimesh, scene", mesh.is_watertight and near and np.abs(colour - wanted).max() <= 1, (mesh.centroid, colour))
 
 
 def volumes(source, given, paths):

@@ -134,6 +134,34 @@ fn a_cone_from_lines_to_a_height_map_and_lines() {
 }
 
 #[test]
+fn a_map_in_parts_is_the_map_of_a_single_run() {
+    let place = folder();
+    let at = |name: &str| place.path().join(name).display().to_string();
+    write(&place.path().join("in.geojson"), &cone());
+    let input = ["--crs", "EPSG:32611", "--dz", "25", "--pixel", "20", "--end-top", "extrapolate", "-q"];
+    let run = |command: &[&str]| {
+        let result = interslice(command);
+        assert_eq!(result.status.code(), Some(0), "{command:?}: {}", stderr(&result));
+    };
+    let outputs = |name: &str| ["tif", "geojson", "nrrd", "stl"].map(|e| at(&format!("{name}.{e}")));
+    let [whole, joined] = ["whole", "joined"].map(outputs);
+    let named = |paths: &[String; 4]| paths.each_ref().map(|p| format!("-o{p}"));
+    let named = [named(&whole), named(&joined)];
+    let [of_whole, of_joined] = named.each_ref().map(|n| n.each_ref().map(String::as_str));
+    run(&[&["reconstruct", &at("in.geojson"), "--backend", "cpu"], &input[..], &of_whole].concat());
+    let parts = ["1/2", "2/2"].map(|part| {
+        let target = at(&format!("{}.section", &part[..1]));
+        run(&[&["run", &at("in.geojson"), "--part", part, "-o", &target, "--backend", "cpu"], &input[..]].concat());
+        target
+    });
+    run(&[&["merge", &parts[1], &parts[0], "-q"], &of_joined[..]].concat());
+    for (one, other) in whole.iter().zip(&joined) {
+        let bytes = |path: &String| fs::read(path).expect("it was written");
+        assert!(bytes(one) == bytes(other), "{other}");
+    }
+}
+
+#[test]
 fn summits_and_pits_are_told_by_the_other_levels() {
     let (west, east) = ([-200.0, 0.0], [200.0, 0.0]);
     let lines = [

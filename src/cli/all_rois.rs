@@ -1,4 +1,4 @@
-//! `--all-rois`: every ROI of an RTSTRUCT that can be reconstructed, each to files of its own, and one completed RTSTRUCT.
+//! `--all-rois`: every ROI of an RTSTRUCT that can be reconstructed, each to files of its own, and all to one `.glb` and one completed RTSTRUCT.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -7,6 +7,7 @@ use std::sync::Arc;
 use interslice::files::format::extension_at;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
+use interslice::files::scenes::Scenes;
 use interslice::files::{JobOptions, Loaded};
 use interslice::rtstruct::{Gather, StructureSet};
 use interslice::stack::read::check;
@@ -44,8 +45,10 @@ pub fn run(all: &All<'_>) -> Result<()> {
     }
     let is_set = |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dcm"));
     let completed: Vec<PathBuf> = all.outputs.iter().filter(is_set).cloned().collect();
-    let each: Vec<&PathBuf> = all.outputs.iter().filter(|p| !is_set(p)).collect();
+    let (scenes, each): (Vec<PathBuf>, Vec<PathBuf>) =
+        all.outputs.iter().filter(|p| !is_set(p)).cloned().partition(|path| Scenes::has(path));
     let completed = Outputs::open(&completed, None, Temporary::Random)?;
+    let mut scenes = Scenes::open(&scenes)?;
     let mut files = Vec::new();
     // These words in a file's name say what it holds.
     let mut taken = HashSet::from(["contours", "origin", "confidence"].map(String::from));
@@ -57,7 +60,8 @@ pub fn run(all: &All<'_>) -> Result<()> {
         }
         let outputs: Vec<PathBuf> = each.iter().map(|path| with_name(path, &name)).collect();
         let report = all.report.map(|path| with_name(path, &name));
-        files.push(Outputs::open(&outputs, report.as_deref(), Temporary::Random)?);
+        let outputs = Outputs::open(&outputs, report.as_deref(), Temporary::Random)?;
+        files.push(outputs.with_scene(scenes.as_ref()));
     }
     let chosen = chosen(all.device, all.telling)?;
     let mut added = Vec::new();
@@ -81,9 +85,17 @@ pub fn run(all: &All<'_>) -> Result<()> {
         complete(outputs, &mut body, all.telling)?;
     }
     completed.complete_structures(&set, &added)?;
-    for outputs in files.into_iter().chain([completed]) {
-        outputs.rename()?.iter().for_each(|path| tell(all, &format!("wrote {}", path.display())));
+    if let Some(scenes) = &mut scenes {
+        scenes.complete()?;
     }
+    let mut written = Vec::new();
+    for outputs in files.into_iter().chain([completed]) {
+        written.extend(outputs.rename()?);
+    }
+    if let Some(scenes) = scenes {
+        written.extend(scenes.rename()?);
+    }
+    written.iter().for_each(|path| tell(all, &format!("wrote {}", path.display())));
     Ok(())
 }
 

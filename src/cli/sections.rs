@@ -202,7 +202,7 @@ pub fn merge(arguments: MergeArguments) -> Result<()> {
         mask: arguments.mask || told.mask,
         contours: arguments.contours || told.contours,
         simplify: arguments.simplify.or(told.simplify),
-        ..told.clone()
+        ..told
     };
     options.check_ranges()?;
     let mut outputs = Outputs::open(&arguments.outputs, None, Temporary::Random)?;

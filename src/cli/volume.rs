@@ -29,19 +29,23 @@ pub fn describe(surveyed: &Surveyed) -> Vec<String> {
         format!("voxels of {} {}{assumed}", by(grid.spacing().map(|h| short(h).to_string())), grid.unit),
         orientation(volume),
     ];
-    lines.push(survey.greys.map_or_else(|| labels(survey), |[low, high]| format!("grey values from {low} to {high}")));
+    lines.push(
+        survey.greys.map_or_else(|| labels(volume, survey), |[low, high]| format!("grey values from {low} to {high}")),
+    );
     lines.push(format!("slices lie along {} ({})", NAMES[axis.axis], axis.why));
     lines.push(painted(&survey.painted[axis.axis]));
     lines
 }
 
 /// Labels and how many voxels have them, the most first.
-fn labels(survey: &Survey) -> String {
+fn labels(volume: &Volume, survey: &Survey) -> String {
     let mut labels: Vec<(i64, u64)> = survey.labels.iter().map(|(label, n)| (*label, *n)).collect();
     labels.sort_by_key(|(label, n)| (std::cmp::Reverse(*n), *label));
     let rest = labels.len().saturating_sub(LISTED);
     labels.truncate(LISTED);
-    let listed: Vec<String> = labels.iter().map(|(label, n)| format!("{label} ({n} voxels)")).collect();
+    let named = |label| volume.appearance(label).name.map_or(String::new(), |name| format!(" `{name}`"));
+    let listed: Vec<String> =
+        labels.iter().map(|(label, n)| format!("{label}{} ({n} voxels)", named(*label))).collect();
     let more = match (survey.more, rest) {
         (true, _) => " and many more".into(),
         (_, 0) => String::new(),

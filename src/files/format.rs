@@ -48,6 +48,11 @@ const KNOWN: &str = ".nrrd, .nii, .nii.gz, .mha, .zarr, .stl, .ply, .obj, .glb, 
                      .geojson (contours), .dcm (completed RTSTRUCT), .json, .html (report)";
 
 impl Format {
+    /// Whether it is a folder of files.
+    pub fn is_folder(self) -> bool {
+        self == Format::Zarr
+    }
+
     pub fn of(path: &Path) -> Result<Self> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         if name.ends_with(".nii.gz") {
@@ -63,11 +68,7 @@ impl Format {
             Some("stl") => Ok(Format::Stl),
             Some("ply") => Ok(Format::Ply),
             Some("obj") => Ok(Format::Obj),
-            Some("glb") if cfg!(feature = "glb") => Ok(Format::Glb),
-            Some("glb") => {
-                let message = "this program was built without glTF (feature `glb`)".into();
-                Err(Error::Output { path: path.into(), message })
-            }
+            Some("glb") => Ok(Format::Glb),
             Some("html" | "htm") => Ok(Format::Html),
             Some("png") => Ok(Format::Png),
             Some("tif" | "tiff") => Ok(Format::Tiff),
@@ -93,7 +94,7 @@ impl Format {
 /// # Errors
 /// [`Error::Output`] with what was expected.
 pub fn check_name(path: &Path) -> Result<()> {
-    check_place(path, Format::of(path)?)
+    check_place(path, Format::of(path)?.is_folder())
 }
 
 /// What outputs of many labels are.
@@ -141,12 +142,12 @@ pub fn extension_at(name: &str) -> usize {
     at - content.map_or(0, str::len)
 }
 
-/// Whether nothing stands at `path` that an output of this format must not replace.
-pub(super) fn check_place(path: &Path, format: Format) -> Result<()> {
-    let message = match (path.is_dir(), format) {
-        (true, Format::Zarr) if path.join("zarr.json").is_file() => return Ok(()),
-        (true, Format::Zarr) => "is a folder, but none of Zarr, and is not replaced",
-        (true, _) => "is a folder",
+/// Whether nothing stands at `path` that an output, a file or a folder of Zarr, must not replace.
+pub(super) fn check_place(path: &Path, is_folder: bool) -> Result<()> {
+    let message = match (path.is_dir(), is_folder) {
+        (true, true) if path.join("zarr.json").is_file() => return Ok(()),
+        (true, true) => "is a folder, but none of Zarr, and is not replaced",
+        (true, false) => "is a folder",
         (false, _) => return Ok(()),
     };
     Err(Error::Output { path: path.into(), message: message.into() })

@@ -1,6 +1,6 @@
 //! From a label volume to the label volume between its slices, and a mesh per label.
 //!
-//! Files that hold one label have its number before the extension: `out.stl` becomes `out.5.stl`, `out.nii.gz` `out.5.nii.gz`.
+//! Files that hold one label have its number before the extension: `out.stl` becomes `out.5.stl`, `out.nii.gz` `out.5.nii.gz`. A `.glb` holds all.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -10,8 +10,9 @@ use std::time::Instant;
 
 use super::JobOptions;
 use super::format::{Kind, extension_at, is_page, kind};
-use super::outputs::Outputs;
-use super::pending::{Pending, Temporary, parent};
+use super::outputs::{OutputOptions, Outputs};
+use super::pending::{Pending, Temporary};
+use super::scenes::Scenes;
 use crate::backend::Means;
 use crate::error::{Error, Result};
 use crate::height_grid;
@@ -94,7 +95,7 @@ impl LoadedLabels {
             let decided = Decided { bodies: bodies.alone, ..Decided::none(count) };
             (decided, None)
         } else {
-            let mut volume = outputs.volume.label_sink(self.numbers);
+            let mut volume = outputs.volume.label_sink(self.numbers, &self.stack.appearances);
             let decided = decide(&self.stack, bodies, &plan, &mut volume)?;
             drop(volume);
             outputs.volume.complete(&mut Report::default())?;
@@ -105,7 +106,7 @@ impl LoadedLabels {
         let mut labels = Vec::new();
         for (a, mut body) in decided.bodies.into_iter().enumerate() {
             let mut run = std::mem::take(&mut body.report);
-            self.write(&mut body, &mut run, &mut outputs.labels[a])?;
+            self.write(a, &mut body, &mut run, &mut outputs.labels[a])?;
             let differing: usize = run.contours.iter().map(|c| c.differing_pixels).sum();
             labels.push(LabelReport {
                 label: self.stack.labels[a],
@@ -118,14 +119,18 @@ impl LoadedLabels {
                 run,
             });
         }
+        if let Some(scenes) = &mut outputs.scenes {
+            scenes.complete()?;
+        }
         let version = env!("CARGO_PKG_VERSION").into();
         let seconds = start.elapsed().as_secs_f64();
         Ok(LabelsReport { version, backend: means.backend.name(), labels, borders, seconds })
     }
 
-    /// One label into its own files; its volume and area into the report.
-    fn write(&self, body: &mut KeptBody, report: &mut Report, outputs: &mut Outputs) -> Result<()> {
-        body.replay(&mut outputs.sink(&self.options.output))?;
+    /// Label `a` into its own files and the scene; its volume and area into the report.
+    fn write(&self, a: usize, body: &mut KeptBody, report: &mut Report, outputs: &mut Outputs) -> Result<()> {
+        let bodies = vec![self.stack.appearances[a].clone()];
+        body.replay(&mut outputs.sink(&OutputOptions { bodies, ..self.options.output.clone() }))?;
         outputs.complete(report)?;
         if report.volume.is_none() {
             let mut measured = Measured::default();
@@ -173,6 +178,8 @@ pub struct LabelOutputs {
     volume: Outputs,
     /// The files of each label.
     labels: Vec<Outputs>,
+    /// All labels in one file.
+    scenes: Option<Scenes>,
     reports: Vec<(PathBuf, Pending)>,
 }
 
@@ -182,7 +189,7 @@ impl LabelOutputs {
     /// # Errors
     /// [`Error::Output`] for a name that cannot be written, or comes twice.
     pub fn open(paths: &[PathBuf], report: Option<&Path>, loaded: &LoadedLabels) -> Result<Self> {
-        let (mut volumes, mut own, mut reports) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut volumes, mut own, mut scenes, mut reports) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let of_one = |path: &Path| {
             let message =
                 "pictures, pages, height maps, contours, origin and confidence are of one body; `--label N` makes one";
@@ -191,6 +198,7 @@ impl LabelOutputs {
         for path in paths {
             match kind(path)? {
                 Kind::Volume if !loaded.keep_overlaps => volumes.push(path.clone()),
+                Kind::Mesh if Scenes::has(path) => scenes.push(path.clone()),
                 Kind::Volume | Kind::Mesh => own.push(path.as_path()),
                 Kind::Report => reports.push(path.clone()),
                 Kind::View => return of_one(path),
@@ -207,18 +215,15 @@ impl LabelOutputs {
             return Err(Error::Output { path: twice.clone(), message: "is named twice".into() });
         }
         let open = |paths: &[PathBuf]| Outputs::open(paths, None, Temporary::Random);
+        let scenes = Scenes::open(&scenes)?;
         let reports = reports.into_iter().map(|path| {
-            let fail = |message: String| Error::Output { path: path.clone(), message };
-            if path.is_dir() {
-                return Err(fail("is a folder".into()));
-            }
-            let pending = Pending::open(&path, false, Temporary::Random);
-            let pending = pending.map_err(|e| fail(format!("in folder {}: {e}", parent(&path).display())))?;
-            Ok((path.clone(), pending))
+            let pending = Pending::open(&path, false, Temporary::Random)?;
+            Ok((path, pending))
         });
         Ok(LabelOutputs {
             volume: open(&volumes)?,
-            labels: labels.iter().map(|paths| open(paths)).collect::<Result<_>>()?,
+            labels: labels.iter().map(|paths| Ok(open(paths)?.with_scene(scenes.as_ref()))).collect::<Result<_>>()?,
+            scenes,
             reports: reports.collect::<Result<_>>()?,
         })
     }
@@ -248,6 +253,9 @@ impl LabelOutputs {
         let mut written = self.volume.rename()?;
         for label in self.labels {
             written.extend(label.rename()?);
+        }
+        if let Some(scenes) = self.scenes {
+            written.extend(scenes.rename()?);
         }
         for (path, pending) in self.reports {
             pending.rename(&path).map_err(|source| Error::Write { path: path.clone(), source })?;

@@ -10,6 +10,7 @@ pub mod labels;
 pub mod named;
 pub mod outputs;
 pub mod pending;
+pub mod scenes;
 pub mod section_file;
 mod writers;
 
@@ -88,7 +89,8 @@ impl Loaded {
             read::check(input, &options.read)?;
             return Self::of_structures(&Arc::new(StructureSet::read(input)?), options);
         }
-        let stack = read::read(input, &options.read)?;
+        let (stack, surveyed) = read::read_surveyed(input, &options.read)?;
+        options.output.bodies = surveyed.iter().filter_map(|s| s.appearance(options.read.label)).collect();
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
         Self::new(stack, options)
@@ -110,6 +112,7 @@ impl Loaded {
             options.output.dz = steps.map(|s| s.heights);
             source.every = steps.map(|s| s.planes);
         }
+        options.output.bodies = vec![source.appearance()?];
         options.output.source = Some(Arc::new(source));
         Ok(Loaded { notes, ..Self::new(stack, options)? })
     }

@@ -13,9 +13,11 @@ use serde::{Deserialize, Serialize};
 
 #[cfg(feature = "dicom")]
 use super::format::BUFFER_BYTES;
-use super::format::{Format, Kind, check_place, is_page, kind, needed};
+use super::format::{Format, Kind, is_page, kind, needed};
 use super::pending::{Pending, Temporary, parent};
+use super::scenes::{Scenes, Shared};
 use super::writers::{Meshes, writer};
+use crate::appearance::Appearance;
 use crate::error::{Error, Result};
 use crate::map::Map;
 #[cfg(feature = "simplify")]
@@ -55,6 +57,11 @@ pub struct OutputOptions {
     #[arg(skip)]
     #[serde(skip)]
     pub map: Option<Arc<Map>>,
+
+    /// Name and colour of the body, or of each label, as far as the input says them
+    #[arg(skip)]
+    #[serde(skip)]
+    pub bodies: Vec<Appearance>,
 
     /// Meshes (.stl .ply .obj .glb) with fewer triangles, closed, no farther than this from the full one (measured both ways); the
     /// whole mesh must fit in memory
@@ -123,6 +130,8 @@ impl OutputOptions {
 #[derive(Default)]
 pub struct Outputs {
     files: Vec<Output>,
+    /// The scene that takes a mesh of the body too.
+    scene: Option<Shared>,
     /// The body on its way into the files.
     stream: Option<BodyStream<'static>>,
 }
@@ -150,16 +159,20 @@ impl Outputs {
         Ok(outputs)
     }
 
+    /// The same, with a mesh of the body for a scene of many.
+    pub fn with_scene(self, scene: Option<&Scenes>) -> Self {
+        Outputs { scene: scene.map(Scenes::share), ..self }
+    }
+
     fn add(&mut self, path: &Path, format: Format, temporary: Temporary) -> Result<()> {
-        let fail = |message: String| Err(Error::Output { path: path.into(), message });
         if self.files.iter().any(|f| f.target == path) {
-            return fail("is named twice".into());
+            return Err(Error::Output { path: path.into(), message: "is named twice".into() });
         }
-        check_place(path, format)?;
-        match Pending::open(path, format == Format::Zarr, temporary) {
-            Ok(pending) => self.files.push(Output { target: path.into(), format, pending }),
-            Err(e) => return fail(format!("in folder {}: {e}", parent(path).display())),
-        }
+        self.files.push(Output {
+            target: path.into(),
+            format,
+            pending: Pending::open(path, format.is_folder(), temporary)?,
+        });
         Ok(())
     }
 
@@ -174,12 +187,13 @@ impl Outputs {
     /// Bytes of memory that writing needs at most while layers of `dims` pixels that lie so arrive, and the body ends flat on at most `lid`
     /// pixels.
     pub fn bytes(&self, dims: [usize; 2], geometry: &Geometry, lid: usize) -> u64 {
-        needed(self.files.iter().map(|f| f.format), dims, geometry, lid)
+        let scene = self.scene.iter().map(|_| Format::Glb);
+        needed(self.files.iter().map(|f| f.format).chain(scene), dims, geometry, lid)
     }
 
     /// Whether there is a mesh among them.
     pub fn has_mesh(&self) -> bool {
-        self.files.iter().any(|f| matches!(kind(&f.target), Ok(Kind::Mesh)))
+        self.scene.is_some() || self.files.iter().any(|f| matches!(kind(&f.target), Ok(Kind::Mesh)))
     }
 
     /// Takes the layers of a body and writes them under temporary names.
@@ -188,9 +202,10 @@ impl Outputs {
         Sink { outputs: self, content, options: options.clone(), dims: [0; 2] }
     }
 
-    /// The same for layers of label numbers.
-    pub fn label_sink(&mut self, numbers: Whole) -> impl LayerSink + '_ {
-        Sink { outputs: self, content: Content::Labels(numbers), options: OutputOptions::default(), dims: [0; 2] }
+    /// The same for layers of label numbers; `bodies` are the labels.
+    pub fn label_sink(&mut self, numbers: Whole, bodies: &[Appearance]) -> impl LayerSink + '_ {
+        let options = OutputOptions { bodies: bodies.to_vec(), ..OutputOptions::default() };
+        Sink { outputs: self, content: Content::Labels(numbers), options, dims: [0; 2] }
     }
 
     /// Completes everything under temporary names, when the last layer has come. Where an output needs the surface, its volume and area are
@@ -223,8 +238,10 @@ impl Outputs {
     }
 
     fn failed(&self, (number, source): Failed) -> Error {
-        // There are as many writers as files.
-        Error::Write { path: self.files.get(number).map(|f| f.target.clone()).unwrap_or_default(), source }
+        // There are as many writers as files, and behind them the scene's.
+        let target = self.files.get(number).map(|f| f.target.clone());
+        let path = target.or_else(|| self.scene.as_ref().map(|scene| scene.target().into())).unwrap_or_default();
+        Error::Write { path, source }
     }
 
     /// The outputs and the temporary files, or folders, that will become them.
@@ -274,7 +291,10 @@ impl LayerSink for Sink<'_> {
             let writer = writer(target, *format, pending, header, self.content, &self.options, &meshes);
             writers.push(writer.map_err(|source| output.fails(source))?);
         }
-        let folder = self.outputs.files.first().map_or(Path::new("."), |f| parent(&f.target));
+        let scene = self.outputs.scene.as_ref();
+        writers.extend(scene.map(|scene| meshes.writer(scene.write_mesh(&self.options.bodies, &header.unit))));
+        let target = self.outputs.files.first().map(|f| f.target.as_path()).or(scene.map(Shared::target));
+        let folder = target.map_or(Path::new("."), parent);
         self.outputs.stream = Some(BodyStream::new(header, writers, folder));
         Ok(())
     }

@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
+use super::format::check_place;
+use crate::error::{Error, Result};
+
 /// Names of temporary files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Temporary {
@@ -28,8 +31,16 @@ impl Pending {
     /// Opens the temporary file or folder of `target`, beside it.
     ///
     /// # Errors
-    /// Those of making it, and of removing what a killed run has left.
-    pub fn open(target: &Path, is_folder: bool, temporary: Temporary) -> io::Result<Self> {
+    /// [`Error::Output`] for a name that cannot be written.
+    pub fn open(target: &Path, is_folder: bool, temporary: Temporary) -> Result<Self> {
+        check_place(target, is_folder)?;
+        let message = |e: io::Error| format!("in folder {}: {e}", parent(target).display());
+        Pending::made(target, is_folder, temporary)
+            .map_err(|e| Error::Output { path: target.into(), message: message(e) })
+    }
+
+    /// Makes it, and removes what a killed run has left.
+    fn made(target: &Path, is_folder: bool, temporary: Temporary) -> io::Result<Self> {
         let place = parent(target);
         let mut builder = Builder::new();
         builder.prefix(".interslice-").suffix(".tmp");

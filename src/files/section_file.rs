@@ -11,6 +11,7 @@ use std::cmp::Ordering;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use flate2::Compression;
 use flate2::read::GzDecoder;
@@ -19,8 +20,10 @@ use serde::{Deserialize, Serialize};
 
 use super::Loaded;
 use super::outputs::OutputOptions;
-use super::pending::{Pending, Temporary, parent};
+use super::pending::{Pending, Temporary};
+use crate::appearance::Appearance;
 use crate::error::{Error, Result};
+use crate::map::Map;
 use crate::report::Report;
 use crate::stack::{ContourStack, Geometry, HeightGrid};
 use crate::surface::stream::{Header, LayerSink};
@@ -62,6 +65,9 @@ struct Head {
     grid: HeightGrid,
     /// What is to be made of the body.
     output: OutputOptions,
+    /// What the input says of it.
+    map: Option<Map>,
+    bodies: Vec<Appearance>,
 }
 
 impl Head {
@@ -90,15 +96,11 @@ impl SectionWriter {
     /// # Errors
     /// [`Error::Output`] for a name that cannot be written or is not `*.section`.
     pub fn open(target: &Path, part: [usize; 2], fingerprint: String, loaded: &Loaded) -> Result<Self> {
-        let fail = |message: String| Error::Output { path: target.into(), message };
         if target.extension().is_none_or(|e| e != EXTENSION) {
-            return Err(fail(format!("a part's name must end in .{EXTENSION}")));
+            let message = format!("a part's name must end in .{EXTENSION}");
+            return Err(Error::Output { path: target.into(), message });
         }
-        if target.is_dir() {
-            return Err(fail("is a folder".into()));
-        }
-        let pending = Pending::open(target, false, Temporary::Random)
-            .map_err(|e| fail(format!("in folder {}: {e}", parent(target).display())))?;
+        let pending = Pending::open(target, false, Temporary::Random)?;
         let ContourStack { dims, spacing, unit, geometry, .. } = &loaded.stack;
         let head = Head {
             format: MAGIC.into(),
@@ -112,6 +114,8 @@ impl SectionWriter {
             extent: [0.0; 2],
             grid: loaded.grid(),
             output: loaded.options.output.clone(),
+            map: loaded.options.output.map.as_deref().cloned(),
+            bodies: loaded.options.output.bodies.clone(),
         };
         Ok(SectionWriter { target: target.into(), pending, head, out: None })
     }
@@ -235,8 +239,9 @@ impl Sections {
     }
 
     /// What the sections' options say is to be made of the body.
-    pub fn output(&self) -> &OutputOptions {
-        &self.files[0].1.output
+    pub fn output(&self) -> OutputOptions {
+        let Head { output, map, bodies, .. } = self.files[0].1.clone();
+        OutputOptions { map: map.map(Arc::new), bodies, ..output }
     }
 
     /// Hands all layers to `sink`, lowest first; the body without layers.
@@ -307,6 +312,9 @@ impl SectionReader {
         let sound = nx.checked_mul(ny).is_some_and(|pixels| (1..=MOST_PIXELS).contains(&pixels));
         if !sound || !(1..=head.part[1]).contains(&head.part[0]) {
             return Err(wrong(format!("part {:?} of {:?} pixels cannot be", head.part, head.dims)));
+        }
+        if let Some(map) = head.map.as_ref().filter(|map| !map.lies_within(head.dims)) {
+            return Err(wrong(format!("a map of {:?} pixels from {:?} cannot be", map.dims, map.first)));
         }
         head.geometry.validate().map_err(|e| wrong(e.to_string()))?;
         Ok(SectionReader { path: path.into(), head, input })

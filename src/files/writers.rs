@@ -7,14 +7,17 @@ use std::path::Path;
 use super::format::{BUFFER_BYTES, Format, named_content};
 use super::outputs::OutputOptions;
 use super::pending::{Pending, files_below, parent};
+use crate::appearance::Appearance;
 use crate::map::Crs;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructuresWriter;
 use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::geojson::GeoJsonWriter;
+use crate::surface::glb::write_glb;
 use crate::surface::heightmap::HeightMapWriter;
 use crate::surface::html::HtmlWriter;
-use crate::surface::mesh_files::{ListedWriter, MeshFormat, StlWriter, write_obj, write_ply, write_stl};
+use crate::surface::mesh::MeshSource;
+use crate::surface::mesh_files::{ListedWriter, StlWriter, WriteMesh, write_obj, write_ply, write_stl};
 use crate::surface::mha::MhaWriter;
 use crate::surface::origin::OriginWriter;
 use crate::surface::render::{PictureWriter, RenderOptions};
@@ -51,14 +54,19 @@ pub(super) fn writer(
     file.rewind()?;
     let out = BufWriter::with_capacity(BUFFER_BYTES, file);
     Ok(match format {
-        Format::Nrrd => volume(Box::new(nrrd::writer(out, header, content, folder)?)),
+        Format::Nrrd => volume(Box::new(nrrd::writer(out, header, content, &options.bodies, folder)?)),
         Format::Nifti { gzip } => volume(Box::new(nifti::writer(out, header, content, gzip, folder)?)),
         Format::Mha => volume(Box::new(MhaWriter::new(out, header, content, folder)?)),
         Format::Stl if options.simplify.is_none() => Box::new(StlWriter::new(out)?),
-        Format::Stl => meshes.writer(out, Box::new(write_stl)),
-        Format::Ply => meshes.writer(out, Box::new(write_ply)),
-        Format::Obj => meshes.writer(out, Box::new(write_obj)),
-        Format::Glb => meshes.writer(out, glb(header, target)),
+        Format::Stl => meshes.writer(written(out, write_stl)),
+        Format::Ply => meshes.writer(written(out, write_ply)),
+        Format::Obj => meshes.writer(written(out, write_obj)),
+        Format::Glb => {
+            let appearance = options.bodies.first().cloned().unwrap_or_default();
+            let appearance = Appearance { name: appearance.name.or_else(|| Some(stem(target))), ..appearance };
+            let unit = header.unit.clone();
+            meshes.writer(written(out, move |out, mesh| write_glb(out, mesh, &appearance, &unit)))
+        }
         Format::Png => {
             let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };
             Box::new(PictureWriter::new(out, header, options))
@@ -81,16 +89,12 @@ fn stem(target: &Path) -> String {
     target.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-#[cfg(feature = "glb")]
-fn glb(header: &Header, target: &Path) -> MeshFormat<BufWriter<File>> {
-    let named = crate::surface::glb::Named { name: stem(target), unit: header.unit.clone() };
-    Box::new(move |out, mesh| crate::surface::glb::write_glb(out, mesh, &named))
-}
-
-#[cfg(not(feature = "glb"))]
-fn glb(header: &Header, _target: &Path) -> MeshFormat<BufWriter<File>> {
-    let unit = header.unit.clone();
-    Box::new(move |_, _| Err(io::Error::other(format!("no glTF in this program (unit {unit})"))))
+/// A mesh's way into `out`.
+fn written(
+    mut out: BufWriter<File>,
+    mut format: impl FnMut(&mut BufWriter<File>, &mut dyn MeshSource) -> io::Result<()> + Send + 'static,
+) -> WriteMesh {
+    Box::new(move |mesh| format(&mut out, mesh))
 }
 
 /// The meshes of a run: the whole one, or one simpler one for all files.
@@ -109,20 +113,20 @@ impl Meshes {
         }
     }
 
-    fn writer(&self, out: BufWriter<File>, format: MeshFormat<BufWriter<File>>) -> Box<dyn BodyWriter> {
+    /// The writer of a mesh that `write` takes.
+    pub fn writer(&self, write: WriteMesh) -> Box<dyn BodyWriter> {
         #[cfg(feature = "simplify")]
         if let Some(simplifier) = self.simplifier.clone() {
-            return Box::new(SimplerWriter { out, format, simplifier });
+            return Box::new(SimplerWriter { write, simplifier });
         }
-        Box::new(ListedWriter::new(out, format))
+        Box::new(ListedWriter(write))
     }
 }
 
 /// Writes the simpler mesh, or where there is none the whole one.
 #[cfg(feature = "simplify")]
 struct SimplerWriter {
-    out: BufWriter<File>,
-    format: MeshFormat<BufWriter<File>>,
+    write: WriteMesh,
     simplifier: std::sync::Arc<crate::surface::simplify::Simplifier>,
 }
 
@@ -138,8 +142,8 @@ impl BodyWriter for SimplerWriter {
 
     fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
         match self.simplifier.simpler(end.mesh)? {
-            Ok(simpler) => (self.format)(&mut self.out, &mut &*simpler),
-            Err(_) => (self.format)(&mut self.out, end.mesh),
+            Ok(simpler) => (self.write)(&mut &*simpler),
+            Err(_) => (self.write)(end.mesh),
         }
     }
 }

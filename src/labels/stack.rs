@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use crate::appearance::Appearance;
 use crate::error::{Error, Result};
 use crate::stack::{ContourStack, Slice, SliceContent};
 
@@ -16,6 +17,8 @@ pub struct LabelStack {
     pub stack: ContourStack,
     /// The labels' numbers, increasing.
     pub labels: Vec<i64>,
+    /// Their names and colours, as far as the input says them.
+    pub appearances: Vec<Appearance>,
     /// For each slice and pixel 0, or the place of its label and 1.
     pub drawn: Vec<Vec<u32>>,
     /// Whether every label is given all slices, and not only those from its own first to its own last.

@@ -1,5 +1,7 @@
 //! Coordinate systems as contour files name them.
 
+use serde::{Deserialize, Serialize};
+
 /// EPSG codes of the geographic systems (degrees) that files mostly have. Others are told by their WKT, or by coordinates that are no more
 /// than 180 and 90.
 const GEOGRAPHIC: [u32; 24] = [
@@ -11,7 +13,7 @@ const ESRI_UTM: [(&str, u32, u32); 3] =
     [("WGS_1984_UTM_ZONE_", 32601, 32701), ("NAD_1983_UTM_ZONE_", 26901, 0), ("ETRS_1989_UTM_ZONE_", 25801, 0)];
 
 /// A coordinate system.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Crs {
     /// The file does not say.
     #[default]

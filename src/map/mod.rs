@@ -4,12 +4,14 @@ pub mod crs;
 
 pub use crs::Crs;
 
+use serde::{Deserialize, Serialize};
+
 use crate::surface::Layer;
 use crate::surface::stream::Header;
 
 /// What a contour map says besides its lines. Its stack goes on beyond the map's border, so that the border is no contour; outputs show the
 /// pixels within it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Map {
     /// Coordinate system of x and y.
     pub crs: Crs,
@@ -20,6 +22,11 @@ pub struct Map {
 }
 
 impl Map {
+    /// Whether it is a part of layers of `dims` pixels.
+    pub fn lies_within(&self, dims: [usize; 2]) -> bool {
+        (0..2).all(|a| self.dims[a] > 0 && self.first[a].checked_add(self.dims[a]).is_some_and(|end| end <= dims[a]))
+    }
+
     /// The header of the part that is shown.
     pub fn header(&self, whole: &Header) -> Header {
         let mut header = Header { dims: self.dims, ..whole.clone() };

@@ -21,6 +21,7 @@ use added::Adding;
 pub use added::{Added, Gather, StructuresWriter};
 pub use choose::{Chosen, Steps};
 
+use crate::appearance::Appearance;
 use crate::error::{Error, Result};
 use crate::stack::{ContourStack, ReadOptions};
 use crate::surface::stream::Header;
@@ -45,6 +46,8 @@ pub struct Roi {
     pub number: i64,
     /// ROI Name.
     pub name: String,
+    /// ROI Display Color, sRGB.
+    pub colour: Option<[u8; 3]>,
     /// Its contours, in their order.
     pub contours: Vec<Contour>,
 }
@@ -77,6 +80,12 @@ impl Roi {
     /// What messages call it.
     pub fn label(&self) -> String {
         format!("ROI {} (`{}`)", self.number, self.name)
+    }
+
+    /// Name, number and colour.
+    fn appearance(&self) -> Appearance {
+        let name = Some(self.name.trim()).filter(|name| !name.is_empty());
+        Appearance { name: name.map(String::from), number: Some(self.number), colour: self.colour }
     }
 }
 
@@ -145,6 +154,16 @@ impl Source {
     /// As [`StructureSet::choose`] and [`Chosen::stack`].
     pub fn stack(&self) -> Result<ContourStack> {
         self.set.choose(&self.options)?.stack(&self.options)
+    }
+
+    /// Name and colour of what was chosen.
+    ///
+    /// # Errors
+    /// As [`StructureSet::choose`].
+    pub fn appearance(&self) -> Result<Appearance> {
+        let chosen = self.set.choose(&self.options)?;
+        let all: Vec<Appearance> = chosen.rois.iter().map(|roi| roi.appearance()).collect();
+        Ok(Appearance::merged(all.iter()))
     }
 
     /// Steps of output heights where none are asked for, and what a person should know of the contours on `stack`.

@@ -31,7 +31,7 @@ pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
         if place.insert(number, k).is_some() {
             return Err(format!("{at}: ROI Number {number} is there twice"));
         }
-        rois.push(Roi { number, name, contours: Vec::new() });
+        rois.push(Roi { number, name, colour: None, contours: Vec::new() });
     }
     let drawn = items(&object, tags::ROI_CONTOUR_SEQUENCE)?
         .ok_or("ROI Contour Sequence (3006,0039) is missing: nothing is drawn")?;
@@ -42,6 +42,7 @@ pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
             return Err(format!("{at}: Referenced ROI Number {number} is none of the file's ROIs, or is there twice"));
         };
         place.remove(&number);
+        roi.colour = colour(item);
         for (c, item) in items(item, tags::CONTOUR_SEQUENCE)?.unwrap_or_default().iter().enumerate() {
             let contour = contour(item).map_err(|m| format!("{}, contour {}: {m}", roi.label(), c + 1))?;
             roi.contours.push(contour);
@@ -87,6 +88,12 @@ fn text(object: &InMemDicomObject, tag: Tag) -> Parse<Option<String>> {
     let Some(element) = object.get(tag) else { return Ok(None) };
     let text = element.to_str().map_err(|e| format!("{tag}: {e}"))?;
     Ok(Some(text.trim_matches(['\0', ' ']).to_string()))
+}
+
+/// ROI Display Color; one that is none counts as missing.
+fn colour(item: &InMemDicomObject) -> Option<[u8; 3]> {
+    let values = item.get(tags::ROI_DISPLAY_COLOR)?.to_multi_int::<u8>().ok()?;
+    values.try_into().ok()
 }
 
 fn number(object: &InMemDicomObject, tag: Tag, at: &str) -> Parse<i64> {

@@ -84,7 +84,9 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
     for (slice, drawn) in slices.iter_mut().zip(&drawn) {
         slice.content = super::SliceContent::Mask(drawn.iter().map(|l| *l > 0).collect());
     }
-    let labels = LabelStack { stack: ContourStack { slices, ..stack }, labels, drawn, all_slices };
+    let named = |label: &i64| surveyed.volume.appearance(*label);
+    let appearances = labels.iter().map(named).collect();
+    let labels = LabelStack { stack: ContourStack { slices, ..stack }, labels, appearances, drawn, all_slices };
     labels.validate().map_err(|e| e.in_file(path))?;
     Ok(labels)
 }

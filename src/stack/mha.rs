@@ -119,6 +119,7 @@ fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
         big_endian,
         stored: [0, 1, 2],
         scale: None,
+        segments: Default::default(),
         data: Data::Stream { file: path.into(), offset: end, coding: Coding::Raw, skip: 0 },
     };
     if file == "LIST" || file.starts_with("LIST ") || file.contains('%') {

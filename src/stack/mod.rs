@@ -14,6 +14,7 @@ mod ome;
 pub mod options;
 pub mod pages;
 pub mod read;
+mod segments;
 pub mod volume;
 
 pub use level::Level;

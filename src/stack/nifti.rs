@@ -69,6 +69,7 @@ fn volume(path: &Path, gzip: bool, header: &NiftiHeader) -> Failure<Volume> {
         big_endian: header.endianness == Endianness::Big,
         stored: [0, 1, 2],
         scale,
+        segments: Default::default(),
         data: Data::Stream { file: path.into(), offset, coding, skip },
     })
 }

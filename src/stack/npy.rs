@@ -37,6 +37,7 @@ pub fn read(path: &Path) -> Result<Volume> {
         big_endian,
         stored: if fortran { [2, 1, 0] } else { [0, 1, 2] },
         scale: None,
+        segments: Default::default(),
         data: Data::Stream { file: path.into(), offset: end, coding: Coding::Raw, skip: 0 },
     };
     volume.check()?;

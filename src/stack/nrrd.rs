@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{BufRead, Read, Seek};
 use std::path::Path;
 
+use super::segments;
 use super::volume::data::{Coding, Data};
 use super::volume::element::Element;
 use super::volume::{Failure, Grid, Volume, open};
@@ -20,17 +21,23 @@ const MOST_LINES: usize = 4096;
 pub fn read(path: &Path) -> Result<Volume> {
     let mut input = open(path)?;
     let fail = |message| Error::Format { path: path.into(), message };
-    let fields = header(&mut input).map_err(fail)?;
+    let header = header(&mut input).map_err(fail)?;
     let end = input.stream_position().map_err(|source| Error::Read { path: path.into(), source })?;
-    let volume = volume(path, &fields, end).map_err(fail)?;
+    let volume = volume(path, &header, end).map_err(fail)?;
     volume.check()?;
     Ok(volume)
 }
 
-type Fields = BTreeMap<String, String>;
+#[derive(Default)]
+struct Fields {
+    /// `name: value`.
+    fields: BTreeMap<String, String>,
+    /// `key:=value`, of programs.
+    pairs: BTreeMap<String, String>,
+}
 
-fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
-    let field = |name: &str| fields.get(name).map(String::as_str);
+fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
+    let field = |name: &str| header.fields.get(name).map(String::as_str);
     let need = |name: &str| field(name).ok_or_else(|| format!("header has no field `{name}`"));
     let dimension: usize = number("dimension", need("dimension")?)?;
     if dimension != 3 {
@@ -66,8 +73,18 @@ fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
         Some(name) => (path.parent().unwrap_or(Path::new("")).join(name), 0),
     };
     let data = Data::Stream { file, offset, coding, skip: 0 };
-    let mut volume =
-        Volume { path: path.into(), format: "NRRD", grid, element, big_endian, stored: [0, 1, 2], scale: None, data };
+    let segments = segments::read(&header.pairs);
+    let mut volume = Volume {
+        path: path.into(),
+        format: "NRRD",
+        grid,
+        element,
+        big_endian,
+        stored: [0, 1, 2],
+        scale: None,
+        segments,
+        data,
+    };
     skip(&mut volume, &field)?;
     Ok(volume)
 }
@@ -114,18 +131,24 @@ fn header(input: &mut impl BufRead) -> Failure<Fields> {
     if !read_line(1)?.is_some_and(|magic| magic.starts_with("NRRD000")) {
         return Err("does not begin with NRRD000".into());
     }
-    let mut fields = BTreeMap::new();
+    let Fields { mut fields, mut pairs } = Fields::default();
     for number in 2..MOST_LINES {
         let line = match read_line(number)? {
             Some(line) => line,
             // A header of its own may end without an empty line.
-            None if fields.contains_key("data file") || fields.contains_key("datafile") => return Ok(fields),
+            None if fields.contains_key("data file") || fields.contains_key("datafile") => {
+                return Ok(Fields { fields, pairs });
+            }
             None => return Err(format!("ends in the header, at line {number}")),
         };
         if line.is_empty() {
-            return Ok(fields);
+            return Ok(Fields { fields, pairs });
         }
-        if line.starts_with('#') || line.contains(":=") {
+        if line.starts_with('#') {
+            continue;
+        }
+        if let Some((key, value)) = line.split_once(":=") {
+            pairs.insert(key.into(), value.into());
             continue;
         }
         let (name, value) =

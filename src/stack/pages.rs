@@ -102,7 +102,17 @@ fn volume(path: &Path) -> Failure<Volume> {
     let data = Data::Pages { file: path.into(), count, bytes };
     // The decoder gives the machine's own byte order.
     let big_endian = cfg!(target_endian = "big");
-    Ok(Volume { path: path.into(), format, grid, element, big_endian, stored: [0, 1, 2], scale: None, data })
+    Ok(Volume {
+        path: path.into(),
+        format,
+        grid,
+        element,
+        big_endian,
+        stored: [0, 1, 2],
+        scale: None,
+        segments: Default::default(),
+        data,
+    })
 }
 
 /// The voxels of all pages, one page in memory.

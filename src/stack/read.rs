@@ -6,6 +6,7 @@ use super::options::ReadOptions;
 use super::volume::survey::Survey;
 use super::volume::{Volume, axis, slices};
 use super::{ContourStack, folder, mha, nifti, npy, nrrd, pages};
+use crate::appearance::Appearance;
 use crate::error::{Error, Result};
 
 /// Names of volumes.
@@ -147,6 +148,15 @@ pub struct Surveyed {
     pub survey: Survey,
     /// Across which axis it was cut.
     pub axis: axis::Choice,
+}
+
+impl Surveyed {
+    /// Name and colour of the body: of the label that is wanted, or of the only one, where the file says them.
+    pub fn appearance(&self, wanted: Option<i64>) -> Option<Appearance> {
+        let mut labels = self.survey.labels.keys();
+        let only = labels.next().filter(|_| labels.next().is_none());
+        self.volume.segments.get(&wanted.or(only.copied())?).cloned()
+    }
 }
 
 /// Reads a stack, and says what was found if it is a volume.

@@ -79,29 +79,19 @@ impl<W: Write + Seek + Send> BodyWriter for StlWriter<W> {
     }
 }
 
-/// Writes a whole mesh.
-pub type MeshFormat<W> = Box<dyn Fn(&mut W, &mut dyn MeshSource) -> io::Result<()> + Send>;
+/// Writes a whole mesh to where it belongs.
+pub type WriteMesh = Box<dyn FnMut(&mut dyn MeshSource) -> io::Result<()> + Send>;
 
 /// A format that begins with counts, or lists vertices before triangles; or one of a mesh that is made from the whole.
-pub struct ListedWriter<W> {
-    out: W,
-    format: MeshFormat<W>,
-}
+pub struct ListedWriter(pub WriteMesh);
 
-impl<W: Write> ListedWriter<W> {
-    /// A file in `format`.
-    pub fn new(out: W, format: MeshFormat<W>) -> Self {
-        ListedWriter { out, format }
-    }
-}
-
-impl<W: Write + Send> BodyWriter for ListedWriter<W> {
+impl BodyWriter for ListedWriter {
     fn needs(&self) -> Needs {
         Needs::Mesh
     }
 
     fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
-        (self.format)(&mut self.out, end.mesh)
+        (self.0)(end.mesh)
     }
 }
 

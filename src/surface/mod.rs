@@ -4,7 +4,6 @@ mod cases;
 pub mod contour_lines;
 pub mod geojson;
 pub mod geotiff;
-#[cfg(feature = "glb")]
 pub mod glb;
 pub mod heightmap;
 pub mod html;

@@ -12,8 +12,10 @@ pub mod element;
 pub mod slices;
 pub mod survey;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use crate::appearance::Appearance;
 use crate::error::{Error, Result};
 use data::Data;
 use element::{Element, Voxels};
@@ -116,6 +118,8 @@ pub struct Volume {
     pub stored: [usize; 3],
     /// Factor and summand that turn a stored value into a label.
     pub scale: Option<[f64; 2]>,
+    /// Labels that the file names.
+    pub segments: BTreeMap<i64, Appearance>,
     /// The bytes.
     pub(super) data: Data,
 }
@@ -172,6 +176,11 @@ impl Volume {
         let mut files = vec![self.path.clone()];
         files.extend(Some(self.data.file().to_path_buf()).filter(|file| *file != self.path));
         files
+    }
+
+    /// Name and colour of a label, as far as the file says them.
+    pub fn appearance(&self, label: i64) -> Appearance {
+        self.segments.get(&label).cloned().unwrap_or_else(|| Appearance::label(label))
     }
 
     /// Number of voxels.

@@ -1,0 +1,33 @@
+//! What a body is called and how it is coloured, as its input says.
+
+use serde::{Deserialize, Serialize};
+
+/// Name and colour of a label or ROI.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Appearance {
+    /// Its name in the input.
+    pub name: Option<String>,
+    /// Its number there: the label's value, the ROI's number.
+    pub number: Option<i64>,
+    /// Its colour there, sRGB.
+    pub colour: Option<[u8; 3]>,
+}
+
+impl Appearance {
+    /// A label that has no name.
+    pub fn label(number: i64) -> Self {
+        Appearance { number: Some(number), ..Appearance::default() }
+    }
+
+    /// Bodies merged into one: their names, the colour of the first that has one.
+    pub fn merged<'a>(all: impl Iterator<Item = &'a Appearance> + Clone) -> Self {
+        let names: Vec<&str> = all.clone().filter_map(|a| a.name.as_deref()).collect();
+        let mut numbers = all.clone().filter_map(|a| a.number);
+        Appearance {
+            name: Some(names.join(" + ")).filter(|name| !name.is_empty()),
+            number: numbers.next().filter(|_| numbers.next().is_none()),
+            colour: all.clone().find_map(|a| a.colour),
+        }
+    }
+}

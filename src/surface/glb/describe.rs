@@ -1,0 +1,130 @@
+//! What is in a file: the JSON of glTF.
+
+use std::collections::BTreeMap;
+use std::io;
+
+use gltf_json::accessor::{ComponentType, GenericComponentType, Type};
+use gltf_json::buffer::{Target, View};
+use gltf_json::material::{PbrBaseColorFactor, PbrMetallicRoughness, StrengthFactor};
+use gltf_json::mesh::{Mode, Primitive, Semantic};
+use gltf_json::validation::{Checked, USize64};
+use gltf_json::{Accessor, Asset, Buffer, Index, Material, Mesh, Node, Root, Scene, Value};
+use serde_json::json;
+use serde_json::value::{RawValue, to_raw_value};
+
+use super::{Part, colour};
+
+/// The description of meshes whose data follow each other. A body without a surface has no mesh: glTF knows no empty ones.
+pub(super) fn described(parts: &[Part]) -> io::Result<Root> {
+    let mut root = Root {
+        asset: Asset { generator: Some(concat!("interslice ", env!("CARGO_PKG_VERSION")).into()), ..Asset::default() },
+        ..Root::default()
+    };
+    let bytes: u64 = parts.iter().map(Part::bytes).sum();
+    let mut nodes = Vec::new();
+    if bytes > 0 {
+        let byte_length = USize64(bytes);
+        let buffer = root.push(Buffer { byte_length, name: None, uri: None, extensions: None, extras: None });
+        let mut offset = 0;
+        for part in parts.iter().filter(|part| part.counts[1] > 0) {
+            let name = part.appearance.name.clone();
+            let mesh = mesh(&mut root, part, buffer, offset)?;
+            nodes.push(root.push(Node { mesh: Some(mesh), name, ..Node::default() }));
+            offset += part.bytes();
+        }
+    }
+    let extras = parts.first().map(|part| about(part, None)).transpose()?;
+    let scene = Scene { extensions: None, extras, name: None, nodes };
+    root.scene = Some(root.push(scene));
+    Ok(root)
+}
+
+/// The unit and the directions of the axes, and the number.
+fn about(part: &Part, number: Option<i64>) -> io::Result<Box<RawValue>> {
+    let mut about = json!({"unit": part.unit, "space": "left-posterior-superior"});
+    if let Some(number) = number {
+        about["number"] = number.into();
+    }
+    Ok(to_raw_value(&about)?)
+}
+
+/// A mesh whose data begin at `offset`.
+fn mesh(root: &mut Root, part: &Part, buffer: Index<Buffer>, offset: u64) -> io::Result<Index<Mesh>> {
+    let ([vertices, triangles], [positions, normals, _]) = (part.counts, part.lengths());
+    let range = [part.low, part.high].map(|v| Some(json!(v)));
+    let corners = vectors(root, buffer, offset, vertices, range);
+    let turned = vectors(root, buffer, offset + positions, vertices, [None, None]);
+    let faces = indices(root, buffer, offset + positions + normals, 3 * triangles);
+    let attributes: BTreeMap<Checked<Semantic>, Index<Accessor>> =
+        [(Checked::Valid(Semantic::Positions), corners), (Checked::Valid(Semantic::Normals), turned)].into();
+    let name = part.appearance.name.clone();
+    let material = root.push(Material {
+        name: name.clone(),
+        pbr_metallic_roughness: PbrMetallicRoughness {
+            base_color_factor: PbrBaseColorFactor(colour::base(&part.appearance)),
+            metallic_factor: StrengthFactor(0.0),
+            roughness_factor: StrengthFactor(0.7),
+            ..PbrMetallicRoughness::default()
+        },
+        ..Material::default()
+    });
+    let primitive = Primitive {
+        attributes,
+        extensions: None,
+        extras: None,
+        indices: Some(faces),
+        material: Some(material),
+        mode: Checked::Valid(Mode::Triangles),
+        targets: None,
+    };
+    let extras = Some(about(part, part.appearance.number)?);
+    Ok(root.push(Mesh { extensions: None, extras, name, primitives: vec![primitive], weights: None }))
+}
+
+/// `count` vectors of three f32, with the least and the largest of them.
+fn vectors(
+    root: &mut Root,
+    buffer: Index<Buffer>,
+    offset: u64,
+    count: u64,
+    [min, max]: [Option<Value>; 2],
+) -> Index<Accessor> {
+    let view = view(root, buffer, offset, count * super::VERTEX_BYTES, Target::ArrayBuffer);
+    root.push(Accessor { min, max, ..accessor(view, count, ComponentType::F32, Type::Vec3) })
+}
+
+/// `count` u32.
+fn indices(root: &mut Root, buffer: Index<Buffer>, offset: u64, count: u64) -> Index<Accessor> {
+    let view = view(root, buffer, offset, 4 * count, Target::ElementArrayBuffer);
+    root.push(accessor(view, count, ComponentType::U32, Type::Scalar))
+}
+
+fn view(root: &mut Root, buffer: Index<Buffer>, offset: u64, length: u64, target: Target) -> Index<View> {
+    root.push(View {
+        buffer,
+        byte_length: USize64(length),
+        byte_offset: Some(USize64(offset)),
+        byte_stride: None,
+        name: None,
+        target: Some(Checked::Valid(target)),
+        extensions: None,
+        extras: None,
+    })
+}
+
+fn accessor(view: Index<View>, count: u64, component: ComponentType, type_: Type) -> Accessor {
+    Accessor {
+        buffer_view: Some(view),
+        byte_offset: None,
+        count: USize64(count),
+        component_type: Checked::Valid(GenericComponentType(component)),
+        type_: Checked::Valid(type_),
+        min: None,
+        max: None,
+        name: None,
+        normalized: false,
+        sparse: None,
+        extensions: None,
+        extras: None,
+    }
+}

@@ -1,0 +1,148 @@
+//! Meshes as binary glTF 2.0 (`.glb`): for each body one mesh with its name and colour, f32 positions and normals, u32 triangles.
+//!
+//! Positions are those of all other outputs: world coordinates (LPS) in the stack's unit, neither scaled to glTF's metres nor turned to its
+//! upright y, so that files of one case fit each other. The `extras` of meshes and scene say so: `unit` and `space`; `number` is that of the
+//! label or ROI.
+
+mod colour;
+mod describe;
+
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Seek, Write};
+use std::path::Path;
+
+use super::mesh::MeshSource;
+use crate::appearance::Appearance;
+use describe::described;
+
+/// Bytes of three f32.
+const VERTEX_BYTES: u64 = 12;
+/// Bytes of three u32.
+const TRIANGLE_BYTES: u64 = 12;
+const BUFFER_BYTES: usize = 1 << 20;
+
+/// One mesh of a file.
+#[derive(Debug)]
+struct Part {
+    appearance: Appearance,
+    unit: String,
+    /// Vertices and triangles.
+    counts: [u64; 2],
+    /// The box around its vertices, as they are stored.
+    low: [f32; 3],
+    high: [f32; 3],
+}
+
+impl Part {
+    /// What must be known of a mesh before it is written.
+    fn of(mesh: &mut dyn MeshSource, appearance: &Appearance, unit: &str) -> io::Result<Self> {
+        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        mesh.vertices(&mut |v| {
+            for (a, x) in v.position.iter().enumerate() {
+                (low[a], high[a]) = (low[a].min(*x as f32), high[a].max(*x as f32));
+            }
+            Ok(())
+        })?;
+        Ok(Part { appearance: appearance.clone(), unit: unit.into(), counts: mesh.counts(), low, high })
+    }
+
+    /// Bytes of positions, normals and triangles.
+    fn lengths(&self) -> [u64; 3] {
+        let [vertices, triangles] = self.counts;
+        [vertices * VERTEX_BYTES, vertices * VERTEX_BYTES, triangles * TRIANGLE_BYTES]
+    }
+
+    fn bytes(&self) -> u64 {
+        self.lengths().iter().sum()
+    }
+}
+
+/// Writes one mesh, of a body in this unit.
+///
+/// # Errors
+/// Those of `out`; [`io::ErrorKind::InvalidInput`] beyond the 4 GiB that the format holds.
+pub fn write_glb<W: Write>(
+    out: &mut W,
+    mesh: &mut dyn MeshSource,
+    appearance: &Appearance,
+    unit: &str,
+) -> io::Result<()> {
+    let part = Part::of(mesh, appearance, unit)?;
+    write_head(out, std::slice::from_ref(&part))?;
+    write_data(out, mesh)?;
+    out.flush()
+}
+
+/// Everything before the meshes' own data.
+fn write_head<W: Write>(out: &mut W, parts: &[Part]) -> io::Result<()> {
+    let bytes: u64 = parts.iter().map(Part::bytes).sum();
+    let mut json = serde_json::to_vec(&described(parts)?)?;
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let whole = 12 + 8 + json.len() as u64 + if bytes > 0 { 8 + bytes } else { 0 };
+    let length = |n: u64| {
+        let fits = u32::try_from(n);
+        fits.map_err(|_| {
+            io::Error::new(io::ErrorKind::InvalidInput, "GLB holds at most 4 GiB: use .ply, or --simplify")
+        })
+    };
+    out.write_all(b"glTF")?;
+    for n in [2, length(whole)?, length(json.len() as u64)?] {
+        out.write_all(&n.to_le_bytes())?;
+    }
+    out.write_all(b"JSON")?;
+    out.write_all(&json)?;
+    if bytes > 0 {
+        out.write_all(&length(bytes)?.to_le_bytes())?;
+        out.write_all(b"BIN\0")?;
+    }
+    Ok(())
+}
+
+/// Positions, normals, triangles.
+fn write_data<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result<()> {
+    let mut three = |v: [f64; 3]| out.write_all(v.map(|x| (x as f32).to_le_bytes()).as_flattened());
+    mesh.vertices(&mut |v| three(v.position))?;
+    mesh.vertices(&mut |v| three(v.normal))?;
+    mesh.triangles(&mut |t, _| out.write_all(t.map(|v| (v as u32).to_le_bytes()).as_flattened()))
+}
+
+/// Several bodies on their way into one file. Their data wait in a nameless file.
+#[derive(Debug)]
+pub struct Scene {
+    parts: Vec<Part>,
+    data: BufWriter<File>,
+}
+
+impl Scene {
+    /// Nothing yet; the nameless file is in `folder`.
+    ///
+    /// # Errors
+    /// Those of making that file.
+    pub fn new(folder: &Path) -> io::Result<Self> {
+        let data = BufWriter::with_capacity(BUFFER_BYTES, tempfile::tempfile_in(folder)?);
+        Ok(Scene { parts: Vec::new(), data })
+    }
+
+    /// Adds a body in this unit.
+    ///
+    /// # Errors
+    /// Those of the nameless file.
+    pub fn add(&mut self, mesh: &mut dyn MeshSource, appearance: &Appearance, unit: &str) -> io::Result<()> {
+        self.parts.push(Part::of(mesh, appearance, unit)?);
+        write_data(&mut self.data, mesh)
+    }
+
+    /// Writes all bodies, in their order.
+    ///
+    /// # Errors
+    /// As [`write_glb`].
+    pub fn write<W: Write>(&mut self, out: &mut W) -> io::Result<()> {
+        write_head(out, &self.parts)?;
+        self.data.flush()?;
+        let file = self.data.get_mut();
+        file.rewind()?;
+        io::copy(&mut BufReader::with_capacity(BUFFER_BYTES, &mut *file), out)?;
+        file.seek(io::SeekFrom::End(0))?;
+        out.flush()
+    }
+}

@@ -14,6 +14,7 @@ use dicom_object::mem::InMemElement;
 use dicom_object::{FileMetaTableBuilder, InMemDicomObject};
 use flate2::read::GzDecoder;
 use image::{GrayImage, ImageFormat, Luma};
+use interslice::appearance::Appearance;
 use interslice::files::outputs::{OutputOptions, Outputs};
 use interslice::files::pending::Temporary;
 use interslice::files::section_file::SectionWriter;
@@ -66,7 +67,7 @@ fn loaded(output: OutputOptions) -> Try<Loaded> {
         name: format!("k={k}"),
         z: *z,
         extra: false,
-        content: SliceContent::Mask(mask(k)),
+        content: SliceContent::Mask(mask(k).into_iter().collect()),
     };
     let stack = ContourStack {
         dims: DIMS,
@@ -109,7 +110,9 @@ fn written(keep: Keep<'_>) -> Try {
         keep(target, &name.replace("a.", ""), &fs::read(place.path().join(name))?)?;
     }
     let path = place.path().join("a.section");
-    let whole = loaded(OutputOptions { dz: Some(2.25), ..OutputOptions::default() })?;
+    let map = Map { crs: Crs::Epsg(32611), first: [1, 2], dims: DIMS.map(|n| n - 2) };
+    let bodies = vec![Appearance { name: Some("a body".into()), number: Some(1), colour: Some([200, 100, 50]) }];
+    let whole = loaded(OutputOptions { dz: Some(2.25), map: Some(Arc::new(map)), bodies, ..OutputOptions::default() })?;
     let mut writer = SectionWriter::open(&path, [1, 1], "0".repeat(64), &whole)?;
     let body = whole.compute_section(&whole.section(1, 1)?, &means, &mut writer)?;
     writer.finish(&body.report)?;
@@ -134,6 +137,8 @@ fn arrays(keep: Keep<'_>) -> Try {
     keep("nrrd", "bzip2", &[header("uchar", "encoding: bzip2\n"), bzip2.finish()?].concat())?;
     let ras =
         "encoding: raw\nendian: little\nspace: RAS\nspace directions: (0,1,0) (1,0,0) (0,0,2)\nspace origin: (1,2,3)\n";
+    let segments = "encoding: raw\nSegment0_LabelValue:=1\nSegment0_Name:=a\\nb\nSegment0_Color:=0.5 1 0\n";
+    keep("nrrd", "segments", &[header("uchar", segments), bytes.clone()].concat())?;
     keep("nrrd", "float", &[header("float", ras), floats.clone()].concat())?;
     let mha = "ObjectType = Image\nNDims = 3\nDimSize = 12 10 3\nElementType = MET_SHORT\nElementByteOrderMSB = True\n";
     keep(
@@ -221,6 +226,7 @@ fn structure_set(syntax: &str) -> Try<Vec<u8>> {
     let named = named.collect();
     let drawn = rois.into_iter().enumerate().map(|(k, (_, contours))| {
         InMemDicomObject::from_element_iter([
+            text(tags::ROI_DISPLAY_COLOR, VR::IS, "200\\100\\50"),
             text(tags::REFERENCED_ROI_NUMBER, VR::IS, &(k + 1).to_string()),
             sequence(tags::CONTOUR_SEQUENCE, contours, Length::UNDEFINED),
         ])

@@ -172,7 +172,7 @@ pub fn section(bytes: &[u8]) -> Result<()> {
             outputs.bytes(sections.dims(), sections.geometry(), sections.dims().iter().product()),
             Some(MOST_WRITING),
         )?;
-        let options = OutputOptions { mask: false, ..sections.output().clone() };
+        let options = OutputOptions { mask: false, ..sections.output() };
         options.check_ranges()?;
         let mut sink = outputs.sink(&options);
         sections.replay(&mut sink).map(drop)

@@ -121,6 +121,11 @@ pub trait Backend: Sync {
     /// Name for people and reports.
     fn name(&self) -> String;
 
+    /// Bytes of the host's memory that it takes beside what a run takes on the reference path.
+    fn host_bytes(&self) -> u64 {
+        0
+    }
+
     /// Level sets of slices: anti-aliasing, distance, conditioning.
     ///
     /// # Errors

@@ -159,7 +159,7 @@ fn program(place: &Path, arguments: &[&str]) -> (u64, Vec<Vec<u8>>) {
     let mut child = Command::new(env!("CARGO_BIN_EXE_interslice"))
         .arg("reconstruct")
         .arg(place.join("in.nrrd"))
-        .args(["--backend", "cpu", "--threads", "2", "--dz", "2", "-q", "-o"])
+        .args(["--threads", "2", "--dz", "2", "-q", "-o"])
         .args([&outputs[0], Path::new("-o"), &outputs[1]])
         .args(arguments)
         .spawn()
@@ -177,10 +177,9 @@ fn program(place: &Path, arguments: &[&str]) -> (u64, Vec<Vec<u8>>) {
     (peak, outputs.iter().map(|path| fs::read(path).expect("it was written")).collect())
 }
 
-#[test]
-fn a_run_stays_within_what_it_is_allowed_and_writes_the_same() {
+/// A disc that wanders and swells, as `in.nrrd`.
+fn many_slices(place: &Path) {
     const SLICES: usize = 24;
-    let place = folder();
     let header = format!(
         "NRRD0004\ntype: uint8\ndimension: 3\nspace: left-posterior-superior\nsizes: {SIDE} {SIDE} {SLICES}\n\
          space directions: (1,0,0) (0,1,0) (0,0,4)\nencoding: raw\nspace origin: (0,0,0)\n\n"
@@ -191,12 +190,34 @@ fn a_run_stays_within_what_it_is_allowed_and_writes_the_same() {
         u8::from(x.hypot(y) < 70.0 + 15.0 * (0.5 * k).sin())
     };
     let voxels = (0..SIDE * SIDE * SLICES).map(inside);
-    let path = place.path().join("in.nrrd");
+    let path = place.join("in.nrrd");
     fs::write(path, header.into_bytes().into_iter().chain(voxels).collect::<Vec<u8>>()).expect("it can be written");
-    let (free, whole) = program(place.path(), &[]);
-    let (bounded, same) = program(place.path(), &["--memory", "80M"]);
+}
+
+#[test]
+fn a_run_stays_within_what_it_is_allowed_and_writes_the_same() {
+    let place = folder();
+    many_slices(place.path());
+    let (free, whole) = program(place.path(), &["--backend", "cpu"]);
+    let (bounded, same) = program(place.path(), &["--backend", "cpu", "--memory", "80M"]);
     println!("{} MiB, {} MiB of 80 allowed", free >> 20, bounded >> 20);
     assert!(bounded <= 80 << 20, "{bounded} bytes were needed, 80 MiB allowed");
     assert!(2 * free > 3 * bounded, "{free} bytes are needed without bound: too little to tell");
     assert!(whole == same, "the bound changes what is written");
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn a_run_on_a_gpu_stays_within_what_it_is_allowed_too() {
+    let place = folder();
+    many_slices(place.path());
+    let (free, whole) = program(place.path(), &["--backend", "gpu"]);
+    let (bounded, same) = program(place.path(), &["--backend", "gpu", "--memory", "240M"]);
+    println!("{} MiB, {} MiB of 240 allowed", free >> 20, bounded >> 20);
+    assert!(bounded <= 240 << 20, "{bounded} bytes were needed, 240 MiB allowed");
+    assert!(whole == same, "the bound changes what is written");
+    // Where a GPU leaves too little, an automatic choice goes without.
+    let (without, slices) = program(place.path(), &["--adapter", "0", "--memory", "165M"]);
+    assert!(without <= 165 << 20, "{without} bytes were needed, 165 MiB allowed");
+    assert!(slices == program(place.path(), &["--backend", "cpu"]).1, "it ran on the GPU");
 }

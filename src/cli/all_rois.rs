@@ -14,7 +14,7 @@ use interslice::stack::read::check;
 use interslice::{Error, Result};
 
 use super::devices::DeviceOptions;
-use super::reconstruct::{Telling, budget, chosen, complete, compute};
+use super::reconstruct::{Telling, chosen, complete, compute, tell_start};
 
 /// What is to be done with a structure set.
 pub struct All<'a> {
@@ -63,7 +63,8 @@ pub fn run(all: &All<'_>) -> Result<()> {
         let outputs = Outputs::open(&outputs, report.as_deref(), Temporary::Random)?;
         files.push(outputs.with_scene(scenes.as_ref()));
     }
-    let chosen = chosen(all.device, all.telling)?;
+    let mut chosen = chosen(all.device)?;
+    let mut said = None;
     let mut added = Vec::new();
     for (roi, outputs) in rois.iter().zip(&mut files) {
         let mut options = all.options.clone();
@@ -73,8 +74,12 @@ pub fn run(all: &All<'_>) -> Result<()> {
         let (dims, geometry, lid) = (loaded.stack.dims, &loaded.stack.geometry, loaded.stack.lid());
         let simplifying = loaded.needs_to_simplify(outputs.has_mesh());
         let writing = outputs.bytes(dims, geometry, lid) + completed.bytes(dims, geometry, lid) + simplifying;
-        let budget = budget(&loaded, writing, all.device, all.telling)?;
+        let budget = chosen.budget(&loaded.needs(), writing, all.device.memory())?;
         tell(all, &roi.label());
+        if said.as_ref() != Some(&chosen.reason) {
+            tell_start(&chosen, &budget, all.telling);
+            said = Some(chosen.reason.clone());
+        }
         let source = loaded.options.output.source.as_ref().ok_or_else(|| {
             let message = "an RTSTRUCT is needed for --all-rois".into();
             Error::Format { path: all.input.into(), message }

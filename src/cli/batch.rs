@@ -110,14 +110,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     let tally = Tally::new(manifest.jobs.len(), arguments.quiet);
     let notice = |message: &str| tally.say(&format!("warning: {message}"));
-    // What jobs in flight may take is no bound of the one GPU they share.
-    let device = arguments.device.unbounded();
-    let shared = share(&device, &notice)?;
+    let shared = share(&arguments.device, &notice)?;
     if !arguments.quiet {
         tally.say(&format!("running on: {} ({})", shared.name(), shared.reason));
     }
     let memory = arguments.device.memory().or_else(|| memory::available().map(|free| (free as f64 * SHARE) as u64));
-    let options = Options { jobs, memory: memory.unwrap_or(u64::MAX), fail_fast: arguments.fail_fast, machine };
+    let memory = shared.leaves(memory.unwrap_or(u64::MAX))?;
+    let options = Options { jobs, memory, fail_fast: arguments.fail_fast, machine };
     let outcomes = run_all(&manifest, &results, shared.machine(), &options, &tally, &stop_on_interrupt())?;
     tally.finish();
     if let Some(profile) = shared.profile() {

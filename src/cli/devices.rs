@@ -3,13 +3,14 @@
 use clap::ValueEnum;
 use interslice::batch::Machine as BatchMachine;
 #[cfg(feature = "gpu")]
-use interslice::gpu::device::{AdapterSummary, adapters};
+use interslice::gpu::device::{AdapterSummary, DRIVER_BYTES, adapters};
 #[cfg(feature = "gpu")]
 use interslice::gpu::shared::SharedGpu;
 #[cfg(feature = "gpu")]
 use interslice::gpu::{Gpu, GpuOptions, GpuOrReference, doctor};
+use interslice::memory::{self, Needs};
 use interslice::report::Profile;
-use interslice::{Backend, Error, Reference, Result};
+use interslice::{Backend, Budget, Error, Reference, Result};
 use serde::{Deserialize, Serialize};
 
 use super::say::say;
@@ -43,7 +44,7 @@ pub struct DeviceOptions {
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     memory: Option<u64>,
 
-    /// Memory that the GPU's buffers may take [default: `--memory`, else 60 % of what is free]
+    /// Memory that the GPU's buffers may take [default: `--memory`, or a third of it where the GPU shares the host's memory, else 60 % of what is free]
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     gpu_memory: Option<u64>,
 
@@ -53,11 +54,6 @@ pub struct DeviceOptions {
 }
 
 impl DeviceOptions {
-    /// The same with no more bound on memory than that of the GPU's buffers.
-    pub fn unbounded(&self) -> Self {
-        DeviceOptions { memory: None, ..self.clone() }
-    }
-
     /// Bytes of memory that were allowed.
     pub fn memory(&self) -> Option<u64> {
         self.memory
@@ -75,7 +71,8 @@ impl DeviceOptions {
     fn wanted(&self) -> GpuOptions {
         GpuOptions {
             adapter: self.adapter.clone(),
-            memory: self.gpu_memory.or(self.memory),
+            memory: self.gpu_memory,
+            within: self.memory,
             timed: self.profile,
             ..GpuOptions::default()
         }
@@ -103,6 +100,8 @@ pub struct Chosen<'n> {
     machine: Machine<'n>,
     /// Why this one.
     pub reason: String,
+    /// Bytes of memory that a driver still has which is not used any more.
+    left: u64,
     profile: bool,
 }
 
@@ -123,6 +122,25 @@ impl Chosen<'_> {
             Machine::Gpu(gpu) => &**gpu,
             #[cfg(feature = "gpu")]
             Machine::Either(either) => &**either,
+        }
+    }
+
+    /// What may stay in memory of a run with these needs beside `writing` bytes. A GPU that was not asked for by name is given up where it
+    /// leaves too little.
+    ///
+    /// # Errors
+    /// As [`Needs::budget`].
+    pub fn budget(&mut self, needs: &Needs, writing: u64, limit: Option<u64>) -> Result<Budget> {
+        let budget = needs.budget(writing + self.backend().host_bytes() + self.left, limit);
+        match (&self.machine, budget) {
+            #[cfg(feature = "gpu")]
+            (Machine::Either(_), Err(Error::Memory { needed_mib, .. })) => {
+                self.reason = format!("the GPU leaves too little memory: with it {needed_mib} MiB are needed");
+                self.machine = Machine::Reference(std::marker::PhantomData);
+                self.left = DRIVER_BYTES;
+                needs.budget(writing + self.left, limit)
+            }
+            (_, budget) => budget,
         }
     }
 
@@ -198,7 +216,7 @@ pub fn choose<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) ->
         #[cfg(not(feature = "gpu"))]
         Some(none) => match none {},
     };
-    Ok(Chosen { machine, reason, profile: options.profile })
+    Ok(Chosen { machine, reason, left: 0, profile: options.profile })
 }
 
 /// The machine that all jobs of a batch share, and why.
@@ -223,6 +241,20 @@ impl Shared<'_> {
             #[cfg(feature = "gpu")]
             Together::Gpu(shared) => &**shared,
         }
+    }
+
+    /// What it leaves to jobs of `memory` bytes that a batch may take.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] where that is nothing.
+    pub fn leaves(&self, memory: u64) -> Result<u64> {
+        let taken = match &self.together {
+            Together::Reference(_) => 0,
+            #[cfg(feature = "gpu")]
+            Together::Gpu(shared) => shared.gpu().device.host_bytes(),
+        };
+        memory::check(taken + (1 << 20), Some(memory))?;
+        Ok(memory - taken)
     }
 
     /// Its name.

@@ -115,8 +115,9 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     let stack = &loaded.stack;
     let writing =
         outputs.bytes(stack.dims, &stack.geometry, stack.lid()) + loaded.needs_to_simplify(outputs.has_mesh());
-    let budget = budget(loaded, writing, device, telling)?;
-    let chosen = chosen(device, telling)?;
+    let mut chosen = chosen(device)?;
+    let budget = chosen.budget(&loaded.needs(), writing, device.memory())?;
+    tell_start(&chosen, &budget, telling);
     let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, &budget, telling)?;
     complete(&mut outputs, &mut body, telling)?;
     let written = outputs.rename()?;
@@ -126,22 +127,17 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     Ok(())
 }
 
-/// What may stay in memory beside `writing` bytes; says so where that is not everything.
-pub fn budget(loaded: &Loaded, writing: u64, device: &DeviceOptions, telling: Telling) -> Result<Budget> {
-    let budget = loaded.needs().budget(writing, device.memory())?;
-    if telling != Telling::Quiet {
-        tell_kept(&budget);
-    }
-    Ok(budget)
+/// The machine that the options choose.
+pub fn chosen(device: &DeviceOptions) -> Result<Chosen<'_>> {
+    choose(device, &|message: &str| eprintln!("warning: {message}"))
 }
 
-/// The machine that the options choose.
-pub fn chosen(device: &DeviceOptions, telling: Telling) -> Result<Chosen<'_>> {
-    let chosen = choose(device, &|message: &str| eprintln!("warning: {message}"))?;
+/// Says where a run computes, and what does not stay in memory.
+pub fn tell_start(chosen: &Chosen<'_>, budget: &Budget, telling: Telling) {
     if telling != Telling::Quiet {
         eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+        tell_kept(budget);
     }
-    Ok(chosen)
 }
 
 /// The body, its layers given to `sink`.

@@ -172,10 +172,9 @@ pub fn run(mut arguments: RunArguments, matches: &ArgMatches) -> Result<()> {
     let loaded = Loaded::read(&input, options)?;
     let section = loaded.section(number, count)?;
     let mut writer = SectionWriter::open(&arguments.output, [number, count], name, &loaded)?;
-    let needs = loaded.needs_of(&section);
-    let budget = needs.budget(0, arguments.device.memory())?;
     let notice = |message: &str| eprintln!("warning: {message}");
-    let chosen = choose(&arguments.device, &notice)?;
+    let mut chosen = choose(&arguments.device, &notice)?;
+    let budget = chosen.budget(&loaded.needs_of(&section), 0, arguments.device.memory())?;
     if !arguments.quiet {
         eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
         tell_kept(&budget);

@@ -86,7 +86,7 @@ impl LoadedLabels {
             heights: &self.heights,
             settings: &self.options.settings,
             folder: &folder,
-            beside: outputs.bytes(&self.stack) + simplifying,
+            beside: outputs.bytes(&self.stack) + simplifying + means.backend.host_bytes(),
             memory,
         };
         let bodies = reconstruct(&self.stack, !self.keep_overlaps, &plan, means)?;

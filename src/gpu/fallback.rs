@@ -56,6 +56,10 @@ impl Backend for GpuOrReference<'_> {
         }
     }
 
+    fn host_bytes(&self) -> u64 {
+        self.gpu.device.host_bytes()
+    }
+
     fn contour_fields(
         &self,
         slices: &[PaddedSlice],

@@ -103,6 +103,10 @@ impl Backend for Gpu {
         format!("GPU {} ({}, {})", s.name, s.api, s.driver)
     }
 
+    fn host_bytes(&self) -> u64 {
+        self.device.host_bytes()
+    }
+
     fn contour_fields(
         &self,
         slices: &[PaddedSlice],

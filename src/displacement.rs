@@ -21,6 +21,11 @@ pub const PASSES: usize = 3;
 /// Gaussian means over blocks are cut here, sigmas.
 const TRUNCATE: f64 = 3.0;
 
+/// Blocks that are worked on at once.
+pub const LANES: usize = 32;
+/// Positions or vectors of as many blocks: along x, along y.
+pub type Lanes = [[f64; LANES]; 2];
+
 /// A vector per block.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Displacement {
@@ -139,8 +144,36 @@ impl Displacement {
 
     /// Displacements of the trajectories that pass through the blocks' centres x at time `1/2 + tau`: `u = v(x - tau u)`.
     pub fn through(&self, tau: f64) -> Self {
-        let passes = if tau == 0.0 { 0 } else { PASSES };
-        self.map(|_, x, v| (0..passes).fold(v, |u, _| self.at([x[0] - tau * u[0], x[1] - tau * u[1]])))
+        if tau == 0.0 {
+            return self.clone();
+        }
+        self.map_lanes(|_, x, v| {
+            (0..PASSES).fold(*v, |u, _| {
+                let back = |a: usize| std::array::from_fn(|k| x[a][k] - tau * u[a][k]);
+                self.at_lanes(&[back(0), back(1)])
+            })
+        })
+    }
+
+    /// The displacement with values for some blocks at once, of which `f` is given the number of the first, centres and own vectors. What
+    /// lanes beyond the last block of a row hold does not count.
+    pub fn map_lanes(&self, f: impl Fn(usize, &Lanes, &Lanes) -> Lanes) -> Self {
+        let mut vectors = Vec::with_capacity(self.vectors.len());
+        for (row, blocks) in self.vectors.chunks_exact(self.grid[0]).enumerate() {
+            for (part, some) in blocks.chunks(LANES).enumerate() {
+                let first = part * LANES;
+                let x = [std::array::from_fn(|k| centre(first + k)), [centre(row); LANES]];
+                let own = [0, 1].map(|a| std::array::from_fn(|k| some.get(k).map_or(0.0, |v| v[a])));
+                let [along, across] = f(row * self.grid[0] + first, &x, &own);
+                vectors.extend(along.into_iter().zip(across).map(|(x, y)| [x, y]).take(some.len()));
+            }
+        }
+        Displacement { grid: self.grid, vectors }
+    }
+
+    /// The vectors at some positions, each as [`Displacement::at`] gives it.
+    pub fn at_lanes(&self, x: &Lanes) -> Lanes {
+        at_lanes(self, x)
     }
 
     /// The same read at the pixels of the lower and of the upper slice.
@@ -152,6 +185,36 @@ impl Displacement {
     pub fn largest(&self) -> f64 {
         self.vectors.iter().flatten().fold(0.0, |m, v| m.max(v.abs()))
     }
+}
+
+/// See [`Displacement::at_lanes`].
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
+fn at_lanes(v: &Displacement, x: &Lanes) -> Lanes {
+    let (mut cells, mut places) = ([[0u32; LANES]; 2], [[0.0; LANES]; 2]);
+    for a in 0..2 {
+        for k in 0..LANES {
+            let (before, place) = place(v.grid[a], x[a][k]);
+            (cells[a][k], places[a][k]) = (before as u32, place);
+        }
+    }
+    let mut corners = [[[0.0; LANES]; 2]; 4];
+    for k in 0..LANES {
+        let first = cells[1][k] as usize * v.grid[0] + cells[0][k] as usize;
+        let (below, above) = (&v.vectors[first..][..2], &v.vectors[first + v.grid[0]..][..2]);
+        for (corner, vector) in corners.iter_mut().zip(below.iter().chain(above)) {
+            (corner[0][k], corner[1][k]) = (vector[0], vector[1]);
+        }
+    }
+    let mut out = [[0.0; LANES]; 2];
+    for (a, out) in out.iter_mut().enumerate() {
+        for k in 0..LANES {
+            let (fx, fy) = (places[0][k], places[1][k]);
+            let low = (1.0 - fx) * corners[0][a][k] + fx * corners[1][a][k];
+            let high = (1.0 - fx) * corners[2][a][k] + fx * corners[3][a][k];
+            out[k] = (1.0 - fy) * low + fy * high;
+        }
+    }
+    out
 }
 
 /// See [`Displacement::read_row`]. The blocks above and below are brought to the row once for all pixels between.
@@ -252,4 +315,30 @@ pub fn weights(sigma: f64) -> Vec<f64> {
     let raw: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
     let sum: f64 = raw.iter().sum();
     raw.iter().map(|w| w / sum).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lanes_read_what_each_position_reads() {
+        for grid in [[2, 2], [7, 3], [33, 9], [70, 4]] {
+            let value = |k: usize| [(k as f64 * 0.7).sin() * 9.0, (k as f64 * 1.3).cos() * 5.0];
+            let v = Displacement { grid, vectors: (0..grid[0] * grid[1]).map(value).collect() };
+            // Within the image and beyond it on all sides.
+            let far = |a: usize, k: usize| (k as f64 * 0.377 + a as f64).sin() * 0.7 * (grid[a] * BLOCK) as f64;
+            let x: Lanes = [0, 1].map(|a| std::array::from_fn(|k| 0.5 * (grid[a] * BLOCK) as f64 + far(a, k)));
+            let read = v.at_lanes(&x);
+            for k in 0..LANES {
+                assert_eq!([read[0][k], read[1][k]], v.at([x[0][k], x[1][k]]), "{grid:?}, {k}");
+            }
+            // Every block once, whatever is beyond the last of a row.
+            assert_eq!(v.map_lanes(|_, _, own| *own), v);
+            let centres = v.map_lanes(|_, x, _| *x);
+            (0..v.vectors.len()).for_each(|k| assert_eq!(centres.vectors[k], v.centre(k)));
+            let numbers = v.map_lanes(|first, _, _| [std::array::from_fn(|k| (first + k) as f64), [0.0; LANES]]);
+            (0..v.vectors.len()).for_each(|k| assert_eq!(numbers.vectors[k][0], k as f64));
+        }
+    }
 }

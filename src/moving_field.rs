@@ -7,7 +7,7 @@ use std::cmp::Ordering;
 use std::sync::Arc;
 
 use crate::contours::Contour;
-use crate::displacement::{Displacement, Resting};
+use crate::displacement::{Displacement, LANES, Resting};
 use crate::field::Field;
 use crate::matching::LonePart;
 use crate::shelf::{Array, Large};
@@ -137,17 +137,23 @@ impl MovingField {
     /// The ways back of `paths`, which are those through the layer at time `t` of interval `i`: from either slice to the layer.
     pub fn off_slices(&self, i: usize, t: f64, paths: &Paths) -> [Displacement; 2] {
         let [low, high] = &*self.at_slices[i];
-        let from = |x: [f64; 2], y: [f64; 2]| plus(y, x, -1.0);
         // What the blocks at the slices say themselves is near enough for half of the passes.
-        let passes = PASSES / 2;
-        let up = || low.map(|k, x, u| from(x, paths.off_low(x, plus(x, self.along(i, t, k, u), 1.0), passes)));
-        let down = || {
-            high.map(|k, x, u| {
-                let p = self.along(i, t, k, u);
-                from(x, paths.off_high(x, plus(x, [p[0] - u[0], p[1] - u[1]], 1.0), passes))
+        let off = |slice: &Displacement, way: &Displacement, sign: f64, whole: f64| {
+            slice.map_lanes(|first, x, u| {
+                let mut off = *u;
+                for k in 0..LANES.min(slice.vectors.len() - first) {
+                    let u = [u[0][k], u[1][k]];
+                    let p = self.along(i, t, first + k, u);
+                    (off[0][k], off[1][k]) = (p[0] - whole * u[0], p[1] - whole * u[1]);
+                }
+                for _ in 0..PASSES / 2 {
+                    let there = way.at_lanes(&[0, 1].map(|a| std::array::from_fn(|k| x[a][k] + off[a][k])));
+                    off = there.map(|along| along.map(|v| sign * v));
+                }
+                off
             })
         };
-        rayon::join(up, down).into()
+        rayon::join(|| off(low, &paths.come, 1.0, 0.0), || off(high, &paths.go, -1.0, 1.0)).into()
     }
 }
 

@@ -120,7 +120,12 @@ impl<T: Pod + Send + Sync> Packed<T> {
         while !out.is_empty() {
             let count = (SQUARE - i % SQUARE).min(out.len());
             let (some, rest) = std::mem::take(&mut out).split_at_mut(count);
-            some.copy_from_slice(&self.values[self.square(i, j) + (j % SQUARE) * SQUARE + i % SQUARE..][..count]);
+            let row = self.row_of_square(i / SQUARE, j);
+            // A whole row of a square is copied without a call.
+            match some.first_chunk_mut::<SQUARE>() {
+                Some(to) => *to = *row,
+                None => some.copy_from_slice(&row[i % SQUARE..][..count]),
+            }
             out = rest;
             i += count;
         }
@@ -142,6 +147,14 @@ impl<T: Pod + Send + Sync> Packed<T> {
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.places) + size_of_val(&*self.values)
+    }
+
+    /// Row `j` of the image in a column of squares.
+    #[inline(always)]
+    fn row_of_square(&self, column: usize, j: usize) -> &[T; SQUARE] {
+        let square = self.places[(j >> SHIFT) * self.columns + column] as usize * AREA;
+        let (rows, _) = self.values[square..][..AREA].as_chunks::<SQUARE>();
+        &rows[j % SQUARE]
     }
 
     /// Where the square of a pixel begins.

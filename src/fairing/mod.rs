@@ -31,6 +31,11 @@ use crate::packed::Packed;
 use crate::spline::smoothstep;
 use crate::surface::Layer;
 
+/// Does `work` on a thread of the pool, from which its loops need not hand anything over to another.
+fn in_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+    rayon::scope(|_| work())
+}
+
 /// Layers of fewer pixels are worked on side by side.
 const SMALL: usize = 1 << 20;
 
@@ -125,7 +130,8 @@ impl<'m> Fairing<'m> {
     /// What `sink` says.
     pub fn push(&mut self, layer: Layer, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
         let z = layer.z;
-        self.kept.push_back(Kept::new(layer, self.spec.dims));
+        let dims = self.spec.dims;
+        self.kept.push_back(in_pool(|| Kept::new(layer, dims)));
         loop {
             // Those that have a neighbour above.
             let ready = self.kept.partition_point(|kept| z - kept.z >= self.spec.apart);
@@ -164,7 +170,8 @@ impl<'m> Fairing<'m> {
     fn transform(&mut self, count: usize) -> Result<()> {
         while self.made < count {
             let some = self.made..(self.made + self.at_once()).min(count);
-            let made = some.clone().into_par_iter().map(|k| self.transformed(k)).collect::<Result<Vec<_>>>()?;
+            let transformed = || some.clone().into_par_iter().map(|k| self.transformed(k)).collect::<Result<Vec<_>>>();
+            let made = in_pool(transformed)?;
             self.kept.range_mut(some.clone()).zip(made).for_each(|(kept, made)| kept.made = made);
             self.made = some.end;
         }
@@ -284,7 +291,8 @@ impl<'m> Fairing<'m> {
         };
         let from_low = self.at_contour.take();
         let at = |k: usize| Packed::of(self.spec.dims, &self.difference(k));
-        let (from_low, from_high) = rayon::join(|| from_low.unwrap_or_else(|| at(low)), || at(high));
+        let both = || rayon::join(|| from_low.unwrap_or_else(|| at(low)), || at(high));
+        let (from_low, from_high) = in_pool(both);
         self.kept.range_mut(..=low).filter_map(Kept::take).try_for_each(&mut *sink)?;
         let between: Vec<usize> = (low + 1..high).collect();
         for some in between.chunks(self.at_once()) {
@@ -294,7 +302,8 @@ impl<'m> Fairing<'m> {
                 let t = (self.kept[k].z - self.kept[low].z) / (self.kept[high].z - self.kept[low].z);
                 self.moved(k, layer, [(low, &from_low), (high, &from_high)], t)
             };
-            layers.into_par_iter().map(moved).collect::<Vec<Layer>>().into_iter().try_for_each(&mut *sink)?;
+            let layers: Vec<Layer> = in_pool(|| layers.into_par_iter().map(moved).collect());
+            layers.into_iter().try_for_each(&mut *sink)?;
         }
         self.at_contour = Some(from_high);
         self.interval += 1;

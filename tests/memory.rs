@@ -177,21 +177,25 @@ fn program(place: &Path, arguments: &[&str]) -> (u64, Vec<Vec<u8>>) {
     (peak, outputs.iter().map(|path| fs::read(path).expect("it was written")).collect())
 }
 
-/// A disc that wanders and swells, as `in.nrrd`.
-fn many_slices(place: &Path) {
-    const SLICES: usize = 24;
+/// Slices 4 apart in images of `side` px squared, as `in.nrrd`: where `inside` says so of slice, x and y.
+fn write_slices(place: &Path, side: usize, slices: usize, inside: impl Fn(f64, f64, f64) -> bool) {
     let header = format!(
-        "NRRD0004\ntype: uint8\ndimension: 3\nspace: left-posterior-superior\nsizes: {SIDE} {SIDE} {SLICES}\n\
+        "NRRD0004\ntype: uint8\ndimension: 3\nspace: left-posterior-superior\nsizes: {side} {side} {slices}\n\
          space directions: (1,0,0) (0,1,0) (0,0,4)\nencoding: raw\nspace origin: (0,0,0)\n\n"
     );
-    let inside = |n: usize| {
-        let (k, n) = ((n / (SIDE * SIDE)) as f64, n % (SIDE * SIDE));
-        let (x, y) = ((n % SIDE) as f64 - 150.0 - 4.0 * k, (n / SIDE) as f64 - 190.0);
-        u8::from(x.hypot(y) < 70.0 + 15.0 * (0.5 * k).sin())
+    let voxel = |n: usize| {
+        let (k, n) = (n / (side * side), n % (side * side));
+        u8::from(inside(k as f64, (n % side) as f64, (n / side) as f64))
     };
-    let voxels = (0..SIDE * SIDE * SLICES).map(inside);
+    let voxels = (0..side * side * slices).map(voxel);
     let path = place.join("in.nrrd");
     fs::write(path, header.into_bytes().into_iter().chain(voxels).collect::<Vec<u8>>()).expect("it can be written");
+}
+
+/// A disc that wanders and swells, as `in.nrrd`.
+fn many_slices(place: &Path) {
+    let inside = |k: f64, x: f64, y: f64| (x - 150.0 - 4.0 * k).hypot(y - 190.0) < 70.0 + 15.0 * (0.5 * k).sin();
+    write_slices(place, SIDE, 24, inside);
 }
 
 #[test]
@@ -220,4 +224,14 @@ fn a_run_on_a_gpu_stays_within_what_it_is_allowed_too() {
     let (without, slices) = program(place.path(), &["--adapter", "0", "--memory", "165M"]);
     assert!(without <= 165 << 20, "{without} bytes were needed, 165 MiB allowed");
     assert!(slices == program(place.path(), &["--backend", "cpu"]).1, "it ran on the GPU");
+}
+
+#[test]
+fn a_flat_end_as_large_as_the_image_takes_hardly_more() {
+    // A vertex and two triangles for each of a million pixels are 90 MiB.
+    let place = folder();
+    write_slices(place.path(), 1024, 2, |_, x, y| (x - 512.0).hypot(y - 512.0) < 505.0);
+    let (bounded, _) = program(place.path(), &["--backend", "cpu", "--memory", "200M"]);
+    println!("{} MiB of 200 allowed", bounded >> 20);
+    assert!(bounded <= 200 << 20, "{bounded} bytes were needed, 200 MiB allowed");
 }

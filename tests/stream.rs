@@ -204,9 +204,11 @@ fn a_spool_beyond_its_memory_gives_the_same_mesh() {
     let place = folder();
     let mut spool = Spool::new(place.path());
     for layer in &body.layers {
-        spool.push(builder.layer(layer).expect("it is within the extent")).expect("the disk has room");
+        builder.layer(layer);
+        builder.pieces(|piece| spool.push(piece).expect("the disk has room"));
     }
-    spool.push(builder.finish().expect("there were layers")).expect("the disk has room");
+    builder.finish();
+    builder.pieces(|piece| spool.push(piece).expect("the disk has room"));
     spool.finish().expect("the disk has room");
     let mesh = closed_surface(&body);
     assert_eq!(spool.counts(), (&mesh).counts());

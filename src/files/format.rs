@@ -29,13 +29,13 @@ pub(super) enum Format {
 
 /// Bytes of an output's buffer.
 pub(super) const BUFFER_BYTES: usize = 1 << 20;
-/// Bytes per pixel of a layer: of some of its voxels, of a height map and the layer below, of the two layers that marching cubes needs (and of
-/// the vertices and triangles where the body ends flat), and of the slab of the mesh whose normals are not finished.
+/// Bytes per pixel of a layer: of some of its voxels, of a height map and the layer below, and of the two layers that marching cubes needs.
 const PER_VOLUME_PIXEL: u64 = 1;
 const PER_MAP_PIXEL: u64 = 8;
 const PER_SURFACE_PIXEL: u64 = 4;
-const PER_LID_PIXEL: u64 = 120;
-const PER_MESH_PIXEL: u64 = 16;
+/// Of the vertices whose normals are not complete: per pixel of a layer along contours, and where the body ends flat, a vertex each.
+const PER_MESH_PIXEL: u64 = 8;
+const PER_LID_PIXEL: u64 = 64;
 /// Of the field in which a layer's contour lines are found, and of the lines.
 const PER_LINE_PIXEL: u64 = 24;
 /// Bytes of the picture's samples, 2400 x 1800 with colour and depth, and of the picture.
@@ -175,8 +175,12 @@ pub(super) fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], ge
         Format::Stl | Format::Ply | Format::Obj | Format::Glb | Format::Report => 0,
     });
     each.sum::<u64>()
-        + if formats.iter().any(surface) { PER_SURFACE_PIXEL * pixels + PER_LID_PIXEL * lid as u64 } else { 0 }
-        + if formats.iter().any(mesh) { spool::IN_MEMORY as u64 + PER_MESH_PIXEL * pixels } else { 0 }
+        + if formats.iter().any(surface) { PER_SURFACE_PIXEL * pixels } else { 0 }
+        + if formats.iter().any(mesh) {
+            spool::IN_MEMORY as u64 + PER_MESH_PIXEL * pixels + PER_LID_PIXEL * lid as u64
+        } else {
+            0
+        }
         + BUFFER_BYTES as u64 * formats.len() as u64
 }
 

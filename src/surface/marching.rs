@@ -1,4 +1,4 @@
-//! Marching cubes on the layers' true heights, slab by slab: a slab needs its two layers and the vertices of the slab below, no more.
+//! Marching cubes on the layers' true heights, slab by slab: a slab needs its two layers and the vertices on the lower one, no more.
 
 use std::collections::HashMap;
 
@@ -13,43 +13,47 @@ use crate::stack::Geometry;
 /// reader that merges equal positions (STL) finds the same closed surface.
 const OFF_CORNER: f64 = 1e-3;
 
-/// What a slab adds to the surface. Its triangles have corners of its own and of the slab below, of no other.
+/// A piece ends after the row in which it has reached this many triangles: where the body ends flat, a slab is as large as a layer.
+const PIECE_TRIANGLES: usize = 1 << 14;
+
+/// Some rows of what a slab adds to the surface. Its triangles have corners of its own, of the pieces before it in the slab and of the slab
+/// below, of no other.
 #[derive(Debug, Clone, Default)]
 pub struct Piece {
-    /// Numbers of the first vertices of the slab below and of this one.
-    starts: [u64; 2],
-    /// Positions of the vertices of both, world coordinates.
-    positions: [Vec<[f64; 3]>; 2],
-    /// Vertex numbers of the new triangles, counter-clockwise seen from outside.
-    triangles: Vec<[u64; 3]>,
+    positions: Vec<[f64; 3]>,
+    triangles: Vec<[Corner; 3]>,
+    settled: u64,
+}
+
+/// A vertex of the surface.
+#[derive(Debug, Clone, Copy)]
+struct Corner {
+    number: u64,
+    /// Where it is in the stack.
+    position: [f64; 3],
+    /// Where it is in the world.
+    world: [f64; 3],
 }
 
 impl Piece {
-    /// Positions of the new vertices.
+    /// Positions of the new vertices, world coordinates.
     pub fn positions(&self) -> &[[f64; 3]] {
-        &self.positions[1]
+        &self.positions
     }
 
-    /// Vertex numbers of the new triangles, counted from the surface's first vertex.
-    pub fn triangles(&self) -> &[[u64; 3]] {
-        &self.triangles
+    /// Vertex numbers of the new triangles, counted from the surface's first vertex; counter-clockwise seen from outside.
+    pub fn triangles(&self) -> impl Iterator<Item = [u64; 3]> + '_ {
+        self.triangles.iter().map(|t| t.map(|corner| corner.number))
     }
 
-    /// Corner positions of each triangle.
+    /// Corner positions of each triangle, world coordinates.
     pub fn corners(&self) -> impl Iterator<Item = [[f64; 3]; 3]> + '_ {
-        self.triangles.iter().map(|t| t.map(|v| self.of(v, &self.positions)))
+        self.triangles.iter().map(|t| t.map(|corner| corner.world))
     }
 
-    /// Whether a vertex is one of this slab and not of the one below, and its place among these.
-    pub(super) fn place(&self, vertex: u64) -> (usize, usize) {
-        let slab = usize::from(vertex >= self.starts[1]);
-        (slab, (vertex - self.starts[slab]) as usize)
-    }
-
-    /// What belongs to a vertex.
-    fn of(&self, vertex: u64, both: &[Vec<[f64; 3]>; 2]) -> [f64; 3] {
-        let (slab, at) = self.place(vertex);
-        both[slab][at]
+    /// No later piece has a triangle with a corner of a lower number.
+    pub fn settled(&self) -> u64 {
+        self.settled
     }
 }
 
@@ -77,11 +81,15 @@ pub struct Builder {
     planes: [Plane; 2],
     /// Which of their nodes are inside.
     inside: [Vec<u8>; 2],
-    /// Vertices of the slab below and of this one by their edges, three per lower node, counted within their slab: an edge of the lower
-    /// layer that is crossed was crossed in the slab below, so its vertex is one of that.
-    along: [HashMap<usize, u32>; 2],
-    /// Positions of the vertices of the slab below and of this one, in the stack.
-    positions: [Vec<[f64; 3]>; 2],
+    /// Vertices on the edges of each of the two layers, two edges per node.
+    along: [HashMap<usize, Corner>; 2],
+    /// Vertices on the edges that go up from two rows of nodes.
+    upright: [Vec<Option<Corner>>; 2],
+    /// The next row of cells; none where the slab is filled.
+    row: Option<usize>,
+    /// Vertices until now, of those the ones until the slab below and until this one.
+    vertices: u64,
+    starts: [u64; 2],
     piece: Piece,
 }
 
@@ -102,46 +110,45 @@ impl Builder {
             planes: Default::default(),
             inside: Default::default(),
             along: Default::default(),
-            positions: Default::default(),
+            upright: Default::default(),
+            row: None,
+            vertices: 0,
+            starts: [0; 2],
             piece: Piece::default(),
         }
     }
 
-    /// What the next layer adds: the slab below it; nothing where it lies beyond the body's extent.
-    pub fn layer(&mut self, layer: &Layer) -> Option<&Piece> {
+    /// The next layer: [`Builder::piece`] gives the slab below it; nothing where it lies beyond the body's extent.
+    pub fn layer(&mut self, layer: &Layer) {
         if layer.z < self.extent[0] || layer.z > self.extent[1] {
-            return None;
+            return;
         }
         self.planes.swap(0, 1);
         let plane = &mut self.planes[1];
         plane.z = Some(layer.z);
         plane.phi = Packed::of(self.image, &layer.phi);
         self.slab();
-        Some(&self.piece)
     }
 
-    /// What closes the surface above the last layer; nothing where there was none.
-    pub fn finish(&mut self) -> Option<&Piece> {
-        self.planes[1].z?;
-        self.planes.swap(0, 1);
-        self.planes[1].z = None;
-        self.slab();
-        Some(&self.piece)
+    /// There is no other layer: [`Builder::piece`] gives what closes the surface above the last; nothing where there was none.
+    pub fn finish(&mut self) {
+        if self.planes[1].z.is_some() {
+            self.planes.swap(0, 1);
+            self.planes[1].z = None;
+            self.slab();
+        }
     }
 
-    /// Fills the cells between the two layers.
+    /// Begins the slab between the two layers.
     fn slab(&mut self) {
-        // Nothing is used again: a lid needs far more than the slabs after it.
         let n = self.dims[0] * self.dims[1];
-        self.inside.swap(0, 1);
+        self.starts = [self.starts[1], self.vertices];
+        self.row = Some(0);
         self.along.swap(0, 1);
+        // Nothing is used again: one layer's contours may be far longer than those after it.
         self.along[1] = HashMap::new();
-        self.positions.swap(0, 1);
-        self.positions[1] = Vec::new();
-        self.piece.positions.swap(0, 1);
-        self.piece.positions[1] = Vec::new();
-        self.piece.starts = [self.piece.starts[1], self.piece.starts[1] + self.positions[0].len() as u64];
-        self.piece.triangles = Vec::new();
+        self.upright.iter_mut().for_each(|row| *row = vec![None; self.dims[0]]);
+        self.inside.swap(0, 1);
         self.inside[1].clear();
         self.inside.iter_mut().for_each(|one| one.resize(n, 0));
         let [nx, ny] = self.image;
@@ -155,34 +162,58 @@ impl Builder {
                 }
             }
         }
+    }
+
+    /// The next piece of the slab; none where it is complete. A slab has one piece at least.
+    pub fn piece(&mut self) -> Option<&Piece> {
+        let mut j = self.row?;
+        self.piece.positions.clear();
+        self.piece.triangles.clear();
         let mut cells = Vec::new();
-        for j in 0..self.dims[1] - 1 {
-            let rows = [0, 1].map(|side| [j, j + 1].map(|row| row * self.dims[0]).map(|start| (side, start)));
-            let column = |i: usize| {
-                let at = |k: usize, r: usize| {
-                    let (side, start) = rows[k][r];
-                    self.inside[side][start + i]
-                };
-                at(0, 0) | at(0, 1) << 2 | at(1, 0) << 4 | at(1, 1) << 6
-            };
-            cells.clear();
-            let mut left = column(0);
-            for i in 0..self.dims[0] - 1 {
-                let right = column(i + 1);
-                let pattern = left | right << 1;
-                if pattern != 0 && pattern != 0xff {
-                    cells.push((i, pattern));
-                }
-                left = right;
-            }
+        while j < self.dims[1] - 1 && self.piece.triangles.len() < PIECE_TRIANGLES {
+            self.cells(j, &mut cells);
             for &(i, pattern) in &cells {
                 self.cell(i, j, pattern);
             }
+            self.upright.swap(0, 1);
+            self.upright[1].fill(None);
+            j += 1;
         }
-        let geometry = &self.geometry;
-        self.piece.positions[1].extend(self.positions[1].iter().map(|p| to_world(geometry, *p)));
+        self.row = (j < self.dims[1] - 1).then_some(j);
+        // Rows above still have corners anywhere on the lower layer, whose vertices the slab below brought.
+        self.piece.settled = if self.row.is_some() { self.starts[0] } else { self.starts[1] };
         if self.mirrors {
             self.piece.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        Some(&self.piece)
+    }
+
+    /// Shows the slab's pieces, all that are left.
+    pub fn pieces(&mut self, mut each: impl FnMut(&Piece)) {
+        while let Some(piece) = self.piece() {
+            each(piece);
+        }
+    }
+
+    /// Cells of row `j` that the surface crosses, and which of their corners are inside.
+    fn cells(&self, j: usize, cells: &mut Vec<(usize, u8)>) {
+        let rows = [0, 1].map(|side| [j, j + 1].map(|row| row * self.dims[0]).map(|start| (side, start)));
+        let column = |i: usize| {
+            let at = |k: usize, r: usize| {
+                let (side, start) = rows[k][r];
+                self.inside[side][start + i]
+            };
+            at(0, 0) | at(0, 1) << 2 | at(1, 0) << 4 | at(1, 1) << 6
+        };
+        cells.clear();
+        let mut left = column(0);
+        for i in 0..self.dims[0] - 1 {
+            let right = column(i + 1);
+            let pattern = left | right << 1;
+            if pattern != 0 && pattern != 0xff {
+                cells.push((i, pattern));
+            }
+            left = right;
         }
     }
 
@@ -196,13 +227,12 @@ impl Builder {
                     }
                 }
                 Patch::Fan(path) => {
-                    let ring: Vec<u64> = path.iter().map(|&e| self.vertex(i, j, e)).collect();
+                    let ring: Vec<Corner> = path.iter().map(|&e| self.vertex(i, j, e)).collect();
                     let mut mean = [0.0; 3];
-                    for &v in &ring {
-                        let p = self.piece.of(v, &self.positions);
-                        (0..3).for_each(|a| mean[a] += p[a] / ring.len() as f64);
+                    for v in &ring {
+                        (0..3).for_each(|a| mean[a] += v.position[a] / ring.len() as f64);
                     }
-                    let center = self.piece.starts[1] + u64::from(self.push(mean));
+                    let center = self.push(mean);
                     for (k, &v) in ring.iter().enumerate() {
                         self.piece.triangles.push([center, v, ring[(k + 1) % ring.len()]]);
                     }
@@ -211,26 +241,29 @@ impl Builder {
         }
     }
 
-    /// Adds a vertex; its place in the slab.
-    fn push(&mut self, position: [f64; 3]) -> u32 {
-        self.positions[1].push(position);
-        (self.positions[1].len() - 1) as u32
+    /// Adds a vertex.
+    fn push(&mut self, position: [f64; 3]) -> Corner {
+        let corner = Corner { number: self.vertices, position, world: to_world(&self.geometry, position) };
+        self.vertices += 1;
+        self.piece.positions.push(corner.world);
+        corner
     }
 
     /// The vertex on edge `e` of the cell with lower corner (i, j).
-    fn vertex(&mut self, i: usize, j: usize, e: u8) -> u64 {
+    fn vertex(&mut self, i: usize, j: usize, e: u8) -> Corner {
         let corner = EDGES[e as usize][0];
-        let (i, j, side) = (i + (corner & 1), j + (corner >> 1 & 1), corner >> 2);
-        let node = j * self.dims[0] + i;
+        let (i, row, side) = (i + (corner & 1), corner >> 1 & 1, corner >> 2);
         let axis = e / 4;
-        let (slab, edge) = (if axis == 2 { 1 } else { side }, 3 * node + usize::from(axis));
-        if let Some(&known) = self.along[slab].get(&edge) {
-            return self.piece.starts[slab] + u64::from(known);
-        }
-        let position = self.crossing([i, j], side, axis);
-        let vertex = self.push(position);
-        self.along[slab].insert(edge, vertex);
-        self.piece.starts[1] + u64::from(vertex)
+        let edge = 2 * ((j + row) * self.dims[0] + i) + usize::from(axis);
+        let known = if axis == 2 { self.upright[row][i] } else { self.along[side].get(&edge).copied() };
+        known.unwrap_or_else(|| {
+            let new = self.push(self.crossing([i, j + row], side, axis));
+            match axis {
+                2 => self.upright[row][i] = Some(new),
+                _ => _ = self.along[side].insert(edge, new),
+            }
+            new
+        })
     }
 
     fn crossing(&self, at: [usize; 2], side: usize, axis: u8) -> [f64; 3] {

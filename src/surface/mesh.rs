@@ -168,12 +168,14 @@ pub fn closed_surface(body: &Reconstruction) -> Mesh {
     let mut mesh = Mesh::default();
     let mut add = |piece: &Piece| {
         mesh.positions.extend(piece.positions());
-        mesh.triangles.extend(piece.triangles().iter().map(|t| t.map(|v| v as u32)));
+        mesh.triangles.extend(piece.triangles().map(|t| t.map(|v| v as u32)));
     };
     for layer in &body.layers {
-        builder.layer(layer).into_iter().for_each(&mut add);
+        builder.layer(layer);
+        builder.pieces(&mut add);
     }
-    builder.finish().into_iter().for_each(&mut add);
+    builder.finish();
+    builder.pieces(&mut add);
     mesh
 }
 

@@ -16,7 +16,7 @@ use std::path::Path;
 use tempfile::SpooledTempFile;
 
 use super::Layer;
-use super::spool::IN_MEMORY;
+use super::spool::FILE_IN_MEMORY;
 use super::stream::{BodyWriter, Ending};
 use super::volume::Content;
 
@@ -43,7 +43,7 @@ struct Interval {
 impl OriginWriter {
     /// Nothing yet. What does not fit in memory waits in a nameless file in `folder`.
     pub fn new(inner: Box<dyn BodyWriter>, content: Content, folder: &Path) -> Self {
-        let file = BufWriter::new(tempfile::spooled_tempfile_in(IN_MEMORY, folder));
+        let file = BufWriter::new(tempfile::spooled_tempfile_in(FILE_IN_MEMORY, folder));
         OriginWriter { inner, content, heights: Vec::new(), file, below: None, interval: None }
     }
 

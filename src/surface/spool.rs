@@ -1,6 +1,7 @@
-//! A surface kept until its end: in memory while it is small, else in a nameless file. Formats that begin with counts, or list vertices
+//! A surface kept until its end: in memory while it is small, else in nameless files. Formats that begin with counts, or list vertices
 //! before triangles, are written from it in several passes.
 
+use std::collections::VecDeque;
 use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
 use std::path::Path;
 
@@ -9,127 +10,121 @@ use tempfile::SpooledTempFile;
 use super::marching::Piece;
 use super::mesh::{EachTriangle, EachVertex, MeshSource, Vertex, cross, sub, unit};
 
-/// Bytes kept in memory.
-pub(crate) const IN_MEMORY: usize = 64 << 20;
+/// Bytes of a file kept in memory.
+pub(crate) const FILE_IN_MEMORY: usize = 16 << 20;
+/// Bytes that a surface keeps in memory, without the vertices that later triangles still turn.
+pub(crate) const IN_MEMORY: usize = 2 * (FILE_IN_MEMORY + BUFFER);
 const BUFFER: usize = 1 << 20;
 
-/// A surface, slab after slab. A slab is stored as the numbers of its vertices and triangles (u64), the vertices (position and normal, f64)
-/// and the triangles (u32, counted from the first vertex of the slab below).
+/// A surface, piece after piece, in two files: the vertices (position and normal, f64), and for each piece how many vertices there are until
+/// then, the first that it or a later one may need, its number of triangles (u64 each) and the triangles (u32, counted from that vertex).
 #[derive(Debug)]
 pub struct Spool {
-    file: BufWriter<SpooledTempFile>,
+    vertices: BufWriter<SpooledTempFile>,
+    triangles: BufWriter<SpooledTempFile>,
     /// Vertices and triangles.
     counts: [u64; 2],
-    slabs: u64,
-    /// The last slab: the triangles above it still turn its normals.
-    last: Slab,
-    /// Number of its first vertex.
-    start: u64,
+    pieces: u64,
+    /// Vertices whose normals are not complete.
+    open: Window,
 }
 
-/// A slab of the surface.
+/// The last vertices, from a number on.
 #[derive(Debug, Default)]
-struct Slab {
-    vertices: Vec<Vertex>,
-    triangles: Vec<[u32; 3]>,
+struct Window {
+    start: u64,
+    vertices: VecDeque<Vertex>,
+}
+
+impl Window {
+    fn end(&self) -> u64 {
+        self.start + self.vertices.len() as u64
+    }
+
+    /// Gives away the vertices below number `first`.
+    fn leave(&mut self, first: u64) -> impl Iterator<Item = Vertex> + '_ {
+        let count = first.min(self.end()).saturating_sub(self.start);
+        self.start += count;
+        self.vertices.drain(..count as usize)
+    }
 }
 
 impl Spool {
-    /// An empty surface. Its file, if there must be one, is in `folder` and has no name.
+    /// An empty surface. Its files, if there must be any, are in `folder` and have no names.
     pub fn new(folder: &Path) -> Self {
-        let file = BufWriter::with_capacity(BUFFER, tempfile::spooled_tempfile_in(IN_MEMORY, folder));
-        Spool { file, counts: [0; 2], slabs: 0, last: Slab::default(), start: 0 }
+        let file = || BufWriter::with_capacity(BUFFER, tempfile::spooled_tempfile_in(FILE_IN_MEMORY, folder));
+        Spool { vertices: file(), triangles: file(), counts: [0; 2], pieces: 0, open: Window::default() }
     }
 
-    /// Adds the next slab.
+    /// Adds the next piece.
     ///
     /// # Errors
-    /// Those of the file.
+    /// Those of the files.
     pub fn push(&mut self, piece: &Piece) -> io::Result<()> {
+        let start = self.open.start;
         let vertex = |position: &[f64; 3]| Vertex { position: *position, normal: [0.0; 3] };
-        let mut slab = Slab { vertices: piece.positions().iter().map(vertex).collect(), triangles: Vec::new() };
-        for (t, [a, b, c]) in piece.triangles().iter().zip(piece.corners()) {
+        self.open.vertices.extend(piece.positions().iter().map(vertex));
+        let count = piece.triangles().count() as u64;
+        [self.open.end(), start, count].iter().try_for_each(|n| self.triangles.write_all(&n.to_le_bytes()))?;
+        for (t, [a, b, c]) in piece.triangles().zip(piece.corners()) {
             let n = cross(sub(b, a), sub(c, a));
-            for &v in t {
-                let (own, at) = piece.place(v);
-                let sum = if own == 1 { &mut slab.vertices[at].normal } else { &mut self.last.vertices[at].normal };
+            for v in t {
+                let at = v - start;
+                let sum = &mut self.open.vertices[at as usize].normal;
                 *sum = [sum[0] + n[0], sum[1] + n[1], sum[2] + n[2]];
+                self.triangles.write_all(&(at as u32).to_le_bytes())?;
             }
-            slab.triangles.push(t.map(|v| (v - self.start) as u32));
         }
-        self.start += self.last.vertices.len() as u64;
-        let below = std::mem::replace(&mut self.last, slab);
-        self.write(&below)
+        self.pieces += 1;
+        self.counts = [self.open.end(), self.counts[1] + count];
+        self.write(piece.settled())
     }
 
     /// The surface ends here.
     ///
     /// # Errors
-    /// Those of the file.
+    /// Those of the files.
     pub fn finish(&mut self) -> io::Result<()> {
-        let last = std::mem::take(&mut self.last);
-        self.write(&last)?;
-        self.file.flush()
+        self.write(u64::MAX)?;
+        self.open = Window::default();
+        self.vertices.flush()?;
+        self.triangles.flush()
     }
 
-    fn write(&mut self, slab: &Slab) -> io::Result<()> {
-        let counts = [slab.vertices.len() as u64, slab.triangles.len() as u64];
-        (0..2).for_each(|k| self.counts[k] += counts[k]);
-        self.slabs += 1;
-        counts.iter().try_for_each(|n| self.file.write_all(&n.to_le_bytes()))?;
-        for v in &slab.vertices {
+    /// Writes the vertices below number `first`, whose normals are complete.
+    fn write(&mut self, first: u64) -> io::Result<()> {
+        for v in self.open.leave(first) {
             let normal = unit(v.normal);
-            v.position.iter().chain(&normal).try_for_each(|x| self.file.write_all(&x.to_le_bytes()))?;
+            v.position.iter().chain(&normal).try_for_each(|x| self.vertices.write_all(&x.to_le_bytes()))?;
         }
-        slab.triangles.as_flattened().iter().try_for_each(|v| self.file.write_all(&v.to_le_bytes()))
+        Ok(())
     }
 
     /// Whether it has left memory.
     pub fn is_on_disk(&self) -> bool {
-        self.file.get_ref().is_rolled()
-    }
-
-    /// Passes over all slabs: the number of the first vertex of the slab below, that slab, the slab.
-    fn pass(&mut self, each: &mut dyn FnMut(u64, &Slab, &Slab) -> io::Result<()>) -> io::Result<()> {
-        let file = self.file.get_mut();
-        file.rewind()?;
-        let mut file = BufReader::with_capacity(BUFFER, file);
-        let (mut start, mut below, mut slab) = (0, Slab::default(), Slab::default());
-        for _ in 0..self.slabs {
-            slab.read(&mut file)?;
-            each(start, &below, &slab)?;
-            start += below.vertices.len() as u64;
-            std::mem::swap(&mut below, &mut slab);
-        }
-        Ok(())
+        self.vertices.get_ref().is_rolled()
     }
 }
 
-impl Slab {
-    fn read(&mut self, file: &mut impl Read) -> io::Result<()> {
-        let mut eight = || -> io::Result<[u8; 8]> {
-            let mut bytes = [0; 8];
-            file.read_exact(&mut bytes)?;
-            Ok(bytes)
-        };
-        let [vertices, triangles] = [u64::from_le_bytes(eight()?), u64::from_le_bytes(eight()?)];
-        self.vertices.clear();
-        for _ in 0..vertices {
-            let mut x = [0.0; 6];
-            for x in &mut x {
-                *x = f64::from_le_bytes(eight()?);
-            }
-            let [px, py, pz, nx, ny, nz] = x;
-            self.vertices.push(Vertex { position: [px, py, pz], normal: [nx, ny, nz] });
-        }
-        self.triangles.clear();
-        for _ in 0..triangles {
-            let mut t = [[0; 4]; 3];
-            file.read_exact(t.as_flattened_mut())?;
-            self.triangles.push(t.map(u32::from_le_bytes));
-        }
-        Ok(())
+/// A file from its beginning.
+fn from_beginning(file: &mut BufWriter<SpooledTempFile>) -> io::Result<impl Read> {
+    file.get_mut().rewind()?;
+    Ok(BufReader::with_capacity(BUFFER, file.get_mut()))
+}
+
+fn read_number(file: &mut impl Read) -> io::Result<u64> {
+    let mut bytes = [0; 8];
+    file.read_exact(&mut bytes)?;
+    Ok(u64::from_le_bytes(bytes))
+}
+
+fn read_vertex(file: &mut impl Read) -> io::Result<Vertex> {
+    let mut x = [0.0; 6];
+    for x in &mut x {
+        *x = f64::from_bits(read_number(file)?);
     }
+    let [px, py, pz, nx, ny, nz] = x;
+    Ok(Vertex { position: [px, py, pz], normal: [nx, ny, nz] })
 }
 
 impl MeshSource for Spool {
@@ -138,16 +133,28 @@ impl MeshSource for Spool {
     }
 
     fn vertices(&mut self, each: &mut EachVertex<'_>) -> io::Result<()> {
-        self.pass(&mut |_, _, slab| slab.vertices.iter().try_for_each(&mut *each))
+        let mut file = from_beginning(&mut self.vertices)?;
+        (0..self.counts[0]).try_for_each(|_| each(&read_vertex(&mut file)?))
     }
 
     fn triangles(&mut self, each: &mut EachTriangle<'_>) -> io::Result<()> {
-        self.pass(&mut |start, below, slab| {
-            let of = |v: u32| {
-                let v = v as usize;
-                below.vertices.get(v).unwrap_or_else(|| &slab.vertices[v - below.vertices.len()])
-            };
-            slab.triangles.iter().try_for_each(|t| each(t.map(|v| start + u64::from(v)), t.map(of)))
-        })
+        let mut vertices = from_beginning(&mut self.vertices)?;
+        let mut triangles = from_beginning(&mut self.triangles)?;
+        let mut window = Window::default();
+        for _ in 0..self.pieces {
+            let [end, start, count] = [(); 3].map(|()| read_number(&mut triangles));
+            let (end, start, count) = (end?, start?, count?);
+            while window.end() < end {
+                window.vertices.push_back(read_vertex(&mut vertices)?);
+            }
+            drop(window.leave(start));
+            for _ in 0..count {
+                let mut t = [[0; 4]; 3];
+                triangles.read_exact(t.as_flattened_mut())?;
+                let at = t.map(u32::from_le_bytes);
+                each(at.map(|v| start + u64::from(v)), at.map(|v| &window.vertices[v as usize]))?;
+            }
+        }
+        Ok(())
     }
 }

@@ -159,19 +159,35 @@ impl<'w> BodyStream<'w> {
     /// # Errors
     /// The first writer that failed.
     pub fn layer(&mut self, layer: &Layer) -> std::result::Result<(), Failed> {
-        let piece = if self.needs >= Needs::Surface { self.builder.layer(layer) } else { None };
-        let write = |writer: &mut Box<dyn BodyWriter + 'w>| {
-            writer.layer(layer)?;
-            piece.map_or(Ok(()), |piece| writer.piece(piece))
-        };
-        let written: Vec<io::Result<()>> = self.writers.par_iter_mut().map(write).collect();
-        first_failure(written)?;
+        if self.needs >= Needs::Surface {
+            self.builder.layer(layer);
+        }
+        self.surface(Some(layer))?;
         if self.needs >= Needs::Surface {
             self.areas.layer(layer);
         }
-        match piece {
-            Some(piece) => keep(piece, self.needs, &mut self.measure, &mut self.spool).map_err(|e| (self.keeper(), e)),
-            None => Ok(()),
+        Ok(())
+    }
+
+    /// Gives the writers a layer, and then what is new of the surface.
+    fn surface(&mut self, mut layer: Option<&Layer>) -> std::result::Result<(), Failed> {
+        loop {
+            let piece = self.builder.piece();
+            if layer.is_none() && piece.is_none() {
+                return Ok(());
+            }
+            let write = |writer: &mut Box<dyn BodyWriter + 'w>| {
+                layer.map_or(Ok(()), |layer| writer.layer(layer))?;
+                piece.map_or(Ok(()), |piece| writer.piece(piece))
+            };
+            let written: Vec<io::Result<()>> = self.writers.par_iter_mut().map(write).collect();
+            written.into_iter().enumerate().try_for_each(|(k, w)| w.map_err(|e| (k, e)))?;
+            layer = None;
+            let Some(piece) = piece else { return Ok(()) };
+            self.measure.add(piece);
+            if self.needs == Needs::Mesh {
+                self.spool.push(piece).map_err(|e| (keeper(&self.writers), e))?;
+            }
         }
     }
 
@@ -180,13 +196,10 @@ impl<'w> BodyStream<'w> {
     /// # Errors
     /// The first writer that failed.
     pub fn finish(mut self, report: &mut Report) -> std::result::Result<(), Failed> {
-        let keeper = self.keeper();
         if self.needs >= Needs::Surface {
-            if let Some(piece) = self.builder.finish() {
-                first_failure(self.writers.iter_mut().map(|w| w.piece(piece)).collect())?;
-                keep(piece, self.needs, &mut self.measure, &mut self.spool).map_err(|e| (keeper, e))?;
-            }
-            self.spool.finish().map_err(|e| (keeper, e))?;
+            self.builder.finish();
+            self.surface(None)?;
+            self.spool.finish().map_err(|e| (keeper(&self.writers), e))?;
             report.volume = Some(self.measure.volume());
             report.area = Some(self.measure.area());
             report.areas = Some(self.areas.finish());
@@ -199,18 +212,9 @@ impl<'w> BodyStream<'w> {
         let mut end = Ending { report, mesh: &mut self.spool };
         self.writers.iter_mut().enumerate().try_for_each(|(k, w)| w.finish(&mut end).map_err(|e| (k, e)))
     }
-
-    /// The writer for which the mesh is kept.
-    fn keeper(&self) -> usize {
-        self.writers.iter().position(|w| w.needs() == Needs::Mesh).unwrap_or(0)
-    }
 }
 
-fn keep(piece: &Piece, needs: Needs, measure: &mut Measure, spool: &mut Spool) -> io::Result<()> {
-    measure.add(piece);
-    if needs == Needs::Mesh { spool.push(piece) } else { Ok(()) }
-}
-
-fn first_failure(written: Vec<io::Result<()>>) -> std::result::Result<(), Failed> {
-    written.into_iter().enumerate().try_for_each(|(k, w)| w.map_err(|e| (k, e)))
+/// The writer for which the mesh is kept.
+fn keeper(writers: &[Box<dyn BodyWriter + '_>]) -> usize {
+    writers.iter().position(|w| w.needs() == Needs::Mesh).unwrap_or(0)
 }

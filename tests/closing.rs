@@ -52,7 +52,7 @@ const METHODS: [(Method, Motion); 3] =
 fn parts_end_where_the_fall_of_their_area_says() {
     // Heights, shapes, and where the body ends below and above.
     type Case = (&'static str, Vec<f64>, Vec<Shape>, [f64; 2]);
-    let cases: [Case; 8] = [
+    let cases: [Case; 9] = [
         (
             "tapering",
             vec![0.0, 10.0, 20.0, 30.0, 40.0],
@@ -86,6 +86,13 @@ fn parts_end_where_the_fall_of_their_area_says() {
             vec![0.0, 5.0, 10.0],
             vec![nothing(), pair(17.0, 8.0), joined_pair(17.0, 8.0)],
             [5.0 - 3.75, 10.0],
+        ),
+        (
+            // 1.5 of a thickness of 8 px, less half a pixel's edge: bodies that join go on.
+            "a trunk",
+            vec![0.0, 20.0, 40.0],
+            vec![nothing(), joined_pair(17.0, 8.0), pair(17.0, 8.0)],
+            [20.0 - 1.5 * 7.5, 40.0],
         ),
         (
             // Its area falls to five ninths, its thickness to a sixth.

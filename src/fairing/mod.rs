@@ -1,7 +1,7 @@
 //! Constrained fairing: a smoothing along z that leaves the input contours where they are and makes them invisible.
 //!
 //! The signed distance u of every layer becomes `v = B tanh(u / (n B))` with the 3D gradient `n = max(|grad u|, .3)`, which counts near the
-//! surface only. With the Gaussian mean K along the trajectories of the moving field (or straight along z), `D = K v - v`, a layer at `z`
+//! surface only. With the mean K along the trajectories of the moving field (or straight along z), `D = K v - v`, a layer at `z`
 //! between the contours i and i + 1 moves by `alpha (D - (1 - w) D(z_i) - w D(z_{i+1}))`, `w = 3 t^2 - 2 t^3`: as smoothing would move it, less
 //! what would move the contours (`D(z_i)` fades out where its |v| / B goes from .82 to .88). The distance u moves by n times that where v is
 //! small against B, and not at all far from the surface or where it lies flat. Layers beyond the first and last contour stay.
@@ -21,7 +21,7 @@ use self::along::add;
 use self::near::{SATURATED, fade, nearer, nearness, widest};
 use self::transform::{Lengths, transform};
 pub use self::window::reach;
-use self::window::weights;
+use self::window::{takes_part, weights};
 
 use crate::displacement::{BLOCK, Displacement, Resting};
 use crate::error::Result;
@@ -135,7 +135,9 @@ impl<'m> Fairing<'m> {
         loop {
             // Those that have a neighbour above.
             let ready = self.kept.partition_point(|kept| z - kept.z >= self.spec.apart);
-            if ready == 0 || self.kept[ready - 1].z < self.needed_up_to() {
+            // A mean tells from the next layer that takes part how much the one before stands for.
+            let (heights, needed) = (self.heights(), self.needed_up_to());
+            if !(0..ready).rev().take_while(|&l| heights[l] >= needed).any(|l| self.takes_part(&heights, l)) {
                 return Ok(());
             }
             self.transform(ready)?;
@@ -153,6 +155,21 @@ impl<'m> Fairing<'m> {
             self.finish_interval(sink)?;
         }
         self.kept.iter_mut().filter_map(Kept::take).try_for_each(sink)
+    }
+
+    /// Heights of the layers that wait.
+    fn heights(&self) -> Vec<f64> {
+        self.kept.iter().map(|kept| kept.z).collect()
+    }
+
+    /// Whether layer `l` takes part in means.
+    fn takes_part(&self, heights: &[f64], l: usize) -> bool {
+        takes_part(heights, &self.spec.contours, self.spec.dz, l)
+    }
+
+    /// The layers that take part in means.
+    fn taking_part(&self, heights: &[f64]) -> Vec<usize> {
+        (0..heights.len()).filter(|&l| self.takes_part(heights, l)).collect()
     }
 
     /// Height up to which layers must be known to finish the current interval.
@@ -258,9 +275,8 @@ impl<'m> Fairing<'m> {
             near
         };
         let near: Vec<Vec<Range<usize>>> = out.par_chunks_mut(nx).enumerate().map(begin).collect();
-        let heights: Vec<f64> = self.kept.iter().map(|kept| kept.z).collect();
-        let known = |l: usize| self.kept[l].made.is_some();
-        for (l, w) in weights(&heights, &self.spec.contours, k, known) {
+        let (heights, known) = (self.heights(), |l: usize| self.kept[l].made.is_some());
+        for (l, w) in weights(&heights, &self.taking_part(&heights), &self.spec.contours, k, known) {
             let (Some(other), offsets) = (&self.kept[l].made, self.offsets(k, l)) else { continue };
             let row = |((j, out), near): ((usize, &mut [f32]), &Vec<Range<usize>>)| {
                 for pixels in near.iter().cloned() {
@@ -354,11 +370,13 @@ impl<'m> Fairing<'m> {
         let contours = &self.spec.contours;
         let to_come = self.interval..contours.len() - 1;
         let needed = to_come.map(|i| reach(contours, i)[0]).fold(f64::INFINITY, f64::min);
-        // One layer more stays: how far the lowest reaches down is known from it.
-        while self.kept.len() > 2 && self.kept[0].layer.is_none() && self.kept[1].z < needed {
-            self.kept.pop_front();
-            self.made -= 1;
-        }
+        // Of those that take part one more stays, by which it is known how much the one above stands for.
+        let heights = self.heights();
+        let below = (0..heights.len()).rev().find(|&l| heights[l] < needed && self.takes_part(&heights, l));
+        let done = self.kept.iter().take_while(|kept| kept.layer.is_none()).count();
+        let dropped = below.unwrap_or(0).min(done);
+        self.kept.drain(..dropped);
+        self.made -= dropped;
     }
 }
 

@@ -31,11 +31,13 @@ const CONTOURS_AT_ONCE: f64 = 3.0;
 const PER_WAITING_EDGE: f64 = 750.0;
 const PER_WAITING_PIXEL: f64 = 20.0;
 const WAITING_GAPS: f64 = 3.5;
+/// This part of what is allowed stays free, where more than the least is: the system's pages are larger than what lies in them.
+const RESERVE: u64 = 16;
 /// Bytes of a MiB.
 const MIB: f64 = (1 << 20) as f64;
 
 /// Bytes that do not depend on the stack.
-const BASE_BYTES: f64 = 24.0 * 1024.0 * 1024.0;
+const BASE_BYTES: f64 = 28.0 * 1024.0 * 1024.0;
 
 /// What a run on the reference path needs, estimated from above, as if every group filled the image. Whoever keeps the layers
 /// ([`reconstruct`](crate::reconstruct)) needs 4 bytes of memory per voxel more; writing them takes what
@@ -111,7 +113,10 @@ impl Needs {
             Some(free) if free < self.disk => {
                 Err(Error::Disk { folder, needed_mib: self.disk.div_ceil(1 << 20), available_mib: free >> 20 })
             }
-            _ => Ok(Budget::of((limit - least) / 2, (limit - least) / 2)),
+            _ => {
+                let rest = (limit - least).saturating_sub(limit / RESERVE);
+                Ok(Budget::of(rest / 2, rest / 2))
+            }
         }
     }
 }

@@ -8,6 +8,8 @@ mod linux {
     const GIVEN_BACK: libc::c_int = 1 << 20;
     /// Bytes of a large page, on every machine that this program is made for; advice for other sizes does nothing.
     const LARGE_PAGE: usize = 2 << 20;
+    /// Arrays of fewer bytes would take too much more than they are.
+    const LEAST: usize = 4 * LARGE_PAGE;
 
     /// The system's allocator. Where it gives out whole large pages, it asks the kernel to back them as such: a run on large images makes and
     /// gives back tens of gigabytes, and page by page of 4 KiB that took half of its time.
@@ -41,15 +43,13 @@ mod linux {
 
     /// An array of `size` bytes, or null, after the kernel was told to back its whole large pages as such.
     fn advised(array: *mut u8, size: usize) -> *mut u8 {
-        if array.is_null() || size < LARGE_PAGE {
+        if array.is_null() || size < LEAST {
             return array;
         }
         let before = (array as usize).next_multiple_of(LARGE_PAGE) - array as usize;
-        let whole = size.saturating_sub(before) / LARGE_PAGE * LARGE_PAGE;
-        if whole > 0 {
-            // SAFETY: the range lies within the array. What the kernel answers does not matter: it is free not to.
-            unsafe { libc::madvise(array.wrapping_add(before).cast(), whole, libc::MADV_HUGEPAGE) };
-        }
+        let whole = (size - before) / LARGE_PAGE * LARGE_PAGE;
+        // SAFETY: the range lies within the array. What the kernel answers does not matter: it is free not to.
+        unsafe { libc::madvise(array.wrapping_add(before).cast(), whole, libc::MADV_HUGEPAGE) };
         array
     }
 

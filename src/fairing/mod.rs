@@ -8,6 +8,7 @@
 
 mod along;
 mod flatness;
+mod kept;
 mod near;
 mod transform;
 mod window;
@@ -18,14 +19,14 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use self::along::add;
+use self::kept::{Kept, Near, Transformed, blocks_near};
 use self::near::{SATURATED, fade, nearer, nearness, widest};
 use self::transform::{Lengths, transform};
 pub use self::window::reach;
 use self::window::{takes_part, weights};
 
-use crate::displacement::{BLOCK, Displacement, Resting};
+use crate::displacement::{Displacement, Resting};
 use crate::error::Result;
-use crate::moving_field::{Paths, Place};
 use crate::moving_stack::MovingStack;
 use crate::packed::Packed;
 use crate::spline::smoothstep;
@@ -62,46 +63,6 @@ pub struct Spec<'m> {
     pub clamped: [bool; 2],
     /// For an interval with parts that are kept apart the share of the strength at each pixel: smoothing would join them.
     pub shares: Vec<Option<Vec<f32>>>,
-}
-
-/// A block of a layer, and where its trajectory meets the slices below and above, px of the padded image.
-type Near = (usize, [[f64; 2]; 2]);
-
-/// A layer with what fairing makes of it.
-struct Kept {
-    z: f64,
-    contour: Option<usize>,
-    /// Whether it belongs to the output grid, and its distances, until it is handed on.
-    layer: Option<(bool, Packed<f32>)>,
-    /// As soon as the layer above is known.
-    made: Option<Transformed>,
-}
-
-/// What fairing makes of a layer.
-struct Transformed {
-    v: Packed<f32>,
-    /// `n` near the surface, less where it lies flat; 0 elsewhere.
-    gradient: Packed<f32>,
-    place: Option<Place>,
-    /// Blocks that are read where its surface is near.
-    near: Vec<Near>,
-}
-
-impl Kept {
-    fn new(layer: Layer, dims: [usize; 2]) -> Self {
-        let Layer { z, phi, output, contour } = layer;
-        Kept { z, contour, layer: Some((output, Packed::of(dims, &phi))), made: None }
-    }
-
-    /// The layer, which is handed on.
-    fn take(&mut self) -> Option<Layer> {
-        let (output, phi) = self.layer.take()?;
-        Some(Layer { z: self.z, phi: phi.unpack(), output, contour: self.contour })
-    }
-
-    fn place(&self) -> Option<&Place> {
-        self.made.as_ref()?.place.as_ref()
-    }
 }
 
 /// Takes layers in order of height and hands them on, faired.
@@ -210,33 +171,10 @@ impl<'m> Fairing<'m> {
             let known = self.kept.iter().take(k).rev().find_map(Kept::place);
             let (found, paths) = moving.place(z, known)?;
             let far = self.bound * widest(self.kept[k].contour.is_some());
-            near = self.blocks_near(&v, far, &paths, pad);
+            near = blocks_near(&v, far, &paths, pad);
             place = Some(found);
         }
         Ok(Some(Transformed { v, gradient, place, near }))
-    }
-
-    /// Blocks of a layer that are read where its surface is nearer than `far`, and where their trajectories meet the slices around it.
-    fn blocks_near(&self, v: &Packed<f32>, far: f32, paths: &Paths, pad: usize) -> Vec<Near> {
-        let still = Displacement::zero(self.spec.dims);
-        let mut near = vec![false; still.vectors.len()];
-        let [nx, ny] = self.spec.dims;
-        // A pixel reads the four blocks whose centres are around it.
-        let around = |low: usize, high: usize, axis: usize| {
-            let [first, last] = [low, high].map(|p| (p + BLOCK / 2) / BLOCK);
-            first.saturating_sub(1)..last.min(still.grid[axis] - 1) + 1
-        };
-        let mut row = vec![0.0; nx];
-        for j in 0..ny {
-            v.read(0, j, &mut row);
-            for pixels in nearer(&row, far) {
-                for by in around(j, j, 1) {
-                    near[by * still.grid[0]..][around(pixels.start, pixels.end - 1, 0)].fill(true);
-                }
-            }
-        }
-        let slices = |block: usize| paths.to_slices(still.centre(block).map(|x| x + pad as f64));
-        (0..near.len()).filter(|&block| near[block]).map(|block| (block, slices(block))).collect()
     }
 
     /// Offsets of the trajectories from layer `k` to layer `l` in the blocks near its surface, px of the image; `None` where they stand still.

@@ -14,7 +14,7 @@ use crate::stack::Geometry;
 const OFF_CORNER: f64 = 1e-3;
 
 /// A piece ends after the row in which it has reached this many triangles: where the body ends flat, a slab is as large as a layer.
-const PIECE_TRIANGLES: usize = 1 << 14;
+const PIECE_TRIANGLES: usize = 1 << 12;
 
 /// Some rows of what a slab adds to the surface. Its triangles have corners of its own, of the pieces before it in the slab and of the slab
 /// below, of no other.

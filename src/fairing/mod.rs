@@ -308,11 +308,12 @@ impl<'m> Fairing<'m> {
         let contours = &self.spec.contours;
         let to_come = self.interval..contours.len() - 1;
         let needed = to_come.map(|i| reach(contours, i)[0]).fold(f64::INFINITY, f64::min);
-        // Of those that take part one more stays, by which it is known how much the one above stands for.
+        // Of those that take part one more stays, by which it is known how much the one above stands for, and the layer below it, by which it
+        // is known that it takes part.
         let heights = self.heights();
         let below = (0..heights.len()).rev().find(|&l| heights[l] < needed && self.takes_part(&heights, l));
         let done = self.kept.iter().take_while(|kept| kept.layer.is_none()).count();
-        let dropped = below.unwrap_or(0).min(done);
+        let dropped = below.unwrap_or(0).saturating_sub(1).min(done);
         self.kept.drain(..dropped);
         self.made -= dropped;
     }
@@ -324,29 +325,29 @@ mod tests {
 
     const DIMS: [usize; 2] = [41, 41];
 
-    /// Layers of a body whose radius swings between contours 8 apart, larger by `more`, after fairing.
-    fn faired(more: f64) -> Vec<f32> {
-        let (contours, heights) = ([0.0, 8.0, 16.0], (0..=16).map(f64::from));
+    /// Layers `dz` apart of a disc, as large as `radius` says of their heights, after fairing.
+    fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<Vec<f32>> {
+        let gaps: Vec<f64> = contours.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let mut fairing = Fairing::new(Spec {
             moving: None,
             contours: contours.to_vec(),
             dims: DIMS,
             spacing: [1.0; 2],
-            gap: 8.0,
-            dz: 1.0,
-            apart: 1.0,
+            gap: crate::heights::median(gaps.clone()),
+            dz,
+            apart: dz,
             alpha: 1.5,
             clamped: [false; 2],
-            shares: vec![None; 2],
+            shares: vec![None; gaps.len()],
         });
         let mut out = Vec::new();
         let mut sink = |layer: Layer| {
-            out.extend(layer.phi);
+            out.push(layer.phi);
             Ok(())
         };
-        for z in heights {
-            let radius = 8.0 + 6.0 * (z * std::f64::consts::PI / 8.0).sin() + more;
-            let phi = |n: usize| ((n % DIMS[0]) as f64 - 20.0).hypot((n / DIMS[0]) as f64 - 20.0) - radius;
+        for k in 0..=(gaps.iter().sum::<f64>() / dz) as usize {
+            let z = contours[0] + k as f64 * dz;
+            let phi = |n: usize| ((n % DIMS[0]) as f64 - 20.0).hypot((n / DIMS[0]) as f64 - 20.0) - radius(z);
             let phi = (0..DIMS[0] * DIMS[1]).map(|n| phi(n) as f32).collect();
             let contour = contours.iter().position(|c| *c == z);
             fairing.push(Layer { z, phi, output: true, contour }, &mut sink).expect("pushed");
@@ -356,10 +357,33 @@ mod tests {
     }
 
     #[test]
+    fn upside_down_it_is_the_same() {
+        // Fine gaps below smaller ones and above: the window forgets layers that take part and others.
+        for (gaps, dz) in [([6, 12, 3, 3, 6], 0.5), ([5, 20, 4, 3, 24], 0.5), ([10, 10, 20, 10, 10], 1.0)] {
+            let contours: Vec<f64> = std::iter::once(0)
+                .chain(gaps)
+                .scan(0, |z, gap| {
+                    *z += gap;
+                    Some(f64::from(*z))
+                })
+                .collect();
+            let top = contours[contours.len() - 1];
+            let turned: Vec<f64> = contours.iter().rev().map(|z| top - z).collect();
+            let radius = |z: f64| 10.0 + 4.0 * (0.9 * z).sin();
+            let (up, down) = (faired(&contours, dz, radius), faired(&turned, dz, |z| radius(top - z)));
+            let apart = up.iter().flatten().zip(down.iter().rev().flatten()).map(|(a, b)| (a - b).abs());
+            let largest = apart.fold(0.0, f32::max);
+            assert!(largest < 2e-5, "{gaps:?}: {largest}");
+        }
+    }
+
+    #[test]
     fn a_little_change_of_the_layers_changes_little() {
         // Rings of symmetric pixels pass every threshold together on the way.
         const STEP: f64 = 2e-3;
-        let bodies: Vec<Vec<f32>> = (0..400).into_par_iter().map(|k| faired(f64::from(k) * STEP)).collect();
+        let radius = |z: f64, more: f64| 8.0 + 6.0 * (z * std::f64::consts::PI / 8.0).sin() + more;
+        let body = |k: u32| faired(&[0.0, 8.0, 16.0], 1.0, |z| radius(z, f64::from(k) * STEP)).concat();
+        let bodies: Vec<Vec<f32>> = (0..400).into_par_iter().map(body).collect();
         let change = |pair: &[Vec<f32>]| pair[0].iter().zip(&pair[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         let largest = bodies.windows(2).map(change).fold(0.0, f32::max);
         println!("largest change {largest} at a step of {STEP}");

@@ -6,12 +6,12 @@ mod linux {
 
     /// Arrays from this size on go back to the system as soon as they are freed, bytes.
     const GIVEN_BACK: libc::c_int = 1 << 20;
-    /// Bytes of a large page, on every machine that this program is made for; advice for other sizes does nothing.
-    const LARGE_PAGE: usize = 2 << 20;
-    /// Arrays of fewer bytes would take too much more than they are.
-    const LEAST: usize = 4 * LARGE_PAGE;
+    /// Bytes of a page; where pages are larger the kernel does not take the advice.
+    const PAGE: usize = 4 << 10;
+    /// Arrays of fewer bytes, of which a large page has 2 MiB, would take too much more than they are.
+    const LEAST: usize = 8 << 20;
 
-    /// The system's allocator. Where it gives out whole large pages, it asks the kernel to back them as such: a run on large images makes and
+    /// The system's allocator. For large arrays it asks the kernel for large pages: a run on large images makes and
     /// gives back tens of gigabytes, and page by page of 4 KiB that took half of its time.
     struct OnLargePages;
 
@@ -41,15 +41,16 @@ mod linux {
         }
     }
 
-    /// An array of `size` bytes, or null, after the kernel was told to back its whole large pages as such.
+    /// An array of `size` bytes, or null, after the kernel was asked for large pages where it is large.
     fn advised(array: *mut u8, size: usize) -> *mut u8 {
         if array.is_null() || size < LEAST {
             return array;
         }
-        let before = (array as usize).next_multiple_of(LARGE_PAGE) - array as usize;
-        let whole = (size - before) / LARGE_PAGE * LARGE_PAGE;
-        // SAFETY: the range lies within the array. What the kernel answers does not matter: it is free not to.
-        unsafe { libc::madvise(array.wrapping_add(before).cast(), whole, libc::MADV_HUGEPAGE) };
+        // All pages that it touches: a mapping of which a part has other advice is two for the kernel, and could not grow in place.
+        let (first, end) = (array as usize / PAGE * PAGE, (array as usize + size).next_multiple_of(PAGE));
+        // SAFETY: the array's own pages. Where others have a share in the first and last, nothing changes for them either: what they hold is
+        // as it was. What the kernel answers does not matter: it is free not to.
+        unsafe { libc::madvise(array.wrapping_sub(array as usize - first).cast(), end - first, libc::MADV_HUGEPAGE) };
         array
     }
 

@@ -118,7 +118,8 @@ impl Builder {
         }
     }
 
-    /// The next layer: [`Builder::piece`] gives the slab below it; nothing where it lies beyond the body's extent.
+    /// The next layer: [`Builder::piece`] gives the slab below it, which must be asked for before the next one; nothing where it lies beyond
+    /// the body's extent.
     pub fn layer(&mut self, layer: &Layer) {
         if layer.z < self.extent[0] || layer.z > self.extent[1] {
             return;

@@ -13,7 +13,7 @@ use super::mesh::{EachTriangle, EachVertex, MeshSource, Vertex, cross, sub, unit
 /// Bytes of a file kept in memory.
 pub(crate) const FILE_IN_MEMORY: usize = 16 << 20;
 /// Bytes that a surface keeps in memory, without the vertices that later triangles still turn.
-pub(crate) const IN_MEMORY: usize = 2 * (FILE_IN_MEMORY + BUFFER);
+pub(crate) const IN_MEMORY: usize = 2 * (FILE_IN_MEMORY + 2 * BUFFER);
 const BUFFER: usize = 1 << 20;
 
 /// A surface, piece after piece, in two files: the vertices (position and normal, f64), and for each piece how many vertices there are until
@@ -29,23 +29,55 @@ pub struct Spool {
     open: Window,
 }
 
-/// The last vertices, from a number on.
+/// Vertices of a block of a window: more than the system's allocator keeps.
+const BLOCK: usize = 1 << 15;
+
+/// The last vertices, from a number on, in blocks that are given back one by one.
 #[derive(Debug, Default)]
 struct Window {
     start: u64,
-    vertices: VecDeque<Vertex>,
+    end: u64,
+    /// The first block begins with a vertex whose number is a multiple of a block.
+    blocks: VecDeque<Vec<Vertex>>,
 }
 
 impl Window {
-    fn end(&self) -> u64 {
-        self.start + self.vertices.len() as u64
+    fn push(&mut self, vertex: Vertex) {
+        if self.end.is_multiple_of(BLOCK as u64) {
+            self.blocks.push_back(Vec::with_capacity(BLOCK));
+        }
+        if let Some(last) = self.blocks.back_mut() {
+            last.push(vertex);
+        }
+        self.end += 1;
     }
 
-    /// Gives away the vertices below number `first`.
-    fn leave(&mut self, first: u64) -> impl Iterator<Item = Vertex> + '_ {
-        let count = first.min(self.end()).saturating_sub(self.start);
-        self.start += count;
-        self.vertices.drain(..count as usize)
+    /// Block and place in it of a vertex.
+    fn place(&self, vertex: u64) -> (usize, usize) {
+        let block = BLOCK as u64;
+        ((vertex / block - self.start / block) as usize, (vertex % block) as usize)
+    }
+
+    fn at(&self, vertex: u64) -> &Vertex {
+        let (block, place) = self.place(vertex);
+        &self.blocks[block][place]
+    }
+
+    fn at_mut(&mut self, vertex: u64) -> &mut Vertex {
+        let (block, place) = self.place(vertex);
+        &mut self.blocks[block][place]
+    }
+
+    /// Lets go of the vertices below number `first`, which `each` sees.
+    fn leave(&mut self, first: u64, mut each: impl FnMut(&Vertex) -> io::Result<()>) -> io::Result<()> {
+        while self.start < first.min(self.end) {
+            each(self.at(self.start))?;
+            self.start += 1;
+            if self.start.is_multiple_of(BLOCK as u64) {
+                self.blocks.pop_front();
+            }
+        }
+        Ok(())
     }
 }
 
@@ -63,20 +95,19 @@ impl Spool {
     pub fn push(&mut self, piece: &Piece) -> io::Result<()> {
         let start = self.open.start;
         let vertex = |position: &[f64; 3]| Vertex { position: *position, normal: [0.0; 3] };
-        self.open.vertices.extend(piece.positions().iter().map(vertex));
+        piece.positions().iter().map(vertex).for_each(|v| self.open.push(v));
         let count = piece.triangles().count() as u64;
-        [self.open.end(), start, count].iter().try_for_each(|n| self.triangles.write_all(&n.to_le_bytes()))?;
+        [self.open.end, start, count].iter().try_for_each(|n| self.triangles.write_all(&n.to_le_bytes()))?;
         for (t, [a, b, c]) in piece.triangles().zip(piece.corners()) {
             let n = cross(sub(b, a), sub(c, a));
             for v in t {
-                let at = v - start;
-                let sum = &mut self.open.vertices[at as usize].normal;
+                let sum = &mut self.open.at_mut(v).normal;
                 *sum = [sum[0] + n[0], sum[1] + n[1], sum[2] + n[2]];
-                self.triangles.write_all(&(at as u32).to_le_bytes())?;
+                self.triangles.write_all(&((v - start) as u32).to_le_bytes())?;
             }
         }
         self.pieces += 1;
-        self.counts = [self.open.end(), self.counts[1] + count];
+        self.counts = [self.open.end, self.counts[1] + count];
         self.write(piece.settled())
     }
 
@@ -93,11 +124,11 @@ impl Spool {
 
     /// Writes the vertices below number `first`, whose normals are complete.
     fn write(&mut self, first: u64) -> io::Result<()> {
-        for v in self.open.leave(first) {
+        let file = &mut self.vertices;
+        self.open.leave(first, |v| {
             let normal = unit(v.normal);
-            v.position.iter().chain(&normal).try_for_each(|x| self.vertices.write_all(&x.to_le_bytes()))?;
-        }
-        Ok(())
+            v.position.iter().chain(&normal).try_for_each(|x| file.write_all(&x.to_le_bytes()))
+        })
     }
 
     /// Whether it has left memory.
@@ -144,15 +175,15 @@ impl MeshSource for Spool {
         for _ in 0..self.pieces {
             let [end, start, count] = [(); 3].map(|()| read_number(&mut triangles));
             let (end, start, count) = (end?, start?, count?);
-            while window.end() < end {
-                window.vertices.push_back(read_vertex(&mut vertices)?);
+            while window.end < end {
+                window.push(read_vertex(&mut vertices)?);
             }
-            drop(window.leave(start));
+            window.leave(start, |_| Ok(()))?;
             for _ in 0..count {
                 let mut t = [[0; 4]; 3];
                 triangles.read_exact(t.as_flattened_mut())?;
-                let at = t.map(u32::from_le_bytes);
-                each(at.map(|v| start + u64::from(v)), at.map(|v| &window.vertices[v as usize]))?;
+                let numbers = t.map(|v| start + u64::from(u32::from_le_bytes(v)));
+                each(numbers, numbers.map(|v| window.at(v)))?;
             }
         }
         Ok(())

@@ -12,9 +12,6 @@
 
 // Share of `4 t^2 (1 - t)^2 |A - B|` taken off where the surface is upright.
 const SHRINKING: f32 = 0.2;
-// Surfaces that go sideways by more than this per height are less upright, those that go by more than FLAT not at all.
-const STEEP: f32 = 1.5;
-const FLAT: f32 = 4.0;
 
 // What the layers of an interval share: values are clamped to `limit`, tiles farther off than `limit + reach` are skipped; lone parts of the
 // lower slice, and of both; the interval's gap in px; whether one of its slices is empty.
@@ -139,8 +136,7 @@ fn interpolate(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     let t = times[p.z];
     let bulge = t * (1.0 - t);
     let apart = abs(v.x - v.y);
-    let upright = 1.0 - smoothstep(STEEP, FLAT, apart / span.gap);
-    let shrinking = SHRINKING * upright * 4.0 * bulge * bulge * apart;
+    let shrinking = SHRINKING * upright(apart / span.gap) * 4.0 * bulge * bulge * apart;
     var value = select(hermite_values(v, m, t) - shrinking, span.limit, span.empty != 0u);
     value = closing(0u, span.lower_parts, ij, ends.low, v.x, m.x, t, value);
     value = closing(span.lower_parts, span.all_parts, ij, ends.high, v.y, -m.y, 1.0 - t, value);

@@ -12,7 +12,7 @@ const BOTH: u32 = 0u;
 const ABOVE: u32 = 1u;
 const BELOW: u32 = 2u;
 
-// A slice: its number in `fields`, what it has on either side, and its gaps: below and above, or at an end the nearer and the farther
+// A slice: its number in `fields`, what it has on either side, and its gaps, px: below and above, or at an end the nearer and the farther
 // (0: there is none).
 struct Knot {
     slice: u32,
@@ -40,7 +40,7 @@ fn secant_down(slice: u32, ij: vec2<i32>, offset: vec2<f32>, gap: f32) -> f32 {
     return (value(slice, ij, offset) - value(slice - 1u, ij, offset - u)) / gap;
 }
 
-// The mean of PCHIP and of Catmull-Rom limited to three times the smaller secant; at the ends the three-point formula.
+// Per px of height: between other slices `slope` of the secants, at the ends the three-point formula.
 @compute @workgroup_size(lane_count)
 fn find_slopes(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let p = pixel_of(list_index(group, local));
@@ -52,24 +52,24 @@ fn find_slopes(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     let knot = knots[p.z];
     let s = knot.slice;
     let h = knot.gaps;
-    var slope: f32;
+    var found: f32;
     if knot.sides == BOTH {
         let d = vec2<f32>(secant_down(s, ij, here, h.x), secant_up(s, ij, here, h.y));
-        slope = 0.5 * (harmonic(d, h) + limited((h.y * d.x + h.x * d.y) / (h.x + h.y), d));
+        found = slope(d, h);
     } else if knot.sides == ABOVE {
         let d = secant_up(s, ij, here, h.x);
-        slope = d;
+        found = d;
         if h.y > 0.0 {
             let u = vector(s, 0u, ij, here);
-            slope = three_point_end(vec2<f32>(d, secant_up(s + 1u, ij, u, h.y)), h);
+            found = three_point_end(vec2<f32>(d, secant_up(s + 1u, ij, u, h.y)), h);
         }
     } else {
         let d = secant_down(s, ij, here, h.x);
-        slope = d;
+        found = d;
         if h.y > 0.0 {
             let u = vector(s - 1u, 1u, ij, here);
-            slope = three_point_end(vec2<f32>(d, secant_down(s - 1u, ij, -u, h.y)), h);
+            found = three_point_end(vec2<f32>(d, secant_down(s - 1u, ij, -u, h.y)), h);
         }
     }
-    slopes[(p.z * image.ny + p.y) * image.nx + p.x] = slope;
+    slopes[(p.z * image.ny + p.y) * image.nx + p.x] = found;
 }

@@ -100,6 +100,13 @@ pub fn harmonic(dl: f64, dr: f64, hl: f64, hr: f64) -> f64 {
     (wl + wr) / (wl / dl + wr / dr)
 }
 
+/// Mean of two secants that lies near the smaller one, `dl dr (dl + dr) / (dl^2 + dr^2)` (van Albada, van Leer and Roberts 1982), 0 where they
+/// differ in sign.
+#[inline]
+pub fn van_albada(dl: f64, dr: f64) -> f64 {
+    if dl * dr <= 0.0 { 0.0 } else { dl * dr * (dl + dr) / (dl * dl + dr * dr) }
+}
+
 /// `m` where it has the sign of both secants and at most three times the smaller one, else the nearest such value.
 #[inline]
 pub fn limited(m: f64, dl: f64, dr: f64) -> f64 {

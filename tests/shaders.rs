@@ -162,6 +162,8 @@ fn constants_are_those_of_the_twins() {
         ("moving_layer", "SHRINKING", field::SHRINKING),
         ("moving_layer", "STEEP", field::STEEP),
         ("moving_layer", "FLAT", field::FLAT),
+        ("moving_slopes", "STEEP", field::STEEP),
+        ("moving_slopes", "FLAT", field::FLAT),
     ];
     let modules = parsed();
     for (stem, name, value) in wanted {

@@ -42,7 +42,7 @@ fn of_slices(gpu: &Gpu, moving: &MovingField, batch: Range<usize>) -> Result<Vec
             s if s == last => (BELOW, [gap(last - 1), last.checked_sub(2).map_or(0.0, gap)]),
             s => (BOTH, [gap(s - 1), gap(s)]),
         };
-        Knot { slice: (s - first) as u32, sides, gaps: gaps.map(|g| g as f32) }
+        Knot { slice: (s - first) as u32, sides, gaps: gaps.map(|g| (g / moving.px) as f32) }
     };
     let knots: Vec<Knot> = batch.clone().map(knot).collect();
     let image = device.uniform("image", image(dims, grid, [1.0; 2], batch.len()));
@@ -57,6 +57,6 @@ fn of_slices(gpu: &Gpu, moving: &MovingField, batch: Range<usize>) -> Result<Vec
     work.run(&find, per_pixel(dims, batch.len()));
     work.submit()?;
     let values: Vec<f32> = device.read(&slopes, 0, batch.len() * nodes)?;
-    let field = |some: &[f32]| Field { dims, data: some.iter().map(|v| f64::from(*v)).collect() };
+    let field = |some: &[f32]| Field { dims, data: some.iter().map(|v| f64::from(*v) / moving.px).collect() };
     Ok(values.chunks_exact(nodes).map(field).collect())
 }

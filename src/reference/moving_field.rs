@@ -7,11 +7,11 @@ use rayon::prelude::*;
 
 use crate::field::Field;
 use crate::matching::LonePart;
-use crate::moving_field::{CELL, Cells, LoneParts, MovingField, between, closing, plus, probes};
-use crate::spline::{harmonic, limited, three_point_end};
+use crate::moving_field::{CELL, Cells, LoneParts, MovingField, between, closing, plus, probes, slope};
+use crate::spline::three_point_end;
 
-/// Slopes of the fields at the `wanted` slices, per height: the mean of PCHIP and of Catmull-Rom limited to three times the smaller secant, secants
-/// taken along the trajectories; at the ends the three-point formula.
+/// Slopes of the fields at the `wanted` slices, per height: see [`slope`], secants taken along the trajectories; at the ends the three-point
+/// formula.
 pub fn slopes(moving: &MovingField, wanted: Range<usize>) -> Vec<Field> {
     wanted.into_par_iter().map(|i| slopes_of(moving, i)).collect()
 }
@@ -69,7 +69,8 @@ fn end_slope(moving: &MovingField, i: usize, x: [f64; 2]) -> f64 {
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn inner_slopes(moving: &MovingField, i: usize, y: usize, row: &mut [f64]) {
     let [below, here, above] = [i - 1, i, i + 1].map(|k| &moving.fields[k]);
-    let (hl, hr) = (moving.gap(i - 1), moving.gap(i));
+    let px = moving.px;
+    let [hl, hr] = [i - 1, i].map(|k| moving.gap(k) / px);
     let mut moved = [(); 2].map(|()| vec![[0.0; 2]; row.len()]);
     moving.at_slices[i - 1][1].read_row(y, 0, &mut moved[0]);
     moving.at_slices[i][0].read_row(y, 0, &mut moved[1]);
@@ -78,7 +79,7 @@ fn inner_slopes(moving: &MovingField, i: usize, y: usize, row: &mut [f64]) {
         let at = [x as f64, y as f64];
         let l = (own - below.sample(plus(at, moved[0][x], -1.0))) / hl;
         let r = (above.sample(plus(at, moved[1][x], 1.0)) - own) / hr;
-        *m = 0.5 * (harmonic(l, r, hl, hr) + limited((hr * l + hl * r) / (hl + hr), l, r));
+        *m = slope([l, r], [hl, hr]) / px;
     }
 }
 

@@ -114,8 +114,8 @@ impl<'a> Succession<'a> {
         Succession { own, inner, from, to }
     }
 
-    /// `A' / A`, or `(D' / D)^s` where that is more; of a branch or trunk the latter with the other slice's depth where it is. Nothing where a part meets nothing,
-    /// or widens.
+    /// `A' / A`, or `(D' / D)^s` where that is more; of a branch or trunk the latter with the other slice's depth where it is. Nothing where a
+    /// part meets nothing, or widens.
     fn fall(&self, part: &LonePart) -> Option<Fall> {
         let number = self.own.solids.labels[self.own.seeds[*part.seeds.first()? as usize].inside];
         let own = self.from[number as usize];

@@ -1,7 +1,7 @@
 //! The mean along z: a quadratic B-spline about the layer, as wide as the gaps there ask, from as many layers as it needs.
 //!
 //! Its knots are two sigma apart. With whole numbers of steps between knots the weights of even steps have the sum, mean and variance of the
-//! spline itself wherever the layer lies between them, and they come and go with a slope of 0, so that what is faired stays C1: five steps a
+//! spline itself wherever the layer lies between them, and they come and go with a slope of 0, so that the mean is C1 along z: five steps a
 //! gap do what many do. Which layers take part does not depend on the layer whose mean it is: else layers side by side would know of
 //! different kinks at the contours.
 

@@ -3,7 +3,9 @@
 use clap::ValueEnum;
 use interslice::batch::Machine as BatchMachine;
 #[cfg(feature = "gpu")]
-use interslice::gpu::device::{AdapterSummary, DRIVER_BYTES, adapters};
+use interslice::gpu::adapter::{AdapterSummary, adapters};
+#[cfg(feature = "gpu")]
+use interslice::gpu::device::DRIVER_BYTES;
 #[cfg(feature = "gpu")]
 use interslice::gpu::shared::SharedGpu;
 #[cfg(feature = "gpu")]

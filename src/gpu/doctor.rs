@@ -1,8 +1,10 @@
 //! The self-test: can this driver be trusted? Counting, NaN, and every stage beside its f64 twin.
 
 use super::Gpu;
+use super::comparison::Comparison;
 use super::kernels::{Recorder, Size};
-use super::twins::{Cases, Comparison, compare};
+use super::twin_cases::Cases;
+use super::twins::compare;
 use crate::error::Result;
 
 /// Loop trips that the loop test asks for: some drivers stop at 65 535 and say nothing.

@@ -4,9 +4,11 @@
 //! within a stage nothing else comes back. Jobs are cut into batches that fit the adapter's limits and the byte budget; a job's bits do not
 //! depend on the batch it is in.
 
+pub mod adapter;
 pub mod alone;
 pub mod atlas;
 pub mod band;
+pub mod comparison;
 mod compose;
 mod contour_field;
 pub mod device;
@@ -27,6 +29,7 @@ pub mod shared;
 mod trace;
 mod trajectories;
 mod turns;
+pub mod twin_cases;
 pub mod twins;
 mod waiting;
 

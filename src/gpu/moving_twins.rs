@@ -5,7 +5,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::Gpu;
-use super::twins::{Comparison, blob, joined};
+use super::comparison::Comparison;
+use super::twin_cases::{blob, joined};
 use crate::backend::Backend;
 use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;

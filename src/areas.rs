@@ -1,16 +1,12 @@
 //! Area of the body's layers over its height.
 
+use crate::field::covered;
 use crate::report::AreaProfile;
 use crate::surface::Layer;
 use crate::surface::stream::Header;
 
 /// Most layers that are kept: from there on every other one is, but for the contours.
 const MOST: usize = 4096;
-
-/// Share of a pixel that is inside where its signed distance is `phi` px.
-pub fn covered(phi: f64) -> f64 {
-    (0.5 - phi).clamp(0.0, 1.0)
-}
 
 /// Adds up areas while layers arrive.
 #[derive(Debug)]

@@ -16,12 +16,10 @@
 //! Trunks on bodies that had no say in any rule, bones cut along other axes and at an angle, trees, blobs, pipes and sheets: every 8th slice
 //! of 29 bodies +.0000, worst -.0001, every 16th of 27 +.0043 (one has .098 of it), worst 0; in the evaluation the gyroid every 16th slice -.0010.
 
-use crate::areas::covered;
 use crate::contours::Contour;
-use crate::matching::LonePart;
+use crate::field::covered;
+use crate::lone_part::{HALF_WAY, LonePart};
 
-/// Where in the gap a part ends of which nothing is known.
-pub const HALF_WAY: f64 = 0.5;
 /// Bodies round off before what the fall of their area says.
 const ROUNDER: f64 = 0.85;
 /// What has ended by the next slice has hardly come nearer to it than this share of the gap leaves; and no end is flat.

@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 use crate::caps::{Cap, Profile};
-use crate::closing::HALF_WAY;
 use crate::contours::Contour;
 use crate::field::Field;
 use crate::fit::Fitted;
 use crate::jobs::{DISAGREEMENT, Direction, SweepPair};
-use crate::matching::{Interval, LonePart};
+use crate::lone_part::{HALF_WAY, LonePart};
+use crate::matching::Interval;
 use crate::packed::Packed;
 use crate::stack::SliceContent;
 use crate::tile::Tile;

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::field::{Field, distance};
+use crate::shelf::stored_as_they_are;
 
 /// A point where a contour crosses the edge between two pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,6 +30,8 @@ pub struct Seed {
     /// A pixel outside, next to it.
     pub outside: usize,
 }
+
+stored_as_they_are!(Seed);
 
 /// All closed contours of `phi` by marching squares, in row order of their first crossing. The contour must not touch the field's
 /// edge (fields are padded). In a saddle cell the sign of the mean of the four corners says which corners are joined.

@@ -1,11 +1,11 @@
 //! What the body does beyond its first and last contour.
 
-use crate::areas::covered;
 use crate::backend::Backend;
 use crate::caps::{Cap, Profile};
 use crate::compose::{Canvas, mean_slope, part_numbers, unite_cap};
 use crate::contours::Contour;
 use crate::error::Result;
+use crate::field::covered;
 use crate::fit::Fitted;
 use crate::jobs::Direction;
 use crate::matching::lone_solids;

@@ -170,3 +170,8 @@ pub fn distance(a: [f64; 2], b: [f64; 2], h: [f64; 2]) -> f64 {
 pub fn length([x, y]: [f64; 2]) -> f64 {
     (x * x + y * y).sqrt()
 }
+
+/// Share of a pixel that is inside where its signed distance is `phi` px.
+pub fn covered(phi: f64) -> f64 {
+    (0.5 - phi).clamp(0.0, 1.0)
+}

@@ -15,10 +15,10 @@ use crate::contours::Contour;
 use crate::displacement::Displacement;
 use crate::error::Result;
 use crate::field::Field;
-use crate::jobs::{Course, Direction, Track};
+use crate::jobs::{Direction, Track};
 use crate::settings::{Settings, SlopeRule};
-use crate::shelf::{Array, Budget, Large, Shelf};
-use crate::spline::{monotone, slope};
+use crate::shelf::{Array, Budget, Large, Shelf, stored_as_they_are};
+use crate::spline::{Course, monotone, slope};
 use crate::tracks::{Side, Sides};
 
 /// Seeds read at a landing point, with weights `1 / (d + SOFT)^2`.
@@ -38,6 +38,8 @@ pub struct Weighted {
     seed: u64,
     weight: f64,
 }
+
+stored_as_they_are!(Weighted);
 
 /// A list per seed, end to end.
 #[derive(Debug, Clone, Default)]

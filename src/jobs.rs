@@ -1,13 +1,15 @@
 //! Work for a backend: an interval, a direction and a group of components make a job, and every job owns a tile.
 
 use std::borrow::Cow;
+use std::io::{self, Read, Write};
 
 use crate::caps::Cap;
 use crate::contour::Seed;
 use crate::field::Field;
 use crate::packed::Packed;
 use crate::report::Residual;
-use crate::spline::smoothstep;
+use crate::shelf::Stored;
+use crate::spline::{Course, smoothstep};
 
 /// Which way a morph or sweep goes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -98,6 +100,32 @@ impl Track {
     }
 }
 
+impl Stored for Vec<Track> {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn size(&self) -> usize {
+        size_of::<[f64; 5]>()
+    }
+
+    fn write(&self, file: &mut dyn Write) -> io::Result<()> {
+        let numbers: Vec<[f64; 5]> = self.iter().map(|track| track.numbers()).collect();
+        file.write_all(bytemuck::cast_slice(&numbers))
+    }
+
+    fn clear(&mut self) {
+        *self = Vec::new();
+    }
+
+    fn read(&mut self, count: usize, file: &mut dyn Read) -> io::Result<()> {
+        let mut numbers = vec![[0.0; 5]; count];
+        file.read_exact(bytemuck::cast_slice_mut(&mut numbers))?;
+        *self = numbers.into_iter().map(Track::of_numbers).collect();
+        Ok(())
+    }
+}
+
 /// Smallest share of its way that a dead particle is taken to have covered.
 const LEAST_SHARE: f64 = 0.05;
 
@@ -109,10 +137,6 @@ pub fn full_distance(covered: f64, died: Option<f64>) -> f64 {
         Some(tau) => covered / (1.0 - (-tau).exp()).max(LEAST_SHARE),
     }
 }
-
-/// What a piece of contour does over the interval: `[S, m0, m1, ok]` in px per interval, the cubic Hermite curve
-/// `s(0) = 0, s(1) = S, s'(0) = m0, s'(1) = m1`, and 1 where its particle arrived.
-pub type Course = [f64; 4];
 
 /// Sweep `source` through the interval with given courses.
 #[derive(Debug, Clone)]

@@ -31,6 +31,7 @@ pub mod holdout;
 pub mod jobs;
 pub mod labels;
 pub mod links;
+mod lone_part;
 pub mod map;
 mod matching;
 pub mod memory;

@@ -4,12 +4,12 @@
 use rayon::prelude::*;
 
 use crate::backend::Backend;
-use crate::closing::HALF_WAY;
 use crate::components::label8;
 use crate::contours::Contour;
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::{Direction, PartJob};
+use crate::lone_part::LonePart;
 use crate::report::Event;
 use crate::shelf::{Array, Large};
 use crate::tile::Tile;
@@ -72,23 +72,6 @@ pub struct MorphEnd {
     pub seeds: Vec<u32>,
 }
 
-/// A part of one contour without counterpart in the other.
-#[derive(Debug, Clone)]
-pub struct LonePart {
-    /// Where.
-    pub tile: Tile,
-    /// Signed distance to the part, negative inside.
-    pub field: Field,
-    /// Inradius, px.
-    pub depth: f64,
-    /// Where it ends beyond its contour, in gaps of its interval.
-    pub closes: f64,
-    /// Its seeds on the contour, by number.
-    pub seeds: Vec<u32>,
-    /// Where it goes from its contour to its end.
-    pub direction: Direction,
-}
-
 /// What one group asks of the backend, before it has answered.
 struct Plan {
     group: Group,
@@ -135,7 +118,7 @@ impl IntervalPlan {
             let holes: Vec<LonePart> = fields
                 .take(plan.holes.len())
                 .zip(plan.holes)
-                .map(|(field, (direction, seeds))| lone_part(plan.tile, field, seeds, direction))
+                .map(|(field, (direction, seeds))| LonePart::new(plan.tile, field, seeds, direction))
                 .collect();
             events.extend(holes.iter().map(|hole| {
                 let pixels = hole.field.data.iter().filter(|v| **v < 0.0).count();
@@ -187,7 +170,11 @@ impl LonePlan {
 
     fn finish(self, fields: &mut impl Iterator<Item = Field>) -> Vec<LonePart> {
         let fields = fields.take(self.parts.len());
-        self.parts.into_iter().zip(fields).map(|((tile, seeds), f)| lone_part(tile, f, seeds, self.direction)).collect()
+        self.parts
+            .into_iter()
+            .zip(fields)
+            .map(|((tile, seeds), f)| LonePart::new(tile, f, seeds, self.direction))
+            .collect()
     }
 }
 
@@ -203,11 +190,6 @@ pub fn lone_solids(
     let mut plan = LonePlan::new(contour, parts, margin, direction);
     let fields = backend.part_fields(&std::mem::take(&mut plan.jobs), h)?;
     Ok(plan.finish(&mut fields.into_iter()))
-}
-
-fn lone_part(tile: Tile, field: Field, seeds: Vec<u32>, direction: Direction) -> LonePart {
-    let depth = -field.data.iter().copied().fold(0.0, f64::min);
-    LonePart { tile, field, depth, closes: HALF_WAY, seeds, direction }
 }
 
 fn plan_group(low: &Contour, high: &Contour, group: Group, margin: usize) -> Plan {

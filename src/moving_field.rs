@@ -9,7 +9,7 @@ use std::sync::Arc;
 use crate::contours::Contour;
 use crate::displacement::{Displacement, LANES, Resting};
 use crate::field::Field;
-use crate::matching::LonePart;
+use crate::lone_part::LonePart;
 use crate::shelf::{Array, Large};
 use crate::spline::{harmonic, hermite_values, limited, smoothstep, van_albada};
 

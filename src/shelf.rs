@@ -7,10 +7,7 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::contour::Seed;
 use crate::error::{Error, Result};
-use crate::fit::Weighted;
-use crate::jobs::Track;
 
 /// Bytes that all shelves of a run may keep in memory together.
 #[derive(Debug)]
@@ -89,9 +86,10 @@ pub trait Stored {
     fn read(&mut self, count: usize, file: &mut dyn Read) -> io::Result<()>;
 }
 
+/// Says of plain values that rows of them are laid down as they are.
 macro_rules! stored_as_they_are {
     ($($value:ty),*) => {$(
-        impl Stored for Vec<$value> {
+        impl $crate::shelf::Stored for Vec<$value> {
             fn count(&self) -> usize {
                 self.len()
             }
@@ -100,7 +98,7 @@ macro_rules! stored_as_they_are {
                 size_of::<$value>()
             }
 
-            fn write(&self, file: &mut dyn Write) -> io::Result<()> {
+            fn write(&self, file: &mut dyn std::io::Write) -> std::io::Result<()> {
                 file.write_all(bytemuck::cast_slice(self))
             }
 
@@ -108,7 +106,7 @@ macro_rules! stored_as_they_are {
                 *self = Vec::new();
             }
 
-            fn read(&mut self, count: usize, file: &mut dyn Read) -> io::Result<()> {
+            fn read(&mut self, count: usize, file: &mut dyn std::io::Read) -> std::io::Result<()> {
                 *self = vec![bytemuck::Zeroable::zeroed(); count];
                 file.read_exact(bytemuck::cast_slice_mut(self))
             }
@@ -116,7 +114,9 @@ macro_rules! stored_as_they_are {
     )*};
 }
 
-stored_as_they_are!(f64, f32, u32, [f64; 2], Seed, Weighted);
+pub(crate) use stored_as_they_are;
+
+stored_as_they_are!(f64, f32, u32, [f64; 2]);
 
 impl Stored for Vec<bool> {
     fn count(&self) -> usize {
@@ -139,32 +139,6 @@ impl Stored for Vec<bool> {
         let mut bytes = vec![0u8; count];
         file.read_exact(&mut bytes)?;
         *self = bytes.into_iter().map(|byte| byte != 0).collect();
-        Ok(())
-    }
-}
-
-impl Stored for Vec<Track> {
-    fn count(&self) -> usize {
-        self.len()
-    }
-
-    fn size(&self) -> usize {
-        size_of::<[f64; 5]>()
-    }
-
-    fn write(&self, file: &mut dyn Write) -> io::Result<()> {
-        let numbers: Vec<[f64; 5]> = self.iter().map(|track| track.numbers()).collect();
-        file.write_all(bytemuck::cast_slice(&numbers))
-    }
-
-    fn clear(&mut self) {
-        *self = Vec::new();
-    }
-
-    fn read(&mut self, count: usize, file: &mut dyn Read) -> io::Result<()> {
-        let mut numbers = vec![[0.0; 5]; count];
-        file.read_exact(bytemuck::cast_slice_mut(&mut numbers))?;
-        *self = numbers.into_iter().map(Track::of_numbers).collect();
         Ok(())
     }
 }

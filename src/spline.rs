@@ -1,7 +1,10 @@
 //! Splines through distances: cubic Hermite curves and the rules for the slope at a contour.
 
-use crate::jobs::Course;
 use crate::settings::{SlopeRule, SplineEnd};
+
+/// What a piece of contour does over the interval: `[S, m0, m1, ok]` in px per interval, the cubic Hermite curve
+/// `s(0) = 0, s(1) = S, s'(0) = m0, s'(1) = m1`, and 1 where its particle arrived.
+pub type Course = [f64; 4];
 
 /// Cubic Hermite curve of a course, `s(0) = 0`, at `t` in [0, 1].
 #[inline(always)]

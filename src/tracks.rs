@@ -2,11 +2,11 @@
 
 use std::borrow::Cow;
 
-use crate::closing::HALF_WAY;
 use crate::contour::Seed;
 use crate::contours::Contour;
 use crate::jobs::{Direction, TraceJob, Traced, Track};
-use crate::matching::{GroupFields, Interval, LonePart};
+use crate::lone_part::{HALF_WAY, LonePart};
+use crate::matching::{GroupFields, Interval};
 use crate::motion::Frame;
 use crate::shelf::{Array, Large};
 

@@ -12,8 +12,9 @@ use super::propagate::place_seeds;
 use super::{contour_field, moving, trace, trajectories};
 use crate::error::Result;
 use crate::field::Field;
-use crate::jobs::{Course, SweepJob};
+use crate::jobs::SweepJob;
 use crate::moving_field::{MovingField, Paths};
+use crate::spline::Course;
 
 /// Shape and parameters of the tubes.
 #[derive(Debug, Clone, Copy)]

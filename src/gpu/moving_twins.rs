@@ -12,7 +12,7 @@ use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::Direction;
-use crate::matching::LonePart;
+use crate::lone_part::LonePart;
 use crate::moving_field::{LoneParts, MovingField};
 use crate::progress::Silent;
 use crate::reference::Reference;

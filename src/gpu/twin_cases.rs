@@ -6,8 +6,9 @@ use super::alone::Tubes;
 use crate::backend::MorphOptions;
 use crate::contour::seeds;
 use crate::field::Field;
-use crate::jobs::{Course, SweepJob};
+use crate::jobs::SweepJob;
 use crate::settings::Settings;
+use crate::spline::Course;
 
 /// Contours to compare on: jobs of different odd sizes, and where their contours go next.
 #[derive(Debug, Clone)]

@@ -12,7 +12,7 @@ use crate::caps::{Cap, Profile};
 use crate::contour::seeds;
 use crate::error::Result;
 use crate::field::Field;
-use crate::jobs::{Course, Direction, PartJob, SweepJob, SweepPair, TraceJob};
+use crate::jobs::{Direction, PartJob, SweepJob, SweepPair, TraceJob};
 use crate::progress::Silent;
 use crate::reference::Reference;
 use crate::reference::band::Band;
@@ -24,6 +24,7 @@ use crate::reference::particles::{Particle, correct, land, predict};
 use crate::reference::reinit::reinit;
 use crate::reference::scatter::scatter;
 use crate::settings::AntiAlias;
+use crate::spline::Course;
 use crate::tile::Tile;
 
 /// Every stage on these cases.

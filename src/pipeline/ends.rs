@@ -1,10 +1,10 @@
 //! What lies below the first contour and above the last one.
 
 use super::{Run, Sink};
-use crate::areas::covered;
 use crate::contours::Contour;
 use crate::ends::{End, EndSpec, end};
 use crate::error::Result;
+use crate::field::covered;
 use crate::fit::Fitted;
 use crate::heights::Heights;
 use crate::jobs::Direction;

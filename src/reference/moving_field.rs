@@ -6,7 +6,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::field::Field;
-use crate::matching::LonePart;
+use crate::lone_part::LonePart;
 use crate::moving_field::{CELL, Cells, LoneParts, MovingField, between, closing, plus, probes, slope};
 use crate::spline::three_point_end;
 

@@ -12,9 +12,9 @@ use super::trace::{arrival, trace};
 use crate::backend::MorphOptions;
 use crate::contour::seeds;
 use crate::field::Field;
-use crate::jobs::{Course, SweepJob, Swept, TraceJob};
+use crate::jobs::{SweepJob, Swept, TraceJob};
 use crate::packed::Packed;
-use crate::spline::{hermite, hermite_rate, smoothstep};
+use crate::spline::{Course, hermite, hermite_rate, smoothstep};
 
 /// Jacobi passes of the extension per step: 8 and 16 give the same.
 pub const PASSES: usize = 4;

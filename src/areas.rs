@@ -3,7 +3,7 @@
 use crate::field::covered;
 use crate::report::AreaProfile;
 use crate::surface::Layer;
-use crate::surface::stream::Header;
+use crate::surface::header::Header;
 
 /// Most layers that are kept: from there on every other one is, but for the contours.
 const MOST: usize = 4096;

@@ -21,7 +21,8 @@ use crate::labels::{Decided, KeptBody, LabelStack, Plan, decide, reconstruct};
 use crate::report::Report;
 use crate::stack::labels::{Wanted, read_labels};
 use crate::surface::Layer;
-use crate::surface::stream::{BodyStream, BodyWriter, Ending, Header, LayerSink, Needs};
+use crate::surface::header::Header;
+use crate::surface::stream::{BodyStream, BodyWriter, Ending, LayerSink, Needs};
 use crate::surface::volume::Whole;
 
 /// What is said about many labels.

@@ -31,7 +31,8 @@ use crate::section::Section;
 use crate::settings::Settings;
 use crate::stack::{ContourStack, HeightGrid, ReadOptions, read};
 use crate::surface::Reconstruction;
-use crate::surface::stream::{Header, LayerSink};
+use crate::surface::header::Header;
+use crate::surface::stream::LayerSink;
 use crate::{height_grid, reconstruct_into, reconstruct_section};
 use outputs::{OutputOptions, Outputs};
 

@@ -27,9 +27,10 @@ use crate::report::Report;
 use crate::rtstruct::{Added, Source, StructureSet};
 use crate::stack::{ContourStack, Geometry};
 use crate::surface::Layer;
+use crate::surface::header::Header;
 #[cfg(feature = "simplify")]
 use crate::surface::simplify;
-use crate::surface::stream::{BodyStream, Failed, Header, LayerSink};
+use crate::surface::stream::{BodyStream, Failed, LayerSink};
 use crate::surface::volume::{Content, Whole};
 
 /// What is made of the result.

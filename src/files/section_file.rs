@@ -26,7 +26,8 @@ use crate::error::{Error, Result};
 use crate::map::Map;
 use crate::report::Report;
 use crate::stack::{ContourStack, Geometry, HeightGrid};
-use crate::surface::stream::{Header, LayerSink};
+use crate::surface::header::Header;
+use crate::surface::stream::LayerSink;
 use crate::surface::{Layer, Reconstruction};
 
 /// Bytes of a file's buffer.

@@ -14,6 +14,7 @@ use crate::rtstruct::StructuresWriter;
 use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::geojson::GeoJsonWriter;
 use crate::surface::glb::write_glb;
+use crate::surface::header::Header;
 use crate::surface::heightmap::HeightMapWriter;
 use crate::surface::html::HtmlWriter;
 use crate::surface::mesh::MeshSource;
@@ -23,7 +24,7 @@ use crate::surface::origin::OriginWriter;
 use crate::surface::render::{PictureWriter, RenderOptions};
 #[cfg(feature = "simplify")]
 use crate::surface::spool::Spool;
-use crate::surface::stream::{BodyWriter, Ending, Header, Needs};
+use crate::surface::stream::{BodyWriter, Ending, Needs};
 use crate::surface::volume::Content;
 use crate::surface::{nifti, nrrd};
 

@@ -7,7 +7,8 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::report::Report;
 use crate::surface::Layer;
-use crate::surface::stream::{Header, LayerSink};
+use crate::surface::header::Header;
+use crate::surface::stream::LayerSink;
 
 /// A layer without its values.
 #[derive(Debug, Clone)]

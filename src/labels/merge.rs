@@ -16,7 +16,8 @@ use crate::reconstruct_into;
 use crate::settings::Settings;
 use crate::stack::{ContourStack, Slice, SliceContent};
 use crate::surface::Layer;
-use crate::surface::stream::{Header, LayerSink};
+use crate::surface::header::Header;
+use crate::surface::stream::LayerSink;
 
 /// Heights this close to each other, in gaps, are one.
 const SAME: f64 = 1e-6;

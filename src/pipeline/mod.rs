@@ -34,7 +34,8 @@ use crate::section::Section;
 use crate::settings::{Method, Settings, SlopeRule};
 use crate::shelf::{Budget, Shelf};
 use crate::stack::ContourStack;
-use crate::surface::stream::{Header, LayerSink};
+use crate::surface::header::Header;
+use crate::surface::stream::LayerSink;
 use crate::surface::{Layer, Reconstruction};
 
 /// Extra margin for rules whose curves overshoot their contours, px.

@@ -9,8 +9,9 @@ use crate::polygons::plane::TOLERANCE;
 use crate::stack::{Geometry, ReadOptions};
 use crate::surface::Layer;
 use crate::surface::contour_lines::contour_lines;
-use crate::surface::mesh::to_world;
-use crate::surface::stream::{BodyWriter, Ending, Header, LayerSink};
+use crate::surface::header::Header;
+use crate::surface::space::to_world;
+use crate::surface::stream::{BodyWriter, Ending, LayerSink};
 
 /// Contours that were made for a ROI.
 #[derive(Debug, Clone)]

@@ -24,7 +24,7 @@ pub use choose::{Chosen, Steps};
 use crate::appearance::Appearance;
 use crate::error::{Error, Result};
 use crate::stack::{ContourStack, ReadOptions};
-use crate::surface::stream::Header;
+use crate::surface::header::Header;
 
 /// An RTSTRUCT file.
 #[derive(Debug)]

@@ -5,7 +5,8 @@ use std::io::{self, Write};
 use serde::Serialize;
 
 use super::Layer;
-use super::stream::{BodyWriter, Ending, Header};
+use super::header::Header;
+use super::stream::{BodyWriter, Ending};
 use crate::contour::trace_loops;
 use crate::field::Field;
 use crate::polygons::Polygon;

@@ -6,7 +6,8 @@ use serde::Serialize;
 
 use super::Layer;
 use super::contour_lines::{AlongAxes, contour_lines};
-use super::stream::{BodyWriter, Ending, Header};
+use super::header::Header;
+use super::stream::{BodyWriter, Ending};
 use crate::map::Crs;
 use crate::polygons::Polygon;
 

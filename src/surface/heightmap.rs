@@ -7,7 +7,8 @@ use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
 use super::Layer;
 use super::contour_lines::AlongAxes;
 use super::geotiff::Raster;
-use super::stream::{BodyWriter, Ending, Header};
+use super::header::Header;
+use super::stream::{BodyWriter, Ending};
 use crate::map::Crs;
 
 /// Arrival height per pixel, unit of the stack, row-major: the highest z at which the pixel is inside, by the linear zero between

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use super::Layer;
 use super::cases::{CASES, EDGES, Patch};
-use super::mesh::{cross, dot, to_world};
-use super::stream::Header;
+use super::header::Header;
+use super::space::{cross, dot, to_world};
 use crate::packed::Packed;
 use crate::stack::Geometry;
 

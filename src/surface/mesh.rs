@@ -4,7 +4,7 @@ use std::io;
 
 use super::Reconstruction;
 use super::marching::{Builder, Piece};
-use crate::stack::Geometry;
+use super::space::{cross, dot, length, sub, unit};
 
 /// Triangles in world coordinates (LPS, unit of the stack), counter-clockwise seen from outside.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -135,28 +135,6 @@ impl Measure {
     }
 }
 
-pub(super) fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(super) fn length(a: [f64; 3]) -> f64 {
-    dot(a, a).sqrt()
-}
-
-/// A vector of length one in the same direction.
-pub(super) fn unit(a: [f64; 3]) -> [f64; 3] {
-    let l = length(a).max(f64::MIN_POSITIVE);
-    a.map(|v| v / l)
-}
-
 /// The body's surface: closed, every edge in exactly two triangles, oriented outward.
 ///
 /// Around the image all is outside; where the body touches its border, the surface runs half a pixel beyond. Where the body is still
@@ -177,9 +155,4 @@ pub fn closed_surface(body: &Reconstruction) -> Mesh {
     builder.finish();
     builder.pieces(&mut add);
     mesh
-}
-
-/// A point of the stack (`x = i dx`, `y = j dy`, height) in the world.
-pub fn to_world(g: &Geometry, p: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|a| g.origin[a] + p[0] * g.axes[0][a] + p[1] * g.axes[1][a] + p[2] * g.axes[2][a])
 }

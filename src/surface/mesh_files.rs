@@ -3,7 +3,8 @@
 use std::io::{self, Seek, SeekFrom, Write};
 
 use super::marching::Piece;
-use super::mesh::{MeshSource, cross, sub, unit};
+use super::mesh::MeshSource;
+use super::space::{cross, sub, unit};
 use super::stream::{BodyWriter, Ending, Needs};
 
 /// Where a STL has the number of its triangles.

@@ -4,7 +4,8 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use super::Layer;
-use super::stream::{BodyWriter, Ending, Header};
+use super::header::Header;
+use super::stream::{BodyWriter, Ending};
 use super::volume::{Coded, Content, Scalar, VolumeWriter};
 use super::voxels::VoxelGrid;
 

@@ -5,6 +5,7 @@ pub mod contour_lines;
 pub mod geojson;
 pub mod geotiff;
 pub mod glb;
+pub mod header;
 pub mod heightmap;
 pub mod html;
 pub mod marching;
@@ -17,6 +18,7 @@ pub mod origin;
 pub mod render;
 #[cfg(feature = "simplify")]
 pub mod simplify;
+pub mod space;
 pub mod spool;
 pub mod stream;
 pub(crate) mod transposed;
@@ -27,7 +29,7 @@ pub mod zarr;
 
 use crate::report::Report;
 use crate::stack::Geometry;
-use stream::Header;
+use header::Header;
 
 /// The body as in-plane signed distance on layers of increasing height.
 ///

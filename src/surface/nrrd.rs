@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::stream::Header;
+use super::header::Header;
 use super::volume::{Coded, Content, Scalar, VolumeWriter};
 use super::voxels::VoxelGrid;
 use crate::appearance::Appearance;

@@ -6,8 +6,10 @@ use std::io::{self, Seek, Write};
 use image::{ImageFormat, Rgb, RgbImage};
 
 use super::Layer;
-use super::mesh::{MeshSource, cross, dot, length, sub, to_world};
-use super::stream::{BodyWriter, Ending, Header, Needs};
+use super::header::Header;
+use super::mesh::MeshSource;
+use super::space::{cross, dot, length, sub, to_world};
+use super::stream::{BodyWriter, Ending, Needs};
 use crate::contour::trace_loops;
 use crate::field::Field;
 use crate::stack::Geometry;

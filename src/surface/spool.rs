@@ -8,7 +8,8 @@ use std::path::Path;
 use tempfile::SpooledTempFile;
 
 use super::marching::Piece;
-use super::mesh::{EachTriangle, EachVertex, MeshSource, Vertex, cross, sub, unit};
+use super::mesh::{EachTriangle, EachVertex, MeshSource, Vertex};
+use super::space::{cross, sub, unit};
 
 /// Bytes of a file kept in memory.
 pub(crate) const FILE_IN_MEMORY: usize = 16 << 20;

@@ -10,42 +10,13 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::Layer;
+use super::header::Header;
 use super::marching::{Builder, Piece};
 use super::mesh::Measure;
 use super::spool::Spool;
 use crate::areas::Areas;
 use crate::error::Result;
 use crate::report::Report;
-use crate::stack::{Geometry, HeightGrid};
-
-/// What is known of a body before its first layer.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Header {
-    /// Pixels per layer, `[nx, ny]`.
-    pub dims: [usize; 2],
-    /// Pixel spacing `[dx, dy]`.
-    pub spacing: [f64; 2],
-    /// Length unit.
-    pub unit: String,
-    /// Placement in the world.
-    pub geometry: Geometry,
-    /// Lowest and highest height at which there is a body: where it is still inside there, it ends flat.
-    pub extent: [f64; 2],
-    /// Heights of the output layers; a step of the larger pixel side where there is only one.
-    pub grid: HeightGrid,
-}
-
-impl Header {
-    /// The grid of output layers at `heights`, which increase.
-    pub fn grid(heights: &[f64], spacing: [f64; 2]) -> HeightGrid {
-        let (start, step) = match heights[..] {
-            [first, .., last] => (first, (last - first) / (heights.len() - 1) as f64),
-            [first] => (first, spacing[0].max(spacing[1])),
-            [] => (0.0, 1.0),
-        };
-        HeightGrid { start, step, count: heights.len() }
-    }
-}
 
 /// Takes the layers of a body as they are finished, lowest first.
 pub trait LayerSink {

@@ -6,7 +6,7 @@ use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::Path;
 
-use super::stream::Header;
+use super::header::Header;
 use super::volume::Content;
 use super::voxels::VoxelGrid;
 

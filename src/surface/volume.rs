@@ -7,7 +7,8 @@ use flate2::Compression;
 use flate2::write::{GzEncoder, ZlibEncoder};
 
 use super::Layer;
-use super::stream::{BodyWriter, Ending, Header};
+use super::header::Header;
+use super::stream::{BodyWriter, Ending};
 use super::transposed::Transposed;
 
 /// Voxels that are written at once.

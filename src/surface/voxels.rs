@@ -1,7 +1,7 @@
 //! Where the voxels of a body's output layers lie, in the axis order of the input.
 
-use super::mesh::to_world;
-use super::stream::Header;
+use super::header::Header;
+use super::space::to_world;
 
 /// The grid of a volume in the world (LPS).
 #[derive(Debug, Clone, PartialEq)]

@@ -18,8 +18,9 @@ use zarrs::filesystem::FilesystemStore;
 use zarrs::group::GroupBuilder;
 
 use super::Layer;
-use super::mesh::dot;
-use super::stream::{BodyWriter, Ending, Header};
+use super::header::Header;
+use super::space::dot;
+use super::stream::{BodyWriter, Ending};
 use super::volume::{Content, Scalar, Whole};
 use super::voxels::VoxelGrid;
 

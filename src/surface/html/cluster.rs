@@ -4,7 +4,8 @@
 use std::collections::HashMap;
 use std::io;
 
-use super::super::mesh::{MeshSource, Vertex, cross, length, sub, unit};
+use super::super::mesh::{MeshSource, Vertex};
+use super::super::space::{cross, length, sub, unit};
 
 /// Where a point lies as it is drawn.
 pub type Seen<'s> = dyn Fn([f64; 3]) -> [f64; 3] + 's;

@@ -16,8 +16,9 @@ use std::io::{self, Write};
 
 use self::scene::Scene;
 use super::Layer;
+use super::header::Header;
 use super::render::{Line, contour_lines};
-use super::stream::{BodyWriter, Ending, Header, Needs};
+use super::stream::{BodyWriter, Ending, Needs};
 
 /// Writes the page, at the end: until then it keeps the input contours as lines.
 pub struct HtmlWriter<W> {

@@ -6,8 +6,9 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-use super::super::mesh::{MeshSource, cross, dot};
+use super::super::mesh::MeshSource;
 use super::super::render::{FLATTEST, Line};
+use super::super::space::{cross, dot};
 use super::cluster::Shown;
 use crate::stack::Geometry;
 
@@ -132,7 +133,7 @@ mod tests {
             let [x, y] = octahedral(n).map(|v| f64::from(v) / 127.0);
             let z = 1.0 - x.abs() - y.abs();
             let fold = (-z).max(0.0);
-            let back = super::super::super::mesh::unit([x - fold.copysign(x), y - fold.copysign(y), z]);
+            let back = super::super::super::space::unit([x - fold.copysign(x), y - fold.copysign(y), z]);
             assert!(dot(n, back) > 0.9995, "{n:?} {back:?}");
         }
     }

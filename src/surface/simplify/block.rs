@@ -2,7 +2,8 @@
 
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 
-use super::super::mesh::{Mesh, sub};
+use super::super::mesh::Mesh;
+use super::super::space::sub;
 use super::measure::{Far, Measure};
 use super::sound::{euler, torn_within};
 

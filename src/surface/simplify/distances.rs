@@ -3,7 +3,8 @@
 use rstar::primitives::CachedEnvelope;
 use rstar::{AABB, PointDistance, RTree, RTreeObject};
 
-use super::super::mesh::{Mesh, cross, dot, length, sub};
+use super::super::mesh::Mesh;
+use super::super::space::{cross, dot, length, sub};
 
 /// Most steps of samples along a triangle's longest side.
 const STEPS: usize = 1000;

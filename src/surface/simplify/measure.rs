@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::super::mesh::{Mesh, length, sub};
+use super::super::mesh::Mesh;
+use super::super::space::{length, sub};
 use super::block::Block;
 use super::distances::{Distances, distance_2, samples};
 

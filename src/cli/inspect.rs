@@ -10,7 +10,7 @@ use interslice::stack::{self, ReadOptions, Slice};
 use interslice::{ContourStack, Result, Settings, height_grid};
 
 use super::links::between;
-use super::say::say;
+use super::say::{say, short};
 use super::volume;
 
 #[derive(Debug, clap::Args)]
@@ -72,11 +72,6 @@ fn contour_map(arguments: &Arguments) -> Result<()> {
     let lines: Vec<String> = terrain.description.iter().cloned().chain(notes).collect();
     let text = describe(&terrain.stack, &links, terrain.step())?;
     say(&(lines.join("\n") + "\n(the stack goes on 16 px beyond the border)\n" + &text))
-}
-
-/// A number without the tail that binary fractions leave.
-pub fn short(v: f64) -> f64 {
-    format!("{v:.9}").parse().unwrap_or(v) + 0.0 // no -0
 }
 
 /// What a colleague would say about the stack.

@@ -1,4 +1,4 @@
-//! What a command answers, on stdout.
+//! What a command answers, on stdout, and how it writes numbers.
 
 use std::io::{ErrorKind, Write, stdout};
 
@@ -14,4 +14,9 @@ pub fn say(text: &str) -> Result<()> {
         Err(source) if source.kind() != ErrorKind::BrokenPipe => Err(Error::Write { path: "stdout".into(), source }),
         _ => Ok(()),
     }
+}
+
+/// A number without the tail that binary fractions leave.
+pub fn short(v: f64) -> f64 {
+    format!("{v:.9}").parse().unwrap_or(v) + 0.0 // no -0
 }

@@ -7,7 +7,7 @@ use interslice::stack::volume::Volume;
 use interslice::stack::volume::axis::NAMES;
 use interslice::stack::volume::survey::Survey;
 
-use super::inspect::short;
+use super::say::short;
 
 /// Labels and stretches of slices that are listed one by one.
 const LISTED: usize = 24;

@@ -31,17 +31,3 @@ pub fn fill(edges: &[Edge], grid: &Grid, mut inside: impl FnMut(Range<usize>)) {
         }
     }
 }
-
-/// Area that lies inside an odd number of the polygons, by the mid-point rule on `lines` rows between the heights `low` and `high`.
-pub fn area(edges: &[Edge], [low, high]: [f64; 2], lines: usize) -> f64 {
-    let step = (high - low) / lines as f64;
-    let mut sum = 0.0;
-    for k in 0..lines {
-        let y = low + (k as f64 + 0.5) * step;
-        let crossed = edges.iter().filter(|[p, q]| (p[1] <= y) != (q[1] <= y));
-        let mut x: Vec<f64> = crossed.map(|[p, q]| p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0])).collect();
-        x.sort_by(f64::total_cmp);
-        sum += x.chunks_exact(2).map(|pair| pair[1] - pair[0]).sum::<f64>() * step;
-    }
-    sum
-}

@@ -1,7 +1,6 @@
 //! The pixels on which drawings are laid: how large, and where.
 
-use super::edges::contour_edges;
-use super::fill::area;
+use super::edges::{area, contour_edges};
 use super::{Drawing, Polygon};
 use crate::error::{Error, Result};
 use crate::memory;

@@ -243,7 +243,7 @@ pub fn time(z: f64, low: f64, high: f64) -> f64 {
 /// stays a plain although a slope begins on the other side.
 ///
 /// Measured on terrain (RMSE in m, Jacksboro at 12, 8, 5 levels; St Helens): the former everywhere 9.84, 15.91, 30.54; 9.76, 14.44, 24.79.
-/// PCHIP where it is flat 9.59, 15.13, 29.56; 9.56, 14.30, 24.72. As here 9.50, 14.67, 29.03; 9.42, 14.20, 24.64. The smaller secant itself 9.46,
+/// PCHIP where it is flat 9.59, 15.13, 29.56; 9.56, 14.30, 24.72. As here 9.49, 14.66, 29.03; 9.41, 14.19, 24.64. The smaller secant itself 9.46,
 /// 14.56, 28.75; 9.38, 14.13, 24.58, but the flat ends of vertebra_l3 lose .0004, .0006, .0002 of Dice, here .0003, .0001, .0001. PCHIP
 /// alone everywhere costs vertebra_l3 hard .0011.
 #[inline(always)]

@@ -238,14 +238,14 @@ pub fn time(z: f64, low: f64, high: f64) -> f64 {
     ((z - low) / (high - low) * STEPS).round().clamp(0.0, STEPS) / STEPS
 }
 
-/// Slope of the field at a slice from the secants of the intervals below and above it, per px of height: where the surface stands upright the mean
-/// of PCHIP and of Catmull-Rom limited to three times the smaller secant; where it lies flat van Albada's, since beside a contour a plain
+/// Slope of the field at a slice from the secants of the intervals below and above it, per px of height: where the surface stands upright the
+/// mean of PCHIP and of Catmull-Rom limited to three times the smaller secant; where it lies flat van Albada's, since beside a contour a plain
 /// stays a plain although a slope begins on the other side.
 ///
-/// Measured on terrain (RMSE in m, Jacksboro at 12, 8, 5 levels; St Helens): the former everywhere 9.84, 15.91, 30.54; 9.76, 14.44, 24.79.
-/// PCHIP where it is flat 9.59, 15.13, 29.56; 9.56, 14.30, 24.72. As here 9.49, 14.66, 29.03; 9.41, 14.19, 24.64. The smaller secant itself 9.46,
-/// 14.56, 28.75; 9.38, 14.13, 24.58, but the flat ends of vertebra_l3 lose .0004, .0006, .0002 of Dice, here .0003, .0001, .0001. PCHIP
-/// alone everywhere costs vertebra_l3 hard .0011.
+/// Measured on terrain (RMSE in m, Jacksboro at 12, 8, 5 levels; St Helens): the former everywhere 9.84, 15.91, 30.54; 9.76, 14.44, 24.79. PCHIP
+/// where it is flat 9.59, 15.13, 29.56; 9.56, 14.30, 24.72. As here 9.49, 14.66, 29.03; 9.41, 14.19, 24.64. The smaller secant itself 9.46, 14.56,
+/// 28.75; 9.38, 14.13, 24.58, but the flat ends of vertebra_l3 lose .0004, .0006, .0002 of Dice, here .0002, .0001, .0002. PCHIP alone everywhere
+/// costs vertebra_l3 hard .0011.
 #[inline(always)]
 pub fn slope([below, above]: [f64; 2], [h_below, h_above]: [f64; 2]) -> f64 {
     let pchip = harmonic(below, above, h_below, h_above);

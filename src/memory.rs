@@ -7,6 +7,7 @@ use sysinfo::{DiskRefreshKind, Disks, System};
 
 use crate::drawn::{Drawn, differing};
 use crate::error::{Error, Result};
+use crate::heights::NODES;
 use crate::settings::{Method, Motion, Settings};
 use crate::shelf::Budget;
 use crate::stack::{ContourStack, SliceContent};
@@ -23,6 +24,8 @@ const PER_INTERVAL_PIXEL: f64 = 60.0;
 const PER_SWEEP_PIXEL: f64 = 52.0;
 /// Bytes per padded pixel of every further layer that is made at once.
 const PER_LAYER_PIXEL: f64 = 20.0;
+/// Bytes per pixel of the image of the layer that is handed on, and of what its taker makes of it.
+const PER_IMAGE_PIXEL: f64 = 8.0;
 /// Bytes per pixel edge of the contours: seeds, in their slices and both frames, tracks, chains, slopes; of all slices where everything
 /// stays in memory, else of three.
 const PER_CONTOUR_EDGE: f64 = 800.0;
@@ -31,6 +34,8 @@ const CONTOURS_AT_ONCE: f64 = 3.0;
 const PER_WAITING_EDGE: f64 = 750.0;
 const PER_WAITING_PIXEL: f64 = 20.0;
 const WAITING_GAPS: f64 = 3.5;
+/// A node takes this many times what another layer does.
+const WAITING_SHARE: f64 = 3.0;
 /// This part of what is allowed stays free, where more than the least is: the system's pages are larger than what lies in them.
 const RESERVE: u64 = 16;
 /// Bytes of a MiB.
@@ -56,14 +61,15 @@ impl Needs {
     /// Of a run for `heights` (increasing) on so many threads.
     pub fn of(stack: &ContourStack, heights: &[f64], settings: &Settings, threads: usize) -> Self {
         let around = settings.margin() + 8;
-        let padded: f64 = stack.dims.iter().map(|n| (n + 2 * around) as f64).product();
-        let pixels: f64 = stack.dims.iter().map(|n| *n as f64).product();
+        let image: f64 = stack.dims.iter().map(|n| *n as f64).product();
         let slices = stack.slices.len() as f64;
         let threads = threads as f64;
         let drawn: Vec<Drawn> = stack.slices.par_iter().map(|s| Drawn::of(&s.content, stack.dims)).collect();
         let all_drawn = drawn.iter().fold(Drawn::default(), Drawn::and);
         let largest = drawn.iter().map(|d| d.edges).max().unwrap_or(0) as f64;
-        let boxed = all_drawn.box_pixels(around);
+        // What is computed lies in a window around all that is drawn.
+        let (padded, pixels) = (all_drawn.box_pixels(around), all_drawn.box_pixels(settings.margin()));
+        let boxed = padded;
         let between = |w: &[crate::stack::Slice]| heights.iter().filter(|z| **z > w[0].z && **z < w[1].z).count();
         let most_between = stack.slices.windows(2).map(between).max().unwrap_or(0) as f64;
         let morph = settings.method == Method::Morph;
@@ -72,8 +78,11 @@ impl Needs {
             (Motion::Field | Motion::Rigid, Method::Morph) => PER_MOVING_PIXEL + PER_FRAME_PIXEL,
             (_, Method::Field) => PER_MOVING_PIXEL,
         };
-        let layers = (heights.len() + stack.slices.len() + 2) as f64;
-        let waiting = if settings.fair > 0.0 { layers.min(WAITING_GAPS * (most_between + 1.0)) } else { 0.0 };
+        let layers = (heights.len() + NODES * stack.slices.len() + 2) as f64;
+        // Nodes wait with more than their distances, other layers with these alone.
+        let nodes = NODES as f64;
+        let waiting = layers.min(WAITING_GAPS * (most_between / WAITING_SHARE + nodes));
+        let waiting = if settings.fair > 0.0 { waiting } else { 0.0 };
         let waiting = waiting * (largest * PER_WAITING_EDGE).min(pixels * PER_WAITING_PIXEL);
         let groups = if morph { boxed * PER_GROUP_PIXEL } else { 0.0 };
         let kept = slices * (padded * (PER_SLICE_PIXEL + moving) + groups);
@@ -82,11 +91,12 @@ impl Needs {
         let all = kept
             + all_drawn.edges as f64 * PER_CONTOUR_EDGE
             + waiting
+            + image * PER_IMAGE_PIXEL
             + (at_once * padded * PER_LAYER_PIXEL).max(threads * padded * 2.0 * PER_LAYER_PIXEL);
         let contours = largest * CONTOURS_AT_ONCE.min(slices) * PER_CONTOUR_EDGE;
         let interval = (padded * PER_INTERVAL_PIXEL).max(sweeping);
         let read = contents(stack);
-        let least = interval + contours + waiting;
+        let least = interval + contours + waiting + image * PER_IMAGE_PIXEL;
         let [all, least] = [all, least].map(|bytes| (BASE_BYTES + read + bytes) as u64);
         Needs { all, least: least.min(all), disk: (kept + all_drawn.edges as f64 * PER_CONTOUR_EDGE) as u64 }
     }

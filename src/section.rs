@@ -7,7 +7,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use crate::error::{Error, Result};
-use crate::fairing;
+use crate::fairing::Nodes;
 use crate::fit::CHAIN_REACH;
 use crate::links::Link;
 use crate::reference::displacement::ROUNDS;
@@ -88,13 +88,9 @@ impl Section {
         let beyond = |r: &Range<usize>, by: usize| r.start.saturating_sub(by)..(r.end + by).min(count);
         let mut layers = kept.clone();
         if settings.fair > 0.0 {
-            // All intervals to which the lowest and the highest of any reach.
-            let reach: Vec<[f64; 2]> = kept.clone().map(|i| fairing::reach(&z, i)).collect();
-            let low = reach.iter().map(|r| r[0]).fold(f64::INFINITY, f64::min);
-            let high = reach.iter().map(|r| r[1]).fold(f64::NEG_INFINITY, f64::max);
-            let within = z.partition_point(|v| *v <= low).max(1) - 1..z.partition_point(|v| *v < high).min(count);
-            // How far the outermost layer reaches is known from the next.
-            layers = beyond(&within, 1);
+            let nodes = Nodes::new(z.clone());
+            let known = kept.clone().map(|i| nodes.known(i));
+            layers = known.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or(layers);
         }
         let traced = match settings.method {
             Method::Morph => beyond(&layers, CHAIN_REACH),

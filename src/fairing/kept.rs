@@ -1,4 +1,6 @@
-//! Layers that wait, and what is made of them once.
+//! Layers that wait, nodes, and what is made of them once.
+
+use std::sync::Arc;
 
 use super::near::nearer;
 use crate::displacement::{BLOCK, Displacement};
@@ -9,19 +11,42 @@ use crate::surface::Layer;
 /// A block of a layer, and where its trajectory meets the slices below and above, px of the padded image.
 pub type Near = (usize, [[f64; 2]; 2]);
 
-/// A layer with what fairing makes of it.
-pub struct Kept {
+/// A layer that waits to be handed on.
+pub struct Waiting {
     /// Height.
     pub z: f64,
-    /// Number of its contour, if it is one.
-    pub contour: Option<usize>,
-    /// Whether it belongs to the output grid, and its distances, until it is handed on.
-    pub layer: Option<(bool, Packed<f32>)>,
-    /// As soon as the layer above is known.
-    pub made: Option<Transformed>,
+    /// Its distances.
+    pub phi: Arc<Packed<f32>>,
+    output: bool,
+    contour: Option<usize>,
 }
 
-/// What fairing makes of a layer.
+impl Waiting {
+    /// What has come.
+    pub fn new(layer: Layer, dims: [usize; 2]) -> Self {
+        let Layer { z, phi, output, contour } = layer;
+        Waiting { z, phi: Arc::new(Packed::of(dims, &phi)), output, contour }
+    }
+
+    /// The layer as it has come.
+    pub fn layer(&self) -> Layer {
+        Layer { z: self.z, phi: self.phi.unpack(), output: self.output, contour: self.contour }
+    }
+}
+
+/// A node with what fairing makes of it.
+pub struct Node {
+    /// Its distances.
+    pub phi: Arc<Packed<f32>>,
+    /// As soon as the node above is known.
+    pub made: Option<Transformed>,
+    /// Of a contour `K v - v`, until the interval above it is corrected.
+    pub difference: Option<Packed<f32>>,
+    /// What it is moved by, of a node between contours.
+    pub correction: Option<Packed<f32>>,
+}
+
+/// What fairing makes of the distances of a node.
 pub struct Transformed {
     /// What is averaged.
     pub v: Packed<f32>,
@@ -33,17 +58,10 @@ pub struct Transformed {
     pub near: Vec<Near>,
 }
 
-impl Kept {
+impl Node {
     /// Nothing has been made of it.
-    pub fn new(layer: Layer, dims: [usize; 2]) -> Self {
-        let Layer { z, phi, output, contour } = layer;
-        Kept { z, contour, layer: Some((output, Packed::of(dims, &phi))), made: None }
-    }
-
-    /// The layer, which is handed on.
-    pub fn take(&mut self) -> Option<Layer> {
-        let (output, phi) = self.layer.take()?;
-        Some(Layer { z: self.z, phi: phi.unpack(), output, contour: self.contour })
+    pub fn new(phi: Arc<Packed<f32>>) -> Self {
+        Node { phi, made: None, difference: None, correction: None }
     }
 
     /// Where it lies in the moving frame.

@@ -34,6 +34,7 @@ use crate::section::Section;
 use crate::settings::{Method, Settings, SlopeRule};
 use crate::shelf::{Budget, Shelf};
 use crate::stack::ContourStack;
+use crate::stack::window::Window;
 use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
 use crate::surface::{Layer, Reconstruction};
@@ -45,7 +46,10 @@ pub(crate) const CHUNK_BYTES: usize = 256 << 20;
 
 /// Everything a run carries from stage to stage.
 struct Run<'a> {
+    /// What it makes of the whole stack, through the window.
     stack: &'a ContourStack,
+    /// Pixels of the image.
+    image: [usize; 2],
     settings: &'a Settings,
     backend: &'a dyn Backend,
     progress: &'a dyn Progress,
@@ -65,16 +69,27 @@ struct Run<'a> {
     report: Report,
 }
 
+/// Whether a rule's curves may leave the range of their contours.
+fn overshoots(slope: SlopeRule) -> bool {
+    matches!(slope, SlopeRule::Natural | SlopeRule::Catmull)
+}
+
 /// Takes finished layers, lowest first.
 type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
 
-/// Hands on the layers that are kept, and counts the pixels of contours that differ from the input.
+/// Hands on the layers that are kept, on the image again, and counts the pixels of contours that differ from the input.
 struct Certified<'a> {
+    /// On the image.
     stack: &'a ContourStack,
+    window: Window,
+    /// What lies around it.
+    outside: f32,
     /// Heights from the first on and below the second are kept.
     kept: [f64; 2],
     /// Number of the run's first slice.
     first: usize,
+    /// Heights of layers that are handed to nobody, increasing.
+    inner: Vec<f64>,
     differing: Vec<usize>,
     sink: &'a mut dyn LayerSink,
 }
@@ -85,9 +100,11 @@ impl LayerSink for Certified<'_> {
     }
 
     fn layer(&mut self, mut layer: Layer) -> Result<()> {
-        if !(layer.z >= self.kept[0] && layer.z < self.kept[1]) {
+        let inner = self.inner.binary_search_by(|z| z.total_cmp(&layer.z)).is_ok();
+        if inner || !(layer.z >= self.kept[0] && layer.z < self.kept[1]) {
             return Ok(());
         }
+        layer.phi = self.window.image(&layer.phi, self.stack.dims, self.outside);
         if let Some(i) = layer.contour {
             let content = &self.stack.slices[i].content;
             self.differing[i] = differing_pixels(&layer.phi, content);
@@ -116,19 +133,21 @@ pub fn run(
     settings.validate()?;
     check(stack, heights, settings)?;
     user_links::check(stack, &settings.links).map_err(|message| Error::Setting { name: "links".into(), message })?;
-    let span = Span::new(stack, section, heights);
+    let span = Span::new(stack, section);
     let kept = [
         if section.kept.start == 0 { f64::NEG_INFINITY } else { stack.slices[section.kept.start].z },
         if section.kept.end + 1 == stack.slices.len() { f64::INFINITY } else { stack.slices[section.kept.end].z },
     ];
     let (whole, asked) = (stack, settings);
-    let (stack, settings, heights) =
+    let window = Window::around(stack, [settings.margin(); 2]);
+    let (on_image, settings, heights) =
         (&section.stack(stack), &section.settings(settings), &section.heights(stack, heights));
+    let stack = &window.of(on_image);
     let px = stack.spacing[0].max(stack.spacing[1]);
-    let overshoots = matches!(settings.slope, SlopeRule::Natural | SlopeRule::Catmull);
-    let margin = settings.margin() + if overshoots { OVERSHOOT } else { 0 };
+    let margin = settings.margin() + if overshoots(settings.slope) { OVERSHOOT } else { 0 };
     let mut run = Run {
         stack,
+        image: whole.dims,
         settings,
         backend,
         progress,
@@ -136,14 +155,14 @@ pub fn run(
         span,
         h: stack.spacing.map(|s| s / px),
         px,
-        pad: settings.margin() + OVERSHOOT,
+        pad: OVERSHOOT,
         margin,
         links: Vec::new(),
         report: Report {
             version: env!("CARGO_PKG_VERSION").into(),
             settings: asked.clone(),
             backend: backend.name(),
-            dims: stack.dims,
+            dims: whole.dims,
             spacing: stack.spacing,
             unit: stack.unit.clone(),
             ..Report::default()
@@ -152,7 +171,10 @@ pub fn run(
     let contours = run.stage("distance", stack.slices.len(), Run::distance)?;
     run.find_links(&contours)?;
     let first = run.span.first;
-    let mut certified = Certified { stack, kept, first, differing: vec![0; stack.slices.len()], sink };
+    let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
+    let inner = Heights::merged(&z, heights, [z[0], z[z.len() - 1]]).inner();
+    let outside = settings.margin() as f32 * px as f32;
+    let mut certified = Certified { stack: on_image, window, outside, kept, first, inner, differing: vec![0; stack.slices.len()], sink };
     let extent = match settings.method {
         Method::Morph => run.morph(&contours, heights, &mut certified)?,
         Method::Field => run.field(&contours, heights, &mut certified)?,
@@ -197,9 +219,9 @@ impl<'a> Run<'a> {
 
     /// What is known before the first layer.
     fn header(&self, heights: &Heights, extent: [f64; 2]) -> Header {
-        let ContourStack { dims, spacing, unit, geometry, .. } = self.stack;
+        let ContourStack { spacing, unit, geometry, .. } = self.stack;
         let grid = Header::grid(&heights.output(), *spacing);
-        Header { dims: *dims, spacing: *spacing, unit: unit.clone(), geometry: *geometry, extent, grid }
+        Header { dims: self.image, spacing: *spacing, unit: unit.clone(), geometry: *geometry, extent, grid }
     }
 
     /// All heights of the run.
@@ -297,10 +319,11 @@ impl<'a> Run<'a> {
             contours: self.stack.slices.iter().map(|s| s.z).collect(),
             dims: self.stack.dims,
             spacing: self.stack.spacing,
+            layers: self.span.layers.clone(),
             gap: self.span.gap,
-            dz: self.span.step,
-            apart: self.span.apart,
             alpha: self.settings.fair,
+            limited: !overshoots(self.settings.slope),
+            farthest: self.settings.margin() as f64 * self.px,
             clamped: [self.settings.clamp_bottom, self.settings.clamp_top].map(|m| m.is_some()),
             shares: self.fairing_shares(contours)?,
         });

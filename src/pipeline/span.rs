@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::heights::{Heights, median};
+use crate::heights::median;
 use crate::moving_field::even_gaps;
 use crate::section::Section;
 use crate::stack::ContourStack;
@@ -23,19 +23,14 @@ pub struct Span {
     pub gaps: Vec<f64>,
     /// Median gap of the whole stack.
     pub gap: f64,
-    /// Median step between all layers.
-    pub step: f64,
-    /// A little less than half of it, or of the least gap of the whole stack.
-    pub apart: f64,
 }
 
 impl Span {
-    /// Of a section of `stack` with layers at `heights`.
-    pub fn new(stack: &ContourStack, section: &Section, heights: &[f64]) -> Self {
+    /// Of a section of `stack`.
+    pub fn new(stack: &ContourStack, section: &Section) -> Self {
         let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
         let first = section.slices.start;
         let here = |r: &Range<usize>| r.start - first..r.end - first;
-        let step = Heights::median_step(&z, heights);
         let gaps = || z.windows(2).map(|w| w[1] - w[0]);
         let intervals = first..section.slices.end - 1;
         Span {
@@ -46,9 +41,6 @@ impl Span {
             ends: [section.layers.start == 0, section.layers.end == z.len() - 1],
             gaps: even_gaps(&z)[intervals].to_vec(),
             gap: median(gaps().collect()),
-            step,
-            // Layers exactly half a gap apart (the end plane of half a slice) count from either side, however they are rounded.
-            apart: 0.49 * gaps().fold(step, f64::min),
         }
     }
 }

@@ -45,6 +45,11 @@ impl Level {
         Level { sides: values.iter().map(|v| *v < 0.0).collect(), near, largest }
     }
 
+    /// The same contour on other pixels: their sides, and the values of those beside one of the other side, increasing.
+    pub(super) fn with(&self, sides: Mask, near: Vec<(usize, f32)>) -> Self {
+        Level { sides, near, largest: self.largest }
+    }
+
     /// The sides of all pixels.
     pub fn sides(&self) -> &Mask {
         &self.sides

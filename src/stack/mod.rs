@@ -16,6 +16,7 @@ pub mod pages;
 pub mod read;
 mod segments;
 pub mod volume;
+pub(crate) mod window;
 
 pub use level::Level;
 pub use mask::Mask;

@@ -1,0 +1,49 @@
+//! Corrections that stay between their contours.
+
+/// What a correction may leave the range of its contours by, px of the larger side.
+const SLACK: f32 = 0.05;
+
+/// A correction c of a distance u that leaves the ranges of both contours' distances by no more than SLACK: with the room
+/// `max(0, max(a, b) - u) + SLACK` above u, mirrored below, the narrower of two ranges, `c / (1 + (|c| / room)^8)^(1/8)`. `side` is the length
+/// of a pixel's larger side.
+#[inline]
+pub fn limited(c: f32, u: f32, ranges: [[f32; 2]; 2], side: f32) -> f32 {
+    let room = ranges.into_iter().fold(f32::INFINITY, |room, [a, b]| {
+        let own = if c > 0.0 { a.max(b) - u } else { u - a.min(b) };
+        room.min(own.max(0.0))
+    });
+    let room = room + SLACK * side;
+    let ratio = (c / room).powi(2);
+    let eighth = ratio.powi(4);
+    // Beyond this the eighth root is the ratio itself, in single precision.
+    if ratio > 100.0 { room.copysign(c) } else { c / (1.0 + eighth).sqrt().sqrt().sqrt() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_correction_stays_within_the_narrower_range() {
+        let wide = [-5.0, 5.0];
+        for (c, u, range, room) in [
+            (2.0, 0.0, [-1.0, 0.5], 0.55),
+            (-2.0, 0.0, [-1.0, 0.5], 1.05),
+            (2.0, 0.7, [-1.0, 0.5], 0.05),
+            (1e30, 0.0, [0.0, 0.0], 0.05),
+        ] {
+            for ranges in [[wide, range], [range, wide]] {
+                let found = limited(c, u, ranges, 1.0);
+                assert!(found.abs() <= room && found.signum() == c.signum(), "{c} {u} {range:?}: {found}");
+            }
+        }
+        assert!((limited(0.1, 0.0, [[-1.0, 1.0]; 2], 1.0) - 0.1).abs() < 1e-6, "with room enough nothing changes");
+        assert_eq!(limited(0.0, 0.0, [[0.0; 2]; 2], 1.0), 0.0);
+    }
+
+    #[test]
+    fn lengths_scale() {
+        let [one, ten] = [1.0f32, 10.0].map(|s| limited(0.4 * s, 0.0, [[-0.3 * s, 0.2 * s]; 2], s) / s);
+        assert!((one - ten).abs() < 1e-6, "{one} {ten}");
+    }
+}

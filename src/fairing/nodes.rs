@@ -1,0 +1,293 @@
+//! The heights that fairing is made at, and the mean along z over them.
+//!
+//! Every interval has the same few nodes, its contours among them, whatever layers are asked for; beyond the first and the last contour there is
+//! nothing. The mean of v at height z is that of the straight lines through the nodes, weighted by a quadratic B-spline `S = 2 sigma` wide between
+//! knots. With its second antiderivative, `F(y) = 1/24 [(y + 3/2)+^4 - 3 (y + 1/2)+^4 + 3 (y - 1/2)+^4 - (y - 3/2)+^4]`, `= y` beyond 3/2, and
+//! `k(x) = S F(x / S)`, node j has the weight
+//!
+//! ```text
+//! W_j = (k(z_{j+1} - z) - k(z_j - z)) / (z_{j+1} - z_j)  -  (k(z_j - z) - k(z_{j-1} - z)) / (z_j - z_{j-1})
+//! ```
+//!
+//! The weights add up to 1 and the mean of a line is the line, however uneven the nodes. Reflected in an end contour e, nodes carry
+//! `2 v_e - v_j`: there the mean is v_e itself.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use crate::heights::{NODES, node};
+use crate::spline::smoothstep;
+
+/// Sigma of the mean, gaps.
+const SIGMA: f64 = 0.3;
+/// Where the B-spline ends, distances of its knots.
+const END: f64 = 1.5;
+/// Smaller weights are rounding's.
+const LEAST: f64 = 1e-9;
+
+/// The nodes of a stack.
+#[derive(Debug, Clone)]
+pub struct Nodes {
+    contours: Vec<f64>,
+    /// Of all nodes, increasing.
+    heights: Vec<f64>,
+}
+
+impl Nodes {
+    /// Of contours at increasing heights, two at least.
+    pub fn new(contours: Vec<f64>) -> Self {
+        let of = |w: &[f64]| {
+            let ends = [w[0], w[1]];
+            (0..NODES).map(move |k| if k == 0 { ends[0] } else { node(ends, k) })
+        };
+        let heights = contours.windows(2).flat_map(of).chain(contours.last().copied()).collect();
+        Nodes { contours, heights }
+    }
+
+    /// Intervals between the contours.
+    pub fn intervals(&self) -> usize {
+        self.contours.len() - 1
+    }
+
+    /// Number of the last node.
+    pub fn last(&self) -> usize {
+        self.heights.len() - 1
+    }
+
+    /// Height of a node.
+    pub fn height(&self, k: usize) -> f64 {
+        self.heights[k]
+    }
+
+    /// The node at this very height.
+    pub fn at(&self, z: f64) -> Option<usize> {
+        self.heights.binary_search_by(|h| h.total_cmp(&z)).ok()
+    }
+
+    /// The contour that node `k` is.
+    pub fn contour(&self, k: usize) -> Option<usize> {
+        k.is_multiple_of(NODES).then_some(k / NODES)
+    }
+
+    /// Weights of the nodes in the mean at node `k`.
+    pub fn weights(&self, k: usize) -> Vec<(usize, f64)> {
+        let z = self.heights[k];
+        let width = self.width(z);
+        let curve = |x: f64| width * antiderivative(x / width);
+        let mut weights = BTreeMap::<usize, f64>::new();
+        let mut add = |node: usize, w: f64| *weights.entry(node).or_default() += w;
+        let last = self.last() as isize;
+        let n = k as isize;
+        let reaches = |m: isize, beside: isize| {
+            let near = (self.beyond(beside) - z).abs() < END * width;
+            m.abs_diff(n) <= 1 || near
+        };
+        // Of the node itself, then upwards and downwards as far as the hat of a node, whose foot is the node before, meets the spline.
+        let upwards = (n..=2 * last).take_while(|&m| reaches(m, m - 1));
+        let downwards = (-last..n).rev().take_while(|&m| reaches(m, m + 1));
+        for m in upwards.chain(downwards) {
+            let [below, here, above] = [m - 1, m, m + 1].map(|m| self.beyond(m) - z);
+            let rise = |a: f64, b: f64| (curve(b) - curve(a)) / (b - a);
+            let w = rise(here, above) - rise(below, here);
+            match m {
+                _ if m < 0 => {
+                    add(0, 2.0 * w);
+                    add(m.unsigned_abs(), -w);
+                }
+                _ if m > last => {
+                    add(last as usize, 2.0 * w);
+                    add((2 * last - m) as usize, -w);
+                }
+                _ => add(m as usize, w),
+            }
+        }
+        weights.into_iter().filter(|(_, w)| w.abs() > LEAST).collect()
+    }
+
+    /// Height of node `m`, of a reflected one where there is none; the last of those once more beyond them.
+    fn beyond(&self, m: isize) -> f64 {
+        let (last, of) = (self.last() as isize, |m: isize| self.heights[m as usize]);
+        let (low, high) = (self.heights[0], self.heights[self.last()]);
+        match m {
+            _ if m < -last => self.beyond(-last) - (high - low),
+            _ if m < 0 => 2.0 * low - of(-m),
+            _ if m <= last => of(m),
+            _ if m <= 2 * last => 2.0 * high - of(2 * last - m),
+            _ => self.beyond(2 * last) + (high - low),
+        }
+    }
+
+    /// Distance of the spline's knots: at a contour by the mean of the gaps next to it, between them a smooth step, so that what follows is C1.
+    fn width(&self, z: f64) -> f64 {
+        let last = self.intervals();
+        let i = self.contours.partition_point(|c| *c <= z).clamp(1, last) - 1;
+        let w = smoothstep((z - self.contours[i]) / (self.contours[i + 1] - self.contours[i]));
+        2.0 * SIGMA * ((1.0 - w) * self.gap_at(i) + w * self.gap_at(i + 1))
+    }
+
+    /// The mean of the gaps next to a contour.
+    fn gap_at(&self, i: usize) -> f64 {
+        let (c, last) = (&self.contours, self.intervals());
+        let below = if i > 0 { c[i] - c[i - 1] } else { c[1] - c[0] };
+        let above = if i < last { c[i + 1] - c[i] } else { c[last] - c[last - 1] };
+        0.5 * (below + above)
+    }
+
+    /// Nodes that the means of interval `i`, contours included, are taken from.
+    pub fn averaged(&self, i: usize) -> Range<usize> {
+        let reach = |k: usize| self.weights(k).into_iter().map(|(m, _)| m);
+        let all = (NODES * i..=NODES * (i + 1)).flat_map(reach);
+        let (low, high) = all.fold((usize::MAX, 0), |(low, high), m| (low.min(m), high.max(m)));
+        low..high + 1
+    }
+
+    /// Intervals that must be known to make the layers of interval `i`: those of the nodes that its corrections and those beside it are
+    /// taken from, and of the nodes beside these, by which their gradients are known.
+    pub fn known(&self, i: usize) -> Range<usize> {
+        let beside = i.saturating_sub(1)..=(i + 1).min(self.intervals() - 1);
+        let nodes = beside.map(|i| self.averaged(i)).reduce(|a, b| a.start.min(b.start)..a.end.max(b.end));
+        let nodes = nodes.unwrap_or_default();
+        let (low, high) = (nodes.start.saturating_sub(1), nodes.end.min(self.last()));
+        low / NODES..high.div_ceil(NODES)
+    }
+
+    /// Weights of the corrections of the nodes in that of a layer at `z`, within the stack: the cubic Hermite curve through them in z, its slope
+    /// at a node `(b s_a + a s_b) / (a + b)` of the lines on both sides, a and b high, at an end that of the one there is.
+    pub fn curve(&self, z: f64) -> Vec<(usize, f64)> {
+        if let Some(k) = self.at(z) {
+            return vec![(k, 1.0)];
+        }
+        let k = self.heights.partition_point(|h| *h < z).clamp(1, self.last()) - 1;
+        let rise = |k: usize| self.heights[k + 1] - self.heights[k];
+        let t = (z - self.heights[k]) / rise(k);
+        let mut weights = BTreeMap::<usize, f64>::new();
+        let mut add = |k: usize, w: f64| *weights.entry(k).or_default() += w;
+        add(k, smoothstep(1.0 - t));
+        add(k + 1, smoothstep(t));
+        for (at, w) in [(k, t * (1.0 - t).powi(2)), (k + 1, -t * t * (1.0 - t))] {
+            let w = w * rise(k);
+            let sides = [at.checked_sub(1), (at < self.last()).then_some(at)];
+            for (side, other) in [(sides[0], sides[1]), (sides[1], sides[0])] {
+                let Some(line) = side else { continue };
+                let share = other.map_or(1.0, |other| rise(other) / (rise(line) + rise(other)));
+                add(line + 1, w * share / rise(line));
+                add(line, -w * share / rise(line));
+            }
+        }
+        weights.into_iter().collect()
+    }
+}
+
+/// `F(y)`: the second antiderivative of the quadratic B-spline.
+fn antiderivative(y: f64) -> f64 {
+    if y >= END {
+        return y;
+    }
+    let power = |from: f64| (y + from).max(0.0).powi(4);
+    (power(1.5) - 3.0 * power(0.5) + 3.0 * power(-0.5)) / 24.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn uneven() -> Nodes {
+        Nodes::new(vec![0.0, 10.0, 21.0, 30.0, 42.0, 51.0, 52.0, 60.0])
+    }
+
+    /// The mean at node `k` by the midpoint rule: straight lines through the nodes, reflected in the ends, under the B-spline.
+    fn integrated(nodes: &Nodes, k: usize, v: impl Fn(f64) -> f64) -> f64 {
+        const STEPS: usize = 4000;
+        let (z, width) = (nodes.height(k), nodes.width(nodes.height(k)));
+        let line = |x: f64| {
+            let m = nodes.heights.partition_point(|h| *h <= x).clamp(1, nodes.last()) - 1;
+            let (a, b) = (nodes.height(m), nodes.height(m + 1));
+            v(a) + (v(b) - v(a)) * (x - a) / (b - a)
+        };
+        let (low, high) = (nodes.height(0), nodes.height(nodes.last()));
+        let at = |x: f64| match x {
+            _ if x < low => 2.0 * v(low) - line(2.0 * low - x),
+            _ if x > high => 2.0 * v(high) - line(2.0 * high - x),
+            _ => line(x),
+        };
+        let step = 3.0 / STEPS as f64;
+        let places = (0..STEPS).map(|n| -1.5 + (n as f64 + 0.5) * step);
+        let spline = |y: f64| if y.abs() < 0.5 { 0.75 - y * y } else { 0.5 * (1.5 - y.abs()).powi(2) };
+        places.map(|y| step * spline(y) * at(z + y * width)).sum()
+    }
+
+    #[test]
+    fn the_mean_is_the_integral_of_the_straight_lines() {
+        let nodes = uneven();
+        let wave = |z: f64| (z / 4.0).sin() + 0.02 * z;
+        for k in 0..=nodes.last() {
+            let mean: f64 = nodes.weights(k).into_iter().map(|(m, w)| w * wave(nodes.height(m))).sum();
+            let expected = integrated(&nodes, k, wave);
+            assert!((mean - expected).abs() < 1e-5, "node {k}: {mean} for {expected}");
+        }
+    }
+
+    #[test]
+    fn a_line_is_its_own_mean_and_an_end_its_own() {
+        let nodes = uneven();
+        for k in 0..=nodes.last() {
+            let weights = nodes.weights(k);
+            let line: f64 = weights.iter().map(|&(m, w)| w * (3.0 - 0.5 * nodes.height(m))).sum();
+            assert!((line - 3.0 + 0.5 * nodes.height(k)).abs() < 1e-8, "node {k}: {line}");
+        }
+        assert_eq!(nodes.weights(0).len(), 1, "{:?}", nodes.weights(0));
+    }
+
+    #[test]
+    fn equal_gaps_have_these_weights() {
+        let nodes = Nodes::new((0..8).map(|i| f64::from(i) * 3.0).collect());
+        let weights: BTreeMap<usize, f64> = nodes.weights(14).into_iter().collect();
+        for (away, w) in [0.3004, 0.2318, 0.0986, 0.0190, 0.0004].into_iter().enumerate() {
+            assert!((weights[&(14 + away)] - w).abs() < 1e-4 && (weights[&(14 - away)] - w).abs() < 1e-4, "{weights:?}");
+        }
+    }
+
+    #[test]
+    fn upside_down_the_weights_are_the_same() {
+        let nodes = uneven();
+        let turned = Nodes::new(nodes.contours.iter().rev().map(|z| 60.0 - z).collect());
+        let same = |own: Vec<(usize, f64)>, turned: Vec<(usize, f64)>| {
+            let mirrored = turned.into_iter().rev().map(|(m, w)| (nodes.last() - m, w));
+            own.len() == mirrored.len() && own.iter().zip(mirrored).all(|(a, b)| a.0 == b.0 && (a.1 - b.1).abs() < 1e-9)
+        };
+        for k in 0..=nodes.last() {
+            assert!(same(nodes.weights(k), turned.weights(nodes.last() - k)), "node {k}");
+        }
+        for z in [0.3, 12.0, 29.9, 51.7, 59.9] {
+            assert!(same(nodes.curve(z), turned.curve(60.0 - z)), "height {z}");
+        }
+    }
+
+    #[test]
+    fn what_lies_farther_than_known_has_no_say() {
+        let nodes = uneven();
+        for i in 0..nodes.intervals() {
+            let known = nodes.known(i);
+            let low = known.start.saturating_sub(2);
+            // With two intervals more the gaps that widths depend on are the same.
+            let part = Nodes::new(nodes.contours[low..(known.end + 3).min(nodes.contours.len())].to_vec());
+            for k in NODES * i..=NODES * (i + 1) {
+                let own = part.weights(k - NODES * low).into_iter().map(|(m, w)| (m + NODES * low, w));
+                assert_eq!(nodes.weights(k), own.collect::<Vec<_>>(), "node {k}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_curve_through_the_nodes_of_a_line_is_the_line_and_c1() {
+        let nodes = uneven();
+        let at = |z: f64, v: &dyn Fn(f64) -> f64| nodes.curve(z).into_iter().map(|(k, w)| w * v(nodes.height(k))).sum::<f64>();
+        let wave = |z: f64| (z / 4.0).sin();
+        for k in 1..nodes.last() {
+            let z = nodes.height(k);
+            assert!((at(z + 0.1, &|z| 2.0 * z - 1.0) - 2.0 * (z + 0.1) + 1.0).abs() < 1e-9);
+            let [below, here, above] = [z - 1e-5, z, z + 1e-5].map(|z| at(z, &wave));
+            assert!(((above - here) - (here - below)).abs() < 1e-8, "node {k}");
+        }
+    }
+}

@@ -62,7 +62,8 @@ impl Heights {
         for &x in output {
             let (_, gap) = nearest(z, x);
             let above = all.partition_point(|h| h.z < x);
-            let known = (above.saturating_sub(1)..all.len().min(above + 1)).find(|&k| (all[k].z - x).abs() <= SAME * gap);
+            let known =
+                (above.saturating_sub(1)..all.len().min(above + 1)).find(|&k| (all[k].z - x).abs() <= SAME * gap);
             match known {
                 Some(k) => all[k] = Height { output: true, inner: false, ..all[k] },
                 None => beside.push(Height { z: x, output: true, inner: false }),

@@ -42,6 +42,7 @@ pub mod packed;
 pub mod parts;
 mod pipeline;
 pub mod polygons;
+pub mod preset;
 pub mod progress;
 pub mod reference;
 pub mod report;

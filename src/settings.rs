@@ -62,6 +62,16 @@ pub enum Method {
     Field,
 }
 
+/// Which sweeps of an interval say what lies between its contours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sweep {
+    /// From both contours, each most beside its own.
+    Both,
+    /// From the lower contour upwards alone, as published: it meets the upper one as well as its steering leads it there.
+    Forward,
+}
+
 /// The frame in which neighbouring slices are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -207,6 +217,10 @@ pub struct Settings {
     #[arg(long, value_name = "GAPS", default_value_t = Settings::default().cap_gaps)]
     pub cap_gaps: f64,
 
+    /// Which sweeps make the layers between contours
+    #[arg(long, value_enum, default_value_t = Settings::default().sweep)]
+    pub sweep: Sweep,
+
     /// Re-estimate the remaining distances by a new morph every N steps of the sweep, on the CPU; 0: never
     #[arg(long, value_name = "N", default_value_t = Settings::default().redistance)]
     pub redistance: usize,
@@ -250,6 +264,7 @@ impl Default for Settings {
             end_bottom: EndRule::Flat,
             end_top: EndRule::Flat,
             cap_gaps: 2.0,
+            sweep: Sweep::Both,
             redistance: 0,
             cfl: 0.5,
             half_width: 6.0,

@@ -5,9 +5,21 @@ use std::path::Path;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args};
 use interslice::files::named::Named;
-use interslice::{Error, Result};
+use interslice::preset::Preset;
+use interslice::{Error, Result, Settings};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+
+/// The settings of a preset, but for what the command line gave itself.
+pub fn preset(preset: Preset, parsed: Settings, matches: &ArgMatches) -> Result<Settings> {
+    let fail = |message: String| Error::Setting { name: "preset".into(), message };
+    let table = toml::Table::try_from(preset.settings()).map_err(|e| fail(e.to_string()))?;
+    let given = |key: &str| matches.value_source(key) == Some(ValueSource::CommandLine);
+    match Named::new(table).claim(parsed, given) {
+        (claimed, wrong) if wrong.is_empty() => Ok(claimed),
+        (_, wrong) => Err(fail(wrong.join("; "))),
+    }
+}
 
 /// A settings file whose keys are still to be claimed.
 pub struct File<'a> {

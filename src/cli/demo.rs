@@ -16,8 +16,8 @@ use super::reconstruct::{Telling, reconstruct};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Which stack: the figure of the paper it stands for
-    #[arg(default_value = "all", value_parser = ["fig5", "fig6", "fig9", "fig10", "all"])]
+    /// Which stack: the figure of the paper it stands for (the bodies of 1, 7, 8 and 9 are ours)
+    #[arg(default_value = "all", value_parser = ["fig1", "fig5", "fig6", "fig7", "fig8", "fig9", "fig10", "all"])]
     name: String,
 
     /// Folder to write to; each stack gets a folder of its own in it

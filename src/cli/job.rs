@@ -6,10 +6,11 @@ use clap::ArgMatches;
 use interslice::files::JobOptions;
 use interslice::files::outputs::OutputOptions;
 use interslice::links::LinkOptions;
+use interslice::preset::Preset;
 use interslice::stack::ReadOptions;
 use interslice::{Result, Settings};
 
-use super::config::File;
+use super::config::{File, preset};
 use super::devices::DeviceOptions;
 
 #[derive(Debug, clap::Args)]
@@ -21,6 +22,10 @@ pub struct JobArguments {
     /// Read options from a TOML file (keys as the long options, with _ for -); the command line wins
     #[arg(long = "settings", value_name = "FILE")]
     settings_file: Option<PathBuf>,
+
+    /// Settings under a name; a settings file and the command line win
+    #[arg(long, value_enum, value_name = "NAME")]
+    preset: Option<Preset>,
 
     #[command(flatten)]
     output: OutputOptions,
@@ -39,6 +44,9 @@ impl JobArguments {
     /// The options, checked; `device` takes those of the settings file too.
     pub fn options(self, device: &mut DeviceOptions, matches: &ArgMatches) -> Result<JobOptions> {
         let JobArguments { mut output, mut read, mut links, mut settings, .. } = self;
+        if let Some(named) = self.preset {
+            settings = preset(named, settings, matches)?;
+        }
         if let Some(path) = &self.settings_file {
             let mut file = File::read(path)?;
             settings = file.overlay(settings, matches)?;

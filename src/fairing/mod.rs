@@ -303,7 +303,13 @@ impl<'m> Fairing<'m> {
 
     /// What node `k` of interval `i` is moved by: its own difference less what the contours below and above would move by, read along the
     /// trajectories.
-    fn correction(&self, k: usize, i: usize, ends: [usize; 2], at_ends: &[Option<Packed<f32>>; 2]) -> Option<Packed<f32>> {
+    fn correction(
+        &self,
+        k: usize,
+        i: usize,
+        ends: [usize; 2],
+        at_ends: &[Option<Packed<f32>>; 2],
+    ) -> Option<Packed<f32>> {
         let node = self.node(k)?;
         let Transformed { v, gradient, .. } = node.made.as_ref()?;
         let [low, high] = [self.node(ends[0])?, self.node(ends[1])?];

@@ -243,7 +243,10 @@ mod tests {
         let nodes = Nodes::new((0..8).map(|i| f64::from(i) * 3.0).collect());
         let weights: BTreeMap<usize, f64> = nodes.weights(14).into_iter().collect();
         for (away, w) in [0.3004, 0.2318, 0.0986, 0.0190, 0.0004].into_iter().enumerate() {
-            assert!((weights[&(14 + away)] - w).abs() < 1e-4 && (weights[&(14 - away)] - w).abs() < 1e-4, "{weights:?}");
+            assert!(
+                (weights[&(14 + away)] - w).abs() < 1e-4 && (weights[&(14 - away)] - w).abs() < 1e-4,
+                "{weights:?}"
+            );
         }
     }
 
@@ -281,7 +284,9 @@ mod tests {
     #[test]
     fn a_curve_through_the_nodes_of_a_line_is_the_line_and_c1() {
         let nodes = uneven();
-        let at = |z: f64, v: &dyn Fn(f64) -> f64| nodes.curve(z).into_iter().map(|(k, w)| w * v(nodes.height(k))).sum::<f64>();
+        let at = |z: f64, v: &dyn Fn(f64) -> f64| {
+            nodes.curve(z).into_iter().map(|(k, w)| w * v(nodes.height(k))).sum::<f64>()
+        };
         let wave = |z: f64| (z / 4.0).sin();
         for k in 1..nodes.last() {
             let z = nodes.height(k);

@@ -174,7 +174,16 @@ pub fn run(
     let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
     let inner = Heights::merged(&z, heights, [z[0], z[z.len() - 1]]).inner();
     let outside = settings.margin() as f32 * px as f32;
-    let mut certified = Certified { stack: on_image, window, outside, kept, first, inner, differing: vec![0; stack.slices.len()], sink };
+    let mut certified = Certified {
+        stack: on_image,
+        window,
+        outside,
+        kept,
+        first,
+        inner,
+        differing: vec![0; stack.slices.len()],
+        sink,
+    };
     let extent = match settings.method {
         Method::Morph => run.morph(&contours, heights, &mut certified)?,
         Method::Field => run.field(&contours, heights, &mut certified)?,

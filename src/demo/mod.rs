@@ -1,4 +1,9 @@
-//! The paper's synthetic stacks (Nilsson, Breen and Museth), made here.
+//! Stacks of the sizes of the paper's figures (Nilsson, Breen and Museth), made here. Figures 5, 6 and 10 are drawn as it describes them; the
+//! bodies of the others are ours, and stand for what the figure shows.
+
+mod bodies;
+
+use bodies::{TRUNK_HEIGHTS, bent_body, girdle, mountain, trunk};
 
 use crate::settings::{EndRule, Settings, SlopeRule};
 use crate::stack::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
@@ -17,13 +22,19 @@ pub struct Demo {
 }
 
 /// Names of all demos.
-pub const NAMES: [&str; 4] = ["fig5", "fig6", "fig9", "fig10"];
+pub const NAMES: [&str; 7] = ["fig1", "fig5", "fig6", "fig7", "fig8", "fig9", "fig10"];
 
 /// The demo of that name.
 pub fn demo(name: &str) -> Option<Demo> {
     let natural = Settings { slope: SlopeRule::Natural, ..Settings::default() };
     let circle = |c: f64, r: f64| move |x: f64, y: f64| (x - c).hypot(y - c) < r;
     match name {
+        "fig1" => {
+            let heights: Vec<f64> = (0..35).map(|k| 4.0 * f64::from(k)).collect();
+            let stack = stack([420, 300], &heights, grid(0.0, 137), |k, x, y| girdle(x, y, heights[k] / 136.0));
+            let shows = "35 slices of 420 x 300 px: a body of ours with the parts of a pelvis";
+            Some(Demo { name: "fig1", shows, stack, settings: Settings::default() })
+        }
         "fig5" => {
             let radii = [30.0, 14.0, 30.0];
             let contour = |k: usize, x, y| circle(44.5, radii[k])(x, y);
@@ -41,12 +52,34 @@ pub fn demo(name: &str) -> Option<Demo> {
                 settings: natural,
             })
         }
+        "fig7" => {
+            let levels = [0.0, 200.0, 400.0, 600.0, 800.0];
+            let contour = |k: usize, x, y| mountain(x, y) > levels[k];
+            let heights = HeightGrid { start: 0.0, step: 10.0, count: 81 };
+            let stack =
+                ContourStack { spacing: [30.0; 2], unit: "m".into(), ..stack([276, 276], &levels, heights, contour) };
+            let shows = "5 contour lines of a mountain of ours, 276 x 276 px";
+            Some(Demo { name: "fig7", shows, stack, settings: Settings::default() })
+        }
+        "fig8" => {
+            let contour = |k: usize, x, y| trunk(x, y, TRUNK_HEIGHTS[k]);
+            let heights = HeightGrid { start: 0.0, step: 1.5, count: 81 };
+            let stack = stack([155, 522], &TRUNK_HEIGHTS, heights, contour);
+            let stack = ContourStack { spacing: [0.958, 2.194], unit: "mm".into(), ..stack };
+            let shows = "12 unevenly spaced slices of 155 x 522 oblong px: a trunk with arms, of ours";
+            Some(Demo { name: "fig8", shows, stack, settings: Settings::default() })
+        }
         "fig9" => {
             let heights: Vec<f64> = (0..8).map(|k| 6.0 + f64::from(k) * 85.0 / 7.0).collect();
             let stack = stack([122, 187], &heights, grid(0.0, 98), |k, x, y| bent_body(x, y, heights[k]));
             let settings =
                 Settings { end_bottom: EndRule::Extrapolate, end_top: EndRule::Extrapolate, ..Settings::default() };
-            Some(Demo { name: "fig9", shows: "8 slices to 98, both ends extrapolated", stack, settings })
+            Some(Demo {
+                name: "fig9",
+                shows: "8 slices to 98 of a body of ours, both ends extrapolated",
+                stack,
+                settings,
+            })
         }
         "fig10" => {
             let contour = |k: usize, x: f64, y: f64| match k {
@@ -59,15 +92,6 @@ pub fn demo(name: &str) -> Option<Demo> {
         }
         _ => None,
     }
-}
-
-/// A closed body between heights 0 and 97: an ellipsoid, bent, with a waist.
-fn bent_body(x: f64, y: f64, z: f64) -> bool {
-    let s = (z - 48.5) / 48.5;
-    let waist = 1.0 - 0.35 * (-(s / 0.35).powi(2)).exp();
-    let size = (1.0 - s * s).max(0.0).sqrt() * waist;
-    let (u, v) = (x - 61.0 - 9.0 * (2.5 * s).sin(), y - 93.0 - 14.0 * s);
-    (u / 42.0).hypot(v / 66.0) < size
 }
 
 fn grid(start: f64, count: usize) -> HeightGrid {

@@ -1,4 +1,6 @@
-//! Corrections that stay between their contours.
+//! Corrections that stay between their contours, and where there is one contour alone.
+
+use crate::spline::smoothstep;
 
 /// What a correction may leave the range of its contours by, px of the larger side.
 const SLACK: f32 = 0.05;
@@ -17,6 +19,17 @@ pub fn limited(c: f32, u: f32, ranges: [[f32; 2]; 2], side: f32) -> f32 {
     let eighth = ratio.powi(4);
     // Beyond this the eighth root is the ratio itself, in single precision.
     if ratio > 100.0 { room.copysign(c) } else { c / (1.0 + eighth).sqrt().sqrt().sqrt() }
+}
+
+/// A contour this much of the farthest distance that counts away leads nowhere.
+const ALONE: [f64; 2] = [0.8, 0.98];
+
+/// How far the surface goes on from one contour to another whose distances there are these, at most `farthest`: 1 where both have a surface, 0
+/// where one has none.
+#[inline]
+pub fn goes_on(distances: [f32; 2], farthest: f64) -> f32 {
+    let farther = f64::from(distances[0].abs().max(distances[1].abs())) / farthest;
+    smoothstep((ALONE[1] - farther) / (ALONE[1] - ALONE[0])) as f32
 }
 
 #[cfg(test)]
@@ -39,6 +52,15 @@ mod tests {
         }
         assert!((limited(0.1, 0.0, [[-1.0, 1.0]; 2], 1.0) - 0.1).abs() < 1e-6, "with room enough nothing changes");
         assert_eq!(limited(0.0, 0.0, [[0.0; 2]; 2], 1.0), 0.0);
+    }
+
+    #[test]
+    fn from_a_contour_to_nothing_nothing_goes_on() {
+        assert_eq!(
+            [[0.5, 14.0], [-14.0, 1.0], [1.0, -3.0], [9.0, 0.0]].map(|d| goes_on(d, 14.0)),
+            [0.0, 0.0, 1.0, 1.0]
+        );
+        assert!((0.4..0.6).contains(&goes_on([0.0, 0.89], 1.0)));
     }
 
     #[test]

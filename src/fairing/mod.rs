@@ -4,7 +4,8 @@
 //! gradient `n = max(|grad u|, .3)`, which counts near the surface only; along z a median gap counts as GAP px, so that heights have no unit. With
 //! the mean K along the trajectories of the moving field (or straight along z), `D = K v - v`, a node between the contours i and i + 1
 //! is moved by `C = alpha n (D - (1 - w) D_i - w D_{i+1})`, `w = 3 t^2 - 2 t^3`, where v is small against B: as smoothing would move it, less
-//! what would move the contours (D_i fades out where its |v| / B goes from .82 to .88), and not where the surface lies flat. Where slopes
+//! what would move the contours (D_i fades out where its |v| / B goes from .82 to .88), and not where the surface lies flat or a part is on
+//! one contour alone (`goes_on`). Where slopes
 //! may not overshoot, neither may C (`limit`). A layer at any height moves by the C1 curve in z through the C of the nodes, 0 at contours. Beyond
 //! the first and the last contour nothing moves, and nothing there has a say.
 
@@ -18,12 +19,13 @@ mod transform;
 
 use std::collections::VecDeque;
 use std::ops::Range;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use self::along::add;
 use self::kept::{Near, Node, Transformed, Waiting, blocks_near};
-use self::limit::limited;
+use self::limit::{goes_on, limited};
 use self::near::{SATURATED, fade, nearer, nearness, widest};
 pub use self::nodes::Nodes;
 use self::transform::{Lengths, transform};
@@ -159,7 +161,9 @@ impl<'m> Fairing<'m> {
         let ready = if last { newest + 1 } else { newest };
         self.transform(ready)?;
         while self.corrected < self.spec.layers.end {
-            let needed = self.averaged[self.corrected].end;
+            // The contours beyond the interval's own are asked whether the surface goes on there.
+            let beyond = (NODES * (self.corrected + 2)).min(self.nodes.last());
+            let needed = self.averaged[self.corrected].end.max(beyond + 1);
             if needed > ready && !last {
                 break;
             }
@@ -316,6 +320,9 @@ impl<'m> Fairing<'m> {
         let [at_low, at_high] = [at_ends[0].as_ref()?, at_ends[1].as_ref()?];
         let d = self.difference(k);
         let offsets = ends.map(|end| self.offsets(k, end));
+        // What lies on the other side of either contour.
+        let beyond = [ends[0].checked_sub(NODES), Some(ends[1] + NODES)];
+        let beyond = beyond.map(|end| end.and_then(|end| Some((&self.node(end)?.phi, self.offsets(k, end)))));
         let t = (k - ends[0]) as f64 / NODES as f64;
         let (first, last) = (i == 0, i + 1 == self.nodes.intervals());
         let at_first = if first && self.spec.clamped[0] { smoothstep(t) } else { 1.0 };
@@ -323,7 +330,7 @@ impl<'m> Fairing<'m> {
         let alpha = (at_first * at_last * self.spec.alpha) as f32;
         let (w, bound, nx) = (smoothstep(t) as f32, self.bound(), self.spec.dims[0]);
         let shares = self.spec.shares.get(i).and_then(Option::as_ref);
-        let slack = self.side as f32;
+        let side = self.side as f32;
         let [correction] = Packed::of_rows(self.spec.dims, |first, [rows]: [&mut [f32]; 1]| {
             let [mut own, mut slope, mut here] = [vec![0.0; nx], vec![0.0; nx], vec![0.0; nx]];
             // Both contours' differences and distances along the trajectories, and their distances straight along z.
@@ -339,24 +346,55 @@ impl<'m> Fairing<'m> {
                     let [low_d, high_d, low_along, high_along, low_straight, high_straight] = &mut there;
                     add(at_low, 1.0, offsets[0].as_ref(), j, pixels.start, low_d);
                     add(at_high, 1.0, offsets[1].as_ref(), j, pixels.start, high_d);
+                    add(&low.phi, 1.0, offsets[0].as_ref(), j, pixels.start, low_along);
+                    add(&high.phi, 1.0, offsets[1].as_ref(), j, pixels.start, high_along);
                     if self.spec.limited {
-                        add(&low.phi, 1.0, offsets[0].as_ref(), j, pixels.start, low_along);
-                        add(&high.phi, 1.0, offsets[1].as_ref(), j, pixels.start, high_along);
                         low.phi.read(pixels.start, j, low_straight);
                         high.phi.read(pixels.start, j, high_straight);
                         node.phi.read(pixels.start, j, &mut here[pixels.clone()]);
                     }
+                    let on = |p: usize| goes_on([low_along[p], high_along[p]], self.spec.farthest);
+                    let mut share: Vec<f32> = (0..pixels.len()).map(on).collect();
+                    if share.iter().any(|share| *share < 1.0) {
+                        let own = [&*low_along, &*high_along];
+                        self.tips(&mut share, own, &beyond, [pixels.start, j]);
+                    }
                     for (p, n) in pixels.enumerate() {
                         let alpha = alpha * shares.map_or(1.0, |s| s[j * nx + n]);
+                        let alpha = alpha * share[p];
                         let rise = alpha * (d[j * nx + n] - (1.0 - w) * low_d[p] - w * high_d[p]);
                         let c = slope[n] * rise * nearness(own[n].abs() / bound) as f32;
                         let ranges = [[low_along[p], high_along[p]], [low_straight[p], high_straight[p]]];
-                        out[n] = if self.spec.limited { limited(c, here[n], ranges, slack) } else { c };
+                        out[n] = if self.spec.limited { limited(c, here[n], ranges, side) } else { c };
                     }
                 }
             }
         });
         Some(correction)
+    }
+
+    /// Where the surface ends in an interval it still goes on if it does so from its contour to the other side: it is the tip of a body. `share` says
+    /// how far it goes on within the interval, `own` are the distances of the interval's contours, `beyond` those on their other sides; of pixels
+    /// from `first` on.
+    fn tips(
+        &self,
+        share: &mut [f32],
+        own: [&Vec<f32>; 2],
+        beyond: &[Option<(&Arc<Packed<f32>>, Option<Displacement>)>; 2],
+        first: [usize; 2],
+    ) {
+        let farthest = self.spec.farthest;
+        for (side, beyond) in beyond.iter().enumerate() {
+            let Some((phi, offsets)) = beyond else { continue };
+            let mut there = vec![0.0; share.len()];
+            add(phi, 1.0, offsets.as_ref(), first[1], first[0], &mut there);
+            for (p, share) in share.iter_mut().enumerate() {
+                let [here, other] = [own[side][p], own[1 - side][p]];
+                if here.abs() < other.abs() {
+                    *share = share.max(goes_on([here, there[p]], farthest));
+                }
+            }
+        }
     }
 
     /// Hands on everything below the upper contour of the lowest interval that is not finished, moved, and with the last interval that contour
@@ -401,6 +439,7 @@ impl<'m> Fairing<'m> {
     fn forget(&mut self) {
         // A place by which trajectories pass through an interval is its lowest node's.
         let averaged = self.lowest.get(self.corrected).map_or(usize::MAX, |node| node / NODES * NODES);
+        let averaged = averaged.min(NODES * self.corrected.saturating_sub(1));
         // The curve reads a node below the interval.
         let needed = averaged.min((NODES * self.finished).saturating_sub(1));
         while self.first < needed && self.kept.pop_front().is_some() {

@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use crate::caps::{Cap, Profile};
-use crate::contours::Contour;
 use crate::field::Field;
 use crate::fit::Fitted;
 use crate::jobs::{DISAGREEMENT, Direction, SweepPair};
@@ -200,9 +199,4 @@ pub fn differing_pixels(phi: &[f32], slice: &SliceContent) -> usize {
         some.iter().zip(&*inside).filter(|(v, inside)| (**v < 0.0) != **inside).count()
     };
     (0..).step_by(PIXELS_READ).zip(phi.chunks(PIXELS_READ)).map(differing).sum()
-}
-
-/// Deepest point of a contour, for the parts' ends.
-pub fn part_numbers(contour: &Contour) -> Vec<u32> {
-    (1..=contour.solids.count as u32).collect()
 }

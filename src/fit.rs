@@ -276,7 +276,7 @@ fn slopes_of(
             z.push(heights[i + 1 + hop] - heights[i]);
             s.push(*v);
         }
-        slope(z, s, center, settings.slope, settings.spline_end)
+        slope(z, s, center, settings.slope, settings.spline_end())
     };
     (0..down.ends.len()).into_par_iter().map_init(Default::default, slope).collect()
 }

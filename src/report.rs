@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::end_law::CapRule;
 use crate::settings::Settings;
 
 /// What was done and how well.
@@ -164,6 +165,20 @@ pub struct EndReport {
     pub half_slice: f64,
     /// Volume by `extrapolate`: its caps, integrated, unit cubed.
     pub extrapolate: f64,
+    /// How each part closes under `extrapolate` and `peak`; empty under other rules.
+    #[serde(default)]
+    pub caps: Vec<CapReport>,
+}
+
+/// How a part closes beyond the first or last contour.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CapReport {
+    /// Component number.
+    pub part: u32,
+    /// By what.
+    pub rule: CapRule,
+    /// How far beyond its contour, unit.
+    pub height: f64,
 }
 
 /// An end of the body.

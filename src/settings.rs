@@ -102,9 +102,9 @@ pub enum EndRule {
     Flat,
     /// Keep the contour for half a gap, then a flat lid.
     HalfSlice,
-    /// Close by the contour's own slope: `r = D (1 - t/H)^p`, `p = |m| H / D`, `H = D / (2 |m|)`.
+    /// Close as the areas of the last three contours say: exact for spheres, ellipsoids, paraboloids and cones.
     Extrapolate,
-    /// The same law with its tip at this height (unit of the stack).
+    /// Close at this height (unit of the stack), beginning as these areas do.
     Peak(f64),
 }
 
@@ -193,9 +193,9 @@ pub struct Settings {
     #[arg(long, value_enum, default_value_t = Settings::default().slope)]
     pub slope: SlopeRule,
 
-    /// Ends of the cubic spline (natural and hyman)
-    #[arg(long, value_enum, default_value_t = Settings::default().spline_end)]
-    pub spline_end: SplineEnd,
+    /// Ends of the cubic spline (natural and hyman) [default: natural for natural, parabolic for hyman]
+    #[arg(long, value_enum)]
+    pub spline_end: Option<SplineEnd>,
 
     /// Slope of the surface at the first contour, outward length per height (same unit), instead of the rule's own
     #[arg(long, value_name = "SLOPE", allow_negative_numbers = true)]
@@ -258,7 +258,7 @@ impl Default for Settings {
             anti_alias: AntiAlias::Kernel,
             sigma: 1.0,
             slope: SlopeRule::Hyman,
-            spline_end: SplineEnd::Parabolic,
+            spline_end: None,
             clamp_bottom: None,
             clamp_top: None,
             end_bottom: EndRule::Flat,
@@ -276,6 +276,15 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// Ends of the cubic spline: where none are asked for, those that make `natural` the natural spline, and else parabolic ones, which follow a
+    /// body that tapers.
+    pub fn spline_end(&self) -> SplineEnd {
+        self.spline_end.unwrap_or(match self.slope {
+            SlopeRule::Natural => SplineEnd::Natural,
+            _ => SplineEnd::Parabolic,
+        })
+    }
+
     /// Width of "outside" around every image and tile, px: a front may leave its contours by this much.
     pub fn margin(&self) -> usize {
         self.half_width.ceil() as usize + 8

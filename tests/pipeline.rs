@@ -30,9 +30,29 @@ fn expected(z: f64, knots: &[f64], radii: &[f64], settings: &Settings) -> f64 {
     let (gap, s) = (knots[i + 1] - knots[i], radii[i + 1] - radii[i]);
     let m = |k: usize| match settings.slope {
         SlopeRule::Linear => s / gap,
-        rule => slope(knots, radii, k, rule, settings.spline_end),
+        rule => slope(knots, radii, k, rule, settings.spline_end()),
     };
     radii[i] + interslice::spline::hermite(&[s, m(i) * gap, m(i + 1) * gap, 1.0], (z - knots[i]) / gap)
+}
+
+/// P9: `natural` in the paper's figs. 5 and 6 is the natural cubic spline through the radii, here by its second derivative at the middle knot.
+#[test]
+fn natural_is_the_natural_cubic_in_figures_5_and_6() {
+    for (name, [low, middle, high]) in [("fig5", [30.0, 14.0, 30.0]), ("fig6", [14.0, 30.0, 30.0])] {
+        let demo = interslice::demo::demo(name).expect("there is one");
+        let settings = Settings { motion: plain().motion, fair: 0.0, ..demo.settings };
+        let heights: Vec<f64> = (0..=64).map(|k| 0.5 * f64::from(k)).collect();
+        let bend = 1.5 * (high - 2.0 * middle + low);
+        // From a knot without curvature to the middle one.
+        let half = |end: f64, t: f64| end + t * (middle - end) + bend / 6.0 * (t.powi(3) - t);
+        let off = run(&demo.stack, &heights, &settings).layers.iter().fold(0.0f64, |worst, l| {
+            let t = l.z / 16.0;
+            let exact = if t < 1.0 { half(low, t) } else { half(high, 2.0 - t) };
+            worst.max((radius(l, [90, 90], 44.5).0 - exact).abs())
+        });
+        println!("{name}: off by {off:.3} px");
+        assert!(off <= 0.05, "{name}: {off}");
+    }
 }
 
 #[test]
@@ -43,7 +63,7 @@ fn circle_stacks_follow_the_one_dimensional_spline() {
         let stack = levels(121, &knots, &shapes);
         let heights: Vec<f64> = (0..=90).map(|k| 0.5 * f64::from(k)).collect();
         for rule in [SlopeRule::Linear, SlopeRule::Natural, SlopeRule::Hyman, SlopeRule::Pchip, SlopeRule::Catmull] {
-            let settings = Settings { slope: rule, spline_end: SplineEnd::Natural, ..plain() };
+            let settings = Settings { slope: rule, spline_end: Some(SplineEnd::Natural), ..plain() };
             let result = run(&stack, &heights, &settings);
             let worst = result
                 .layers

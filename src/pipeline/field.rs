@@ -42,7 +42,8 @@ impl<'a> Run<'a> {
         };
         let fitted: [Result<Fitted>; 2] = [fitted(0, 0), fitted(last, 1)];
         let [bottom, top] = fitted;
-        let ends = self.ends(contours, [&bottom?, &top?], Some(&moving))?;
+        let matter = self.end_matter(contours, Some(&moving))?;
+        let ends = self.ends(contours, &matter, [&bottom?, &top?], Some(&moving))?;
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = self.heights(heights, extent)?;
         sink.begin(&self.header(&heights, extent))?;

@@ -92,6 +92,7 @@ impl<'a> Run<'a> {
         let intervals = self.stage("match", count, |run| run.matching(&seen, &parted))?;
         let jobs = (0..count).map(|i| 2 * intervals.light(i).groups.len()).sum();
         let sides = self.stage("trace", jobs, |run| run.trace(&seen, &intervals, moving.as_ref()))?;
+        let matter = self.end_matter(contours, moving.as_ref())?;
         let fitted = self.stage("fit", 1, |run| {
             let measured = Measured { contours, sides: &sides, h: run.h, px: run.px };
             fit(&measured, run.settings, run.budget, |i, fitted| {
@@ -105,11 +106,11 @@ impl<'a> Run<'a> {
                     (Some(moving), Some(_)) => {
                         Ok(fitted.with_motion(&*contours.get(i)?, &*moving.rate(i)?, run.h, -1.0))
                     }
-                    _ => Ok(fitted),
+                    _ => run.passing(contours, moving.as_ref(), &matter, i, fitted),
                 }
             })
         })?;
-        let ends = self.ends(contours, [&*fitted.get(0)?, &*fitted.get(count)?], moving.as_ref())?;
+        let ends = self.ends(contours, &matter, [&*fitted.get(0)?, &*fitted.get(count)?], moving.as_ref())?;
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = self.heights(heights, extent)?;
         sink.begin(&self.header(&heights, extent))?;

@@ -1,6 +1,7 @@
 //! Analytic contours for tests: signed distances in pixels, and stacks made of them.
 #![allow(dead_code)]
 
+pub mod spheres;
 pub mod zoo;
 
 use interslice::Settings;

@@ -1,0 +1,89 @@
+//! P10: spheres drawn as polygons on a few slices have the volume of spheres, and bodies that are quadratic in area end where they do.
+
+mod shapes;
+
+use std::f64::consts::PI;
+
+use interslice::Settings;
+use interslice::end_law::CapRule;
+use interslice::settings::EndRule;
+use shapes::spheres::*;
+
+fn both(rule: EndRule) -> Settings {
+    Settings { end_bottom: rule, end_top: rule, ..Settings::default() }
+}
+
+/// Relative errors of the mesh's volume, with checks that layers and report agree with the mesh.
+fn errors(rule: EndRule, fair: f64) -> Vec<f64> {
+    let mut out = Vec::new();
+    for (diameter, gap) in [(3.0, 1.0), (4.0, 1.0), (8.0, 1.0), (6.0, 2.0), (8.0, 2.0), (12.0, 2.0), (20.0, 2.0)] {
+        let exact = sphere_volume(diameter);
+        let found: Vec<f64> = spheres(diameter, gap, 6)
+            .iter()
+            .map(|stack| {
+                let [mesh, areas, _] = volumes(stack, &Settings { fair, ..both(rule) }).expect("a sound stack");
+                assert!((areas / mesh - 1.0).abs() < 0.005, "{diameter} mm: {areas} by areas, {mesh} by the mesh");
+                mesh / exact - 1.0
+            })
+            .collect();
+        println!("{rule}, {diameter} mm on {gap} mm: {:?}", spread(&found).map(|e| (1000.0 * e).round() / 10.0));
+        out.extend(found);
+    }
+    out
+}
+
+#[test]
+fn spheres_on_few_slices_have_their_volume() {
+    for fair in [Settings::default().fair, 0.0] {
+        let [mean, least, largest] = spread(&errors(EndRule::Extrapolate, fair));
+        assert!(mean.abs() <= 0.01 && least >= -0.08 && largest <= 0.08, "fair {fair}: {mean} [{least}, {largest}]");
+    }
+}
+
+#[test]
+fn half_slices_have_the_volume_of_spheres_in_the_mean() {
+    let [mean, ..] = spread(&errors(EndRule::HalfSlice, Settings::default().fair));
+    assert!(mean.abs() <= 0.01, "{mean}");
+    // Without the end the mean is off by many times that: the bound can fail.
+    assert!(spread(&errors(EndRule::Flat, Settings::default().fair))[0] < -0.05);
+}
+
+#[test]
+fn caps_of_ellipsoids_paraboloids_and_cones_are_theirs() {
+    // Name, half axes over height, heights of contours, tip, volume beyond the last one.
+    type Case = (&'static str, fn(f64) -> [f64; 2], [f64; 4], f64, f64);
+    let cases: [Case; 3] = [
+        (
+            "ellipsoid",
+            |z| [3.0, 1.5].map(|a| a * (36.0 - z * z).max(0.0).sqrt()),
+            [-1.0, 1.0, 3.0, 5.0],
+            6.0,
+            PI * 4.5 * 17.0 / 3.0,
+        ),
+        ("paraboloid", |z| [1.0, 2.0].map(|a| 4.0 * a * (6.0 - z).sqrt()), [-1.0, 1.0, 3.0, 5.0], 6.0, PI * 32.0 * 0.5),
+        ("cone", |z| [3.0, 2.0].map(|a| a * (7.0 - z)), [-1.0, 1.0, 3.0, 5.0], 7.0, PI * 6.0 * 8.0 / 3.0),
+    ];
+    for (name, axes, heights, tip, exact) in cases {
+        let stack = drawn([3.0, 5.0], &heights, axes).expect("a sound drawing");
+        let settings = Settings { end_top: EndRule::Extrapolate, ..Settings::default() };
+        let end = interslice::reconstruct(&stack, &settings).expect("a sound stack").report.ends.remove(1);
+        println!("{name}: {:.3} for {exact:.3}, {:?}", end.used, end.caps);
+        assert!((end.used / exact - 1.0).abs() < 0.02, "{name}: {} for {exact}", end.used);
+        assert!(matches!(end.caps[0].rule, CapRule::Quadratic | CapRule::Cone), "{name}");
+        // A double root moves by the root of the noise.
+        let slack = if name == "cone" { 0.2 } else { 0.03 };
+        assert!((end.caps[0].height - (tip - 5.0)).abs() < slack * (tip - 5.0), "{name}: {:?}", end.caps);
+    }
+}
+
+#[test]
+fn too_few_contours_are_told() {
+    let cone = |heights: &[f64]| {
+        let stack = drawn([0.0; 2], heights, |z| [8.0 - z; 2]).expect("a sound drawing");
+        interslice::reconstruct(&stack, &both(EndRule::Extrapolate)).expect("a sound stack").report
+    };
+    let report = cone(&[1.0, 3.0]);
+    assert_eq!(report.ends[1].caps[0].rule, CapRule::Paraboloid);
+    assert_eq!(report.ends[0].caps[0].rule, CapRule::Flat);
+    assert!(report.warnings.iter().any(|w| w.contains("bottom end: part 1 does not shrink; ends flat")));
+}

@@ -165,7 +165,7 @@ impl End {
         if self.straight {
             return area * (self.extent - self.contour).abs();
         }
-        self.caps.iter().map(Cap::volume).sum()
+        self.caps.iter().fold(0.0, |sum, cap| sum + cap.volume())
     }
 
     /// The layer at height `z` beyond the end's contour.

@@ -171,7 +171,11 @@ fn every_wrong_line_is_named_before_anything_runs() {
     ];
     refused("bad.jsonl", &lines.join("\n"), &says);
     let slice = r#"{"id": "e", "input": "cases/case01", "outputs": ["cases/case00/s1.png"]}"#;
-    refused("bad.jsonl", &[&sound, slice].map(String::from).join("\n"), &["line 2: output", "is a slice of an input"]);
+    refused(
+        "bad.jsonl",
+        &[&sound, slice].map(String::from).join("\n"),
+        &["line 2: output", "s1.png is read by line 1"],
+    );
     refused("bad.csv", "id,input\na,cases/case00", &["bad.csv", "column `outputs` is missing"]);
     refused("bad.csv", "id,input,outputs,color\n", &["unknown column `color`", "id, input, outputs, options"]);
     refused(

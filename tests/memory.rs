@@ -13,6 +13,7 @@ use std::time::Duration;
 use files::folder;
 use interslice::files::outputs::{OutputOptions, Outputs};
 use interslice::files::pending::Temporary;
+use interslice::files::places::Places;
 use interslice::files::{JobOptions, Loaded};
 use interslice::progress::Silent;
 use interslice::settings::Method;
@@ -91,7 +92,8 @@ fn one_run(asked: &str) {
     let before = peak();
     let loaded = Loaded::new(stack(), JobOptions { settings, output, ..JobOptions::default() }).expect("it is sound");
     let targets: Vec<_> = KINDS.iter().map(|kind| Path::new(place).join(format!("out.{kind}"))).collect();
-    let mut outputs = Outputs::open(&targets, None, Temporary::Random).expect("the folder is there");
+    let mut outputs =
+        Outputs::open(&targets, None, Temporary::Random, &mut Places::default()).expect("the folder is there");
     let said = loaded.needs().all
         + outputs.bytes(loaded.stack.dims, &loaded.stack.geometry, loaded.stack.lid())
         + loaded.needs_to_simplify(outputs.has_mesh());

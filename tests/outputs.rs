@@ -11,6 +11,7 @@ use files::{folder, interslice, sound_stack, stderr};
 use interslice::demo::demo;
 use interslice::files::outputs::{OutputOptions, Outputs};
 use interslice::files::pending::Temporary;
+use interslice::files::places::Places;
 use interslice::files::{JobOptions, Loaded};
 use interslice::progress::Silent;
 use interslice::report::{Report, Side};
@@ -23,7 +24,8 @@ fn write(place: &Path, stack: &ContourStack, settings: &Settings, output: Output
     let options = JobOptions { settings: settings.clone(), output, ..JobOptions::default() };
     let loaded = Loaded::new(stack.clone(), options).expect("the stack is sound");
     let paths: Vec<PathBuf> = names.iter().map(|n| place.join(n)).collect();
-    let mut outputs = Outputs::open(&paths, None, Temporary::Random).expect("the folder is there");
+    let mut outputs =
+        Outputs::open(&paths, None, Temporary::Random, &mut Places::default()).expect("the folder is there");
     let budget = Budget::unlimited();
     let means = Means { backend: &Reference, progress: &Silent, budget: &budget };
     let mut body = loaded.compute(&means, &mut outputs).expect("it can be computed");
@@ -91,7 +93,8 @@ fn a_page_says_which_contours_are_not_met() {
     let stack = cone();
     let loaded = Loaded::new(stack, JobOptions::default()).expect("the stack is sound");
     let path = place.path().join("x.html");
-    let mut outputs = Outputs::open(&[], Some(&path), Temporary::Random).expect("the folder is there");
+    let mut outputs =
+        Outputs::open(&[], Some(&path), Temporary::Random, &mut Places::default()).expect("the folder is there");
     let budget = Budget::unlimited();
     let means = Means { backend: &Reference, progress: &Silent, budget: &budget };
     let mut body = loaded.compute(&means, &mut outputs).expect("it can be computed");
@@ -331,7 +334,8 @@ mod simplify {
         assert!(whole.triangles.len() > 500);
         assert!(simplified(&whole, 1e-9).is_none());
         let targets = ["a.json", "a.stl", "a.ply"].map(|name| place.path().join(name));
-        let mut outputs = Outputs::open(&targets, None, Temporary::Random).expect("the folder is there");
+        let mut outputs =
+            Outputs::open(&targets, None, Temporary::Random, &mut Places::default()).expect("the folder is there");
         let options = OutputOptions { simplify: Some(1e-9), ..OutputOptions::default() };
         let mut sink = outputs.sink(&options);
         sink.begin(&body.header()).expect("it can be written");

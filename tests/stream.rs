@@ -13,6 +13,7 @@ use flate2::read::{GzDecoder, ZlibDecoder};
 use interslice::demo::{NAMES, demo};
 use interslice::files::outputs::{OutputOptions, Outputs};
 use interslice::files::pending::Temporary;
+use interslice::files::places::Places;
 use interslice::files::{JobOptions, Loaded};
 use interslice::progress::Silent;
 use interslice::report::Report;
@@ -65,7 +66,8 @@ fn both(place: &Path, stack: &ContourStack, settings: &Settings, mask: bool) -> 
     let output = OutputOptions { mask, contours: true, ..OutputOptions::default() };
     let options = JobOptions { settings: settings.clone(), output, ..JobOptions::default() };
     let loaded = Loaded::new(stack.clone(), options).expect("the stack is sound");
-    let mut outputs = Outputs::open(&named(place), None, Temporary::Random).expect("the folder is there");
+    let mut outputs =
+        Outputs::open(&named(place), None, Temporary::Random, &mut Places::default()).expect("the folder is there");
     let budget = Budget::unlimited();
     let means = Means { backend: &Reference, progress: &Silent, budget: &budget };
     let mut streamed = loaded.compute(&means, &mut outputs).expect("it can be computed");
@@ -231,7 +233,8 @@ fn a_run_that_begins_again_leaves_nothing_of_the_first() {
     let written = |place: &Path, first: usize| {
         let mut names = named(place);
         names.extend(cfg!(feature = "zarr").then(|| place.join("out.zarr")));
-        let mut outputs = Outputs::open(&names, None, Temporary::Fixed).expect("the folder is there");
+        let mut outputs =
+            Outputs::open(&names, None, Temporary::Fixed, &mut Places::default()).expect("the folder is there");
         let options = OutputOptions { contours: true, ..OutputOptions::default() };
         let mut sink = outputs.sink(&options);
         for count in [first, body.layers.len()] {
@@ -321,8 +324,9 @@ mod zarr {
         let path = place.path().join("mine.zarr");
         fs::create_dir(&path).expect("a folder can be made");
         fs::write(path.join("notes.txt"), "mine").expect("a file can be written");
-        let said =
-            Outputs::open(std::slice::from_ref(&path), None, Temporary::Random).map(drop).expect_err("it must stay");
+        let said = Outputs::open(std::slice::from_ref(&path), None, Temporary::Random, &mut Places::default())
+            .map(drop)
+            .expect_err("it must stay");
         assert!(said.to_string().contains("none of Zarr"), "{said}");
         assert_eq!(files_in(&path).len(), 1);
     }

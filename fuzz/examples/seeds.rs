@@ -17,6 +17,7 @@ use image::{GrayImage, ImageFormat, Luma};
 use interslice::appearance::Appearance;
 use interslice::files::outputs::{OutputOptions, Outputs};
 use interslice::files::pending::Temporary;
+use interslice::files::places::Places;
 use interslice::files::section_file::SectionWriter;
 use interslice::files::{JobOptions, Loaded};
 use interslice::map::{Crs, Map};
@@ -86,7 +87,7 @@ fn written(keep: Keep<'_>) -> Try {
     let means = Means { backend: &Reference, progress: &Silent, budget: &Budget::unlimited() };
     let write = |names: &[&str], output: OutputOptions| -> Try {
         let paths: Vec<_> = names.iter().map(|name| place.path().join(name)).collect();
-        let mut outputs = Outputs::open(&paths, None, Temporary::Random)?;
+        let mut outputs = Outputs::open(&paths, None, Temporary::Random, &mut Places::default())?;
         let mut body = loaded(output)?.compute(&means, &mut outputs)?;
         outputs.complete(&mut body.report)?;
         outputs.rename()?;
@@ -113,7 +114,7 @@ fn written(keep: Keep<'_>) -> Try {
     let map = Map { crs: Crs::Epsg(32611), first: [1, 2], dims: DIMS.map(|n| n - 2) };
     let bodies = vec![Appearance { name: Some("a body".into()), number: Some(1), colour: Some([200, 100, 50]) }];
     let whole = loaded(OutputOptions { dz: Some(2.25), map: Some(Arc::new(map)), bodies, ..OutputOptions::default() })?;
-    let mut writer = SectionWriter::open(&path, [1, 1], "0".repeat(64), &whole)?;
+    let mut writer = SectionWriter::open(&path, [1, 1], "0".repeat(64), &whole, &mut Places::default())?;
     let body = whole.compute_section(&whole.section(1, 1)?, &means, &mut writer)?;
     writer.finish(&body.report)?;
     let mut bytes = Vec::new();

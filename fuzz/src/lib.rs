@@ -13,6 +13,7 @@ use interslice::files::JobOptions;
 use interslice::files::named::Named;
 use interslice::files::outputs::{OutputOptions, Outputs};
 use interslice::files::pending::Temporary;
+use interslice::files::places::Places;
 use interslice::files::section_file::Sections;
 use interslice::links::LinkOptions;
 use interslice::rtstruct::StructureSet;
@@ -166,7 +167,7 @@ pub fn section(bytes: &[u8]) -> Result<()> {
     with_files(&["a.section"], &packed, |folder| {
         let sections = Sections::open(&[folder.join("a.section")])?;
         let outputs = [folder.join("out.nrrd"), folder.join("out.stl")];
-        let mut outputs = Outputs::open(&outputs, None, Temporary::Random)?;
+        let mut outputs = Outputs::open(&outputs, None, Temporary::Random, &mut Places::default())?;
         // As `merge` does.
         memory::check(
             outputs.bytes(sections.dims(), sections.geometry(), sections.dims().iter().product()),
@@ -203,7 +204,7 @@ pub fn settings(bytes: &[u8]) -> Result<()> {
     if !all.is_empty() {
         return Err(wrong(all.join("; ")));
     }
-    let options = JobOptions { read, links, settings, output };
+    let options = JobOptions { read, links, settings, output, settings_file: None };
     options.check()?;
     // A stage may fail, in words.
     let _ = interslice::reconstruct(&small(), &options.settings);

@@ -18,6 +18,7 @@ use crate::files::fingerprint::digest;
 use crate::files::format;
 use crate::files::outputs::Outputs;
 use crate::files::pending::Temporary;
+use crate::files::places::Places;
 use crate::progress::Silent;
 use crate::shelf::Budget;
 use crate::surface::Reconstruction;
@@ -79,7 +80,8 @@ impl<'a> Batch<'a> {
                 fs::create_dir_all(folder)
                     .map_err(|e| Error::Output { path: target.clone(), message: format!("its folder: {e}") })?;
             }
-            let outputs = Outputs::open(&job.targets, None, Temporary::Fixed)?;
+            let mut places = Places::of(&job.input, &job.options)?;
+            let outputs = Outputs::open(&job.targets, None, Temporary::Fixed, &mut places)?;
             outputs.check(&loaded.options.output)?;
             Ok(Ok((permit, outputs, (loaded, budget))))
         });

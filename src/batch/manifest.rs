@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::fs::File;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use super::line::{Line, read};
 use crate::error::{Error, Result};
@@ -11,10 +11,11 @@ use crate::files::fingerprint::fingerprint;
 use crate::files::format::check_name;
 use crate::files::named::{Named, names};
 use crate::files::outputs::OutputOptions;
+use crate::files::places::Places;
 use crate::links::LinkOptions;
 use crate::settings::Settings;
 use crate::stack::ReadOptions;
-use crate::stack::read::{check, files};
+use crate::stack::read::check;
 
 /// The jobs of a batch.
 #[derive(Debug)]
@@ -25,6 +26,8 @@ pub struct Manifest {
     pub folder: PathBuf,
     /// Its jobs, in its order.
     pub jobs: Vec<Job>,
+    /// What they read and write.
+    places: Places,
 }
 
 /// One job.
@@ -58,10 +61,8 @@ impl Job {
 struct Claims {
     /// Ids and their lines.
     ids: HashMap<String, usize>,
-    /// Outputs and their lines.
-    outputs: HashMap<PathBuf, usize>,
-    /// Inputs and their lines.
-    inputs: HashMap<PathBuf, usize>,
+    /// Lines and their outputs.
+    targets: Vec<(usize, PathBuf)>,
 }
 
 impl Manifest {
@@ -79,8 +80,13 @@ impl Manifest {
                 Err(messages) => wrong.extend(messages.into_iter().map(|m| (number, m))),
             }
         }
-        for (number, job) in &jobs {
-            wrong.extend(overwritten(job, path, &claims).into_iter().map(|m| (*number, m)));
+        let mut places = places(path, &jobs);
+        for (number, target) in claims.targets {
+            let own = format!("one of line {number} too");
+            if let Err(what) = places.write(&target, &own) {
+                let what = if what == own { "named twice" } else { &what };
+                wrong.push((number, format!("output {} is {what}", target.display())));
+            }
         }
         if jobs.is_empty() && wrong.is_empty() {
             return Err(Error::Format { path: path.into(), message: "has no jobs".into() });
@@ -89,7 +95,17 @@ impl Manifest {
             wrong.sort_by_key(|(number, _)| *number);
             return Err(Error::Manifest { path: path.into(), lines: wrong });
         }
-        Ok(Manifest { path: path.into(), folder, jobs: jobs.into_iter().map(|(_, job)| job).collect() })
+        Ok(Manifest { path: path.into(), folder, jobs: jobs.into_iter().map(|(_, job)| job).collect(), places })
+    }
+
+    /// Adds another file that is written.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where that is something a job reads or writes.
+    pub fn writes(&mut self, path: &Path) -> Result<()> {
+        let output =
+            |what| Error::Output { path: path.into(), message: format!("is {what}; give it a name of its own") };
+        self.places.write(path, "a file of this batch").map_err(output)
     }
 }
 
@@ -107,11 +123,8 @@ fn job(line: Line, number: usize, folder: &Path, claims: &mut Claims) -> std::re
     let input = folder.join(&line.input);
     if line.input.is_empty() {
         wrong.push("`input` must not be empty".into());
-    } else {
-        if let Err(e) = check(&input, &options.read) {
-            wrong.push(format!("input: {e}"));
-        }
-        claims.inputs.entry(plain(&input)).or_insert(number);
+    } else if let Err(e) = check(&input, &options.read) {
+        wrong.push(format!("input: {e}"));
     }
     if line.outputs.is_empty() {
         wrong.push("`outputs` must name at least one file".into());
@@ -121,11 +134,7 @@ fn job(line: Line, number: usize, folder: &Path, claims: &mut Claims) -> std::re
         if let Err(e) = check_name(target) {
             wrong.push(format!("outputs: {e}"));
         }
-        match claims.outputs.insert(plain(target), number) {
-            Some(first) if first == number => wrong.push(format!("output {} is named twice", target.display())),
-            Some(first) => wrong.push(format!("output {} is one of line {first} too", target.display())),
-            None => {}
-        }
+        claims.targets.push((number, target.clone()));
     }
     if wrong.is_empty() { Ok(Job { id: line.id, input, outputs: line.outputs, targets, options }) } else { Err(wrong) }
 }
@@ -150,7 +159,7 @@ fn options(line: &Line, folder: &Path, wrong: &mut Vec<String>) -> JobOptions {
     if let Some(Err(e)) = links.links.as_ref().map(File::open) {
         wrong.push(format!("options: `links`: {e}"));
     }
-    let options = JobOptions { read, links, settings, output };
+    let options = JobOptions { read, links, settings, output, settings_file: None };
     let known = [names::<OutputOptions>(), names::<ReadOptions>(), names::<LinkOptions>(), names::<Settings>()]
         .concat()
         .join(", ");
@@ -161,40 +170,15 @@ fn options(line: &Line, folder: &Path, wrong: &mut Vec<String>) -> JobOptions {
     options
 }
 
-/// What the outputs of a job would write over.
-fn overwritten(job: &Job, manifest: &Path, claims: &Claims) -> Vec<String> {
-    let mut wrong = Vec::new();
-    for target in &job.targets {
-        let path = plain(target);
-        let folder_is_input = path.parent().is_some_and(|folder| claims.inputs.contains_key(folder));
-        let is_slice = || {
-            let listed = path.parent().and_then(|folder| files(folder).ok()).unwrap_or_default();
-            listed.iter().any(|file| plain(file) == path)
-        };
-        if let Some(line) = claims.inputs.get(&path) {
-            wrong.push(format!("output {} is the input of line {line}", target.display()));
-        } else if folder_is_input && is_slice() {
-            wrong.push(format!("output {} is a slice of an input", target.display()));
-        } else if path == plain(manifest) {
-            wrong.push(format!("output {} is the manifest", target.display()));
+/// What the jobs of a manifest read. An input that cannot be read is told when its job runs.
+fn places(manifest: &Path, jobs: &[(usize, Job)]) -> Places {
+    let mut places = Places::default();
+    places.read(manifest, "the manifest");
+    for (number, job) in jobs {
+        for file in job.options.files(&job.input).unwrap_or_else(|_| vec![job.input.clone()]) {
+            let what = if file == job.input { "the input of" } else { "read by" };
+            places.read(&file, &format!("{what} line {number}"));
         }
     }
-    wrong
-}
-
-/// One name per file, as far as names tell: absolute, without `.` and `..`, links of an existing folder followed.
-fn plain(path: &Path) -> PathBuf {
-    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.into());
-    let (Some(folder), Some(name)) = (absolute.parent(), absolute.file_name()) else { return absolute };
-    if let Ok(folder) = folder.canonicalize() {
-        return folder.join(name);
-    }
-    absolute.components().fold(PathBuf::new(), |mut out, part| {
-        match part {
-            Component::ParentDir => drop(out.pop()),
-            Component::CurDir => {}
-            part => out.push(part),
-        }
-        out
-    })
+    places
 }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use interslice::files::format::extension_at;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
+use interslice::files::places::Places;
 use interslice::files::scenes::Scenes;
 use interslice::files::{JobOptions, Loaded};
 use interslice::rtstruct::{Gather, StructureSet};
@@ -47,8 +48,9 @@ pub fn run(all: &All<'_>) -> Result<()> {
     let completed: Vec<PathBuf> = all.outputs.iter().filter(is_set).cloned().collect();
     let (scenes, each): (Vec<PathBuf>, Vec<PathBuf>) =
         all.outputs.iter().filter(|p| !is_set(p)).cloned().partition(|path| Scenes::has(path));
-    let completed = Outputs::open(&completed, None, Temporary::Random)?;
-    let mut scenes = Scenes::open(&scenes)?;
+    let mut places = Places::of(all.input, &all.options)?;
+    let completed = Outputs::open(&completed, None, Temporary::Random, &mut places)?;
+    let mut scenes = Scenes::open(&scenes, &mut places)?;
     let mut files = Vec::new();
     // These words in a file's name say what it holds.
     let mut taken = HashSet::from(["contours", "origin", "confidence"].map(String::from));
@@ -60,7 +62,7 @@ pub fn run(all: &All<'_>) -> Result<()> {
         }
         let outputs: Vec<PathBuf> = each.iter().map(|path| with_name(path, &name)).collect();
         let report = all.report.map(|path| with_name(path, &name));
-        let outputs = Outputs::open(&outputs, report.as_deref(), Temporary::Random)?;
+        let outputs = Outputs::open(&outputs, report.as_deref(), Temporary::Random, &mut places)?;
         files.push(outputs.with_scene(scenes.as_ref()));
     }
     let mut chosen = chosen(all.device)?;

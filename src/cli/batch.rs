@@ -99,8 +99,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         None => std::thread::available_parallelism().map_or(1, |n| n.get()),
     };
     set_threads(arguments.threads)?;
-    let manifest = Manifest::read(path)?;
+    let mut manifest = Manifest::read(path)?;
     let results = arguments.results.clone().unwrap_or_else(|| manifest.folder.join("results.jsonl"));
+    manifest.writes(&results)?;
     let machine = arguments.device.wish();
     if arguments.dry_run {
         let finished = finished(&manifest, &results, &machine)?;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use interslice::demo::{Demo, NAMES, demo};
 use interslice::files::outputs::{OutputOptions, Outputs};
 use interslice::files::pending::Temporary;
+use interslice::files::places::Places;
 use interslice::files::{JobOptions, Loaded};
 use interslice::stack::SliceContent;
 use interslice::{Error, Result};
@@ -35,7 +36,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         eprintln!("{}: {}", demo.name, demo.shows);
         write_stack(&folder, &demo)?;
         let files = ["surface.stl", "volume.nrrd", "picture.png"].map(|f| folder.join(f));
-        let outputs = Outputs::open(&files, Some(&folder.join("report.json")), Temporary::Random)?;
+        let mut places = Places::default();
+        let outputs = Outputs::open(&files, Some(&folder.join("report.json")), Temporary::Random, &mut places)?;
         let output = OutputOptions { contours: true, ..OutputOptions::default() };
         let options = JobOptions { settings: demo.settings, output, ..JobOptions::default() };
         reconstruct(&Loaded::new(demo.stack, options)?, outputs, &arguments.device, Telling::Normal)?;

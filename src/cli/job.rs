@@ -56,7 +56,7 @@ impl JobArguments {
             *device = file.overlay(std::mem::take(device), matches)?;
             file.finish()?;
         }
-        let options = JobOptions { read, links, settings, output };
+        let options = JobOptions { read, links, settings, output, settings_file: self.settings_file };
         options.check()?;
         Ok(options)
     }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use interslice::files::JobOptions;
 use interslice::files::labels::{LabelOutputs, LoadedLabels};
+use interslice::files::places::Places;
 use interslice::stack::labels::Wanted;
 use interslice::{Budget, Means, Progress, Result};
 
@@ -22,8 +23,9 @@ pub struct Asked<'a> {
 
 /// Many labels, from a label volume to their files.
 pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOptions, telling: Telling) -> Result<()> {
+    let mut places = Places::of(asked.input, &options)?;
     let loaded = LoadedLabels::read(asked.input, asked.wanted, asked.keep_overlaps, options)?;
-    let mut outputs = LabelOutputs::open(asked.outputs, asked.report, &loaded)?;
+    let mut outputs = LabelOutputs::open(asked.outputs, asked.report, &loaded, &mut places)?;
     let notice = |message: &str| eprintln!("warning: {message}");
     let chosen = choose(device, &notice)?;
     if telling != Telling::Quiet {

@@ -7,6 +7,7 @@ use interslice::files::Loaded;
 use interslice::files::labels::LabelOptions;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
+use interslice::files::places::Places;
 use interslice::surface::stream::LayerSink;
 use interslice::{Budget, Error, Means, Progress, Reconstruction, Result};
 
@@ -96,7 +97,8 @@ pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
         return labels::reconstruct(&asked, options, &arguments.device, telling);
     }
     let loaded = Loaded::read(&input, options)?;
-    let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref(), Temporary::Random)?;
+    let mut places = Places::of(&input, &loaded.options)?;
+    let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref(), Temporary::Random, &mut places)?;
     outputs.check(&loaded.options.output)?;
     reconstruct(&loaded, outputs, &arguments.device, telling)
 }

@@ -8,6 +8,7 @@ use interslice::files::Loaded;
 use interslice::files::fingerprint::fingerprint;
 use interslice::files::outputs::{OutputOptions, Outputs};
 use interslice::files::pending::Temporary;
+use interslice::files::places::Places;
 use interslice::files::section_file::{SectionWriter, Sections};
 use interslice::{Error, Progress, Result, memory};
 use serde::Serialize;
@@ -169,9 +170,10 @@ pub fn run(mut arguments: RunArguments, matches: &ArgMatches) -> Result<()> {
     let input = arguments.job.input.clone();
     let options = arguments.job.options(&mut arguments.device, matches)?;
     let name = fingerprint(&input, &options, &["section"])?;
+    let mut places = Places::of(&input, &options)?;
     let loaded = Loaded::read(&input, options)?;
     let section = loaded.section(number, count)?;
-    let mut writer = SectionWriter::open(&arguments.output, [number, count], name, &loaded)?;
+    let mut writer = SectionWriter::open(&arguments.output, [number, count], name, &loaded, &mut places)?;
     let notice = |message: &str| eprintln!("warning: {message}");
     let mut chosen = choose(&arguments.device, &notice)?;
     let budget = chosen.budget(&loaded.needs_of(&section), 0, arguments.device.memory())?;
@@ -204,7 +206,8 @@ pub fn merge(arguments: MergeArguments) -> Result<()> {
         ..told
     };
     options.check_ranges()?;
-    let mut outputs = Outputs::open(&arguments.outputs, None, Temporary::Random)?;
+    let mut outputs =
+        Outputs::open(&arguments.outputs, None, Temporary::Random, &mut Places::reading(&arguments.parts))?;
     outputs.check(&options)?;
     // What was drawn is not known here: as if a third of the image were.
     let lid = sections.dims().iter().product::<usize>() / 3;

@@ -9,7 +9,6 @@ use blake3::Hasher;
 use super::JobOptions;
 use super::pending::files_below;
 use crate::error::{Error, Result};
-use crate::stack::read::files;
 
 /// The fingerprint of a reconstruction and of some `words` that matter to the caller, 64 hexadecimal digits. Equal content gives equal
 /// fingerprints, whatever the input is called; an option that is given its default value is as one not given.
@@ -28,7 +27,7 @@ pub fn fingerprint(input: &Path, options: &JobOptions, words: &[&str]) -> Result
     part(told.as_bytes());
     part(&(words.len() as u64).to_le_bytes());
     words.iter().for_each(|word| part(word.as_bytes()));
-    for file in files(input)?.into_iter().chain(options.links.links.clone()) {
+    for file in options.files(input)? {
         part(digest(&file).map_err(|source| Error::Read { path: file.clone(), source })?.1.as_bytes());
     }
     Ok(hasher.finalize().to_hex().to_string())

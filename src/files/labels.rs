@@ -2,7 +2,6 @@
 //!
 //! Files that hold one label have its number before the extension: `out.stl` becomes `out.5.stl`, `out.nii.gz` `out.5.nii.gz`. A `.glb` holds all.
 
-use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -12,6 +11,7 @@ use super::JobOptions;
 use super::format::{Kind, extension_at, is_page, kind};
 use super::outputs::{OutputOptions, Outputs};
 use super::pending::{Pending, Temporary};
+use super::places::Places;
 use super::scenes::Scenes;
 use crate::backend::Means;
 use crate::error::{Error, Result};
@@ -188,8 +188,8 @@ impl LabelOutputs {
     /// Opens all outputs under temporary names.
     ///
     /// # Errors
-    /// [`Error::Output`] for a name that cannot be written, or comes twice.
-    pub fn open(paths: &[PathBuf], report: Option<&Path>, loaded: &LoadedLabels) -> Result<Self> {
+    /// [`Error::Output`] for a name that cannot be written, or is that of an input or another output.
+    pub fn open(paths: &[PathBuf], report: Option<&Path>, loaded: &LoadedLabels, places: &mut Places) -> Result<Self> {
         let (mut volumes, mut own, mut scenes, mut reports) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let of_one = |path: &Path| {
             let message =
@@ -211,22 +211,16 @@ impl LabelOutputs {
         reports.extend(report.map(Path::to_path_buf));
         let of_label = |label: &i64| own.iter().map(|path| of_label(path, *label)).collect::<Vec<_>>();
         let labels: Vec<Vec<PathBuf>> = loaded.stack.labels.iter().map(of_label).collect();
-        let mut names = BTreeSet::new();
-        if let Some(twice) = volumes.iter().chain(&reports).chain(labels.iter().flatten()).find(|p| !names.insert(*p)) {
-            return Err(Error::Output { path: twice.clone(), message: "is named twice".into() });
-        }
-        let open = |paths: &[PathBuf]| Outputs::open(paths, None, Temporary::Random);
-        let scenes = Scenes::open(&scenes)?;
+        let scenes = Scenes::open(&scenes, places)?;
+        let mut open = |paths: &[PathBuf]| Outputs::open(paths, None, Temporary::Random, places);
+        let volume = open(&volumes)?;
+        let labels = labels.iter().map(|paths| Ok(open(paths)?.with_scene(scenes.as_ref()))).collect::<Result<_>>()?;
         let reports = reports.into_iter().map(|path| {
-            let pending = Pending::open(&path, false, Temporary::Random)?;
+            let pending = Pending::open(&path, false, Temporary::Random, places)?;
             Ok((path, pending))
         });
-        Ok(LabelOutputs {
-            volume: open(&volumes)?,
-            labels: labels.iter().map(|paths| Ok(open(paths)?.with_scene(scenes.as_ref()))).collect::<Result<_>>()?,
-            scenes,
-            reports: reports.collect::<Result<_>>()?,
-        })
+        let reports = reports.collect::<Result<_>>()?;
+        Ok(LabelOutputs { volume, labels, scenes, reports })
     }
 
     /// Bytes of memory that writing needs at most: labels are written one by one.

@@ -10,11 +10,12 @@ pub mod labels;
 pub mod named;
 pub mod outputs;
 pub mod pending;
+pub mod places;
 pub mod scenes;
 pub mod section_file;
 mod writers;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 #[cfg(feature = "dicom")]
 use std::sync::Arc;
 
@@ -48,9 +49,20 @@ pub struct JobOptions {
     pub settings: Settings,
     /// What is made of the result.
     pub output: OutputOptions,
+    /// The file that some of this was read from.
+    #[serde(skip)]
+    pub settings_file: Option<PathBuf>,
 }
 
 impl JobOptions {
+    /// The files whose content decides the result: those of the input, as its reader says them, and the links file.
+    ///
+    /// # Errors
+    /// [`Error::Read`](crate::Error::Read) or [`Error::Format`](crate::Error::Format) where the input does not say what it consists of.
+    pub fn files(&self, input: &Path) -> Result<Vec<PathBuf>> {
+        Ok(read::files(input)?.into_iter().chain(self.links.links.clone()).collect())
+    }
+
     /// Checks every range.
     ///
     /// # Errors

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::format::BUFFER_BYTES;
 use super::format::{Format, Kind, is_page, kind, needed};
 use super::pending::{Pending, Temporary, parent};
+use super::places::Places;
 use super::scenes::{Scenes, Shared};
 use super::writers::{Meshes, writer};
 use crate::appearance::Appearance;
@@ -144,18 +145,18 @@ struct Output {
 }
 
 impl Outputs {
-    /// Opens all outputs, and the report where one is wanted.
+    /// Opens all outputs, and the report where one is wanted; they become some of the `places` that the run writes to.
     ///
     /// # Errors
-    /// [`Error::Output`] for a name that cannot be written.
-    pub fn open(paths: &[PathBuf], report: Option<&Path>, temporary: Temporary) -> Result<Self> {
+    /// [`Error::Output`] for a name that cannot be written, or is that of an input or another output.
+    pub fn open(paths: &[PathBuf], report: Option<&Path>, temporary: Temporary, places: &mut Places) -> Result<Self> {
         let mut outputs = Outputs::default();
         for path in paths {
-            outputs.add(path, Format::of(path)?, temporary)?;
+            outputs.add(path, Format::of(path)?, temporary, places)?;
         }
         if let Some(path) = report {
             let format = if is_page(path) { Format::Html } else { Format::Report };
-            outputs.add(path, format, temporary)?;
+            outputs.add(path, format, temporary, places)?;
         }
         Ok(outputs)
     }
@@ -165,14 +166,11 @@ impl Outputs {
         Outputs { scene: scene.map(Scenes::share), ..self }
     }
 
-    fn add(&mut self, path: &Path, format: Format, temporary: Temporary) -> Result<()> {
-        if self.files.iter().any(|f| f.target == path) {
-            return Err(Error::Output { path: path.into(), message: "is named twice".into() });
-        }
+    fn add(&mut self, path: &Path, format: Format, temporary: Temporary, places: &mut Places) -> Result<()> {
         self.files.push(Output {
             target: path.into(),
             format,
-            pending: Pending::open(path, format.is_folder(), temporary)?,
+            pending: Pending::open(path, format.is_folder(), temporary, places)?,
         });
         Ok(())
     }

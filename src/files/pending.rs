@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use tempfile::{Builder, NamedTempFile, TempDir};
 
 use super::format::check_place;
+use super::places::Places;
 use crate::error::{Error, Result};
 
 /// Names of temporary files.
@@ -28,11 +29,12 @@ pub enum Pending {
 }
 
 impl Pending {
-    /// Opens the temporary file or folder of `target`, beside it.
+    /// Opens the temporary file or folder of `target`, beside it, which becomes one of the `places` that the run writes to.
     ///
     /// # Errors
-    /// [`Error::Output`] for a name that cannot be written.
-    pub fn open(target: &Path, is_folder: bool, temporary: Temporary) -> Result<Self> {
+    /// [`Error::Output`] for a name that cannot be written, or is that of something else.
+    pub fn open(target: &Path, is_folder: bool, temporary: Temporary, places: &mut Places) -> Result<Self> {
+        places.claim(target)?;
         check_place(target, is_folder)?;
         let message = |e: io::Error| format!("in folder {}: {e}", parent(target).display());
         Pending::made(target, is_folder, temporary)

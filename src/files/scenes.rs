@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use super::format::{BUFFER_BYTES, Format};
 use super::pending::{Pending, Temporary, parent};
+use super::places::Places;
 use crate::appearance::Appearance;
 use crate::error::{Error, Result};
 use crate::surface::glb::Scene;
@@ -34,15 +35,10 @@ impl Scenes {
     /// Opens the files under temporary names; nothing where there are none.
     ///
     /// # Errors
-    /// [`Error::Output`] for a name that cannot be written, or comes twice.
-    pub fn open(paths: &[PathBuf]) -> Result<Option<Self>> {
+    /// [`Error::Output`] for a name that cannot be written, or is that of an input or another output.
+    pub fn open(paths: &[PathBuf], places: &mut Places) -> Result<Option<Self>> {
         let Some(target) = paths.first() else { return Ok(None) };
-        let files = paths.iter().enumerate().map(|(k, path)| {
-            if paths[..k].contains(path) {
-                return Err(Error::Output { path: path.clone(), message: "is named twice".into() });
-            }
-            Ok((path.clone(), Pending::open(path, false, Temporary::Random)?))
-        });
+        let files = paths.iter().map(|path| Ok((path.clone(), Pending::open(path, false, Temporary::Random, places)?)));
         let files = files.collect::<Result<_>>()?;
         let scene = Scene::new(parent(target)).map_err(|source| Error::Write { path: target.clone(), source })?;
         let shared = Shared { target: target.clone(), scene: Arc::new(Mutex::new(scene)) };

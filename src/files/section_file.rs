@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use super::Loaded;
 use super::outputs::OutputOptions;
 use super::pending::{Pending, Temporary};
+use super::places::Places;
 use crate::appearance::Appearance;
 use crate::error::{Error, Result};
 use crate::map::Map;
@@ -95,13 +96,19 @@ impl SectionWriter {
     /// Opens the file of part `part` (number from 1, count) of the body with this fingerprint.
     ///
     /// # Errors
-    /// [`Error::Output`] for a name that cannot be written or is not `*.section`.
-    pub fn open(target: &Path, part: [usize; 2], fingerprint: String, loaded: &Loaded) -> Result<Self> {
+    /// [`Error::Output`] for a name that cannot be written is that of an input, or is not `*.section`.
+    pub fn open(
+        target: &Path,
+        part: [usize; 2],
+        fingerprint: String,
+        loaded: &Loaded,
+        places: &mut Places,
+    ) -> Result<Self> {
         if target.extension().is_none_or(|e| e != EXTENSION) {
             let message = format!("a part's name must end in .{EXTENSION}");
             return Err(Error::Output { path: target.into(), message });
         }
-        let pending = Pending::open(target, false, Temporary::Random)?;
+        let pending = Pending::open(target, false, Temporary::Random, places)?;
         let ContourStack { dims, spacing, unit, geometry, .. } = &loaded.stack;
         let head = Head {
             format: MAGIC.into(),

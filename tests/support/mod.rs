@@ -7,6 +7,7 @@ use std::path::Path;
 use interslice::Reconstruction;
 use interslice::files::outputs::{OutputOptions, Outputs};
 use interslice::files::pending::Temporary;
+use interslice::files::places::Places;
 use interslice::report::Report;
 use interslice::stack::Geometry;
 use interslice::surface::Layer;
@@ -37,7 +38,8 @@ pub fn body(dims: [usize; 2], heights: &[f64], f: impl Fn(f64, f64, f64) -> f64)
 
 /// Writes a body into the file or folder `path`, layer by layer.
 pub fn write(path: &Path, body: &Reconstruction, mask: bool) {
-    let mut outputs = Outputs::open(&[path.into()], None, Temporary::Random).expect("it can be made");
+    let mut outputs =
+        Outputs::open(&[path.into()], None, Temporary::Random, &mut Places::default()).expect("it can be made");
     let options = OutputOptions { mask, ..OutputOptions::default() };
     let mut sink = outputs.sink(&options);
     sink.begin(&body.header()).expect("it can be written");

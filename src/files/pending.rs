@@ -84,7 +84,8 @@ impl Pending {
         }
     }
 
-    /// Gives it its own name. What has that name steps aside for a folder until the new one has it, and is removed then.
+    /// Gives it its own name, in one step. Where the system cannot do that with folders, what has that name steps aside until the new one has it;
+    /// it is removed then.
     ///
     /// # Errors
     /// Those of renaming; what was there is there again.
@@ -93,23 +94,48 @@ impl Pending {
             Pending::File(file) => return file.persist(target).map(drop).map_err(|e| e.error),
             Pending::Folder(folder) => folder,
         };
-        let aside = folder.path().with_extension("old");
+        let place = folder.path().to_path_buf();
+        if exchange(&place, target).is_ok() {
+            // What had the name has the temporary one now; if it cannot be removed, it is in nobody's way.
+            let _ = folder.keep();
+            let _ = remove(&place);
+            return Ok(());
+        }
+        let aside = place.with_extension("old");
         let replaces = fs::symlink_metadata(target).is_ok();
         if replaces {
             remove(&aside)?;
             fs::rename(target, &aside)?;
         }
-        if let Err(e) = fs::rename(folder.path(), target) {
+        if let Err(e) = fs::rename(&place, target) {
             if replaces {
                 fs::rename(&aside, target)?;
+            } else if exchange(&place, target).is_ok() {
+                // Another run has written it just now.
+                return Ok(());
             }
             return Err(e);
         }
-        // Nothing has its temporary name any more; what stays of the old one, if it cannot be removed, is in nobody's way.
+        // Nothing has its temporary name any more.
         let _ = folder.keep();
         let _ = remove(&aside);
         Ok(())
     }
+}
+
+/// Swaps what two names stand for, in one step: at no time has neither.
+///
+/// # Errors
+/// Where one does not exist, or the system or its file system cannot.
+#[cfg(any(target_os = "linux", target_os = "macos"))]
+fn exchange(a: &Path, b: &Path) -> io::Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    Ok(renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE)?)
+}
+
+#[cfg(not(any(target_os = "linux", target_os = "macos")))]
+fn exchange(_: &Path, _: &Path) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
 }
 
 /// Modes of new files and folders as any program's: less the umask.
@@ -155,4 +181,45 @@ pub fn files_below(folder: &Path) -> io::Result<Vec<PathBuf>> {
     }
     files.sort();
     Ok(files)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use super::*;
+
+    /// Many folders get one name, one after the other on two threads: whoever looks finds one that is complete.
+    #[test]
+    fn a_folder_is_replaced_in_one_step() {
+        let place = tempfile::tempdir().expect("a folder can be made");
+        let target = place.path().join("a.zarr");
+        let write = |number: usize| {
+            let pending =
+                Pending::open(&target, true, Temporary::Random, &mut Places::default()).expect("it can be made");
+            (0..2).for_each(|k| fs::write(pending.path().join(k.to_string()), number.to_string()).expect("room"));
+            fs::write(pending.path().join("zarr.json"), "{}").expect("room");
+            pending.rename(&target).expect("it can be renamed");
+        };
+        write(0);
+        let stop = AtomicBool::new(false);
+        let missing = std::thread::scope(|scope| {
+            let looks = scope.spawn(|| {
+                let mut missing = 0;
+                while !stop.load(Ordering::Relaxed) {
+                    missing += usize::from(!target.join("zarr.json").is_file());
+                }
+                missing
+            });
+            let writers = [1, 2].map(|first| scope.spawn(move || (0..200).for_each(|k| write(first + 2 * k))));
+            writers.into_iter().for_each(|writer| writer.join().expect("all could be renamed"));
+            stop.store(true, Ordering::Relaxed);
+            looks.join().expect("it has looked")
+        });
+        if cfg!(any(target_os = "linux", target_os = "macos")) {
+            assert_eq!(missing, 0, "times that there was none");
+        }
+        let left = fs::read_dir(place.path()).expect("the folder is there").count();
+        assert_eq!(left, 1, "nothing else is left");
+    }
 }

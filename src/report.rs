@@ -36,6 +36,9 @@ pub struct Report {
     /// Area of the body over its height (at most some thousand layers; filled with the volume).
     #[serde(default)]
     pub areas: Option<AreaProfile>,
+    /// What positions in `.stl` and `.glb` are relative to, where that is not the world's origin.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub local_origin: Option<[f64; 3]>,
     /// What the body gains beyond its first and last contour.
     #[serde(default)]
     pub ends: Vec<EndReport>,

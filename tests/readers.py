@@ -89,6 +89,8 @@ def main(program):
             group(f"every input, {name}, cut across {axis}")
         refused_pages(program, folder)
         group("pages of time or channels")
+        far_away(program, folder)
+        group("meshes ten million pixels away")
 
 
 def contour_map(program, folder):
@@ -252,6 +254,25 @@ def report(source, path):
     # The schema would notice what is wrong.
     for spoil in ({"volume": "1"}, {"unheard_of": 1}, {"dims": [1]}):
         check(f"{source} -> report.schema.json refuses {spoil}", not validator.is_valid(told | spoil))
+
+
+def far_away(program, folder):
+    """The same body near the origin, in a map, ten million pixels away and at a large height: closed, and of one volume, in every reader."""
+    volumes = {}
+    for side, origin in [(0.25, (0, 0, 0)), (0.25, (500003.21, 5400001.77, 312.5)), (1.0, (1e7, -1e7, 1e7)), (1.0, (0, 0, 1e9))]:
+        steps = side * np.eye(3)
+        nrrd.write(str(folder / "far.nrrd"), labels(), {"space": "left-posterior-superior", "space directions": steps, "space origin": np.array(origin, float)})
+        paths = [folder / f"far.{e}" for e in ("stl", "ply", "obj", "glb")]
+        subprocess.run([program, "reconstruct", folder / "far.nrrd", "-q"] + [a for p in paths for a in ("-o", p)], check=True)
+        for path in paths:
+            mesh = trimesh.load(path, force="mesh")
+            sound = mesh.is_watertight and mesh.is_winding_consistent and mesh.euler_number == 2
+            degenerate = int((trimesh.triangles.area(mesh.triangles - mesh.vertices[0]) == 0).sum())
+            near = mesh.copy()
+            near.apply_translation(-mesh.vertices[0])
+            volume = near.volume / side**3
+            first = volumes.setdefault(path.suffix, volume)
+            check(f"{path.name} at {origin} -> trimesh", sound and degenerate == 0 and abs(volume / first - 1) < 1e-3, f"{degenerate} degenerate, volume {volume}, {first}")
 
 
 def simpler(source, program, folder):

@@ -82,7 +82,7 @@ fn both(place: &Path, stack: &ContourStack, settings: &Settings, mask: bool) -> 
 /// The bytes of all formats that hold a surface, made from the mesh in memory.
 fn of_mesh(body: &Reconstruction) -> [Vec<u8>; 4] {
     let mesh = closed_surface(body);
-    let mut stl = StlWriter::new(Cursor::new(Vec::new())).expect("memory can be written");
+    let mut stl = StlWriter::new(Cursor::new(Vec::new()), [0.0; 3]).expect("memory can be written");
     stl.facets(mesh.corners()).and_then(|()| stl.close()).expect("memory can be written");
     let (mut ply, mut obj, mut png) = (Vec::new(), Vec::new(), Cursor::new(Vec::new()));
     write_ply(&mut ply, &mut &mesh).expect("memory can be written");
@@ -190,7 +190,7 @@ fn a_height_map_is_where_each_pixel_leaves_the_body() {
     for (n, h) in map.finish().iter().enumerate() {
         let r = ((n % 9) as f64 - 4.0).hypot((n / 9) as f64 - 3.5);
         match r < 5.0 {
-            true => assert!((f64::from(*h) - (5.0 - r)).abs() < 1e-5, "pixel {n}: {h} for {}", 5.0 - r),
+            true => assert!((*h - (5.0 - r)).abs() < 1e-5, "pixel {n}: {h} for {}", 5.0 - r),
             false => assert!(h.is_nan(), "pixel {n}: {h}"),
         }
     }

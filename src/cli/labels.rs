@@ -37,6 +37,7 @@ pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOption
     let means = Means { backend: chosen.backend(), progress, budget: &Budget::unlimited() };
     let report = loaded.compute(&means, device.memory(), &mut outputs)?;
     if telling != Telling::Quiet {
+        report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
         for label in &report.labels {
             label.run.warnings.iter().for_each(|w| eprintln!("warning: label {}: {w}", label.label));
         }

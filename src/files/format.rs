@@ -31,7 +31,7 @@ pub(super) enum Format {
 pub(super) const BUFFER_BYTES: usize = 1 << 20;
 /// Bytes per pixel of a layer: of some of its voxels, of a height map and the layer below, and of the two layers that marching cubes needs.
 const PER_VOLUME_PIXEL: u64 = 1;
-const PER_MAP_PIXEL: u64 = 8;
+const PER_MAP_PIXEL: u64 = 28;
 const PER_SURFACE_PIXEL: u64 = 4;
 /// Of the vertices whose normals are not complete: per pixel of a layer along contours, and where the body ends flat, a vertex each.
 const PER_MESH_PIXEL: u64 = 8;
@@ -51,6 +51,11 @@ impl Format {
     /// Whether it is a folder of files.
     pub fn is_folder(self) -> bool {
         self == Format::Zarr
+    }
+
+    /// Whether it is a mesh whose positions are f32.
+    pub fn is_single(self) -> bool {
+        matches!(self, Format::Stl | Format::Glb)
     }
 
     pub fn of(path: &Path) -> Result<Self> {

@@ -92,6 +92,7 @@ impl LoadedLabels {
         };
         let bodies = reconstruct(&self.stack, !self.keep_overlaps, &plan, means)?;
         let count = self.stack.labels.len();
+        let mut warnings = Vec::new();
         let (decided, borders) = if self.keep_overlaps {
             let decided = Decided { bodies: bodies.alone, ..Decided::none(count) };
             (decided, None)
@@ -99,7 +100,9 @@ impl LoadedLabels {
             let mut volume = outputs.volume.label_sink(self.numbers, &self.stack.appearances);
             let decided = decide(&self.stack, bodies, &plan, &mut volume)?;
             drop(volume);
-            outputs.volume.complete(&mut Report::default())?;
+            let mut report = Report::default();
+            outputs.volume.complete(&mut report)?;
+            warnings = report.warnings;
             let borders = decided.borders.clone();
             (decided, Some(borders))
         };
@@ -125,7 +128,7 @@ impl LoadedLabels {
         }
         let version = env!("CARGO_PKG_VERSION").into();
         let seconds = start.elapsed().as_secs_f64();
-        Ok(LabelsReport { version, backend: means.backend.name(), labels, borders, seconds })
+        Ok(LabelsReport { version, backend: means.backend.name(), labels, borders, seconds, warnings })
     }
 
     /// Label `a` into its own files and the scene; its volume and area into the report.

@@ -33,6 +33,7 @@ use crate::surface::header::Header;
 use crate::surface::simplify;
 use crate::surface::stream::{BodyStream, Failed, LayerSink};
 use crate::surface::volume::{Content, Whole};
+use crate::surface::{local, nifti};
 
 /// What is made of the result.
 #[derive(Debug, Clone, Default, clap::Args, Serialize, Deserialize)]
@@ -236,6 +237,16 @@ impl Outputs {
         })
     }
 
+    /// What positions are relative to in meshes that hold them as f32; 0 where there is no such mesh.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where one of them cannot hold the body.
+    fn origin(&self, header: &Header) -> Result<[f64; 3]> {
+        let file = self.files.iter().find(|f| f.format.is_single()).map(|f| f.target.as_path());
+        let Some(target) = file.or(self.scene.as_ref().map(Shared::target)) else { return Ok([0.0; 3]) };
+        local::origin(header).map_err(|message| Error::Output { path: target.into(), message })
+    }
+
     fn failed(&self, (number, source): Failed) -> Error {
         // There are as many writers as files, and behind them the scene's.
         let target = self.files.get(number).map(|f| f.target.clone());
@@ -284,17 +295,21 @@ impl LayerSink for Sink<'_> {
         let within = self.options.map.as_ref().map(|map| map.header(header));
         let header = within.as_ref().unwrap_or(header);
         let mut writers = Vec::new();
-        let meshes = Meshes::new(&self.options);
+        let origin = self.outputs.origin(header)?;
+        let meshes = Meshes::new(&self.options, origin);
         for output in &mut self.outputs.files {
             let Output { target, format, pending } = &mut *output;
             let writer = writer(target, *format, pending, header, self.content, &self.options, &meshes);
             writers.push(writer.map_err(|source| output.fails(source))?);
         }
         let scene = self.outputs.scene.as_ref();
-        writers.extend(scene.map(|scene| meshes.writer(scene.write_mesh(&self.options.bodies, &header.unit))));
+        writers.extend(scene.map(|scene| meshes.writer(scene.write_mesh(&self.options.bodies, &header.unit, origin))));
         let target = self.outputs.files.first().map(|f| f.target.as_path()).or(scene.map(Shared::target));
         let folder = target.map_or(Path::new("."), parent);
-        self.outputs.stream = Some(BodyStream::new(header, writers, folder));
+        let has_nifti = self.outputs.files.iter().any(|f| matches!(f.format, Format::Nifti { .. }));
+        let of_nifti = if has_nifti { nifti::told(header) } else { None };
+        let notes = local::told(origin).into_iter().chain(of_nifti).collect();
+        self.outputs.stream = Some(BodyStream::new(header, writers, folder).telling(origin, notes));
         Ok(())
     }
 

@@ -9,7 +9,7 @@ use super::pending::{Pending, Temporary, parent};
 use super::places::Places;
 use crate::appearance::Appearance;
 use crate::error::{Error, Result};
-use crate::surface::glb::Scene;
+use crate::surface::glb::{About, Scene};
 use crate::surface::mesh_files::WriteMesh;
 
 /// Open files of all bodies.
@@ -85,13 +85,14 @@ impl Shared {
         &self.target
     }
 
-    /// Adds the mesh of the first of `bodies`, in this unit.
-    pub(super) fn write_mesh(&self, bodies: &[Appearance], unit: &str) -> WriteMesh {
+    /// Adds the mesh of the first of `bodies`, in this unit and relative to this origin.
+    pub(super) fn write_mesh(&self, bodies: &[Appearance], unit: &str, origin: [f64; 3]) -> WriteMesh {
         let (shared, unit) = (self.clone(), unit.to_string());
         let appearance = bodies.first().cloned().unwrap_or_default();
         let label = appearance.number.map(|number| format!("label {number}"));
         let appearance = Appearance { name: appearance.name.or(label), ..appearance };
-        Box::new(move |mesh| shared.lock()?.add(mesh, &appearance, &unit))
+        let about = About { appearance, unit, origin };
+        Box::new(move |mesh| shared.lock()?.add(mesh, &about))
     }
 
     fn lock(&self) -> io::Result<MutexGuard<'_, Scene>> {

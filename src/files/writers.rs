@@ -13,7 +13,7 @@ use crate::map::Crs;
 use crate::rtstruct::StructuresWriter;
 use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::geojson::GeoJsonWriter;
-use crate::surface::glb::write_glb;
+use crate::surface::glb::{About, write_glb};
 use crate::surface::header::Header;
 use crate::surface::heightmap::HeightMapWriter;
 use crate::surface::html::HtmlWriter;
@@ -38,6 +38,7 @@ pub(super) fn writer(
     options: &OutputOptions,
     meshes: &Meshes,
 ) -> io::Result<Box<dyn BodyWriter>> {
+    let origin = meshes.origin;
     let folder = parent(target);
     let content = named_content(target).filter(|_| !matches!(content, Content::Labels(_))).unwrap_or(content);
     let volume = |writer: Box<dyn BodyWriter>| -> Box<dyn BodyWriter> {
@@ -58,15 +59,15 @@ pub(super) fn writer(
         Format::Nrrd => volume(Box::new(nrrd::writer(out, header, content, &options.bodies, folder)?)),
         Format::Nifti { gzip } => volume(Box::new(nifti::writer(out, header, content, gzip, folder)?)),
         Format::Mha => volume(Box::new(MhaWriter::new(out, header, content, folder)?)),
-        Format::Stl if options.simplify.is_none() => Box::new(StlWriter::new(out)?),
-        Format::Stl => meshes.writer(written(out, write_stl)),
+        Format::Stl if options.simplify.is_none() => Box::new(StlWriter::new(out, origin)?),
+        Format::Stl => meshes.writer(written(out, move |out, mesh| write_stl(out, mesh, origin))),
         Format::Ply => meshes.writer(written(out, write_ply)),
         Format::Obj => meshes.writer(written(out, write_obj)),
         Format::Glb => {
             let appearance = options.bodies.first().cloned().unwrap_or_default();
             let appearance = Appearance { name: appearance.name.or_else(|| Some(stem(target))), ..appearance };
-            let unit = header.unit.clone();
-            meshes.writer(written(out, move |out, mesh| write_glb(out, mesh, &appearance, &unit)))
+            let about = About { appearance, unit: header.unit.clone(), origin };
+            meshes.writer(written(out, move |out, mesh| write_glb(out, mesh, &about)))
         }
         Format::Png => {
             let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };
@@ -99,16 +100,18 @@ fn written(
 }
 
 /// The meshes of a run: the whole one, or one simpler one for all files.
-#[derive(Default)]
 pub(super) struct Meshes {
+    /// What positions are relative to where a format holds them as f32.
+    origin: [f64; 3],
     #[cfg(feature = "simplify")]
     simplifier: Option<std::sync::Arc<crate::surface::simplify::Simplifier>>,
 }
 
 impl Meshes {
     #[cfg_attr(not(feature = "simplify"), expect(unused_variables, reason = "options have been checked"))]
-    pub fn new(options: &OutputOptions) -> Self {
+    pub fn new(options: &OutputOptions, origin: [f64; 3]) -> Self {
         Meshes {
+            origin,
             #[cfg(feature = "simplify")]
             simplifier: options.simplify.map(|error| crate::surface::simplify::Simplifier::new(error).into()),
         }

@@ -17,6 +17,9 @@ pub struct LabelsReport {
     pub borders: Option<Borders>,
     /// Wall seconds.
     pub seconds: f64,
+    /// What a person should know of the label volume.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
 }
 
 /// One label.

@@ -3,7 +3,8 @@
 use std::io::{self, Seek, Write};
 
 use tiff::TiffError;
-use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
+use tiff::encoder::colortype::ColorType;
+use tiff::encoder::{TiffEncoder, TiffValue};
 use tiff::tags::Tag;
 
 use crate::map::Crs;
@@ -32,17 +33,23 @@ pub struct Raster<'a> {
 }
 
 impl Raster<'_> {
-    /// Writes heights, NaN where there is none.
+    /// Writes heights as pixels of type `C`, NaN where there is none.
     ///
     /// # Errors
     /// Those of `out`, as the TIFF encoder tells them.
-    pub fn write(&self, out: impl Write + Seek, heights: &[f32]) -> io::Result<()> {
-        self.encode(out, heights).map_err(io::Error::other)
+    pub fn write<C: ColorType>(&self, out: impl Write + Seek, heights: &[C::Inner]) -> io::Result<()>
+    where
+        [C::Inner]: TiffValue,
+    {
+        self.encode::<C>(out, heights).map_err(io::Error::other)
     }
 
-    fn encode(&self, out: impl Write + Seek, heights: &[f32]) -> Result<(), TiffError> {
+    fn encode<C: ColorType>(&self, out: impl Write + Seek, heights: &[C::Inner]) -> Result<(), TiffError>
+    where
+        [C::Inner]: TiffValue,
+    {
         let mut encoder = TiffEncoder::new(out)?;
-        let mut image = encoder.new_image::<Gray32Float>(self.size[0], self.size[1])?;
+        let mut image = encoder.new_image::<C>(self.size[0], self.size[1])?;
         let (keys, text) = self.keys();
         let tags = image.encoder();
         tags.write_tag(Tag::ModelPixelScaleTag, &[self.spacing[0], self.spacing[1], 0.0][..])?;

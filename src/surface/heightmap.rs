@@ -2,7 +2,8 @@
 
 use std::io::{self, Seek, Write};
 
-use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
+use tiff::encoder::colortype::{ColorType, Gray32Float, Gray64Float};
+use tiff::encoder::{TiffEncoder, TiffValue};
 
 use super::Layer;
 use super::contour_lines::AlongAxes;
@@ -16,7 +17,7 @@ use crate::map::Crs;
 #[derive(Debug, Clone)]
 pub struct ArrivalHeights {
     extent: [f64; 2],
-    heights: Vec<f32>,
+    heights: Vec<f64>,
     /// The layer below, of those within the extent.
     below: Option<Layer>,
 }
@@ -24,7 +25,7 @@ pub struct ArrivalHeights {
 impl ArrivalHeights {
     /// Of no layer yet.
     pub fn new(header: &Header) -> Self {
-        let heights = vec![f32::NAN; header.dims[0] * header.dims[1]];
+        let heights = vec![f64::NAN; header.dims[0] * header.dims[1]];
         ArrivalHeights { extent: header.extent, heights, below: None }
     }
 
@@ -40,27 +41,32 @@ impl ArrivalHeights {
         for ((h, a), b) in self.heights.iter_mut().zip(&below.phi).zip(&layer.phi) {
             let (a, b) = (f64::from(*a), f64::from(*b));
             if a < 0.0 && b >= 0.0 {
-                *h = (below.z + (layer.z - below.z) * a / (a - b)) as f32;
+                *h = below.z + (layer.z - below.z) * a / (a - b);
             }
         }
         below.clone_from(layer);
     }
 
     /// The heights, when there is no more layer.
-    pub fn finish(&mut self) -> &[f32] {
+    pub fn finish(&mut self) -> &[f64] {
         if let Some(last) = &self.below {
             let inside = self.heights.iter_mut().zip(&last.phi).filter(|(_, phi)| **phi < 0.0);
-            inside.for_each(|(h, _)| *h = last.z as f32);
+            inside.for_each(|(h, _)| *h = last.z);
         }
         &self.heights
     }
 }
 
-/// Writes the height map as a 32-bit float grey TIFF, at the end: rows as the stack's; of a contour map as a GeoTIFF, from north to south.
+/// Part of the distance between output heights by which heights may be rounded.
+const ROUNDED: f64 = 0.01;
+
+/// Writes the height map as a float grey TIFF, at the end: of 32 bits, or of 64 where heights would be rounded by more than a hundredth of the
+/// distance between output heights; rows as the stack's; of a contour map as a GeoTIFF, from north to south.
 pub struct HeightMapWriter<W> {
     out: W,
     size: [u32; 2],
     heights: ArrivalHeights,
+    is_double: bool,
     place: Option<Place>,
 }
 
@@ -80,7 +86,9 @@ impl<W> HeightMapWriter<W> {
             let [_, y] = AlongAxes::new(&header.geometry, spacing).point([0.0, ny as f64 - 0.5]);
             Place { crs: crs.clone(), spacing, corner: [x, y] }
         });
-        HeightMapWriter { out, size: [nx as u32, ny as u32], heights: ArrivalHeights::new(header), place }
+        let farthest = header.extent[0].abs().max(header.extent[1].abs());
+        let is_double = farthest * f64::from(f32::EPSILON) / 2.0 > ROUNDED * header.grid.step;
+        HeightMapWriter { out, size: [nx as u32, ny as u32], heights: ArrivalHeights::new(header), is_double, place }
     }
 }
 
@@ -91,17 +99,32 @@ impl<W: Write + Seek + Send> BodyWriter for HeightMapWriter<W> {
     }
 
     fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
-        if let Some(Place { crs, spacing, corner }) = &self.place {
-            let rows = self.heights.finish().chunks_exact(self.size[0] as usize);
-            let heights: Vec<f32> = rows.rev().flatten().copied().collect();
-            let raster = Raster { size: self.size, spacing: *spacing, corner: *corner, crs };
-            raster.write(&mut self.out, &heights)?;
-            return self.out.flush();
+        let heights = self.heights.finish().to_vec();
+        if self.is_double {
+            self.write::<Gray64Float>(heights)?;
+        } else {
+            self.write::<Gray32Float>(heights.into_iter().map(|h| h as f32).collect())?;
         }
-        // The encoder of `image` has no single-channel float; `tiff` beneath it does.
-        let mut encoder = TiffEncoder::new(&mut self.out).map_err(io::Error::other)?;
-        let [width, height] = self.size;
-        encoder.write_image::<Gray32Float>(width, height, self.heights.finish()).map_err(io::Error::other)?;
         self.out.flush()
+    }
+}
+
+impl<W: Write + Seek> HeightMapWriter<W> {
+    /// Writes heights as pixels of type `C`.
+    fn write<C: ColorType>(&mut self, heights: Vec<C::Inner>) -> io::Result<()>
+    where
+        C::Inner: Copy,
+        [C::Inner]: TiffValue,
+    {
+        let [width, height] = self.size;
+        let Some(Place { crs, spacing, corner }) = &self.place else {
+            // The encoder of `image` has no single-channel float; `tiff` beneath it does.
+            let mut encoder = TiffEncoder::new(&mut self.out).map_err(io::Error::other)?;
+            return encoder.write_image::<C>(width, height, &heights).map_err(io::Error::other);
+        };
+        let rows = heights.chunks_exact(width as usize);
+        let heights: Vec<C::Inner> = rows.rev().flatten().copied().collect();
+        let raster = Raster { size: self.size, spacing: *spacing, corner: *corner, crs };
+        raster.write::<C>(&mut self.out, &heights)
     }
 }

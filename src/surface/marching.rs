@@ -9,9 +9,9 @@ use super::space::{cross, dot, to_world};
 use crate::packed::Packed;
 use crate::stack::Geometry;
 
-/// Vertices stay this far, in cell sides, from the corners of their cells: vertices of different edges stay apart in f32 too, so that a
-/// reader that merges equal positions (STL) finds the same closed surface.
-const OFF_CORNER: f64 = 1e-3;
+/// Vertices stay this far, in cell sides, from the corners of their cells: vertices of different edges stay apart in f32 too, near an
+/// [origin](super::local), so that a reader that merges equal positions (STL) finds the same closed surface.
+pub(super) const OFF_CORNER: f64 = 1e-3;
 
 /// A piece ends after the row in which it has reached this many triangles: where the body ends flat, a slab is as large as a layer.
 const PIECE_TRIANGLES: usize = 1 << 12;

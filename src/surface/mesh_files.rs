@@ -1,4 +1,5 @@
-//! Meshes as binary STL, binary PLY and OBJ, in world coordinates.
+//! Meshes as binary STL, binary PLY and OBJ, in world coordinates: f64 in PLY and OBJ; f32 in STL, whose header names the origin where that is
+//! not the world's.
 
 use std::io::{self, Seek, SeekFrom, Write};
 
@@ -13,21 +14,27 @@ const STL_COUNT: u64 = 80;
 /// Binary STL: f32 facets with their normals, written as they arise; their number is filled in at the end.
 pub struct StlWriter<W> {
     out: W,
+    origin: [f64; 3],
     count: u64,
 }
 
 impl<W: Write + Seek> StlWriter<W> {
-    /// Writes the header.
+    /// Writes the header. Positions will be relative to `origin`, see [`local`](super::local).
     ///
     /// # Errors
     /// Those of `out`.
-    pub fn new(mut out: W) -> io::Result<Self> {
+    pub fn new(mut out: W, origin: [f64; 3]) -> io::Result<Self> {
         let mut header = [b' '; STL_COUNT as usize];
-        let text = concat!("interslice ", env!("CARGO_PKG_VERSION"), ", binary STL");
-        header[..text.len()].copy_from_slice(text.as_bytes());
+        let mut text = concat!("interslice ", env!("CARGO_PKG_VERSION"), ", binary STL").to_string();
+        if origin != [0.0; 3] {
+            let [x, y, z] = origin.map(|x| shorter(x as f32));
+            text += &format!(", origin {x} {y} {z}");
+        }
+        let length = text.len().min(header.len());
+        header[..length].copy_from_slice(&text.as_bytes()[..length]);
         out.write_all(&header)?;
         out.write_all(&0u32.to_le_bytes())?;
-        Ok(StlWriter { out, count: 0 })
+        Ok(StlWriter { out, origin, count: 0 })
     }
 
     /// Writes triangles, given by their corners.
@@ -38,7 +45,8 @@ impl<W: Write + Seek> StlWriter<W> {
         let mut facet = Vec::with_capacity(50);
         for [a, b, c] in corners {
             facet.clear();
-            for p in [unit(cross(sub(b, a), sub(c, a))), a, b, c] {
+            let [p, q, r] = [a, b, c].map(|p| sub(p, self.origin));
+            for p in [unit(cross(sub(b, a), sub(c, a))), p, q, r] {
                 facet.extend(p.iter().flat_map(|v| (*v as f32).to_le_bytes()));
             }
             facet.extend([0, 0]);
@@ -100,17 +108,23 @@ fn too_many(what: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, what)
 }
 
+/// A number as text, in the shorter of two ways.
+fn shorter(x: f32) -> String {
+    let (plain, power) = (x.to_string(), format!("{x:e}"));
+    if power.len() < plain.len() { power } else { plain }
+}
+
 /// Binary STL, as [`StlWriter`] writes it.
 ///
 /// # Errors
 /// As those of [`StlWriter`].
-pub fn write_stl<W: Write + Seek>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result<()> {
-    let mut stl = StlWriter::new(out)?;
+pub fn write_stl<W: Write + Seek>(out: &mut W, mesh: &mut dyn MeshSource, origin: [f64; 3]) -> io::Result<()> {
+    let mut stl = StlWriter::new(out, origin)?;
     mesh.triangles(&mut |_, corners| stl.facets([corners.map(|v| v.position)].into_iter()))?;
     stl.close()
 }
 
-/// Binary little-endian PLY: f32 vertices with normals, triangles.
+/// Binary little-endian PLY: f64 vertices with f32 normals, triangles.
 ///
 /// # Errors
 /// Those of `out`; [`io::ErrorKind::InvalidInput`] beyond 2^31 vertices.
@@ -121,17 +135,14 @@ pub fn write_ply<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result
     }
     write!(
         out,
-        "ply\nformat binary_little_endian 1.0\ncomment interslice {}\nelement vertex {vertices}\nproperty float x\nproperty float y\n\
-         property float z\nproperty float nx\nproperty float ny\nproperty float nz\nelement face {triangles}\n\
+        "ply\nformat binary_little_endian 1.0\ncomment interslice {}\nelement vertex {vertices}\nproperty double x\nproperty double y\n\
+         property double z\nproperty float nx\nproperty float ny\nproperty float nz\nelement face {triangles}\n\
          property list uchar int vertex_indices\nend_header\n",
         env!("CARGO_PKG_VERSION"),
     )?;
     mesh.vertices(&mut |v| {
-        let mut vertex = [[0u8; 4]; 6];
-        for (to, x) in vertex.iter_mut().zip(v.position.iter().chain(&v.normal)) {
-            *to = (*x as f32).to_le_bytes();
-        }
-        out.write_all(vertex.as_flattened())
+        out.write_all(v.position.map(f64::to_le_bytes).as_flattened())?;
+        out.write_all(v.normal.map(|x| (x as f32).to_le_bytes()).as_flattened())
     })?;
     mesh.triangles(&mut |t, _| {
         let mut face = [3u8; 13];
@@ -143,14 +154,14 @@ pub fn write_ply<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result
     out.flush()
 }
 
-/// Wavefront OBJ: vertices and normals as text.
+/// Wavefront OBJ: vertices and normals as text, vertices with as many digits as tell an f64 from all others.
 ///
 /// # Errors
 /// Those of `out`.
 pub fn write_obj<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result<()> {
     writeln!(out, "# interslice {}", env!("CARGO_PKG_VERSION"))?;
     mesh.vertices(&mut |v| {
-        let [x, y, z] = v.position.map(|x| x as f32);
+        let [x, y, z] = v.position;
         writeln!(out, "v {x} {y} {z}")
     })?;
     mesh.vertices(&mut |v| writeln!(out, "vn {:.5} {:.5} {:.5}", v.normal[0], v.normal[1], v.normal[2]))?;

@@ -8,6 +8,7 @@ pub mod glb;
 pub mod header;
 pub mod heightmap;
 pub mod html;
+pub mod local;
 pub mod marching;
 pub mod mesh;
 pub mod mesh_files;

@@ -7,6 +7,9 @@ use super::header::Header;
 use super::volume::{Coded, Content, Scalar, VolumeWriter};
 use super::voxels::VoxelGrid;
 
+/// Part of a voxel by which a volume may lie elsewhere without a word.
+const ROUNDED: f64 = 0.01;
+
 /// Size of header and empty extension block.
 const DATA_OFFSET: usize = 352;
 
@@ -27,6 +30,19 @@ pub fn writer<W: Write>(
     let mut out = if gzip { Coded::gzip(out) } else { Coded::Raw(out) };
     out.write_all(&header)?;
     VolumeWriter::new(out, body, content, folder)
+}
+
+/// What a person should know of where a volume lies: the format holds that as f32.
+pub fn told(body: &Header) -> Option<String> {
+    let grid = VoxelGrid::of(body);
+    let off = grid.origin.iter().map(|x| (f64::from(*x as f32) - x).abs()).fold(0.0, f64::max);
+    let part = off / grid.sides.iter().copied().fold(f64::INFINITY, f64::min);
+    (part > ROUNDED).then(|| {
+        format!(
+            "NIfTI holds where a volume lies as 32-bit numbers: .nii and .nii.gz lie {off:.2e} {} ({part:.2} voxels) off; .nrrd, .mha and .zarr do not",
+            body.unit
+        )
+    })
 }
 
 fn header(grid: &VoxelGrid, unit: &str, content: Content) -> io::Result<Vec<u8>> {

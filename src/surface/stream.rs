@@ -109,6 +109,8 @@ pub struct BodyStream<'w> {
     measure: Measure,
     areas: Areas,
     spool: Spool,
+    origin: [f64; 3],
+    notes: Vec<String>,
 }
 
 impl<'w> BodyStream<'w> {
@@ -122,7 +124,14 @@ impl<'w> BodyStream<'w> {
             measure: Measure::default(),
             areas: Areas::new(header),
             spool: Spool::new(folder),
+            origin: [0.0; 3],
+            notes: Vec::new(),
         }
+    }
+
+    /// Says in the report what positions in some of the files are relative to, and what else a person should know of where things lie.
+    pub fn telling(self, origin: [f64; 3], notes: Vec<String>) -> Self {
+        BodyStream { origin, notes, ..self }
     }
 
     /// The next layer, to all writers at once.
@@ -175,10 +184,15 @@ impl<'w> BodyStream<'w> {
             report.area = Some(self.measure.area());
             report.areas = Some(self.areas.finish());
         }
+        report.local_origin = Some(self.origin).filter(|origin| *origin != [0.0; 3]);
+        let mut warnings = self.notes;
         for (k, writer) in self.writers.iter_mut().enumerate() {
-            let warning = writer.prepare(&mut self.spool).map_err(|e| (k, e))?;
-            let new = warning.filter(|w| !report.warnings.contains(w));
-            report.warnings.extend(new);
+            warnings.extend(writer.prepare(&mut self.spool).map_err(|e| (k, e))?);
+        }
+        for warning in warnings {
+            if !report.warnings.contains(&warning) {
+                report.warnings.push(warning);
+            }
         }
         let mut end = Ending { report, mesh: &mut self.spool };
         self.writers.iter_mut().enumerate().try_for_each(|(k, w)| w.finish(&mut end).map_err(|e| (k, e)))

@@ -27,23 +27,28 @@ pub(super) fn described(parts: &[Part]) -> io::Result<Root> {
         let buffer = root.push(Buffer { byte_length, name: None, uri: None, extensions: None, extras: None });
         let mut offset = 0;
         for part in parts.iter().filter(|part| part.counts[1] > 0) {
-            let name = part.appearance.name.clone();
+            let name = part.about.appearance.name.clone();
             let mesh = mesh(&mut root, part, buffer, offset)?;
-            nodes.push(root.push(Node { mesh: Some(mesh), name, ..Node::default() }));
+            // An origin is f32 already.
+            let translation = part.is_moved().then(|| part.about.origin.map(|x| x as f32));
+            nodes.push(root.push(Node { mesh: Some(mesh), name, translation, ..Node::default() }));
             offset += part.bytes();
         }
     }
-    let extras = parts.first().map(|part| about(part, None)).transpose()?;
+    let extras = parts.first().map(|part| about(part, false)).transpose()?;
     let scene = Scene { extensions: None, extras, name: None, nodes };
     root.scene = Some(root.push(scene));
     Ok(root)
 }
 
-/// The unit and the directions of the axes, and the number.
-fn about(part: &Part, number: Option<i64>) -> io::Result<Box<RawValue>> {
-    let mut about = json!({"unit": part.unit, "space": "left-posterior-superior"});
-    if let Some(number) = number {
+/// The unit and the directions of the axes; of a mesh its number, and its origin where that is not the world's.
+fn about(part: &Part, is_mesh: bool) -> io::Result<Box<RawValue>> {
+    let mut about = json!({"unit": part.about.unit, "space": "left-posterior-superior"});
+    if let Some(number) = part.about.appearance.number.filter(|_| is_mesh) {
         about["number"] = number.into();
+    }
+    if is_mesh && part.is_moved() {
+        about["origin"] = json!(part.about.origin);
     }
     Ok(to_raw_value(&about)?)
 }
@@ -57,11 +62,11 @@ fn mesh(root: &mut Root, part: &Part, buffer: Index<Buffer>, offset: u64) -> io:
     let faces = indices(root, buffer, offset + positions + normals, 3 * triangles);
     let attributes: BTreeMap<Checked<Semantic>, Index<Accessor>> =
         [(Checked::Valid(Semantic::Positions), corners), (Checked::Valid(Semantic::Normals), turned)].into();
-    let name = part.appearance.name.clone();
+    let name = part.about.appearance.name.clone();
     let material = root.push(Material {
         name: name.clone(),
         pbr_metallic_roughness: PbrMetallicRoughness {
-            base_color_factor: PbrBaseColorFactor(colour::base(&part.appearance)),
+            base_color_factor: PbrBaseColorFactor(colour::base(&part.about.appearance)),
             metallic_factor: StrengthFactor(0.0),
             roughness_factor: StrengthFactor(0.7),
             ..PbrMetallicRoughness::default()
@@ -77,7 +82,7 @@ fn mesh(root: &mut Root, part: &Part, buffer: Index<Buffer>, offset: u64) -> io:
         mode: Checked::Valid(Mode::Triangles),
         targets: None,
     };
-    let extras = Some(about(part, part.appearance.number)?);
+    let extras = Some(about(part, true)?);
     Ok(root.push(Mesh { extensions: None, extras, name, primitives: vec![primitive], weights: None }))
 }
 

@@ -2,7 +2,8 @@
 //!
 //! Positions are those of all other outputs: world coordinates (LPS) in the stack's unit, neither scaled to glTF's metres nor turned to its
 //! upright y, so that files of one case fit each other. The `extras` of meshes and scene say so: `unit` and `space`; `number` is that of the
-//! label or ROI.
+//! label or ROI. Far from the world's origin a mesh has one of its own, which its node adds again (`translation`), and `extras` name it too
+//! (`origin`).
 
 mod colour;
 mod describe;
@@ -12,6 +13,7 @@ use std::io::{self, BufReader, BufWriter, Seek, Write};
 use std::path::Path;
 
 use super::mesh::MeshSource;
+use super::space::sub;
 use crate::appearance::Appearance;
 use describe::described;
 
@@ -21,11 +23,21 @@ const VERTEX_BYTES: u64 = 12;
 const TRIANGLE_BYTES: u64 = 12;
 const BUFFER_BYTES: usize = 1 << 20;
 
+/// What is known of a body besides its mesh.
+#[derive(Debug, Clone, Default)]
+pub struct About {
+    /// Name, number and colour.
+    pub appearance: Appearance,
+    /// Length unit.
+    pub unit: String,
+    /// What positions are relative to, see [`local`](super::local).
+    pub origin: [f64; 3],
+}
+
 /// One mesh of a file.
 #[derive(Debug)]
 struct Part {
-    appearance: Appearance,
-    unit: String,
+    about: About,
     /// Vertices and triangles.
     counts: [u64; 2],
     /// The box around its vertices, as they are stored.
@@ -35,15 +47,15 @@ struct Part {
 
 impl Part {
     /// What must be known of a mesh before it is written.
-    fn of(mesh: &mut dyn MeshSource, appearance: &Appearance, unit: &str) -> io::Result<Self> {
+    fn of(mesh: &mut dyn MeshSource, about: &About) -> io::Result<Self> {
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         mesh.vertices(&mut |v| {
-            for (a, x) in v.position.iter().enumerate() {
+            for (a, x) in sub(v.position, about.origin).iter().enumerate() {
                 (low[a], high[a]) = (low[a].min(*x as f32), high[a].max(*x as f32));
             }
             Ok(())
         })?;
-        Ok(Part { appearance: appearance.clone(), unit: unit.into(), counts: mesh.counts(), low, high })
+        Ok(Part { about: about.clone(), counts: mesh.counts(), low, high })
     }
 
     /// Bytes of positions, normals and triangles.
@@ -52,24 +64,24 @@ impl Part {
         [vertices * VERTEX_BYTES, vertices * VERTEX_BYTES, triangles * TRIANGLE_BYTES]
     }
 
+    /// Whether its origin is not the world's.
+    fn is_moved(&self) -> bool {
+        self.about.origin != [0.0; 3]
+    }
+
     fn bytes(&self) -> u64 {
         self.lengths().iter().sum()
     }
 }
 
-/// Writes one mesh, of a body in this unit.
+/// Writes one mesh.
 ///
 /// # Errors
 /// Those of `out`; [`io::ErrorKind::InvalidInput`] beyond the 4 GiB that the format holds.
-pub fn write_glb<W: Write>(
-    out: &mut W,
-    mesh: &mut dyn MeshSource,
-    appearance: &Appearance,
-    unit: &str,
-) -> io::Result<()> {
-    let part = Part::of(mesh, appearance, unit)?;
+pub fn write_glb<W: Write>(out: &mut W, mesh: &mut dyn MeshSource, about: &About) -> io::Result<()> {
+    let part = Part::of(mesh, about)?;
     write_head(out, std::slice::from_ref(&part))?;
-    write_data(out, mesh)?;
+    write_data(out, mesh, about.origin)?;
     out.flush()
 }
 
@@ -99,9 +111,9 @@ fn write_head<W: Write>(out: &mut W, parts: &[Part]) -> io::Result<()> {
 }
 
 /// Positions, normals, triangles.
-fn write_data<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result<()> {
+fn write_data<W: Write>(out: &mut W, mesh: &mut dyn MeshSource, origin: [f64; 3]) -> io::Result<()> {
     let mut three = |v: [f64; 3]| out.write_all(v.map(|x| (x as f32).to_le_bytes()).as_flattened());
-    mesh.vertices(&mut |v| three(v.position))?;
+    mesh.vertices(&mut |v| three(sub(v.position, origin)))?;
     mesh.vertices(&mut |v| three(v.normal))?;
     mesh.triangles(&mut |t, _| out.write_all(t.map(|v| (v as u32).to_le_bytes()).as_flattened()))
 }
@@ -123,13 +135,13 @@ impl Scene {
         Ok(Scene { parts: Vec::new(), data })
     }
 
-    /// Adds a body in this unit.
+    /// Adds a body.
     ///
     /// # Errors
     /// Those of the nameless file.
-    pub fn add(&mut self, mesh: &mut dyn MeshSource, appearance: &Appearance, unit: &str) -> io::Result<()> {
-        self.parts.push(Part::of(mesh, appearance, unit)?);
-        write_data(&mut self.data, mesh)
+    pub fn add(&mut self, mesh: &mut dyn MeshSource, about: &About) -> io::Result<()> {
+        self.parts.push(Part::of(mesh, about)?);
+        write_data(&mut self.data, mesh, about.origin)
     }
 
     /// Writes all bodies, in their order.

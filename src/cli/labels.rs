@@ -25,6 +25,10 @@ pub struct Asked<'a> {
 pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOptions, telling: Telling) -> Result<()> {
     let mut places = Places::of(asked.input, &options)?;
     let loaded = LoadedLabels::read(asked.input, asked.wanted, asked.keep_overlaps, options)?;
+    if telling != Telling::Quiet {
+        loaded.stack.left_out.iter().for_each(|label| eprintln!("{label}"));
+        loaded.stack.notes.iter().for_each(|note| eprintln!("warning: {note}"));
+    }
     let mut outputs = LabelOutputs::open(asked.outputs, asked.report, &loaded, &mut places)?;
     let notice = |message: &str| eprintln!("warning: {message}");
     let chosen = choose(device, &notice)?;

@@ -128,7 +128,9 @@ impl LoadedLabels {
         }
         let version = env!("CARGO_PKG_VERSION").into();
         let seconds = start.elapsed().as_secs_f64();
-        Ok(LabelsReport { version, backend: means.backend.name(), labels, borders, seconds, warnings })
+        let left_out = self.stack.left_out.clone();
+        let warnings = self.stack.notes.iter().cloned().chain(warnings).collect();
+        Ok(LabelsReport { version, backend: means.backend.name(), labels, left_out, warnings, borders, seconds })
     }
 
     /// Label `a` into its own files and the scene; its volume and area into the report.

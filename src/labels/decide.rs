@@ -35,6 +35,8 @@ pub(super) struct Layers<'l> {
     pub touching: &'l BTreeSet<Pair>,
     pub ranks: &'l [Rank],
     pub reach: Reach,
+    /// Distances of the nearest slices on which the labels are known.
+    pub off: &'l [f32],
 }
 
 /// The decided layer.
@@ -116,14 +118,35 @@ impl Layers<'_> {
             Some(at) => !gap || self.joined(b, pixel, at) < 0.0,
             None => false,
         };
-        let rivals = (0..self.alone.len()).filter(|&b| b != a && takes(b));
-        let other =
-            if gap { rivals.filter_map(|b| self.alone[b].at(pixel)).fold(self.reach.far, f32::min) } else { other };
-        let psi = joined.max(0.5 * (phi - other));
-        match psi == 0.0 {
-            true if phi == other && self.wins(a, pixel, phi, takes) => -f32::MIN_POSITIVE,
-            true => f32::MIN_POSITIVE,
-            false => psi,
+        let rivals = || {
+            let others = (0..self.alone.len()).filter(|&b| b != a && takes(b));
+            others.filter_map(|b| Some((b, self.border(a, phi, b, self.alone[b].at(pixel)?))))
+        };
+        let border = match gap || self.differ() {
+            true => rivals().map(|(_, border)| border).fold(0.5 * (phi - self.reach.far), f32::max),
+            false => 0.5 * (phi - other),
+        };
+        let psi = joined.max(border);
+        if psi != 0.0 {
+            return psi;
+        }
+        let mut equal = rivals().filter(|(_, border)| *border == 0.0).peekable();
+        let wins = equal.peek().is_some() && equal.all(|(b, _)| self.before(a, b, pixel));
+        if wins { -f32::MIN_POSITIVE } else { f32::MIN_POSITIVE }
+    }
+
+    /// Whether labels are not all known on slices equally near.
+    fn differ(&self) -> bool {
+        self.off.windows(2).any(|pair| pair[0] != pair[1])
+    }
+
+    /// Where label `a` ends at `b`: negative on the side of `a`, the negative of what it is for `b`. The nearer a label is to where it is
+    /// known, the less it gives way.
+    fn border(&self, a: usize, phi: f32, b: usize, other: f32) -> f32 {
+        let [own, others] = [self.off[a], self.off[b]];
+        match own == others {
+            true => 0.5 * (phi - other),
+            false => (others * phi - own * other) / (own + others),
         }
     }
 
@@ -140,14 +163,10 @@ impl Layers<'_> {
         if nearest < far { phi.min(union.at(pixel).unwrap_or(far).max(nearest - fill)) } else { phi }
     }
 
-    /// Whether `a` comes first among the labels that are `phi` at a pixel and may have it.
-    fn wins(&self, a: usize, pixel: [usize; 2], phi: f32, takes: impl Fn(usize) -> bool) -> bool {
-        let equal = (0..self.alone.len()).filter(|&b| self.alone[b].at(pixel) == Some(phi) && takes(b));
-        let order = |&b: &usize, &c: &usize| {
-            let sums = [b, c].map(|l| self.around(l, pixel));
-            sums[0].total_cmp(&sums[1]).then_with(|| self.ranks[b].cmp(&self.ranks[c]))
-        };
-        equal.min_by(order) == Some(a)
+    /// Whether `a` comes before `b` at a pixel that both may have.
+    fn before(&self, a: usize, b: usize, pixel: [usize; 2]) -> bool {
+        let [own, others] = [a, b].map(|l| self.around(l, pixel));
+        own.total_cmp(&others).then_with(|| self.ranks[a].cmp(&self.ranks[b])).is_lt()
     }
 
     /// Sum of a label's distances over the 3 x 3 pixels around one.

@@ -102,7 +102,7 @@ pub fn reconstruct(stack: &LabelStack, unite: bool, plan: &Plan<'_>, means: &Mea
         Ok(kept)
     };
     let alone = (0..stack.labels.len()).map(|a| keep(&[a])).collect::<Result<_>>()?;
-    let groups = if unite { stack.groups(&stack.touching()) } else { Vec::new() };
+    let groups = if unite { stack.groups(&stack.contacts()) } else { Vec::new() };
     let unions = groups.into_iter().map(|g| keep(&g).map(|kept| (g, kept))).collect::<Result<_>>()?;
     Ok(Bodies { alone, unions })
 }
@@ -121,7 +121,7 @@ pub fn decide(stack: &LabelStack, mut bodies: Bodies, plan: &Plan<'_>, volume: &
     let same = SAME * gaps.fold(f64::INFINITY, f64::min);
     let steps = Steps::new(stack, plan.heights, &bodies, same);
     let ranks: Vec<Rank> = (0..count).map(|a| stack.drawn_pixels(a)).map(|(n, first)| (Reverse(n), first)).collect();
-    let ranges: Vec<_> = (0..count).map(|a| stack.slices(a)).collect();
+    let drawn_at: Vec<f64> = slices.iter().map(|s| s.z).collect();
     let mut decided = Decided::none(count);
     for alone in &bodies.alone {
         let mut kept = KeptBody::new(plan.folder, far, dims, [0; 2])?;
@@ -135,27 +135,37 @@ pub fn decide(stack: &LabelStack, mut bodies: Bodies, plan: &Plan<'_>, volume: &
     for step in &steps.all {
         let z = step.z;
         let mut alone = Vec::with_capacity(count);
-        for (body, range) in bodies.alone.iter_mut().zip(&ranges) {
-            // A cap must not reach into a slice on which its label is not drawn.
-            let there = step.slice.is_none_or(|k| range.contains(&k));
+        for (body, given) in bodies.alone.iter_mut().zip(&stack.given) {
+            // An end must not reach into a slice on which its label is known not to be.
+            let there = step.slice.is_none_or(|k| !given.shuts(k));
             alone.push(if there { body.at(z, same)?.unwrap_or_default() } else { Patch::default() });
         }
         let mut unions = Vec::new();
         for (members, body) in &mut bodies.unions {
-            let there = step.slice.is_none_or(|k| members.iter().any(|&a| ranges[a].contains(&k)));
-            unions.push((&*members, if there { body.at(z, same)? } else { None }));
+            let there = step.slice.is_none_or(|k| members.iter().any(|&a| !stack.given[a].shuts(k)));
+            let settled = step.slice.is_none_or(|k| stack.settled(members, k));
+            unions.push((&*members, settled, if there { body.at(z, same)? } else { None }));
         }
-        let of = |a: usize| unions.iter().find(|(m, _)| m.contains(&a)).and_then(|(_, patch)| patch.as_ref());
+        let of = |a: usize| {
+            let (_, settled, patch) = unions.iter().find(|(m, ..)| m.contains(&a))?;
+            // What is painted is not joined to a union that is interpolated here.
+            let exact = !settled && step.slice.is_some_and(|k| stack.given[a].knows(k));
+            patch.as_ref().filter(|_| !exact)
+        };
         let union = (0..count).map(of).collect();
-        let layers = Layers { dims, alone: &alone, union, touching: &step.touching, ranks: &ranks, reach };
+        let off: Vec<f32> = stack.given.iter().map(|given| given.distance(z, &drawn_at) as f32).collect();
+        let layers = Layers { dims, alone: &alone, union, touching: &step.touching, ranks: &ranks, reach, off: &off };
         let parted = layers.part();
         if parted.twice > 0 {
             let message = format!("{} voxels have two labels at height {z}", parted.twice);
             return Err(Error::Numerics { stage: "labels", message });
         }
         if let Some(k) = step.slice {
-            for (&is, &drawn) in parted.labels.iter().zip(&stack.drawn[k]).filter(|(is, drawn)| is != drawn) {
-                [is, drawn].into_iter().filter(|l| *l > 0).for_each(|l| decided.differing[l as usize - 1] += 1);
+            let differs = |(is, drawn): &(&u32, &u32)| is != drawn;
+            for (&is, &drawn) in parted.labels.iter().zip(&stack.drawn[k]).filter(differs) {
+                // A label may be where nothing is painted on a slice that says nothing of it.
+                let known = |l: u32| drawn > 0 || stack.given[l as usize - 1].knows(k);
+                [is, drawn].into_iter().filter(|l| *l > 0 && known(*l)).for_each(|l| decided.differing[l as usize - 1] += 1);
             }
         }
         for (a, body) in decided.bodies.iter_mut().enumerate() {
@@ -215,16 +225,12 @@ impl Steps {
         heights.extend(output.iter().map(|&z| (z, true)));
         heights.extend(bodies.alone.iter().flat_map(|b| b.heights().map(|(z, _)| (z, false))));
         heights.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let pairs = stack.touching();
+        let contacts = stack.contacts();
         let at = |group: &[(f64, bool)]| {
             let z = group[0].0;
             let above = slices.partition_point(|s| *s < z - same);
             let slice = slices.get(above).filter(|s| **s <= z + same).map(|_| above);
-            let touching = match slice {
-                Some(k) => pairs[k].clone(),
-                None if above == 0 || above == slices.len() => BTreeSet::new(),
-                None => pairs[above - 1].intersection(&pairs[above]).copied().collect(),
-            };
+            let touching = contacts.around(above, slice);
             let z = slice.map_or(z, |k| slices[k]);
             Step { z, output: group.iter().any(|g| g.1), slice, touching }
         };

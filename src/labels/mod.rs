@@ -9,18 +9,22 @@
 //! ```
 //!
 //! - Where labels overlap the deepest wins; `psi_a = -psi_b` there unless a third label is as near: the two surfaces are one.
+//! - Labels may have different slices ([`given`]). With `d_a` the distance from the nearest slice on which a is known, the second half of the
+//!   maximum is that of `(d_b phi_a - d_a phi_b) / (d_a + d_b)` over all b, which is the above where the distances are the same: what is
+//!   painted stays, and gives way to what is interpolated the more the farther off it was painted. No step at any height.
 //! - Inside the union, less than R (the margin less a pixel) from both, what no label has goes to the nearest that may have it.
 //! - Elsewhere `psi_a` is `phi_a`, bit by bit; the second half of the maximum counts within 3 px of a only.
 //! - Equal distances: the smaller sum over the 3 x 3 pixels around wins, then the label with more drawn pixels, then that whose first drawn
 //!   pixel comes first. Numbers and order of the labels decide nothing.
 //!
-//! A label alone takes part in slices from its own first to its own last (in all of them where the user has chosen slices), drawn or empty; it
-//! is computed on its own part of the image, with 64 px around it.
+//! A label alone is reconstructed from its own slices, on its own part of the image, with 64 px around it; a union from the slices on which
+//! all of its labels are known or have ended.
 //!
-//! At drawn slices every field has the sides that were drawn, so that `psi_a` has them too. Layers wait in temporary files, cropped to what is
+//! At its slices every field has the sides that were drawn, so that `psi_a` has them too. Layers wait in temporary files, cropped to what is
 //! near a label.
 
 mod decide;
+pub mod given;
 mod kept;
 mod merge;
 pub mod report;

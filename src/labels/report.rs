@@ -13,13 +13,34 @@ pub struct LabelsReport {
     pub backend: String,
     /// One entry per label, by number.
     pub labels: Vec<LabelReport>,
+    /// Labels that could not be reconstructed.
+    #[serde(default)]
+    pub left_out: Vec<LeftOut>,
+    /// What a person should know of the input.
+    #[serde(default)]
+    pub warnings: Vec<String>,
     /// What was decided between labels; nothing where overlaps were kept.
     pub borders: Option<Borders>,
     /// Wall seconds.
     pub seconds: f64,
-    /// What a person should know of the label volume.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub warnings: Vec<String>,
+}
+
+/// A label that could not be reconstructed.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// Its number.
+    pub label: i64,
+    /// Its name, where the input says it.
+    pub name: Option<String>,
+    /// Why.
+    pub why: String,
+}
+
+impl std::fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let name = self.name.as_ref().map_or(String::new(), |name| format!(" `{name}`"));
+        write!(f, "label {}{name}: left out, {}", self.label, self.why)
+    }
 }
 
 /// One label.

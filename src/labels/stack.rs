@@ -1,14 +1,43 @@
 //! Slices on which several labels are drawn.
 
+use std::cmp::Reverse;
 use std::collections::BTreeSet;
-use std::ops::Range;
 
+use super::given::Given;
+use super::report::LeftOut;
 use crate::appearance::Appearance;
 use crate::error::{Error, Result};
 use crate::stack::{ContourStack, Slice, SliceContent};
 
 /// Labels by their places in a [`LabelStack`], the lower first.
 pub(super) type Pair = (usize, usize);
+
+/// Pairs of labels that have pixels side by side somewhere: the slices that both are given, increasing, and whether they touch there.
+pub(super) struct Contacts {
+    pairs: Vec<(Pair, Vec<(usize, bool)>)>,
+}
+
+impl Contacts {
+    /// The pairs that touch on slice `at`, or, where both are not given it, on the two of their slices around it; `at` lies before slice
+    /// `above` where it is none itself.
+    pub fn around(&self, above: usize, at: Option<usize>) -> BTreeSet<Pair> {
+        let touch = |common: &[(usize, bool)]| {
+            let next = common.partition_point(|(k, _)| *k < above);
+            let touches = |n: usize| common.get(n).is_some_and(|(_, touches)| *touches);
+            match at.is_some_and(|k| common.get(next).is_some_and(|(next, _)| *next == k)) {
+                true => touches(next),
+                false => next > 0 && touches(next - 1) && touches(next),
+            }
+        };
+        self.pairs.iter().filter(|(_, common)| touch(common)).map(|(pair, _)| *pair).collect()
+    }
+}
+
+/// Slices of neighbouring ones in both of which two labels touch.
+fn beside(common: &[(usize, bool)]) -> Vec<usize> {
+    let both = common.windows(2).filter(|w| w[0].1 && w[1].1);
+    both.flat_map(|w| [w[0].0, w[1].0]).collect()
+}
 
 /// Drawn slices of several labels. Labels are called by their places in `labels`.
 #[derive(Debug, Clone)]
@@ -21,8 +50,12 @@ pub struct LabelStack {
     pub appearances: Vec<Appearance>,
     /// For each slice and pixel 0, or the place of its label and 1.
     pub drawn: Vec<Vec<u32>>,
-    /// Whether every label is given all slices, and not only those from its own first to its own last.
-    pub all_slices: bool,
+    /// For each label its slices.
+    pub given: Vec<Given>,
+    /// Labels that cannot be reconstructed, and why.
+    pub left_out: Vec<LeftOut>,
+    /// What a person should know of the input.
+    pub notes: Vec<String>,
 }
 
 impl LabelStack {
@@ -32,24 +65,12 @@ impl LabelStack {
     /// Those of [`ContourStack::validate`]; [`Error::Stack`] naming a label that is drawn on fewer than two slices.
     pub fn validate(&self) -> Result<()> {
         self.stack.validate()?;
-        for (a, label) in self.labels.iter().enumerate() {
-            let slices = self.slices(a).len();
-            if slices < 2 {
-                return Err(Error::Stack(format!(
-                    "label {label} is drawn on {} of the slices, at least 2 are needed; leave it out of `--labels`",
-                    if slices == 0 { "none" } else { "1" },
-                )));
+        for (label, given) in self.labels.iter().zip(&self.given) {
+            if let Some(why) = given.too_few() {
+                return Err(Error::Stack(format!("label {label} {why}; leave it out of `--labels`")));
             }
         }
         Ok(())
-    }
-
-    /// Slices that label `a` is given.
-    pub fn slices(&self, a: usize) -> Range<usize> {
-        let here = |slice: &Vec<u32>| slice.contains(&(a as u32 + 1));
-        let first = self.drawn.iter().position(here).unwrap_or(0);
-        let last = self.drawn.iter().rposition(here).map_or(0, |k| k + 1);
-        if self.all_slices && last > 0 { 0..self.drawn.len() } else { first..last }
     }
 
     /// Pixels drawn with label `a`, and the first of them.
@@ -63,9 +84,11 @@ impl LabelStack {
         self.united(&[a])
     }
 
-    /// Some labels as one body.
+    /// Some labels as one body, of the slices on which all of them are known or have ended.
     pub(super) fn united(&self, labels: &[usize]) -> ContourStack {
-        let slices = labels.iter().map(|&a| self.slices(a)).reduce(|a, b| a.start.min(b.start)..a.end.max(b.end));
+        let ends = labels.iter().filter_map(|&a| self.given[a].ends());
+        let ends = ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        let slices = ends.map_or(0..0, |[first, last]| first..last + 1);
         let mut inside = vec![false; self.labels.len() + 1];
         labels.iter().for_each(|&a| inside[a + 1] = true);
         let slice = |k: usize| {
@@ -74,14 +97,30 @@ impl LabelStack {
             Slice { name: name.clone(), z: *z, extra: *extra, content: SliceContent::Mask(mask) }
         };
         ContourStack {
-            slices: slices.unwrap_or(0..0).map(slice).collect(),
+            slices: slices.filter(|&k| self.settled(labels, k)).map(slice).collect(),
             unit: self.stack.unit.clone(),
             ..self.stack
         }
     }
 
+    /// Whether the union of some labels is known on a slice.
+    pub(super) fn settled(&self, labels: &[usize], slice: usize) -> bool {
+        labels.iter().all(|&a| self.given[a].settles(slice))
+    }
+
+    /// For each pair of labels that have pixels side by side somewhere: the slices that both are given, and whether they touch there.
+    pub(super) fn contacts(&self) -> Contacts {
+        let touching = self.touching();
+        let pairs: BTreeSet<Pair> = touching.iter().flatten().copied().collect();
+        let common = |(a, b): Pair| {
+            let both = self.given[a].slices.iter().filter(|k| self.given[b].slices.binary_search(k).is_ok());
+            both.map(|&k| (k, touching[k].contains(&(a, b)))).collect()
+        };
+        Contacts { pairs: pairs.into_iter().map(|pair| (pair, common(pair))).collect() }
+    }
+
     /// For each slice the labels that have pixels side by side.
-    pub(super) fn touching(&self) -> Vec<BTreeSet<Pair>> {
+    fn touching(&self) -> Vec<BTreeSet<Pair>> {
         let nx = self.stack.dims[0];
         let on = |slice: &Vec<u32>| {
             let mut pairs = BTreeSet::new();
@@ -99,14 +138,36 @@ impl LabelStack {
         self.drawn.iter().map(on).collect()
     }
 
-    /// Labels that touch each other on two neighbouring slices, some by way of others; only groups of more than one.
-    pub(super) fn groups(&self, touching: &[BTreeSet<Pair>]) -> Vec<Vec<usize>> {
-        let mut group: Vec<usize> = (0..self.labels.len()).collect();
-        for (a, b) in touching.windows(2).flat_map(|w| w[0].intersection(&w[1])) {
-            let (into, from) = (group[*a], group[*b]);
-            group.iter_mut().filter(|g| **g == from).for_each(|g| *g = into);
+    /// Labels that touch each other on two neighbouring slices of both, some by way of others; only groups of more than one. Labels whose
+    /// union would not be known on those slices stay apart: the pair with more drawn pixels comes first, whatever their numbers.
+    pub(super) fn groups(&self, contacts: &Contacts) -> Vec<Vec<usize>> {
+        let ranks: Vec<_> = (0..self.labels.len()).map(|a| self.drawn_pixels(a)).map(|(n, k)| (Reverse(n), k)).collect();
+        let mut pairs: Vec<(Pair, Vec<usize>)> =
+            contacts.pairs.iter().map(|(pair, common)| (*pair, beside(common))).filter(|(_, k)| !k.is_empty()).collect();
+        pairs.sort_by_key(|((a, b), _)| [ranks[*a].min(ranks[*b]), ranks[*a].max(ranks[*b])]);
+        let mut groups: Vec<(Vec<usize>, BTreeSet<usize>)> =
+            (0..self.labels.len()).map(|a| (vec![a], BTreeSet::new())).collect();
+        for ((a, b), needed) in pairs {
+            let at = |a: usize| groups.iter().position(|(members, _)| members.contains(&a));
+            let (Some(into), Some(from)) = (at(a), at(b)) else { continue };
+            let mut members = groups[into].0.clone();
+            let mut slices = groups[into].1.clone();
+            slices.extend(needed);
+            if into != from {
+                members.extend(&groups[from].0);
+                slices.extend(&groups[from].1);
+            }
+            if slices.iter().all(|&k| self.settled(&members, k)) {
+                members.sort_unstable();
+                groups[into] = (members, slices);
+                if into != from {
+                    groups.remove(from);
+                }
+            }
         }
-        let members = |g: usize| (0..group.len()).filter(|&a| group[a] == g).collect::<Vec<_>>();
-        (0..group.len()).map(members).filter(|m| m.len() > 1).collect()
+        let mut groups: Vec<Vec<usize>> = groups.into_iter().map(|(members, _)| members).collect();
+        groups.retain(|members| members.len() > 1);
+        groups.sort_unstable();
+        groups
     }
 }

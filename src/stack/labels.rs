@@ -6,8 +6,10 @@ use super::ReadOptions;
 use super::read::{Surveyed, read_surveyed};
 use crate::error::{Error, Result};
 use crate::labels::LabelStack;
+use crate::labels::given::{Completeness, Given, notes};
+use crate::labels::report::LeftOut;
 use crate::memory;
-use crate::stack::ContourStack;
+use crate::stack::{ContourStack, Slice};
 
 /// Most labels of a run.
 const MOST: usize = 4096;
@@ -37,11 +39,12 @@ impl std::str::FromStr for Wanted {
     }
 }
 
-/// Reads the slices on which any of the wanted labels is drawn, or those that the options choose, from bottom to top.
+/// Reads the slices on which any of the wanted labels is drawn, or those that the options choose, from bottom to top. Of all labels those
+/// that cannot be reconstructed are left out.
 ///
 /// # Errors
-/// As [`read_surveyed`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume,
-/// and for one that is drawn on a single slice.
+/// As [`read_surveyed`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume, for one that is
+/// named and drawn on a single slice, and where no label is left.
 pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
     let fail = |message: String| Err(Error::Setting { name: "labels".into(), message });
     if options.label.is_some() {
@@ -55,7 +58,7 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
         return fail("is not for a folder of slices; it chooses from a label volume".into());
     };
     let there = &surveyed.survey.labels;
-    let labels: Vec<i64> = match wanted {
+    let mut labels: Vec<i64> = match wanted {
         Wanted::All => there.keys().copied().collect(),
         Wanted::These(list) => {
             let mut list = list.clone();
@@ -74,27 +77,83 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
         return fail(format!("are at most {MOST} in a run; name those you want"));
     }
     let mut drawn = drawn(&surveyed, &stack, &labels)?;
-    let all_slices = options.keep.is_some() || options.slices.is_some();
     let mut slices = stack.slices;
-    if !all_slices {
+    let completeness = match options {
+        _ if options.keep.is_some() || options.slices.is_some() => Completeness::Chosen,
+        _ if options.complete_slices => Completeness::Painted,
+        _ => Completeness::Own,
+    };
+    if completeness != Completeness::Chosen {
         let mut has = drawn.iter().map(|slice| slice.iter().any(|l| *l > 0)).collect::<Vec<_>>().into_iter();
         slices.retain(|_| has.next().unwrap_or(false));
         drawn.retain(|slice| slice.iter().any(|l| *l > 0));
+    }
+    let mut given = given(&drawn, &slices, surveyed.thickness(), labels.len(), completeness);
+    let mut left_out = Vec::new();
+    if *wanted == Wanted::All {
+        (labels, given) = leave_out(labels, given, &mut drawn, &surveyed, &mut left_out);
+        if labels.is_empty() {
+            let listed: Vec<String> = left_out.iter().map(LeftOut::to_string).collect();
+            let message = format!("none of its labels can be reconstructed: {}", listed.join("; "));
+            return Err(Error::Format { path: path.into(), message });
+        }
     }
     for (slice, drawn) in slices.iter_mut().zip(&drawn) {
         slice.content = super::SliceContent::Mask(drawn.iter().map(|l| *l > 0).collect());
     }
     let named = |label: &i64| surveyed.volume.appearance(*label);
     let appearances = labels.iter().map(named).collect();
-    let labels = LabelStack { stack: ContourStack { slices, ..stack }, labels, appearances, drawn, all_slices };
+    let notes = notes(&labels, &given);
+    let stack = ContourStack { slices, ..stack };
+    let labels = LabelStack { stack, labels, appearances, drawn, given, left_out, notes };
     labels.validate().map_err(|e| e.in_file(path))?;
     Ok(labels)
+}
+
+/// The slices of each label.
+fn given(drawn: &[Vec<u32>], slices: &[Slice], thickness: f64, count: usize, of: Completeness) -> Vec<Given> {
+    let mut painted = vec![vec![false; slices.len()]; count];
+    for (k, slice) in drawn.iter().enumerate() {
+        let stretches = slice.chunk_by(|a, b| a == b).map(|stretch| stretch[0] as usize);
+        stretches.filter(|l| *l > 0).for_each(|l| painted[l - 1][k] = true);
+    }
+    let numbers: Vec<usize> = slices.iter().map(|slice| (slice.z / thickness).round() as usize).collect();
+    painted.iter().map(|painted| Given::new(painted, &numbers, of)).collect()
+}
+
+/// The labels that can be reconstructed and their slices. The others are no longer drawn; their slices stay, as paint that says something.
+fn leave_out(
+    labels: Vec<i64>,
+    given: Vec<Given>,
+    drawn: &mut [Vec<u32>],
+    surveyed: &Surveyed,
+    left_out: &mut Vec<LeftOut>,
+) -> (Vec<i64>, Vec<Given>) {
+    let mut places = vec![0];
+    let (mut left, mut theirs) = (Vec::new(), Vec::new());
+    for (label, given) in labels.into_iter().zip(given) {
+        match given.too_few() {
+            Some(why) => {
+                left_out.push(LeftOut { label, name: surveyed.volume.appearance(label).name, why });
+                places.push(0);
+            }
+            None => {
+                left.push(label);
+                theirs.push(given);
+                places.push(left.len() as u32);
+            }
+        }
+    }
+    if !left_out.is_empty() {
+        drawn.iter_mut().flatten().for_each(|l| *l = places[*l as usize]);
+    }
+    (left, theirs)
 }
 
 /// For each slice and pixel 0, or the place of its label and 1.
 fn drawn(surveyed: &Surveyed, stack: &ContourStack, labels: &[i64]) -> Result<Vec<Vec<u32>>> {
     let [u, v, w] = stack.geometry.order;
-    let (dims, thickness) = (surveyed.volume.grid.dims, surveyed.volume.grid.spacing()[w]);
+    let (dims, thickness) = (surveyed.volume.grid.dims, surveyed.thickness());
     let mut places = vec![None; dims[w]];
     for (place, slice) in stack.slices.iter().enumerate() {
         if let Some(at) = places.get_mut((slice.z / thickness).round() as usize) {

@@ -48,6 +48,11 @@ pub struct ReadOptions {
     #[arg(long, value_name = "I,J,..", value_delimiter = ',')]
     pub slices: Option<Vec<usize>>,
 
+    /// Many labels: a slice that is painted with any of them is complete, labels that are not on it end there [default: each label has the
+    /// slices on which it is painted; chosen slices are complete, and so are those of a label that is painted slice by slice]
+    #[arg(long)]
+    pub complete_slices: bool,
+
     /// Label volumes: the axis along which slices lie [default: that along which painted slices stand alone, else that of the coarsest
     /// spacing, else z]
     #[arg(long, value_name = "AXIS", default_value = "auto", hide_default_value = true)]

@@ -151,6 +151,11 @@ pub struct Surveyed {
 }
 
 impl Surveyed {
+    /// Distance of neighbouring slices.
+    pub fn thickness(&self) -> f64 {
+        self.volume.grid.spacing()[self.axis.axis]
+    }
+
     /// Name and colour of the body: of the label that is wanted, or of the only one, where the file says them.
     pub fn appearance(&self, wanted: Option<i64>) -> Option<Appearance> {
         let mut labels = self.survey.labels.keys();

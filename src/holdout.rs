@@ -18,12 +18,12 @@ pub struct HoldOut {
     pub leave: usize,
     /// The slices that were left out and have something on them, in the truth or in the result.
     pub slices: Vec<SliceScore>,
-    /// `2 |A and B| / (|A| + |B|)` over all of them together.
-    pub dice: f64,
-    /// Mean distance between the contours of truth and result, both ways, unit of the stack, over the slices that have both.
-    pub surface_distance: f64,
-    /// Volume of the result less that of the truth, % of the truth.
-    pub volume_error_percent: f64,
+    /// `2 |A and B| / (|A| + |B|)` over all of them together; none where the truth is empty on all.
+    pub dice: Option<f64>,
+    /// Mean distance between the contours of truth and result, both ways, unit of the stack, over the slices that have both; none where none has.
+    pub surface_distance: Option<f64>,
+    /// Volume of the result less that of the truth, % of the truth; none where the truth is empty on all.
+    pub volume_error_percent: Option<f64>,
 }
 
 /// The same for one slice.
@@ -35,8 +35,8 @@ pub struct SliceScore {
     pub z: f64,
     /// Pixels inside, truth and result.
     pub pixels: [usize; 2],
-    /// Dice coefficient.
-    pub dice: f64,
+    /// Dice coefficient; none where the truth is empty.
+    pub dice: Option<f64>,
     /// Mean contour distance, unit of the stack; none where one of both is empty.
     pub surface_distance: Option<f64>,
     /// Area of the result less that of the truth, % of the truth; none where the truth is empty.
@@ -102,23 +102,29 @@ pub fn hold_out(
             name: slice.name.clone(),
             z: slice.z,
             pixels,
-            dice: 2.0 * common as f64 / (pixels[0] + pixels[1]) as f64,
+            dice: dice(common, pixels),
             surface_distance: distance,
-            area_error_percent: (pixels[0] > 0).then(|| excess(pixels)),
+            area_error_percent: excess(pixels),
         });
         Ok(())
     };
     let means = Means { backend, progress, budget: &Budget::unlimited() };
     crate::reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
-    out.dice = 2.0 * both as f64 / (sizes[0] + sizes[1]).max(1) as f64;
-    out.surface_distance = distances.iter().sum::<f64>() / distances.len().max(1) as f64;
+    out.dice = dice(both, sizes);
+    out.surface_distance =
+        (!distances.is_empty()).then(|| distances.iter().sum::<f64>() / distances.len() as f64);
     out.volume_error_percent = excess(sizes);
     Ok(out)
 }
 
-/// How much more there is in the second than in the first, %.
-fn excess([truth, found]: [usize; 2]) -> f64 {
-    100.0 * (found as f64 - truth as f64) / truth.max(1) as f64
+/// `2 |A and B| / (|A| + |B|)` where there is a truth.
+fn dice(common: usize, [truth, found]: [usize; 2]) -> Option<f64> {
+    (truth > 0).then(|| 2.0 * common as f64 / (truth + found) as f64)
+}
+
+/// How much more there is in the second than in the first, % of the first where there is any.
+fn excess([truth, found]: [usize; 2]) -> Option<f64> {
+    (truth > 0).then(|| 100.0 * (found as f64 - truth as f64) / truth as f64)
 }
 
 /// Mean distance of each mask's border pixels to the other mask's border.

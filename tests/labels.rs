@@ -255,7 +255,7 @@ fn wrong_labels_are_told_before_anything_runs() {
     let picture = place.path().join("out.png");
     let cases: [(&Path, &[&str], &str); 8] = [
         (&input, &["--labels", "1,9"], "no label 9; labels are 1, 2, 3, 4, 5"),
-        (&input, &["--labels", "all"], "label 5 is drawn on 1 of the slices"),
+        (&input, &["--labels", "1,5"], "label 5 is drawn on 1 of the slices"),
         (&input, &["--labels", "1,0"], "0 is the background"),
         (&input, &["--labels", "one"], "expected `all` or numbers"),
         (&input, &["--labels", "1,2", "--label", "1"], "cannot be used with"),

@@ -15,7 +15,7 @@ use interslice::stack::read::check;
 use interslice::{Error, Result};
 
 use super::devices::DeviceOptions;
-use super::reconstruct::{Telling, chosen, complete, compute, tell_start};
+use super::reconstruct::{Telling, chosen, complete, compute, tell_notes, tell_start};
 
 /// What is to be done with a structure set.
 pub struct All<'a> {
@@ -87,9 +87,10 @@ pub fn run(all: &All<'_>) -> Result<()> {
             Error::Format { path: all.input.into(), message }
         })?;
         let mut gather = Gather::new(source, outputs.sink(&loaded.options.output));
+        tell_notes(&loaded, all.telling);
         let mut body = compute(&loaded, &mut gather, &chosen, &budget, all.telling)?;
         added.extend(gather.added());
-        complete(outputs, &mut body, all.telling)?;
+        complete(outputs, &mut body, &loaded.notes, all.telling)?;
     }
     completed.complete_structures(&set, &added)?;
     if let Some(scenes) = &mut scenes {

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use interslice::holdout::{HoldOut, hold_out};
-use interslice::stack::{self, ReadOptions};
+use interslice::stack::ReadOptions;
+use interslice::stack::read::Input;
 use interslice::{Result, Settings};
 
 use super::bar::Bars;
@@ -36,8 +37,10 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.settings.validate()?;
-    let stack = stack::read(&arguments.input, &arguments.read)?;
+    let input = Input::read(&arguments.input, &arguments.read)?;
     let notice = |message: &str| eprintln!("warning: {message}");
+    input.doubts(&arguments.read).iter().for_each(|doubt| notice(doubt));
+    let stack = input.stack;
     let chosen = choose(&arguments.device, &notice)?;
     eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
     let bars = Bars::default();
@@ -55,22 +58,25 @@ fn describe(score: &HoldOut, unit: &str) -> String {
     let or_dash = |v: Option<String>| v.unwrap_or_else(|| "-".into());
     for s in &score.slices {
         lines.push(format!(
-            "{:>24} {:>12.4} {:>8.4} {:>14} {:>8}",
+            "{:>24} {:>12.4} {:>8} {:>14} {:>8}",
             s.name,
             s.z,
-            s.dice,
+            or_dash(s.dice.map(|d| format!("{d:.4}"))),
             or_dash(s.surface_distance.map(|d| format!("{d:.4} {unit}"))),
             or_dash(s.area_error_percent.map(|e| format!("{e:+.1} %")))
         ));
     }
     lines.push(format!(
-        "{} slices left out, one in {}: Dice {:.4}, mean contour distance {:.4} {unit}, volume {:+.2} %",
+        "{} slices left out, one in {}: Dice {}, mean contour distance {}, volume {}",
         score.slices.len(),
         score.leave,
-        score.dice,
-        score.surface_distance,
-        score.volume_error_percent
+        or_dash(score.dice.map(|d| format!("{d:.4}"))),
+        or_dash(score.surface_distance.map(|d| format!("{d:.4} {unit}"))),
+        or_dash(score.volume_error_percent.map(|e| format!("{e:+.2} %")))
     ));
+    if score.dice.is_none() {
+        lines.push("Nothing is on the slices that were left out: there is nothing to compare with.".into());
+    }
     lines.push("With all slices given, gaps are smaller and what lies between them is found better than this.".into());
     lines.join("\n") + "\n"
 }

@@ -40,10 +40,17 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if stack::read::is_map(&arguments.input) {
         return contour_map(arguments);
     }
-    let (stack, surveyed) = stack::read::read_surveyed(&arguments.input, &arguments.read)?;
+    let input = stack::read::Input::read(&arguments.input, &arguments.read)?;
+    let doubts = doubts(input.doubts(&arguments.read));
+    let stack::read::Input { stack, surveyed, .. } = input;
     let links = arguments.links.read(&stack)?;
     let of_volume = surveyed.iter().flat_map(volume::describe).fold(String::new(), |text, line| text + &line + "\n");
-    say(&(of_volume + &describe(&stack, &links, None)?))
+    say(&(of_volume + &doubts + &describe(&stack, &links, None)?))
+}
+
+/// What a person should know before anything is made of the input.
+fn doubts(doubts: impl IntoIterator<Item = String>) -> String {
+    doubts.into_iter().map(|doubt| format!("warning: {doubt}\n")).collect()
 }
 
 /// What is in an RTSTRUCT: all ROIs, or the one (or merged ones) that is chosen.
@@ -59,7 +66,7 @@ fn structures(arguments: &Arguments) -> Result<()> {
     let stack = chosen.stack(&arguments.read)?;
     let links = arguments.links.read(&stack)?;
     let text = describe(&stack, &links, chosen.steps(&stack).map(|s| s.heights))?;
-    say(&(chosen.describe().join("\n") + "\n" + &text))
+    say(&(chosen.describe().join("\n") + "\n" + &doubts(stack.doubts()) + &text))
 }
 
 /// What is in a contour map.

@@ -120,8 +120,9 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     let mut chosen = chosen(device)?;
     let budget = chosen.budget(&loaded.needs(), writing, device.memory())?;
     tell_start(&chosen, &budget, telling);
+    tell_notes(loaded, telling);
     let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, &budget, telling)?;
-    complete(&mut outputs, &mut body, telling)?;
+    complete(&mut outputs, &mut body, &loaded.notes, telling)?;
     let written = outputs.rename()?;
     if telling != Telling::Quiet {
         written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
@@ -159,11 +160,19 @@ pub fn compute(
     Ok(body)
 }
 
-/// Completes the files, which keep their temporary names, when the body is.
-pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, telling: Telling) -> Result<()> {
+/// Says what a person should know of the input, before the work.
+pub fn tell_notes(loaded: &Loaded, telling: Telling) {
+    if telling != Telling::Quiet {
+        loaded.notes.iter().for_each(|note| eprintln!("warning: {note}"));
+    }
+}
+
+/// Completes the files, which keep their temporary names, when the body is; what was `said` of the input is not said again.
+pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, said: &[String], telling: Telling) -> Result<()> {
     outputs.complete(&mut body.report)?;
     if telling != Telling::Quiet {
-        body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+        let warnings = body.report.warnings.iter().filter(|w| !said.contains(w));
+        warnings.for_each(|w| eprintln!("warning: {w}"));
     }
     if telling == Telling::Verbose {
         tell(body);

@@ -102,11 +102,13 @@ impl Loaded {
             read::check(input, &options.read)?;
             return Self::of_structures(&Arc::new(StructureSet::read(input)?), options);
         }
-        let (stack, surveyed) = read::read_surveyed(input, &options.read)?;
+        let input = read::Input::read(input, &options.read)?;
+        let notes = input.doubts(&options.read);
+        let read::Input { stack, surveyed, .. } = input;
         options.output.bodies = surveyed.iter().filter_map(|s| s.appearance(options.read.label)).collect();
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
-        Self::new(stack, options)
+        Ok(Loaded { notes, ..Self::new(stack, options)? })
     }
 
     /// The same for ROIs of an RTSTRUCT that was read; it is kept for the completed file.
@@ -120,7 +122,8 @@ impl Loaded {
         let stack = source.stack()?;
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
-        let (steps, notes) = source.about(&stack)?;
+        let (steps, mut notes) = source.about(&stack)?;
+        notes.extend(stack.doubts());
         if options.output.dz.is_none() && !options.output.isotropic {
             options.output.dz = steps.map(|s| s.heights);
             source.every = steps.map(|s| s.planes);

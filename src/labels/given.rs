@@ -139,22 +139,28 @@ pub fn notes(labels: &[i64], given: &[Given]) -> Vec<String> {
             listed(&crossed)
         ));
     }
-    let mut holes: BTreeMap<[usize; 2], Vec<i64>> = BTreeMap::new();
-    for (label, given) in labels.iter().zip(given) {
-        given.holes.iter().for_each(|hole| holes.entry(*hole).or_default().push(*label));
+    // Labels often have the same holes, where nothing at all is painted.
+    let mut alike: BTreeMap<&[[usize; 2]], Vec<i64>> = BTreeMap::new();
+    for (label, given) in labels.iter().zip(given).filter(|(_, given)| !given.holes.is_empty()) {
+        alike.entry(&given.holes).or_default().push(*label);
     }
-    for ([first, last], labels) in holes.iter().take(NAMED) {
-        notes.push(hole(&listed(labels), *first, *last));
+    let more = alike.len().saturating_sub(NAMED);
+    notes.extend(alike.into_iter().take(NAMED).filter_map(|(holes, labels)| hole(&listed(&labels), holes)));
+    if more > 0 {
+        notes.push(format!("other labels have unpainted slices too, in {more} ways"));
     }
     notes
 }
 
 /// What is said of unpainted slices beside slices that are painted one by one.
-pub fn hole(who: &str, first: usize, last: usize) -> String {
-    let slices = if first == last { format!("slice {first}") } else { format!("slices {first} to {last}") };
-    format!(
-        "{who}: painted slice by slice, but not on {slices}: interpolated across; `--keep 1` takes unpainted slices as empty"
-    )
+pub fn hole(who: &str, holes: &[[usize; 2]]) -> Option<String> {
+    let said = |&[first, last]: &[usize; 2]| if first == last { first.to_string() } else { format!("{first} to {last}") };
+    let listed: Vec<String> = holes.iter().take(NAMED).map(said).collect();
+    let more = holes.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(" and {more} more stretches") } else { String::new() };
+    let message = "interpolated across; `--keep 1` takes unpainted slices as empty";
+    (!listed.is_empty())
+        .then(|| format!("{who}: painted slice by slice, but not on {}{more}: {message}", listed.join(", ")))
 }
 
 #[cfg(test)]

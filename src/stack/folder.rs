@@ -1,5 +1,6 @@
 //! A folder with `stack.json` and one grey image (8 or 16 bit PNG or TIFF) per slice; or slices drawn as polygons in the file itself.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -76,11 +77,11 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     Ok(std::iter::once(file).chain(images).collect())
 }
 
-/// Reads a folder, or the `stack.json` in it.
+/// Reads a folder, or the `stack.json` in it, and says what a person should know of it.
 ///
 /// # Errors
 /// As [`super::read::read`].
-pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
+pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
     let (parsed, file, folder) = parse(path)?;
     if let Some(z_out) = parsed.z_out {
         z_out.validate()?;
@@ -97,7 +98,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
     if drawn == 0 {
         images(parsed, &file, &folder, options)
     } else if drawn == parsed.slices.len() {
-        drawings(parsed, &file, options)
+        drawings(parsed, &file, options).map(|stack| (stack, Vec::new()))
     } else {
         fail(format!("{drawn} of {} slices are `polygons`; all or none must be", parsed.slices.len()))
     }
@@ -124,7 +125,12 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<Con
 }
 
 /// The stack of a file whose slices are images.
-fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) -> Result<ContourStack> {
+fn images(
+    parsed: StackFile,
+    file: &Path,
+    folder: &Path,
+    options: &ReadOptions,
+) -> Result<(ContourStack, Vec<String>)> {
     let fail = |message: &str| Err(Error::Format { path: file.into(), message: message.into() });
     if options.pixel.is_some() {
         let message = "is not for images; it is the pixel size for polygons".into();
@@ -148,14 +154,16 @@ fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) 
         Ok(rule.content(&image))
     })?;
     let slice = |((name, z, extra), content)| Slice { name, z, extra, content };
-    Ok(ContourStack {
+    let notes = rule.doubt(&ranges, options.level).into_iter().collect();
+    let stack = ContourStack {
         dims: ranges.first().map_or([0, 0], |r| r.dims),
         spacing,
         unit: parsed.unit,
         slices: entries.into_iter().zip(contents).map(slice).collect(),
         z_out: parsed.z_out,
         geometry: Geometry::default(),
-    })
+    };
+    Ok((stack, notes))
 }
 
 /// Goes through the slices, as many at a time as there are threads; the first error in their order.
@@ -204,15 +212,31 @@ struct Range {
     bits: u8,
     /// Least and largest value; 0 for both of an image without pixels.
     ends: [u16; 2],
-    /// Whether it has others.
+    /// Whether it has others,
     more: bool,
+    /// those, if they are few, and
+    between: BTreeSet<u16>,
+    /// how many pixels have them, and how many of these have the same to the right.
+    plateau: [usize; 2],
 }
+
+/// Most values between the least and the largest that are told apart: a slice that was smoothed has more.
+const FEW: usize = 16;
 
 impl Range {
     fn of(image: &Grey) -> Self {
         let values = || image.values.iter().copied();
         let ends = [values().min(), values().max()].map(Option::unwrap_or_default);
-        Range { dims: image.dims, bits: image.bits, ends, more: values().any(|v| !ends.contains(&v)) }
+        let (mut between, mut plateau) = (BTreeSet::new(), [0; 2]);
+        for row in image.values.chunks(image.dims[0].max(1)) {
+            for (i, v) in row.iter().enumerate().filter(|(_, v)| !ends.contains(v)) {
+                if between.len() <= FEW {
+                    between.insert(*v);
+                }
+                plateau = [plateau[0] + 1, plateau[1] + usize::from(row.get(i + 1) == Some(v))];
+            }
+        }
+        Range { dims: image.dims, bits: image.bits, ends, more: !between.is_empty(), between, plateau }
     }
 }
 
@@ -241,6 +265,25 @@ impl Rule {
             None if two => Rule::Least(high.max(1)),
             _ => Rule::Above(level.unwrap_or((f64::from(low) + f64::from(high)) / 2.0)),
         })
+    }
+
+    /// What is said where a level that nobody named cuts a few values that lie side by side, as labels do; those that a smooth brush leaves
+    /// along a contour differ from pixel to pixel.
+    fn doubt(&self, ranges: &[Range], named: Option<f64>) -> Option<String> {
+        let (Rule::Above(level), None) = (self, named) else { return None };
+        let values: BTreeSet<u16> = ranges.iter().flat_map(|r| r.between.iter().copied().chain(r.ends)).collect();
+        let [pixels, alike] = ranges.iter().fold([0; 2], |sum, r| [sum[0] + r.plateau[0], sum[1] + r.plateau[1]]);
+        // A slice of one value has no others; where slices have different ones all are plateaus.
+        let smooth = pixels > 0 && 2 * alike < pixels;
+        if values.len() > FEW || smooth {
+            return None;
+        }
+        let listed: Vec<String> = values.iter().map(u16::to_string).collect();
+        Some(format!(
+            "slices have the {} values {}: cut half way, at {level}, so that the body is what is above; `--level` says where else",
+            listed.len(),
+            listed.join(", ")
+        ))
     }
 
     fn content(&self, image: &Grey) -> SliceContent {

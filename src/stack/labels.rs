@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::ReadOptions;
-use super::read::{Surveyed, read_surveyed};
+use super::doubts::{self, Section};
+use super::read::{Input, Surveyed};
 use crate::error::{Error, Result};
 use crate::labels::LabelStack;
 use crate::labels::given::{Completeness, Given, notes};
@@ -13,6 +14,8 @@ use crate::stack::{ContourStack, Slice};
 
 /// Most labels of a run.
 const MOST: usize = 4096;
+/// Most labels of which stray slices are said one by one.
+const MOST_STRAY: usize = 8;
 
 /// Which labels are wanted.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -43,7 +46,7 @@ impl std::str::FromStr for Wanted {
 /// that cannot be reconstructed are left out.
 ///
 /// # Errors
-/// As [`read_surveyed`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume, for one that is
+/// As [`Input::read`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume, for one that is
 /// named and drawn on a single slice, and where no label is left.
 pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
     let fail = |message: String| Err(Error::Setting { name: "labels".into(), message });
@@ -53,7 +56,7 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
     if options.level.is_some() {
         return fail("is not for grey values, which `level` cuts".into());
     }
-    let (stack, surveyed) = read_surveyed(path, options)?;
+    let Input { stack, surveyed, notes: mut said } = Input::read(path, &ReadOptions { complete_slices: false, ..options.clone() })?;
     let Some(surveyed) = surveyed else {
         return fail("is not for a folder of slices; it chooses from a label volume".into());
     };
@@ -103,9 +106,10 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
     }
     let named = |label: &i64| surveyed.volume.appearance(*label);
     let appearances = labels.iter().map(named).collect();
-    let notes = notes(&labels, &given);
+    said.extend(strays(&labels, &slices, &drawn));
+    said.extend(notes(&labels, &given));
     let stack = ContourStack { slices, ..stack };
-    let labels = LabelStack { stack, labels, appearances, drawn, given, left_out, notes };
+    let labels = LabelStack { stack, labels, appearances, drawn, given, left_out, notes: said };
     labels.validate().map_err(|e| e.in_file(path))?;
     Ok(labels)
 }
@@ -119,6 +123,28 @@ fn given(drawn: &[Vec<u32>], slices: &[Slice], thickness: f64, count: usize, of:
     }
     let numbers: Vec<usize> = slices.iter().map(|slice| (slice.z / thickness).round() as usize).collect();
     painted.iter().map(|painted| Given::new(painted, &numbers, of)).collect()
+}
+
+/// What a person should know of slices of labels that look painted by mistake.
+fn strays(labels: &[i64], slices: &[Slice], drawn: &[Vec<u32>]) -> Vec<String> {
+    let mut sections: Vec<Vec<Section>> =
+        labels.iter().map(|_| slices.iter().map(|s| Section { z: s.z, area: 0 }).collect()).collect();
+    for (k, slice) in drawn.iter().enumerate() {
+        slice.iter().filter(|l| **l > 0).for_each(|l| sections[*l as usize - 1][k].area += 1);
+    }
+    let of = |(a, (label, sections)): (usize, (&i64, &Vec<Section>))| {
+        let own = a as u32 + 1;
+        let within = |k: usize, beside: usize| drawn[k].iter().zip(&drawn[beside]).all(|(l, m)| *l != own || *m == own);
+        let name = |k: usize| format!("slice `{}`", slices[k].name);
+        Some(format!("label {label}: {}", doubts::stray(&doubts::strays(sections, within), sections, name)?))
+    };
+    let mut said: Vec<String> = labels.iter().zip(&sections).enumerate().filter_map(of).collect();
+    let more = said.len().saturating_sub(MOST_STRAY);
+    said.truncate(MOST_STRAY);
+    if more > 0 {
+        said.push(format!("{more} more labels have slices with hardly any pixels"));
+    }
+    said
 }
 
 /// The labels that can be reconstructed and their slices. The others are no longer drawn; their slices stay, as paint that says something.

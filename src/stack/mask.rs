@@ -26,6 +26,12 @@ impl Mask {
         self.changes.is_empty()
     }
 
+    /// Number of pixels inside.
+    pub fn count(&self) -> usize {
+        let ends = self.changes.iter().skip(1).step_by(2).copied().chain([self.len]);
+        self.changes.iter().step_by(2).zip(ends).map(|(start, end)| end - start).sum()
+    }
+
     /// Whether pixel `node` is inside; what lies beyond the last pixel is not.
     pub fn at(&self, node: usize) -> bool {
         node < self.len && self.side(node)
@@ -119,6 +125,7 @@ mod tests {
             assert!(mask.iter().eq(pixels.iter().copied()));
             assert!((0..pixels.len()).all(|n| mask.at(n) == pixels[n]));
             assert_eq!(mask.is_blank(), !pixels.contains(&true));
+            assert_eq!(mask.count(), pixels.iter().filter(|inside| **inside).count());
             for (first, count) in [(0, 130), (1, 64), (77, 53), (129, 1), (40, 0)] {
                 let mut out = vec![false; count];
                 mask.read(first, &mut out);

@@ -118,6 +118,7 @@ fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
         element,
         big_endian,
         stored: [0, 1, 2],
+        notes: Vec::new(),
         scale: None,
         segments: Default::default(),
         data: Data::Stream { file: path.into(), offset: end, coding: Coding::Raw, skip: 0 },

@@ -2,6 +2,7 @@
 //!
 //! One reader per format; each gives a [`ContourStack`]. Numerics see only this type and know nothing of files.
 
+pub mod doubts;
 pub mod folder;
 pub mod labels;
 pub mod level;

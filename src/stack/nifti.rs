@@ -69,6 +69,7 @@ fn volume(path: &Path, gzip: bool, header: &NiftiHeader) -> Failure<Volume> {
         big_endian: header.endianness == Endianness::Big,
         stored: [0, 1, 2],
         scale,
+        notes: two_forms(header, dims).into_iter().collect(),
         segments: Default::default(),
         data: Data::Stream { file: path.into(), offset, coding, skip },
     })
@@ -106,6 +107,31 @@ fn dims(header: &NiftiHeader) -> Failure<[usize; 3]> {
     }
     let dims = std::array::from_fn(|a| if a < axes { dim[a + 1] as usize } else { 1 });
     Ok(dims)
+}
+
+/// Share of a voxel by which sform and qform may place the volume's corners differently: both are rounded by those who write them.
+const SAME_PLACE: f64 = 0.1;
+
+/// What is said of a header whose sform and qform, both meant to count, place the volume differently.
+fn two_forms(header: &NiftiHeader, dims: [usize; 3]) -> Option<String> {
+    if header.sform_code <= 0 || header.qform_code <= 0 {
+        return None;
+    }
+    let forms = [[header.srow_x, header.srow_y, header.srow_z].map(|r| r.map(f64::from)), qform(header)];
+    let corner = |rows: &[[f64; 4]; 3], corner: usize| {
+        let at: [f64; 3] = std::array::from_fn(|a| if corner >> a & 1 == 1 { (dims[a] - 1) as f64 } else { 0.0 });
+        rows.map(|r| r[0] * at[0] + r[1] * at[1] + r[2] * at[2] + r[3])
+    };
+    let apart = |c: usize| {
+        let [s, q] = forms.each_ref().map(|rows| corner(rows, c));
+        (0..3).map(|a| (s[a] - q[a]).powi(2)).sum::<f64>().sqrt()
+    };
+    let most = (0..8).map(apart).fold(0.0, f64::max);
+    let side = |c: usize| forms[0].iter().map(|row| row[c] * row[c]).sum::<f64>().sqrt();
+    let least = (0..3).filter(|&c| dims[c] > 1).map(side).fold(f64::INFINITY, f64::min);
+    (most > SAME_PLACE * least).then(|| {
+        format!("sform and qform of the header place the volume differently, by up to {most:.3}; the sform is used")
+    })
 }
 
 /// Origin and steps in LPS, from the sform, else the qform, else the voxel sizes.

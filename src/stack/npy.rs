@@ -36,6 +36,7 @@ pub fn read(path: &Path) -> Result<Volume> {
         element,
         big_endian,
         stored: if fortran { [2, 1, 0] } else { [0, 1, 2] },
+        notes: Vec::new(),
         scale: None,
         segments: Default::default(),
         data: Data::Stream { file: path.into(), offset: end, coding: Coding::Raw, skip: 0 },

@@ -81,6 +81,7 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
         element,
         big_endian,
         stored: [0, 1, 2],
+        notes: Vec::new(),
         scale: None,
         segments,
         data,

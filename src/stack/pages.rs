@@ -109,6 +109,7 @@ fn volume(path: &Path) -> Failure<Volume> {
         element,
         big_endian,
         stored: [0, 1, 2],
+        notes: Vec::new(),
         scale: None,
         segments: Default::default(),
         data,

@@ -8,6 +8,7 @@ use super::volume::{Volume, axis, slices};
 use super::{ContourStack, folder, mha, nifti, npy, nrrd, pages};
 use crate::appearance::Appearance;
 use crate::error::{Error, Result};
+use crate::labels::given::{Completeness, Given, hole};
 
 /// Names of volumes.
 pub const VOLUMES: &str = ".nrrd, .nii, .nii.gz, .mha, .mhd, .tif or .npy";
@@ -74,6 +75,7 @@ impl Kind {
             (!volume && options.axis != axis::Axis::Auto, "axis", "anything but a label volume"),
             (!volume && options.spacing.is_some(), "spacing", "anything but a label volume whose file has none"),
             (!folder && !volume && options.level.is_some(), "level", "this input; it cuts grey slices and volumes"),
+            (options.complete_slices, "complete_slices", "one body; it is for many, with `labels`"),
             (options.label.is_some() && options.level.is_some(), "label", "grey values, which `level` cuts"),
             (options.keep.is_some() && options.slices.is_some(), "keep", "a volume whose `slices` are named"),
         ];
@@ -135,7 +137,50 @@ pub fn survey(path: &Path) -> Result<Survey> {
         Kind::Folder | Kind::StructureSet | Kind::Map => {
             Err(Error::Format { path: path.into(), message: "is not a label volume".into() })
         }
-        Kind::Volume(header) => Survey::of(&header(path)?, None),
+        Kind::Volume(header) => {
+            let survey = Survey::of(&header(path)?, None)?;
+            match survey.grey() {
+                Some(message) => Err(Error::Format { path: path.into(), message }),
+                None => Ok(survey),
+            }
+        }
+    }
+}
+
+/// A stack that was read.
+#[derive(Debug, Clone)]
+pub struct Input {
+    /// The checked stack.
+    pub stack: ContourStack,
+    /// What was found, if it is a volume.
+    pub surveyed: Option<Surveyed>,
+    /// What a person should know of the file.
+    pub notes: Vec<String>,
+}
+
+impl Input {
+    /// Reads a stack.
+    ///
+    /// # Errors
+    /// As [`read`].
+    pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let input = unchecked(path, options).map_err(|e| e.in_file(path))?;
+        input.stack.validate().map_err(|e| e.in_file(path))?;
+        Ok(input)
+    }
+
+    /// What a person should know before the stack becomes one body.
+    pub fn doubts(&self, options: &ReadOptions) -> Vec<String> {
+        let mut doubts = self.notes.clone();
+        doubts.extend(self.stack.doubts());
+        let chosen = options.keep.is_some() || options.slices.is_some() || options.level.is_some();
+        if let Some(surveyed) = self.surveyed.as_ref().filter(|_| !chosen) {
+            let painted = &surveyed.survey.painted[surveyed.axis.axis];
+            let numbers: Vec<usize> = (0..painted.len()).filter(|&k| painted[k]).collect();
+            let given = Given::new(&vec![true; numbers.len()], &numbers, Completeness::Own);
+            doubts.extend(hole("the body", &given.holes));
+        }
+        doubts
     }
 }
 
@@ -169,15 +214,17 @@ impl Surveyed {
 /// # Errors
 /// As [`read`].
 pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Option<Surveyed>)> {
-    let (stack, surveyed) = unchecked(path, options).map_err(|e| e.in_file(path))?;
-    stack.validate().map_err(|e| e.in_file(path))?;
-    Ok((stack, surveyed))
+    Input::read(path, options).map(|input| (input.stack, input.surveyed))
 }
 
 /// The same as the readers give it.
-fn unchecked(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Option<Surveyed>)> {
+fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
+    let plain = |stack| Input { stack, surveyed: None, notes: Vec::new() };
     Ok(match Kind::for_options(path, options)? {
-        Kind::Folder => (folder::read(path, options)?, None),
+        Kind::Folder => {
+            let (stack, notes) = folder::read(path, options)?;
+            Input { notes, ..plain(stack) }
+        }
         Kind::Volume(header) => {
             let mut volume = header(path)?;
             if let Some(sides) = &options.spacing {
@@ -187,19 +234,27 @@ fn unchecked(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Option
                 Some(level) => Survey::above(&volume, level)?,
                 None => Survey::of(&volume, options.label)?,
             };
+            let chosen = options.keep.is_some() || options.slices.is_some();
+            let wrong = match options.label {
+                None => survey.grey(),
+                Some(_) => None,
+            };
+            if let Some(message) = wrong.or_else(|| survey.sheets.crossing().filter(|_| !chosen)) {
+                return Err(Error::Format { path: path.into(), message });
+            }
             let axis = axis::choose(options.axis, &volume.grid, &survey);
             let stack = slices::stack(&volume, &survey, &axis, options)?;
-            (stack, Some(Surveyed { volume, survey, axis }))
+            Input { stack, notes: volume.notes.clone(), surveyed: Some(Surveyed { volume, survey, axis }) }
         }
         #[cfg(feature = "dicom")]
-        Kind::StructureSet => (crate::rtstruct::read(path, options)?, None),
+        Kind::StructureSet => plain(crate::rtstruct::read(path, options)?),
         #[cfg(not(feature = "dicom"))]
         Kind::StructureSet => {
             let message = "is DICOM, which this program was built without (feature `dicom`)".into();
             return Err(Error::Format { path: path.into(), message });
         }
         #[cfg(feature = "terrain")]
-        Kind::Map => (crate::terrain::Terrain::read(path, options)?.stack, None),
+        Kind::Map => plain(crate::terrain::Terrain::read(path, options)?.stack),
         #[cfg(not(feature = "terrain"))]
         Kind::Map => {
             let message = "is a contour map, which this program was built without (feature `terrain`)".into();

@@ -7,8 +7,9 @@ use super::survey::Survey;
 
 /// Letters of the axes.
 pub const NAMES: [char; 3] = ['x', 'y', 'z'];
-/// Spacings this near to each other, relatively, are the same.
-const SAME: f64 = 1e-3;
+/// Spacings this near to each other, relatively, are the same: pixels of 2.3898 x 2.3852 mm are meant to be square, no scanner's slices are
+/// thicker than its pixels by so little.
+const SAME: f64 = 1e-2;
 
 /// What the user says of the axis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]

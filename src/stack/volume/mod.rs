@@ -9,6 +9,7 @@
 pub mod axis;
 pub mod data;
 pub mod element;
+pub mod sheets;
 pub mod slices;
 pub mod survey;
 
@@ -118,6 +119,8 @@ pub struct Volume {
     pub stored: [usize; 3],
     /// Factor and summand that turn a stored value into a label.
     pub scale: Option<[f64; 2]>,
+    /// What a person should know of its header.
+    pub notes: Vec<String>,
     /// Labels that the file names.
     pub segments: BTreeMap<i64, Appearance>,
     /// The bytes.

@@ -1,0 +1,99 @@
+//! What is probably not meant: said before the work, in words.
+
+use super::{ContourStack, SliceContent};
+
+/// A slice with less than this share of its neighbours' area is doubted: no section between two others of an organ is so small.
+const STRAY: f64 = 0.05;
+/// Gaps this near to each other, relatively, are the same.
+const SAME: f64 = 0.01;
+/// Slices that a message names.
+const NAMED: usize = 6;
+
+/// Slices of a body: heights and areas in pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Section {
+    /// Height.
+    pub z: f64,
+    /// Pixels inside.
+    pub area: usize,
+}
+
+/// Places of slices with under 5 % of their neighbours' area. The first and last of a body may be so small where it ends in a tip: they
+/// are doubted only off the heights at which the others lie, or outside the neighbour's contour, as `within` says.
+pub fn strays(sections: &[Section], within: impl Fn(usize, usize) -> bool) -> Vec<usize> {
+    let painted: Vec<usize> = (0..sections.len()).filter(|&k| sections[k].area > 0).collect();
+    let gap = |n: usize| sections[painted[n + 1]].z - sections[painted[n]].z;
+    let usual = |n: usize| {
+        let gaps = (0..painted.len() - 1).filter(|&m| m != n);
+        gaps.into_iter().any(|m| (gap(m) - gap(n)).abs() <= SAME * gap(n))
+    };
+    let small = |n: usize, beside: usize| {
+        (sections[painted[n]].area as f64) < STRAY * sections[painted[beside]].area as f64
+    };
+    let doubted = |n: usize| match (n.checked_sub(1), Some(n + 1).filter(|m| *m < painted.len())) {
+        (Some(below), Some(above)) => small(n, below) && small(n, above),
+        (Some(beside), None) => small(n, beside) && !(usual(beside) && within(painted[n], painted[beside])),
+        (None, Some(beside)) => small(n, beside) && !(usual(n) && within(painted[n], painted[beside])),
+        (None, None) => false,
+    };
+    (0..painted.len()).filter(|&n| doubted(n)).map(|n| painted[n]).collect()
+}
+
+/// What is said of the slices at `places`, of which `name` tells what they are called.
+pub fn stray(places: &[usize], sections: &[Section], name: impl Fn(usize) -> String) -> Option<String> {
+    let said = |&k: &usize| {
+        let beside = [sections[..k].iter().rposition(|s| s.area > 0), {
+            sections[k + 1..].iter().position(|s| s.area > 0).map(|m| k + 1 + m)
+        }];
+        let beside: Vec<String> =
+            beside.into_iter().flatten().map(|m| format!("{} px on {}", sections[m].area, name(m))).collect();
+        format!("{} has {} px (beside {})", name(k), sections[k].area, beside.join(" and "))
+    };
+    let listed: Vec<String> = places.iter().take(NAMED).map(said).collect();
+    let more = places.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    (!listed.is_empty()).then(|| format!("{}{more}: painted by mistake? Erase it or leave the slice out", listed.join(", ")))
+}
+
+impl ContourStack {
+    /// What a person should know of slices that look painted by mistake.
+    pub fn doubts(&self) -> Option<String> {
+        let area = |content: &SliceContent| match content {
+            SliceContent::Mask(mask) => mask.count(),
+            SliceContent::Level(level) => level.sides().count(),
+        };
+        let sections: Vec<Section> = self.slices.iter().map(|s| Section { z: s.z, area: area(&s.content) }).collect();
+        let sides = |k: usize| self.slices[k].content.sides();
+        let within = |k: usize, beside: usize| sides(k).into_iter().zip(sides(beside)).all(|(own, other)| !own || other);
+        let name = |k: usize| format!("slice `{}`", self.slices[k].name);
+        stray(&strays(&sections, within), &sections, name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Places of doubted slices; tips lie within their neighbours if `within`.
+    fn doubted(sections: &[(f64, usize)], within: bool) -> Vec<usize> {
+        let sections: Vec<Section> = sections.iter().map(|&(z, area)| Section { z, area }).collect();
+        strays(&sections, |_, _| within)
+    }
+
+    #[test]
+    fn p14_a_speck_between_slices_or_off_them_is_doubted() {
+        assert_eq!(doubted(&[(0.0, 600), (10.0, 610), (17.0, 1), (20.0, 600)], true), [2]);
+        assert_eq!(doubted(&[(0.0, 600), (10.0, 610), (20.0, 600), (27.0, 1)], true), [3]);
+        assert_eq!(doubted(&[(0.0, 600), (10.0, 610), (20.0, 600), (30.0, 1)], false), [3]);
+        assert_eq!(doubted(&[(-4.0, 3), (0.0, 600)], true), [0]);
+        assert_eq!(doubted(&[(0.0, 600), (10.0, 0), (15.0, 29), (18.0, 0), (20.0, 590)], true), [2]);
+    }
+
+    #[test]
+    fn p14_a_tip_is_not() {
+        assert!(doubted(&[(0.0, 600), (10.0, 610), (20.0, 600), (30.0, 1)], true).is_empty());
+        assert!(doubted(&[(0.0, 2), (1.0, 60), (2.0, 200), (3.0, 61), (4.0, 1)], true).is_empty());
+        assert!(doubted(&[(0.0, 600), (10.0, 30), (20.0, 500)], false).is_empty());
+        assert!(doubted(&[(0.0, 0), (1.0, 4)], false).is_empty());
+    }
+}

@@ -1,0 +1,196 @@
+//! What is painted wrongly is said before the work (P14).
+
+#[path = "support/files.rs"]
+mod files;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use files::*;
+use tempfile::TempDir;
+
+const SIZES: [usize; 3] = [40, 36, 32];
+
+fn node([i, j, k]: [usize; 3]) -> usize {
+    i + SIZES[0] * (j + SIZES[1] * k)
+}
+
+fn in_ball([i, j, k]: [usize; 3], radius: f64) -> bool {
+    let [x, y, z] = [i as f64 - 20.0, j as f64 - 18.0, k as f64 - 16.0];
+    (x * x + y * y + z * z).sqrt() < radius
+}
+
+fn volume(value: impl Fn([usize; 3]) -> u16) -> Vec<u16> {
+    let [nx, ny, nz] = SIZES;
+    (0..nx * ny * nz).map(|n| value([n % nx, n / nx % ny, n / (nx * ny)])).collect()
+}
+
+/// A ball that is painted on every fifth slice.
+fn ball() -> Vec<u16> {
+    volume(|at| u16::from(at[2] % 5 == 1 && in_ball(at, 13.0)))
+}
+
+struct Case {
+    place: TempDir,
+    input: PathBuf,
+}
+
+impl Case {
+    fn new(voxels: &[u16], spacings: &str) -> Self {
+        let place = folder();
+        let input = place.path().join("in.nrrd");
+        let bytes: Vec<u8> = voxels.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let header = format!("spacings: {spacings}\nencoding: raw\nendian: little");
+        fs::write(&input, nrrd(&header, "ushort", SIZES, &bytes)).expect("a file can be written");
+        Case { place, input }
+    }
+
+    fn path(&self) -> &str {
+        self.input.to_str().expect("temporary paths are UTF-8")
+    }
+
+    /// What `inspect`, `evaluate` and `reconstruct` say, and their exit codes.
+    fn said(&self, options: &[&str]) -> [(Option<i32>, String); 3] {
+        let out = self.place.path().join("out.nrrd").display().to_string();
+        let run = |command: &str, more: &[&str]| {
+            let output = interslice(&[&[command, self.path()], options, more].concat());
+            (output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned() + &stderr(&output))
+        };
+        let cpu = ["--backend", "cpu"];
+        [run("inspect", &[]), run("evaluate", &cpu), run("reconstruct", &[&cpu[..], &["-o", &out]].concat())]
+    }
+
+    fn all_say(&self, options: &[&str], code: i32, message: &str) {
+        for (is, said) in self.said(options) {
+            assert_eq!(is, Some(code), "{said}");
+            assert_eq!(said.matches(message).count(), 1, "`{message}`: {said}");
+        }
+    }
+
+    fn none_doubts(&self, options: &[&str]) {
+        for (code, said) in self.said(options) {
+            assert_eq!(code, Some(0), "{said}");
+            assert!(!said.contains("warning"), "{said}");
+        }
+    }
+}
+
+#[test]
+fn p14_paint_in_two_orientations_is_an_error() {
+    let mut voxels = ball();
+    for n in (0..SIZES[1]).flat_map(|j| (0..SIZES[2]).map(move |k| [20, j, k])).filter(|at| in_ball(*at, 13.0)) {
+        voxels[node(n)] = 1;
+    }
+    let case = Case::new(&voxels, "1 1 1");
+    case.all_say(&[], 2, "is painted on slices in several directions: across x on 20, across z on 6,11,16,21,26");
+    for (code, said) in case.said(&["--axis", "z", "--slices", "6,11,16,21,26"]) {
+        assert_eq!(code, Some(0), "{said}");
+    }
+}
+
+#[test]
+fn p14_a_stray_voxel_is_doubted() {
+    let mut voxels = ball();
+    voxels[node([22, 19, 13])] = 1;
+    Case::new(&voxels, "1 1 1").all_say(&[], 0, "slice `k=13` has 1 px (beside");
+    let mut off = ball();
+    off[node([3, 3, 30])] = 1;
+    Case::new(&off, "1 1 1").all_say(&[], 0, "slice `k=30` has 1 px (beside");
+    // Once, however many labels there are.
+    let mut two = off;
+    two[node([33, 3, 0])] = 2;
+    two[node([33, 3, 1])] = 2;
+    let case = Case::new(&two, "1 1 1");
+    let out = case.place.path().join("out.nrrd").display().to_string();
+    let labels = interslice(&["reconstruct", case.path(), "--labels", "all", "--backend", "cpu", "-o", &out]);
+    assert_eq!(stderr(&labels).matches("has 1 px (beside").count(), 1, "{}", stderr(&labels));
+}
+
+#[test]
+fn p14_a_grey_image_is_no_label_volume() {
+    let noise = |n: usize| ((n as u64).wrapping_mul(6364136223846793005) >> 40) as u16 % 60;
+    let grey = volume(|at| if in_ball(at, 14.0) { 200 + 20 * at[0] as u16 + noise(node(at)) } else { 0 });
+    let case = Case::new(&grey, "1 1 1");
+    case.all_say(&[], 2, "few neighbours the same: grey values, not labels; cut them with `--level`");
+    case.none_doubts(&["--level", "500"]);
+    case.none_doubts(&["--label", "500", "--keep", "1"]);
+}
+
+#[test]
+fn p14_pixels_that_are_square_but_for_rounding_do_not_choose_the_axis() {
+    let dense = volume(|at| u16::from(in_ball(at, 13.0)));
+    let said = |spacings: &str| Case::new(&dense, spacings).said(&[])[0].1.clone();
+    assert!(said("2.3898 2.3852 2.0").contains("slices lie along z"), "{}", said("2.3898 2.3852 2.0"));
+    assert!(said("2.5 2.3852 2.0").contains("slices lie along x"), "{}", said("2.5 2.3852 2.0"));
+}
+
+#[test]
+fn p14_ordinary_volumes_are_not_doubted() {
+    Case::new(&ball(), "1 1 1").none_doubts(&[]);
+    // Painted throughout, with a tip; many labels side by side; a hollow ball.
+    Case::new(&volume(|at| u16::from(in_ball(at, 13.01))), "1 1 2").none_doubts(&[]);
+    let many = volume(|at| u16::from(in_ball(at, 13.0)) * (1 + at[0] as u16 / 4 + 10 * (at[1] as u16 / 4)));
+    Case::new(&many, "1 1 1").none_doubts(&[]);
+    Case::new(&volume(|at| u16::from(in_ball(at, 13.0) && !in_ball(at, 12.0))), "1 1 1").none_doubts(&[]);
+}
+
+/// A NIfTI of a ball whose qform lies `apart` mm from its sform.
+fn nifti(path: &Path, apart: f32) {
+    let mut header = vec![0u8; 352];
+    let mut put = |at: usize, bytes: &[u8]| header[at..at + bytes.len()].copy_from_slice(bytes);
+    put(0, &348i32.to_le_bytes());
+    for (k, n) in [3, SIZES[0], SIZES[1], SIZES[2], 1, 1, 1, 1].into_iter().enumerate() {
+        put(40 + 2 * k, &(n as i16).to_le_bytes());
+    }
+    put(70, &512i16.to_le_bytes());
+    put(72, &16i16.to_le_bytes());
+    (0..8).for_each(|k| put(76 + 4 * k, &1f32.to_le_bytes()));
+    put(108, &352f32.to_le_bytes());
+    put(123, &[2]);
+    put(252, &1i16.to_le_bytes());
+    put(254, &1i16.to_le_bytes());
+    put(268, &apart.to_le_bytes());
+    for row in 0..3 {
+        put(280 + 16 * row + 4 * row, &1f32.to_le_bytes());
+    }
+    put(344, b"n+1\0");
+    header.extend(ball().iter().flat_map(|v| v.to_le_bytes()));
+    fs::write(path, header).expect("a file can be written");
+}
+
+#[test]
+fn p14_forms_of_a_nifti_that_differ_are_said() {
+    let place = folder();
+    let input = place.path().join("in.nii");
+    let case = Case { place, input };
+    nifti(&case.input, 3.0);
+    case.all_say(&[], 0, "sform and qform of the header place the volume differently, by up to 3.000; the sform is used");
+    nifti(&case.input, 0.01);
+    case.none_doubts(&[]);
+}
+
+/// Slices of rings: a value within, another one without.
+fn rings(values: [u8; 3], smooth: bool) -> Case {
+    let place = folder();
+    for (k, r) in [8.0, 10.0, 7.0].into_iter().enumerate() {
+        let value = |x: u32, y: u32| match (f64::from(x) - 15.5).hypot(f64::from(y) - 15.5) - r {
+            d if smooth => values[if d < -0.5 { 2 } else if d < 0.5 { 1 } else { 0 }],
+            d => values[if d < -4.0 { 2 } else if d < 0.0 { 1 } else { 0 }],
+        };
+        let image = image::GrayImage::from_fn(32, 32, |x, y| image::Luma([value(x, y)]));
+        image.save(place.path().join(format!("s{k}.png"))).expect("a PNG can be written");
+    }
+    let text = r#"{"spacing_xy": [1, 1], "slices": [{"file": "s0.png", "z": 0}, {"file": "s1.png", "z": 4},
+        {"file": "s2.png", "z": 8}]}"#;
+    write_stack(place.path(), text);
+    let input = place.path().to_path_buf();
+    Case { place, input }
+}
+
+#[test]
+fn p14_a_few_values_that_are_cut_half_way_are_said() {
+    rings([0, 127, 255], false).all_say(&[], 0, "slices have the 3 values 0, 127, 255: cut half way, at 127.5");
+    rings([0, 127, 255], false).none_doubts(&["--level", "100"]);
+    rings([0, 127, 255], true).none_doubts(&[]);
+    rings([0, 255, 255], false).none_doubts(&[]);
+}

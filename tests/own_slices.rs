@@ -1,0 +1,221 @@
+//! Many labels, each painted on slices of its own (P12), some of which cannot be reconstructed (P13).
+
+#[path = "support/files.rs"]
+mod files;
+
+use std::fs;
+use std::path::Path;
+
+use files::*;
+use interslice::labels::{Plan, decide, reconstruct};
+use interslice::stack::labels::{Wanted, read_labels};
+use interslice::stack::{ReadOptions, read};
+use interslice::surface::Layer;
+use interslice::{Budget, Means, Reference, Settings, progress};
+
+const SIZES: [usize; 3] = [64, 48, 31];
+
+/// A disc of a label on some slices.
+struct Disc<'s> {
+    label: u8,
+    at: [f64; 2],
+    radius: f64,
+    slices: &'s [usize],
+}
+
+fn volume(discs: &[Disc<'_>]) -> Vec<u8> {
+    let [nx, ny, nz] = SIZES;
+    let mut voxels = vec![0; nx * ny * nz];
+    for disc in discs {
+        for (k, n) in disc.slices.iter().flat_map(|&k| (0..nx * ny).map(move |n| (k, n))) {
+            if ((n % nx) as f64 - disc.at[0]).hypot((n / nx) as f64 - disc.at[1]) < disc.radius {
+                voxels[k * nx * ny + n] = disc.label;
+            }
+        }
+    }
+    voxels
+}
+
+fn write(path: &Path, voxels: &[u8]) {
+    let header = "spacings: 1 1 1\nencoding: raw";
+    fs::write(path, nrrd(header, "uint8", SIZES, voxels)).expect("a file can be written");
+}
+
+/// The numbers of all voxels at every height, `fine` of them to a slice, with what was said of the input.
+fn decided(voxels: &[u8], options: &ReadOptions, fine: usize) -> (Vec<Layer>, Vec<String>) {
+    let place = folder();
+    let path = place.path().join("labels.nrrd");
+    write(&path, voxels);
+    let stack = read_labels(&path, options, &Wanted::All).expect("it is sound");
+    let heights: Vec<f64> = (0..=(SIZES[2] - 1) * fine).map(|k| k as f64 / fine as f64).collect();
+    let settings = Settings::default();
+    let folder = std::env::temp_dir();
+    let plan = Plan { heights: &heights, settings: &settings, folder: &folder, beside: 0, memory: None };
+    let budget = Budget::unlimited();
+    let means = Means { backend: &Reference, progress: &progress::Silent, budget: &budget };
+    let bodies = reconstruct(&stack, true, &plan, &means).expect("they can be computed");
+    let mut layers = Vec::new();
+    let mut keep = |layer: Layer| {
+        layers.push(layer);
+        Ok(())
+    };
+    decide(&stack, bodies, &plan, &mut keep).expect("they can be decided");
+    (layers, stack.notes)
+}
+
+fn areas(layers: &[Layer], label: u8) -> Vec<usize> {
+    layers.iter().map(|layer| layer.phi.iter().filter(|l| **l == f32::from(label)).count()).collect()
+}
+
+const TENS: [usize; 4] = [0, 10, 20, 30];
+const BETWEEN: [usize; 3] = [5, 15, 25];
+
+/// Two cylinders whose slices alternate; `apart` is the distance of their axes.
+fn alternating(apart: f64) -> Vec<u8> {
+    let one = Disc { label: 1, at: [20.0, 24.0], radius: 8.0, slices: &TENS };
+    volume(&[one, Disc { label: 2, at: [20.0 + apart, 24.0], radius: 9.0, slices: &BETWEEN }])
+}
+
+#[test]
+fn p12_a_label_is_interpolated_between_its_own_slices() {
+    let (layers, notes) = decided(&alternating(22.0), &ReadOptions::default(), 1);
+    let (first, second) = (areas(&layers, 1), areas(&layers, 2));
+    assert!(first.iter().all(|a| (195..=203).contains(a)), "{first:?}");
+    assert!(second[5..=25].iter().all(|a| (250..=258).contains(a)), "{second:?}");
+    assert!(second[..5].iter().chain(&second[26..]).all(|a| *a == 0), "{second:?}");
+    assert!(notes.iter().any(|n| n.contains("labels 1, 2: interpolated across slices")), "{notes:?}");
+}
+
+#[test]
+fn p12_complete_slices_end_the_labels_that_are_not_on_them() {
+    let options = ReadOptions { complete_slices: true, ..ReadOptions::default() };
+    let (layers, notes) = decided(&alternating(22.0), &options, 1);
+    let first = areas(&layers, 1);
+    assert!(BETWEEN.iter().all(|k| first[*k] == 0) && TENS.iter().all(|k| first[*k] > 190), "{first:?}");
+    assert!(notes.is_empty(), "{notes:?}");
+}
+
+#[test]
+fn p12_a_label_that_meets_no_other_is_what_it_is_alone() {
+    let voxels = alternating(22.0);
+    let place = folder();
+    let path = place.path().join("labels.nrrd");
+    write(&path, &voxels);
+    let (layers, _) = decided(&voxels, &ReadOptions::default(), 1);
+    for label in [1, 2] {
+        let stack = read(&path, &ReadOptions { label: Some(label), ..ReadOptions::default() }).expect("it is sound");
+        let alone = interslice::reconstruct(&stack, &Settings::default()).expect("it can be computed");
+        let alone: Vec<_> = alone.output_layers().collect();
+        assert_eq!(alone.len(), layers.len());
+        for (a, b) in layers.iter().zip(alone) {
+            assert!(a.phi.iter().zip(&b.phi).all(|(l, phi)| (*l == label as f32) == (*phi < 0.0)), "height {}", a.z);
+        }
+    }
+}
+
+/// What is painted stays what it is; nothing that a label has alone is lost; no layer differs much from the next.
+fn holds(voxels: &[u8], fine: usize, most: usize) {
+    let [nx, ny, nz] = SIZES;
+    let (layers, _) = decided(voxels, &ReadOptions::default(), fine);
+    for k in 0..nz {
+        let (layer, drawn) = (&layers[k * fine].phi, &voxels[k * nx * ny..][..nx * ny]);
+        let differ = layer.iter().zip(drawn).filter(|(l, d)| **d > 0 && **l != f32::from(**d)).count();
+        assert_eq!(differ, 0, "painted pixels of slice {k}");
+    }
+    for (a, b) in layers.iter().zip(&layers[1..]) {
+        let flipped = a.phi.iter().zip(&b.phi).filter(|(l, m)| l != m && **l > 0.0 && **m > 0.0).count();
+        assert!(flipped <= most, "{flipped} px go from one label to the other between {} and {}", a.z, b.z);
+    }
+}
+
+#[test]
+fn p12_painted_pixels_stay_though_others_are_interpolated_across() {
+    // The discs overlap by 7 px: 60 px have two labels alone.
+    holds(&alternating(10.0), 8, 12);
+}
+
+#[test]
+fn p12_random_discs_on_slices_of_their_own() {
+    let mut seed = 7u64;
+    let mut next = |n: usize| {
+        seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (seed >> 33) as usize % n
+    };
+    for _ in 0..12 {
+        let slices: Vec<Vec<usize>> = (0..3)
+            .map(|_| {
+                let mut own: Vec<usize> = (0..2 + next(4)).map(|_| next(SIZES[2])).collect();
+                own.extend([next(8), 20 + next(8)]);
+                own
+            })
+            .collect();
+        let disc = |label: usize| Disc {
+            label: label as u8 + 1,
+            at: [18.0 + next(28) as f64, 16.0 + next(16) as f64],
+            radius: 5.0 + next(8) as f64,
+            slices: &slices[label],
+        };
+        let discs: Vec<Disc<'_>> = (0..3).map(disc).collect();
+        let voxels = volume(&discs);
+        if (1..=3).all(|l| (0..SIZES[2]).filter(|k| voxels[k * 64 * 48..][..64 * 48].contains(&l)).count() > 1) {
+            holds(&voxels, 1, usize::MAX);
+        }
+    }
+}
+
+/// Two bodies of one label in a volume that is painted on every slice, and nothing else between them.
+#[test]
+fn p12_a_hole_in_what_is_painted_slice_by_slice_stays_where_others_are_painted() {
+    let all: Vec<usize> = (0..SIZES[2]).collect();
+    let ends: Vec<usize> = (2..8).chain(20..26).collect();
+    let twice = Disc { label: 1, at: [20.0, 24.0], radius: 8.0, slices: &ends };
+    let through = Disc { label: 2, at: [44.0, 24.0], radius: 6.0, slices: &all };
+    let voxels = volume(&[twice, through]);
+    let (layers, notes) = decided(&voxels, &ReadOptions::default(), 1);
+    for (k, layer) in layers.iter().enumerate() {
+        let drawn = &voxels[k * SIZES[0] * SIZES[1]..][..SIZES[0] * SIZES[1]];
+        assert!(layer.phi.iter().zip(drawn).all(|(l, d)| *l == f32::from(*d)), "slice {k}");
+    }
+    assert!(notes.is_empty(), "{notes:?}");
+    // Alone there is nothing that says where it ends.
+    let twice = Disc { label: 1, at: [20.0, 24.0], radius: 8.0, slices: &ends };
+    let (layers, notes) = decided(&volume(&[twice]), &ReadOptions::default(), 1);
+    assert!(areas(&layers, 1)[2..26].iter().all(|a| *a > 100));
+    assert!(notes.iter().any(|n| n.contains("not on 8 to 19: interpolated across")), "{notes:?}");
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("temporary paths are UTF-8")
+}
+
+#[test]
+fn p13_of_all_labels_those_that_cannot_be_done_are_left_out() {
+    let place = folder();
+    let at = |name: &str| place.path().join(name);
+    let mut voxels = alternating(22.0);
+    voxels[10 * SIZES[0] * SIZES[1]] = 9;
+    write(&at("in.nrrd"), &voxels);
+    let (input, out, report) = (at("in.nrrd"), at("out.nrrd"), at("out.json"));
+    let run = |labels: &str| {
+        let paths = ["-o", text(&out), "-o", text(&report), "--backend", "cpu"];
+        interslice(&[&["reconstruct", text(&input), "--labels", labels], &paths[..]].concat())
+    };
+    let done = run("all");
+    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    assert!(stderr(&done).contains("label 9: left out, is drawn on 1 of the slices"), "{}", stderr(&done));
+    let survey = interslice::stack::read::survey(&out).expect("the label volume can be read");
+    assert_eq!(survey.labels.keys().copied().collect::<Vec<_>>(), [1, 2]);
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(&report).expect("there is a report")).expect("JSON");
+    assert_eq!(json["left_out"][0]["label"], 9);
+    assert_eq!(json["labels"].as_array().map(Vec::len), Some(2));
+    // Who names it is told.
+    let named = run("1,9");
+    assert_eq!(named.status.code(), Some(2));
+    assert!(stderr(&named).contains("label 9 is drawn on 1 of the slices"), "{}", stderr(&named));
+    // None is left.
+    let only = Disc { label: 3, at: [20.0, 24.0], radius: 8.0, slices: &[4] };
+    write(&input, &volume(&[only, Disc { label: 4, at: [20.0, 24.0], radius: 8.0, slices: &[9] }]));
+    let none = run("all");
+    assert_eq!(none.status.code(), Some(2));
+    assert!(stderr(&none).contains("none of its labels can be reconstructed: label 3"), "{}", stderr(&none));
+}

@@ -113,7 +113,8 @@ fn p14_a_grey_image_is_no_label_volume() {
     let case = Case::new(&grey, "1 1 1");
     case.all_say(&[], 2, "few neighbours the same: grey values, not labels; cut them with `--level`");
     case.none_doubts(&["--level", "500"]);
-    case.none_doubts(&["--label", "500", "--keep", "1"]);
+    let [(code, said), ..] = case.said(&["--label", "500", "--keep", "1"]);
+    assert_eq!(code, Some(0), "who names a label gets it: {said}");
 }
 
 #[test]
@@ -129,7 +130,8 @@ fn p14_ordinary_volumes_are_not_doubted() {
     Case::new(&ball(), "1 1 1").none_doubts(&[]);
     // Painted throughout, with a tip; many labels side by side; a hollow ball.
     Case::new(&volume(|at| u16::from(in_ball(at, 13.01))), "1 1 2").none_doubts(&[]);
-    let many = volume(|at| u16::from(in_ball(at, 13.0)) * (1 + at[0] as u16 / 4 + 10 * (at[1] as u16 / 4)));
+    let number = |[i, j, k]: [usize; 3]| (1 + i / 4 + 10 * (j / 4) + 100 * (k / 4)) as u16;
+    let many = volume(|at| u16::from(in_ball(at, 13.0)) * number(at));
     Case::new(&many, "1 1 1").none_doubts(&[]);
     Case::new(&volume(|at| u16::from(in_ball(at, 13.0) && !in_ball(at, 12.0))), "1 1 1").none_doubts(&[]);
 }

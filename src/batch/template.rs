@@ -10,7 +10,7 @@ use super::line::Line;
 use crate::error::{Error, Result};
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructureSet;
-use crate::stack::read::{self, VOLUMES, survey};
+use crate::stack::read::{self, VOLUMES};
 
 /// What a template names.
 #[derive(Debug, Clone)]
@@ -23,7 +23,7 @@ pub struct Template {
     pub each_label: bool,
 }
 
-/// A line per case in `folder`, in the order of their names: a sub-folder with stack.json, a volume, or a ROI of an RTSTRUCT that can be
+/// A line per case in `folder`, in the order of their names: a sub-folder with stack.json, a volume, or a label or ROI that can be
 /// reconstructed. Inputs are named from `base` where they lie in it.
 ///
 /// # Errors
@@ -55,7 +55,7 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<L
         let (option, numbers) = if read::is_structure_set(&path) {
             ("roi", rois(&path)?)
         } else if template.each_label && path.is_file() {
-            ("label", labels(&path)?)
+            ("label", read::labels(&path)?)
         } else {
             lines.push(line(name, Map::new()));
             continue;
@@ -64,7 +64,7 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<L
         lines.extend(numbers.into_iter().map(each));
     }
     if lines.is_empty() {
-        let message = "has no ROI that can be reconstructed".into();
+        let message = "has no ROI and no label that can be reconstructed".into();
         return Err(Error::Format { path: folder.into(), message });
     }
     Ok(lines)
@@ -81,14 +81,6 @@ fn stem(path: &Path) -> Option<String> {
         .into_iter()
         .find(|e| lower.ends_with(e))?;
     Some(name[..name.len() - extension.len()].to_string()).filter(|s| !s.is_empty())
-}
-
-fn labels(path: &Path) -> Result<Vec<i64>> {
-    let survey = survey(path)?;
-    match survey.more {
-        false => Ok(survey.labels.into_keys().collect()),
-        true => Err(Error::Format { path: path.into(), message: "has too many labels for a line each".into() }),
-    }
 }
 
 /// Numbers of the ROIs that can be reconstructed.

@@ -6,6 +6,8 @@ use interslice::components::{Components, label4, label8};
 use interslice::effort::Effort;
 use interslice::links::{Link, LinkOptions};
 use interslice::memory::Needs;
+use interslice::stack::labels::{Wanted, read_labels};
+use interslice::stack::read::Input;
 use interslice::stack::{self, ReadOptions, Slice};
 use interslice::{ContourStack, Result, Settings, height_grid};
 
@@ -40,16 +42,31 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if stack::read::is_map(&arguments.input) {
         return contour_map(arguments);
     }
-    let input = stack::read::Input::read(&arguments.input, &arguments.read)?;
-    let doubts = doubts(input.doubts(&arguments.read));
-    let stack::read::Input { stack, surveyed, .. } = input;
+    let input = Input::read(&arguments.input, &arguments.read)?;
+    let mut doubts = input.doubts(&arguments.read);
+    doubts.extend(of_labels(arguments, &input).into_iter().filter(|doubt| !doubts.contains(doubt)).collect::<Vec<_>>());
+    let doubts = told(doubts);
+    let Input { stack, surveyed, .. } = input;
     let links = arguments.links.read(&stack)?;
     let of_volume = surveyed.iter().flat_map(volume::describe).fold(String::new(), |text, line| text + &line + "\n");
     say(&(of_volume + &doubts + &describe(&stack, &links, None)?))
 }
 
+/// What a person should know of the labels, where there are several.
+fn of_labels(arguments: &Arguments, input: &Input) -> Vec<String> {
+    let several = input.surveyed.as_ref().is_some_and(|s| s.survey.labels.len() > 1);
+    if !several || arguments.read.label.is_some() || arguments.read.level.is_some() {
+        return Vec::new();
+    }
+    // What stops all labels does not stop the one body that is described here.
+    match read_labels(&arguments.input, &arguments.read, &Wanted::All) {
+        Ok(labels) => labels.left_out.iter().map(|label| format!("--labels all: {label}")).chain(labels.notes).collect(),
+        Err(e) => vec![format!("--labels all: {e}")],
+    }
+}
+
 /// What a person should know before anything is made of the input.
-fn doubts(doubts: impl IntoIterator<Item = String>) -> String {
+fn told(doubts: impl IntoIterator<Item = String>) -> String {
     doubts.into_iter().map(|doubt| format!("warning: {doubt}\n")).collect()
 }
 
@@ -66,7 +83,7 @@ fn structures(arguments: &Arguments) -> Result<()> {
     let stack = chosen.stack(&arguments.read)?;
     let links = arguments.links.read(&stack)?;
     let text = describe(&stack, &links, chosen.steps(&stack).map(|s| s.heights))?;
-    say(&(chosen.describe().join("\n") + "\n" + &doubts(stack.doubts()) + &text))
+    say(&(chosen.describe().join("\n") + "\n" + &told(stack.doubts()) + &text))
 }
 
 /// What is in a contour map.

@@ -133,18 +133,36 @@ pub fn is_map(path: &Path) -> bool {
 /// # Errors
 /// As [`read`]; [`Error::Format`] for a folder of slices.
 pub fn survey(path: &Path) -> Result<Survey> {
+    surveyed(path).map(|(_, survey)| survey)
+}
+
+fn surveyed(path: &Path) -> Result<(Volume, Survey)> {
+    let fail = |message: String| Err(Error::Format { path: path.into(), message });
     match Kind::of(path)? {
-        Kind::Folder | Kind::StructureSet | Kind::Map => {
-            Err(Error::Format { path: path.into(), message: "is not a label volume".into() })
-        }
+        Kind::Folder | Kind::StructureSet | Kind::Map => fail("is not a label volume".into()),
         Kind::Volume(header) => {
-            let survey = Survey::of(&header(path)?, None)?;
+            let volume = header(path)?;
+            let survey = Survey::of(&volume, None)?;
             match survey.grey() {
-                Some(message) => Err(Error::Format { path: path.into(), message }),
-                None => Ok(survey),
+                Some(message) => fail(message),
+                None => Ok((volume, survey)),
             }
         }
     }
+}
+
+/// The labels of a label volume that are on two slices or more, and so can be reconstructed.
+///
+/// # Errors
+/// As [`survey`]; [`Error::Format`] for a volume that has more labels than are told apart.
+pub fn labels(path: &Path) -> Result<Vec<i64>> {
+    let (volume, survey) = surveyed(path)?;
+    if survey.more {
+        return Err(Error::Format { path: path.into(), message: "has too many labels for a line each".into() });
+    }
+    let axis = axis::choose(axis::Axis::Auto, &volume.grid, &survey).axis;
+    let several = survey.extents.into_iter().filter(|(_, extent)| extent[axis][0] < extent[axis][1]);
+    Ok(several.map(|(label, _)| label).collect())
 }
 
 /// A stack that was read.

@@ -1,6 +1,6 @@
 //! The first pass through a volume: which labels or grey values there are, and which slices of each axis are painted.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 
 use super::sheets::{Counting, Sheets};
@@ -17,6 +17,8 @@ const MOST_OTHERS: usize = 1 << 16;
 pub struct Survey {
     /// Voxels of each label but 0.
     pub labels: BTreeMap<i64, u64>,
+    /// For each label and axis the first and last slice on which it is.
+    pub extents: BTreeMap<i64, [[usize; 2]; 3]>,
     /// Whether there are more labels than were told apart.
     pub more: bool,
     /// Least and largest grey value, where that is what voxels are.
@@ -43,6 +45,7 @@ impl Survey {
     pub fn of(volume: &Volume, label: Option<i64>) -> Result<Self> {
         let mut survey = Survey { painted: volume.grid.dims.map(|n| vec![false; n]), ..Survey::default() };
         let mut table = vec![0u64; TABLE];
+        let mut extents: HashMap<i64, [[usize; 2]; 3]> = HashMap::new();
         let mut sheets = Counting::new(volume.grid.dims, volume.stored);
         volume.labels(|run| {
             let mut start = 0;
@@ -56,6 +59,14 @@ impl Survey {
                     _ => survey.count(value, length as u64),
                 }
                 survey.stretches += u64::from(value != 0);
+                if value != 0 && (extents.len() < TABLE + MOST_OTHERS || extents.contains_key(&value)) {
+                    let extent = extents.entry(value).or_insert([[usize::MAX, 0]; 3]);
+                    for (axis, [low, high]) in extent.iter_mut().enumerate() {
+                        let along = usize::from(axis == run.along);
+                        *low = (*low).min(run.first[axis] + along * places.start);
+                        *high = (*high).max(run.first[axis] + along * (places.end - 1));
+                    }
+                }
                 if wanted(label, value) {
                     let mut first = run.first;
                     first[run.along] += places.start;
@@ -66,6 +77,7 @@ impl Survey {
         })?;
         let counted = table.into_iter().enumerate().skip(1).filter(|(_, n)| *n > 0);
         survey.labels.extend(counted.map(|(label, n)| (label as i64, n)));
+        survey.extents = extents.into_iter().filter(|(label, _)| survey.labels.contains_key(label)).collect();
         survey.sheets = sheets.finish();
         Ok(survey)
     }

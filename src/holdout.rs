@@ -111,8 +111,7 @@ pub fn hold_out(
     let means = Means { backend, progress, budget: &Budget::unlimited() };
     crate::reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
     out.dice = dice(both, sizes);
-    out.surface_distance =
-        (!distances.is_empty()).then(|| distances.iter().sum::<f64>() / distances.len() as f64);
+    out.surface_distance = (!distances.is_empty()).then(|| distances.iter().sum::<f64>() / distances.len() as f64);
     out.volume_error_percent = excess(sizes);
     Ok(out)
 }

@@ -70,7 +70,10 @@ impl Case {
     fn none_doubts(&self, options: &[&str]) {
         for (code, said) in self.said(options) {
             assert_eq!(code, Some(0), "{said}");
-            assert!(!said.contains("warning"), "{said}");
+            // What the work finds is another matter.
+            let mut warnings =
+                said.lines().filter(|line| line.starts_with("warning") && !line.contains("sweep of a group"));
+            assert_eq!(warnings.next(), None, "{said}");
         }
     }
 }
@@ -166,7 +169,11 @@ fn p14_forms_of_a_nifti_that_differ_are_said() {
     let input = place.path().join("in.nii");
     let case = Case { place, input };
     nifti(&case.input, 3.0);
-    case.all_say(&[], 0, "sform and qform of the header place the volume differently, by up to 3.000; the sform is used");
+    case.all_say(
+        &[],
+        0,
+        "sform and qform of the header place the volume differently, by up to 3.000; the sform is used",
+    );
     nifti(&case.input, 0.01);
     case.none_doubts(&[]);
 }
@@ -176,8 +183,24 @@ fn rings(values: [u8; 3], smooth: bool) -> Case {
     let place = folder();
     for (k, r) in [8.0, 10.0, 7.0].into_iter().enumerate() {
         let value = |x: u32, y: u32| match (f64::from(x) - 15.5).hypot(f64::from(y) - 15.5) - r {
-            d if smooth => values[if d < -0.5 { 2 } else if d < 0.5 { 1 } else { 0 }],
-            d => values[if d < -4.0 { 2 } else if d < 0.0 { 1 } else { 0 }],
+            d if smooth => {
+                values[if d < -0.5 {
+                    2
+                } else if d < 0.5 {
+                    1
+                } else {
+                    0
+                }]
+            }
+            d => {
+                values[if d < -4.0 {
+                    2
+                } else if d < 0.0 {
+                    1
+                } else {
+                    0
+                }]
+            }
         };
         let image = image::GrayImage::from_fn(32, 32, |x, y| image::Luma([value(x, y)]));
         image.save(place.path().join(format!("s{k}.png"))).expect("a PNG can be written");

@@ -78,10 +78,14 @@ fn alternating(apart: f64) -> Vec<u8> {
 
 #[test]
 fn p12_a_label_is_interpolated_between_its_own_slices() {
-    let (layers, notes) = decided(&alternating(22.0), &ReadOptions::default(), 1);
+    let voxels = alternating(22.0);
+    let (layers, notes) = decided(&voxels, &ReadOptions::default(), 1);
     let (first, second) = (areas(&layers, 1), areas(&layers, 2));
-    assert!(first.iter().all(|a| (195..=203).contains(a)), "{first:?}");
-    assert!(second[5..=25].iter().all(|a| (250..=258).contains(a)), "{second:?}");
+    let painted =
+        [0, 5].map(|k| voxels[k * SIZES[0] * SIZES[1]..].iter().take(SIZES[0] * SIZES[1]).filter(|l| **l > 0).count());
+    assert!(painted.iter().all(|n| *n > 190), "{painted:?}");
+    assert!(first.iter().all(|a| a.abs_diff(painted[0]) <= 2), "{first:?}");
+    assert!(second[5..=25].iter().all(|a| a.abs_diff(painted[1]) <= 2), "{second:?}");
     assert!(second[..5].iter().chain(&second[26..]).all(|a| *a == 0), "{second:?}");
     assert!(notes.iter().any(|n| n.contains("labels 1, 2: interpolated across slices")), "{notes:?}");
 }
@@ -113,25 +117,29 @@ fn p12_a_label_that_meets_no_other_is_what_it_is_alone() {
     }
 }
 
-/// What is painted stays what it is; nothing that a label has alone is lost; no layer differs much from the next.
-fn holds(voxels: &[u8], fine: usize, most: usize) {
+/// Checks that what is painted stays what it is.
+fn painted_stays(layers: &[Layer], voxels: &[u8], fine: usize) {
     let [nx, ny, nz] = SIZES;
-    let (layers, _) = decided(voxels, &ReadOptions::default(), fine);
     for k in 0..nz {
         let (layer, drawn) = (&layers[k * fine].phi, &voxels[k * nx * ny..][..nx * ny]);
         let differ = layer.iter().zip(drawn).filter(|(l, d)| **d > 0 && **l != f32::from(**d)).count();
         assert_eq!(differ, 0, "painted pixels of slice {k}");
     }
-    for (a, b) in layers.iter().zip(&layers[1..]) {
-        let flipped = a.phi.iter().zip(&b.phi).filter(|(l, m)| l != m && **l > 0.0 && **m > 0.0).count();
-        assert!(flipped <= most, "{flipped} px go from one label to the other between {} and {}", a.z, b.z);
-    }
 }
 
 #[test]
 fn p12_painted_pixels_stay_though_others_are_interpolated_across() {
-    // The discs overlap by 7 px: 60 px have two labels alone.
-    holds(&alternating(10.0), 8, 12);
+    // The discs overlap by 7 px: 64 px have two labels alone. Between the ends of the second each goes over by and by, a step of 1/40 at a time.
+    let voxels = alternating(10.0);
+    let (layers, _) = decided(&voxels, &ReadOptions::default(), 8);
+    painted_stays(&layers, &voxels, 8);
+    let mut gone = 0;
+    for (a, b) in layers[5 * 8..=25 * 8].iter().zip(&layers[5 * 8 + 1..=25 * 8]) {
+        let flipped = a.phi.iter().zip(&b.phi).filter(|(l, m)| l != m && **l > 0.0 && **m > 0.0).count();
+        assert!(flipped <= 12, "{flipped} px go from one label to the other between {} and {}", a.z, b.z);
+        gone += flipped;
+    }
+    assert!(gone > 4 * 50, "{gone} px have gone from one label to the other and back");
 }
 
 #[test]
@@ -141,6 +149,7 @@ fn p12_random_discs_on_slices_of_their_own() {
         seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (seed >> 33) as usize % n
     };
+    let mut runs = 0;
     for _ in 0..12 {
         let slices: Vec<Vec<usize>> = (0..3)
             .map(|_| {
@@ -158,9 +167,11 @@ fn p12_random_discs_on_slices_of_their_own() {
         let discs: Vec<Disc<'_>> = (0..3).map(disc).collect();
         let voxels = volume(&discs);
         if (1..=3).all(|l| (0..SIZES[2]).filter(|k| voxels[k * 64 * 48..][..64 * 48].contains(&l)).count() > 1) {
-            holds(&voxels, 1, usize::MAX);
+            painted_stays(&decided(&voxels, &ReadOptions::default(), 1).0, &voxels, 1);
+            runs += 1;
         }
     }
+    assert!(runs > 8, "{runs} runs");
 }
 
 /// Two bodies of one label in a volume that is painted on every slice, and nothing else between them.

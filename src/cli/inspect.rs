@@ -60,7 +60,9 @@ fn of_labels(arguments: &Arguments, input: &Input) -> Vec<String> {
     }
     // What stops all labels does not stop the one body that is described here.
     match read_labels(&arguments.input, &arguments.read, &Wanted::All) {
-        Ok(labels) => labels.left_out.iter().map(|label| format!("--labels all: {label}")).chain(labels.notes).collect(),
+        Ok(labels) => {
+            labels.left_out.iter().map(|label| format!("--labels all: {label}")).chain(labels.notes).collect()
+        }
         Err(e) => vec![format!("--labels all: {e}")],
     }
 }

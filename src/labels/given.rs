@@ -154,7 +154,8 @@ pub fn notes(labels: &[i64], given: &[Given]) -> Vec<String> {
 
 /// What is said of unpainted slices beside slices that are painted one by one.
 pub fn hole(who: &str, holes: &[[usize; 2]]) -> Option<String> {
-    let said = |&[first, last]: &[usize; 2]| if first == last { first.to_string() } else { format!("{first} to {last}") };
+    let said =
+        |&[first, last]: &[usize; 2]| if first == last { first.to_string() } else { format!("{first} to {last}") };
     let listed: Vec<String> = holes.iter().take(NAMED).map(said).collect();
     let more = holes.len().saturating_sub(NAMED);
     let more = if more > 0 { format!(" and {more} more stretches") } else { String::new() };

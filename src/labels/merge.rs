@@ -165,7 +165,10 @@ pub fn decide(stack: &LabelStack, mut bodies: Bodies, plan: &Plan<'_>, volume: &
             for (&is, &drawn) in parted.labels.iter().zip(&stack.drawn[k]).filter(differs) {
                 // A label may be where nothing is painted on a slice that says nothing of it.
                 let known = |l: u32| drawn > 0 || stack.given[l as usize - 1].knows(k);
-                [is, drawn].into_iter().filter(|l| *l > 0 && known(*l)).for_each(|l| decided.differing[l as usize - 1] += 1);
+                [is, drawn]
+                    .into_iter()
+                    .filter(|l| *l > 0 && known(*l))
+                    .for_each(|l| decided.differing[l as usize - 1] += 1);
             }
         }
         for (a, body) in decided.bodies.iter_mut().enumerate() {

@@ -141,9 +141,14 @@ impl LabelStack {
     /// Labels that touch each other on two neighbouring slices of both, some by way of others; only groups of more than one. Labels whose
     /// union would not be known on those slices stay apart: the pair with more drawn pixels comes first, whatever their numbers.
     pub(super) fn groups(&self, contacts: &Contacts) -> Vec<Vec<usize>> {
-        let ranks: Vec<_> = (0..self.labels.len()).map(|a| self.drawn_pixels(a)).map(|(n, k)| (Reverse(n), k)).collect();
-        let mut pairs: Vec<(Pair, Vec<usize>)> =
-            contacts.pairs.iter().map(|(pair, common)| (*pair, beside(common))).filter(|(_, k)| !k.is_empty()).collect();
+        let ranks: Vec<_> =
+            (0..self.labels.len()).map(|a| self.drawn_pixels(a)).map(|(n, k)| (Reverse(n), k)).collect();
+        let mut pairs: Vec<(Pair, Vec<usize>)> = contacts
+            .pairs
+            .iter()
+            .map(|(pair, common)| (*pair, beside(common)))
+            .filter(|(_, k)| !k.is_empty())
+            .collect();
         pairs.sort_by_key(|((a, b), _)| [ranks[*a].min(ranks[*b]), ranks[*a].max(ranks[*b])]);
         let mut groups: Vec<(Vec<usize>, BTreeSet<usize>)> =
             (0..self.labels.len()).map(|a| (vec![a], BTreeSet::new())).collect();

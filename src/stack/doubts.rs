@@ -19,21 +19,20 @@ pub struct Section {
 }
 
 /// Places of slices with under 5 % of their neighbours' area. The first and last of a body may be so small where it ends in a tip: they
-/// are doubted only off the heights at which the others lie, or outside the neighbour's contour, as `within` says.
-pub fn strays(sections: &[Section], within: impl Fn(usize, usize) -> bool) -> Vec<usize> {
+/// are doubted only off the heights at which the others lie, or where no pixel lies over the neighbour's, as `overlap` says.
+pub fn strays(sections: &[Section], overlap: impl Fn(usize, usize) -> bool) -> Vec<usize> {
     let painted: Vec<usize> = (0..sections.len()).filter(|&k| sections[k].area > 0).collect();
     let gap = |n: usize| sections[painted[n + 1]].z - sections[painted[n]].z;
     let usual = |n: usize| {
         let gaps = (0..painted.len() - 1).filter(|&m| m != n);
         gaps.into_iter().any(|m| (gap(m) - gap(n)).abs() <= SAME * gap(n))
     };
-    let small = |n: usize, beside: usize| {
-        (sections[painted[n]].area as f64) < STRAY * sections[painted[beside]].area as f64
-    };
+    let small =
+        |n: usize, beside: usize| (sections[painted[n]].area as f64) < STRAY * sections[painted[beside]].area as f64;
     let doubted = |n: usize| match (n.checked_sub(1), Some(n + 1).filter(|m| *m < painted.len())) {
         (Some(below), Some(above)) => small(n, below) && small(n, above),
-        (Some(beside), None) => small(n, beside) && !(usual(beside) && within(painted[n], painted[beside])),
-        (None, Some(beside)) => small(n, beside) && !(usual(n) && within(painted[n], painted[beside])),
+        (Some(beside), None) => small(n, beside) && !(usual(beside) && overlap(painted[n], painted[beside])),
+        (None, Some(beside)) => small(n, beside) && !(usual(n) && overlap(painted[n], painted[beside])),
         (None, None) => false,
     };
     (0..painted.len()).filter(|&n| doubted(n)).map(|n| painted[n]).collect()
@@ -52,7 +51,8 @@ pub fn stray(places: &[usize], sections: &[Section], name: impl Fn(usize) -> Str
     let listed: Vec<String> = places.iter().take(NAMED).map(said).collect();
     let more = places.len().saturating_sub(NAMED);
     let more = if more > 0 { format!(", and {more} more") } else { String::new() };
-    (!listed.is_empty()).then(|| format!("{}{more}: painted by mistake? Erase it or leave the slice out", listed.join(", ")))
+    (!listed.is_empty())
+        .then(|| format!("{}{more}: painted by mistake? Erase it or leave the slice out", listed.join(", ")))
 }
 
 impl ContourStack {
@@ -64,9 +64,10 @@ impl ContourStack {
         };
         let sections: Vec<Section> = self.slices.iter().map(|s| Section { z: s.z, area: area(&s.content) }).collect();
         let sides = |k: usize| self.slices[k].content.sides();
-        let within = |k: usize, beside: usize| sides(k).into_iter().zip(sides(beside)).all(|(own, other)| !own || other);
+        let overlap =
+            |k: usize, beside: usize| sides(k).into_iter().zip(sides(beside)).any(|(own, other)| own && other);
         let name = |k: usize| format!("slice `{}`", self.slices[k].name);
-        stray(&strays(&sections, within), &sections, name)
+        stray(&strays(&sections, overlap), &sections, name)
     }
 }
 
@@ -74,10 +75,10 @@ impl ContourStack {
 mod tests {
     use super::*;
 
-    /// Places of doubted slices; tips lie within their neighbours if `within`.
-    fn doubted(sections: &[(f64, usize)], within: bool) -> Vec<usize> {
+    /// Places of doubted slices; tips lie over their neighbours if `overlap`.
+    fn doubted(sections: &[(f64, usize)], overlap: bool) -> Vec<usize> {
         let sections: Vec<Section> = sections.iter().map(|&(z, area)| Section { z, area }).collect();
-        strays(&sections, |_, _| within)
+        strays(&sections, |_, _| overlap)
     }
 
     #[test]

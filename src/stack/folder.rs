@@ -125,12 +125,7 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<Con
 }
 
 /// The stack of a file whose slices are images.
-fn images(
-    parsed: StackFile,
-    file: &Path,
-    folder: &Path,
-    options: &ReadOptions,
-) -> Result<(ContourStack, Vec<String>)> {
+fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
     let fail = |message: &str| Err(Error::Format { path: file.into(), message: message.into() });
     if options.pixel.is_some() {
         let message = "is not for images; it is the pixel size for polygons".into();

@@ -56,7 +56,8 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
     if options.level.is_some() {
         return fail("is not for grey values, which `level` cuts".into());
     }
-    let Input { stack, surveyed, notes: mut said } = Input::read(path, &ReadOptions { complete_slices: false, ..options.clone() })?;
+    let Input { stack, surveyed, notes: mut said } =
+        Input::read(path, &ReadOptions { complete_slices: false, ..options.clone() })?;
     let Some(surveyed) = surveyed else {
         return fail("is not for a folder of slices; it chooses from a label volume".into());
     };
@@ -134,9 +135,9 @@ fn strays(labels: &[i64], slices: &[Slice], drawn: &[Vec<u32>]) -> Vec<String> {
     }
     let of = |(a, (label, sections)): (usize, (&i64, &Vec<Section>))| {
         let own = a as u32 + 1;
-        let within = |k: usize, beside: usize| drawn[k].iter().zip(&drawn[beside]).all(|(l, m)| *l != own || *m == own);
+        let overlap = |k: usize, beside: usize| drawn[k].iter().zip(&drawn[beside]).any(|(l, m)| *l == own && l == m);
         let name = |k: usize| format!("slice `{}`", slices[k].name);
-        Some(format!("label {label}: {}", doubts::stray(&doubts::strays(sections, within), sections, name)?))
+        Some(format!("label {label}: {}", doubts::stray(&doubts::strays(sections, overlap), sections, name)?))
     };
     let mut said: Vec<String> = labels.iter().zip(&sections).enumerate().filter_map(of).collect();
     let more = said.len().saturating_sub(MOST_STRAY);

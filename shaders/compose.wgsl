@@ -10,16 +10,26 @@
 @group(0) @binding(6) var<storage, read_write> values: Values;
 @group(0) @binding(7) var<storage, read> items: array<Item>;
 @group(0) @binding(8) var<storage, read_write> blended: array<f32>;
+@group(0) @binding(9) var<storage, read> slots: array<u32>;
+@group(0) @binding(10) var<storage, read> before: array<vec4<f32>>;
 
 // How much deeper one sweep's field may be than the other's when they are blended, px: the reason is in src/jobs.rs.
 const DISAGREEMENT: f32 = 0.5;
+
+// A front that is wanted within a step: whose, where its copy goes, and the share of the step.
+struct Read {
+    job: u32,
+    copy: u32,
+    share: f32,
+    padding: u32,
+}
 
 struct Reached {
     groups_x: u32,
     groups_y: u32,
     groups_z: u32,
     padding: u32,
-    jobs: array<u32>,
+    reads: array<Read>,
 }
 
 // A block of a copied front.
@@ -50,22 +60,35 @@ struct Item {
     padding_b: u32,
 }
 
-// Copies the fronts of all jobs that have reached an output time, block by block.
+// A pixel of a front at this share of a step, `(1 - q) phi_n + q phi_{n+1} + q (1 - q) (b + c q)`: steps are the sweep's own, whatever times
+// are asked for. With the bends b and c of the courses pieces of contour go as their courses go, not along the chords of steps.
+fn value_between(node: u32, near: bool, q: f32) -> f32 {
+    let after = phi[node];
+    if !near {
+        return after;
+    }
+    let b = before[min(slots[node], params.band_capacity - 1u)];
+    return (1.0 - q) * b.x + q * after + q * (1.0 - q) * (b.y + q * b.z);
+}
+
+// Copies the fronts that are wanted within this step, block by block, before the band follows.
 @compute @workgroup_size(lane_count)
 fn copy_front(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let q = reached.jobs[group.y];
+    let wanted = reached.reads[group.y];
+    let q = wanted.job;
     let k = group.x * lane_count + local;
     if k >= jobs[q].block_count {
         return;
     }
     let b = jobs[q].first_block + k;
+    let near = blocks[b].near;
     var inside = vec2<u32>(0u);
     for (var c = 0u; c < BLOCK; c++) {
-        if phi[b * BLOCK + c] < 0.0 {
-            inside[c >> 5u] |= 1u << (c & 31u);
+        let bit = 1u << (c & 31u);
+        if value_between(b * BLOCK + c, (near[c >> 5u] & bit) != 0u, wanted.share) < 0.0 {
+            inside[c >> 5u] |= bit;
         }
     }
-    let near = blocks[b].near;
     let count = countOneBits(near.x) + countOneBits(near.y);
     var first = 0u;
     if count > 0u {
@@ -77,13 +100,13 @@ fn copy_front(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
                 let node = b * BLOCK + word * 32u + countTrailingZeros(bits);
                 bits &= bits - 1u;
                 if place < params.value_capacity {
-                    values.phi[place] = phi[node];
+                    values.phi[place] = value_between(node, true, wanted.share);
                 }
                 place++;
             }
         }
     }
-    copies[jobs[q].first_copy + jobs[q].next_time * jobs[q].block_count + k] = Copy(near, inside, first, 0u);
+    copies[wanted.copy + k] = Copy(near, inside, first, 0u);
 }
 
 // A pixel of a copied front, clamped to the tube.

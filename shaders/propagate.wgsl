@@ -13,6 +13,7 @@
 @group(0) @binding(10) var<storage, read> times: array<f32>;
 @group(0) @binding(11) var<storage, read_write> copies: Copies;
 @group(0) @binding(12) var<storage, read_write> line: array<f32>;
+@group(0) @binding(13) var<storage, read_write> before: array<vec4<f32>>;
 
 // Largest time step.
 const STEP_LIMIT: f32 = 0.1;
@@ -26,13 +27,21 @@ const ERROR_LIMIT: f32 = 2.0;
 const GAIN: f32 = 2.0;
 const LEAST_TIME: f32 = 0.02;
 
-// Jobs that reach an output time in this step, with the indirect arguments of their copying.
+// A front that is wanted within this step: whose, where its copy goes, and the share of the step.
+struct Read {
+    job: u32,
+    copy: u32,
+    share: f32,
+    padding: u32,
+}
+
+// Fronts that are read from this step, with the indirect arguments of their copying.
 struct Copies {
     groups_x: atomic<u32>,
     groups_y: atomic<u32>,
     groups_z: u32,
     padding: u32,
-    jobs: array<u32>,
+    reads: array<Read>,
 }
 
 fn gain_at(t: f32) -> f32 {
@@ -52,20 +61,26 @@ fn advance(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         return;
     }
     if states[q].reaches == 1u {
-        states[q].now = stop_of(q);
-        states[q].next_time += 1u;
+        states[q].now = 1.0;
         states[q].reaches = 0u;
     } else {
         states[q].now += states[q].dt;
     }
 }
 
-// The next time at which the job must stop: an output time, or the end.
-fn stop_of(q: u32) -> f32 {
-    if states[q].next_time < states[q].time_count {
-        return times[states[q].first_time + states[q].next_time];
+// Lists the fronts of a job that are wanted between `t` and `next`.
+fn read_between(q: u32, t: f32, next: f32) {
+    while states[q].next_time < states[q].time_count {
+        let time = times[states[q].first_time + states[q].next_time];
+        if time > next {
+            return;
+        }
+        let share = clamp((time - t) / (next - t), 0.0, 1.0);
+        let place = atomicAdd(&copies.groups_y, 1u);
+        copies.reads[place] = Read(q, states[q].first_copy + states[q].next_time * states[q].block_count, share, 0u);
+        atomicMax(&copies.groups_x, (states[q].block_count + lane_count - 1u) / lane_count);
+        states[q].next_time += 1u;
     }
-    return 1.0;
 }
 
 // Errors `e = clip(remaining - scheduled remaining)` at the contour's pixels, the largest speed, and what is left of the front. Remaining is
@@ -127,7 +142,8 @@ fn add(q: u32, found: Found) {
     }
 }
 
-// One step of each job: `min(CFL / max |F|, 0.1, stop - t)`, the last two steps before a stop made equal.
+// One step of each job: `min(CFL / max |F|, 0.1, 1 - t)`, the last two steps made equal. Times at which the front is wanted are read from
+// within steps.
 @compute @workgroup_size(lane_count)
 fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let q = list_index(group, local);
@@ -154,25 +170,21 @@ fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         states[q].vanished = t;
         return;
     }
-    let left = stop_of(q) - t;
+    let left = 1.0 - t;
     var dt = min(params.cfl * min(params.hx, params.hy) / fastest, STEP_LIMIT);
     if dt >= left * ALMOST {
         dt = left;
         states[q].reaches = 1u;
-        if states[q].next_time < states[q].time_count {
-            let place = atomicAdd(&copies.groups_y, 1u);
-            copies.jobs[place] = q;
-            atomicMax(&copies.groups_x, (states[q].block_count + lane_count - 1u) / lane_count);
-        }
     } else if left < 2.0 * dt {
         dt = 0.5 * left;
     }
+    read_between(q, t, select(t + dt, 1.0, states[q].reaches == 1u));
     states[q].dt = dt;
     states[q].steps += 1u;
     states[q].pixels += pixels;
 }
 
-// Speed of the course over this step, and the correction at the contour's pixels.
+// Speed of the course over this step, and the correction at the contour's pixels; what fronts within the step are read from.
 @compute @workgroup_size(lane_count)
 fn steer(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let k = list_index(group, local);
@@ -187,4 +199,6 @@ fn steer(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     let dt = jobs[q].dt;
     let correction = min(gain_at(t), smoothstep01(t) / dt);
     line[k] = hermite_mean_rate(courses[k], t, dt) + correction * misses[k];
+    let v = phi[band[k].x];
+    before[k] = vec4<f32>(v, cut_off(v, params.beta, params.gamma) * bend(courses[k], t, dt), 0.0);
 }

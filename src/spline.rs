@@ -18,6 +18,13 @@ pub fn hermite_rate(&[s, m0, m1, _]: &Course, t: f64) -> f64 {
     m0 + t * (2.0 * (3.0 * s - 2.0 * m0 - m1) + t * 3.0 * (m0 + m1 - 2.0 * s))
 }
 
+/// How a course bends off its chord over a step: `s(t + q dt) = (1 - q) s(t) + q s(t + dt) - q (1 - q) (b + c q)` with these `[b, c]`.
+#[inline(always)]
+pub fn bend(&[s, m0, m1, _]: &Course, t: f64, dt: f64) -> [f64; 2] {
+    let (square, cube) = (3.0 * s - 2.0 * m0 - m1, m0 + m1 - 2.0 * s);
+    [dt * dt * (square + cube * (3.0 * t + dt)), dt * dt * dt * cube]
+}
+
 /// Smooth step from 0 at `t <= 0` to 1 at `t >= 1`: `3 t^2 - 2 t^3`.
 #[inline]
 pub fn smoothstep(t: f64) -> f64 {

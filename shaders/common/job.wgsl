@@ -53,7 +53,7 @@ struct Job {
     best: f32,
     residual_max: f32,
     residual_mean: f32,
-    // Sweeps: output times, the next of them, whether this step reaches it, where its copies go.
+    // Sweeps: output times, the next of them, whether this step reaches the end, where copies go.
     first_time: u32,
     time_count: u32,
     next_time: u32,

@@ -18,7 +18,7 @@ use crate::packed::Packed;
 /// Head of the pool of values: how many are used.
 const VALUES_HEAD: usize = 4;
 
-/// Fronts as they were at the output times of their jobs.
+/// Fronts at the output times of their jobs.
 pub struct Copies {
     /// Places in the pool of values.
     pub value_capacity: u32,
@@ -47,10 +47,11 @@ impl Copies {
         })
     }
 
-    /// The kernel that copies fronts of the jobs in `reached`.
-    pub fn bind<'g>(&self, gpu: &'g Gpu, front: &Front<'g>, reached: &Buffer) -> Bound<'g> {
-        let Front { params, jobs, blocks, phi, .. } = front;
-        gpu.kernels.copy_front.bind(&gpu.device, &[params, jobs, blocks, phi, reached, &self.blocks, &self.values])
+    /// The kernel that copies the fronts listed in `reached`, which lie between `before` and what the front is now.
+    pub fn bind<'g>(&self, gpu: &'g Gpu, front: &Front<'g>, reached: &Buffer, before: &Buffer) -> Bound<'g> {
+        let Front { params, jobs, blocks, phi, slots, .. } = front;
+        let buffers = [params, jobs, blocks, phi, reached, &self.blocks, &self.values, slots, before];
+        gpu.kernels.copy_front.bind(&gpu.device, &buffers)
     }
 
     /// Whether the pool was too small.

@@ -20,8 +20,10 @@ use crate::report::Residual;
 const LOOK: usize = 16;
 /// Steps after which a sweep is given up; real ones take less than a hundred per pixel of motion.
 const MOST_STEPS: u32 = 100_000;
-/// Bytes per band place beside the front's own: courses and speeds twice, misses, sources, rounds of filling.
-const SWEEP_PLACE_BYTES: usize = PLACE_BYTES + 64;
+/// Bytes per band place beside the front's own: courses and speeds twice, misses, sources, rounds of filling, the start of a step.
+const SWEEP_PLACE_BYTES: usize = PLACE_BYTES + 80;
+/// Words of the head of the list of fronts to copy, and of a front in it.
+const READ_WORDS: usize = 4;
 
 /// All pairs of sweeps, batch by batch, and their slices.
 pub fn propagate(
@@ -85,7 +87,9 @@ fn run(
     let (times, seeds, bins) =
         (device.upload("times", &times)?, device.upload("seeds", &seeds)?, device.upload("bins", &bins)?);
     let sums = device.zeroed::<Sums>("sums", jobs.len())?;
-    let reached = device.zeroed::<u32>("reached", 4 + jobs.len())?;
+    let reads: usize = jobs.iter().map(|j| j.times.len()).sum();
+    let reached = device.zeroed::<u32>("reached", READ_WORDS * (1 + reads.max(1)))?;
+    let before = device.storage::<[f32; 4]>("before", room)?;
     let courses = [0, 1].map(|_| device.storage::<[f32; 4]>("courses", room));
     let line = [0, 1].map(|_| device.storage::<f32>("line", room));
     let ([courses_a, courses_b], [line_a, line_b]) = (courses, line);
@@ -97,14 +101,16 @@ fn run(
     let scatter = k.scatter.bind(device, &[params, table, lists, band, phi, &seeds, &bins, &courses[0], &rounds]);
     let fill = k.scatter_fill.bind(device, &[params, table, band, &courses[0], &rounds, slots]);
     let find = k.extend_find.bind(device, &[params, table, lists, band, phi, slots, &sources]);
-    let advance = k.sweep_advance.bind(device, &[params, table, &times, &reached]);
+    let advance = k.sweep_advance.bind(device, &[params, table, &reached]);
     let control = k.sweep_control.bind(device, &[params, &sums, table, &times, &reached]);
-    let copy = copies.bind(gpu, &front, &reached);
+    let copy = copies.bind(gpu, &front, &reached, &before);
     let carried = Carried {
         measure: [0, 1].map(|a| {
             k.sweep_measure.bind(device, &[params, table, band, lists, phi, &goal, &sums, &courses[a], &misses])
         }),
-        steer: [0, 1].map(|a| k.sweep_steer.bind(device, &[table, band, lists, &courses[a], &misses, &line[0]])),
+        steer: [0, 1].map(|a| {
+            k.sweep_steer.bind(device, &[params, table, band, lists, phi, &courses[a], &misses, &line[0], &before])
+        }),
         carry: [0, 1].map(|a| k.extend_carry.bind(device, &[params, lists, &courses[a], &courses[1 - a], earlier])),
         courses: [0, 1].map(|a| k.extend_courses.bind(device, &[lists, &sources, &courses[a], &courses[1 - a]])),
         line: [0, 1].map(|a| k.extend_line.bind(device, &[lists, &sources, &line[a], &line[1 - a]])),
@@ -130,8 +136,8 @@ fn run(
                 work.run(&carried.line[pass % 2], front.per_pixel());
             }
             front.step(&mut work, &stages);
-            front.rebuild(&mut work);
             work.run(&copy, Size::Indirect(&reached, 0));
+            front.rebuild(&mut work);
             work.run(&carried.carry[turn], front.per_pixel());
             turn = 1 - turn;
             work.run(&find, front.per_pixel());

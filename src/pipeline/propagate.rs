@@ -15,7 +15,6 @@ use crate::error::{Error, Result};
 use crate::fit::{Fitted, course};
 use crate::heights::{Height, Heights};
 use crate::jobs::{Direction, Filled, SweepJob, SweepPair};
-use crate::lone_part::HALF_WAY;
 use crate::matching::Interval;
 use crate::moving_field::{Cells, MovingField};
 use crate::shelf::Shelf;
@@ -25,8 +24,9 @@ use crate::tracks::Side;
 use crate::trust::Trust;
 use crate::warp::{Warp, Way};
 
-/// Parts that are kept apart close at this share of the way to the layer nearest half way.
-const EARLY: f64 = 0.8;
+/// Share of an interval at which parts that are kept apart close: well before a third of it. Layers two or more between two contours have
+/// one in the middle third, which neither part then reaches; a bound that looked for it would make layers depend on each other.
+const APART: f64 = 0.8 / 3.0;
 
 /// What brings some layers of an interval from its frame to where they belong.
 struct InFrame<'w> {
@@ -68,7 +68,7 @@ impl<'a> Run<'a> {
             let intervals = chunk.clone().map(|i| made.intervals.get(i)).collect::<Result<Vec<_>>>()?;
             let z = |i: usize| contours.light(i).z;
             let caps = |(i, interval): (usize, &Arc<Interval>)| {
-                let latest = if made.parted[i].is_empty() { 1.0 } else { self.middle_layer(heights, i) };
+                let latest = if made.parted[i].is_empty() { 1.0 } else { APART };
                 let [low, high] = [fitted.get(i)?, fitted.get(i + 1)?];
                 Ok(IntervalCaps::new(interval, &low, &high, z(i + 1) - z(i), latest))
             };
@@ -135,13 +135,6 @@ impl<'a> Run<'a> {
         let own = |side: usize| (made.contours.light(i + side).solids.count > 0).then(|| &*part.fields[side]);
         let slices = [0, 1].map(|side| (own(side), &seen[side].phi));
         Ok(Warp::new(part, 0, slices, self.settings.margin() as f64))
-    }
-
-    /// Where in interval `i` parts that are kept apart close: well before the layer nearest half way, so that neither reaches it.
-    fn middle_layer(&self, heights: &Heights, i: usize) -> f64 {
-        let (low, high) = (self.stack.slices[i].z, self.stack.slices[i + 1].z);
-        let times = heights.between(i).iter().map(|x| time(x.z, low, high));
-        EARLY * times.map(|t| t.min(1.0 - t)).reduce(f64::max).unwrap_or(HALF_WAY)
     }
 
     fn sweep_chunk(

@@ -14,7 +14,8 @@ use crate::contour::seeds;
 use crate::field::Field;
 use crate::jobs::{SweepJob, Swept, TraceJob};
 use crate::packed::Packed;
-use crate::spline::{Course, hermite, hermite_rate, smoothstep};
+use crate::spline::{Course, bend, hermite, hermite_rate, smoothstep};
+use crate::stencil::cut_off;
 
 /// Jacobi passes of the extension per step: 8 and 16 give the same.
 pub const PASSES: usize = 4;
@@ -55,65 +56,97 @@ pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Sw
     let mut remeasured: Option<Remeasured> = None;
     let mut out = Swept::default();
     let mut fields = Vec::with_capacity(job.times.len());
+    let mut before = Vec::new();
     let mut t = 0.0;
-    for stop in job.times.iter().copied().chain([1.0]) {
-        while t < stop {
-            if !band.nodes().any(|n| phi.data[n] < 0.0) {
-                out.vanished.get_or_insert(t);
-                break;
-            }
-            if out.steps > 0 {
-                upwind.find(&phi, &band, h);
-                upwind.extend(&mut courses, &band, PASSES, &mut passes4);
-                if let Some(r) = &mut remeasured {
-                    upwind.extend(&mut r.field, &band, PASSES, &mut passes2);
-                }
-            }
-            if options.redistance > 0 && out.steps > 0 && out.steps.is_multiple_of(options.redistance) {
-                remeasured = Some(remeasure(&phi, &job.target, &band, &upwind, h, options));
-            }
-            measure(&mut errors, &phi, &job.target, &band, &courses, remeasured.as_ref(), t, h);
-            let weight = if remeasured.is_some() { 1.0 } else { smoothstep(t) };
-            let gain = weight * GAIN / (1.0 - t).max(LEAST_TIME);
-            let dt = step_length(&phi, &band, &courses, &errors, gain, t, stop, h, options.cfl);
-            for node in band.nodes() {
-                let c = &courses[node];
-                line[node] = [(hermite(c, t + dt) - hermite(c, t)) / dt];
-            }
-            for &(node, e) in &errors {
-                line[node][0] += gain.min(weight / dt) * e;
-            }
-            upwind.extend(&mut line, &band, PASSES, &mut passes1);
-            for node in band.nodes() {
-                speed.data[node] = line[node][0];
-            }
+    while t < 1.0 {
+        if !band.nodes().any(|n| phi.data[n] < 0.0) {
+            out.vanished = Some(t);
+            break;
+        }
+        if out.steps > 0 {
+            upwind.find(&phi, &band, h);
+            upwind.extend(&mut courses, &band, PASSES, &mut passes4);
             if let Some(r) = &mut remeasured {
-                band.nodes().for_each(|n| r.field[n][0] -= dt * speed.data[n]);
+                upwind.extend(&mut r.field, &band, PASSES, &mut passes2);
             }
-            hj_step(&mut phi, Speed::Given(&speed), &band, h, tube, dt, &mut scratch);
-            reinit(&mut phi, &band, h, 1, &mut scratch);
-            out.pixels += band.count;
-            out.steps += 1;
-            band.rebuild(&mut phi);
-            t = if stop - (t + dt) < 1e-9 { stop } else { t + dt };
         }
-        if stop < 1.0 {
-            fields.push(snapshot(&phi, options.half_width, out.vanished.is_some()));
+        if options.redistance > 0 && out.steps > 0 && out.steps.is_multiple_of(options.redistance) {
+            remeasured = Some(remeasure(&phi, &job.target, &band, &upwind, h, options));
         }
+        measure(&mut errors, &phi, &job.target, &band, &courses, remeasured.as_ref(), t, h);
+        let weight = if remeasured.is_some() { 1.0 } else { smoothstep(t) };
+        let gain = weight * GAIN / (1.0 - t).max(LEAST_TIME);
+        let dt = step_length(&phi, &band, &courses, &errors, gain, t, h, options.cfl);
+        for node in band.nodes() {
+            let c = &courses[node];
+            line[node] = [(hermite(c, t + dt) - hermite(c, t)) / dt];
+        }
+        for &(node, e) in &errors {
+            line[node][0] += gain.min(weight / dt) * e;
+        }
+        upwind.extend(&mut line, &band, PASSES, &mut passes1);
+        for node in band.nodes() {
+            speed.data[node] = line[node][0];
+        }
+        if let Some(r) = &mut remeasured {
+            band.nodes().for_each(|n| r.field[n][0] -= dt * speed.data[n]);
+        }
+        let next = if 1.0 - (t + dt) < 1e-9 { 1.0 } else { t + dt };
+        let read = job.times[fields.len()..].iter().take_while(|&&time| time <= next).count();
+        if read > 0 {
+            before.clear();
+            before.extend(band.nodes().map(|n| Before::new(phi.data[n], &courses[n], t, dt, tube)));
+        }
+        hj_step(&mut phi, Speed::Given(&speed), &band, h, tube, dt, &mut scratch);
+        reinit(&mut phi, &band, h, 1, &mut scratch);
+        for k in fields.len()..fields.len() + read {
+            let share = ((job.times[k] - t) / (next - t)).clamp(0.0, 1.0);
+            fields.push(front_between(&before, &phi, &band, share));
+        }
+        out.pixels += band.count;
+        out.steps += 1;
+        band.rebuild(&mut phi);
+        t = next;
     }
+    let outside = Field::filled(phi.dims, options.half_width + 0.5);
+    fields.resize_with(job.times.len(), || packed(&outside, options.half_width));
     if out.vanished.is_none() {
         out.residual = arrival(&phi, &job.target, &band).unwrap_or_default();
     }
     (out, fields)
 }
 
-fn snapshot(phi: &Field, half_width: f64, vanished: bool) -> Packed<f32> {
+/// A band pixel at the start of a step: phi, and how far its course bends off the straight line over the step.
+struct Before {
+    phi: f64,
+    bend: [f64; 2],
+}
+
+impl Before {
+    fn new(phi: f64, course: &Course, t: f64, dt: f64, tube: Tube) -> Self {
+        let moving = cut_off(phi, tube.beta, tube.gamma);
+        Before { phi, bend: bend(course, t, dt).map(|b| moving * b) }
+    }
+}
+
+/// The front at this share of a step, `(1 - q) phi_n + q phi_{n+1} + q (1 - q) (b + c q)`: steps are the sweep's own, whatever times are asked
+/// for. With the bends b and c of the courses pieces of contour go as their courses go, not along the chords of steps.
+fn front_between(before: &[Before], after: &Field, band: &Band, share: f64) -> Packed<f32> {
+    let mut phi = after.clone();
+    for (node, b) in band.nodes().zip(before) {
+        let bent = share * (1.0 - share) * (b.bend[0] + share * b.bend[1]);
+        phi.data[node] = (1.0 - share) * b.phi + share * after.data[node] + bent;
+    }
+    packed(&phi, band.gamma())
+}
+
+/// The level set clamped to the tube.
+fn packed(phi: &Field, half_width: f64) -> Packed<f32> {
     let (out, nx) = ((half_width + 0.5) as f32, phi.dims[0]);
-    let [snapshot] = Packed::of_rows(phi.dims, |first, [rows]: [&mut [f32]; 1]| match vanished {
-        true => rows.fill(out),
-        false => rows.iter_mut().zip(&phi.data[first * nx..]).for_each(|(to, v)| *to = (*v as f32).clamp(-out, out)),
+    let [packed] = Packed::of_rows(phi.dims, |first, [rows]: [&mut [f32]; 1]| {
+        rows.iter_mut().zip(&phi.data[first * nx..]).for_each(|(to, v)| *to = (*v as f32).clamp(-out, out));
     });
-    snapshot
+    packed
 }
 
 /// Errors `e = clip(remaining - scheduled remaining)` at the contour's pixels. Remaining is `-target` at the closest contour point, the
@@ -143,7 +176,8 @@ fn measure(
     }
 }
 
-/// `min(CFL / max |F|, 0.1, stop - t)`, the last two steps before a stop made equal.
+/// `min(CFL / max |F|, 0.1, 1 - t)`, the last two steps made equal. Nothing but the job decides: times at which the front is wanted are read
+/// from within steps.
 #[expect(clippy::too_many_arguments, reason = "the state of one sweep, read by one caller")]
 fn step_length(
     phi: &Field,
@@ -152,7 +186,6 @@ fn step_length(
     errors: &[(usize, f64)],
     gain: f64,
     t: f64,
-    stop: f64,
     h: [f64; 2],
     cfl: f64,
 ) -> f64 {
@@ -164,7 +197,7 @@ fn step_length(
     let steered =
         errors.iter().map(|&(n, e)| (hermite_rate(&courses[n], t) + gain * e).abs()).fold(scheduled, f64::max);
     let dt = (cfl * h[0].min(h[1]) / steered).min(STEP_LIMIT);
-    let left = stop - t;
+    let left = 1.0 - t;
     if dt >= left * ALMOST {
         left
     } else if left < 2.0 * dt {

@@ -121,18 +121,20 @@ fn successor(phi: &Field, edge: usize) -> Option<usize> {
     Some(edges[exit])
 }
 
-/// Seeds along the contours of `phi`, `spacing` px apart or a little less, and so the same whatever the machine: each loop is cut into
-/// equal arcs that start at its first crossing, then each seed is put onto the bilinear zero set.
+/// Seeds along the contours of `phi`, `spacing` px apart or a little less, and so the same whatever the machine and however the image lies: each
+/// loop is cut into equal arcs, four at least, which begin where its crossings say (see [`phase`]), then each seed is put onto the bilinear
+/// zero set.
 pub fn seeds(phi: &Field, h: [f64; 2], spacing: f64) -> Vec<Seed> {
     let mut out = Vec::new();
     for path in trace_loops(phi) {
         let joints: Vec<_> = path.iter().chain(path.first()).collect();
         let lengths: Vec<f64> = joints.windows(2).map(|p| distance(p[0].x, p[1].x, h)).collect();
         let length: f64 = lengths.iter().sum();
-        let count = (length / spacing).ceil().max(1.0);
+        let count = 4.0 * (length / (4.0 * spacing)).ceil().max(1.0);
+        let first = phase(&lengths, length / count);
         let (mut segment, mut before) = (0, 0.0);
         for k in 0..count as usize {
-            let at = (k as f64 + 0.5) / count * length;
+            let at = (k as f64 + first) / count * length;
             while segment + 1 < lengths.len() && before + lengths[segment] < at {
                 before += lengths[segment];
                 segment += 1;
@@ -149,4 +151,21 @@ pub fn seeds(phi: &Field, h: [f64; 2], spacing: f64) -> Vec<Seed> {
         }
     }
     out
+}
+
+/// Where in [0, 1) of an arc the first seed lies: `arg sum_k exp(2 pi i s_k / arc)` over the places s_k of the crossings. Begun elsewhere, the
+/// other way round or turned, a loop has the same seeds. (A loop that is its own image turned by a half or a quarter would have the sum 0,
+/// were its arcs not a multiple of four.)
+fn phase(lengths: &[f64], arc: f64) -> f64 {
+    let (mut at, mut sum) = (0.0, [0.0; 2]);
+    for length in lengths {
+        let (sin, cos) = (std::f64::consts::TAU * (at / arc).fract()).sin_cos();
+        sum = [sum[0] + cos, sum[1] + sin];
+        at += length;
+    }
+    // Rounding decides nothing where the crossings are of no opinion.
+    if sum[0].hypot(sum[1]) < 1e-9 * lengths.len() as f64 {
+        return 0.5;
+    }
+    (sum[1].atan2(sum[0]) / std::f64::consts::TAU).rem_euclid(1.0).min(1.0 - f64::EPSILON)
 }

@@ -1,6 +1,7 @@
 //! The heights at which the body is computed: output heights, all contours, nodes between them, both end planes.
 
 use crate::error::{Error, Result};
+use crate::examined::BESIDE;
 use crate::settings::{EndRule, Settings};
 use crate::stack::{ContourStack, HeightGrid};
 
@@ -10,11 +11,12 @@ const SAME: f64 = 1e-6;
 /// Nodes of an interval, its lower contour one of them: layers that are computed whatever is asked for, as what a layer becomes is told by
 /// its stack alone. Three lie strictly between contours: with two the crease is .04 of the truth's larger, with five .01 smaller.
 pub const NODES: usize = 4;
+/// Times of those between contours.
+pub const NODE_TIMES: [f64; NODES - 1] = [0.25, 0.5, 0.75];
 
-/// Height of node `k` of the interval between two contours, the same to the last bit upside down where heights are.
-pub fn node([low, high]: [f64; 2], k: usize) -> f64 {
-    let part = |k: usize| k as f64 / NODES as f64 * (high - low);
-    if 2 * k <= NODES { low + part(k) } else { high - part(NODES - k) }
+/// Height at a time between two contours, the same to the last bit upside down where heights are.
+pub fn at_time([low, high]: [f64; 2], t: f64) -> f64 {
+    if t <= 0.5 { low + t * (high - low) } else { high - (1.0 - t) * (high - low) }
 }
 
 /// One height.
@@ -22,10 +24,8 @@ pub fn node([low, high]: [f64; 2], k: usize) -> f64 {
 pub struct Height {
     /// The height, unit of the stack.
     pub z: f64,
-    /// Whether it belongs to the output grid.
+    /// Whether it belongs to the output grid. What lies between contours and does not is there for other layers' sake, and handed to nobody.
     pub output: bool,
-    /// Whether it is there for other layers' sake alone, and handed to nobody.
-    pub inner: bool,
 }
 
 /// All heights of a run.
@@ -53,9 +53,10 @@ impl Heights {
     pub fn merged(z: &[f64], output: &[f64], extent: [f64; 2]) -> Self {
         let inner = |pair: &[f64]| {
             let ends = [pair[0], pair[1]];
-            (1..NODES).map(move |k| Height { z: node(ends, k), output: false, inner: true })
+            let times = NODE_TIMES.into_iter().chain([BESIDE, 1.0 - BESIDE]);
+            times.map(move |t| Height { z: at_time(ends, t), output: false })
         };
-        let contour = |&z: &f64| Height { z, output: false, inner: false };
+        let contour = |&z: &f64| Height { z, output: false };
         let mut all: Vec<Height> = z.iter().map(contour).chain(z.windows(2).flat_map(inner)).collect();
         all.sort_by(|a, b| a.z.total_cmp(&b.z));
         let mut beside: Vec<Height> = Vec::new();
@@ -65,15 +66,15 @@ impl Heights {
             let known =
                 (above.saturating_sub(1)..all.len().min(above + 1)).find(|&k| (all[k].z - x).abs() <= SAME * gap);
             match known {
-                Some(k) => all[k] = Height { output: true, inner: false, ..all[k] },
-                None => beside.push(Height { z: x, output: true, inner: false }),
+                Some(k) => all[k].output = true,
+                None => beside.push(Height { z: x, output: true }),
             }
         }
         for x in extent {
             let (_, gap) = nearest(z, x);
             let known = |h: &Height| (h.z - x).abs() <= SAME * gap;
             if !all.iter().any(known) && !beside.iter().any(known) {
-                beside.push(Height { z: x, output: false, inner: false });
+                beside.push(Height { z: x, output: false });
             }
         }
         all.append(&mut beside);
@@ -87,11 +88,6 @@ impl Heights {
     /// The heights of the output grid, where they are contours' as these.
     pub fn output(&self) -> Vec<f64> {
         self.all.iter().filter(|x| x.output).map(|x| x.z).collect()
-    }
-
-    /// Those that are handed to nobody, increasing.
-    pub fn inner(&self) -> Vec<f64> {
-        self.all.iter().filter(|x| x.inner).map(|x| x.z).collect()
     }
 
     /// Heights strictly between contours `i` and `i + 1`.

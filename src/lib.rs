@@ -13,6 +13,7 @@ mod compose;
 pub mod conditioning;
 pub mod contour;
 mod contours;
+mod cores;
 pub mod demo;
 pub mod displacement;
 mod drawn;
@@ -21,6 +22,7 @@ pub mod end_law;
 mod end_parts;
 mod ends;
 pub mod error;
+pub mod examined;
 mod fairing;
 pub mod field;
 pub mod files;
@@ -28,6 +30,7 @@ mod fit;
 mod frames;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+mod grounded;
 pub mod heights;
 pub mod holdout;
 pub mod jobs;
@@ -52,6 +55,7 @@ pub mod report;
 mod rigid;
 #[cfg(feature = "dicom")]
 pub mod rtstruct;
+pub mod runs;
 pub mod section;
 pub mod settings;
 pub mod shelf;
@@ -65,11 +69,13 @@ pub mod tile;
 pub mod topology;
 mod tracks;
 mod trust;
+pub mod verdict;
 mod warp;
 
 pub use backend::{Backend, Means};
 pub use error::{Error, Result};
 pub use heights::height_grid;
+pub use pipeline::Bonds;
 pub use progress::Progress;
 pub use reference::Reference;
 pub use report::Report;
@@ -123,7 +129,22 @@ pub fn reconstruct_into(
     means: &Means<'_>,
     sink: &mut dyn surface::stream::LayerSink,
 ) -> Result<Reconstruction> {
-    pipeline::run(stack, heights, settings, &Section::whole(stack), means, sink)
+    pipeline::run(stack, heights, settings, &Section::whole(stack), Bonds::ALL, means, sink)
+}
+
+/// The same with some of what holds the body together left out, to see what that is worth.
+///
+/// # Errors
+/// As [`reconstruct_into`].
+pub fn reconstruct_loosely(
+    stack: &ContourStack,
+    heights: &[f64],
+    settings: &Settings,
+    bonds: Bonds,
+    means: &Means<'_>,
+    sink: &mut dyn surface::stream::LayerSink,
+) -> Result<Reconstruction> {
+    pipeline::run(stack, heights, settings, &Section::whole(stack), bonds, means, sink)
 }
 
 /// The layers of a section of `stack`, bit by bit those of the whole; `heights` are those of the whole. The report has the section's contours,
@@ -139,5 +160,5 @@ pub fn reconstruct_section(
     means: &Means<'_>,
     sink: &mut dyn surface::stream::LayerSink,
 ) -> Result<Reconstruction> {
-    pipeline::run(stack, heights, settings, section, means, sink)
+    pipeline::run(stack, heights, settings, section, Bonds::ALL, means, sink)
 }

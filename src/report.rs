@@ -44,6 +44,12 @@ pub struct Report {
     pub ends: Vec<EndReport>,
     /// One entry per input contour.
     pub contours: Vec<ContourReport>,
+    /// What holds of the body as a whole.
+    #[serde(default)]
+    pub body: BodyReport,
+    /// What of all that is checked does not hold, in words; empty where everything does.
+    #[serde(default)]
+    pub broken: Vec<String>,
     /// One entry per interval between neighbouring contours.
     pub intervals: Vec<IntervalReport>,
     /// Seconds per stage, in the order they ran.
@@ -60,11 +66,15 @@ impl Report {
             // Each section has computed the layers from its first contour on, and has swept up to its last.
             last.differing_pixels = first.differing_pixels;
             last.arrival_from_above = first.arrival_from_above;
+            last.area = first.area;
+            last.above = first.above;
         }
         self.contours.extend(contours);
         self.ends.extend(above.ends);
         self.areas = self.areas.take().zip(above.areas).and_then(|(below, above)| below.joined(above));
         self.intervals.extend(above.intervals);
+        self.body.join(above.body);
+        self.judge();
         for stage in above.stages {
             match self.stages.iter_mut().find(|s| s.name == stage.name) {
                 Some(own) => own.seconds += stage.seconds,
@@ -107,10 +117,82 @@ pub struct ContourReport {
     pub pixels: usize,
     /// Pixels of the result at this height whose side differs from the input; computed on the layer itself, must be 0.
     pub differing_pixels: usize,
+    /// Area of the result at this height, unit squared; a pixel counts by how far it lies inside.
+    #[serde(default)]
+    pub area: f64,
+    /// The body a thousandth of the gap below.
+    #[serde(default)]
+    pub below: Option<Beside>,
+    /// The same above.
+    #[serde(default)]
+    pub above: Option<Beside>,
     /// How far the sweep from below ends from this contour.
     pub arrival_from_below: Option<Residual>,
     /// How far the sweep from above ends from this contour.
     pub arrival_from_above: Option<Residual>,
+}
+
+/// What the body is just beside a contour.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Beside {
+    /// Its area, unit squared.
+    pub area: f64,
+    /// Largest change of the distance from the contour's layer to this one, where that is at most a pixel from the contour; px.
+    pub jump: f64,
+}
+
+/// What holds of the layers that are handed on, all together.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct BodyReport {
+    /// Pieces of the body that touch no contour, through faces of pixels.
+    pub floating: usize,
+    /// Voids within it that touch no contour's outside.
+    pub voids: usize,
+    /// Pairs of parts of neighbouring contours that overlap and that no link keeps apart.
+    pub overlapping: usize,
+    /// Those of them that are not connected between their contours.
+    pub torn: Vec<Pair>,
+    /// Pixels inside a layer below the first contour that lie outside of that contour, and the same above the last, of the layer that has most.
+    pub beyond: [usize; 2],
+    /// The largest change from one layer to the next near the surface.
+    pub largest_step: Option<Step>,
+}
+
+impl BodyReport {
+    /// Takes in what is known of the section above.
+    fn join(&mut self, above: BodyReport) {
+        self.floating += above.floating;
+        self.voids += above.voids;
+        self.overlapping += above.overlapping;
+        self.torn.extend(above.torn);
+        self.beyond = [0, 1].map(|k| self.beyond[k].max(above.beyond[k]));
+        let steps = [self.largest_step, above.largest_step].into_iter().flatten();
+        // The lower one of two that are equal.
+        self.largest_step = steps.reduce(|a, b| if b.px > a.px { b } else { a });
+    }
+}
+
+/// Two parts of neighbouring contours, numbered as `interslice inspect` does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Pair {
+    /// The lower slice, from 0.
+    pub slice: usize,
+    /// Its part, from 1.
+    pub from: u32,
+    /// The part of the next slice, from 1.
+    pub to: u32,
+}
+
+/// A change from layer to layer.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Step {
+    /// Height of the lower layer.
+    pub from: f64,
+    /// Height of the upper one.
+    pub to: f64,
+    /// Change of the distance where the lower layer's is at most a pixel; px.
+    pub px: f64,
 }
 
 /// Distance of an arriving front from its contour, px.

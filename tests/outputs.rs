@@ -81,7 +81,7 @@ fn a_page_survives_hostile_names() {
         "&quot;&gt;&lt;img src=x onerror=alert(2)&gt;{{settings}}</button>",
         "<h1>a&lt;script&gt;alert(3)&lt;&amp;{{scene}}</h1>",
         "&lt;b&gt;mm&lt;/b&gt;³",
-        "Every contour is met exactly.",
+        "Everything holds that was checked.",
     ] {
         assert!(page.contains(right), "{right}");
     }
@@ -99,10 +99,11 @@ fn a_page_says_which_contours_are_not_met() {
     let means = Means { backend: &Reference, progress: &Silent, budget: &budget };
     let mut body = loaded.compute(&means, &mut outputs).expect("it can be computed");
     body.report.contours[2].differing_pixels = 17;
+    body.report.judge();
     outputs.complete(&mut body.report).expect("it can be written");
     outputs.rename().expect("it can be renamed");
     let page = fs::read_to_string(path).expect("--report takes a page too");
-    assert!(page.contains("1 of 4 contours are not met.") && page.contains(r#"<td class="off">17</td>"#));
+    assert!(page.contains("1 of 4 contours are not met, by 17 pixels.") && page.contains(r#"<td class="off">17</td>"#));
 }
 
 #[test]

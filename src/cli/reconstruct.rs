@@ -173,6 +173,7 @@ pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, said: &[String
     if telling != Telling::Quiet {
         let warnings = body.report.warnings.iter().filter(|w| !said.contains(w));
         warnings.for_each(|w| eprintln!("warning: {w}"));
+        body.report.broken.iter().for_each(|b| eprintln!("warning: does not hold: {b}"));
     }
     if telling == Telling::Verbose {
         tell(body);
@@ -196,21 +197,32 @@ fn tell(body: &Reconstruction) {
     for stage in &body.report.stages {
         eprintln!("{:>10} {:8.3} s", stage.name, stage.seconds);
     }
+    let step = |b: Option<interslice::report::Beside>| b.map_or("-".into(), |b| format!("{:.4} px", b.jump));
     for c in &body.report.contours {
         let residual =
             |r: Option<interslice::report::Residual>| r.map_or("      -".into(), |r| format!("{:.3} px", r.max));
         eprintln!(
-            "{} at {}: {} parts, {} holes, {} of {} px differ, arrival from below {}, from above {}",
+            "{} at {}: {} parts, {} holes, {} of {} px differ, step below {}, above {}, arrival from below {}, from above {}",
             c.name,
             c.z,
             c.components,
             c.holes,
             c.differing_pixels,
             c.pixels,
+            step(c.below),
+            step(c.above),
             residual(c.arrival_from_below),
             residual(c.arrival_from_above)
         );
     }
+    let whole = &body.report.body;
+    eprintln!(
+        "{} pieces and {} voids touch no contour; {} of {} pairs of overlapping parts are not connected",
+        whole.floating,
+        whole.voids,
+        whole.torn.len(),
+        whole.overlapping
+    );
     if let (Some(volume), Some(area)) = (body.report.volume, body.report.area) {
         eprintln!("volume {volume:.6} {0}^3, area {area:.6} {0}^2", body.unit);
     }

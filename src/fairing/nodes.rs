@@ -15,7 +15,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use crate::heights::{NODES, node};
+use crate::heights::{NODE_TIMES, NODES, at_time};
 use crate::spline::smoothstep;
 
 /// Sigma of the mean, gaps.
@@ -38,7 +38,7 @@ impl Nodes {
     pub fn new(contours: Vec<f64>) -> Self {
         let of = |w: &[f64]| {
             let ends = [w[0], w[1]];
-            (0..NODES).map(move |k| if k == 0 { ends[0] } else { node(ends, k) })
+            std::iter::once(ends[0]).chain(NODE_TIMES.map(|t| at_time(ends, t)))
         };
         let heights = contours.windows(2).flat_map(of).chain(contours.last().copied()).collect();
         Nodes { contours, heights }

@@ -178,7 +178,7 @@ pub(super) fn in_frame(
 }
 
 /// For each part that the mid frame sees the part of the slice that most of its pixels come from, by number; 0 where there is none.
-fn origins(seen: &Contour, own: &Contour, back: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<u32> {
+pub(super) fn origins(seen: &Contour, own: &Contour, back: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<u32> {
     let [nx, ny] = own.phi.dims;
     let mut counts: Vec<BTreeMap<u32, usize>> = vec![BTreeMap::new(); seen.solids.count + 1];
     for (n, &label) in seen.solids.labels.iter().enumerate().filter(|(_, label)| **label > 0) {

@@ -6,12 +6,14 @@
 //! ```
 
 mod ends;
+mod events;
 mod field;
 mod links;
 mod morph;
 mod moving;
 mod propagate;
 mod span;
+mod together;
 
 use std::time::Instant;
 
@@ -19,10 +21,12 @@ use rayon::prelude::*;
 
 use self::links::IntervalLinks;
 use self::span::Span;
+pub use self::together::Bonds;
 use crate::backend::{Backend, ContourOptions, Means, PaddedSlice};
 use crate::compose::{Canvas, differing_pixels};
 use crate::contours::Contour;
 use crate::error::{Error, Result};
+use crate::examined::{self, Examined};
 use crate::fairing::{self, Fairing};
 use crate::heights::{Height, Heights, check};
 use crate::links as user_links;
@@ -66,6 +70,8 @@ struct Run<'a> {
     margin: usize,
     /// Links of every interval.
     links: Vec<IntervalLinks>,
+    /// What holds the body together.
+    bonds: Bonds,
     report: Report,
 }
 
@@ -86,11 +92,12 @@ struct Certified<'a> {
     outside: f32,
     /// Heights from the first on and below the second are kept.
     kept: [f64; 2],
+    /// Heights of the first and the last contour: layers between that nobody has asked for go no further.
+    ends: [f64; 2],
     /// Number of the run's first slice.
     first: usize,
-    /// Heights of layers that are handed to nobody, increasing.
-    inner: Vec<f64>,
     differing: Vec<usize>,
+    examined: Examined,
     sink: &'a mut dyn LayerSink,
 }
 
@@ -100,8 +107,13 @@ impl LayerSink for Certified<'_> {
     }
 
     fn layer(&mut self, mut layer: Layer) -> Result<()> {
-        let inner = self.inner.binary_search_by(|z| z.total_cmp(&layer.z)).is_ok();
-        if inner || !(layer.z >= self.kept[0] && layer.z < self.kept[1]) {
+        let within = layer.z > self.ends[0] && layer.z < self.ends[1];
+        let handed = layer.output || layer.contour.is_some() || !within;
+        // A section knows its last interval's upper contour, too.
+        if layer.z >= self.kept[0] && layer.z <= self.kept[1] {
+            self.examined.layer(&layer, handed);
+        }
+        if !handed || layer.z < self.kept[0] || layer.z >= self.kept[1] {
             return Ok(());
         }
         layer.phi = self.window.image(&layer.phi, self.stack.dims, self.outside);
@@ -125,6 +137,7 @@ pub fn run(
     heights: &[f64],
     settings: &Settings,
     section: &Section,
+    bonds: Bonds,
     means: &Means<'_>,
     sink: &mut dyn LayerSink,
 ) -> Result<Reconstruction> {
@@ -158,6 +171,7 @@ pub fn run(
         pad: OVERSHOOT,
         margin,
         links: Vec::new(),
+        bonds,
         report: Report {
             version: env!("CARGO_PKG_VERSION").into(),
             settings: asked.clone(),
@@ -171,24 +185,36 @@ pub fn run(
     let contours = run.stage("distance", stack.slices.len(), Run::distance)?;
     run.find_links(&contours)?;
     let first = run.span.first;
-    let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
-    let inner = Heights::merged(&z, heights, [z[0], z[z.len() - 1]]).inner();
+    let ends = [contours.light(0).z, contours.light(contours.len() - 1).z];
+    let examined = Examined::new(examined::Spec {
+        dims: stack.dims,
+        spacing: stack.spacing,
+        z: stack.slices.iter().map(|s| s.z).collect(),
+        first,
+        parted: run.links.iter().map(IntervalLinks::parted).collect(),
+    });
     let outside = settings.margin() as f32 * px as f32;
     let mut certified = Certified {
         stack: on_image,
         window,
         outside,
         kept,
+        ends,
         first,
-        inner,
         differing: vec![0; stack.slices.len()],
+        examined,
         sink,
     };
     let extent = match settings.method {
         Method::Morph => run.morph(&contours, heights, &mut certified)?,
         Method::Field => run.field(&contours, heights, &mut certified)?,
     };
-    run.report.contours.iter_mut().zip(certified.differing).for_each(|(c, n)| c.differing_pixels = n);
+    let (met, body) = certified.examined.finish();
+    for ((c, differing), met) in run.report.contours.iter_mut().zip(certified.differing).zip(met) {
+        c.differing_pixels = differing;
+        (c.area, c.below, c.above) = (met.area, met.below, met.above);
+    }
+    run.report.body = body;
     let links = std::mem::take(&mut run.links);
     run.report.intervals.iter_mut().zip(links).for_each(|(interval, l)| interval.links = l.told);
     let done_by = backend.name();
@@ -204,6 +230,7 @@ pub fn run(
         Side::Bottom => section.kept.start == 0,
         Side::Top => section.kept.end + 1 == whole.slices.len(),
     });
+    run.report.judge();
     Ok(Reconstruction {
         dims: whole.dims,
         spacing: whole.spacing,
@@ -312,7 +339,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Runs `make`, whose layers reach `sink` faired if that is wanted.
+    /// Runs `make`, whose layers reach `sink` faired if that is wanted, connected where their contours overlap, with nothing that floats.
     fn faired(
         &mut self,
         contours: &Shelf<'a, Contour>,
@@ -320,8 +347,10 @@ impl<'a> Run<'a> {
         sink: &mut Sink<'_>,
         make: impl FnOnce(&mut Self, &mut Sink<'_>) -> Result<()>,
     ) -> Result<()> {
+        let mut together = self.together(contours);
         if self.settings.fair == 0.0 {
-            return make(self, sink);
+            make(self, &mut |layer| together.push(layer, sink))?;
+            return together.finish(sink);
         }
         let mut fairing = Fairing::new(fairing::Spec {
             moving: moving.map(|moving| (moving, self.pad)),
@@ -336,8 +365,9 @@ impl<'a> Run<'a> {
             clamped: [self.settings.clamp_bottom, self.settings.clamp_top].map(|m| m.is_some()),
             shares: self.fairing_shares(contours)?,
         });
-        make(self, &mut |layer| fairing.push(layer, sink))?;
-        fairing.finish(sink)
+        make(self, &mut |layer| fairing.push(layer, &mut |layer| together.push(layer, sink)))?;
+        fairing.finish(&mut |layer| together.push(layer, sink))?;
+        together.finish(sink)
     }
 
     fn canvas(&self) -> Canvas {

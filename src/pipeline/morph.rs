@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::events::named;
 use super::links::{IntervalLinks, in_frame};
 use super::{Run, Sink};
 use crate::backend::MorphOptions;
@@ -89,7 +90,7 @@ impl<'a> Run<'a> {
         };
         self.see_links(contours, moving.as_ref())?;
         let (seen, parted) = self.seen(contours, moving.as_ref())?;
-        let intervals = self.stage("match", count, |run| run.matching(&seen, &parted))?;
+        let intervals = self.stage("match", count, |run| run.matching(&seen, &parted, moving.as_ref()))?;
         let jobs = (0..count).map(|i| 2 * intervals.light(i).groups.len()).sum();
         let sides = self.stage("trace", jobs, |run| run.trace(&seen, &intervals, moving.as_ref()))?;
         let matter = self.end_matter(contours, moving.as_ref())?;
@@ -171,7 +172,12 @@ impl<'a> Run<'a> {
         Ok((SeenStack { contours, moved: Some(moved) }, all_parted))
     }
 
-    fn matching(&mut self, seen: &SeenStack<'_, 'a>, parted: &[Pairs]) -> Result<Shelf<'a, Interval>> {
+    fn matching(
+        &mut self,
+        seen: &SeenStack<'_, 'a>,
+        parted: &[Pairs],
+        moving: Option<&MovingStack<'a>>,
+    ) -> Result<Shelf<'a, Interval>> {
         let (margin, count) = (self.margin, parted.len());
         let mut intervals = Shelf::new(self.budget);
         // Both contours, both ends of all groups, cut and answered.
@@ -199,7 +205,13 @@ impl<'a> Run<'a> {
                     z_low,
                     z_high,
                     groups: interval.groups.len(),
-                    events: interval.events.clone(),
+                    events: match moving {
+                        Some(moving) if traced.contains(&i) => {
+                            let ([low, high], own) = (seen.get(i)?, [seen.contours.get(i)?, seen.contours.get(i + 1)?]);
+                            named(&interval.events, [&low, &high], own.each_ref().map(|c| &**c), &moving.middle(i)?)
+                        }
+                        _ => interval.events.clone(),
+                    },
                     ..IntervalReport::default()
                 });
                 intervals.push(interval)?;

@@ -7,8 +7,9 @@ use clap::Args;
 use super::plots::{self, Bar};
 use super::scene::Scene;
 use super::words::{self, count, escape, link, number};
-use crate::report::{EndReport, Report, Residual, Side};
+use crate::report::{Beside, EndReport, Report, Residual, Side};
 use crate::settings::Settings;
+use crate::verdict::JUMP;
 
 const TEMPLATE: &str = include_str!("template.html");
 const STYLE: &str = include_str!("page.css");
@@ -51,19 +52,33 @@ fn fill(template: &str, fills: &[(&str, String)]) -> String {
     out + rest
 }
 
+/// What was checked and whether it holds, and no more.
 fn verdict(report: &Report) -> String {
     let all = report.contours.len();
-    let off: Vec<_> = report.contours.iter().filter(|c| c.differing_pixels > 0).collect();
-    if off.is_empty() {
-        return format!(
-            r#"<p class="verdict good"><strong>Every contour is met exactly.</strong> In all {all} contours no pixel of the result differs from what was drawn.</p>"#
-        );
+    let pixels: usize = report.contours.iter().map(|c| c.differing_pixels).sum();
+    let off = report.contours.iter().filter(|c| c.differing_pixels > 0).count();
+    if !report.broken.is_empty() {
+        let title = match off {
+            0 => "Not everything holds that was checked.".into(),
+            _ => format!("{off} of {all} contours are not met, by {} pixels.", count(pixels as u64)),
+        };
+        let items: String = report.broken.iter().map(|b| format!("<li>{}</li>", escape(b))).collect();
+        return format!(r#"<div class="verdict bad"><strong>{title}</strong><ul>{items}</ul></div>"#);
     }
-    let pixels: usize = off.iter().map(|c| c.differing_pixels).sum();
+    let body = &report.body;
+    let sides = report.contours.iter().flat_map(|c| [c.below, c.above]).flatten();
+    let (mut looked, mut most) = (0, 0.0f64);
+    sides.for_each(|beside| (looked, most) = (looked + 1, most.max(beside.jump)));
+    let beside = match looked {
+        0 => "What lies just beside the contours was not looked at.".into(),
+        _ => format!(
+            "A thousandth of the gap beside them ({looked} places) the surface is at most {} pixels away from them.",
+            number(most)
+        ),
+    };
     format!(
-        r#"<p class="verdict bad"><strong>{} of {all} contours are not met.</strong> {} pixels of the result differ from what was drawn; the table says where.</p>"#,
-        off.len(),
-        count(pixels as u64)
+        r#"<p class="verdict good"><strong>Everything holds that was checked.</strong> In all {all} contours no pixel of the result differs from what was drawn. {beside} No piece of the body and no void in it lies between contours without touching one, and all {} pairs of parts that overlap from contour to contour are connected.</p>"#,
+        count(body.overlapping as u64)
     )
 }
 
@@ -169,13 +184,20 @@ fn contours(report: &Report) -> String {
         Some(r) => format!("<td>{}</td><td>{}</td>", number(r.mean), number(r.max)),
         None => "<td>–</td><td>–</td>".into(),
     };
+    let step = |beside: &Option<Beside>| match beside {
+        Some(beside) => {
+            let met = if beside.jump <= JUMP { "met" } else { "off" };
+            format!(r#"<td class="{met}">{}</td>"#, number(beside.jump))
+        }
+        None => "<td>–</td>".into(),
+    };
     let mut out = String::new();
     for (k, c) in report.contours.iter().enumerate() {
         let added = if c.extra { " <small>added</small>" } else { "" };
         let met = if c.differing_pixels == 0 { "met" } else { "off" };
         let _ = write!(
             out,
-            r#"<tr><th scope="row"><button type="button" data-contour="{}" aria-pressed="false">{}</button>{added}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class="{met}">{}</td>{}{}</tr>"#,
+            r#"<tr><th scope="row"><button type="button" data-contour="{}" aria-pressed="false">{}</button>{added}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class="{met}">{}</td>{}{}{}{}</tr>"#,
             k + 1,
             escape(&c.name),
             number(c.z),
@@ -183,6 +205,8 @@ fn contours(report: &Report) -> String {
             c.holes,
             count(c.pixels as u64),
             count(c.differing_pixels as u64),
+            step(&c.below),
+            step(&c.above),
             residual(&c.arrival_from_below),
             residual(&c.arrival_from_above),
         );

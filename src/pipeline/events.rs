@@ -1,0 +1,87 @@
+//! Events under the numbers that parts have on their slices, as `interslice inspect` gives them: matching sees them in the mid frame.
+
+use std::collections::BTreeSet;
+
+use super::links::origins;
+use crate::contours::Contour;
+use crate::motion::Frame;
+use crate::parts::overlaps;
+use crate::report::Event;
+
+/// Events of an interval's `seen` contours in its frame as events of its `own`. What several parts of the frame tell of one part of a slice is told
+/// once; a part that is too thin to be seen in the frame begins or ends, unless it overlaps something where it lies.
+pub(super) fn named(events: &[Event], seen: [&Contour; 2], own: [&Contour; 2], frame: &Frame) -> Vec<Event> {
+    let low = origins(seen[0], own[0], |x| frame.down(x));
+    let high = origins(seen[1], own[1], |x| frame.up(x));
+    let of = |numbers: &[usize], origins: &[u32]| -> Vec<usize> {
+        let found: BTreeSet<usize> = numbers.iter().map(|&n| origins[n] as usize).filter(|n| *n > 0).collect();
+        found.into_iter().collect()
+    };
+    let lone = |part: usize, origins: &[u32]| {
+        // Where another piece of the part has a partner, the part goes on.
+        let number = origins[part];
+        let pieces = (1..origins.len()).filter(|&k| origins[k] == number).count();
+        (number > 0 && pieces == 1).then_some(number as usize)
+    };
+    let mut out: Vec<Event> = Vec::new();
+    for event in events {
+        let event = match event {
+            Event::Split { from, to } => {
+                let (from, to) = (of(from, &low), of(to, &high));
+                (!from.is_empty() && to.len() > 1).then_some(Event::Split { from, to })
+            }
+            Event::Merge { from, to } => {
+                let (from, to) = (of(from, &low), of(to, &high));
+                (from.len() > 1 && !to.is_empty()).then_some(Event::Merge { from, to })
+            }
+            Event::Birth { component } => lone(*component, &high).map(|component| Event::Birth { component }),
+            Event::Death { component } => lone(*component, &low).map(|component| Event::Death { component }),
+            Event::HoleBirth { .. } | Event::HoleDeath { .. } => Some(event.clone()),
+        };
+        out.extend(event);
+    }
+    let unseen = |contour: &Contour, origins: &[u32]| {
+        let found: BTreeSet<u32> = origins.iter().copied().collect();
+        (1..=contour.solids.count as u32).filter(|part| !found.contains(part)).collect::<Vec<u32>>()
+    };
+    let unseen = [unseen(own[0], &low), unseen(own[1], &high)];
+    if unseen.iter().any(|parts| !parts.is_empty()) {
+        let pairs = overlaps(&own[0].solids, &own[1].solids);
+        let alone = |part: &&u32, end: usize| !pairs.iter().any(|pair| [pair.0, pair.1][end] == **part);
+        let component = |part: &u32| *part as usize;
+        out.extend(unseen[1].iter().filter(|p| alone(p, 1)).map(component).map(|component| Event::Birth { component }));
+        out.extend(unseen[0].iter().filter(|p| alone(p, 0)).map(component).map(|component| Event::Death { component }));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::Field;
+
+    #[test]
+    fn parts_have_the_numbers_of_their_slices() {
+        // In the frame the parts of the lower slice come in the other order: its rows are turned over.
+        let discs = |at: &[[f64; 2]]| {
+            let near = |i: usize, j: usize| at.iter().map(|c| (i as f64 - c[0]).hypot(j as f64 - c[1]) - 4.0);
+            Field::from_fn([40, 40], |i, j| near(i, j).fold(f64::INFINITY, f64::min))
+        };
+        let contour = |at: &[[f64; 2]]| Contour::with_seeds(0.0, discs(at), Vec::new());
+        let (own, seen) = (contour(&[[10.0, 8.0], [30.0, 30.0]]), contour(&[[10.0, 31.0], [30.0, 9.0]]));
+        let turned = |x: [f64; 2]| [x[0], 39.0 - x[1]];
+        assert_eq!(origins(&seen, &own, turned)[1..], [2, 1]);
+        // No part of the frame is lost, and one that is in two pieces there is told once.
+        let frame = Frame::default();
+        let told = named(
+            &[Event::Split { from: vec![1], to: vec![1, 2] }, Event::Death { component: 2 }],
+            [&own, &own],
+            [&own, &own],
+            &frame,
+        );
+        assert_eq!(told, [Event::Split { from: vec![1], to: vec![1, 2] }, Event::Death { component: 2 }]);
+        let whole = contour(&[[10.0, 8.0]]);
+        let lost = named(&[Event::Split { from: vec![1], to: vec![1] }], [&whole, &whole], [&own, &whole], &frame);
+        assert_eq!(lost, [Event::Death { component: 2 }]);
+    }
+}

@@ -1,0 +1,127 @@
+//! The certificate fails where it should: every check sees the one defect that it is for, and nothing in a sound body.
+
+use interslice::Report;
+use interslice::examined::{BESIDE, Examined, Spec};
+use interslice::report::{ContourReport, Pair};
+use interslice::settings::EndRule;
+use interslice::surface::Layer;
+
+const N: usize = 40;
+/// Two gaps of 10.
+const HEIGHTS: [f64; 3] = [0.0, 10.0, 20.0];
+
+/// Discs `[x, y, radius]`, and holes of negative radius.
+type Discs = Vec<[f64; 3]>;
+
+fn layer(z: f64, discs: &Discs) -> Layer {
+    let far = |n: usize, d: &[f64; 3]| ((n % N) as f64 - d[0]).hypot((n / N) as f64 - d[1]) - d[2].abs();
+    let value = |n: usize| {
+        let solid = discs.iter().filter(|d| d[2] > 0.0).map(|d| far(n, d)).fold(14.0, f64::min);
+        discs.iter().filter(|d| d[2] < 0.0).map(|d| -far(n, d)).fold(solid, f64::max) as f32
+    };
+    let contour = HEIGHTS.iter().position(|h| *h == z);
+    let phi = (0..N * N).map(value).map(|v| if v == 0.0 { f32::MIN_POSITIVE } else { v }).collect();
+    Layer { z, phi, output: z.fract() == 0.0, contour }
+}
+
+/// What the certificate says of a body of these discs; layers beside contours are no output.
+fn examined(of: impl Fn(f64) -> Discs, parted: &[(u32, u32)]) -> Report {
+    let mut all: Vec<f64> = (-2..=22).map(f64::from).collect();
+    let beside = HEIGHTS.iter().flat_map(|z| [z - 10.0 * BESIDE, z + 10.0 * BESIDE]);
+    all.extend(beside.filter(|z| (0.0..20.0).contains(z)));
+    all.sort_by(f64::total_cmp);
+    let spec = Spec {
+        dims: [N, N],
+        spacing: [1.0, 1.0],
+        z: HEIGHTS.to_vec(),
+        first: 0,
+        parted: vec![parted.to_vec(), Vec::new()],
+    };
+    let mut examined = Examined::new(spec);
+    for z in all {
+        let layer = layer(z, &of(z));
+        examined.layer(&layer, layer.output || layer.contour.is_some());
+    }
+    let (met, body) = examined.finish();
+    let contours = met.into_iter().map(|met| ContourReport {
+        area: met.area,
+        below: met.below,
+        above: met.above,
+        ..ContourReport::default()
+    });
+    let mut report = Report { contours: contours.collect(), body, ..Report::default() };
+    report.settings.end_bottom = EndRule::HalfSlice;
+    report.judge();
+    report
+}
+
+/// A disc that swells a little, from below the first contour on to the last.
+fn sound(z: f64) -> Discs {
+    if z > 20.0 { Vec::new() } else { vec![[16.0, 20.0, 8.0 + 0.1 * z.max(0.0)]] }
+}
+
+#[test]
+fn a_sound_body_passes() {
+    let report = examined(sound, &[]);
+    assert_eq!(report.broken, [""; 0]);
+    assert_eq!((report.body.floating, report.body.voids, report.body.overlapping), (0, 0, 2));
+    assert_eq!(
+        report.contours.iter().map(|c| [c.below.is_some(), c.above.is_some()]).collect::<Vec<_>>(),
+        [[false, true], [true, true], [true, false]]
+    );
+    let area = std::f64::consts::PI * 81.0;
+    assert!((report.contours[1].area - area).abs() < 1.0, "{}", report.contours[1].area);
+    let step = report.body.largest_step.expect("there is more than one layer");
+    assert!((0.09..0.11).contains(&step.px), "{step:?}");
+}
+
+#[test]
+fn a_body_that_balloons_beside_a_contour_fails() {
+    let report = examined(|z| vec![[16.0, 20.0, if z == 10.0 { 9.0 } else { 9.4 }]], &[]);
+    assert!(report.broken[0].contains("steps by 0.4"), "{:?}", report.broken);
+    let [below, above] = [report.contours[1].below, report.contours[1].above].map(|b| b.expect("it was looked at"));
+    assert!(below.area > report.contours[1].area + 20.0 && above.jump > 0.39);
+    // Only below the contour, and where output layers alone would not show it.
+    let report = examined(|z| vec![[16.0, 20.0, if (9.5..10.0).contains(&z) { 9.4 } else { 9.0 }]], &[]);
+    assert_eq!(report.broken.len(), 1, "{:?}", report.broken);
+    assert!(report.broken[0].contains("just below"));
+}
+
+#[test]
+fn pieces_in_the_air_fail() {
+    let crumb = |z: f64| if (13.0..15.0).contains(&z) { vec![[34.0, 34.0, 0.6]] } else { Vec::new() };
+    let report = examined(|z| [sound(z), crumb(z)].concat(), &[]);
+    assert_eq!(report.body.floating, 1);
+    assert_eq!(report.broken, ["1 piece of the body touches no contour"]);
+    // Beyond an end, too.
+    let above = |z: f64| if z == 22.0 { vec![[34.0, 34.0, 2.0]] } else { Vec::new() };
+    assert_eq!(examined(|z| [sound(z), above(z)].concat(), &[]).body.floating, 1);
+}
+
+#[test]
+fn voids_fail() {
+    let bubble = |z: f64| if (3.0..5.0).contains(&z) { vec![[16.0, 20.0, -2.0]] } else { Vec::new() };
+    let report = examined(|z| [sound(z), bubble(z)].concat(), &[]);
+    assert_eq!((report.body.voids, report.body.floating), (1, 0));
+    assert_eq!(report.broken, ["1 void in the body opens to no contour"]);
+    // One that opens to a contour is a hole of it.
+    let hole = |z: f64| if (3.0..=10.0).contains(&z) { vec![[16.0, 20.0, -2.0]] } else { Vec::new() };
+    assert_eq!(examined(|z| [sound(z), hole(z)].concat(), &[]).body.voids, 0);
+}
+
+#[test]
+fn overlapping_parts_that_are_torn_fail_unless_a_link_says_so() {
+    let torn = |z: f64| if z == 4.0 { vec![[34.0, 4.0, 3.0]] } else { vec![[34.0, 4.0, 3.0], [16.0, 20.0, 8.0]] };
+    let report = examined(torn, &[]);
+    // In row order the small one comes first.
+    assert_eq!(report.body.torn, [Pair { slice: 0, from: 2, to: 2 }]);
+    assert!(report.broken[0].contains("part 2 of slice 0 and part 2 of the next"), "{:?}", report.broken);
+    assert_eq!(examined(torn, &[(2, 2)]).broken, [""; 0]);
+}
+
+#[test]
+fn ends_that_grow_beyond_their_contour_fail() {
+    let report = examined(|z| vec![[16.0, 20.0, if z == -1.0 { 9.5 } else { 8.0 }]], &[]);
+    assert!(report.body.beyond[0] > 50 && report.body.beyond[1] == 0, "{:?}", report.body);
+    assert!(report.broken.iter().any(|b| b.contains("below the first contour")), "{:?}", report.broken);
+}

@@ -24,6 +24,22 @@ pub struct HoldOut {
     pub surface_distance: Option<f64>,
     /// Volume of the result less that of the truth, % of the truth; none where the truth is empty on all.
     pub volume_error_percent: Option<f64>,
+    /// What linear interpolation of the kept slices' distances gives for the same slices.
+    pub linear: Compared,
+    /// The first and the last slice, left out by themselves and found from the others by the end rules; as far as one of truth, result and linear
+    /// continuation has something there. They count in nothing above.
+    pub ends: Vec<SliceScore>,
+}
+
+/// Scores over several slices together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Compared {
+    /// As [`HoldOut::dice`].
+    pub dice: Option<f64>,
+    /// As [`HoldOut::surface_distance`].
+    pub surface_distance: Option<f64>,
+    /// As [`HoldOut::volume_error_percent`].
+    pub volume_error_percent: Option<f64>,
 }
 
 /// The same for one slice.
@@ -41,6 +57,8 @@ pub struct SliceScore {
     pub surface_distance: Option<f64>,
     /// Area of the result less that of the truth, % of the truth; none where the truth is empty.
     pub area_error_percent: Option<f64>,
+    /// Dice coefficient of linear interpolation of the kept slices' distances; at an end, of their continuation.
+    pub linear_dice: Option<f64>,
 }
 
 /// Leaves out every `leave`-th slice but for the first and last, reconstructs them from the rest, and compares.
@@ -73,50 +91,148 @@ pub fn hold_out(
         );
         return Err(Error::Stack(message));
     }
+    let (heights, beyond) = heights(stack, &dropped);
+    let mut out = HoldOut { leave, ..HoldOut::default() };
+    let mut tallies = [Tally::default(); 2];
+    let rest = some_of(stack, &kept);
+    let means = Means { backend, progress, budget: &Budget::unlimited() };
+    let mut truth = dropped.iter();
+    let mut score = |layer: Layer| {
+        // The first of the heights lies below the stack.
+        if !layer.output || layer.z <= beyond[0] || layer.z >= beyond[1] {
+            return Ok(());
+        }
+        let Some(&k) = truth.next() else { return Ok(()) };
+        out.slices.extend(scored(stack, k, &layer, &linear(&rest, stack.slices[k].z), &mut tallies));
+        Ok(())
+    };
+    crate::reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
+    let [own, line] = tallies.map(|tally| tally.compared());
+    (out.dice, out.surface_distance, out.volume_error_percent) =
+        (own.dice, own.surface_distance, own.volume_error_percent);
+    out.linear = line;
+    if last >= LEAST_FOR_ENDS {
+        let inner: Vec<usize> = (1..last).collect();
+        let rest = some_of(stack, &inner);
+        // A run wants a height at which there is a body.
+        let heights: Vec<f64> = [0, 1, last].map(|k| stack.slices[k].z).into();
+        let mut score = |layer: Layer| {
+            let end = [0, last].into_iter().find(|&k| stack.slices[k].z == layer.z && layer.output);
+            let Some(k) = end else { return Ok(()) };
+            out.ends.extend(scored(stack, k, &layer, &linear(&rest, layer.z), &mut [Tally::default(); 2]));
+            Ok(())
+        };
+        crate::reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
+    }
+    Ok(out)
+}
+
+/// Ends are left out where two slices and one more are kept: linear continuation needs two, a slope three.
+const LEAST_FOR_ENDS: usize = 4;
+
+/// Heights of the slices that were left out, and one gap beyond either end: nothing is asked there, but a body asked for as a grid has layers there,
+/// too. And these two.
+fn heights(stack: &ContourStack, dropped: &[usize]) -> (Vec<f64>, [f64; 2]) {
+    let z = |k: usize| stack.slices[k].z;
+    let last = stack.slices.len() - 1;
+    let beyond = [z(0) - (z(1) - z(0)), z(last) + (z(last) - z(last - 1))];
+    let inner = dropped.iter().map(|&k| z(k));
+    (std::iter::once(beyond[0]).chain(inner).chain([beyond[1]]).collect(), beyond)
+}
+
+/// Some slices of a stack.
+fn some_of(stack: &ContourStack, kept: &[usize]) -> ContourStack {
     let slices: Vec<Slice> = kept.iter().map(|&k| stack.slices[k].clone()).collect();
-    let rest = ContourStack {
+    ContourStack {
         dims: stack.dims,
         spacing: stack.spacing,
         unit: stack.unit.clone(),
         slices,
         z_out: None,
         geometry: stack.geometry,
-    };
-    let heights: Vec<f64> = dropped.iter().map(|&k| stack.slices[k].z).collect();
-    let (mut out, mut both, mut sizes, mut distances) =
-        (HoldOut { leave, ..HoldOut::default() }, 0, [0, 0], Vec::new());
-    let mut truth = dropped.iter().map(|&k| &stack.slices[k]);
-    let mut score = |layer: Layer| {
-        let Some(slice) = layer.output.then(|| truth.next()).flatten() else { return Ok(()) };
-        let masks = [slice.content.sides(), layer.phi.iter().map(|v| *v < 0.0).collect()];
-        let pixels = masks.each_ref().map(|m| m.iter().filter(|i| **i).count());
-        if pixels == [0, 0] {
-            return Ok(());
-        }
-        let common = masks[0].iter().zip(&masks[1]).filter(|(a, b)| **a && **b).count();
-        let distance = contour_distance(&masks, stack.dims, stack.spacing);
-        both += common;
-        sizes = [sizes[0] + pixels[0], sizes[1] + pixels[1]];
-        distances.extend(distance);
-        out.slices.push(SliceScore {
-            name: slice.name.clone(),
-            z: slice.z,
-            pixels,
-            dice: dice(common, pixels),
-            surface_distance: distance,
-            area_error_percent: excess(pixels),
-        });
-        Ok(())
-    };
-    let means = Means { backend, progress, budget: &Budget::unlimited() };
-    crate::reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
-    out.dice = dice(both, sizes);
-    out.surface_distance = (!distances.is_empty()).then(|| distances.iter().sum::<f64>() / distances.len() as f64);
-    out.volume_error_percent = excess(sizes);
-    Ok(out)
+    }
 }
 
-/// `2 |A and B| / (|A| + |B|)` where there is a truth.
+/// What is inside at height `z` by the line through the exact distances of the two slices next to it. An empty slice is infinitely far off.
+fn linear(stack: &ContourStack, z: f64) -> Vec<bool> {
+    let px = stack.spacing[0].max(stack.spacing[1]);
+    let above = stack.slices.partition_point(|s| s.z < z).clamp(1, stack.slices.len() - 1);
+    let [low, high] = [above - 1, above].map(|k| {
+        let slice = &stack.slices[k];
+        (slice.z, exact_distance(&slice.content.sides(), stack.dims, stack.spacing.map(|s| s / px)).data)
+    });
+    let t = (z - low.0) / (high.0 - low.0);
+    low.1.iter().zip(&high.1).map(|(a, b)| (1.0 - t) * a + t * b < 0.0).collect()
+}
+
+/// Scores of slice `k`, left out, by the result's layer there and by linear interpolation, which go into the tallies; nothing where all is empty.
+fn scored(
+    stack: &ContourStack,
+    k: usize,
+    layer: &Layer,
+    linear: &[bool],
+    tallies: &mut [Tally; 2],
+) -> Option<SliceScore> {
+    let slice = &stack.slices[k];
+    let truth = slice.content.sides();
+    let found: Vec<bool> = layer.phi.iter().map(|v| *v < 0.0).collect();
+    let [own, line] = [&found[..], linear].map(|found| Tally::new([&truth, found], stack.dims, stack.spacing));
+    tallies.iter_mut().zip([&own, &line]).for_each(|(all, one)| all.add(one));
+    if own.sizes == [0, 0] && line.sizes == [0, 0] {
+        return None;
+    }
+    let [score, linear] = [&own, &line].map(Tally::compared);
+    Some(SliceScore {
+        name: slice.name.clone(),
+        z: slice.z,
+        pixels: own.sizes,
+        dice: score.dice,
+        surface_distance: score.surface_distance,
+        area_error_percent: score.volume_error_percent,
+        linear_dice: linear.dice,
+    })
+}
+
+/// Counts over slices.
+#[derive(Debug, Clone, Copy, Default)]
+struct Tally {
+    common: usize,
+    /// Pixels of truth and result.
+    sizes: [usize; 2],
+    /// Sum of the mean contour distances, and over how many slices.
+    distances: f64,
+    compared: usize,
+}
+
+impl Tally {
+    /// Of one slice, truth and result.
+    fn new(masks: [&[bool]; 2], dims: [usize; 2], spacing: [f64; 2]) -> Self {
+        let distance = contour_distance(&masks, dims, spacing);
+        Tally {
+            common: masks[0].iter().zip(masks[1]).filter(|(a, b)| **a && **b).count(),
+            sizes: masks.map(|m| m.iter().filter(|i| **i).count()),
+            distances: distance.unwrap_or_default(),
+            compared: usize::from(distance.is_some()),
+        }
+    }
+
+    fn add(&mut self, other: &Tally) {
+        self.common += other.common;
+        self.sizes = [0, 1].map(|k| self.sizes[k] + other.sizes[k]);
+        self.distances += other.distances;
+        self.compared += other.compared;
+    }
+
+    fn compared(&self) -> Compared {
+        Compared {
+            dice: dice(self.common, self.sizes),
+            surface_distance: (self.compared > 0).then(|| self.distances / self.compared as f64),
+            volume_error_percent: excess(self.sizes),
+        }
+    }
+}
+
+/// Where there is any truth.
 fn dice(common: usize, [truth, found]: [usize; 2]) -> Option<f64> {
     (truth > 0).then(|| 2.0 * common as f64 / (truth + found) as f64)
 }
@@ -127,12 +243,12 @@ fn excess([truth, found]: [usize; 2]) -> Option<f64> {
 }
 
 /// Mean distance of each mask's border pixels to the other mask's border.
-fn contour_distance(masks: &[Vec<bool>; 2], dims: [usize; 2], spacing: [f64; 2]) -> Option<f64> {
+fn contour_distance(masks: &[&[bool]; 2], dims: [usize; 2], spacing: [f64; 2]) -> Option<f64> {
     if masks.iter().any(|m| !m.contains(&true) || !m.contains(&false)) {
         return None;
     }
     let px = spacing[0].max(spacing[1]);
-    let fields = masks.each_ref().map(|m| exact_distance(m, dims, spacing.map(|s| s / px)));
+    let fields = masks.map(|m| exact_distance(m, dims, spacing.map(|s| s / px)));
     let [nx, ny] = dims;
     let (mut sum, mut count) = (0.0, 0usize);
     for (own, other) in [(0, 1), (1, 0)] {

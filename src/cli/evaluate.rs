@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use interslice::holdout::{HoldOut, hold_out};
+use interslice::holdout::{HoldOut, SliceScore, hold_out};
 use interslice::stack::ReadOptions;
 use interslice::stack::read::Input;
 use interslice::{Result, Settings};
@@ -53,29 +53,48 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 fn describe(score: &HoldOut, unit: &str) -> String {
-    let mut lines =
-        vec![format!("{:>24} {:>12} {:>8} {:>14} {:>8}", "slice left out", "height", "Dice", "distance", "area")];
+    let mut lines = vec![format!(
+        "{:>24} {:>12} {:>8} {:>14} {:>8} {:>8}",
+        "slice left out", "height", "Dice", "distance", "area", "linear"
+    )];
     let or_dash = |v: Option<String>| v.unwrap_or_else(|| "-".into());
-    for s in &score.slices {
-        lines.push(format!(
-            "{:>24} {:>12.4} {:>8} {:>14} {:>8}",
+    let line = |s: &SliceScore| {
+        format!(
+            "{:>24} {:>12.4} {:>8} {:>14} {:>8} {:>8}",
             s.name,
             s.z,
             or_dash(s.dice.map(|d| format!("{d:.4}"))),
             or_dash(s.surface_distance.map(|d| format!("{d:.4} {unit}"))),
-            or_dash(s.area_error_percent.map(|e| format!("{e:+.1} %")))
-        ));
-    }
+            or_dash(s.area_error_percent.map(|e| format!("{e:+.1} %"))),
+            or_dash(s.linear_dice.map(|d| format!("{d:.4}")))
+        )
+    };
+    let scores = |dice: Option<f64>, distance: Option<f64>, volume: Option<f64>| {
+        let dice = or_dash(dice.map(|d| format!("{d:.4}")));
+        let distance = or_dash(distance.map(|d| format!("{d:.4} {unit}")));
+        format!(
+            "Dice {dice}, mean contour distance {distance}, volume {}",
+            or_dash(volume.map(|e| format!("{e:+.2} %")))
+        )
+    };
+    lines.extend(score.slices.iter().map(line));
     lines.push(format!(
-        "{} slices left out, one in {}: Dice {}, mean contour distance {}, volume {}",
+        "{} slices left out, one in {}: {}",
         score.slices.len(),
         score.leave,
-        or_dash(score.dice.map(|d| format!("{d:.4}"))),
-        or_dash(score.surface_distance.map(|d| format!("{d:.4} {unit}"))),
-        or_dash(score.volume_error_percent.map(|e| format!("{e:+.2} %")))
+        scores(score.dice, score.surface_distance, score.volume_error_percent)
     ));
     if score.dice.is_none() {
         lines.push("Nothing is on the slices that were left out: there is nothing to compare with.".into());
+    }
+    let linear = &score.linear;
+    lines.push(format!(
+        "linear interpolation of distances: {}",
+        scores(linear.dice, linear.surface_distance, linear.volume_error_percent)
+    ));
+    if !score.ends.is_empty() {
+        lines.push("the first and the last slice left out, found by the end rules (linear: continued):".into());
+        lines.extend(score.ends.iter().map(line));
     }
     lines.push("With all slices given, gaps are smaller and what lies between them is found better than this.".into());
     lines.join("\n") + "\n"

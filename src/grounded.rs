@@ -3,12 +3,15 @@
 //! An interval's nodes ([`NODE_TIMES`](crate::heights::NODE_TIMES)) say which of their parts hang together, from layer to layer, with a contour (a
 //! void: with what is outside there, or with the image's edge). A part of a layer between two of them stays if it touches a part of either that does;
 //! any other changes sides. Debris lasts far shorter than a quarter of a gap; a tube that moves by its own width in that time is no tube to any method
-//! that reads contours. So a layer depends on the stack alone and on no other layer that is asked for.
+//! that reads contours. So far a layer depends on the stack alone. What still floats once all layers that are made are looked at together, a crumb of
+//! a few pixels over or under something that stays, changes sides, too.
 
 use crate::runs::{Joined, Runs, Side};
 
-/// Which parts of each of an interval's layers, from contour to contour, hang together with one of both contours.
-pub fn grounded(layers: &[Runs], nx: usize, side: Side) -> Vec<Vec<bool>> {
+/// Which parts of each of an interval's layers, from contour to contour, hang together with one of both contours, over parts that are `there` (all
+/// where nothing is said).
+pub fn grounded(layers: &[Runs], there: Option<&[Vec<bool>]>, nx: usize, side: Side) -> Vec<Vec<bool>> {
+    let there = |k: usize, part: usize| there.is_none_or(|there| there[k][part]);
     let mut first = Vec::with_capacity(layers.len());
     let mut count = 0;
     for runs in layers {
@@ -24,11 +27,17 @@ pub fn grounded(layers: &[Runs], nx: usize, side: Side) -> Vec<Vec<bool>> {
             runs.at_edge(nx).for_each(|part| joined.join(first[k] + part, count));
         }
         if let Some(above) = layers.get(k + 1) {
-            runs.meeting(above, |a, b| joined.join(first[k] + a, first[k + 1] + b));
+            runs.meeting(above, |a, b| {
+                if there(k, a) && there(k + 1, b) {
+                    joined.join(first[k] + a, first[k + 1] + b);
+                }
+            });
         }
     }
     let ground = joined.root(count);
-    let of = |(k, runs): (usize, &Runs)| (0..runs.count).map(|part| joined.root(first[k] + part) == ground).collect();
+    let of = |(k, runs): (usize, &Runs)| {
+        (0..runs.count).map(|part| there(k, part) && joined.root(first[k] + part) == ground).collect()
+    };
     layers.iter().enumerate().map(of).collect()
 }
 
@@ -72,7 +81,7 @@ mod tests {
         // A stair from the lower contour, and a piece in the air.
         let layers = [layer(&[[1, 1]]), layer(&[[1, 1], [2, 1], [6, 6]]), layer(&[[2, 1], [6, 6]]), layer(&[])];
         let runs: Vec<Runs> = layers.iter().map(|l| Runs::new(l, N, Side::Inside)).collect();
-        let stays = grounded(&runs, N, Side::Inside);
+        let stays = grounded(&runs, None, N, Side::Inside);
         assert_eq!(stays, [vec![true], vec![true, false], vec![true, false], vec![]]);
         let mut repaired = layers[1].clone();
         assert_eq!(turn(&mut repaired, N, &runs[1], &stays[1]), 1);
@@ -91,7 +100,7 @@ mod tests {
         let layers = [without(&[[2, 2]]), without(&[[2, 3], [5, 5]]), without(&[])];
         let runs: Vec<Runs> = layers.iter().map(|l| Runs::new(l, N, Side::Outside)).collect();
         // Around the block; a hole that opens through a face's diagonal to that of the contour; a bubble.
-        let stays = grounded(&runs, N, Side::Outside);
+        let stays = grounded(&runs, None, N, Side::Outside);
         assert_eq!(stays[1], [true, true, false]);
         let mut repaired = layers[1].clone();
         assert_eq!(turn(&mut repaired, N, &runs[1], &stays[1]), 1);

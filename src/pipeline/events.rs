@@ -64,7 +64,7 @@ mod tests {
     fn parts_have_the_numbers_of_their_slices() {
         // In the frame the parts of the lower slice come in the other order: its rows are turned over.
         let discs = |at: &[[f64; 2]]| {
-            let near = |i: usize, j: usize| at.iter().map(|c| (i as f64 - c[0]).hypot(j as f64 - c[1]) - 4.0);
+            let near = |i: usize, j: usize| at.iter().map(move |c| (i as f64 - c[0]).hypot(j as f64 - c[1]) - 4.0);
             Field::from_fn([40, 40], |i, j| near(i, j).fold(f64::INFINITY, f64::min))
         };
         let contour = |at: &[[f64; 2]]| Contour::with_seeds(0.0, discs(at), Vec::new());

@@ -124,20 +124,23 @@ impl Together<'_, '_> {
         let all: Vec<Runs> = self.waiting.par_iter().map(|w| Runs::new(&w.phi.unpack(), nx, side)).collect();
         let places: Vec<usize> = (0..all.len()).filter(|&k| self.waiting[k].node.is_some()).collect();
         let nodes: Vec<Runs> = places.iter().map(|&k| all[k].clone()).collect();
-        let stays = grounded(&nodes, nx, side);
-        let work = |(k, (w, runs)): (usize, (&mut Waiting, &Runs))| {
+        let stays = grounded(&nodes, None, nx, side);
+        let of = |(k, runs): (usize, &Runs)| {
             let above = places.partition_point(|place| *place < k);
-            let own = if places[above] == k {
-                stays[above].clone()
-            } else {
-                held(runs, [above - 1, above].map(|n| (&nodes[n], stays[n].as_slice())), nx, side)
-            };
+            if places[above] == k {
+                return stays[above].clone();
+            }
+            held(runs, [above - 1, above].map(|n| (&nodes[n], stays[n].as_slice())), nx, side)
+        };
+        let there: Vec<Vec<bool>> = all.par_iter().enumerate().map(of).collect();
+        let stays = grounded(&all, Some(&there), nx, side);
+        let work = |((w, runs), own): ((&mut Waiting, &Runs), &Vec<bool>)| {
             if own.contains(&false) {
                 let mut phi = w.phi.unpack();
-                turn(&mut phi, nx, runs, &own);
+                turn(&mut phi, nx, runs, own);
                 w.phi = Packed::of(dims, &phi);
             }
         };
-        self.waiting.par_iter_mut().zip(&all).enumerate().for_each(work);
+        self.waiting.par_iter_mut().zip(&all).zip(&stays).for_each(work);
     }
 }

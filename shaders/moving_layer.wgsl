@@ -10,17 +10,17 @@
 @group(0) @binding(6) var<storage, read_write> far: array<f32>;
 @group(0) @binding(7) var<storage, read_write> layers: array<f32>;
 
-// Share of `4 t^2 (1 - t)^2 |A - B|` taken off where the surface is upright.
+// Share of `4 t^2 (1 - t)^2 |A - B|` taken off of what is no relief.
 const SHRINKING: f32 = 0.2;
 
 // What the layers of an interval share: values are clamped to `limit`, tiles farther off than `limit + reach` are skipped; lone parts of the
-// lower slice, and of both; the interval's gap in px; whether one of its slices is empty.
+// lower slice, and of both; how far the stack is relief; whether one of the interval's slices is empty.
 struct Span {
     limit: f32,
     reach: f32,
     lower_parts: u32,
     all_parts: u32,
-    gap: f32,
+    relief: f32,
     empty: u32,
     padding_a: u32,
     padding_b: u32,
@@ -136,7 +136,7 @@ fn interpolate(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     let t = times[p.z];
     let bulge = t * (1.0 - t);
     let apart = abs(v.x - v.y);
-    let shrinking = SHRINKING * upright(apart / span.gap) * 4.0 * bulge * bulge * apart;
+    let shrinking = SHRINKING * (1.0 - span.relief) * 4.0 * bulge * bulge * apart;
     var value = select(hermite_values(v, m, t) - shrinking, span.limit, span.empty != 0u);
     value = closing(0u, span.lower_parts, ij, ends.low, v.x, m.x, t, value);
     value = closing(span.lower_parts, span.all_parts, ij, ends.high, v.y, -m.y, 1.0 - t, value);

@@ -13,11 +13,13 @@ const ABOVE: u32 = 1u;
 const BELOW: u32 = 2u;
 
 // A slice: its number in `fields`, what it has on either side, and its gaps, px: below and above, or at an end the nearer and the farther
-// (0: there is none).
+// (0: there is none), and how far the stack is relief.
 struct Knot {
     slice: u32,
     sides: u32,
     gaps: vec2<f32>,
+    relief: f32,
+    padding: f32,
 }
 
 fn value(slice: u32, ij: vec2<i32>, offset: vec2<f32>) -> f32 {
@@ -55,7 +57,7 @@ fn find_slopes(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     var found: f32;
     if knot.sides == BOTH {
         let d = vec2<f32>(secant_down(s, ij, here, h.x), secant_up(s, ij, here, h.y));
-        found = slope(d, h);
+        found = slope(d, h, knot.relief);
     } else if knot.sides == ABOVE {
         let d = secant_up(s, ij, here, h.x);
         found = d;

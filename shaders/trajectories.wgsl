@@ -1,4 +1,4 @@
-// Paths through layers: from the lower slice to the layer and from there to the upper one, per block of pixels. The twins are
+// Paths through layers: from the lower slice to the layer and from there to the upper one, per node. The twins are
 // `Displacement::through` and `MovingField::paths`.
 
 @group(0) @binding(1) var<storage, read> vectors: array<vec2<f32>>;
@@ -27,20 +27,20 @@ fn through(ij: vec2<i32>, offset: vec2<f32>, tau: f32) -> vec2<f32> {
 }
 
 // `p(t) = t u + (K_low - u) (t^3 - 2 t^2 + t) + (K_high - u) (t^3 - t^2)` and `u - p`, with the slices' rates K per interval in `rates`,
-// the lower one's first: all blocks come, then all go, time by time.
+// the lower one's first: all nodes come, then all go, time by time.
 @compute @workgroup_size(lane_count)
 fn follow(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let n = list_index(group, local);
-    let blocks = image.columns * image.rows;
-    if n >= image.count * blocks {
+    let nodes = image.columns * image.rows;
+    if n >= image.count * nodes {
         return;
     }
-    let k = n % blocks;
-    let time = times[n / blocks];
+    let k = n % nodes;
+    let time = times[n / nodes];
     let corner = vec2<i32>(STRIDE * vec2<u32>(k % image.columns, k / image.columns));
-    let u = through(corner, vec2<f32>(0.5 * f32(STRIDE - 1u)), time.tau);
-    let come = time.t * u + time.first * (rates[k] - u) + time.second * (rates[blocks + k] - u);
+    let u = through(corner, first_node(), time.tau);
+    let come = time.t * u + time.first * (rates[k] - u) + time.second * (rates[nodes + k] - u);
     let place = 2u * (n - k) + k;
     paths[place] = come;
-    paths[place + blocks] = u - come;
+    paths[place + nodes] = u - come;
 }

@@ -20,8 +20,8 @@ const PIXELS_READ: usize = 4096;
 pub struct Canvas {
     /// Pixels of the image.
     pub dims: [usize; 2],
-    /// Padding of the padded image that tiles live on.
-    pub pad: usize,
+    /// Padding of the padded image that tiles live on, pixels along either axis.
+    pub pad: [usize; 2],
     /// Distances are clamped to this, px.
     pub limit: f64,
     /// Signed distance, px.
@@ -30,7 +30,7 @@ pub struct Canvas {
 
 impl Canvas {
     /// A layer with nothing on it.
-    pub fn empty(dims: [usize; 2], pad: usize, limit: f64) -> Self {
+    pub fn empty(dims: [usize; 2], pad: [usize; 2], limit: f64) -> Self {
         Canvas { dims, pad, limit, phi: vec![limit as f32; dims[0] * dims[1]] }
     }
 
@@ -52,7 +52,7 @@ impl Canvas {
         let mut values = vec![0.0; columns.len()];
         for j in rows {
             body.read(columns.start - tile.origin[0], j - tile.origin[1], &mut values);
-            let row = &mut self.phi[(j - self.pad) * nx + columns.start - self.pad..];
+            let row = &mut self.phi[(j - self.pad[1]) * nx + columns.start - self.pad[0]..];
             for (phi, v) in row.iter_mut().zip(&values) {
                 *phi = phi.min(f64::from(*v).clamp(-limit, limit) as f32);
             }
@@ -62,8 +62,8 @@ impl Canvas {
     /// Columns and rows of the padded image that a tile and the image share.
     fn shared(&self, tile: &Tile) -> [Range<usize>; 2] {
         std::array::from_fn(|a| {
-            let end = (self.pad + self.dims[a]).min(tile.origin[a] + tile.dims[a]);
-            let start = self.pad.max(tile.origin[a]);
+            let end = (self.pad[a] + self.dims[a]).min(tile.origin[a] + tile.dims[a]);
+            let start = self.pad[a].max(tile.origin[a]);
             start..end.max(start)
         })
     }
@@ -73,15 +73,15 @@ impl Canvas {
         let [nx, _] = self.dims;
         let [columns, rows] = self.shared(tile);
         for j in rows {
-            let (from, to) = ((j - tile.origin[1]) * tile.dims[0], (j - self.pad) * nx);
+            let (from, to) = ((j - tile.origin[1]) * tile.dims[0], (j - self.pad[1]) * nx);
             for i in columns.clone() {
-                each(to + i - self.pad, from + i - tile.origin[0]);
+                each(to + i - self.pad[0], from + i - tile.origin[0]);
             }
         }
     }
 
     /// A layer that is an input contour.
-    pub fn of_contour(dims: [usize; 2], pad: usize, limit: f64, contour: &Field) -> Self {
+    pub fn of_contour(dims: [usize; 2], pad: [usize; 2], limit: f64, contour: &Field) -> Self {
         let mut canvas = Canvas::empty(dims, pad, limit);
         let whole = Tile { origin: [0, 0], dims: contour.dims };
         canvas.unite(&whole, |n| contour.data[n]);

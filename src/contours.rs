@@ -52,8 +52,8 @@ impl Contour {
     /// Its seeds and its parts, but not the level set.
     pub const SEEDS_AND_PARTS: &[usize] = &[0, 2];
 
-    /// The tile of some solid parts and `margin` px around them.
-    pub fn tile_of(&self, parts: &[u32], margin: usize) -> Tile {
+    /// The tile of some solid parts and `margin` pixels around them.
+    pub fn tile_of(&self, parts: &[u32], margin: [usize; 2]) -> Tile {
         let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
         for &p in parts {
             let (a, b) = self.solid_box[p as usize];

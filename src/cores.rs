@@ -21,7 +21,7 @@ pub struct Shown {
     /// Pixels.
     pub dims: [usize; 2],
     /// Padding of the padded image.
-    pub pad: usize,
+    pub pad: [usize; 2],
     /// Size of a pixel in units of its larger side.
     pub h: [f64; 2],
     /// Distances are clamped to this, px.
@@ -48,8 +48,8 @@ impl Cores {
             return None;
         }
         let reach = shown.h.map(|h| (shown.limit / h).ceil() as usize);
-        let origin = [0, 1].map(|a| (from[a] - shown.pad).saturating_sub(reach[a]));
-        let dims = [0, 1].map(|a| (to[a] - shown.pad + reach[a] + 1).min(shown.dims[a]) - origin[a]);
+        let origin = [0, 1].map(|a| (from[a] - shown.pad[a]).saturating_sub(reach[a]));
+        let dims = [0, 1].map(|a| (to[a] - shown.pad[a] + reach[a] + 1).min(shown.dims[a]) - origin[a]);
         Some(Tile { origin, dims })
     }
 
@@ -59,7 +59,7 @@ impl Cores {
         let width = low.phi.dims[0];
         let node = |n: usize| {
             let [i, j] = [n % tile.dims[0] + tile.origin[0], n / tile.dims[0] + tile.origin[1]];
-            (j + shown.pad) * width + i + shown.pad
+            (j + shown.pad[1]) * width + i + shown.pad[0]
         };
         let apart = |n: usize| !parted.is_empty() && parted.contains(&(low.solids.labels[n], high.solids.labels[n]));
         let limit = shown.limit as f32;

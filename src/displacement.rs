@@ -1,4 +1,7 @@
-//! A smooth displacement between two contours: one vector per block of pixels, read bilinearly.
+//! A smooth displacement between two contours: one vector per node of a grid, read bilinearly.
+//!
+//! Nodes are [`BLOCK`] pixels apart, centred on the image, so that an image turned by 90 degrees or mirrored has the same nodes; with an
+//! odd number of pixels between the outermost ones they lie half way between pixels.
 //!
 //! The displacement v of an interval lives in its mid frame: what lies at `x - v/2` in the lower slice lies at `x + v/2` in the upper one.
 //! Vectors are in pixels of the image.
@@ -12,26 +15,26 @@ use crate::field::Field;
 use crate::packed::Packed;
 use crate::shelf::{Array, Large};
 
-/// Side of a block, px.
+/// Distance between two nodes, px.
 pub const BLOCK: usize = 4;
-/// Places of pixels between the centres of two blocks.
-const PLACES: [f64; BLOCK] = [0.125, 0.375, 0.625, 0.875];
 /// Fixed-point passes that find the trajectory through a point.
 pub const PASSES: usize = 3;
-/// Gaussian means over blocks are cut here, sigmas.
+/// Gaussian means over nodes are cut here, sigmas.
 const TRUNCATE: f64 = 3.0;
 
-/// Blocks that are worked on at once.
+/// Nodes that are worked on at once.
 pub const LANES: usize = 32;
-/// Positions or vectors of as many blocks: along x, along y.
+/// Positions or vectors of as many nodes: along x, along y.
 pub type Lanes = [[f64; LANES]; 2];
 
-/// A vector per block.
+/// A vector per node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Displacement {
-    /// Blocks `[columns, rows]`.
+    /// Nodes `[columns, rows]`.
     pub grid: [usize; 2],
-    /// Vectors at the blocks' centres, row-major, pixels of the image.
+    /// Where the first node is, pixels: a multiple of a half, not above 0.
+    pub origin: [f64; 2],
+    /// Vectors at the nodes, row-major, pixels of the image.
     pub vectors: Vec<[f64; 2]>,
 }
 
@@ -51,6 +54,7 @@ impl Large for [Displacement; 2] {
 #[derive(Debug, Clone)]
 pub struct Resting {
     grid: [usize; 2],
+    origin: [f64; 2],
     vectors: Packed<[f64; 2]>,
 }
 
@@ -58,14 +62,14 @@ impl Resting {
     /// The vector at `x`, as [`Displacement::at`] gives it.
     #[inline(always)]
     pub fn at(&self, x: [f64; 2]) -> [f64; 2] {
-        let ((column, fx), (row, fy)) = (place(self.grid[0], x[0]), place(self.grid[1], x[1]));
+        let [(column, fx), (row, fy)] = [0, 1].map(|a| place(self.grid[a], self.origin[a], x[a]));
         bilinear(self.vectors.corners(column, row, 1, 1), [fx, fy])
     }
 }
 
 impl From<&Displacement> for Resting {
     fn from(v: &Displacement) -> Self {
-        Resting { grid: v.grid, vectors: Packed::of(v.grid, &v.vectors) }
+        Resting { grid: v.grid, origin: v.origin, vectors: Packed::of(v.grid, &v.vectors) }
     }
 }
 
@@ -89,27 +93,63 @@ pub struct DisplacementJob<'a> {
 impl Displacement {
     /// No displacement on an image of these pixels.
     pub fn zero(dims: [usize; 2]) -> Self {
-        let grid = dims.map(|n| n.div_ceil(BLOCK).max(2));
-        Displacement { grid, vectors: vec![[0.0; 2]; grid[0] * grid[1]] }
+        let last = dims.map(|n| n.saturating_sub(1));
+        let grid = last.map(|n| n.div_ceil(BLOCK) + 1).map(|nodes| nodes.max(2));
+        let origin = [0, 1].map(|a| 0.5 * (last[a] as f64 - (BLOCK * (grid[a] - 1)) as f64));
+        Displacement { grid, origin, vectors: vec![[0.0; 2]; grid[0] * grid[1]] }
     }
 
-    /// The displacement with a value for every block, of which `f` is given number, centre (pixels) and own vector.
+    /// The same nodes with other vectors.
+    pub fn with(&self, vectors: Vec<[f64; 2]>) -> Self {
+        Displacement { grid: self.grid, origin: self.origin, vectors }
+    }
+
+    /// The displacement with a value for every node, of which `f` is given number, place (pixels) and own vector.
     pub fn map(&self, f: impl Fn(usize, [f64; 2], [f64; 2]) -> [f64; 2]) -> Self {
         let mut vectors = Vec::with_capacity(self.vectors.len());
-        for (row, blocks) in self.vectors.chunks_exact(self.grid[0]).enumerate() {
+        for (row, nodes) in self.vectors.chunks_exact(self.grid[0]).enumerate() {
             let first = row * self.grid[0];
-            let of = |(column, &v)| f(first + column, [centre(column), centre(row)], v);
-            vectors.extend(blocks.iter().enumerate().map(of));
+            let of = |(column, &v)| f(first + column, [self.along(0, column), self.along(1, row)], v);
+            vectors.extend(nodes.iter().enumerate().map(of));
         }
-        Displacement { grid: self.grid, vectors }
+        self.with(vectors)
     }
 
-    /// Centre of a block, pixels.
+    /// Where node `k` is, pixels.
     pub fn centre(&self, k: usize) -> [f64; 2] {
-        [k % self.grid[0], k / self.grid[0]].map(centre)
+        [self.along(0, k % self.grid[0]), self.along(1, k / self.grid[0])]
     }
 
-    /// The vector at `x`; beyond the blocks' centres that of the nearest.
+    /// Where along an axis a column or row of nodes is, pixels.
+    #[inline(always)]
+    fn along(&self, axis: usize, node: usize) -> f64 {
+        self.origin[axis] + (node * BLOCK) as f64
+    }
+
+    /// The four nodes around `x` with their weights, by which `x` reads them and is spread over them: tents `1 - |x - node| / BLOCK`.
+    pub fn around(&self, x: [f64; 2]) -> [(usize, f64); 4] {
+        let [(column, fx), (row, fy)] = [0, 1].map(|a| self.place(a, x[a]));
+        let k = row * self.grid[0] + column;
+        let (low, high) = (1.0 - fy, fy);
+        [
+            (k, low * (1.0 - fx)),
+            (k + 1, low * fx),
+            (k + self.grid[0], high * (1.0 - fx)),
+            (k + self.grid[0] + 1, high * fx),
+        ]
+    }
+
+    /// The nodes nearest to `x`: more than one where it lies half way.
+    pub fn nearest(&self, x: [f64; 2]) -> impl Iterator<Item = usize> + use<> {
+        let [columns, rows] = [0, 1].map(|a| {
+            let (before, place) = self.place(a, x[a]);
+            before + usize::from(place > 0.5)..=before + usize::from(place >= 0.5)
+        });
+        let across = self.grid[0];
+        rows.flat_map(move |row| columns.clone().map(move |column| row * across + column))
+    }
+
+    /// The vector at `x`; beyond the nodes that of the nearest.
     #[inline(always)]
     pub fn at(&self, x: [f64; 2]) -> [f64; 2] {
         let ((column, fx), (row, fy)) = (self.place(0, x[0]), self.place(1, x[1]));
@@ -136,13 +176,13 @@ impl Displacement {
         bounds
     }
 
-    /// Along an axis the block before a position, and the place between it and the next.
+    /// Along an axis the node before a position, and the place between it and the next.
     #[inline(always)]
-    fn place(&self, axis: usize, x: f64) -> (usize, f64) {
-        place(self.grid[axis], x)
+    pub fn place(&self, axis: usize, x: f64) -> (usize, f64) {
+        place(self.grid[axis], self.origin[axis], x)
     }
 
-    /// Displacements of the trajectories that pass through the blocks' centres x at time `1/2 + tau`: `u = v(x - tau u)`.
+    /// Displacements of the trajectories that pass through the nodes x at time `1/2 + tau`: `u = v(x - tau u)`.
     pub fn through(&self, tau: f64) -> Self {
         if tau == 0.0 {
             return self.clone();
@@ -155,20 +195,20 @@ impl Displacement {
         })
     }
 
-    /// The displacement with values for some blocks at once, of which `f` is given the number of the first, centres and own vectors. What
-    /// lanes beyond the last block of a row hold does not count.
+    /// The displacement with values for some nodes at once, of which `f` is given the number of the first, places and own vectors. What
+    /// lanes beyond the last node of a row hold does not count.
     pub fn map_lanes(&self, f: impl Fn(usize, &Lanes, &Lanes) -> Lanes) -> Self {
         let mut vectors = Vec::with_capacity(self.vectors.len());
-        for (row, blocks) in self.vectors.chunks_exact(self.grid[0]).enumerate() {
-            for (part, some) in blocks.chunks(LANES).enumerate() {
+        for (row, nodes) in self.vectors.chunks_exact(self.grid[0]).enumerate() {
+            for (part, some) in nodes.chunks(LANES).enumerate() {
                 let first = part * LANES;
-                let x = [std::array::from_fn(|k| centre(first + k)), [centre(row); LANES]];
+                let x = [std::array::from_fn(|k| self.along(0, first + k)), [self.along(1, row); LANES]];
                 let own = [0, 1].map(|a| std::array::from_fn(|k| some.get(k).map_or(0.0, |v| v[a])));
                 let [along, across] = f(row * self.grid[0] + first, &x, &own);
                 vectors.extend(along.into_iter().zip(across).map(|(x, y)| [x, y]).take(some.len()));
             }
         }
-        Displacement { grid: self.grid, vectors }
+        self.with(vectors)
     }
 
     /// The vectors at some positions, each as [`Displacement::at`] gives it.
@@ -193,7 +233,7 @@ fn at_lanes(v: &Displacement, x: &Lanes) -> Lanes {
     let (mut cells, mut places) = ([[0u32; LANES]; 2], [[0.0; LANES]; 2]);
     for a in 0..2 {
         for k in 0..LANES {
-            let (before, place) = place(v.grid[a], x[a][k]);
+            let (before, place) = place(v.grid[a], v.origin[a], x[a][k]);
             (cells[a][k], places[a][k]) = (before as u32, place);
         }
     }
@@ -217,9 +257,10 @@ fn at_lanes(v: &Displacement, x: &Lanes) -> Lanes {
     out
 }
 
-/// See [`Displacement::read_row`]. The blocks above and below are brought to the row once for all pixels between.
+/// See [`Displacement::read_row`]. The nodes above and below are brought to the row once for all pixels between.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn read_row(v: &Displacement, j: usize, first: usize, mut out: &mut [[f64; 2]]) {
+    const STEP: f64 = 1.0 / BLOCK as f64;
     let (row, fy) = v.place(1, j as f64);
     let (below, above) = v.vectors[row * v.grid[0]..][..2 * v.grid[0]].split_at(v.grid[0]);
     let in_row = |k: usize| mix(below[k], above[k], fy);
@@ -227,30 +268,30 @@ fn read_row(v: &Displacement, j: usize, first: usize, mut out: &mut [[f64; 2]]) 
     let [mut left, mut right] = [in_row(before), in_row(before + 1)];
     let mut i = first;
     while !out.is_empty() {
-        // Pixels until the next block's centre.
-        let count = (BLOCK - (i + BLOCK / 2) % BLOCK).min(out.len());
-        let (some, rest) = std::mem::take(&mut out).split_at_mut(count);
         let (column, fx) = v.place(0, i as f64);
+        // Pixels before the next node; one at a time from the last node on.
+        let count = (((1.0 - fx) * BLOCK as f64).ceil() as usize).clamp(1, out.len());
+        let (some, rest) = std::mem::take(&mut out).split_at_mut(count);
         if column != before {
             (left, right, before) = (right, in_row(column + 1), column);
         }
-        if fx == PLACES[0] && count == BLOCK {
-            some.iter_mut().zip(PLACES).for_each(|(slot, f)| *slot = mix(left, right, f));
-        } else {
-            let place = |k: usize| v.place(0, (i + k) as f64).1;
-            some.iter_mut().enumerate().for_each(|(k, slot)| *slot = mix(left, right, place(k)));
+        let fill = |some: &mut [[f64; 2]]| {
+            some.iter_mut().enumerate().for_each(|(k, slot)| *slot = mix(left, right, fx + STEP * k as f64));
+        };
+        match <&mut [[f64; 2]; BLOCK]>::try_from(&mut *some) {
+            Ok(all) => fill(all),
+            Err(_) => fill(some),
         }
         (i, out) = (i + count, rest);
     }
 }
 
-/// Along an axis of so many blocks the block before a position, and the place between it and the next.
+/// Along an axis of so many nodes, the first at `origin`, the node before a position, and the place between it and the next.
 #[inline(always)]
-fn place(blocks: usize, x: f64) -> (usize, f64) {
-    let at = (x - 0.5 * (BLOCK - 1) as f64) / BLOCK as f64;
-    let at = at.clamp(0.0, (blocks - 1) as f64);
+fn place(nodes: usize, origin: f64, x: f64) -> (usize, f64) {
+    let at = ((x - origin) / BLOCK as f64).clamp(0.0, (nodes - 1) as f64);
     // Through u32: cheaper than to usize.
-    let before = (at as u32 as usize).min(blocks - 2);
+    let before = (at as u32 as usize).min(nodes - 2);
     (before, at - before as f64)
 }
 
@@ -262,19 +303,13 @@ fn bilinear([a, b, c, d]: [[f64; 2]; 4], [fx, fy]: [f64; 2]) -> [f64; 2] {
     [both(0), both(1)]
 }
 
-/// Where along an axis the centre of a block lies, pixels.
-#[inline(always)]
-fn centre(block: usize) -> f64 {
-    (block * BLOCK) as f64 + 0.5 * (BLOCK - 1) as f64
-}
-
 /// The vector at place `f` between two.
 #[inline(always)]
 fn mix(a: [f64; 2], b: [f64; 2], f: f64) -> [f64; 2] {
     [(1.0 - f) * a[0] + f * b[0], (1.0 - f) * a[1] + f * b[1]]
 }
 
-/// Gaussian means over blocks, the edge repeated. `sigma` in blocks.
+/// Gaussian means over nodes, the edge repeated. `sigma` in nodes.
 pub fn smooth<const C: usize>(values: &mut [[f64; C]], [nx, ny]: [usize; 2], sigma: [f64; 2]) {
     let values = values.as_flattened_mut();
     let (row, mut from) = (nx * C, values.to_vec());
@@ -323,9 +358,10 @@ mod tests {
 
     #[test]
     fn lanes_read_what_each_position_reads() {
-        for grid in [[2, 2], [7, 3], [33, 9], [70, 4]] {
+        for dims in [[2, 2], [25, 9], [130, 33], [279, 14]] {
             let value = |k: usize| [(k as f64 * 0.7).sin() * 9.0, (k as f64 * 1.3).cos() * 5.0];
-            let v = Displacement { grid, vectors: (0..grid[0] * grid[1]).map(value).collect() };
+            let v = Displacement::zero(dims).map(|k, _, _| value(k));
+            let grid = v.grid;
             // Within the image and beyond it on all sides.
             let far = |a: usize, k: usize| (k as f64 * 0.377 + a as f64).sin() * 0.7 * (grid[a] * BLOCK) as f64;
             let x: Lanes = [0, 1].map(|a| std::array::from_fn(|k| 0.5 * (grid[a] * BLOCK) as f64 + far(a, k)));
@@ -333,7 +369,7 @@ mod tests {
             for k in 0..LANES {
                 assert_eq!([read[0][k], read[1][k]], v.at([x[0][k], x[1][k]]), "{grid:?}, {k}");
             }
-            // Every block once, whatever is beyond the last of a row.
+            // Every node once, whatever is beyond the last of a row.
             assert_eq!(v.map_lanes(|_, _, own| *own), v);
             let centres = v.map_lanes(|_, x, _| *x);
             (0..v.vectors.len()).for_each(|k| assert_eq!(centres.vectors[k], v.centre(k)));

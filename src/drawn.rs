@@ -63,7 +63,7 @@ impl Drawn {
     }
 
     /// Pixels of the box around it and so many more to each side.
-    pub fn box_pixels(&self, around: usize) -> f64 {
-        (0..2).map(|a| (self.high[a] + 1 + 2 * around).saturating_sub(self.low[a]) as f64).product()
+    pub fn box_pixels(&self, around: [usize; 2]) -> f64 {
+        (0..2).map(|a| (self.high[a] + 1 + 2 * around[a]).saturating_sub(self.low[a]) as f64).product()
     }
 }

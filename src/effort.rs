@@ -14,6 +14,7 @@ use crate::field::Field;
 use crate::reference::distance::distance_of;
 use crate::settings::Settings;
 use crate::stack::ContourStack;
+use crate::tile::samples;
 
 /// CPU microseconds per unit of each kind of work, where [`PROBE`] takes PROBE_SECONDS.
 const COSTS: [f64; 4] = [1.0, 7.8, 19.4, 0.2];
@@ -35,8 +36,9 @@ pub struct Effort {
 impl Effort {
     /// Of layers of `stack` at `heights`.
     pub fn of(stack: &ContourStack, heights: &[f64]) -> Self {
-        let around = Settings::default().margin() + 8;
-        let padded: usize = stack.dims.iter().map(|n| n + 2 * around).product();
+        let px = stack.spacing[0].max(stack.spacing[1]);
+        let around = samples(Settings::default().margin() + 8, stack.spacing.map(|side| side / px));
+        let padded: usize = (0..2).map(|a| stack.dims[a] + 2 * around[a]).product();
         let pixels: usize = stack.dims.iter().product();
         let drawn: Vec<Drawn> = stack.slices.par_iter().map(|s| Drawn::of(&s.content, stack.dims)).collect();
         let differing = stack.slices.par_windows(2).map(|w| differing([&w[0].content, &w[1].content], stack.dims));

@@ -49,7 +49,7 @@ pub struct Levels<'a> {
     /// Pixel sides.
     pub h: [f64; 2],
     /// Margin of tiles, px.
-    pub margin: usize,
+    pub margin: [usize; 2],
     /// Who computes distances.
     pub backend: &'a dyn Backend,
 }

@@ -1,6 +1,6 @@
 //! Rigid frames of single parts made one displacement: each part's own motion all along its way, and between the parts something between.
 //!
-//! A block at distance `d_k` from the way of body k (from its place on the lower slice to that on the upper) gets the mean of the bodies' motions
+//! A node at distance `d_k` from the way of body k (from its place on the lower slice to that on the upper) gets the mean of the bodies' motions
 //! with weights `1 / (max(d_k - 4, 0) + 1/4)^2`. What stands still is a body too. A body alone in the image takes all of it along. A part that
 //! goes into a much larger one is a body by itself; the larger one stands still but for where the other arrives.
 
@@ -29,15 +29,15 @@ struct Body {
     rigid: Rigid,
     /// Whether the part below and the part above move as a whole.
     whole: [bool; 2],
-    /// Distance of each block from its way, px.
+    /// Distance of each node from its way, px.
     away: Vec<f64>,
 }
 
-/// Two slices and the blocks of their image.
+/// Two slices and the nodes of their image.
 struct Slices<'c> {
     low: &'c Contour,
     high: &'c Contour,
-    grid: [usize; 2],
+    nodes: Displacement,
     h: [f64; 2],
 }
 
@@ -73,19 +73,12 @@ pub fn rigid(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) -
 
 impl<'c> Slices<'c> {
     fn new(low: &'c Contour, high: &'c Contour, h: [f64; 2]) -> Self {
-        Slices { low, high, grid: Displacement::zero(low.phi.dims).grid, h }
+        Slices { low, high, nodes: Displacement::zero(low.phi.dims), h }
     }
 
-    /// Block of a position of the image.
-    fn block(&self, x: [f64; 2]) -> usize {
-        let [i, j]: [usize; 2] =
-            std::array::from_fn(|a| ((x[a] + 0.5).max(0.0) as usize / BLOCK).min(self.grid[a] - 1));
-        j * self.grid[0] + i
-    }
-
-    /// Distance of every block from those that are marked, px.
+    /// Distance of every node from those that are marked, px.
     fn distance(&self, marked: &[bool]) -> Vec<f64> {
-        exact_distance(marked, self.grid, self.h.map(|side| side * BLOCK as f64)).data
+        exact_distance(marked, self.nodes.grid, self.h.map(|side| side * BLOCK as f64)).data
     }
 
     /// The pair as a body, and whether its motion is worthwhile.
@@ -96,12 +89,12 @@ impl<'c> Slices<'c> {
         let ends = [(self.low, parts.0, 1.0), (self.high, parts.1, -1.0)];
         let sizes = ends.map(|(contour, part, _)| positions(contour, part).count());
         let whole = [0, 1].map(|end| found.alike || sizes[end] < sizes[1 - end]);
-        let mut way = vec![false; self.grid[0] * self.grid[1]];
+        let mut way = vec![false; self.nodes.vectors.len()];
         for ((contour, part, sign), _) in ends.into_iter().zip(whole).filter(|(_, whole)| *whole) {
             for x in positions(contour, part) {
                 for step in 0..=steps as usize {
                     let s = sign * step as f64 / steps;
-                    way[self.block([x[0] + s * shift[0], x[1] + s * shift[1]])] = true;
+                    self.nodes.nearest(plus(x, shift, s)).for_each(|k| way[k] = true);
                 }
             }
         }
@@ -113,23 +106,24 @@ impl<'c> Slices<'c> {
         [(self.low, body.parts.0), (self.high, body.parts.1)].into_iter().all(|(contour, own)| {
             let nx = contour.phi.dims[0];
             let others = contour.solids.labels.iter().enumerate().filter(|(_, label)| **label > 0 && **label != own);
-            let place = |n: usize| self.block([(n % nx) as f64, (n / nx) as f64]);
-            others.map(|(n, _)| body.away[place(n)]).all(|away| away >= ISOLATED)
+            let places = |n: usize| self.nodes.nearest([(n % nx) as f64, (n / nx) as f64]);
+            others.flat_map(|(n, _)| places(n)).all(|k| body.away[k] >= ISOLATED)
         })
     }
 
     /// The displacement of all bodies, the first of which are linked.
     fn frames(&self, bodies: Vec<Body>, linked: usize) -> Frames {
-        let zero = Displacement::zero(self.low.phi.dims);
+        let zero = &self.nodes;
         if bodies.is_empty() {
-            return Frames { displacement: zero, followed: Vec::new() };
+            return Frames { displacement: zero.clone(), followed: Vec::new() };
         }
-        let mut still = vec![false; self.grid[0] * self.grid[1]];
+        let mut still = vec![false; zero.vectors.len()];
         let nx = self.low.phi.dims[0];
         for (contour, end) in [(self.low, 0), (self.high, 1)] {
             for (n, &label) in contour.solids.labels.iter().enumerate().filter(|(_, label)| **label > 0) {
-                let k = self.block([(n % nx) as f64, (n / nx) as f64]);
-                still[k] |= !bodies.iter().any(|body| body.takes(end, label, k, self.h));
+                for k in zero.nearest([(n % nx) as f64, (n / nx) as f64]) {
+                    still[k] |= !bodies.iter().any(|body| body.takes(end, label, k, self.h));
+                }
             }
         }
         let still = self.distance(&still);
@@ -144,7 +138,7 @@ impl<'c> Slices<'c> {
             }
             sum.map(|s| s / whole)
         });
-        let displacement = Displacement { grid: zero.grid, vectors: vectors.collect() };
+        let displacement = zero.with(vectors.collect());
         let followed = bodies[..linked].iter().map(|body| self.followed(body, &displacement)).collect();
         Frames { displacement, followed }
     }
@@ -166,7 +160,7 @@ impl<'c> Slices<'c> {
 }
 
 impl Body {
-    /// Whether block `k` of part `label` of the lower (0) or upper (1) slice goes with the body: all of it if it moves as a whole, else
+    /// Whether node `k` of part `label` of the lower (0) or upper (1) slice goes with the body: all of it if it moves as a whole, else
     /// what is near the body's way.
     fn takes(&self, end: usize, label: u32, k: usize, h: [f64; 2]) -> bool {
         let [x, y] = self.rigid.shift;

@@ -51,6 +51,7 @@ pub mod polygons;
 pub mod preset;
 pub mod progress;
 pub mod reference;
+pub mod relief;
 pub mod report;
 mod rigid;
 #[cfg(feature = "dicom")]

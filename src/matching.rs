@@ -90,8 +90,8 @@ pub struct IntervalPlan {
 }
 
 impl IntervalPlan {
-    /// Matches the components of two neighbouring contours. Tiles have `margin` px around the parts.
-    pub fn new(low: &Contour, high: &Contour, decided: &Decided, margin: usize) -> Self {
+    /// Matches the components of two neighbouring contours. Tiles have `margin` pixels around the parts.
+    pub fn new(low: &Contour, high: &Contour, decided: &Decided, margin: [usize; 2]) -> Self {
         let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi), decided);
         let events = matching.events();
         let plans = matching.groups.into_par_iter().map(|group| plan_group(low, high, group, margin)).collect();
@@ -150,7 +150,7 @@ struct LonePlan {
 }
 
 impl LonePlan {
-    fn new(contour: &Contour, parts: &[u32], margin: usize, direction: Direction) -> Self {
+    fn new(contour: &Contour, parts: &[u32], margin: [usize; 2], direction: Direction) -> Self {
         let tiles: Vec<Tile> = parts.iter().map(|&p| contour.tile_of(&[p], margin)).collect();
         let jobs = parts
             .par_iter()
@@ -183,7 +183,7 @@ pub fn lone_solids(
     contour: &Contour,
     parts: &[u32],
     h: [f64; 2],
-    margin: usize,
+    margin: [usize; 2],
     direction: Direction,
     backend: &dyn Backend,
 ) -> Result<Vec<LonePart>> {
@@ -192,7 +192,7 @@ pub fn lone_solids(
     Ok(plan.finish(&mut fields.into_iter()))
 }
 
-fn plan_group(low: &Contour, high: &Contour, group: Group, margin: usize) -> Plan {
+fn plan_group(low: &Contour, high: &Contour, group: Group, margin: [usize; 2]) -> Plan {
     let tile = low.tile_of(&group.low, margin).joined(high.tile_of(&group.high, margin));
     let nx = low.phi.dims[0];
     let members = |c: &Contour, ids: &[u32]| -> Vec<bool> {

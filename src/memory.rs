@@ -11,6 +11,7 @@ use crate::heights::NODES;
 use crate::settings::{Method, Motion, Settings};
 use crate::shelf::Budget;
 use crate::stack::{ContourStack, SliceContent};
+use crate::tile::samples;
 
 /// Bytes per padded pixel and slice that stay in memory where everything does: level set and parts; the fields, slopes and displacements of
 /// the moving frame; both contours of an interval as its mid frame sees them; and, of the box around all contours, both ends of its groups.
@@ -60,7 +61,9 @@ pub struct Needs {
 impl Needs {
     /// Of a run for `heights` (increasing) on so many threads.
     pub fn of(stack: &ContourStack, heights: &[f64], settings: &Settings, threads: usize) -> Self {
-        let around = settings.margin() + 8;
+        let px = stack.spacing[0].max(stack.spacing[1]);
+        let h = stack.spacing.map(|side| side / px);
+        let [around, margin] = [8, 0].map(|more| samples(settings.margin() + more, h));
         let image: f64 = stack.dims.iter().map(|n| *n as f64).product();
         let slices = stack.slices.len() as f64;
         let threads = threads as f64;
@@ -68,7 +71,7 @@ impl Needs {
         let all_drawn = drawn.iter().fold(Drawn::default(), Drawn::and);
         let largest = drawn.iter().map(|d| d.edges).max().unwrap_or(0) as f64;
         // What is computed lies in a window around all that is drawn.
-        let (padded, pixels) = (all_drawn.box_pixels(around), all_drawn.box_pixels(settings.margin()));
+        let (padded, pixels) = (all_drawn.box_pixels(around), all_drawn.box_pixels(margin));
         let boxed = padded;
         let between = |w: &[crate::stack::Slice]| heights.iter().filter(|z| **z > w[0].z && **z < w[1].z).count();
         let most_between = stack.slices.windows(2).map(between).max().unwrap_or(0) as f64;

@@ -10,8 +10,9 @@ use crate::contours::Contour;
 use crate::displacement::Displacement;
 use crate::field::Field;
 use crate::moving_field::{MovingField, PASSES, Paths, plus};
+use crate::tile::samples;
 
-/// Pixels to each side in which a moved seed looks for its contour.
+/// Distance to each side in which a moved seed looks for its contour, px.
 const SEARCH: usize = 2;
 
 /// A map between the mid frame of an interval and its two slices.
@@ -48,11 +49,12 @@ impl Frame {
     }
 
     /// The interval's contours as the mid frame sees them, seeds under their own numbers.
-    pub fn contours<'c>(&self, low: &'c Contour, high: &'c Contour) -> [Cow<'c, Contour>; 2] {
+    pub fn contours<'c>(&self, low: &'c Contour, high: &'c Contour, h: [f64; 2]) -> [Cow<'c, Contour>; 2] {
         let Some(Paths { come, go }) = &self.middle else {
             return [Cow::Borrowed(low), Cow::Borrowed(high)];
         };
-        [moved(low, (come, -1.0), |x| self.of_low(x)), moved(high, (go, 1.0), |x| self.of_high(x))]
+        let search = samples(SEARCH, h);
+        [moved(low, (come, -1.0), search, |x| self.of_low(x)), moved(high, (go, 1.0), search, |x| self.of_high(x))]
     }
 }
 
@@ -60,6 +62,7 @@ impl Frame {
 fn moved<'c>(
     contour: &'c Contour,
     back: (&Displacement, f64),
+    search: [usize; 2],
     forth: impl Fn([f64; 2]) -> [f64; 2],
 ) -> Cow<'c, Contour> {
     if contour.solids.count == 0 {
@@ -73,7 +76,7 @@ fn moved<'c>(
         moved_row(&contour.phi, (ways, back.1), j, row);
     };
     phi.data.par_chunks_mut(nx).enumerate().for_each_init(Vec::new, row);
-    let seeds = contour.seeds.iter().map(|s| seed_at(&phi, forth(s.x))).collect();
+    let seeds = contour.seeds.iter().map(|s| seed_at(&phi, search, forth(s.x))).collect();
     Cow::Owned(Contour::with_seeds(contour.z, phi, seeds))
 }
 
@@ -87,22 +90,22 @@ fn moved_row(phi: &Field, (ways, sign): (&[[f64; 2]], f64), j: usize, row: &mut 
 }
 
 /// A seed at `x` with the deepest and the farthest pixel around it.
-fn seed_at(phi: &Field, x: [f64; 2]) -> Seed {
+fn seed_at(phi: &Field, search: [usize; 2], x: [f64; 2]) -> Seed {
     let [nx, ny] = phi.dims;
-    let around = |reach: usize| {
-        let range = |at: f64, n: usize| {
+    let around = |[across, along]: [usize; 2]| {
+        let range = |at: f64, n: usize, reach: usize| {
             let low = (at.max(0.0) as usize).min(n - 1);
             low.saturating_sub(reach)..=(low + 1 + reach).min(n - 1)
         };
-        let nodes = range(x[1], ny).flat_map(move |j| range(x[0], nx).map(move |i| j * nx + i));
+        let nodes = range(x[1], ny, along).flat_map(move |j| range(x[0], nx, across).map(move |i| j * nx + i));
         nodes.fold((usize::MAX, usize::MAX), |(low, high), n| {
             let less = |a: usize, b: usize| b == usize::MAX || phi.data[a] < phi.data[b];
             let more = |a: usize, b: usize| b == usize::MAX || phi.data[a] > phi.data[b];
             (if less(n, low) { n } else { low }, if more(n, high) { n } else { high })
         })
     };
-    let near = around(0);
+    let near = around([0; 2]);
     let crosses = |(low, high): (usize, usize)| phi.data[low] < 0.0 && phi.data[high] >= 0.0;
-    let (inside, outside) = if crosses(near) { near } else { around(SEARCH) };
+    let (inside, outside) = if crosses(near) { near } else { around(search) };
     Seed { x, inside, outside }
 }

@@ -13,7 +13,7 @@ use crate::lone_part::LonePart;
 use crate::shelf::{Array, Large};
 use crate::spline::{harmonic, hermite_values, limited, smoothstep, van_albada};
 
-/// Share of `4 t^2 (1 - t)^2 |A - B|` taken off where the surface is upright: what interpolated distances shrink by systematically.
+/// Share of `4 t^2 (1 - t)^2 |A - B|` taken off of what is no relief: what interpolated distances shrink by systematically.
 pub const SHRINKING: f64 = 0.2;
 
 /// Smallest inradius of a part that is closed by itself where the other slice is not empty, px: that of a few pixels is what keeps their sign.
@@ -42,6 +42,8 @@ pub struct MovingField {
     pub gaps: Vec<f64>,
     /// Length of a pixel's larger side in the unit of the heights.
     pub px: f64,
+    /// How far the whole stack is relief, see [`crate::relief`].
+    pub relief: f64,
     /// Signed distances, px; finite everywhere.
     pub fields: Vec<Arc<Field>>,
     /// Mid-frame displacement of each interval.
@@ -60,8 +62,7 @@ pub fn rate(below: Option<(&[Displacement; 2], f64)>, above: Option<(&[Displacem
         (Some((below, h0)), Some((above, h1))) => {
             let (before, after) = (&below[1], &above[0]);
             let both = before.vectors.iter().zip(&after.vectors);
-            let vectors = both.map(|(b, a)| std::array::from_fn(|c| harmonic(b[c] / h0, a[c] / h1, h0, h1))).collect();
-            Displacement { grid: before.grid, vectors }
+            before.with(both.map(|(b, a)| std::array::from_fn(|c| harmonic(b[c] / h0, a[c] / h1, h0, h1))).collect())
         }
         (None, Some((above, gap))) => alone(&above[0], gap),
         (Some((below, gap)), None) => alone(&below[1], gap),
@@ -79,7 +80,7 @@ pub struct Paths {
 }
 
 impl MovingField {
-    /// What follows from fields and displacements.
+    /// What follows from fields and displacements of a stack that is no relief.
     pub fn new(heights: Vec<f64>, px: f64, fields: Vec<Arc<Field>>, displacements: Vec<Displacement>) -> Self {
         let gaps = even_gaps(&heights);
         let at_slices: Vec<Arc<[Displacement; 2]>> = displacements.iter().map(|v| Arc::new(v.at_slices())).collect();
@@ -90,7 +91,7 @@ impl MovingField {
         };
         let rates = (0..heights.len()).map(|i| Arc::new(rate(i))).collect();
         let displacements = displacements.into_iter().map(Arc::new).collect();
-        MovingField { heights, gaps, px, fields, displacements, at_slices, rates }
+        MovingField { heights, gaps, px, relief: 0.0, fields, displacements, at_slices, rates }
     }
 
     /// Gap of an interval.
@@ -102,7 +103,7 @@ impl MovingField {
     pub fn paths(&self, i: usize, t: f64) -> Paths {
         let v = &self.displacements[i];
         let mut go = v.through(t - 0.5);
-        let mut come = Displacement { grid: v.grid, vectors: Vec::with_capacity(v.vectors.len()) };
+        let mut come = v.with(Vec::with_capacity(v.vectors.len()));
         for (k, whole) in go.vectors.iter_mut().enumerate() {
             let p = self.along(i, t, k, *whole);
             come.vectors.push(p);
@@ -111,7 +112,7 @@ impl MovingField {
         Paths { come, go }
     }
 
-    /// `p(t)` in interval `i` with displacement `u` and the rates of block `k`.
+    /// `p(t)` in interval `i` with displacement `u` and the rates of node `k`.
     #[inline]
     fn along(&self, i: usize, t: f64, k: usize, u: [f64; 2]) -> [f64; 2] {
         let [first, second] = [t * (t - 1.0) * (t - 1.0), t * t * (t - 1.0)];
@@ -137,7 +138,7 @@ impl MovingField {
     /// The ways back of `paths`, which are those through the layer at time `t` of interval `i`: from either slice to the layer.
     pub fn off_slices(&self, i: usize, t: f64, paths: &Paths) -> [Displacement; 2] {
         let [low, high] = &*self.at_slices[i];
-        // What the blocks at the slices say themselves is near enough for half of the passes.
+        // What the nodes at the slices say themselves is near enough for half of the passes.
         let off = |slice: &Displacement, way: &Displacement, sign: f64, whole: f64| {
             slice.map_lanes(|first, x, u| {
                 let mut off = *u;
@@ -238,27 +239,20 @@ pub fn time(z: f64, low: f64, high: f64) -> f64 {
     ((z - low) / (high - low) * STEPS).round().clamp(0.0, STEPS) / STEPS
 }
 
-/// Slope of the field at a slice from the secants of the intervals below and above it, per px of height: where the surface stands upright the
-/// mean of PCHIP and of Catmull-Rom limited to three times the smaller secant; where it lies flat van Albada's, since beside a contour a plain
-/// stays a plain although a slope begins on the other side.
-///
-/// Measured on terrain (RMSE in m, Jacksboro at 12, 8, 5 levels; St Helens): the former everywhere 9.84, 15.91, 30.54; 9.76, 14.44, 24.79. PCHIP
-/// where it is flat 9.59, 15.13, 29.56; 9.56, 14.30, 24.72. As here 9.49, 14.66, 29.03; 9.41, 14.19, 24.64. The smaller secant itself 9.46, 14.56,
-/// 28.75; 9.38, 14.13, 24.58, but the flat ends of vertebra_l3 lose .0004, .0006, .0002 of Dice, here .0002, .0001, .0002. PCHIP alone everywhere
-/// costs vertebra_l3 hard .0011.
+/// Slope of the field at a slice from the secants of the intervals below and above it, per height: the mean of PCHIP and of Catmull-Rom limited
+/// to three times the smaller secant; of relief van Albada's, since beside a contour a plain stays a plain although a slope begins on the
+/// other side. None of them has a unit of height.
 #[inline(always)]
-pub fn slope([below, above]: [f64; 2], [h_below, h_above]: [f64; 2]) -> f64 {
+pub fn slope([below, above]: [f64; 2], [h_below, h_above]: [f64; 2], relief: f64) -> f64 {
     let pchip = harmonic(below, above, h_below, h_above);
     let mean = (h_above * below + h_below * above) / (h_below + h_above);
-    let stands = upright(pchip.abs());
-    stands * 0.5 * (pchip + limited(mean, below, above)) + (1.0 - stands) * van_albada(below, above)
+    (1.0 - relief) * 0.5 * (pchip + limited(mean, below, above)) + relief * van_albada(below, above)
 }
 
-/// Value of the field at time `t` of an interval `gap` px high, from values and slopes (per interval) at both ends.
+/// Value of the field at time `t` of an interval, from values and slopes (per interval) at both ends.
 #[inline]
-pub fn between([a, b]: [f64; 2], [ma, mb]: [f64; 2], gap: f64, t: f64) -> f64 {
-    let apart = (a - b).abs();
-    let shrinking = SHRINKING * upright(apart / gap) * 4.0 * (t * (1.0 - t)).powi(2) * apart;
+pub fn between([a, b]: [f64; 2], [ma, mb]: [f64; 2], relief: f64, t: f64) -> f64 {
+    let shrinking = SHRINKING * (1.0 - relief) * 4.0 * (t * (1.0 - t)).powi(2) * (a - b).abs();
     hermite_values([a, b], [ma, mb], t) - shrinking
 }
 
@@ -357,15 +351,15 @@ mod tests {
 
     #[test]
     fn slopes_are_the_same_upside_down() {
-        for ([a, b], [h, k]) in some() {
-            assert_eq!(slope([a, b], [h, k]), -slope([-b, -a], [k, h]), "{a} {b} {h} {k}");
+        for (([a, b], [h, k]), relief) in some().flat_map(|d| [0.0, 0.3, 1.0].map(|relief| (d, relief))) {
+            assert_eq!(slope([a, b], [h, k], relief), -slope([-b, -a], [k, h], relief), "{a} {b} {h} {k}");
         }
     }
 
     #[test]
     fn a_line_keeps_its_slope_and_none_overshoots() {
-        for (d @ [a, b], h) in some() {
-            let m = slope(d, h);
+        for ((d @ [a, b], h), relief) in some().flat_map(|d| [0.0, 0.3, 1.0].map(|relief| (d, relief))) {
+            let m = slope(d, h, relief);
             if a == b {
                 assert!((m - a).abs() <= 1e-12 * a.abs(), "{a}: {m}");
             }
@@ -376,10 +370,18 @@ mod tests {
     }
 
     #[test]
-    fn beside_a_plain_the_smaller_secant_counts_more() {
-        let [h, steep, flat] = [[1.0, 1.0], [0.5, 1.5], [10.0, 30.0]];
-        // PCHIP .75 and Catmull-Rom 1 where it stands; 300 40 / 1000 where it lies.
-        assert_eq!(slope(steep, h), 0.5 * (0.75 + 1.0));
-        assert_eq!(slope(flat, h), 12.0);
+    fn slopes_have_no_unit_of_height() {
+        for ((d, h), relief) in some().flat_map(|d| [0.0, 0.3, 1.0].map(|relief| (d, relief))) {
+            // A power of two, so that nothing is rounded.
+            let stretched = slope(d.map(|d| d / 8.0), h.map(|h| 8.0 * h), relief);
+            assert_eq!(8.0 * stretched, slope(d, h, relief), "{d:?}, {h:?}");
+        }
+    }
+
+    #[test]
+    fn of_relief_the_smaller_secant_counts_more() {
+        let [h, d] = [[1.0, 1.0], [0.5, 1.5]];
+        // PCHIP .75 and Catmull-Rom 1; 1.5 / 2.5.
+        assert_eq!([0.0, 1.0].map(|relief| slope(d, h, relief)), [0.5 * (0.75 + 1.0), 0.6]);
     }
 }

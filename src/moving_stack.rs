@@ -15,6 +15,7 @@ pub struct MovingStack<'b> {
     heights: Vec<f64>,
     gaps: Vec<f64>,
     px: f64,
+    relief: f64,
     fields: Shelf<'b, Field>,
     displacements: Shelf<'b, Displacement>,
     at_slices: Shelf<'b, [Displacement; 2]>,
@@ -23,14 +24,16 @@ pub struct MovingStack<'b> {
 
 impl<'b> MovingStack<'b> {
     /// What follows from `fields` and `displacements` of slices at these heights. `gaps` are those of the stack, which may be longer;
-    /// `px` is the length of a pixel's larger side.
+    /// `px` is the length of a pixel's larger side, `relief` how far the whole stack is relief.
     ///
     /// # Errors
     /// Those of the shelves.
+    #[expect(clippy::too_many_arguments, reason = "a stack is what it is made of")]
     pub fn new(
         heights: Vec<f64>,
         gaps: Vec<f64>,
         px: f64,
+        relief: f64,
         fields: Shelf<'b, Field>,
         displacements: Shelf<'b, Displacement>,
         budget: &'b Budget,
@@ -50,7 +53,7 @@ impl<'b> MovingStack<'b> {
             }
             below = above;
         }
-        Ok(MovingStack { heights, gaps, px, fields, displacements, at_slices, rates })
+        Ok(MovingStack { heights, gaps, px, relief, fields, displacements, at_slices, rates })
     }
 
     /// Number of slices.
@@ -101,6 +104,7 @@ impl<'b> MovingStack<'b> {
             heights: self.heights[slices.clone()].to_vec(),
             gaps: self.gaps[intervals.clone()].to_vec(),
             px: self.px,
+            relief: self.relief,
             fields: Vec::new(),
             displacements: intervals.clone().map(|i| self.displacements.get(i)).collect::<Result<_>>()?,
             at_slices: intervals.map(|i| self.at_slices.get(i)).collect::<Result<_>>()?,

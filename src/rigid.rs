@@ -121,7 +121,7 @@ struct Moments {
 
 impl Cover {
     fn new(contour: &Contour, part: u32) -> Self {
-        let tile = contour.tile_of(&[part], RIM);
+        let tile = contour.tile_of(&[part], [RIM; 2]);
         let [nx, ny] = contour.phi.dims;
         let share = |node: usize| {
             let (i, j) = (node % nx, node / nx);

@@ -2,6 +2,11 @@
 
 use crate::field::Field;
 
+/// A length in units of the larger pixel side as pixels along either axis, at least as long: pixels need not be square.
+pub fn samples(length: usize, h: [f64; 2]) -> [usize; 2] {
+    h.map(|side| (length as f64 / side).ceil() as usize)
+}
+
 /// A rectangle of pixels of the padded image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tile {
@@ -12,10 +17,10 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// The tile from pixel `low` to pixel `high`, both included, and a margin.
-    pub fn spanning(image: [usize; 2], margin: usize, low: [usize; 2], high: [usize; 2]) -> Self {
-        let origin = low.map(|l| l.saturating_sub(margin));
-        Tile { origin, dims: std::array::from_fn(|a| (high[a] + margin + 1).min(image[a]) - origin[a]) }
+    /// The tile from pixel `low` to pixel `high`, both included, and a margin, pixels along either axis.
+    pub fn spanning(image: [usize; 2], margin: [usize; 2], low: [usize; 2], high: [usize; 2]) -> Self {
+        let origin: [usize; 2] = std::array::from_fn(|a| low[a].saturating_sub(margin[a]));
+        Tile { origin, dims: std::array::from_fn(|a| (high[a] + margin[a] + 1).min(image[a]) - origin[a]) }
     }
 
     /// The smallest tile that holds both.

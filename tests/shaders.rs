@@ -155,15 +155,12 @@ fn constants_are_those_of_the_twins() {
         ("moving_layer", "TILE", field::CELL as f64),
         ("displacement", "MOMENTS", layout::MOMENTS as f64),
         ("displacement", "EVIDENCE", layout::EVIDENCE as f64),
+        ("displacement", "CHANGES", layout::CHANGES as f64),
         ("trajectories", "PASSES", displacement::PASSES as f64),
         ("moving_slopes", "BOTH", f64::from(layout::BOTH)),
         ("moving_slopes", "ABOVE", f64::from(layout::ABOVE)),
         ("moving_slopes", "BELOW", f64::from(layout::BELOW)),
         ("moving_layer", "SHRINKING", field::SHRINKING),
-        ("moving_layer", "STEEP", field::STEEP),
-        ("moving_layer", "FLAT", field::FLAT),
-        ("moving_slopes", "STEEP", field::STEEP),
-        ("moving_slopes", "FLAT", field::FLAT),
     ];
     let modules = parsed();
     for (stem, name, value) in wanted {

@@ -13,7 +13,7 @@ use interslice::surface::Layer;
 use interslice::{Bonds, Budget, Means, Reference, Report, Settings, reconstruct_loosely};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
-use proptest::test_runner::{Config, TestRunner};
+use proptest::test_runner::TestRunner;
 use shapes::*;
 
 const N: usize = 36;
@@ -194,7 +194,7 @@ fn found(stack: &ContourStack, layers: &[Layer]) -> Found {
     for (w, slices) in at.windows(2).zip(stack.slices.windows(2)) {
         let labels = [0, 1].map(|k| {
             let SliceContent::Mask(mask) = &slices[k].content else { unreachable!("masks went in") };
-            label4(mask, [N, N])
+            label4(&mask.iter().collect::<Vec<bool>>(), [N, N])
         });
         let both = labels[0].labels.iter().zip(&labels[1].labels).filter(|(a, b)| **a > 0 && **b > 0);
         let pairs: BTreeSet<(u32, u32)> = both.map(|(a, b)| (*a, *b)).collect();

@@ -1,14 +1,14 @@
-// Images of a moving field and their displacements, `vectors` of the including file: one per block of pixels, read bilinearly. The twins are
-// src/field.rs and src/displacement.rs.
+// Images of a moving field and their displacements, `vectors` of the including file: one per node of a grid that is centred on the image, read
+// bilinearly. The twins are src/field.rs and src/displacement.rs.
 //
 // A place is a pixel `ij` and a short offset from it, so that large images cost no digits.
 
-// Side of a block, px.
+// Distance between two nodes, px.
 const STRIDE: u32 = 4u;
 // Side of a tile, px: a workgroup takes one, so that all of it may be far from contours.
 const TILE: u32 = 8u;
 
-// Size of all images, blocks of their displacements, pixel sides in units of the larger, and how many items a dispatch has.
+// Size of all images, columns and rows of nodes, pixel sides in units of the larger, and how many items a dispatch has.
 struct Image {
     nx: u32,
     ny: u32,
@@ -38,10 +38,15 @@ fn cell_of(dims: vec2<u32>, ij: vec2<i32>, offset: vec2<f32>, rim: i32) -> Cell 
     return Cell(u32(corner.y) * dims.x + u32(corner.x), select(offset - whole, off_edge, at != corner));
 }
 
-// The displacement that begins at `first`, at a place; beyond the blocks' centres that of the nearest.
+// Where the first node is, from the first pixel.
+fn first_node() -> vec2<f32> {
+    let pixels = vec2<f32>(vec2<u32>(image.nx, image.ny) - 1u);
+    return 0.5 * (pixels - vec2<f32>(STRIDE * (vec2<u32>(image.columns, image.rows) - 1u)));
+}
+
+// The displacement that begins at `first`, at a place; beyond the nodes that of the nearest.
 fn vector_at(first: u32, ij: vec2<i32>, offset: vec2<f32>) -> vec2<f32> {
-    let middle = 0.5 * f32(STRIDE - 1u);
-    let x = (vec2<f32>(ij) - middle + offset) / f32(STRIDE);
+    let x = (vec2<f32>(ij) - first_node() + offset) / f32(STRIDE);
     let c = cell_of(vec2<u32>(image.columns, image.rows), vec2<i32>(0), x, 0);
     let k = first + c.node;
     let low = mix(vectors[k], vectors[k + 1u], c.place.x);

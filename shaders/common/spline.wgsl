@@ -1,14 +1,5 @@
 // Slopes and curves of values along a trajectory; the twins are src/spline.rs and `slope` in src/moving_field.rs.
 
-// Surfaces that go sideways by more than this per height are less upright, those that go by more than FLAT not at all.
-const STEEP: f32 = 1.5;
-const FLAT: f32 = 4.0;
-
-// How upright a surface is that goes `sideways` per height: 1 for a wall, 0 for a plain.
-fn upright(sideways: f32) -> f32 {
-    return 1.0 - smoothstep(STEEP, FLAT, sideways);
-}
-
 // Weighted harmonic mean of two secants over `h.x` and `h.y`, 0 where they differ in sign.
 fn harmonic(d: vec2<f32>, h: vec2<f32>) -> f32 {
     if d.x * d.y <= 0.0 {
@@ -36,11 +27,10 @@ fn van_albada(d: vec2<f32>) -> f32 {
     return product * (d.x + d.y) / dot(d, d);
 }
 
-// Slope at a slice from the secants below and above it over `h.x` and `h.y`, px.
-fn slope(d: vec2<f32>, h: vec2<f32>) -> f32 {
-    let pchip = harmonic(d, h);
-    let standing = 0.5 * (pchip + limited((h.y * d.x + h.x * d.y) / (h.x + h.y), d));
-    return mix(van_albada(d), standing, upright(abs(pchip)));
+// Slope at a slice from the secants below and above it over `h.x` and `h.y`, of a stack that is so far relief.
+fn slope(d: vec2<f32>, h: vec2<f32>, relief: f32) -> f32 {
+    let standing = 0.5 * (harmonic(d, h) + limited((h.y * d.x + h.x * d.y) / (h.x + h.y), d));
+    return mix(standing, van_albada(d), relief);
 }
 
 // Slope at an end from the two secants next to it, the nearer first.

@@ -41,19 +41,26 @@ impl Around {
     /// From what its surface goes sideways per height at each pixel, and its v with its bound.
     pub fn new([sideways, v]: [&Packed<f32>; 2], bound: f32, spacing: [f64; 2]) -> Self {
         let [nx, ny] = v.dims();
-        let mut sums = Displacement::zero([nx, ny]);
+        let nodes = Displacement::zero([nx, ny]);
+        let mut sums = nodes.clone();
         let columns = sums.grid[0];
         let add = |(row, blocks): (usize, &mut [[f64; 2]])| {
             let [mut steep, mut own] = [vec![0.0; nx], vec![0.0; nx]];
-            for j in (row * BLOCK)..((row + 1) * BLOCK).min(ny) {
+            // Of the nodes by tents.
+            let middle = nodes.centre(row * columns)[1];
+            let first = (middle - BLOCK as f64).max(0.0).floor() as usize;
+            for j in first..((middle + BLOCK as f64).ceil() as usize).min(ny) {
+                let share = (1.0 - (j as f64 - middle).abs() / BLOCK as f64).max(0.0);
                 v.read(0, j, &mut own);
                 for pixels in nearer(&own, SATURATED * bound) {
                     sideways.read(pixels.start, j, &mut steep[pixels.clone()]);
                     for i in pixels {
                         let weight = nearness(own[i].abs() / bound);
-                        let [stands, all] = &mut blocks[i / BLOCK];
-                        *stands += weight * upright(f64::from(steep[i]));
-                        *all += weight;
+                        let (before, place) = nodes.place(0, i as f64);
+                        for ([stands, all], along) in blocks[before..before + 2].iter_mut().zip([1.0 - place, place]) {
+                            *stands += share * along * weight * upright(f64::from(steep[i]));
+                            *all += share * along * weight;
+                        }
                     }
                 }
             }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::near::nearer;
-use crate::displacement::{BLOCK, Displacement};
+use crate::displacement::Displacement;
 use crate::moving_field::{Paths, Place};
 use crate::packed::Packed;
 use crate::surface::Layer;
@@ -71,14 +71,14 @@ impl Node {
 }
 
 /// Blocks of a layer that are read where its surface is nearer than `far`, and where their trajectories meet the slices around it.
-pub fn blocks_near(v: &Packed<f32>, far: f32, paths: &Paths, pad: usize) -> Vec<Near> {
+pub fn blocks_near(v: &Packed<f32>, far: f32, paths: &Paths, pad: [usize; 2]) -> Vec<Near> {
     let still = Displacement::zero(v.dims());
     let mut near = vec![false; still.vectors.len()];
     let [nx, ny] = v.dims();
-    // A pixel reads the four blocks whose centres are around it.
+    // A pixel reads the four nodes around it.
     let around = |low: usize, high: usize, axis: usize| {
-        let [first, last] = [low, high].map(|p| (p + BLOCK / 2) / BLOCK);
-        first.saturating_sub(1)..last.min(still.grid[axis] - 1) + 1
+        let [first, last] = [low, high].map(|p| still.place(axis, p as f64).0);
+        first..last + 2
     };
     let mut row = vec![0.0; nx];
     for j in 0..ny {
@@ -89,6 +89,9 @@ pub fn blocks_near(v: &Packed<f32>, far: f32, paths: &Paths, pad: usize) -> Vec<
             }
         }
     }
-    let slices = |block: usize| paths.to_slices(still.centre(block).map(|x| x + pad as f64));
+    let slices = |block: usize| {
+        let x = still.centre(block);
+        paths.to_slices([0, 1].map(|a| x[a] + pad[a] as f64))
+    };
     (0..near.len()).filter(|&block| near[block]).map(|block| (block, slices(block))).collect()
 }

@@ -54,7 +54,7 @@ const SMALL: usize = 1 << 20;
 /// What fairing needs to know of a stack.
 pub struct Spec<'m> {
     /// The frame in which layers follow each other, and the padding of its image.
-    pub moving: Option<(&'m MovingStack<'m>, usize)>,
+    pub moving: Option<(&'m MovingStack<'m>, [usize; 2])>,
     /// Heights of the contours, increasing.
     pub contours: Vec<f64>,
     /// The first and last of the intervals whose layers come.
@@ -235,7 +235,7 @@ impl<'m> Fairing<'m> {
         let mut offsets = Displacement::zero(self.spec.dims);
         let offset = |&(block, slices): &Near| {
             let (x, y) = (offsets.centre(block), from.carry(slices, to, &between));
-            [0, 1].map(|a| y[a] - pad as f64 - x[a])
+            [0, 1].map(|a| y[a] - pad[a] as f64 - x[a])
         };
         let found: Vec<[f64; 2]> = near.par_iter().map(offset).collect();
         near.iter().zip(found).for_each(|((block, _), offset)| offsets.vectors[*block] = offset);

@@ -225,9 +225,9 @@ impl Gpu {
     /// [`crate::Error::Gpu`].
     pub fn paths(&self, moving: &MovingField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Vec<Paths>> {
         let paths = trajectories::paths(self, moving, i, times, h)?;
-        let grid = moving.displacements[i].grid;
-        let vectors = self.device.read(&paths, 0, 2 * grid[0] * grid[1] * times.len())?;
-        let mut both = moving::displacements(grid, &vectors);
+        let like = &moving.displacements[i];
+        let vectors = self.device.read(&paths, 0, 2 * like.vectors.len() * times.len())?;
+        let mut both = moving::displacements(like, &vectors);
         Ok(std::iter::from_fn(|| Some(Paths { come: both.next()?, go: both.next()? })).collect())
     }
 

@@ -10,14 +10,14 @@ use super::Gpu;
 use super::atlas::batches;
 use super::device::Buffer;
 use super::kernels::{Recorder, Size};
-use super::layout::{Axis, EVIDENCE, Interval, Iteration, MOMENTS};
+use super::layout::{Axis, CHANGES, EVIDENCE, Interval, Iteration, MOMENTS};
 use super::moving::{self, image, pack, per_pixel, vectors};
 use crate::displacement::{Displacement, DisplacementJob, weights};
 use crate::error::Result;
 use crate::field::Field;
-use crate::reference::displacement::{COUPLING, HALF_EVIDENCE, ROUNDS, Round};
+use crate::reference::displacement::{COUPLING, HALF_EVIDENCE, NO_CHANGE, ROUNDS, Round};
 
-/// Bytes of a block that stay from round to round: vectors, guess, evidence.
+/// Bytes of a node that stay from round to round: vectors, guess, evidence.
 const KEPT_BYTES: usize = 8 + 8 + 4 * EVIDENCE;
 
 /// Displacements of neighbouring intervals after some rounds.
@@ -45,15 +45,17 @@ pub struct Solver<'a> {
     slices: &'a [Arc<Field>],
     gaps: &'a [f64],
     h: [f64; 2],
-    grid: [usize; 2],
+    nodes: &'a Displacement,
     batches: Vec<Batch>,
     fields: Buffer,
     /// Both slices brought together, pixel by pixel.
     pairs: Buffer,
-    /// Numbers of blocks before and after smoothing.
+    /// Numbers of nodes before and after smoothing.
     numbers: [Buffer; 2],
     /// Whether the slices of the only batch are there.
     sent: bool,
+    /// The last round, for which it is known what the slices differ by.
+    last: Option<Round>,
 }
 
 impl<'a> Solver<'a> {
@@ -62,10 +64,10 @@ impl<'a> Solver<'a> {
         let &DisplacementJob { fields: slices, gaps, guess, begin, h, .. } = job;
         let device = &gpu.device;
         let (dims, grid) = (slices[0].dims, guess[0].grid);
-        let (nodes, blocks) = (dims[0] * dims[1], grid[0] * grid[1]);
+        let (pixels, nodes) = (dims[0] * dims[1], guess[0].vectors.len());
         let share = |_| {
-            let bytes = 12 * nodes + 8 * MOMENTS * blocks;
-            gpu.share_beside(KEPT_BYTES * blocks * gaps.len() + 4 * nodes, bytes, 8 * nodes)
+            let bytes = 12 * pixels + 8 * MOMENTS * nodes;
+            gpu.share_beside(KEPT_BYTES * nodes * gaps.len() + 4 * pixels, bytes, 8 * pixels)
         };
         let ranges = batches((0..gaps.len()).map(share));
         let most = ranges.iter().map(Range::len).max().unwrap_or(0);
@@ -74,7 +76,7 @@ impl<'a> Solver<'a> {
                 image: device.uniform("image", image(dims, grid, h, intervals.len())),
                 vectors: device.upload("vectors", &vectors(&begin[intervals.clone()]))?,
                 guess: device.upload("guess", &vectors(&guess[intervals.clone()]))?,
-                evidence: device.storage::<f32>("evidence", (intervals.len() + 2) * blocks * EVIDENCE)?,
+                evidence: device.storage::<f32>("evidence", (intervals.len() + 2) * nodes * EVIDENCE)?,
                 intervals,
             })
         };
@@ -83,20 +85,21 @@ impl<'a> Solver<'a> {
             slices,
             gaps,
             h,
-            grid,
             batches: ranges.into_iter().map(batch).collect::<Result<_>>()?,
-            fields: device.storage::<f32>("slices", (most + 1) * nodes)?,
-            pairs: device.storage::<[f32; 2]>("pairs", most * nodes)?,
+            nodes: &guess[0],
+            fields: device.storage::<f32>("slices", (most + 1) * pixels)?,
+            pairs: device.storage::<[f32; 2]>("pairs", most * pixels)?,
             numbers: [
-                device.storage::<f32>("moments", most * blocks * MOMENTS)?,
-                device.storage::<f32>("moments", most * blocks * MOMENTS)?,
+                device.storage::<f32>("moments", most * nodes * MOMENTS)?,
+                device.storage::<f32>("moments", most * nodes * MOMENTS)?,
             ],
             sent: false,
+            last: None,
         })
     }
 
-    fn blocks(&self) -> usize {
-        self.grid[0] * self.grid[1]
+    fn node_count(&self) -> usize {
+        self.nodes.vectors.len()
     }
 
     /// One round of all intervals.
@@ -110,23 +113,47 @@ impl<'a> Solver<'a> {
                 reach: round.reach() as f32,
                 half_evidence: HALF_EVIDENCE as f32,
                 coupling: COUPLING as f32,
+                no_change: NO_CHANGE as f32,
                 ..Iteration::default()
             },
         );
         let window = Smoothing::new(self.gpu, round.window_sigma(self.h), MOMENTS)?;
+        let known = self.last.is_some_and(|last| last.sees_as(&round));
+        let changes = Smoothing::new(self.gpu, round.window_sigma(self.h), CHANGES)?;
         let smoothing = Smoothing::new(self.gpu, round.smoothing_sigma(self.h), 2)?;
         for batch in &self.batches {
             if !self.sent || self.batches.len() > 1 {
                 let slices = &self.slices[batch.intervals.start..=batch.intervals.end];
                 device.write(&self.fields, &pack(slices));
             }
+            if !known {
+                self.see_changes(batch, &iteration, &changes)?;
+            }
             self.weigh(batch, &iteration, &window)?;
         }
         self.sent = true;
+        self.last = Some(round);
         for batch in &self.batches {
             self.solve(batch, &iteration, &smoothing, round)?;
         }
         Ok(())
+    }
+
+    /// What the slices of a batch, which are in `fields`, differ by where the guess brings them together.
+    fn see_changes(&self, batch: &Batch, iteration: &Buffer, window: &Smoothing) -> Result<()> {
+        let (device, k) = (&self.gpu.device, &self.gpu.kernels);
+        let Batch { intervals, image, guess, evidence, .. } = batch;
+        let [sums, means] = &self.numbers;
+        let together = k.displacement_pairs.bind(device, &[image, iteration, &self.fields, guess, &self.pairs]);
+        let sum = k.displacement_changes.bind(device, &[image, iteration, &self.pairs, sums]);
+        let keep = k.displacement_keep.bind(device, &[image, sums, evidence]);
+        let per_node = Size::List(intervals.len() * self.node_count());
+        let mut work = Recorder::new(device, &self.gpu.profiler);
+        work.run(&together, per_pixel(self.slices[0].dims, intervals.len()));
+        work.run(&sum, per_node);
+        self.smooth(&mut work, batch, window, [sums, means, sums]);
+        work.run(&keep, per_node);
+        work.submit()
     }
 
     /// Evidence of a batch, whose slices are in `fields`.
@@ -139,12 +166,12 @@ impl<'a> Solver<'a> {
         let sums = [image, iteration, &self.fields, vectors, &self.pairs, moments];
         let sums = k.displacement_moments.bind(device, &sums);
         let weigh = k.displacement_weigh.bind(device, &[image, iteration, vectors, moments, evidence, guess]);
-        let per_block = Size::List(intervals.len() * self.blocks());
+        let per_node = Size::List(intervals.len() * self.node_count());
         let mut work = Recorder::new(device, &self.gpu.profiler);
         work.run(&together, per_pixel(self.slices[0].dims, intervals.len()));
-        work.run(&sums, per_block);
+        work.run(&sums, per_node);
         self.smooth(&mut work, batch, window, [moments, means, moments]);
-        work.run(&weigh, per_block);
+        work.run(&weigh, per_node);
         work.submit()
     }
 
@@ -158,9 +185,7 @@ impl<'a> Solver<'a> {
             .clone()
             .map(|i| {
                 let [before, after] = [rate(i, i.checked_sub(1)), rate(i, Some(i + 1))];
-                let neighbours = [before, after].iter().filter(|r| **r > 0.0).count();
-                let ridge = round.ridge * (1.0 + COUPLING * neighbours as f64);
-                Interval { before: before as f32, after: after as f32, ridge: ridge as f32, padding: 0.0 }
+                Interval { before: before as f32, after: after as f32, ridge: round.ridge as f32, padding: 0.0 }
             })
             .collect();
         let table = device.upload("intervals", &table)?;
@@ -170,15 +195,15 @@ impl<'a> Solver<'a> {
         let lead = k.displacement_guess.bind(device, &[image, found, guess, vectors]);
         let mut work = Recorder::new(device, &self.gpu.profiler);
         self.bring_neighbours(&mut work, batch);
-        work.run(&solve, Size::List(intervals.len() * self.blocks()));
+        work.run(&solve, Size::List(intervals.len() * self.node_count()));
         self.smooth(&mut work, batch, smoothing, [found, between, found]);
-        work.run(&lead, Size::List(intervals.len() * self.blocks()));
+        work.run(&lead, Size::List(intervals.len() * self.node_count()));
         work.submit()
     }
 
     /// Copies the evidence next to a batch from the batches next to it.
     fn bring_neighbours(&self, work: &mut Recorder<'_>, batch: &Batch) {
-        let bytes = (4 * EVIDENCE * self.blocks()) as u64;
+        let bytes = (4 * EVIDENCE * self.node_count()) as u64;
         for other in &self.batches {
             let (own, beside) = (&batch.intervals, &other.intervals);
             if beside.end == own.start {
@@ -189,9 +214,9 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// Gaussian means along rows, then along columns of blocks.
+    /// Gaussian means along rows, then along columns of nodes.
     fn smooth(&self, work: &mut Recorder<'_>, batch: &Batch, smoothing: &Smoothing, places: [&Buffer; 3]) {
-        let count = batch.intervals.len() * self.blocks() * smoothing.width;
+        let count = batch.intervals.len() * self.node_count() * smoothing.width;
         for (axis, ends) in smoothing.axes.iter().zip(places.windows(2)) {
             let buffers = [&batch.image, axis, &smoothing.weights, ends[0], ends[1]];
             let mean = self.gpu.kernels.displacement_mean.bind(&self.gpu.device, &buffers);
@@ -203,8 +228,8 @@ impl<'a> Solver<'a> {
     pub fn read(&self) -> Result<Vec<Displacement>> {
         let mut out = Vec::with_capacity(self.gaps.len());
         for batch in &self.batches {
-            let read = self.gpu.device.read(&batch.vectors, 0, batch.intervals.len() * self.blocks())?;
-            out.extend(moving::displacements(self.grid, &read));
+            let read = self.gpu.device.read(&batch.vectors, 0, batch.intervals.len() * self.node_count())?;
+            out.extend(moving::displacements(self.nodes, &read));
         }
         Ok(out)
     }
@@ -214,12 +239,12 @@ impl<'a> Solver<'a> {
 struct Smoothing {
     weights: Buffer,
     axes: [Buffer; 2],
-    /// Numbers of a block.
+    /// Numbers of a node.
     width: usize,
 }
 
 impl Smoothing {
-    /// `sigma` in blocks.
+    /// `sigma` in nodes.
     fn new(gpu: &Gpu, sigma: [f64; 2], width: usize) -> Result<Self> {
         let both = sigma.map(weights);
         let axis = |vertical: usize| Axis {

@@ -138,6 +138,8 @@ kernels!(
     put_conditioned: "contour_field"."put_conditioned" [0, 1, 3, 4, 5, 7],
     displacement_pairs: "displacement"."bring_together" [0, 1, 2, 3, 4],
     displacement_moments: "displacement"."sum_moments" [0, 1, 2, 3, 4, 5],
+    displacement_changes: "displacement"."sum_changes" [0, 1, 4, 5],
+    displacement_keep: "displacement"."keep_changes" [0, 8, 10],
     displacement_mean: "displacement"."window_mean" [0, 6, 7, 8, 9],
     displacement_weigh: "displacement"."weigh" [0, 1, 3, 8, 10, 12],
     displacement_solve: "displacement"."solve" [0, 1, 10, 11, 13],

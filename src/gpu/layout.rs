@@ -13,10 +13,12 @@ pub const PATCH: usize = 16;
 pub const GRID: u32 = 4096;
 /// Side of the tiles that workgroups take in the moving field, px.
 pub const TILE: usize = 8;
-/// Moments of a block of a displacement.
+/// Moments of a node of a displacement.
 pub const MOMENTS: usize = 9;
 /// Numbers of its evidence.
-pub const EVIDENCE: usize = 5;
+pub const EVIDENCE: usize = 6;
+/// Numbers that what its slices differ by is made of.
+pub const CHANGES: usize = 2;
 /// A slice with others on both sides.
 pub const BOTH: u32 = 0;
 /// The lowest slice.
@@ -218,9 +220,9 @@ mirrored!(
         reach: f32,
         half_evidence: f32,
         coupling: f32,
+        no_change: f32,
         padding_a: u32,
         padding_b: u32,
-        padding_c: u32,
     }
 );
 
@@ -241,7 +243,7 @@ mirrored!(
 
 mirrored!(
     /// A slice with its gaps (`moving_slopes.wgsl`).
-    Knot { slice: u32, sides: u32, gaps: [f32; 2], }
+    Knot { slice: u32, sides: u32, gaps: [f32; 2], relief: f32, padding: f32, }
 );
 
 mirrored!(
@@ -251,7 +253,7 @@ mirrored!(
         reach: f32,
         lower_parts: u32,
         all_parts: u32,
-        gap: f32,
+        relief: f32,
         empty: u32,
         padding_a: u32,
         padding_b: u32,

@@ -8,7 +8,7 @@ use super::layout::{Image, TILE};
 use crate::displacement::Displacement;
 use crate::field::Field;
 
-/// Images of these pixels with displacements on these blocks, and how many items a dispatch has.
+/// Images of these pixels with displacements on such a grid of nodes, and how many items a dispatch has.
 pub fn image(dims: [usize; 2], grid: [usize; 2], h: [f64; 2], count: usize) -> Image {
     Image {
         nx: dims[0] as u32,
@@ -42,11 +42,10 @@ pub fn vectors<'a>(displacements: impl IntoIterator<Item = &'a Displacement>) ->
     displacements.into_iter().flat_map(|d| &d.vectors).map(|v| v.map(|c| c as f32)).collect()
 }
 
-/// Displacements on these blocks from their vectors one after the other.
-pub fn displacements(grid: [usize; 2], vectors: &[[f32; 2]]) -> impl Iterator<Item = Displacement> + '_ {
-    vectors
-        .chunks_exact(grid[0] * grid[1])
-        .map(move |some| Displacement { grid, vectors: some.iter().map(|v| v.map(f64::from)).collect() })
+/// Displacements on the same nodes as `like` from their vectors one after the other.
+pub fn displacements<'v>(like: &'v Displacement, vectors: &'v [[f32; 2]]) -> impl Iterator<Item = Displacement> + 'v {
+    let of = |some: &[[f32; 2]]| like.with(some.iter().map(|v| v.map(f64::from)).collect());
+    vectors.chunks_exact(like.vectors.len()).map(of)
 }
 
 /// Images that the largest array of a stage holds at least: slices of a slope.

@@ -34,16 +34,16 @@ pub fn layers(gpu: &Gpu, of: &Ingredients<'_>, times: &[f64]) -> Result<Vec<Vec<
     let dims = of.moving.fields[0].dims;
     let nodes = dims[0] * dims[1];
     let (values, parts) = values(of);
-    let blocks = of.moving.displacements[0].vectors.len();
+    let vectors = of.moving.displacements[0].vectors.len();
     // Layers lie there twice while they are read back.
-    let bytes = 8 * nodes + 16 * blocks + 4 * tile_count(dims);
-    let share = |_: &f64| gpu.share_beside(4 * values.len() + 16 * blocks, bytes, 4 * nodes);
+    let bytes = 8 * nodes + 16 * vectors + 4 * tile_count(dims);
+    let share = |_: &f64| gpu.share_beside(4 * values.len() + 16 * vectors, bytes, 4 * nodes);
     let span = Span {
         limit: of.limit as f32,
         reach: reach(of.h) as f32,
         lower_parts: of.lone.low.len() as u32,
         all_parts: parts.len() as u32,
-        gap: (of.moving.gap(of.interval) / of.moving.px) as f32,
+        relief: of.moving.relief as f32,
         empty: u32::from(of.lone.empty),
         ..Span::default()
     };

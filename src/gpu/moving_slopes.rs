@@ -42,7 +42,8 @@ fn of_slices(gpu: &Gpu, moving: &MovingField, batch: Range<usize>) -> Result<Vec
             s if s == last => (BELOW, [gap(last - 1), last.checked_sub(2).map_or(0.0, gap)]),
             s => (BOTH, [gap(s - 1), gap(s)]),
         };
-        Knot { slice: (s - first) as u32, sides, gaps: gaps.map(|g| (g / moving.px) as f32) }
+        let gaps = gaps.map(|g| (g / moving.px) as f32);
+        Knot { slice: (s - first) as u32, sides, gaps, relief: moving.relief as f32, padding: 0.0 }
     };
     let knots: Vec<Knot> = batch.clone().map(knot).collect();
     let image = device.uniform("image", image(dims, grid, [1.0; 2], batch.len()));

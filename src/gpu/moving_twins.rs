@@ -38,8 +38,10 @@ const MARGINS: [usize; 2] = [9, 30];
 const EVERYWHERE: f64 = 1e4;
 
 const GAPS: [f64; 5] = [1.0, 2.5, 0.6, 1.4, 2.2];
-/// Height of a pixel: surfaces of these gaps are upright, flat, and in between.
+/// Height of a pixel.
 const PX: f64 = 0.25;
+/// How far the stack is relief: all terms of slopes and layers count.
+const RELIEF: f64 = 0.4;
 const TIMES: [f64; 4] = [0.03, 0.4, 0.5, 0.92];
 
 /// A stack with its lone parts; single precision exactly.
@@ -89,7 +91,7 @@ impl Stack {
             let (x, y, r) = alone[k];
             let corner = |sign: f64| [0, 1].map(|a| ((([x, y][a] + sign * r) * s / h[a]) as usize).min(dims[a] - 1));
             let margin = if k < 3 { MARGINS[0] } else { MARGINS[1] * scale };
-            let tile = Tile::spanning(dims, margin, corner(-1.0), corner(1.0));
+            let tile = Tile::spanning(dims, [margin; 2], corner(-1.0), corner(1.0));
             let field = single(&tile.cut(&distance(&discs[k])));
             LonePart { tile, field, depth: r * s, closes: closes[k], seeds: Vec::new(), direction }
         };
@@ -135,7 +137,8 @@ impl Stack {
             Some(*z)
         });
         let heights = std::iter::once(10.0).chain(heights).collect();
-        MovingField::new(heights, PX, self.fields[..slices].to_vec(), found.into_iter().map(single).collect())
+        let found = found.into_iter().map(single).collect();
+        MovingField { relief: RELIEF, ..MovingField::new(heights, PX, self.fields[..slices].to_vec(), found) }
     }
 }
 

@@ -8,11 +8,11 @@ use super::moving::{image, vectors};
 use crate::error::Result;
 use crate::moving_field::MovingField;
 
-/// Paths of the layers of interval `i` at these times: vectors from the lower slice per block, then those to the upper one, time by time.
+/// Paths of the layers of interval `i` at these times: vectors from the lower slice per node, then those to the upper one, time by time.
 pub fn paths(gpu: &Gpu, moving: &MovingField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Buffer> {
     let device = &gpu.device;
     let v = &moving.displacements[i];
-    let blocks = v.vectors.len();
+    let nodes = v.vectors.len();
     let rates = [i, i + 1].map(|s| moving.rates[s].map(|_, _, k| k.map(|c| c * moving.gap(i))));
     let table: Vec<Time> = times
         .iter()
@@ -26,10 +26,10 @@ pub fn paths(gpu: &Gpu, moving: &MovingField, i: usize, times: &[f64], h: [f64; 
     let image = device.uniform("image", image(moving.fields[i].dims, v.grid, h, times.len()));
     let (own, rates) = (device.upload("vectors", &vectors([&**v]))?, device.upload("rates", &vectors(&rates))?);
     let table = device.upload("times", &table)?;
-    let paths = device.storage::<[f32; 2]>("paths", 2 * blocks * times.len())?;
+    let paths = device.storage::<[f32; 2]>("paths", 2 * nodes * times.len())?;
     let follow = gpu.kernels.trajectories.bind(device, &[&image, &own, &rates, &table, &paths]);
     let mut work = Recorder::new(device, &gpu.profiler);
-    work.run(&follow, Size::List(blocks * times.len()));
+    work.run(&follow, Size::List(nodes * times.len()));
     work.submit()?;
     Ok(paths)
 }

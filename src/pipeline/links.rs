@@ -147,7 +147,7 @@ impl<'a> Run<'a> {
             let away = exact_distance(&mask, dims, self.h);
             let [none, all] = UNFAIRED;
             let [nx, ny] = self.stack.dims;
-            let padded = |n: usize| (n / nx + self.pad) * dims[0] + n % nx + self.pad;
+            let padded = |n: usize| (n / nx + self.pad[1]) * dims[0] + n % nx + self.pad[0];
             let part = |n| smoothstep((away.data[padded(n)] - none) / (all - none)) as f32;
             Ok(Some((0..nx * ny).map(part).collect()))
         };

@@ -42,6 +42,7 @@ use crate::stack::window::Window;
 use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
 use crate::surface::{Layer, Reconstruction};
+use crate::tile::samples;
 
 /// Extra margin for rules whose curves overshoot their contours, px.
 const OVERSHOOT: usize = 8;
@@ -64,10 +65,10 @@ struct Run<'a> {
     h: [f64; 2],
     /// Length of a pixel's larger side in the stack's unit.
     px: f64,
-    /// Padding of the image.
-    pad: usize,
-    /// Margin of tiles.
-    margin: usize,
+    /// Padding of the image, pixels along either axis.
+    pad: [usize; 2],
+    /// Margin of tiles, the same.
+    margin: [usize; 2],
     /// Links of every interval.
     links: Vec<IntervalLinks>,
     /// What holds the body together.
@@ -152,11 +153,12 @@ pub fn run(
         if section.kept.end + 1 == stack.slices.len() { f64::INFINITY } else { stack.slices[section.kept.end].z },
     ];
     let (whole, asked) = (stack, settings);
-    let window = Window::around(stack, [settings.margin(); 2]);
+    let px = stack.spacing[0].max(stack.spacing[1]);
+    let h = stack.spacing.map(|s| s / px);
+    let window = Window::around(stack, samples(settings.margin(), h));
     let (on_image, settings, heights) =
         (&section.stack(stack), &section.settings(settings), &section.heights(stack, heights));
     let stack = &window.of(on_image);
-    let px = stack.spacing[0].max(stack.spacing[1]);
     let margin = settings.margin() + if overshoots(settings.slope) { OVERSHOOT } else { 0 };
     let mut run = Run {
         stack,
@@ -166,10 +168,10 @@ pub fn run(
         progress,
         budget,
         span,
-        h: stack.spacing.map(|s| s / px),
+        h,
         px,
-        pad: OVERSHOOT,
-        margin,
+        pad: samples(OVERSHOOT, h),
+        margin: samples(margin, h),
         links: Vec::new(),
         bonds,
         report: Report {
@@ -245,7 +247,7 @@ pub fn run(
 impl<'a> Run<'a> {
     /// Pixels of the padded image.
     fn padded(&self) -> [usize; 2] {
-        self.stack.dims.map(|n| n + 2 * self.pad)
+        std::array::from_fn(|a| self.stack.dims[a] + 2 * self.pad[a])
     }
 
     /// Bytes of a field on it.

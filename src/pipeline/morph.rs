@@ -158,7 +158,7 @@ impl<'a> Run<'a> {
                 };
                 let own = [own(i)?, own(i + 1)?];
                 let frame = moving.middle(i)?;
-                let seen = frame.contours(&own[0], &own[1]).map(Cow::into_owned);
+                let seen = frame.contours(&own[0], &own[1], self.h).map(Cow::into_owned);
                 let parted = in_frame(&parted, [&own[0], &own[1]], seen.each_ref(), &frame);
                 Ok((seen, parted))
             };

@@ -33,7 +33,7 @@ impl<'a> Run<'a> {
                 Motion::None => run.shelved((1..z.len()).map(|_| Displacement::zero(run.padded())))?,
             };
             run.progress.advance(z.len() - 1);
-            MovingStack::new(z, run.span.gaps.clone(), run.px, fields, displacements, run.budget)
+            MovingStack::new(z, run.span.gaps.clone(), run.px, run.span.relief, fields, displacements, run.budget)
         })
     }
 

@@ -17,6 +17,7 @@ use crate::heights::{Height, Heights};
 use crate::jobs::{Direction, Filled, SweepJob, SweepPair};
 use crate::matching::Interval;
 use crate::moving_field::{Cells, MovingField};
+use crate::settings::Settings;
 use crate::shelf::Shelf;
 use crate::surface::Layer;
 use crate::tile::Tile;
@@ -40,7 +41,7 @@ struct InFrame<'w> {
 
 impl Made<'_, '_> {
     /// How far the morphs of interval `i` can be trusted, in its frame, where it is `moving`.
-    fn trust(&self, moving: &MovingField, i: usize) -> Result<Trust> {
+    fn trust(&self, moving: &MovingField, i: usize, h: [f64; 2], relief: f64) -> Result<Trust> {
         let seen = self.seen.some(i, Contour::SEEDS_AND_PARTS)?;
         let sides = self.sides.get(i)?;
         let ends = [sides.up.as_ref(), sides.down.as_ref()];
@@ -55,7 +56,7 @@ impl Made<'_, '_> {
             let known = |inside: usize| apart[contour.solids.labels[inside] as usize];
             contour.seeds.iter().zip(tracks).map(move |(seed, track)| (seed.x, track.arrived || known(seed.inside)))
         });
-        Ok(Trust::new(moving, 0, particles))
+        Ok(Trust::new(moving, 0, h, relief, particles))
     }
 }
 
@@ -101,7 +102,7 @@ impl<'a> Run<'a> {
         let part = made.beside.as_ref().map(|b| b.moving.part(i..i + 2)).transpose()?;
         let beside = match (&made.beside, &part) {
             (Some(Beside { slopes, lone, .. }), Some(part)) => {
-                let trust = made.trust(part, i)?;
+                let trust = made.trust(part, i, self.h, self.relief())?;
                 let warp = self.warp(made, part, i)?;
                 Some((part, [slopes.get(i)?, slopes.get(i + 1)?], lone.get(i)?, warp, trust))
             }
@@ -126,6 +127,13 @@ impl<'a> Run<'a> {
             layers.into_iter().try_for_each(&mut *sink)?;
         }
         Ok(())
+    }
+
+    /// How far the field's slopes of relief take the place of the morph's: whoever asks for other slopes than the default ones gets them.
+    fn relief(&self) -> f64 {
+        let Settings { slope, clamp_bottom, clamp_top, .. } = self.settings;
+        let asked = *slope != Settings::default().slope || clamp_bottom.is_some() || clamp_top.is_some();
+        if asked { 0.0 } else { self.span.relief }
     }
 
     /// From the mid frame of interval `i`, which is `part`, to its layers.
@@ -225,7 +233,7 @@ impl<'a> Run<'a> {
         let limit = self.settings.margin() as f64;
         let padded = self.padded();
         let layer = |(k, (height, t)): (usize, &(Height, f64))| {
-            let mut canvas = if frame.is_some() { Canvas::empty(padded, 0, limit) } else { self.canvas() };
+            let mut canvas = if frame.is_some() { Canvas::empty(padded, [0; 2], limit) } else { self.canvas() };
             for (f, group) in filled.iter().zip(&interval.groups) {
                 canvas.unite_packed(&group.tile, &f.slices[skip + k]);
             }

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::heights::median;
 use crate::moving_field::even_gaps;
+use crate::relief::relief;
 use crate::section::Section;
 use crate::stack::ContourStack;
 
@@ -23,6 +24,8 @@ pub struct Span {
     pub gaps: Vec<f64>,
     /// Median gap of the whole stack.
     pub gap: f64,
+    /// How far the whole stack is relief.
+    pub relief: f64,
 }
 
 impl Span {
@@ -41,6 +44,7 @@ impl Span {
             ends: [section.layers.start == 0, section.layers.end == z.len() - 1],
             gaps: even_gaps(&z)[intervals].to_vec(),
             gap: median(gaps().collect()),
+            relief: relief(stack),
         }
     }
 }

@@ -1,8 +1,12 @@
-//! The displacement of every interval from the fields of its two slices: Gauss-Newton on blocks, joint over the intervals.
+//! The displacement of every interval from the fields of its two slices: Gauss-Newton on nodes, joint over the intervals.
 //!
 //! With `a = clip(A)(x - v/2)`, `b = clip(B)(x + v/2)`, `r = a - b` and `J = grad(a + b) / 2` a better v solves `S v = S v_old + d`, where
-//! `S = <J J'> - <J><J>'` and `d = <J r> - <J><r>` are Gaussian-window means with the means of growth taken out. Neighbouring intervals
-//! take part as rates; a ridge says: no evidence, no motion. Where there is a guess all of this holds for the difference to it.
+//! `S = <J J'> - <J><J>'` and `d = <J r> - <J><r>` are Gaussian-window means with the means of growth taken out; pixels are spread over the
+//! nodes around them by tents. A ridge says: no evidence, no motion. Where there is a guess all of this holds for the difference to it.
+//!
+//! Neighbouring intervals j take part as rates, by their share of what changes: `c_j = 1/2 e^2 / (e^2 + (e_j h / h_j)^2)`, e^2 the window mean of
+//! `(a - b)^2` where nothing moves but by the guess. Beside one in which much changes, an interval in which little does keeps to itself:
+//! equal slices have exactly no motion.
 
 use multiversion::multiversion;
 use rayon::prelude::*;
@@ -29,10 +33,14 @@ pub const WIDE: Round = Round { window: 8.0, clip: 16.0, width: 8.0, ridge: 0.10
 pub const NARROW: Round = Round { window: 8.0, clip: 8.0, width: 5.0, ridge: 0.07 };
 /// The rounds in order.
 pub const ROUNDS: [Round; 7] = [WIDE, WIDE, WIDE, WIDE, NARROW, NARROW, NARROW];
-/// Weight of a neighbouring interval.
+/// Weight of a neighbouring interval, times its share.
 pub const COUPLING: f64 = 0.5;
+/// A mean square change that is none, px^2: a thousandth of a pixel is what rounding may bring in.
+pub const NO_CHANGE: f64 = 1e-6;
 /// Mean weight of evidence that counts half.
 pub const HALF_EVIDENCE: f64 = 1e-3;
+/// Weight that is added to that of a node, so that there is some: a millionth of its pixels.
+const LEAST_WEIGHT: f64 = 1e-6 * (BLOCK * BLOCK) as f64;
 
 impl Round {
     /// Distance beyond which a pixel has no weight.
@@ -45,33 +53,51 @@ impl Round {
         if d > self.reach() { 0.0 } else { (-(d / self.width).powi(2)).exp() }
     }
 
-    /// Sigma of the window, blocks.
+    /// Whether two rounds look at the slices in the same way.
+    pub fn sees_as(&self, other: &Round) -> bool {
+        [self.window, self.clip, self.width] == [other.window, other.clip, other.width]
+    }
+
+    /// Sigma of the window, nodes.
     pub fn window_sigma(&self, h: [f64; 2]) -> [f64; 2] {
         h.map(|side| self.window / (BLOCK as f64 * side))
     }
 
-    /// Sigma with which vectors are smoothed, blocks.
+    /// Sigma with which vectors are smoothed, nodes.
     pub fn smoothing_sigma(&self, h: [f64; 2]) -> [f64; 2] {
         self.window_sigma(h).map(|sigma| 0.5 * sigma)
     }
 }
 
-/// Evidence of one interval per block: `S` (xx, yy, xy) and the right-hand side `S (v - guess) + d` (x, y), in px of the larger side.
+/// Evidence of one interval per node: `S` (xx, yy, xy) and the right-hand side `S (v - guess) + d` (x, y), in px of the larger side.
 type Evidence = Vec<[f64; 5]>;
+
+/// What the slices of one interval differ by where nothing moves but by the guess: e^2 per node, px^2.
+type Change = Vec<f64>;
 
 /// Displacements of neighbouring intervals after some rounds.
 pub fn displacements(job: &DisplacementJob<'_>) -> Vec<Displacement> {
-    ROUNDS[job.rounds.clone()].iter().fold(job.begin.to_vec(), |current, &round| better(job, &current, round))
+    let mut current = job.begin.to_vec();
+    for alike in ROUNDS[job.rounds.clone()].chunk_by(Round::sees_as) {
+        let changes = changes(job, alike[0]);
+        current = alike.iter().fold(current, |current, &round| better(job, &changes, &current, round));
+    }
+    current
+}
+
+fn changes(job: &DisplacementJob<'_>, round: Round) -> Vec<Change> {
+    let change = |i: usize| change(&job.fields[i], &job.fields[i + 1], &job.guess[i], round, job.h);
+    (0..job.gaps.len()).into_par_iter().map(change).collect()
 }
 
 /// One round from `current`.
-pub fn better(job: &DisplacementJob<'_>, current: &[Displacement], round: Round) -> Vec<Displacement> {
+fn better(job: &DisplacementJob<'_>, changes: &[Change], current: &[Displacement], round: Round) -> Vec<Displacement> {
     let &DisplacementJob { fields, gaps, guess, h, .. } = job;
     let evidence: Vec<Evidence> = (0..gaps.len())
         .into_par_iter()
         .map(|i| evidence(&fields[i], &fields[i + 1], &current[i], &guess[i], round, h))
         .collect();
-    (0..gaps.len()).into_par_iter().map(|i| solve(i, &evidence, gaps, &guess[i], round, h)).collect()
+    (0..gaps.len()).into_par_iter().map(|i| solve(i, &evidence, changes, gaps, &guess[i], round, h)).collect()
 }
 
 /// Both fields where the displacement brings them together: `a` and `b` at the pixels of one row. Pixels that are not `near` the contours
@@ -102,24 +128,87 @@ fn sample_clipped(field: &Field, clip: f64, x: [f64; 2]) -> f64 {
     bilinear([node, node + 1, node + nx, node + nx + 1].map(|n| field.data[n].clamp(-clip, clip)), place)
 }
 
+/// Which pixels lie so near a contour that a value read up to `away` px off may lie within the clip.
+fn near_contours(low: &Field, high: &Field, round: Round, away: f64) -> Vec<bool> {
+    let reach = round.clip + away + 2.0;
+    low.data.iter().zip(&high.data).map(|(a, b)| a.abs().min(b.abs()) < reach).collect()
+}
+
+/// Sums of pixels spread over the nodes around them.
+struct Spread<'v, const N: usize> {
+    nodes: &'v Displacement,
+    sums: Vec<[f64; N]>,
+    row: Vec<[f64; N]>,
+}
+
+impl<'v, const N: usize> Spread<'v, N> {
+    fn new(nodes: &'v Displacement) -> Self {
+        Spread { nodes, sums: vec![[0.0; N]; nodes.vectors.len()], row: vec![[0.0; N]; nodes.grid[0]] }
+    }
+
+    /// Adds row `j`, which `fill` spreads over the columns of nodes.
+    fn add_row(&mut self, j: usize, fill: impl FnOnce(&mut [[f64; N]])) {
+        self.row.fill([0.0; N]);
+        fill(&mut self.row);
+        let (before, place) = self.nodes.place(1, j as f64);
+        let columns = self.nodes.grid[0];
+        for (nodes, share) in self.sums[before * columns..].chunks_exact_mut(columns).zip([1.0 - place, place]) {
+            let sums = nodes.as_flattened_mut().iter_mut();
+            sums.zip(self.row.as_flattened()).for_each(|(sum, v)| *sum += share * v);
+        }
+    }
+}
+
+/// Adds what a pixel has to the nodes before and after it.
+#[inline(always)]
+fn add_pixel<const N: usize>(nodes: &mut [[f64; N]], (before, place): (usize, f64), values: [f64; N]) {
+    for (node, share) in nodes[before..before + 2].iter_mut().zip([1.0 - place, place]) {
+        node.iter_mut().zip(values).for_each(|(sum, v)| *sum += share * v);
+    }
+}
+
+fn change(low: &Field, high: &Field, guess: &Displacement, round: Round, h: [f64; 2]) -> Change {
+    let [nx, ny] = low.dims;
+    let away = guess.largest();
+    // Where nothing moves every pixel reads itself.
+    let near = if away > 0.0 { near_contours(low, high, round, away) } else { vec![false; low.data.len()] };
+    let mut pairs = vec![[0.0; 2]; nx];
+    let mut spread = Spread::new(guess);
+    for j in 1..ny - 1 {
+        row([low, high], round.clip, &near, guess, j, &mut pairs);
+        spread.add_row(j, |nodes| {
+            for (i, [a, b]) in pairs.iter().enumerate().take(nx - 1).skip(1) {
+                let w = round.weight(a.abs().min(b.abs()));
+                add_pixel(nodes, guess.place(0, i as f64), [w, w * (a - b).powi(2)]);
+            }
+        });
+    }
+    let mut sums = spread.sums;
+    smooth(&mut sums, guess.grid, round.window_sigma(h));
+    sums.iter().map(|[w, square]| square / (w + LEAST_WEIGHT)).collect()
+}
+
 fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, round: Round, h: [f64; 2]) -> Evidence {
     let [nx, ny] = low.dims;
     let clip = |d: f64| d.clamp(-round.clip, round.clip);
     // Where nothing lies within the clip of a contour, wherever the displacement reads, nothing need be looked at.
-    let reach = round.clip + v.largest() + 2.0;
-    let near: Vec<bool> = low.data.iter().zip(&high.data).map(|(a, b)| a.abs().min(b.abs()) < reach).collect();
+    let near = near_contours(low, high, round, v.largest());
     let far_weight = round.weight(round.clip);
-    let mut sums = vec![[0.0; 9]; v.grid[0] * v.grid[1]];
+    let mut spread = Spread::new(v);
     let mut rows = [vec![[0.0; 2]; nx], vec![[0.0; 2]; nx], vec![[0.0; 2]; nx]];
     let mut held = [usize::MAX; 3];
     for j in 1..ny - 1 {
-        let blocks = &mut sums[(j / BLOCK) * v.grid[0]..][..v.grid[0]];
         if !near[j * nx..(j + 1) * nx].contains(&true) {
-            for i in 1..nx - 1 {
-                let [a, b] = [low, high].map(|f| clip(f.data[j * nx + i]));
-                blocks[i / BLOCK][0] += far_weight;
-                blocks[i / BLOCK][8] += far_weight * (a - b);
-            }
+            spread.add_row(j, |nodes| {
+                for i in 1..nx - 1 {
+                    let [a, b] = [low, high].map(|f| clip(f.data[j * nx + i]));
+                    let (before, place) = v.place(0, i as f64);
+                    for (node, share) in nodes[before..before + 2].iter_mut().zip([1.0 - place, place]) {
+                        node[0] += share * far_weight;
+                        node[8] += share * far_weight * (a - b);
+                    }
+                }
+            });
             continue;
         }
         for wanted in j - 1..=j + 1 {
@@ -128,14 +217,16 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
                 held[wanted % 3] = wanted;
             }
         }
-        add_moments([j - 1, j, j + 1].map(|k| rows[k % 3].as_slice()), round, h, blocks);
+        let around = [j - 1, j, j + 1].map(|k| rows[k % 3].as_slice());
+        spread.add_row(j, |nodes| add_moments(around, round, h, v, nodes));
     }
+    let mut sums = spread.sums;
     smooth(&mut sums, v.grid, round.window_sigma(h));
     sums.iter()
         .zip(v.vectors.iter().zip(&guess.vectors))
         .map(|(sum, (v, guess))| {
             let weight = sum[0] / (BLOCK * BLOCK) as f64;
-            let whole = sum[0] + 1e-6 * (BLOCK * BLOCK) as f64;
+            let whole = sum[0] + LEAST_WEIGHT;
             let [xx, yy, xy, xr, yr, x, y, r]: [f64; 8] = std::array::from_fn(|k| sum[k + 1] / whole);
             let (sxx, syy, sxy) = (xx - x * x, yy - y * y, xy - x * y);
             let (dx, dy) = (xr - x * r, yr - y * r);
@@ -146,9 +237,15 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
         .collect()
 }
 
-/// Adds the weighted moments of a row's pixels to those of its blocks; the rows beside it hold what gradients are taken from.
+/// Adds the weighted moments of a row's pixels to those of the nodes on either side; the rows beside it hold what gradients are taken from.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
-fn add_moments([below, here, above]: [&[[f64; 2]]; 3], round: Round, h: [f64; 2], blocks: &mut [[f64; 9]]) {
+fn add_moments(
+    [below, here, above]: [&[[f64; 2]]; 3],
+    round: Round,
+    h: [f64; 2],
+    v: &Displacement,
+    nodes: &mut [[f64; 9]],
+) {
     let far_weight = round.weight(round.clip);
     let sum = |p: [f64; 2]| p[0] + p[1];
     for i in 1..here.len() - 1 {
@@ -158,14 +255,15 @@ fn add_moments([below, here, above]: [&[[f64; 2]]; 3], round: Round, h: [f64; 2]
         let gx = 0.25 * (sum(here[i + 1]) - sum(here[i - 1])) / h[0];
         let gy = 0.25 * (sum(above[i]) - sum(below[i])) / h[1];
         let r = a - b;
-        let moments = [1.0, gx * gx, gy * gy, gx * gy, gx * r, gy * r, gx, gy, r];
-        blocks[i / BLOCK].iter_mut().zip(moments).for_each(|(s, m)| *s += w * m);
+        let moments = [1.0, gx * gx, gy * gy, gx * gy, gx * r, gy * r, gx, gy, r].map(|m| w * m);
+        add_pixel(nodes, v.place(0, i as f64), moments);
     }
 }
 
 fn solve(
     i: usize,
     evidence: &[Evidence],
+    changes: &[Change],
     gaps: &[f64],
     guess: &Displacement,
     round: Round,
@@ -173,20 +271,22 @@ fn solve(
 ) -> Displacement {
     let neighbours: Vec<usize> =
         [i.checked_sub(1), Some(i + 1)].into_iter().flatten().filter(|&j| j < gaps.len()).collect();
-    let ridge = round.ridge * (1.0 + COUPLING * neighbours.len() as f64);
     let mut vectors: Vec<[f64; 2]> = (0..guess.vectors.len())
         .map(|k| {
             // The neighbours are added up first: the same either way up.
-            let mut beside = [0.0; 5];
+            let (mut beside, mut coupling) = ([0.0; 5], 0.0);
             for &j in &neighbours {
                 // A neighbour's displacement counts as a rate.
                 let rate = gaps[i] / gaps[j];
+                let share = share(changes[i][k], rate * rate * changes[j][k]);
                 let scale = [1.0, 1.0, 1.0, rate, rate];
-                beside.iter_mut().zip(evidence[j][k]).zip(scale).for_each(|((s, e), k)| *s += k * e);
+                beside.iter_mut().zip(evidence[j][k]).zip(scale).for_each(|((s, e), k)| *s += share * k * e);
+                coupling += share;
             }
             let own = evidence[i][k];
             let sum: [f64; 5] = std::array::from_fn(|c| own[c] + COUPLING * beside[c]);
             let [xx, yy, xy, bx, by] = sum;
+            let ridge = round.ridge * (1.0 + COUPLING * coupling);
             let (xx, yy) = (xx + ridge, yy + ridge);
             let determinant = xx * yy - xy * xy;
             [(yy * bx - xy * by) / determinant / h[0], (xx * by - xy * bx) / determinant / h[1]]
@@ -194,5 +294,10 @@ fn solve(
         .collect();
     smooth(&mut vectors, guess.grid, round.smoothing_sigma(h));
     vectors.iter_mut().zip(&guess.vectors).for_each(|(v, g)| *v = [v[0] + g[0], v[1] + g[1]]);
-    Displacement { grid: guess.grid, vectors }
+    guess.with(vectors)
+}
+
+/// How much an interval that changes by `own` takes from one that in as much height changes by `other`, mean squares.
+fn share(own: f64, other: f64) -> f64 {
+    own / (own + other + NO_CHANGE)
 }

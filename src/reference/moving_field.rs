@@ -79,7 +79,7 @@ fn inner_slopes(moving: &MovingField, i: usize, y: usize, row: &mut [f64]) {
         let at = [x as f64, y as f64];
         let l = (own - below.sample(plus(at, moved[0][x], -1.0))) / hl;
         let r = (above.sample(plus(at, moved[1][x], 1.0)) - own) / hr;
-        *m = slope([l, r], [hl, hr]) / px;
+        *m = slope([l, r], [hl, hr], moving.relief) / px;
     }
 }
 
@@ -103,7 +103,8 @@ pub fn layer(
     let paths = moving.paths(i, t);
     let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
     let [nx, ny] = low.dims;
-    let curves = Curves { fields: [low, high], slopes, empty: lone.empty, gap: moving.gap(i), px: moving.px, t, limit };
+    let curves =
+        Curves { fields: [low, high], slopes, empty: lone.empty, gap: moving.gap(i), relief: moving.relief, t, limit };
     let ends = |x: [f64; 2], p: [f64; 2], q: [f64; 2]| (plus(x, p, -1.0), plus(x, q, 1.0));
     let mut out = vec![0.0; nx * ny];
     let (reach, around) = (reach(h), self::reach([1.0; 2]));
@@ -149,7 +150,7 @@ struct Curves<'a> {
     /// One of the slices is empty.
     empty: bool,
     gap: f64,
-    px: f64,
+    relief: f64,
     t: f64,
     limit: f64,
 }
@@ -179,7 +180,7 @@ impl Curves<'_> {
         let m = [self.gap * self.slopes[0].sample(from), self.gap * self.slopes[1].sample(to)];
         let joined = match self.empty {
             true => self.limit,
-            false => between([a, b], m, self.gap / self.px, self.t),
+            false => between([a, b], m, self.relief, self.t),
         };
         let low = closing(&parts.low, from, a, m[0], self.t);
         let high = closing(&parts.high, to, b, -m[1], 1.0 - self.t);

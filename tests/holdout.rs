@@ -23,7 +23,10 @@ fn linear_interpolation_is_exact_on_a_cone_and_wrong_where_it_must_be() {
     let even = score(&[8.0, 9.0, 10.0, 11.0, 12.0, 13.0]);
     assert_eq!(even.slices.len(), 2);
     assert!(even.slices.iter().all(|s| s.linear_dice > Some(NEARLY) && s.dice > Some(NEARLY)), "{even:?}");
-    assert!(even.linear.dice > Some(NEARLY) && even.linear.volume_error_percent.is_some_and(|e| e.abs() < 3.0), "{even:?}");
+    assert!(
+        even.linear.dice > Some(NEARLY) && even.linear.volume_error_percent.is_some_and(|e| e.abs() < 3.0),
+        "{even:?}"
+    );
     // The first slice that is left out is far smaller than its neighbours say.
     let odd = score(&[8.0, 3.0, 10.0, 11.0, 12.0, 13.0]);
     assert!(odd.slices[0].linear_dice < Some(0.5) && odd.linear.volume_error_percent > Some(30.0), "{odd:?}");

@@ -27,6 +27,7 @@ pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOption
     let loaded = LoadedLabels::read(asked.input, asked.wanted, asked.keep_overlaps, options)?;
     if telling != Telling::Quiet {
         loaded.stack.left_out.iter().for_each(|label| eprintln!("{label}"));
+        loaded.stack.reading.iter().for_each(|reading| eprintln!("{reading}"));
         loaded.stack.notes.iter().for_each(|note| eprintln!("warning: {note}"));
     }
     let mut outputs = LabelOutputs::open(asked.outputs, asked.report, &loaded, &mut places)?;

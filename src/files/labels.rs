@@ -128,9 +128,11 @@ impl LoadedLabels {
         }
         let version = env!("CARGO_PKG_VERSION").into();
         let seconds = start.elapsed().as_secs_f64();
-        let left_out = self.stack.left_out.clone();
-        let warnings = self.stack.notes.iter().cloned().chain(warnings).collect();
-        Ok(LabelsReport { version, backend: means.backend.name(), labels, left_out, warnings, borders, seconds })
+        let LabelStack { left_out, reading, notes, .. } = &self.stack;
+        let (left_out, reading) = (left_out.clone(), reading.clone());
+        let warnings = notes.iter().cloned().chain(warnings).collect();
+        let backend = means.backend.name();
+        Ok(LabelsReport { version, backend, labels, left_out, reading, warnings, borders, seconds })
     }
 
     /// Label `a` into its own files and the scene; its volume and area into the report.

@@ -126,26 +126,24 @@ pub fn listed(labels: &[i64]) -> String {
     }
 }
 
+/// How slices were read on which others are painted than some labels that go on beyond them.
+pub fn reading(labels: &[i64], given: &[Given]) -> Option<String> {
+    let crossing = labels.iter().zip(given).filter(|(_, given)| given.crossed);
+    let crossing: Vec<i64> = crossing.map(|(label, _)| *label).collect();
+    let message = "interpolated across slices on which only others are painted; `--complete-slices` ends them there";
+    (!crossing.is_empty()).then(|| format!("{}: {message}", listed(&crossing)))
+}
+
 /// What a person should know of the labels' slices.
 pub fn notes(labels: &[i64], given: &[Given]) -> Vec<String> {
-    let mut notes = Vec::new();
-    let those = |pick: fn(&Given) -> bool| -> Vec<i64> {
-        labels.iter().zip(given).filter(|(_, g)| pick(g)).map(|(label, _)| *label).collect()
-    };
-    let crossed = those(|g| g.crossed);
-    if !crossed.is_empty() {
-        notes.push(format!(
-            "{}: interpolated across slices on which others are painted but not they; `--complete-slices` takes them as not there",
-            listed(&crossed)
-        ));
-    }
     // Labels often have the same holes, where nothing at all is painted.
     let mut alike: BTreeMap<&[[usize; 2]], Vec<i64>> = BTreeMap::new();
     for (label, given) in labels.iter().zip(given).filter(|(_, given)| !given.holes.is_empty()) {
         alike.entry(&given.holes).or_default().push(*label);
     }
     let more = alike.len().saturating_sub(NAMED);
-    notes.extend(alike.into_iter().take(NAMED).filter_map(|(holes, labels)| hole(&listed(&labels), holes)));
+    let mut notes: Vec<String> =
+        alike.into_iter().take(NAMED).filter_map(|(holes, labels)| hole(&listed(&labels), holes)).collect();
     if more > 0 {
         notes.push(format!("other labels have unpainted slices too, in {more} ways"));
     }

@@ -16,6 +16,9 @@ pub struct LabelsReport {
     /// Labels that could not be reconstructed.
     #[serde(default)]
     pub left_out: Vec<LeftOut>,
+    /// How slices were read that could be read in another way too.
+    #[serde(default)]
+    pub reading: Option<String>,
     /// What a person should know of the input.
     #[serde(default)]
     pub warnings: Vec<String>,

@@ -54,6 +54,8 @@ pub struct LabelStack {
     pub given: Vec<Given>,
     /// Labels that cannot be reconstructed, and why.
     pub left_out: Vec<LeftOut>,
+    /// How slices were read that could be read in another way too.
+    pub reading: Option<String>,
     /// What a person should know of the input.
     pub notes: Vec<String>,
 }

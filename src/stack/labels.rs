@@ -7,7 +7,7 @@ use super::doubts::{self, Section};
 use super::read::{Input, Surveyed};
 use crate::error::{Error, Result};
 use crate::labels::LabelStack;
-use crate::labels::given::{Completeness, Given, notes};
+use crate::labels::given::{Completeness, Given, notes, reading};
 use crate::labels::report::LeftOut;
 use crate::memory;
 use crate::stack::{ContourStack, Slice};
@@ -109,8 +109,9 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
     let appearances = labels.iter().map(named).collect();
     said.extend(strays(&labels, &slices, &drawn));
     said.extend(notes(&labels, &given));
+    let reading = reading(&labels, &given);
     let stack = ContourStack { slices, ..stack };
-    let labels = LabelStack { stack, labels, appearances, drawn, given, left_out, notes: said };
+    let labels = LabelStack { stack, labels, appearances, drawn, given, left_out, reading, notes: said };
     labels.validate().map_err(|e| e.in_file(path))?;
     Ok(labels)
 }

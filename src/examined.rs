@@ -56,7 +56,7 @@ pub struct Examined {
     /// Number and layer of the contour below.
     contour: Option<(usize, Packed<f32>)>,
     /// The layer before, of those that are handed on.
-    before: Option<(f64, Packed<f32>)>,
+    before: Option<(f64, Vec<f32>)>,
     /// The last layer, where it lies just below the next contour.
     beside: Option<Packed<f32>>,
     /// What lies inside somewhere below the first contour.
@@ -111,8 +111,7 @@ impl Examined {
             let lower = take(&mut self.lower);
             self.body.beyond[0] = lower.iter().zip(&layer.phi).filter(|(inside, v)| **inside && **v > 0.0).count();
         }
-        let nx = self.spec.dims[0];
-        let ends = [Side::Inside, Side::Outside].map(|side| Runs::new(&layer.phi, nx, side));
+        let ends = Runs::both(&layer.phi, self.spec.dims[0]);
         let inside = ends[0].clone();
         for (pieces, runs) in self.pieces.iter_mut().zip(ends) {
             pieces.add(runs);
@@ -151,8 +150,8 @@ impl Examined {
             let around = contour.unpack().iter().zip(&layer.phi).filter(|(c, v)| **c > 0.0 && **v < 0.0).count();
             self.body.beyond[1] = self.body.beyond[1].max(around);
         }
-        for pieces in &mut self.pieces {
-            pieces.add(Runs::new(&layer.phi, self.spec.dims[0], pieces.side));
+        for (pieces, runs) in self.pieces.iter_mut().zip(Runs::both(&layer.phi, self.spec.dims[0])) {
+            pieces.add(runs);
             if self.before.is_none() && pieces.side == Side::Outside {
                 pieces.ground_last();
             }
@@ -180,14 +179,16 @@ impl Examined {
         }
     }
 
-    /// The change from the layer before.
+    /// The change from the layer before, between the first and the last contour: beyond, the body may end flat.
     fn step(&mut self, layer: &Layer) {
-        let phi = Packed::of(self.spec.dims, &layer.phi);
-        if let Some((z, before)) = self.before.replace((layer.z, phi)) {
-            let px = self.change(&before.unpack(), &layer.phi);
-            if self.body.largest_step.is_none_or(|known| px > known.px) {
-                self.body.largest_step = Some(Step { from: z, to: layer.z, px });
-            }
+        let Some((z, before)) = self.before.replace((layer.z, layer.phi.clone())) else { return };
+        let [low, high] = [self.spec.z.first(), self.spec.z.last()].map(|z| z.copied().unwrap_or_default());
+        if z < low || layer.z > high {
+            return;
+        }
+        let px = self.change(&before, &layer.phi);
+        if self.body.largest_step.is_none_or(|known| px > known.px) {
+            self.body.largest_step = Some(Step { from: z, to: layer.z, px });
         }
     }
 

@@ -28,7 +28,6 @@ impl<'b> MovingStack<'b> {
     ///
     /// # Errors
     /// Those of the shelves.
-    #[expect(clippy::too_many_arguments, reason = "a stack is what it is made of")]
     pub fn new(
         heights: Vec<f64>,
         gaps: Vec<f64>,

@@ -155,7 +155,7 @@ pub struct BodyReport {
     pub torn: Vec<Pair>,
     /// Pixels inside a layer below the first contour that lie outside of that contour, and the same above the last, of the layer that has most.
     pub beyond: [usize; 2],
-    /// The largest change from one layer to the next near the surface.
+    /// The largest change from one layer to the next near the surface, between the first and the last contour.
     pub largest_step: Option<Step>,
 }
 

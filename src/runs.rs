@@ -29,24 +29,36 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// Those of a layer `nx` pixels wide.
-    pub fn new(phi: &[f32], nx: usize, side: Side) -> Self {
-        let mut out = Runs { rows: vec![0], side: Some(side), ..Runs::default() };
+    /// Those inside and those outside in a layer `nx` pixels wide.
+    pub fn both(phi: &[f32], nx: usize) -> [Self; 2] {
+        let mut out =
+            [Side::Inside, Side::Outside].map(|side| Runs { rows: vec![0], side: Some(side), ..Runs::default() });
         for row in phi.chunks_exact(nx.max(1)) {
             let mut i = 0;
             while i < nx {
                 let inside = row[i] < 0.0;
                 let end = row[i..].iter().position(|v| (*v < 0.0) != inside).map_or(nx, |k| i + k);
-                if inside == (side == Side::Inside) {
-                    out.runs.push([i as u32, end as u32]);
-                }
+                out[usize::from(!inside)].runs.push([i as u32, end as u32]);
                 i = end;
             }
-            out.rows.push(out.runs.len() as u32);
+            out.iter_mut().for_each(|runs| runs.rows.push(runs.runs.len() as u32));
         }
+        out.map(Runs::joined)
+    }
+
+    /// Those of one side.
+    pub fn new(phi: &[f32], nx: usize, side: Side) -> Self {
+        let [inside, outside] = Runs::both(phi, nx);
+        if side == Side::Inside { inside } else { outside }
+    }
+
+    /// Finds the parts.
+    fn joined(mut self) -> Self {
+        let out = &mut self;
+        let wider = out.side == Some(Side::Outside);
         let mut joined = Joined::new(out.runs.len());
         for j in 1..out.rows.len() - 1 {
-            touching(&out, j - 1, &out, j, side == Side::Outside, |a, b| joined.join(a, b));
+            touching(out, j - 1, out, j, wider, |a, b| joined.join(a, b));
         }
         // A run's root is the lowest run of its part: parts are numbered in row order.
         let mut number = vec![0; out.runs.len()];
@@ -58,7 +70,7 @@ impl Runs {
             }
             out.parts.push(number[root]);
         }
-        out
+        self
     }
 
     /// All runs: their row, their columns, their part.

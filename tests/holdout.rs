@@ -8,8 +8,9 @@ use interslice::settings::EndRule;
 use interslice::{Reference, Settings};
 use shapes::*;
 
-/// Pixels decide at a circle's border: of some 300 pixels a dozen.
+/// Distances of masks are known to half a pixel at a circle's border: of some 300 pixels to a dozen, continued to twice as many.
 const NEARLY: f64 = 0.97;
+const CONTINUED: f64 = 0.93;
 
 fn cone(radii: &[f64]) -> interslice::ContourStack {
     let heights: Vec<f64> = (0..radii.len()).map(|k| 4.0 * k as f64).collect();
@@ -41,7 +42,7 @@ fn ends_are_left_out_by_themselves() {
     };
     let flat = score(EndRule::Flat, EndRule::Flat);
     assert_eq!(flat.ends.iter().map(|s| (s.z, s.pixels[1])).collect::<Vec<_>>(), [(0.0, 0), (20.0, 0)]);
-    assert!(flat.ends.iter().all(|s| s.dice == Some(0.0) && s.linear_dice > Some(NEARLY)), "{flat:?}");
+    assert!(flat.ends.iter().all(|s| s.dice == Some(0.0) && s.linear_dice > Some(CONTINUED)), "{flat:?}");
     // The body goes on below; what is between does not change.
     let longer = score(EndRule::Extrapolate, EndRule::Flat);
     assert!(longer.ends[0].dice > Some(0.5) && longer.ends[1].dice == Some(0.0), "{longer:?}");

@@ -212,23 +212,24 @@ fn heights_have_no_unit() {
     });
 }
 
-/// A cylinder of radius 9 sheared by 5 a gap, lengths in long pixels; pixels that are so many times as long as wide.
+/// A cylinder of radius 9 sheared by 8 a gap of 16, lengths in long pixels; pixels that are so many times as long as wide. Tubes end well within
+/// the image, and the gap is wide enough for fairing to reach beyond them.
 fn sheared(aspect: f64, along: usize) -> ContourStack {
     let spacing: [f64; 2] = std::array::from_fn(|a| if a == along { 1.0 } else { 1.0 / aspect });
-    let dims = [0, 1].map(|a| ([48.0, 36.0][a] / spacing[a]) as usize);
-    drawn(dims, spacing, &[0.0, 6.0, 12.0, 18.0], |k, x, y| (x - 16.0 - 5.0 * k as f64).hypot(y - 18.0) < 9.0)
+    let dims = [0, 1].map(|a| ([76.0, 60.0][a] / spacing[a]) as usize);
+    drawn(dims, spacing, &[0.0, 16.0, 32.0, 48.0], |k, x, y| (x - 26.0 - 8.0 * k as f64).hypot(y - 30.0) < 9.0)
 }
 
 /// How far from the body the farthest voxel is, and the mean error of the distances near the surface, long pixels.
 fn errors(stack: &ContourStack, settings: &Settings, backend: &dyn Backend) -> [f64; 2] {
-    let heights: Vec<f64> = (0..=12).map(|k| 1.5 * f64::from(k)).collect();
+    let heights: Vec<f64> = (0..=24).map(|k| 2.0 * f64::from(k)).collect();
     let found = layers(stack, &heights, settings, backend);
     let (mut farthest, mut sum, mut count) = (f64::NEG_INFINITY, 0.0, 0.0);
     for (z, layer) in heights.iter().zip(&found) {
         for (n, v) in layer.iter().enumerate() {
             let [x, y] = [n % stack.dims[0], n / stack.dims[0]];
             let [x, y] = [x as f64 * stack.spacing[0], y as f64 * stack.spacing[1]];
-            let truth = (x - 16.0 - 5.0 * z / 6.0).hypot(y - 18.0) - 9.0;
+            let truth = (x - 26.0 - 0.5 * z).hypot(y - 30.0) - 9.0;
             if *v < 0.0 {
                 farthest = farthest.max(truth);
             }

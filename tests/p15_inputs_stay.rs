@@ -80,6 +80,9 @@ fn refused(place: &Path, arguments: &[&str], says: &[&str]) {
     assert!(content(place) == before, "{arguments:?} has touched something");
 }
 
+/// Makes a link to a file.
+type Link = dyn Fn(&Path, &Path) -> std::io::Result<()>;
+
 /// Inputs with the files they consist of.
 const READ: [(&str, &[&str]); 8] = [
     ("s", &["s/stack.json", "s/s0.png", "s/s2.png"]),
@@ -129,14 +132,14 @@ fn no_input_is_an_output_by_a_link() {
     let place = inputs();
     let place = place.path();
     fs::copy(place.join("a.nrrd"), place.join("w/a.nrrd")).expect("it can be copied");
-    let link = |make: &dyn Fn(&Path, &Path) -> std::io::Result<()>, file: &str, to: &str| {
+    let link = |make: &Link, file: &str, to: &str| {
         let _ = fs::remove_file(place.join(to));
         make(&place.join(file), &place.join(to)).expect("a link can be made");
     };
     let hard = |file: &Path, to: &Path| fs::hard_link(file, to);
     #[cfg(unix)]
     let soft = |file: &Path, to: &Path| std::os::unix::fs::symlink(file, to);
-    let kinds: Vec<&dyn Fn(&Path, &Path) -> std::io::Result<()>> = vec![
+    let kinds: Vec<&Link> = vec![
         &hard,
         #[cfg(unix)]
         &soft,

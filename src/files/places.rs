@@ -15,7 +15,11 @@ use crate::error::{Error, Result};
 
 /// A file or folder that exists.
 #[cfg(unix)]
-type Found = (u64, u64);
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+struct Found {
+    device: u64,
+    inode: u64,
+}
 #[cfg(not(unix))]
 type Found = PathBuf;
 
@@ -23,7 +27,7 @@ type Found = PathBuf;
 #[cfg(unix)]
 fn found(path: &Path) -> Option<Found> {
     use std::os::unix::fs::MetadataExt;
-    fs::metadata(path).ok().map(|m| (m.dev(), m.ino()))
+    fs::metadata(path).ok().map(|m| Found { device: m.dev(), inode: m.ino() })
 }
 
 #[cfg(not(unix))]

@@ -105,7 +105,7 @@ impl Together<'_, '_> {
     /// All layers, from contour to contour, are there: hands them on but for the last, where the next interval begins.
     fn finish_interval(&mut self, sink: &mut Sink<'_>) -> Result<()> {
         if self.bonds.grounded && self.waiting.len() > 2 {
-            [Side::Inside, Side::Outside].iter().for_each(|side| self.repair(*side));
+            self.repair();
         }
         let next = self.waiting.pop();
         self.hand_on(sink)?;
@@ -118,10 +118,34 @@ impl Together<'_, '_> {
     }
 
     /// Puts what floats on the other side.
-    fn repair(&mut self, side: Side) {
-        let dims = self.shown.dims;
-        let nx = dims[0];
-        let all: Vec<Runs> = self.waiting.par_iter().map(|w| Runs::new(&w.phi.unpack(), nx, side)).collect();
+    fn repair(&mut self) {
+        let (dims, nx) = (self.shown.dims, self.shown.dims[0]);
+        let all: Vec<[Runs; 2]> = self.waiting.par_iter().map(|w| Runs::both(&w.phi.unpack(), nx)).collect();
+        let (inside, mut outside): (Vec<Runs>, Vec<Runs>) =
+            all.into_iter().map(|[inside, outside]| (inside, outside)).unzip();
+        let turned = |w: &mut Waiting, runs: &Runs, stays: &[bool]| {
+            if stays.iter().all(|s| *s) {
+                return None;
+            }
+            let mut phi = w.phi.unpack();
+            turn(&mut phi, nx, runs, stays);
+            w.phi = Packed::of(dims, &phi);
+            Some(Runs::new(&phi, nx, Side::Outside))
+        };
+        let stays = self.stays(&inside, Side::Inside);
+        let work = |(((w, runs), outside), stays): (((&mut Waiting, &Runs), &mut Runs), &Vec<bool>)| {
+            if let Some(runs) = turned(w, runs, stays) {
+                *outside = runs;
+            }
+        };
+        self.waiting.par_iter_mut().zip(&inside).zip(&mut outside).zip(&stays).for_each(work);
+        let stays = self.stays(&outside, Side::Outside);
+        self.waiting.par_iter_mut().zip(&outside).zip(&stays).for_each(|((w, runs), stays)| _ = turned(w, runs, stays));
+    }
+
+    /// Which parts of the layers that wait do not float.
+    fn stays(&self, all: &[Runs], side: Side) -> Vec<Vec<bool>> {
+        let nx = self.shown.dims[0];
         let places: Vec<usize> = (0..all.len()).filter(|&k| self.waiting[k].node.is_some()).collect();
         let nodes: Vec<Runs> = places.iter().map(|&k| all[k].clone()).collect();
         let stays = grounded(&nodes, None, nx, side);
@@ -133,14 +157,6 @@ impl Together<'_, '_> {
             held(runs, [above - 1, above].map(|n| (&nodes[n], stays[n].as_slice())), nx, side)
         };
         let there: Vec<Vec<bool>> = all.par_iter().enumerate().map(of).collect();
-        let stays = grounded(&all, Some(&there), nx, side);
-        let work = |((w, runs), own): ((&mut Waiting, &Runs), &Vec<bool>)| {
-            if own.contains(&false) {
-                let mut phi = w.phi.unpack();
-                turn(&mut phi, nx, runs, own);
-                w.phi = Packed::of(dims, &phi);
-            }
-        };
-        self.waiting.par_iter_mut().zip(&all).zip(&stays).for_each(work);
+        grounded(all, Some(&there), nx, side)
     }
 }

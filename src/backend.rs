@@ -8,7 +8,7 @@ use crate::field::Field;
 use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
 use crate::moving_field::{Cells, LoneParts, MovingField};
 use crate::progress::Progress;
-use crate::settings::{AntiAlias, Settings};
+use crate::settings::{AntiAlias, Settings, Sweep};
 use crate::shelf::Budget;
 use crate::stack::SliceContent;
 
@@ -89,6 +89,8 @@ pub struct MorphOptions {
     pub tolerance: f64,
     /// Distance between particles.
     pub seed_spacing: f64,
+    /// Which sweeps make layers.
+    pub sweep: Sweep,
     /// Steps between re-estimations, 0: never.
     pub redistance: usize,
     /// Distance to which slices are right, px.
@@ -109,6 +111,7 @@ impl From<&Settings> for MorphOptions {
             cfl: s.cfl,
             tolerance: s.tolerance,
             seed_spacing: s.seed_spacing,
+            sweep: s.sweep,
             redistance: s.redistance,
             limit: s.margin() as f64,
         }

@@ -2,11 +2,21 @@
 //!
 //! An interval's nodes ([`NODE_TIMES`](crate::heights::NODE_TIMES)) say which of their parts hang together, from layer to layer, with a contour (a
 //! void: with what is outside there, or with the image's edge). A part of a layer between two of them stays if it touches a part of either that does;
-//! any other changes sides. Debris lasts far shorter than a quarter of a gap; a tube that moves by its own width in that time is no tube to any method
-//! that reads contours. So far a layer depends on the stack alone. What still floats once all layers that are made are looked at together, a crumb of
+//! any other changes sides if it is a crumb, of at most [`CRUMB`] pixels: a thin part that moves by more than its own width in a quarter of a gap meets
+//! itself nowhere and yet is one. So far a layer depends on the stack alone. What still floats once all layers that are made are looked at together, a crumb of
 //! a few pixels over or under something that stays, changes sides, too.
 
 use crate::runs::{Joined, Runs, Side};
+
+/// Most pixels of a crumb: twice the largest that was seen, 6 px of a skull.
+const CRUMB: usize = 12;
+
+/// Whether each part of a layer is more than a crumb.
+pub fn whole(runs: &Runs) -> Vec<bool> {
+    let mut sizes = vec![0; runs.count];
+    runs.all().for_each(|(_, columns, part)| sizes[part] += columns.len());
+    sizes.into_iter().map(|size| size > CRUMB).collect()
+}
 
 /// Which parts of each of an interval's layers, from contour to contour, hang together with one of both contours, over parts that are `there` (all
 /// where nothing is said).

@@ -8,6 +8,7 @@ use crate::contour::Seed;
 use crate::field::Field;
 use crate::packed::Packed;
 use crate::report::Residual;
+use crate::settings::Sweep;
 use crate::shelf::Stored;
 use crate::spline::{Course, smoothstep};
 
@@ -222,7 +223,10 @@ pub const DISAGREEMENT: f64 = 0.5;
 
 /// Weights of the upward and the downward sweep at time `t`: `1 - w` and `w = 3 t^2 - 2 t^3`. A sweep whose front vanishes on the way counts
 /// fully at its own contour and fades out until then: near that contour the other one has only its arrival error to tell.
-pub fn blend_weights(t: f64, up: &Swept, down: &Swept) -> [f64; 2] {
+pub fn blend_weights(sweep: Sweep, t: f64, up: &Swept, down: &Swept) -> [f64; 2] {
+    if sweep == Sweep::Forward {
+        return [1.0, 0.0];
+    }
     let own = |away: f64, swept: &Swept| match swept.vanished {
         Some(end) if away >= end => 0.0,
         Some(end) => 1.0 - smoothstep(away / end),
@@ -246,7 +250,7 @@ mod tests {
     fn a_vanished_sweep_counts_beside_its_own_contour() {
         let (stays, goes) = (Swept::default(), Swept { vanished: Some(0.4), ..Swept::default() });
         for (up, down) in [(&stays, &stays), (&goes, &stays), (&stays, &goes), (&goes, &goes)] {
-            let at = |t: f64| blend_weights(t, up, down);
+            let at = |t: f64| blend_weights(Sweep::Both, t, up, down);
             // 1e-3 of the way from a contour the other one weighs 1e-5 at most, which leaves nothing of an error of some pixels.
             assert!(at(1e-3)[1] < 2e-5 && at(1.0 - 1e-3)[0] < 2e-5, "{:?} {:?}", at(1e-3), at(1.0 - 1e-3));
             let (mut before, n) = (at(0.0), 10_000);
@@ -255,7 +259,7 @@ mod tests {
                 assert!((now[0] + now[1] - 1.0).abs() < 1e-12, "all of the weight is given");
                 let both_gone = up.vanished.is_some() && down.vanished.is_some();
                 assert!(both_gone || (now[0] - before[0]).abs() < 4.0 / f64::from(n), "no jump at {k}");
-                let mirrored = blend_weights(1.0 - f64::from(k) / f64::from(n), down, up);
+                let mirrored = blend_weights(Sweep::Both, 1.0 - f64::from(k) / f64::from(n), down, up);
                 assert!((mirrored[0] - now[1]).abs() < 1e-12, "the same upside down");
                 before = now;
             }

@@ -24,7 +24,7 @@ use shapes::*;
 const SIDES: f64 = 5e-4;
 /// Largest |phi_gpu - phi_cpu|, px, for all but [`EXCEPTIONS`] of the pixels with |phi| < 3 px.
 const NEAR: f32 = 0.02;
-const EXCEPTIONS: f64 = 1e-3;
+const EXCEPTIONS: f64 = 2e-3;
 /// The same by the field method, without exception: what the slices' own fields differ by.
 const NEAR_BY_FIELD: f32 = 1e-3;
 
@@ -173,9 +173,9 @@ fn neither_a_second_run_nor_small_batches_nor_lists_change_a_bit() {
         assert!(first == again, "{name}: the second run differs");
         let whole = gpu.profile().submissions / 2;
         // So little that a batch holds a few jobs only.
-        let tight = open(&GpuOptions { memory: Some(6 << 20), ..GpuOptions::default() });
+        let tight = open(&GpuOptions { memory: Some(3 << 20), ..GpuOptions::default() });
         let in_batches = bits(&run(&tight, &stack, &settings, None));
-        println!("{name}: {whole} submissions with all memory, {} with 6 MiB", tight.profile().submissions);
+        println!("{name}: {whole} submissions with all memory, {} with 3 MiB", tight.profile().submissions);
         assert!(2 * tight.profile().submissions > 3 * whole, "{name}: there were several batches");
         assert!(first == in_batches, "{name}: batches change the result");
     }

@@ -42,7 +42,9 @@ pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOption
     let means = Means { backend: chosen.backend(), progress, budget: &Budget::unlimited() };
     let report = loaded.compute(&means, device.memory(), &mut outputs)?;
     if telling != Telling::Quiet {
-        report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+        // What the input made one doubt has been said before the work.
+        let new = report.warnings.iter().filter(|w| !loaded.stack.notes.contains(w));
+        new.for_each(|w| eprintln!("warning: {w}"));
         for label in &report.labels {
             label.run.warnings.iter().for_each(|w| eprintln!("warning: label {}: {w}", label.label));
         }

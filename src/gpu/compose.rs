@@ -100,7 +100,10 @@ pub fn fill_slices(
             .zip(&atlas.jobs)
             .map(|(&(p, k), tile)| {
                 let times = &pairs[p].up.times;
-                let [up_weight, down_weight] = blend_weights(times[k], &out[p].up, &out[p].down).map(|w| w as f32);
+                let [up_weight, down_weight] = {
+                    let (up, down) = (&out[p].up, &out[p].down);
+                    blend_weights(options.sweep, times[k], up, down).map(|w| w as f32)
+                };
                 Item {
                     up: copies.first(2 * p, k),
                     down: copies.first(2 * p + 1, times.len() - 1 - k),

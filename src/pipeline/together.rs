@@ -6,7 +6,7 @@ use super::{Run, Sink};
 use crate::contours::Contour;
 use crate::cores::{Cores, Shown};
 use crate::error::Result;
-use crate::grounded::{grounded, held, turn};
+use crate::grounded::{grounded, held, turn, whole};
 use crate::heights::NODE_TIMES;
 use crate::packed::Packed;
 use crate::runs::{Runs, Side};
@@ -148,7 +148,12 @@ impl Together<'_, '_> {
         let nx = self.shown.dims[0];
         let places: Vec<usize> = (0..all.len()).filter(|&k| self.waiting[k].node.is_some()).collect();
         let nodes: Vec<Runs> = places.iter().map(|&k| all[k].clone()).collect();
-        let stays = grounded(&nodes, None, nx, side);
+        let or_whole = |stays: Vec<Vec<bool>>, all: &[Runs]| -> Vec<Vec<bool>> {
+            let of =
+                |(stays, runs): (Vec<bool>, &Runs)| stays.into_iter().zip(whole(runs)).map(|(s, w)| s || w).collect();
+            stays.into_iter().zip(all).map(of).collect()
+        };
+        let stays = or_whole(grounded(&nodes, None, nx, side), &nodes);
         let of = |(k, runs): (usize, &Runs)| {
             let above = places.partition_point(|place| *place < k);
             if places[above] == k {
@@ -157,6 +162,6 @@ impl Together<'_, '_> {
             held(runs, [above - 1, above].map(|n| (&nodes[n], stays[n].as_slice())), nx, side)
         };
         let there: Vec<Vec<bool>> = all.par_iter().enumerate().map(of).collect();
-        grounded(all, Some(&there), nx, side)
+        or_whole(grounded(all, Some(&there), nx, side), all)
     }
 }

@@ -94,7 +94,7 @@ impl Backend for Reference {
             let [(up, up_fields), (down, down_fields)] = swept else { return Filled::default() };
             let last = pair.up.times.len().saturating_sub(1);
             let slice = |(k, &t): (usize, &f64)| {
-                let weights = blend_weights(t, up, down);
+                let weights = blend_weights(options.sweep, t, up, down);
                 let mut phi = blend(&up_fields[k], &down_fields[last - k], weights);
                 mend(pair, k, &mut phi);
                 let far = distance::far_distance(phi, h, options.limit);

@@ -122,7 +122,7 @@ fn successor(phi: &Field, edge: usize) -> Option<usize> {
 }
 
 /// Seeds along the contours of `phi`, `spacing` px apart or a little less, and so the same whatever the machine and however the image lies: each
-/// loop is cut into equal arcs, four at least, which begin where its crossings say (see [`phase`]), then each seed is put onto the bilinear
+/// loop is cut into equal arcs, four at least, which begin where its crossings say (see `phase`), then each seed is put onto the bilinear
 /// zero set.
 pub fn seeds(phi: &Field, h: [f64; 2], spacing: f64) -> Vec<Seed> {
     let mut out = Vec::new();

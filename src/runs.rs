@@ -198,7 +198,7 @@ mod tests {
                 runs.all().find(|(j, run, _)| *j == n / nx && run.contains(&(n % nx))).map(|r| r.2)
             };
             let mut expected = std::collections::BTreeSet::new();
-            for n in 0..nx * ny {
+            for (n, here) in low.iter().enumerate() {
                 let (i, j) = (n % nx, n / nx);
                 let mut there = vec![n];
                 if side == Side::Outside {
@@ -207,7 +207,7 @@ mod tests {
                     there.extend((j > 0).then(|| n - nx));
                     there.extend((j + 1 < ny).then_some(n + nx));
                 }
-                for m in there.into_iter().filter(|&m| own(low[n]) && own(high[m])) {
+                for m in there.into_iter().filter(|&m| own(*here) && own(high[m])) {
                     expected.extend(part(&a, n).zip(part(&b, m)));
                 }
             }

@@ -27,7 +27,7 @@ fn painted() -> Vec<u8> {
     let inside = |k: usize| {
         let [x, y, z] = [k % nx, k / nx % ny, k / nx / ny].map(|v| v as f64);
         let (solid, hole) = ((x - 11.3 - 0.6 * z).hypot(y - 12.6) < 8.2, (x - 11.3 - 0.6 * z).hypot(y - 13.0) < 3.1);
-        k / nx / ny % EVERY == 0 && solid && !hole
+        (k / nx / ny).is_multiple_of(EVERY) && solid && !hole
     };
     (0..nx * ny * nz).map(|k| u8::from(inside(k))).collect()
 }

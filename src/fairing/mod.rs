@@ -77,6 +77,9 @@ pub struct Spec<'m> {
     pub shares: Vec<Option<Vec<f32>>>,
 }
 
+/// Distances of a node, and where the trajectories of another one read them.
+type Seen<'n> = (&'n Arc<Packed<f32>>, Option<Displacement>);
+
 /// Takes layers in order of height, all nodes among them, and hands them on, faired.
 pub struct Fairing<'m> {
     spec: Spec<'m>,
@@ -376,13 +379,7 @@ impl<'m> Fairing<'m> {
     /// Where the surface ends in an interval it still goes on if it does so from its contour to the other side: it is the tip of a body. `share` says
     /// how far it goes on within the interval, `own` are the distances of the interval's contours, `beyond` those on their other sides; of pixels
     /// from `first` on.
-    fn tips(
-        &self,
-        share: &mut [f32],
-        own: [&Vec<f32>; 2],
-        beyond: &[Option<(&Arc<Packed<f32>>, Option<Displacement>)>; 2],
-        first: [usize; 2],
-    ) {
+    fn tips(&self, share: &mut [f32], own: [&Vec<f32>; 2], beyond: &[Option<Seen<'_>>; 2], first: [usize; 2]) {
         let farthest = self.spec.farthest;
         for (side, beyond) in beyond.iter().enumerate() {
             let Some((phi, offsets)) = beyond else { continue };

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Completeness {
     /// Nothing: each label has slices of its own. But where labels are painted on every slice there is nothing left to be interpolated, and
-    /// a slice without one says so ([`Given::own`]).
+    /// a slice without one says so (`Given::own`).
     Own,
     /// The labels are not there. What lies before a label's first slice and behind its last is left to its ends.
     Painted,

@@ -131,7 +131,7 @@ mod tests {
         for (corner, level) in [([9, 5], false), ([0, 0], false), ([26, 17], true), ([9, 5], true)] {
             let dims = [30, 20];
             let inside = |i: usize, j: usize| {
-                i >= corner[0] && i < corner[0] + 4 && j >= corner[1] && j < corner[1] + 3 && (i + j) % 3 > 0
+                i >= corner[0] && i < corner[0] + 4 && j >= corner[1] && j < corner[1] + 3 && !(i + j).is_multiple_of(3)
             };
             let own = stack(dims, inside, level);
             let window = Window::around(&own, [5, 2]);

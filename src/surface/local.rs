@@ -1,6 +1,6 @@
 //! The origin of positions that a format holds as f32.
 //!
-//! f32 has 24 bits: below `2^m` its numbers are at most `2^(m - 24)` apart. Marching cubes keeps vertices a share [`OFF_CORNER`] of a cell's
+//! f32 has 24 bits: below `2^m` its numbers are at most `2^(m - 24)` apart. Marching cubes keeps vertices a share `OFF_CORNER` of a cell's
 //! side from the cell's corners. So two vertices near one corner differ by that much of the side along an axis of the stack, and where the axes
 //! lie aslant in the world by `sqrt(2/3)` of it along some axis of the world (they are `sqrt(2)` of it apart, and the largest of three
 //! coordinates is at least `1 / sqrt(3)` of a length). Below the first `m` for which numbers are closer than that, no two vertices

@@ -1,5 +1,7 @@
 //! P15: no input is ever overwritten, whatever its name on the command line.
 
+#![cfg(all(feature = "dicom", feature = "terrain", feature = "zarr"))]
+
 #[path = "support/files.rs"]
 mod files;
 

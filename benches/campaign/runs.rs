@@ -201,8 +201,11 @@ fn options(settings: &Settings) -> Vec<String> {
     differ.map(option).collect()
 }
 
-/// The stack in a container that can hold it: the input's name and its files.
-fn input(n: &mut Numbers, stack: &ContourStack) -> Option<(String, Vec<(String, Vec<u8>)>)> {
+/// An input's name and its files.
+type Files = (String, Vec<(String, Vec<u8>)>);
+
+/// The stack in a container that can hold it.
+fn input(n: &mut Numbers, stack: &ContourStack) -> Option<Files> {
     let [nx, ny] = stack.dims;
     if n.chance(0.4) {
         return Some(("stack".into(), folder(stack)));

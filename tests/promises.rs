@@ -41,23 +41,18 @@ const STACKS_ON_A_GPU: u64 = 4;
 const BROKEN: u64 = 12;
 const SEEN: usize = 4;
 
-/// Promises that do not hold everywhere yet: on how many of the stacks of this suite a property still falls, on the reference path and on a GPU.
-/// More than these is a fault.
+/// Promises that do not hold everywhere yet: on how many of the stacks of this suite a property may still fall, on the reference path and on a GPU.
+/// More than these is a fault. The counts lie somewhat above what was seen, and are to be lowered, not raised.
 const STILL: [(&str, [usize; 2]); 8] = [
-    // Long morphs whose particles die, thin lines.
     ("beside_inputs", [8, 2]),
-    // Two circles of the reference path leave their range by more than .1 px.
     ("discs_in_range", [6, 0]),
-    // Inner kinks: the step's length decides where a front closes.
+    // Not the step's bound: looking 6 px around changes next to nothing. Particles that die at a seam are the largest part that was found.
     ("half_the_step", [8, 2]),
-    // Parts that close count the gap in px: heights in another unit close them elsewhere.
+    // Seen with heights in another unit, where parts close.
     ("lying", [9, 1]),
-    // Some voxels beside a step of a long pixel.
     ("long_pixels", [4, 0]),
-    // Crumbs of the frame, repaired where they are at most 12 px.
     ("nothing_floats", [3, 1]),
     ("paths", [4, 4]),
-    // A 1 px line's own field is .3 px off its sweep's.
     ("vanished_sweeps", [26, 8]),
 ];
 

@@ -268,13 +268,13 @@ pub fn end(spec: &EndSpec<'_>, fitted: &Fitted, warnings: &mut Vec<String>) -> E
     end
 }
 
-/// The slopes of an end contour, moved so that each of its lines passes smoothly into what lies beyond, in the mean over the line: upright into
-/// half a slice, by the area's law into a cap. `whole` are the slopes with what the frame's motion explains.
-pub fn passing(spec: &EndSpec<'_>, fitted: Fitted, whole: &Fitted) -> Fitted {
-    let mut out = fitted;
+/// By how much the slopes along each line of an end contour change so that the line passes smoothly into what lies beyond, in its mean: upright
+/// into half a slice, by the area's law into a cap. `whole` are the slopes with what the frame's motion explains.
+fn changes<'m>(spec: &EndSpec<'m>, whole: &Fitted) -> Vec<(&'m EndPart, &'m Region, f64)> {
     if spec.clamped || spec.rule == EndRule::Flat {
-        return out;
+        return Vec::new();
     }
+    let mut out = Vec::new();
     for part in spec.parts {
         let caps = spec.rule != EndRule::HalfSlice;
         let law = caps.then(|| spec.by_areas(part)).flatten();
@@ -288,11 +288,42 @@ pub fn passing(spec: &EndSpec<'_>, fitted: Fitted, whole: &Fitted) -> Fitted {
         });
         for (region, outward, change) in std::iter::once((&part.outline, 1.0, outline)).chain(holes) {
             let wanted = spec.sign() * outward * outward_slope(region, change, spec.away);
-            let by = wanted - mean_slope(whole, &region.seeds);
-            region.seeds.iter().for_each(|&k| out.slopes[k as usize] += by);
+            out.push((part, region, wanted - mean_slope(whole, &region.seeds)));
         }
     }
     out
+}
+
+/// The slopes of an end contour's seeds, moved by [`changes`].
+pub fn passing(spec: &EndSpec<'_>, fitted: Fitted, whole: &Fitted) -> Fitted {
+    let mut out = fitted;
+    for (_, region, by) in changes(spec, whole) {
+        region.seeds.iter().for_each(|&k| out.slopes[k as usize] += by);
+    }
+    out
+}
+
+/// The slopes of an end contour's field, outward is downward in it, moved by [`changes`]: beside a line by its own, between lines by a mean that
+/// falls with the fourth power of the distance.
+pub fn passing_field(spec: &EndSpec<'_>, slopes: &mut Field, whole: &Fitted) {
+    let changes = changes(spec, whole);
+    if changes.is_empty() {
+        return;
+    }
+    // Sums of weights and of weighted changes.
+    let mut sums = vec![[0.0; 2]; slopes.data.len()];
+    for (part, region, by) in &changes {
+        for (node, away) in part.tile.nodes(slopes.dims[0]).zip(&region.field.data) {
+            let weight = (1.0 + away * away).powi(-2);
+            sums[node][0] += weight;
+            sums[node][1] += weight * by;
+        }
+    }
+    for (slope, [weight, sum]) in slopes.data.iter_mut().zip(sums) {
+        if weight > 0.0 {
+            *slope -= sum / weight;
+        }
+    }
 }
 
 /// Slope of a line whose area changes by `change` per height, at most [`STEEPEST`] secants of its mean radius.

@@ -1,9 +1,9 @@
 //! Whether a stack is relief, slices of a hill, or a body that moves and grows.
 //!
-//! Of two contours of a hill one lies inside the other. The share of the changes that are so one-sided,
-//! `n = sum max(|A \\ B|, |B \\ A|) / sum |A xor B|` over the intervals of the whole stack, is 1 where every slice lies inside the next or holds it,
-//! and about .5 where bodies move. It has no unit: neither stretching nor turning a stack changes it. Of all our terrain it is 1.000, of anatomy
-//! .877 at most.
+//! A hill is a height over every pixel: seen from below, pixels only ever leave its slices. The share of the changes that go one way,
+//! `n = max(sum |A \\ B|, sum |B \\ A|) / sum |A xor B|` with sums over the intervals of the whole stack, is 1 for a hill (and a hill upside down)
+//! and about .5 where bodies move or, as a ball does, grow and shrink again. It has no unit: neither stretching nor turning a stack changes it.
+//! Of all our terrain it is 1.000, of anatomy .877 at most.
 
 use rayon::prelude::*;
 
@@ -18,19 +18,19 @@ const PIXELS_READ: usize = 4096;
 
 /// How far a stack is relief, 0 to 1.
 pub fn relief(stack: &ContourStack) -> f64 {
-    smoothstep((nested_share(stack) - NONE) / (ALL - NONE))
+    smoothstep((one_sided_share(stack) - NONE) / (ALL - NONE))
 }
 
 /// The share n; 0 where nothing changes.
-fn nested_share(stack: &ContourStack) -> f64 {
+fn one_sided_share(stack: &ContourStack) -> f64 {
     let pixels = stack.dims[0] * stack.dims[1];
     let changes = |pair: &[Slice]| changes([&pair[0], &pair[1]], pixels);
     let add = |[a, b]: [u64; 2], [c, d]: [u64; 2]| [a + c, b + d];
-    let [larger, all] = stack.slices.par_windows(2).map(changes).reduce(|| [0; 2], add);
-    larger as f64 / all.max(1) as f64
+    let [leaving, coming] = stack.slices.par_windows(2).map(changes).reduce(|| [0; 2], add);
+    leaving.max(coming) as f64 / (leaving + coming).max(1) as f64
 }
 
-/// The larger one of `|A \\ B|` and `|B \\ A|`, and their sum.
+/// `|A \\ B|` and `|B \\ A|`.
 fn changes(slices: [&Slice; 2], pixels: usize) -> [u64; 2] {
     let mut inside = [[false; PIXELS_READ]; 2];
     let mut only = [0; 2];
@@ -42,5 +42,5 @@ fn changes(slices: [&Slice; 2], pixels: usize) -> [u64; 2] {
             only[1] += u64::from(b & !a);
         }
     }
-    [only[0].max(only[1]), only[0] + only[1]]
+    only
 }

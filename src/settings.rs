@@ -290,6 +290,12 @@ impl Settings {
         self.half_width.ceil() as usize + 8
     }
 
+    /// Whether the first and the last contour have a slope that a rule for ends or a person has set.
+    pub(crate) fn steered_ends(&self) -> [bool; 2] {
+        [(self.end_bottom, self.clamp_bottom), (self.end_top, self.clamp_top)]
+            .map(|(rule, clamp)| rule != EndRule::Flat || clamp.is_some())
+    }
+
     /// Checks every range.
     ///
     /// # Errors

@@ -69,8 +69,8 @@ pub struct Spec<'m> {
     pub alpha: f64,
     /// Whether layers may not leave the range of their two contours.
     pub limited: bool,
-    /// Whether the user has given the slope at the first and at the last contour: it stays.
-    pub clamped: [bool; 2],
+    /// Whether the slope at the first and at the last contour is one that an end asks for: it stays.
+    pub steered: [bool; 2],
     /// Distances count up to this, unit of the spacing.
     pub farthest: f64,
     /// For an interval with parts that are kept apart the share of the strength at each pixel: smoothing would join them.
@@ -328,8 +328,8 @@ impl<'m> Fairing<'m> {
         let beyond = beyond.map(|end| end.and_then(|end| Some((&self.node(end)?.phi, self.offsets(k, end)))));
         let t = (k - ends[0]) as f64 / NODES as f64;
         let (first, last) = (i == 0, i + 1 == self.nodes.intervals());
-        let at_first = if first && self.spec.clamped[0] { smoothstep(t) } else { 1.0 };
-        let at_last = if last && self.spec.clamped[1] { smoothstep(1.0 - t) } else { 1.0 };
+        let at_first = if first && self.spec.steered[0] { smoothstep(t) } else { 1.0 };
+        let at_last = if last && self.spec.steered[1] { smoothstep(1.0 - t) } else { 1.0 };
         let alpha = (at_first * at_last * self.spec.alpha) as f32;
         let (w, bound, nx) = (smoothstep(t) as f32, self.bound(), self.spec.dims[0]);
         let shares = self.spec.shares.get(i).and_then(Option::as_ref);

@@ -15,7 +15,7 @@ fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, V
         gap: crate::heights::median(gaps.clone()),
         alpha: 1.5,
         limited: false,
-        clamped: [false; 2],
+        steered: [false; 2],
         farthest: 100.0,
         shares: vec![None; gaps.len()],
     });

@@ -3,9 +3,9 @@
 use super::{Run, Sink};
 use crate::contours::Contour;
 use crate::end_parts::{EndPart, LEVELS, Levels};
-use crate::ends::{End, EndSpec, end, passing};
+use crate::ends::{End, EndSpec, end, passing, passing_field};
 use crate::error::Result;
-use crate::field::covered;
+use crate::field::{Field, covered};
 use crate::fit::Fitted;
 use crate::heights::Heights;
 use crate::jobs::Direction;
@@ -90,6 +90,25 @@ impl<'a> Run<'a> {
         }
         let whole = self.whole(contours, moving, i, &fitted)?;
         Ok(passing(&self.end_spec(&matter[side], contours.light(i).z, side), fitted, &whole))
+    }
+
+    /// The same for the slopes of contour `i`'s field.
+    pub(super) fn passing_field(
+        &self,
+        contours: &Shelf<'a, Contour>,
+        moving: &MovingStack<'a>,
+        matter: &[EndMatter; 2],
+        i: usize,
+        slopes: &mut Field,
+    ) -> Result<()> {
+        let side = usize::from(i > 0);
+        if !self.span.ends[side] || (i > 0 && i + 1 < contours.len()) || !self.settings.steered_ends()[side] {
+            return Ok(());
+        }
+        let contour = contours.get(i)?;
+        let whole = self.whole(contours, Some(moving), i, &Fitted::of_field(&contour, slopes))?;
+        passing_field(&self.end_spec(&matter[side], contour.z, side), slopes, &whole);
+        Ok(())
     }
 
     /// Slopes of contour `i` with what the frame's motion explains.

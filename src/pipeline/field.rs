@@ -34,7 +34,8 @@ impl<'a> Run<'a> {
         self.tell_events(contours)?;
         let moving = self.moving(contours)?;
         self.see_links(contours, Some(&moving))?;
-        let slopes = self.slopes(&moving)?;
+        let matter = self.end_matter(contours, Some(&moving))?;
+        let slopes = self.slopes(contours, &moving, &matter)?;
         let last = contours.len() - 1;
         let fitted = |i: usize, end: usize| match self.span.ends[end] {
             true => Ok(Fitted::of_field(&*contours.get(i)?, &*slopes.get(i)?)),
@@ -42,7 +43,6 @@ impl<'a> Run<'a> {
         };
         let fitted: [Result<Fitted>; 2] = [fitted(0, 0), fitted(last, 1)];
         let [bottom, top] = fitted;
-        let matter = self.end_matter(contours, Some(&moving))?;
         let ends = self.ends(contours, &matter, [&bottom?, &top?], Some(&moving))?;
         let extent = ends.each_ref().map(|end| end.extent);
         let heights = self.heights(heights, extent)?;

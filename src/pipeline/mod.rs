@@ -364,7 +364,7 @@ impl<'a> Run<'a> {
             alpha: self.settings.fair,
             limited: !overshoots(self.settings.slope),
             farthest: self.settings.margin() as f64 * self.px,
-            clamped: [self.settings.clamp_bottom, self.settings.clamp_top].map(|m| m.is_some()),
+            steered: self.settings.steered_ends(),
             shares: self.fairing_shares(contours)?,
         });
         make(self, &mut |layer| fairing.push(layer, &mut |layer| together.push(layer, sink)))?;

@@ -119,7 +119,7 @@ impl<'a> Run<'a> {
         let beside = match &moving {
             None => None,
             Some(moving) => {
-                let slopes = self.slopes(moving)?;
+                let slopes = self.slopes(contours, moving, &matter)?;
                 Some(Beside { moving, slopes, lone: self.lone_parts(contours, moving)? })
             }
         };

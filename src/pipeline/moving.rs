@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::Run;
+use super::ends::EndMatter;
 use crate::closing::{Succession, closes};
 use crate::contours::Contour;
 use crate::displacement::{Displacement, DisplacementJob};
@@ -119,8 +120,13 @@ impl<'a> Run<'a> {
         Ok(shelf)
     }
 
-    /// Slopes of the fields of all slices beside layers.
-    pub(super) fn slopes(&mut self, moving: &MovingStack<'a>) -> Result<Shelf<'a, Field>> {
+    /// Slopes of the fields of all slices beside layers, passing smoothly into what lies beyond the ends.
+    pub(super) fn slopes(
+        &mut self,
+        contours: &Shelf<'a, Contour>,
+        moving: &MovingStack<'a>,
+        matter: &[EndMatter; 2],
+    ) -> Result<Shelf<'a, Field>> {
         let count = moving.slices();
         self.stage("slopes", count, |run| {
             let mut slopes = Shelf::new(run.budget);
@@ -136,7 +142,10 @@ impl<'a> Run<'a> {
                 let around = below.saturating_sub(1)..(above + 1).min(count);
                 let own = first - around.start..end - around.start;
                 let found = run.backend.moving_slopes(&moving.part(around)?, own, run.progress)?;
-                found.into_iter().try_for_each(|field| slopes.push(field))?;
+                for (i, mut field) in (first..).zip(found) {
+                    run.passing_field(contours, moving, matter, i, &mut field)?;
+                    slopes.push(field)?;
+                }
             }
             Ok(slopes)
         })

@@ -6,7 +6,8 @@
 //!
 //! A branch, one of several parts that come from one, ends half way, or farther if it is hardly thinner than the body where it leaves it; what
 //! comes from nothing half way. Nothing ends farther away than it is thick: bodies are as long as they are wide, until something says
-//! otherwise. That several parts join in it does: a trunk goes on for longer.
+//! otherwise. That several parts join in it does: a trunk goes on for longer. What a gap counts as in this is what the whole stack's contours
+//! move by ([`crate::change`]): stretching a stack along z changes nothing.
 //!
 //! Measured on the 69 parts of the evaluation's volumes that have ended by the next slice: those that are a single part's single successor end
 //! at .83 g (median of 27), branches and what comes from nothing at .46 of the gap (mean of 29), all of them .6 and the latter 1.0 of their

@@ -7,6 +7,7 @@ pub mod areas;
 pub mod backend;
 pub mod batch;
 pub mod caps;
+pub mod change;
 mod closing;
 pub mod components;
 mod compose;
@@ -51,7 +52,6 @@ pub mod polygons;
 pub mod preset;
 pub mod progress;
 pub mod reference;
-pub mod relief;
 pub mod report;
 mod rigid;
 #[cfg(feature = "dicom")]

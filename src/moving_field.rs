@@ -42,7 +42,7 @@ pub struct MovingField {
     pub gaps: Vec<f64>,
     /// Length of a pixel's larger side in the unit of the heights.
     pub px: f64,
-    /// How far the whole stack is relief, see [`crate::relief`].
+    /// How far the whole stack is relief, see [`crate::change`].
     pub relief: f64,
     /// Signed distances, px; finite everywhere.
     pub fields: Vec<Arc<Field>>,

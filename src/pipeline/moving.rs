@@ -34,7 +34,15 @@ impl<'a> Run<'a> {
                 Motion::None => run.shelved((1..z.len()).map(|_| Displacement::zero(run.padded())))?,
             };
             run.progress.advance(z.len() - 1);
-            MovingStack::new(z, run.span.gaps.clone(), run.px, run.span.relief, fields, displacements, run.budget)
+            MovingStack::new(
+                z,
+                run.span.gaps.clone(),
+                run.px,
+                run.span.change.relief,
+                fields,
+                displacements,
+                run.budget,
+            )
         })
     }
 
@@ -196,7 +204,7 @@ impl<'a> Run<'a> {
         if !lone.iter().any(|part| part.direction == direction) {
             return Ok(());
         }
-        let gap = |k: usize| self.span.gaps[k] / self.px;
+        let gap = |k: usize| self.span.gap_as_width(k) / self.px;
         let (own, inner) = match direction {
             Direction::Up => (i, i.checked_sub(1).map(|k| (k, gap(k)))),
             Direction::Down => (i + 1, (i + 2 < contours.len()).then(|| (i + 2, gap(i + 1)))),

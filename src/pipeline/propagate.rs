@@ -133,7 +133,7 @@ impl<'a> Run<'a> {
     fn relief(&self) -> f64 {
         let Settings { slope, clamp_bottom, clamp_top, .. } = self.settings;
         let asked = *slope != Settings::default().slope || clamp_bottom.is_some() || clamp_top.is_some();
-        if asked { 0.0 } else { self.span.relief }
+        if asked { 0.0 } else { self.span.change.relief }
     }
 
     /// From the mid frame of interval `i`, which is `part`, to its layers.

@@ -2,11 +2,14 @@
 
 use std::ops::Range;
 
+use crate::change::Change;
 use crate::heights::median;
 use crate::moving_field::even_gaps;
-use crate::relief::relief;
 use crate::section::Section;
 use crate::stack::ContourStack;
+
+/// Least of what a unit of height counts as: where no contour changes, gaps are short beside every width.
+const LEAST_RATE: f64 = 1e-9;
 
 /// A section, its intervals and slices numbered as in the run, and what it must know of the whole stack.
 pub struct Span {
@@ -24,8 +27,8 @@ pub struct Span {
     pub gaps: Vec<f64>,
     /// Median gap of the whole stack.
     pub gap: f64,
-    /// How far the whole stack is relief.
-    pub relief: f64,
+    /// What changes between the slices of the whole stack.
+    pub change: Change,
 }
 
 impl Span {
@@ -44,7 +47,12 @@ impl Span {
             ends: [section.layers.start == 0, section.layers.end == z.len() - 1],
             gaps: even_gaps(&z)[intervals].to_vec(),
             gap: median(gaps().collect()),
-            relief: relief(stack),
+            change: Change::of(stack),
         }
+    }
+
+    /// What the gap of interval `i` counts as where it is compared with widths, unit of the pixel spacing.
+    pub fn gap_as_width(&self, i: usize) -> f64 {
+        self.change.rate.max(LEAST_RATE) * self.gaps[i]
     }
 }

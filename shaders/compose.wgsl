@@ -121,7 +121,11 @@ fn front_value(block: Copy, c: u32) -> f32 {
     return clamp(values.phi[min(block.first + rank, params.value_capacity - 1u)], -outside, outside);
 }
 
-// `(1 - w) up + w down`, neither deeper than the other by more than DISAGREEMENT.
+fn disagreement(weight: f32) -> f32 {
+    return DISAGREEMENT * max(0.5 / max(1.0 - weight, 1e-6), 1.0);
+}
+
+// `(1 - w) up + w down`, neither deeper than the other by more than `disagreement`.
 @compute @workgroup_size(lane_count)
 fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let item = items[group.y];
@@ -141,7 +145,9 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     for (var c = 0u; c < BLOCK; c++) {
         let a = front_value(up, c);
         let b = front_value(down, c);
-        let limit = min(abs(a), abs(b)) + DISAGREEMENT;
-        blended[item.offset + k * BLOCK + c] = item.up_weight * clamp(a, -limit, limit) + item.down_weight * clamp(b, -limit, limit);
+        let nearer = min(abs(a), abs(b));
+        let up_limit = nearer + disagreement(item.up_weight);
+        let down_limit = nearer + disagreement(item.down_weight);
+        blended[item.offset + k * BLOCK + c] = item.up_weight * clamp(a, -up_limit, up_limit) + item.down_weight * clamp(b, -down_limit, down_limit);
     }
 }

@@ -12,6 +12,8 @@
 
 // Share of `4 t^2 (1 - t)^2 |A - B|` taken off of what is no relief.
 const SHRINKING: f32 = 0.2;
+// At its tip a part is gone, whichever way the height was rounded.
+const AT_TIP: f32 = 1.0 - 1e-6;
 
 // What the layers of an interval share: values are clamped to `limit`, tiles farther off than `limit + reach` are skipped; lone parts of the
 // lower slice, and of both; how far the stack is relief; whether one of the interval's slices is empty.
@@ -26,7 +28,8 @@ struct Span {
     padding_b: u32,
 }
 
-// A part without partner: its tile's place in `fields`, its inradius, and where in the interval it closes.
+// A part without partner: its tile's place in `fields`, its inradius, where in the interval it closes, the slope with which it begins to, and the
+// largest distance that is kept.
 struct Part {
     first: u32,
     nx: u32,
@@ -34,7 +37,9 @@ struct Part {
     x: i32,
     y: i32,
     depth: f32,
-    closes: f32,
+    height: f32,
+    shrinking: f32,
+    farthest: f32,
 }
 
 // A layer's place on the lower and on the upper slice, as offsets from the pixel.
@@ -96,9 +101,17 @@ fn sample_smooth(first: u32, ij: vec2<i32>, offset: vec2<f32>) -> f32 {
     return sum;
 }
 
-// Least value of the parts from `begin` to `end` at time `t`, counted from their own slice, where its value is `a` and changes by `m` at first,
-// but no faster than a cone; `other` where that is less.
-fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, a: f32, m: f32, t: f32, other: f32) -> f32 {
+// What a part's distance has grown by at time `t`: the twin is `Cap::offset` in src/caps.rs.
+fn closed(part: Part, t: f32) -> f32 {
+    let q = t / part.height;
+    if q < AT_TIP {
+        return part.depth * (1.0 - (1.0 - q) * (1.0 + (1.0 - part.shrinking) * q));
+    }
+    return part.depth / AT_TIP + part.farthest * clamp((t - part.height) / (1.0 - part.height), 0.0, 1.0);
+}
+
+// Least value of the parts from `begin` to `end` at time `t`, counted from their own slice, where its value is `a`; `other` where that is less.
+fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, a: f32, t: f32, other: f32) -> f32 {
     var least = other;
     for (var k = begin; k < end; k++) {
         let part = parts[k];
@@ -106,10 +119,8 @@ fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, a: f32, m: f3
         let at = vec2<f32>(own) + offset;
         let last = vec2<f32>(f32(part.nx - 1u), f32(part.ny - 1u));
         if all(at >= vec2<f32>(0.0)) && all(at <= last) {
-            let cone = part.depth / part.closes;
-            let first = min(m, cone);
             let distance = max(sample(part.first, vec2<u32>(part.nx, part.ny), own, offset), a);
-            least = min(least, distance + (first + (cone - first) / part.closes * t) * t);
+            least = min(least, distance + closed(part, t));
         }
     }
     return least;
@@ -138,7 +149,7 @@ fn interpolate(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     let apart = abs(v.x - v.y);
     let shrinking = SHRINKING * (1.0 - span.relief) * 4.0 * bulge * bulge * apart;
     var value = select(hermite_values(v, m, t) - shrinking, span.limit, span.empty != 0u);
-    value = closing(0u, span.lower_parts, ij, ends.low, v.x, m.x, t, value);
-    value = closing(span.lower_parts, span.all_parts, ij, ends.high, v.y, -m.y, 1.0 - t, value);
+    value = closing(0u, span.lower_parts, ij, ends.low, v.x, t, value);
+    value = closing(span.lower_parts, span.all_parts, ij, ends.high, v.y, 1.0 - t, value);
     layers[place] = clamp(value, -span.limit, span.limit);
 }

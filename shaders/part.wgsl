@@ -14,39 +14,29 @@
 const FAR: f32 = 1e30;
 const PATCH: u32 = 16u;
 
-// Inverse squares of the distances from a pixel to the crossings on its edges: the part's own, the others'.
-fn edges(q: u32, node: u32, i: u32, j: u32) -> vec2<f32> {
+// Whether the contour crosses an edge between a pixel and its neighbours that is the part's own, and one that is not.
+fn edges(q: u32, node: u32, i: u32, j: u32) -> vec2<bool> {
     let nx = jobs[q].nx;
-    var along = vec2<f32>(FAR);
-    var across = vec2<f32>(FAR);
+    var found = vec2<bool>(false);
     if i > 0u {
-        along = nearer(along, node, node - 1u, params.hx);
+        found |= edge(node, node - 1u);
     }
     if i + 1u < nx {
-        along = nearer(along, node, node + 1u, params.hx);
+        found |= edge(node, node + 1u);
     }
     if j > 0u {
-        across = nearer(across, node, node - nx, params.hy);
+        found |= edge(node, node - nx);
     }
     if j + 1u < jobs[q].ny {
-        across = nearer(across, node, node + nx, params.hy);
+        found |= edge(node, node + nx);
     }
-    return vec2<f32>(inverse(along.x) + inverse(across.x), inverse(along.y) + inverse(across.y));
+    return found;
 }
 
-fn nearer(nearest: vec2<f32>, node: u32, next: u32, h: f32) -> vec2<f32> {
-    let c = whole[node];
-    let v = whole[next];
-    if (v < 0.0) == (c < 0.0) {
-        return nearest;
-    }
-    let at = h * abs(c) / (abs(c) + abs(v));
+fn edge(node: u32, next: u32) -> vec2<bool> {
+    let crossed = (whole[next] < 0.0) != (whole[node] < 0.0);
     let own = inside[next] != inside[node];
-    return vec2<f32>(select(nearest.x, min(nearest.x, at), own), select(min(nearest.y, at), nearest.y, own));
-}
-
-fn inverse(at: f32) -> f32 {
-    return select(1.0 / square(max(at, 1e-6)), 0.0, at >= FAR);
+    return vec2<bool>(crossed && own, crossed && !own);
 }
 
 // Start values of both sweeps; a value with its sign bit set stays.
@@ -66,10 +56,8 @@ fn start_part(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     let found = edges(q, node, i, j);
     let of_own = (q & 1u) == 0u;
     d[node] = FAR;
-    if select(found.y, found.x, of_own) > 0.0 {
-        // Next to edges of both kinds the whole field may measure the wrong one.
-        let own_only = of_own && found.y > 0.0;
-        d[node] = -max(select(abs(whole[node]), inverseSqrt(max(found.x, 1e-30)), own_only), 1e-30);
+    if select(found.y, found.x, of_own) {
+        d[node] = -max(abs(whole[node]), 1e-30);
         atomicStore(&awake[jobs[q].first_copy + (j / PATCH) * ((jobs[q].nx + PATCH - 1u) / PATCH) + i / PATCH], 2u);
     }
 }
@@ -89,7 +77,7 @@ fn finish_part(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     let own = d[node];
     let other = d[twin];
     let same_side = (whole[node] < 0.0) == (inside[node] > 0.5);
-    let keep = same_side && abs(own) <= abs(other) && !(own < 0.0 && other < 0.0);
+    let keep = same_side && abs(own) <= abs(other);
     let away = select(abs(own), abs(whole[node]), keep);
     d[node] = select(away, -away, inside[node] > 0.5);
 }

@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use crate::caps::{Cap, Profile};
+use crate::caps::Cap;
 use crate::field::Field;
 use crate::fit::Fitted;
-use crate::jobs::{DISAGREEMENT, Direction, SweepPair};
+use crate::jobs::{Direction, SweepPair, disagreement};
 use crate::lone_part::{HALF_WAY, LonePart};
 use crate::matching::Interval;
 use crate::packed::Packed;
@@ -89,12 +89,13 @@ impl Canvas {
     }
 }
 
-/// Two sweeps of a group at the same time, `weights[0] up + weights[1] down`, neither deeper than the other by more than DISAGREEMENT.
+/// Two sweeps of a group at the same time, `weights[0] up + weights[1] down`, neither deeper than the other by more than [`disagreement`].
 pub fn blend(up: &Packed<f32>, down: &Packed<f32>, weights: [f64; 2]) -> Field {
+    let allowed = weights.map(disagreement);
     let mixed = |(&a, &b): (&f32, &f32)| {
         let (a, b) = (f64::from(a), f64::from(b));
-        let limit = a.abs().min(b.abs()) + DISAGREEMENT;
-        weights[0] * a.clamp(-limit, limit) + weights[1] * b.clamp(-limit, limit)
+        let limits = allowed.map(|more| a.abs().min(b.abs()) + more);
+        weights[0] * a.clamp(-limits[0], limits[0]) + weights[1] * b.clamp(-limits[1], limits[1])
     };
     let [nx, ny] = up.dims();
     let mut phi = Field { dims: [nx, ny], data: Vec::with_capacity(nx * ny) };
@@ -159,17 +160,15 @@ pub struct IntervalCaps {
 
 impl IntervalCaps {
     /// Profiles from the slopes of each part's own contour; `gap` is the interval's height; solid parts close by
-    /// themselves, or at `latest`.
-    pub fn new(interval: &Interval, low: &Fitted, high: &Fitted, gap: f64, latest: f64) -> Self {
+    /// themselves, or at `latest`; distances count up to `farthest`.
+    pub fn new(interval: &Interval, [low, high]: [&Fitted; 2], gap: f64, latest: f64, farthest: f64) -> Self {
         let cap = |part: &LonePart, outward: f64, height: f64| {
             let (fitted, sign) = match part.direction {
                 Direction::Up => (low, 1.0),
                 Direction::Down => (high, -1.0),
             };
             let mean = mean_slope(fitted, &part.seeds) * sign * outward * gap;
-            let profile = Profile::between(-mean * height / part.depth.max(1e-6));
-            let cap = Cap { tile: part.tile, field: part.field.clone(), depth: part.depth, height, profile };
-            (cap, part.direction)
+            (Cap::new(part, mean, height, farthest), part.direction)
         };
         IntervalCaps {
             holes: interval.groups.iter().map(|g| g.holes.iter().map(|h| cap(h, -1.0, HALF_WAY)).collect()).collect(),

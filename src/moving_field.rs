@@ -6,10 +6,10 @@
 use std::cmp::Ordering;
 use std::sync::Arc;
 
+use crate::caps::Cap;
 use crate::contours::Contour;
 use crate::displacement::{Displacement, LANES, Resting};
 use crate::field::Field;
-use crate::lone_part::LonePart;
 use crate::shelf::{Array, Large};
 use crate::spline::{harmonic, hermite_values, limited, smoothstep, van_albada};
 
@@ -295,9 +295,9 @@ pub fn probes([left, top]: [usize; 2], [right, bottom]: [usize; 2]) -> [[usize; 
 #[derive(Debug, Clone, Default)]
 pub struct LoneParts {
     /// Of the lower slice.
-    pub low: Vec<LonePart>,
+    pub low: Vec<Cap>,
     /// Of the upper slice.
-    pub high: Vec<LonePart>,
+    pub high: Vec<Cap>,
     /// Whether one of the slices is empty: then there is nothing but these parts.
     pub empty: bool,
 }
@@ -308,18 +308,12 @@ impl Large for LoneParts {
     }
 }
 
-/// Least value at time `t`, counted from their own slice, of the parts at node-space position `x` of it, where the slice's field is `a` and
-/// changes by `m` per interval at first, but no faster than a cone would: `a + m t + c t^2`, c such that a part's deepest point is on the
-/// surface where it closes. `None` off their tiles.
+/// Least value at time `t`, counted from their own slice, of the parts at node-space position `x` of it, where the slice's field is `a`. `None` off
+/// their tiles.
 #[inline]
-pub fn closing(parts: &[&LonePart], x: [f64; 2], a: f64, m: f64, t: f64) -> Option<f64> {
-    let value = |part: &&LonePart| {
-        part.tile.holds(x, 0.0).then(|| {
-            let cone = part.depth / part.closes;
-            let m = m.min(cone);
-            part.field.sample(part.tile.to_local(x)).max(a) + (m + (cone - m) / part.closes * t) * t
-        })
-    };
+pub fn closing(parts: &[&Cap], x: [f64; 2], a: f64, t: f64) -> Option<f64> {
+    let value =
+        |part: &&Cap| part.tile.holds(x, 0.0).then(|| part.field.sample(part.tile.to_local(x)).max(a) + part.offset(t));
     parts.iter().filter_map(value).reduce(f64::min)
 }
 

@@ -42,18 +42,15 @@ const BROKEN: u64 = 12;
 const SEEN: usize = 4;
 
 /// Promises that do not hold everywhere yet: on how many of the stacks of this suite a property may still fall, on the reference path and on a GPU.
-/// More than these is a fault. The counts lie somewhat above what was seen, and are to be lowered, not raised.
-const STILL: [(&str, [usize; 2]); 8] = [
-    ("beside_inputs", [8, 2]),
-    ("discs_in_range", [6, 0]),
+/// More than these is a fault. The counts are what was seen; they are to be lowered, not raised.
+const STILL: [(&str, [usize; 2]); 6] = [
+    ("beside_inputs", [1, 1]),
+    ("discs_in_range", [4, 0]),
     // Not the step's bound: looking 6 px around changes next to nothing. Particles that die at a seam are the largest part that was found.
-    ("half_the_step", [8, 2]),
-    // Seen with heights in another unit, where parts close.
-    ("lying", [9, 1]),
-    ("long_pixels", [4, 0]),
-    ("nothing_floats", [3, 1]),
-    ("paths", [4, 4]),
-    ("vanished_sweeps", [26, 8]),
+    ("half_the_step", [5, 1]),
+    ("long_pixels", [2, 0]),
+    ("nothing_floats", [1, 0]),
+    ("paths", [0, 3]),
 ];
 
 const REFERENCE: Program<'static> = Program { backend: &Reference, single: false };
@@ -373,16 +370,15 @@ fn p07_no_jump_where_a_sweep_vanishes() {
         let jumps = jumps_beside(&stack, &plain(), &REFERENCE).expect("the stack is valid");
         let surface = |layer: &interslice::surface::Layer| area(layer, 1.0);
         faults.extend(jumps.into_iter().filter(|(jump, _)| *jump > 0.02).map(|jump| (angle, jump)));
-        // A thousandth of the gap beside each line there is the line, by area: 13.8 px of distance and half of its area were gone. Seen: up to .28 more.
+        // A thousandth of the gap beside each line there is the line, by area: 13.8 px of distance and half of its area were gone.
         let heights = [0.0, 0.01, 9.99, 10.0, 10.01, 19.99, 20.0];
         let body = run(&stack, &heights, &plain());
         for (beside, input) in [(1, 0), (2, 3), (4, 3), (5, 6)] {
             let [beside, input] = [beside, input].map(|k| surface(&body.layers[k]));
-            assert!((beside / input - 1.0).abs() < 0.35, "{angle}: {beside} px beside {input}");
+            assert!((beside / input - 1.0).abs() < 0.02, "{angle}: {beside} px beside {input}");
         }
     }
-    // Promised are .02 px in distance: a line of 1 px has jumps at its ends still.
-    println!("{faults:?}");
+    assert!(faults.is_empty(), "{faults:?}");
 }
 
 #[test]
@@ -430,8 +426,10 @@ fn spheres(rule: EndRule) -> (f64, f64) {
     let mut n = Numbers::new(10);
     for radius in [3.0f64, 5.0, 8.0, 12.0, 20.0] {
         for gap in [1.0, 2.0] {
-            for _ in 0..4 {
-                let [x, y, first] = [n.between(0.0, 1.0), n.between(0.0, 1.0), n.between(0.0, gap)];
+            for place in 0..4 {
+                let [x, y] = [n.between(0.0, 1.0), n.between(0.0, 1.0)];
+                // Places of the first slice spread evenly: a mean over few drawn ones is off by more than what is promised.
+                let first = gap * (f64::from(place) + n.between(0.0, 1.0)) / 4.0;
                 let planes = (0..).map(|k| gap * f64::from(k) + first - radius).take_while(|z| *z < radius);
                 let of_plane = |z: f64| {
                     let r = (radius * radius - z * z).sqrt();
@@ -498,9 +496,8 @@ fn p17_a_disc_between_empty_slices_does_not_balloon() {
     let (faired, still) = (volume(&default), volume(&Settings { motion: Motion::None, ..default.clone() }));
     let unfaired = volume(&Settings { fair: 0.0, ..default });
     assert!((faired / unfaired - 1.0).abs() <= 0.1, "{faired:.0} px faired, {unfaired:.0} without");
-    // Promised are .02: the frame closes a lone part by its field's slope, the morph by a cap of its own.
     assert!(
-        (faired / still - 1.0).abs() <= 0.25,
+        (faired / still - 1.0).abs() <= 0.02,
         "{faired:.0} px with motion, {still:.0} without, though nothing moves"
     );
 }

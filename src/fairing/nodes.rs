@@ -18,8 +18,9 @@ use std::ops::Range;
 use crate::heights::{NODE_TIMES, NODES, at_time};
 use crate::spline::smoothstep;
 
-/// Sigma of the mean, gaps.
-const SIGMA: f64 = 0.3;
+/// Sigma of the mean, gaps. Creases (1: the truth's) and mean Dice of the real cases, medium and hard, at .3: .951, .992; .9537, .9236; at a third: .939, .988;
+/// .9535, .9233; at .4: .927, .967; .9531, .9225.
+const SIGMA: f64 = 1.0 / 3.0;
 /// Where the B-spline ends, distances of its knots.
 const END: f64 = 1.5;
 /// Smaller weights are rounding's.

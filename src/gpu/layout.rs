@@ -262,5 +262,5 @@ mirrored!(
 
 mirrored!(
     /// A part without partner (`moving_layer.wgsl`).
-    Part { first: u32, nx: u32, ny: u32, x: i32, y: i32, depth: f32, closes: f32, }
+    Part { first: u32, nx: u32, ny: u32, x: i32, y: i32, depth: f32, height: f32, shrinking: f32, farthest: f32, }
 );

@@ -107,7 +107,9 @@ fn values(of: &Ingredients<'_>) -> (Vec<f32>, Vec<Part>) {
         x: part.tile.origin[0] as i32,
         y: part.tile.origin[1] as i32,
         depth: part.depth as f32,
-        closes: part.closes as f32,
+        height: part.height as f32,
+        shrinking: part.profile.shrinking() as f32,
+        farthest: part.farthest as f32,
     });
     let parts = parts.collect();
     (values, parts)

@@ -8,11 +8,10 @@ use super::Gpu;
 use super::comparison::Comparison;
 use super::twin_cases::{blob, joined};
 use crate::backend::Backend;
+use crate::caps::{Cap, Profile};
 use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
 use crate::field::Field;
-use crate::jobs::Direction;
-use crate::lone_part::LonePart;
 use crate::moving_field::{LoneParts, MovingField};
 use crate::progress::Silent;
 use crate::reference::Reference;
@@ -86,18 +85,19 @@ impl Stack {
             // Deep inside the larger one both slices are far from their contours, on either side.
             distance(&joined(&disc(31.0, 40.0, 9.0), &disc(72.0, 37.0, 21.0))),
         ];
-        let closes = [0.5, 0.75, 0.2, 0.6, 0.4];
-        let part = |k: usize, direction| {
+        let height = [0.5, 0.75, 0.2, 0.6, 0.4];
+        let profile = [0.0, 0.4, 1.0, 1.7, 0.8].map(Profile::new);
+        let part = |k: usize| {
             let (x, y, r) = alone[k];
             let corner = |sign: f64| [0, 1].map(|a| ((([x, y][a] + sign * r) * s / h[a]) as usize).min(dims[a] - 1));
             let margin = if k < 3 { MARGINS[0] } else { MARGINS[1] * scale };
             let tile = Tile::spanning(dims, [margin; 2], corner(-1.0), corner(1.0));
             let field = single(&tile.cut(&distance(&discs[k])));
-            LonePart { tile, field, depth: r * s, closes: closes[k], seeds: Vec::new(), direction }
+            Cap { tile, field, depth: r * s, height: height[k], farthest: 14.0, profile: profile[k] }
         };
         let parts = |low: &[usize], high: &[usize]| LoneParts {
-            low: low.iter().map(|&k| part(k, Direction::Up)).collect(),
-            high: high.iter().map(|&k| part(k, Direction::Down)).collect(),
+            low: low.iter().map(|&k| part(k)).collect(),
+            high: high.iter().map(|&k| part(k)).collect(),
             empty: false,
         };
         // Those that no slice has would count on the other side, too: it shows if they do.

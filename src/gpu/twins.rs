@@ -280,7 +280,7 @@ fn sweeps(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
             let field =
                 Field::from_fn(dims, |i, j| ((i as f64 - 24.0).powi(2) + (j as f64 - 24.0).powi(2)).sqrt() - 6.0);
             let tile = Tile { origin: [0, 0], dims };
-            let hole = Cap { tile, field, depth: 6.0, height: 0.7, profile: Profile::Ellipse };
+            let hole = Cap { tile, field, depth: 6.0, height: 0.7, farthest: 14.0, profile: Profile::new(0.0) };
             pair.holes = Cow::Owned(vec![(hole, Direction::Up)]);
         }
         pairs

@@ -48,7 +48,7 @@ impl<'a> Run<'a> {
         let heights = self.heights(heights, extent)?;
         sink.begin(&self.header(&heights, extent))?;
         let sink: &mut Sink<'_> = &mut |layer| sink.layer(layer);
-        let lone = self.lone_parts(contours, &moving)?;
+        let lone = self.lone_parts(contours, &moving, &slopes)?;
         let made = Made { moving, slopes, lone, ends };
         self.stage("layers", heights.all.len(), |run| {
             run.faired(contours, Some(&made.moving), sink, |run, sink| run.layers(contours, &made, &heights, sink))

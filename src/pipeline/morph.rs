@@ -120,7 +120,8 @@ impl<'a> Run<'a> {
             None => None,
             Some(moving) => {
                 let slopes = self.slopes(contours, moving, &matter)?;
-                Some(Beside { moving, slopes, lone: self.lone_parts(contours, moving)? })
+                let lone = self.lone_parts(contours, moving, &slopes)?;
+                Some(Beside { moving, slopes, lone })
             }
         };
         let made = Made { contours, beside, seen, parted, intervals, sides, fitted, ends };

@@ -4,11 +4,14 @@ use std::ops::Range;
 
 use super::Run;
 use super::ends::EndMatter;
+use crate::caps::Cap;
 use crate::closing::{Succession, closes};
+use crate::compose::mean_slope;
 use crate::contours::Contour;
 use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
 use crate::field::Field;
+use crate::fit::Fitted;
 use crate::jobs::Direction;
 use crate::lone_part::LonePart;
 use crate::matching::lone_solids;
@@ -159,22 +162,24 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Parts that meet nothing in the other slice along their trajectories, interval by interval.
+    /// Parts that meet nothing in the other slice along their trajectories, interval by interval, and how they close by the field's slopes.
     pub(super) fn lone_parts(
         &self,
         contours: &Shelf<'a, Contour>,
         moving: &MovingStack<'a>,
+        slopes: &Shelf<'a, Field>,
     ) -> Result<Shelf<'a, LoneParts>> {
         let mut out = Shelf::new(self.budget);
         (0..self.span.layers.start).try_for_each(|_| out.push(LoneParts::default()))?;
         for i in self.span.layers.clone() {
+            let gap = self.span.gaps[i];
             let [low, high] = [Direction::Up, Direction::Down].map(|direction| {
-                let (own, other, way) = match direction {
+                let (number, other, way) = match direction {
                     Direction::Up => (i, i + 1, 1.0),
                     Direction::Down => (i + 1, i, -1.0),
                 };
                 let least = if contours.light(other).solids.count > 0 { LEAST_DEPTH } else { 0.0 };
-                let (own, other) = (contours.get(own)?, moving.field(other)?);
+                let (own, other) = (contours.get(number)?, moving.field(other)?);
                 let at_slices = moving.at_slices(i)?;
                 let u = &at_slices[usize::from(direction == Direction::Down)];
                 let parts = without_partner(&own, least, |x| {
@@ -183,7 +188,10 @@ impl<'a> Run<'a> {
                 });
                 let mut lone = lone_solids(&own, &parts, self.h, self.margin, direction, self.backend)?;
                 self.close(contours, i, direction, &mut lone)?;
-                Ok(lone)
+                let fitted = Fitted::of_field(&own, &*slopes.get(number)?);
+                let slope = |part: &LonePart| way * gap * mean_slope(&fitted, &part.seeds);
+                let farthest = self.settings.margin() as f64;
+                Ok(lone.iter().map(|part| Cap::new(part, slope(part), part.closes, farthest)).collect::<Vec<_>>())
             });
             let empty = [i, i + 1].iter().any(|k| contours.light(*k).solids.count == 0);
             out.push(LoneParts { low: low?, high: high?, empty })?;

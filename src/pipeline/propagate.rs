@@ -71,7 +71,8 @@ impl<'a> Run<'a> {
             let caps = |(i, interval): (usize, &Arc<Interval>)| {
                 let latest = if made.parted[i].is_empty() { 1.0 } else { APART };
                 let [low, high] = [fitted.get(i)?, fitted.get(i + 1)?];
-                Ok(IntervalCaps::new(interval, &low, &high, z(i + 1) - z(i), latest))
+                let farthest = self.settings.margin() as f64;
+                Ok(IntervalCaps::new(interval, [&low, &high], z(i + 1) - z(i), latest, farthest))
             };
             let caps: Vec<IntervalCaps> = chunk.clone().zip(&intervals).map(caps).collect::<Result<_>>()?;
             let mut filled = self.sweep_chunk(chunk.clone(), made, &intervals, &caps, heights)?.into_iter();

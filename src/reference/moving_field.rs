@@ -5,8 +5,8 @@ use std::ops::Range;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
+use crate::caps::Cap;
 use crate::field::Field;
-use crate::lone_part::LonePart;
 use crate::moving_field::{CELL, Cells, LoneParts, MovingField, between, closing, plus, probes, slope};
 use crate::spline::three_point_end;
 
@@ -158,8 +158,8 @@ struct Curves<'a> {
 /// The lone parts of either slice that a cell's pixels may read.
 #[derive(Default)]
 struct Parts<'a> {
-    low: Vec<&'a LonePart>,
-    high: Vec<&'a LonePart>,
+    low: Vec<&'a Cap>,
+    high: Vec<&'a Cap>,
 }
 
 impl<'a> Parts<'a> {
@@ -182,8 +182,8 @@ impl Curves<'_> {
             true => self.limit,
             false => between([a, b], m, self.relief, self.t),
         };
-        let low = closing(&parts.low, from, a, m[0], self.t);
-        let high = closing(&parts.high, to, b, -m[1], 1.0 - self.t);
+        let low = closing(&parts.low, from, a, self.t);
+        let high = closing(&parts.high, to, b, 1.0 - self.t);
         [low, high].into_iter().flatten().fold(joined, f64::min).clamp(-self.limit, self.limit)
     }
 }

@@ -4,8 +4,9 @@ use super::distance::sweep;
 use crate::field::Field;
 use crate::jobs::PartJob;
 
-/// Signed distance to the part's edges, negative inside the part. Where the nearest edge of the whole contour belongs to the part,
-/// the value of the whole contour's field stands bit for bit; `inf` where the part is empty.
+/// Signed distance to the part's edges, negative inside the part. Beside them and where the nearest edge of the whole contour belongs to the part,
+/// the value of the whole contour's field stands bit for bit, so that parts that touch at a corner are together what they were; `inf` where
+/// the part is empty.
 pub fn part_field(job: &PartJob, h: [f64; 2]) -> Field {
     if let Some(field) = job.without_computing() {
         return field;
@@ -15,15 +16,14 @@ pub fn part_field(job: &PartJob, h: [f64; 2]) -> Field {
     let (mut own, mut other) = (far.clone(), far);
     let (mut own_fixed, mut other_fixed) = (vec![false; inside.len()], vec![false; inside.len()]);
     for node in 0..inside.len() {
-        let edges = Edges::at(whole, inside, node, h);
-        if edges.own.is_finite() {
-            // Next to edges of both kinds the whole field may measure the wrong one.
-            own.data[node] = if edges.other.is_finite() { edges.own } else { whole.data[node].abs() };
-            own_fixed[node] = true;
-        }
-        if edges.other.is_finite() {
-            other.data[node] = whole.data[node].abs();
-            other_fixed[node] = true;
+        let edges = edges(whole, inside, node);
+        for (kind, (field, fixed)) in
+            [(&mut own, &mut own_fixed), (&mut other, &mut other_fixed)].into_iter().enumerate()
+        {
+            if edges[kind] {
+                field.data[node] = whole.data[node].abs();
+                fixed[node] = true;
+            }
         }
     }
     sweep(&mut own, &own_fixed, h);
@@ -31,7 +31,7 @@ pub fn part_field(job: &PartJob, h: [f64; 2]) -> Field {
     let data = (0..inside.len())
         .map(|k| {
             let same_side = (whole.data[k] < 0.0) == inside[k];
-            let keep = same_side && own.data[k] <= other.data[k] && !(own_fixed[k] && other_fixed[k]);
+            let keep = same_side && own.data[k] <= other.data[k];
             let distance = if keep { whole.data[k].abs() } else { own.data[k] };
             if inside[k] { -distance } else { distance }
         })
@@ -39,35 +39,21 @@ pub fn part_field(job: &PartJob, h: [f64; 2]) -> Field {
     Field { dims: whole.dims, data }
 }
 
-/// Distances from a pixel to the crossings on its four edges, by whether the part has them; `inf` where there are none.
-struct Edges {
-    own: f64,
-    other: f64,
-}
-
-impl Edges {
-    fn at(whole: &Field, inside: &[bool], node: usize, h: [f64; 2]) -> Self {
-        let [nx, ny] = whole.dims;
-        let (i, j) = (node % nx, node / nx);
-        let c = whole.data[node];
-        let mut inverse = [0.0; 2];
-        for (axis, neighbours) in [
-            (0, [(i > 0).then(|| node - 1), (i + 1 < nx).then_some(node + 1)]),
-            (1, [(j > 0).then(|| node - nx), (j + 1 < ny).then_some(node + nx)]),
-        ] {
-            let mut nearest = [f64::INFINITY; 2];
-            for n in neighbours.into_iter().flatten() {
-                let v = whole.data[n];
-                if (v < 0.0) != (c < 0.0) {
-                    let kind = usize::from(inside[n] == inside[node]);
-                    nearest[kind] = nearest[kind].min(h[axis] * c.abs() / (c.abs() + v.abs()));
-                }
-            }
-            for (sum, d) in inverse.iter_mut().zip(nearest) {
-                *sum += d.max(1e-6).powi(-2);
-            }
+/// Whether the contour crosses an edge between a pixel and its neighbours that is the part's own, and one that is not.
+fn edges(whole: &Field, inside: &[bool], node: usize) -> [bool; 2] {
+    let [nx, ny] = whole.dims;
+    let (i, j) = (node % nx, node / nx);
+    let neighbours = [
+        (i > 0).then(|| node - 1),
+        (i + 1 < nx).then_some(node + 1),
+        (j > 0).then(|| node - nx),
+        (j + 1 < ny).then_some(node + nx),
+    ];
+    let mut found = [false; 2];
+    for n in neighbours.into_iter().flatten() {
+        if (whole.data[n] < 0.0) != (whole.data[node] < 0.0) {
+            found[usize::from(inside[n] == inside[node])] = true;
         }
-        let [own, other] = inverse.map(|s| 1.0 / s.sqrt());
-        Edges { own, other }
     }
+    found
 }

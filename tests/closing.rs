@@ -3,6 +3,7 @@
 mod shapes;
 mod support;
 
+use interslice::change::Change;
 use interslice::progress::Silent;
 use interslice::settings::{EndRule, Method, Motion};
 use interslice::surface::mesh::closed_surface;
@@ -50,70 +51,84 @@ const METHODS: [(Method, Motion); 3] =
 
 #[test]
 fn parts_end_where_the_fall_of_their_area_says() {
-    // Heights, shapes, and where the body ends below and above.
-    type Case = (&'static str, Vec<f64>, Vec<Shape>, [f64; 2]);
+    // Heights, shapes, and of the body's lowest and highest part its contour, by how much it goes on as its area falls, and its thickness, px, times
+    // what a part may go on by; none where it ends at a contour.
+    type End = (f64, Option<[f64; 2]>);
+    type Case = (&'static str, Vec<f64>, Vec<Shape>, [End; 2]);
+    let fall = |gap: f64, fall: f64| 0.85 * gap / (fall - 1.0);
     let cases: [Case; 9] = [
         (
             "tapering",
             vec![0.0, 10.0, 20.0, 30.0, 40.0],
             vec![nothing(), disc(20.0), disc(30.0), disc(12.0), nothing()],
-            // 2.25 and 6.25 times their area before.
-            [10.0 - 10.0 * 0.85 / 1.25, 30.0 + 10.0 * 0.85 / 5.25],
+            [(10.0, Some([fall(10.0, 2.25), 0.7 * 20.0])), (30.0, Some([fall(10.0, 6.25), 0.7 * 12.0]))],
         ),
         (
             "a prism",
             vec![0.0, 10.0, 20.0, 30.0],
             vec![nothing(), disc(20.0), disc(20.0), nothing()],
-            [10.0 - 7.5, 20.0 + 7.5],
+            [(10.0, Some([f64::INFINITY, 0.7 * 20.0])), (20.0, Some([f64::INFINITY, 0.7 * 20.0]))],
         ),
         (
-            // .7 of a thickness of 10 px, less half a pixel's edge.
             "a thin one",
             vec![0.0, 20.0, 40.0, 60.0],
-            vec![nothing(), disc(10.0), disc(10.0), nothing()],
-            [20.0 - 7.0, 40.0 + 7.0],
+            vec![nothing(), disc(4.0), disc(4.0), nothing()],
+            [(20.0, Some([f64::INFINITY, 0.7 * 4.0])), (40.0, Some([f64::INFINITY, 0.7 * 4.0]))],
         ),
-        ("alone", vec![0.0, 10.0, 20.0], vec![nothing(), disc(20.0), nothing()], [5.0, 15.0]),
+        (
+            "alone",
+            vec![0.0, 10.0, 20.0],
+            vec![nothing(), disc(20.0), nothing()],
+            [(10.0, Some([5.0, 0.7 * 20.0])), (10.0, Some([5.0, 0.7 * 20.0]))],
+        ),
         (
             "branches",
             vec![0.0, 10.0, 20.0, 30.0],
             vec![nothing(), pair(17.0, 8.0), disc(30.0), pair(17.0, 8.0)],
-            [5.0, 30.0],
+            [(10.0, Some([5.0, 0.7 * 8.0])), (30.0, None)],
         ),
         (
             // As deep as what they come from: nothing says that they end before long.
             "branches as thick as the body",
             vec![0.0, 5.0, 10.0],
             vec![nothing(), pair(17.0, 8.0), joined_pair(17.0, 8.0)],
-            [5.0 - 3.75, 10.0],
+            [(5.0, Some([f64::INFINITY, 0.7 * 8.0])), (10.0, None)],
         ),
         (
-            // 1.5 of a thickness of 8 px, less half a pixel's edge: bodies that join go on.
+            // Bodies that join go on.
             "a trunk",
             vec![0.0, 20.0, 40.0],
             vec![nothing(), joined_pair(17.0, 8.0), pair(17.0, 8.0)],
-            [20.0 - 1.5 * 7.5, 40.0],
+            [(20.0, Some([f64::INFINITY, 1.5 * 7.5])), (40.0, None)],
         ),
         (
             // Its area falls to five ninths, its thickness to a sixth.
             "a dish",
             vec![0.0, 10.0, 20.0],
             vec![disc(30.0), ring(30.0, 20.0), nothing()],
-            [0.0, 10.0 + 10.0 * 0.85 / 5.0],
+            [(0.0, None), (10.0, Some([fall(10.0, 6.0), 0.7 * 5.0]))],
         ),
         (
             "uneven gaps",
             vec![0.0, 20.0, 30.0],
             vec![disc(30.0), disc(12.0), nothing()],
-            [0.0, 20.0 + 10.0 * 2.0 * 0.85 / 5.25],
+            [(0.0, None), (20.0, Some([fall(20.0, 6.25), 0.7 * 12.0]))],
         ),
     ];
-    for (name, heights, shapes, [low, high]) in &cases {
+    for (name, heights, shapes, ends) in &cases {
+        // Thickness is compared with heights as far as contours go sideways per height, in any unit of it.
+        let rate = Change::of(&masks(121, heights, shapes)).rate;
+        let [low, high] = [(ends[0], -1.0), (ends[1], 1.0)].map(|((z, part), sign): (End, f64)| {
+            let k = heights.iter().position(|height| *height == z).expect("a contour");
+            let gap =
+                if sign < 0.0 { z - heights[k.saturating_sub(1)] } else { heights[(k + 1).min(heights.len() - 1)] - z };
+            z + sign * part.map_or(0.0, |[by, thickness]| by.min(thickness / rate).clamp(0.05 * gap, 0.75 * gap))
+        });
         for (method, motion) in METHODS {
             let [from, to] = reach(heights, shapes, method, motion);
             let near = |end: f64, expected: f64| (-STEP..=TIP).contains(&(expected - end));
             assert!(
-                near(-from, -low) && near(to, *high),
+                near(-from, -low) && near(to, high),
                 "{name}, {method:?}, {motion:?}: {from} to {to}, not {low} to {high}"
             );
         }

@@ -6,9 +6,7 @@
 @group(0) @binding(3) var<storage, read> goal: array<f32>;
 @group(0) @binding(4) var<storage, read_write> particles: array<Particle>;
 
-// Farthest a living particle may be from the front after back-projection, px.
-const OFF_FRONT: f32 = 0.1;
-// Largest move of a back-projection, px: more means that the front under the particle is gone.
+// What back-projections may move a particle in all, px: more means that the front under it is gone and another piece drags it along.
 const LOST: f32 = 1.0;
 const PROJECTIONS: u32 = 2u;
 
@@ -16,9 +14,11 @@ struct Particle {
     x: vec2<f32>,
     predicted: vec2<f32>,
     velocity: vec2<f32>,
-    speed: f32,
+    normal: vec2<f32>,
     covered: f32,
     arc: f32,
+    // What back-projections have moved it in all, px.
+    dragged: f32,
     // Time of death, negative while it lives.
     died: f32,
     job: u32,
@@ -42,9 +42,9 @@ fn predict(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
     let q = particles[p].job;
     let x = particles[p].x;
-    let speed = sample_phi(q, x) - sample_goal(q, x);
-    let velocity = speed * normal_of(q, x) / h();
-    particles[p].speed = speed;
+    let n = normal_of(q, x);
+    let velocity = (sample_phi(q, x) - sample_goal(q, x)) * n / h();
+    particles[p].normal = n;
     particles[p].velocity = velocity;
     particles[p].predicted = x + jobs[q].dt * velocity;
 }
@@ -67,11 +67,14 @@ fn correct(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     for (var n = 0u; n < PROJECTIONS; n++) {
         x -= clamp(sample_phi(q, x), -1.0, 1.0) * normal_of(q, x) / h();
     }
-    if abs(sample_phi(q, x)) > OFF_FRONT || length((x - moved) * h()) > LOST {
+    let dragged = particles[p].dragged + length((x - moved) * h());
+    particles[p].dragged = dragged;
+    if dragged > LOST {
         particles[p].died = jobs[q].now;
         return;
     }
-    particles[p].covered += 0.5 * dt * (particles[p].speed + speed);
+    // The way made along the normals: the integral of the speed goes on where a front hangs though nothing moves.
+    particles[p].covered += dot(0.5 * (particles[p].normal + normal_of(q, x)), (x - before) * h());
     particles[p].arc += length((x - before) * h());
     particles[p].x = x;
 }

@@ -15,7 +15,7 @@
 @group(0) @binding(12) var<storage, read_write> line: array<f32>;
 @group(0) @binding(13) var<storage, read_write> before: array<vec4<f32>>;
 
-// Largest time step.
+// Largest time step, of a whole one.
 const STEP_LIMIT: f32 = 0.1;
 // A step that reaches this share of what is left reaches the whole: rounding must not decide between one step and two.
 const ALMOST: f32 = 0.9999;
@@ -171,7 +171,7 @@ fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         return;
     }
     let left = 1.0 - t;
-    var dt = min(params.cfl * min(params.hx, params.hy) / fastest, STEP_LIMIT);
+    var dt = min(params.cfl * min(params.hx, params.hy) / fastest, STEP_LIMIT * params.step_share);
     if dt >= left * ALMOST {
         dt = left;
         states[q].reaches = 1u;

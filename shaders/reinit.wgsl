@@ -37,7 +37,7 @@ fn reinit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     } else {
         sign = signs[k];
     }
-    let step = STEP * min(params.hx, params.hy);
+    let step = params.step_share * STEP * min(params.hx, params.hy);
     let slope = godunov(one_sided(xs, 1.0 / params.hx), one_sided(ys, 1.0 / params.hy), sign);
     next[node] = center - step * sign * (slope - 1.0);
 }

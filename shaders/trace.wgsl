@@ -9,14 +9,16 @@
 @group(0) @binding(6) var<storage, read_write> sums: array<Sums>;
 @group(0) @binding(7) var<storage, read_write> states: array<Job>;
 
-// Largest time step: the relaxation is unstable above 2.5 and already costs accuracy at 2.2.
+// Largest time step, of a whole one: the relaxation is unstable above 2.5 and already costs accuracy at 2.2.
 const STEP_LIMIT: f32 = 0.5;
 // Pixels this close to the front decide about its time step.
 const NEAR: f32 = 1.5;
-// A front that has come this close and gains less than LEAST_GAIN in PATIENCE steps hangs at kinks of phi_B.
+// A front that has come this close and gains less than LEAST_GAIN a whole step in PATIENCE of them hangs at kinks of phi_B.
 const STALL_BELOW: f32 = 1.0;
 const LEAST_GAIN: f32 = 1e-3;
-const PATIENCE: u32 = 12u;
+const PATIENCE: f32 = 12.0;
+// The Courant number of whole steps.
+const COURANT: f32 = 0.5;
 
 // Speed near the front and distance of its crossings from the goal, some band pixels at a time.
 @compute @workgroup_size(lane_count)
@@ -77,17 +79,17 @@ fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     states[q].residual_max = residual;
     states[q].residual_mean = f32(sum) / REST_UNIT / f32(crossings);
     if states[q].steps == 0u {
-        states[q].most_steps = u32(3.0 * residual / params.cfl) + 20u;
+        states[q].most_steps = u32((3.0 * residual / (COURANT * min(params.hx, params.hy)) + 20.0) / params.step_share);
         states[q].best = 1e30;
     }
-    states[q].idle = select(states[q].idle + 1u, 0u, residual < states[q].best - LEAST_GAIN);
+    states[q].idle = select(states[q].idle + 1u, 0u, residual < states[q].best - LEAST_GAIN * params.step_share);
     states[q].best = min(states[q].best, residual);
-    let stalled = residual < STALL_BELOW && states[q].idle > PATIENCE;
+    let stalled = residual < STALL_BELOW && f32(states[q].idle) * params.step_share > PATIENCE;
     if residual < params.tolerance || stalled || states[q].steps >= states[q].most_steps {
         states[q].phase = DONE;
         return;
     }
-    states[q].dt = min(params.cfl * min(params.hx, params.hy) / fastest, STEP_LIMIT);
+    states[q].dt = min(params.cfl * min(params.hx, params.hy) / fastest, STEP_LIMIT * params.step_share);
     states[q].now += states[q].dt;
     states[q].steps += 1u;
     states[q].pixels += pixels;

@@ -1,6 +1,15 @@
 //! Pure scalar arithmetic of the level-set scheme: WENO5 one-sided derivatives, Godunov's Hamiltonian, TVD-RK3 weights, the tube's
 //! cut-off, the smeared sign.
 
+/// The Courant number for which everything that goes by steps is set: largest steps, reinitialisation, patience.
+pub const COURANT: f64 = 0.5;
+
+/// What a step of a smaller Courant number counts as, at most 1: half the number is half a step in everything, or what goes by steps would be done
+/// twice as often in the same time, and the front that it moves would depend on the step for ever.
+pub fn step_share(cfl: f64) -> f64 {
+    (cfl / COURANT).min(1.0)
+}
+
 /// Pixels a WENO5 stencil reaches to each side.
 pub const REACH: usize = 3;
 

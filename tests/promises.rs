@@ -43,12 +43,10 @@ const SEEN: usize = 4;
 
 /// Promises that do not hold everywhere yet: on how many of the stacks of this suite a property may still fall, on the reference path and on a GPU.
 /// More than these is a fault. The counts are what was seen; they are to be lowered, not raised.
-const STILL: [(&str, [usize; 2]); 6] = [
+const STILL: [(&str, [usize; 2]); 4] = [
     ("beside_inputs", [1, 1]),
-    ("discs_in_range", [4, 0]),
-    // Not the step's bound: looking 6 px around changes next to nothing. Particles that die at a seam are the largest part that was found.
-    ("half_the_step", [5, 1]),
-    ("long_pixels", [2, 0]),
+    // Of 120 stacks 8 (24 before the particles' share): 4 with events, and 4 without, which are the sweep's.
+    ("half_the_step", [1, 0]),
     ("nothing_floats", [1, 0]),
     ("paths", [0, 3]),
 ];
@@ -383,15 +381,15 @@ fn p07_no_jump_where_a_sweep_vanishes() {
 
 #[test]
 fn p08_half_the_step_gives_the_same_body() {
-    for cfl in [0.5, 0.1] {
-        // Promised are .2 px: at the fork it is 1.1 with half of .5 (7.9 before), less with smaller ones.
+    // Promised are .2 px: at the fork it is .53 with half of .5 (7.9 at first), .11 with half of .1.
+    for (cfl, most) in [(0.5, 0.6), (0.1, 0.15)] {
         let body = |cfl: f64| run(&of_zoo("one_to_two", 10.0), &steps(11, 1.0), &Settings { cfl, ..plain() });
         let [one, half] = [body(cfl), body(0.5 * cfl)];
         let pixels = one.layers.iter().zip(&half.layers).flat_map(|(a, b)| a.phi.iter().zip(&b.phi));
         let near = pixels.filter(|(a, b)| a.abs() < 1.0 || (**a < 0.0) != (**b < 0.0));
         let change = near.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         println!("{cfl}: {change} px");
-        assert!(change < 1.3, "{cfl}: {change} px");
+        assert!(change < most, "{cfl}: {change} px");
     }
 }
 

@@ -182,8 +182,7 @@ fn p7_beside_a_contour_lies_the_contour_on_a_gpu() {
     beside_contours(&gpu(), 0.02);
 }
 
-/// P8: half the Courant number changes little. (Where parts divide or join it changes up to 1.1 px: particles at the seam die in one run and
-/// arrive in the other.)
+/// P8: half the Courant number changes little. (Where parts divide or join it may change more.)
 #[test]
 fn p8_half_the_courant_number_changes_little() {
     for (name, stack) in stacks().into_iter().filter(|(name, _)| !BRANCHING.contains(name)) {

@@ -26,6 +26,8 @@ struct Params {
     gamma: f32,
     beta: f32,
     cfl: f32,
+    // What a step counts as: 1, and less for smaller Courant numbers.
+    step_share: f32,
     tolerance: f32,
     limit: f32,
     job_count: u32,

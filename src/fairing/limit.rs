@@ -10,15 +10,26 @@ const SLACK: f32 = 0.05;
 /// of a pixel's larger side.
 #[inline]
 pub fn limited(c: f32, u: f32, ranges: [[f32; 2]; 2], side: f32) -> f32 {
-    let room = ranges.into_iter().fold(f32::INFINITY, |room, [a, b]| {
-        let own = if c > 0.0 { a.max(b) - u } else { u - a.min(b) };
-        room.min(own.max(0.0))
-    });
-    let room = room + SLACK * side;
+    let room = ranges.into_iter().fold(f32::INFINITY, |least, range| least.min(room(c, u, range, side)));
     let ratio = (c / room).powi(2);
     let eighth = ratio.powi(4);
     // Beyond this the eighth root is the ratio itself, in single precision.
     if ratio > 100.0 { room.copysign(c) } else { c / (1.0 + eighth).sqrt().sqrt().sqrt() }
+}
+
+/// The same cut off where the room ends: a curve through corrections that are [`limited`] may swing beyond them, the more the less the gaps on both
+/// sides of a contour are alike, and is left alone where it does not.
+#[inline]
+pub fn cut(c: f32, u: f32, range: [f32; 2], side: f32) -> f32 {
+    let room = room(c, u, range, side);
+    c.clamp(-room, room)
+}
+
+/// How far a distance u may move towards the side of c.
+#[inline]
+fn room(c: f32, u: f32, [a, b]: [f32; 2], side: f32) -> f32 {
+    let own = if c > 0.0 { a.max(b) - u } else { u - a.min(b) };
+    own.max(0.0) + SLACK * side
 }
 
 /// A contour this much of the farthest distance that counts away leads nowhere.
@@ -52,6 +63,19 @@ mod tests {
         }
         assert!((limited(0.1, 0.0, [[-1.0, 1.0]; 2], 1.0) - 0.1).abs() < 1e-6, "with room enough nothing changes");
         assert_eq!(limited(0.0, 0.0, [[0.0; 2]; 2], 1.0), 0.0);
+    }
+
+    #[test]
+    fn what_is_limited_is_not_cut_and_what_swings_beyond_is() {
+        let range = [-1.0, 0.5];
+        for (c, u) in [(2.0, 0.0), (-2.0, 0.0), (0.3, 0.4), (-9.0, 0.7), (1e30, 0.2)] {
+            let found = limited(c, u, [range; 2], 1.0);
+            assert!((cut(found, u, range, 1.0) - found).abs() < 1e-6, "{c} {u}: {found}");
+        }
+        assert_eq!(
+            [cut(0.9, 0.0, range, 1.0), cut(-9.0, 0.0, range, 1.0), cut(0.2, 0.9, range, 1.0)],
+            [0.55, -1.05, 0.05]
+        );
     }
 
     #[test]

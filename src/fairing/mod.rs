@@ -6,7 +6,8 @@
 //! is moved by `C = alpha n (D - (1 - w) D_i - w D_{i+1})`, `w = 3 t^2 - 2 t^3`, where v is small against B: as smoothing would move it, less
 //! what would move the contours (D_i fades out where its |v| / B goes from .82 to .88), and not where the surface lies flat or a part is on
 //! one contour alone (`goes_on`). Where slopes
-//! may not overshoot, neither may C (`limit`). A layer at any height moves by the C1 curve in z through the C of the nodes, 0 at contours. Beyond
+//! may not overshoot, neither may C (`limit`). A layer at any height moves by the C1 curve in z through the C of the nodes, 0 at contours, cut off
+//! where that swings beyond what a node may move by. Beyond
 //! the first and the last contour nothing moves, and nothing there has a say.
 
 mod along;
@@ -25,7 +26,7 @@ use rayon::prelude::*;
 
 use self::along::add;
 use self::kept::{Near, Node, Transformed, Waiting, blocks_near};
-use self::limit::{goes_on, limited};
+use self::limit::{cut, goes_on, limited};
 use self::near::{SATURATED, fade, nearer, nearness, widest};
 pub use self::nodes::Nodes;
 use self::transform::{Lengths, transform};
@@ -417,11 +418,15 @@ impl<'m> Fairing<'m> {
         let mut layer = waiting.layer();
         let of = |(k, w): (usize, f64)| Some((self.node(k)?.correction.as_ref()?, w as f32));
         let terms: Vec<(&Packed<f32>, f32)> = self.nodes.curve(waiting.z).into_iter().filter_map(of).collect();
-        let (nx, farthest) = (self.spec.dims[0], self.spec.farthest as f32);
+        let (nx, farthest, side) = (self.spec.dims[0], self.spec.farthest as f32, self.side as f32);
+        let ends = [self.finished, self.finished + 1].map(|i| self.node(NODES * i).map(|node| &node.phi));
         let row = |(j, row): (usize, &mut [f32])| {
             let mut sum = vec![0.0f32; nx];
             terms.iter().for_each(|(correction, w)| add(correction, *w, None, j, 0, &mut sum));
-            for (u, c) in row.iter_mut().zip(sum).filter(|(_, c)| *c != 0.0) {
+            for (n, (u, mut c)) in row.iter_mut().zip(sum).enumerate().filter(|(_, (_, c))| *c != 0.0) {
+                if let (true, [Some(low), Some(high)]) = (self.spec.limited, ends) {
+                    c = cut(c, *u, [low.at(n, j), high.at(n, j)], side);
+                }
                 *u = (*u + c).clamp(-farthest, farthest);
                 if *u == 0.0 {
                     *u = f32::MIN_POSITIVE;

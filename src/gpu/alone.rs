@@ -54,6 +54,7 @@ impl Tubes {
             hy: self.h[1] as f32,
             gamma: self.gamma as f32,
             beta: self.beta as f32,
+            step_share: 1.0,
             ..Params::default()
         }
     }

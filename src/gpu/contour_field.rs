@@ -70,6 +70,7 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
         hx: h[0] as f32,
         hy: h[1] as f32,
         gamma: (options.half_width + CONDITION_WIDER) as f32,
+        step_share: 1.0,
         ..Params::default()
     };
     let room_of = |f: &&Field| places(crossings(f), options.half_width + CONDITION_WIDER, f.data.len());

@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::jobs::{TraceJob, Traced, Track, full_distance};
 use crate::progress::Progress;
 use crate::report::Residual;
+use crate::stencil::step_share;
 
 /// Steps between two looks at the jobs.
 const LOOK: usize = 16;
@@ -137,6 +138,7 @@ pub fn morph_params(h: [f64; 2], options: &MorphOptions) -> Params {
         gamma: options.half_width as f32,
         beta: options.cut_off as f32,
         cfl: options.cfl as f32,
+        step_share: step_share(options.cfl) as f32,
         tolerance: options.tolerance as f32,
         limit: options.limit as f32,
         ..Params::default()

@@ -3,9 +3,8 @@
 use crate::contour::Seed;
 use crate::field::{Field, distance};
 
-/// Farthest a living particle may be from the front after back-projection, px.
-pub const OFF_FRONT: f64 = 0.1;
-/// Largest move of a back-projection, px: more means that the front under the particle is gone.
+/// What back-projections may move a particle in all, px: more means that the front under it is gone and another piece drags it along. The sum,
+/// unlike the move of one step or how far off the front that leaves it, does not depend on how many steps there are.
 pub const LOST: f64 = 1.0;
 /// Newton steps of a back-projection.
 pub const PROJECTIONS: usize = 2;
@@ -15,35 +14,39 @@ pub const PROJECTIONS: usize = 2;
 pub struct Particle {
     /// Position, pixels of the tile.
     pub x: [f64; 2],
-    /// `S = int F dt`, px, outward positive: signed by itself and blind to sliding.
+    /// `S = int n . dx`, px, outward positive: signed by itself and blind to sliding. The way made and not `int F dt`, which goes on where a front
+    /// hangs at a kink of phi_B though nothing moves.
     pub covered: f64,
     /// Length of the path, px.
     pub arc: f64,
+    /// What back-projections have moved it in all, px.
+    pub dragged: f64,
     /// Time of death.
     pub died: Option<f64>,
     predicted: [f64; 2],
     velocity: [f64; 2],
-    speed: f64,
+    normal: [f64; 2],
 }
 
 impl Particle {
     /// A particle at a seed.
     pub fn at(seed: &Seed) -> Self {
-        Particle { x: seed.x, covered: 0.0, arc: 0.0, died: None, predicted: seed.x, velocity: [0.0; 2], speed: 0.0 }
+        let (predicted, velocity, normal) = (seed.x, [0.0; 2], [0.0; 2]);
+        Particle { x: seed.x, covered: 0.0, arc: 0.0, dragged: 0.0, died: None, predicted, velocity, normal }
     }
 }
 
-/// Speed and velocity of Eq. 2 at `x`: `dx/dt = (phi(x) - phi_B(x)) n`, in pixels of each axis.
-fn motion(phi: &Field, target: &Field, x: [f64; 2], h: [f64; 2]) -> (f64, [f64; 2]) {
+/// Velocity of Eq. 2 at `x`: `dx/dt = (phi(x) - phi_B(x)) n`, in pixels of each axis, and n.
+fn motion(phi: &Field, target: &Field, x: [f64; 2], h: [f64; 2]) -> ([f64; 2], [f64; 2]) {
     let speed = phi.sample(x) - target.sample(x);
     let n = phi.normal(x, h);
-    (speed, [speed * n[0] / h[0], speed * n[1] / h[1]])
+    ([speed * n[0] / h[0], speed * n[1] / h[1]], n)
 }
 
 /// Predictor: an Euler step in the field before the front moves.
 pub fn predict(particles: &mut [Particle], phi: &Field, target: &Field, h: [f64; 2], dt: f64) {
     for p in particles.iter_mut().filter(|p| p.died.is_none()) {
-        (p.speed, p.velocity) = motion(phi, target, p.x, h);
+        (p.velocity, p.normal) = motion(phi, target, p.x, h);
         p.predicted = [p.x[0] + dt * p.velocity[0], p.x[1] + dt * p.velocity[1]];
     }
 }
@@ -51,14 +54,17 @@ pub fn predict(particles: &mut [Particle], phi: &Field, target: &Field, h: [f64;
 /// Corrector in the field after the front has moved (Heun), back-projection `x <- x - phi(x) n`, distances; `now` is the time reached.
 pub fn correct(particles: &mut [Particle], phi: &Field, target: &Field, h: [f64; 2], dt: f64, now: f64) {
     for p in particles.iter_mut().filter(|p| p.died.is_none()) {
-        let (speed, velocity) = motion(phi, target, p.predicted, h);
+        let (velocity, _) = motion(phi, target, p.predicted, h);
         let moved = std::array::from_fn(|a| p.x[a] + 0.5 * dt * (p.velocity[a] + velocity[a]));
         let projected = back_project(phi, moved, h);
-        if phi.sample(projected).abs() > OFF_FRONT || distance(projected, moved, h) > LOST {
+        p.dragged += distance(projected, moved, h);
+        if p.dragged > LOST {
             p.died = Some(now);
             continue;
         }
-        p.covered += 0.5 * dt * (p.speed + speed);
+        let n = phi.normal(projected, h);
+        let along = |a: usize| 0.5 * (p.normal[a] + n[a]) * (projected[a] - p.x[a]) * h[a];
+        p.covered += along(0) + along(1);
         p.arc += distance(projected, p.x, h);
         p.x = projected;
     }

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use super::band::Band;
 use super::extend::Upwind;
 use super::hj_step::{Scratch, Speed, Tube, hj_step};
-use super::reinit::reinit;
+use super::reinit::reinit_share;
 use super::scatter::scatter;
 use super::trace::{arrival, trace};
 use crate::backend::MorphOptions;
@@ -15,13 +15,13 @@ use crate::field::Field;
 use crate::jobs::{SweepJob, Swept, TraceJob};
 use crate::packed::Packed;
 use crate::spline::{Course, bend, hermite, hermite_rate, smoothstep};
-use crate::stencil::cut_off;
+use crate::stencil::{cut_off, step_share};
 
 /// Jacobi passes of the extension per step: 8 and 16 give the same.
 pub const PASSES: usize = 4;
 /// Jacobi passes of the extension at the start.
 pub const FIRST_PASSES: usize = 8;
-/// Largest time step.
+/// Largest time step, of a whole one.
 pub const STEP_LIMIT: f64 = 0.1;
 /// A step that reaches this share of what is left reaches the whole: rounding must not decide between one step and two.
 pub const ALMOST: f64 = 1.0 - 1e-4;
@@ -98,7 +98,7 @@ pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Sw
             before.extend(band.nodes().map(|n| Before::new(phi.data[n], &courses[n], t, dt, tube)));
         }
         hj_step(&mut phi, Speed::Given(&speed), &band, h, tube, dt, &mut scratch);
-        reinit(&mut phi, &band, h, 1, &mut scratch);
+        reinit_share(step_share(options.cfl), &mut phi, &band, h, &mut scratch);
         for k in fields.len()..fields.len() + read {
             let share = ((job.times[k] - t) / (next - t)).clamp(0.0, 1.0);
             fields.push(front_between(&before, &phi, &band, share));
@@ -196,7 +196,7 @@ fn step_length(
         .fold(1e-6, f64::max);
     let steered =
         errors.iter().map(|&(n, e)| (hermite_rate(&courses[n], t) + gain * e).abs()).fold(scheduled, f64::max);
-    let dt = (cfl * h[0].min(h[1]) / steered).min(STEP_LIMIT);
+    let dt = (cfl * h[0].min(h[1]) / steered).min(STEP_LIMIT * step_share(cfl));
     let left = 1.0 - t;
     if dt >= left * ALMOST {
         left

@@ -12,7 +12,16 @@ pub const STEP: f64 = 0.5;
 
 /// `iterations` steps with the sign S of the field as it comes in.
 pub fn reinit(phi: &mut Field, band: &Band, h: [f64; 2], iterations: usize, scratch: &mut Scratch) {
-    let dtau = STEP * h[0].min(h[1]);
+    relax_by(STEP, phi, band, h, iterations, scratch);
+}
+
+/// This share of a step: what one step of a moving front calls for, see [`crate::stencil::step_share`].
+pub fn reinit_share(share: f64, phi: &mut Field, band: &Band, h: [f64; 2], scratch: &mut Scratch) {
+    relax_by(share * STEP, phi, band, h, 1, scratch);
+}
+
+fn relax_by(step: f64, phi: &mut Field, band: &Band, h: [f64; 2], iterations: usize, scratch: &mut Scratch) {
+    let dtau = step * h[0].min(h[1]);
     scratch.start.clear();
     scratch.start.resize(band.count, 0.0);
     scratch.next.resize(band.count, 0.0);

@@ -3,22 +3,23 @@
 use super::band::Band;
 use super::hj_step::{Scratch, Speed, Tube, hj_step};
 use super::particles::{Particle, correct, land, predict};
-use super::reinit::reinit;
+use super::reinit::reinit_share;
 use crate::backend::MorphOptions;
 use crate::field::Field;
 use crate::jobs::{TraceJob, Traced, Track, full_distance};
 use crate::report::Residual;
+use crate::stencil::{COURANT, step_share};
 
-/// Largest time step: the relaxation `phi_t = phi_B - phi` is unstable above 2.5 and already costs accuracy at 2.2.
+/// Largest time step, of a whole one: the relaxation `phi_t = phi_B - phi` is unstable above 2.5 and already costs accuracy at 2.2.
 pub const STEP_LIMIT: f64 = 0.5;
 /// Pixels this close to the front decide about its time step.
 pub const NEAR: f64 = 1.5;
 /// A front that has come this close and gains less than [`LEAST_GAIN`] in [`PATIENCE`] steps hangs at kinks of phi_B.
 pub const STALL_BELOW: f64 = 1.0;
-/// Least gain of a front that does not hang, px.
+/// Least gain of a front that does not hang, px a whole step.
 pub const LEAST_GAIN: f64 = 1e-3;
-/// Steps without gain after which a front hangs.
-pub const PATIENCE: usize = 12;
+/// Whole steps without gain after which a front hangs.
+pub const PATIENCE: f64 = 12.0;
 
 /// Runs the morph until the front has arrived, stalls, or has used up its steps.
 pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced {
@@ -30,15 +31,16 @@ pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced 
     let mut out = Traced::default();
     let mut now = 0.0;
     let (mut best, mut idle) = (f64::INFINITY, 0);
-    let mut most_steps = None;
+    let (mut most_steps, share) = (None, step_share(options.cfl));
+    let side = h[0].min(h[1]);
     loop {
         let residual = arrival(&phi, &job.target, &band);
         let Some(r) = residual else { break };
         out.residual = r;
-        let most = *most_steps.get_or_insert_with(|| (3.0 * r.max / options.cfl) as usize + 20);
-        idle = if r.max < best - LEAST_GAIN { 0 } else { idle + 1 };
+        let most = *most_steps.get_or_insert_with(|| ((3.0 * r.max / (COURANT * side) + 20.0) / share) as usize);
+        idle = if r.max < best - LEAST_GAIN * share { 0 } else { idle + 1 };
         best = best.min(r.max);
-        if r.max < options.tolerance || (r.max < STALL_BELOW && idle > PATIENCE) || out.steps >= most {
+        if r.max < options.tolerance || (r.max < STALL_BELOW && idle as f64 * share > PATIENCE) || out.steps >= most {
             break;
         }
         let fastest = band
@@ -46,10 +48,10 @@ pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced 
             .filter(|&n| phi.data[n].abs() < NEAR)
             .map(|n| (phi.data[n] - job.target.data[n]).abs())
             .fold(1e-9, f64::max);
-        let dt = (options.cfl * h[0].min(h[1]) / fastest).min(STEP_LIMIT);
+        let dt = (options.cfl * side / fastest).min(STEP_LIMIT * share);
         predict(&mut particles, &phi, &job.target, h, dt);
         hj_step(&mut phi, Speed::Towards(&job.target), &band, h, tube, dt, &mut scratch);
-        reinit(&mut phi, &band, h, 1, &mut scratch);
+        reinit_share(share, &mut phi, &band, h, &mut scratch);
         out.pixels += band.count;
         out.steps += 1;
         band.rebuild(&mut phi);

@@ -18,12 +18,11 @@ const PARTS: usize = 8;
 pub const PROPERTY: Property = Property {
     name: "discs_in_range",
     draw: |seed| {
-        let mut case = drawn(seed, Kind::Discs);
-        // Where a person parts discs they end.
-        case.settings.links.clear();
+        let case = drawn(seed, Kind::Discs);
         let slope = if seed.is_multiple_of(3) { SlopeRule::Pchip } else { SlopeRule::Hyman };
         let (end_bottom, end_top) = (EndRule::Flat, EndRule::Flat);
-        Case { settings: Settings { slope, end_bottom, end_top, ..case.settings }, ..case }
+        // Parts that are kept apart end between their slices.
+        Case { settings: Settings { slope, end_bottom, end_top, links: Vec::new(), ..case.settings }, ..case }
     },
     check,
     damage: Some(|stack, _, _, body| {

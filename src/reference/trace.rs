@@ -20,6 +20,9 @@ pub const LEAST_GAIN: f64 = 1e-3;
 /// Steps without gain after which a front hangs.
 pub const PATIENCE: usize = 12;
 
+/// A front has arrived that is this much farther away than the tolerance, px: pixels' edges are half a pixel apart, and rounding must not decide.
+pub const SLACK: f64 = 1e-4;
+
 /// Runs the morph until the front has arrived, stalls, or has used up its steps.
 pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced {
     let mut phi = job.source.clone().into_owned();
@@ -38,7 +41,7 @@ pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced 
         let most = *most_steps.get_or_insert_with(|| (3.0 * r.max / options.cfl) as usize + 20);
         idle = if r.max < best - LEAST_GAIN { 0 } else { idle + 1 };
         best = best.min(r.max);
-        if r.max < options.tolerance || (r.max < STALL_BELOW && idle > PATIENCE) || out.steps >= most {
+        if r.max < options.tolerance + SLACK || (r.max < STALL_BELOW && idle > PATIENCE) || out.steps >= most {
             break;
         }
         let fastest = band

@@ -19,7 +19,7 @@
 const FAR: f32 = 1e30;
 const PATCH: u32 = 16u;
 // Smallest change that wakes a patch, px.
-const SETTLED: f32 = 1e-5;
+const SETTLED: f32 = 1e-6;
 // Pixels this close to a contour keep what the sweep of the front made of them, px.
 const TRUSTED: f32 = 3.0;
 

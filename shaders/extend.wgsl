@@ -16,6 +16,9 @@
 @group(0) @binding(10) var<storage, read_write> next_line: array<f32>;
 @group(0) @binding(11) var<storage, read> earlier: array<u32>;
 
+// Neighbours to either side that differ by less than this are as close, px: rounding must not decide from which side a value comes.
+const ALIKE: f32 = 1e-3;
+
 // Band places of the upwind neighbours and the weight of the one in x; a pixel that keeps its value points at itself.
 struct Source {
     x: u32,
@@ -34,8 +37,8 @@ fn find(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     var source = Source(k, k, 1.0);
     if !at_contour(node, nx) {
         let at = abs(phi[node]);
-        let x = select(node + 1u, node - 1u, abs(phi[node - 1u]) < abs(phi[node + 1u]));
-        let y = select(node + nx, node - nx, abs(phi[node - nx]) < abs(phi[node + nx]));
+        let x = select(node + 1u, node - 1u, abs(phi[node - 1u]) < abs(phi[node + 1u]) - ALIKE);
+        let y = select(node + nx, node - nx, abs(phi[node - nx]) < abs(phi[node + nx]) - ALIKE);
         let wx = gain(at, x) / (params.hx * params.hx);
         let wy = gain(at, y) / (params.hy * params.hy);
         if wx + wy > 1e-12 {

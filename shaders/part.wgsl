@@ -1,5 +1,5 @@
 // Distance field of a part of a contour: distances to its own edges and to the others', and the whole contour's value where its nearest
-// edge is the part's own. The twin is src/reference/part.rs.
+// edge is the part's own, which fades out where it is not. The twin is src/reference/part.rs.
 //
 // A job has two tiles one after the other, `own` first: `whole` and `inside` (1 or 0) are given on both.
 
@@ -13,6 +13,8 @@
 
 const FAR: f32 = 1e30;
 const PATCH: u32 = 16u;
+// Where an edge of another part is nearer by less than this, the whole contour's field still has a share in the value, px.
+const BOTH: f32 = 0.5;
 
 // Whether the contour crosses an edge between a pixel and its neighbours that is the part's own, and one that is not.
 fn edges(q: u32, node: u32, i: u32, j: u32) -> vec2<bool> {
@@ -77,7 +79,7 @@ fn finish_part(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     let own = d[node];
     let other = d[twin];
     let same_side = (whole[node] < 0.0) == (inside[node] > 0.5);
-    let keep = same_side && abs(own) <= abs(other);
-    let away = select(abs(own), abs(whole[node]), keep);
+    let kept = select(0.0, 1.0 - clamp((abs(own) - abs(other)) / BOTH, 0.0, 1.0), same_side);
+    let away = kept * abs(whole[node]) + (1.0 - kept) * abs(own);
     d[node] = select(away, -away, inside[node] > 0.5);
 }

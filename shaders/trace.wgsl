@@ -19,6 +19,8 @@ const LEAST_GAIN: f32 = 1e-3;
 const PATIENCE: f32 = 12.0;
 // The Courant number of whole steps.
 const COURANT: f32 = 0.5;
+// A front has arrived that is this much farther away than the tolerance: rounding must not decide.
+const SLACK: f32 = 1e-4;
 
 // Speed near the front and distance of its crossings from the goal, some band pixels at a time.
 @compute @workgroup_size(lane_count)
@@ -85,7 +87,7 @@ fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     states[q].idle = select(states[q].idle + 1u, 0u, residual < states[q].best - LEAST_GAIN * params.step_share);
     states[q].best = min(states[q].best, residual);
     let stalled = residual < STALL_BELOW && f32(states[q].idle) * params.step_share > PATIENCE;
-    if residual < params.tolerance || stalled || states[q].steps >= states[q].most_steps {
+    if residual < params.tolerance + SLACK || stalled || states[q].steps >= states[q].most_steps {
         states[q].phase = DONE;
         return;
     }

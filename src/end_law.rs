@@ -23,6 +23,9 @@ pub enum CapRule {
     Flat,
 }
 
+/// An area falls where its contour is drawn in by more than about a third of this, px: rounding must not decide whether a body ends.
+const LEAST_FALL: f64 = 1e-3;
+
 /// Area `t` beyond the contour: `area (1 - q) (1 - (p - 1) q)`, `q = t / height`, and for `p > 2`, where that had a second zero before the tip,
 /// `area (1 - q)^p`. Both begin with the slope `-p area / height`: 0 for half an ellipsoid, 1 for a paraboloid, 2 for a cone.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,7 +53,7 @@ impl Law {
     /// `highest`: through three of them, else two. Nothing where the area does not fall towards the end or there is but one.
     pub fn through(areas: &[f64], away: &[f64], highest: f64) -> Option<(Self, CapRule)> {
         let (&[area, inner, ..], &[_, gap, ..]) = (areas, away) else { return None };
-        if area >= inner {
+        if inner - area <= LEAST_FALL * inner.sqrt() {
             return None;
         }
         let (law, rule) = match quadratic(areas, away) {

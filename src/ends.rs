@@ -20,6 +20,12 @@ const CAP_LAYERS: usize = 200;
 /// Carlson 1980).
 const STEEPEST: f64 = 3.0;
 
+/// Steps to a gap in which the plane is told where an extrapolated body ends. A tip is where areas that hardly differ say, and single precision
+/// knows it to 1e-4 gaps at worst; layers are the same for whoever computes.
+const PLANES: f64 = 1024.0;
+/// Share of a step by which a tip may lie beyond its plane: whole steps are common, and rounding must not decide.
+const BEYOND: f64 = 0.01;
+
 /// One end of the body.
 #[derive(Debug, Clone)]
 pub struct End {
@@ -203,6 +209,17 @@ impl EndSpec<'_> {
         if self.direction == Direction::Up { 1.0 } else { -1.0 }
     }
 
+    /// How far beyond the contour the body ends whose highest tip is at `height`.
+    fn plane(&self, height: f64) -> f64 {
+        match self.rule {
+            EndRule::Extrapolate if height > 0.0 && self.gap > 0.0 => {
+                let steps = (height / self.gap * PLANES - BEYOND).ceil().max(1.0);
+                (steps / PLANES * self.gap).min(self.highest.max(height))
+            }
+            _ => height,
+        }
+    }
+
     /// The law of a part by its areas alone.
     fn by_areas(&self, part: &EndPart) -> Option<(Law, CapRule)> {
         let (law, rule) = (!self.clamped).then(|| Law::through(&part.outline.areas, self.away, self.highest))??;
@@ -261,9 +278,7 @@ pub fn end(spec: &EndSpec<'_>, fitted: &Fitted, warnings: &mut Vec<String>) -> E
         let height = cap.as_ref().map_or(0.0, |cap| cap.tip);
         end.told.push(Told { part: number, rule, height });
         end.caps.extend(cap);
-        if height > (end.extent - z).abs() {
-            end.extent = z + sign * height;
-        }
+        end.extent = z + sign * spec.plane(height).max((end.extent - z).abs());
     }
     end
 }

@@ -27,6 +27,8 @@ const ELONGATED: f64 = 2.25;
 const STEPS: [f64; 5] = [1.0, 0.5, 0.25, 0.125, 0.0625];
 /// Most moves per step.
 const MOVES: usize = 8;
+/// Areas that differ by less than this are equally good, pixels: single precision must not decide.
+const EQUAL: f64 = 1e-2;
 /// Rim of a part's tile, px.
 const RIM: usize = 3;
 
@@ -208,7 +210,7 @@ fn refined(start: Rigid, area: impl Fn(&Rigid) -> f64) -> (Rigid, f64) {
                 })
                 .collect();
             tried.sort_by(|a, b| a.1.total_cmp(&b.1));
-            if tried[0].1 >= best.1 || tried[0].1 == tried[1].1 {
+            if best.1.min(tried[1].1) - tried[0].1 < EQUAL {
                 break;
             }
             best = tried[0];

@@ -115,7 +115,7 @@ fn wgsl_constant(module: &naga::Module, name: &str) -> Option<f64> {
 #[test]
 fn constants_are_those_of_the_twins() {
     use interslice::gpu::layout;
-    use interslice::reference::{distance, exact, particles, propagate, reinit, scatter, trace};
+    use interslice::reference::{distance, exact, extend, part, particles, propagate, reinit, scatter, trace};
     use interslice::{displacement, moving_field as field};
     let wanted: &[(&str, &str, f64)] = &[
         ("trace", "STEP_LIMIT", trace::STEP_LIMIT),
@@ -124,6 +124,9 @@ fn constants_are_those_of_the_twins() {
         ("trace", "LEAST_GAIN", trace::LEAST_GAIN),
         ("trace", "PATIENCE", trace::PATIENCE),
         ("trace", "COURANT", interslice::stencil::COURANT),
+        ("trace", "SLACK", trace::SLACK),
+        ("part", "BOTH", part::BOTH),
+        ("extend", "ALIKE", extend::ALIKE),
         ("propagate", "STEP_LIMIT", propagate::STEP_LIMIT),
         ("propagate", "ALMOST", propagate::ALMOST),
         ("propagate", "NEAR", propagate::NEAR),

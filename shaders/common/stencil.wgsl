@@ -57,17 +57,17 @@ fn smeared_sign(phi: f32, gradient: vec2<f32>) -> f32 {
     return phi / sqrt(phi * phi + gradient.x * gradient.x + gradient.y * gradient.y + 1e-12);
 }
 
-// Solution of `((v - a)+ / hx)^2 + ((v - b)+ / hy)^2 = 1`, the upwind eikonal update (Zhao 2005, eq. 2.4).
+// Solution of `((v - a)+ / hx)^2 + ((v - b)+ / hy)^2 = 1`, the upwind eikonal update (Zhao 2005, eq. 2.4), as the larger neighbour and what is
+// added to it, a quotient of sums: nothing cancels where v is hardly above that neighbour.
 fn eikonal(a: f32, b: f32, hx: f32, hy: f32) -> f32 {
     let one = min(a + hx, b + hy);
-    let wx = 1.0 / (hx * hx);
-    let wy = 1.0 / (hy * hy);
-    let sum = wx + wy;
-    // The difference is bounded first: the square of a far value would be infinite.
-    let d = clamp(a - b, -4.0, 4.0);
-    let discriminant = 1.0 / sum - wx * wy * d * d / (sum * sum);
-    if one > max(a, b) && discriminant > 0.0 {
-        return min(a, b) + select(wy, wx, a > b) * abs(a - b) / sum + sqrt(discriminant);
+    // Pixel sides along the axes of the smaller and the larger neighbour.
+    let own = select(hy, hx, a < b);
+    let across = select(hx, hy, a < b);
+    let d = abs(a - b);
+    if d < own {
+        let left = (own - d) * (own + d);
+        return max(a, b) + left / (d + sqrt(d * d + (1.0 + square(own / across)) * left));
     }
     return one;
 }

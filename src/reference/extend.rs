@@ -5,6 +5,10 @@
 use super::band::Band;
 use crate::field::Field;
 
+/// Neighbours to either side that differ by less than this are as close, px: on the middle line of a part rounding must not decide from which
+/// of its sides a value comes.
+pub const ALIKE: f64 = 1e-3;
+
 /// Where the pixels of a band look, found once per front and used for every channel and pass.
 #[derive(Debug, Clone, Default)]
 pub struct Upwind {
@@ -24,7 +28,7 @@ impl Upwind {
             }
             let at = phi.data[node].abs();
             let closer = |minus: usize, plus: usize| {
-                let source = if phi.data[minus].abs() < phi.data[plus].abs() { minus } else { plus };
+                let source = if phi.data[minus].abs() < phi.data[plus].abs() - ALIKE { minus } else { plus };
                 let v = phi.data[source].abs();
                 (source, if v < band.gamma() { (at - v).max(0.0) } else { 0.0 })
             };

@@ -4,9 +4,13 @@ use super::distance::sweep;
 use crate::field::Field;
 use crate::jobs::PartJob;
 
+/// Where an edge of another part is nearer by less than this, the whole contour's field still has a share in the value, px: pixels that are as
+/// far from both would else go by rounding.
+pub const BOTH: f64 = 0.5;
+
 /// Signed distance to the part's edges, negative inside the part. Beside them and where the nearest edge of the whole contour belongs to the part,
-/// the value of the whole contour's field stands bit for bit, so that parts that touch at a corner are together what they were; `inf` where
-/// the part is empty.
+/// the value of the whole contour's field stands bit for bit, so that parts that touch at a corner are together what they were, and fades out
+/// where another is nearer; `inf` where the part is empty.
 pub fn part_field(job: &PartJob, h: [f64; 2]) -> Field {
     if let Some(field) = job.without_computing() {
         return field;
@@ -31,8 +35,8 @@ pub fn part_field(job: &PartJob, h: [f64; 2]) -> Field {
     let data = (0..inside.len())
         .map(|k| {
             let same_side = (whole.data[k] < 0.0) == inside[k];
-            let keep = same_side && own.data[k] <= other.data[k];
-            let distance = if keep { whole.data[k].abs() } else { own.data[k] };
+            let kept = if same_side { 1.0 - ((own.data[k] - other.data[k]) / BOTH).clamp(0.0, 1.0) } else { 0.0 };
+            let distance = kept * whole.data[k].abs() + (1.0 - kept) * own.data[k];
             if inside[k] { -distance } else { distance }
         })
         .collect();

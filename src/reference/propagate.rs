@@ -132,7 +132,9 @@ impl Before {
 /// The front at this share of a step, `(1 - q) phi_n + q phi_{n+1} + q (1 - q) (b + c q)`: steps are the sweep's own, whatever times are asked
 /// for. With the bends b and c of the courses pieces of contour go as their courses go, not along the chords of steps.
 fn front_between(before: &[Before], after: &Field, band: &Band, share: f64) -> Packed<f32> {
-    let mut phi = after.clone();
+    // Pixels at the tile's edge never belong to N: they may know of a contour beyond the tile, which is none of this front's.
+    let outside = band.gamma() + 0.5;
+    let mut phi = Field { dims: after.dims, data: after.data.iter().map(|v| outside.copysign(*v)).collect() };
     for (node, b) in band.nodes().zip(before) {
         let bent = share * (1.0 - share) * (b.bend[0] + share * b.bend[1]);
         phi.data[node] = (1.0 - share) * b.phi + share * after.data[node] + bent;

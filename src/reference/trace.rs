@@ -21,6 +21,9 @@ pub const LEAST_GAIN: f64 = 1e-3;
 /// Whole steps without gain after which a front hangs.
 pub const PATIENCE: f64 = 12.0;
 
+/// A front has arrived that is this much farther away than the tolerance, px: pixels' edges are half a pixel apart, and rounding must not decide.
+pub const SLACK: f64 = 1e-4;
+
 /// Runs the morph until the front has arrived, stalls, or has used up its steps.
 pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced {
     let mut phi = job.source.clone().into_owned();
@@ -40,7 +43,10 @@ pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced 
         let most = *most_steps.get_or_insert_with(|| ((3.0 * r.max / (COURANT * side) + 20.0) / share) as usize);
         idle = if r.max < best - LEAST_GAIN * share { 0 } else { idle + 1 };
         best = best.min(r.max);
-        if r.max < options.tolerance || (r.max < STALL_BELOW && idle as f64 * share > PATIENCE) || out.steps >= most {
+        if r.max < options.tolerance + SLACK
+            || (r.max < STALL_BELOW && idle as f64 * share > PATIENCE)
+            || out.steps >= most
+        {
             break;
         }
         let fastest = band

@@ -8,13 +8,15 @@
 
 // What back-projections may move a particle in all, px: more means that the front under it is gone and another piece drags it along.
 const LOST: f32 = 1.0;
+// Farthest a living particle may be from the front after back-projection, px.
+const OFF_FRONT: f32 = 0.1;
 const PROJECTIONS: u32 = 2u;
 
 struct Particle {
     x: vec2<f32>,
     predicted: vec2<f32>,
     velocity: vec2<f32>,
-    normal: vec2<f32>,
+    speed: f32,
     covered: f32,
     arc: f32,
     // What back-projections have moved it in all, px.
@@ -22,7 +24,6 @@ struct Particle {
     // Time of death, negative while it lives.
     died: f32,
     job: u32,
-    padding: u32,
 }
 
 fn h() -> vec2<f32> {
@@ -42,9 +43,9 @@ fn predict(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
     let q = particles[p].job;
     let x = particles[p].x;
-    let n = normal_of(q, x);
-    let velocity = (sample_phi(q, x) - sample_goal(q, x)) * n / h();
-    particles[p].normal = n;
+    let speed = sample_phi(q, x) - sample_goal(q, x);
+    let velocity = speed * normal_of(q, x) / h();
+    particles[p].speed = speed;
     particles[p].velocity = velocity;
     particles[p].predicted = x + jobs[q].dt * velocity;
 }
@@ -69,13 +70,14 @@ fn correct(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
     let dragged = particles[p].dragged + length((x - moved) * h());
     particles[p].dragged = dragged;
-    if dragged > LOST {
+    if dragged > LOST || abs(sample_phi(q, x)) > OFF_FRONT {
         particles[p].died = jobs[q].now;
         return;
     }
-    // The way made along the normals: the integral of the speed goes on where a front hangs though nothing moves.
-    particles[p].covered += dot(0.5 * (particles[p].normal + normal_of(q, x)), (x - before) * h());
-    particles[p].arc += length((x - before) * h());
+    // No more than the way made: the speed goes on where a front hangs though nothing moves.
+    let way = length((x - before) * h());
+    particles[p].covered += clamp(0.5 * dt * (particles[p].speed + speed), -way, way);
+    particles[p].arc += way;
     particles[p].x = x;
 }
 

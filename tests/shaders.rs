@@ -134,6 +134,7 @@ fn constants_are_those_of_the_twins() {
         ("propagate", "GAIN", propagate::GAIN),
         ("propagate", "LEAST_TIME", propagate::LEAST_TIME),
         ("particles", "LOST", particles::LOST),
+        ("particles", "OFF_FRONT", particles::OFF_FRONT),
         ("particles", "PROJECTIONS", particles::PROJECTIONS as f64),
         ("reinit", "STEP", reinit::STEP),
         ("scatter", "RADIUS", scatter::RADIUS),

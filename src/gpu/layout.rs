@@ -145,13 +145,12 @@ mirrored!(
         x: [f32; 2],
         predicted: [f32; 2],
         velocity: [f32; 2],
-        normal: [f32; 2],
+        speed: f32,
         covered: f32,
         arc: f32,
         dragged: f32,
         died: f32,
         job: u32,
-        padding: u32,
     }
 );
 

@@ -74,9 +74,9 @@ fn correct(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         particles[p].died = jobs[q].now;
         return;
     }
-    // No more than the way made: the speed goes on where a front hangs though nothing moves.
+    // No more than twice the way made: the speed goes on where a front hangs though nothing moves.
     let way = length((x - before) * h());
-    particles[p].covered += clamp(0.5 * dt * (particles[p].speed + speed), -way, way);
+    particles[p].covered += clamp(0.5 * dt * (particles[p].speed + speed), -2.0 * way, 2.0 * way);
     particles[p].arc += way;
     particles[p].x = x;
 }

@@ -17,8 +17,8 @@ pub const PROJECTIONS: usize = 2;
 pub struct Particle {
     /// Position, pixels of the tile.
     pub x: [f64; 2],
-    /// `S = int F dt`, px, outward positive: signed by itself. No step adds more than the way made in it: the speed goes on where a front hangs at a
-    /// kink of phi_B though nothing moves.
+    /// `S = int F dt`, px, outward positive: signed by itself. No step adds more than twice the way made in it: the speed goes on where a front hangs
+    /// at a kink of phi_B though nothing moves.
     pub covered: f64,
     /// Length of the path, px.
     pub arc: f64,
@@ -66,7 +66,7 @@ pub fn correct(particles: &mut [Particle], phi: &Field, target: &Field, h: [f64;
             continue;
         }
         let way = distance(projected, p.x, h);
-        p.covered += (0.5 * dt * (p.speed + speed)).clamp(-way, way);
+        p.covered += (0.5 * dt * (p.speed + speed)).clamp(-2.0 * way, 2.0 * way);
         p.arc += way;
         p.x = projected;
     }

@@ -13,7 +13,7 @@ const WITHIN: f64 = 0.9;
 /// new ones.
 const STEP: f64 = 0.5;
 const GIVEN_STEP: f64 = 1.0 / 6.0;
-const NEW_STEP: f64 = 0.25;
+const NEW_STEP: f64 = 1.0 / 6.0;
 
 /// What to measure a block with.
 pub(super) struct Measure {

@@ -202,6 +202,9 @@ pub struct EndSpec<'a> {
     pub highest: f64,
     /// Whether a person has given the slope.
     pub clamped: bool,
+    /// How far the areas tell the contour's own slopes: not of relief, whose contours go on beyond the border of the map and merge with others
+    /// below.
+    pub told_by_areas: f64,
 }
 
 impl EndSpec<'_> {
@@ -303,7 +306,7 @@ fn changes<'m>(spec: &EndSpec<'m>, whole: &Fitted) -> Vec<(&'m EndPart, &'m Regi
         });
         for (region, outward, change) in std::iter::once((&part.outline, 1.0, outline)).chain(holes) {
             let wanted = spec.sign() * outward * outward_slope(region, change, spec.away);
-            out.push((part, region, wanted - mean_slope(whole, &region.seeds)));
+            out.push((part, region, spec.told_by_areas * (wanted - mean_slope(whole, &region.seeds))));
         }
     }
     out

@@ -64,6 +64,7 @@ impl<'a> Run<'a> {
     fn end_spec<'m>(&self, matter: &'m EndMatter, z: f64, side: usize) -> EndSpec<'m> {
         let gap = matter.away.get(1).copied().unwrap_or(0.0);
         EndSpec {
+            told_by_areas: 1.0 - self.span.change.relief,
             z,
             parts: &matter.parts,
             away: &matter.away,

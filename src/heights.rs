@@ -5,7 +5,7 @@ use crate::examined::BESIDE;
 use crate::settings::{EndRule, Settings};
 use crate::stack::{ContourStack, HeightGrid};
 
-/// An output height this close to a contour or node, in gaps, is the contour's or node's.
+/// An output height this close to a contour, a node or an end plane, in gaps, is that one's.
 const SAME: f64 = 1e-6;
 
 /// Nodes of an interval, its lower contour one of them: layers that are computed whatever is asked for, as what a layer becomes is told by
@@ -72,8 +72,10 @@ impl Heights {
         }
         for x in extent {
             let (_, gap) = nearest(z, x);
-            let known = |h: &Height| (h.z - x).abs() <= SAME * gap;
-            if !all.iter().any(known) && !beside.iter().any(known) {
+            let is_known = |h: &Height| (h.z - x).abs() <= SAME * gap;
+            if let Some(known) = beside.iter_mut().find(|h| is_known(h)) {
+                known.z = x;
+            } else if !all.iter().any(is_known) {
                 beside.push(Height { z: x, output: false });
             }
         }

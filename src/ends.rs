@@ -144,7 +144,8 @@ impl Cap {
         // Beyond its tip as far again as it is away, so that the surface between layers passes through the tip.
         let offset = match t < self.law.height {
             true => self.outline.offsets.of(self.law.at(t)).min(self.depth),
-            false => self.depth * t / self.law.height,
+            // In this order never less than the depth: a crumb would be left.
+            false => self.depth * (t / self.law.height),
         };
         let offsets: Vec<f64> = self.holes.iter().map(|(line, law)| line.offsets.of(law.at(t))).collect();
         canvas.unite(&self.tile, |n| {

@@ -40,20 +40,21 @@ impl Way {
 }
 
 impl<'m> Warp<'m> {
-    /// For an interval whose slices are `low` and `high`, as they are (nothing where they are empty) and as the mid frame sees them;
-    /// distances count up to `limit` px.
-    pub fn new(moving: &'m MovingField, i: usize, slices: [(Option<&Field>, &Field); 2], limit: f64) -> Self {
+    /// For an interval whose slices are `low` and `high`, as they are (nothing where they are empty) and as what lies between them begins in the
+    /// mid frame; distances count up to `limit` px.
+    pub fn new(moving: &'m MovingField, i: usize, slices: [(Option<&Field>, &[f32]); 2], limit: f64) -> Self {
         let off = moving.off_slices(i, 0.5, &moving.paths(i, 0.5));
         let lost = [0, 1].map(|end| {
             let (own, seen) = slices[end];
             let way = way_to_middle(&moving.paths(i, end as f64), &off);
-            let [lost] = Packed::of_rows(seen.dims, |first, [rows]: [&mut [f64]; 1]| {
+            let dims = moving.fields[i + end].dims;
+            let [lost] = Packed::of_rows(dims, |first, [rows]: [&mut [f64]; 1]| {
                 let Some(own) = own else { return };
                 let nx = own.dims[0];
                 for (n, lost) in (first * nx..).zip(rows) {
                     let (x, v) = ([(n % nx) as f64, (n / nx) as f64], own.data[n]);
                     if v.abs() < limit {
-                        *lost = v - seen.sample_smooth(plus(x, way.at(x), 1.0));
+                        *lost = v - sample_smooth(seen, dims, plus(x, way.at(x), 1.0));
                     }
                 }
             });

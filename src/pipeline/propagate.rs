@@ -9,9 +9,11 @@ use rayon::prelude::*;
 use super::morph::{Beside, Made};
 use super::{CHUNK_BYTES, Run, Sink, time};
 use crate::backend::MorphOptions;
+use crate::caps::Cap;
 use crate::compose::{Canvas, IntervalCaps, unite_cap};
 use crate::contours::Contour;
 use crate::error::{Error, Result};
+use crate::examined::BESIDE;
 use crate::fit::{Fitted, course};
 use crate::heights::{Height, Heights};
 use crate::jobs::{Direction, Filled, SweepJob, SweepPair};
@@ -28,6 +30,12 @@ use crate::warp::{Warp, Way};
 /// Share of an interval at which parts that are kept apart close: well before a third of it. Layers two or more between two contours have
 /// one in the middle third, which neither part then reaches; a bound that looked for it would make layers depend on each other.
 const APART: f64 = 0.8 / 3.0;
+
+/// How far the time of a layer beside a contour is from its height's.
+const ROUNDING: f64 = 1e-6;
+
+/// What changes by more than this from a contour to the layer beside is not the same surface's, px.
+const GONE: f32 = 0.5;
 
 /// What brings some layers of an interval from its frame to where they belong.
 struct InFrame<'w> {
@@ -104,7 +112,7 @@ impl<'a> Run<'a> {
         let beside = match (&made.beside, &part) {
             (Some(Beside { slopes, lone, .. }), Some(part)) => {
                 let trust = made.trust(part, i, self.h, self.relief())?;
-                let warp = self.warp(made, part, i)?;
+                let warp = self.warp(made, part, i, self.begun(interval, caps, filled, &between));
                 Some((part, [slopes.get(i)?, slopes.get(i + 1)?], lone.get(i)?, warp, trust))
             }
             _ => None,
@@ -138,12 +146,46 @@ impl<'a> Run<'a> {
     }
 
     /// From the mid frame of interval `i`, which is `part`, to its layers.
-    fn warp<'p>(&self, made: &Made<'_, 'a>, part: &'p MovingField, i: usize) -> Result<Warp<'p>> {
-        let seen = made.seen.some(i, Contour::FIELD)?;
+    fn warp<'p>(&self, made: &Made<'_, 'a>, part: &'p MovingField, i: usize, begun: [Vec<f32>; 2]) -> Warp<'p> {
         // The frame's own field of a slice that is not empty is the slice's.
         let own = |side: usize| (made.contours.light(i + side).solids.count > 0).then(|| &*part.fields[side]);
-        let slices = [0, 1].map(|side| (own(side), &seen[side].phi));
-        Ok(Warp::new(part, 0, slices, self.settings.margin() as f64))
+        let slices = [0, 1].map(|side| (own(side), begun[side].as_slice()));
+        Warp::new(part, 0, slices, self.settings.margin() as f64)
+    }
+
+    /// What lies between the contours of an interval at either of them, in the mid frame: its ends, but for what is gone in the layer beside. A
+    /// crumb that the frame does not show is a valley in them, and the distances of layers are those to their own surface.
+    fn begun(
+        &self,
+        interval: &Interval,
+        caps: &IntervalCaps,
+        filled: &[Filled],
+        heights: &[(Height, f64)],
+    ) -> [Vec<f32>; 2] {
+        [Direction::Up, Direction::Down].map(|from| {
+            let [mut begun, mut next] =
+                [0, 1].map(|_| Canvas::empty(self.padded(), [0; 2], self.settings.margin() as f64));
+            let away = |t: f64| if from == Direction::Up { t } else { 1.0 - t };
+            let beside = heights.iter().position(|(_, t)| (away(*t) - BESIDE).abs() <= ROUNDING);
+            for ((group, holes), filled) in interval.groups.iter().zip(&caps.holes).zip(filled) {
+                let end = if from == Direction::Up { &group.low } else { &group.high };
+                let holes: Vec<&Cap> = holes.iter().filter(|(_, way)| *way == from).map(|(cap, _)| cap).collect();
+                let without = |n: usize| holes.iter().fold(end.phi.data[n], |v, hole| v.max(-hole.field.data[n]));
+                begun.unite(&group.tile, without);
+                if let Some(k) = beside {
+                    next.unite_packed(&group.tile, &filled.slices[k]);
+                }
+            }
+            for (cap, _) in caps.solids.iter().filter(|(_, way)| *way == from) {
+                unite_cap(&mut begun, cap, 0.0);
+                unite_cap(&mut next, cap, BESIDE);
+            }
+            if beside.is_some() {
+                let gone = begun.phi.iter_mut().zip(next.phi).filter(|(v, next)| (**v - next).abs() > GONE);
+                gone.for_each(|(v, next)| *v = next);
+            }
+            begun.phi
+        })
     }
 
     fn sweep_chunk(

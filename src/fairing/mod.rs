@@ -44,6 +44,10 @@ const GAP: f64 = 6.0;
 /// B, px of the larger side: half of a gap.
 const BOUND: f64 = 0.5 * GAP;
 
+/// Height over which v's gradient along z is taken, at least, in median gaps: over a far shorter one it would tell of rounding and of the steps of a sweep,
+/// and nodes of longer gaps read v there. It counts in gaps of less than a quarter of the median.
+const LEAST_RISE: f64 = 1.0 / 16.0;
+
 /// Does `work` on a thread of the pool, from which its loops need not hand anything over to another.
 fn in_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     rayon::scope(|_| work())
@@ -213,7 +217,7 @@ impl<'m> Fairing<'m> {
         let below = beside(k.checked_sub(1)).unwrap_or(own);
         let above = beside((k < self.nodes.last()).then_some(k + 1)).unwrap_or(own);
         let scale = GAP * self.side / self.spec.gap;
-        let rise = (scale * (above.0 - below.0)).max(f64::MIN_POSITIVE) as f32;
+        let rise = (scale * (above.0 - below.0)).max(LEAST_RISE * GAP * self.side) as f32;
         let lengths = Lengths { spacing: self.spec.spacing, bound: self.bound(), rise };
         let [v, gradient] = transform([below.1, &here.phi, above.1], lengths);
         let (mut place, mut near) = (None, Vec::new());

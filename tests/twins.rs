@@ -18,8 +18,8 @@ fn stages_agree_with_their_twins() {
         let comparisons = compare(&gpu, &Cases::new(h, scale)).expect("the GPU works");
         for c in &comparisons {
             println!(
-                "h = {h:?}, scale {scale}, {:28} worst {:.2e} of {} values, bound {:.0e}",
-                c.stage, c.worst, c.compared, c.bound
+                "h = {h:?}, scale {scale}, {:28} worst {:.2e} of {} values, bound {:.0e}, {}",
+                c.stage, c.worst, c.compared, c.bound, c.place
             );
         }
         let failed: Vec<_> = comparisons.iter().filter(|c| !c.holds()).collect();
@@ -29,11 +29,24 @@ fn stages_agree_with_their_twins() {
 
 #[test]
 fn the_comparer_sees_differences() {
-    let of = |pairs: &[(f64, f64)]| Comparison::of("test", 0.01, pairs.iter().copied());
-    assert!(of(&[(1.0, 1.0), (2.0, 2.005), (f64::INFINITY, f64::INFINITY)]).holds());
-    assert!(!of(&[]).holds(), "nothing compared is nothing shown");
-    assert!(!of(&[(1.0, 1.0), (2.0, 2.02)]).holds());
-    assert!(!of(&[(f64::NAN, 1.0), (2.0, 2.0)]).holds());
-    assert!(!of(&[(1.0, 1.0), (f64::NAN, f64::NAN)]).holds());
-    assert!(!of(&[(f64::INFINITY, 1.0), (2.0, 2.0)]).holds());
+    let of = |gpu: &[f64], twin: &[f64]| {
+        let mut out = Comparison::new("test", 0.01);
+        for (n, a, b) in out.pairs(&"values", gpu, twin) {
+            out.value(|| format!("value {n}"), *a, *b);
+        }
+        out
+    };
+    assert!(of(&[1.0, 2.0, f64::INFINITY], &[1.0, 2.005, f64::INFINITY]).holds());
+    assert!(!of(&[], &[]).holds(), "nothing compared is nothing shown");
+    assert!(!of(&[1.0, f64::NAN], &[1.0, f64::NAN]).holds());
+    for (gpu, twin, place) in [
+        (&[1.0, 2.0][..], &[1.0, 2.02][..], "value 1: 2 for 2.02"),
+        (&[f64::NAN, 2.0], &[1.0, 2.0], "value 0: NaN for 1"),
+        (&[f64::INFINITY, 2.0], &[1.0, 9.0], "value 0: inf for 1"),
+        (&[1.0, 2.0], &[1.0, 2.0, 3.0], "2 values for 3"),
+        (&[1.0, 2.0, 3.0], &[1.0, 2.0], "3 values for 2"),
+    ] {
+        let found = of(gpu, twin);
+        assert!(!found.holds() && found.place == place, "{found:?}");
+    }
 }

@@ -9,46 +9,68 @@ pub struct Comparison {
     pub stage: &'static str,
     /// Values compared.
     pub compared: usize,
-    /// Largest difference, px (`inf` where one side has no number and the other has).
+    /// Largest difference, px (`inf` where one side has no number and the other has, or is longer).
     pub worst: f64,
+    /// Where that is.
+    pub place: String,
     /// Largest difference that is allowed, px.
     pub bound: f64,
 }
 
 impl Comparison {
-    /// Compares values pair by pair.
-    pub fn of(stage: &'static str, bound: f64, pairs: impl IntoIterator<Item = (f64, f64)>) -> Self {
-        let mut out = Comparison { stage, compared: 0, worst: 0.0, bound };
-        for (gpu, twin) in pairs {
-            out.compared += 1;
-            let difference = if gpu == twin { 0.0 } else { (gpu - twin).abs() };
-            out.worst = if difference.is_nan() { f64::INFINITY } else { out.worst.max(difference) };
-            if out.worst == f64::INFINITY {
-                break;
-            }
+    /// Nothing compared yet.
+    pub fn new(stage: &'static str, bound: f64) -> Self {
+        Comparison { stage, compared: 0, worst: 0.0, place: String::new(), bound }
+    }
+
+    /// Compares two values, which lie at `place`.
+    pub fn value(&mut self, place: impl FnOnce() -> String, gpu: f64, twin: f64) {
+        self.compared += 1;
+        let difference = if gpu == twin { 0.0 } else { (gpu - twin).abs() };
+        let difference = if difference.is_nan() { f64::INFINITY } else { difference };
+        if difference > self.worst {
+            self.worst = difference;
+            self.place = format!("{}: {gpu} for {twin}", place());
         }
-        out
+    }
+
+    /// Pairs of what two answers list, `what`. Where one list is longer no bound holds any more.
+    pub fn pairs<'a, A, B>(
+        &mut self,
+        what: &dyn std::fmt::Display,
+        gpu: &'a [A],
+        twin: &'a [B],
+    ) -> impl Iterator<Item = (usize, &'a A, &'a B)> + use<'a, A, B> {
+        if gpu.len() != twin.len() {
+            self.worst = f64::INFINITY;
+            self.place = format!("{} {what} for {}", gpu.len(), twin.len());
+        }
+        gpu.iter().zip(twin).enumerate().map(|(n, (a, b))| (n, a, b))
     }
 
     /// Compares all nodes of all jobs.
-    pub fn fields<'a>(stage: &'static str, bound: f64, gpu: &'a [Field], twin: &'a [Field]) -> Self {
+    pub fn fields(stage: &'static str, bound: f64, gpu: &[Field], twin: &[Field]) -> Self {
         Self::nodes(stage, bound, gpu, twin, |_, _| true)
     }
 
     /// Compares the nodes of all jobs that `which` asks for.
-    pub fn nodes<'a>(
+    pub fn nodes(
         stage: &'static str,
         bound: f64,
-        gpu: &'a [Field],
-        twin: &'a [Field],
+        gpu: &[Field],
+        twin: &[Field],
         which: impl Fn(usize, usize) -> bool,
     ) -> Self {
-        let mut pairs = Vec::new();
-        for (q, (a, b)) in gpu.iter().zip(twin).enumerate() {
-            let both = a.data.iter().zip(&b.data).enumerate();
-            pairs.extend(both.filter(|(n, _)| which(q, *n)).map(|(_, (x, y))| (*x, *y)));
+        let mut out = Comparison::new(stage, bound);
+        for (q, a, b) in out.pairs(&"fields", gpu, twin) {
+            let nx = b.dims[0].max(1);
+            for (n, x, y) in out.pairs(&format_args!("nodes of job {q}"), &a.data, &b.data) {
+                if which(q, n) {
+                    out.value(|| format!("job {q}, node ({}, {})", n % nx, n / nx), *x, *y);
+                }
+            }
         }
-        Self::of(stage, bound, pairs)
+        out
     }
 
     /// Whether the stage can be trusted: something was compared, and nothing is off by more than the bound.

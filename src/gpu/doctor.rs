@@ -45,7 +45,11 @@ impl Findings {
         lines.push(format!("sqrt and division: {}", if self.rounds { "rounded to nearest" } else { "approximate" }));
         for c in &self.stages {
             let verdict = if c.holds() { "agrees" } else { "DIFFERS" };
-            lines.push(format!("{}: {verdict}, off by {:.1e} px at most of {:.0e} allowed", c.stage, c.worst, c.bound));
+            let place = if c.holds() { String::new() } else { format!(", at {}", c.place) };
+            lines.push(format!(
+                "{}: {verdict}, off by {:.1e} px at most of {:.0e} allowed{place}",
+                c.stage, c.worst, c.bound
+            ));
         }
         let failed = self.stages.iter().filter(|c| !c.holds()).count();
         lines.push(match failed {

@@ -163,13 +163,15 @@ pub fn compare(gpu: &Gpu, h: [f64; 2], scale: usize) -> Result<Vec<Comparison>> 
     Ok(out)
 }
 
-fn vectors<'a>(
-    gpu: &'a [Displacement],
-    twin: &'a [Displacement],
-    h: [f64; 2],
-) -> impl Iterator<Item = (f64, f64)> + 'a {
-    let both = gpu.iter().zip(twin).flat_map(|(a, b)| a.vectors.iter().zip(&b.vectors));
-    both.flat_map(move |(a, b)| [0, 1].map(|axis| (a[axis] * h[axis], b[axis] * h[axis])))
+/// Compares displacements of `what`, px.
+fn vectors(out: &mut Comparison, what: &str, gpu: &[Displacement], twin: &[Displacement], h: [f64; 2]) {
+    for (q, a, b) in out.pairs(&what, gpu, twin) {
+        for (n, a, b) in out.pairs(&format_args!("vectors of {what} {q}"), &a.vectors, &b.vectors) {
+            for axis in 0..2 {
+                out.value(|| format!("{what} {q}, block {n}, axis {axis}"), a[axis] * h[axis], b[axis] * h[axis]);
+            }
+        }
+    }
 }
 
 fn round(gpu: &Gpu, stack: &Stack, stage: &'static str, round: Range<usize>) -> Result<Comparison> {
@@ -178,30 +180,30 @@ fn round(gpu: &Gpu, stack: &Stack, stage: &'static str, round: Range<usize>) -> 
     };
     let (current, guess) = (waves(3.0), waves(1.5));
     let job = stack.job(&guess, &current, round);
-    Ok(Comparison::of(stage, ROUND, vectors(&gpu.displacements(&job)?, &Reference.displacements(&job)?, stack.h)))
+    let mut out = Comparison::new(stage, ROUND);
+    vectors(&mut out, "intervals", &gpu.displacements(&job)?, &Reference.displacements(&job)?, stack.h);
+    Ok(out)
 }
 
 fn rounds(gpu: &Gpu, stack: &Stack) -> Result<Comparison> {
     let still = stack.still();
     let job = stack.job(&still, &still, 0..ROUNDS.len());
     let [ours, twin] = [gpu.displacements(&job)?, Reference.displacements(&job)?];
-    Ok(Comparison::of("displacements", ALL_ROUNDS, vectors(&ours, &twin, stack.h)))
+    let mut out = Comparison::new("displacements", ALL_ROUNDS);
+    vectors(&mut out, "intervals", &ours, &twin, stack.h);
+    Ok(out)
 }
 
 fn paths(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> {
-    let mut pairs = Vec::new();
+    let mut out = Comparison::new("trajectories", PATHS);
     for i in 0..GAPS.len() {
         let ours = gpu.paths(moving, i, &TIMES, stack.h)?;
-        for (ours, &t) in ours.iter().zip(&TIMES) {
+        for (_, ours, &t) in out.pairs(&"times", &ours, &TIMES) {
             let twin = moving.paths(i, t);
-            let of = |a: &Displacement, b: &Displacement| {
-                vectors(std::slice::from_ref(a), std::slice::from_ref(b), stack.h).collect::<Vec<_>>()
-            };
-            pairs.extend(of(&ours.come, &twin.come));
-            pairs.extend(of(&ours.go, &twin.go));
+            vectors(&mut out, "ways", &[ours.come.clone(), ours.go.clone()], &[twin.come, twin.go], stack.h);
         }
     }
-    Ok(Comparison::of("trajectories", PATHS, pairs))
+    Ok(out)
 }
 
 fn slopes(gpu: &Gpu, moving: &MovingField) -> Result<Comparison> {
@@ -212,19 +214,21 @@ fn slopes(gpu: &Gpu, moving: &MovingField) -> Result<Comparison> {
         3 => "slopes of three slices",
         _ => "slopes along trajectories",
     };
-    let mut pairs = Vec::new();
-    for (i, (a, b)) in ours.iter().zip(&twin).enumerate() {
+    let mut out = Comparison::new(stage, SLOPES);
+    for (i, a, b) in out.pairs(&"slices", &ours, &twin) {
         let gap = moving.gap(i.saturating_sub(1)).min(moving.gap(i.min(moving.gaps.len() - 1)));
-        pairs.extend(a.data.iter().zip(&b.data).map(|(a, b)| (gap * a, gap * b)));
+        for (n, a, b) in out.pairs(&format_args!("nodes of slice {i}"), &a.data, &b.data) {
+            out.value(|| format!("slice {i}, node {n}"), gap * a, gap * b);
+        }
     }
-    Ok(Comparison::of(stage, SLOPES, pairs))
+    Ok(out)
 }
 
 fn layers(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> {
     let slopes: Vec<Field> =
         Reference.moving_slopes(moving, 0..moving.fields.len(), &Silent)?.iter().map(single).collect();
     let beside = |i: usize| [&slopes[i], &slopes[i + 1]];
-    let mut pairs = Vec::new();
+    let mut out = Comparison::new("layers", LAYERS);
     // Far from contours the edges of lone parts' tiles would show.
     let none = LoneParts::default();
     let near = stack.lone.iter().enumerate().map(|(i, lone)| (i, lone, LIMIT));
@@ -232,9 +236,11 @@ fn layers(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> 
     for (i, lone, limit) in near.chain(everywhere) {
         let ours = gpu.moving_layers(moving, beside(i), lone, i, &TIMES, limit, stack.h, None)?;
         let twins = Reference.moving_layers(moving, beside(i), lone, i, &TIMES, limit, stack.h, None)?;
-        for (ours, twin) in ours.iter().zip(&twins) {
-            pairs.extend(ours.iter().zip(twin).map(|(a, b)| (f64::from(*a), f64::from(*b))));
+        for (k, ours, twin) in out.pairs(&"layers", &ours, &twins) {
+            for (n, a, b) in out.pairs(&format_args!("nodes of layer {k}"), ours, twin) {
+                out.value(|| format!("interval {i}, layer {k}, node {n}"), f64::from(*a), f64::from(*b));
+            }
         }
     }
-    Ok(Comparison::of("layers", LAYERS, pairs))
+    Ok(out)
 }

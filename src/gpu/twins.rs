@@ -93,10 +93,11 @@ fn band(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
         fields.push(field);
     }
     let in_band = |q: usize, n: usize| lists[q].binary_search(&n).is_ok();
-    let levels = Comparison::nodes("band", 1e-6, &phi, &fields, in_band);
-    let lists = nodes.iter().zip(&lists).map(|(a, b)| (f64::from(u8::from(a != b)), 0.0));
-    let lists = Comparison::of("band", 0.0, lists);
-    Ok(Comparison { compared: levels.compared, worst: levels.worst.max(lists.worst), ..levels })
+    let mut out = Comparison::nodes("band", 1e-6, &phi, &fields, in_band);
+    for (q, a, b) in out.pairs(&"lists of nodes", &nodes, &lists) {
+        out.value(|| format!("list of job {q}"), f64::from(u8::from(a != b)), 0.0);
+    }
+    Ok(out)
 }
 
 fn stepped<'a>(cases: &Cases, dt: &[f64], speed: impl Fn(usize) -> Speed<'a>) -> Vec<Field> {
@@ -147,8 +148,9 @@ fn carried(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
     let passes = 5;
     let jobs = cases.sweeps(&cases.phi, &cases.goal);
     let ours = gpu.carried(&jobs, &cases.later, cases.tubes(), passes)?;
-    let mut pairs = Vec::new();
-    for ((job, later), ours) in jobs.iter().zip(&cases.later).zip(&ours) {
+    let mut out = Comparison::new("courses at pixels", 5e-5);
+    for (q, ours, job) in out.pairs(&"jobs", &ours, &jobs) {
+        let later = &cases.later[q];
         let mut phi = job.source.clone().into_owned();
         let mut band = Band::new(&mut phi, GAMMA);
         let mut upwind = Upwind::default();
@@ -161,33 +163,41 @@ fn carried(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
         phi = later.clone();
         band.rebuild(&mut phi);
         extend(&phi, &band, &mut courses);
+        if ours.len() != later.data.len() {
+            out.value(|| format!("nodes of job {q}"), f64::NAN, later.data.len() as f64);
+            continue;
+        }
         for n in band.nodes() {
-            pairs.extend(ours[n].into_iter().zip(courses[n]));
+            for (k, a, b) in out.pairs(&"parameters", &ours[n], &courses[n]) {
+                out.value(|| format!("job {q}, node {n}, parameter {k}"), *a, *b);
+            }
         }
     }
-    Ok(Comparison::of("courses at pixels", 5e-5, pairs))
+    Ok(out)
 }
 
 fn particles(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
     let starts: Vec<Vec<[f64; 2]>> =
         cases.phi.iter().map(|phi| seeds(phi, cases.h, 0.5).iter().map(|s| s.x).collect()).collect();
     let ours = gpu.advect(&starts, [&cases.phi, &cases.later, &cases.later], cases.tubes(), &STEPS)?;
-    let mut pairs = Vec::new();
-    for (q, ours) in ours.iter().enumerate() {
+    let mut out = Comparison::new("particles", 2e-4);
+    for (q, ours, _) in out.pairs(&"jobs", &ours, &cases.phi) {
         let (before, after) = (&cases.phi[q], &cases.later[q]);
         let mut twin: Vec<Particle> = seeds(before, cases.h, 0.5).iter().map(Particle::at).collect();
         predict(&mut twin, before, after, cases.h, STEPS[q]);
         correct(&mut twin, after, after, cases.h, STEPS[q], STEPS[q]);
         land(&mut twin, after, after, cases.h, STEPS[q]);
-        for (a, b) in ours.iter().zip(&twin) {
-            pairs.push((f64::from(u8::from(a.arrived)), f64::from(u8::from(b.died.is_none()))));
+        for (k, a, b) in out.pairs(&format_args!("particles of job {q}"), ours, &twin) {
+            let mut value = |what: &str, x, y| out.value(|| format!("job {q}, particle {k}, {what}"), x, y);
+            value("whether it arrives", f64::from(u8::from(a.arrived)), f64::from(u8::from(b.died.is_none())));
             if b.died.is_none() {
-                pairs.extend([(a.distance, b.covered), (a.arc, b.arc)]);
-                pairs.extend([0, 1].map(|axis| (a.landing[axis], b.x[axis])));
+                value("S", a.distance, b.covered);
+                value("length of the path", a.arc, b.arc);
+                (0..2).for_each(|axis| value("landing", a.landing[axis], b.x[axis]));
             }
         }
     }
-    Ok(Comparison::of("particles", 2e-4, pairs))
+    Ok(out)
 }
 
 fn parts(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
@@ -243,22 +253,20 @@ fn morphs(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
     let jobs: Vec<TraceJob<'_>> = cases.phi.iter().zip(&cases.goal).map(job).collect();
     let ours = gpu.trace(&jobs, cases.h, &Cases::options(), &Silent)?;
     let twin = Reference.trace(&jobs, cases.h, &Cases::options(), &Silent)?;
-    let steps = ours.iter().zip(&twin).flat_map(|(a, b)| {
-        [
-            (a.steps as f64, b.steps as f64),
-            (a.pixels as f64 / b.pixels.max(1) as f64, f64::from(u8::from(b.pixels > 0))),
-        ]
-    });
-    let mut pairs = Vec::new();
-    for (a, b) in ours.iter().zip(&twin) {
-        pairs.push((a.residual.max, b.residual.max));
-        for (k, l) in a.tracks.iter().zip(&b.tracks) {
-            pairs.push((f64::from(u8::from(k.arrived)), f64::from(u8::from(l.arrived))));
-            pairs.push((k.distance, l.distance));
-            pairs.extend([0, 1].map(|axis| (k.landing[axis], l.landing[axis])));
+    let (mut steps, mut out) = (Comparison::new("steps of morphs", 1e-3), Comparison::new("morphs", 2e-3));
+    for (q, a, b) in out.pairs(&"jobs", &ours, &twin) {
+        steps.value(|| format!("job {q}, steps"), a.steps as f64, b.steps as f64);
+        let share = a.pixels as f64 / b.pixels.max(1) as f64;
+        steps.value(|| format!("job {q}, share of pixels"), share, f64::from(u8::from(b.pixels > 0)));
+        out.value(|| format!("job {q}, residual"), a.residual.max, b.residual.max);
+        for (n, k, l) in out.pairs(&format_args!("tracks of job {q}"), &a.tracks, &b.tracks) {
+            let mut value = |what: &str, x, y| out.value(|| format!("job {q}, track {n}, {what}"), x, y);
+            value("whether it arrives", f64::from(u8::from(k.arrived)), f64::from(u8::from(l.arrived)));
+            value("S", k.distance, l.distance);
+            (0..2).for_each(|axis| value("landing", k.landing[axis], l.landing[axis]));
         }
     }
-    Ok(vec![Comparison::of("steps of morphs", 1e-3, steps), Comparison::of("morphs", 2e-3, pairs)])
+    Ok(vec![steps, out])
 }
 
 /// Whole sweeps in both directions and the slices made of them, one of which the host mends.
@@ -287,16 +295,21 @@ fn sweeps(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
     };
     let ours = gpu.propagate(&pairs(), cases.h, &Cases::options(), &Silent)?;
     let twin = Reference.propagate(&pairs(), cases.h, &Cases::options(), &Silent)?;
-    let both = || ours.iter().zip(&twin).flat_map(|(a, b)| [(&a.up, &b.up), (&a.down, &b.down)]);
-    let steps = both().flat_map(|(a, b)| {
-        let vanished = |s: &crate::jobs::Swept| s.vanished.unwrap_or(-1.0);
-        [(a.steps as f64, b.steps as f64), (vanished(a), vanished(b)), (a.residual.max, b.residual.max)]
-    });
-    let steps = Comparison::of("steps of sweeps", 1e-4, steps);
-    let slices = |f: &[crate::jobs::Filled]| -> Vec<f64> {
-        f.iter().flat_map(|f| f.slices.iter().flat_map(|slice| slice.unpack()).map(f64::from)).collect()
-    };
-    let near = slices(&ours).into_iter().zip(slices(&twin)).filter(|(_, b)| b.abs() < 3.0);
-    let far = slices(&ours).into_iter().zip(slices(&twin)).filter(|(_, b)| b.abs() >= 3.0);
-    Ok(vec![steps, Comparison::of("slices", 1e-4, near), Comparison::of("slices far from contours", 1e-4, far)])
+    let mut steps = Comparison::new("steps of sweeps", 1e-4);
+    let (mut near, mut far) = (Comparison::new("slices", 1e-4), Comparison::new("slices far from contours", 1e-4));
+    for (q, a, b) in steps.pairs(&"pairs", &ours, &twin) {
+        for (way, a, b) in [("up", &a.up, &b.up), ("down", &a.down, &b.down)] {
+            let mut value = |what: &str, x, y| steps.value(|| format!("pair {q} {way}, {what}"), x, y);
+            value("steps", a.steps as f64, b.steps as f64);
+            value("time at which it vanishes", a.vanished.unwrap_or(-1.0), b.vanished.unwrap_or(-1.0));
+            value("residual", a.residual.max, b.residual.max);
+        }
+        for (k, a, b) in near.pairs(&format_args!("slices of pair {q}"), &a.slices, &b.slices) {
+            for (n, x, y) in near.pairs(&format_args!("nodes of slice {k} of pair {q}"), &a.unpack(), &b.unpack()) {
+                let out = if y.abs() < 3.0 { &mut near } else { &mut far };
+                out.value(|| format!("pair {q}, slice {k}, node {n}"), f64::from(*x), f64::from(*y));
+            }
+        }
+    }
+    Ok(vec![steps, near, far])
 }

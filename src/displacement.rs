@@ -260,29 +260,58 @@ fn at_lanes(v: &Displacement, x: &Lanes) -> Lanes {
 /// See [`Displacement::read_row`]. The nodes above and below are brought to the row once for all pixels between.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn read_row(v: &Displacement, j: usize, first: usize, mut out: &mut [[f64; 2]]) {
-    const STEP: f64 = 1.0 / BLOCK as f64;
     let (row, fy) = v.place(1, j as f64);
     let (below, above) = v.vectors[row * v.grid[0]..][..2 * v.grid[0]].split_at(v.grid[0]);
-    let in_row = |k: usize| mix(below[k], above[k], fy);
-    let mut before = v.place(0, first as f64).0;
-    let [mut left, mut right] = [in_row(before), in_row(before + 1)];
     let mut i = first;
     while !out.is_empty() {
         let (column, fx) = v.place(0, i as f64);
+        let nodes = (&below[column..], &above[column..]);
         // Pixels before the next node; one at a time from the last node on.
         let count = (((1.0 - fx) * BLOCK as f64).ceil() as usize).clamp(1, out.len());
-        let (some, rest) = std::mem::take(&mut out).split_at_mut(count);
-        if column != before {
-            (left, right, before) = (right, in_row(column + 1), column);
+        // Wherever the first pixel lies, all pairs of blocks lie alike.
+        let pairs = (out.len() / PAIR).min((nodes.0.len() - 2) / 2);
+        let taken = if pairs > 0 { pairs * PAIR } else { count };
+        let (some, rest) = std::mem::take(&mut out).split_at_mut(taken);
+        match count {
+            _ if pairs == 0 => read_before(nodes, [fx, fy], some),
+            1 => read_pairs::<1>(nodes, [fx, fy], some),
+            2 => read_pairs::<2>(nodes, [fx, fy], some),
+            3 => read_pairs::<3>(nodes, [fx, fy], some),
+            _ => read_pairs::<BLOCK>(nodes, [fx, fy], some),
         }
-        let fill = |some: &mut [[f64; 2]]| {
-            some.iter_mut().enumerate().for_each(|(k, slot)| *slot = mix(left, right, fx + STEP * k as f64));
-        };
-        match <&mut [[f64; 2]; BLOCK]>::try_from(&mut *some) {
-            Ok(all) => fill(all),
-            Err(_) => fill(some),
+        (i, out) = (i + taken, rest);
+    }
+}
+
+/// Pixels of two blocks, which are read at once.
+const PAIR: usize = 2 * BLOCK;
+/// Of a block's side a pixel's.
+const STEP: f64 = 1.0 / BLOCK as f64;
+
+/// The vectors at pixels of a row, the first at place `[fx, fy]` between nodes of two rows and all before the next ones.
+#[inline(always)]
+fn read_before((below, above): (&[[f64; 2]], &[[f64; 2]]), [fx, fy]: [f64; 2], out: &mut [[f64; 2]]) {
+    let [left, right] = [0, 1].map(|k| mix(below[k], above[k], fy));
+    out.iter_mut().enumerate().for_each(|(k, slot)| *slot = mix(left, right, fx + STEP * k as f64));
+}
+
+/// The same at pairs of blocks, of whose pixels `BEFORE` lie before the next nodes.
+#[inline(always)]
+fn read_pairs<const BEFORE: usize>(
+    (below, above): (&[[f64; 2]], &[[f64; 2]]),
+    [fx, fy]: [f64; 2],
+    out: &mut [[f64; 2]],
+) {
+    for (pair, out) in out.chunks_exact_mut(PAIR).enumerate() {
+        let (below, above) = (&below[2 * pair..][..4], &above[2 * pair..][..4]);
+        let mut nodes = [[0.0; 2]; 4];
+        for (k, node) in nodes.iter_mut().enumerate() {
+            *node = mix(below[k], above[k], fy);
         }
-        (i, out) = (i + count, rest);
+        for (k, slot) in out.iter_mut().enumerate() {
+            let node = (k + BLOCK - BEFORE) / BLOCK;
+            *slot = mix(nodes[node], nodes[node + 1], fx + STEP * k as f64 - node as f64);
+        }
     }
 }
 

@@ -62,18 +62,15 @@ impl Field {
     /// gradient vanishes.
     pub fn normal(&self, x: [f64; 2], h: [f64; 2]) -> [f64; 2] {
         let ([i, j], [fx, fy]) = cell(self.dims, x, 1);
-        let nx = self.dims[0];
-        let node = j * nx + i;
+        let row = |k: usize| &self.data[(j + k - 1) * self.dims[0] + i - 1..][..4];
+        let rows = [row(0), row(1), row(2), row(3)];
+        let weights = [[(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy)], [(1.0 - fx) * fy, fx * fy]];
         let mut g = [0.0; 2];
-        for (corner, w) in [
-            (node, (1.0 - fx) * (1.0 - fy)),
-            (node + 1, fx * (1.0 - fy)),
-            (node + nx, (1.0 - fx) * fy),
-            (node + nx + 1, fx * fy),
-        ] {
-            let d = self.gradient(corner, h);
-            g[0] += w * d[0];
-            g[1] += w * d[1];
+        for (b, weights) in weights.iter().enumerate() {
+            for (a, w) in weights.iter().enumerate() {
+                g[0] += w * (0.5 * (rows[b + 1][a + 2] - rows[b + 1][a]) / h[0]);
+                g[1] += w * (0.5 * (rows[b + 2][a + 1] - rows[b][a + 1]) / h[1]);
+            }
         }
         let length = length(g);
         if length < 1e-9 { [0.0; 2] } else { [g[0] / length, g[1] / length] }
@@ -111,7 +108,7 @@ impl Field {
 pub fn sample<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]) -> f64 {
     let ([i, j], place) = cell(dims, x, 0);
     let (nx, node) = (dims[0], j * dims[0] + i);
-    bilinear([a[node], a[node + 1], a[node + nx], a[node + nx + 1]].map(Into::into), place)
+    bilinear([a[node].into(), a[node + 1].into(), a[node + nx].into(), a[node + nx + 1].into()], place)
 }
 
 /// Catmull-Rom value at `x` of values on a tile, see [`Field::sample_smooth`].
@@ -120,12 +117,15 @@ pub fn sample_smooth<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]
     let ([i, j], [fx, fy]) = cell(dims, x, 1);
     let (nx, node) = (dims[0], j * dims[0] + i);
     let (wx, wy) = (catmull_rom(fx), catmull_rom(fy));
+    // Loops: closures are not inlined into kernels of other targets.
     let mut columns = [0.0; 4];
     for (row, w) in wy.iter().enumerate() {
-        let first = node + row * nx - nx - 1;
-        columns.iter_mut().zip(&a[first..first + 4]).for_each(|(sum, v)| *sum += w * (*v).into());
+        let values = &a[node + row * nx - nx - 1..][..4];
+        for (sum, v) in columns.iter_mut().zip(values) {
+            *sum += w * (*v).into();
+        }
     }
-    columns.iter().zip(wx).map(|(sum, w)| w * sum).sum()
+    wx[0] * columns[0] + wx[1] * columns[1] + wx[2] * columns[2] + wx[3] * columns[3]
 }
 
 /// Lower corner of the cell around `x`, kept `rim` pixels off the edge of the tile, and the place in it.

@@ -4,11 +4,17 @@
 //! N is kept as runs of consecutive pixels in row order, so that kernels stream through memory. A rebuild looks at the old tube and
 //! its ring only: its cost follows the contour, not the tile.
 
+use std::ops::Range;
+
 use crate::field::Field;
 use crate::stencil::REACH;
 
 /// Pixels at a tile's edge that never belong to a tube: a WENO5 stencil and one more.
 pub const RIM: usize = REACH + 1;
+
+/// Pixels that kernels work on at once. Runs are hardly longer than two tubes are wide: what is left of one is worked on together with pixels
+/// beyond its end, which the rim holds and whose results nobody takes; one by one it would cost as much as all the rest.
+pub const LANES: usize = 8;
 
 /// Consecutive pixels `start..start + len` of one row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,13 +33,11 @@ pub struct Band {
     /// Pixels in all runs.
     pub count: usize,
     gamma: f64,
-    mark: Vec<u8>,
+    /// Runs of T.
+    tube: Vec<Run>,
+    /// Those of N before the last rebuild.
     old: Vec<Run>,
 }
-
-const OUT: u8 = 0;
-const RING: u8 = 1;
-const TUBE: u8 = 2;
 
 impl Band {
     /// The tube of `phi`, found by looking at the whole tile once; sets phi outside N.
@@ -43,7 +47,7 @@ impl Band {
             .filter(|_| nx > 2 * RIM)
             .map(|j| Run { start: j * nx + RIM, len: nx - 2 * RIM })
             .collect();
-        let mut band = Band { runs: whole, count: 0, gamma, mark: vec![OUT; nx * ny], old: Vec::new() };
+        let mut band = Band { runs: whole, count: 0, gamma, tube: Vec::new(), old: Vec::new() };
         let out = gamma + 0.5;
         for v in &mut phi.data {
             *v = v.clamp(-out, out);
@@ -54,69 +58,78 @@ impl Band {
 
     /// Follows the contour after phi has moved: the new T lies in the old N.
     pub fn rebuild(&mut self, phi: &mut Field) {
-        let [nx, ny] = phi.dims;
         std::mem::swap(&mut self.runs, &mut self.old);
-        self.runs.clear();
-        for run in &self.old {
-            for node in run.nodes() {
-                self.mark[node] = if phi.data[node].abs() < self.gamma { TUBE } else { OUT };
-            }
-        }
-        for run in &self.old {
-            for node in run.nodes() {
-                if self.mark[node] == TUBE {
-                    for row in [node - nx, node, node + nx] {
-                        for n in row - 1..=row + 1 {
-                            self.mark[n] = self.mark[n].max(RING);
-                        }
-                    }
-                }
-            }
-        }
-        let out = self.gamma + 0.5;
-        for run in &self.old {
-            for node in run.nodes() {
-                if self.mark[node] == OUT {
-                    phi.data[node] = out.copysign(phi.data[node]);
-                }
-            }
-        }
-        self.collect([nx, ny]);
+        self.find_tube(phi);
+        self.collect(phi.dims);
+        self.leave(phi);
     }
 
-    /// Gathers the marked pixels of the old runs and their ring in row order.
+    /// Gathers the runs of T.
+    fn find_tube(&mut self, phi: &Field) {
+        self.tube.clear();
+        for run in &self.old {
+            let mut within = phi.data[run.nodes()].iter().map(|v| v.abs() < self.gamma);
+            let mut start = run.start;
+            while let Some(before) = within.position(|within| within) {
+                start += before;
+                let more = within.position(|within| !within);
+                let len = more.map_or(run.start + run.len - start, |more| more + 1);
+                self.tube.push(Run { start, len });
+                start += len + 1;
+            }
+        }
+    }
+
+    /// Gathers N, the pixels of T and those beside them, in row order.
     fn collect(&mut self, [nx, ny]: [usize; 2]) {
+        self.runs.clear();
         self.count = 0;
-        // Three cursors walk the old runs of the rows above, at and below the row being collected.
         let rows = |r: &Run| r.start / nx;
-        let (Some(first), Some(last)) = (self.old.first().map(rows), self.old.last().map(rows)) else { return };
+        let (Some(first), Some(last)) = (self.tube.first().map(rows), self.tube.last().map(rows)) else { return };
         let mut cursor = 0;
         let mut spans: Vec<(usize, usize)> = Vec::new();
         for j in first.saturating_sub(1).max(RIM)..=(last + 1).min(ny - 1 - RIM) {
             spans.clear();
-            while cursor < self.old.len() && rows(&self.old[cursor]) + 1 < j {
+            while cursor < self.tube.len() && rows(&self.tube[cursor]) + 1 < j {
                 cursor += 1;
             }
-            for run in self.old[cursor..].iter().take_while(|r| rows(r) <= j + 1) {
+            for run in self.tube[cursor..].iter().take_while(|r| rows(r) <= j + 1) {
                 let column = run.start % nx;
-                spans.push((column.saturating_sub(1).max(RIM), (column + run.len + 1).min(nx - RIM)));
+                spans.push(((column - 1).max(RIM), (column + run.len + 1).min(nx - RIM)));
             }
             spans.sort_unstable();
             let mut next = 0;
             for &(low, high) in &spans {
-                let mut i = low.max(next);
-                while i < high {
-                    if self.mark[j * nx + i] == OUT {
-                        i += 1;
+                if high > next {
+                    let low = low.max(next);
+                    self.push(j * nx + low, high - low);
+                    next = high;
+                }
+            }
+        }
+    }
+
+    /// Sets phi where N was and is no more.
+    fn leave(&self, phi: &mut Field) {
+        let out = self.gamma + 0.5;
+        let mut stays = self.runs.iter().peekable();
+        for run in &self.old {
+            let Range { start: mut node, end } = run.nodes();
+            while node < end {
+                let next = match stays.peek() {
+                    Some(run) if run.nodes().end <= node => {
+                        stays.next();
                         continue;
                     }
-                    let start = i;
-                    while i < high && self.mark[j * nx + i] != OUT {
-                        i += 1;
+                    Some(run) if run.start <= node => {
+                        node = run.nodes().end;
+                        continue;
                     }
-                    self.push(j * nx + start, i - start);
-                }
-                next = next.max(high);
+                    Some(run) => run.start.min(end),
+                    None => end,
+                };
+                phi.data[node..next].iter_mut().for_each(|v| *v = out.copysign(*v));
+                node = next;
             }
         }
     }
@@ -124,7 +137,7 @@ impl Band {
     fn push(&mut self, start: usize, len: usize) {
         self.count += len;
         match self.runs.last_mut() {
-            // A run cut by the end of a span goes on here.
+            // What lies beside two runs of T may touch.
             Some(r) if r.start + r.len == start => r.len += len,
             _ => self.runs.push(Run { start, len }),
         }
@@ -135,6 +148,11 @@ impl Band {
         self.gamma
     }
 
+    /// Places of all runs, see [`Run::room`].
+    pub fn room(&self) -> usize {
+        self.runs.iter().map(Run::room).sum()
+    }
+
     /// All nodes of N in row order.
     pub fn nodes(&self) -> impl Iterator<Item = usize> + '_ {
         self.runs.iter().flat_map(|r| r.nodes())
@@ -142,9 +160,15 @@ impl Band {
 }
 
 impl Run {
+    /// Places that a run has in what is kept in band order.
+    #[inline(always)]
+    pub fn room(&self) -> usize {
+        self.len.next_multiple_of(LANES)
+    }
+
     /// Nodes of the run.
     #[inline(always)]
-    pub fn nodes(&self) -> std::ops::Range<usize> {
+    pub fn nodes(&self) -> Range<usize> {
         self.start..self.start + self.len
     }
 }

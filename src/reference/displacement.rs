@@ -114,7 +114,7 @@ fn row(fields: [&Field; 2], clip: f64, near: &[bool], v: &Displacement, j: usize
                 sample_clipped(fields[1], clip, [x[0] + 0.5 * vx, x[1] + 0.5 * vy]),
             ]
         } else {
-            fields.map(|f| f.data[n].clamp(-clip, clip))
+            [fields[0].data[n].clamp(-clip, clip), fields[1].data[n].clamp(-clip, clip)]
         };
     }
 }
@@ -125,7 +125,8 @@ fn sample_clipped(field: &Field, clip: f64, x: [f64; 2]) -> f64 {
     let ([i, j], place) = cell(field.dims, x, 0);
     let nx = field.dims[0];
     let node = j * nx + i;
-    bilinear([node, node + 1, node + nx, node + nx + 1].map(|n| field.data[n].clamp(-clip, clip)), place)
+    let at = |n: usize| field.data[n].clamp(-clip, clip);
+    bilinear([at(node), at(node + 1), at(node + nx), at(node + nx + 1)], place)
 }
 
 /// Which pixels lie so near a contour that a value read up to `away` px off may lie within the clip.

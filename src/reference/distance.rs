@@ -1,5 +1,7 @@
 //! Fast sweeping: signed distance to the zero set of a field (Zhao 2005), with sub-cell start values.
 
+use std::ops::Range;
+
 use crate::field::Field;
 use crate::stencil::Eikonal;
 
@@ -55,27 +57,35 @@ fn nearest_crossing(u: &Field, node: usize, neighbours: [Option<usize>; 2]) -> f
 
 /// Solves `|grad d| = 1` outwards from the fixed pixels: Gauss-Seidel in four directions, repeated until nothing changes.
 ///
-/// A row is looked at again only if it or a row beside it has changed since it was last swept in the same direction.
+/// Of a row only the columns are looked at again beside which something has changed since: elsewhere nothing would.
 pub fn sweep(d: &mut Field, fixed: &[bool], h: [f64; 2]) {
     let [nx, ny] = d.dims;
-    // Numbers of passes: that in which a row was last changed, those in which it was last swept to the left and to the right.
-    let (mut changed, mut swept) = (vec![1; ny], vec![[0; 2]; ny]);
-    let (eikonal, mut pass) = (Eikonal::new(h), 1);
+    let mut open = vec![0..nx; ny];
+    let eikonal = Eikonal::new(h);
     for _ in 0..MAX_ROUNDS {
         let mut largest = 0.0f64;
         for (up, right) in [(true, true), (true, false), (false, true), (false, false)] {
-            pass += 1;
             for row in 0..ny {
                 let j = if up { row } else { ny - 1 - row };
-                let beside = changed[j.saturating_sub(1)..(j + 2).min(ny)].iter().max();
-                if beside.is_none_or(|&last| last < swept[j][usize::from(right)]) {
+                let columns = std::mem::take(&mut open[j]);
+                if columns.is_empty() {
                     continue;
                 }
-                swept[j][usize::from(right)] = pass;
-                let change = sweep_row(d, &fixed[j * nx..][..nx], eikonal, j, right);
-                if change > 0.0 {
-                    changed[j] = pass;
-                    largest = largest.max(change);
+                let (changed, change) = sweep_row(d, &fixed[j * nx..][..nx], eikonal, j, columns, right);
+                if changed.is_empty() {
+                    continue;
+                }
+                largest = largest.max(change);
+                // Pixels ahead in the row have been looked at since.
+                open[j] = if right {
+                    changed.start.saturating_sub(1)..changed.end - 1
+                } else {
+                    changed.start + 1..(changed.end + 1).min(nx)
+                };
+                for beside in [j.wrapping_sub(1), j + 1] {
+                    if let Some(columns) = open.get_mut(beside) {
+                        widen(columns, &changed);
+                    }
                 }
             }
         }
@@ -85,17 +95,33 @@ pub fn sweep(d: &mut Field, fixed: &[bool], h: [f64; 2]) {
     }
 }
 
-/// Sweeps row `j` in one direction; the largest change.
-fn sweep_row(d: &mut Field, fixed: &[bool], eikonal: Eikonal, j: usize, right: bool) -> f64 {
+/// Makes `columns` hold some more.
+fn widen(columns: &mut Range<usize>, more: &Range<usize>) {
+    *columns = match (*columns).is_empty() {
+        true => more.clone(),
+        false => columns.start.min(more.start)..columns.end.max(more.end),
+    };
+}
+
+/// Sweeps columns of row `j`, and those ahead as far as they change, in one direction: between which of them something has changed, and by how
+/// much at most.
+fn sweep_row(
+    d: &mut Field,
+    fixed: &[bool],
+    eikonal: Eikonal,
+    j: usize,
+    columns: Range<usize>,
+    right: bool,
+) -> (Range<usize>, f64) {
     let [nx, ny] = d.dims;
     let (before, rest) = d.data.split_at_mut(j * nx);
     let (row, after) = rest.split_at_mut(nx);
     let south = if j > 0 { &before[(j - 1) * nx..] } else { &[] };
     let north = if j + 1 < ny { &after[..nx] } else { &[] };
-    let mut largest = 0.0f64;
-    let mut visit = |i: usize| {
+    let (mut changed, mut largest) = (0..0, 0.0f64);
+    let mut changes = |i: usize| {
         if fixed[i] {
-            return;
+            return false;
         }
         let west = if i > 0 { row[i - 1] } else { FAR };
         let east = if i + 1 < nx { row[i + 1] } else { FAR };
@@ -103,20 +129,31 @@ fn sweep_row(d: &mut Field, fixed: &[bool], eikonal: Eikonal, j: usize, right: b
         let (a, b) = (west.min(east), beside(south).min(beside(north)));
         let old = row[i];
         if a.min(b) >= old {
-            return;
+            return false;
         }
         let new = eikonal.solve(a, b);
         if new < old {
             largest = largest.max(old - new);
             row[i] = new;
+            widen(&mut changed, &(i..i + 1));
         }
+        new < old
     };
-    if right {
-        (0..nx).for_each(&mut visit)
-    } else {
-        (0..nx).rev().for_each(&mut visit)
+    let Range { mut start, mut end } = columns;
+    while start < end {
+        if right {
+            if changes(start) {
+                end = end.max(start + 2).min(nx);
+            }
+            start += 1;
+        } else {
+            end -= 1;
+            if changes(end) {
+                start = start.min(end.saturating_sub(1));
+            }
+        }
     }
-    largest
+    (changed, largest)
 }
 
 /// What counts as right: pixels this close to a contour keep what the sweep of the front made of them, px.

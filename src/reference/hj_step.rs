@@ -2,7 +2,7 @@
 
 use multiversion::multiversion;
 
-use super::band::{Band, Run};
+use super::band::Band;
 use crate::field::Field;
 use crate::stencil::{REACH, TVD_RK3, cut_off, godunov, one_sided};
 
@@ -24,7 +24,7 @@ pub struct Tube {
     pub gamma: f64,
 }
 
-/// Buffers of a step, in band order; kept by the caller so that a step allocates nothing once they have grown.
+/// Buffers of a step, in band order, each run with all its room; kept by the caller so that a step allocates nothing once they have grown.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {
     /// phi at the start of the step.
@@ -43,15 +43,18 @@ pub fn hj_step(
     dt: f64,
     scratch: &mut Scratch,
 ) {
-    scratch.start.clear();
+    let room = band.room();
+    scratch.start.resize(room, 0.0);
+    scratch.next.resize(room, 0.0);
+    let mut k = 0;
     for run in &band.runs {
-        scratch.start.extend_from_slice(&phi.data[run.nodes()]);
+        scratch.start[k..k + run.len].copy_from_slice(&phi.data[run.nodes()]);
+        k += run.room();
     }
-    scratch.next.resize(band.count, 0.0);
     for (a, b) in TVD_RK3 {
         let mut k = 0;
         for run in &band.runs {
-            let rhs = &mut scratch.next[k..k + run.len];
+            let rhs = &mut scratch.next[k..k + run.room()];
             let at = &phi.data[run.nodes()];
             match speed {
                 Speed::Towards(target) => {
@@ -59,10 +62,10 @@ pub fn hj_step(
                         *f = p - t;
                     }
                 }
-                Speed::Given(field) => rhs.copy_from_slice(&field.data[run.nodes()]),
+                Speed::Given(field) => rhs[..run.len].copy_from_slice(&field.data[run.nodes()]),
             }
-            right_hand_side(&phi.data, phi.dims[0], *run, h, tube, rhs);
-            k += run.len;
+            right_hand_side(&phi.data, phi.dims[0], run.start, h, tube, rhs);
+            k += run.room();
         }
         let mut k = 0;
         for run in &band.runs {
@@ -70,38 +73,51 @@ pub fn hj_step(
             for ((p, u0), l) in phi.data[run.nodes()].iter_mut().zip(start).zip(rhs) {
                 *p = a * u0 + b * (*p + dt * l);
             }
-            k += run.len;
+            k += run.room();
         }
     }
 }
 
-/// `out <- -F c(phi) |grad phi|` along one run, where `out` holds F on entry.
+/// `out <- -F c(phi) |grad phi|` from a run's start on, where `out` holds F on entry.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
-fn right_hand_side(phi: &[f64], nx: usize, run: Run, h: [f64; 2], tube: Tube, out: &mut [f64]) {
-    let Window { along, across } = Window::new(phi, nx, run);
+fn right_hand_side(phi: &[f64], nx: usize, start: usize, h: [f64; 2], tube: Tube, out: &mut [f64]) {
+    let Window { along, across } = Window::new(phi, nx, start, out.len());
     let (per_x, per_y) = (1.0 / h[0], 1.0 / h[1]);
-    for (k, f) in out[..run.len].iter_mut().enumerate() {
+    for k in 0..out.len() {
+        let f = &mut out[k];
         let center = across[REACH][k];
         let c = cut_off(center, tube.beta, tube.gamma);
-        let dx = one_sided(std::array::from_fn(|s| along[k + s]), per_x);
-        let dy = one_sided(std::array::from_fn(|s| across[s][k]), per_y);
+        let dx = one_sided(stencil(&along, k), per_x);
+        let dy = one_sided(stencil(&across, k), per_y);
         *f = -*f * c * godunov(dx, dy, *f);
     }
 }
 
-/// The values a WENO5 stencil reads along a run: its own row with three pixels to each side, and the seven rows around it.
+/// The values a WENO5 stencil reads at pixels of a row, each a slice of what the pixels have there: from three pixels to the left to three to
+/// the right, and from three rows below to three above.
 pub(super) struct Window<'a> {
-    pub along: &'a [f64],
+    pub along: [&'a [f64]; 2 * REACH + 1],
     pub across: [&'a [f64]; 2 * REACH + 1],
 }
 
 impl<'a> Window<'a> {
+    /// Around `count` pixels.
     #[inline(always)]
-    pub fn new(phi: &'a [f64], nx: usize, run: Run) -> Self {
-        let first = run.start - REACH * nx;
+    pub fn new(phi: &'a [f64], nx: usize, start: usize, count: usize) -> Self {
+        let from = |first: usize| &phi[first..][..count];
+        let row = |s: usize| from(start + s * nx - REACH * nx);
+        let column = |s: usize| from(start + s - REACH);
+        // One by one, since `from_fn` is not inlined into kernels: with lengths unknown every value's place would be checked, and a loop that
+        // may stop at any pixel does its last ones one by one.
         Window {
-            along: &phi[run.start - REACH..run.start + run.len + REACH],
-            across: std::array::from_fn(|s| &phi[first + s * nx..first + s * nx + run.len]),
+            along: [column(0), column(1), column(2), column(3), column(4), column(5), column(6)],
+            across: [row(0), row(1), row(2), row(3), row(4), row(5), row(6)],
         }
     }
+}
+
+/// What pixel `k` finds in one direction.
+#[inline(always)]
+pub(super) fn stencil([a, b, c, d, e, f, g]: &[&[f64]; 2 * REACH + 1], k: usize) -> [f64; 2 * REACH + 1] {
+    [a[k], b[k], c[k], d[k], e[k], f[k], g[k]]
 }

@@ -30,8 +30,11 @@ impl Sheets {
         let across: [Vec<usize>; 3] = std::array::from_fn(|axis| self.across(axis));
         let axes: Vec<usize> = (0..3).filter(|axis| !across[*axis].is_empty()).collect();
         let all: u64 = self.painted[0].iter().sum();
-        let within: u64 = axes.iter().flat_map(|&a| across[a].iter().map(move |&k| self.painted[a][k])).sum();
-        if axes.len() < 2 || (within as f64) < ALL * all as f64 {
+        let within = |a: usize| across[a].iter().map(|&k| self.painted[a][k]).sum::<u64>();
+        let together: u64 = axes.iter().map(|&a| within(a)).sum();
+        // Where one axis' planes hold all there is, a thin part of theirs is no plane.
+        let is_one = axes.iter().any(|&a| within(a) == all);
+        if axes.len() < 2 || is_one || (together as f64) < ALL * all as f64 {
             return None;
         }
         let listed = |axis: usize| {
@@ -124,5 +127,43 @@ impl Counting {
         self.slabs[2].fill(0);
         self.stretches[1].clear();
         self.at += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DIMS: [usize; 3] = [60, 40, 9];
+
+    fn sheets(painted: impl Fn(usize, usize, usize) -> bool) -> Sheets {
+        let mut counting = Counting::new(DIMS, [0, 1, 2]);
+        for k in 0..DIMS[2] {
+            for j in 0..DIMS[1] {
+                (0..DIMS[0]).filter(|&i| painted(i, j, k)).for_each(|i| counting.paint([i, j, k], 1));
+            }
+        }
+        counting.finish()
+    }
+
+    fn disc(i: usize, j: usize, at: usize) -> bool {
+        i.abs_diff(at).pow(2) + j.abs_diff(20).pow(2) < 64
+    }
+
+    #[test]
+    fn a_thin_part_of_slices_is_no_plane_across_them() {
+        // Discs that go far from slice to slice, and a line that stays.
+        let thin =
+            |i: usize, j: usize, k: usize| k < 3 && (disc(i, j, 8 + 17 * k) || (i == 58 && (10..30).contains(&j)));
+        let found = sheets(thin);
+        assert!(found.across(0) == [58] && found.across(2) == [0, 1, 2], "{found:?}");
+        assert_eq!(found.crossing(), None);
+    }
+
+    #[test]
+    fn planes_across_two_axes_cross() {
+        let found = sheets(|i, j, k| disc(i, j, 30) && (k % 4 == 0 || i == 30));
+        let message = found.crossing().expect("they cross");
+        assert!(message.contains("across x on 30, across z on 0,4,8"), "{message}");
     }
 }

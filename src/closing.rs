@@ -28,8 +28,6 @@ const REACH: std::ops::RangeInclusive<f64> = 0.05..=0.75;
 /// The farthest that a part goes, in inradii, and one in which several join.
 const ROUND: f64 = 0.7;
 const TRUNK: f64 = 1.5;
-/// A part that is larger than this many times what it comes from is no end of a body that tapers.
-const WIDER: f64 = 2.0;
 
 /// Where `part` ends beyond its slice, as a share of the gap to the next one (px), by what it comes from on the other side, `inner_gap` px away.
 pub fn closes(part: &LonePart, gap: f64, inner: Option<(&Succession, f64)>) -> f64 {
@@ -114,7 +112,7 @@ impl<'a> Succession<'a> {
     }
 
     /// `A' / A`, or `(D' / D)^s` where that is more; of a branch or trunk the latter with the other slice's depth where it is. Nothing where a
-    /// part meets nothing, or widens.
+    /// part meets nothing.
     fn fall(&self, part: &LonePart) -> Option<Fall> {
         let number = self.own.solids.labels[self.own.seeds[*part.seeds.first()? as usize].inside];
         let own = self.from[number as usize];
@@ -130,7 +128,7 @@ impl<'a> Succession<'a> {
         }
         let area = f64::from(before.pixels) / f64::from(own.pixels);
         let whole = area.max(thinner(self.inner.solid_depth[from as usize]));
-        (WIDER * area >= 1.0).then_some(Fall::Whole(whole))
+        Some(Fall::Whole(whole))
     }
 }
 

@@ -44,7 +44,7 @@ const SEEN: usize = 4;
 /// Promises that do not hold everywhere yet: on how many of the stacks of this suite a property may still fall, on the reference path and on a GPU.
 /// More than these is a fault. The counts are what was seen; they are to be lowered, not raised.
 const STILL: [(&str, [usize; 2]); 2] = [
-    // Of 120 stacks 8: 4 with events, and 4 without, which are the sweep's.
+    // Of 1020 stacks of a campaign 72, see benches/RESULTS.md: where contours fork one particle more or less dies.
     ("half_the_step", [1, 0]),
     ("nothing_floats", [1, 0]),
 ];
@@ -379,7 +379,7 @@ fn p07_no_jump_where_a_sweep_vanishes() {
 
 #[test]
 fn p08_half_the_step_gives_the_same_body() {
-    // At the fork it is .13 with half of .5 (7.9 at first), .01 with half of .1.
+    // At the fork it is .12 with half of .5 (7.9 at first), .02 with half of .1.
     for (cfl, most) in [(0.5, 0.2), (0.1, 0.05)] {
         let body = |cfl: f64| run(&of_zoo("one_to_two", 10.0), &steps(11, 1.0), &Settings { cfl, ..plain() });
         let [one, half] = [body(cfl), body(0.5 * cfl)];
@@ -389,6 +389,19 @@ fn p08_half_the_step_gives_the_same_body() {
         println!("{cfl}: {change} px");
         assert!(change < most, "{cfl}: {change} px");
     }
+}
+
+/// Beside a gap a hundred times as long, fairing's gradient along a short one told of rounding and of the sweeps' steps (.94 px).
+#[test]
+fn p08_a_gap_unlike_its_neighbours_stays_calm() {
+    let property = named("half_the_step");
+    let case = (property.draw)(303_864);
+    let change = match (property.check)(&case, &REFERENCE) {
+        Ok(change) => change.expect("the body has pixels near its surface"),
+        Err(fault) => fault.figure,
+    };
+    println!("{change} px");
+    assert!(change < 0.1, "{change} px");
 }
 
 /// Values of the natural cubic through `y` at `x`, equally spaced, three knots: `(values at either end, the middle's slope)`.

@@ -404,6 +404,22 @@ fn p08_a_gap_unlike_its_neighbours_stays_calm() {
     assert!(change < 0.1, "{change} px");
 }
 
+#[test]
+fn p08_splines_that_overshoot_on_unlike_gaps_are_warned_of() {
+    let discs = [8.0, 9.0, 11.0].map(|r| circle(20.0, 20.0, r));
+    let warned = |z: [f64; 3], slope| {
+        let body = run(&masks(40, &z, &discs), &z, &Settings { slope, ..plain() });
+        body.report.warnings.iter().filter(|w| w.contains("between gaps so unlike")).count()
+    };
+    let unlike = [0.0, 1.0, 21.0];
+    for (slope, count) in
+        [(SlopeRule::Natural, 1), (SlopeRule::Catmull, 1), (SlopeRule::Hyman, 0), (SlopeRule::Pchip, 0)]
+    {
+        assert_eq!(warned(unlike, slope), count, "{slope:?}");
+        assert_eq!(warned([0.0, 1.0, 10.0], slope), 0, "{slope:?}");
+    }
+}
+
 /// Values of the natural cubic through `y` at `x`, equally spaced, three knots: `(values at either end, the middle's slope)`.
 fn natural_cubic(y: [f64; 3], gap: f64, z: f64) -> f64 {
     // One inner knot: its second derivative is all there is.

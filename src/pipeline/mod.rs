@@ -184,6 +184,9 @@ pub fn run(
             ..Report::default()
         },
     };
+    if overshoots(settings.slope) {
+        run.report.warnings.extend(whole.unlike_gaps());
+    }
     let contours = run.stage("distance", stack.slices.len(), Run::distance)?;
     run.find_links(&contours)?;
     let first = run.span.first;

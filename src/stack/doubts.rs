@@ -6,6 +6,8 @@ use super::{ContourStack, SliceContent};
 const STRAY: f64 = 0.05;
 /// Gaps this near to each other, relatively, are the same.
 const SAME: f64 = 0.01;
+/// Gaps unlike by this factor: a spline that may leave the range of its contours leaves it there by several times their difference.
+const UNLIKE: f64 = 10.0;
 /// Slices that a message names.
 const NAMED: usize = 6;
 
@@ -68,6 +70,23 @@ impl ContourStack {
             |k: usize, beside: usize| sides(k).into_iter().zip(sides(beside)).any(|(own, other)| own && other);
         let name = |k: usize| format!("slice `{}`", self.slices[k].name);
         stray(&strays(&sections, overlap), &sections, name)
+    }
+
+    /// What a person should know of the slice whose two gaps are the most unlike, for splines that may overshoot.
+    pub fn unlike_gaps(&self) -> Option<String> {
+        let ratio = |[below, above]: [f64; 2]| (below / above).max(above / below);
+        let gap = |k: usize| self.slices[k + 1].z - self.slices[k].z;
+        let inner = 1..self.slices.len().saturating_sub(1);
+        let gaps = inner.map(|k| (k, [gap(k - 1), gap(k)]));
+        let (k, gaps) = gaps.max_by(|a, b| ratio(a.1).total_cmp(&ratio(b.1)))?;
+        let name = &self.slices[k].name;
+        (ratio(gaps) >= UNLIKE).then(|| {
+            format!(
+                "slice `{name}` lies {:.3} over the one below and {:.3} under the one above: between gaps so unlike `natural` and `catmull` leave \
+                 the range of their contours by far; `pchip` and `hyman` do not",
+                gaps[0], gaps[1]
+            )
+        })
     }
 }
 

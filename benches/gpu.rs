@@ -23,14 +23,15 @@ mod stacks;
 mod gpu {
     use std::time::Instant;
 
-    use interslice::demo::demo;
-    use interslice::field::Field;
-    use interslice::gpu::alone::Reach;
+    use interslice::evaluate::demo::demo;
+    use interslice::gpu::selftest::single_kernels::Reach;
     use interslice::gpu::{Gpu, GpuOptions};
+    use interslice::grid::field::Field;
+    use interslice::input::read;
     use interslice::progress::Silent;
     use interslice::report::{KernelCost, Profile};
     use interslice::settings::Method;
-    use interslice::stack::{ContourStack, ReadOptions, read};
+    use interslice::stack::{ContourStack, ReadOptions};
     use interslice::{Backend, Reconstruction, Reference, Result, Settings, height_grid, reconstruct_with};
 
     use crate::stacks::{named_stacks, widened};

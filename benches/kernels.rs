@@ -4,8 +4,8 @@
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
-use interslice::contour::seeds;
-use interslice::field::Field;
+use interslice::contour::seeds::seeds;
+use interslice::grid::field::Field;
 use interslice::reference::band::Band;
 use interslice::reference::distance::distance_of;
 use interslice::reference::exact::exact_distance;

@@ -8,8 +8,9 @@ mod stacks;
 use std::path::Path;
 
 use divan::Bencher;
-use interslice::demo::demo;
-use interslice::stack::{ContourStack, ReadOptions, read};
+use interslice::evaluate::demo::demo;
+use interslice::input::read;
+use interslice::stack::{ContourStack, ReadOptions};
 use interslice::surface::mesh::closed_surface;
 use interslice::{Settings, reconstruct};
 use stacks::{named_stacks, widened};
@@ -35,7 +36,7 @@ fn jacksboro_mesh_alone(bencher: Bencher) {
     bencher.bench(|| closed_surface(&body));
 }
 
-#[divan::bench(args = interslice::demo::NAMES, sample_count = 5)]
+#[divan::bench(args = interslice::evaluate::demo::NAMES, sample_count = 5)]
 fn demos(bencher: Bencher, name: &str) {
     let Some(demo) = demo(name) else { return };
     bencher.bench(|| reconstruct(&demo.stack, &demo.settings));

@@ -13,7 +13,7 @@
 @group(0) @binding(9) var<storage, read> slots: array<u32>;
 @group(0) @binding(10) var<storage, read> before: array<vec4<f32>>;
 
-// How much deeper one sweep's field may be than the other's when they are blended, px: the reason is in src/jobs.rs.
+// How much deeper one sweep's field may be than the other's when they are blended, px: the reason is in src/backend/jobs.rs.
 const DISAGREEMENT: f32 = 0.5;
 
 // A front that is wanted within a step: whose, where its copy goes, and the share of the step.

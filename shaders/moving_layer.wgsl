@@ -101,7 +101,7 @@ fn sample_smooth(first: u32, ij: vec2<i32>, offset: vec2<f32>) -> f32 {
     return sum;
 }
 
-// What a part's distance has grown by at time `t`: the twin is `Cap::offset` in src/caps.rs.
+// What a part's distance has grown by at time `t`: the twin is `Cap::offset` in src/contour/caps.rs.
 fn closed(part: Part, t: f32) -> f32 {
     let q = t / part.height;
     if q < AT_TIP {

@@ -2,88 +2,47 @@
 
 #![warn(missing_docs)]
 
-pub mod appearance;
-pub mod areas;
 pub mod backend;
 pub mod batch;
-pub mod caps;
-pub mod change;
-mod closing;
-pub mod components;
-mod compose;
-pub mod conditioning;
+mod connectivity;
 pub mod contour;
-mod contours;
-mod cores;
-pub mod demo;
-pub mod displacement;
-mod drawn;
-pub mod effort;
-pub mod end_law;
-mod end_parts;
-mod ends;
 pub mod error;
-pub mod examined;
+pub mod estimate;
+pub mod evaluate;
 mod fairing;
-pub mod field;
 pub mod files;
-mod fit;
-mod frames;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-mod grounded;
-pub mod heights;
-pub mod holdout;
-pub mod jobs;
+pub mod grid;
+pub mod input;
 pub mod labels;
-pub mod links;
-mod lone_part;
-pub mod map;
-mod matching;
-pub mod memory;
-mod motion;
-pub mod moving_field;
-mod moving_stack;
-mod offsets;
-pub mod packed;
-pub mod parts;
-mod pipeline;
+pub mod pipeline;
 pub mod polygons;
 pub mod preset;
 pub mod progress;
 pub mod reference;
+pub mod registration;
 pub mod report;
-mod rigid;
 #[cfg(feature = "dicom")]
 pub mod rtstruct;
-pub mod runs;
-pub mod section;
 pub mod settings;
-pub mod shelf;
-pub mod spline;
 pub mod stack;
-pub mod stencil;
+pub mod storage;
 pub mod surface;
 #[cfg(feature = "terrain")]
 pub mod terrain;
-pub mod tile;
-pub mod topology;
-mod tracks;
-mod trust;
-pub mod verdict;
-mod warp;
 
 pub use backend::{Backend, Means};
 pub use error::{Error, Result};
-pub use heights::height_grid;
 pub use pipeline::Bonds;
+pub use pipeline::section::Section;
 pub use progress::Progress;
 pub use reference::Reference;
 pub use report::Report;
-pub use section::Section;
 pub use settings::Settings;
-pub use shelf::Budget;
 pub use stack::ContourStack;
+pub use stack::heights::height_grid;
+pub use storage::spill::Budget;
 pub use surface::Reconstruction;
 
 /// Reconstructs the body between the contours of `stack` on the reference path, at the heights [`height_grid`] gives.

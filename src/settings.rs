@@ -10,7 +10,6 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::links::Link;
 
 /// How a mask's staircase becomes a smooth contour. No rule flips a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -149,6 +148,25 @@ impl From<EndRule> for String {
     fn from(rule: EndRule) -> String {
         rule.to_string()
     }
+}
+
+/// What is said about a pair of parts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Link {
+    /// The lower slice, from 0.
+    pub slice: usize,
+    /// Its part, from 1.
+    pub from: u32,
+    /// The part of the next slice, from 1.
+    pub to: u32,
+    /// Whether they belong together.
+    #[serde(default = "joined")]
+    pub join: bool,
+}
+
+fn joined() -> bool {
+    true
 }
 
 /// Every numeric parameter of a reconstruction.

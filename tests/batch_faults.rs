@@ -270,7 +270,7 @@ fn a_job_that_panics_has_failed_and_the_others_are_done() {
 mod device {
     use std::sync::Mutex;
 
-    use interslice::gpu::shared::SharedGpu;
+    use interslice::batch::shared_gpu::SharedGpu;
     use interslice::gpu::{Gpu, GpuOptions};
 
     use super::*;

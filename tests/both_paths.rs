@@ -6,16 +6,17 @@ mod shapes;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use interslice::components::{label4, label8};
-use interslice::demo::demo;
-use interslice::displacement::{Displacement, DisplacementJob};
-use interslice::field::Field;
+use interslice::evaluate::demo::demo;
 use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
-use interslice::moving_field::{LoneParts, MovingField};
+use interslice::grid::components::{label4, label8};
+use interslice::grid::field::Field;
+use interslice::input::read;
 use interslice::progress::Silent;
 use interslice::reference::displacement::ROUNDS;
+use interslice::registration::displacement::{Displacement, DisplacementJob};
+use interslice::registration::motion_field::{LoneParts, MovingField};
 use interslice::settings::Method;
-use interslice::stack::{ReadOptions, read};
+use interslice::stack::ReadOptions;
 use interslice::{Backend, ContourStack, Error, Reconstruction, Reference, Settings, height_grid, reconstruct_with};
 use shapes::zoo::{N, zoo};
 use shapes::*;
@@ -309,7 +310,7 @@ fn an_adapter_that_is_not_there_is_named() {
 
 #[test]
 fn the_driver_passes_the_self_test() {
-    let findings = interslice::gpu::doctor::examine(&open(&GpuOptions::default())).expect("the GPU works");
+    let findings = interslice::gpu::selftest::doctor::examine(&open(&GpuOptions::default())).expect("the GPU works");
     assert!(findings.trusted(), "{:#?}", findings.in_words());
     assert!(findings.trips[0] >= 65_000, "loops of {} trips", findings.trips[0]);
 }

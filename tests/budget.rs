@@ -2,8 +2,8 @@
 
 mod shapes;
 
-use interslice::links::Link;
 use interslice::progress::Silent;
+use interslice::settings::Link;
 use interslice::settings::{Method, Motion};
 use interslice::surface::Layer;
 use interslice::{Backend, Budget, ContourStack, Means, Reference, Settings, height_grid, reconstruct_into};

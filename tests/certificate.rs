@@ -1,9 +1,10 @@
 //! The certificate fails where it should: every check sees the one defect that it is for, and nothing in a sound body.
 
 use interslice::Report;
-use interslice::examined::{BESIDE, Examined, Spec};
+use interslice::pipeline::certificate::{Examined, Spec};
 use interslice::report::{ContourReport, Pair};
 use interslice::settings::EndRule;
+use interslice::stack::heights::BESIDE;
 use interslice::surface::Layer;
 
 const N: usize = 40;

@@ -3,9 +3,9 @@
 mod shapes;
 mod support;
 
-use interslice::change::Change;
 use interslice::progress::Silent;
 use interslice::settings::{EndRule, Method, Motion};
+use interslice::stack::change::Change;
 use interslice::surface::mesh::closed_surface;
 use interslice::{Reference, Settings, reconstruct_with};
 use shapes::*;

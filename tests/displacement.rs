@@ -1,7 +1,7 @@
 //! Displacements read pixel by pixel, by rows, and bounded.
 
-use interslice::displacement::{Displacement, Resting};
-use interslice::moving_field::{MovingField, Paths, Place, time};
+use interslice::registration::displacement::{Displacement, Resting};
+use interslice::registration::motion_field::{MovingField, Paths, Place, time};
 
 /// A row weighs its axes in the other order: vectors of 7 px differ by their last bits.
 const ROUNDING: f64 = 1e-14;

@@ -4,7 +4,7 @@
 mod files;
 
 use files::*;
-use interslice::holdout::hold_out;
+use interslice::evaluate::holdout::hold_out;
 use interslice::stack::{Geometry, HeightGrid, Slice, SliceContent};
 use interslice::{ContourStack, Reference, Settings, progress, reconstruct};
 
@@ -31,7 +31,7 @@ fn branching() -> ContourStack {
     stack(slices.collect())
 }
 
-fn score(stack: &ContourStack) -> interslice::holdout::HoldOut {
+fn score(stack: &ContourStack) -> interslice::evaluate::holdout::HoldOut {
     hold_out(stack, &Settings::default(), 2, &Reference, &progress::Silent).expect("it can be scored")
 }
 

@@ -7,8 +7,9 @@ use std::fs;
 use std::path::Path;
 
 use files::*;
-use interslice::stack::volume::axis::Axis;
-use interslice::stack::{ContourStack, Level, ReadOptions, SliceContent, read};
+use interslice::input::read;
+use interslice::stack::axis::Axis;
+use interslice::stack::{ContourStack, Level, ReadOptions, SliceContent};
 
 const SIZES: [usize; 3] = [41, 37, 13];
 const RADIUS: f64 = 14.3;

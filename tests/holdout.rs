@@ -2,7 +2,7 @@
 
 mod shapes;
 
-use interslice::holdout::hold_out;
+use interslice::evaluate::holdout::hold_out;
 use interslice::progress::Silent;
 use interslice::settings::EndRule;
 use interslice::{Reference, Settings};

@@ -10,7 +10,8 @@ use std::io::Cursor;
 use std::path::Path;
 
 use files::*;
-use interslice::stack::{ReadOptions, read};
+use interslice::input::read;
+use interslice::stack::ReadOptions;
 use proptest::prelude::*;
 use tiff::encoder::{TiffEncoder, colortype::Gray8};
 use tiff::tags::Tag;

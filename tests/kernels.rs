@@ -4,10 +4,11 @@ mod shapes;
 
 use std::borrow::Cow;
 
+use interslice::backend::jobs::{PartJob, TraceJob};
 use interslice::backend::{ContourOptions, MorphOptions};
-use interslice::contour::{Seed, seeds, trace_loops};
-use interslice::field::Field;
-use interslice::jobs::{PartJob, TraceJob};
+use interslice::contour::seeds::{Seed, seeds, trace_loops};
+use interslice::grid::field::Field;
+use interslice::grid::stencil::{Eikonal, godunov, weno5};
 use interslice::reference::band::Band;
 use interslice::reference::contour_field::{field_of_level, field_of_mask};
 use interslice::reference::distance::distance_of;
@@ -19,7 +20,6 @@ use interslice::reference::reinit::reinit;
 use interslice::reference::scatter::scatter;
 use interslice::reference::trace::trace;
 use interslice::settings::{AntiAlias, Settings};
-use interslice::stencil::{Eikonal, godunov, weno5};
 use proptest::prelude::*;
 use shapes::{Shape, circle, square, union};
 
@@ -308,7 +308,7 @@ fn loops_are_closed_and_keep_the_inside_on_one_side() {
     let ring: Shape = Box::new(|x, y| ((x - 20.0).hypot(y - 20.0) - 11.0).abs() - 4.0);
     let loops = trace_loops(&field([41, 41], SQUARE, &ring));
     assert_eq!(loops.len(), 2);
-    let area = |path: &Vec<interslice::contour::Crossing>| -> f64 {
+    let area = |path: &Vec<interslice::contour::seeds::Crossing>| -> f64 {
         let n = path.len();
         (0..n).map(|k| (path[k].x, path[(k + 1) % n].x)).map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
     };
@@ -322,7 +322,7 @@ fn loops_are_closed_and_keep_the_inside_on_one_side() {
     assert_eq!(trace_loops(&joined).len(), 1);
 }
 
-fn morph(source: &Field, target: &Field, h: [f64; 2]) -> interslice::jobs::Traced {
+fn morph(source: &Field, target: &Field, h: [f64; 2]) -> interslice::backend::jobs::Traced {
     let job = TraceJob { source: Cow::Borrowed(source), target: Cow::Borrowed(target), seeds: seeds(source, h, 0.5) };
     trace(&job, h, &MorphOptions::from(&Settings::default()))
 }

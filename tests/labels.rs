@@ -7,9 +7,10 @@ use std::fs;
 use std::path::Path;
 
 use files::*;
+use interslice::input::labels::{Wanted, read_labels};
+use interslice::input::read;
 use interslice::labels::{Bodies, Decided, LabelStack, Plan, decide, reconstruct};
-use interslice::stack::labels::{Wanted, read_labels};
-use interslice::stack::{ReadOptions, read};
+use interslice::stack::ReadOptions;
 use interslice::surface::Layer;
 use interslice::{Budget, Means, Reference, Settings, progress};
 
@@ -214,7 +215,7 @@ fn a_run_writes_a_volume_and_a_mesh_per_label() {
     run(&["--labels", "1,2,200", "-o", text(&volume), "-o", text(&mesh), "-o", text(&report)]);
     let names = ["in.nrrd", "out.1.stl", "out.2.stl", "out.200.stl", "out.json", "out.nrrd"].map(at);
     assert_eq!(listing(place.path()), names);
-    let survey = interslice::stack::read::survey(&volume).expect("the label volume can be read");
+    let survey = interslice::input::survey(&volume).expect("the label volume can be read");
     assert_eq!(survey.labels.keys().copied().collect::<Vec<_>>(), [1, 2, 200]);
     let json: serde_json::Value = serde_json::from_slice(&fs::read(&report).expect("there is a report")).expect("JSON");
     for (k, label) in [1, 2, 200].into_iter().enumerate() {

@@ -3,12 +3,13 @@
 mod shapes;
 mod support;
 
-use interslice::links::{Link, check};
-use interslice::parts::{candidates, overlaps, parts};
+use interslice::contour::parts::{candidates, overlaps, parts};
+use interslice::grid::spline::harmonic;
 use interslice::progress::Silent;
 use interslice::report::{Event, LinkedBy};
+use interslice::settings::Link;
 use interslice::settings::{Linking, Method, Motion, SlopeRule};
-use interslice::spline::harmonic;
+use interslice::stack::links::check;
 use interslice::stack::{ContourStack, SliceContent};
 use interslice::surface::Layer;
 use interslice::surface::mesh::closed_surface;
@@ -127,7 +128,7 @@ fn linked_parts_follow_a_curve() {
         let gap = z[i + 1] - z[i];
         std::array::from_fn(|c| {
             let s = places[i + 1][c] - places[i][c];
-            interslice::spline::hermite(&[s, gap * slope(i, c), gap * slope(i + 1, c), 1.0], t) + places[i][c]
+            interslice::grid::spline::hermite(&[s, gap * slope(i, c), gap * slope(i + 1, c), 1.0], t) + places[i][c]
         })
     };
     let times = [0.25, 0.5, 0.75];
@@ -207,7 +208,7 @@ fn auto_links_what_is_near_and_alike() {
 fn candidates_tell_what_they_are_judged_by() {
     let mask = |shape: Shape| {
         let inside: Vec<bool> = (0..N * N).map(|k| shape((k % N) as f64, (k / N) as f64) < 0.0).collect();
-        interslice::components::label4(&inside, [N, N])
+        interslice::grid::components::label4(&inside, [N, N])
     };
     // Pixels twice as wide as high: 20 px along x are 20, along y 10.
     let h = [1.0, 0.5];
@@ -258,7 +259,7 @@ fn a_small_part_goes_into_a_large_one_no_farther_than_it_must() {
         // No shreds: every layer is the two that come, or one body.
         for layer in &body.layers {
             let inside: Vec<bool> = layer.phi.iter().map(|v| *v < 0.0).collect();
-            let parts = interslice::components::label4(&inside, [N, N]).count;
+            let parts = interslice::grid::components::label4(&inside, [N, N]).count;
             assert!(parts <= if layer.z < 12.0 { 3 } else { 1 }, "{way:?}: {parts} parts at {}", layer.z);
         }
     }

@@ -11,7 +11,8 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use files::folder;
-use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::options::OutputOptions;
+use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::files::{JobOptions, Loaded};
@@ -133,14 +134,17 @@ fn of_simplifying_is_what_was_said_at_most() {
 
 #[test]
 fn of_a_mesh_are_its_triangles_which_contours_tell() {
-    let mut stacks: Vec<(ContourStack, Settings)> =
-        interslice::demo::NAMES.into_iter().filter_map(interslice::demo::demo).map(|d| (d.stack, d.settings)).collect();
+    let mut stacks: Vec<(ContourStack, Settings)> = interslice::evaluate::demo::NAMES
+        .into_iter()
+        .filter_map(interslice::evaluate::demo::demo)
+        .map(|d| (d.stack, d.settings))
+        .collect();
     stacks.push((stack(), Settings::default()));
     for (stack, settings) in stacks {
         let heights = interslice::height_grid(&stack, &settings, None).heights().expect("a few");
         let body = interslice::reconstruct_with(&stack, &heights, &settings, &Reference, &Silent).expect("it can be");
         let triangles = interslice::surface::mesh::closed_surface(&body).triangles.len() as u64;
-        let said = interslice::memory::triangles(&stack, &heights);
+        let said = interslice::estimate::memory::triangles(&stack, &heights);
         println!("{triangles} triangles, {said} said");
         assert!(triangles <= said && said <= 3 * triangles, "{triangles} triangles, {said} said");
     }

@@ -5,10 +5,10 @@ mod shapes;
 
 use std::sync::Arc;
 
-use interslice::displacement::{Displacement, DisplacementJob};
-use interslice::field::Field;
+use interslice::grid::field::Field;
 use interslice::progress::Silent;
 use interslice::reference::displacement::ROUNDS;
+use interslice::registration::displacement::{Displacement, DisplacementJob};
 use interslice::settings::{Method, SlopeRule};
 use interslice::stack::{ContourStack, Slice, SliceContent};
 use interslice::{Backend, Reference, Settings, reconstruct_with};

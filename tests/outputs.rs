@@ -8,8 +8,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use files::{folder, interslice, sound_stack, stderr};
-use interslice::demo::demo;
-use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::evaluate::demo::demo;
+use interslice::files::options::OutputOptions;
+use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::files::{JobOptions, Loaded};

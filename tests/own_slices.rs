@@ -7,9 +7,10 @@ use std::fs;
 use std::path::Path;
 
 use files::*;
+use interslice::input::labels::{Wanted, read_labels};
+use interslice::input::read;
 use interslice::labels::{Plan, decide, reconstruct};
-use interslice::stack::labels::{Wanted, read_labels};
-use interslice::stack::{ReadOptions, read};
+use interslice::stack::ReadOptions;
 use interslice::surface::Layer;
 use interslice::{Budget, Means, Reference, Settings, progress};
 
@@ -217,7 +218,7 @@ fn p13_of_all_labels_those_that_cannot_be_done_are_left_out() {
     let done = run("all");
     assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
     assert!(stderr(&done).contains("label 9: left out, is drawn on 1 of the slices"), "{}", stderr(&done));
-    let survey = interslice::stack::read::survey(&out).expect("the label volume can be read");
+    let survey = interslice::input::survey(&out).expect("the label volume can be read");
     assert_eq!(survey.labels.keys().copied().collect::<Vec<_>>(), [1, 2]);
     let json: serde_json::Value = serde_json::from_slice(&fs::read(&report).expect("there is a report")).expect("JSON");
     assert_eq!(json["left_out"][0]["label"], 9);

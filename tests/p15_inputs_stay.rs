@@ -10,7 +10,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use files::{folder, interslice, nrrd, sound_stack, stderr};
-use interslice::stack::{ReadOptions, read};
+use interslice::input;
+use interslice::stack::ReadOptions;
 use tempfile::TempDir;
 
 /// Closed lines around a hill, as GeoJSON.
@@ -213,7 +214,7 @@ fn readers_say_all_that_they_read() {
     for (input, named) in READ.iter().filter(|(input, _)| !input.contains("..")) {
         let from = place.path().join(input);
         let options = ReadOptions::default();
-        let files = read::files(&from).expect("it says them");
+        let files = input::files(&from).expect("it says them");
         named.iter().for_each(|name| assert!(files.contains(&place.path().join(name)), "{input}: {name} in {files:?}"));
         // What they name is all there is to it: a copy of these files is the same stack.
         let copy = folder();

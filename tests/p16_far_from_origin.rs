@@ -9,7 +9,8 @@ use std::fs;
 use std::path::Path;
 
 use files::{folder, interslice, nrrd, stderr};
-use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::options::OutputOptions;
+use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::surface::stream::LayerSink;

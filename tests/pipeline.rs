@@ -2,9 +2,9 @@
 
 mod shapes;
 
+use interslice::grid::spline::slope;
 use interslice::progress::Silent;
 use interslice::settings::{SlopeRule, SplineEnd};
-use interslice::spline::slope;
 use interslice::stack::ContourStack;
 use interslice::surface::Layer;
 use interslice::{Reconstruction, Reference, Settings, reconstruct_with};
@@ -32,7 +32,7 @@ fn expected(z: f64, knots: &[f64], radii: &[f64], settings: &Settings) -> f64 {
         SlopeRule::Linear => s / gap,
         rule => slope(knots, radii, k, rule, settings.spline_end()),
     };
-    radii[i] + interslice::spline::hermite(&[s, m(i) * gap, m(i + 1) * gap, 1.0], (z - knots[i]) / gap)
+    radii[i] + interslice::grid::spline::hermite(&[s, m(i) * gap, m(i + 1) * gap, 1.0], (z - knots[i]) / gap)
 }
 
 /// P9: `natural` in the paper's figs. 5 and 6 is the natural cubic spline through the contours' radii, here by its second derivative at the
@@ -40,7 +40,7 @@ fn expected(z: f64, knots: &[f64], radii: &[f64], settings: &Settings) -> f64 {
 #[test]
 fn natural_is_the_natural_cubic_in_figures_5_and_6() {
     for name in ["fig5", "fig6"] {
-        let demo = interslice::demo::demo(name).expect("there is one");
+        let demo = interslice::evaluate::demo::demo(name).expect("there is one");
         let off = |spline_end| {
             let settings = Settings { motion: plain().motion, fair: 0.0, spline_end, ..demo.settings.clone() };
             let heights: Vec<f64> = (0..=64).map(|k| 0.5 * f64::from(k)).collect();

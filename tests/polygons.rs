@@ -7,12 +7,13 @@ use std::f64::consts::TAU;
 use std::fs;
 
 use files::*;
-use interslice::contour::trace_loops;
-use interslice::field::Field;
+use interslice::contour::seeds::trace_loops;
+use interslice::grid::field::Field;
+use interslice::input::read;
 use interslice::polygons::edges::contour_edges;
 use interslice::polygons::grid::pixel_side;
 use interslice::polygons::{CLAMP, Drawing, Planes, Polygon, stack};
-use interslice::stack::{ContourStack, Geometry, ReadOptions, SliceContent, read};
+use interslice::stack::{ContourStack, Geometry, ReadOptions, SliceContent};
 use proptest::prelude::*;
 
 fn circle(center: [f64; 2], radius: f64, points: usize) -> Polygon {

@@ -7,7 +7,7 @@ mod support;
 
 use std::f64::consts::PI;
 
-use interslice::demo::demo;
+use interslice::evaluate::demo::demo;
 use interslice::polygons::{self, Drawing, Planes};
 #[cfg(feature = "gpu")]
 use interslice::settings::SplineEnd;

@@ -3,9 +3,9 @@
 mod shapes;
 mod support;
 
+use interslice::grid::spline::hermite_values;
 use interslice::progress::Silent;
 use interslice::settings::{EndRule, Linking, Method, Motion, SlopeRule};
-use interslice::spline::hermite_values;
 use interslice::stack::{ContourStack, SliceContent};
 use interslice::surface::mesh::closed_surface;
 use interslice::{Reconstruction, Reference, Settings, reconstruct_with};

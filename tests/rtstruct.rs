@@ -15,7 +15,8 @@ use dicom_dictionary_std::{tags, uids};
 use dicom_object::{InMemDicomObject, open_file};
 use files::*;
 use interslice::ContourStack;
-use interslice::stack::{ReadOptions, read};
+use interslice::input::read;
+use interslice::stack::ReadOptions;
 use rtss::*;
 
 fn stack(path: &Path, roi: &[&str]) -> ContourStack {

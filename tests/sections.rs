@@ -2,8 +2,8 @@
 
 mod shapes;
 
-use interslice::links::Link;
 use interslice::progress::Silent;
+use interslice::settings::Link;
 use interslice::settings::{EndRule, Method, Motion};
 use interslice::surface::Layer;
 use interslice::{Budget, ContourStack, Error, Means, Reference, Report, Section, Settings};

@@ -116,14 +116,14 @@ fn wgsl_constant(module: &naga::Module, name: &str) -> Option<f64> {
 fn constants_are_those_of_the_twins() {
     use interslice::gpu::layout;
     use interslice::reference::{distance, exact, extend, part, particles, propagate, reinit, scatter, trace};
-    use interslice::{displacement, moving_field as field};
+    use interslice::registration::{displacement, motion_field as field};
     let wanted: &[(&str, &str, f64)] = &[
         ("trace", "STEP_LIMIT", trace::STEP_LIMIT),
         ("trace", "NEAR", trace::NEAR),
         ("trace", "STALL_BELOW", trace::STALL_BELOW),
         ("trace", "LEAST_GAIN", trace::LEAST_GAIN),
         ("trace", "PATIENCE", trace::PATIENCE),
-        ("trace", "COURANT", interslice::stencil::COURANT),
+        ("trace", "COURANT", interslice::grid::stencil::COURANT),
         ("trace", "SLACK", trace::SLACK),
         ("part", "BOTH", part::BOTH),
         ("extend", "ALIKE", extend::ALIKE),
@@ -141,9 +141,9 @@ fn constants_are_those_of_the_twins() {
         ("scatter", "FILL_ROUNDS", scatter::FILL_ROUNDS as f64),
         ("distance", "TRUSTED", distance::TRUSTED),
         ("exact", "TIE", exact::TIE),
-        ("compose", "DISAGREEMENT", interslice::jobs::DISAGREEMENT),
-        ("hj_step", "EPSILON", interslice::stencil::EPSILON),
-        ("hj_step", "REACH", interslice::stencil::REACH as f64),
+        ("compose", "DISAGREEMENT", interslice::backend::jobs::DISAGREEMENT),
+        ("hj_step", "EPSILON", interslice::grid::stencil::EPSILON),
+        ("hj_step", "REACH", interslice::grid::stencil::REACH as f64),
         ("band", "RIM", interslice::reference::band::RIM as f64),
         ("band", "BLOCK", interslice::gpu::layout::BLOCK as f64),
         ("band", "GRID", f64::from(interslice::gpu::layout::GRID)),

@@ -5,7 +5,7 @@ mod shapes;
 use std::f64::consts::PI;
 
 use interslice::Settings;
-use interslice::end_law::CapRule;
+use interslice::report::CapRule;
 use interslice::settings::{EndRule, Method, Motion};
 use shapes::spheres::*;
 

@@ -7,8 +7,9 @@ mod shapes;
 use std::fs;
 
 use files::*;
+use interslice::input::read;
 use interslice::settings::EndRule;
-use interslice::stack::{HeightGrid, Level, ReadOptions, SliceContent, read};
+use interslice::stack::{HeightGrid, Level, ReadOptions, SliceContent};
 use interslice::{Settings, height_grid, reconstruct};
 use shapes::{circle, levels, masks};
 

@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 
 use files::folder;
 use flate2::read::{GzDecoder, ZlibDecoder};
-use interslice::demo::{NAMES, demo};
-use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::evaluate::demo::{NAMES, demo};
+use interslice::files::options::OutputOptions;
+use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::files::{JobOptions, Loaded};

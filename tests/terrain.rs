@@ -9,8 +9,8 @@ use std::fs;
 use std::path::Path;
 
 use files::*;
-use interslice::map::Crs;
 use interslice::stack::ReadOptions;
+use interslice::surface::map::Crs;
 use interslice::terrain::Terrain;
 use serde_json::{Value, json};
 use tiff::decoder::{Decoder, DecodingResult};

@@ -5,7 +5,7 @@ mod shapes;
 
 use std::collections::BTreeSet;
 
-use interslice::components::label4;
+use interslice::grid::components::label4;
 use interslice::progress::Silent;
 use interslice::settings::{EndRule, Linking, Method, Motion};
 use interslice::stack::ContourStack;
@@ -287,7 +287,7 @@ fn a_pixel_beside_a_disc_stays_connected() {
 #[test]
 fn parts_that_a_link_keeps_apart_have_no_core() {
     let stack = masks(N, &[0.0, 8.0], &[circle(14.0, 18.0, 8.0), circle(18.0, 18.0, 8.0)]);
-    let link = interslice::links::Link { slice: 0, from: 1, to: 1, join: false };
+    let link = interslice::settings::Link { slice: 0, from: 1, to: 1, join: false };
     for (links, torn) in [(vec![], 0), (vec![link], 1)] {
         let settings = Settings { links, ..Settings::default() };
         let (layers, report) = made(&stack, &settings, 7.0, Bonds::ALL);

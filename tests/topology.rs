@@ -4,7 +4,7 @@
 mod shapes;
 mod support;
 
-use interslice::components::label4;
+use interslice::grid::components::label4;
 use interslice::progress::Silent;
 use interslice::report::Event;
 use interslice::settings::{EndRule, Linking, Method, Motion, SlopeRule};

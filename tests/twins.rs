@@ -1,9 +1,9 @@
 //! Every stage on the GPU beside its f64 twin.
 #![cfg(feature = "gpu")]
 
-use interslice::gpu::comparison::Comparison;
-use interslice::gpu::twin_cases::Cases;
-use interslice::gpu::twins::compare;
+use interslice::gpu::selftest::cases::Cases;
+use interslice::gpu::selftest::comparison::Comparison;
+use interslice::gpu::selftest::twins::compare;
 use interslice::gpu::{Gpu, GpuOptions};
 
 fn poisoned() -> Gpu {

@@ -10,10 +10,11 @@ use std::path::Path;
 use files::*;
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use interslice::stack::read::{read_surveyed, survey};
-use interslice::stack::volume::Grid;
-use interslice::stack::volume::axis::Axis;
-use interslice::stack::{ContourStack, ReadOptions, SliceContent, read};
+use interslice::input::read;
+use interslice::input::volume::grid::Grid;
+use interslice::input::{read_surveyed, survey};
+use interslice::stack::axis::Axis;
+use interslice::stack::{ContourStack, ReadOptions, SliceContent};
 
 const SIZES: [usize; 3] = [24, 20, 13];
 /// Rotated about z by asin 0.6 and tilted in no way: an oblique but rectangular grid, in LPS.
@@ -306,6 +307,6 @@ fn every_type_and_byte_order_gives_the_same_labels() {
     for path in paths {
         let survey = survey(&path).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(survey.labels.into_iter().collect::<Vec<_>>(), [(1, 2), (7, 1), (100, 2)], "{}", path.display());
-        assert_eq!(interslice::stack::read::files(&path).expect("both"), [path.clone(), path.with_extension("raw")]);
+        assert_eq!(interslice::input::files(&path).expect("both"), [path.clone(), path.with_extension("raw")]);
     }
 }

@@ -11,15 +11,18 @@ use flate2::write::GzEncoder;
 use interslice::batch::manifest::Manifest;
 use interslice::files::JobOptions;
 use interslice::files::named::Named;
-use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::options::OutputOptions;
+use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::files::section_file::Sections;
-use interslice::links::LinkOptions;
+use interslice::input::labels::{Wanted, read_labels};
 use interslice::rtstruct::StructureSet;
-use interslice::stack::labels::{Wanted, read_labels};
+use interslice::stack::links;
+use interslice::stack::links::LinkOptions;
 use interslice::stack::{Geometry, ReadOptions, Slice, SliceContent};
-use interslice::{ContourStack, Error, Result, Settings, links, memory, stack};
+use interslice::storage::room;
+use interslice::{ContourStack, Error, Result, Settings, input};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -169,7 +172,7 @@ pub fn section(bytes: &[u8]) -> Result<()> {
         let outputs = [folder.join("out.nrrd"), folder.join("out.stl")];
         let mut outputs = Outputs::open(&outputs, None, Temporary::Random, &mut Places::default())?;
         // As `merge` does.
-        memory::check(
+        room::check(
             outputs.bytes(sections.dims(), sections.geometry(), sections.dims().iter().product()),
             Some(MOST_WRITING),
         )?;
@@ -254,7 +257,7 @@ fn with_files(names: &[&str], bytes: &[u8], each: impl FnOnce(&Path) -> Result<(
 
 /// Reads a stack of any kind; what comes back is one that may be reconstructed.
 fn read(path: &Path, options: &ReadOptions) -> Result<()> {
-    let stack = stack::read(path, options)?;
+    let stack = input::read(path, options)?;
     stack.validate().expect("a reader gives a stack that may be reconstructed");
     Ok(())
 }

@@ -1,4 +1,4 @@
-// A course `[S, m0, m1, ok]`: the cubic Hermite curve with s(0) = 0, s(1) = S, s'(0) = m0, s'(1) = m1; the twin is src/spline.rs.
+// A course `[S, m0, m1, ok]`: the cubic Hermite curve with s(0) = 0, s(1) = S, s'(0) = m0, s'(1) = m1; the twin is src/grid/spline.rs.
 
 fn hermite(c: vec4<f32>, t: f32) -> f32 {
     return t * (c.y * (1.0 - t) * (1.0 - t) + t * (c.x * (3.0 - 2.0 * t) - c.z * (1.0 - t)));

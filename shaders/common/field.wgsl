@@ -1,4 +1,4 @@
-// Reading `phi` (a storage array of the including file) between pixels; the twin is src/field.rs. Positions are in pixels of the
+// Reading `phi` (a storage array of the including file) between pixels; the twin is src/grid/field.rs. Positions are in pixels of the
 // tile of `job`, which is passed by its index in `jobs`.
 
 struct Cell {

@@ -1,5 +1,5 @@
 // Images of a moving field and their displacements, `vectors` of the including file: one per node of a grid that is centred on the image, read
-// bilinearly. The twins are src/field.rs and src/displacement.rs.
+// bilinearly. The twins are src/grid/field.rs and src/registration/displacement.rs.
 //
 // A place is a pixel `ij` and a short offset from it, so that large images cost no digits.
 

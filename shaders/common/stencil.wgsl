@@ -1,4 +1,4 @@
-// Scalar arithmetic of the level-set scheme; the twin is src/stencil.rs, sentence by sentence.
+// Scalar arithmetic of the level-set scheme; the twin is src/grid/stencil.rs, sentence by sentence.
 
 const REACH: u32 = 3u;
 

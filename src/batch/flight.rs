@@ -7,10 +7,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::Instant;
 
+use super::agenda::{Batch, Outcome};
 use super::gate::Permit;
 use super::lock::Held;
 use super::results::{Certificate, ResultLine, Status, Written};
-use super::runner::{Batch, Outcome};
 use crate::backend::Means;
 use crate::error::{Error, Result};
 use crate::files::Loaded;
@@ -20,7 +20,7 @@ use crate::files::outputs::Outputs;
 use crate::files::pending::Temporary;
 use crate::files::places::Places;
 use crate::progress::Silent;
-use crate::shelf::Budget;
+use crate::storage::spill::Budget;
 use crate::surface::Reconstruction;
 
 /// A job on its way. Whatever ends it, its temporary files go, its memory is free and its lock is open.

@@ -10,12 +10,12 @@ use crate::files::JobOptions;
 use crate::files::fingerprint::fingerprint;
 use crate::files::format::check_name;
 use crate::files::named::{Named, names};
-use crate::files::outputs::OutputOptions;
+use crate::files::options::OutputOptions;
 use crate::files::places::Places;
-use crate::links::LinkOptions;
+use crate::input::check;
 use crate::settings::Settings;
 use crate::stack::ReadOptions;
-use crate::stack::read::check;
+use crate::stack::links::LinkOptions;
 
 /// The jobs of a batch.
 #[derive(Debug)]

@@ -1,5 +1,6 @@
 //! Many reconstructions, as a manifest lists them: one device, bounded memory, resumed where they were interrupted.
 
+mod agenda;
 mod flight;
 mod gate;
 pub mod line;
@@ -8,8 +9,11 @@ pub mod machine;
 pub mod manifest;
 pub mod results;
 pub mod runner;
+#[cfg(feature = "gpu")]
+pub mod shared_gpu;
 pub mod template;
 
+pub use agenda::{Options, Outcome, Watch};
 pub use machine::Machine;
 pub use manifest::{Job, Manifest};
-pub use runner::{Options, Outcome, Watch, finished, run};
+pub use runner::{finished, run};

@@ -9,12 +9,13 @@
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
+use super::agenda::{Agenda, Batch, Options, Outcome, Watch};
 use super::flight::{Computed, Read};
 use super::gate::Gate;
 use super::lock::Locks;
@@ -25,38 +26,6 @@ use crate::error::Result;
 
 /// How long to wait before asking again for jobs that another process has.
 const PATIENCE: Duration = Duration::from_millis(100);
-
-/// How a batch runs.
-#[derive(Debug, Clone)]
-pub struct Options {
-    /// Jobs computed at once; as many are read ahead and completed behind.
-    pub jobs: usize,
-    /// Bytes of memory that the jobs in flight may need together, by their estimates.
-    pub memory: u64,
-    /// Begin no job after one has failed.
-    pub fail_fast: bool,
-    /// The machine as it was asked for. Part of every fingerprint: a result of another machine is another result.
-    pub machine: String,
-}
-
-/// What has become of a job.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Outcome {
-    /// Computed and written now.
-    Done,
-    /// Finished before, or by another process.
-    Skipped,
-    /// Failed, why.
-    Failed(String),
-    /// Not begun, or dropped before it was computed.
-    NotRun,
-}
-
-/// Is told what becomes of the jobs, from any thread.
-pub trait Watch: Sync {
-    /// A job has ended.
-    fn ended(&self, job: &Job, outcome: &Outcome);
-}
 
 /// Runs all jobs of a manifest that are not finished; says what has become of each, in the manifest's order. `stop` ends the batch: jobs that
 /// are being computed are finished, no others begin.
@@ -129,38 +98,7 @@ fn lock_folder(results: &Path) -> PathBuf {
     results.with_file_name(name)
 }
 
-/// What all threads share.
-pub(super) struct Batch<'a> {
-    pub(super) manifest: &'a Manifest,
-    pub(super) machine: &'a dyn Machine,
-    pub(super) options: &'a Options,
-    watch: &'a dyn Watch,
-    stop: &'a AtomicBool,
-    pub(super) locks: Locks,
-    pub(super) results: Results,
-    pub(super) gate: Gate,
-    agenda: Mutex<Agenda>,
-    outcomes: Mutex<Vec<Outcome>>,
-}
-
-/// Jobs still to be looked at.
-struct Agenda {
-    fresh: VecDeque<usize>,
-    /// Those another process had when they were looked at.
-    elsewhere: VecDeque<usize>,
-}
-
 impl<'a> Batch<'a> {
-    fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
-    }
-
-    fn next(&self) -> Option<(usize, bool)> {
-        let mut agenda = self.agenda.lock().unwrap_or_else(PoisonError::into_inner);
-        let fresh = agenda.fresh.pop_front().map(|index| (index, false));
-        fresh.or_else(|| agenda.elsewhere.pop_front().map(|index| (index, true)))
-    }
-
     fn read_all(&'a self, to_compute: &SyncSender<Read<'a>>) {
         while !self.stopped() {
             let Some((index, again)) = self.next() else { break };
@@ -201,14 +139,6 @@ impl<'a> Batch<'a> {
         while let Some(computed) = take(computed) {
             self.write(computed);
         }
-    }
-
-    pub(super) fn ended(&self, index: usize, outcome: Outcome) {
-        self.watch.ended(&self.manifest.jobs[index], &outcome);
-        if self.options.fail_fast && matches!(outcome, Outcome::Failed(_)) {
-            self.stop.store(true, Ordering::Relaxed);
-        }
-        self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)[index] = outcome;
     }
 }
 

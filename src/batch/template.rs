@@ -8,9 +8,10 @@ use serde_json::Map;
 
 use super::line::Line;
 use crate::error::{Error, Result};
+use crate::input;
+use crate::input::VOLUMES;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructureSet;
-use crate::stack::read::{self, VOLUMES};
 
 /// What a template names.
 #[derive(Debug, Clone)]
@@ -52,10 +53,10 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<L
             input: from(&path, base),
             options,
         };
-        let (option, numbers) = if read::is_structure_set(&path) {
+        let (option, numbers) = if input::is_structure_set(&path) {
             ("roi", rois(&path)?)
         } else if template.each_label && path.is_file() {
-            ("label", read::labels(&path)?)
+            ("label", input::labels(&path)?)
         } else {
             lines.push(line(name, Map::new()));
             continue;

@@ -10,12 +10,12 @@ use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::files::scenes::Scenes;
 use interslice::files::{JobOptions, Loaded};
+use interslice::input::check;
 use interslice::rtstruct::{Gather, StructureSet};
-use interslice::stack::read::check;
 use interslice::{Error, Result};
 
 use super::devices::DeviceOptions;
-use super::reconstruct::{Telling, chosen, complete, compute, tell_notes, tell_start};
+use super::session::{Telling, chosen, complete, compute, tell_notes, tell_start};
 
 /// What is to be done with a structure set.
 pub struct All<'a> {

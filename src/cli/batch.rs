@@ -8,11 +8,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use interslice::batch::template::{Template, template};
 use interslice::batch::{Job, Manifest, Options, Outcome, finished, line, run as run_all};
-use interslice::{Error, Result, memory};
+use interslice::storage::room;
+use interslice::{Error, Result};
 
 use super::devices::{DeviceOptions, share, tell_profile};
-use super::reconstruct::set_threads;
 use super::say::say;
+use super::session::set_threads;
 use super::tally::Tally;
 
 /// Share of the free memory that jobs in flight may take.
@@ -115,7 +116,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if !arguments.quiet {
         tally.say(&format!("running on: {} ({})", shared.name(), shared.reason));
     }
-    let memory = arguments.device.memory().or_else(|| memory::available().map(|free| (free as f64 * SHARE) as u64));
+    let memory = arguments.device.memory().or_else(|| room::available().map(|free| (free as f64 * SHARE) as u64));
     let memory = shared.leaves(memory.unwrap_or(u64::MAX))?;
     let options = Options { jobs, memory, fail_fast: arguments.fail_fast, machine };
     let outcomes = run_all(&manifest, &results, shared.machine(), &options, &tally, &stop_on_interrupt())?;

@@ -3,8 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use interslice::demo::{Demo, NAMES, demo};
-use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::evaluate::demo::{Demo, NAMES, demo};
+use interslice::files::options::OutputOptions;
+use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::files::{JobOptions, Loaded};
@@ -13,7 +14,7 @@ use interslice::{Error, Result};
 use serde_json::json;
 
 use super::devices::DeviceOptions;
-use super::reconstruct::{Telling, reconstruct};
+use super::session::{Telling, reconstruct};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {

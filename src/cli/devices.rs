@@ -3,15 +3,18 @@
 use clap::ValueEnum;
 use interslice::batch::Machine as BatchMachine;
 #[cfg(feature = "gpu")]
+use interslice::batch::shared_gpu::SharedGpu;
+use interslice::estimate::memory::Needs;
+#[cfg(feature = "gpu")]
 use interslice::gpu::adapter::{AdapterSummary, adapters};
 #[cfg(feature = "gpu")]
 use interslice::gpu::device::DRIVER_BYTES;
 #[cfg(feature = "gpu")]
-use interslice::gpu::shared::SharedGpu;
+use interslice::gpu::selftest::doctor;
 #[cfg(feature = "gpu")]
-use interslice::gpu::{Gpu, GpuOptions, GpuOrReference, doctor};
-use interslice::memory::{self, Needs};
+use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
 use interslice::report::Profile;
+use interslice::storage::room;
 use interslice::{Backend, Budget, Error, Reference, Result};
 use serde::{Deserialize, Serialize};
 
@@ -255,7 +258,7 @@ impl Shared<'_> {
             #[cfg(feature = "gpu")]
             Together::Gpu(shared) => shared.gpu().device.host_bytes(),
         };
-        memory::check(taken + (1 << 20), Some(memory))?;
+        room::check(taken + (1 << 20), Some(memory))?;
         Ok(memory - taken)
     }
 

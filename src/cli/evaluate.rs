@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use interslice::holdout::{HoldOut, SliceScore, hold_out};
+use interslice::evaluate::holdout::{HoldOut, SliceScore, hold_out};
+use interslice::input::Input;
 use interslice::stack::ReadOptions;
-use interslice::stack::read::Input;
 use interslice::{Result, Settings};
 
 use super::bar::Bars;

@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
-use interslice::components::{Components, label4, label8};
-use interslice::effort::Effort;
-use interslice::links::{Link, LinkOptions};
-use interslice::memory::Needs;
-use interslice::stack::labels::{Wanted, read_labels};
-use interslice::stack::read::Input;
+use interslice::estimate::memory::Needs;
+use interslice::estimate::runtime::Effort;
+use interslice::grid::components::{Components, label4, label8};
+use interslice::input::Input;
+use interslice::input::labels::{Wanted, read_labels};
+use interslice::settings::Link;
+use interslice::stack::links::LinkOptions;
 use interslice::stack::{self, ReadOptions, Slice};
 use interslice::{ContourStack, Result, Settings, height_grid};
 
@@ -35,11 +36,11 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<()> {
     #[cfg(feature = "dicom")]
-    if stack::read::is_structure_set(&arguments.input) {
+    if interslice::input::is_structure_set(&arguments.input) {
         return structures(arguments);
     }
     #[cfg(feature = "terrain")]
-    if stack::read::is_map(&arguments.input) {
+    if interslice::input::is_map(&arguments.input) {
         return contour_map(arguments);
     }
     let input = Input::read(&arguments.input, &arguments.read)?;
@@ -75,7 +76,7 @@ fn told(doubts: impl IntoIterator<Item = String>) -> String {
 /// What is in an RTSTRUCT: all ROIs, or the one (or merged ones) that is chosen.
 #[cfg(feature = "dicom")]
 fn structures(arguments: &Arguments) -> Result<()> {
-    stack::read::check(&arguments.input, &arguments.read)?;
+    interslice::input::check(&arguments.input, &arguments.read)?;
     let set = interslice::rtstruct::StructureSet::read(&arguments.input)?;
     let several = set.rois.len() > 1 && arguments.read.roi.is_empty();
     if arguments.all_rois || several {
@@ -91,7 +92,7 @@ fn structures(arguments: &Arguments) -> Result<()> {
 /// What is in a contour map.
 #[cfg(feature = "terrain")]
 fn contour_map(arguments: &Arguments) -> Result<()> {
-    stack::read::check(&arguments.input, &arguments.read)?;
+    interslice::input::check(&arguments.input, &arguments.read)?;
     let terrain = interslice::terrain::Terrain::read(&arguments.input, &arguments.read)?;
     let links = arguments.links.read(&terrain.stack)?;
     let notes = terrain.notes.iter().map(|note| format!("note: {note}"));

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use clap::ArgMatches;
 use interslice::files::JobOptions;
-use interslice::files::outputs::OutputOptions;
-use interslice::links::LinkOptions;
+use interslice::files::options::OutputOptions;
 use interslice::preset::Preset;
 use interslice::stack::ReadOptions;
+use interslice::stack::links::LinkOptions;
 use interslice::{Result, Settings};
 
 use super::config::{File, preset};

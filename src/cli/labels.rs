@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use interslice::files::JobOptions;
 use interslice::files::labels::{LabelOutputs, LoadedLabels};
 use interslice::files::places::Places;
-use interslice::stack::labels::Wanted;
+use interslice::input::labels::Wanted;
 use interslice::{Budget, Means, Progress, Result};
 
 use super::bar::Bars;
 use super::devices::{DeviceOptions, choose};
-use super::reconstruct::Telling;
+use super::session::Telling;
 
 /// What is asked for.
 pub struct Asked<'a> {

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use interslice::components::Components;
-use interslice::links::Link;
-use interslice::parts::{Candidate, candidates, overlaps, parts};
+use interslice::contour::parts::{Candidate, candidates, overlaps, parts};
+use interslice::grid::components::Components;
+use interslice::settings::Link;
 use interslice::stack::Slice;
 use interslice::{ContourStack, Settings};
 

@@ -16,6 +16,7 @@ mod links;
 mod reconstruct;
 mod say;
 mod sections;
+mod session;
 mod tally;
 mod volume;
 

@@ -8,15 +8,14 @@ use interslice::files::labels::LabelOptions;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
-use interslice::surface::stream::LayerSink;
-use interslice::{Budget, Error, Means, Progress, Reconstruction, Result};
+use interslice::{Error, Result};
 
 #[cfg(feature = "dicom")]
 use super::all_rois::{self, All};
-use super::bar::Bars;
-use super::devices::{Chosen, DeviceOptions, choose, tell_profile};
+use super::devices::DeviceOptions;
 use super::job::JobArguments;
 use super::labels;
+use super::session::{Telling, reconstruct, set_threads};
 
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -57,17 +56,6 @@ pub struct Arguments {
     verbose: bool,
 }
 
-/// How much a run tells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Telling {
-    /// Errors only.
-    Quiet,
-    /// The backend, warnings, what was written.
-    Normal,
-    /// Everything.
-    Verbose,
-}
-
 pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
     let input = arguments.job.input.clone();
     let options = arguments.job.options(&mut arguments.device, matches)?;
@@ -101,129 +89,4 @@ pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
     let outputs = Outputs::open(&arguments.outputs, arguments.report.as_deref(), Temporary::Random, &mut places)?;
     outputs.check(&loaded.options.output)?;
     reconstruct(&loaded, outputs, &arguments.device, telling)
-}
-
-pub fn set_threads(threads: Option<usize>) -> Result<()> {
-    let Some(n) = threads else { return Ok(()) };
-    let fail = |message: String| Err(Error::Setting { name: "threads".into(), message });
-    if !(1..=1024).contains(&n) {
-        return fail(format!("must lie in [1, 1024]; got {n}"));
-    }
-    rayon::ThreadPoolBuilder::new().num_threads(n).build_global().or_else(|e| fail(e.to_string()))
-}
-
-/// One reconstruction, from a checked stack to its files.
-pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions, telling: Telling) -> Result<()> {
-    let stack = &loaded.stack;
-    let writing =
-        outputs.bytes(stack.dims, &stack.geometry, stack.lid()) + loaded.needs_to_simplify(outputs.has_mesh());
-    let mut chosen = chosen(device)?;
-    let budget = chosen.budget(&loaded.needs(), writing, device.memory())?;
-    tell_start(&chosen, &budget, telling);
-    tell_notes(loaded, telling);
-    let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, &budget, telling)?;
-    complete(&mut outputs, &mut body, &loaded.notes, telling)?;
-    let written = outputs.rename()?;
-    if telling != Telling::Quiet {
-        written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
-    }
-    Ok(())
-}
-
-/// The machine that the options choose.
-pub fn chosen(device: &DeviceOptions) -> Result<Chosen<'_>> {
-    choose(device, &|message: &str| eprintln!("warning: {message}"))
-}
-
-/// Says where a run computes, and what does not stay in memory.
-pub fn tell_start(chosen: &Chosen<'_>, budget: &Budget, telling: Telling) {
-    if telling != Telling::Quiet {
-        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
-        tell_kept(budget);
-    }
-}
-
-/// The body, its layers given to `sink`.
-pub fn compute(
-    loaded: &Loaded,
-    sink: &mut dyn LayerSink,
-    chosen: &Chosen<'_>,
-    budget: &Budget,
-    telling: Telling,
-) -> Result<Reconstruction> {
-    let bars = Bars::default();
-    let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };
-    let means = Means { backend: chosen.backend(), progress, budget };
-    let mut body = loaded.compute_into(&means, sink)?;
-    body.report.backend_reason = Some(chosen.reason.clone());
-    body.report.profile = chosen.profile();
-    Ok(body)
-}
-
-/// Says what a person should know of the input, before the work.
-pub fn tell_notes(loaded: &Loaded, telling: Telling) {
-    if telling != Telling::Quiet {
-        loaded.notes.iter().for_each(|note| eprintln!("warning: {note}"));
-    }
-}
-
-/// Completes the files, which keep their temporary names, when the body is; what was `said` of the input is not said again.
-pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, said: &[String], telling: Telling) -> Result<()> {
-    outputs.complete(&mut body.report)?;
-    if telling != Telling::Quiet {
-        let warnings = body.report.warnings.iter().filter(|w| !said.contains(w));
-        warnings.for_each(|w| eprintln!("warning: {w}"));
-        body.report.broken.iter().for_each(|b| eprintln!("warning: does not hold: {b}"));
-    }
-    if telling == Telling::Verbose {
-        tell(body);
-    }
-    if let Some(profile) = &body.report.profile {
-        tell_profile(profile);
-    }
-    Ok(())
-}
-
-/// Where is what does not fit into memory.
-pub fn tell_kept(budget: &Budget) {
-    if let Some(kept) = budget.kept() {
-        let folder = std::env::temp_dir();
-        eprintln!("beyond {} MiB the slices are kept in a temporary file in {}", kept >> 20, folder.display());
-    }
-}
-
-/// Stages and contours, for people.
-fn tell(body: &Reconstruction) {
-    for stage in &body.report.stages {
-        eprintln!("{:>10} {:8.3} s", stage.name, stage.seconds);
-    }
-    let step = |b: Option<interslice::report::Beside>| b.map_or("-".into(), |b| format!("{:.4} px", b.jump));
-    for c in &body.report.contours {
-        let residual =
-            |r: Option<interslice::report::Residual>| r.map_or("      -".into(), |r| format!("{:.3} px", r.max));
-        eprintln!(
-            "{} at {}: {} parts, {} holes, {} of {} px differ, step below {}, above {}, arrival from below {}, from above {}",
-            c.name,
-            c.z,
-            c.components,
-            c.holes,
-            c.differing_pixels,
-            c.pixels,
-            step(c.below),
-            step(c.above),
-            residual(c.arrival_from_below),
-            residual(c.arrival_from_above)
-        );
-    }
-    let whole = &body.report.body;
-    eprintln!(
-        "{} pieces and {} voids touch no contour; {} of {} pairs of overlapping parts are not connected",
-        whole.floating,
-        whole.voids,
-        whole.torn.len(),
-        whole.overlapping
-    );
-    if let (Some(volume), Some(area)) = (body.report.volume, body.report.area) {
-        eprintln!("volume {volume:.6} {0}^3, area {area:.6} {0}^2", body.unit);
-    }
 }

@@ -6,18 +6,20 @@ use std::str::FromStr;
 use clap::ArgMatches;
 use interslice::files::Loaded;
 use interslice::files::fingerprint::fingerprint;
-use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::options::OutputOptions;
+use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::files::section_file::{SectionWriter, Sections};
-use interslice::{Error, Progress, Result, memory};
+use interslice::storage::room;
+use interslice::{Error, Progress, Result};
 use serde::Serialize;
 
 use super::bar::Bars;
 use super::devices::{DeviceOptions, choose, tell_profile};
 use super::job::JobArguments;
-use super::reconstruct::{set_threads, tell_kept};
 use super::say::say;
+use super::session::{set_threads, tell_kept};
 
 #[derive(Debug, clap::Args)]
 pub struct PlanArguments {
@@ -211,7 +213,7 @@ pub fn merge(arguments: MergeArguments) -> Result<()> {
     outputs.check(&options)?;
     // What was drawn is not known here: as if a third of the image were.
     let lid = sections.dims().iter().product::<usize>() / 3;
-    memory::check(outputs.bytes(sections.dims(), sections.geometry(), lid), None)?;
+    room::check(outputs.bytes(sections.dims(), sections.geometry(), lid), None)?;
     let mut body = sections.replay(&mut outputs.sink(&options))?;
     outputs.complete(&mut body.report)?;
     let written = outputs.rename()?;

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use interslice::stack::read::Surveyed;
-use interslice::stack::volume::Volume;
-use interslice::stack::volume::axis::NAMES;
-use interslice::stack::volume::survey::Survey;
+use interslice::input::Surveyed;
+use interslice::input::volume::Volume;
+use interslice::input::volume::survey::Survey;
+use interslice::stack::axis::NAMES;
 
 use super::say::short;
 

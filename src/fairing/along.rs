@@ -2,8 +2,8 @@
 
 use multiversion::multiversion;
 
-use crate::displacement::{BLOCK, Displacement};
-use crate::packed::Packed;
+use crate::grid::tiled::Packed;
+use crate::registration::displacement::{BLOCK, Displacement};
 
 /// Pixels that are read at once.
 const AT_ONCE: usize = 4 * BLOCK;

@@ -12,10 +12,10 @@
 use rayon::prelude::*;
 
 use super::near::{SATURATED, nearer, nearness};
-use crate::displacement::{BLOCK, Displacement, smooth};
-use crate::moving_field::upright;
-use crate::packed::Packed;
-use crate::spline::smoothstep;
+use crate::grid::spline::smoothstep;
+use crate::grid::tiled::Packed;
+use crate::registration::displacement::{BLOCK, Displacement, smooth};
+use crate::registration::motion_field::upright;
 
 /// A pixel that goes sideways by more than this per height stands less by itself, one that goes by more than FLAT not at all.
 const STEEP: f64 = 3.0;

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::near::nearer;
-use crate::displacement::Displacement;
-use crate::moving_field::{Paths, Place};
-use crate::packed::Packed;
+use crate::grid::tiled::Packed;
+use crate::registration::displacement::Displacement;
+use crate::registration::motion_field::{Paths, Place};
 use crate::surface::Layer;
 
 /// A block of a layer, and where its trajectory meets the slices below and above, px of the padded image.

@@ -1,6 +1,6 @@
 //! Corrections that stay between their contours, and where there is one contour alone.
 
-use crate::spline::smoothstep;
+use crate::grid::spline::smoothstep;
 
 /// What a correction may leave the range of its contours by, px of the larger side.
 const SLACK: f32 = 0.05;

@@ -31,12 +31,12 @@ use self::near::{SATURATED, fade, nearer, nearness, widest};
 pub use self::nodes::Nodes;
 use self::transform::{Lengths, transform};
 
-use crate::displacement::{Displacement, Resting};
 use crate::error::Result;
-use crate::heights::NODES;
-use crate::moving_stack::MovingStack;
-use crate::packed::Packed;
-use crate::spline::smoothstep;
+use crate::grid::spline::smoothstep;
+use crate::grid::tiled::Packed;
+use crate::registration::displacement::{Displacement, Resting};
+use crate::registration::motion_stack::MovingStack;
+use crate::stack::heights::NODES;
 use crate::surface::Layer;
 
 /// What the stack's median gap counts as along z, px of the larger side.

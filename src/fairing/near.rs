@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::spline::smoothstep;
+use crate::grid::spline::smoothstep;
 
 /// Pixels with a smaller |v| / B are wholly near the surface, those with a larger than SATURATED not at all.
 const NEAR: f32 = 0.4;

@@ -15,8 +15,8 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use crate::heights::{NODE_TIMES, NODES, at_time};
-use crate::spline::smoothstep;
+use crate::grid::spline::smoothstep;
+use crate::stack::heights::{NODE_TIMES, NODES, at_time};
 
 /// Sigma of the mean, gaps. Creases (1: the truth's) and mean Dice of the real cases, medium and hard, at .3: .951, .992; .9537, .9236; at a third: .939, .988;
 /// .9535, .9233; at .4: .927, .967; .9531, .9225.

@@ -12,7 +12,7 @@ fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, V
         layers: 0..gaps.len(),
         dims: DIMS,
         spacing: [1.0; 2],
-        gap: crate::heights::median(gaps.clone()),
+        gap: crate::stack::heights::median(gaps.clone()),
         alpha: 1.5,
         limited: false,
         steered: [false; 2],

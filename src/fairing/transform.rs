@@ -4,7 +4,7 @@ use multiversion::multiversion;
 
 use super::flatness::{self, Around};
 use super::near::{SATURATED, nearer};
-use crate::packed::Packed;
+use crate::grid::tiled::Packed;
 
 /// Least gradient: flat places must not be blown up.
 const LEAST_GRADIENT: f32 = 0.3;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::stack::Geometry;
-use crate::surface::volume::Content;
+use crate::surface::content::Content;
 use crate::surface::{spool, transposed};
 
 /// What a file holds, by its extension.

@@ -9,21 +9,22 @@ use std::time::Instant;
 
 use super::JobOptions;
 use super::format::{Kind, extension_at, is_page, kind};
-use super::outputs::{OutputOptions, Outputs};
+use super::options::OutputOptions;
+use super::outputs::Outputs;
 use super::pending::{Pending, Temporary};
 use super::places::Places;
 use super::scenes::Scenes;
 use crate::backend::Means;
 use crate::error::{Error, Result};
 use crate::height_grid;
+use crate::input::labels::{Wanted, read_labels};
 use crate::labels::report::{LabelReport, LabelsReport};
 use crate::labels::{Decided, KeptBody, LabelStack, Plan, decide, reconstruct};
 use crate::report::Report;
-use crate::stack::labels::{Wanted, read_labels};
 use crate::surface::Layer;
+use crate::surface::content::Whole;
 use crate::surface::header::Header;
 use crate::surface::stream::{BodyStream, BodyWriter, Ending, LayerSink, Needs};
-use crate::surface::volume::Whole;
 
 /// What is said about many labels.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -57,7 +58,7 @@ impl LoadedLabels {
     pub fn read(input: &Path, wanted: &Wanted, keep_overlaps: bool, options: JobOptions) -> Result<Self> {
         options.check()?;
         let fail = |name: &str, message: String| Err(Error::Setting { name: name.into(), message });
-        if options.links != crate::links::LinkOptions::default() {
+        if options.links != crate::stack::links::LinkOptions::default() {
             return fail("links", "are not for many labels: parts are numbered in each by itself".into());
         }
         if options.output.mask && !keep_overlaps {

@@ -8,6 +8,7 @@ pub mod fingerprint;
 pub mod format;
 pub mod labels;
 pub mod named;
+pub mod options;
 pub mod outputs;
 pub mod pending;
 pub mod places;
@@ -23,19 +24,21 @@ use serde::Serialize;
 
 use crate::backend::Means;
 use crate::error::Result;
-use crate::heights::Heights;
-use crate::links::LinkOptions;
-use crate::memory::Needs;
+use crate::estimate::memory::Needs;
+use crate::input;
+use crate::pipeline::section::Section;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::{Source, StructureSet};
-use crate::section::Section;
 use crate::settings::Settings;
-use crate::stack::{ContourStack, HeightGrid, ReadOptions, read};
+use crate::stack::heights::Heights;
+use crate::stack::links::LinkOptions;
+use crate::stack::{ContourStack, HeightGrid, ReadOptions};
 use crate::surface::Reconstruction;
 use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
 use crate::{height_grid, reconstruct_into, reconstruct_section};
-use outputs::{OutputOptions, Outputs};
+use options::OutputOptions;
+use outputs::Outputs;
 
 /// All that decides a result besides its input.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -60,7 +63,7 @@ impl JobOptions {
     /// # Errors
     /// [`Error::Read`](crate::Error::Read) or [`Error::Format`](crate::Error::Format) where the input does not say what it consists of.
     pub fn files(&self, input: &Path) -> Result<Vec<PathBuf>> {
-        Ok(read::files(input)?.into_iter().chain(self.links.links.clone()).collect())
+        Ok(input::files(input)?.into_iter().chain(self.links.links.clone()).collect())
     }
 
     /// Checks every range.
@@ -90,21 +93,21 @@ impl Loaded {
     /// Checks the options and reads the input.
     ///
     /// # Errors
-    /// As [`JobOptions::check`], [`read::read`] and [`LinkOptions::read`].
+    /// As [`JobOptions::check`], [`input::read`] and [`LinkOptions::read`].
     pub fn read(input: &Path, mut options: JobOptions) -> Result<Self> {
         options.check()?;
         #[cfg(feature = "terrain")]
-        if read::is_map(input) {
+        if input::is_map(input) {
             return Self::map(input, options);
         }
         #[cfg(feature = "dicom")]
-        if read::is_structure_set(input) {
-            read::check(input, &options.read)?;
+        if input::is_structure_set(input) {
+            input::check(input, &options.read)?;
             return Self::of_structures(&Arc::new(StructureSet::read(input)?), options);
         }
-        let input = read::Input::read(input, &options.read)?;
+        let input = input::Input::read(input, &options.read)?;
         let notes = input.doubts(&options.read);
-        let read::Input { stack, surveyed, .. } = input;
+        let input::Input { stack, surveyed, .. } = input;
         options.output.bodies = surveyed.iter().filter_map(|s| s.appearance(options.read.label)).collect();
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
@@ -136,7 +139,7 @@ impl Loaded {
     /// The same for a contour map.
     #[cfg(feature = "terrain")]
     fn map(input: &Path, mut options: JobOptions) -> Result<Self> {
-        read::check(input, &options.read)?;
+        input::check(input, &options.read)?;
         let terrain = crate::terrain::Terrain::read(input, &options.read)?;
         options.settings.links = options.links.read(&terrain.stack)?;
         options.settings.validate()?;

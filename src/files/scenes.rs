@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use super::format::{BUFFER_BYTES, Format};
 use super::pending::{Pending, Temporary, parent};
 use super::places::Places;
-use crate::appearance::Appearance;
 use crate::error::{Error, Result};
+use crate::stack::appearance::Appearance;
 use crate::surface::glb::{About, Scene};
 use crate::surface::mesh_files::WriteMesh;
 

@@ -19,15 +19,15 @@ use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
 
 use super::Loaded;
-use super::outputs::OutputOptions;
+use super::options::OutputOptions;
 use super::pending::{Pending, Temporary};
 use super::places::Places;
-use crate::appearance::Appearance;
 use crate::error::{Error, Result};
-use crate::map::Map;
 use crate::report::Report;
+use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, Geometry, HeightGrid};
 use crate::surface::header::Header;
+use crate::surface::map::Map;
 use crate::surface::stream::LayerSink;
 use crate::surface::{Layer, Reconstruction};
 

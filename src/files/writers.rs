@@ -5,18 +5,19 @@ use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
 use super::format::{BUFFER_BYTES, Format, named_content};
-use super::outputs::OutputOptions;
+use super::options::OutputOptions;
 use super::pending::{Pending, files_below, parent};
-use crate::appearance::Appearance;
-use crate::map::Crs;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructuresWriter;
+use crate::stack::appearance::Appearance;
+use crate::surface::content::Content;
 use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::geojson::GeoJsonWriter;
 use crate::surface::glb::{About, write_glb};
 use crate::surface::header::Header;
 use crate::surface::heightmap::HeightMapWriter;
 use crate::surface::html::HtmlWriter;
+use crate::surface::map::Crs;
 use crate::surface::mesh::MeshSource;
 use crate::surface::mesh_files::{ListedWriter, StlWriter, WriteMesh, write_obj, write_ply, write_stl};
 use crate::surface::mha::MhaWriter;
@@ -25,7 +26,6 @@ use crate::surface::render::{PictureWriter, RenderOptions};
 #[cfg(feature = "simplify")]
 use crate::surface::spool::Spool;
 use crate::surface::stream::{BodyWriter, Ending, Needs};
-use crate::surface::volume::Content;
 use crate::surface::{nifti, nrrd};
 
 /// The writer of an output, from its beginning.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::layout::{BLOCK, Block, Job, PATCH, Patch};
-use crate::field::Field;
+use crate::grid::field::Field;
 
 /// The place of every job of a batch.
 #[derive(Debug, Clone, Default)]

@@ -6,7 +6,7 @@ use super::device::{Buffer, failure};
 use super::kernels::{Bound, Recorder, Size};
 use super::layout::{Block, Job, Params, Stage, Work};
 use crate::error::Result;
-use crate::stencil::TVD_RK3;
+use crate::grid::stencil::TVD_RK3;
 
 /// Bytes of the arguments of dispatches over blocks, the band, and the band in chunks in [`Work`].
 const BLOCK_GROUPS: u64 = std::mem::offset_of!(Work, block_groups) as u64;
@@ -219,7 +219,7 @@ pub fn places(crossings: usize, gamma: f64, nodes: usize) -> usize {
 }
 
 /// Edges between pixels that the contour of a field crosses.
-pub fn crossings(field: &crate::field::Field) -> usize {
+pub fn crossings(field: &crate::grid::field::Field) -> usize {
     let nx = field.dims[0];
     let inside = |v: &f64| *v < 0.0;
     let along =

@@ -9,11 +9,11 @@ use super::kernels::{Bound, Recorder, Size};
 use super::layout::{Copy, Item, Job, NONE, Params, VANISHED};
 use super::trace::morph_params;
 use crate::backend::MorphOptions;
-use crate::compose::mend;
+use crate::backend::blend::mend;
+use crate::backend::jobs::{Filled, SweepPair, Swept, blend_weights};
 use crate::error::Result;
-use crate::field::Field;
-use crate::jobs::{Filled, SweepPair, Swept, blend_weights};
-use crate::packed::Packed;
+use crate::grid::field::Field;
+use crate::grid::tiled::Packed;
 
 /// Head of the pool of values: how many are used.
 const VALUES_HEAD: usize = 4;

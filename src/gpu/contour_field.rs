@@ -7,14 +7,14 @@ use super::device::Buffer;
 use super::distance::Distances;
 use super::kernels::{Recorder, Size};
 use super::layout::{Params, Rule};
-use super::waiting::SliceJob;
-use crate::backend::{ContourOptions, PaddedSlice};
-use crate::conditioning::{
+use crate::backend::conditioning::{
     CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP, MASK_FLOOR,
     gaussian_weights,
 };
+use crate::backend::{ContourOptions, PaddedSlice};
 use crate::error::Result;
-use crate::field::Field;
+use crate::gpu::coalesce::SliceJob;
+use crate::grid::field::Field;
 use crate::progress::Progress;
 use crate::settings::AntiAlias;
 

@@ -12,10 +12,10 @@ use super::device::Buffer;
 use super::kernels::{Recorder, Size};
 use super::layout::{Axis, CHANGES, EVIDENCE, Interval, Iteration, MOMENTS};
 use super::moving::{self, image, pack, per_pixel, vectors};
-use crate::displacement::{Displacement, DisplacementJob, weights};
 use crate::error::Result;
-use crate::field::Field;
+use crate::grid::field::Field;
 use crate::reference::displacement::{COUPLING, HALF_EVIDENCE, NO_CHANGE, ROUNDS, Round};
+use crate::registration::displacement::{Displacement, DisplacementJob, weights};
 
 /// Bytes of a node that stay from round to round: vectors, guess, evidence.
 const KEPT_BYTES: usize = 8 + 8 + 4 * EVIDENCE;

@@ -4,14 +4,14 @@ use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use super::Gpu;
+use crate::backend::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
-use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::{Error, Result};
-use crate::field::Field;
-use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
-use crate::moving_field::{Cells, LoneParts, MovingField};
+use crate::grid::field::Field;
 use crate::progress::Progress;
 use crate::reference::Reference;
+use crate::registration::displacement::{Displacement, DisplacementJob};
+use crate::registration::motion_field::{Cells, LoneParts, MovingField};
 
 /// A GPU, and the reference path from its first failure on.
 pub struct GpuOrReference<'n> {

@@ -5,53 +5,47 @@
 //! depend on the batch it is in.
 
 pub mod adapter;
-pub mod alone;
 pub mod atlas;
 pub mod band;
-pub mod comparison;
+mod coalesce;
 mod compose;
 mod contour_field;
 pub mod device;
 mod displacement;
 mod distance;
-pub mod doctor;
 mod fallback;
 pub mod kernels;
 pub mod layout;
 mod moving;
 mod moving_layer;
 mod moving_slopes;
-mod moving_twins;
 mod part;
 mod profiler;
 mod propagate;
-pub mod shared;
+mod queue;
+pub mod selftest;
 mod trace;
 mod trajectories;
-mod turns;
-pub mod twin_cases;
-pub mod twins;
-mod waiting;
 
 use std::borrow::Cow;
 use std::ops::Range;
 
+use crate::backend::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
-use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
-use crate::field::Field;
-use crate::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
-use crate::moving_field::{Cells, LoneParts, MovingField};
+use crate::grid::field::Field;
 use crate::progress::{Progress, Silent};
 use crate::reference::Reference;
+use crate::registration::displacement::{Displacement, DisplacementJob};
+use crate::registration::motion_field::{Cells, LoneParts, MovingField};
 use crate::report::Profile;
+use coalesce::{SliceJob, Waiting};
 use device::Device;
 pub use device::GpuOptions;
 pub use fallback::GpuOrReference;
 use kernels::Kernels;
 use profiler::Profiler;
-use turns::Turns;
-use waiting::{SliceJob, Waiting};
+use queue::Turns;
 
 /// Share of the budget that batches are planned with; the rest is for reading back and for lists that must be made longer.
 const BUDGET_SHARE: f64 = 0.7;

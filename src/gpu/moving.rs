@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::Gpu;
 use super::kernels::Size;
 use super::layout::{Image, TILE};
-use crate::displacement::Displacement;
-use crate::field::Field;
+use crate::grid::field::Field;
+use crate::registration::displacement::Displacement;
 
 /// Images of these pixels with displacements on such a grid of nodes, and how many items a dispatch has.
 pub fn image(dims: [usize; 2], grid: [usize; 2], h: [f64; 2], count: usize) -> Image {

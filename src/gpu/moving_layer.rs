@@ -8,9 +8,9 @@ use super::layout::{Part, Span};
 use super::moving::{image, per_pixel, tile_count};
 use super::trajectories::paths;
 use crate::error::Result;
-use crate::field::Field;
-use crate::moving_field::{LoneParts, MovingField};
+use crate::grid::field::Field;
 use crate::reference::moving_field::reach;
+use crate::registration::motion_field::{LoneParts, MovingField};
 
 /// What the layers of an interval are made of.
 pub struct Ingredients<'a> {

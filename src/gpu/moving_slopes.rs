@@ -8,9 +8,9 @@ use super::kernels::Recorder;
 use super::layout::{ABOVE, BELOW, BOTH, Knot};
 use super::moving::{image, pack, per_pixel, vectors};
 use crate::error::Result;
-use crate::field::Field;
-use crate::moving_field::MovingField;
+use crate::grid::field::Field;
 use crate::progress::Progress;
+use crate::registration::motion_field::MovingField;
 
 /// Slices that a slope reads on either side of its own.
 const HALO: usize = 2;

@@ -5,9 +5,9 @@ use super::atlas::{Atlas, batches, padded};
 use super::distance::{Distances, NODE_BYTES};
 use super::kernels::Recorder;
 use super::layout::Params;
+use crate::backend::jobs::PartJob;
 use crate::error::Result;
-use crate::field::Field;
-use crate::jobs::PartJob;
+use crate::grid::field::Field;
 
 /// Fields of all parts. Those that are the whole contour, or nothing, are answered without computing.
 pub fn part_fields(gpu: &Gpu, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {

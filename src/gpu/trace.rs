@@ -6,11 +6,11 @@ use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings,
 use super::kernels::{Recorder, Size};
 use super::layout::{Params, Particle, RUNNING, Sums};
 use crate::backend::MorphOptions;
+use crate::backend::jobs::{TraceJob, Traced, Track, full_distance};
 use crate::error::Result;
-use crate::jobs::{TraceJob, Traced, Track, full_distance};
+use crate::grid::stencil::step_share;
 use crate::progress::Progress;
 use crate::report::Residual;
-use crate::stencil::step_share;
 
 /// Steps between two looks at the jobs.
 const LOOK: usize = 16;

@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 
 use super::given::Given;
 use super::report::LeftOut;
-use crate::appearance::Appearance;
 use crate::error::{Error, Result};
+use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, Slice, SliceContent};
 
 /// Labels by their places in a [`LabelStack`], the lower first.

@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::links::origins;
-use crate::contours::Contour;
-use crate::motion::Frame;
-use crate::parts::overlaps;
+use crate::contour::Contour;
+use crate::contour::parts::overlaps;
+use crate::registration::mid_frame::Frame;
 use crate::report::Event;
 
 /// Events of an interval's `seen` contours in its frame as events of its `own`. What several parts of the frame tell of one part of a slice is told
@@ -58,7 +58,7 @@ pub(super) fn named(events: &[Event], seen: [&Contour; 2], own: [&Contour; 2], f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Field;
+    use crate::grid::field::Field;
 
     #[test]
     fn parts_have_the_numbers_of_their_slices() {

@@ -1,19 +1,19 @@
 //! The field method: no morph, the slices' own distances interpolated along the trajectories of a smooth moving frame.
 
 use super::{Run, Sink, time};
-use crate::contours::Contour;
-use crate::ends::End;
+use crate::contour::Contour;
+use crate::contour::overlap::{Decided, match_components};
 use crate::error::{Error, Result};
-use crate::field::Field;
-use crate::fit::Fitted;
-use crate::heights::Heights;
-use crate::moving_field::LoneParts;
-use crate::moving_stack::MovingStack;
+use crate::grid::field::Field;
+use crate::grid::tile::Tile;
+use crate::pipeline::ends::end_caps::End;
+use crate::pipeline::fit::Fitted;
+use crate::registration::motion_field::LoneParts;
+use crate::registration::motion_stack::MovingStack;
 use crate::report::IntervalReport;
-use crate::shelf::Shelf;
+use crate::stack::heights::Heights;
+use crate::storage::spill::Shelf;
 use crate::surface::stream::LayerSink;
-use crate::tile::Tile;
-use crate::topology::{Decided, match_components};
 
 /// What the stages before the layers have made.
 struct Made<'a> {

@@ -3,18 +3,18 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Run;
-use crate::contours::Contour;
-use crate::displacement::Displacement;
+use crate::contour::Contour;
+use crate::contour::parts::{candidates, overlaps, parts};
 use crate::error::{Error, Result};
-use crate::frames;
-use crate::motion::Frame;
-use crate::moving_stack::MovingStack;
-use crate::parts::{candidates, overlaps, parts};
+use crate::grid::spline::smoothstep;
+use crate::pipeline::rigid_frames;
 use crate::reference::exact::exact_distance;
+use crate::registration::displacement::Displacement;
+use crate::registration::mid_frame::Frame;
+use crate::registration::motion_stack::MovingStack;
 use crate::report::{LinkReport, LinkedBy};
-use crate::settings::{Linking, Motion};
-use crate::shelf::Shelf;
-use crate::spline::smoothstep;
+use crate::settings::{Link, Linking, Motion};
+use crate::storage::spill::Shelf;
 
 /// Fairing keeps off parts that are kept apart by this much and is whole beyond the other, px.
 const UNFAIRED: [f64; 2] = [8.0, 16.0];
@@ -53,7 +53,7 @@ impl<'a> Run<'a> {
         }
         let of = |i: usize, pair: [&Contour; 2]| {
             let links = self.settings.links.iter().filter(|l| l.slice == i);
-            let link = |l: &crate::links::Link| (l.from, l.to, l.join, LinkedBy::File);
+            let link = |l: &Link| (l.from, l.to, l.join, LinkedBy::File);
             let mut found: Vec<_> = links.map(link).collect();
             if self.settings.link == Linking::Auto {
                 let auto = self.alike(pair, &found.iter().map(|l| ((l.0, l.1), l.2)).collect());
@@ -85,7 +85,7 @@ impl<'a> Run<'a> {
         // What is in the way of a link, another link or a part that stands still, excludes it.
         while !found.is_empty() {
             let all: Vec<(u32, u32)> = pairs(true).chain(found.iter().copied()).collect();
-            let followed = frames::linked(pair[0], pair[1], &all, self.h).followed;
+            let followed = rigid_frames::linked(pair[0], pair[1], &all, self.h).followed;
             let shares = followed[all.len() - found.len()..].iter().enumerate();
             match shares.min_by(|a, b| a.1.total_cmp(b.1)) {
                 Some((worst, share)) if *share < FOLLOWED => found.remove(worst),
@@ -97,7 +97,7 @@ impl<'a> Run<'a> {
 
     /// The displacements of linked parts, or of all that have a rigid frame; warns of links that cannot be followed.
     pub(super) fn frames(&mut self, contours: &Shelf<'a, Contour>) -> Result<Shelf<'a, Displacement>> {
-        let frames = if self.settings.motion == Motion::Rigid { frames::rigid } else { frames::linked };
+        let frames = if self.settings.motion == Motion::Rigid { rigid_frames::rigid } else { rigid_frames::linked };
         let of = |i: usize, [low, high]: [&Contour; 2]| {
             let joined = self.links[i].joined();
             let found = frames(low, high, &joined, self.h);
@@ -126,7 +126,7 @@ impl<'a> Run<'a> {
             let [low, high] = [contours.get(i)?, contours.get(i + 1)?];
             let at_slices = moving.map(|m| m.at_slices(i)).transpose()?;
             for link in &mut links.told {
-                link.meet = frames::meeting(&low, &high, (link.from, link.to), at_slices.as_deref());
+                link.meet = rigid_frames::meeting(&low, &high, (link.from, link.to), at_slices.as_deref());
             }
         }
         Ok(())

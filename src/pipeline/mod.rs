@@ -5,44 +5,52 @@
 //! distance -> motion -> slopes -> layers                      (method field)
 //! ```
 
-mod ends;
+pub mod certificate;
+pub(crate) mod compose;
+mod connect;
+pub(crate) mod ends;
 mod events;
 mod field;
+pub(crate) mod fit;
 mod links;
+pub(crate) mod matching;
 mod morph;
 mod moving;
 mod propagate;
+pub(crate) mod rigid_frames;
+pub mod section;
 mod span;
-mod together;
+pub(crate) mod tracks;
 
 use std::time::Instant;
 
 use rayon::prelude::*;
 
+use self::certificate::Examined;
 use self::links::IntervalLinks;
 use self::span::Span;
-pub use self::together::Bonds;
 use crate::backend::{Backend, ContourOptions, Means, PaddedSlice};
-use crate::compose::{Canvas, differing_pixels};
-use crate::contours::Contour;
+use crate::contour::Contour;
 use crate::error::{Error, Result};
-use crate::examined::{self, Examined};
 use crate::fairing::{self, Fairing};
-use crate::heights::{Height, Heights, check};
-use crate::links as user_links;
-use crate::moving_field::{self, STEPS};
-use crate::moving_stack::MovingStack;
+use crate::grid::tile::samples;
+use crate::pipeline::compose::{Canvas, differing_pixels};
+pub use crate::pipeline::connect::Bonds;
+use crate::pipeline::section::Section;
 use crate::progress::Progress;
+use crate::registration::motion_field;
+use crate::registration::motion_field::STEPS;
+use crate::registration::motion_stack::MovingStack;
 use crate::report::{ContourReport, Report, Side, StageReport};
-use crate::section::Section;
 use crate::settings::{Method, Settings, SlopeRule};
-use crate::shelf::{Budget, Shelf};
 use crate::stack::ContourStack;
+use crate::stack::heights::{Height, Heights, check};
+use crate::stack::links as user_links;
 use crate::stack::window::Window;
+use crate::storage::spill::{Budget, Shelf};
 use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
 use crate::surface::{Layer, Reconstruction};
-use crate::tile::samples;
 
 /// Extra margin for rules whose curves overshoot their contours, px.
 const OVERSHOOT: usize = 8;
@@ -191,7 +199,7 @@ pub fn run(
     run.find_links(&contours)?;
     let first = run.span.first;
     let ends = [contours.light(0).z, contours.light(contours.len() - 1).z];
-    let examined = Examined::new(examined::Spec {
+    let examined = Examined::new(certificate::Spec {
         dims: stack.dims,
         spacing: stack.spacing,
         z: stack.slices.iter().map(|s| s.z).collect(),
@@ -402,5 +410,5 @@ impl<'a> Run<'a> {
 /// Height between two contours as time of their interval, never quite 0 or 1: a stack and the same upside down then sweep with the very same
 /// times, whichever way their heights were rounded.
 fn time(z: f64, low: f64, high: f64) -> f64 {
-    moving_field::time(z, low, high).clamp(1.0 / STEPS, 1.0 - 1.0 / STEPS)
+    motion_field::time(z, low, high).clamp(1.0 / STEPS, 1.0 - 1.0 / STEPS)
 }

@@ -4,23 +4,23 @@ use std::ops::Range;
 
 use super::Run;
 use super::ends::EndMatter;
-use crate::caps::Cap;
-use crate::closing::{Succession, closes};
-use crate::compose::mean_slope;
-use crate::contours::Contour;
-use crate::displacement::{Displacement, DisplacementJob};
+use crate::contour::Contour;
+use crate::contour::caps::Cap;
+use crate::contour::direction::Direction;
+use crate::contour::termination::{Succession, closes};
+use crate::contour::unmatched::LonePart;
 use crate::error::Result;
-use crate::field::Field;
-use crate::fit::Fitted;
-use crate::jobs::Direction;
-use crate::lone_part::LonePart;
-use crate::matching::lone_solids;
-use crate::moving_field::{LEAST_DEPTH, LoneParts, drawn_in};
-use crate::moving_stack::MovingStack;
+use crate::grid::field::Field;
+use crate::pipeline::compose::mean_slope;
+use crate::pipeline::fit::Fitted;
+use crate::pipeline::matching::lone_solids;
+use crate::pipeline::section::NEIGHBOURS;
 use crate::reference::displacement::ROUNDS;
-use crate::section::NEIGHBOURS;
+use crate::registration::displacement::{Displacement, DisplacementJob};
+use crate::registration::motion_field::{LEAST_DEPTH, LoneParts, drawn_in};
+use crate::registration::motion_stack::MovingStack;
 use crate::settings::Motion;
-use crate::shelf::{Large, Shelf};
+use crate::storage::spill::{Large, Shelf};
 
 impl<'a> Run<'a> {
     /// The stack in its moving frame.

@@ -9,23 +9,24 @@ use rayon::prelude::*;
 use super::morph::{Beside, Made};
 use super::{CHUNK_BYTES, Run, Sink, time};
 use crate::backend::MorphOptions;
-use crate::caps::Cap;
-use crate::compose::{Canvas, IntervalCaps, unite_cap};
-use crate::contours::Contour;
+use crate::backend::jobs::{Filled, SweepJob, SweepPair};
+use crate::contour::Contour;
+use crate::contour::caps::Cap;
+use crate::contour::direction::Direction;
 use crate::error::{Error, Result};
-use crate::examined::BESIDE;
-use crate::fit::{Fitted, course};
-use crate::heights::{Height, Heights};
-use crate::jobs::{Direction, Filled, SweepJob, SweepPair};
-use crate::matching::Interval;
-use crate::moving_field::{Cells, MovingField};
+use crate::grid::tile::Tile;
+use crate::pipeline::compose::{Canvas, IntervalCaps, unite_cap};
+use crate::pipeline::fit::{Fitted, course};
+use crate::pipeline::matching::Interval;
+use crate::pipeline::tracks::Side;
+use crate::registration::motion_field::{Cells, MovingField};
+use crate::registration::particle_weight::Trust;
+use crate::registration::warp::{Warp, Way};
 use crate::settings::Settings;
-use crate::shelf::Shelf;
+use crate::stack::heights::BESIDE;
+use crate::stack::heights::{Height, Heights};
+use crate::storage::spill::Shelf;
 use crate::surface::Layer;
-use crate::tile::Tile;
-use crate::tracks::Side;
-use crate::trust::Trust;
-use crate::warp::{Warp, Way};
 
 /// Share of an interval at which parts that are kept apart close: well before a third of it. Layers two or more between two contours have
 /// one in the middle third, which neither part then reaches; a bound that looked for it would make layers depend on each other.

@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use crate::change::Change;
-use crate::heights::median;
-use crate::moving_field::even_gaps;
-use crate::section::Section;
+use crate::pipeline::section::Section;
+use crate::registration::motion_field::even_gaps;
 use crate::stack::ContourStack;
+use crate::stack::change::Change;
+use crate::stack::heights::median;
 
 /// Least of what a unit of height counts as: where no contour changes, gaps are short beside every width.
 const LEAST_RATE: f64 = 1e-9;

@@ -3,7 +3,7 @@
 use super::edges::{area, contour_edges};
 use super::{Drawing, Polygon};
 use crate::error::{Error, Result};
-use crate::memory;
+use crate::storage::room;
 
 /// Empty pixels around all contours: room for what bulges between the planes.
 pub const MARGIN: usize = 8;
@@ -62,7 +62,7 @@ impl Grid {
         // All slices, and the distances, squared and not, of those at work.
         let at_work = slices.min(rayon::current_num_threads());
         let bytes = sides[0] * sides[1] * (4 * slices + 12 * at_work) as f64;
-        memory::check_room(bytes).map_err(|m| {
+        room::check_room(bytes).map_err(|m| {
             let of = format!("{slices} slices of {} x {} pixels of {}", sides[0], sides[1], spacing[0]);
             Error::Setting { name: "pixel".into(), message: format!("must be larger: {of} {m}") }
         })?;

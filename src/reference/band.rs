@@ -6,8 +6,8 @@
 
 use std::ops::Range;
 
-use crate::field::Field;
-use crate::stencil::REACH;
+use crate::grid::field::Field;
+use crate::grid::stencil::REACH;
 
 /// Pixels at a tile's edge that never belong to a tube: a WENO5 stencil and one more.
 pub const RIM: usize = REACH + 1;

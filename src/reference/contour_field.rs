@@ -6,11 +6,11 @@ use super::exact::exact_distance;
 use super::hj_step::Scratch;
 use super::reinit::reinit;
 use crate::backend::ContourOptions;
-use crate::conditioning::{
+use crate::backend::conditioning::{
     CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP, MASK_FLOOR,
     gaussian_weights,
 };
-use crate::field::Field;
+use crate::grid::field::Field;
 use crate::settings::AntiAlias;
 
 /// Signed distance field of a mask, px; `inf` where the mask is empty. The side of every pixel is the mask's.

@@ -11,8 +11,8 @@
 use multiversion::multiversion;
 use rayon::prelude::*;
 
-use crate::displacement::{BLOCK, Displacement, DisplacementJob, smooth};
-use crate::field::{Field, bilinear, cell};
+use crate::grid::field::{Field, bilinear, cell};
+use crate::registration::displacement::{BLOCK, Displacement, DisplacementJob, smooth};
 
 /// One round of the iteration, lengths in px.
 #[derive(Debug, Clone, Copy)]

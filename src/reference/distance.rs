@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use crate::field::Field;
-use crate::stencil::Eikonal;
+use crate::grid::field::Field;
+use crate::grid::stencil::Eikonal;
 
 /// Farther than any distance on an image.
 const FAR: f64 = 1e30;

@@ -1,6 +1,6 @@
 //! Exact Euclidean distance to the other side of a mask (Felzenszwalb and Huttenlocher 2012), the pixel edge half way.
 
-use crate::field::{Field, length};
+use crate::grid::field::{Field, length};
 
 /// Pixels at equal distance may give different results where a pixel is not square: within this many pixels of a tie the least one counts.
 pub const TIE: f64 = 1e-3;

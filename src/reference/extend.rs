@@ -3,7 +3,7 @@
 //! contour, weighted by how much closer; only pixels of the tube T are looked at. Pixels at the contour keep their values.
 
 use super::band::Band;
-use crate::field::Field;
+use crate::grid::field::Field;
 
 /// Neighbours to either side that differ by less than this are as close, px: on the middle line of a part rounding must not decide from which
 /// of its sides a value comes.

@@ -3,8 +3,8 @@
 use multiversion::multiversion;
 
 use super::band::Band;
-use crate::field::Field;
-use crate::stencil::{REACH, TVD_RK3, cut_off, godunov, one_sided};
+use crate::grid::field::Field;
+use crate::grid::stencil::{REACH, TVD_RK3, cut_off, godunov, one_sided};
 
 /// Where the speed F comes from.
 #[derive(Debug, Clone, Copy)]

@@ -19,15 +19,15 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use crate::backend::blend::{blend, mend};
+use crate::backend::jobs::{Filled, PartJob, SweepJob, SweepPair, Swept, TraceJob, Traced, blend_weights};
 use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
-use crate::compose::{blend, mend};
-use crate::displacement::{Displacement, DisplacementJob};
 use crate::error::Result;
-use crate::field::Field;
-use crate::jobs::{Filled, PartJob, SweepJob, SweepPair, Swept, TraceJob, Traced, blend_weights};
-use crate::moving_field::{Cells, LoneParts, MovingField};
-use crate::packed::Packed;
+use crate::grid::field::Field;
+use crate::grid::tiled::Packed;
 use crate::progress::Progress;
+use crate::registration::displacement::{Displacement, DisplacementJob};
+use crate::registration::motion_field::{Cells, LoneParts, MovingField};
 
 /// The reference path. Jobs run in parallel on rayon's current pool, each by itself: the same bits for any number of threads.
 #[derive(Debug, Clone, Copy, Default)]

@@ -5,10 +5,10 @@ use std::ops::Range;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
-use crate::caps::Cap;
-use crate::field::Field;
-use crate::moving_field::{CELL, Cells, LoneParts, MovingField, between, closing, plus, probes, slope};
-use crate::spline::three_point_end;
+use crate::contour::caps::Cap;
+use crate::grid::field::Field;
+use crate::grid::spline::three_point_end;
+use crate::registration::motion_field::{CELL, Cells, LoneParts, MovingField, between, closing, plus, probes, slope};
 
 /// Slopes of the fields at the `wanted` slices, per height: see [`slope`], secants taken along the trajectories; at the ends the three-point
 /// formula.

@@ -1,8 +1,8 @@
 //! Distance field of a part of a contour.
 
 use super::distance::sweep;
-use crate::field::Field;
-use crate::jobs::PartJob;
+use crate::backend::jobs::PartJob;
+use crate::grid::field::Field;
 
 /// Where an edge of another part is nearer by less than this, the whole contour's field still has a share in the value, px: pixels that are as
 /// far from both would else go by rounding.

@@ -1,7 +1,7 @@
 //! Tracker particles: advection along the normal, back-projection onto the front, distance covered, death.
 
-use crate::contour::Seed;
-use crate::field::{Field, distance};
+use crate::contour::seeds::Seed;
+use crate::grid::field::{Field, distance};
 
 /// What back-projections may move a particle in all, px: more means that the front under it is gone and another piece drags it along. The sum,
 /// unlike the move of one step, does not depend on how many steps there are.

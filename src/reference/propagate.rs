@@ -10,12 +10,12 @@ use super::reinit::reinit_share;
 use super::scatter::scatter;
 use super::trace::{arrival, trace};
 use crate::backend::MorphOptions;
-use crate::contour::seeds;
-use crate::field::Field;
-use crate::jobs::{SweepJob, Swept, TraceJob};
-use crate::packed::Packed;
-use crate::spline::{Course, bend, hermite, hermite_rate, smoothstep};
-use crate::stencil::{cut_off, step_share};
+use crate::backend::jobs::{SweepJob, Swept, TraceJob};
+use crate::contour::seeds::seeds;
+use crate::grid::field::Field;
+use crate::grid::spline::{Course, bend, hermite, hermite_rate, smoothstep};
+use crate::grid::stencil::{cut_off, step_share};
+use crate::grid::tiled::Packed;
 
 /// Jacobi passes of the extension per step: 8 and 16 give the same.
 pub const PASSES: usize = 4;

@@ -4,8 +4,8 @@ use multiversion::multiversion;
 
 use super::band::Band;
 use super::hj_step::{Scratch, Window, stencil};
-use crate::field::Field;
-use crate::stencil::{REACH, godunov, one_sided, smeared_sign};
+use crate::grid::field::Field;
+use crate::grid::stencil::{REACH, godunov, one_sided, smeared_sign};
 
 /// Pseudo-time step in pixels of the smaller side.
 pub const STEP: f64 = 0.5;
@@ -15,7 +15,7 @@ pub fn reinit(phi: &mut Field, band: &Band, h: [f64; 2], iterations: usize, scra
     relax_by(STEP, phi, band, h, iterations, scratch);
 }
 
-/// This share of a step: what one step of a moving front calls for, see [`crate::stencil::step_share`].
+/// This share of a step: what one step of a moving front calls for, see [`crate::grid::stencil::step_share`].
 pub fn reinit_share(share: f64, phi: &mut Field, band: &Band, h: [f64; 2], scratch: &mut Scratch) {
     relax_by(share * STEP, phi, band, h, 1, scratch);
 }

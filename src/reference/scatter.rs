@@ -3,7 +3,7 @@
 //! Gathered through cell bins in seed order, never scattered: the result cannot depend on the order in which threads run.
 
 use super::band::Band;
-use crate::field::{Field, distance};
+use crate::grid::field::{Field, distance};
 
 /// Reach of the kernel `(1 - d / R)^2`, px.
 pub const RADIUS: f64 = 1.5;

@@ -5,10 +5,10 @@ use super::hj_step::{Scratch, Speed, Tube, hj_step};
 use super::particles::{Particle, correct, land, predict};
 use super::reinit::reinit_share;
 use crate::backend::MorphOptions;
-use crate::field::Field;
-use crate::jobs::{TraceJob, Traced, Track, full_distance};
+use crate::backend::jobs::{TraceJob, Traced, Track, full_distance};
+use crate::grid::field::Field;
+use crate::grid::stencil::{COURANT, step_share};
 use crate::report::Residual;
-use crate::stencil::{COURANT, step_share};
 
 /// Largest time step, of a whole one: the relaxation `phi_t = phi_B - phi` is unstable above 2.5 and already costs accuracy at 2.2.
 pub const STEP_LIMIT: f64 = 0.5;

@@ -21,8 +21,8 @@ use added::Adding;
 pub use added::{Added, Gather, StructuresWriter};
 pub use choose::{Chosen, Steps};
 
-use crate::appearance::Appearance;
 use crate::error::{Error, Result};
+use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, ReadOptions};
 use crate::surface::header::Header;
 

@@ -87,7 +87,7 @@ impl FromIterator<bool> for Mask {
 
 /// A mask while it is drawn, a bit per pixel.
 #[derive(Debug, Clone)]
-pub(super) struct Drawing {
+pub(crate) struct Drawing {
     len: usize,
     words: Vec<u64>,
 }

@@ -2,27 +2,20 @@
 //!
 //! One reader per format; each gives a [`ContourStack`]. Numerics see only this type and know nothing of files.
 
+pub mod appearance;
+pub mod axis;
+pub mod change;
 pub mod doubts;
-pub mod folder;
-pub mod labels;
+pub mod heights;
 pub mod level;
+pub mod links;
 pub mod mask;
-pub mod mha;
-pub mod nifti;
-pub mod npy;
-pub mod nrrd;
-mod ome;
 pub mod options;
-pub mod pages;
-pub mod read;
-mod segments;
-pub mod volume;
 pub(crate) mod window;
 
 pub use level::Level;
 pub use mask::Mask;
 pub use options::ReadOptions;
-pub use read::read;
 
 use crate::error::{Error, Result};
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::volume::axis::Axis;
+use crate::stack::axis::Axis;
 
 /// What to read from an input.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]

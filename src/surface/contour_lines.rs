@@ -7,8 +7,8 @@ use serde::Serialize;
 use super::Layer;
 use super::header::Header;
 use super::stream::{BodyWriter, Ending};
-use crate::contour::trace_loops;
-use crate::field::Field;
+use crate::contour::seeds::trace_loops;
+use crate::grid::field::Field;
 use crate::polygons::Polygon;
 use crate::stack::Geometry;
 

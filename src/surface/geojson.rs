@@ -8,8 +8,8 @@ use super::Layer;
 use super::contour_lines::{AlongAxes, contour_lines};
 use super::header::Header;
 use super::stream::{BodyWriter, Ending};
-use crate::map::Crs;
 use crate::polygons::Polygon;
+use crate::surface::map::Crs;
 
 #[derive(Serialize)]
 struct Feature {

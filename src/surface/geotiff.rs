@@ -7,7 +7,7 @@ use tiff::encoder::colortype::ColorType;
 use tiff::encoder::{TiffEncoder, TiffValue};
 use tiff::tags::Tag;
 
-use crate::map::Crs;
+use crate::surface::map::Crs;
 
 /// Keys of the GeoKey directory.
 const MODEL_TYPE: u16 = 1024;

@@ -10,7 +10,7 @@ use super::contour_lines::AlongAxes;
 use super::geotiff::Raster;
 use super::header::Header;
 use super::stream::{BodyWriter, Ending};
-use crate::map::Crs;
+use crate::surface::map::Crs;
 
 /// Arrival height per pixel, unit of the stack, row-major: the highest z at which the pixel is inside, by the linear zero between
 /// layers; the upper end of the body where it is still inside there, NaN where it is never inside.

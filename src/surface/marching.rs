@@ -6,7 +6,7 @@ use super::Layer;
 use super::cases::{CASES, EDGES, Patch};
 use super::header::Header;
 use super::space::{cross, dot, to_world};
-use crate::packed::Packed;
+use crate::grid::tiled::Packed;
 use crate::stack::Geometry;
 
 /// Vertices stay this far, in cell sides, from the corners of their cells: vertices of different edges stay apart in f32 too, near an

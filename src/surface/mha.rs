@@ -4,9 +4,10 @@ use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use super::Layer;
+use super::content::{Content, Scalar};
 use super::header::Header;
 use super::stream::{BodyWriter, Ending};
-use super::volume::{Coded, Content, Scalar, VolumeWriter};
+use super::volume::{Coded, VolumeWriter};
 use super::voxels::VoxelGrid;
 
 /// Digits that the header keeps free for the size of the compressed data.

@@ -1,7 +1,10 @@
 //! What goes out: the reconstructed body as layers of signed distance, and one writer per format.
 
+pub mod areas;
 mod cases;
+pub mod content;
 pub mod contour_lines;
+pub mod crs;
 pub mod geojson;
 pub mod geotiff;
 pub mod glb;
@@ -9,6 +12,7 @@ pub mod header;
 pub mod heightmap;
 pub mod html;
 pub mod local;
+pub mod map;
 pub mod marching;
 pub mod mesh;
 pub mod mesh_files;

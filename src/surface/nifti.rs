@@ -3,8 +3,9 @@
 use std::io::{self, Write};
 use std::path::Path;
 
+use super::content::{Content, Scalar};
 use super::header::Header;
-use super::volume::{Coded, Content, Scalar, VolumeWriter};
+use super::volume::{Coded, VolumeWriter};
 use super::voxels::VoxelGrid;
 
 /// Part of a voxel by which a volume may lie elsewhere without a word.

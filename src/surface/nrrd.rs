@@ -3,10 +3,11 @@
 use std::io::{self, Write};
 use std::path::Path;
 
+use super::content::{Content, Scalar};
 use super::header::Header;
-use super::volume::{Coded, Content, Scalar, VolumeWriter};
+use super::volume::{Coded, VolumeWriter};
 use super::voxels::VoxelGrid;
-use crate::appearance::Appearance;
+use crate::stack::appearance::Appearance;
 
 /// A writer of the output layers. Space is left-posterior-superior; origin and directions place the volume where its input was. Layers that
 /// lie across x or y of the volume wait in a nameless file in `folder`. Where the volume is one of labels and some of `labels` has a name, they

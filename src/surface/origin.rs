@@ -16,9 +16,9 @@ use std::path::Path;
 use tempfile::SpooledTempFile;
 
 use super::Layer;
+use super::content::Content;
 use super::spool::FILE_IN_MEMORY;
 use super::stream::{BodyWriter, Ending};
-use super::volume::Content;
 
 /// Writes such a volume through the writer of its format. Layers wait for the contour above them, in memory while they are few.
 pub struct OriginWriter {

@@ -10,8 +10,8 @@ use super::header::Header;
 use super::mesh::MeshSource;
 use super::space::{cross, dot, length, sub, to_world};
 use super::stream::{BodyWriter, Ending, Needs};
-use crate::contour::trace_loops;
-use crate::field::Field;
+use crate::contour::seeds::trace_loops;
+use crate::grid::field::Field;
 use crate::stack::Geometry;
 
 /// Samples per pixel side.

@@ -14,9 +14,9 @@ use super::header::Header;
 use super::marching::{Builder, Piece};
 use super::mesh::Measure;
 use super::spool::Spool;
-use crate::areas::Areas;
 use crate::error::Result;
 use crate::report::Report;
+use crate::surface::areas::Areas;
 
 /// Takes the layers of a body as they are finished, lowest first.
 pub trait LayerSink {

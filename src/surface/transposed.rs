@@ -6,8 +6,8 @@ use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::Path;
 
+use super::content::Content;
 use super::header::Header;
-use super::volume::Content;
 use super::voxels::VoxelGrid;
 
 /// Bytes that are read back at a time, more only where a row of the volume has more.

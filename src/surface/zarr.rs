@@ -18,10 +18,10 @@ use zarrs::filesystem::FilesystemStore;
 use zarrs::group::GroupBuilder;
 
 use super::Layer;
+use super::content::{Content, Scalar, Whole};
 use super::header::Header;
 use super::space::dot;
 use super::stream::{BodyWriter, Ending};
-use super::volume::{Content, Scalar, Whole};
 use super::voxels::VoxelGrid;
 
 /// Columns, rows and layers of a chunk; fewer layers where [`SLAB_BYTES`] hold no more.

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::{Feature, Part};
 use crate::error::{Error, Result};
-use crate::map::Crs;
+use crate::surface::map::Crs;
 
 /// The features of a file, and the coordinate system its `crs` member names (of before RFC 7946, still what programs write).
 ///

@@ -6,11 +6,11 @@ use super::border::Border;
 use super::join::{Joined, Level};
 use super::lines::{Line, distance};
 use crate::error::Error;
-use crate::map::{Crs, Map};
 use crate::polygons::Polygon;
 use crate::polygons::grid::Grid;
 use crate::polygons::level_set;
 use crate::stack::{self, ContourStack, Geometry, Slice, SliceContent};
+use crate::surface::map::{Crs, Map};
 
 /// Pixels beyond the border: distances are needed as far.
 const BEYOND: f64 = 16.0;

@@ -22,8 +22,8 @@ use std::path::{Path, PathBuf};
 use border::Border;
 
 use crate::error::{Error, Result};
-use crate::map::{Crs, Map};
 use crate::stack::{ContourStack, ReadOptions};
+use crate::surface::map::{Crs, Map};
 
 /// Parts of the middle distance between levels that are the distance between output heights, where none is asked for.
 const STEPS_PER_LEVEL: f64 = 8.0;

@@ -10,7 +10,7 @@ use shapefile::{Shape, ShapeReader};
 
 use super::{Feature, Part, guard};
 use crate::error::{Error, Result};
-use crate::map::Crs;
+use crate::surface::map::Crs;
 
 /// What stands for "no data" in a shapefile's z.
 const NO_DATA: f64 = -1e38;

@@ -2,9 +2,10 @@
 
 use std::fmt;
 
+use interslice::Settings;
+use interslice::grid::components;
 use interslice::polygons::{self, Drawing, Planes};
 use interslice::stack::{ContourStack, Geometry, Level, Slice, SliceContent};
-use interslice::{Settings, components};
 
 use super::numbers::Numbers;
 use super::parts::{Outline, Part};

@@ -1,7 +1,7 @@
 //! What is measured on layers.
 
 use interslice::Reconstruction;
-use interslice::components::label4;
+use interslice::grid::components::label4;
 use interslice::stack::ContourStack;
 use interslice::surface::Layer;
 

@@ -1,7 +1,7 @@
 //! Random settings, valid ones.
 
-use interslice::components::label4;
-use interslice::links::Link;
+use interslice::grid::components::label4;
+use interslice::settings::Link;
 use interslice::settings::{AntiAlias, EndRule, Linking, Method, Motion, SlopeRule, SplineEnd};
 use interslice::stack::ContourStack;
 use interslice::{Settings, height_grid};

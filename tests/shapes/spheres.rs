@@ -3,9 +3,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use interslice::areas::Areas;
 use interslice::polygons::{Drawing, Planes, stack};
 use interslice::stack::{ContourStack, Geometry};
+use interslice::surface::areas::Areas;
 use interslice::surface::mesh::closed_surface;
 use interslice::{Settings, reconstruct};
 

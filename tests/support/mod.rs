@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use interslice::Reconstruction;
-use interslice::files::outputs::{OutputOptions, Outputs};
+use interslice::files::options::OutputOptions;
+use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::report::Report;

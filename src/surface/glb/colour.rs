@@ -1,6 +1,6 @@
 //! Base colours: linear RGBA.
 
-use crate::appearance::Appearance;
+use crate::stack::appearance::Appearance;
 
 /// A body of which nothing is known: warm grey.
 const BODY: [f32; 4] = [0.71, 0.60, 0.45, 1.0];

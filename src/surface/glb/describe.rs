@@ -12,7 +12,8 @@ use gltf_json::{Accessor, Asset, Buffer, Index, Material, Mesh, Node, Root, Scen
 use serde_json::json;
 use serde_json::value::{RawValue, to_raw_value};
 
-use super::{Part, colour};
+use super::colour;
+use super::part::{Part, VERTEX_BYTES};
 
 /// The description of meshes whose data follow each other. A body without a surface has no mesh: glTF knows no empty ones.
 pub(super) fn described(parts: &[Part]) -> io::Result<Root> {
@@ -94,7 +95,7 @@ fn vectors(
     count: u64,
     [min, max]: [Option<Value>; 2],
 ) -> Index<Accessor> {
-    let view = view(root, buffer, offset, count * super::VERTEX_BYTES, Target::ArrayBuffer);
+    let view = view(root, buffer, offset, count * VERTEX_BYTES, Target::ArrayBuffer);
     root.push(Accessor { min, max, ..accessor(view, count, ComponentType::F32, Type::Vec3) })
 }
 

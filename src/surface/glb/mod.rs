@@ -7,6 +7,7 @@
 
 mod colour;
 mod describe;
+mod part;
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Seek, Write};
@@ -14,65 +15,11 @@ use std::path::Path;
 
 use super::mesh::MeshSource;
 use super::space::sub;
-use crate::appearance::Appearance;
 use describe::described;
+pub use part::About;
+use part::Part;
 
-/// Bytes of three f32.
-const VERTEX_BYTES: u64 = 12;
-/// Bytes of three u32.
-const TRIANGLE_BYTES: u64 = 12;
 const BUFFER_BYTES: usize = 1 << 20;
-
-/// What is known of a body besides its mesh.
-#[derive(Debug, Clone, Default)]
-pub struct About {
-    /// Name, number and colour.
-    pub appearance: Appearance,
-    /// Length unit.
-    pub unit: String,
-    /// What positions are relative to, see [`local`](super::local).
-    pub origin: [f64; 3],
-}
-
-/// One mesh of a file.
-#[derive(Debug)]
-struct Part {
-    about: About,
-    /// Vertices and triangles.
-    counts: [u64; 2],
-    /// The box around its vertices, as they are stored.
-    low: [f32; 3],
-    high: [f32; 3],
-}
-
-impl Part {
-    /// What must be known of a mesh before it is written.
-    fn of(mesh: &mut dyn MeshSource, about: &About) -> io::Result<Self> {
-        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        mesh.vertices(&mut |v| {
-            for (a, x) in sub(v.position, about.origin).iter().enumerate() {
-                (low[a], high[a]) = (low[a].min(*x as f32), high[a].max(*x as f32));
-            }
-            Ok(())
-        })?;
-        Ok(Part { about: about.clone(), counts: mesh.counts(), low, high })
-    }
-
-    /// Bytes of positions, normals and triangles.
-    fn lengths(&self) -> [u64; 3] {
-        let [vertices, triangles] = self.counts;
-        [vertices * VERTEX_BYTES, vertices * VERTEX_BYTES, triangles * TRIANGLE_BYTES]
-    }
-
-    /// Whether its origin is not the world's.
-    fn is_moved(&self) -> bool {
-        self.about.origin != [0.0; 3]
-    }
-
-    fn bytes(&self) -> u64 {
-        self.lengths().iter().sum()
-    }
-}
 
 /// Writes one mesh.
 ///

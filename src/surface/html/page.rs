@@ -7,9 +7,9 @@ use clap::Args;
 use super::plots::{self, Bar};
 use super::scene::Scene;
 use super::words::{self, count, escape, link, number};
+use crate::report::verdict::JUMP;
 use crate::report::{Beside, EndReport, Report, Residual, Side};
 use crate::settings::Settings;
-use crate::verdict::JUMP;
 
 const TEMPLATE: &str = include_str!("template.html");
 const STYLE: &str = include_str!("page.css");

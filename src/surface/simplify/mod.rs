@@ -8,6 +8,7 @@
 //! Vertices that remain stay where they are. The whole mesh is in memory.
 
 mod block;
+mod collapse;
 mod cut;
 mod distances;
 mod measure;
@@ -18,7 +19,7 @@ use std::io;
 use std::sync::{Arc, Mutex};
 
 use super::mesh::{Mesh, MeshSource};
-use crate::memory;
+use crate::storage::room;
 pub use distances::Distances;
 use sound::torn;
 use surface::Surface;
@@ -78,7 +79,7 @@ impl Simplifier {
         if u32::try_from(vertices + triangles).is_err() {
             return Ok(Err("at most 2^32 vertices and triangles can be simplified".into()));
         }
-        if let Err(why) = memory::check_room(bytes(triangles, rayon::current_num_threads()) as f64) {
+        if let Err(why) = room::check_room(bytes(triangles, rayon::current_num_threads()) as f64) {
             return Ok(Err(format!("{triangles} triangles {why}")));
         }
         let simpler = simplified(&collected(mesh)?, self.error);

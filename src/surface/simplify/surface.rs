@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use super::super::mesh::Mesh;
-use super::block::{Block, Simpler};
+use super::block::Block;
+use super::collapse::Simpler;
 use super::cut::{blocks, grouped};
 use super::sound::torn;
 

@@ -19,7 +19,7 @@ pub const PROPERTY: Property = Property {
     }),
 };
 
-/// Most pixels of a layer that may have changed sides, as `src/grounded.rs` says.
+/// Most pixels of a layer that may have changed sides, as `src/connectivity/grounded.rs` says.
 const CRUMB: usize = 12;
 
 fn is_turned(a: f32, b: f32) -> bool {

@@ -1,0 +1,133 @@
+//! No tearing: what two neighbouring contours have in common keeps its core at every height between them.
+//!
+//! `phi <- min(phi, max(A, B) + D / 2)` with the distances A and B of the two contours, in the image's own frame: within a connected part O of
+//! `{max(A, B) < 0}`, of depth D, its inner half stays inside, a column that joins both contours. It lies inside both, so that a layer beside
+//! either keeps its contour, and depends on nothing but the two: neither on labels nor on the other layers. Beyond O the distance is that to
+//! the nearest core, as far as it is smaller.
+
+use crate::contour::Contour;
+use crate::grid::components::label4;
+use crate::grid::tile::Tile;
+use crate::grid::tiled::Packed;
+use crate::surface::Layer;
+
+/// Share of an overlap's depth by which its core lies within it. The core must neither vanish (1: a point between pixels) nor reach the contours
+/// (0), where it would make a ledge.
+const WITHIN: f64 = 0.5;
+
+/// The image that layers show: its pixels, where it lies on the padded image on which contours are, and how far distances go.
+#[derive(Debug, Clone, Copy)]
+pub struct Shown {
+    /// Pixels.
+    pub dims: [usize; 2],
+    /// Padding of the padded image.
+    pub pad: [usize; 2],
+    /// Size of a pixel in units of its larger side.
+    pub h: [f64; 2],
+    /// Distances are clamped to this, px.
+    pub limit: f64,
+}
+
+/// The cores of all overlaps of an interval.
+#[derive(Debug)]
+pub struct Cores {
+    /// Where they are, on the image that layers show.
+    tile: Tile,
+    /// Distances, px.
+    phi: Packed<f32>,
+}
+
+impl Cores {
+    /// Where overlaps of two contours can be, by what is known of them without their fields; nothing where there is none.
+    pub fn tile(low: &Contour, high: &Contour, shown: &Shown) -> Option<Tile> {
+        let [low, high] = [low, high].map(bounds);
+        let ((low_from, low_to), (high_from, high_to)) = (low?, high?);
+        let from = [0, 1].map(|a| low_from[a].max(high_from[a]));
+        let to = [0, 1].map(|a| low_to[a].min(high_to[a]));
+        if (0..2).any(|a| from[a] > to[a]) {
+            return None;
+        }
+        let reach = shown.h.map(|h| (shown.limit / h).ceil() as usize);
+        let origin = [0, 1].map(|a| (from[a] - shown.pad[a]).saturating_sub(reach[a]));
+        let dims = [0, 1].map(|a| (to[a] - shown.pad[a] + reach[a] + 1).min(shown.dims[a]) - origin[a]);
+        Some(Tile { origin, dims })
+    }
+
+    /// Those of two neighbouring contours, but of the pairs of parts that are kept apart; nothing where nothing overlaps.
+    pub fn new(low: &Contour, high: &Contour, parted: &[(u32, u32)], shown: &Shown) -> Option<Self> {
+        let tile = Cores::tile(low, high, shown)?;
+        let width = low.phi.dims[0];
+        let node = |n: usize| {
+            let [i, j] = [n % tile.dims[0] + tile.origin[0], n / tile.dims[0] + tile.origin[1]];
+            (j + shown.pad[1]) * width + i + shown.pad[0]
+        };
+        let apart = |n: usize| !parted.is_empty() && parted.contains(&(low.solids.labels[n], high.solids.labels[n]));
+        let limit = shown.limit as f32;
+        // What is kept apart counts as far outside.
+        let both = |n: usize| if apart(n) { limit } else { low.phi.data[n].max(high.phi.data[n]) as f32 };
+        let common: Vec<f32> = (0..tile.len()).map(|n| both(node(n))).collect();
+        let inside: Vec<bool> = common.iter().map(|v| *v < 0.0).collect();
+        let overlaps = label4(&inside, tile.dims);
+        if overlaps.count == 0 {
+            return None;
+        }
+        let mut depths = vec![0.0f32; overlaps.count + 1];
+        for (label, v) in overlaps.labels.iter().zip(&common) {
+            depths[*label as usize] = depths[*label as usize].max(-v);
+        }
+        let raised = |n: usize, depth: f32| common[n] + WITHIN as f32 * depth;
+        let own = |label: &u32| if *label > 0 { depths[*label as usize] } else { f32::INFINITY };
+        let depth = nearest(overlaps.labels.iter().map(own).collect(), tile.dims, |n, depth| raised(n, depth) < limit);
+        let phi: Vec<f32> = depth.iter().enumerate().map(|(n, depth)| raised(n, *depth).min(limit)).collect();
+        Some(Cores { tile, phi: Packed::of(tile.dims, &phi) })
+    }
+
+    /// Keeps the cores inside a layer between the two contours; `px` is the length of a pixel's larger side.
+    pub fn keep(&self, layer: &mut Layer, nx: usize, px: f64) {
+        let px = px as f32;
+        let mut row = vec![0.0; self.tile.dims[0]];
+        for j in 0..self.tile.dims[1] {
+            self.phi.read(0, j, &mut row);
+            let to = &mut layer.phi[(j + self.tile.origin[1]) * nx + self.tile.origin[0]..];
+            for (phi, core) in to.iter_mut().zip(&row) {
+                let core = core * px;
+                if core < *phi {
+                    *phi = if core == 0.0 { f32::MIN_POSITIVE } else { core };
+                }
+            }
+        }
+    }
+}
+
+/// Bounding box of all parts of a contour.
+fn bounds(contour: &Contour) -> Option<([usize; 2], [usize; 2])> {
+    let boxes = contour.solid_box.iter().skip(1).copied();
+    boxes.reduce(|(a, b), (c, d)| ([0, 1].map(|k| a[k].min(c[k])), [0, 1].map(|k| b[k].max(d[k]))))
+}
+
+/// To pixels that have no finite value that of the nearest that has one, counted in steps over edges and corners, as far as `goes` says; the
+/// least of several equally near, so that a turned image is treated alike.
+fn nearest(mut values: Vec<f32>, [nx, ny]: [usize; 2], goes: impl Fn(usize, f32) -> bool) -> Vec<f32> {
+    let around = |n: usize| {
+        let (i, j) = (n % nx, n / nx);
+        let rows = j.saturating_sub(1)..(j + 2).min(ny);
+        rows.flat_map(move |j| (i.saturating_sub(1)..(i + 2).min(nx)).map(move |i| j * nx + i))
+    };
+    let mut done: Vec<bool> = values.iter().map(|v| v.is_finite()).collect();
+    let mut front: Vec<usize> = (0..values.len()).filter(|&n| done[n] && around(n).any(|m| !done[m])).collect();
+    while !front.is_empty() {
+        let mut next = Vec::new();
+        for n in front {
+            for m in around(n).filter(|&m| !done[m]) {
+                if values[m].is_infinite() {
+                    next.push(m);
+                }
+                values[m] = values[m].min(values[n]);
+            }
+        }
+        next.iter().for_each(|&n| done[n] = true);
+        next.retain(|&n| goes(n, values[n]));
+        front = next;
+    }
+    values
+}

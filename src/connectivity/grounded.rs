@@ -1,0 +1,119 @@
+//! Nothing floats: what touches neither contour of its interval is not part of the body, be it matter or a void.
+//!
+//! An interval's nodes ([`NODE_TIMES`](crate::stack::heights::NODE_TIMES)) say which of their parts hang together, from layer to layer, with a contour (a
+//! void: with what is outside there, or with the image's edge). A part of a layer between two of them stays if it touches a part of either that does;
+//! any other changes sides if it is a crumb, of at most [`CRUMB`] pixels: a thin part that moves by more than its own width in a quarter of a gap meets
+//! itself nowhere and yet is one. So far a layer depends on the stack alone. What still floats once all layers that are made are looked at together, a crumb of
+//! a few pixels over or under something that stays, changes sides, too.
+
+use crate::connectivity::runs::{Joined, Runs, Side};
+
+/// Most pixels of a crumb: twice the largest that was seen, 6 px of a skull.
+const CRUMB: usize = 12;
+
+/// Whether each part of a layer is more than a crumb.
+pub fn whole(runs: &Runs) -> Vec<bool> {
+    let mut sizes = vec![0; runs.count];
+    runs.all().for_each(|(_, columns, part)| sizes[part] += columns.len());
+    sizes.into_iter().map(|size| size > CRUMB).collect()
+}
+
+/// Which parts of each of an interval's layers, from contour to contour, hang together with one of both contours, over parts that are `there` (all
+/// where nothing is said).
+pub fn grounded(layers: &[Runs], there: Option<&[Vec<bool>]>, nx: usize, side: Side) -> Vec<Vec<bool>> {
+    let there = |k: usize, part: usize| there.is_none_or(|there| there[k][part]);
+    let mut first = Vec::with_capacity(layers.len());
+    let mut count = 0;
+    for runs in layers {
+        first.push(count);
+        count += runs.count;
+    }
+    // The last thing is the ground.
+    let mut joined = Joined::new(count + 1);
+    for (k, runs) in layers.iter().enumerate() {
+        if k == 0 || k + 1 == layers.len() {
+            (0..runs.count).for_each(|part| joined.join(first[k] + part, count));
+        } else if side == Side::Outside {
+            runs.at_edge(nx).for_each(|part| joined.join(first[k] + part, count));
+        }
+        if let Some(above) = layers.get(k + 1) {
+            runs.meeting(above, |a, b| {
+                if there(k, a) && there(k + 1, b) {
+                    joined.join(first[k] + a, first[k + 1] + b);
+                }
+            });
+        }
+    }
+    let ground = joined.root(count);
+    let of = |(k, runs): (usize, &Runs)| {
+        (0..runs.count).map(|part| there(k, part) && joined.root(first[k] + part) == ground).collect()
+    };
+    layers.iter().enumerate().map(of).collect()
+}
+
+/// Which parts of a layer touch a part that stays of one of the layers around it.
+pub fn held(runs: &Runs, around: [(&Runs, &[bool]); 2], nx: usize, side: Side) -> Vec<bool> {
+    let mut held = vec![false; runs.count];
+    for (other, stays) in around {
+        runs.meeting(other, |own, there| held[own] |= stays[there]);
+    }
+    if side == Side::Outside {
+        runs.at_edge(nx).for_each(|part| held[part] = true);
+    }
+    held
+}
+
+/// Puts the parts of a layer that do not stay on the other side; how many pixels that are.
+pub fn turn(phi: &mut [f32], nx: usize, runs: &Runs, stays: &[bool]) -> usize {
+    if stays.iter().all(|s| *s) {
+        return 0;
+    }
+    let mut turned = 0;
+    for (j, columns, _) in runs.all().filter(|run| !stays[run.2]) {
+        turned += columns.len();
+        phi[j * nx..][columns].iter_mut().for_each(|v| *v = -*v);
+    }
+    turned
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const N: usize = 9;
+
+    fn layer(inside: &[[usize; 2]]) -> Vec<f32> {
+        (0..N * N).map(|n| if inside.contains(&[n % N, n / N]) { -0.5 } else { 0.5 }).collect()
+    }
+
+    #[test]
+    fn what_hangs_on_a_contour_stays_and_what_floats_does_not() {
+        // A stair from the lower contour, and a piece in the air.
+        let layers = [layer(&[[1, 1]]), layer(&[[1, 1], [2, 1], [6, 6]]), layer(&[[2, 1], [6, 6]]), layer(&[])];
+        let runs: Vec<Runs> = layers.iter().map(|l| Runs::new(l, N, Side::Inside)).collect();
+        let stays = grounded(&runs, None, N, Side::Inside);
+        assert_eq!(stays, [vec![true], vec![true, false], vec![true, false], vec![]]);
+        let mut repaired = layers[1].clone();
+        assert_eq!(turn(&mut repaired, N, &runs[1], &stays[1]), 1);
+        assert_eq!(repaired, layer(&[[1, 1], [2, 1]]));
+        // Between both, what touches neither stair goes.
+        let between = Runs::new(&layer(&[[1, 1], [6, 6], [4, 4]]), N, Side::Inside);
+        let around = [1, 2].map(|k| (&runs[k], stays[k].as_slice()));
+        assert_eq!(held(&between, around, N, Side::Inside), [true, false, false]);
+    }
+
+    #[test]
+    fn a_void_stays_where_it_opens_to_a_contour_or_to_the_edge() {
+        let block: Vec<[usize; 2]> = (1..8).flat_map(|j| (1..8).map(move |i| [i, j])).collect();
+        let without =
+            |holes: &[[usize; 2]]| layer(&block.iter().filter(|p| !holes.contains(p)).copied().collect::<Vec<_>>());
+        let layers = [without(&[[2, 2]]), without(&[[2, 3], [5, 5]]), without(&[])];
+        let runs: Vec<Runs> = layers.iter().map(|l| Runs::new(l, N, Side::Outside)).collect();
+        // Around the block; a hole that opens through a face's diagonal to that of the contour; a bubble.
+        let stays = grounded(&runs, None, N, Side::Outside);
+        assert_eq!(stays[1], [true, true, false]);
+        let mut repaired = layers[1].clone();
+        assert_eq!(turn(&mut repaired, N, &runs[1], &stays[1]), 1);
+        assert_eq!(repaired, without(&[[2, 3]]));
+    }
+}

@@ -1,0 +1,103 @@
+//! The input contours as the host stages see them: level set, parts, seeds.
+
+pub mod caps;
+pub mod direction;
+pub(crate) mod offsets;
+pub mod overlap;
+pub mod parts;
+pub mod seeds;
+pub(crate) mod termination;
+pub(crate) mod unmatched;
+
+use crate::contour::seeds::{Seed, seeds};
+use crate::grid::components::{Components, label4, label8};
+use crate::grid::field::Field;
+use crate::grid::tile::Tile;
+use crate::storage::spill::{Array, Large};
+
+/// One input contour on the padded image.
+#[derive(Debug, Clone, Default)]
+pub struct Contour {
+    /// Height.
+    pub z: f64,
+    /// Its level set, px; `inf` everywhere for an empty slice.
+    pub phi: Field,
+    /// 4-connected solid parts.
+    pub solids: Components,
+    /// Number of holes: 8-connected parts of the background but the outside.
+    pub holes: usize,
+    /// Tracker seeds along the contour, pixels of the padded image.
+    pub seeds: Vec<Seed>,
+    /// Inradius of each solid part, px, by number; entry 0 is unused.
+    pub solid_depth: Vec<f64>,
+    /// Bounding box `(low, high)` of each solid part, both ends included.
+    pub solid_box: Vec<([usize; 2], [usize; 2])>,
+}
+
+impl Contour {
+    /// Labels and seeds for a level set.
+    pub fn new(z: f64, phi: Field, h: [f64; 2], seed_spacing: f64) -> Self {
+        let seeds = seeds(&phi, h, seed_spacing);
+        Contour::with_seeds(z, phi, seeds)
+    }
+
+    /// Labels for a level set with given seeds.
+    pub fn with_seeds(z: f64, phi: Field, seeds: Vec<Seed>) -> Self {
+        let mut side = phi.inside();
+        let solids = label4(&side, phi.dims);
+        side.iter_mut().for_each(|inside| *inside = !*inside);
+        let holes = label8(&side, phi.dims).count.saturating_sub(1);
+        let solid_depth = depths(&solids, &phi);
+        let solid_box = boxes(&solids, phi.dims);
+        Contour { z, seeds, phi, solids, holes, solid_depth, solid_box }
+    }
+
+    /// Its seeds alone, of what [`Shelf::some`](crate::storage::spill::Shelf::some) gives.
+    pub const SEEDS: &[usize] = &[0];
+    /// Its level set alone.
+    pub const FIELD: &[usize] = &[1];
+    /// Its seeds and its level set, but not the parts.
+    pub const SEEDS_AND_FIELD: &[usize] = &[0, 1];
+    /// Its seeds and its parts, but not the level set.
+    pub const SEEDS_AND_PARTS: &[usize] = &[0, 2];
+
+    /// The tile of some solid parts and `margin` pixels around them.
+    pub fn tile_of(&self, parts: &[u32], margin: [usize; 2]) -> Tile {
+        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+        for &p in parts {
+            let (a, b) = self.solid_box[p as usize];
+            low = [low[0].min(a[0]), low[1].min(a[1])];
+            high = [high[0].max(b[0]), high[1].max(b[1])];
+        }
+        Tile::spanning(self.phi.dims, margin, low, high)
+    }
+}
+
+impl Large for Contour {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        vec![&mut self.seeds, &mut self.phi.data, &mut self.solids.labels]
+    }
+}
+
+/// Bounding boxes of all parts.
+fn boxes(parts: &Components, [nx, _]: [usize; 2]) -> Vec<([usize; 2], [usize; 2])> {
+    let mut out = vec![([usize::MAX; 2], [0; 2]); parts.count + 1];
+    for (node, label) in parts.labels.iter().enumerate() {
+        if *label > 0 {
+            let (i, j) = (node % nx, node / nx);
+            let (low, high) = &mut out[*label as usize];
+            *low = [low[0].min(i), low[1].min(j)];
+            *high = [high[0].max(i), high[1].max(j)];
+        }
+    }
+    out
+}
+
+/// Largest |phi| within each part.
+fn depths(parts: &Components, phi: &Field) -> Vec<f64> {
+    let mut depth = vec![0.0f64; parts.count + 1];
+    for (label, v) in parts.labels.iter().zip(&phi.data) {
+        depth[*label as usize] = depth[*label as usize].max(v.abs());
+    }
+    depth
+}

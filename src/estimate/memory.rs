@@ -1,0 +1,183 @@
+//! How much memory and disk a reconstruction needs, asked before it starts.
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::estimate::coverage::{Drawn, differing};
+use crate::grid::tile::samples;
+use crate::settings::{Method, Motion, Settings};
+use crate::stack::heights::NODES;
+use crate::stack::{ContourStack, SliceContent};
+use crate::storage::room::{available, check, free_disk};
+use crate::storage::spill::Budget;
+
+/// Bytes per padded pixel and slice that stay in memory where everything does: level set and parts; the fields, slopes and displacements of
+/// the moving frame; both contours of an interval as its mid frame sees them; and, of the box around all contours, both ends of its groups.
+const PER_SLICE_PIXEL: f64 = 14.0;
+const PER_MOVING_PIXEL: f64 = 22.0;
+const PER_FRAME_PIXEL: f64 = 26.0;
+const PER_GROUP_PIXEL: f64 = 20.0;
+/// Bytes per padded pixel of what one interval takes while it is worked on: its slices' fields and slopes, and a layer.
+const PER_INTERVAL_PIXEL: f64 = 60.0;
+/// Bytes per pixel of the box around all contours of a sweep, and of both ends of the groups of an interval.
+const PER_SWEEP_PIXEL: f64 = 52.0;
+/// Bytes per padded pixel of every further layer that is made at once.
+const PER_LAYER_PIXEL: f64 = 20.0;
+/// Bytes per pixel of the image of the layer that is handed on, and of what its taker makes of it.
+const PER_IMAGE_PIXEL: f64 = 8.0;
+/// Bytes per pixel edge of the contours: seeds, in their slices and both frames, tracks, chains, slopes; of all slices where everything
+/// stays in memory, else of three.
+const PER_CONTOUR_EDGE: f64 = 800.0;
+const CONTOURS_AT_ONCE: f64 = 3.0;
+/// Bytes per pixel edge of a layer that waits to be faired, and at most per pixel; the gaps that wait.
+const PER_WAITING_EDGE: f64 = 750.0;
+const PER_WAITING_PIXEL: f64 = 20.0;
+const WAITING_GAPS: f64 = 3.5;
+/// A node takes this many times what another layer does.
+const WAITING_SHARE: f64 = 3.0;
+/// This part of what is allowed stays free, where more than the least is: the system's pages are larger than what lies in them.
+const RESERVE: u64 = 16;
+/// Bytes of a MiB.
+const MIB: f64 = (1 << 20) as f64;
+
+/// Bytes that do not depend on the stack.
+const BASE_BYTES: f64 = 28.0 * 1024.0 * 1024.0;
+
+/// What a run on the reference path needs, estimated from above, as if every group filled the image. Whoever keeps the layers
+/// ([`reconstruct`](crate::reconstruct)) needs 4 bytes of memory per voxel more; writing them takes what
+/// [`format::bytes`](crate::files::format::bytes) says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Needs {
+    /// Bytes of memory where everything stays there.
+    pub all: u64,
+    /// Bytes of memory where as much as can be is in a temporary file.
+    pub least: u64,
+    /// Bytes of the temporary file where nothing stays in memory.
+    pub disk: u64,
+}
+
+impl Needs {
+    /// Of a run for `heights` (increasing) on so many threads.
+    pub fn of(stack: &ContourStack, heights: &[f64], settings: &Settings, threads: usize) -> Self {
+        let px = stack.spacing[0].max(stack.spacing[1]);
+        let h = stack.spacing.map(|side| side / px);
+        let [around, margin] = [8, 0].map(|more| samples(settings.margin() + more, h));
+        let image: f64 = stack.dims.iter().map(|n| *n as f64).product();
+        let slices = stack.slices.len() as f64;
+        let threads = threads as f64;
+        let drawn: Vec<Drawn> = stack.slices.par_iter().map(|s| Drawn::of(&s.content, stack.dims)).collect();
+        let all_drawn = drawn.iter().fold(Drawn::default(), Drawn::and);
+        let largest = drawn.iter().map(|d| d.edges).max().unwrap_or(0) as f64;
+        // What is computed lies in a window around all that is drawn.
+        let (padded, pixels) = (all_drawn.box_pixels(around), all_drawn.box_pixels(margin));
+        let boxed = padded;
+        let between = |w: &[crate::stack::Slice]| heights.iter().filter(|z| **z > w[0].z && **z < w[1].z).count();
+        let most_between = stack.slices.windows(2).map(between).max().unwrap_or(0) as f64;
+        let morph = settings.method == Method::Morph;
+        let moving = match (settings.motion, settings.method) {
+            (Motion::None, Method::Morph) => 0.0,
+            (Motion::Field | Motion::Rigid, Method::Morph) => PER_MOVING_PIXEL + PER_FRAME_PIXEL,
+            (_, Method::Field) => PER_MOVING_PIXEL,
+        };
+        let layers = (heights.len() + NODES * stack.slices.len() + 2) as f64;
+        // Nodes wait with more than their distances, other layers with these alone.
+        let nodes = NODES as f64;
+        let waiting = layers.min(WAITING_GAPS * (most_between / WAITING_SHARE + nodes));
+        let waiting = if settings.fair > 0.0 { waiting } else { 0.0 };
+        let waiting = waiting * (largest * PER_WAITING_EDGE).min(pixels * PER_WAITING_PIXEL);
+        let groups = if morph { boxed * PER_GROUP_PIXEL } else { 0.0 };
+        let kept = slices * (padded * (PER_SLICE_PIXEL + moving) + groups);
+        let at_once = threads.min(most_between);
+        let sweeping = if morph { groups + threads * boxed * PER_SWEEP_PIXEL } else { 0.0 };
+        let all = kept
+            + all_drawn.edges as f64 * PER_CONTOUR_EDGE
+            + waiting
+            + image * PER_IMAGE_PIXEL
+            + (at_once * padded * PER_LAYER_PIXEL).max(threads * padded * 2.0 * PER_LAYER_PIXEL);
+        let contours = largest * CONTOURS_AT_ONCE.min(slices) * PER_CONTOUR_EDGE;
+        let interval = (padded * PER_INTERVAL_PIXEL).max(sweeping);
+        let read = contents(stack);
+        let least = interval + contours + waiting + image * PER_IMAGE_PIXEL;
+        let [all, least] = [all, least].map(|bytes| (BASE_BYTES + read + bytes) as u64);
+        Needs { all, least: least.min(all), disk: (kept + all_drawn.edges as f64 * PER_CONTOUR_EDGE) as u64 }
+    }
+
+    /// The same of a section of `stack`, all of which has been read.
+    pub fn within(self, stack: &ContourStack) -> Self {
+        let read = contents(stack) as u64;
+        Needs { all: self.all + read, least: self.least + read, ..self }
+    }
+
+    /// What a run may keep in memory beside `beside` bytes of others, where `limit` bytes are allowed in all, or else what is free.
+    ///
+    /// # Errors
+    /// [`Error::Memory`] where even the least is too much; [`Error::Disk`] where the temporary file does not fit.
+    pub fn budget(&self, beside: u64, limit: Option<u64>) -> Result<Budget> {
+        let Some(limit) = limit.or_else(available) else { return Ok(Budget::unlimited()) };
+        if self.all + beside <= limit {
+            return Ok(Budget::unlimited());
+        }
+        let least = self.least + beside;
+        check(least, Some(limit))?;
+        let folder = std::env::temp_dir();
+        match free_disk(&folder) {
+            Some(free) if free < self.disk => {
+                Err(Error::Disk { folder, needed_mib: self.disk.div_ceil(1 << 20), available_mib: free >> 20 })
+            }
+            _ => {
+                let rest = (limit - least).saturating_sub(limit / RESERVE);
+                Ok(Budget::of(rest / 2, rest / 2))
+            }
+        }
+    }
+}
+
+/// Bytes of the slices as they were read.
+fn contents(stack: &ContourStack) -> f64 {
+    let each = stack.slices.iter().map(|s| match &s.content {
+        SliceContent::Mask(mask) => mask.bytes(),
+        SliceContent::Level(u) => u.bytes(),
+    });
+    each.sum::<usize>() as f64
+}
+
+/// Triangles per pixel edge of the larger of the contours around a layer, per pixel in which neighbouring contours differ, and per pixel on
+/// which the body ends.
+const PER_LAYER_EDGE: f64 = 2.5;
+const PER_DIFFERENCE: f64 = 3.0;
+const PER_END_PIXEL: f64 = 3.0;
+
+/// Triangles that the surface has at most, as far as contours tell.
+pub fn triangles(stack: &ContourStack, heights: &[f64]) -> u64 {
+    let drawn: Vec<Drawn> = stack.slices.par_iter().map(|s| Drawn::of(&s.content, stack.dims)).collect();
+    let layers = |low: f64, high: f64| (1 + heights.iter().filter(|z| **z > low && **z < high).count()) as f64;
+    let between = |(w, d): (&[crate::stack::Slice], &[Drawn])| {
+        let edges = d[0].edges.max(d[1].edges) as f64;
+        let differing = differing([&w[0].content, &w[1].content], stack.dims) as f64;
+        layers(w[0].z, w[1].z) * edges * PER_LAYER_EDGE + differing * PER_DIFFERENCE
+    };
+    let sides = stack.slices.par_windows(2).zip(drawn.par_windows(2)).map(between);
+    let end = |d: &Drawn, low: f64, high: f64| {
+        layers(low, high) * d.edges as f64 * PER_LAYER_EDGE + d.pixels as f64 * PER_END_PIXEL
+    };
+    let first = stack.slices.first().zip(drawn.first()).map_or(0.0, |(s, d)| end(d, f64::NEG_INFINITY, s.z));
+    let last = stack.slices.last().zip(drawn.last()).map_or(0.0, |(s, d)| end(d, s.z, f64::INFINITY));
+    (sides.collect::<Vec<f64>>().iter().sum::<f64>() + first + last) as u64
+}
+
+/// Refuses slices of so many pixels that could not even wait for their turn: what is kept of each, in memory or in a temporary file.
+///
+/// # Errors
+/// What takes too much: its size and what is free.
+pub fn check_slices(pixels: f64, slices: usize) -> std::result::Result<(), String> {
+    let needed = PER_SLICE_PIXEL * pixels * slices as f64;
+    match available().zip(free_disk(&std::env::temp_dir())) {
+        Some((memory, disk)) if needed > memory as f64 + disk as f64 => Err(format!(
+            "take {:.0} MiB of memory and temporary files, {} and {} MiB are available",
+            (needed / MIB).ceil(),
+            memory >> 20,
+            disk >> 20
+        )),
+        _ => Ok(()),
+    }
+}

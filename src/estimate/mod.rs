@@ -1,0 +1,5 @@
+//! What a reconstruction will cost, estimated from the stack before it starts.
+
+pub(crate) mod coverage;
+pub mod memory;
+pub mod runtime;

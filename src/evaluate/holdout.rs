@@ -1,0 +1,270 @@
+//! The hold-out score: how well a stack's own slices are found again when they are left out.
+
+use serde::Serialize;
+
+use crate::backend::{Backend, Means};
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use crate::reference::exact::exact_distance;
+use crate::settings::Settings;
+use crate::stack::{ContourStack, Slice};
+use crate::storage::spill::Budget;
+use crate::surface::Layer;
+
+/// How well slices that were left out are found.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct HoldOut {
+    /// Every which slice was left out.
+    pub leave: usize,
+    /// The slices that were left out and have something on them, in the truth or in the result.
+    pub slices: Vec<SliceScore>,
+    /// `2 |A and B| / (|A| + |B|)` over all of them together; none where the truth is empty on all.
+    pub dice: Option<f64>,
+    /// Mean distance between the contours of truth and result, both ways, unit of the stack, over the slices that have both; none where none has.
+    pub surface_distance: Option<f64>,
+    /// Volume of the result less that of the truth, % of the truth; none where the truth is empty on all.
+    pub volume_error_percent: Option<f64>,
+    /// What linear interpolation of the kept slices' distances gives for the same slices.
+    pub linear: Compared,
+    /// The first and the last slice, left out by themselves and found from the others by the end rules; as far as one of truth, result and linear
+    /// continuation has something there. They count in nothing above.
+    pub ends: Vec<SliceScore>,
+}
+
+/// Scores over several slices together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Compared {
+    /// As [`HoldOut::dice`].
+    pub dice: Option<f64>,
+    /// As [`HoldOut::surface_distance`].
+    pub surface_distance: Option<f64>,
+    /// As [`HoldOut::volume_error_percent`].
+    pub volume_error_percent: Option<f64>,
+}
+
+/// The same for one slice.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct SliceScore {
+    /// Name of the slice.
+    pub name: String,
+    /// Its height.
+    pub z: f64,
+    /// Pixels inside, truth and result.
+    pub pixels: [usize; 2],
+    /// Dice coefficient; none where the truth is empty.
+    pub dice: Option<f64>,
+    /// Mean contour distance, unit of the stack; none where one of both is empty.
+    pub surface_distance: Option<f64>,
+    /// Area of the result less that of the truth, % of the truth; none where the truth is empty.
+    pub area_error_percent: Option<f64>,
+    /// Dice coefficient of linear interpolation of the kept slices' distances; at an end, of their continuation.
+    pub linear_dice: Option<f64>,
+}
+
+/// Leaves out every `leave`-th slice but for the first and last, reconstructs them from the rest, and compares.
+///
+/// # Errors
+/// [`Error::Setting`] if `leave` is less than 2 or there are links, [`Error::Stack`] if that leaves nothing out; as [`crate::reconstruct_with`].
+pub fn hold_out(
+    stack: &ContourStack,
+    settings: &Settings,
+    leave: usize,
+    backend: &dyn Backend,
+    progress: &dyn Progress,
+) -> Result<HoldOut> {
+    stack.validate()?;
+    if leave < 2 {
+        let message = format!("must be at least 2: 2 leaves out every second slice; got {leave}");
+        return Err(Error::Setting { name: "leave".into(), message });
+    }
+    if !settings.links.is_empty() {
+        let message = "name parts of neighbouring slices; with slices left out these are no neighbours".to_string();
+        return Err(Error::Setting { name: "links".into(), message });
+    }
+    let last = stack.slices.len() - 1;
+    let left_out = |k: usize| k > 0 && k < last && k % leave == leave - 1;
+    let (dropped, kept): (Vec<usize>, Vec<usize>) = (0..=last).partition(|&k| left_out(k));
+    if dropped.is_empty() {
+        let message = format!(
+            "{} slices leave nothing out with `--leave {leave}`; at least {leave} and one more are needed",
+            last + 1
+        );
+        return Err(Error::Stack(message));
+    }
+    let (heights, beyond) = heights(stack, &dropped);
+    let mut out = HoldOut { leave, ..HoldOut::default() };
+    let mut tallies = [Tally::default(); 2];
+    let rest = some_of(stack, &kept);
+    let means = Means { backend, progress, budget: &Budget::unlimited() };
+    let mut truth = dropped.iter();
+    let mut score = |layer: Layer| {
+        // The first of the heights lies below the stack.
+        if !layer.output || layer.z <= beyond[0] || layer.z >= beyond[1] {
+            return Ok(());
+        }
+        let Some(&k) = truth.next() else { return Ok(()) };
+        out.slices.extend(scored(stack, k, &layer, &linear(&rest, stack.slices[k].z), &mut tallies));
+        Ok(())
+    };
+    crate::reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
+    let [own, line] = tallies.map(|tally| tally.compared());
+    (out.dice, out.surface_distance, out.volume_error_percent) =
+        (own.dice, own.surface_distance, own.volume_error_percent);
+    out.linear = line;
+    if last >= LEAST_FOR_ENDS {
+        let inner: Vec<usize> = (1..last).collect();
+        let rest = some_of(stack, &inner);
+        // A run wants a height at which there is a body.
+        let heights: Vec<f64> = [0, 1, last].map(|k| stack.slices[k].z).into();
+        let mut score = |layer: Layer| {
+            let end = [0, last].into_iter().find(|&k| stack.slices[k].z == layer.z && layer.output);
+            let Some(k) = end else { return Ok(()) };
+            out.ends.extend(scored(stack, k, &layer, &linear(&rest, layer.z), &mut [Tally::default(); 2]));
+            Ok(())
+        };
+        crate::reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
+    }
+    Ok(out)
+}
+
+/// Ends are left out where two slices and one more are kept: linear continuation needs two, a slope three.
+const LEAST_FOR_ENDS: usize = 4;
+
+/// Heights of the slices that were left out, and one gap beyond either end: nothing is asked there, but a body asked for as a grid has layers there,
+/// too. And these two.
+fn heights(stack: &ContourStack, dropped: &[usize]) -> (Vec<f64>, [f64; 2]) {
+    let z = |k: usize| stack.slices[k].z;
+    let last = stack.slices.len() - 1;
+    let beyond = [z(0) - (z(1) - z(0)), z(last) + (z(last) - z(last - 1))];
+    let inner = dropped.iter().map(|&k| z(k));
+    (std::iter::once(beyond[0]).chain(inner).chain([beyond[1]]).collect(), beyond)
+}
+
+/// Some slices of a stack.
+fn some_of(stack: &ContourStack, kept: &[usize]) -> ContourStack {
+    let slices: Vec<Slice> = kept.iter().map(|&k| stack.slices[k].clone()).collect();
+    ContourStack {
+        dims: stack.dims,
+        spacing: stack.spacing,
+        unit: stack.unit.clone(),
+        slices,
+        z_out: None,
+        geometry: stack.geometry,
+    }
+}
+
+/// What is inside at height `z` by the line through the exact distances of the two slices next to it. An empty slice is infinitely far off.
+fn linear(stack: &ContourStack, z: f64) -> Vec<bool> {
+    let px = stack.spacing[0].max(stack.spacing[1]);
+    let above = stack.slices.partition_point(|s| s.z < z).clamp(1, stack.slices.len() - 1);
+    let [low, high] = [above - 1, above].map(|k| {
+        let slice = &stack.slices[k];
+        (slice.z, exact_distance(&slice.content.sides(), stack.dims, stack.spacing.map(|s| s / px)).data)
+    });
+    let t = (z - low.0) / (high.0 - low.0);
+    low.1.iter().zip(&high.1).map(|(a, b)| (1.0 - t) * a + t * b < 0.0).collect()
+}
+
+/// Scores of slice `k`, left out, by the result's layer there and by linear interpolation, which go into the tallies; nothing where all is empty.
+fn scored(
+    stack: &ContourStack,
+    k: usize,
+    layer: &Layer,
+    linear: &[bool],
+    tallies: &mut [Tally; 2],
+) -> Option<SliceScore> {
+    let slice = &stack.slices[k];
+    let truth = slice.content.sides();
+    let found: Vec<bool> = layer.phi.iter().map(|v| *v < 0.0).collect();
+    let [own, line] = [&found[..], linear].map(|found| Tally::new([&truth, found], stack.dims, stack.spacing));
+    tallies.iter_mut().zip([&own, &line]).for_each(|(all, one)| all.add(one));
+    if own.sizes == [0, 0] && line.sizes == [0, 0] {
+        return None;
+    }
+    let [score, linear] = [&own, &line].map(Tally::compared);
+    Some(SliceScore {
+        name: slice.name.clone(),
+        z: slice.z,
+        pixels: own.sizes,
+        dice: score.dice,
+        surface_distance: score.surface_distance,
+        area_error_percent: score.volume_error_percent,
+        linear_dice: linear.dice,
+    })
+}
+
+/// Counts over slices.
+#[derive(Debug, Clone, Copy, Default)]
+struct Tally {
+    common: usize,
+    /// Pixels of truth and result.
+    sizes: [usize; 2],
+    /// Sum of the mean contour distances, and over how many slices.
+    distances: f64,
+    compared: usize,
+}
+
+impl Tally {
+    /// Of one slice, truth and result.
+    fn new(masks: [&[bool]; 2], dims: [usize; 2], spacing: [f64; 2]) -> Self {
+        let distance = contour_distance(&masks, dims, spacing);
+        Tally {
+            common: masks[0].iter().zip(masks[1]).filter(|(a, b)| **a && **b).count(),
+            sizes: masks.map(|m| m.iter().filter(|i| **i).count()),
+            distances: distance.unwrap_or_default(),
+            compared: usize::from(distance.is_some()),
+        }
+    }
+
+    fn add(&mut self, other: &Tally) {
+        self.common += other.common;
+        self.sizes = [0, 1].map(|k| self.sizes[k] + other.sizes[k]);
+        self.distances += other.distances;
+        self.compared += other.compared;
+    }
+
+    fn compared(&self) -> Compared {
+        Compared {
+            dice: dice(self.common, self.sizes),
+            surface_distance: (self.compared > 0).then(|| self.distances / self.compared as f64),
+            volume_error_percent: excess(self.sizes),
+        }
+    }
+}
+
+/// Where there is any truth.
+fn dice(common: usize, [truth, found]: [usize; 2]) -> Option<f64> {
+    (truth > 0).then(|| 2.0 * common as f64 / (truth + found) as f64)
+}
+
+/// How much more there is in the second than in the first, % of the first where there is any.
+fn excess([truth, found]: [usize; 2]) -> Option<f64> {
+    (truth > 0).then(|| 100.0 * (found as f64 - truth as f64) / truth as f64)
+}
+
+/// Mean distance of each mask's border pixels to the other mask's border.
+fn contour_distance(masks: &[&[bool]; 2], dims: [usize; 2], spacing: [f64; 2]) -> Option<f64> {
+    if masks.iter().any(|m| !m.contains(&true) || !m.contains(&false)) {
+        return None;
+    }
+    let px = spacing[0].max(spacing[1]);
+    let fields = masks.map(|m| exact_distance(m, dims, spacing.map(|s| s / px)));
+    let [nx, ny] = dims;
+    let (mut sum, mut count) = (0.0, 0usize);
+    for (own, other) in [(0, 1), (1, 0)] {
+        let inside = |n: usize| masks[own][n];
+        for n in (0..nx * ny).filter(|&n| inside(n)) {
+            let (i, j) = (n % nx, n / nx);
+            let open = (i > 0 && !inside(n - 1))
+                || (i + 1 < nx && !inside(n + 1))
+                || (j > 0 && !inside(n - nx))
+                || (j + 1 < ny && !inside(n + nx));
+            if open {
+                // Both borders run half a pixel outside of their last pixels.
+                sum += (fields[other].data[n] - fields[own].data[n]).abs() * px;
+                count += 1;
+            }
+        }
+    }
+    (count > 0).then(|| sum / count as f64)
+}

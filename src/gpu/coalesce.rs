@@ -1,0 +1,82 @@
+//! The stages whose calls may wait for the device and be answered together: those whose jobs lie in an atlas.
+
+use std::borrow::Cow;
+
+use crate::backend::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
+use crate::backend::{ContourOptions, MorphOptions, PaddedSlice};
+use crate::gpu::queue::{Calls, Waits};
+use crate::grid::field::Field;
+
+/// A pixel's sides.
+type Sides = [f64; 2];
+
+/// Calls that wait, stage by stage.
+#[derive(Debug, Default)]
+pub struct Waiting {
+    /// From slices to level sets.
+    pub slices: Calls<(Sides, ContourOptions), SliceJob<'static>, Field>,
+    /// Level sets of parts.
+    pub parts: Calls<Sides, PartJob, Field>,
+    /// Morphs.
+    pub traces: Calls<(Sides, MorphOptions), TraceJob<'static>, Traced>,
+    /// Sweeps.
+    pub sweeps: Calls<(Sides, MorphOptions), SweepPair<'static>, Filled>,
+}
+
+/// A slice on its padded image.
+#[derive(Debug, Clone)]
+pub struct SliceJob<'a> {
+    /// The slice.
+    pub slice: Cow<'a, PaddedSlice>,
+    /// Pixels of the image.
+    pub dims: [usize; 2],
+}
+
+impl Waits for SliceJob<'_> {
+    type Owned = SliceJob<'static>;
+
+    fn owned(&self) -> SliceJob<'static> {
+        SliceJob { slice: Cow::Owned(self.slice.clone().into_owned()), dims: self.dims }
+    }
+
+    fn lent<'j>(jobs: &'j [SliceJob<'static>]) -> &'j [Self] {
+        jobs
+    }
+}
+
+impl Waits for PartJob {
+    type Owned = PartJob;
+
+    fn owned(&self) -> PartJob {
+        self.clone()
+    }
+
+    fn lent(jobs: &[PartJob]) -> &[Self] {
+        jobs
+    }
+}
+
+impl Waits for TraceJob<'_> {
+    type Owned = TraceJob<'static>;
+
+    fn owned(&self) -> TraceJob<'static> {
+        self.owned()
+    }
+
+    fn lent<'j>(jobs: &'j [TraceJob<'static>]) -> &'j [Self] {
+        jobs
+    }
+}
+
+impl Waits for SweepPair<'_> {
+    type Owned = SweepPair<'static>;
+    const STEPS: usize = 2;
+
+    fn owned(&self) -> SweepPair<'static> {
+        self.owned()
+    }
+
+    fn lent<'j>(jobs: &'j [SweepPair<'static>]) -> &'j [Self] {
+        jobs
+    }
+}

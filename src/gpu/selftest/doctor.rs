@@ -1,0 +1,85 @@
+//! The self-test: can this driver be trusted? Counting, NaN, and every stage beside its f64 twin.
+
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::gpu::kernels::{Recorder, Size};
+use crate::gpu::selftest::cases::Cases;
+use crate::gpu::selftest::comparison::Comparison;
+use crate::gpu::selftest::twins::compare;
+
+/// Loop trips that the loop test asks for: some drivers stop at 65 535 and say nothing.
+const TRIPS: u32 = 70_000;
+
+/// What was found.
+#[derive(Debug, Clone)]
+pub struct Findings {
+    /// Loop trips made of those asked for.
+    pub trips: [u32; 2],
+    /// Whether comparisons with NaN are false and arithmetic keeps NaN.
+    pub keeps_nan: bool,
+    /// Whether square roots and quotients are rounded to nearest.
+    pub rounds: bool,
+    /// Stages beside their twins.
+    pub stages: Vec<Comparison>,
+}
+
+impl Findings {
+    /// Whether results of this driver can be used. Long loops and NaN are told but not needed: no kernel makes more than 65 000 trips.
+    pub fn trusted(&self) -> bool {
+        self.stages.iter().all(Comparison::holds)
+    }
+
+    /// One line per finding and the verdict.
+    pub fn in_words(&self) -> Vec<String> {
+        let mut lines = Vec::new();
+        let [made, asked] = self.trips;
+        lines.push(if made == asked {
+            format!("loops: {asked} trips made of {asked}")
+        } else {
+            format!("loops: stops after {made} of {asked} trips without a word; no kernel here makes that many")
+        });
+        lines.push(format!(
+            "NaN: {}",
+            if self.keeps_nan { "kept" } else { "lost in comparisons or sums; the host checks results" }
+        ));
+        lines.push(format!("sqrt and division: {}", if self.rounds { "rounded to nearest" } else { "approximate" }));
+        for c in &self.stages {
+            let verdict = if c.holds() { "agrees" } else { "DIFFERS" };
+            let place = if c.holds() { String::new() } else { format!(", at {}", c.place) };
+            lines.push(format!(
+                "{}: {verdict}, off by {:.1e} px at most of {:.0e} allowed{place}",
+                c.stage, c.worst, c.bound
+            ));
+        }
+        let failed = self.stages.iter().filter(|c| !c.holds()).count();
+        lines.push(match failed {
+            0 => "This driver can be trusted.".into(),
+            n => format!(
+                "This driver cannot be trusted: {n} of {} stages are wrong. Use --backend cpu.",
+                self.stages.len()
+            ),
+        });
+        lines
+    }
+}
+
+/// Runs the self-test.
+///
+/// # Errors
+/// [`crate::Error::Gpu`] when the GPU cannot do the work at all.
+pub fn examine(gpu: &Gpu) -> Result<Findings> {
+    let (device, k) = (&gpu.device, &gpu.kernels);
+    let asked = device.upload("asked", &[TRIPS, 1, f32::NAN.to_bits(), 1f32.to_bits()])?;
+    let answer = device.zeroed::<u32>("answer", 7)?;
+    let mut work = Recorder::new(device, &gpu.profiler);
+    work.run(&k.doctor_count.bind(device, &[&asked, &answer]), Size::One);
+    work.run(&k.doctor_nan.bind(device, &[&asked, &answer]), Size::One);
+    work.submit()?;
+    let answer: Vec<u32> = device.read(&answer, 0, 7)?;
+    Ok(Findings {
+        trips: [answer[0], TRIPS],
+        keeps_nan: answer[1..4] == [0, 0, 0] && f32::from_bits(answer[4]).is_nan(),
+        rounds: answer[5] == 2f32.to_bits() && answer[6] == (1f32 / 3.0).to_bits(),
+        stages: compare(gpu, &Cases::new([1.0, 0.8], 1))?,
+    })
+}

@@ -1,0 +1,270 @@
+//! Kernels alone, from fields on the host to fields on the host: what the tests, the self-test and the benchmarks ask. Several jobs at once,
+//! each with a tile of its own.
+
+use crate::backend::jobs::SweepJob;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::gpu::atlas::Atlas;
+use crate::gpu::band::Front;
+use crate::gpu::device::Buffer;
+use crate::gpu::distance::Distances;
+use crate::gpu::kernels::{Recorder, Size};
+use crate::gpu::layout::{Params, Particle, Seed, Source, Work};
+use crate::gpu::propagate::place_seeds;
+use crate::gpu::{contour_field, moving, trace, trajectories};
+use crate::grid::field::Field;
+use crate::grid::spline::Course;
+use crate::registration::motion_field::{MovingField, Paths};
+
+/// Shape and parameters of the tubes.
+#[derive(Debug, Clone, Copy)]
+pub struct Tubes {
+    /// Pixel size, px of the larger side.
+    pub h: [f64; 2],
+    /// Half width.
+    pub gamma: f64,
+    /// Start of the cut-off.
+    pub beta: f64,
+}
+
+/// Which distances are wanted.
+#[derive(Debug, Clone, Copy)]
+pub enum Reach {
+    /// To the contours of any level set, everywhere.
+    Everywhere,
+    /// To the contours of any level set, as far as this many px; no more than that beyond.
+    Within(f64),
+    /// Continued from a field that is right near its contours, as far as this many px.
+    Beyond(f64),
+}
+
+/// Speeds of a Hamilton-Jacobi step, one field per job.
+#[derive(Debug, Clone, Copy)]
+pub enum Speeds<'a> {
+    /// `phi - target`, anew in every stage.
+    Towards(&'a [Field]),
+    /// As given.
+    Given(&'a [Field]),
+}
+
+impl Tubes {
+    fn params(self) -> Params {
+        Params {
+            hx: self.h[0] as f32,
+            hy: self.h[1] as f32,
+            gamma: self.gamma as f32,
+            beta: self.beta as f32,
+            step_share: 1.0,
+            ..Params::default()
+        }
+    }
+}
+
+/// A band as listed: `(node of the atlas, job)`.
+type Listed = Vec<[u32; 2]>;
+
+impl Gpu {
+    fn front(&self, phi: &[Field], tubes: Tubes, dt: &[f64]) -> Result<Front<'_>> {
+        let mut atlas = Atlas::new(phi.iter().map(|f| f.dims));
+        for (job, dt) in atlas.jobs.iter_mut().zip(dt) {
+            (job.dt, job.now) = (*dt as f32, *dt as f32);
+        }
+        let values = atlas.pack(phi.iter(), 1.0);
+        let room = atlas.node_count();
+        Front::new(self, atlas, tubes.params(), Some(&values), room)
+    }
+
+    fn record(&self, work: impl FnOnce(&mut Recorder<'_>)) -> Result<()> {
+        let mut recorder = Recorder::new(&self.device, &self.profiler);
+        work(&mut recorder);
+        recorder.submit()
+    }
+
+    fn unpack(&self, atlas: &Atlas, buffer: &Buffer) -> Result<Vec<Field>> {
+        Ok(atlas.unpack(&self.device.read(buffer, 0, atlas.node_count())?))
+    }
+
+    fn listed(&self, front: &Front<'_>) -> Result<Listed> {
+        let head: Vec<Work> = self.device.read(&front.work, 0, 1)?;
+        self.device.read(&front.band, 0, head[0].band_total as usize)
+    }
+
+    /// Distances measured as `reach` says.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`].
+    pub fn distances(&self, u: &[Field], h: [f64; 2], reach: Reach) -> Result<Vec<Field>> {
+        let atlas = Atlas::new(u.iter().map(|f| f.dims));
+        let values = self.device.upload("level", &atlas.pack(u.iter(), 1.0))?;
+        let limit = match reach {
+            Reach::Everywhere => 0.0,
+            Reach::Within(px) | Reach::Beyond(px) => px as f32,
+        };
+        let params = Params { hx: h[0] as f32, hy: h[1] as f32, limit, ..Params::default() };
+        let tiles = Distances::new(self, atlas, params, values)?;
+        tiles.solve(matches!(reach, Reach::Beyond(_)))?;
+        self.unpack(&tiles.atlas, &tiles.d)
+    }
+
+    /// Exact distances to the other side of the masks `u < 0`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`].
+    pub fn exact_distances(&self, u: &[Field], h: [f64; 2]) -> Result<Vec<Field>> {
+        let atlas = Atlas::new(u.iter().map(|f| f.dims));
+        let sides = self.device.upload("sides", &atlas.pack(u.iter(), 1.0))?;
+        let params = Params { hx: h[0] as f32, hy: h[1] as f32, ..Params::default() };
+        let exact = contour_field::exact_distance(self, &atlas, params, &sides)?;
+        self.unpack(&atlas, &exact)
+    }
+
+    /// Bands around `first` after the level sets have become `second`: each job's nodes in list order, and phi as the band leaves it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`].
+    pub fn bands(&self, first: &[Field], second: &[Field], tubes: Tubes) -> Result<(Vec<Vec<usize>>, Vec<Field>)> {
+        let front = self.front(first, tubes, &[])?;
+        self.record(|work| front.begin(work))?;
+        front.replace_phi(&front.atlas.pack(second.iter(), 1.0));
+        self.record(|work| front.rebuild(work))?;
+        let mut nodes = vec![Vec::new(); first.len()];
+        for [node, q] in self.listed(&front)? {
+            nodes[q as usize].push((node - front.atlas.jobs[q as usize].offset) as usize);
+        }
+        Ok((nodes, self.unpack(&front.atlas, &front.phi)?))
+    }
+
+    /// One Hamilton-Jacobi step of `dt` per job, then one reinitialisation.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`].
+    pub fn hj_step(&self, phi: &[Field], speeds: Speeds<'_>, tubes: Tubes, dt: &[f64]) -> Result<Vec<Field>> {
+        let front = self.front(phi, tubes, dt)?;
+        self.record(|work| front.begin(work))?;
+        let field = match speeds {
+            Speeds::Towards(target) => self.device.upload("target", &front.atlas.pack(target.iter(), 1.0))?,
+            Speeds::Given(speed) => {
+                let speed = front.atlas.pack(speed.iter(), 0.0);
+                let placed: Vec<f32> = self.listed(&front)?.iter().map(|n| speed[n[0] as usize]).collect();
+                self.device.upload("speed", &placed)?
+            }
+        };
+        let stages = front.bind_step(&field, matches!(speeds, Speeds::Towards(_)));
+        self.record(|work| front.step(work, &stages))?;
+        self.unpack(&front.atlas, &front.phi)
+    }
+
+    /// An even number of reinitialisation iterations.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`].
+    pub fn reinit(&self, phi: &[Field], tubes: Tubes, iterations: usize) -> Result<Vec<Field>> {
+        let front = self.front(phi, tubes, &[])?;
+        self.record(|work| {
+            front.begin(work);
+            front.reinit(work, iterations);
+        })?;
+        self.unpack(&front.atlas, &front.phi)
+    }
+
+    /// Courses brought from seeds to the pixels at the contours of `first` and off them in `passes`, carried into the band of `second`, and
+    /// extended there once more: per job and node, zero off the band.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`].
+    pub fn carried(
+        &self,
+        jobs: &[SweepJob<'_>],
+        second: &[Field],
+        tubes: Tubes,
+        passes: usize,
+    ) -> Result<Vec<Vec<Course>>> {
+        let (device, k) = (&self.device, &self.kernels);
+        let jobs: Vec<&SweepJob<'_>> = jobs.iter().collect();
+        let mut atlas = Atlas::new(jobs.iter().map(|j| j.source.dims));
+        let (seeds, bins) = place_seeds(&mut atlas, &jobs, tubes.h);
+        let values = atlas.pack(jobs.iter().map(|j| &*j.source), 1.0);
+        let room = atlas.node_count();
+        let front = Front::new(self, atlas, tubes.params(), Some(&values), room)?;
+        let (seeds, bins) = (device.upload::<Seed>("seeds", &seeds)?, device.upload("bins", &bins)?);
+        let courses = [device.storage::<[f32; 4]>("courses", room)?, device.storage::<[f32; 4]>("courses", room)?];
+        let (sources, rounds) =
+            (device.storage::<Source>("sources", room)?, device.zeroed::<u32>("rounds", 4 + 2 * room)?);
+        let Front { params, jobs: table, work: lists, phi, band, slots, earlier, .. } = &front;
+        let scatter = k.scatter.bind(device, &[params, table, lists, band, phi, &seeds, &bins, &courses[0], &rounds]);
+        let fill = k.scatter_fill.bind(device, &[params, table, band, &courses[0], &rounds, slots]);
+        let find = k.extend_find.bind(device, &[params, table, lists, band, phi, slots, &sources]);
+        let extend = [0, 1].map(|a| k.extend_courses.bind(device, &[lists, &sources, &courses[a], &courses[1 - a]]));
+        let turn = passes % 2;
+        let carry = k.extend_carry.bind(device, &[params, lists, &courses[turn], &courses[1 - turn], earlier]);
+        self.record(|work| {
+            front.begin(work);
+            work.run(&scatter, front.per_pixel());
+            work.run(&fill, Size::One);
+            work.run(&find, front.per_pixel());
+            (0..passes).for_each(|n| work.run(&extend[n % 2], front.per_pixel()));
+        })?;
+        front.replace_phi(&front.atlas.pack(second.iter(), 1.0));
+        self.record(|work| {
+            front.rebuild(work);
+            work.run(&carry, front.per_pixel());
+            work.run(&find, front.per_pixel());
+            (0..passes).for_each(|n| work.run(&extend[(turn + 1 + n) % 2], front.per_pixel()));
+        })?;
+        let mut out: Vec<Vec<Course>> = jobs.iter().map(|j| vec![[0.0; 4]; j.source.data.len()]).collect();
+        let listed = self.listed(&front)?;
+        let values: Vec<[f32; 4]> = device.read(&courses[(turn + 1 + passes) % 2], 0, listed.len())?;
+        for ([node, q], value) in listed.iter().zip(values) {
+            out[*q as usize][(node - front.atlas.jobs[*q as usize].offset) as usize] = value.map(f64::from);
+        }
+        Ok(out)
+    }
+
+    /// Paths through the layers of interval `i` at these times.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`].
+    pub fn paths(&self, moving: &MovingField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Vec<Paths>> {
+        let paths = trajectories::paths(self, moving, i, times, h)?;
+        let like = &moving.displacements[i];
+        let vectors = self.device.read(&paths, 0, 2 * like.vectors.len() * times.len())?;
+        let mut both = moving::displacements(like, &vectors);
+        Ok(std::iter::from_fn(|| Some(Paths { come: both.next()?, go: both.next()? })).collect())
+    }
+
+    /// Particles at these positions, one step of `dt` per job: predicted in `before`, corrected in `after`, landed on `goal`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`].
+    pub fn advect(
+        &self,
+        starts: &[Vec<[f64; 2]>],
+        [before, after, goal]: [&[Field]; 3],
+        tubes: Tubes,
+        dt: &[f64],
+    ) -> Result<Vec<Vec<crate::backend::jobs::Track>>> {
+        let (device, k) = (&self.device, &self.kernels);
+        let front = self.front(before, tubes, dt)?;
+        let goal = device.upload("goal", &front.atlas.pack(goal.iter(), 1.0))?;
+        let seed = |(q, x): (usize, &[f64; 2])| Particle {
+            x: x.map(|v| v as f32),
+            died: -1.0,
+            job: q as u32,
+            ..Particle::default()
+        };
+        let placed: Vec<Particle> =
+            starts.iter().enumerate().flat_map(|(q, xs)| xs.iter().map(move |x| seed((q, x)))).collect();
+        let particles = device.upload("particles", &placed)?;
+        let follow = [&k.particles_predict, &k.particles_correct, &k.particles_land]
+            .map(|kernel| kernel.bind(device, &[&front.params, &front.jobs, &front.phi, &goal, &particles]));
+        self.record(|work| work.run(&follow[0], Size::List(placed.len())))?;
+        front.replace_phi(&front.atlas.pack(after.iter(), 1.0));
+        self.record(|work| {
+            work.run(&follow[1], Size::List(placed.len()));
+            work.run(&follow[2], Size::List(placed.len()));
+        })?;
+        let landed: Vec<Particle> = device.read(&particles, 0, placed.len())?;
+        let mut landed = landed.iter();
+        Ok(starts.iter().map(|xs| landed.by_ref().take(xs.len()).map(trace::track).collect()).collect())
+    }
+}

@@ -1,0 +1,177 @@
+//! A scalar field on a tile of pixels, and how it is read between pixels.
+//!
+//! Pixel space: a position `x = [x, y]` counts pixels, pixel `(i, j)` has its centre at `[i, j]`, `node = j * nx + i`. Lengths (values
+//! of distance fields, normals, speeds) are in pixels of the larger pixel side; `h = [hx, hy]`, the sides of one pixel in that unit,
+//! has a 1 in it and nothing larger.
+
+use crate::storage::spill::{Array, Large};
+
+/// A scalar field on a tile, row-major.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Field {
+    /// Pixels `[nx, ny]`.
+    pub dims: [usize; 2],
+    /// Values, `nx * ny`.
+    pub data: Vec<f64>,
+}
+
+impl Large for Field {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        vec![&mut self.data]
+    }
+}
+
+impl Field {
+    /// A field of one value.
+    pub fn filled(dims: [usize; 2], value: f64) -> Self {
+        Field { dims, data: vec![value; dims[0] * dims[1]] }
+    }
+
+    /// A field from a function of the pixel `(i, j)`.
+    pub fn from_fn(dims: [usize; 2], mut f: impl FnMut(usize, usize) -> f64) -> Self {
+        let mut data = Vec::with_capacity(dims[0] * dims[1]);
+        for j in 0..dims[1] {
+            data.extend((0..dims[0]).map(|i| f(i, j)));
+        }
+        Field { dims, data }
+    }
+
+    /// Whether any pixel is inside.
+    pub fn has_inside(&self) -> bool {
+        self.data.iter().any(|&v| v < 0.0)
+    }
+
+    /// Which pixels are inside.
+    pub fn inside(&self) -> Vec<bool> {
+        self.data.iter().map(|&v| v < 0.0).collect()
+    }
+
+    /// Bilinear value at `x`; positions beyond the tile read its edge.
+    #[inline(always)]
+    pub fn sample(&self, x: [f64; 2]) -> f64 {
+        sample(&self.data, self.dims, x)
+    }
+
+    /// Catmull-Rom value at `x`, C1 in x; positions beyond the tile read its edge.
+    #[inline(always)]
+    pub fn sample_smooth(&self, x: [f64; 2]) -> f64 {
+        sample_smooth(&self.data, self.dims, x)
+    }
+
+    /// Unit normal `grad / |grad|` at `x`: bilinear mean of the central differences at the four pixels around, zero where the
+    /// gradient vanishes.
+    pub fn normal(&self, x: [f64; 2], h: [f64; 2]) -> [f64; 2] {
+        let ([i, j], [fx, fy]) = cell(self.dims, x, 1);
+        let row = |k: usize| &self.data[(j + k - 1) * self.dims[0] + i - 1..][..4];
+        let rows = [row(0), row(1), row(2), row(3)];
+        let weights = [[(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy)], [(1.0 - fx) * fy, fx * fy]];
+        let mut g = [0.0; 2];
+        for (b, weights) in weights.iter().enumerate() {
+            for (a, w) in weights.iter().enumerate() {
+                g[0] += w * (0.5 * (rows[b + 1][a + 2] - rows[b + 1][a]) / h[0]);
+                g[1] += w * (0.5 * (rows[b + 2][a + 1] - rows[b][a + 1]) / h[1]);
+            }
+        }
+        let length = length(g);
+        if length < 1e-9 { [0.0; 2] } else { [g[0] / length, g[1] / length] }
+    }
+
+    /// Gradient at a pixel that has four neighbours, by central differences.
+    #[inline(always)]
+    pub fn gradient(&self, node: usize, h: [f64; 2]) -> [f64; 2] {
+        let (a, nx) = (&self.data, self.dims[0]);
+        [0.5 * (a[node + 1] - a[node - 1]) / h[0], 0.5 * (a[node + nx] - a[node - nx]) / h[1]]
+    }
+
+    /// Whether the contour passes between pixel `node` and one of its four neighbours.
+    #[inline(always)]
+    pub fn at_contour(&self, node: usize) -> bool {
+        let (a, nx) = (&self.data, self.dims[0]);
+        let inside = a[node] < 0.0;
+        (a[node - 1] < 0.0) != inside
+            || (a[node + 1] < 0.0) != inside
+            || (a[node - nx] < 0.0) != inside
+            || (a[node + nx] < 0.0) != inside
+    }
+
+    /// Contour point closest to pixel `node`: `x - phi n`, in pixels.
+    pub fn closest_point(&self, node: usize, h: [f64; 2]) -> [f64; 2] {
+        let g = self.gradient(node, h);
+        let scale = self.data[node] / (length(g) + 1e-9);
+        let (i, j) = (node % self.dims[0], node / self.dims[0]);
+        [i as f64 - scale * g[0] / h[0], j as f64 - scale * g[1] / h[1]]
+    }
+}
+
+/// Bilinear value at `x` of values on a tile, see [`Field::sample`].
+#[inline(always)]
+pub fn sample<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]) -> f64 {
+    let ([i, j], place) = cell(dims, x, 0);
+    let (nx, node) = (dims[0], j * dims[0] + i);
+    bilinear([a[node].into(), a[node + 1].into(), a[node + nx].into(), a[node + nx + 1].into()], place)
+}
+
+/// Catmull-Rom value at `x` of values on a tile, see [`Field::sample_smooth`].
+#[inline(always)]
+pub fn sample_smooth<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]) -> f64 {
+    let ([i, j], [fx, fy]) = cell(dims, x, 1);
+    let (nx, node) = (dims[0], j * dims[0] + i);
+    let (wx, wy) = (catmull_rom(fx), catmull_rom(fy));
+    // Loops: closures are not inlined into kernels of other targets.
+    let mut columns = [0.0; 4];
+    for (row, w) in wy.iter().enumerate() {
+        let values = &a[node + row * nx - nx - 1..][..4];
+        for (sum, v) in columns.iter_mut().zip(values) {
+            *sum += w * (*v).into();
+        }
+    }
+    wx[0] * columns[0] + wx[1] * columns[1] + wx[2] * columns[2] + wx[3] * columns[3]
+}
+
+/// Lower corner of the cell around `x`, kept `rim` pixels off the edge of the tile, and the place in it.
+#[inline(always)]
+pub fn cell(dims: [usize; 2], x: [f64; 2], rim: usize) -> ([usize; 2], [f64; 2]) {
+    let mut corner = [0; 2];
+    let mut place = [0.0; 2];
+    for axis in 0..2 {
+        let last = dims[axis] - 2 - rim;
+        let at = x[axis].clamp(rim as f64, (last + 1) as f64);
+        // Through u32: cheaper than to usize.
+        corner[axis] = (at as u32 as usize).min(last);
+        place[axis] = at - corner[axis] as f64;
+    }
+    (corner, place)
+}
+
+/// The value at a place in a cell, from those at its corners, row by row.
+#[inline(always)]
+pub fn bilinear([a, b, c, d]: [f64; 4], [fx, fy]: [f64; 2]) -> f64 {
+    (1.0 - fy) * ((1.0 - fx) * a + fx * b) + fy * ((1.0 - fx) * c + fx * d)
+}
+
+/// Weights of four values in a row at place `f` between the middle two (Catmull and Rom 1974).
+#[inline(always)]
+fn catmull_rom(f: f64) -> [f64; 4] {
+    [
+        ((-0.5 * f + 1.0) * f - 0.5) * f,
+        (1.5 * f - 2.5) * f * f + 1.0,
+        ((-1.5 * f + 2.0) * f + 0.5) * f,
+        (0.5 * f - 0.5) * f * f,
+    ]
+}
+
+/// Length of the step from `a` to `b`.
+pub fn distance(a: [f64; 2], b: [f64; 2], h: [f64; 2]) -> f64 {
+    length([(a[0] - b[0]) * h[0], (a[1] - b[1]) * h[1]])
+}
+
+/// Of a vector neither of whose squares is out of range: cheaper than `hypot`.
+#[inline(always)]
+pub fn length([x, y]: [f64; 2]) -> f64 {
+    (x * x + y * y).sqrt()
+}
+
+/// Share of a pixel that is inside where its signed distance is `phi` px.
+pub fn covered(phi: f64) -> f64 {
+    (0.5 - phi).clamp(0.0, 1.0)
+}

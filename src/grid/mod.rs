@@ -1,0 +1,8 @@
+//! Values on pixels: dense fields, tiled fields, rectangles of an image, connected components, and the scalar arithmetic on them.
+
+pub mod components;
+pub mod field;
+pub mod spline;
+pub mod stencil;
+pub mod tile;
+pub mod tiled;

@@ -1,0 +1,79 @@
+//! Rectangles of an image: a tile is the bounding box of some parts and a margin, so that memory and work follow the contours and not the image.
+
+use crate::grid::field::Field;
+
+/// A length in units of the larger pixel side as pixels along either axis, at least as long: pixels need not be square.
+pub fn samples(length: usize, h: [f64; 2]) -> [usize; 2] {
+    h.map(|side| (length as f64 / side).ceil() as usize)
+}
+
+/// A rectangle of pixels of the padded image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Tile {
+    /// Its first pixel in the padded image.
+    pub origin: [usize; 2],
+    /// Its size.
+    pub dims: [usize; 2],
+}
+
+impl Tile {
+    /// The tile from pixel `low` to pixel `high`, both included, and a margin, pixels along either axis.
+    pub fn spanning(image: [usize; 2], margin: [usize; 2], low: [usize; 2], high: [usize; 2]) -> Self {
+        let origin: [usize; 2] = std::array::from_fn(|a| low[a].saturating_sub(margin[a]));
+        Tile { origin, dims: std::array::from_fn(|a| (high[a] + margin[a] + 1).min(image[a]) - origin[a]) }
+    }
+
+    /// The smallest tile that holds both.
+    pub fn joined(self, other: Tile) -> Self {
+        let origin = std::array::from_fn(|a| self.origin[a].min(other.origin[a]));
+        let end = |t: Tile, a: usize| t.origin[a] + t.dims[a];
+        Tile { origin, dims: std::array::from_fn(|a| end(self, a).max(end(other, a)) - origin[a]) }
+    }
+
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        self.dims[0] * self.dims[1]
+    }
+
+    /// Whether it has no pixel.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Nodes of the padded image, of width `nx`, in the order of the tile's own nodes.
+    pub fn nodes(&self, nx: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..self.dims[1]).flat_map(move |j| {
+            let first = (self.origin[1] + j) * nx + self.origin[0];
+            first..first + self.dims[0]
+        })
+    }
+
+    /// The tile's own node for a node of the padded image of width `nx`; `None` beyond the tile.
+    pub fn local_node(&self, node: usize, nx: usize) -> Option<usize> {
+        let i = (node % nx).checked_sub(self.origin[0]).filter(|&i| i < self.dims[0])?;
+        let j = (node / nx).checked_sub(self.origin[1]).filter(|&j| j < self.dims[1])?;
+        Some(j * self.dims[0] + i)
+    }
+
+    /// The tile's part of a field on the padded image.
+    pub fn cut(&self, image: &Field) -> Field {
+        Field { dims: self.dims, data: self.nodes(image.dims[0]).map(|n| image.data[n]).collect() }
+    }
+
+    /// A position of the padded image in the tile's own pixels.
+    pub fn to_local(&self, x: [f64; 2]) -> [f64; 2] {
+        [x[0] - self.origin[0] as f64, x[1] - self.origin[1] as f64]
+    }
+
+    /// Whether a position of the padded image lies between its pixels, or no farther off than `around`.
+    #[inline]
+    pub fn holds(&self, x: [f64; 2], around: f64) -> bool {
+        let local = self.to_local(x);
+        (0..2).all(|a| local[a] >= -around && local[a] <= (self.dims[a] - 1) as f64 + around)
+    }
+
+    /// A position of the tile in pixels of the padded image.
+    pub fn to_image(&self, x: [f64; 2]) -> [f64; 2] {
+        [x[0] + self.origin[0] as f64, x[1] + self.origin[1] as f64]
+    }
+}

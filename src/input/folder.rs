@@ -1,0 +1,323 @@
+//! A folder with `stack.json` and one grey image (8 or 16 bit PNG or TIFF) per slice; or slices drawn as polygons in the file itself.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use image::{DynamicImage, ImageReader};
+use rayon::prelude::*;
+use serde::Deserialize;
+
+use crate::error::{Error, Result};
+use crate::estimate::memory;
+use crate::polygons::{self, Drawing, Planes, Polygon};
+use crate::stack::{ContourStack, Geometry, HeightGrid, Level, ReadOptions, Slice, SliceContent};
+use crate::storage::room;
+
+/// Of an image's values, as decoded and as grey values, and of the depths made of them.
+const BYTES_PER_PIXEL: f64 = (2 * size_of::<u16>() + size_of::<f32>()) as f64;
+
+/// Schema of `stack.json`; any other field is an error.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StackFile {
+    /// Needed for images; for polygons the pixels they are laid on.
+    spacing_xy: Option<[f64; 2]>,
+    /// World directions (LPS) of x, y and z, for polygons.
+    axes: Option<[[f64; 3]; 3]>,
+    #[serde(default = "millimetres")]
+    unit: String,
+    slices: Vec<SliceEntry>,
+    z_out: Option<HeightGrid>,
+    #[serde(default)]
+    #[expect(dead_code, reason = "only one value exists; serde refuses the others")]
+    outside: Outside,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SliceEntry {
+    /// An image,
+    file: Option<String>,
+    /// or closed lines, combined by even-odd.
+    polygons: Option<Vec<Polygon>>,
+    z: f64,
+    #[serde(default)]
+    extra: bool,
+}
+
+/// What lies around the contours.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Outside {
+    #[default]
+    Black,
+}
+
+fn millimetres() -> String {
+    "mm".into()
+}
+
+/// The `stack.json` of a folder (or that file itself): its content, its path, its folder.
+fn parse(path: &Path) -> Result<(StackFile, PathBuf, PathBuf)> {
+    let file = if path.is_dir() { path.join("stack.json") } else { path.to_path_buf() };
+    let text = fs::read_to_string(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
+    let parsed =
+        serde_json::from_str(&text).map_err(|e| Error::Format { path: file.clone(), message: e.to_string() })?;
+    let folder = file.parent().map(Path::to_path_buf).unwrap_or_default();
+    Ok((parsed, file, folder))
+}
+
+/// The `stack.json` of a folder and its slices.
+///
+/// # Errors
+/// As [`crate::input::files`].
+pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
+    let (parsed, file, folder) = parse(path)?;
+    let images = parsed.slices.iter().filter_map(|s| s.file.as_ref()).map(|f| folder.join(f));
+    Ok(std::iter::once(file).chain(images).collect())
+}
+
+/// Reads a folder, or the `stack.json` in it, and says what a person should know of it.
+///
+/// # Errors
+/// As [`crate::input::read`].
+pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
+    let (parsed, file, folder) = parse(path)?;
+    if let Some(z_out) = parsed.z_out {
+        z_out.validate()?;
+    }
+    let fail = |message: String| Err(Error::Format { path: file.clone(), message });
+    for (k, entry) in parsed.slices.iter().enumerate() {
+        match (&entry.file, &entry.polygons) {
+            (Some(_), Some(_)) => return fail(format!("slice {k} has both `file` and `polygons`; it must have one")),
+            (None, None) => return fail(format!("slice {k} has neither `file` nor `polygons`; it must have one")),
+            _ => {}
+        }
+    }
+    let drawn = parsed.slices.iter().filter(|s| s.polygons.is_some()).count();
+    if drawn == 0 {
+        images(parsed, &file, &folder, options)
+    } else if drawn == parsed.slices.len() {
+        drawings(parsed, &file, options).map(|stack| (stack, Vec::new()))
+    } else {
+        fail(format!("{drawn} of {} slices are `polygons`; all or none must be", parsed.slices.len()))
+    }
+}
+
+/// The stack of a file whose slices are polygons.
+fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<ContourStack> {
+    if options.level.is_some() {
+        let message = "is not for polygons; it cuts grey slices".into();
+        return Err(Error::Setting { name: "level".into(), message });
+    }
+    let axes = parsed.axes.unwrap_or(Geometry::default().axes);
+    crate::input::volume::grid::check_axes(&axes)
+        .map_err(|m| Error::Format { path: file.into(), message: format!("`axes`: {m}") })?;
+    let drawing = |(k, entry): (usize, SliceEntry)| Drawing {
+        name: format!("polygons {k}"),
+        z: entry.z,
+        extra: entry.extra,
+        regions: entry.polygons.into_iter().collect(),
+    };
+    let drawings: Vec<Drawing> = parsed.slices.into_iter().enumerate().map(drawing).collect();
+    let planes = Planes { unit: parsed.unit, axes, z_out: parsed.z_out };
+    polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy))
+}
+
+/// The stack of a file whose slices are images.
+fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
+    let fail = |message: &str| Err(Error::Format { path: file.into(), message: message.into() });
+    if options.pixel.is_some() {
+        let message = "is not for images; it is the pixel size for polygons".into();
+        return Err(Error::Setting { name: "pixel".into(), message });
+    }
+    let Some(spacing) = parsed.spacing_xy else { return fail("missing field `spacing_xy`, the pixel sides") };
+    if parsed.axes.is_some() {
+        return fail("`axes` is for polygons; images lie along x and y");
+    }
+    let entries: Vec<(String, f64, bool)> =
+        parsed.slices.into_iter().map(|s| (s.file.unwrap_or_default(), s.z, s.extra)).collect();
+    let names: Vec<(PathBuf, &str)> = entries.iter().map(|(name, ..)| (folder.join(name), name.as_str())).collect();
+    let ranges = ranges(file, &names)?;
+    let rule = Rule::new(&ranges, options.level)?;
+    let contents = each(&names, |index, (path, name)| {
+        let image = read_image(path, index, name)?;
+        if Range::of(&image) != ranges[index] {
+            let message = "has changed while it was read".into();
+            return Err(Error::Slice { index, name: name.to_string(), message });
+        }
+        Ok(rule.content(&image))
+    })?;
+    let slice = |((name, z, extra), content)| Slice { name, z, extra, content };
+    let notes = rule.doubt(&ranges, options.level).into_iter().collect();
+    let stack = ContourStack {
+        dims: ranges.first().map_or([0, 0], |r| r.dims),
+        spacing,
+        unit: parsed.unit,
+        slices: entries.into_iter().zip(contents).map(slice).collect(),
+        z_out: parsed.z_out,
+        geometry: Geometry::default(),
+    };
+    Ok((stack, notes))
+}
+
+/// Goes through the slices, as many at a time as there are threads; the first error in their order.
+fn each<T: Send>(names: &[(PathBuf, &str)], f: impl Fn(usize, &(PathBuf, &str)) -> Result<T> + Sync) -> Result<Vec<T>> {
+    let all: Vec<Result<T>> = names.par_iter().enumerate().map(|(index, name)| f(index, name)).collect();
+    all.into_iter().collect()
+}
+
+/// What the images have in common, and which values each has. No more of them is kept: what is made of them depends on all.
+fn ranges(file: &Path, names: &[(PathBuf, &str)]) -> Result<Vec<Range>> {
+    let Some((path, name)) = names.first() else { return Ok(Vec::new()) };
+    let first = Range::of(&read_image(path, 0, name)?);
+    let ([w, h], count) = (first.dims, names.len());
+    let at_once = count.min(rayon::current_num_threads());
+    let pixels = (w * h) as f64;
+    let wrong = |count: usize, m: String| Error::Format {
+        path: file.into(),
+        message: format!("{count} slices of {w}x{h} px {m}"),
+    };
+    room::check_room(BYTES_PER_PIXEL * pixels * at_once as f64).map_err(|m| wrong(at_once, m))?;
+    memory::check_slices(pixels, count).map_err(|m| wrong(count, m))?;
+    each(names, |index, (path, name)| {
+        let this = Range::of(&read_image(path, index, name)?);
+        let fail = |message| Err(Error::Slice { index, name: name.to_string(), message });
+        if this.dims != first.dims {
+            let [width, height] = this.dims;
+            return fail(format!("{width}x{height} px, but slice 0 is {w}x{h}"));
+        }
+        if this.bits != first.bits {
+            return fail(format!("{} bits per pixel, but slice 0 has {}", this.bits, first.bits));
+        }
+        Ok(this)
+    })
+}
+
+struct Grey {
+    dims: [usize; 2],
+    bits: u8,
+    values: Vec<u16>,
+}
+
+/// An image without its pixels.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Range {
+    dims: [usize; 2],
+    bits: u8,
+    /// Least and largest value; 0 for both of an image without pixels.
+    ends: [u16; 2],
+    /// Whether it has others,
+    more: bool,
+    /// those, if they are few, and
+    between: BTreeSet<u16>,
+    /// how many pixels have them, and how many of these have the same to the right.
+    plateau: [usize; 2],
+}
+
+/// Most values between the least and the largest that are told apart: a slice that was smoothed has more.
+const FEW: usize = 16;
+
+impl Range {
+    fn of(image: &Grey) -> Self {
+        let values = || image.values.iter().copied();
+        let ends = [values().min(), values().max()].map(Option::unwrap_or_default);
+        let (mut between, mut plateau) = (BTreeSet::new(), [0; 2]);
+        for row in image.values.chunks(image.dims[0].max(1)) {
+            for (i, v) in row.iter().enumerate().filter(|(_, v)| !ends.contains(v)) {
+                if between.len() <= FEW {
+                    between.insert(*v);
+                }
+                plateau = [plateau[0] + 1, plateau[1] + usize::from(row.get(i + 1) == Some(v))];
+            }
+        }
+        Range { dims: image.dims, bits: image.bits, ends, more: !between.is_empty(), between, plateau }
+    }
+}
+
+/// What is inside: of two values in the whole stack the larger one; of more, or with a given level, what is above it, to parts of a pixel.
+enum Rule {
+    /// This value and larger ones.
+    Least(u16),
+    /// What is above, with sub-pixel contours.
+    Above(f64),
+}
+
+impl Rule {
+    fn new(ranges: &[Range], level: Option<f64>) -> Result<Self> {
+        let ends = || ranges.iter().flat_map(|r| r.ends);
+        let (Some(low), Some(high)) = (ends().min(), ends().max()) else {
+            return Err(Error::Stack(format!("at least 2 slices are needed; got {}", ranges.len())));
+        };
+        if let Some(level) = level
+            && !(level.is_finite() && level >= f64::from(low) && level < f64::from(high))
+        {
+            let message = format!("must lie in [{low}, {high}), the range of the slices' values; got {level}");
+            return Err(Error::Setting { name: "level".into(), message });
+        }
+        let two = ranges.iter().all(|r| !r.more) && ends().all(|v| v == low || v == high);
+        Ok(match level {
+            None if two => Rule::Least(high.max(1)),
+            _ => Rule::Above(level.unwrap_or((f64::from(low) + f64::from(high)) / 2.0)),
+        })
+    }
+
+    /// What is said where a level that nobody named cuts a few values that lie side by side, as labels do; those that a smooth brush leaves
+    /// along a contour differ from pixel to pixel.
+    fn doubt(&self, ranges: &[Range], named: Option<f64>) -> Option<String> {
+        let (Rule::Above(level), None) = (self, named) else { return None };
+        let values: BTreeSet<u16> = ranges.iter().flat_map(|r| r.between.iter().copied().chain(r.ends)).collect();
+        let [pixels, alike] = ranges.iter().fold([0; 2], |sum, r| [sum[0] + r.plateau[0], sum[1] + r.plateau[1]]);
+        // A slice of one value has no others; where slices have different ones all are plateaus.
+        let smooth = pixels > 0 && 2 * alike < pixels;
+        if values.len() > FEW || smooth {
+            return None;
+        }
+        let listed: Vec<String> = values.iter().map(u16::to_string).collect();
+        Some(format!(
+            "slices have the {} values {}: cut half way, at {level}, so that the body is what is above; `--level` says where else",
+            listed.len(),
+            listed.join(", ")
+        ))
+    }
+
+    fn content(&self, image: &Grey) -> SliceContent {
+        match self {
+            Rule::Least(least) => SliceContent::Mask(image.values.iter().map(|v| v >= least).collect()),
+            Rule::Above(level) => {
+                let depths: Vec<f32> = image.values.iter().map(|&v| (level - f64::from(v)) as f32).collect();
+                SliceContent::Level(Level::new(&depths, image.dims[0]))
+            }
+        }
+    }
+}
+
+fn read_image(path: &PathBuf, index: usize, name: &str) -> Result<Grey> {
+    let fail = |message: String| Error::Slice { index, name: name.into(), message };
+    let reader = ImageReader::open(path)
+        .and_then(|r| r.with_guessed_format())
+        .map_err(|e| fail(format!("{}: cannot read: {e}", path.display())))?;
+    let image = reader.decode().map_err(|e| fail(format!("{}: {e}", path.display())))?;
+    let dims = [image.width() as usize, image.height() as usize];
+    match image {
+        DynamicImage::ImageLuma8(i) => {
+            Ok(Grey { dims, bits: 8, values: i.into_raw().into_iter().map(u16::from).collect() })
+        }
+        DynamicImage::ImageLuma16(i) => Ok(Grey { dims, bits: 16, values: i.into_raw() }),
+        // Colour images whose channels agree are grey images that some program saved as colour.
+        DynamicImage::ImageRgb8(_) | DynamicImage::ImageRgba8(_) | DynamicImage::ImageLumaA8(_) => {
+            let rgba = image.to_rgba8();
+            if let Some((x, y, p)) =
+                rgba.enumerate_pixels().find(|(_, _, p)| p[0] != p[1] || p[1] != p[2] || p[3] != 255)
+            {
+                let [r, g, b, a] = p.0;
+                return Err(fail(format!(
+                    "pixel ({x}, {y}) is coloured or transparent ({r}, {g}, {b}, {a}); a slice must be a grey image"
+                )));
+            }
+            Ok(Grey { dims, bits: 8, values: rgba.pixels().map(|p| u16::from(p[0])).collect() })
+        }
+        other => Err(fail(format!("pixels are {:?}; a slice must be an 8 or 16 bit grey image", other.color()))),
+    }
+}

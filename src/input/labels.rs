@@ -1,0 +1,212 @@
+//! Reads the drawn slices of many labels from a label volume.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::input::{Input, Surveyed};
+use crate::labels::LabelStack;
+use crate::labels::given::{Completeness, Given, notes, reading};
+use crate::labels::report::LeftOut;
+use crate::stack::ReadOptions;
+use crate::stack::doubts;
+use crate::stack::doubts::Section;
+use crate::stack::{ContourStack, Slice};
+use crate::storage::room;
+
+/// Most labels of a run.
+const MOST: usize = 4096;
+/// Most labels of which stray slices are said one by one.
+const MOST_STRAY: usize = 8;
+
+/// Which labels are wanted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Wanted {
+    /// All that are not 0.
+    All,
+    /// These.
+    These(Vec<i64>),
+}
+
+impl std::str::FromStr for Wanted {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        if text == "all" {
+            return Ok(Wanted::All);
+        }
+        let number = |part: &str| match part.trim().parse::<i64>() {
+            Ok(0) => Err("0 is the background and no label".into()),
+            Ok(label) => Ok(label),
+            Err(_) => Err(format!("expected `all` or numbers with commas between, such as 1,2,5; got `{text}`")),
+        };
+        text.split(',').map(number).collect::<std::result::Result<_, String>>().map(Wanted::These)
+    }
+}
+
+/// Reads the slices on which any of the wanted labels is drawn, or those that the options choose, from bottom to top. Of all labels those
+/// that cannot be reconstructed are left out.
+///
+/// # Errors
+/// As [`Input::read`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume, for one that is
+/// named and drawn on a single slice, and where no label is left.
+pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
+    let fail = |message: String| Err(Error::Setting { name: "labels".into(), message });
+    if options.label.is_some() {
+        return fail("is not for a run with `label`".into());
+    }
+    if options.level.is_some() {
+        return fail("is not for grey values, which `level` cuts".into());
+    }
+    let Input { stack, surveyed, notes: mut said } =
+        Input::read(path, &ReadOptions { complete_slices: false, ..options.clone() })?;
+    let Some(surveyed) = surveyed else {
+        return fail("is not for a folder of slices; it chooses from a label volume".into());
+    };
+    let there = &surveyed.survey.labels;
+    let mut labels: Vec<i64> = match wanted {
+        Wanted::All => there.keys().copied().collect(),
+        Wanted::These(list) => {
+            let mut list = list.clone();
+            list.sort_unstable();
+            list.dedup();
+            list
+        }
+    };
+    if let Some(missing) = labels.iter().find(|l| !there.contains_key(l)) {
+        let known: Vec<String> = there.keys().take(12).map(i64::to_string).collect();
+        let more = if there.len() > known.len() { ", ..." } else { "" };
+        let message = format!("has no label {missing}; labels are {}{more}", known.join(", "));
+        return Err(Error::Format { path: path.into(), message });
+    }
+    if surveyed.survey.more || labels.len() > MOST {
+        return fail(format!("are at most {MOST} in a run; name those you want"));
+    }
+    let mut drawn = drawn(&surveyed, &stack, &labels)?;
+    let mut slices = stack.slices;
+    let completeness = match options {
+        _ if options.keep.is_some() || options.slices.is_some() => Completeness::Chosen,
+        _ if options.complete_slices => Completeness::Painted,
+        _ => Completeness::Own,
+    };
+    if completeness != Completeness::Chosen {
+        let mut has = drawn.iter().map(|slice| slice.iter().any(|l| *l > 0)).collect::<Vec<_>>().into_iter();
+        slices.retain(|_| has.next().unwrap_or(false));
+        drawn.retain(|slice| slice.iter().any(|l| *l > 0));
+    }
+    let mut given = given(&drawn, &slices, surveyed.thickness(), labels.len(), completeness);
+    let mut left_out = Vec::new();
+    if *wanted == Wanted::All {
+        (labels, given) = leave_out(labels, given, &mut drawn, &surveyed, &mut left_out);
+        if labels.is_empty() {
+            let listed: Vec<String> = left_out.iter().map(LeftOut::to_string).collect();
+            let message = format!("none of its labels can be reconstructed: {}", listed.join("; "));
+            return Err(Error::Format { path: path.into(), message });
+        }
+    }
+    for (slice, drawn) in slices.iter_mut().zip(&drawn) {
+        slice.content = crate::stack::SliceContent::Mask(drawn.iter().map(|l| *l > 0).collect());
+    }
+    let named = |label: &i64| surveyed.volume.appearance(*label);
+    let appearances = labels.iter().map(named).collect();
+    said.extend(strays(&labels, &slices, &drawn));
+    said.extend(notes(&labels, &given));
+    let reading = reading(&labels, &given);
+    let stack = ContourStack { slices, ..stack };
+    let labels = LabelStack { stack, labels, appearances, drawn, given, left_out, reading, notes: said };
+    labels.validate().map_err(|e| e.in_file(path))?;
+    Ok(labels)
+}
+
+/// The slices of each label.
+fn given(drawn: &[Vec<u32>], slices: &[Slice], thickness: f64, count: usize, of: Completeness) -> Vec<Given> {
+    let mut painted = vec![vec![false; slices.len()]; count];
+    for (k, slice) in drawn.iter().enumerate() {
+        let stretches = slice.chunk_by(|a, b| a == b).map(|stretch| stretch[0] as usize);
+        stretches.filter(|l| *l > 0).for_each(|l| painted[l - 1][k] = true);
+    }
+    let numbers: Vec<usize> = slices.iter().map(|slice| (slice.z / thickness).round() as usize).collect();
+    painted.iter().map(|painted| Given::new(painted, &numbers, of)).collect()
+}
+
+/// What a person should know of slices of labels that look painted by mistake.
+fn strays(labels: &[i64], slices: &[Slice], drawn: &[Vec<u32>]) -> Vec<String> {
+    let mut sections: Vec<Vec<Section>> =
+        labels.iter().map(|_| slices.iter().map(|s| Section { z: s.z, area: 0 }).collect()).collect();
+    for (k, slice) in drawn.iter().enumerate() {
+        slice.iter().filter(|l| **l > 0).for_each(|l| sections[*l as usize - 1][k].area += 1);
+    }
+    let of = |(a, (label, sections)): (usize, (&i64, &Vec<Section>))| {
+        let own = a as u32 + 1;
+        let overlap = |k: usize, beside: usize| drawn[k].iter().zip(&drawn[beside]).any(|(l, m)| *l == own && l == m);
+        let name = |k: usize| format!("slice `{}`", slices[k].name);
+        Some(format!("label {label}: {}", doubts::stray(&doubts::strays(sections, overlap), sections, name)?))
+    };
+    let mut said: Vec<String> = labels.iter().zip(&sections).enumerate().filter_map(of).collect();
+    let more = said.len().saturating_sub(MOST_STRAY);
+    said.truncate(MOST_STRAY);
+    if more > 0 {
+        said.push(format!("{more} more labels have slices with hardly any pixels"));
+    }
+    said
+}
+
+/// The labels that can be reconstructed and their slices. The others are no longer drawn; their slices stay, as paint that says something.
+fn leave_out(
+    labels: Vec<i64>,
+    given: Vec<Given>,
+    drawn: &mut [Vec<u32>],
+    surveyed: &Surveyed,
+    left_out: &mut Vec<LeftOut>,
+) -> (Vec<i64>, Vec<Given>) {
+    let mut places = vec![0];
+    let (mut left, mut theirs) = (Vec::new(), Vec::new());
+    for (label, given) in labels.into_iter().zip(given) {
+        match given.too_few() {
+            Some(why) => {
+                left_out.push(LeftOut { label, name: surveyed.volume.appearance(label).name, why });
+                places.push(0);
+            }
+            None => {
+                left.push(label);
+                theirs.push(given);
+                places.push(left.len() as u32);
+            }
+        }
+    }
+    if !left_out.is_empty() {
+        drawn.iter_mut().flatten().for_each(|l| *l = places[*l as usize]);
+    }
+    (left, theirs)
+}
+
+/// For each slice and pixel 0, or the place of its label and 1.
+fn drawn(surveyed: &Surveyed, stack: &ContourStack, labels: &[i64]) -> Result<Vec<Vec<u32>>> {
+    let [u, v, w] = stack.geometry.order;
+    let (dims, thickness) = (surveyed.volume.grid.dims, surveyed.thickness());
+    let mut places = vec![None; dims[w]];
+    for (place, slice) in stack.slices.iter().enumerate() {
+        if let Some(at) = places.get_mut((slice.z / thickness).round() as usize) {
+            *at = Some(place);
+        }
+    }
+    let ([nx, ny], count) = (stack.dims, stack.slices.len());
+    room::check_room(size_of::<u32>() as f64 * nx as f64 * ny as f64 * count as f64).map_err(|m| {
+        let message = format!("the labels of {count} slices of {nx}x{ny} px {m}");
+        Error::Format { path: surveyed.volume.path.clone(), message }
+    })?;
+    let number = |value: i64| labels.binary_search(&value).map_or(0, |k| k as u32 + 1);
+    let mut drawn = vec![vec![0; dims[u] * dims[v]]; stack.slices.len()];
+    surveyed.volume.labels(|run| {
+        let mut at = run.first;
+        for stretch in run.values.chunk_by(|a, b| a == b) {
+            let number = number(stretch[0]);
+            for _ in stretch {
+                if let (1.., Some(place)) = (number, places[at[w]]) {
+                    drawn[place][at[u] + at[v] * dims[u]] = number;
+                }
+                at[run.along] += 1;
+            }
+        }
+    })?;
+    Ok(drawn)
+}

@@ -1,0 +1,202 @@
+//! MetaImage label volumes, as ITK reads and writes them: `.mha`, and `.mhd` with its voxels in another file; raw or zlib. LPS.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, Read, Seek, SeekFrom};
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::input::volume::data::{Coding, Data};
+use crate::input::volume::element::Element;
+use crate::input::volume::grid::{Failure, Grid};
+use crate::input::volume::{Volume, open};
+
+/// Longest header line and most lines: a file that is no MetaImage must not be read to its end.
+const LONGEST_LINE: u64 = 1 << 14;
+const MOST_LINES: usize = 1024;
+/// How far a row of the direction matrix may be from length 1.
+const LENGTH_SLACK: f64 = 1e-3;
+
+/// Reads the header of a `.mha` or `.mhd`.
+///
+/// # Errors
+/// [`Error::Read`], or [`Error::Format`] naming field and value.
+pub fn read(path: &Path) -> Result<Volume> {
+    let mut input = open(path)?;
+    let fail = |message| Error::Format { path: path.into(), message };
+    let fields = Fields(header(&mut input).map_err(fail)?);
+    let end = input.stream_position().map_err(|source| Error::Read { path: path.into(), source })?;
+    let volume = volume(path, &fields, end).map_err(fail)?;
+    volume.check()?;
+    Ok(volume)
+}
+
+/// The fields of a header by name.
+struct Fields(BTreeMap<String, String>);
+
+impl Fields {
+    /// The first of `names` that is there, with its value.
+    fn get(&self, names: &[&'static str]) -> Option<(&'static str, &str)> {
+        names.iter().find_map(|name| Some((*name, self.0.get(*name)?.as_str())))
+    }
+
+    fn flag(&self, names: &[&'static str]) -> Failure<Option<bool>> {
+        match self.get(names) {
+            None => Ok(None),
+            Some((_, "True" | "true" | "1")) => Ok(Some(true)),
+            Some((_, "False" | "false" | "0")) => Ok(Some(false)),
+            Some((name, other)) => Err(format!("{name} must be True or False; got {other}")),
+        }
+    }
+
+    /// `N` finite numbers.
+    fn numbers<const N: usize>(&self, names: &[&'static str]) -> Failure<Option<[f64; N]>> {
+        let Some((name, text)) = self.get(names) else { return Ok(None) };
+        let mut out = [0.0; N];
+        let words: Vec<&str> = text.split_whitespace().collect();
+        if words.len() != N {
+            return Err(format!("{name} must be {N} numbers; got {}", words.len()));
+        }
+        for (slot, word) in out.iter_mut().zip(words) {
+            *slot =
+                word.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| format!("{name} holds `{word}`"))?;
+        }
+        Ok(Some(out))
+    }
+}
+
+fn header(input: &mut impl BufRead) -> Failure<BTreeMap<String, String>> {
+    let mut fields = BTreeMap::new();
+    for number in 1..MOST_LINES {
+        let mut line = String::new();
+        let read = input.take(LONGEST_LINE).read_line(&mut line);
+        let n = read.map_err(|e| format!("header line {number}: {e}"))?;
+        if n == 0 {
+            return Err("header has no field `ElementDataFile`".into());
+        }
+        let line = line.trim();
+        if line.is_empty() {
+            continue;
+        }
+        let Some((name, value)) = line.split_once('=') else {
+            return Err(format!("header line {number} is no field of a MetaImage: `{line:.60}`"));
+        };
+        fields.insert(name.trim().to_string(), value.trim().to_string());
+        // The header's last field; voxels may follow.
+        if name.trim() == "ElementDataFile" {
+            return Ok(fields);
+        }
+    }
+    Err(format!("header has more than {MOST_LINES} lines"))
+}
+
+fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
+    let need = |name| fields.get(&[name]).map(|(_, v)| v).ok_or_else(|| format!("header has no field `{name}`"));
+    if let Some((_, other)) = fields.get(&["ObjectType"]).filter(|(_, kind)| *kind != "Image") {
+        return Err(format!("ObjectType must be Image; got {other}"));
+    }
+    match need("NDims")? {
+        "3" => {}
+        other => return Err(format!("NDims is {other}; a label volume has 3")),
+    }
+    let text = need("DimSize")?;
+    let sizes: Vec<usize> = text.split_whitespace().map_while(|t| t.parse().ok()).collect();
+    let (&[nx, ny, nz], 3) = (&sizes[..], text.split_whitespace().count()) else {
+        return Err(format!("DimSize must be 3 numbers; got `{text}`"));
+    };
+    if let Some((_, channels)) = fields.get(&["ElementNumberOfChannels"]).filter(|(_, n)| *n != "1") {
+        return Err(format!("ElementNumberOfChannels must be 1; got {channels}"));
+    }
+    if fields.flag(&["BinaryData"])? == Some(false) {
+        return Err("BinaryData is False; voxels as text are not read".into());
+    }
+    let big_endian = fields.flag(&["BinaryDataByteOrderMSB", "ElementByteOrderMSB"])?.unwrap_or(false);
+    let element = element(need("ElementType")?)?;
+    let (grid, file) = (grid([nx, ny, nz], fields)?, need("ElementDataFile")?);
+    let mut volume = Volume {
+        path: path.into(),
+        format: "MetaImage",
+        grid,
+        element,
+        big_endian,
+        stored: [0, 1, 2],
+        notes: Vec::new(),
+        scale: None,
+        segments: Default::default(),
+        data: Data::Stream { file: path.into(), offset: end, coding: Coding::Raw, skip: 0 },
+    };
+    if file == "LIST" || file.starts_with("LIST ") || file.contains('%') {
+        return Err(format!("voxels lie in many files (ElementDataFile = {file}); save them as one"));
+    }
+    let Data::Stream { file: data_file, offset, coding, .. } = &mut volume.data else { return Ok(volume) };
+    if !matches!(file, "LOCAL" | "Local" | "local") {
+        (*data_file, *offset) = (path.parent().unwrap_or(Path::new("")).join(file), 0);
+    }
+    let header_size: i64 = match fields.get(&["HeaderSize"]) {
+        None => 0,
+        Some((_, text)) => text.parse().map_err(|_| format!("HeaderSize must be a whole number; got {text}"))?,
+    };
+    let unreadable = |e: std::io::Error| format!("ElementDataFile {}: {e}", data_file.display());
+    let length = std::fs::metadata(&*data_file).map_err(unreadable)?.len();
+    match header_size {
+        0.. => *offset += header_size as u64,
+        -1 => {
+            let needed = volume.grid.dims.iter().try_fold(element.size(), |n, &d| n.checked_mul(d)).unwrap_or(0);
+            *offset = length.saturating_sub(needed as u64).max(*offset);
+        }
+        _ => return Err(format!("HeaderSize must be -1 or more; got {header_size}")),
+    }
+    if fields.flag(&["CompressedData"])? == Some(true) {
+        // zlib says CompressedData; some programs write gzip.
+        let mut start = [0; 2];
+        let mut input = std::fs::File::open(&*data_file).map_err(unreadable)?;
+        input.seek(SeekFrom::Start(*offset)).map_err(unreadable)?;
+        let n = input.read(&mut start).map_err(unreadable)?;
+        *coding = if start[..n] == [0x1f, 0x8b] { Coding::Gzip } else { Coding::Zlib };
+    }
+    Ok(volume)
+}
+
+fn grid(dims: [usize; 3], fields: &Fields) -> Failure<Grid> {
+    let own = fields.numbers::<3>(&["ElementSpacing", "ElementSize"])?;
+    let spacing = own.unwrap_or([1.0; 3]);
+    if let Some((axis, h)) = spacing.iter().enumerate().find(|(_, h)| **h <= 0.0) {
+        return Err(format!("ElementSpacing: voxel spacing along axis {axis} must be a positive number; got {h}"));
+    }
+    let matrix = fields.numbers::<9>(&["TransformMatrix", "Rotation", "Orientation"])?;
+    let matrix = matrix.unwrap_or([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+    let axes: [[f64; 3]; 3] = std::array::from_fn(|a| std::array::from_fn(|k| matrix[3 * a + k]));
+    for (axis, [x, y, z]) in axes.into_iter().enumerate() {
+        let length = (x * x + y * y + z * z).sqrt();
+        if (length - 1.0).abs() > LENGTH_SLACK {
+            return Err(format!("TransformMatrix: the direction of axis {axis} must have length 1; got {length}"));
+        }
+    }
+    Ok(Grid {
+        dims,
+        origin: fields.numbers::<3>(&["Offset", "Position", "Origin"])?.unwrap_or_default(),
+        steps: std::array::from_fn(|a| axes[a].map(|v| v * spacing[a])),
+        unit: match fields.get(&["DistanceUnits"]) {
+            Some((_, unit)) if !unit.is_empty() && unit != "?" => unit.into(),
+            _ => "mm".into(),
+        },
+        spaced: own.is_some(),
+    })
+}
+
+/// Types by the sizes that MetaIO gives them: MET_LONG has 4 bytes.
+fn element(name: &str) -> Failure<Element> {
+    let int = |size, signed| Ok(Element::Int { size, signed });
+    match name {
+        "MET_CHAR" | "MET_ASCII_CHAR" => int(1, true),
+        "MET_UCHAR" => int(1, false),
+        "MET_SHORT" => int(2, true),
+        "MET_USHORT" => int(2, false),
+        "MET_INT" | "MET_LONG" => int(4, true),
+        "MET_UINT" | "MET_ULONG" => int(4, false),
+        "MET_LONG_LONG" => int(8, true),
+        "MET_ULONG_LONG" => int(8, false),
+        "MET_FLOAT" => Ok(Element::Float),
+        "MET_DOUBLE" => Ok(Element::Double),
+        other => Err(format!("ElementType `{other}` is not known")),
+    }
+}

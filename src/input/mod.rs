@@ -1,0 +1,302 @@
+//! The front door for files: which reader a path gets.
+
+pub mod folder;
+pub mod labels;
+pub mod mha;
+pub mod nifti;
+pub mod npy;
+pub mod nrrd;
+mod ome;
+mod segments;
+pub mod tiff;
+pub mod volume;
+
+use std::path::{Path, PathBuf};
+
+use self::volume::survey::Survey;
+use self::volume::{Volume, axis, slices};
+use crate::error::{Error, Result};
+use crate::labels::given::{Completeness, Given, hole};
+use crate::stack::ContourStack;
+use crate::stack::appearance::Appearance;
+use crate::stack::axis::Axis;
+use crate::stack::options::ReadOptions;
+
+/// Names of volumes.
+pub const VOLUMES: &str = ".nrrd, .nii, .nii.gz, .mha, .mhd, .tif or .npy";
+
+/// What an input is, by its name.
+enum Kind {
+    /// A folder of slices, or its stack.json.
+    Folder,
+    /// A label volume and the reader of its header.
+    Volume(fn(&Path) -> Result<Volume>),
+    /// A DICOM RTSTRUCT.
+    StructureSet,
+    /// Contour lines with elevations.
+    Map,
+}
+
+impl Kind {
+    fn of(path: &Path) -> Result<Self> {
+        let metadata = std::fs::metadata(path).map_err(|source| Error::Read { path: path.into(), source })?;
+        let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
+        if metadata.is_dir() || name.ends_with(".json") {
+            return Ok(Kind::Folder);
+        }
+        let extension = name.strip_suffix(".gz").filter(|n| n.ends_with(".nii")).unwrap_or(&name).rsplit_once('.');
+        match extension.map(|(_, extension)| extension) {
+            Some("nrrd" | "nhdr") => Ok(Kind::Volume(nrrd::read)),
+            Some("nii") => Ok(Kind::Volume(nifti::read)),
+            Some("mha" | "mhd") => Ok(Kind::Volume(mha::read)),
+            Some("tif" | "tiff") => Ok(Kind::Volume(tiff::read)),
+            Some("npy") => Ok(Kind::Volume(npy::read)),
+            Some("dcm") => Ok(Kind::StructureSet),
+            Some("geojson" | "shp") => Ok(Kind::Map),
+            _ => {
+                let message = format!(
+                    "not a known input: expected a folder with stack.json, {VOLUMES}, .dcm (RTSTRUCT), .geojson or .shp"
+                );
+                Err(Error::Format { path: path.into(), message })
+            }
+        }
+    }
+
+    /// The kind, if the options are for it.
+    fn for_options(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let kind = Kind::of(path)?;
+        let chooses = "a folder of slices; it chooses from a label volume";
+        let folder = matches!(kind, Kind::Folder);
+        let volume = matches!(kind, Kind::Volume(_));
+        let structures = matches!(kind, Kind::StructureSet);
+        let map = matches!(kind, Kind::Map);
+        let lines = "a contour map";
+        let wrong = [
+            (map && options.label.is_some(), "label", lines),
+            (map && options.keep.is_some(), "keep", lines),
+            (map && options.slices.is_some(), "slices", lines),
+            (!map && options.elevation.is_some(), "elevation", "anything but contour maps"),
+            (!map && options.border.is_some(), "border", "anything but contour maps"),
+            (!map && options.crs.is_some(), "crs", "anything but contour maps"),
+            (structures && options.label.is_some(), "label", "an RTSTRUCT; `roi` chooses there"),
+            (!structures && !options.roi.is_empty(), "roi", "anything but an RTSTRUCT"),
+            (volume && options.pixel.is_some(), "pixel", "volumes; it is the pixel size for polygons"),
+            (folder && options.label.is_some(), "label", chooses),
+            (folder && options.keep.is_some(), "keep", chooses),
+            (folder && options.slices.is_some(), "slices", chooses),
+            (!volume && options.axis != Axis::Auto, "axis", "anything but a label volume"),
+            (!volume && options.spacing.is_some(), "spacing", "anything but a label volume whose file has none"),
+            (!folder && !volume && options.level.is_some(), "level", "this input; it cuts grey slices and volumes"),
+            (options.complete_slices, "complete_slices", "one body; it is for many, with `labels`"),
+            (options.label.is_some() && options.level.is_some(), "label", "grey values, which `level` cuts"),
+            (options.keep.is_some() && options.slices.is_some(), "keep", "a volume whose `slices` are named"),
+        ];
+        if let Some(px) = options.pixel.filter(|px| !(px.is_finite() && *px > 0.0)) {
+            return Err(Error::Setting {
+                name: "pixel".into(),
+                message: format!("must be a positive number; got {px}"),
+            });
+        }
+        match wrong.into_iter().find(|(wrong, ..)| *wrong) {
+            Some((_, option, what)) => {
+                Err(Error::Setting { name: option.into(), message: format!("is not for {what}") })
+            }
+            None => Ok(kind),
+        }
+    }
+}
+
+/// Checks that an input is there, and that the options are for its kind; its content is not looked at.
+///
+/// # Errors
+/// [`Error::Read`], [`Error::Format`] or [`Error::Setting`].
+pub fn check(path: &Path, options: &ReadOptions) -> Result<()> {
+    Kind::for_options(path, options).map(drop)
+}
+
+/// The files whose content makes up an input.
+///
+/// # Errors
+/// [`Error::Read`] or [`Error::Format`].
+pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
+    match Kind::of(path)? {
+        Kind::Folder => folder::files(path),
+        #[cfg(feature = "terrain")]
+        Kind::Map => Ok(crate::terrain::files(path)),
+        Kind::Volume(header) => Ok(header(path)?.files()),
+        #[cfg(not(feature = "terrain"))]
+        Kind::Map => Ok(vec![path.into()]),
+        Kind::StructureSet => Ok(vec![path.into()]),
+    }
+}
+
+/// Whether an input is an RTSTRUCT, by its name.
+pub fn is_structure_set(path: &Path) -> bool {
+    matches!(Kind::of(path), Ok(Kind::StructureSet))
+}
+
+/// Whether an input is a contour map, by its name.
+pub fn is_map(path: &Path) -> bool {
+    matches!(Kind::of(path), Ok(Kind::Map))
+}
+
+/// The labels of a label volume, and which of its slices have any.
+///
+/// # Errors
+/// As [`read`]; [`Error::Format`] for a folder of slices.
+pub fn survey(path: &Path) -> Result<Survey> {
+    surveyed(path).map(|(_, survey)| survey)
+}
+
+fn surveyed(path: &Path) -> Result<(Volume, Survey)> {
+    let fail = |message: String| Err(Error::Format { path: path.into(), message });
+    match Kind::of(path)? {
+        Kind::Folder | Kind::StructureSet | Kind::Map => fail("is not a label volume".into()),
+        Kind::Volume(header) => {
+            let volume = header(path)?;
+            let survey = Survey::of(&volume, None)?;
+            match survey.grey() {
+                Some(message) => fail(message),
+                None => Ok((volume, survey)),
+            }
+        }
+    }
+}
+
+/// The labels of a label volume that are on two slices or more, and so can be reconstructed.
+///
+/// # Errors
+/// As [`survey`]; [`Error::Format`] for a volume that has more labels than are told apart.
+pub fn labels(path: &Path) -> Result<Vec<i64>> {
+    let (volume, survey) = surveyed(path)?;
+    if survey.more {
+        return Err(Error::Format { path: path.into(), message: "has too many labels for a line each".into() });
+    }
+    let axis = axis::choose(Axis::Auto, &volume.grid, &survey).axis;
+    let several = survey.extents.into_iter().filter(|(_, extent)| extent[axis][0] < extent[axis][1]);
+    Ok(several.map(|(label, _)| label).collect())
+}
+
+/// A stack that was read.
+#[derive(Debug, Clone)]
+pub struct Input {
+    /// The checked stack.
+    pub stack: ContourStack,
+    /// What was found, if it is a volume.
+    pub surveyed: Option<Surveyed>,
+    /// What a person should know of the file.
+    pub notes: Vec<String>,
+}
+
+impl Input {
+    /// Reads a stack.
+    ///
+    /// # Errors
+    /// As [`read`].
+    pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let input = unchecked(path, options).map_err(|e| e.in_file(path))?;
+        input.stack.validate().map_err(|e| e.in_file(path))?;
+        Ok(input)
+    }
+
+    /// What a person should know before the stack becomes one body.
+    pub fn doubts(&self, options: &ReadOptions) -> Vec<String> {
+        let mut doubts = self.notes.clone();
+        doubts.extend(self.stack.doubts());
+        let chosen = options.keep.is_some() || options.slices.is_some() || options.level.is_some();
+        if let Some(surveyed) = self.surveyed.as_ref().filter(|_| !chosen) {
+            let painted = &surveyed.survey.painted[surveyed.axis.axis];
+            let numbers: Vec<usize> = (0..painted.len()).filter(|&k| painted[k]).collect();
+            let given = Given::new(&vec![true; numbers.len()], &numbers, Completeness::Own);
+            doubts.extend(hole("the body", &given.holes));
+        }
+        doubts
+    }
+}
+
+/// A label volume as it was read.
+#[derive(Debug, Clone)]
+pub struct Surveyed {
+    /// The volume.
+    pub volume: Volume,
+    /// What is in it.
+    pub survey: Survey,
+    /// Across which axis it was cut.
+    pub axis: axis::Choice,
+}
+
+impl Surveyed {
+    /// Distance of neighbouring slices.
+    pub fn thickness(&self) -> f64 {
+        self.volume.grid.spacing()[self.axis.axis]
+    }
+
+    /// Name and colour of the body: of the label that is wanted, or of the only one, where the file says them.
+    pub fn appearance(&self, wanted: Option<i64>) -> Option<Appearance> {
+        let mut labels = self.survey.labels.keys();
+        let only = labels.next().filter(|_| labels.next().is_none());
+        self.volume.segments.get(&wanted.or(only.copied())?).cloned()
+    }
+}
+
+/// Reads a stack, and says what was found if it is a volume.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Option<Surveyed>)> {
+    Input::read(path, options).map(|input| (input.stack, input.surveyed))
+}
+
+/// The same as the readers give it.
+fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
+    let plain = |stack| Input { stack, surveyed: None, notes: Vec::new() };
+    Ok(match Kind::for_options(path, options)? {
+        Kind::Folder => {
+            let (stack, notes) = folder::read(path, options)?;
+            Input { notes, ..plain(stack) }
+        }
+        Kind::Volume(header) => {
+            let mut volume = header(path)?;
+            if let Some(sides) = &options.spacing {
+                volume = volume.with_spacing(sides)?;
+            }
+            let survey = match options.level {
+                Some(level) => Survey::above(&volume, level)?,
+                None => Survey::of(&volume, options.label)?,
+            };
+            let chosen = options.keep.is_some() || options.slices.is_some();
+            let wrong = match options.label {
+                None => survey.grey(),
+                Some(_) => None,
+            };
+            if let Some(message) = wrong.or_else(|| survey.sheets.crossing().filter(|_| !chosen)) {
+                return Err(Error::Format { path: path.into(), message });
+            }
+            let axis = axis::choose(options.axis, &volume.grid, &survey);
+            let stack = slices::stack(&volume, &survey, &axis, options)?;
+            Input { stack, notes: volume.notes.clone(), surveyed: Some(Surveyed { volume, survey, axis }) }
+        }
+        #[cfg(feature = "dicom")]
+        Kind::StructureSet => plain(crate::rtstruct::read(path, options)?),
+        #[cfg(not(feature = "dicom"))]
+        Kind::StructureSet => {
+            let message = "is DICOM, which this program was built without (feature `dicom`)".into();
+            return Err(Error::Format { path: path.into(), message });
+        }
+        #[cfg(feature = "terrain")]
+        Kind::Map => plain(crate::terrain::Terrain::read(path, options)?.stack),
+        #[cfg(not(feature = "terrain"))]
+        Kind::Map => {
+            let message = "is a contour map, which this program was built without (feature `terrain`)".into();
+            return Err(Error::Format { path: path.into(), message });
+        }
+    })
+}
+
+/// Reads a stack: a folder with `stack.json` (or that file itself), a label volume, or ROIs of a DICOM RTSTRUCT.
+///
+/// # Errors
+/// [`Error::Read`], [`Error::Format`], [`Error::Slice`] or [`Error::Setting`], naming file, slice and value.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
+    read_surveyed(path, options).map(|(stack, _)| stack)
+}

@@ -1,0 +1,180 @@
+//! NIfTI-1 label volumes; the header is read by the `nifti` crate.
+
+use std::io::{BufRead, Read};
+use std::path::Path;
+
+use flate2::read::MultiGzDecoder;
+use nifti::{Endianness, NiftiHeader};
+
+use crate::error::{Error, Result};
+use crate::input::volume::data::{Coding, Data};
+use crate::input::volume::element::Element;
+use crate::input::volume::grid::{Failure, Grid};
+use crate::input::volume::{Volume, open};
+
+/// Size of the header: voxels cannot begin before its end.
+const HEADER: f32 = 348.0;
+/// Where voxels begin that the header does not place.
+const USUAL_OFFSET: u64 = 352;
+
+/// Reads the header of a `.nii` or `.nii.gz`.
+///
+/// # Errors
+/// [`Error::Read`], or [`Error::Format`] naming field and value.
+pub fn read(path: &Path) -> Result<Volume> {
+    let fail = |message: String| Error::Format { path: path.into(), message };
+    let mut input = open(path)?;
+    let start = input.fill_buf().map_err(|source| Error::Read { path: path.into(), source })?;
+    let gzip = start.starts_with(&[0x1f, 0x8b]);
+    let mut bytes = Vec::new();
+    let mut input: Box<dyn Read> = if gzip { Box::new(MultiGzDecoder::new(input)) } else { Box::new(input) };
+    input.by_ref().take(HEADER as u64).read_to_end(&mut bytes).map_err(|e| fail(format!("NIfTI header: {e}")))?;
+    if matches!(bytes[..], [0x1c, 2, 0, 0, ..] | [0, 0, 2, 0x1c, ..]) {
+        return Err(fail("is NIfTI-2; save it as NIfTI-1".into()));
+    }
+    let header = NiftiHeader::from_reader(&bytes[..]).map_err(|e| fail(format!("NIfTI header: {e}")))?;
+    let volume = volume(path, gzip, &header).map_err(fail)?;
+    volume.check()?;
+    Ok(volume)
+}
+
+fn volume(path: &Path, gzip: bool, header: &NiftiHeader) -> Failure<Volume> {
+    let dims = dims(header)?;
+    let (origin, steps) = placement(header, dims)?;
+    let unit = match header.xyzt_units & 7 {
+        1 => "m",
+        3 => "um",
+        _ => "mm",
+    };
+    if &header.magic != b"n+1\0" {
+        return Err(format!("magic is {:?}; voxels must lie in the same file (n+1)", magic(&header.magic)));
+    }
+    let skip = match header.vox_offset {
+        0.0 => USUAL_OFFSET,
+        at if at.is_finite() && at >= HEADER && at.fract() == 0.0 => at as u64,
+        at => return Err(format!("vox_offset must be a whole number from {HEADER} on; got {at}")),
+    };
+    let scale = match [header.scl_slope, header.scl_inter] {
+        [0.0, _] | [1.0, 0.0] => None,
+        [slope, inter] if slope.is_finite() && inter.is_finite() => Some([f64::from(slope), f64::from(inter)]),
+        // What some programs write for "no scaling".
+        [slope, _] if slope.is_nan() => None,
+        [slope, inter] => return Err(format!("scl_slope and scl_inter must be finite; got {slope} and {inter}")),
+    };
+    let (offset, coding, skip) = if gzip { (0, Coding::Gzip, skip) } else { (skip, Coding::Raw, 0) };
+    Ok(Volume {
+        path: path.into(),
+        format: "NIfTI",
+        grid: Grid { dims, origin, steps, unit: unit.into(), spaced: true },
+        element: element(header.datatype)?,
+        big_endian: header.endianness == Endianness::Big,
+        stored: [0, 1, 2],
+        scale,
+        notes: two_forms(header, dims).into_iter().collect(),
+        segments: Default::default(),
+        data: Data::Stream { file: path.into(), offset, coding, skip },
+    })
+}
+
+fn magic(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).trim_end_matches('\0').to_string()
+}
+
+fn element(datatype: i16) -> Failure<Element> {
+    let int = |size, signed| Ok(Element::Int { size, signed });
+    match datatype {
+        2 => int(1, false),
+        4 => int(2, true),
+        8 => int(4, true),
+        16 => Ok(Element::Float),
+        64 => Ok(Element::Double),
+        256 => int(1, true),
+        512 => int(2, false),
+        768 => int(4, false),
+        1024 => int(8, true),
+        1280 => int(8, false),
+        other => Err(format!("datatype {other} is no integer of 1 to 8 bytes, nor float32 or float64")),
+    }
+}
+
+fn dims(header: &NiftiHeader) -> Failure<[usize; 3]> {
+    let dim = header.dim;
+    let axes = dim[0] as usize;
+    if !(2..=7).contains(&axes) {
+        return Err(format!("dim[0] must be 2 to 7; got {}", dim[0]));
+    }
+    if let Some(k) = (4..=axes).find(|&k| dim[k] > 1) {
+        return Err(format!("dim[{k}] is {}; a label volume has three axes", dim[k]));
+    }
+    let dims = std::array::from_fn(|a| if a < axes { dim[a + 1] as usize } else { 1 });
+    Ok(dims)
+}
+
+/// Share of a voxel by which sform and qform may place the volume's corners differently: both are rounded by those who write them.
+const SAME_PLACE: f64 = 0.1;
+
+/// What is said of a header whose sform and qform, both meant to count, place the volume differently.
+fn two_forms(header: &NiftiHeader, dims: [usize; 3]) -> Option<String> {
+    if header.sform_code <= 0 || header.qform_code <= 0 {
+        return None;
+    }
+    let forms = [[header.srow_x, header.srow_y, header.srow_z].map(|r| r.map(f64::from)), qform(header)];
+    let corner = |rows: &[[f64; 4]; 3], corner: usize| {
+        let at: [f64; 3] = std::array::from_fn(|a| if corner >> a & 1 == 1 { (dims[a] - 1) as f64 } else { 0.0 });
+        rows.map(|r| r[0] * at[0] + r[1] * at[1] + r[2] * at[2] + r[3])
+    };
+    let apart = |c: usize| {
+        let [s, q] = forms.each_ref().map(|rows| corner(rows, c));
+        (0..3).map(|a| (s[a] - q[a]).powi(2)).sum::<f64>().sqrt()
+    };
+    let most = (0..8).map(apart).fold(0.0, f64::max);
+    let side = |c: usize| forms[0].iter().map(|row| row[c] * row[c]).sum::<f64>().sqrt();
+    let least = (0..3).filter(|&c| dims[c] > 1).map(side).fold(f64::INFINITY, f64::min);
+    (most > SAME_PLACE * least).then(|| {
+        format!("sform and qform of the header place the volume differently, by up to {most:.3}; the sform is used")
+    })
+}
+
+/// Origin and steps in LPS, from the sform, else the qform, else the voxel sizes.
+fn placement(header: &NiftiHeader, dims: [usize; 3]) -> Failure<([f64; 3], [[f64; 3]; 3])> {
+    if header.sform_code <= 0
+        && let Some(a) =
+            (1..=3).find(|&a| (a < 3 || dims[2] > 1) && !(header.pixdim[a].is_finite() && header.pixdim[a] > 0.0))
+    {
+        return Err(format!("pixdim[{a}], a voxel spacing, must be a positive number; got {}", header.pixdim[a]));
+    }
+    let rows: [[f64; 4]; 3] = if header.sform_code > 0 {
+        [header.srow_x, header.srow_y, header.srow_z].map(|r| r.map(f64::from))
+    } else if header.qform_code > 0 {
+        qform(header)
+    } else {
+        let size = |a: usize| f64::from(header.pixdim[a + 1]);
+        [[size(0), 0.0, 0.0, 0.0], [0.0, size(1), 0.0, 0.0], [0.0, 0.0, size(2), 0.0]]
+    };
+    if let Some(v) = rows.iter().flatten().find(|v| !v.is_finite()) {
+        return Err(format!("the orientation holds {v}"));
+    }
+    let lps = |v: [f64; 3]| [-v[0], -v[1], v[2]];
+    let column = |c: usize| lps([rows[0][c], rows[1][c], rows[2][c]]);
+    let mut steps = [column(0), column(1), column(2)];
+    if dims[2] == 1 && steps[2] == [0.0; 3] {
+        steps[2] = [0.0, 0.0, 1.0];
+    }
+    Ok((column(3), steps))
+}
+
+/// The quaternion form (NIfTI-1 header, method 2).
+fn qform(header: &NiftiHeader) -> [[f64; 4]; 3] {
+    let [b, c, d] = [header.quatern_b, header.quatern_c, header.quatern_d].map(f64::from);
+    let a = (1.0 - b * b - c * c - d * d).max(0.0).sqrt();
+    let handed = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };
+    let [sx, sy, sz] = [1, 2, 3].map(|k| f64::from(header.pixdim[k]));
+    let sz = sz * handed;
+    let offset = [header.quatern_x, header.quatern_y, header.quatern_z].map(f64::from);
+    let rotation = [
+        [a * a + b * b - c * c - d * d, 2.0 * (b * c - a * d), 2.0 * (b * d + a * c)],
+        [2.0 * (b * c + a * d), a * a + c * c - b * b - d * d, 2.0 * (c * d - a * b)],
+        [2.0 * (b * d - a * c), 2.0 * (c * d + a * b), a * a + d * d - b * b - c * c],
+    ];
+    std::array::from_fn(|r| [rotation[r][0] * sx, rotation[r][1] * sy, rotation[r][2] * sz, offset[r]])
+}

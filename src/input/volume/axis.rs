@@ -1,0 +1,60 @@
+//! Along which axis of a volume its slices lie.
+
+use crate::input::volume::grid::Grid;
+use crate::input::volume::survey::Survey;
+use crate::stack::axis::Axis;
+
+/// Spacings this near to each other, relatively, are the same: pixels of 2.3898 x 2.3852 mm are meant to be square, no scanner's slices are
+/// thicker than its pixels by so little.
+const SAME: f64 = 1e-2;
+
+/// An axis, and why it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Choice {
+    /// 0 for x, 1 for y, 2 for z.
+    pub axis: usize,
+    /// For people.
+    pub why: String,
+}
+
+/// The axis of a volume's slices.
+pub fn choose(axis: Axis, grid: &Grid, survey: &Survey) -> Choice {
+    let asked = |axis| Choice { axis, why: "as asked".into() };
+    match axis {
+        Axis::X => asked(0),
+        Axis::Y => asked(1),
+        Axis::Z => asked(2),
+        Axis::Auto => {
+            let stretches: [usize; 3] = std::array::from_fn(|a| lone_stretches(&survey.painted[a]));
+            let most = stretches.iter().copied().max().unwrap_or(0);
+            let sparse = stretches.map(|n| n > 0 && n == most);
+            let coarse = coarsest(grid.spacing());
+            let alone = sparse.iter().filter(|s| **s).count() == 1;
+            match (sparse.iter().position(|s| *s), coarse) {
+                (Some(axis), _) if alone => {
+                    let why = format!(
+                        "painted slices stand alone along it: {most} stretches of them with empty slices between"
+                    );
+                    Choice { axis, why }
+                }
+                (_, Some(axis)) => Choice { axis, why: "the coarsest spacing".into() },
+                _ => Choice { axis: 2, why: "no axis has lone painted slices or the coarsest spacing".into() },
+            }
+        }
+    }
+}
+
+/// Stretches of painted slices where they are two or more and hold two slices at most in the mean; a body that is painted throughout and
+/// happens to have two parts has longer ones.
+fn lone_stretches(painted: &[bool]) -> usize {
+    let count = painted.iter().filter(|p| **p).count();
+    let stretches = painted.chunk_by(|a, b| a == b).filter(|stretch| stretch[0]).count();
+    if stretches >= 2 && count <= 2 * stretches { stretches } else { 0 }
+}
+
+/// The axis of the largest spacing, if it is one.
+fn coarsest(spacing: [f64; 3]) -> Option<usize> {
+    let most = spacing.iter().copied().fold(0.0, f64::max);
+    let near: Vec<usize> = (0..3).filter(|&a| spacing[a] >= most * (1.0 - SAME)).collect();
+    if let &[axis] = &near[..] { Some(axis) } else { None }
+}

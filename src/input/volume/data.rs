@@ -1,0 +1,143 @@
+//! The bytes of a volume's voxels, opened anew for every pass.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use bzip2::bufread::MultiBzDecoder;
+use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
+
+use super::tiff_pages::Pages;
+use crate::input::volume::grid::Failure;
+
+/// Most bytes that one byte of deflate can stand for (1032), of bzip2 (blocks of 900 000 bytes, of which 5 stand for 259, packed into 32), of the
+/// codecs of TIFF (LZW: 4096 codes of 12 bits).
+const MOST_DEFLATED: u64 = 1032;
+const MOST_IN_BLOCKS: u64 = 1 << 21;
+const MOST_IN_PAGES: u64 = 4096;
+
+/// How bytes are packed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coding {
+    /// As they are.
+    Raw,
+    /// gzip, one member or more.
+    Gzip,
+    /// zlib.
+    Zlib,
+    /// bzip2, one stream or more.
+    Bzip2,
+}
+
+/// Where bytes are.
+#[derive(Debug, Clone)]
+pub enum Data {
+    /// In one piece.
+    Stream {
+        /// The file.
+        file: PathBuf,
+        /// Where in it they begin.
+        offset: u64,
+        /// How they are packed.
+        coding: Coding,
+        /// Unpacked bytes before the first voxel.
+        skip: u64,
+    },
+    /// In the pages of a TIFF.
+    Pages {
+        /// The file.
+        file: PathBuf,
+        /// Number of pages.
+        count: usize,
+        /// Bytes of a page.
+        bytes: usize,
+    },
+}
+
+impl Data {
+    /// The file.
+    pub fn file(&self) -> &Path {
+        match self {
+            Data::Stream { file, .. } | Data::Pages { file, .. } => file,
+        }
+    }
+
+    fn named<T>(&self, result: io::Result<T>) -> Failure<T> {
+        result.map_err(|e| format!("data in {}: {e}", self.file().display()))
+    }
+
+    /// Whether the file can hold `needed` bytes, before any of them is asked for.
+    pub(crate) fn check(&self, needed: u64) -> Failure<()> {
+        let length = self.named(std::fs::metadata(self.file()))?.len();
+        match *self {
+            Data::Stream { coding: Coding::Raw, offset, skip, .. } => {
+                match length.saturating_sub(offset).saturating_sub(skip) {
+                    there if there < needed => Err(format!("data end after {there} of {needed} bytes")),
+                    _ => Ok(()),
+                }
+            }
+            Data::Stream { offset, coding, .. } => {
+                let most = if coding == Coding::Bzip2 { MOST_IN_BLOCKS } else { MOST_DEFLATED };
+                packed(length.saturating_sub(offset), most, needed)
+            }
+            Data::Pages { .. } => packed(length, MOST_IN_PAGES, needed),
+        }
+    }
+
+    /// Reads from the first voxel on.
+    pub(crate) fn open(&self) -> Failure<Box<dyn Read>> {
+        match self {
+            Data::Pages { file, count, bytes } => Ok(Box::new(Pages::open(file, *count, *bytes)?)),
+            Data::Stream { file, offset, coding, skip } => {
+                let mut input = BufReader::with_capacity(1 << 18, self.named(File::open(file))?);
+                self.named(input.seek(SeekFrom::Start(*offset)))?;
+                let mut input: Box<dyn Read> = match coding {
+                    Coding::Raw => Box::new(input),
+                    Coding::Gzip => Box::new(MultiGzDecoder::new(input)),
+                    Coding::Zlib => Box::new(ZlibDecoder::new(input)),
+                    Coding::Bzip2 => Box::new(MultiBzDecoder::new(input)),
+                };
+                self.named(io::copy(&mut input.by_ref().take(*skip), &mut io::sink()))?;
+                Ok(input)
+            }
+        }
+    }
+}
+
+fn packed(length: u64, most: u64, needed: u64) -> Failure<()> {
+    let limit = length.saturating_mul(most);
+    if needed > limit {
+        return Err(format!(
+            "{needed} bytes of voxels are more than {length} compressed bytes can hold (at most {limit})"
+        ));
+    }
+    Ok(())
+}
+
+/// Reads on behind the last voxel: only where packed bytes end their checksum is compared.
+pub(crate) fn end(input: &mut impl Read) -> Failure<()> {
+    loop {
+        match input.read(&mut [0]) {
+            Ok(_) => return Ok(()),
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(format!("data, behind the last voxel: {e}")),
+        }
+    }
+}
+
+/// Fills `bytes`, which begin at byte `at` of `all`.
+pub(crate) fn fill(input: &mut impl Read, bytes: &mut [u8], at: u64, all: u64) -> Failure<()> {
+    let mut done = 0;
+    while done < bytes.len() {
+        match input.read(&mut bytes[done..]) {
+            Ok(0) => return Err(format!("data end after {} of {all} bytes", at + done as u64)),
+            Ok(n) => done += n,
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => {
+                return Err(format!("data end after {} of {all} bytes", at + done as u64));
+            }
+            Err(e) => return Err(format!("data: {e}")),
+        }
+    }
+    Ok(())
+}

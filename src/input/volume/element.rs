@@ -1,0 +1,141 @@
+//! What a voxel is: integers of 1 to 8 bytes, floats of 4 and 8.
+
+use crate::input::volume::grid::Failure;
+
+/// Type of a voxel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Element {
+    /// Signed or unsigned integer of `size` bytes: 1, 2, 4 or 8.
+    Int {
+        /// Bytes.
+        size: usize,
+        /// Whether it can be negative.
+        signed: bool,
+    },
+    /// f32.
+    Float,
+    /// f64.
+    Double,
+}
+
+/// Some voxels as the file holds them.
+pub(crate) struct Voxels<'a> {
+    /// Their bytes.
+    pub bytes: &'a [u8],
+    /// Whether each runs from its largest byte.
+    pub big_endian: bool,
+    /// Factor and summand of their values.
+    pub scale: Option<[f64; 2]>,
+    /// The number of the first.
+    pub first: usize,
+}
+
+/// Does something with the number and the stored value of every voxel.
+macro_rules! decode {
+    ($kind:ty, $bytes:expr, $big_endian:expr, |$k:ident, $v:ident| $each:expr) => {{
+        let (chunks, _) = $bytes.as_chunks::<{ size_of::<$kind>() }>();
+        for ($k, chunk) in chunks.iter().enumerate() {
+            let $v = if $big_endian { <$kind>::from_be_bytes(*chunk) } else { <$kind>::from_le_bytes(*chunk) };
+            $each;
+        }
+    }};
+}
+
+impl Element {
+    /// Bytes of a voxel.
+    pub fn size(self) -> usize {
+        match self {
+            Element::Int { size, .. } => size,
+            Element::Float => 4,
+            Element::Double => 8,
+        }
+    }
+
+    /// Its name, as in `uint8`.
+    pub fn name(self) -> String {
+        match self {
+            Element::Int { size, signed } => format!("{}int{}", if signed { "" } else { "u" }, 8 * size),
+            Element::Float => "float32".into(),
+            Element::Double => "float64".into(),
+        }
+    }
+
+    /// Appends the labels of `voxels` to `out`.
+    ///
+    /// # Errors
+    /// A message with place and value for what is no whole number, or too large.
+    pub(crate) fn labels(self, voxels: &Voxels<'_>, out: &mut Vec<i64>) -> Failure<()> {
+        let &Voxels { bytes, big_endian, scale, first } = voxels;
+        macro_rules! each {
+            ($kind:ty, $label:expr) => {
+                decode!($kind, bytes, big_endian, |k, v| out.push($label(v, first + k)?))
+            };
+        }
+        macro_rules! whole_numbers {
+            ($kind:ty) => {
+                match scale {
+                    Some([factor, summand]) => {
+                        each!($kind, |v: $kind, k| whole(v as f64 * factor + summand, k))
+                    }
+                    None => each!($kind, |v: $kind, k| i64::try_from(v)
+                        .map_err(|_| format!("voxel {k}: label {v} is larger than {}", i64::MAX))),
+                }
+            };
+        }
+        let [factor, summand] = scale.unwrap_or([1.0, 0.0]);
+        match self {
+            Element::Int { size: 1, signed: false } => whole_numbers!(u8),
+            Element::Int { size: 1, signed: true } => whole_numbers!(i8),
+            Element::Int { size: 2, signed: false } => whole_numbers!(u16),
+            Element::Int { size: 2, signed: true } => whole_numbers!(i16),
+            Element::Int { size: 4, signed: false } => whole_numbers!(u32),
+            Element::Int { size: 4, signed: true } => whole_numbers!(i32),
+            Element::Int { signed: false, .. } => whole_numbers!(u64),
+            Element::Int { signed: true, .. } => whole_numbers!(i64),
+            Element::Float => each!(f32, |v: f32, k| whole(f64::from(v) * factor + summand, k)),
+            Element::Double => each!(f64, |v: f64, k| whole(v * factor + summand, k)),
+        }
+        Ok(())
+    }
+
+    /// Appends the grey values of `voxels` to `out`.
+    ///
+    /// # Errors
+    /// A message with place and value for what is no finite number.
+    pub(crate) fn greys(self, voxels: &Voxels<'_>, out: &mut Vec<f64>) -> Failure<()> {
+        let &Voxels { bytes, big_endian, scale, first } = voxels;
+        let [factor, summand] = scale.unwrap_or([1.0, 0.0]);
+        macro_rules! each {
+            ($kind:ty) => {
+                decode!($kind, bytes, big_endian, |k, v| match v as f64 * factor + summand {
+                    value if value.is_finite() => out.push(value),
+                    value => return Err(format!("voxel {} is {value}, no finite number", first + k)),
+                })
+            };
+        }
+        match self {
+            Element::Int { size: 1, signed: false } => each!(u8),
+            Element::Int { size: 1, signed: true } => each!(i8),
+            Element::Int { size: 2, signed: false } => each!(u16),
+            Element::Int { size: 2, signed: true } => each!(i16),
+            Element::Int { size: 4, signed: false } => each!(u32),
+            Element::Int { size: 4, signed: true } => each!(i32),
+            Element::Int { signed: false, .. } => each!(u64),
+            Element::Int { signed: true, .. } => each!(i64),
+            Element::Float => each!(f32),
+            Element::Double => each!(f64),
+        }
+        Ok(())
+    }
+}
+
+/// A float that is a label.
+fn whole(value: f64, voxel: usize) -> Failure<i64> {
+    if value.fract() == 0.0 && value.abs() < 9e15 {
+        Ok(value as i64)
+    } else {
+        Err(format!(
+            "voxel {voxel} is {value}; a label volume must hold whole numbers (grey values are cut at a `level`)"
+        ))
+    }
+}

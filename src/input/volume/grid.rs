@@ -1,0 +1,80 @@
+//! Where the voxels of a volume lie in the world.
+
+/// What a reader says without the file's name.
+pub(crate) type Failure<T> = std::result::Result<T, String>;
+
+/// Most voxels of a volume: the header of a damaged file may ask for anything.
+const MOST_VOXELS: usize = 1 << 40;
+/// Largest cosine between two axes that still counts as perpendicular.
+const SHEAR_LIMIT: f64 = 1e-3;
+
+/// Where the voxels of a volume lie in the world (LPS).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid {
+    /// Voxels along x, y, z, the file's first, second and third axis.
+    pub dims: [usize; 3],
+    /// Position of voxel (0, 0, 0).
+    pub origin: [f64; 3],
+    /// Steps from voxel to voxel along each axis.
+    pub steps: [[f64; 3]; 3],
+    /// Length unit.
+    pub unit: String,
+    /// Whether the file says how far apart its voxels are.
+    pub spaced: bool,
+}
+
+impl Grid {
+    /// A grid without place or spacing: 1 px along each axis.
+    pub fn unspaced(dims: [usize; 3]) -> Self {
+        let steps = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        Grid { dims, origin: [0.0; 3], steps, unit: "px".into(), spaced: false }
+    }
+
+    /// Voxel sides.
+    pub fn spacing(&self) -> [f64; 3] {
+        self.steps.map(|[x, y, z]| (x * x + y * y + z * z).sqrt())
+    }
+
+    /// Unit vectors along the axes.
+    pub fn axes(&self) -> [[f64; 3]; 3] {
+        let spacing = self.spacing();
+        std::array::from_fn(|a| self.steps[a].map(|v| v / spacing[a]))
+    }
+
+    pub(crate) fn check(&self) -> Failure<()> {
+        let [nx, ny, nz] = self.dims;
+        let count = nx.checked_mul(ny).and_then(|n| n.checked_mul(nz));
+        if !count.is_some_and(|n| (1..=MOST_VOXELS).contains(&n)) {
+            return Err(format!("sizes {nx} {ny} {nz} are no volume of 1 to {MOST_VOXELS} voxels"));
+        }
+        if let Some(bad) = self.origin.iter().find(|v| !v.is_finite()) {
+            return Err(format!("the origin holds {bad}"));
+        }
+        let spacing = self.spacing();
+        if let Some(axis) = (0..3).find(|&a| !(spacing[a].is_finite() && spacing[a] > 0.0)) {
+            return Err(format!("voxel spacing along axis {axis} must be a positive number; got {}", spacing[axis]));
+        }
+        check_axes(&self.axes()).map_err(|m| format!("{m}; resample the volume first"))
+    }
+}
+
+/// Checks that world directions are perpendicular unit vectors.
+///
+/// # Errors
+/// A message with axis, value and limit.
+pub(crate) fn check_axes(axes: &[[f64; 3]; 3]) -> Failure<()> {
+    let dot = |a: usize, b: usize| -> f64 { (0..3).map(|k| axes[a][k] * axes[b][k]).sum() };
+    for a in 0..3 {
+        let length = dot(a, a).sqrt();
+        if length.is_nan() || (length - 1.0).abs() > SHEAR_LIMIT {
+            return Err(format!("axis {a} is {length} long; it must be 1"));
+        }
+    }
+    for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+        let cosine = dot(a, b);
+        if cosine.is_nan() || cosine.abs() > SHEAR_LIMIT {
+            return Err(format!("axes {a} and {b} are not perpendicular (cosine {cosine:.4}, at most {SHEAR_LIMIT})"));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,286 @@
+//! What the certificate says of a body, read off its layers and nothing else: it cannot know how they were made.
+//!
+//! Per contour the layers a thousandth of the gap below and above it ([`BESIDE`]); over all layers that are handed on the pieces that touch no
+//! contour, the pairs of overlapping parts that are not connected between their contours, the largest step, and what the ends add around their contour.
+
+use std::collections::BTreeSet;
+use std::mem::take;
+
+use crate::connectivity::runs::{Joined, Runs, Side};
+use crate::grid::field::covered;
+use crate::grid::tiled::Packed;
+use crate::report::{Beside, BodyReport, Pair, Step};
+use crate::stack::heights::BESIDE;
+use crate::surface::Layer;
+
+/// Layers up to this much farther off count as beside a contour, too.
+const AROUND: f64 = 1.5;
+
+/// Distance to the surface up to which changes count, px.
+const NEAR: f32 = 1.0;
+
+/// What is known of one contour.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Met {
+    /// Its layer's area, unit squared.
+    pub area: f64,
+    /// Just below it.
+    pub below: Option<Beside>,
+    /// Just above.
+    pub above: Option<Beside>,
+}
+
+/// A stack as its certificate sees it.
+#[derive(Debug, Clone)]
+pub struct Spec {
+    /// Pixels of a layer.
+    pub dims: [usize; 2],
+    /// Pixel spacing.
+    pub spacing: [f64; 2],
+    /// Heights of the contours.
+    pub z: Vec<f64>,
+    /// Number of the first of them in the stack.
+    pub first: usize,
+    /// Pairs of parts of every interval that are kept apart.
+    pub parted: Vec<Vec<(u32, u32)>>,
+}
+
+/// Looks at layers as they come, lowest first.
+#[derive(Debug)]
+pub struct Examined {
+    spec: Spec,
+    pieces: [Pieces; 2],
+    /// Number and layer of the contour below.
+    contour: Option<(usize, Packed<f32>)>,
+    /// The layer before, of those that are handed on.
+    before: Option<(f64, Vec<f32>)>,
+    /// The last layer, where it lies just below the next contour.
+    beside: Option<Packed<f32>>,
+    /// What lies inside somewhere below the first contour.
+    lower: Vec<bool>,
+    /// What is known of the contours.
+    pub contours: Vec<Met>,
+    /// And of the body.
+    pub body: BodyReport,
+}
+
+impl Examined {
+    /// Nothing yet.
+    pub fn new(spec: Spec) -> Self {
+        Examined {
+            contours: vec![Met::default(); spec.z.len()],
+            pieces: [Side::Inside, Side::Outside].map(|side| Pieces::new(side, spec.dims[0])),
+            spec,
+            contour: None,
+            before: None,
+            beside: None,
+            lower: Vec::new(),
+            body: BodyReport::default(),
+        }
+    }
+
+    /// The next layer; `handed` on or not.
+    pub fn layer(&mut self, layer: &Layer, handed: bool) {
+        match layer.contour {
+            Some(i) => self.at_contour(i, layer),
+            None => self.between(layer, handed),
+        }
+        if handed {
+            self.step(layer);
+        }
+    }
+
+    /// What was found.
+    pub fn finish(mut self) -> (Vec<Met>, BodyReport) {
+        // Above the last contour; beyond the last layer everything is outside.
+        self.pieces[1].ground_last();
+        self.count();
+        (self.contours, self.body)
+    }
+
+    fn at_contour(&mut self, i: usize, layer: &Layer) {
+        let area = self.area(&layer.phi);
+        self.contours[i].area = area;
+        if let Some(beside) = self.beside.take() {
+            self.contours[i].below = Some(self.beside_of(&layer.phi, &beside.unpack()));
+        }
+        if i == 0 {
+            let lower = take(&mut self.lower);
+            self.body.beyond[0] = lower.iter().zip(&layer.phi).filter(|(inside, v)| **inside && **v > 0.0).count();
+        }
+        let ends = Runs::both(&layer.phi, self.spec.dims[0]);
+        let inside = ends[0].clone();
+        for (pieces, runs) in self.pieces.iter_mut().zip(ends) {
+            pieces.add(runs);
+            pieces.ground_last();
+        }
+        let below = self.contour.as_ref().map(|(i, _)| *i);
+        if let Some(i) = below {
+            self.pairs(i, &inside);
+        }
+        self.count();
+        self.pieces.iter_mut().for_each(Pieces::begin);
+        self.contour = Some((i, Packed::of(self.spec.dims, &layer.phi)));
+    }
+
+    fn between(&mut self, layer: &Layer, handed: bool) {
+        let z = &self.spec.z;
+        let above = z.partition_point(|v| *v < layer.z);
+        if above > 0 && above < z.len() {
+            let near = AROUND * BESIDE * (z[above] - z[above - 1]);
+            if layer.z - z[above - 1] <= near
+                && let Some((i, contour)) = self.contour.as_ref().filter(|(i, _)| self.contours[*i].above.is_none())
+            {
+                self.contours[*i].above = Some(self.beside_of(&contour.unpack(), &layer.phi));
+            }
+            self.beside = (z[above] - layer.z <= near).then(|| Packed::of(self.spec.dims, &layer.phi));
+        }
+        if !handed {
+            return;
+        }
+        if above == 0 {
+            self.lower.resize(layer.phi.len(), false);
+            self.lower.iter_mut().zip(&layer.phi).for_each(|(inside, v)| *inside |= *v < 0.0);
+        } else if above == z.len()
+            && let Some((_, contour)) = &self.contour
+        {
+            let around = contour.unpack().iter().zip(&layer.phi).filter(|(c, v)| **c > 0.0 && **v < 0.0).count();
+            self.body.beyond[1] = self.body.beyond[1].max(around);
+        }
+        for (pieces, runs) in self.pieces.iter_mut().zip(Runs::both(&layer.phi, self.spec.dims[0])) {
+            pieces.add(runs);
+            if self.before.is_none() && pieces.side == Side::Outside {
+                pieces.ground_last();
+            }
+        }
+    }
+
+    /// Adds what floats since the last contour.
+    fn count(&mut self) {
+        let [floating, voids] = self.pieces.each_mut().map(Pieces::floating);
+        self.body.floating += floating;
+        self.body.voids += voids;
+    }
+
+    /// Looks for overlapping parts of contour `i` and of the next, whose parts are `above`, that are not connected.
+    fn pairs(&mut self, i: usize, above: &Runs) {
+        let pieces = &mut self.pieces[0];
+        let mut pairs = BTreeSet::new();
+        pieces.low.meeting(above, |a, b| _ = pairs.insert((a as u32 + 1, b as u32 + 1)));
+        let parted = self.spec.parted.get(i).map_or(&[][..], |parted| parted);
+        for (from, to) in pairs.into_iter().filter(|pair| !parted.contains(pair)) {
+            self.body.overlapping += 1;
+            if !pieces.connects(from as usize - 1, to as usize - 1) {
+                self.body.torn.push(Pair { slice: self.spec.first + i, from, to });
+            }
+        }
+    }
+
+    /// The change from the layer before, between the first and the last contour: beyond, the body may end flat.
+    fn step(&mut self, layer: &Layer) {
+        let Some((z, before)) = self.before.replace((layer.z, layer.phi.clone())) else { return };
+        let [low, high] = [self.spec.z.first(), self.spec.z.last()].map(|z| z.copied().unwrap_or_default());
+        if z < low || layer.z > high {
+            return;
+        }
+        let px = self.change(&before, &layer.phi);
+        if self.body.largest_step.is_none_or(|known| px > known.px) {
+            self.body.largest_step = Some(Step { from: z, to: layer.z, px });
+        }
+    }
+
+    fn beside_of(&self, contour: &[f32], beside: &[f32]) -> Beside {
+        Beside { area: self.area(beside), jump: self.change(contour, beside) }
+    }
+
+    /// Largest difference of two layers at pixels near the surface of the first, px.
+    fn change(&self, from: &[f32], to: &[f32]) -> f64 {
+        let px = self.px();
+        let near = NEAR * px as f32;
+        let changes = from.iter().zip(to).filter(|(a, _)| a.abs() < near).map(|(a, b)| (a - b).abs());
+        f64::from(changes.fold(0.0, f32::max)) / px
+    }
+
+    fn area(&self, phi: &[f32]) -> f64 {
+        let [dx, dy] = self.spec.spacing;
+        let px = self.px();
+        dx * dy * phi.iter().map(|v| covered(f64::from(*v) / px)).sum::<f64>()
+    }
+
+    fn px(&self) -> f64 {
+        self.spec.spacing[0].max(self.spec.spacing[1])
+    }
+}
+
+/// The pieces of one side over the layers since the last contour, that contour's included.
+#[derive(Debug)]
+struct Pieces {
+    side: Side,
+    nx: usize,
+    joined: Joined,
+    /// Parts that need no other to hang on.
+    ground: Vec<usize>,
+    /// Parts of the contour below, which are the first.
+    low: Runs,
+    /// Parts of the last layer, and the number of the first of them.
+    last: (Runs, usize),
+    layers: usize,
+}
+
+impl Pieces {
+    fn new(side: Side, nx: usize) -> Self {
+        Pieces {
+            side,
+            nx,
+            joined: Joined::default(),
+            ground: Vec::new(),
+            low: Runs::default(),
+            last: (Runs::default(), 0),
+            layers: 0,
+        }
+    }
+
+    /// Begins anew from the last layer, a contour.
+    fn begin(&mut self) {
+        let low = take(&mut self.last.0);
+        *self = Pieces {
+            joined: Joined::new(low.count),
+            ground: (0..low.count).collect(),
+            low: low.clone(),
+            last: (low, 0),
+            layers: 1,
+            ..Pieces::new(self.side, self.nx)
+        };
+    }
+
+    fn add(&mut self, runs: Runs) {
+        let first = self.joined.more(runs.count);
+        if self.layers > 0 {
+            let (last, below) = &self.last;
+            last.meeting(&runs, |a, b| self.joined.join(below + a, first + b));
+        }
+        if self.side == Side::Outside {
+            self.ground.extend(runs.at_edge(self.nx).map(|part| first + part));
+        }
+        self.last = (runs, first);
+        self.layers += 1;
+    }
+
+    /// Parts of the last layer need no other.
+    fn ground_last(&mut self) {
+        let (last, first) = &self.last;
+        self.ground.extend(*first..first + last.count);
+    }
+
+    /// Whether a part of the contour below and one of the last layer are one piece.
+    fn connects(&mut self, low: usize, last: usize) -> bool {
+        self.joined.root(low) == self.joined.root(self.last.1 + last)
+    }
+
+    /// How many pieces hang on nothing.
+    fn floating(&mut self) -> usize {
+        let count = self.last.1 + self.last.0.count;
+        let ground: BTreeSet<usize> = self.ground.iter().map(|&k| self.joined.root(k)).collect();
+        (0..count).filter(|&k| self.joined.root(k) == k && !ground.contains(&k)).count()
+    }
+}

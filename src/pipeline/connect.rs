@@ -1,0 +1,167 @@
+//! What holds between slices as topology, made so after all other stages: overlaps stay connected, nothing floats.
+
+use rayon::prelude::*;
+
+use crate::connectivity::cores::{Cores, Shown};
+use crate::connectivity::grounded::{grounded, held, turn, whole};
+use crate::connectivity::runs::{Runs, Side};
+use crate::contour::Contour;
+use crate::error::Result;
+use crate::grid::tiled::Packed;
+use crate::pipeline::{Run, Sink};
+use crate::stack::heights::NODE_TIMES;
+use crate::storage::spill::Shelf;
+use crate::surface::Layer;
+
+/// How far from its time a layer may be and still stand for it.
+const SAME_TIME: f64 = 2e-6;
+
+/// What is done so that a body hangs together; without one of them it can be seen what that is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Bonds {
+    /// Overlaps keep their core at every height.
+    pub cores: bool,
+    /// What floats is taken out, and voids that open to no contour are filled.
+    pub grounded: bool,
+}
+
+impl Bonds {
+    /// Everything.
+    pub const ALL: Bonds = Bonds { cores: true, grounded: true };
+}
+
+/// A layer that waits for the others of its interval.
+struct Waiting {
+    /// Without its values.
+    layer: Layer,
+    phi: Packed<f32>,
+    /// Number of its time among the contours and [`NODE_TIMES`].
+    node: Option<usize>,
+}
+
+/// Takes layers in order of height and hands them on, interval by interval. Needs those at [`NODE_TIMES`].
+pub(crate) struct Together<'r, 'b> {
+    contours: &'r Shelf<'b, Contour>,
+    parted: Vec<Vec<(u32, u32)>>,
+    shown: Shown,
+    px: f64,
+    bonds: Bonds,
+    /// From a contour on.
+    waiting: Vec<Waiting>,
+    cores: Option<Cores>,
+}
+
+impl<'a> Run<'a> {
+    pub(crate) fn together<'r>(&self, contours: &'r Shelf<'a, Contour>) -> Together<'r, 'a> {
+        let shown = Shown { dims: self.stack.dims, pad: self.pad, h: self.h, limit: self.settings.margin() as f64 };
+        let parted = self.links.iter().map(|links| links.parted()).collect();
+        Together { contours, parted, shown, px: self.px, bonds: self.bonds, waiting: Vec::new(), cores: None }
+    }
+}
+
+impl Together<'_, '_> {
+    /// Takes the next layer.
+    pub fn push(&mut self, mut layer: Layer, sink: &mut Sink<'_>) -> Result<()> {
+        let last = self.contours.len() - 1;
+        if let Some(i) = layer.contour {
+            self.wait(layer, Some(NODE_TIMES.len() + 1));
+            self.finish_interval(sink)?;
+            self.cores = if i < last { self.cores(i)? } else { None };
+            return if i < last { Ok(()) } else { self.hand_on(sink) };
+        }
+        let Some(low) = self.waiting.first().and_then(|w| w.layer.contour) else { return sink(layer) };
+        let [low, high] = [low, low + 1].map(|k| self.contours.light(k).z);
+        if let Some(cores) = &self.cores {
+            cores.keep(&mut layer, self.shown.dims[0], self.px);
+        }
+        let t = (layer.z - low) / (high - low);
+        let node = NODE_TIMES.iter().position(|node| (t - node).abs() <= SAME_TIME).map(|k| k + 1);
+        self.wait(layer, node);
+        Ok(())
+    }
+
+    /// Hands on everything that is left.
+    pub fn finish(mut self, sink: &mut Sink<'_>) -> Result<()> {
+        self.hand_on(sink)
+    }
+
+    fn wait(&mut self, mut layer: Layer, node: Option<usize>) {
+        let phi = Packed::of(self.shown.dims, &std::mem::take(&mut layer.phi));
+        let node = if self.waiting.is_empty() { Some(0) } else { node };
+        self.waiting.push(Waiting { layer, phi, node });
+    }
+
+    fn cores(&self, i: usize) -> Result<Option<Cores>> {
+        let parted = self.parted.get(i).map_or(&[][..], |parted| parted);
+        let somewhere = Cores::tile(self.contours.light(i), self.contours.light(i + 1), &self.shown).is_some();
+        if !(somewhere && self.bonds.cores) {
+            return Ok(None);
+        }
+        let read =
+            |k: usize| if parted.is_empty() { self.contours.some(k, Contour::FIELD) } else { self.contours.get(k) };
+        Ok(Cores::new(&*read(i)?, &*read(i + 1)?, parted, &self.shown))
+    }
+
+    /// All layers, from contour to contour, are there: hands them on but for the last, where the next interval begins.
+    fn finish_interval(&mut self, sink: &mut Sink<'_>) -> Result<()> {
+        if self.bonds.grounded && self.waiting.len() > 2 {
+            self.repair();
+        }
+        let next = self.waiting.pop();
+        self.hand_on(sink)?;
+        self.waiting.extend(next.map(|contour| Waiting { node: Some(0), ..contour }));
+        Ok(())
+    }
+
+    fn hand_on(&mut self, sink: &mut Sink<'_>) -> Result<()> {
+        self.waiting.drain(..).try_for_each(|w| sink(Layer { phi: w.phi.unpack(), ..w.layer }))
+    }
+
+    /// Puts what floats on the other side.
+    fn repair(&mut self) {
+        let (dims, nx) = (self.shown.dims, self.shown.dims[0]);
+        let all: Vec<[Runs; 2]> = self.waiting.par_iter().map(|w| Runs::both(&w.phi.unpack(), nx)).collect();
+        let (inside, mut outside): (Vec<Runs>, Vec<Runs>) =
+            all.into_iter().map(|[inside, outside]| (inside, outside)).unzip();
+        let turned = |w: &mut Waiting, runs: &Runs, stays: &[bool]| {
+            if stays.iter().all(|s| *s) {
+                return None;
+            }
+            let mut phi = w.phi.unpack();
+            turn(&mut phi, nx, runs, stays);
+            w.phi = Packed::of(dims, &phi);
+            Some(Runs::new(&phi, nx, Side::Outside))
+        };
+        let stays = self.stays(&inside, Side::Inside);
+        let work = |(((w, runs), outside), stays): (((&mut Waiting, &Runs), &mut Runs), &Vec<bool>)| {
+            if let Some(runs) = turned(w, runs, stays) {
+                *outside = runs;
+            }
+        };
+        self.waiting.par_iter_mut().zip(&inside).zip(&mut outside).zip(&stays).for_each(work);
+        let stays = self.stays(&outside, Side::Outside);
+        self.waiting.par_iter_mut().zip(&outside).zip(&stays).for_each(|((w, runs), stays)| _ = turned(w, runs, stays));
+    }
+
+    /// Which parts of the layers that wait do not float.
+    fn stays(&self, all: &[Runs], side: Side) -> Vec<Vec<bool>> {
+        let nx = self.shown.dims[0];
+        let places: Vec<usize> = (0..all.len()).filter(|&k| self.waiting[k].node.is_some()).collect();
+        let nodes: Vec<Runs> = places.iter().map(|&k| all[k].clone()).collect();
+        let or_whole = |stays: Vec<Vec<bool>>, all: &[Runs]| -> Vec<Vec<bool>> {
+            let of =
+                |(stays, runs): (Vec<bool>, &Runs)| stays.into_iter().zip(whole(runs)).map(|(s, w)| s || w).collect();
+            stays.into_iter().zip(all).map(of).collect()
+        };
+        let stays = or_whole(grounded(&nodes, None, nx, side), &nodes);
+        let of = |(k, runs): (usize, &Runs)| {
+            let above = places.partition_point(|place| *place < k);
+            if places[above] == k {
+                return stays[above].clone();
+            }
+            held(runs, [above - 1, above].map(|n| (&nodes[n], stays[n].as_slice())), nx, side)
+        };
+        let there: Vec<Vec<bool>> = all.par_iter().enumerate().map(of).collect();
+        or_whole(grounded(all, Some(&there), nx, side), all)
+    }
+}

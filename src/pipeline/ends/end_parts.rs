@@ -1,0 +1,210 @@
+//! The parts of the first or last contour, and their areas in the contours next to it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::backend::Backend;
+use crate::backend::jobs::PartJob;
+use crate::contour::Contour;
+use crate::contour::offsets::area;
+use crate::error::Result;
+use crate::grid::components::{Components, label8};
+use crate::grid::field::Field;
+use crate::grid::tile::Tile;
+use crate::registration::displacement::Displacement;
+
+/// Contours that have a say in how the body ends.
+pub const LEVELS: usize = 3;
+
+/// What a closed line encloses: a part with its holes filled, or one of its holes.
+#[derive(Debug, Clone)]
+pub struct Region {
+    /// Signed distance on the part's tile, negative within.
+    pub field: Field,
+    /// Seeds on the line, by number.
+    pub seeds: Vec<u32>,
+    /// Its area in the end contour and farther inward, as long as there is a counterpart that is its alone, px squared.
+    pub areas: Vec<f64>,
+}
+
+/// A part of an end contour.
+#[derive(Debug, Clone)]
+pub struct EndPart {
+    /// Component number.
+    pub number: u32,
+    /// Where.
+    pub tile: Tile,
+    /// Itself without holes.
+    pub outline: Region,
+    /// Its holes.
+    pub holes: Vec<Region>,
+}
+
+/// The end contour, outermost, and those next to it.
+pub struct Levels<'a> {
+    /// At most [`LEVELS`].
+    pub contours: Vec<Arc<Contour>>,
+    /// From each contour but the last to the next one inward: displacement at its pixels, with a sign. None where nothing moves.
+    pub ways: Vec<Option<(Displacement, f64)>>,
+    /// Pixel sides.
+    pub h: [f64; 2],
+    /// Margin of tiles, px.
+    pub margin: [usize; 2],
+    /// Who computes distances.
+    pub backend: &'a dyn Backend,
+}
+
+/// A part with its holes told apart.
+struct Told {
+    number: u32,
+    tile: Tile,
+    /// Of the tile's pixels: 0 for the part and what is around it, else the hole.
+    holes: Vec<u32>,
+    count: usize,
+    /// The part without holes, then its holes.
+    fields: Vec<Field>,
+}
+
+impl Levels<'_> {
+    /// All parts of the end contour.
+    ///
+    /// # Errors
+    /// Those of the backend.
+    pub fn parts(&self) -> Result<Vec<EndPart>> {
+        let own = &self.contours[0];
+        let told = self.told(0, &(1..=own.solids.count as u32).collect::<Vec<_>>())?;
+        let mut parts: Vec<EndPart> = told.iter().map(|part| self.part(part)).collect();
+        // The parts of the contour at hand that each end part has come to; none from where others have a share in them.
+        let mut now: Vec<Vec<u32>> = parts.iter().map(|part| vec![part.number]).collect();
+        // The holes of the contour at hand, by the pixels of the padded image, and which hole of which end part each is.
+        let mut holes = HoleMap::new(own, &told);
+        let mut traced: Vec<(usize, usize)> =
+            parts.iter().enumerate().flat_map(|(p, part)| (0..part.holes.len()).map(move |k| (p, k))).collect();
+        for (level, pair) in self.contours.windows(2).enumerate() {
+            let met = self.met(level, |a, b| (pair[0].solids.labels[a], pair[1].solids.labels[b]));
+            now.iter_mut().for_each(|of| *of = alone(of, &met));
+            let numbers: Vec<u32> = now.iter().flatten().copied().collect();
+            let told = self.told(level + 1, &numbers)?;
+            let inner: BTreeMap<u32, &Told> = told.iter().map(|part| (part.number, part)).collect();
+            for (part, numbers) in parts.iter_mut().zip(&now).filter(|(_, numbers)| !numbers.is_empty()) {
+                part.outline.areas.push(numbers.iter().map(|n| area(&inner[n].fields[0])).sum());
+            }
+            let next = HoleMap::new(&pair[1], &told);
+            let met = self.met(level, |a, b| (holes.at(a), next.at(b)));
+            let mut found = vec![(usize::MAX, 0); next.areas.len()];
+            for (number, &(p, k)) in (1..).zip(&traced).filter(|(_, hole)| hole.0 != usize::MAX) {
+                if let [counterpart] = alone(&[number], &met)[..] {
+                    parts[p].holes[k].areas.push(next.areas[counterpart as usize - 1]);
+                    found[counterpart as usize - 1] = (p, k);
+                }
+            }
+            (holes, traced) = (next, found);
+        }
+        Ok(parts)
+    }
+
+    /// What meets what from contour `level` to the next one inward: pairs of what `of` says of their pixels, but none with 0, in order.
+    fn met(&self, level: usize, of: impl Fn(usize, usize) -> (u32, u32)) -> Vec<(u32, u32)> {
+        let [nx, ny] = self.contours[level].phi.dims;
+        let mut pairs = BTreeMap::new();
+        for node in 0..nx * ny {
+            let x = [(node % nx) as f64, (node / nx) as f64];
+            let [i, j] = match &self.ways[level] {
+                None => x,
+                Some((way, sign)) => {
+                    let v = way.at(x);
+                    [(x[0] + sign * v[0]).round(), (x[1] + sign * v[1]).round()]
+                }
+            };
+            if i >= 0.0 && j >= 0.0 && i < nx as f64 && j < ny as f64 {
+                let (a, b) = of(node, j as usize * nx + i as usize);
+                if a > 0 && b > 0 {
+                    pairs.insert((a, b), ());
+                }
+            }
+        }
+        pairs.into_keys().collect()
+    }
+
+    /// Some parts of a contour with their holes told apart, and the distances to all of their lines.
+    fn told(&self, level: usize, numbers: &[u32]) -> Result<Vec<Told>> {
+        let contour = &self.contours[level];
+        let nx = contour.phi.dims[0];
+        let (mut told, mut jobs) = (Vec::new(), Vec::new());
+        for &number in numbers {
+            let tile = contour.tile_of(&[number], self.margin);
+            let outside: Vec<bool> = tile.nodes(nx).map(|n| contour.solids.labels[n] != number).collect();
+            let Components { labels, count } = label8(&outside, tile.dims);
+            // The margin is around every part: what the first pixel belongs to is the outside.
+            let around = labels[0];
+            let holes: Vec<u32> =
+                labels.iter().map(|&l| if l == around { 0 } else { l - u32::from(l > around) }).collect();
+            let count = count - 1;
+            let whole = tile.cut(&contour.phi);
+            let turned = Field { dims: whole.dims, data: whole.data.iter().map(|v| -v).collect() };
+            jobs.push(PartJob { whole, inside: labels.iter().map(|&l| l != around).collect() });
+            for k in 1..=count as u32 {
+                jobs.push(PartJob { whole: turned.clone(), inside: holes.iter().map(|&l| l == k).collect() });
+            }
+            told.push(Told { number, tile, holes, count, fields: Vec::new() });
+        }
+        let mut fields = self.backend.part_fields(&jobs, self.h)?.into_iter();
+        told.iter_mut().for_each(|part| part.fields = fields.by_ref().take(part.count + 1).collect());
+        Ok(told)
+    }
+
+    /// A part of the end contour.
+    fn part(&self, told: &Told) -> EndPart {
+        let contour = &self.contours[0];
+        let mut seeds = vec![Vec::new(); told.count + 1];
+        for (k, seed) in (0..).zip(&contour.seeds) {
+            if contour.solids.labels[seed.inside] == told.number {
+                let hole = told.tile.local_node(seed.outside, contour.phi.dims[0]).map_or(0, |n| told.holes[n]);
+                seeds[hole as usize].push(k);
+            }
+        }
+        let region =
+            |(field, seeds): (&Field, Vec<u32>)| Region { areas: vec![area(field)], field: field.clone(), seeds };
+        let mut regions = told.fields.iter().zip(seeds).map(region);
+        let outline = regions.next().unwrap_or_else(|| region((&Field::default(), Vec::new())));
+        EndPart { number: told.number, tile: told.tile, outline, holes: regions.collect() }
+    }
+}
+
+/// Those that some meet, where nothing else meets them; nothing where something does.
+fn alone(some: &[u32], met: &[(u32, u32)]) -> Vec<u32> {
+    let mut theirs: Vec<u32> = met.iter().filter(|(a, _)| some.contains(a)).map(|(_, b)| *b).collect();
+    theirs.sort_unstable();
+    theirs.dedup();
+    let shared = met.iter().any(|(a, b)| theirs.binary_search(b).is_ok() && !some.contains(a));
+    if shared { Vec::new() } else { theirs }
+}
+
+/// The holes of some parts of a contour, numbered from 1 over all.
+struct HoleMap {
+    /// Of the padded image's pixels.
+    pixels: Vec<u32>,
+    areas: Vec<f64>,
+}
+
+impl HoleMap {
+    fn new(contour: &Contour, told: &[Told]) -> Self {
+        let mut map = HoleMap { pixels: Vec::new(), areas: Vec::new() };
+        for part in told.iter().filter(|part| part.count > 0) {
+            map.pixels.resize(contour.phi.data.len(), 0);
+            let before = map.areas.len() as u32;
+            for (node, &hole) in part.tile.nodes(contour.phi.dims[0]).zip(&part.holes) {
+                // The islands in a hole are parts of their own, and so are their holes: the outer one was there first.
+                if hole > 0 && map.pixels[node] == 0 {
+                    map.pixels[node] = before + hole;
+                }
+            }
+            map.areas.extend(part.fields[1..].iter().map(area));
+        }
+        map
+    }
+
+    fn at(&self, node: usize) -> u32 {
+        self.pixels.get(node).copied().unwrap_or(0)
+    }
+}

@@ -1,0 +1,262 @@
+//! The match stage: for every interval the groups that morph together, each with its tile, its level sets below and above, and the
+//! parts that begin or end there.
+
+use rayon::prelude::*;
+
+use crate::backend::Backend;
+use crate::backend::jobs::PartJob;
+use crate::contour::Contour;
+use crate::contour::direction::Direction;
+use crate::contour::overlap::{Decided, Group, match_components};
+use crate::contour::unmatched::LonePart;
+use crate::error::Result;
+use crate::grid::components::label8;
+use crate::grid::field::Field;
+use crate::grid::tile::Tile;
+use crate::report::Event;
+use crate::storage::spill::{Array, Large};
+
+/// An interval's groups and unmatched parts.
+#[derive(Debug, Clone, Default)]
+pub struct Interval {
+    /// Groups that morph.
+    pub groups: Vec<GroupFields>,
+    /// Solid parts without partner.
+    pub lone: Vec<LonePart>,
+    /// What happens to the topology on the way up.
+    pub events: Vec<Event>,
+}
+
+impl Large for Interval {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        let mut arrays: Vec<Array<'_>> = Vec::new();
+        let mut lone: Vec<&mut LonePart> = self.lone.iter_mut().collect();
+        for group in &mut self.groups {
+            for end in [&mut group.low, &mut group.high] {
+                arrays.extend([&mut end.phi.data as Array<'_>, &mut end.seeds]);
+            }
+            lone.extend(&mut group.holes);
+        }
+        arrays.extend(lone.into_iter().flat_map(|part| [&mut part.field.data as Array<'_>, &mut part.seeds]));
+        arrays
+    }
+}
+
+/// A group on its tile.
+#[derive(Debug, Clone)]
+pub struct GroupFields {
+    /// Members and anchors (nodes of the padded image).
+    pub group: Group,
+    /// Where.
+    pub tile: Tile,
+    /// The two level sets that morph into each other: the group's components with all dying holes filled.
+    pub low: MorphEnd,
+    /// The same above.
+    pub high: MorphEnd,
+    /// Holes that open or close between the contours; their fields are negative inside the hole.
+    pub holes: Vec<LonePart>,
+}
+
+impl GroupFields {
+    /// The anchors in the tile's own pixels; the padded image is `nx` wide.
+    pub fn local_anchors(&self, nx: usize) -> Vec<usize> {
+        self.group.anchors.iter().filter_map(|&anchor| self.tile.local_node(anchor, nx)).collect()
+    }
+}
+
+/// One end of a group's morph.
+#[derive(Debug, Clone)]
+pub struct MorphEnd {
+    /// Level set on the tile.
+    pub phi: Field,
+    /// Seeds of the contour that take part, by number.
+    pub seeds: Vec<u32>,
+}
+
+/// What one group asks of the backend, before it has answered.
+struct Plan {
+    group: Group,
+    tile: Tile,
+    seeds: [Vec<u32>; 2],
+    holes: Vec<(Direction, Vec<u32>)>,
+    jobs: Vec<PartJob>,
+}
+
+/// What an interval asks of the backend: its groups and its lone parts.
+#[derive(Default)]
+pub struct IntervalPlan {
+    plans: Vec<Plan>,
+    lone: [LonePlan; 2],
+    events: Vec<Event>,
+}
+
+impl IntervalPlan {
+    /// Matches the components of two neighbouring contours. Tiles have `margin` pixels around the parts.
+    pub fn new(low: &Contour, high: &Contour, decided: &Decided, margin: [usize; 2]) -> Self {
+        let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi), decided);
+        let events = matching.events();
+        let plans = matching.groups.into_par_iter().map(|group| plan_group(low, high, group, margin)).collect();
+        let lone = [
+            LonePlan::new(low, &matching.deaths, margin, Direction::Up),
+            LonePlan::new(high, &matching.births, margin, Direction::Down),
+        ];
+        IntervalPlan { plans, lone, events }
+    }
+
+    /// Takes the jobs out, in the order in which [`IntervalPlan::finish`] wants their fields.
+    pub fn take_jobs(&mut self) -> Vec<PartJob> {
+        let groups = self.plans.iter_mut().flat_map(|p| std::mem::take(&mut p.jobs));
+        let lone = self.lone.iter_mut().flat_map(|l| std::mem::take(&mut l.jobs));
+        groups.chain(lone).collect()
+    }
+
+    /// The interval, from the fields of its jobs.
+    pub fn finish(self, fields: &mut impl Iterator<Item = Field>) -> Interval {
+        let mut events = self.events;
+        let mut groups = Vec::new();
+        for plan in self.plans {
+            let (Some(low_phi), Some(high_phi)) = (fields.next(), fields.next()) else { continue };
+            let holes: Vec<LonePart> = fields
+                .take(plan.holes.len())
+                .zip(plan.holes)
+                .map(|(field, (direction, seeds))| LonePart::new(plan.tile, field, seeds, direction))
+                .collect();
+            events.extend(holes.iter().map(|hole| {
+                let pixels = hole.field.data.iter().filter(|v| **v < 0.0).count();
+                match hole.direction {
+                    Direction::Up => Event::HoleDeath { pixels },
+                    Direction::Down => Event::HoleBirth { pixels },
+                }
+            }));
+            let [low_seeds, high_seeds] = plan.seeds;
+            groups.push(GroupFields {
+                group: plan.group,
+                tile: plan.tile,
+                low: MorphEnd { phi: low_phi, seeds: low_seeds },
+                high: MorphEnd { phi: high_phi, seeds: high_seeds },
+                holes,
+            });
+        }
+        let lone = self.lone.into_iter().flat_map(|l| l.finish(fields)).collect();
+        Interval { groups, lone, events }
+    }
+}
+
+/// Solid parts of a contour, each by itself on its own tile, before the backend has answered.
+#[derive(Default)]
+struct LonePlan {
+    direction: Direction,
+    parts: Vec<(Tile, Vec<u32>)>,
+    jobs: Vec<PartJob>,
+}
+
+impl LonePlan {
+    fn new(contour: &Contour, parts: &[u32], margin: [usize; 2], direction: Direction) -> Self {
+        let tiles: Vec<Tile> = parts.iter().map(|&p| contour.tile_of(&[p], margin)).collect();
+        let jobs = parts
+            .par_iter()
+            .zip(&tiles)
+            .map(|(&part, tile)| PartJob {
+                whole: tile.cut(&contour.phi),
+                inside: tile.nodes(contour.phi.dims[0]).map(|n| contour.solids.labels[n] == part).collect(),
+            })
+            .collect();
+        let seeds_of = |part: u32| {
+            let seeds = (0..).zip(&contour.seeds).filter(|(_, s)| contour.solids.labels[s.inside] == part);
+            seeds.map(|(k, _)| k).collect()
+        };
+        let parts = tiles.into_iter().zip(parts).map(|(tile, &part)| (tile, seeds_of(part))).collect();
+        LonePlan { direction, parts, jobs }
+    }
+
+    fn finish(self, fields: &mut impl Iterator<Item = Field>) -> Vec<LonePart> {
+        let fields = fields.take(self.parts.len());
+        self.parts
+            .into_iter()
+            .zip(fields)
+            .map(|((tile, seeds), f)| LonePart::new(tile, f, seeds, self.direction))
+            .collect()
+    }
+}
+
+/// The given solid parts of a contour, each by itself on its own tile.
+pub fn lone_solids(
+    contour: &Contour,
+    parts: &[u32],
+    h: [f64; 2],
+    margin: [usize; 2],
+    direction: Direction,
+    backend: &dyn Backend,
+) -> Result<Vec<LonePart>> {
+    let mut plan = LonePlan::new(contour, parts, margin, direction);
+    let fields = backend.part_fields(&std::mem::take(&mut plan.jobs), h)?;
+    Ok(plan.finish(&mut fields.into_iter()))
+}
+
+fn plan_group(low: &Contour, high: &Contour, group: Group, margin: [usize; 2]) -> Plan {
+    let tile = low.tile_of(&group.low, margin).joined(high.tile_of(&group.high, margin));
+    let nx = low.phi.dims[0];
+    let members = |c: &Contour, ids: &[u32]| -> Vec<bool> {
+        let mut wanted = vec![false; c.solids.count + 1];
+        ids.iter().for_each(|&k| wanted[k as usize] = true);
+        tile.nodes(nx).map(|n| wanted[c.solids.labels[n] as usize]).collect()
+    };
+    let (low_inside, high_inside) = (members(low, &group.low), members(high, &group.high));
+    let (low_end, low_holes) = fill_dying_holes(low, &group.low, &tile, &low_inside, &high_inside);
+    let (high_end, high_holes) = fill_dying_holes(high, &group.high, &tile, &high_inside, &low_inside);
+    let mut jobs = vec![low_end.job, high_end.job];
+    let mut holes = Vec::new();
+    for (direction, parts) in [(Direction::Up, low_holes), (Direction::Down, high_holes)] {
+        for (job, seeds) in parts {
+            jobs.push(job);
+            holes.push((direction, seeds));
+        }
+    }
+    Plan { group, tile, seeds: [low_end.seeds, high_end.seeds], holes, jobs }
+}
+
+struct EndPlan {
+    job: PartJob,
+    seeds: Vec<u32>,
+}
+
+/// A group's end with those holes filled that meet no background of the other end, and these holes with their seeds.
+fn fill_dying_holes(
+    contour: &Contour,
+    ids: &[u32],
+    tile: &Tile,
+    inside: &[bool],
+    other: &[bool],
+) -> (EndPlan, Vec<(PartJob, Vec<u32>)>) {
+    let outside: Vec<bool> = inside.iter().map(|m| !m).collect();
+    let background = label8(&outside, tile.dims);
+    let mut lives = vec![false; background.count + 1];
+    for (label, other) in background.labels.iter().zip(other) {
+        lives[*label as usize] |= !other;
+    }
+    let dies = |label: u32| label > 0 && !lives[label as usize];
+    let mut seeds = Vec::new();
+    let mut hole_seeds: Vec<Vec<u32>> = vec![Vec::new(); background.count + 1];
+    for (k, seed) in (0..).zip(&contour.seeds) {
+        if ids.binary_search(&contour.solids.labels[seed.inside]).is_err() {
+            continue;
+        }
+        let hole = tile.local_node(seed.outside, contour.phi.dims[0]).map_or(0, |n| background.labels[n]);
+        if dies(hole) {
+            hole_seeds[hole as usize].push(k);
+        } else {
+            seeds.push(k);
+        }
+    }
+    let whole = tile.cut(&contour.phi);
+    let filled = inside.iter().zip(&background.labels).map(|(&m, &l)| m || dies(l)).collect();
+    let holes = (1..=background.count as u32)
+        .filter(|&l| dies(l))
+        .map(|l| {
+            let turned = Field { dims: whole.dims, data: whole.data.iter().map(|v| -v).collect() };
+            let part = background.labels.iter().map(|&k| k == l).collect();
+            (PartJob { whole: turned, inside: part }, std::mem::take(&mut hole_seeds[l as usize]))
+        })
+        .collect();
+    (EndPlan { job: PartJob { whole, inside: filled }, seeds }, holes)
+}

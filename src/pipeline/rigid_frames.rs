@@ -1,0 +1,199 @@
+//! Rigid frames of single parts made one displacement: each part's own motion all along its way, and between the parts something between.
+//!
+//! A node at distance `d_k` from the way of body k (from its place on the lower slice to that on the upper) gets the mean of the bodies' motions
+//! with weights `1 / (max(d_k - 4, 0) + 1/4)^2`. What stands still is a body too. A body alone in the image takes all of it along. A part that
+//! goes into a much larger one is a body by itself; the larger one stands still but for where the other arrives.
+
+use crate::contour::Contour;
+use crate::contour::overlap::{Decided, match_components};
+use crate::reference::exact::exact_distance;
+use crate::registration::displacement::{BLOCK, Displacement};
+use crate::registration::motion_field::plus;
+use crate::registration::rigid::Rigid;
+
+/// Within this distance of its way a body's motion is nearly its own, px.
+const RIM: f64 = 4.0;
+/// Distance that counts as none, px.
+const NEAR: f64 = 0.25;
+/// A large part gives way to a small one that comes into it this many times as far as that one moves: from there to where it stands still
+/// the displacement changes by about a pixel per pixel.
+const GIVES_WAY: f64 = 2.0;
+/// A motion this close to the one asked for is the same, px.
+const FOLLOWED: f64 = 1.0;
+/// A part that has another one nearer than this to its way gets no frame unless it is linked, px.
+const ISOLATED: f64 = 8.0;
+
+/// A part below and one above that move as one.
+struct Body {
+    parts: (u32, u32),
+    rigid: Rigid,
+    /// Whether the part below and the part above move as a whole.
+    whole: [bool; 2],
+    /// Distance of each node from its way, px.
+    away: Vec<f64>,
+}
+
+/// Two slices and the nodes of their image.
+struct Slices<'c> {
+    low: &'c Contour,
+    high: &'c Contour,
+    nodes: Displacement,
+    h: [f64; 2],
+}
+
+/// The displacement of an interval.
+#[derive(Debug, Clone)]
+pub struct Frames {
+    /// Zero where nothing moves.
+    pub displacement: Displacement,
+    /// For each link the share of its parts' pixels that half way have the motion that the link asks for.
+    pub followed: Vec<f64>,
+}
+
+/// The displacement that takes every linked part to its partner.
+pub fn linked(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) -> Frames {
+    let slices = Slices::new(low, high, h);
+    slices.frames(links.iter().map(|&pair| slices.body(pair).0).collect(), links.len())
+}
+
+/// The same with a frame for every group of one part below and one above that is isolated and gains by it.
+pub fn rigid(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) -> Frames {
+    let slices = Slices::new(low, high, h);
+    let groups = match_components((&low.solids, &low.phi), (&high.solids, &high.phi), &Decided::joining(links)).groups;
+    let single = groups.iter().filter(|g| g.low.len() == 1 && g.high.len() == 1).map(|g| (g.low[0], g.high[0]));
+    let mut bodies: Vec<Body> = links.iter().map(|&pair| slices.body(pair).0).collect();
+    for pair in single.filter(|pair| !links.contains(pair)) {
+        let (body, worthwhile) = slices.body(pair);
+        if worthwhile && slices.isolated(&body) {
+            bodies.push(body);
+        }
+    }
+    slices.frames(bodies, links.len())
+}
+
+impl<'c> Slices<'c> {
+    fn new(low: &'c Contour, high: &'c Contour, h: [f64; 2]) -> Self {
+        Slices { low, high, nodes: Displacement::zero(low.phi.dims), h }
+    }
+
+    /// Distance of every node from those that are marked, px.
+    fn distance(&self, marked: &[bool]) -> Vec<f64> {
+        exact_distance(marked, self.nodes.grid, self.h.map(|side| side * BLOCK as f64)).data
+    }
+
+    /// The pair as a body, and whether its motion is worthwhile.
+    fn body(&self, parts: (u32, u32)) -> (Body, bool) {
+        let found = Rigid::between((self.low, parts.0), (self.high, parts.1), self.h);
+        let shift = found.rigid.shift;
+        let steps = (shift[0].abs().max(shift[1].abs()) / BLOCK as f64).ceil().max(1.0);
+        let ends = [(self.low, parts.0, 1.0), (self.high, parts.1, -1.0)];
+        let sizes = ends.map(|(contour, part, _)| positions(contour, part).count());
+        let whole = [0, 1].map(|end| found.alike || sizes[end] < sizes[1 - end]);
+        let mut way = vec![false; self.nodes.vectors.len()];
+        for ((contour, part, sign), _) in ends.into_iter().zip(whole).filter(|(_, whole)| *whole) {
+            for x in positions(contour, part) {
+                for step in 0..=steps as usize {
+                    let s = sign * step as f64 / steps;
+                    self.nodes.nearest(plus(x, shift, s)).for_each(|k| way[k] = true);
+                }
+            }
+        }
+        (Body { parts, rigid: found.rigid, whole, away: self.distance(&way) }, found.worthwhile)
+    }
+
+    /// Whether no other part of either slice lies near the body's way.
+    fn isolated(&self, body: &Body) -> bool {
+        [(self.low, body.parts.0), (self.high, body.parts.1)].into_iter().all(|(contour, own)| {
+            let nx = contour.phi.dims[0];
+            let others = contour.solids.labels.iter().enumerate().filter(|(_, label)| **label > 0 && **label != own);
+            let places = |n: usize| self.nodes.nearest([(n % nx) as f64, (n / nx) as f64]);
+            others.flat_map(|(n, _)| places(n)).all(|k| body.away[k] >= ISOLATED)
+        })
+    }
+
+    /// The displacement of all bodies, the first of which are linked.
+    fn frames(&self, bodies: Vec<Body>, linked: usize) -> Frames {
+        let zero = &self.nodes;
+        if bodies.is_empty() {
+            return Frames { displacement: zero.clone(), followed: Vec::new() };
+        }
+        let mut still = vec![false; zero.vectors.len()];
+        let nx = self.low.phi.dims[0];
+        for (contour, end) in [(self.low, 0), (self.high, 1)] {
+            for (n, &label) in contour.solids.labels.iter().enumerate().filter(|(_, label)| **label > 0) {
+                for k in zero.nearest([(n % nx) as f64, (n / nx) as f64]) {
+                    still[k] |= !bodies.iter().any(|body| body.takes(end, label, k, self.h));
+                }
+            }
+        }
+        let still = self.distance(&still);
+        let weight = |away: f64| ((away - RIM).max(0.0) + NEAR).powi(-2);
+        let vectors = (0..zero.vectors.len()).map(|k| {
+            let (mut whole, mut sum) = (weight(still[k]), [0.0; 2]);
+            for body in &bodies {
+                let w = weight(body.away[k]);
+                let v = body.rigid.at(zero.centre(k), self.h);
+                whole += w;
+                sum = [sum[0] + w * v[0], sum[1] + w * v[1]];
+            }
+            sum.map(|s| s / whole)
+        });
+        let displacement = zero.with(vectors.collect());
+        let followed = bodies[..linked].iter().map(|body| self.followed(body, &displacement)).collect();
+        Frames { displacement, followed }
+    }
+
+    /// Share of a body's pixels that half way have its own motion.
+    fn followed(&self, body: &Body, displacement: &Displacement) -> f64 {
+        let (mut all, mut there) = (0, 0);
+        let ends = [(self.low, body.parts.0, 0.5), (self.high, body.parts.1, -0.5)];
+        for ((contour, part, sign), _) in ends.into_iter().zip(body.whole).filter(|(_, whole)| *whole) {
+            for x in positions(contour, part) {
+                let middle = plus(x, body.rigid.shift, sign);
+                let off = plus(displacement.at(middle), body.rigid.at(middle, self.h), -1.0);
+                all += 1;
+                there += usize::from((off[0] * self.h[0]).hypot(off[1] * self.h[1]) < FOLLOWED);
+            }
+        }
+        there as f64 / all.max(1) as f64
+    }
+}
+
+impl Body {
+    /// Whether node `k` of part `label` of the lower (0) or upper (1) slice goes with the body: all of it if it moves as a whole, else
+    /// what is near the body's way.
+    fn takes(&self, end: usize, label: u32, k: usize, h: [f64; 2]) -> bool {
+        let [x, y] = self.rigid.shift;
+        label == [self.parts.0, self.parts.1][end]
+            && (self.whole[end] || self.away[k] < GIVES_WAY * (x * h[0]).hypot(y * h[1]))
+    }
+}
+
+/// Pixels of a part.
+fn positions(contour: &Contour, part: u32) -> impl Iterator<Item = [f64; 2]> + '_ {
+    let (low, high) = contour.solid_box[part as usize];
+    let nx = contour.phi.dims[0];
+    let of_row = move |j: usize| {
+        let here = move |&i: &usize| contour.solids.labels[j * nx + i] == part;
+        (low[0]..=high[0]).filter(here).map(move |i| [i as f64, j as f64])
+    };
+    (low[1]..=high[1]).flat_map(of_row)
+}
+
+/// Share of a part's pixels that lie in the other one along the trajectories, of the part that has more of them; `at_slices` is the
+/// displacement read at both slices, `None` where slices stay in place.
+pub fn meeting(low: &Contour, high: &Contour, (from, to): (u32, u32), at_slices: Option<&[Displacement; 2]>) -> f64 {
+    let share = |(own, part): (&Contour, u32), (other, wanted): (&Contour, u32), end: usize, sign: f64| {
+        let [nx, ny] = own.phi.dims;
+        let (mut all, mut there) = (0, 0);
+        for x in positions(own, part) {
+            let y = at_slices.map_or(x, |at| plus(x, at[end].at(x), sign));
+            let [i, j] = y.map(|c| c.round());
+            let within = i >= 0.0 && j >= 0.0 && i < nx as f64 && j < ny as f64;
+            all += 1;
+            there += usize::from(within && other.solids.labels[j as usize * nx + i as usize] == wanted);
+        }
+        there as f64 / all.max(1) as f64
+    };
+    share((low, from), (high, to), 0, 1.0).max(share((high, to), (low, from), 1, -1.0))
+}

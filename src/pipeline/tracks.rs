@@ -1,0 +1,103 @@
+//! From contours to morphs and back: the jobs of the trace stage, and what they measured, seed by seed of each contour.
+
+use std::borrow::Cow;
+
+use crate::backend::jobs::{TraceJob, Traced, Track};
+use crate::contour::Contour;
+use crate::contour::direction::Direction;
+use crate::contour::seeds::Seed;
+use crate::contour::unmatched::{HALF_WAY, LonePart};
+use crate::pipeline::matching::{GroupFields, Interval};
+use crate::registration::mid_frame::Frame;
+use crate::storage::spill::{Array, Large};
+
+/// What the morph towards one neighbour measured for each seed of a contour.
+#[derive(Debug, Clone)]
+pub struct Side {
+    /// One per seed; landing in pixels of the padded image.
+    pub tracks: Vec<Track>,
+    /// The seed's part has no partner on this side.
+    pub lone: Vec<bool>,
+}
+
+impl Side {
+    /// All seeds of a contour without any partner. A part of depth D that closes at the share e of the gap has S = -D / e.
+    fn without_partner<'p>(contour: &Contour, parts: impl Iterator<Item = &'p LonePart>) -> Self {
+        let still = |s: &Seed| Track { distance: 0.0, arc: 0.0, landing: s.x, arrived: false };
+        let mut tracks: Vec<Track> = contour.seeds.iter().map(still).collect();
+        for part in parts {
+            part.seeds.iter().for_each(|&k| tracks[k as usize].distance = -part.depth / part.closes);
+        }
+        Side { tracks, lone: vec![true; contour.seeds.len()] }
+    }
+
+    /// The distance of a seed at a hole of this depth that closes, half way.
+    fn closing_hole(depth: f64) -> f64 {
+        depth / HALF_WAY
+    }
+}
+
+/// What was measured in an interval; nothing where it was not traced.
+#[derive(Debug, Clone, Default)]
+pub struct Sides {
+    /// Upward, of the contour below.
+    pub up: Option<Side>,
+    /// Downward, of the contour above.
+    pub down: Option<Side>,
+}
+
+impl Large for Sides {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        let both = [&mut self.up, &mut self.down].into_iter().flatten();
+        both.flat_map(|side| [&mut side.tracks as Array<'_>, &mut side.lone]).collect()
+    }
+}
+
+/// The morph of one end of a group onto the other, with those of the contour's seeds that take part.
+pub fn trace_job<'a>(group: &'a GroupFields, seeds: &[Seed], direction: Direction) -> TraceJob<'a> {
+    let (source, target) = match direction {
+        Direction::Up => (&group.low, &group.high),
+        Direction::Down => (&group.high, &group.low),
+    };
+    let seeds = source
+        .seeds
+        .iter()
+        .map(|&k| {
+            let mut seed = seeds[k as usize];
+            seed.x = group.tile.to_local(seed.x);
+            seed
+        })
+        .collect();
+    TraceJob { source: Cow::Borrowed(&source.phi), target: Cow::Borrowed(&target.phi), seeds }
+}
+
+/// The tracks of the morphs of an interval, brought to the seeds of its contours: upward of the lower one, downward of the upper one. Seeds
+/// that no morph carried have no partner on that side. Takes two of `traced` for every group.
+pub fn sides(
+    [low, high]: [&Contour; 2],
+    interval: &Interval,
+    frame: &Frame,
+    traced: &mut impl Iterator<Item = Traced>,
+) -> [Side; 2] {
+    let lone = |direction| interval.lone.iter().filter(move |part| part.direction == direction);
+    let mut sides =
+        [Side::without_partner(low, lone(Direction::Up)), Side::without_partner(high, lone(Direction::Down))];
+    for group in &interval.groups {
+        let ends = [(0, &group.low, Direction::Up), (1, &group.high, Direction::Down)];
+        for ((at, end, direction), result) in ends.into_iter().zip(traced.by_ref()) {
+            let side = &mut sides[at];
+            for (&k, track) in end.seeds.iter().zip(&result.tracks) {
+                let x = group.tile.to_image(track.landing);
+                let landing = if direction == Direction::Up { frame.up(x) } else { frame.down(x) };
+                side.tracks[k as usize] = Track { landing, ..*track };
+                side.lone[k as usize] = false;
+            }
+            for hole in group.holes.iter().filter(|h| h.direction == direction) {
+                for &k in &hole.seeds {
+                    side.tracks[k as usize].distance = Side::closing_hole(hole.depth);
+                }
+            }
+        }
+    }
+    sides
+}

@@ -1,0 +1,111 @@
+//! The frame in which the two contours of an interval are compared and morphed: the mid frame of the moving field.
+
+use std::borrow::Cow;
+
+use multiversion::multiversion;
+use rayon::prelude::*;
+
+use crate::contour::Contour;
+use crate::contour::seeds::Seed;
+use crate::grid::field::Field;
+use crate::grid::tile::samples;
+use crate::registration::displacement::Displacement;
+use crate::registration::motion_field::{MovingField, PASSES, Paths, plus};
+
+/// Distance to each side in which a moved seed looks for its contour, px.
+const SEARCH: usize = 2;
+
+/// A map between the mid frame of an interval and its two slices.
+#[derive(Debug, Clone, Default)]
+pub struct Frame {
+    /// Paths through the mid frame; `None` where contours stay in the image's own frame.
+    middle: Option<Paths>,
+}
+
+impl Frame {
+    /// The mid frame of interval `i`.
+    pub fn middle_of(moving: &MovingField, i: usize) -> Self {
+        Frame { middle: Some(moving.paths(i, 0.5)) }
+    }
+
+    /// Where a position of the mid frame lies on the upper slice.
+    pub fn up(&self, x: [f64; 2]) -> [f64; 2] {
+        self.middle.as_ref().map_or(x, |m| plus(x, m.go.at(x), 1.0))
+    }
+
+    /// Where a position of the mid frame lies on the lower slice.
+    pub fn down(&self, x: [f64; 2]) -> [f64; 2] {
+        self.middle.as_ref().map_or(x, |m| plus(x, m.come.at(x), -1.0))
+    }
+
+    /// Where a position of the lower slice lies in the mid frame.
+    pub fn of_low(&self, x: [f64; 2]) -> [f64; 2] {
+        self.middle.as_ref().map_or(x, |m| m.off_low(x, x, PASSES))
+    }
+
+    /// Where a position of the upper slice lies in the mid frame.
+    pub fn of_high(&self, x: [f64; 2]) -> [f64; 2] {
+        self.middle.as_ref().map_or(x, |m| m.off_high(x, x, PASSES))
+    }
+
+    /// The interval's contours as the mid frame sees them, seeds under their own numbers.
+    pub fn contours<'c>(&self, low: &'c Contour, high: &'c Contour, h: [f64; 2]) -> [Cow<'c, Contour>; 2] {
+        let Some(Paths { come, go }) = &self.middle else {
+            return [Cow::Borrowed(low), Cow::Borrowed(high)];
+        };
+        let search = samples(SEARCH, h);
+        [moved(low, (come, -1.0), search, |x| self.of_low(x)), moved(high, (go, 1.0), search, |x| self.of_high(x))]
+    }
+}
+
+/// A contour in another frame: from a position there to that on its own slice it is `back` with its sign, the other way `forth`.
+fn moved<'c>(
+    contour: &'c Contour,
+    back: (&Displacement, f64),
+    search: [usize; 2],
+    forth: impl Fn([f64; 2]) -> [f64; 2],
+) -> Cow<'c, Contour> {
+    if contour.solids.count == 0 {
+        return Cow::Borrowed(contour);
+    }
+    let [nx, _] = contour.phi.dims;
+    let mut phi = Field::filled(contour.phi.dims, 0.0);
+    let row = |ways: &mut Vec<[f64; 2]>, (j, row): (usize, &mut [f64])| {
+        ways.resize(nx, [0.0; 2]);
+        back.0.read_row(j, 0, ways);
+        moved_row(&contour.phi, (ways, back.1), j, row);
+    };
+    phi.data.par_chunks_mut(nx).enumerate().for_each_init(Vec::new, row);
+    let seeds = contour.seeds.iter().map(|s| seed_at(&phi, search, forth(s.x))).collect();
+    Cow::Owned(Contour::with_seeds(contour.z, phi, seeds))
+}
+
+/// Row `j` of a field, each pixel read from where its way with this sign leads; never 0.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
+fn moved_row(phi: &Field, (ways, sign): (&[[f64; 2]], f64), j: usize, row: &mut [f64]) {
+    for (i, (out, way)) in row.iter_mut().zip(ways).enumerate() {
+        let v = phi.sample_smooth(plus([i as f64, j as f64], *way, sign));
+        *out = if v == 0.0 { f64::MIN_POSITIVE } else { v };
+    }
+}
+
+/// A seed at `x` with the deepest and the farthest pixel around it.
+fn seed_at(phi: &Field, search: [usize; 2], x: [f64; 2]) -> Seed {
+    let [nx, ny] = phi.dims;
+    let around = |[across, along]: [usize; 2]| {
+        let range = |at: f64, n: usize, reach: usize| {
+            let low = (at.max(0.0) as usize).min(n - 1);
+            low.saturating_sub(reach)..=(low + 1 + reach).min(n - 1)
+        };
+        let nodes = range(x[1], ny, along).flat_map(move |j| range(x[0], nx, across).map(move |i| j * nx + i));
+        nodes.fold((usize::MAX, usize::MAX), |(low, high), n| {
+            let less = |a: usize, b: usize| b == usize::MAX || phi.data[a] < phi.data[b];
+            let more = |a: usize, b: usize| b == usize::MAX || phi.data[a] > phi.data[b];
+            (if less(n, low) { n } else { low }, if more(n, high) { n } else { high })
+        })
+    };
+    let near = around([0; 2]);
+    let crosses = |(low, high): (usize, usize)| phi.data[low] < 0.0 && phi.data[high] >= 0.0;
+    let (inside, outside) = if crosses(near) { near } else { around(search) };
+    Seed { x, inside, outside }
+}

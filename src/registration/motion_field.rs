@@ -1,0 +1,381 @@
+//! A stack in a smooth moving frame: fields of all slices, displacements between them, and what follows from both.
+//!
+//! A point of the lower slice of an interval moves along `x + p(t)`, with `p(0) = 0`, `p(1) = u` and the rates K at the slices, so that
+//! motion too is C1 across contours: `p(t) = t u + (h K_i - u)(t^3 - 2 t^2 + t) + (h K_{i+1} - u)(t^3 - t^2)`.
+
+use std::cmp::Ordering;
+use std::sync::Arc;
+
+use crate::contour::Contour;
+use crate::contour::caps::Cap;
+use crate::grid::field::Field;
+use crate::grid::spline::{harmonic, hermite_values, limited, smoothstep, van_albada};
+use crate::registration::displacement::{Displacement, LANES, Resting};
+use crate::storage::spill::{Array, Large};
+
+/// Share of `4 t^2 (1 - t)^2 |A - B|` taken off of what is no relief: what interpolated distances shrink by systematically.
+pub const SHRINKING: f64 = 0.2;
+
+/// Smallest inradius of a part that is closed by itself where the other slice is not empty, px: that of a few pixels is what keeps their sign.
+pub const LEAST_DEPTH: f64 = 1.0;
+
+/// Surfaces that go sideways by more than this per height are less upright, those that go by more than FLAT not at all.
+pub const STEEP: f64 = 1.5;
+/// See [`STEEP`].
+pub const FLAT: f64 = 4.0;
+
+/// Side of the cells that are skipped where no contour can be, px.
+pub const CELL: usize = 8;
+
+/// Fixed-point passes that find where a trajectory is on a layer, from where it is on the slice.
+pub const PASSES: usize = 4;
+
+/// Steps of times and gaps.
+pub const STEPS: f64 = (1u64 << 30) as f64;
+
+/// Slices and displacements.
+#[derive(Debug, Clone)]
+pub struct MovingField {
+    /// Heights of the slices, increasing.
+    pub heights: Vec<f64>,
+    /// Gaps between them, see [`even_gaps`].
+    pub gaps: Vec<f64>,
+    /// Length of a pixel's larger side in the unit of the heights.
+    pub px: f64,
+    /// How far the whole stack is relief, see [`crate::stack::change`].
+    pub relief: f64,
+    /// Signed distances, px; finite everywhere.
+    pub fields: Vec<Arc<Field>>,
+    /// Mid-frame displacement of each interval.
+    pub displacements: Vec<Arc<Displacement>>,
+    /// The same read at the pixels of the interval's lower and upper slice.
+    pub at_slices: Vec<Arc<[Displacement; 2]>>,
+    /// Rate of motion at each slice, px of the image per height.
+    pub rates: Vec<Arc<Displacement>>,
+}
+
+/// Rate of motion at a slice, px of the image per height, from the displacements (at the slices) and gaps of the intervals below and above
+/// it, of which there is at least one.
+pub fn rate(below: Option<(&[Displacement; 2], f64)>, above: Option<(&[Displacement; 2], f64)>) -> Displacement {
+    let alone = |v: &Displacement, gap: f64| v.map(|_, _, u| u.map(|c| c / gap));
+    match (below, above) {
+        (Some((below, h0)), Some((above, h1))) => {
+            let (before, after) = (&below[1], &above[0]);
+            let both = before.vectors.iter().zip(&after.vectors);
+            before.with(both.map(|(b, a)| std::array::from_fn(|c| harmonic(b[c] / h0, a[c] / h1, h0, h1))).collect())
+        }
+        (None, Some((above, gap))) => alone(&above[0], gap),
+        (Some((below, gap)), None) => alone(&below[1], gap),
+        (None, None) => Displacement::zero([0; 2]),
+    }
+}
+
+/// Where points of a layer come from and go to.
+#[derive(Debug, Clone)]
+pub struct Paths {
+    /// From the lower slice to the layer.
+    pub come: Displacement,
+    /// From the layer to the upper slice.
+    pub go: Displacement,
+}
+
+impl MovingField {
+    /// What follows from fields and displacements of a stack that is no relief.
+    pub fn new(heights: Vec<f64>, px: f64, fields: Vec<Arc<Field>>, displacements: Vec<Displacement>) -> Self {
+        let gaps = even_gaps(&heights);
+        let at_slices: Vec<Arc<[Displacement; 2]>> = displacements.iter().map(|v| Arc::new(v.at_slices())).collect();
+        let beside = |i: usize| Some((&*at_slices[i], gaps[i]));
+        let rate = |i: usize| {
+            let below = i.checked_sub(1).and_then(beside);
+            rate(below, if i < gaps.len() { beside(i) } else { None })
+        };
+        let rates = (0..heights.len()).map(|i| Arc::new(rate(i))).collect();
+        let displacements = displacements.into_iter().map(Arc::new).collect();
+        MovingField { heights, gaps, px, relief: 0.0, fields, displacements, at_slices, rates }
+    }
+
+    /// Gap of an interval.
+    pub fn gap(&self, i: usize) -> f64 {
+        self.gaps[i]
+    }
+
+    /// Paths through the layer at time `t` of interval `i`.
+    pub fn paths(&self, i: usize, t: f64) -> Paths {
+        let v = &self.displacements[i];
+        let mut go = v.through(t - 0.5);
+        let mut come = v.with(Vec::with_capacity(v.vectors.len()));
+        for (k, whole) in go.vectors.iter_mut().enumerate() {
+            let p = self.along(i, t, k, *whole);
+            come.vectors.push(p);
+            *whole = [whole[0] - p[0], whole[1] - p[1]];
+        }
+        Paths { come, go }
+    }
+
+    /// `p(t)` in interval `i` with displacement `u` and the rates of node `k`.
+    #[inline]
+    fn along(&self, i: usize, t: f64, k: usize, u: [f64; 2]) -> [f64; 2] {
+        let [first, second] = [t * (t - 1.0) * (t - 1.0), t * t * (t - 1.0)];
+        let (gap, low, high) = (self.gap(i), self.rates[i].vectors[k], self.rates[i + 1].vectors[k]);
+        std::array::from_fn(|a| t * u[a] + (gap * low[a] - u[a]) * first + (gap * high[a] - u[a]) * second)
+    }
+}
+
+/// A layer's place in the stack.
+#[derive(Debug, Clone)]
+pub struct Place {
+    /// Its interval; a contour's layer belongs to the interval above it.
+    pub interval: usize,
+    /// Time in it.
+    pub t: f64,
+    /// From the interval's lower and upper slice to the layer.
+    pub off: [Resting; 2],
+    /// The interval's displacement at its slices.
+    pub at_slices: Arc<[Resting; 2]>,
+}
+
+impl MovingField {
+    /// The ways back of `paths`, which are those through the layer at time `t` of interval `i`: from either slice to the layer.
+    pub fn off_slices(&self, i: usize, t: f64, paths: &Paths) -> [Displacement; 2] {
+        let [low, high] = &*self.at_slices[i];
+        // What the nodes at the slices say themselves is near enough for half of the passes.
+        let off = |slice: &Displacement, way: &Displacement, sign: f64, whole: f64| {
+            slice.map_lanes(|first, x, u| {
+                let mut off = *u;
+                for k in 0..LANES.min(slice.vectors.len() - first) {
+                    let u = [u[0][k], u[1][k]];
+                    let p = self.along(i, t, first + k, u);
+                    (off[0][k], off[1][k]) = (p[0] - whole * u[0], p[1] - whole * u[1]);
+                }
+                for _ in 0..PASSES / 2 {
+                    let there = way.at_lanes(&[0, 1].map(|a| std::array::from_fn(|k| x[a][k] + off[a][k])));
+                    off = there.map(|along| along.map(|v| sign * v));
+                }
+                off
+            })
+        };
+        rayon::join(|| off(low, &paths.come, 1.0, 0.0), || off(high, &paths.go, -1.0, 1.0)).into()
+    }
+}
+
+impl Place {
+    /// The place at time `t` of interval `i` of `moving`, which is number `interval` of the stack, and the paths through it. What it shares
+    /// with another place of the interval is taken from there.
+    pub fn new(moving: &MovingField, i: usize, interval: usize, t: f64, known: Option<&Place>) -> (Self, Paths) {
+        let paths = moving.paths(i, t);
+        let off = moving.off_slices(i, t, &paths).each_ref().map(Resting::from);
+        let at_slices = match known {
+            Some(place) => place.at_slices.clone(),
+            None => Arc::new(moving.at_slices[i].each_ref().map(Resting::from)),
+        };
+        (Place { interval, t, off, at_slices }, paths)
+    }
+
+    /// Where the trajectory that meets the slices around this layer at `[below, above]` is on another layer. Within an interval the way over
+    /// the lower slice passes smoothly into that over the upper one, so that it is C1 at the slices, and the same upside down. `between` are
+    /// the displacements at the slices of the intervals between both, lowest first.
+    pub fn carry(&self, [below, above]: [[f64; 2]; 2], to: &Place, between: &[&[Resting; 2]]) -> [f64; 2] {
+        let off = |end: usize, slice: [f64; 2]| plus(slice, to.off[end].at(slice), 1.0);
+        match self.interval.cmp(&to.interval) {
+            // To a slice there is one way, as from the interval on its other side.
+            Ordering::Equal if to.t == 0.0 => below,
+            Ordering::Equal if to.t == 1.0 => above,
+            Ordering::Equal => {
+                let ([a, b], w) = ([off(0, below), off(1, above)], smoothstep(self.t));
+                let v = smoothstep(1.0 - self.t);
+                [v * a[0] + w * b[0], v * a[1] + w * b[1]]
+            }
+            // A slice beyond is reached from slice to slice alone: it lies in the interval above it or, upside down, in that below.
+            Ordering::Less => {
+                let step = |x, v: &[Resting; 2]| plus(x, v[0].at(x), 1.0);
+                let slice = between.iter().fold(above, |x, v| step(x, v));
+                if to.t == 1.0 { step(slice, &to.at_slices) } else { off(0, slice) }
+            }
+            Ordering::Greater => {
+                let step = |x, v: &[Resting; 2]| plus(x, v[1].at(x), -1.0);
+                let slice = between.iter().rev().fold(below, |x, v| step(x, v));
+                if to.t == 0.0 { step(slice, &to.at_slices) } else { off(1, slice) }
+            }
+        }
+    }
+}
+
+impl Paths {
+    /// Where the trajectory through a point of this layer meets the slices below and above it, px of the padded image.
+    pub fn to_slices(&self, x: [f64; 2]) -> [[f64; 2]; 2] {
+        [plus(x, self.come.at(x), -1.0), plus(x, self.go.at(x), 1.0)]
+    }
+
+    /// Where the trajectory that starts at `slice` on the lower slice is on this layer, by fixed-point passes from a first guess.
+    pub fn off_low(&self, slice: [f64; 2], guess: [f64; 2], passes: usize) -> [f64; 2] {
+        (0..passes).fold(guess, |y, _| plus(slice, self.come.at(y), 1.0))
+    }
+
+    /// Where the trajectory that ends at `slice` on the upper slice is on this layer.
+    pub fn off_high(&self, slice: [f64; 2], guess: [f64; 2], passes: usize) -> [f64; 2] {
+        (0..passes).fold(guess, |y, _| plus(slice, self.go.at(y), -1.0))
+    }
+}
+
+/// `x + sign v`.
+#[inline]
+pub fn plus(x: [f64; 2], v: [f64; 2], sign: f64) -> [f64; 2] {
+    [x[0] + sign * v[0], x[1] + sign * v[1]]
+}
+
+/// Gaps between heights in steps of 2^-30 of the whole: a stack and the same upside down then have the very same gaps, whichever way their
+/// heights were rounded.
+pub fn even_gaps(heights: &[f64]) -> Vec<f64> {
+    const BITS: u64 = 20;
+    let span = heights[heights.len() - 1] - heights[0];
+    // The span's own last bits are rounded off too.
+    let span = f64::from_bits((span.to_bits() + (1 << (BITS - 1))) >> BITS << BITS);
+    let unit = span / STEPS;
+    heights.windows(2).map(|w| ((w[1] - w[0]) / unit).round().max(1.0) * unit).collect()
+}
+
+/// Height as time of its interval, in steps of 2^-30: `1 - t` is exact; 0 and 1 at the ends and beyond.
+pub fn time(z: f64, low: f64, high: f64) -> f64 {
+    ((z - low) / (high - low) * STEPS).round().clamp(0.0, STEPS) / STEPS
+}
+
+/// Slope of the field at a slice from the secants of the intervals below and above it, per height: the mean of PCHIP and of Catmull-Rom limited
+/// to three times the smaller secant; of relief van Albada's, since beside a contour a plain stays a plain although a slope begins on the
+/// other side. None of them has a unit of height.
+#[inline(always)]
+pub fn slope([below, above]: [f64; 2], [h_below, h_above]: [f64; 2], relief: f64) -> f64 {
+    let pchip = harmonic(below, above, h_below, h_above);
+    let mean = (h_above * below + h_below * above) / (h_below + h_above);
+    (1.0 - relief) * 0.5 * (pchip + limited(mean, below, above)) + relief * van_albada(below, above)
+}
+
+/// Value of the field at time `t` of an interval, from values and slopes (per interval) at both ends.
+#[inline]
+pub fn between([a, b]: [f64; 2], [ma, mb]: [f64; 2], relief: f64, t: f64) -> f64 {
+    let shrinking = SHRINKING * (1.0 - relief) * 4.0 * (t * (1.0 - t)).powi(2) * (a - b).abs();
+    hermite_values([a, b], [ma, mb], t) - shrinking
+}
+
+/// How upright a surface is that goes `sideways` per height: 1 for a wall, 0 for a plain. What lies flat is relief between contour lines, which
+/// neither shrinks nor shows creases.
+#[inline]
+pub fn upright(sideways: f64) -> f64 {
+    1.0 - smoothstep((sideways - STEEP) / (FLAT - STEEP))
+}
+
+/// Some of the cells of an image.
+#[derive(Debug, Clone)]
+pub struct Cells {
+    columns: usize,
+    /// Row by row.
+    chosen: Vec<bool>,
+}
+
+impl Cells {
+    /// Those that `choose` wants, by the first and the last pixel `[column, row]` of each.
+    pub fn new([nx, ny]: [usize; 2], choose: impl Fn([usize; 2], [usize; 2]) -> bool) -> Self {
+        let last = |first: usize, n: usize| (first + CELL).min(n) - 1;
+        let row = |y| (0..nx).step_by(CELL).map(move |x| ([x, y], [last(x, nx), last(y, ny)]));
+        let chosen = (0..ny).step_by(CELL).flat_map(row).map(|(first, last)| choose(first, last)).collect();
+        Cells { columns: nx.div_ceil(CELL), chosen }
+    }
+
+    /// Whether the cell of a pixel is one of them.
+    pub fn at(&self, x: usize, y: usize) -> bool {
+        self.chosen[y / CELL * self.columns + x / CELL]
+    }
+}
+
+/// Pixels that tell whether a cell is far from any contour: its corners and its middle.
+pub fn probes([left, top]: [usize; 2], [right, bottom]: [usize; 2]) -> [[usize; 2]; 5] {
+    [[left, top], [right, top], [left, bottom], [right, bottom], [left.midpoint(right), top.midpoint(bottom)]]
+}
+
+/// Parts of the two slices of an interval that have no partner, each with its own distance.
+#[derive(Debug, Clone, Default)]
+pub struct LoneParts {
+    /// Of the lower slice.
+    pub low: Vec<Cap>,
+    /// Of the upper slice.
+    pub high: Vec<Cap>,
+    /// Whether one of the slices is empty: then there is nothing but these parts.
+    pub empty: bool,
+}
+
+impl Large for LoneParts {
+    fn arrays(&mut self) -> Vec<Array<'_>> {
+        self.low.iter_mut().chain(&mut self.high).map(|part| &mut part.field.data as Array<'_>).collect()
+    }
+}
+
+/// Least value at time `t`, counted from their own slice, of the parts at node-space position `x` of it, where the slice's field is `a`. `None` off
+/// their tiles.
+#[inline]
+pub fn closing(parts: &[&Cap], x: [f64; 2], a: f64, t: f64) -> Option<f64> {
+    let value =
+        |part: &&Cap| part.tile.holds(x, 0.0).then(|| part.field.sample(part.tile.to_local(x)).max(a) + part.offset(t));
+    parts.iter().filter_map(value).reduce(f64::min)
+}
+
+/// An empty slice reads as the nearest contour beyond this many times its inradius.
+const EMPTY_DEPTHS: f64 = 2.0;
+
+/// What an empty slice reads as: its nearest contours drawn in by twice their inradius.
+pub fn drawn_in(nearest: &[Arc<Contour>], dims: [usize; 2]) -> Field {
+    let beyond = |contour: &Arc<Contour>| {
+        let phi = &contour.phi;
+        let depth = -phi.data.iter().copied().fold(0.0, f64::min);
+        Field { dims: phi.dims, data: phi.data.iter().map(|v| v + EMPTY_DEPTHS * depth).collect() }
+    };
+    let nearer =
+        |a: Field, b: Field| Field { dims: a.dims, data: a.data.iter().zip(&b.data).map(|(x, y)| x.min(*y)).collect() };
+    nearest.iter().map(beyond).reduce(nearer).unwrap_or_else(|| Field::filled(dims, 1e3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Secants below and above, and gaps.
+    fn some() -> impl Iterator<Item = ([f64; 2], [f64; 2])> {
+        let secants = [-40.0, -3.0, -0.2, 0.0, 0.05, 0.7, 2.0, 2.5, 6.0, 90.0];
+        let pairs = secants.into_iter().flat_map(move |a| secants.map(|b| [a, b]));
+        pairs.flat_map(|d| [[1.0, 1.0], [0.3, 2.0]].map(|h| (d, h)))
+    }
+
+    #[test]
+    fn slopes_are_the_same_upside_down() {
+        for (([a, b], [h, k]), relief) in some().flat_map(|d| [0.0, 0.3, 1.0].map(|relief| (d, relief))) {
+            assert_eq!(slope([a, b], [h, k], relief), -slope([-b, -a], [k, h], relief), "{a} {b} {h} {k}");
+        }
+    }
+
+    #[test]
+    fn a_line_keeps_its_slope_and_none_overshoots() {
+        for ((d @ [a, b], h), relief) in some().flat_map(|d| [0.0, 0.3, 1.0].map(|relief| (d, relief))) {
+            let m = slope(d, h, relief);
+            if a == b {
+                assert!((m - a).abs() <= 1e-12 * a.abs(), "{a}: {m}");
+            }
+            // Up to three times the smaller secant a cubic curve stays monotone (Fritsch and Carlson 1980).
+            let (sign, least) = (if a * b > 0.0 { a.signum() } else { 0.0 }, a.abs().min(b.abs()));
+            assert!(m * sign >= 0.0 && m.abs() <= 3.0 * least * sign.abs(), "{d:?}, {h:?}: {m}");
+        }
+    }
+
+    #[test]
+    fn slopes_have_no_unit_of_height() {
+        for ((d, h), relief) in some().flat_map(|d| [0.0, 0.3, 1.0].map(|relief| (d, relief))) {
+            // A power of two, so that nothing is rounded.
+            let stretched = slope(d.map(|d| d / 8.0), h.map(|h| 8.0 * h), relief);
+            assert_eq!(8.0 * stretched, slope(d, h, relief), "{d:?}, {h:?}");
+        }
+    }
+
+    #[test]
+    fn of_relief_the_smaller_secant_counts_more() {
+        let [h, d] = [[1.0, 1.0], [0.5, 1.5]];
+        // PCHIP .75 and Catmull-Rom 1; 1.5 / 2.5.
+        assert_eq!([0.0, 1.0].map(|relief| slope(d, h, relief)), [0.5 * (0.75 + 1.0), 0.6]);
+    }
+}

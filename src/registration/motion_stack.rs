@@ -1,0 +1,134 @@
+//! A stack in its moving frame whose large parts lie on shelves: fields of the slices, displacements of the intervals.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::grid::field::Field;
+use crate::registration::displacement::Displacement;
+use crate::registration::mid_frame::Frame;
+use crate::registration::motion_field::{MovingField, Paths, Place, rate, time};
+use crate::storage::spill::{Budget, Shelf};
+
+/// The stack in its moving frame.
+pub struct MovingStack<'b> {
+    heights: Vec<f64>,
+    gaps: Vec<f64>,
+    px: f64,
+    relief: f64,
+    fields: Shelf<'b, Field>,
+    displacements: Shelf<'b, Displacement>,
+    at_slices: Shelf<'b, [Displacement; 2]>,
+    rates: Shelf<'b, Displacement>,
+}
+
+impl<'b> MovingStack<'b> {
+    /// What follows from `fields` and `displacements` of slices at these heights. `gaps` are those of the stack, which may be longer;
+    /// `px` is the length of a pixel's larger side, `relief` how far the whole stack is relief.
+    ///
+    /// # Errors
+    /// Those of the shelves.
+    pub fn new(
+        heights: Vec<f64>,
+        gaps: Vec<f64>,
+        px: f64,
+        relief: f64,
+        fields: Shelf<'b, Field>,
+        displacements: Shelf<'b, Displacement>,
+        budget: &'b Budget,
+    ) -> Result<Self> {
+        let (mut at_slices, mut rates) = (Shelf::new(budget), Shelf::new(budget));
+        let mut below: Option<Arc<[Displacement; 2]>> = None;
+        for i in 0..heights.len() {
+            let above = match i < gaps.len() {
+                true => Some(Arc::new(displacements.get(i)?.at_slices())),
+                false => None,
+            };
+            let beside = |v: &Option<Arc<[Displacement; 2]>>, i: usize| v.as_deref().map(|v| (v.clone(), gaps[i]));
+            let (low, high) = (beside(&below, i.saturating_sub(1)), beside(&above, i.min(gaps.len() - 1)));
+            rates.push(rate(low.as_ref().map(|(v, h)| (v, *h)), high.as_ref().map(|(v, h)| (v, *h))))?;
+            if let Some(above) = &above {
+                at_slices.push((**above).clone())?;
+            }
+            below = above;
+        }
+        Ok(MovingStack { heights, gaps, px, relief, fields, displacements, at_slices, rates })
+    }
+
+    /// Number of slices.
+    pub fn slices(&self) -> usize {
+        self.heights.len()
+    }
+
+    /// The field of slice `i`.
+    ///
+    /// # Errors
+    /// Those of the shelf.
+    pub fn field(&self, i: usize) -> Result<Arc<Field>> {
+        self.fields.get(i)
+    }
+
+    /// The displacement of interval `i` at its slices.
+    ///
+    /// # Errors
+    /// Those of the shelf.
+    pub fn at_slices(&self, i: usize) -> Result<Arc<[Displacement; 2]>> {
+        self.at_slices.get(i)
+    }
+
+    /// The rate of motion at slice `i`.
+    ///
+    /// # Errors
+    /// Those of the shelf.
+    pub fn rate(&self, i: usize) -> Result<Arc<Displacement>> {
+        self.rates.get(i)
+    }
+
+    /// Some slices alone, numbered from 0.
+    ///
+    /// # Errors
+    /// Those of the shelves.
+    pub fn part(&self, slices: Range<usize>) -> Result<MovingField> {
+        let fields = slices.clone().map(|i| self.fields.get(i)).collect::<Result<_>>()?;
+        Ok(MovingField { fields, ..self.frame(slices)? })
+    }
+
+    /// The same without fields.
+    ///
+    /// # Errors
+    /// Those of the shelves.
+    pub fn frame(&self, slices: Range<usize>) -> Result<MovingField> {
+        let intervals = slices.start..slices.end - 1;
+        Ok(MovingField {
+            heights: self.heights[slices.clone()].to_vec(),
+            gaps: self.gaps[intervals.clone()].to_vec(),
+            px: self.px,
+            relief: self.relief,
+            fields: Vec::new(),
+            displacements: intervals.clone().map(|i| self.displacements.get(i)).collect::<Result<_>>()?,
+            at_slices: intervals.map(|i| self.at_slices.get(i)).collect::<Result<_>>()?,
+            rates: slices.map(|i| self.rates.get(i)).collect::<Result<_>>()?,
+        })
+    }
+
+    /// The mid frame of interval `i`.
+    ///
+    /// # Errors
+    /// Those of the shelves.
+    pub fn middle(&self, i: usize) -> Result<Frame> {
+        Ok(Frame::middle_of(&self.frame(i..i + 2)?, 0))
+    }
+
+    /// The place of height `z`, the nearest slice's beyond the stack, and the paths through it. What it shares with a `known` place of its
+    /// interval is taken from there.
+    ///
+    /// # Errors
+    /// Those of the shelves.
+    pub fn place(&self, z: f64, known: Option<&Place>) -> Result<(Place, Paths)> {
+        let last = self.displacements.len() - 1;
+        let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
+        let t = time(z, self.heights[interval], self.heights[interval + 1]);
+        let frame = self.frame(interval..interval + 2)?;
+        Ok(Place::new(&frame, 0, interval, t, known.filter(|place| place.interval == interval)))
+    }
+}

@@ -1,0 +1,94 @@
+//! Where a morph knows what it does: how many of the tracker particles nearby have arrived.
+//!
+//! Particles die where a piece of contour has no counterpart, and with them what the morph knows about its way. There the layers of the field
+//! method, which has a slope at every pixel, take its place; and where contours are far apart, as particles travel far there and die at every bend.
+
+use crate::grid::spline::smoothstep;
+use crate::registration::displacement::{BLOCK, Displacement, smooth};
+use crate::registration::motion_field::{MovingField, plus};
+
+/// Sigma of the mean over particles, px.
+const REACH: f64 = 8.0;
+/// Where contours are farther apart than this a particle's way says less of the pixels beside it, farther than the other nothing, px a gap: so
+/// there is no unit of height in it.
+///
+/// Mean Dice, unfaired, of helix and gyroid every 8th slice, vertebra, thorax and pelvis medium and hard: from 2 to 6 px .9168, 5 to 12 .9176,
+/// 8 to 20 .9194, no limit .9193; of the real ones alone .9221, .9221, .9216, .9212. Relief has its slopes from the field: Jacksboro at 8 levels,
+/// RMSE in m, from 0 to 1 px 14.61, 1 to 3 14.61, 2 to 6 14.98, 4 to 12 15.51, no limit 15.58.
+const LEAPS: [f64; 2] = [8.0, 20.0];
+const LEAPS_OF_RELIEF: [f64; 2] = [1.0, 3.0];
+/// Below this share of arrived particles the morph has no say, above the other it has all of it.
+const NONE: f64 = 0.75;
+const ALL: f64 = 1.0;
+/// Particles at a node that count as none.
+const FEW: f64 = 1e-6;
+
+/// Trust lacks this much of 1 where it counts as whole.
+const WHOLE: f64 = 1e-6;
+
+/// Shares of arrived particles in the frame of an interval.
+pub struct Trust {
+    /// `[arrived, all]` per node.
+    particles: Displacement,
+    /// Whether the trust may be less than whole between a node and the next, column and row.
+    doubtful: Vec<bool>,
+}
+
+impl Trust {
+    /// For interval `i` of a stack that is so far relief, from positions (px of the padded image) in its mid frame and whether each particle has
+    /// arrived.
+    pub fn new(
+        moving: &MovingField,
+        i: usize,
+        h: [f64; 2],
+        relief: f64,
+        particles: impl Iterator<Item = ([f64; 2], bool)>,
+    ) -> Self {
+        let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
+        let mut map = Displacement::zero(low.dims);
+        for (x, arrived) in particles {
+            for (node, share) in map.around(x) {
+                let [good, all] = &mut map.vectors[node];
+                *good += share * f64::from(u8::from(arrived));
+                *all += share;
+            }
+        }
+        smooth(&mut map.vectors, map.grid, h.map(|side| REACH / (BLOCK as f64 * side)));
+        let v = &moving.displacements[i];
+        let [near, far] = [0, 1].map(|k| (1.0 - relief) * LEAPS[k] + relief * LEAPS_OF_RELIEF[k]);
+        let particles = map.map(|_, x, [good, all]| {
+            let half = v.at(x).map(|c| 0.5 * c);
+            let apart = low.sample(plus(x, half, -1.0)) - high.sample(plus(x, half, 1.0));
+            [good * (1.0 - smoothstep((apart.abs() - near) / (far - near))), all]
+        });
+        let grid = particles.grid;
+        let less = |k: usize| share(particles.vectors[k]) < 1.0 - WHOLE;
+        let doubt = |k: usize| {
+            let (right, up) =
+                (usize::from(k % grid[0] + 1 < grid[0]), if k / grid[0] + 1 < grid[1] { grid[0] } else { 0 });
+            [k, k + right, k + up, k + right + up].into_iter().any(less)
+        };
+        let doubtful = (0..grid[0] * grid[1]).map(doubt).collect();
+        Trust { particles, doubtful }
+    }
+
+    /// Whether there is less than whole trust anywhere from `low` to `high`. Between nodes it is at least the least of theirs.
+    pub fn doubts(&self, low: [f64; 2], high: [f64; 2]) -> bool {
+        let grid = self.particles.grid;
+        let [columns, rows] = [0, 1].map(|a| {
+            let before = |x: f64| self.particles.place(a, x).0;
+            before(low[a])..=before(high[a])
+        });
+        rows.into_iter().any(|row| columns.clone().any(|column| self.doubtful[row * grid[0] + column]))
+    }
+
+    /// The morph's weight at `x`.
+    pub fn at(&self, x: [f64; 2]) -> f64 {
+        share(self.particles.at(x))
+    }
+}
+
+/// The weight for `[arrived, all]` particles.
+fn share([good, all]: [f64; 2]) -> f64 {
+    smoothstep(((good + FEW) / (all + FEW) - NONE) / (ALL - NONE))
+}

@@ -1,0 +1,220 @@
+//! The rigid motion of a part from one slice to the next.
+//!
+//! In the mid frame of its interval a rotation by theta and a shift are the displacement `v(x) = shift + 2 tan(theta / 2) J (x - centre)`, J a
+//! quarter turn: `x - v/2` and `x + v/2` are then the same point of the part in both slices. (Half way the part is smaller by
+//! `cos(theta / 2)`: points move along chords.)
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use crate::contour::Contour;
+use crate::grid::field::Field;
+use crate::grid::tile::Tile;
+
+/// A frame must lower the area in which the slices differ by this factor.
+const LEAST_GAIN: f64 = 3.0;
+/// One that lowers it by less than this from the start is not looked into.
+const PROMISING: f64 = 1.5;
+/// A rotation must lower it by this much more than a shift alone.
+const TURNING_GAIN: f64 = 1.5;
+/// Parts whose areas differ by more than this factor are not brought onto each other, but the smaller one into the larger.
+const ALIKE: f64 = 2.0;
+/// So far that this share of what could be common is, in steps of `1 / WAYS` of the way between the centroids.
+const ENOUGH: f64 = 0.5;
+const WAYS: u32 = 16;
+/// Least ratio of the principal moments of a part that has an axis.
+const ELONGATED: f64 = 2.25;
+/// Steps in which a shift is refined, px.
+const STEPS: [f64; 5] = [1.0, 0.5, 0.25, 0.125, 0.0625];
+/// Most moves per step.
+const MOVES: usize = 8;
+/// Areas that differ by less than this are equally good, pixels: single precision must not decide.
+const EQUAL: f64 = 1e-2;
+/// Rim of a part's tile, px.
+const RIM: usize = 3;
+
+/// A rigid motion, see above.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rigid {
+    /// Centre of the rotation in the mid frame, pixels.
+    pub centre: [f64; 2],
+    /// Shift, pixels.
+    pub shift: [f64; 2],
+    /// `2 tan(theta / 2)`, positive from x to y.
+    pub turn: f64,
+}
+
+impl Rigid {
+    const STILL: Rigid = Rigid { centre: [0.0; 2], shift: [0.0; 2], turn: 0.0 };
+
+    /// Its displacement at `x`, pixels.
+    pub fn at(&self, x: [f64; 2], h: [f64; 2]) -> [f64; 2] {
+        let y: [f64; 2] = std::array::from_fn(|a| (x[a] - self.centre[a]) * h[a]);
+        [self.shift[0] - self.turn * y[1] / h[0], self.shift[1] + self.turn * y[0] / h[1]]
+    }
+
+    /// The motion from a part of the lower slice to one of the upper. Between parts of like area: shift of the centroids and, where both are
+    /// elongated, rotation of the principal axis, refined on the area in which the slices differ. Else the shift towards the other's
+    /// centroid that is just enough to bring the smaller part into the larger.
+    pub fn between(low: (&Contour, u32), high: (&Contour, u32), h: [f64; 2]) -> Found {
+        let [a, b] = [Cover::new(low.0, low.1), Cover::new(high.0, high.1)];
+        let [ma, mb] = [a.moments(h), b.moments(h)];
+        let centre = std::array::from_fn(|c| 0.5 * (ma.centroid[c] + mb.centroid[c]));
+        let shift: [f64; 2] = std::array::from_fn(|c| mb.centroid[c] - ma.centroid[c]);
+        let differing = |rigid: &Rigid| differing_area(&a, &b, rigid, h);
+        if ma.area > ALIKE * mb.area || mb.area > ALIKE * ma.area {
+            let part_way = |k: u32| {
+                let s = f64::from(k) / f64::from(WAYS);
+                Rigid { centre, shift: shift.map(|c| s * c), turn: 0.0 }
+            };
+            let common = |k: u32| 0.5 * (ma.area + mb.area - differing(&part_way(k)));
+            let enough = ENOUGH * common(WAYS);
+            let k = (0..WAYS).find(|&k| common(k) >= enough).unwrap_or(WAYS);
+            return Found { rigid: part_way(k), alike: false, worthwhile: false };
+        }
+        let none = differing(&Rigid::STILL);
+        let mut starts = vec![Rigid { centre, shift, turn: 0.0 }];
+        if ma.ratio > ELONGATED && mb.ratio > ELONGATED {
+            // An axis has no direction: the smaller of both turns.
+            let theta = mb.axis - ma.axis;
+            let theta = theta - PI * (theta / PI).round();
+            if theta.abs() < FRAC_PI_2 {
+                starts.push(Rigid { turn: 2.0 * (0.5 * theta).tan(), ..starts[0] });
+            }
+        }
+        if starts.iter().all(|start| differing(start) * PROMISING > none) {
+            return Found { rigid: starts[0], alike: true, worthwhile: false };
+        }
+        let found: Vec<(Rigid, f64)> = starts.into_iter().map(|start| refined(start, differing)).collect();
+        let (rigid, left) = match found[..] {
+            [(_, shifted), turned] if turned.1 * TURNING_GAIN < shifted => turned,
+            _ => found[0],
+        };
+        Found { rigid, alike: true, worthwhile: left * LEAST_GAIN <= none }
+    }
+}
+
+/// A motion that was looked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Found {
+    /// The best.
+    pub rigid: Rigid,
+    /// Whether the parts are of like area.
+    pub alike: bool,
+    /// Whether it lowers the area in which the slices differ by enough.
+    pub worthwhile: bool,
+}
+
+/// How much of each pixel around a part lies inside it.
+struct Cover {
+    tile: Tile,
+    share: Field,
+}
+
+struct Moments {
+    /// Pixels.
+    area: f64,
+    /// Pixels.
+    centroid: [f64; 2],
+    /// Larger over smaller principal moment.
+    ratio: f64,
+    /// Angle of the longer axis.
+    axis: f64,
+}
+
+impl Cover {
+    fn new(contour: &Contour, part: u32) -> Self {
+        let tile = contour.tile_of(&[part], [RIM; 2]);
+        let [nx, ny] = contour.phi.dims;
+        let share = |node: usize| {
+            let (i, j) = (node % nx, node / nx);
+            let mut around = (j.saturating_sub(1)..=(j + 1).min(ny - 1))
+                .flat_map(|j| (i.saturating_sub(1)..=(i + 1).min(nx - 1)).map(move |i| j * nx + i));
+            if around.any(|n| contour.solids.labels[n] == part) {
+                (0.5 - contour.phi.data[node]).clamp(0.0, 1.0)
+            } else {
+                0.0
+            }
+        };
+        let share = Field { dims: tile.dims, data: tile.nodes(nx).map(share).collect() };
+        Cover { tile, share }
+    }
+
+    fn moments(&self, h: [f64; 2]) -> Moments {
+        let width = self.tile.dims[0];
+        let mean = |f: &dyn Fn([f64; 2]) -> f64| {
+            let terms = self.share.data.iter().enumerate().filter(|(_, w)| **w > 0.0);
+            let (sum, whole) = terms.fold((0.0, 0.0), |(sum, whole), (n, w)| {
+                let x = self.tile.to_image([(n % width) as f64, (n / width) as f64]);
+                (sum + w * f(x), whole + w)
+            });
+            sum / whole
+        };
+        let centroid = [0, 1].map(|c| mean(&|x| x[c]));
+        let moment = |p: usize, q: usize| mean(&|x| (x[p] - centroid[p]) * h[p] * (x[q] - centroid[q]) * h[q]);
+        let (xx, yy, xy) = (moment(0, 0), moment(1, 1), moment(0, 1));
+        let spread = (0.5 * (xx - yy)).hypot(xy);
+        let middle = 0.5 * (xx + yy);
+        let ratio = (middle + spread) / (middle - spread).max(f64::MIN_POSITIVE);
+        let area = self.share.data.iter().sum();
+        Moments { area, centroid, ratio, axis: 0.5 * (2.0 * xy).atan2(xx - yy) }
+    }
+
+    /// Share of the pixel at position `x` of the image.
+    fn at(&self, x: [f64; 2]) -> f64 {
+        self.share.sample(self.tile.to_local(x))
+    }
+
+    /// Corners of the tile.
+    fn corners(&self) -> [[f64; 2]; 2] {
+        let end = std::array::from_fn(|c| self.tile.origin[c] + self.tile.dims[c]);
+        [self.tile.origin, end].map(|corner| corner.map(|v| v as f64))
+    }
+}
+
+/// Area in which both parts differ once the motion has brought them together in the mid frame, pixels.
+fn differing_area(a: &Cover, b: &Cover, rigid: &Rigid, h: [f64; 2]) -> f64 {
+    let [[a_low, a_high], [b_low, b_high]] = [a.corners(), b.corners()];
+    // A turned part needs more room than its box.
+    let room = |c: usize| {
+        1.0 + rigid.turn.abs() * 0.5 * (a_high[1 - c] - a_low[1 - c]).max(b_high[1 - c] - b_low[1 - c]) / h[c]
+    };
+    let low: [f64; 2] =
+        std::array::from_fn(|c| (a_low[c] + 0.5 * rigid.shift[c]).min(b_low[c] - 0.5 * rigid.shift[c]) - room(c));
+    let high: [f64; 2] =
+        std::array::from_fn(|c| (a_high[c] + 0.5 * rigid.shift[c]).max(b_high[c] - 0.5 * rigid.shift[c]) + room(c));
+    let mut area = 0.0;
+    for j in low[1].floor() as i64..=high[1].ceil() as i64 {
+        for i in low[0].floor() as i64..=high[0].ceil() as i64 {
+            let x = [i as f64, j as f64];
+            let v = rigid.at(x, h);
+            let below = a.at([x[0] - 0.5 * v[0], x[1] - 0.5 * v[1]]);
+            let above = b.at([x[0] + 0.5 * v[0], x[1] + 0.5 * v[1]]);
+            area += (below - above).abs();
+        }
+    }
+    area
+}
+
+/// Moves the shift in smaller and smaller steps to where `area` is least; the area there. Where two ways are equally good neither is gone,
+/// so that it is the same upside down.
+fn refined(start: Rigid, area: impl Fn(&Rigid) -> f64) -> (Rigid, f64) {
+    let mut best = (start, area(&start));
+    for step in STEPS {
+        for _ in 0..MOVES {
+            let ways = (0..9).filter(|k| *k != 4).map(|k| [(k % 3) as f64 - 1.0, (k / 3) as f64 - 1.0]);
+            let mut tried: Vec<(Rigid, f64)> = ways
+                .map(|way| {
+                    let shift = std::array::from_fn(|c| best.0.shift[c] + step * way[c]);
+                    let rigid = Rigid { shift, ..best.0 };
+                    (rigid, area(&rigid))
+                })
+                .collect();
+            tried.sort_by(|a, b| a.1.total_cmp(&b.1));
+            if best.1.min(tried[1].1) - tried[0].1 < EQUAL {
+                break;
+            }
+            best = tried[0];
+        }
+    }
+    best
+}

@@ -1,0 +1,156 @@
+//! From the mid frame of an interval to the layers between its slices.
+
+use multiversion::multiversion;
+use rayon::prelude::*;
+
+use crate::grid::field::{Field, sample, sample_smooth};
+use crate::grid::spline::smoothstep;
+use crate::grid::tiled::Packed;
+use crate::registration::displacement::Displacement;
+use crate::registration::motion_field::{CELL, Cells, MovingField, Paths, plus, probes};
+use crate::registration::particle_weight::Trust;
+
+/// Brings layers of interval `i` from its mid frame to where they belong.
+pub struct Warp<'m> {
+    moving: &'m MovingField,
+    i: usize,
+    /// From the slices to the mid frame.
+    off: [Displacement; 2],
+    /// What the way to the mid frame and back takes from either slice, px.
+    lost: [Packed<f64>; 2],
+    limit: f64,
+}
+
+/// How a layer lies to the mid frame.
+pub struct Way {
+    t: f64,
+    paths: Paths,
+    to_middle: Displacement,
+}
+
+impl Way {
+    /// Cells of the layer in which the morph does not have all of the say.
+    pub fn doubts(&self, dims: [usize; 2], trust: &Trust) -> Cells {
+        Cells::new(dims, |first, last| {
+            let [low, high] = self.to_middle.range(first, last);
+            let [from, to] = [first, last].map(|p| p.map(|p| p as f64));
+            trust.doubts(plus(from, low, 1.0), plus(to, high, 1.0))
+        })
+    }
+}
+
+impl<'m> Warp<'m> {
+    /// For an interval whose slices are `low` and `high`, as they are (nothing where they are empty) and as what lies between them begins in the
+    /// mid frame; distances count up to `limit` px.
+    pub fn new(moving: &'m MovingField, i: usize, slices: [(Option<&Field>, &[f32]); 2], limit: f64) -> Self {
+        let off = moving.off_slices(i, 0.5, &moving.paths(i, 0.5));
+        let lost = [0, 1].map(|end| {
+            let (own, seen) = slices[end];
+            let way = way_to_middle(&moving.paths(i, end as f64), &off);
+            let dims = moving.fields[i + end].dims;
+            let [lost] = Packed::of_rows(dims, |first, [rows]: [&mut [f64]; 1]| {
+                let Some(own) = own else { return };
+                let nx = own.dims[0];
+                for (n, lost) in (first * nx..).zip(rows) {
+                    let (x, v) = ([(n % nx) as f64, (n / nx) as f64], own.data[n]);
+                    if v.abs() < limit {
+                        *lost = v - sample_smooth(seen, dims, plus(x, way.at(x), 1.0));
+                    }
+                }
+            });
+            lost
+        });
+        Warp { moving, i, off, lost, limit }
+    }
+
+    /// The way of the layer at time `t`.
+    pub fn way(&self, t: f64) -> Way {
+        let paths = self.moving.paths(self.i, t);
+        let to_middle = way_to_middle(&paths, &self.off);
+        Way { t, paths, to_middle }
+    }
+
+    /// A layer from its values in the mid frame, `seen`, row-major as the layer is, and both clamped; in the cells of `doubts` the layer `other` counts where trust is missing.
+    /// Of other cells it is read at the [`probes`], as both layers tell whether a cell is far from any contour.
+    pub fn layer(&self, seen: &[f32], way: &Way, trust: &Trust, doubts: &Cells, other: &[f32]) -> Vec<f32> {
+        let Way { t, paths, to_middle } = way;
+        let dims = self.lost[0].dims();
+        let [nx, ny] = dims;
+        let limit = self.limit;
+        let w = smoothstep(*t);
+        let read = Read { seen, dims, lost: &self.lost, weights: [1.0 - w, w], limit };
+        let mut out = vec![0.0; nx * ny];
+        out.par_chunks_mut(nx * CELL).enumerate().for_each(|(cell, rows)| {
+            let top = cell * CELL;
+            for left in (0..nx).step_by(CELL) {
+                let (right, bottom) = ((left + CELL).min(nx) - 1, (top + CELL).min(ny) - 1);
+                let probes = probes([left, top], [right, bottom]);
+                let doubtful = doubts.at(left, top);
+                let at = |x: [f64; 2]| sample(seen, dims, plus(x, to_middle.at(x), 1.0));
+                let probed = probes.map(|p| at(p.map(|p| p as f64)));
+                let others = probes.map(|[x, y]| f64::from(other[y * nx + x]));
+                let all = || probed.iter().chain(&others);
+                let far = all().all(|v| *v >= limit) || all().all(|v| *v <= -limit);
+                let [mut ways, mut come, mut go] = [[[0.0; 2]; CELL]; 3];
+                for y in top..=bottom {
+                    let row = &mut rows[(y - top) * nx + left..=(y - top) * nx + right];
+                    if far {
+                        row.fill(probed[0] as f32);
+                        continue;
+                    }
+                    to_middle.read_row(y, left, &mut ways);
+                    paths.come.read_row(y, left, &mut come);
+                    paths.go.read_row(y, left, &mut go);
+                    let others = doubtful.then(|| (trust, &other[y * nx + left..]));
+                    values(&read, [left, y], [&ways, &come, &go], others, row);
+                }
+            }
+        });
+        out
+    }
+}
+
+/// What a layer's values are made of: those in the mid frame, and what the way there takes from either slice with its weight at this time.
+struct Read<'a> {
+    seen: &'a [f32],
+    dims: [usize; 2],
+    lost: &'a [Packed<f64>; 2],
+    weights: [f64; 2],
+    limit: f64,
+}
+
+/// Values at pixels of a row from `first` on, by their ways to the mid frame, from the lower slice and to the upper one; where trust may be
+/// missing with the other method's values.
+#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
+fn values(
+    read: &Read<'_>,
+    first: [usize; 2],
+    [ways, come, go]: [&[[f64; 2]; CELL]; 3],
+    others: Option<(&Trust, &[f32])>,
+    row: &mut [f32],
+) {
+    for (k, out) in row.iter_mut().enumerate() {
+        let x = [(first[0] + k) as f64, first[1] as f64];
+        let middle = plus(x, ways[k], 1.0);
+        let low = read.lost[0].sample(plus(x, come[k], -1.0));
+        let high = read.lost[1].sample(plus(x, go[k], 1.0));
+        let v = sample_smooth(read.seen, read.dims, middle) + read.weights[0] * low + read.weights[1] * high;
+        let v = others.map_or(v, |(trust, others)| {
+            let trust = trust.at(middle);
+            trust * v + (1.0 - trust) * f64::from(others[k])
+        });
+        *out = v.clamp(-read.limit, read.limit) as f32;
+    }
+}
+
+/// From a layer's pixels to where their trajectories are in the mid frame: the mean of the ways over either slice.
+fn way_to_middle(paths: &Paths, off: &[Displacement; 2]) -> Displacement {
+    let mut way = paths.come.clone();
+    let over = |slice: [f64; 2], off: &Displacement| plus(slice, off.at(slice), 1.0);
+    for ((k, way), go) in way.vectors.iter_mut().enumerate().zip(&paths.go.vectors) {
+        let x = paths.come.centre(k);
+        let (a, b) = (over(plus(x, *way, -1.0), &off[0]), over(plus(x, *go, 1.0), &off[1]));
+        *way = [0.5 * (a[0] + b[0]) - x[0], 0.5 * (a[1] + b[1]) - x[1]];
+    }
+    way
+}

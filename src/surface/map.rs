@@ -1,0 +1,47 @@
+//! Maps: where a height map lies, in which coordinate system, and which part of the computed pixels it shows.
+
+pub use super::crs::Crs;
+
+use serde::{Deserialize, Serialize};
+
+use crate::surface::Layer;
+use crate::surface::header::Header;
+
+/// What a contour map says besides its lines. Its stack goes on beyond the map's border, so that the border is no contour; outputs show the
+/// pixels within it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Map {
+    /// Coordinate system of x and y.
+    pub crs: Crs,
+    /// First column and row within the border.
+    pub first: [usize; 2],
+    /// Columns and rows within it.
+    pub dims: [usize; 2],
+}
+
+impl Map {
+    /// Whether it is a part of layers of `dims` pixels.
+    pub fn lies_within(&self, dims: [usize; 2]) -> bool {
+        (0..2).all(|a| self.dims[a] > 0 && self.first[a].checked_add(self.dims[a]).is_some_and(|end| end <= dims[a]))
+    }
+
+    /// The header of the part that is shown.
+    pub fn header(&self, whole: &Header) -> Header {
+        let mut header = Header { dims: self.dims, ..whole.clone() };
+        for (axis, way) in whole.geometry.axes.iter().take(2).enumerate() {
+            let by = self.first[axis] as f64 * whole.spacing[axis];
+            (0..3).for_each(|k| header.geometry.origin[k] += by * way[k]);
+        }
+        header
+    }
+
+    /// The part of a layer of `dims` pixels that is shown.
+    pub fn layer(&self, whole: &Layer, dims: [usize; 2]) -> Layer {
+        let row = |j: usize| {
+            let from = (self.first[1] + j) * dims[0] + self.first[0];
+            &whole.phi[from..from + self.dims[0]]
+        };
+        let phi = (0..self.dims[1]).flat_map(row).copied().collect();
+        Layer { z: whole.z, phi, output: whole.output, contour: whole.contour }
+    }
+}

@@ -24,7 +24,7 @@ mod gpu {
     use std::time::Instant;
 
     use interslice::evaluate::demo::demo;
-    use interslice::gpu::selftest::single_kernels::Reach;
+    use interslice::gpu::selftest::single_kernels::DistanceReach;
     use interslice::gpu::{Gpu, GpuOptions};
     use interslice::grid::field::Field;
     use interslice::input::read;
@@ -129,7 +129,7 @@ mod gpu {
                 gpu.distances(&star, [1.0, 1.0], reach)?;
                 Ok(begin.elapsed().as_secs_f64())
             };
-            let (near, far) = (seconds(Reach::Within(32.0))?, seconds(Reach::Everywhere)?);
+            let (near, far) = (seconds(DistanceReach::Within(32.0))?, seconds(DistanceReach::Everywhere)?);
             let begin = Instant::now();
             interslice::reference::distance::distance_of(&star[0], [1.0, 1.0]);
             let twin = begin.elapsed().as_secs_f64();

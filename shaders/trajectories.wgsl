@@ -1,5 +1,5 @@
 // Paths through layers: from the lower slice to the layer and from there to the upper one, per node. The twins are
-// `Displacement::through` and `MovingField::paths`.
+// `Displacement::through` and `MotionField::paths`.
 
 @group(0) @binding(1) var<storage, read> vectors: array<vec2<f32>>;
 @group(0) @binding(2) var<storage, read> rates: array<vec2<f32>>;

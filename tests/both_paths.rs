@@ -14,7 +14,7 @@ use interslice::input::read;
 use interslice::progress::Silent;
 use interslice::reference::displacement::ROUNDS;
 use interslice::registration::displacement::{Displacement, DisplacementJob};
-use interslice::registration::motion_field::{LoneParts, MovingField};
+use interslice::registration::motion_field::{LoneParts, MotionField};
 use interslice::settings::Method;
 use interslice::stack::ReadOptions;
 use interslice::{Backend, ContourStack, Error, Reconstruction, Reference, Settings, height_grid, reconstruct_with};
@@ -251,7 +251,7 @@ fn stages_of_the_moving_field_are_the_same_in_batches() {
         let job =
             DisplacementJob { fields: &fields, gaps: &gaps, guess: &still, begin: &still, rounds: 0..ROUNDS.len(), h };
         let found = gpu.displacements(&job).expect("displacements");
-        let moving = MovingField::new(Vec::clone(&heights), 1.0, fields.clone(), found);
+        let moving = MotionField::new(Vec::clone(&heights), 1.0, fields.clone(), found);
         let slopes = gpu.moving_slopes(&moving, 0..10, &Silent).expect("slopes");
         let before = gpu.profile().submissions;
         let lone = LoneParts::default();

@@ -1,8 +1,8 @@
 //! The certificate fails where it should: every check sees the one defect that it is for, and nothing in a sound body.
 
 use interslice::Report;
-use interslice::pipeline::certificate::{Examined, Spec};
-use interslice::report::{ContourReport, Pair};
+use interslice::pipeline::certificate::{CertificateSpec, Examined};
+use interslice::report::{ContourReport, PartPair};
 use interslice::settings::EndRule;
 use interslice::stack::heights::BESIDE;
 use interslice::surface::Layer;
@@ -31,7 +31,7 @@ fn examined(of: impl Fn(f64) -> Discs, parted: &[(u32, u32)]) -> Report {
     let beside = HEIGHTS.iter().flat_map(|z| [z - 10.0 * BESIDE, z + 10.0 * BESIDE]);
     all.extend(beside.filter(|z| (0.0..20.0).contains(z)));
     all.sort_by(f64::total_cmp);
-    let spec = Spec {
+    let spec = CertificateSpec {
         dims: [N, N],
         spacing: [1.0, 1.0],
         z: HEIGHTS.to_vec(),
@@ -115,7 +115,7 @@ fn overlapping_parts_that_are_torn_fail_unless_a_link_says_so() {
     let torn = |z: f64| if z == 4.0 { vec![[34.0, 4.0, 3.0]] } else { vec![[34.0, 4.0, 3.0], [16.0, 20.0, 8.0]] };
     let report = examined(torn, &[]);
     // In row order the small one comes first.
-    assert_eq!(report.body.torn, [Pair { slice: 0, from: 2, to: 2 }]);
+    assert_eq!(report.body.torn, [PartPair { slice: 0, from: 2, to: 2 }]);
     assert!(report.broken[0].contains("part 2 of slice 0 and part 2 of the next"), "{:?}", report.broken);
     assert_eq!(examined(torn, &[(2, 2)]).broken, [""; 0]);
 }

@@ -1,7 +1,7 @@
 //! Displacements read pixel by pixel, by rows, and bounded.
 
 use interslice::registration::displacement::{Displacement, Resting};
-use interslice::registration::motion_field::{MovingField, Paths, Place, time};
+use interslice::registration::motion_field::{MotionField, Paths, Place, time};
 
 /// A row weighs its axes in the other order: vectors of 7 px differ by their last bits.
 const ROUNDING: f64 = 1e-14;
@@ -54,15 +54,15 @@ fn trajectories_are_the_same_upside_down() {
     };
     let displacements: Vec<Displacement> = [0.0, 1.0, 2.0].map(bent).to_vec();
     let turned = displacements.iter().rev().map(|v| v.map(|_, _, v| v.map(|c| -c))).collect();
-    let up = MovingField::new(heights.to_vec(), 1.0, Vec::new(), displacements);
-    let down = MovingField::new(heights.map(|z| top - z).into_iter().rev().collect(), 1.0, Vec::new(), turned);
+    let up = MotionField::new(heights.to_vec(), 1.0, Vec::new(), displacements);
+    let down = MotionField::new(heights.map(|z| top - z).into_iter().rev().collect(), 1.0, Vec::new(), turned);
     // Below and above the slices, on all of them, and between.
     let layers = [-1.0, 0.0, 2.0, 5.0, 6.0, 6.5, 9.0, 14.0, 15.0];
-    let place = |moving: &MovingField, z: f64| {
+    let place = |moving: &MotionField, z: f64| {
         let i = moving.heights.partition_point(|h| *h <= z).clamp(1, 3) - 1;
         Place::new(moving, i, i, time(z, moving.heights[i], moving.heights[i + 1]), None)
     };
-    let carry = |moving: &MovingField, x: [f64; 2], (from, paths): &(Place, Paths), (to, _): &(Place, Paths)| {
+    let carry = |moving: &MotionField, x: [f64; 2], (from, paths): &(Place, Paths), (to, _): &(Place, Paths)| {
         let between = from.interval.min(to.interval) + 1..from.interval.max(to.interval);
         let between: Vec<[Resting; 2]> = between.map(|i| moving.at_slices[i].each_ref().map(Resting::from)).collect();
         from.carry(paths.to_slices(x), to, &between.iter().collect::<Vec<_>>())

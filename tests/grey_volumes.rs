@@ -9,7 +9,7 @@ use std::path::Path;
 use files::*;
 use interslice::input::read;
 use interslice::stack::axis::Axis;
-use interslice::stack::{ContourStack, Level, ReadOptions, SliceContent};
+use interslice::stack::{ContourStack, LevelSlice, ReadOptions, SliceContent};
 
 const SIZES: [usize; 3] = [41, 37, 13];
 const RADIUS: f64 = 14.3;
@@ -40,7 +40,7 @@ fn cut(path: &Path, more: ReadOptions) -> ContourStack {
     read(path, &ReadOptions { level: Some(LEVEL), ..more }).expect("the volume is sound")
 }
 
-fn levels(stack: &ContourStack, slice: usize) -> &Level {
+fn levels(stack: &ContourStack, slice: usize) -> &LevelSlice {
     match &stack.slices[slice].content {
         SliceContent::Level(u) => u,
         SliceContent::Mask(_) => panic!("grey values make level sets"),

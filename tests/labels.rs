@@ -9,7 +9,7 @@ use std::path::Path;
 use files::*;
 use interslice::input::labels::{Wanted, read_labels};
 use interslice::input::read;
-use interslice::labels::{Bodies, Decided, LabelStack, Plan, decide, reconstruct};
+use interslice::labels::{Bodies, DecidedLabels, LabelStack, Plan, decide, reconstruct};
 use interslice::stack::ReadOptions;
 use interslice::surface::Layer;
 use interslice::{Budget, Means, Reference, Settings, progress};
@@ -51,7 +51,7 @@ fn write(path: &Path, voxels: &[u8]) {
 /// The labels of the volume, and a layer of label numbers per slice.
 struct Run {
     stack: LabelStack,
-    decided: Decided,
+    decided: DecidedLabels,
     layers: Vec<Layer>,
 }
 

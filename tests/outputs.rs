@@ -15,7 +15,7 @@ use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::files::{JobOptions, Loaded};
 use interslice::progress::Silent;
-use interslice::report::{Report, Side};
+use interslice::report::{BodyEnd, Report};
 use interslice::settings::EndRule;
 use interslice::stack::ContourStack;
 use interslice::{Budget, Means, Reconstruction, Reference, Settings, reconstruct_with};
@@ -125,7 +125,7 @@ fn areas_and_ends_add_up_to_the_volume() {
         let volume = report.volume.expect("a report has it");
         println!("{rule_is}: {volume:.1}, by areas {sum:.1}, ends {:?}", report.ends);
         assert!((sum / volume - 1.0).abs() < 2e-3, "{rule_is}: {sum} for {volume}");
-        assert_eq!(report.ends.iter().map(|e| e.side).collect::<Vec<_>>(), [Side::Bottom, Side::Top]);
+        assert_eq!(report.ends.iter().map(|e| e.side).collect::<Vec<_>>(), [BodyEnd::Bottom, BodyEnd::Top]);
         assert!(areas.layers.windows(2).all(|w| w[0][0] < w[1][0]), "heights increase");
     }
     // What a run says of rules that it does not use is what a run that uses them does.
@@ -241,7 +241,7 @@ fn a_glb_holds_the_mesh() {
 #[cfg(feature = "simplify")]
 mod simplify {
     use interslice::surface::mesh::{Mesh, closed_surface};
-    use interslice::surface::simplify::{Distances, simplified};
+    use interslice::surface::simplify::{TriangleTree, simplified};
     use interslice::surface::stream::LayerSink;
 
     use super::*;
@@ -249,7 +249,7 @@ mod simplify {
 
     /// Largest distance of random points of `from` to `to`.
     fn farthest(from: &Mesh, to: &Mesh) -> f64 {
-        let to = Distances::new(to);
+        let to = TriangleTree::new(to);
         let mut state = 7u64;
         let mut random = || {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

@@ -12,7 +12,7 @@ use interslice::grid::field::Field;
 use interslice::input::read;
 use interslice::polygons::edges::contour_edges;
 use interslice::polygons::grid::pixel_side;
-use interslice::polygons::{CLAMP, Drawing, Planes, Polygon, stack};
+use interslice::polygons::{CLAMP, PlaneDrawing, Planes, Polygon, stack};
 use interslice::stack::{ContourStack, Geometry, ReadOptions, SliceContent};
 use proptest::prelude::*;
 
@@ -31,7 +31,7 @@ fn square(low: f64, high: f64) -> Polygon {
 
 /// Both slices hold the same regions.
 fn stack_of(regions: Vec<Vec<Polygon>>, pixel: f64) -> ContourStack {
-    let slice = |z: f64| Drawing { name: format!("z={z}"), z, extra: false, regions: regions.clone() };
+    let slice = |z: f64| PlaneDrawing { name: format!("z={z}"), z, extra: false, regions: regions.clone() };
     let planes = Planes { unit: "mm".into(), axes: Geometry::default().axes, z_out: None };
     stack(&[slice(0.0), slice(3.0)], &planes, Some([pixel; 2])).expect("the drawings are sound")
 }
@@ -182,7 +182,8 @@ fn coincident_sides_cancel_in_pairs() {
 
 #[test]
 fn pixels_are_half_the_distance_of_points_and_finer_for_thin_bodies() {
-    let drawing = |polygon: Polygon| Drawing { name: "a".into(), z: 0.0, extra: false, regions: vec![vec![polygon]] };
+    let drawing =
+        |polygon: Polygon| PlaneDrawing { name: "a".into(), z: 0.0, extra: false, regions: vec![vec![polygon]] };
     // 2 mm between points, 60 mm wide: half the distance.
     let round = drawing(circle([0.0; 2], 30.0, 94));
     assert!((pixel_side(&[round]) - 1.0).abs() < 0.01);

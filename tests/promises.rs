@@ -8,7 +8,7 @@ mod support;
 use std::f64::consts::PI;
 
 use interslice::evaluate::demo::demo;
-use interslice::polygons::{self, Drawing, Planes};
+use interslice::polygons::{self, PlaneDrawing, Planes};
 #[cfg(feature = "gpu")]
 use interslice::settings::SplineEnd;
 use interslice::settings::{AntiAlias, EndRule, Method, Motion, SlopeRule};
@@ -460,9 +460,9 @@ fn spheres(rule: EndRule) -> (f64, f64) {
                     let r = (radius * radius - z * z).sqrt();
                     let at = |k: usize| PI * k as f64 / 36.0;
                     let circle = (0..72).map(|k| [x + r * at(k).cos(), y + r * at(k).sin()]).collect();
-                    Drawing { name: format!("{z}"), z, extra: false, regions: vec![vec![circle]] }
+                    PlaneDrawing { name: format!("{z}"), z, extra: false, regions: vec![vec![circle]] }
                 };
-                let drawings: Vec<Drawing> = planes.map(of_plane).collect();
+                let drawings: Vec<PlaneDrawing> = planes.map(of_plane).collect();
                 if drawings.len() < 3 {
                     continue;
                 }

@@ -9,7 +9,7 @@ use std::fs;
 use files::*;
 use interslice::input::read;
 use interslice::settings::EndRule;
-use interslice::stack::{HeightGrid, Level, ReadOptions, SliceContent};
+use interslice::stack::{HeightGrid, LevelSlice, ReadOptions, SliceContent};
 use interslice::{Settings, height_grid, reconstruct};
 use shapes::{circle, levels, masks};
 
@@ -29,7 +29,7 @@ fn heights_that_are_no_numbers_are_refused_by_name() {
     let SliceContent::Level(u) = &mut grey.slices[1].content else { panic!("levels were asked for") };
     let mut values = u.values();
     values[85] = f32::NAN;
-    *u = Level::new(&values, 40);
+    *u = LevelSlice::new(&values, 40);
     let message = grey.validate().expect_err("NaN is no value").to_string();
     assert!(message.contains("slice 1") && message.contains("pixel (5, 2)"), "{message}");
 }

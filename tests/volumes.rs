@@ -11,7 +11,7 @@ use files::*;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use interslice::input::read;
-use interslice::input::volume::grid::Grid;
+use interslice::input::volume::grid::VolumeGrid;
 use interslice::input::{read_surveyed, survey};
 use interslice::stack::axis::Axis;
 use interslice::stack::{ContourStack, ReadOptions, SliceContent};
@@ -267,7 +267,8 @@ fn dz_and_isotropic_set_the_heights_of_a_volume() {
         assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
         read_surveyed(&target, &ReadOptions::default()).expect("it is sound").1.expect("a volume").volume.grid
     };
-    let near = |grid: &Grid, spacing: [f64; 3]| grid.spacing().iter().zip(spacing).all(|(a, b)| (a - b).abs() < 1e-9);
+    let near =
+        |grid: &VolumeGrid, spacing: [f64; 3]| grid.spacing().iter().zip(spacing).all(|(a, b)| (a - b).abs() < 1e-9);
     assert!(near(&sides(&[]), [1.5, 2.0, 2.5]));
     let fine = sides(&["--dz", "0.5"]);
     assert!(near(&fine, [0.5, 2.0, 2.5]) && fine.dims == [28, 8, 7], "{fine:?}");

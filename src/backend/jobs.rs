@@ -7,11 +7,11 @@ use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
 use crate::contour::seeds::Seed;
 use crate::grid::field::Field;
-use crate::grid::spline::{Course, smoothstep};
+use crate::grid::spline::{HermiteArc, smoothstep};
 use crate::grid::tiled::Packed;
 use crate::report::Residual;
 use crate::settings::Sweep;
-use crate::storage::spill::Stored;
+use crate::storage::spill::SpillArray;
 
 /// Ask for the distance field of a part of a contour: some components alone, or a contour whose dying holes are filled.
 #[derive(Debug, Clone)]
@@ -92,7 +92,7 @@ impl Track {
     }
 }
 
-impl Stored for Vec<Track> {
+impl SpillArray for Vec<Track> {
     fn count(&self) -> usize {
         self.len()
     }
@@ -140,7 +140,7 @@ pub struct SweepJob<'a> {
     /// Seed positions, pixels of the tile.
     pub seeds: Vec<[f64; 2]>,
     /// One course per seed.
-    pub courses: Vec<Course>,
+    pub courses: Vec<HermiteArc>,
     /// Times at which the level set is wanted, increasing, in (0, 1).
     pub times: Vec<f64>,
 }

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::grid::field::Field;
 use crate::progress::Progress;
 use crate::registration::displacement::{Displacement, DisplacementJob};
-use crate::registration::motion_field::{Cells, LoneParts, MovingField};
+use crate::registration::motion_field::{Cells, LoneParts, MotionField};
 use crate::settings::{AntiAlias, Settings, Sweep};
 use crate::stack::SliceContent;
 use crate::storage::spill::Budget;
@@ -186,7 +186,7 @@ pub trait Backend: Sync {
     ///
     /// # Errors
     /// A backend's own failures.
-    fn moving_slopes(&self, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>>;
+    fn moving_slopes(&self, moving: &MotionField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>>;
 
     /// Layers of interval `i`, whose slices have these slopes, at these times on the whole padded image, clamped to `limit` px. Where `wanted` names cells for each time,
     /// of others only the corners and the middle count.
@@ -196,7 +196,7 @@ pub trait Backend: Sync {
     #[expect(clippy::too_many_arguments, reason = "one stage reads what all stages before it have made")]
     fn moving_layers(
         &self,
-        moving: &MovingField,
+        moving: &MotionField,
         slopes: [&Field; 2],
         lone: &LoneParts,
         i: usize,

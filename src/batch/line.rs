@@ -14,7 +14,7 @@ const COLUMNS: [&str; 4] = ["id", "input", "outputs", "options"];
 /// One job as it is written.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Line {
+pub struct ManifestLine {
     /// Name of the job, unique in its manifest.
     pub id: String,
     /// Input, relative to the manifest's folder.
@@ -27,7 +27,7 @@ pub struct Line {
 }
 
 /// A line's number, from 1, and the line or what is wrong with it.
-pub type Numbered = (usize, std::result::Result<Line, String>);
+pub type Numbered = (usize, std::result::Result<ManifestLine, String>);
 
 /// Whether a manifest of this name is CSV; else it is JSON Lines.
 fn is_csv(path: &Path) -> Result<bool> {
@@ -61,7 +61,7 @@ pub fn read(path: &Path) -> Result<Vec<Numbered>> {
 ///
 /// # Errors
 /// [`Error::Format`] as [`read`].
-pub fn text(lines: &[Line], path: &Path) -> Result<String> {
+pub fn text(lines: &[ManifestLine], path: &Path) -> Result<String> {
     let fail = |message: String| Error::Format { path: path.into(), message };
     if !is_csv(path)? {
         let rows: serde_json::Result<Vec<String>> = lines.iter().map(serde_json::to_string).collect();
@@ -108,7 +108,7 @@ fn read_csv(text: &str) -> std::result::Result<Vec<Numbered>, String> {
         let number = record.position().map_or(0, |p| p.line() as usize);
         let cell = |name: &str| place(name).and_then(|k| record.get(k)).unwrap_or_default();
         let line = if record.len() == header.len() {
-            options_of_cell(cell("options")).map(|options| Line {
+            options_of_cell(cell("options")).map(|options| ManifestLine {
                 id: cell("id").into(),
                 input: cell("input").into(),
                 outputs: cell("outputs")

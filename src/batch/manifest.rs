@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use super::line::{Line, read};
+use super::line::{ManifestLine, read};
 use crate::error::{Error, Result};
 use crate::files::JobOptions;
 use crate::files::fingerprint::fingerprint;
@@ -110,7 +110,7 @@ impl Manifest {
 }
 
 /// A line as a job, or all that is wrong with it.
-fn job(line: Line, number: usize, folder: &Path, claims: &mut Claims) -> std::result::Result<Job, Vec<String>> {
+fn job(line: ManifestLine, number: usize, folder: &Path, claims: &mut Claims) -> std::result::Result<Job, Vec<String>> {
     let mut wrong = Vec::new();
     if line.id.trim().is_empty() {
         wrong.push("`id` must not be empty".into());
@@ -140,7 +140,7 @@ fn job(line: Line, number: usize, folder: &Path, claims: &mut Claims) -> std::re
 }
 
 /// The options of a line; what is wrong with them is added to `wrong`.
-fn options(line: &Line, folder: &Path, wrong: &mut Vec<String>) -> JobOptions {
+fn options(line: &ManifestLine, folder: &Path, wrong: &mut Vec<String>) -> JobOptions {
     let mut table = toml::Table::new();
     for (key, value) in &line.options {
         match toml::Value::try_from(value) {

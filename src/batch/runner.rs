@@ -52,12 +52,12 @@ pub fn run(
         agenda: Mutex::new(Agenda { fresh: (0..manifest.jobs.len()).collect(), elsewhere: VecDeque::new() }),
         outcomes: Mutex::new(vec![Outcome::NotRun; manifest.jobs.len()]),
     };
-    fly(&batch, options.jobs.max(1));
+    run_workers(&batch, options.jobs.max(1));
     Ok(batch.outcomes.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
 /// All jobs through all threads.
-fn fly(batch: &Batch<'_>, jobs: usize) {
+fn run_workers(batch: &Batch<'_>, jobs: usize) {
     let (to_compute, read) = sync_channel(jobs);
     let (to_write, computed) = sync_channel(jobs);
     let (read, computed) = (Mutex::new(read), Mutex::new(computed));

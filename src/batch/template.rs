@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Map;
 
-use super::line::Line;
+use super::line::ManifestLine;
 use crate::error::{Error, Result};
 use crate::input;
 use crate::input::VOLUMES;
@@ -29,7 +29,7 @@ pub struct Template {
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Format`] for a folder without cases, or a volume whose labels cannot be read.
-pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<Line>> {
+pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<ManifestLine>> {
     let unreadable = |source| Error::Read { path: folder.into(), source };
     let entries: std::io::Result<Vec<PathBuf>> =
         fs::read_dir(folder).map_err(unreadable)?.map(|entry| Ok(entry?.path())).collect();
@@ -47,7 +47,7 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<L
         let short = stem(&path).unwrap_or_default();
         // `a` and `a.nrrd` side by side.
         let name = if used.insert(short.clone()) { short } else { full };
-        let line = |id: String, options| Line {
+        let line = |id: String, options| ManifestLine {
             outputs: template.extensions.iter().map(|e| format!("{}/{id}.{e}", template.output)).collect(),
             id,
             input: from(&path, base),

@@ -38,7 +38,7 @@ Exit codes: 0 all done, 1 some failed or were not run (listed last), 2 the manif
 
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = MANIFEST)]
-pub struct Arguments {
+pub struct BatchArguments {
     /// Manifest: .jsonl or .csv; with --template the file to write, which must not exist [default with --template: standard output]
     #[arg(required_unless_present = "template")]
     manifest: Option<PathBuf>,
@@ -87,7 +87,7 @@ pub struct Arguments {
     quiet: bool,
 }
 
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &BatchArguments) -> Result<()> {
     if let Some(folder) = &arguments.template {
         return write_template(folder, arguments);
     }
@@ -165,7 +165,7 @@ fn stop_on_interrupt() -> Arc<AtomicBool> {
     stop
 }
 
-fn write_template(folder: &Path, arguments: &Arguments) -> Result<()> {
+fn write_template(folder: &Path, arguments: &BatchArguments) -> Result<()> {
     let wanted = Template {
         extensions: arguments.ext.iter().map(|e| e.trim_start_matches('.').to_string()).collect(),
         output: arguments.out.trim_end_matches('/').to_string(),

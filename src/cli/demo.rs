@@ -17,7 +17,7 @@ use super::devices::DeviceOptions;
 use super::session::{Telling, reconstruct};
 
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct DemoArguments {
     /// Which stack: the figure of the paper it stands for (the bodies of 1, 7, 8 and 9 are ours)
     #[arg(default_value = "all", value_parser = ["fig1", "fig5", "fig6", "fig7", "fig8", "fig9", "fig10", "all"])]
     name: String,
@@ -30,7 +30,7 @@ pub struct Arguments {
     device: DeviceOptions,
 }
 
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &DemoArguments) -> Result<()> {
     for name in NAMES.iter().filter(|n| arguments.name == "all" || arguments.name == **n) {
         let Some(demo) = demo(name) else { continue };
         let folder = arguments.output.join(name);

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use interslice::batch::Machine as BatchMachine;
 #[cfg(feature = "gpu")]
 use interslice::batch::shared_gpu::SharedGpu;
-use interslice::estimate::memory::Needs;
+use interslice::estimate::memory::MemoryNeeds;
 #[cfg(feature = "gpu")]
 use interslice::gpu::adapter::{AdapterSummary, adapters};
 #[cfg(feature = "gpu")]
@@ -23,7 +23,7 @@ use super::say::say;
 /// What the user wants.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-enum Wish {
+enum BackendChoice {
     /// A GPU if there is one, else the reference path; the reference path too when the GPU fails
     #[default]
     Auto,
@@ -39,7 +39,7 @@ enum Wish {
 pub struct DeviceOptions {
     /// Where the numeric stages run
     #[arg(long, value_enum, default_value_t)]
-    backend: Wish,
+    backend: BackendChoice,
 
     /// GPU to use, by its number in `interslice devices` or a part of its name
     #[arg(long, value_name = "NAME|NUMBER")]
@@ -101,7 +101,7 @@ pub fn bytes(text: &str) -> std::result::Result<u64, String> {
 }
 
 /// The machine that was chosen, and why.
-pub struct Chosen<'n> {
+pub struct ChosenDevice<'n> {
     machine: Machine<'n>,
     /// Why this one.
     pub reason: String,
@@ -118,7 +118,7 @@ enum Machine<'n> {
     Either(Box<GpuOrReference<'n>>),
 }
 
-impl Chosen<'_> {
+impl ChosenDevice<'_> {
     /// The backend.
     pub fn backend(&self) -> &dyn Backend {
         match &self.machine {
@@ -134,8 +134,8 @@ impl Chosen<'_> {
     /// leaves too little.
     ///
     /// # Errors
-    /// As [`Needs::budget`].
-    pub fn budget(&mut self, needs: &Needs, writing: u64, limit: Option<u64>) -> Result<Budget> {
+    /// As [`MemoryNeeds::budget`].
+    pub fn budget(&mut self, needs: &MemoryNeeds, writing: u64, limit: Option<u64>) -> Result<Budget> {
         let budget = needs.budget(writing + self.backend().host_bytes() + self.left, limit);
         match (&self.machine, budget) {
             #[cfg(feature = "gpu")]
@@ -179,15 +179,15 @@ enum Found {}
 fn find(options: &DeviceOptions) -> Result<(Option<Found>, String)> {
     let open = |fallback| Gpu::open(&options.wanted()).map(|gpu| Found { gpu, fallback });
     let found = match options.backend {
-        Wish::Cpu => return Ok((None, "asked for with --backend cpu".into())),
-        Wish::Gpu => return Ok((Some(open(false)?), "asked for with --backend gpu".into())),
-        Wish::Auto if options.adapter.is_none() => {
+        BackendChoice::Cpu => return Ok((None, "asked for with --backend cpu".into())),
+        BackendChoice::Gpu => return Ok((Some(open(false)?), "asked for with --backend gpu".into())),
+        BackendChoice::Auto if options.adapter.is_none() => {
             if let Err(why) = automatic(&adapters()) {
                 return Ok((None, why));
             }
             open(true)
         }
-        Wish::Auto => open(true),
+        BackendChoice::Auto => open(true),
     };
     let reason = if options.adapter.is_some() { "asked for with --adapter" } else { "the best GPU of this machine" };
     match found {
@@ -202,15 +202,15 @@ fn find(options: &DeviceOptions) -> Result<(Option<Found>, String)> {
 fn find(options: &DeviceOptions) -> Result<(Option<Found>, String)> {
     let without = "this program was built without the `gpu` feature";
     match options.backend {
-        Wish::Gpu => Err(Error::Gpu(without.into())),
-        Wish::Auto => Ok((None, without.into())),
-        Wish::Cpu => Ok((None, "asked for with --backend cpu".into())),
+        BackendChoice::Gpu => Err(Error::Gpu(without.into())),
+        BackendChoice::Auto => Ok((None, without.into())),
+        BackendChoice::Cpu => Ok((None, "asked for with --backend cpu".into())),
     }
 }
 
 /// Opens what the options ask for; `notice` is told when a GPU fails on the way.
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU gives notice"))]
-pub fn choose<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<Chosen<'n>> {
+pub fn choose<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<ChosenDevice<'n>> {
     let (found, reason) = find(options)?;
     let machine = match found {
         None => Machine::Reference(std::marker::PhantomData),
@@ -221,11 +221,11 @@ pub fn choose<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) ->
         #[cfg(not(feature = "gpu"))]
         Some(none) => match none {},
     };
-    Ok(Chosen { machine, reason, left: 0, profile: options.profile })
+    Ok(ChosenDevice { machine, reason, left: 0, profile: options.profile })
 }
 
 /// The machine that all jobs of a batch share, and why.
-pub struct Shared<'n> {
+pub struct SharedDevice<'n> {
     together: Together<'n>,
     /// Why this one.
     pub reason: String,
@@ -238,7 +238,7 @@ enum Together<'n> {
     Gpu(Box<SharedGpu<'n>>),
 }
 
-impl Shared<'_> {
+impl SharedDevice<'_> {
     /// The machine.
     pub fn machine(&self) -> &dyn BatchMachine {
         match &self.together {
@@ -284,7 +284,7 @@ impl Shared<'_> {
 
 /// The same as [`choose`] for many jobs.
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU gives notice"))]
-pub fn share<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<Shared<'n>> {
+pub fn share<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<SharedDevice<'n>> {
     let (found, reason) = find(options)?;
     let together = match found {
         None => Together::Reference(std::marker::PhantomData),
@@ -295,7 +295,7 @@ pub fn share<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> 
         #[cfg(not(feature = "gpu"))]
         Some(none) => match none {},
     };
-    Ok(Shared { together, reason, profile: options.profile })
+    Ok(SharedDevice { together, reason, profile: options.profile })
 }
 
 /// The adapter that `--backend auto` takes, or why it takes none.

@@ -12,7 +12,7 @@ use super::devices::{DeviceOptions, choose};
 use super::say::say;
 
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct EvaluateArguments {
     /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy),
     /// a .dcm RTSTRUCT, or a .geojson or .shp contour map
     input: PathBuf,
@@ -35,7 +35,7 @@ pub struct Arguments {
     device: DeviceOptions,
 }
 
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     arguments.settings.validate()?;
     let input = Input::read(&arguments.input, &arguments.read)?;
     let notice = |message: &str| eprintln!("warning: {message}");

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use interslice::estimate::memory::Needs;
+use interslice::estimate::memory::MemoryNeeds;
 use interslice::estimate::runtime::Effort;
 use interslice::grid::components::{Components, label4, label8};
 use interslice::input::Input;
@@ -17,7 +17,7 @@ use super::say::{say, short};
 use super::volume;
 
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct InspectArguments {
     /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy),
     /// a .dcm RTSTRUCT, or a .geojson or .shp contour map
     input: PathBuf,
@@ -34,7 +34,7 @@ pub struct Arguments {
     links: LinkOptions,
 }
 
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &InspectArguments) -> Result<()> {
     #[cfg(feature = "dicom")]
     if interslice::input::is_structure_set(&arguments.input) {
         return structures(arguments);
@@ -54,7 +54,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 /// What a person should know of the labels, where there are several.
-fn of_labels(arguments: &Arguments, input: &Input) -> Vec<String> {
+fn of_labels(arguments: &InspectArguments, input: &Input) -> Vec<String> {
     let several = input.surveyed.as_ref().is_some_and(|s| s.survey.labels.len() > 1);
     if !several || arguments.read.label.is_some() || arguments.read.level.is_some() {
         return Vec::new();
@@ -75,7 +75,7 @@ fn told(doubts: impl IntoIterator<Item = String>) -> String {
 
 /// What is in an RTSTRUCT: all ROIs, or the one (or merged ones) that is chosen.
 #[cfg(feature = "dicom")]
-fn structures(arguments: &Arguments) -> Result<()> {
+fn structures(arguments: &InspectArguments) -> Result<()> {
     interslice::input::check(&arguments.input, &arguments.read)?;
     let set = interslice::rtstruct::StructureSet::read(&arguments.input)?;
     let several = set.rois.len() > 1 && arguments.read.roi.is_empty();
@@ -91,7 +91,7 @@ fn structures(arguments: &Arguments) -> Result<()> {
 
 /// What is in a contour map.
 #[cfg(feature = "terrain")]
-fn contour_map(arguments: &Arguments) -> Result<()> {
+fn contour_map(arguments: &InspectArguments) -> Result<()> {
     interslice::input::check(&arguments.input, &arguments.read)?;
     let terrain = interslice::terrain::Terrain::read(&arguments.input, &arguments.read)?;
     let links = arguments.links.read(&terrain.stack)?;
@@ -141,7 +141,7 @@ fn describe(stack: &ContourStack, links: &[Link], dz: Option<f64>) -> Result<Str
     ));
     let all = heights.heights()?;
     let threads = rayon::current_num_threads();
-    let needs = Needs::of(stack, &all, &Settings::default(), threads);
+    let needs = MemoryNeeds::of(stack, &all, &Settings::default(), threads);
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
     let instead = match needs.least < needs.all {
         true => format!(" (or {} MiB, and {} MiB of disk for temporary files)", mib(needs.least), mib(needs.disk)),

@@ -34,9 +34,9 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Turn a stack of contours into a closed surface
-    Reconstruct(Box<reconstruct::Arguments>),
+    Reconstruct(Box<reconstruct::ReconstructArguments>),
     /// Run the reconstructions that a manifest lists; run again, it goes on where it was interrupted
-    Batch(Box<batch::Arguments>),
+    Batch(Box<batch::BatchArguments>),
     /// Say how a reconstruction can be split into parts, and what each needs
     Plan(Box<sections::PlanArguments>),
     /// Compute one part of a reconstruction
@@ -44,11 +44,11 @@ enum Command {
     /// Join the parts of a reconstruction into its outputs
     Merge(sections::MergeArguments),
     /// Say what is in a stack, before any work
-    Inspect(inspect::Arguments),
+    Inspect(inspect::InspectArguments),
     /// Leave slices out, reconstruct them, and say how well they are found
-    Evaluate(Box<evaluate::Arguments>),
+    Evaluate(Box<evaluate::EvaluateArguments>),
     /// Write the paper's synthetic stacks and reconstruct them
-    Demo(demo::Arguments),
+    Demo(demo::DemoArguments),
     /// List the GPUs of this machine and which one would be used
     Devices,
     /// Test whether a GPU and its driver compute rightly

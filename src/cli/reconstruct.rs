@@ -18,7 +18,7 @@ use super::labels;
 use super::session::{Telling, reconstruct, set_threads};
 
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct ReconstructArguments {
     #[command(flatten)]
     job: JobArguments,
 
@@ -56,7 +56,7 @@ pub struct Arguments {
     verbose: bool,
 }
 
-pub fn run(mut arguments: Arguments, matches: &ArgMatches) -> Result<()> {
+pub fn run(mut arguments: ReconstructArguments, matches: &ArgMatches) -> Result<()> {
     let input = arguments.job.input.clone();
     let options = arguments.job.options(&mut arguments.device, matches)?;
     if arguments.outputs.is_empty() && arguments.report.is_none() {

@@ -41,18 +41,18 @@ pub struct PlanArguments {
 
 /// Part K of N.
 #[derive(Debug, Clone, Copy)]
-struct Part {
+struct SplitPart {
     number: usize,
     count: usize,
 }
 
-impl FromStr for Part {
+impl FromStr for SplitPart {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let parsed = text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
         let (number, count) = parsed.ok_or_else(|| format!("must be K/N, such as 2/5; got `{text}`"))?;
-        Ok(Part { number, count })
+        Ok(SplitPart { number, count })
     }
 }
 
@@ -63,7 +63,7 @@ pub struct RunArguments {
 
     /// Part K of N
     #[arg(long, value_name = "K/N")]
-    part: Part,
+    part: SplitPart,
 
     /// File for the part, *.section, which `merge` takes
     #[arg(short, long, value_name = "FILE")]
@@ -168,7 +168,7 @@ pub fn plan(arguments: PlanArguments, matches: &ArgMatches) -> Result<()> {
 
 pub fn run(mut arguments: RunArguments, matches: &ArgMatches) -> Result<()> {
     set_threads(arguments.threads)?;
-    let Part { number, count } = arguments.part;
+    let SplitPart { number, count } = arguments.part;
     let input = arguments.job.input.clone();
     let options = arguments.job.options(&mut arguments.device, matches)?;
     let name = fingerprint(&input, &options, &["section"])?;

@@ -6,7 +6,7 @@ use interslice::surface::stream::LayerSink;
 use interslice::{Budget, Error, Means, Progress, Reconstruction, Result};
 
 use super::bar::Bars;
-use super::devices::{Chosen, DeviceOptions, choose, tell_profile};
+use super::devices::{ChosenDevice, DeviceOptions, choose, tell_profile};
 
 /// How much a run tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,12 +47,12 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
 }
 
 /// The machine that the options choose.
-pub fn chosen(device: &DeviceOptions) -> Result<Chosen<'_>> {
+pub fn chosen(device: &DeviceOptions) -> Result<ChosenDevice<'_>> {
     choose(device, &|message: &str| eprintln!("warning: {message}"))
 }
 
 /// Says where a run computes, and what does not stay in memory.
-pub fn tell_start(chosen: &Chosen<'_>, budget: &Budget, telling: Telling) {
+pub fn tell_start(chosen: &ChosenDevice<'_>, budget: &Budget, telling: Telling) {
     if telling != Telling::Quiet {
         eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
         tell_kept(budget);
@@ -63,7 +63,7 @@ pub fn tell_start(chosen: &Chosen<'_>, budget: &Budget, telling: Telling) {
 pub fn compute(
     loaded: &Loaded,
     sink: &mut dyn LayerSink,
-    chosen: &Chosen<'_>,
+    chosen: &ChosenDevice<'_>,
     budget: &Budget,
     telling: Telling,
 ) -> Result<Reconstruction> {
@@ -113,7 +113,7 @@ fn tell(body: &Reconstruction) {
     for stage in &body.report.stages {
         eprintln!("{:>10} {:8.3} s", stage.name, stage.seconds);
     }
-    let step = |b: Option<interslice::report::Beside>| b.map_or("-".into(), |b| format!("{:.4} px", b.jump));
+    let step = |b: Option<interslice::report::StepBeside>| b.map_or("-".into(), |b| format!("{:.4} px", b.jump));
     for c in &body.report.contours {
         let residual =
             |r: Option<interslice::report::Residual>| r.map_or("      -".into(), |r| format!("{:.3} px", r.max));

@@ -17,7 +17,7 @@ const WITHIN: f64 = 0.5;
 
 /// The image that layers show: its pixels, where it lies on the padded image on which contours are, and how far distances go.
 #[derive(Debug, Clone, Copy)]
-pub struct Shown {
+pub struct OutputImage {
     /// Pixels.
     pub dims: [usize; 2],
     /// Padding of the padded image.
@@ -39,7 +39,7 @@ pub struct Cores {
 
 impl Cores {
     /// Where overlaps of two contours can be, by what is known of them without their fields; nothing where there is none.
-    pub fn tile(low: &Contour, high: &Contour, shown: &Shown) -> Option<Tile> {
+    pub fn tile(low: &Contour, high: &Contour, shown: &OutputImage) -> Option<Tile> {
         let [low, high] = [low, high].map(bounds);
         let ((low_from, low_to), (high_from, high_to)) = (low?, high?);
         let from = [0, 1].map(|a| low_from[a].max(high_from[a]));
@@ -54,7 +54,7 @@ impl Cores {
     }
 
     /// Those of two neighbouring contours, but of the pairs of parts that are kept apart; nothing where nothing overlaps.
-    pub fn new(low: &Contour, high: &Contour, parted: &[(u32, u32)], shown: &Shown) -> Option<Self> {
+    pub fn new(low: &Contour, high: &Contour, parted: &[(u32, u32)], shown: &OutputImage) -> Option<Self> {
         let tile = Cores::tile(low, high, shown)?;
         let width = low.phi.dims[0];
         let node = |n: usize| {

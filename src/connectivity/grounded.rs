@@ -6,7 +6,7 @@
 //! itself nowhere and yet is one. So far a layer depends on the stack alone. What still floats once all layers that are made are looked at together, a crumb of
 //! a few pixels over or under something that stays, changes sides, too.
 
-use crate::connectivity::runs::{Joined, Runs, Side};
+use crate::connectivity::runs::{DisjointSets, Runs, Side};
 
 /// Most pixels of a crumb: twice the largest that was seen, 6 px of a skull.
 const CRUMB: usize = 12;
@@ -29,7 +29,7 @@ pub fn grounded(layers: &[Runs], there: Option<&[Vec<bool>]>, nx: usize, side: S
         count += runs.count;
     }
     // The last thing is the ground.
-    let mut joined = Joined::new(count + 1);
+    let mut joined = DisjointSets::new(count + 1);
     for (k, runs) in layers.iter().enumerate() {
         if k == 0 || k + 1 == layers.len() {
             (0..runs.count).for_each(|part| joined.join(first[k] + part, count));

@@ -56,7 +56,7 @@ impl Runs {
     fn joined(mut self) -> Self {
         let out = &mut self;
         let wider = out.side == Some(Side::Outside);
-        let mut joined = Joined::new(out.runs.len());
+        let mut joined = DisjointSets::new(out.runs.len());
         for j in 1..out.rows.len() - 1 {
             touching(out, j - 1, out, j, wider, |a, b| joined.join(a, b));
         }
@@ -120,14 +120,14 @@ fn touching(a: &Runs, i: usize, b: &Runs, j: usize, wider: bool, mut each: impl 
 
 /// Things that are joined pair by pair (union-find); the lowest of those that are joined stands for them.
 #[derive(Debug, Clone, Default)]
-pub struct Joined {
+pub struct DisjointSets {
     parent: Vec<u32>,
 }
 
-impl Joined {
+impl DisjointSets {
     /// `count` things, each alone.
     pub fn new(count: usize) -> Self {
-        Joined { parent: (0..count as u32).collect() }
+        DisjointSets { parent: (0..count as u32).collect() }
     }
 
     /// Adds `count` things, each alone; the number of the first.

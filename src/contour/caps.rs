@@ -13,12 +13,12 @@ const AT_TIP: f64 = 1.0 - 1e-6;
 /// Half an ellipsoid, whose square is such a parabola, is a fifth fuller: mean Dice every 16th slice .8812 for .8822, real cases medium .9533 for
 /// .9537, hard .9241 for .9236.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Profile(f64);
+pub struct CapProfile(f64);
 
-impl Profile {
+impl CapProfile {
     /// The profile that begins with `shrinking`, s: upright where a part grows, and no less than nothing before the tip.
     pub fn new(shrinking: f64) -> Self {
-        Profile(shrinking.clamp(0.0, 2.0))
+        CapProfile(shrinking.clamp(0.0, 2.0))
     }
 
     /// s.
@@ -47,13 +47,13 @@ pub struct Cap {
     /// The largest distance that is kept, px.
     pub farthest: f64,
     /// How it closes.
-    pub profile: Profile,
+    pub profile: CapProfile,
 }
 
 impl Cap {
     /// Of a part whose contour goes outward by `slope` px per gap at first, that closes at `height`.
     pub fn new(part: &LonePart, slope: f64, height: f64, farthest: f64) -> Self {
-        let profile = Profile::new(-slope * height / part.depth.max(1e-6));
+        let profile = CapProfile::new(-slope * height / part.depth.max(1e-6));
         Cap { tile: part.tile, field: part.field.clone(), depth: part.depth, height, farthest, profile }
     }
 

@@ -52,7 +52,7 @@ impl Contour {
         Contour { z, seeds, phi, solids, holes, solid_depth, solid_box }
     }
 
-    /// Its seeds alone, of what [`Shelf::some`](crate::storage::spill::Shelf::some) gives.
+    /// Its seeds alone, of what [`SpillVec::some`](crate::storage::spill::SpillVec::some) gives.
     pub const SEEDS: &[usize] = &[0];
     /// Its level set alone.
     pub const FIELD: &[usize] = &[1];

@@ -31,27 +31,27 @@ pub struct Matching {
 
 /// What is known of pairs of components beforehand.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Decided {
+pub struct DecidedPairs {
     /// Pairs that belong together, whether they overlap or not.
     pub joined: Vec<(u32, u32)>,
     /// Pairs that do not, though they overlap. Others may still bring them into one group.
     pub parted: Vec<(u32, u32)>,
 }
 
-impl Decided {
+impl DecidedPairs {
     /// Only pairs that belong together.
     pub fn joining(pairs: &[(u32, u32)]) -> Self {
-        Decided { joined: pairs.to_vec(), parted: Vec::new() }
+        DecidedPairs { joined: pairs.to_vec(), parted: Vec::new() }
     }
 
     /// Only pairs that do not.
     pub fn parting(pairs: Vec<(u32, u32)>) -> Self {
-        Decided { joined: Vec::new(), parted: pairs }
+        DecidedPairs { joined: Vec::new(), parted: pairs }
     }
 }
 
 /// Builds the overlap graph of two labelled contours on the same pixels.
-pub fn match_components(low: (&Components, &Field), high: (&Components, &Field), decided: &Decided) -> Matching {
+pub fn match_components(low: (&Components, &Field), high: (&Components, &Field), decided: &DecidedPairs) -> Matching {
     // Deepest pixel of each overlapping pair; the first in row order where several are equally deep.
     let mut pairs: BTreeMap<(u32, u32), (f64, usize)> = BTreeMap::new();
     for (node, (&a, &b)) in low.0.labels.iter().zip(&high.0.labels).enumerate() {

@@ -38,7 +38,7 @@ pub fn closes(part: &LonePart, gap: f64, inner: Option<(&Succession, f64)>) -> f
             None => (),
             Some(Fall::Whole(fall)) => gone = at(fall),
             Some(Fall::Branch(fall)) => gone = at(fall).max(HALF_WAY),
-            Some(Fall::Trunk(fall)) => (gone, farthest) = (at(fall).max(HALF_WAY), TRUNK),
+            Some(Fall::Confluence(fall)) => (gone, farthest) = (at(fall).max(HALF_WAY), TRUNK),
         }
     }
     gone.min(farthest * part.depth / gap).clamp(*REACH.start(), *REACH.end())
@@ -51,7 +51,7 @@ enum Fall {
     /// It is one of several that come from one.
     Branch(f64),
     /// Several join in it.
-    Trunk(f64),
+    Confluence(f64),
 }
 
 /// What a part overlaps in another slice.
@@ -119,7 +119,7 @@ impl<'a> Succession<'a> {
         let thinner = |depth: f64| (depth / part.depth).powf(slimming(part));
         let from = match own.met {
             Met::Nothing => return None,
-            Met::Several => return Some(Fall::Trunk(thinner(own.within))),
+            Met::Several => return Some(Fall::Confluence(thinner(own.within))),
             Met::One(from) => from,
         };
         let before = self.to[from as usize];

@@ -47,7 +47,7 @@ const BASE_BYTES: f64 = 28.0 * 1024.0 * 1024.0;
 /// ([`reconstruct`](crate::reconstruct)) needs 4 bytes of memory per voxel more; writing them takes what
 /// [`format::bytes`](crate::files::format::bytes) says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Needs {
+pub struct MemoryNeeds {
     /// Bytes of memory where everything stays there.
     pub all: u64,
     /// Bytes of memory where as much as can be is in a temporary file.
@@ -56,7 +56,7 @@ pub struct Needs {
     pub disk: u64,
 }
 
-impl Needs {
+impl MemoryNeeds {
     /// Of a run for `heights` (increasing) on so many threads.
     pub fn of(stack: &ContourStack, heights: &[f64], settings: &Settings, threads: usize) -> Self {
         let px = stack.spacing[0].max(stack.spacing[1]);
@@ -99,13 +99,13 @@ impl Needs {
         let read = contents(stack);
         let least = interval + contours + waiting + image * PER_IMAGE_PIXEL;
         let [all, least] = [all, least].map(|bytes| (BASE_BYTES + read + bytes) as u64);
-        Needs { all, least: least.min(all), disk: (kept + all_drawn.edges as f64 * PER_CONTOUR_EDGE) as u64 }
+        MemoryNeeds { all, least: least.min(all), disk: (kept + all_drawn.edges as f64 * PER_CONTOUR_EDGE) as u64 }
     }
 
     /// The same of a section of `stack`, all of which has been read.
     pub fn within(self, stack: &ContourStack) -> Self {
         let read = contents(stack) as u64;
-        Needs { all: self.all + read, least: self.least + read, ..self }
+        MemoryNeeds { all: self.all + read, least: self.least + read, ..self }
     }
 
     /// What a run may keep in memory beside `beside` bytes of others, where `limit` bytes are allowed in all, or else what is free.

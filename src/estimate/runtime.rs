@@ -76,14 +76,14 @@ fn pace() -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stack::{Geometry, Level, Slice, SliceContent};
+    use crate::stack::{Geometry, LevelSlice, Slice, SliceContent};
 
     /// Discs that grow, 4 apart.
     fn stack(side: usize, slices: usize) -> ContourStack {
         let disc = |k: usize| {
             let (middle, radius) = (0.5 * side as f64, (0.3 + 0.01 * k as f64) * side as f64);
             let value = |n: usize| ((n % side) as f64 - middle).hypot((n / side) as f64 - middle) - radius;
-            SliceContent::Level(Level::new(&(0..side * side).map(|n| value(n) as f32).collect::<Vec<_>>(), side))
+            SliceContent::Level(LevelSlice::new(&(0..side * side).map(|n| value(n) as f32).collect::<Vec<_>>(), side))
         };
         let slice = |k: usize| Slice { name: k.to_string(), z: 4.0 * k as f64, extra: false, content: disc(k) };
         ContourStack {

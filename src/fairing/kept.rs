@@ -12,7 +12,7 @@ use crate::surface::Layer;
 pub type Near = (usize, [[f64; 2]; 2]);
 
 /// A layer that waits to be handed on.
-pub struct Waiting {
+pub struct WaitingLayer {
     /// Height.
     pub z: f64,
     /// Its distances.
@@ -21,11 +21,11 @@ pub struct Waiting {
     contour: Option<usize>,
 }
 
-impl Waiting {
+impl WaitingLayer {
     /// What has come.
     pub fn new(layer: Layer, dims: [usize; 2]) -> Self {
         let Layer { z, phi, output, contour } = layer;
-        Waiting { z, phi: Arc::new(Packed::of(dims, &phi)), output, contour }
+        WaitingLayer { z, phi: Arc::new(Packed::of(dims, &phi)), output, contour }
     }
 
     /// The layer as it has come.

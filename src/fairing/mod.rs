@@ -25,7 +25,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use self::along::add;
-use self::kept::{Near, Node, Transformed, Waiting, blocks_near};
+use self::kept::{Near, Node, Transformed, WaitingLayer, blocks_near};
 use self::limit::{cut, goes_on, limited};
 use self::near::{SATURATED, fade, nearer, nearness, widest};
 pub use self::nodes::Nodes;
@@ -35,7 +35,7 @@ use crate::error::Result;
 use crate::grid::spline::smoothstep;
 use crate::grid::tiled::Packed;
 use crate::registration::displacement::{Displacement, Resting};
-use crate::registration::motion_stack::MovingStack;
+use crate::registration::motion_stack::MotionStack;
 use crate::stack::heights::NODES;
 use crate::surface::Layer;
 
@@ -57,9 +57,9 @@ fn in_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
 const SMALL: usize = 1 << 20;
 
 /// What fairing needs to know of a stack.
-pub struct Spec<'m> {
+pub struct FairingSpec<'m> {
     /// The frame in which layers follow each other, and the padding of its image.
-    pub moving: Option<(&'m MovingStack<'m>, [usize; 2])>,
+    pub moving: Option<(&'m MotionStack<'m>, [usize; 2])>,
     /// Heights of the contours, increasing.
     pub contours: Vec<f64>,
     /// The first and last of the intervals whose layers come.
@@ -87,14 +87,14 @@ type Seen<'n> = (&'n Arc<Packed<f32>>, Option<Displacement>);
 
 /// Takes layers in order of height, all nodes among them, and hands them on, faired.
 pub struct Fairing<'m> {
-    spec: Spec<'m>,
+    spec: FairingSpec<'m>,
     nodes: Nodes,
     /// Per interval the nodes that its means are taken from, and the lowest that one of it or above is.
     averaged: Vec<Range<usize>>,
     lowest: Vec<usize>,
     side: f64,
     /// Layers that are not handed on.
-    waiting: VecDeque<Waiting>,
+    waiting: VecDeque<WaitingLayer>,
     /// Nodes that have come and are still needed.
     kept: VecDeque<Node>,
     /// Number of the first of them.
@@ -108,7 +108,7 @@ pub struct Fairing<'m> {
 
 impl<'m> Fairing<'m> {
     /// Nothing yet.
-    pub fn new(spec: Spec<'m>) -> Self {
+    pub fn new(spec: FairingSpec<'m>) -> Self {
         let (nodes, start) = (Nodes::new(spec.contours.clone()), spec.layers.start);
         let side = spec.spacing[0].max(spec.spacing[1]);
         let averaged: Vec<Range<usize>> = (0..nodes.intervals()).map(|i| nodes.averaged(i)).collect();
@@ -143,7 +143,7 @@ impl<'m> Fairing<'m> {
         let contours = self.spec.layers.start..=self.spec.layers.end;
         let [low, high] = [*contours.start(), *contours.end()].map(|i| self.spec.contours[i]);
         let node = self.nodes.at(layer.z).filter(|_| layer.z >= low && layer.z <= high);
-        let waiting = in_pool(|| Waiting::new(layer, self.spec.dims));
+        let waiting = in_pool(|| WaitingLayer::new(layer, self.spec.dims));
         if node.is_some() {
             self.kept.push_back(Node::new(waiting.phi.clone()));
         }
@@ -405,10 +405,10 @@ impl<'m> Fairing<'m> {
         let [low, high] = [0, 1].map(|k| self.nodes.height(NODES * (self.finished + k)));
         let whole = self.finished + 1 == self.spec.layers.end;
         let count = self.waiting.iter().take_while(|w| w.z < high || whole).count();
-        let layers: Vec<Waiting> = self.waiting.drain(..count).collect();
+        let layers: Vec<WaitingLayer> = self.waiting.drain(..count).collect();
         let at_once = self.at_once();
         for some in layers.chunks(at_once) {
-            let moved = |w: &Waiting| if w.z > low && w.z < high { self.moved(w) } else { w.layer() };
+            let moved = |w: &WaitingLayer| if w.z > low && w.z < high { self.moved(w) } else { w.layer() };
             let layers: Vec<Layer> = in_pool(|| some.into_par_iter().map(moved).collect());
             layers.into_iter().try_for_each(&mut *sink)?;
         }
@@ -418,7 +418,7 @@ impl<'m> Fairing<'m> {
     }
 
     /// A layer between contours moved by the curve through the corrections.
-    fn moved(&self, waiting: &Waiting) -> Layer {
+    fn moved(&self, waiting: &WaitingLayer) -> Layer {
         let mut layer = waiting.layer();
         let of = |(k, w): (usize, f64)| Some((self.node(k)?.correction.as_ref()?, w as f32));
         let terms: Vec<(&Packed<f32>, f32)> = self.nodes.curve(waiting.z).into_iter().filter_map(of).collect();

@@ -6,7 +6,7 @@ const DIMS: [usize; 2] = [41, 41];
 fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, Vec<f32>)> {
     let gaps: Vec<f64> = contours.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let nodes = Nodes::new(contours.to_vec());
-    let mut fairing = Fairing::new(Spec {
+    let mut fairing = Fairing::new(FairingSpec {
         moving: None,
         contours: contours.to_vec(),
         layers: 0..gaps.len(),

@@ -19,12 +19,12 @@ use crate::error::{Error, Result};
 use crate::height_grid;
 use crate::input::labels::{Wanted, read_labels};
 use crate::labels::report::{LabelReport, LabelsReport};
-use crate::labels::{Decided, KeptBody, LabelStack, Plan, decide, reconstruct};
+use crate::labels::{DecidedLabels, KeptBody, LabelStack, Plan, decide, reconstruct};
 use crate::report::Report;
 use crate::surface::Layer;
 use crate::surface::content::Whole;
 use crate::surface::header::Header;
-use crate::surface::stream::{BodyStream, BodyWriter, Ending, LayerSink, Needs};
+use crate::surface::stream::{BodyStream, BodyWriter, Ending, LayerSink, WriterNeeds};
 
 /// What is said about many labels.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -95,7 +95,7 @@ impl LoadedLabels {
         let count = self.stack.labels.len();
         let mut warnings = Vec::new();
         let (decided, borders) = if self.keep_overlaps {
-            let decided = Decided { bodies: bodies.alone, ..Decided::none(count) };
+            let decided = DecidedLabels { bodies: bodies.alone, ..DecidedLabels::none(count) };
             (decided, None)
         } else {
             let mut volume = outputs.volume.label_sink(self.numbers, &self.stack.appearances);
@@ -160,8 +160,8 @@ struct Measured {
 struct Measurer;
 
 impl BodyWriter for Measurer {
-    fn needs(&self) -> Needs {
-        Needs::Surface
+    fn needs(&self) -> WriterNeeds {
+        WriterNeeds::Surface
     }
 
     fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {

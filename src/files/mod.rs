@@ -24,11 +24,11 @@ use serde::Serialize;
 
 use crate::backend::Means;
 use crate::error::Result;
-use crate::estimate::memory::Needs;
+use crate::estimate::memory::MemoryNeeds;
 use crate::input;
 use crate::pipeline::section::Section;
 #[cfg(feature = "dicom")]
-use crate::rtstruct::{Source, StructureSet};
+use crate::rtstruct::{ReferencedSet, StructureSet};
 use crate::settings::Settings;
 use crate::stack::heights::Heights;
 use crate::stack::links::LinkOptions;
@@ -121,7 +121,7 @@ impl Loaded {
     #[cfg(feature = "dicom")]
     pub fn of_structures(set: &Arc<StructureSet>, mut options: JobOptions) -> Result<Self> {
         options.check()?;
-        let mut source = Source::new(set, &options.read)?;
+        let mut source = ReferencedSet::new(set, &options.read)?;
         let stack = source.stack()?;
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
@@ -165,8 +165,8 @@ impl Loaded {
     }
 
     /// What the reconstruction needs of memory and disk, without its outputs.
-    pub fn needs(&self) -> Needs {
-        Needs::of(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
+    pub fn needs(&self) -> MemoryNeeds {
+        MemoryNeeds::of(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
     }
 
     /// Bytes of memory that making meshes simpler needs, where that is asked for; nothing where no output is a mesh.
@@ -175,10 +175,14 @@ impl Loaded {
     }
 
     /// What a section of it needs, with all slices, which have been read.
-    pub fn needs_of(&self, section: &Section) -> Needs {
+    pub fn needs_of(&self, section: &Section) -> MemoryNeeds {
         let heights = section.heights(&self.stack, &self.heights);
-        let needs =
-            Needs::of(&section.stack(&self.stack), &heights, &self.options.settings, rayon::current_num_threads());
+        let needs = MemoryNeeds::of(
+            &section.stack(&self.stack),
+            &heights,
+            &self.options.settings,
+            rayon::current_num_threads(),
+        );
         needs.within(&self.stack)
     }
 

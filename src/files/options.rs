@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 #[cfg(feature = "simplify")]
 use crate::estimate::memory;
 #[cfg(feature = "dicom")]
-use crate::rtstruct::Source;
+use crate::rtstruct::ReferencedSet;
 use crate::stack::ContourStack;
 use crate::stack::appearance::Appearance;
 use crate::surface::map::Map;
@@ -57,7 +57,7 @@ pub struct OutputOptions {
     #[cfg(feature = "dicom")]
     #[arg(skip)]
     #[serde(skip)]
-    pub source: Option<Arc<Source>>,
+    pub source: Option<Arc<ReferencedSet>>,
 }
 
 impl OutputOptions {

@@ -14,7 +14,7 @@ use super::format::{Format, Kind, is_page, kind, needed};
 use super::options::OutputOptions;
 use super::pending::{Pending, Temporary, parent};
 use super::places::Places;
-use super::scenes::{Scenes, Shared};
+use super::scenes::{Scenes, SharedScene};
 use super::writers::{Meshes, writer};
 use crate::error::{Error, Result};
 use crate::report::Report;
@@ -33,7 +33,7 @@ use crate::surface::{local, nifti};
 pub struct Outputs {
     files: Vec<Output>,
     /// The scene that takes a mesh of the body too.
-    scene: Option<Shared>,
+    scene: Option<SharedScene>,
     /// The body on its way into the files.
     stream: Option<BodyStream<'static>>,
 }
@@ -142,7 +142,7 @@ impl Outputs {
     /// [`Error::Output`] where one of them cannot hold the body.
     fn origin(&self, header: &Header) -> Result<[f64; 3]> {
         let file = self.files.iter().find(|f| f.format.is_single()).map(|f| f.target.as_path());
-        let Some(target) = file.or(self.scene.as_ref().map(Shared::target)) else { return Ok([0.0; 3]) };
+        let Some(target) = file.or(self.scene.as_ref().map(SharedScene::target)) else { return Ok([0.0; 3]) };
         local::origin(header).map_err(|message| Error::Output { path: target.into(), message })
     }
 
@@ -203,7 +203,7 @@ impl LayerSink for Sink<'_> {
         }
         let scene = self.outputs.scene.as_ref();
         writers.extend(scene.map(|scene| meshes.writer(scene.write_mesh(&self.options.bodies, &header.unit, origin))));
-        let target = self.outputs.files.first().map(|f| f.target.as_path()).or(scene.map(Shared::target));
+        let target = self.outputs.files.first().map(|f| f.target.as_path()).or(scene.map(SharedScene::target));
         let folder = target.map_or(Path::new("."), parent);
         let has_nifti = self.outputs.files.iter().any(|f| matches!(f.format, Format::Nifti { .. }));
         let of_nifti = if has_nifti { nifti::told(header) } else { None };

@@ -9,21 +9,21 @@ use super::pending::{Pending, Temporary, parent};
 use super::places::Places;
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
-use crate::surface::glb::{About, Scene};
+use crate::surface::glb::{About, GlbScene};
 use crate::surface::mesh_files::WriteMesh;
 
 /// Open files of all bodies.
 pub struct Scenes {
     files: Vec<(PathBuf, Pending)>,
-    shared: Shared,
+    shared: SharedScene,
 }
 
 /// What takes the meshes of all bodies, one after the other.
 #[derive(Clone)]
-pub struct Shared {
+pub struct SharedScene {
     /// The file that messages name.
     target: PathBuf,
-    scene: Arc<Mutex<Scene>>,
+    scene: Arc<Mutex<GlbScene>>,
 }
 
 impl Scenes {
@@ -40,13 +40,13 @@ impl Scenes {
         let Some(target) = paths.first() else { return Ok(None) };
         let files = paths.iter().map(|path| Ok((path.clone(), Pending::open(path, false, Temporary::Random, places)?)));
         let files = files.collect::<Result<_>>()?;
-        let scene = Scene::new(parent(target)).map_err(|source| Error::Write { path: target.clone(), source })?;
-        let shared = Shared { target: target.clone(), scene: Arc::new(Mutex::new(scene)) };
+        let scene = GlbScene::new(parent(target)).map_err(|source| Error::Write { path: target.clone(), source })?;
+        let shared = SharedScene { target: target.clone(), scene: Arc::new(Mutex::new(scene)) };
         Ok(Some(Scenes { files, shared }))
     }
 
     /// What takes the bodies' meshes.
-    pub fn share(&self) -> Shared {
+    pub fn share(&self) -> SharedScene {
         self.shared.clone()
     }
 
@@ -79,7 +79,7 @@ impl Scenes {
     }
 }
 
-impl Shared {
+impl SharedScene {
     /// The file that messages name.
     pub(super) fn target(&self) -> &Path {
         &self.target
@@ -95,7 +95,7 @@ impl Shared {
         Box::new(move |mesh| shared.lock()?.add(mesh, &about))
     }
 
-    fn lock(&self) -> io::Result<MutexGuard<'_, Scene>> {
+    fn lock(&self) -> io::Result<MutexGuard<'_, GlbScene>> {
         self.scene.lock().map_err(|_| io::Error::other("a body before has failed"))
     }
 

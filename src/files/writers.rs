@@ -25,7 +25,7 @@ use crate::surface::origin::OriginWriter;
 use crate::surface::render::{PictureWriter, RenderOptions};
 #[cfg(feature = "simplify")]
 use crate::surface::spool::Spool;
-use crate::surface::stream::{BodyWriter, Ending, Needs};
+use crate::surface::stream::{BodyWriter, Ending, WriterNeeds};
 use crate::surface::{nifti, nrrd};
 
 /// The writer of an output, from its beginning.
@@ -136,8 +136,8 @@ struct SimplerWriter {
 
 #[cfg(feature = "simplify")]
 impl BodyWriter for SimplerWriter {
-    fn needs(&self) -> Needs {
-        Needs::Mesh
+    fn needs(&self) -> WriterNeeds {
+        WriterNeeds::Mesh
     }
 
     fn prepare(&mut self, mesh: &mut Spool) -> io::Result<Option<String>> {
@@ -179,8 +179,8 @@ fn in_folder(folder: &Path, header: &Header, content: Content) -> io::Result<Box
 struct ReportWriter(BufWriter<File>);
 
 impl BodyWriter for ReportWriter {
-    fn needs(&self) -> Needs {
-        Needs::Surface
+    fn needs(&self) -> WriterNeeds {
+        WriterNeeds::Surface
     }
 
     fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {

@@ -12,7 +12,7 @@ type Sides = [f64; 2];
 
 /// Calls that wait, stage by stage.
 #[derive(Debug, Default)]
-pub struct Waiting {
+pub struct WaitingCalls {
     /// From slices to level sets.
     pub slices: Calls<(Sides, ContourOptions), SliceJob<'static>, Field>,
     /// Level sets of parts.

@@ -4,7 +4,7 @@ use super::Gpu;
 use super::atlas::{Atlas, batches, padded};
 use super::band::Front;
 use super::device::Buffer;
-use super::distance::{self, Distances};
+use super::distance::{self, DistanceBuffers};
 use super::kernels::{Bound, Recorder, Size};
 use super::layout::{Copy, Item, Job, NONE, Params, VANISHED};
 use super::trace::morph_params;
@@ -167,7 +167,7 @@ fn blend(gpu: &Gpu, copies: &Copies, items: &[Item], nodes: usize, params: Param
 
 /// Fields that are right near their contours, continued outwards as distances.
 fn outwards(gpu: &Gpu, atlas: Atlas, params: Params, u: Buffer) -> Result<Vec<Field>> {
-    let tiles = Distances::new(gpu, atlas, params, u)?;
+    let tiles = DistanceBuffers::new(gpu, atlas, params, u)?;
     tiles.solve(true)?;
     Ok(tiles.atlas.unpack(&tiles.read()?))
 }

@@ -4,7 +4,7 @@ use super::Gpu;
 use super::atlas::{Atlas, batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::device::Buffer;
-use super::distance::Distances;
+use super::distance::DistanceBuffers;
 use super::kernels::{Recorder, Size};
 use super::layout::{Params, Rule};
 use crate::backend::conditioning::{
@@ -85,7 +85,8 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
             Some(with_room(room, atlas.node_count(), |room| eq6(gpu, &atlas, params, &exact, &packed, &sides, room))?)
         }
     };
-    let tiles = Distances::new(gpu, atlas.clone(), params, source.unwrap_or(gpu.device.upload("level", &packed)?))?;
+    let tiles =
+        DistanceBuffers::new(gpu, atlas.clone(), params, source.unwrap_or(gpu.device.upload("level", &packed)?))?;
     tiles.solve(false)?;
     if smooth == AntiAlias::Kernel {
         let exact = exact_distance(gpu, &atlas, params, &sides)?;
@@ -189,7 +190,7 @@ fn eq6(
 /// Brings distances to the fixed point of the sweeps' own reinitialisation near their contours.
 fn condition(
     gpu: &Gpu,
-    tiles: &Distances<'_>,
+    tiles: &DistanceBuffers<'_>,
     params: Params,
     options: ContourOptions,
     room: usize,

@@ -13,7 +13,7 @@ const LOOK: usize = 16;
 pub const NODE_BYTES: usize = 9;
 
 /// The tiles of a batch with a distance each.
-pub struct Distances<'g> {
+pub struct DistanceBuffers<'g> {
     /// Where the tiles lie; `first_copy` is a tile's first patch.
     pub atlas: Atlas,
     /// Shared parameters.
@@ -34,7 +34,7 @@ pub struct Distances<'g> {
     sweeps: [(Bound<'g>, usize); 2],
 }
 
-impl<'g> Distances<'g> {
+impl<'g> DistanceBuffers<'g> {
     /// Distances on these tiles; `u` has a value for every node.
     pub fn new(gpu: &'g Gpu, mut atlas: Atlas, params: Params, u: Buffer) -> Result<Self> {
         let device = &gpu.device;
@@ -61,7 +61,7 @@ impl<'g> Distances<'g> {
             let buffers = [&params, &colour, &jobs, &d, &awake, &patches, &changes];
             (gpu.kernels.distance_sweep.bind(device, &buffers), counts[k])
         });
-        Ok(Distances { atlas, params, jobs, blocks, u, d, awake, changes, gpu, sweeps })
+        Ok(DistanceBuffers { atlas, params, jobs, blocks, u, d, awake, changes, gpu, sweeps })
     }
 
     /// One invocation per node.

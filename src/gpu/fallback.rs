@@ -11,7 +11,7 @@ use crate::grid::field::Field;
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::registration::displacement::{Displacement, DisplacementJob};
-use crate::registration::motion_field::{Cells, LoneParts, MovingField};
+use crate::registration::motion_field::{Cells, LoneParts, MotionField};
 
 /// A GPU, and the reference path from its first failure on.
 pub struct GpuOrReference<'n> {
@@ -99,13 +99,13 @@ impl Backend for GpuOrReference<'_> {
         self.ask(|backend| backend.displacements(job))
     }
 
-    fn moving_slopes(&self, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
+    fn moving_slopes(&self, moving: &MotionField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
         self.ask(|backend| backend.moving_slopes(moving, wanted.clone(), progress))
     }
 
     fn moving_layers(
         &self,
-        moving: &MovingField,
+        moving: &MotionField,
         slopes: [&Field; 2],
         lone: &LoneParts,
         i: usize,

@@ -37,9 +37,9 @@ use crate::grid::field::Field;
 use crate::progress::{Progress, Silent};
 use crate::reference::Reference;
 use crate::registration::displacement::{Displacement, DisplacementJob};
-use crate::registration::motion_field::{Cells, LoneParts, MovingField};
+use crate::registration::motion_field::{Cells, LoneParts, MotionField};
 use crate::report::Profile;
-use coalesce::{SliceJob, Waiting};
+use coalesce::{SliceJob, WaitingCalls};
 use device::Device;
 pub use device::GpuOptions;
 pub use fallback::GpuOrReference;
@@ -60,7 +60,7 @@ pub struct Gpu {
     /// A stage has the whole budget: stages of runs on other threads wait for their turn. No stage may be asked for from within a parallel
     /// loop, whose threads the stage itself may need.
     turns: Turns,
-    waiting: Waiting,
+    waiting: WaitingCalls,
 }
 
 impl Gpu {
@@ -76,7 +76,7 @@ impl Gpu {
             kernels,
             profiler: Profiler::new(options.timed),
             turns: Turns::default(),
-            waiting: Waiting::default(),
+            waiting: WaitingCalls::default(),
         })
     }
 
@@ -162,7 +162,7 @@ impl Backend for Gpu {
         }
     }
 
-    fn moving_slopes(&self, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
+    fn moving_slopes(&self, moving: &MotionField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
         match moving.fields.first() {
             Some(image) if self.holds_images(image.dims) => {
                 let _turn = self.turns.take();
@@ -174,7 +174,7 @@ impl Backend for Gpu {
 
     fn moving_layers(
         &self,
-        moving: &MovingField,
+        moving: &MotionField,
         slopes: [&Field; 2],
         lone: &LoneParts,
         i: usize,

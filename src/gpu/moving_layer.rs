@@ -10,12 +10,12 @@ use super::trajectories::paths;
 use crate::error::Result;
 use crate::grid::field::Field;
 use crate::reference::moving_field::reach;
-use crate::registration::motion_field::{LoneParts, MovingField};
+use crate::registration::motion_field::{LoneParts, MotionField};
 
 /// What the layers of an interval are made of.
 pub struct Ingredients<'a> {
     /// Slices and displacements.
-    pub moving: &'a MovingField,
+    pub moving: &'a MotionField,
     /// Slopes at the interval's slices, per height.
     pub slopes: [&'a Field; 2],
     /// Parts without partner.

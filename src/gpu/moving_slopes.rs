@@ -10,13 +10,13 @@ use super::moving::{image, pack, per_pixel, vectors};
 use crate::error::Result;
 use crate::grid::field::Field;
 use crate::progress::Progress;
-use crate::registration::motion_field::MovingField;
+use crate::registration::motion_field::MotionField;
 
 /// Slices that a slope reads on either side of its own.
 const HALO: usize = 2;
 
 /// Slopes at the `wanted` slices, per height.
-pub fn slopes(gpu: &Gpu, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
+pub fn slopes(gpu: &Gpu, moving: &MotionField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
     let slices = wanted.len();
     let nodes = moving.fields[0].data.len();
     let bytes = 4 * nodes + 16 * moving.displacements[0].vectors.len();
@@ -30,7 +30,7 @@ pub fn slopes(gpu: &Gpu, moving: &MovingField, wanted: Range<usize>, progress: &
     Ok(out)
 }
 
-fn of_slices(gpu: &Gpu, moving: &MovingField, batch: Range<usize>) -> Result<Vec<Field>> {
+fn of_slices(gpu: &Gpu, moving: &MotionField, batch: Range<usize>) -> Result<Vec<Field>> {
     let device = &gpu.device;
     let last = moving.fields.len() - 1;
     let (dims, grid) = (moving.fields[0].dims, moving.displacements[0].grid);

@@ -2,7 +2,7 @@
 
 use super::Gpu;
 use super::atlas::{Atlas, batches, padded};
-use super::distance::{Distances, NODE_BYTES};
+use super::distance::{DistanceBuffers, NODE_BYTES};
 use super::kernels::Recorder;
 use super::layout::Params;
 use crate::backend::jobs::PartJob;
@@ -25,8 +25,8 @@ pub fn part_fields(gpu: &Gpu, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field
         let masks: Vec<Field> = batch.iter().map(|&k| mask_field(&jobs[k])).collect();
         let inside = gpu.device.upload("inside", &atlas.pack(masks.iter().flat_map(|m| [m; 2]), 0.0))?;
         let params = Params { hx: h[0] as f32, hy: h[1] as f32, ..Params::default() };
-        let tiles = Distances::new(gpu, atlas, params, gpu.device.upload("whole", &whole)?)?;
-        let Distances { params, jobs: table, blocks, u, d, awake, .. } = &tiles;
+        let tiles = DistanceBuffers::new(gpu, atlas, params, gpu.device.upload("whole", &whole)?)?;
+        let DistanceBuffers { params, jobs: table, blocks, u, d, awake, .. } = &tiles;
         let start = gpu.kernels.part_start.bind(&gpu.device, &[params, table, blocks, u, &inside, d, awake]);
         let finish = gpu.kernels.part_finish.bind(&gpu.device, &[params, table, blocks, u, &inside, d]);
         let mut work = Recorder::new(&gpu.device, &gpu.profiler);

@@ -6,10 +6,10 @@ use super::kernels::{Recorder, Size};
 use super::layout::Time;
 use super::moving::{image, vectors};
 use crate::error::Result;
-use crate::registration::motion_field::MovingField;
+use crate::registration::motion_field::MotionField;
 
 /// Paths of the layers of interval `i` at these times: vectors from the lower slice per node, then those to the upper one, time by time.
-pub fn paths(gpu: &Gpu, moving: &MovingField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Buffer> {
+pub fn paths(gpu: &Gpu, moving: &MotionField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Buffer> {
     let device = &gpu.device;
     let v = &moving.displacements[i];
     let nodes = v.vectors.len();

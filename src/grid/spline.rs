@@ -4,23 +4,23 @@ use crate::settings::{SlopeRule, SplineEnd};
 
 /// What a piece of contour does over the interval: `[S, m0, m1, ok]` in px per interval, the cubic Hermite curve
 /// `s(0) = 0, s(1) = S, s'(0) = m0, s'(1) = m1`, and 1 where its particle arrived.
-pub type Course = [f64; 4];
+pub type HermiteArc = [f64; 4];
 
 /// Cubic Hermite curve of a course, `s(0) = 0`, at `t` in [0, 1].
 #[inline(always)]
-pub fn hermite(&[s, m0, m1, _]: &Course, t: f64) -> f64 {
+pub fn hermite(&[s, m0, m1, _]: &HermiteArc, t: f64) -> f64 {
     t * (m0 + t * ((3.0 * s - 2.0 * m0 - m1) + t * (m0 + m1 - 2.0 * s)))
 }
 
 /// Its derivative.
 #[inline(always)]
-pub fn hermite_rate(&[s, m0, m1, _]: &Course, t: f64) -> f64 {
+pub fn hermite_rate(&[s, m0, m1, _]: &HermiteArc, t: f64) -> f64 {
     m0 + t * (2.0 * (3.0 * s - 2.0 * m0 - m1) + t * 3.0 * (m0 + m1 - 2.0 * s))
 }
 
 /// How a course bends off its chord over a step: `s(t + q dt) = (1 - q) s(t) + q s(t + dt) - q (1 - q) (b + c q)` with these `[b, c]`.
 #[inline(always)]
-pub fn bend(&[s, m0, m1, _]: &Course, t: f64, dt: f64) -> [f64; 2] {
+pub fn bend(&[s, m0, m1, _]: &HermiteArc, t: f64, dt: f64) -> [f64; 2] {
     let (square, cube) = (3.0 * s - 2.0 * m0 - m1, m0 + m1 - 2.0 * s);
     [dt * dt * (square + cube * (3.0 * t + dt)), dt * dt * dt * cube]
 }
@@ -127,7 +127,7 @@ pub fn limited(m: f64, dl: f64, dr: f64) -> f64 {
 }
 
 /// Keeps a course monotone whatever error its correspondences have: both slopes between 0 and 3 S.
-pub fn monotone([s, m0, m1, ok]: Course) -> Course {
+pub fn monotone([s, m0, m1, ok]: HermiteArc) -> HermiteArc {
     [s, limited(m0, s, s), limited(m1, s, s), ok]
 }
 

@@ -10,8 +10,8 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::estimate::memory;
-use crate::polygons::{self, Drawing, Planes, Polygon};
-use crate::stack::{ContourStack, Geometry, HeightGrid, Level, ReadOptions, Slice, SliceContent};
+use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
+use crate::stack::{ContourStack, Geometry, HeightGrid, LevelSlice, ReadOptions, Slice, SliceContent};
 use crate::storage::room;
 
 /// Of an image's values, as decoded and as grey values, and of the depths made of them.
@@ -114,13 +114,13 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<Con
     let axes = parsed.axes.unwrap_or(Geometry::default().axes);
     crate::input::volume::grid::check_axes(&axes)
         .map_err(|m| Error::Format { path: file.into(), message: format!("`axes`: {m}") })?;
-    let drawing = |(k, entry): (usize, SliceEntry)| Drawing {
+    let drawing = |(k, entry): (usize, SliceEntry)| PlaneDrawing {
         name: format!("polygons {k}"),
         z: entry.z,
         extra: entry.extra,
         regions: entry.polygons.into_iter().collect(),
     };
-    let drawings: Vec<Drawing> = parsed.slices.into_iter().enumerate().map(drawing).collect();
+    let drawings: Vec<PlaneDrawing> = parsed.slices.into_iter().enumerate().map(drawing).collect();
     let planes = Planes { unit: parsed.unit, axes, z_out: parsed.z_out };
     polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy))
 }
@@ -287,7 +287,7 @@ impl Rule {
             Rule::Least(least) => SliceContent::Mask(image.values.iter().map(|v| v >= least).collect()),
             Rule::Above(level) => {
                 let depths: Vec<f32> = image.values.iter().map(|&v| (level - f64::from(v)) as f32).collect();
-                SliceContent::Level(Level::new(&depths, image.dims[0]))
+                SliceContent::Level(LevelSlice::new(&depths, image.dims[0]))
             }
         }
     }

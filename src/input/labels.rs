@@ -9,7 +9,7 @@ use crate::labels::given::{Completeness, Given, notes, reading};
 use crate::labels::report::LeftOut;
 use crate::stack::ReadOptions;
 use crate::stack::doubts;
-use crate::stack::doubts::Section;
+use crate::stack::doubts::SliceArea;
 use crate::stack::{ContourStack, Slice};
 use crate::storage::room;
 
@@ -130,12 +130,12 @@ fn given(drawn: &[Vec<u32>], slices: &[Slice], thickness: f64, count: usize, of:
 
 /// What a person should know of slices of labels that look painted by mistake.
 fn strays(labels: &[i64], slices: &[Slice], drawn: &[Vec<u32>]) -> Vec<String> {
-    let mut sections: Vec<Vec<Section>> =
-        labels.iter().map(|_| slices.iter().map(|s| Section { z: s.z, area: 0 }).collect()).collect();
+    let mut sections: Vec<Vec<SliceArea>> =
+        labels.iter().map(|_| slices.iter().map(|s| SliceArea { z: s.z, area: 0 }).collect()).collect();
     for (k, slice) in drawn.iter().enumerate() {
         slice.iter().filter(|l| **l > 0).for_each(|l| sections[*l as usize - 1][k].area += 1);
     }
-    let of = |(a, (label, sections)): (usize, (&i64, &Vec<Section>))| {
+    let of = |(a, (label, sections)): (usize, (&i64, &Vec<SliceArea>))| {
         let own = a as u32 + 1;
         let overlap = |k: usize, beside: usize| drawn[k].iter().zip(&drawn[beside]).any(|(l, m)| *l == own && l == m);
         let name = |k: usize| format!("slice `{}`", slices[k].name);

@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
-use crate::input::volume::grid::{Failure, Grid};
+use crate::input::volume::grid::{Failure, VolumeGrid};
 use crate::input::volume::{Volume, open};
 
 /// Longest header line and most lines: a file that is no MetaImage must not be read to its end.
@@ -156,7 +156,7 @@ fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
     Ok(volume)
 }
 
-fn grid(dims: [usize; 3], fields: &Fields) -> Failure<Grid> {
+fn grid(dims: [usize; 3], fields: &Fields) -> Failure<VolumeGrid> {
     let own = fields.numbers::<3>(&["ElementSpacing", "ElementSize"])?;
     let spacing = own.unwrap_or([1.0; 3]);
     if let Some((axis, h)) = spacing.iter().enumerate().find(|(_, h)| **h <= 0.0) {
@@ -171,7 +171,7 @@ fn grid(dims: [usize; 3], fields: &Fields) -> Failure<Grid> {
             return Err(format!("TransformMatrix: the direction of axis {axis} must have length 1; got {length}"));
         }
     }
-    Ok(Grid {
+    Ok(VolumeGrid {
         dims,
         origin: fields.numbers::<3>(&["Offset", "Position", "Origin"])?.unwrap_or_default(),
         steps: std::array::from_fn(|a| axes[a].map(|v| v * spacing[a])),

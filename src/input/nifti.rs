@@ -9,7 +9,7 @@ use nifti::{Endianness, NiftiHeader};
 use crate::error::{Error, Result};
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
-use crate::input::volume::grid::{Failure, Grid};
+use crate::input::volume::grid::{Failure, VolumeGrid};
 use crate::input::volume::{Volume, open};
 
 /// Size of the header: voxels cannot begin before its end.
@@ -65,7 +65,7 @@ fn volume(path: &Path, gzip: bool, header: &NiftiHeader) -> Failure<Volume> {
     Ok(Volume {
         path: path.into(),
         format: "NIfTI",
-        grid: Grid { dims, origin, steps, unit: unit.into(), spaced: true },
+        grid: VolumeGrid { dims, origin, steps, unit: unit.into(), spaced: true },
         element: element(header.datatype)?,
         big_endian: header.endianness == Endianness::Big,
         stored: [0, 1, 2],

@@ -8,7 +8,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
-use crate::input::volume::grid::{Failure, Grid};
+use crate::input::volume::grid::{Failure, VolumeGrid};
 use crate::input::volume::{Volume, open};
 
 /// Longest header.
@@ -33,7 +33,7 @@ pub fn read(path: &Path) -> Result<Volume> {
     let volume = Volume {
         path: path.into(),
         format: "numpy array",
-        grid: Grid::unspaced([nx, ny, nz]),
+        grid: VolumeGrid::unspaced([nx, ny, nz]),
         element,
         big_endian,
         stored: if fortran { [2, 1, 0] } else { [0, 1, 2] },

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::input::segments;
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
-use crate::input::volume::grid::{Failure, Grid};
+use crate::input::volume::grid::{Failure, VolumeGrid};
 use crate::input::volume::{Volume, open};
 
 /// Longest header line and most lines: a file that is no NRRD must not be read to its end.
@@ -65,7 +65,7 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
     };
     let (origin, steps, spaced) = placement(&field)?;
     let unit = field("space units").and_then(|u| u.split('"').nth(1)).filter(|u| !u.is_empty()).unwrap_or("mm");
-    let grid = Grid { dims: [nx, ny, nz], origin, steps, unit: unit.into(), spaced };
+    let grid = VolumeGrid { dims: [nx, ny, nz], origin, steps, unit: unit.into(), spaced };
     let (file, offset) = match field("data file").or(field("datafile")) {
         None => (path.to_path_buf(), end),
         Some(list) if list.starts_with("LIST") || list.contains('%') => {

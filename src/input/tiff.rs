@@ -9,7 +9,7 @@ use crate::input::ome::{Described, describe};
 use crate::input::volume::Volume;
 use crate::input::volume::data::Data;
 use crate::input::volume::element::Element;
-use crate::input::volume::grid::{Failure, Grid};
+use crate::input::volume::grid::{Failure, VolumeGrid};
 use crate::input::volume::tiff_pages::{decoder, page, told};
 use crate::storage::room;
 
@@ -49,7 +49,7 @@ fn volume(path: &Path) -> Failure<Volume> {
         count += 1;
     }
     let ([nx, ny], element) = first;
-    let mut grid = Grid::unspaced([nx, ny, count]);
+    let mut grid = VolumeGrid::unspaced([nx, ny, count]);
     let Described { format, spacing } = describe(&description, [nx, ny, count], per_unit)?;
     if let Some((sides, unit)) = spacing {
         grid.steps = [[sides[0], 0.0, 0.0], [0.0, sides[1], 0.0], [0.0, 0.0, sides[2]]];

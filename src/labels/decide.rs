@@ -3,15 +3,15 @@
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
 
-use super::kept::Patch;
-use super::stack::Pair;
+use super::kept::LayerPatch;
+use super::stack::LabelPair;
 
 /// Within this distance of a label, in pixels, the others have a say in its field: farther out no surface is near.
 pub const NEAR: f32 = 3.0;
 
 /// Distances that the rule knows, in the stack's unit.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Reach {
+pub(super) struct LabelReach {
     /// Value far outside.
     pub far: f32,
     /// The union counts where the nearest label that touches is nearer than this.
@@ -28,13 +28,13 @@ pub(super) struct Layers<'l> {
     /// Pixels of the image.
     pub dims: [usize; 2],
     /// Fields of the labels alone.
-    pub alone: &'l [Patch],
+    pub alone: &'l [LayerPatch],
     /// The union of the labels that touch this one.
-    pub union: Vec<Option<&'l Patch>>,
+    pub union: Vec<Option<&'l LayerPatch>>,
     /// Labels that touch in the drawn slices below and above.
-    pub touching: &'l BTreeSet<Pair>,
+    pub touching: &'l BTreeSet<LabelPair>,
     pub ranks: &'l [Rank],
-    pub reach: Reach,
+    pub reach: LabelReach,
     /// Distances of the nearest slices on which the labels are known.
     pub off: &'l [f32],
 }
@@ -43,7 +43,7 @@ pub(super) struct Layers<'l> {
 #[derive(Debug, Default)]
 pub(super) struct Parted {
     /// Fields of the labels, on the rectangles of those alone.
-    pub fields: Vec<Patch>,
+    pub fields: Vec<LayerPatch>,
     /// For each label whether its field is another than alone.
     pub changed: Vec<bool>,
     /// For each pixel 0, or the place of its label and 1.
@@ -152,7 +152,7 @@ impl Layers<'_> {
 
     /// The field of label `a`, `phi` alone, with what of the union lies near a label that touches it.
     fn joined(&self, a: usize, pixel: [usize; 2], phi: f32) -> f32 {
-        let Reach { far, fill, .. } = self.reach;
+        let LabelReach { far, fill, .. } = self.reach;
         let Some(union) = self.union[a] else { return phi };
         let touching = self.touching.iter().filter_map(|&(b, c)| match a {
             _ if a == b => Some(c),

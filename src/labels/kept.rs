@@ -22,7 +22,7 @@ struct Place {
 
 /// A rectangle of a layer: around it all is far outside.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Patch {
+pub(super) struct LayerPatch {
     /// First column and row.
     pub origin: [usize; 2],
     /// Columns and rows.
@@ -31,7 +31,7 @@ pub(super) struct Patch {
     pub phi: Vec<f32>,
 }
 
-impl Patch {
+impl LayerPatch {
     /// Rows: the first pixel's node in an image of width `nx`, and the values.
     pub fn rows(&self, nx: usize) -> impl Iterator<Item = (usize, &[f32])> {
         let start = move |j: usize| (self.origin[1] + j) * nx + self.origin[0];
@@ -86,16 +86,16 @@ impl KeptBody {
     }
 
     /// The values of layer `k`.
-    pub(super) fn patch(&mut self, k: usize) -> Result<Patch> {
+    pub(super) fn patch(&mut self, k: usize) -> Result<LayerPatch> {
         let Place { patch: [i, j, width, height], offset, .. } = self.layers[k];
         let mut bytes = vec![0; 4 * width * height];
         self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.read_exact(&mut bytes)).map_err(failed)?;
         let phi = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-        Ok(Patch { origin: [i, j], dims: [width, height], phi })
+        Ok(LayerPatch { origin: [i, j], dims: [width, height], phi })
     }
 
     /// The layer at height `z`, between two layers what linear interpolation says; `None` beyond the body. Heights within `same` are one.
-    pub(super) fn at(&mut self, z: f64, same: f64) -> Result<Option<Patch>> {
+    pub(super) fn at(&mut self, z: f64, same: f64) -> Result<Option<LayerPatch>> {
         let above = self.layers.partition_point(|p| p.z < z - same);
         match self.layers.get(above) {
             None => Ok(None),
@@ -112,7 +112,7 @@ impl KeptBody {
     }
 
     /// Adds a layer; its values are those of the patch.
-    pub(super) fn push(&mut self, layer: &Layer, patch: &Patch) -> Result<()> {
+    pub(super) fn push(&mut self, layer: &Layer, patch: &LayerPatch) -> Result<()> {
         let bytes: Vec<u8> = patch.phi.iter().flat_map(|v| v.to_le_bytes()).collect();
         self.file.seek(SeekFrom::Start(self.bytes)).and_then(|_| self.file.write_all(&bytes)).map_err(failed)?;
         let [[i, j], [width, height]] = [patch.origin, patch.dims];
@@ -128,7 +128,7 @@ impl KeptBody {
     }
 
     /// A patch on the whole image.
-    pub(super) fn whole(&self, patch: &Patch) -> Vec<f32> {
+    pub(super) fn whole(&self, patch: &LayerPatch) -> Vec<f32> {
         let dims = self.dims;
         let mut phi = vec![self.far; dims[0] * dims[1]];
         patch.rows(dims[0]).for_each(|(start, row)| phi[start..start + row.len()].copy_from_slice(row));
@@ -169,7 +169,7 @@ impl LayerSink for KeptBody {
 }
 
 /// The smallest rectangle beyond which all is `far`.
-fn crop(phi: &[f32], [nx, _]: [usize; 2], far: f32) -> Patch {
+fn crop(phi: &[f32], [nx, _]: [usize; 2], far: f32) -> LayerPatch {
     let near = |v: &f32| v.to_bits() != far.to_bits();
     let mut columns = [usize::MAX, 0];
     let mut rows = [usize::MAX, 0];
@@ -179,8 +179,8 @@ fn crop(phi: &[f32], [nx, _]: [usize; 2], far: f32) -> Patch {
         rows = [rows[0].min(j), j + 1];
     }
     if rows[1] == 0 {
-        return Patch::default();
+        return LayerPatch::default();
     }
     let values = (rows[0]..rows[1]).flat_map(|j| &phi[j * nx + columns[0]..j * nx + columns[1]]).copied().collect();
-    Patch { origin: [columns[0], rows[0]], dims: [columns[1] - columns[0], rows[1] - rows[0]], phi: values }
+    LayerPatch { origin: [columns[0], rows[0]], dims: [columns[1] - columns[0], rows[1] - rows[0]], phi: values }
 }

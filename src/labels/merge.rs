@@ -4,13 +4,13 @@ use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::decide::{Layers, NEAR, Rank, Reach};
-use super::kept::{KeptBody, Patch};
+use super::decide::{LabelReach, Layers, NEAR, Rank};
+use super::kept::{KeptBody, LayerPatch};
 use super::report::Borders;
-use super::stack::{LabelStack, Pair};
+use super::stack::{LabelPair, LabelStack};
 use crate::backend::Means;
 use crate::error::{Error, Result};
-use crate::estimate::memory::Needs;
+use crate::estimate::memory::MemoryNeeds;
 use crate::reconstruct_into;
 use crate::registration::displacement::BLOCK;
 use crate::settings::Settings;
@@ -50,7 +50,7 @@ pub struct Bodies {
 
 /// The labels without overlaps and gaps.
 #[derive(Debug)]
-pub struct Decided {
+pub struct DecidedLabels {
     /// Each label.
     pub bodies: Vec<KeptBody>,
     /// Whether it is another body than alone.
@@ -63,10 +63,10 @@ pub struct Decided {
     pub borders: Borders,
 }
 
-impl Decided {
+impl DecidedLabels {
     /// Nothing decided of so many labels.
     pub(crate) fn none(count: usize) -> Self {
-        Decided {
+        DecidedLabels {
             bodies: Vec::new(),
             changed: vec![false; count],
             voxels: vec![0; count],
@@ -86,10 +86,10 @@ pub fn reconstruct(stack: &LabelStack, unite: bool, plan: &Plan<'_>, means: &Mea
     let far = plan.settings.margin() as f32 * pixel(&stack.stack);
     let keep = |members: &[usize]| {
         let united = stack.united(members);
-        let part = if unite { Part::of(&united) } else { Part { stack: united, origin: [0; 2] } };
+        let part = if unite { LabelPiece::of(&united) } else { LabelPiece { stack: united, origin: [0; 2] } };
         let mut kept = KeptBody::new(plan.folder, far, stack.stack.dims, part.origin)?;
         let threads = rayon::current_num_threads();
-        let needs = Needs::of(&part.stack, plan.heights, plan.settings, threads);
+        let needs = MemoryNeeds::of(&part.stack, plan.heights, plan.settings, threads);
         let budget = needs.budget(plan.beside, plan.memory)?;
         let means = Means { budget: &budget, ..*means };
         let named = |e: Error| match (e, members) {
@@ -112,17 +112,22 @@ pub fn reconstruct(stack: &LabelStack, unite: bool, plan: &Plan<'_>, means: &Mea
 /// # Errors
 /// What `volume` says; [`Error::Write`] for temporary files; [`Error::Numerics`] where a drawn slice has not come back or a voxel has two
 /// labels.
-pub fn decide(stack: &LabelStack, mut bodies: Bodies, plan: &Plan<'_>, volume: &mut dyn LayerSink) -> Result<Decided> {
+pub fn decide(
+    stack: &LabelStack,
+    mut bodies: Bodies,
+    plan: &Plan<'_>,
+    volume: &mut dyn LayerSink,
+) -> Result<DecidedLabels> {
     let ContourStack { dims, spacing, ref unit, geometry, ref slices, .. } = stack.stack;
     let (count, px) = (stack.labels.len(), pixel(&stack.stack));
     let far = plan.settings.margin() as f32 * px;
-    let reach = Reach { far, fill: far - px, near: NEAR * px };
+    let reach = LabelReach { far, fill: far - px, near: NEAR * px };
     let gaps = slices.windows(2).map(|w| w[1].z - w[0].z);
     let same = SAME * gaps.fold(f64::INFINITY, f64::min);
     let steps = Steps::new(stack, plan.heights, &bodies, same);
     let ranks: Vec<Rank> = (0..count).map(|a| stack.drawn_pixels(a)).map(|(n, first)| (Reverse(n), first)).collect();
     let drawn_at: Vec<f64> = slices.iter().map(|s| s.z).collect();
-    let mut decided = Decided::none(count);
+    let mut decided = DecidedLabels::none(count);
     for alone in &bodies.alone {
         let mut kept = KeptBody::new(plan.folder, far, dims, [0; 2])?;
         kept.report = alone.report.clone();
@@ -138,7 +143,7 @@ pub fn decide(stack: &LabelStack, mut bodies: Bodies, plan: &Plan<'_>, volume: &
         for (body, given) in bodies.alone.iter_mut().zip(&stack.given) {
             // An end must not reach into a slice on which its label is known not to be.
             let there = step.slice.is_none_or(|k| !given.shuts(k));
-            alone.push(if there { body.at(z, same)?.unwrap_or_default() } else { Patch::default() });
+            alone.push(if there { body.at(z, same)?.unwrap_or_default() } else { LayerPatch::default() });
         }
         let mut unions = Vec::new();
         for (members, body) in &mut bodies.unions {
@@ -212,7 +217,7 @@ struct Step {
     output: bool,
     /// The drawn slice at this height.
     slice: Option<usize>,
-    touching: BTreeSet<Pair>,
+    touching: BTreeSet<LabelPair>,
 }
 
 #[derive(Debug)]
@@ -243,12 +248,12 @@ impl Steps {
 }
 
 /// The part of a stack that is not empty, with what is around it.
-struct Part {
+struct LabelPiece {
     stack: ContourStack,
     origin: [usize; 2],
 }
 
-impl Part {
+impl LabelPiece {
     /// Blocks of displacements lie where they lie in the whole image.
     fn of(stack: &ContourStack) -> Self {
         let [nx, ny] = stack.dims;
@@ -272,6 +277,6 @@ impl Part {
             Slice { name: slice.name.clone(), z: slice.z, extra: slice.extra, content }
         };
         let slices = stack.slices.iter().map(cut).collect();
-        Part { stack: ContourStack { dims, slices, unit: stack.unit.clone(), ..*stack }, origin }
+        LabelPiece { stack: ContourStack { dims, slices, unit: stack.unit.clone(), ..*stack }, origin }
     }
 }

@@ -31,5 +31,5 @@ pub mod report;
 mod stack;
 
 pub use kept::KeptBody;
-pub use merge::{Bodies, Decided, Plan, decide, reconstruct};
+pub use merge::{Bodies, DecidedLabels, Plan, decide, reconstruct};
 pub use stack::LabelStack;

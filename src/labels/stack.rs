@@ -10,17 +10,17 @@ use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, Slice, SliceContent};
 
 /// Labels by their places in a [`LabelStack`], the lower first.
-pub(super) type Pair = (usize, usize);
+pub(super) type LabelPair = (usize, usize);
 
 /// Pairs of labels that have pixels side by side somewhere: the slices that both are given, increasing, and whether they touch there.
 pub(super) struct Contacts {
-    pairs: Vec<(Pair, Vec<(usize, bool)>)>,
+    pairs: Vec<(LabelPair, Vec<(usize, bool)>)>,
 }
 
 impl Contacts {
     /// The pairs that touch on slice `at`, or, where both are not given it, on the two of their slices around it; `at` lies before slice
     /// `above` where it is none itself.
-    pub fn around(&self, above: usize, at: Option<usize>) -> BTreeSet<Pair> {
+    pub fn around(&self, above: usize, at: Option<usize>) -> BTreeSet<LabelPair> {
         let touch = |common: &[(usize, bool)]| {
             let next = common.partition_point(|(k, _)| *k < above);
             let touches = |n: usize| common.get(n).is_some_and(|(_, touches)| *touches);
@@ -113,8 +113,8 @@ impl LabelStack {
     /// For each pair of labels that have pixels side by side somewhere: the slices that both are given, and whether they touch there.
     pub(super) fn contacts(&self) -> Contacts {
         let touching = self.touching();
-        let pairs: BTreeSet<Pair> = touching.iter().flatten().copied().collect();
-        let common = |(a, b): Pair| {
+        let pairs: BTreeSet<LabelPair> = touching.iter().flatten().copied().collect();
+        let common = |(a, b): LabelPair| {
             let both = self.given[a].slices.iter().filter(|k| self.given[b].slices.binary_search(k).is_ok());
             both.map(|&k| (k, touching[k].contains(&(a, b)))).collect()
         };
@@ -122,7 +122,7 @@ impl LabelStack {
     }
 
     /// For each slice the labels that have pixels side by side.
-    fn touching(&self) -> Vec<BTreeSet<Pair>> {
+    fn touching(&self) -> Vec<BTreeSet<LabelPair>> {
         let nx = self.stack.dims[0];
         let on = |slice: &Vec<u32>| {
             let mut pairs = BTreeSet::new();
@@ -145,7 +145,7 @@ impl LabelStack {
     pub(super) fn groups(&self, contacts: &Contacts) -> Vec<Vec<usize>> {
         let ranks: Vec<_> =
             (0..self.labels.len()).map(|a| self.drawn_pixels(a)).map(|(n, k)| (Reverse(n), k)).collect();
-        let mut pairs: Vec<(Pair, Vec<usize>)> = contacts
+        let mut pairs: Vec<(LabelPair, Vec<usize>)> = contacts
             .pairs
             .iter()
             .map(|(pair, common)| (*pair, beside(common)))

@@ -6,10 +6,10 @@
 use std::collections::BTreeSet;
 use std::mem::take;
 
-use crate::connectivity::runs::{Joined, Runs, Side};
+use crate::connectivity::runs::{DisjointSets, Runs, Side};
 use crate::grid::field::covered;
 use crate::grid::tiled::Packed;
-use crate::report::{Beside, BodyReport, Pair, Step};
+use crate::report::{BodyReport, PartPair, Step, StepBeside};
 use crate::stack::heights::BESIDE;
 use crate::surface::Layer;
 
@@ -25,14 +25,14 @@ pub struct Met {
     /// Its layer's area, unit squared.
     pub area: f64,
     /// Just below it.
-    pub below: Option<Beside>,
+    pub below: Option<StepBeside>,
     /// Just above.
-    pub above: Option<Beside>,
+    pub above: Option<StepBeside>,
 }
 
 /// A stack as its certificate sees it.
 #[derive(Debug, Clone)]
-pub struct Spec {
+pub struct CertificateSpec {
     /// Pixels of a layer.
     pub dims: [usize; 2],
     /// Pixel spacing.
@@ -48,7 +48,7 @@ pub struct Spec {
 /// Looks at layers as they come, lowest first.
 #[derive(Debug)]
 pub struct Examined {
-    spec: Spec,
+    spec: CertificateSpec,
     pieces: [Pieces; 2],
     /// Number and layer of the contour below.
     contour: Option<(usize, Packed<f32>)>,
@@ -66,7 +66,7 @@ pub struct Examined {
 
 impl Examined {
     /// Nothing yet.
-    pub fn new(spec: Spec) -> Self {
+    pub fn new(spec: CertificateSpec) -> Self {
         Examined {
             contours: vec![Met::default(); spec.z.len()],
             pieces: [Side::Inside, Side::Outside].map(|side| Pieces::new(side, spec.dims[0])),
@@ -171,7 +171,7 @@ impl Examined {
         for (from, to) in pairs.into_iter().filter(|pair| !parted.contains(pair)) {
             self.body.overlapping += 1;
             if !pieces.connects(from as usize - 1, to as usize - 1) {
-                self.body.torn.push(Pair { slice: self.spec.first + i, from, to });
+                self.body.torn.push(PartPair { slice: self.spec.first + i, from, to });
             }
         }
     }
@@ -189,8 +189,8 @@ impl Examined {
         }
     }
 
-    fn beside_of(&self, contour: &[f32], beside: &[f32]) -> Beside {
-        Beside { area: self.area(beside), jump: self.change(contour, beside) }
+    fn beside_of(&self, contour: &[f32], beside: &[f32]) -> StepBeside {
+        StepBeside { area: self.area(beside), jump: self.change(contour, beside) }
     }
 
     /// Largest difference of two layers at pixels near the surface of the first, px.
@@ -217,7 +217,7 @@ impl Examined {
 struct Pieces {
     side: Side,
     nx: usize,
-    joined: Joined,
+    joined: DisjointSets,
     /// Parts that need no other to hang on.
     ground: Vec<usize>,
     /// Parts of the contour below, which are the first.
@@ -232,7 +232,7 @@ impl Pieces {
         Pieces {
             side,
             nx,
-            joined: Joined::default(),
+            joined: DisjointSets::default(),
             ground: Vec::new(),
             low: Runs::default(),
             last: (Runs::default(), 0),
@@ -244,7 +244,7 @@ impl Pieces {
     fn begin(&mut self) {
         let low = take(&mut self.last.0);
         *self = Pieces {
-            joined: Joined::new(low.count),
+            joined: DisjointSets::new(low.count),
             ground: (0..low.count).collect(),
             low: low.clone(),
             last: (low, 0),

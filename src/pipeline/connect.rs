@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::connectivity::cores::{Cores, Shown};
+use crate::connectivity::cores::{Cores, OutputImage};
 use crate::connectivity::grounded::{grounded, held, turn, whole};
 use crate::connectivity::runs::{Runs, Side};
 use crate::contour::Contour;
@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::grid::tiled::Packed;
 use crate::pipeline::{Run, Sink};
 use crate::stack::heights::NODE_TIMES;
-use crate::storage::spill::Shelf;
+use crate::storage::spill::SpillVec;
 use crate::surface::Layer;
 
 /// How far from its time a layer may be and still stand for it.
@@ -31,7 +31,7 @@ impl Bonds {
 }
 
 /// A layer that waits for the others of its interval.
-struct Waiting {
+struct IntervalLayer {
     /// Without its values.
     layer: Layer,
     phi: Packed<f32>,
@@ -41,19 +41,20 @@ struct Waiting {
 
 /// Takes layers in order of height and hands them on, interval by interval. Needs those at [`NODE_TIMES`].
 pub(crate) struct Together<'r, 'b> {
-    contours: &'r Shelf<'b, Contour>,
+    contours: &'r SpillVec<'b, Contour>,
     parted: Vec<Vec<(u32, u32)>>,
-    shown: Shown,
+    shown: OutputImage,
     px: f64,
     bonds: Bonds,
     /// From a contour on.
-    waiting: Vec<Waiting>,
+    waiting: Vec<IntervalLayer>,
     cores: Option<Cores>,
 }
 
 impl<'a> Run<'a> {
-    pub(crate) fn together<'r>(&self, contours: &'r Shelf<'a, Contour>) -> Together<'r, 'a> {
-        let shown = Shown { dims: self.stack.dims, pad: self.pad, h: self.h, limit: self.settings.margin() as f64 };
+    pub(crate) fn together<'r>(&self, contours: &'r SpillVec<'a, Contour>) -> Together<'r, 'a> {
+        let shown =
+            OutputImage { dims: self.stack.dims, pad: self.pad, h: self.h, limit: self.settings.margin() as f64 };
         let parted = self.links.iter().map(|links| links.parted()).collect();
         Together { contours, parted, shown, px: self.px, bonds: self.bonds, waiting: Vec::new(), cores: None }
     }
@@ -88,7 +89,7 @@ impl Together<'_, '_> {
     fn wait(&mut self, mut layer: Layer, node: Option<usize>) {
         let phi = Packed::of(self.shown.dims, &std::mem::take(&mut layer.phi));
         let node = if self.waiting.is_empty() { Some(0) } else { node };
-        self.waiting.push(Waiting { layer, phi, node });
+        self.waiting.push(IntervalLayer { layer, phi, node });
     }
 
     fn cores(&self, i: usize) -> Result<Option<Cores>> {
@@ -109,7 +110,7 @@ impl Together<'_, '_> {
         }
         let next = self.waiting.pop();
         self.hand_on(sink)?;
-        self.waiting.extend(next.map(|contour| Waiting { node: Some(0), ..contour }));
+        self.waiting.extend(next.map(|contour| IntervalLayer { node: Some(0), ..contour }));
         Ok(())
     }
 
@@ -123,7 +124,7 @@ impl Together<'_, '_> {
         let all: Vec<[Runs; 2]> = self.waiting.par_iter().map(|w| Runs::both(&w.phi.unpack(), nx)).collect();
         let (inside, mut outside): (Vec<Runs>, Vec<Runs>) =
             all.into_iter().map(|[inside, outside]| (inside, outside)).unzip();
-        let turned = |w: &mut Waiting, runs: &Runs, stays: &[bool]| {
+        let turned = |w: &mut IntervalLayer, runs: &Runs, stays: &[bool]| {
             if stays.iter().all(|s| *s) {
                 return None;
             }
@@ -133,7 +134,7 @@ impl Together<'_, '_> {
             Some(Runs::new(&phi, nx, Side::Outside))
         };
         let stays = self.stays(&inside, Side::Inside);
-        let work = |(((w, runs), outside), stays): (((&mut Waiting, &Runs), &mut Runs), &Vec<bool>)| {
+        let work = |(((w, runs), outside), stays): (((&mut IntervalLayer, &Runs), &mut Runs), &Vec<bool>)| {
             if let Some(runs) = turned(w, runs, stays) {
                 *outside = runs;
             }

@@ -2,24 +2,24 @@
 
 use super::{Run, Sink, time};
 use crate::contour::Contour;
-use crate::contour::overlap::{Decided, match_components};
+use crate::contour::overlap::{DecidedPairs, match_components};
 use crate::error::{Error, Result};
 use crate::grid::field::Field;
 use crate::grid::tile::Tile;
 use crate::pipeline::ends::end_caps::End;
 use crate::pipeline::fit::Fitted;
 use crate::registration::motion_field::LoneParts;
-use crate::registration::motion_stack::MovingStack;
+use crate::registration::motion_stack::MotionStack;
 use crate::report::IntervalReport;
 use crate::stack::heights::Heights;
-use crate::storage::spill::Shelf;
+use crate::storage::spill::SpillVec;
 use crate::surface::stream::LayerSink;
 
 /// What the stages before the layers have made.
 struct Made<'a> {
-    moving: MovingStack<'a>,
-    slopes: Shelf<'a, Field>,
-    lone: Shelf<'a, LoneParts>,
+    moving: MotionStack<'a>,
+    slopes: SpillVec<'a, Field>,
+    lone: SpillVec<'a, LoneParts>,
     ends: [End; 2],
 }
 
@@ -27,7 +27,7 @@ impl<'a> Run<'a> {
     /// All stages after the distance; the heights at which the body ends.
     pub(super) fn field(
         &mut self,
-        contours: &Shelf<'a, Contour>,
+        contours: &SpillVec<'a, Contour>,
         heights: &[f64],
         sink: &mut dyn LayerSink,
     ) -> Result<[f64; 2]> {
@@ -56,9 +56,9 @@ impl<'a> Run<'a> {
         Ok(extent)
     }
 
-    fn tell_events(&mut self, contours: &Shelf<'a, Contour>) -> Result<()> {
+    fn tell_events(&mut self, contours: &SpillVec<'a, Contour>) -> Result<()> {
         let of = |i: usize, [low, high]: [&Contour; 2]| {
-            let linked = Decided::joining(&self.links[i].joined());
+            let linked = DecidedPairs::joining(&self.links[i].joined());
             let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi), &linked);
             IntervalReport {
                 z_low: low.z,
@@ -74,7 +74,7 @@ impl<'a> Run<'a> {
 
     fn layers(
         &mut self,
-        contours: &Shelf<'a, Contour>,
+        contours: &SpillVec<'a, Contour>,
         made: &Made<'a>,
         heights: &Heights,
         sink: &mut Sink<'_>,

@@ -16,11 +16,11 @@ use crate::contour::direction::Direction;
 use crate::contour::seeds::Seed;
 use crate::error::Result;
 use crate::grid::field::Field;
-use crate::grid::spline::{Course, monotone, slope};
-use crate::pipeline::tracks::{Side, Sides};
+use crate::grid::spline::{HermiteArc, monotone, slope};
+use crate::pipeline::tracks::{SideTracks, Sides};
 use crate::registration::displacement::Displacement;
 use crate::settings::{Settings, SlopeRule};
-use crate::storage::spill::{Array, Budget, Large, Shelf, stored_as_they_are};
+use crate::storage::spill::{Array, Budget, Large, SpillVec, stored_as_they_are};
 
 /// Seeds read at a landing point, with weights `1 / (d + SOFT)^2`.
 const NEIGHBOURS: usize = 4;
@@ -30,7 +30,7 @@ pub const CHAIN_REACH: usize = 12;
 /// Slope at the far end, over S, of a piece of contour whose particle died: the steepest that a monotone course can have. What has no
 /// counterpart keeps its place long and leaves fast. Measured (mean Dice over 10 runs with such parts): 0 .8783, 1 .8833, 2 .8847,
 /// 3 .8857.
-const FORSAKEN_END: f64 = 3.0;
+const DEAD_PARTICLE_END_SLOPE: f64 = 3.0;
 
 /// A seed with its weight in a mean.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
@@ -122,9 +122,9 @@ type Tree = RTree<GeomWithData<[f64; 2], u32>>;
 /// What the fit reads.
 pub struct Measured<'s, 'b> {
     /// The contours.
-    pub contours: &'s Shelf<'b, Contour>,
+    pub contours: &'s SpillVec<'b, Contour>,
     /// What their morphs have measured, interval by interval.
-    pub sides: &'s Shelf<'b, Sides>,
+    pub sides: &'s SpillVec<'b, Sides>,
     /// Pixel sides.
     pub h: [f64; 2],
     /// Length of a pixel's larger side, for the clamped end slopes.
@@ -140,9 +140,9 @@ pub fn fit<'b>(
     settings: &Settings,
     budget: &'b Budget,
     finish: impl Fn(usize, Fitted) -> Result<Fitted>,
-) -> Result<Shelf<'b, Fitted>> {
+) -> Result<SpillVec<'b, Fitted>> {
     let links = measured.links(budget)?;
-    let mut up = Shelf::new(budget);
+    let mut up = SpillVec::new(budget);
     let mut beyond: Option<Chains> = None;
     for i in (0..links.len()).rev() {
         let sides = measured.sides_above(i)?;
@@ -151,7 +151,7 @@ pub fn fit<'b>(
         beyond = Some(chains);
     }
     let z: Vec<f64> = (0..links.len()).map(|i| measured.contours.light(i).z).collect();
-    let mut fitted = Shelf::new(budget);
+    let mut fitted = SpillVec::new(budget);
     let (mut beyond, mut below): (Option<Chains>, Option<Arc<Sides>>) = (None, None);
     for i in 0..links.len() {
         let above = measured.sides_above(i)?;
@@ -172,17 +172,17 @@ impl<'b> Measured<'_, 'b> {
     }
 
     /// Where the chains of all contours go on; slopes are still to come.
-    fn links(&self, budget: &'b Budget) -> Result<Shelf<'b, Fitted>> {
+    fn links(&self, budget: &'b Budget) -> Result<SpillVec<'b, Fitted>> {
         let count = self.contours.len();
         let tree = |i: usize| Ok(tree(&self.contours.some(i, Contour::SEEDS)?.seeds, self.h));
-        let mut links = Shelf::new(budget);
+        let mut links = SpillVec::new(budget);
         let (mut before, mut own): (Option<Tree>, Tree) = (None, tree(0)?);
         let mut below: Option<Arc<Sides>> = None;
         for i in 0..count {
             let next: Option<Tree> = if i + 1 < count { Some(tree(i + 1)?) } else { None };
             let above = self.sides_above(i)?;
             let seeds = own.size();
-            let neighbours = |side: Option<&Side>, next: Option<&Tree>| match (side, next) {
+            let neighbours = |side: Option<&SideTracks>, next: Option<&Tree>| match (side, next) {
                 (Some(side), Some(next)) => {
                     let of = |t: &Track| if t.arrived { nearest(next, t.landing, self.h) } else { Vec::new() };
                     Lists::new(&side.tracks.par_iter().map(of).collect::<Vec<_>>())
@@ -221,7 +221,7 @@ fn nearest(tree: &Tree, x: [f64; 2], h: [f64; 2]) -> Vec<Weighted> {
 
 /// Accumulated distances along the chains: first the way to the next contour, then, averaged over the seeds at the landing point, what
 /// their own chains, `beyond`, say.
-fn chains(side: Option<&Side>, neighbours: &Neighbours, beyond: Option<&Chains>) -> Chains {
+fn chains(side: Option<&SideTracks>, neighbours: &Neighbours, beyond: Option<&Chains>) -> Chains {
     let (Some(side), Some(beyond)) = (side, beyond) else { return Lists::empty(neighbours.ends.len()) };
     let chain = |(seed, track): (usize, &Track)| {
         let mut chain = vec![track.distance];
@@ -246,7 +246,7 @@ fn chains(side: Option<&Side>, neighbours: &Neighbours, beyond: Option<&Chains>)
 fn slopes_of(
     i: usize,
     heights: &[f64],
-    [below, above]: [Option<&Side>; 2],
+    [below, above]: [Option<&SideTracks>; 2],
     [down, up]: [&Chains; 2],
     px: f64,
     settings: &Settings,
@@ -256,7 +256,7 @@ fn slopes_of(
         _ if i + 1 == heights.len() => settings.clamp_top,
         _ => None,
     };
-    let lone = |side: Option<&Side>, k: usize| side.is_none_or(|s| s.lone[k]);
+    let lone = |side: Option<&SideTracks>, k: usize| side.is_none_or(|s| s.lone[k]);
     let slope = |(z, s): &mut (Vec<f64>, Vec<f64>), k: usize| {
         if let Some(m) = clamped {
             return m / px;
@@ -291,7 +291,7 @@ pub fn course(
     direction: Direction,
     gap: f64,
     rule: SlopeRule,
-) -> Course {
+) -> HermiteArc {
     let (neighbours, sign) = match direction {
         Direction::Down => (own.down.of(k), -1.0),
         Direction::Up => (own.up.of(k), 1.0),
@@ -305,7 +305,7 @@ pub fn course(
     let m1 = if track.arrived {
         neighbours.iter().map(|near| near.weight * next.slopes[near.seed as usize]).sum::<f64>() * gap * sign
     } else {
-        FORSAKEN_END * s
+        DEAD_PARTICLE_END_SLOPE * s
     };
     match rule {
         SlopeRule::Pchip | SlopeRule::Hyman => monotone([s, m0, m1, ok]),

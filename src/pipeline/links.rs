@@ -11,10 +11,10 @@ use crate::pipeline::rigid_frames;
 use crate::reference::exact::exact_distance;
 use crate::registration::displacement::Displacement;
 use crate::registration::mid_frame::Frame;
-use crate::registration::motion_stack::MovingStack;
+use crate::registration::motion_stack::MotionStack;
 use crate::report::{LinkReport, LinkedBy};
 use crate::settings::{Link, Linking, Motion};
-use crate::storage::spill::Shelf;
+use crate::storage::spill::SpillVec;
 
 /// Fairing keeps off parts that are kept apart by this much and is whole beyond the other, px.
 const UNFAIRED: [f64; 2] = [8.0, 16.0];
@@ -43,7 +43,7 @@ impl IntervalLinks {
 
 impl<'a> Run<'a> {
     /// The user's links and those that are found.
-    pub(super) fn find_links(&mut self, contours: &Shelf<'_, Contour>) -> Result<()> {
+    pub(super) fn find_links(&mut self, contours: &SpillVec<'_, Contour>) -> Result<()> {
         for link in &self.settings.links {
             let count = |k: usize| contours.light(k).solids.count as u32;
             if link.from > count(link.slice) || link.to > count(link.slice + 1) {
@@ -96,7 +96,7 @@ impl<'a> Run<'a> {
     }
 
     /// The displacements of linked parts, or of all that have a rigid frame; warns of links that cannot be followed.
-    pub(super) fn frames(&mut self, contours: &Shelf<'a, Contour>) -> Result<Shelf<'a, Displacement>> {
+    pub(super) fn frames(&mut self, contours: &SpillVec<'a, Contour>) -> Result<SpillVec<'a, Displacement>> {
         let frames = if self.settings.motion == Motion::Rigid { rigid_frames::rigid } else { rigid_frames::linked };
         let of = |i: usize, [low, high]: [&Contour; 2]| {
             let joined = self.links[i].joined();
@@ -111,7 +111,7 @@ impl<'a> Run<'a> {
             let warnings: Vec<String> = unfollowed.map(warning).collect();
             (found.displacement, warnings)
         };
-        let (mut displacements, mut warnings) = (Shelf::new(self.budget), Vec::new());
+        let (mut displacements, mut warnings) = (SpillVec::new(self.budget), Vec::new());
         self.for_pairs(contours, of, |(displacement, mut of_pair)| {
             warnings.append(&mut of_pair);
             displacements.push(displacement)
@@ -121,7 +121,11 @@ impl<'a> Run<'a> {
     }
 
     /// Finds out how far linked parts meet, in the moving frame if there is one.
-    pub(super) fn see_links(&mut self, contours: &Shelf<'_, Contour>, moving: Option<&MovingStack<'_>>) -> Result<()> {
+    pub(super) fn see_links(
+        &mut self,
+        contours: &SpillVec<'_, Contour>,
+        moving: Option<&MotionStack<'_>>,
+    ) -> Result<()> {
         for (i, links) in self.links.iter_mut().enumerate().filter(|(_, links)| !links.told.is_empty()) {
             let [low, high] = [contours.get(i)?, contours.get(i + 1)?];
             let at_slices = moving.map(|m| m.at_slices(i)).transpose()?;
@@ -133,7 +137,7 @@ impl<'a> Run<'a> {
     }
 
     /// Share of the fairing's strength in every interval where parts are kept apart.
-    pub(super) fn fairing_shares(&self, contours: &Shelf<'_, Contour>) -> Result<Vec<Option<Vec<f32>>>> {
+    pub(super) fn fairing_shares(&self, contours: &SpillVec<'_, Contour>) -> Result<Vec<Option<Vec<f32>>>> {
         let share = |(i, links): (usize, &IntervalLinks)| {
             let parted = links.parted();
             if parted.is_empty() {

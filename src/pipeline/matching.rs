@@ -7,7 +7,7 @@ use crate::backend::Backend;
 use crate::backend::jobs::PartJob;
 use crate::contour::Contour;
 use crate::contour::direction::Direction;
-use crate::contour::overlap::{Decided, Group, match_components};
+use crate::contour::overlap::{DecidedPairs, Group, match_components};
 use crate::contour::unmatched::LonePart;
 use crate::error::Result;
 use crate::grid::components::label8;
@@ -92,7 +92,7 @@ pub struct IntervalPlan {
 
 impl IntervalPlan {
     /// Matches the components of two neighbouring contours. Tiles have `margin` pixels around the parts.
-    pub fn new(low: &Contour, high: &Contour, decided: &Decided, margin: [usize; 2]) -> Self {
+    pub fn new(low: &Contour, high: &Contour, decided: &DecidedPairs, margin: [usize; 2]) -> Self {
         let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi), decided);
         let events = matching.events();
         let plans = matching.groups.into_par_iter().map(|group| plan_group(low, high, group, margin)).collect();

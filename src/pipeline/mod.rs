@@ -40,14 +40,14 @@ use crate::pipeline::section::Section;
 use crate::progress::Progress;
 use crate::registration::motion_field;
 use crate::registration::motion_field::STEPS;
-use crate::registration::motion_stack::MovingStack;
-use crate::report::{ContourReport, Report, Side, StageReport};
+use crate::registration::motion_stack::MotionStack;
+use crate::report::{BodyEnd, ContourReport, Report, StageReport};
 use crate::settings::{Method, Settings, SlopeRule};
 use crate::stack::ContourStack;
 use crate::stack::heights::{Height, Heights, check};
 use crate::stack::links as user_links;
 use crate::stack::window::Window;
-use crate::storage::spill::{Budget, Shelf};
+use crate::storage::spill::{Budget, SpillVec};
 use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
 use crate::surface::{Layer, Reconstruction};
@@ -199,7 +199,7 @@ pub fn run(
     run.find_links(&contours)?;
     let first = run.span.first;
     let ends = [contours.light(0).z, contours.light(contours.len() - 1).z];
-    let examined = Examined::new(certificate::Spec {
+    let examined = Examined::new(certificate::CertificateSpec {
         dims: stack.dims,
         spacing: stack.spacing,
         z: stack.slices.iter().map(|s| s.z).collect(),
@@ -240,8 +240,8 @@ pub fn run(
     run.report.intervals = run.report.intervals.drain(kept).collect();
     // Fairing makes a section compute an end that another one keeps.
     run.report.ends.retain(|end| match end.side {
-        Side::Bottom => section.kept.start == 0,
-        Side::Top => section.kept.end + 1 == whole.slices.len(),
+        BodyEnd::Bottom => section.kept.start == 0,
+        BodyEnd::Top => section.kept.end + 1 == whole.slices.len(),
     });
     run.report.judge();
     Ok(Reconstruction {
@@ -292,11 +292,11 @@ impl<'a> Run<'a> {
         result
     }
 
-    fn distance(&mut self) -> Result<Shelf<'a, Contour>> {
+    fn distance(&mut self) -> Result<SpillVec<'a, Contour>> {
         let (h, spacing, dims) = (self.h, self.settings.seed_spacing, self.padded());
         let options = ContourOptions::from(self.settings);
         let slices = &self.stack.slices;
-        let mut contours = Shelf::new(self.budget);
+        let mut contours = SpillVec::new(self.budget);
         // A slice, its field with what is made on the way, its labels.
         for some in slices.chunks(self.budget.at_once(slices.len(), 4 * self.field_bytes())) {
             let padded: Vec<PaddedSlice> =
@@ -322,7 +322,7 @@ impl<'a> Run<'a> {
     /// What `make` makes of the two contours of every interval.
     fn of_pairs<T: Send>(
         &self,
-        contours: &Shelf<'_, Contour>,
+        contours: &SpillVec<'_, Contour>,
         make: impl Fn(usize, [&Contour; 2]) -> T + Sync,
     ) -> Result<Vec<T>> {
         let mut out = Vec::with_capacity(contours.len() - 1);
@@ -336,7 +336,7 @@ impl<'a> Run<'a> {
     /// The same, taken one by one in order.
     fn for_pairs<T: Send>(
         &self,
-        contours: &Shelf<'_, Contour>,
+        contours: &SpillVec<'_, Contour>,
         make: impl Fn(usize, [&Contour; 2]) -> T + Sync,
         mut take: impl FnMut(T) -> Result<()>,
     ) -> Result<()> {
@@ -355,8 +355,8 @@ impl<'a> Run<'a> {
     /// Runs `make`, whose layers reach `sink` faired if that is wanted, connected where their contours overlap, with nothing that floats.
     fn faired(
         &mut self,
-        contours: &Shelf<'a, Contour>,
-        moving: Option<&MovingStack<'a>>,
+        contours: &SpillVec<'a, Contour>,
+        moving: Option<&MotionStack<'a>>,
         sink: &mut Sink<'_>,
         make: impl FnOnce(&mut Self, &mut Sink<'_>) -> Result<()>,
     ) -> Result<()> {
@@ -365,7 +365,7 @@ impl<'a> Run<'a> {
             make(self, &mut |layer| together.push(layer, sink))?;
             return together.finish(sink);
         }
-        let mut fairing = Fairing::new(fairing::Spec {
+        let mut fairing = Fairing::new(fairing::FairingSpec {
             moving: moving.map(|moving| (moving, self.pad)),
             contours: self.stack.slices.iter().map(|s| s.z).collect(),
             dims: self.stack.dims,

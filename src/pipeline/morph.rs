@@ -12,7 +12,7 @@ use crate::backend::MorphOptions;
 use crate::backend::jobs::PartJob;
 use crate::contour::Contour;
 use crate::contour::direction::Direction;
-use crate::contour::overlap::Decided;
+use crate::contour::overlap::DecidedPairs;
 use crate::error::{Error, Result};
 use crate::grid::field::Field;
 use crate::pipeline::ends::end_caps::End;
@@ -21,10 +21,10 @@ use crate::pipeline::matching::{Interval, IntervalPlan};
 use crate::pipeline::tracks;
 use crate::pipeline::tracks::{Sides, trace_job};
 use crate::registration::motion_field::LoneParts;
-use crate::registration::motion_stack::MovingStack;
+use crate::registration::motion_stack::MotionStack;
 use crate::report::IntervalReport;
 use crate::settings::Motion;
-use crate::storage::spill::Shelf;
+use crate::storage::spill::SpillVec;
 use crate::surface::stream::LayerSink;
 
 /// Pairs of parts by their numbers.
@@ -33,17 +33,17 @@ type Pairs = Vec<(u32, u32)>;
 type Seen = [Arc<Contour>; 2];
 
 /// The moving frame, and what the field method needs where the morph knows nothing.
-pub(super) struct Beside<'c, 'b> {
-    pub(super) moving: &'c MovingStack<'b>,
-    pub(super) slopes: Shelf<'b, Field>,
-    pub(super) lone: Shelf<'b, LoneParts>,
+pub(super) struct FieldFallback<'c, 'b> {
+    pub(super) moving: &'c MotionStack<'b>,
+    pub(super) slopes: SpillVec<'b, Field>,
+    pub(super) lone: SpillVec<'b, LoneParts>,
 }
 
 /// The contours of all intervals in their frames.
 pub(super) struct SeenStack<'c, 'b> {
-    contours: &'c Shelf<'b, Contour>,
+    contours: &'c SpillVec<'b, Contour>,
     /// Lower and upper contour of each interval; `None` where contours stay in the image's own frame.
-    moved: Option<Shelf<'b, Contour>>,
+    moved: Option<SpillVec<'b, Contour>>,
 }
 
 impl SeenStack<'_, '_> {
@@ -65,15 +65,15 @@ impl SeenStack<'_, '_> {
 }
 
 /// What the stages before the sweeps have made.
-pub(super) struct Made<'c, 'b> {
-    pub(super) contours: &'c Shelf<'b, Contour>,
-    pub(super) beside: Option<Beside<'c, 'b>>,
+pub(super) struct SweepInputs<'c, 'b> {
+    pub(super) contours: &'c SpillVec<'b, Contour>,
+    pub(super) beside: Option<FieldFallback<'c, 'b>>,
     pub(super) seen: SeenStack<'c, 'b>,
     /// Pairs that are kept apart, as the mid frame numbers them.
     pub(super) parted: Vec<Pairs>,
-    pub(super) intervals: Shelf<'b, Interval>,
-    pub(super) sides: Shelf<'b, Sides>,
-    pub(super) fitted: Shelf<'b, Fitted>,
+    pub(super) intervals: SpillVec<'b, Interval>,
+    pub(super) sides: SpillVec<'b, Sides>,
+    pub(super) fitted: SpillVec<'b, Fitted>,
     pub(super) ends: [End; 2],
 }
 
@@ -81,7 +81,7 @@ impl<'a> Run<'a> {
     /// All stages after the distance; the heights at which the body ends.
     pub(super) fn morph(
         &mut self,
-        contours: &Shelf<'a, Contour>,
+        contours: &SpillVec<'a, Contour>,
         heights: &[f64],
         sink: &mut dyn LayerSink,
     ) -> Result<[f64; 2]> {
@@ -123,10 +123,10 @@ impl<'a> Run<'a> {
             Some(moving) => {
                 let slopes = self.slopes(contours, moving, &matter)?;
                 let lone = self.lone_parts(contours, moving, &slopes)?;
-                Some(Beside { moving, slopes, lone })
+                Some(FieldFallback { moving, slopes, lone })
             }
         };
-        let made = Made { contours, beside, seen, parted, intervals, sides, fitted, ends };
+        let made = SweepInputs { contours, beside, seen, parted, intervals, sides, fitted, ends };
         self.stage("propagate", jobs, |run| {
             run.faired(contours, moving.as_ref(), sink, |run, sink| run.propagate(&made, &heights, sink))
         })?;
@@ -136,19 +136,19 @@ impl<'a> Run<'a> {
     /// The contours of every interval in its frame, and the pairs of parts that are kept apart there.
     fn seen<'c>(
         &self,
-        contours: &'c Shelf<'a, Contour>,
-        moving: Option<&MovingStack<'a>>,
+        contours: &'c SpillVec<'a, Contour>,
+        moving: Option<&MotionStack<'a>>,
     ) -> Result<(SeenStack<'c, 'a>, Vec<Pairs>)> {
         let count = contours.len() - 1;
         let Some(moving) = moving else {
             let parted = self.links.iter().map(IntervalLinks::parted).collect();
             return Ok((SeenStack { contours, moved: None }, parted));
         };
-        let (mut moved, mut all_parted) = (Shelf::new(self.budget), Vec::with_capacity(count));
+        let (mut moved, mut all_parted) = (SpillVec::new(self.budget), Vec::with_capacity(count));
         // Two contours as they are and as the frame sees them.
         let at_once = self.budget.at_once(count, 8 * self.field_bytes());
         let traced = self.span.traced.clone();
-        let none = |moved: &mut Shelf<'a, Contour>| [(); 2].iter().try_for_each(|()| moved.push(Contour::default()));
+        let none = |moved: &mut SpillVec<'a, Contour>| [(); 2].iter().try_for_each(|()| moved.push(Contour::default()));
         (0..traced.start).try_for_each(|_| none(&mut moved))?;
         all_parted.resize(traced.start, Pairs::new());
         for first in traced.clone().step_by(at_once) {
@@ -179,10 +179,10 @@ impl<'a> Run<'a> {
         &mut self,
         seen: &SeenStack<'_, 'a>,
         parted: &[Pairs],
-        moving: Option<&MovingStack<'a>>,
-    ) -> Result<Shelf<'a, Interval>> {
+        moving: Option<&MotionStack<'a>>,
+    ) -> Result<SpillVec<'a, Interval>> {
         let (margin, count) = (self.margin, parted.len());
-        let mut intervals = Shelf::new(self.budget);
+        let mut intervals = SpillVec::new(self.budget);
         // Both contours, both ends of all groups, cut and answered.
         let at_once = self.budget.at_once(count, 8 * self.field_bytes());
         let traced = self.span.traced.clone();
@@ -193,7 +193,7 @@ impl<'a> Run<'a> {
                     return Ok((IntervalPlan::default(), [0.0; 2]));
                 }
                 let [low, high] = seen.get(i)?;
-                let plan = IntervalPlan::new(&low, &high, &Decided::parting(parted[i].clone()), margin);
+                let plan = IntervalPlan::new(&low, &high, &DecidedPairs::parting(parted[i].clone()), margin);
                 Ok((plan, [low.z, high.z]))
             };
             let mut plans = some.into_par_iter().map(plan).collect::<Result<Vec<_>>>()?;
@@ -228,11 +228,11 @@ impl<'a> Run<'a> {
     fn trace(
         &mut self,
         seen: &SeenStack<'_, 'a>,
-        intervals: &Shelf<'a, Interval>,
-        moving: Option<&MovingStack<'a>>,
-    ) -> Result<Shelf<'a, Sides>> {
+        intervals: &SpillVec<'a, Interval>,
+        moving: Option<&MotionStack<'a>>,
+    ) -> Result<SpillVec<'a, Sides>> {
         let count = intervals.len();
-        let mut sides = Shelf::new(self.budget);
+        let mut sides = SpillVec::new(self.budget);
         (0..self.span.traced.start).try_for_each(|_| sides.push(Sides::default()))?;
         // Both ends of all groups, and what a morph of each keeps.
         let at_once = self.budget.at_once(count, 10 * self.field_bytes());

@@ -18,13 +18,13 @@ use crate::pipeline::section::NEIGHBOURS;
 use crate::reference::displacement::ROUNDS;
 use crate::registration::displacement::{Displacement, DisplacementJob};
 use crate::registration::motion_field::{LEAST_DEPTH, LoneParts, drawn_in};
-use crate::registration::motion_stack::MovingStack;
+use crate::registration::motion_stack::MotionStack;
 use crate::settings::Motion;
-use crate::storage::spill::{Large, Shelf};
+use crate::storage::spill::{Large, SpillVec};
 
 impl<'a> Run<'a> {
     /// The stack in its moving frame.
-    pub(super) fn moving(&mut self, contours: &Shelf<'a, Contour>) -> Result<MovingStack<'a>> {
+    pub(super) fn moving(&mut self, contours: &SpillVec<'a, Contour>) -> Result<MotionStack<'a>> {
         self.stage("motion", contours.len() - 1, |run| {
             let fields = run.filled_fields(contours)?;
             let z: Vec<f64> = (0..contours.len()).map(|i| contours.light(i).z).collect();
@@ -37,7 +37,7 @@ impl<'a> Run<'a> {
                 Motion::None => run.shelved((1..z.len()).map(|_| Displacement::zero(run.padded())))?,
             };
             run.progress.advance(z.len() - 1);
-            MovingStack::new(
+            MotionStack::new(
                 z,
                 run.span.gaps.clone(),
                 run.px,
@@ -50,8 +50,8 @@ impl<'a> Run<'a> {
     }
 
     /// Distances of all slices; an empty one reads as its nearest contours drawn in.
-    fn filled_fields(&self, contours: &Shelf<'a, Contour>) -> Result<Shelf<'a, Field>> {
-        let mut fields = Shelf::new(self.budget);
+    fn filled_fields(&self, contours: &SpillVec<'a, Contour>) -> Result<SpillVec<'a, Field>> {
+        let mut fields = SpillVec::new(self.budget);
         let full = |i: &usize| contours.light(*i).solids.count > 0;
         for i in 0..contours.len() {
             fields.push(if full(&i) {
@@ -73,9 +73,9 @@ impl<'a> Run<'a> {
     /// with one to either side that takes part.
     fn displacements(
         &self,
-        fields: &Shelf<'a, Field>,
-        guess: Shelf<'a, Displacement>,
-    ) -> Result<Shelf<'a, Displacement>> {
+        fields: &SpillVec<'a, Field>,
+        guess: SpillVec<'a, Displacement>,
+    ) -> Result<SpillVec<'a, Displacement>> {
         let gaps = &self.span.gaps;
         let count = gaps.len();
         // A field, and what is known of its blocks.
@@ -85,9 +85,9 @@ impl<'a> Run<'a> {
             return self.shelved(found);
         }
         let own = at_once.saturating_sub(2).max(1);
-        let mut current: Option<Shelf<'a, Displacement>> = None;
+        let mut current: Option<SpillVec<'a, Displacement>> = None;
         for round in 0..ROUNDS.len() {
-            let mut better = Shelf::new(self.budget);
+            let mut better = SpillVec::new(self.budget);
             for first in (0..count).step_by(own) {
                 let wanted = first..(first + own).min(count);
                 let around = first.saturating_sub(1)..(wanted.end + 1).min(count);
@@ -104,13 +104,13 @@ impl<'a> Run<'a> {
     /// The `wanted` displacements of intervals `around` after some rounds from what is the second of `from`, their guess being the first.
     fn some_displacements(
         &self,
-        fields: &Shelf<'a, Field>,
-        [guess, begin]: [&Shelf<'a, Displacement>; 2],
+        fields: &SpillVec<'a, Field>,
+        [guess, begin]: [&SpillVec<'a, Displacement>; 2],
         around: Range<usize>,
         rounds: Range<usize>,
         wanted: Range<usize>,
     ) -> Result<impl Iterator<Item = Displacement>> {
-        let load = |shelf: &Shelf<'a, Displacement>| {
+        let load = |shelf: &SpillVec<'a, Displacement>| {
             around.clone().map(|i| Ok(shelf.get(i)?.as_ref().clone())).collect::<Result<Vec<_>>>()
         };
         let found = self.backend.displacements(&DisplacementJob {
@@ -125,8 +125,8 @@ impl<'a> Run<'a> {
     }
 
     /// Things on a shelf.
-    pub(super) fn shelved<T: Large>(&self, things: impl IntoIterator<Item = T>) -> Result<Shelf<'a, T>> {
-        let mut shelf = Shelf::new(self.budget);
+    pub(super) fn shelved<T: Large>(&self, things: impl IntoIterator<Item = T>) -> Result<SpillVec<'a, T>> {
+        let mut shelf = SpillVec::new(self.budget);
         things.into_iter().try_for_each(|thing| shelf.push(thing))?;
         Ok(shelf)
     }
@@ -134,13 +134,13 @@ impl<'a> Run<'a> {
     /// Slopes of the fields of all slices beside layers, passing smoothly into what lies beyond the ends.
     pub(super) fn slopes(
         &mut self,
-        contours: &Shelf<'a, Contour>,
-        moving: &MovingStack<'a>,
+        contours: &SpillVec<'a, Contour>,
+        moving: &MotionStack<'a>,
         matter: &[EndMatter; 2],
-    ) -> Result<Shelf<'a, Field>> {
+    ) -> Result<SpillVec<'a, Field>> {
         let count = moving.slices();
         self.stage("slopes", count, |run| {
-            let mut slopes = Shelf::new(run.budget);
+            let mut slopes = SpillVec::new(run.budget);
             // A field and the slopes.
             let own = run.budget.at_once(count, 2 * run.field_bytes());
             let wanted = run.span.layers.start..run.span.layers.end + 1;
@@ -165,11 +165,11 @@ impl<'a> Run<'a> {
     /// Parts that meet nothing in the other slice along their trajectories, interval by interval, and how they close by the field's slopes.
     pub(super) fn lone_parts(
         &self,
-        contours: &Shelf<'a, Contour>,
-        moving: &MovingStack<'a>,
-        slopes: &Shelf<'a, Field>,
-    ) -> Result<Shelf<'a, LoneParts>> {
-        let mut out = Shelf::new(self.budget);
+        contours: &SpillVec<'a, Contour>,
+        moving: &MotionStack<'a>,
+        slopes: &SpillVec<'a, Field>,
+    ) -> Result<SpillVec<'a, LoneParts>> {
+        let mut out = SpillVec::new(self.budget);
         (0..self.span.layers.start).try_for_each(|_| out.push(LoneParts::default()))?;
         for i in self.span.layers.clone() {
             let gap = self.span.gaps[i];
@@ -204,7 +204,7 @@ impl<'a> Run<'a> {
     /// Says where parts without partner in interval `i` end, which go on from its lower contour or, `Direction::Down`, from its upper one.
     pub(super) fn close(
         &self,
-        contours: &Shelf<'a, Contour>,
+        contours: &SpillVec<'a, Contour>,
         i: usize,
         direction: Direction,
         lone: &mut [LonePart],

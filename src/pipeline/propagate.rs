@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::morph::{Beside, Made};
+use super::morph::{FieldFallback, SweepInputs};
 use super::{CHUNK_BYTES, Run, Sink, time};
 use crate::backend::MorphOptions;
 use crate::backend::jobs::{Filled, SweepJob, SweepPair};
@@ -18,14 +18,14 @@ use crate::grid::tile::Tile;
 use crate::pipeline::compose::{Canvas, IntervalCaps, unite_cap};
 use crate::pipeline::fit::{Fitted, course};
 use crate::pipeline::matching::Interval;
-use crate::pipeline::tracks::Side;
-use crate::registration::motion_field::{Cells, MovingField};
+use crate::pipeline::tracks::SideTracks;
+use crate::registration::motion_field::{Cells, MotionField};
 use crate::registration::particle_weight::Trust;
 use crate::registration::warp::{Warp, Way};
 use crate::settings::Settings;
 use crate::stack::heights::BESIDE;
 use crate::stack::heights::{Height, Heights};
-use crate::storage::spill::Shelf;
+use crate::storage::spill::SpillVec;
 use crate::surface::Layer;
 
 /// Share of an interval at which parts that are kept apart close: well before a third of it. Layers two or more between two contours have
@@ -48,9 +48,9 @@ struct InFrame<'w> {
     others: Vec<Vec<f32>>,
 }
 
-impl Made<'_, '_> {
+impl SweepInputs<'_, '_> {
     /// How far the morphs of interval `i` can be trusted, in its frame, where it is `moving`.
-    fn trust(&self, moving: &MovingField, i: usize, h: [f64; 2], relief: f64) -> Result<Trust> {
+    fn trust(&self, moving: &MotionField, i: usize, h: [f64; 2], relief: f64) -> Result<Trust> {
         let seen = self.seen.some(i, Contour::SEEDS_AND_PARTS)?;
         let sides = self.sides.get(i)?;
         let ends = [sides.up.as_ref(), sides.down.as_ref()];
@@ -71,8 +71,13 @@ impl Made<'_, '_> {
 
 impl<'a> Run<'a> {
     /// Sweeps and composes, some intervals at a time, so that only their tiles are in memory.
-    pub(super) fn propagate(&mut self, made: &Made<'_, 'a>, heights: &Heights, sink: &mut Sink<'_>) -> Result<()> {
-        let Made { contours, fitted, ends, .. } = made;
+    pub(super) fn propagate(
+        &mut self,
+        made: &SweepInputs<'_, 'a>,
+        heights: &Heights,
+        sink: &mut Sink<'_>,
+    ) -> Result<()> {
+        let SweepInputs { contours, fitted, ends, .. } = made;
         self.below(contours, ends, heights, sink)?;
         for chunk in self.chunks(&made.intervals, heights) {
             let intervals = chunk.clone().map(|i| made.intervals.get(i)).collect::<Result<Vec<_>>>()?;
@@ -98,7 +103,7 @@ impl<'a> Run<'a> {
     #[expect(clippy::too_many_arguments, reason = "one stage reads what all stages before it have made")]
     fn layers_between(
         &self,
-        made: &Made<'_, 'a>,
+        made: &SweepInputs<'_, 'a>,
         i: usize,
         interval: &Interval,
         caps: &IntervalCaps,
@@ -111,7 +116,7 @@ impl<'a> Run<'a> {
         let between: Vec<(Height, f64)> = heights.iter().map(|x| (*x, time(x.z, low, high))).collect();
         let part = made.beside.as_ref().map(|b| b.moving.part(i..i + 2)).transpose()?;
         let beside = match (&made.beside, &part) {
-            (Some(Beside { slopes, lone, .. }), Some(part)) => {
+            (Some(FieldFallback { slopes, lone, .. }), Some(part)) => {
                 let trust = made.trust(part, i, self.h, self.relief())?;
                 let warp = self.warp(made, part, i, self.begun(interval, caps, filled, &between));
                 Some((part, [slopes.get(i)?, slopes.get(i + 1)?], lone.get(i)?, warp, trust))
@@ -147,7 +152,7 @@ impl<'a> Run<'a> {
     }
 
     /// From the mid frame of interval `i`, which is `part`, to its layers.
-    fn warp<'p>(&self, made: &Made<'_, 'a>, part: &'p MovingField, i: usize, begun: [Vec<f32>; 2]) -> Warp<'p> {
+    fn warp<'p>(&self, made: &SweepInputs<'_, 'a>, part: &'p MotionField, i: usize, begun: [Vec<f32>; 2]) -> Warp<'p> {
         // The frame's own field of a slice that is not empty is the slice's.
         let own = |side: usize| (made.contours.light(i + side).solids.count > 0).then(|| &*part.fields[side]);
         let slices = [0, 1].map(|side| (own(side), begun[side].as_slice()));
@@ -192,12 +197,12 @@ impl<'a> Run<'a> {
     fn sweep_chunk(
         &mut self,
         chunk: Range<usize>,
-        made: &Made<'_, 'a>,
+        made: &SweepInputs<'_, 'a>,
         intervals: &[Arc<Interval>],
         caps: &[IntervalCaps],
         heights: &Heights,
     ) -> Result<Vec<Filled>> {
-        let Made { contours, seen, sides, fitted, .. } = made;
+        let SweepInputs { contours, seen, sides, fitted, .. } = made;
         let mut pairs = Vec::new();
         let mut owners = Vec::new();
         for ((i, caps), interval) in chunk.zip(caps).zip(intervals) {
@@ -212,7 +217,7 @@ impl<'a> Run<'a> {
             let image_nx = self.padded()[0];
             for (group, holes) in interval.groups.iter().zip(&caps.holes) {
                 let rule = self.settings.slope;
-                let courses = |end: &[u32], own: &Fitted, next: &Fitted, side: &Side, direction| {
+                let courses = |end: &[u32], own: &Fitted, next: &Fitted, side: &SideTracks, direction| {
                     let of = |&k: &u32| {
                         let track = &side.tracks[k as usize];
                         course(own, track, next, k as usize, direction, gap, rule)
@@ -295,7 +300,7 @@ impl<'a> Run<'a> {
     }
 
     /// Intervals that are swept together: enough for all threads and for a GPU, but no more slices than [`CHUNK_BYTES`] or the budget hold.
-    fn chunks(&self, intervals: &Shelf<'a, Interval>, heights: &Heights) -> Vec<Range<usize>> {
+    fn chunks(&self, intervals: &SpillVec<'a, Interval>, heights: &Heights) -> Vec<Range<usize>> {
         let least = self.budget.at_once(2 * rayon::current_num_threads(), 10 * self.field_bytes());
         let most = self.budget.spare(CHUNK_BYTES);
         let mut out: Vec<Range<usize>> = Vec::new();

@@ -5,7 +5,7 @@
 //! goes into a much larger one is a body by itself; the larger one stands still but for where the other arrives.
 
 use crate::contour::Contour;
-use crate::contour::overlap::{Decided, match_components};
+use crate::contour::overlap::{DecidedPairs, match_components};
 use crate::reference::exact::exact_distance;
 use crate::registration::displacement::{BLOCK, Displacement};
 use crate::registration::motion_field::plus;
@@ -59,7 +59,8 @@ pub fn linked(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) 
 /// The same with a frame for every group of one part below and one above that is isolated and gains by it.
 pub fn rigid(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) -> Frames {
     let slices = Slices::new(low, high, h);
-    let groups = match_components((&low.solids, &low.phi), (&high.solids, &high.phi), &Decided::joining(links)).groups;
+    let groups =
+        match_components((&low.solids, &low.phi), (&high.solids, &high.phi), &DecidedPairs::joining(links)).groups;
     let single = groups.iter().filter(|g| g.low.len() == 1 && g.high.len() == 1).map(|g| (g.low[0], g.high[0]));
     let mut bodies: Vec<Body> = links.iter().map(|&pair| slices.body(pair).0).collect();
     for pair in single.filter(|pair| !links.contains(pair)) {

@@ -13,14 +13,14 @@ use crate::storage::spill::{Array, Large};
 
 /// What the morph towards one neighbour measured for each seed of a contour.
 #[derive(Debug, Clone)]
-pub struct Side {
+pub struct SideTracks {
     /// One per seed; landing in pixels of the padded image.
     pub tracks: Vec<Track>,
     /// The seed's part has no partner on this side.
     pub lone: Vec<bool>,
 }
 
-impl Side {
+impl SideTracks {
     /// All seeds of a contour without any partner. A part of depth D that closes at the share e of the gap has S = -D / e.
     fn without_partner<'p>(contour: &Contour, parts: impl Iterator<Item = &'p LonePart>) -> Self {
         let still = |s: &Seed| Track { distance: 0.0, arc: 0.0, landing: s.x, arrived: false };
@@ -28,7 +28,7 @@ impl Side {
         for part in parts {
             part.seeds.iter().for_each(|&k| tracks[k as usize].distance = -part.depth / part.closes);
         }
-        Side { tracks, lone: vec![true; contour.seeds.len()] }
+        SideTracks { tracks, lone: vec![true; contour.seeds.len()] }
     }
 
     /// The distance of a seed at a hole of this depth that closes, half way.
@@ -41,9 +41,9 @@ impl Side {
 #[derive(Debug, Clone, Default)]
 pub struct Sides {
     /// Upward, of the contour below.
-    pub up: Option<Side>,
+    pub up: Option<SideTracks>,
     /// Downward, of the contour above.
-    pub down: Option<Side>,
+    pub down: Option<SideTracks>,
 }
 
 impl Large for Sides {
@@ -78,10 +78,12 @@ pub fn sides(
     interval: &Interval,
     frame: &Frame,
     traced: &mut impl Iterator<Item = Traced>,
-) -> [Side; 2] {
+) -> [SideTracks; 2] {
     let lone = |direction| interval.lone.iter().filter(move |part| part.direction == direction);
-    let mut sides =
-        [Side::without_partner(low, lone(Direction::Up)), Side::without_partner(high, lone(Direction::Down))];
+    let mut sides = [
+        SideTracks::without_partner(low, lone(Direction::Up)),
+        SideTracks::without_partner(high, lone(Direction::Down)),
+    ];
     for group in &interval.groups {
         let ends = [(0, &group.low, Direction::Up), (1, &group.high, Direction::Down)];
         for ((at, end, direction), result) in ends.into_iter().zip(traced.by_ref()) {
@@ -94,7 +96,7 @@ pub fn sides(
             }
             for hole in group.holes.iter().filter(|h| h.direction == direction) {
                 for &k in &hole.seeds {
-                    side.tracks[k as usize].distance = Side::closing_hole(hole.depth);
+                    side.tracks[k as usize].distance = SideTracks::closing_hole(hole.depth);
                 }
             }
         }

@@ -1,10 +1,10 @@
 //! Distance from pixel centres to edges, where it is small.
 
 use super::edges::Edge;
-use super::grid::Grid;
+use super::grid::DrawingGrid;
 
 /// Exact distance of every pixel centre to the nearest edge, at most `reach`. Each edge is asked only about the pixels within `reach`.
-pub fn near_distance(edges: &[Edge], grid: &Grid, reach: f64) -> Vec<f32> {
+pub fn near_distance(edges: &[Edge], grid: &DrawingGrid, reach: f64) -> Vec<f32> {
     let [nx, ny] = grid.dims;
     let mut squared = vec![reach * reach; nx * ny];
     let within = |at: f64, last: usize| at.clamp(0.0, last as f64) as usize;

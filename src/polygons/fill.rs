@@ -3,11 +3,11 @@
 use std::ops::Range;
 
 use super::edges::Edge;
-use super::grid::Grid;
+use super::grid::DrawingGrid;
 
 /// Calls `inside` with every run of pixel centres that lie inside an odd number of the closed lines that `edges` are. A centre on an edge
 /// belongs to the right or upper side of it.
-pub fn fill(edges: &[Edge], grid: &Grid, mut inside: impl FnMut(Range<usize>)) {
+pub fn fill(edges: &[Edge], grid: &DrawingGrid, mut inside: impl FnMut(Range<usize>)) {
     let [nx, ny] = grid.dims;
     let mut rows: Vec<Vec<f64>> = vec![Vec::new(); ny];
     for edge in edges {

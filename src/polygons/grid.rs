@@ -1,7 +1,7 @@
 //! The pixels on which drawings are laid: how large, and where.
 
 use super::edges::{area, contour_edges};
-use super::{Drawing, Polygon};
+use super::{PlaneDrawing, Polygon};
 use crate::error::{Error, Result};
 use crate::storage::room;
 
@@ -18,7 +18,7 @@ const LINES: usize = 64;
 
 /// A grid of pixels. Pixel (i, j) has its centre at `origin + (i dx, j dy)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Grid {
+pub struct DrawingGrid {
     /// Centre of pixel (0, 0).
     pub origin: [f64; 2],
     /// Pixel sides.
@@ -27,11 +27,11 @@ pub struct Grid {
     pub dims: [usize; 2],
 }
 
-impl Grid {
+impl DrawingGrid {
     /// The grid around all drawings, and [`MARGIN`] pixels.
-    pub(super) fn around(drawings: &[Drawing], pixel: Option<[f64; 2]>) -> Result<Self> {
+    pub(super) fn around(drawings: &[PlaneDrawing], pixel: Option<[f64; 2]>) -> Result<Self> {
         let fail = |message: String| Err(Error::Setting { name: "pixel".into(), message });
-        let (low, high) = bounds(drawings.iter().flat_map(Drawing::polygons));
+        let (low, high) = bounds(drawings.iter().flat_map(PlaneDrawing::polygons));
         if !(low[0] < high[0] && low[1] < high[1]) {
             return Err(Error::Stack("nothing is drawn: no polygon encloses an area".into()));
         }
@@ -39,7 +39,7 @@ impl Grid {
         if spacing.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
             return fail(format!("must be a positive number; got {}", spacing[0]));
         }
-        Grid::over([low, high], spacing, drawings.len())
+        DrawingGrid::over([low, high], spacing, drawings.len())
     }
 
     /// The grid over a box, and [`MARGIN`] pixels around it, for so many slices.
@@ -67,7 +67,7 @@ impl Grid {
             Error::Setting { name: "pixel".into(), message: format!("must be larger: {of} {m}") }
         })?;
         let origin = [0, 1].map(|a| first[a] * spacing[a]);
-        Ok(Grid { origin, spacing, dims: sides.map(|n| n as usize) })
+        Ok(DrawingGrid { origin, spacing, dims: sides.map(|n| n as usize) })
     }
 
     /// Where `x` lies, in columns.
@@ -94,8 +94,8 @@ impl Grid {
 /// Pixel side for drawings: half the median distance of neighbouring points, so that no drawn point is lost between pixels, but at most an
 /// eighth of the mean width `2 A / P` (area and length of all contours), so that what has few points is still several pixels wide, and at
 /// least 1/1024 of the longer side of the box around all.
-pub fn pixel_side(drawings: &[Drawing]) -> f64 {
-    let (low, high) = bounds(drawings.iter().flat_map(Drawing::polygons));
+pub fn pixel_side(drawings: &[PlaneDrawing]) -> f64 {
+    let (low, high) = bounds(drawings.iter().flat_map(PlaneDrawing::polygons));
     let longer = (high[0] - low[0]).max(high[1] - low[1]);
     let (mut lengths, mut area_sum) = (Vec::new(), 0.0);
     for region in drawings.iter().flat_map(|d| &d.regions) {

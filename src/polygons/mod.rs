@@ -16,11 +16,11 @@ pub mod plane;
 use distance::near_distance;
 use edges::{Edge, contour_edges};
 use fill::fill;
-use grid::Grid;
+use grid::DrawingGrid;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::stack::{ContourStack, Geometry, HeightGrid, Level, Slice, SliceContent};
+use crate::stack::{ContourStack, Geometry, HeightGrid, LevelSlice, Slice, SliceContent};
 
 /// A closed line: the last point joins the first.
 pub type Polygon = Vec<[f64; 2]>;
@@ -33,7 +33,7 @@ pub const SAME_POINT: f64 = 1e-4;
 
 /// What is drawn on one plane.
 #[derive(Debug, Clone)]
-pub struct Drawing {
+pub struct PlaneDrawing {
     /// What messages call it.
     pub name: String,
     /// Height of the plane.
@@ -44,7 +44,7 @@ pub struct Drawing {
     pub regions: Vec<Vec<Polygon>>,
 }
 
-impl Drawing {
+impl PlaneDrawing {
     /// All polygons.
     pub fn polygons(&self) -> impl Iterator<Item = &Polygon> {
         self.regions.iter().flatten()
@@ -69,7 +69,7 @@ pub struct Planes {
 /// # Errors
 /// [`Error::Slice`] for a coordinate that is not finite, [`Error::Stack`] where nothing is drawn, [`Error::Setting`] for a pixel size that
 /// is none or too small.
-pub fn stack(drawings: &[Drawing], planes: &Planes, pixel: Option<[f64; 2]>) -> Result<ContourStack> {
+pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>) -> Result<ContourStack> {
     for (index, drawing) in drawings.iter().enumerate() {
         let wrong = |p: &&[f64; 2]| !(p[0].is_finite() && p[1].is_finite());
         let of = drawing.polygons().enumerate().find_map(|(k, polygon)| Some((k, *polygon.iter().find(wrong)?)));
@@ -78,14 +78,14 @@ pub fn stack(drawings: &[Drawing], planes: &Planes, pixel: Option<[f64; 2]>) -> 
             return Err(Error::Slice { index, name: drawing.name.clone(), message });
         }
     }
-    let grid = Grid::around(drawings, pixel)?;
+    let grid = DrawingGrid::around(drawings, pixel)?;
     let slices = drawings
         .par_iter()
         .map(|d| Slice {
             name: d.name.clone(),
             z: d.z,
             extra: d.extra,
-            content: SliceContent::Level(Level::new(&level_set(&d.regions, &grid), grid.dims[0])),
+            content: SliceContent::Level(LevelSlice::new(&level_set(&d.regions, &grid), grid.dims[0])),
         })
         .collect();
     let origin = std::array::from_fn(|a| grid.origin[0] * planes.axes[0][a] + grid.origin[1] * planes.axes[1][a]);
@@ -100,7 +100,7 @@ pub fn stack(drawings: &[Drawing], planes: &Planes, pixel: Option<[f64; 2]>) -> 
 }
 
 /// `min` over the regions of the signed distance to each, clamped.
-pub(crate) fn level_set(regions: &[Vec<Polygon>], grid: &Grid) -> Vec<f32> {
+pub(crate) fn level_set(regions: &[Vec<Polygon>], grid: &DrawingGrid) -> Vec<f32> {
     let px = grid.spacing[0].max(grid.spacing[1]);
     let clamp = CLAMP * px;
     let mut level = vec![clamp as f32; grid.dims[0] * grid.dims[1]];

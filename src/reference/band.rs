@@ -18,7 +18,7 @@ pub const LANES: usize = 8;
 
 /// Consecutive pixels `start..start + len` of one row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Run {
+pub struct PixelRun {
     /// First node.
     pub start: usize,
     /// Number of nodes.
@@ -29,14 +29,14 @@ pub struct Run {
 #[derive(Debug, Clone)]
 pub struct Band {
     /// Runs in row order; no two touch.
-    pub runs: Vec<Run>,
+    pub runs: Vec<PixelRun>,
     /// Pixels in all runs.
     pub count: usize,
     gamma: f64,
     /// Runs of T.
-    tube: Vec<Run>,
+    tube: Vec<PixelRun>,
     /// Those of N before the last rebuild.
-    old: Vec<Run>,
+    old: Vec<PixelRun>,
 }
 
 impl Band {
@@ -45,7 +45,7 @@ impl Band {
         let [nx, ny] = phi.dims;
         let whole = (RIM..ny.saturating_sub(RIM))
             .filter(|_| nx > 2 * RIM)
-            .map(|j| Run { start: j * nx + RIM, len: nx - 2 * RIM })
+            .map(|j| PixelRun { start: j * nx + RIM, len: nx - 2 * RIM })
             .collect();
         let mut band = Band { runs: whole, count: 0, gamma, tube: Vec::new(), old: Vec::new() };
         let out = gamma + 0.5;
@@ -74,7 +74,7 @@ impl Band {
                 start += before;
                 let more = within.position(|within| !within);
                 let len = more.map_or(run.start + run.len - start, |more| more + 1);
-                self.tube.push(Run { start, len });
+                self.tube.push(PixelRun { start, len });
                 start += len + 1;
             }
         }
@@ -84,7 +84,7 @@ impl Band {
     fn collect(&mut self, [nx, ny]: [usize; 2]) {
         self.runs.clear();
         self.count = 0;
-        let rows = |r: &Run| r.start / nx;
+        let rows = |r: &PixelRun| r.start / nx;
         let (Some(first), Some(last)) = (self.tube.first().map(rows), self.tube.last().map(rows)) else { return };
         let mut cursor = 0;
         let mut spans: Vec<(usize, usize)> = Vec::new();
@@ -139,7 +139,7 @@ impl Band {
         match self.runs.last_mut() {
             // What lies beside two runs of T may touch.
             Some(r) if r.start + r.len == start => r.len += len,
-            _ => self.runs.push(Run { start, len }),
+            _ => self.runs.push(PixelRun { start, len }),
         }
     }
 
@@ -148,9 +148,9 @@ impl Band {
         self.gamma
     }
 
-    /// Places of all runs, see [`Run::room`].
+    /// Places of all runs, see [`PixelRun::room`].
     pub fn room(&self) -> usize {
-        self.runs.iter().map(Run::room).sum()
+        self.runs.iter().map(PixelRun::room).sum()
     }
 
     /// All nodes of N in row order.
@@ -159,7 +159,7 @@ impl Band {
     }
 }
 
-impl Run {
+impl PixelRun {
     /// Places that a run has in what is kept in band order.
     #[inline(always)]
     pub fn room(&self) -> usize {

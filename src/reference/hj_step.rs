@@ -81,7 +81,7 @@ pub fn hj_step(
 /// `out <- -F c(phi) |grad phi|` from a run's start on, where `out` holds F on entry.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn right_hand_side(phi: &[f64], nx: usize, start: usize, h: [f64; 2], tube: Tube, out: &mut [f64]) {
-    let Window { along, across } = Window::new(phi, nx, start, out.len());
+    let WenoRows { along, across } = WenoRows::new(phi, nx, start, out.len());
     let (per_x, per_y) = (1.0 / h[0], 1.0 / h[1]);
     for k in 0..out.len() {
         let f = &mut out[k];
@@ -95,12 +95,12 @@ fn right_hand_side(phi: &[f64], nx: usize, start: usize, h: [f64; 2], tube: Tube
 
 /// The values a WENO5 stencil reads at pixels of a row, each a slice of what the pixels have there: from three pixels to the left to three to
 /// the right, and from three rows below to three above.
-pub(super) struct Window<'a> {
+pub(super) struct WenoRows<'a> {
     pub along: [&'a [f64]; 2 * REACH + 1],
     pub across: [&'a [f64]; 2 * REACH + 1],
 }
 
-impl<'a> Window<'a> {
+impl<'a> WenoRows<'a> {
     /// Around `count` pixels.
     #[inline(always)]
     pub fn new(phi: &'a [f64], nx: usize, start: usize, count: usize) -> Self {
@@ -109,7 +109,7 @@ impl<'a> Window<'a> {
         let column = |s: usize| from(start + s - REACH);
         // One by one, since `from_fn` is not inlined into kernels: with lengths unknown every value's place would be checked, and a loop that
         // may stop at any pixel does its last ones one by one.
-        Window {
+        WenoRows {
             along: [column(0), column(1), column(2), column(3), column(4), column(5), column(6)],
             across: [row(0), row(1), row(2), row(3), row(4), row(5), row(6)],
         }

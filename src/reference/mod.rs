@@ -27,7 +27,7 @@ use crate::grid::field::Field;
 use crate::grid::tiled::Packed;
 use crate::progress::Progress;
 use crate::registration::displacement::{Displacement, DisplacementJob};
-use crate::registration::motion_field::{Cells, LoneParts, MovingField};
+use crate::registration::motion_field::{Cells, LoneParts, MotionField};
 
 /// The reference path. Jobs run in parallel on rayon's current pool, each by itself: the same bits for any number of threads.
 #[derive(Debug, Clone, Copy, Default)]
@@ -110,7 +110,7 @@ impl Backend for Reference {
         Ok(displacement::displacements(job))
     }
 
-    fn moving_slopes(&self, moving: &MovingField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
+    fn moving_slopes(&self, moving: &MotionField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
         let slopes = moving_field::slopes(moving, wanted);
         progress.advance(slopes.len());
         Ok(slopes)
@@ -118,7 +118,7 @@ impl Backend for Reference {
 
     fn moving_layers(
         &self,
-        moving: &MovingField,
+        moving: &MotionField,
         slopes: [&Field; 2],
         lone: &LoneParts,
         i: usize,

@@ -8,29 +8,29 @@ use rayon::prelude::*;
 use crate::contour::caps::Cap;
 use crate::grid::field::Field;
 use crate::grid::spline::three_point_end;
-use crate::registration::motion_field::{CELL, Cells, LoneParts, MovingField, between, closing, plus, probes, slope};
+use crate::registration::motion_field::{CELL, Cells, LoneParts, MotionField, between, closing, plus, probes, slope};
 
 /// Slopes of the fields at the `wanted` slices, per height: see [`slope`], secants taken along the trajectories; at the ends the three-point
 /// formula.
-pub fn slopes(moving: &MovingField, wanted: Range<usize>) -> Vec<Field> {
+pub fn slopes(moving: &MotionField, wanted: Range<usize>) -> Vec<Field> {
     wanted.into_par_iter().map(|i| slopes_of(moving, i)).collect()
 }
 
 /// Secant of interval `i` at a position of its lower slice.
-fn secant_up(moving: &MovingField, i: usize, x: [f64; 2]) -> f64 {
+fn secant_up(moving: &MotionField, i: usize, x: [f64; 2]) -> f64 {
     let u = moving.at_slices[i][0].at(x);
     let there = moving.fields[i + 1].sample([x[0] + u[0], x[1] + u[1]]);
     (there - moving.fields[i].sample(x)) / moving.gap(i)
 }
 
 /// Secant of interval `i` at a position of its upper slice.
-fn secant_down(moving: &MovingField, i: usize, x: [f64; 2]) -> f64 {
+fn secant_down(moving: &MotionField, i: usize, x: [f64; 2]) -> f64 {
     let u = moving.at_slices[i][1].at(x);
     let there = moving.fields[i].sample([x[0] - u[0], x[1] - u[1]]);
     (moving.fields[i + 1].sample(x) - there) / moving.gap(i)
 }
 
-fn slopes_of(moving: &MovingField, i: usize) -> Field {
+fn slopes_of(moving: &MotionField, i: usize) -> Field {
     let last = moving.fields.len() - 1;
     let dims = moving.fields[i].dims;
     let mut slopes = Field::filled(dims, 0.0);
@@ -46,7 +46,7 @@ fn slopes_of(moving: &MovingField, i: usize) -> Field {
 }
 
 /// Slope at a position of the first or the last slice.
-fn end_slope(moving: &MovingField, i: usize, x: [f64; 2]) -> f64 {
+fn end_slope(moving: &MotionField, i: usize, x: [f64; 2]) -> f64 {
     let last = moving.fields.len() - 1;
     let gap = |k: usize| moving.gap(k);
     match i {
@@ -67,7 +67,7 @@ fn end_slope(moving: &MovingField, i: usize, x: [f64; 2]) -> f64 {
 
 /// Slopes at the pixels of row `y` of a slice between others.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
-fn inner_slopes(moving: &MovingField, i: usize, y: usize, row: &mut [f64]) {
+fn inner_slopes(moving: &MotionField, i: usize, y: usize, row: &mut [f64]) {
     let [below, here, above] = [i - 1, i, i + 1].map(|k| &moving.fields[k]);
     let px = moving.px;
     let [hl, hr] = [i - 1, i].map(|k| moving.gap(k) / px);
@@ -91,7 +91,7 @@ pub fn reach(h: [f64; 2]) -> f64 {
 /// The layer at time `t` of interval `i`, px, clamped to `limit`; in cells that are not `wanted` only at their [`probes`].
 #[expect(clippy::too_many_arguments, reason = "one stage reads what all stages before it have made")]
 pub fn layer(
-    moving: &MovingField,
+    moving: &MotionField,
     slopes: [&Field; 2],
     lone: &LoneParts,
     i: usize,

@@ -13,7 +13,7 @@ use crate::backend::MorphOptions;
 use crate::backend::jobs::{SweepJob, Swept, TraceJob};
 use crate::contour::seeds::seeds;
 use crate::grid::field::Field;
-use crate::grid::spline::{Course, bend, hermite, hermite_rate, smoothstep};
+use crate::grid::spline::{HermiteArc, bend, hermite, hermite_rate, smoothstep};
 use crate::grid::stencil::{cut_off, step_share};
 use crate::grid::tiled::Packed;
 
@@ -47,7 +47,7 @@ pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Sw
     let tube = Tube { beta: options.cut_off, gamma: options.half_width };
     let mut scratch = Scratch::default();
     let (mut upwind, mut passes4, mut passes2, mut passes1) = (Upwind::default(), Vec::new(), Vec::new(), Vec::new());
-    let mut courses: Vec<Course> = scatter(&phi, &band, h, &job.seeds, &job.courses);
+    let mut courses: Vec<HermiteArc> = scatter(&phi, &band, h, &job.seeds, &job.courses);
     upwind.find(&phi, &band, h);
     upwind.extend(&mut courses, &band, FIRST_PASSES, &mut passes4);
     let mut speed = Field::filled(phi.dims, 0.0);
@@ -123,7 +123,7 @@ struct Before {
 }
 
 impl Before {
-    fn new(phi: f64, course: &Course, t: f64, dt: f64, tube: Tube) -> Self {
+    fn new(phi: f64, course: &HermiteArc, t: f64, dt: f64, tube: Tube) -> Self {
         let moving = cut_off(phi, tube.beta, tube.gamma);
         Before { phi, bend: bend(course, t, dt).map(|b| moving * b) }
     }
@@ -159,7 +159,7 @@ fn measure(
     phi: &Field,
     target: &Field,
     band: &Band,
-    courses: &[Course],
+    courses: &[HermiteArc],
     remeasured: Option<&Remeasured>,
     t: f64,
     h: [f64; 2],
@@ -184,7 +184,7 @@ fn measure(
 fn step_length(
     phi: &Field,
     band: &Band,
-    courses: &[Course],
+    courses: &[HermiteArc],
     errors: &[(usize, f64)],
     gain: f64,
     t: f64,

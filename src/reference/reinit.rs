@@ -3,7 +3,7 @@
 use multiversion::multiversion;
 
 use super::band::Band;
-use super::hj_step::{Scratch, Window, stencil};
+use super::hj_step::{Scratch, WenoRows, stencil};
 use crate::grid::field::Field;
 use crate::grid::stencil::{REACH, godunov, one_sided, smeared_sign};
 
@@ -48,7 +48,7 @@ fn relax_by(step: f64, phi: &mut Field, band: &Band, h: [f64; 2], iterations: us
 /// `out <- S(phi)` from a run's start on, gradients by central differences.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn signs(phi: &[f64], nx: usize, start: usize, h: [f64; 2], out: &mut [f64]) {
-    let Window { along, across } = Window::new(phi, nx, start, out.len());
+    let WenoRows { along, across } = WenoRows::new(phi, nx, start, out.len());
     let (per_x, per_y) = (0.5 / h[0], 0.5 / h[1]);
     for k in 0..out.len() {
         let s = &mut out[k];
@@ -61,7 +61,7 @@ fn signs(phi: &[f64], nx: usize, start: usize, h: [f64; 2], out: &mut [f64]) {
 /// `next <- phi - dtau S (|grad phi| - 1)` from a run's start on.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn relax(phi: &[f64], nx: usize, start: usize, h: [f64; 2], dtau: f64, sign: &[f64], next: &mut [f64]) {
-    let Window { along, across } = Window::new(phi, nx, start, next.len());
+    let WenoRows { along, across } = WenoRows::new(phi, nx, start, next.len());
     let (per_x, per_y) = (1.0 / h[0], 1.0 / h[1]);
     let sign = &sign[..next.len()];
     for k in 0..next.len() {

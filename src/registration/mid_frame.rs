@@ -10,7 +10,7 @@ use crate::contour::seeds::Seed;
 use crate::grid::field::Field;
 use crate::grid::tile::samples;
 use crate::registration::displacement::Displacement;
-use crate::registration::motion_field::{MovingField, PASSES, Paths, plus};
+use crate::registration::motion_field::{MotionField, PASSES, Paths, plus};
 
 /// Distance to each side in which a moved seed looks for its contour, px.
 const SEARCH: usize = 2;
@@ -24,7 +24,7 @@ pub struct Frame {
 
 impl Frame {
     /// The mid frame of interval `i`.
-    pub fn middle_of(moving: &MovingField, i: usize) -> Self {
+    pub fn middle_of(moving: &MotionField, i: usize) -> Self {
         Frame { middle: Some(moving.paths(i, 0.5)) }
     }
 

@@ -35,7 +35,7 @@ pub const STEPS: f64 = (1u64 << 30) as f64;
 
 /// Slices and displacements.
 #[derive(Debug, Clone)]
-pub struct MovingField {
+pub struct MotionField {
     /// Heights of the slices, increasing.
     pub heights: Vec<f64>,
     /// Gaps between them, see [`even_gaps`].
@@ -79,7 +79,7 @@ pub struct Paths {
     pub go: Displacement,
 }
 
-impl MovingField {
+impl MotionField {
     /// What follows from fields and displacements of a stack that is no relief.
     pub fn new(heights: Vec<f64>, px: f64, fields: Vec<Arc<Field>>, displacements: Vec<Displacement>) -> Self {
         let gaps = even_gaps(&heights);
@@ -91,7 +91,7 @@ impl MovingField {
         };
         let rates = (0..heights.len()).map(|i| Arc::new(rate(i))).collect();
         let displacements = displacements.into_iter().map(Arc::new).collect();
-        MovingField { heights, gaps, px, relief: 0.0, fields, displacements, at_slices, rates }
+        MotionField { heights, gaps, px, relief: 0.0, fields, displacements, at_slices, rates }
     }
 
     /// Gap of an interval.
@@ -134,7 +134,7 @@ pub struct Place {
     pub at_slices: Arc<[Resting; 2]>,
 }
 
-impl MovingField {
+impl MotionField {
     /// The ways back of `paths`, which are those through the layer at time `t` of interval `i`: from either slice to the layer.
     pub fn off_slices(&self, i: usize, t: f64, paths: &Paths) -> [Displacement; 2] {
         let [low, high] = &*self.at_slices[i];
@@ -161,7 +161,7 @@ impl MovingField {
 impl Place {
     /// The place at time `t` of interval `i` of `moving`, which is number `interval` of the stack, and the paths through it. What it shares
     /// with another place of the interval is taken from there.
-    pub fn new(moving: &MovingField, i: usize, interval: usize, t: f64, known: Option<&Place>) -> (Self, Paths) {
+    pub fn new(moving: &MotionField, i: usize, interval: usize, t: f64, known: Option<&Place>) -> (Self, Paths) {
         let paths = moving.paths(i, t);
         let off = moving.off_slices(i, t, &paths).each_ref().map(Resting::from);
         let at_slices = match known {

@@ -7,22 +7,22 @@ use crate::error::Result;
 use crate::grid::field::Field;
 use crate::registration::displacement::Displacement;
 use crate::registration::mid_frame::Frame;
-use crate::registration::motion_field::{MovingField, Paths, Place, rate, time};
-use crate::storage::spill::{Budget, Shelf};
+use crate::registration::motion_field::{MotionField, Paths, Place, rate, time};
+use crate::storage::spill::{Budget, SpillVec};
 
 /// The stack in its moving frame.
-pub struct MovingStack<'b> {
+pub struct MotionStack<'b> {
     heights: Vec<f64>,
     gaps: Vec<f64>,
     px: f64,
     relief: f64,
-    fields: Shelf<'b, Field>,
-    displacements: Shelf<'b, Displacement>,
-    at_slices: Shelf<'b, [Displacement; 2]>,
-    rates: Shelf<'b, Displacement>,
+    fields: SpillVec<'b, Field>,
+    displacements: SpillVec<'b, Displacement>,
+    at_slices: SpillVec<'b, [Displacement; 2]>,
+    rates: SpillVec<'b, Displacement>,
 }
 
-impl<'b> MovingStack<'b> {
+impl<'b> MotionStack<'b> {
     /// What follows from `fields` and `displacements` of slices at these heights. `gaps` are those of the stack, which may be longer;
     /// `px` is the length of a pixel's larger side, `relief` how far the whole stack is relief.
     ///
@@ -33,11 +33,11 @@ impl<'b> MovingStack<'b> {
         gaps: Vec<f64>,
         px: f64,
         relief: f64,
-        fields: Shelf<'b, Field>,
-        displacements: Shelf<'b, Displacement>,
+        fields: SpillVec<'b, Field>,
+        displacements: SpillVec<'b, Displacement>,
         budget: &'b Budget,
     ) -> Result<Self> {
-        let (mut at_slices, mut rates) = (Shelf::new(budget), Shelf::new(budget));
+        let (mut at_slices, mut rates) = (SpillVec::new(budget), SpillVec::new(budget));
         let mut below: Option<Arc<[Displacement; 2]>> = None;
         for i in 0..heights.len() {
             let above = match i < gaps.len() {
@@ -52,7 +52,7 @@ impl<'b> MovingStack<'b> {
             }
             below = above;
         }
-        Ok(MovingStack { heights, gaps, px, relief, fields, displacements, at_slices, rates })
+        Ok(MotionStack { heights, gaps, px, relief, fields, displacements, at_slices, rates })
     }
 
     /// Number of slices.
@@ -88,18 +88,18 @@ impl<'b> MovingStack<'b> {
     ///
     /// # Errors
     /// Those of the shelves.
-    pub fn part(&self, slices: Range<usize>) -> Result<MovingField> {
+    pub fn part(&self, slices: Range<usize>) -> Result<MotionField> {
         let fields = slices.clone().map(|i| self.fields.get(i)).collect::<Result<_>>()?;
-        Ok(MovingField { fields, ..self.frame(slices)? })
+        Ok(MotionField { fields, ..self.frame(slices)? })
     }
 
     /// The same without fields.
     ///
     /// # Errors
     /// Those of the shelves.
-    pub fn frame(&self, slices: Range<usize>) -> Result<MovingField> {
+    pub fn frame(&self, slices: Range<usize>) -> Result<MotionField> {
         let intervals = slices.start..slices.end - 1;
-        Ok(MovingField {
+        Ok(MotionField {
             heights: self.heights[slices.clone()].to_vec(),
             gaps: self.gaps[intervals.clone()].to_vec(),
             px: self.px,

@@ -5,7 +5,7 @@
 
 use crate::grid::spline::smoothstep;
 use crate::registration::displacement::{BLOCK, Displacement, smooth};
-use crate::registration::motion_field::{MovingField, plus};
+use crate::registration::motion_field::{MotionField, plus};
 
 /// Sigma of the mean over particles, px.
 const REACH: f64 = 8.0;
@@ -38,7 +38,7 @@ impl Trust {
     /// For interval `i` of a stack that is so far relief, from positions (px of the padded image) in its mid frame and whether each particle has
     /// arrived.
     pub fn new(
-        moving: &MovingField,
+        moving: &MotionField,
         i: usize,
         h: [f64; 2],
         relief: f64,

@@ -7,12 +7,12 @@ use crate::grid::field::{Field, sample, sample_smooth};
 use crate::grid::spline::smoothstep;
 use crate::grid::tiled::Packed;
 use crate::registration::displacement::Displacement;
-use crate::registration::motion_field::{CELL, Cells, MovingField, Paths, plus, probes};
+use crate::registration::motion_field::{CELL, Cells, MotionField, Paths, plus, probes};
 use crate::registration::particle_weight::Trust;
 
 /// Brings layers of interval `i` from its mid frame to where they belong.
 pub struct Warp<'m> {
-    moving: &'m MovingField,
+    moving: &'m MotionField,
     i: usize,
     /// From the slices to the mid frame.
     off: [Displacement; 2],
@@ -42,7 +42,7 @@ impl Way {
 impl<'m> Warp<'m> {
     /// For an interval whose slices are `low` and `high`, as they are (nothing where they are empty) and as what lies between them begins in the
     /// mid frame; distances count up to `limit` px.
-    pub fn new(moving: &'m MovingField, i: usize, slices: [(Option<&Field>, &[f32]); 2], limit: f64) -> Self {
+    pub fn new(moving: &'m MotionField, i: usize, slices: [(Option<&Field>, &[f32]); 2], limit: f64) -> Self {
         let off = moving.off_slices(i, 0.5, &moving.paths(i, 0.5));
         let lost = [0, 1].map(|end| {
             let (own, seen) = slices[end];

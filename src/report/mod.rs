@@ -123,10 +123,10 @@ pub struct ContourReport {
     pub area: f64,
     /// The body a thousandth of the gap below.
     #[serde(default)]
-    pub below: Option<Beside>,
+    pub below: Option<StepBeside>,
     /// The same above.
     #[serde(default)]
-    pub above: Option<Beside>,
+    pub above: Option<StepBeside>,
     /// How far the sweep from below ends from this contour.
     pub arrival_from_below: Option<Residual>,
     /// How far the sweep from above ends from this contour.
@@ -135,7 +135,7 @@ pub struct ContourReport {
 
 /// What the body is just beside a contour.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Beside {
+pub struct StepBeside {
     /// Its area, unit squared.
     pub area: f64,
     /// Largest change of the distance from the contour's layer to this one, where that is at most a pixel from the contour; px.
@@ -153,7 +153,7 @@ pub struct BodyReport {
     /// Pairs of parts of neighbouring contours that overlap and that no link keeps apart.
     pub overlapping: usize,
     /// Those of them that are not connected between their contours.
-    pub torn: Vec<Pair>,
+    pub torn: Vec<PartPair>,
     /// Pixels inside a layer below the first contour that lie outside of that contour, and the same above the last, of the layer that has most.
     pub beyond: [usize; 2],
     /// The largest change from one layer to the next near the surface, between the first and the last contour.
@@ -176,7 +176,7 @@ impl BodyReport {
 
 /// Two parts of neighbouring contours, numbered as `interslice inspect` does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Pair {
+pub struct PartPair {
     /// The lower slice, from 0.
     pub slice: usize,
     /// Its part, from 1.
@@ -240,7 +240,7 @@ impl AreaProfile {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EndReport {
     /// Below the first contour or above the last.
-    pub side: Side,
+    pub side: BodyEnd,
     /// Height of that contour.
     pub z: f64,
     /// Its area, unit squared.
@@ -290,7 +290,7 @@ pub struct CapReport {
 /// An end of the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Side {
+pub enum BodyEnd {
     /// Below the first contour.
     Bottom,
     /// Above the last.

@@ -1,6 +1,6 @@
 //! What the figures of a report say: whether everything that was checked holds, and what does not, in words.
 
-use crate::report::{ContourReport, Pair, Report};
+use crate::report::{ContourReport, PartPair, Report};
 use crate::settings::EndRule;
 
 /// The body may change this much within a thousandth of the gap beside a contour, px: a surface that moves by 100 px from contour to contour, or by
@@ -28,8 +28,9 @@ impl Report {
             broken.push(told + " to no contour");
         }
         if !body.torn.is_empty() {
-            let name =
-                |pair: &Pair| format!("part {} of slice {} and part {} of the next", pair.from, pair.slice, pair.to);
+            let name = |pair: &PartPair| {
+                format!("part {} of slice {} and part {} of the next", pair.from, pair.slice, pair.to)
+            };
             let named: Vec<String> = body.torn.iter().take(NAMED).map(name).collect();
             let others = body.torn.len().saturating_sub(NAMED);
             let others = if others > 0 { format!(" and {others} more") } else { String::new() };

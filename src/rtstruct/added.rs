@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 use std::sync::Arc;
 
-use super::{CLOSED, CLOSED_XOR, Chosen, Contour, Source};
+use super::{CLOSED, CLOSED_XOR, ChosenRois, Contour, ReferencedSet};
 use crate::error::Result;
 use crate::polygons::plane::TOLERANCE;
 use crate::stack::{Geometry, ReadOptions};
@@ -47,8 +47,8 @@ impl Adding {
     /// To the only one of the chosen ROIs; nothing yet.
     ///
     /// # Errors
-    /// As [`Chosen::chosen_planes`].
-    pub fn new(chosen: &Chosen<'_>, options: &ReadOptions, every: Option<f64>, header: &Header) -> Result<Self> {
+    /// As [`ChosenRois::chosen_planes`].
+    pub fn new(chosen: &ChosenRois<'_>, options: &ReadOptions, every: Option<f64>, header: &Header) -> Result<Self> {
         let roi = chosen.rois[0];
         let kind = if roi.contours.iter().any(Contour::is_xor) { CLOSED_XOR } else { CLOSED };
         let step = every.unwrap_or(header.grid.step);
@@ -92,7 +92,7 @@ impl Adding {
 /// Writes the completed structure set, at the end.
 pub struct StructuresWriter<W> {
     out: W,
-    source: Arc<Source>,
+    source: Arc<ReferencedSet>,
     adding: Adding,
 }
 
@@ -101,7 +101,7 @@ impl<W> StructuresWriter<W> {
     ///
     /// # Errors
     /// As [`StructureSet::choose`](super::StructureSet::choose).
-    pub fn new(out: W, source: &Arc<Source>, header: &Header) -> Result<Self> {
+    pub fn new(out: W, source: &Arc<ReferencedSet>, header: &Header) -> Result<Self> {
         Ok(StructuresWriter { out, source: source.clone(), adding: source.adding(header)? })
     }
 }
@@ -120,14 +120,14 @@ impl<W: Write + Send> BodyWriter for StructuresWriter<W> {
 
 /// Keeps what a body adds, for a file of several bodies, while its layers go on to `rest`.
 pub struct Gather<'s, S> {
-    source: &'s Source,
+    source: &'s ReferencedSet,
     adding: Option<Adding>,
     rest: S,
 }
 
 impl<'s, S: LayerSink> Gather<'s, S> {
     /// For the body that is made of what `source` chose.
-    pub fn new(source: &'s Source, rest: S) -> Self {
+    pub fn new(source: &'s ReferencedSet, rest: S) -> Self {
         Gather { source, adding: None, rest }
     }
 

@@ -3,7 +3,7 @@
 use super::{Contour, Roi, StructureSet};
 use crate::error::{Error, Result};
 use crate::polygons::plane::{Bent, PlaneSet, TOLERANCE, smallest_gap};
-use crate::polygons::{self, Drawing, Planes};
+use crate::polygons::{self, PlaneDrawing, Planes};
 use crate::stack::{ContourStack, ReadOptions};
 
 /// How much wider the gaps of a ROI must be than those of another one's planes to be planes that were left out.
@@ -11,7 +11,7 @@ const LEFT_OUT: f64 = 1.5;
 
 /// ROIs to be reconstructed as one body.
 #[derive(Debug)]
-pub struct Chosen<'a> {
+pub struct ChosenRois<'a> {
     set: &'a StructureSet,
     /// The ROIs.
     pub rois: Vec<&'a Roi>,
@@ -29,7 +29,7 @@ impl StructureSet {
     /// # Errors
     /// [`Error::Setting`] where a name is none of the file's, or several ROIs could be meant; [`Error::Format`] for contours that are not
     /// closed, leave their plane, or are fewer than two planes.
-    pub fn choose(&self, options: &ReadOptions) -> Result<Chosen<'_>> {
+    pub fn choose(&self, options: &ReadOptions) -> Result<ChosenRois<'_>> {
         let mut rois: Vec<&Roi> = options.roi.iter().map(|name| self.find(name)).collect::<Result<_>>()?;
         if let Some(k) = (1..rois.len()).find(|k| rois[..*k].iter().any(|r| r.number == rois[*k].number)) {
             let message = format!("names {} twice", rois[k].label());
@@ -51,7 +51,7 @@ impl StructureSet {
     ///
     /// # Errors
     /// [`Error::Format`] as [`StructureSet::choose`].
-    pub fn closed<'a>(&'a self, rois: Vec<&'a Roi>) -> Result<Chosen<'a>> {
+    pub fn closed<'a>(&'a self, rois: Vec<&'a Roi>) -> Result<ChosenRois<'a>> {
         let (mut used, mut notes) = (Vec::new(), Vec::new());
         for (r, roi) in rois.iter().enumerate() {
             for (c, contour) in roi.contours.iter().enumerate() {
@@ -90,7 +90,7 @@ impl StructureSet {
                 planes.heights.len()
             )));
         }
-        Ok(Chosen { set: self, rois, used, planes, notes })
+        Ok(ChosenRois { set: self, rois, used, planes, notes })
     }
 
     fn wrong(&self, message: String) -> Error {
@@ -98,7 +98,7 @@ impl StructureSet {
     }
 }
 
-impl Chosen<'_> {
+impl ChosenRois<'_> {
     /// The contours of plane `k`, by ROI.
     pub fn on_plane(&self, k: usize) -> impl Iterator<Item = (usize, &Contour)> {
         let here = self.used.iter().zip(&self.planes.plane_of).filter(move |(_, plane)| **plane == k);
@@ -135,15 +135,15 @@ impl Chosen<'_> {
     /// The contours as a stack; heights are those along the planes' normal, x and y those in the planes.
     ///
     /// # Errors
-    /// As [`Chosen::chosen_planes`], [`polygons::stack`] and [`ContourStack::validate`], with the file's name.
+    /// As [`ChosenRois::chosen_planes`], [`polygons::stack`] and [`ContourStack::validate`], with the file's name.
     pub fn stack(&self, options: &ReadOptions) -> Result<ContourStack> {
         let drawing = |k: usize| {
             let mut regions = vec![Vec::new(); self.rois.len()];
             self.on_plane(k).for_each(|(r, contour)| regions[r].push(self.planes.project(&contour.points)));
             regions.retain(|r: &Vec<_>| !r.is_empty());
-            Drawing { name: format!("k={k}"), z: self.planes.heights[k], extra: false, regions }
+            PlaneDrawing { name: format!("k={k}"), z: self.planes.heights[k], extra: false, regions }
         };
-        let drawings: Vec<Drawing> = self.chosen_planes(options)?.into_iter().map(drawing).collect();
+        let drawings: Vec<PlaneDrawing> = self.chosen_planes(options)?.into_iter().map(drawing).collect();
         let planes = Planes { unit: "mm".into(), axes: self.planes.axes, z_out: None };
         let stack = polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]));
         let checked = stack.and_then(|stack| stack.validate().map(|()| stack));

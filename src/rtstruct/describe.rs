@@ -1,6 +1,6 @@
 //! What a colleague would say about a structure set.
 
-use super::{Chosen, Roi, StructureSet};
+use super::{ChosenRois, Roi, StructureSet};
 use crate::polygons::Polygon;
 use crate::polygons::plane::smallest_gap;
 
@@ -28,7 +28,7 @@ impl StructureSet {
     }
 }
 
-impl Chosen<'_> {
+impl ChosenRois<'_> {
     /// The chosen ROIs as one body, and notes.
     pub fn describe(&self) -> Vec<String> {
         let names: Vec<String> = self.rois.iter().map(|r| r.label()).collect();

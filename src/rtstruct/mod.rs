@@ -19,7 +19,7 @@ use dicom_object::DefaultDicomObject;
 
 use added::Adding;
 pub use added::{Added, Gather, StructuresWriter};
-pub use choose::{Chosen, Steps};
+pub use choose::{ChosenRois, Steps};
 
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
@@ -129,7 +129,7 @@ impl StructureSet {
 
 /// A structure set that a stack was read from, and what was chosen of it.
 #[derive(Debug)]
-pub struct Source {
+pub struct ReferencedSet {
     /// The file.
     pub set: Arc<StructureSet>,
     /// What was chosen.
@@ -138,20 +138,20 @@ pub struct Source {
     pub every: Option<f64>,
 }
 
-impl Source {
+impl ReferencedSet {
     /// What `options` choose of a file, checked.
     ///
     /// # Errors
     /// As [`StructureSet::choose`].
     pub fn new(set: &Arc<StructureSet>, options: &ReadOptions) -> Result<Self> {
         set.choose(options)?;
-        Ok(Source { set: set.clone(), options: options.clone(), every: None })
+        Ok(ReferencedSet { set: set.clone(), options: options.clone(), every: None })
     }
 
     /// The stack of what was chosen.
     ///
     /// # Errors
-    /// As [`StructureSet::choose`] and [`Chosen::stack`].
+    /// As [`StructureSet::choose`] and [`ChosenRois::stack`].
     pub fn stack(&self) -> Result<ContourStack> {
         self.set.choose(&self.options)?.stack(&self.options)
     }

@@ -13,7 +13,7 @@ const NAMED: usize = 6;
 
 /// Slices of a body: heights and areas in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Section {
+pub struct SliceArea {
     /// Height.
     pub z: f64,
     /// Pixels inside.
@@ -22,7 +22,7 @@ pub struct Section {
 
 /// Places of slices with under 5 % of their neighbours' area. The first and last of a body may be so small where it ends in a tip: they
 /// are doubted only off the heights at which the others lie, or where no pixel lies over the neighbour's, as `overlap` says.
-pub fn strays(sections: &[Section], overlap: impl Fn(usize, usize) -> bool) -> Vec<usize> {
+pub fn strays(sections: &[SliceArea], overlap: impl Fn(usize, usize) -> bool) -> Vec<usize> {
     let painted: Vec<usize> = (0..sections.len()).filter(|&k| sections[k].area > 0).collect();
     let gap = |n: usize| sections[painted[n + 1]].z - sections[painted[n]].z;
     let usual = |n: usize| {
@@ -41,7 +41,7 @@ pub fn strays(sections: &[Section], overlap: impl Fn(usize, usize) -> bool) -> V
 }
 
 /// What is said of the slices at `places`, of which `name` tells what they are called.
-pub fn stray(places: &[usize], sections: &[Section], name: impl Fn(usize) -> String) -> Option<String> {
+pub fn stray(places: &[usize], sections: &[SliceArea], name: impl Fn(usize) -> String) -> Option<String> {
     let said = |&k: &usize| {
         let beside = [sections[..k].iter().rposition(|s| s.area > 0), {
             sections[k + 1..].iter().position(|s| s.area > 0).map(|m| k + 1 + m)
@@ -64,7 +64,8 @@ impl ContourStack {
             SliceContent::Mask(mask) => mask.count(),
             SliceContent::Level(level) => level.sides().count(),
         };
-        let sections: Vec<Section> = self.slices.iter().map(|s| Section { z: s.z, area: area(&s.content) }).collect();
+        let sections: Vec<SliceArea> =
+            self.slices.iter().map(|s| SliceArea { z: s.z, area: area(&s.content) }).collect();
         let sides = |k: usize| self.slices[k].content.sides();
         let overlap =
             |k: usize, beside: usize| sides(k).into_iter().zip(sides(beside)).any(|(own, other)| own && other);
@@ -96,7 +97,7 @@ mod tests {
 
     /// Places of doubted slices; tips lie over their neighbours if `overlap`.
     fn doubted(sections: &[(f64, usize)], overlap: bool) -> Vec<usize> {
-        let sections: Vec<Section> = sections.iter().map(|&(z, area)| Section { z, area }).collect();
+        let sections: Vec<SliceArea> = sections.iter().map(|&(z, area)| SliceArea { z, area }).collect();
         strays(&sections, |_, _| overlap)
     }
 

@@ -6,14 +6,14 @@ use super::mask::Mask;
 ///
 /// Of pixels with no other side beside them nothing but their own side is kept: no contour runs next to them.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Level {
+pub struct LevelSlice {
     sides: Mask,
     /// Pixels whose values are kept, increasing, and those values.
     near: Vec<(usize, f32)>,
     largest: f32,
 }
 
-impl Level {
+impl LevelSlice {
     /// From the values of all pixels, of which a row has `nx`: as many as the stack's rows, else values beside the contour are lost.
     pub fn new(values: &[f32], nx: usize) -> Self {
         let nx = nx.max(1);
@@ -42,12 +42,12 @@ impl Level {
         }
         near.shrink_to_fit();
         let largest = values.iter().fold(f32::MIN_POSITIVE, |a, v| a.max(v.abs()));
-        Level { sides: values.iter().map(|v| *v < 0.0).collect(), near, largest }
+        LevelSlice { sides: values.iter().map(|v| *v < 0.0).collect(), near, largest }
     }
 
     /// The same contour on other pixels: their sides, and the values of those beside one of the other side, increasing.
     pub(super) fn with(&self, sides: Mask, near: Vec<(usize, f32)>) -> Self {
-        Level { sides, near, largest: self.largest }
+        LevelSlice { sides, near, largest: self.largest }
     }
 
     /// The sides of all pixels.
@@ -92,7 +92,7 @@ mod tests {
             ((x - 12.0).hypot(y - 20.0) - 8.0).min((x - 49.0).hypot(y - 3.0) - 9.5)
         };
         let values: Vec<f32> = (0..nx * ny).map(value).collect();
-        let level = Level::new(&values, nx);
+        let level = LevelSlice::new(&values, nx);
         assert!(level.sides().iter().eq(values.iter().map(|v| *v < 0.0)));
         assert_eq!(level.largest(), values.iter().fold(0.0, |a: f32, v| a.max(v.abs())));
         let side = |i: i64, j: i64| {
@@ -115,7 +115,7 @@ mod tests {
     fn memory_follows_the_contour() {
         let bytes = |n: usize| {
             let value = |k: usize| ((k % n) as f32).hypot((k / n) as f32) - 0.7 * n as f32;
-            Level::new(&(0..n * n).map(value).collect::<Vec<f32>>(), n).bytes()
+            LevelSlice::new(&(0..n * n).map(value).collect::<Vec<f32>>(), n).bytes()
         };
         let [small, large] = [bytes(300), bytes(1200)];
         assert!((3.5..4.5).contains(&(large as f64 / small as f64)), "{small}, {large}");
@@ -126,7 +126,7 @@ mod tests {
     fn what_is_no_number_is_kept() {
         let mut values = vec![3.0; 100];
         values[57] = f32::NAN;
-        assert!(matches!(Level::new(&values, 10).near(), [(57, v)] if v.is_nan()));
-        assert_eq!(Level::new(&[], 0).near(), []);
+        assert!(matches!(LevelSlice::new(&values, 10).near(), [(57, v)] if v.is_nan()));
+        assert_eq!(LevelSlice::new(&[], 0).near(), []);
     }
 }

@@ -87,15 +87,15 @@ impl FromIterator<bool> for Mask {
 
 /// A mask while it is drawn, a bit per pixel.
 #[derive(Debug, Clone)]
-pub(crate) struct Drawing {
+pub(crate) struct MaskBits {
     len: usize,
     words: Vec<u64>,
 }
 
-impl Drawing {
+impl MaskBits {
     /// All outside.
     pub fn new(len: usize) -> Self {
-        Drawing { len, words: vec![0; len.div_ceil(64)] }
+        MaskBits { len, words: vec![0; len.div_ceil(64)] }
     }
 
     /// Puts a pixel on a side.
@@ -118,7 +118,7 @@ mod tests {
     fn a_mask_gives_back_the_pixels_it_was_made_of() {
         for k in 0..200u32 {
             let pixels: Vec<bool> = (0..130u32).map(|n| (n * n / 7 + k) % (2 + k % 9) == 0 && k != 7).collect();
-            let mut drawing = Drawing::new(pixels.len());
+            let mut drawing = MaskBits::new(pixels.len());
             pixels.iter().enumerate().for_each(|(n, inside)| drawing.set(n, *inside));
             let mask: Mask = pixels.iter().copied().collect();
             assert_eq!(drawing.finish(), mask);

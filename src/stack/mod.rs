@@ -13,7 +13,7 @@ pub mod mask;
 pub mod options;
 pub(crate) mod window;
 
-pub use level::Level;
+pub use level::LevelSlice;
 pub use mask::Mask;
 pub use options::ReadOptions;
 
@@ -58,7 +58,7 @@ pub enum SliceContent {
     /// Inside or not; the contour runs half way between pixels.
     Mask(Mask),
     /// Implicit function, `level - value` of a grey slice: the contour is its sub-pixel zero set.
-    Level(Level),
+    Level(LevelSlice),
 }
 
 impl SliceContent {

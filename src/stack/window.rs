@@ -3,7 +3,7 @@
 //! What is computed in it knows nothing of the image around: a body costs the same and comes out the same in an image of any size and wherever
 //! it is shifted to.
 
-use super::{ContourStack, Level, Mask, Slice, SliceContent};
+use super::{ContourStack, LevelSlice, Mask, Slice, SliceContent};
 
 /// A box of pixels on a plane of which the image is a part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,7 +77,7 @@ impl Window {
         (0..self.dims[1]).flat_map(of_row).collect()
     }
 
-    fn level(&self, level: &Level, dims: [usize; 2]) -> Level {
+    fn level(&self, level: &LevelSlice, dims: [usize; 2]) -> LevelSlice {
         let near = level.near().iter().filter_map(|&(n, v)| {
             let at: [isize; 2] = [(n % dims[0]) as isize - self.origin[0], (n / dims[0]) as isize - self.origin[1]];
             let within = (0..2).all(|a| (0..self.dims[a] as isize).contains(&at[a]));
@@ -111,7 +111,7 @@ mod tests {
             false => SliceContent::Mask(pixels.collect()),
             true => {
                 let values: Vec<f32> = pixels.enumerate().map(|(n, i)| if i { -1.0 } else { 1.0 + n as f32 }).collect();
-                SliceContent::Level(Level::new(&values, dims[0]))
+                SliceContent::Level(LevelSlice::new(&values, dims[0]))
             }
         };
         let slice = |z: f64| Slice { name: "a".into(), z, extra: false, content: content.clone() };
@@ -148,7 +148,7 @@ mod tests {
             }
             if let [SliceContent::Level(a), SliceContent::Level(b)] = [&own, &seen].map(|s| &s.slices[0].content) {
                 assert_eq!(a.largest(), b.largest());
-                let sum = |u: &Level| u.near().iter().map(|(_, v)| v).sum::<f32>();
+                let sum = |u: &LevelSlice| u.near().iter().map(|(_, v)| v).sum::<f32>();
                 assert!(sum(a) == sum(b) && a.near().len() == b.near().len());
             }
         }

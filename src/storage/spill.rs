@@ -60,10 +60,10 @@ impl Budget {
 }
 
 /// A large array of a thing.
-pub type Array<'a> = &'a mut dyn Stored;
+pub type Array<'a> = &'a mut dyn SpillArray;
 
 /// Values that can be laid down as bytes and come back with the very same bits.
-pub trait Stored {
+pub trait SpillArray {
     /// How many there are.
     fn count(&self) -> usize;
 
@@ -89,7 +89,7 @@ pub trait Stored {
 /// Says of plain values that rows of them are laid down as they are.
 macro_rules! stored_as_they_are {
     ($($value:ty),*) => {$(
-        impl $crate::storage::spill::Stored for Vec<$value> {
+        impl $crate::storage::spill::SpillArray for Vec<$value> {
             fn count(&self) -> usize {
                 self.len()
             }
@@ -118,7 +118,7 @@ pub(crate) use stored_as_they_are;
 
 stored_as_they_are!(f64, f32, u32, [f64; 2]);
 
-impl Stored for Vec<bool> {
+impl SpillArray for Vec<bool> {
     fn count(&self) -> usize {
         self.len()
     }
@@ -163,7 +163,7 @@ enum Item<T> {
 }
 
 /// A row of things.
-pub struct Shelf<'b, T> {
+pub struct SpillVec<'b, T> {
     budget: &'b Budget,
     items: Vec<Item<T>>,
     /// Made when the first thing does not fit.
@@ -171,10 +171,10 @@ pub struct Shelf<'b, T> {
     end: u64,
 }
 
-impl<'b, T: Large> Shelf<'b, T> {
+impl<'b, T: Large> SpillVec<'b, T> {
     /// An empty row.
     pub fn new(budget: &'b Budget) -> Self {
-        Shelf { budget, items: Vec::new(), file: None, end: 0 }
+        SpillVec { budget, items: Vec::new(), file: None, end: 0 }
     }
 
     /// Number of things.
@@ -226,7 +226,7 @@ impl<'b, T: Large> Shelf<'b, T> {
     /// Thing `i` with at least these of its arrays, by their places in [`Large::arrays`]; others may be missing.
     ///
     /// # Errors
-    /// As [`Shelf::get`].
+    /// As [`SpillVec::get`].
     pub fn some(&self, i: usize, wanted: &[usize]) -> Result<Arc<T>> {
         self.load(i, |k| wanted.contains(&k))
     }
@@ -261,7 +261,7 @@ impl<'b, T: Large> Shelf<'b, T> {
     }
 }
 
-impl<T> Drop for Shelf<'_, T> {
+impl<T> Drop for SpillVec<'_, T> {
     fn drop(&mut self) {
         for item in &self.items {
             if let Item::Kept { bytes, .. } = item {
@@ -280,7 +280,7 @@ mod tests {
     fn what_does_not_fit_is_laid_down_and_read_back_bit_by_bit() {
         let field = |k: usize| Field::from_fn([6, 10], |i, j| (k * 100 + j * 6 + i) as f64 / 7.0);
         let budget = Budget::of(100 * 8, 0);
-        let mut shelf = Shelf::new(&budget);
+        let mut shelf = SpillVec::new(&budget);
         (0..3).for_each(|k| shelf.push(field(k)).expect("there is room for a temporary file"));
         // Of 100 numbers that may stay 60 do.
         assert_eq!([0, 1, 2].map(|k| shelf.light(k).data.len()), [60, 0, 0]);

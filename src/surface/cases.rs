@@ -12,7 +12,7 @@ use std::sync::LazyLock;
 
 /// How a loop is filled.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Patch {
+pub enum LoopFill {
     /// Triangles between the loop's own vertices, by cell edge.
     Flat(Vec<[u8; 3]>),
     /// A fan around the mean of the loop's vertices, by cell edge in order.
@@ -28,14 +28,14 @@ const FACES: [[usize; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6,
 
 /// Patches of each of the 256 sign patterns; bit c is set where corner c is inside. Seen from outside the body, triangles turn
 /// counter-clockwise.
-pub static CASES: LazyLock<Vec<Vec<Patch>>> = LazyLock::new(|| (0..256).map(patches).collect());
+pub static CASES: LazyLock<Vec<Vec<LoopFill>>> = LazyLock::new(|| (0..256).map(patches).collect());
 
 fn edge_between(a: usize, b: usize) -> u8 {
     let key = [a.min(b), a.max(b)];
     EDGES.iter().position(|e| *e == key).unwrap_or(0) as u8
 }
 
-fn patches(pattern: usize) -> Vec<Patch> {
+fn patches(pattern: usize) -> Vec<LoopFill> {
     let inside = |c: usize| pattern >> c & 1 == 1;
     // Where the loop goes on from each cell edge.
     let mut next = [None; 12];
@@ -66,13 +66,13 @@ fn patches(pattern: usize) -> Vec<Patch> {
     out
 }
 
-fn fill(path: Vec<u8>) -> Patch {
+fn fill(path: Vec<u8>) -> LoopFill {
     let diagonal_is_free = |a: usize, b: usize| !share_a_face(path[a], path[b]);
     match path.len() {
-        3 => Patch::Flat(vec![[path[0], path[1], path[2]]]),
-        4 if diagonal_is_free(0, 2) => Patch::Flat(vec![[path[0], path[1], path[2]], [path[0], path[2], path[3]]]),
-        4 if diagonal_is_free(1, 3) => Patch::Flat(vec![[path[0], path[1], path[3]], [path[1], path[2], path[3]]]),
-        _ => Patch::Fan(path),
+        3 => LoopFill::Flat(vec![[path[0], path[1], path[2]]]),
+        4 if diagonal_is_free(0, 2) => LoopFill::Flat(vec![[path[0], path[1], path[2]], [path[0], path[2], path[3]]]),
+        4 if diagonal_is_free(1, 3) => LoopFill::Flat(vec![[path[0], path[1], path[3]], [path[1], path[2], path[3]]]),
+        _ => LoopFill::Fan(path),
     }
 }
 
@@ -92,8 +92,8 @@ mod tests {
             let in_loops: usize = patches
                 .iter()
                 .map(|p| match p {
-                    Patch::Flat(t) => t.len() + 2,
-                    Patch::Fan(path) => path.len(),
+                    LoopFill::Flat(t) => t.len() + 2,
+                    LoopFill::Fan(path) => path.len(),
                 })
                 .sum();
             assert_eq!(crossed, in_loops, "case {pattern:08b}");

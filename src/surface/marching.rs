@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::Layer;
-use super::cases::{CASES, EDGES, Patch};
+use super::cases::{CASES, EDGES, LoopFill};
 use super::header::Header;
 use super::space::{cross, dot, to_world};
 use crate::grid::tiled::Packed;
@@ -221,13 +221,13 @@ impl Builder {
     fn cell(&mut self, i: usize, j: usize, pattern: u8) {
         for patch in &CASES[pattern as usize] {
             match patch {
-                Patch::Flat(triangles) => {
+                LoopFill::Flat(triangles) => {
                     for t in triangles {
                         let corners = t.map(|e| self.vertex(i, j, e));
                         self.piece.triangles.push(corners);
                     }
                 }
-                Patch::Fan(path) => {
+                LoopFill::Fan(path) => {
                     let ring: Vec<Corner> = path.iter().map(|&e| self.vertex(i, j, e)).collect();
                     let mut mean = [0.0; 3];
                     for v in &ring {

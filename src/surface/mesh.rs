@@ -26,8 +26,8 @@ impl Mesh {
         self.measure().area()
     }
 
-    fn measure(&self) -> Measure {
-        let mut measure = Measure::default();
+    fn measure(&self) -> MeshMeasure {
+        let mut measure = MeshMeasure::default();
         measure.add_about(self.positions.first(), self.corners());
         measure
     }
@@ -102,14 +102,14 @@ impl MeshSource for &Mesh {
 
 /// Volume and area, added up triangle by triangle.
 #[derive(Debug, Clone, Default)]
-pub struct Measure {
+pub struct MeshMeasure {
     /// Far from the world's origin the terms of the volume would cancel: they are taken about the first vertex.
     about: Option<[f64; 3]>,
     sixfold: f64,
     area: f64,
 }
 
-impl Measure {
+impl MeshMeasure {
     /// Adds a piece of the surface.
     pub fn add(&mut self, piece: &Piece) {
         self.add_about(piece.positions().first(), piece.corners());

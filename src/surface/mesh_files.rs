@@ -6,7 +6,7 @@ use std::io::{self, Seek, SeekFrom, Write};
 use super::marching::Piece;
 use super::mesh::MeshSource;
 use super::space::{cross, sub, unit};
-use super::stream::{BodyWriter, Ending, Needs};
+use super::stream::{BodyWriter, Ending, WriterNeeds};
 
 /// Where a STL has the number of its triangles.
 const STL_COUNT: u64 = 80;
@@ -75,8 +75,8 @@ impl<W: Write + Seek> StlWriter<W> {
 }
 
 impl<W: Write + Seek + Send> BodyWriter for StlWriter<W> {
-    fn needs(&self) -> Needs {
-        Needs::Surface
+    fn needs(&self) -> WriterNeeds {
+        WriterNeeds::Surface
     }
 
     fn piece(&mut self, piece: &Piece) -> io::Result<()> {
@@ -95,8 +95,8 @@ pub type WriteMesh = Box<dyn FnMut(&mut dyn MeshSource) -> io::Result<()> + Send
 pub struct ListedWriter(pub WriteMesh);
 
 impl BodyWriter for ListedWriter {
-    fn needs(&self) -> Needs {
-        Needs::Mesh
+    fn needs(&self) -> WriterNeeds {
+        WriterNeeds::Mesh
     }
 
     fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {

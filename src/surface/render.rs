@@ -9,7 +9,7 @@ use super::Layer;
 use super::header::Header;
 use super::mesh::MeshSource;
 use super::space::{cross, dot, length, sub, to_world};
-use super::stream::{BodyWriter, Ending, Needs};
+use super::stream::{BodyWriter, Ending, WriterNeeds};
 use crate::contour::seeds::trace_loops;
 use crate::grid::field::Field;
 use crate::stack::Geometry;
@@ -48,11 +48,11 @@ pub struct PictureWriter<W> {
     out: W,
     header: Header,
     options: RenderOptions,
-    lines: Vec<Line>,
+    lines: Vec<Polyline>,
 }
 
 /// A closed contour in world coordinates; the first point is the last too.
-pub type Line = Vec<[f64; 3]>;
+pub type Polyline = Vec<[f64; 3]>;
 
 impl<W> PictureWriter<W> {
     /// Nothing yet.
@@ -62,8 +62,8 @@ impl<W> PictureWriter<W> {
 }
 
 impl<W: Write + Seek + Send> BodyWriter for PictureWriter<W> {
-    fn needs(&self) -> Needs {
-        Needs::Mesh
+    fn needs(&self) -> WriterNeeds {
+        WriterNeeds::Mesh
     }
 
     fn layer(&mut self, layer: &Layer) -> io::Result<()> {
@@ -87,7 +87,7 @@ impl<W: Write + Seek + Send> BodyWriter for PictureWriter<W> {
 pub fn render(
     geometry: &Geometry,
     mesh: &mut dyn MeshSource,
-    lines: &[Line],
+    lines: &[Polyline],
     options: RenderOptions,
 ) -> io::Result<RgbImage> {
     let size = [options.width.max(1) * SUPERSAMPLING, options.height.max(1) * SUPERSAMPLING];
@@ -106,7 +106,7 @@ pub fn render(
 }
 
 /// The contours of a layer.
-pub fn contour_lines(header: &Header, layer: &Layer) -> Vec<Line> {
+pub fn contour_lines(header: &Header, layer: &Layer) -> Vec<Polyline> {
     // One ring of outside, so that contours at the border close.
     let [nx, ny] = header.dims;
     let [dx, dy] = header.spacing;

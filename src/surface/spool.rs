@@ -27,7 +27,7 @@ pub struct Spool {
     counts: [u64; 2],
     pieces: u64,
     /// Vertices whose normals are not complete.
-    open: Window,
+    open: SpoolWindow,
 }
 
 /// Vertices of a block of a window: more than the system's allocator keeps.
@@ -35,14 +35,14 @@ const BLOCK: usize = 1 << 15;
 
 /// The last vertices, from a number on, in blocks that are given back one by one.
 #[derive(Debug, Default)]
-struct Window {
+struct SpoolWindow {
     start: u64,
     end: u64,
     /// The first block begins with a vertex whose number is a multiple of a block.
     blocks: VecDeque<Vec<Vertex>>,
 }
 
-impl Window {
+impl SpoolWindow {
     fn push(&mut self, vertex: Vertex) {
         if self.end.is_multiple_of(BLOCK as u64) {
             self.blocks.push_back(Vec::with_capacity(BLOCK));
@@ -86,7 +86,7 @@ impl Spool {
     /// An empty surface. Its files, if there must be any, are in `folder` and have no names.
     pub fn new(folder: &Path) -> Self {
         let file = || BufWriter::with_capacity(BUFFER, tempfile::spooled_tempfile_in(FILE_IN_MEMORY, folder));
-        Spool { vertices: file(), triangles: file(), counts: [0; 2], pieces: 0, open: Window::default() }
+        Spool { vertices: file(), triangles: file(), counts: [0; 2], pieces: 0, open: SpoolWindow::default() }
     }
 
     /// Adds the next piece.
@@ -118,7 +118,7 @@ impl Spool {
     /// Those of the files.
     pub fn finish(&mut self) -> io::Result<()> {
         self.write(u64::MAX)?;
-        self.open = Window::default();
+        self.open = SpoolWindow::default();
         self.vertices.flush()?;
         self.triangles.flush()
     }
@@ -172,7 +172,7 @@ impl MeshSource for Spool {
     fn triangles(&mut self, each: &mut EachTriangle<'_>) -> io::Result<()> {
         let mut vertices = from_beginning(&mut self.vertices)?;
         let mut triangles = from_beginning(&mut self.triangles)?;
-        let mut window = Window::default();
+        let mut window = SpoolWindow::default();
         for _ in 0..self.pieces {
             let [end, start, count] = [(); 3].map(|()| read_number(&mut triangles));
             let (end, start, count) = (end?, start?, count?);

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::Layer;
 use super::header::Header;
 use super::marching::{Builder, Piece};
-use super::mesh::Measure;
+use super::mesh::MeshMeasure;
 use super::spool::Spool;
 use crate::error::Result;
 use crate::report::Report;
@@ -43,7 +43,7 @@ impl<F: FnMut(Layer) -> Result<()>> LayerSink for F {
 
 /// What a writer needs to be made of a body besides its layers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Needs {
+pub enum WriterNeeds {
     /// Nothing.
     Layers,
     /// The surface as it arises, or its volume and area.
@@ -55,8 +55,8 @@ pub enum Needs {
 /// Writes a body in one format. It is made with the [`Header`].
 pub trait BodyWriter: Send {
     /// What must be made for it.
-    fn needs(&self) -> Needs {
-        Needs::Layers
+    fn needs(&self) -> WriterNeeds {
+        WriterNeeds::Layers
     }
 
     /// The next layer, output layer or not.
@@ -104,9 +104,9 @@ pub type Failed = (usize, io::Error);
 /// A body on its way into its writers.
 pub struct BodyStream<'w> {
     writers: Vec<Box<dyn BodyWriter + 'w>>,
-    needs: Needs,
+    needs: WriterNeeds,
     builder: Builder,
-    measure: Measure,
+    measure: MeshMeasure,
     areas: Areas,
     spool: Spool,
     origin: [f64; 3],
@@ -116,12 +116,12 @@ pub struct BodyStream<'w> {
 impl<'w> BodyStream<'w> {
     /// Nothing yet. A mesh that does not fit in memory waits in a nameless file in `folder`.
     pub fn new(header: &Header, writers: Vec<Box<dyn BodyWriter + 'w>>, folder: &Path) -> Self {
-        let needs = writers.iter().map(|w| w.needs()).max().unwrap_or(Needs::Layers);
+        let needs = writers.iter().map(|w| w.needs()).max().unwrap_or(WriterNeeds::Layers);
         BodyStream {
             writers,
             needs,
             builder: Builder::new(header),
-            measure: Measure::default(),
+            measure: MeshMeasure::default(),
             areas: Areas::new(header),
             spool: Spool::new(folder),
             origin: [0.0; 3],
@@ -139,11 +139,11 @@ impl<'w> BodyStream<'w> {
     /// # Errors
     /// The first writer that failed.
     pub fn layer(&mut self, layer: &Layer) -> std::result::Result<(), Failed> {
-        if self.needs >= Needs::Surface {
+        if self.needs >= WriterNeeds::Surface {
             self.builder.layer(layer);
         }
         self.surface(Some(layer))?;
-        if self.needs >= Needs::Surface {
+        if self.needs >= WriterNeeds::Surface {
             self.areas.layer(layer);
         }
         Ok(())
@@ -165,7 +165,7 @@ impl<'w> BodyStream<'w> {
             layer = None;
             let Some(piece) = piece else { return Ok(()) };
             self.measure.add(piece);
-            if self.needs == Needs::Mesh {
+            if self.needs == WriterNeeds::Mesh {
                 self.spool.push(piece).map_err(|e| (keeper(&self.writers), e))?;
             }
         }
@@ -176,7 +176,7 @@ impl<'w> BodyStream<'w> {
     /// # Errors
     /// The first writer that failed.
     pub fn finish(mut self, report: &mut Report) -> std::result::Result<(), Failed> {
-        if self.needs >= Needs::Surface {
+        if self.needs >= WriterNeeds::Surface {
             self.builder.finish();
             self.surface(None)?;
             self.spool.finish().map_err(|e| (keeper(&self.writers), e))?;
@@ -201,5 +201,5 @@ impl<'w> BodyStream<'w> {
 
 /// The writer for which the mesh is kept.
 fn keeper(writers: &[Box<dyn BodyWriter + '_>]) -> usize {
-    writers.iter().position(|w| w.needs() == Needs::Mesh).unwrap_or(0)
+    writers.iter().position(|w| w.needs() == WriterNeeds::Mesh).unwrap_or(0)
 }

@@ -3,7 +3,7 @@
 //! Beyond the border the terrain goes on as it is at the nearest point of the border: lines go on at right angles to it, up to an outer
 //! rectangle, and are closed along that. So the border itself is no contour, near which distances would be wrong.
 
-use super::lines::{Line, bounds, distance};
+use super::lines::{ContourLine, bounds, distance};
 use crate::error::{Error, Result};
 use crate::polygons::Polygon;
 
@@ -37,7 +37,7 @@ impl Border {
     }
 
     /// The box around all lines.
-    pub fn around(lines: &[Line]) -> Self {
+    pub fn around(lines: &[ContourLine]) -> Self {
         let [low, high] = bounds(lines.iter().flat_map(|l| &l.points));
         Border { low, high }
     }
@@ -67,7 +67,7 @@ impl Border {
     }
 
     /// A line without its pieces along the border.
-    pub fn without_sides(&self, line: Line) -> Vec<Line> {
+    pub fn without_sides(&self, line: ContourLine) -> Vec<ContourLine> {
         let n = line.points.len();
         let pieces = if line.closed { n } else { n - 1 };
         let runs_along = |k: usize| self.has(line.points[k % n], line.points[(k + 1) % n]);
@@ -87,7 +87,7 @@ impl Border {
             }
         }
         lines.push(points);
-        let open = |points| Line { feature: line.feature.clone(), z: line.z, points, closed: false };
+        let open = |points| ContourLine { feature: line.feature.clone(), z: line.z, points, closed: false };
         lines.into_iter().filter(|points| points.len() > 1).map(open).collect()
     }
 
@@ -150,7 +150,7 @@ mod tests {
     #[test]
     fn pieces_along_the_border_are_left_out() {
         let ring = vec![[0.0, 0.0], [5.0, 0.0], [5.0, 6.0], [0.0, 6.0]];
-        let line = Line { feature: "a".into(), z: 1.0, points: ring, closed: true };
+        let line = ContourLine { feature: "a".into(), z: 1.0, points: ring, closed: true };
         let left = BORDER.without_sides(line);
         assert_eq!(left.len(), 1);
         assert_eq!(left[0].points, [[5.0, 0.0], [5.0, 6.0]]);

@@ -13,7 +13,7 @@ const SAME: f64 = 1e-9;
 
 /// Where elevations are.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Source {
+pub enum ElevationSource {
     /// In an attribute.
     Field(String),
     /// In the points' z.
@@ -24,7 +24,7 @@ pub enum Source {
 ///
 /// # Errors
 /// A message with the names that there are.
-pub fn source(features: &[Feature], asked: Option<&str>) -> Parse<Source> {
+pub fn source(features: &[Feature], asked: Option<&str>) -> Parse<ElevationSource> {
     let mut names: Vec<&str> = features.iter().flat_map(|f| f.fields.iter().map(|(name, _)| name.as_str())).collect();
     names.sort_unstable();
     names.dedup();
@@ -33,7 +33,7 @@ pub fn source(features: &[Feature], asked: Option<&str>) -> Parse<Source> {
         let exact = names.iter().find(|n| **n == asked);
         let found = exact.or_else(|| names.iter().find(|n| n.eq_ignore_ascii_case(asked)));
         let none = || format!("`elevation` must name an attribute of the file; got `{asked}`, there are {}", listed());
-        return found.map(|n| Source::Field((*n).into())).ok_or_else(none);
+        return found.map(|n| ElevationSource::Field((*n).into())).ok_or_else(none);
     }
     let known = |name: &str| {
         let name = name.to_lowercase();
@@ -41,8 +41,8 @@ pub fn source(features: &[Feature], asked: Option<&str>) -> Parse<Source> {
     };
     let found: Vec<&str> = names.iter().copied().filter(|n| known(n)).collect();
     match found[..] {
-        [only] => Ok(Source::Field(only.into())),
-        [] if features.iter().flat_map(|f| &f.lines).any(|l| !l.z.is_empty()) => Ok(Source::Points),
+        [only] => Ok(ElevationSource::Field(only.into())),
+        [] if features.iter().flat_map(|f| &f.lines).any(|l| !l.z.is_empty()) => Ok(ElevationSource::Points),
         [] => Err(format!(
             "no attribute is known to be the elevation (elev..., height, contour, z, ...) and points have no z; --elevation FIELD names \
              it; there are {}",
@@ -59,10 +59,10 @@ pub fn source(features: &[Feature], asked: Option<&str>) -> Parse<Source> {
 ///
 /// # Errors
 /// A message with feature, attribute and value.
-pub fn elevation(feature: &Feature, part: usize, source: &Source) -> Parse<f64> {
+pub fn elevation(feature: &Feature, part: usize, source: &ElevationSource) -> Parse<f64> {
     let name = &feature.name;
     match source {
-        Source::Field(field) => {
+        ElevationSource::Field(field) => {
             let value = feature.fields.iter().find(|(n, _)| n == field).map_or(&Value::Null, |(_, v)| v);
             let number = match value {
                 Value::Number(n) => n.as_f64(),
@@ -72,7 +72,7 @@ pub fn elevation(feature: &Feature, part: usize, source: &Source) -> Parse<f64> 
             let wrong = || format!("{name}: `{field}` is {value}; it must be a finite number");
             number.filter(|v: &f64| v.is_finite()).ok_or_else(wrong)
         }
-        Source::Points => {
+        ElevationSource::Points => {
             let z = &feature.lines[part].z;
             let (low, high) = z.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
             match z.first() {

@@ -5,7 +5,7 @@ use std::path::Path;
 use geojson::{FeatureCollection, GeoJson, GeometryValue, Position};
 use serde_json::Value;
 
-use super::{Feature, Part};
+use super::{Feature, MapPart};
 use crate::error::{Error, Result};
 use crate::surface::map::Crs;
 
@@ -47,7 +47,7 @@ fn coordinate_system(collection: &FeatureCollection) -> std::result::Result<Crs,
     }
 }
 
-fn parts(value: GeometryValue) -> std::result::Result<Vec<Part>, String> {
+fn parts(value: GeometryValue) -> std::result::Result<Vec<MapPart>, String> {
     let line = |points: &Vec<Position>, ring: bool| part(points, ring);
     match value {
         GeometryValue::LineString { coordinates } => Ok(vec![line(&coordinates, false)?]),
@@ -58,8 +58,8 @@ fn parts(value: GeometryValue) -> std::result::Result<Vec<Part>, String> {
     }
 }
 
-fn part(positions: &[Position], ring: bool) -> std::result::Result<Part, String> {
-    let mut part = Part { points: Vec::with_capacity(positions.len()), z: Vec::new(), ring };
+fn part(positions: &[Position], ring: bool) -> std::result::Result<MapPart, String> {
+    let mut part = MapPart { points: Vec::with_capacity(positions.len()), z: Vec::new(), ring };
     for (k, position) in positions.iter().enumerate() {
         match position.as_slice() {
             [x, y, more @ ..] => {

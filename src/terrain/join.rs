@@ -6,7 +6,7 @@ use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
 use super::border::Border;
-use super::lines::{Line, distance};
+use super::lines::{ContourLine, distance};
 use crate::polygons::Polygon;
 
 /// Ends this close, px, are one, and lie on the border.
@@ -16,11 +16,11 @@ const MOST_NEAR: usize = 16;
 
 /// The lines of one elevation.
 #[derive(Debug)]
-pub struct Level {
+pub struct Elevation {
     /// Elevation.
     pub z: f64,
     /// As they came, without pieces along the border.
-    pub lines: Vec<Line>,
+    pub lines: Vec<ContourLine>,
     /// Closed lines.
     pub rings: Vec<Polygon>,
     /// Lines from border to border.
@@ -29,17 +29,17 @@ pub struct Level {
 
 /// All levels, lowest first.
 #[derive(Debug)]
-pub struct Joined {
+pub struct JoinedMap {
     /// Where the map ends.
     pub border: Border,
     /// By elevation.
-    pub levels: Vec<Level>,
+    pub levels: Vec<Elevation>,
 }
 
-impl Joined {
+impl JoinedMap {
     /// What is in the map, in a few lines.
     pub fn describe(&self, field: &str, features: usize) -> Vec<String> {
-        let sum = |of: fn(&Level) -> usize| self.levels.iter().map(of).sum::<usize>();
+        let sum = |of: fn(&Elevation) -> usize| self.levels.iter().map(of).sum::<usize>();
         let ends = [self.levels.first(), self.levels.last()].map(|l| l.map_or(f64::NAN, |l| l.z));
         let Border { low, high } = self.border;
         vec![
@@ -62,7 +62,12 @@ impl Joined {
 ///
 /// # Errors
 /// A message with feature, coordinates and distances for a line that ends inside the map or leaves it.
-pub fn join(lines: Vec<Line>, given: Option<Border>, pixel: f64, notes: &mut Vec<String>) -> Result<Joined, String> {
+pub fn join(
+    lines: Vec<ContourLine>,
+    given: Option<Border>,
+    pixel: f64,
+    notes: &mut Vec<String>,
+) -> Result<JoinedMap, String> {
     let border = given.unwrap_or_else(|| Border::around(&lines));
     let tolerance = TOLERANCE * pixel;
     for line in &lines {
@@ -78,12 +83,12 @@ pub fn join(lines: Vec<Line>, given: Option<Border>, pixel: f64, notes: &mut Vec
     let lines = distinct(lines, notes);
     // Where all lines are closed and no border is given, none is cut: what touches the box touches nothing.
     let bordered = given.is_some() || lines.iter().any(|l| !l.closed);
-    let mut by_level: BTreeMap<u64, Level> = BTreeMap::new();
+    let mut by_level: BTreeMap<u64, Elevation> = BTreeMap::new();
     for line in lines {
         // Bits of floats that are turned so that they sort as the numbers do.
         let bits = (line.z + 0.0).to_bits();
         let key = if bits >> 63 == 1 { !bits } else { bits | 1 << 63 };
-        let level = by_level.entry(key).or_insert_with(|| Level {
+        let level = by_level.entry(key).or_insert_with(|| Elevation {
             z: line.z + 0.0,
             lines: Vec::new(),
             rings: Vec::new(),
@@ -91,7 +96,7 @@ pub fn join(lines: Vec<Line>, given: Option<Border>, pixel: f64, notes: &mut Vec
         });
         level.lines.extend(if bordered { border.without_sides(line) } else { vec![line] });
     }
-    let mut levels: Vec<Level> = by_level.into_values().collect();
+    let mut levels: Vec<Elevation> = by_level.into_values().collect();
     levels.retain(|level| {
         let none = level.lines.is_empty();
         if none {
@@ -102,11 +107,11 @@ pub fn join(lines: Vec<Line>, given: Option<Border>, pixel: f64, notes: &mut Vec
     for level in &mut levels {
         chains(level, &border, tolerance)?;
     }
-    Ok(Joined { border, levels })
+    Ok(JoinedMap { border, levels })
 }
 
 /// Leaves out lines that are there twice.
-fn distinct(lines: Vec<Line>, notes: &mut Vec<String>) -> Vec<Line> {
+fn distinct(lines: Vec<ContourLine>, notes: &mut Vec<String>) -> Vec<ContourLine> {
     let mut seen = HashSet::new();
     let mut kept = Vec::with_capacity(lines.len());
     for line in lines {
@@ -129,9 +134,9 @@ enum Mate {
 }
 
 /// The level's lines end to end. End `2 k` is where line `k` begins, end `2 k + 1` where it stops.
-fn chains(level: &mut Level, border: &Border, tolerance: f64) -> Result<(), String> {
+fn chains(level: &mut Elevation, border: &Border, tolerance: f64) -> Result<(), String> {
     level.rings = level.lines.iter().filter(|l| l.closed).map(|l| l.points.clone()).collect();
-    let open: Vec<&Line> = level.lines.iter().filter(|l| !l.closed).collect();
+    let open: Vec<&ContourLine> = level.lines.iter().filter(|l| !l.closed).collect();
     let ends: Vec<[f64; 2]> = open.iter().flat_map(|l| [l.points[0], l.points[l.points.len() - 1]]).collect();
     let mates = mates(&ends, border, tolerance).map_err(|e| dangling(e, &ends, &open, border, tolerance))?;
     let mut used = vec![false; open.len()];
@@ -203,7 +208,7 @@ fn mates(ends: &[[f64; 2]], border: &Border, tolerance: f64) -> Result<Vec<Mate>
     mates.into_iter().enumerate().map(|(k, mate)| mate.ok_or(k)).collect()
 }
 
-fn dangling(end: usize, ends: &[[f64; 2]], open: &[&Line], border: &Border, tolerance: f64) -> String {
+fn dangling(end: usize, ends: &[[f64; 2]], open: &[&ContourLine], border: &Border, tolerance: f64) -> String {
     let p = ends[end];
     let others = ends.iter().enumerate().filter(|(k, _)| *k != end);
     let nearest = others.min_by(|a, b| distance(*a.1, p).total_cmp(&distance(*b.1, p)));

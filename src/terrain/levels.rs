@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 
 use super::border::Border;
-use super::join::{Joined, Level};
-use super::lines::{Line, distance};
+use super::join::{Elevation, JoinedMap};
+use super::lines::{ContourLine, distance};
 use crate::error::Error;
 use crate::polygons::Polygon;
-use crate::polygons::grid::Grid;
+use crate::polygons::grid::DrawingGrid;
 use crate::polygons::level_set;
 use crate::stack::{self, ContourStack, Geometry, Slice, SliceContent};
 use crate::surface::map::{Crs, Map};
@@ -37,14 +37,14 @@ impl From<Error> for Wrong {
 ///
 /// # Errors
 /// Lines of different levels that cross, or lie on the wrong side of each other; a pixel size that is too small.
-pub fn stack(joined: &Joined, pixel: f64, crs: Crs) -> Result<(ContourStack, Map), Wrong> {
+pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs) -> Result<(ContourStack, Map), Wrong> {
     let outer = joined.border.grown(BEYOND * pixel);
-    let grid = Grid::over([outer.low, outer.high], [pixel; 2], joined.levels.len())?;
+    let grid = DrawingGrid::over([outer.low, outer.high], [pixel; 2], joined.levels.len())?;
     let map = window(&joined.border, &grid, crs)?;
     let slices = joined.levels.par_iter().map(|level| {
         let region = region(level, joined, &outer, &grid).map_err(Wrong::Lines)?;
         let name = format!("level {}", level.z);
-        let content = stack::Level::new(&region, grid.dims[0]);
+        let content = stack::LevelSlice::new(&region, grid.dims[0]);
         Ok(Slice { name, z: level.z, extra: false, content: SliceContent::Level(content) })
     });
     let slices = slices.collect::<Result<Vec<Slice>, Wrong>>()?;
@@ -60,7 +60,7 @@ pub fn stack(joined: &Joined, pixel: f64, crs: Crs) -> Result<(ContourStack, Map
 }
 
 /// Pixels whose centres lie within the border.
-fn window(border: &Border, grid: &Grid, crs: Crs) -> Result<Map, Error> {
+fn window(border: &Border, grid: &DrawingGrid, crs: Crs) -> Result<Map, Error> {
     let first = [grid.column(border.low[0]), grid.row(border.low[1])].map(|v| (v - SLACK).ceil().max(0.0) as usize);
     let last = [grid.column(border.high[0]), grid.row(border.high[1])].map(|v| (v + SLACK).floor().max(0.0) as usize);
     if (0..2).any(|a| last[a] < first[a] + 1) {
@@ -71,7 +71,7 @@ fn window(border: &Border, grid: &Grid, crs: Crs) -> Result<Map, Error> {
 }
 
 /// The level set of what is at least as high as a level.
-fn region(level: &Level, joined: &Joined, outer: &Border, grid: &Grid) -> Result<Vec<f32>, String> {
+fn region(level: &Elevation, joined: &JoinedMap, outer: &Border, grid: &DrawingGrid) -> Result<Vec<f32>, String> {
     let mut polygons: Vec<Polygon> = level.rings.clone();
     polygons.extend(level.open.iter().map(|line| joined.border.close(line, outer)));
     let set = level_set(std::slice::from_ref(&polygons), grid);
@@ -79,7 +79,7 @@ fn region(level: &Level, joined: &Joined, outer: &Border, grid: &Grid) -> Result
     let mut uphill = 0i64;
     for other in joined.levels.iter().filter(|l| l.z != level.z) {
         let side = if other.z > level.z { 1 } else { -1 };
-        let mut vote = |_: &Line, _: [f64; 2], depth: f64| {
+        let mut vote = |_: &ContourLine, _: [f64; 2], depth: f64| {
             uphill -= side * i64::from(depth > touching);
             uphill += side * i64::from(depth < -touching);
             true
@@ -116,7 +116,7 @@ fn region(level: &Level, joined: &Joined, outer: &Border, grid: &Grid) -> Result
 
 /// Calls `see` with points of the level's lines, at most a pixel apart, and their distance from the region of `set`, negative inside; until
 /// it says false.
-fn walk(level: &Level, set: &[f32], grid: &Grid, see: &mut dyn FnMut(&Line, [f64; 2], f64) -> bool) {
+fn walk(level: &Elevation, set: &[f32], grid: &DrawingGrid, see: &mut dyn FnMut(&ContourLine, [f64; 2], f64) -> bool) {
     for line in &level.lines {
         let back = line.closed.then(|| [line.points[line.points.len() - 1], line.points[0]]);
         for [p, q] in line.points.windows(2).map(|w| [w[0], w[1]]).chain(back) {
@@ -133,7 +133,7 @@ fn walk(level: &Level, set: &[f32], grid: &Grid, see: &mut dyn FnMut(&Line, [f64
 }
 
 /// Bilinear value at a point.
-fn sample(set: &[f32], grid: &Grid, p: [f64; 2]) -> f64 {
+fn sample(set: &[f32], grid: &DrawingGrid, p: [f64; 2]) -> f64 {
     let at = [grid.column(p[0]), grid.row(p[1])];
     let [i, j] = [0, 1].map(|a| (at[a].max(0.0) as usize).min(grid.dims[a] - 2));
     let [s, t] = [at[0] - i as f64, at[1] - j as f64];
@@ -141,8 +141,8 @@ fn sample(set: &[f32], grid: &Grid, p: [f64; 2]) -> f64 {
     (1.0 - t) * ((1.0 - s) * v(i, j) + s * v(i + 1, j)) + t * ((1.0 - s) * v(i, j + 1) + s * v(i + 1, j + 1))
 }
 
-fn crossing(level: &Level, z: f64, feature: &str, p: [f64; 2], pixel: f64) -> String {
-    let from = |line: &Line| line.points.iter().map(|q| distance(p, *q)).fold(f64::INFINITY, f64::min);
+fn crossing(level: &Elevation, z: f64, feature: &str, p: [f64; 2], pixel: f64) -> String {
+    let from = |line: &ContourLine| line.points.iter().map(|q| distance(p, *q)).fold(f64::INFINITY, f64::min);
     let nearest = level.lines.iter().min_by(|a, b| from(a).total_cmp(&from(b)));
     let of = nearest.map_or(String::new(), |line| format!(", the nearest of which is {}", line.feature));
     let side = if z > level.z { "below" } else { "above" };
@@ -154,7 +154,7 @@ fn crossing(level: &Level, z: f64, feature: &str, p: [f64; 2], pixel: f64) -> St
 }
 
 /// A note on closed lines that the pixels cannot show.
-pub fn too_small(joined: &Joined, pixel: f64) -> Option<String> {
+pub fn too_small(joined: &JoinedMap, pixel: f64) -> Option<String> {
     let rings = joined.levels.iter().flat_map(|l| &l.rings);
     let small = rings.filter(|ring| area(ring).abs() < pixel * pixel).count();
     (small > 0)

@@ -1,7 +1,7 @@
 //! From features to lines, each with its elevation.
 
 use super::Feature;
-use super::elevation::{Source, elevation, source};
+use super::elevation::{ElevationSource, elevation, source};
 use crate::error::{Error, Result};
 
 /// Least and most pixels along the longer side of the map, where the pixel size is chosen here.
@@ -11,7 +11,7 @@ const BETWEEN: f64 = 4.0;
 
 /// A line of equal elevation.
 #[derive(Debug, Clone)]
-pub struct Line {
+pub struct ContourLine {
     /// Its feature.
     pub feature: String,
     /// Elevation.
@@ -30,7 +30,7 @@ pub fn lines(
     features: &[Feature],
     asked: Option<&str>,
     notes: &mut Vec<String>,
-) -> std::result::Result<(Vec<Line>, String), String> {
+) -> std::result::Result<(Vec<ContourLine>, String), String> {
     let source = source(features, asked)?;
     let mut lines = Vec::new();
     for feature in features {
@@ -50,15 +50,15 @@ pub fn lines(
                 notes.push(format!("{name}: a line of {z} is a point or encloses nothing; left out"));
                 continue;
             }
-            lines.push(Line { feature: name.clone(), z, points, closed });
+            lines.push(ContourLine { feature: name.clone(), z, points, closed });
         }
     }
     if lines.is_empty() {
         return Err("has no lines".into());
     }
     let said = match source {
-        Source::Field(field) => format!("attribute `{field}`"),
-        Source::Points => "the points' z".into(),
+        ElevationSource::Field(field) => format!("attribute `{field}`"),
+        ElevationSource::Points => "the points' z".into(),
     };
     Ok((lines, said))
 }
@@ -75,7 +75,7 @@ pub fn bounds<'a>(points: impl Iterator<Item = &'a [f64; 2]>) -> [[f64; 2]; 2] {
 ///
 /// # Errors
 /// [`Error::Setting`] for one that is none; [`Error::Stack`] where all points lie on a line.
-pub fn pixel(lines: &[Line], asked: Option<f64>) -> Result<f64> {
+pub fn pixel(lines: &[ContourLine], asked: Option<f64>) -> Result<f64> {
     if let Some(pixel) = asked {
         let message = format!("must be a positive number; got {pixel}");
         let good = pixel.is_finite() && pixel > 0.0;

@@ -36,12 +36,12 @@ struct Feature {
     /// Attributes.
     fields: Vec<(String, serde_json::Value)>,
     /// Its lines: x, y, and z where the file has it.
-    lines: Vec<Part>,
+    lines: Vec<MapPart>,
 }
 
 /// A line of a feature.
 #[derive(Debug)]
-struct Part {
+struct MapPart {
     points: Vec<[f64; 2]>,
     /// Of all points, or of none.
     z: Vec<f64>,
@@ -116,7 +116,11 @@ pub fn files(path: &Path) -> Vec<PathBuf> {
 }
 
 /// That of the options, else of the file.
-fn coordinate_system(named: Crs, options: &ReadOptions, lines: &[lines::Line]) -> std::result::Result<Crs, String> {
+fn coordinate_system(
+    named: Crs,
+    options: &ReadOptions,
+    lines: &[lines::ContourLine],
+) -> std::result::Result<Crs, String> {
     let crs = match &options.crs {
         None => named,
         Some(name) => Crs::named(name)

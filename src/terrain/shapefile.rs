@@ -8,7 +8,7 @@ use serde_json::Value;
 use shapefile::dbase::{self, FieldError, FieldIterator, FieldValue, ReadableRecord};
 use shapefile::{Shape, ShapeReader};
 
-use super::{Feature, Part, guard};
+use super::{Feature, MapPart, guard};
 use crate::error::{Error, Result};
 use crate::surface::map::Crs;
 
@@ -100,8 +100,8 @@ fn json(value: FieldValue) -> Value {
     }
 }
 
-fn parts(shape: Shape) -> std::result::Result<Vec<Part>, String> {
-    let plane = |points: Vec<[f64; 2]>, ring| Part { points, z: Vec::new(), ring };
+fn parts(shape: Shape) -> std::result::Result<Vec<MapPart>, String> {
+    let plane = |points: Vec<[f64; 2]>, ring| MapPart { points, z: Vec::new(), ring };
     Ok(match shape {
         Shape::NullShape => Vec::new(),
         Shape::Polyline(line) => {
@@ -126,8 +126,8 @@ fn parts(shape: Shape) -> std::result::Result<Vec<Part>, String> {
     })
 }
 
-fn spatial(points: &[shapefile::PointZ], ring: bool) -> Part {
+fn spatial(points: &[shapefile::PointZ], ring: bool) -> MapPart {
     let z: Vec<f64> = points.iter().map(|p| p.z).collect();
     let known = z.iter().all(|z| *z > NO_DATA);
-    Part { points: points.iter().map(|p| [p.x, p.y]).collect(), z: if known { z } else { Vec::new() }, ring }
+    MapPart { points: points.iter().map(|p| [p.x, p.y]).collect(), z: if known { z } else { Vec::new() }, ring }
 }

@@ -4,8 +4,8 @@ use std::fmt;
 
 use interslice::Settings;
 use interslice::grid::components;
-use interslice::polygons::{self, Drawing, Planes};
-use interslice::stack::{ContourStack, Geometry, Level, Slice, SliceContent};
+use interslice::polygons::{self, PlaneDrawing, Planes};
+use interslice::stack::{ContourStack, Geometry, LevelSlice, Slice, SliceContent};
 
 use super::numbers::Numbers;
 use super::parts::{Outline, Part};
@@ -80,12 +80,12 @@ pub fn stack(n: &mut Numbers, kind: Kind) -> ContourStack {
             let place = |p: [f64; 2]| std::array::from_fn(|a| spacing[a] * (centre[a] + p[a] / scale[a]));
             part.polygon(k, corners).into_iter().map(place).collect::<Vec<[f64; 2]>>()
         };
-        let drawings: Vec<Drawing> = (0..slices)
+        let drawings: Vec<PlaneDrawing> = (0..slices)
             .map(|k| {
                 let polygons =
                     on(k).filter(|_| !empty.contains(&k)).flat_map(|p| p.centres(k).into_iter().map(move |c| (p, c)));
                 let region = polygons.map(|(p, c)| outline(p, k, c)).collect();
-                Drawing { name: format!("plane {k}"), z: heights[k], extra: false, regions: vec![region] }
+                PlaneDrawing { name: format!("plane {k}"), z: heights[k], extra: false, regions: vec![region] }
             })
             .collect();
         let planes = Planes { unit: "mm".into(), axes: Geometry::default().axes, z_out: None };
@@ -122,7 +122,7 @@ pub fn stack(n: &mut Numbers, kind: Kind) -> ContourStack {
     let slices = contents.into_iter().enumerate().map(|(k, values)| {
         let content = match drawn {
             Drawn::Levels => {
-                SliceContent::Level(Level::new(&values.iter().map(|v| *v as f32).collect::<Vec<_>>(), dims[0]))
+                SliceContent::Level(LevelSlice::new(&values.iter().map(|v| *v as f32).collect::<Vec<_>>(), dims[0]))
             }
             _ => SliceContent::Mask(values.iter().map(|v| *v < 0.0).collect()),
         };

@@ -2,7 +2,7 @@
 
 use interslice::Settings;
 use interslice::settings::EndRule;
-use interslice::stack::{ContourStack, Level, Slice, SliceContent};
+use interslice::stack::{ContourStack, LevelSlice, Slice, SliceContent};
 
 /// How a body is moved.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,7 +88,7 @@ impl Turn {
             SliceContent::Level(level) => {
                 let mut out = vec![level.largest(); dims[0] * dims[1]];
                 level.values().iter().zip(&places).for_each(|(v, n)| out[*n] = *v);
-                SliceContent::Level(Level::new(&out, dims[0]))
+                SliceContent::Level(LevelSlice::new(&out, dims[0]))
             }
         };
         let slice = |s: &Slice| Slice { z: self.height(ends, s.z), content: content(&s.content), ..s.clone() };

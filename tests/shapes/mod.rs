@@ -6,7 +6,7 @@ pub mod zoo;
 
 use interslice::Settings;
 use interslice::settings::{Method, Motion};
-use interslice::stack::{ContourStack, Geometry, Level, Slice, SliceContent};
+use interslice::stack::{ContourStack, Geometry, LevelSlice, Slice, SliceContent};
 
 /// The morph alone: contours stay in their place, and nothing is smoothed after it.
 pub fn plain() -> Settings {
@@ -75,7 +75,7 @@ pub fn masks(n: usize, heights: &[f64], shapes: &[Shape]) -> ContourStack {
 pub fn levels(n: usize, heights: &[f64], shapes: &[Shape]) -> ContourStack {
     assert_eq!(heights.len(), shapes.len());
     let single = |s: &Shape| values([n, n], s).iter().map(|v| *v as f32).collect::<Vec<f32>>();
-    let level = |s: &Shape| SliceContent::Level(Level::new(&single(s), n));
+    let level = |s: &Shape| SliceContent::Level(LevelSlice::new(&single(s), n));
     stack([n, n], heights, shapes.iter().map(level).collect())
 }
 

@@ -3,7 +3,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use interslice::polygons::{Drawing, Planes, stack};
+use interslice::polygons::{PlaneDrawing, Planes, stack};
 use interslice::stack::{ContourStack, Geometry};
 use interslice::surface::areas::Areas;
 use interslice::surface::mesh::closed_surface;
@@ -22,7 +22,7 @@ pub fn random(state: &mut u64) -> f64 {
 pub fn drawn(center: [f64; 2], heights: &[f64], axes: impl Fn(f64) -> [f64; 2]) -> Option<ContourStack> {
     let inscribed = TAU / POINTS as f64;
     let outward = (inscribed / inscribed.sin()).sqrt();
-    let drawings: Vec<Drawing> = heights
+    let drawings: Vec<PlaneDrawing> = heights
         .iter()
         .map(|&z| (z, axes(z)))
         .filter(|(_, axes)| axes.iter().all(|a| *a > 0.0))
@@ -31,7 +31,12 @@ pub fn drawn(center: [f64; 2], heights: &[f64], axes: impl Fn(f64) -> [f64; 2]) 
                 let t = TAU * k as f64 / POINTS as f64;
                 [center[0] + outward * axes[0] * t.cos(), center[1] + outward * axes[1] * t.sin()]
             };
-            Drawing { name: format!("z = {z}"), z, extra: false, regions: vec![vec![(0..POINTS).map(point).collect()]] }
+            PlaneDrawing {
+                name: format!("z = {z}"),
+                z,
+                extra: false,
+                regions: vec![vec![(0..POINTS).map(point).collect()]],
+            }
         })
         .collect();
     let planes = Planes { unit: "mm".into(), axes: Geometry::default().axes, z_out: None };

@@ -7,7 +7,7 @@ use crate::backend::jobs::SweepJob;
 use crate::contour::seeds::seeds;
 use crate::gpu::selftest::single_kernels::Tubes;
 use crate::grid::field::Field;
-use crate::grid::spline::Course;
+use crate::grid::spline::HermiteArc;
 use crate::settings::Settings;
 
 /// Contours to compare on: jobs of different odd sizes, and where their contours go next.
@@ -77,7 +77,7 @@ impl Cases {
     }
 
     /// Seeds of every job and a course for each, which differ from seed to seed.
-    fn seeded(&self) -> Vec<(Vec<[f64; 2]>, Vec<Course>)> {
+    fn seeded(&self) -> Vec<(Vec<[f64; 2]>, Vec<HermiteArc>)> {
         let of = |phi: &Field| {
             // Contours have no seeds on a stretch, so that pixels are filled from their neighbours there.
             let bare = |x: &[f64; 2]| x[1] * self.h[1] > 0.58 * phi.dims[1] as f64 * self.h[1];

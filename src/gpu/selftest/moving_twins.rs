@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::backend::Backend;
-use crate::contour::caps::{Cap, Profile};
+use crate::contour::caps::{Cap, CapProfile};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::selftest::cases::{blob, joined};
@@ -17,7 +17,7 @@ use crate::reference::Reference;
 use crate::reference::displacement::{ROUNDS, displacements};
 use crate::reference::distance::distance_of;
 use crate::registration::displacement::{Displacement, DisplacementJob};
-use crate::registration::motion_field::{LoneParts, MovingField};
+use crate::registration::motion_field::{LoneParts, MotionField};
 
 /// A round from the same vectors: moments of up to 32 px times 1e-7, divided by a ridge of .07, px.
 const ROUND: f64 = 1e-4;
@@ -86,7 +86,7 @@ impl Stack {
             distance(&joined(&disc(31.0, 40.0, 9.0), &disc(72.0, 37.0, 21.0))),
         ];
         let height = [0.5, 0.75, 0.2, 0.6, 0.4];
-        let profile = [0.0, 0.4, 1.0, 1.7, 0.8].map(Profile::new);
+        let profile = [0.0, 0.4, 1.0, 1.7, 0.8].map(CapProfile::new);
         let part = |k: usize| {
             let (x, y, r) = alone[k];
             let corner = |sign: f64| [0, 1].map(|a| ((([x, y][a] + sign * r) * s / h[a]) as usize).min(dims[a] - 1));
@@ -127,7 +127,7 @@ impl Stack {
     }
 
     /// The stack's first slices in their moving frame.
-    fn moving(&self, slices: usize) -> MovingField {
+    fn moving(&self, slices: usize) -> MotionField {
         let gaps = &GAPS[..slices - 1];
         let still = &self.still()[..slices - 1];
         let single = |v: Displacement| v.map(|_, _, v| v.map(|c| f64::from(c as f32)));
@@ -138,7 +138,7 @@ impl Stack {
         });
         let heights = std::iter::once(10.0).chain(heights).collect();
         let found = found.into_iter().map(single).collect();
-        MovingField { relief: RELIEF, ..MovingField::new(heights, PX, self.fields[..slices].to_vec(), found) }
+        MotionField { relief: RELIEF, ..MotionField::new(heights, PX, self.fields[..slices].to_vec(), found) }
     }
 }
 
@@ -194,7 +194,7 @@ fn rounds(gpu: &Gpu, stack: &Stack) -> Result<Comparison> {
     Ok(out)
 }
 
-fn paths(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> {
+fn paths(gpu: &Gpu, stack: &Stack, moving: &MotionField) -> Result<Comparison> {
     let mut out = Comparison::new("trajectories", PATHS);
     for i in 0..GAPS.len() {
         let ours = gpu.paths(moving, i, &TIMES, stack.h)?;
@@ -206,7 +206,7 @@ fn paths(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> {
     Ok(out)
 }
 
-fn slopes(gpu: &Gpu, moving: &MovingField) -> Result<Comparison> {
+fn slopes(gpu: &Gpu, moving: &MotionField) -> Result<Comparison> {
     let ours = gpu.moving_slopes(moving, 0..moving.fields.len(), &Silent)?;
     let twin = Reference.moving_slopes(moving, 0..moving.fields.len(), &Silent)?;
     let stage = match ours.len() {
@@ -224,7 +224,7 @@ fn slopes(gpu: &Gpu, moving: &MovingField) -> Result<Comparison> {
     Ok(out)
 }
 
-fn layers(gpu: &Gpu, stack: &Stack, moving: &MovingField) -> Result<Comparison> {
+fn layers(gpu: &Gpu, stack: &Stack, moving: &MotionField) -> Result<Comparison> {
     let slopes: Vec<Field> =
         Reference.moving_slopes(moving, 0..moving.fields.len(), &Silent)?.iter().map(single).collect();
     let beside = |i: usize| [&slopes[i], &slopes[i + 1]];

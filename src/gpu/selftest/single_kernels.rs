@@ -7,14 +7,14 @@ use crate::gpu::Gpu;
 use crate::gpu::atlas::Atlas;
 use crate::gpu::band::Front;
 use crate::gpu::device::Buffer;
-use crate::gpu::distance::Distances;
+use crate::gpu::distance::DistanceBuffers;
 use crate::gpu::kernels::{Recorder, Size};
 use crate::gpu::layout::{Params, Particle, Seed, Source, Work};
 use crate::gpu::propagate::place_seeds;
 use crate::gpu::{contour_field, moving, trace, trajectories};
 use crate::grid::field::Field;
-use crate::grid::spline::Course;
-use crate::registration::motion_field::{MovingField, Paths};
+use crate::grid::spline::HermiteArc;
+use crate::registration::motion_field::{MotionField, Paths};
 
 /// Shape and parameters of the tubes.
 #[derive(Debug, Clone, Copy)]
@@ -29,7 +29,7 @@ pub struct Tubes {
 
 /// Which distances are wanted.
 #[derive(Debug, Clone, Copy)]
-pub enum Reach {
+pub enum DistanceReach {
     /// To the contours of any level set, everywhere.
     Everywhere,
     /// To the contours of any level set, as far as this many px; no more than that beyond.
@@ -93,16 +93,16 @@ impl Gpu {
     ///
     /// # Errors
     /// [`crate::Error::Gpu`].
-    pub fn distances(&self, u: &[Field], h: [f64; 2], reach: Reach) -> Result<Vec<Field>> {
+    pub fn distances(&self, u: &[Field], h: [f64; 2], reach: DistanceReach) -> Result<Vec<Field>> {
         let atlas = Atlas::new(u.iter().map(|f| f.dims));
         let values = self.device.upload("level", &atlas.pack(u.iter(), 1.0))?;
         let limit = match reach {
-            Reach::Everywhere => 0.0,
-            Reach::Within(px) | Reach::Beyond(px) => px as f32,
+            DistanceReach::Everywhere => 0.0,
+            DistanceReach::Within(px) | DistanceReach::Beyond(px) => px as f32,
         };
         let params = Params { hx: h[0] as f32, hy: h[1] as f32, limit, ..Params::default() };
-        let tiles = Distances::new(self, atlas, params, values)?;
-        tiles.solve(matches!(reach, Reach::Beyond(_)))?;
+        let tiles = DistanceBuffers::new(self, atlas, params, values)?;
+        tiles.solve(matches!(reach, DistanceReach::Beyond(_)))?;
         self.unpack(&tiles.atlas, &tiles.d)
     }
 
@@ -178,7 +178,7 @@ impl Gpu {
         second: &[Field],
         tubes: Tubes,
         passes: usize,
-    ) -> Result<Vec<Vec<Course>>> {
+    ) -> Result<Vec<Vec<HermiteArc>>> {
         let (device, k) = (&self.device, &self.kernels);
         let jobs: Vec<&SweepJob<'_>> = jobs.iter().collect();
         let mut atlas = Atlas::new(jobs.iter().map(|j| j.source.dims));
@@ -211,7 +211,7 @@ impl Gpu {
             work.run(&find, front.per_pixel());
             (0..passes).for_each(|n| work.run(&extend[(turn + 1 + n) % 2], front.per_pixel()));
         })?;
-        let mut out: Vec<Vec<Course>> = jobs.iter().map(|j| vec![[0.0; 4]; j.source.data.len()]).collect();
+        let mut out: Vec<Vec<HermiteArc>> = jobs.iter().map(|j| vec![[0.0; 4]; j.source.data.len()]).collect();
         let listed = self.listed(&front)?;
         let values: Vec<[f32; 4]> = device.read(&courses[(turn + 1 + passes) % 2], 0, listed.len())?;
         for ([node, q], value) in listed.iter().zip(values) {
@@ -224,7 +224,7 @@ impl Gpu {
     ///
     /// # Errors
     /// [`crate::Error::Gpu`].
-    pub fn paths(&self, moving: &MovingField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Vec<Paths>> {
+    pub fn paths(&self, moving: &MotionField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Vec<Paths>> {
         let paths = trajectories::paths(self, moving, i, times, h)?;
         let like = &moving.displacements[i];
         let vectors = self.device.read(&paths, 0, 2 * like.vectors.len() * times.len())?;

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use crate::backend::jobs::{PartJob, SweepJob, SweepPair, TraceJob};
 use crate::backend::{Backend, ContourOptions, PaddedSlice};
-use crate::contour::caps::{Cap, Profile};
+use crate::contour::caps::{Cap, CapProfile};
 use crate::contour::direction::Direction;
 use crate::contour::seeds::seeds;
 use crate::error::Result;
@@ -12,9 +12,9 @@ use crate::gpu::Gpu;
 use crate::gpu::selftest::cases::{BETA, Cases, GAMMA};
 use crate::gpu::selftest::comparison::Comparison;
 use crate::gpu::selftest::moving_twins;
-use crate::gpu::selftest::single_kernels::{Reach, Speeds};
+use crate::gpu::selftest::single_kernels::{DistanceReach, Speeds};
 use crate::grid::field::Field;
-use crate::grid::spline::Course;
+use crate::grid::spline::HermiteArc;
 use crate::grid::tile::Tile;
 use crate::progress::Silent;
 use crate::reference::Reference;
@@ -55,7 +55,12 @@ pub fn compare(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
 
 fn distance(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
     let twin: Vec<Field> = cases.phi[..3].iter().map(|u| distance_of(u, cases.h)).collect();
-    Ok(Comparison::fields("distance", 2e-4, &gpu.distances(&cases.phi[..3], cases.h, Reach::Everywhere)?, &twin))
+    Ok(Comparison::fields(
+        "distance",
+        2e-4,
+        &gpu.distances(&cases.phi[..3], cases.h, DistanceReach::Everywhere)?,
+        &twin,
+    ))
 }
 
 fn near(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
@@ -65,14 +70,19 @@ fn near(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
         Field { dims: d.dims, data: d.data.iter().map(|v| v.clamp(-limit, limit)).collect() }
     };
     let twin: Vec<Field> = cases.phi[..3].iter().map(cut).collect();
-    let ours = gpu.distances(&cases.phi[..3], cases.h, Reach::Within(limit))?;
+    let ours = gpu.distances(&cases.phi[..3], cases.h, DistanceReach::Within(limit))?;
     Ok(Comparison::fields("distance near contours", 2e-4, &ours, &twin))
 }
 
 fn far(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
     let limit = 12.0;
     let twin: Vec<Field> = cases.phi.iter().map(|u| far_distance(u.clone(), cases.h, limit)).collect();
-    Ok(Comparison::fields("far distance", 1e-4, &gpu.distances(&cases.phi, cases.h, Reach::Beyond(limit))?, &twin))
+    Ok(Comparison::fields(
+        "far distance",
+        1e-4,
+        &gpu.distances(&cases.phi, cases.h, DistanceReach::Beyond(limit))?,
+        &twin,
+    ))
 }
 
 fn exact(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
@@ -155,8 +165,8 @@ fn carried(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
         let mut phi = job.source.clone().into_owned();
         let mut band = Band::new(&mut phi, GAMMA);
         let mut upwind = Upwind::default();
-        let mut courses: Vec<Course> = scatter(&phi, &band, cases.h, &job.seeds, &job.courses);
-        let mut extend = |phi: &Field, band: &Band, courses: &mut Vec<Course>| {
+        let mut courses: Vec<HermiteArc> = scatter(&phi, &band, cases.h, &job.seeds, &job.courses);
+        let mut extend = |phi: &Field, band: &Band, courses: &mut Vec<HermiteArc>| {
             upwind.find(phi, band, cases.h);
             upwind.extend(courses, band, passes, &mut Vec::new());
         };
@@ -289,7 +299,7 @@ fn sweeps(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
             let field =
                 Field::from_fn(dims, |i, j| ((i as f64 - 24.0).powi(2) + (j as f64 - 24.0).powi(2)).sqrt() - 6.0);
             let tile = Tile { origin: [0, 0], dims };
-            let hole = Cap { tile, field, depth: 6.0, height: 0.7, farthest: 14.0, profile: Profile::new(0.0) };
+            let hole = Cap { tile, field, depth: 6.0, height: 0.7, farthest: 14.0, profile: CapProfile::new(0.0) };
             pair.holes = Cow::Owned(vec![(hole, Direction::Up)]);
         }
         pairs

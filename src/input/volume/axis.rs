@@ -1,6 +1,6 @@
 //! Along which axis of a volume its slices lie.
 
-use crate::input::volume::grid::Grid;
+use crate::input::volume::grid::VolumeGrid;
 use crate::input::volume::survey::Survey;
 use crate::stack::axis::Axis;
 
@@ -18,7 +18,7 @@ pub struct Choice {
 }
 
 /// The axis of a volume's slices.
-pub fn choose(axis: Axis, grid: &Grid, survey: &Survey) -> Choice {
+pub fn choose(axis: Axis, grid: &VolumeGrid, survey: &Survey) -> Choice {
     let asked = |axis| Choice { axis, why: "as asked".into() };
     match axis {
         Axis::X => asked(0),

@@ -10,7 +10,7 @@ const SHEAR_LIMIT: f64 = 1e-3;
 
 /// Where the voxels of a volume lie in the world (LPS).
 #[derive(Debug, Clone, PartialEq)]
-pub struct Grid {
+pub struct VolumeGrid {
     /// Voxels along x, y, z, the file's first, second and third axis.
     pub dims: [usize; 3],
     /// Position of voxel (0, 0, 0).
@@ -23,11 +23,11 @@ pub struct Grid {
     pub spaced: bool,
 }
 
-impl Grid {
+impl VolumeGrid {
     /// A grid without place or spacing: 1 px along each axis.
     pub fn unspaced(dims: [usize; 3]) -> Self {
         let steps = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        Grid { dims, origin: [0.0; 3], steps, unit: "px".into(), spaced: false }
+        VolumeGrid { dims, origin: [0.0; 3], steps, unit: "px".into(), spaced: false }
     }
 
     /// Voxel sides.

@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
 use data::Data;
 use element::{Element, Voxels};
-use grid::{Failure, Grid};
+use grid::{Failure, VolumeGrid};
 
 /// Voxels decoded at a time.
 const RUN: usize = 1 << 16;
@@ -35,7 +35,7 @@ pub struct Volume {
     /// Its format, for people.
     pub format: &'static str,
     /// Where the voxels lie.
-    pub grid: Grid,
+    pub grid: VolumeGrid,
     /// What a voxel is.
     pub element: Element,
     /// Whether its bytes run from the largest.
@@ -57,7 +57,7 @@ type Decode<T> = fn(Element, &Voxels<'_>, &mut Vec<T>) -> Failure<()>;
 
 /// Neighbouring voxels of one row of the file.
 #[derive(Debug, Clone, Copy)]
-pub struct Run<'a, T = i64> {
+pub struct VoxelRun<'a, T = i64> {
     /// The first voxel, by x, y, z.
     pub first: [usize; 3],
     /// The axis along which they run.
@@ -125,7 +125,7 @@ impl Volume {
     ///
     /// # Errors
     /// [`Error::Format`] for data that end early or cannot be decoded, and for values that are no whole numbers.
-    pub fn labels(&self, mut each: impl FnMut(Run<'_>)) -> Result<()> {
+    pub fn labels(&self, mut each: impl FnMut(VoxelRun<'_>)) -> Result<()> {
         self.decode(Element::labels, &mut each)
     }
 
@@ -133,15 +133,15 @@ impl Volume {
     ///
     /// # Errors
     /// [`Error::Format`] for data that end early or cannot be decoded, and for values that are no finite numbers.
-    pub fn greys(&self, mut each: impl FnMut(Run<'_, f64>)) -> Result<()> {
+    pub fn greys(&self, mut each: impl FnMut(VoxelRun<'_, f64>)) -> Result<()> {
         self.decode(Element::greys, &mut each)
     }
 
-    fn decode<T>(&self, decode: Decode<T>, each: &mut impl FnMut(Run<'_, T>)) -> Result<()> {
+    fn decode<T>(&self, decode: Decode<T>, each: &mut impl FnMut(VoxelRun<'_, T>)) -> Result<()> {
         self.runs(decode, each).map_err(|message| Error::Format { path: self.path.clone(), message })
     }
 
-    fn runs<T>(&self, decode: Decode<T>, each: &mut impl FnMut(Run<'_, T>)) -> Failure<()> {
+    fn runs<T>(&self, decode: Decode<T>, each: &mut impl FnMut(VoxelRun<'_, T>)) -> Failure<()> {
         let (count, size) = (self.voxels(), self.element.size());
         let row = self.grid.dims[self.stored[0]];
         let rows = self.grid.dims[self.stored[1]];
@@ -163,7 +163,7 @@ impl Volume {
                 for (axis, position) in self.stored.into_iter().zip([i, rest % rows, rest / rows]) {
                     first[axis] = position;
                 }
-                each(Run { first, along: self.stored[0], values: &values[done..done + length] });
+                each(VoxelRun { first, along: self.stored[0], values: &values[done..done + length] });
                 done += length;
             }
             at += n;

@@ -4,9 +4,9 @@ use crate::error::{Error, Result};
 use crate::input::volume::Volume;
 use crate::input::volume::axis::Choice;
 use crate::input::volume::survey::{Survey, depth, wanted};
-use crate::stack::mask::Drawing;
+use crate::stack::mask::MaskBits;
 use crate::stack::options::ReadOptions;
-use crate::stack::{ContourStack, Geometry, HeightGrid, Level, Slice, SliceContent};
+use crate::stack::{ContourStack, Geometry, HeightGrid, LevelSlice, Slice, SliceContent};
 use crate::storage::room;
 
 /// Labels that a message names.
@@ -91,7 +91,7 @@ fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option
         Error::Format { path: volume.path.clone(), message }
     })?;
     let places = places(chosen, dims[w]);
-    let mut masks = vec![Drawing::new(dims[u] * dims[v]); chosen.len()];
+    let mut masks = vec![MaskBits::new(dims[u] * dims[v]); chosen.len()];
     volume.labels(|run| {
         let node = run.first[u] + run.first[v] * dims[u];
         if run.along == w {
@@ -122,7 +122,7 @@ fn levels(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], level: f64) 
         Error::Format { path: volume.path.clone(), message }
     })?;
     let places = places(chosen, dims[w]);
-    let mut levels: Vec<Option<Level>> = vec![None; chosen.len()];
+    let mut levels: Vec<Option<LevelSlice>> = vec![None; chosen.len()];
     let mut read: Vec<(Vec<f32>, usize)> = vec![(Vec::new(), 0); chosen.len()];
     volume.greys(|run| {
         let mut at = run.first;
@@ -135,7 +135,7 @@ fn levels(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], level: f64) 
                 values[at[u] + at[v] * nx] = depth(level, *value);
                 *known += 1;
                 if *known == nx * ny {
-                    levels[place] = Some(Level::new(values, nx));
+                    levels[place] = Some(LevelSlice::new(values, nx));
                     *values = Vec::new();
                 }
             }

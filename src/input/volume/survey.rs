@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::error::{Error, Result};
 use crate::input::volume::sheets::{Counting, Sheets};
-use crate::input::volume::{Run, Volume};
+use crate::input::volume::{Volume, VoxelRun};
 
 /// Labels from 0 to here are counted in a table.
 const TABLE: usize = 1 << 16;
@@ -124,7 +124,7 @@ impl Survey {
     }
 
     /// Notes that the voxels at these places of a run are wanted.
-    fn paint<T>(&mut self, run: &Run<'_, T>, places: Range<usize>) {
+    fn paint<T>(&mut self, run: &VoxelRun<'_, T>, places: Range<usize>) {
         for (axis, painted) in self.painted.iter_mut().enumerate() {
             let first = run.first[axis];
             if axis == run.along {

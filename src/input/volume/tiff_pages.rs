@@ -13,9 +13,9 @@ use super::grid::Failure;
 /// Longest description, e.g. OME-XML with an entry per plane.
 const LONGEST_DESCRIPTION: usize = 1 << 26;
 
-pub(crate) type Source = Decoder<BufReader<File>>;
+pub(crate) type TiffDecoder = Decoder<BufReader<File>>;
 
-pub(crate) fn decoder(path: &Path) -> Failure<Source> {
+pub(crate) fn decoder(path: &Path) -> Failure<TiffDecoder> {
     let unreadable = |e: io::Error| format!("cannot read: {e}");
     let file = File::open(path).map_err(unreadable)?;
     let length = file.metadata().map_err(unreadable)?.len();
@@ -29,7 +29,7 @@ pub(crate) fn told(e: TiffError) -> String {
 }
 
 /// Size and type of the decoder's page.
-pub(crate) fn page(decoder: &mut Source) -> Failure<([usize; 2], Element)> {
+pub(crate) fn page(decoder: &mut TiffDecoder) -> Failure<([usize; 2], Element)> {
     let (width, height) = decoder.dimensions().map_err(told)?;
     let color = decoder.colortype().map_err(told)?;
     let ColorType::Gray(bits @ (8 | 16 | 32 | 64)) = color else {
@@ -51,7 +51,7 @@ pub(crate) fn page(decoder: &mut Source) -> Failure<([usize; 2], Element)> {
 
 /// The voxels of all pages, one page in memory.
 pub(crate) struct Pages {
-    decoder: Source,
+    decoder: TiffDecoder,
     /// Pages that were decoded, and all.
     done: usize,
     count: usize,

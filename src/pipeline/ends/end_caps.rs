@@ -90,15 +90,15 @@ impl HoleLaw {
 
 /// A closed line beyond the contour.
 #[derive(Debug, Clone)]
-struct Line {
+struct CapLine {
     /// Signed distance at the contour, negative within.
     field: Field,
     offsets: Offsets,
 }
 
-impl Line {
+impl CapLine {
     fn new(field: &Field) -> Self {
-        Line { field: field.clone(), offsets: Offsets::new(field) }
+        CapLine { field: field.clone(), offsets: Offsets::new(field) }
     }
 }
 
@@ -106,20 +106,21 @@ impl Line {
 #[derive(Debug, Clone)]
 struct Cap {
     tile: Tile,
-    outline: Line,
+    outline: CapLine,
     /// Inradius of the outline, px.
     depth: f64,
     law: Law,
-    holes: Vec<(Line, HoleLaw)>,
+    holes: Vec<(CapLine, HoleLaw)>,
     /// Where nothing is left of it.
     tip: f64,
 }
 
 impl Cap {
     fn new(part: &EndPart, law: Law, away: &[f64]) -> Self {
-        let outline = Line::new(&part.outline.field);
+        let outline = CapLine::new(&part.outline.field);
         let depth = -outline.field.data.iter().copied().fold(0.0, f64::min);
-        let holes = part.holes.iter().map(|hole| (Line::new(&hole.field), HoleLaw::new(&hole.areas, away))).collect();
+        let holes =
+            part.holes.iter().map(|hole| (CapLine::new(&hole.field), HoleLaw::new(&hole.areas, away))).collect();
         let mut cap = Cap { tile: part.tile, outline, depth, law, holes, tip: law.height };
         // A ring is gone where its hole has become as large as itself.
         let gone = (1..CAP_LAYERS).map(|k| cap.height_of(k as f64)).find(|t| cap.area(*t) <= 0.0);
@@ -150,7 +151,7 @@ impl Cap {
         };
         let offsets: Vec<f64> = self.holes.iter().map(|(line, law)| line.offsets.of(law.at(t))).collect();
         canvas.unite(&self.tile, |n| {
-            let hole = |((line, _), offset): (&(Line, HoleLaw), &f64)| -(line.field.data[n] + offset);
+            let hole = |((line, _), offset): (&(CapLine, HoleLaw), &f64)| -(line.field.data[n] + offset);
             let outline = self.outline.field.data[n] + offset;
             self.holes.iter().zip(&offsets).map(hole).fold(outline, f64::max)
         });

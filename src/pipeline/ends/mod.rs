@@ -13,11 +13,11 @@ use crate::grid::tile::Tile;
 use crate::pipeline::ends::end_caps::{End, EndSpec, end, passing, passing_field};
 use crate::pipeline::ends::end_parts::{EndPart, LEVELS, Levels};
 use crate::pipeline::fit::Fitted;
-use crate::registration::motion_stack::MovingStack;
-use crate::report::{CapReport, EndReport, Side};
+use crate::registration::motion_stack::MotionStack;
+use crate::report::{BodyEnd, CapReport, EndReport};
 use crate::settings::EndRule;
 use crate::stack::heights::Heights;
-use crate::storage::spill::Shelf;
+use crate::storage::spill::SpillVec;
 
 /// What an end is made of.
 #[derive(Default)]
@@ -28,7 +28,7 @@ pub(super) struct EndMatter {
 
 impl<'a> Run<'a> {
     /// Numbers of the contours that have a say in an end, the outermost first; none where the run does not reach it.
-    fn levels(&self, contours: &Shelf<'a, Contour>, side: usize) -> Vec<usize> {
+    fn levels(&self, contours: &SpillVec<'a, Contour>, side: usize) -> Vec<usize> {
         let count = contours.len();
         let some = LEVELS.min(count);
         match (self.span.ends[side], side) {
@@ -41,8 +41,8 @@ impl<'a> Run<'a> {
     /// The parts of both end contours.
     pub(super) fn end_matter(
         &self,
-        contours: &Shelf<'a, Contour>,
-        moving: Option<&MovingStack<'a>>,
+        contours: &SpillVec<'a, Contour>,
+        moving: Option<&MotionStack<'a>>,
     ) -> Result<[EndMatter; 2]> {
         let of = |side: usize| {
             let at = self.levels(contours, side);
@@ -83,8 +83,8 @@ impl<'a> Run<'a> {
     /// The slopes of contour `i`, passing smoothly into what lies beyond where it is the first or the last one.
     pub(super) fn passing(
         &self,
-        contours: &Shelf<'a, Contour>,
-        moving: Option<&MovingStack<'a>>,
+        contours: &SpillVec<'a, Contour>,
+        moving: Option<&MotionStack<'a>>,
         matter: &[EndMatter; 2],
         i: usize,
         fitted: Fitted,
@@ -100,8 +100,8 @@ impl<'a> Run<'a> {
     /// The same for the slopes of contour `i`'s field.
     pub(super) fn passing_field(
         &self,
-        contours: &Shelf<'a, Contour>,
-        moving: &MovingStack<'a>,
+        contours: &SpillVec<'a, Contour>,
+        moving: &MotionStack<'a>,
         matter: &[EndMatter; 2],
         i: usize,
         slopes: &mut Field,
@@ -119,8 +119,8 @@ impl<'a> Run<'a> {
     /// Slopes of contour `i` with what the frame's motion explains.
     fn whole(
         &self,
-        contours: &Shelf<'a, Contour>,
-        moving: Option<&MovingStack<'a>>,
+        contours: &SpillVec<'a, Contour>,
+        moving: Option<&MotionStack<'a>>,
         i: usize,
         fitted: &Fitted,
     ) -> Result<Fitted> {
@@ -131,10 +131,10 @@ impl<'a> Run<'a> {
     /// Both ends of the body, from their parts and what was fitted at the first and last contour.
     pub(super) fn ends(
         &mut self,
-        contours: &Shelf<'a, Contour>,
+        contours: &SpillVec<'a, Contour>,
         matter: &[EndMatter; 2],
         fitted: [&Fitted; 2],
-        moving: Option<&MovingStack<'a>>,
+        moving: Option<&MotionStack<'a>>,
     ) -> Result<[End; 2]> {
         let (mut warnings, mut told) = (Vec::new(), Vec::new());
         let mut make = |side: usize| {
@@ -173,7 +173,7 @@ impl<'a> Run<'a> {
             height: told.height,
         };
         EndReport {
-            side: if spec.direction == Direction::Up { Side::Top } else { Side::Bottom },
+            side: if spec.direction == Direction::Up { BodyEnd::Top } else { BodyEnd::Bottom },
             z: spec.z,
             area: pixel * area,
             used: volume(made),
@@ -186,7 +186,7 @@ impl<'a> Run<'a> {
     /// The layers below the first contour.
     pub(super) fn below(
         &self,
-        contours: &Shelf<'a, Contour>,
+        contours: &SpillVec<'a, Contour>,
         ends: &[End; 2],
         heights: &Heights,
         sink: &mut Sink<'_>,
@@ -202,7 +202,7 @@ impl<'a> Run<'a> {
     /// The last contour's layer and those above it.
     pub(super) fn above(
         &self,
-        contours: &Shelf<'a, Contour>,
+        contours: &SpillVec<'a, Contour>,
         ends: &[End; 2],
         heights: &Heights,
         sink: &mut Sink<'_>,

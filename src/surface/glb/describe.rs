@@ -13,15 +13,15 @@ use serde_json::json;
 use serde_json::value::{RawValue, to_raw_value};
 
 use super::colour;
-use super::part::{Part, VERTEX_BYTES};
+use super::part::{MeshPart, VERTEX_BYTES};
 
 /// The description of meshes whose data follow each other. A body without a surface has no mesh: glTF knows no empty ones.
-pub(super) fn described(parts: &[Part]) -> io::Result<Root> {
+pub(super) fn described(parts: &[MeshPart]) -> io::Result<Root> {
     let mut root = Root {
         asset: Asset { generator: Some(concat!("interslice ", env!("CARGO_PKG_VERSION")).into()), ..Asset::default() },
         ..Root::default()
     };
-    let bytes: u64 = parts.iter().map(Part::bytes).sum();
+    let bytes: u64 = parts.iter().map(MeshPart::bytes).sum();
     let mut nodes = Vec::new();
     if bytes > 0 {
         let byte_length = USize64(bytes);
@@ -43,7 +43,7 @@ pub(super) fn described(parts: &[Part]) -> io::Result<Root> {
 }
 
 /// The unit and the directions of the axes; of a mesh its number, and its origin where that is not the world's.
-fn about(part: &Part, is_mesh: bool) -> io::Result<Box<RawValue>> {
+fn about(part: &MeshPart, is_mesh: bool) -> io::Result<Box<RawValue>> {
     let mut about = json!({"unit": part.about.unit, "space": "left-posterior-superior"});
     if let Some(number) = part.about.appearance.number.filter(|_| is_mesh) {
         about["number"] = number.into();
@@ -55,7 +55,7 @@ fn about(part: &Part, is_mesh: bool) -> io::Result<Box<RawValue>> {
 }
 
 /// A mesh whose data begin at `offset`.
-fn mesh(root: &mut Root, part: &Part, buffer: Index<Buffer>, offset: u64) -> io::Result<Index<Mesh>> {
+fn mesh(root: &mut Root, part: &MeshPart, buffer: Index<Buffer>, offset: u64) -> io::Result<Index<Mesh>> {
     let ([vertices, triangles], [positions, normals, _]) = (part.counts, part.lengths());
     let range = [part.low, part.high].map(|v| Some(json!(v)));
     let corners = vectors(root, buffer, offset, vertices, range);

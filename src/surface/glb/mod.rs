@@ -17,7 +17,7 @@ use super::mesh::MeshSource;
 use super::space::sub;
 use describe::described;
 pub use part::About;
-use part::Part;
+use part::MeshPart;
 
 const BUFFER_BYTES: usize = 1 << 20;
 
@@ -26,15 +26,15 @@ const BUFFER_BYTES: usize = 1 << 20;
 /// # Errors
 /// Those of `out`; [`io::ErrorKind::InvalidInput`] beyond the 4 GiB that the format holds.
 pub fn write_glb<W: Write>(out: &mut W, mesh: &mut dyn MeshSource, about: &About) -> io::Result<()> {
-    let part = Part::of(mesh, about)?;
+    let part = MeshPart::of(mesh, about)?;
     write_head(out, std::slice::from_ref(&part))?;
     write_data(out, mesh, about.origin)?;
     out.flush()
 }
 
 /// Everything before the meshes' own data.
-fn write_head<W: Write>(out: &mut W, parts: &[Part]) -> io::Result<()> {
-    let bytes: u64 = parts.iter().map(Part::bytes).sum();
+fn write_head<W: Write>(out: &mut W, parts: &[MeshPart]) -> io::Result<()> {
+    let bytes: u64 = parts.iter().map(MeshPart::bytes).sum();
     let mut json = serde_json::to_vec(&described(parts)?)?;
     json.resize(json.len().next_multiple_of(4), b' ');
     let whole = 12 + 8 + json.len() as u64 + if bytes > 0 { 8 + bytes } else { 0 };
@@ -67,19 +67,19 @@ fn write_data<W: Write>(out: &mut W, mesh: &mut dyn MeshSource, origin: [f64; 3]
 
 /// Several bodies on their way into one file. Their data wait in a nameless file.
 #[derive(Debug)]
-pub struct Scene {
-    parts: Vec<Part>,
+pub struct GlbScene {
+    parts: Vec<MeshPart>,
     data: BufWriter<File>,
 }
 
-impl Scene {
+impl GlbScene {
     /// Nothing yet; the nameless file is in `folder`.
     ///
     /// # Errors
     /// Those of making that file.
     pub fn new(folder: &Path) -> io::Result<Self> {
         let data = BufWriter::with_capacity(BUFFER_BYTES, tempfile::tempfile_in(folder)?);
-        Ok(Scene { parts: Vec::new(), data })
+        Ok(GlbScene { parts: Vec::new(), data })
     }
 
     /// Adds a body.
@@ -87,7 +87,7 @@ impl Scene {
     /// # Errors
     /// Those of the nameless file.
     pub fn add(&mut self, mesh: &mut dyn MeshSource, about: &About) -> io::Result<()> {
-        self.parts.push(Part::of(mesh, about)?);
+        self.parts.push(MeshPart::of(mesh, about)?);
         write_data(&mut self.data, mesh, about.origin)
     }
 

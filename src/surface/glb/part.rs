@@ -24,7 +24,7 @@ pub struct About {
 
 /// One mesh of a file.
 #[derive(Debug)]
-pub(super) struct Part {
+pub(super) struct MeshPart {
     pub(super) about: About,
     /// Vertices and triangles.
     pub(super) counts: [u64; 2],
@@ -33,7 +33,7 @@ pub(super) struct Part {
     pub(super) high: [f32; 3],
 }
 
-impl Part {
+impl MeshPart {
     /// What must be known of a mesh before it is written.
     pub(super) fn of(mesh: &mut dyn MeshSource, about: &About) -> io::Result<Self> {
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
@@ -43,7 +43,7 @@ impl Part {
             }
             Ok(())
         })?;
-        Ok(Part { about: about.clone(), counts: mesh.counts(), low, high })
+        Ok(MeshPart { about: about.clone(), counts: mesh.counts(), low, high })
     }
 
     /// Bytes of positions, normals and triangles.

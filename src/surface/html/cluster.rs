@@ -12,7 +12,7 @@ pub type Seen<'s> = dyn Fn([f64; 3]) -> [f64; 3] + 's;
 
 /// Triangles to look at.
 #[derive(Debug, Clone, Default)]
-pub struct Shown {
+pub struct ShownMesh {
     /// Vertices.
     pub vertices: Vec<Vertex>,
     /// Their numbers.
@@ -21,7 +21,7 @@ pub struct Shown {
     pub cell: f64,
 }
 
-impl Shown {
+impl ShownMesh {
     /// `mesh` as it is, or on the finest of the grids tried that leaves at most `most` triangles.
     ///
     /// # Errors
@@ -49,7 +49,7 @@ impl Shown {
     }
 
     fn whole(mesh: &mut dyn MeshSource) -> io::Result<Self> {
-        let mut shown = Shown::default();
+        let mut shown = ShownMesh::default();
         mesh.vertices(&mut |v| {
             shown.vertices.push(*v);
             Ok(())
@@ -70,7 +70,7 @@ impl Shown {
         };
         let mut numbers = HashMap::new();
         let mut first = None;
-        let mut shown = Shown { cell, ..Shown::default() };
+        let mut shown = ShownMesh { cell, ..ShownMesh::default() };
         let mut counts: Vec<f64> = Vec::new();
         mesh.vertices(&mut |v| {
             let next = shown.vertices.len() as u32;

@@ -14,11 +14,11 @@ mod words;
 
 use std::io::{self, Write};
 
-use self::scene::Scene;
+use self::scene::PageScene;
 use super::Layer;
 use super::header::Header;
-use super::render::{Line, contour_lines};
-use super::stream::{BodyWriter, Ending, Needs};
+use super::render::{Polyline, contour_lines};
+use super::stream::{BodyWriter, Ending, WriterNeeds};
 
 /// Writes the page, at the end: until then it keeps the input contours as lines.
 pub struct HtmlWriter<W> {
@@ -26,7 +26,7 @@ pub struct HtmlWriter<W> {
     title: String,
     header: Header,
     /// Number of the contour, and its line.
-    lines: Vec<(usize, Line)>,
+    lines: Vec<(usize, Polyline)>,
 }
 
 impl<W> HtmlWriter<W> {
@@ -37,8 +37,8 @@ impl<W> HtmlWriter<W> {
 }
 
 impl<W: Write + Send> BodyWriter for HtmlWriter<W> {
-    fn needs(&self) -> Needs {
-        Needs::Mesh
+    fn needs(&self) -> WriterNeeds {
+        WriterNeeds::Mesh
     }
 
     fn layer(&mut self, layer: &Layer) -> io::Result<()> {
@@ -49,7 +49,7 @@ impl<W: Write + Send> BodyWriter for HtmlWriter<W> {
     }
 
     fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
-        let scene = Scene::new(&self.header.geometry, end.mesh, &self.lines)?;
+        let scene = PageScene::new(&self.header.geometry, end.mesh, &self.lines)?;
         self.out.write_all(page::page(&self.title, end.report, self.header.extent, &scene).as_bytes())?;
         self.out.flush()
     }

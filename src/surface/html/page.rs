@@ -5,10 +5,10 @@ use std::fmt::Write;
 use clap::Args;
 
 use super::plots::{self, Bar};
-use super::scene::Scene;
+use super::scene::PageScene;
 use super::words::{self, count, escape, link, number};
 use crate::report::verdict::JUMP;
-use crate::report::{Beside, EndReport, Report, Residual, Side};
+use crate::report::{BodyEnd, EndReport, Report, Residual, StepBeside};
 use crate::settings::Settings;
 
 const TEMPLATE: &str = include_str!("template.html");
@@ -16,7 +16,7 @@ const STYLE: &str = include_str!("page.css");
 const VIEWER: &str = include_str!("viewer.js");
 
 /// The whole page. Whatever comes from a user is escaped.
-pub fn page(title: &str, report: &Report, extent: [f64; 2], scene: &Scene) -> String {
+pub fn page(title: &str, report: &Report, extent: [f64; 2], scene: &PageScene) -> String {
     // Numbers and base64: no sign of it can end the element it stands in.
     let numbers = serde_json::to_string(scene).unwrap_or_default();
     let fills = [
@@ -113,7 +113,7 @@ fn figures(report: &Report, extent: [f64; 2]) -> String {
     out
 }
 
-fn shown(report: &Report, scene: &Scene) -> String {
+fn shown(report: &Report, scene: &PageScene) -> String {
     let mut out = format!("The red lines are the contours as drawn. {} triangles", count(scene.drawn as u64));
     if scene.cell > 0.0 {
         let _ = write!(
@@ -148,8 +148,8 @@ fn areas(report: &Report) -> String {
 /// The volume as made, and as other end rules would make it.
 fn volumes(report: &Report) -> String {
     let Some(areas) = &report.areas else { return String::new() };
-    let side = |side: Side| report.ends.iter().find(|e| e.side == side);
-    let (bottom, top) = (side(Side::Bottom), side(Side::Top));
+    let side = |side: BodyEnd| report.ends.iter().find(|e| e.side == side);
+    let (bottom, top) = (side(BodyEnd::Bottom), side(BodyEnd::Top));
     let bar = |name: String, of: fn(&EndReport) -> f64| Bar {
         name,
         parts: [bottom.map_or(0.0, of), areas.between_contours, top.map_or(0.0, of)],
@@ -184,7 +184,7 @@ fn contours(report: &Report) -> String {
         Some(r) => format!("<td>{}</td><td>{}</td>", number(r.mean), number(r.max)),
         None => "<td>–</td><td>–</td>".into(),
     };
-    let step = |beside: &Option<Beside>| match beside {
+    let step = |beside: &Option<StepBeside>| match beside {
         Some(beside) => {
             let met = if beside.jump <= JUMP { "met" } else { "off" };
             format!(r#"<td class="{met}">{}</td>"#, number(beside.jump))
@@ -301,7 +301,7 @@ mod tests {
     #[test]
     fn every_place_of_the_template_is_filled() {
         let report = Report { areas: Some(Default::default()), ..Report::default() };
-        let scene = Scene::new(&Default::default(), &mut &crate::surface::mesh::Mesh::default(), &[]);
+        let scene = PageScene::new(&Default::default(), &mut &crate::surface::mesh::Mesh::default(), &[]);
         let page = page("a & b", &report, [0.0, 1.0], &scene.expect("memory can be read"));
         assert!(!page.contains("{{") && page.contains("<h1>a &amp; b</h1>"));
     }

@@ -7,9 +7,9 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
 use super::super::mesh::MeshSource;
-use super::super::render::{FLATTEST, Line};
+use super::super::render::{FLATTEST, Polyline};
 use super::super::space::{cross, dot};
-use super::cluster::Shown;
+use super::cluster::ShownMesh;
 use crate::stack::Geometry;
 
 /// Most triangles and points of lines, so that the page stays below 10 MB.
@@ -20,7 +20,7 @@ const MOST: f64 = 65535.0;
 
 /// The surface and the lines on it, in a right-handed frame whose third axis is the stack's.
 #[derive(Debug, Serialize)]
-pub struct Scene {
+pub struct PageScene {
     /// Sides of the box around the body, stack's unit.
     size: [f64; 3],
     /// Length of one step of a quantised coordinate, stack's unit.
@@ -46,12 +46,12 @@ pub struct Scene {
     pub cell: f64,
 }
 
-impl Scene {
+impl PageScene {
     /// What there is to see.
     ///
     /// # Errors
     /// Those of reading the mesh.
-    pub fn new(geometry: &Geometry, mesh: &mut dyn MeshSource, lines: &[(usize, Line)]) -> io::Result<Self> {
+    pub fn new(geometry: &Geometry, mesh: &mut dyn MeshSource, lines: &[(usize, Polyline)]) -> io::Result<Self> {
         let [x, _, z] = geometry.axes;
         let frame = [x, cross(z, x), z];
         let seen = |p: [f64; 3]| frame.map(|axis| dot(axis, p));
@@ -72,7 +72,7 @@ impl Scene {
             let p = seen(p);
             [p[0] - low[0], p[1] - low[1], (p[2] - low[2]) * stretch]
         };
-        let shown = Shown::new(mesh, &drawn, TRIANGLES)?;
+        let shown = ShownMesh::new(mesh, &drawn, TRIANGLES)?;
         let step = size.iter().fold(0.0, |a: f64, b| a.max(*b)).max(f64::MIN_POSITIVE) / MOST;
         let quantised = |p: [f64; 3]| {
             let p = seen(p);
@@ -95,7 +95,7 @@ impl Scene {
             }
         }
         let [_, all] = mesh.counts();
-        Ok(Scene {
+        Ok(PageScene {
             size,
             step,
             stretch,
@@ -146,7 +146,7 @@ mod tests {
         for k in (0..n * (n - 1)).filter(|k| k % n + 1 < n) {
             mesh.triangles.extend([[k, k + 1, k + n], [k + 1, k + n + 1, k + n]]);
         }
-        let scene = Scene::new(&Geometry::default(), &mut &mesh, &[]).expect("memory can be read");
+        let scene = PageScene::new(&Geometry::default(), &mut &mesh, &[]).expect("memory can be read");
         assert!(scene.drawn <= TRIANGLES && scene.drawn > TRIANGLES / 3, "{} triangles", scene.drawn);
         assert!(scene.cell > 0.0 && scene.all == mesh.triangles.len() as u64);
         let bytes = serde_json::to_string(&scene).expect("it can be told").len();

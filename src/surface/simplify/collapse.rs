@@ -4,7 +4,7 @@ use meshopt::{SimplifyOptions, VertexDataAdapter};
 
 use super::super::space::sub;
 use super::block::Block;
-use super::measure::{Far, Measure};
+use super::measure::{BlockError, Far};
 use super::sound::{euler, torn_within};
 
 /// Part of the error that collapses may estimate at first, and what is left of it where that fails in many places.
@@ -33,7 +33,7 @@ impl Block<'_> {
         // About the first vertex, so that f32 suffices far from the world's origin.
         let near: Vec<[f32; 3]> = positions.iter().map(|p| sub(*p, first).map(|x| x as f32)).collect();
         let data = VertexDataAdapter::new(bytemuck::cast_slice(&near), size_of::<[f32; 3]>(), 0).ok()?;
-        let measure = Measure::new(self, positions);
+        let measure = BlockError::new(self, positions);
         let number = euler(&self.triangles);
         let mut locked = self.border.clone();
         let mut estimate = ESTIMATE * self.error;

@@ -32,18 +32,18 @@ pub(super) fn samples(corners: [[f64; 3]; 3], step: f64) -> impl Iterator<Item =
 
 /// Distances from a surface.
 #[derive(Debug)]
-pub struct Distances(RTree<CachedEnvelope<Triangle>>);
+pub struct TriangleTree(RTree<CachedEnvelope<Triangle>>);
 
-impl Distances {
+impl TriangleTree {
     /// From all triangles of `mesh`.
     pub fn new(mesh: &Mesh) -> Self {
-        Distances::of(mesh.corners())
+        TriangleTree::of(mesh.corners())
     }
 
     /// From triangles given by their corners.
     pub(super) fn of(corners: impl Iterator<Item = [[f64; 3]; 3]>) -> Self {
         let triangle = |(n, corners)| CachedEnvelope::new(Triangle { corners, number: n as u32 });
-        Distances(RTree::bulk_load(corners.enumerate().map(triangle).collect()))
+        TriangleTree(RTree::bulk_load(corners.enumerate().map(triangle).collect()))
     }
 
     /// A triangle at most `reach` from `p`, by its number.

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::super::mesh::Mesh;
 use super::super::space::{length, sub};
 use super::block::Block;
-use super::distances::{Distances, distance_2, samples};
+use super::distances::{TriangleTree, distance_2, samples};
 
 /// Part of the error that a sample may be away: the rest is for what lies between samples.
 const WITHIN: f64 = 0.9;
@@ -16,7 +16,7 @@ const GIVEN_STEP: f64 = 1.0 / 6.0;
 const NEW_STEP: f64 = 1.0 / 6.0;
 
 /// What to measure a block with.
-pub(super) struct Measure {
+pub(super) struct BlockError {
     /// Of the block's vertices.
     positions: Vec<[f64; 3]>,
     /// Of each triangle of the block its number.
@@ -24,7 +24,7 @@ pub(super) struct Measure {
     /// The given triangles whose middles the block has, and for each the block's triangle near its middle.
     corners: Vec<[[f64; 3]; 3]>,
     beside: Vec<u32>,
-    given: Distances,
+    given: TriangleTree,
     /// Between samples of given triangles, and of new ones.
     steps: [f64; 2],
     reach: f64,
@@ -43,7 +43,7 @@ impl Far {
     }
 }
 
-impl Measure {
+impl BlockError {
     /// For `block`, whose vertices lie at `positions`.
     pub fn new(block: &Block<'_>, positions: Vec<[f64; 3]>) -> Self {
         let first_middle = block.given.positions.len() as u32;
@@ -51,10 +51,10 @@ impl Measure {
         let (corners, beside): (Vec<_>, Vec<_>) =
             middles.map(|[s, t]| (corners_of(block.given, (s - first_middle) as usize), *t)).unzip();
         let sides = corners.iter().map(|[a, b, _]| length(sub(*b, *a))).sum::<f64>() / corners.len().max(1) as f64;
-        Measure {
+        BlockError {
             positions,
             numbers: block.triangles.iter().zip(0..).map(|(t, n)| (*t, n)).collect(),
-            given: Distances::of(corners.iter().copied()),
+            given: TriangleTree::of(corners.iter().copied()),
             corners,
             beside,
             steps: [GIVEN_STEP, NEW_STEP].map(|part| (STEP * block.error).max(part * sides)),
@@ -74,7 +74,7 @@ impl Measure {
                 is_new[n] = false;
             }
         }
-        let new = Distances::of(corners.iter().copied());
+        let new = TriangleTree::of(corners.iter().copied());
         let mut to_new = Nearby { of: &new, corners: &corners, reach: self.reach, last: 0 };
         let mut far = Far { around: Vec::new(), count: 0 };
         let mut near = Vec::with_capacity(block.samples.len());
@@ -120,7 +120,7 @@ impl Measure {
 
 /// Finds triangles near points that are mostly near the same one as the point before.
 struct Nearby<'d> {
-    of: &'d Distances,
+    of: &'d TriangleTree,
     corners: &'d [[[f64; 3]; 3]],
     reach: f64,
     last: u32,

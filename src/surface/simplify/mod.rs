@@ -20,7 +20,7 @@ use std::sync::{Arc, Mutex};
 
 use super::mesh::{Mesh, MeshSource};
 use crate::storage::room;
-pub use distances::Distances;
+pub use distances::TriangleTree;
 use sound::torn;
 use surface::Surface;
 

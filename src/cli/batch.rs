@@ -59,7 +59,7 @@ pub struct BatchArguments {
     #[arg(long)]
     dry_run: bool,
 
-    /// Make a manifest from a folder of cases: sub-folders with stack.json, .nrrd, .nii, .nii.gz
+    /// Make a manifest from a folder of cases: sub-folders with stack.json, and every file that is an input
     #[arg(long, value_name = "FOLDER", conflicts_with = "dry_run")]
     template: Option<PathBuf>,
 

@@ -19,9 +19,6 @@ use super::session::{Telling, reconstruct, set_threads};
 
 #[derive(Debug, clap::Args)]
 pub struct ReconstructArguments {
-    #[command(flatten)]
-    job: JobArguments,
-
     /// Output file, by extension: .nrrd .nii .nii.gz .mha .zarr (volume), .stl .ply .obj .glb (mesh), .png (picture), .tif (height
     /// map), .contours.json (polygons), .geojson (contour lines), .dcm (the RTSTRUCT, completed), .json .html (report);
     /// NAME.origin.nrrd and NAME.confidence.nrrd (any volume format) say where voxels come from; repeatable
@@ -32,9 +29,20 @@ pub struct ReconstructArguments {
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
 
+    /// Say nothing but errors
+    #[arg(short, long, conflicts_with = "verbose")]
+    quiet: bool,
+
+    /// Say how long each stage took and how well each contour is met
+    #[arg(short, long)]
+    verbose: bool,
+
+    #[command(flatten)]
+    job: JobArguments,
+
     /// RTSTRUCT: every closed ROI, each to files with its name before the extension; a .dcm gets all
     #[cfg(feature = "dicom")]
-    #[arg(long, conflicts_with_all = ["roi", "slices"])]
+    #[arg(long, conflicts_with_all = ["roi", "slices"], help_heading = "Input")]
     all_rois: bool,
 
     #[command(flatten)]
@@ -44,16 +52,8 @@ pub struct ReconstructArguments {
     device: DeviceOptions,
 
     /// Threads [default: one per core]; the result does not depend on it
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "Machine")]
     threads: Option<usize>,
-
-    /// Say nothing but errors
-    #[arg(short, long, conflicts_with = "verbose")]
-    quiet: bool,
-
-    /// Say how long each stage took and how well each contour is met
-    #[arg(short, long)]
-    verbose: bool,
 }
 
 pub fn run(mut arguments: ReconstructArguments, matches: &ArgMatches) -> Result<()> {

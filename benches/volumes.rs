@@ -1,4 +1,4 @@
-//! Error of volume of spheres drawn as polygons, by end rule: the table of docs/volumes.md.
+//! Error of volume of spheres drawn as polygons, by end rule: the table "Volume of spheres by end rule" of docs/evaluation.md.
 //!
 //! `cargo bench --bench volumes -- [PLACEMENTS [interslice options as NAME=VALUE]]`, for instance `-- 50 fair=0 motion=none`
 

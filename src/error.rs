@@ -1,4 +1,4 @@
-//! Every way to fail.
+//! Errors: every way to fail.
 //!
 //! A message has the name, the value, the limit and the way out. [`Error::exit_code`] tells the two kinds apart:
 //! 2 for input or settings that are wrong (found before anything is computed), 1 for work that failed.
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Shorthand for `std::result::Result<T, interslice::Error>`.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Every way to fail.
+/// Error of a run: every way to fail.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -17,7 +17,7 @@ pub enum Error {
     Read {
         /// The file or folder.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// A file's content is not what its format demands.
@@ -64,7 +64,7 @@ pub enum Error {
         "{}: {needed_mib} MiB are needed for temporary files, {available_mib} MiB are free; set TMPDIR to a folder with more room", folder.display()
     )]
     Disk {
-        /// Where temporary files go.
+        /// Folder of temporary files.
         folder: PathBuf,
         /// Estimate, MiB.
         needed_mib: u64,
@@ -84,7 +84,7 @@ pub enum Error {
     Write {
         /// The output.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// Lines of a manifest are wrong; found before any job ran.
@@ -113,13 +113,13 @@ pub enum Error {
     Numerics {
         /// Name of the stage.
         stage: &'static str,
-        /// What was found, where.
+        /// The value that was found, and its place.
         message: String,
     },
 }
 
 impl Error {
-    /// The same of a stack that a file holds: what is wrong with the stack as a whole is said of the file.
+    /// The error of a stack that a file holds: what is wrong with the stack as a whole is said of the file.
     pub(crate) fn in_file(self, path: &Path) -> Self {
         match self {
             Error::Stack(message) => Error::Format { path: path.into(), message },
@@ -140,7 +140,7 @@ fn counted(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
-/// One line each.
+/// Indented lines, one for each.
 fn listed(lines: impl Iterator<Item = String>) -> String {
     lines.map(|line| format!("\n  {line}")).collect()
 }

@@ -1,4 +1,4 @@
-//! Settings under a name.
+//! Presets: settings under a name.
 
 use clap::ValueEnum;
 
@@ -7,7 +7,7 @@ use crate::settings::{AntiAlias, EndRule, Method, Motion, Settings, SlopeRule, S
 /// Settings that belong together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Preset {
-    /// The method as Nilsson, Breen and Museth published it; docs/method.md says what that is.
+    /// The published method of Nilsson, Breen and Museth (docs/method.md).
     Paper,
     /// The field method: no sweeps.
     Fast,

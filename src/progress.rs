@@ -1,6 +1,6 @@
-//! How far the work has come, told to whoever listens.
+//! Progress of a run, told to a listener.
 
-/// Listens to the pipeline. All methods may be called from any thread.
+/// Listener to the progress of the pipeline. All methods may be called from any thread.
 pub trait Progress: Sync {
     /// A stage of `total` units begins.
     fn begin(&self, stage: &'static str, total: usize);
@@ -10,7 +10,7 @@ pub trait Progress: Sync {
     fn end(&self);
 }
 
-/// Listens to nothing.
+/// Listener that ignores everything.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

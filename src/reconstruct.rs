@@ -25,10 +25,10 @@ pub fn reconstruct(stack: &ContourStack, settings: &Settings) -> Result<Reconstr
     reconstruct_with(stack, &heights, settings, &Reference, &Silent)
 }
 
-/// The same at given heights (increasing, unit of the stack), on any backend, told to `progress`.
+/// Reconstructs the body at given heights (increasing, unit of the stack), on any backend, and tells `progress` how far it is.
 ///
 /// # Errors
-/// As [`reconstruct`].
+/// The errors of [`reconstruct`].
 pub fn reconstruct_with(
     stack: &ContourStack,
     heights: &[f64],
@@ -46,11 +46,11 @@ pub fn reconstruct_with(
     Ok(Reconstruction { layers, ..body })
 }
 
-/// The same with every layer handed to `sink` (a closure will do) as soon as it is finished, lowest first, so that neither slices nor volume
-/// need fit in memory; the result has no layers and does not depend on the budget.
+/// Reconstructs the body and hands every layer to `sink` (a closure will do) as soon as it is finished, lowest first, so that neither slices nor
+/// volume need fit in memory. The result has no layers and does not depend on the budget.
 ///
 /// # Errors
-/// As [`reconstruct`]; what `sink` says; [`Error::Read`](crate::Error::Read) or [`Error::Write`](crate::Error::Write) of the temporary file beyond the budget.
+/// The errors of [`reconstruct`]; what `sink` says; [`Error::Read`](crate::Error::Read) or [`Error::Write`](crate::Error::Write) of the temporary file beyond the budget.
 pub fn reconstruct_into(
     stack: &ContourStack,
     heights: &[f64],
@@ -61,10 +61,10 @@ pub fn reconstruct_into(
     pipeline::run(stack, heights, settings, &Section::whole(stack), Bonds::ALL, means, sink)
 }
 
-/// The same with some of what holds the body together left out, to see what that is worth.
+/// Reconstructs the body with some of the [`Bonds`] that hold it together left out, to measure what they are worth.
 ///
 /// # Errors
-/// As [`reconstruct_into`].
+/// The errors of [`reconstruct_into`].
 pub fn reconstruct_loosely(
     stack: &ContourStack,
     heights: &[f64],
@@ -76,11 +76,11 @@ pub fn reconstruct_loosely(
     pipeline::run(stack, heights, settings, &Section::whole(stack), bonds, means, sink)
 }
 
-/// The layers of a section of `stack`, bit by bit those of the whole; `heights` are those of the whole. The report has the section's contours,
-/// both ends included, and its intervals; the extent is the body's where the section ends with the stack.
+/// Reconstructs a section of `stack`: its layers are, bit by bit, those of the whole; `heights` are those of the whole. The report has the
+/// section's contours, both ends included, and its intervals; the extent is the body's where the section ends with the stack.
 ///
 /// # Errors
-/// As [`reconstruct_into`].
+/// The errors of [`reconstruct_into`].
 pub fn reconstruct_section(
     stack: &ContourStack,
     section: &Section,

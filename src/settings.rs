@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
-/// How a mask's staircase becomes a smooth contour. No rule flips a pixel.
+/// Rule by which a mask's staircase becomes a smooth contour. No rule flips a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AntiAlias {
@@ -39,7 +39,7 @@ pub enum SlopeRule {
     Catmull,
 }
 
-/// What the cubic spline of `natural` and `hyman` does at the first and last contour.
+/// End condition of the cubic spline of `natural` and `hyman` at the first and last contour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SplineEnd {
@@ -51,7 +51,7 @@ pub enum SplineEnd {
     NotAKnot,
 }
 
-/// How slices become a body.
+/// Method by which slices become a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
@@ -61,13 +61,13 @@ pub enum Method {
     Field,
 }
 
-/// Which sweeps of an interval say what lies between its contours.
+/// Sweeps of an interval that make the layers between its contours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sweep {
-    /// From both contours, each most beside its own.
+    /// Sweeps from both contours; each counts most beside its own contour.
     Both,
-    /// From the lower contour upwards alone, as published: it meets the upper one as well as its steering leads it there.
+    /// One sweep, upwards from the lower contour, as published: it meets the upper contour as well as its steering leads it there.
     Forward,
 }
 
@@ -87,13 +87,13 @@ pub enum Motion {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Linking {
-    /// Never, but for those that a links file names.
+    /// Never, except parts that a links file names.
     Off,
-    /// Where each is the other's nearest and they are alike: area ratio 0.5 to 2, overlap once their centroids lie on each other above 0.6.
+    /// Parts that are each other's nearest and alike: area ratio 0.5 to 2, overlap above 0.6 once their centroids lie on each other.
     Auto,
 }
 
-/// What happens beyond the first or last contour.
+/// Rule for the body beyond the first or last contour.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum EndRule {
@@ -150,7 +150,7 @@ impl From<EndRule> for String {
     }
 }
 
-/// What is said about a pair of parts.
+/// Statement about a pair of parts of neighbouring slices: they belong together, or they do not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Link {
@@ -169,12 +169,15 @@ fn joined() -> bool {
     true
 }
 
+/// The place of the end slopes in `--help`: behind the rules for the ends.
+const END_SLOPES: usize = 1000;
+
 /// Every numeric parameter of a reconstruction.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[command(next_help_heading = "Method")]
 pub struct Settings {
-    /// How slices become a body
+    /// Method by which slices become a body
     #[arg(long, value_enum, default_value_t = Settings::default().method)]
     pub method: Method,
 
@@ -182,24 +185,24 @@ pub struct Settings {
     #[arg(long, value_name = "STRENGTH", default_value_t = Settings::default().fair)]
     pub fair: f64,
 
-    /// How parts that move sideways are followed
+    /// Frame in which parts that move sideways are followed
     #[arg(long, value_enum, default_value_t = Settings::default().motion)]
     pub motion: Motion,
 
-    /// Whether parts that miss each other are taken for the same
+    /// Rule by which parts that miss each other are taken for the same
     #[arg(long, value_enum, default_value_t = Settings::default().link)]
     pub link: Linking,
 
-    /// How far apart such parts may be, centroid from centroid, in radii of a circle of the larger one's area, (0, 20]
+    /// Largest distance of such parts, centroid from centroid, in radii of a circle of the larger one's area, (0, 20]
     #[arg(long, value_name = "RADII", default_value_t = Settings::default().link_reach)]
     pub link_reach: f64,
 
-    /// What a person says about pairs of parts; on the command line from a file
+    /// Links that a person sets between pairs of parts; on the command line from a file
     #[arg(skip)]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub links: Vec<Link>,
 
-    /// How a mask's staircase becomes a smooth contour
+    /// Rule by which a mask's staircase becomes a smooth contour
     #[arg(long, value_enum, default_value_t = Settings::default().anti_alias)]
     pub anti_alias: AntiAlias,
 
@@ -216,26 +219,26 @@ pub struct Settings {
     pub spline_end: Option<SplineEnd>,
 
     /// Slope of the surface at the first contour, outward length per height (same unit), instead of the rule's own
-    #[arg(long, value_name = "SLOPE", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SLOPE", allow_negative_numbers = true, help_heading = "Ends", display_order = END_SLOPES)]
     pub clamp_bottom: Option<f64>,
 
     /// Slope of the surface at the last contour, outward length per height (same unit), instead of the rule's own
-    #[arg(long, value_name = "SLOPE", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SLOPE", allow_negative_numbers = true, help_heading = "Ends", display_order = END_SLOPES)]
     pub clamp_top: Option<f64>,
 
     /// Below the first contour: flat, half-slice, extrapolate or peak=HEIGHT
-    #[arg(long, value_name = "RULE", default_value_t = Settings::default().end_bottom)]
+    #[arg(long, value_name = "RULE", default_value_t = Settings::default().end_bottom, help_heading = "Ends")]
     pub end_bottom: EndRule,
 
     /// Above the last contour: flat, half-slice, extrapolate or peak=HEIGHT
-    #[arg(long, value_name = "RULE", default_value_t = Settings::default().end_top)]
+    #[arg(long, value_name = "RULE", default_value_t = Settings::default().end_top, help_heading = "Ends")]
     pub end_top: EndRule,
 
     /// Largest height of an extrapolated end, in gaps, (0, 10]
-    #[arg(long, value_name = "GAPS", default_value_t = Settings::default().cap_gaps)]
+    #[arg(long, value_name = "GAPS", default_value_t = Settings::default().cap_gaps, help_heading = "Ends")]
     pub cap_gaps: f64,
 
-    /// Which sweeps make the layers between contours
+    /// Sweeps that make the layers between contours
     #[arg(long, value_enum, default_value_t = Settings::default().sweep)]
     pub sweep: Sweep,
 
@@ -251,7 +254,7 @@ pub struct Settings {
     #[arg(long, value_name = "PX", default_value_t = Settings::default().half_width)]
     pub half_width: f64,
 
-    /// Where the tube's cut-off begins (beta), px, [1, half_width - 1]
+    /// Beginning of the tube's cut-off (beta), px, [1, half_width - 1]
     #[arg(long, value_name = "PX", default_value_t = Settings::default().cut_off)]
     pub cut_off: f64,
 

@@ -17,7 +17,7 @@ use interslice::{Error, Result};
 use super::devices::DeviceOptions;
 use super::session::{Telling, chosen, complete, compute, tell_notes, tell_start};
 
-/// What is to be done with a structure set.
+/// Work to be done with a structure set.
 pub struct All<'a> {
     pub input: &'a Path,
     pub outputs: &'a [PathBuf],

@@ -1,4 +1,4 @@
-//! What the program asks of the system's allocator: freed memory goes back at once, large arrays lie on large pages.
+//! Requests to the system's allocator: freed memory goes back at once, large arrays lie on large pages.
 
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 mod linux {

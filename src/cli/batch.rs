@@ -27,7 +27,8 @@ const MANIFEST: &str = r#"A manifest is JSON Lines (.jsonl), one job a line:
 
 or CSV (.csv) with the columns id, input, outputs (separated by ;) and options (JSON, or
 name=value;name=value). Paths are relative to the manifest's folder; folders of outputs are made.
-Options are those of `reconstruct` under Input, Method and Output, with _ for -.
+Options are those of `reconstruct` under Input, Output, Method and Ends, with _ for -, but for
+labels, keep_overlaps and all_rois; a label or an ROI of its own is a job of its own.
 
 Run the same command again and finished jobs are skipped: those whose input, options, names of
 outputs, --backend, --adapter and program version are the same, by content, and whose outputs are
@@ -59,32 +60,39 @@ pub struct BatchArguments {
     #[arg(long)]
     dry_run: bool,
 
+    /// Say nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+
     /// Make a manifest from a folder of cases: sub-folders with stack.json, and every file that is an input
-    #[arg(long, value_name = "FOLDER", conflicts_with = "dry_run")]
+    #[arg(long, value_name = "FOLDER", conflicts_with = "dry_run", help_heading = "Template")]
     template: Option<PathBuf>,
 
     /// Outputs of the template's jobs, by extension
-    #[arg(long, value_name = "EXT,..", value_delimiter = ',', default_value = "nrrd,stl", requires = "template")]
+    #[arg(
+        long,
+        value_name = "EXT,..",
+        value_delimiter = ',',
+        default_value = "nrrd,stl",
+        requires = "template",
+        help_heading = "Template"
+    )]
     ext: Vec<String>,
 
     /// Folder of the template's outputs
-    #[arg(long, value_name = "FOLDER", default_value = "out", requires = "template")]
+    #[arg(long, value_name = "FOLDER", default_value = "out", requires = "template", help_heading = "Template")]
     out: String,
 
     /// A job for each label of a label volume in the template; an RTSTRUCT has one for each ROI in any case
-    #[arg(long, requires = "template")]
+    #[arg(long, requires = "template", help_heading = "Template")]
     each_label: bool,
 
     #[command(flatten)]
     device: DeviceOptions,
 
     /// Threads [default: one per core]; the results do not depend on it
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "Machine")]
     threads: Option<usize>,
-
-    /// Say nothing but errors
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 pub fn run(arguments: &BatchArguments) -> Result<()> {
@@ -127,7 +135,7 @@ pub fn run(arguments: &BatchArguments) -> Result<()> {
     conclude(&manifest, &outcomes, arguments.quiet)
 }
 
-/// Says how many jobs are what; failures last, as an error.
+/// Tells how many jobs ended how; failures last, as an error.
 fn conclude(manifest: &Manifest, outcomes: &[Outcome], quiet: bool) -> Result<()> {
     let count = |what: &Outcome| outcomes.iter().filter(|o| *o == what).count();
     let (done, skipped, not_run) = (count(&Outcome::Done), count(&Outcome::Skipped), count(&Outcome::NotRun));

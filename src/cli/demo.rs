@@ -18,7 +18,7 @@ use super::session::{Telling, reconstruct};
 
 #[derive(Debug, clap::Args)]
 pub struct DemoArguments {
-    /// Which stack: the figure of the paper it stands for (the bodies of 1, 7, 8 and 9 are ours)
+    /// Stack to make: the figure of the paper it stands for (the bodies of 1, 7, 8 and 9 are ours)
     #[arg(default_value = "all", value_parser = ["fig1", "fig5", "fig6", "fig7", "fig8", "fig9", "fig10", "all"])]
     name: String,
 

@@ -1,4 +1,4 @@
-//! Which machine does the work: `--backend`, `--adapter`, `--memory`, `--profile`, and `interslice devices`.
+//! Choice of the machine: `--backend`, `--adapter`, `--memory`, `--profile`, and `interslice devices`.
 
 use clap::ValueEnum;
 use interslice::batch::Machine as BatchMachine;
@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use super::say::say;
 
-/// What the user wants.
+/// Backend that the user asks for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum BackendChoice {
@@ -37,7 +37,7 @@ enum BackendChoice {
 #[serde(default, deny_unknown_fields)]
 #[command(next_help_heading = "Machine")]
 pub struct DeviceOptions {
-    /// Where the numeric stages run
+    /// Machine for the numeric stages
     #[arg(long, value_enum, default_value_t)]
     backend: BackendChoice,
 
@@ -130,11 +130,11 @@ impl ChosenDevice<'_> {
         }
     }
 
-    /// What may stay in memory of a run with these needs beside `writing` bytes. A GPU that was not asked for by name is given up where it
-    /// leaves too little.
+    /// Budget of a run with these needs beside `writing` bytes: what of it may stay in memory. A GPU that was not asked for by name is given up
+    /// where it leaves too little.
     ///
     /// # Errors
-    /// As [`MemoryNeeds::budget`].
+    /// The errors of [`MemoryNeeds::budget`].
     pub fn budget(&mut self, needs: &MemoryNeeds, writing: u64, limit: Option<u64>) -> Result<Budget> {
         let budget = needs.budget(writing + self.backend().host_bytes() + self.left, limit);
         match (&self.machine, budget) {
@@ -149,7 +149,7 @@ impl ChosenDevice<'_> {
         }
     }
 
-    /// What the kernels have cost, if that was asked.
+    /// Cost of the kernels, if that was asked.
     pub fn profile(&self) -> Option<Profile> {
         match &self.machine {
             _ if !self.profile => None,
@@ -248,7 +248,7 @@ impl SharedDevice<'_> {
         }
     }
 
-    /// What it leaves to jobs of `memory` bytes that a batch may take.
+    /// Bytes that it leaves to jobs, of `memory` bytes that a batch may take.
     ///
     /// # Errors
     /// [`Error::Memory`] where that is nothing.
@@ -271,7 +271,7 @@ impl SharedDevice<'_> {
         }
     }
 
-    /// What the kernels have cost, if that was asked.
+    /// Cost of the kernels, if that was asked.
     pub fn profile(&self) -> Option<Profile> {
         match &self.together {
             _ if !self.profile => None,
@@ -282,7 +282,7 @@ impl SharedDevice<'_> {
     }
 }
 
-/// The same as [`choose`] for many jobs.
+/// Chooses the machine for many jobs, as [`choose`] does for one.
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU gives notice"))]
 pub fn share<'n>(options: &DeviceOptions, notice: &'n (dyn Fn(&str) + Sync)) -> Result<SharedDevice<'n>> {
     let (found, reason) = find(options)?;

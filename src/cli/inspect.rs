@@ -23,7 +23,7 @@ pub struct InspectArguments {
 
     /// RTSTRUCT: list all ROIs, as without --roi where there are several
     #[cfg(feature = "dicom")]
-    #[arg(long, conflicts_with = "roi")]
+    #[arg(long, conflicts_with = "roi", help_heading = "Input")]
     all_rois: bool,
 
     #[command(flatten)]
@@ -52,7 +52,7 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
     say(&(of_volume + &doubts + &describe(&stack, &links, None)?))
 }
 
-/// What a person should know of the labels, where there are several.
+/// Notes on the labels, where there are several.
 fn of_labels(arguments: &InspectArguments, input: &Input) -> Vec<String> {
     let several = input.surveyed.as_ref().is_some_and(|s| s.survey.labels.len() > 1);
     if !several || arguments.read.label.is_some() || arguments.read.level.is_some() {
@@ -67,12 +67,12 @@ fn of_labels(arguments: &InspectArguments, input: &Input) -> Vec<String> {
     }
 }
 
-/// What a person should know before anything is made of the input.
+/// Notes for a person before anything is made of the input.
 fn told(doubts: impl IntoIterator<Item = String>) -> String {
     doubts.into_iter().map(|doubt| format!("warning: {doubt}\n")).collect()
 }
 
-/// What is in an RTSTRUCT: all ROIs, or the one (or merged ones) that is chosen.
+/// Description of an RTSTRUCT: all ROIs, or the one (or merged ones) that is chosen.
 #[cfg(feature = "dicom")]
 fn structures(arguments: &InspectArguments) -> Result<()> {
     interslice::input::check(&arguments.input, &arguments.read)?;
@@ -88,7 +88,7 @@ fn structures(arguments: &InspectArguments) -> Result<()> {
     say(&(chosen.describe().join("\n") + "\n" + &told(stack.doubts()) + &text))
 }
 
-/// What is in a contour map.
+/// Description of a contour map.
 #[cfg(feature = "terrain")]
 fn contour_map(arguments: &InspectArguments) -> Result<()> {
     interslice::input::check(&arguments.input, &arguments.read)?;
@@ -100,7 +100,7 @@ fn contour_map(arguments: &InspectArguments) -> Result<()> {
     say(&(lines.join("\n") + "\n(the stack goes on 16 px beyond the border)\n" + &text))
 }
 
-/// What a colleague would say about the stack.
+/// Description of the stack, as a colleague would give it.
 fn describe(stack: &ContourStack, links: &[Link], dz: Option<f64>) -> Result<String> {
     let unit = &stack.unit;
     let mut lines = Vec::new();

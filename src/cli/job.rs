@@ -28,13 +28,13 @@ pub struct JobArguments {
     preset: Option<Preset>,
 
     #[command(flatten)]
-    output: OutputOptions,
-
-    #[command(flatten)]
     read: ReadOptions,
 
     #[command(flatten)]
     links: LinkOptions,
+
+    #[command(flatten)]
+    output: OutputOptions,
 
     #[command(flatten)]
     settings: Settings,

@@ -12,7 +12,7 @@ use super::bar::Bars;
 use super::devices::{DeviceOptions, choose};
 use super::session::Telling;
 
-/// What is asked for.
+/// Request of a run with many labels.
 pub struct Asked<'a> {
     pub input: &'a Path,
     pub wanted: &'a Wanted,

@@ -1,4 +1,4 @@
-//! What `inspect` says of parts that miss each other, and of links.
+//! Words of `inspect` about parts that miss each other, and about links.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use interslice::settings::Link;
 use interslice::stack::Slice;
 use interslice::{ContourStack, Settings};
 
-/// What there is to say between slice `k`, whose parts are `low`, and the next: overlaps where it is more than one part on one part, parts
+/// Lines about what lies between slice `k`, whose parts are `low`, and the next: overlaps where it is more than one part on one part, parts
 /// without partner, links, and candidates for more.
 pub fn between(stack: &ContourStack, k: usize, low: &Components, high: &Components, links: &[Link]) -> Vec<String> {
     let mut partners = overlaps(low, high);

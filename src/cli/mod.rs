@@ -5,6 +5,7 @@ mod all_rois;
 mod allocator;
 mod bar;
 mod batch;
+mod completions;
 mod config;
 mod demo;
 mod devices;
@@ -13,6 +14,7 @@ mod inspect;
 mod job;
 mod labels;
 mod links;
+mod man;
 mod reconstruct;
 mod say;
 mod sections;
@@ -53,13 +55,21 @@ enum Command {
     Devices,
     /// Test whether a GPU and its driver compute rightly
     Doctor(devices::DeviceOptions),
+    /// Print completions for a shell
+    Completions(completions::CompletionsArguments),
+    /// Print the man page of the program or of a command
+    Man(man::ManArguments),
+}
+
+/// The command line as clap knows it: what `--help`, completions and man pages are made of.
+fn command() -> clap::Command {
+    let together = "Memory that all jobs in flight may take together, by estimate, e.g. 512M or 4G [default: 80 % of what is free]";
+    Cli::command().mut_subcommand("batch", |c| c.mut_arg("memory", |a| a.help(together)))
 }
 
 /// Parses the command line and runs it.
 pub fn run() -> Result<()> {
-    let together = "Memory that all jobs in flight may take together, by estimate, e.g. 512M or 4G [default: 80 % of what is free]";
-    let batch = |c: clap::Command| c.mut_arg("memory", |a| a.help(together));
-    let matches = Cli::command().mut_subcommand("batch", batch).get_matches();
+    let matches = command().get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     let bounded = |(_, matches): (&str, &clap::ArgMatches)| matches!(matches.try_get_one::<u64>("memory"), Ok(Some(_)));
     if matches.subcommand().is_some_and(bounded) {
@@ -76,6 +86,8 @@ pub fn run() -> Result<()> {
         (Command::Demo(arguments), _) => demo::run(&arguments),
         (Command::Devices, _) => devices::list(),
         (Command::Doctor(options), _) => devices::examine(&options),
+        (Command::Completions(arguments), _) => completions::run(&arguments),
+        (Command::Man(arguments), _) => man::run(&arguments),
         (Command::Reconstruct(_) | Command::Plan(_) | Command::Run(_), None) => Ok(()),
     }
 }

@@ -19,9 +19,6 @@ use super::session::{Telling, reconstruct, set_threads};
 
 #[derive(Debug, clap::Args)]
 pub struct ReconstructArguments {
-    #[command(flatten)]
-    job: JobArguments,
-
     #[arg(short, long = "output", value_name = "FILE", help = format::help())]
     outputs: Vec<PathBuf>,
 
@@ -29,9 +26,20 @@ pub struct ReconstructArguments {
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
 
+    /// Say nothing but errors
+    #[arg(short, long, conflicts_with = "verbose")]
+    quiet: bool,
+
+    /// Say how long each stage took and how well each contour is met
+    #[arg(short, long)]
+    verbose: bool,
+
+    #[command(flatten)]
+    job: JobArguments,
+
     /// RTSTRUCT: every closed ROI, each to files with its name before the extension; a .dcm gets all
     #[cfg(feature = "dicom")]
-    #[arg(long, conflicts_with_all = ["roi", "slices"])]
+    #[arg(long, conflicts_with_all = ["roi", "slices"], help_heading = "Input")]
     all_rois: bool,
 
     #[command(flatten)]
@@ -41,16 +49,8 @@ pub struct ReconstructArguments {
     device: DeviceOptions,
 
     /// Threads [default: one per core]; the result does not depend on it
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "Machine")]
     threads: Option<usize>,
-
-    /// Say nothing but errors
-    #[arg(short, long, conflicts_with = "verbose")]
-    quiet: bool,
-
-    /// Say how long each stage took and how well each contour is met
-    #[arg(short, long)]
-    verbose: bool,
 }
 
 pub fn run(mut arguments: ReconstructArguments, matches: &ArgMatches) -> Result<()> {

@@ -1,4 +1,4 @@
-//! What a command answers, on stdout, and how it writes numbers.
+//! Answers of a command on stdout, and the form of their numbers.
 
 use std::io::{ErrorKind, Write, stdout};
 

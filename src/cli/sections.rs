@@ -23,20 +23,20 @@ use super::session::{set_threads, tell_kept};
 
 #[derive(Debug, clap::Args)]
 pub struct PlanArguments {
-    #[command(flatten)]
-    job: JobArguments,
-
     /// Parts
     #[arg(long, value_name = "N")]
     parts: usize,
 
-    /// Threads of each run, for its memory [default: one per core]
-    #[arg(long, value_name = "N")]
-    threads: Option<usize>,
-
     /// Print JSON
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    job: JobArguments,
+
+    /// Threads of each run, for its memory [default: one per core]
+    #[arg(long, value_name = "N", help_heading = "Machine")]
+    threads: Option<usize>,
 }
 
 /// Part K of N.
@@ -58,27 +58,27 @@ impl FromStr for SplitPart {
 
 #[derive(Debug, clap::Args)]
 pub struct RunArguments {
-    #[command(flatten)]
-    job: JobArguments,
+    /// File for the part, *.section, which `merge` takes
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
 
     /// Part K of N
     #[arg(long, value_name = "K/N")]
     part: SplitPart,
 
-    /// File for the part, *.section, which `merge` takes
-    #[arg(short, long, value_name = "FILE")]
-    output: PathBuf,
+    /// Say nothing but errors
+    #[arg(short, long)]
+    quiet: bool,
+
+    #[command(flatten)]
+    job: JobArguments,
 
     #[command(flatten)]
     device: DeviceOptions,
 
     /// Threads [default: one per core]; the result does not depend on it
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "Machine")]
     threads: Option<usize>,
-
-    /// Say nothing but errors
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 #[derive(Debug, clap::Args)]
@@ -91,21 +91,21 @@ pub struct MergeArguments {
     #[arg(short, long = "output", value_name = "FILE", required = true)]
     outputs: Vec<PathBuf>,
 
-    /// Volumes hold 8-bit masks instead of signed distances, as if `run` had been told
-    #[arg(long)]
-    mask: bool,
-
-    /// Draw the input contours into pictures, as if `run` had been told
-    #[arg(long)]
-    contours: bool,
-
-    /// Meshes with fewer triangles, no farther than this from the full one
-    #[arg(long, value_name = "ERROR")]
-    simplify: Option<f64>,
-
     /// Say nothing but errors
     #[arg(short, long)]
     quiet: bool,
+
+    /// Volumes hold 8-bit masks instead of signed distances, as if `run` had been told
+    #[arg(long, help_heading = "Output")]
+    mask: bool,
+
+    /// Draw the input contours into pictures, as if `run` had been told
+    #[arg(long, help_heading = "Output")]
+    contours: bool,
+
+    /// Meshes with fewer triangles, no farther than this from the full one
+    #[arg(long, value_name = "ERROR", help_heading = "Output")]
+    simplify: Option<f64>,
 }
 
 /// A part of a plan.

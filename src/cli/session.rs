@@ -8,14 +8,14 @@ use interslice::{Budget, Error, Means, Progress, Reconstruction, Result};
 use super::bar::Bars;
 use super::devices::{ChosenDevice, DeviceOptions, choose, tell_profile};
 
-/// How much a run tells.
+/// Amount that a run tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Telling {
     /// Errors only.
     Quiet,
     /// The backend, warnings, what was written.
     Normal,
-    /// Everything.
+    /// Everything that is told.
     Verbose,
 }
 
@@ -51,7 +51,7 @@ pub fn chosen(device: &DeviceOptions) -> Result<ChosenDevice<'_>> {
     choose(device, &|message: &str| eprintln!("warning: {message}"))
 }
 
-/// Says where a run computes, and what does not stay in memory.
+/// Tells where a run computes, and what does not stay in memory.
 pub fn tell_start(chosen: &ChosenDevice<'_>, budget: &Budget, telling: Telling) {
     if telling != Telling::Quiet {
         eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
@@ -76,7 +76,7 @@ pub fn compute(
     Ok(body)
 }
 
-/// Says what a person should know of the input, before the work.
+/// Tells what a person should know of the input, before the work.
 pub fn tell_notes(loaded: &Loaded, telling: Telling) {
     if telling != Telling::Quiet {
         loaded.notes.iter().for_each(|note| eprintln!("warning: {note}"));
@@ -100,7 +100,7 @@ pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, said: &[String
     Ok(())
 }
 
-/// Where is what does not fit into memory.
+/// Tells where the data is that does not fit into memory.
 pub fn tell_kept(budget: &Budget) {
     if let Some(kept) = budget.kept() {
         let folder = std::env::temp_dir();

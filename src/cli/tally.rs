@@ -1,4 +1,4 @@
-//! How far a batch has come: a bar with jobs per hour and time left on a terminal, a line now and then elsewhere.
+//! Progress of a batch: a bar with jobs per hour and time left on a terminal, a line now and then elsewhere.
 
 use std::io::IsTerminal;
 use std::sync::{Mutex, PoisonError};
@@ -50,7 +50,7 @@ impl Tally {
         Tally { begin: Instant::now(), bar, quiet, counts }
     }
 
-    /// Says something without tearing the bar.
+    /// Prints a message without tearing the bar.
     pub fn say(&self, message: &str) {
         self.bar.suspend(|| eprintln!("{message}"));
     }

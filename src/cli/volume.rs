@@ -1,4 +1,4 @@
-//! What `inspect` says of a label volume.
+//! Words of `inspect` about a label volume.
 
 use std::collections::BTreeMap;
 
@@ -54,7 +54,7 @@ fn labels(volume: &Volume, survey: &Survey) -> String {
     format!("labels: {}{more}", listed.join(", "))
 }
 
-/// Where the axes point: the nearest directions of the body, and how far off.
+/// Directions of the axes: the nearest directions of the body, and how far off they are.
 fn orientation(volume: &Volume) -> String {
     if volume.grid.origin == [0.0; 3] && !volume.grid.spaced {
         return "axes x, y, z as in the file, no place in the world".into();

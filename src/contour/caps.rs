@@ -7,11 +7,11 @@ use crate::grid::tile::Tile;
 /// At its tip a part is gone, whichever way the height was rounded.
 const AT_TIP: f64 = 1.0 - 1e-6;
 
-/// How a part's inradius falls from D at q = 0 to 0 at q = 1: `D (1 - q) (1 + (1 - s) q)`, a parabola that begins with the slope `-s D / H`.
-/// Upright with s = 0, a cone with 1, beyond it a needle; smooth at the tip.
+/// Profile of a part's inradius, which falls from D at q = 0 to 0 at q = 1: `D (1 - q) (1 + (1 - s) q)`, a parabola that begins with the slope `-s
+/// D / H`. Upright with s = 0, a cone with 1, beyond it a needle; smooth at the tip.
 ///
-/// Half an ellipsoid, whose square is such a parabola, is a fifth fuller: mean Dice every 16th slice .8812 for .8822, real cases medium .9533 for
-/// .9537, hard .9241 for .9236.
+/// Half an ellipsoid, whose square is such a parabola, is a fifth fuller: mean Dice every 16th slice 0.8812 for 0.8822, real cases medium 0.9533 for
+/// 0.9537, hard 0.9241 for 0.9236.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CapProfile(f64);
 
@@ -36,29 +36,29 @@ impl CapProfile {
 /// A part that closes at `height` above (or below) its contour.
 #[derive(Debug, Clone)]
 pub struct Cap {
-    /// Where it is.
+    /// Tile on which it lies.
     pub tile: Tile,
     /// Its signed distance at the contour, negative inside.
     pub field: Field,
     /// Its inradius D, px.
     pub depth: f64,
-    /// Where it closes, as a share of the gap, less than 1.
+    /// Share of the gap at which it closes, less than 1.
     pub height: f64,
     /// The largest distance that is kept, px.
     pub farthest: f64,
-    /// How it closes.
+    /// Profile by which it closes.
     pub profile: CapProfile,
 }
 
 impl Cap {
-    /// Of a part whose contour goes outward by `slope` px per gap at first, that closes at `height`.
+    /// The cap of a part whose contour goes outward by `slope` px per gap at first, that closes at `height`.
     pub fn new(part: &LonePart, slope: f64, height: f64, farthest: f64) -> Self {
         let profile = CapProfile::new(-slope * height / part.depth.max(1e-6));
         Cap { tile: part.tile, field: part.field.clone(), depth: part.depth, height, farthest, profile }
     }
 
-    /// What is added to the field at a distance `away` from the contour, as a share of the gap: `D (1 - r(q))` up to the tip, and from there on as
-    /// much more as brings it beyond all distances at the next contour, where nothing of the part is left.
+    /// Offset that is added to the field at a distance `away` from the contour, as a share of the gap: `D (1 - r(q))` up to the tip, and from
+    /// there on as much more as brings it beyond all distances at the next contour, where nothing of the part is left.
     pub fn offset(&self, away: f64) -> f64 {
         let q = away / self.height;
         if q < AT_TIP {

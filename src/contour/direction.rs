@@ -1,11 +1,11 @@
 //! Directions between neighbouring contours.
 
-/// Which way a morph or sweep goes.
+/// Direction of a morph or sweep.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Direction {
-    /// From a contour to the one below.
+    /// Downwards: from a contour to the one below.
     Down,
-    /// From a contour to the one above.
+    /// Upwards: from a contour to the one above.
     #[default]
     Up,
 }

@@ -16,7 +16,7 @@ pub struct Offsets {
 }
 
 impl Offsets {
-    /// Of a field that is negative inside.
+    /// The areas of a field that is negative inside.
     pub fn new(field: &Field) -> Self {
         let step = 1.0 / PER_PX as f64;
         let deepest = field.data.iter().copied().fold(0.0, f64::min);
@@ -76,7 +76,7 @@ mod tests {
         assert!((offsets.of(area(&disc))).abs() < 1e-9);
         for radius in [1.0f64, 3.0, 8.5, 12.0, 15.0, 21.0] {
             let found = offsets.of(std::f64::consts::PI * radius.powi(2));
-            // A disc of a few pixels has its area from few of them. Seen: .045 at a radius of 1.
+            // A disc of a few pixels has its area from few of them. Seen: 0.045 at a radius of 1.
             assert!((12.0 - radius - found).abs() < 0.02 + 0.04 / radius, "{radius}: {found}");
         }
         assert!((offsets.perimeter() / (24.0 * std::f64::consts::PI) - 1.0).abs() < 0.01);

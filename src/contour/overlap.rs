@@ -1,4 +1,4 @@
-//! Which parts of two neighbouring contours belong together: the overlap graph, its groups, and the events it tells of.
+//! Correspondence of the parts of two neighbouring contours: the overlap graph, its groups, and the events it tells of.
 
 use std::collections::BTreeMap;
 
@@ -29,7 +29,7 @@ pub struct Matching {
     pub births: Vec<u32>,
 }
 
-/// What is known of pairs of components beforehand.
+/// Pairs of components about which something is known beforehand.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DecidedPairs {
     /// Pairs that belong together, whether they overlap or not.

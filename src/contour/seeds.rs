@@ -153,9 +153,9 @@ pub fn seeds(phi: &Field, h: [f64; 2], spacing: f64) -> Vec<Seed> {
     out
 }
 
-/// Where in [0, 1) of an arc the first seed lies: `arg sum_k exp(2 pi i s_k / arc)` over the places s_k of the crossings. Begun elsewhere, the
-/// other way round or turned, a loop has the same seeds. (A loop that is its own image turned by a half or a quarter would have the sum 0,
-/// were its arcs not a multiple of four.)
+/// Place in [0, 1) of an arc at which the first seed lies: `arg sum_k exp(2 pi i s_k / arc)` over the places s_k of the crossings. Begun
+/// elsewhere, the other way round or turned, a loop has the same seeds. (A loop that is its own image turned by a half or a quarter would have the
+/// sum 0, were its arcs not a multiple of four.)
 fn phase(lengths: &[f64], arc: f64) -> f64 {
     let (mut at, mut sum) = (0.0, [0.0; 2]);
     for length in lengths {

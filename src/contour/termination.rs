@@ -1,4 +1,4 @@
-//! Where in an interval a part ends that has no partner in the other slice.
+//! Ends of parts that have no partner in the other slice: where in an interval they lie.
 //!
 //! Beyond its slice a body goes on as it came: its area falls linearly, as a paraboloid's, from `A'` in the slice on its other side, `g'` away, to
 //! `A`, and is 0 at `g = A g' / (A' - A)` beyond. Where its thickness falls faster than its area, as that of a ring does which opens in a dish,
@@ -10,12 +10,12 @@
 //! move by ([`crate::stack::change`]): stretching a stack along z changes nothing.
 //!
 //! Measured on the 69 parts of the evaluation's volumes that have ended by the next slice: those that are a single part's single successor end
-//! at .83 g (median of 27), branches and what comes from nothing at .46 of the gap (mean of 29), all of them .6 and the latter 1.0 of their
+//! at 0.83 g (median of 27), branches and what comes from nothing at 0.46 of the gap (mean of 29), all of them 0.6 and the latter 1.0 of their
 //! inradius beyond their slice (medians). Mean Dice over ends half way of parts 4 px deep and more, and of no others: synthetic cases every 4th,
-//! 8th and 16th slice +.0006, +.0011, +.0070, real ones easy, medium and hard +.0010, -.0004, -.0001.
+//! 8th and 16th slice +0.0006, +0.0011, +0.0070, real ones easy, medium and hard +0.0010, -0.0004, -0.0001.
 //!
 //! Trunks on bodies that had no say in any rule, bones cut along other axes and at an angle, trees, blobs, pipes and sheets: every 8th slice
-//! of 29 bodies +.0000, worst -.0001, every 16th of 27 +.0043 (one has .098 of it), worst 0; in the evaluation the gyroid every 16th slice -.0010.
+//! of 29 bodies +0.0000, worst -0.0001, every 16th of 27 +0.0043 (one has 0.098 of it), worst 0; in the evaluation the gyroid every 16th slice -0.0010.
 
 use crate::contour::Contour;
 use crate::contour::unmatched::{HALF_WAY, LonePart};
@@ -23,13 +23,14 @@ use crate::grid::field::covered;
 
 /// Bodies round off before what the fall of their area says.
 const ROUNDER: f64 = 0.85;
-/// What has ended by the next slice has hardly come nearer to it than this share of the gap leaves; and no end is flat.
+/// Range of ends, as shares of the gap: a part that has ended by the next slice has hardly come nearer to it, and no end is flat.
 const REACH: std::ops::RangeInclusive<f64> = 0.05..=0.75;
 /// The farthest that a part goes, in inradii, and one in which several join.
 const ROUND: f64 = 0.7;
 const TRUNK: f64 = 1.5;
 
-/// Where `part` ends beyond its slice, as a share of the gap to the next one (px), by what it comes from on the other side, `inner_gap` px away.
+/// Place where `part` ends beyond its slice, as a share of the gap to the next one (px), by what it comes from on the other side, `inner_gap` px
+/// away.
 pub fn closes(part: &LonePart, gap: f64, inner: Option<(&Succession, f64)>) -> f64 {
     let (mut gone, mut farthest) = (HALF_WAY, ROUND);
     if let Some((inner, inner_gap)) = inner {
@@ -44,17 +45,17 @@ pub fn closes(part: &LonePart, gap: f64, inner: Option<(&Succession, f64)>) -> f
     gone.min(farthest * part.depth / gap).clamp(*REACH.start(), *REACH.end())
 }
 
-/// How many times larger a part was before, as a body is.
+/// Fall of a part: how many times larger it was before.
 enum Fall {
-    /// All that it comes from goes on in it alone.
+    /// Successor of its own: all that it comes from goes on in it alone.
     Whole(f64),
-    /// It is one of several that come from one.
+    /// Branch: one of several that come from one.
     Branch(f64),
-    /// Several join in it.
+    /// Confluence: several join in it.
     Confluence(f64),
 }
 
-/// What a part overlaps in another slice.
+/// Parts that a part overlaps in another slice.
 #[derive(Clone, Copy, PartialEq)]
 enum Met {
     Nothing,
@@ -77,7 +78,7 @@ impl Met {
 struct Seen {
     met: Met,
     pixels: u32,
-    /// How deep the other slice's body is where the part is, px.
+    /// Depth of the other slice's body where the part is, px.
     within: f64,
 }
 
@@ -92,7 +93,7 @@ pub struct Succession<'a> {
 }
 
 impl<'a> Succession<'a> {
-    /// Of a slice and the next one inward.
+    /// The succession from the next slice inward to a slice.
     pub fn new(own: &'a Contour, inner: &'a Contour) -> Self {
         let none =
             |contour: &Contour| vec![Seen { met: Met::Nothing, pixels: 0, within: 0.0 }; contour.solids.count + 1];

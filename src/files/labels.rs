@@ -29,14 +29,14 @@ use crate::surface::stream::{BodyStream, BodyWriter, Ending, LayerSink, WriterNe
 
 /// What is said about many labels.
 #[derive(Debug, Clone, Default, clap::Args)]
-#[command(next_help_heading = "Labels")]
+#[command(next_help_heading = "Input")]
 pub struct LabelOptions {
     /// Label volumes: reconstruct these labels, or all, into one label volume and a mesh per label (out.stl becomes out.N.stl)
     #[arg(long, value_name = "all|N,N,..", conflicts_with = "label")]
     pub labels: Option<Wanted>,
 
     /// Each label into volumes and meshes of its own, as it is alone, overlaps and all
-    #[arg(long, requires = "labels")]
+    #[arg(long, requires = "labels", help_heading = "Output")]
     pub keep_overlaps: bool,
 }
 

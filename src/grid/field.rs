@@ -41,7 +41,7 @@ impl Field {
         self.data.iter().any(|&v| v < 0.0)
     }
 
-    /// Which pixels are inside.
+    /// Pixels that are inside.
     pub fn inside(&self) -> Vec<bool> {
         self.data.iter().map(|&v| v < 0.0).collect()
     }
@@ -165,7 +165,7 @@ pub fn distance(a: [f64; 2], b: [f64; 2], h: [f64; 2]) -> f64 {
     length([(a[0] - b[0]) * h[0], (a[1] - b[1]) * h[1]])
 }
 
-/// Of a vector neither of whose squares is out of range: cheaper than `hypot`.
+/// Length of a vector neither of whose squares is out of range: cheaper than `hypot`.
 #[inline(always)]
 pub fn length([x, y]: [f64; 2]) -> f64 {
     (x * x + y * y).sqrt()

@@ -2,7 +2,7 @@
 
 use crate::settings::{SlopeRule, SplineEnd};
 
-/// What a piece of contour does over the interval: `[S, m0, m1, ok]` in px per interval, the cubic Hermite curve
+/// Course of a piece of contour over the interval: `[S, m0, m1, ok]` in px per interval, the cubic Hermite curve
 /// `s(0) = 0, s(1) = S, s'(0) = m0, s'(1) = m1`, and 1 where its particle arrived.
 pub type HermiteArc = [f64; 4];
 
@@ -18,7 +18,7 @@ pub fn hermite_rate(&[s, m0, m1, _]: &HermiteArc, t: f64) -> f64 {
     m0 + t * (2.0 * (3.0 * s - 2.0 * m0 - m1) + t * 3.0 * (m0 + m1 - 2.0 * s))
 }
 
-/// How a course bends off its chord over a step: `s(t + q dt) = (1 - q) s(t) + q s(t + dt) - q (1 - q) (b + c q)` with these `[b, c]`.
+/// Bend of a course off its chord over a step: `s(t + q dt) = (1 - q) s(t) + q s(t + dt) - q (1 - q) (b + c q)` with these `[b, c]`.
 #[inline(always)]
 pub fn bend(&[s, m0, m1, _]: &HermiteArc, t: f64, dt: f64) -> [f64; 2] {
     let (square, cube) = (3.0 * s - 2.0 * m0 - m1, m0 + m1 - 2.0 * s);

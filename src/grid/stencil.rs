@@ -4,8 +4,8 @@
 /// The Courant number for which everything that goes by steps is set: largest steps, reinitialisation, patience.
 pub const COURANT: f64 = 0.5;
 
-/// What a step of a smaller Courant number counts as, at most 1: half the number is half a step in everything, or what goes by steps would be done
-/// twice as often in the same time, and the front that it moves would depend on the step for ever.
+/// Share of a step that a smaller Courant number counts as, at most 1: half the number is half a step in everything, or what goes by steps would
+/// be done twice as often in the same time, and the front that it moves would depend on the step for ever.
 pub fn step_share(cfl: f64) -> f64 {
     (cfl / COURANT).min(1.0)
 }
@@ -81,7 +81,7 @@ pub struct Eikonal {
 }
 
 impl Eikonal {
-    /// For pixel sides `h`.
+    /// The solver for pixel sides `h`.
     pub fn new(h: [f64; 2]) -> Self {
         let [wx, wy] = h.map(|side| 1.0 / (side * side));
         let sum = wx + wy;

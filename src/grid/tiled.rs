@@ -1,6 +1,6 @@
 //! Values on an image whose squares of one and the same value take no memory: distances far from a contour, motion where nothing moves.
 //!
-//! What is read has the very bits that were packed.
+//! Values that are read have the very bits that were packed.
 
 use bytemuck::Pod;
 use rayon::prelude::*;
@@ -20,7 +20,7 @@ const SHARED: usize = 16;
 pub struct Packed<T> {
     dims: [usize; 2],
     columns: usize,
-    /// Where the values of each square begin.
+    /// Beginning of the values of each square.
     places: Vec<u32>,
     /// Square after square, row-major.
     values: Vec<T>,
@@ -28,7 +28,7 @@ pub struct Packed<T> {
 
 /// The squares of one row of them.
 struct Strip<T> {
-    /// For each square its one value, or nothing.
+    /// The one value of each square, or nothing.
     whole: Vec<Option<T>>,
     /// Values of the others.
     values: Vec<T>,
@@ -84,7 +84,7 @@ impl<T: Pod + Send + Sync> Packed<T> {
         packed
     }
 
-    /// The same of values that are there, row-major.
+    /// The packed field of values that are there, row-major.
     pub fn of(dims: [usize; 2], values: &[T]) -> Self {
         let [packed] = Packed::of_rows(dims, |first, [rows]| {
             rows.copy_from_slice(&values[first * dims[0]..][..rows.len()]);
@@ -103,7 +103,7 @@ impl<T: Pod + Send + Sync> Packed<T> {
         self.values[self.square(i, j) + (j % SQUARE) * SQUARE + i % SQUARE]
     }
 
-    /// Those at `(i, j)` and to the right, up, and up and to the right of it; `right` and `up` are 1, or 0 where there are none.
+    /// The values at `(i, j)` and to the right, up, and up and to the right of it; `right` and `up` are 1, or 0 where there are none.
     #[inline(always)]
     pub fn corners(&self, i: usize, j: usize, right: usize, up: usize) -> [T; 4] {
         if i % SQUARE + right < SQUARE && j % SQUARE + up < SQUARE {
@@ -157,7 +157,7 @@ impl<T: Pod + Send + Sync> Packed<T> {
         &rows[j % SQUARE]
     }
 
-    /// Where the square of a pixel begins.
+    /// Beginning of the square of a pixel.
     #[inline(always)]
     fn square(&self, i: usize, j: usize) -> usize {
         self.places[(j >> SHIFT) * self.columns + (i >> SHIFT)] as usize * AREA

@@ -32,7 +32,7 @@ pub type Lanes = [[f64; LANES]; 2];
 pub struct Displacement {
     /// Nodes `[columns, rows]`.
     pub grid: [usize; 2],
-    /// Where the first node is, pixels: a multiple of a half, not above 0.
+    /// Place of the first node, pixels: a multiple of a half, not above 0.
     pub origin: [f64; 2],
     /// Vectors at the nodes, row-major, pixels of the image.
     pub vectors: Vec<[f64; 2]>,
@@ -80,9 +80,9 @@ pub struct DisplacementJob<'a> {
     pub fields: &'a [Arc<Field>],
     /// Heights of the intervals.
     pub gaps: &'a [f64],
-    /// What each is drawn to where the fields say nothing.
+    /// Displacement that each is drawn to where the fields say nothing.
     pub guess: &'a [Displacement],
-    /// What the first of the rounds begins with.
+    /// Displacement that the first of the rounds begins with.
     pub begin: &'a [Displacement],
     /// Rounds, of [`crate::reference::displacement::ROUNDS`].
     pub rounds: Range<usize>,
@@ -99,7 +99,7 @@ impl Displacement {
         Displacement { grid, origin, vectors: vec![[0.0; 2]; grid[0] * grid[1]] }
     }
 
-    /// The same nodes with other vectors.
+    /// A displacement of the same nodes with other vectors.
     pub fn with(&self, vectors: Vec<[f64; 2]>) -> Self {
         Displacement { grid: self.grid, origin: self.origin, vectors }
     }
@@ -115,12 +115,12 @@ impl Displacement {
         self.with(vectors)
     }
 
-    /// Where node `k` is, pixels.
+    /// Place of node `k`, pixels.
     pub fn centre(&self, k: usize) -> [f64; 2] {
         [self.along(0, k % self.grid[0]), self.along(1, k / self.grid[0])]
     }
 
-    /// Where along an axis a column or row of nodes is, pixels.
+    /// Place along an axis of a column or row of nodes, pixels.
     #[inline(always)]
     fn along(&self, axis: usize, node: usize) -> f64 {
         self.origin[axis] + (node * BLOCK) as f64
@@ -216,7 +216,7 @@ impl Displacement {
         at_lanes(self, x)
     }
 
-    /// The same read at the pixels of the lower and of the upper slice.
+    /// The displacement read at the pixels of the lower and of the upper slice.
     pub fn at_slices(&self) -> [Self; 2] {
         [-0.5, 0.5].map(|tau| self.through(tau))
     }
@@ -285,7 +285,7 @@ fn read_row(v: &Displacement, j: usize, first: usize, mut out: &mut [[f64; 2]]) 
 
 /// Pixels of two blocks, which are read at once.
 const PAIR: usize = 2 * BLOCK;
-/// Of a block's side a pixel's.
+/// Side of a pixel as a share of a block's.
 const STEP: f64 = 1.0 / BLOCK as f64;
 
 /// The vectors at pixels of a row, the first at place `[fx, fy]` between nodes of two rows and all before the next ones.

@@ -28,22 +28,22 @@ impl Frame {
         Frame { middle: Some(moving.paths(i, 0.5)) }
     }
 
-    /// Where a position of the mid frame lies on the upper slice.
+    /// Place on the upper slice of a position of the mid frame.
     pub fn up(&self, x: [f64; 2]) -> [f64; 2] {
         self.middle.as_ref().map_or(x, |m| plus(x, m.go.at(x), 1.0))
     }
 
-    /// Where a position of the mid frame lies on the lower slice.
+    /// Place on the lower slice of a position of the mid frame.
     pub fn down(&self, x: [f64; 2]) -> [f64; 2] {
         self.middle.as_ref().map_or(x, |m| plus(x, m.come.at(x), -1.0))
     }
 
-    /// Where a position of the lower slice lies in the mid frame.
+    /// Place in the mid frame of a position of the lower slice.
     pub fn of_low(&self, x: [f64; 2]) -> [f64; 2] {
         self.middle.as_ref().map_or(x, |m| m.off_low(x, x, PASSES))
     }
 
-    /// Where a position of the upper slice lies in the mid frame.
+    /// Place in the mid frame of a position of the upper slice.
     pub fn of_high(&self, x: [f64; 2]) -> [f64; 2] {
         self.middle.as_ref().map_or(x, |m| m.off_high(x, x, PASSES))
     }

@@ -1,4 +1,4 @@
-//! How contours correspond: displacements between neighbouring slices, the moving frame of the whole stack, and warping along it.
+//! Correspondence of contours: displacements between neighbouring slices, the moving frame of the whole stack, and warping along it.
 
 pub mod displacement;
 pub(crate) mod mid_frame;

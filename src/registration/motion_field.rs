@@ -42,13 +42,13 @@ pub struct MotionField {
     pub gaps: Vec<f64>,
     /// Length of a pixel's larger side in the unit of the heights.
     pub px: f64,
-    /// How far the whole stack is relief, see [`crate::stack::change`].
+    /// Degree to which the whole stack is relief, see [`crate::stack::change`].
     pub relief: f64,
     /// Signed distances, px; finite everywhere.
     pub fields: Vec<Arc<Field>>,
     /// Mid-frame displacement of each interval.
     pub displacements: Vec<Arc<Displacement>>,
-    /// The same read at the pixels of the interval's lower and upper slice.
+    /// Displacements read at the pixels of the interval's lower and upper slice.
     pub at_slices: Vec<Arc<[Displacement; 2]>>,
     /// Rate of motion at each slice, px of the image per height.
     pub rates: Vec<Arc<Displacement>>,
@@ -70,17 +70,17 @@ pub fn rate(below: Option<(&[Displacement; 2], f64)>, above: Option<(&[Displacem
     }
 }
 
-/// Where points of a layer come from and go to.
+/// Paths of the points of a layer: where they come from and go to.
 #[derive(Debug, Clone)]
 pub struct Paths {
-    /// From the lower slice to the layer.
+    /// Displacement from the lower slice to the layer.
     pub come: Displacement,
-    /// From the layer to the upper slice.
+    /// Displacement from the layer to the upper slice.
     pub go: Displacement,
 }
 
 impl MotionField {
-    /// What follows from fields and displacements of a stack that is no relief.
+    /// The moving field that follows from fields and displacements of a stack that is no relief.
     pub fn new(heights: Vec<f64>, px: f64, fields: Vec<Arc<Field>>, displacements: Vec<Displacement>) -> Self {
         let gaps = even_gaps(&heights);
         let at_slices: Vec<Arc<[Displacement; 2]>> = displacements.iter().map(|v| Arc::new(v.at_slices())).collect();
@@ -128,7 +128,7 @@ pub struct Place {
     pub interval: usize,
     /// Time in it.
     pub t: f64,
-    /// From the interval's lower and upper slice to the layer.
+    /// Displacements from the interval's lower and upper slice to the layer.
     pub off: [Resting; 2],
     /// The interval's displacement at its slices.
     pub at_slices: Arc<[Resting; 2]>,
@@ -171,7 +171,7 @@ impl Place {
         (Place { interval, t, off, at_slices }, paths)
     }
 
-    /// Where the trajectory that meets the slices around this layer at `[below, above]` is on another layer. Within an interval the way over
+    /// Place on another layer of the trajectory that meets the slices around this layer at `[below, above]`. Within an interval the way over
     /// the lower slice passes smoothly into that over the upper one, so that it is C1 at the slices, and the same upside down. `between` are
     /// the displacements at the slices of the intervals between both, lowest first.
     pub fn carry(&self, [below, above]: [[f64; 2]; 2], to: &Place, between: &[&[Resting; 2]]) -> [f64; 2] {
@@ -201,17 +201,17 @@ impl Place {
 }
 
 impl Paths {
-    /// Where the trajectory through a point of this layer meets the slices below and above it, px of the padded image.
+    /// Points at which the trajectory through a point of this layer meets the slices below and above it, px of the padded image.
     pub fn to_slices(&self, x: [f64; 2]) -> [[f64; 2]; 2] {
         [plus(x, self.come.at(x), -1.0), plus(x, self.go.at(x), 1.0)]
     }
 
-    /// Where the trajectory that starts at `slice` on the lower slice is on this layer, by fixed-point passes from a first guess.
+    /// Place on this layer of the trajectory that starts at `slice` on the lower slice, by fixed-point passes from a first guess.
     pub fn off_low(&self, slice: [f64; 2], guess: [f64; 2], passes: usize) -> [f64; 2] {
         (0..passes).fold(guess, |y, _| plus(slice, self.come.at(y), 1.0))
     }
 
-    /// Where the trajectory that ends at `slice` on the upper slice is on this layer.
+    /// Place on this layer of the trajectory that ends at `slice` on the upper slice.
     pub fn off_high(&self, slice: [f64; 2], guess: [f64; 2], passes: usize) -> [f64; 2] {
         (0..passes).fold(guess, |y, _| plus(slice, self.go.at(y), -1.0))
     }
@@ -256,14 +256,14 @@ pub fn between([a, b]: [f64; 2], [ma, mb]: [f64; 2], relief: f64, t: f64) -> f64
     hermite_values([a, b], [ma, mb], t) - shrinking
 }
 
-/// How upright a surface is that goes `sideways` per height: 1 for a wall, 0 for a plain. What lies flat is relief between contour lines, which
+/// Uprightness of a surface that goes `sideways` per height: 1 for a wall, 0 for a plain. What lies flat is relief between contour lines, which
 /// neither shrinks nor shows creases.
 #[inline]
 pub fn upright(sideways: f64) -> f64 {
     1.0 - smoothstep((sideways - STEEP) / (FLAT - STEEP))
 }
 
-/// Some of the cells of an image.
+/// Set of cells of an image.
 #[derive(Debug, Clone)]
 pub struct Cells {
     columns: usize,
@@ -272,7 +272,7 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// Those that `choose` wants, by the first and the last pixel `[column, row]` of each.
+    /// The cells that `choose` wants, by the first and the last pixel `[column, row]` of each.
     pub fn new([nx, ny]: [usize; 2], choose: impl Fn([usize; 2], [usize; 2]) -> bool) -> Self {
         let last = |first: usize, n: usize| (first + CELL).min(n) - 1;
         let row = |y| (0..nx).step_by(CELL).map(move |x| ([x, y], [last(x, nx), last(y, ny)]));
@@ -294,9 +294,9 @@ pub fn probes([left, top]: [usize; 2], [right, bottom]: [usize; 2]) -> [[usize; 
 /// Parts of the two slices of an interval that have no partner, each with its own distance.
 #[derive(Debug, Clone, Default)]
 pub struct LoneParts {
-    /// Of the lower slice.
+    /// Parts of the lower slice.
     pub low: Vec<Cap>,
-    /// Of the upper slice.
+    /// Parts of the upper slice.
     pub high: Vec<Cap>,
     /// Whether one of the slices is empty: then there is nothing but these parts.
     pub empty: bool,
@@ -320,7 +320,7 @@ pub fn closing(parts: &[&Cap], x: [f64; 2], a: f64, t: f64) -> Option<f64> {
 /// An empty slice reads as the nearest contour beyond this many times its inradius.
 const EMPTY_DEPTHS: f64 = 2.0;
 
-/// What an empty slice reads as: its nearest contours drawn in by twice their inradius.
+/// Field that an empty slice reads as: its nearest contours drawn in by twice their inradius.
 pub fn drawn_in(nearest: &[Arc<Contour>], dims: [usize; 2]) -> Field {
     let beyond = |contour: &Arc<Contour>| {
         let phi = &contour.phi;
@@ -375,7 +375,7 @@ mod tests {
     #[test]
     fn of_relief_the_smaller_secant_counts_more() {
         let [h, d] = [[1.0, 1.0], [0.5, 1.5]];
-        // PCHIP .75 and Catmull-Rom 1; 1.5 / 2.5.
+        // PCHIP 0.75 and Catmull-Rom 1; 1.5 / 2.5.
         assert_eq!([0.0, 1.0].map(|relief| slope(d, h, relief)), [0.5 * (0.75 + 1.0), 0.6]);
     }
 }

@@ -23,11 +23,12 @@ pub struct MotionStack<'b> {
 }
 
 impl<'b> MotionStack<'b> {
-    /// What follows from `fields` and `displacements` of slices at these heights. `gaps` are those of the stack, which may be longer;
+    /// The moving stack that follows from `fields` and `displacements` of slices at these heights. `gaps` are those of the stack, which may be
+    /// longer;
     /// `px` is the length of a pixel's larger side, `relief` how far the whole stack is relief.
     ///
     /// # Errors
-    /// Those of the shelves.
+    /// The errors of the shelves.
     pub fn new(
         heights: Vec<f64>,
         gaps: Vec<f64>,
@@ -63,7 +64,7 @@ impl<'b> MotionStack<'b> {
     /// The field of slice `i`.
     ///
     /// # Errors
-    /// Those of the shelf.
+    /// The errors of the shelf.
     pub fn field(&self, i: usize) -> Result<Arc<Field>> {
         self.fields.get(i)
     }
@@ -71,7 +72,7 @@ impl<'b> MotionStack<'b> {
     /// The displacement of interval `i` at its slices.
     ///
     /// # Errors
-    /// Those of the shelf.
+    /// The errors of the shelf.
     pub fn at_slices(&self, i: usize) -> Result<Arc<[Displacement; 2]>> {
         self.at_slices.get(i)
     }
@@ -79,24 +80,24 @@ impl<'b> MotionStack<'b> {
     /// The rate of motion at slice `i`.
     ///
     /// # Errors
-    /// Those of the shelf.
+    /// The errors of the shelf.
     pub fn rate(&self, i: usize) -> Result<Arc<Displacement>> {
         self.rates.get(i)
     }
 
-    /// Some slices alone, numbered from 0.
+    /// The moving field of some slices alone, numbered from 0.
     ///
     /// # Errors
-    /// Those of the shelves.
+    /// The errors of the shelves.
     pub fn part(&self, slices: Range<usize>) -> Result<MotionField> {
         let fields = slices.clone().map(|i| self.fields.get(i)).collect::<Result<_>>()?;
         Ok(MotionField { fields, ..self.frame(slices)? })
     }
 
-    /// The same without fields.
+    /// The moving field of some slices without their fields.
     ///
     /// # Errors
-    /// Those of the shelves.
+    /// The errors of the shelves.
     pub fn frame(&self, slices: Range<usize>) -> Result<MotionField> {
         let intervals = slices.start..slices.end - 1;
         Ok(MotionField {
@@ -114,7 +115,7 @@ impl<'b> MotionStack<'b> {
     /// The mid frame of interval `i`.
     ///
     /// # Errors
-    /// Those of the shelves.
+    /// The errors of the shelves.
     pub fn middle(&self, i: usize) -> Result<Frame> {
         Ok(Frame::middle_of(&self.frame(i..i + 2)?, 0))
     }
@@ -123,7 +124,7 @@ impl<'b> MotionStack<'b> {
     /// interval is taken from there.
     ///
     /// # Errors
-    /// Those of the shelves.
+    /// The errors of the shelves.
     pub fn place(&self, z: f64, known: Option<&Place>) -> Result<(Place, Paths)> {
         let last = self.displacements.len() - 1;
         let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;

@@ -1,4 +1,4 @@
-//! Where a morph knows what it does: how many of the tracker particles nearby have arrived.
+//! Weight of the morph beside the field method: the share of tracker particles nearby that have arrived.
 //!
 //! Particles die where a piece of contour has no counterpart, and with them what the morph knows about its way. There the layers of the field
 //! method, which has a slope at every pixel, take its place; and where contours are far apart, as particles travel far there and die at every bend.
@@ -9,11 +9,11 @@ use crate::registration::motion_field::{MotionField, plus};
 
 /// Sigma of the mean over particles, px.
 const REACH: f64 = 8.0;
-/// Where contours are farther apart than this a particle's way says less of the pixels beside it, farther than the other nothing, px a gap: so
+/// Distances of contours, px a gap: beyond the first a particle's way says less of the pixels beside it, beyond the second nothing. So
 /// there is no unit of height in it.
 ///
-/// Mean Dice, unfaired, of helix and gyroid every 8th slice, vertebra, thorax and pelvis medium and hard: from 2 to 6 px .9168, 5 to 12 .9176,
-/// 8 to 20 .9194, no limit .9193; of the real ones alone .9221, .9221, .9216, .9212. Relief has its slopes from the field: Jacksboro at 8 levels,
+/// Mean Dice, unfaired, of helix and gyroid every 8th slice, vertebra, thorax and pelvis medium and hard: from 2 to 6 px 0.9168, 5 to 12 0.9176,
+/// 8 to 20 0.9194, no limit 0.9193; of the real ones alone 0.9221, 0.9221, 0.9216, 0.9212. Relief has its slopes from the field: Jacksboro at 8 levels,
 /// RMSE in m, from 0 to 1 px 14.61, 1 to 3 14.61, 2 to 6 14.98, 4 to 12 15.51, no limit 15.58.
 const LEAPS: [f64; 2] = [8.0, 20.0];
 const LEAPS_OF_RELIEF: [f64; 2] = [1.0, 3.0];
@@ -35,8 +35,8 @@ pub struct Trust {
 }
 
 impl Trust {
-    /// For interval `i` of a stack that is so far relief, from positions (px of the padded image) in its mid frame and whether each particle has
-    /// arrived.
+    /// The trust of interval `i` of a stack that is relief to this degree, from positions (px of the padded image) in its mid frame and whether
+    /// each particle has arrived.
     pub fn new(
         moving: &MotionField,
         i: usize,

@@ -18,7 +18,7 @@ const PROMISING: f64 = 1.5;
 const TURNING_GAIN: f64 = 1.5;
 /// Parts whose areas differ by more than this factor are not brought onto each other, but the smaller one into the larger.
 const ALIKE: f64 = 2.0;
-/// So far that this share of what could be common is, in steps of `1 / WAYS` of the way between the centroids.
+/// Share of what could be common at which a shift is far enough, in steps of `1 / WAYS` of the way between the centroids.
 const ENOUGH: f64 = 0.5;
 const WAYS: u32 = 16;
 /// Least ratio of the principal moments of a part that has an axis.
@@ -104,7 +104,7 @@ pub struct Found {
     pub worthwhile: bool,
 }
 
-/// How much of each pixel around a part lies inside it.
+/// Share of each pixel around a part that lies inside it.
 struct Cover {
     tile: Tile,
     share: Field,

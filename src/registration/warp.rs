@@ -1,4 +1,4 @@
-//! From the mid frame of an interval to the layers between its slices.
+//! Warping: from the mid frame of an interval to the layers between its slices.
 
 use multiversion::multiversion;
 use rayon::prelude::*;
@@ -14,14 +14,14 @@ use crate::registration::particle_weight::Trust;
 pub struct Warp<'m> {
     moving: &'m MotionField,
     i: usize,
-    /// From the slices to the mid frame.
+    /// Displacements from the slices to the mid frame.
     off: [Displacement; 2],
-    /// What the way to the mid frame and back takes from either slice, px.
+    /// Difference that the way to the mid frame and back makes to either slice, px.
     lost: [Packed<f64>; 2],
     limit: f64,
 }
 
-/// How a layer lies to the mid frame.
+/// Place of a layer relative to the mid frame.
 pub struct Way {
     t: f64,
     paths: Paths,
@@ -40,8 +40,8 @@ impl Way {
 }
 
 impl<'m> Warp<'m> {
-    /// For an interval whose slices are `low` and `high`, as they are (nothing where they are empty) and as what lies between them begins in the
-    /// mid frame; distances count up to `limit` px.
+    /// The warp of an interval whose slices are `low` and `high`, as they are (nothing where they are empty) and as what lies between them begins in
+    /// the mid frame; distances count up to `limit` px.
     pub fn new(moving: &'m MotionField, i: usize, slices: [(Option<&Field>, &[f32]); 2], limit: f64) -> Self {
         let off = moving.off_slices(i, 0.5, &moving.paths(i, 0.5));
         let lost = [0, 1].map(|end| {
@@ -110,7 +110,7 @@ impl<'m> Warp<'m> {
     }
 }
 
-/// What a layer's values are made of: those in the mid frame, and what the way there takes from either slice with its weight at this time.
+/// Sources of a layer's values: those in the mid frame, and what the way there takes from either slice with its weight at this time.
 struct Read<'a> {
     seen: &'a [f32],
     dims: [usize; 2],
@@ -143,7 +143,7 @@ fn values(
     }
 }
 
-/// From a layer's pixels to where their trajectories are in the mid frame: the mean of the ways over either slice.
+/// Displacement from a layer's pixels to where their trajectories are in the mid frame: the mean of the ways over either slice.
 fn way_to_middle(paths: &Paths, off: &[Displacement; 2]) -> Displacement {
     let mut way = paths.come.clone();
     let over = |slice: [f64; 2], off: &Displacement| plus(slice, off.at(slice), 1.0);

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::settings::Settings;
 
-/// What was done and how well.
+/// Report of a reconstruction: what was done and how well.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Report {
     /// Version of the program.
@@ -18,10 +18,10 @@ pub struct Report {
     pub settings: Settings,
     /// Backend that did the work.
     pub backend: String,
-    /// Why this backend; filled by whoever chose it.
+    /// Reason for this backend; filled by whoever chose it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub backend_reason: Option<String>,
-    /// What its kernels cost; filled by whoever asked.
+    /// Cost of its kernels; filled by whoever asked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub profile: Option<Profile>,
     /// Pixels per slice.
@@ -37,25 +37,25 @@ pub struct Report {
     /// Area of the body over its height (at most some thousand layers; filled with the volume).
     #[serde(default)]
     pub areas: Option<AreaProfile>,
-    /// What positions in `.stl` and `.glb` are relative to, where that is not the world's origin.
+    /// Origin of the positions in `.stl` and `.glb`, where that is not the world's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub local_origin: Option<[f64; 3]>,
-    /// What the body gains beyond its first and last contour.
+    /// Gain of the body beyond its first and last contour.
     #[serde(default)]
     pub ends: Vec<EndReport>,
     /// One entry per input contour.
     pub contours: Vec<ContourReport>,
-    /// What holds of the body as a whole.
+    /// Checks of the body as a whole.
     #[serde(default)]
     pub body: BodyReport,
-    /// What of all that is checked does not hold, in words; empty where everything does.
+    /// Checks that failed, in words; empty where everything holds.
     #[serde(default)]
     pub broken: Vec<String>,
     /// One entry per interval between neighbouring contours.
     pub intervals: Vec<IntervalReport>,
     /// Seconds per stage, in the order they ran.
     pub stages: Vec<StageReport>,
-    /// Things a person should know: parts that do not shrink at an extrapolated end, fronts that stopped short.
+    /// Warnings to a person: parts that do not shrink at an extrapolated end, fronts that stopped short.
     pub warnings: Vec<String>,
 }
 
@@ -96,12 +96,12 @@ impl Report {
     }
 }
 
-/// What of a backend's name the result depends on: on no number of threads.
+/// Part of a backend's name on which the result depends: not the number of threads.
 fn machine(backend: &str) -> &str {
     if backend.starts_with("reference") { "reference" } else { backend }
 }
 
-/// How well one input contour is met.
+/// One input contour and how well it is met.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct ContourReport {
     /// Name of the slice.
@@ -124,16 +124,16 @@ pub struct ContourReport {
     /// The body a thousandth of the gap below.
     #[serde(default)]
     pub below: Option<StepBeside>,
-    /// The same above.
+    /// The body a thousandth of the gap above.
     #[serde(default)]
     pub above: Option<StepBeside>,
-    /// How far the sweep from below ends from this contour.
+    /// Distance from this contour at which the sweep from below ends.
     pub arrival_from_below: Option<Residual>,
-    /// How far the sweep from above ends from this contour.
+    /// Distance from this contour at which the sweep from above ends.
     pub arrival_from_above: Option<Residual>,
 }
 
-/// What the body is just beside a contour.
+/// The body just beside a contour.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct StepBeside {
     /// Its area, unit squared.
@@ -142,7 +142,7 @@ pub struct StepBeside {
     pub jump: f64,
 }
 
-/// What holds of the layers that are handed on, all together.
+/// Checks of all layers that are handed on, together.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct BodyReport {
@@ -152,7 +152,7 @@ pub struct BodyReport {
     pub voids: usize,
     /// Pairs of parts of neighbouring contours that overlap and that no link keeps apart.
     pub overlapping: usize,
-    /// Those of them that are not connected between their contours.
+    /// Pairs of them that are not connected between their contours.
     pub torn: Vec<PartPair>,
     /// Pixels inside a layer below the first contour that lie outside of that contour, and the same above the last, of the layer that has most.
     pub beyond: [usize; 2],
@@ -235,11 +235,11 @@ impl AreaProfile {
     }
 }
 
-/// What the body gains beyond its first or last contour, by the rule used and by others; as swept, before the fairing. The rule `flat` gains
+/// Gain of the body beyond its first or last contour, by the rule used and by others; as swept, before the fairing. The rule `flat` gains
 /// nothing.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EndReport {
-    /// Below the first contour or above the last.
+    /// Side: below the first contour or above the last.
     pub side: BodyEnd,
     /// Height of that contour.
     pub z: f64,
@@ -251,12 +251,12 @@ pub struct EndReport {
     pub half_slice: f64,
     /// Volume by `extrapolate`: its caps, integrated, unit cubed.
     pub extrapolate: f64,
-    /// How each part closes under `extrapolate` and `peak`; empty under other rules.
+    /// Closure of each part under `extrapolate` and `peak`; empty under other rules.
     #[serde(default)]
     pub caps: Vec<CapReport>,
 }
 
-/// Which of the rules for the end of a part was used.
+/// Rule that was used for the end of a part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CapRule {
@@ -276,14 +276,14 @@ pub enum CapRule {
     Flat,
 }
 
-/// How a part closes beyond the first or last contour.
+/// Closure of a part beyond the first or last contour.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CapReport {
     /// Component number.
     pub part: u32,
-    /// By what.
+    /// Rule by which it closes.
     pub rule: CapRule,
-    /// How far beyond its contour, unit.
+    /// Height beyond its contour, unit.
     pub height: f64,
 }
 
@@ -297,7 +297,7 @@ pub enum BodyEnd {
     Top,
 }
 
-/// What happened between two neighbouring contours.
+/// One interval: what happened between two neighbouring contours.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct IntervalReport {
     /// Height of the lower contour.
@@ -331,13 +331,13 @@ pub struct LinkReport {
     pub to: u32,
     /// Joined, or kept apart.
     pub join: bool,
-    /// Who says so.
+    /// Source of the statement.
     pub by: LinkedBy,
     /// Share of a part's pixels that lie in the other one in the frame in which the slices are compared, of the part that has more of them.
     pub meet: f64,
 }
 
-/// Where a link comes from.
+/// Source of a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LinkedBy {
@@ -398,7 +398,7 @@ pub enum Event {
     },
 }
 
-/// What the kernels of a GPU cost, added up by name.
+/// Cost of a GPU's kernels, added up by name.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Profile {
     /// Per kernel.
@@ -409,7 +409,7 @@ pub struct Profile {
     pub bytes_up: u64,
     /// Bytes read back.
     pub bytes_down: u64,
-    /// How much of its time the device worked; absent unless timed.
+    /// Share of its time that the device worked; absent unless timed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub busy: Option<Busy>,
 }
@@ -417,9 +417,9 @@ pub struct Profile {
 /// Time in which a device had work, by its own clock.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Busy {
-    /// From the beginning to the end of submissions, none of it twice, seconds.
+    /// Time from the beginning to the end of submissions, none of it twice, seconds.
     pub seconds: f64,
-    /// From the beginning of the first to the end of the last, seconds.
+    /// Time from the beginning of the first to the end of the last, seconds.
     pub of_seconds: f64,
 }
 

@@ -1,17 +1,17 @@
-//! What the figures of a report say: whether everything that was checked holds, and what does not, in words.
+//! Verdict on the figures of a report: whether everything that was checked holds, and what does not, in words.
 
 use crate::report::{ContourReport, PartPair, Report};
 use crate::settings::EndRule;
 
 /// The body may change this much within a thousandth of the gap beside a contour, px: a surface that moves by 100 px from contour to contour, or by
-/// .1 px of rounding and numerics.
+/// 0.1 px of rounding and numerics.
 pub const JUMP: f64 = 0.1;
 
 /// Torn pairs that are named; of others their number is told.
 const NAMED: usize = 8;
 
 impl Report {
-    /// Says anew what does not hold.
+    /// Lists anew the checks that do not hold.
     pub fn judge(&mut self) {
         let mut broken: Vec<String> = self.contours.iter().flat_map(of_contour).collect();
         let body = &self.body;

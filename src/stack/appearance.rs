@@ -1,4 +1,4 @@
-//! What a body is called and how it is coloured, as its input says.
+//! Name and colour of a body, as its input says.
 
 use serde::{Deserialize, Serialize};
 

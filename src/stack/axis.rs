@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Letters of the axes.
 pub const NAMES: [char; 3] = ['x', 'y', 'z'];
 
-/// What the user says of the axis.
+/// Axis as the user chooses it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {

@@ -1,15 +1,15 @@
-//! What changes from slice to slice: whether a stack is relief, and how far its contours go sideways per height.
+//! Changes from slice to slice: whether a stack is relief, and how far its contours go sideways per height.
 //!
 //! **Relief.** A hill is a height over every pixel: seen from below, pixels only ever leave its slices. The share of the changes that go one way,
 //! `n = max(sum |A \\ B|, sum |B \\ A|) / sum |A xor B|` with sums over the intervals of the whole stack, is 1 for a hill (and a hill upside down)
-//! and about .5 where bodies move or, as a ball does, grow and shrink again. It has no unit: neither stretching nor turning a stack changes it.
-//! Of all our terrain it is 1.000, of anatomy .877 at most.
+//! and about 0.5 where bodies move or, as a ball does, grow and shrink again. It has no unit: neither stretching nor turning a stack changes it.
+//! It is 1.000 in all our terrain, and at most 0.877 in anatomy.
 //!
 //! **Rate.** Where heights are compared with widths, what a unit of height counts as must not depend on the unit: stretched along z, a stack has the
 //! same body. Of a surface that faces all ways alike slices close together have `(pi / 2) sum |A xor B| = sum P dz`, P their perimeters (over the
 //! sphere of normals |cos| has the mean 1/2, |sin| pi/4). So `r = (pi / 2) sum |A xor B| / sum P dz` is what a unit of height counts as for the
-//! body to be as high as it is wide; a gap g counts as `r g`. Of a ball with equal units it is 1 (.99 on slices of an eighth of its radius), of
-//! CT and terrain .5 to 1.7.
+//! body to be as high as it is wide; a gap g counts as `r g`. Of a ball with equal units it is 1 (0.99 on slices of an eighth of its radius), of
+//! CT and terrain 0.5 to 1.7.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
@@ -24,12 +24,12 @@ const ALL: f64 = 0.995;
 /// Pixels that are read at once.
 const PIXELS_READ: usize = 4096;
 
-/// What the changes between all slices of a stack say.
+/// Summary of the changes between all slices of a stack.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Change {
-    /// How far the stack is relief, 0 to 1.
+    /// Degree to which the stack is relief, 0 to 1.
     pub relief: f64,
-    /// What a unit of height counts as, unit of the pixel spacing; 0 where nothing changes.
+    /// Length that a unit of height counts as, unit of the pixel spacing; 0 where nothing changes.
     pub rate: f64,
 }
 

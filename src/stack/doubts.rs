@@ -1,4 +1,4 @@
-//! What is probably not meant: said before the work, in words.
+//! Doubts about an input: what is probably not meant, said in words before the work.
 
 use super::{ContourStack, SliceContent};
 
@@ -40,7 +40,7 @@ pub fn strays(sections: &[SliceArea], overlap: impl Fn(usize, usize) -> bool) ->
     (0..painted.len()).filter(|&n| doubted(n)).map(|n| painted[n]).collect()
 }
 
-/// What is said of the slices at `places`, of which `name` tells what they are called.
+/// Words about the slices at `places`, of which `name` tells what they are called.
 pub fn stray(places: &[usize], sections: &[SliceArea], name: impl Fn(usize) -> String) -> Option<String> {
     let said = |&k: &usize| {
         let beside = [sections[..k].iter().rposition(|s| s.area > 0), {
@@ -58,7 +58,7 @@ pub fn stray(places: &[usize], sections: &[SliceArea], name: impl Fn(usize) -> S
 }
 
 impl ContourStack {
-    /// What a person should know of slices that look painted by mistake.
+    /// Doubts about slices that look painted by mistake.
     pub fn doubts(&self) -> Option<String> {
         let area = |content: &SliceContent| match content {
             SliceContent::Mask(mask) => mask.count(),
@@ -73,7 +73,7 @@ impl ContourStack {
         stray(&strays(&sections, overlap), &sections, name)
     }
 
-    /// What a person should know of the slice whose two gaps are the most unlike, for splines that may overshoot.
+    /// Doubt about the slice whose two gaps are the most unlike, for splines that may overshoot.
     pub fn unlike_gaps(&self) -> Option<String> {
         let ratio = |[below, above]: [f64; 2]| (below / above).max(above / below);
         let gap = |k: usize| self.slices[k + 1].z - self.slices[k].z;

@@ -4,14 +4,14 @@ use crate::error::{Error, Result};
 use crate::settings::{EndRule, Settings};
 use crate::stack::{ContourStack, HeightGrid};
 
-/// Share of the gap at which a contour's neighbours are looked at: what moves by 30 px from contour to contour moves by .03 px there, while a step
+/// Share of the gap at which a contour's neighbours are looked at: what moves by 30 px from contour to contour moves by 0.03 px there, while a step
 /// in the body shows in full.
 pub const BESIDE: f64 = 1e-3;
 /// An output height this close to a contour, a node or an end plane, in gaps, is that one's.
 const SAME: f64 = 1e-6;
 
 /// Nodes of an interval, its lower contour one of them: layers that are computed whatever is asked for, as what a layer becomes is told by
-/// its stack alone. Three lie strictly between contours: with two the crease is .04 of the truth's larger, with five .01 smaller.
+/// its stack alone. Three lie strictly between contours: with two the crease is 0.04 of the truth's larger, with five 0.01 smaller.
 pub const NODES: usize = 4;
 /// Times of those between contours.
 pub const NODE_TIMES: [f64; NODES - 1] = [0.25, 0.5, 0.75];
@@ -51,7 +51,7 @@ impl Heights {
         Ok(Heights::merged(&z, output, extent))
     }
 
-    /// The same for contours at `z`, where no output height need be.
+    /// Heights for contours at `z`, where no output height need be.
     pub fn merged(z: &[f64], output: &[f64], extent: [f64; 2]) -> Self {
         let inner = |pair: &[f64]| {
             let ends = [pair[0], pair[1]];

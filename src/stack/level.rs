@@ -4,7 +4,7 @@ use super::mask::Mask;
 
 /// An implicit function, row-major, negative inside; its zero set is the contour (0 counts as outside). Beyond the image is outside.
 ///
-/// Of pixels with no other side beside them nothing but their own side is kept: no contour runs next to them.
+/// Pixels with no other side beside them keep nothing but their own side: no contour runs next to them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct LevelSlice {
     sides: Mask,
@@ -14,7 +14,7 @@ pub struct LevelSlice {
 }
 
 impl LevelSlice {
-    /// From the values of all pixels, of which a row has `nx`: as many as the stack's rows, else values beside the contour are lost.
+    /// The slice with these values of all pixels, of which a row has `nx`: as many as the stack's rows, else values beside the contour are lost.
     pub fn new(values: &[f32], nx: usize) -> Self {
         let nx = nx.max(1);
         let mut near = Vec::new();

@@ -1,4 +1,5 @@
-//! What a person says about parts of neighbouring slices: that two belong together though they miss each other, or do not though they overlap.
+//! Links that a person sets between parts of neighbouring slices: that two belong together though they miss each other, or do not though they
+//! overlap.
 //!
 //! ```json
 //! {"links": [{"slice": 3, "from": 1, "to": 2}, {"slice": 4, "from": 2, "to": 1, "join": false}]}
@@ -24,12 +25,12 @@ struct LinksFile {
     links: Vec<Link>,
 }
 
-/// What a person has decided about parts.
+/// Options of links between parts.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[command(next_help_heading = "Input")]
 pub struct LinkOptions {
-    /// Which parts of neighbouring slices belong together and which do not, as JSON; `inspect` proposes entries
+    /// Parts of neighbouring slices that belong together, and those that do not, as JSON; `inspect` proposes entries
     #[arg(long, value_name = "FILE")]
     pub links: Option<PathBuf>,
 }
@@ -38,7 +39,7 @@ impl LinkOptions {
     /// The file's links, checked; none without a file.
     ///
     /// # Errors
-    /// As [`read`].
+    /// The errors of [`read`].
     pub fn read(&self, stack: &ContourStack) -> Result<Vec<Link>> {
         self.links.as_ref().map_or(Ok(Vec::new()), |path| read(path, stack))
     }

@@ -1,4 +1,4 @@
-//! Which pixels of a slice are inside, kept as runs: memory follows the contour, not the image.
+//! Mask of a slice: which pixels are inside, kept as runs: memory follows the contour, not the image.
 
 use std::iter::repeat_n;
 
@@ -6,7 +6,7 @@ use std::iter::repeat_n;
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Mask {
     len: usize,
-    /// Where the side changes, increasing; before the first is outside.
+    /// Pixels at which the side changes, increasing; before the first is outside.
     changes: Vec<usize>,
 }
 

@@ -1,4 +1,4 @@
-//! What comes in: a stack of parallel contours, each at its own height.
+//! Input stack: parallel contours, each at its own height.
 //!
 //! One reader per format; each gives a [`ContourStack`]. Numerics see only this type and know nothing of files.
 
@@ -35,14 +35,14 @@ pub struct ContourStack {
     pub slices: Vec<Slice>,
     /// Output heights asked for by the input itself.
     pub z_out: Option<HeightGrid>,
-    /// Where the stack lies in the world.
+    /// Place of the stack in the world.
     pub geometry: Geometry,
 }
 
 /// One contour of the stack.
 #[derive(Debug, Clone)]
 pub struct Slice {
-    /// File name or "k=17": what messages call it.
+    /// Name in messages: file name or "k=17".
     pub name: String,
     /// Height in the stack's unit.
     pub z: f64,
@@ -52,7 +52,7 @@ pub struct Slice {
     pub content: SliceContent,
 }
 
-/// How a slice says where its contour is. Row-major, `dims[0] * dims[1]` values.
+/// Content of a slice, which says where its contour is. Row-major, `dims[0] * dims[1]` values.
 #[derive(Debug, Clone)]
 pub enum SliceContent {
     /// Inside or not; the contour runs half way between pixels.
@@ -123,7 +123,7 @@ pub struct Geometry {
     pub origin: [f64; 3],
     /// Unit vectors of the row direction (x), the column direction (y) and the stacking direction (z).
     pub axes: [[f64; 3]; 3],
-    /// Which axis of the input each of them is: volumes are written in the input's order, whatever axis its slices lie across.
+    /// Axis of the input that each of them is: volumes are written in the input's order, whatever axis its slices lie across.
     pub order: [usize; 3],
 }
 

@@ -1,10 +1,10 @@
-//! What a user may choose of an input.
+//! Options of reading: what a user may choose of an input.
 
 use serde::{Deserialize, Serialize};
 
 use crate::stack::axis::Axis;
 
-/// What to read from an input.
+/// Options of reading an input.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[command(next_help_heading = "Input")]

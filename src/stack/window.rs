@@ -1,7 +1,7 @@
 //! A stack seen through a window: the box around everything that is drawn, wherever in the image it lies.
 //!
-//! What is computed in it knows nothing of the image around: a body costs the same and comes out the same in an image of any size and wherever
-//! it is shifted to.
+//! A computation in the window knows nothing of the image around it: a body costs the same and comes out the same in an image of any size and
+//! wherever it is shifted to.
 
 use super::{ContourStack, LevelSlice, Mask, Slice, SliceContent};
 
@@ -48,7 +48,7 @@ impl Window {
         })
     }
 
-    /// Where pixel `(i, j)` of the window, which is one of the image, lies there.
+    /// Place on the image of pixel `(i, j)` of the window.
     fn place(&self, i: usize, j: usize, dims: [usize; 2]) -> usize {
         let of = |a: usize, n: usize| (n as isize + self.origin[a]) as usize;
         of(1, j) * dims[0] + of(0, i)

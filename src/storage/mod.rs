@@ -1,4 +1,4 @@
-//! Where data stays: in memory up to a budget, beyond it in temporary files; and how much room there is.
+//! Storage of data: in memory up to a budget, beyond it in temporary files; and how much room there is.
 
 pub mod room;
 pub mod spill;

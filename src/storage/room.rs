@@ -1,4 +1,4 @@
-//! How much memory and disk are free, and refusals of what needs more.
+//! Free memory and disk, and refusals of what needs more.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ pub fn available() -> Option<u64> {
 /// Refuses to hold what was read where it is larger than the memory that is free.
 ///
 /// # Errors
-/// What takes too much: its size and what is free.
+/// Refusal of what takes too much: its size and what is free.
 pub fn check_room(bytes: f64) -> std::result::Result<(), String> {
     match available() {
         Some(free) if bytes > free as f64 => {

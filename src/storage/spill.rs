@@ -1,6 +1,6 @@
 //! Rows of things with large arrays, of which no more stay in memory than a budget allows: the arrays of the others lie in a temporary file.
 //!
-//! What is read back has the very bits that were put in, so that no result depends on the budget.
+//! Values that are read back have the very bits that were put in, so that no result depends on the budget.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 #[derive(Debug)]
 pub struct Budget {
     left: AtomicU64,
-    /// What may be worked on beside one thing.
+    /// Bytes that may be worked on beside one thing.
     spare: Option<u64>,
 }
 
@@ -24,7 +24,7 @@ impl Default for Budget {
 }
 
 impl Budget {
-    /// Everything stays in memory.
+    /// A budget with which everything stays in memory.
     pub fn unlimited() -> Self {
         Budget { left: AtomicU64::new(u64::MAX), spare: None }
     }
@@ -34,7 +34,7 @@ impl Budget {
         Budget { left: AtomicU64::new(kept), spare: Some(spare) }
     }
 
-    /// How many of `count` things of `bytes` each are worked on at once, at least one.
+    /// Number of things, of `count` with `bytes` each, that are worked on at once, at least one.
     pub fn at_once(&self, count: usize, bytes: usize) -> usize {
         let more = self.spare.map_or(usize::MAX, |spare| (spare / bytes.max(1) as u64) as usize);
         more.saturating_add(1).min(count).max(1)
@@ -64,7 +64,7 @@ pub type Array<'a> = &'a mut dyn SpillArray;
 
 /// Values that can be laid down as bytes and come back with the very same bits.
 pub trait SpillArray {
-    /// How many there are.
+    /// Number of values.
     fn count(&self) -> usize;
 
     /// Bytes of one.
@@ -73,7 +73,7 @@ pub trait SpillArray {
     /// Writes them.
     ///
     /// # Errors
-    /// Those of the file.
+    /// The errors of the file.
     fn write(&self, file: &mut dyn Write) -> io::Result<()>;
 
     /// Drops them.
@@ -82,11 +82,11 @@ pub trait SpillArray {
     /// Reads `count` of them.
     ///
     /// # Errors
-    /// Those of the file.
+    /// The errors of the file.
     fn read(&mut self, count: usize, file: &mut dyn Read) -> io::Result<()>;
 }
 
-/// Says of plain values that rows of them are laid down as they are.
+/// Declares plain values whose rows are laid down as they are.
 macro_rules! stored_as_they_are {
     ($($value:ty),*) => {$(
         impl $crate::storage::spill::SpillArray for Vec<$value> {
@@ -154,7 +154,7 @@ enum Item<T> {
         item: Arc<T>,
         bytes: u64,
     },
-    /// What is left without its arrays, and where in the file those are: first byte and lengths.
+    /// The thing without its arrays, and the place of those in the file: first byte and lengths.
     Laid {
         rest: T,
         at: u64,
@@ -226,7 +226,7 @@ impl<'b, T: Large> SpillVec<'b, T> {
     /// Thing `i` with at least these of its arrays, by their places in [`Large::arrays`]; others may be missing.
     ///
     /// # Errors
-    /// As [`SpillVec::get`].
+    /// The errors of [`SpillVec::get`].
     pub fn some(&self, i: usize, wanted: &[usize]) -> Result<Arc<T>> {
         self.load(i, |k| wanted.contains(&k))
     }

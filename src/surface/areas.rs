@@ -18,7 +18,7 @@ pub struct Areas {
     extent: [f64; 2],
     /// Height, area, and whether it is a contour.
     kept: Vec<([f64; 2], bool)>,
-    /// Of the layers that are no contours, one in so many is kept.
+    /// Number of layers that are no contours, of which one is kept.
     every: usize,
     /// Layers since the last one kept.
     since: usize,
@@ -29,7 +29,7 @@ pub struct Areas {
 }
 
 impl Areas {
-    /// Nothing yet.
+    /// A profile without layers yet.
     pub fn new(header: &Header) -> Self {
         Areas {
             pixel: header.spacing[0] * header.spacing[1],
@@ -76,7 +76,7 @@ impl Areas {
         }
     }
 
-    /// What there was.
+    /// Profile of the areas that were taken in.
     pub fn finish(mut self) -> AreaProfile {
         if let (Some(last), Some((kept, _))) = (self.last, self.kept.last())
             && last[0] > kept[0]

@@ -10,7 +10,7 @@
 
 use std::sync::LazyLock;
 
-/// How a loop is filled.
+/// Way in which a loop is filled.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum LoopFill {
     /// Triangles between the loop's own vertices, by cell edge.

@@ -1,6 +1,6 @@
-//! What a volume holds, and what a voxel is in a file.
+//! Content of a volume, and the type of its voxels in a file.
 
-/// What a volume holds.
+/// Content of a volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Content {
     /// f32 signed in-plane distance in the stack's unit, negative inside, clamped to the margin.
@@ -22,7 +22,7 @@ pub enum Whole {
     U8,
     /// 0 to 65535.
     U16,
-    /// To 2^24 either side of 0, as far as f32 goes.
+    /// Numbers to 2^24 either side of 0, as far as f32 goes.
     I32,
 }
 
@@ -30,7 +30,7 @@ impl Whole {
     /// Largest label either side of 0.
     pub const MOST: i64 = 1 << 24;
 
-    /// What holds labels from `least` to `most`, and 0; `None` beyond [`Whole::MOST`].
+    /// Smallest type that holds labels from `least` to `most`, and 0; `None` beyond [`Whole::MOST`].
     pub fn holding(least: i64, most: i64) -> Option<Self> {
         match (least, most) {
             (0.., ..=0xff) => Some(Whole::U8),
@@ -41,7 +41,7 @@ impl Whole {
     }
 }
 
-/// What a voxel is in the file.
+/// Type of a voxel in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Scalar {
     F32,
@@ -51,7 +51,7 @@ pub(super) enum Scalar {
 }
 
 impl Content {
-    /// What a voxel is.
+    /// Type of a voxel.
     pub(super) fn scalar(self) -> Scalar {
         match self {
             Content::Distance | Content::Confidence => Scalar::F32,

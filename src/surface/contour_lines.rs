@@ -44,7 +44,7 @@ pub struct AlongAxes {
 }
 
 impl AlongAxes {
-    /// For a stack's geometry and pixel sides.
+    /// The coordinates of a stack's geometry and pixel sides.
     pub fn new(geometry: &Geometry, spacing: [f64; 2]) -> Self {
         AlongAxes { spacing, origin: solve(&geometry.axes, geometry.origin) }
     }
@@ -74,7 +74,7 @@ fn solve(axes: &[[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// What a file of contour lines says before its slices.
+/// Beginning of a file of contour lines, before its slices.
 #[derive(Serialize)]
 struct Head<'a> {
     unit: &'a str,
@@ -102,7 +102,7 @@ impl<W: Write> ContoursWriter<W> {
     /// The file as far as the slices.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// The errors of `out`.
     pub fn new(mut out: W, header: &Header) -> io::Result<Self> {
         let straight = header.geometry.axes == Geometry::default().axes;
         let axes = (!straight).then_some(header.geometry.axes);

@@ -8,7 +8,7 @@ const GEOGRAPHIC: [u32; 24] = [
     4121, 4148, 4167, 4171, 4230, 4258, 4267, 4269, 4277, 4283, 4312, 4314, 4322, 4326, 4490, 4612, 4617, 4619, 4674,
     4937, 4979, 6318, 6668, 7844,
 ];
-/// What Esri calls systems in a .prj, without the authority's code: name before the zone, code of zone 1 north and south.
+/// Esri's names of systems in a .prj, without the authority's code: name before the zone, code of zone 1 north and south.
 const ESRI_UTM: [(&str, u32, u32); 3] =
     [("WGS_1984_UTM_ZONE_", 32601, 32701), ("NAD_1983_UTM_ZONE_", 26901, 0), ("ETRS_1989_UTM_ZONE_", 25801, 0)];
 

@@ -42,7 +42,7 @@ impl<W: Write> GeoJsonWriter<W> {
     /// The file as far as the features.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// The errors of `out`.
     pub fn new(mut out: W, header: &Header, crs: &Crs) -> io::Result<Self> {
         write!(out, "{{\"type\":\"FeatureCollection\",")?;
         if let Crs::Epsg(code) = crs {

@@ -1,4 +1,4 @@
-//! Where a height map lies, as the tags of a GeoTIFF (OGC 19-008) say it.
+//! Place of a height map, as the tags of a GeoTIFF (OGC 19-008) say it.
 
 use std::io::{self, Seek, Write};
 
@@ -36,7 +36,7 @@ impl Raster<'_> {
     /// Writes heights as pixels of type `C`, NaN where there is none.
     ///
     /// # Errors
-    /// Those of `out`, as the TIFF encoder tells them.
+    /// The errors of `out`, as the TIFF encoder tells them.
     pub fn write<C: ColorType>(&self, out: impl Write + Seek, heights: &[C::Inner]) -> io::Result<()>
     where
         [C::Inner]: TiffValue,

@@ -1,8 +1,8 @@
-//! What is known of a body before its first layer.
+//! Header of a body: what is known before its first layer.
 
 use crate::stack::{Geometry, HeightGrid};
 
-/// What is known of a body before its first layer.
+/// Header of a body: what is known before its first layer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Header {
     /// Pixels per layer, `[nx, ny]`.

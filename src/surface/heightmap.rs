@@ -23,7 +23,7 @@ pub struct ArrivalHeights {
 }
 
 impl ArrivalHeights {
-    /// Of no layer yet.
+    /// A map of no layer yet.
     pub fn new(header: &Header) -> Self {
         let heights = vec![f64::NAN; header.dims[0] * header.dims[1]];
         ArrivalHeights { extent: header.extent, heights, below: None }
@@ -70,7 +70,7 @@ pub struct HeightMapWriter<W> {
     place: Option<Place>,
 }
 
-/// Where a map lies.
+/// Place of a map.
 struct Place {
     crs: Crs,
     spacing: [f64; 2],
@@ -78,7 +78,7 @@ struct Place {
 }
 
 impl<W> HeightMapWriter<W> {
-    /// Nothing yet.
+    /// A writer without layers yet.
     pub fn new(out: W, header: &Header, crs: Option<&Crs>) -> Self {
         let ([nx, ny], spacing) = (header.dims, header.spacing);
         let place = crs.map(|crs| {

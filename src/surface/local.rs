@@ -5,7 +5,7 @@
 //! lie aslant in the world by `sqrt(2/3)` of it along some axis of the world (they are `sqrt(2)` of it apart, and the largest of three
 //! coordinates is at least `1 / sqrt(3)` of a length). Below the first `m` for which numbers are closer than that, no two vertices
 //! fall together and a reader that joins equal positions finds the surface as it is: 8192 to 16384 cells either side of the origin.
-//! What lies farther away gets an origin of its own, along those axes of the world where it must, and the file says which.
+//! A body that lies farther away gets an origin of its own, along those axes of the world where it must, and the file says which.
 
 use super::header::Header;
 use super::marching::OFF_CORNER;
@@ -16,7 +16,7 @@ const BITS: i32 = f32::MANTISSA_DIGITS as i32;
 /// Least part of a step along an axis of the stack that counts as a step along an axis of the world: less is rounding of directions.
 const ASLANT: f64 = 1e-6;
 
-/// What is subtracted from all positions of a body before they become f32: 0 where they need no other origin. Numbers as round as they can be,
+/// Origin that is subtracted from all positions of a body before they become f32: 0 where they need no other origin. Numbers as round as they can be,
 /// and f32 themselves, so that every reader adds exactly what was subtracted.
 ///
 /// # Errors
@@ -67,7 +67,7 @@ fn roundest(middle: f64, fits: impl Fn(&f64) -> bool) -> Option<f64> {
     rounded.map(|at| f64::from(at as f32)).find(fits)
 }
 
-/// What a person should know of an origin; nothing of the world's own.
+/// Note about an origin for a person; nothing about the world's own.
 pub fn told(origin: [f64; 3]) -> Option<String> {
     let [x, y, z] = origin;
     (origin != [0.0; 3]).then(|| {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::surface::Layer;
 use crate::surface::header::Header;
 
-/// What a contour map says besides its lines. Its stack goes on beyond the map's border, so that the border is no contour; outputs show the
+/// Facts that a contour map states besides its lines. Its stack goes on beyond the map's border, so that the border is no contour; outputs show the
 /// pixels within it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Map {

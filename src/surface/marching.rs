@@ -16,7 +16,7 @@ pub(super) const OFF_CORNER: f64 = 1e-3;
 /// A piece ends after the row in which it has reached this many triangles: where the body ends flat, a slab is as large as a layer.
 const PIECE_TRIANGLES: usize = 1 << 12;
 
-/// Some rows of what a slab adds to the surface. Its triangles have corners of its own, of the pieces before it in the slab and of the slab
+/// Piece of the surface: some rows of what a slab adds. Its triangles have corners of its own, of the pieces before it in the slab and of the slab
 /// below, of no other.
 #[derive(Debug, Clone, Default)]
 pub struct Piece {
@@ -29,9 +29,9 @@ pub struct Piece {
 #[derive(Debug, Clone, Copy)]
 struct Corner {
     number: u64,
-    /// Where it is in the stack.
+    /// Place in the stack.
     position: [f64; 3],
-    /// Where it is in the world.
+    /// Place in the world.
     world: [f64; 3],
 }
 
@@ -51,7 +51,7 @@ impl Piece {
         self.triangles.iter().map(|t| t.map(|corner| corner.world))
     }
 
-    /// No later piece has a triangle with a corner of a lower number.
+    /// Number below which no later piece has a triangle's corner.
     pub fn settled(&self) -> u64 {
         self.settled
     }
@@ -79,7 +79,7 @@ pub struct Builder {
     dims: [usize; 2],
     /// The slab's two layers.
     planes: [Plane; 2],
-    /// Which of their nodes are inside.
+    /// Sides of their nodes: inside or not.
     inside: [Vec<u8>; 2],
     /// Vertices on the edges of each of the two layers, two edges per node.
     along: [HashMap<usize, Corner>; 2],
@@ -94,7 +94,7 @@ pub struct Builder {
 }
 
 impl Builder {
-    /// Nothing yet.
+    /// A builder without layers yet.
     pub fn new(header: &Header) -> Self {
         let dims = header.dims.map(|n| n + 2);
         let [low, high] = header.extent;

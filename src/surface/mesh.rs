@@ -73,13 +73,13 @@ pub trait MeshSource {
     /// One pass over all vertices.
     ///
     /// # Errors
-    /// Those of reading; what `each` says.
+    /// The errors of reading; what `each` says.
     fn vertices(&mut self, each: &mut EachVertex<'_>) -> io::Result<()>;
 
     /// One pass over all triangles.
     ///
     /// # Errors
-    /// Those of reading; what `each` says.
+    /// The errors of reading; what `each` says.
     fn triangles(&mut self, each: &mut EachTriangle<'_>) -> io::Result<()>;
 }
 

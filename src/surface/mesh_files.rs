@@ -8,7 +8,7 @@ use super::mesh::MeshSource;
 use super::space::{cross, sub, unit};
 use super::stream::{BodyWriter, Ending, WriterNeeds};
 
-/// Where a STL has the number of its triangles.
+/// Byte of a STL at which the number of its triangles stands.
 const STL_COUNT: u64 = 80;
 
 /// Binary STL: f32 facets with their normals, written as they arise; their number is filled in at the end.
@@ -22,7 +22,7 @@ impl<W: Write + Seek> StlWriter<W> {
     /// Writes the header. Positions will be relative to `origin`, see [`local`](super::local).
     ///
     /// # Errors
-    /// Those of `out`.
+    /// The errors of `out`.
     pub fn new(mut out: W, origin: [f64; 3]) -> io::Result<Self> {
         let mut header = [b' '; STL_COUNT as usize];
         let mut text = concat!("interslice ", env!("CARGO_PKG_VERSION"), ", binary STL").to_string();
@@ -40,7 +40,7 @@ impl<W: Write + Seek> StlWriter<W> {
     /// Writes triangles, given by their corners.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// The errors of `out`.
     pub fn facets(&mut self, corners: impl Iterator<Item = [[f64; 3]; 3]>) -> io::Result<()> {
         let mut facet = Vec::with_capacity(50);
         for [a, b, c] in corners {
@@ -59,7 +59,7 @@ impl<W: Write + Seek> StlWriter<W> {
     /// Fills in the number of triangles.
     ///
     /// # Errors
-    /// Those of `out`; [`io::ErrorKind::InvalidInput`] beyond 2^32 triangles.
+    /// The errors of `out`; [`io::ErrorKind::InvalidInput`] beyond 2^32 triangles.
     pub fn close(&mut self) -> io::Result<()> {
         let count = u32::try_from(self.count).map_err(|_| too_many("STL holds at most 2^32 triangles"))?;
         self.out.seek(SeekFrom::Start(STL_COUNT))?;
@@ -68,7 +68,7 @@ impl<W: Write + Seek> StlWriter<W> {
         self.out.flush()
     }
 
-    /// What it was written into.
+    /// Writer that it was written into.
     pub fn into_inner(self) -> W {
         self.out
     }
@@ -117,7 +117,7 @@ fn shorter(x: f32) -> String {
 /// Binary STL, as [`StlWriter`] writes it.
 ///
 /// # Errors
-/// As those of [`StlWriter`].
+/// The errors of [`StlWriter`].
 pub fn write_stl<W: Write + Seek>(out: &mut W, mesh: &mut dyn MeshSource, origin: [f64; 3]) -> io::Result<()> {
     let mut stl = StlWriter::new(out, origin)?;
     mesh.triangles(&mut |_, corners| stl.facets([corners.map(|v| v.position)].into_iter()))?;
@@ -127,7 +127,7 @@ pub fn write_stl<W: Write + Seek>(out: &mut W, mesh: &mut dyn MeshSource, origin
 /// Binary little-endian PLY: f64 vertices with f32 normals, triangles.
 ///
 /// # Errors
-/// Those of `out`; [`io::ErrorKind::InvalidInput`] beyond 2^31 vertices.
+/// The errors of `out`; [`io::ErrorKind::InvalidInput`] beyond 2^31 vertices.
 pub fn write_ply<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result<()> {
     let [vertices, triangles] = mesh.counts();
     if vertices > 1 << 31 {
@@ -157,7 +157,7 @@ pub fn write_ply<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result
 /// Wavefront OBJ: vertices and normals as text, vertices with as many digits as tell an f64 from all others.
 ///
 /// # Errors
-/// Those of `out`.
+/// The errors of `out`.
 pub fn write_obj<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result<()> {
     writeln!(out, "# interslice {}", env!("CARGO_PKG_VERSION"))?;
     mesh.vertices(&mut |v| {

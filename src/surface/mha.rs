@@ -16,7 +16,7 @@ const DIGITS: usize = 20;
 /// Writes the output layers.
 pub struct MhaWriter<W: Write> {
     voxels: VolumeWriter<W>,
-    /// Where the header keeps the size of the compressed data, and where these begin.
+    /// Place in the header of the size of the compressed data, and the beginning of these.
     size_at: u64,
     start: u64,
 }
@@ -25,7 +25,7 @@ impl<W: Write + Seek> MhaWriter<W> {
     /// Writes the header. Layers that lie across x or y of the volume wait in a nameless file in `folder`.
     ///
     /// # Errors
-    /// Those of `out` and that file.
+    /// The errors of `out` and that file.
     pub fn new(mut out: W, body: &Header, content: Content, folder: &Path) -> io::Result<Self> {
         let grid = VoxelGrid::of(body);
         let numbers = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");

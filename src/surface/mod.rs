@@ -1,4 +1,4 @@
-//! What goes out: the reconstructed body as layers of signed distance, and one writer per format.
+//! Output: the reconstructed body as layers of signed distance, and one writer per format.
 
 pub mod areas;
 mod cases;
@@ -54,7 +54,7 @@ pub struct Reconstruction {
     pub extent: [f64; 2],
     /// Layers by strictly increasing height.
     pub layers: Vec<Layer>,
-    /// What was done and how well.
+    /// Report of what was done and how well.
     pub report: Report,
 }
 
@@ -82,7 +82,7 @@ impl Reconstruction {
         self.layers.iter().filter(|l| l.output)
     }
 
-    /// What a writer must know before the first layer.
+    /// Header for writers: what they must know before the first layer.
     pub fn header(&self) -> Header {
         let heights: Vec<f64> = self.output_layers().map(|l| l.z).collect();
         Header {

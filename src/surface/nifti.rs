@@ -18,7 +18,7 @@ const DATA_OFFSET: usize = 352;
 /// `folder`.
 ///
 /// # Errors
-/// Those of `out` and that file; [`io::ErrorKind::InvalidInput`] where an axis has more than 32767 voxels, which the format cannot hold.
+/// The errors of `out` and that file; [`io::ErrorKind::InvalidInput`] where an axis has more than 32767 voxels, which the format cannot hold.
 pub fn writer<W: Write>(
     out: W,
     body: &Header,
@@ -33,7 +33,7 @@ pub fn writer<W: Write>(
     VolumeWriter::new(out, body, content, folder)
 }
 
-/// What a person should know of where a volume lies: the format holds that as f32.
+/// Note about the place of a volume for a person: the format holds that as f32.
 pub fn told(body: &Header) -> Option<String> {
     let grid = VoxelGrid::of(body);
     let off = grid.origin.iter().map(|x| (f64::from(*x as f32) - x).abs()).fold(0.0, f64::max);

@@ -14,7 +14,7 @@ use crate::stack::appearance::Appearance;
 /// are 3D Slicer's segments.
 ///
 /// # Errors
-/// Those of `out` and that file.
+/// The errors of `out` and that file.
 pub fn writer<W: Write>(
     mut out: W,
     body: &Header,

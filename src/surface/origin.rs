@@ -20,7 +20,7 @@ use super::content::Content;
 use super::spool::FILE_IN_MEMORY;
 use super::stream::{BodyWriter, Ending};
 
-/// Writes such a volume through the writer of its format. Layers wait for the contour above them, in memory while they are few.
+/// Writer of an origin or confidence volume, through the writer of its format. Layers wait for the contour above them, in memory while they are few.
 pub struct OriginWriter {
     inner: Box<dyn BodyWriter>,
     content: Content,
@@ -41,7 +41,7 @@ struct Interval {
 }
 
 impl OriginWriter {
-    /// Nothing yet. What does not fit in memory waits in a nameless file in `folder`.
+    /// A writer without layers yet. What does not fit in memory waits in a nameless file in `folder`.
     pub fn new(inner: Box<dyn BodyWriter>, content: Content, folder: &Path) -> Self {
         let file = BufWriter::new(tempfile::spooled_tempfile_in(FILE_IN_MEMORY, folder));
         OriginWriter { inner, content, heights: Vec::new(), file, below: None, interval: None }
@@ -79,7 +79,7 @@ impl OriginWriter {
     }
 }
 
-/// What a height is in an interval.
+/// Place of a height in an interval.
 struct At {
     origin: f32,
     /// `u / D`.

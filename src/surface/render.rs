@@ -26,7 +26,7 @@ pub(super) const FLATTEST: f64 = 0.15;
 const BODY: [f64; 3] = [0.86, 0.80, 0.70];
 const CONTOUR: [f64; 3] = [0.62, 0.10, 0.08];
 
-/// What to draw.
+/// Options of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RenderOptions {
     /// Width of the picture, px.
@@ -55,7 +55,7 @@ pub struct PictureWriter<W> {
 pub type Polyline = Vec<[f64; 3]>;
 
 impl<W> PictureWriter<W> {
-    /// Nothing yet.
+    /// A writer without layers yet.
     pub fn new(out: W, header: &Header, options: RenderOptions) -> Self {
         PictureWriter { out, header: header.clone(), options, lines: Vec::new() }
     }
@@ -83,7 +83,7 @@ impl<W: Write + Seek + Send> BodyWriter for PictureWriter<W> {
 /// The picture itself. Heights are to scale unless the body is flatter than 15 % of its width; then they are stretched to that.
 ///
 /// # Errors
-/// Those of reading the mesh.
+/// The errors of reading the mesh.
 pub fn render(
     geometry: &Geometry,
     mesh: &mut dyn MeshSource,

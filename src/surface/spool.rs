@@ -92,7 +92,7 @@ impl Spool {
     /// Adds the next piece.
     ///
     /// # Errors
-    /// Those of the files.
+    /// The errors of the files.
     pub fn push(&mut self, piece: &Piece) -> io::Result<()> {
         let start = self.open.start;
         let vertex = |position: &[f64; 3]| Vertex { position: *position, normal: [0.0; 3] };
@@ -115,7 +115,7 @@ impl Spool {
     /// The surface ends here.
     ///
     /// # Errors
-    /// Those of the files.
+    /// The errors of the files.
     pub fn finish(&mut self) -> io::Result<()> {
         self.write(u64::MAX)?;
         self.open = SpoolWindow::default();

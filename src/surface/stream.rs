@@ -18,7 +18,7 @@ use crate::error::Result;
 use crate::report::Report;
 use crate::surface::areas::Areas;
 
-/// Takes the layers of a body as they are finished, lowest first.
+/// Sink that takes the layers of a body as they are finished, lowest first.
 pub trait LayerSink {
     /// The first layer is near. Where a run begins again, this is called again, and what came before does not count.
     ///
@@ -41,10 +41,10 @@ impl<F: FnMut(Layer) -> Result<()>> LayerSink for F {
     }
 }
 
-/// What a writer needs to be made of a body besides its layers.
+/// Needs of a writer besides the layers of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum WriterNeeds {
-    /// Nothing.
+    /// Nothing but the layers.
     Layers,
     /// The surface as it arises, or its volume and area.
     Surface,
@@ -52,9 +52,9 @@ pub enum WriterNeeds {
     Mesh,
 }
 
-/// Writes a body in one format. It is made with the [`Header`].
+/// Writer of a body in one format. It is made with the [`Header`].
 pub trait BodyWriter: Send {
-    /// What must be made for it.
+    /// Needs of this writer.
     fn needs(&self) -> WriterNeeds {
         WriterNeeds::Layers
     }
@@ -62,7 +62,7 @@ pub trait BodyWriter: Send {
     /// The next layer, output layer or not.
     ///
     /// # Errors
-    /// Those of writing.
+    /// The errors of writing.
     fn layer(&mut self, _layer: &Layer) -> io::Result<()> {
         Ok(())
     }
@@ -70,7 +70,7 @@ pub trait BodyWriter: Send {
     /// The surface below that layer, as far as it is new.
     ///
     /// # Errors
-    /// Those of writing.
+    /// The errors of writing.
     fn piece(&mut self, _piece: &Piece) -> io::Result<()> {
         Ok(())
     }
@@ -78,7 +78,7 @@ pub trait BodyWriter: Send {
     /// Before any writer's end, where some writer needs the mesh: what a person should know of what becomes of it.
     ///
     /// # Errors
-    /// Those of reading the mesh.
+    /// The errors of reading the mesh.
     fn prepare(&mut self, _mesh: &mut Spool) -> io::Result<Option<String>> {
         Ok(None)
     }
@@ -86,19 +86,19 @@ pub trait BodyWriter: Send {
     /// The end: writes what is left, up to the last byte.
     ///
     /// # Errors
-    /// Those of writing.
+    /// The errors of writing.
     fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()>;
 }
 
-/// What is known at the end.
+/// Ending of a body: what is known when all layers are there.
 pub struct Ending<'e> {
-    /// What was done, with volume and area where some writer needs the surface.
+    /// Report of what was done, with volume and area where some writer needs the surface.
     pub report: &'e Report,
     /// The whole surface where some writer needs the mesh, else nothing.
     pub mesh: &'e mut Spool,
 }
 
-/// Which writer failed, and why.
+/// Failure of a writer: its number and the reason.
 pub type Failed = (usize, io::Error);
 
 /// A body on its way into its writers.
@@ -114,7 +114,7 @@ pub struct BodyStream<'w> {
 }
 
 impl<'w> BodyStream<'w> {
-    /// Nothing yet. A mesh that does not fit in memory waits in a nameless file in `folder`.
+    /// A stream without layers yet. A mesh that does not fit in memory waits in a nameless file in `folder`.
     pub fn new(header: &Header, writers: Vec<Box<dyn BodyWriter + 'w>>, folder: &Path) -> Self {
         let needs = writers.iter().map(|w| w.needs()).max().unwrap_or(WriterNeeds::Layers);
         BodyStream {
@@ -129,7 +129,7 @@ impl<'w> BodyStream<'w> {
         }
     }
 
-    /// Says in the report what positions in some of the files are relative to, and what else a person should know of where things lie.
+    /// The stream, which notes in the report the origin of positions in some of the files, and other notes about where things lie.
     pub fn telling(self, origin: [f64; 3], notes: Vec<String>) -> Self {
         BodyStream { origin, notes, ..self }
     }

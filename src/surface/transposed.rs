@@ -29,10 +29,10 @@ pub(super) struct Transposed {
 }
 
 impl Transposed {
-    /// No layer yet. Its file is in `folder`.
+    /// A volume without layers yet. Its file is in `folder`.
     ///
     /// # Errors
-    /// Those of making the file.
+    /// The errors of making the file.
     pub fn new(body: &Header, content: Content, folder: &Path) -> io::Result<Self> {
         let VoxelGrid { dims, order, .. } = VoxelGrid::of(body);
         let file = BufWriter::with_capacity(BUFFER_BYTES, tempfile::tempfile_in(folder)?);
@@ -42,7 +42,7 @@ impl Transposed {
     /// Adds the next layer.
     ///
     /// # Errors
-    /// Those of the file.
+    /// The errors of the file.
     pub fn push(&mut self, layer: &[u8]) -> io::Result<()> {
         self.bytes += layer.len() as u64;
         self.file.write_all(layer)
@@ -51,7 +51,7 @@ impl Transposed {
     /// All rows of the volume, in its order.
     ///
     /// # Errors
-    /// Those of the file and of `each`; too few or too many layers.
+    /// The errors of the file and of `each`; too few or too many layers.
     pub fn rows(&mut self, mut each: impl FnMut(&[u8]) -> io::Result<()>) -> io::Result<()> {
         let expected = self.dims.iter().map(|n| *n as u64).product::<u64>() * self.size as u64;
         if self.bytes != expected {

@@ -21,7 +21,7 @@ pub struct VolumeWriter<W: Write> {
     content: Content,
     /// Bytes of some voxels.
     bytes: Vec<u8>,
-    /// Where layers wait that are none of the volume's own.
+    /// Place where layers wait that are none of the volume's own.
     waiting: Option<Transposed>,
 }
 
@@ -71,7 +71,7 @@ impl<W: Write> VolumeWriter<W> {
     /// Voxels after what `out` has already. Layers that lie across x or y of the volume wait in a nameless file in `folder`.
     ///
     /// # Errors
-    /// Those of that file.
+    /// The errors of that file.
     pub(super) fn new(out: Coded<W>, body: &Header, content: Content, folder: &Path) -> io::Result<Self> {
         let waiting = if body.geometry.is_layered() { None } else { Some(Transposed::new(body, content, folder)?) };
         Ok(VolumeWriter { out, content, bytes: Vec::new(), waiting })

@@ -1,4 +1,4 @@
-//! Where the voxels of a body's output layers lie, in the axis order of the input.
+//! Place of the voxels of a body's output layers, in the axis order of the input.
 
 use super::header::Header;
 use super::space::to_world;
@@ -14,7 +14,7 @@ pub(super) struct VoxelGrid {
     pub axes: [[f64; 3]; 3],
     /// Voxel sides.
     pub sides: [f64; 3],
-    /// Which axis the columns, rows and heights of the layers run along.
+    /// Axes along which the columns, rows and heights of the layers run.
     pub order: [usize; 3],
 }
 

@@ -30,13 +30,13 @@ const CHUNK: [usize; 3] = [256, 256, 64];
 const SLAB_BYTES: usize = 256 << 20;
 /// The array's name in the group.
 const LEVEL: &str = "0";
-/// As fast as gzip can.
+/// Level of gzip: as fast as it can.
 const COMPRESSION: u32 = 1;
 
 /// A writer of the output layers into the empty folder `folder`.
 ///
 /// # Errors
-/// Those of the folder.
+/// The errors of the folder.
 pub fn writer(folder: &Path, body: &Header, content: Content) -> io::Result<Box<dyn BodyWriter>> {
     Ok(match content {
         Content::Distance | Content::Confidence => Box::new(ZarrWriter::new(folder, body, content, f32::NAN, |v| v)?),
@@ -67,9 +67,9 @@ struct ZarrWriter<T> {
     /// Pixels of a layer, columns, rows and layers of a chunk.
     dims: [usize; 2],
     chunk: [usize; 3],
-    /// Which axis of the volume each of them runs along.
+    /// Axis of the volume that each of them runs along.
     order: [usize; 3],
-    /// What a voxel holds, and what lies beyond the volume.
+    /// Content of a voxel, and the value beyond the volume.
     value: fn(f32) -> T,
     beyond: T,
     /// Layers that wait, and how many were written before.

@@ -1,4 +1,4 @@
-//! What is in a file: the JSON of glTF.
+//! Description of a file's content: the JSON of glTF.
 
 use std::collections::BTreeMap;
 use std::io;

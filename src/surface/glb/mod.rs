@@ -24,7 +24,7 @@ const BUFFER_BYTES: usize = 1 << 20;
 /// Writes one mesh.
 ///
 /// # Errors
-/// Those of `out`; [`io::ErrorKind::InvalidInput`] beyond the 4 GiB that the format holds.
+/// The errors of `out`; [`io::ErrorKind::InvalidInput`] beyond the 4 GiB that the format holds.
 pub fn write_glb<W: Write>(out: &mut W, mesh: &mut dyn MeshSource, about: &About) -> io::Result<()> {
     let part = MeshPart::of(mesh, about)?;
     write_head(out, std::slice::from_ref(&part))?;
@@ -32,7 +32,7 @@ pub fn write_glb<W: Write>(out: &mut W, mesh: &mut dyn MeshSource, about: &About
     out.flush()
 }
 
-/// Everything before the meshes' own data.
+/// Writes everything before the meshes' own data.
 fn write_head<W: Write>(out: &mut W, parts: &[MeshPart]) -> io::Result<()> {
     let bytes: u64 = parts.iter().map(MeshPart::bytes).sum();
     let mut json = serde_json::to_vec(&described(parts)?)?;
@@ -73,10 +73,10 @@ pub struct GlbScene {
 }
 
 impl GlbScene {
-    /// Nothing yet; the nameless file is in `folder`.
+    /// A scene without meshes; its nameless file is in `folder`.
     ///
     /// # Errors
-    /// Those of making that file.
+    /// The errors of making that file.
     pub fn new(folder: &Path) -> io::Result<Self> {
         let data = BufWriter::with_capacity(BUFFER_BYTES, tempfile::tempfile_in(folder)?);
         Ok(GlbScene { parts: Vec::new(), data })
@@ -85,7 +85,7 @@ impl GlbScene {
     /// Adds a body.
     ///
     /// # Errors
-    /// Those of the nameless file.
+    /// The errors of the nameless file.
     pub fn add(&mut self, mesh: &mut dyn MeshSource, about: &About) -> io::Result<()> {
         self.parts.push(MeshPart::of(mesh, about)?);
         write_data(&mut self.data, mesh, about.origin)
@@ -94,7 +94,7 @@ impl GlbScene {
     /// Writes all bodies, in their order.
     ///
     /// # Errors
-    /// As [`write_glb`].
+    /// The errors of [`write_glb`].
     pub fn write<W: Write>(&mut self, out: &mut W) -> io::Result<()> {
         write_head(out, &self.parts)?;
         self.data.flush()?;

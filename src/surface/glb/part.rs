@@ -11,14 +11,14 @@ pub(super) const VERTEX_BYTES: u64 = 12;
 /// Bytes of three u32.
 pub(super) const TRIANGLE_BYTES: u64 = 12;
 
-/// What is known of a body besides its mesh.
+/// Facts about a body besides its mesh.
 #[derive(Debug, Clone, Default)]
 pub struct About {
     /// Name, number and colour.
     pub appearance: Appearance,
     /// Length unit.
     pub unit: String,
-    /// What positions are relative to, see [`local`](crate::surface::local).
+    /// Origin of positions, see [`local`](crate::surface::local).
     pub origin: [f64; 3],
 }
 
@@ -34,7 +34,7 @@ pub(super) struct MeshPart {
 }
 
 impl MeshPart {
-    /// What must be known of a mesh before it is written.
+    /// Facts about a mesh that must be known before it is written.
     pub(super) fn of(mesh: &mut dyn MeshSource, about: &About) -> io::Result<Self> {
         let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         mesh.vertices(&mut |v| {

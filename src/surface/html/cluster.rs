@@ -7,7 +7,7 @@ use std::io;
 use super::super::mesh::{MeshSource, Vertex};
 use super::super::space::{cross, length, sub, unit};
 
-/// Where a point lies as it is drawn.
+/// Map from a point to its place as it is drawn.
 pub type Seen<'s> = dyn Fn([f64; 3]) -> [f64; 3] + 's;
 
 /// Triangles to look at.
@@ -25,7 +25,7 @@ impl ShownMesh {
     /// `mesh` as it is, or on the finest of the grids tried that leaves at most `most` triangles.
     ///
     /// # Errors
-    /// Those of reading the mesh.
+    /// The errors of reading the mesh.
     pub fn new(mesh: &mut dyn MeshSource, seen: &Seen<'_>, most: usize) -> io::Result<Self> {
         let [_, triangles] = mesh.counts();
         if triangles <= most as u64 {

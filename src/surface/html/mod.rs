@@ -30,7 +30,7 @@ pub struct HtmlWriter<W> {
 }
 
 impl<W> HtmlWriter<W> {
-    /// Nothing yet.
+    /// A page without layers yet.
     pub fn new(out: W, header: &Header, title: String) -> Self {
         HtmlWriter { out, title, header: header.clone(), lines: Vec::new() }
     }

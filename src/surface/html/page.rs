@@ -39,7 +39,7 @@ pub fn page(title: &str, report: &Report, extent: [f64; 2], scene: &PageScene) -
     fill(TEMPLATE, &fills)
 }
 
-/// Puts texts in the places of their names, `{{name}}`. What is put in is not looked at again.
+/// Fills a template: texts take the places of their names, `{{name}}`. What is put in is not looked at again.
 fn fill(template: &str, fills: &[(&str, String)]) -> String {
     let mut out = String::with_capacity(template.len() + fills.iter().map(|(_, text)| text.len()).sum::<usize>());
     let mut rest = template;
@@ -52,7 +52,7 @@ fn fill(template: &str, fills: &[(&str, String)]) -> String {
     out + rest
 }
 
-/// What was checked and whether it holds, and no more.
+/// Section of the checks and whether they hold, and no more.
 fn verdict(report: &Report) -> String {
     let all = report.contours.len();
     let pixels: usize = report.contours.iter().map(|c| c.differing_pixels).sum();

@@ -98,7 +98,7 @@ pub fn areas(profile: &AreaProfile, contours: &[ContourReport], unit: &str) -> S
 pub struct Bar {
     /// Its name.
     pub name: String,
-    /// Below the first contour, between the contours, above the last.
+    /// Volumes below the first contour, between the contours, and above the last.
     pub parts: [f64; 3],
 }
 

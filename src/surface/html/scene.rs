@@ -1,4 +1,4 @@
-//! What the page draws, as numbers in base64: 16 bits a coordinate, a normal in two bytes.
+//! Scene that the page draws, as numbers in base64: 16 bits a coordinate, a normal in two bytes.
 
 use std::io;
 
@@ -47,10 +47,10 @@ pub struct PageScene {
 }
 
 impl PageScene {
-    /// What there is to see.
+    /// The scene of a mesh and its contour lines.
     ///
     /// # Errors
-    /// Those of reading the mesh.
+    /// The errors of reading the mesh.
     pub fn new(geometry: &Geometry, mesh: &mut dyn MeshSource, lines: &[(usize, Polyline)]) -> io::Result<Self> {
         let [x, _, z] = geometry.axes;
         let frame = [x, cross(z, x), z];

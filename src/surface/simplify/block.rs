@@ -6,7 +6,7 @@ use super::super::mesh::Mesh;
 pub(super) struct Block<'m> {
     /// The given surface.
     pub given: &'m Mesh,
-    /// What the distance may be.
+    /// Largest distance allowed.
     pub error: f64,
     /// Numbers of the block's vertices, increasing.
     pub vertices: Vec<u32>,

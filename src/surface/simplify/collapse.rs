@@ -17,11 +17,11 @@ const FEW: usize = 200;
 /// Tears until one more ring of triangles around them is kept.
 const TEARS: usize = 4;
 
-/// What a block becomes.
+/// Result of simplifying a block.
 pub(super) struct Simpler {
     /// Triangles, by the given surface's vertices.
     pub triangles: Vec<[u32; 3]>,
-    /// For each sample of the block a triangle near it.
+    /// Triangle near each sample of the block.
     pub near: Vec<u32>,
 }
 

@@ -35,12 +35,12 @@ pub(super) fn samples(corners: [[f64; 3]; 3], step: f64) -> impl Iterator<Item =
 pub struct TriangleTree(RTree<CachedEnvelope<Triangle>>);
 
 impl TriangleTree {
-    /// From all triangles of `mesh`.
+    /// The tree of all triangles of `mesh`.
     pub fn new(mesh: &Mesh) -> Self {
         TriangleTree::of(mesh.corners())
     }
 
-    /// From triangles given by their corners.
+    /// The tree of triangles given by their corners.
     pub(super) fn of(corners: impl Iterator<Item = [[f64; 3]; 3]>) -> Self {
         let triangle = |(n, corners)| CachedEnvelope::new(Triangle { corners, number: n as u32 });
         TriangleTree(RTree::bulk_load(corners.enumerate().map(triangle).collect()))

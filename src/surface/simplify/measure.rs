@@ -1,4 +1,4 @@
-//! How far a block that was made simpler is from the given surface, both ways.
+//! Distance of a block that was made simpler from the given surface, both ways.
 
 use std::collections::HashMap;
 
@@ -15,11 +15,11 @@ const STEP: f64 = 0.5;
 const GIVEN_STEP: f64 = 1.0 / 6.0;
 const NEW_STEP: f64 = 1.0 / 6.0;
 
-/// What to measure a block with.
+/// Means to measure a block with.
 pub(super) struct BlockError {
-    /// Of the block's vertices.
+    /// Positions of the block's vertices.
     positions: Vec<[f64; 3]>,
-    /// Of each triangle of the block its number.
+    /// Number of each triangle of the block.
     numbers: HashMap<[u32; 3], u32>,
     /// The given triangles whose middles the block has, and for each the block's triangle near its middle.
     corners: Vec<[[f64; 3]; 3]>,
@@ -44,7 +44,7 @@ impl Far {
 }
 
 impl BlockError {
-    /// For `block`, whose vertices lie at `positions`.
+    /// The means for `block`, whose vertices lie at `positions`.
     pub fn new(block: &Block<'_>, positions: Vec<[f64; 3]>) -> Self {
         let first_middle = block.given.positions.len() as u32;
         let middles = block.samples.iter().filter(|[s, _]| *s >= first_middle);
@@ -62,7 +62,7 @@ impl BlockError {
         }
     }
 
-    /// For each sample of the block one of `triangles` near it, where all are near, and all samples of these near the given surface.
+    /// One of `triangles` near each sample of the block, where all are near, and all samples of these near the given surface.
     pub fn near(&self, block: &Block<'_>, triangles: &[[u32; 3]]) -> Result<Vec<u32>, Far> {
         let corners: Vec<_> = triangles.iter().map(|t| t.map(|v| self.positions[v as usize])).collect();
         // What has stayed need not be measured again.

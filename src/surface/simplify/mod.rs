@@ -24,7 +24,7 @@ pub use distances::TriangleTree;
 use sound::torn;
 use surface::Surface;
 
-/// Where blocks are cut in two, from pass to pass, so that what was a border comes to lie within a block.
+/// Places at which blocks are cut in two, from pass to pass, so that what was a border comes to lie within a block.
 const SHARES: [f64; 4] = [0.5, 0.37, 0.58, 0.43];
 /// Samples per block in the first pass.
 const SAMPLES: usize = 24_000;
@@ -52,7 +52,7 @@ pub struct Simplifier {
 type Made = Result<Arc<Mesh>, String>;
 
 impl Simplifier {
-    /// For surfaces within `error` of the given one, stack's unit.
+    /// A simplifier for surfaces within `error` of the given one, stack's unit.
     pub fn new(error: f64) -> Self {
         Simplifier { error, made: Mutex::new(None) }
     }
@@ -60,7 +60,7 @@ impl Simplifier {
     /// The simpler surface of `mesh`, which is the same in every call, or why there is none.
     ///
     /// # Errors
-    /// Those of reading the mesh.
+    /// The errors of reading the mesh.
     pub fn simpler(&self, mesh: &mut dyn MeshSource) -> io::Result<Made> {
         let mut made = self.made.lock().map_err(|_| io::Error::other("another output has failed"))?;
         if let Some(made) = made.as_ref() {
@@ -105,8 +105,8 @@ fn collected(mesh: &mut dyn MeshSource) -> io::Result<Mesh> {
 
 /// A closed surface with fewer triangles, of the same Euler number, whose distance from `mesh` is at most `error`, both ways, as far as
 /// samples tell: vertices and middles of triangles of `mesh`, and grids on its triangles and on the new ones, half an error wide or a sixth
-/// and a quarter of the sides of triangles of `mesh`, must be within .9 of the error. Nothing where none was found, or `mesh` is not closed.
-/// The same on any number of threads.
+/// and a quarter of the sides of triangles of `mesh`, must be within 0.9 of the error. Nothing where none was found, or `mesh` is not closed.
+/// A simpler mesh within `error` of `mesh`, the same on any number of threads.
 pub fn simplified(mesh: &Mesh, error: f64) -> Option<Mesh> {
     if !torn(&mesh.triangles).is_empty() {
         return None;

@@ -1,4 +1,4 @@
-//! Whether triangles bound a body.
+//! Check whether triangles bound a body.
 
 use std::collections::HashMap;
 
@@ -34,8 +34,8 @@ fn is_ring(around: &[[u32; 3]]) -> bool {
     false
 }
 
-/// The same where the surface goes on beyond a border that must stay as it was, `before`: an edge between two vertices of the border must have
-/// been there, and be used as it was.
+/// Vertices at which triangles do not bound a body, where the surface goes on beyond a border that must stay as it was, `before`: an edge between two
+/// vertices of the border must have been there, and be used as it was.
 pub(super) fn torn_within(triangles: &[[u32; 3]], before: &[[u32; 3]], border: &[bool]) -> Vec<u32> {
     let (now, then) = (edges(triangles), edges(before));
     let on_border = |[a, b]: [u32; 2]| border[a as usize] && border[b as usize];
@@ -55,7 +55,7 @@ pub(super) fn torn_within(triangles: &[[u32; 3]], before: &[[u32; 3]], border: &
     torn
 }
 
-/// How often each edge is used in the direction of its vertices' numbers, and against it.
+/// Count of how often each edge is used in the direction of its vertices' numbers, and against it.
 fn edges(triangles: &[[u32; 3]]) -> HashMap<[u32; 2], [u8; 2]> {
     let mut edges: HashMap<[u32; 2], [u8; 2]> = HashMap::with_capacity(triangles.len() * 3 / 2);
     for t in triangles {

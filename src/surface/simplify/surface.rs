@@ -13,7 +13,7 @@ pub(super) struct Surface<'m> {
     given: &'m Mesh,
     /// Triangles, by the given vertices.
     pub now: Vec<[u32; 3]>,
-    /// For each sample of the given surface, its vertices and then its triangles' middles, a triangle no farther from it than the error.
+    /// Triangle no farther than the error from each sample of the given surface: its vertices, then its triangles' middles.
     near: Vec<u32>,
 }
 
@@ -67,7 +67,7 @@ impl<'m> Surface<'m> {
         }
     }
 
-    /// Of the blocks' simpler ones, as far as they fit together; the others as they were.
+    /// The surface of the blocks' simpler ones, as far as they fit together; the others stay as they were.
     fn joined(&self, cut: &Cut, mut made: Vec<Option<Simpler>>) -> Self {
         let (now, whose) = loop {
             let (mut now, mut whose) = (Vec::new(), Vec::new());
@@ -104,7 +104,7 @@ struct Cut {
     /// Triangles and samples of each block.
     members: Vec<Vec<u32>>,
     samples: Vec<Vec<u32>>,
-    /// Of each triangle its place in its block.
+    /// Place of each triangle in its block.
     place: Vec<u32>,
     /// Vertices of more than one block.
     border: Vec<bool>,

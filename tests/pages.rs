@@ -147,3 +147,15 @@ fn what_is_not_there_is_seen() {
     let sound = "# A place: `x`\n[a](#a-place-x) [b](../README.md#input-and-output) `src/lib.rs` [c](https://example.org/src/no.rs)";
     assert_eq!(missing(Path::new("README.md"), &sound.replace("../", "")), ["link"; 0]);
 }
+
+/// Every format of the program's two tables is described.
+#[test]
+fn formats_are_described() {
+    let page = fs::read_to_string(Path::new(ROOT).join("docs/formats.md")).expect("it is there");
+    let read =
+        interslice::input::format::FORMATS.iter().flat_map(|format| format.extensions.iter().map(|e| format!(".{e}")));
+    let known = interslice::files::format::known();
+    let written = known.split([' ', ',']).filter(|word| word.starts_with('.')).map(str::to_string);
+    let undescribed: BTreeSet<String> = read.chain(written).filter(|e| !page.contains(&format!("`{e}`"))).collect();
+    assert!(undescribed.is_empty(), "docs/formats.md does not describe {undescribed:?}");
+}

@@ -8,7 +8,7 @@ use crate::connectivity::runs::{Runs, Side};
 use crate::contour::Contour;
 use crate::error::Result;
 use crate::grid::tiled::Packed;
-use crate::pipeline::context::{Context, Sink};
+use crate::pipeline::context::{Bonds, Context, Sink};
 use crate::pipeline::links::IntervalLinks;
 use crate::stack::heights::NODE_TIMES;
 use crate::storage::spill::SpillVec;
@@ -16,20 +16,6 @@ use crate::surface::Layer;
 
 /// How far from its time a layer may be and still stand for it.
 const SAME_TIME: f64 = 2e-6;
-
-/// What is done so that a body hangs together; without one of them it can be seen what that is for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Bonds {
-    /// Overlaps keep their core at every height.
-    pub cores: bool,
-    /// What floats is taken out, and voids that open to no contour are filled.
-    pub grounded: bool,
-}
-
-impl Bonds {
-    /// Everything.
-    pub const ALL: Bonds = Bonds { cores: true, grounded: true };
-}
 
 /// A layer that waits for the others of its interval.
 struct IntervalLayer {

@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::connect::Bonds;
 use super::span::Span;
 use crate::backend::Backend;
 use crate::contour::Contour;
@@ -23,6 +22,20 @@ use crate::surface::header::Header;
 
 /// Takes finished layers, lowest first.
 pub type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
+
+/// What is done so that a body hangs together; without one of them it can be seen what that is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Bonds {
+    /// Overlaps keep their core at every height.
+    pub cores: bool,
+    /// What floats is taken out, and voids that open to no contour are filled.
+    pub grounded: bool,
+}
+
+impl Bonds {
+    /// Everything.
+    pub const ALL: Bonds = Bonds { cores: true, grounded: true };
+}
 
 /// A run's input and means.
 pub(super) struct Context<'a> {

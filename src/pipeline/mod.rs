@@ -23,6 +23,7 @@ pub(crate) mod propagate;
 pub(crate) mod rigid_frames;
 pub mod section;
 mod span;
+mod sweep_inputs;
 pub(crate) mod tracks;
 
 use self::certificate::Examined;
@@ -36,7 +37,7 @@ use crate::backend::Means;
 use crate::error::{Error, Result};
 use crate::grid::tile::samples;
 use crate::pipeline::compose::differing_pixels;
-pub use crate::pipeline::connect::Bonds;
+pub use crate::pipeline::context::Bonds;
 use crate::pipeline::section::Section;
 use crate::report::{BodyEnd, Report};
 use crate::settings::{Method, Settings};

@@ -1,7 +1,6 @@
 //! The first half of the metamorphosis: contours morphed into each other and courses fitted.
 
 use std::borrow::Cow;
-use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -13,74 +12,22 @@ use super::links::see_links;
 use super::links::{IntervalLinks, in_frame};
 use super::moving::{close, lone_parts, moving_frame, slice_slopes};
 use super::propagate::propagate;
+use super::sweep_inputs::{FieldFallback, Pairs, SeenStack, SweepInputs};
 use crate::backend::MorphOptions;
 use crate::backend::jobs::PartJob;
 use crate::contour::Contour;
 use crate::contour::direction::Direction;
 use crate::contour::overlap::DecidedPairs;
 use crate::error::{Error, Result};
-use crate::grid::field::Field;
-use crate::pipeline::ends::end_caps::End;
-use crate::pipeline::fit::{Fitted, Measured, fit};
+use crate::pipeline::fit::{Measured, fit};
 use crate::pipeline::matching::{Interval, IntervalPlan};
 use crate::pipeline::tracks;
 use crate::pipeline::tracks::{Sides, trace_job};
-use crate::registration::motion_field::LoneParts;
 use crate::registration::motion_stack::MotionStack;
 use crate::report::{IntervalReport, Report};
 use crate::settings::Motion;
 use crate::storage::spill::SpillVec;
 use crate::surface::stream::LayerSink;
-
-/// Pairs of parts by their numbers.
-type Pairs = Vec<(u32, u32)>;
-/// The two contours of an interval in its frame.
-type Seen = [Arc<Contour>; 2];
-
-/// The moving frame, and what the field method needs where the morph knows nothing.
-pub(super) struct FieldFallback<'c, 'b> {
-    pub(super) moving: &'c MotionStack<'b>,
-    pub(super) slopes: SpillVec<'b, Field>,
-    pub(super) lone: SpillVec<'b, LoneParts>,
-}
-
-/// The contours of all intervals in their frames.
-pub(super) struct SeenStack<'c, 'b> {
-    contours: &'c SpillVec<'b, Contour>,
-    /// Lower and upper contour of each interval; `None` where contours stay in the image's own frame.
-    moved: Option<SpillVec<'b, Contour>>,
-}
-
-impl SeenStack<'_, '_> {
-    pub(super) fn get(&self, i: usize) -> Result<Seen> {
-        match &self.moved {
-            Some(moved) => Ok([moved.get(2 * i)?, moved.get(2 * i + 1)?]),
-            None => Ok([self.contours.get(i)?, self.contours.get(i + 1)?]),
-        }
-    }
-
-    /// The same with some of their arrays.
-    pub(super) fn some(&self, i: usize, wanted: &[usize]) -> Result<Seen> {
-        let of = |end: usize| match &self.moved {
-            Some(moved) => moved.some(2 * i + end, wanted),
-            None => self.contours.some(i + end, wanted),
-        };
-        Ok([of(0)?, of(1)?])
-    }
-}
-
-/// What the stages before the sweeps have made.
-pub(super) struct SweepInputs<'c, 'b> {
-    pub(super) contours: &'c SpillVec<'b, Contour>,
-    pub(super) beside: Option<FieldFallback<'c, 'b>>,
-    pub(super) seen: SeenStack<'c, 'b>,
-    /// Pairs that are kept apart, as the mid frame numbers them.
-    pub(super) parted: Vec<Pairs>,
-    pub(super) intervals: SpillVec<'b, Interval>,
-    pub(super) sides: SpillVec<'b, Sides>,
-    pub(super) fitted: SpillVec<'b, Fitted>,
-    pub(super) ends: [End; 2],
-}
 
 /// All stages after the distance; the heights at which the body ends.
 pub(super) fn morph<'a>(

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::context::{Context, Sink, time};
 use super::ends::{above, below};
-use super::morph::{FieldFallback, SweepInputs};
+use super::sweep_inputs::{FieldFallback, SweepInputs};
 use crate::backend::MorphOptions;
 use crate::backend::jobs::{Filled, SweepJob, SweepPair};
 use crate::contour::Contour;

@@ -9,7 +9,7 @@
 //!
 //! `--log FILE` (else `target/campaign/NAME.log`) says what is done, in blocks of seeds, and what fell: `fault PROPERTY SEED FIGURE BOUND WHAT`.
 //! A campaign that was stopped goes on where its log ends; a new one needs a new log. The table at the end is made of the whole log.
-//! Seeds worth keeping go into `tests/fallen_seeds.txt`, which the test suite replays.
+//! Seeds worth keeping go into `tests/promises/fallen_seeds.txt`, which the test suite replays.
 
 #[path = "../tests/random/mod.rs"]
 mod random;

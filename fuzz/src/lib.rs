@@ -16,6 +16,7 @@ use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::files::section_file::Sections;
+use interslice::input::format::{FORMATS, InputFormat};
 use interslice::input::labels::{Wanted, read_labels};
 use interslice::rtstruct::StructureSet;
 use interslice::stack::links;
@@ -27,24 +28,26 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// What a target does: reads an input.
-pub type Target = fn(&[u8]) -> Result<()>;
+pub type Target = Box<dyn Fn(&[u8]) -> Result<()> + Send + Sync>;
 
-/// All targets by name.
-pub const TARGETS: [(&str, Target); 13] = [
-    ("folder", folder),
-    ("geojson", geojson),
-    ("links", links),
-    ("manifest", manifest),
-    ("mha", mha),
-    ("nifti", nifti),
-    ("npy", npy),
-    ("nrrd", nrrd),
-    ("rtstruct", rtstruct),
-    ("section", section),
-    ("settings", settings),
-    ("shapefile", shapefile),
-    ("tiff", tiff),
-];
+/// All targets by name: every format of inputs, and what else a user brings.
+pub fn targets() -> Vec<(&'static str, Target)> {
+    let formats = FORMATS.iter().map(|format| {
+        let target: Target = match format.name {
+            "folder" => Box::new(folder),
+            "rtstruct" => Box::new(rtstruct),
+            _ => Box::new(|bytes| of_format(format, bytes)),
+        };
+        (format.name, target)
+    });
+    let others: [(&str, Target); 4] = [
+        ("links", Box::new(links)),
+        ("manifest", Box::new(manifest)),
+        ("section", Box::new(section)),
+        ("settings", Box::new(settings)),
+    ];
+    formats.chain(others).collect()
+}
 
 /// Between the files of an input of several files.
 pub const BETWEEN: &[u8] = b"\n%%%%\n";
@@ -56,7 +59,7 @@ const MOST_PIXELS: f64 = (1 << 24) as f64;
 const MOST_WRITING: u64 = 1 << 28;
 
 /// Runs a target: an error is the input's fault, and names the file, the slice or the setting.
-pub fn run(target: Target, bytes: &[u8]) -> Result<()> {
+pub fn run(target: &Target, bytes: &[u8]) -> Result<()> {
     let result = target(bytes);
     if let Err(e) = &result {
         assert_eq!(e.exit_code(), 2, "{e}");
@@ -73,33 +76,19 @@ pub fn run(target: Target, bytes: &[u8]) -> Result<()> {
     result
 }
 
-/// NRRD, with its header attached or (`data file: data`) detached.
-pub fn nrrd(bytes: &[u8]) -> Result<()> {
-    with_files(&["a.nrrd", "data"], bytes, |folder| volume(&folder.join("a.nrrd")))
-}
-
-/// MetaImage, with its header attached or (`ElementDataFile = data`) detached.
-pub fn mha(bytes: &[u8]) -> Result<()> {
-    with_files(&["a.mha", "data"], bytes, |folder| volume(&folder.join("a.mha")))
-}
-
-/// NIfTI-1, plain or gzip.
-pub fn nifti(bytes: &[u8]) -> Result<()> {
-    with_files(&["a.nii"], bytes, |folder| volume(&folder.join("a.nii")))
-}
-
-/// Arrays of numpy.
-pub fn npy(bytes: &[u8]) -> Result<()> {
-    with_files(&["a.npy"], bytes, |folder| volume(&folder.join("a.npy")))
-}
-
-/// TIFF of many pages, with or without OME-XML or ImageJ's description.
-pub fn tiff(bytes: &[u8]) -> Result<()> {
-    with_files(&["a.tif"], bytes, |folder| volume(&folder.join("a.tif")))
+/// Volumes and contour maps, with the files that may lie beside them.
+fn of_format(format: &InputFormat, bytes: &[u8]) -> Result<()> {
+    let first = format!("a.{}", format.extensions[0]);
+    let beside = format.companions.iter().map(|c| if c.starts_with('.') { format!("a{c}") } else { (*c).to_string() });
+    let names: Vec<String> = std::iter::once(first.clone()).chain(beside).collect();
+    with_files(&names, bytes, |folder| {
+        let path = folder.join(&first);
+        if format.is_volume() { volume(&path) } else { map(&path) }
+    })
 }
 
 /// A folder: `stack.json` with polygons, or with slices that are all one image (`s.png`), PNG or TIFF.
-pub fn folder(bytes: &[u8]) -> Result<()> {
+fn folder(bytes: &[u8]) -> Result<()> {
     let json = serde_json::from_slice(cut(bytes).0).unwrap_or_default();
     if pixels(&json) > MOST_PIXELS {
         return Ok(());
@@ -133,7 +122,7 @@ fn pixels(json: &Value) -> f64 {
 }
 
 /// DICOM RTSTRUCT: every ROI described, and the first ones read.
-pub fn rtstruct(bytes: &[u8]) -> Result<()> {
+fn rtstruct(bytes: &[u8]) -> Result<()> {
     with_files(&["a.dcm"], bytes, |folder| {
         let path = folder.join("a.dcm");
         let set = StructureSet::read(&path)?;
@@ -144,18 +133,8 @@ pub fn rtstruct(bytes: &[u8]) -> Result<()> {
     })
 }
 
-/// Contour maps as GeoJSON, in the system they name or in none.
-pub fn geojson(bytes: &[u8]) -> Result<()> {
-    with_files(&["a.geojson"], bytes, |folder| map(&folder.join("a.geojson")))
-}
-
-/// Contour maps as shapefiles: .shp, .dbf, .prj, .shx.
-pub fn shapefile(bytes: &[u8]) -> Result<()> {
-    with_files(&["a.shp", "a.dbf", "a.prj", "a.shx"], bytes, |folder| map(&folder.join("a.shp")))
-}
-
 /// Links between the parts of three slices: two, one and three parts.
-pub fn links(bytes: &[u8]) -> Result<()> {
+fn links(bytes: &[u8]) -> Result<()> {
     with_files(&["links.json"], bytes, |folder| {
         let links = links::read(&folder.join("links.json"), &small())?;
         assert!(links.iter().all(|l| l.slice < 2 && l.from > 0 && l.to > 0));
@@ -164,7 +143,7 @@ pub fn links(bytes: &[u8]) -> Result<()> {
 }
 
 /// A part of a body on its way to `merge`, unpacked: it is packed here, so that gzip's checksum fits.
-pub fn section(bytes: &[u8]) -> Result<()> {
+fn section(bytes: &[u8]) -> Result<()> {
     let mut packed = GzEncoder::new(Vec::new(), Compression::none());
     let packed = packed.write_all(bytes).and_then(|()| packed.finish()).expect("memory can be written");
     with_files(&["a.section"], &packed, |folder| {
@@ -184,7 +163,7 @@ pub fn section(bytes: &[u8]) -> Result<()> {
 }
 
 /// Manifests of batches: CSV where the first byte is an `i` (of `id,`), else JSON Lines.
-pub fn manifest(bytes: &[u8]) -> Result<()> {
+fn manifest(bytes: &[u8]) -> Result<()> {
     let name = if bytes.starts_with(b"i") { "m.csv" } else { "m.jsonl" };
     with_files(&[name], bytes, |folder| {
         fs::write(folder.join("a.nrrd"), "").expect("a file can be written");
@@ -195,7 +174,7 @@ pub fn manifest(bytes: &[u8]) -> Result<()> {
 }
 
 /// Settings as a TOML file has them, and a small body by those that are sound.
-pub fn settings(bytes: &[u8]) -> Result<()> {
+fn settings(bytes: &[u8]) -> Result<()> {
     let wrong = |message: String| Error::Setting { name: "settings".into(), message };
     let text = std::str::from_utf8(bytes).map_err(|e| wrong(e.to_string()))?;
     let mut named = Named::new(text.parse().map_err(|e: toml::de::Error| wrong(e.to_string()))?);
@@ -236,7 +215,7 @@ thread_local! {
 }
 
 /// Calls `each` with a folder in which the pieces of `bytes` are the files `names`, in their order; the last has all that is left.
-fn with_files(names: &[&str], bytes: &[u8], each: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+fn with_files(names: &[impl AsRef<Path>], bytes: &[u8], each: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     FOLDER.with(|folder| {
         let in_memory = || tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir());
         let folder = folder.get_or_init(|| in_memory().expect("a folder can be made")).path();

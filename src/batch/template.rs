@@ -9,7 +9,7 @@ use serde_json::Map;
 use super::line::ManifestLine;
 use crate::error::{Error, Result};
 use crate::input;
-use crate::input::VOLUMES;
+use crate::input::format::{InputFormat, expected};
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructureSet;
 
@@ -37,7 +37,7 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<M
     cases.retain(|path| stem(path).is_some());
     cases.sort();
     if cases.is_empty() {
-        let message = format!("has no cases: expected sub-folders with stack.json, {VOLUMES}, or .dcm (RTSTRUCT)");
+        let message = format!("has no cases: expected {}", expected());
         return Err(Error::Format { path: folder.into(), message });
     }
     let mut used = HashSet::new();
@@ -77,11 +77,8 @@ fn stem(path: &Path) -> Option<String> {
     if path.is_dir() {
         return path.join("stack.json").is_file().then_some(name);
     }
-    let lower = name.to_lowercase();
-    let extension = [".nii.gz", ".nii", ".nrrd", ".nhdr", ".mha", ".mhd", ".tif", ".tiff", ".npy", ".dcm"]
-        .into_iter()
-        .find(|e| lower.ends_with(e))?;
-    Some(name[..name.len() - extension.len()].to_string()).filter(|s| !s.is_empty())
+    let (_, at) = InputFormat::of_name(&name).filter(|(format, _)| format.name != "folder")?;
+    Some(name[..at].to_string()).filter(|s| !s.is_empty())
 }
 
 /// Numbers of the ROIs that can be reconstructed.

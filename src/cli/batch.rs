@@ -64,7 +64,7 @@ pub struct BatchArguments {
     #[arg(short, long)]
     quiet: bool,
 
-    /// Make a manifest from a folder of cases: sub-folders with stack.json, .nrrd, .nii, .nii.gz
+    /// Make a manifest from a folder of cases: sub-folders with stack.json, and every file that is an input
     #[arg(long, value_name = "FOLDER", conflicts_with = "dry_run", help_heading = "Template")]
     template: Option<PathBuf>,
 

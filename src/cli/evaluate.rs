@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use interslice::evaluate::holdout::{HoldOut, SliceScore, hold_out};
-use interslice::input::Input;
+use interslice::input::{self, Input};
 use interslice::stack::ReadOptions;
 use interslice::{Result, Settings};
 
@@ -13,8 +13,7 @@ use super::say::say;
 
 #[derive(Debug, clap::Args)]
 pub struct EvaluateArguments {
-    /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy),
-    /// a .dcm RTSTRUCT, or a .geojson or .shp contour map
+    #[arg(help = input::format::help())]
     input: PathBuf,
 
     /// Leave out every N-th slice

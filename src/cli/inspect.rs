@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use interslice::estimate::memory::MemoryNeeds;
 use interslice::estimate::runtime::Effort;
 use interslice::grid::components::{Components, label4, label8};
-use interslice::input::Input;
 use interslice::input::labels::{Wanted, read_labels};
+use interslice::input::{self, Input};
 use interslice::settings::Link;
 use interslice::stack::links::LinkOptions;
 use interslice::stack::{self, ReadOptions, Slice};
@@ -18,8 +18,7 @@ use super::volume;
 
 #[derive(Debug, clap::Args)]
 pub struct InspectArguments {
-    /// Folder with stack.json, a label volume (.nrrd, .nii, .nii.gz, .mha, .mhd, .tif of pages or OME-TIFF, .npy),
-    /// a .dcm RTSTRUCT, or a .geojson or .shp contour map
+    #[arg(help = input::format::help())]
     input: PathBuf,
 
     /// RTSTRUCT: list all ROIs, as without --roi where there are several

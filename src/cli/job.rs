@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::ArgMatches;
 use interslice::files::JobOptions;
 use interslice::files::options::OutputOptions;
+use interslice::input;
 use interslice::preset::Preset;
 use interslice::stack::ReadOptions;
 use interslice::stack::links::LinkOptions;
@@ -15,8 +16,7 @@ use super::devices::DeviceOptions;
 
 #[derive(Debug, clap::Args)]
 pub struct JobArguments {
-    /// Folder with stack.json, or a label volume: .nrrd, .nii, .nii.gz, .mha, .mhd, .tif (pages, OME-TIFF), .npy; a .dcm RTSTRUCT; or
-    /// a .geojson or .shp contour map
+    #[arg(help = input::format::help())]
     pub input: PathBuf,
 
     /// Read options from a TOML file (keys as the long options, with _ for -); the command line wins

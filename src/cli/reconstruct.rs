@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use clap::ArgMatches;
-use interslice::files::Loaded;
 use interslice::files::labels::LabelOptions;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
+use interslice::files::{Loaded, format};
 use interslice::{Error, Result};
 
 #[cfg(feature = "dicom")]
@@ -19,10 +19,7 @@ use super::session::{Telling, reconstruct, set_threads};
 
 #[derive(Debug, clap::Args)]
 pub struct ReconstructArguments {
-    /// Output file, by extension: .nrrd .nii .nii.gz .mha .zarr (volume), .stl .ply .obj .glb (mesh), .png (picture), .tif (height
-    /// map), .contours.json (polygons), .geojson (contour lines), .dcm (the RTSTRUCT, completed), .json .html (report);
-    /// NAME.origin.nrrd and NAME.confidence.nrrd (any volume format) say where voxels come from; repeatable
-    #[arg(short, long = "output", value_name = "FILE")]
+    #[arg(short, long = "output", value_name = "FILE", help = format::help())]
     outputs: Vec<PathBuf>,
 
     /// Write what was done and how well each contour is met, as JSON, or as a page to look at (.html)

@@ -5,6 +5,7 @@ use serde::Serialize;
 use crate::backend::{Backend, Means};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
+use crate::reconstruct::reconstruct_into;
 use crate::reference::exact::exact_distance;
 use crate::settings::Settings;
 use crate::stack::{ContourStack, Slice};
@@ -106,7 +107,7 @@ pub fn hold_out(
         out.slices.extend(scored(stack, k, &layer, &linear(&rest, stack.slices[k].z), &mut tallies));
         Ok(())
     };
-    crate::reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
+    reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
     let [own, line] = tallies.map(|tally| tally.compared());
     (out.dice, out.surface_distance, out.volume_error_percent) =
         (own.dice, own.surface_distance, own.volume_error_percent);
@@ -122,7 +123,7 @@ pub fn hold_out(
             out.ends.extend(scored(stack, k, &layer, &linear(&rest, layer.z), &mut [Tally::default(); 2]));
             Ok(())
         };
-        crate::reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
+        reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
     }
     Ok(out)
 }

@@ -44,8 +44,104 @@ const PICTURE_BYTES: u64 = 160 << 20;
 /// Bytes of the page of a report: what it shows, as numbers and as text, twice over.
 const PAGE_BYTES: u64 = 64 << 20;
 
-const KNOWN: &str = ".nrrd, .nii, .nii.gz, .mha, .zarr, .stl, .ply, .obj, .glb, .png (picture), .tif (height map), .contours.json, \
-                     .geojson (contours), .dcm (completed RTSTRUCT), .json, .html (report)";
+/// What writing a format takes besides its buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Cost {
+    /// Voxels of some of a layer, or a whole block of layers where the input's axes are not the stack's.
+    Volume,
+    /// Chunks.
+    Chunks,
+    /// The surface as it arises.
+    Surface,
+    /// Its vertices and triangles, in a temporary file.
+    Mesh,
+    /// A mesh and the picture's samples.
+    Picture,
+    /// A mesh and the page.
+    Page,
+    /// A height map.
+    Map,
+    /// The contour lines of a layer.
+    Lines,
+}
+
+/// A format that is written: one row for all that command line, manifests, messages and the memory estimate know of it.
+struct Row {
+    format: Format,
+    /// Extensions, the usual one first.
+    extensions: &'static [&'static str],
+    /// What it holds, in words.
+    holds: &'static str,
+    kind: Kind,
+    cost: Cost,
+    /// The feature that it needs, and whether the program has it.
+    feature: Option<(&'static str, bool)>,
+}
+
+impl Row {
+    const fn new(
+        format: Format,
+        extensions: &'static [&'static str],
+        holds: &'static str,
+        kind: Kind,
+        cost: Cost,
+    ) -> Self {
+        Row { format, extensions, holds, kind, cost, feature: None }
+    }
+
+    const fn needing(self, feature: &'static str, built: bool) -> Self {
+        Row { feature: Some((feature, built)), ..self }
+    }
+}
+
+/// All formats, in the order in which help lists them.
+const FORMATS: [Row; 16] = [
+    Row::new(Format::Nrrd, &["nrrd"], "volume", Kind::Volume, Cost::Volume),
+    Row::new(Format::Nifti { gzip: false }, &["nii"], "volume", Kind::Volume, Cost::Volume),
+    Row::new(Format::Nifti { gzip: true }, &["nii.gz"], "volume", Kind::Volume, Cost::Volume),
+    Row::new(Format::Mha, &["mha"], "volume", Kind::Volume, Cost::Volume),
+    Row::new(Format::Zarr, &["zarr"], "volume", Kind::Volume, Cost::Chunks).needing("zarr", cfg!(feature = "zarr")),
+    Row::new(Format::Stl, &["stl"], "mesh", Kind::Mesh, Cost::Surface),
+    Row::new(Format::Ply, &["ply"], "mesh", Kind::Mesh, Cost::Mesh),
+    Row::new(Format::Obj, &["obj"], "mesh", Kind::Mesh, Cost::Mesh),
+    Row::new(Format::Glb, &["glb"], "mesh", Kind::Mesh, Cost::Mesh),
+    Row::new(Format::Png, &["png"], "picture", Kind::View, Cost::Picture),
+    Row::new(Format::Tiff, &["tif", "tiff"], "height map", Kind::View, Cost::Map),
+    Row::new(Format::Contours, &["contours.json"], "polygons", Kind::View, Cost::Lines),
+    Row::new(Format::GeoJson, &["geojson"], "contour lines", Kind::View, Cost::Lines),
+    Row::new(Format::StructureSet, &["dcm"], "the RTSTRUCT, completed", Kind::View, Cost::Lines)
+        .needing("dicom", cfg!(feature = "dicom")),
+    Row::new(Format::Report, &["json"], "report", Kind::Report, Cost::Surface),
+    Row::new(Format::Html, &["html", "htm"], "report", Kind::View, Cost::Page),
+];
+
+/// All that is written, for messages and help: `.nrrd .nii .. (volume), ..`.
+pub fn known() -> String {
+    let mut kinds: Vec<(&str, Vec<String>)> = Vec::new();
+    for row in &FORMATS {
+        let names = row.extensions.iter().map(|e| format!(".{e}"));
+        match kinds.last_mut().filter(|(holds, _)| *holds == row.holds) {
+            Some((_, known)) => known.extend(names),
+            None => kinds.push((row.holds, names.collect())),
+        }
+    }
+    let kinds: Vec<String> = kinds.iter().map(|(holds, names)| format!("{} ({holds})", names.join(" "))).collect();
+    kinds.join(", ")
+}
+
+/// The help of an output's option.
+pub fn help() -> String {
+    let origin = "NAME.origin.nrrd and NAME.confidence.nrrd (any volume format) say where voxels come from";
+    format!("Output file, by extension: {}; {origin}; repeatable", known())
+}
+
+/// The row of a file's name, and where its extension begins, at the dot. The longest extension wins.
+fn row(name: &str) -> Option<(&'static Row, usize)> {
+    let name = name.to_ascii_lowercase();
+    let ends = |extension: &str| name.strip_suffix(extension)?.strip_suffix('.').map(str::len);
+    let found = FORMATS.iter().flat_map(|row| row.extensions.iter().filter_map(move |e| Some((row, ends(e)?))));
+    found.min_by_key(|(_, at)| *at)
+}
 
 impl Format {
     /// Whether it is a folder of files.
@@ -58,39 +154,20 @@ impl Format {
         matches!(self, Format::Stl | Format::Glb)
     }
 
+    /// The format of an output, by its name.
     pub fn of(path: &Path) -> Result<Self> {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        if name.ends_with(".nii.gz") {
-            return Ok(Format::Nifti { gzip: true });
-        }
-        if name.ends_with(".contours.json") {
-            return Ok(Format::Contours);
-        }
-        match name.rsplit_once('.').map(|(_, extension)| extension) {
-            Some("nrrd") => Ok(Format::Nrrd),
-            Some("mha") => Ok(Format::Mha),
-            Some("nii") => Ok(Format::Nifti { gzip: false }),
-            Some("stl") => Ok(Format::Stl),
-            Some("ply") => Ok(Format::Ply),
-            Some("obj") => Ok(Format::Obj),
-            Some("glb") => Ok(Format::Glb),
-            Some("html" | "htm") => Ok(Format::Html),
-            Some("png") => Ok(Format::Png),
-            Some("tif" | "tiff") => Ok(Format::Tiff),
-            Some("json") => Ok(Format::Report),
-            Some("geojson") => Ok(Format::GeoJson),
-            Some("dcm") if cfg!(feature = "dicom") => Ok(Format::StructureSet),
-            Some("dcm") => {
-                let message = "this program was built without DICOM (feature `dicom`)".into();
-                Err(Error::Output { path: path.into(), message })
+        let fail = |message: String| Err(Error::Output { path: path.into(), message });
+        match row(&path.file_name().unwrap_or_default().to_string_lossy()) {
+            None => fail(format!("unknown extension; expected {}", known())),
+            Some((Row { feature: Some((feature, false)), holds, .. }, _)) => {
+                fail(format!("this program was built without what writes it ({holds}; feature `{feature}`)"))
             }
-            Some("zarr") if cfg!(feature = "zarr") => Ok(Format::Zarr),
-            Some("zarr") => {
-                let message = "this program was built without Zarr (feature `zarr`)".into();
-                Err(Error::Output { path: path.into(), message })
-            }
-            _ => Err(Error::Output { path: path.into(), message: format!("unknown extension; expected {KNOWN}") }),
+            Some((row, _)) => Ok(row.format),
         }
+    }
+
+    fn row(self) -> Option<&'static Row> {
+        FORMATS.iter().find(|row| row.format == self)
     }
 }
 
@@ -120,17 +197,8 @@ pub enum Kind {
 /// # Errors
 /// [`Error::Output`] with what was expected.
 pub fn kind(path: &Path) -> Result<Kind> {
-    Ok(match Format::of(path)? {
-        Format::Nrrd | Format::Nifti { .. } | Format::Mha | Format::Zarr => match named_content(path) {
-            Some(_) => Kind::View,
-            None => Kind::Volume,
-        },
-        Format::Stl | Format::Ply | Format::Obj | Format::Glb => Kind::Mesh,
-        Format::Report => Kind::Report,
-        Format::Html | Format::Png | Format::Tiff | Format::Contours | Format::GeoJson | Format::StructureSet => {
-            Kind::View
-        }
-    })
+    let kind = Format::of(path)?.row().map_or(Kind::View, |row| row.kind);
+    Ok(if kind == Kind::Volume && named_content(path).is_some() { Kind::View } else { kind })
 }
 
 /// Whether a report of this name is a page.
@@ -141,8 +209,7 @@ pub fn is_page(path: &Path) -> bool {
 /// Where what a name says of the file's content begins: `.stl`, `.nii.gz`, `.contours.json`, `.origin.nrrd`.
 pub fn extension_at(name: &str) -> usize {
     let name = name.to_ascii_lowercase();
-    let double = [".nii.gz", ".contours.json"].into_iter().find(|e| name.ends_with(e));
-    let at = double.map(|e| name.len() - e.len()).or_else(|| name.rfind('.')).unwrap_or(name.len());
+    let at = row(&name).map(|(_, at)| at).or_else(|| name.rfind('.')).unwrap_or(name.len());
     let content = [".origin", ".confidence"].into_iter().find(|e| name[..at].ends_with(e));
     at - content.map_or(0, str::len)
 }
@@ -167,26 +234,26 @@ pub fn bytes<'p>(paths: impl IntoIterator<Item = &'p Path>, dims: [usize; 2], ge
 pub(super) fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], geometry: &Geometry, lid: usize) -> u64 {
     let pixels = dims.iter().product::<usize>() as u64;
     let turned = if geometry.is_layered() { 0 } else { (transposed::BLOCK_BYTES + transposed::BUFFER_BYTES) as u64 };
-    let formats: Vec<Format> = formats.collect();
-    let mesh = |f: &Format| matches!(f, Format::Ply | Format::Obj | Format::Glb | Format::Png | Format::Html);
-    let surface = |f: &Format| mesh(f) || matches!(f, Format::Stl | Format::Report);
-    let each = formats.iter().map(|format| match format {
-        Format::Nrrd | Format::Nifti { .. } | Format::Mha => PER_VOLUME_PIXEL * pixels + turned,
-        Format::Tiff => PER_MAP_PIXEL * pixels,
-        Format::Png => PICTURE_BYTES,
-        Format::Zarr => zarr_bytes(pixels as usize),
-        Format::Html => PAGE_BYTES,
-        Format::Contours | Format::GeoJson | Format::StructureSet => PER_LINE_PIXEL * pixels,
-        Format::Stl | Format::Ply | Format::Obj | Format::Glb | Format::Report => 0,
+    let costs: Vec<Cost> = formats.filter_map(|format| Some(format.row()?.cost)).collect();
+    let mesh = |c: &Cost| matches!(c, Cost::Mesh | Cost::Picture | Cost::Page);
+    let surface = |c: &Cost| mesh(c) || *c == Cost::Surface;
+    let each = costs.iter().map(|cost| match cost {
+        Cost::Volume => PER_VOLUME_PIXEL * pixels + turned,
+        Cost::Map => PER_MAP_PIXEL * pixels,
+        Cost::Picture => PICTURE_BYTES,
+        Cost::Chunks => zarr_bytes(pixels as usize),
+        Cost::Page => PAGE_BYTES,
+        Cost::Lines => PER_LINE_PIXEL * pixels,
+        Cost::Surface | Cost::Mesh => 0,
     });
     each.sum::<u64>()
-        + if formats.iter().any(surface) { PER_SURFACE_PIXEL * pixels } else { 0 }
-        + if formats.iter().any(mesh) {
+        + if costs.iter().any(surface) { PER_SURFACE_PIXEL * pixels } else { 0 }
+        + if costs.iter().any(mesh) {
             spool::IN_MEMORY as u64 + PER_MESH_PIXEL * pixels + PER_LID_PIXEL * lid as u64
         } else {
             0
         }
-        + BUFFER_BYTES as u64 * formats.len() as u64
+        + BUFFER_BYTES as u64 * costs.len() as u64
 }
 
 #[cfg(feature = "zarr")]

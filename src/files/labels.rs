@@ -16,11 +16,12 @@ use super::places::Places;
 use super::scenes::Scenes;
 use crate::backend::Means;
 use crate::error::{Error, Result};
-use crate::height_grid;
 use crate::input::labels::{Wanted, read_labels};
 use crate::labels::report::{LabelReport, LabelsReport};
 use crate::labels::{DecidedLabels, KeptBody, LabelStack, Plan, decide, reconstruct};
 use crate::report::Report;
+use crate::settings::Settings;
+use crate::stack::heights::height_grid;
 use crate::surface::Layer;
 use crate::surface::content::Whole;
 use crate::surface::header::Header;
@@ -149,6 +150,27 @@ impl LoadedLabels {
         }
         Ok(())
     }
+}
+
+/// From a label volume to files: labels drawn on some slices become a label volume on all, meshes one per label, a report; formats by extension.
+///
+/// # Errors
+/// [`Error::Setting`] for a setting out of its range, [`Error::Read`] or [`Error::Format`] for the input, [`Error::Output`] for a name that
+/// cannot be written, before anything is computed; then as [`reconstruct_into`](crate::reconstruct_into), and [`Error::Write`].
+pub fn fill_labels(
+    input: &Path,
+    outputs: &[PathBuf],
+    wanted: &Wanted,
+    settings: &Settings,
+    means: &Means<'_>,
+) -> Result<LabelsReport> {
+    let options = JobOptions { settings: settings.clone(), ..JobOptions::default() };
+    let mut places = Places::of(input, &options)?;
+    let loaded = LoadedLabels::read(input, wanted, false, options)?;
+    let mut outputs = LabelOutputs::open(outputs, None, &loaded, &mut places)?;
+    let report = loaded.compute(means, None, &mut outputs)?;
+    outputs.finish(&report)?;
+    Ok(report)
 }
 
 /// Measures a surface that nobody writes.

@@ -14,6 +14,7 @@ pub mod pending;
 pub mod places;
 pub mod scenes;
 pub mod section_file;
+pub mod write;
 mod writers;
 
 use std::path::{Path, PathBuf};
@@ -27,16 +28,17 @@ use crate::error::Result;
 use crate::estimate::memory::MemoryNeeds;
 use crate::input;
 use crate::pipeline::section::Section;
+use crate::reconstruct::{reconstruct_into, reconstruct_section};
 #[cfg(feature = "dicom")]
 use crate::rtstruct::{ReferencedSet, StructureSet};
 use crate::settings::Settings;
 use crate::stack::heights::Heights;
+use crate::stack::heights::height_grid;
 use crate::stack::links::LinkOptions;
 use crate::stack::{ContourStack, HeightGrid, ReadOptions};
 use crate::surface::Reconstruction;
 use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
-use crate::{height_grid, reconstruct_into, reconstruct_section};
 use options::OutputOptions;
 use outputs::Outputs;
 

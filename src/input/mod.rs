@@ -1,6 +1,7 @@
 //! The front door for files: which reader a path gets.
 
 pub mod folder;
+pub mod format;
 pub mod labels;
 pub mod mha;
 pub mod nifti;
@@ -13,6 +14,8 @@ pub mod volume;
 
 use std::path::{Path, PathBuf};
 
+use self::format::Kind;
+pub use self::format::expected;
 use self::volume::survey::Survey;
 use self::volume::{Volume, axis, slices};
 use crate::error::{Error, Result};
@@ -22,46 +25,7 @@ use crate::stack::appearance::Appearance;
 use crate::stack::axis::Axis;
 use crate::stack::options::ReadOptions;
 
-/// Names of volumes.
-pub const VOLUMES: &str = ".nrrd, .nii, .nii.gz, .mha, .mhd, .tif or .npy";
-
-/// What an input is, by its name.
-enum Kind {
-    /// A folder of slices, or its stack.json.
-    Folder,
-    /// A label volume and the reader of its header.
-    Volume(fn(&Path) -> Result<Volume>),
-    /// A DICOM RTSTRUCT.
-    StructureSet,
-    /// Contour lines with elevations.
-    Map,
-}
-
 impl Kind {
-    fn of(path: &Path) -> Result<Self> {
-        let metadata = std::fs::metadata(path).map_err(|source| Error::Read { path: path.into(), source })?;
-        let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
-        if metadata.is_dir() || name.ends_with(".json") {
-            return Ok(Kind::Folder);
-        }
-        let extension = name.strip_suffix(".gz").filter(|n| n.ends_with(".nii")).unwrap_or(&name).rsplit_once('.');
-        match extension.map(|(_, extension)| extension) {
-            Some("nrrd" | "nhdr") => Ok(Kind::Volume(nrrd::read)),
-            Some("nii") => Ok(Kind::Volume(nifti::read)),
-            Some("mha" | "mhd") => Ok(Kind::Volume(mha::read)),
-            Some("tif" | "tiff") => Ok(Kind::Volume(tiff::read)),
-            Some("npy") => Ok(Kind::Volume(npy::read)),
-            Some("dcm") => Ok(Kind::StructureSet),
-            Some("geojson" | "shp") => Ok(Kind::Map),
-            _ => {
-                let message = format!(
-                    "not a known input: expected a folder with stack.json, {VOLUMES}, .dcm (RTSTRUCT), .geojson or .shp"
-                );
-                Err(Error::Format { path: path.into(), message })
-            }
-        }
-    }
-
     /// The kind, if the options are for it.
     fn for_options(path: &Path, options: &ReadOptions) -> Result<Self> {
         let kind = Kind::of(path)?;

@@ -11,7 +11,7 @@ use super::stack::{LabelPair, LabelStack};
 use crate::backend::Means;
 use crate::error::{Error, Result};
 use crate::estimate::memory::MemoryNeeds;
-use crate::reconstruct_into;
+use crate::reconstruct::reconstruct_into;
 use crate::registration::displacement::BLOCK;
 use crate::settings::Settings;
 use crate::stack::{ContourStack, Slice, SliceContent};

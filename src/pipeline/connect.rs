@@ -8,7 +8,8 @@ use crate::connectivity::runs::{Runs, Side};
 use crate::contour::Contour;
 use crate::error::Result;
 use crate::grid::tiled::Packed;
-use crate::pipeline::{Run, Sink};
+use crate::pipeline::context::{Context, Sink};
+use crate::pipeline::links::IntervalLinks;
 use crate::stack::heights::NODE_TIMES;
 use crate::storage::spill::SpillVec;
 use crate::surface::Layer;
@@ -51,13 +52,14 @@ pub(crate) struct Together<'r, 'b> {
     cores: Option<Cores>,
 }
 
-impl<'a> Run<'a> {
-    pub(crate) fn together<'r>(&self, contours: &'r SpillVec<'a, Contour>) -> Together<'r, 'a> {
-        let shown =
-            OutputImage { dims: self.stack.dims, pad: self.pad, h: self.h, limit: self.settings.margin() as f64 };
-        let parted = self.links.iter().map(|links| links.parted()).collect();
-        Together { contours, parted, shown, px: self.px, bonds: self.bonds, waiting: Vec::new(), cores: None }
-    }
+pub(crate) fn together<'a, 'r>(
+    run: &Context<'a>,
+    links: &[IntervalLinks],
+    contours: &'r SpillVec<'a, Contour>,
+) -> Together<'r, 'a> {
+    let shown = OutputImage { dims: run.stack.dims, pad: run.pad, h: run.h, limit: run.settings.margin() as f64 };
+    let parted = links.iter().map(IntervalLinks::parted).collect();
+    Together { contours, parted, shown, px: run.px, bonds: run.bonds, waiting: Vec::new(), cores: None }
 }
 
 impl Together<'_, '_> {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::Run;
+use super::context::Context;
 use crate::contour::Contour;
 use crate::contour::parts::{candidates, overlaps, parts};
 use crate::error::{Error, Result};
@@ -12,7 +12,7 @@ use crate::reference::exact::exact_distance;
 use crate::registration::displacement::Displacement;
 use crate::registration::mid_frame::Frame;
 use crate::registration::motion_stack::MotionStack;
-use crate::report::{LinkReport, LinkedBy};
+use crate::report::{LinkReport, LinkedBy, Report};
 use crate::settings::{Link, Linking, Motion};
 use crate::storage::spill::SpillVec;
 
@@ -41,122 +41,128 @@ impl IntervalLinks {
     }
 }
 
-impl<'a> Run<'a> {
-    /// The user's links and those that are found.
-    pub(super) fn find_links(&mut self, contours: &SpillVec<'_, Contour>) -> Result<()> {
-        for link in &self.settings.links {
-            let count = |k: usize| contours.light(k).solids.count as u32;
-            if link.from > count(link.slice) || link.to > count(link.slice + 1) {
-                let message = format!("a part of link {link:?} was lost");
-                return Err(Error::Numerics { stage: "distance", message });
-            }
+/// The user's links and those that are found.
+pub(super) fn find_links(run: &Context<'_>, contours: &SpillVec<'_, Contour>) -> Result<Vec<IntervalLinks>> {
+    for link in &run.settings.links {
+        let count = |k: usize| contours.light(k).solids.count as u32;
+        if link.from > count(link.slice) || link.to > count(link.slice + 1) {
+            let message = format!("a part of link {link:?} was lost");
+            return Err(Error::Numerics { stage: "distance", message });
         }
-        let of = |i: usize, pair: [&Contour; 2]| {
-            let links = self.settings.links.iter().filter(|l| l.slice == i);
-            let link = |l: &Link| (l.from, l.to, l.join, LinkedBy::File);
-            let mut found: Vec<_> = links.map(link).collect();
-            if self.settings.link == Linking::Auto {
-                let auto = self.alike(pair, &found.iter().map(|l| ((l.0, l.1), l.2)).collect());
-                found.extend(auto.into_iter().map(|(from, to)| (from, to, true, LinkedBy::Auto)));
-            }
-            let told = |(from, to, join, by)| LinkReport { from, to, join, by, meet: 0.0 };
-            IntervalLinks { told: found.into_iter().map(told).collect() }
-        };
-        self.links = match self.settings.links.is_empty() && self.settings.link != Linking::Auto {
-            true => vec![IntervalLinks::default(); contours.len() - 1],
-            false => self.of_pairs(contours, of)?,
-        };
-        Ok(())
     }
+    let of = |i: usize, pair: [&Contour; 2]| {
+        let links = run.settings.links.iter().filter(|l| l.slice == i);
+        let link = |l: &Link| (l.from, l.to, l.join, LinkedBy::File);
+        let mut found: Vec<_> = links.map(link).collect();
+        if run.settings.link == Linking::Auto {
+            let auto = alike(run, pair, &found.iter().map(|l| ((l.0, l.1), l.2)).collect());
+            found.extend(auto.into_iter().map(|(from, to)| (from, to, true, LinkedBy::Auto)));
+        }
+        let told = |(from, to, join, by)| LinkReport { from, to, join, by, meet: 0.0 };
+        IntervalLinks { told: found.into_iter().map(told).collect() }
+    };
+    match run.settings.links.is_empty() && run.settings.link != Linking::Auto {
+        true => Ok(vec![IntervalLinks::default(); contours.len() - 1]),
+        false => run.of_pairs(contours, of),
+    }
+}
 
-    /// Pairs of parts without partner that look like one and the same and can be followed all at once; `known` pairs count as partners or
-    /// are left out.
-    fn alike(&self, pair: [&Contour; 2], known: &BTreeMap<(u32, u32), bool>) -> Vec<(u32, u32)> {
+/// Pairs of parts without partner that look like one and the same and can be followed all at once; `known` pairs count as partners or
+/// are left out.
+fn alike(run: &Context<'_>, pair: [&Contour; 2], known: &BTreeMap<(u32, u32), bool>) -> Vec<(u32, u32)> {
+    let dims = pair[0].phi.dims;
+    let [low, high] = [0, 1].map(|k| parts(&pair[k].solids, dims, run.h));
+    let pairs = |join: bool| known.iter().filter(move |(_, j)| **j == join).map(|(pair, _)| *pair);
+    let mut partners: BTreeSet<(u32, u32)> = overlaps(&pair[0].solids, &pair[1].solids);
+    partners.extend(pairs(true));
+    let mut found: Vec<(u32, u32)> = candidates(&low, &high, &pairs(false).collect(), &partners, dims, run.h)
+        .into_iter()
+        .filter(|c| c.convinces(run.settings.link_reach))
+        .map(|c| (c.from, c.to))
+        .collect();
+    // What is in the way of a link, another link or a part that stands still, excludes it.
+    while !found.is_empty() {
+        let all: Vec<(u32, u32)> = pairs(true).chain(found.iter().copied()).collect();
+        let followed = rigid_frames::linked(pair[0], pair[1], &all, run.h).followed;
+        let shares = followed[all.len() - found.len()..].iter().enumerate();
+        match shares.min_by(|a, b| a.1.total_cmp(b.1)) {
+            Some((worst, share)) if *share < FOLLOWED => found.remove(worst),
+            _ => break,
+        };
+    }
+    found
+}
+
+/// The displacements of linked parts, or of all that have a rigid frame; warns of links that cannot be followed.
+pub(super) fn frames<'a>(
+    run: &Context<'a>,
+    links: &[IntervalLinks],
+    contours: &SpillVec<'a, Contour>,
+    report: &mut Report,
+) -> Result<SpillVec<'a, Displacement>> {
+    let frames = if run.settings.motion == Motion::Rigid { rigid_frames::rigid } else { rigid_frames::linked };
+    let of = |i: usize, [low, high]: [&Contour; 2]| {
+        let joined = links[i].joined();
+        let found = frames(low, high, &joined, run.h);
+        let unfollowed = joined.into_iter().zip(&found.followed).filter(|(_, share)| **share < FOLLOWED);
+        let [below, above] = [0, 1].map(|k| &run.stack.slices[i + k].name);
+        let warning = |((from, to), _): ((u32, u32), &f64)| {
+            format!(
+                "part {from} of `{below}` and part {to} of `{above}` are linked, but something else is in the way between them"
+            )
+        };
+        let warnings: Vec<String> = unfollowed.map(warning).collect();
+        (found.displacement, warnings)
+    };
+    let (mut displacements, mut warnings) = (SpillVec::new(run.budget), Vec::new());
+    run.for_pairs(contours, of, |(displacement, mut of_pair)| {
+        warnings.append(&mut of_pair);
+        displacements.push(displacement)
+    })?;
+    report.warnings.append(&mut warnings);
+    Ok(displacements)
+}
+
+/// Finds out how far linked parts meet, in the moving frame if there is one.
+pub(super) fn see_links(
+    links: &mut [IntervalLinks],
+    contours: &SpillVec<'_, Contour>,
+    moving: Option<&MotionStack<'_>>,
+) -> Result<()> {
+    for (i, links) in links.iter_mut().enumerate().filter(|(_, links)| !links.told.is_empty()) {
+        let [low, high] = [contours.get(i)?, contours.get(i + 1)?];
+        let at_slices = moving.map(|m| m.at_slices(i)).transpose()?;
+        for link in &mut links.told {
+            link.meet = rigid_frames::meeting(&low, &high, (link.from, link.to), at_slices.as_deref());
+        }
+    }
+    Ok(())
+}
+
+/// Share of the fairing's strength in every interval where parts are kept apart.
+pub(super) fn fairing_shares(
+    run: &Context<'_>,
+    links: &[IntervalLinks],
+    contours: &SpillVec<'_, Contour>,
+) -> Result<Vec<Option<Vec<f32>>>> {
+    let share = |(i, links): (usize, &IntervalLinks)| {
+        let parted = links.parted();
+        if parted.is_empty() {
+            return Ok(None);
+        }
+        let pair = [contours.get(i)?, contours.get(i + 1)?];
+        let labels = [&pair[0].solids.labels, &pair[1].solids.labels];
+        let apart = |n: usize| parted.iter().any(|(a, b)| *a == labels[0][n] || *b == labels[1][n]);
         let dims = pair[0].phi.dims;
-        let [low, high] = [0, 1].map(|k| parts(&pair[k].solids, dims, self.h));
-        let pairs = |join: bool| known.iter().filter(move |(_, j)| **j == join).map(|(pair, _)| *pair);
-        let mut partners: BTreeSet<(u32, u32)> = overlaps(&pair[0].solids, &pair[1].solids);
-        partners.extend(pairs(true));
-        let mut found: Vec<(u32, u32)> = candidates(&low, &high, &pairs(false).collect(), &partners, dims, self.h)
-            .into_iter()
-            .filter(|c| c.convinces(self.settings.link_reach))
-            .map(|c| (c.from, c.to))
-            .collect();
-        // What is in the way of a link, another link or a part that stands still, excludes it.
-        while !found.is_empty() {
-            let all: Vec<(u32, u32)> = pairs(true).chain(found.iter().copied()).collect();
-            let followed = rigid_frames::linked(pair[0], pair[1], &all, self.h).followed;
-            let shares = followed[all.len() - found.len()..].iter().enumerate();
-            match shares.min_by(|a, b| a.1.total_cmp(b.1)) {
-                Some((worst, share)) if *share < FOLLOWED => found.remove(worst),
-                _ => break,
-            };
-        }
-        found
-    }
-
-    /// The displacements of linked parts, or of all that have a rigid frame; warns of links that cannot be followed.
-    pub(super) fn frames(&mut self, contours: &SpillVec<'a, Contour>) -> Result<SpillVec<'a, Displacement>> {
-        let frames = if self.settings.motion == Motion::Rigid { rigid_frames::rigid } else { rigid_frames::linked };
-        let of = |i: usize, [low, high]: [&Contour; 2]| {
-            let joined = self.links[i].joined();
-            let found = frames(low, high, &joined, self.h);
-            let unfollowed = joined.into_iter().zip(&found.followed).filter(|(_, share)| **share < FOLLOWED);
-            let [below, above] = [0, 1].map(|k| &self.stack.slices[i + k].name);
-            let warning = |((from, to), _): ((u32, u32), &f64)| {
-                format!(
-                    "part {from} of `{below}` and part {to} of `{above}` are linked, but something else is in the way between them"
-                )
-            };
-            let warnings: Vec<String> = unfollowed.map(warning).collect();
-            (found.displacement, warnings)
-        };
-        let (mut displacements, mut warnings) = (SpillVec::new(self.budget), Vec::new());
-        self.for_pairs(contours, of, |(displacement, mut of_pair)| {
-            warnings.append(&mut of_pair);
-            displacements.push(displacement)
-        })?;
-        self.report.warnings.append(&mut warnings);
-        Ok(displacements)
-    }
-
-    /// Finds out how far linked parts meet, in the moving frame if there is one.
-    pub(super) fn see_links(
-        &mut self,
-        contours: &SpillVec<'_, Contour>,
-        moving: Option<&MotionStack<'_>>,
-    ) -> Result<()> {
-        for (i, links) in self.links.iter_mut().enumerate().filter(|(_, links)| !links.told.is_empty()) {
-            let [low, high] = [contours.get(i)?, contours.get(i + 1)?];
-            let at_slices = moving.map(|m| m.at_slices(i)).transpose()?;
-            for link in &mut links.told {
-                link.meet = rigid_frames::meeting(&low, &high, (link.from, link.to), at_slices.as_deref());
-            }
-        }
-        Ok(())
-    }
-
-    /// Share of the fairing's strength in every interval where parts are kept apart.
-    pub(super) fn fairing_shares(&self, contours: &SpillVec<'_, Contour>) -> Result<Vec<Option<Vec<f32>>>> {
-        let share = |(i, links): (usize, &IntervalLinks)| {
-            let parted = links.parted();
-            if parted.is_empty() {
-                return Ok(None);
-            }
-            let pair = [contours.get(i)?, contours.get(i + 1)?];
-            let labels = [&pair[0].solids.labels, &pair[1].solids.labels];
-            let apart = |n: usize| parted.iter().any(|(a, b)| *a == labels[0][n] || *b == labels[1][n]);
-            let dims = pair[0].phi.dims;
-            let mask: Vec<bool> = (0..dims[0] * dims[1]).map(apart).collect();
-            let away = exact_distance(&mask, dims, self.h);
-            let [none, all] = UNFAIRED;
-            let [nx, ny] = self.stack.dims;
-            let padded = |n: usize| (n / nx + self.pad[1]) * dims[0] + n % nx + self.pad[0];
-            let part = |n| smoothstep((away.data[padded(n)] - none) / (all - none)) as f32;
-            Ok(Some((0..nx * ny).map(part).collect()))
-        };
-        self.links.iter().enumerate().map(share).collect()
-    }
+        let mask: Vec<bool> = (0..dims[0] * dims[1]).map(apart).collect();
+        let away = exact_distance(&mask, dims, run.h);
+        let [none, all] = UNFAIRED;
+        let [nx, ny] = run.stack.dims;
+        let padded = |n: usize| (n / nx + run.pad[1]) * dims[0] + n % nx + run.pad[0];
+        let part = |n| smoothstep((away.data[padded(n)] - none) / (all - none)) as f32;
+        Ok(Some((0..nx * ny).map(part).collect()))
+    };
+    links.iter().enumerate().map(share).collect()
 }
 
 /// Pairs of parts of two slices under the numbers that the parts have in the mid frame.

@@ -5,9 +5,14 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::context::{Context, Sink, stage};
+use super::ends::{end_matter, make_ends, passing};
 use super::events::named;
+use super::finish::faired;
+use super::links::see_links;
 use super::links::{IntervalLinks, in_frame};
-use super::{Run, Sink};
+use super::moving::{close, lone_parts, moving_frame, slice_slopes};
+use super::propagate::propagate;
 use crate::backend::MorphOptions;
 use crate::backend::jobs::PartJob;
 use crate::contour::Contour;
@@ -22,7 +27,7 @@ use crate::pipeline::tracks;
 use crate::pipeline::tracks::{Sides, trace_job};
 use crate::registration::motion_field::LoneParts;
 use crate::registration::motion_stack::MotionStack;
-use crate::report::IntervalReport;
+use crate::report::{IntervalReport, Report};
 use crate::settings::Motion;
 use crate::storage::spill::SpillVec;
 use crate::surface::stream::LayerSink;
@@ -77,203 +82,208 @@ pub(super) struct SweepInputs<'c, 'b> {
     pub(super) ends: [End; 2],
 }
 
-impl<'a> Run<'a> {
-    /// All stages after the distance; the heights at which the body ends.
-    pub(super) fn morph(
-        &mut self,
-        contours: &SpillVec<'a, Contour>,
-        heights: &[f64],
-        sink: &mut dyn LayerSink,
-    ) -> Result<[f64; 2]> {
-        let count = contours.len() - 1;
-        let moving = match self.settings.motion {
-            Motion::Field | Motion::Rigid => Some(self.moving(contours)?),
-            Motion::None => None,
-        };
-        self.see_links(contours, moving.as_ref())?;
-        let (seen, parted) = self.seen(contours, moving.as_ref())?;
-        let intervals = self.stage("match", count, |run| run.matching(&seen, &parted, moving.as_ref()))?;
-        let jobs = (0..count).map(|i| 2 * intervals.light(i).groups.len()).sum();
-        let sides = self.stage("trace", jobs, |run| run.trace(&seen, &intervals, moving.as_ref()))?;
-        let matter = self.end_matter(contours, moving.as_ref())?;
-        let fitted = self.stage("fit", 1, |run| {
-            let measured = Measured { contours, sides: &sides, h: run.h, px: run.px };
-            fit(&measured, run.settings, run.budget, |i, fitted| {
-                // A slope that the user gives is the whole slope.
-                let given = match i {
-                    0 => run.settings.clamp_bottom,
-                    _ if i == count => run.settings.clamp_top,
-                    _ => None,
-                };
-                match (&moving, given) {
-                    (Some(moving), Some(_)) => {
-                        Ok(fitted.with_motion(&*contours.get(i)?, &*moving.rate(i)?, run.h, -1.0))
-                    }
-                    _ => run.passing(contours, moving.as_ref(), &matter, i, fitted),
-                }
-            })
-        })?;
-        let ends = self.ends(contours, &matter, [&*fitted.get(0)?, &*fitted.get(count)?], moving.as_ref())?;
-        let extent = ends.each_ref().map(|end| end.extent);
-        let heights = self.heights(heights, extent)?;
-        sink.begin(&self.header(&heights, extent))?;
-        let sink: &mut Sink<'_> = &mut |layer| sink.layer(layer);
-        let beside = match &moving {
-            None => None,
-            Some(moving) => {
-                let slopes = self.slopes(contours, moving, &matter)?;
-                let lone = self.lone_parts(contours, moving, &slopes)?;
-                Some(FieldFallback { moving, slopes, lone })
-            }
-        };
-        let made = SweepInputs { contours, beside, seen, parted, intervals, sides, fitted, ends };
-        self.stage("propagate", jobs, |run| {
-            run.faired(contours, moving.as_ref(), sink, |run, sink| run.propagate(&made, &heights, sink))
-        })?;
-        Ok(extent)
-    }
-
-    /// The contours of every interval in its frame, and the pairs of parts that are kept apart there.
-    fn seen<'c>(
-        &self,
-        contours: &'c SpillVec<'a, Contour>,
-        moving: Option<&MotionStack<'a>>,
-    ) -> Result<(SeenStack<'c, 'a>, Vec<Pairs>)> {
-        let count = contours.len() - 1;
-        let Some(moving) = moving else {
-            let parted = self.links.iter().map(IntervalLinks::parted).collect();
-            return Ok((SeenStack { contours, moved: None }, parted));
-        };
-        let (mut moved, mut all_parted) = (SpillVec::new(self.budget), Vec::with_capacity(count));
-        // Two contours as they are and as the frame sees them.
-        let at_once = self.budget.at_once(count, 8 * self.field_bytes());
-        let traced = self.span.traced.clone();
-        let none = |moved: &mut SpillVec<'a, Contour>| [(); 2].iter().try_for_each(|()| moved.push(Contour::default()));
-        (0..traced.start).try_for_each(|_| none(&mut moved))?;
-        all_parted.resize(traced.start, Pairs::new());
-        for first in traced.clone().step_by(at_once) {
-            let some = first..(first + at_once).min(traced.end);
-            let of_interval = |i: usize| {
-                let parted = self.links[i].parted();
-                let own = |k: usize| match parted.is_empty() && contours.light(k).solids.count > 0 {
-                    true => contours.some(k, Contour::SEEDS_AND_FIELD),
-                    false => contours.get(k),
-                };
-                let own = [own(i)?, own(i + 1)?];
-                let frame = moving.middle(i)?;
-                let seen = frame.contours(&own[0], &own[1], self.h).map(Cow::into_owned);
-                let parted = in_frame(&parted, [&own[0], &own[1]], seen.each_ref(), &frame);
-                Ok((seen, parted))
-            };
-            for made in some.into_par_iter().map(of_interval).collect::<Result<Vec<_>>>()? {
-                made.0.into_iter().try_for_each(|contour| moved.push(contour))?;
-                all_parted.push(made.1);
-            }
-        }
-        (traced.end..count).try_for_each(|_| none(&mut moved))?;
-        all_parted.resize(count, Pairs::new());
-        Ok((SeenStack { contours, moved: Some(moved) }, all_parted))
-    }
-
-    fn matching(
-        &mut self,
-        seen: &SeenStack<'_, 'a>,
-        parted: &[Pairs],
-        moving: Option<&MotionStack<'a>>,
-    ) -> Result<SpillVec<'a, Interval>> {
-        let (margin, count) = (self.margin, parted.len());
-        let mut intervals = SpillVec::new(self.budget);
-        // Both contours, both ends of all groups, cut and answered.
-        let at_once = self.budget.at_once(count, 8 * self.field_bytes());
-        let traced = self.span.traced.clone();
-        for first in (0..count).step_by(at_once) {
-            let some = first..(first + at_once).min(count);
-            let plan = |i: usize| {
-                if !traced.contains(&i) {
-                    return Ok((IntervalPlan::default(), [0.0; 2]));
-                }
-                let [low, high] = seen.get(i)?;
-                let plan = IntervalPlan::new(&low, &high, &DecidedPairs::parting(parted[i].clone()), margin);
-                Ok((plan, [low.z, high.z]))
-            };
-            let mut plans = some.into_par_iter().map(plan).collect::<Result<Vec<_>>>()?;
-            let jobs: Vec<PartJob> = plans.iter_mut().flat_map(|(plan, _)| plan.take_jobs()).collect();
-            let mut fields = self.backend.part_fields(&jobs, self.h)?.into_iter();
-            drop(jobs);
-            for (i, (plan, [z_low, z_high])) in (first..).zip(plans) {
-                let mut interval = plan.finish(&mut fields);
-                self.close(seen.contours, i, Direction::Up, &mut interval.lone)?;
-                self.close(seen.contours, i, Direction::Down, &mut interval.lone)?;
-                self.report.intervals.push(IntervalReport {
-                    z_low,
-                    z_high,
-                    groups: interval.groups.len(),
-                    events: match moving {
-                        Some(moving) if traced.contains(&i) => {
-                            let ([low, high], own) = (seen.get(i)?, [seen.contours.get(i)?, seen.contours.get(i + 1)?]);
-                            named(&interval.events, [&low, &high], own.each_ref().map(|c| &**c), &moving.middle(i)?)
-                        }
-                        _ => interval.events.clone(),
-                    },
-                    ..IntervalReport::default()
-                });
-                intervals.push(interval)?;
-                self.progress.advance(1);
-            }
-        }
+/// All stages after the distance; the heights at which the body ends.
+pub(super) fn morph<'a>(
+    run: &Context<'a>,
+    links: &mut [IntervalLinks],
+    contours: &SpillVec<'a, Contour>,
+    heights: &[f64],
+    report: &mut Report,
+    sink: &mut dyn LayerSink,
+) -> Result<[f64; 2]> {
+    let count = contours.len() - 1;
+    let moving = match run.settings.motion {
+        Motion::Field | Motion::Rigid => Some(moving_frame(run, links, contours, report)?),
+        Motion::None => None,
+    };
+    see_links(links, contours, moving.as_ref())?;
+    let (seen, parted) = in_frames(run, links, contours, moving.as_ref())?;
+    let intervals = stage(run, report, "match", count, |report| {
+        let (intervals, reports) = matching(run, &seen, &parted, moving.as_ref())?;
+        report.intervals = reports;
         Ok(intervals)
-    }
+    })?;
+    let jobs = (0..count).map(|i| 2 * intervals.light(i).groups.len()).sum();
+    let sides = stage(run, report, "trace", jobs, |report| {
+        trace(run, &seen, &intervals, moving.as_ref(), &mut report.intervals)
+    })?;
+    let matter = end_matter(run, contours, moving.as_ref())?;
+    let fitted = stage(run, report, "fit", 1, |_| {
+        let measured = Measured { contours, sides: &sides, h: run.h, px: run.px };
+        fit(&measured, run.settings, run.budget, |i, fitted| {
+            // A slope that the user gives is the whole slope.
+            let given = match i {
+                0 => run.settings.clamp_bottom,
+                _ if i == count => run.settings.clamp_top,
+                _ => None,
+            };
+            match (&moving, given) {
+                (Some(moving), Some(_)) => Ok(fitted.with_motion(&*contours.get(i)?, &*moving.rate(i)?, run.h, -1.0)),
+                _ => passing(run, contours, moving.as_ref(), &matter, i, fitted),
+            }
+        })
+    })?;
+    let ends = make_ends(run, contours, &matter, [&*fitted.get(0)?, &*fitted.get(count)?], moving.as_ref(), report)?;
+    let extent = ends.each_ref().map(|end| end.extent);
+    let heights = run.heights(heights, extent)?;
+    sink.begin(&run.header(&heights, extent))?;
+    let sink: &mut Sink<'_> = &mut |layer| sink.layer(layer);
+    let beside = match &moving {
+        None => None,
+        Some(moving) => {
+            let slopes = slice_slopes(run, contours, moving, &matter, report)?;
+            let lone = lone_parts(run, contours, moving, &slopes)?;
+            Some(FieldFallback { moving, slopes, lone })
+        }
+    };
+    let made = SweepInputs { contours, beside, seen, parted, intervals, sides, fitted, ends };
+    stage(run, report, "propagate", jobs, |report| {
+        faired(run, links, contours, moving.as_ref(), sink, |sink| propagate(run, &made, &heights, report, sink))
+    })?;
+    Ok(extent)
+}
 
-    /// Both morphs of every group, up and down, and what they say of the contours' seeds.
-    fn trace(
-        &mut self,
-        seen: &SeenStack<'_, 'a>,
-        intervals: &SpillVec<'a, Interval>,
-        moving: Option<&MotionStack<'a>>,
-    ) -> Result<SpillVec<'a, Sides>> {
-        let count = intervals.len();
-        let mut sides = SpillVec::new(self.budget);
-        (0..self.span.traced.start).try_for_each(|_| sides.push(Sides::default()))?;
-        // Both ends of all groups, and what a morph of each keeps.
-        let at_once = self.budget.at_once(count, 10 * self.field_bytes());
-        for first in self.span.traced.clone().step_by(at_once) {
-            let some = first..(first + at_once).min(self.span.traced.end);
-            let loaded = some.clone().map(|i| intervals.get(i)).collect::<Result<Vec<_>>>()?;
-            let mut jobs = Vec::new();
-            let mut owners = Vec::new();
-            for (i, interval) in some.clone().zip(&loaded) {
-                let [low, high] = seen.some(i, Contour::SEEDS)?;
-                for group in &interval.groups {
-                    jobs.push(trace_job(group, &low.seeds, Direction::Up));
-                    jobs.push(trace_job(group, &high.seeds, Direction::Down));
-                    owners.extend([i, i]);
-                }
+/// The contours of every interval in its frame, and the pairs of parts that are kept apart there.
+fn in_frames<'a, 'c>(
+    run: &Context<'a>,
+    links: &[IntervalLinks],
+    contours: &'c SpillVec<'a, Contour>,
+    moving: Option<&MotionStack<'a>>,
+) -> Result<(SeenStack<'c, 'a>, Vec<Pairs>)> {
+    let count = contours.len() - 1;
+    let Some(moving) = moving else {
+        let parted = links.iter().map(IntervalLinks::parted).collect();
+        return Ok((SeenStack { contours, moved: None }, parted));
+    };
+    let (mut moved, mut all_parted) = (SpillVec::new(run.budget), Vec::with_capacity(count));
+    // Two contours as they are and as the frame sees them.
+    let at_once = run.budget.at_once(count, 8 * run.field_bytes());
+    let traced = run.span.traced.clone();
+    let none = |moved: &mut SpillVec<'a, Contour>| [(); 2].iter().try_for_each(|()| moved.push(Contour::default()));
+    (0..traced.start).try_for_each(|_| none(&mut moved))?;
+    all_parted.resize(traced.start, Pairs::new());
+    for first in traced.clone().step_by(at_once) {
+        let some = first..(first + at_once).min(traced.end);
+        let of_interval = |i: usize| {
+            let parted = links[i].parted();
+            let own = |k: usize| match parted.is_empty() && contours.light(k).solids.count > 0 {
+                true => contours.some(k, Contour::SEEDS_AND_FIELD),
+                false => contours.get(k),
+            };
+            let own = [own(i)?, own(i + 1)?];
+            let frame = moving.middle(i)?;
+            let seen = frame.contours(&own[0], &own[1], run.h).map(Cow::into_owned);
+            let parted = in_frame(&parted, [&own[0], &own[1]], seen.each_ref(), &frame);
+            Ok((seen, parted))
+        };
+        for made in some.into_par_iter().map(of_interval).collect::<Result<Vec<_>>>()? {
+            made.0.into_iter().try_for_each(|contour| moved.push(contour))?;
+            all_parted.push(made.1);
+        }
+    }
+    (traced.end..count).try_for_each(|_| none(&mut moved))?;
+    all_parted.resize(count, Pairs::new());
+    Ok((SeenStack { contours, moved: Some(moved) }, all_parted))
+}
+
+fn matching<'a>(
+    run: &Context<'a>,
+    seen: &SeenStack<'_, 'a>,
+    parted: &[Pairs],
+    moving: Option<&MotionStack<'a>>,
+) -> Result<(SpillVec<'a, Interval>, Vec<IntervalReport>)> {
+    let (margin, count) = (run.margin, parted.len());
+    let (mut intervals, mut reports) = (SpillVec::new(run.budget), Vec::with_capacity(count));
+    // Both contours, both ends of all groups, cut and answered.
+    let at_once = run.budget.at_once(count, 8 * run.field_bytes());
+    let traced = run.span.traced.clone();
+    for first in (0..count).step_by(at_once) {
+        let some = first..(first + at_once).min(count);
+        let plan = |i: usize| {
+            if !traced.contains(&i) {
+                return Ok((IntervalPlan::default(), [0.0; 2]));
             }
-            let traced = self.backend.trace(&jobs, self.h, &MorphOptions::from(self.settings), self.progress)?;
-            for (t, &i) in traced.iter().zip(&owners) {
-                let report = &mut self.report.intervals[i];
-                if let Some(k) = t.tracks.iter().position(|k| !(k.distance.is_finite() && k.landing[0].is_finite())) {
-                    let message =
-                        format!("particle {k} between heights {} and {} is lost", report.z_low, report.z_high);
-                    return Err(Error::Numerics { stage: "trace", message });
-                }
-                report.trace_steps += t.steps;
-                report.trace_pixels += t.pixels;
-                let arrived = t.tracks.iter().filter(|k| k.arrived).count();
-                report.particles.seeded += t.tracks.len();
-                report.particles.arrived += arrived;
-                report.particles.died += t.tracks.len() - arrived;
-            }
-            let mut traced = traced.into_iter();
-            for (i, interval) in some.zip(&loaded) {
-                let own = |i| seen.contours.some(i, Contour::SEEDS_AND_PARTS);
-                let [low, high] = [own(i)?, own(i + 1)?];
-                let frame = moving.map(|m| m.middle(i)).transpose()?.unwrap_or_default();
-                let [up, down] = tracks::sides([&low, &high], interval, &frame, &mut traced);
-                sides.push(Sides { up: Some(up), down: Some(down) })?;
+            let [low, high] = seen.get(i)?;
+            let plan = IntervalPlan::new(&low, &high, &DecidedPairs::parting(parted[i].clone()), margin);
+            Ok((plan, [low.z, high.z]))
+        };
+        let mut plans = some.into_par_iter().map(plan).collect::<Result<Vec<_>>>()?;
+        let jobs: Vec<PartJob> = plans.iter_mut().flat_map(|(plan, _)| plan.take_jobs()).collect();
+        let mut fields = run.backend.part_fields(&jobs, run.h)?.into_iter();
+        drop(jobs);
+        for (i, (plan, [z_low, z_high])) in (first..).zip(plans) {
+            let mut interval = plan.finish(&mut fields);
+            close(run, seen.contours, i, Direction::Up, &mut interval.lone)?;
+            close(run, seen.contours, i, Direction::Down, &mut interval.lone)?;
+            reports.push(IntervalReport {
+                z_low,
+                z_high,
+                groups: interval.groups.len(),
+                events: match moving {
+                    Some(moving) if traced.contains(&i) => {
+                        let ([low, high], own) = (seen.get(i)?, [seen.contours.get(i)?, seen.contours.get(i + 1)?]);
+                        named(&interval.events, [&low, &high], own.each_ref().map(|c| &**c), &moving.middle(i)?)
+                    }
+                    _ => interval.events.clone(),
+                },
+                ..IntervalReport::default()
+            });
+            intervals.push(interval)?;
+            run.progress.advance(1);
+        }
+    }
+    Ok((intervals, reports))
+}
+
+/// Both morphs of every group, up and down, and what they say of the contours' seeds.
+fn trace<'a>(
+    run: &Context<'a>,
+    seen: &SeenStack<'_, 'a>,
+    intervals: &SpillVec<'a, Interval>,
+    moving: Option<&MotionStack<'a>>,
+    reports: &mut [IntervalReport],
+) -> Result<SpillVec<'a, Sides>> {
+    let count = intervals.len();
+    let mut sides = SpillVec::new(run.budget);
+    (0..run.span.traced.start).try_for_each(|_| sides.push(Sides::default()))?;
+    // Both ends of all groups, and what a morph of each keeps.
+    let at_once = run.budget.at_once(count, 10 * run.field_bytes());
+    for first in run.span.traced.clone().step_by(at_once) {
+        let some = first..(first + at_once).min(run.span.traced.end);
+        let loaded = some.clone().map(|i| intervals.get(i)).collect::<Result<Vec<_>>>()?;
+        let mut jobs = Vec::new();
+        let mut owners = Vec::new();
+        for (i, interval) in some.clone().zip(&loaded) {
+            let [low, high] = seen.some(i, Contour::SEEDS)?;
+            for group in &interval.groups {
+                jobs.push(trace_job(group, &low.seeds, Direction::Up));
+                jobs.push(trace_job(group, &high.seeds, Direction::Down));
+                owners.extend([i, i]);
             }
         }
-        (self.span.traced.end..count).try_for_each(|_| sides.push(Sides::default()))?;
-        Ok(sides)
+        let traced = run.backend.trace(&jobs, run.h, &MorphOptions::from(run.settings), run.progress)?;
+        for (t, &i) in traced.iter().zip(&owners) {
+            let report = &mut reports[i];
+            if let Some(k) = t.tracks.iter().position(|k| !(k.distance.is_finite() && k.landing[0].is_finite())) {
+                let message = format!("particle {k} between heights {} and {} is lost", report.z_low, report.z_high);
+                return Err(Error::Numerics { stage: "trace", message });
+            }
+            report.trace_steps += t.steps;
+            report.trace_pixels += t.pixels;
+            let arrived = t.tracks.iter().filter(|k| k.arrived).count();
+            report.particles.seeded += t.tracks.len();
+            report.particles.arrived += arrived;
+            report.particles.died += t.tracks.len() - arrived;
+        }
+        let mut traced = traced.into_iter();
+        for (i, interval) in some.zip(&loaded) {
+            let own = |i| seen.contours.some(i, Contour::SEEDS_AND_PARTS);
+            let [low, high] = [own(i)?, own(i + 1)?];
+            let frame = moving.map(|m| m.middle(i)).transpose()?.unwrap_or_default();
+            let [up, down] = tracks::sides([&low, &high], interval, &frame, &mut traced);
+            sides.push(Sides { up: Some(up), down: Some(down) })?;
+        }
     }
+    (run.span.traced.end..count).try_for_each(|_| sides.push(Sides::default()))?;
+    Ok(sides)
 }

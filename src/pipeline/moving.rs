@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
-use super::Run;
-use super::ends::EndMatter;
+use super::context::{Context, stage};
+use super::ends::{EndMatter, passing_field};
+use super::links::{IntervalLinks, frames};
 use crate::contour::Contour;
 use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
@@ -19,213 +20,198 @@ use crate::reference::displacement::ROUNDS;
 use crate::registration::displacement::{Displacement, DisplacementJob};
 use crate::registration::motion_field::{LEAST_DEPTH, LoneParts, drawn_in};
 use crate::registration::motion_stack::MotionStack;
+use crate::report::Report;
 use crate::settings::Motion;
-use crate::storage::spill::{Large, SpillVec};
+use crate::storage::spill::SpillVec;
 
-impl<'a> Run<'a> {
-    /// The stack in its moving frame.
-    pub(super) fn moving(&mut self, contours: &SpillVec<'a, Contour>) -> Result<MotionStack<'a>> {
-        self.stage("motion", contours.len() - 1, |run| {
-            let fields = run.filled_fields(contours)?;
-            let z: Vec<f64> = (0..contours.len()).map(|i| contours.light(i).z).collect();
-            let displacements = match run.settings.motion {
-                Motion::Field => {
-                    let guess = run.frames(contours)?;
-                    run.displacements(&fields, guess)?
-                }
-                Motion::Rigid => run.frames(contours)?,
-                Motion::None => run.shelved((1..z.len()).map(|_| Displacement::zero(run.padded())))?,
-            };
-            run.progress.advance(z.len() - 1);
-            MotionStack::new(
-                z,
-                run.span.gaps.clone(),
-                run.px,
-                run.span.change.relief,
-                fields,
-                displacements,
-                run.budget,
-            )
-        })
-    }
-
-    /// Distances of all slices; an empty one reads as its nearest contours drawn in.
-    fn filled_fields(&self, contours: &SpillVec<'a, Contour>) -> Result<SpillVec<'a, Field>> {
-        let mut fields = SpillVec::new(self.budget);
-        let full = |i: &usize| contours.light(*i).solids.count > 0;
-        for i in 0..contours.len() {
-            fields.push(if full(&i) {
-                contours.some(i, Contour::FIELD)?.phi.clone()
-            } else {
-                let nearest = [(0..i).rev().find(full), (i + 1..contours.len()).find(full)];
-                let nearest = nearest
-                    .into_iter()
-                    .flatten()
-                    .map(|k| contours.some(k, Contour::FIELD))
-                    .collect::<Result<Vec<_>>>()?;
-                drawn_in(&nearest, self.padded())
-            })?;
-        }
-        Ok(fields)
-    }
-
-    /// Displacements of all intervals: all rounds together where the fields fit into memory, else round by round a few intervals at a time,
-    /// with one to either side that takes part.
-    fn displacements(
-        &self,
-        fields: &SpillVec<'a, Field>,
-        guess: SpillVec<'a, Displacement>,
-    ) -> Result<SpillVec<'a, Displacement>> {
-        let gaps = &self.span.gaps;
-        let count = gaps.len();
-        // A field, and what is known of its blocks.
-        let at_once = self.budget.at_once(count, 2 * self.field_bytes());
-        if at_once == count {
-            let found = self.some_displacements(fields, [&guess; 2], 0..count, 0..ROUNDS.len(), 0..count)?;
-            return self.shelved(found);
-        }
-        let own = at_once.saturating_sub(2).max(1);
-        let mut current: Option<SpillVec<'a, Displacement>> = None;
-        for round in 0..ROUNDS.len() {
-            let mut better = SpillVec::new(self.budget);
-            for first in (0..count).step_by(own) {
-                let wanted = first..(first + own).min(count);
-                let around = first.saturating_sub(1)..(wanted.end + 1).min(count);
-                let begin = [&guess, current.as_ref().unwrap_or(&guess)];
-                for found in self.some_displacements(fields, begin, around, round..round + 1, wanted)? {
-                    better.push(found)?;
-                }
+/// The stack in its moving frame.
+pub(super) fn moving_frame<'a>(
+    run: &Context<'a>,
+    links: &[IntervalLinks],
+    contours: &SpillVec<'a, Contour>,
+    report: &mut Report,
+) -> Result<MotionStack<'a>> {
+    stage(run, report, "motion", contours.len() - 1, |report| {
+        let fields = filled_fields(run, contours)?;
+        let z: Vec<f64> = (0..contours.len()).map(|i| contours.light(i).z).collect();
+        let displacements = match run.settings.motion {
+            Motion::Field => {
+                let guess = frames(run, links, contours, report)?;
+                displacements(run, &fields, guess)?
             }
-            current = Some(better);
-        }
-        Ok(current.unwrap_or(guess))
-    }
-
-    /// The `wanted` displacements of intervals `around` after some rounds from what is the second of `from`, their guess being the first.
-    fn some_displacements(
-        &self,
-        fields: &SpillVec<'a, Field>,
-        [guess, begin]: [&SpillVec<'a, Displacement>; 2],
-        around: Range<usize>,
-        rounds: Range<usize>,
-        wanted: Range<usize>,
-    ) -> Result<impl Iterator<Item = Displacement>> {
-        let load = |shelf: &SpillVec<'a, Displacement>| {
-            around.clone().map(|i| Ok(shelf.get(i)?.as_ref().clone())).collect::<Result<Vec<_>>>()
+            Motion::Rigid => frames(run, links, contours, report)?,
+            Motion::None => run.spilled((1..z.len()).map(|_| Displacement::zero(run.padded())))?,
         };
-        let found = self.backend.displacements(&DisplacementJob {
-            fields: &(around.start..=around.end).map(|i| fields.get(i)).collect::<Result<Vec<_>>>()?,
-            gaps: &self.span.gaps[around.clone()],
-            guess: &load(guess)?,
-            begin: &load(begin)?,
-            rounds,
-            h: self.h,
-        })?;
-        Ok(found.into_iter().skip(wanted.start - around.start).take(wanted.len()))
-    }
-
-    /// Things on a shelf.
-    pub(super) fn shelved<T: Large>(&self, things: impl IntoIterator<Item = T>) -> Result<SpillVec<'a, T>> {
-        let mut shelf = SpillVec::new(self.budget);
-        things.into_iter().try_for_each(|thing| shelf.push(thing))?;
-        Ok(shelf)
-    }
-
-    /// Slopes of the fields of all slices beside layers, passing smoothly into what lies beyond the ends.
-    pub(super) fn slopes(
-        &mut self,
-        contours: &SpillVec<'a, Contour>,
-        moving: &MotionStack<'a>,
-        matter: &[EndMatter; 2],
-    ) -> Result<SpillVec<'a, Field>> {
-        let count = moving.slices();
-        self.stage("slopes", count, |run| {
-            let mut slopes = SpillVec::new(run.budget);
-            // A field and the slopes.
-            let own = run.budget.at_once(count, 2 * run.field_bytes());
-            let wanted = run.span.layers.start..run.span.layers.end + 1;
-            (0..wanted.start).try_for_each(|_| slopes.push(Field::default()))?;
-            for first in wanted.clone().step_by(own) {
-                let end = (first + own).min(wanted.end);
-                // A slope reads the slices beside its own, at an end of the stack NEIGHBOURS to the one side.
-                let below = if end == count { first.min(count - NEIGHBOURS.min(count - 1)) } else { first };
-                let above = if first == 0 { end.max(NEIGHBOURS) } else { end };
-                let around = below.saturating_sub(1)..(above + 1).min(count);
-                let own = first - around.start..end - around.start;
-                let found = run.backend.moving_slopes(&moving.part(around)?, own, run.progress)?;
-                for (i, mut field) in (first..).zip(found) {
-                    run.passing_field(contours, moving, matter, i, &mut field)?;
-                    slopes.push(field)?;
-                }
-            }
-            Ok(slopes)
-        })
-    }
-
-    /// Parts that meet nothing in the other slice along their trajectories, interval by interval, and how they close by the field's slopes.
-    pub(super) fn lone_parts(
-        &self,
-        contours: &SpillVec<'a, Contour>,
-        moving: &MotionStack<'a>,
-        slopes: &SpillVec<'a, Field>,
-    ) -> Result<SpillVec<'a, LoneParts>> {
-        let mut out = SpillVec::new(self.budget);
-        (0..self.span.layers.start).try_for_each(|_| out.push(LoneParts::default()))?;
-        for i in self.span.layers.clone() {
-            let gap = self.span.gaps[i];
-            let [low, high] = [Direction::Up, Direction::Down].map(|direction| {
-                let (number, other, way) = match direction {
-                    Direction::Up => (i, i + 1, 1.0),
-                    Direction::Down => (i + 1, i, -1.0),
-                };
-                let least = if contours.light(other).solids.count > 0 { LEAST_DEPTH } else { 0.0 };
-                let (own, other) = (contours.get(number)?, moving.field(other)?);
-                let at_slices = moving.at_slices(i)?;
-                let u = &at_slices[usize::from(direction == Direction::Down)];
-                let parts = without_partner(&own, least, |x| {
-                    let v = u.at(x);
-                    other.sample([x[0] + way * v[0], x[1] + way * v[1]]) < 0.0
-                });
-                let mut lone = lone_solids(&own, &parts, self.h, self.margin, direction, self.backend)?;
-                self.close(contours, i, direction, &mut lone)?;
-                let fitted = Fitted::of_field(&own, &*slopes.get(number)?);
-                let slope = |part: &LonePart| way * gap * mean_slope(&fitted, &part.seeds);
-                let farthest = self.settings.margin() as f64;
-                Ok(lone.iter().map(|part| Cap::new(part, slope(part), part.closes, farthest)).collect::<Vec<_>>())
-            });
-            let empty = [i, i + 1].iter().any(|k| contours.light(*k).solids.count == 0);
-            out.push(LoneParts { low: low?, high: high?, empty })?;
-        }
-        Ok(out)
-    }
+        run.progress.advance(z.len() - 1);
+        MotionStack::new(z, run.span.gaps.clone(), run.px, run.span.change.relief, fields, displacements, run.budget)
+    })
 }
 
-impl<'a> Run<'a> {
-    /// Says where parts without partner in interval `i` end, which go on from its lower contour or, `Direction::Down`, from its upper one.
-    pub(super) fn close(
-        &self,
-        contours: &SpillVec<'a, Contour>,
-        i: usize,
-        direction: Direction,
-        lone: &mut [LonePart],
-    ) -> Result<()> {
-        if !lone.iter().any(|part| part.direction == direction) {
-            return Ok(());
-        }
-        let gap = |k: usize| self.span.gap_as_width(k) / self.px;
-        let (own, inner) = match direction {
-            Direction::Up => (i, i.checked_sub(1).map(|k| (k, gap(k)))),
-            Direction::Down => (i + 1, (i + 2 < contours.len()).then(|| (i + 2, gap(i + 1)))),
-        };
-        let own = contours.some(own, Contour::SEEDS_AND_PARTS)?;
-        let inner = inner.map(|(k, gap)| contours.get(k).map(|c| (c, gap))).transpose()?;
-        let inner = inner.as_ref().map(|(inner, gap)| (Succession::new(&own, inner), *gap));
-        let inner = inner.as_ref().map(|(inner, gap)| (inner, *gap));
-        for part in lone.iter_mut().filter(|part| part.direction == direction) {
-            part.closes = closes(part, gap(i), inner);
-        }
-        Ok(())
+/// Distances of all slices; an empty one reads as its nearest contours drawn in.
+fn filled_fields<'a>(run: &Context<'a>, contours: &SpillVec<'a, Contour>) -> Result<SpillVec<'a, Field>> {
+    let mut fields = SpillVec::new(run.budget);
+    let full = |i: &usize| contours.light(*i).solids.count > 0;
+    for i in 0..contours.len() {
+        fields.push(if full(&i) {
+            contours.some(i, Contour::FIELD)?.phi.clone()
+        } else {
+            let nearest = [(0..i).rev().find(full), (i + 1..contours.len()).find(full)];
+            let nearest =
+                nearest.into_iter().flatten().map(|k| contours.some(k, Contour::FIELD)).collect::<Result<Vec<_>>>()?;
+            drawn_in(&nearest, run.padded())
+        })?;
     }
+    Ok(fields)
+}
+
+/// Displacements of all intervals: all rounds together where the fields fit into memory, else round by round a few intervals at a time,
+/// with one to either side that takes part.
+fn displacements<'a>(
+    run: &Context<'a>,
+    fields: &SpillVec<'a, Field>,
+    guess: SpillVec<'a, Displacement>,
+) -> Result<SpillVec<'a, Displacement>> {
+    let gaps = &run.span.gaps;
+    let count = gaps.len();
+    // A field, and what is known of its blocks.
+    let at_once = run.budget.at_once(count, 2 * run.field_bytes());
+    if at_once == count {
+        let found = some_displacements(run, fields, [&guess; 2], 0..count, 0..ROUNDS.len(), 0..count)?;
+        return run.spilled(found);
+    }
+    let own = at_once.saturating_sub(2).max(1);
+    let mut current: Option<SpillVec<'a, Displacement>> = None;
+    for round in 0..ROUNDS.len() {
+        let mut better = SpillVec::new(run.budget);
+        for first in (0..count).step_by(own) {
+            let wanted = first..(first + own).min(count);
+            let around = first.saturating_sub(1)..(wanted.end + 1).min(count);
+            let begin = [&guess, current.as_ref().unwrap_or(&guess)];
+            for found in some_displacements(run, fields, begin, around, round..round + 1, wanted)? {
+                better.push(found)?;
+            }
+        }
+        current = Some(better);
+    }
+    Ok(current.unwrap_or(guess))
+}
+
+/// The `wanted` displacements of intervals `around` after some rounds from what is the second of `from`, their guess being the first.
+fn some_displacements<'a>(
+    run: &Context<'a>,
+    fields: &SpillVec<'a, Field>,
+    [guess, begin]: [&SpillVec<'a, Displacement>; 2],
+    around: Range<usize>,
+    rounds: Range<usize>,
+    wanted: Range<usize>,
+) -> Result<impl Iterator<Item = Displacement>> {
+    let load = |spilled: &SpillVec<'a, Displacement>| {
+        around.clone().map(|i| Ok(spilled.get(i)?.as_ref().clone())).collect::<Result<Vec<_>>>()
+    };
+    let found = run.backend.displacements(&DisplacementJob {
+        fields: &(around.start..=around.end).map(|i| fields.get(i)).collect::<Result<Vec<_>>>()?,
+        gaps: &run.span.gaps[around.clone()],
+        guess: &load(guess)?,
+        begin: &load(begin)?,
+        rounds,
+        h: run.h,
+    })?;
+    Ok(found.into_iter().skip(wanted.start - around.start).take(wanted.len()))
+}
+
+/// Slopes of the fields of all slices beside layers, passing smoothly into what lies beyond the ends.
+pub(super) fn slice_slopes<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    moving: &MotionStack<'a>,
+    matter: &[EndMatter; 2],
+    report: &mut Report,
+) -> Result<SpillVec<'a, Field>> {
+    let count = moving.slices();
+    stage(run, report, "slopes", count, |_| {
+        let mut slopes = SpillVec::new(run.budget);
+        // A field and the slopes.
+        let own = run.budget.at_once(count, 2 * run.field_bytes());
+        let wanted = run.span.layers.start..run.span.layers.end + 1;
+        (0..wanted.start).try_for_each(|_| slopes.push(Field::default()))?;
+        for first in wanted.clone().step_by(own) {
+            let end = (first + own).min(wanted.end);
+            // A slope reads the slices beside its own, at an end of the stack NEIGHBOURS to the one side.
+            let below = if end == count { first.min(count - NEIGHBOURS.min(count - 1)) } else { first };
+            let above = if first == 0 { end.max(NEIGHBOURS) } else { end };
+            let around = below.saturating_sub(1)..(above + 1).min(count);
+            let own = first - around.start..end - around.start;
+            let found = run.backend.moving_slopes(&moving.part(around)?, own, run.progress)?;
+            for (i, mut field) in (first..).zip(found) {
+                passing_field(run, contours, moving, matter, i, &mut field)?;
+                slopes.push(field)?;
+            }
+        }
+        Ok(slopes)
+    })
+}
+
+/// Parts that meet nothing in the other slice along their trajectories, interval by interval, and how they close by the field's slopes.
+pub(super) fn lone_parts<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    moving: &MotionStack<'a>,
+    slopes: &SpillVec<'a, Field>,
+) -> Result<SpillVec<'a, LoneParts>> {
+    let mut out = SpillVec::new(run.budget);
+    (0..run.span.layers.start).try_for_each(|_| out.push(LoneParts::default()))?;
+    for i in run.span.layers.clone() {
+        let gap = run.span.gaps[i];
+        let [low, high] = [Direction::Up, Direction::Down].map(|direction| {
+            let (number, other, way) = match direction {
+                Direction::Up => (i, i + 1, 1.0),
+                Direction::Down => (i + 1, i, -1.0),
+            };
+            let least = if contours.light(other).solids.count > 0 { LEAST_DEPTH } else { 0.0 };
+            let (own, other) = (contours.get(number)?, moving.field(other)?);
+            let at_slices = moving.at_slices(i)?;
+            let u = &at_slices[usize::from(direction == Direction::Down)];
+            let parts = without_partner(&own, least, |x| {
+                let v = u.at(x);
+                other.sample([x[0] + way * v[0], x[1] + way * v[1]]) < 0.0
+            });
+            let mut lone = lone_solids(&own, &parts, run.h, run.margin, direction, run.backend)?;
+            close(run, contours, i, direction, &mut lone)?;
+            let fitted = Fitted::of_field(&own, &*slopes.get(number)?);
+            let slope = |part: &LonePart| way * gap * mean_slope(&fitted, &part.seeds);
+            let farthest = run.settings.margin() as f64;
+            Ok(lone.iter().map(|part| Cap::new(part, slope(part), part.closes, farthest)).collect::<Vec<_>>())
+        });
+        let empty = [i, i + 1].iter().any(|k| contours.light(*k).solids.count == 0);
+        out.push(LoneParts { low: low?, high: high?, empty })?;
+    }
+    Ok(out)
+}
+
+/// Says where parts without partner in interval `i` end, which go on from its lower contour or, `Direction::Down`, from its upper one.
+pub(super) fn close<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    i: usize,
+    direction: Direction,
+    lone: &mut [LonePart],
+) -> Result<()> {
+    if !lone.iter().any(|part| part.direction == direction) {
+        return Ok(());
+    }
+    let gap = |k: usize| run.span.gap_as_width(k) / run.px;
+    let (own, inner) = match direction {
+        Direction::Up => (i, i.checked_sub(1).map(|k| (k, gap(k)))),
+        Direction::Down => (i + 1, (i + 2 < contours.len()).then(|| (i + 2, gap(i + 1)))),
+    };
+    let own = contours.some(own, Contour::SEEDS_AND_PARTS)?;
+    let inner = inner.map(|(k, gap)| contours.get(k).map(|c| (c, gap))).transpose()?;
+    let inner = inner.as_ref().map(|(inner, gap)| (Succession::new(&own, inner), *gap));
+    let inner = inner.as_ref().map(|(inner, gap)| (inner, *gap));
+    for part in lone.iter_mut().filter(|part| part.direction == direction) {
+        part.closes = closes(part, gap(i), inner);
+    }
+    Ok(())
 }
 
 /// Numbers of the parts, at least `least` deep, no pixel of which meets anything.

@@ -72,6 +72,11 @@ pub struct Layer {
 }
 
 impl Reconstruction {
+    /// The closed surface of the body, from its layers, in world coordinates (LPS); empty where there are none.
+    pub fn mesh(&self) -> mesh::Mesh {
+        mesh::closed_surface(self)
+    }
+
     /// Layers of the output grid.
     pub fn output_layers(&self) -> impl Iterator<Item = &Layer> {
         self.layers.iter().filter(|l| l.output)

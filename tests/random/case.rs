@@ -41,7 +41,7 @@ enum Drawn {
     Polygons,
 }
 
-/// The stack of a seed. Whoever changes what is drawn gives all seeds other stacks: those of `tests/fallen_seeds.txt` must be found anew.
+/// The stack of a seed. Whoever changes what is drawn gives all seeds other stacks: those of `tests/promises/fallen_seeds.txt` must be found anew.
 pub fn stack(n: &mut Numbers, kind: Kind) -> ContourStack {
     let slices = if kind == Kind::Lines { n.whole(2, 4) } else { n.whole(2, 7) };
     let side = n.of(&[1.0, 1.0, 1.0, 0.25, 3.7]);

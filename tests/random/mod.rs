@@ -5,7 +5,7 @@
 //! ```
 //!
 //! A [`source::Source`] gives the layers of a stack: the program on either backend; straight lines between the slices' distances, which keep
-//! every promise by construction; or those, damaged, so that a property can be seen to fail. The test suite (`tests/promises.rs`) and the
+//! every promise by construction; or those, damaged, so that a property can be seen to fail. The test suite (`tests/promises`) and the
 //! campaign (`benches/campaign.rs`) share all of it.
 #![allow(dead_code)]
 

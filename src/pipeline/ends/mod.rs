@@ -4,17 +4,17 @@ pub(crate) mod end_caps;
 pub mod end_law;
 pub(crate) mod end_parts;
 
-use super::{Run, Sink};
+use super::context::{Context, Sink};
 use crate::contour::Contour;
 use crate::contour::direction::Direction;
 use crate::error::Result;
 use crate::grid::field::{Field, covered};
 use crate::grid::tile::Tile;
-use crate::pipeline::ends::end_caps::{End, EndSpec, end, passing, passing_field};
+use crate::pipeline::ends::end_caps::{End, EndSpec, end};
 use crate::pipeline::ends::end_parts::{EndPart, LEVELS, Levels};
 use crate::pipeline::fit::Fitted;
 use crate::registration::motion_stack::MotionStack;
-use crate::report::{BodyEnd, CapReport, EndReport};
+use crate::report::{BodyEnd, CapReport, EndReport, Report};
 use crate::settings::EndRule;
 use crate::stack::heights::Heights;
 use crate::storage::spill::SpillVec;
@@ -26,194 +26,193 @@ pub(super) struct EndMatter {
     away: Vec<f64>,
 }
 
-impl<'a> Run<'a> {
-    /// Numbers of the contours that have a say in an end, the outermost first; none where the run does not reach it.
-    fn levels(&self, contours: &SpillVec<'a, Contour>, side: usize) -> Vec<usize> {
-        let count = contours.len();
-        let some = LEVELS.min(count);
-        match (self.span.ends[side], side) {
-            (false, _) => Vec::new(),
-            (true, 0) => (0..some).collect(),
-            (true, _) => (count - some..count).rev().collect(),
-        }
+/// Numbers of the contours that have a say in an end, the outermost first; none where the run does not reach it.
+fn levels<'a>(run: &Context<'a>, contours: &SpillVec<'a, Contour>, side: usize) -> Vec<usize> {
+    let count = contours.len();
+    let some = LEVELS.min(count);
+    match (run.span.ends[side], side) {
+        (false, _) => Vec::new(),
+        (true, 0) => (0..some).collect(),
+        (true, _) => (count - some..count).rev().collect(),
     }
+}
 
-    /// The parts of both end contours.
-    pub(super) fn end_matter(
-        &self,
-        contours: &SpillVec<'a, Contour>,
-        moving: Option<&MotionStack<'a>>,
-    ) -> Result<[EndMatter; 2]> {
-        let of = |side: usize| {
-            let at = self.levels(contours, side);
-            let Some(&first) = at.first() else { return Ok(EndMatter::default()) };
-            let way = |from: usize, to: usize| {
-                let Some(moving) = moving else { return Ok(None) };
-                let [low, high] = &*moving.at_slices(from.min(to))?;
-                Ok(Some(if from < to { (low.clone(), 1.0) } else { (high.clone(), -1.0) }))
-            };
-            let levels = Levels {
-                contours: at.iter().map(|i| contours.get(*i)).collect::<Result<_>>()?,
-                ways: at.windows(2).map(|pair| way(pair[0], pair[1])).collect::<Result<_>>()?,
-                h: self.h,
-                margin: self.margin,
-                backend: self.backend,
-            };
-            let away = at.iter().map(|&i| (contours.light(i).z - contours.light(first).z).abs()).collect();
-            Ok(EndMatter { parts: levels.parts()?, away })
+/// The parts of both end contours.
+pub(super) fn end_matter<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    moving: Option<&MotionStack<'a>>,
+) -> Result<[EndMatter; 2]> {
+    let of = |side: usize| {
+        let at = levels(run, contours, side);
+        let Some(&first) = at.first() else { return Ok(EndMatter::default()) };
+        let way = |from: usize, to: usize| {
+            let Some(moving) = moving else { return Ok(None) };
+            let [low, high] = &*moving.at_slices(from.min(to))?;
+            Ok(Some(if from < to { (low.clone(), 1.0) } else { (high.clone(), -1.0) }))
         };
-        Ok([of(0)?, of(1)?])
-    }
-
-    fn end_spec<'m>(&self, matter: &'m EndMatter, z: f64, side: usize) -> EndSpec<'m> {
-        let gap = matter.away.get(1).copied().unwrap_or(0.0);
-        EndSpec {
-            told_by_areas: 1.0 - self.span.change.relief,
-            z,
-            parts: &matter.parts,
-            away: &matter.away,
-            direction: [Direction::Down, Direction::Up][side],
-            rule: [self.settings.end_bottom, self.settings.end_top][side],
-            gap,
-            highest: self.settings.cap_gaps * gap,
-            clamped: [self.settings.clamp_bottom, self.settings.clamp_top][side].is_some(),
-        }
-    }
-
-    /// The slopes of contour `i`, passing smoothly into what lies beyond where it is the first or the last one.
-    pub(super) fn passing(
-        &self,
-        contours: &SpillVec<'a, Contour>,
-        moving: Option<&MotionStack<'a>>,
-        matter: &[EndMatter; 2],
-        i: usize,
-        fitted: Fitted,
-    ) -> Result<Fitted> {
-        let side = usize::from(i > 0);
-        if !self.span.ends[side] || (i > 0 && i + 1 < contours.len()) {
-            return Ok(fitted);
-        }
-        let whole = self.whole(contours, moving, i, &fitted)?;
-        Ok(passing(&self.end_spec(&matter[side], contours.light(i).z, side), fitted, &whole))
-    }
-
-    /// The same for the slopes of contour `i`'s field.
-    pub(super) fn passing_field(
-        &self,
-        contours: &SpillVec<'a, Contour>,
-        moving: &MotionStack<'a>,
-        matter: &[EndMatter; 2],
-        i: usize,
-        slopes: &mut Field,
-    ) -> Result<()> {
-        let side = usize::from(i > 0);
-        if !self.span.ends[side] || (i > 0 && i + 1 < contours.len()) || !self.settings.steered_ends()[side] {
-            return Ok(());
-        }
-        let contour = contours.get(i)?;
-        let whole = self.whole(contours, Some(moving), i, &Fitted::of_field(&contour, slopes))?;
-        passing_field(&self.end_spec(&matter[side], contour.z, side), slopes, &whole);
-        Ok(())
-    }
-
-    /// Slopes of contour `i` with what the frame's motion explains.
-    fn whole(
-        &self,
-        contours: &SpillVec<'a, Contour>,
-        moving: Option<&MotionStack<'a>>,
-        i: usize,
-        fitted: &Fitted,
-    ) -> Result<Fitted> {
-        let Some(moving) = moving else { return Ok(fitted.clone()) };
-        Ok(fitted.with_motion(&*contours.get(i)?, &*moving.rate(i)?, self.h, 1.0))
-    }
-
-    /// Both ends of the body, from their parts and what was fitted at the first and last contour.
-    pub(super) fn ends(
-        &mut self,
-        contours: &SpillVec<'a, Contour>,
-        matter: &[EndMatter; 2],
-        fitted: [&Fitted; 2],
-        moving: Option<&MotionStack<'a>>,
-    ) -> Result<[End; 2]> {
-        let (mut warnings, mut told) = (Vec::new(), Vec::new());
-        let mut make = |side: usize| {
-            let at = side * (contours.len() - 1);
-            let z = contours.light(at).z;
-            if !self.span.ends[side] {
-                return Ok(End::cut(z));
-            }
-            let spec = self.end_spec(&matter[side], z, side);
-            let whole = self.whole(contours, moving, at, fitted[side])?;
-            let made = end(&spec, &whole, &mut warnings);
-            told.push(self.end_report(&spec, &whole, &made, &*contours.get(at)?));
-            Ok(made)
+        let levels = Levels {
+            contours: at.iter().map(|i| contours.get(*i)).collect::<Result<_>>()?,
+            ways: at.windows(2).map(|pair| way(pair[0], pair[1])).collect::<Result<_>>()?,
+            h: run.h,
+            margin: run.margin,
+            backend: run.backend,
         };
-        let ends = [make(0)?, make(1)?];
-        self.report.warnings.append(&mut warnings);
-        self.report.ends = told;
-        Ok(ends)
-    }
+        let away = at.iter().map(|&i| (contours.light(i).z - contours.light(first).z).abs()).collect();
+        Ok(EndMatter { parts: levels.parts()?, away })
+    };
+    Ok([of(0)?, of(1)?])
+}
 
-    /// What `made` and other rules add to the body.
-    fn end_report(&self, spec: &EndSpec<'_>, fitted: &Fitted, made: &End, contour: &Contour) -> EndReport {
-        let caps = match spec.rule {
-            EndRule::Extrapolate => None,
-            // What it warns of concerns a rule that is not in use.
-            _ => Some(end(&EndSpec { rule: EndRule::Extrapolate, ..*spec }, fitted, &mut Vec::new())),
-        };
-        let mut area = 0.0;
-        let whole = Tile { origin: [0, 0], dims: contour.phi.dims };
-        self.canvas().visit(&whole, |_, n| area += covered(contour.phi.data[n]));
-        let pixel = self.stack.spacing[0] * self.stack.spacing[1];
-        let volume = |end: &End| pixel * end.volume(area);
-        let cap = |told: &crate::pipeline::ends::end_caps::Told| CapReport {
-            part: told.part,
-            rule: told.rule,
-            height: told.height,
-        };
-        EndReport {
-            side: if spec.direction == Direction::Up { BodyEnd::Top } else { BodyEnd::Bottom },
-            z: spec.z,
-            area: pixel * area,
-            used: volume(made),
-            half_slice: 0.5 * spec.gap * pixel * area,
-            extrapolate: volume(caps.as_ref().unwrap_or(made)),
-            caps: made.told.iter().map(cap).collect(),
-        }
+fn end_spec<'a, 'm>(run: &Context<'a>, matter: &'m EndMatter, z: f64, side: usize) -> EndSpec<'m> {
+    let gap = matter.away.get(1).copied().unwrap_or(0.0);
+    EndSpec {
+        told_by_areas: 1.0 - run.span.change.relief,
+        z,
+        parts: &matter.parts,
+        away: &matter.away,
+        direction: [Direction::Down, Direction::Up][side],
+        rule: [run.settings.end_bottom, run.settings.end_top][side],
+        gap,
+        highest: run.settings.cap_gaps * gap,
+        clamped: [run.settings.clamp_bottom, run.settings.clamp_top][side].is_some(),
     }
+}
 
-    /// The layers below the first contour.
-    pub(super) fn below(
-        &self,
-        contours: &SpillVec<'a, Contour>,
-        ends: &[End; 2],
-        heights: &Heights,
-        sink: &mut Sink<'_>,
-    ) -> Result<()> {
-        if !self.span.ends[0] {
-            return Ok(());
-        }
-        let first = contours.get(0)?;
-        let mut below = heights.all.iter().filter(|x| x.z < first.z);
-        below.try_for_each(|x| sink(self.layer(x, ends[0].layer(x.z, &first, self.canvas()))))
+/// The slopes of contour `i`, passing smoothly into what lies beyond where it is the first or the last one.
+pub(super) fn passing<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    moving: Option<&MotionStack<'a>>,
+    matter: &[EndMatter; 2],
+    i: usize,
+    fitted: Fitted,
+) -> Result<Fitted> {
+    let side = usize::from(i > 0);
+    if !run.span.ends[side] || (i > 0 && i + 1 < contours.len()) {
+        return Ok(fitted);
     }
+    let whole = whole(run, contours, moving, i, &fitted)?;
+    Ok(end_caps::passing(&end_spec(run, &matter[side], contours.light(i).z, side), fitted, &whole))
+}
 
-    /// The last contour's layer and those above it.
-    pub(super) fn above(
-        &self,
-        contours: &SpillVec<'a, Contour>,
-        ends: &[End; 2],
-        heights: &Heights,
-        sink: &mut Sink<'_>,
-    ) -> Result<()> {
-        let number = self.span.layers.end;
-        let last = contours.get(number)?;
-        sink(self.contour_layer(&heights.contours[number], &last, number))?;
-        if !self.span.ends[1] {
-            return Ok(());
-        }
-        let mut above = heights.all.iter().filter(|x| x.z > last.z);
-        above.try_for_each(|x| sink(self.layer(x, ends[1].layer(x.z, &last, self.canvas()))))
+/// The same for the slopes of contour `i`'s field.
+pub(super) fn passing_field<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    moving: &MotionStack<'a>,
+    matter: &[EndMatter; 2],
+    i: usize,
+    slopes: &mut Field,
+) -> Result<()> {
+    let side = usize::from(i > 0);
+    if !run.span.ends[side] || (i > 0 && i + 1 < contours.len()) || !run.settings.steered_ends()[side] {
+        return Ok(());
     }
+    let contour = contours.get(i)?;
+    let whole = whole(run, contours, Some(moving), i, &Fitted::of_field(&contour, slopes))?;
+    end_caps::passing_field(&end_spec(run, &matter[side], contour.z, side), slopes, &whole);
+    Ok(())
+}
+
+/// Slopes of contour `i` with what the frame's motion explains.
+fn whole<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    moving: Option<&MotionStack<'a>>,
+    i: usize,
+    fitted: &Fitted,
+) -> Result<Fitted> {
+    let Some(moving) = moving else { return Ok(fitted.clone()) };
+    Ok(fitted.with_motion(&*contours.get(i)?, &*moving.rate(i)?, run.h, 1.0))
+}
+
+/// Both ends of the body, from their parts and what was fitted at the first and last contour.
+pub(super) fn make_ends<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    matter: &[EndMatter; 2],
+    fitted: [&Fitted; 2],
+    moving: Option<&MotionStack<'a>>,
+    report: &mut Report,
+) -> Result<[End; 2]> {
+    let (mut warnings, mut told) = (Vec::new(), Vec::new());
+    let mut make = |side: usize| {
+        let at = side * (contours.len() - 1);
+        let z = contours.light(at).z;
+        if !run.span.ends[side] {
+            return Ok(End::cut(z));
+        }
+        let spec = end_spec(run, &matter[side], z, side);
+        let whole = whole(run, contours, moving, at, fitted[side])?;
+        let made = end(&spec, &whole, &mut warnings);
+        told.push(end_report(run, &spec, &whole, &made, &*contours.get(at)?));
+        Ok(made)
+    };
+    let ends = [make(0)?, make(1)?];
+    report.warnings.append(&mut warnings);
+    report.ends = told;
+    Ok(ends)
+}
+
+/// What `made` and other rules add to the body.
+fn end_report<'a>(run: &Context<'a>, spec: &EndSpec<'_>, fitted: &Fitted, made: &End, contour: &Contour) -> EndReport {
+    let caps = match spec.rule {
+        EndRule::Extrapolate => None,
+        // What it warns of concerns a rule that is not in use.
+        _ => Some(end(&EndSpec { rule: EndRule::Extrapolate, ..*spec }, fitted, &mut Vec::new())),
+    };
+    let mut area = 0.0;
+    let whole = Tile { origin: [0, 0], dims: contour.phi.dims };
+    run.canvas().visit(&whole, |_, n| area += covered(contour.phi.data[n]));
+    let pixel = run.stack.spacing[0] * run.stack.spacing[1];
+    let volume = |end: &End| pixel * end.volume(area);
+    let cap = |told: &crate::pipeline::ends::end_caps::Told| CapReport {
+        part: told.part,
+        rule: told.rule,
+        height: told.height,
+    };
+    EndReport {
+        side: if spec.direction == Direction::Up { BodyEnd::Top } else { BodyEnd::Bottom },
+        z: spec.z,
+        area: pixel * area,
+        used: volume(made),
+        half_slice: 0.5 * spec.gap * pixel * area,
+        extrapolate: volume(caps.as_ref().unwrap_or(made)),
+        caps: made.told.iter().map(cap).collect(),
+    }
+}
+
+/// The layers below the first contour.
+pub(super) fn below<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    ends: &[End; 2],
+    heights: &Heights,
+    sink: &mut Sink<'_>,
+) -> Result<()> {
+    if !run.span.ends[0] {
+        return Ok(());
+    }
+    let first = contours.get(0)?;
+    let mut below = heights.all.iter().filter(|x| x.z < first.z);
+    below.try_for_each(|x| sink(run.layer(x, ends[0].layer(x.z, &first, run.canvas()))))
+}
+
+/// The last contour's layer and those above it.
+pub(super) fn above<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    ends: &[End; 2],
+    heights: &Heights,
+    sink: &mut Sink<'_>,
+) -> Result<()> {
+    let number = run.span.layers.end;
+    let last = contours.get(number)?;
+    sink(run.contour_layer(&heights.contours[number], &last, number))?;
+    if !run.span.ends[1] {
+        return Ok(());
+    }
+    let mut above = heights.all.iter().filter(|x| x.z > last.z);
+    above.try_for_each(|x| sink(run.layer(x, ends[1].layer(x.z, &last, run.canvas()))))
 }

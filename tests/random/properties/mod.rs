@@ -55,7 +55,7 @@ pub struct Property {
     /// The case of a seed.
     pub draw: fn(u64) -> Case,
     pub check: Check,
-    /// Nothing where it is broken otherwise (`tests/promises.rs`).
+    /// Nothing where it is broken otherwise (`tests/promises`).
     pub damage: Option<Damage>,
 }
 

@@ -1,0 +1,30 @@
+//! A body that is in memory, into files.
+
+use std::path::{Path, PathBuf};
+
+use super::options::OutputOptions;
+use super::outputs::Outputs;
+use super::pending::Temporary;
+use super::places::Places;
+use crate::error::Result;
+use crate::surface::Reconstruction;
+use crate::surface::stream::LayerSink;
+
+/// Writes a body into files whose formats their extensions say (`docs/formats.md`): volumes, meshes, pictures, contours, reports. The files
+/// have temporary names until all are complete.
+///
+/// # Errors
+/// [`Error::Output`](crate::Error::Output) for a name that no format has or that cannot be written, before anything is;
+/// [`Error::Write`](crate::Error::Write).
+pub fn write(body: &Reconstruction, paths: &[impl AsRef<Path>]) -> Result<Vec<PathBuf>> {
+    let paths: Vec<PathBuf> = paths.iter().map(|path| path.as_ref().into()).collect();
+    let options = OutputOptions::default();
+    let mut outputs = Outputs::open(&paths, None, Temporary::Random, &mut Places::default())?;
+    outputs.check(&options)?;
+    let mut sink = outputs.sink(&options);
+    sink.begin(&body.header())?;
+    body.layers.iter().try_for_each(|layer| sink.layer(layer.clone()))?;
+    drop(sink);
+    outputs.complete(&mut body.report.clone())?;
+    outputs.rename()
+}

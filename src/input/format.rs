@@ -1,0 +1,118 @@
+//! The formats of inputs, one row each: what the command line, templates, messages and fuzz targets know of them.
+
+use std::path::Path;
+
+use super::volume::Volume;
+use super::{mha, nifti, npy, nrrd, tiff};
+use crate::error::{Error, Result};
+
+/// A format that is read.
+#[derive(Debug, Clone, Copy)]
+pub struct InputFormat {
+    /// Its name, as the fuzz target's.
+    pub name: &'static str,
+    /// Extensions of its files, the usual one first.
+    pub extensions: &'static [&'static str],
+    /// Files that may lie beside one of them and hold part of it: extensions with a dot in front, or whole names.
+    pub companions: &'static [&'static str],
+    /// What it holds.
+    pub(crate) kind: Kind,
+}
+
+/// What an input holds, and what reads it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Kind {
+    /// A folder of slices, or its stack.json.
+    Folder,
+    /// A label volume and the reader of its header.
+    Volume(fn(&Path) -> Result<Volume>),
+    /// A DICOM RTSTRUCT.
+    StructureSet,
+    /// Contour lines with elevations.
+    Map,
+}
+
+/// All formats of files; a folder is read by its `stack.json`.
+pub const FORMATS: [InputFormat; 9] = [
+    InputFormat { name: "folder", extensions: &["json"], companions: &["s.png"], kind: Kind::Folder },
+    InputFormat { name: "nrrd", extensions: &["nrrd", "nhdr"], companions: &["data"], kind: Kind::Volume(nrrd::read) },
+    InputFormat { name: "nifti", extensions: &["nii", "nii.gz"], companions: &[], kind: Kind::Volume(nifti::read) },
+    InputFormat { name: "mha", extensions: &["mha", "mhd"], companions: &["data"], kind: Kind::Volume(mha::read) },
+    InputFormat { name: "tiff", extensions: &["tif", "tiff"], companions: &[], kind: Kind::Volume(tiff::read) },
+    InputFormat { name: "npy", extensions: &["npy"], companions: &[], kind: Kind::Volume(npy::read) },
+    InputFormat { name: "rtstruct", extensions: &["dcm"], companions: &[], kind: Kind::StructureSet },
+    InputFormat { name: "geojson", extensions: &["geojson"], companions: &[], kind: Kind::Map },
+    InputFormat { name: "shapefile", extensions: &["shp"], companions: &[".dbf", ".prj", ".shx"], kind: Kind::Map },
+];
+
+impl InputFormat {
+    /// Whether it is a label volume.
+    pub fn is_volume(&self) -> bool {
+        matches!(self.kind, Kind::Volume(_))
+    }
+
+    /// The format of a file of this name, and where its extension begins, at the dot. The longest extension wins.
+    pub fn of_name(name: &str) -> Option<(&'static Self, usize)> {
+        let name = name.to_ascii_lowercase();
+        let ends = |extension: &str| name.strip_suffix(extension)?.strip_suffix('.').map(str::len);
+        let found = FORMATS.iter().flat_map(|f| f.extensions.iter().filter_map(move |e| Some((f, ends(e)?))));
+        found.min_by_key(|(_, at)| *at)
+    }
+}
+
+impl Kind {
+    /// What is at `path`.
+    pub fn of(path: &Path) -> Result<Self> {
+        let metadata = std::fs::metadata(path).map_err(|source| Error::Read { path: path.into(), source })?;
+        if metadata.is_dir() {
+            return Ok(Kind::Folder);
+        }
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let unknown = || {
+            let message = format!("not a known input: expected {}", expected());
+            Error::Format { path: path.into(), message }
+        };
+        InputFormat::of_name(&name).map(|(format, _)| format.kind).ok_or_else(unknown)
+    }
+
+    /// What it is, in words.
+    const fn words(self) -> &'static str {
+        match self {
+            Kind::Folder => "a folder with stack.json",
+            Kind::Volume(_) => "a label volume",
+            Kind::StructureSet => "an RTSTRUCT",
+            Kind::Map => "a contour map",
+        }
+    }
+}
+
+/// All that is read, for messages and help: `a folder with stack.json, a label volume (.nrrd, ..), ..`.
+pub fn expected() -> String {
+    let mut kinds: Vec<(&str, Vec<String>)> = Vec::new();
+    for format in &FORMATS {
+        let words = format.kind.words();
+        if kinds.last().is_none_or(|(last, _)| *last != words) {
+            kinds.push((words, Vec::new()));
+        }
+        if let (Some((_, names)), false) = (kinds.last_mut(), matches!(format.kind, Kind::Folder)) {
+            names.extend(format.extensions.iter().map(|e| format!(".{e}")));
+        }
+    }
+    let said = |(words, names): (&str, Vec<String>)| match names[..] {
+        [] => words.to_string(),
+        _ => format!("{words} ({})", names.join(", ")),
+    };
+    let said: Vec<String> = kinds.into_iter().map(said).collect();
+    match said.split_last() {
+        Some((last, [])) => last.clone(),
+        Some((last, others)) => format!("{} or {last}", others.join(", ")),
+        None => String::new(),
+    }
+}
+
+/// The help of an input's argument.
+pub fn help() -> String {
+    let expected = expected();
+    let mut letters = expected.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}

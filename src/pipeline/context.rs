@@ -1,0 +1,167 @@
+//! What every stage of a run reads and none changes.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::connect::Bonds;
+use super::span::Span;
+use crate::backend::Backend;
+use crate::contour::Contour;
+use crate::error::Result;
+use crate::pipeline::compose::Canvas;
+use crate::progress::Progress;
+use crate::registration::motion_field;
+use crate::registration::motion_field::STEPS;
+use crate::report::{Report, StageReport};
+use crate::settings::{Settings, SlopeRule};
+use crate::stack::ContourStack;
+use crate::stack::heights::{Height, Heights};
+use crate::storage::spill::{Budget, Large, SpillVec};
+use crate::surface::Layer;
+use crate::surface::header::Header;
+
+/// Takes finished layers, lowest first.
+pub type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
+
+/// A run's input and means.
+pub(super) struct Context<'a> {
+    /// What it makes of the whole stack, through the window.
+    pub stack: &'a ContourStack,
+    /// Pixels of the image.
+    pub image: [usize; 2],
+    pub settings: &'a Settings,
+    pub backend: &'a dyn Backend,
+    pub progress: &'a dyn Progress,
+    pub budget: &'a Budget,
+    /// What of the stack is made here.
+    pub span: Span,
+    /// Pixel size in units of its larger side.
+    pub h: [f64; 2],
+    /// Length of a pixel's larger side in the stack's unit.
+    pub px: f64,
+    /// Padding of the image, pixels along either axis.
+    pub pad: [usize; 2],
+    /// Margin of tiles, the same.
+    pub margin: [usize; 2],
+    /// What holds the body together.
+    pub bonds: Bonds,
+}
+
+impl<'a> Context<'a> {
+    /// Pixels of the padded image.
+    pub fn padded(&self) -> [usize; 2] {
+        std::array::from_fn(|a| self.stack.dims[a] + 2 * self.pad[a])
+    }
+
+    /// Bytes of a field on it.
+    pub fn field_bytes(&self) -> usize {
+        size_of::<f64>() * self.padded().iter().product::<usize>()
+    }
+
+    /// What is known before the first layer.
+    pub fn header(&self, heights: &Heights, extent: [f64; 2]) -> Header {
+        let ContourStack { spacing, unit, geometry, .. } = self.stack;
+        let grid = Header::grid(&heights.output(), *spacing);
+        Header { dims: self.image, spacing: *spacing, unit: unit.clone(), geometry: *geometry, extent, grid }
+    }
+
+    /// All heights of the run.
+    pub fn heights(&self, output: &[f64], extent: [f64; 2]) -> Result<Heights> {
+        if self.span.ends == [true; 2] {
+            return Heights::new(self.stack, output, extent);
+        }
+        let z: Vec<f64> = self.stack.slices.iter().map(|s| s.z).collect();
+        Ok(Heights::merged(&z, output, extent))
+    }
+
+    /// What `make` makes of the two contours of every interval.
+    pub fn of_pairs<T: Send>(
+        &self,
+        contours: &SpillVec<'_, Contour>,
+        make: impl Fn(usize, [&Contour; 2]) -> T + Sync,
+    ) -> Result<Vec<T>> {
+        let mut out = Vec::with_capacity(contours.len() - 1);
+        self.for_pairs(contours, make, |made| {
+            out.push(made);
+            Ok(())
+        })?;
+        Ok(out)
+    }
+
+    /// The same, taken one by one in order.
+    pub fn for_pairs<T: Send>(
+        &self,
+        contours: &SpillVec<'_, Contour>,
+        make: impl Fn(usize, [&Contour; 2]) -> T + Sync,
+        mut take: impl FnMut(T) -> Result<()>,
+    ) -> Result<()> {
+        let count = contours.len() - 1;
+        let at_once = self.budget.at_once(count, 4 * self.field_bytes());
+        for first in (0..count).step_by(at_once) {
+            let end = (first + at_once).min(count);
+            let some = (first..=end).map(|i| contours.get(i)).collect::<Result<Vec<_>>>()?;
+            let pair = |i: usize| make(first + i, [&*some[i], &*some[i + 1]]);
+            let made: Vec<T> = (0..end - first).into_par_iter().map(pair).collect();
+            made.into_iter().try_for_each(&mut take)?;
+        }
+        Ok(())
+    }
+
+    pub fn canvas(&self) -> Canvas {
+        Canvas::empty(self.stack.dims, self.pad, self.settings.margin() as f64)
+    }
+
+    pub fn contour_layer(&self, height: &Height, contour: &Contour, i: usize) -> Layer {
+        let limit = self.settings.margin() as f64;
+        let layer = self.layer(height, Canvas::of_contour(self.stack.dims, self.pad, limit, &contour.phi));
+        Layer { contour: Some(i), ..layer }
+    }
+
+    /// A canvas in physical units.
+    pub fn layer(&self, height: &Height, canvas: Canvas) -> Layer {
+        let px = self.px as f32;
+        let mut phi = canvas.phi;
+        for v in &mut phi {
+            *v *= px;
+            if *v == 0.0 {
+                *v = f32::MIN_POSITIVE;
+            }
+        }
+        Layer { z: height.z, phi, output: height.output, contour: None }
+    }
+
+    /// Things that may leave memory.
+    pub fn spilled<T: Large>(&self, things: impl IntoIterator<Item = T>) -> Result<SpillVec<'a, T>> {
+        let mut spilled = SpillVec::new(self.budget);
+        things.into_iter().try_for_each(|thing| spilled.push(thing))?;
+        Ok(spilled)
+    }
+}
+
+/// Height between two contours as time of their interval, never quite 0 or 1: a stack and the same upside down then sweep with the very same
+/// times, whichever way their heights were rounded.
+pub fn time(z: f64, low: f64, high: f64) -> f64 {
+    motion_field::time(z, low, high).clamp(1.0 / STEPS, 1.0 - 1.0 / STEPS)
+}
+
+/// Runs one stage, telling listeners and taking its time.
+pub fn stage<T>(
+    run: &Context<'_>,
+    report: &mut Report,
+    name: &'static str,
+    total: usize,
+    work: impl FnOnce(&mut Report) -> Result<T>,
+) -> Result<T> {
+    run.progress.begin(name, total);
+    let start = Instant::now();
+    let result = work(report);
+    report.stages.push(StageReport { name: name.into(), seconds: start.elapsed().as_secs_f64() });
+    run.progress.end();
+    result
+}
+
+/// Whether a rule's curves may leave the range of their contours.
+pub fn overshoots(slope: SlopeRule) -> bool {
+    matches!(slope, SlopeRule::Natural | SlopeRule::Catmull)
+}

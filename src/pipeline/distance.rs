@@ -1,0 +1,38 @@
+//! The first stage: signed distances of all slices, and their contours.
+
+use rayon::prelude::*;
+
+use super::context::Context;
+use crate::backend::{ContourOptions, PaddedSlice};
+use crate::contour::Contour;
+use crate::error::Result;
+use crate::report::ContourReport;
+use crate::storage::spill::SpillVec;
+
+/// The contours of all slices on the padded image, and what there is to say of each.
+pub(super) fn distance<'a>(run: &Context<'a>) -> Result<(SpillVec<'a, Contour>, Vec<ContourReport>)> {
+    let (h, spacing, dims) = (run.h, run.settings.seed_spacing, run.padded());
+    let options = ContourOptions::from(run.settings);
+    let slices = &run.stack.slices;
+    let (mut contours, mut reports) = (SpillVec::new(run.budget), Vec::with_capacity(slices.len()));
+    // A slice, its field with what is made on the way, its labels.
+    for some in slices.chunks(run.budget.at_once(slices.len(), 4 * run.field_bytes())) {
+        let padded: Vec<PaddedSlice> =
+            some.par_iter().map(|s| PaddedSlice::new(&s.content, run.stack.dims, run.pad)).collect();
+        let fields = run.backend.contour_fields(&padded, dims, h, options, run.progress)?;
+        drop(padded);
+        let made: Vec<Contour> =
+            fields.into_par_iter().zip(some).map(|(phi, s)| Contour::new(s.z, phi, h, spacing)).collect();
+        reports.extend(made.iter().zip(some).map(|(c, s)| ContourReport {
+            name: s.name.clone(),
+            z: s.z,
+            extra: s.extra,
+            components: c.solids.count,
+            holes: c.holes,
+            pixels: c.solids.labels.iter().filter(|l| **l > 0).count(),
+            ..ContourReport::default()
+        }));
+        made.into_iter().try_for_each(|contour| contours.push(contour))?;
+    }
+    Ok((contours, reports))
+}

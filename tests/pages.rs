@@ -1,9 +1,12 @@
-//! The pages for people: every relative link, every anchor, every path of the repository and every constant that they name is there, and folders
-//! use each other as ARCHITECTURE.md says.
+//! The pages for people: every relative link, every anchor, every path of the repository and every constant that they name is there, every format
+//! is named, and folders use each other as ARCHITECTURE.md says.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
+
+use interslice::files::format::known;
+use interslice::input::format::FORMATS;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 /// Folders whose files are named in pages as `folder/file`.
@@ -147,6 +150,24 @@ fn what_is_not_there_is_seen() {
     }
     let sound = "# A place: `x`\n[a](#a-place-x) [b](../README.md#input-and-output) `src/lib.rs` [c](https://example.org/src/no.rs)";
     assert_eq!(missing(Path::new("README.md"), &sound.replace("../", "")), ["link"; 0]);
+}
+
+/// Extensions of all formats, inputs and outputs, that a page does not name between back-quotes.
+fn unnamed(text: &str) -> Vec<String> {
+    let inputs = FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).filter(|e| e != ".json");
+    let outputs = known();
+    let outputs = outputs.split([' ', ',', '(', ')']).filter(|w| w.starts_with('.')).map(str::to_string);
+    let all: BTreeSet<String> = inputs.chain(outputs).collect();
+    assert!(all.len() > 18, "{all:?}");
+    all.into_iter().filter(|e| !text.contains(&format!("`{e}`"))).collect()
+}
+
+#[test]
+fn every_format_stands_in_its_page() {
+    let text = fs::read_to_string(Path::new(ROOT).join("docs/formats.md")).expect("the page is there");
+    assert_eq!(unnamed(&text), ["extension"; 0]);
+    assert_eq!(unnamed(&text.replace("`.mhd`", "")), [".mhd"]);
+    assert_eq!(unnamed(&text.replace("`.glb`", "")), [".glb"]);
 }
 
 /// Folders and files of `src` in the order in which ARCHITECTURE.md lists them: place in the list by name.

@@ -1,8 +1,12 @@
-//! The pages for people: every relative link, every anchor, every path of the repository and every constant that they name is there.
+//! The pages for people: every relative link, every anchor, every path of the repository and every constant that they name is there, every format
+//! is named, and folders use each other as ARCHITECTURE.md says.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
+
+use interslice::files::format::known;
+use interslice::input::format::FORMATS;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 /// Folders whose files are named in pages as `folder/file`.
@@ -148,14 +152,78 @@ fn what_is_not_there_is_seen() {
     assert_eq!(missing(Path::new("README.md"), &sound.replace("../", "")), ["link"; 0]);
 }
 
-/// Every format of the program's two tables is described.
+/// Extensions of all formats, inputs and outputs, that a page does not name between back-quotes.
+fn unnamed(text: &str) -> Vec<String> {
+    let inputs = FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).filter(|e| e != ".json");
+    let outputs = known();
+    let outputs = outputs.split([' ', ',', '(', ')']).filter(|w| w.starts_with('.')).map(str::to_string);
+    let all: BTreeSet<String> = inputs.chain(outputs).collect();
+    assert!(all.len() > 18, "{all:?}");
+    all.into_iter().filter(|e| !text.contains(&format!("`{e}`"))).collect()
+}
+
 #[test]
-fn formats_are_described() {
-    let page = fs::read_to_string(Path::new(ROOT).join("docs/formats.md")).expect("it is there");
-    let read =
-        interslice::input::format::FORMATS.iter().flat_map(|format| format.extensions.iter().map(|e| format!(".{e}")));
-    let known = interslice::files::format::known();
-    let written = known.split([' ', ',']).filter(|word| word.starts_with('.')).map(str::to_string);
-    let undescribed: BTreeSet<String> = read.chain(written).filter(|e| !page.contains(&format!("`{e}`"))).collect();
-    assert!(undescribed.is_empty(), "docs/formats.md does not describe {undescribed:?}");
+fn every_format_stands_in_its_page() {
+    let text = fs::read_to_string(Path::new(ROOT).join("docs/formats.md")).expect("the page is there");
+    assert_eq!(unnamed(&text), ["extension"; 0]);
+    assert_eq!(unnamed(&text.replace("`.mhd`", "")), [".mhd"]);
+    assert_eq!(unnamed(&text.replace("`.glb`", "")), [".glb"]);
+}
+
+/// Folders and files of `src` in the order in which ARCHITECTURE.md lists them: place in the list by name.
+fn floors(text: &str) -> Vec<(String, usize)> {
+    let rows = text.lines().skip_while(|l| !l.starts_with("## Folders")).skip_while(|l| !l.starts_with("| `src/"));
+    let rows = rows.take_while(|l| l.starts_with("| `src/")).enumerate();
+    let of_row = |(floor, row): (usize, &str)| {
+        let names = row.split('|').nth(1).unwrap_or_default().split('`').filter_map(|w| w.strip_prefix("src/"));
+        names.map(|n| (n.trim_end_matches(".rs").to_string(), floor)).collect::<Vec<_>>()
+    };
+    rows.flat_map(of_row).collect()
+}
+
+/// Folders that a source file uses by `crate::folder`, outside comments and its own tests.
+fn used(text: &str) -> BTreeSet<String> {
+    let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+    let code: String = code.lines().map(|l| l.split("//").next().unwrap_or_default().to_string() + "\n").collect();
+    let name = |rest: &str| rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
+    code.split("crate::").skip(1).map(name).collect()
+}
+
+/// Every `.rs` file below a folder.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).expect("a folder").map(|e| e.expect("an entry").path());
+    let of = |path: PathBuf| if path.is_dir() { sources(&path) } else { vec![path] };
+    entries.flat_map(of).filter(|p| p.extension().is_some_and(|e| e == "rs")).collect()
+}
+
+/// Uses of a folder that stands below the user's own in the list.
+fn upward(floors: &[(String, usize)], user: &str, text: &str) -> Vec<String> {
+    let floor = |name: &str| floors.iter().find(|(n, _)| n == name).map(|(_, floor)| *floor);
+    let Some(own) = floor(user) else { return vec![format!("`{user}` stands in no row")] };
+    let above = |name: &String| floor(name).is_some_and(|other| other > own);
+    used(text).into_iter().filter(above).map(|name| format!("`{user}` uses `{name}`")).collect()
+}
+
+#[test]
+fn folders_use_only_those_above_them_in_the_list() {
+    let text = fs::read_to_string(Path::new(ROOT).join("ARCHITECTURE.md")).expect("the page is there");
+    let floors = floors(&text);
+    assert!(floors.len() > 20, "{floors:?}");
+    let src = Path::new(ROOT).join("src");
+    let mut wrong = Vec::new();
+    for file in sources(&src) {
+        let inner = file.strip_prefix(&src).expect("below src");
+        let user = inner.components().next().expect("a name").as_os_str().to_string_lossy();
+        let text = fs::read_to_string(&file).expect("a text");
+        let found = upward(&floors, user.trim_end_matches(".rs"), &text);
+        wrong.extend(found.into_iter().map(|what| format!("{}: {what}", inner.display())));
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    let seen = |user: &str, text: &str| upward(&floors, user, text).len();
+    assert_eq!(seen("grid", "use crate::pipeline::run;"), 1);
+    assert_eq!(seen("nowhere", ""), 1);
+    assert_eq!(
+        seen("grid", "// crate::pipeline\nuse crate::error::Error;\n#[cfg(test)]\nuse crate::pipeline::run;"),
+        0
+    );
 }

@@ -17,6 +17,9 @@ const TIE: f32 = 1e-3;
 // Distance to the pixels with `u < 0` (1) or to the others (0).
 struct Side {
     inside: u32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
 }
 
 fn on_side(node: u32) -> bool {

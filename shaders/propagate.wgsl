@@ -11,7 +11,7 @@
 @group(0) @binding(8) var<storage, read_write> misses: array<f32>;
 @group(0) @binding(9) var<storage, read_write> states: array<Job>;
 @group(0) @binding(10) var<storage, read> times: array<f32>;
-@group(0) @binding(11) var<storage, read_write> copies: Copies;
+@group(0) @binding(11) var<storage, read_write> reached: Reached;
 @group(0) @binding(12) var<storage, read_write> line: array<f32>;
 @group(0) @binding(13) var<storage, read_write> before: array<vec4<f32>>;
 
@@ -19,8 +19,9 @@
 const STEP_LIMIT: f32 = 0.1;
 // A step that reaches this share of what is left reaches the whole: rounding must not decide between one step and two.
 const ALMOST: f32 = 0.9999;
-// Pixels this close to the front decide about its time step.
-const NEAR: f32 = 1.5;
+// Pieces whose particle died are steered from LATE on, and wholly LATE_RAMP later.
+const LATE: f32 = 0.6;
+const LATE_RAMP: f32 = 0.3;
 // Largest error that the feedback answers to at once, px.
 const ERROR_LIMIT: f32 = 2.0;
 // The feedback's gain is GAIN / (1 - t), at most GAIN / LEAST_TIME, and never more than one whole correction per step.
@@ -36,7 +37,7 @@ struct Read {
 }
 
 // Fronts that are read from this step, with the indirect arguments of their copying.
-struct Copies {
+struct Reached {
     groups_x: atomic<u32>,
     groups_y: atomic<u32>,
     groups_z: u32,
@@ -53,9 +54,9 @@ fn gain_at(t: f32) -> f32 {
 fn advance(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let q = list_index(group, local);
     if q == 0u {
-        atomicStore(&copies.groups_x, 0u);
-        atomicStore(&copies.groups_y, 0u);
-        copies.groups_z = 1u;
+        atomicStore(&reached.groups_x, 0u);
+        atomicStore(&reached.groups_y, 0u);
+        reached.groups_z = 1u;
     }
     if q >= params.job_count || states[q].phase != RUNNING {
         return;
@@ -76,9 +77,9 @@ fn read_between(q: u32, t: f32, next: f32) {
             return;
         }
         let share = clamp((time - t) / (next - t), 0.0, 1.0);
-        let place = atomicAdd(&copies.groups_y, 1u);
-        copies.reads[place] = Read(q, states[q].first_copy + states[q].next_time * states[q].block_count, share, 0u);
-        atomicMax(&copies.groups_x, (states[q].block_count + lane_count - 1u) / lane_count);
+        let place = atomicAdd(&reached.groups_y, 1u);
+        reached.reads[place] = Read(q, states[q].first_copy + states[q].next_time * states[q].block_count, share, 0u);
+        atomicMax(&reached.groups_x, (states[q].block_count + lane_count - 1u) / lane_count);
         states[q].next_time += 1u;
     }
 }
@@ -107,12 +108,12 @@ fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         found.pixels++;
         found.inside += select(0u, 1u, v < 0.0);
         var miss = 0.0;
-        if abs(v) < NEAR {
+        if abs(v) < FRONT_REACH {
             found.fastest = max(found.fastest, abs(hermite_rate(courses[k], t)));
         }
         if at_contour(node, nx) {
             let course = courses[k];
-            let late = smoothstep01((t - 0.6) / 0.3);
+            let late = smoothstep01((t - LATE) / LATE_RAMP);
             let remaining = -sample_goal(q, closest_point(q, node));
             let trust = clamp(2.0 * (max(course.w, late) - 0.5), 0.0, 1.0);
             miss = trust * clamp(remaining - (course.x - hermite(course, t)), -ERROR_LIMIT, ERROR_LIMIT);

@@ -11,8 +11,6 @@
 
 // Largest time step, of a whole one: the relaxation is unstable above 2.5 and already costs accuracy at 2.2.
 const STEP_LIMIT: f32 = 0.5;
-// Pixels this close to the front decide about its time step.
-const NEAR: f32 = 1.5;
 // A front that has come this close and gains less than LEAST_GAIN a whole step in PATIENCE of them hangs at kinks of phi_B.
 const STALL_BELOW: f32 = 1.0;
 const LEAST_GAIN: f32 = 1e-3;
@@ -44,7 +42,7 @@ fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             pixels = 0u;
         }
         let v = phi[node];
-        if abs(v) < NEAR {
+        if abs(v) < FRONT_REACH {
             fastest = max(fastest, abs(v - goal[node]));
         }
         rest = crossing(rest, node, node + 1u);

@@ -1,5 +1,8 @@
 // How far a front is from its goal: |goal| where the contour of phi crosses the edges between pixels.
 
+// Pixels this close to a front decide about its time step.
+const FRONT_REACH: f32 = 1.5;
+
 struct Rest {
     most: f32,
     // Sum in REST_UNIT parts of a pixel, each crossing cut at REST_MOST px: integers add up the same in any order.

@@ -5,7 +5,7 @@ use crate::grid::field::Field;
 use crate::grid::tile::Tile;
 
 /// At its tip a part is gone, whichever way the height was rounded.
-const AT_TIP: f64 = 1.0 - 1e-6;
+pub const AT_TIP: f64 = 1.0 - 1e-6;
 
 /// Profile of a part's inradius, which falls from D at q = 0 to 0 at q = 1: `D (1 - q) (1 + (1 - s) q)`, a parabola that begins with the slope `-s
 /// D / H`. Upright with s = 0, a cone with 1, beyond it a needle; smooth at the tip.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::layout::{BLOCK, Block, Job, PATCH, Patch};
-use crate::grid::field::Field;
+use crate::grid::field::{FAR, Field};
 
 /// The place of every job of a batch.
 #[derive(Debug, Clone, Default)]
@@ -58,7 +58,7 @@ impl Atlas {
     pub fn pack<'a>(&self, fields: impl Iterator<Item = &'a Field>, fill: f32) -> Vec<f32> {
         let mut out = Vec::with_capacity(self.node_count());
         for (job, field) in self.jobs.iter().zip(fields) {
-            out.extend(field.data.iter().map(|&v| v.clamp(-1e30, 1e30) as f32));
+            out.extend(field.data.iter().map(|&v| v.clamp(-FAR, FAR) as f32));
             out.resize((job.offset + job.block_count * BLOCK as u32) as usize, fill);
         }
         out

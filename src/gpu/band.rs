@@ -67,7 +67,7 @@ impl<'g> Front<'g> {
         let params = device.uniform("params", params);
         let jobs = device.upload("jobs", &atlas.jobs)?;
         let blocks = device.upload::<Block>("blocks", &atlas.blocks())?;
-        let work = device.zeroed::<u32>("work", size_of::<Work>() / 4 + atlas.block_count())?;
+        let work = device.headed::<Work, u32>("work", atlas.block_count())?;
         let touched = device.zeroed::<u32>("touched", atlas.block_count().div_ceil(32))?;
         let band = device.storage::<[u32; 2]>("band", capacity)?;
         let slots = device.storage::<u32>("slots", nodes)?;
@@ -81,16 +81,72 @@ impl<'g> Front<'g> {
         let stage = |first| device.uniform("stage", Stage { a: 0.0, b: 0.0, first, towards: 0 });
         let reinit = [1, 0].map(|first| {
             let stage = stage(first);
-            let bind = |from, to| k.reinit.bind(device, &[&params, &stage, &jobs, &work, &band, from, &scratch, to]);
+            let bind = |from, to| {
+                k.reinit.bind(
+                    device,
+                    &[
+                        ("params", &params),
+                        ("stage", &stage),
+                        ("jobs", &jobs),
+                        ("work", &work),
+                        ("band", &band),
+                        ("phi", from),
+                        ("signs", &scratch),
+                        ("next", to),
+                    ],
+                )
+            };
             [bind(&phi, &other), bind(&other, &phi)]
         });
         Ok(Front {
-            start: k.band_start.bind(device, &[&params, &jobs, &blocks, &work, &phi, &other, &slots]),
-            tube: k.band_tube.bind(device, &[&params, &jobs, &blocks, &work, &phi, &touched]),
-            gather: k.band_gather.bind(device, &[&params, &work, &touched]),
-            grow: k.band_grow.bind(device, &[&params, &jobs, &blocks, &work, &phi, &other, &slots]),
-            scan: k.band_scan.bind(device, &[&params, &blocks, &work]),
-            collect: k.band_collect.bind(device, &[&params, &blocks, &work, &slots, &band, &earlier]),
+            start: k.band_start.bind(
+                device,
+                &[
+                    ("params", &params),
+                    ("jobs", &jobs),
+                    ("blocks", &blocks),
+                    ("lists", &work),
+                    ("phi", &phi),
+                    ("other", &other),
+                    ("slots", &slots),
+                ],
+            ),
+            tube: k.band_tube.bind(
+                device,
+                &[
+                    ("params", &params),
+                    ("jobs", &jobs),
+                    ("blocks", &blocks),
+                    ("work", &work),
+                    ("phi", &phi),
+                    ("touched", &touched),
+                ],
+            ),
+            gather: k.band_gather.bind(device, &[("params", &params), ("lists", &work), ("touched", &touched)]),
+            grow: k.band_grow.bind(
+                device,
+                &[
+                    ("params", &params),
+                    ("jobs", &jobs),
+                    ("blocks", &blocks),
+                    ("work", &work),
+                    ("phi", &phi),
+                    ("other", &other),
+                    ("slots", &slots),
+                ],
+            ),
+            scan: k.band_scan.bind(device, &[("params", &params), ("blocks", &blocks), ("lists", &work)]),
+            collect: k.band_collect.bind(
+                device,
+                &[
+                    ("params", &params),
+                    ("blocks", &blocks),
+                    ("work", &work),
+                    ("slots", &slots),
+                    ("band", &band),
+                    ("earlier", &earlier),
+                ],
+            ),
             reinit,
             atlas,
             capacity,
@@ -151,7 +207,17 @@ impl<'g> Front<'g> {
             let stage = Stage { a: a as f32, b: b as f32, first: u32::from(n == 0), towards: u32::from(towards) };
             let stage = device.uniform("stage", stage);
             let (from, to) = way[n];
-            let buffers = [&self.params, &stage, &self.jobs, &self.work, &self.band, from, field, &self.scratch, to];
+            let buffers = [
+                ("params", &self.params),
+                ("stage", &stage),
+                ("jobs", &self.jobs),
+                ("work", &self.work),
+                ("band", &self.band),
+                ("phi", from),
+                ("field", field),
+                ("begun", &self.scratch),
+                ("next", to),
+            ];
             k.hj_step.bind(device, &buffers)
         })
     }

@@ -6,7 +6,7 @@ use super::band::Front;
 use super::device::Buffer;
 use super::distance::{self, DistanceBuffers};
 use super::kernels::{Bound, Recorder, Size};
-use super::layout::{Copy, Item, Job, NONE, Params, VANISHED};
+use super::layout::{Copy, Item, Job, NONE, Params, VANISHED, Values};
 use super::trace::morph_params;
 use crate::backend::MorphOptions;
 use crate::backend::blend::mend;
@@ -14,9 +14,6 @@ use crate::backend::jobs::{Filled, SweepPair, Swept, blend_weights};
 use crate::error::Result;
 use crate::grid::field::Field;
 use crate::grid::tiled::Packed;
-
-/// Head of the pool of values: how many are used.
-const VALUES_HEAD: usize = 4;
 
 /// Fronts at the output times of their jobs.
 pub struct Copies {
@@ -37,12 +34,12 @@ impl Copies {
         }
         let times = atlas.jobs.iter().map(|j| j.time_count as usize).max().unwrap_or(0);
         // `room` is generous, so that a part of it per time is enough; the host tries again with more where it is not.
-        let most = gpu.device.largest_binding() as usize / 4 - VALUES_HEAD;
+        let most = (gpu.device.largest_binding() as usize - size_of::<Values>()) / 4;
         let value_capacity = (room * times.max(1)).min(most);
         Ok(Copies {
             value_capacity: value_capacity as u32,
             blocks: gpu.device.storage::<Copy>("copies", count as usize)?,
-            values: gpu.device.zeroed::<f32>("values", VALUES_HEAD + value_capacity)?,
+            values: gpu.device.headed::<Values, f32>("values", value_capacity)?,
             states: Vec::new(),
         })
     }
@@ -50,7 +47,17 @@ impl Copies {
     /// The kernel that copies the fronts listed in `reached`, which lie between `before` and what the front is now.
     pub fn bind<'g>(&self, gpu: &'g Gpu, front: &Front<'g>, reached: &Buffer, before: &Buffer) -> Bound<'g> {
         let Front { params, jobs, blocks, phi, slots, .. } = front;
-        let buffers = [params, jobs, blocks, phi, reached, &self.blocks, &self.values, slots, before];
+        let buffers = [
+            ("params", params),
+            ("jobs", jobs),
+            ("blocks", blocks),
+            ("phi", phi),
+            ("reached", reached),
+            ("copies", &self.blocks),
+            ("values", &self.values),
+            ("slots", slots),
+            ("before", before),
+        ];
         gpu.kernels.copy_front.bind(&gpu.device, &buffers)
     }
 
@@ -156,7 +163,13 @@ fn blend(gpu: &Gpu, copies: &Copies, items: &[Item], nodes: usize, params: Param
     let blended = device.storage::<f32>("blended", nodes)?;
     let items_buffer = device.upload("items", items)?;
     let uniform = device.uniform("params", Params { value_capacity: copies.value_capacity, ..params });
-    let buffers = [&uniform, &copies.blocks, &copies.values, &items_buffer, &blended];
+    let buffers = [
+        ("params", &uniform),
+        ("copies", &copies.blocks),
+        ("values", &copies.values),
+        ("items", &items_buffer),
+        ("blended", &blended),
+    ];
     let blend = gpu.kernels.blend.bind(device, &buffers);
     let largest = items.iter().map(|i| i.block_count as usize).max().unwrap_or(0);
     let mut work = Recorder::new(device, &gpu.profiler);

@@ -6,7 +6,7 @@ use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings,
 use super::device::Buffer;
 use super::distance::DistanceBuffers;
 use super::kernels::{Recorder, Size};
-use super::layout::{Params, Rule};
+use super::layout::{Params, Rule, Side};
 use crate::backend::conditioning::{
     CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP, MASK_FLOOR,
     gaussian_weights,
@@ -91,7 +91,10 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
     if smooth == AntiAlias::Kernel {
         let exact = exact_distance(gpu, &atlas, params, &sides)?;
         let rule = gpu.device.uniform("rule", rule(&[]));
-        let limit = gpu.kernels.limit.bind(&gpu.device, &[&tiles.params, &rule, &exact, &tiles.d]);
+        let limit = gpu
+            .kernels
+            .limit
+            .bind(&gpu.device, &[("params", &tiles.params), ("rule", &rule), ("first", &exact), ("result", &tiles.d)]);
         let mut work = Recorder::new(&gpu.device, &gpu.profiler);
         work.run(&limit, tiles.per_node());
         work.submit()?;
@@ -129,10 +132,30 @@ fn kernel(gpu: &Gpu, atlas: &Atlas, params: Params, sides: &Buffer, sigma: f64) 
     let axes = [0, 1].map(|vertical| device.uniform("rule", Rule { vertical, ..weights }));
     let mut work = Recorder::new(device, &gpu.profiler);
     for (axis, from, to) in [(0, sides, &half), (1, &half, &once), (0, &once, &half), (1, &half, &twice)] {
-        let bound = k.gaussian.bind(device, &[&params, &axes[axis], &jobs, &blocks, from, to]);
+        let bound = k.gaussian.bind(
+            device,
+            &[
+                ("params", &params),
+                ("rule", &axes[axis]),
+                ("jobs", &jobs),
+                ("blocks", &blocks),
+                ("first", from),
+                ("result", to),
+            ],
+        );
         work.run(&bound, Size::List(nodes));
     }
-    let sharpen = k.sharpen.bind(device, &[&params, &axes[0], &once, &twice, sides, &half]);
+    let sharpen = k.sharpen.bind(
+        device,
+        &[
+            ("params", &params),
+            ("rule", &axes[0]),
+            ("first", &once),
+            ("second", &twice),
+            ("sides", sides),
+            ("result", &half),
+        ],
+    );
     work.run(&sharpen, Size::List(nodes));
     work.submit()?;
     Ok(half)
@@ -149,9 +172,22 @@ pub fn exact_distance(gpu: &Gpu, atlas: &Atlas, params: Params, sides: &Buffer) 
     let largest = |of: fn(&super::layout::Job) -> u32| atlas.jobs.iter().map(of).max().unwrap_or(0) as usize;
     let mut work = Recorder::new(device, &gpu.profiler);
     for inside in [1u32, 0] {
-        let side = device.uniform("side", [inside, 0, 0, 0]);
-        let columns = k.exact_columns.bind(device, &[&side, &jobs, sides, &steps]);
-        let rows = k.exact_rows.bind(device, &[&params, &side, &jobs, sides, &steps, &feet, &begins, &distance]);
+        let side = device.uniform("side", Side { inside, ..Side::default() });
+        let columns =
+            k.exact_columns.bind(device, &[("side", &side), ("jobs", &jobs), ("u", sides), ("steps", &steps)]);
+        let rows = k.exact_rows.bind(
+            device,
+            &[
+                ("params", &params),
+                ("side", &side),
+                ("jobs", &jobs),
+                ("u", sides),
+                ("steps", &steps),
+                ("feet", &feet),
+                ("begins", &begins),
+                ("distance", &distance),
+            ],
+        );
         work.run(&columns, Size::Rows(largest(|j| j.nx), atlas.jobs.len()));
         work.run(&rows, Size::Rows(largest(|j| j.ny), atlas.jobs.len()));
     }
@@ -179,7 +215,10 @@ fn eq6(
     front.replace_phi(binary);
     let result = gpu.device.storage::<f32>("smooth", atlas.node_count())?;
     let rule = gpu.device.uniform("rule", rule(&[]));
-    let hold = gpu.kernels.hold_sides.bind(&gpu.device, &[&front.params, &rule, &front.phi, sides, &result]);
+    let hold = gpu.kernels.hold_sides.bind(
+        &gpu.device,
+        &[("params", &front.params), ("rule", &rule), ("first", &front.phi), ("sides", sides), ("result", &result)],
+    );
     let mut work = Recorder::new(&gpu.device, &gpu.profiler);
     front.reinit(&mut work, EQ6_ITERATIONS);
     work.run(&hold, Size::List(atlas.node_count()));
@@ -201,7 +240,14 @@ fn condition(
     let result = device.storage::<f32>("result", nodes)?;
     let rule = Rule { conditioned: (options.half_width + CONDITIONED) as f32, ..rule(&[]) };
     let rule = device.uniform("rule", rule);
-    let buffers = [&front.params, &rule, &front.blocks, &front.phi, &tiles.d, &result];
+    let buffers = [
+        ("params", &front.params),
+        ("rule", &rule),
+        ("blocks", &front.blocks),
+        ("first", &front.phi),
+        ("second", &tiles.d),
+        ("result", &result),
+    ];
     let put = gpu.kernels.put_conditioned.bind(device, &buffers);
     let mut work = Recorder::new(device, &gpu.profiler);
     work.copy(&tiles.d, &front.phi, 4 * nodes as u64);

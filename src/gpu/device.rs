@@ -8,6 +8,7 @@ use bytemuck::Pod;
 use sysinfo::System;
 
 use super::adapter::{AdapterSummary, enumerate};
+use super::layout::Element;
 use crate::error::{Error, Result};
 
 /// Longest time one batch of work may take before the device counts as hung.
@@ -70,12 +71,23 @@ impl std::fmt::Debug for Device {
 #[derive(Debug)]
 pub struct Buffer {
     pub(super) raw: wgpu::Buffer,
+    /// Type of its elements in WGSL.
+    pub(super) element: &'static str,
+    /// Bytes that it has taken of the budget.
+    bytes: u64,
     used: Arc<AtomicU64>,
 }
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        self.used.fetch_sub(self.raw.size(), Ordering::Relaxed);
+        self.used.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}
+
+impl Buffer {
+    /// The same bytes as elements of another type.
+    pub fn viewed<T: Element>(&self) -> Buffer {
+        Buffer { raw: self.raw.clone(), element: T::NAME, bytes: 0, used: self.used.clone() }
     }
 }
 
@@ -208,7 +220,7 @@ impl Device {
             usage,
             mapped_at_creation: false,
         });
-        let buffer = Buffer { raw, used: self.used.clone() };
+        let buffer = Buffer { raw, element: "", bytes: size, used: self.used.clone() };
         let error = pollster::block_on(invalid.pop()).or(pollster::block_on(out_of_memory.pop()));
         match error {
             Some(e) => Err(failure(format!("buffer `{label}` of {size} bytes: {e}"))),
@@ -220,7 +232,7 @@ impl Device {
     ///
     /// # Errors
     /// As [`Device::buffer`].
-    pub fn storage<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer> {
+    pub fn storage<T: Element>(&self, label: &str, count: usize) -> Result<Buffer> {
         let buffer = self.zeroed::<T>(label, count)?;
         if self.poison {
             self.queue.write_buffer(&buffer.raw, 0, &vec![0xff; buffer.raw.size() as usize]);
@@ -232,20 +244,33 @@ impl Device {
     ///
     /// # Errors
     /// As [`Device::buffer`].
-    pub fn zeroed<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer> {
+    pub fn zeroed<T: Element>(&self, label: &str, count: usize) -> Result<Buffer> {
         let usage = wgpu::BufferUsages::STORAGE
             | wgpu::BufferUsages::INDIRECT
             | wgpu::BufferUsages::COPY_SRC
             | wgpu::BufferUsages::COPY_DST;
         // A binding must hold one.
-        self.buffer(label, (count.max(1) * size_of::<T>()) as u64, usage)
+        let mut buffer = self.buffer(label, (count.max(1) * size_of::<T>()) as u64, usage)?;
+        buffer.element = T::NAME;
+        Ok(buffer)
+    }
+
+    /// A zeroed storage buffer of a struct `H` that ends in a list of `count` items.
+    ///
+    /// # Errors
+    /// The errors of [`Device::buffer`].
+    pub fn headed<H: Element, T: Element>(&self, label: &str, count: usize) -> Result<Buffer> {
+        let words = (size_of::<H>() + count.max(1) * size_of::<T>()).div_ceil(4);
+        let mut buffer = self.zeroed::<u32>(label, words)?;
+        buffer.element = H::NAME;
+        Ok(buffer)
     }
 
     /// A storage buffer with these values.
     ///
     /// # Errors
     /// As [`Device::buffer`].
-    pub fn upload<T: Pod>(&self, label: &str, values: &[T]) -> Result<Buffer> {
+    pub fn upload<T: Element>(&self, label: &str, values: &[T]) -> Result<Buffer> {
         let buffer = self.zeroed::<T>(label, values.len())?;
         self.write(&buffer, values);
         Ok(buffer)
@@ -263,7 +288,7 @@ impl Device {
     }
 
     /// A uniform buffer with one value.
-    pub fn uniform<T: Pod>(&self, label: &str, value: T) -> Buffer {
+    pub fn uniform<T: Element>(&self, label: &str, value: T) -> Buffer {
         let raw = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
             size: size_of::<T>() as u64,
@@ -272,8 +297,9 @@ impl Device {
         });
         // Written by the queue: to map a buffer of a device that is lost would panic.
         self.queue.write_buffer(&raw, 0, bytemuck::bytes_of(&value));
-        self.used.fetch_add(raw.size(), Ordering::Relaxed);
-        Buffer { raw, used: self.used.clone() }
+        let bytes = raw.size();
+        self.used.fetch_add(bytes, Ordering::Relaxed);
+        Buffer { raw, element: T::NAME, bytes, used: self.used.clone() }
     }
 
     /// Waits until everything submitted is done.

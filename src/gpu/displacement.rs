@@ -144,9 +144,20 @@ impl<'a> Solver<'a> {
         let (device, k) = (&self.gpu.device, &self.gpu.kernels);
         let Batch { intervals, image, guess, evidence, .. } = batch;
         let [sums, means] = &self.numbers;
-        let together = k.displacement_pairs.bind(device, &[image, iteration, &self.fields, guess, &self.pairs]);
-        let sum = k.displacement_changes.bind(device, &[image, iteration, &self.pairs, sums]);
-        let keep = k.displacement_keep.bind(device, &[image, sums, evidence]);
+        let together = k.displacement_pairs.bind(
+            device,
+            &[
+                ("image", image),
+                ("iteration", iteration),
+                ("fields", &self.fields),
+                ("vectors", guess),
+                ("pairs", &self.pairs),
+            ],
+        );
+        let sum = k
+            .displacement_changes
+            .bind(device, &[("image", image), ("iteration", iteration), ("pairs", &self.pairs), ("moments", sums)]);
+        let keep = k.displacement_keep.bind(device, &[("image", image), ("rough", sums), ("evidence", evidence)]);
         let per_node = Size::List(intervals.len() * self.node_count());
         let mut work = Recorder::new(device, &self.gpu.profiler);
         work.run(&together, per_pixel(self.slices[0].dims, intervals.len()));
@@ -161,11 +172,34 @@ impl<'a> Solver<'a> {
         let (device, k) = (&self.gpu.device, &self.gpu.kernels);
         let Batch { intervals, image, vectors, guess, evidence } = batch;
         let [moments, means] = &self.numbers;
-        let together = [image, iteration, &self.fields, vectors, &self.pairs];
+        let together = [
+            ("image", image),
+            ("iteration", iteration),
+            ("fields", &self.fields),
+            ("vectors", vectors),
+            ("pairs", &self.pairs),
+        ];
         let together = k.displacement_pairs.bind(device, &together);
-        let sums = [image, iteration, &self.fields, vectors, &self.pairs, moments];
+        let sums = [
+            ("image", image),
+            ("iteration", iteration),
+            ("fields", &self.fields),
+            ("vectors", vectors),
+            ("pairs", &self.pairs),
+            ("moments", moments),
+        ];
         let sums = k.displacement_moments.bind(device, &sums);
-        let weigh = k.displacement_weigh.bind(device, &[image, iteration, vectors, moments, evidence, guess]);
+        let weigh = k.displacement_weigh.bind(
+            device,
+            &[
+                ("image", image),
+                ("iteration", iteration),
+                ("vectors", vectors),
+                ("rough", moments),
+                ("evidence", evidence),
+                ("guess", guess),
+            ],
+        );
         let per_node = Size::List(intervals.len() * self.node_count());
         let mut work = Recorder::new(device, &self.gpu.profiler);
         work.run(&together, per_pixel(self.slices[0].dims, intervals.len()));
@@ -190,9 +224,17 @@ impl<'a> Solver<'a> {
             .collect();
         let table = device.upload("intervals", &table)?;
         let [found, between] = &self.numbers;
-        let solve = [image, iteration, evidence, &table, found];
+        let solve = [
+            ("image", image),
+            ("iteration", iteration),
+            ("evidence", evidence),
+            ("intervals", &table),
+            ("found", &found.viewed::<[f32; 2]>()),
+        ];
         let solve = k.displacement_solve.bind(device, &solve);
-        let lead = k.displacement_guess.bind(device, &[image, found, guess, vectors]);
+        let lead = k
+            .displacement_guess
+            .bind(device, &[("image", image), ("rough", found), ("guess", guess), ("found", vectors)]);
         let mut work = Recorder::new(device, &self.gpu.profiler);
         self.bring_neighbours(&mut work, batch);
         work.run(&solve, Size::List(intervals.len() * self.node_count()));
@@ -218,7 +260,13 @@ impl<'a> Solver<'a> {
     fn smooth(&self, work: &mut Recorder<'_>, batch: &Batch, smoothing: &Smoothing, places: [&Buffer; 3]) {
         let count = batch.intervals.len() * self.node_count() * smoothing.width;
         for (axis, ends) in smoothing.axes.iter().zip(places.windows(2)) {
-            let buffers = [&batch.image, axis, &smoothing.weights, ends[0], ends[1]];
+            let buffers = [
+                ("image", &batch.image),
+                ("axis", axis),
+                ("weights", &smoothing.weights),
+                ("rough", ends[0]),
+                ("smoothed", ends[1]),
+            ];
             let mean = self.gpu.kernels.displacement_mean.bind(&self.gpu.device, &buffers);
             work.run(&mean, Size::List(count));
         }

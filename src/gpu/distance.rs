@@ -58,7 +58,15 @@ impl<'g> DistanceBuffers<'g> {
             let first = if k == 0 { 0 } else { counts[0] as u32 };
             let colour = Colour { first, count: counts[k] as u32, ..Colour::default() };
             let colour = device.uniform("colour", colour);
-            let buffers = [&params, &colour, &jobs, &d, &awake, &patches, &changes];
+            let buffers = [
+                ("params", &params),
+                ("colour", &colour),
+                ("jobs", &jobs),
+                ("d", &d),
+                ("awake", &awake),
+                ("patches", &patches),
+                ("changes", &changes),
+            ];
             (gpu.kernels.distance_sweep.bind(device, &buffers), counts[k])
         });
         Ok(DistanceBuffers { atlas, params, jobs, blocks, u, d, awake, changes, gpu, sweeps })
@@ -73,12 +81,22 @@ impl<'g> DistanceBuffers<'g> {
     pub fn solve(&self, far: bool) -> Result<()> {
         let (device, k) = (&self.gpu.device, &self.gpu.kernels);
         let start = if far { &k.distance_start_far } else { &k.distance_start };
-        let start = start.bind(device, &[&self.params, &self.jobs, &self.blocks, &self.u, &self.d, &self.awake]);
+        let start = start.bind(
+            device,
+            &[
+                ("params", &self.params),
+                ("jobs", &self.jobs),
+                ("blocks", &self.blocks),
+                ("u", &self.u),
+                ("d", &self.d),
+                ("awake", &self.awake),
+            ],
+        );
         let mut work = Recorder::new(device, &self.gpu.profiler);
         work.run(&start, self.per_node());
         work.submit()?;
         self.settle()?;
-        let finish = k.distance_finish.bind(device, &[&self.params, &self.u, &self.d]);
+        let finish = k.distance_finish.bind(device, &[("params", &self.params), ("u", &self.u), ("d", &self.d)]);
         let mut work = Recorder::new(device, &self.gpu.profiler);
         work.run(&finish, self.per_node());
         work.submit()

@@ -1,84 +1,29 @@
-//! All kernels: WGSL text put together, compiled once per device, and how work is recorded.
+//! All kernels, compiled once per device, and how work is recorded.
 
 use std::collections::BTreeMap;
 
 use super::device::{Buffer, Device, failure};
 use super::layout::GRID;
 use super::profiler::{Profiler, Stamps};
+use super::shaders::MODULES;
+use super::variables::{Variable, variables};
 use crate::error::Result;
 
 /// Invocations of a workgroup.
 pub const WORKGROUP: u32 = 64;
 /// Width of the one workgroup that gathers and scans.
-const SCAN_WIDTH: u32 = 256;
+pub const SCAN_WIDTH: u32 = 256;
 
-macro_rules! source {
-    ($($file:literal),+) => { concat!($(include_str!(concat!("../../shaders/", $file)), "\n"),+) };
-}
-
-/// Every module of WGSL: its stem and its whole text.
-pub const MODULES: [(&str, &str); 17] = [
-    ("band", source!("common/job.wgsl", "common/stencil.wgsl", "band.wgsl")),
-    ("hj_step", source!("common/job.wgsl", "common/stencil.wgsl", "common/stage.wgsl", "hj_step.wgsl")),
-    ("reinit", source!("common/job.wgsl", "common/stencil.wgsl", "common/stage.wgsl", "reinit.wgsl")),
-    ("extend", source!("common/job.wgsl", "common/field.wgsl", "extend.wgsl")),
-    ("trace", source!("common/job.wgsl", "common/arrival.wgsl", "trace.wgsl")),
-    ("particles", source!("common/job.wgsl", "common/field.wgsl", "common/goal.wgsl", "particles.wgsl")),
-    (
-        "propagate",
-        source!(
-            "common/job.wgsl",
-            "common/stencil.wgsl",
-            "common/field.wgsl",
-            "common/goal.wgsl",
-            "common/arrival.wgsl",
-            "common/course.wgsl",
-            "propagate.wgsl"
-        ),
-    ),
-    ("scatter", source!("common/job.wgsl", "common/field.wgsl", "scatter.wgsl")),
-    ("compose", source!("common/job.wgsl", "compose.wgsl")),
-    ("distance", source!("common/job.wgsl", "common/stencil.wgsl", "distance.wgsl")),
-    ("exact", source!("common/job.wgsl", "common/stencil.wgsl", "exact.wgsl")),
-    ("contour_field", source!("common/job.wgsl", "contour_field.wgsl")),
-    ("displacement", source!("common/job.wgsl", "common/moving.wgsl", "displacement.wgsl")),
-    ("trajectories", source!("common/job.wgsl", "common/moving.wgsl", "trajectories.wgsl")),
-    (
-        "moving_slopes",
-        source!(
-            "common/job.wgsl",
-            "common/moving.wgsl",
-            "common/sample.wgsl",
-            "common/spline.wgsl",
-            "moving_slopes.wgsl"
-        ),
-    ),
-    (
-        "moving_layer",
-        source!(
-            "common/job.wgsl",
-            "common/moving.wgsl",
-            "common/sample.wgsl",
-            "common/spline.wgsl",
-            "moving_layer.wgsl"
-        ),
-    ),
-    ("doctor", source!("doctor.wgsl")),
-];
-
-/// The module of part fields shares the distance module's patches.
-pub const PART: (&str, &str) = ("part", source!("common/job.wgsl", "common/stencil.wgsl", "part.wgsl"));
-
-/// A compiled entry point and the bindings it uses, in the order in which buffers are given.
+/// A compiled entry point and the variables of the shader that it uses.
 #[derive(Debug)]
 pub struct Kernel {
     label: &'static str,
     pipeline: wgpu::ComputePipeline,
-    bindings: &'static [u32],
+    variables: &'static [Variable],
 }
 
 macro_rules! kernels {
-    ($($name:ident: $module:literal . $entry:literal [$($binding:literal),*],)*) => {
+    ($($name:ident: $module:literal . $entry:literal,)*) => {
         /// Every kernel of a device.
         #[derive(Debug)]
         pub struct Kernels { $(#[allow(missing_docs)] pub $name: Kernel,)* }
@@ -90,68 +35,68 @@ macro_rules! kernels {
             /// [`crate::Error::Gpu`] with the shader's name and the compiler's words.
             pub fn new(device: &Device) -> Result<Self> {
                 let mut modules = BTreeMap::new();
-                for (stem, text) in MODULES.iter().chain([&PART]) {
-                    modules.insert(*stem, compile(device, stem, text)?);
+                for (stem, text) in MODULES {
+                    modules.insert(stem, compile(device, stem, text)?);
                 }
-                Ok(Kernels { $($name: pipeline(device, &modules, stringify!($name), $module, $entry, &[$($binding),*])?,)* })
+                Ok(Kernels { $($name: pipeline(device, &modules, stringify!($name), $module, $entry)?,)* })
             }
         }
     };
 }
 
 kernels!(
-    band_start: "band"."start" [0, 1, 2, 4, 5, 6, 7],
-    band_tube: "band"."tube" [0, 1, 2, 3, 5, 8],
-    band_gather: "band"."gather" [0, 4, 8],
-    band_grow: "band"."grow" [0, 1, 2, 3, 5, 6, 7],
-    band_scan: "band"."scan" [0, 2, 4],
-    band_collect: "band"."collect" [0, 2, 3, 7, 9, 10],
-    hj_step: "hj_step"."hj_step" [0, 1, 2, 3, 4, 5, 6, 7, 8],
-    reinit: "reinit"."reinit" [0, 1, 2, 3, 4, 5, 6, 7],
-    extend_find: "extend"."find" [0, 1, 2, 3, 4, 5, 6],
-    extend_courses: "extend"."extend_courses" [2, 6, 7, 8],
-    extend_line: "extend"."extend_line" [2, 6, 9, 10],
-    extend_carry: "extend"."carry" [0, 2, 7, 8, 11],
-    trace_measure: "trace"."measure" [1, 2, 3, 4, 5, 6],
-    trace_control: "trace"."control" [0, 6, 7],
-    particles_predict: "particles"."predict" [0, 1, 2, 3, 4],
-    particles_correct: "particles"."correct" [0, 1, 2, 3, 4],
-    particles_land: "particles"."land" [0, 1, 2, 3, 4],
-    sweep_advance: "propagate"."advance" [0, 9, 11],
-    sweep_measure: "propagate"."measure" [0, 1, 2, 3, 4, 5, 6, 7, 8],
-    sweep_control: "propagate"."control" [0, 6, 9, 10, 11],
-    sweep_steer: "propagate"."steer" [0, 1, 2, 3, 4, 7, 8, 12, 13],
-    scatter: "scatter"."scatter" [0, 1, 2, 3, 4, 5, 6, 7, 8],
-    scatter_fill: "scatter"."fill" [0, 1, 3, 7, 8, 9],
-    copy_front: "compose"."copy_front" [0, 1, 2, 3, 4, 5, 6, 9, 10],
-    blend: "compose"."blend" [0, 5, 6, 7, 8],
-    distance_start: "distance"."start" [0, 2, 3, 4, 5, 6],
-    distance_start_far: "distance"."start_far" [0, 2, 3, 4, 5, 6],
-    distance_sweep: "distance"."sweep_patches" [0, 1, 2, 5, 6, 7, 8],
-    distance_finish: "distance"."finish" [0, 4, 5],
-    exact_columns: "exact"."columns" [1, 2, 3, 4],
-    exact_rows: "exact"."rows" [0, 1, 2, 3, 4, 5, 6, 7],
-    gaussian: "contour_field"."gaussian" [0, 1, 2, 3, 4, 7],
-    sharpen: "contour_field"."sharpen" [0, 1, 4, 5, 6, 7],
-    hold_sides: "contour_field"."hold_sides" [0, 1, 4, 6, 7],
-    limit: "contour_field"."limit" [0, 1, 4, 7],
-    put_conditioned: "contour_field"."put_conditioned" [0, 1, 3, 4, 5, 7],
-    displacement_pairs: "displacement"."bring_together" [0, 1, 2, 3, 4],
-    displacement_moments: "displacement"."sum_moments" [0, 1, 2, 3, 4, 5],
-    displacement_changes: "displacement"."sum_changes" [0, 1, 4, 5],
-    displacement_keep: "displacement"."keep_changes" [0, 8, 10],
-    displacement_mean: "displacement"."window_mean" [0, 6, 7, 8, 9],
-    displacement_weigh: "displacement"."weigh" [0, 1, 3, 8, 10, 12],
-    displacement_solve: "displacement"."solve" [0, 1, 10, 11, 13],
-    displacement_guess: "displacement"."add_guess" [0, 8, 12, 13],
-    trajectories: "trajectories"."follow" [0, 1, 2, 3, 4],
-    moving_slopes: "moving_slopes"."find_slopes" [0, 1, 2, 3, 4],
-    moving_layer_far: "moving_layer"."find_far" [0, 1, 2, 3, 6],
-    moving_layer: "moving_layer"."interpolate" [0, 1, 2, 3, 4, 5, 6, 7],
-    doctor_count: "doctor"."count" [0, 1],
-    doctor_nan: "doctor"."not_a_number" [0, 1],
-    part_start: "part"."start_part" [0, 2, 3, 4, 5, 6, 7],
-    part_finish: "part"."finish_part" [0, 2, 3, 4, 5, 6],
+    band_start: "band"."start",
+    band_tube: "band"."tube",
+    band_gather: "band"."gather",
+    band_grow: "band"."grow",
+    band_scan: "band"."scan",
+    band_collect: "band"."collect",
+    hj_step: "hj_step"."hj_step",
+    reinit: "reinit"."reinit",
+    extend_find: "extend"."find",
+    extend_courses: "extend"."extend_courses",
+    extend_line: "extend"."extend_line",
+    extend_carry: "extend"."carry",
+    trace_measure: "trace"."measure",
+    trace_control: "trace"."control",
+    particles_predict: "particles"."predict",
+    particles_correct: "particles"."correct",
+    particles_land: "particles"."land",
+    sweep_advance: "propagate"."advance",
+    sweep_measure: "propagate"."measure",
+    sweep_control: "propagate"."control",
+    sweep_steer: "propagate"."steer",
+    scatter: "scatter"."scatter",
+    scatter_fill: "scatter"."fill",
+    copy_front: "compose"."copy_front",
+    blend: "compose"."blend",
+    distance_start: "distance"."start",
+    distance_start_far: "distance"."start_far",
+    distance_sweep: "distance"."sweep_patches",
+    distance_finish: "distance"."finish",
+    exact_columns: "exact"."columns",
+    exact_rows: "exact"."rows",
+    gaussian: "contour_field"."gaussian",
+    sharpen: "contour_field"."sharpen",
+    hold_sides: "contour_field"."hold_sides",
+    limit: "contour_field"."limit",
+    put_conditioned: "contour_field"."put_conditioned",
+    displacement_pairs: "displacement"."bring_together",
+    displacement_moments: "displacement"."sum_moments",
+    displacement_changes: "displacement"."sum_changes",
+    displacement_keep: "displacement"."keep_changes",
+    displacement_mean: "displacement"."window_mean",
+    displacement_weigh: "displacement"."weigh",
+    displacement_solve: "displacement"."solve",
+    displacement_guess: "displacement"."add_guess",
+    trajectories: "trajectories"."follow",
+    moving_slopes: "moving_slopes"."find_slopes",
+    moving_layer_far: "moving_layer"."find_far",
+    moving_layer: "moving_layer"."interpolate",
+    doctor_count: "doctor"."count",
+    doctor_nan: "doctor"."not_a_number",
+    part_start: "part"."start_part",
+    part_finish: "part"."finish_part",
 );
 
 fn compile(device: &Device, stem: &str, text: &'static str) -> Result<wgpu::ShaderModule> {
@@ -172,9 +117,9 @@ fn pipeline(
     label: &'static str,
     module: &str,
     entry: &str,
-    bindings: &'static [u32],
 ) -> Result<Kernel> {
     let Some(compiled) = modules.get(module) else { return Err(failure(format!("no shader `{module}`"))) };
+    let variables = variables(module, entry).map_err(failure)?;
     let scan = [("scan_width", f64::from(SCAN_WIDTH))];
     let lists = [("lane_count", f64::from(WORKGROUP))];
     let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -195,34 +140,43 @@ fn pipeline(
     });
     match pollster::block_on(scope.pop()) {
         Some(e) => Err(failure(format!("kernel `{label}`: {e}"))),
-        None => Ok(Kernel { label, pipeline, bindings }),
+        None => Ok(Kernel { label, pipeline, variables }),
     }
 }
 
 impl Kernel {
-    /// Binds buffers, in the order of the kernel's bindings.
-    pub fn bind(&self, device: &Device, buffers: &[&Buffer]) -> Bound<'_> {
-        debug_assert_eq!(buffers.len(), self.bindings.len(), "{}", self.label);
-        let entries: Vec<_> = self
-            .bindings
-            .iter()
-            .zip(buffers)
-            .map(|(&binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.raw.as_entire_binding() })
-            .collect();
-        let group = device.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(self.label),
-            layout: &self.pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
-        Bound { kernel: self, group }
+    /// Binds buffers by the names that they have in the shader: all that the kernel uses, and no other. A buffer of another type than the
+    /// shader's is refused, when the work is submitted.
+    pub fn bind(&self, device: &Device, buffers: &[(&str, &Buffer)]) -> Bound<'_> {
+        let entry = |variable: &Variable| {
+            let of_name = |(name, _): &&(&str, &Buffer)| *name == variable.name;
+            let (_, buffer) =
+                buffers.iter().find(of_name).ok_or_else(|| format!("nothing is bound to `{}`", variable.name))?;
+            if buffer.element != variable.element {
+                let Variable { name, element, .. } = variable;
+                return Err(format!("`{name}` is of {element}, the buffer of {}", buffer.element));
+            }
+            Ok(wgpu::BindGroupEntry { binding: variable.binding, resource: buffer.raw.as_entire_binding() })
+        };
+        let unused = buffers.iter().find(|(name, _)| self.variables.iter().all(|v| v.name != *name));
+        let entries = match unused {
+            Some((name, _)) => Err(format!("it has no `{name}`")),
+            None => self.variables.iter().map(entry).collect::<std::result::Result<Vec<_>, String>>(),
+        };
+        let layout = &self.pipeline.get_bind_group_layout(0);
+        let bind = |entries: Vec<_>| {
+            let descriptor = wgpu::BindGroupDescriptor { label: Some(self.label), layout, entries: &entries };
+            device.device.create_bind_group(&descriptor)
+        };
+        Bound { kernel: self, group: entries.map(bind).map_err(|wrong| format!("kernel `{}`: {wrong}", self.label)) }
     }
 }
 
-/// A kernel with its buffers.
+/// A kernel with its buffers, or why these are not the kernel's.
 #[derive(Debug)]
 pub struct Bound<'k> {
     kernel: &'k Kernel,
-    group: wgpu::BindGroup,
+    group: std::result::Result<wgpu::BindGroup, String>,
 }
 
 /// How many invocations a dispatch has.
@@ -250,6 +204,8 @@ pub struct Recorder<'d> {
     queries: Option<wgpu::QuerySet>,
     /// Kernel and pixels of each dispatch.
     runs: Vec<(&'static str, usize)>,
+    /// What is wrong with the first kernel that cannot run.
+    wrong: Option<String>,
 }
 
 impl<'d> Recorder<'d> {
@@ -263,11 +219,18 @@ impl<'d> Recorder<'d> {
                 count: MOST_QUERIES,
             })
         });
-        Recorder { device, profiler, encoder, pass: None, queries, runs: Vec::new() }
+        Recorder { device, profiler, encoder, pass: None, queries, runs: Vec::new(), wrong: None }
     }
 
     /// Records one dispatch.
     pub fn run(&mut self, bound: &Bound<'_>, size: Size<'_>) {
+        let group = match &bound.group {
+            Ok(group) => group,
+            Err(wrong) => {
+                self.wrong.get_or_insert_with(|| wrong.clone());
+                return;
+            }
+        };
         let at = 2 * self.runs.len() as u32;
         let timed = self.queries.as_ref().filter(|_| at + 1 < MOST_QUERIES);
         if timed.is_some() || self.pass.is_none() {
@@ -288,7 +251,7 @@ impl<'d> Recorder<'d> {
         };
         self.runs.push((bound.kernel.label, pixels));
         pass.set_pipeline(&bound.kernel.pipeline);
-        pass.set_bind_group(0, &bound.group, &[]);
+        pass.set_bind_group(0, group, &[]);
         let groups = |n: usize| n.div_ceil(WORKGROUP as usize) as u32;
         match size {
             Size::List(n) => {
@@ -321,9 +284,12 @@ impl<'d> Recorder<'d> {
     /// Sends the recording off.
     ///
     /// # Errors
-    /// [`crate::Error::Gpu`] when the device has failed.
+    /// [`crate::Error::Gpu`] when the device has failed, or a kernel was given buffers that are not its own.
     pub fn submit(mut self) -> Result<()> {
         self.pass = None;
+        if let Some(wrong) = self.wrong.take() {
+            return Err(failure(wrong));
+        }
         let stamps = match self.queries.take() {
             Some(set) if !self.runs.is_empty() => {
                 let count = (2 * self.runs.len() as u32).min(MOST_QUERIES);
@@ -338,5 +304,37 @@ impl<'d> Recorder<'d> {
         self.device.queue.submit([self.encoder.finish()]);
         self.device.check()?;
         self.profiler.submitted(self.device, &self.runs, stamps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::{Gpu, GpuOptions};
+
+    /// A kernel with these buffers, recorded and submitted.
+    fn tried(gpu: &Gpu, kernel: &Kernel, buffers: &[(&str, &Buffer)]) -> Result<()> {
+        let mut work = Recorder::new(&gpu.device, &gpu.profiler);
+        work.run(&kernel.bind(&gpu.device, buffers), Size::List(1));
+        work.submit()
+    }
+
+    #[test]
+    fn a_kernel_takes_its_own_buffers_and_no_others() {
+        let gpu = Gpu::open(&GpuOptions::default()).expect("an adapter, tests/run installs one");
+        let floats = |label| gpu.device.zeroed::<f32>(label, 4).expect("room for four numbers");
+        let (u, d) = (floats("u"), floats("d"));
+        let params = gpu.device.uniform("params", super::super::layout::Params::default());
+        let kernel = &gpu.kernels.distance_finish;
+        let refused = |buffers: &[(&str, &Buffer)], words: &str| {
+            let said = tried(&gpu, kernel, buffers).expect_err(words).to_string();
+            assert!(said.contains("distance_finish") && said.contains(words), "{said}");
+        };
+        tried(&gpu, kernel, &[("params", &params), ("u", &u), ("d", &d)]).expect("these are its own");
+        tried(&gpu, kernel, &[("d", &d), ("u", &u), ("params", &params)]).expect("in any order");
+        refused(&[("params", &params), ("u", &u)], "nothing is bound to `d`");
+        refused(&[("params", &params), ("u", &u), ("d", &d), ("goal", &d)], "it has no `goal`");
+        refused(&[("params", &params), ("u", &u), ("d", &d.viewed::<u32>())], "`d` is of f32, the buffer of u32");
+        refused(&[("params", &u), ("u", &u), ("d", &d)], "`params` is of Params, the buffer of f32");
     }
 }

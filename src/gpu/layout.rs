@@ -1,4 +1,4 @@
-//! The structs that host and shaders share, member by member as in `shaders/`; `tests/layout.rs` asks naga for the other side and compares
+//! The structs that host and shaders share, member by member as in `shaders/`; `tests/shaders.rs` asks naga for the other side and compares
 //! names, offsets and sizes.
 
 use bytemuck::{Pod, Zeroable};
@@ -27,13 +27,32 @@ pub const ABOVE: u32 = 1;
 pub const BELOW: u32 = 2;
 /// Phases of a job.
 pub const RUNNING: u32 = 0;
+/// The front has arrived, or its steps are used up.
+pub const DONE: u32 = 1;
 /// The front disappeared on the way.
 pub const VANISHED: u32 = 2;
 
-/// A mirrored struct: its name in WGSL and its members with their offsets.
-pub trait Layout: Pod {
-    /// Name of the WGSL struct.
+/// A value that a buffer can hold: its type in WGSL.
+pub trait Element: Pod {
+    /// Name of the type.
     const NAME: &'static str;
+}
+
+macro_rules! elements {
+    ($($kind:ty: $name:literal,)*) => { $(impl Element for $kind { const NAME: &'static str = $name; })* };
+}
+
+elements!(
+    f32: "f32",
+    u32: "u32",
+    [f32; 2]: "vec2<f32>",
+    [u32; 2]: "vec2<u32>",
+    [f32; 4]: "vec4<f32>",
+    [u32; 4]: "vec4<u32>",
+);
+
+/// A mirrored struct: its members with their offsets.
+pub trait Layout: Element {
     /// `(member, offset)` in order.
     fn members() -> Vec<(&'static str, usize)>;
 }
@@ -47,8 +66,11 @@ macro_rules! mirrored {
             $($(#[$member_doc])* #[allow(missing_docs)] pub $member: $kind,)*
         }
 
-        impl Layout for $name {
+        impl Element for $name {
             const NAME: &'static str = stringify!($name);
+        }
+
+        impl Layout for $name {
             fn members() -> Vec<(&'static str, usize)> {
                 vec![$((stringify!($member), std::mem::offset_of!($name, $member)),)*]
             }
@@ -264,4 +286,34 @@ mirrored!(
 mirrored!(
     /// A part without partner (`moving_layer.wgsl`).
     Part { first: u32, nx: u32, ny: u32, x: i32, y: i32, depth: f32, height: f32, shrinking: f32, farthest: f32, }
+);
+
+mirrored!(
+    /// Which side the exact distances are of (`exact.wgsl`).
+    Side { inside: u32, padding_a: u32, padding_b: u32, padding_c: u32, }
+);
+
+mirrored!(
+    /// Head of the fronts to be copied, the arguments of their dispatch; the list of [`Read`]s follows (`propagate.wgsl`, `compose.wgsl`).
+    Reached { groups_x: u32, groups_y: u32, groups_z: u32, padding: u32, }
+);
+
+mirrored!(
+    /// A front that has reached a time (`propagate.wgsl`, `compose.wgsl`).
+    Read { job: u32, copy: u32, share: f32, padding: u32, }
+);
+
+mirrored!(
+    /// Head of the pool of copied values, which follow (`compose.wgsl`).
+    Values { used: u32, padding_a: u32, padding_b: u32, padding_c: u32, }
+);
+
+mirrored!(
+    /// Head of the rounds of filling in; the list of [`Round`]s follows (`scatter.wgsl`).
+    Rounds { unknown: u32, padding_a: u32, padding_b: u32, padding_c: u32, }
+);
+
+mirrored!(
+    /// When a band place was filled in (`scatter.wgsl`).
+    Round { at: u32, unknown: u32, }
 );

@@ -24,8 +24,10 @@ mod profiler;
 mod propagate;
 mod queue;
 pub mod selftest;
+pub mod shaders;
 mod trace;
 mod trajectories;
+pub mod variables;
 
 use std::borrow::Cow;
 use std::ops::Range;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::Gpu;
 use super::kernels::Size;
 use super::layout::{Image, TILE};
-use crate::grid::field::Field;
+use crate::grid::field::{FAR, Field};
 use crate::registration::displacement::Displacement;
 
 /// Images of these pixels with displacements on such a grid of nodes, and how many items a dispatch has.
@@ -34,7 +34,7 @@ pub fn per_pixel(dims: [usize; 2], count: usize) -> Size<'static> {
 
 /// Images one after the other.
 pub fn pack(fields: &[Arc<Field>]) -> Vec<f32> {
-    fields.iter().flat_map(|f| &f.data).map(|v| v.clamp(-1e30, 1e30) as f32).collect()
+    fields.iter().flat_map(|f| &f.data).map(|v| v.clamp(-FAR, FAR) as f32).collect()
 }
 
 /// Displacements one after the other.

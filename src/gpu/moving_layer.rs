@@ -8,7 +8,7 @@ use super::layout::{Part, Span};
 use super::moving::{image, per_pixel, tile_count};
 use super::trajectories::paths;
 use crate::error::Result;
-use crate::grid::field::Field;
+use crate::grid::field::{FAR, Field};
 use crate::reference::moving_field::reach;
 use crate::registration::motion_field::{LoneParts, MotionField};
 
@@ -75,8 +75,19 @@ fn batch_of_layers(
     let tiles = tile_count(dims) * times.len();
     let far = device.storage::<f32>("far", tiles)?;
     let layers = device.storage::<f32>("layers", dims[0] * dims[1] * times.len())?;
-    let find_far = k.moving_layer_far.bind(device, &[&image, span, fields, &paths, &far]);
-    let buffers = [&image, span, fields, &paths, &table, parts, &far, &layers];
+    let find_far = k
+        .moving_layer_far
+        .bind(device, &[("image", &image), ("span", span), ("fields", fields), ("vectors", &paths), ("far", &far)]);
+    let buffers = [
+        ("image", &image),
+        ("span", span),
+        ("fields", fields),
+        ("vectors", &paths),
+        ("times", &table),
+        ("parts", parts),
+        ("far", &far),
+        ("layers", &layers),
+    ];
     let interpolate = k.moving_layer.bind(device, &buffers);
     let mut work = Recorder::new(device, &gpu.profiler);
     work.run(&find_far, Size::List(tiles));
@@ -93,7 +104,7 @@ fn values(of: &Ingredients<'_>) -> (Vec<f32>, Vec<Part>) {
     let mut values: Vec<f32> = Vec::new();
     let mut put = |field: &Field, scale: f64| {
         let first = values.len();
-        values.extend(field.data.iter().map(|v| (scale * v).clamp(-1e30, 1e30) as f32));
+        values.extend(field.data.iter().map(|v| (scale * v).clamp(-FAR, FAR) as f32));
         first as u32
     };
     put(&moving.fields[i], 1.0);

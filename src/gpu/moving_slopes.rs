@@ -53,7 +53,10 @@ fn of_slices(gpu: &Gpu, moving: &MotionField, batch: Range<usize>) -> Result<Vec
     let knots = device.upload("knots", &knots)?;
     let nodes = dims[0] * dims[1];
     let slopes = device.storage::<f32>("slopes", batch.len() * nodes)?;
-    let find = gpu.kernels.moving_slopes.bind(device, &[&image, &fields, &vectors, &knots, &slopes]);
+    let find = gpu.kernels.moving_slopes.bind(
+        device,
+        &[("image", &image), ("fields", &fields), ("vectors", &vectors), ("knots", &knots), ("slopes", &slopes)],
+    );
     let mut work = Recorder::new(device, &gpu.profiler);
     work.run(&find, per_pixel(dims, batch.len()));
     work.submit()?;

@@ -27,8 +27,22 @@ pub fn part_fields(gpu: &Gpu, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field
         let params = Params { hx: h[0] as f32, hy: h[1] as f32, ..Params::default() };
         let tiles = DistanceBuffers::new(gpu, atlas, params, gpu.device.upload("whole", &whole)?)?;
         let DistanceBuffers { params, jobs: table, blocks, u, d, awake, .. } = &tiles;
-        let start = gpu.kernels.part_start.bind(&gpu.device, &[params, table, blocks, u, &inside, d, awake]);
-        let finish = gpu.kernels.part_finish.bind(&gpu.device, &[params, table, blocks, u, &inside, d]);
+        let start = gpu.kernels.part_start.bind(
+            &gpu.device,
+            &[
+                ("params", params),
+                ("jobs", table),
+                ("blocks", blocks),
+                ("whole", u),
+                ("inside", &inside),
+                ("d", d),
+                ("awake", awake),
+            ],
+        );
+        let finish = gpu.kernels.part_finish.bind(
+            &gpu.device,
+            &[("params", params), ("jobs", table), ("blocks", blocks), ("whole", u), ("inside", &inside), ("d", d)],
+        );
         let mut work = Recorder::new(&gpu.device, &gpu.profiler);
         work.run(&start, tiles.per_node());
         work.submit()?;

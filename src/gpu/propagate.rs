@@ -6,7 +6,7 @@ use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings,
 use super::compose::{Copies, fill_slices};
 use super::device::failure;
 use super::kernels::{Bound, Recorder, Size};
-use super::layout::{BLOCK, Copy, Job, RUNNING, Seed, Source, Sums, VANISHED};
+use super::layout::{BLOCK, Copy, Job, RUNNING, Reached, Read, Round, Rounds, Seed, Source, Sums, VANISHED};
 use super::trace::morph_params;
 use crate::backend::MorphOptions;
 use crate::backend::jobs::{Filled, SweepJob, SweepPair, Swept};
@@ -22,8 +22,6 @@ const LOOK: usize = 16;
 const MOST_STEPS: u32 = 100_000;
 /// Bytes per band place beside the front's own: courses and speeds twice, misses, sources, rounds of filling, the start of a step.
 const SWEEP_PLACE_BYTES: usize = PLACE_BYTES + 80;
-/// Words of the head of the list of fronts to copy, and of a front in it.
-const READ_WORDS: usize = 4;
 
 /// All pairs of sweeps, batch by batch, and their slices.
 pub fn propagate(
@@ -88,7 +86,7 @@ fn run(
         (device.upload("times", &times)?, device.upload("seeds", &seeds)?, device.upload("bins", &bins)?);
     let sums = device.zeroed::<Sums>("sums", jobs.len())?;
     let reads: usize = jobs.iter().map(|j| j.times.len()).sum();
-    let reached = device.zeroed::<u32>("reached", READ_WORDS * (1 + reads.max(1)))?;
+    let reached = device.headed::<Reached, Read>("reached", reads)?;
     let before = device.storage::<[f32; 4]>("before", room)?;
     let courses = [0, 1].map(|_| device.storage::<[f32; 4]>("courses", room));
     let line = [0, 1].map(|_| device.storage::<f32>("line", room));
@@ -96,24 +94,108 @@ fn run(
     let (courses, line) = ([courses_a?, courses_b?], [line_a?, line_b?]);
     let misses = device.storage::<f32>("misses", room)?;
     let sources = device.storage::<Source>("sources", room)?;
-    let rounds = device.zeroed::<u32>("rounds", 4 + 2 * room)?;
+    let rounds = device.headed::<Rounds, Round>("rounds", room)?;
     let Front { params, jobs: table, work: lists, phi, band, slots, earlier, .. } = &front;
-    let scatter = k.scatter.bind(device, &[params, table, lists, band, phi, &seeds, &bins, &courses[0], &rounds]);
-    let fill = k.scatter_fill.bind(device, &[params, table, band, &courses[0], &rounds, slots]);
-    let find = k.extend_find.bind(device, &[params, table, lists, band, phi, slots, &sources]);
-    let advance = k.sweep_advance.bind(device, &[params, table, &reached]);
-    let control = k.sweep_control.bind(device, &[params, &sums, table, &times, &reached]);
+    let scatter = k.scatter.bind(
+        device,
+        &[
+            ("params", params),
+            ("jobs", table),
+            ("work", lists),
+            ("band", band),
+            ("phi", phi),
+            ("seeds", &seeds),
+            ("bins", &bins),
+            ("courses", &courses[0]),
+            ("rounds", &rounds),
+        ],
+    );
+    let fill = k.scatter_fill.bind(
+        device,
+        &[
+            ("params", params),
+            ("jobs", table),
+            ("band", band),
+            ("courses", &courses[0]),
+            ("rounds", &rounds),
+            ("slots", slots),
+        ],
+    );
+    let find = k.extend_find.bind(
+        device,
+        &[
+            ("params", params),
+            ("jobs", table),
+            ("work", lists),
+            ("band", band),
+            ("phi", phi),
+            ("slots", slots),
+            ("sources", &sources),
+        ],
+    );
+    let advance = k.sweep_advance.bind(device, &[("params", params), ("states", table), ("reached", &reached)]);
+    let control = k.sweep_control.bind(
+        device,
+        &[("params", params), ("sums", &sums), ("states", table), ("times", &times), ("reached", &reached)],
+    );
     let copy = copies.bind(gpu, &front, &reached, &before);
     let carried = Carried {
         measure: [0, 1].map(|a| {
-            k.sweep_measure.bind(device, &[params, table, band, lists, phi, &goal, &sums, &courses[a], &misses])
+            k.sweep_measure.bind(
+                device,
+                &[
+                    ("params", params),
+                    ("jobs", table),
+                    ("band", band),
+                    ("work", lists),
+                    ("phi", phi),
+                    ("goal", &goal),
+                    ("sums", &sums),
+                    ("courses", &courses[a]),
+                    ("misses", &misses),
+                ],
+            )
         }),
         steer: [0, 1].map(|a| {
-            k.sweep_steer.bind(device, &[params, table, band, lists, phi, &courses[a], &misses, &line[0], &before])
+            k.sweep_steer.bind(
+                device,
+                &[
+                    ("params", params),
+                    ("jobs", table),
+                    ("band", band),
+                    ("work", lists),
+                    ("phi", phi),
+                    ("courses", &courses[a]),
+                    ("misses", &misses),
+                    ("line", &line[0]),
+                    ("before", &before),
+                ],
+            )
         }),
-        carry: [0, 1].map(|a| k.extend_carry.bind(device, &[params, lists, &courses[a], &courses[1 - a], earlier])),
-        courses: [0, 1].map(|a| k.extend_courses.bind(device, &[lists, &sources, &courses[a], &courses[1 - a]])),
-        line: [0, 1].map(|a| k.extend_line.bind(device, &[lists, &sources, &line[a], &line[1 - a]])),
+        carry: [0, 1].map(|a| {
+            k.extend_carry.bind(
+                device,
+                &[
+                    ("params", params),
+                    ("work", lists),
+                    ("courses", &courses[a]),
+                    ("next_courses", &courses[1 - a]),
+                    ("earlier", earlier),
+                ],
+            )
+        }),
+        courses: [0, 1].map(|a| {
+            k.extend_courses.bind(
+                device,
+                &[("work", lists), ("sources", &sources), ("courses", &courses[a]), ("next_courses", &courses[1 - a])],
+            )
+        }),
+        line: [0, 1].map(|a| {
+            k.extend_line.bind(
+                device,
+                &[("work", lists), ("sources", &sources), ("line", &line[a]), ("next_line", &line[1 - a])],
+            )
+        }),
     };
     let stages = front.bind_step(&line[0], false);
     let each_job = Size::List(jobs.len());

@@ -73,10 +73,17 @@ fn run(
     let none = [Particle { died: 0.0, ..Particle::default() }];
     let particles = device.upload("particles", if seeds.is_empty() { &none[..] } else { &seeds })?;
     let Front { params, jobs: table, band, work: lists, phi, .. } = &front;
-    let measure = k.trace_measure.bind(device, &[table, band, lists, phi, &goal, &sums]);
-    let control = k.trace_control.bind(device, &[params, &sums, table]);
-    let follow = [&k.particles_predict, &k.particles_correct, &k.particles_land]
-        .map(|kernel| kernel.bind(device, &[params, table, phi, &goal, &particles]));
+    let measure = k.trace_measure.bind(
+        device,
+        &[("jobs", table), ("band", band), ("work", lists), ("phi", phi), ("goal", &goal), ("sums", &sums)],
+    );
+    let control = k.trace_control.bind(device, &[("params", params), ("sums", &sums), ("states", table)]);
+    let follow = [&k.particles_predict, &k.particles_correct, &k.particles_land].map(|kernel| {
+        kernel.bind(
+            device,
+            &[("params", params), ("jobs", table), ("phi", phi), ("goal", &goal), ("particles", &particles)],
+        )
+    });
     let stages = front.bind_step(&goal, true);
     let each_job = Size::List(jobs.len());
     let each_particle = Size::List(seeds.len().max(1));

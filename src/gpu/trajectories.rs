@@ -27,7 +27,10 @@ pub fn paths(gpu: &Gpu, moving: &MotionField, i: usize, times: &[f64], h: [f64; 
     let (own, rates) = (device.upload("vectors", &vectors([&**v]))?, device.upload("rates", &vectors(&rates))?);
     let table = device.upload("times", &table)?;
     let paths = device.storage::<[f32; 2]>("paths", 2 * nodes * times.len())?;
-    let follow = gpu.kernels.trajectories.bind(device, &[&image, &own, &rates, &table, &paths]);
+    let follow = gpu
+        .kernels
+        .trajectories
+        .bind(device, &[("image", &image), ("vectors", &own), ("rates", &rates), ("times", &table), ("paths", &paths)]);
     let mut work = Recorder::new(device, &gpu.profiler);
     work.run(&follow, Size::List(nodes * times.len()));
     work.submit()?;

@@ -6,6 +6,9 @@
 
 use crate::storage::spill::{Array, Large};
 
+/// Value farther than any distance on an image.
+pub const FAR: f64 = 1e30;
+
 /// A scalar field on a tile, row-major.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Field {

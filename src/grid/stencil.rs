@@ -1,6 +1,8 @@
 //! Pure scalar arithmetic of the level-set scheme: WENO5 one-sided derivatives, Godunov's Hamiltonian, TVD-RK3 weights, the tube's
 //! cut-off, the smeared sign.
 
+/// Pixels this close to a front decide about its time step.
+pub const FRONT_REACH: f64 = 1.5;
 /// The Courant number for which everything that goes by steps is set: largest steps, reinitialisation, patience.
 pub const COURANT: f64 = 0.5;
 

@@ -2,11 +2,8 @@
 
 use std::ops::Range;
 
-use crate::grid::field::Field;
+use crate::grid::field::{FAR, Field};
 use crate::grid::stencil::Eikonal;
-
-/// Farther than any distance on an image.
-const FAR: f64 = 1e30;
 
 /// Rounds of four sweeps after which a field that still changes is an error in the scheme, not in the data.
 const MAX_ROUNDS: usize = 64;
@@ -14,7 +11,7 @@ const MAX_ROUNDS: usize = 64;
 /// Change below which a value counts as settled, px.
 const SETTLED: f64 = 1e-9;
 
-/// Signed distance to the zero set of `u`, px, negative where `u < 0`; 1e30 where there is no contour at all.
+/// Signed distance to the zero set of `u`, px, negative where `u < 0`; [`FAR`] where there is no contour at all.
 ///
 /// Start values at pixels next to the contour: along each axis the linear crossing `d = |u| / (|u| + |u_n|)`, both axes combined as
 /// `1 / d^2 = 1 / dx^2 + 1 / dy^2`. They stay fixed.

@@ -2,7 +2,7 @@
 
 use super::distance::sweep;
 use crate::backend::jobs::PartJob;
-use crate::grid::field::Field;
+use crate::grid::field::{FAR, Field};
 
 /// Where an edge of another part is nearer by less than this, the whole contour's field still has a share in the value, px: pixels that are as
 /// far from both would else go by rounding.
@@ -16,7 +16,7 @@ pub fn part_field(job: &PartJob, h: [f64; 2]) -> Field {
         return field;
     }
     let PartJob { whole, inside } = job;
-    let far = Field::filled(whole.dims, 1e30);
+    let far = Field::filled(whole.dims, FAR);
     let (mut own, mut other) = (far.clone(), far);
     let (mut own_fixed, mut other_fixed) = (vec![false; inside.len()], vec![false; inside.len()]);
     for node in 0..inside.len() {

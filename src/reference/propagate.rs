@@ -14,7 +14,7 @@ use crate::backend::jobs::{SweepJob, Swept, TraceJob};
 use crate::contour::seeds::seeds;
 use crate::grid::field::Field;
 use crate::grid::spline::{HermiteArc, bend, hermite, hermite_rate, smoothstep};
-use crate::grid::stencil::{cut_off, step_share};
+use crate::grid::stencil::{FRONT_REACH, cut_off, step_share};
 use crate::grid::tiled::Packed;
 
 /// Jacobi passes of the extension per step: 8 and 16 give the same.
@@ -25,8 +25,10 @@ pub const FIRST_PASSES: usize = 8;
 pub const STEP_LIMIT: f64 = 0.1;
 /// A step that reaches this share of what is left reaches the whole: rounding must not decide between one step and two.
 pub const ALMOST: f64 = 1.0 - 1e-4;
-/// Pixels this close to the front decide about its time step.
-pub const NEAR: f64 = 1.5;
+/// Pieces whose particle died are steered from this time on, and wholly [`LATE_RAMP`] later.
+pub const LATE: f64 = 0.6;
+/// Time over which their steering grows.
+pub const LATE_RAMP: f64 = 0.3;
 /// Largest error that the feedback answers to at once, px.
 pub const ERROR_LIMIT: f64 = 2.0;
 /// The feedback's gain is `GAIN / (1 - t)`, at most `GAIN / LEAST_TIME`, and never more than one whole correction per step.
@@ -165,7 +167,7 @@ fn measure(
     h: [f64; 2],
 ) {
     errors.clear();
-    let late = smoothstep((t - 0.6) / 0.3);
+    let late = smoothstep((t - LATE) / LATE_RAMP);
     for node in band.nodes().filter(|&n| phi.at_contour(n)) {
         let course = &courses[node];
         let (remaining, valid) = match remeasured {
@@ -193,7 +195,7 @@ fn step_length(
 ) -> f64 {
     let scheduled = band
         .nodes()
-        .filter(|&n| phi.data[n].abs() < NEAR)
+        .filter(|&n| phi.data[n].abs() < FRONT_REACH)
         .map(|n| hermite_rate(&courses[n], t).abs())
         .fold(1e-6, f64::max);
     let steered =

@@ -7,13 +7,11 @@ use super::reinit::reinit_share;
 use crate::backend::MorphOptions;
 use crate::backend::jobs::{TraceJob, Traced, Track, full_distance};
 use crate::grid::field::Field;
-use crate::grid::stencil::{COURANT, step_share};
+use crate::grid::stencil::{COURANT, FRONT_REACH, step_share};
 use crate::report::Residual;
 
 /// Largest time step, of a whole one: the relaxation `phi_t = phi_B - phi` is unstable above 2.5 and already costs accuracy at 2.2.
 pub const STEP_LIMIT: f64 = 0.5;
-/// Pixels this close to the front decide about its time step.
-pub const NEAR: f64 = 1.5;
 /// A front that has come this close and gains less than [`LEAST_GAIN`] in [`PATIENCE`] steps hangs at kinks of phi_B.
 pub const STALL_BELOW: f64 = 1.0;
 /// Least gain of a front that does not hang, px a whole step.
@@ -51,7 +49,7 @@ pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced 
         }
         let fastest = band
             .nodes()
-            .filter(|&n| phi.data[n].abs() < NEAR)
+            .filter(|&n| phi.data[n].abs() < FRONT_REACH)
             .map(|n| (phi.data[n] - job.target.data[n]).abs())
             .fold(1e-9, f64::max);
         let dt = (options.cfl * side / fastest).min(STEP_LIMIT * share);

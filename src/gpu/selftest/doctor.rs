@@ -72,8 +72,8 @@ pub fn examine(gpu: &Gpu) -> Result<Findings> {
     let asked = device.upload("asked", &[TRIPS, 1, f32::NAN.to_bits(), 1f32.to_bits()])?;
     let answer = device.zeroed::<u32>("answer", 7)?;
     let mut work = Recorder::new(device, &gpu.profiler);
-    work.run(&k.doctor_count.bind(device, &[&asked, &answer]), Size::One);
-    work.run(&k.doctor_nan.bind(device, &[&asked, &answer]), Size::One);
+    work.run(&k.doctor_count.bind(device, &[("asked", &asked), ("answer", &answer)]), Size::One);
+    work.run(&k.doctor_nan.bind(device, &[("asked", &asked), ("answer", &answer)]), Size::One);
     work.submit()?;
     let answer: Vec<u32> = device.read(&answer, 0, 7)?;
     Ok(Findings {

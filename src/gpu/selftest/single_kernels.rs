@@ -9,7 +9,7 @@ use crate::gpu::band::Front;
 use crate::gpu::device::Buffer;
 use crate::gpu::distance::DistanceBuffers;
 use crate::gpu::kernels::{Recorder, Size};
-use crate::gpu::layout::{Params, Particle, Seed, Source, Work};
+use crate::gpu::layout::{Params, Particle, Round, Rounds, Seed, Source, Work};
 use crate::gpu::propagate::place_seeds;
 use crate::gpu::{contour_field, moving, trace, trajectories};
 use crate::grid::field::Field;
@@ -189,14 +189,62 @@ impl Gpu {
         let (seeds, bins) = (device.upload::<Seed>("seeds", &seeds)?, device.upload("bins", &bins)?);
         let courses = [device.storage::<[f32; 4]>("courses", room)?, device.storage::<[f32; 4]>("courses", room)?];
         let (sources, rounds) =
-            (device.storage::<Source>("sources", room)?, device.zeroed::<u32>("rounds", 4 + 2 * room)?);
+            (device.storage::<Source>("sources", room)?, device.headed::<Rounds, Round>("rounds", room)?);
         let Front { params, jobs: table, work: lists, phi, band, slots, earlier, .. } = &front;
-        let scatter = k.scatter.bind(device, &[params, table, lists, band, phi, &seeds, &bins, &courses[0], &rounds]);
-        let fill = k.scatter_fill.bind(device, &[params, table, band, &courses[0], &rounds, slots]);
-        let find = k.extend_find.bind(device, &[params, table, lists, band, phi, slots, &sources]);
-        let extend = [0, 1].map(|a| k.extend_courses.bind(device, &[lists, &sources, &courses[a], &courses[1 - a]]));
+        let scatter = k.scatter.bind(
+            device,
+            &[
+                ("params", params),
+                ("jobs", table),
+                ("work", lists),
+                ("band", band),
+                ("phi", phi),
+                ("seeds", &seeds),
+                ("bins", &bins),
+                ("courses", &courses[0]),
+                ("rounds", &rounds),
+            ],
+        );
+        let fill = k.scatter_fill.bind(
+            device,
+            &[
+                ("params", params),
+                ("jobs", table),
+                ("band", band),
+                ("courses", &courses[0]),
+                ("rounds", &rounds),
+                ("slots", slots),
+            ],
+        );
+        let find = k.extend_find.bind(
+            device,
+            &[
+                ("params", params),
+                ("jobs", table),
+                ("work", lists),
+                ("band", band),
+                ("phi", phi),
+                ("slots", slots),
+                ("sources", &sources),
+            ],
+        );
+        let extend = [0, 1].map(|a| {
+            k.extend_courses.bind(
+                device,
+                &[("work", lists), ("sources", &sources), ("courses", &courses[a]), ("next_courses", &courses[1 - a])],
+            )
+        });
         let turn = passes % 2;
-        let carry = k.extend_carry.bind(device, &[params, lists, &courses[turn], &courses[1 - turn], earlier]);
+        let carry = k.extend_carry.bind(
+            device,
+            &[
+                ("params", params),
+                ("work", lists),
+                ("courses", &courses[turn]),
+                ("next_courses", &courses[1 - turn]),
+                ("earlier", earlier),
+            ],
+        );
         self.record(|work| {
             front.begin(work);
             work.run(&scatter, front.per_pixel());
@@ -255,8 +303,18 @@ impl Gpu {
         let placed: Vec<Particle> =
             starts.iter().enumerate().flat_map(|(q, xs)| xs.iter().map(move |x| seed((q, x)))).collect();
         let particles = device.upload("particles", &placed)?;
-        let follow = [&k.particles_predict, &k.particles_correct, &k.particles_land]
-            .map(|kernel| kernel.bind(device, &[&front.params, &front.jobs, &front.phi, &goal, &particles]));
+        let follow = [&k.particles_predict, &k.particles_correct, &k.particles_land].map(|kernel| {
+            kernel.bind(
+                device,
+                &[
+                    ("params", &front.params),
+                    ("jobs", &front.jobs),
+                    ("phi", &front.phi),
+                    ("goal", &goal),
+                    ("particles", &particles),
+                ],
+            )
+        });
         self.record(|work| work.run(&follow[0], Size::List(placed.len())))?;
         front.replace_phi(&front.atlas.pack(after.iter(), 1.0));
         self.record(|work| {

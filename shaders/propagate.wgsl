@@ -8,7 +8,7 @@
 @group(0) @binding(5) var<storage, read> goal: array<f32>;
 @group(0) @binding(6) var<storage, read_write> sums: array<Sums>;
 @group(0) @binding(7) var<storage, read> courses: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> misses: array<f32>;
+@group(0) @binding(8) var<storage, read_write> errors: array<f32>;
 @group(0) @binding(9) var<storage, read_write> states: array<Job>;
 @group(0) @binding(10) var<storage, read> times: array<f32>;
 @group(0) @binding(11) var<storage, read_write> reached: Reached;
@@ -107,7 +107,7 @@ fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         let v = phi[node];
         found.pixels++;
         found.inside += select(0u, 1u, v < 0.0);
-        var miss = 0.0;
+        var error = 0.0;
         if abs(v) < FRONT_REACH {
             found.fastest = max(found.fastest, abs(hermite_rate(courses[k], t)));
         }
@@ -116,12 +116,12 @@ fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             let late = smoothstep01((t - LATE) / LATE_RAMP);
             let remaining = -sample_goal(q, closest_point(q, node));
             let trust = clamp(2.0 * (max(course.w, late) - 0.5), 0.0, 1.0);
-            miss = trust * clamp(remaining - (course.x - hermite(course, t)), -ERROR_LIMIT, ERROR_LIMIT);
-            found.fastest = max(found.fastest, abs(hermite_rate(course, t) + gain_at(t) * miss));
+            error = trust * clamp(remaining - (course.x - hermite(course, t)), -ERROR_LIMIT, ERROR_LIMIT);
+            found.fastest = max(found.fastest, abs(hermite_rate(course, t) + gain_at(t) * error));
             found.rest = crossing(found.rest, node, node + 1u);
             found.rest = crossing(found.rest, node, node + nx);
         }
-        misses[k] = miss;
+        errors[k] = error;
     }
     add(q, found);
 }
@@ -199,7 +199,7 @@ fn steer(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     let t = jobs[q].now;
     let dt = jobs[q].dt;
     let correction = min(gain_at(t), smoothstep01(t) / dt);
-    line[k] = hermite_mean_rate(courses[k], t, dt) + correction * misses[k];
+    line[k] = hermite_mean_rate(courses[k], t, dt) + correction * errors[k];
     let v = phi[band[k].x];
     before[k] = vec4<f32>(v, cut_off(v, params.beta, params.gamma) * bend(courses[k], t, dt), 0.0);
 }

@@ -322,8 +322,8 @@ fn loops_are_closed_and_keep_the_inside_on_one_side() {
     assert_eq!(trace_loops(&joined).len(), 1);
 }
 
-fn morph(source: &Field, target: &Field, h: [f64; 2]) -> interslice::backend::jobs::Traced {
-    let job = TraceJob { source: Cow::Borrowed(source), target: Cow::Borrowed(target), seeds: seeds(source, h, 0.5) };
+fn morph(source: &Field, goal: &Field, h: [f64; 2]) -> interslice::backend::jobs::Traced {
+    let job = TraceJob { source: Cow::Borrowed(source), goal: Cow::Borrowed(goal), seeds: seeds(source, h, 0.5) };
     trace(&job, h, &MorphOptions::from(&Settings::default()))
 }
 
@@ -332,8 +332,8 @@ fn particles_measure_the_signed_distance_between_circles() {
     for (a, b) in [(14.0, 30.0), (30.0, 14.0), (20.0, 20.0), (6.0, 11.0)] {
         for h in [SQUARE, [1.0, 0.5]] {
             let dims = [100, (100.0 / h[1]) as usize];
-            let (source, target) = (field(dims, h, &circle(49.7, 50.2, a)), field(dims, h, &circle(49.7, 50.2, b)));
-            let traced = morph(&source, &target, h);
+            let (source, goal) = (field(dims, h, &circle(49.7, 50.2, a)), field(dims, h, &circle(49.7, 50.2, b)));
+            let traced = morph(&source, &goal, h);
             let worst = traced.tracks.iter().map(|t| (t.distance - (b - a)).abs()).fold(0.0, f64::max);
             let lost = traced.tracks.iter().filter(|t| !t.arrived).count();
             println!("{a} -> {b}, h = {h:?}: S off by {worst:.4}, {} steps", traced.steps);
@@ -355,8 +355,8 @@ fn particles_without_counterpart_die_and_say_so() {
     let long: Shape = Box::new(move |x, y| arm(x.clamp(20.0, 75.0).max(x - 12.0).min(60.0), y).max(x - 75.0));
     let disc = circle(40.0, 40.0, 14.0);
     let source = distance_of(&field([100, 80], SQUARE, &union(disc, long)), SQUARE);
-    let target = field([100, 80], SQUARE, &circle(40.0, 40.0, 14.0));
-    let traced = morph(&source, &target, SQUARE);
+    let goal = field([100, 80], SQUARE, &circle(40.0, 40.0, 14.0));
+    let traced = morph(&source, &goal, SQUARE);
     let seeds: Vec<Seed> = seeds(&source, SQUARE, 0.5);
     let far_dead =
         seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x[0] > 62.0 && s.x[0] < 70.0 && !t.arrived).count();

@@ -48,7 +48,7 @@ pub fn mend(pair: &SweepPair<'_>, k: usize, phi: &mut Field) -> bool {
 
 /// Puts the overlap of the two contours around `anchor` back where the blend has lost it, so that what overlaps is connected.
 fn hold(phi: &mut Field, pair: &SweepPair<'_>, anchor: usize) {
-    let overlap = |n: usize| pair.up.source.data[n].max(pair.up.target.data[n]);
+    let overlap = |n: usize| pair.up.source.data[n].max(pair.up.goal.data[n]);
     let [nx, ny] = phi.dims;
     let mut seen = vec![false; phi.data.len()];
     let mut open = vec![anchor];

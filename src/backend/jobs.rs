@@ -32,13 +32,13 @@ impl PartJob {
     }
 }
 
-/// Morph `source` onto `target` and follow particles from `seeds` (Eq. 2).
+/// Morph `source` onto `goal` and follow particles from `seeds` (Eq. 2).
 #[derive(Debug, Clone)]
 pub struct TraceJob<'a> {
     /// Level set at the start, px.
     pub source: Cow<'a, Field>,
     /// Level set to arrive at.
-    pub target: Cow<'a, Field>,
+    pub goal: Cow<'a, Field>,
     /// Particles' starts, pixels of the tile.
     pub seeds: Vec<Seed>,
 }
@@ -46,7 +46,7 @@ pub struct TraceJob<'a> {
 impl TraceJob<'_> {
     /// A copy that holds its fields itself.
     pub fn owned(&self) -> TraceJob<'static> {
-        TraceJob { source: owned(&self.source), target: owned(&self.target), seeds: self.seeds.clone() }
+        TraceJob { source: owned(&self.source), goal: owned(&self.goal), seeds: self.seeds.clone() }
     }
 }
 
@@ -63,7 +63,7 @@ pub struct Traced {
     pub steps: usize,
     /// Band pixels updated.
     pub pixels: usize,
-    /// How far the front still was from the target at the end, before the particles' last snap.
+    /// How far the front still was from the goal at the end, before the particles' last snap.
     pub residual: Residual,
 }
 
@@ -136,7 +136,7 @@ pub struct SweepJob<'a> {
     /// Level set at the start.
     pub source: Cow<'a, Field>,
     /// Level set to arrive at.
-    pub target: Cow<'a, Field>,
+    pub goal: Cow<'a, Field>,
     /// Seed positions, pixels of the tile.
     pub seeds: Vec<[f64; 2]>,
     /// One course per seed.
@@ -150,7 +150,7 @@ impl SweepJob<'_> {
     pub fn owned(&self) -> SweepJob<'static> {
         SweepJob {
             source: owned(&self.source),
-            target: owned(&self.target),
+            goal: owned(&self.goal),
             seeds: self.seeds.clone(),
             courses: self.courses.clone(),
             times: self.times.clone(),
@@ -201,7 +201,7 @@ pub struct Swept {
     pub steps: usize,
     /// Band pixels updated.
     pub pixels: usize,
-    /// How far from the target the front ends at t = 1.
+    /// How far from the goal the front ends at t = 1.
     pub residual: Residual,
     /// The front vanished on the way at this time.
     pub vanished: Option<f64>,

@@ -198,7 +198,7 @@ impl<'g> Front<'g> {
         work.run(&self.collect, self.per_block());
     }
 
-    /// The three stages of a Hamilton-Jacobi step. `field` is a target by node, or a speed by band place.
+    /// The three stages of a Hamilton-Jacobi step. `field` is a goal by node, or a speed by band place.
     pub fn bind_step(&self, field: &Buffer, towards: bool) -> [Bound<'g>; 3] {
         let (device, k) = (&self.gpu.device, &self.gpu.kernels);
         let way = [(&self.phi, &self.other), (&self.other, &self.phi), (&self.phi, &self.other)];

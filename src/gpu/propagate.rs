@@ -20,7 +20,7 @@ use crate::report::Residual;
 const LOOK: usize = 16;
 /// Steps after which a sweep is given up; real ones take less than a hundred per pixel of motion.
 const MOST_STEPS: u32 = 100_000;
-/// Bytes per band place beside the front's own: courses and speeds twice, misses, sources, rounds of filling, the start of a step.
+/// Bytes per band place beside the front's own: courses and speeds twice, errors, sources, rounds of filling, the start of a step.
 const SWEEP_PLACE_BYTES: usize = PLACE_BYTES + 80;
 
 /// All pairs of sweeps, batch by batch, and their slices.
@@ -32,7 +32,7 @@ pub fn propagate(
     progress: &dyn Progress,
 ) -> Result<Vec<Filled>> {
     let room_of = |pair: &SweepPair<'_>| {
-        let edges = crossings(&pair.up.source).max(crossings(&pair.up.target));
+        let edges = crossings(&pair.up.source).max(crossings(&pair.up.goal));
         2 * places(edges, options.half_width, pair.up.source.data.len())
     };
     let rooms: Vec<usize> = pairs.iter().map(room_of).collect();
@@ -79,7 +79,7 @@ fn run(
     let (seeds, bins) = place_seeds(&mut atlas, &jobs, h);
     let copies = Copies::new(gpu, &mut atlas, room)?;
     let phi = atlas.pack(jobs.iter().map(|j| &*j.source), 1.0);
-    let goal = device.upload("goal", &atlas.pack(jobs.iter().map(|j| &*j.target), 1.0))?;
+    let goal = device.upload("goal", &atlas.pack(jobs.iter().map(|j| &*j.goal), 1.0))?;
     let params = super::layout::Params { value_capacity: copies.value_capacity, ..morph_params(h, options) };
     let front = Front::new(gpu, atlas, params, Some(&phi), room)?;
     let (times, seeds, bins) =
@@ -92,7 +92,7 @@ fn run(
     let line = [0, 1].map(|_| device.storage::<f32>("line", room));
     let ([courses_a, courses_b], [line_a, line_b]) = (courses, line);
     let (courses, line) = ([courses_a?, courses_b?], [line_a?, line_b?]);
-    let misses = device.storage::<f32>("misses", room)?;
+    let errors = device.storage::<f32>("errors", room)?;
     let sources = device.storage::<Source>("sources", room)?;
     let rounds = device.headed::<Rounds, Round>("rounds", room)?;
     let Front { params, jobs: table, work: lists, phi, band, slots, earlier, .. } = &front;
@@ -152,7 +152,7 @@ fn run(
                     ("goal", &goal),
                     ("sums", &sums),
                     ("courses", &courses[a]),
-                    ("misses", &misses),
+                    ("errors", &errors),
                 ],
             )
         }),
@@ -166,7 +166,7 @@ fn run(
                     ("work", lists),
                     ("phi", phi),
                     ("courses", &courses[a]),
-                    ("misses", &misses),
+                    ("errors", &errors),
                     ("line", &line[0]),
                     ("before", &before),
                 ],

@@ -24,7 +24,7 @@ pub fn trace(
     progress: &dyn Progress,
 ) -> Result<Vec<Traced>> {
     let room_of = |job: &TraceJob<'_>| {
-        let edges = crossings(&job.source).max(crossings(&job.target));
+        let edges = crossings(&job.source).max(crossings(&job.goal));
         places(edges, options.half_width, job.source.data.len())
     };
     let rooms: Vec<usize> = jobs.iter().map(room_of).collect();
@@ -54,7 +54,7 @@ fn run(
     let (device, k) = (&gpu.device, &gpu.kernels);
     let atlas = Atlas::new(jobs.iter().map(|j| j.source.dims));
     let phi = atlas.pack(jobs.iter().map(|j| &*j.source), 1.0);
-    let goal = device.upload("goal", &atlas.pack(jobs.iter().map(|j| &*j.target), 1.0))?;
+    let goal = device.upload("goal", &atlas.pack(jobs.iter().map(|j| &*j.goal), 1.0))?;
     let front = Front::new(gpu, atlas, morph_params(h, options), Some(&phi), room)?;
     let sums = device.zeroed::<Sums>("sums", jobs.len())?;
     let seeds: Vec<Particle> = jobs

@@ -241,14 +241,14 @@ fn sweep_chunk<'a>(
             pairs.push(SweepPair {
                 up: SweepJob {
                     source: Cow::Borrowed(&group.low.phi),
-                    target: Cow::Borrowed(&group.high.phi),
+                    goal: Cow::Borrowed(&group.high.phi),
                     seeds: positions(&group.low.seeds, 0),
                     courses: courses(&group.low.seeds, &low_fitted, &high_fitted, up_side, Direction::Up),
                     times: up.clone(),
                 },
                 down: SweepJob {
                     source: Cow::Borrowed(&group.high.phi),
-                    target: Cow::Borrowed(&group.low.phi),
+                    goal: Cow::Borrowed(&group.low.phi),
                     seeds: positions(&group.high.seeds, 1),
                     courses: courses(&group.high.seeds, &high_fitted, &low_fitted, down_side, Direction::Down),
                     times: down.clone(),

@@ -55,7 +55,7 @@ impl Large for Sides {
 
 /// The morph of one end of a group onto the other, with those of the contour's seeds that take part.
 pub fn trace_job<'a>(group: &'a GroupFields, seeds: &[Seed], direction: Direction) -> TraceJob<'a> {
-    let (source, target) = match direction {
+    let (source, goal) = match direction {
         Direction::Up => (&group.low, &group.high),
         Direction::Down => (&group.high, &group.low),
     };
@@ -68,7 +68,7 @@ pub fn trace_job<'a>(group: &'a GroupFields, seeds: &[Seed], direction: Directio
             seed
         })
         .collect();
-    TraceJob { source: Cow::Borrowed(&source.phi), target: Cow::Borrowed(&target.phi), seeds }
+    TraceJob { source: Cow::Borrowed(&source.phi), goal: Cow::Borrowed(&goal.phi), seeds }
 }
 
 /// The tracks of the morphs of an interval, brought to the seeds of its contours: upward of the lower one, downward of the upper one. Seeds

@@ -9,7 +9,7 @@ use crate::grid::stencil::{REACH, TVD_RK3, cut_off, godunov, one_sided};
 /// Where the speed F comes from.
 #[derive(Debug, Clone, Copy)]
 pub enum Speed<'a> {
-    /// `F = phi - target`, taken anew in every stage: the morph of Eq. 2.
+    /// `F = phi - goal`, taken anew in every stage: the morph of Eq. 2.
     Towards(&'a Field),
     /// A given field, frozen over the step.
     Given(&'a Field),
@@ -57,8 +57,8 @@ pub fn hj_step(
             let rhs = &mut scratch.next[k..k + run.room()];
             let at = &phi.data[run.nodes()];
             match speed {
-                Speed::Towards(target) => {
-                    for ((f, p), t) in rhs.iter_mut().zip(at).zip(&target.data[run.nodes()]) {
+                Speed::Towards(goal) => {
+                    for ((f, p), t) in rhs.iter_mut().zip(at).zip(&goal.data[run.nodes()]) {
                         *f = p - t;
                     }
                 }

@@ -40,24 +40,24 @@ impl Particle {
 }
 
 /// Velocity of Eq. 2 at `x`: `dx/dt = F n`, in pixels of each axis, and `F = phi(x) - phi_B(x)`.
-fn motion(phi: &Field, target: &Field, x: [f64; 2], h: [f64; 2]) -> ([f64; 2], f64) {
-    let speed = phi.sample(x) - target.sample(x);
+fn motion(phi: &Field, goal: &Field, x: [f64; 2], h: [f64; 2]) -> ([f64; 2], f64) {
+    let speed = phi.sample(x) - goal.sample(x);
     let n = phi.normal(x, h);
     ([speed * n[0] / h[0], speed * n[1] / h[1]], speed)
 }
 
 /// Predictor: an Euler step in the field before the front moves.
-pub fn predict(particles: &mut [Particle], phi: &Field, target: &Field, h: [f64; 2], dt: f64) {
+pub fn predict(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2], dt: f64) {
     for p in particles.iter_mut().filter(|p| p.died.is_none()) {
-        (p.velocity, p.speed) = motion(phi, target, p.x, h);
+        (p.velocity, p.speed) = motion(phi, goal, p.x, h);
         p.predicted = [p.x[0] + dt * p.velocity[0], p.x[1] + dt * p.velocity[1]];
     }
 }
 
 /// Corrector in the field after the front has moved (Heun), back-projection `x <- x - phi(x) n`, distances; `now` is the time reached.
-pub fn correct(particles: &mut [Particle], phi: &Field, target: &Field, h: [f64; 2], dt: f64, now: f64) {
+pub fn correct(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2], dt: f64, now: f64) {
     for p in particles.iter_mut().filter(|p| p.died.is_none()) {
-        let (velocity, speed) = motion(phi, target, p.predicted, h);
+        let (velocity, speed) = motion(phi, goal, p.predicted, h);
         let moved = std::array::from_fn(|a| p.x[a] + 0.5 * dt * (p.velocity[a] + velocity[a]));
         let projected = back_project(phi, moved, h);
         p.dragged += distance(projected, moved, h);
@@ -82,9 +82,9 @@ fn back_project(phi: &Field, mut x: [f64; 2], h: [f64; 2]) -> [f64; 2] {
 
 /// The rest of the way when the morph has stopped at time `now`: `S += -phi_B(x)`. A particle that is still more than a pixel away has
 /// no counterpart and is dead.
-pub fn land(particles: &mut [Particle], phi: &Field, target: &Field, h: [f64; 2], now: f64) {
+pub fn land(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2], now: f64) {
     for p in particles.iter_mut().filter(|p| p.died.is_none()) {
-        let rest = -target.sample(p.x);
+        let rest = -goal.sample(p.x);
         if rest.abs() > LOST {
             p.died = Some(now);
             continue;

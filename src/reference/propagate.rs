@@ -73,9 +73,9 @@ pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Sw
             }
         }
         if options.redistance > 0 && out.steps > 0 && out.steps.is_multiple_of(options.redistance) {
-            remeasured = Some(remeasure(&phi, &job.target, &band, &upwind, h, options));
+            remeasured = Some(remeasure(&phi, &job.goal, &band, &upwind, h, options));
         }
-        measure(&mut errors, &phi, &job.target, &band, &courses, remeasured.as_ref(), t, h);
+        measure(&mut errors, &phi, &job.goal, &band, &courses, remeasured.as_ref(), t, h);
         let weight = if remeasured.is_some() { 1.0 } else { smoothstep(t) };
         let gain = weight * GAIN / (1.0 - t).max(LEAST_TIME);
         let dt = step_length(&phi, &band, &courses, &errors, gain, t, h, options.cfl);
@@ -113,7 +113,7 @@ pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Sw
     let outside = Field::filled(phi.dims, options.half_width + 0.5);
     fields.resize_with(job.times.len(), || packed(&outside, options.half_width));
     if out.vanished.is_none() {
-        out.residual = arrival(&phi, &job.target, &band).unwrap_or_default();
+        out.residual = arrival(&phi, &job.goal, &band).unwrap_or_default();
     }
     (out, fields)
 }
@@ -153,13 +153,13 @@ fn packed(phi: &Field, half_width: f64) -> Packed<f32> {
     packed
 }
 
-/// Errors `e = clip(remaining - scheduled remaining)` at the contour's pixels. Remaining is `-target` at the closest contour point, the
-/// true distance near the target, or what the last morph measured. Pieces whose particle died are steered only late.
+/// Errors `e = clip(remaining - scheduled remaining)` at the contour's pixels. Remaining is `-goal` at the closest contour point, the
+/// true distance near the goal, or what the last morph measured. Pieces whose particle died are steered only late.
 #[expect(clippy::too_many_arguments, reason = "the state of one sweep, read by one caller")]
 fn measure(
     errors: &mut Vec<(usize, f64)>,
     phi: &Field,
-    target: &Field,
+    goal: &Field,
     band: &Band,
     courses: &[HermiteArc],
     remeasured: Option<&Remeasured>,
@@ -172,7 +172,7 @@ fn measure(
         let course = &courses[node];
         let (remaining, valid) = match remeasured {
             Some(r) => (r.field[node][0], course[3].min(r.field[node][1])),
-            None => (-target.sample(phi.closest_point(node, h)), course[3]),
+            None => (-goal.sample(phi.closest_point(node, h)), course[3]),
         };
         let trust = (2.0 * (valid.max(late) - 0.5)).clamp(0.0, 1.0);
         let scheduled = course[0] - hermite(course, t);
@@ -214,7 +214,7 @@ fn step_length(
 /// A new morph from the front as it is, as the paper does: remaining distances at its particles, brought to the pixels.
 fn remeasure(
     phi: &Field,
-    target: &Field,
+    goal: &Field,
     band: &Band,
     upwind: &Upwind,
     h: [f64; 2],
@@ -222,7 +222,7 @@ fn remeasure(
 ) -> Remeasured {
     let seeds = seeds(phi, h, options.seed_spacing);
     let positions: Vec<_> = seeds.iter().map(|s| s.x).collect();
-    let traced = trace(&TraceJob { source: Cow::Borrowed(phi), target: Cow::Borrowed(target), seeds }, h, options);
+    let traced = trace(&TraceJob { source: Cow::Borrowed(phi), goal: Cow::Borrowed(goal), seeds }, h, options);
     let values: Vec<_> = traced.tracks.iter().map(|k| [k.distance, f64::from(k.arrived)]).collect();
     let mut field = scatter(phi, band, h, &positions, &values);
     upwind.extend(&mut field, band, FIRST_PASSES, &mut Vec::new());

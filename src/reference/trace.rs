@@ -35,7 +35,7 @@ pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced 
     let (mut most_steps, share) = (None, step_share(options.cfl));
     let side = h[0].min(h[1]);
     loop {
-        let residual = arrival(&phi, &job.target, &band);
+        let residual = arrival(&phi, &job.goal, &band);
         let Some(r) = residual else { break };
         out.residual = r;
         let most = *most_steps.get_or_insert_with(|| ((3.0 * r.max / (COURANT * side) + 20.0) / share) as usize);
@@ -50,19 +50,19 @@ pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced 
         let fastest = band
             .nodes()
             .filter(|&n| phi.data[n].abs() < FRONT_REACH)
-            .map(|n| (phi.data[n] - job.target.data[n]).abs())
+            .map(|n| (phi.data[n] - job.goal.data[n]).abs())
             .fold(1e-9, f64::max);
         let dt = (options.cfl * side / fastest).min(STEP_LIMIT * share);
-        predict(&mut particles, &phi, &job.target, h, dt);
-        hj_step(&mut phi, Speed::Towards(&job.target), &band, h, tube, dt, &mut scratch);
+        predict(&mut particles, &phi, &job.goal, h, dt);
+        hj_step(&mut phi, Speed::Towards(&job.goal), &band, h, tube, dt, &mut scratch);
         reinit_share(share, &mut phi, &band, h, &mut scratch);
         out.pixels += band.count;
         out.steps += 1;
         band.rebuild(&mut phi);
         now += dt;
-        correct(&mut particles, &phi, &job.target, h, dt, now);
+        correct(&mut particles, &phi, &job.goal, h, dt, now);
     }
-    land(&mut particles, &phi, &job.target, h, now);
+    land(&mut particles, &phi, &job.goal, h, now);
     out.tracks = particles
         .iter()
         .map(|p| Track {
@@ -75,8 +75,8 @@ pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced 
     out
 }
 
-/// `|target|` where the contour of `phi` crosses the edges between pixels; `None` where there is no contour.
-pub fn arrival(phi: &Field, target: &Field, band: &Band) -> Option<Residual> {
+/// `|goal|` where the contour of `phi` crosses the edges between pixels; `None` where there is no contour.
+pub fn arrival(phi: &Field, goal: &Field, band: &Band) -> Option<Residual> {
     let nx = phi.dims[0];
     let (mut sum, mut count, mut max) = (0.0, 0usize, 0.0f64);
     for node in band.nodes() {
@@ -85,7 +85,7 @@ pub fn arrival(phi: &Field, target: &Field, band: &Band) -> Option<Residual> {
             let b = phi.data[next];
             if (a < 0.0) != (b < 0.0) {
                 let f = a / (a - b);
-                let v = ((1.0 - f) * target.data[node] + f * target.data[next]).abs();
+                let v = ((1.0 - f) * goal.data[node] + f * goal.data[next]).abs();
                 sum += v;
                 count += 1;
                 max = max.max(v);

@@ -93,12 +93,12 @@ impl Cases {
     }
 
     /// A sweep of every job from one level set to another.
-    pub(crate) fn sweeps<'a>(&self, source: &'a [Field], target: &'a [Field]) -> Vec<SweepJob<'a>> {
-        let both = source.iter().zip(target);
+    pub(crate) fn sweeps<'a>(&self, source: &'a [Field], goal: &'a [Field]) -> Vec<SweepJob<'a>> {
+        let both = source.iter().zip(goal);
         both.zip(self.seeded())
-            .map(|((source, target), (seeds, courses))| SweepJob {
+            .map(|((source, goal), (seeds, courses))| SweepJob {
                 source: Cow::Borrowed(source),
-                target: Cow::Borrowed(target),
+                goal: Cow::Borrowed(goal),
                 seeds,
                 courses,
                 times: Vec::new(),

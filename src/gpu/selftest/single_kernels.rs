@@ -41,7 +41,7 @@ pub enum DistanceReach {
 /// Speeds of a Hamilton-Jacobi step, one field per job.
 #[derive(Debug, Clone, Copy)]
 pub enum Speeds<'a> {
-    /// `phi - target`, anew in every stage.
+    /// `phi - goal`, anew in every stage.
     Towards(&'a [Field]),
     /// As given.
     Given(&'a [Field]),
@@ -142,7 +142,7 @@ impl Gpu {
         let front = self.front(phi, tubes, dt)?;
         self.record(|work| front.begin(work))?;
         let field = match speeds {
-            Speeds::Towards(target) => self.device.upload("target", &front.atlas.pack(target.iter(), 1.0))?,
+            Speeds::Towards(goal) => self.device.upload("goal", &front.atlas.pack(goal.iter(), 1.0))?,
             Speeds::Given(speed) => {
                 let speed = front.atlas.pack(speed.iter(), 0.0);
                 let placed: Vec<f32> = self.listed(&front)?.iter().map(|n| speed[n[0] as usize]).collect();

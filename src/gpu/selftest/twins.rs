@@ -256,9 +256,9 @@ fn contour_fields(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
 
 /// A whole morph: what it measures, and that it takes the same steps.
 fn morphs(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
-    let job = |(source, target)| TraceJob {
+    let job = |(source, goal)| TraceJob {
         source: Cow::Borrowed(source),
-        target: Cow::Borrowed(target),
+        goal: Cow::Borrowed(goal),
         seeds: seeds(source, cases.h, 0.5),
     };
     let jobs: Vec<TraceJob<'_>> = cases.phi.iter().zip(&cases.goal).map(job).collect();

@@ -6,6 +6,7 @@ mod shapes;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
+use interslice::backend::requests::{LayerRequest, SlopeRequest};
 use interslice::evaluate::demo::demo;
 use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
 use interslice::grid::components::{label4, label8};
@@ -252,11 +253,21 @@ fn stages_of_the_moving_field_are_the_same_in_batches() {
             DisplacementJob { fields: &fields, gaps: &gaps, guess: &still, begin: &still, rounds: 0..ROUNDS.len(), h };
         let found = gpu.displacements(&job).expect("displacements");
         let moving = MotionField::new(Vec::clone(&heights), 1.0, fields.clone(), found);
-        let slopes = gpu.moving_slopes(&moving, 0..10, &Silent).expect("slopes");
+        let slopes = gpu.moving_slopes(&SlopeRequest { moving: &moving, wanted: 0..10 }, &Silent).expect("slopes");
         let before = gpu.profile().submissions;
         let lone = LoneParts::default();
-        let layers =
-            gpu.moving_layers(&moving, [&slopes[4], &slopes[5]], &lone, 4, &times, 14.0, h, None).expect("layers");
+        let slopes_beside = [&slopes[4], &slopes[5]];
+        let request = LayerRequest {
+            moving: &moving,
+            interval: 4,
+            slopes: slopes_beside,
+            lone: &lone,
+            times: &times,
+            limit: 14.0,
+            h,
+            wanted: None,
+        };
+        let layers = gpu.moving_layers(&request).expect("layers");
         (moving.displacements, slopes, layers, [before, gpu.profile().submissions - before])
     };
     let (whole, tight) = (stages(None), stages(Some(2 << 20)));

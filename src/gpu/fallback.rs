@@ -1,17 +1,16 @@
 //! A GPU with the reference path behind it: when the GPU fails, the rest of the job goes on there.
 
-use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use super::Gpu;
-use crate::backend::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
-use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
+use crate::backend::Backend;
+use crate::backend::jobs::{Filled, Traced};
+use crate::backend::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
 use crate::error::{Error, Result};
 use crate::grid::field::Field;
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::registration::displacement::{Displacement, DisplacementJob};
-use crate::registration::motion_field::{Cells, LoneParts, MotionField};
 
 /// A GPU, and the reference path from its first failure on.
 pub struct GpuOrReference<'n> {
@@ -60,60 +59,31 @@ impl Backend for GpuOrReference<'_> {
         self.gpu.device.host_bytes()
     }
 
-    fn contour_fields(
-        &self,
-        slices: &[PaddedSlice],
-        dims: [usize; 2],
-        h: [f64; 2],
-        options: ContourOptions,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Field>> {
-        self.ask(|backend| backend.contour_fields(slices, dims, h, options, progress))
+    fn contour_fields(&self, request: &ContourRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>> {
+        self.ask(|backend| backend.contour_fields(request, progress))
     }
 
-    fn part_fields(&self, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {
-        self.ask(|backend| backend.part_fields(jobs, h))
+    fn part_fields(&self, request: &PartRequest<'_>) -> Result<Vec<Field>> {
+        self.ask(|backend| backend.part_fields(request))
     }
 
-    fn trace(
-        &self,
-        jobs: &[TraceJob<'_>],
-        h: [f64; 2],
-        options: &MorphOptions,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Traced>> {
-        self.ask(|backend| backend.trace(jobs, h, options, progress))
+    fn trace(&self, request: &TraceRequest<'_>, progress: &dyn Progress) -> Result<Vec<Traced>> {
+        self.ask(|backend| backend.trace(request, progress))
     }
 
-    fn propagate(
-        &self,
-        pairs: &[SweepPair<'_>],
-        h: [f64; 2],
-        options: &MorphOptions,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Filled>> {
-        self.ask(|backend| backend.propagate(pairs, h, options, progress))
+    fn propagate(&self, request: &SweepRequest<'_>, progress: &dyn Progress) -> Result<Vec<Filled>> {
+        self.ask(|backend| backend.propagate(request, progress))
     }
 
-    fn displacements(&self, job: &DisplacementJob<'_>) -> Result<Vec<Displacement>> {
-        self.ask(|backend| backend.displacements(job))
+    fn displacements(&self, request: &DisplacementJob<'_>) -> Result<Vec<Displacement>> {
+        self.ask(|backend| backend.displacements(request))
     }
 
-    fn moving_slopes(&self, moving: &MotionField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
-        self.ask(|backend| backend.moving_slopes(moving, wanted.clone(), progress))
+    fn moving_slopes(&self, request: &SlopeRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>> {
+        self.ask(|backend| backend.moving_slopes(request, progress))
     }
 
-    fn moving_layers(
-        &self,
-        moving: &MotionField,
-        slopes: [&Field; 2],
-        lone: &LoneParts,
-        i: usize,
-        times: &[f64],
-        limit: f64,
-        h: [f64; 2],
-        wanted: Option<&[Cells]>,
-    ) -> Result<Vec<Vec<f32>>> {
-        self.ask(|backend| backend.moving_layers(moving, slopes, lone, i, times, limit, h, wanted))
+    fn moving_layers(&self, request: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>> {
+        self.ask(|backend| backend.moving_layers(request))
     }
 }

@@ -30,16 +30,15 @@ mod trajectories;
 pub mod variables;
 
 use std::borrow::Cow;
-use std::ops::Range;
 
-use crate::backend::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
-use crate::backend::{Backend, ContourOptions, MorphOptions, PaddedSlice};
+use crate::backend::Backend;
+use crate::backend::jobs::{Filled, Traced};
+use crate::backend::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
 use crate::error::Result;
 use crate::grid::field::Field;
 use crate::progress::{Progress, Silent};
 use crate::reference::Reference;
 use crate::registration::displacement::{Displacement, DisplacementJob};
-use crate::registration::motion_field::{Cells, LoneParts, MotionField};
 use crate::report::Profile;
 use coalesce::{SliceJob, WaitingCalls};
 use device::Device;
@@ -106,14 +105,8 @@ impl Backend for Gpu {
         self.device.host_bytes()
     }
 
-    fn contour_fields(
-        &self,
-        slices: &[PaddedSlice],
-        dims: [usize; 2],
-        h: [f64; 2],
-        options: ContourOptions,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Field>> {
+    fn contour_fields(&self, request: &ContourRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>> {
+        let &ContourRequest { slices, dims, h, options } = request;
         let jobs: Vec<SliceJob<'_>> =
             slices.iter().map(|slice| SliceJob { slice: Cow::Borrowed(slice), dims }).collect();
         self.waiting.slices.ask(&self.turns, (h, options), &jobs, progress, |jobs, progress| {
@@ -121,75 +114,54 @@ impl Backend for Gpu {
         })
     }
 
-    fn part_fields(&self, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {
+    fn part_fields(&self, &PartRequest { jobs, h }: &PartRequest<'_>) -> Result<Vec<Field>> {
         self.waiting.parts.ask(&self.turns, h, jobs, &Silent, |jobs, _| part::part_fields(self, jobs, h))
     }
 
-    fn trace(
-        &self,
-        jobs: &[TraceJob<'_>],
-        h: [f64; 2],
-        options: &MorphOptions,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Traced>> {
-        self.waiting.traces.ask(&self.turns, (h, *options), jobs, progress, |jobs, progress| {
-            trace::trace(self, jobs, h, options, progress)
+    fn trace(&self, request: &TraceRequest<'_>, progress: &dyn Progress) -> Result<Vec<Traced>> {
+        let &TraceRequest { jobs, h, options } = request;
+        self.waiting.traces.ask(&self.turns, (h, options), jobs, progress, |jobs, progress| {
+            trace::trace(self, jobs, h, &options, progress)
         })
     }
 
-    fn propagate(
-        &self,
-        pairs: &[SweepPair<'_>],
-        h: [f64; 2],
-        options: &MorphOptions,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Filled>> {
+    fn propagate(&self, request: &SweepRequest<'_>, progress: &dyn Progress) -> Result<Vec<Filled>> {
+        let &SweepRequest { pairs, h, options } = request;
         if options.redistance > 0 {
             // A morph of its own in every few steps of every sweep: the paper's way, kept for comparison only.
-            return Reference.propagate(pairs, h, options, progress);
+            return Reference.propagate(request, progress);
         }
-        self.waiting.sweeps.ask(&self.turns, (h, *options), pairs, progress, |pairs, progress| {
-            propagate::propagate(self, pairs, h, options, progress)
+        self.waiting.sweeps.ask(&self.turns, (h, options), pairs, progress, |pairs, progress| {
+            propagate::propagate(self, pairs, h, &options, progress)
         })
     }
 
-    fn displacements(&self, job: &DisplacementJob<'_>) -> Result<Vec<Displacement>> {
+    fn displacements(&self, request: &DisplacementJob<'_>) -> Result<Vec<Displacement>> {
         // Images larger than an adapter's arrays (on lavapipe 2590 px squared) are left to the reference path.
-        match job.fields.first() {
+        match request.fields.first() {
             Some(image) if self.holds_images(image.dims) => {
                 let _turn = self.turns.take();
-                displacement::displacements(self, job)
+                displacement::displacements(self, request)
             }
-            _ => Reference.displacements(job),
+            _ => Reference.displacements(request),
         }
     }
 
-    fn moving_slopes(&self, moving: &MotionField, wanted: Range<usize>, progress: &dyn Progress) -> Result<Vec<Field>> {
-        match moving.fields.first() {
+    fn moving_slopes(&self, request: &SlopeRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>> {
+        match request.moving.fields.first() {
             Some(image) if self.holds_images(image.dims) => {
                 let _turn = self.turns.take();
-                moving_slopes::slopes(self, moving, wanted, progress)
+                moving_slopes::slopes(self, request.moving, request.wanted.clone(), progress)
             }
-            _ => Reference.moving_slopes(moving, wanted, progress),
+            _ => Reference.moving_slopes(request, progress),
         }
     }
 
-    fn moving_layers(
-        &self,
-        moving: &MotionField,
-        slopes: [&Field; 2],
-        lone: &LoneParts,
-        i: usize,
-        times: &[f64],
-        limit: f64,
-        h: [f64; 2],
-        wanted: Option<&[Cells]>,
-    ) -> Result<Vec<Vec<f32>>> {
-        if !self.holds_images(moving.fields[i].dims) {
-            return Reference.moving_layers(moving, slopes, lone, i, times, limit, h, wanted);
+    fn moving_layers(&self, request: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>> {
+        if !self.holds_images(request.moving.fields[request.interval].dims) {
+            return Reference.moving_layers(request);
         }
         let _turn = self.turns.take();
-        let of = moving_layer::Ingredients { moving, slopes, lone, interval: i, limit, h };
-        moving_layer::layers(self, &of, times)
+        moving_layer::layers(self, request)
     }
 }

@@ -7,29 +7,14 @@ use super::kernels::{Recorder, Size};
 use super::layout::{Part, Span};
 use super::moving::{image, per_pixel, tile_count};
 use super::trajectories::paths;
+use crate::backend::requests::LayerRequest;
 use crate::error::Result;
 use crate::grid::field::{FAR, Field};
 use crate::reference::moving_field::reach;
-use crate::registration::motion_field::{LoneParts, MotionField};
-
-/// What the layers of an interval are made of.
-pub struct Ingredients<'a> {
-    /// Slices and displacements.
-    pub moving: &'a MotionField,
-    /// Slopes at the interval's slices, per height.
-    pub slopes: [&'a Field; 2],
-    /// Parts without partner.
-    pub lone: &'a LoneParts,
-    /// The interval.
-    pub interval: usize,
-    /// Distances count up to here, px.
-    pub limit: f64,
-    /// Pixel sides.
-    pub h: [f64; 2],
-}
 
 /// Layers at these times.
-pub fn layers(gpu: &Gpu, of: &Ingredients<'_>, times: &[f64]) -> Result<Vec<Vec<f32>>> {
+pub fn layers(gpu: &Gpu, of: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>> {
+    let times = of.times;
     let device = &gpu.device;
     let dims = of.moving.fields[0].dims;
     let nodes = dims[0] * dims[1];
@@ -62,7 +47,7 @@ pub fn layers(gpu: &Gpu, of: &Ingredients<'_>, times: &[f64]) -> Result<Vec<Vec<
 
 fn batch_of_layers(
     gpu: &Gpu,
-    of: &Ingredients<'_>,
+    of: &LayerRequest<'_>,
     times: &[f64],
     [span, fields, parts]: [&Buffer; 3],
 ) -> Result<Buffer> {
@@ -98,8 +83,8 @@ fn batch_of_layers(
 
 /// Both slices, their slopes per interval, and the tiles of lone parts, one after the other; and where those tiles are, the lower slice's
 /// first.
-fn values(of: &Ingredients<'_>) -> (Vec<f32>, Vec<Part>) {
-    let Ingredients { moving, slopes, lone, interval: i, .. } = *of;
+fn values(of: &LayerRequest<'_>) -> (Vec<f32>, Vec<Part>) {
+    let LayerRequest { moving, slopes, lone, interval: i, .. } = *of;
     let gap = moving.gap(i);
     let mut values: Vec<f32> = Vec::new();
     let mut put = |field: &Field, scale: f64| {

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::context::Context;
+use crate::backend::requests::ContourRequest;
 use crate::backend::{ContourOptions, PaddedSlice};
 use crate::contour::Contour;
 use crate::error::Result;
@@ -19,7 +20,7 @@ pub(super) fn distance<'a>(run: &Context<'a>) -> Result<(SpillVec<'a, Contour>, 
     for some in slices.chunks(run.budget.at_once(slices.len(), 4 * run.field_bytes())) {
         let padded: Vec<PaddedSlice> =
             some.par_iter().map(|s| PaddedSlice::new(&s.content, run.stack.dims, run.pad)).collect();
-        let fields = run.backend.contour_fields(&padded, dims, h, options, run.progress)?;
+        let fields = run.backend.contour_fields(&ContourRequest { slices: &padded, dims, h, options }, run.progress)?;
         drop(padded);
         let made: Vec<Contour> =
             fields.into_par_iter().zip(some).map(|(phi, s)| Contour::new(s.z, phi, h, spacing)).collect();

@@ -5,6 +5,7 @@ use super::ends::{above, below, end_matter, make_ends};
 use super::finish::faired;
 use super::links::{IntervalLinks, see_links};
 use super::moving::{lone_parts, moving_frame, slice_slopes};
+use crate::backend::requests::LayerRequest;
 use crate::contour::Contour;
 use crate::contour::overlap::{DecidedPairs, match_components};
 use crate::error::{Error, Result};
@@ -96,7 +97,16 @@ fn layers<'a>(
         for some in heights.between(i).chunks(at_once) {
             let times: Vec<f64> = some.iter().map(|x| time(x.z, low, high)).collect();
             let slopes = [&*slopes[0], &*slopes[1]];
-            let layers = run.backend.moving_layers(&frame, slopes, &lone, 0, &times, limit, run.h, None)?;
+            let layers = run.backend.moving_layers(&LayerRequest {
+                moving: &frame,
+                interval: 0,
+                slopes,
+                lone: &lone,
+                times: &times,
+                limit,
+                h: run.h,
+                wanted: None,
+            })?;
             for (height, values) in some.iter().zip(layers) {
                 if values.iter().any(|v| v.is_nan()) {
                     let message = format!("NaN at height {}", height.z);

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::backend::Backend;
 use crate::backend::jobs::PartJob;
+use crate::backend::requests::PartRequest;
 use crate::contour::Contour;
 use crate::contour::direction::Direction;
 use crate::contour::overlap::{DecidedPairs, Group, match_components};
@@ -189,7 +190,7 @@ pub fn lone_solids(
     backend: &dyn Backend,
 ) -> Result<Vec<LonePart>> {
     let mut plan = LonePlan::new(contour, parts, margin, direction);
-    let fields = backend.part_fields(&std::mem::take(&mut plan.jobs), h)?;
+    let fields = backend.part_fields(&PartRequest { jobs: &std::mem::take(&mut plan.jobs), h })?;
     Ok(plan.finish(&mut fields.into_iter()))
 }
 

@@ -15,6 +15,7 @@ use super::propagate::propagate;
 use super::sweep_inputs::{FieldFallback, Pairs, SeenStack, SweepInputs};
 use crate::backend::MorphOptions;
 use crate::backend::jobs::PartJob;
+use crate::backend::requests::{PartRequest, TraceRequest};
 use crate::contour::Contour;
 use crate::contour::direction::Direction;
 use crate::contour::overlap::DecidedPairs;
@@ -156,7 +157,7 @@ fn matching<'a>(
         };
         let mut plans = some.into_par_iter().map(plan).collect::<Result<Vec<_>>>()?;
         let jobs: Vec<PartJob> = plans.iter_mut().flat_map(|(plan, _)| plan.take_jobs()).collect();
-        let mut fields = run.backend.part_fields(&jobs, run.h)?.into_iter();
+        let mut fields = run.backend.part_fields(&PartRequest { jobs: &jobs, h: run.h })?.into_iter();
         drop(jobs);
         for (i, (plan, [z_low, z_high])) in (first..).zip(plans) {
             let mut interval = plan.finish(&mut fields);
@@ -208,7 +209,8 @@ fn trace<'a>(
                 owners.extend([i, i]);
             }
         }
-        let traced = run.backend.trace(&jobs, run.h, &MorphOptions::from(run.settings), run.progress)?;
+        let request = TraceRequest { jobs: &jobs, h: run.h, options: MorphOptions::from(run.settings) };
+        let traced = run.backend.trace(&request, run.progress)?;
         for (t, &i) in traced.iter().zip(&owners) {
             let report = &mut reports[i];
             if let Some(k) = t.tracks.iter().position(|k| !(k.distance.is_finite() && k.landing[0].is_finite())) {

@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::context::{Context, stage};
 use super::ends::{EndMatter, passing_field};
 use super::links::{IntervalLinks, frames};
+use crate::backend::requests::SlopeRequest;
 use crate::contour::Contour;
 use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
@@ -141,7 +142,9 @@ pub(super) fn slice_slopes<'a>(
             let above = if first == 0 { end.max(NEIGHBOURS) } else { end };
             let around = below.saturating_sub(1)..(above + 1).min(count);
             let own = first - around.start..end - around.start;
-            let found = run.backend.moving_slopes(&moving.part(around)?, own, run.progress)?;
+            let found = run
+                .backend
+                .moving_slopes(&SlopeRequest { moving: &moving.part(around)?, wanted: own }, run.progress)?;
             for (i, mut field) in (first..).zip(found) {
                 passing_field(run, contours, moving, matter, i, &mut field)?;
                 slopes.push(field)?;

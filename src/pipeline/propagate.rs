@@ -11,6 +11,7 @@ use super::ends::{above, below};
 use super::sweep_inputs::{FieldFallback, SweepInputs};
 use crate::backend::MorphOptions;
 use crate::backend::jobs::{Filled, SweepJob, SweepPair};
+use crate::backend::requests::{LayerRequest, SweepRequest};
 use crate::contour::Contour;
 use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
@@ -138,7 +139,16 @@ fn layers_between<'a>(
                 let ways: Vec<Way> = times.par_iter().map(|t| warp.way(*t)).collect();
                 let doubts: Vec<Cells> = ways.par_iter().map(|way| way.doubts(run.padded(), trust)).collect();
                 let (slopes, wanted) = ([&*slopes[0], &*slopes[1]], Some(doubts.as_slice()));
-                let others = run.backend.moving_layers(part, slopes, lone, 0, &times, limit, run.h, wanted)?;
+                let others = run.backend.moving_layers(&LayerRequest {
+                    moving: part,
+                    interval: 0,
+                    slopes,
+                    lone,
+                    times: &times,
+                    limit,
+                    h: run.h,
+                    wanted,
+                })?;
                 Some(InFrame { warp, trust, ways, doubts, others })
             }
         };
@@ -259,7 +269,8 @@ fn sweep_chunk<'a>(
             owners.push(i);
         }
     }
-    let filled = run.backend.propagate(&pairs, run.h, &MorphOptions::from(run.settings), run.progress)?;
+    let request = SweepRequest { pairs: &pairs, h: run.h, options: MorphOptions::from(run.settings) };
+    let filled = run.backend.propagate(&request, run.progress)?;
     for (f, &i) in filled.iter().zip(&owners) {
         let between = || format!("between heights {} and {}", contours.light(i).z, contours.light(i + 1).z);
         if f.slices.iter().any(|slice| slice.values().any(f32::is_nan)) {

@@ -5,10 +5,11 @@ use std::ops::Range;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
+use crate::backend::requests::LayerRequest;
 use crate::contour::caps::Cap;
 use crate::grid::field::Field;
 use crate::grid::spline::three_point_end;
-use crate::registration::motion_field::{CELL, Cells, LoneParts, MotionField, between, closing, plus, probes, slope};
+use crate::registration::motion_field::{CELL, LoneParts, MotionField, between, closing, plus, probes, slope};
 
 /// Slopes of the fields at the `wanted` slices, per height: see [`slope`], secants taken along the trajectories; at the ends the three-point
 /// formula.
@@ -88,18 +89,10 @@ pub fn reach(h: [f64; 2]) -> f64 {
     0.75 * CELL as f64 * h[0].hypot(h[1]) + 2.0
 }
 
-/// The layer at time `t` of interval `i`, px, clamped to `limit`; in cells that are not `wanted` only at their [`probes`].
-#[expect(clippy::too_many_arguments, reason = "one stage reads what all stages before it have made")]
-pub fn layer(
-    moving: &MotionField,
-    slopes: [&Field; 2],
-    lone: &LoneParts,
-    i: usize,
-    t: f64,
-    limit: f64,
-    h: [f64; 2],
-    wanted: Option<&Cells>,
-) -> Vec<f32> {
+/// The layer at the `k`-th time of a request, px, clamped to its limit; in cells that are not wanted only at their [`probes`].
+pub fn layer(request: &LayerRequest<'_>, k: usize) -> Vec<f32> {
+    let &LayerRequest { moving, interval: i, slopes, lone, times, limit, h, wanted } = request;
+    let (t, wanted) = (times[k], wanted.map(|cells| &cells[k]));
     let paths = moving.paths(i, t);
     let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
     let [nx, ny] = low.dims;

@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::backend::Backend;
+use crate::backend::requests::{LayerRequest, SlopeRequest};
 use crate::contour::caps::{Cap, CapProfile};
 use crate::error::Result;
 use crate::gpu::Gpu;
@@ -207,8 +208,8 @@ fn paths(gpu: &Gpu, stack: &Stack, moving: &MotionField) -> Result<Comparison> {
 }
 
 fn slopes(gpu: &Gpu, moving: &MotionField) -> Result<Comparison> {
-    let ours = gpu.moving_slopes(moving, 0..moving.fields.len(), &Silent)?;
-    let twin = Reference.moving_slopes(moving, 0..moving.fields.len(), &Silent)?;
+    let ours = gpu.moving_slopes(&all_slopes(moving), &Silent)?;
+    let twin = Reference.moving_slopes(&all_slopes(moving), &Silent)?;
     let stage = match ours.len() {
         2 => "slopes of two slices",
         3 => "slopes of three slices",
@@ -225,8 +226,7 @@ fn slopes(gpu: &Gpu, moving: &MotionField) -> Result<Comparison> {
 }
 
 fn layers(gpu: &Gpu, stack: &Stack, moving: &MotionField) -> Result<Comparison> {
-    let slopes: Vec<Field> =
-        Reference.moving_slopes(moving, 0..moving.fields.len(), &Silent)?.iter().map(single).collect();
+    let slopes: Vec<Field> = Reference.moving_slopes(&all_slopes(moving), &Silent)?.iter().map(single).collect();
     let beside = |i: usize| [&slopes[i], &slopes[i + 1]];
     let mut out = Comparison::new("layers", LAYERS);
     // Far from contours the edges of lone parts' tiles would show.
@@ -234,8 +234,11 @@ fn layers(gpu: &Gpu, stack: &Stack, moving: &MotionField) -> Result<Comparison> 
     let near = stack.lone.iter().enumerate().map(|(i, lone)| (i, lone, LIMIT));
     let everywhere = (0..GAPS.len()).map(|i| (i, &none, EVERYWHERE));
     for (i, lone, limit) in near.chain(everywhere) {
-        let ours = gpu.moving_layers(moving, beside(i), lone, i, &TIMES, limit, stack.h, None)?;
-        let twins = Reference.moving_layers(moving, beside(i), lone, i, &TIMES, limit, stack.h, None)?;
+        let slopes = beside(i);
+        let request =
+            LayerRequest { moving, interval: i, slopes, lone, times: &TIMES, limit, h: stack.h, wanted: None };
+        let ours = gpu.moving_layers(&request)?;
+        let twins = Reference.moving_layers(&request)?;
         for (k, ours, twin) in out.pairs(&"layers", &ours, &twins) {
             for (n, a, b) in out.pairs(&format_args!("nodes of layer {k}"), ours, twin) {
                 out.value(|| format!("interval {i}, layer {k}, node {n}"), f64::from(*a), f64::from(*b));
@@ -243,4 +246,9 @@ fn layers(gpu: &Gpu, stack: &Stack, moving: &MotionField) -> Result<Comparison> 
         }
     }
     Ok(out)
+}
+
+/// Slopes of all slices.
+fn all_slopes(moving: &MotionField) -> SlopeRequest<'_> {
+    SlopeRequest { moving, wanted: 0..moving.fields.len() }
 }

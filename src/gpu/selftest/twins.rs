@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use crate::backend::jobs::{PartJob, SweepJob, SweepPair, TraceJob};
+use crate::backend::requests::{ContourRequest, PartRequest, SweepRequest, TraceRequest};
 use crate::backend::{Backend, ContourOptions, PaddedSlice};
 use crate::contour::caps::{Cap, CapProfile};
 use crate::contour::direction::Direction;
@@ -230,8 +231,8 @@ fn parts(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
     let near = Field::from_fn(dims, |i, j| if in_right(i, j) { -1.5 } else { level(i, j) });
     let left = (0..dims[0] * dims[1]).map(|n| in_left(n % dims[0], n / dims[0])).collect();
     jobs.push(PartJob { whole: distance_of(&near, cases.h), inside: left });
-    let twin = Reference.part_fields(&jobs, cases.h)?;
-    Ok(Comparison::fields("parts", 3e-4, &gpu.part_fields(&jobs, cases.h)?, &twin))
+    let twin = Reference.part_fields(&PartRequest { jobs: &jobs, h: cases.h })?;
+    Ok(Comparison::fields("parts", 3e-4, &gpu.part_fields(&PartRequest { jobs: &jobs, h: cases.h })?, &twin))
 }
 
 fn contour_fields(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
@@ -246,8 +247,9 @@ fn contour_fields(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
         for phi in &cases.phi {
             let slices =
                 [PaddedSlice::Mask(phi.inside()), PaddedSlice::Level(phi.clone()), PaddedSlice::Mask(phi.inside())];
-            ours.extend(gpu.contour_fields(&slices, phi.dims, cases.h, options, &Silent)?);
-            twin.extend(Reference.contour_fields(&slices, phi.dims, cases.h, options, &Silent)?);
+            let request = ContourRequest { slices: &slices, dims: phi.dims, h: cases.h, options };
+            ours.extend(gpu.contour_fields(&request, &Silent)?);
+            twin.extend(Reference.contour_fields(&request, &Silent)?);
         }
         out.push(Comparison::fields(stage, 1e-3, &ours, &twin));
     }
@@ -262,8 +264,9 @@ fn morphs(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
         seeds: seeds(source, cases.h, 0.5),
     };
     let jobs: Vec<TraceJob<'_>> = cases.phi.iter().zip(&cases.goal).map(job).collect();
-    let ours = gpu.trace(&jobs, cases.h, &Cases::options(), &Silent)?;
-    let twin = Reference.trace(&jobs, cases.h, &Cases::options(), &Silent)?;
+    let request = TraceRequest { jobs: &jobs, h: cases.h, options: Cases::options() };
+    let ours = gpu.trace(&request, &Silent)?;
+    let twin = Reference.trace(&request, &Silent)?;
     let (mut steps, mut out) = (Comparison::new("steps of morphs", 1e-3), Comparison::new("morphs", 2e-3));
     for (q, a, b) in out.pairs(&"jobs", &ours, &twin) {
         steps.value(|| format!("job {q}, steps"), a.steps as f64, b.steps as f64);
@@ -304,8 +307,10 @@ fn sweeps(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
         }
         pairs
     };
-    let ours = gpu.propagate(&pairs(), cases.h, &Cases::options(), &Silent)?;
-    let twin = Reference.propagate(&pairs(), cases.h, &Cases::options(), &Silent)?;
+    let pairs = pairs();
+    let request = SweepRequest { pairs: &pairs, h: cases.h, options: Cases::options() };
+    let ours = gpu.propagate(&request, &Silent)?;
+    let twin = Reference.propagate(&request, &Silent)?;
     let mut steps = Comparison::new("steps of sweeps", 1e-4);
     let (mut near, mut far) = (Comparison::new("slices", 1e-4), Comparison::new("slices far from contours", 1e-4));
     for (q, a, b) in steps.pairs(&"pairs", &ours, &twin) {

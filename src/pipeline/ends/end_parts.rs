@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::backend::Backend;
 use crate::backend::jobs::PartJob;
+use crate::backend::requests::PartRequest;
 use crate::contour::Contour;
 use crate::contour::offsets::area;
 use crate::error::Result;
@@ -148,7 +149,7 @@ impl Levels<'_> {
             }
             told.push(Told { number, tile, holes, count, fields: Vec::new() });
         }
-        let mut fields = self.backend.part_fields(&jobs, self.h)?.into_iter();
+        let mut fields = self.backend.part_fields(&PartRequest { jobs: &jobs, h: self.h })?.into_iter();
         told.iter_mut().for_each(|part| part.fields = fields.by_ref().take(part.count + 1).collect());
         Ok(told)
     }

@@ -227,3 +227,18 @@ fn folders_use_only_those_above_them_in_the_list() {
         0
     );
 }
+
+/// Every kernel has its row in the table of kernels, under its stem.
+#[test]
+fn kernels_stand_in_their_table() {
+    let page = fs::read_to_string(Path::new(ROOT).join("ARCHITECTURE.md")).expect("it is there");
+    for entry in fs::read_dir(Path::new(ROOT).join("shaders")).expect("shaders is a folder") {
+        let name = entry.expect("an entry").file_name().to_string_lossy().into_owned();
+        if let Some(stem) = name.strip_suffix(".wgsl") {
+            assert!(
+                page.contains(&format!("| {stem} | `shaders/{name}` | `src/gpu/")),
+                "ARCHITECTURE.md has no kernel {stem}"
+            );
+        }
+    }
+}

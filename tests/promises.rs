@@ -7,6 +7,7 @@ mod support;
 
 use std::f64::consts::PI;
 
+use glam::{DVec2, DVec3};
 use interslice::evaluate::demo::demo;
 use interslice::polygons::{self, PlaneDrawing, Planes};
 #[cfg(feature = "gpu")]
@@ -166,7 +167,7 @@ fn a_mesh_in_coarse_coordinates_is_seen() {
     let mesh = interslice::surface::mesh::closed_surface(&body);
     assert_eq!(seams(&mesh.positions, &mesh.triangles), 0);
     let step = 0.5 * px(&case.stack);
-    let coarse: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.map(|v| (v / step).round() * step)).collect();
+    let coarse: Vec<DVec3> = mesh.positions.iter().map(|p| (p / step).round() * step).collect();
     assert!(seams(&coarse, &mesh.triangles) > 0);
 }
 
@@ -459,7 +460,7 @@ fn spheres(rule: EndRule) -> (f64, f64) {
                 let of_plane = |z: f64| {
                     let r = (radius * radius - z * z).sqrt();
                     let at = |k: usize| PI * k as f64 / 36.0;
-                    let circle = (0..72).map(|k| [x + r * at(k).cos(), y + r * at(k).sin()]).collect();
+                    let circle = (0..72).map(|k| DVec2::new(x, y) + r * DVec2::from_angle(at(k))).collect();
                     PlaneDrawing { name: format!("{z}"), z, extra: false, regions: vec![vec![circle]] }
                 };
                 let drawings: Vec<PlaneDrawing> = planes.map(of_plane).collect();

@@ -2,6 +2,7 @@
 
 mod support;
 
+use glam::DVec3;
 use interslice::surface::mesh::{Mesh, closed_surface};
 use proptest::prelude::*;
 use support::{body, edge_defects, merged};
@@ -104,7 +105,7 @@ fn at_the_border_the_surface_runs_half_a_pixel_beyond() {
 #[test]
 fn a_mirrored_geometry_stays_outward() {
     let mut field = body([20, 20], &[0.0, 1.0, 2.0], |x, y, _| (x - 9.0).hypot(y - 9.0) - 5.0);
-    field.geometry.axes[0] = [-1.0, 0.0, 0.0];
-    field.geometry.origin = [100.0, 50.0, 7.0];
+    field.geometry.axes[0] = DVec3::NEG_X;
+    field.geometry.origin = DVec3::new(100.0, 50.0, 7.0);
     assert_closed(&closed_surface(&field), "mirrored");
 }

@@ -230,7 +230,7 @@ fn a_glb_holds_the_mesh() {
     let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
     assert_eq!(data.len(), 24 * vertices + 12 * triangles);
     for (p, b) in mesh.positions.iter().zip(data.as_chunks::<12>().0) {
-        assert_eq!(p.map(|v| (v as f32).to_le_bytes()).as_flattened(), b);
+        assert_eq!(p.as_vec3().to_array().map(f32::to_le_bytes).as_flattened(), b);
     }
     let corners = data[24 * vertices..].as_chunks::<12>().0;
     for (t, b) in mesh.triangles.iter().zip(corners) {
@@ -259,8 +259,7 @@ mod simplify {
         let points = corners.iter().flat_map(|[a, b, c]| {
             let [u, v] = [random(), random()];
             let [u, v] = if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] };
-            let inner = std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
-            [inner, *a, std::array::from_fn(|k| 0.5 * (a[k] + b[k]))]
+            [a + u * (b - a) + v * (c - a), *a, a.midpoint(*b)]
         });
         points.map(|p| to.from(p)).fold(0.0, f64::max)
     }

@@ -9,6 +9,7 @@ use std::fs;
 use std::path::Path;
 
 use files::{folder, interslice, nrrd, stderr};
+use glam::DVec3;
 use interslice::files::options::OutputOptions;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
@@ -34,14 +35,14 @@ fn painted() -> Vec<u8> {
 }
 
 /// It as a NRRD with sides `side` along `axes`, its first voxel at `origin`.
-fn volume(path: &Path, side: f64, axes: [[f64; 3]; 3], origin: [f64; 3]) {
-    let vector = |v: [f64; 3], by: f64| format!("({},{},{})", v[0] * by, v[1] * by, v[2] * by);
+fn volume(path: &Path, side: f64, axes: [DVec3; 3], origin: DVec3) {
+    let vector = |v: DVec3| format!("({},{},{})", v.x, v.y, v.z);
     let header = format!(
         "space: left-posterior-superior\nspace directions: {} {} {}\nspace origin: {}\nencoding: raw\nendian: little",
-        vector(axes[0], side),
-        vector(axes[1], side),
-        vector(axes[2], side),
-        vector(origin, 1.0)
+        vector(axes[0] * side),
+        vector(axes[1] * side),
+        vector(axes[2] * side),
+        vector(origin)
     );
     fs::write(path, nrrd(&header, "uint8", SIZES, &painted())).expect("a file can be written");
 }
@@ -55,9 +56,9 @@ fn done(arguments: &[&str]) -> String {
 
 /// A mesh as a reader finds it: positions in the world, and what it was relative to.
 struct Found {
-    positions: Vec<[f64; 3]>,
+    positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
-    origin: [f64; 3],
+    origin: DVec3,
 }
 
 impl Found {
@@ -71,52 +72,44 @@ impl Found {
         }
     }
 
-    fn corners(&self) -> impl Iterator<Item = [[f64; 3]; 3]> + '_ {
+    fn corners(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
         self.triangles.iter().map(|t| t.map(|v| self.positions[v as usize]))
     }
 
     /// Enclosed volume, about the first vertex.
     fn volume(&self) -> f64 {
         let first = self.positions[0];
-        let sixfold = |t: [[f64; 3]; 3]| {
-            let [a, b, c] = t.map(|p| minus(p, first));
-            dot(a, cross(b, c))
+        let sixfold = |t: [DVec3; 3]| {
+            let [a, b, c] = t.map(|p| p - first);
+            a.dot(b.cross(c))
         };
         self.corners().map(sixfold).sum::<f64>() / 6.0
     }
 
     /// Triangles without area.
     fn degenerate(&self) -> usize {
-        let is = |[a, b, c]: [[f64; 3]; 3]| cross(minus(b, a), minus(c, a)) == [0.0; 3];
+        let is = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a) == DVec3::ZERO;
         self.corners().filter(|t| is(*t)).count()
     }
 
     /// The same after joining vertices at the very same place, as readers do.
     fn joined(&self) -> Vec<[u32; 3]> {
         let mut numbers = HashMap::new();
-        let mut number = |p: &[f64; 3]| {
+        let mut number = |p: &DVec3| {
             let next = numbers.len() as u32;
-            *numbers.entry(p.map(|x| (x + 0.0).to_bits())).or_insert(next)
+            *numbers.entry((*p + 0.0).to_array().map(f64::to_bits)).or_insert(next)
         };
         let of: Vec<u32> = self.positions.iter().map(&mut number).collect();
         self.triangles.iter().map(|t| t.map(|v| of[v as usize])).collect()
     }
 }
 
-fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
 fn single(bytes: &[u8]) -> f64 {
     f64::from(f32::from_le_bytes(bytes[..4].try_into().expect("four bytes")))
+}
+
+fn three(bytes: &[u8]) -> DVec3 {
+    [0, 4, 8].map(|at| single(&bytes[at..])).into()
 }
 
 fn whole(bytes: &[u8]) -> u32 {
@@ -142,13 +135,13 @@ fn ply(bytes: &[u8]) -> Found {
         8 => f64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes")),
         _ => single(&bytes[at..]),
     };
-    let vertex = |n: usize| [0, 1, 2].map(|k| number(end + n * stride + k * properties[0]));
+    let vertex = |n: usize| DVec3::from([0, 1, 2].map(|k| number(end + n * stride + k * properties[0])));
     let faces = end + count("vertex") * stride;
     let face = |n: usize| [0, 1, 2].map(|k| whole(&bytes[faces + 13 * n + 1 + 4 * k..]));
     Found {
         positions: (0..count("vertex")).map(vertex).collect(),
         triangles: (0..count("face")).map(face).collect(),
-        origin: [0.0; 3],
+        origin: DVec3::ZERO,
     }
 }
 
@@ -159,26 +152,26 @@ fn obj(text: &str) -> Found {
         [numbers[0], numbers[1], numbers[2]]
     };
     Found {
-        positions: text.lines().filter_map(|l| l.strip_prefix("v ")).map(three).collect(),
+        positions: text.lines().filter_map(|l| l.strip_prefix("v ")).map(|l| three(l).into()).collect(),
         triangles: text.lines().filter_map(|l| l.strip_prefix("f ")).map(|l| three(l).map(|v| v as u32 - 1)).collect(),
-        origin: [0.0; 3],
+        origin: DVec3::ZERO,
     }
 }
 
 /// Facets whose corners are one where they are equal, relative to the origin that the header names.
 fn stl(bytes: &[u8]) -> Found {
     let header = String::from_utf8_lossy(&bytes[..80]).into_owned();
-    let origin = header.split("origin ").nth(1).map_or([0.0; 3], |text| {
+    let origin = header.split("origin ").nth(1).map_or(DVec3::ZERO, |text| {
         let numbers: Vec<f64> = text.split_whitespace().map(|v| v.parse().expect("a number")).collect();
-        [numbers[0], numbers[1], numbers[2]]
+        DVec3::from_slice(&numbers)
     });
     let mut found = Found { positions: Vec::new(), triangles: Vec::new(), origin };
     let mut numbers = HashMap::new();
     for facet in bytes[84..].chunks_exact(50) {
         let corner = |k: usize| {
-            let at: [f64; 3] = std::array::from_fn(|a| single(&facet[12 + 12 * k + 4 * a..]));
-            *numbers.entry(at.map(|x| (x + 0.0).to_bits())).or_insert_with(|| {
-                found.positions.push(std::array::from_fn(|a| at[a] + origin[a]));
+            let at = three(&facet[12 + 12 * k..]);
+            *numbers.entry((at + 0.0).to_array().map(f64::to_bits)).or_insert_with(|| {
+                found.positions.push(at + origin);
                 found.positions.len() as u32 - 1
             })
         };
@@ -199,19 +192,18 @@ fn glb(bytes: &[u8]) -> Found {
         &data[at..at + length]
     };
     let moved = told["nodes"][0]["translation"].as_array();
-    let origin = moved.map_or([0.0; 3], |t| std::array::from_fn(|a| t[a].as_f64().expect("a number")));
+    let origin = moved.map_or(DVec3::ZERO, |t| [0, 1, 2].map(|a| t[a].as_f64().expect("a number")).into());
     let said = told["meshes"][0]["extras"]["origin"].as_array();
-    assert_eq!(said.is_some(), origin != [0.0; 3], "extras name it too");
-    let position = |p: &[u8]| std::array::from_fn(|a| single(&p[4 * a..]) + origin[a]);
+    assert_eq!(said.is_some(), origin != DVec3::ZERO, "extras name it too");
     Found {
-        positions: view(0).chunks_exact(12).map(position).collect(),
+        positions: view(0).chunks_exact(12).map(|p| three(p) + origin).collect(),
         triangles: view(2).chunks_exact(12).map(|t| [0, 4, 8].map(|at| whole(&t[at..]))).collect(),
         origin,
     }
 }
 
-const STRAIGHT: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-const ASLANT: [[f64; 3]; 3] = [[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]];
+const STRAIGHT: [DVec3; 3] = DVec3::AXES;
+const ASLANT: [DVec3; 3] = [DVec3::new(0.36, 0.48, -0.8), DVec3::new(-0.8, 0.6, 0.0), DVec3::new(0.48, 0.64, 0.6)];
 const FORMATS: [&str; 4] = ["ply", "obj", "stl", "glb"];
 
 #[test]
@@ -230,7 +222,8 @@ fn meshes_far_from_the_origin_are_those_near_it() {
         (3e-5, STRAIGHT, [300.0, 300.0, 0.0], [300.0, 300.0, 0.0]),
     ];
     for (n, (side, axes, origin, local)) in cases.into_iter().enumerate() {
-        let run = |name: &str, origin: [f64; 3]| {
+        let (origin, local) = (DVec3::from(origin), DVec3::from(local));
+        let run = |name: &str, origin: DVec3| {
             let input = at(&format!("{name}.nrrd"));
             volume(Path::new(&input), side, axes, origin);
             let outputs = FORMATS.map(|e| at(&format!("{name}.{e}")));
@@ -241,31 +234,25 @@ fn meshes_far_from_the_origin_are_those_near_it() {
             let told: Value = serde_json::from_slice(&fs::read(&report).expect("written")).expect("JSON");
             (said, told, outputs.map(|path| Found::read(Path::new(&path))))
         };
-        let (near_said, near_told, near) = run(&format!("near{n}"), [0.0; 3]);
+        let (near_said, near_told, near) = run(&format!("near{n}"), DVec3::ZERO);
         let (far_said, far_told, far) = run(&format!("far{n}"), origin);
         assert!(!near_said.contains("relative to") && near_told.get("local_origin").is_none(), "{near_said}");
-        let [x, y, z] = local;
+        let DVec3 { x, y, z } = local;
         assert!(far_said.contains(&format!("relative to ({x}, {y}, {z})")), "case {n}: {far_said}");
         assert_eq!(far_told["local_origin"], serde_json::json!(local), "case {n}");
         let report_volume = far_told["volume"].as_f64().expect("a number");
         for ((format, near), far) in FORMATS.iter().zip(&near).zip(&far) {
             let name = format!("case {n}, .{format}");
             let is_single = matches!(*format, "stl" | "glb");
-            assert_eq!(far.origin, if is_single { local } else { [0.0; 3] }, "{name}");
+            assert_eq!(far.origin, if is_single { local } else { DVec3::ZERO }, "{name}");
             assert_eq!(edge_defects(&far.triangles), 0, "{name}: by index");
             assert_eq!(edge_defects(&far.joined()), 0, "{name}: by place");
             assert_eq!(far.degenerate(), 0, "{name}");
             assert_eq!(far.positions.len(), near.positions.len(), "{name}");
-            let off = near.positions.iter().zip(&far.positions).map(|(near, far)| {
-                let by = minus(minus(*far, origin), *near);
-                by.iter().fold(0.0f64, |most, x| most.max(x.abs()))
-            });
+            let off =
+                near.positions.iter().zip(&far.positions).map(|(near, far)| (far - origin - near).abs().max_element());
             // Half the distance of neighbouring f32, of f64 some.
-            let bound = if is_single {
-                6e-4 * side
-            } else {
-                8.0 * f64::EPSILON * origin.iter().fold(0.0f64, |a, x| a.max(x.abs()))
-            };
+            let bound = if is_single { 6e-4 * side } else { 8.0 * f64::EPSILON * origin.abs().max_element() };
             let off = off.fold(0.0, f64::max);
             assert!(off < bound, "{name}: {off} from where they were, bound {bound}");
             let volume = far.volume();
@@ -281,8 +268,8 @@ fn parts_labels_and_simpler_meshes_far_away_are_sound_too() {
     let place = folder();
     let at = |name: &str| place.path().join(name).display().to_string();
     let input = at("in.nrrd");
-    volume(Path::new(&input), 0.25, STRAIGHT, [500_003.21, 5_400_001.77, 1e8]);
-    let local = [500_000.0, 5_400_000.0, 1e8];
+    volume(Path::new(&input), 0.25, STRAIGHT, DVec3::new(500_003.21, 5_400_001.77, 1e8));
+    let local = DVec3::new(500_000.0, 5_400_000.0, 1e8);
     done(&["reconstruct", &input, "-o", &at("whole.stl"), "-o", &at("whole.glb"), "-o", &at("whole.ply")]);
     let parts = [1, 2, 3].map(|k| (format!("{k}/3"), at(&format!("{k}.section"))));
     parts.iter().for_each(|(part, file)| drop(done(&["run", &input, "--part", part, "-o", file])));
@@ -315,7 +302,7 @@ fn parts_labels_and_simpler_meshes_far_away_are_sound_too() {
     let whole = Found::read(Path::new(&at("whole.ply")));
     for name in ["whole.stl", "parts.glb", "labels.glb", "labels.1.stl", "few.stl", "few.glb", "few.ply"] {
         let found = Found::read(Path::new(&at(name)));
-        assert_eq!(found.origin, if name.ends_with("ply") { [0.0; 3] } else { local }, "{name}");
+        assert_eq!(found.origin, if name.ends_with("ply") { DVec3::ZERO } else { local }, "{name}");
         assert_eq!((edge_defects(&found.joined()), found.degenerate()), (0, 0), "{name}");
         let is_few = name.starts_with("few");
         assert_eq!(
@@ -333,7 +320,7 @@ fn parts_labels_and_simpler_meshes_far_away_are_sound_too() {
 fn pictures_and_pages_show_the_same_far_away() {
     let place = folder();
     let at = |name: &str| place.path().join(name).display().to_string();
-    let pictures = [[0.0; 3], [1e7, -1e7, 1e7]].map(|origin| {
+    let pictures = [DVec3::ZERO, DVec3::new(1e7, -1e7, 1e7)].map(|origin| {
         volume(Path::new(&at("in.nrrd")), 1.0, STRAIGHT, origin);
         done(&["reconstruct", &at("in.nrrd"), "--contours", "-o", &at("out.png"), "-o", &at("out.html")]);
         image::open(at("out.png")).expect("a picture").to_rgb8().into_raw()
@@ -347,7 +334,7 @@ fn pictures_and_pages_show_the_same_far_away() {
 fn volumes_maps_and_lines_say_where_they_lie_or_that_they_cannot() {
     let place = folder();
     let at = |name: &str| place.path().join(name).display().to_string();
-    let (input, origin) = (at("in.nrrd"), [500_003.21, 5_400_001.77, 1e9 + 0.5]);
+    let (input, origin) = (at("in.nrrd"), DVec3::new(500_003.21, 5_400_001.77, 1e9 + 0.5));
     volume(Path::new(&input), 0.25, STRAIGHT, origin);
     let outputs = ["nrrd", "mha", "nii", "tif", "contours.json", "geojson"].map(|e| at(&format!("out.{e}")));
     let mut arguments = vec!["reconstruct", &input];
@@ -363,7 +350,7 @@ fn volumes_maps_and_lines_say_where_they_lie_or_that_they_cannot() {
     let lines: Value = serde_json::from_slice(&fs::read(&outputs[4]).expect("written")).expect("JSON");
     let heights: Vec<f64> =
         lines["slices"].as_array().expect("a list").iter().filter_map(|s| s["z"].as_f64()).collect();
-    assert!(heights.windows(2).all(|w| (w[1] - w[0] - 0.25).abs() < 1e-6) && heights[0] == origin[2], "{heights:?}");
+    assert!(heights.windows(2).all(|w| (w[1] - w[0] - 0.25).abs() < 1e-6) && heights[0] == origin.z, "{heights:?}");
     let xs = |v: &Value| {
         v["slices"][0]["polygons"][0]
             .as_array()
@@ -375,7 +362,7 @@ fn volumes_maps_and_lines_say_where_they_lie_or_that_they_cannot() {
     let places = xs(&lines);
     assert!(places.iter().any(|x| (x * 4.0).fract().abs() > 1e-3) && places[0] > 500_003.0, "{places:?}");
     // Near, nothing is said.
-    volume(Path::new(&input), 0.25, STRAIGHT, [-120.5, 33.25, 4000.0]);
+    volume(Path::new(&input), 0.25, STRAIGHT, DVec3::new(-120.5, 33.25, 4000.0));
     let said = done(&["reconstruct", &input, "-o", &outputs[2]]);
     assert!(!said.contains("NIfTI"), "{said}");
 }
@@ -397,7 +384,7 @@ fn heights_that_are_large_themselves_are_kept() {
         for name in ["out.stl", "out.ply"] {
             let found = Found::read(Path::new(&at(name)));
             assert_eq!((edge_defects(&found.joined()), found.degenerate()), (0, 0), "{name}");
-            assert_eq!(found.origin[2], if name == "out.stl" { from } else { 0.0 });
+            assert_eq!(found.origin.z, if name == "out.stl" { from } else { 0.0 });
         }
         let mut tiff = tiff::decoder::Decoder::new(fs::File::open(at("out.tif")).expect("written")).expect("a TIFF");
         match tiff.read_image().expect("pixels") {

@@ -7,6 +7,7 @@ use std::f64::consts::TAU;
 use std::fs;
 
 use files::*;
+use glam::DVec2;
 use interslice::contour::seeds::trace_loops;
 use interslice::grid::field::Field;
 use interslice::input::read;
@@ -16,17 +17,12 @@ use interslice::polygons::{CLAMP, PlaneDrawing, Planes, Polygon, stack};
 use interslice::stack::{ContourStack, Geometry, ReadOptions, SliceContent};
 use proptest::prelude::*;
 
-fn circle(center: [f64; 2], radius: f64, points: usize) -> Polygon {
-    (0..points)
-        .map(|k| {
-            let t = TAU * k as f64 / points as f64;
-            [center[0] + radius * t.cos(), center[1] + radius * t.sin()]
-        })
-        .collect()
+fn circle(center: DVec2, radius: f64, points: usize) -> Polygon {
+    (0..points).map(|k| center + radius * DVec2::from_angle(TAU * k as f64 / points as f64)).collect()
 }
 
 fn square(low: f64, high: f64) -> Polygon {
-    vec![[low, low], [high, low], [high, high], [low, high]]
+    [[low, low], [high, low], [high, high], [low, high]].map(DVec2::from).to_vec()
 }
 
 /// Both slices hold the same regions.
@@ -44,12 +40,12 @@ fn level(stack: &ContourStack) -> Vec<f32> {
 }
 
 /// Centre of a pixel in the world.
-fn place(stack: &ContourStack, node: usize) -> [f64; 2] {
-    let [i, j] = [node % stack.dims[0], node / stack.dims[0]];
-    [stack.geometry.origin[0] + i as f64 * stack.spacing[0], stack.geometry.origin[1] + j as f64 * stack.spacing[1]]
+fn place(stack: &ContourStack, node: usize) -> DVec2 {
+    let ij = DVec2::new((node % stack.dims[0]) as f64, (node / stack.dims[0]) as f64);
+    stack.geometry.origin.truncate() + ij * DVec2::from(stack.spacing)
 }
 
-fn assert_close(stack: &ContourStack, signed: impl Fn([f64; 2]) -> f64) {
+fn assert_close(stack: &ContourStack, signed: impl Fn(DVec2) -> f64) {
     let (clamp, mut kept) = (CLAMP * stack.spacing[0], 0);
     for (node, v) in level(stack).iter().enumerate() {
         let x = place(stack, node);
@@ -64,18 +60,16 @@ fn assert_close(stack: &ContourStack, signed: impl Fn([f64; 2]) -> f64) {
 }
 
 /// Distance to the line between two points.
-fn to_line(p: [f64; 2], q: [f64; 2], x: [f64; 2]) -> f64 {
-    let [along, to] = [[q[0] - p[0], q[1] - p[1]], [x[0] - p[0], x[1] - p[1]]];
-    let t = (along[0] * to[0] + along[1] * to[1]) / (along[0] * along[0] + along[1] * along[1]).max(f64::MIN_POSITIVE);
-    let t = t.clamp(0.0, 1.0);
-    (to[0] - t * along[0]).hypot(to[1] - t * along[1])
+fn to_line(p: DVec2, q: DVec2, x: DVec2) -> f64 {
+    let (along, to) = (q - p, x - p);
+    let t = along.dot(to) / along.length_squared().max(f64::MIN_POSITIVE);
+    to.distance(t.clamp(0.0, 1.0) * along)
 }
 
 /// Signed distance to a square, exact.
-fn to_square([x, y]: [f64; 2], low: f64, high: f64) -> f64 {
-    let (c, half) = ((low + high) / 2.0, (high - low) / 2.0);
-    let (dx, dy) = ((x - c).abs() - half, (y - c).abs() - half);
-    dx.max(0.0).hypot(dy.max(0.0)) + dx.max(dy).min(0.0)
+fn to_square(x: DVec2, low: f64, high: f64) -> f64 {
+    let d = (x - (low + high) / 2.0).abs() - (high - low) / 2.0;
+    d.max(DVec2::ZERO).length() + d.max_element().min(0.0)
 }
 
 #[test]
@@ -87,13 +81,13 @@ fn distances_to_a_square_are_exact() {
 #[test]
 fn the_zero_line_runs_along_the_polygon_within_a_hundredth_of_a_pixel() {
     let (radius, pixel) = (20.3, 1.1);
-    let drawn = stack_of(vec![vec![circle([101.3, -57.7], radius, 720)]], pixel);
+    let drawn = stack_of(vec![vec![circle(DVec2::new(101.3, -57.7), radius, 720)]], pixel);
     let u = Field { dims: drawn.dims, data: level(&drawn).iter().map(|v| f64::from(*v)).collect() };
     let paths = trace_loops(&u);
     assert_eq!(paths.len(), 1);
     let off = |x: [f64; 2]| {
-        let at = [0, 1].map(|a| drawn.geometry.origin[a] + x[a] * pixel);
-        ((at[0] - 101.3).hypot(at[1] + 57.7) - radius).abs() / pixel
+        let at = drawn.geometry.origin.truncate() + DVec2::from(x) * pixel;
+        (at.distance(DVec2::new(101.3, -57.7)) - radius).abs() / pixel
     };
     let worst = paths[0].iter().map(|c| off(c.x)).fold(0.0, f64::max);
     assert!(worst < 0.01, "{worst} px");
@@ -130,7 +124,7 @@ fn keyhole(bridge_there: &[f64], bridge_back: &[f64]) -> Polygon {
     line.extend(bridge_there.iter().map(|x| [*x, 12.4]));
     line.extend([[20.0, 12.4], [20.0, 10.0], [10.0, 10.0], [10.0, 20.0], [20.0, 20.0], [20.0, 12.4]]);
     line.extend(bridge_back.iter().map(|x| [*x, 12.4]));
-    line
+    line.into_iter().map(DVec2::from).collect()
 }
 
 #[test]
@@ -148,8 +142,8 @@ fn keyholes_are_cut_open_however_their_bridge_is_divided() {
     open[0][1] = 13.4;
     let gap = stack_of(vec![vec![open]], 0.4);
     let node = (0..level(&gap).len()).find(|n| {
-        let [x, y] = place(&gap, *n);
-        (x - 25.2).abs() < 0.1 && (y - 12.8).abs() < 0.1
+        let off = (place(&gap, *n) - DVec2::new(25.2, 12.8)).abs();
+        off.max_element() < 0.1
     });
     assert!(level(&gap)[node.expect("a pixel lies there")] > 0.0);
 }
@@ -170,13 +164,13 @@ fn a_bridge_that_does_not_close_exactly_moves_no_side_and_hardly_the_line() {
 #[test]
 fn coincident_sides_cancel_in_pairs() {
     let twice = vec![square(0.0, 10.0), square(0.0, 10.0)];
-    assert_eq!(contour_edges(&twice, 1e-6), Vec::<[[f64; 2]; 2]>::new());
+    assert_eq!(contour_edges(&twice, 1e-6), Vec::<[DVec2; 2]>::new());
     let thrice = [twice, vec![square(0.0, 10.0)]].concat();
     assert_eq!(contour_edges(&thrice, 1e-6).len(), 4);
     // Two squares side by side: the common side goes, also where one of them has a point on it.
-    let right = vec![[10.0, 0.0], [20.0, 0.0], [20.0, 10.0], [10.0, 10.0], [10.0, 4.0]];
+    let right = [[10.0, 0.0], [20.0, 0.0], [20.0, 10.0], [10.0, 10.0], [10.0, 4.0]].map(DVec2::from).to_vec();
     let both = contour_edges(&[square(0.0, 10.0), right], 1e-6);
-    assert!(both.iter().all(|[p, q]| p[0] != 10.0 || q[0] != 10.0), "{both:?}");
+    assert!(both.iter().all(|[p, q]| p.x != 10.0 || q.x != 10.0), "{both:?}");
     assert_eq!(both.len(), 6);
 }
 
@@ -185,13 +179,13 @@ fn pixels_are_half_the_distance_of_points_and_finer_for_thin_bodies() {
     let drawing =
         |polygon: Polygon| PlaneDrawing { name: "a".into(), z: 0.0, extra: false, regions: vec![vec![polygon]] };
     // 2 mm between points, 60 mm wide: half the distance.
-    let round = drawing(circle([0.0; 2], 30.0, 94));
+    let round = drawing(circle(DVec2::ZERO, 30.0, 94));
     assert!((pixel_side(&[round]) - 1.0).abs() < 0.01);
     // A strip of 2 mm: 2 A / P is 1.95, an eighth of that.
-    let strip = drawing(vec![[0.0, 0.0], [80.0, 0.0], [80.0, 2.0], [0.0, 2.0]]);
+    let strip = drawing([[0.0, 0.0], [80.0, 0.0], [80.0, 2.0], [0.0, 2.0]].map(DVec2::from).to_vec());
     assert!((pixel_side(&[strip]) - 1.95 / 8.0).abs() < 0.01);
     // Many points cost no more than 1024 pixels.
-    let fine = drawing(circle([0.0; 2], 512.0, 100_000));
+    let fine = drawing(circle(DVec2::ZERO, 512.0, 100_000));
     assert_eq!(pixel_side(&[fine]), 1.0);
 }
 
@@ -240,8 +234,7 @@ fn contour_lines_of_a_result_are_an_input_again() {
     for s in slices {
         let polygons: Vec<Polygon> = serde_json::from_value(s["polygons"].clone()).expect("polygons");
         assert_eq!(polygons.len(), 2, "a ring has two lines");
-        let twice =
-            |p: &Polygon| p.iter().zip(p.iter().cycle().skip(1)).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>();
+        let twice = |p: &Polygon| p.iter().zip(p.iter().cycle().skip(1)).map(|(a, b)| a.perp_dot(*b)).sum::<f64>();
         let mut areas: Vec<f64> = polygons.iter().map(|p| twice(p) / 2.0).collect();
         areas.sort_by(f64::total_cmp);
         // Outer lines counter-clockwise, holes clockwise; square corners are rounded a little.
@@ -285,19 +278,20 @@ proptest! {
     /// Whatever is drawn, also lines that cross themselves: each pixel's side is that of the even-odd rule, counted plainly.
     #[test]
     fn sides_are_those_of_even_odd(points in prop::collection::vec((0i32..40, 0i32..40), 3..24), pixel in 0.31f64..1.7) {
-        let polygon: Polygon = points.iter().map(|(x, y)| [f64::from(*x), f64::from(*y)]).collect();
+        let polygon: Polygon = points.iter().map(|(x, y)| DVec2::new(f64::from(*x), f64::from(*y))).collect();
         let spread = |a: usize| polygon.iter().any(|p| p[a] != polygon[0][a]);
         prop_assume!(spread(0) && spread(1));
         let drawn = stack_of(vec![vec![polygon.clone()]], pixel);
         for (node, v) in level(&drawn).iter().enumerate() {
-            let [x, y] = place(&drawn, node);
+            let at = place(&drawn, node);
+            let DVec2 { x, y } = at;
             let next = polygon.iter().cycle().skip(1);
             let crossed = polygon.iter().zip(next).filter(|(p, q)| {
-                (p[1] <= y) != (q[1] <= y) && p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0]) > x
+                (p.y <= y) != (q.y <= y) && p.x + (y - p.y) / (q.y - p.y) * (q.x - p.x) > x
             });
             let inside = crossed.count() % 2 == 1;
             // On a line rounding decides.
-            if polygon.iter().zip(polygon.iter().cycle().skip(1)).all(|(p, q)| to_line(*p, *q, [x, y]) > 1e-4) {
+            if polygon.iter().zip(polygon.iter().cycle().skip(1)).all(|(p, q)| to_line(*p, *q, at) > 1e-4) {
                 prop_assert_eq!(*v < 0.0, inside, "at {}, {}", x, y);
             }
         }

@@ -14,6 +14,7 @@ use dicom_core::VR;
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::{InMemDicomObject, open_file};
 use files::*;
+use glam::DVec3;
 use interslice::ContourStack;
 use interslice::input::read;
 use interslice::stack::ReadOptions;
@@ -134,15 +135,15 @@ fn oblique_planes_have_their_own_frame_and_meshes_lie_in_the_patient() {
     let place = folder();
     let path = place.path().join("a.dcm");
     // A tube along n, drawn on planes across it, rounded to .01 mm as planning systems do.
-    let n = [0.36, 0.48, 0.8];
-    let (u, v) = ([0.8, -0.6, 0.0], [0.48, 0.64, -0.6]);
-    let start = [12.0, -230.0, 88.0];
+    let n = DVec3::new(0.36, 0.48, 0.8);
+    let (u, v) = (DVec3::new(0.8, -0.6, 0.0), DVec3::new(0.48, 0.64, -0.6));
+    let start = DVec3::new(12.0, -230.0, 88.0);
     let ring = |h: f64| -> Points {
         (0..120)
             .map(|k| {
                 let t = TAU * k as f64 / 120.0;
-                let p = |a: usize| start[a] + h * n[a] + 15.0 * (t.cos() * u[a] + t.sin() * v[a]);
-                std::array::from_fn(|a| (p(a) * 100.0).round() / 100.0)
+                let p = start + h * n + 15.0 * (t.cos() * u + t.sin() * v);
+                ((p * 100.0).round() / 100.0).to_array()
             })
             .collect()
     };
@@ -152,19 +153,18 @@ fn oblique_planes_have_their_own_frame_and_meshes_lie_in_the_patient() {
     assert_says(&text, &["oblique, normal (0.36", "4 planes"]);
     said(&["reconstruct", &path.display().to_string(), "-o", &out.display().to_string(), "-q", "--backend", "cpu"], 0);
     let mesh = fs::read_to_string(&out).expect("it was written");
-    let vertices: Vec<[f64; 3]> = mesh
+    let vertices: Vec<DVec3> = mesh
         .lines()
         .filter_map(|l| l.strip_prefix("v "))
         .map(|l| {
             let v: Vec<f64> = l.split_whitespace().take(3).map(|t| t.parse().expect("a number")).collect();
-            [v[0], v[1], v[2]]
+            DVec3::from_slice(&v)
         })
         .collect();
     assert!(vertices.len() > 1000);
     for p in &vertices {
-        let d: [f64; 3] = std::array::from_fn(|a| p[a] - start[a]);
-        let along: f64 = (0..3).map(|a| d[a] * n[a]).sum();
-        let from_axis = ((0..3).map(|a| d[a] * d[a]).sum::<f64>() - along * along).sqrt();
+        let along = (p - start).dot(n);
+        let from_axis = (p - start).reject_from_normalized(n).length();
         assert!((-0.05..20.05).contains(&along), "{p:?} lies at {along}");
         // Lids lie inside.
         let lid = !(0.05..=19.95).contains(&along);

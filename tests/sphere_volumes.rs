@@ -4,6 +4,7 @@ mod shapes;
 
 use std::f64::consts::PI;
 
+use glam::DVec2;
 use interslice::Settings;
 use interslice::report::CapRule;
 use interslice::settings::{EndRule, Method, Motion};
@@ -66,20 +67,20 @@ fn half_slices_have_the_volume_of_spheres_in_the_mean() {
 #[test]
 fn caps_of_ellipsoids_paraboloids_and_cones_are_theirs() {
     // Name, half axes over height, heights of contours, tip, volume beyond the last one.
-    type Case = (&'static str, fn(f64) -> [f64; 2], [f64; 4], f64, f64);
+    type Case = (&'static str, fn(f64) -> DVec2, [f64; 4], f64, f64);
     let cases: [Case; 3] = [
         (
             "ellipsoid",
-            |z| [3.0, 1.5].map(|a| a * (36.0 - z * z).max(0.0).sqrt()),
+            |z| DVec2::new(3.0, 1.5) * (36.0 - z * z).max(0.0).sqrt(),
             [-1.0, 1.0, 3.0, 5.0],
             6.0,
             PI * 4.5 * 17.0 / 3.0,
         ),
-        ("paraboloid", |z| [1.0, 2.0].map(|a| 4.0 * a * (6.0 - z).sqrt()), [-1.0, 1.0, 3.0, 5.0], 6.0, PI * 32.0 * 0.5),
-        ("cone", |z| [3.0, 2.0].map(|a| a * (7.0 - z)), [-1.0, 1.0, 3.0, 5.0], 7.0, PI * 6.0 * 8.0 / 3.0),
+        ("paraboloid", |z| 4.0 * DVec2::new(1.0, 2.0) * (6.0 - z).sqrt(), [-1.0, 1.0, 3.0, 5.0], 6.0, PI * 32.0 * 0.5),
+        ("cone", |z| DVec2::new(3.0, 2.0) * (7.0 - z), [-1.0, 1.0, 3.0, 5.0], 7.0, PI * 6.0 * 8.0 / 3.0),
     ];
     for (name, axes, heights, tip, exact) in cases {
-        let stack = drawn([3.0, 5.0], &heights, axes).expect("a sound drawing");
+        let stack = drawn(DVec2::new(3.0, 5.0), &heights, axes).expect("a sound drawing");
         let settings = Settings { end_top: EndRule::Extrapolate, ..Settings::default() };
         let end = interslice::reconstruct(&stack, &settings).expect("a sound stack").report.ends.remove(1);
         println!("{name}: {:.3} for {exact:.3}, {:?}", end.used, end.caps);
@@ -94,7 +95,7 @@ fn caps_of_ellipsoids_paraboloids_and_cones_are_theirs() {
 #[test]
 fn too_few_contours_are_told() {
     let cone = |heights: &[f64]| {
-        let stack = drawn([0.0; 2], heights, |z| [8.0 - z; 2]).expect("a sound drawing");
+        let stack = drawn(DVec2::ZERO, heights, |z| DVec2::splat(8.0 - z)).expect("a sound drawing");
         interslice::reconstruct(&stack, &both(EndRule::Extrapolate)).expect("a sound stack").report
     };
     let report = cone(&[1.0, 3.0]);

@@ -7,9 +7,10 @@ mod shapes;
 use std::fs;
 
 use files::*;
+use glam::DVec3;
 use interslice::input::read;
 use interslice::settings::EndRule;
-use interslice::stack::{HeightGrid, LevelSlice, ReadOptions, SliceContent};
+use interslice::stack::{Geometry, HeightGrid, LevelSlice, ReadOptions, SliceContent};
 use interslice::{Settings, height_grid, reconstruct};
 use shapes::{circle, levels, masks};
 
@@ -107,4 +108,15 @@ fn sixteen_bit_labels_of_one_value_are_masks_and_extras_are_marked() {
         "{message}"
     );
     fs::remove_file(place.path().join("s2.png")).expect("it is there");
+}
+
+#[test]
+fn places_and_directions_are_lists_of_numbers_in_files() {
+    let axes = [DVec3::Y, DVec3::Z, DVec3::X];
+    let geometry = Geometry { origin: DVec3::new(1.0, -2.5, 1e7), axes, order: [1, 2, 0] };
+    let text = r#"{"origin":[1.0,-2.5,10000000.0],"axes":[[0.0,1.0,0.0],[0.0,0.0,1.0],[1.0,0.0,0.0]],"order":[1,2,0]}"#;
+    assert_eq!(serde_json::to_string(&geometry).expect("it can be told"), text);
+    assert_eq!(serde_json::from_str::<Geometry>(text).expect("it is sound"), geometry);
+    assert!(serde_json::from_str::<Geometry>(&text.replace("[1.0,-2.5,", "[-2.5,")).is_err());
+    assert!(serde_json::from_str::<Geometry>(&text.replace("[1.0,-2.5,", "[0.0,1.0,-2.5,")).is_err());
 }

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use files::folder;
 use flate2::read::{GzDecoder, ZlibDecoder};
+use glam::DVec3;
 use interslice::evaluate::demo::{NAMES, demo};
 use interslice::files::options::OutputOptions;
 use interslice::files::outputs::Outputs;
@@ -35,10 +36,10 @@ const ACROSS: [[usize; 3]; 3] = [[1, 2, 0], [0, 2, 1], [0, 1, 2]];
 
 /// A frame that is oblique, slices across y of their input, and a frame that mirrors, slices across x.
 fn placed(stack: &ContourStack) -> [ContourStack; 3] {
-    let axes = [[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]];
-    let oblique = Geometry { origin: [10.0, -20.5, 300.0], axes, order: ACROSS[2] };
+    let axes = [DVec3::new(0.8, 0.6, 0.0), DVec3::new(-0.6, 0.8, 0.0), DVec3::Z];
+    let oblique = Geometry { origin: DVec3::new(10.0, -20.5, 300.0), axes, order: ACROSS[2] };
     let across_y = Geometry { order: ACROSS[1], ..oblique };
-    let mirrored = Geometry { axes: [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], order: ACROSS[0], ..oblique };
+    let mirrored = Geometry { axes: [DVec3::NEG_X, DVec3::Y, DVec3::Z], order: ACROSS[0], ..oblique };
     [oblique, across_y, mirrored].map(|geometry| ContourStack { geometry, ..stack.clone() })
 }
 
@@ -83,7 +84,7 @@ fn both(place: &Path, stack: &ContourStack, settings: &Settings, mask: bool) -> 
 /// The bytes of all formats that hold a surface, made from the mesh in memory.
 fn of_mesh(body: &Reconstruction) -> [Vec<u8>; 4] {
     let mesh = closed_surface(body);
-    let mut stl = StlWriter::new(Cursor::new(Vec::new()), [0.0; 3]).expect("memory can be written");
+    let mut stl = StlWriter::new(Cursor::new(Vec::new()), DVec3::ZERO).expect("memory can be written");
     stl.facets(mesh.corners()).and_then(|()| stl.close()).expect("memory can be written");
     let (mut ply, mut obj, mut png) = (Vec::new(), Vec::new(), Cursor::new(Vec::new()));
     write_ply(&mut ply, &mut &mesh).expect("memory can be written");

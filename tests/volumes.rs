@@ -10,6 +10,7 @@ use std::path::Path;
 use files::*;
 use flate2::Compression;
 use flate2::write::GzEncoder;
+use glam::DVec3;
 use interslice::input::read;
 use interslice::input::volume::grid::VolumeGrid;
 use interslice::input::{read_surveyed, survey};
@@ -207,7 +208,7 @@ fn slices_lie_along_the_axis_on_which_they_stand_alone() {
         let h = [1.5, 2.0, 2.5];
         assert_eq!((given.dims, given.spacing), ([sizes[u], sizes[v]], [h[u], h[v]]));
         assert_eq!(given.geometry.order, [u, v, axis]);
-        let world = [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]];
+        let world = [DVec3::NEG_Z, DVec3::Y, DVec3::X];
         assert_eq!(given.geometry.axes, [world[u], world[v], world[axis]]);
         assert_eq!(given.slices.iter().map(|s| (s.z / h[axis]).round() as usize).collect::<Vec<_>>(), [0, 3, 6, 9]);
         for (slice, k) in given.slices.iter().zip([0, 3, 6, 9]) {
@@ -238,8 +239,8 @@ fn volumes_come_back_in_the_order_of_their_input() {
         let (back, is) = z(&target).expect("the volume is sound");
         let (was, is) = (was.expect("a volume").volume.grid, is.expect("a volume").volume.grid);
         assert_eq!(is.dims, sizes, "axis {axis}, {output}");
-        assert!(is.steps.iter().flatten().zip(was.steps.as_flattened()).all(|(a, b)| (a - b).abs() < 1e-6));
-        assert!(is.origin.iter().zip(was.origin).all(|(a, b)| (a - b).abs() < 1e-6));
+        assert!(is.steps.iter().zip(was.steps).all(|(a, b)| a.abs_diff_eq(b, 1e-6)));
+        assert!(is.origin.abs_diff_eq(was.origin, 1e-6));
         let mut filled = 0;
         for (k, slice) in back.slices.iter().enumerate() {
             for n in 0..slice.content.len() {

@@ -77,7 +77,7 @@ fn loaded(output: OutputOptions) -> Try<Loaded> {
         unit: "mm".into(),
         slices: HEIGHTS.iter().enumerate().map(slice).collect(),
         z_out: None,
-        geometry: Geometry { origin: [500_000.0, 4_000_000.0, -3.0], ..Geometry::default() },
+        geometry: Geometry { origin: [500_000.0, 4_000_000.0, -3.0].into(), ..Geometry::default() },
     };
     Ok(Loaded::new(stack, JobOptions { output, ..JobOptions::default() })?)
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use glam::DVec3;
 use interslice::input::Surveyed;
 use interslice::input::volume::Volume;
 use interslice::input::volume::survey::Survey;
@@ -56,7 +57,7 @@ fn labels(volume: &Volume, survey: &Survey) -> String {
 
 /// Directions of the axes: the nearest directions of the body, and how far off they are.
 fn orientation(volume: &Volume) -> String {
-    if volume.grid.origin == [0.0; 3] && !volume.grid.spaced {
+    if volume.grid.origin == DVec3::ZERO && !volume.grid.spaced {
         return "axes x, y, z as in the file, no place in the world".into();
     }
     let ends = [["right", "left"], ["front", "back"], ["bottom", "top"]];
@@ -73,7 +74,7 @@ fn orientation(volume: &Volume) -> String {
         })
         .collect();
     let oblique = if off > 0.05 { format!(", oblique by up to {off:.1} degrees") } else { String::new() };
-    let [x, y, z] = volume.grid.origin.map(short);
+    let [x, y, z] = volume.grid.origin.to_array().map(short);
     format!("axes: {}{oblique}; first voxel at ({x}, {y}, {z}) LPS", words.join(", "))
 }
 

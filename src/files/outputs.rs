@@ -8,6 +8,8 @@ use std::io;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
+
 #[cfg(feature = "dicom")]
 use super::format::BUFFER_BYTES;
 use super::format::{Format, Kind, is_page, kind, needed};
@@ -140,9 +142,9 @@ impl Outputs {
     ///
     /// # Errors
     /// [`Error::Output`] where one of them cannot hold the body.
-    fn origin(&self, header: &Header) -> Result<[f64; 3]> {
+    fn origin(&self, header: &Header) -> Result<DVec3> {
         let file = self.files.iter().find(|f| f.format.is_single()).map(|f| f.target.as_path());
-        let Some(target) = file.or(self.scene.as_ref().map(SharedScene::target)) else { return Ok([0.0; 3]) };
+        let Some(target) = file.or(self.scene.as_ref().map(SharedScene::target)) else { return Ok(DVec3::ZERO) };
         local::origin(header).map_err(|message| Error::Output { path: target.into(), message })
     }
 

@@ -4,6 +4,8 @@ use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
 
+use glam::DVec3;
+
 use super::format::{BUFFER_BYTES, Format};
 use super::pending::{Pending, Temporary, parent};
 use super::places::Places;
@@ -86,7 +88,7 @@ impl SharedScene {
     }
 
     /// Adds the mesh of the first of `bodies`, in this unit and relative to this origin.
-    pub(super) fn write_mesh(&self, bodies: &[Appearance], unit: &str, origin: [f64; 3]) -> WriteMesh {
+    pub(super) fn write_mesh(&self, bodies: &[Appearance], unit: &str, origin: DVec3) -> WriteMesh {
         let (shared, unit) = (self.clone(), unit.to_string());
         let appearance = bodies.first().cloned().unwrap_or_default();
         let label = appearance.number.map(|number| format!("label {number}"));

@@ -4,6 +4,8 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
+use glam::DVec3;
+
 use super::format::{BUFFER_BYTES, Format, named_content};
 use super::options::OutputOptions;
 use super::pending::{Pending, files_below, parent};
@@ -102,14 +104,14 @@ fn written(
 /// The meshes of a run: the whole one, or one simpler one for all files.
 pub(super) struct Meshes {
     /// What positions are relative to where a format holds them as f32.
-    origin: [f64; 3],
+    origin: DVec3,
     #[cfg(feature = "simplify")]
     simplifier: Option<std::sync::Arc<crate::surface::simplify::Simplifier>>,
 }
 
 impl Meshes {
     #[cfg_attr(not(feature = "simplify"), expect(unused_variables, reason = "options have been checked"))]
-    pub fn new(options: &OutputOptions, origin: [f64; 3]) -> Self {
+    pub fn new(options: &OutputOptions, origin: DVec3) -> Self {
         Meshes {
             origin,
             #[cfg(feature = "simplify")]

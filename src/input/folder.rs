@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use image::{DynamicImage, ImageReader};
 use rayon::prelude::*;
 use serde::Deserialize;
@@ -24,7 +25,7 @@ struct StackFile {
     /// Needed for images; for polygons the pixels they are laid on.
     spacing_xy: Option<[f64; 2]>,
     /// World directions (LPS) of x, y and z, for polygons.
-    axes: Option<[[f64; 3]; 3]>,
+    axes: Option<[DVec3; 3]>,
     #[serde(default = "millimetres")]
     unit: String,
     slices: Vec<SliceEntry>,
@@ -111,7 +112,7 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<Con
         let message = "is not for polygons; it cuts grey slices".into();
         return Err(Error::Setting { name: "level".into(), message });
     }
-    let axes = parsed.axes.unwrap_or(Geometry::default().axes);
+    let axes = parsed.axes.unwrap_or(DVec3::AXES);
     crate::input::volume::grid::check_axes(&axes)
         .map_err(|m| Error::Format { path: file.into(), message: format!("`axes`: {m}") })?;
     let drawing = |(k, entry): (usize, SliceEntry)| PlaneDrawing {

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::io::{BufRead, Read, Seek, SeekFrom};
 use std::path::Path;
 
+use glam::DVec3;
+
 use crate::error::{Error, Result};
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
@@ -164,17 +166,17 @@ fn grid(dims: [usize; 3], fields: &Fields) -> Failure<VolumeGrid> {
     }
     let matrix = fields.numbers::<9>(&["TransformMatrix", "Rotation", "Orientation"])?;
     let matrix = matrix.unwrap_or([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
-    let axes: [[f64; 3]; 3] = std::array::from_fn(|a| std::array::from_fn(|k| matrix[3 * a + k]));
-    for (axis, [x, y, z]) in axes.into_iter().enumerate() {
-        let length = (x * x + y * y + z * z).sqrt();
+    let axes: [DVec3; 3] = std::array::from_fn(|a| DVec3::from_slice(&matrix[3 * a..]));
+    for (axis, direction) in axes.into_iter().enumerate() {
+        let length = direction.length();
         if (length - 1.0).abs() > LENGTH_SLACK {
             return Err(format!("TransformMatrix: the direction of axis {axis} must have length 1; got {length}"));
         }
     }
     Ok(VolumeGrid {
         dims,
-        origin: fields.numbers::<3>(&["Offset", "Position", "Origin"])?.unwrap_or_default(),
-        steps: std::array::from_fn(|a| axes[a].map(|v| v * spacing[a])),
+        origin: fields.numbers::<3>(&["Offset", "Position", "Origin"])?.unwrap_or_default().into(),
+        steps: std::array::from_fn(|a| axes[a] * spacing[a]),
         unit: match fields.get(&["DistanceUnits"]) {
             Some((_, unit)) if !unit.is_empty() && unit != "?" => unit.into(),
             _ => "mm".into(),

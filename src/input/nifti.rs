@@ -4,6 +4,7 @@ use std::io::{BufRead, Read};
 use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
+use glam::{DAffine3, DMat3, DVec3};
 use nifti::{Endianness, NiftiHeader};
 
 use crate::error::{Error, Result};
@@ -118,17 +119,14 @@ fn two_forms(header: &NiftiHeader, dims: [usize; 3]) -> Option<String> {
     if header.sform_code <= 0 || header.qform_code <= 0 {
         return None;
     }
-    let forms = [[header.srow_x, header.srow_y, header.srow_z].map(|r| r.map(f64::from)), qform(header)];
-    let corner = |rows: &[[f64; 4]; 3], corner: usize| {
-        let at: [f64; 3] = std::array::from_fn(|a| if corner >> a & 1 == 1 { (dims[a] - 1) as f64 } else { 0.0 });
-        rows.map(|r| r[0] * at[0] + r[1] * at[1] + r[2] * at[2] + r[3])
-    };
-    let apart = |c: usize| {
-        let [s, q] = forms.each_ref().map(|rows| corner(rows, c));
-        (0..3).map(|a| (s[a] - q[a]).powi(2)).sum::<f64>().sqrt()
+    let forms = [sform(header), qform(header)];
+    let apart = |corner: usize| {
+        let at = std::array::from_fn(|a| if corner >> a & 1 == 1 { (dims[a] - 1) as f64 } else { 0.0 });
+        let [s, q] = forms.map(|form| form.transform_point3(at.into()));
+        s.distance(q)
     };
     let most = (0..8).map(apart).fold(0.0, f64::max);
-    let side = |c: usize| forms[0].iter().map(|row| row[c] * row[c]).sum::<f64>().sqrt();
+    let side = |c: usize| forms[0].matrix3.col(c).length();
     let least = (0..3).filter(|&c| dims[c] > 1).map(side).fold(f64::INFINITY, f64::min);
     (most > SAME_PLACE * least).then(|| {
         format!("sform and qform of the header place the volume differently, by up to {most:.3}; the sform is used")
@@ -136,45 +134,49 @@ fn two_forms(header: &NiftiHeader, dims: [usize; 3]) -> Option<String> {
 }
 
 /// Origin and steps in LPS, from the sform, else the qform, else the voxel sizes.
-fn placement(header: &NiftiHeader, dims: [usize; 3]) -> Failure<([f64; 3], [[f64; 3]; 3])> {
+fn placement(header: &NiftiHeader, dims: [usize; 3]) -> Failure<(DVec3, [DVec3; 3])> {
     if header.sform_code <= 0
         && let Some(a) =
             (1..=3).find(|&a| (a < 3 || dims[2] > 1) && !(header.pixdim[a].is_finite() && header.pixdim[a] > 0.0))
     {
         return Err(format!("pixdim[{a}], a voxel spacing, must be a positive number; got {}", header.pixdim[a]));
     }
-    let rows: [[f64; 4]; 3] = if header.sform_code > 0 {
-        [header.srow_x, header.srow_y, header.srow_z].map(|r| r.map(f64::from))
+    let form = if header.sform_code > 0 {
+        sform(header)
     } else if header.qform_code > 0 {
         qform(header)
     } else {
-        let size = |a: usize| f64::from(header.pixdim[a + 1]);
-        [[size(0), 0.0, 0.0, 0.0], [0.0, size(1), 0.0, 0.0], [0.0, 0.0, size(2), 0.0]]
+        DAffine3::from_mat3(DMat3::from_diagonal(DVec3::from_array([1, 2, 3].map(|k| f64::from(header.pixdim[k])))))
     };
-    if let Some(v) = rows.iter().flatten().find(|v| !v.is_finite()) {
+    if let Some(v) = form.to_cols_array().iter().find(|v| !v.is_finite()) {
         return Err(format!("the orientation holds {v}"));
     }
-    let lps = |v: [f64; 3]| [-v[0], -v[1], v[2]];
-    let column = |c: usize| lps([rows[0][c], rows[1][c], rows[2][c]]);
-    let mut steps = [column(0), column(1), column(2)];
-    if dims[2] == 1 && steps[2] == [0.0; 3] {
-        steps[2] = [0.0, 0.0, 1.0];
+    // RAS to LPS turns the first two axes.
+    let [x, y, mut z, origin] =
+        [0, 1, 2, 3].map(|c| DVec3::new(-1.0, -1.0, 1.0) * DVec3::from(form.to_cols_array_2d()[c]));
+    if dims[2] == 1 && z == DVec3::ZERO {
+        z = DVec3::Z;
     }
-    Ok((column(3), steps))
+    Ok((origin, [x, y, z]))
+}
+
+/// The affine form.
+fn sform(header: &NiftiHeader) -> DAffine3 {
+    let rows = [header.srow_x, header.srow_y, header.srow_z];
+    let [x, y, z, origin] = [0, 1, 2, 3].map(|c| DVec3::from(rows.map(|row| f64::from(row[c]))));
+    DAffine3::from_cols(x, y, z, origin)
 }
 
 /// The quaternion form (NIfTI-1 header, method 2).
-fn qform(header: &NiftiHeader) -> [[f64; 4]; 3] {
+fn qform(header: &NiftiHeader) -> DAffine3 {
     let [b, c, d] = [header.quatern_b, header.quatern_c, header.quatern_d].map(f64::from);
     let a = (1.0 - b * b - c * c - d * d).max(0.0).sqrt();
     let handed = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };
     let [sx, sy, sz] = [1, 2, 3].map(|k| f64::from(header.pixdim[k]));
-    let sz = sz * handed;
     let offset = [header.quatern_x, header.quatern_y, header.quatern_z].map(f64::from);
-    let rotation = [
-        [a * a + b * b - c * c - d * d, 2.0 * (b * c - a * d), 2.0 * (b * d + a * c)],
-        [2.0 * (b * c + a * d), a * a + c * c - b * b - d * d, 2.0 * (c * d - a * b)],
-        [2.0 * (b * d - a * c), 2.0 * (c * d + a * b), a * a + d * d - b * b - c * c],
-    ];
-    std::array::from_fn(|r| [rotation[r][0] * sx, rotation[r][1] * sy, rotation[r][2] * sz, offset[r]])
+    // Columns. Written out: `from_quat` wants a quaternion of length one, and rounds otherwise.
+    let x = DVec3::new(a * a + b * b - c * c - d * d, 2.0 * (b * c + a * d), 2.0 * (b * d - a * c));
+    let y = DVec3::new(2.0 * (b * c - a * d), a * a + c * c - b * b - d * d, 2.0 * (c * d + a * b));
+    let z = DVec3::new(2.0 * (b * d + a * c), 2.0 * (c * d - a * b), a * a + d * d - b * b - c * c);
+    DAffine3::from_cols(x * sx, y * sy, z * (sz * handed), offset.into())
 }

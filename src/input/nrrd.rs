@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::io::{BufRead, Read, Seek};
 use std::path::Path;
 
+use glam::DVec3;
+
 use crate::error::{Error, Result};
 use crate::input::segments;
 use crate::input::volume::data::{Coding, Data};
@@ -192,24 +194,24 @@ fn element(name: &str) -> Failure<Element> {
 }
 
 /// Origin and steps in LPS, and whether the header gives steps.
-fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>) -> Failure<([f64; 3], [[f64; 3]; 3], bool)> {
+fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>) -> Failure<(DVec3, [DVec3; 3], bool)> {
     let flip = match field("space").map(str::to_lowercase).as_deref() {
-        None | Some("left-posterior-superior" | "lps" | "scanner-xyz" | "3d-right-handed") => [1.0, 1.0, 1.0],
-        Some("right-anterior-superior" | "ras") => [-1.0, -1.0, 1.0],
-        Some("left-anterior-superior" | "las") => [1.0, -1.0, 1.0],
-        Some(_) if field("space directions").is_none() => [1.0, 1.0, 1.0],
+        None | Some("left-posterior-superior" | "lps" | "scanner-xyz" | "3d-right-handed") => DVec3::ONE,
+        Some("right-anterior-superior" | "ras") => DVec3::new(-1.0, -1.0, 1.0),
+        Some("left-anterior-superior" | "las") => DVec3::new(1.0, -1.0, 1.0),
+        Some(_) if field("space directions").is_none() => DVec3::ONE,
         Some(other) => return Err(format!("space `{other}` is not known; expected LPS, RAS or LAS")),
     };
-    let vector = |name: &str, text: &str| -> Failure<[f64; 3]> {
+    let vector = |name: &str, text: &str| -> Failure<DVec3> {
         let parts: Vec<&str> = text.trim().trim_start_matches('(').trim_end_matches(')').split(',').collect();
         let &[x, y, z] = &parts[..] else { return Err(format!("{name}: `{text}` is no vector of three")) };
         let v = [number::<f64>(name, x.trim())?, number(name, y.trim())?, number(name, z.trim())?];
         match v.iter().find(|c| !c.is_finite()) {
             Some(bad) => Err(format!("{name} holds {bad}")),
-            None => Ok(std::array::from_fn(|a| v[a] * flip[a])),
+            None => Ok(DVec3::from(v) * flip),
         }
     };
-    let origin = field("space origin").map_or(Ok([0.0; 3]), |text| vector("space origin", text))?;
+    let origin = field("space origin").map_or(Ok(DVec3::ZERO), |text| vector("space origin", text))?;
     let steps = match field("space directions") {
         Some(text) => {
             let vectors: Vec<&str> = text.split_inclusive(')').filter(|t| !t.trim().is_empty()).collect();
@@ -224,7 +226,7 @@ fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>) -> Failure<([f64; 3],
             if let Some((axis, h)) = s.iter().enumerate().find(|(_, h)| !(h.is_finite() && **h > 0.0)) {
                 return Err(format!("spacings: voxel spacing along axis {axis} must be a positive number; got {h}"));
             }
-            [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]]
+            [x * DVec3::X, y * DVec3::Y, z * DVec3::Z]
         }
     };
     Ok((origin, steps, field("space directions").or(field("spacings")).is_some()))

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use glam::DVec3;
 use tiff::tags::Tag;
 
 use crate::error::{Error, Result};
@@ -52,7 +53,7 @@ fn volume(path: &Path) -> Failure<Volume> {
     let mut grid = VolumeGrid::unspaced([nx, ny, count]);
     let Described { format, spacing } = describe(&description, [nx, ny, count], per_unit)?;
     if let Some((sides, unit)) = spacing {
-        grid.steps = [[sides[0], 0.0, 0.0], [0.0, sides[1], 0.0], [0.0, 0.0, sides[2]]];
+        grid.steps = [sides[0] * DVec3::X, sides[1] * DVec3::Y, sides[2] * DVec3::Z];
         (grid.unit, grid.spaced) = (unit, true);
     }
     let bytes = nx.checked_mul(ny).and_then(|n| n.checked_mul(element.size()));

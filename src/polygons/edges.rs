@@ -5,13 +5,14 @@
 
 use std::collections::HashMap;
 
+use glam::DVec2;
 use rstar::primitives::GeomWithData;
 use rstar::{AABB, RTree};
 
 use super::Polygon;
 
 /// A straight piece of contour.
-pub type Edge = [[f64; 2]; 2];
+pub type Edge = [DVec2; 2];
 
 /// Edges that an odd number of the polygons' sides run along. Points closer than `tolerance` are taken for one, and sides are cut at points
 /// that lie on them that closely, so that a bridge cancels however its two walks are divided. Every point has an even number of edges:
@@ -25,7 +26,7 @@ pub fn contour_edges(polygons: &[Polygon], tolerance: f64) -> Vec<Edge> {
         sides.extend(numbers.iter().zip(next).filter(|(a, b)| a != b).map(|(a, b)| [*a, *b]));
     }
     let points = weld.points;
-    let tree = RTree::bulk_load(points.iter().zip(0u32..).map(|(p, k)| GeomWithData::new(*p, k)).collect());
+    let tree = RTree::bulk_load(points.iter().zip(0u32..).map(|(p, k)| GeomWithData::new(p.to_array(), k)).collect());
     let mut order = Vec::new();
     let mut count: HashMap<[u32; 2], usize> = HashMap::new();
     for side in sides {
@@ -45,20 +46,19 @@ pub fn contour_edges(polygons: &[Polygon], tolerance: f64) -> Vec<Edge> {
 /// Points by number, each farther than `tolerance` from those before.
 struct Weld {
     tolerance: f64,
-    points: Vec<[f64; 2]>,
+    points: Vec<DVec2>,
     cells: HashMap<[i64; 2], u32>,
 }
 
 impl Weld {
-    fn number(&mut self, p: [f64; 2]) -> u32 {
-        let cell = p.map(|v| (v / self.tolerance).floor() as i64);
+    fn number(&mut self, p: DVec2) -> u32 {
+        let cell = (p / self.tolerance).floor().as_i64vec2().to_array();
         for dy in -1..=1 {
             for dx in -1..=1 {
                 let Some(&k) = self.cells.get(&[cell[0].saturating_add(dx), cell[1].saturating_add(dy)]) else {
                     continue;
                 };
-                let q = self.points[k as usize];
-                if (p[0] - q[0]).hypot(p[1] - q[1]) <= self.tolerance {
+                if p.distance(self.points[k as usize]) <= self.tolerance {
                     return k;
                 }
             }
@@ -71,24 +71,18 @@ impl Weld {
 }
 
 /// A side as the chain of points that lie on it.
-fn cut(
-    [a, b]: [u32; 2],
-    points: &[[f64; 2]],
-    tree: &RTree<GeomWithData<[f64; 2], u32>>,
-    tolerance: f64,
-) -> Vec<[u32; 2]> {
+fn cut([a, b]: [u32; 2], points: &[DVec2], tree: &RTree<GeomWithData<[f64; 2], u32>>, tolerance: f64) -> Vec<[u32; 2]> {
     let (p, q) = (points[a as usize], points[b as usize]);
-    let (dx, dy) = (q[0] - p[0], q[1] - p[1]);
-    let length = dx.hypot(dy);
-    let low = [p[0].min(q[0]) - tolerance, p[1].min(q[1]) - tolerance];
-    let high = [p[0].max(q[0]) + tolerance, p[1].max(q[1]) + tolerance];
+    let side = q - p;
+    let length = side.length();
+    let (low, high) = (p.min(q) - tolerance, p.max(q) + tolerance);
     let mut on: Vec<(f64, u32)> = tree
-        .locate_in_envelope(AABB::from_corners(low, high))
+        .locate_in_envelope(AABB::from_corners(low.to_array(), high.to_array()))
         .filter(|c| c.data != a && c.data != b)
         .filter_map(|c| {
-            let (x, y) = (c.geom()[0] - p[0], c.geom()[1] - p[1]);
-            let along = (x * dx + y * dy) / length;
-            let beside = (x * dy - y * dx).abs() / length;
+            let from = DVec2::from(*c.geom()) - p;
+            let along = from.dot(side) / length;
+            let beside = from.perp_dot(side).abs() / length;
             (beside <= tolerance && along > 0.0 && along < length).then_some((along, c.data))
         })
         .collect();
@@ -103,8 +97,8 @@ pub fn area(edges: &[Edge], [low, high]: [f64; 2], lines: usize) -> f64 {
     let mut sum = 0.0;
     for k in 0..lines {
         let y = low + (k as f64 + 0.5) * step;
-        let crossed = edges.iter().filter(|[p, q]| (p[1] <= y) != (q[1] <= y));
-        let mut x: Vec<f64> = crossed.map(|[p, q]| p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0])).collect();
+        let crossed = edges.iter().filter(|[p, q]| (p.y <= y) != (q.y <= y));
+        let mut x: Vec<f64> = crossed.map(|[p, q]| p.x + (y - p.y) / (q.y - p.y) * (q.x - p.x)).collect();
         x.sort_by(f64::total_cmp);
         sum += x.chunks_exact(2).map(|pair| pair[1] - pair[0]).sum::<f64>() * step;
     }

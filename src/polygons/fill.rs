@@ -11,15 +11,15 @@ pub fn fill(edges: &[Edge], grid: &DrawingGrid, mut inside: impl FnMut(Range<usi
     let [nx, ny] = grid.dims;
     let mut rows: Vec<Vec<f64>> = vec![Vec::new(); ny];
     for edge in edges {
-        let [p, q] = if edge[0][1] <= edge[1][1] { *edge } else { [edge[1], edge[0]] };
-        let first = grid.row(p[1]).ceil().max(0.0) as usize;
+        let [p, q] = if edge[0].y <= edge[1].y { *edge } else { [edge[1], edge[0]] };
+        let first = grid.row(p.y).ceil().max(0.0) as usize;
         for (j, row) in rows.iter_mut().enumerate().skip(first.saturating_sub(1)) {
             let y = grid.y(j);
-            if y >= q[1] {
+            if y >= q.y {
                 break;
             }
-            if y >= p[1] {
-                row.push(p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0]));
+            if y >= p.y {
+                row.push(p.x + (y - p.y) / (q.y - p.y) * (q.x - p.x));
             }
         }
     }

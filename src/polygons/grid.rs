@@ -1,7 +1,9 @@
 //! The pixels on which drawings are laid: how large, and where.
 
+use glam::DVec2;
+
+use super::PlaneDrawing;
 use super::edges::{area, contour_edges};
-use super::{PlaneDrawing, Polygon};
 use crate::error::{Error, Result};
 use crate::storage::room;
 
@@ -20,9 +22,9 @@ const LINES: usize = 64;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DrawingGrid {
     /// Centre of pixel (0, 0).
-    pub origin: [f64; 2],
+    pub origin: DVec2,
     /// Pixel sides.
-    pub spacing: [f64; 2],
+    pub spacing: DVec2,
     /// Pixels along x and y.
     pub dims: [usize; 2],
 }
@@ -31,13 +33,13 @@ impl DrawingGrid {
     /// The grid around all drawings, and [`MARGIN`] pixels.
     pub(super) fn around(drawings: &[PlaneDrawing], pixel: Option<[f64; 2]>) -> Result<Self> {
         let fail = |message: String| Err(Error::Setting { name: "pixel".into(), message });
-        let (low, high) = bounds(drawings.iter().flat_map(PlaneDrawing::polygons));
-        if !(low[0] < high[0] && low[1] < high[1]) {
+        let [low, high] = bounds(drawings.iter().flat_map(PlaneDrawing::polygons).flatten());
+        if !low.cmplt(high).all() {
             return Err(Error::Stack("nothing is drawn: no polygon encloses an area".into()));
         }
-        let spacing = pixel.unwrap_or_else(|| [pixel_side(drawings); 2]);
-        if spacing.iter().any(|s| !(s.is_finite() && *s > 0.0)) {
-            return fail(format!("must be a positive number; got {}", spacing[0]));
+        let spacing = pixel.map_or_else(|| DVec2::splat(pixel_side(drawings)), DVec2::from);
+        if !(spacing.is_finite() && spacing.cmpgt(DVec2::ZERO).all()) {
+            return fail(format!("must be a positive number; got {}", spacing.x));
         }
         DrawingGrid::over([low, high], spacing, drawings.len())
     }
@@ -46,48 +48,47 @@ impl DrawingGrid {
     ///
     /// # Errors
     /// [`Error::Setting`] for too many pixels.
-    pub fn over([low, high]: [[f64; 2]; 2], spacing: [f64; 2], slices: usize) -> Result<Self> {
-        let first = [0, 1].map(|a| (low[a] / spacing[a]).floor() - MARGIN as f64);
-        let sides = [0, 1].map(|a| (high[a] / spacing[a]).ceil() + MARGIN as f64 - first[a] + 1.0);
-        let pixels = sides[0] * sides[1] * slices as f64;
+    pub fn over([low, high]: [DVec2; 2], spacing: DVec2, slices: usize) -> Result<Self> {
+        let first = (low / spacing).floor() - MARGIN as f64;
+        let sides = (high / spacing).ceil() + MARGIN as f64 - first + 1.0;
+        let pixels = sides.x * sides.y * slices as f64;
         // Beyond 2^52 steps from the origin pixels would have no places of their own.
-        let placed = (0..2).all(|a| first[a].abs() < 4e15 && sides[a] < 1e6);
+        let placed = first.abs().cmplt(DVec2::splat(4e15)).all() && sides.cmplt(DVec2::splat(1e6)).all();
         if !(pixels <= MOST_PIXELS && placed) {
             let message = format!(
                 "must be larger: {} slices of {} x {} pixels of {} are more than {MOST_PIXELS} pixels",
-                slices, sides[0], sides[1], spacing[0]
+                slices, sides.x, sides.y, spacing.x
             );
             return Err(Error::Setting { name: "pixel".into(), message });
         }
         // All slices, and the distances, squared and not, of those at work.
         let at_work = slices.min(rayon::current_num_threads());
-        let bytes = sides[0] * sides[1] * (4 * slices + 12 * at_work) as f64;
+        let bytes = sides.x * sides.y * (4 * slices + 12 * at_work) as f64;
         room::check_room(bytes).map_err(|m| {
-            let of = format!("{slices} slices of {} x {} pixels of {}", sides[0], sides[1], spacing[0]);
+            let of = format!("{slices} slices of {} x {} pixels of {}", sides.x, sides.y, spacing.x);
             Error::Setting { name: "pixel".into(), message: format!("must be larger: {of} {m}") }
         })?;
-        let origin = [0, 1].map(|a| first[a] * spacing[a]);
-        Ok(DrawingGrid { origin, spacing, dims: sides.map(|n| n as usize) })
+        Ok(DrawingGrid { origin: first * spacing, spacing, dims: sides.as_usizevec2().to_array() })
     }
 
     /// Where `x` lies, in columns.
     pub fn column(&self, x: f64) -> f64 {
-        (x - self.origin[0]) / self.spacing[0]
+        (x - self.origin.x) / self.spacing.x
     }
 
     /// Where `y` lies, in rows.
     pub fn row(&self, y: f64) -> f64 {
-        (y - self.origin[1]) / self.spacing[1]
+        (y - self.origin.y) / self.spacing.y
     }
 
     /// Centres of column `i`.
     pub fn x(&self, i: usize) -> f64 {
-        self.origin[0] + i as f64 * self.spacing[0]
+        self.origin.x + i as f64 * self.spacing.x
     }
 
     /// Centres of row `j`.
     pub fn y(&self, j: usize) -> f64 {
-        self.origin[1] + j as f64 * self.spacing[1]
+        self.origin.y + j as f64 * self.spacing.y
     }
 }
 
@@ -95,15 +96,15 @@ impl DrawingGrid {
 /// eighth of the mean width `2 A / P` (area and length of all contours), so that what has few points is still several pixels wide, and at
 /// least 1/1024 of the longer side of the box around all.
 pub fn pixel_side(drawings: &[PlaneDrawing]) -> f64 {
-    let (low, high) = bounds(drawings.iter().flat_map(PlaneDrawing::polygons));
-    let longer = (high[0] - low[0]).max(high[1] - low[1]);
+    let [low, high] = bounds(drawings.iter().flat_map(PlaneDrawing::polygons).flatten());
+    let longer = (high - low).max_element();
     let (mut lengths, mut area_sum) = (Vec::new(), 0.0);
     for region in drawings.iter().flat_map(|d| &d.regions) {
         let edges = contour_edges(region, 1e-9 * longer);
-        lengths.extend(edges.iter().map(|[p, q]| (q[0] - p[0]).hypot(q[1] - p[1])));
-        let (low, high) = bounds(region.iter());
-        if low[1] < high[1] {
-            area_sum += area(&edges, [low[1], high[1]], LINES);
+        lengths.extend(edges.iter().map(|[p, q]| (q.x - p.x).hypot(q.y - p.y)));
+        let [low, high] = bounds(region.iter().flatten());
+        if low.y < high.y {
+            area_sum += area(&edges, [low.y, high.y], LINES);
         }
     }
     lengths.sort_by(f64::total_cmp);
@@ -113,8 +114,6 @@ pub fn pixel_side(drawings: &[PlaneDrawing]) -> f64 {
 }
 
 /// Lowest and highest coordinates; the lowest is above the highest where there are no points.
-fn bounds<'a>(polygons: impl Iterator<Item = &'a Polygon>) -> ([f64; 2], [f64; 2]) {
-    polygons.flatten().fold(([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]), |(low, high), p| {
-        ([low[0].min(p[0]), low[1].min(p[1])], [high[0].max(p[0]), high[1].max(p[1])])
-    })
+pub(crate) fn bounds<'a>(points: impl Iterator<Item = &'a DVec2>) -> [DVec2; 2] {
+    points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], p| [low.min(*p), high.max(*p)])
 }

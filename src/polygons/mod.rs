@@ -16,6 +16,7 @@ pub mod plane;
 use distance::near_distance;
 use edges::{Edge, contour_edges};
 use fill::fill;
+use glam::{DVec2, DVec3};
 use grid::DrawingGrid;
 use rayon::prelude::*;
 
@@ -23,7 +24,7 @@ use crate::error::{Error, Result};
 use crate::stack::{ContourStack, Geometry, HeightGrid, LevelSlice, Slice, SliceContent};
 
 /// A closed line: the last point joins the first.
-pub type Polygon = Vec<[f64; 2]>;
+pub type Polygon = Vec<DVec2>;
 
 /// Distances are clamped this many px from the contour. The distance stage reads the values next to the contour, at most a pixel's diagonal
 /// away, and the signs of all others.
@@ -57,7 +58,7 @@ pub struct Planes {
     /// Length unit.
     pub unit: String,
     /// World directions (LPS) of x, y and the heights.
-    pub axes: [[f64; 3]; 3],
+    pub axes: [DVec3; 3],
     /// Output heights that the input asks for.
     pub z_out: Option<HeightGrid>,
 }
@@ -71,9 +72,9 @@ pub struct Planes {
 /// is none or too small.
 pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>) -> Result<ContourStack> {
     for (index, drawing) in drawings.iter().enumerate() {
-        let wrong = |p: &&[f64; 2]| !(p[0].is_finite() && p[1].is_finite());
+        let wrong = |p: &&DVec2| !p.is_finite();
         let of = drawing.polygons().enumerate().find_map(|(k, polygon)| Some((k, *polygon.iter().find(wrong)?)));
-        if let Some((k, [x, y])) = of {
+        if let Some((k, DVec2 { x, y })) = of {
             let message = format!("polygon {} has the point ({x}, {y}); coordinates must be finite numbers", k + 1);
             return Err(Error::Slice { index, name: drawing.name.clone(), message });
         }
@@ -88,10 +89,10 @@ pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>
             content: SliceContent::Level(LevelSlice::new(&level_set(&d.regions, &grid), grid.dims[0])),
         })
         .collect();
-    let origin = std::array::from_fn(|a| grid.origin[0] * planes.axes[0][a] + grid.origin[1] * planes.axes[1][a]);
+    let origin = grid.origin.x * planes.axes[0] + grid.origin.y * planes.axes[1];
     Ok(ContourStack {
         dims: grid.dims,
-        spacing: grid.spacing,
+        spacing: grid.spacing.to_array(),
         unit: planes.unit.clone(),
         slices,
         z_out: planes.z_out,
@@ -101,7 +102,7 @@ pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>
 
 /// `min` over the regions of the signed distance to each, clamped.
 pub(crate) fn level_set(regions: &[Vec<Polygon>], grid: &DrawingGrid) -> Vec<f32> {
-    let px = grid.spacing[0].max(grid.spacing[1]);
+    let px = grid.spacing.max_element();
     let clamp = CLAMP * px;
     let mut level = vec![clamp as f32; grid.dims[0] * grid.dims[1]];
     for region in regions {

@@ -2,6 +2,8 @@
 //!
 //! All contours share one normal, an axis of the world where that fits, else the mean of their own. Heights are distances along it.
 
+use glam::{DVec2, DVec3};
+
 use super::Polygon;
 
 /// How far, mm, a contour's points may leave its plane, and planes may differ in height and still be one: well below any slice distance,
@@ -12,7 +14,7 @@ pub const TOLERANCE: f64 = 0.1;
 #[derive(Debug, Clone)]
 pub struct PlaneSet {
     /// Unit vectors: x and y in the planes, and the normal along which heights are measured; right-handed.
-    pub axes: [[f64; 3]; 3],
+    pub axes: [DVec3; 3],
     /// Heights `p . n` of the planes, increasing: mean over the points of their contours.
     pub heights: Vec<f64>,
     /// Which plane each contour lies on.
@@ -27,7 +29,7 @@ pub struct Bent {
     /// By how much, end to end.
     pub by: f64,
     /// The normal.
-    pub normal: [f64; 3],
+    pub normal: DVec3,
 }
 
 impl PlaneSet {
@@ -35,16 +37,16 @@ impl PlaneSet {
     ///
     /// # Errors
     /// The contour that leaves its plane most.
-    pub fn of(contours: &[&[[f64; 3]]]) -> Result<Self, Bent> {
-        let straight = [2, 0, 1].map(|a| std::array::from_fn(|k| f64::from(u8::from(k == a))));
-        let fits = |n: &[f64; 3]| worst(contours, *n).is_none_or(|bent| bent.by <= TOLERANCE);
+    pub fn of(contours: &[&[DVec3]]) -> Result<Self, Bent> {
+        let straight = [DVec3::Z, DVec3::X, DVec3::Y];
+        let fits = |n: &DVec3| worst(contours, *n).is_none_or(|bent| bent.by <= TOLERANCE);
         let normal = straight.into_iter().find(fits).unwrap_or_else(|| mean_normal(contours));
         match worst(contours, normal) {
             Some(bent) if bent.by > TOLERANCE || bent.by.is_nan() => return Err(bent),
             _ => {}
         }
         let axes = frame(normal);
-        let height = |c: &&[[f64; 3]]| mean(&c.iter().map(|p| dot(*p, normal)).collect::<Vec<f64>>());
+        let height = |c: &&[DVec3]| mean(&c.iter().map(|p| p.dot(normal)).collect::<Vec<f64>>());
         let of: Vec<f64> = contours.iter().map(height).collect();
         let mut order: Vec<usize> = (0..of.len()).collect();
         order.sort_by(|a, b| of[*a].total_cmp(&of[*b]));
@@ -60,8 +62,8 @@ impl PlaneSet {
     }
 
     /// A contour in the coordinates of its plane.
-    pub fn project(&self, contour: &[[f64; 3]]) -> Polygon {
-        contour.iter().map(|p| [dot(*p, self.axes[0]), dot(*p, self.axes[1])]).collect()
+    pub fn project(&self, contour: &[DVec3]) -> Polygon {
+        contour.iter().map(|p| DVec2::new(p.dot(self.axes[0]), p.dot(self.axes[1]))).collect()
     }
 }
 
@@ -77,9 +79,9 @@ pub fn smallest_gap(heights: &[f64]) -> Option<f64> {
 }
 
 /// The contour whose heights along `normal` differ most.
-fn worst(contours: &[&[[f64; 3]]], normal: [f64; 3]) -> Option<Bent> {
-    let spread = |c: &[[f64; 3]]| {
-        let heights = c.iter().map(|p| dot(*p, normal));
+fn worst(contours: &[&[DVec3]], normal: DVec3) -> Option<Bent> {
+    let spread = |c: &[DVec3]| {
+        let heights = c.iter().map(|p| p.dot(normal));
         let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), h| (a.min(h), b.max(h)));
         high - low
     };
@@ -89,50 +91,32 @@ fn worst(contours: &[&[[f64; 3]]], normal: [f64; 3]) -> Option<Bent> {
 
 /// Sum of the contours' area vectors `1/2 sum p x q` (Newell), each turned to agree with the largest, as a unit vector whose largest
 /// component is positive.
-fn mean_normal(contours: &[&[[f64; 3]]]) -> [f64; 3] {
-    let vectors: Vec<[f64; 3]> = contours.iter().map(|c| area_vector(c)).collect();
-    let largest = vectors.iter().copied().max_by(|a, b| dot(*a, *a).total_cmp(&dot(*b, *b))).unwrap_or([0.0, 0.0, 1.0]);
-    let mut sum = [0.0; 3];
-    for v in &vectors {
-        let sign = if dot(*v, largest) < 0.0 { -1.0 } else { 1.0 };
-        (0..3).for_each(|a| sum[a] += sign * v[a]);
-    }
-    let unit = unit(sum);
-    if unit[dominant(unit)] < 0.0 { unit.map(|v| -v) } else { unit }
+fn mean_normal(contours: &[&[DVec3]]) -> DVec3 {
+    let vectors: Vec<DVec3> = contours.iter().map(|c| area_vector(c)).collect();
+    let largest =
+        vectors.iter().copied().max_by(|a, b| a.length_squared().total_cmp(&b.length_squared())).unwrap_or(DVec3::Z);
+    let unit = unit(vectors.iter().map(|v| if v.dot(largest) < 0.0 { -*v } else { *v }).sum());
+    if unit[dominant(unit)] < 0.0 { -unit } else { unit }
 }
 
-fn area_vector(contour: &[[f64; 3]]) -> [f64; 3] {
+fn area_vector(contour: &[DVec3]) -> DVec3 {
     // About the first point: far from the origin the terms would cancel.
-    let Some(o) = contour.first() else { return [0.0; 3] };
-    let from = |p: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|a| p[a] - o[a]) };
-    let mut sum = [0.0; 3];
-    for w in contour.windows(2) {
-        let c = cross(from(&w[0]), from(&w[1]));
-        (0..3).for_each(|a| sum[a] += 0.5 * c[a]);
-    }
-    sum
+    let Some(o) = contour.first() else { return DVec3::ZERO };
+    contour.windows(2).map(|w| 0.5 * (w[0] - o).cross(w[1] - o)).sum()
 }
 
 /// Axes in the plane: the first is the world axis after the normal's own, laid into the plane; axial planes get x and y.
-fn frame(normal: [f64; 3]) -> [[f64; 3]; 3] {
+fn frame(normal: DVec3) -> [DVec3; 3] {
     let after = (dominant(normal) + 1) % 3;
-    let x = unit(std::array::from_fn(|a| f64::from(u8::from(a == after)) - normal[after] * normal[a]));
-    [x, cross(normal, x), normal]
+    let x = unit(DVec3::AXES[after] - normal[after] * normal);
+    [x, normal.cross(x), normal]
 }
 
-fn dominant(v: [f64; 3]) -> usize {
+fn dominant(v: DVec3) -> usize {
     (0..3).max_by(|a, b| v[*a].abs().total_cmp(&v[*b].abs())).unwrap_or(2)
 }
 
-fn unit(v: [f64; 3]) -> [f64; 3] {
-    let length = dot(v, v).sqrt();
-    if length > 0.0 { v.map(|c| c / length) } else { [0.0, 0.0, 1.0] }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+fn unit(v: DVec3) -> DVec3 {
+    let length = v.length();
+    if length > 0.0 { v / length } else { DVec3::Z }
 }

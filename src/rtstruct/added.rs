@@ -3,14 +3,16 @@
 use std::io::{self, Write};
 use std::sync::Arc;
 
+use glam::{DVec2, DVec3};
+
 use super::{CLOSED, CLOSED_XOR, ChosenRois, Contour, ReferencedSet};
 use crate::error::Result;
+use crate::polygons::Polygon;
 use crate::polygons::plane::TOLERANCE;
 use crate::stack::{Geometry, ReadOptions};
 use crate::surface::Layer;
 use crate::surface::contour_lines::contour_lines;
 use crate::surface::header::Header;
-use crate::surface::space::to_world;
 use crate::surface::stream::{BodyWriter, Ending, LayerSink};
 
 /// Contours that were made for a ROI.
@@ -21,7 +23,7 @@ pub struct Added {
     /// CLOSED_PLANAR, or CLOSEDPLANAR_XOR where the ROI was drawn so.
     pub(super) kind: &'static str,
     /// The planes' normal.
-    pub(super) normal: [f64; 3],
+    pub(super) normal: DVec3,
     /// Heights along it, increasing, and Contour Data of each line there.
     pub(super) planes: Vec<(f64, Vec<String>)>,
 }
@@ -77,11 +79,11 @@ impl Adding {
         if !layer.output || !self.wants(layer.z) {
             return;
         }
-        let point = |x: [f64; 2]| {
-            let place = [x[0] * self.spacing[0], x[1] * self.spacing[1], layer.z];
-            to_world(&self.geometry, place).map(decimal).join("\\")
+        let point = |x: DVec2| {
+            let place = (x * DVec2::from(self.spacing)).extend(layer.z);
+            self.geometry.to_world(place).to_array().map(decimal).join("\\")
         };
-        let data = |line: Vec<[f64; 2]>| line.into_iter().map(point).collect::<Vec<_>>().join("\\");
+        let data = |line: Polygon| line.into_iter().map(point).collect::<Vec<_>>().join("\\");
         let lines: Vec<String> = contour_lines(layer, self.dims).into_iter().map(data).collect();
         if !lines.is_empty() {
             self.added.planes.push((layer.z, lines));

@@ -1,5 +1,7 @@
 //! Which contours become the stack: ROIs, their closed contours, their planes.
 
+use glam::DVec3;
+
 use super::{Contour, Roi, StructureSet};
 use crate::error::{Error, Result};
 use crate::polygons::plane::{Bent, PlaneSet, TOLERANCE, smallest_gap};
@@ -73,8 +75,8 @@ impl StructureSet {
                 }
             }
         }
-        let points: Vec<&[[f64; 3]]> = used.iter().map(|(r, c)| &rois[*r].contours[*c].points[..]).collect();
-        let planes = PlaneSet::of(&points).map_err(|Bent { contour, by, normal: [x, y, z] }| {
+        let points: Vec<&[DVec3]> = used.iter().map(|(r, c)| &rois[*r].contours[*c].points[..]).collect();
+        let planes = PlaneSet::of(&points).map_err(|Bent { contour, by, normal: DVec3 { x, y, z } }| {
             let (r, c) = used[contour];
             self.wrong(format!(
                 "{}, contour {}: leaves its plane by {by:.3} mm along the common normal ({x:.4}, {y:.4}, {z:.4}); at most {TOLERANCE} mm",
@@ -157,7 +159,7 @@ impl ChosenRois<'_> {
         let gap = smallest_gap(&heights)?;
         let others = self.set.rois.iter().filter_map(|roi| self.set.closed(vec![roi]).ok());
         let images = others.filter_map(|other| {
-            let off: f64 = (0..3).map(|k| (other.planes.axes[2][k] - self.planes.axes[2][k]).abs()).sum();
+            let off = (other.planes.axes[2] - self.planes.axes[2]).abs().element_sum();
             let theirs = &other.planes.heights;
             let lies = |z: &f64| theirs.iter().any(|w| (w - z).abs() <= TOLERANCE);
             let step = smallest_gap(theirs)?;

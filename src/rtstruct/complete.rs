@@ -11,6 +11,7 @@ use dicom_core::{DataElement, Length, Tag, VR};
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::InMemDicomObject;
 use dicom_object::mem::InMemElement;
+use glam::DVec3;
 
 use super::StructureSet;
 use super::added::{Added, decimal};
@@ -148,14 +149,14 @@ fn add(item: &mut InMemDicomObject, added: &Added, images: &[(f64, InMemElement)
 
 /// The images that contours of the file refer to (Contour Image Sequence), by their heights along `normal`: where another ROI is drawn on an
 /// interpolated plane, its image is that plane's.
-fn images(object: &InMemDicomObject, normal: [f64; 3]) -> Vec<(f64, InMemElement)> {
+fn images(object: &InMemDicomObject, normal: DVec3) -> Vec<(f64, InMemElement)> {
     let items = |o: &InMemDicomObject, tag| o.get(tag).and_then(|e| e.items()).unwrap_or_default().to_vec();
     let rois = items(object, tags::ROI_CONTOUR_SEQUENCE);
     let contours = rois.iter().flat_map(|roi| items(roi, tags::CONTOUR_SEQUENCE));
     let placed = contours.filter_map(|contour| {
         let image = contour.get(tags::CONTOUR_IMAGE_SEQUENCE)?.clone();
         let data = contour.get(tags::CONTOUR_DATA)?.to_multi_float64().ok()?;
-        let heights = data.as_chunks::<3>().0.iter().map(|p| (0..3).map(|a| p[a] * normal[a]).sum::<f64>());
+        let heights = data.as_chunks::<3>().0.iter().map(|p| DVec3::from(*p).dot(normal));
         let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), h| (a.min(h), b.max(h)));
         (high - low <= TOLERANCE).then_some((low, image))
     });

@@ -1,5 +1,7 @@
 //! What a colleague would say about a structure set.
 
+use glam::DVec2;
+
 use super::{ChosenRois, Roi, StructureSet};
 use crate::polygons::Polygon;
 use crate::polygons::plane::smallest_gap;
@@ -35,7 +37,7 @@ impl ChosenRois<'_> {
         let heights = &self.planes.heights;
         let holes: usize = (0..heights.len()).map(|k| self.holes(k)).sum();
         let xor = self.rois.iter().any(|r| r.contours.iter().any(super::Contour::is_xor));
-        let [x, y, z] = self.planes.axes[2];
+        let [x, y, z] = self.planes.axes[2].to_array();
         let across = match [x, y, z] {
             [0.0, 0.0, 1.0] => "axial".into(),
             [1.0, 0.0, 0.0] => "sagittal".into(),
@@ -76,12 +78,12 @@ impl ChosenRois<'_> {
 }
 
 /// Whether a point lies inside a polygon (even-odd).
-fn contains(polygon: &Polygon, [x, y]: [f64; 2]) -> bool {
+fn contains(polygon: &Polygon, DVec2 { x, y }: DVec2) -> bool {
     let next = polygon.iter().cycle().skip(1);
     let crossed = polygon
         .iter()
         .zip(next)
-        .filter(|(p, q)| (p[1] <= y) != (q[1] <= y) && p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0]) > x);
+        .filter(|(p, q)| (p.y <= y) != (q.y <= y) && p.x + (y - p.y) / (q.y - p.y) * (q.x - p.x) > x);
     crossed.count() % 2 == 1
 }
 

@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use dicom_object::DefaultDicomObject;
+use glam::DVec3;
 
 use added::Adding;
 pub use added::{Added, Gather, StructuresWriter};
@@ -58,7 +59,7 @@ pub struct Contour {
     /// Contour Geometric Type.
     pub kind: String,
     /// Points in mm, LPS.
-    pub points: Vec<[f64; 3]>,
+    pub points: Vec<DVec3>,
 }
 
 impl Contour {

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::{DefaultDicomObject, InMemDicomObject, OpenFileOptions, Tag};
+use glam::DVec3;
 
 use super::{Contour, Roi, guard};
 
@@ -72,7 +73,7 @@ fn contour(item: &InMemDicomObject) -> Parse<Contour> {
             return Err(format!("Number of Contour Points is {said}, but Contour Data has {}", points.len()));
         }
     }
-    Ok(Contour { kind, points: points.to_vec() })
+    Ok(Contour { kind, points: points.iter().copied().map(DVec3::from).collect() })
 }
 
 /// Items of a sequence; nothing where the element is missing.

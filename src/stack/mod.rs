@@ -17,6 +17,8 @@ pub use level::LevelSlice;
 pub use mask::Mask;
 pub use options::ReadOptions;
 
+use glam::{DMat3, DVec3};
+
 use crate::error::{Error, Result};
 
 /// Most output heights of a run; a `dz` that asks for more is a mistake.
@@ -120,20 +122,33 @@ pub struct HeightGrid {
 #[serde(deny_unknown_fields)]
 pub struct Geometry {
     /// World position of pixel (0, 0) at stack height 0.
-    pub origin: [f64; 3],
+    pub origin: DVec3,
     /// Unit vectors of the row direction (x), the column direction (y) and the stacking direction (z).
-    pub axes: [[f64; 3]; 3],
+    pub axes: [DVec3; 3],
     /// Axis of the input that each of them is: volumes are written in the input's order, whatever axis its slices lie across.
     pub order: [usize; 3],
 }
 
 impl Default for Geometry {
     fn default() -> Self {
-        Geometry { origin: [0.0; 3], axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], order: [0, 1, 2] }
+        Geometry { origin: DVec3::ZERO, axes: DVec3::AXES, order: [0, 1, 2] }
     }
 }
 
 impl Geometry {
+    /// A point of the stack (`x = i dx`, `y = j dy`, height) in the world.
+    pub fn to_world(&self, p: DVec3) -> DVec3 {
+        // The origin first: an affine map adds it last, and outputs would differ in their last bits.
+        let [x, y, z] = self.axes;
+        self.origin + p.x * x + p.y * y + p.z * z
+    }
+
+    /// The axes as columns: turns directions of the stack into those of the world.
+    pub fn turn(&self) -> DMat3 {
+        let [x, y, z] = self.axes;
+        DMat3::from_cols(x, y, z)
+    }
+
     /// Whether slices lie across the last axis of their input, so that its voxels run from slice to slice.
     pub fn is_layered(&self) -> bool {
         self.order == [0, 1, 2]

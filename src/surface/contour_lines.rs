@@ -2,6 +2,7 @@
 
 use std::io::{self, Write};
 
+use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 use super::Layer;
@@ -32,46 +33,39 @@ pub fn contour_lines(layer: &Layer, [nx, ny]: [usize; 2]) -> Vec<Polygon> {
         let v = f64::from(layer.phi[cy * nx + cx]);
         if [x, y] == [cx, cy] { v } else { v.abs() }
     });
-    let place = |x: [f64; 2]| [0, 1].map(|a| x[a] + low[a] as f64 - 1.0);
+    let first = DVec2::from(low.map(|n| n as f64));
+    let place = |x: [f64; 2]| DVec2::from(x) + first - 1.0;
     trace_loops(&field).into_iter().map(|path| path.into_iter().map(|c| place(c.x)).collect()).collect()
 }
 
 /// Coordinates along the axes of a geometry from the world's origin: `u a0 + v a1 + w a2` is the point `i dx, j dy, z` of the stack.
 #[derive(Debug, Clone, Copy)]
 pub struct AlongAxes {
-    spacing: [f64; 2],
-    origin: [f64; 3],
+    spacing: DVec2,
+    origin: DVec3,
 }
 
 impl AlongAxes {
     /// The coordinates of a stack's geometry and pixel sides.
     pub fn new(geometry: &Geometry, spacing: [f64; 2]) -> Self {
-        AlongAxes { spacing, origin: solve(&geometry.axes, geometry.origin) }
+        AlongAxes { spacing: spacing.into(), origin: solve(geometry.axes, geometry.origin) }
     }
 
     /// A position in pixels.
-    pub fn point(&self, x: [f64; 2]) -> [f64; 2] {
-        [0, 1].map(|a| self.origin[a] + x[a] * self.spacing[a])
+    pub fn point(&self, x: DVec2) -> DVec2 {
+        self.origin.truncate() + x * self.spacing
     }
 
     /// A height of the stack.
     pub fn height(&self, z: f64) -> f64 {
-        self.origin[2] + z
+        self.origin.z + z
     }
 }
 
 /// Solution of `u a0 + v a1 + w a2 = p` (Cramer); the axes are nearly perpendicular.
-fn solve(axes: &[[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
-    let det = |m: [[f64; 3]; 3]| {
-        let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
-        m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1)
-    };
-    let all = det(*axes);
-    std::array::from_fn(|k| {
-        let mut with = *axes;
-        with[k] = p;
-        det(with) / all
-    })
+fn solve([x, y, z]: [DVec3; 3], p: DVec3) -> DVec3 {
+    let det = |a: DVec3, b: DVec3, c: DVec3| a.dot(b.cross(c));
+    DVec3::new(det(p, y, z), det(x, p, z), det(x, y, p)) / det(x, y, z)
 }
 
 /// Beginning of a file of contour lines, before its slices.
@@ -80,7 +74,7 @@ struct Head<'a> {
     unit: &'a str,
     spacing_xy: [f64; 2],
     #[serde(skip_serializing_if = "Option::is_none")]
-    axes: Option<[[f64; 3]; 3]>,
+    axes: Option<[DVec3; 3]>,
 }
 
 #[derive(Serialize)]

@@ -2,6 +2,7 @@
 
 use std::io::{self, Write};
 
+use glam::DVec2;
 use serde::Serialize;
 
 use super::Layer;
@@ -91,23 +92,24 @@ impl<W: Write + Send> BodyWriter for GeoJsonWriter<W> {
 }
 
 /// The parts of a closed line that lie within the image; the whole of it closed by its first point again.
-fn within(ring: &[[f64; 2]], [nx, ny]: [usize; 2]) -> Vec<Polygon> {
-    let inside = |p: &[f64; 2]| (0.0..=(nx - 1) as f64).contains(&p[0]) && (0.0..=(ny - 1) as f64).contains(&p[1]);
+fn within(ring: &[DVec2], dims: [usize; 2]) -> Vec<Polygon> {
+    let last = DVec2::from(dims.map(|n| (n - 1) as f64));
+    let inside = |p: &DVec2| p.cmpge(DVec2::ZERO).all() && p.cmple(last).all();
     let Some(outside) = ring.iter().position(|p| !inside(p)) else {
         return vec![ring.iter().chain(ring.first()).copied().collect()];
     };
-    let walked: Vec<[f64; 2]> = (0..ring.len()).map(|k| ring[(outside + k) % ring.len()]).collect();
+    let walked: Polygon = (0..ring.len()).map(|k| ring[(outside + k) % ring.len()]).collect();
     walked.split(|p| !inside(p)).filter(|line| line.len() > 1).map(<[_]>::to_vec).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::within;
+    use super::*;
 
     #[test]
     fn lines_are_open_at_the_border() {
-        let ring = [[1.0, 1.0], [3.0, 1.0], [3.5, 1.0], [3.5, 2.0], [3.0, 2.0], [1.0, 2.0]];
-        assert_eq!(within(&ring, [4, 4]), [vec![[3.0, 2.0], [1.0, 2.0], [1.0, 1.0], [3.0, 1.0]]]);
+        let ring = [[1.0, 1.0], [3.0, 1.0], [3.5, 1.0], [3.5, 2.0], [3.0, 2.0], [1.0, 2.0]].map(DVec2::from);
+        assert_eq!(within(&ring, [4, 4]), [[4, 5, 0, 1].map(|k| ring[k])]);
         assert_eq!(within(&ring, [5, 5])[0].len(), 7);
     }
 }

@@ -2,6 +2,7 @@
 
 use std::io::{self, Seek, Write};
 
+use glam::DVec2;
 use tiff::encoder::colortype::{ColorType, Gray32Float, Gray64Float};
 use tiff::encoder::{TiffEncoder, TiffValue};
 
@@ -82,9 +83,8 @@ impl<W> HeightMapWriter<W> {
     pub fn new(out: W, header: &Header, crs: Option<&Crs>) -> Self {
         let ([nx, ny], spacing) = (header.dims, header.spacing);
         let place = crs.map(|crs| {
-            let [x, _] = AlongAxes::new(&header.geometry, spacing).point([-0.5, 0.0]);
-            let [_, y] = AlongAxes::new(&header.geometry, spacing).point([0.0, ny as f64 - 0.5]);
-            Place { crs: crs.clone(), spacing, corner: [x, y] }
+            let corner = AlongAxes::new(&header.geometry, spacing).point(DVec2::new(-0.5, ny as f64 - 0.5));
+            Place { crs: crs.clone(), spacing, corner: corner.to_array() }
         });
         let farthest = header.extent[0].abs().max(header.extent[1].abs());
         let is_double = farthest * f64::from(f32::EPSILON) / 2.0 > ROUNDED * header.grid.step;

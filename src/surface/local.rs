@@ -7,9 +7,10 @@
 //! fall together and a reader that joins equal positions finds the surface as it is: 8192 to 16384 cells either side of the origin.
 //! A body that lies farther away gets an origin of its own, along those axes of the world where it must, and the file says which.
 
+use glam::DVec3;
+
 use super::header::Header;
 use super::marching::OFF_CORNER;
-use super::space::to_world;
 
 /// Bits of an f32's mantissa.
 const BITS: i32 = f32::MANTISSA_DIGITS as i32;
@@ -21,17 +22,17 @@ const ASLANT: f64 = 1e-6;
 ///
 /// # Errors
 /// In words, where the body is too large for f32 wherever its origin is.
-pub fn origin(header: &Header) -> Result<[f64; 3], String> {
+pub fn origin(header: &Header) -> Result<DVec3, String> {
     let Header { dims, spacing, extent, ref geometry, ref grid, .. } = *header;
     let sides = [spacing[0], spacing[1], grid.step];
     // The surface lies within a ring of outside around the image.
     let x = [-sides[0], dims[0] as f64 * sides[0]];
     let y = [-sides[1], dims[1] as f64 * sides[1]];
-    let corners = (0..8).map(|k| to_world(geometry, [x[k & 1], y[k >> 1 & 1], extent[k >> 2]]));
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    corners.for_each(|p| (0..3).for_each(|a| (low[a], high[a]) = (low[a].min(p[a]), high[a].max(p[a]))));
-    let mut origin = [0.0; 3];
-    for (a, origin) in origin.iter_mut().enumerate() {
+    let corners = (0..8).map(|k| geometry.to_world(DVec3::new(x[k & 1], y[k >> 1 & 1], extent[k >> 2])));
+    let around = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) = corners.fold(around, |(low, high), p| (low.min(p), high.max(p)));
+    let mut origin = DVec3::ZERO;
+    for (a, origin) in origin.as_mut().iter_mut().enumerate() {
         let along: Vec<f64> = (0..3).filter(|&k| geometry.axes[k][a].abs() > ASLANT).map(|k| sides[k]).collect();
         let least = along.iter().fold(f64::INFINITY, |least, side| least.min(*side));
         let share = if along.len() > 1 { (2.0f64 / 3.0).sqrt() } else { 1.0 };
@@ -68,9 +69,9 @@ fn roundest(middle: f64, fits: impl Fn(&f64) -> bool) -> Option<f64> {
 }
 
 /// Note about an origin for a person; nothing about the world's own.
-pub fn told(origin: [f64; 3]) -> Option<String> {
-    let [x, y, z] = origin;
-    (origin != [0.0; 3]).then(|| {
+pub fn told(origin: DVec3) -> Option<String> {
+    let DVec3 { x, y, z } = origin;
+    (origin != DVec3::ZERO).then(|| {
         format!(
             "positions in .stl and .glb are 32-bit and relative to ({x}, {y}, {z}), or they would lose their shape; .ply and .obj are in world coordinates"
         )
@@ -82,7 +83,7 @@ mod tests {
     use super::*;
     use crate::stack::{Geometry, HeightGrid};
 
-    fn header(origin: [f64; 3], nx: usize, side: f64) -> Header {
+    fn header(origin: DVec3, nx: usize, side: f64) -> Header {
         let geometry = Geometry { origin, ..Geometry::default() };
         let grid = HeightGrid { start: 0.0, step: side, count: 11 };
         let extent = [0.0, 10.0 * side];
@@ -91,7 +92,7 @@ mod tests {
 
     #[test]
     fn origins_are_round_and_only_where_they_must() {
-        let of = |place, nx, side| origin(&header(place, nx, side));
+        let of = |place: [f64; 3], nx, side| origin(&header(place.into(), nx, side)).map(|o| o.to_array());
         assert_eq!(of([0.0; 3], 500, 1.0), Ok([0.0; 3]));
         assert_eq!(of([-250.0, -250.0, -1200.0], 512, 0.5), Ok([0.0; 3]));
         assert_eq!(of([500_000.0, 5_400_000.0, 300.0], 300, 0.25), Ok([500_000.0, 5_400_000.0, 0.0]));
@@ -107,7 +108,7 @@ mod tests {
         for side in [0.25, 0.7, 1.0, 3e-4] {
             for far in [1e4, 3.21e5, 1e7, 1.234_567e9, 1e11] {
                 let at = far * side;
-                let [x, ..] = origin(&header([at, 0.0, 0.0], 1000, side)).expect("it can be held");
+                let x = origin(&header(at * DVec3::X, 1000, side)).expect("it can be held").x;
                 assert_eq!(x, f64::from(x as f32), "{side} {far}");
                 for end in [at - side, at + 1000.0 * side] {
                     let position = (end - x) as f32;

@@ -30,7 +30,7 @@ impl Map {
         let mut header = Header { dims: self.dims, ..whole.clone() };
         for (axis, way) in whole.geometry.axes.iter().take(2).enumerate() {
             let by = self.first[axis] as f64 * whole.spacing[axis];
-            (0..3).for_each(|k| header.geometry.origin[k] += by * way[k]);
+            header.geometry.origin += by * *way;
         }
         header
     }

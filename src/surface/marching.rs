@@ -2,10 +2,11 @@
 
 use std::collections::HashMap;
 
+use glam::DVec3;
+
 use super::Layer;
 use super::cases::{CASES, EDGES, LoopFill};
 use super::header::Header;
-use super::space::{cross, dot, to_world};
 use crate::grid::tiled::Packed;
 use crate::stack::Geometry;
 
@@ -20,7 +21,7 @@ const PIECE_TRIANGLES: usize = 1 << 12;
 /// below, of no other.
 #[derive(Debug, Clone, Default)]
 pub struct Piece {
-    positions: Vec<[f64; 3]>,
+    positions: Vec<DVec3>,
     triangles: Vec<[Corner; 3]>,
     settled: u64,
 }
@@ -30,14 +31,14 @@ pub struct Piece {
 struct Corner {
     number: u64,
     /// Place in the stack.
-    position: [f64; 3],
+    position: DVec3,
     /// Place in the world.
-    world: [f64; 3],
+    world: DVec3,
 }
 
 impl Piece {
     /// Positions of the new vertices, world coordinates.
-    pub fn positions(&self) -> &[[f64; 3]] {
+    pub fn positions(&self) -> &[DVec3] {
         &self.positions
     }
 
@@ -47,7 +48,7 @@ impl Piece {
     }
 
     /// Corner positions of each triangle, world coordinates.
-    pub fn corners(&self) -> impl Iterator<Item = [[f64; 3]; 3]> + '_ {
+    pub fn corners(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
         self.triangles.iter().map(|t| t.map(|corner| corner.world))
     }
 
@@ -104,7 +105,7 @@ impl Builder {
             image: header.dims,
             spacing: header.spacing,
             geometry: g,
-            mirrors: dot(g.axes[0], cross(g.axes[1], g.axes[2])) < 0.0,
+            mirrors: g.turn().determinant() < 0.0,
             extent: [low - slack, high + slack],
             dims,
             planes: Default::default(),
@@ -229,11 +230,7 @@ impl Builder {
                 }
                 LoopFill::Fan(path) => {
                     let ring: Vec<Corner> = path.iter().map(|&e| self.vertex(i, j, e)).collect();
-                    let mut mean = [0.0; 3];
-                    for v in &ring {
-                        (0..3).for_each(|a| mean[a] += v.position[a] / ring.len() as f64);
-                    }
-                    let center = self.push(mean);
+                    let center = self.push(ring.iter().map(|v| v.position / ring.len() as f64).sum());
                     for (k, &v) in ring.iter().enumerate() {
                         self.piece.triangles.push([center, v, ring[(k + 1) % ring.len()]]);
                     }
@@ -243,8 +240,8 @@ impl Builder {
     }
 
     /// Adds a vertex.
-    fn push(&mut self, position: [f64; 3]) -> Corner {
-        let corner = Corner { number: self.vertices, position, world: to_world(&self.geometry, position) };
+    fn push(&mut self, position: DVec3) -> Corner {
+        let corner = Corner { number: self.vertices, position, world: self.geometry.to_world(position) };
         self.vertices += 1;
         self.piece.positions.push(corner.world);
         corner
@@ -267,7 +264,7 @@ impl Builder {
         })
     }
 
-    fn crossing(&self, at: [usize; 2], side: usize, axis: u8) -> [f64; 3] {
+    fn crossing(&self, at: [usize; 2], side: usize, axis: u8) -> DVec3 {
         let [dx, dy] = self.spacing;
         let [mut x, mut y] = [(at[0] as f64 - 1.0) * dx, (at[1] as f64 - 1.0) * dy];
         let share = |a: Option<f32>, b: Option<f32>| match (a, b) {
@@ -294,7 +291,7 @@ impl Builder {
             },
         };
         // On one of both sides there is a layer.
-        [x, y, z.unwrap_or_default()]
+        DVec3::new(x, y, z.unwrap_or_default())
     }
 
     /// phi at a padded node, `None` beyond the image.

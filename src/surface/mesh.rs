@@ -2,15 +2,17 @@
 
 use std::io;
 
+use glam::DVec3;
+
 use super::Reconstruction;
 use super::marching::{Builder, Piece};
-use super::space::{cross, dot, length, sub, unit};
+use super::space::unit;
 
 /// Triangles in world coordinates (LPS, unit of the stack), counter-clockwise seen from outside.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
     /// Vertex positions.
-    pub positions: Vec<[f64; 3]>,
+    pub positions: Vec<DVec3>,
     /// Vertex numbers of each triangle.
     pub triangles: Vec<[u32; 3]>,
 }
@@ -33,20 +35,17 @@ impl Mesh {
     }
 
     /// Unit normals of the vertices, outward: mean of the triangles around, by area.
-    pub fn normals(&self) -> Vec<[f64; 3]> {
-        let mut out = vec![[0.0; 3]; self.positions.len()];
+    pub fn normals(&self) -> Vec<DVec3> {
+        let mut out = vec![DVec3::ZERO; self.positions.len()];
         for (t, [a, b, c]) in self.triangles.iter().zip(self.corners()) {
-            let n = cross(sub(b, a), sub(c, a));
-            for &v in t {
-                let sum = &mut out[v as usize];
-                *sum = [sum[0] + n[0], sum[1] + n[1], sum[2] + n[2]];
-            }
+            let n = (b - a).cross(c - a);
+            t.iter().for_each(|&v| out[v as usize] += n);
         }
         out.into_iter().map(unit).collect()
     }
 
     /// Corner positions of each triangle.
-    pub fn corners(&self) -> impl Iterator<Item = [[f64; 3]; 3]> + '_ {
+    pub fn corners(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
         self.triangles.iter().map(|t| t.map(|v| self.positions[v as usize]))
     }
 }
@@ -55,9 +54,9 @@ impl Mesh {
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Vertex {
     /// World coordinates.
-    pub position: [f64; 3],
+    pub position: DVec3,
     /// Unit normal, outward.
-    pub normal: [f64; 3],
+    pub normal: DVec3,
 }
 
 /// Is shown vertices.
@@ -104,7 +103,7 @@ impl MeshSource for &Mesh {
 #[derive(Debug, Clone, Default)]
 pub struct MeshMeasure {
     /// Far from the world's origin the terms of the volume would cancel: they are taken about the first vertex.
-    about: Option<[f64; 3]>,
+    about: Option<DVec3>,
     sixfold: f64,
     area: f64,
 }
@@ -115,12 +114,12 @@ impl MeshMeasure {
         self.add_about(piece.positions().first(), piece.corners());
     }
 
-    fn add_about(&mut self, first: Option<&[f64; 3]>, corners: impl Iterator<Item = [[f64; 3]; 3]>) {
+    fn add_about(&mut self, first: Option<&DVec3>, corners: impl Iterator<Item = [DVec3; 3]>) {
         let Some(o) = self.about.or(first.copied()) else { return };
         self.about = Some(o);
         for [a, b, c] in corners {
-            self.sixfold += dot(sub(a, o), cross(sub(b, o), sub(c, o)));
-            self.area += 0.5 * length(cross(sub(b, a), sub(c, a)));
+            self.sixfold += (a - o).dot((b - o).cross(c - o));
+            self.area += 0.5 * (b - a).cross(c - a).length();
         }
     }
 

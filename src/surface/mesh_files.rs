@@ -3,9 +3,11 @@
 
 use std::io::{self, Seek, SeekFrom, Write};
 
+use glam::{DVec3, Vec3};
+
 use super::marching::Piece;
 use super::mesh::MeshSource;
-use super::space::{cross, sub, unit};
+use super::space::unit;
 use super::stream::{BodyWriter, Ending, WriterNeeds};
 
 /// Byte of a STL at which the number of its triangles stands.
@@ -14,7 +16,7 @@ const STL_COUNT: u64 = 80;
 /// Binary STL: f32 facets with their normals, written as they arise; their number is filled in at the end.
 pub struct StlWriter<W> {
     out: W,
-    origin: [f64; 3],
+    origin: DVec3,
     count: u64,
 }
 
@@ -23,11 +25,11 @@ impl<W: Write + Seek> StlWriter<W> {
     ///
     /// # Errors
     /// The errors of `out`.
-    pub fn new(mut out: W, origin: [f64; 3]) -> io::Result<Self> {
+    pub fn new(mut out: W, origin: DVec3) -> io::Result<Self> {
         let mut header = [b' '; STL_COUNT as usize];
         let mut text = concat!("interslice ", env!("CARGO_PKG_VERSION"), ", binary STL").to_string();
-        if origin != [0.0; 3] {
-            let [x, y, z] = origin.map(|x| shorter(x as f32));
+        if origin != DVec3::ZERO {
+            let [x, y, z] = origin.as_vec3().to_array().map(shorter);
             text += &format!(", origin {x} {y} {z}");
         }
         let length = text.len().min(header.len());
@@ -41,13 +43,13 @@ impl<W: Write + Seek> StlWriter<W> {
     ///
     /// # Errors
     /// The errors of `out`.
-    pub fn facets(&mut self, corners: impl Iterator<Item = [[f64; 3]; 3]>) -> io::Result<()> {
+    pub fn facets(&mut self, corners: impl Iterator<Item = [DVec3; 3]>) -> io::Result<()> {
         let mut facet = Vec::with_capacity(50);
         for [a, b, c] in corners {
             facet.clear();
-            let [p, q, r] = [a, b, c].map(|p| sub(p, self.origin));
-            for p in [unit(cross(sub(b, a), sub(c, a))), p, q, r] {
-                facet.extend(p.iter().flat_map(|v| (*v as f32).to_le_bytes()));
+            let [p, q, r] = [a, b, c].map(|p| p - self.origin);
+            for p in [unit((b - a).cross(c - a)), p, q, r] {
+                facet.extend(le_bytes(p.as_vec3()));
             }
             facet.extend([0, 0]);
             self.out.write_all(&facet)?;
@@ -104,6 +106,11 @@ impl BodyWriter for ListedWriter {
     }
 }
 
+/// Three f32 as files have them.
+pub(super) fn le_bytes(v: Vec3) -> [u8; 12] {
+    bytemuck::cast(v.to_array().map(f32::to_le_bytes))
+}
+
 fn too_many(what: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, what)
 }
@@ -118,7 +125,7 @@ fn shorter(x: f32) -> String {
 ///
 /// # Errors
 /// The errors of [`StlWriter`].
-pub fn write_stl<W: Write + Seek>(out: &mut W, mesh: &mut dyn MeshSource, origin: [f64; 3]) -> io::Result<()> {
+pub fn write_stl<W: Write + Seek>(out: &mut W, mesh: &mut dyn MeshSource, origin: DVec3) -> io::Result<()> {
     let mut stl = StlWriter::new(out, origin)?;
     mesh.triangles(&mut |_, corners| stl.facets([corners.map(|v| v.position)].into_iter()))?;
     stl.close()
@@ -141,8 +148,8 @@ pub fn write_ply<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result
         env!("CARGO_PKG_VERSION"),
     )?;
     mesh.vertices(&mut |v| {
-        out.write_all(v.position.map(f64::to_le_bytes).as_flattened())?;
-        out.write_all(v.normal.map(|x| (x as f32).to_le_bytes()).as_flattened())
+        out.write_all(v.position.to_array().map(f64::to_le_bytes).as_flattened())?;
+        out.write_all(&le_bytes(v.normal.as_vec3()))
     })?;
     mesh.triangles(&mut |t, _| {
         let mut face = [3u8; 13];
@@ -161,10 +168,10 @@ pub fn write_ply<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result
 pub fn write_obj<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result<()> {
     writeln!(out, "# interslice {}", env!("CARGO_PKG_VERSION"))?;
     mesh.vertices(&mut |v| {
-        let [x, y, z] = v.position;
+        let DVec3 { x, y, z } = v.position;
         writeln!(out, "v {x} {y} {z}")
     })?;
-    mesh.vertices(&mut |v| writeln!(out, "vn {:.5} {:.5} {:.5}", v.normal[0], v.normal[1], v.normal[2]))?;
+    mesh.vertices(&mut |v| writeln!(out, "vn {:.5} {:.5} {:.5}", v.normal.x, v.normal.y, v.normal.z))?;
     mesh.triangles(&mut |t, _| {
         let [a, b, c] = t.map(|v| v + 1);
         writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}")

@@ -42,8 +42,8 @@ impl<W: Write + Seek> MhaWriter<W> {
             "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = True\n\
              TransformMatrix = {matrix}\nOffset = {origin}\nCenterOfRotation = 0 0 0\nAnatomicalOrientation = RAI\n\
              ElementSpacing = {sides}\nDistanceUnits = {unit}\nDimSize = {nx} {ny} {nz}\nElementType = {kind}\nCompressedDataSize = ",
-            matrix = numbers(grid.axes.as_flattened()),
-            origin = numbers(&grid.origin),
+            matrix = numbers(&grid.axes.map(|axis| axis.to_array()).concat()),
+            origin = numbers(grid.origin.as_ref()),
             sides = numbers(&grid.sides),
         )?;
         let size_at = out.stream_position()?;

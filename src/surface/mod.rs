@@ -23,7 +23,7 @@ pub mod origin;
 pub mod render;
 #[cfg(feature = "simplify")]
 pub mod simplify;
-pub mod space;
+mod space;
 pub mod spool;
 pub mod stream;
 pub(crate) mod transposed;

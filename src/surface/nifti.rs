@@ -36,7 +36,7 @@ pub fn writer<W: Write>(
 /// Note about the place of a volume for a person: the format holds that as f32.
 pub fn told(body: &Header) -> Option<String> {
     let grid = VoxelGrid::of(body);
-    let off = grid.origin.iter().map(|x| (f64::from(*x as f32) - x).abs()).fold(0.0, f64::max);
+    let off = (grid.origin.as_vec3().as_dvec3() - grid.origin).abs().max_element();
     let part = off / grid.sides.iter().copied().fold(f64::INFINITY, f64::min);
     (part > ROUNDED).then(|| {
         format!(
@@ -80,11 +80,11 @@ fn header(grid: &VoxelGrid, unit: &str, content: Content) -> io::Result<Vec<u8>>
     };
     put(123, &[unit]);
     put(254, &1i16.to_le_bytes()); // sform_code: scanner
-    for (row, offset) in grid.origin.iter().enumerate() {
+    for (row, offset) in grid.origin.to_array().into_iter().enumerate() {
         // LPS to RAS turns the first two axes.
         let sign = if row < 2 { -1.0 } else { 1.0 };
         let columns = (0..3).map(|axis| grid.step(axis)[row]);
-        for (column, v) in columns.chain([*offset]).enumerate() {
+        for (column, v) in columns.chain([offset]).enumerate() {
             put(280 + 16 * row + 4 * column, &((sign * v) as f32).to_le_bytes());
         }
     }

@@ -3,6 +3,8 @@
 use std::io::{self, Write};
 use std::path::Path;
 
+use glam::DVec3;
+
 use super::content::{Content, Scalar};
 use super::header::Header;
 use super::volume::{Coded, VolumeWriter};
@@ -23,7 +25,7 @@ pub fn writer<W: Write>(
     folder: &Path,
 ) -> io::Result<VolumeWriter<W>> {
     let grid = VoxelGrid::of(body);
-    let vector = |v: [f64; 3]| format!("({},{},{})", v[0], v[1], v[2]);
+    let vector = |v: DVec3| format!("({},{},{})", v.x, v.y, v.z);
     let direction = |axis: usize| vector(grid.step(axis));
     let [nx, ny, nz] = grid.dims;
     let kind = match content.scalar() {

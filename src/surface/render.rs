@@ -3,12 +3,12 @@
 
 use std::io::{self, Seek, Write};
 
+use glam::{DMat3, DVec2, DVec3};
 use image::{ImageFormat, Rgb, RgbImage};
 
 use super::Layer;
 use super::header::Header;
 use super::mesh::MeshSource;
-use super::space::{cross, dot, length, sub, to_world};
 use super::stream::{BodyWriter, Ending, WriterNeeds};
 use crate::contour::seeds::trace_loops;
 use crate::grid::field::Field;
@@ -23,8 +23,9 @@ const PITCH: f64 = 0.56;
 const BORDER: f64 = 0.06;
 /// A body flatter than this share of its width is drawn stretched to it in height, or a terrain would be a sheet.
 pub(super) const FLATTEST: f64 = 0.15;
-const BODY: [f64; 3] = [0.86, 0.80, 0.70];
-const CONTOUR: [f64; 3] = [0.62, 0.10, 0.08];
+const BODY: DVec3 = DVec3::new(0.86, 0.80, 0.70);
+const RIM: DVec3 = DVec3::new(0.6, 0.7, 1.0);
+const CONTOUR: DVec3 = DVec3::new(0.62, 0.10, 0.08);
 
 /// Options of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,7 +53,7 @@ pub struct PictureWriter<W> {
 }
 
 /// A closed contour in world coordinates; the first point is the last too.
-pub type Polyline = Vec<[f64; 3]>;
+pub type Polyline = Vec<DVec3>;
 
 impl<W> PictureWriter<W> {
     /// A writer without layers yet.
@@ -98,7 +99,7 @@ pub fn render(
             Ok(())
         })?;
         for line in lines {
-            let points: Vec<[f64; 3]> = line.iter().map(|p| camera.project(*p)).collect();
+            let points: Vec<DVec3> = line.iter().map(|p| camera.project(*p)).collect();
             points.windows(2).for_each(|p| canvas.line(p[0], p[1]));
         }
     }
@@ -114,81 +115,76 @@ pub fn contour_lines(header: &Header, layer: &Layer) -> Vec<Polyline> {
         (Some(i), Some(j)) if i < nx && j < ny => f64::from(layer.phi[j * nx + i]),
         _ => 0.5 * dx.min(dy),
     });
-    let point = |x: [f64; 2]| to_world(&header.geometry, [(x[0] - 1.0) * dx, (x[1] - 1.0) * dy, layer.z]);
+    let point = |[x, y]: [f64; 2]| header.geometry.to_world(DVec3::new((x - 1.0) * dx, (y - 1.0) * dy, layer.z));
     trace_loops(&phi).iter().map(|path| path.iter().chain(path.first()).map(|c| point(c.x)).collect()).collect()
 }
 
 /// Maps world coordinates to the picture: x right, y down, depth away from the viewer, all in samples.
 struct Camera {
-    axes: [[f64; 3]; 3],
+    /// From the world to right, down and away.
+    turn: DMat3,
     stretch: f64,
-    up: [f64; 3],
-    center: [f64; 3],
+    up: DVec3,
+    center: DVec3,
     scale: f64,
-    middle: [f64; 2],
+    middle: DVec2,
 }
 
 impl Camera {
     fn fit(g: &Geometry, mesh: &mut dyn MeshSource, size: [u32; 2]) -> io::Result<Option<Self>> {
         let (sin_yaw, cos_yaw, sin_pitch, cos_pitch) = (YAW.sin(), YAW.cos(), PITCH.sin(), PITCH.cos());
         // Right, down and away in the stack's own frame (its x to the right, its y to the back); then by its axes into the world.
-        let frame = [
-            [cos_yaw, sin_yaw, 0.0],
-            [sin_yaw * sin_pitch, -cos_yaw * sin_pitch, -cos_pitch],
-            [-sin_yaw * cos_pitch, cos_yaw * cos_pitch, -sin_pitch],
-        ];
-        let axes =
-            frame.map(|v| std::array::from_fn(|a| v[0] * g.axes[0][a] + v[1] * g.axes[1][a] + v[2] * g.axes[2][a]));
-        let up = g.axes[2];
-        let mut ranges = [(f64::INFINITY, f64::NEG_INFINITY); 3];
+        let [right, down, away] = [
+            DVec3::new(cos_yaw, sin_yaw, 0.0),
+            DVec3::new(sin_yaw * sin_pitch, -cos_yaw * sin_pitch, -cos_pitch),
+            DVec3::new(-sin_yaw * cos_pitch, cos_yaw * cos_pitch, -sin_pitch),
+        ]
+        .map(|v| g.turn() * v);
+        let (turn, up) = (DMat3::from_cols(right, down, away).transpose(), g.axes[2]);
+        let along = g.turn().transpose();
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         mesh.vertices(&mut |vertex| {
-            for ((a, b), axis) in ranges.iter_mut().zip(g.axes) {
-                let v = dot(vertex.position, axis);
-                (*a, *b) = (a.min(v), b.max(v));
-            }
+            let v = along * vertex.position;
+            (low, high) = (low.min(v), high.max(v));
             Ok(())
         })?;
-        let [wide, deep, high] = ranges.map(|(a, b)| b - a);
-        if !(wide.is_finite() && high > 0.0) {
+        let size_along = high - low;
+        if !(size_along.x.is_finite() && size_along.z > 0.0) {
             return Ok(None);
         }
-        let stretch = (FLATTEST * wide.max(deep) / high).max(1.0);
-        let center =
-            std::array::from_fn(|a| (0..3).map(|k| 0.5 * (ranges[k].0 + ranges[k].1) * g.axes[k][a]).sum::<f64>());
-        let mut camera = Camera { axes, stretch, up, center, scale: 1.0, middle: [0.0; 2] };
-        let (mut low, mut top) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        let stretch = (FLATTEST * size_along.x.max(size_along.y) / size_along.z).max(1.0);
+        let center = g.turn() * (0.5 * (low + high));
+        let mut camera = Camera { turn, stretch, up, center, scale: 1.0, middle: DVec2::ZERO };
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         mesh.vertices(&mut |vertex| {
-            let q = camera.project(vertex.position);
-            (0..2).for_each(|a| (low[a], top[a]) = (low[a].min(q[a]), top[a].max(q[a])));
+            let q = camera.project(vertex.position).truncate();
+            (low, high) = (low.min(q), high.max(q));
             Ok(())
         })?;
-        let free = |a: usize| f64::from(size[a]) * (1.0 - 2.0 * BORDER) / (top[a] - low[a]).max(1e-12);
-        camera.scale = free(0).min(free(1));
-        camera.middle = std::array::from_fn(|a| 0.5 * f64::from(size[a]) - 0.5 * (low[a] + top[a]) * camera.scale);
+        let size = DVec2::from(size.map(f64::from));
+        camera.scale = (size * (1.0 - 2.0 * BORDER) / (high - low).max(DVec2::splat(1e-12))).min_element();
+        camera.middle = 0.5 * size - 0.5 * (low + high) * camera.scale;
         Ok(Some(camera))
     }
 
-    fn project(&self, p: [f64; 3]) -> [f64; 3] {
-        let mut d = sub(p, self.center);
-        let rise = dot(d, self.up) * (self.stretch - 1.0);
-        (0..3).for_each(|a| d[a] += rise * self.up[a]);
-        let [x, y, depth] = self.axes.map(|axis| dot(d, axis) * self.scale);
-        [x + self.middle[0], y + self.middle[1], depth]
+    fn project(&self, p: DVec3) -> DVec3 {
+        let d = p - self.center;
+        let rise = d.dot(self.up) * (self.stretch - 1.0);
+        self.turn * (d + rise * self.up) * self.scale + self.middle.extend(0.0)
     }
 
     /// A normal in the picture's frame, for a body stretched in height.
-    fn turn_normal(&self, n: [f64; 3]) -> [f64; 3] {
-        let fall = dot(n, self.up) * (1.0 / self.stretch - 1.0);
-        let n = std::array::from_fn(|a| n[a] + fall * self.up[a]);
-        let l = length(n).max(1e-12);
-        self.axes.map(|axis| dot(n, axis) / l)
+    fn turn_normal(&self, n: DVec3) -> DVec3 {
+        let fall = n.dot(self.up) * (1.0 / self.stretch - 1.0);
+        let n = n + fall * self.up;
+        self.turn * n / n.length().max(1e-12)
     }
 }
 
 struct Canvas {
     size: [usize; 2],
     depth: Vec<f64>,
-    color: Vec<[f64; 3]>,
+    color: Vec<DVec3>,
 }
 
 impl Canvas {
@@ -197,54 +193,56 @@ impl Canvas {
         let n = size[0] * size[1];
         let backdrop = |k: usize| {
             let fall = (k / size[0]) as f64 / size[1] as f64;
-            [0.98 - 0.12 * fall, 0.98 - 0.11 * fall, 0.99 - 0.09 * fall]
+            DVec3::new(0.98 - 0.12 * fall, 0.98 - 0.11 * fall, 0.99 - 0.09 * fall)
         };
         Canvas { size, depth: vec![f64::INFINITY; n], color: (0..n).map(backdrop).collect() }
     }
 
-    fn triangle(&mut self, p: [[f64; 3]; 3], n: [[f64; 3]; 3]) {
-        let flat = p.map(|p| [p[0], p[1], 0.0]);
-        let area = cross(sub(flat[1], flat[0]), sub(flat[2], flat[0]))[2];
+    fn triangle(&mut self, p: [DVec3; 3], n: [DVec3; 3]) {
+        let [a, b, c] = p.map(DVec3::truncate);
+        let area = (b - a).perp_dot(c - a);
         if area.abs() < 1e-12 {
             return;
         }
-        let range = |a: usize| {
-            let low = p[0][a].min(p[1][a]).min(p[2][a]).ceil().max(0.0) as usize;
-            let high = p[0][a].max(p[1][a]).max(p[2][a]).floor().min(self.size[a] as f64 - 1.0);
-            low..if high < 0.0 { 0 } else { high as usize + 1 }
-        };
-        for y in range(1) {
-            for x in range(0) {
-                let at = [x as f64, y as f64, 0.0];
-                let w: [f64; 3] =
-                    std::array::from_fn(|k| cross(sub(flat[(k + 1) % 3], at), sub(flat[(k + 2) % 3], at))[2] / area);
-                if w.iter().any(|w| *w < -1e-9) {
+        let last = DVec2::from(self.size.map(|n| n as f64 - 1.0));
+        let low = a.min(b).min(c).ceil().max(DVec2::ZERO).as_usizevec2();
+        let high = a.max(b).max(c).floor().min(last);
+        if high.cmplt(DVec2::ZERO).any() {
+            return;
+        }
+        let high = high.as_usizevec2();
+        let (depths, normals) = (DVec3::new(p[0].z, p[1].z, p[2].z), DMat3::from_cols(n[0], n[1], n[2]));
+        for y in low.y..=high.y {
+            for x in low.x..=high.x {
+                let at = DVec2::new(x as f64, y as f64);
+                let (a, b, c) = (a - at, b - at, c - at);
+                let w = DVec3::new(b.perp_dot(c), c.perp_dot(a), a.perp_dot(b)) / area;
+                if w.min_element() < -1e-9 {
                     continue;
                 }
-                let mix = |v: [[f64; 3]; 3], a: usize| w[0] * v[0][a] + w[1] * v[1][a] + w[2] * v[2][a];
-                let depth = mix(p, 2);
+                let depth = w.dot(depths);
                 let node = y * self.size[0] + x;
                 if depth < self.depth[node] {
                     self.depth[node] = depth;
-                    self.color[node] = shade([mix(n, 0), mix(n, 1), mix(n, 2)]);
+                    self.color[node] = shade(normals * w);
                 }
             }
         }
     }
 
     /// A line two samples and a bit wide, in front of what is at most a few samples nearer.
-    fn line(&mut self, a: [f64; 3], b: [f64; 3]) {
-        let steps = (b[0] - a[0]).hypot(b[1] - a[1]).ceil().max(1.0);
+    fn line(&mut self, a: DVec3, b: DVec3) {
+        let steps = (b.x - a.x).hypot(b.y - a.y).ceil().max(1.0);
         for s in 0..=steps as usize {
             let t = s as f64 / steps;
-            let p: [f64; 3] = std::array::from_fn(|k| a[k] + t * (b[k] - a[k]));
+            let p = a + t * (b - a);
             for (dx, dy) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
-                let (x, y) = (p[0] + dx, p[1] + dy);
+                let (x, y) = (p.x + dx, p.y + dy);
                 if x < 0.0 || y < 0.0 || x >= self.size[0] as f64 || y >= self.size[1] as f64 {
                     continue;
                 }
                 let node = y as usize * self.size[0] + x as usize;
-                if p[2] - 4.0 < self.depth[node] {
+                if p.z - 4.0 < self.depth[node] {
                     self.color[node] = CONTOUR;
                 }
             }
@@ -255,33 +253,30 @@ impl Canvas {
         let s = SUPERSAMPLING as usize;
         let (width, height) = (self.size[0] / s, self.size[1] / s);
         RgbImage::from_fn(width as u32, height as u32, |x, y| {
-            let mut sum = [0.0; 3];
+            let mut sum = DVec3::ZERO;
             for dy in 0..s {
                 for dx in 0..s {
-                    let c = self.color[(y as usize * s + dy) * self.size[0] + x as usize * s + dx];
-                    (0..3).for_each(|a| sum[a] += c[a]);
+                    sum += self.color[(y as usize * s + dy) * self.size[0] + x as usize * s + dx];
                 }
             }
-            Rgb(sum.map(|v| (255.0 * (v / (s * s) as f64).clamp(0.0, 1.0)).round() as u8))
+            let mean = (sum / (s * s) as f64).clamp(DVec3::ZERO, DVec3::ONE);
+            Rgb((255.0 * mean).round().as_u8vec3().to_array())
         })
     }
 }
 
 /// Colour of the body where its normal (picture's frame: right, down, away) is `n`.
-fn shade(n: [f64; 3]) -> [f64; 3] {
-    let l = length(n).max(1e-12);
-    let mut n = n.map(|v| v / l);
-    if n[2] > 0.0 {
-        n = n.map(|v| -v); // a back face seen through a grazing silhouette
+fn shade(n: DVec3) -> DVec3 {
+    let mut n = n / n.length().max(1e-12);
+    if n.z > 0.0 {
+        n = -n; // a back face seen through a grazing silhouette
     }
-    let unit = |v: [f64; 3]| {
-        let l = length(v);
-        v.map(|c| c / l)
-    };
-    let key = dot(n, unit([-0.55, -0.65, -0.75])).max(0.0);
-    let half = dot(n, unit([-0.30, -0.35, -0.95])).max(0.0).powi(40);
-    let sky = 0.5 - 0.5 * n[1];
-    let rim = (1.0 + n[2]).max(0.0).powi(3);
+    // Divided by their lengths: `normalize` would change the last bits.
+    let unit = |v: DVec3| v / v.length();
+    let key = n.dot(unit(DVec3::new(-0.55, -0.65, -0.75))).max(0.0);
+    let half = n.dot(unit(DVec3::new(-0.30, -0.35, -0.95))).max(0.0).powi(40);
+    let sky = 0.5 - 0.5 * n.y;
+    let rim = (1.0 + n.z).max(0.0).powi(3);
     let light = 0.27 + 0.60 * key + 0.24 * sky;
-    std::array::from_fn(|a| BODY[a] * light + 0.12 * half + 0.05 * rim * [0.6, 0.7, 1.0][a])
+    BODY * light + 0.12 * half + 0.05 * rim * RIM
 }

@@ -1,34 +1,9 @@
-//! Points and directions in space.
+//! Directions in space.
 
-use crate::stack::Geometry;
+use glam::DVec3;
 
-/// `a - b`.
-pub(super) fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-/// Scalar product.
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// Vector product.
-pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// Length of a vector.
-pub(super) fn length(a: [f64; 3]) -> f64 {
-    dot(a, a).sqrt()
-}
-
-/// A vector of length one in the same direction.
-pub(super) fn unit(a: [f64; 3]) -> [f64; 3] {
-    let l = length(a).max(f64::MIN_POSITIVE);
-    a.map(|v| v / l)
-}
-
-/// A point of the stack (`x = i dx`, `y = j dy`, height) in the world.
-pub fn to_world(g: &Geometry, p: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|a| g.origin[a] + p[0] * g.axes[0][a] + p[1] * g.axes[1][a] + p[2] * g.axes[2][a])
+/// A vector of length one in the same direction; zero stays zero. Divides by the length, which glam's `normalize_or_zero` multiplies by the
+/// inverse of: normals in files keep their last bits.
+pub(super) fn unit(a: DVec3) -> DVec3 {
+    a / a.length().max(f64::MIN_POSITIVE)
 }

@@ -5,11 +5,12 @@ use std::collections::VecDeque;
 use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
 use std::path::Path;
 
+use glam::DVec3;
 use tempfile::SpooledTempFile;
 
 use super::marching::Piece;
 use super::mesh::{EachTriangle, EachVertex, MeshSource, Vertex};
-use super::space::{cross, sub, unit};
+use super::space::unit;
 
 /// Bytes of a file kept in memory.
 pub(crate) const FILE_IN_MEMORY: usize = 16 << 20;
@@ -95,15 +96,14 @@ impl Spool {
     /// The errors of the files.
     pub fn push(&mut self, piece: &Piece) -> io::Result<()> {
         let start = self.open.start;
-        let vertex = |position: &[f64; 3]| Vertex { position: *position, normal: [0.0; 3] };
+        let vertex = |position: &DVec3| Vertex { position: *position, normal: DVec3::ZERO };
         piece.positions().iter().map(vertex).for_each(|v| self.open.push(v));
         let count = piece.triangles().count() as u64;
         [self.open.end, start, count].iter().try_for_each(|n| self.triangles.write_all(&n.to_le_bytes()))?;
         for (t, [a, b, c]) in piece.triangles().zip(piece.corners()) {
-            let n = cross(sub(b, a), sub(c, a));
+            let n = (b - a).cross(c - a);
             for v in t {
-                let sum = &mut self.open.at_mut(v).normal;
-                *sum = [sum[0] + n[0], sum[1] + n[1], sum[2] + n[2]];
+                self.open.at_mut(v).normal += n;
                 self.triangles.write_all(&((v - start) as u32).to_le_bytes())?;
             }
         }
@@ -127,8 +127,8 @@ impl Spool {
     fn write(&mut self, first: u64) -> io::Result<()> {
         let file = &mut self.vertices;
         self.open.leave(first, |v| {
-            let normal = unit(v.normal);
-            v.position.iter().chain(&normal).try_for_each(|x| file.write_all(&x.to_le_bytes()))
+            let six = [v.position, unit(v.normal)].map(|v| v.to_array().map(f64::to_le_bytes));
+            file.write_all(six.as_flattened().as_flattened())
         })
     }
 
@@ -151,12 +151,12 @@ fn read_number(file: &mut impl Read) -> io::Result<u64> {
 }
 
 fn read_vertex(file: &mut impl Read) -> io::Result<Vertex> {
-    let mut x = [0.0; 6];
-    for x in &mut x {
-        *x = f64::from_bits(read_number(file)?);
-    }
-    let [px, py, pz, nx, ny, nz] = x;
-    Ok(Vertex { position: [px, py, pz], normal: [nx, ny, nz] })
+    let mut three = || -> io::Result<DVec3> {
+        let mut bytes = [[0; 8]; 3];
+        file.read_exact(bytes.as_flattened_mut())?;
+        Ok(bytes.map(f64::from_le_bytes).into())
+    };
+    Ok(Vertex { position: three()?, normal: three()? })
 }
 
 impl MeshSource for Spool {

@@ -7,6 +7,7 @@
 use std::io;
 use std::path::Path;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Layer;
@@ -109,7 +110,7 @@ pub struct BodyStream<'w> {
     measure: MeshMeasure,
     areas: Areas,
     spool: Spool,
-    origin: [f64; 3],
+    origin: DVec3,
     notes: Vec<String>,
 }
 
@@ -124,13 +125,13 @@ impl<'w> BodyStream<'w> {
             measure: MeshMeasure::default(),
             areas: Areas::new(header),
             spool: Spool::new(folder),
-            origin: [0.0; 3],
+            origin: DVec3::ZERO,
             notes: Vec::new(),
         }
     }
 
     /// The stream, which notes in the report the origin of positions in some of the files, and other notes about where things lie.
-    pub fn telling(self, origin: [f64; 3], notes: Vec<String>) -> Self {
+    pub fn telling(self, origin: DVec3, notes: Vec<String>) -> Self {
         BodyStream { origin, notes, ..self }
     }
 
@@ -184,7 +185,7 @@ impl<'w> BodyStream<'w> {
             report.area = Some(self.measure.area());
             report.areas = Some(self.areas.finish());
         }
-        report.local_origin = Some(self.origin).filter(|origin| *origin != [0.0; 3]);
+        report.local_origin = (self.origin != DVec3::ZERO).then(|| self.origin.to_array());
         let mut warnings = self.notes;
         for (k, writer) in self.writers.iter_mut().enumerate() {
             warnings.extend(writer.prepare(&mut self.spool).map_err(|e| (k, e))?);

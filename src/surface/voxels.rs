@@ -1,7 +1,8 @@
 //! Place of the voxels of a body's output layers, in the axis order of the input.
 
+use glam::DVec3;
+
 use super::header::Header;
-use super::space::to_world;
 
 /// The grid of a volume in the world (LPS).
 #[derive(Debug, Clone, PartialEq)]
@@ -9,9 +10,9 @@ pub(super) struct VoxelGrid {
     /// Voxels along each axis, the first runs fastest.
     pub dims: [usize; 3],
     /// Position of the first voxel.
-    pub origin: [f64; 3],
+    pub origin: DVec3,
     /// Unit vectors along the axes.
-    pub axes: [[f64; 3]; 3],
+    pub axes: [DVec3; 3],
     /// Voxel sides.
     pub sides: [f64; 3],
     /// Axes along which the columns, rows and heights of the layers run.
@@ -23,8 +24,8 @@ impl VoxelGrid {
         let g = &body.geometry;
         let [nx, ny] = body.dims;
         let [dx, dy] = body.spacing;
-        let origin = to_world(g, [0.0, 0.0, body.grid.start]);
-        let mut grid = VoxelGrid { dims: [0; 3], origin, axes: [[0.0; 3]; 3], sides: [0.0; 3], order: g.order };
+        let origin = g.to_world(body.grid.start * DVec3::Z);
+        let mut grid = VoxelGrid { dims: [0; 3], origin, axes: [DVec3::ZERO; 3], sides: [0.0; 3], order: g.order };
         for (k, axis) in g.order.into_iter().enumerate() {
             grid.dims[axis] = [nx, ny, body.grid.count][k];
             grid.axes[axis] = g.axes[k];
@@ -34,7 +35,7 @@ impl VoxelGrid {
     }
 
     /// Step along an axis from voxel to voxel.
-    pub fn step(&self, axis: usize) -> [f64; 3] {
-        self.axes[axis].map(|v| v * self.sides[axis])
+    pub fn step(&self, axis: usize) -> DVec3 {
+        self.axes[axis] * self.sides[axis]
     }
 }

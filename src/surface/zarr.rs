@@ -20,7 +20,6 @@ use zarrs::group::GroupBuilder;
 use super::Layer;
 use super::content::{Content, Scalar, Whole};
 use super::header::Header;
-use super::space::dot;
 use super::stream::{BodyWriter, Ending};
 use super::voxels::VoxelGrid;
 
@@ -173,7 +172,7 @@ fn attributes(body: &Header, grid: &VoxelGrid, content: Content) -> Map<String, 
     let backwards = |of: &dyn Fn(usize) -> f64| json!([of(2), of(1), of(0)]);
     let transformations = json!([
         {"type": "scale", "scale": backwards(&|a| grid.sides[a])},
-        {"type": "translation", "translation": backwards(&|a| dot(grid.origin, grid.axes[a]))},
+        {"type": "translation", "translation": backwards(&|a| grid.origin.dot(grid.axes[a]))},
     ]);
     let axes = ["z", "y", "x"].map(axis);
     let image = json!({

@@ -3,9 +3,12 @@
 //! Beyond the border the terrain goes on as it is at the nearest point of the border: lines go on at right angles to it, up to an outer
 //! rectangle, and are closed along that. So the border itself is no contour, near which distances would be wrong.
 
-use super::lines::{ContourLine, bounds, distance};
+use glam::DVec2;
+
+use super::lines::{ContourLine, distance};
 use crate::error::{Error, Result};
 use crate::polygons::Polygon;
+use crate::polygons::grid::bounds;
 
 /// Pieces whose ends lie this close to one side, of the map's longer side, run along it.
 const ALONG: f64 = 1e-7;
@@ -14,9 +17,9 @@ const ALONG: f64 = 1e-7;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Border {
     /// Lowest x and y.
-    pub low: [f64; 2],
+    pub low: DVec2,
     /// Highest.
-    pub high: [f64; 2],
+    pub high: DVec2,
 }
 
 impl Border {
@@ -27,7 +30,7 @@ impl Border {
     pub fn given(values: &[f64]) -> Result<Self> {
         match *values {
             [x0, y0, x1, y1] if x0 < x1 && y0 < y1 && values.iter().all(|v| v.is_finite()) => {
-                Ok(Border { low: [x0, y0], high: [x1, y1] })
+                Ok(Border { low: DVec2::new(x0, y0), high: DVec2::new(x1, y1) })
             }
             _ => {
                 let message = format!("must be X0,Y0,X1,Y1 with X0 < X1 and Y0 < Y1; got {values:?}");
@@ -44,24 +47,24 @@ impl Border {
 
     /// The same, farther out.
     pub fn grown(&self, by: f64) -> Self {
-        Border { low: self.low.map(|v| v - by), high: self.high.map(|v| v + by) }
+        Border { low: self.low - by, high: self.high + by }
     }
 
     /// Distances to the lines through its bottom, right, top and left side; negative outside.
-    fn inward(&self, p: [f64; 2]) -> [f64; 4] {
-        [p[1] - self.low[1], self.high[0] - p[0], self.high[1] - p[1], p[0] - self.low[0]]
+    fn inward(&self, p: DVec2) -> [f64; 4] {
+        [p.y - self.low.y, self.high.x - p.x, self.high.y - p.y, p.x - self.low.x]
     }
 
     /// The nearest side of a point inside, and its distance; negative where the point lies beyond it.
-    pub fn nearest(&self, p: [f64; 2]) -> (usize, f64) {
+    pub fn nearest(&self, p: DVec2) -> (usize, f64) {
         let inward = self.inward(p);
         let side = (0..4).min_by(|a, b| inward[*a].total_cmp(&inward[*b])).unwrap_or(0);
         (side, inward[side])
     }
 
     /// Whether a straight piece runs along a side.
-    fn has(&self, p: [f64; 2], q: [f64; 2]) -> bool {
-        let slack = ALONG * (self.high[0] - self.low[0]).max(self.high[1] - self.low[1]);
+    fn has(&self, p: DVec2, q: DVec2) -> bool {
+        let slack = ALONG * (self.high - self.low).max_element();
         let (a, b) = (self.inward(p), self.inward(q));
         (0..4).any(|side| a[side].abs() <= slack && b[side].abs() <= slack)
     }
@@ -75,7 +78,7 @@ impl Border {
         // A closed line is walked from its first piece along the border.
         let start = if line.closed { first + 1 } else { 0 };
         let mut lines = Vec::new();
-        let mut points: Vec<[f64; 2]> = Vec::new();
+        let mut points: Polygon = Vec::new();
         for k in start..start + pieces {
             if runs_along(k) {
                 lines.push(std::mem::take(&mut points));
@@ -92,17 +95,17 @@ impl Border {
     }
 
     /// Where a line that ends at `p` reaches the rectangle `outer` beyond.
-    fn reached(&self, p: [f64; 2], outer: &Border) -> [f64; 2] {
+    fn reached(&self, p: DVec2, outer: &Border) -> DVec2 {
         match self.nearest(p).0 {
-            0 => [p[0], outer.low[1]],
-            1 => [outer.high[0], p[1]],
-            2 => [p[0], outer.high[1]],
-            _ => [outer.low[0], p[1]],
+            0 => p.with_y(outer.low.y),
+            1 => p.with_x(outer.high.x),
+            2 => p.with_y(outer.high.y),
+            _ => p.with_x(outer.low.x),
         }
     }
 
     /// A line from border to border, closed beyond it along `outer`.
-    pub fn close(&self, line: &[[f64; 2]], outer: &Border) -> Polygon {
+    pub fn close(&self, line: &[DVec2], outer: &Border) -> Polygon {
         let (Some(first), Some(last)) = (line.first(), line.last()) else { return Polygon::new() };
         let (start, end) = (self.reached(*first, outer), self.reached(*last, outer));
         let mut polygon = vec![start];
@@ -118,12 +121,12 @@ impl Border {
     }
 
     /// Corners, counter-clockwise from the lowest.
-    pub fn corners(&self) -> [[f64; 2]; 4] {
-        [self.low, [self.high[0], self.low[1]], self.high, [self.low[0], self.high[1]]]
+    pub fn corners(&self) -> [DVec2; 4] {
+        [self.low, self.low.with_x(self.high.x), self.high, self.high.with_x(self.low.x)]
     }
 
     /// How far round a point of the rectangle lies: corner 0, 1, 2, 3 at whole numbers.
-    fn place(&self, p: [f64; 2]) -> f64 {
+    fn place(&self, p: DVec2) -> f64 {
         let (side, _) = self.nearest(p);
         let [from, to] = [self.corners()[side], self.corners()[(side + 1) % 4]];
         side as f64 + (distance(from, p) / distance(from, to)).min(1.0)
@@ -134,25 +137,25 @@ impl Border {
 mod tests {
     use super::*;
 
-    const BORDER: Border = Border { low: [0.0, 0.0], high: [10.0, 6.0] };
+    const BORDER: Border = Border { low: DVec2::ZERO, high: DVec2::new(10.0, 6.0) };
 
     #[test]
     fn lines_from_border_to_border_are_closed_beyond_it() {
-        let closed = BORDER.close(&[[0.0, 3.0], [4.0, 3.0], [4.0, 0.0]], &BORDER.grown(2.0));
+        let closed = BORDER.close(&[[0.0, 3.0], [4.0, 3.0], [4.0, 0.0]].map(DVec2::from), &BORDER.grown(2.0));
         // From the bottom counter-clockwise round to the left: three corners.
         let wanted =
-            vec![[-2.0, 3.0], [0.0, 3.0], [4.0, 3.0], [4.0, 0.0], [4.0, -2.0], [12.0, -2.0], [12.0, 8.0], [-2.0, 8.0]];
-        assert_eq!(closed, wanted);
-        let back = BORDER.close(&[[4.0, 0.0], [4.0, 3.0], [0.0, 3.0]], &BORDER.grown(2.0));
-        assert_eq!(back[5..], [[-2.0, -2.0]]);
+            [[-2.0, 3.0], [0.0, 3.0], [4.0, 3.0], [4.0, 0.0], [4.0, -2.0], [12.0, -2.0], [12.0, 8.0], [-2.0, 8.0]];
+        assert_eq!(closed, wanted.map(DVec2::from));
+        let back = BORDER.close(&[[4.0, 0.0], [4.0, 3.0], [0.0, 3.0]].map(DVec2::from), &BORDER.grown(2.0));
+        assert_eq!(back[5..], [DVec2::splat(-2.0)]);
     }
 
     #[test]
     fn pieces_along_the_border_are_left_out() {
-        let ring = vec![[0.0, 0.0], [5.0, 0.0], [5.0, 6.0], [0.0, 6.0]];
+        let ring = [[0.0, 0.0], [5.0, 0.0], [5.0, 6.0], [0.0, 6.0]].map(DVec2::from).to_vec();
         let line = ContourLine { feature: "a".into(), z: 1.0, points: ring, closed: true };
         let left = BORDER.without_sides(line);
         assert_eq!(left.len(), 1);
-        assert_eq!(left[0].points, [[5.0, 0.0], [5.0, 6.0]]);
+        assert_eq!(left[0].points, [[5.0, 0.0], [5.0, 6.0]].map(DVec2::from));
     }
 }

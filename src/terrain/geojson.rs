@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use geojson::{FeatureCollection, GeoJson, GeometryValue, Position};
+use glam::DVec2;
 use serde_json::Value;
 
 use super::{Feature, MapPart};
@@ -63,7 +64,7 @@ fn part(positions: &[Position], ring: bool) -> std::result::Result<MapPart, Stri
     for (k, position) in positions.iter().enumerate() {
         match position.as_slice() {
             [x, y, more @ ..] => {
-                part.points.push([*x, *y]);
+                part.points.push(DVec2::new(*x, *y));
                 part.z.extend(more.first());
             }
             other => return Err(format!("point {} has {} coordinates; at least 2 are needed", k + 1, other.len())),

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashSet};
 
+use glam::DVec2;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
@@ -53,7 +54,7 @@ impl JoinedMap {
                 sum(|l| l.rings.len()),
                 sum(|l| l.open.len())
             ),
-            format!("border {}, {} to {}, {}", low[0], low[1], high[0], high[1]),
+            format!("border {}, {} to {}, {}", low.x, low.y, high.x, high.y),
         ]
     }
 }
@@ -71,12 +72,12 @@ pub fn join(
     let border = given.unwrap_or_else(|| Border::around(&lines));
     let tolerance = TOLERANCE * pixel;
     for line in &lines {
-        let outside = |p: &&[f64; 2]| border.nearest(**p).1 < -tolerance;
+        let outside = |p: &&DVec2| border.nearest(**p).1 < -tolerance;
         if let Some(p) = line.points.iter().find(outside) {
             let by = -border.nearest(*p).1;
             return Err(format!(
                 "{}: ({}, {}) lies {by} beyond the border; at most {tolerance}",
-                line.feature, p[0], p[1]
+                line.feature, p.x, p.y
             ));
         }
     }
@@ -115,7 +116,7 @@ fn distinct(lines: Vec<ContourLine>, notes: &mut Vec<String>) -> Vec<ContourLine
     let mut seen = HashSet::new();
     let mut kept = Vec::with_capacity(lines.len());
     for line in lines {
-        let mut points: Vec<[u64; 2]> = line.points.iter().map(|p| p.map(|v| (v + 0.0).to_bits())).collect();
+        let mut points: Vec<[u64; 2]> = line.points.iter().map(|p| (*p + 0.0).to_array().map(f64::to_bits)).collect();
         points.sort_unstable();
         if seen.insert((line.z.to_bits(), points)) {
             kept.push(line);
@@ -137,7 +138,7 @@ enum Mate {
 fn chains(level: &mut Elevation, border: &Border, tolerance: f64) -> Result<(), String> {
     level.rings = level.lines.iter().filter(|l| l.closed).map(|l| l.points.clone()).collect();
     let open: Vec<&ContourLine> = level.lines.iter().filter(|l| !l.closed).collect();
-    let ends: Vec<[f64; 2]> = open.iter().flat_map(|l| [l.points[0], l.points[l.points.len() - 1]]).collect();
+    let ends: Vec<DVec2> = open.iter().flat_map(|l| [l.points[0], l.points[l.points.len() - 1]]).collect();
     let mates = mates(&ends, border, tolerance).map_err(|e| dangling(e, &ends, &open, border, tolerance))?;
     let mut used = vec![false; open.len()];
     let mut walk = |from: usize| {
@@ -175,18 +176,20 @@ fn chains(level: &mut Elevation, border: &Border, tolerance: f64) -> Result<(), 
 ///
 /// # Errors
 /// The first end that meets nothing.
-fn mates(ends: &[[f64; 2]], border: &Border, tolerance: f64) -> Result<Vec<Mate>, usize> {
-    let tree = RTree::bulk_load(ends.iter().enumerate().map(|(k, p)| GeomWithData::new(*p, k)).collect());
+fn mates(ends: &[DVec2], border: &Border, tolerance: f64) -> Result<Vec<Mate>, usize> {
+    let tree = RTree::bulk_load(ends.iter().enumerate().map(|(k, p)| GeomWithData::new(p.to_array(), k)).collect());
     let mut pairs: Vec<(f64, usize, Mate)> = Vec::new();
     for (k, p) in ends.iter().enumerate() {
         let beside = border.nearest(*p).1.abs();
         if beside <= tolerance {
             pairs.push((beside, k, Mate::Border));
         }
-        let near = tree.nearest_neighbor_iter_with_distance_2(*p).take(1 + MOST_NEAR);
+        let near = tree.nearest_neighbor_iter_with_distance_2(p.to_array()).take(1 + MOST_NEAR);
         let near = near.take_while(|(_, squared)| *squared <= tolerance * tolerance).map(|(other, _)| other);
         let near = near.filter(|other| other.data != k);
-        pairs.extend(near.map(|other| (distance(*p, *other.geom()), k.min(other.data), Mate::End(k.max(other.data)))));
+        pairs.extend(
+            near.map(|other| (distance(*p, ends[other.data]), k.min(other.data), Mate::End(k.max(other.data)))),
+        );
     }
     let rank = |mate: &Mate| match mate {
         Mate::End(k) => *k,
@@ -208,7 +211,7 @@ fn mates(ends: &[[f64; 2]], border: &Border, tolerance: f64) -> Result<Vec<Mate>
     mates.into_iter().enumerate().map(|(k, mate)| mate.ok_or(k)).collect()
 }
 
-fn dangling(end: usize, ends: &[[f64; 2]], open: &[&ContourLine], border: &Border, tolerance: f64) -> String {
+fn dangling(end: usize, ends: &[DVec2], open: &[&ContourLine], border: &Border, tolerance: f64) -> String {
     let p = ends[end];
     let others = ends.iter().enumerate().filter(|(k, _)| *k != end);
     let nearest = others.min_by(|a, b| distance(*a.1, p).total_cmp(&distance(*b.1, p)));
@@ -220,8 +223,8 @@ fn dangling(end: usize, ends: &[[f64; 2]], open: &[&ContourLine], border: &Borde
          says where the map ends",
         open[end / 2].feature,
         open[end / 2].z,
-        p[0],
-        p[1],
+        p.x,
+        p.y,
         border.nearest(p).1
     )
 }

@@ -1,5 +1,6 @@
 //! From closed lines to regions: which side is uphill, and whether the levels lie inside each other.
 
+use glam::DVec2;
 use rayon::prelude::*;
 
 use super::border::Border;
@@ -39,7 +40,7 @@ impl From<Error> for Wrong {
 /// Lines of different levels that cross, or lie on the wrong side of each other; a pixel size that is too small.
 pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs) -> Result<(ContourStack, Map), Wrong> {
     let outer = joined.border.grown(BEYOND * pixel);
-    let grid = DrawingGrid::over([outer.low, outer.high], [pixel; 2], joined.levels.len())?;
+    let grid = DrawingGrid::over([outer.low, outer.high], DVec2::splat(pixel), joined.levels.len())?;
     let map = window(&joined.border, &grid, crs)?;
     let slices = joined.levels.par_iter().map(|level| {
         let region = region(level, joined, &outer, &grid).map_err(Wrong::Lines)?;
@@ -50,21 +51,21 @@ pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs) -> Result<(ContourStack, 
     let slices = slices.collect::<Result<Vec<Slice>, Wrong>>()?;
     let stack = ContourStack {
         dims: grid.dims,
-        spacing: grid.spacing,
+        spacing: grid.spacing.to_array(),
         unit: "m".into(),
         slices,
         z_out: None,
-        geometry: Geometry { origin: [grid.origin[0], grid.origin[1], 0.0], ..Geometry::default() },
+        geometry: Geometry { origin: grid.origin.extend(0.0), ..Geometry::default() },
     };
     Ok((stack, map))
 }
 
 /// Pixels whose centres lie within the border.
 fn window(border: &Border, grid: &DrawingGrid, crs: Crs) -> Result<Map, Error> {
-    let first = [grid.column(border.low[0]), grid.row(border.low[1])].map(|v| (v - SLACK).ceil().max(0.0) as usize);
-    let last = [grid.column(border.high[0]), grid.row(border.high[1])].map(|v| (v + SLACK).floor().max(0.0) as usize);
+    let first = [grid.column(border.low.x), grid.row(border.low.y)].map(|v| (v - SLACK).ceil().max(0.0) as usize);
+    let last = [grid.column(border.high.x), grid.row(border.high.y)].map(|v| (v + SLACK).floor().max(0.0) as usize);
     if (0..2).any(|a| last[a] < first[a] + 1) {
-        let message = format!("must be smaller: no two pixels of {} lie within the border", grid.spacing[0]);
+        let message = format!("must be smaller: no two pixels of {} lie within the border", grid.spacing.x);
         return Err(Error::Setting { name: "pixel".into(), message });
     }
     Ok(Map { crs, first, dims: [0, 1].map(|a| last[a] + 1 - first[a]) })
@@ -75,11 +76,11 @@ fn region(level: &Elevation, joined: &JoinedMap, outer: &Border, grid: &DrawingG
     let mut polygons: Vec<Polygon> = level.rings.clone();
     polygons.extend(level.open.iter().map(|line| joined.border.close(line, outer)));
     let set = level_set(std::slice::from_ref(&polygons), grid);
-    let touching = CROSSING * grid.spacing[0];
+    let touching = CROSSING * grid.spacing.x;
     let mut uphill = 0i64;
     for other in joined.levels.iter().filter(|l| l.z != level.z) {
         let side = if other.z > level.z { 1 } else { -1 };
-        let mut vote = |_: &ContourLine, _: [f64; 2], depth: f64| {
+        let mut vote = |_: &ContourLine, _: DVec2, depth: f64| {
             uphill -= side * i64::from(depth > touching);
             uphill += side * i64::from(depth < -touching);
             true
@@ -108,7 +109,7 @@ fn region(level: &Elevation, joined: &JoinedMap, outer: &Border, grid: &DrawingG
             good
         });
         if let Some((feature, p)) = wrong {
-            return Err(crossing(level, other.z, &feature, p, grid.spacing[0]));
+            return Err(crossing(level, other.z, &feature, p, grid.spacing.x));
         }
     }
     Ok(set)
@@ -116,14 +117,14 @@ fn region(level: &Elevation, joined: &JoinedMap, outer: &Border, grid: &DrawingG
 
 /// Calls `see` with points of the level's lines, at most a pixel apart, and their distance from the region of `set`, negative inside; until
 /// it says false.
-fn walk(level: &Elevation, set: &[f32], grid: &DrawingGrid, see: &mut dyn FnMut(&ContourLine, [f64; 2], f64) -> bool) {
+fn walk(level: &Elevation, set: &[f32], grid: &DrawingGrid, see: &mut dyn FnMut(&ContourLine, DVec2, f64) -> bool) {
     for line in &level.lines {
         let back = line.closed.then(|| [line.points[line.points.len() - 1], line.points[0]]);
         for [p, q] in line.points.windows(2).map(|w| [w[0], w[1]]).chain(back) {
-            let steps = (distance(p, q) / grid.spacing[0]).ceil().max(1.0) as usize;
+            let steps = (distance(p, q) / grid.spacing.x).ceil().max(1.0) as usize;
             for k in 0..steps {
                 let t = k as f64 / steps as f64;
-                let x = [0, 1].map(|a| p[a] + t * (q[a] - p[a]));
+                let x = p + t * (q - p);
                 if !see(line, x, sample(set, grid, x)) {
                     return;
                 }
@@ -133,15 +134,15 @@ fn walk(level: &Elevation, set: &[f32], grid: &DrawingGrid, see: &mut dyn FnMut(
 }
 
 /// Bilinear value at a point.
-fn sample(set: &[f32], grid: &DrawingGrid, p: [f64; 2]) -> f64 {
-    let at = [grid.column(p[0]), grid.row(p[1])];
+fn sample(set: &[f32], grid: &DrawingGrid, p: DVec2) -> f64 {
+    let at = [grid.column(p.x), grid.row(p.y)];
     let [i, j] = [0, 1].map(|a| (at[a].max(0.0) as usize).min(grid.dims[a] - 2));
     let [s, t] = [at[0] - i as f64, at[1] - j as f64];
     let v = |i: usize, j: usize| f64::from(set[j * grid.dims[0] + i]);
     (1.0 - t) * ((1.0 - s) * v(i, j) + s * v(i + 1, j)) + t * ((1.0 - s) * v(i, j + 1) + s * v(i + 1, j + 1))
 }
 
-fn crossing(level: &Elevation, z: f64, feature: &str, p: [f64; 2], pixel: f64) -> String {
+fn crossing(level: &Elevation, z: f64, feature: &str, p: DVec2, pixel: f64) -> String {
     let from = |line: &ContourLine| line.points.iter().map(|q| distance(p, *q)).fold(f64::INFINITY, f64::min);
     let nearest = level.lines.iter().min_by(|a, b| from(a).total_cmp(&from(b)));
     let of = nearest.map_or(String::new(), |line| format!(", the nearest of which is {}", line.feature));
@@ -149,7 +150,7 @@ fn crossing(level: &Elevation, z: f64, feature: &str, p: [f64; 2], pixel: f64) -
     format!(
         "{feature}: its line of {z} lies {side} the lines of {} at ({}, {}) by more than {pixel} (a pixel){of}: they cross, or a line is \
          missing or has a wrong elevation",
-        level.z, p[0], p[1]
+        level.z, p.x, p.y
     )
 }
 
@@ -162,8 +163,7 @@ pub fn too_small(joined: &JoinedMap, pixel: f64) -> Option<String> {
 }
 
 /// Signed area, about the first point.
-fn area(ring: &[[f64; 2]]) -> f64 {
+fn area(ring: &[DVec2]) -> f64 {
     let o = ring[0];
-    ring.windows(2).map(|w| (w[0][0] - o[0]) * (w[1][1] - o[1]) - (w[1][0] - o[0]) * (w[0][1] - o[1])).sum::<f64>()
-        / 2.0
+    ring.windows(2).map(|w| (w[0] - o).perp_dot(w[1] - o)).sum::<f64>() / 2.0
 }

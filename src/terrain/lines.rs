@@ -1,8 +1,11 @@
 //! From features to lines, each with its elevation.
 
+use glam::DVec2;
+
 use super::Feature;
 use super::elevation::{ElevationSource, elevation, source};
 use crate::error::{Error, Result};
+use crate::polygons::grid::bounds;
 
 /// Least and most pixels along the longer side of the map, where the pixel size is chosen here.
 const LONGEST: f64 = 1024.0;
@@ -17,7 +20,7 @@ pub struct ContourLine {
     /// Elevation.
     pub z: f64,
     /// Points, each different from the one before.
-    pub points: Vec<[f64; 2]>,
+    pub points: Vec<DVec2>,
     /// The last point joins the first, which is not repeated.
     pub closed: bool,
 }
@@ -36,7 +39,7 @@ pub fn lines(
     for feature in features {
         for (k, part) in feature.lines.iter().enumerate() {
             let name = &feature.name;
-            if let Some([x, y]) = part.points.iter().find(|p| !(p[0].is_finite() && p[1].is_finite())) {
+            if let Some(DVec2 { x, y }) = part.points.iter().find(|p| !p.is_finite()) {
                 return Err(format!("{name} has the point ({x}, {y}); coordinates must be finite numbers"));
             }
             let z = elevation(feature, k, &source)?;
@@ -63,13 +66,6 @@ pub fn lines(
     Ok((lines, said))
 }
 
-/// Lowest and highest coordinates.
-pub fn bounds<'a>(points: impl Iterator<Item = &'a [f64; 2]>) -> [[f64; 2]; 2] {
-    points.fold([[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]], |[low, high], p| {
-        [[low[0].min(p[0]), low[1].min(p[1])], [high[0].max(p[0]), high[1].max(p[1])]]
-    })
-}
-
 /// The side of pixels that is asked for, else the median distance of neighbouring points, but at most a quarter of the mean distance of lines
 /// (area of the map by length of all lines), and at least 1/1024 of the longer side of the map.
 ///
@@ -82,7 +78,7 @@ pub fn pixel(lines: &[ContourLine], asked: Option<f64>) -> Result<f64> {
         return if good { Ok(pixel) } else { Err(Error::Setting { name: "pixel".into(), message }) };
     }
     let [low, high] = bounds(lines.iter().flat_map(|l| &l.points));
-    let (width, height) = (high[0] - low[0], high[1] - low[1]);
+    let [width, height] = (high - low).to_array();
     if !(width > 0.0 && height > 0.0) {
         return Err(Error::Stack("contour lines enclose no area".into()));
     }
@@ -93,7 +89,7 @@ pub fn pixel(lines: &[ContourLine], asked: Option<f64>) -> Result<f64> {
     Ok(median.min(apart / BETWEEN).max(width.max(height) / LONGEST))
 }
 
-/// Distance of two points.
-pub fn distance(p: [f64; 2], q: [f64; 2]) -> f64 {
-    (q[0] - p[0]).hypot(q[1] - p[1])
+/// Distance of two points, rounded as `hypot` does: pixel sides are made of it.
+pub fn distance(p: DVec2, q: DVec2) -> f64 {
+    (q.x - p.x).hypot(q.y - p.y)
 }

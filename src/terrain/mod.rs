@@ -20,6 +20,7 @@ mod shapefile;
 use std::path::{Path, PathBuf};
 
 use border::Border;
+use glam::DVec2;
 
 use crate::error::{Error, Result};
 use crate::stack::{ContourStack, ReadOptions};
@@ -42,7 +43,7 @@ struct Feature {
 /// A line of a feature.
 #[derive(Debug)]
 struct MapPart {
-    points: Vec<[f64; 2]>,
+    points: Vec<DVec2>,
     /// Of all points, or of none.
     z: Vec<f64>,
     /// Ring of a polygon.
@@ -127,7 +128,7 @@ fn coordinate_system(
             .ok_or_else(|| format!("`crs` must be EPSG:N with 1024 <= N < 32767, or local; got `{name}`"))?,
     };
     let mut points = lines.iter().flat_map(|l| &l.points);
-    let degrees = crs == Crs::Unknown && points.all(|[x, y]| x.abs() <= 180.0 && y.abs() <= 90.0);
+    let degrees = crs == Crs::Unknown && points.all(|p| p.abs().cmple(DVec2::new(180.0, 90.0)).all());
     let way_out = "project the file first, or say --crs EPSG:N, or --crs local if these are lengths";
     match (crs.is_geographic(), degrees) {
         (true, _) => Err(format!("coordinates are degrees, but x and y must be lengths as heights are; {way_out}")),

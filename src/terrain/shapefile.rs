@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{BufReader, Cursor, ErrorKind, Read, Seek};
 use std::path::Path;
 
+use glam::DVec2;
 use serde_json::Value;
 use shapefile::dbase::{self, FieldError, FieldIterator, FieldValue, ReadableRecord};
 use shapefile::{Shape, ShapeReader};
@@ -101,25 +102,25 @@ fn json(value: FieldValue) -> Value {
 }
 
 fn parts(shape: Shape) -> std::result::Result<Vec<MapPart>, String> {
-    let plane = |points: Vec<[f64; 2]>, ring| MapPart { points, z: Vec::new(), ring };
+    let plane = |points: Vec<DVec2>, ring| MapPart { points, z: Vec::new(), ring };
     Ok(match shape {
         Shape::NullShape => Vec::new(),
         Shape::Polyline(line) => {
             let parts = line.into_inner().into_iter();
-            parts.map(|p| plane(p.iter().map(|p| [p.x, p.y]).collect(), false)).collect()
+            parts.map(|p| plane(p.iter().map(|p| DVec2::new(p.x, p.y)).collect(), false)).collect()
         }
         Shape::PolylineM(line) => {
             let parts = line.into_inner().into_iter();
-            parts.map(|p| plane(p.iter().map(|p| [p.x, p.y]).collect(), false)).collect()
+            parts.map(|p| plane(p.iter().map(|p| DVec2::new(p.x, p.y)).collect(), false)).collect()
         }
         Shape::PolylineZ(line) => line.into_inner().iter().map(|p| spatial(p, false)).collect(),
         Shape::Polygon(polygon) => {
             let rings = polygon.into_inner().into_iter();
-            rings.map(|r| plane(r.points().iter().map(|p| [p.x, p.y]).collect(), true)).collect()
+            rings.map(|r| plane(r.points().iter().map(|p| DVec2::new(p.x, p.y)).collect(), true)).collect()
         }
         Shape::PolygonM(polygon) => {
             let rings = polygon.into_inner().into_iter();
-            rings.map(|r| plane(r.points().iter().map(|p| [p.x, p.y]).collect(), true)).collect()
+            rings.map(|r| plane(r.points().iter().map(|p| DVec2::new(p.x, p.y)).collect(), true)).collect()
         }
         Shape::PolygonZ(polygon) => polygon.into_inner().iter().map(|r| spatial(r.points(), true)).collect(),
         other => return Err(format!("is a {}; contours are polylines or polygons", other.shapetype())),
@@ -129,5 +130,9 @@ fn parts(shape: Shape) -> std::result::Result<Vec<MapPart>, String> {
 fn spatial(points: &[shapefile::PointZ], ring: bool) -> MapPart {
     let z: Vec<f64> = points.iter().map(|p| p.z).collect();
     let known = z.iter().all(|z| *z > NO_DATA);
-    MapPart { points: points.iter().map(|p| [p.x, p.y]).collect(), z: if known { z } else { Vec::new() }, ring }
+    MapPart {
+        points: points.iter().map(|p| DVec2::new(p.x, p.y)).collect(),
+        z: if known { z } else { Vec::new() },
+        ring,
+    }
 }

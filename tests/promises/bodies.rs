@@ -17,6 +17,7 @@ use crate::random::source::Source;
 use crate::random::turned::TURNS;
 use crate::shapes::zoo::zoo;
 use crate::shapes::*;
+use glam::DVec2;
 use interslice::evaluate::demo::demo;
 use interslice::polygons::{self, PlaneDrawing, Planes};
 #[cfg(feature = "gpu")]
@@ -292,7 +293,7 @@ fn spheres(rule: EndRule) -> (f64, f64) {
                 let of_plane = |z: f64| {
                     let r = (radius * radius - z * z).sqrt();
                     let at = |k: usize| PI * k as f64 / 36.0;
-                    let circle = (0..72).map(|k| [x + r * at(k).cos(), y + r * at(k).sin()]).collect();
+                    let circle = (0..72).map(|k| DVec2::new(x, y) + r * DVec2::from_angle(at(k))).collect();
                     PlaneDrawing { name: format!("{z}"), z, extra: false, regions: vec![vec![circle]] }
                 };
                 let drawings: Vec<PlaneDrawing> = planes.map(of_plane).collect();

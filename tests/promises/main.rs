@@ -152,7 +152,7 @@ fn a_mesh_in_coarse_coordinates_is_seen() {
     let mesh = interslice::surface::mesh::closed_surface(&body);
     assert_eq!(seams(&mesh.positions, &mesh.triangles), 0);
     let step = 0.5 * px(&case.stack);
-    let coarse: Vec<[f64; 3]> = mesh.positions.iter().map(|p| p.map(|v| (v / step).round() * step)).collect();
+    let coarse: Vec<_> = mesh.positions.iter().map(|p| p.map(|v| (v / step).round() * step)).collect();
     assert!(seams(&coarse, &mesh.triangles) > 0);
 }
 

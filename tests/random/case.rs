@@ -2,9 +2,10 @@
 
 use std::fmt;
 
+use glam::DVec2;
 use interslice::Settings;
 use interslice::grid::components;
-use interslice::polygons::{self, PlaneDrawing, Planes};
+use interslice::polygons::{self, PlaneDrawing, Planes, Polygon};
 use interslice::stack::{ContourStack, Geometry, LevelSlice, Slice, SliceContent};
 
 use super::numbers::Numbers;
@@ -77,8 +78,8 @@ pub fn stack(n: &mut Numbers, kind: Kind) -> ContourStack {
     if drawn == Drawn::Polygons {
         let corners = n.whole(12, 60);
         let outline = |part: &Part, k: usize, centre: [f64; 2]| {
-            let place = |p: [f64; 2]| std::array::from_fn(|a| spacing[a] * (centre[a] + p[a] / scale[a]));
-            part.polygon(k, corners).into_iter().map(place).collect::<Vec<[f64; 2]>>()
+            let place = |p: [f64; 2]| DVec2::from([0, 1].map(|a| spacing[a] * (centre[a] + p[a] / scale[a])));
+            part.polygon(k, corners).into_iter().map(place).collect::<Polygon>()
         };
         let drawings: Vec<PlaneDrawing> = (0..slices)
             .map(|k| {

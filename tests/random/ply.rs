@@ -1,7 +1,9 @@
 //! A reader of binary PLY that knows nothing of its writer: properties by name, f32 or f64.
 
+use glam::DVec3;
+
 /// Vertices and triangles.
-pub type Read = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+pub type Read = (Vec<DVec3>, Vec<[u32; 3]>);
 
 /// Reads what a binary little-endian PLY says.
 ///
@@ -37,7 +39,7 @@ pub fn read(bytes: &[u8]) -> Result<Read, String> {
     };
     let mut positions = Vec::with_capacity(counts[0]);
     for _ in 0..counts[0] {
-        let mut p = [f64::NAN; 3];
+        let mut p = DVec3::NAN;
         for (kind, name) in &properties {
             let raw = take(size(kind)?)?;
             let value = match raw.len() {

@@ -3,6 +3,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use glam::DVec2;
 use interslice::polygons::{PlaneDrawing, Planes, stack};
 use interslice::stack::{ContourStack, Geometry};
 use interslice::surface::areas::Areas;
@@ -19,18 +20,15 @@ pub fn random(state: &mut u64) -> f64 {
 }
 
 /// Ellipses of these half axes around `center` at these heights, with the ellipses' own areas; nothing where an axis is 0.
-pub fn drawn(center: [f64; 2], heights: &[f64], axes: impl Fn(f64) -> [f64; 2]) -> Option<ContourStack> {
+pub fn drawn(center: DVec2, heights: &[f64], axes: impl Fn(f64) -> DVec2) -> Option<ContourStack> {
     let inscribed = TAU / POINTS as f64;
     let outward = (inscribed / inscribed.sin()).sqrt();
     let drawings: Vec<PlaneDrawing> = heights
         .iter()
         .map(|&z| (z, axes(z)))
-        .filter(|(_, axes)| axes.iter().all(|a| *a > 0.0))
+        .filter(|(_, axes)| axes.min_element() > 0.0)
         .map(|(z, axes)| {
-            let point = |k: usize| {
-                let t = TAU * k as f64 / POINTS as f64;
-                [center[0] + outward * axes[0] * t.cos(), center[1] + outward * axes[1] * t.sin()]
-            };
+            let point = |k: usize| center + outward * axes * DVec2::from_angle(TAU * k as f64 / POINTS as f64);
             PlaneDrawing {
                 name: format!("z = {z}"),
                 z,
@@ -49,8 +47,8 @@ pub fn spheres(diameter: f64, gap: f64, count: usize) -> Vec<ContourStack> {
     let mut place = || {
         let [x, y, z] = [0.0; 3].map(|_: f64| random(&mut state));
         let heights: Vec<f64> = (-50..50).map(|k| gap * f64::from(k)).collect();
-        drawn([40.0 * x, 40.0 * y], &heights, |at| {
-            [(0.25 * diameter * diameter - (at - gap * z).powi(2)).max(0.0).sqrt(); 2]
+        drawn(40.0 * DVec2::new(x, y), &heights, |at| {
+            DVec2::splat((0.25 * diameter * diameter - (at - gap * z).powi(2)).max(0.0).sqrt())
         })
     };
     // Spheres hardly larger than two gaps meet three slices in few places.

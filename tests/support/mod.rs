@@ -70,7 +70,7 @@ pub fn merged(mesh: &Mesh) -> Vec<[u32; 3]> {
         .iter()
         .map(|p| {
             let next = numbers.len() as u32;
-            *numbers.entry(p.map(|v| ((v as f32) + 0.0).to_bits())).or_insert(next)
+            *numbers.entry((p.as_vec3() + 0.0).to_array().map(f32::to_bits)).or_insert(next)
         })
         .collect();
     mesh.triangles.iter().map(|t| t.map(|v| merged[v as usize])).collect()

@@ -1,5 +1,7 @@
 //! Where the voxels of a volume lie in the world.
 
+use glam::DVec3;
+
 /// What a reader says without the file's name.
 pub(crate) type Failure<T> = std::result::Result<T, String>;
 
@@ -14,9 +16,9 @@ pub struct VolumeGrid {
     /// Voxels along x, y, z, the file's first, second and third axis.
     pub dims: [usize; 3],
     /// Position of voxel (0, 0, 0).
-    pub origin: [f64; 3],
+    pub origin: DVec3,
     /// Steps from voxel to voxel along each axis.
-    pub steps: [[f64; 3]; 3],
+    pub steps: [DVec3; 3],
     /// Length unit.
     pub unit: String,
     /// Whether the file says how far apart its voxels are.
@@ -26,19 +28,17 @@ pub struct VolumeGrid {
 impl VolumeGrid {
     /// A grid without place or spacing: 1 px along each axis.
     pub fn unspaced(dims: [usize; 3]) -> Self {
-        let steps = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        VolumeGrid { dims, origin: [0.0; 3], steps, unit: "px".into(), spaced: false }
+        VolumeGrid { dims, origin: DVec3::ZERO, steps: DVec3::AXES, unit: "px".into(), spaced: false }
     }
 
     /// Voxel sides.
     pub fn spacing(&self) -> [f64; 3] {
-        self.steps.map(|[x, y, z]| (x * x + y * y + z * z).sqrt())
+        self.steps.map(DVec3::length)
     }
 
     /// Unit vectors along the axes.
-    pub fn axes(&self) -> [[f64; 3]; 3] {
-        let spacing = self.spacing();
-        std::array::from_fn(|a| self.steps[a].map(|v| v / spacing[a]))
+    pub fn axes(&self) -> [DVec3; 3] {
+        self.steps.map(|step| step / step.length())
     }
 
     pub(crate) fn check(&self) -> Failure<()> {
@@ -47,7 +47,7 @@ impl VolumeGrid {
         if !count.is_some_and(|n| (1..=MOST_VOXELS).contains(&n)) {
             return Err(format!("sizes {nx} {ny} {nz} are no volume of 1 to {MOST_VOXELS} voxels"));
         }
-        if let Some(bad) = self.origin.iter().find(|v| !v.is_finite()) {
+        if let Some(bad) = self.origin.to_array().into_iter().find(|v| !v.is_finite()) {
             return Err(format!("the origin holds {bad}"));
         }
         let spacing = self.spacing();
@@ -62,16 +62,15 @@ impl VolumeGrid {
 ///
 /// # Errors
 /// A message with axis, value and limit.
-pub(crate) fn check_axes(axes: &[[f64; 3]; 3]) -> Failure<()> {
-    let dot = |a: usize, b: usize| -> f64 { (0..3).map(|k| axes[a][k] * axes[b][k]).sum() };
-    for a in 0..3 {
-        let length = dot(a, a).sqrt();
+pub(crate) fn check_axes(axes: &[DVec3; 3]) -> Failure<()> {
+    for (a, axis) in axes.iter().enumerate() {
+        let length = axis.length();
         if length.is_nan() || (length - 1.0).abs() > SHEAR_LIMIT {
             return Err(format!("axis {a} is {length} long; it must be 1"));
         }
     }
     for (a, b) in [(0, 1), (0, 2), (1, 2)] {
-        let cosine = dot(a, b);
+        let cosine = axes[a].dot(axes[b]);
         if cosine.is_nan() || cosine.abs() > SHEAR_LIMIT {
             return Err(format!("axes {a} and {b} are not perpendicular (cosine {cosine:.4}, at most {SHEAR_LIMIT})"));
         }

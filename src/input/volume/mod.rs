@@ -94,7 +94,7 @@ impl Volume {
             return fail(format!("is only for a file without its own; {path} has {x} x {y} x {z} {}", self.grid.unit));
         }
         let axes = self.grid.axes();
-        self.grid.steps = std::array::from_fn(|a| axes[a].map(|v| v * [dx, dy, dz][a]));
+        self.grid.steps = [dx * axes[0], dy * axes[1], dz * axes[2]];
         self.grid.unit = "mm".into();
         Ok(self)
     }

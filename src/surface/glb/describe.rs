@@ -31,7 +31,7 @@ pub(super) fn described(parts: &[MeshPart]) -> io::Result<Root> {
             let name = part.about.appearance.name.clone();
             let mesh = mesh(&mut root, part, buffer, offset)?;
             // An origin is f32 already.
-            let translation = part.is_moved().then(|| part.about.origin.map(|x| x as f32));
+            let translation = part.is_moved().then(|| part.about.origin.as_vec3().to_array());
             nodes.push(root.push(Node { mesh: Some(mesh), name, translation, ..Node::default() }));
             offset += part.bytes();
         }

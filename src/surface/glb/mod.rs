@@ -13,8 +13,10 @@ use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Seek, Write};
 use std::path::Path;
 
+use glam::DVec3;
+
 use super::mesh::MeshSource;
-use super::space::sub;
+use super::mesh_files::le_bytes;
 use describe::described;
 pub use part::About;
 use part::MeshPart;
@@ -58,9 +60,9 @@ fn write_head<W: Write>(out: &mut W, parts: &[MeshPart]) -> io::Result<()> {
 }
 
 /// Positions, normals, triangles.
-fn write_data<W: Write>(out: &mut W, mesh: &mut dyn MeshSource, origin: [f64; 3]) -> io::Result<()> {
-    let mut three = |v: [f64; 3]| out.write_all(v.map(|x| (x as f32).to_le_bytes()).as_flattened());
-    mesh.vertices(&mut |v| three(sub(v.position, origin)))?;
+fn write_data<W: Write>(out: &mut W, mesh: &mut dyn MeshSource, origin: DVec3) -> io::Result<()> {
+    let mut three = |v: DVec3| out.write_all(&le_bytes(v.as_vec3()));
+    mesh.vertices(&mut |v| three(v.position - origin))?;
     mesh.vertices(&mut |v| three(v.normal))?;
     mesh.triangles(&mut |t, _| out.write_all(t.map(|v| (v as u32).to_le_bytes()).as_flattened()))
 }

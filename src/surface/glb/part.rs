@@ -2,9 +2,10 @@
 
 use std::io;
 
+use glam::{DVec3, Vec3};
+
 use crate::stack::appearance::Appearance;
 use crate::surface::mesh::MeshSource;
-use crate::surface::space::sub;
 
 /// Bytes of three f32.
 pub(super) const VERTEX_BYTES: u64 = 12;
@@ -19,7 +20,7 @@ pub struct About {
     /// Length unit.
     pub unit: String,
     /// Origin of positions, see [`local`](crate::surface::local).
-    pub origin: [f64; 3],
+    pub origin: DVec3,
 }
 
 /// One mesh of a file.
@@ -29,18 +30,17 @@ pub(super) struct MeshPart {
     /// Vertices and triangles.
     pub(super) counts: [u64; 2],
     /// The box around its vertices, as they are stored.
-    pub(super) low: [f32; 3],
-    pub(super) high: [f32; 3],
+    pub(super) low: Vec3,
+    pub(super) high: Vec3,
 }
 
 impl MeshPart {
     /// Facts about a mesh that must be known before it is written.
     pub(super) fn of(mesh: &mut dyn MeshSource, about: &About) -> io::Result<Self> {
-        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         mesh.vertices(&mut |v| {
-            for (a, x) in sub(v.position, about.origin).iter().enumerate() {
-                (low[a], high[a]) = (low[a].min(*x as f32), high[a].max(*x as f32));
-            }
+            let p = (v.position - about.origin).as_vec3();
+            (low, high) = (low.min(p), high.max(p));
             Ok(())
         })?;
         Ok(MeshPart { about: about.clone(), counts: mesh.counts(), low, high })
@@ -54,7 +54,7 @@ impl MeshPart {
 
     /// Whether its origin is not the world's.
     pub(super) fn is_moved(&self) -> bool {
-        self.about.origin != [0.0; 3]
+        self.about.origin != DVec3::ZERO
     }
 
     pub(super) fn bytes(&self) -> u64 {

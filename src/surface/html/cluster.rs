@@ -4,11 +4,13 @@
 use std::collections::HashMap;
 use std::io;
 
+use glam::{DVec3, IVec3};
+
 use super::super::mesh::{MeshSource, Vertex};
-use super::super::space::{cross, length, sub, unit};
+use super::super::space::unit;
 
 /// Map from a point to its place as it is drawn.
-pub type Seen<'s> = dyn Fn([f64; 3]) -> [f64; 3] + 's;
+pub type Seen<'s> = dyn Fn(DVec3) -> DVec3 + 's;
 
 /// Triangles to look at.
 #[derive(Debug, Clone, Default)]
@@ -33,8 +35,8 @@ impl ShownMesh {
         }
         let mut area = 0.0;
         mesh.triangles(&mut |_, corners| {
-            let p = corners.map(|v| seen(v.position));
-            area += 0.5 * length(cross(sub(p[1], p[0]), sub(p[2], p[0])));
+            let [a, b, c] = corners.map(|v| seen(v.position));
+            area += 0.5 * (b - a).cross(c - a).length();
             Ok(())
         })?;
         // A cell of a plane has about two triangles, of a slanting one more.
@@ -63,10 +65,9 @@ impl ShownMesh {
 
     fn clustered(mesh: &mut dyn MeshSource, seen: &Seen<'_>, cell: f64) -> io::Result<Self> {
         // Two sheets in one cell stay apart.
-        let facing = |n: [f64; 3]| (0..3).fold(0, |most, a| if n[a].abs() > n[most].abs() { a } else { most });
-        let key = |v: &Vertex| {
-            let axis = facing(v.normal);
-            (seen(v.position).map(|x| (x / cell).floor() as i32), axis, v.normal[axis] < 0.0)
+        let key = |v: &Vertex| -> (IVec3, usize, bool) {
+            let axis = v.normal.abs().max_position();
+            ((seen(v.position) / cell).floor().as_ivec3(), axis, v.normal[axis] < 0.0)
         };
         let mut numbers = HashMap::new();
         let mut first = None;
@@ -81,15 +82,14 @@ impl ShownMesh {
             }
             let sum = &mut shown.vertices[number];
             let low = *first.get_or_insert(v.position);
-            let moved = |sum: [f64; 3], by: [f64; 3]| std::array::from_fn(|a| sum[a] + by[a]);
-            sum.position = moved(sum.position, sub(v.position, low));
-            sum.normal = moved(sum.normal, v.normal);
+            sum.position += v.position - low;
+            sum.normal += v.normal;
             counts[number] += 1.0;
             Ok(())
         })?;
         let low = first.unwrap_or_default();
         for (v, count) in shown.vertices.iter_mut().zip(counts) {
-            v.position = std::array::from_fn(|a| low[a] + v.position[a] / count);
+            v.position = low + v.position / count;
             v.normal = unit(v.normal);
         }
         let mut last = None;

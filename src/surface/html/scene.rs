@@ -4,11 +4,11 @@ use std::io;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use glam::{DMat3, DVec3};
 use serde::Serialize;
 
 use super::super::mesh::MeshSource;
 use super::super::render::{FLATTEST, Polyline};
-use super::super::space::{cross, dot};
 use super::cluster::ShownMesh;
 use crate::stack::Geometry;
 
@@ -22,7 +22,7 @@ const MOST: f64 = 65535.0;
 #[derive(Debug, Serialize)]
 pub struct PageScene {
     /// Sides of the box around the body, stack's unit.
-    size: [f64; 3],
+    size: DVec3,
     /// Length of one step of a quantised coordinate, stack's unit.
     step: f64,
     /// Heights are drawn so many times larger.
@@ -53,31 +53,24 @@ impl PageScene {
     /// The errors of reading the mesh.
     pub fn new(geometry: &Geometry, mesh: &mut dyn MeshSource, lines: &[(usize, Polyline)]) -> io::Result<Self> {
         let [x, _, z] = geometry.axes;
-        let frame = [x, cross(z, x), z];
-        let seen = |p: [f64; 3]| frame.map(|axis| dot(axis, p));
-        let mut low = [f64::INFINITY; 3];
-        let mut high = [f64::NEG_INFINITY; 3];
-        let mut widen = |p: [f64; 3]| (0..3).for_each(|a| (low[a], high[a]) = (low[a].min(p[a]), high[a].max(p[a])));
+        let frame = DMat3::from_cols(x, z.cross(x), z).transpose();
+        let seen = |p: DVec3| frame * p;
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let mut widen = |p: DVec3| (low, high) = (low.min(p), high.max(p));
         lines.iter().flat_map(|(_, line)| line).for_each(|p| widen(seen(*p)));
         mesh.vertices(&mut |v| {
             widen(seen(v.position));
             Ok(())
         })?;
-        if low[0] > high[0] {
-            (low, high) = ([0.0; 3], [0.0; 3]);
+        if low.x > high.x {
+            (low, high) = (DVec3::ZERO, DVec3::ZERO);
         }
-        let size: [f64; 3] = std::array::from_fn(|a| high[a] - low[a]);
-        let stretch = (FLATTEST * size[0].max(size[1]) / size[2].max(f64::MIN_POSITIVE)).max(1.0);
-        let drawn = |p: [f64; 3]| {
-            let p = seen(p);
-            [p[0] - low[0], p[1] - low[1], (p[2] - low[2]) * stretch]
-        };
+        let size = high - low;
+        let stretch = (FLATTEST * size.x.max(size.y) / size.z.max(f64::MIN_POSITIVE)).max(1.0);
+        let drawn = |p: DVec3| (seen(p) - low) * DVec3::new(1.0, 1.0, stretch);
         let shown = ShownMesh::new(mesh, &drawn, TRIANGLES)?;
-        let step = size.iter().fold(0.0, |a: f64, b| a.max(*b)).max(f64::MIN_POSITIVE) / MOST;
-        let quantised = |p: [f64; 3]| {
-            let p = seen(p);
-            std::array::from_fn::<u16, 3, _>(|a| ((p[a] - low[a]) / step).round() as u16)
-        };
+        let step = size.max_element().max(f64::MIN_POSITIVE) / MOST;
+        let quantised = |p: DVec3| ((seen(p) - low) / step).round().as_u16vec3().to_array();
         let mut vertices = Vec::with_capacity(8 * shown.vertices.len());
         for v in &shown.vertices {
             vertices.extend(quantised(v.position).iter().flat_map(|c| c.to_le_bytes()));
@@ -99,7 +92,7 @@ impl PageScene {
             size,
             step,
             stretch,
-            floor: low[2] - dot(z, geometry.origin),
+            floor: low.z - z.dot(geometry.origin),
             vertices: STANDARD.encode(vertices),
             triangles: STANDARD.encode(triangles),
             lines: STANDARD.encode(drawn),
@@ -111,9 +104,8 @@ impl PageScene {
 }
 
 /// A unit vector on the octahedron, unfolded into a square (Meyer et al., 2010).
-fn octahedral(n: [f64; 3]) -> [i8; 2] {
-    let sum = n.iter().map(|v| v.abs()).sum::<f64>().max(f64::MIN_POSITIVE);
-    let [x, y, z] = n.map(|v| v / sum);
+fn octahedral(n: DVec3) -> [i8; 2] {
+    let DVec3 { x, y, z } = n / n.abs().element_sum().max(f64::MIN_POSITIVE);
     let away = |v: f64| if v < 0.0 { -1.0 } else { 1.0 };
     let [x, y] = if z < 0.0 { [(1.0 - y.abs()) * away(x), (1.0 - x.abs()) * away(y)] } else { [x, y] };
     [x, y].map(|v| (127.0 * v).round() as i8)
@@ -129,19 +121,19 @@ mod tests {
         for k in 0..1000 {
             let z = f64::from(k) / 499.5 - 1.0;
             let (r, a) = ((1.0 - z * z).max(0.0).sqrt(), 2.4 * f64::from(k));
-            let n = [r * a.cos(), r * a.sin(), z];
+            let n = DVec3::new(r * a.cos(), r * a.sin(), z);
             let [x, y] = octahedral(n).map(|v| f64::from(v) / 127.0);
             let z = 1.0 - x.abs() - y.abs();
             let fold = (-z).max(0.0);
-            let back = super::super::super::space::unit([x - fold.copysign(x), y - fold.copysign(y), z]);
-            assert!(dot(n, back) > 0.9995, "{n:?} {back:?}");
+            let back = DVec3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize();
+            assert!(n.dot(back) > 0.9995, "{n:?} {back:?}");
         }
     }
 
     #[test]
     fn a_large_surface_is_thinned_to_the_bound() {
         let n = 500u32;
-        let at = |i: u32, j: u32| [f64::from(i), f64::from(j), (0.02 * f64::from(i)).sin() * 30.0];
+        let at = |i: u32, j: u32| DVec3::new(f64::from(i), f64::from(j), (0.02 * f64::from(i)).sin() * 30.0);
         let mut mesh = Mesh { positions: (0..n * n).map(|k| at(k % n, k / n)).collect(), triangles: Vec::new() };
         for k in (0..n * (n - 1)).filter(|k| k % n + 1 < n) {
             mesh.triangles.extend([[k, k + 1, k + n], [k + 1, k + n + 1, k + n]]);

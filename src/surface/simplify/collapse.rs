@@ -1,8 +1,8 @@
 //! A block of the surface made simpler, its border kept: tried with locks around what fails, until what is measured is within the error.
 
+use glam::DVec3;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 
-use super::super::space::sub;
 use super::block::Block;
 use super::measure::{BlockError, Far};
 use super::sound::{euler, torn_within};
@@ -28,10 +28,10 @@ pub(super) struct Simpler {
 impl Block<'_> {
     /// A simpler block of the same Euler number; nothing where none was found.
     pub fn simpler(&self) -> Option<Simpler> {
-        let positions: Vec<[f64; 3]> = self.vertices.iter().map(|&v| self.given.positions[v as usize]).collect();
+        let positions: Vec<DVec3> = self.vertices.iter().map(|&v| self.given.positions[v as usize]).collect();
         let first = *positions.first()?;
         // About the first vertex, so that f32 suffices far from the world's origin.
-        let near: Vec<[f32; 3]> = positions.iter().map(|p| sub(*p, first).map(|x| x as f32)).collect();
+        let near: Vec<[f32; 3]> = positions.iter().map(|p| (*p - first).as_vec3().to_array()).collect();
         let data = VertexDataAdapter::new(bytemuck::cast_slice(&near), size_of::<[f32; 3]>(), 0).ok()?;
         let measure = BlockError::new(self, positions);
         let number = euler(&self.triangles);

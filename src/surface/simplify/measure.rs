@@ -2,8 +2,9 @@
 
 use std::collections::HashMap;
 
+use glam::DVec3;
+
 use super::super::mesh::Mesh;
-use super::super::space::{length, sub};
 use super::block::Block;
 use super::distances::{TriangleTree, distance_2, samples};
 
@@ -18,11 +19,11 @@ const NEW_STEP: f64 = 1.0 / 6.0;
 /// Means to measure a block with.
 pub(super) struct BlockError {
     /// Positions of the block's vertices.
-    positions: Vec<[f64; 3]>,
+    positions: Vec<DVec3>,
     /// Number of each triangle of the block.
     numbers: HashMap<[u32; 3], u32>,
     /// The given triangles whose middles the block has, and for each the block's triangle near its middle.
-    corners: Vec<[[f64; 3]; 3]>,
+    corners: Vec<[DVec3; 3]>,
     beside: Vec<u32>,
     given: TriangleTree,
     /// Between samples of given triangles, and of new ones.
@@ -45,12 +46,12 @@ impl Far {
 
 impl BlockError {
     /// The means for `block`, whose vertices lie at `positions`.
-    pub fn new(block: &Block<'_>, positions: Vec<[f64; 3]>) -> Self {
+    pub fn new(block: &Block<'_>, positions: Vec<DVec3>) -> Self {
         let first_middle = block.given.positions.len() as u32;
         let middles = block.samples.iter().filter(|[s, _]| *s >= first_middle);
         let (corners, beside): (Vec<_>, Vec<_>) =
             middles.map(|[s, t]| (corners_of(block.given, (s - first_middle) as usize), *t)).unzip();
-        let sides = corners.iter().map(|[a, b, _]| length(sub(*b, *a))).sum::<f64>() / corners.len().max(1) as f64;
+        let sides = corners.iter().map(|[a, b, _]| b.distance(*a)).sum::<f64>() / corners.len().max(1) as f64;
         BlockError {
             positions,
             numbers: block.triangles.iter().zip(0..).map(|(t, n)| (*t, n)).collect(),
@@ -94,7 +95,7 @@ impl BlockError {
                 if to_new.covers(given) {
                     continue;
                 }
-                let is_far = |p: &[f64; 3]| to_new.find(*p).is_none() && self.was_near(block, *p);
+                let is_far = |p: &DVec3| to_new.find(*p).is_none() && self.was_near(block, *p);
                 samples(*given, self.steps[0]).filter(is_far).for_each(|_| far.add(block.triangles[old as usize]));
             }
         }
@@ -112,7 +113,7 @@ impl BlockError {
     }
 
     /// Whether `p` was near the block as it was: where not, it is near another one, which has to keep it.
-    fn was_near(&self, block: &Block<'_>, p: [f64; 3]) -> bool {
+    fn was_near(&self, block: &Block<'_>, p: DVec3) -> bool {
         let is_near = |t: &[u32; 3]| distance_2(t.map(|v| self.positions[v as usize]), p) <= self.reach * self.reach;
         block.triangles.iter().any(is_near)
     }
@@ -121,13 +122,13 @@ impl BlockError {
 /// Finds triangles near points that are mostly near the same one as the point before.
 struct Nearby<'d> {
     of: &'d TriangleTree,
-    corners: &'d [[[f64; 3]; 3]],
+    corners: &'d [[DVec3; 3]],
     reach: f64,
     last: u32,
 }
 
 impl Nearby<'_> {
-    fn find(&mut self, p: [f64; 3]) -> Option<u32> {
+    fn find(&mut self, p: DVec3) -> Option<u32> {
         if self.is_near(p) {
             return Some(self.last);
         }
@@ -136,25 +137,25 @@ impl Nearby<'_> {
         Some(found)
     }
 
-    fn is_near(&self, p: [f64; 3]) -> bool {
+    fn is_near(&self, p: DVec3) -> bool {
         self.corners.get(self.last as usize).is_some_and(|c| distance_2(*c, p) <= self.reach * self.reach)
     }
 
     /// Whether all of a triangle is near the last one found: its distances from that are largest at its corners.
-    fn covers(&self, triangle: &[[f64; 3]; 3]) -> bool {
+    fn covers(&self, triangle: &[DVec3; 3]) -> bool {
         triangle.iter().all(|p| self.is_near(*p))
     }
 }
 
 /// A sample of the given surface: its vertices, then its triangles' middles.
-fn place(given: &Mesh, sample: u32) -> [f64; 3] {
+fn place(given: &Mesh, sample: u32) -> DVec3 {
     let sample = sample as usize;
     given.positions.get(sample).copied().unwrap_or_else(|| {
         let [a, b, c] = corners_of(given, sample - given.positions.len());
-        std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0)
+        (a + b + c) / 3.0
     })
 }
 
-fn corners_of(mesh: &Mesh, triangle: usize) -> [[f64; 3]; 3] {
+fn corners_of(mesh: &Mesh, triangle: usize) -> [DVec3; 3] {
     mesh.triangles[triangle].map(|v| mesh.positions[v as usize])
 }

@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 use std::fs;
 
+use glam::DVec3;
+
 use super::{Case, Checked, Fault, Property, any, made, numbers, within};
 use crate::random::measure::px;
 use crate::random::ply;
@@ -21,7 +23,8 @@ pub const PROPERTY: Property = Property {
         let mut case = any(seed);
         let mut n = numbers(&case);
         let far = FAR * px(&case.stack);
-        case.stack.geometry.origin = std::array::from_fn(|_| n.of(&[-1.0, 1.0]) * n.between(0.1, 1.0) * far);
+        case.stack.geometry.origin =
+            DVec3::from_array([(); 3].map(|()| n.of(&[-1.0, 1.0]) * n.between(0.1, 1.0) * far));
         case
     },
     check,
@@ -43,13 +46,13 @@ fn check(case: &Case, source: &dyn Source) -> Checked {
 }
 
 /// Edges that are not in exactly two triangles, once in each direction, where vertices at the same place are one.
-pub fn seams(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> usize {
+pub fn seams(positions: &[DVec3], triangles: &[[u32; 3]]) -> usize {
     let mut numbers: HashMap<[u64; 3], u32> = HashMap::new();
     let merged: Vec<u32> = positions
         .iter()
         .map(|p| {
             let next = numbers.len() as u32;
-            *numbers.entry(p.map(|v| (v + 0.0).to_bits())).or_insert(next)
+            *numbers.entry((*p + 0.0).to_array().map(f64::to_bits)).or_insert(next)
         })
         .collect();
     let triangles: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|v| merged[v as usize])).collect();

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use glam::DVec3;
 use interslice::Reconstruction;
 use interslice::stack::ContourStack;
 use interslice::surface::Layer;
@@ -64,15 +65,14 @@ pub fn floating_in_mesh(stack: &ContourStack, body: &Reconstruction) -> usize {
         }
     }
     // Lowest and highest point, and six times the volume about the first corner.
-    let mut found: BTreeMap<u32, ([f64; 2], [f64; 3], f64)> = BTreeMap::new();
+    let mut found: BTreeMap<u32, ([f64; 2], DVec3, f64)> = BTreeMap::new();
     for (t, [a, b, c]) in mesh.triangles.iter().zip(mesh.corners()) {
-        let piece = found.entry(root(&mut joined, t[0])).or_insert(([a[2], a[2]], a, 0.0));
+        let piece = found.entry(root(&mut joined, t[0])).or_insert(([a.z, a.z], a, 0.0));
         for p in [a, b, c] {
-            piece.0 = [piece.0[0].min(p[2]), piece.0[1].max(p[2])];
+            piece.0 = [piece.0[0].min(p.z), piece.0[1].max(p.z)];
         }
-        let [a, b, c] = [a, b, c].map(|p| std::array::from_fn::<f64, 3, _>(|k| p[k] - piece.1[k]));
-        let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
-        piece.2 += a.iter().zip(cross).map(|(a, c)| a * c).sum::<f64>();
+        let [a, b, c] = [a, b, c].map(|p| p - piece.1);
+        piece.2 += a.dot(b.cross(c));
     }
     let slack = 1e-9 * stack.slices.iter().map(|s| s.z.abs()).fold(0.0, f64::max);
     let touches = |[low, high]: [f64; 2]| stack.slices.iter().any(|s| s.z >= low - slack && s.z <= high + slack);

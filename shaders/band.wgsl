@@ -9,7 +9,7 @@
 @group(0) @binding(1) var<storage, read> jobs: array<Job>;
 @group(0) @binding(2) var<storage, read_write> blocks: array<Block>;
 @group(0) @binding(3) var<storage, read> work: Work;
-@group(0) @binding(4) var<storage, read_write> lists: Work;
+@group(0) @binding(4) var<storage, read_write> work_mut: Work;
 @group(0) @binding(5) var<storage, read_write> phi: array<f32>;
 @group(0) @binding(6) var<storage, read_write> other: array<f32>;
 @group(0) @binding(7) var<storage, read_write> slots: array<u32>;
@@ -58,15 +58,15 @@ fn start(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     blocks[b].near = inner;
     blocks[b].inner = inner;
     blocks[b].tube = tube;
-    lists.blocks[b] = b;
+    work_mut.blocks[b] = b;
     if b == 0u {
         set_block_total(params.block_count);
     }
 }
 
 fn set_block_total(total: u32) {
-    lists.block_total = total;
-    lists.block_groups = groups_of(total);
+    work_mut.block_total = total;
+    work_mut.block_groups = groups_of(total);
 }
 
 // Arguments of a dispatch over a list.
@@ -147,7 +147,7 @@ fn gather(@builtin(local_invocation_index) local: u32) {
         while bits != 0u {
             let c = countTrailingZeros(bits);
             bits &= bits - 1u;
-            lists.blocks[place] = w * 32u + c;
+            work_mut.blocks[place] = w * 32u + c;
             place++;
         }
     }
@@ -218,13 +218,13 @@ fn grow(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
 // Turns the blocks' counts into places and says how long the band is.
 @compute @workgroup_size(scan_width)
 fn scan(@builtin(local_invocation_index) local: u32) {
-    let total = lists.block_total;
+    let total = work_mut.block_total;
     let stretch = (total + scan_width - 1u) / scan_width;
     let begin = min(local * stretch, total);
     let end = min(begin + stretch, total);
     var count = 0u;
     for (var k = begin; k < end; k++) {
-        count += blocks[lists.blocks[k]].first;
+        count += blocks[work_mut.blocks[k]].first;
     }
     totals[local] = count;
     workgroupBarrier();
@@ -233,17 +233,17 @@ fn scan(@builtin(local_invocation_index) local: u32) {
         place += totals[t];
     }
     for (var k = begin; k < end; k++) {
-        let b = lists.blocks[k];
+        let b = work_mut.blocks[k];
         let own = blocks[b].first;
         blocks[b].first = place;
         place += own;
     }
     if local == scan_width - 1u {
         let kept = min(place, params.band_capacity);
-        lists.band_wanted = max(lists.band_wanted, place);
-        lists.band_total = kept;
-        lists.band_groups = groups_of(kept);
-        lists.chunk_groups = groups_of((kept + chunk_length - 1u) / chunk_length);
+        work_mut.band_wanted = max(work_mut.band_wanted, place);
+        work_mut.band_total = kept;
+        work_mut.band_groups = groups_of(kept);
+        work_mut.chunk_groups = groups_of((kept + chunk_length - 1u) / chunk_length);
     }
 }
 

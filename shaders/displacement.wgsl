@@ -9,7 +9,7 @@
 @group(0) @binding(2) var<storage, read> fields: array<f32>;
 @group(0) @binding(3) var<storage, read> vectors: array<vec2<f32>>;
 @group(0) @binding(4) var<storage, read_write> pairs: array<vec2<f32>>;
-@group(0) @binding(5) var<storage, read_write> moments: array<f32>;
+@group(0) @binding(5) var<storage, read_write> numbers: array<f32>;
 @group(0) @binding(6) var<uniform> axis: Axis;
 @group(0) @binding(7) var<storage, read> weights: array<f32>;
 @group(0) @binding(8) var<storage, read> rough: array<f32>;
@@ -17,7 +17,7 @@
 @group(0) @binding(10) var<storage, read_write> evidence: array<f32>;
 @group(0) @binding(11) var<storage, read> intervals: array<Interval>;
 @group(0) @binding(12) var<storage, read> guess: array<vec2<f32>>;
-@group(0) @binding(13) var<storage, read_write> found: array<vec2<f32>>;
+@group(0) @binding(13) var<storage, read_write> vectors_mut: array<vec2<f32>>;
 
 // Numbers of a node: weight, <gx gx>, <gy gy>, <gx gy>, <gx r>, <gy r>, <gx>, <gy>, <r>.
 const MOMENTS: u32 = 9u;
@@ -169,7 +169,7 @@ fn sum_moments(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
         }
     }
     for (var m = 0u; m < MOMENTS; m++) {
-        moments[k * MOMENTS + m] = sum[m];
+        numbers[k * MOMENTS + m] = sum[m];
     }
 }
 
@@ -191,8 +191,8 @@ fn sum_changes(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
             sum += w * vec2<f32>(1.0, r * r);
         }
     }
-    moments[k * CHANGES] = sum.x;
-    moments[k * CHANGES + 1u] = sum.y;
+    numbers[k * CHANGES] = sum.x;
+    numbers[k * CHANGES + 1u] = sum.y;
 }
 
 // Keeps the window means of what the slices differ by beside the evidence.
@@ -297,7 +297,9 @@ fn solve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     let xx = s.x + ridge;
     let yy = s.y + ridge;
     let determinant = xx * yy - s.z * s.z;
-    found[k] = vec2<f32>(yy * b.x - s.z * b.y, xx * b.y - s.z * b.x) / determinant / h;
+    let v = vec2<f32>(yy * b.x - s.z * b.y, xx * b.y - s.z * b.x) / determinant / h;
+    numbers[2u * k] = v.x;
+    numbers[2u * k + 1u] = v.y;
 }
 
 // The vectors: their smoothed differences to the guess, and the guess.
@@ -307,5 +309,5 @@ fn add_guess(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     if k >= image.count * all_nodes() {
         return;
     }
-    found[k] = guess[k] + vec2<f32>(rough[2u * k], rough[2u * k + 1u]);
+    vectors_mut[k] = guess[k] + vec2<f32>(rough[2u * k], rough[2u * k + 1u]);
 }

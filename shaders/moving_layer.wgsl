@@ -1,4 +1,4 @@
-// Layers of an interval: Hermite curves of the fields along the trajectories. The twin is `layer` in src/reference/moving_field.rs.
+// Layers of an interval: Hermite curves of the fields along the trajectories. The twin is src/reference/moving_layer.rs.
 //
 // `fields` holds the lower and the upper slice, their slopes per interval, and the tiles of the lone parts.
 

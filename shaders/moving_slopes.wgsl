@@ -1,4 +1,4 @@
-// Slopes of the fields at the slices, along the trajectories. The twin is `slopes` in src/reference/moving_field.rs.
+// Slopes of the fields at the slices, along the trajectories. The twin is src/reference/moving_slopes.rs.
 //
 // Two displacements an interval: as its lower slice reads it, then as its upper slice does.
 

@@ -9,7 +9,7 @@
 @group(0) @binding(6) var<storage, read_write> sums: array<Sums>;
 @group(0) @binding(7) var<storage, read> courses: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read_write> errors: array<f32>;
-@group(0) @binding(9) var<storage, read_write> states: array<Job>;
+@group(0) @binding(9) var<storage, read_write> jobs_mut: array<Job>;
 @group(0) @binding(10) var<storage, read> times: array<f32>;
 @group(0) @binding(11) var<storage, read_write> reached: Reached;
 @group(0) @binding(12) var<storage, read_write> line: array<f32>;
@@ -58,29 +58,29 @@ fn advance(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         atomicStore(&reached.groups_y, 0u);
         reached.groups_z = 1u;
     }
-    if q >= params.job_count || states[q].phase != RUNNING {
+    if q >= params.job_count || jobs_mut[q].phase != RUNNING {
         return;
     }
-    if states[q].reaches == 1u {
-        states[q].now = 1.0;
-        states[q].reaches = 0u;
+    if jobs_mut[q].reaches == 1u {
+        jobs_mut[q].now = 1.0;
+        jobs_mut[q].reaches = 0u;
     } else {
-        states[q].now += states[q].dt;
+        jobs_mut[q].now += jobs_mut[q].dt;
     }
 }
 
 // Lists the fronts of a job that are wanted between `t` and `next`.
 fn read_between(q: u32, t: f32, next: f32) {
-    while states[q].next_time < states[q].time_count {
-        let time = times[states[q].first_time + states[q].next_time];
+    while jobs_mut[q].next_time < jobs_mut[q].time_count {
+        let time = times[jobs_mut[q].first_time + jobs_mut[q].next_time];
         if time > next {
             return;
         }
         let share = clamp((time - t) / (next - t), 0.0, 1.0);
         let place = atomicAdd(&reached.groups_y, 1u);
-        reached.reads[place] = Read(q, states[q].first_copy + states[q].next_time * states[q].block_count, share, 0u);
-        atomicMax(&reached.groups_x, (states[q].block_count + lane_count - 1u) / lane_count);
-        states[q].next_time += 1u;
+        reached.reads[place] = Read(q, jobs_mut[q].first_copy + jobs_mut[q].next_time * jobs_mut[q].block_count, share, 0u);
+        atomicMax(&reached.groups_x, (jobs_mut[q].block_count + lane_count - 1u) / lane_count);
+        jobs_mut[q].next_time += 1u;
     }
 }
 
@@ -148,7 +148,7 @@ fn add(q: u32, found: Found) {
 @compute @workgroup_size(lane_count)
 fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let q = list_index(group, local);
-    if q >= params.job_count || states[q].phase != RUNNING {
+    if q >= params.job_count || jobs_mut[q].phase != RUNNING {
         return;
     }
     let crossings = atomicExchange(&sums[q].crossings, 0u);
@@ -157,32 +157,32 @@ fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let fastest = max(bitcast<f32>(atomicExchange(&sums[q].fastest, 0u)), 1e-6);
     let inside = atomicExchange(&sums[q].inside, 0u);
     let pixels = atomicExchange(&sums[q].pixels, 0u);
-    let t = states[q].now;
+    let t = jobs_mut[q].now;
     if t >= 1.0 {
-        states[q].phase = DONE;
+        jobs_mut[q].phase = DONE;
         if crossings > 0u {
-            states[q].residual_max = residual;
-            states[q].residual_mean = f32(sum) / REST_UNIT / f32(crossings);
+            jobs_mut[q].residual_max = residual;
+            jobs_mut[q].residual_mean = f32(sum) / REST_UNIT / f32(crossings);
         }
         return;
     }
     if inside == 0u {
-        states[q].phase = VANISHED;
-        states[q].vanished = t;
+        jobs_mut[q].phase = VANISHED;
+        jobs_mut[q].vanished = t;
         return;
     }
     let left = 1.0 - t;
     var dt = min(params.cfl * min(params.hx, params.hy) / fastest, STEP_LIMIT * params.step_share);
     if dt >= left * ALMOST {
         dt = left;
-        states[q].reaches = 1u;
+        jobs_mut[q].reaches = 1u;
     } else if left < 2.0 * dt {
         dt = 0.5 * left;
     }
-    read_between(q, t, select(t + dt, 1.0, states[q].reaches == 1u));
-    states[q].dt = dt;
-    states[q].steps += 1u;
-    states[q].pixels += pixels;
+    read_between(q, t, select(t + dt, 1.0, jobs_mut[q].reaches == 1u));
+    jobs_mut[q].dt = dt;
+    jobs_mut[q].steps += 1u;
+    jobs_mut[q].pixels += pixels;
 }
 
 // Speed of the course over this step, and the correction at the contour's pixels; what fronts within the step are read from.

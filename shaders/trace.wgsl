@@ -7,7 +7,7 @@
 @group(0) @binding(4) var<storage, read> phi: array<f32>;
 @group(0) @binding(5) var<storage, read> goal: array<f32>;
 @group(0) @binding(6) var<storage, read_write> sums: array<Sums>;
-@group(0) @binding(7) var<storage, read_write> states: array<Job>;
+@group(0) @binding(7) var<storage, read_write> jobs_mut: array<Job>;
 
 // Largest time step, of a whole one: the relaxation is unstable above 2.5 and already costs accuracy at 2.2.
 const STEP_LIMIT: f32 = 0.5;
@@ -64,7 +64,7 @@ fn add(q: u32, fastest: f32, rest: Rest, pixels: u32) {
 @compute @workgroup_size(lane_count)
 fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let q = list_index(group, local);
-    if q >= params.job_count || states[q].phase != RUNNING {
+    if q >= params.job_count || jobs_mut[q].phase != RUNNING {
         return;
     }
     let crossings = atomicExchange(&sums[q].crossings, 0u);
@@ -73,24 +73,24 @@ fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let fastest = max(bitcast<f32>(atomicExchange(&sums[q].fastest, 0u)), 1e-9);
     let pixels = atomicExchange(&sums[q].pixels, 0u);
     if crossings == 0u {
-        states[q].phase = DONE;
+        jobs_mut[q].phase = DONE;
         return;
     }
-    states[q].residual_max = residual;
-    states[q].residual_mean = f32(sum) / REST_UNIT / f32(crossings);
-    if states[q].steps == 0u {
-        states[q].most_steps = u32((3.0 * residual / (COURANT * min(params.hx, params.hy)) + 20.0) / params.step_share);
-        states[q].best = 1e30;
+    jobs_mut[q].residual_max = residual;
+    jobs_mut[q].residual_mean = f32(sum) / REST_UNIT / f32(crossings);
+    if jobs_mut[q].steps == 0u {
+        jobs_mut[q].most_steps = u32((3.0 * residual / (COURANT * min(params.hx, params.hy)) + 20.0) / params.step_share);
+        jobs_mut[q].best = 1e30;
     }
-    states[q].idle = select(states[q].idle + 1u, 0u, residual < states[q].best - LEAST_GAIN * params.step_share);
-    states[q].best = min(states[q].best, residual);
-    let stalled = residual < STALL_BELOW && f32(states[q].idle) * params.step_share > PATIENCE;
-    if residual < params.tolerance + SLACK || stalled || states[q].steps >= states[q].most_steps {
-        states[q].phase = DONE;
+    jobs_mut[q].idle = select(jobs_mut[q].idle + 1u, 0u, residual < jobs_mut[q].best - LEAST_GAIN * params.step_share);
+    jobs_mut[q].best = min(jobs_mut[q].best, residual);
+    let stalled = residual < STALL_BELOW && f32(jobs_mut[q].idle) * params.step_share > PATIENCE;
+    if residual < params.tolerance + SLACK || stalled || jobs_mut[q].steps >= jobs_mut[q].most_steps {
+        jobs_mut[q].phase = DONE;
         return;
     }
-    states[q].dt = min(params.cfl * min(params.hx, params.hy) / fastest, STEP_LIMIT * params.step_share);
-    states[q].now += states[q].dt;
-    states[q].steps += 1u;
-    states[q].pixels += pixels;
+    jobs_mut[q].dt = min(params.cfl * min(params.hx, params.hy) / fastest, STEP_LIMIT * params.step_share);
+    jobs_mut[q].now += jobs_mut[q].dt;
+    jobs_mut[q].steps += 1u;
+    jobs_mut[q].pixels += pixels;
 }

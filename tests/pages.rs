@@ -236,7 +236,7 @@ fn kernels_stand_in_their_table() {
         let name = entry.expect("an entry").file_name().to_string_lossy().into_owned();
         if let Some(stem) = name.strip_suffix(".wgsl") {
             assert!(
-                page.contains(&format!("| {stem} | `shaders/{name}` | `src/gpu/")),
+                page.contains(&format!("| {stem} | `shaders/{name}` | `src/gpu/{stem}.rs` |")),
                 "ARCHITECTURE.md has no kernel {stem}"
             );
         }

@@ -1,109 +1,146 @@
-//! The shaders as naga sees them: valid without any capability, structs laid out as the host mirrors them, constants as in the reference.
+//! The shaders as naga sees them: valid without any capability; variables, structs and constants as the host declares them.
 #![cfg(feature = "gpu")]
 
 use std::collections::BTreeSet;
+use std::path::Path;
 
-use interslice::gpu::layout::{
-    Axis, Block, Colour, Copy, Image, Interval, Item, Iteration, Job, Knot, Layout, Params, Part, Particle, Patch,
-    Reached, Read, Round, Rounds, Rule, Seed, Side, Source, Span, Stage, Sums, Time, Values, Work,
-};
-use interslice::gpu::shaders::MODULES;
-use naga::valid::{Capabilities, ValidationFlags, Validator};
+use interslice::gpu::kernels::{Access, Binding, Interface, interfaces};
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+use naga::{AddressSpace, ScalarKind, StorageAccess, TypeInner};
 
-fn parsed() -> Vec<(&'static str, naga::Module)> {
-    MODULES
-        .iter()
-        .map(|(stem, text)| match naga::front::wgsl::parse_str(text) {
-            Ok(module) => (*stem, module),
-            Err(e) => panic!("{}", e.emit_to_string_with_path(text, stem)),
-        })
-        .collect()
+struct Shader {
+    declared: Interface,
+    module: naga::Module,
+    info: ModuleInfo,
+}
+
+fn shaders() -> Vec<Shader> {
+    let shader = |declared: Interface| {
+        let Interface { stem, text, .. } = declared;
+        let module =
+            naga::front::wgsl::parse_str(text).unwrap_or_else(|e| panic!("{}", e.emit_to_string_with_path(text, stem)));
+        let info = Validator::new(ValidationFlags::all(), Capabilities::empty())
+            .validate(&module)
+            .unwrap_or_else(|e| panic!("{stem} is valid without capabilities: {e:?}"));
+        Shader { declared, module, info }
+    };
+    interfaces().into_iter().map(shader).collect()
 }
 
 #[test]
-fn every_shader_is_valid_without_capabilities() {
-    for (stem, module) in parsed() {
-        let result = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
-        assert!(result.is_ok(), "{stem}: {:?}", result.err());
-        assert!(!module.entry_points.is_empty(), "{stem} has entry points");
+fn every_file_of_a_shader_is_declared() {
+    let declared: BTreeSet<String> = shaders().iter().map(|s| format!("{}.wgsl", s.declared.stem)).collect();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+    let files = folder.read_dir().expect("there are shaders").map(|f| f.expect("a file").file_name());
+    let files: BTreeSet<String> =
+        files.map(|name| name.to_string_lossy().into_owned()).filter(|name| name.ends_with(".wgsl")).collect();
+    assert_eq!(declared, files);
+}
+
+/// A scalar's name, the same in Rust and WGSL.
+fn scalar(scalar: naga::Scalar) -> &'static str {
+    match scalar.kind {
+        ScalarKind::Float => "f32",
+        ScalarKind::Uint => "u32",
+        ScalarKind::Sint => "i32",
+        kind => panic!("{kind:?} is not shared"),
     }
 }
 
-/// Size of a type and, for structs, the offsets of its members by name.
-fn wgsl_struct(module: &naga::Module, name: &str) -> Option<(u32, Vec<(String, usize)>)> {
-    let (_, ty) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name))?;
-    let naga::TypeInner::Struct { members, span } = &ty.inner else { return None };
-    Some((*span, members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset as usize)).collect()))
+/// A type as WGSL spells it. What is atomic on the device is a number on the host.
+fn spelling(module: &naga::Module, ty: naga::Handle<naga::Type>) -> String {
+    let ty = &module.types[ty];
+    match &ty.inner {
+        TypeInner::Scalar(s) | TypeInner::Atomic(s) => scalar(*s).into(),
+        TypeInner::Vector { size, scalar: s } => format!("vec{}<{}>", *size as u8, scalar(*s)),
+        TypeInner::Array { base, .. } => format!("array<{}>", spelling(module, *base)),
+        TypeInner::Struct { .. } => ty.name.clone().expect("structs have names"),
+        inner => panic!("{inner:?} is not shared"),
+    }
 }
 
-/// Compares a mirrored struct with every module that has it; a run-time array at its end belongs to the shader alone.
-fn mirrors<T: Layout>(seen: &mut BTreeSet<&'static str>) {
-    let mut found = 0;
-    for (stem, module) in parsed() {
-        let Some((span, mut members)) = wgsl_struct(&module, T::NAME) else { continue };
-        let ours: Vec<(String, usize)> = T::members().into_iter().map(|(n, o)| (n.to_string(), o)).collect();
-        let open_ended = members.len() == ours.len() + 1;
-        if open_ended {
-            assert_eq!(
-                members.pop().map(|m| m.1),
-                Some(size_of::<T>()),
-                "{stem}: where the list of {} begins",
-                T::NAME
-            );
+/// What a type is made of in the end.
+fn leaf(module: &naga::Module, ty: naga::Handle<naga::Type>) -> &'static str {
+    match &module.types[ty].inner {
+        TypeInner::Scalar(s) | TypeInner::Atomic(s) | TypeInner::Vector { scalar: s, .. } => scalar(*s),
+        TypeInner::Array { base, .. } => leaf(module, *base),
+        inner => panic!("{inner:?} in a struct"),
+    }
+}
+
+fn access(space: AddressSpace) -> Access {
+    match space {
+        AddressSpace::Uniform => Access::Uniform,
+        AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => Access::Write,
+        AddressSpace::Storage { .. } => Access::Read,
+        space => panic!("{space:?} has no binding"),
+    }
+}
+
+/// The host's buffers reach the variables that they are named after: for every entry point those that it uses, no more and no less, in the order
+/// of their bindings, with their access and type.
+#[test]
+fn entry_points_use_what_the_host_declares() {
+    for Shader { declared, module, info } in shaders() {
+        let stem = declared.stem;
+        let names: Vec<&str> = module.entry_points.iter().map(|e| e.name.as_str()).collect();
+        let ours: Vec<&str> = declared.entries.iter().map(|e| e.name).collect();
+        assert_eq!(BTreeSet::from_iter(&names), BTreeSet::from_iter(&ours), "entry points of {stem}");
+        for entry in &declared.entries {
+            let at = names.iter().position(|name| *name == entry.name).expect("an entry point");
+            let used = info.get_entry_point(at);
+            let mut theirs: Vec<_> = module
+                .global_variables
+                .iter()
+                .filter(|(handle, _)| !used[*handle].is_empty())
+                .filter_map(|(_, v)| {
+                    let place = v.binding.as_ref()?;
+                    assert_eq!(place.group, 0, "{stem}: group of {:?}", v.name);
+                    Some((place.binding, v.name.clone()?, access(v.space), spelling(&module, v.ty)))
+                })
+                .collect();
+            theirs.sort_unstable_by_key(|(binding, ..)| *binding);
+            let theirs: Vec<_> = theirs.into_iter().map(|(_, name, access, ty)| (name, access, ty)).collect();
+            let of = |b: &Binding| (b.name.to_string(), b.access, b.spelling.clone());
+            let ours: Vec<_> = entry.bindings.iter().map(of).collect();
+            assert_eq!(theirs, ours, "what `{}` of {stem}.wgsl uses, and what the host declares", entry.name);
         }
-        assert_eq!(members, ours, "{stem}: members of {}", T::NAME);
-        assert!(open_ended || span as usize == size_of::<T>(), "{stem}: size of {}", T::NAME);
-        found += 1;
     }
-    assert!(found > 0, "no shader has a struct {}", T::NAME);
-    seen.insert(T::NAME);
 }
 
 #[test]
 fn structs_are_laid_out_as_the_host_mirrors_them() {
-    let mut seen = BTreeSet::new();
-    mirrors::<Params>(&mut seen);
-    mirrors::<Job>(&mut seen);
-    mirrors::<Block>(&mut seen);
-    mirrors::<Sums>(&mut seen);
-    mirrors::<Work>(&mut seen);
-    mirrors::<Stage>(&mut seen);
-    mirrors::<Particle>(&mut seen);
-    mirrors::<Source>(&mut seen);
-    mirrors::<Seed>(&mut seen);
-    mirrors::<Copy>(&mut seen);
-    mirrors::<Item>(&mut seen);
-    mirrors::<Patch>(&mut seen);
-    mirrors::<Colour>(&mut seen);
-    mirrors::<Rule>(&mut seen);
-    mirrors::<Image>(&mut seen);
-    mirrors::<Iteration>(&mut seen);
-    mirrors::<Axis>(&mut seen);
-    mirrors::<Interval>(&mut seen);
-    mirrors::<Time>(&mut seen);
-    mirrors::<Knot>(&mut seen);
-    mirrors::<Span>(&mut seen);
-    mirrors::<Part>(&mut seen);
-    mirrors::<Side>(&mut seen);
-    mirrors::<Reached>(&mut seen);
-    mirrors::<Read>(&mut seen);
-    mirrors::<Values>(&mut seen);
-    mirrors::<Rounds>(&mut seen);
-    mirrors::<Round>(&mut seen);
-    // Whatever else the shaders lay out in buffers must be known here.
-    let known = |name: &str| seen.contains(name);
-    for (stem, module) in parsed() {
-        for (_, variable) in module.global_variables.iter() {
-            let ty = &module.types[variable.ty];
-            let ty = match ty.inner {
-                naga::TypeInner::Array { base, .. } => &module.types[base],
-                _ => ty,
+    let mut compared = 0;
+    for Shader { declared, module, .. } in shaders() {
+        let stem = declared.stem;
+        for ours in declared.entries.iter().flat_map(|e| &e.bindings).flat_map(|b| &b.structs) {
+            let name = ours.name;
+            let found = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name));
+            let Some(naga::Type { inner: TypeInner::Struct { members, span }, .. }) = found.map(|(_, t)| t) else {
+                panic!("{stem} has no struct {name}")
             };
-            if let (naga::TypeInner::Struct { .. }, Some(name)) = (&ty.inner, &ty.name) {
-                assert!(known(name), "{stem}: struct {name} has no mirror");
+            let mut members = members.clone();
+            let open_ended = |m: &naga::StructMember| {
+                matches!(module.types[m.ty].inner, TypeInner::Array { size: naga::ArraySize::Dynamic, .. })
+            };
+            let tail = members.pop_if(|m| open_ended(m));
+            match &tail {
+                Some(tail) => {
+                    assert_eq!(tail.offset as usize, ours.size, "{stem}: where the list of {name} begins");
+                    let item = ours.tail.as_ref().map(|item| format!("array<{item}>"));
+                    assert_eq!(Some(spelling(&module, tail.ty)), item, "{stem}: the list of {name}");
+                }
+                None => assert_eq!((*span as usize, None), (ours.size, ours.tail.clone()), "{stem}: size of {name}"),
             }
+            let member =
+                |m: &naga::StructMember| (m.name.clone().unwrap_or_default(), m.offset as usize, leaf(&module, m.ty));
+            let theirs: Vec<_> = members.iter().map(member).collect();
+            let ours: Vec<_> = ours.members.iter().map(|(name, offset, ty)| (name.to_string(), *offset, *ty)).collect();
+            assert_eq!(theirs, ours, "{stem}: members of {name}");
+            compared += 1;
         }
     }
+    assert!(compared > 20, "{compared} structs compared");
 }
 
 /// Value of a module's constant.
@@ -113,6 +150,19 @@ fn wgsl_constant(module: &naga::Module, name: &str) -> Option<f64> {
         naga::Expression::Literal(naga::Literal::F32(v)) => Some(f64::from(v)),
         naga::Expression::Literal(naga::Literal::U32(v)) => Some(f64::from(v)),
         _ => None,
+    }
+}
+
+/// A kernel's twin is where its declaration says.
+#[test]
+fn twins_are_there() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for Interface { stem, twin, .. } in interfaces() {
+        match twin {
+            Some(twin) => assert!(root.join(twin).is_file(), "{stem}: there is no {twin}"),
+            None => assert_eq!(stem, "doctor", "{stem} has no twin"),
+        }
+        assert!(root.join(format!("src/gpu/{stem}.rs")).is_file(), "{stem} has no host file");
     }
 }
 
@@ -181,7 +231,7 @@ fn constants_are_those_of_the_twins() {
         ("trace", "SLACK", trace::SLACK),
         ("trajectories", "PASSES", displacement::PASSES as f64),
     ];
-    let modules = parsed();
+    let modules: Vec<_> = shaders().into_iter().map(|s| (s.declared.stem, s.module)).collect();
     let mut compared = BTreeSet::new();
     for (stem, name, value) in wanted {
         let of = modules.iter().filter(|(s, _)| stem.is_empty() || s == stem);

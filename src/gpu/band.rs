@@ -3,10 +3,71 @@
 use super::Gpu;
 use super::atlas::Atlas;
 use super::device::{Buffer, failure};
-use super::kernels::{Bound, Recorder, Size};
+use super::kernels::{Bound, shader};
 use super::layout::{Block, Job, Params, Stage, Work};
+use super::recorder::{Recorder, Size};
+use super::reinit::Reinit;
 use crate::error::Result;
-use crate::grid::stencil::TVD_RK3;
+
+shader! {
+    band = "common/job.wgsl" + "common/stencil.wgsl" + twin "src/reference/band.rs";
+
+    /// The whole tile as the old tube.
+    Start for start, "band_start" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        blocks: Write [Block],
+        work_mut: Write Work,
+        phi: Write [f32],
+        other: Write [f32],
+        slots: Write [u32],
+    }
+
+    /// T in the listed blocks, and the blocks that N may touch.
+    Tube for tube, "band_tube" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        blocks: Write [Block],
+        work: Read Work,
+        phi: Write [f32],
+        touched: Write [u32],
+    }
+
+    /// Those blocks in order.
+    Gather for gather, "band_gather" {
+        params: Uniform Params,
+        work_mut: Write Work,
+        touched: Write [u32],
+    }
+
+    /// N = T and its ring.
+    Grow for grow, "band_grow" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        blocks: Write [Block],
+        work: Read Work,
+        phi: Write [f32],
+        other: Write [f32],
+        slots: Write [u32],
+    }
+
+    /// Where each block's part of the band begins.
+    Scan for scan, "band_scan" {
+        params: Uniform Params,
+        blocks: Write [Block],
+        work_mut: Write Work,
+    }
+
+    /// The band's pixels in row order.
+    Collect for collect, "band_collect" {
+        params: Uniform Params,
+        blocks: Write [Block],
+        work: Read Work,
+        slots: Write [u32],
+        band: Write [[u32; 2]],
+        earlier: Write [u32],
+    }
+}
 
 /// Bytes of the arguments of dispatches over blocks, the band, and the band in chunks in [`Work`].
 const BLOCK_GROUPS: u64 = std::mem::offset_of!(Work, block_groups) as u64;
@@ -25,24 +86,31 @@ pub struct Front<'g> {
     /// Places in the band lists.
     pub capacity: usize,
     /// Shared parameters.
-    pub params: Buffer,
+    pub params: Buffer<Params>,
     /// Job table with states.
-    pub jobs: Buffer,
+    pub jobs: Buffer<[Job]>,
     /// Block table.
-    pub blocks: Buffer,
+    pub blocks: Buffer<[Block]>,
     /// Work lists.
-    pub work: Buffer,
+    pub work: Buffer<Work>,
     /// The band.
-    pub band: Buffer,
+    pub band: Buffer<[[u32; 2]]>,
     /// Node to band place.
-    pub slots: Buffer,
+    pub slots: Buffer<[u32]>,
     /// Place in the band before the last rebuild.
-    pub earlier: Buffer,
+    pub earlier: Buffer<[u32]>,
     /// Level sets.
-    pub phi: Buffer,
-    other: Buffer,
-    scratch: Buffer,
-    gpu: &'g Gpu,
+    pub phi: Buffer<[f32]>,
+    /// Their second copy, which stages write.
+    pub other: Buffer<[f32]>,
+    /// By band place: phi at the start of a step, signs at the start of a reinitialisation.
+    pub scratch: Buffer<[f32]>,
+    /// The machine.
+    pub gpu: &'g Gpu,
+    kernels: BandKernels<'g>,
+}
+
+struct BandKernels<'g> {
     start: Bound<'g>,
     tube: Bound<'g>,
     gather: Bound<'g>,
@@ -56,7 +124,7 @@ pub struct Front<'g> {
 impl<'g> Front<'g> {
     /// Fronts at these level sets (`None`: they come later); `capacity` band places.
     pub fn new(gpu: &'g Gpu, atlas: Atlas, params: Params, phi: Option<&[f32]>, capacity: usize) -> Result<Self> {
-        let (device, k) = (&gpu.device, &gpu.kernels);
+        let device = &gpu.device;
         let params = Params {
             job_count: atlas.jobs.len() as u32,
             block_count: atlas.block_count() as u32,
@@ -66,88 +134,37 @@ impl<'g> Front<'g> {
         let nodes = atlas.node_count();
         let params = device.uniform("params", params);
         let jobs = device.upload("jobs", &atlas.jobs)?;
-        let blocks = device.upload::<Block>("blocks", &atlas.blocks())?;
-        let work = device.headed::<Work, u32>("work", atlas.block_count())?;
-        let touched = device.zeroed::<u32>("touched", atlas.block_count().div_ceil(32))?;
-        let band = device.storage::<[u32; 2]>("band", capacity)?;
-        let slots = device.storage::<u32>("slots", nodes)?;
-        let earlier = device.storage::<u32>("earlier", capacity)?;
+        let blocks = device.upload("blocks", &atlas.blocks())?;
+        let work = device.headed("work", atlas.block_count())?;
+        let touched = device.zeroed("touched", atlas.block_count().div_ceil(32))?;
+        let band = device.storage("band", capacity)?;
+        let slots = device.storage("slots", nodes)?;
+        let earlier = device.storage("earlier", capacity)?;
         let phi = match phi {
             Some(values) => device.upload("phi", values)?,
-            None => device.storage::<f32>("phi", nodes)?,
+            None => device.storage("phi", nodes)?,
         };
-        let other = device.storage::<f32>("other", nodes)?;
-        let scratch = device.storage::<f32>("scratch", capacity)?;
-        let stage = |first| device.uniform("stage", Stage { a: 0.0, b: 0.0, first, towards: 0 });
-        let reinit = [1, 0].map(|first| {
-            let stage = stage(first);
-            let bind = |from, to| {
-                k.reinit.bind(
-                    device,
-                    &[
-                        ("params", &params),
-                        ("stage", &stage),
-                        ("jobs", &jobs),
-                        ("work", &work),
-                        ("band", &band),
-                        ("phi", from),
-                        ("signs", &scratch),
-                        ("next", to),
-                    ],
-                )
-            };
-            [bind(&phi, &other), bind(&other, &phi)]
-        });
+        let other = device.storage("other", nodes)?;
+        let scratch = device.storage("scratch", capacity)?;
+        let kernels = {
+            let (params, jobs, blocks, work, touched) = (&params, &jobs, &blocks, &work, &touched);
+            let (band, slots, earlier, phi, other) = (&band, &slots, &earlier, &phi, &other);
+            let reinit = [1, 0].map(|first| {
+                let stage = &device.uniform("stage", Stage { a: 0.0, b: 0.0, first, towards: 0 });
+                [(phi, other), (other, phi)]
+                    .map(|(phi, next)| Reinit { params, stage, jobs, work, band, phi, signs: &scratch, next }.bind(gpu))
+            });
+            BandKernels {
+                start: Start { params, jobs, blocks, work_mut: work, phi, other, slots }.bind(gpu),
+                tube: Tube { params, jobs, blocks, work, phi, touched }.bind(gpu),
+                gather: Gather { params, work_mut: work, touched }.bind(gpu),
+                grow: Grow { params, jobs, blocks, work, phi, other, slots }.bind(gpu),
+                scan: Scan { params, blocks, work_mut: work }.bind(gpu),
+                collect: Collect { params, blocks, work, slots, band, earlier }.bind(gpu),
+                reinit,
+            }
+        };
         Ok(Front {
-            start: k.band_start.bind(
-                device,
-                &[
-                    ("params", &params),
-                    ("jobs", &jobs),
-                    ("blocks", &blocks),
-                    ("lists", &work),
-                    ("phi", &phi),
-                    ("other", &other),
-                    ("slots", &slots),
-                ],
-            ),
-            tube: k.band_tube.bind(
-                device,
-                &[
-                    ("params", &params),
-                    ("jobs", &jobs),
-                    ("blocks", &blocks),
-                    ("work", &work),
-                    ("phi", &phi),
-                    ("touched", &touched),
-                ],
-            ),
-            gather: k.band_gather.bind(device, &[("params", &params), ("lists", &work), ("touched", &touched)]),
-            grow: k.band_grow.bind(
-                device,
-                &[
-                    ("params", &params),
-                    ("jobs", &jobs),
-                    ("blocks", &blocks),
-                    ("work", &work),
-                    ("phi", &phi),
-                    ("other", &other),
-                    ("slots", &slots),
-                ],
-            ),
-            scan: k.band_scan.bind(device, &[("params", &params), ("blocks", &blocks), ("lists", &work)]),
-            collect: k.band_collect.bind(
-                device,
-                &[
-                    ("params", &params),
-                    ("blocks", &blocks),
-                    ("work", &work),
-                    ("slots", &slots),
-                    ("band", &band),
-                    ("earlier", &earlier),
-                ],
-            ),
-            reinit,
             atlas,
             capacity,
             params,
@@ -161,80 +178,57 @@ impl<'g> Front<'g> {
             other,
             scratch,
             gpu,
+            kernels,
         })
     }
 
     /// One invocation per listed block.
     pub fn per_block(&self) -> Size<'_> {
-        Size::Indirect(&self.work, BLOCK_GROUPS)
+        Size::Indirect(&self.work.raw, BLOCK_GROUPS)
     }
 
     /// One invocation per band pixel.
     pub fn per_pixel(&self) -> Size<'_> {
-        Size::Indirect(&self.work, BAND_GROUPS)
+        Size::Indirect(&self.work.raw, BAND_GROUPS)
     }
 
     /// One invocation per chunk of band pixels.
     pub fn per_chunk(&self) -> Size<'_> {
-        Size::Indirect(&self.work, CHUNK_GROUPS)
+        Size::Indirect(&self.work.raw, CHUNK_GROUPS)
     }
 
     /// The first band, found by looking at whole tiles.
-    pub fn begin(&self, work: &mut Recorder<'_>) {
-        work.run(&self.start, Size::List(self.atlas.block_count()));
-        self.list(work);
+    pub fn begin(&self, recorder: &mut Recorder<'_>) {
+        recorder.run(&self.kernels.start, Size::List(self.atlas.block_count()));
+        self.list(recorder);
     }
 
     /// The band follows its contours.
-    pub fn rebuild(&self, work: &mut Recorder<'_>) {
-        work.run(&self.tube, self.per_block());
-        work.run(&self.gather, Size::One);
-        self.list(work);
+    pub fn rebuild(&self, recorder: &mut Recorder<'_>) {
+        recorder.run(&self.kernels.tube, self.per_block());
+        recorder.run(&self.kernels.gather, Size::One);
+        self.list(recorder);
     }
 
-    fn list(&self, work: &mut Recorder<'_>) {
-        work.run(&self.grow, self.per_block());
-        work.run(&self.scan, Size::One);
-        work.run(&self.collect, self.per_block());
-    }
-
-    /// The three stages of a Hamilton-Jacobi step. `field` is a goal by node, or a speed by band place.
-    pub fn bind_step(&self, field: &Buffer, towards: bool) -> [Bound<'g>; 3] {
-        let (device, k) = (&self.gpu.device, &self.gpu.kernels);
-        let way = [(&self.phi, &self.other), (&self.other, &self.phi), (&self.phi, &self.other)];
-        std::array::from_fn(|n| {
-            let (a, b) = TVD_RK3[n];
-            let stage = Stage { a: a as f32, b: b as f32, first: u32::from(n == 0), towards: u32::from(towards) };
-            let stage = device.uniform("stage", stage);
-            let (from, to) = way[n];
-            let buffers = [
-                ("params", &self.params),
-                ("stage", &stage),
-                ("jobs", &self.jobs),
-                ("work", &self.work),
-                ("band", &self.band),
-                ("phi", from),
-                ("field", field),
-                ("begun", &self.scratch),
-                ("next", to),
-            ];
-            k.hj_step.bind(device, &buffers)
-        })
+    fn list(&self, recorder: &mut Recorder<'_>) {
+        recorder.run(&self.kernels.grow, self.per_block());
+        recorder.run(&self.kernels.scan, Size::One);
+        recorder.run(&self.kernels.collect, self.per_block());
     }
 
     /// A Hamilton-Jacobi step and one reinitialisation: phi to other, back, again, and home.
-    pub fn step(&self, work: &mut Recorder<'_>, stages: &[Bound<'_>; 3]) {
+    pub fn step(&self, recorder: &mut Recorder<'_>, stages: &[Bound<'_>; 3]) {
         for stage in stages {
-            work.run(stage, self.per_pixel());
+            recorder.run(stage, self.per_pixel());
         }
-        work.run(&self.reinit[0][1], self.per_pixel());
+        recorder.run(&self.kernels.reinit[0][1], self.per_pixel());
     }
 
     /// An even number of reinitialisation iterations with the signs of the first.
-    pub fn reinit(&self, work: &mut Recorder<'_>, iterations: usize) {
+    pub fn reinit(&self, recorder: &mut Recorder<'_>, iterations: usize) {
         debug_assert!(iterations.is_multiple_of(2), "phi ends where it began");
         for n in 0..iterations {
-            work.run(&self.reinit[usize::from(n > 0)][n % 2], self.per_pixel());
+            recorder.run(&self.kernels.reinit[usize::from(n > 0)][n % 2], self.per_pixel());
         }
     }
 
@@ -251,8 +245,7 @@ impl<'g> Front<'g> {
 
     /// Longest band so far if it was longer than its lists.
     pub fn overflow(&self) -> Result<Option<usize>> {
-        let head: Vec<Work> = self.gpu.device.read(&self.work, 0, 1)?;
-        let wanted = head.first().map_or(0, |w| w.band_wanted as usize);
+        let wanted = self.gpu.device.read_head(&self.work)?.band_wanted as usize;
         Ok((wanted > self.capacity).then_some(wanted))
     }
 }

@@ -5,8 +5,9 @@ use super::atlas::{Atlas, batches, padded};
 use super::band::Front;
 use super::device::Buffer;
 use super::distance::{self, DistanceBuffers};
-use super::kernels::{Bound, Recorder, Size};
-use super::layout::{Copy, Item, Job, NONE, Params, VANISHED, Values};
+use super::kernels::{Bound, shader};
+use super::layout::{Block, Copy, Item, Job, NONE, Params, Reached, VANISHED, Values};
+use super::recorder::{Recorder, Size};
 use super::trace::morph_params;
 use crate::backend::MorphOptions;
 use crate::backend::blend::mend;
@@ -15,12 +16,38 @@ use crate::error::Result;
 use crate::grid::field::Field;
 use crate::grid::tiled::Packed;
 
+shader! {
+    compose = "common/job.wgsl" + twin "src/backend/blend.rs";
+
+    /// Fronts that are wanted within this step, copied.
+    CopyFront for copy_front, "copy_front" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        blocks: Read [Block],
+        phi: Read [f32],
+        reached: Read Reached,
+        copies: Write [Copy],
+        values: Write Values,
+        slots: Read [u32],
+        before: Read [[f32; 4]],
+    }
+
+    /// Copies of both directions made one.
+    Blend for blend, "blend" {
+        params: Uniform Params,
+        copies: Write [Copy],
+        values: Write Values,
+        items: Read [Item],
+        blended: Write [f32],
+    }
+}
+
 /// Fronts at the output times of their jobs.
 pub struct Copies {
     /// Places in the pool of values.
     pub value_capacity: u32,
-    blocks: Buffer,
-    values: Buffer,
+    copies: Buffer<[Copy]>,
+    values: Buffer<Values>,
     states: Vec<Job>,
 }
 
@@ -38,32 +65,27 @@ impl Copies {
         let value_capacity = (room * times.max(1)).min(most);
         Ok(Copies {
             value_capacity: value_capacity as u32,
-            blocks: gpu.device.storage::<Copy>("copies", count as usize)?,
-            values: gpu.device.headed::<Values, f32>("values", value_capacity)?,
+            copies: gpu.device.storage("copies", count as usize)?,
+            values: gpu.device.headed("values", value_capacity)?,
             states: Vec::new(),
         })
     }
 
     /// The kernel that copies the fronts listed in `reached`, which lie between `before` and what the front is now.
-    pub fn bind<'g>(&self, gpu: &'g Gpu, front: &Front<'g>, reached: &Buffer, before: &Buffer) -> Bound<'g> {
-        let Front { params, jobs, blocks, phi, slots, .. } = front;
-        let buffers = [
-            ("params", params),
-            ("jobs", jobs),
-            ("blocks", blocks),
-            ("phi", phi),
-            ("reached", reached),
-            ("copies", &self.blocks),
-            ("values", &self.values),
-            ("slots", slots),
-            ("before", before),
-        ];
-        gpu.kernels.copy_front.bind(&gpu.device, &buffers)
+    pub fn bind<'g>(
+        &self,
+        gpu: &'g Gpu,
+        front: &Front<'g>,
+        reached: &Buffer<Reached>,
+        before: &Buffer<[[f32; 4]]>,
+    ) -> Bound<'g> {
+        let (Front { params, jobs, blocks, phi, slots, .. }, Copies { copies, values, .. }) = (front, self);
+        CopyFront { params, jobs, blocks, phi, reached, copies, values, slots, before }.bind(gpu)
     }
 
     /// Whether the pool was too small.
     pub fn overflow(&self, gpu: &Gpu) -> Result<bool> {
-        Ok(gpu.device.read::<u32>(&self.values, 0, 1)?.first().is_some_and(|&used| used > self.value_capacity))
+        Ok(gpu.device.read_first(&self.values)? > self.value_capacity)
     }
 
     /// With the states in which the jobs ended.
@@ -158,28 +180,23 @@ pub fn fill_slices(
 }
 
 /// Both directions' copies made one, tile by tile.
-fn blend(gpu: &Gpu, copies: &Copies, items: &[Item], nodes: usize, params: Params) -> Result<Buffer> {
+fn blend(gpu: &Gpu, copies: &Copies, items: &[Item], nodes: usize, params: Params) -> Result<Buffer<[f32]>> {
     let device = &gpu.device;
-    let blended = device.storage::<f32>("blended", nodes)?;
-    let items_buffer = device.upload("items", items)?;
-    let uniform = device.uniform("params", Params { value_capacity: copies.value_capacity, ..params });
-    let buffers = [
-        ("params", &uniform),
-        ("copies", &copies.blocks),
-        ("values", &copies.values),
-        ("items", &items_buffer),
-        ("blended", &blended),
-    ];
-    let blend = gpu.kernels.blend.bind(device, &buffers);
+    let blended = device.storage("blended", nodes)?;
     let largest = items.iter().map(|i| i.block_count as usize).max().unwrap_or(0);
-    let mut work = Recorder::new(device, &gpu.profiler);
-    work.run(&blend, Size::Rows(largest, items.len()));
-    work.submit()?;
+    let size = Size::Rows(largest, items.len());
+    let items = &device.upload("items", items)?;
+    let params = &device.uniform("params", Params { value_capacity: copies.value_capacity, ..params });
+    let Copies { copies, values, .. } = copies;
+    let blend = Blend { params, copies, values, items, blended: &blended }.bind(gpu);
+    let mut recorder = Recorder::new(device, &gpu.profiler);
+    recorder.run(&blend, size);
+    recorder.submit()?;
     Ok(blended)
 }
 
 /// Fields that are right near their contours, continued outwards as distances.
-fn outwards(gpu: &Gpu, atlas: Atlas, params: Params, u: Buffer) -> Result<Vec<Field>> {
+fn outwards(gpu: &Gpu, atlas: Atlas, params: Params, u: Buffer<[f32]>) -> Result<Vec<Field>> {
     let tiles = DistanceBuffers::new(gpu, atlas, params, u)?;
     tiles.solve(true)?;
     Ok(tiles.atlas.unpack(&tiles.read()?))

@@ -5,8 +5,10 @@ use super::atlas::{Atlas, batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::device::Buffer;
 use super::distance::DistanceBuffers;
-use super::kernels::{Recorder, Size};
-use super::layout::{Params, Rule, Side};
+use super::exact::exact_distance;
+use super::kernels::shader;
+use super::layout::{Block, Job, Params, Rule};
+use super::recorder::{Recorder, Size};
 use crate::backend::conditioning::{
     CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP, MASK_FLOOR,
     gaussian_weights,
@@ -17,6 +19,57 @@ use crate::gpu::coalesce::SliceJob;
 use crate::grid::field::Field;
 use crate::progress::Progress;
 use crate::settings::AntiAlias;
+
+shader! {
+    contour_field = "common/job.wgsl" + twin "src/reference/contour_field.rs";
+
+    /// One axis of a Gaussian of `first`.
+    Gaussian for gaussian, "gaussian" {
+        params: Uniform Params,
+        rule: Uniform Rule,
+        jobs: Read [Job],
+        blocks: Read [Block],
+        first: Read [f32],
+        result: Write [f32],
+    }
+
+    /// `2 first - second` on the mask's side.
+    Sharpen for sharpen, "sharpen" {
+        params: Uniform Params,
+        rule: Uniform Rule,
+        first: Read [f32],
+        second: Read [f32],
+        sides: Read [f32],
+        result: Write [f32],
+    }
+
+    /// `first` on the mask's side.
+    HoldSides for hold_sides, "hold_sides" {
+        params: Uniform Params,
+        rule: Uniform Rule,
+        first: Read [f32],
+        sides: Read [f32],
+        result: Write [f32],
+    }
+
+    /// `result` near the exact distance `first`.
+    Limit for limit, "limit" {
+        params: Uniform Params,
+        rule: Uniform Rule,
+        first: Read [f32],
+        result: Write [f32],
+    }
+
+    /// The distance `second`, near the contour the conditioned field `first`.
+    PutConditioned for put_conditioned, "put_conditioned" {
+        params: Uniform Params,
+        rule: Uniform Rule,
+        blocks: Read [Block],
+        first: Read [f32],
+        second: Read [f32],
+        result: Write [f32],
+    }
+}
 
 /// Bytes per node: the slice, the distance, the exact distance and its three scratch arrays, the band's own.
 const BYTES: usize = NODE_BYTES + 24;
@@ -75,29 +128,26 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
     };
     let room_of = |f: &&Field| places(crossings(f), options.half_width + CONDITION_WIDER, f.data.len());
     let room = u.iter().map(room_of).sum::<usize>() + SPARE_PLACES;
-    let sides = gpu.device.upload("sides", &packed)?;
+    let sides = &gpu.device.upload("sides", &packed)?;
     let source = match smooth {
         AntiAlias::None => None,
-        AntiAlias::Kernel => Some(kernel(gpu, &atlas, params, &sides, options.sigma)?),
+        AntiAlias::Kernel => Some(kernel(gpu, &atlas, params, sides, options.sigma)?),
         AntiAlias::Eq6 => {
-            let exact = exact_distance(gpu, &atlas, params, &sides)?;
-            let exact = gpu.device.read::<f32>(&exact, 0, atlas.node_count())?;
-            Some(with_room(room, atlas.node_count(), |room| eq6(gpu, &atlas, params, &exact, &packed, &sides, room))?)
+            let exact = exact_distance(gpu, &atlas, params, sides)?;
+            let exact = gpu.device.read(&exact, 0, atlas.node_count())?;
+            Some(with_room(room, atlas.node_count(), |room| eq6(gpu, &atlas, params, &exact, &packed, sides, room))?)
         }
     };
     let tiles =
         DistanceBuffers::new(gpu, atlas.clone(), params, source.unwrap_or(gpu.device.upload("level", &packed)?))?;
     tiles.solve(false)?;
     if smooth == AntiAlias::Kernel {
-        let exact = exact_distance(gpu, &atlas, params, &sides)?;
-        let rule = gpu.device.uniform("rule", rule(&[]));
-        let limit = gpu
-            .kernels
-            .limit
-            .bind(&gpu.device, &[("params", &tiles.params), ("rule", &rule), ("first", &exact), ("result", &tiles.d)]);
-        let mut work = Recorder::new(&gpu.device, &gpu.profiler);
-        work.run(&limit, tiles.per_node());
-        work.submit()?;
+        let exact = exact_distance(gpu, &atlas, params, sides)?;
+        let rule = &gpu.device.uniform("rule", rule(&[]));
+        let limit = Limit { params: &tiles.params, rule, first: &exact, result: &tiles.d }.bind(gpu);
+        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+        recorder.run(&limit, tiles.per_node());
+        recorder.submit()?;
     }
     let fields = with_room(room, atlas.node_count(), |room| condition(gpu, &tiles, params, options, room))?;
     Ok(atlas.unpack(&fields))
@@ -118,81 +168,27 @@ fn rule(weights: &[f64]) -> Rule {
 }
 
 /// `2 G - G * G` of the masks, on their sides.
-fn kernel(gpu: &Gpu, atlas: &Atlas, params: Params, sides: &Buffer, sigma: f64) -> Result<Buffer> {
-    let (device, k) = (&gpu.device, &gpu.kernels);
+fn kernel(gpu: &Gpu, atlas: &Atlas, params: Params, sides: &Buffer<[f32]>, sigma: f64) -> Result<Buffer<[f32]>> {
+    let device = &gpu.device;
     let shape = Params { job_count: atlas.jobs.len() as u32, block_count: atlas.block_count() as u32, ..params };
-    let params = device.uniform("params", shape);
-    let jobs = device.upload("jobs", &atlas.jobs)?;
-    let blocks = device.upload("blocks", &atlas.blocks())?;
+    let params = &device.uniform("params", shape);
+    let jobs = &device.upload("jobs", &atlas.jobs)?;
+    let blocks = &device.upload("blocks", &atlas.blocks())?;
     let nodes = atlas.node_count();
-    let half = device.storage::<f32>("half", nodes)?;
-    let once = device.storage::<f32>("once", nodes)?;
-    let twice = device.storage::<f32>("twice", nodes)?;
+    let half = device.storage("half", nodes)?;
+    let once = &device.storage("once", nodes)?;
+    let twice = &device.storage("twice", nodes)?;
     let weights = rule(&gaussian_weights(sigma));
     let axes = [0, 1].map(|vertical| device.uniform("rule", Rule { vertical, ..weights }));
-    let mut work = Recorder::new(device, &gpu.profiler);
-    for (axis, from, to) in [(0, sides, &half), (1, &half, &once), (0, &once, &half), (1, &half, &twice)] {
-        let bound = k.gaussian.bind(
-            device,
-            &[
-                ("params", &params),
-                ("rule", &axes[axis]),
-                ("jobs", &jobs),
-                ("blocks", &blocks),
-                ("first", from),
-                ("result", to),
-            ],
-        );
-        work.run(&bound, Size::List(nodes));
+    let mut recorder = Recorder::new(device, &gpu.profiler);
+    for (axis, first, result) in [(0, sides, &half), (1, &half, once), (0, once, &half), (1, &half, twice)] {
+        let gaussian = Gaussian { params, rule: &axes[axis], jobs, blocks, first, result }.bind(gpu);
+        recorder.run(&gaussian, Size::List(nodes));
     }
-    let sharpen = k.sharpen.bind(
-        device,
-        &[
-            ("params", &params),
-            ("rule", &axes[0]),
-            ("first", &once),
-            ("second", &twice),
-            ("sides", sides),
-            ("result", &half),
-        ],
-    );
-    work.run(&sharpen, Size::List(nodes));
-    work.submit()?;
+    let sharpen = Sharpen { params, rule: &axes[0], first: once, second: twice, sides, result: &half }.bind(gpu);
+    recorder.run(&sharpen, Size::List(nodes));
+    recorder.submit()?;
     Ok(half)
-}
-
-/// Signed exact distance to the other side of each mask.
-pub fn exact_distance(gpu: &Gpu, atlas: &Atlas, params: Params, sides: &Buffer) -> Result<Buffer> {
-    let (device, k) = (&gpu.device, &gpu.kernels);
-    let params = device.uniform("params", params);
-    let jobs = device.upload("jobs", &atlas.jobs)?;
-    let nodes = atlas.node_count();
-    let (steps, feet) = (device.storage::<f32>("steps", nodes)?, device.storage::<u32>("feet", nodes)?);
-    let (begins, distance) = (device.storage::<f32>("begins", nodes)?, device.storage::<f32>("exact", nodes)?);
-    let largest = |of: fn(&super::layout::Job) -> u32| atlas.jobs.iter().map(of).max().unwrap_or(0) as usize;
-    let mut work = Recorder::new(device, &gpu.profiler);
-    for inside in [1u32, 0] {
-        let side = device.uniform("side", Side { inside, ..Side::default() });
-        let columns =
-            k.exact_columns.bind(device, &[("side", &side), ("jobs", &jobs), ("u", sides), ("steps", &steps)]);
-        let rows = k.exact_rows.bind(
-            device,
-            &[
-                ("params", &params),
-                ("side", &side),
-                ("jobs", &jobs),
-                ("u", sides),
-                ("steps", &steps),
-                ("feet", &feet),
-                ("begins", &begins),
-                ("distance", &distance),
-            ],
-        );
-        work.run(&columns, Size::Rows(largest(|j| j.nx), atlas.jobs.len()));
-        work.run(&rows, Size::Rows(largest(|j| j.ny), atlas.jobs.len()));
-    }
-    work.submit()?;
-    Ok(distance)
 }
 
 /// The paper's way: Eq. 6 on the binary field in a band around the masks' edges.
@@ -202,27 +198,24 @@ fn eq6(
     params: Params,
     exact: &[f32],
     binary: &[f32],
-    sides: &Buffer,
+    sides: &Buffer<[f32]>,
     room: usize,
-) -> Result<Room<Buffer>> {
+) -> Result<Room<Buffer<[f32]>>> {
     let front = Front::new(gpu, atlas.clone(), params, Some(exact), room)?;
-    let mut work = Recorder::new(&gpu.device, &gpu.profiler);
-    front.begin(&mut work);
-    work.submit()?;
+    let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+    front.begin(&mut recorder);
+    recorder.submit()?;
     if let Some(wanted) = front.overflow()? {
         return Ok(Room::Short(wanted));
     }
     front.replace_phi(binary);
-    let result = gpu.device.storage::<f32>("smooth", atlas.node_count())?;
-    let rule = gpu.device.uniform("rule", rule(&[]));
-    let hold = gpu.kernels.hold_sides.bind(
-        &gpu.device,
-        &[("params", &front.params), ("rule", &rule), ("first", &front.phi), ("sides", sides), ("result", &result)],
-    );
-    let mut work = Recorder::new(&gpu.device, &gpu.profiler);
-    front.reinit(&mut work, EQ6_ITERATIONS);
-    work.run(&hold, Size::List(atlas.node_count()));
-    work.submit()?;
+    let result = gpu.device.storage("smooth", atlas.node_count())?;
+    let rule = &gpu.device.uniform("rule", rule(&[]));
+    let hold = HoldSides { params: &front.params, rule, first: &front.phi, sides, result: &result }.bind(gpu);
+    let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+    front.reinit(&mut recorder, EQ6_ITERATIONS);
+    recorder.run(&hold, Size::List(atlas.node_count()));
+    recorder.submit()?;
     Ok(Room::Enough(result))
 }
 
@@ -237,26 +230,19 @@ fn condition(
     let device = &gpu.device;
     let nodes = tiles.atlas.node_count();
     let front = Front::new(gpu, tiles.atlas.clone(), params, None, room)?;
-    let result = device.storage::<f32>("result", nodes)?;
+    let result = &device.storage("result", nodes)?;
     let rule = Rule { conditioned: (options.half_width + CONDITIONED) as f32, ..rule(&[]) };
-    let rule = device.uniform("rule", rule);
-    let buffers = [
-        ("params", &front.params),
-        ("rule", &rule),
-        ("blocks", &front.blocks),
-        ("first", &front.phi),
-        ("second", &tiles.d),
-        ("result", &result),
-    ];
-    let put = gpu.kernels.put_conditioned.bind(device, &buffers);
-    let mut work = Recorder::new(device, &gpu.profiler);
-    work.copy(&tiles.d, &front.phi, 4 * nodes as u64);
-    front.begin(&mut work);
-    front.reinit(&mut work, CONDITION_ITERATIONS);
-    work.run(&put, Size::List(nodes));
-    work.submit()?;
+    let rule = &device.uniform("rule", rule);
+    let Front { params, blocks, phi, .. } = &front;
+    let put = PutConditioned { params, rule, blocks, first: phi, second: &tiles.d, result }.bind(gpu);
+    let mut recorder = Recorder::new(device, &gpu.profiler);
+    recorder.copy(&tiles.d, phi, 4 * nodes as u64);
+    front.begin(&mut recorder);
+    front.reinit(&mut recorder, CONDITION_ITERATIONS);
+    recorder.run(&put, Size::List(nodes));
+    recorder.submit()?;
     match front.overflow()? {
         Some(wanted) => Ok(Room::Short(wanted)),
-        None => Ok(Room::Enough(device.read(&result, 0, nodes)?)),
+        None => Ok(Room::Enough(device.read(result, 0, nodes)?)),
     }
 }

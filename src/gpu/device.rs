@@ -1,5 +1,6 @@
 //! The device: choosing an adapter, limits, the byte budget, waiting, and what goes wrong.
 
+use std::marker::PhantomData;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -8,7 +9,7 @@ use bytemuck::Pod;
 use sysinfo::System;
 
 use super::adapter::{AdapterSummary, enumerate};
-use super::layout::Element;
+use super::layout::Headed;
 use crate::error::{Error, Result};
 
 /// Longest time one batch of work may take before the device counts as hung.
@@ -21,6 +22,12 @@ const UNKNOWN_BUDGET: u64 = 2 << 30;
 pub const DRIVER_BYTES: u64 = 112 << 20;
 /// Share for the buffers of what a run may take beside them, where adapter and host have one memory.
 const SHARED: f64 = 1.0 / 3.0;
+
+/// What kernels read and write.
+const STORAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
+    .union(wgpu::BufferUsages::INDIRECT)
+    .union(wgpu::BufferUsages::COPY_SRC)
+    .union(wgpu::BufferUsages::COPY_DST);
 
 /// A failure of the GPU, in words.
 pub fn failure(message: impl Into<String>) -> Error {
@@ -67,27 +74,18 @@ impl std::fmt::Debug for Device {
     }
 }
 
-/// A buffer that gives its bytes back to the budget when dropped.
+/// A buffer that holds a `T`: `[f32]` for an array, a struct for one value or for the head of a list. Gives its bytes back to the budget when
+/// dropped.
 #[derive(Debug)]
-pub struct Buffer {
+pub struct Buffer<T: ?Sized> {
     pub(super) raw: wgpu::Buffer,
-    /// Type of its elements in WGSL.
-    pub(super) element: &'static str,
-    /// Bytes that it has taken of the budget.
-    bytes: u64,
     used: Arc<AtomicU64>,
+    holds: PhantomData<T>,
 }
 
-impl Drop for Buffer {
+impl<T: ?Sized> Drop for Buffer<T> {
     fn drop(&mut self) {
-        self.used.fetch_sub(self.bytes, Ordering::Relaxed);
-    }
-}
-
-impl Buffer {
-    /// The same bytes as elements of another type.
-    pub fn viewed<T: Element>(&self) -> Buffer {
-        Buffer { raw: self.raw.clone(), element: T::NAME, bytes: 0, used: self.used.clone() }
+        self.used.fetch_sub(self.raw.size(), Ordering::Relaxed);
     }
 }
 
@@ -196,7 +194,7 @@ impl Device {
     ///
     /// # Errors
     /// [`Error::Gpu`] that names the buffer, its size and the limit.
-    pub fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<Buffer> {
+    pub fn buffer<T: ?Sized>(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<Buffer<T>> {
         self.check()?;
         let size = bytes.next_multiple_of(4).max(16);
         let staging = usage.contains(wgpu::BufferUsages::MAP_READ);
@@ -220,7 +218,7 @@ impl Device {
             usage,
             mapped_at_creation: false,
         });
-        let buffer = Buffer { raw, element: "", bytes: size, used: self.used.clone() };
+        let buffer = Buffer { raw, used: self.used.clone(), holds: PhantomData };
         let error = pollster::block_on(invalid.pop()).or(pollster::block_on(out_of_memory.pop()));
         match error {
             Some(e) => Err(failure(format!("buffer `{label}` of {size} bytes: {e}"))),
@@ -232,8 +230,8 @@ impl Device {
     ///
     /// # Errors
     /// As [`Device::buffer`].
-    pub fn storage<T: Element>(&self, label: &str, count: usize) -> Result<Buffer> {
-        let buffer = self.zeroed::<T>(label, count)?;
+    pub fn storage<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer<[T]>> {
+        let buffer = self.zeroed(label, count)?;
         if self.poison {
             self.queue.write_buffer(&buffer.raw, 0, &vec![0xff; buffer.raw.size() as usize]);
         }
@@ -244,40 +242,31 @@ impl Device {
     ///
     /// # Errors
     /// As [`Device::buffer`].
-    pub fn zeroed<T: Element>(&self, label: &str, count: usize) -> Result<Buffer> {
-        let usage = wgpu::BufferUsages::STORAGE
-            | wgpu::BufferUsages::INDIRECT
-            | wgpu::BufferUsages::COPY_SRC
-            | wgpu::BufferUsages::COPY_DST;
+    pub fn zeroed<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer<[T]>> {
         // A binding must hold one.
-        let mut buffer = self.buffer(label, (count.max(1) * size_of::<T>()) as u64, usage)?;
-        buffer.element = T::NAME;
-        Ok(buffer)
+        self.buffer(label, (count.max(1) * size_of::<T>()) as u64, STORAGE)
     }
 
-    /// A zeroed storage buffer of a struct `H` that ends in a list of `count` items.
+    /// A storage buffer with a head and a list of `count` items behind it, zeroed.
     ///
     /// # Errors
-    /// The errors of [`Device::buffer`].
-    pub fn headed<H: Element, T: Element>(&self, label: &str, count: usize) -> Result<Buffer> {
-        let words = (size_of::<H>() + count.max(1) * size_of::<T>()).div_ceil(4);
-        let mut buffer = self.zeroed::<u32>(label, words)?;
-        buffer.element = H::NAME;
-        Ok(buffer)
+    /// As [`Device::buffer`].
+    pub fn headed<H: Headed>(&self, label: &str, count: usize) -> Result<Buffer<H>> {
+        self.buffer(label, (size_of::<H>() + count * size_of::<H::Item>()) as u64, STORAGE)
     }
 
     /// A storage buffer with these values.
     ///
     /// # Errors
     /// As [`Device::buffer`].
-    pub fn upload<T: Element>(&self, label: &str, values: &[T]) -> Result<Buffer> {
-        let buffer = self.zeroed::<T>(label, values.len())?;
+    pub fn upload<T: Pod>(&self, label: &str, values: &[T]) -> Result<Buffer<[T]>> {
+        let buffer = self.zeroed(label, values.len())?;
         self.write(&buffer, values);
         Ok(buffer)
     }
 
     /// Gives the first values of a buffer new ones.
-    pub fn write<T: Pod>(&self, buffer: &Buffer, values: &[T]) {
+    pub fn write<T: Pod>(&self, buffer: &Buffer<[T]>, values: &[T]) {
         self.traffic[0].fetch_add(size_of_val(values) as u64, Ordering::Relaxed);
         self.queue.write_buffer(&buffer.raw, 0, bytemuck::cast_slice(values));
     }
@@ -288,7 +277,7 @@ impl Device {
     }
 
     /// A uniform buffer with one value.
-    pub fn uniform<T: Element>(&self, label: &str, value: T) -> Buffer {
+    pub fn uniform<T: Pod>(&self, label: &str, value: T) -> Buffer<T> {
         let raw = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
             size: size_of::<T>() as u64,
@@ -297,9 +286,8 @@ impl Device {
         });
         // Written by the queue: to map a buffer of a device that is lost would panic.
         self.queue.write_buffer(&raw, 0, bytemuck::bytes_of(&value));
-        let bytes = raw.size();
-        self.used.fetch_add(bytes, Ordering::Relaxed);
-        Buffer { raw, element: T::NAME, bytes, used: self.used.clone() }
+        self.used.fetch_add(raw.size(), Ordering::Relaxed);
+        Buffer { raw, used: self.used.clone(), holds: PhantomData }
     }
 
     /// Waits until everything submitted is done.
@@ -317,14 +305,37 @@ impl Device {
     ///
     /// # Errors
     /// As [`Device::buffer`] and [`Device::wait`].
-    pub fn read<T: Pod>(&self, buffer: &Buffer, first: usize, count: usize) -> Result<Vec<T>> {
+    pub fn read<T: Pod>(&self, buffer: &Buffer<[T]>, first: usize, count: usize) -> Result<Vec<T>> {
+        self.read_as(buffer, first, count)
+    }
+
+    /// Copies the head of a list back.
+    ///
+    /// # Errors
+    /// As [`Device::read`].
+    pub fn read_head<H: Headed>(&self, buffer: &Buffer<H>) -> Result<H> {
+        let head: Vec<H> = self.read_as(buffer, 0, 1)?;
+        Ok(head[0])
+    }
+
+    /// Copies the first number of a head back.
+    ///
+    /// # Errors
+    /// As [`Device::read`].
+    pub fn read_first<H: Headed>(&self, buffer: &Buffer<H>) -> Result<u32> {
+        let first: Vec<u32> = self.read_as(buffer, 0, 1)?;
+        Ok(first[0])
+    }
+
+    fn read_as<T: Pod>(&self, buffer: &Buffer<impl ?Sized>, first: usize, count: usize) -> Result<Vec<T>> {
         if count == 0 {
             return Ok(Vec::new());
         }
         let size = size_of::<T>() as u64;
         let bytes = count as u64 * size;
         self.traffic[1].fetch_add(bytes, Ordering::Relaxed);
-        let staging = self.buffer("staging", bytes, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?;
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let staging: Buffer<[T]> = self.buffer("staging", bytes, usage)?;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
         encoder.copy_buffer_to_buffer(&buffer.raw, first as u64 * size, &staging.raw, 0, bytes);
         self.queue.submit([encoder.finish()]);

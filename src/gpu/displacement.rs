@@ -9,13 +9,88 @@ use std::sync::Arc;
 use super::Gpu;
 use super::atlas::batches;
 use super::device::Buffer;
-use super::kernels::{Recorder, Size};
-use super::layout::{Axis, CHANGES, EVIDENCE, Interval, Iteration, MOMENTS};
+use super::kernels::shader;
+use super::layout::{Axis, CHANGES, EVIDENCE, Image, Interval, Iteration, MOMENTS};
 use super::moving::{self, image, pack, per_pixel, vectors};
+use super::recorder::{Recorder, Size};
 use crate::error::Result;
 use crate::grid::field::Field;
 use crate::reference::displacement::{COUPLING, HALF_EVIDENCE, NO_CHANGE, ROUNDS, Round};
 use crate::registration::displacement::{Displacement, DisplacementJob, weights};
+
+shader! {
+    displacement = "common/job.wgsl" + "common/moving.wgsl" + twin "src/reference/displacement.rs";
+
+    /// Both slices of every interval where `vectors` bring them together.
+    BringTogether for bring_together, "displacement_pairs" {
+        image: Uniform Image,
+        iteration: Uniform Iteration,
+        fields: Read [f32],
+        vectors: Read [[f32; 2]],
+        pairs: Write [[f32; 2]],
+    }
+
+    /// Moments of every node.
+    SumMoments for sum_moments, "displacement_moments" {
+        image: Uniform Image,
+        iteration: Uniform Iteration,
+        fields: Read [f32],
+        vectors: Read [[f32; 2]],
+        pairs: Write [[f32; 2]],
+        numbers: Write [f32],
+    }
+
+    /// What the slices differ by at every node.
+    SumChanges for sum_changes, "displacement_changes" {
+        image: Uniform Image,
+        iteration: Uniform Iteration,
+        pairs: Write [[f32; 2]],
+        numbers: Write [f32],
+    }
+
+    /// Its window means beside the evidence.
+    KeepChanges for keep_changes, "displacement_keep" {
+        image: Uniform Image,
+        rough: Read [f32],
+        evidence: Write [f32],
+    }
+
+    /// Gaussian means along an axis.
+    WindowMean for window_mean, "displacement_mean" {
+        image: Uniform Image,
+        axis: Uniform Axis,
+        weights: Read [f32],
+        rough: Read [f32],
+        smoothed: Write [f32],
+    }
+
+    /// Evidence of every node from its moments.
+    Weigh for weigh, "displacement_weigh" {
+        image: Uniform Image,
+        iteration: Uniform Iteration,
+        vectors: Read [[f32; 2]],
+        rough: Read [f32],
+        evidence: Write [f32],
+        guess: Read [[f32; 2]],
+    }
+
+    /// Differences to the guess, joint over the intervals.
+    Solve for solve, "displacement_solve" {
+        image: Uniform Image,
+        iteration: Uniform Iteration,
+        numbers: Write [f32],
+        evidence: Write [f32],
+        intervals: Read [Interval],
+    }
+
+    /// The guess and these differences.
+    AddGuess for add_guess, "displacement_guess" {
+        image: Uniform Image,
+        rough: Read [f32],
+        guess: Read [[f32; 2]],
+        vectors_mut: Write [[f32; 2]],
+    }
+}
 
 /// Bytes of a node that stay from round to round: vectors, guess, evidence.
 const KEPT_BYTES: usize = 8 + 8 + 4 * EVIDENCE;
@@ -32,11 +107,11 @@ pub fn displacements(gpu: &Gpu, job: &DisplacementJob<'_>) -> Result<Vec<Displac
 /// Neighbouring intervals whose moments are computed together.
 struct Batch {
     intervals: Range<usize>,
-    image: Buffer,
-    vectors: Buffer,
-    guess: Buffer,
+    image: Buffer<Image>,
+    vectors: Buffer<[[f32; 2]]>,
+    guess: Buffer<[[f32; 2]]>,
     /// Of the batch and of one interval on either side.
-    evidence: Buffer,
+    evidence: Buffer<[f32]>,
 }
 
 /// All intervals between two rounds.
@@ -47,11 +122,11 @@ pub struct Solver<'a> {
     h: [f64; 2],
     nodes: &'a Displacement,
     batches: Vec<Batch>,
-    fields: Buffer,
+    fields: Buffer<[f32]>,
     /// Both slices brought together, pixel by pixel.
-    pairs: Buffer,
+    pairs: Buffer<[[f32; 2]]>,
     /// Numbers of nodes before and after smoothing.
-    numbers: [Buffer; 2],
+    numbers: [Buffer<[f32]>; 2],
     /// Whether the slices of the only batch are there.
     sent: bool,
     /// The last round, for which it is known what the slices differ by.
@@ -76,7 +151,7 @@ impl<'a> Solver<'a> {
                 image: device.uniform("image", image(dims, grid, h, intervals.len())),
                 vectors: device.upload("vectors", &vectors(&begin[intervals.clone()]))?,
                 guess: device.upload("guess", &vectors(&guess[intervals.clone()]))?,
-                evidence: device.storage::<f32>("evidence", (intervals.len() + 2) * nodes * EVIDENCE)?,
+                evidence: device.storage("evidence", (intervals.len() + 2) * nodes * EVIDENCE)?,
                 intervals,
             })
         };
@@ -87,11 +162,11 @@ impl<'a> Solver<'a> {
             h,
             batches: ranges.into_iter().map(batch).collect::<Result<_>>()?,
             nodes: &guess[0],
-            fields: device.storage::<f32>("slices", (most + 1) * pixels)?,
-            pairs: device.storage::<[f32; 2]>("pairs", most * pixels)?,
+            fields: device.storage("slices", (most + 1) * pixels)?,
+            pairs: device.storage("pairs", most * pixels)?,
             numbers: [
-                device.storage::<f32>("moments", most * nodes * MOMENTS)?,
-                device.storage::<f32>("moments", most * nodes * MOMENTS)?,
+                device.storage("moments", most * nodes * MOMENTS)?,
+                device.storage("moments", most * nodes * MOMENTS)?,
             ],
             sent: false,
             last: None,
@@ -140,78 +215,40 @@ impl<'a> Solver<'a> {
     }
 
     /// What the slices of a batch, which are in `fields`, differ by where the guess brings them together.
-    fn see_changes(&self, batch: &Batch, iteration: &Buffer, window: &Smoothing) -> Result<()> {
-        let (device, k) = (&self.gpu.device, &self.gpu.kernels);
+    fn see_changes(&self, batch: &Batch, iteration: &Buffer<Iteration>, window: &Smoothing) -> Result<()> {
+        let Solver { gpu, fields, pairs, numbers: [numbers, means], .. } = self;
         let Batch { intervals, image, guess, evidence, .. } = batch;
-        let [sums, means] = &self.numbers;
-        let together = k.displacement_pairs.bind(
-            device,
-            &[
-                ("image", image),
-                ("iteration", iteration),
-                ("fields", &self.fields),
-                ("vectors", guess),
-                ("pairs", &self.pairs),
-            ],
-        );
-        let sum = k
-            .displacement_changes
-            .bind(device, &[("image", image), ("iteration", iteration), ("pairs", &self.pairs), ("moments", sums)]);
-        let keep = k.displacement_keep.bind(device, &[("image", image), ("rough", sums), ("evidence", evidence)]);
+        let together = BringTogether { image, iteration, fields, vectors: guess, pairs }.bind(gpu);
+        let sum = SumChanges { image, iteration, pairs, numbers }.bind(gpu);
+        let keep = KeepChanges { image, rough: numbers, evidence }.bind(gpu);
         let per_node = Size::List(intervals.len() * self.node_count());
-        let mut work = Recorder::new(device, &self.gpu.profiler);
-        work.run(&together, per_pixel(self.slices[0].dims, intervals.len()));
-        work.run(&sum, per_node);
-        self.smooth(&mut work, batch, window, [sums, means, sums]);
-        work.run(&keep, per_node);
-        work.submit()
+        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+        recorder.run(&together, per_pixel(self.slices[0].dims, intervals.len()));
+        recorder.run(&sum, per_node);
+        self.smooth(&mut recorder, batch, window, [numbers, means, numbers]);
+        recorder.run(&keep, per_node);
+        recorder.submit()
     }
 
     /// Evidence of a batch, whose slices are in `fields`.
-    fn weigh(&self, batch: &Batch, iteration: &Buffer, window: &Smoothing) -> Result<()> {
-        let (device, k) = (&self.gpu.device, &self.gpu.kernels);
+    fn weigh(&self, batch: &Batch, iteration: &Buffer<Iteration>, window: &Smoothing) -> Result<()> {
+        let Solver { gpu, fields, pairs, numbers: [numbers, means], .. } = self;
         let Batch { intervals, image, vectors, guess, evidence } = batch;
-        let [moments, means] = &self.numbers;
-        let together = [
-            ("image", image),
-            ("iteration", iteration),
-            ("fields", &self.fields),
-            ("vectors", vectors),
-            ("pairs", &self.pairs),
-        ];
-        let together = k.displacement_pairs.bind(device, &together);
-        let sums = [
-            ("image", image),
-            ("iteration", iteration),
-            ("fields", &self.fields),
-            ("vectors", vectors),
-            ("pairs", &self.pairs),
-            ("moments", moments),
-        ];
-        let sums = k.displacement_moments.bind(device, &sums);
-        let weigh = k.displacement_weigh.bind(
-            device,
-            &[
-                ("image", image),
-                ("iteration", iteration),
-                ("vectors", vectors),
-                ("rough", moments),
-                ("evidence", evidence),
-                ("guess", guess),
-            ],
-        );
+        let together = BringTogether { image, iteration, fields, vectors, pairs }.bind(gpu);
+        let sum = SumMoments { image, iteration, fields, vectors, pairs, numbers }.bind(gpu);
+        let weigh = Weigh { image, iteration, vectors, rough: numbers, evidence, guess }.bind(gpu);
         let per_node = Size::List(intervals.len() * self.node_count());
-        let mut work = Recorder::new(device, &self.gpu.profiler);
-        work.run(&together, per_pixel(self.slices[0].dims, intervals.len()));
-        work.run(&sums, per_node);
-        self.smooth(&mut work, batch, window, [moments, means, moments]);
-        work.run(&weigh, per_node);
-        work.submit()
+        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+        recorder.run(&together, per_pixel(self.slices[0].dims, intervals.len()));
+        recorder.run(&sum, per_node);
+        self.smooth(&mut recorder, batch, window, [numbers, means, numbers]);
+        recorder.run(&weigh, per_node);
+        recorder.submit()
     }
 
     /// New vectors of a batch from everybody's evidence.
-    fn solve(&self, batch: &Batch, iteration: &Buffer, smoothing: &Smoothing, round: Round) -> Result<()> {
-        let (device, k) = (&self.gpu.device, &self.gpu.kernels);
+    fn solve(&self, batch: &Batch, iteration: &Buffer<Iteration>, smoothing: &Smoothing, round: Round) -> Result<()> {
+        let Solver { gpu, numbers: [numbers, means], .. } = self;
         let Batch { intervals, image, vectors, guess, evidence } = batch;
         // A neighbour's displacement counts as a rate.
         let rate = |i: usize, j: Option<usize>| j.and_then(|j| self.gaps.get(j)).map_or(0.0, |gap| self.gaps[i] / gap);
@@ -222,53 +259,38 @@ impl<'a> Solver<'a> {
                 Interval { before: before as f32, after: after as f32, ridge: round.ridge as f32, padding: 0.0 }
             })
             .collect();
-        let table = device.upload("intervals", &table)?;
-        let [found, between] = &self.numbers;
-        let solve = [
-            ("image", image),
-            ("iteration", iteration),
-            ("evidence", evidence),
-            ("intervals", &table),
-            ("found", &found.viewed::<[f32; 2]>()),
-        ];
-        let solve = k.displacement_solve.bind(device, &solve);
-        let lead = k
-            .displacement_guess
-            .bind(device, &[("image", image), ("rough", found), ("guess", guess), ("found", vectors)]);
-        let mut work = Recorder::new(device, &self.gpu.profiler);
-        self.bring_neighbours(&mut work, batch);
-        work.run(&solve, Size::List(intervals.len() * self.node_count()));
-        self.smooth(&mut work, batch, smoothing, [found, between, found]);
-        work.run(&lead, Size::List(intervals.len() * self.node_count()));
-        work.submit()
+        let table = &gpu.device.upload("intervals", &table)?;
+        let solve = Solve { image, iteration, numbers, evidence, intervals: table }.bind(gpu);
+        let lead = AddGuess { image, rough: numbers, guess, vectors_mut: vectors }.bind(gpu);
+        let per_node = Size::List(intervals.len() * self.node_count());
+        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+        self.bring_neighbours(&mut recorder, batch);
+        recorder.run(&solve, per_node);
+        self.smooth(&mut recorder, batch, smoothing, [numbers, means, numbers]);
+        recorder.run(&lead, per_node);
+        recorder.submit()
     }
 
     /// Copies the evidence next to a batch from the batches next to it.
-    fn bring_neighbours(&self, work: &mut Recorder<'_>, batch: &Batch) {
+    fn bring_neighbours(&self, recorder: &mut Recorder<'_>, batch: &Batch) {
         let bytes = (4 * EVIDENCE * self.node_count()) as u64;
         for other in &self.batches {
             let (own, beside) = (&batch.intervals, &other.intervals);
             if beside.end == own.start {
-                work.copy_part((&other.evidence, bytes * beside.len() as u64), (&batch.evidence, 0), bytes);
+                recorder.copy_part((&other.evidence, bytes * beside.len() as u64), (&batch.evidence, 0), bytes);
             } else if beside.start == own.end {
-                work.copy_part((&other.evidence, bytes), (&batch.evidence, bytes * (own.len() + 1) as u64), bytes);
+                recorder.copy_part((&other.evidence, bytes), (&batch.evidence, bytes * (own.len() + 1) as u64), bytes);
             }
         }
     }
 
     /// Gaussian means along rows, then along columns of nodes.
-    fn smooth(&self, work: &mut Recorder<'_>, batch: &Batch, smoothing: &Smoothing, places: [&Buffer; 3]) {
+    fn smooth(&self, recorder: &mut Recorder<'_>, batch: &Batch, smoothing: &Smoothing, places: [&Buffer<[f32]>; 3]) {
         let count = batch.intervals.len() * self.node_count() * smoothing.width;
+        let (gpu, image, weights) = (self.gpu, &batch.image, &smoothing.weights);
         for (axis, ends) in smoothing.axes.iter().zip(places.windows(2)) {
-            let buffers = [
-                ("image", &batch.image),
-                ("axis", axis),
-                ("weights", &smoothing.weights),
-                ("rough", ends[0]),
-                ("smoothed", ends[1]),
-            ];
-            let mean = self.gpu.kernels.displacement_mean.bind(&self.gpu.device, &buffers);
-            work.run(&mean, Size::List(count));
+            let mean = WindowMean { image, axis, weights, rough: ends[0], smoothed: ends[1] }.bind(gpu);
+            recorder.run(&mean, Size::List(count));
         }
     }
 
@@ -285,8 +307,8 @@ impl<'a> Solver<'a> {
 
 /// Gaussian means along both axes.
 struct Smoothing {
-    weights: Buffer,
-    axes: [Buffer; 2],
+    weights: Buffer<[f32]>,
+    axes: [Buffer<Axis>; 2],
     /// Numbers of a node.
     width: usize,
 }

@@ -3,9 +3,52 @@
 use super::Gpu;
 use super::atlas::Atlas;
 use super::device::Buffer;
-use super::kernels::{Bound, Recorder, Size};
-use super::layout::{Block, Colour, Job, Params};
+use super::kernels::{Bound, shader};
+use super::layout::{Block, Colour, Job, Params, Patch};
+use super::recorder::{Recorder, Size};
 use crate::error::Result;
+
+shader! {
+    distance = "common/job.wgsl" + "common/stencil.wgsl" + twin "src/reference/distance.rs";
+
+    /// Start values at the contours of any level set.
+    Start for start, "distance_start" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        blocks: Read [Block],
+        u: Read [f32],
+        d: Write [f32],
+        awake: Write [u32],
+    }
+
+    /// Start values from a field that is right near its contours.
+    StartFar for start_far, "distance_start_far" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        blocks: Read [Block],
+        u: Read [f32],
+        d: Write [f32],
+        awake: Write [u32],
+    }
+
+    /// Four sweeps of every patch of a colour that is awake.
+    SweepPatches for sweep_patches, "distance_sweep" {
+        params: Uniform Params,
+        colour: Uniform Colour,
+        jobs: Read [Job],
+        d: Write [f32],
+        awake: Write [u32],
+        patches: Read [Patch],
+        changes: Write [u32],
+    }
+
+    /// Signs.
+    Finish for finish, "distance_finish" {
+        params: Uniform Params,
+        u: Read [f32],
+        d: Write [f32],
+    }
+}
 
 /// Rounds of both colours between two looks.
 const LOOK: usize = 16;
@@ -17,18 +60,18 @@ pub struct DistanceBuffers<'g> {
     /// Where the tiles lie; `first_copy` is a tile's first patch.
     pub atlas: Atlas,
     /// Shared parameters.
-    pub params: Buffer,
+    pub params: Buffer<Params>,
     /// Job table.
-    pub jobs: Buffer,
+    pub jobs: Buffer<[Job]>,
     /// Block table.
-    pub blocks: Buffer,
+    pub blocks: Buffer<[Block]>,
     /// What the distance is measured from.
-    pub u: Buffer,
+    pub u: Buffer<[f32]>,
     /// Distances.
-    pub d: Buffer,
+    pub d: Buffer<[f32]>,
     /// Which patches are awake.
-    pub awake: Buffer,
-    changes: Buffer,
+    pub awake: Buffer<[u32]>,
+    changes: Buffer<[u32]>,
     gpu: &'g Gpu,
     /// Sweeps over the patches of a colour, with their number.
     sweeps: [(Bound<'g>, usize); 2],
@@ -36,7 +79,7 @@ pub struct DistanceBuffers<'g> {
 
 impl<'g> DistanceBuffers<'g> {
     /// Distances on these tiles; `u` has a value for every node.
-    pub fn new(gpu: &'g Gpu, mut atlas: Atlas, params: Params, u: Buffer) -> Result<Self> {
+    pub fn new(gpu: &'g Gpu, mut atlas: Atlas, params: Params, u: Buffer<[f32]>) -> Result<Self> {
         let device = &gpu.device;
         let colours = atlas.patches();
         let counts = colours.each_ref().map(Vec::len);
@@ -48,26 +91,18 @@ impl<'g> DistanceBuffers<'g> {
             ..params
         };
         let params = device.uniform("params", params);
-        let jobs = device.upload::<Job>("jobs", &atlas.jobs)?;
-        let blocks = device.upload::<Block>("blocks", &atlas.blocks())?;
-        let d = device.storage::<f32>("distance", atlas.node_count())?;
-        let awake = device.zeroed::<u32>("awake", patches.len())?;
-        let changes = device.zeroed::<u32>("changes", 1)?;
+        let jobs = device.upload("jobs", &atlas.jobs)?;
+        let blocks = device.upload("blocks", &atlas.blocks())?;
+        let d = device.storage("distance", atlas.node_count())?;
+        let awake = device.zeroed("awake", patches.len())?;
+        let changes = device.zeroed("changes", 1)?;
         let patches = device.upload("patches", &patches)?;
         let sweeps = [0, 1].map(|k| {
             let first = if k == 0 { 0 } else { counts[0] as u32 };
-            let colour = Colour { first, count: counts[k] as u32, ..Colour::default() };
-            let colour = device.uniform("colour", colour);
-            let buffers = [
-                ("params", &params),
-                ("colour", &colour),
-                ("jobs", &jobs),
-                ("d", &d),
-                ("awake", &awake),
-                ("patches", &patches),
-                ("changes", &changes),
-            ];
-            (gpu.kernels.distance_sweep.bind(device, &buffers), counts[k])
+            let colour = &device.uniform("colour", Colour { first, count: counts[k] as u32, ..Colour::default() });
+            let (params, jobs, d, awake) = (&params, &jobs, &d, &awake);
+            let (patches, changes) = (&patches, &changes);
+            (SweepPatches { params, colour, jobs, d, awake, patches, changes }.bind(gpu), counts[k])
         });
         Ok(DistanceBuffers { atlas, params, jobs, blocks, u, d, awake, changes, gpu, sweeps })
     }
@@ -79,43 +114,35 @@ impl<'g> DistanceBuffers<'g> {
 
     /// Start values, then sweeps to the fixed point, then signs. `far`: from a field that is right near its contour.
     pub fn solve(&self, far: bool) -> Result<()> {
-        let (device, k) = (&self.gpu.device, &self.gpu.kernels);
-        let start = if far { &k.distance_start_far } else { &k.distance_start };
-        let start = start.bind(
-            device,
-            &[
-                ("params", &self.params),
-                ("jobs", &self.jobs),
-                ("blocks", &self.blocks),
-                ("u", &self.u),
-                ("d", &self.d),
-                ("awake", &self.awake),
-            ],
-        );
-        let mut work = Recorder::new(device, &self.gpu.profiler);
-        work.run(&start, self.per_node());
-        work.submit()?;
+        let DistanceBuffers { gpu, params, jobs, blocks, u, d, awake, .. } = self;
+        let start = match far {
+            false => Start { params, jobs, blocks, u, d, awake }.bind(gpu),
+            true => StartFar { params, jobs, blocks, u, d, awake }.bind(gpu),
+        };
+        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+        recorder.run(&start, self.per_node());
+        recorder.submit()?;
         self.settle()?;
-        let finish = k.distance_finish.bind(device, &[("params", &self.params), ("u", &self.u), ("d", &self.d)]);
-        let mut work = Recorder::new(device, &self.gpu.profiler);
-        work.run(&finish, self.per_node());
-        work.submit()
+        let finish = Finish { params, u, d }.bind(gpu);
+        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+        recorder.run(&finish, self.per_node());
+        recorder.submit()
     }
 
     /// Sweeps from the start values in `d` until no patch is awake.
     pub fn settle(&self) -> Result<()> {
         loop {
-            let mut work = Recorder::new(&self.gpu.device, &self.gpu.profiler);
+            let mut recorder = Recorder::new(&self.gpu.device, &self.gpu.profiler);
             for round in 0..LOOK {
                 if round + 1 == LOOK {
-                    work.clear(&self.changes);
+                    recorder.clear(&self.changes);
                 }
                 for (sweep, count) in self.sweeps.iter().filter(|s| s.1 > 0) {
-                    work.run(sweep, Size::List(*count));
+                    recorder.run(sweep, Size::List(*count));
                 }
             }
-            work.submit()?;
-            if self.gpu.device.read::<u32>(&self.changes, 0, 1)? == [0] {
+            recorder.submit()?;
+            if self.gpu.device.read(&self.changes, 0, 1)? == [0] {
                 return Ok(());
             }
         }

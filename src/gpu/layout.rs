@@ -1,5 +1,5 @@
 //! The structs that host and shaders share, member by member as in `shaders/`; `tests/shaders.rs` asks naga for the other side and compares
-//! names, offsets and sizes.
+//! names, types, offsets and sizes.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -32,33 +32,79 @@ pub const DONE: u32 = 1;
 /// The front disappeared on the way.
 pub const VANISHED: u32 = 2;
 
-/// A value that a buffer can hold: its type in WGSL.
-pub trait Element: Pod {
-    /// Name of the type.
+/// What a buffer holds, as the host knows it and as WGSL spells it.
+pub trait Shared {
+    /// The type in WGSL: `f32`, `vec2<u32>`, `Job`, `array<Job>`.
+    fn spelling() -> String;
+    /// Structs in it.
+    fn structs() -> Vec<StructLayout> {
+        Vec::new()
+    }
+}
+
+/// A mirrored struct.
+#[derive(Debug, Clone)]
+pub struct StructLayout {
+    /// Its name on both sides.
+    pub name: &'static str,
+    /// Bytes on the host.
+    pub size: usize,
+    /// Name, offset and scalar type of its members in order.
+    pub members: Vec<(&'static str, usize, &'static str)>,
+    /// Type in WGSL of the items of the list behind it.
+    pub tail: Option<String>,
+}
+
+/// A struct with a list behind it, as long as its buffer.
+pub trait Headed: Pod {
+    /// An item of the list.
+    type Item: Pod + Shared;
+}
+
+/// What a member is made of.
+trait Scalar {
+    /// The scalar's name, the same in Rust and WGSL.
     const NAME: &'static str;
 }
 
-macro_rules! elements {
-    ($($kind:ty: $name:literal,)*) => { $(impl Element for $kind { const NAME: &'static str = $name; })* };
+macro_rules! scalars {
+    ($($name:ident)*) => { $(
+        impl Scalar for $name {
+            const NAME: &'static str = stringify!($name);
+        }
+
+        impl Shared for $name {
+            fn spelling() -> String {
+                Self::NAME.into()
+            }
+        }
+    )* };
 }
 
-elements!(
-    f32: "f32",
-    u32: "u32",
-    [f32; 2]: "vec2<f32>",
-    [u32; 2]: "vec2<u32>",
-    [f32; 4]: "vec4<f32>",
-    [u32; 4]: "vec4<u32>",
-);
+scalars!(f32 u32 i32);
 
-/// A mirrored struct: its members with their offsets.
-pub trait Layout: Element {
-    /// `(member, offset)` in order.
-    fn members() -> Vec<(&'static str, usize)>;
+impl<T: Scalar, const N: usize> Scalar for [T; N] {
+    const NAME: &'static str = T::NAME;
+}
+
+impl<T: Scalar, const N: usize> Shared for [T; N] {
+    fn spelling() -> String {
+        format!("vec{N}<{}>", T::NAME)
+    }
+}
+
+impl<T: Shared> Shared for [T] {
+    fn spelling() -> String {
+        format!("array<{}>", T::spelling())
+    }
+
+    fn structs() -> Vec<StructLayout> {
+        T::structs()
+    }
 }
 
 macro_rules! mirrored {
-    ($(#[$doc:meta])* $name:ident { $($(#[$member_doc:meta])* $member:ident: $kind:ty,)* }) => {
+    ($(#[$doc:meta])* $name:ident { $($(#[$member_doc:meta])* $member:ident: $kind:ty,)* } $(then [$item:ty])?) => {
         $(#[$doc])*
         #[repr(C)]
         #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
@@ -66,13 +112,27 @@ macro_rules! mirrored {
             $($(#[$member_doc])* #[allow(missing_docs)] pub $member: $kind,)*
         }
 
-        impl Element for $name {
-            const NAME: &'static str = stringify!($name);
-        }
+        $(impl Headed for $name {
+            type Item = $item;
+        })?
 
-        impl Layout for $name {
-            fn members() -> Vec<(&'static str, usize)> {
-                vec![$((stringify!($member), std::mem::offset_of!($name, $member)),)*]
+        impl Shared for $name {
+            fn spelling() -> String {
+                stringify!($name).into()
+            }
+
+            fn structs() -> Vec<StructLayout> {
+                let mut structs = Vec::new();
+                $(structs.extend(<$item>::structs());)?
+                structs.push(StructLayout {
+                    name: stringify!($name),
+                    size: size_of::<$name>(),
+                    members: vec![
+                        $((stringify!($member), std::mem::offset_of!($name, $member), <$kind as Scalar>::NAME),)*
+                    ],
+                    tail: None$(.or(Some(<$item>::spelling())))?,
+                });
+                structs
             }
         }
     };
@@ -153,7 +213,37 @@ mirrored!(
         block_groups: [u32; 4],
         band_groups: [u32; 4],
         chunk_groups: [u32; 4],
-    }
+    } then [u32]
+);
+
+mirrored!(
+    /// Head of the list of fronts that a step reaches, with the indirect arguments of their copying (`common/reached.wgsl`).
+    Reached { groups_x: u32, groups_y: u32, groups_z: u32, padding: u32, } then [Read]
+);
+
+mirrored!(
+    /// A front that is wanted within a step (`common/reached.wgsl`).
+    Read { job: u32, copy: u32, share: f32, padding: u32, }
+);
+
+mirrored!(
+    /// Head of the pool of copied values (`compose.wgsl`).
+    Values { used: u32, padding_a: u32, padding_b: u32, padding_c: u32, } then [f32]
+);
+
+mirrored!(
+    /// Head of the rounds in which band places are filled (`scatter.wgsl`).
+    Rounds { unknown: u32, padding_a: u32, padding_b: u32, padding_c: u32, } then [Round]
+);
+
+mirrored!(
+    /// When a band place became known, and an item of the list of those that were not (`scatter.wgsl`).
+    Round { at: u32, unknown: u32, }
+);
+
+mirrored!(
+    /// The side of a mask that distances are measured to (`exact.wgsl`).
+    Side { inside: u32, padding_a: u32, padding_b: u32, padding_c: u32, }
 );
 
 mirrored!(
@@ -286,34 +376,4 @@ mirrored!(
 mirrored!(
     /// A part without partner (`moving_layer.wgsl`).
     Part { first: u32, nx: u32, ny: u32, x: i32, y: i32, depth: f32, height: f32, shrinking: f32, farthest: f32, }
-);
-
-mirrored!(
-    /// Which side the exact distances are of (`exact.wgsl`).
-    Side { inside: u32, padding_a: u32, padding_b: u32, padding_c: u32, }
-);
-
-mirrored!(
-    /// Head of the fronts to be copied, the arguments of their dispatch; the list of [`Read`]s follows (`propagate.wgsl`, `compose.wgsl`).
-    Reached { groups_x: u32, groups_y: u32, groups_z: u32, padding: u32, }
-);
-
-mirrored!(
-    /// A front that has reached a time (`propagate.wgsl`, `compose.wgsl`).
-    Read { job: u32, copy: u32, share: f32, padding: u32, }
-);
-
-mirrored!(
-    /// Head of the pool of copied values, which follow (`compose.wgsl`).
-    Values { used: u32, padding_a: u32, padding_b: u32, padding_c: u32, }
-);
-
-mirrored!(
-    /// Head of the rounds of filling in; the list of [`Round`]s follows (`scatter.wgsl`).
-    Rounds { unknown: u32, padding_a: u32, padding_b: u32, padding_c: u32, }
-);
-
-mirrored!(
-    /// When a band place was filled in (`scatter.wgsl`).
-    Round { at: u32, unknown: u32, }
 );

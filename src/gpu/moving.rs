@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::Gpu;
-use super::kernels::Size;
 use super::layout::{Image, TILE};
+use super::recorder::Size;
 use crate::grid::field::{FAR, Field};
 use crate::registration::displacement::Displacement;
 

@@ -3,14 +3,41 @@
 use super::Gpu;
 use super::atlas::batches;
 use super::device::Buffer;
-use super::kernels::{Recorder, Size};
-use super::layout::{Part, Span};
+use super::kernels::shader;
+use super::layout::{Image, Part, Span};
 use super::moving::{image, per_pixel, tile_count};
+use super::recorder::{Recorder, Size};
 use super::trajectories::paths;
 use crate::backend::requests::LayerRequest;
 use crate::error::Result;
 use crate::grid::field::{FAR, Field};
-use crate::reference::moving_field::reach;
+use crate::reference::moving_layer::reach;
+
+shader! {
+    moving_layer = "common/job.wgsl" + "common/moving.wgsl" + "common/sample.wgsl" + "common/spline.wgsl"
+        + twin "src/reference/moving_layer.rs";
+
+    /// Tiles that are far from every contour.
+    FindFar for find_far, "moving_layer_far" {
+        image: Uniform Image,
+        span: Uniform Span,
+        fields: Read [f32],
+        vectors: Read [[f32; 2]],
+        far: Write [f32],
+    }
+
+    /// Layers, pixel by pixel.
+    Interpolate for interpolate, "moving_layer" {
+        image: Uniform Image,
+        span: Uniform Span,
+        fields: Read [f32],
+        vectors: Read [[f32; 2]],
+        times: Read [f32],
+        parts: Read [Part],
+        far: Write [f32],
+        layers: Write [f32],
+    }
+}
 
 /// Layers at these times.
 pub fn layers(gpu: &Gpu, of: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>> {
@@ -38,8 +65,8 @@ pub fn layers(gpu: &Gpu, of: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>> {
     let parts = device.upload("parts", &if parts.is_empty() { vec![Part::default()] } else { parts })?;
     let mut out = Vec::with_capacity(times.len());
     for batch in batches(times.iter().map(share)) {
-        let layers = batch_of_layers(gpu, of, &times[batch.clone()], [&span, &fields, &parts])?;
-        let read: Vec<f32> = device.read(&layers, 0, batch.len() * nodes)?;
+        let layers = batch_of_layers(gpu, of, &times[batch.clone()], (&span, &fields, &parts))?;
+        let read = device.read(&layers, 0, batch.len() * nodes)?;
         out.extend(read.chunks_exact(nodes).map(<[f32]>::to_vec));
     }
     Ok(out)
@@ -49,35 +76,23 @@ fn batch_of_layers(
     gpu: &Gpu,
     of: &LayerRequest<'_>,
     times: &[f64],
-    [span, fields, parts]: [&Buffer; 3],
-) -> Result<Buffer> {
-    let (device, k) = (&gpu.device, &gpu.kernels);
+    (span, fields, parts): (&Buffer<Span>, &Buffer<[f32]>, &Buffer<[Part]>),
+) -> Result<Buffer<[f32]>> {
+    let device = &gpu.device;
     let (dims, grid) = (of.moving.fields[0].dims, of.moving.displacements[0].grid);
-    let paths = paths(gpu, of.moving, of.interval, times, of.h)?;
-    let image = device.uniform("image", image(dims, grid, of.h, times.len()));
+    let vectors = &paths(gpu, of.moving, of.interval, times, of.h)?;
+    let image = &device.uniform("image", image(dims, grid, of.h, times.len()));
     let table: Vec<f32> = times.iter().map(|t| *t as f32).collect();
-    let table = device.upload("times", &table)?;
+    let table = &device.upload("times", &table)?;
     let tiles = tile_count(dims) * times.len();
-    let far = device.storage::<f32>("far", tiles)?;
-    let layers = device.storage::<f32>("layers", dims[0] * dims[1] * times.len())?;
-    let find_far = k
-        .moving_layer_far
-        .bind(device, &[("image", &image), ("span", span), ("fields", fields), ("vectors", &paths), ("far", &far)]);
-    let buffers = [
-        ("image", &image),
-        ("span", span),
-        ("fields", fields),
-        ("vectors", &paths),
-        ("times", &table),
-        ("parts", parts),
-        ("far", &far),
-        ("layers", &layers),
-    ];
-    let interpolate = k.moving_layer.bind(device, &buffers);
-    let mut work = Recorder::new(device, &gpu.profiler);
-    work.run(&find_far, Size::List(tiles));
-    work.run(&interpolate, per_pixel(dims, times.len()));
-    work.submit()?;
+    let far = &device.storage("far", tiles)?;
+    let layers = device.storage("layers", dims[0] * dims[1] * times.len())?;
+    let find_far = FindFar { image, span, fields, vectors, far }.bind(gpu);
+    let interpolate = Interpolate { image, span, fields, vectors, times: table, parts, far, layers: &layers }.bind(gpu);
+    let mut recorder = Recorder::new(device, &gpu.profiler);
+    recorder.run(&find_far, Size::List(tiles));
+    recorder.run(&interpolate, per_pixel(dims, times.len()));
+    recorder.submit()?;
     Ok(layers)
 }
 

@@ -4,13 +4,28 @@ use std::ops::Range;
 
 use super::Gpu;
 use super::atlas::batches;
-use super::kernels::Recorder;
-use super::layout::{ABOVE, BELOW, BOTH, Knot};
+use super::kernels::shader;
+use super::layout::{ABOVE, BELOW, BOTH, Image, Knot};
 use super::moving::{image, pack, per_pixel, vectors};
+use super::recorder::Recorder;
 use crate::error::Result;
 use crate::grid::field::Field;
 use crate::progress::Progress;
 use crate::registration::motion_field::MotionField;
+
+shader! {
+    moving_slopes = "common/job.wgsl" + "common/moving.wgsl" + "common/sample.wgsl" + "common/spline.wgsl"
+        + twin "src/reference/moving_slopes.rs";
+
+    /// Slopes at the slices of `knots`.
+    FindSlopes for find_slopes, "moving_slopes" {
+        image: Uniform Image,
+        fields: Read [f32],
+        vectors: Read [[f32; 2]],
+        knots: Read [Knot],
+        slopes: Write [f32],
+    }
+}
 
 /// Slices that a slope reads on either side of its own.
 const HALO: usize = 2;
@@ -46,21 +61,18 @@ fn of_slices(gpu: &Gpu, moving: &MotionField, batch: Range<usize>) -> Result<Vec
         Knot { slice: (s - first) as u32, sides, gaps, relief: moving.relief as f32, padding: 0.0 }
     };
     let knots: Vec<Knot> = batch.clone().map(knot).collect();
-    let image = device.uniform("image", image(dims, grid, [1.0; 2], batch.len()));
-    let fields = device.upload("slices", &pack(&moving.fields[first..end]))?;
-    let vectors =
-        device.upload("vectors", &vectors(moving.at_slices[first..end - 1].iter().flat_map(|both| both.iter())))?;
-    let knots = device.upload("knots", &knots)?;
+    let image = &device.uniform("image", image(dims, grid, [1.0; 2], batch.len()));
+    let fields = &device.upload("slices", &pack(&moving.fields[first..end]))?;
+    let at_slices = moving.at_slices[first..end - 1].iter().flat_map(|both| both.iter());
+    let vectors = &device.upload("vectors", &vectors(at_slices))?;
+    let knots = &device.upload("knots", &knots)?;
     let nodes = dims[0] * dims[1];
-    let slopes = device.storage::<f32>("slopes", batch.len() * nodes)?;
-    let find = gpu.kernels.moving_slopes.bind(
-        device,
-        &[("image", &image), ("fields", &fields), ("vectors", &vectors), ("knots", &knots), ("slopes", &slopes)],
-    );
-    let mut work = Recorder::new(device, &gpu.profiler);
-    work.run(&find, per_pixel(dims, batch.len()));
-    work.submit()?;
-    let values: Vec<f32> = device.read(&slopes, 0, batch.len() * nodes)?;
+    let slopes = &device.storage("slopes", batch.len() * nodes)?;
+    let find = FindSlopes { image, fields, vectors, knots, slopes }.bind(gpu);
+    let mut recorder = Recorder::new(device, &gpu.profiler);
+    recorder.run(&find, per_pixel(dims, batch.len()));
+    recorder.submit()?;
+    let values = device.read(slopes, 0, batch.len() * nodes)?;
     let field = |some: &[f32]| Field { dims, data: some.iter().map(|v| f64::from(*v) / moving.px).collect() };
     Ok(values.chunks_exact(nodes).map(field).collect())
 }

@@ -3,53 +3,65 @@
 use super::Gpu;
 use super::atlas::{Atlas, batches, padded};
 use super::distance::{DistanceBuffers, NODE_BYTES};
-use super::kernels::Recorder;
-use super::layout::Params;
+use super::kernels::shader;
+use super::layout::{Block, Job, Params};
+use super::recorder::Recorder;
 use crate::backend::jobs::PartJob;
 use crate::error::Result;
 use crate::grid::field::Field;
 
+shader! {
+    part = "common/job.wgsl" + "common/stencil.wgsl" + twin "src/reference/part.rs";
+
+    /// Start values at the part's own edges and at the others'.
+    StartPart for start_part, "part_start" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        blocks: Read [Block],
+        whole: Read [f32],
+        inside: Read [f32],
+        d: Write [f32],
+        awake: Write [u32],
+    }
+
+    /// The part's signed distance.
+    FinishPart for finish_part, "part_finish" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        blocks: Read [Block],
+        whole: Read [f32],
+        inside: Read [f32],
+        d: Write [f32],
+    }
+}
+
 /// Fields of all parts. Those that are the whole contour, or nothing, are answered without computing.
-pub fn part_fields(gpu: &Gpu, jobs: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {
-    let mut out: Vec<Option<Field>> = jobs.iter().map(PartJob::without_computing).collect();
-    let open: Vec<usize> = (0..jobs.len()).filter(|&k| out[k].is_none()).collect();
+pub fn part_fields(gpu: &Gpu, parts: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {
+    let mut out: Vec<Option<Field>> = parts.iter().map(PartJob::without_computing).collect();
+    let open: Vec<usize> = (0..parts.len()).filter(|&k| out[k].is_none()).collect();
     // Two tiles a job, with the whole field and the part's mask.
     let share = |&k: &usize| {
-        let nodes = 2 * padded(jobs[k].inside.len());
+        let nodes = 2 * padded(parts[k].inside.len());
         gpu.share(nodes * (NODE_BYTES + 4), 4 * nodes)
     };
     for batch in batches(open.iter().map(share)) {
         let batch = &open[batch];
-        let atlas = Atlas::new(batch.iter().flat_map(|&k| [jobs[k].whole.dims; 2]));
-        let whole = atlas.pack(batch.iter().flat_map(|&k| [&jobs[k].whole; 2]), 1.0);
-        let masks: Vec<Field> = batch.iter().map(|&k| mask_field(&jobs[k])).collect();
-        let inside = gpu.device.upload("inside", &atlas.pack(masks.iter().flat_map(|m| [m; 2]), 0.0))?;
+        let atlas = Atlas::new(batch.iter().flat_map(|&k| [parts[k].whole.dims; 2]));
+        let whole = atlas.pack(batch.iter().flat_map(|&k| [&parts[k].whole; 2]), 1.0);
+        let masks: Vec<Field> = batch.iter().map(|&k| mask_field(&parts[k])).collect();
+        let inside = &gpu.device.upload("inside", &atlas.pack(masks.iter().flat_map(|m| [m; 2]), 0.0))?;
         let params = Params { hx: h[0] as f32, hy: h[1] as f32, ..Params::default() };
         let tiles = DistanceBuffers::new(gpu, atlas, params, gpu.device.upload("whole", &whole)?)?;
-        let DistanceBuffers { params, jobs: table, blocks, u, d, awake, .. } = &tiles;
-        let start = gpu.kernels.part_start.bind(
-            &gpu.device,
-            &[
-                ("params", params),
-                ("jobs", table),
-                ("blocks", blocks),
-                ("whole", u),
-                ("inside", &inside),
-                ("d", d),
-                ("awake", awake),
-            ],
-        );
-        let finish = gpu.kernels.part_finish.bind(
-            &gpu.device,
-            &[("params", params), ("jobs", table), ("blocks", blocks), ("whole", u), ("inside", &inside), ("d", d)],
-        );
-        let mut work = Recorder::new(&gpu.device, &gpu.profiler);
-        work.run(&start, tiles.per_node());
-        work.submit()?;
+        let DistanceBuffers { params, jobs, blocks, u: whole, d, awake, .. } = &tiles;
+        let start = StartPart { params, jobs, blocks, whole, inside, d, awake }.bind(gpu);
+        let finish = FinishPart { params, jobs, blocks, whole, inside, d }.bind(gpu);
+        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+        recorder.run(&start, tiles.per_node());
+        recorder.submit()?;
         tiles.settle()?;
-        let mut work = Recorder::new(&gpu.device, &gpu.profiler);
-        work.run(&finish, tiles.per_node());
-        work.submit()?;
+        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+        recorder.run(&finish, tiles.per_node());
+        recorder.submit()?;
         let fields = tiles.atlas.unpack(&tiles.read()?);
         for (&k, field) in batch.iter().zip(fields.into_iter().step_by(2)) {
             out[k] = Some(field);

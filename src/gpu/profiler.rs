@@ -30,7 +30,7 @@ struct Gathered {
 #[derive(Debug)]
 pub struct Stamps {
     /// Begin and end of each dispatch, ticks of 8 bytes.
-    pub buffer: Buffer,
+    pub buffer: Buffer<[u64]>,
     /// How many.
     pub count: usize,
     /// Kernels of the dispatches.

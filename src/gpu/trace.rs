@@ -3,14 +3,38 @@
 use super::Gpu;
 use super::atlas::{Atlas, batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
-use super::kernels::{Recorder, Size};
-use super::layout::{Params, Particle, RUNNING, Sums};
+use super::hj_step;
+use super::kernels::shader;
+use super::layout::{Job, Params, Particle, RUNNING, Sums, Work};
+use super::particles::Particles;
+use super::recorder::{Recorder, Size};
 use crate::backend::MorphOptions;
-use crate::backend::jobs::{TraceJob, Traced, Track, full_distance};
+use crate::backend::jobs::{TraceJob, Traced};
 use crate::error::Result;
 use crate::grid::stencil::step_share;
 use crate::progress::Progress;
 use crate::report::Residual;
+
+shader! {
+    trace = "common/job.wgsl" + "common/arrival.wgsl" + twin "src/reference/trace.rs";
+
+    /// Speed near each front and its distance from the goal.
+    Measure for measure, "trace_measure" {
+        jobs: Read [Job],
+        band: Read [[u32; 2]],
+        work: Read Work,
+        phi: Read [f32],
+        goal: Read [f32],
+        sums: Write [Sums],
+    }
+
+    /// The next time step of each job, or its end.
+    Control for control, "trace_control" {
+        params: Uniform Params,
+        sums: Write [Sums],
+        jobs_mut: Write [Job],
+    }
+}
 
 /// Steps between two looks at the jobs.
 const LOOK: usize = 16;
@@ -46,95 +70,56 @@ pub fn trace(
 
 fn run(
     gpu: &Gpu,
-    jobs: &[TraceJob<'_>],
+    morphs: &[TraceJob<'_>],
     h: [f64; 2],
     options: &MorphOptions,
     room: usize,
 ) -> Result<Room<Vec<Traced>>> {
-    let (device, k) = (&gpu.device, &gpu.kernels);
-    let atlas = Atlas::new(jobs.iter().map(|j| j.source.dims));
-    let phi = atlas.pack(jobs.iter().map(|j| &*j.source), 1.0);
-    let goal = device.upload("goal", &atlas.pack(jobs.iter().map(|j| &*j.goal), 1.0))?;
+    let device = &gpu.device;
+    let atlas = Atlas::new(morphs.iter().map(|m| m.source.dims));
+    let phi = atlas.pack(morphs.iter().map(|m| &*m.source), 1.0);
+    let goal = &device.upload("goal", &atlas.pack(morphs.iter().map(|m| &*m.goal), 1.0))?;
     let front = Front::new(gpu, atlas, morph_params(h, options), Some(&phi), room)?;
-    let sums = device.zeroed::<Sums>("sums", jobs.len())?;
-    let seeds: Vec<Particle> = jobs
-        .iter()
-        .enumerate()
-        .flat_map(|(q, job)| {
-            job.seeds.iter().map(move |s| Particle {
-                x: s.x.map(|v| v as f32),
-                died: -1.0,
-                job: q as u32,
-                ..Particle::default()
-            })
-        })
-        .collect();
-    // An array cannot be empty; a dead particle stands for none.
-    let none = [Particle { died: 0.0, ..Particle::default() }];
-    let particles = device.upload("particles", if seeds.is_empty() { &none[..] } else { &seeds })?;
-    let Front { params, jobs: table, band, work: lists, phi, .. } = &front;
-    let measure = k.trace_measure.bind(
-        device,
-        &[("jobs", table), ("band", band), ("work", lists), ("phi", phi), ("goal", &goal), ("sums", &sums)],
-    );
-    let control = k.trace_control.bind(device, &[("params", params), ("sums", &sums), ("states", table)]);
-    let follow = [&k.particles_predict, &k.particles_correct, &k.particles_land].map(|kernel| {
-        kernel.bind(
-            device,
-            &[("params", params), ("jobs", table), ("phi", phi), ("goal", &goal), ("particles", &particles)],
-        )
-    });
-    let stages = front.bind_step(&goal, true);
-    let each_job = Size::List(jobs.len());
-    let each_particle = Size::List(seeds.len().max(1));
-    let mut work = Recorder::new(device, &gpu.profiler);
-    front.begin(&mut work);
+    let sums = &device.zeroed("sums", morphs.len())?;
+    let starts = morphs.iter().enumerate().flat_map(|(q, m)| m.seeds.iter().map(move |s| (q, s.x)));
+    let particles = Particles::new(&front, starts, goal)?;
+    let Front { params, jobs, band, work, phi, .. } = &front;
+    let measure = Measure { jobs, band, work, phi, goal, sums }.bind(gpu);
+    let control = Control { params, sums, jobs_mut: jobs }.bind(gpu);
+    let stages = hj_step::stages(&front, goal, true);
+    let each_job = Size::List(morphs.len());
+    let mut recorder = Recorder::new(device, &gpu.profiler);
+    front.begin(&mut recorder);
     let states = loop {
         for _ in 0..LOOK {
-            work.run(&measure, front.per_chunk());
-            work.run(&control, each_job);
-            work.run(&follow[0], each_particle);
-            front.step(&mut work, &stages);
-            front.rebuild(&mut work);
-            work.run(&follow[1], each_particle);
+            recorder.run(&measure, front.per_chunk());
+            recorder.run(&control, each_job);
+            recorder.run(&particles.predict, particles.each());
+            front.step(&mut recorder, &stages);
+            front.rebuild(&mut recorder);
+            recorder.run(&particles.correct, particles.each());
         }
-        work.submit()?;
+        recorder.submit()?;
         let states = front.states()?;
         if let Some(wanted) = front.overflow()? {
             return Ok(Room::Short(wanted));
         }
-        work = Recorder::new(device, &gpu.profiler);
+        recorder = Recorder::new(device, &gpu.profiler);
         if states.iter().all(|s| s.phase != RUNNING) {
             break states;
         }
     };
-    work.run(&follow[2], each_particle);
-    work.submit()?;
+    recorder.run(&particles.land, particles.each());
+    recorder.submit()?;
     gpu.profiler.count(&["hj_step", "hj_step", "hj_step", "reinit"], states.iter().map(|s| s.pixels as usize).sum());
-    let landed: Vec<Particle> = device.read(&particles, 0, seeds.len())?;
-    let mut landed = landed.iter();
-    Ok(Room::Enough(
-        jobs.iter()
-            .zip(&states)
-            .map(|(job, s)| Traced {
-                tracks: landed.by_ref().take(job.seeds.len()).map(track).collect(),
-                steps: s.steps as usize,
-                pixels: s.pixels as usize,
-                residual: Residual { mean: f64::from(s.residual_mean), max: f64::from(s.residual_max) },
-            })
-            .collect(),
-    ))
-}
-
-/// A particle at the end of its way.
-pub fn track(p: &Particle) -> Track {
-    let died = (p.died >= 0.0).then_some(f64::from(p.died));
-    Track {
-        distance: full_distance(f64::from(p.covered), died),
-        arc: f64::from(p.arc),
-        landing: p.x.map(f64::from),
-        arrived: died.is_none(),
-    }
+    let mut tracks = particles.tracks(&front)?.into_iter();
+    let traced = |(morph, s): (&TraceJob<'_>, &Job)| Traced {
+        tracks: tracks.by_ref().take(morph.seeds.len()).collect(),
+        steps: s.steps as usize,
+        pixels: s.pixels as usize,
+        residual: Residual { mean: f64::from(s.residual_mean), max: f64::from(s.residual_max) },
+    };
+    Ok(Room::Enough(morphs.iter().zip(&states).map(traced).collect()))
 }
 
 /// Parameters of morphs and sweeps.

@@ -2,14 +2,28 @@
 
 use super::Gpu;
 use super::device::Buffer;
-use super::kernels::{Recorder, Size};
-use super::layout::Time;
+use super::kernels::shader;
+use super::layout::{Image, Time};
 use super::moving::{image, vectors};
+use super::recorder::{Recorder, Size};
 use crate::error::Result;
 use crate::registration::motion_field::MotionField;
 
+shader! {
+    trajectories = "common/job.wgsl" + "common/moving.wgsl" + twin "src/registration/motion_field.rs";
+
+    /// The way through each node, from both slices.
+    Follow for follow, "trajectories" {
+        image: Uniform Image,
+        vectors: Read [[f32; 2]],
+        rates: Read [[f32; 2]],
+        times: Read [Time],
+        paths: Write [[f32; 2]],
+    }
+}
+
 /// Paths of the layers of interval `i` at these times: vectors from the lower slice per node, then those to the upper one, time by time.
-pub fn paths(gpu: &Gpu, moving: &MotionField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Buffer> {
+pub fn paths(gpu: &Gpu, moving: &MotionField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Buffer<[[f32; 2]]>> {
     let device = &gpu.device;
     let v = &moving.displacements[i];
     let nodes = v.vectors.len();
@@ -23,16 +37,13 @@ pub fn paths(gpu: &Gpu, moving: &MotionField, i: usize, times: &[f64], h: [f64; 
             second: (t * t * (t - 1.0)) as f32,
         })
         .collect();
-    let image = device.uniform("image", image(moving.fields[i].dims, v.grid, h, times.len()));
-    let (own, rates) = (device.upload("vectors", &vectors([&**v]))?, device.upload("rates", &vectors(&rates))?);
-    let table = device.upload("times", &table)?;
-    let paths = device.storage::<[f32; 2]>("paths", 2 * nodes * times.len())?;
-    let follow = gpu
-        .kernels
-        .trajectories
-        .bind(device, &[("image", &image), ("vectors", &own), ("rates", &rates), ("times", &table), ("paths", &paths)]);
-    let mut work = Recorder::new(device, &gpu.profiler);
-    work.run(&follow, Size::List(nodes * times.len()));
-    work.submit()?;
+    let image = &device.uniform("image", image(moving.fields[i].dims, v.grid, h, times.len()));
+    let (own, rates) = (&device.upload("vectors", &vectors([&**v]))?, &device.upload("rates", &vectors(&rates))?);
+    let table = &device.upload("times", &table)?;
+    let paths = device.storage("paths", 2 * nodes * times.len())?;
+    let follow = Follow { image, vectors: own, rates, times: table, paths: &paths }.bind(gpu);
+    let mut recorder = Recorder::new(device, &gpu.profiler);
+    recorder.run(&follow, Size::List(nodes * times.len()));
+    recorder.submit()?;
     Ok(paths)
 }

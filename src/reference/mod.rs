@@ -7,7 +7,8 @@ pub mod distance;
 pub mod exact;
 pub mod extend;
 pub mod hj_step;
-pub mod moving_field;
+pub mod moving_layer;
+pub mod moving_slopes;
 pub mod part;
 pub mod particles;
 pub mod propagate;
@@ -92,12 +93,12 @@ impl Backend for Reference {
     }
 
     fn moving_slopes(&self, request: &SlopeRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>> {
-        let slopes = moving_field::slopes(request.moving, request.wanted.clone());
+        let slopes = moving_slopes::slopes(request.moving, request.wanted.clone());
         progress.advance(slopes.len());
         Ok(slopes)
     }
 
     fn moving_layers(&self, request: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>> {
-        Ok((0..request.times.len()).into_par_iter().map(|k| moving_field::layer(request, k)).collect())
+        Ok((0..request.times.len()).into_par_iter().map(|k| moving_layer::layer(request, k)).collect())
     }
 }

@@ -1,11 +1,10 @@
 //! The self-test: can this driver be trusted? Counting, NaN, and every stage beside its f64 twin.
 
 use crate::error::Result;
-use crate::gpu::Gpu;
-use crate::gpu::kernels::{Recorder, Size};
 use crate::gpu::selftest::cases::Cases;
 use crate::gpu::selftest::comparison::Comparison;
 use crate::gpu::selftest::twins::compare;
+use crate::gpu::{Gpu, doctor};
 
 /// Loop trips that the loop test asks for: some drivers stop at 65 535 and say nothing.
 const TRIPS: u32 = 70_000;
@@ -68,14 +67,7 @@ impl Findings {
 /// # Errors
 /// [`crate::Error::Gpu`] when the GPU cannot do the work at all.
 pub fn examine(gpu: &Gpu) -> Result<Findings> {
-    let (device, k) = (&gpu.device, &gpu.kernels);
-    let asked = device.upload("asked", &[TRIPS, 1, f32::NAN.to_bits(), 1f32.to_bits()])?;
-    let answer = device.zeroed::<u32>("answer", 7)?;
-    let mut work = Recorder::new(device, &gpu.profiler);
-    work.run(&k.doctor_count.bind(device, &[("asked", &asked), ("answer", &answer)]), Size::One);
-    work.run(&k.doctor_nan.bind(device, &[("asked", &asked), ("answer", &answer)]), Size::One);
-    work.submit()?;
-    let answer: Vec<u32> = device.read(&answer, 0, 7)?;
+    let answer = doctor::ask(gpu, TRIPS)?;
     Ok(Findings {
         trips: [answer[0], TRIPS],
         keeps_nan: answer[1..4] == [0, 0, 0] && f32::from_bits(answer[4]).is_nan(),

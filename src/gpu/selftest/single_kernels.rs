@@ -8,10 +8,12 @@ use crate::gpu::atlas::Atlas;
 use crate::gpu::band::Front;
 use crate::gpu::device::Buffer;
 use crate::gpu::distance::DistanceBuffers;
-use crate::gpu::kernels::{Recorder, Size};
-use crate::gpu::layout::{Params, Particle, Round, Rounds, Seed, Source, Work};
-use crate::gpu::propagate::place_seeds;
-use crate::gpu::{contour_field, moving, trace, trajectories};
+use crate::gpu::extend::Courses;
+use crate::gpu::layout::Params;
+use crate::gpu::particles::Particles;
+use crate::gpu::recorder::Recorder;
+use crate::gpu::scatter::{Seeds, place_seeds};
+use crate::gpu::{exact, hj_step, moving, trajectories};
 use crate::grid::field::Field;
 use crate::grid::spline::HermiteArc;
 use crate::registration::motion_field::{MotionField, Paths};
@@ -74,19 +76,19 @@ impl Gpu {
         Front::new(self, atlas, tubes.params(), Some(&values), room)
     }
 
-    fn record(&self, work: impl FnOnce(&mut Recorder<'_>)) -> Result<()> {
+    fn record(&self, actions: impl FnOnce(&mut Recorder<'_>)) -> Result<()> {
         let mut recorder = Recorder::new(&self.device, &self.profiler);
-        work(&mut recorder);
+        actions(&mut recorder);
         recorder.submit()
     }
 
-    fn unpack(&self, atlas: &Atlas, buffer: &Buffer) -> Result<Vec<Field>> {
+    fn unpack(&self, atlas: &Atlas, buffer: &Buffer<[f32]>) -> Result<Vec<Field>> {
         Ok(atlas.unpack(&self.device.read(buffer, 0, atlas.node_count())?))
     }
 
     fn listed(&self, front: &Front<'_>) -> Result<Listed> {
-        let head: Vec<Work> = self.device.read(&front.work, 0, 1)?;
-        self.device.read(&front.band, 0, head[0].band_total as usize)
+        let head = self.device.read_head(&front.work)?;
+        self.device.read(&front.band, 0, head.band_total as usize)
     }
 
     /// Distances measured as `reach` says.
@@ -114,7 +116,7 @@ impl Gpu {
         let atlas = Atlas::new(u.iter().map(|f| f.dims));
         let sides = self.device.upload("sides", &atlas.pack(u.iter(), 1.0))?;
         let params = Params { hx: h[0] as f32, hy: h[1] as f32, ..Params::default() };
-        let exact = contour_field::exact_distance(self, &atlas, params, &sides)?;
+        let exact = exact::exact_distance(self, &atlas, params, &sides)?;
         self.unpack(&atlas, &exact)
     }
 
@@ -124,9 +126,9 @@ impl Gpu {
     /// [`crate::Error::Gpu`].
     pub fn bands(&self, first: &[Field], second: &[Field], tubes: Tubes) -> Result<(Vec<Vec<usize>>, Vec<Field>)> {
         let front = self.front(first, tubes, &[])?;
-        self.record(|work| front.begin(work))?;
+        self.record(|recorder| front.begin(recorder))?;
         front.replace_phi(&front.atlas.pack(second.iter(), 1.0));
-        self.record(|work| front.rebuild(work))?;
+        self.record(|recorder| front.rebuild(recorder))?;
         let mut nodes = vec![Vec::new(); first.len()];
         for [node, q] in self.listed(&front)? {
             nodes[q as usize].push((node - front.atlas.jobs[q as usize].offset) as usize);
@@ -140,7 +142,7 @@ impl Gpu {
     /// [`crate::Error::Gpu`].
     pub fn hj_step(&self, phi: &[Field], speeds: Speeds<'_>, tubes: Tubes, dt: &[f64]) -> Result<Vec<Field>> {
         let front = self.front(phi, tubes, dt)?;
-        self.record(|work| front.begin(work))?;
+        self.record(|recorder| front.begin(recorder))?;
         let field = match speeds {
             Speeds::Towards(goal) => self.device.upload("goal", &front.atlas.pack(goal.iter(), 1.0))?,
             Speeds::Given(speed) => {
@@ -149,8 +151,8 @@ impl Gpu {
                 self.device.upload("speed", &placed)?
             }
         };
-        let stages = front.bind_step(&field, matches!(speeds, Speeds::Towards(_)));
-        self.record(|work| front.step(work, &stages))?;
+        let stages = hj_step::stages(&front, &field, matches!(speeds, Speeds::Towards(_)));
+        self.record(|recorder| front.step(recorder, &stages))?;
         self.unpack(&front.atlas, &front.phi)
     }
 
@@ -160,9 +162,9 @@ impl Gpu {
     /// [`crate::Error::Gpu`].
     pub fn reinit(&self, phi: &[Field], tubes: Tubes, iterations: usize) -> Result<Vec<Field>> {
         let front = self.front(phi, tubes, &[])?;
-        self.record(|work| {
-            front.begin(work);
-            front.reinit(work, iterations);
+        self.record(|recorder| {
+            front.begin(recorder);
+            front.reinit(recorder, iterations);
         })?;
         self.unpack(&front.atlas, &front.phi)
     }
@@ -174,94 +176,36 @@ impl Gpu {
     /// [`crate::Error::Gpu`].
     pub fn carried(
         &self,
-        jobs: &[SweepJob<'_>],
+        sweeps: &[SweepJob<'_>],
         second: &[Field],
         tubes: Tubes,
         passes: usize,
     ) -> Result<Vec<Vec<HermiteArc>>> {
-        let (device, k) = (&self.device, &self.kernels);
-        let jobs: Vec<&SweepJob<'_>> = jobs.iter().collect();
-        let mut atlas = Atlas::new(jobs.iter().map(|j| j.source.dims));
-        let (seeds, bins) = place_seeds(&mut atlas, &jobs, tubes.h);
-        let values = atlas.pack(jobs.iter().map(|j| &*j.source), 1.0);
+        let sweeps: Vec<&SweepJob<'_>> = sweeps.iter().collect();
+        let mut atlas = Atlas::new(sweeps.iter().map(|s| s.source.dims));
+        let seeds = place_seeds(&mut atlas, &sweeps, tubes.h);
+        let values = atlas.pack(sweeps.iter().map(|s| &*s.source), 1.0);
         let room = atlas.node_count();
         let front = Front::new(self, atlas, tubes.params(), Some(&values), room)?;
-        let (seeds, bins) = (device.upload::<Seed>("seeds", &seeds)?, device.upload("bins", &bins)?);
-        let courses = [device.storage::<[f32; 4]>("courses", room)?, device.storage::<[f32; 4]>("courses", room)?];
-        let (sources, rounds) =
-            (device.storage::<Source>("sources", room)?, device.headed::<Rounds, Round>("rounds", room)?);
-        let Front { params, jobs: table, work: lists, phi, band, slots, earlier, .. } = &front;
-        let scatter = k.scatter.bind(
-            device,
-            &[
-                ("params", params),
-                ("jobs", table),
-                ("work", lists),
-                ("band", band),
-                ("phi", phi),
-                ("seeds", &seeds),
-                ("bins", &bins),
-                ("courses", &courses[0]),
-                ("rounds", &rounds),
-            ],
-        );
-        let fill = k.scatter_fill.bind(
-            device,
-            &[
-                ("params", params),
-                ("jobs", table),
-                ("band", band),
-                ("courses", &courses[0]),
-                ("rounds", &rounds),
-                ("slots", slots),
-            ],
-        );
-        let find = k.extend_find.bind(
-            device,
-            &[
-                ("params", params),
-                ("jobs", table),
-                ("work", lists),
-                ("band", band),
-                ("phi", phi),
-                ("slots", slots),
-                ("sources", &sources),
-            ],
-        );
-        let extend = [0, 1].map(|a| {
-            k.extend_courses.bind(
-                device,
-                &[("work", lists), ("sources", &sources), ("courses", &courses[a]), ("next_courses", &courses[1 - a])],
-            )
-        });
+        let courses = Courses::new(self, &front)?;
+        let seeds = Seeds::new(&front, seeds, &courses.copies[0])?;
         let turn = passes % 2;
-        let carry = k.extend_carry.bind(
-            device,
-            &[
-                ("params", params),
-                ("work", lists),
-                ("courses", &courses[turn]),
-                ("next_courses", &courses[1 - turn]),
-                ("earlier", earlier),
-            ],
-        );
-        self.record(|work| {
-            front.begin(work);
-            work.run(&scatter, front.per_pixel());
-            work.run(&fill, Size::One);
-            work.run(&find, front.per_pixel());
-            (0..passes).for_each(|n| work.run(&extend[n % 2], front.per_pixel()));
+        self.record(|recorder| {
+            front.begin(recorder);
+            seeds.scatter(recorder, &front);
+            recorder.run(&courses.find, front.per_pixel());
+            (0..passes).for_each(|n| recorder.run(&courses.extend[n % 2], front.per_pixel()));
         })?;
         front.replace_phi(&front.atlas.pack(second.iter(), 1.0));
-        self.record(|work| {
-            front.rebuild(work);
-            work.run(&carry, front.per_pixel());
-            work.run(&find, front.per_pixel());
-            (0..passes).for_each(|n| work.run(&extend[(turn + 1 + n) % 2], front.per_pixel()));
+        self.record(|recorder| {
+            front.rebuild(recorder);
+            recorder.run(&courses.carry[turn], front.per_pixel());
+            recorder.run(&courses.find, front.per_pixel());
+            (0..passes).for_each(|n| recorder.run(&courses.extend[(turn + 1 + n) % 2], front.per_pixel()));
         })?;
-        let mut out: Vec<Vec<HermiteArc>> = jobs.iter().map(|j| vec![[0.0; 4]; j.source.data.len()]).collect();
+        let mut out: Vec<Vec<HermiteArc>> = sweeps.iter().map(|s| vec![[0.0; 4]; s.source.data.len()]).collect();
         let listed = self.listed(&front)?;
-        let values: Vec<[f32; 4]> = device.read(&courses[(turn + 1 + passes) % 2], 0, listed.len())?;
+        let values = self.device.read(&courses.copies[(turn + 1 + passes) % 2], 0, listed.len())?;
         for ([node, q], value) in listed.iter().zip(values) {
             out[*q as usize][(node - front.atlas.jobs[*q as usize].offset) as usize] = value.map(f64::from);
         }
@@ -291,38 +235,17 @@ impl Gpu {
         tubes: Tubes,
         dt: &[f64],
     ) -> Result<Vec<Vec<crate::backend::jobs::Track>>> {
-        let (device, k) = (&self.device, &self.kernels);
         let front = self.front(before, tubes, dt)?;
-        let goal = device.upload("goal", &front.atlas.pack(goal.iter(), 1.0))?;
-        let seed = |(q, x): (usize, &[f64; 2])| Particle {
-            x: x.map(|v| v as f32),
-            died: -1.0,
-            job: q as u32,
-            ..Particle::default()
-        };
-        let placed: Vec<Particle> =
-            starts.iter().enumerate().flat_map(|(q, xs)| xs.iter().map(move |x| seed((q, x)))).collect();
-        let particles = device.upload("particles", &placed)?;
-        let follow = [&k.particles_predict, &k.particles_correct, &k.particles_land].map(|kernel| {
-            kernel.bind(
-                device,
-                &[
-                    ("params", &front.params),
-                    ("jobs", &front.jobs),
-                    ("phi", &front.phi),
-                    ("goal", &goal),
-                    ("particles", &particles),
-                ],
-            )
-        });
-        self.record(|work| work.run(&follow[0], Size::List(placed.len())))?;
+        let goal = self.device.upload("goal", &front.atlas.pack(goal.iter(), 1.0))?;
+        let placed = starts.iter().enumerate().flat_map(|(q, xs)| xs.iter().map(move |x| (q, *x)));
+        let particles = Particles::new(&front, placed, &goal)?;
+        self.record(|recorder| recorder.run(&particles.predict, particles.each()))?;
         front.replace_phi(&front.atlas.pack(after.iter(), 1.0));
-        self.record(|work| {
-            work.run(&follow[1], Size::List(placed.len()));
-            work.run(&follow[2], Size::List(placed.len()));
+        self.record(|recorder| {
+            recorder.run(&particles.correct, particles.each());
+            recorder.run(&particles.land, particles.each());
         })?;
-        let landed: Vec<Particle> = device.read(&particles, 0, placed.len())?;
-        let mut landed = landed.iter();
-        Ok(starts.iter().map(|xs| landed.by_ref().take(xs.len()).map(trace::track).collect()).collect())
+        let mut tracks = particles.tracks(&front)?.into_iter();
+        Ok(starts.iter().map(|xs| tracks.by_ref().take(xs.len()).collect()).collect())
     }
 }

@@ -1,0 +1,104 @@
+//! Tracker particles on the GPU.
+
+use super::band::Front;
+use super::device::Buffer;
+use super::kernels::{Bound, shader};
+use super::layout::{Job, Params, Particle};
+use super::recorder::Size;
+use crate::backend::jobs::{Track, full_distance};
+use crate::error::Result;
+
+shader! {
+    particles = "common/job.wgsl" + "common/field.wgsl" + "common/goal.wgsl" + twin "src/reference/particles.rs";
+
+    /// An Euler step before the front moves.
+    Predict for predict, "particles_predict" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        phi: Read [f32],
+        goal: Read [f32],
+        particles: Write [Particle],
+    }
+
+    /// Heun's mean after it has moved, and back onto the front.
+    Correct for correct, "particles_correct" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        phi: Read [f32],
+        goal: Read [f32],
+        particles: Write [Particle],
+    }
+
+    /// From the front as it ends onto the goal.
+    Land for land, "particles_land" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        phi: Read [f32],
+        goal: Read [f32],
+        particles: Write [Particle],
+    }
+}
+
+/// The particles of all jobs of a front.
+pub struct Particles<'g> {
+    /// How many.
+    pub count: usize,
+    buffer: Buffer<[Particle]>,
+    /// Before the front moves.
+    pub predict: Bound<'g>,
+    /// After it has moved.
+    pub correct: Bound<'g>,
+    /// At the end.
+    pub land: Bound<'g>,
+}
+
+impl<'g> Particles<'g> {
+    /// Particles at these pixels of their jobs' tiles, `(job, x)`, bound for `goal`.
+    pub fn new(
+        front: &Front<'g>,
+        starts: impl Iterator<Item = (usize, [f64; 2])>,
+        goal: &Buffer<[f32]>,
+    ) -> Result<Self> {
+        let Front { gpu, params, jobs, phi, .. } = front;
+        let start = |(q, x): (usize, [f64; 2])| Particle {
+            x: x.map(|v| v as f32),
+            died: -1.0,
+            job: q as u32,
+            ..Particle::default()
+        };
+        let starts: Vec<Particle> = starts.map(start).collect();
+        // An array cannot be empty; a dead particle stands for none.
+        let none = [Particle { died: 0.0, ..Particle::default() }];
+        let buffer = gpu.device.upload("particles", if starts.is_empty() { &none[..] } else { &starts })?;
+        let particles = &buffer;
+        Ok(Particles {
+            count: starts.len(),
+            predict: Predict { params, jobs, phi, goal, particles }.bind(gpu),
+            correct: Correct { params, jobs, phi, goal, particles }.bind(gpu),
+            land: Land { params, jobs, phi, goal, particles }.bind(gpu),
+            buffer,
+        })
+    }
+
+    /// One invocation per particle.
+    pub fn each(&self) -> Size<'static> {
+        Size::List(self.count.max(1))
+    }
+
+    /// The particles as they are now, in order.
+    pub fn tracks(&self, front: &Front<'_>) -> Result<Vec<Track>> {
+        let particles = front.gpu.device.read(&self.buffer, 0, self.count)?;
+        Ok(particles.iter().map(track).collect())
+    }
+}
+
+/// A particle at the end of its way.
+fn track(p: &Particle) -> Track {
+    let died = (p.died >= 0.0).then_some(f64::from(p.died));
+    Track {
+        distance: full_distance(f64::from(p.covered), died),
+        arc: f64::from(p.arc),
+        landing: p.x.map(f64::from),
+        arrived: died.is_none(),
+    }
+}

@@ -1,0 +1,122 @@
+//! How work is recorded: dispatches, copies and zeros, in order, sent off together.
+
+use super::device::{Buffer, Device};
+use super::kernels::{Bound, WORKGROUP};
+use super::layout::GRID;
+use super::profiler::{Profiler, Stamps};
+use crate::error::Result;
+
+/// How many invocations a dispatch has.
+#[derive(Debug, Clone, Copy)]
+pub enum Size<'b> {
+    /// One per item of a list of this length.
+    List(usize),
+    /// This many invocations times this many rows of workgroups.
+    Rows(usize, usize),
+    /// One workgroup.
+    One,
+    /// As the three numbers at this byte of a buffer say.
+    Indirect(&'b wgpu::Buffer, u64),
+}
+
+/// Timestamps of one submission at most.
+const MOST_QUERIES: u32 = 4096;
+
+/// Work being recorded.
+pub struct Recorder<'d> {
+    device: &'d Device,
+    profiler: &'d Profiler,
+    encoder: wgpu::CommandEncoder,
+    pass: Option<wgpu::ComputePass<'static>>,
+    queries: Option<wgpu::QuerySet>,
+    /// Kernel and pixels of each dispatch.
+    runs: Vec<(&'static str, usize)>,
+}
+
+impl<'d> Recorder<'d> {
+    /// An empty recording.
+    pub fn new(device: &'d Device, profiler: &'d Profiler) -> Self {
+        let encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("work") });
+        let queries = (profiler.timed && device.can_time).then(|| {
+            device.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("profile"),
+                ty: wgpu::QueryType::Timestamp,
+                count: MOST_QUERIES,
+            })
+        });
+        Recorder { device, profiler, encoder, pass: None, queries, runs: Vec::new() }
+    }
+
+    /// Records one dispatch.
+    pub fn run(&mut self, bound: &Bound<'_>, size: Size<'_>) {
+        let at = 2 * self.runs.len() as u32;
+        let timed = self.queries.as_ref().filter(|_| at + 1 < MOST_QUERIES);
+        if timed.is_some() || self.pass.is_none() {
+            self.pass = None;
+            let timestamp_writes = timed.map(|query_set| wgpu::ComputePassTimestampWrites {
+                query_set,
+                beginning_of_pass_write_index: Some(at),
+                end_of_pass_write_index: Some(at + 1),
+            });
+            let descriptor = wgpu::ComputePassDescriptor { label: Some("work"), timestamp_writes };
+            self.pass = Some(self.encoder.begin_compute_pass(&descriptor).forget_lifetime());
+        }
+        let Some(pass) = &mut self.pass else { return };
+        let pixels = match size {
+            Size::List(n) => n,
+            Size::Rows(n, rows) => n * rows,
+            _ => 0,
+        };
+        self.runs.push((bound.label(), pixels));
+        bound.set(pass);
+        let groups = |n: usize| n.div_ceil(WORKGROUP as usize) as u32;
+        match size {
+            Size::List(n) => {
+                let wide = groups(n);
+                pass.dispatch_workgroups(wide.min(GRID), wide.div_ceil(GRID), 1);
+            }
+            Size::Rows(n, rows) => pass.dispatch_workgroups(groups(n), rows as u32, 1),
+            Size::One => pass.dispatch_workgroups(1, 1, 1),
+            Size::Indirect(buffer, offset) => pass.dispatch_workgroups_indirect(buffer, offset),
+        }
+    }
+
+    /// Records a copy of whole values.
+    pub fn copy<T>(&mut self, from: &Buffer<[T]>, to: &Buffer<[T]>, bytes: u64) {
+        self.copy_part((from, 0), (to, 0), bytes);
+    }
+
+    /// Records a copy of bytes between places of two buffers.
+    pub fn copy_part<T>(&mut self, (from, first): (&Buffer<[T]>, u64), (to, place): (&Buffer<[T]>, u64), bytes: u64) {
+        self.pass = None;
+        self.encoder.copy_buffer_to_buffer(&from.raw, first, &to.raw, place, bytes);
+    }
+
+    /// Records zeros.
+    pub fn clear<T>(&mut self, buffer: &Buffer<[T]>) {
+        self.pass = None;
+        self.encoder.clear_buffer(&buffer.raw, 0, None);
+    }
+
+    /// Sends the recording off.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`] when the device has failed.
+    pub fn submit(mut self) -> Result<()> {
+        self.pass = None;
+        let stamps = match self.queries.take() {
+            Some(set) if !self.runs.is_empty() => {
+                let count = (2 * self.runs.len() as u32).min(MOST_QUERIES);
+                let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
+                let resolved = self.device.buffer("timestamps", u64::from(count) * 8, usage)?;
+                self.encoder.resolve_query_set(&set, 0..count, &resolved.raw, 0);
+                let kernels = self.runs.iter().map(|(kernel, _)| *kernel).collect();
+                Some(Stamps { buffer: resolved, count: count as usize, kernels })
+            }
+            _ => None,
+        };
+        self.device.queue.submit([self.encoder.finish()]);
+        self.device.check()?;
+        self.profiler.submitted(self.device, &self.runs, stamps)
+    }
+}

@@ -1,0 +1,98 @@
+//! From seeds to the pixels at a contour on the GPU.
+
+use super::atlas::Atlas;
+use super::band::Front;
+use super::device::Buffer;
+use super::kernels::{Bound, shader};
+use super::layout::{Job, Params, Rounds, Seed, Work};
+use super::recorder::{Recorder, Size};
+use crate::backend::jobs::SweepJob;
+use crate::error::Result;
+use crate::reference::scatter::RADIUS;
+
+shader! {
+    scatter = "common/job.wgsl" + "common/field.wgsl" + twin "src/reference/scatter.rs";
+
+    /// Means of the seeds near each pixel at the contour.
+    Scatter for scatter, "scatter" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        work: Read Work,
+        band: Read [[u32; 2]],
+        phi: Read [f32],
+        seeds: Read [Seed],
+        bins: Read [u32],
+        courses: Write [[f32; 4]],
+        rounds: Write Rounds,
+    }
+
+    /// Pixels at the contour that no seed reaches, from their neighbours.
+    Fill for fill, "scatter_fill" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        band: Read [[u32; 2]],
+        courses: Write [[f32; 4]],
+        rounds: Write Rounds,
+        slots: Read [u32],
+    }
+}
+
+/// Seeds of the jobs of a front, on their way to its pixels.
+pub struct Seeds<'g> {
+    scatter: Bound<'g>,
+    fill: Bound<'g>,
+    /// Count as used as long as the kernels are there.
+    _buffers: (Buffer<[Seed]>, Buffer<[u32]>, Buffer<Rounds>),
+}
+
+impl<'g> Seeds<'g> {
+    /// From what [`place_seeds`] gives to the courses of a front.
+    pub fn new(front: &Front<'g>, (seeds, bins): (Vec<Seed>, Vec<u32>), courses: &Buffer<[[f32; 4]]>) -> Result<Self> {
+        let Front { gpu, params, jobs, work, band, phi, slots, .. } = front;
+        let (seeds, bins) = (gpu.device.upload("seeds", &seeds)?, gpu.device.upload("bins", &bins)?);
+        let buffers = (seeds, bins, gpu.device.headed("rounds", front.capacity)?);
+        let (seeds, bins, rounds) = (&buffers.0, &buffers.1, &buffers.2);
+        Ok(Seeds {
+            scatter: Scatter { params, jobs, work, band, phi, seeds, bins, courses, rounds }.bind(gpu),
+            fill: Fill { params, jobs, band, courses, rounds, slots }.bind(gpu),
+            _buffers: buffers,
+        })
+    }
+
+    /// Gives the pixels at the contours their courses.
+    pub fn scatter(&self, recorder: &mut Recorder<'_>, front: &Front<'_>) {
+        recorder.run(&self.scatter, front.per_pixel());
+        recorder.run(&self.fill, Size::One);
+    }
+}
+
+/// Seeds of all jobs sorted into bins of RADIUS px, and where each bin begins.
+pub fn place_seeds(atlas: &mut Atlas, jobs: &[&SweepJob<'_>], h: [f64; 2]) -> (Vec<Seed>, Vec<u32>) {
+    let (mut seeds, mut bins) = (Vec::new(), Vec::new());
+    for (slot, job) in atlas.jobs.iter_mut().zip(jobs) {
+        let cells: [usize; 2] = std::array::from_fn(|a| (job.source.dims[a] as f64 * h[a] / RADIUS) as usize + 1);
+        (slot.first_bin, slot.bins_x, slot.bins_y) = (bins.len() as u32, cells[0] as u32, cells[1] as u32);
+        let bin = |x: &[f64; 2]| {
+            let cell = |a: usize| ((x[a] * h[a] / RADIUS).max(0.0) as usize).min(cells[a] - 1);
+            cell(1) * cells[0] + cell(0)
+        };
+        let mut order: Vec<(usize, usize)> = job.seeds.iter().enumerate().map(|(k, x)| (bin(x), k)).collect();
+        order.sort_unstable();
+        let mut next = 0;
+        for b in 0..=cells[0] * cells[1] {
+            while next < order.len() && order[next].0 < b {
+                next += 1;
+            }
+            bins.push((seeds.len() + next) as u32);
+        }
+        seeds.extend(order.iter().map(|&(_, k)| Seed {
+            course: job.courses[k].map(|v| v as f32),
+            x: job.seeds[k].map(|v| v as f32),
+            padding: [0.0; 2],
+        }));
+    }
+    if seeds.is_empty() {
+        seeds.push(Seed::default());
+    }
+    (seeds, bins)
+}

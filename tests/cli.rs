@@ -52,6 +52,41 @@ fn every_output_is_written_and_the_report_certifies() {
 }
 
 #[test]
+fn a_settings_file_says_memory_as_the_command_line_does() {
+    let place = folder();
+    sound_stack(place.path());
+    let (file, out) = (place.path().join("s.toml"), place.path().join("a.stl").display().to_string());
+    let run = |memory: &str| {
+        fs::write(&file, format!("memory = {memory}\n")).expect("a file can be written");
+        let input = place.path().display().to_string();
+        interslice(&[
+            "reconstruct",
+            &input,
+            "--settings",
+            &file.display().to_string(),
+            "-o",
+            &out,
+            "-q",
+            "--backend",
+            "cpu",
+        ])
+    };
+    for memory in ["\"512M\"", "536870912"] {
+        let result = run(memory);
+        assert_eq!(result.status.code(), Some(0), "{memory}: {}", stderr(&result));
+    }
+    for memory in ["\"a lot\"", "512", "true", "-1"] {
+        let (result, said) = (run(memory), "a number of bytes");
+        let message = stderr(&result);
+        assert_eq!(result.status.code(), Some(2), "{memory}: {message}");
+        assert!(
+            message.contains("s.toml") && message.contains("memory") && message.contains(said),
+            "{memory}: {message}"
+        );
+    }
+}
+
+#[test]
 fn the_command_line_wins_over_the_settings_file() {
     let place = folder();
     sound_stack(place.path());

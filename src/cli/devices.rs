@@ -16,7 +16,8 @@ use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
 use interslice::report::Profile;
 use interslice::storage::room;
 use interslice::{Backend, Budget, Error, Reference, Result};
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::say::say;
 
@@ -47,10 +48,12 @@ pub struct DeviceOptions {
 
     /// Memory that a run aims to stay within, e.g. 512M or 4G [default: what is free]
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    #[serde(deserialize_with = "named_bytes")]
     memory: Option<u64>,
 
     /// Memory that the GPU's buffers may take [default: `--memory`, or a third of it where the GPU shares the host's memory, else 60 % of what is free]
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    #[serde(deserialize_with = "named_bytes")]
     gpu_memory: Option<u64>,
 
     /// Time every kernel and say what each has cost
@@ -98,6 +101,22 @@ pub fn bytes(text: &str) -> std::result::Result<u64, String> {
     let wrong = || format!("must be a number of bytes such as 512M or 4G, at least 1M; got `{text}`");
     let count: u64 = digits.parse().map_err(|_| wrong())?;
     count.checked_mul(unit).filter(|&b| b >= 1 << 20).ok_or_else(wrong)
+}
+
+/// [`bytes`] of a settings file, as a number or as text.
+fn named_bytes<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Option<u64>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "must be a number of bytes, or text such as \"512M\"")]
+    enum Named {
+        Number(u64),
+        Text(String),
+    }
+    let text = match Option::<Named>::deserialize(from)? {
+        None => return Ok(None),
+        Some(Named::Number(count)) => count.to_string(),
+        Some(Named::Text(text)) => text,
+    };
+    bytes(&text).map(Some).map_err(D::Error::custom)
 }
 
 /// The machine that was chosen, and why.

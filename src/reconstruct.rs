@@ -1,4 +1,4 @@
-//! From a checked stack to the body's layers.
+//! Reconstruction: a checked stack becomes the body's layers.
 
 use crate::backend::{Backend, Means};
 use crate::error::Result;

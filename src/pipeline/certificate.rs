@@ -1,4 +1,4 @@
-//! What the certificate says of a body, read off its layers and nothing else: it cannot know how they were made.
+//! Certificate of a body, read off its layers and nothing else: it cannot know how they were made.
 //!
 //! Per contour the layers a thousandth of the gap below and above it ([`BESIDE`]); over all layers that are handed on the pieces that touch no
 //! contour, the pairs of overlapping parts that are not connected between their contours, the largest step, and what the ends add around their contour.
@@ -19,7 +19,7 @@ const AROUND: f64 = 1.5;
 /// Distance to the surface up to which changes count, px.
 const NEAR: f32 = 1.0;
 
-/// What is known of one contour.
+/// Facts about one contour.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Met {
     /// Its layer's area, unit squared.
@@ -56,9 +56,9 @@ pub struct Examined {
     before: Option<(f64, Vec<f32>)>,
     /// The last layer, where it lies just below the next contour.
     beside: Option<Packed<f32>>,
-    /// What lies inside somewhere below the first contour.
+    /// Pixels that are inside somewhere below the first contour.
     lower: Vec<bool>,
-    /// What is known of the contours.
+    /// Facts about the contours.
     pub contours: Vec<Met>,
     /// And of the body.
     pub body: BodyReport,
@@ -90,7 +90,7 @@ impl Examined {
         }
     }
 
-    /// What was found.
+    /// Findings.
     pub fn finish(mut self) -> (Vec<Met>, BodyReport) {
         // Above the last contour; beyond the last layer everything is outside.
         self.pieces[1].ground_last();
@@ -277,7 +277,7 @@ impl Pieces {
         self.joined.root(low) == self.joined.root(self.last.1 + last)
     }
 
-    /// How many pieces hang on nothing.
+    /// Number of pieces that hang on nothing.
     fn floating(&mut self) -> usize {
         let count = self.last.1 + self.last.0.count;
         let ground: BTreeSet<usize> = self.ground.iter().map(|&k| self.joined.root(k)).collect();

@@ -1,4 +1,4 @@
-//! What holds between slices as topology, made so after all other stages: overlaps stay connected, nothing floats.
+//! Topology between slices, made right after all other stages: overlaps stay connected, nothing floats.
 
 use rayon::prelude::*;
 
@@ -14,7 +14,7 @@ use crate::stack::heights::NODE_TIMES;
 use crate::storage::spill::SpillVec;
 use crate::surface::Layer;
 
-/// How far from its time a layer may be and still stand for it.
+/// Difference in time by which a layer may miss a node and still stand for it.
 const SAME_TIME: f64 = 2e-6;
 
 /// A layer that waits for the others of its interval.
@@ -33,7 +33,7 @@ pub(crate) struct Together<'r, 'b> {
     shown: OutputImage,
     px: f64,
     bonds: Bonds,
-    /// From a contour on.
+    /// Layers that wait, from a contour on.
     waiting: Vec<IntervalLayer>,
     cores: Option<Cores>,
 }
@@ -132,7 +132,7 @@ impl Together<'_, '_> {
         self.waiting.par_iter_mut().zip(&outside).zip(&stays).for_each(|((w, runs), stays)| _ = turned(w, runs, stays));
     }
 
-    /// Which parts of the layers that wait do not float.
+    /// Parts of the layers that wait which do not float.
     fn stays(&self, all: &[Runs], side: Side) -> Vec<Vec<bool>> {
         let nx = self.shown.dims[0];
         let places: Vec<usize> = (0..all.len()).filter(|&k| self.waiting[k].node.is_some()).collect();

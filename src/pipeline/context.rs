@@ -1,4 +1,4 @@
-//! What every stage of a run reads and none changes.
+//! Context of a run, which every stage reads and none changes.
 
 use std::time::Instant;
 
@@ -23,12 +23,12 @@ use crate::surface::header::Header;
 /// Takes finished layers, lowest first.
 pub type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
 
-/// What is done so that a body hangs together; without one of them it can be seen what that is for.
+/// Rules that hold a body together; without one of them it can be seen what it is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bonds {
     /// Overlaps keep their core at every height.
     pub cores: bool,
-    /// What floats is taken out, and voids that open to no contour are filled.
+    /// Pieces that float are taken out, and voids that open to no contour are filled.
     pub grounded: bool,
 }
 
@@ -39,7 +39,7 @@ impl Bonds {
 
 /// A run's input and means.
 pub(super) struct Context<'a> {
-    /// What it makes of the whole stack, through the window.
+    /// Stack of the section, through the window.
     pub stack: &'a ContourStack,
     /// Pixels of the image.
     pub image: [usize; 2],
@@ -47,7 +47,7 @@ pub(super) struct Context<'a> {
     pub backend: &'a dyn Backend,
     pub progress: &'a dyn Progress,
     pub budget: &'a Budget,
-    /// What of the stack is made here.
+    /// Part of the stack that is made here.
     pub span: Span,
     /// Pixel size in units of its larger side.
     pub h: [f64; 2],
@@ -57,7 +57,7 @@ pub(super) struct Context<'a> {
     pub pad: [usize; 2],
     /// Margin of tiles, the same.
     pub margin: [usize; 2],
-    /// What holds the body together.
+    /// Rules that hold the body together.
     pub bonds: Bonds,
 }
 
@@ -72,7 +72,7 @@ impl<'a> Context<'a> {
         size_of::<f64>() * self.padded().iter().product::<usize>()
     }
 
-    /// What is known before the first layer.
+    /// Facts known before the first layer.
     pub fn header(&self, heights: &Heights, extent: [f64; 2]) -> Header {
         let ContourStack { spacing, unit, geometry, .. } = self.stack;
         let grid = Header::grid(&heights.output(), *spacing);
@@ -88,7 +88,7 @@ impl<'a> Context<'a> {
         Ok(Heights::merged(&z, output, extent))
     }
 
-    /// What `make` makes of the two contours of every interval.
+    /// Results of `make` for the two contours of every interval.
     pub fn of_pairs<T: Send>(
         &self,
         contours: &SpillVec<'_, Contour>,
@@ -102,7 +102,7 @@ impl<'a> Context<'a> {
         Ok(out)
     }
 
-    /// The same, taken one by one in order.
+    /// Results of `make` for every interval, taken one by one in order.
     pub fn for_pairs<T: Send>(
         &self,
         contours: &SpillVec<'_, Contour>,

@@ -20,7 +20,7 @@ use crate::stack::heights::Heights;
 use crate::storage::spill::SpillVec;
 use crate::surface::stream::LayerSink;
 
-/// What the stages before the layers have made.
+/// Results of the stages before the layers.
 struct Made<'a> {
     moving: MotionStack<'a>,
     slopes: SpillVec<'a, Field>,
@@ -62,7 +62,7 @@ pub(super) fn field<'a>(
     Ok(extent)
 }
 
-/// What happens between neighbouring contours, as their parts overlap.
+/// Events between neighbouring contours, as their parts overlap.
 fn events(run: &Context<'_>, links: &[IntervalLinks], contours: &SpillVec<'_, Contour>) -> Result<Vec<IntervalReport>> {
     let of = |i: usize, [low, high]: [&Contour; 2]| {
         let linked = DecidedPairs::joining(&links[i].joined());

@@ -101,7 +101,7 @@ impl Fitted {
         Fitted { slopes, ..Fitted::default() }
     }
 
-    /// The same with slopes moved by `sign` times the outward speed at which the frame carries each seed: growth that the frame's motion
+    /// The fit with slopes moved by `sign` times the outward speed at which the frame carries each seed: growth that the frame's motion
     /// explains is not in the slopes, although it moves the contour.
     pub fn with_motion(&self, contour: &Contour, rates: &Displacement, h: [f64; 2], sign: f64) -> Self {
         let outward = |x: [f64; 2]| {
@@ -119,11 +119,11 @@ type Neighbours = Lists<Weighted>;
 type Chains = Lists<f64>;
 type Tree = RTree<GeomWithData<[f64; 2], u32>>;
 
-/// What the fit reads.
+/// Input of the fit.
 pub struct Measured<'s, 'b> {
     /// The contours.
     pub contours: &'s SpillVec<'b, Contour>,
-    /// What their morphs have measured, interval by interval.
+    /// Distances that their morphs have measured, interval by interval.
     pub sides: &'s SpillVec<'b, Sides>,
     /// Pixel sides.
     pub h: [f64; 2],
@@ -134,7 +134,7 @@ pub struct Measured<'s, 'b> {
 /// Slopes for all contours, which `finish` may change, one by one.
 ///
 /// # Errors
-/// Those of the shelves and of `finish`.
+/// The errors of the temporary file and of `finish`.
 pub fn fit<'b>(
     measured: &Measured<'_, 'b>,
     settings: &Settings,
@@ -166,12 +166,12 @@ pub fn fit<'b>(
 }
 
 impl<'b> Measured<'_, 'b> {
-    /// What was measured in the interval above a contour.
+    /// Measurements in the interval above a contour.
     fn sides_above(&self, i: usize) -> Result<Option<Arc<Sides>>> {
         if i < self.sides.len() { self.sides.get(i).map(Some) } else { Ok(None) }
     }
 
-    /// Where the chains of all contours go on; slopes are still to come.
+    /// Chains of all contours; slopes are still to come.
     fn links(&self, budget: &'b Budget) -> Result<SpillVec<'b, Fitted>> {
         let count = self.contours.len();
         let tree = |i: usize| Ok(tree(&self.contours.some(i, Contour::SEEDS)?.seeds, self.h));

@@ -25,7 +25,7 @@ const FOLLOWED: f64 = 0.5;
 /// The links of one interval.
 #[derive(Debug, Clone, Default)]
 pub(super) struct IntervalLinks {
-    /// As the report tells them.
+    /// Links as the report tells them.
     pub told: Vec<LinkReport>,
 }
 

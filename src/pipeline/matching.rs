@@ -24,7 +24,7 @@ pub struct Interval {
     pub groups: Vec<GroupFields>,
     /// Solid parts without partner.
     pub lone: Vec<LonePart>,
-    /// What happens to the topology on the way up.
+    /// Changes of the topology on the way up.
     pub events: Vec<Event>,
 }
 
@@ -48,11 +48,11 @@ impl Large for Interval {
 pub struct GroupFields {
     /// Members and anchors (nodes of the padded image).
     pub group: Group,
-    /// Where.
+    /// Tile on which it lies.
     pub tile: Tile,
-    /// The two level sets that morph into each other: the group's components with all dying holes filled.
+    /// Level set below, of the two that morph into each other: the group's components with all dying holes filled.
     pub low: MorphEnd,
-    /// The same above.
+    /// Its counterpart above.
     pub high: MorphEnd,
     /// Holes that open or close between the contours; their fields are negative inside the hole.
     pub holes: Vec<LonePart>,
@@ -74,7 +74,7 @@ pub struct MorphEnd {
     pub seeds: Vec<u32>,
 }
 
-/// What one group asks of the backend, before it has answered.
+/// Questions of one group to the backend, before it has answered.
 struct Plan {
     group: Group,
     tile: Tile,
@@ -83,7 +83,7 @@ struct Plan {
     jobs: Vec<PartJob>,
 }
 
-/// What an interval asks of the backend: its groups and its lone parts.
+/// Questions of an interval to the backend: its groups and its lone parts.
 #[derive(Default)]
 pub struct IntervalPlan {
     plans: Vec<Plan>,

@@ -57,7 +57,7 @@ struct Certified<'a> {
     /// On the image.
     stack: &'a ContourStack,
     window: Window,
-    /// What lies around it.
+    /// Value around it.
     outside: f32,
     /// Heights from the first on and below the second are kept.
     kept: [f64; 2],

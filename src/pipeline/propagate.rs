@@ -38,24 +38,24 @@ pub(crate) const CHUNK_BYTES: usize = 256 << 20;
 /// one in the middle third, which neither part then reaches; a bound that looked for it would make layers depend on each other.
 const APART: f64 = 0.8 / 3.0;
 
-/// How far the time of a layer beside a contour is from its height's.
+/// Largest difference of a time from that of the layer beside a contour.
 const ROUNDING: f64 = 1e-6;
 
-/// What changes by more than this from a contour to the layer beside is not the same surface's, px.
+/// Change of distance from a contour to the layer beside, px, above which the two do not belong to one surface.
 const GONE: f32 = 0.5;
 
-/// What brings some layers of an interval from its frame to where they belong.
+/// Means that bring some layers of an interval from its frame to their places.
 struct InFrame<'w> {
     warp: &'w Warp<'w>,
     trust: &'w Trust,
     ways: Vec<Way>,
-    /// Where the field method's layers, `others`, have a say.
+    /// Cells in which the field method's layers, `others`, count.
     doubts: Vec<Cells>,
     others: Vec<Vec<f32>>,
 }
 
 impl SweepInputs<'_, '_> {
-    /// How far the morphs of interval `i` can be trusted, in its frame, where it is `moving`.
+    /// Trust in the morphs of interval `i`, in its frame `moving`.
     fn trust(&self, moving: &MotionField, i: usize, h: [f64; 2], relief: f64) -> Result<Trust> {
         let seen = self.seen.some(i, Contour::SEEDS_AND_PARTS)?;
         let sides = self.sides.get(i)?;
@@ -159,14 +159,14 @@ fn layers_between<'a>(
     Ok(())
 }
 
-/// How far the field's slopes of relief take the place of the morph's: whoever asks for other slopes than the default ones gets them.
+/// Share by which the field's slopes of relief replace the morph's: whoever asks for other slopes than the default ones gets them.
 fn relief<'a>(run: &Context<'a>) -> f64 {
     let Settings { slope, clamp_bottom, clamp_top, .. } = run.settings;
     let asked = *slope != Settings::default().slope || clamp_bottom.is_some() || clamp_top.is_some();
     if asked { 0.0 } else { run.span.change.relief }
 }
 
-/// From the mid frame of interval `i`, which is `part`, to its layers.
+/// Warp from the mid frame of interval `i`, which is `part`, to its layers.
 fn warp<'a, 'p>(
     run: &Context<'a>,
     made: &SweepInputs<'_, 'a>,
@@ -180,7 +180,7 @@ fn warp<'a, 'p>(
     Warp::new(part, 0, slices, run.settings.margin() as f64)
 }
 
-/// What lies between the contours of an interval at either of them, in the mid frame: its ends, but for what is gone in the layer beside. A
+/// Body between the contours of an interval at either of them, in the mid frame: its ends, but for what is gone in the layer beside. A
 /// crumb that the frame does not show is a valley in them, and the distances of layers are those to their own surface.
 fn begun<'a>(
     run: &Context<'a>,

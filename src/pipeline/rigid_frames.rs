@@ -56,7 +56,7 @@ pub fn linked(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) 
     slices.frames(links.iter().map(|&pair| slices.body(pair).0).collect(), links.len())
 }
 
-/// The same with a frame for every group of one part below and one above that is isolated and gains by it.
+/// Frames of links, and of every group of one part below and one above that is isolated and gains by it.
 pub fn rigid(low: &Contour, high: &Contour, links: &[(u32, u32)], h: [f64; 2]) -> Frames {
     let slices = Slices::new(low, high, h);
     let groups =

@@ -1,4 +1,4 @@
-//! What of a stack one run makes.
+//! Part of a stack that one run makes.
 
 use std::ops::Range;
 
@@ -27,12 +27,12 @@ pub struct Span {
     pub gaps: Vec<f64>,
     /// Median gap of the whole stack.
     pub gap: f64,
-    /// What changes between the slices of the whole stack.
+    /// Changes between the slices of the whole stack.
     pub change: Change,
 }
 
 impl Span {
-    /// Of a section of `stack`.
+    /// The span of a section of `stack`.
     pub fn new(stack: &ContourStack, section: &Section) -> Self {
         let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
         let first = section.slices.start;
@@ -51,7 +51,7 @@ impl Span {
         }
     }
 
-    /// What the gap of interval `i` counts as where it is compared with widths, unit of the pixel spacing.
+    /// Gap of interval `i` as a width, for comparisons with widths, unit of the pixel spacing.
     pub fn gap_as_width(&self, i: usize) -> f64 {
         self.change.rate.max(LEAST_RATE) * self.gaps[i]
     }

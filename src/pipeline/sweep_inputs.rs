@@ -1,4 +1,4 @@
-//! What the stages before the sweeps have made of the stack.
+//! Inputs of the sweeps, which the stages before have made.
 
 use std::sync::Arc;
 
@@ -40,7 +40,7 @@ impl SeenStack<'_, '_> {
         }
     }
 
-    /// The same with some of their arrays.
+    /// The contours of interval `i` with some of their arrays.
     pub fn some(&self, i: usize, wanted: &[usize]) -> Result<Seen> {
         let of = |end: usize| match &self.moved {
             Some(moved) => moved.some(2 * i + end, wanted),
@@ -50,7 +50,7 @@ impl SeenStack<'_, '_> {
     }
 }
 
-/// What the stages before the sweeps have made.
+/// Inputs of the sweeps.
 pub struct SweepInputs<'c, 'b> {
     pub contours: &'c SpillVec<'b, Contour>,
     pub beside: Option<FieldFallback<'c, 'b>>,

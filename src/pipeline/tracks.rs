@@ -1,4 +1,4 @@
-//! From contours to morphs and back: the jobs of the trace stage, and what they measured, seed by seed of each contour.
+//! Jobs of the trace stage, made of contours, and their measurements, seed by seed of each contour.
 
 use std::borrow::Cow;
 
@@ -11,7 +11,7 @@ use crate::pipeline::matching::{GroupFields, Interval};
 use crate::registration::mid_frame::Frame;
 use crate::storage::spill::{Array, Large};
 
-/// What the morph towards one neighbour measured for each seed of a contour.
+/// Measurements of the morph towards one neighbour, for each seed of a contour.
 #[derive(Debug, Clone)]
 pub struct SideTracks {
     /// One per seed; landing in pixels of the padded image.
@@ -37,7 +37,7 @@ impl SideTracks {
     }
 }
 
-/// What was measured in an interval; nothing where it was not traced.
+/// Measurements in an interval; nothing where it was not traced.
 #[derive(Debug, Clone, Default)]
 pub struct Sides {
     /// Upward, of the contour below.

@@ -35,7 +35,7 @@ pub struct Band {
     gamma: f64,
     /// Runs of T.
     tube: Vec<PixelRun>,
-    /// Those of N before the last rebuild.
+    /// Runs of N before the last rebuild.
     old: Vec<PixelRun>,
 }
 

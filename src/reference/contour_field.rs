@@ -1,4 +1,4 @@
-//! From a slice to its level set phi_i: anti-aliasing, distance, conditioning.
+//! Level set phi_i of a slice: anti-aliasing, distance, conditioning.
 
 use super::band::Band;
 use super::distance::distance_of;

@@ -72,7 +72,7 @@ impl Round {
 /// Evidence of one interval per node: `S` (xx, yy, xy) and the right-hand side `S (v - guess) + d` (x, y), in px of the larger side.
 type Evidence = Vec<[f64; 5]>;
 
-/// What the slices of one interval differ by where nothing moves but by the guess: e^2 per node, px^2.
+/// Difference of the slices of one interval where nothing moves but by the guess: e^2 per node, px^2.
 type Change = Vec<f64>;
 
 /// Displacements of neighbouring intervals after some rounds.
@@ -129,7 +129,7 @@ fn sample_clipped(field: &Field, clip: f64, x: [f64; 2]) -> f64 {
     bilinear([at(node), at(node + 1), at(node + nx), at(node + nx + 1)], place)
 }
 
-/// Which pixels lie so near a contour that a value read up to `away` px off may lie within the clip.
+/// Whether each pixel lies so near a contour that a value read up to `away` px off may lie within the clip.
 fn near_contours(low: &Field, high: &Field, round: Round, away: f64) -> Vec<bool> {
     let reach = round.clip + away + 2.0;
     low.data.iter().zip(&high.data).map(|(a, b)| a.abs().min(b.abs()) < reach).collect()
@@ -298,7 +298,7 @@ fn solve(
     guess.with(vectors)
 }
 
-/// How much an interval that changes by `own` takes from one that in as much height changes by `other`, mean squares.
+/// Share that an interval takes from a neighbour: `own` is its change, `other` the neighbour's in as much height, mean squares.
 fn share(own: f64, other: f64) -> f64 {
     own / (own + other + NO_CHANGE)
 }

@@ -54,7 +54,7 @@ fn nearest_crossing(u: &Field, node: usize, neighbours: [Option<usize>; 2]) -> f
 
 /// Solves `|grad d| = 1` outwards from the fixed pixels: Gauss-Seidel in four directions, repeated until nothing changes.
 ///
-/// Of a row only the columns are looked at again beside which something has changed since: elsewhere nothing would.
+/// Only the columns of a row are looked at again beside which something has changed: elsewhere nothing would.
 pub fn sweep(d: &mut Field, fixed: &[bool], h: [f64; 2]) {
     let [nx, ny] = d.dims;
     let mut open = vec![0..nx; ny];
@@ -153,7 +153,7 @@ fn sweep_row(
     (changed, largest)
 }
 
-/// What counts as right: pixels this close to a contour keep what the sweep of the front made of them, px.
+/// Distance that counts as right: pixels this close to a contour keep what the sweep of the front made of them, px.
 pub const TRUSTED: f64 = 3.0;
 
 /// A field that is right within 3 px of its contour, continued outwards as a distance and clamped to `limit` px.

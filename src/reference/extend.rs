@@ -9,7 +9,7 @@ use crate::grid::field::Field;
 /// of its sides a value comes.
 pub const ALIKE: f64 = 1e-3;
 
-/// Where the pixels of a band look, found once per front and used for every channel and pass.
+/// Upwind neighbours of the pixels of a band, found once per front and used for every channel and pass.
 #[derive(Debug, Clone, Default)]
 pub struct Upwind {
     /// `(node in x, node in y, weight of x)` in band order; a pixel that keeps its value points at itself.

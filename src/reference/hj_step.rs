@@ -6,7 +6,7 @@ use super::band::Band;
 use crate::grid::field::Field;
 use crate::grid::stencil::{REACH, TVD_RK3, cut_off, godunov, one_sided};
 
-/// Where the speed F comes from.
+/// Source of the speed F.
 #[derive(Debug, Clone, Copy)]
 pub enum Speed<'a> {
     /// `F = phi - goal`, taken anew in every stage: the morph of Eq. 2.
@@ -116,7 +116,7 @@ impl<'a> WenoRows<'a> {
     }
 }
 
-/// What pixel `k` finds in one direction.
+/// Differences that pixel `k` finds in one direction.
 #[inline(always)]
 pub(super) fn stencil([a, b, c, d, e, f, g]: &[&[f64]; 2 * REACH + 1], k: usize) -> [f64; 2 * REACH + 1] {
     [a[k], b[k], c[k], d[k], e[k], f[k], g[k]]

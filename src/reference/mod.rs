@@ -44,7 +44,7 @@ fn in_parallel<J: Sync, R: Send>(jobs: &[J], progress: &dyn Progress, run: impl 
         .collect()
 }
 
-/// How a sweep went, and its level sets at the times asked for.
+/// Course of a sweep, and its level sets at the times asked for.
 type SweptWithFields = (Swept, Vec<Packed<f32>>);
 
 impl Backend for Reference {

@@ -8,7 +8,7 @@ use crate::contour::caps::Cap;
 use crate::grid::field::Field;
 use crate::registration::motion_field::{CELL, LoneParts, between, closing, plus, probes};
 
-/// How far from a cell's middle its pixels may read, px: distances change by a pixel per pixel, and the frame by less than half of that.
+/// Distance from a cell's middle at which its pixels may read, px: distances change by a pixel per pixel, and the frame by less than half of that.
 pub fn reach(h: [f64; 2]) -> f64 {
     0.75 * CELL as f64 * h[0].hypot(h[1]) + 2.0
 }
@@ -80,7 +80,7 @@ struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// Those no farther than `around` from where the cell's middle comes from and goes to.
+    /// Chooses the parts no farther than `around` from where the cell's middle comes from and goes to.
     fn choose(&mut self, lone: &'a LoneParts, from: [f64; 2], to: [f64; 2], around: f64) {
         for (near, all, x) in [(&mut self.low, &lone.low, from), (&mut self.high, &lone.high, to)] {
             near.clear();

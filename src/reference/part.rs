@@ -4,7 +4,7 @@ use super::distance::sweep;
 use crate::backend::jobs::PartJob;
 use crate::grid::field::{FAR, Field};
 
-/// Where an edge of another part is nearer by less than this, the whole contour's field still has a share in the value, px: pixels that are as
+/// Difference of distances, px: where an edge of another part is nearer by less than this, the whole contour's field still has a share in the value, px: pixels that are as
 /// far from both would else go by rounding.
 pub const BOTH: f64 = 0.5;
 

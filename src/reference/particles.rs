@@ -3,7 +3,7 @@
 use crate::contour::seeds::Seed;
 use crate::grid::field::{Field, distance};
 
-/// What back-projections may move a particle in all, px: more means that the front under it is gone and another piece drags it along. The sum,
+/// Way that back-projections may move a particle in all, px: more means that the front under it is gone and another piece drags it along. The sum,
 /// unlike the move of one step, does not depend on how many steps there are.
 pub const LOST: f64 = 1.0;
 /// Farthest a living particle may be from the front after back-projection, px: at a fork it has no front of its own. Without this bound rounding
@@ -22,7 +22,7 @@ pub struct Particle {
     pub covered: f64,
     /// Length of the path, px.
     pub arc: f64,
-    /// What back-projections have moved it in all, px.
+    /// Way that back-projections have moved it in all, px.
     pub dragged: f64,
     /// Time of death.
     pub died: Option<f64>,

@@ -1,4 +1,4 @@
-//! From seeds to the pixels at a contour: each such pixel takes the kernel-weighted mean of the seeds near its closest contour point.
+//! Values of seeds at the pixels of a contour: each such pixel takes the kernel-weighted mean of the seeds near its closest contour point.
 //!
 //! Gathered through cell bins in seed order, never scattered: the result cannot depend on the order in which threads run.
 

@@ -295,7 +295,7 @@ fn read_before((below, above): (&[[f64; 2]], &[[f64; 2]]), [fx, fy]: [f64; 2], o
     out.iter_mut().enumerate().for_each(|(k, slot)| *slot = mix(left, right, fx + STEP * k as f64));
 }
 
-/// The same at pairs of blocks, of whose pixels `BEFORE` lie before the next nodes.
+/// Displacements at pairs of blocks, of whose pixels `BEFORE` lie before the next nodes.
 #[inline(always)]
 fn read_pairs<const BEFORE: usize>(
     (below, above): (&[[f64; 2]], &[[f64; 2]]),

@@ -1,4 +1,4 @@
-//! What holds of the body as a whole.
+//! Checks of the body as a whole.
 
 use serde::{Deserialize, Serialize};
 
@@ -66,7 +66,7 @@ pub struct AreaProfile {
 }
 
 impl AreaProfile {
-    /// With the profile of the section above, whose first layer is the last one here; nothing where it is not, as there is a gap between them.
+    /// This profile joined with that of the section above, whose first layer is the last one here; nothing where it is not, as there is a gap between them.
     pub(super) fn joined(mut self, above: AreaProfile) -> Option<Self> {
         let [last, first] = [self.layers.last()?, above.layers.first()?];
         if last[0] != first[0] {

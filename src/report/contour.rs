@@ -1,4 +1,4 @@
-//! How well each contour is met.
+//! Report of how well each contour is met.
 
 use serde::{Deserialize, Serialize};
 

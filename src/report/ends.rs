@@ -1,4 +1,4 @@
-//! What the ends add to the body.
+//! Report of what the ends add to the body.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! What happens between two neighbouring contours.
+//! Report of an interval between two neighbouring contours.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! What the run has cost, stage by stage and kernel by kernel.
+//! Cost of a run, stage by stage and kernel by kernel.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;

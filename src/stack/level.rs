@@ -45,7 +45,7 @@ impl LevelSlice {
         LevelSlice { sides: values.iter().map(|v| *v < 0.0).collect(), near, largest }
     }
 
-    /// The same contour on other pixels: their sides, and the values of those beside one of the other side, increasing.
+    /// This contour on other pixels: their sides, and the values of those beside one of the other side, increasing.
     pub(super) fn with(&self, sides: Mask, near: Vec<(usize, f32)>) -> Self {
         LevelSlice { sides, near, largest: self.largest }
     }

@@ -1,4 +1,4 @@
-//! What the body does beyond its first and last contour.
+//! Ends of the body beyond its first and last contour.
 //!
 //! A part closes by an [area law](crate::pipeline::ends::end_law): its layers are its contour drawn in, by as much at every height as gives them the area of the
 //! law. Holes follow laws of their own, so that shells, tubes and rings end as such.
@@ -34,21 +34,21 @@ pub struct End {
     pub contour: f64,
     /// Height at which the body ends.
     pub extent: f64,
-    /// How its parts end, by number; nothing under rules that ask for no caps.
+    /// Ends of its parts, by number; nothing under rules that ask for no caps.
     pub told: Vec<Told>,
     caps: Vec<Cap>,
     /// The contour goes on unchanged up to `extent`.
     straight: bool,
 }
 
-/// How a part ends.
+/// End of a part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Told {
     /// Component number.
     pub part: u32,
     /// By which rule.
     pub rule: CapRule,
-    /// How far beyond its contour, the stack's unit.
+    /// Height beyond its contour, the stack's unit.
     pub height: f64,
 }
 
@@ -111,7 +111,7 @@ struct Cap {
     depth: f64,
     law: Law,
     holes: Vec<(CapLine, HoleLaw)>,
-    /// Where nothing is left of it.
+    /// Height at which nothing is left of it.
     tip: f64,
 }
 
@@ -159,7 +159,7 @@ impl Cap {
 }
 
 impl End {
-    /// Where a section of a stack is cut off.
+    /// The end at which a section of a stack is cut off.
     pub fn cut(contour: f64) -> Self {
         End { contour, extent: contour, told: Vec::new(), caps: Vec::new(), straight: false }
     }
@@ -187,13 +187,13 @@ impl End {
     }
 }
 
-/// What an end needs to know.
+/// Facts that decide an end.
 pub struct EndSpec<'a> {
     /// Height of the first or last contour.
     pub z: f64,
     /// Its parts.
     pub parts: &'a [EndPart],
-    /// How far inward the contours lie by which they end, the first 0.
+    /// Distances inward of the contours by which they end, the first 0.
     pub away: &'a [f64],
     /// Down at the first, up at the last.
     pub direction: Direction,
@@ -205,7 +205,7 @@ pub struct EndSpec<'a> {
     pub highest: f64,
     /// Whether a person has given the slope.
     pub clamped: bool,
-    /// How far the areas tell the contour's own slopes: not of relief, whose contours go on beyond the border of the map and merge with others
+    /// Share of the slopes that the areas tell, 0 to 1: none of relief, whose contours go on beyond the border of the map and merge with others
     /// below.
     pub told_by_areas: f64,
 }
@@ -215,7 +215,7 @@ impl EndSpec<'_> {
         if self.direction == Direction::Up { 1.0 } else { -1.0 }
     }
 
-    /// How far beyond the contour the body ends whose highest tip is at `height`.
+    /// Height beyond the contour at which a body ends whose highest tip is at `height`.
     fn plane(&self, height: f64) -> f64 {
         match self.rule {
             EndRule::Extrapolate if height > 0.0 && self.gap > 0.0 => {

@@ -1,4 +1,4 @@
-//! How the area of a part falls beyond the last contour.
+//! Law by which the area of a part falls beyond the last contour.
 //!
 //! The area of a sphere, an ellipsoid or a paraboloid cut by parallel planes is quadratic in their height, that of a cone with its tip on the axis
 //! the square of a line: three contours give such bodies' ends exactly, whatever the cross-section's shape.
@@ -14,7 +14,7 @@ const LEAST_FALL: f64 = 1e-3;
 pub struct Law {
     /// Area of the contour.
     pub area: f64,
-    /// Where the area is 0.
+    /// Height at which the area is 0.
     pub height: f64,
     /// See above.
     pub power: f64,

@@ -17,7 +17,7 @@ use crate::registration::displacement::Displacement;
 /// Contours that have a say in how the body ends.
 pub const LEVELS: usize = 3;
 
-/// What a closed line encloses: a part with its holes filled, or one of its holes.
+/// Region that a closed line encloses: a part with its holes filled, or one of its holes.
 #[derive(Debug, Clone)]
 pub struct Region {
     /// Signed distance on the part's tile, negative within.
@@ -33,9 +33,9 @@ pub struct Region {
 pub struct EndPart {
     /// Component number.
     pub number: u32,
-    /// Where.
+    /// Tile on which it lies.
     pub tile: Tile,
-    /// Itself without holes.
+    /// Part without its holes.
     pub outline: Region,
     /// Its holes.
     pub holes: Vec<Region>,
@@ -45,13 +45,13 @@ pub struct EndPart {
 pub struct Levels<'a> {
     /// At most [`LEVELS`].
     pub contours: Vec<Arc<Contour>>,
-    /// From each contour but the last to the next one inward: displacement at its pixels, with a sign. None where nothing moves.
+    /// Way from each contour but the last to the next one inward: displacement at its pixels, with a sign. None where nothing moves.
     pub ways: Vec<Option<(Displacement, f64)>>,
     /// Pixel sides.
     pub h: [f64; 2],
     /// Margin of tiles, px.
     pub margin: [usize; 2],
-    /// Who computes distances.
+    /// Backend that computes distances.
     pub backend: &'a dyn Backend,
 }
 
@@ -59,7 +59,7 @@ pub struct Levels<'a> {
 struct Told {
     number: u32,
     tile: Tile,
-    /// Of the tile's pixels: 0 for the part and what is around it, else the hole.
+    /// Number for each of the tile's pixels: 0 for the part and what is around it, else the hole.
     holes: Vec<u32>,
     count: usize,
     /// The part without holes, then its holes.
@@ -70,7 +70,7 @@ impl Levels<'_> {
     /// All parts of the end contour.
     ///
     /// # Errors
-    /// Those of the backend.
+    /// The errors of the backend.
     pub fn parts(&self) -> Result<Vec<EndPart>> {
         let own = &self.contours[0];
         let told = self.told(0, &(1..=own.solids.count as u32).collect::<Vec<_>>())?;
@@ -104,7 +104,7 @@ impl Levels<'_> {
         Ok(parts)
     }
 
-    /// What meets what from contour `level` to the next one inward: pairs of what `of` says of their pixels, but none with 0, in order.
+    /// Pairs that meet, from contour `level` to the next one inward: pairs of what `of` says of their pixels, but none with 0, in order.
     fn met(&self, level: usize, of: impl Fn(usize, usize) -> (u32, u32)) -> Vec<(u32, u32)> {
         let [nx, ny] = self.contours[level].phi.dims;
         let mut pairs = BTreeMap::new();
@@ -172,7 +172,7 @@ impl Levels<'_> {
     }
 }
 
-/// Those that some meet, where nothing else meets them; nothing where something does.
+/// Parts that some meet, where nothing else meets them; nothing where something does.
 fn alone(some: &[u32], met: &[(u32, u32)]) -> Vec<u32> {
     let mut theirs: Vec<u32> = met.iter().filter(|(a, _)| some.contains(a)).map(|(_, b)| *b).collect();
     theirs.sort_unstable();
@@ -183,7 +183,7 @@ fn alone(some: &[u32], met: &[(u32, u32)]) -> Vec<u32> {
 
 /// The holes of some parts of a contour, numbered from 1 over all.
 struct HoleMap {
-    /// Of the padded image's pixels.
+    /// Number for each of the padded image's pixels.
     pixels: Vec<u32>,
     areas: Vec<f64>,
 }

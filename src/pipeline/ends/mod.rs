@@ -1,4 +1,4 @@
-//! What lies below the first contour and above the last one.
+//! Layers below the first contour and above the last one.
 
 pub(crate) mod end_caps;
 pub mod end_law;
@@ -19,7 +19,7 @@ use crate::settings::EndRule;
 use crate::stack::heights::Heights;
 use crate::storage::spill::SpillVec;
 
-/// What an end is made of.
+/// Material of an end.
 #[derive(Default)]
 pub(super) struct EndMatter {
     parts: Vec<EndPart>,
@@ -96,7 +96,7 @@ pub(super) fn passing<'a>(
     Ok(end_caps::passing(&end_spec(run, &matter[side], contours.light(i).z, side), fitted, &whole))
 }
 
-/// The same for the slopes of contour `i`'s field.
+/// The slopes of contour `i`'s field, passing smoothly into what lies beyond.
 pub(super) fn passing_field<'a>(
     run: &Context<'a>,
     contours: &SpillVec<'a, Contour>,
@@ -155,7 +155,7 @@ pub(super) fn make_ends<'a>(
     Ok(ends)
 }
 
-/// What `made` and other rules add to the body.
+/// Report of what `made` and other rules add to the body.
 fn end_report<'a>(run: &Context<'a>, spec: &EndSpec<'_>, fitted: &Fitted, made: &End, contour: &Contour) -> EndReport {
     let caps = match spec.rule {
         EndRule::Extrapolate => None,

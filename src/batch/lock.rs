@@ -39,7 +39,7 @@ impl Locks {
     /// The lock of a job, or nothing where somebody else has it.
     ///
     /// # Errors
-    /// As [`Locks::open`].
+    /// The errors of [`Locks::open`].
     pub fn job(&self, id: &str) -> Result<Option<Held>> {
         let name = &blake3::hash(id.as_bytes()).to_hex()[..32];
         let path = self.folder.join(name).with_extension(JOB);
@@ -54,7 +54,7 @@ impl Locks {
     /// The lock of the results, waited for.
     ///
     /// # Errors
-    /// As [`Locks::open`].
+    /// The errors of [`Locks::open`].
     pub fn results(&self) -> Result<Held> {
         let path = self.folder.join("results");
         let file = lock_file(&path)?;

@@ -10,7 +10,7 @@ pub trait Machine: Sync {
     /// Computes one job, on a thread of its own; several are computed at once. `work` may be asked again, on another backend, when a device fails.
     ///
     /// # Errors
-    /// Those of `work`.
+    /// The errors of `work`.
     fn compute(&self, work: &Work<'_>) -> Result<Reconstruction>;
 }
 

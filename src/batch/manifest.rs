@@ -49,7 +49,7 @@ impl Job {
     /// What its bytes depend on, by its content, on the machine asked for.
     ///
     /// # Errors
-    /// As [`fingerprint`].
+    /// The errors of [`fingerprint`].
     pub fn fingerprint(&self, machine: &str) -> Result<String> {
         let words: Vec<&str> = std::iter::once(machine).chain(self.outputs.iter().map(String::as_str)).collect();
         fingerprint(&self.input, &self.options, &words)

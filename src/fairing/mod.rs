@@ -138,7 +138,7 @@ impl<'m> Fairing<'m> {
     /// Takes the next layer; hands on what is finished.
     ///
     /// # Errors
-    /// What `sink` says.
+    /// The errors of `sink`.
     pub fn push(&mut self, layer: Layer, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
         let contours = self.spec.layers.start..=self.spec.layers.end;
         let [low, high] = [*contours.start(), *contours.end()].map(|i| self.spec.contours[i]);
@@ -157,7 +157,7 @@ impl<'m> Fairing<'m> {
     /// Hands on everything that is left.
     ///
     /// # Errors
-    /// What `sink` says.
+    /// The errors of `sink`.
     pub fn finish(mut self, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
         let left = std::mem::take(&mut self.waiting);
         left.into_iter().try_for_each(|waiting| sink(waiting.layer()))

@@ -1,4 +1,4 @@
-//! What the bytes of a result depend on, as one number: program version, options, content of the input and of the links file.
+//! Fingerprint of all that the bytes of a result depend on, as one number: program version, options, content of the input and of the links file.
 
 use std::fs::File;
 use std::io;
@@ -36,7 +36,7 @@ pub fn fingerprint(input: &Path, options: &JobOptions, words: &[&str]) -> Result
 /// Length and BLAKE3 digest of a file; of a folder those of its files, with their names.
 ///
 /// # Errors
-/// Those of reading it.
+/// The errors of reading it.
 pub fn digest(path: &Path) -> io::Result<(u64, String)> {
     let mut hasher = Hasher::new();
     if !path.is_dir() {

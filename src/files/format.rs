@@ -1,4 +1,4 @@
-//! What an output is, by its name, and what writing it takes of memory.
+//! Formats of outputs: by which name each is known, and what writing it takes of memory.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use crate::stack::Geometry;
 use crate::surface::content::Content;
 use crate::surface::{spool, transposed};
 
-/// What a file holds, by its extension.
+/// Format of a file, by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Format {
     Nrrd,
@@ -33,10 +33,10 @@ pub(super) const BUFFER_BYTES: usize = 1 << 20;
 const PER_VOLUME_PIXEL: u64 = 1;
 const PER_MAP_PIXEL: u64 = 28;
 const PER_SURFACE_PIXEL: u64 = 4;
-/// Of the vertices whose normals are not complete: per pixel of a layer along contours, and where the body ends flat, a vertex each.
+/// Bytes of the vertices whose normals are not complete: per pixel of a layer along contours, and where the body ends flat, a vertex each.
 const PER_MESH_PIXEL: u64 = 8;
 const PER_LID_PIXEL: u64 = 64;
-/// Of the field in which a layer's contour lines are found, and of the lines.
+/// Bytes of the field in which a layer's contour lines are found, and of the lines.
 const PER_LINE_PIXEL: u64 = 24;
 /// Bytes of the picture's samples, 2400 x 1800 with colour and depth, and of the picture.
 const PICTURE_BYTES: u64 = 160 << 20;
@@ -44,7 +44,7 @@ const PICTURE_BYTES: u64 = 160 << 20;
 /// Bytes of the page of a report: what it shows, as numbers and as text, twice over.
 const PAGE_BYTES: u64 = 64 << 20;
 
-/// What writing a format takes besides its buffer.
+/// Memory that writing a format takes besides its buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Cost {
     /// Voxels of some of a layer, or a whole block of layers where the input's axes are not the stack's.
@@ -70,7 +70,7 @@ struct Row {
     format: Format,
     /// Extensions, the usual one first.
     extensions: &'static [&'static str],
-    /// What it holds, in words.
+    /// Content in words.
     holds: &'static str,
     kind: Kind,
     cost: Cost,
@@ -179,7 +179,7 @@ pub fn check_name(path: &Path) -> Result<()> {
     check_place(path, Format::of(path)?.is_folder())
 }
 
-/// What outputs of many labels are.
+/// Kind of an output where there are many labels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// A volume.
@@ -192,7 +192,7 @@ pub enum Kind {
     View,
 }
 
-/// What an output is, by its name.
+/// Kind of an output, by its name.
 ///
 /// # Errors
 /// [`Error::Output`] with what was expected.
@@ -206,7 +206,7 @@ pub fn is_page(path: &Path) -> bool {
     matches!(Format::of(path), Ok(Format::Html))
 }
 
-/// Where what a name says of the file's content begins: `.stl`, `.nii.gz`, `.contours.json`, `.origin.nrrd`.
+/// Place in a name at which the words about the file's content begin: `.stl`, `.nii.gz`, `.contours.json`, `.origin.nrrd`.
 pub fn extension_at(name: &str) -> usize {
     let name = name.to_ascii_lowercase();
     let at = row(&name).map(|(_, at)| at).or_else(|| name.rfind('.')).unwrap_or(name.len());
@@ -266,7 +266,7 @@ fn zarr_bytes(_pixels: usize) -> u64 {
     0
 }
 
-/// What a volume holds that its name says: `NAME.origin.nrrd`, `NAME.confidence.nrrd` (any volume format).
+/// Content of a volume that its name says: `NAME.origin.nrrd`, `NAME.confidence.nrrd` (any volume format).
 pub(super) fn named_content(target: &Path) -> Option<Content> {
     let name = target.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let parts: Vec<&str> = name.trim_end_matches(".gz").split('.').collect();

@@ -1,4 +1,4 @@
-//! From a label volume to the label volume between its slices, and a mesh per label.
+//! Jobs with many labels: a label volume becomes the label volume between its slices, and a mesh per label.
 //!
 //! Files that hold one label have its number before the extension: `out.stl` becomes `out.5.stl`, `out.nii.gz` `out.5.nii.gz`. A `.glb` holds all.
 
@@ -27,7 +27,7 @@ use crate::surface::content::Whole;
 use crate::surface::header::Header;
 use crate::surface::stream::{BodyStream, BodyWriter, Ending, LayerSink, WriterNeeds};
 
-/// What is said about many labels.
+/// Options for many labels.
 #[derive(Debug, Clone, Default, clap::Args)]
 #[command(next_help_heading = "Input")]
 pub struct LabelOptions {
@@ -55,7 +55,7 @@ impl LoadedLabels {
     /// Checks the options and reads the input.
     ///
     /// # Errors
-    /// As [`JobOptions::check`] and [`read_labels`]; [`Error::Setting`] for options that are not for many labels.
+    /// The errors of [`JobOptions::check`] and [`read_labels`]; [`Error::Setting`] for options that are not for many labels.
     pub fn read(input: &Path, wanted: &Wanted, keep_overlaps: bool, options: JobOptions) -> Result<Self> {
         options.check()?;
         let fail = |name: &str, message: String| Err(Error::Setting { name: name.into(), message });
@@ -78,7 +78,7 @@ impl LoadedLabels {
     /// Reconstructs all labels and writes them into `outputs`, under temporary names.
     ///
     /// # Errors
-    /// As [`reconstruct`] and [`decide`]; [`Error::Write`].
+    /// The errors of [`reconstruct`] and [`decide`]; [`Error::Write`].
     pub fn compute(&self, means: &Means<'_>, memory: Option<u64>, outputs: &mut LabelOutputs) -> Result<LabelsReport> {
         let start = Instant::now();
         let folder = std::env::temp_dir();
@@ -152,7 +152,7 @@ impl LoadedLabels {
     }
 }
 
-/// From a label volume to files: labels drawn on some slices become a label volume on all, meshes one per label, a report; formats by extension.
+/// Fills a label volume and writes files: labels drawn on some slices become a label volume on all, meshes one per label, a report; formats by extension.
 ///
 /// # Errors
 /// [`Error::Setting`] for a setting out of its range, [`Error::Read`] or [`Error::Format`] for the input, [`Error::Output`] for a name that

@@ -1,4 +1,4 @@
-//! From files to files: one reconstruction, as the command line or a line of a manifest asks for it.
+//! Jobs from files to files: one reconstruction, as the command line or a line of a manifest asks for it.
 //!
 //! ```text
 //! Loaded::read -> Loaded::compute (into Outputs::sink) -> Outputs::complete -> Outputs::rename
@@ -45,14 +45,14 @@ use outputs::Outputs;
 /// All that decides a result besides its input.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct JobOptions {
-    /// What is read.
+    /// Options of reading.
     pub read: ReadOptions,
-    /// What is said about its parts; the file's content counts, not its name.
+    /// Links between its parts; the file's content counts, not its name.
     #[serde(skip)]
     pub links: LinkOptions,
-    /// How it is reconstructed.
+    /// Settings of the reconstruction.
     pub settings: Settings,
-    /// What is made of the result.
+    /// Options of the outputs.
     pub output: OutputOptions,
     /// The file that some of this was read from.
     #[serde(skip)]
@@ -85,9 +85,9 @@ pub struct Loaded {
     pub stack: ContourStack,
     /// Output heights.
     pub heights: Vec<f64>,
-    /// How.
+    /// Options of the job.
     pub options: JobOptions,
-    /// What a person should know of the input; the report's first warnings.
+    /// Notes on the input for a person; the report's first warnings.
     pub notes: Vec<String>,
 }
 
@@ -95,7 +95,7 @@ impl Loaded {
     /// Checks the options and reads the input.
     ///
     /// # Errors
-    /// As [`JobOptions::check`], [`input::read`] and [`LinkOptions::read`].
+    /// The errors of [`JobOptions::check`], [`input::read`] and [`LinkOptions::read`].
     pub fn read(input: &Path, mut options: JobOptions) -> Result<Self> {
         options.check()?;
         #[cfg(feature = "terrain")]
@@ -116,10 +116,10 @@ impl Loaded {
         Ok(Loaded { notes, ..Self::new(stack, options)? })
     }
 
-    /// The same for ROIs of an RTSTRUCT that was read; it is kept for the completed file.
+    /// Loads ROIs of an RTSTRUCT that was read; it is kept for the completed file.
     ///
     /// # Errors
-    /// As [`Loaded::read`].
+    /// The errors of [`Loaded::read`].
     #[cfg(feature = "dicom")]
     pub fn of_structures(set: &Arc<StructureSet>, mut options: JobOptions) -> Result<Self> {
         options.check()?;
@@ -138,7 +138,7 @@ impl Loaded {
         Ok(Loaded { notes, ..Self::new(stack, options)? })
     }
 
-    /// The same for a contour map.
+    /// Loads a contour map.
     #[cfg(feature = "terrain")]
     fn map(input: &Path, mut options: JobOptions) -> Result<Self> {
         input::check(input, &options.read)?;
@@ -150,7 +150,7 @@ impl Loaded {
         Ok(Loaded { notes: terrain.notes, ..Self::new(terrain.stack, options)? })
     }
 
-    /// The same for a stack that no file holds.
+    /// Loads a stack that no file holds.
     ///
     /// # Errors
     /// [`Error::Stack`](crate::Error::Stack) for too many output heights.
@@ -166,7 +166,7 @@ impl Loaded {
         Header::grid(&all.output(), self.stack.spacing)
     }
 
-    /// What the reconstruction needs of memory and disk, without its outputs.
+    /// Needs of the reconstruction, memory and disk, without its outputs.
     pub fn needs(&self) -> MemoryNeeds {
         MemoryNeeds::of(&self.stack, &self.heights, &self.options.settings, rayon::current_num_threads())
     }
@@ -176,7 +176,7 @@ impl Loaded {
         if has_mesh { self.options.output.bytes_to_simplify(&self.stack, &self.heights) } else { 0 }
     }
 
-    /// What a section of it needs, with all slices, which have been read.
+    /// Needs of a section of it, with all slices, which have been read.
     pub fn needs_of(&self, section: &Section) -> MemoryNeeds {
         let heights = section.heights(&self.stack, &self.heights);
         let needs = MemoryNeeds::of(
@@ -191,7 +191,7 @@ impl Loaded {
     /// Section `number` (from 1) of `count`.
     ///
     /// # Errors
-    /// As [`Section::part`].
+    /// The errors of [`Section::part`].
     pub fn section(&self, number: usize, count: usize) -> Result<Section> {
         Section::part(&self.stack, &self.options.settings, number, count)
     }
@@ -199,7 +199,7 @@ impl Loaded {
     /// Reconstructs a section and hands its layers to `sink`.
     ///
     /// # Errors
-    /// As [`reconstruct_section`].
+    /// The errors of [`reconstruct_section`].
     pub fn compute_section(
         &self,
         section: &Section,
@@ -214,7 +214,7 @@ impl Loaded {
     /// Reconstructs the body and writes it into `outputs` layer by layer; the result has no layers.
     ///
     /// # Errors
-    /// As [`Loaded::compute_into`].
+    /// The errors of [`Loaded::compute_into`].
     pub fn compute(&self, means: &Means<'_>, outputs: &mut Outputs) -> Result<Reconstruction> {
         self.compute_into(means, &mut outputs.sink(&self.options.output))
     }
@@ -222,7 +222,7 @@ impl Loaded {
     /// Reconstructs the body and gives its layers to `sink`; the result has none.
     ///
     /// # Errors
-    /// As [`reconstruct_into`]; those of `sink`.
+    /// The errors of [`reconstruct_into`]; those of `sink`.
     pub fn compute_into(&self, means: &Means<'_>, sink: &mut dyn LayerSink) -> Result<Reconstruction> {
         let mut body = reconstruct_into(&self.stack, &self.heights, &self.options.settings, means, sink)?;
         body.report.warnings.splice(0..0, self.notes.iter().cloned());

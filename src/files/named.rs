@@ -38,7 +38,7 @@ impl Named {
         (claimed, wrong)
     }
 
-    /// What nothing has claimed.
+    /// Names that nothing has claimed.
     pub fn unknown(&self) -> impl Iterator<Item = &str> {
         self.0.keys().map(String::as_str)
     }

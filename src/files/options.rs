@@ -1,4 +1,4 @@
-//! What is made of a result.
+//! Options of outputs.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -63,7 +63,7 @@ impl Outputs {
         Ok(outputs)
     }
 
-    /// The same, with a mesh of the body for a scene of many.
+    /// These outputs, with a mesh of the body for a scene of many.
     pub fn with_scene(self, scene: Option<&Scenes>) -> Self {
         Outputs { scene: scene.map(Scenes::share), ..self }
     }
@@ -103,7 +103,7 @@ impl Outputs {
         Sink { outputs: self, content, options: options.clone(), dims: [0; 2] }
     }
 
-    /// The same for layers of label numbers; `bodies` are the labels.
+    /// Sink for layers of label numbers; `bodies` are the labels.
     pub fn label_sink(&mut self, numbers: Whole, bodies: &[Appearance]) -> impl LayerSink + '_ {
         let options = OutputOptions { bodies: bodies.to_vec(), ..OutputOptions::default() };
         Sink { outputs: self, content: Content::Labels(numbers), options, dims: [0; 2] }
@@ -138,7 +138,7 @@ impl Outputs {
         })
     }
 
-    /// What positions are relative to in meshes that hold them as f32; 0 where there is no such mesh.
+    /// Origin of positions in meshes that hold them as f32; 0 where there is no such mesh.
     ///
     /// # Errors
     /// [`Error::Output`] where one of them cannot hold the body.

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 pub enum Temporary {
     /// Never two alike: any number of runs may write to one folder.
     Random,
-    /// The same every time, so that what a killed run has left is written over. For a caller that lets nobody else make this output.
+    /// Same name every time, so that what a killed run has left is written over. For a caller that lets nobody else make this output.
     Fixed,
 }
 
@@ -63,7 +63,7 @@ impl Pending {
         }
     }
 
-    /// Where it is until it is renamed.
+    /// Path until it is renamed.
     pub fn path(&self) -> &Path {
         match self {
             Pending::File(file) => file.path(),
@@ -74,7 +74,7 @@ impl Pending {
     /// Waits until all of it is on the disk.
     ///
     /// # Errors
-    /// Those of the disk.
+    /// The errors of the disk.
     pub fn sync(&self) -> io::Result<()> {
         match self {
             Pending::File(file) => file.as_file().sync_all(),
@@ -88,7 +88,7 @@ impl Pending {
     /// it is removed then.
     ///
     /// # Errors
-    /// Those of renaming; what was there is there again.
+    /// The errors of renaming; what was there is there again.
     pub fn rename(self, target: &Path) -> io::Result<()> {
         let folder = match self {
             Pending::File(file) => return file.persist(target).map(drop).map_err(|e| e.error),
@@ -126,7 +126,7 @@ impl Pending {
 /// Swaps what two names stand for, in one step: at no time has neither.
 ///
 /// # Errors
-/// Where one does not exist, or the system or its file system cannot.
+/// Fallback where one does not exist, or the system or its file system cannot.
 #[cfg(any(target_os = "linux", target_os = "macos"))]
 fn exchange(a: &Path, b: &Path) -> io::Result<()> {
     use rustix::fs::{CWD, RenameFlags, renameat_with};
@@ -169,7 +169,7 @@ pub fn parent(path: &Path) -> &Path {
 /// All files in a folder and the folders below it, sorted.
 ///
 /// # Errors
-/// Those of reading the folders.
+/// The errors of reading the folders.
 pub fn files_below(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     let mut open = vec![folder.to_path_buf()];

@@ -1,4 +1,4 @@
-//! Which files a run reads and which it writes: no output takes the place of anything that is read, or of another output, whatever either is
+//! Files that a run reads and files that it writes: no output takes the place of anything that is read, or of another output, whatever either is
 //! called.
 //!
 //! A path is not compared by its name but by what it is. Where something exists, that is the file itself (device and inode; where a system
@@ -23,7 +23,7 @@ struct Found {
 #[cfg(not(unix))]
 type Found = PathBuf;
 
-/// What stands at a path, links followed.
+/// Identity of what stands at a path, links followed.
 #[cfg(unix)]
 fn found(path: &Path) -> Option<Found> {
     use std::os::unix::fs::MetadataExt;
@@ -65,13 +65,13 @@ impl Entry {
         Entry { folder, name }
     }
 
-    /// The same for all ways to write its name in upper and lower case.
+    /// Path in lower case: the same for all ways to write its name in upper and lower case.
     fn folded(&self) -> Self {
         Entry { folder: self.folder.clone(), name: self.name.to_string_lossy().to_lowercase().into() }
     }
 }
 
-/// What a run reads and writes. Each has a name for messages, such as "the input a.nrrd".
+/// Places that a run reads and writes. Each has a name for messages, such as "the input a.nrrd".
 #[derive(Debug, Default)]
 pub struct Places {
     reads: HashMap<Found, String>,
@@ -85,15 +85,15 @@ pub struct Places {
 }
 
 impl Places {
-    /// What a reconstruction reads: its input's files, the links file and the settings file.
+    /// Places that a reconstruction reads: its input's files, the links file and the settings file.
     ///
     /// # Errors
-    /// As [`JobOptions::files`].
+    /// The errors of [`JobOptions::files`].
     pub fn of(input: &Path, options: &JobOptions) -> Result<Self> {
         Ok(Self::reading(options.files(input)?.iter().chain(&options.settings_file)))
     }
 
-    /// What a run over these files reads.
+    /// Places that a run over these files reads.
     pub fn reading(files: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
         let mut places = Places::default();
         for file in files {
@@ -123,7 +123,7 @@ impl Places {
     /// Adds an output.
     ///
     /// # Errors
-    /// What it would take the place of.
+    /// Name of the place that it would take.
     pub fn write(&mut self, path: &Path, what: &str) -> std::result::Result<(), String> {
         let (entry, found) = (Entry::of(path), found(path));
         let is = found.as_ref().and_then(|found| self.reads.get(found)).or_else(|| self.read_as.get(&entry));

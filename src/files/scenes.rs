@@ -20,7 +20,7 @@ pub struct Scenes {
     shared: SharedScene,
 }
 
-/// What takes the meshes of all bodies, one after the other.
+/// Scene that takes the meshes of all bodies, one after the other.
 #[derive(Clone)]
 pub struct SharedScene {
     /// The file that messages name.
@@ -47,7 +47,7 @@ impl Scenes {
         Ok(Some(Scenes { files, shared }))
     }
 
-    /// What takes the bodies' meshes.
+    /// Scene that takes the bodies' meshes.
     pub fn share(&self) -> SharedScene {
         self.shared.clone()
     }

@@ -47,13 +47,13 @@ const LISTED: usize = 10;
 const LAYER: u8 = 1;
 const END: u8 = 0;
 
-/// What a section is part of.
+/// Body that a section is part of.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Head {
     format: String,
     version: String,
-    /// Of input and options.
+    /// Fingerprint of input and options.
     fingerprint: String,
     /// Its number, from 1, and how many there are.
     part: [usize; 2],
@@ -61,13 +61,13 @@ struct Head {
     spacing: [f64; 2],
     unit: String,
     geometry: Geometry,
-    /// Of the body where the section ends with it.
+    /// Extent of the body where the section ends with it.
     extent: [f64; 2],
     /// Heights of the output layers of all sections.
     grid: HeightGrid,
-    /// What is to be made of the body.
+    /// Options of the outputs.
     output: OutputOptions,
-    /// What the input says of it.
+    /// Name and colour that the input says.
     map: Option<Map>,
     bodies: Vec<Appearance>,
 }
@@ -241,12 +241,12 @@ impl Sections {
         self.files[0].1.dims
     }
 
-    /// How the layers lie.
+    /// Placement of the layers.
     pub fn geometry(&self) -> &Geometry {
         &self.files[0].1.geometry
     }
 
-    /// What the sections' options say is to be made of the body.
+    /// Options of the outputs, as the sections have them.
     pub fn output(&self) -> OutputOptions {
         let Head { output, map, bodies, .. } = self.files[0].1.clone();
         OutputOptions { map: map.map(Arc::new), bodies, ..output }
@@ -286,7 +286,7 @@ impl Sections {
     }
 }
 
-/// What has been read of a body.
+/// Sections of a body read so far.
 struct Seen {
     /// Height of the last layer.
     z: f64,
@@ -390,7 +390,7 @@ fn number<const N: usize>(input: &mut impl Read) -> io::Result<[u8; N]> {
     Ok(bytes)
 }
 
-/// So many bytes, of which no more are asked of memory than there are.
+/// Reads so many bytes, of which no more are asked of memory than there are.
 fn take(input: &mut impl Read, count: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     if (input.take(count).read_to_end(&mut bytes)? as u64) < count {

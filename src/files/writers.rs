@@ -103,7 +103,7 @@ fn written(
 
 /// The meshes of a run: the whole one, or one simpler one for all files.
 pub(super) struct Meshes {
-    /// What positions are relative to where a format holds them as f32.
+    /// Origin of positions where a format holds them as f32.
     origin: DVec3,
     #[cfg(feature = "simplify")]
     simplifier: Option<std::sync::Arc<crate::surface::simplify::Simplifier>>,

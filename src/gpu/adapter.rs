@@ -17,7 +17,7 @@ pub struct AdapterSummary {
     pub largest_binding: u64,
     /// Largest buffer, bytes.
     pub largest_buffer: u64,
-    /// What is missing, if anything.
+    /// Capability that is missing, if any.
     pub lacks: Option<String>,
 }
 

@@ -33,7 +33,7 @@ shader! {
         touched: Write [u32],
     }
 
-    /// Those blocks in order.
+    /// Listed blocks in order.
     Gather for gather, "band_gather" {
         params: Uniform Params,
         work_mut: Write Work,
@@ -51,7 +51,7 @@ shader! {
         slots: Write [u32],
     }
 
-    /// Where each block's part of the band begins.
+    /// Beginnings of the blocks' parts of the band.
     Scan for scan, "band_scan" {
         params: Uniform Params,
         blocks: Write [Block],
@@ -81,7 +81,7 @@ pub const PLACE_BYTES: usize = 16;
 
 /// The fronts of a batch.
 pub struct Front<'g> {
-    /// Where the tiles lie.
+    /// Places of the tiles.
     pub atlas: Atlas,
     /// Places in the band lists.
     pub capacity: usize,
@@ -250,7 +250,7 @@ impl<'g> Front<'g> {
     }
 }
 
-/// What a try with limited room gave.
+/// Result of a try with limited room.
 pub enum Room<T> {
     /// It fitted.
     Enough(T),

@@ -13,7 +13,7 @@ type Sides = [f64; 2];
 /// Calls that wait, stage by stage.
 #[derive(Debug, Default)]
 pub struct WaitingCalls {
-    /// From slices to level sets.
+    /// Level sets of slices.
     pub slices: Calls<(Sides, ContourOptions), SliceJob<'static>, Field>,
     /// Level sets of parts.
     pub parts: Calls<Sides, PartJob, Field>,

@@ -1,4 +1,4 @@
-//! From copied fronts to slices on the GPU: blending, distances farther out, and the way back to the host.
+//! Slices made of copied fronts on the GPU: blending, distances farther out, and the way back to the host.
 
 use super::Gpu;
 use super::atlas::{Atlas, batches, padded};
@@ -88,7 +88,7 @@ impl Copies {
         Ok(gpu.device.read_first(&self.values)? > self.value_capacity)
     }
 
-    /// With the states in which the jobs ended.
+    /// These copies with the states in which the jobs ended.
     pub fn finished(self, states: Vec<Job>) -> Self {
         Copies { states, ..self }
     }

@@ -1,4 +1,4 @@
-//! From slices to level sets on the GPU: anti-aliasing, distance, conditioning.
+//! Level sets of slices on the GPU: anti-aliasing, distance, conditioning.
 
 use super::Gpu;
 use super::atlas::{Atlas, batches, padded};

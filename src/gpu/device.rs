@@ -23,7 +23,7 @@ pub const DRIVER_BYTES: u64 = 112 << 20;
 /// Share for the buffers of what a run may take beside them, where adapter and host have one memory.
 const SHARED: f64 = 1.0 / 3.0;
 
-/// What kernels read and write.
+/// Buffer that kernels read and write.
 const STORAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
     .union(wgpu::BufferUsages::INDIRECT)
     .union(wgpu::BufferUsages::COPY_SRC)
@@ -34,7 +34,7 @@ pub fn failure(message: impl Into<String>) -> Error {
     Error::Gpu(message.into())
 }
 
-/// How a device is opened.
+/// Options for opening a device.
 #[derive(Debug, Clone, Default)]
 pub struct GpuOptions {
     /// Adapter by its number in [`adapters`](super::adapter::adapters) or a part of its name; without it the best one.
@@ -51,7 +51,7 @@ pub struct GpuOptions {
 
 /// A device with everything the backend asks of it.
 pub struct Device {
-    /// What it is.
+    /// Summary of the adapter.
     pub summary: AdapterSummary,
     /// Its limits, as granted.
     pub limits: wgpu::Limits,
@@ -229,7 +229,7 @@ impl Device {
     /// A storage buffer of `count` values that some kernel writes before any reads them; NaN until then if [`GpuOptions::poison`] says so.
     ///
     /// # Errors
-    /// As [`Device::buffer`].
+    /// The errors of [`Device::buffer`].
     pub fn storage<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer<[T]>> {
         let buffer = self.zeroed(label, count)?;
         if self.poison {
@@ -241,7 +241,7 @@ impl Device {
     /// A storage buffer of `count` zeroed values.
     ///
     /// # Errors
-    /// As [`Device::buffer`].
+    /// The errors of [`Device::buffer`].
     pub fn zeroed<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer<[T]>> {
         // A binding must hold one.
         self.buffer(label, (count.max(1) * size_of::<T>()) as u64, STORAGE)
@@ -250,7 +250,7 @@ impl Device {
     /// A storage buffer with a head and a list of `count` items behind it, zeroed.
     ///
     /// # Errors
-    /// As [`Device::buffer`].
+    /// The errors of [`Device::buffer`].
     pub fn headed<H: Headed>(&self, label: &str, count: usize) -> Result<Buffer<H>> {
         self.buffer(label, (size_of::<H>() + count * size_of::<H::Item>()) as u64, STORAGE)
     }
@@ -258,7 +258,7 @@ impl Device {
     /// A storage buffer with these values.
     ///
     /// # Errors
-    /// As [`Device::buffer`].
+    /// The errors of [`Device::buffer`].
     pub fn upload<T: Pod>(&self, label: &str, values: &[T]) -> Result<Buffer<[T]>> {
         let buffer = self.zeroed(label, values.len())?;
         self.write(&buffer, values);
@@ -304,7 +304,7 @@ impl Device {
     /// Copies `count` values back, from the value `first` on.
     ///
     /// # Errors
-    /// As [`Device::buffer`] and [`Device::wait`].
+    /// The errors of [`Device::buffer`] and [`Device::wait`].
     pub fn read<T: Pod>(&self, buffer: &Buffer<[T]>, first: usize, count: usize) -> Result<Vec<T>> {
         self.read_as(buffer, first, count)
     }
@@ -312,7 +312,7 @@ impl Device {
     /// Copies the head of a list back.
     ///
     /// # Errors
-    /// As [`Device::read`].
+    /// The errors of [`Device::read`].
     pub fn read_head<H: Headed>(&self, buffer: &Buffer<H>) -> Result<H> {
         let head: Vec<H> = self.read_as(buffer, 0, 1)?;
         Ok(head[0])
@@ -321,7 +321,7 @@ impl Device {
     /// Copies the first number of a head back.
     ///
     /// # Errors
-    /// As [`Device::read`].
+    /// The errors of [`Device::read`].
     pub fn read_first<H: Headed>(&self, buffer: &Buffer<H>) -> Result<u32> {
         let first: Vec<u32> = self.read_as(buffer, 0, 1)?;
         Ok(first[0])

@@ -1,6 +1,6 @@
 //! Displacements of all intervals on the GPU: rounds of moments, window means and a solve joint over the intervals.
 //!
-//! What the intervals know of each other (vectors, evidence) stays on the device. Their slices are sent once, or, where they do not fit
+//! The vectors and the evidence by which intervals know each other stay on the device. Their slices are sent once, or, where they do not fit
 //! together, batch by batch in every round.
 
 use std::ops::Range;
@@ -40,7 +40,7 @@ shader! {
         numbers: Write [f32],
     }
 
-    /// What the slices differ by at every node.
+    /// Difference of the slices at every node.
     SumChanges for sum_changes, "displacement_changes" {
         image: Uniform Image,
         iteration: Uniform Iteration,
@@ -110,7 +110,7 @@ struct Batch {
     image: Buffer<Image>,
     vectors: Buffer<[[f32; 2]]>,
     guess: Buffer<[[f32; 2]]>,
-    /// Of the batch and of one interval on either side.
+    /// Evidence of the batch and of one interval on either side.
     evidence: Buffer<[f32]>,
 }
 
@@ -214,7 +214,7 @@ impl<'a> Solver<'a> {
         Ok(())
     }
 
-    /// What the slices of a batch, which are in `fields`, differ by where the guess brings them together.
+    /// Difference of the slices of a batch, which are in `fields`, where the guess brings them together.
     fn see_changes(&self, batch: &Batch, iteration: &Buffer<Iteration>, window: &Smoothing) -> Result<()> {
         let Solver { gpu, fields, pairs, numbers: [numbers, means], .. } = self;
         let Batch { intervals, image, guess, evidence, .. } = batch;

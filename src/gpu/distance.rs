@@ -57,7 +57,7 @@ pub const NODE_BYTES: usize = 9;
 
 /// The tiles of a batch with a distance each.
 pub struct DistanceBuffers<'g> {
-    /// Where the tiles lie; `first_copy` is a tile's first patch.
+    /// Places of the tiles; `first_copy` is a tile's first patch.
     pub atlas: Atlas,
     /// Shared parameters.
     pub params: Buffer<Params>,
@@ -65,11 +65,11 @@ pub struct DistanceBuffers<'g> {
     pub jobs: Buffer<[Job]>,
     /// Block table.
     pub blocks: Buffer<[Block]>,
-    /// What the distance is measured from.
+    /// Fields from whose zero sets the distance is measured.
     pub u: Buffer<[f32]>,
     /// Distances.
     pub d: Buffer<[f32]>,
-    /// Which patches are awake.
+    /// Whether each patch is awake.
     pub awake: Buffer<[u32]>,
     changes: Buffer<[u32]>,
     gpu: &'g Gpu,

@@ -1,4 +1,4 @@
-//! What the self-test asks of a driver: how far it counts, and what it makes of a number that is none.
+//! Questions of the self-test to a driver: how far it counts, and what it makes of a number that is none.
 
 use super::Gpu;
 use super::kernels::shader;

@@ -28,7 +28,7 @@ impl<'n> GpuOrReference<'n> {
         GpuOrReference { gpu: gpu.into(), failure: OnceLock::new(), notice, unless_lost: false }
     }
 
-    /// The same, but a device that is lost fails: for a caller that can open another.
+    /// A GPU with the reference path behind it, but a device that is lost fails: for a caller that can open another.
     pub fn unless_lost(gpu: impl Into<Arc<Gpu>>, notice: &'n (dyn Fn(&str) + Sync)) -> Self {
         GpuOrReference { unless_lost: true, ..Self::new(gpu, notice) }
     }

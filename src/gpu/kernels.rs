@@ -17,10 +17,10 @@ use crate::error::Result;
 pub const WORKGROUP: u32 = 64;
 /// Width of the one workgroup that gathers and scans.
 pub const SCAN_WIDTH: u32 = 256;
-/// What the host sets of a shader's `override` values.
+/// Values that the host sets for a shader's `override`s.
 const OVERRIDES: [(&str, f64); 2] = [("lane_count", WORKGROUP as f64), ("scan_width", SCAN_WIDTH as f64)];
 
-/// How a shader uses a variable.
+/// Access of a shader to a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
     /// `var<uniform>`.
@@ -36,7 +36,7 @@ pub enum Access {
 pub struct Binding {
     /// Its name in WGSL.
     pub name: &'static str,
-    /// How it is used.
+    /// Access of the shader to it.
     pub access: Access,
     /// Its type in WGSL.
     pub spelling: String,
@@ -58,7 +58,7 @@ pub struct Entry {
     pub name: &'static str,
     /// Its name in profiles.
     pub label: &'static str,
-    /// What it uses, in the order of the bindings.
+    /// Variables that it uses, in the order of the bindings.
     pub bindings: Vec<Binding>,
 }
 

@@ -32,7 +32,7 @@ pub const DONE: u32 = 1;
 /// The front disappeared on the way.
 pub const VANISHED: u32 = 2;
 
-/// What a buffer holds, as the host knows it and as WGSL spells it.
+/// Content of a buffer, as the host knows it and as WGSL spells it.
 pub trait Shared {
     /// The type in WGSL: `f32`, `vec2<u32>`, `Job`, `array<Job>`.
     fn spelling() -> String;
@@ -61,7 +61,7 @@ pub trait Headed: Pod {
     type Item: Pod + Shared;
 }
 
-/// What a member is made of.
+/// Scalar that a member is made of.
 trait Scalar {
     /// The scalar's name, the same in Rust and WGSL.
     const NAME: &'static str;
@@ -139,7 +139,7 @@ macro_rules! mirrored {
 }
 
 mirrored!(
-    /// What all jobs of a batch share (`common/job.wgsl`).
+    /// Parameters that all jobs of a batch share (`common/job.wgsl`).
     Params {
         hx: f32,
         hy: f32,
@@ -306,7 +306,7 @@ mirrored!(
 );
 
 mirrored!(
-    /// How slices become level sets (`contour_field.wgsl`).
+    /// Rule by which slices become level sets (`contour_field.wgsl`).
     Rule {
         weights: [[f32; 4]; 11],
         reach: u32,
@@ -345,7 +345,7 @@ mirrored!(
 );
 
 mirrored!(
-    /// What an interval takes part in (`displacement.wgsl`).
+    /// Interval and its neighbours (`displacement.wgsl`).
     Interval { before: f32, after: f32, ridge: f32, padding: f32, }
 );
 
@@ -360,7 +360,7 @@ mirrored!(
 );
 
 mirrored!(
-    /// What the layers of an interval share (`moving_layer.wgsl`).
+    /// Parameters that the layers of an interval share (`moving_layer.wgsl`).
     Span {
         limit: f32,
         reach: f32,

@@ -87,7 +87,7 @@ impl Gpu {
         })
     }
 
-    /// What the kernels have cost so far.
+    /// Cost of the kernels so far.
     pub fn profile(&self) -> Profile {
         let [bytes_up, bytes_down] = self.device.traffic();
         Profile { bytes_up, bytes_down, ..self.profiler.profile(&self.device) }

@@ -1,4 +1,4 @@
-//! What the kernels of the moving field share: images and displacements as they lie on the device.
+//! Data that the kernels of the moving field share: images and displacements as they lie on the device.
 
 use std::sync::Arc;
 

@@ -29,7 +29,7 @@ shader! {
         particles: Write [Particle],
     }
 
-    /// From the front as it ends onto the goal.
+    /// Last step of particles, from the front as it ends onto the goal.
     Land for land, "particles_land" {
         params: Uniform Params,
         jobs: Read [Job],
@@ -41,7 +41,7 @@ shader! {
 
 /// The particles of all jobs of a front.
 pub struct Particles<'g> {
-    /// How many.
+    /// Number of them.
     pub count: usize,
     buffer: Buffer<[Particle]>,
     /// Before the front moves.

@@ -1,4 +1,4 @@
-//! What kernels cost, and how much of its time the device works, by its own clock.
+//! Cost of kernels, and the share of its time in which the device works, by its own clock.
 //!
 //! Timing gives every dispatch a pass of its own. Its timestamps are read long after, so that nobody waits for the device because of them.
 
@@ -11,7 +11,7 @@ use crate::report::{Busy, Profile};
 /// Submissions whose timestamps are read together.
 const READ_TOGETHER: usize = 128;
 
-/// Where profiles are gathered.
+/// Profiler that gathers what kernels cost.
 #[derive(Debug)]
 pub struct Profiler {
     /// Whether kernels are timed.
@@ -31,7 +31,7 @@ struct Gathered {
 pub struct Stamps {
     /// Begin and end of each dispatch, ticks of 8 bytes.
     pub buffer: Buffer<[u64]>,
-    /// How many.
+    /// Number of them.
     pub count: usize,
     /// Kernels of the dispatches.
     pub kernels: Vec<&'static str>,
@@ -46,7 +46,7 @@ struct Spans {
 }
 
 impl Spans {
-    /// With a submission from `begin` to `end`, which begins after those before have begun.
+    /// Adds a submission from `begin` to `end`, which begins after those before have begun.
     fn and(known: Option<Spans>, begin: u64, end: u64) -> Spans {
         let known = known.unwrap_or(Spans { first: begin, last: begin, busy: 0 });
         let last = known.last.max(end);
@@ -60,7 +60,7 @@ impl Profiler {
         Profiler { timed, gathered: Mutex::default() }
     }
 
-    /// What has been gathered so far. Timestamps of a device that has failed are left out.
+    /// Profile gathered so far. Timestamps of a device that has failed are left out.
     pub fn profile(&self, device: &Device) -> Profile {
         let mut gathered = self.gathered();
         // What cannot be read any more says nothing.

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::gpu::device::failure;
 use crate::progress::{Progress, Silent};
 
-/// Who has the device.
+/// Turns of those who want the device.
 #[derive(Debug, Default)]
 pub struct Turns {
     taken: Mutex<bool>,
@@ -56,7 +56,7 @@ impl Turns {
 
 /// A job that may wait on its own.
 pub trait Waits: Sized {
-    /// The same without borrowing.
+    /// Owned copy.
     type Owned;
     /// Steps of progress that a job counts for.
     const STEPS: usize = 1;
@@ -91,7 +91,7 @@ impl<K: PartialEq, J, R> Calls<K, J, R> {
     /// Results of `jobs` in their order, by `run`, which may be asked for jobs of other calls with them.
     ///
     /// # Errors
-    /// Those of `run` for these jobs alone.
+    /// The errors of `run` for these jobs alone.
     pub fn ask<B: Waits<Owned = J>>(
         &self,
         turns: &Turns,

@@ -1,4 +1,4 @@
-//! How work is recorded: dispatches, copies and zeros, in order, sent off together.
+//! Recorder of work: dispatches, copies and zeros, in order, sent off together.
 
 use super::device::{Buffer, Device};
 use super::kernels::{Bound, WORKGROUP};
@@ -6,7 +6,7 @@ use super::layout::GRID;
 use super::profiler::{Profiler, Stamps};
 use crate::error::Result;
 
-/// How many invocations a dispatch has.
+/// Number of invocations of a dispatch.
 #[derive(Debug, Clone, Copy)]
 pub enum Size<'b> {
     /// One per item of a list of this length.
@@ -15,7 +15,7 @@ pub enum Size<'b> {
     Rows(usize, usize),
     /// One workgroup.
     One,
-    /// As the three numbers at this byte of a buffer say.
+    /// Number of workgroups along three axes, read at this byte of a buffer.
     Indirect(&'b wgpu::Buffer, u64),
 }
 

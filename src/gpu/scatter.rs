@@ -1,4 +1,4 @@
-//! From seeds to the pixels at a contour on the GPU.
+//! Values of seeds at the pixels of a contour, on the GPU.
 
 use super::atlas::Atlas;
 use super::band::Front;
@@ -46,7 +46,7 @@ pub struct Seeds<'g> {
 }
 
 impl<'g> Seeds<'g> {
-    /// From what [`place_seeds`] gives to the courses of a front.
+    /// Courses of a front from the result of [`place_seeds`].
     pub fn new(front: &Front<'g>, (seeds, bins): (Vec<Seed>, Vec<u32>), courses: &Buffer<[[f32; 4]]>) -> Result<Self> {
         let Front { gpu, params, jobs, work, band, phi, slots, .. } = front;
         let (seeds, bins) = (gpu.device.upload("seeds", &seeds)?, gpu.device.upload("bins", &bins)?);

@@ -15,7 +15,7 @@ use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
 use crate::stack::{ContourStack, Geometry, HeightGrid, LevelSlice, ReadOptions, Slice, SliceContent};
 use crate::storage::room;
 
-/// Of an image's values, as decoded and as grey values, and of the depths made of them.
+/// Bytes of an image's values, as decoded and as grey values, and of the depths made of them.
 const BYTES_PER_PIXEL: f64 = (2 * size_of::<u16>() + size_of::<f32>()) as f64;
 
 /// Schema of `stack.json`; any other field is an error.
@@ -47,7 +47,7 @@ struct SliceEntry {
     extra: bool,
 }
 
-/// What lies around the contours.
+/// Value around the contours.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Outside {
@@ -72,7 +72,7 @@ fn parse(path: &Path) -> Result<(StackFile, PathBuf, PathBuf)> {
 /// The `stack.json` of a folder and its slices.
 ///
 /// # Errors
-/// As [`crate::input::files`].
+/// The errors of [`crate::input::files`].
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     let (parsed, file, folder) = parse(path)?;
     let images = parsed.slices.iter().filter_map(|s| s.file.as_ref()).map(|f| folder.join(f));
@@ -82,7 +82,7 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
 /// Reads a folder, or the `stack.json` in it, and says what a person should know of it.
 ///
 /// # Errors
-/// As [`crate::input::read`].
+/// The errors of [`crate::input::read`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
     let (parsed, file, folder) = parse(path)?;
     if let Some(z_out) = parsed.z_out {
@@ -169,7 +169,7 @@ fn each<T: Send>(names: &[(PathBuf, &str)], f: impl Fn(usize, &(PathBuf, &str)) 
     all.into_iter().collect()
 }
 
-/// What the images have in common, and which values each has. No more of them is kept: what is made of them depends on all.
+/// Properties that the images have in common, and the values that each has. No more of them is kept: what is made of them depends on all.
 fn ranges(file: &Path, names: &[(PathBuf, &str)]) -> Result<Vec<Range>> {
     let Some((path, name)) = names.first() else { return Ok(Vec::new()) };
     let first = Range::of(&read_image(path, 0, name)?);
@@ -237,11 +237,11 @@ impl Range {
     }
 }
 
-/// What is inside: of two values in the whole stack the larger one; of more, or with a given level, what is above it, to parts of a pixel.
+/// Inside of a slice: of two values in the whole stack the larger one; of more, or with a given level, what is above it, to parts of a pixel.
 enum Rule {
     /// This value and larger ones.
     Least(u16),
-    /// What is above, with sub-pixel contours.
+    /// Values above the level, with sub-pixel contours.
     Above(f64),
 }
 
@@ -264,7 +264,7 @@ impl Rule {
         })
     }
 
-    /// What is said where a level that nobody named cuts a few values that lie side by side, as labels do; those that a smooth brush leaves
+    /// Message where a level that nobody named cuts a few values that lie side by side, as labels do; those that a smooth brush leaves
     /// along a contour differ from pixel to pixel.
     fn doubt(&self, ranges: &[Range], named: Option<f64>) -> Option<String> {
         let (Rule::Above(level), None) = (self, named) else { return None };

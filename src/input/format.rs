@@ -15,11 +15,11 @@ pub struct InputFormat {
     pub extensions: &'static [&'static str],
     /// Files that may lie beside one of them and hold part of it: extensions with a dot in front, or whole names.
     pub companions: &'static [&'static str],
-    /// What it holds.
+    /// Content.
     pub(crate) kind: Kind,
 }
 
-/// What an input holds, and what reads it.
+/// Content of an input, and its reader.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Kind {
     /// A folder of slices, or its stack.json.
@@ -61,7 +61,7 @@ impl InputFormat {
 }
 
 impl Kind {
-    /// What is at `path`.
+    /// Kind of what is at `path`.
     pub fn of(path: &Path) -> Result<Self> {
         let metadata = std::fs::metadata(path).map_err(|source| Error::Read { path: path.into(), source })?;
         if metadata.is_dir() {
@@ -75,7 +75,7 @@ impl Kind {
         InputFormat::of_name(&name).map(|(format, _)| format.kind).ok_or_else(unknown)
     }
 
-    /// What it is, in words.
+    /// Name of the kind.
     const fn words(self) -> &'static str {
         match self {
             Kind::Folder => "a folder with stack.json",

@@ -18,7 +18,7 @@ const MOST: usize = 4096;
 /// Most labels of which stray slices are said one by one.
 const MOST_STRAY: usize = 8;
 
-/// Which labels are wanted.
+/// Labels that are wanted.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Wanted {
     /// All that are not 0.
@@ -47,7 +47,7 @@ impl std::str::FromStr for Wanted {
 /// that cannot be reconstructed are left out.
 ///
 /// # Errors
-/// As [`Input::read`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume, for one that is
+/// The errors of [`Input::read`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume, for one that is
 /// named and drawn on a single slice, and where no label is left.
 pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
     let fail = |message: String| Err(Error::Setting { name: "labels".into(), message });
@@ -128,7 +128,7 @@ fn given(drawn: &[Vec<u32>], slices: &[Slice], thickness: f64, count: usize, of:
     painted.iter().map(|painted| Given::new(painted, &numbers, of)).collect()
 }
 
-/// What a person should know of slices of labels that look painted by mistake.
+/// Notes for a person on slices of labels that look painted by mistake.
 fn strays(labels: &[i64], slices: &[Slice], drawn: &[Vec<u32>]) -> Vec<String> {
     let mut sections: Vec<Vec<SliceArea>> =
         labels.iter().map(|_| slices.iter().map(|s| SliceArea { z: s.z, area: 0 }).collect()).collect();

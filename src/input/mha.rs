@@ -15,7 +15,7 @@ use crate::input::volume::{Volume, open};
 /// Longest header line and most lines: a file that is no MetaImage must not be read to its end.
 const LONGEST_LINE: u64 = 1 << 14;
 const MOST_LINES: usize = 1024;
-/// How far a row of the direction matrix may be from length 1.
+/// Largest difference of the length of a row of the direction matrix from 1.
 const LENGTH_SLACK: f64 = 1e-3;
 
 /// Reads the header of a `.mha` or `.mhd`.

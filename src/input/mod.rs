@@ -107,7 +107,7 @@ pub fn is_map(path: &Path) -> bool {
 /// The labels of a label volume, and which of its slices have any.
 ///
 /// # Errors
-/// As [`read`]; [`Error::Format`] for a folder of slices.
+/// The errors of [`read`]; [`Error::Format`] for a folder of slices.
 pub fn survey(path: &Path) -> Result<Survey> {
     surveyed(path).map(|(_, survey)| survey)
 }
@@ -130,7 +130,7 @@ fn surveyed(path: &Path) -> Result<(Volume, Survey)> {
 /// The labels of a label volume that are on two slices or more, and so can be reconstructed.
 ///
 /// # Errors
-/// As [`survey`]; [`Error::Format`] for a volume that has more labels than are told apart.
+/// The errors of [`survey`]; [`Error::Format`] for a volume that has more labels than are told apart.
 pub fn labels(path: &Path) -> Result<Vec<i64>> {
     let (volume, survey) = surveyed(path)?;
     if survey.more {
@@ -146,9 +146,9 @@ pub fn labels(path: &Path) -> Result<Vec<i64>> {
 pub struct Input {
     /// The checked stack.
     pub stack: ContourStack,
-    /// What was found, if it is a volume.
+    /// Findings, if it is a volume.
     pub surveyed: Option<Surveyed>,
-    /// What a person should know of the file.
+    /// Notes on the file for a person.
     pub notes: Vec<String>,
 }
 
@@ -156,14 +156,14 @@ impl Input {
     /// Reads a stack.
     ///
     /// # Errors
-    /// As [`read`].
+    /// The errors of [`read`].
     pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
         let input = unchecked(path, options).map_err(|e| e.in_file(path))?;
         input.stack.validate().map_err(|e| e.in_file(path))?;
         Ok(input)
     }
 
-    /// What a person should know before the stack becomes one body.
+    /// Doubts that a person should know before the stack becomes one body.
     pub fn doubts(&self, options: &ReadOptions) -> Vec<String> {
         let mut doubts = self.notes.clone();
         doubts.extend(self.stack.doubts());
@@ -183,7 +183,7 @@ impl Input {
 pub struct Surveyed {
     /// The volume.
     pub volume: Volume,
-    /// What is in it.
+    /// Survey of its content.
     pub survey: Survey,
     /// Across which axis it was cut.
     pub axis: axis::Choice,
@@ -206,12 +206,12 @@ impl Surveyed {
 /// Reads a stack, and says what was found if it is a volume.
 ///
 /// # Errors
-/// As [`read`].
+/// The errors of [`read`].
 pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Option<Surveyed>)> {
     Input::read(path, options).map(|input| (input.stack, input.surveyed))
 }
 
-/// The same as the readers give it.
+/// Input as the readers give it, unchecked.
 fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
     let plain = |stack| Input { stack, surveyed: None, notes: Vec::new() };
     Ok(match Kind::for_options(path, options)? {

@@ -15,7 +15,7 @@ use crate::input::volume::{Volume, open};
 
 /// Size of the header: voxels cannot begin before its end.
 const HEADER: f32 = 348.0;
-/// Where voxels begin that the header does not place.
+/// Position of the first voxel where the header does not place it.
 const USUAL_OFFSET: u64 = 352;
 
 /// Reads the header of a `.nii` or `.nii.gz`.
@@ -114,7 +114,7 @@ fn dims(header: &NiftiHeader) -> Failure<[usize; 3]> {
 /// Share of a voxel by which sform and qform may place the volume's corners differently: both are rounded by those who write them.
 const SAME_PLACE: f64 = 0.1;
 
-/// What is said of a header whose sform and qform, both meant to count, place the volume differently.
+/// Note on a header whose sform and qform, both meant to count, place the volume differently.
 fn two_forms(header: &NiftiHeader, dims: [usize; 3]) -> Option<String> {
     if header.sform_code <= 0 || header.qform_code <= 0 {
         return None;

@@ -1,11 +1,11 @@
-//! What the description in a TIFF says of its voxels: OME-XML, ImageJ's lines, or tifffile's shape.
+//! Description in a TIFF of its voxels: OME-XML, ImageJ's lines, or tifffile's shape.
 
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use crate::input::volume::grid::Failure;
 
-/// What was found.
+/// Findings in a description.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Described {
     /// The dialect, for people.

@@ -1,4 +1,4 @@
-//! Which label a voxel belongs to, layer by layer.
+//! Decision to which label a voxel belongs, layer by layer.
 
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
@@ -20,7 +20,7 @@ pub(super) struct LabelReach {
     pub near: f32,
 }
 
-/// What decides between labels of equal distance and surroundings: drawn pixels, the first drawn pixel.
+/// Tie-breakers between labels of equal distance and surroundings: drawn pixels, the first drawn pixel.
 pub(super) type Rank = (Reverse<u64>, usize);
 
 /// All labels at one height.
@@ -140,7 +140,7 @@ impl Layers<'_> {
         self.off.windows(2).any(|pair| pair[0] != pair[1])
     }
 
-    /// Where label `a` ends at `b`: negative on the side of `a`, the negative of what it is for `b`. The nearer a label is to where it is
+    /// Border of label `a` at `b`, as a field: negative on the side of `a`, the negative of what it is for `b`. The nearer a label is to where it is
     /// known, the less it gives way.
     fn border(&self, a: usize, phi: f32, b: usize, other: f32) -> f32 {
         let [own, others] = [self.off[a], self.off[b]];

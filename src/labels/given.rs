@@ -1,8 +1,8 @@
-//! Which slices a label is given: those on which it is painted, and those that say that it is not there.
+//! Slices that a label is given: those on which it is painted, and those that say that it is not there.
 
 use std::collections::BTreeMap;
 
-/// What painted slices say of labels that are not on them.
+/// Meaning of painted slices for labels that are not on them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Completeness {
     /// Nothing: each label has slices of its own. But where labels are painted on every slice there is nothing left to be interpolated, and
@@ -32,7 +32,7 @@ pub struct Given {
 const DENSE: f64 = 0.75;
 
 impl Given {
-    /// From the slices on which the label is painted, of those with these numbers on which anything is.
+    /// The slices of a label, from those on which the label is painted, of those with these numbers on which anything is.
     pub fn new(painted: &[bool], numbers: &[usize], completeness: Completeness) -> Self {
         let own: Vec<usize> = (0..painted.len()).filter(|&k| painted[k]).collect();
         let (Some(&first), Some(&last)) = (own.first(), own.last()) else { return Given::default() };
@@ -126,7 +126,7 @@ pub fn listed(labels: &[i64]) -> String {
     }
 }
 
-/// How slices were read on which others are painted than some labels that go on beyond them.
+/// Way in which slices were read on which others are painted than some labels that go on beyond them.
 pub fn reading(labels: &[i64], given: &[Given]) -> Option<String> {
     let crossing = labels.iter().zip(given).filter(|(_, given)| given.crossed);
     let crossing: Vec<i64> = crossing.map(|(label, _)| *label).collect();
@@ -134,7 +134,7 @@ pub fn reading(labels: &[i64], given: &[Given]) -> Option<String> {
     (!crossing.is_empty()).then(|| format!("{}: {message}", listed(&crossing)))
 }
 
-/// What a person should know of the labels' slices.
+/// Notes for a person on the labels' slices.
 pub fn notes(labels: &[i64], given: &[Given]) -> Vec<String> {
     // Labels often have the same holes, where nothing at all is painted.
     let mut alike: BTreeMap<&[[usize; 2]], Vec<i64>> = BTreeMap::new();
@@ -150,7 +150,7 @@ pub fn notes(labels: &[i64], given: &[Given]) -> Vec<String> {
     notes
 }
 
-/// What is said of unpainted slices beside slices that are painted one by one.
+/// Note on unpainted slices beside slices that are painted one by one.
 pub fn hole(who: &str, holes: &[[usize; 2]]) -> Option<String> {
     let said =
         |&[first, last]: &[usize; 2]| if first == last { first.to_string() } else { format!("{first} to {last}") };

@@ -58,9 +58,9 @@ pub struct KeptBody {
     dims: [usize; 2],
     origin: [usize; 2],
     part: [usize; 2],
-    /// What is known of the body; its volume and area are not.
+    /// Report on the body, without volume and area.
     pub report: Report,
-    /// What its writers must know.
+    /// Header for its writers.
     pub header: Option<Header>,
 }
 
@@ -138,7 +138,7 @@ impl KeptBody {
     /// Hands all layers to `sink`.
     ///
     /// # Errors
-    /// What `sink` says; [`Error::Write`] for the temporary file.
+    /// The errors of `sink`; [`Error::Write`] for the temporary file.
     pub fn replay(&mut self, sink: &mut dyn LayerSink) -> Result<()> {
         let Some(header) = &self.header else { return Ok(()) };
         sink.begin(header)?;

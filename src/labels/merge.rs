@@ -25,14 +25,14 @@ const SAME: f64 = 1e-6;
 /// rounding within a hundredth of a pixel of the clamp (`tests/labels.rs`).
 const AROUND: f64 = 64.0;
 
-/// What a run with labels needs to know.
+/// Plan of a run with labels.
 #[derive(Clone, Copy)]
 pub struct Plan<'p> {
     /// Output heights.
     pub heights: &'p [f64],
-    /// How each body is reconstructed.
+    /// Settings of each reconstruction.
     pub settings: &'p Settings,
-    /// Where temporary files go.
+    /// Folder of temporary files.
     pub folder: &'p Path,
     /// Memory beside the runs, and how much is allowed in all.
     pub beside: u64,
@@ -59,7 +59,7 @@ pub struct DecidedLabels {
     pub voxels: Vec<u64>,
     /// Pixels of drawn slices that should have this label and have not, or the other way round.
     pub differing: Vec<u64>,
-    /// What was decided.
+    /// Counts of what was decided.
     pub borders: Borders,
 }
 
@@ -80,7 +80,7 @@ impl DecidedLabels {
 /// united are computed on the whole image, and their distances are those of a single run to the last bit.
 ///
 /// # Errors
-/// As [`reconstruct_into`], naming the label; [`Error::Write`] for temporary files.
+/// The errors of [`reconstruct_into`], naming the label; [`Error::Write`] for temporary files.
 pub fn reconstruct(stack: &LabelStack, unite: bool, plan: &Plan<'_>, means: &Means<'_>) -> Result<Bodies> {
     stack.validate()?;
     let far = plan.settings.margin() as f32 * pixel(&stack.stack);
@@ -110,7 +110,7 @@ pub fn reconstruct(stack: &LabelStack, unite: bool, plan: &Plan<'_>, means: &Mea
 /// Decides every voxel. The label volume goes to `volume`: a layer has the labels' numbers instead of distances.
 ///
 /// # Errors
-/// What `volume` says; [`Error::Write`] for temporary files; [`Error::Numerics`] where a drawn slice has not come back or a voxel has two
+/// The errors of `volume`; [`Error::Write`] for temporary files; [`Error::Numerics`] where a drawn slice has not come back or a voxel has two
 /// labels.
 pub fn decide(
     stack: &LabelStack,

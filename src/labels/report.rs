@@ -1,10 +1,10 @@
-//! What was done with many labels, written as JSON.
+//! Report of a run with many labels, written as JSON.
 
 use serde::{Deserialize, Serialize};
 
 use crate::report::{AreaProfile, Report};
 
-/// What was done and how well.
+/// Report of what was done and how well.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct LabelsReport {
     /// Version of the program.
@@ -16,13 +16,13 @@ pub struct LabelsReport {
     /// Labels that could not be reconstructed.
     #[serde(default)]
     pub left_out: Vec<LeftOut>,
-    /// How slices were read that could be read in another way too.
+    /// Way in which slices were read that could be read in another way too.
     #[serde(default)]
     pub reading: Option<String>,
-    /// What a person should know of the input.
+    /// Notes on the input for a person.
     #[serde(default)]
     pub warnings: Vec<String>,
-    /// What was decided between labels; nothing where overlaps were kept.
+    /// Borders decided between labels; nothing where overlaps were kept.
     pub borders: Option<Borders>,
     /// Wall seconds.
     pub seconds: f64,
@@ -68,7 +68,7 @@ pub struct LabelReport {
     pub run: Report,
 }
 
-/// What was decided between labels.
+/// Borders decided between labels.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Borders {
     /// Output voxels that several labels had.

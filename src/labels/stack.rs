@@ -54,9 +54,9 @@ pub struct LabelStack {
     pub given: Vec<Given>,
     /// Labels that cannot be reconstructed, and why.
     pub left_out: Vec<LeftOut>,
-    /// How slices were read that could be read in another way too.
+    /// Way in which slices were read that could be read in another way too.
     pub reading: Option<String>,
-    /// What a person should know of the input.
+    /// Notes on the input for a person.
     pub notes: Vec<String>,
 }
 
@@ -64,7 +64,7 @@ impl LabelStack {
     /// Checks that each label can be reconstructed.
     ///
     /// # Errors
-    /// Those of [`ContourStack::validate`]; [`Error::Stack`] naming a label that is drawn on fewer than two slices.
+    /// The errors of [`ContourStack::validate`]; [`Error::Stack`] naming a label that is drawn on fewer than two slices.
     pub fn validate(&self) -> Result<()> {
         self.stack.validate()?;
         for (label, given) in self.labels.iter().zip(&self.given) {

@@ -49,7 +49,7 @@ impl Adding {
     /// To the only one of the chosen ROIs; nothing yet.
     ///
     /// # Errors
-    /// As [`ChosenRois::chosen_planes`].
+    /// The errors of [`ChosenRois::chosen_planes`].
     pub fn new(chosen: &ChosenRois<'_>, options: &ReadOptions, every: Option<f64>, header: &Header) -> Result<Self> {
         let roi = chosen.rois[0];
         let kind = if roi.contours.iter().any(Contour::is_xor) { CLOSED_XOR } else { CLOSED };
@@ -102,7 +102,7 @@ impl<W> StructuresWriter<W> {
     /// For the body that is made of what `source` chose.
     ///
     /// # Errors
-    /// As [`StructureSet::choose`](super::StructureSet::choose).
+    /// The errors of [`StructureSet::choose`](super::StructureSet::choose).
     pub fn new(out: W, source: &Arc<ReferencedSet>, header: &Header) -> Result<Self> {
         Ok(StructuresWriter { out, source: source.clone(), adding: source.adding(header)? })
     }

@@ -137,7 +137,7 @@ impl ChosenRois<'_> {
     /// The contours as a stack; heights are those along the planes' normal, x and y those in the planes.
     ///
     /// # Errors
-    /// As [`ChosenRois::chosen_planes`], [`polygons::stack`] and [`ContourStack::validate`], with the file's name.
+    /// The errors of [`ChosenRois::chosen_planes`], [`polygons::stack`] and [`ContourStack::validate`], with the file's name.
     pub fn stack(&self, options: &ReadOptions) -> Result<ContourStack> {
         let drawing = |k: usize| {
             let mut regions = vec![Vec::new(); self.rois.len()];

@@ -25,7 +25,7 @@ impl StructureSet {
     /// Writes the completed file.
     ///
     /// # Errors
-    /// Those of `out`; [`io::ErrorKind::InvalidData`] for what the DICOM library cannot write.
+    /// The errors of `out`; [`io::ErrorKind::InvalidData`] for what the DICOM library cannot write.
     pub fn write_completed(&self, out: &mut dyn Write, added: &[Added]) -> io::Result<()> {
         let mut object = self.object.clone();
         let mut hasher = blake3::Hasher::new();

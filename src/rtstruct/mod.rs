@@ -143,7 +143,7 @@ impl ReferencedSet {
     /// What `options` choose of a file, checked.
     ///
     /// # Errors
-    /// As [`StructureSet::choose`].
+    /// The errors of [`StructureSet::choose`].
     pub fn new(set: &Arc<StructureSet>, options: &ReadOptions) -> Result<Self> {
         set.choose(options)?;
         Ok(ReferencedSet { set: set.clone(), options: options.clone(), every: None })
@@ -152,7 +152,7 @@ impl ReferencedSet {
     /// The stack of what was chosen.
     ///
     /// # Errors
-    /// As [`StructureSet::choose`] and [`ChosenRois::stack`].
+    /// The errors of [`StructureSet::choose`] and [`ChosenRois::stack`].
     pub fn stack(&self) -> Result<ContourStack> {
         self.set.choose(&self.options)?.stack(&self.options)
     }
@@ -160,7 +160,7 @@ impl ReferencedSet {
     /// Name and colour of what was chosen.
     ///
     /// # Errors
-    /// As [`StructureSet::choose`].
+    /// The errors of [`StructureSet::choose`].
     pub fn appearance(&self) -> Result<Appearance> {
         let chosen = self.set.choose(&self.options)?;
         let all: Vec<Appearance> = chosen.rois.iter().map(|roi| roi.appearance()).collect();
@@ -170,7 +170,7 @@ impl ReferencedSet {
     /// Steps of output heights where none are asked for, and what a person should know of the contours on `stack`.
     ///
     /// # Errors
-    /// As [`StructureSet::choose`].
+    /// The errors of [`StructureSet::choose`].
     pub fn about(&self, stack: &ContourStack) -> Result<(Option<Steps>, Vec<String>)> {
         let chosen = self.set.choose(&self.options)?;
         let steps = chosen.steps(stack);
@@ -201,7 +201,7 @@ impl ReferencedSet {
     /// Takes the layers of the body that is made of what was chosen.
     ///
     /// # Errors
-    /// As [`StructureSet::choose`].
+    /// The errors of [`StructureSet::choose`].
     fn adding(&self, header: &Header) -> Result<Adding> {
         let chosen = self.set.choose(&self.options)?;
         Adding::new(&chosen, &self.options, self.every, header)
@@ -211,7 +211,7 @@ impl ReferencedSet {
 /// The stack of the ROIs that `options` name, on the planes they name.
 ///
 /// # Errors
-/// As [`StructureSet::read`] and [`StructureSet::choose`].
+/// The errors of [`StructureSet::read`] and [`StructureSet::choose`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
     StructureSet::read(path)?.choose(options)?.stack(options)
 }

@@ -39,7 +39,7 @@ pub(crate) fn blob(dims: [usize; 2], h: [f64; 2], [cx, cy]: [f64; 2], r: f64, lo
     })
 }
 
-/// What lies in either.
+/// Bodies in either.
 pub(crate) fn joined(a: &Field, b: &Field) -> Field {
     Field { dims: a.dims, data: a.data.iter().zip(&b.data).map(|(x, y)| x.min(*y)).collect() }
 }

@@ -1,8 +1,8 @@
-//! What a stage says on the GPU beside what its twin says.
+//! Comparison of a stage on the GPU with its twin.
 
 use crate::grid::field::Field;
 
-/// How far a stage on the GPU is from its twin.
+/// Largest difference between a stage on the GPU and its twin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// The stage.
@@ -11,7 +11,7 @@ pub struct Comparison {
     pub compared: usize,
     /// Largest difference, px (`inf` where one side has no number and the other has, or is longer).
     pub worst: f64,
-    /// Where that is.
+    /// Place of that difference.
     pub place: String,
     /// Largest difference that is allowed, px.
     pub bound: f64,

@@ -9,7 +9,7 @@ use crate::gpu::{Gpu, doctor};
 /// Loop trips that the loop test asks for: some drivers stop at 65 535 and say nothing.
 const TRIPS: u32 = 70_000;
 
-/// What was found.
+/// Findings of the self-test.
 #[derive(Debug, Clone)]
 pub struct Findings {
     /// Loop trips made of those asked for.

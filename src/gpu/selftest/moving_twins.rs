@@ -28,7 +28,7 @@ const ALL_ROUNDS: f64 = 2e-4;
 const PATHS: f64 = 5e-5;
 /// Distances of up to 300 px in single precision, read where vectors off by as much as they may be point to; px per gap.
 const SLOPES: f64 = 3e-4;
-/// The same, whatever they are clamped to.
+/// Same values, whatever they are clamped to.
 const LAYERS: f64 = 2e-4;
 /// Distances count up to here, px.
 const LIMIT: f64 = 8.0;
@@ -40,7 +40,7 @@ const EVERYWHERE: f64 = 1e4;
 const GAPS: [f64; 5] = [1.0, 2.5, 0.6, 1.4, 2.2];
 /// Height of a pixel.
 const PX: f64 = 0.25;
-/// How far the stack is relief: all terms of slopes and layers count.
+/// Share of relief in the stack: all terms of slopes and layers count.
 const RELIEF: f64 = 0.4;
 const TIMES: [f64; 4] = [0.03, 0.4, 0.5, 0.92];
 

@@ -29,7 +29,7 @@ pub struct Tubes {
     pub beta: f64,
 }
 
-/// Which distances are wanted.
+/// Distances that are wanted.
 #[derive(Debug, Clone, Copy)]
 pub enum DistanceReach {
     /// To the contours of any level set, everywhere.
@@ -45,7 +45,7 @@ pub enum DistanceReach {
 pub enum Speeds<'a> {
     /// `phi - goal`, anew in every stage.
     Towards(&'a [Field]),
-    /// As given.
+    /// Speeds as given.
     Given(&'a [Field]),
 }
 

@@ -16,10 +16,10 @@ const MOST_DEFLATED: u64 = 1032;
 const MOST_IN_BLOCKS: u64 = 1 << 21;
 const MOST_IN_PAGES: u64 = 4096;
 
-/// How bytes are packed.
+/// Packing of bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Coding {
-    /// As they are.
+    /// None: bytes as they are.
     Raw,
     /// gzip, one member or more.
     Gzip,
@@ -29,16 +29,16 @@ pub enum Coding {
     Bzip2,
 }
 
-/// Where bytes are.
+/// Place of bytes.
 #[derive(Debug, Clone)]
 pub enum Data {
     /// In one piece.
     Stream {
         /// The file.
         file: PathBuf,
-        /// Where in it they begin.
+        /// Offset at which they begin.
         offset: u64,
-        /// How they are packed.
+        /// Their packing.
         coding: Coding,
         /// Unpacked bytes before the first voxel.
         skip: u64,

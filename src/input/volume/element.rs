@@ -1,4 +1,4 @@
-//! What a voxel is: integers of 1 to 8 bytes, floats of 4 and 8.
+//! Type of a voxel: integers of 1 to 8 bytes, floats of 4 and 8.
 
 use crate::input::volume::grid::Failure;
 

@@ -1,8 +1,8 @@
-//! Where the voxels of a volume lie in the world.
+//! Places of the voxels of a volume in the world.
 
 use glam::DVec3;
 
-/// What a reader says without the file's name.
+/// Message of a reader without the file's name.
 pub(crate) type Failure<T> = std::result::Result<T, String>;
 
 /// Most voxels of a volume: the header of a damaged file may ask for anything.
@@ -10,7 +10,7 @@ const MOST_VOXELS: usize = 1 << 40;
 /// Largest cosine between two axes that still counts as perpendicular.
 const SHEAR_LIMIT: f64 = 1e-3;
 
-/// Where the voxels of a volume lie in the world (LPS).
+/// Grid of the voxels of a volume in the world (LPS).
 #[derive(Debug, Clone, PartialEq)]
 pub struct VolumeGrid {
     /// Voxels along x, y, z, the file's first, second and third axis.

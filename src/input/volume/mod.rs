@@ -34,9 +34,9 @@ pub struct Volume {
     pub path: PathBuf,
     /// Its format, for people.
     pub format: &'static str,
-    /// Where the voxels lie.
+    /// Grid of the voxels.
     pub grid: VolumeGrid,
-    /// What a voxel is.
+    /// Type of a voxel.
     pub element: Element,
     /// Whether its bytes run from the largest.
     pub big_endian: bool,
@@ -44,7 +44,7 @@ pub struct Volume {
     pub stored: [usize; 3],
     /// Factor and summand that turn a stored value into a label.
     pub scale: Option<[f64; 2]>,
-    /// What a person should know of its header.
+    /// Notes on its header for a person.
     pub notes: Vec<String>,
     /// Labels that the file names.
     pub segments: BTreeMap<i64, Appearance>,
@@ -52,7 +52,7 @@ pub struct Volume {
     pub(crate) data: Data,
 }
 
-/// How the values of voxels are had from their bytes.
+/// Decoder of voxels: bytes to values.
 type Decode<T> = fn(Element, &Voxels<'_>, &mut Vec<T>) -> Failure<()>;
 
 /// Neighbouring voxels of one row of the file.
@@ -78,7 +78,7 @@ impl Volume {
         self.data.check(self.bytes()).map_err(fail)
     }
 
-    /// The same volume with voxels of these sides.
+    /// This volume with voxels of these sides.
     ///
     /// # Errors
     /// [`Error::Setting`] where the file has its own.
@@ -129,7 +129,7 @@ impl Volume {
         self.decode(Element::labels, &mut each)
     }
 
-    /// The same with grey values.
+    /// Rows of grey values.
     ///
     /// # Errors
     /// [`Error::Format`] for data that end early or cannot be decoded, and for values that are no finite numbers.

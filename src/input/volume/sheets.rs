@@ -25,7 +25,7 @@ impl Sheets {
         slices.filter(|(_, (alone, painted))| **alone >= LEAST && 2 * **alone > **painted).map(|(k, _)| k).collect()
     }
 
-    /// What is wrong where all paint lies in planes across several axes.
+    /// Message where all paint lies in planes across several axes.
     pub fn crossing(&self) -> Option<String> {
         let across: [Vec<usize>; 3] = std::array::from_fn(|axis| self.across(axis));
         let axes: Vec<usize> = (0..3).filter(|axis| !across[*axis].is_empty()).collect();

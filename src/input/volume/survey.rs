@@ -12,7 +12,7 @@ const TABLE: usize = 1 << 16;
 /// Most other labels that are told apart.
 const MOST_OTHERS: usize = 1 << 16;
 
-/// What a volume holds.
+/// Survey of what a volume holds.
 #[derive(Debug, Clone, Default)]
 pub struct Survey {
     /// Voxels of each label but 0.
@@ -41,7 +41,7 @@ impl Survey {
     /// Goes through the volume; `label` is what is wanted, else all that is not 0.
     ///
     /// # Errors
-    /// As [`Volume::labels`].
+    /// The errors of [`Volume::labels`].
     pub fn of(volume: &Volume, label: Option<i64>) -> Result<Self> {
         let mut survey = Survey { painted: volume.grid.dims.map(|n| vec![false; n]), ..Survey::default() };
         let mut table = vec![0u64; TABLE];
@@ -82,7 +82,7 @@ impl Survey {
         Ok(survey)
     }
 
-    /// What is wrong where labels are many and neighbours hardly ever have the same: grey values.
+    /// Message where labels are many and neighbours hardly ever have the same: grey values.
     pub fn grey(&self) -> Option<String> {
         let voxels: u64 = self.labels.values().sum();
         let (count, alike) = (self.labels.len(), voxels as f64 / self.stretches as f64);
@@ -100,7 +100,7 @@ impl Survey {
     /// Goes through a volume of grey values; what is above `level` is wanted.
     ///
     /// # Errors
-    /// As [`Volume::greys`]; [`Error::Setting`] for a level that no contour can have.
+    /// The errors of [`Volume::greys`]; [`Error::Setting`] for a level that no contour can have.
     pub fn above(volume: &Volume, level: f64) -> Result<Self> {
         let mut survey = Survey { painted: volume.grid.dims.map(|n| vec![false; n]), ..Survey::default() };
         let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
@@ -151,7 +151,7 @@ pub(crate) fn wanted(label: Option<i64>, value: i64) -> bool {
     label.map_or(value != 0, |label| value == label)
 }
 
-/// How far a grey value lies below the level: negative inside.
+/// Depth of a grey value below the level: negative inside.
 pub(crate) fn depth(level: f64, value: f64) -> f32 {
     (level - value) as f32
 }

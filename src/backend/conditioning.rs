@@ -2,18 +2,18 @@
 
 /// Smallest |value| of an anti-aliased mask: no pixel changes its side.
 pub const MASK_FLOOR: f64 = 0.02;
-/// The same for the conditioned field, px.
+/// Width for the conditioned field, px.
 pub const FIELD_FLOOR: f64 = 0.01;
-/// How far the kernel may move a contour from the exact distance, px: protects thin parts.
+/// Distance by which the kernel may move a contour from the exact distance, px: protects thin parts.
 pub const KERNEL_CLIP: f64 = 0.25;
 /// Iterations of Eq. 6 on a binary field for `eq6`.
 pub const EQ6_ITERATIONS: usize = 10;
 /// Iterations of Eq. 6 that bring phi to the fixed point of the sweeps' own reinitialisation. Without them the speed jumps at the
 /// contours (prototype: a star .038 instead of .005 px per unit z).
 pub const CONDITION_ITERATIONS: usize = 20;
-/// How much wider than the tubes of the sweeps the band is in which a field is conditioned, px.
+/// Width beyond the tubes of the sweeps of the band in which a field is conditioned, px.
 pub const CONDITION_WIDER: f64 = 4.0;
-/// How far beyond the tubes conditioned values count, px.
+/// Distance beyond the tubes to which conditioned values count, px.
 pub const CONDITIONED: f64 = 3.0;
 
 /// Weights of a Gaussian of width `sigma` samples, cut at 4 sigma; they sum to 1.

@@ -54,7 +54,7 @@ fn owned(field: &Field) -> Cow<'static, Field> {
     Cow::Owned(field.clone())
 }
 
-/// What the morph measured.
+/// Measurements of a morph.
 #[derive(Debug, Clone, Default)]
 pub struct Traced {
     /// One per seed.
@@ -63,7 +63,7 @@ pub struct Traced {
     pub steps: usize,
     /// Band pixels updated.
     pub pixels: usize,
-    /// How far the front still was from the goal at the end, before the particles' last snap.
+    /// Distance at which the front still was from the goal at the end, before the particles' last snap.
     pub residual: Residual,
 }
 
@@ -74,7 +74,7 @@ pub struct Track {
     pub distance: f64,
     /// Arc length of the path, px.
     pub arc: f64,
-    /// Where it ended, pixels of the tile.
+    /// Point at which it ended, pixels of the tile.
     pub landing: [f64; 2],
     /// Whether it arrived; else it died and `distance` is virtual.
     pub arrived: bool,
@@ -161,13 +161,13 @@ impl SweepJob<'_> {
 /// Both sweeps of a group and the slices between its contours.
 #[derive(Debug, Clone)]
 pub struct SweepPair<'a> {
-    /// From the contour below; its times are those of the slices.
+    /// Sweep from the contour below; its times are those of the slices.
     pub up: SweepJob<'a>,
-    /// From the contour above; its times are `1 - t` of the slices, from the last to the first.
+    /// Sweep from the contour above; its times are `1 - t` of the slices, from the last to the first.
     pub down: SweepJob<'a>,
-    /// What a blend may lose and must have: pixels of the tile where both contours overlap, one for each overlap.
+    /// Anchors, which a blend may lose and must have: pixels of the tile where both contours overlap, one for each overlap.
     pub anchors: Vec<usize>,
-    /// The same: holes that end between the contours, and where they go.
+    /// Holes, for which the same holds: those that end between the contours, and where they go.
     pub holes: Cow<'a, [(Cap, Direction)]>,
 }
 
@@ -183,36 +183,36 @@ impl SweepPair<'_> {
     }
 }
 
-/// What a pair of sweeps gave.
+/// Result of a pair of sweeps.
 #[derive(Debug, Clone, Default)]
 pub struct Filled {
     /// The slices on the pair's tile: signed distance near the contour, clamped far away.
     pub slices: Vec<Packed<f32>>,
-    /// How the upward sweep went.
+    /// Course of the upward sweep.
     pub up: Swept,
-    /// How the downward sweep went.
+    /// Course of the downward sweep.
     pub down: Swept,
 }
 
-/// How a sweep went.
+/// Course of a sweep.
 #[derive(Debug, Clone, Default)]
 pub struct Swept {
     /// Time steps.
     pub steps: usize,
     /// Band pixels updated.
     pub pixels: usize,
-    /// How far from the goal the front ends at t = 1.
+    /// Distance from the goal at which the front ends at t = 1.
     pub residual: Residual,
     /// The front vanished on the way at this time.
     pub vanished: Option<f64>,
 }
 
-/// How much deeper one sweep's field may be than the other's when they are blended, px. Where both fronts are near they agree better
+/// Depth by which one sweep's field may exceed the other's when they are blended, px. Where both fronts are near they agree better
 /// than this. Where only one has a front, the other's bare distance to its own must not outweigh it, or thin parts vanish early.
 /// Measured (mean Dice over 24 synthetic and real runs): unlimited .8705, 4 px .8709, 2 px .8714, 1 px .8717, 0.5 px .8720.
 pub const DISAGREEMENT: f64 = 0.5;
 
-/// How much deeper than the other one a sweep of this weight may be: as soon as it has more than half of the weight, so much more that beside its own
+/// Depth by which a sweep of this weight may exceed the other one: as soon as it has more than half of the weight, so much more that beside its own
 /// contour it is what it is, without a change of any pixel's side.
 pub fn disagreement(weight: f64) -> f64 {
     DISAGREEMENT * (0.5 / (1.0 - weight).max(1e-6)).max(1.0)

@@ -1,4 +1,4 @@
-//! What the pipeline may ask of a machine. The order of the questions is the pipeline's; a backend answers batches of jobs.
+//! Questions that the pipeline may ask of a machine. The order of the questions is the pipeline's; a backend answers batches of jobs.
 
 pub mod blend;
 pub mod conditioning;
@@ -18,14 +18,14 @@ use crate::progress::Progress;
 use crate::registration::displacement::{Displacement, DisplacementJob};
 use crate::storage::spill::Budget;
 
-/// What a run may use.
+/// Means that a run may use.
 #[derive(Clone, Copy)]
 pub struct Means<'a> {
-    /// Who computes.
+    /// Backend that computes.
     pub backend: &'a dyn Backend,
-    /// Who is told.
+    /// Listener that is told how far the work has come.
     pub progress: &'a dyn Progress,
-    /// How much may be in memory.
+    /// Bound on what may be in memory.
     pub budget: &'a Budget,
 }
 

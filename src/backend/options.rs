@@ -2,7 +2,7 @@
 
 use crate::settings::{AntiAlias, Settings, Sweep};
 
-/// How slices become level sets.
+/// Options by which slices become level sets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContourOptions {
     /// Rule for masks.
@@ -26,7 +26,7 @@ pub struct MorphOptions {
     pub tolerance: f64,
     /// Distance between particles.
     pub seed_spacing: f64,
-    /// Which sweeps make layers.
+    /// Sweeps that make layers.
     pub sweep: Sweep,
     /// Steps between re-estimations, 0: never.
     pub redistance: usize,

@@ -19,7 +19,7 @@ pub struct ContourRequest<'a> {
     pub dims: [usize; 2],
     /// Pixel sides.
     pub h: [f64; 2],
-    /// How slices become level sets.
+    /// Options by which slices become level sets.
     pub options: ContourOptions,
 }
 

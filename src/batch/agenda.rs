@@ -1,4 +1,4 @@
-//! What all threads of a batch share: what is asked for, what is still to do, and what has become of it.
+//! Agenda that all threads of a batch share: jobs asked for, jobs still to do, and their outcomes.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,7 +10,7 @@ use super::machine::Machine;
 use super::manifest::{Job, Manifest};
 use super::results::Results;
 
-/// How a batch runs.
+/// Options of a batch.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// Jobs computed at once; as many are read ahead and completed behind.
@@ -23,7 +23,7 @@ pub struct Options {
     pub machine: String,
 }
 
-/// What has become of a job.
+/// Outcome of a job.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
     /// Computed and written now.
@@ -42,7 +42,7 @@ pub trait Watch: Sync {
     fn ended(&self, job: &Job, outcome: &Outcome);
 }
 
-/// What all threads share.
+/// State that all threads share.
 pub(super) struct Batch<'a> {
     pub(super) manifest: &'a Manifest,
     pub(super) machine: &'a dyn Machine,
@@ -59,7 +59,7 @@ pub(super) struct Batch<'a> {
 /// Jobs still to be looked at.
 pub(super) struct Agenda {
     pub(super) fresh: VecDeque<usize>,
-    /// Those another process had when they were looked at.
+    /// Jobs that another process had when they were looked at.
     pub(super) elsewhere: VecDeque<usize>,
 }
 

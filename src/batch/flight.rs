@@ -34,7 +34,7 @@ pub(super) struct Flight<'a> {
     lock: Held,
 }
 
-/// What is known of a job when it ends.
+/// Facts about a job when it ends.
 struct End {
     fingerprint: Option<String>,
     seconds: f64,

@@ -57,7 +57,7 @@ pub fn read(path: &Path) -> Result<Vec<Numbered>> {
     Ok(lines.map(|(k, line)| (k + 1, serde_json::from_str(line).map_err(|e| json_error(&e)))).collect())
 }
 
-/// The same as text for a manifest of this name.
+/// Lines as text for a manifest of this name.
 ///
 /// # Errors
 /// [`Error::Format`] as [`read`].
@@ -81,7 +81,7 @@ pub fn text(lines: &[ManifestLine], path: &Path) -> Result<String> {
     String::from_utf8(bytes).map_err(|e| fail(e.to_string()))
 }
 
-/// What serde says, with the column only: it knows of one line.
+/// Message of serde, with the column only: it knows of one line.
 fn json_error(e: &serde_json::Error) -> String {
     let said = e.to_string();
     let said = said.rsplit_once(" at line ").map_or(said.as_str(), |(said, _)| said);

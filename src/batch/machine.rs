@@ -1,4 +1,4 @@
-//! Where a batch computes.
+//! Machine on which a batch computes.
 
 use crate::backend::Backend;
 use crate::error::Result;

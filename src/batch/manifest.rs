@@ -22,11 +22,11 @@ use crate::stack::links::LinkOptions;
 pub struct Manifest {
     /// The file.
     pub path: PathBuf,
-    /// What paths in it are relative to.
+    /// Folder to which paths in it are relative.
     pub folder: PathBuf,
     /// Its jobs, in its order.
     pub jobs: Vec<Job>,
-    /// What they read and write.
+    /// Places that they read and write.
     places: Places,
 }
 
@@ -35,18 +35,18 @@ pub struct Manifest {
 pub struct Job {
     /// Its name.
     pub id: String,
-    /// What is read.
+    /// Input.
     pub input: PathBuf,
     /// Outputs as the manifest names them.
     pub outputs: Vec<String>,
     /// The files they are.
     pub targets: Vec<PathBuf>,
-    /// How.
+    /// Options of the job.
     pub options: JobOptions,
 }
 
 impl Job {
-    /// What its bytes depend on, by its content, on the machine asked for.
+    /// Fingerprint of all that its bytes depend on, by content, on the machine asked for.
     ///
     /// # Errors
     /// The errors of [`fingerprint`].
@@ -56,7 +56,7 @@ impl Job {
     }
 }
 
-/// What lines must not have in common.
+/// Names that lines must not have in common.
 #[derive(Default)]
 struct Claims {
     /// Ids and their lines.
@@ -170,7 +170,7 @@ fn options(line: &ManifestLine, folder: &Path, wrong: &mut Vec<String>) -> JobOp
     options
 }
 
-/// What the jobs of a manifest read. An input that cannot be read is told when its job runs.
+/// Places that the jobs of a manifest read. An input that cannot be read is told when its job runs.
 fn places(manifest: &Path, jobs: &[(usize, Job)]) -> Places {
     let mut places = Places::default();
     places.read(manifest, "the manifest");

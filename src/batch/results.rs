@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::files::fingerprint::digest;
 use crate::report::Report;
 
-/// How a job has ended.
+/// End of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
@@ -29,7 +29,7 @@ pub enum Status {
 pub struct ResultLine {
     /// Name of the job.
     pub id: String,
-    /// How it has ended.
+    /// End of the job.
     pub status: Status,
     /// Why it failed, in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -38,13 +38,13 @@ pub struct ResultLine {
     pub seconds: f64,
     /// Version of the program.
     pub version: String,
-    /// What the job depends on; none where its input could not be read.
+    /// Fingerprint of all that the job depends on; none where its input could not be read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fingerprint: Option<String>,
-    /// What it has written.
+    /// Files that it has written.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub outputs: Vec<Written>,
-    /// How well the contours are met.
+    /// Certificate of how well the contours are met.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub certificate: Option<Certificate>,
 }
@@ -75,7 +75,7 @@ pub struct Certificate {
     pub volume: Option<f64>,
     /// Area, unit squared, where a mesh was made.
     pub area: Option<f64>,
-    /// What a person should know.
+    /// Warnings for a person.
     pub warnings: Vec<String>,
 }
 
@@ -101,7 +101,7 @@ pub struct Results {
     seen: Mutex<Seen>,
 }
 
-/// What was read so far.
+/// Results read so far.
 #[derive(Debug, Default)]
 struct Seen {
     /// Bytes read, up to a line's end.

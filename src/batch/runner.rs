@@ -24,7 +24,7 @@ use super::manifest::{Job, Manifest};
 use super::results::Results;
 use crate::error::Result;
 
-/// How long to wait before asking again for jobs that another process has.
+/// Time to wait before asking again for jobs that another process has.
 const PATIENCE: Duration = Duration::from_millis(100);
 
 /// Runs all jobs of a manifest that are not finished; says what has become of each, in the manifest's order. `stop` ends the batch: jobs that
@@ -79,7 +79,7 @@ fn run_workers(batch: &Batch<'_>, jobs: usize) {
     });
 }
 
-/// Which jobs are finished, in the manifest's order; nothing is written.
+/// Whether each job is finished, in the manifest's order; nothing is written.
 ///
 /// # Errors
 /// [`Read`](crate::Error::Read).
@@ -90,7 +90,7 @@ pub fn finished(manifest: &Manifest, results: &Path, machine: &str) -> Result<Ve
     manifest.jobs.iter().map(is).collect()
 }
 
-/// Where the locks of a results file are.
+/// Folder of the locks of a results file.
 fn lock_folder(results: &Path) -> PathBuf {
     let mut name = std::ffi::OsString::from(".");
     name.push(results.file_name().unwrap_or_default());

@@ -13,7 +13,7 @@ use crate::input::format::{InputFormat, expected};
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructureSet;
 
-/// What a template names.
+/// Choices for a template.
 #[derive(Debug, Clone)]
 pub struct Template {
     /// Extensions of the outputs, without dot.

@@ -31,14 +31,14 @@ pub struct OutputImage {
 /// The cores of all overlaps of an interval.
 #[derive(Debug)]
 pub struct Cores {
-    /// Where they are, on the image that layers show.
+    /// Tile on which they are, on the image that layers show.
     tile: Tile,
     /// Distances, px.
     phi: Packed<f32>,
 }
 
 impl Cores {
-    /// Where overlaps of two contours can be, by what is known of them without their fields; nothing where there is none.
+    /// Tile on which overlaps of two contours can be, by what is known of them without their fields; nothing where there is none.
     pub fn tile(low: &Contour, high: &Contour, shown: &OutputImage) -> Option<Tile> {
         let [low, high] = [low, high].map(bounds);
         let ((low_from, low_to), (high_from, high_to)) = (low?, high?);
@@ -53,7 +53,7 @@ impl Cores {
         Some(Tile { origin, dims })
     }
 
-    /// Those of two neighbouring contours, but of the pairs of parts that are kept apart; nothing where nothing overlaps.
+    /// The cores of two neighbouring contours, but of the pairs of parts that are kept apart; nothing where nothing overlaps.
     pub fn new(low: &Contour, high: &Contour, parted: &[(u32, u32)], shown: &OutputImage) -> Option<Self> {
         let tile = Cores::tile(low, high, shown)?;
         let width = low.phi.dims[0];

@@ -18,7 +18,7 @@ pub fn whole(runs: &Runs) -> Vec<bool> {
     sizes.into_iter().map(|size| size > CRUMB).collect()
 }
 
-/// Which parts of each of an interval's layers, from contour to contour, hang together with one of both contours, over parts that are `there` (all
+/// Whether parts of each of an interval's layers, from contour to contour, hang together with one of both contours, over parts that are `there` (all
 /// where nothing is said).
 pub fn grounded(layers: &[Runs], there: Option<&[Vec<bool>]>, nx: usize, side: Side) -> Vec<Vec<bool>> {
     let there = |k: usize, part: usize| there.is_none_or(|there| there[k][part]);
@@ -51,7 +51,7 @@ pub fn grounded(layers: &[Runs], there: Option<&[Vec<bool>]>, nx: usize, side: S
     layers.iter().enumerate().map(of).collect()
 }
 
-/// Which parts of a layer touch a part that stays of one of the layers around it.
+/// Whether parts of a layer touch a part that stays of one of the layers around it.
 pub fn held(runs: &Runs, around: [(&Runs, &[bool]); 2], nx: usize, side: Side) -> Vec<bool> {
     let mut held = vec![false; runs.count];
     for (other, stays) in around {

@@ -1,4 +1,4 @@
-//! What hangs together: pieces of a body over layers, cores of overlaps that must not tear, and pieces that float.
+//! Connectivity: pieces of a body over layers, cores of overlaps that must not tear, and pieces that float.
 
 pub(crate) mod cores;
 pub(crate) mod grounded;

@@ -17,7 +17,7 @@ pub enum Side {
 /// The runs of one side of a layer, row by row, and the connected parts that they make.
 #[derive(Debug, Clone, Default)]
 pub struct Runs {
-    /// Where each row's runs begin, and where the last row's end.
+    /// Number of the first run of each row, and behind the last row's end.
     rows: Vec<u32>,
     /// First column of each run and the column after its last.
     runs: Vec<[u32; 2]>,
@@ -29,7 +29,7 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// Those inside and those outside in a layer `nx` pixels wide.
+    /// The runs inside and the runs outside in a layer `nx` pixels wide.
     pub fn both(phi: &[f32], nx: usize) -> [Self; 2] {
         let mut out =
             [Side::Inside, Side::Outside].map(|side| Runs { rows: vec![0], side: Some(side), ..Runs::default() });
@@ -46,7 +46,7 @@ impl Runs {
         out.map(Runs::joined)
     }
 
-    /// Those of one side.
+    /// The runs of one side.
     pub fn new(phi: &[f32], nx: usize, side: Side) -> Self {
         let [inside, outside] = Runs::both(phi, nx);
         if side == Side::Inside { inside } else { outside }
@@ -137,7 +137,7 @@ impl DisjointSets {
         first
     }
 
-    /// Which thing stands for thing `k`.
+    /// Thing that stands for thing `k`.
     pub fn root(&mut self, mut k: usize) -> usize {
         while self.parent[k] as usize != k {
             self.parent[k] = self.parent[self.parent[k] as usize];

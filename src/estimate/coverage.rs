@@ -1,4 +1,4 @@
-//! What is drawn on slices, counted in pixels: what memory and time are estimated from.
+//! Coverage of slices, counted in pixels, from which memory and time are estimated.
 
 use crate::stack::SliceContent;
 
@@ -13,7 +13,7 @@ pub fn differing([a, b]: [&SliceContent; 2], [nx, ny]: [usize; 2]) -> usize {
     (0..ny).map(differing).sum()
 }
 
-/// What is drawn on slices.
+/// Coverage of slices.
 #[derive(Debug, Clone)]
 pub struct Drawn {
     /// Edges between a pixel inside and one outside.
@@ -52,7 +52,7 @@ impl Drawn {
         drawn
     }
 
-    /// What is drawn on these and on others.
+    /// Coverage of these slices and of others.
     pub fn and(self, other: &Drawn) -> Self {
         Drawn {
             edges: self.edges + other.edges,

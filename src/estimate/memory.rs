@@ -1,4 +1,4 @@
-//! How much memory and disk a reconstruction needs, asked before it starts.
+//! Memory and disk that a reconstruction needs, asked before it starts.
 
 use rayon::prelude::*;
 
@@ -43,7 +43,7 @@ const MIB: f64 = (1 << 20) as f64;
 /// Bytes that do not depend on the stack.
 const BASE_BYTES: f64 = 28.0 * 1024.0 * 1024.0;
 
-/// What a run on the reference path needs, estimated from above, as if every group filled the image. Whoever keeps the layers
+/// Needs of a run on the reference path, estimated from above, as if every group filled the image. Whoever keeps the layers
 /// ([`reconstruct`](crate::reconstruct)) needs 4 bytes of memory per voxel more; writing them takes what
 /// [`format::bytes`](crate::files::format::bytes) says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,7 +57,7 @@ pub struct MemoryNeeds {
 }
 
 impl MemoryNeeds {
-    /// Of a run for `heights` (increasing) on so many threads.
+    /// The needs of a run for `heights` (increasing) on so many threads.
     pub fn of(stack: &ContourStack, heights: &[f64], settings: &Settings, threads: usize) -> Self {
         let px = stack.spacing[0].max(stack.spacing[1]);
         let h = stack.spacing.map(|side| side / px);
@@ -102,13 +102,13 @@ impl MemoryNeeds {
         MemoryNeeds { all, least: least.min(all), disk: (kept + all_drawn.edges as f64 * PER_CONTOUR_EDGE) as u64 }
     }
 
-    /// The same of a section of `stack`, all of which has been read.
+    /// The needs of a section of `stack`, all of which has been read.
     pub fn within(self, stack: &ContourStack) -> Self {
         let read = contents(stack) as u64;
         MemoryNeeds { all: self.all + read, least: self.least + read, ..self }
     }
 
-    /// What a run may keep in memory beside `beside` bytes of others, where `limit` bytes are allowed in all, or else what is free.
+    /// Budget of a run in memory beside `beside` bytes of others, where `limit` bytes are allowed in all, or else what is free.
     ///
     /// # Errors
     /// [`Error::Memory`] where even the least is too much; [`Error::Disk`] where the temporary file does not fit.
@@ -168,7 +168,7 @@ pub fn triangles(stack: &ContourStack, heights: &[f64]) -> u64 {
 /// Refuses slices of so many pixels that could not even wait for their turn: what is kept of each, in memory or in a temporary file.
 ///
 /// # Errors
-/// What takes too much: its size and what is free.
+/// Refusal of what takes too much: its size and what is free.
 pub fn check_slices(pixels: f64, slices: usize) -> std::result::Result<(), String> {
     let needed = PER_SLICE_PIXEL * pixels * slices as f64;
     match available().zip(free_disk(&std::env::temp_dir())) {

@@ -1,4 +1,4 @@
-//! What a reconstruction will cost, estimated from the stack before it starts.
+//! Cost of a reconstruction, estimated from the stack before it starts.
 
 pub(crate) mod coverage;
 pub mod memory;

@@ -1,4 +1,4 @@
-//! How long a reconstruction takes, estimated before it starts.
+//! Run time of a reconstruction, estimated before it starts.
 //!
 //! CPU seconds of the reference path grow with what stages work on: pixels of the slices (distance, motion), pixels in which neighbours differ
 //! (steps of the morphs), edges of the contours times layers (what is near the surface of each), pixels of the layers. Their costs are a fit
@@ -22,7 +22,7 @@ const COSTS: [f64; 4] = [1.0, 7.8, 19.4, 0.2];
 const PROBE: usize = 256;
 const PROBES: usize = 5;
 const PROBE_SECONDS: f64 = 2.77e-3;
-/// What each thread after the first adds.
+/// Share of a thread that each one after the first adds.
 const GAIN: f64 = 0.75;
 
 /// Work of a reconstruction with default settings.
@@ -34,7 +34,7 @@ pub struct Effort {
 }
 
 impl Effort {
-    /// Of layers of `stack` at `heights`.
+    /// The effort for layers of `stack` at `heights`.
     pub fn of(stack: &ContourStack, heights: &[f64]) -> Self {
         let px = stack.spacing[0].max(stack.spacing[1]);
         let around = samples(Settings::default().margin() + 8, stack.spacing.map(|side| side / px));
@@ -61,7 +61,7 @@ impl Effort {
     }
 }
 
-/// How many times as long as where [`COSTS`] were measured this machine takes.
+/// Factor of this machine: its time over that of the machine on which [`COSTS`] were measured.
 fn pace() -> f64 {
     let middle = 0.5 * PROBE as f64;
     let disc = Field::from_fn([PROBE; 2], |i, j| (i as f64 - middle).hypot(j as f64 - middle) - 0.6 * middle);

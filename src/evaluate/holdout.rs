@@ -12,7 +12,7 @@ use crate::stack::{ContourStack, Slice};
 use crate::storage::spill::Budget;
 use crate::surface::Layer;
 
-/// How well slices that were left out are found.
+/// Scores of slices that were left out and found again.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct HoldOut {
     /// Every which slice was left out.
@@ -25,7 +25,7 @@ pub struct HoldOut {
     pub surface_distance: Option<f64>,
     /// Volume of the result less that of the truth, % of the truth; none where the truth is empty on all.
     pub volume_error_percent: Option<f64>,
-    /// What linear interpolation of the kept slices' distances gives for the same slices.
+    /// Scores of linear interpolation of the kept slices' distances, for the same slices.
     pub linear: Compared,
     /// The first and the last slice, left out by themselves and found from the others by the end rules; as far as one of truth, result and linear
     /// continuation has something there. They count in nothing above.
@@ -35,15 +35,15 @@ pub struct HoldOut {
 /// Scores over several slices together.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Compared {
-    /// As [`HoldOut::dice`].
+    /// Dice coefficient, see [`HoldOut::dice`].
     pub dice: Option<f64>,
-    /// As [`HoldOut::surface_distance`].
+    /// Mean surface distance, see [`HoldOut::surface_distance`].
     pub surface_distance: Option<f64>,
-    /// As [`HoldOut::volume_error_percent`].
+    /// Volume error, see [`HoldOut::volume_error_percent`].
     pub volume_error_percent: Option<f64>,
 }
 
-/// The same for one slice.
+/// Scores of one slice.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct SliceScore {
     /// Name of the slice.
@@ -154,7 +154,7 @@ fn some_of(stack: &ContourStack, kept: &[usize]) -> ContourStack {
     }
 }
 
-/// What is inside at height `z` by the line through the exact distances of the two slices next to it. An empty slice is infinitely far off.
+/// Inside at height `z` by the line through the exact distances of the two slices next to it. An empty slice is infinitely far off.
 fn linear(stack: &ContourStack, z: f64) -> Vec<bool> {
     let px = stack.spacing[0].max(stack.spacing[1]);
     let above = stack.slices.partition_point(|s| s.z < z).clamp(1, stack.slices.len() - 1);
@@ -206,7 +206,7 @@ struct Tally {
 }
 
 impl Tally {
-    /// Of one slice, truth and result.
+    /// The tally of one slice, truth and result.
     fn new(masks: [&[bool]; 2], dims: [usize; 2], spacing: [f64; 2]) -> Self {
         let distance = contour_distance(&masks, dims, spacing);
         Tally {
@@ -233,12 +233,12 @@ impl Tally {
     }
 }
 
-/// Where there is any truth.
+/// Value where there is any truth.
 fn dice(common: usize, [truth, found]: [usize; 2]) -> Option<f64> {
     (truth > 0).then(|| 2.0 * common as f64 / (truth + found) as f64)
 }
 
-/// How much more there is in the second than in the first, % of the first where there is any.
+/// Excess of the second over the first, % of the first where there is any.
 fn excess([truth, found]: [usize; 2]) -> Option<f64> {
     (truth > 0).then(|| 100.0 * (found as f64 - truth as f64) / truth as f64)
 }

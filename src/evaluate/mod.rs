@@ -1,4 +1,4 @@
-//! How good a reconstruction is: the hold-out score, and bodies of known shape.
+//! Evaluation of a reconstruction: the hold-out score, and bodies of known shape.
 
 pub mod demo;
 pub mod holdout;

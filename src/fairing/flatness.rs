@@ -1,4 +1,4 @@
-//! Where a layer's surface lies flat: relief between contour lines, which shows no creases and whose shape a mean along z would wash away.
+//! Flatness of a layer's surface: relief between contour lines, which shows no creases and whose shape a mean along z would wash away.
 //!
 //! A pixel near the surface stands by itself, `1 - smoothstep((s - 3) / 5)` for a surface that goes `s` sideways per height, and among its
 //! neighbours: by the mean of [`upright`] in a Gaussian window, each pixel by how near the surface it is, from .35 on, wholly from .65 on. A flat
@@ -26,19 +26,19 @@ const REACH: f64 = 8.0;
 const NONE: f64 = 0.35;
 const ALL: f64 = 0.65;
 
-/// How upright pixel by pixel a surface is by itself.
+/// Uprightness of a surface by itself, pixel by pixel.
 pub fn alone(sideways: f64) -> f64 {
     1.0 - smoothstep((sideways - STEEP) / (FLAT - STEEP))
 }
 
-/// How upright the surface of a layer is around each pixel.
+/// Uprightness of the surface of a layer around each pixel.
 pub struct Around {
     /// Sums of what is upright and of all, each pixel by how near the surface it is, per block.
     sums: Displacement,
 }
 
 impl Around {
-    /// From what its surface goes sideways per height at each pixel, and its v with its bound.
+    /// Uprightness from what its surface goes sideways per height at each pixel, and its v with its bound.
     pub fn new([sideways, v]: [&Packed<f32>; 2], bound: f32, spacing: [f64; 2]) -> Self {
         let [nx, ny] = v.dims();
         let nodes = Displacement::zero([nx, ny]);
@@ -90,12 +90,12 @@ mod tests {
 
     const DIMS: [usize; 2] = [120, 100];
 
-    /// What is left of 1 at pixels of row 50 of a layer that goes sideways by `of` at each column.
+    /// Rest of 1 at pixels of row 50 of a layer that goes sideways by `of` at each column.
     fn left(of: impl Fn(usize) -> f32, spacing: [f64; 2]) -> Vec<f32> {
         left_of([&of, &|_| 0.0], spacing)
     }
 
-    /// The same where v, whose bound is 1, is not 0.
+    /// Rest of 1 where v, whose bound is 1, is not 0.
     fn left_of(columns: [&dyn Fn(usize) -> f32; 2], spacing: [f64; 2]) -> Vec<f32> {
         let [sideways, v] =
             columns.map(|of| Packed::of(DIMS, &(0..DIMS[0] * DIMS[1]).map(|n| of(n % DIMS[0])).collect::<Vec<_>>()));

@@ -22,7 +22,7 @@ pub struct WaitingLayer {
 }
 
 impl WaitingLayer {
-    /// What has come.
+    /// A layer that has come, packed.
     pub fn new(layer: Layer, dims: [usize; 2]) -> Self {
         let Layer { z, phi, output, contour } = layer;
         WaitingLayer { z, phi: Arc::new(Packed::of(dims, &phi)), output, contour }
@@ -38,21 +38,21 @@ impl WaitingLayer {
 pub struct Node {
     /// Its distances.
     pub phi: Arc<Packed<f32>>,
-    /// As soon as the node above is known.
+    /// Correction, as soon as the node above is known.
     pub made: Option<Transformed>,
-    /// Of a contour `K v - v`, until the interval above it is corrected.
+    /// Difference of a contour, `K v - v`, until the interval above it is corrected.
     pub difference: Option<Packed<f32>>,
-    /// What it is moved by, of a node between contours.
+    /// Correction of a node between contours.
     pub correction: Option<Packed<f32>>,
 }
 
-/// What fairing makes of the distances of a node.
+/// Transform of the distances of a node.
 pub struct Transformed {
-    /// What is averaged.
+    /// Values that are averaged.
     pub v: Packed<f32>,
     /// `n` near the surface, less where it lies flat; 0 elsewhere.
     pub gradient: Packed<f32>,
-    /// Where it lies in the moving frame, if there is one.
+    /// Place in the moving frame, if there is one.
     pub place: Option<Place>,
     /// Blocks that are read where its surface is near.
     pub near: Vec<Near>,
@@ -64,7 +64,7 @@ impl Node {
         Node { phi, made: None, difference: None, correction: None }
     }
 
-    /// Where it lies in the moving frame.
+    /// Place in the moving frame.
     pub fn place(&self) -> Option<&Place> {
         self.made.as_ref()?.place.as_ref()
     }

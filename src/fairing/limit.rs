@@ -2,7 +2,7 @@
 
 use crate::grid::spline::smoothstep;
 
-/// What a correction may leave the range of its contours by, px of the larger side.
+/// Distance by which a correction may leave the range of its contours, px of the larger side.
 const SLACK: f32 = 0.05;
 
 /// A correction c of a distance u that leaves the ranges of both contours' distances by no more than SLACK: with the room
@@ -17,7 +17,7 @@ pub fn limited(c: f32, u: f32, ranges: [[f32; 2]; 2], side: f32) -> f32 {
     if ratio > 100.0 { room.copysign(c) } else { c / (1.0 + eighth).sqrt().sqrt().sqrt() }
 }
 
-/// The same cut off where the room ends: a curve through corrections that are [`limited`] may swing beyond them, the more the less the gaps on both
+/// Correction cut off where the room ends: a curve through corrections that are [`limited`] may swing beyond them, the more the less the gaps on both
 /// sides of a contour are alike, and is left alone where it does not.
 #[inline]
 pub fn cut(c: f32, u: f32, range: [f32; 2], side: f32) -> f32 {
@@ -25,7 +25,7 @@ pub fn cut(c: f32, u: f32, range: [f32; 2], side: f32) -> f32 {
     c.clamp(-room, room)
 }
 
-/// How far a distance u may move towards the side of c.
+/// Room of a distance u to move towards the side of c.
 #[inline]
 fn room(c: f32, u: f32, [a, b]: [f32; 2], side: f32) -> f32 {
     let own = if c > 0.0 { a.max(b) - u } else { u - a.min(b) };
@@ -35,7 +35,7 @@ fn room(c: f32, u: f32, [a, b]: [f32; 2], side: f32) -> f32 {
 /// A contour this much of the farthest distance that counts away leads nowhere.
 const ALONE: [f64; 2] = [0.8, 0.98];
 
-/// How far the surface goes on from one contour to another whose distances there are these, at most `farthest`: 1 where both have a surface, 0
+/// Share to which the surface goes on from one contour to another whose distances there are these, at most `farthest`: 1 where both have a surface, 0
 /// where one has none.
 #[inline]
 pub fn goes_on(distances: [f32; 2], farthest: f64) -> f32 {

@@ -39,7 +39,7 @@ use crate::registration::motion_stack::MotionStack;
 use crate::stack::heights::NODES;
 use crate::surface::Layer;
 
-/// What the stack's median gap counts as along z, px of the larger side.
+/// Length that the stack's median gap counts as along z, px of the larger side.
 const GAP: f64 = 6.0;
 /// B, px of the larger side: half of a gap.
 const BOUND: f64 = 0.5 * GAP;
@@ -56,7 +56,7 @@ fn in_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
 /// Layers of fewer pixels are worked on side by side.
 const SMALL: usize = 1 << 20;
 
-/// What fairing needs to know of a stack.
+/// Facts about a stack that fairing needs.
 pub struct FairingSpec<'m> {
     /// The frame in which layers follow each other, and the padding of its image.
     pub moving: Option<(&'m MotionStack<'m>, [usize; 2])>,
@@ -313,7 +313,7 @@ impl<'m> Fairing<'m> {
         }
     }
 
-    /// What node `k` of interval `i` is moved by: its own difference less what the contours below and above would move by, read along the
+    /// Correction of node `k` of interval `i`: its own difference less what the contours below and above would move by, read along the
     /// trajectories.
     fn correction(
         &self,
@@ -381,7 +381,7 @@ impl<'m> Fairing<'m> {
         Some(correction)
     }
 
-    /// Where the surface ends in an interval it still goes on if it does so from its contour to the other side: it is the tip of a body. `share` says
+    /// Tips: a surface that ends in an interval still goes on if it does so from its contour to the other side: it is the tip of a body. `share` says
     /// how far it goes on within the interval, `own` are the distances of the interval's contours, `beyond` those on their other sides; of pixels
     /// from `first` on.
     fn tips(&self, share: &mut [f32], own: [&Vec<f32>; 2], beyond: &[Option<Seen<'_>>; 2], first: [usize; 2]) {

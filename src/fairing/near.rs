@@ -1,4 +1,4 @@
-//! Which pixels of a layer are near its surface, by the v that is averaged.
+//! Nearness of pixels of a layer to its surface, by the v that is averaged.
 
 use std::ops::Range;
 
@@ -13,12 +13,12 @@ const FADE: [f32; 2] = [0.82, 0.88];
 /// Pixels that are passed over at once.
 const RUN: usize = 16;
 
-/// How near the surface a pixel at `|v| / B` is, 1 to 0.
+/// Nearness to the surface of a pixel at `|v| / B`, 1 to 0.
 pub fn nearness(ratio: f32) -> f64 {
     smoothstep(f64::from((SATURATED - ratio) / (SATURATED - NEAR)))
 }
 
-/// How much of a contour's difference counts at a pixel at `|v| / B`, 1 to 0.
+/// Share of a contour's difference that counts at a pixel at `|v| / B`, 1 to 0.
 pub fn fade(ratio: f32) -> f64 {
     smoothstep(f64::from((FADE[1] - ratio) / (FADE[1] - FADE[0])))
 }

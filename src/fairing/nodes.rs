@@ -21,7 +21,7 @@ use crate::stack::heights::{NODE_TIMES, NODES, at_time};
 /// Sigma of the mean, gaps. Creases (1: the truth's) and mean Dice of the real cases, medium and hard, at .3: .951, .992; .9537, .9236; at a third: .939, .988;
 /// .9535, .9233; at .4: .927, .967; .9531, .9225.
 const SIGMA: f64 = 1.0 / 3.0;
-/// Where the B-spline ends, distances of its knots.
+/// Ends of the B-spline, distances of its knots.
 const END: f64 = 1.5;
 /// Smaller weights are rounding's.
 const LEAST: f64 = 1e-9;
@@ -30,12 +30,12 @@ const LEAST: f64 = 1e-9;
 #[derive(Debug, Clone)]
 pub struct Nodes {
     contours: Vec<f64>,
-    /// Of all nodes, increasing.
+    /// Heights of all nodes, increasing.
     heights: Vec<f64>,
 }
 
 impl Nodes {
-    /// Of contours at increasing heights, two at least.
+    /// The nodes of contours at increasing heights, two at least.
     pub fn new(contours: Vec<f64>) -> Self {
         let of = |w: &[f64]| {
             let ends = [w[0], w[1]];

@@ -1,4 +1,4 @@
-//! From polygons to the edges at which inside and outside meet.
+//! Edges of polygons at which inside and outside meet.
 //!
 //! A keyhole (an outer line and a hole drawn as one polygon) walks its bridge there and back: under even-odd the two walks cancel, and so
 //! must their edges, or pixels near the bridge would be told that a contour is near.

@@ -1,4 +1,4 @@
-//! Which pixels lie inside: even-odd along every row.
+//! Filling: which pixels lie inside, even-odd along every row.
 
 use std::ops::Range;
 

@@ -71,12 +71,12 @@ impl DrawingGrid {
         Ok(DrawingGrid { origin: first * spacing, spacing, dims: sides.as_usizevec2().to_array() })
     }
 
-    /// Where `x` lies, in columns.
+    /// Place of `x`, in columns.
     pub fn column(&self, x: f64) -> f64 {
         (x - self.origin.x) / self.spacing.x
     }
 
-    /// Where `y` lies, in rows.
+    /// Place of `y`, in rows.
     pub fn row(&self, y: f64) -> f64 {
         (y - self.origin.y) / self.spacing.y
     }

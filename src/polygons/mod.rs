@@ -4,7 +4,7 @@
 //! polygons -> edges (bridges cancelled) -> sides (even-odd) and distances near the edges -> SliceContent::Level
 //! ```
 //!
-//! What lies inside an odd number of a region's polygons is inside; winding does not count. Work is in proportion to the length of the
+//! Points inside an odd number of a region's polygons are inside; winding does not count. Work is in proportion to the length of the
 //! contours in pixels, but for the writing of the slices themselves.
 
 pub mod distance;
@@ -32,10 +32,10 @@ pub const CLAMP: f64 = 2.0;
 /// Points that are as close as this, px, are one; edges between the same points cancel in pairs.
 pub const SAME_POINT: f64 = 1e-4;
 
-/// What is drawn on one plane.
+/// Drawing on one plane.
 #[derive(Debug, Clone)]
 pub struct PlaneDrawing {
-    /// What messages call it.
+    /// Name for messages.
     pub name: String,
     /// Height of the plane.
     pub z: f64,
@@ -52,7 +52,7 @@ impl PlaneDrawing {
     }
 }
 
-/// What is known of all planes.
+/// Facts about all planes.
 #[derive(Debug, Clone)]
 pub struct Planes {
     /// Length unit.

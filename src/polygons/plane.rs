@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 
 use super::Polygon;
 
-/// How far, mm, a contour's points may leave its plane, and planes may differ in height and still be one: well below any slice distance,
+/// Distance, mm, by which a contour's points may leave its plane, and planes may differ in height and still be one: well below any slice distance,
 /// well above rounded coordinates.
 pub const TOLERANCE: f64 = 0.1;
 
@@ -17,14 +17,14 @@ pub struct PlaneSet {
     pub axes: [DVec3; 3],
     /// Heights `p . n` of the planes, increasing: mean over the points of their contours.
     pub heights: Vec<f64>,
-    /// Which plane each contour lies on.
+    /// Number of the plane on which each contour lies.
     pub plane_of: Vec<usize>,
 }
 
 /// A contour that leaves its plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bent {
-    /// Which.
+    /// Number of the contour.
     pub contour: usize,
     /// By how much, end to end.
     pub by: f64,

@@ -133,7 +133,7 @@ impl<'s, S: LayerSink> Gather<'s, S> {
         Gather { source, adding: None, rest }
     }
 
-    /// What the body adds; nothing before its first layer.
+    /// Contours that the body adds; nothing before its first layer.
     pub fn added(self) -> Option<Added> {
         self.adding.map(|a| a.added)
     }

@@ -1,4 +1,4 @@
-//! Which contours become the stack: ROIs, their closed contours, their planes.
+//! Choice of the contours that become the stack: ROIs, their closed contours, their planes.
 
 use glam::DVec3;
 
@@ -8,7 +8,7 @@ use crate::polygons::plane::{Bent, PlaneSet, TOLERANCE, smallest_gap};
 use crate::polygons::{self, PlaneDrawing, Planes};
 use crate::stack::{ContourStack, ReadOptions};
 
-/// How much wider the gaps of a ROI must be than those of another one's planes to be planes that were left out.
+/// Ratio of a ROI's gaps to those of another one's planes from which on planes were left out.
 const LEFT_OUT: f64 = 1.5;
 
 /// ROIs to be reconstructed as one body.
@@ -21,7 +21,7 @@ pub struct ChosenRois<'a> {
     used: Vec<(usize, usize)>,
     /// Their planes.
     pub planes: PlaneSet,
-    /// What was left out, and why.
+    /// Contours that were left out, and why.
     pub notes: Vec<String>,
 }
 

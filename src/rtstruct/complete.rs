@@ -1,6 +1,6 @@
 //! The structure set out: as it was read, with contours on the planes between those that were drawn.
 //!
-//! What was drawn stays as it is, byte by byte in Contour Data. The file is a new instance in a new series that names its predecessor, is
+//! Drawn contours stay as they are, byte by byte in Contour Data. The file is a new instance in a new series that names its predecessor, is
 //! unapproved, and says in each completed ROI's description which planes are interpolated. UIDs are hashes of the input and of what was
 //! added: the same work gives the same file. It is written as Implicit VR Little Endian, which has no limit on the length of a contour.
 

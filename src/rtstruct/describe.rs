@@ -1,4 +1,4 @@
-//! What a colleague would say about a structure set.
+//! Description of a structure set, as a colleague would give it.
 
 use glam::DVec2;
 

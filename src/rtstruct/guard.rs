@@ -67,13 +67,13 @@ struct Walk<'a> {
 
 struct Header {
     tag: Tag,
-    /// Where it begins.
+    /// Offset at which it begins.
     at: usize,
     length: u32,
     sequence: bool,
 }
 
-/// What is open around an element.
+/// Sequences and items that are open around an element.
 struct Open {
     kind: Kind,
     /// Its end, where its length says it; else a delimiter ends it.

@@ -78,7 +78,7 @@ const CLOSED: &str = "CLOSED_PLANAR";
 const CLOSED_XOR: &str = "CLOSEDPLANAR_XOR";
 
 impl Roi {
-    /// What messages call it.
+    /// Label for messages.
     pub fn label(&self) -> String {
         format!("ROI {} (`{}`)", self.number, self.name)
     }
@@ -133,14 +133,14 @@ impl StructureSet {
 pub struct ReferencedSet {
     /// The file.
     pub set: Arc<StructureSet>,
-    /// What was chosen.
+    /// Options of the choice.
     pub options: ReadOptions,
     /// Step of the planes on which contours are added; else all output heights are such planes.
     pub every: Option<f64>,
 }
 
 impl ReferencedSet {
-    /// What `options` choose of a file, checked.
+    /// The set with the ROIs that `options` choose, checked.
     ///
     /// # Errors
     /// The errors of [`StructureSet::choose`].

@@ -1,4 +1,4 @@
-//! From bytes to ROIs and their contours.
+//! Parser: bytes become ROIs and their contours.
 
 use std::collections::HashMap;
 

@@ -121,7 +121,7 @@ pub fn contour_lines(header: &Header, layer: &Layer) -> Vec<Polyline> {
 
 /// Maps world coordinates to the picture: x right, y down, depth away from the viewer, all in samples.
 struct Camera {
-    /// From the world to right, down and away.
+    /// Position in the world as right, down and away.
     turn: DMat3,
     stretch: f64,
     up: DVec3,

@@ -45,7 +45,7 @@ impl Border {
         Border { low, high }
     }
 
-    /// The same, farther out.
+    /// Rectangle farther out.
     pub fn grown(&self, by: f64) -> Self {
         Border { low: self.low - by, high: self.high + by }
     }
@@ -94,7 +94,7 @@ impl Border {
         lines.into_iter().filter(|points| points.len() > 1).map(open).collect()
     }
 
-    /// Where a line that ends at `p` reaches the rectangle `outer` beyond.
+    /// Point at which a line that ends at `p` reaches the rectangle `outer` beyond.
     fn reached(&self, p: DVec2, outer: &Border) -> DVec2 {
         match self.nearest(p).0 {
             0 => p.with_y(outer.low.y),
@@ -125,7 +125,7 @@ impl Border {
         [self.low, self.low.with_x(self.high.x), self.high, self.high.with_x(self.low.x)]
     }
 
-    /// How far round a point of the rectangle lies: corner 0, 1, 2, 3 at whole numbers.
+    /// Way round the rectangle to a point of it: corner 0, 1, 2, 3 at whole numbers.
     fn place(&self, p: DVec2) -> f64 {
         let (side, _) = self.nearest(p);
         let [from, to] = [self.corners()[side], self.corners()[(side + 1) % 4]];

@@ -1,4 +1,4 @@
-//! Which attribute is the elevation, and what it says.
+//! Elevation of lines: which attribute has it, and what it says.
 
 use serde_json::Value;
 
@@ -11,7 +11,7 @@ const NAMES: [&str; 6] = ["ele", "height", "contour", "z", "altitude", "alt"];
 /// Heights of a line's points this close, of their size, are one.
 const SAME: f64 = 1e-9;
 
-/// Where elevations are.
+/// Source of elevations.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ElevationSource {
     /// In an attribute.

@@ -9,7 +9,7 @@ type Check<T> = Result<T, String>;
 const HEADER: usize = 100;
 const RECORD_HEADER: usize = 8;
 const ENTRY: usize = 8;
-/// Where a record's content has the numbers of a polyline or polygon, and where their parts begin; of a set of points.
+/// Offsets at which a record's content has the numbers of a polyline or polygon, and where their parts begin; of a set of points.
 const COUNTS: usize = 36;
 const PARTS: usize = 44;
 const POINTS: usize = 40;

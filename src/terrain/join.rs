@@ -20,7 +20,7 @@ const MOST_NEAR: usize = 16;
 pub struct Elevation {
     /// Elevation.
     pub z: f64,
-    /// As they came, without pieces along the border.
+    /// Lines as they came, without pieces along the border.
     pub lines: Vec<ContourLine>,
     /// Closed lines.
     pub rings: Vec<Polygon>,
@@ -31,14 +31,14 @@ pub struct Elevation {
 /// All levels, lowest first.
 #[derive(Debug)]
 pub struct JoinedMap {
-    /// Where the map ends.
+    /// Border of the map.
     pub border: Border,
     /// By elevation.
     pub levels: Vec<Elevation>,
 }
 
 impl JoinedMap {
-    /// What is in the map, in a few lines.
+    /// Description of the map, in a few lines.
     pub fn describe(&self, field: &str, features: usize) -> Vec<String> {
         let sum = |of: fn(&Elevation) -> usize| self.levels.iter().map(of).sum::<usize>();
         let ends = [self.levels.first(), self.levels.last()].map(|l| l.map_or(f64::NAN, |l| l.z));
@@ -127,7 +127,7 @@ fn distinct(lines: Vec<ContourLine>, notes: &mut Vec<String>) -> Vec<ContourLine
     kept
 }
 
-/// What an end of a line meets.
+/// Thing that an end of a line meets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Mate {
     Border,
@@ -172,7 +172,7 @@ fn chains(level: &mut Elevation, border: &Border, tolerance: f64) -> Result<(), 
     Ok(())
 }
 
-/// What every end meets: the nearest pairs first.
+/// Things that the ends meet: the nearest pairs first.
 ///
 /// # Errors
 /// The first end that meets nothing.

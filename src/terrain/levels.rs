@@ -1,4 +1,4 @@
-//! From closed lines to regions: which side is uphill, and whether the levels lie inside each other.
+//! Regions of closed lines: which side is uphill, and whether the levels lie inside each other.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -20,7 +20,7 @@ const CROSSING: f64 = 1.0;
 /// Part of a pixel by which its centre may lie beyond the border.
 const SLACK: f64 = 1e-6;
 
-/// What can be wrong.
+/// Faults that there can be.
 pub enum Wrong {
     /// The lines, as the message says.
     Lines(String),

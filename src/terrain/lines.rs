@@ -1,4 +1,4 @@
-//! From features to lines, each with its elevation.
+//! Lines of features, each with its elevation.
 
 use glam::DVec2;
 

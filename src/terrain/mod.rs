@@ -44,7 +44,7 @@ struct Feature {
 #[derive(Debug)]
 struct MapPart {
     points: Vec<DVec2>,
-    /// Of all points, or of none.
+    /// Elevation of all points, or none.
     z: Vec<f64>,
     /// Ring of a polygon.
     ring: bool,
@@ -57,9 +57,9 @@ pub struct Terrain {
     pub stack: ContourStack,
     /// Coordinate system and the pixels within the border.
     pub map: Map,
-    /// What a person should know.
+    /// Notes for a person.
     pub notes: Vec<String>,
-    /// What is in the file, in a few lines.
+    /// Description of the file, in a few lines.
     pub description: Vec<String>,
 }
 

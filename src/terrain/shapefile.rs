@@ -13,7 +13,7 @@ use super::{Feature, MapPart, guard};
 use crate::error::{Error, Result};
 use crate::surface::map::Crs;
 
-/// What stands for "no data" in a shapefile's z.
+/// Value that stands for "no data" in a shapefile's z.
 const NO_DATA: f64 = -1e38;
 
 /// The features of a shapefile, and the coordinate system of its .prj.

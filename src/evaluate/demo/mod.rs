@@ -13,11 +13,11 @@ use crate::stack::{ContourStack, Geometry, HeightGrid, Slice, SliceContent};
 pub struct Demo {
     /// Name: "fig5" and so on.
     pub name: &'static str,
-    /// What it shows.
+    /// Sentence on what it shows.
     pub shows: &'static str,
     /// The contours.
     pub stack: ContourStack,
-    /// How to reconstruct it.
+    /// Settings to reconstruct it with.
     pub settings: Settings,
 }
 

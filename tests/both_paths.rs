@@ -58,7 +58,7 @@ fn agree_to(bound: f32, exceptions: f64, name: &str, gpu: &Reconstruction, cpu: 
         assert!((g.z - c.z).abs() <= 1e-6 * c.z.abs().max(1.0), "{name}: heights {} and {}", g.z, c.z);
         // Pixels off by more than the bound that lie on the other side too: each can be a part or a hole of its own.
         let mut crossed = 0;
-        for (a, b) in g.phi.iter().zip(&c.phi) {
+        for (a, b) in g.phi.iter().zip(c.phi.iter()) {
             all += 1;
             let crosses = (*a < 0.0) != (*b < 0.0);
             sides += usize::from(crosses);
@@ -70,7 +70,7 @@ fn agree_to(bound: f32, exceptions: f64, name: &str, gpu: &Reconstruction, cpu: 
                 worst = worst.max(d);
             }
         }
-        let [of_gpu, of_cpu] = [topology(&g.phi, gpu.dims), topology(&c.phi, cpu.dims)];
+        let [of_gpu, of_cpu] = [topology(&g.dense(), gpu.dims), topology(&c.dense(), cpu.dims)];
         let same = of_gpu.iter().zip(of_cpu).all(|(a, b)| a.abs_diff(b) <= crossed);
         assert!(same, "{name}: topology {of_gpu:?} and {of_cpu:?} at {}, {crossed} px off on the other side", c.z);
     }

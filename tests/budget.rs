@@ -41,7 +41,7 @@ fn check(name: &str, stack: &ContourStack, settings: &Settings, backend: &dyn Ba
         assert_eq!(whole.1, part.1, "{name}: reports");
         assert_eq!(whole.0.len(), part.0.len(), "{name}: layers");
         for (a, b) in whole.0.iter().zip(&part.0) {
-            let same = a.phi.iter().zip(&b.phi).all(|(a, b)| a.to_bits() == b.to_bits());
+            let same = a.phi.iter().zip(b.phi.iter()).all(|(a, b)| a.to_bits() == b.to_bits());
             assert!(a.z == b.z && same, "{name}: the layer at {}", a.z);
         }
     }

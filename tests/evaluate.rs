@@ -48,7 +48,7 @@ fn p19_the_score_is_that_of_a_reconstruction_at_the_same_heights() {
     let (mut common, mut sizes) = (0, 0);
     for (s, layer) in score.slices.iter().zip(layers) {
         let truth = all.slices.iter().find(|slice| slice.z == layer.z).expect("the slice left out").content.sides();
-        let both = truth.iter().zip(&layer.phi).filter(|(t, v)| **t && **v < 0.0).count();
+        let both = truth.iter().zip(layer.phi.iter()).filter(|(t, v)| **t && **v < 0.0).count();
         let found = layer.phi.iter().filter(|v| **v < 0.0).count();
         let there = truth.iter().filter(|t| **t).count();
         assert_eq!(s.pixels, [there, found], "height {}", s.z);

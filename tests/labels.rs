@@ -191,7 +191,7 @@ fn a_label_that_touches_no_other_is_what_it_is_alone() {
     for (a, b) in layers.iter().zip(whole.output_layers()) {
         assert_eq!(a.z, b.z);
         assert_eq!(a.phi.len(), b.phi.len());
-        for (n, (v, w)) in a.phi.iter().zip(&b.phi).enumerate() {
+        for (n, (v, w)) in a.phi.iter().zip(b.phi.iter()).enumerate() {
             let clamped = v.abs().min(w.abs()) > 13.99 && (v - w).abs() < 0.01;
             assert!(v.to_bits() == w.to_bits() || clamped, "pixel {n} at height {}: {v} and {w}", a.z);
         }

@@ -87,7 +87,8 @@ fn linked_parts_make_a_straight_tube() {
             let tolerance = if settings.fair == 0.0 { FOLLOWED } else { FAIRED };
             assert!(off <= tolerance, "{settings:?}: {off} px at {z}");
         }
-        let layers: Vec<&[f32]> = body.layers.iter().map(|l| l.phi.as_slice()).collect();
+        let layers: Vec<Vec<f32>> = body.layers.iter().map(Layer::dense).collect();
+        let layers: Vec<&[f32]> = layers.iter().map(Vec::as_slice).collect();
         let ends = [30 * N + 22, 56 * N + 76];
         assert!(connected(&layers, [N, N], (0, ends[0]), (layers.len() - 1, ends[1])));
         for interval in &body.report.intervals {
@@ -106,7 +107,8 @@ fn without_a_link_they_stay_apart() {
     let heights: Vec<f64> = (0..=20).map(|k| 0.5 * f64::from(k)).collect();
     for way in ways() {
         let body = run(&stack, &heights, &way);
-        let layers: Vec<&[f32]> = body.layers.iter().map(|l| l.phi.as_slice()).collect();
+        let layers: Vec<Vec<f32>> = body.layers.iter().map(Layer::dense).collect();
+        let layers: Vec<&[f32]> = layers.iter().map(Vec::as_slice).collect();
         assert!(!connected(&layers, [N, N], (0, 30 * N + 22), (layers.len() - 1, 60 * N + 62)), "{way:?}");
         assert!(body.report.intervals[0].links.is_empty());
     }
@@ -165,7 +167,8 @@ fn links_say_which_goes_where() {
     for way in ways() {
         for (from, to) in [(1, 1), (1, 2), (2, 1), (2, 2)] {
             let body = run(&stack, &heights, &Settings { links: vec![link(0, from, to)], ..way.clone() });
-            let layers: Vec<&[f32]> = body.layers.iter().map(|l| l.phi.as_slice()).collect();
+            let layers: Vec<Vec<f32>> = body.layers.iter().map(Layer::dense).collect();
+            let layers: Vec<&[f32]> = layers.iter().map(Vec::as_slice).collect();
             for (a, b) in [(1, 1), (1, 2), (2, 1), (2, 2)] {
                 let joined = connected(&layers, [N, N], (0, low[a - 1]), (layers.len() - 1, high[b - 1]));
                 assert_eq!(joined, (a, b) == (from as usize, to as usize), "{from}-{to}: {a}-{b}, {way:?}");
@@ -252,7 +255,8 @@ fn a_small_part_goes_into_a_large_one_no_farther_than_it_must() {
         let body = run(&stack, &heights, &Settings { links: vec![link(0, 1, 1), link(0, 2, 1)], ..way.clone() });
         let merge = [Event::Merge { from: vec![1, 2], to: vec![1] }];
         assert_eq!(body.report.intervals[0].events[..], merge, "{way:?}");
-        let layers: Vec<&[f32]> = body.layers.iter().map(|l| l.phi.as_slice()).collect();
+        let layers: Vec<Vec<f32>> = body.layers.iter().map(Layer::dense).collect();
+        let layers: Vec<&[f32]> = layers.iter().map(Vec::as_slice).collect();
         for x in [20, 100] {
             assert!(connected(&layers, [N, N], (0, 60 * N + x), (12, 60 * N + 60)), "{way:?}: {x}");
         }
@@ -282,7 +286,8 @@ fn what_is_in_the_way_is_told() {
 
 /// Whether the discs at `x` on the first and last layer are one body.
 fn joined_at(body: &Reconstruction, x: usize) -> bool {
-    let layers: Vec<&[f32]> = body.layers.iter().map(|l| l.phi.as_slice()).collect();
+    let layers: Vec<Vec<f32>> = body.layers.iter().map(Layer::dense).collect();
+    let layers: Vec<&[f32]> = layers.iter().map(Vec::as_slice).collect();
     connected(&layers, [N, N], (0, 60 * N + x), (layers.len() - 1, 60 * N + x))
 }
 
@@ -391,7 +396,7 @@ fn linked_stacks_are_closed_exact_and_the_same_upside_down() {
             assert!(layer.phi.iter().all(|v| v.is_finite() && *v != 0.0));
             if let Some(i) = layer.contour {
                 let SliceContent::Mask(mask) = &stack.slices[i].content else { panic!("masks went in") };
-                assert!(mask.iter().zip(&layer.phi).all(|(m, v)| m == (*v < 0.0)), "contour {i}");
+                assert!(mask.iter().zip(layer.phi.iter()).all(|(m, v)| m == (*v < 0.0)), "contour {i}");
             }
         }
         let mesh = closed_surface(&body);
@@ -400,7 +405,7 @@ fn linked_stacks_are_closed_exact_and_the_same_upside_down() {
         let back = run(&upside_down(&stack, 17.0), &turned_heights, &settings);
         assert_eq!(body.layers.len(), back.layers.len());
         for (a, b) in body.layers.iter().zip(back.layers.iter().rev()) {
-            let worst = a.phi.iter().zip(&b.phi).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            let worst = a.phi.iter().zip(b.phi.iter()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(worst <= MOVING_TOLERANCE, "{way:?}: |phi| differs by {worst} at z = {}", a.z);
         }
     }
@@ -417,7 +422,7 @@ fn any_number_of_threads_gives_the_same_bits() {
     let (one, five) = (with(1), with(5));
     assert_eq!(one.layers.len(), five.layers.len());
     for (a, b) in one.layers.iter().zip(&five.layers) {
-        assert!(a.phi.iter().zip(&b.phi).all(|(a, b)| a.to_bits() == b.to_bits()), "z = {}", a.z);
+        assert!(a.phi.iter().zip(b.phi.iter()).all(|(a, b)| a.to_bits() == b.to_bits()), "z = {}", a.z);
     }
 }
 

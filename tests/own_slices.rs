@@ -116,7 +116,11 @@ fn p12_a_label_that_meets_no_other_is_what_it_is_alone() {
         let alone: Vec<_> = alone.output_layers().collect();
         assert_eq!(alone.len(), layers.len());
         for (a, b) in layers.iter().zip(alone) {
-            assert!(a.phi.iter().zip(&b.phi).all(|(l, phi)| (*l == label as f32) == (*phi < 0.0)), "height {}", a.z);
+            assert!(
+                a.phi.iter().zip(b.phi.iter()).all(|(l, phi)| (*l == label as f32) == (*phi < 0.0)),
+                "height {}",
+                a.z
+            );
         }
     }
 }
@@ -139,7 +143,7 @@ fn p12_painted_pixels_stay_though_others_are_interpolated_across() {
     painted_stays(&layers, &voxels, 8);
     let mut gone = 0;
     for (a, b) in layers[5 * 8..=25 * 8].iter().zip(&layers[5 * 8 + 1..=25 * 8]) {
-        let flipped = a.phi.iter().zip(&b.phi).filter(|(l, m)| l != m && **l > 0.0 && **m > 0.0).count();
+        let flipped = a.phi.iter().zip(b.phi.iter()).filter(|(l, m)| l != m && **l > 0.0 && **m > 0.0).count();
         assert!(flipped <= 12, "{flipped} px go from one label to the other between {} and {}", a.z, b.z);
         gone += flipped;
     }

@@ -231,8 +231,13 @@ fn re_estimated_distances_arrive_too() {
     let again = run(&stack, &dense(&stack), &Settings { redistance: 4, ..plain() });
     let mut moved = 0.0f32;
     for (a, b) in once.layers.iter().zip(&again.layers) {
-        moved =
-            a.phi.iter().zip(&b.phi).filter(|(a, _)| a.abs() < 1.0).map(|(a, b)| (a - b).abs()).fold(moved, f32::max);
+        moved = a
+            .phi
+            .iter()
+            .zip(b.phi.iter())
+            .filter(|(a, _)| a.abs() < 1.0)
+            .map(|(a, b)| (a - b).abs())
+            .fold(moved, f32::max);
     }
     let residual = again.report.contours.iter().filter_map(|c| c.arrival_from_below).map(|r| r.max).fold(0.0, f64::max);
     println!("front moved by up to {moved} px, residual {residual} px");

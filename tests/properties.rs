@@ -43,7 +43,7 @@ fn check(stack: &ContourStack, top: f64, settings: &Settings) -> Result<(), Test
         prop_assert!(layer.phi.iter().all(|v| v.is_finite() && *v != 0.0));
         if let Some(i) = layer.contour {
             let SliceContent::Mask(mask) = &stack.slices[i].content else { unreachable!("masks went in") };
-            prop_assert!(mask.iter().zip(&layer.phi).all(|(m, v)| m == (*v < 0.0)), "contour {i} is not met");
+            prop_assert!(mask.iter().zip(layer.phi.iter()).all(|(m, v)| m == (*v < 0.0)), "contour {i} is not met");
         }
     }
     let mesh = closed_surface(&body);
@@ -63,7 +63,7 @@ fn check(stack: &ContourStack, top: f64, settings: &Settings) -> Result<(), Test
         // Trajectories of a moving frame are found to a thousandth of a pixel.
         let sure = if settings.motion == Motion::None { 0.0 } else { 0.02 };
         let flipped = |(a, b): &(&f32, &f32)| (**a < 0.0) != (**b < 0.0) && a.abs().max(b.abs()) > sure;
-        let different = a.phi.iter().zip(&b.phi).filter(flipped).count();
+        let different = a.phi.iter().zip(b.phi.iter()).filter(flipped).count();
         prop_assert_eq!(different, 0, "z = {}", a.z);
     }
     Ok(())

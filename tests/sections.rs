@@ -60,7 +60,7 @@ fn check(name: &str, settings: &Settings, parts: usize) {
         for own in part {
             let other = layers.next().expect("no more layers than the whole has");
             assert!(own.z == other.z && own.output == other.output && own.contour == other.contour, "{name}: part {k}");
-            let differing = own.phi.iter().zip(&other.phi).filter(|(a, b)| a.to_bits() != b.to_bits()).count();
+            let differing = own.phi.iter().zip(other.phi.iter()).filter(|(a, b)| a.to_bits() != b.to_bits()).count();
             assert_eq!(differing, 0, "{name}: part {k}, pixels of the layer at {}", own.z);
         }
         for own in &part_report.intervals {

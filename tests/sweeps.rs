@@ -3,6 +3,7 @@
 
 mod shapes;
 
+use interslice::grid::tiled::Packed;
 use interslice::progress::Silent;
 use interslice::settings::{Method, Motion};
 use interslice::stack::SliceContent;
@@ -84,7 +85,7 @@ fn differences(a: &[Layer], b: &[Layer]) -> (f32, usize) {
     let mut out = (0.0f32, 0);
     for layer in a {
         for other in b.iter().filter(|other| other.z == layer.z) {
-            let (worst, sides) = difference(&layer.phi, &other.phi);
+            let (worst, sides) = difference(&layer.dense(), &other.dense());
             (out.0, out.1, common) = (out.0.max(worst), out.1 + sides, common + 1);
         }
     }
@@ -144,7 +145,7 @@ fn steps_leave_no_creases() {
         let layers = of(&stack, &grid(0.0, GAP, GAP / 32.0), &plain(), &Reference);
         let mut worst = 0.0f32;
         for three in layers.windows(3) {
-            for ((a, b), c) in three[0].phi.iter().zip(&three[1].phi).zip(&three[2].phi) {
+            for ((a, b), c) in three[0].phi.iter().zip(three[1].phi.iter()).zip(three[2].phi.iter()) {
                 if b.abs() < 0.75 {
                     worst = worst.max((a - 2.0 * b + c).abs());
                 }
@@ -164,7 +165,7 @@ fn beside_contours(backend: &dyn Backend, bound: f32) {
         let beside = z.iter().flat_map(|z| [z - small, *z, z + small]).filter(|x| *x >= 0.0 && *x <= top(&stack));
         let layers = of(&stack, &beside.collect::<Vec<_>>(), &plain(), backend);
         for pair in layers.windows(2).filter(|pair| pair[1].z - pair[0].z < 2.0 * small) {
-            let (worst, _) = difference(&pair[0].phi, &pair[1].phi);
+            let (worst, _) = difference(&pair[0].dense(), &pair[1].dense());
             println!("{name}: {worst:.1e} px between {} and {}", pair[0].z, pair[1].z);
             assert!(worst <= bound, "{name}: {worst} px between {} and {}", pair[0].z, pair[1].z);
         }
@@ -224,9 +225,9 @@ fn p6_turned_mirrored_or_transposed_it_is_the_same_body() {
             let other = of(&turned(&stack, turn), &heights, &plain(), &Reference);
             let back: Vec<Layer> = straight
                 .iter()
-                .map(|l| Layer {
-                    phi: (0..N * N).map(|n| turn([n % N, n / N])).map(|[i, j]| l.phi[j * N + i]).collect(),
-                    ..l.clone()
+                .map(|l| {
+                    let phi = (0..N * N).map(|n| turn([n % N, n / N])).map(|[i, j]| l.phi.at(i, j));
+                    Layer { phi: Packed::of([N; 2], &phi.collect::<Vec<_>>()), ..l.clone() }
                 })
                 .collect();
             let (worst, sides) = differences(&other, &back);

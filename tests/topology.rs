@@ -84,7 +84,7 @@ fn every_case_is_closed_exact_at_its_inputs_and_finite() {
             assert!(layer.phi.iter().all(|v| v.is_finite() && *v != 0.0), "{way}, {name}: z = {}", layer.z);
             if let Some(i) = layer.contour {
                 let SliceContent::Mask(mask) = &stack.slices[i].content else { panic!("masks went in") };
-                let different = mask.iter().zip(&layer.phi).filter(|(m, v)| *m != (**v < 0.0)).count();
+                let different = mask.iter().zip(layer.phi.iter()).filter(|(m, v)| *m != (**v < 0.0)).count();
                 assert_eq!(different, 0, "{way}, {name}: contour {i}");
             }
         }
@@ -109,7 +109,7 @@ fn upside_down_gives_the_same_upside_down() {
         assert_eq!(up.layers.len(), down.layers.len(), "{way}, {name}");
         let tolerance = if settings.motion == Motion::None { REVERSAL_TOLERANCE } else { MOVING_TOLERANCE };
         for (a, b) in up.layers.iter().zip(down.layers.iter().rev()) {
-            let worst = a.phi.iter().zip(&b.phi).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            let worst = a.phi.iter().zip(b.phi.iter()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(worst <= tolerance, "{way}, {name}: |phi| differs by {worst} at z = {}", a.z);
         }
     }
@@ -129,7 +129,7 @@ fn parts_that_overlap_are_connected() {
                 let mut pairs = std::collections::BTreeMap::new();
                 let depths = [(&low, at[i]), (&high, at[i + 1])].map(|(parts, k)| {
                     let mut depths = vec![0.0f32; parts.count + 1];
-                    for (label, v) in parts.labels.iter().zip(&result.layers[k].phi) {
+                    for (label, v) in parts.labels.iter().zip(result.layers[k].phi.iter()) {
                         depths[*label as usize] = depths[*label as usize].max(-v);
                     }
                     depths
@@ -143,7 +143,8 @@ fn parts_that_overlap_are_connected() {
                         pairs.entry((low.labels[node], high.labels[node])).or_insert(node);
                     }
                 }
-                let layers: Vec<&[f32]> = result.layers[at[i]..=at[i + 1]].iter().map(|l| l.phi.as_slice()).collect();
+                let layers: Vec<Vec<f32>> = result.layers[at[i]..=at[i + 1]].iter().map(|l| l.dense()).collect();
+                let layers: Vec<&[f32]> = layers.iter().map(Vec::as_slice).collect();
                 for (pair, node) in pairs {
                     let joined = connected(&layers, [N, N], (0, node), (layers.len() - 1, node));
                     assert!(joined, "{way}, {name}: parts {pair:?} of interval {i}");
@@ -183,7 +184,7 @@ fn any_number_of_threads_gives_the_same_bits() {
         let (one, five) = (with(1), with(5));
         assert_eq!(one.layers.len(), five.layers.len());
         for (a, b) in one.layers.iter().zip(&five.layers) {
-            assert!(a.phi.iter().zip(&b.phi).all(|(a, b)| a.to_bits() == b.to_bits()), "{way}: z = {}", a.z);
+            assert!(a.phi.iter().zip(b.phi.iter()).all(|(a, b)| a.to_bits() == b.to_bits()), "{way}: z = {}", a.z);
         }
     }
 }

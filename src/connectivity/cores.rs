@@ -9,6 +9,7 @@ use crate::contour::Contour;
 use crate::grid::components::label4;
 use crate::grid::tile::Tile;
 use crate::grid::tiled::Packed;
+use crate::grid::union::unite_packed;
 use crate::surface::Layer;
 
 /// Share of an overlap's depth by which its core lies within it. The core must neither vanish (1: a point between pixels) nor reach the contours
@@ -83,19 +84,14 @@ impl Cores {
     }
 
     /// Keeps the cores inside a layer between the two contours; `px` is the length of a pixel's larger side.
-    pub fn keep(&self, layer: &mut Layer, nx: usize, px: f64) {
+    pub fn keep(&self, layer: &mut Layer, px: f64) {
         let px = px as f32;
-        let mut row = vec![0.0; self.tile.dims[0]];
-        for j in 0..self.tile.dims[1] {
-            self.phi.read(0, j, &mut row);
-            let to = &mut layer.phi[(j + self.tile.origin[1]) * nx + self.tile.origin[0]..];
-            for (phi, core) in to.iter_mut().zip(&row) {
-                let core = core * px;
-                if core < *phi {
-                    *phi = if core == 0.0 { f32::MIN_POSITIVE } else { core };
-                }
-            }
-        }
+        let Tile { origin, dims } = self.tile;
+        let covered = [0, 1].map(|a| origin[a]..origin[a] + dims[a]);
+        let offset = origin.map(|n| -(n as isize));
+        unite_packed(&mut layer.phi, covered, offset, &self.phi, |v| {
+            if v * px == 0.0 { f32::MIN_POSITIVE } else { v * px }
+        });
     }
 }
 

@@ -7,6 +7,7 @@
 //! a few pixels over or under something that stays, changes sides, too.
 
 use crate::connectivity::runs::{DisjointSets, Runs, Side};
+use crate::grid::tiled::Packed;
 
 /// Most pixels of a crumb: twice the largest that was seen, 6 px of a skull.
 const CRUMB: usize = 12;
@@ -64,14 +65,14 @@ pub fn held(runs: &Runs, around: [(&Runs, &[bool]); 2], nx: usize, side: Side) -
 }
 
 /// Puts the parts of a layer that do not stay on the other side; how many pixels that are.
-pub fn turn(phi: &mut [f32], nx: usize, runs: &Runs, stays: &[bool]) -> usize {
+pub fn turn(phi: &mut Packed<f32>, runs: &Runs, stays: &[bool]) -> usize {
     if stays.iter().all(|s| *s) {
         return 0;
     }
-    let mut turned = 0;
+    let (mut turned, nx) = (0, phi.dims()[0]);
     for (j, columns, _) in runs.all().filter(|run| !stays[run.2]) {
         turned += columns.len();
-        phi[j * nx..][columns].iter_mut().for_each(|v| *v = -*v);
+        columns.for_each(|i| phi[j * nx + i] = -phi.at(i, j));
     }
     turned
 }
@@ -82,22 +83,23 @@ mod tests {
 
     const N: usize = 9;
 
-    fn layer(inside: &[[usize; 2]]) -> Vec<f32> {
-        (0..N * N).map(|n| if inside.contains(&[n % N, n / N]) { -0.5 } else { 0.5 }).collect()
+    fn layer(inside: &[[usize; 2]]) -> Packed<f32> {
+        let phi = (0..N * N).map(|n| if inside.contains(&[n % N, n / N]) { -0.5 } else { 0.5 });
+        Packed::of([N; 2], &phi.collect::<Vec<_>>())
     }
 
     #[test]
     fn what_hangs_on_a_contour_stays_and_what_floats_does_not() {
         // A stair from the lower contour, and a piece in the air.
         let layers = [layer(&[[1, 1]]), layer(&[[1, 1], [2, 1], [6, 6]]), layer(&[[2, 1], [6, 6]]), layer(&[])];
-        let runs: Vec<Runs> = layers.iter().map(|l| Runs::new(l, N, Side::Inside)).collect();
+        let runs: Vec<Runs> = layers.iter().map(|l| Runs::new(l, Side::Inside)).collect();
         let stays = grounded(&runs, None, N, Side::Inside);
         assert_eq!(stays, [vec![true], vec![true, false], vec![true, false], vec![]]);
         let mut repaired = layers[1].clone();
-        assert_eq!(turn(&mut repaired, N, &runs[1], &stays[1]), 1);
+        assert_eq!(turn(&mut repaired, &runs[1], &stays[1]), 1);
         assert_eq!(repaired, layer(&[[1, 1], [2, 1]]));
         // Between both, what touches neither stair goes.
-        let between = Runs::new(&layer(&[[1, 1], [6, 6], [4, 4]]), N, Side::Inside);
+        let between = Runs::new(&layer(&[[1, 1], [6, 6], [4, 4]]), Side::Inside);
         let around = [1, 2].map(|k| (&runs[k], stays[k].as_slice()));
         assert_eq!(held(&between, around, N, Side::Inside), [true, false, false]);
     }
@@ -108,12 +110,12 @@ mod tests {
         let without =
             |holes: &[[usize; 2]]| layer(&block.iter().filter(|p| !holes.contains(p)).copied().collect::<Vec<_>>());
         let layers = [without(&[[2, 2]]), without(&[[2, 3], [5, 5]]), without(&[])];
-        let runs: Vec<Runs> = layers.iter().map(|l| Runs::new(l, N, Side::Outside)).collect();
+        let runs: Vec<Runs> = layers.iter().map(|l| Runs::new(l, Side::Outside)).collect();
         // Around the block; a hole that opens through a face's diagonal to that of the contour; a bubble.
         let stays = grounded(&runs, None, N, Side::Outside);
         assert_eq!(stays[1], [true, true, false]);
         let mut repaired = layers[1].clone();
-        assert_eq!(turn(&mut repaired, N, &runs[1], &stays[1]), 1);
+        assert_eq!(turn(&mut repaired, &runs[1], &stays[1]), 1);
         assert_eq!(repaired, without(&[[2, 3]]));
     }
 }

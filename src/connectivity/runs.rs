@@ -5,6 +5,8 @@
 
 use std::ops::Range;
 
+use crate::grid::tiled::{Packed, SQUARE};
+
 /// The two sides of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
@@ -29,17 +31,32 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// The runs inside and the runs outside in a layer `nx` pixels wide.
-    pub fn both(phi: &[f32], nx: usize) -> [Self; 2] {
+    /// The runs inside and the runs outside in a layer.
+    pub fn both(phi: &Packed<f32>) -> [Self; 2] {
         let mut out =
             [Side::Inside, Side::Outside].map(|side| Runs { rows: vec![0], side: Some(side), ..Runs::default() });
-        for row in phi.chunks_exact(nx.max(1)) {
-            let mut i = 0;
-            while i < nx {
-                let inside = row[i] < 0.0;
-                let end = row[i..].iter().position(|v| (*v < 0.0) != inside).map_or(nx, |k| i + k);
-                out[usize::from(!inside)].runs.push([i as u32, end as u32]);
-                i = end;
+        let [nx, ny] = phi.dims();
+        for j in 0..ny {
+            // The run that is open: its side and its first column.
+            let mut open: Option<(bool, usize)> = None;
+            let mut at = |i: usize, inside: bool| match open {
+                Some((side, _)) if side == inside => {}
+                _ => {
+                    if let Some((side, start)) = open.replace((inside, i)) {
+                        out[usize::from(!side)].runs.push([start as u32, i as u32]);
+                    }
+                }
+            };
+            for (column, first) in (0..nx).step_by(SQUARE).enumerate() {
+                if let Some(v) = phi.whole([column, j / SQUARE]) {
+                    at(first, v < 0.0);
+                    continue;
+                }
+                let row = &phi.square([column, j / SQUARE])[j % SQUARE * SQUARE..][..SQUARE.min(nx - first)];
+                row.iter().zip(first..).for_each(|(v, i)| at(i, *v < 0.0));
+            }
+            if let Some((side, start)) = open {
+                out[usize::from(!side)].runs.push([start as u32, nx as u32]);
             }
             out.iter_mut().for_each(|runs| runs.rows.push(runs.runs.len() as u32));
         }
@@ -47,8 +64,8 @@ impl Runs {
     }
 
     /// The runs of one side.
-    pub fn new(phi: &[f32], nx: usize, side: Side) -> Self {
-        let [inside, outside] = Runs::both(phi, nx);
+    pub fn new(phi: &Packed<f32>, side: Side) -> Self {
+        let [inside, outside] = Runs::both(phi);
         if side == Side::Inside { inside } else { outside }
     }
 
@@ -177,7 +194,7 @@ mod tests {
             let inside: Vec<bool> = phi.iter().map(|v| *v < 0.0).collect();
             let outside: Vec<bool> = inside.iter().map(|m| !m).collect();
             for (side, known) in [(Side::Inside, label4(&inside, dims)), (Side::Outside, label8(&outside, dims))] {
-                let runs = Runs::new(&phi, dims[0], side);
+                let runs = Runs::new(&Packed::of(dims, &phi), side);
                 let mut labels = vec![0; phi.len()];
                 for (j, columns, part) in runs.all() {
                     labels[j * dims[0]..][columns].fill(part as u32 + 1);
@@ -193,7 +210,7 @@ mod tests {
         let (low, high) = (pattern(nx * ny, 5), pattern(nx * ny, 6));
         for side in [Side::Inside, Side::Outside] {
             let own = |v: f32| (v < 0.0) == (side == Side::Inside);
-            let (a, b) = (Runs::new(&low, nx, side), Runs::new(&high, nx, side));
+            let [a, b] = [&low, &high].map(|phi| Runs::new(&Packed::of([nx, ny], phi), side));
             let part = |runs: &Runs, n: usize| {
                 runs.all().find(|(j, run, _)| *j == n / nx && run.contains(&(n % nx))).map(|r| r.2)
             };

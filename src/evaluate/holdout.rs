@@ -176,7 +176,7 @@ fn scored(
 ) -> Option<SliceScore> {
     let slice = &stack.slices[k];
     let truth = slice.content.sides();
-    let found: Vec<bool> = layer.phi.iter().map(|v| *v < 0.0).collect();
+    let found: Vec<bool> = layer.dense().iter().map(|v| *v < 0.0).collect();
     let [own, line] = [&found[..], linear].map(|found| Tally::new([&truth, found], stack.dims, stack.spacing));
     tallies.iter_mut().zip([&own, &line]).for_each(|(all, one)| all.add(one));
     if own.sizes == [0, 0] && line.sizes == [0, 0] {

@@ -22,15 +22,20 @@ pub struct WaitingLayer {
 }
 
 impl WaitingLayer {
-    /// A layer that has come, packed.
-    pub fn new(layer: Layer, dims: [usize; 2]) -> Self {
+    /// A layer that has come.
+    pub fn new(layer: Layer) -> Self {
         let Layer { z, phi, output, contour } = layer;
-        WaitingLayer { z, phi: Arc::new(Packed::of(dims, &phi)), output, contour }
+        WaitingLayer { z, phi: Arc::new(phi), output, contour }
     }
 
     /// The layer as it has come.
     pub fn layer(&self) -> Layer {
-        Layer { z: self.z, phi: self.phi.unpack(), output: self.output, contour: self.contour }
+        self.with((*self.phi).clone())
+    }
+
+    /// The layer with other distances.
+    pub fn with(&self, phi: Packed<f32>) -> Layer {
+        Layer { z: self.z, phi, output: self.output, contour: self.contour }
     }
 }
 

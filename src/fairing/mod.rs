@@ -33,7 +33,7 @@ use self::transform::{Lengths, transform};
 
 use crate::error::Result;
 use crate::grid::spline::smoothstep;
-use crate::grid::tiled::Packed;
+use crate::grid::tiled::{AREA, Packed};
 use crate::registration::displacement::{Displacement, Resting};
 use crate::registration::motion_stack::MotionStack;
 use crate::stack::heights::NODES;
@@ -143,7 +143,7 @@ impl<'m> Fairing<'m> {
         let contours = self.spec.layers.start..=self.spec.layers.end;
         let [low, high] = [*contours.start(), *contours.end()].map(|i| self.spec.contours[i]);
         let node = self.nodes.at(layer.z).filter(|_| layer.z >= low && layer.z <= high);
-        let waiting = in_pool(|| WaitingLayer::new(layer, self.spec.dims));
+        let waiting = WaitingLayer::new(layer);
         if node.is_some() {
             self.kept.push_back(Node::new(waiting.phi.clone()));
         }
@@ -419,26 +419,36 @@ impl<'m> Fairing<'m> {
 
     /// A layer between contours moved by the curve through the corrections.
     fn moved(&self, waiting: &WaitingLayer) -> Layer {
-        let mut layer = waiting.layer();
         let of = |(k, w): (usize, f64)| Some((self.node(k)?.correction.as_ref()?, w as f32));
         let terms: Vec<(&Packed<f32>, f32)> = self.nodes.curve(waiting.z).into_iter().filter_map(of).collect();
-        let (nx, farthest, side) = (self.spec.dims[0], self.spec.farthest as f32, self.side as f32);
+        let (farthest, side) = (self.spec.farthest as f32, self.side as f32);
         let ends = [self.finished, self.finished + 1].map(|i| self.node(NODES * i).map(|node| &node.phi));
-        let row = |(j, row): (usize, &mut [f32])| {
-            let mut sum = vec![0.0f32; nx];
-            terms.iter().for_each(|(correction, w)| add(correction, *w, None, j, 0, &mut sum));
-            for (n, (u, mut c)) in row.iter_mut().zip(sum).enumerate().filter(|(_, (_, c))| *c != 0.0) {
+        let [phi] = Packed::of_squares(self.spec.dims, |square, [out]| {
+            let still = terms.iter().all(|(correction, _)| correction.whole(square) == Some(0.0));
+            match waiting.phi.whole(square) {
+                Some(v) if still => return [Some(v)],
+                _ => out.copy_from_slice(waiting.phi.square(square)),
+            }
+            if still {
+                return [None];
+            }
+            let mut sum = [0.0f32; AREA];
+            for (correction, w) in &terms {
+                sum.iter_mut().zip(correction.square(square)).for_each(|(sum, c)| *sum += w * c);
+            }
+            let ends = ends.map(|end| end.map(|phi| phi.square(square)));
+            for (n, (u, mut c)) in out.iter_mut().zip(sum).enumerate().filter(|(_, (_, c))| *c != 0.0) {
                 if let (true, [Some(low), Some(high)]) = (self.spec.limited, ends) {
-                    c = cut(c, *u, [low.at(n, j), high.at(n, j)], side);
+                    c = cut(c, *u, [low[n], high[n]], side);
                 }
                 *u = (*u + c).clamp(-farthest, farthest);
                 if *u == 0.0 {
                     *u = f32::MIN_POSITIVE;
                 }
             }
-        };
-        layer.phi.par_chunks_mut(nx).enumerate().for_each(row);
-        layer
+            [None]
+        });
+        waiting.with(phi)
     }
 
     /// Drops what no later mean, curve or gradient needs.

@@ -21,7 +21,7 @@ fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, V
     });
     let mut out = Vec::new();
     let mut sink = |layer: Layer| {
-        out.push((layer.z, layer.phi));
+        out.push((layer.z, layer.dense()));
         Ok(())
     };
     let mut heights: Vec<f64> = (0..=nodes.last()).map(|k| nodes.height(k)).collect();
@@ -30,7 +30,8 @@ fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, V
     heights.dedup();
     for z in heights {
         let phi = |n: usize| ((n % DIMS[0]) as f64 - 20.0).hypot((n / DIMS[0]) as f64 - 20.0) - radius(z);
-        let phi = (0..DIMS[0] * DIMS[1]).map(|n| phi(n) as f32).collect();
+        let phi: Vec<f32> = (0..DIMS[0] * DIMS[1]).map(|n| phi(n) as f32).collect();
+        let phi = Packed::of(DIMS, &phi);
         let contour = contours.iter().position(|c| *c == z);
         fairing.push(Layer { z, phi, output: true, contour }, &mut sink).expect("pushed");
     }

@@ -216,7 +216,7 @@ impl LayerSink for Sink<'_> {
 
     fn layer(&mut self, layer: Layer) -> Result<()> {
         let layer = match &self.options.map {
-            Some(map) => map.layer(&layer, self.dims),
+            Some(map) => map.layer(&layer),
             None => layer,
         };
         match &mut self.outputs.stream {

@@ -23,6 +23,7 @@ use super::options::OutputOptions;
 use super::pending::{Pending, Temporary};
 use super::places::Places;
 use crate::error::{Error, Result};
+use crate::grid::tiled::Packed;
 use crate::report::Report;
 use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, Geometry, HeightGrid};
@@ -178,12 +179,13 @@ impl LayerSink for SectionWriter {
 
     fn layer(&mut self, layer: Layer) -> Result<()> {
         let Some(out) = &mut self.out else { return Ok(()) };
-        let mut bytes = Vec::with_capacity(18 + 4 * layer.phi.len());
+        let phi = layer.dense();
+        let mut bytes = Vec::with_capacity(18 + 4 * phi.len());
         bytes.push(LAYER);
         bytes.extend(layer.z.to_le_bytes());
         bytes.push(u8::from(layer.output));
         bytes.extend(layer.contour.map_or(0, |i| i as u64 + 1).to_le_bytes());
-        layer.phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+        phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
         out.write_all(&bytes).map_err(|source| Error::Write { path: self.target.clone(), source })
     }
 }
@@ -353,7 +355,8 @@ impl SectionReader {
         let [output] = number(&mut self.input)?;
         let contour = u64::from_le_bytes(number(&mut self.input)?) as usize;
         let bytes = take(&mut self.input, 4 * self.head.dims.iter().product::<usize>() as u64)?;
-        let phi = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        let phi: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        let phi = Packed::of(self.head.dims, &phi);
         Ok(Some(Layer { z, phi, output: output == 1, contour: contour.checked_sub(1) }))
     }
 

@@ -6,3 +6,4 @@ pub mod spline;
 pub mod stencil;
 pub mod tile;
 pub mod tiled;
+pub mod union;

@@ -1,6 +1,9 @@
 //! Values on an image whose squares of one and the same value take no memory: distances far from a contour, motion where nothing moves.
 //!
-//! Values that are read have the very bits that were packed.
+//! A layer of the body is one: the squares near its surface have values, those farther away are whole, inside or outside. Whoever goes over it square by
+//! square works in proportion to the contours' length. Values that are read have the very bits that were packed.
+
+use std::ops::{Index, IndexMut, Range};
 
 use bytemuck::Pod;
 use rayon::prelude::*;
@@ -11,7 +14,7 @@ use crate::grid::field::{Field, bilinear, cell};
 pub const SQUARE: usize = 1 << SHIFT;
 const SHIFT: usize = 4;
 /// Values of a square.
-const AREA: usize = SQUARE * SQUARE;
+pub const AREA: usize = SQUARE * SQUARE;
 /// Values of which whole squares are kept once; what other values whole squares have is kept for each.
 const SHARED: usize = 16;
 
@@ -20,10 +23,14 @@ const SHARED: usize = 16;
 pub struct Packed<T> {
     dims: [usize; 2],
     columns: usize,
-    /// Beginning of the values of each square.
+    /// Place of the values of each square, in squares.
     places: Vec<u32>,
+    /// Whether a square is whole: it has one and the same value everywhere.
+    whole: Vec<bool>,
     /// Square after square, row-major.
     values: Vec<T>,
+    /// Values of whole squares that are kept once, and their places.
+    shared: Vec<(T, u32)>,
 }
 
 /// The squares of one row of them.
@@ -56,32 +63,87 @@ impl<T: Pod + Send + Sync> Packed<T> {
         strips.map(|strips| Packed::of_strips(dims, strips))
     }
 
+    /// Several on an image of `dims` pixels. `fill` gives, for the square in that column and row of squares, the one value it has everywhere, or
+    /// writes its values, row-major; what it writes beyond the image's edge does not count.
+    pub fn of_squares<const N: usize>(
+        dims: [usize; 2],
+        fill: impl Fn([usize; 2], [&mut [T; AREA]; N]) -> [Option<T>; N] + Sync,
+    ) -> [Self; N] {
+        let columns = dims[0].div_ceil(SQUARE);
+        let strip = |row: usize| {
+            let mut strips = [const { Strip { whole: Vec::new(), values: Vec::new() } }; N];
+            let mut squares = [[T::zeroed(); AREA]; N];
+            for column in 0..columns {
+                let whole = fill([column, row], squares.each_mut());
+                for ((strip, whole), square) in strips.iter_mut().zip(whole).zip(&squares) {
+                    strip.push(whole, square, [column, row], dims);
+                }
+            }
+            strips
+        };
+        let made: Vec<[Strip<T>; N]> = (0..dims[1].div_ceil(SQUARE)).into_par_iter().map(strip).collect();
+        let mut strips: [Vec<Strip<T>>; N] = [const { Vec::new() }; N];
+        for strip in made {
+            strips.iter_mut().zip(strip).for_each(|(strips, strip)| strips.push(strip));
+        }
+        strips.map(|strips| Packed::of_strips(dims, strips))
+    }
+
+    /// One value everywhere.
+    pub fn filled(dims: [usize; 2], value: T) -> Self {
+        let [columns, rows] = dims.map(|n| n.div_ceil(SQUARE));
+        Packed {
+            dims,
+            columns,
+            places: vec![0; columns * rows],
+            whole: vec![true; columns * rows],
+            values: vec![value; AREA],
+            shared: vec![(value, 0)],
+        }
+    }
+
     fn of_strips(dims: [usize; 2], strips: Vec<Strip<T>>) -> Self {
         let columns = dims[0].div_ceil(SQUARE);
-        let mut packed =
-            Packed { dims, columns, places: Vec::with_capacity(columns * strips.len()), values: Vec::new() };
-        let mut shared: Vec<(T, u32)> = Vec::new();
-        packed.values.reserve_exact(strips.iter().map(|s| s.values.len()).sum::<usize>() + SHARED * AREA);
+        let (squares, values) = (columns * strips.len(), strips.iter().map(|s| s.values.len()).sum::<usize>());
+        let mut packed = Packed {
+            dims,
+            columns,
+            places: Vec::with_capacity(squares),
+            whole: Vec::with_capacity(squares),
+            values: Vec::with_capacity(values + SHARED * AREA),
+            shared: Vec::new(),
+        };
         for strip in strips {
             let mut squares = strip.values.chunks_exact(AREA);
             for whole in strip.whole {
-                let place = packed.values.len() as u32 / AREA as u32;
-                let known = whole.and_then(|v| shared.iter().find(|(w, _)| same(&v, w)));
-                packed.places.push(known.map_or(place, |(_, place)| *place));
-                match (whole, known) {
-                    (_, Some(_)) => {}
-                    (Some(value), None) => {
-                        packed.values.extend([value; AREA]);
-                        if shared.len() < SHARED {
-                            shared.push((value, place));
-                        }
-                    }
-                    (None, None) => packed.values.extend(squares.next().unwrap_or_default()),
-                }
+                let place = match whole {
+                    Some(value) => packed.place_of(value),
+                    None => packed.append(squares.next().unwrap_or_default()),
+                };
+                packed.places.push(place);
+                packed.whole.push(whole.is_some());
             }
         }
         packed.values.shrink_to_fit();
         packed
+    }
+
+    /// Place of a whole square of that value.
+    fn place_of(&mut self, value: T) -> u32 {
+        if let Some((_, place)) = self.shared.iter().find(|(known, _)| same(&value, known)) {
+            return *place;
+        }
+        let place = self.append(&[value; AREA]);
+        if self.shared.len() < SHARED {
+            self.shared.push((value, place));
+        }
+        place
+    }
+
+    /// Adds the values of a square; their place.
+    fn append(&mut self, square: &[T]) -> u32 {
+        self.values.extend_from_slice(square);
+        (self.values.len() / AREA) as u32 - 1
     }
 
     /// The packed field of values that are there, row-major.
@@ -97,17 +159,121 @@ impl<T: Pod + Send + Sync> Packed<T> {
         self.dims
     }
 
+    /// Columns and rows of squares.
+    pub fn squares(&self) -> [usize; 2] {
+        [self.columns, self.dims[1].div_ceil(SQUARE)]
+    }
+
+    /// The one value that the square in that column and row of squares has everywhere, if it is whole.
+    #[inline]
+    pub fn whole(&self, [column, row]: [usize; 2]) -> Option<T> {
+        let square = row * self.columns + column;
+        self.whole[square].then(|| self.values[self.places[square] as usize * AREA])
+    }
+
+    /// The values of a square, row-major; beyond the image's edge they mean nothing.
+    #[inline]
+    pub fn square(&self, [column, row]: [usize; 2]) -> &[T; AREA] {
+        let (squares, _) = self.values.as_chunks::<AREA>();
+        &squares[self.places[row * self.columns + column] as usize]
+    }
+
+    /// Columns and rows of all squares, row by row.
+    pub fn each_square(&self) -> impl Iterator<Item = [usize; 2]> + use<T> {
+        let [columns, rows] = self.squares();
+        (0..rows).flat_map(move |row| (0..columns).map(move |column| [column, row]))
+    }
+
+    /// The rows of a square as far as the image goes.
+    pub fn of_square(&self, square: [usize; 2]) -> impl Iterator<Item = &[T]> {
+        let [width, height] = self.size_of_square(square);
+        self.square(square).chunks_exact(SQUARE).take(height).map(move |row| &row[..width])
+    }
+
+    /// Columns and rows of pixels that a square has on the image.
+    pub fn size_of_square(&self, square: [usize; 2]) -> [usize; 2] {
+        [0, 1].map(|a| SQUARE.min(self.dims[a] - square[a] * SQUARE))
+    }
+
+    /// The one value of all pixels in these columns and rows, where the squares they lie in say so.
+    pub fn whole_within(&self, columns: &Range<usize>, rows: &Range<usize>) -> Option<T> {
+        let squares = |range: &Range<usize>| range.start / SQUARE..range.end.div_ceil(SQUARE);
+        let mut found = squares(rows).flat_map(|row| squares(columns).map(move |column| self.whole([column, row])));
+        let first = found.next()??;
+        found.all(|other| other.is_some_and(|v| same(&v, &first))).then_some(first)
+    }
+
+    /// Gives a square one value.
+    pub fn set_whole(&mut self, [column, row]: [usize; 2], value: T) {
+        let square = row * self.columns + column;
+        self.places[square] = self.place_of(value);
+        self.whole[square] = true;
+    }
+
+    /// The values of a square to be changed, row-major.
+    pub fn square_mut(&mut self, [column, row]: [usize; 2]) -> &mut [T; AREA] {
+        let square = row * self.columns + column;
+        if std::mem::take(&mut self.whole[square]) {
+            let copy = *self.square([column, row]);
+            self.places[square] = self.append(&copy);
+        }
+        let (squares, _) = self.values.as_chunks_mut::<AREA>();
+        &mut squares[self.places[square] as usize]
+    }
+
+    /// Changes every value to what `change` makes of it.
+    pub fn map(&mut self, change: impl Fn(T) -> T) {
+        self.values.iter_mut().for_each(|v| *v = change(*v));
+        self.shared.iter_mut().for_each(|(v, _)| *v = change(*v));
+    }
+
+    /// The part of the image that begins at pixel `origin` and has `dims` pixels; `outside` where it lies beyond the image.
+    pub fn window(&self, origin: [isize; 2], dims: [usize; 2], outside: T) -> Self {
+        let shared: [Range<isize>; 2] = std::array::from_fn(|a| {
+            let end = (self.dims[a] as isize - origin[a]).min(dims[a] as isize);
+            (-origin[a]).max(0)..end
+        });
+        let [window] = Packed::of_squares(dims, |square, [values]| {
+            let [columns, rows]: [Range<isize>; 2] = std::array::from_fn(|a| {
+                let first = (square[a] * SQUARE) as isize;
+                let end = (first + SQUARE as isize).min(dims[a] as isize);
+                first.max(shared[a].start)..end.min(shared[a].end)
+            });
+            if columns.is_empty() || rows.is_empty() {
+                return [Some(outside)];
+            }
+            let place =
+                |range: &Range<isize>, a: usize| (range.start + origin[a]) as usize..(range.end + origin[a]) as usize;
+            let covered = |range: &Range<isize>, a: usize| range.len() == SQUARE.min(dims[a] - square[a] * SQUARE);
+            if covered(&columns, 0)
+                && covered(&rows, 1)
+                && let Some(value) = self.whole_within(&place(&columns, 0), &place(&rows, 1))
+            {
+                return [Some(value)];
+            }
+            values.fill(outside);
+            let from = place(&columns, 0).start;
+            let to = columns.start as usize % SQUARE;
+            for j in rows {
+                let row = &mut values[j as usize % SQUARE * SQUARE..][to..to + columns.len()];
+                self.read(from, (j + origin[1]) as usize, row);
+            }
+            [None]
+        });
+        window
+    }
+
     /// The value at pixel `(i, j)`.
     #[inline(always)]
     pub fn at(&self, i: usize, j: usize) -> T {
-        self.values[self.square(i, j) + (j % SQUARE) * SQUARE + i % SQUARE]
+        self.values[self.start(i, j) + (j % SQUARE) * SQUARE + i % SQUARE]
     }
 
     /// The values at `(i, j)` and to the right, up, and up and to the right of it; `right` and `up` are 1, or 0 where there are none.
     #[inline(always)]
     pub fn corners(&self, i: usize, j: usize, right: usize, up: usize) -> [T; 4] {
         if i % SQUARE + right < SQUARE && j % SQUARE + up < SQUARE {
-            let square = &self.values[self.square(i, j)..][..AREA];
+            let square = &self.values[self.start(i, j)..][..AREA];
             let at = (j % SQUARE) * SQUARE + i % SQUARE;
             return [square[at], square[at + right], square[at + up * SQUARE], square[at + up * SQUARE + right]];
         }
@@ -139,6 +305,24 @@ impl<T: Pod + Send + Sync> Packed<T> {
         out
     }
 
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        self.dims[0] * self.dims[1]
+    }
+
+    /// Whether there is no pixel.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The values of all pixels, row-major.
+    pub fn iter(&self) -> impl Iterator<Item = &T> + Clone {
+        (0..self.dims[1]).flat_map(move |j| {
+            let row = (0..self.columns).flat_map(move |column| self.row_of_square(column, j));
+            row.take(self.dims[0])
+        })
+    }
+
     /// All values that occur.
     pub fn values(&self) -> impl Iterator<Item = T> + '_ {
         self.values.iter().copied()
@@ -146,7 +330,7 @@ impl<T: Pod + Send + Sync> Packed<T> {
 
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
-        size_of_val(&*self.places) + size_of_val(&*self.values)
+        size_of_val(&*self.places) + size_of_val(&*self.whole) + size_of_val(&*self.values)
     }
 
     /// Row `j` of the image in a column of squares.
@@ -159,8 +343,31 @@ impl<T: Pod + Send + Sync> Packed<T> {
 
     /// Beginning of the square of a pixel.
     #[inline(always)]
-    fn square(&self, i: usize, j: usize) -> usize {
+    fn start(&self, i: usize, j: usize) -> usize {
         self.places[(j >> SHIFT) * self.columns + (i >> SHIFT)] as usize * AREA
+    }
+}
+
+/// The value at a pixel, numbered row-major.
+impl<T: Pod + Send + Sync> Index<usize> for Packed<T> {
+    type Output = T;
+
+    fn index(&self, pixel: usize) -> &T {
+        let [i, j] = [pixel % self.dims[0], pixel / self.dims[0]];
+        &self.row_of_square(i / SQUARE, j)[i % SQUARE]
+    }
+}
+
+impl<T: Pod + Send + Sync> IndexMut<usize> for Packed<T> {
+    fn index_mut(&mut self, pixel: usize) -> &mut T {
+        let [i, j] = [pixel % self.dims[0], pixel / self.dims[0]];
+        &mut self.square_mut([i / SQUARE, j / SQUARE])[j % SQUARE * SQUARE + i % SQUARE]
+    }
+}
+
+impl<T: Pod + Send + Sync + PartialEq> PartialEq for Packed<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.dims == other.dims && self.iter().eq(other.iter())
     }
 }
 
@@ -185,6 +392,18 @@ impl Packed<f64> {
 }
 
 impl<T: Pod> Strip<T> {
+    /// Adds a square, of which what lies on the image of `dims` pixels counts.
+    fn push(&mut self, whole: Option<T>, square: &[T; AREA], place: [usize; 2], dims: [usize; 2]) {
+        let [width, height] = [0, 1].map(|a| SQUARE.min(dims[a] - place[a] * SQUARE));
+        let first = square[0];
+        let mut rows = square.chunks_exact(SQUARE).take(height).map(|row| &row[..width]);
+        let whole = whole.or_else(|| rows.all(|row| row.iter().all(|v| same(v, &first))).then_some(first));
+        if whole.is_none() {
+            self.values.extend_from_slice(square);
+        }
+        self.whole.push(whole);
+    }
+
     fn new(rows: &[T], nx: usize) -> Self {
         let mut strip = Strip { whole: Vec::with_capacity(nx.div_ceil(SQUARE)), values: Vec::new() };
         for left in (0..nx).step_by(SQUARE) {
@@ -238,6 +457,77 @@ mod tests {
             }
         }
         let blank = Packed::of([1000, 1000], &vec![14.0f32; 1_000_000]);
-        assert!(blank.bytes() < 20_000, "{}", blank.bytes());
+        assert!(blank.bytes() < 24_000, "{}", blank.bytes());
+    }
+
+    /// A disc whose distances reach 14 px.
+    fn disc(dims: [usize; 2]) -> Vec<f32> {
+        let value = |n: usize| ((n % dims[0]) as f32 - 40.3).hypot((n / dims[0]) as f32 - 30.0) - 25.0;
+        (0..dims[0] * dims[1]).map(|n| value(n).clamp(-14.0, 14.0)).collect()
+    }
+
+    #[test]
+    fn squares_are_whole_where_all_their_pixels_are_alike() {
+        for dims in [[100, 70], [96, 64], [81, 79], [7, 3]] {
+            let values = disc(dims);
+            let packed = Packed::of(dims, &values);
+            let [again] = Packed::of_squares(dims, |square, [to]| {
+                if let Some(value) = packed.whole(square) {
+                    return [Some(value)];
+                }
+                to.copy_from_slice(packed.square(square));
+                [None]
+            });
+            assert_eq!(again.unpack(), values);
+            let [columns, rows] = packed.squares();
+            for square in (0..rows).flat_map(|r| (0..columns).map(move |c| [c, r])) {
+                let [is, js] = [0, 1].map(|a| square[a] * SQUARE..((square[a] + 1) * SQUARE).min(dims[a]));
+                let first = values[js.start * dims[0] + is.start];
+                let alike = js.clone().all(|j| is.clone().all(|i| values[j * dims[0] + i] == first));
+                assert_eq!(packed.whole(square), alike.then_some(first), "{dims:?} {square:?}");
+                assert_eq!(again.whole(square), packed.whole(square));
+                assert_eq!(packed.whole_within(&is, &js), alike.then_some(first));
+            }
+            assert_eq!(packed.bytes(), again.bytes());
+        }
+    }
+
+    #[test]
+    fn a_window_shows_what_lies_there_and_the_outside_around_it() {
+        let dims = [100, 70];
+        let values = disc(dims);
+        let packed = Packed::of(dims, &values);
+        for (origin, size) in [([0isize, 0], dims), ([-16, -32], [150, 140]), ([8, 8], [80, 60]), ([-5, 61], [40, 33])]
+        {
+            let window = packed.window(origin, size, 9.0);
+            let expected = |n: usize| {
+                let at: [isize; 2] = [(n % size[0]) as isize + origin[0], (n / size[0]) as isize + origin[1]];
+                let on = (0..2).all(|a| (0..dims[a] as isize).contains(&at[a]));
+                if on { values[at[1] as usize * dims[0] + at[0] as usize] } else { 9.0 }
+            };
+            assert_eq!(window.unpack(), (0..size[0] * size[1]).map(expected).collect::<Vec<_>>(), "{origin:?}");
+        }
+        assert!(packed.window([200, 0], [50, 50], 9.0).unpack().iter().all(|v| *v == 9.0));
+        let wide = packed.window([-400, -400], [900, 900], 14.0);
+        assert!(wide.bytes() < packed.bytes() + 30_000, "{} {}", wide.bytes(), packed.bytes());
+    }
+
+    #[test]
+    fn a_square_that_changes_leaves_those_of_the_same_value_alone() {
+        let mut packed = Packed::filled([40, 40], 14.0f32);
+        packed.square_mut([1, 1])[17] = 2.0;
+        packed.set_whole([2, 0], -14.0);
+        packed.square_mut([2, 0])[0] = 3.0;
+        packed.set_whole([0, 2], -14.0);
+        packed.map(|v| 2.0 * v);
+        packed.set_whole([0, 0], 28.0);
+        let value = |n: usize| match (n % 40, n / 40) {
+            (17, 17) => 4.0,
+            (32, 0) => 6.0,
+            (i, j) if (i > 31 && j < 16) || (i < 16 && j > 31) => -28.0,
+            _ => 28.0,
+        };
+        assert_eq!(packed.unpack(), (0..1600).map(value).collect::<Vec<f32>>());
+        assert_eq!([packed.whole([1, 1]), packed.whole([0, 2]), packed.whole([1, 0])], [None, Some(-28.0), Some(28.0)]);
     }
 }

@@ -5,6 +5,7 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::grid::tiled::Packed;
 use crate::report::Report;
 use crate::surface::Layer;
 use crate::surface::header::Header;
@@ -144,7 +145,7 @@ impl KeptBody {
         sink.begin(header)?;
         for k in 0..self.layers.len() {
             let patch = self.patch(k)?;
-            let phi = self.whole(&patch);
+            let phi = Packed::of(self.dims, &self.whole(&patch));
             let Place { z, output, contour, .. } = self.layers[k];
             sink.layer(Layer { z, phi, output, contour })?;
         }
@@ -162,7 +163,7 @@ impl LayerSink for KeptBody {
     }
 
     fn layer(&mut self, layer: Layer) -> Result<()> {
-        let mut patch = crop(&layer.phi, self.part, self.far);
+        let mut patch = crop(&layer.dense(), self.part, self.far);
         (0..2).for_each(|a| patch.origin[a] += self.origin[a]);
         self.push(&layer, &patch)
     }

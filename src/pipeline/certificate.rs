@@ -7,11 +7,12 @@ use std::collections::BTreeSet;
 use std::mem::take;
 
 use crate::connectivity::runs::{DisjointSets, Runs, Side};
-use crate::grid::field::covered;
 use crate::grid::tiled::Packed;
+use crate::grid::union::unite_packed;
 use crate::report::{BodyReport, PartPair, Step, StepBeside};
 use crate::stack::heights::BESIDE;
 use crate::surface::Layer;
+use crate::surface::areas::area;
 
 /// Layers up to this much farther off count as beside a contour, too.
 const AROUND: f64 = 1.5;
@@ -53,11 +54,11 @@ pub struct Examined {
     /// Number and layer of the contour below.
     contour: Option<(usize, Packed<f32>)>,
     /// The layer before, of those that are handed on.
-    before: Option<(f64, Vec<f32>)>,
+    before: Option<(f64, Packed<f32>)>,
     /// The last layer, where it lies just below the next contour.
     beside: Option<Packed<f32>>,
-    /// Pixels that are inside somewhere below the first contour.
-    lower: Vec<bool>,
+    /// Least distance of each pixel below the first contour.
+    lower: Option<Packed<f32>>,
     /// Facts about the contours.
     pub contours: Vec<Met>,
     /// And of the body.
@@ -74,7 +75,7 @@ impl Examined {
             contour: None,
             before: None,
             beside: None,
-            lower: Vec::new(),
+            lower: None,
             body: BodyReport::default(),
         }
     }
@@ -102,13 +103,12 @@ impl Examined {
         let area = self.area(&layer.phi);
         self.contours[i].area = area;
         if let Some(beside) = self.beside.take() {
-            self.contours[i].below = Some(self.beside_of(&layer.phi, &beside.unpack()));
+            self.contours[i].below = Some(self.beside_of(&layer.phi, &beside));
         }
         if i == 0 {
-            let lower = take(&mut self.lower);
-            self.body.beyond[0] = lower.iter().zip(&layer.phi).filter(|(inside, v)| **inside && **v > 0.0).count();
+            self.body.beyond[0] = self.lower.take().map_or(0, |lower| around(&layer.phi, &lower));
         }
-        let ends = Runs::both(&layer.phi, self.spec.dims[0]);
+        let ends = Runs::both(&layer.phi);
         let inside = ends[0].clone();
         for (pieces, runs) in self.pieces.iter_mut().zip(ends) {
             pieces.add(runs);
@@ -120,7 +120,7 @@ impl Examined {
         }
         self.count();
         self.pieces.iter_mut().for_each(Pieces::begin);
-        self.contour = Some((i, Packed::of(self.spec.dims, &layer.phi)));
+        self.contour = Some((i, layer.phi.clone()));
     }
 
     fn between(&mut self, layer: &Layer, handed: bool) {
@@ -131,23 +131,24 @@ impl Examined {
             if layer.z - z[above - 1] <= near
                 && let Some((i, contour)) = self.contour.as_ref().filter(|(i, _)| self.contours[*i].above.is_none())
             {
-                self.contours[*i].above = Some(self.beside_of(&contour.unpack(), &layer.phi));
+                self.contours[*i].above = Some(self.beside_of(contour, &layer.phi));
             }
-            self.beside = (z[above] - layer.z <= near).then(|| Packed::of(self.spec.dims, &layer.phi));
+            self.beside = (z[above] - layer.z <= near).then(|| layer.phi.clone());
         }
         if !handed {
             return;
         }
         if above == 0 {
-            self.lower.resize(layer.phi.len(), false);
-            self.lower.iter_mut().zip(&layer.phi).for_each(|(inside, v)| *inside |= *v < 0.0);
+            match &mut self.lower {
+                Some(lower) => unite_packed(lower, self.spec.dims.map(|n| 0..n), [0; 2], &layer.phi, |v| v),
+                none => *none = Some(layer.phi.clone()),
+            }
         } else if above == z.len()
             && let Some((_, contour)) = &self.contour
         {
-            let around = contour.unpack().iter().zip(&layer.phi).filter(|(c, v)| **c > 0.0 && **v < 0.0).count();
-            self.body.beyond[1] = self.body.beyond[1].max(around);
+            self.body.beyond[1] = self.body.beyond[1].max(around(contour, &layer.phi));
         }
-        for (pieces, runs) in self.pieces.iter_mut().zip(Runs::both(&layer.phi, self.spec.dims[0])) {
+        for (pieces, runs) in self.pieces.iter_mut().zip(Runs::both(&layer.phi)) {
             pieces.add(runs);
             if self.before.is_none() && pieces.side == Side::Outside {
                 pieces.ground_last();
@@ -189,27 +190,43 @@ impl Examined {
         }
     }
 
-    fn beside_of(&self, contour: &[f32], beside: &[f32]) -> StepBeside {
+    fn beside_of(&self, contour: &Packed<f32>, beside: &Packed<f32>) -> StepBeside {
         StepBeside { area: self.area(beside), jump: self.change(contour, beside) }
     }
 
     /// Largest difference of two layers at pixels near the surface of the first, px.
-    fn change(&self, from: &[f32], to: &[f32]) -> f64 {
+    fn change(&self, from: &Packed<f32>, to: &Packed<f32>) -> f64 {
         let px = self.px();
         let near = NEAR * px as f32;
-        let changes = from.iter().zip(to).filter(|(a, _)| a.abs() < near).map(|(a, b)| (a - b).abs());
-        f64::from(changes.fold(0.0, f32::max)) / px
+        let of_square = |square| {
+            if from.whole(square).is_some_and(|v| v.abs() >= near) {
+                return 0.0;
+            }
+            let pairs = from.of_square(square).flatten().zip(to.of_square(square).flatten());
+            pairs.filter(|(a, _)| a.abs() < near).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        };
+        f64::from(from.each_square().map(of_square).fold(0.0, f32::max)) / px
     }
 
-    fn area(&self, phi: &[f32]) -> f64 {
-        let [dx, dy] = self.spec.spacing;
-        let px = self.px();
-        dx * dy * phi.iter().map(|v| covered(f64::from(*v) / px)).sum::<f64>()
+    fn area(&self, phi: &Packed<f32>) -> f64 {
+        area(phi, self.spec.spacing)
     }
 
     fn px(&self) -> f64 {
         self.spec.spacing[0].max(self.spec.spacing[1])
     }
+}
+
+/// Pixels that are outside of a contour and inside another layer.
+fn around(contour: &Packed<f32>, layer: &Packed<f32>) -> usize {
+    let of_square = |square| match layer.whole(square) {
+        Some(v) if v >= 0.0 => 0,
+        _ => {
+            let pairs = contour.of_square(square).flatten().zip(layer.of_square(square).flatten());
+            pairs.filter(|(c, v)| **c > 0.0 && **v < 0.0).count()
+        }
+    };
+    layer.each_square().map(of_square).sum()
 }
 
 /// The pieces of one side over the layers since the last contour, that contour's included.

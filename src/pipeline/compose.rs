@@ -8,12 +8,10 @@ use crate::contour::unmatched::{HALF_WAY, LonePart};
 use crate::grid::field::Field;
 use crate::grid::tile::Tile;
 use crate::grid::tiled::Packed;
+use crate::grid::union::{unite, unite_packed};
 use crate::pipeline::fit::Fitted;
 use crate::pipeline::matching::Interval;
 use crate::stack::SliceContent;
-
-/// Pixels of a slice that are read at once.
-const PIXELS_READ: usize = 4096;
 
 /// A layer being filled: the unpadded image, px, positive outside.
 #[derive(Debug, Clone)]
@@ -25,57 +23,52 @@ pub struct Canvas {
     /// Distances are clamped to this, px.
     pub limit: f64,
     /// Signed distance, px.
-    pub phi: Vec<f32>,
+    pub phi: Packed<f32>,
 }
 
 impl Canvas {
     /// A layer with nothing on it.
     pub fn empty(dims: [usize; 2], pad: [usize; 2], limit: f64) -> Self {
-        Canvas { dims, pad, limit, phi: vec![limit as f32; dims[0] * dims[1]] }
+        Canvas { dims, pad, limit, phi: Packed::filled(dims, limit as f32) }
     }
 
     /// Unites the layer with a body on a tile: the smaller distance counts.
-    pub fn unite(&mut self, tile: &Tile, mut value: impl FnMut(usize) -> f64) {
-        let limit = self.limit;
-        let mut phi = std::mem::take(&mut self.phi);
-        self.visit(tile, |pixel, node| {
-            let v = value(node).clamp(-limit, limit) as f32;
-            phi[pixel] = phi[pixel].min(v);
+    pub fn unite(&mut self, tile: &Tile, value: impl Fn(usize) -> f64) {
+        let (limit, covered, [dx, dy]) = (self.limit, self.covered(tile), self.offset(tile));
+        unite(&mut self.phi, covered, |[i, j], out| {
+            let first = (j as isize + dy) as usize * tile.dims[0] + (i as isize + dx) as usize;
+            out.iter_mut().zip(first..).for_each(|(v, node)| *v = value(node).clamp(-limit, limit) as f32);
         });
-        self.phi = phi;
     }
 
     /// The same with a body that is there.
     pub fn unite_packed(&mut self, tile: &Tile, body: &Packed<f32>) {
-        let (limit, [nx, _]) = (self.limit, self.dims);
-        let [columns, rows] = self.shared(tile);
-        let mut values = vec![0.0; columns.len()];
-        for j in rows {
-            body.read(columns.start - tile.origin[0], j - tile.origin[1], &mut values);
-            let row = &mut self.phi[(j - self.pad[1]) * nx + columns.start - self.pad[0]..];
-            for (phi, v) in row.iter_mut().zip(&values) {
-                *phi = phi.min(f64::from(*v).clamp(-limit, limit) as f32);
-            }
-        }
+        let (limit, covered, offset) = (self.limit, self.covered(tile), self.offset(tile));
+        unite_packed(&mut self.phi, covered, offset, body, |v| f64::from(v).clamp(-limit, limit) as f32);
     }
 
-    /// Columns and rows of the padded image that a tile and the image share.
-    fn shared(&self, tile: &Tile) -> [Range<usize>; 2] {
+    /// Pixel of a tile that lies on the image's first.
+    fn offset(&self, tile: &Tile) -> [isize; 2] {
+        [0, 1].map(|a| self.pad[a] as isize - tile.origin[a] as isize)
+    }
+
+    /// Columns and rows of the image that a tile covers.
+    fn covered(&self, tile: &Tile) -> [Range<usize>; 2] {
         std::array::from_fn(|a| {
             let end = (self.pad[a] + self.dims[a]).min(tile.origin[a] + tile.dims[a]);
             let start = self.pad[a].max(tile.origin[a]);
-            start..end.max(start)
+            start - self.pad[a]..end.max(start) - self.pad[a]
         })
     }
 
     /// Goes over what a tile and the image share: the image's pixel and the tile's node.
     pub fn visit(&self, tile: &Tile, mut each: impl FnMut(usize, usize)) {
-        let [nx, _] = self.dims;
-        let [columns, rows] = self.shared(tile);
+        let ([nx, _], [dx, dy]) = (self.dims, self.offset(tile));
+        let [columns, rows] = self.covered(tile);
         for j in rows {
-            let (from, to) = ((j - tile.origin[1]) * tile.dims[0], (j - self.pad[1]) * nx);
+            let from = (j as isize + dy) as usize * tile.dims[0];
             for i in columns.clone() {
-                each(to + i - self.pad[0], from + i - tile.origin[0]);
+                each(j * nx + i, from + (i as isize + dx) as usize);
             }
         }
     }
@@ -130,12 +123,13 @@ pub fn unite_cap(canvas: &mut Canvas, cap: &Cap, away: f64) {
 }
 
 /// Pixels of a layer whose side differs from what the slice says.
-pub fn differing_pixels(phi: &[f32], slice: &SliceContent) -> usize {
-    let mut inside = [false; PIXELS_READ];
-    let differing = |(first, some): (usize, &[f32])| {
-        let inside = &mut inside[..some.len()];
-        slice.read(first, inside);
-        some.iter().zip(&*inside).filter(|(v, inside)| (**v < 0.0) != **inside).count()
+pub fn differing_pixels(phi: &Packed<f32>, slice: &SliceContent) -> usize {
+    let [nx, ny] = phi.dims();
+    let (mut inside, mut values) = (vec![false; nx], vec![0.0; nx]);
+    let differing = |j: usize| {
+        slice.read(j * nx, &mut inside);
+        phi.read(0, j, &mut values);
+        values.iter().zip(&inside).filter(|(v, inside)| (**v < 0.0) != **inside).count()
     };
-    (0..).step_by(PIXELS_READ).zip(phi.chunks(PIXELS_READ)).map(differing).sum()
+    (0..ny).map(differing).sum()
 }

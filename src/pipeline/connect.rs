@@ -7,7 +7,6 @@ use crate::connectivity::grounded::{grounded, held, turn, whole};
 use crate::connectivity::runs::{Runs, Side};
 use crate::contour::Contour;
 use crate::error::Result;
-use crate::grid::tiled::Packed;
 use crate::pipeline::context::{Bonds, Context, Sink};
 use crate::pipeline::links::IntervalLinks;
 use crate::stack::heights::NODE_TIMES;
@@ -19,9 +18,7 @@ const SAME_TIME: f64 = 2e-6;
 
 /// A layer that waits for the others of its interval.
 struct IntervalLayer {
-    /// Without its values.
     layer: Layer,
-    phi: Packed<f32>,
     /// Number of its time among the contours and [`NODE_TIMES`].
     node: Option<usize>,
 }
@@ -61,7 +58,7 @@ impl Together<'_, '_> {
         let Some(low) = self.waiting.first().and_then(|w| w.layer.contour) else { return sink(layer) };
         let [low, high] = [low, low + 1].map(|k| self.contours.light(k).z);
         if let Some(cores) = &self.cores {
-            cores.keep(&mut layer, self.shown.dims[0], self.px);
+            cores.keep(&mut layer, self.px);
         }
         let t = (layer.z - low) / (high - low);
         let node = NODE_TIMES.iter().position(|node| (t - node).abs() <= SAME_TIME).map(|k| k + 1);
@@ -74,10 +71,9 @@ impl Together<'_, '_> {
         self.hand_on(sink)
     }
 
-    fn wait(&mut self, mut layer: Layer, node: Option<usize>) {
-        let phi = Packed::of(self.shown.dims, &std::mem::take(&mut layer.phi));
+    fn wait(&mut self, layer: Layer, node: Option<usize>) {
         let node = if self.waiting.is_empty() { Some(0) } else { node };
-        self.waiting.push(IntervalLayer { layer, phi, node });
+        self.waiting.push(IntervalLayer { layer, node });
     }
 
     fn cores(&self, i: usize) -> Result<Option<Cores>> {
@@ -103,23 +99,20 @@ impl Together<'_, '_> {
     }
 
     fn hand_on(&mut self, sink: &mut Sink<'_>) -> Result<()> {
-        self.waiting.drain(..).try_for_each(|w| sink(Layer { phi: w.phi.unpack(), ..w.layer }))
+        self.waiting.drain(..).try_for_each(|w| sink(w.layer))
     }
 
     /// Puts what floats on the other side.
     fn repair(&mut self) {
-        let (dims, nx) = (self.shown.dims, self.shown.dims[0]);
-        let all: Vec<[Runs; 2]> = self.waiting.par_iter().map(|w| Runs::both(&w.phi.unpack(), nx)).collect();
+        let all: Vec<[Runs; 2]> = self.waiting.par_iter().map(|w| Runs::both(&w.layer.phi)).collect();
         let (inside, mut outside): (Vec<Runs>, Vec<Runs>) =
             all.into_iter().map(|[inside, outside]| (inside, outside)).unzip();
         let turned = |w: &mut IntervalLayer, runs: &Runs, stays: &[bool]| {
             if stays.iter().all(|s| *s) {
                 return None;
             }
-            let mut phi = w.phi.unpack();
-            turn(&mut phi, nx, runs, stays);
-            w.phi = Packed::of(dims, &phi);
-            Some(Runs::new(&phi, nx, Side::Outside))
+            turn(&mut w.layer.phi, runs, stays);
+            Some(Runs::new(&w.layer.phi, Side::Outside))
         };
         let stays = self.stays(&inside, Side::Inside);
         let work = |(((w, runs), outside), stays): (((&mut IntervalLayer, &Runs), &mut Runs), &Vec<bool>)| {

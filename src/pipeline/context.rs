@@ -135,12 +135,7 @@ impl<'a> Context<'a> {
     pub fn layer(&self, height: &Height, canvas: Canvas) -> Layer {
         let px = self.px as f32;
         let mut phi = canvas.phi;
-        for v in &mut phi {
-            *v *= px;
-            if *v == 0.0 {
-                *v = f32::MIN_POSITIVE;
-            }
-        }
+        phi.map(|v| if v * px == 0.0 { f32::MIN_POSITIVE } else { v * px });
         Layer { z: height.z, phi, output: height.output, contour: None }
     }
 

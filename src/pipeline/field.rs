@@ -11,6 +11,7 @@ use crate::contour::overlap::{DecidedPairs, match_components};
 use crate::error::{Error, Result};
 use crate::grid::field::Field;
 use crate::grid::tile::Tile;
+use crate::grid::tiled::Packed;
 use crate::pipeline::ends::end_caps::End;
 use crate::pipeline::fit::Fitted;
 use crate::registration::motion_field::LoneParts;
@@ -114,7 +115,7 @@ fn layers<'a>(
                 }
                 let mut canvas = run.canvas();
                 let whole = Tile { origin: [0, 0], dims: run.padded() };
-                canvas.unite(&whole, |n| f64::from(values[n]));
+                canvas.unite_packed(&whole, &Packed::of(whole.dims, &values));
                 sink(run.layer(height, canvas))?;
                 run.progress.advance(1);
             }

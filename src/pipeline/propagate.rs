@@ -206,11 +206,12 @@ fn begun<'a>(
             unite_cap(&mut begun, cap, 0.0);
             unite_cap(&mut next, cap, BESIDE);
         }
+        let mut begun = begun.phi.unpack();
         if beside.is_some() {
-            let gone = begun.phi.iter_mut().zip(next.phi).filter(|(v, next)| (**v - next).abs() > GONE);
+            let gone = begun.iter_mut().zip(next.phi.unpack()).filter(|(v, next)| (**v - next).abs() > GONE);
             gone.for_each(|(v, next)| *v = next);
         }
-        begun.phi
+        begun
     })
 }
 
@@ -312,10 +313,10 @@ fn compose<'a>(
             unite_cap(&mut canvas, cap, if *direction == Direction::Up { *t } else { 1.0 - t });
         }
         let Some(InFrame { warp, trust, ways, doubts, others }) = frame else { return run.layer(height, canvas) };
-        let whole = warp.layer(&canvas.phi, &ways[k], trust, &doubts[k], &others[k]);
+        let whole = warp.layer(&canvas.phi.unpack(), &ways[k], trust, &doubts[k], &others[k]);
         drop(canvas);
         let mut canvas = run.canvas();
-        canvas.unite(&Tile { origin: [0, 0], dims: padded }, |n| f64::from(whole[n]));
+        canvas.unite_packed(&Tile { origin: [0, 0], dims: padded }, &whole);
         run.layer(height, canvas)
     };
     heights.par_iter().enumerate().map(layer).collect()

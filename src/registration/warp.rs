@@ -1,11 +1,10 @@
 //! Warping: from the mid frame of an interval to the layers between its slices.
 
 use multiversion::multiversion;
-use rayon::prelude::*;
 
 use crate::grid::field::{Field, sample, sample_smooth};
 use crate::grid::spline::smoothstep;
-use crate::grid::tiled::Packed;
+use crate::grid::tiled::{Packed, SQUARE};
 use crate::registration::displacement::Displacement;
 use crate::registration::motion_field::{CELL, Cells, MotionField, Paths, plus, probes};
 use crate::registration::particle_weight::Trust;
@@ -72,17 +71,15 @@ impl<'m> Warp<'m> {
 
     /// A layer from its values in the mid frame, `seen`, row-major as the layer is, and both clamped; in the cells of `doubts` the layer `other` counts where trust is missing.
     /// Of other cells it is read at the [`probes`], as both layers tell whether a cell is far from any contour.
-    pub fn layer(&self, seen: &[f32], way: &Way, trust: &Trust, doubts: &Cells, other: &[f32]) -> Vec<f32> {
+    pub fn layer(&self, seen: &[f32], way: &Way, trust: &Trust, doubts: &Cells, other: &[f32]) -> Packed<f32> {
         let Way { t, paths, to_middle } = way;
         let dims = self.lost[0].dims();
         let [nx, ny] = dims;
         let limit = self.limit;
         let w = smoothstep(*t);
         let read = Read { seen, dims, lost: &self.lost, weights: [1.0 - w, w], limit };
-        let mut out = vec![0.0; nx * ny];
-        out.par_chunks_mut(nx * CELL).enumerate().for_each(|(cell, rows)| {
-            let top = cell * CELL;
-            for left in (0..nx).step_by(CELL) {
+        let [out] = Packed::of_squares(dims, |square, [out]| {
+            for [left, top] in cells(square, dims) {
                 let (right, bottom) = ((left + CELL).min(nx) - 1, (top + CELL).min(ny) - 1);
                 let probes = probes([left, top], [right, bottom]);
                 let doubtful = doubts.at(left, top);
@@ -93,7 +90,7 @@ impl<'m> Warp<'m> {
                 let far = all().all(|v| *v >= limit) || all().all(|v| *v <= -limit);
                 let [mut ways, mut come, mut go] = [[[0.0; 2]; CELL]; 3];
                 for y in top..=bottom {
-                    let row = &mut rows[(y - top) * nx + left..=(y - top) * nx + right];
+                    let row = &mut out[y % SQUARE * SQUARE + left % SQUARE..][..=right - left];
                     if far {
                         row.fill(probed[0] as f32);
                         continue;
@@ -105,9 +102,16 @@ impl<'m> Warp<'m> {
                     values(&read, [left, y], [&ways, &come, &go], others, row);
                 }
             }
+            [None]
         });
         out
     }
+}
+
+/// First pixels of the cells of a square.
+fn cells([column, row]: [usize; 2], [nx, ny]: [usize; 2]) -> impl Iterator<Item = [usize; 2]> {
+    let firsts = |k: usize, n: usize| (k * SQUARE..((k + 1) * SQUARE).min(n)).step_by(CELL);
+    firsts(row, ny).flat_map(move |top| firsts(column, nx).map(move |left| [left, top]))
 }
 
 /// Sources of a layer's values: those in the mid frame, and what the way there takes from either slice with its weight at this time.

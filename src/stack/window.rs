@@ -3,6 +3,8 @@
 //! A computation in the window knows nothing of the image around it: a body costs the same and comes out the same in an image of any size and
 //! wherever it is shifted to.
 
+use crate::grid::tiled::Packed;
+
 use super::{ContourStack, LevelSlice, Mask, Slice, SliceContent};
 
 /// A box of pixels on a plane of which the image is a part.
@@ -87,17 +89,8 @@ impl Window {
     }
 
     /// A layer on the image from one on the window; `outside` is what lies around.
-    pub fn image(&self, layer: &[f32], dims: [usize; 2], outside: f32) -> Vec<f32> {
-        let mut image = vec![outside; dims[0] * dims[1]];
-        let [columns, rows] = self.shared(dims);
-        if columns.is_empty() {
-            return image;
-        }
-        for j in rows {
-            let to = self.place(columns.start, j, dims);
-            image[to..to + columns.len()].copy_from_slice(&layer[j * self.dims[0]..][columns.clone()]);
-        }
-        image
+    pub fn image(&self, layer: &Packed<f32>, dims: [usize; 2], outside: f32) -> Packed<f32> {
+        layer.window(self.origin.map(|n| -n), dims, outside)
     }
 }
 
@@ -140,7 +133,7 @@ mod tests {
             let seen = window.of(&own);
             let phi: Vec<f32> =
                 seen.slices[0].content.sides().iter().map(|inside| if *inside { -1.0 } else { 2.0 }).collect();
-            let back = window.image(&phi, dims, 7.0);
+            let back = window.image(&Packed::of(window.dims, &phi), dims, 7.0).unpack();
             for (n, v) in back.iter().enumerate() {
                 assert_eq!(*v < 0.0, inside(n % 30, n / 30), "pixel {n}");
                 let distant = (n % 30) + 5 < corner[0] || n / 30 > corner[1] + 4;

@@ -1,6 +1,7 @@
 //! Area of the body's layers over its height.
 
 use crate::grid::field::covered;
+use crate::grid::tiled::Packed;
 use crate::report::AreaProfile;
 use crate::surface::Layer;
 use crate::surface::header::Header;
@@ -11,10 +12,7 @@ const MOST: usize = 4096;
 /// Adds up areas while layers arrive.
 #[derive(Debug)]
 pub struct Areas {
-    /// Area of a pixel.
-    pixel: f64,
-    /// The larger pixel side.
-    px: f64,
+    spacing: [f64; 2],
     extent: [f64; 2],
     /// Height, area, and whether it is a contour.
     kept: Vec<([f64; 2], bool)>,
@@ -28,12 +26,22 @@ pub struct Areas {
     begun: bool,
 }
 
+/// Area inside a layer: the sum of what each pixel has covered by its distance, times the pixel's area.
+pub fn area(phi: &Packed<f32>, [dx, dy]: [f64; 2]) -> f64 {
+    let px = dx.max(dy);
+    let share = |v: f32| covered(f64::from(v) / px);
+    let of_square = |square| match phi.whole(square) {
+        Some(v) => share(v) * phi.size_of_square(square).iter().product::<usize>() as f64,
+        None => phi.of_square(square).flatten().map(|v| share(*v)).sum(),
+    };
+    dx * dy * phi.each_square().map(of_square).sum::<f64>()
+}
+
 impl Areas {
     /// A profile without layers yet.
     pub fn new(header: &Header) -> Self {
         Areas {
-            pixel: header.spacing[0] * header.spacing[1],
-            px: header.spacing[0].max(header.spacing[1]),
+            spacing: header.spacing,
             extent: header.extent,
             kept: Vec::new(),
             every: 1,
@@ -50,8 +58,7 @@ impl Areas {
         if layer.z < self.extent[0] - slack || layer.z > self.extent[1] + slack {
             return;
         }
-        let sum: f64 = layer.phi.iter().map(|v| covered(f64::from(*v) / self.px)).sum();
-        let point = [layer.z, sum * self.pixel];
+        let point = [layer.z, area(&layer.phi, self.spacing)];
         let is_contour = layer.contour.is_some();
         if let Some(last) = self.last.filter(|_| self.begun) {
             self.sums[0] += 0.5 * (point[0] - last[0]) * (point[1] + last[1]);

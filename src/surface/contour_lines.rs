@@ -10,6 +10,7 @@ use super::header::Header;
 use super::stream::{BodyWriter, Ending};
 use crate::contour::seeds::trace_loops;
 use crate::grid::field::Field;
+use crate::grid::tiled::SQUARE;
 use crate::polygons::Polygon;
 use crate::stack::Geometry;
 
@@ -18,9 +19,16 @@ use crate::stack::Geometry;
 /// clockwise. Where the body touches the image's border, its line runs half a pixel beyond.
 pub fn contour_lines(layer: &Layer, [nx, ny]: [usize; 2]) -> Vec<Polygon> {
     let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
-    for (node, _) in layer.phi.iter().enumerate().filter(|(_, v)| **v < 0.0) {
-        let at = [node % nx, node / nx];
-        (0..2).for_each(|a| (low[a], high[a]) = (low[a].min(at[a]), high[a].max(at[a])));
+    for square in layer.phi.each_square() {
+        if layer.phi.whole(square).is_some_and(|v| v >= 0.0) {
+            continue;
+        }
+        for (j, row) in layer.phi.of_square(square).enumerate() {
+            for (i, _) in row.iter().enumerate().filter(|(_, v)| **v < 0.0) {
+                let at = [square[0] * SQUARE + i, square[1] * SQUARE + j];
+                (0..2).for_each(|a| (low[a], high[a]) = (low[a].min(at[a]), high[a].max(at[a])));
+            }
+        }
     }
     if low[0] > high[0] {
         return Vec::new();
@@ -30,7 +38,7 @@ pub fn contour_lines(layer: &Layer, [nx, ny]: [usize; 2]) -> Vec<Polygon> {
     let field = Field::from_fn(dims, |i, j| {
         let [x, y] = [(low[0] + i).wrapping_sub(1), (low[1] + j).wrapping_sub(1)];
         let (cx, cy) = ((low[0] + i).saturating_sub(1).min(nx - 1), (low[1] + j).saturating_sub(1).min(ny - 1));
-        let v = f64::from(layer.phi[cy * nx + cx]);
+        let v = f64::from(layer.phi.at(cx, cy));
         if [x, y] == [cx, cy] { v } else { v.abs() }
     });
     let first = DVec2::from(low.map(|n| n as f64));

@@ -11,6 +11,7 @@ use super::contour_lines::AlongAxes;
 use super::geotiff::Raster;
 use super::header::Header;
 use super::stream::{BodyWriter, Ending};
+use crate::grid::tiled::SQUARE;
 use crate::surface::map::Crs;
 
 /// Arrival height per pixel, unit of the stack, row-major: the highest z at which the pixel is inside, by the linear zero between
@@ -39,10 +40,20 @@ impl ArrivalHeights {
             self.below = Some(layer.clone());
             return;
         };
-        for ((h, a), b) in self.heights.iter_mut().zip(&below.phi).zip(&layer.phi) {
-            let (a, b) = (f64::from(*a), f64::from(*b));
-            if a < 0.0 && b >= 0.0 {
-                *h = below.z + (layer.z - below.z) * a / (a - b);
+        let nx = layer.phi.dims()[0];
+        for square in layer.phi.each_square() {
+            if below.phi.whole(square).is_some_and(|a| a >= 0.0) || layer.phi.whole(square).is_some_and(|b| b < 0.0) {
+                continue;
+            }
+            let rows = below.phi.of_square(square).zip(layer.phi.of_square(square));
+            for (j, (below_row, row)) in (square[1] * SQUARE..).zip(rows) {
+                let heights = &mut self.heights[j * nx + square[0] * SQUARE..];
+                for ((h, a), b) in heights.iter_mut().zip(below_row).zip(row) {
+                    let (a, b) = (f64::from(*a), f64::from(*b));
+                    if a < 0.0 && b >= 0.0 {
+                        *h = below.z + (layer.z - below.z) * a / (a - b);
+                    }
+                }
             }
         }
         below.clone_from(layer);
@@ -51,7 +62,7 @@ impl ArrivalHeights {
     /// The heights, when there is no more layer.
     pub fn finish(&mut self) -> &[f64] {
         if let Some(last) = &self.below {
-            let inside = self.heights.iter_mut().zip(&last.phi).filter(|(_, phi)| **phi < 0.0);
+            let inside = self.heights.iter_mut().zip(last.dense()).filter(|(_, phi)| *phi < 0.0);
             inside.for_each(|(h, _)| *h = last.z);
         }
         &self.heights

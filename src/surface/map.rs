@@ -35,13 +35,10 @@ impl Map {
         header
     }
 
-    /// The part of a layer of `dims` pixels that is shown.
-    pub fn layer(&self, whole: &Layer, dims: [usize; 2]) -> Layer {
-        let row = |j: usize| {
-            let from = (self.first[1] + j) * dims[0] + self.first[0];
-            &whole.phi[from..from + self.dims[0]]
-        };
-        let phi = (0..self.dims[1]).flat_map(row).copied().collect();
+    /// The part of a layer that is shown.
+    pub fn layer(&self, whole: &Layer) -> Layer {
+        // A map lies within the layers: nothing is outside.
+        let phi = whole.phi.window(self.first.map(|n| n as isize), self.dims, f32::INFINITY);
         Layer { z: whole.z, phi, output: whole.output, contour: whole.contour }
     }
 }

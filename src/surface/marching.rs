@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::Layer;
 use super::cases::{CASES, EDGES, LoopFill};
 use super::header::Header;
-use crate::grid::tiled::Packed;
+use crate::grid::tiled::{Packed, SQUARE};
 use crate::stack::Geometry;
 
 /// Vertices stay this far, in cell sides, from the corners of their cells: vertices of different edges stay apart in f32 too, near an
@@ -84,8 +84,8 @@ pub struct Builder {
     inside: [Vec<u8>; 2],
     /// Vertices on the edges of each of the two layers, two edges per node.
     along: [HashMap<usize, Corner>; 2],
-    /// Vertices on the edges that go up from two rows of nodes.
-    upright: [Vec<Option<Corner>>; 2],
+    /// Vertices on the edges that go up from two rows of nodes, and the nodes that have one.
+    upright: [(Vec<Option<Corner>>, Vec<usize>); 2],
     /// The next row of cells; none where the slab is filled.
     row: Option<usize>,
     /// Vertices until now, of those the ones until the slab below and until this one.
@@ -128,7 +128,7 @@ impl Builder {
         self.planes.swap(0, 1);
         let plane = &mut self.planes[1];
         plane.z = Some(layer.z);
-        plane.phi = Packed::of(self.image, &layer.phi);
+        plane.phi = layer.phi.clone();
         self.slab();
     }
 
@@ -149,18 +149,27 @@ impl Builder {
         self.along.swap(0, 1);
         // Nothing is used again: one layer's contours may be far longer than those after it.
         self.along[1] = HashMap::new();
-        self.upright.iter_mut().for_each(|row| *row = vec![None; self.dims[0]]);
+        for (row, known) in &mut self.upright {
+            known.drain(..).for_each(|i| row[i] = None);
+            row.resize(self.dims[0], None);
+        }
         self.inside.swap(0, 1);
         self.inside[1].clear();
         self.inside.iter_mut().for_each(|one| one.resize(n, 0));
-        let [nx, ny] = self.image;
-        if self.planes[1].z.is_some() {
-            let mut row = vec![0.0; nx];
-            for j in 0..ny {
-                let to = (j + 1) * self.dims[0] + 1;
-                self.planes[1].phi.read(0, j, &mut row);
-                for (s, v) in self.inside[1][to..to + nx].iter_mut().zip(&row) {
-                    *s = u8::from(*v < 0.0);
+        if self.planes[1].z.is_none() {
+            return;
+        }
+        let phi = &self.planes[1].phi;
+        for square @ [column, row] in phi.each_square() {
+            let whole = phi.whole(square).map(|v| u8::from(v < 0.0));
+            if whole == Some(0) {
+                continue;
+            }
+            for (j, values) in (row * SQUARE..).zip(phi.of_square(square)) {
+                let sides = &mut self.inside[1][(j + 1) * self.dims[0] + 1 + column * SQUARE..][..values.len()];
+                match whole {
+                    Some(side) => sides.fill(side),
+                    None => sides.iter_mut().zip(values).for_each(|(s, v)| *s = u8::from(*v < 0.0)),
                 }
             }
         }
@@ -178,7 +187,8 @@ impl Builder {
                 self.cell(i, j, pattern);
             }
             self.upright.swap(0, 1);
-            self.upright[1].fill(None);
+            let (row, known) = &mut self.upright[1];
+            known.drain(..).for_each(|i| row[i] = None);
             j += 1;
         }
         self.row = (j < self.dims[1] - 1).then_some(j);
@@ -208,15 +218,36 @@ impl Builder {
             at(0, 0) | at(0, 1) << 2 | at(1, 0) << 4 | at(1, 1) << 6
         };
         cells.clear();
-        let mut left = column(0);
-        for i in 0..self.dims[0] - 1 {
+        let (mut i, mut left) = (0, column(0));
+        while i < self.dims[0] - 1 {
+            if let Some(next) = self.beyond_whole(i, j) {
+                (i, left) = (next, column(next));
+                continue;
+            }
             let right = column(i + 1);
             let pattern = left | right << 1;
             if pattern != 0 && pattern != 0xff {
                 cells.push((i, pattern));
             }
-            left = right;
+            (i, left) = (i + 1, right);
         }
+    }
+
+    /// The last column of nodes of a square that begins at node `i` of row `j`, where all nodes of it in this row of cells are on one side.
+    fn beyond_whole(&self, i: usize, j: usize) -> Option<usize> {
+        let column = i.checked_sub(1).filter(|i| i.is_multiple_of(SQUARE))? / SQUARE;
+        let side = |(plane, row): (&Plane, usize)| {
+            let pixel = row.checked_sub(1).filter(|j| *j < self.image[1]);
+            let (Some(_), Some(pixel)) = (plane.z, pixel) else { return Some(false) };
+            plane.phi.whole([column, pixel / SQUARE]).map(|v| v < 0.0)
+        };
+        if column * SQUARE >= self.image[0] {
+            return None;
+        }
+        let mut sides = self.planes.iter().flat_map(|plane| [(plane, j), (plane, j + 1)]).map(side);
+        let first = sides.next()??;
+        let next = (i + SQUARE - 1).min(self.image[0]);
+        (next > i && sides.all(|side| side == Some(first))).then_some(next)
     }
 
     fn cell(&mut self, i: usize, j: usize, pattern: u8) {
@@ -253,11 +284,14 @@ impl Builder {
         let (i, row, side) = (i + (corner & 1), corner >> 1 & 1, corner >> 2);
         let axis = e / 4;
         let edge = 2 * ((j + row) * self.dims[0] + i) + usize::from(axis);
-        let known = if axis == 2 { self.upright[row][i] } else { self.along[side].get(&edge).copied() };
+        let known = if axis == 2 { self.upright[row].0[i] } else { self.along[side].get(&edge).copied() };
         known.unwrap_or_else(|| {
             let new = self.push(self.crossing([i, j + row], side, axis));
             match axis {
-                2 => self.upright[row][i] = Some(new),
+                2 => {
+                    self.upright[row].0[i] = Some(new);
+                    self.upright[row].1.push(i);
+                }
                 _ => _ = self.along[side].insert(edge, new),
             }
             new

@@ -32,6 +32,7 @@ mod voxels;
 #[cfg(feature = "zarr")]
 pub mod zarr;
 
+use crate::grid::tiled::Packed;
 use crate::report::Report;
 use crate::stack::Geometry;
 use header::Header;
@@ -63,12 +64,20 @@ pub struct Reconstruction {
 pub struct Layer {
     /// Height, unit of the stack.
     pub z: f64,
-    /// Signed in-plane distance to the contour in the stack's unit, row-major, negative inside, never zero, clamped to the margin.
-    pub phi: Vec<f32>,
+    /// Signed in-plane distance to the contour in the stack's unit, negative inside, never zero, clamped to the margin. Only the squares of pixels
+    /// near the contour take memory.
+    pub phi: Packed<f32>,
     /// Belongs to the output grid (volumes are written from these).
     pub output: bool,
     /// Index of the input contour at this height.
     pub contour: Option<usize>,
+}
+
+impl Layer {
+    /// The distances of all pixels, row-major.
+    pub fn dense(&self) -> Vec<f32> {
+        self.phi.unpack()
+    }
 }
 
 impl Reconstruction {

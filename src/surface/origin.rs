@@ -19,6 +19,7 @@ use super::Layer;
 use super::content::Content;
 use super::spool::FILE_IN_MEMORY;
 use super::stream::{BodyWriter, Ending};
+use crate::grid::tiled::Packed;
 
 /// Writer of an origin or confidence volume, through the writer of its format. Layers wait for the contour above them, in memory while they are few.
 pub struct OriginWriter {
@@ -36,6 +37,8 @@ pub struct OriginWriter {
 /// An interval between two contours.
 struct Interval {
     heights: [f64; 2],
+    /// Pixels of a layer.
+    dims: [usize; 2],
     /// Change of each pixel's distance.
     change: Vec<f32>,
 }
@@ -49,7 +52,7 @@ impl OriginWriter {
 
     fn wait(&mut self, layer: &Layer) -> io::Result<()> {
         self.heights.push(layer.z);
-        layer.phi.iter().try_for_each(|v| self.file.write_all(&v.to_le_bytes()))
+        layer.dense().iter().try_for_each(|v| self.file.write_all(&v.to_le_bytes()))
     }
 
     /// Writes all that waits; `interval` is their own, or the one next to them.
@@ -73,6 +76,7 @@ impl OriginWriter {
                     _ => 0.0,
                 };
             }
+            let phi = Packed::of(interval.dims, &phi);
             self.inner.layer(&Layer { z, phi, output: true, contour: None })?;
         }
         self.file.get_mut().rewind()
@@ -108,8 +112,8 @@ impl BodyWriter for OriginWriter {
     fn layer(&mut self, layer: &Layer) -> io::Result<()> {
         if layer.contour.is_some() {
             if let Some(below) = self.below.take() {
-                let change = below.phi.iter().zip(&layer.phi).map(|(a, b)| (b - a).abs()).collect();
-                let interval = Interval { heights: [below.z, layer.z], change };
+                let change = below.dense().iter().zip(layer.dense()).map(|(a, b)| (b - a).abs()).collect();
+                let interval = Interval { heights: [below.z, layer.z], dims: layer.phi.dims(), change };
                 self.release(&interval)?;
                 self.interval = Some(interval);
             }

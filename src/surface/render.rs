@@ -112,7 +112,7 @@ pub fn contour_lines(header: &Header, layer: &Layer) -> Vec<Polyline> {
     let [nx, ny] = header.dims;
     let [dx, dy] = header.spacing;
     let phi = Field::from_fn([nx + 2, ny + 2], |i, j| match (i.checked_sub(1), j.checked_sub(1)) {
-        (Some(i), Some(j)) if i < nx && j < ny => f64::from(layer.phi[j * nx + i]),
+        (Some(i), Some(j)) if i < nx && j < ny => f64::from(layer.phi.at(i, j)),
         _ => 0.5 * dx.min(dy),
     });
     let point = |[x, y]: [f64; 2]| header.geometry.to_world(DVec3::new((x - 1.0) * dx, (y - 1.0) * dy, layer.z));

@@ -91,14 +91,20 @@ impl<W: Write + Send> BodyWriter for VolumeWriter<W> {
         if !layer.output {
             return Ok(());
         }
-        layer.phi.chunks(VOXELS).try_for_each(|some| {
+        let [nx, ny] = layer.phi.dims();
+        let mut rows = Vec::new();
+        let at_once = (VOXELS / nx.max(1)).max(1);
+        for first in (0..ny).step_by(at_once) {
+            rows.resize(at_once.min(ny - first) * nx, 0.0);
+            rows.chunks_exact_mut(nx).zip(first..).for_each(|(row, j)| layer.phi.read(0, j, row));
             self.bytes.clear();
-            self.content.voxels(some, &mut self.bytes);
+            self.content.voxels(&rows, &mut self.bytes);
             match &mut self.waiting {
                 Some(layers) => layers.push(&self.bytes),
                 None => self.out.write_all(&self.bytes),
-            }
-        })
+            }?;
+        }
+        Ok(())
     }
 
     fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {

@@ -136,7 +136,7 @@ impl<T: Element + Copy + Send + Sync> BodyWriter for ZarrWriter<T> {
         if !layer.output {
             return Ok(());
         }
-        self.slab.extend(layer.phi.iter().map(|phi| (self.value)(*phi)));
+        self.slab.extend(layer.dense().into_iter().map(self.value));
         let full = self.chunk[2] * self.dims[0] * self.dims[1];
         if self.slab.len() == full { self.store() } else { Ok(()) }
     }

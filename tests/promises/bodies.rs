@@ -217,7 +217,7 @@ fn p08_half_the_step_gives_the_same_body() {
     for (cfl, most) in [(0.5, 0.2), (0.1, 0.05)] {
         let body = |cfl: f64| run(&of_zoo("one_to_two", 10.0), &steps(11, 1.0), &Settings { cfl, ..plain() });
         let [one, half] = [body(cfl), body(0.5 * cfl)];
-        let pixels = one.layers.iter().zip(&half.layers).flat_map(|(a, b)| a.phi.iter().zip(&b.phi));
+        let pixels = one.layers.iter().zip(&half.layers).flat_map(|(a, b)| a.phi.iter().zip(b.phi.iter()));
         let near = pixels.filter(|(a, b)| a.abs() < 1.0 || (**a < 0.0) != (**b < 0.0));
         let change = near.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         println!("{cfl}: {change} px");

@@ -164,7 +164,7 @@ fn paths_that_differ_are_seen() {
         let of = |source: &dyn Source| source.layers(&case.stack, &heights, &case.settings).expect("it is sound");
         let shift = move |stack: &ContourStack, _: &[f64], _: &Settings, body: &mut Reconstruction| {
             let by = (by * px(stack)) as f32;
-            body.layers.iter_mut().flat_map(|l| &mut l.phi).for_each(|v| *v += by);
+            body.layers.iter_mut().for_each(|l| l.phi.map(|v| v + by));
         };
         disagreement(&of(&Damaged(shift)), &of(&Straight), px(&case.stack), Method::Morph).0
     };

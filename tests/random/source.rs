@@ -1,5 +1,6 @@
 //! Where the layers of a stack come from: the program, or results that are right or wrong by construction.
 
+use interslice::grid::tiled::Packed;
 use interslice::progress::Silent;
 use interslice::report::Report;
 use interslice::stack::ContourStack;
@@ -61,7 +62,8 @@ impl Source for Straight {
                 0.0 => f32::MIN_POSITIVE,
                 v => v,
             };
-            Layer { z: height, phi: fields[i].iter().zip(&fields[i + 1]).map(value).collect(), output, contour }
+            let phi: Vec<f32> = fields[i].iter().zip(&fields[i + 1]).map(value).collect();
+            Layer { z: height, phi: Packed::of(stack.dims, &phi), output, contour }
         };
         Ok(Reconstruction {
             dims: stack.dims,

@@ -36,7 +36,7 @@ pub const OF_VANISHED_SWEEPS: Property = Property {
 
 fn shifted(stack: &ContourStack, _: &[f64], _: &Settings, body: &mut Reconstruction) {
     let by = 0.05 * px(stack) as f32;
-    body.layers.iter_mut().filter(|l| l.contour.is_none()).flat_map(|l| &mut l.phi).for_each(|v| *v += by);
+    body.layers.iter_mut().filter(|l| l.contour.is_none()).for_each(|l| l.phi.map(|v| v + by));
 }
 
 fn check(case: &Case, source: &dyn Source) -> Checked {

@@ -22,7 +22,7 @@ fn check(case: &Case, source: &dyn Source) -> Checked {
     let stack = &case.stack;
     let body = made(source.layers(stack, &any_heights(case, PARTS), &case.settings))?;
     let size = |v: &f32| if v.is_finite() && *v != 0.0 { f64::from(v.abs()) / px(stack) } else { f64::INFINITY };
-    let largest = body.layers.iter().flat_map(|l| &l.phi).map(size).fold(0.0, f64::max);
+    let largest = body.layers.iter().flat_map(|l| l.phi.iter()).map(size).fold(0.0, f64::max);
     // A rounding of f32 more, where units are turned into each other.
     within(largest, case.settings.margin() as f64 * (1.0 + 1e-6), || format!("a distance is {largest:.2} px"))
 }

@@ -27,7 +27,7 @@ pub const PROPERTY: Property = Property {
     check,
     damage: Some(|stack, _, _, body| {
         let by = 0.3 * px(stack) as f32;
-        body.layers.iter_mut().filter(|l| l.contour.is_none()).flat_map(|l| &mut l.phi).for_each(|v| *v -= by);
+        body.layers.iter_mut().filter(|l| l.contour.is_none()).for_each(|l| l.phi.map(|v| v - by));
     }),
 };
 

@@ -24,7 +24,8 @@ fn check(case: &Case, source: &dyn Source) -> Checked {
     for layer in &body.layers {
         let Some(k) = layer.contour else { continue };
         met += 1;
-        differing += stack.slices[k].content.sides().iter().zip(&layer.phi).filter(|(m, v)| **m != (**v < 0.0)).count();
+        differing +=
+            stack.slices[k].content.sides().iter().zip(layer.phi.iter()).filter(|(m, v)| **m != (**v < 0.0)).count();
     }
     differing += (stack.slices.len() - met) * stack.dims[0] * stack.dims[1];
     within(differing as f64, 0.0, || format!("{differing} pixels differ from their slices"))

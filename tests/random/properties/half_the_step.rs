@@ -24,7 +24,7 @@ pub const PROPERTY: Property = Property {
     check,
     damage: Some(|stack, _, settings, body| {
         let by = (settings.cfl * px(stack)) as f32;
-        body.layers.iter_mut().filter(|l| l.contour.is_none()).flat_map(|l| &mut l.phi).for_each(|v| *v -= by);
+        body.layers.iter_mut().filter(|l| l.contour.is_none()).for_each(|l| l.phi.map(|v| v - by));
     }),
 };
 
@@ -34,7 +34,7 @@ fn check(case: &Case, source: &dyn Source) -> Checked {
     let halved = Settings { cfl: 0.5 * settings.cfl, ..settings.clone() };
     let whole = made(source.layers(stack, &heights, settings))?;
     let half = made(source.layers(stack, &heights, &halved))?;
-    let changes = common(&whole, &half).into_iter().map(|(a, b)| change(a.phi.iter().zip(&b.phi), px(stack)));
+    let changes = common(&whole, &half).into_iter().map(|(a, b)| change(a.phi.iter().zip(b.phi.iter()), px(stack)));
     let worst = changes.fold(0.0, f64::max);
     let events = !without_events(stack);
     let with = if events { "with" } else { "without" };

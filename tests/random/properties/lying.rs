@@ -29,7 +29,7 @@ pub const PROPERTY: Property = Property {
     damage: Some(|stack, _, _, body| {
         let (nx, by) = (stack.dims[0], 0.3 * px(stack) as f32);
         for layer in body.layers.iter_mut().filter(|l| l.contour.is_none()) {
-            layer.phi.iter_mut().enumerate().filter(|(n, _)| n % nx % 4 == 0).for_each(|(_, v)| *v += by);
+            (0..layer.phi.len()).filter(|n| n % nx % 4 == 0).for_each(|n| layer.phi[n] += by);
         }
     }),
 };

@@ -15,7 +15,7 @@ pub const PROPERTY: Property = Property {
     check,
     damage: Some(|stack, heights, _, body| {
         let by = 1e-2 * px(stack) as f32 / heights.len() as f32;
-        body.layers.iter_mut().filter(|l| l.contour.is_none()).flat_map(|l| &mut l.phi).for_each(|v| *v += by);
+        body.layers.iter_mut().filter(|l| l.contour.is_none()).for_each(|l| l.phi.map(|v| v + by));
     }),
 };
 
@@ -51,8 +51,8 @@ fn check(case: &Case, source: &dyn Source) -> Checked {
     for (name, heights) in grids {
         let some = made(source.layers(stack, &heights, &case.settings))?;
         for (a, b) in common(&all, &some) {
-            let turned = a.phi.iter().zip(&b.phi).filter(|(a, b)| is_turned(**a, **b)).count();
-            let others = a.phi.iter().zip(&b.phi).filter(|(a, b)| turned > CRUMB || !is_turned(**a, **b));
+            let turned = a.phi.iter().zip(b.phi.iter()).filter(|(a, b)| is_turned(**a, **b)).count();
+            let others = a.phi.iter().zip(b.phi.iter()).filter(|(a, b)| turned > CRUMB || !is_turned(**a, **b));
             let d = change(others, px);
             if d > most {
                 (most, at) = (d, format!("the layer at {} is another with {name} of the layers", a.z));

@@ -18,7 +18,7 @@ pub const PROPERTY: Property = Property {
     check,
     damage: Some(|stack, _, _, body| {
         let far = px(stack) as f32;
-        body.layers.iter_mut().filter(|l| l.contour.is_none()).step_by(PARTS - 1).for_each(|l| l.phi.fill(far));
+        body.layers.iter_mut().filter(|l| l.contour.is_none()).step_by(PARTS - 1).for_each(|l| l.phi.map(|_| far));
     }),
 };
 

@@ -43,7 +43,7 @@ pub fn disagreement(a: &Reconstruction, b: &Reconstruction, px: f64, method: Met
         return (f64::INFINITY, format!("other layers, {:?} and {:?}", heights(a), heights(b)));
     }
     let (mut all, mut sides, mut near, mut off, mut worst) = (0usize, 0usize, 0usize, 0usize, 0.0f64);
-    for (a, b) in pairs.iter().flat_map(|(a, b)| a.phi.iter().zip(&b.phi)) {
+    for (a, b) in pairs.iter().flat_map(|(a, b)| a.phi.iter().zip(b.phi.iter())) {
         all += 1;
         sides += usize::from((*a < 0.0) != (*b < 0.0));
         if f64::from(b.abs()) < 3.0 * px {

@@ -43,8 +43,8 @@ fn check(case: &Case, source: &dyn Source) -> Checked {
         let pairs: Vec<_> = common(&alone, &body).into_iter().filter(|(a, _)| between(a.z)).collect();
         differing += inner.len().saturating_sub(pairs.len()) * stack.dims[0] * stack.dims[1];
         for (a, b) in pairs {
-            differing += a.phi.iter().zip(&b.phi).filter(|(a, b)| a.to_bits() != b.to_bits()).count();
-            most = most.max(change(a.phi.iter().zip(&b.phi), px));
+            differing += a.phi.iter().zip(b.phi.iter()).filter(|(a, b)| a.to_bits() != b.to_bits()).count();
+            most = most.max(change(a.phi.iter().zip(b.phi.iter()), px));
         }
     }
     within(differing as f64, 0.0, || {

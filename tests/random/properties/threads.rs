@@ -16,7 +16,7 @@ pub const PROPERTY: Property = Property {
     check,
     damage: Some(|stack, _, _, body| {
         let by = 1e-3 * (px(stack) * rayon::current_num_threads() as f64) as f32;
-        body.layers.iter_mut().filter(|l| l.contour.is_none()).flat_map(|l| &mut l.phi).for_each(|v| *v += by);
+        body.layers.iter_mut().filter(|l| l.contour.is_none()).for_each(|l| l.phi.map(|v| v + by));
     }),
 };
 
@@ -32,7 +32,7 @@ fn check(case: &Case, source: &dyn Source) -> Checked {
     let (one, two) = (with(1)?, with(2)?);
     let pairs = common(&one, &two);
     let all = one.layers.len().max(two.layers.len()) - pairs.len();
-    let values = pairs.into_iter().flat_map(|(a, b)| a.phi.iter().zip(&b.phi));
+    let values = pairs.into_iter().flat_map(|(a, b)| a.phi.iter().zip(b.phi.iter()));
     let differing = all + values.filter(|(a, b)| a.to_bits() != b.to_bits()).count();
     within(differing as f64, 0.0, || format!("{differing} values have other bits with two threads"))
 }

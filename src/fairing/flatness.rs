@@ -1,12 +1,12 @@
 //! Flatness of a layer's surface: relief between contour lines, which shows no creases and whose shape a mean along z would wash away.
 //!
 //! A pixel near the surface stands by itself, `1 - smoothstep((s - 3) / 5)` for a surface that goes `s` sideways per height, and among its
-//! neighbours: by the mean of [`upright`] in a Gaussian window, each pixel by how near the surface it is, from .35 on, wholly from .65 on. A flat
+//! neighbours: by the mean of [`upright`] in a Gaussian window, each pixel by how near the surface it is, from 0.35 on, wholly from 0.65 on. A flat
 //! place between walls, the end of a bone, shows its creases as a wall does; a plain has relief. Measured with strength 1.5 (crease of
 //! pelvis_ts and vertebra_l3 medium over the truth's; RMSE of Jacksboro at 12 and 8 levels, m): [`upright`] of each pixel alone 1.17, 1.04;
-//! 10.2, 16.4. Its mean alone 1.12, 1.06; 10.1, 16.2. Both as here 1.09, 1.04; 10.1, 16.3. Each pixel alone from 3 to 8: 1.09, .99; at
-//! strength 1 10.4, 16.7. These before parts without partner closed as they do and near pixels counted more, with means from .2 to .6: with them
-//! since then 1.094, 1.041; 9.89, 15.96; from .3 to .6 9.87, 15.93; as here 1.096, 1.045; 9.83, 15.89; from .4 to .7 1.102, 1.046; 9.81, 15.86
+//! 10.2, 16.4. Its mean alone 1.12, 1.06; 10.1, 16.2. Both as here 1.09, 1.04; 10.1, 16.3. Each pixel alone from 3 to 8: 1.09, 0.99; at
+//! strength 1 10.4, 16.7. These before parts without partner closed as they do and near pixels counted more, with means from 0.2 to 0.6: with them
+//! since then 1.094, 1.041; 9.89, 15.96; from 0.3 to 0.6 9.87, 15.93; as here 1.096, 1.045; 9.83, 15.89; from 0.4 to 0.7 1.102, 1.046; 9.81, 15.86
 //! (without fairing 9.78, 15.82). What smoothing adds there lies within 2 px of the contours, where their own pixels are not known better.
 
 use rayon::prelude::*;

@@ -7,7 +7,7 @@ use crate::grid::field::{Field, distance};
 /// unlike the move of one step, does not depend on how many steps there are.
 pub const LOST: f64 = 1.0;
 /// Farthest a living particle may be from the front after back-projection, px: at a fork it has no front of its own. Without this bound rounding
-/// decides where it goes on (`fig10` .06 px between the two paths, half the step at a fork .53 px instead of .13).
+/// decides where it goes on (`fig10` 0.06 px between the two paths, half the step at a fork 0.53 px instead of 0.13).
 pub const OFF_FRONT: f64 = 0.1;
 /// Newton steps of a back-projection.
 pub const PROJECTIONS: usize = 2;

@@ -20,7 +20,7 @@ use crate::reference::distance::distance_of;
 use crate::registration::displacement::{Displacement, DisplacementJob};
 use crate::registration::motion_field::{LoneParts, MotionField};
 
-/// A round from the same vectors: moments of up to 32 px times 1e-7, divided by a ridge of .07, px.
+/// A round from the same vectors: moments of up to 32 px times 1e-7, divided by a ridge of 0.07, px.
 const ROUND: f64 = 1e-4;
 /// All rounds: each passes on less than the error it was given, and adds its own.
 const ALL_ROUNDS: f64 = 2e-4;

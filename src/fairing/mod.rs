@@ -22,6 +22,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 
+use glam::DVec2;
 use rayon::prelude::*;
 
 use self::along::add;
@@ -242,10 +243,9 @@ impl<'m> Fairing<'m> {
         let between: Vec<&[Resting; 2]> = intervals.filter_map(of).map(|place| &*place.at_slices).collect();
         let mut offsets = Displacement::zero(self.spec.dims);
         let offset = |&(block, slices): &Near| {
-            let (x, y) = (offsets.centre(block), from.carry(slices, to, &between));
-            [0, 1].map(|a| y[a] - pad[a] as f64 - x[a])
+            from.carry(slices, to, &between) - DVec2::from(pad.map(|p| p as f64)) - offsets.centre(block)
         };
-        let found: Vec<[f64; 2]> = near.par_iter().map(offset).collect();
+        let found: Vec<DVec2> = near.par_iter().map(offset).collect();
         near.iter().zip(found).for_each(|((block, _), offset)| offsets.vectors[*block] = offset);
         Some(offsets)
     }

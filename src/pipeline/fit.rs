@@ -6,6 +6,7 @@
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
+use glam::DVec2;
 use rayon::prelude::*;
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
@@ -104,10 +105,7 @@ impl Fitted {
     /// The fit with slopes moved by `sign` times the outward speed at which the frame carries each seed: growth that the frame's motion
     /// explains is not in the slopes, although it moves the contour.
     pub fn with_motion(&self, contour: &Contour, rates: &Displacement, h: [f64; 2], sign: f64) -> Self {
-        let outward = |x: [f64; 2]| {
-            let (rate, n) = (rates.at(x), contour.phi.normal(x, h));
-            rate[0] * h[0] * n[0] + rate[1] * h[1] * n[1]
-        };
+        let outward = |x: DVec2| (rates.at(x) * DVec2::from(h)).dot(contour.phi.normal(x, h));
         let slopes = self.slopes.iter().zip(&contour.seeds).map(|(m, s)| m + sign * outward(s.x)).collect();
         Fitted { slopes, ..self.clone() }
     }
@@ -204,13 +202,13 @@ impl<'b> Measured<'_, 'b> {
 }
 
 fn tree(seeds: &[Seed], h: [f64; 2]) -> Tree {
-    let points = seeds.iter().zip(0..).map(|(s, k)| GeomWithData::new([s.x[0] * h[0], s.x[1] * h[1]], k));
+    let points = seeds.iter().zip(0..).map(|(s, k)| GeomWithData::new((s.x * DVec2::from(h)).into(), k));
     RTree::bulk_load(points.collect())
 }
 
-fn nearest(tree: &Tree, x: [f64; 2], h: [f64; 2]) -> Vec<Weighted> {
+fn nearest(tree: &Tree, x: DVec2, h: [f64; 2]) -> Vec<Weighted> {
     let mut found: Vec<Weighted> = tree
-        .nearest_neighbor_iter_with_distance_2([x[0] * h[0], x[1] * h[1]])
+        .nearest_neighbor_iter_with_distance_2((x * DVec2::from(h)).into())
         .take(NEIGHBOURS)
         .map(|(p, d2)| Weighted { seed: p.data.into(), weight: (d2.sqrt() + SOFT).powi(-2) })
         .collect();

@@ -4,6 +4,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use glam::DVec2;
+
 use crate::backend::Backend;
 use crate::backend::requests::{LayerRequest, SlopeRequest};
 use crate::contour::caps::{Cap, CapProfile};
@@ -59,8 +61,8 @@ fn single(field: &Field) -> Field {
 fn waves(dims: [usize; 2], size: f64, phase: f64) -> Displacement {
     let wave = |x: f64, y: f64| f64::from((size * (0.07 * x + 0.05 * y + phase).sin()) as f32);
     Displacement::zero(dims)
-        .map(|_, [x, y], _| [wave(x, y), 0.7 * wave(y, -x)])
-        .map(|_, _, v| v.map(|c| f64::from(c as f32)))
+        .map(|_, DVec2 { x, y }, _| DVec2::new(wave(x, y), 0.7 * wave(y, -x)))
+        .map(|_, _, v| v.as_vec2().as_dvec2())
 }
 
 impl Stack {

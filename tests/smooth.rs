@@ -72,7 +72,7 @@ fn fairing_keeps_it_so() {
 #[test]
 fn the_default_steps_by_no_more_than_two_thousandths_at_contours() {
     // A step in the value shows as a jump that grows as the offset falls: 0.056 at 0.031 are 0.0018 px. Seen: 0.047, 0.043, 0.036, 0.056 (at
-    // strength 1 0.042, 0.024, 0.026, 0.033); where fairing took its gradients along z over such offsets, 0.540 and 2.17 at the last two.
+    // strength 1 0.042, 0.024, 0.026, 0.033); where fairing takes its gradients along z over such offsets, 0.540 and 2.17 at the last two.
     let jumps = [0.25, 0.125, 0.0625, 0.03125].map(|delta| jump(&leaning(), &Settings::default(), delta));
     println!("{jumps:.4?}");
     assert!(jumps.iter().all(|(mean, largest)| *mean < 0.064 && *largest < 0.4), "{jumps:?}");

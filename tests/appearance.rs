@@ -96,7 +96,7 @@ fn a_scene_has_every_label_with_its_name_and_colour() {
     let told: Vec<_> = all.iter().map(|b| (b.name.as_str(), b.number)).collect();
     assert_eq!(told, [("heart", Some(3)), ("left lung", Some(7)), ("label 12", Some(12))]);
     let [r, g, b, a] = all[1].colour;
-    // The share .2 of sRGB is .0331 of light.
+    // The share 0.2 of sRGB is 0.0331 of light.
     assert!([r, g, a] == [1.0, 0.0, 1.0] && (b - 0.0331).abs() < 1e-3, "{:?}", all[1].colour);
     assert!(all[0].colour != all[2].colour, "labels without colour have one of their own");
 

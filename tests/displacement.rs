@@ -1,5 +1,6 @@
 //! Displacements read pixel by pixel, by rows, and bounded.
 
+use glam::DVec2;
 use interslice::registration::displacement::{Displacement, Resting};
 use interslice::registration::motion_field::{MotionField, Paths, Place, time};
 
@@ -9,7 +10,7 @@ const ROUNDING: f64 = 1e-14;
 /// Vectors that differ from block to block, for images whose sides are and are not whole blocks.
 fn examples() -> impl Iterator<Item = ([usize; 2], Displacement)> {
     [[5, 3], [32, 16], [43, 29]].into_iter().map(|dims| {
-        let wave = |x: [f64; 2]| [(0.3 * x[0] + x[1]).sin() * 7.0, (x[0] - 0.2 * x[1]).cos() * 5.0];
+        let wave = |x: DVec2| DVec2::new((0.3 * x.x + x.y).sin() * 7.0, (x.x - 0.2 * x.y).cos() * 5.0);
         (dims, Displacement::zero(dims).map(|_, x, _| wave(x)))
     })
 }
@@ -18,11 +19,11 @@ fn examples() -> impl Iterator<Item = ([usize; 2], Displacement)> {
 fn a_row_reads_as_its_pixels_do() {
     for ([nx, ny], v) in examples() {
         for (j, first) in (0..ny).flat_map(|j| (0..nx).map(move |first| (j, first))) {
-            let mut row = vec![[f64::NAN; 2]; nx - first];
+            let mut row = vec![DVec2::NAN; nx - first];
             v.read_row(j, first, &mut row);
             for (i, found) in (first..).zip(row) {
-                let alone = v.at([i as f64, j as f64]);
-                let same = (0..2).all(|a| (found[a] - alone[a]).abs() < ROUNDING);
+                let alone = v.at(DVec2::new(i as f64, j as f64));
+                let same = (found - alone).abs().cmplt(DVec2::splat(ROUNDING)).all();
                 assert!(same, "{found:?} and {alone:?} at {i}, {j} of {nx} x {ny}, read from {first}");
             }
         }
@@ -36,9 +37,9 @@ fn bounds_hold_every_pixel_between() {
             let last = [(x + 6).min(nx - 1), (y + 4).min(ny - 1)];
             let [least, largest] = v.range([x, y], last);
             for (i, j) in (y..=last[1]).flat_map(|j| (x..=last[0]).map(move |i| (i, j))) {
-                let found = v.at([i as f64, j as f64]);
-                let held = |a: usize| (least[a]..=largest[a]).contains(&found[a]);
-                assert!(held(0) && held(1), "{found:?} at {i}, {j} is not in {least:?} to {largest:?}");
+                let found = v.at(DVec2::new(i as f64, j as f64));
+                let held = found.cmpge(least).all() && found.cmple(largest).all();
+                assert!(held, "{found:?} at {i}, {j} is not in {least:?} to {largest:?}");
             }
         }
     }
@@ -49,11 +50,11 @@ fn trajectories_are_the_same_upside_down() {
     let (dims, heights) = ([43, 29], [0.0, 5.0, 6.5, 14.0]);
     let top = heights[3];
     let bent = |k: f64| {
-        let wave = move |x: [f64; 2]| [(0.3 * x[0] + x[1] + k).sin() * 3.0, (x[0] - 0.2 * x[1] - k).cos() * 2.0];
+        let wave = move |x: DVec2| DVec2::new((0.3 * x.x + x.y + k).sin() * 3.0, (x.x - 0.2 * x.y - k).cos() * 2.0);
         Displacement::zero(dims).map(|_, x, _| wave(x))
     };
     let displacements: Vec<Displacement> = [0.0, 1.0, 2.0].map(bent).to_vec();
-    let turned = displacements.iter().rev().map(|v| v.map(|_, _, v| v.map(|c| -c))).collect();
+    let turned = displacements.iter().rev().map(|v| v.map(|_, _, v| -v)).collect();
     let up = MotionField::new(heights.to_vec(), 1.0, Vec::new(), displacements);
     let down = MotionField::new(heights.map(|z| top - z).into_iter().rev().collect(), 1.0, Vec::new(), turned);
     // Below and above the slices, on all of them, and between.
@@ -62,7 +63,7 @@ fn trajectories_are_the_same_upside_down() {
         let i = moving.heights.partition_point(|h| *h <= z).clamp(1, 3) - 1;
         Place::new(moving, i, i, time(z, moving.heights[i], moving.heights[i + 1]), None)
     };
-    let carry = |moving: &MotionField, x: [f64; 2], (from, paths): &(Place, Paths), (to, _): &(Place, Paths)| {
+    let carry = |moving: &MotionField, x: DVec2, (from, paths): &(Place, Paths), (to, _): &(Place, Paths)| {
         let between = from.interval.min(to.interval) + 1..from.interval.max(to.interval);
         let between: Vec<[Resting; 2]> = between.map(|i| moving.at_slices[i].each_ref().map(Resting::from)).collect();
         from.carry(paths.to_slices(x), to, &between.iter().collect::<Vec<_>>())
@@ -70,10 +71,10 @@ fn trajectories_are_the_same_upside_down() {
     let places = layers.map(|z| (z, place(&up, z), place(&down, top - z)));
     for (z, from, from_turned) in &places {
         for (end, to, to_turned) in places.iter().filter(|p| p.0 != *z) {
-            for x in (0..7).flat_map(|j| (0..10).map(move |i| [4.3 * f64::from(i), 4.1 * f64::from(j)])) {
+            for x in (0..7).flat_map(|j| (0..10).map(move |i| DVec2::new(4.3 * f64::from(i), 4.1 * f64::from(j)))) {
                 let a = carry(&up, x, from, to);
                 let b = carry(&down, x, from_turned, to_turned);
-                let off = (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+                let off = (a - b).abs().max_element();
                 assert!(off < 1e-9, "{a:?} and {b:?} from {x:?} at {z} to {end}");
             }
         }

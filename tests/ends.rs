@@ -139,7 +139,7 @@ fn clamped_end_slopes_are_obeyed() {
         let layer = body.layers.iter().find(|l| l.z == z).expect("a layer");
         20.0 - f64::from(layer.phi[60 * 121 + 80])
     };
-    // Hermite with slope .8 at the end and 0 inside: s = 8 (t^3 - 2 t^2 + t), 1.152 at t = .2 or .4.
+    // Hermite with slope 0.8 at the end and 0 inside: s = 8 (t^3 - 2 t^2 + t), 1.152 at t = 0.2 or 0.4.
     for (z, s) in [(2.0, 8.0 * 0.128), (4.0, 8.0 * 0.144), (18.0, 8.0 * 0.128)] {
         assert!((radius(z) - 20.0 - s).abs() < 0.05, "z = {z}: {} for {s}", radius(z) - 20.0);
     }

@@ -4,10 +4,11 @@ mod shapes;
 
 use std::borrow::Cow;
 
+use glam::DVec2;
 use interslice::backend::jobs::{PartJob, TraceJob};
 use interslice::backend::{ContourOptions, MorphOptions};
 use interslice::contour::seeds::{Seed, seeds, trace_loops};
-use interslice::grid::field::Field;
+use interslice::grid::field::{Field, position};
 use interslice::grid::stencil::{Eikonal, godunov, weno5};
 use interslice::reference::band::Band;
 use interslice::reference::contour_field::{field_of_level, field_of_mask};
@@ -273,11 +274,11 @@ impl AtContour for Field {
 fn scatter_gives_seed_values_to_the_contour_whatever_their_order() {
     let mut phi = field([70, 70], SQUARE, &circle(34.3, 34.6, 20.0));
     let band = Band::new(&mut phi, 6.0);
-    let places: Vec<[f64; 2]> = seeds(&phi, SQUARE, 0.5).iter().map(|s| s.x).collect();
-    let value = |x: [f64; 2]| [(x[1] - 34.6).atan2(x[0] - 34.3).cos()];
+    let places: Vec<DVec2> = seeds(&phi, SQUARE, 0.5).iter().map(|s| s.x).collect();
+    let value = |x: DVec2| [(x.y - 34.6).atan2(x.x - 34.3).cos()];
     let values: Vec<[f64; 1]> = places.iter().map(|x| value(*x)).collect();
     let out = scatter(&phi, &band, SQUARE, &places, &values);
-    let at = |k: usize| value([(k % 70) as f64, (k / 70) as f64])[0];
+    let at = |k: usize| value(position(k, 70))[0];
     let (max, _) = stats(&phi, |k, _| phi.at_contour_or_edge(k), |k, _| out[k][0] - at(k));
     assert!(max < 0.01, "{max}");
     // Pixels that no seed reaches are filled from their neighbours.
@@ -296,7 +297,7 @@ fn seeds_lie_evenly_on_the_contour() {
         let length = std::f64::consts::TAU * 20.0;
         assert!((found.len() as f64 - length / 0.5).abs() < 0.02 * length / 0.5, "{} seeds", found.len());
         for s in &found {
-            let r = (s.x[0] * h[0] - 30.3).hypot(s.x[1] * h[1] - 31.7);
+            let r = (s.x * DVec2::from(h)).distance(DVec2::new(30.3, 31.7));
             assert!((r - 20.0).abs() < 0.02, "radius {r}");
             assert!(phi.data[s.inside] < 0.0 && phi.data[s.outside] >= 0.0);
         }
@@ -340,7 +341,7 @@ fn particles_measure_the_signed_distance_between_circles() {
             assert!(worst <= 0.03, "{a} -> {b}, h = {h:?}: S off by {worst}");
             assert_eq!(lost, 0);
             for t in &traced.tracks {
-                let r = (t.landing[0] * h[0] - 49.7).hypot(t.landing[1] * h[1] - 50.2);
+                let r = (t.landing * DVec2::from(h)).distance(DVec2::new(49.7, 50.2));
                 assert!((r - b).abs() < 0.06, "landed at radius {r}");
                 assert!((t.arc - (b - a).abs()).abs() < 0.1, "arc {} for {}", t.arc, b - a);
             }
@@ -358,12 +359,11 @@ fn particles_without_counterpart_die_and_say_so() {
     let goal = field([100, 80], SQUARE, &circle(40.0, 40.0, 14.0));
     let traced = morph(&source, &goal, SQUARE);
     let seeds: Vec<Seed> = seeds(&source, SQUARE, 0.5);
-    let far_dead =
-        seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x[0] > 62.0 && s.x[0] < 70.0 && !t.arrived).count();
-    let near_alive = seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x[0] < 35.0 && t.arrived).count();
+    let far_dead = seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x.x > 62.0 && s.x.x < 70.0 && !t.arrived).count();
+    let near_alive = seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x.x < 35.0 && t.arrived).count();
     assert!(far_dead > 10, "{far_dead}");
     assert!(near_alive > 30, "{near_alive}");
-    for (s, t) in seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x[0] > 62.0 && s.x[0] < 70.0 && !t.arrived) {
+    for (s, t) in seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x.x > 62.0 && s.x.x < 70.0 && !t.arrived) {
         assert!(t.distance < -3.0, "at {:?} the arm is {} away from nothing", s.x, t.distance);
     }
 }

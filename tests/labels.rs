@@ -176,7 +176,7 @@ fn numbers_of_labels_decide_nothing() {
 }
 
 /// Alone on its part of the image and alone on the whole image: the very bits, but where distances reach the clamp (14 px): there the
-/// smaller coordinates of the part round differently (largest difference seen: .0023 px).
+/// smaller coordinates of the part round differently (largest difference seen: 0.0023 px).
 #[test]
 fn a_label_that_touches_no_other_is_what_it_is_alone() {
     let voxels = volume([1, 2, 3, 4]);

@@ -5,6 +5,7 @@ mod shapes;
 
 use std::sync::Arc;
 
+use glam::DVec2;
 use interslice::grid::field::Field;
 use interslice::progress::Silent;
 use interslice::reference::displacement::ROUNDS;
@@ -89,8 +90,8 @@ fn beside_a_jump_equal_slices_do_not_move() {
         let found = backend.displacements(&job).expect("displacements");
         assert_eq!([&found[0], &found[2]], [&still[0], &still[2]], "{}", backend.name());
         // Those beside it say that it does not move, and count as much as it does itself: it goes half of the way.
-        let middle = found[1].at([30.0, 30.0]);
-        assert!((4.0..8.0).contains(&middle[0]) && middle[1].abs() < 0.1, "{middle:?}");
+        let middle = found[1].at(DVec2::splat(30.0));
+        assert!((4.0..8.0).contains(&middle.x) && middle.y.abs() < 0.1, "{middle:?}");
     });
 }
 

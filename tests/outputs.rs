@@ -135,7 +135,7 @@ fn areas_and_ends_add_up_to_the_volume() {
         assert_eq!(flat.ends[k].extrapolate, extrapolated.ends[k].used);
         assert_eq!(flat.ends[k].used, 0.0);
     }
-    // A cone with 15 to its tip; two gaps, 6, are the most: beginning with the cone's slope, -2 A / 15, the area is A (1 - q) (1 + .2 q).
+    // A cone with 15 to its tip; two gaps, 6, are the most: beginning with the cone's slope, -2 A / 15, the area is A (1 - q) (1 + 0.2 q).
     let tip = extrapolated.areas.and_then(|a| a.layers.last().copied()).expect("it has layers")[0];
     let exact = flat.ends[1].area * 6.0 * (4.0 - 0.8) / 6.0;
     println!("extrapolate: {} for {exact}", flat.ends[1].extrapolate);

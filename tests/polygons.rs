@@ -85,8 +85,8 @@ fn the_zero_line_runs_along_the_polygon_within_a_hundredth_of_a_pixel() {
     let u = Field { dims: drawn.dims, data: level(&drawn).iter().map(|v| f64::from(*v)).collect() };
     let paths = trace_loops(&u);
     assert_eq!(paths.len(), 1);
-    let off = |x: [f64; 2]| {
-        let at = drawn.geometry.origin.truncate() + DVec2::from(x) * pixel;
+    let off = |x: DVec2| {
+        let at = drawn.geometry.origin.truncate() + x * pixel;
         (at.distance(DVec2::new(101.3, -57.7)) - radius).abs() / pixel
     };
     let worst = paths[0].iter().map(|c| off(c.x)).fold(0.0, f64::max);

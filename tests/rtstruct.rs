@@ -134,7 +134,7 @@ fn planes_are_found_from_points_with_noise_and_uneven_gaps() {
 fn oblique_planes_have_their_own_frame_and_meshes_lie_in_the_patient() {
     let place = folder();
     let path = place.path().join("a.dcm");
-    // A tube along n, drawn on planes across it, rounded to .01 mm as planning systems do.
+    // A tube along n, drawn on planes across it, rounded to 0.01 mm as planning systems do.
     let n = DVec3::new(0.36, 0.48, 0.8);
     let (u, v) = (DVec3::new(0.8, -0.6, 0.0), DVec3::new(0.48, 0.64, -0.6));
     let start = DVec3::new(12.0, -230.0, 88.0);

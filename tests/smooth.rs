@@ -55,7 +55,7 @@ fn of(method: Method, fair: f64) -> Settings {
 
 #[test]
 fn the_field_method_is_c1_across_contours() {
-    // A jump of a C1 surface is the curvature's: it falls in proportion to the offset. Seen: .041, .021, .011.
+    // A jump of a C1 surface is the curvature's: it falls in proportion to the offset. Seen: 0.041, 0.021, 0.011.
     let jumps = [0.25, 0.125, 0.0625].map(|delta| jump(&leaning(), &of(Method::Field, 0.0), delta));
     println!("{jumps:.4?}");
     assert!(jumps[2].0 < 0.3 * jumps[0].0 && jumps[2].1 < 0.3 * jumps[0].1, "{jumps:?}");
@@ -63,7 +63,7 @@ fn the_field_method_is_c1_across_contours() {
 
 #[test]
 fn fairing_keeps_it_so() {
-    // It leaves .02 at any offset, most of it with the trajectories (.006 without motion). Seen: .062, .036, .025.
+    // It leaves 0.02 at any offset, most of it with the trajectories (0.006 without motion). Seen: 0.062, 0.036, 0.025.
     let jumps = [0.5, 0.25, 0.125].map(|delta| jump(&leaning(), &of(Method::Field, 1.0), delta));
     println!("{jumps:.4?}");
     assert!(jumps[2].0 < 0.45 * jumps[0].0 && jumps[2].1 < 0.55 * jumps[0].1, "{jumps:?}");
@@ -71,8 +71,8 @@ fn fairing_keeps_it_so() {
 
 #[test]
 fn the_default_steps_by_no_more_than_two_thousandths_at_contours() {
-    // A step in the value shows as a jump that grows as the offset falls: .056 at .031 are .0018 px. Seen: .047, .043, .036, .056 (at
-    // strength 1 .042, .024, .026, .033); where fairing took its gradients along z over such offsets, .540 and 2.17 at the last two.
+    // A step in the value shows as a jump that grows as the offset falls: 0.056 at 0.031 are 0.0018 px. Seen: 0.047, 0.043, 0.036, 0.056 (at
+    // strength 1 0.042, 0.024, 0.026, 0.033); where fairing takes its gradients along z over such offsets, 0.540 and 2.17 at the last two.
     let jumps = [0.25, 0.125, 0.0625, 0.03125].map(|delta| jump(&leaning(), &Settings::default(), delta));
     println!("{jumps:.4?}");
     assert!(jumps.iter().all(|(mean, largest)| *mean < 0.064 && *largest < 0.4), "{jumps:?}");
@@ -80,8 +80,8 @@ fn the_default_steps_by_no_more_than_two_thousandths_at_contours() {
 
 #[test]
 fn the_default_has_a_quarter_of_a_linear_crease() {
-    // The morph is not quite C1 in the moving frame: the two intervals of a contour may trust it differently there. Seen: .042 and .060
-    // against .189.
+    // The morph is not quite C1 in the moving frame: the two intervals of a contour may trust it differently there. Seen: 0.042 and 0.060
+    // against 0.189.
     let at = |settings: Settings| jump(&leaning(), &settings, 0.25).0;
     let linear = at(Settings { slope: SlopeRule::Linear, ..of(Method::Morph, 0.0) });
     let (default, unfaired) = (at(Settings::default()), at(of(Method::Morph, 0.0)));

@@ -18,8 +18,8 @@ const GAP: f64 = 8.0;
 
 /// Layers are compared where either is this close to its surface, px.
 const NEAR: f32 = 1.5;
-/// Largest jump of slope within an interval, px per layer at 32 layers a gap. Measured .026; where fronts between two steps are read from
-/// straight lines it is .048.
+/// Largest jump of slope within an interval, px per layer at 32 layers a gap. Measured 0.026; where fronts between two steps are read from
+/// straight lines it is 0.048.
 const CREASE: f32 = 0.028;
 
 /// Stacks in which parts divide or join.

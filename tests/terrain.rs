@@ -108,7 +108,7 @@ fn a_cone_from_lines_to_a_height_map_and_lines() {
         let [x, y] = [(n % 41) as f64 * 20.0 - 400.0, 400.0 - (n / 41) as f64 * 20.0];
         let r = x.hypot(y);
         match r {
-            // A polygon of 120 sides is up to .14 m narrower.
+            // A polygon of 120 sides is up to 0.14 m narrower.
             _ if r > 401.0 => assert!(height.is_nan(), "{height} at {r}"),
             _ if r > 110.0 && r < 399.0 => {
                 let wanted = 300.0 - r / 2.0;

@@ -9,7 +9,7 @@ pub const KERNEL_CLIP: f64 = 0.25;
 /// Iterations of Eq. 6 on a binary field for `eq6`.
 pub const EQ6_ITERATIONS: usize = 10;
 /// Iterations of Eq. 6 that bring phi to the fixed point of the sweeps' own reinitialisation. Without them the speed jumps at the
-/// contours (prototype: a star .038 instead of .005 px per unit z).
+/// contours (a star: 0.038 px per unit of z instead of 0.005).
 pub const CONDITION_ITERATIONS: usize = 20;
 /// Width beyond the tubes of the sweeps of the band in which a field is conditioned, px.
 pub const CONDITION_WIDER: f64 = 4.0;

@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
+use glam::DVec2;
+
 use crate::grid::components::Components;
 
 /// Area ratios of parts that may be the same.
@@ -19,7 +21,7 @@ pub struct Part {
     /// Its pixels.
     pub nodes: Vec<usize>,
     /// Mean position of its pixels, pixels.
-    pub centroid: [f64; 2],
+    pub centroid: DVec2,
     /// Radius of the circle of the same area, px.
     pub radius: f64,
 }
@@ -35,7 +37,7 @@ pub fn parts(solids: &Components, [nx, _]: [usize; 2], h: [f64; 2]) -> Vec<Part>
         // Whole numbers: the order of the sum does not matter.
         let sum = nodes.iter().fold([0, 0], |s, n| [s[0] + n % nx, s[1] + n / nx]);
         let radius = (count * h[0] * h[1] / PI).sqrt();
-        Part { number, centroid: sum.map(|s| s as f64 / count), radius, nodes }
+        Part { number, centroid: DVec2::from(sum.map(|s| s as f64)) / count, radius, nodes }
     };
     (0..).zip(nodes).skip(1).map(part).collect()
 }
@@ -106,14 +108,15 @@ pub fn candidates(
 
 /// Distance of the centroids, px of the larger side.
 fn apart(a: &Part, b: &Part, h: [f64; 2]) -> f64 {
-    ((a.centroid[0] - b.centroid[0]) * h[0]).hypot((a.centroid[1] - b.centroid[1]) * h[1])
+    let way = DVec2::from(h) * (a.centroid - b.centroid);
+    way.x.hypot(way.y)
 }
 
 /// Intersection over union after a shift by whole pixels that brings the centroids together.
 fn aligned_iou(a: &Part, b: &Part, [nx, ny]: [usize; 2]) -> f64 {
-    let shift: [i64; 2] = std::array::from_fn(|c| (b.centroid[c] - a.centroid[c]).round() as i64);
+    let shift = (b.centroid - a.centroid).round().as_i64vec2();
     let moved = |&n: &usize| {
-        let (i, j) = ((n % nx) as i64 + shift[0], (n / nx) as i64 + shift[1]);
+        let (i, j) = ((n % nx) as i64 + shift.x, (n / nx) as i64 + shift.y);
         let within = (0..nx as i64).contains(&i) && (0..ny as i64).contains(&j);
         within.then_some((j * nx as i64 + i) as usize)
     };

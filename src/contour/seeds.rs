@@ -1,15 +1,16 @@
 //! The zero set of a field as closed polylines, and tracker seeds evenly spaced along them.
 
 use bytemuck::{Pod, Zeroable};
+use glam::DVec2;
 
-use crate::grid::field::{Field, distance};
+use crate::grid::field::{Field, distance, position};
 use crate::storage::spill::stored_as_they_are;
 
 /// A point where a contour crosses the edge between two pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
     /// Position, pixels.
-    pub x: [f64; 2],
+    pub x: DVec2,
     /// Pixel on the inside of the edge.
     pub inside: usize,
     /// Pixel on the outside.
@@ -24,7 +25,7 @@ pub type Loop = Vec<Crossing>;
 #[repr(C)]
 pub struct Seed {
     /// Position, pixels.
-    pub x: [f64; 2],
+    pub x: DVec2,
     /// A pixel inside, next to it.
     pub inside: usize,
     /// A pixel outside, next to it.
@@ -78,7 +79,7 @@ fn crossing(phi: &Field, edge: usize) -> Crossing {
     let (a, axis) = (edge / 2, edge % 2);
     let b = a + [1, nx][axis];
     let f = phi.data[a] / (phi.data[a] - phi.data[b]);
-    let mut x = [(a % nx) as f64, (a / nx) as f64];
+    let mut x = position(a, nx);
     x[axis] += if f.is_finite() { f.clamp(0.0, 1.0) } else { 0.5 };
     let (inside, outside) = if phi.data[a] < 0.0 { (a, b) } else { (b, a) };
     Crossing { x, inside, outside }
@@ -141,11 +142,11 @@ pub fn seeds(phi: &Field, h: [f64; 2], spacing: f64) -> Vec<Seed> {
             }
             let (a, b) = (joints[segment], joints[segment + 1]);
             let f = if lengths[segment] > 0.0 { ((at - before) / lengths[segment]).clamp(0.0, 1.0) } else { 0.5 };
-            let mut x = [a.x[0] + f * (b.x[0] - a.x[0]), a.x[1] + f * (b.x[1] - a.x[1])];
+            let mut x = a.x + f * (b.x - a.x);
             let nearer = if f < 0.5 { a } else { b };
             for _ in 0..2 {
                 let (v, n) = (phi.sample(x).clamp(-0.5, 0.5), phi.normal(x, h));
-                x = [x[0] - v * n[0] / h[0], x[1] - v * n[1] / h[1]];
+                x -= v * n / DVec2::from(h);
             }
             out.push(Seed { x, inside: nearer.inside, outside: nearer.outside });
         }
@@ -157,15 +158,14 @@ pub fn seeds(phi: &Field, h: [f64; 2], spacing: f64) -> Vec<Seed> {
 /// elsewhere, the other way round or turned, a loop has the same seeds. (A loop that is its own image turned by a half or a quarter would have the
 /// sum 0, were its arcs not a multiple of four.)
 fn phase(lengths: &[f64], arc: f64) -> f64 {
-    let (mut at, mut sum) = (0.0, [0.0; 2]);
+    let (mut at, mut sum) = (0.0, DVec2::ZERO);
     for length in lengths {
-        let (sin, cos) = (std::f64::consts::TAU * (at / arc).fract()).sin_cos();
-        sum = [sum[0] + cos, sum[1] + sin];
+        sum += DVec2::from_angle(std::f64::consts::TAU * (at / arc).fract());
         at += length;
     }
     // Rounding decides nothing where the crossings are of no opinion.
-    if sum[0].hypot(sum[1]) < 1e-9 * lengths.len() as f64 {
+    if sum.x.hypot(sum.y) < 1e-9 * lengths.len() as f64 {
         return 0.5;
     }
-    (sum[1].atan2(sum[0]) / std::f64::consts::TAU).rem_euclid(1.0).min(1.0 - f64::EPSILON)
+    (sum.y.atan2(sum.x) / std::f64::consts::TAU).rem_euclid(1.0).min(1.0 - f64::EPSILON)
 }

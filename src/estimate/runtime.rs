@@ -2,7 +2,7 @@
 //!
 //! CPU seconds of the reference path grow with what stages work on: pixels of the slices (distance, motion), pixels in which neighbours differ
 //! (steps of the morphs), edges of the contours times layers (what is near the surface of each), pixels of the layers. Their costs are a fit
-//! to default runs of 13 stacks, .2 to 17 CPU seconds each, and the estimate .6 to 1.6 times what these took; how fast a machine is, a small
+//! to default runs of 13 stacks, 0.2 to 17 CPU seconds each, and the estimate 0.6 to 1.6 times what these took; how fast a machine is, a small
 //! distance transform says.
 
 use std::time::Instant;

@@ -1,5 +1,6 @@
 //! Layers read along trajectories.
 
+use glam::DVec2;
 use multiversion::multiversion;
 
 use crate::grid::tiled::Packed;
@@ -15,7 +16,7 @@ pub fn add(v: &Packed<f32>, w: f32, offsets: Option<&Displacement>, j: usize, fi
         match offsets {
             None => v.read(first, j, &mut some[..out.len()]),
             Some(offsets) => {
-                let mut moved = [[0.0; 2]; AT_ONCE];
+                let mut moved = [DVec2::ZERO; AT_ONCE];
                 offsets.read_row(j, first, &mut moved[..out.len()]);
                 sample(v, [first, j], &moved, out.len(), &mut some);
             }
@@ -26,7 +27,7 @@ pub fn add(v: &Packed<f32>, w: f32, offsets: Option<&Displacement>, j: usize, fi
 
 /// Bilinear values of a layer at pixels of a row that have `moved`, of which the first is `origin`, the edge repeated.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
-fn sample(v: &Packed<f32>, origin: [usize; 2], moved: &[[f64; 2]; AT_ONCE], count: usize, out: &mut [f32; AT_ONCE]) {
+fn sample(v: &Packed<f32>, origin: [usize; 2], moved: &[DVec2; AT_ONCE], count: usize, out: &mut [f32; AT_ONCE]) {
     let [nx, ny] = v.dims();
     let last = [nx, ny].map(|n| (n - 1) as f64);
     let before_last = [nx, ny].map(|n| n.saturating_sub(2) as u32);

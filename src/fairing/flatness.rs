@@ -1,14 +1,24 @@
 //! Flatness of a layer's surface: relief between contour lines, which shows no creases and whose shape a mean along z would wash away.
 //!
 //! A pixel near the surface stands by itself, `1 - smoothstep((s - 3) / 5)` for a surface that goes `s` sideways per height, and among its
-//! neighbours: by the mean of [`upright`] in a Gaussian window, each pixel by how near the surface it is, from .35 on, wholly from .65 on. A flat
-//! place between walls, the end of a bone, shows its creases as a wall does; a plain has relief. Measured with strength 1.5 (crease of
-//! pelvis_ts and vertebra_l3 medium over the truth's; RMSE of Jacksboro at 12 and 8 levels, m): [`upright`] of each pixel alone 1.17, 1.04;
-//! 10.2, 16.4. Its mean alone 1.12, 1.06; 10.1, 16.2. Both as here 1.09, 1.04; 10.1, 16.3. Each pixel alone from 3 to 8: 1.09, .99; at
-//! strength 1 10.4, 16.7. These before parts without partner closed as they do and near pixels counted more, with means from .2 to .6: with them
-//! since then 1.094, 1.041; 9.89, 15.96; from .3 to .6 9.87, 15.93; as here 1.096, 1.045; 9.83, 15.89; from .4 to .7 1.102, 1.046; 9.81, 15.86
-//! (without fairing 9.78, 15.82). What smoothing adds there lies within 2 px of the contours, where their own pixels are not known better.
+//! neighbours: by the mean of [`upright`] in a Gaussian window, each pixel by how near the surface it is, from 0.35 on, wholly from 0.65 on. A flat
+//! place between walls, the end of a bone, shows its creases as a wall does; a plain has relief. What smoothing adds to relief lies within 2 px of
+//! the contours, where their own pixels are not known better.
+//!
+//! Measured with strength 1.5: creases of pelvis_ts and vertebra_l3 medium over the truth's, and RMSE of Jacksboro at 12 and 8 levels.
+//!
+//! | means count as flat below, as upright above | creases | RMSE, m |
+//! |---|---|---|
+//! | 0.2, 0.6 | 1.094, 1.041 | 9.89, 15.96 |
+//! | 0.3, 0.6 | | 9.87, 15.93 |
+//! | 0.35, 0.65 (here) | 1.096, 1.045 | 9.83, 15.89 |
+//! | 0.4, 0.7 | 1.102, 1.046 | 9.81, 15.86 |
+//! | no fairing | | 9.78, 15.82 |
+//!
+//! [`upright`] of each pixel alone, its mean alone, and both have the creases 1.17, 1.04; 1.12, 1.06; 1.09, 1.04 and the RMSE 10.2, 16.4; 10.1, 16.2;
+//! 10.1, 16.3 (with parts without partner closed in another way, so these three compare with each other only).
 
+use glam::DVec2;
 use rayon::prelude::*;
 
 use super::near::{SATURATED, nearer, nearness};
@@ -44,10 +54,10 @@ impl Around {
         let nodes = Displacement::zero([nx, ny]);
         let mut sums = nodes.clone();
         let columns = sums.grid[0];
-        let add = |(row, blocks): (usize, &mut [[f64; 2]])| {
+        let add = |(row, blocks): (usize, &mut [DVec2])| {
             let [mut steep, mut own] = [vec![0.0; nx], vec![0.0; nx]];
             // Of the nodes by tents.
-            let middle = nodes.centre(row * columns)[1];
+            let middle = nodes.centre(row * columns).y;
             let first = (middle - BLOCK as f64).max(0.0).floor() as usize;
             for j in first..((middle + BLOCK as f64).ceil() as usize).min(ny) {
                 let share = (1.0 - (j as f64 - middle).abs() / BLOCK as f64).max(0.0);
@@ -57,9 +67,8 @@ impl Around {
                     for i in pixels {
                         let weight = nearness(own[i].abs() / bound);
                         let (before, place) = nodes.place(0, i as f64);
-                        for ([stands, all], along) in blocks[before..before + 2].iter_mut().zip([1.0 - place, place]) {
-                            *stands += share * along * weight * upright(f64::from(steep[i]));
-                            *all += share * along * weight;
+                        for (sums, along) in blocks[before..before + 2].iter_mut().zip([1.0 - place, place]) {
+                            *sums += share * along * weight * DVec2::new(upright(f64::from(steep[i])), 1.0);
                         }
                     }
                 }
@@ -67,18 +76,22 @@ impl Around {
         };
         sums.vectors.par_chunks_mut(columns).enumerate().for_each(add);
         let side = spacing[0].max(spacing[1]);
-        smooth(&mut sums.vectors, sums.grid, spacing.map(|s| REACH * side / s / BLOCK as f64));
+        smooth::<2>(
+            bytemuck::cast_slice_mut(&mut sums.vectors),
+            sums.grid,
+            spacing.map(|s| REACH * side / s / BLOCK as f64),
+        );
         Around { sums }
     }
 
     /// Scales the values of a stretch of row `j` that begins at pixel `first`.
     pub fn scale(&self, j: usize, first: usize, values: &mut [f32]) {
-        let mut some = [[0.0; 2]; 4 * BLOCK];
+        let mut some = [DVec2::ZERO; 4 * BLOCK];
         for (first, values) in (first..).step_by(some.len()).zip(values.chunks_mut(some.len())) {
             let some = &mut some[..values.len()];
             self.sums.read_row(j, first, some);
-            for (value, [stands, all]) in values.iter_mut().zip(some) {
-                *value *= smoothstep((*stands / all.max(f64::MIN_POSITIVE) - NONE) / (ALL - NONE)) as f32;
+            for (value, DVec2 { x: upright, y: all }) in values.iter_mut().zip(some) {
+                *value *= smoothstep((*upright / all.max(f64::MIN_POSITIVE) - NONE) / (ALL - NONE)) as f32;
             }
         }
     }

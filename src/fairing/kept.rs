@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use glam::DVec2;
+
 use super::near::nearer;
 use crate::grid::tiled::Packed;
 use crate::registration::displacement::Displacement;
@@ -9,7 +11,7 @@ use crate::registration::motion_field::{Paths, Place};
 use crate::surface::Layer;
 
 /// A block of a layer, and where its trajectory meets the slices below and above, px of the padded image.
-pub type Near = (usize, [[f64; 2]; 2]);
+pub type Near = (usize, [DVec2; 2]);
 
 /// A layer that waits to be handed on.
 pub struct WaitingLayer {
@@ -94,9 +96,6 @@ pub fn blocks_near(v: &Packed<f32>, far: f32, paths: &Paths, pad: [usize; 2]) ->
             }
         }
     }
-    let slices = |block: usize| {
-        let x = still.centre(block);
-        paths.to_slices([0, 1].map(|a| x[a] + pad[a] as f64))
-    };
+    let slices = |block: usize| paths.to_slices(still.centre(block) + DVec2::from(pad.map(|p| p as f64)));
     (0..near.len()).filter(|&block| near[block]).map(|block| (block, slices(block))).collect()
 }

@@ -1,10 +1,10 @@
 //! Constrained fairing: a smoothing along z that leaves the input contours where they are and makes them invisible.
 //!
 //! It is a function of the stack. At the nodes of every interval (`nodes`) the signed distance u becomes `v = B tanh(u / (n B))` with the 3D
-//! gradient `n = max(|grad u|, .3)`, which counts near the surface only; along z a median gap counts as GAP px, so that heights have no unit. With
+//! gradient `n = max(|grad u|, 0.3)`, which counts near the surface only; along z a median gap counts as GAP px, so that heights have no unit. With
 //! the mean K along the trajectories of the moving field (or straight along z), `D = K v - v`, a node between the contours i and i + 1
 //! is moved by `C = alpha n (D - (1 - w) D_i - w D_{i+1})`, `w = 3 t^2 - 2 t^3`, where v is small against B: as smoothing would move it, less
-//! what would move the contours (D_i fades out where its |v| / B goes from .82 to .88), and not where the surface lies flat or a part is on
+//! what would move the contours (D_i fades out where its |v| / B goes from 0.82 to 0.88), and not where the surface lies flat or a part is on
 //! one contour alone (`goes_on`). Where slopes
 //! may not overshoot, neither may C (`limit`). A layer at any height moves by the C1 curve in z through the C of the nodes, 0 at contours, cut off
 //! where that swings beyond what a node may move by. Beyond
@@ -22,6 +22,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 
+use glam::DVec2;
 use rayon::prelude::*;
 
 use self::along::add;
@@ -242,10 +243,9 @@ impl<'m> Fairing<'m> {
         let between: Vec<&[Resting; 2]> = intervals.filter_map(of).map(|place| &*place.at_slices).collect();
         let mut offsets = Displacement::zero(self.spec.dims);
         let offset = |&(block, slices): &Near| {
-            let (x, y) = (offsets.centre(block), from.carry(slices, to, &between));
-            [0, 1].map(|a| y[a] - pad[a] as f64 - x[a])
+            from.carry(slices, to, &between) - DVec2::from(pad.map(|p| p as f64)) - offsets.centre(block)
         };
-        let found: Vec<[f64; 2]> = near.par_iter().map(offset).collect();
+        let found: Vec<DVec2> = near.par_iter().map(offset).collect();
         near.iter().zip(found).for_each(|((block, _), offset)| offsets.vectors[*block] = offset);
         Some(offsets)
     }

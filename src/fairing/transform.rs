@@ -1,4 +1,4 @@
-//! Quantity of a layer that is averaged: `v = B tanh(u / (n B))` of its distances u, with the 3D gradient `n = max(|grad u|, .3)`.
+//! Quantity of a layer that is averaged: `v = B tanh(u / (n B))` of its distances u, with the 3D gradient `n = max(|grad u|, 0.3)`.
 
 use multiversion::multiversion;
 

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use glam::DVec2;
+
 use super::Gpu;
 use super::layout::{Image, TILE};
 use super::recorder::Size;
@@ -39,12 +41,12 @@ pub fn pack(fields: &[Arc<Field>]) -> Vec<f32> {
 
 /// Displacements one after the other.
 pub fn vectors<'a>(displacements: impl IntoIterator<Item = &'a Displacement>) -> Vec<[f32; 2]> {
-    displacements.into_iter().flat_map(|d| &d.vectors).map(|v| v.map(|c| c as f32)).collect()
+    displacements.into_iter().flat_map(|d| &d.vectors).map(|v| v.as_vec2().to_array()).collect()
 }
 
 /// Displacements on the same nodes as `like` from their vectors one after the other.
 pub fn displacements<'v>(like: &'v Displacement, vectors: &'v [[f32; 2]]) -> impl Iterator<Item = Displacement> + 'v {
-    let of = |some: &[[f32; 2]]| like.with(some.iter().map(|v| v.map(f64::from)).collect());
+    let of = |some: &[[f32; 2]]| like.with(some.iter().map(|v| DVec2::from(v.map(f64::from))).collect());
     vectors.chunks_exact(like.vectors.len()).map(of)
 }
 

@@ -1,5 +1,7 @@
 //! Tracker particles on the GPU.
 
+use glam::DVec2;
+
 use super::band::Front;
 use super::device::Buffer;
 use super::kernels::{Bound, shader};
@@ -54,14 +56,10 @@ pub struct Particles<'g> {
 
 impl<'g> Particles<'g> {
     /// Particles at these pixels of their jobs' tiles, `(job, x)`, bound for `goal`.
-    pub fn new(
-        front: &Front<'g>,
-        starts: impl Iterator<Item = (usize, [f64; 2])>,
-        goal: &Buffer<[f32]>,
-    ) -> Result<Self> {
+    pub fn new(front: &Front<'g>, starts: impl Iterator<Item = (usize, DVec2)>, goal: &Buffer<[f32]>) -> Result<Self> {
         let Front { gpu, params, jobs, phi, .. } = front;
-        let start = |(q, x): (usize, [f64; 2])| Particle {
-            x: x.map(|v| v as f32),
+        let start = |(q, x): (usize, DVec2)| Particle {
+            x: x.as_vec2().into(),
             died: -1.0,
             job: q as u32,
             ..Particle::default()
@@ -98,7 +96,7 @@ fn track(p: &Particle) -> Track {
     Track {
         distance: full_distance(f64::from(p.covered), died),
         arc: f64::from(p.arc),
-        landing: p.x.map(f64::from),
+        landing: p.x.map(f64::from).into(),
         arrived: died.is_none(),
     }
 }

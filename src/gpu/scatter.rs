@@ -1,5 +1,7 @@
 //! Values of seeds at the pixels of a contour, on the GPU.
 
+use glam::DVec2;
+
 use super::atlas::Atlas;
 use super::band::Front;
 use super::device::Buffer;
@@ -72,7 +74,7 @@ pub fn place_seeds(atlas: &mut Atlas, jobs: &[&SweepJob<'_>], h: [f64; 2]) -> (V
     for (slot, job) in atlas.jobs.iter_mut().zip(jobs) {
         let cells: [usize; 2] = std::array::from_fn(|a| (job.source.dims[a] as f64 * h[a] / RADIUS) as usize + 1);
         (slot.first_bin, slot.bins_x, slot.bins_y) = (bins.len() as u32, cells[0] as u32, cells[1] as u32);
-        let bin = |x: &[f64; 2]| {
+        let bin = |x: &DVec2| {
             let cell = |a: usize| ((x[a] * h[a] / RADIUS).max(0.0) as usize).min(cells[a] - 1);
             cell(1) * cells[0] + cell(0)
         };
@@ -87,7 +89,7 @@ pub fn place_seeds(atlas: &mut Atlas, jobs: &[&SweepJob<'_>], h: [f64; 2]) -> (V
         }
         seeds.extend(order.iter().map(|&(_, k)| Seed {
             course: job.courses[k].map(|v| v as f32),
-            x: job.seeds[k].map(|v| v as f32),
+            x: job.seeds[k].as_vec2().into(),
             padding: [0.0; 2],
         }));
     }

@@ -27,7 +27,7 @@ pub fn paths(gpu: &Gpu, moving: &MotionField, i: usize, times: &[f64], h: [f64; 
     let device = &gpu.device;
     let v = &moving.displacements[i];
     let nodes = v.vectors.len();
-    let rates = [i, i + 1].map(|s| moving.rates[s].map(|_, _, k| k.map(|c| c * moving.gap(i))));
+    let rates = [i, i + 1].map(|s| moving.rates[s].map(|_, _, k| k * moving.gap(i)));
     let table: Vec<Time> = times
         .iter()
         .map(|&t| Time {

@@ -1,8 +1,10 @@
 //! A scalar field on a tile of pixels, and how it is read between pixels.
 //!
-//! Pixel space: a position `x = [x, y]` counts pixels, pixel `(i, j)` has its centre at `[i, j]`, `node = j * nx + i`. Lengths (values
+//! Pixel space: a position `x` counts pixels, pixel `(i, j)` has its centre at `(i, j)`, `node = j * nx + i`. Lengths (values
 //! of distance fields, normals, speeds) are in pixels of the larger pixel side; `h = [hx, hy]`, the sides of one pixel in that unit,
 //! has a 1 in it and nothing larger.
+
+use glam::DVec2;
 
 use crate::storage::spill::{Array, Large};
 
@@ -51,39 +53,39 @@ impl Field {
 
     /// Bilinear value at `x`; positions beyond the tile read its edge.
     #[inline(always)]
-    pub fn sample(&self, x: [f64; 2]) -> f64 {
+    pub fn sample(&self, x: DVec2) -> f64 {
         sample(&self.data, self.dims, x)
     }
 
     /// Catmull-Rom value at `x`, C1 in x; positions beyond the tile read its edge.
     #[inline(always)]
-    pub fn sample_smooth(&self, x: [f64; 2]) -> f64 {
+    pub fn sample_smooth(&self, x: DVec2) -> f64 {
         sample_smooth(&self.data, self.dims, x)
     }
 
     /// Unit normal `grad / |grad|` at `x`: bilinear mean of the central differences at the four pixels around, zero where the
     /// gradient vanishes.
-    pub fn normal(&self, x: [f64; 2], h: [f64; 2]) -> [f64; 2] {
+    pub fn normal(&self, x: DVec2, h: [f64; 2]) -> DVec2 {
         let ([i, j], [fx, fy]) = cell(self.dims, x, 1);
         let row = |k: usize| &self.data[(j + k - 1) * self.dims[0] + i - 1..][..4];
         let rows = [row(0), row(1), row(2), row(3)];
         let weights = [[(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy)], [(1.0 - fx) * fy, fx * fy]];
-        let mut g = [0.0; 2];
+        let mut g = DVec2::ZERO;
         for (b, weights) in weights.iter().enumerate() {
             for (a, w) in weights.iter().enumerate() {
-                g[0] += w * (0.5 * (rows[b + 1][a + 2] - rows[b + 1][a]) / h[0]);
-                g[1] += w * (0.5 * (rows[b + 2][a + 1] - rows[b][a + 1]) / h[1]);
+                g.x += w * (0.5 * (rows[b + 1][a + 2] - rows[b + 1][a]) / h[0]);
+                g.y += w * (0.5 * (rows[b + 2][a + 1] - rows[b][a + 1]) / h[1]);
             }
         }
-        let length = length(g);
-        if length < 1e-9 { [0.0; 2] } else { [g[0] / length, g[1] / length] }
+        let length = g.length();
+        if length < 1e-9 { DVec2::ZERO } else { g / length }
     }
 
     /// Gradient at a pixel that has four neighbours, by central differences.
     #[inline(always)]
-    pub fn gradient(&self, node: usize, h: [f64; 2]) -> [f64; 2] {
+    pub fn gradient(&self, node: usize, h: [f64; 2]) -> DVec2 {
         let (a, nx) = (&self.data, self.dims[0]);
-        [0.5 * (a[node + 1] - a[node - 1]) / h[0], 0.5 * (a[node + nx] - a[node - nx]) / h[1]]
+        DVec2::new(0.5 * (a[node + 1] - a[node - 1]) / h[0], 0.5 * (a[node + nx] - a[node - nx]) / h[1])
     }
 
     /// Whether the contour passes between pixel `node` and one of its four neighbours.
@@ -98,17 +100,16 @@ impl Field {
     }
 
     /// Contour point closest to pixel `node`: `x - phi n`, in pixels.
-    pub fn closest_point(&self, node: usize, h: [f64; 2]) -> [f64; 2] {
+    pub fn closest_point(&self, node: usize, h: [f64; 2]) -> DVec2 {
         let g = self.gradient(node, h);
-        let scale = self.data[node] / (length(g) + 1e-9);
-        let (i, j) = (node % self.dims[0], node / self.dims[0]);
-        [i as f64 - scale * g[0] / h[0], j as f64 - scale * g[1] / h[1]]
+        let scale = self.data[node] / (g.length() + 1e-9);
+        position(node, self.dims[0]) - scale * g / DVec2::from(h)
     }
 }
 
 /// Bilinear value at `x` of values on a tile, see [`Field::sample`].
 #[inline(always)]
-pub fn sample<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]) -> f64 {
+pub fn sample<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: DVec2) -> f64 {
     let ([i, j], place) = cell(dims, x, 0);
     let (nx, node) = (dims[0], j * dims[0] + i);
     bilinear([a[node].into(), a[node + 1].into(), a[node + nx].into(), a[node + nx + 1].into()], place)
@@ -116,7 +117,7 @@ pub fn sample<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]) -> f6
 
 /// Catmull-Rom value at `x` of values on a tile, see [`Field::sample_smooth`].
 #[inline(always)]
-pub fn sample_smooth<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]) -> f64 {
+pub fn sample_smooth<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: DVec2) -> f64 {
     let ([i, j], [fx, fy]) = cell(dims, x, 1);
     let (nx, node) = (dims[0], j * dims[0] + i);
     let (wx, wy) = (catmull_rom(fx), catmull_rom(fy));
@@ -133,7 +134,7 @@ pub fn sample_smooth<T: Copy + Into<f64>>(a: &[T], dims: [usize; 2], x: [f64; 2]
 
 /// Lower corner of the cell around `x`, kept `rim` pixels off the edge of the tile, and the place in it.
 #[inline(always)]
-pub fn cell(dims: [usize; 2], x: [f64; 2], rim: usize) -> ([usize; 2], [f64; 2]) {
+pub fn cell(dims: [usize; 2], x: DVec2, rim: usize) -> ([usize; 2], [f64; 2]) {
     let mut corner = [0; 2];
     let mut place = [0.0; 2];
     for axis in 0..2 {
@@ -163,15 +164,15 @@ fn catmull_rom(f: f64) -> [f64; 4] {
     ]
 }
 
-/// Length of the step from `a` to `b`.
-pub fn distance(a: [f64; 2], b: [f64; 2], h: [f64; 2]) -> f64 {
-    length([(a[0] - b[0]) * h[0], (a[1] - b[1]) * h[1]])
+/// Position of pixel `node` of a tile `nx` pixels wide.
+#[inline(always)]
+pub fn position(node: usize, nx: usize) -> DVec2 {
+    DVec2::new((node % nx) as f64, (node / nx) as f64)
 }
 
-/// Length of a vector neither of whose squares is out of range: cheaper than `hypot`.
-#[inline(always)]
-pub fn length([x, y]: [f64; 2]) -> f64 {
-    (x * x + y * y).sqrt()
+/// Length of the step from `a` to `b`, of which neither square is out of range: cheaper than `hypot`.
+pub fn distance(a: DVec2, b: DVec2, h: [f64; 2]) -> f64 {
+    ((a - b) * DVec2::from(h)).length()
 }
 
 /// Share of a pixel that is inside where its signed distance is `phi` px.

@@ -1,6 +1,8 @@
 //! Pure scalar arithmetic of the level-set scheme: WENO5 one-sided derivatives, Godunov's Hamiltonian, TVD-RK3 weights, the tube's
 //! cut-off, the smeared sign.
 
+use glam::DVec2;
+
 /// Pixels this close to a front decide about its time step.
 pub const FRONT_REACH: f64 = 1.5;
 /// The Courant number for which everything that goes by steps is set: largest steps, reinitialisation, patience.
@@ -68,8 +70,8 @@ pub fn cut_off(phi: f64, beta: f64, gamma: f64) -> f64 {
 
 /// Smeared sign `S = phi / sqrt(phi^2 + |grad phi|^2 h^2)` with `h = 1` (Peng et al. 1999, eq. 3.4).
 #[inline(always)]
-pub fn smeared_sign(phi: f64, gradient: [f64; 2]) -> f64 {
-    phi / (phi * phi + gradient[0] * gradient[0] + gradient[1] * gradient[1] + 1e-12).sqrt()
+pub fn smeared_sign(phi: f64, gradient: DVec2) -> f64 {
+    phi / (phi * phi + gradient.x * gradient.x + gradient.y * gradient.y + 1e-12).sqrt()
 }
 
 /// The upwind eikonal update on pixels of given sides (Zhao 2005, eq. 2.4).

@@ -1,5 +1,7 @@
 //! Rectangles of an image: a tile is the bounding box of some parts and a margin, so that memory and work follow the contours and not the image.
 
+use glam::DVec2;
+
 use crate::grid::field::Field;
 
 /// A length in units of the larger pixel side as pixels along either axis, at least as long: pixels need not be square.
@@ -61,19 +63,25 @@ impl Tile {
     }
 
     /// A position of the padded image in the tile's own pixels.
-    pub fn to_local(&self, x: [f64; 2]) -> [f64; 2] {
-        [x[0] - self.origin[0] as f64, x[1] - self.origin[1] as f64]
+    pub fn to_local(&self, x: DVec2) -> DVec2 {
+        x - self.first()
     }
 
     /// Whether a position of the padded image lies between its pixels, or no farther off than `around`.
     #[inline]
-    pub fn holds(&self, x: [f64; 2], around: f64) -> bool {
+    pub fn holds(&self, x: DVec2, around: f64) -> bool {
         let local = self.to_local(x);
         (0..2).all(|a| local[a] >= -around && local[a] <= (self.dims[a] - 1) as f64 + around)
     }
 
     /// A position of the tile in pixels of the padded image.
-    pub fn to_image(&self, x: [f64; 2]) -> [f64; 2] {
-        [x[0] + self.origin[0] as f64, x[1] + self.origin[1] as f64]
+    pub fn to_image(&self, x: DVec2) -> DVec2 {
+        x + self.first()
+    }
+
+    /// Position of its first pixel.
+    #[inline]
+    fn first(&self) -> DVec2 {
+        DVec2::from(self.origin.map(|c| c as f64))
     }
 }

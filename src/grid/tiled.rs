@@ -6,6 +6,7 @@
 use std::ops::{Index, IndexMut, Range};
 
 use bytemuck::Pod;
+use glam::DVec2;
 use rayon::prelude::*;
 
 use crate::grid::field::{Field, bilinear, cell};
@@ -385,7 +386,7 @@ impl Packed<f32> {
 impl Packed<f64> {
     /// Bilinear value at `x`; positions beyond the image read its edge.
     #[inline(always)]
-    pub fn sample(&self, x: [f64; 2]) -> f64 {
+    pub fn sample(&self, x: DVec2) -> f64 {
         let ([i, j], place) = cell(self.dims, x, 0);
         bilinear(self.corners(i, j, 1, 1), place)
     }

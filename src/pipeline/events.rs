@@ -57,6 +57,8 @@ pub(super) fn named(events: &[Event], seen: [&Contour; 2], own: [&Contour; 2], f
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec2;
+
     use super::*;
     use crate::grid::field::Field;
 
@@ -69,7 +71,7 @@ mod tests {
         };
         let contour = |at: &[[f64; 2]]| Contour::with_seeds(0.0, discs(at), Vec::new());
         let (own, seen) = (contour(&[[10.0, 8.0], [30.0, 30.0]]), contour(&[[10.0, 31.0], [30.0, 9.0]]));
-        let turned = |x: [f64; 2]| [x[0], 39.0 - x[1]];
+        let turned = |x: DVec2| DVec2::new(x.x, 39.0 - x.y);
         assert_eq!(origins(&seen, &own, turned)[1..], [2, 1]);
         // No part of the frame is lost, and one that is in two pieces there is told once.
         let frame = Frame::default();

@@ -2,10 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use glam::DVec2;
+
 use super::context::Context;
 use crate::contour::Contour;
 use crate::contour::parts::{candidates, overlaps, parts};
 use crate::error::{Error, Result};
+use crate::grid::field::position;
 use crate::grid::spline::smoothstep;
 use crate::pipeline::rigid_frames;
 use crate::reference::exact::exact_distance;
@@ -188,12 +191,12 @@ pub(super) fn in_frame(
 }
 
 /// For each part that the mid frame sees the part of the slice that most of its pixels come from, by number; 0 where there is none.
-pub(super) fn origins(seen: &Contour, own: &Contour, back: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<u32> {
+pub(super) fn origins(seen: &Contour, own: &Contour, back: impl Fn(DVec2) -> DVec2) -> Vec<u32> {
     let [nx, ny] = own.phi.dims;
     let mut counts: Vec<BTreeMap<u32, usize>> = vec![BTreeMap::new(); seen.solids.count + 1];
     for (n, &label) in seen.solids.labels.iter().enumerate().filter(|(_, label)| **label > 0) {
-        let x = back([(n % nx) as f64, (n / nx) as f64]);
-        let [i, j] = [(x[0].round().max(0.0) as usize).min(nx - 1), (x[1].round().max(0.0) as usize).min(ny - 1)];
+        let x = back(position(n, nx)).round().max(DVec2::ZERO);
+        let [i, j] = [(x.x as usize).min(nx - 1), (x.y as usize).min(ny - 1)];
         let origin = own.solids.labels[j * nx + i];
         if origin > 0 {
             *counts[label as usize].entry(origin).or_default() += 1;

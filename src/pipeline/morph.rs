@@ -213,7 +213,7 @@ fn trace<'a>(
         let traced = run.backend.trace(&request, run.progress)?;
         for (t, &i) in traced.iter().zip(&owners) {
             let report = &mut reports[i];
-            if let Some(k) = t.tracks.iter().position(|k| !(k.distance.is_finite() && k.landing[0].is_finite())) {
+            if let Some(k) = t.tracks.iter().position(|k| !(k.distance.is_finite() && k.landing.x.is_finite())) {
                 let message = format!("particle {k} between heights {} and {} is lost", report.z_low, report.z_high);
                 return Err(Error::Numerics { stage: "trace", message });
             }

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use glam::DVec2;
+
 use super::context::{Context, stage};
 use super::ends::{EndMatter, passing_field};
 use super::links::{IntervalLinks, frames};
@@ -12,7 +14,7 @@ use crate::contour::direction::Direction;
 use crate::contour::termination::{Succession, closes};
 use crate::contour::unmatched::LonePart;
 use crate::error::Result;
-use crate::grid::field::Field;
+use crate::grid::field::{Field, position};
 use crate::pipeline::compose::mean_slope;
 use crate::pipeline::fit::Fitted;
 use crate::pipeline::matching::lone_solids;
@@ -174,10 +176,7 @@ pub(super) fn lone_parts<'a>(
             let (own, other) = (contours.get(number)?, moving.field(other)?);
             let at_slices = moving.at_slices(i)?;
             let u = &at_slices[usize::from(direction == Direction::Down)];
-            let parts = without_partner(&own, least, |x| {
-                let v = u.at(x);
-                other.sample([x[0] + way * v[0], x[1] + way * v[1]]) < 0.0
-            });
+            let parts = without_partner(&own, least, |x| other.sample(x + way * u.at(x)) < 0.0);
             let mut lone = lone_solids(&own, &parts, run.h, run.margin, direction, run.backend)?;
             close(run, contours, i, direction, &mut lone)?;
             let fitted = Fitted::of_field(&own, &*slopes.get(number)?);
@@ -218,12 +217,12 @@ pub(super) fn close<'a>(
 }
 
 /// Numbers of the parts, at least `least` deep, no pixel of which meets anything.
-fn without_partner(contour: &Contour, least: f64, meets: impl Fn([f64; 2]) -> bool) -> Vec<u32> {
+fn without_partner(contour: &Contour, least: f64, meets: impl Fn(DVec2) -> bool) -> Vec<u32> {
     let mut lone: Vec<bool> = contour.solid_depth.iter().map(|depth| *depth >= least).collect();
     lone[0] = false;
     let nx = contour.phi.dims[0];
     for (node, &label) in contour.solids.labels.iter().enumerate() {
-        if lone[label as usize] && meets([(node % nx) as f64, (node / nx) as f64]) {
+        if lone[label as usize] && meets(position(node, nx)) {
             lone[label as usize] = false;
         }
     }

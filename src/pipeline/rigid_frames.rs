@@ -4,11 +4,13 @@
 //! with weights `1 / (max(d_k - 4, 0) + 1/4)^2`. What stands still is a body too. A body alone in the image takes all of it along. A part that
 //! goes into a much larger one is a body by itself; the larger one stands still but for where the other arrives.
 
+use glam::DVec2;
+
 use crate::contour::Contour;
 use crate::contour::overlap::{DecidedPairs, match_components};
+use crate::grid::field::position;
 use crate::reference::exact::exact_distance;
 use crate::registration::displacement::{BLOCK, Displacement};
-use crate::registration::motion_field::plus;
 use crate::registration::rigid::Rigid;
 
 /// Within this distance of its way a body's motion is nearly its own, px.
@@ -86,7 +88,7 @@ impl<'c> Slices<'c> {
     fn body(&self, parts: (u32, u32)) -> (Body, bool) {
         let found = Rigid::between((self.low, parts.0), (self.high, parts.1), self.h);
         let shift = found.rigid.shift;
-        let steps = (shift[0].abs().max(shift[1].abs()) / BLOCK as f64).ceil().max(1.0);
+        let steps = (shift.abs().max_element() / BLOCK as f64).ceil().max(1.0);
         let ends = [(self.low, parts.0, 1.0), (self.high, parts.1, -1.0)];
         let sizes = ends.map(|(contour, part, _)| positions(contour, part).count());
         let whole = [0, 1].map(|end| found.alike || sizes[end] < sizes[1 - end]);
@@ -95,7 +97,7 @@ impl<'c> Slices<'c> {
             for x in positions(contour, part) {
                 for step in 0..=steps as usize {
                     let s = sign * step as f64 / steps;
-                    self.nodes.nearest(plus(x, shift, s)).for_each(|k| way[k] = true);
+                    self.nodes.nearest(x + s * shift).for_each(|k| way[k] = true);
                 }
             }
         }
@@ -107,7 +109,7 @@ impl<'c> Slices<'c> {
         [(self.low, body.parts.0), (self.high, body.parts.1)].into_iter().all(|(contour, own)| {
             let nx = contour.phi.dims[0];
             let others = contour.solids.labels.iter().enumerate().filter(|(_, label)| **label > 0 && **label != own);
-            let places = |n: usize| self.nodes.nearest([(n % nx) as f64, (n / nx) as f64]);
+            let places = |n: usize| self.nodes.nearest(position(n, nx));
             others.flat_map(|(n, _)| places(n)).all(|k| body.away[k] >= ISOLATED)
         })
     }
@@ -122,7 +124,7 @@ impl<'c> Slices<'c> {
         let nx = self.low.phi.dims[0];
         for (contour, end) in [(self.low, 0), (self.high, 1)] {
             for (n, &label) in contour.solids.labels.iter().enumerate().filter(|(_, label)| **label > 0) {
-                for k in zero.nearest([(n % nx) as f64, (n / nx) as f64]) {
+                for k in zero.nearest(position(n, nx)) {
                     still[k] |= !bodies.iter().any(|body| body.takes(end, label, k, self.h));
                 }
             }
@@ -130,14 +132,13 @@ impl<'c> Slices<'c> {
         let still = self.distance(&still);
         let weight = |away: f64| ((away - RIM).max(0.0) + NEAR).powi(-2);
         let vectors = (0..zero.vectors.len()).map(|k| {
-            let (mut whole, mut sum) = (weight(still[k]), [0.0; 2]);
+            let (mut whole, mut sum) = (weight(still[k]), DVec2::ZERO);
             for body in &bodies {
                 let w = weight(body.away[k]);
-                let v = body.rigid.at(zero.centre(k), self.h);
                 whole += w;
-                sum = [sum[0] + w * v[0], sum[1] + w * v[1]];
+                sum += w * body.rigid.at(zero.centre(k), self.h);
             }
-            sum.map(|s| s / whole)
+            sum / whole
         });
         let displacement = zero.with(vectors.collect());
         let followed = bodies[..linked].iter().map(|body| self.followed(body, &displacement)).collect();
@@ -150,10 +151,10 @@ impl<'c> Slices<'c> {
         let ends = [(self.low, body.parts.0, 0.5), (self.high, body.parts.1, -0.5)];
         for ((contour, part, sign), _) in ends.into_iter().zip(body.whole).filter(|(_, whole)| *whole) {
             for x in positions(contour, part) {
-                let middle = plus(x, body.rigid.shift, sign);
-                let off = plus(displacement.at(middle), body.rigid.at(middle, self.h), -1.0);
+                let middle = x + sign * body.rigid.shift;
+                let off = DVec2::from(self.h) * (displacement.at(middle) - body.rigid.at(middle, self.h));
                 all += 1;
-                there += usize::from((off[0] * self.h[0]).hypot(off[1] * self.h[1]) < FOLLOWED);
+                there += usize::from(off.x.hypot(off.y) < FOLLOWED);
             }
         }
         there as f64 / all.max(1) as f64
@@ -164,19 +165,19 @@ impl Body {
     /// Whether node `k` of part `label` of the lower (0) or upper (1) slice goes with the body: all of it if it moves as a whole, else
     /// what is near the body's way.
     fn takes(&self, end: usize, label: u32, k: usize, h: [f64; 2]) -> bool {
-        let [x, y] = self.rigid.shift;
+        let shift = DVec2::from(h) * self.rigid.shift;
         label == [self.parts.0, self.parts.1][end]
-            && (self.whole[end] || self.away[k] < GIVES_WAY * (x * h[0]).hypot(y * h[1]))
+            && (self.whole[end] || self.away[k] < GIVES_WAY * shift.x.hypot(shift.y))
     }
 }
 
 /// Pixels of a part.
-fn positions(contour: &Contour, part: u32) -> impl Iterator<Item = [f64; 2]> + '_ {
+fn positions(contour: &Contour, part: u32) -> impl Iterator<Item = DVec2> + '_ {
     let (low, high) = contour.solid_box[part as usize];
     let nx = contour.phi.dims[0];
     let of_row = move |j: usize| {
         let here = move |&i: &usize| contour.solids.labels[j * nx + i] == part;
-        (low[0]..=high[0]).filter(here).map(move |i| [i as f64, j as f64])
+        (low[0]..=high[0]).filter(here).map(move |i| DVec2::new(i as f64, j as f64))
     };
     (low[1]..=high[1]).flat_map(of_row)
 }
@@ -188,8 +189,8 @@ pub fn meeting(low: &Contour, high: &Contour, (from, to): (u32, u32), at_slices:
         let [nx, ny] = own.phi.dims;
         let (mut all, mut there) = (0, 0);
         for x in positions(own, part) {
-            let y = at_slices.map_or(x, |at| plus(x, at[end].at(x), sign));
-            let [i, j] = y.map(|c| c.round());
+            let y = at_slices.map_or(x, |at| x + sign * at[end].at(x));
+            let DVec2 { x: i, y: j } = y.round();
             let within = i >= 0.0 && j >= 0.0 && i < nx as f64 && j < ny as f64;
             all += 1;
             there += usize::from(within && other.solids.labels[j as usize * nx + i as usize] == wanted);

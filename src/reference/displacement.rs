@@ -8,6 +8,7 @@
 //! `(a - b)^2` where nothing moves but by the guess. Beside one in which much changes, an interval in which little does keeps to itself:
 //! equal slices have exactly no motion.
 
+use glam::DVec2;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
@@ -103,25 +104,22 @@ fn better(job: &DisplacementJob<'_>, changes: &[Change], current: &[Displacement
 /// Both fields where the displacement brings them together: `a` and `b` at the pixels of one row. Pixels that are not `near` the contours
 /// read what is clipped there as here.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
-fn row(fields: [&Field; 2], clip: f64, near: &[bool], v: &Displacement, j: usize, out: &mut [[f64; 2]]) {
+fn row(fields: [&Field; 2], clip: f64, near: &[bool], v: &Displacement, j: usize, out: &mut [DVec2]) {
     v.read_row(j, 0, out);
     for (i, slot) in out.iter_mut().enumerate() {
         let n = j * fields[0].dims[0] + i;
-        let (x, [vx, vy]) = ([i as f64, j as f64], *slot);
+        let (x, half) = (DVec2::new(i as f64, j as f64), 0.5 * *slot);
         *slot = if near[n] {
-            [
-                sample_clipped(fields[0], clip, [x[0] - 0.5 * vx, x[1] - 0.5 * vy]),
-                sample_clipped(fields[1], clip, [x[0] + 0.5 * vx, x[1] + 0.5 * vy]),
-            ]
+            DVec2::new(sample_clipped(fields[0], clip, x - half), sample_clipped(fields[1], clip, x + half))
         } else {
-            [fields[0].data[n].clamp(-clip, clip), fields[1].data[n].clamp(-clip, clip)]
+            DVec2::new(fields[0].data[n].clamp(-clip, clip), fields[1].data[n].clamp(-clip, clip))
         };
     }
 }
 
 /// Bilinear value of a clipped field.
 #[inline(always)]
-fn sample_clipped(field: &Field, clip: f64, x: [f64; 2]) -> f64 {
+fn sample_clipped(field: &Field, clip: f64, x: DVec2) -> f64 {
     let ([i, j], place) = cell(field.dims, x, 0);
     let nx = field.dims[0];
     let node = j * nx + i;
@@ -173,12 +171,12 @@ fn change(low: &Field, high: &Field, guess: &Displacement, round: Round, h: [f64
     let away = guess.largest();
     // Where nothing moves every pixel reads itself.
     let near = if away > 0.0 { near_contours(low, high, round, away) } else { vec![false; low.data.len()] };
-    let mut pairs = vec![[0.0; 2]; nx];
+    let mut pairs = vec![DVec2::ZERO; nx];
     let mut spread = Spread::new(guess);
     for j in 1..ny - 1 {
         row([low, high], round.clip, &near, guess, j, &mut pairs);
         spread.add_row(j, |nodes| {
-            for (i, [a, b]) in pairs.iter().enumerate().take(nx - 1).skip(1) {
+            for (i, &DVec2 { x: a, y: b }) in pairs.iter().enumerate().take(nx - 1).skip(1) {
                 let w = round.weight(a.abs().min(b.abs()));
                 add_pixel(nodes, guess.place(0, i as f64), [w, w * (a - b).powi(2)]);
             }
@@ -196,7 +194,7 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
     let near = near_contours(low, high, round, v.largest());
     let far_weight = round.weight(round.clip);
     let mut spread = Spread::new(v);
-    let mut rows = [vec![[0.0; 2]; nx], vec![[0.0; 2]; nx], vec![[0.0; 2]; nx]];
+    let mut rows = [(); 3].map(|()| vec![DVec2::ZERO; nx]);
     let mut held = [usize::MAX; 3];
     for j in 1..ny - 1 {
         if !near[j * nx..(j + 1) * nx].contains(&true) {
@@ -231,7 +229,7 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
             let [xx, yy, xy, xr, yr, x, y, r]: [f64; 8] = std::array::from_fn(|k| sum[k + 1] / whole);
             let (sxx, syy, sxy) = (xx - x * x, yy - y * y, xy - x * y);
             let (dx, dy) = (xr - x * r, yr - y * r);
-            let (vx, vy) = ((v[0] - guess[0]) * h[0], (v[1] - guess[1]) * h[1]);
+            let DVec2 { x: vx, y: vy } = (v - guess) * DVec2::from(h);
             let trust = weight / (weight + HALF_EVIDENCE);
             [sxx, syy, sxy, dx + sxx * vx + sxy * vy, dy + sxy * vx + syy * vy].map(|s| s * trust)
         })
@@ -241,16 +239,16 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
 /// Adds the weighted moments of a row's pixels to those of the nodes on either side; the rows beside it hold what gradients are taken from.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn add_moments(
-    [below, here, above]: [&[[f64; 2]]; 3],
+    [below, here, above]: [&[DVec2]; 3],
     round: Round,
     h: [f64; 2],
     v: &Displacement,
     nodes: &mut [[f64; 9]],
 ) {
     let far_weight = round.weight(round.clip);
-    let sum = |p: [f64; 2]| p[0] + p[1];
+    let sum = |p: DVec2| p.x + p.y;
     for i in 1..here.len() - 1 {
-        let [a, b] = here[i];
+        let DVec2 { x: a, y: b } = here[i];
         let d = a.abs().min(b.abs());
         let w = if d < round.clip { round.weight(d) } else { far_weight };
         let gx = 0.25 * (sum(here[i + 1]) - sum(here[i - 1])) / h[0];
@@ -272,7 +270,7 @@ fn solve(
 ) -> Displacement {
     let neighbours: Vec<usize> =
         [i.checked_sub(1), Some(i + 1)].into_iter().flatten().filter(|&j| j < gaps.len()).collect();
-    let mut vectors: Vec<[f64; 2]> = (0..guess.vectors.len())
+    let mut vectors: Vec<DVec2> = (0..guess.vectors.len())
         .map(|k| {
             // The neighbours are added up first: the same either way up.
             let (mut beside, mut coupling) = ([0.0; 5], 0.0);
@@ -290,11 +288,11 @@ fn solve(
             let ridge = round.ridge * (1.0 + COUPLING * coupling);
             let (xx, yy) = (xx + ridge, yy + ridge);
             let determinant = xx * yy - xy * xy;
-            [(yy * bx - xy * by) / determinant / h[0], (xx * by - xy * bx) / determinant / h[1]]
+            DVec2::new(yy * bx - xy * by, xx * by - xy * bx) / determinant / DVec2::from(h)
         })
         .collect();
-    smooth(&mut vectors, guess.grid, round.smoothing_sigma(h));
-    vectors.iter_mut().zip(&guess.vectors).for_each(|(v, g)| *v = [v[0] + g[0], v[1] + g[1]]);
+    smooth::<2>(bytemuck::cast_slice_mut(&mut vectors), guess.grid, round.smoothing_sigma(h));
+    vectors.iter_mut().zip(&guess.vectors).for_each(|(v, guess)| *v += guess);
     guess.with(vectors)
 }
 

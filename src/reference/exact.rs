@@ -1,6 +1,8 @@
 //! Exact Euclidean distance to the other side of a mask (Felzenszwalb and Huttenlocher 2012), the pixel edge half way.
 
-use crate::grid::field::{Field, length};
+use glam::DVec2;
+
+use crate::grid::field::Field;
 
 /// Pixels at equal distance may give different results where a pixel is not square: within this many pixels of a tie the least one counts.
 pub const TIE: f64 = 1e-3;
@@ -65,8 +67,8 @@ fn unsigned(mask: &[bool], side: bool, [nx, ny]: [usize; 2], h: [f64; 2]) -> Vec
                 k += 1;
             }
             let away = |q: usize| {
-                let (dx, dy) = (i.abs_diff(q) as f64, row[q]);
-                length([dx * h[0], dy * h[1]]) * (1.0 - 0.5 / length([dx, dy]).max(0.5))
+                let steps = DVec2::new(i.abs_diff(q) as f64, row[q]);
+                (steps * DVec2::from(h)).length() * (1.0 - 0.5 / steps.length().max(0.5))
             };
             let tied = (k + 1..count).take_while(|&l| starts[l] < i as f64 + TIE);
             out[j * nx + i] = tied.map(|l| away(feet[l])).fold(away(feet[k]), f64::min);

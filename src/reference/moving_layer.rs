@@ -1,12 +1,13 @@
 //! Layers of a stack in its moving frame: Hermite curves of the fields along the trajectories.
 
+use glam::DVec2;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
 use crate::backend::requests::LayerRequest;
 use crate::contour::caps::Cap;
 use crate::grid::field::Field;
-use crate::registration::motion_field::{CELL, LoneParts, between, closing, plus, probes};
+use crate::registration::motion_field::{CELL, LoneParts, between, closing, probes};
 
 /// Distance from a cell's middle at which its pixels may read, px: distances change by a pixel per pixel, and the frame by less than half of that.
 pub fn reach(h: [f64; 2]) -> f64 {
@@ -22,7 +23,7 @@ pub fn layer(request: &LayerRequest<'_>, k: usize) -> Vec<f32> {
     let [nx, ny] = low.dims;
     let curves =
         Curves { fields: [low, high], slopes, empty: lone.empty, gap: moving.gap(i), relief: moving.relief, t, limit };
-    let ends = |x: [f64; 2], p: [f64; 2], q: [f64; 2]| (plus(x, p, -1.0), plus(x, q, 1.0));
+    let ends = |x: DVec2| (x - paths.come.at(x), x + paths.go.at(x));
     let mut out = vec![0.0; nx * ny];
     let (reach, around) = (reach(h), self::reach([1.0; 2]));
     out.par_chunks_mut(nx * CELL).enumerate().for_each(|(cell, rows)| {
@@ -30,21 +31,20 @@ pub fn layer(request: &LayerRequest<'_>, k: usize) -> Vec<f32> {
         let mut parts = Parts::default();
         for cell_x in (0..nx).step_by(CELL) {
             let (width, height) = (CELL.min(nx - cell_x), CELL.min(ny - cell_y));
-            let middle = [(cell_x as f64) + 0.5 * (width - 1) as f64, (cell_y as f64) + 0.5 * (height - 1) as f64];
-            let (from, to) = ends(middle, paths.come.at(middle), paths.go.at(middle));
+            let first = DVec2::new(cell_x as f64, cell_y as f64);
+            let (from, to) = ends(first + 0.5 * DVec2::new((width - 1) as f64, (height - 1) as f64));
             let (a, b) = (low.sample(from), high.sample(to));
             let nearest = a.abs().min(b.abs()) - 0.05 * (a - b).abs();
             let far = (a < 0.0) == (b < 0.0) && nearest > limit + reach;
             parts.choose(lone, from, to, around);
             if wanted.is_some_and(|cells| !cells.at(cell_x, cell_y)) {
                 for [x, y] in probes([cell_x, cell_y], [cell_x + width - 1, cell_y + height - 1]) {
-                    let at = [x as f64, y as f64];
-                    let near = || curves.value(&parts, ends(at, paths.come.at(at), paths.go.at(at)));
+                    let near = || curves.value(&parts, ends(DVec2::new(x as f64, y as f64)));
                     rows[(y - cell_y) * nx + x] = if far { limit.copysign(a) } else { near() } as f32;
                 }
                 continue;
             }
-            let (mut come, mut go) = ([[0.0; 2]; CELL], [[0.0; 2]; CELL]);
+            let [mut come, mut go] = [[DVec2::ZERO; CELL]; 2];
             for y in cell_y..cell_y + height {
                 let row = &mut rows[(y - cell_y) * nx + cell_x..][..width];
                 if far {
@@ -81,7 +81,7 @@ struct Parts<'a> {
 
 impl<'a> Parts<'a> {
     /// Chooses the parts no farther than `around` from where the cell's middle comes from and goes to.
-    fn choose(&mut self, lone: &'a LoneParts, from: [f64; 2], to: [f64; 2], around: f64) {
+    fn choose(&mut self, lone: &'a LoneParts, from: DVec2, to: DVec2, around: f64) {
         for (near, all, x) in [(&mut self.low, &lone.low, from), (&mut self.high, &lone.high, to)] {
             near.clear();
             near.extend(all.iter().filter(|part| part.tile.holds(x, around)));
@@ -92,7 +92,7 @@ impl<'a> Parts<'a> {
 impl Curves<'_> {
     /// Value on the trajectory between a position of the lower and one of the upper slice.
     #[inline(always)]
-    fn value(&self, parts: &Parts<'_>, (from, to): ([f64; 2], [f64; 2])) -> f64 {
+    fn value(&self, parts: &Parts<'_>, (from, to): (DVec2, DVec2)) -> f64 {
         let (a, b) = (self.fields[0].sample_smooth(from), self.fields[1].sample_smooth(to));
         let m = [self.gap * self.slopes[0].sample(from), self.gap * self.slopes[1].sample(to)];
         let joined = match self.empty {
@@ -111,12 +111,12 @@ fn values(
     curves: &Curves<'_>,
     parts: &Parts<'_>,
     first: [usize; 2],
-    come: &[[f64; 2]; CELL],
-    go: &[[f64; 2]; CELL],
+    come: &[DVec2; CELL],
+    go: &[DVec2; CELL],
     row: &mut [f32],
 ) {
     for (k, v) in row.iter_mut().enumerate() {
-        let x = [(first[0] + k) as f64, first[1] as f64];
-        *v = curves.value(parts, (plus(x, come[k], -1.0), plus(x, go[k], 1.0))) as f32;
+        let x = DVec2::new((first[0] + k) as f64, first[1] as f64);
+        *v = curves.value(parts, (x - come[k], x + go[k])) as f32;
     }
 }

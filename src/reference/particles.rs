@@ -1,5 +1,7 @@
 //! Tracker particles: advection along the normal, back-projection onto the front, distance covered, death.
 
+use glam::DVec2;
+
 use crate::contour::seeds::Seed;
 use crate::grid::field::{Field, distance};
 
@@ -7,7 +9,7 @@ use crate::grid::field::{Field, distance};
 /// unlike the move of one step, does not depend on how many steps there are.
 pub const LOST: f64 = 1.0;
 /// Farthest a living particle may be from the front after back-projection, px: at a fork it has no front of its own. Without this bound rounding
-/// decides where it goes on (`fig10` .06 px between the two paths, half the step at a fork .53 px instead of .13).
+/// decides where it goes on (`fig10` 0.06 px between the two paths, half the step at a fork 0.53 px instead of 0.13).
 pub const OFF_FRONT: f64 = 0.1;
 /// Newton steps of a back-projection.
 pub const PROJECTIONS: usize = 2;
@@ -16,7 +18,7 @@ pub const PROJECTIONS: usize = 2;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Particle {
     /// Position, pixels of the tile.
-    pub x: [f64; 2],
+    pub x: DVec2,
     /// `S = int F dt`, px, outward positive: signed by itself. No step adds more than twice the way made in it: the speed goes on where a front hangs
     /// at a kink of phi_B though nothing moves.
     pub covered: f64,
@@ -26,31 +28,30 @@ pub struct Particle {
     pub dragged: f64,
     /// Time of death.
     pub died: Option<f64>,
-    predicted: [f64; 2],
-    velocity: [f64; 2],
+    predicted: DVec2,
+    velocity: DVec2,
     speed: f64,
 }
 
 impl Particle {
     /// A particle at a seed.
     pub fn at(seed: &Seed) -> Self {
-        let (predicted, velocity, speed) = (seed.x, [0.0; 2], 0.0);
+        let (predicted, velocity, speed) = (seed.x, DVec2::ZERO, 0.0);
         Particle { x: seed.x, covered: 0.0, arc: 0.0, dragged: 0.0, died: None, predicted, velocity, speed }
     }
 }
 
 /// Velocity of Eq. 2 at `x`: `dx/dt = F n`, in pixels of each axis, and `F = phi(x) - phi_B(x)`.
-fn motion(phi: &Field, goal: &Field, x: [f64; 2], h: [f64; 2]) -> ([f64; 2], f64) {
+fn motion(phi: &Field, goal: &Field, x: DVec2, h: [f64; 2]) -> (DVec2, f64) {
     let speed = phi.sample(x) - goal.sample(x);
-    let n = phi.normal(x, h);
-    ([speed * n[0] / h[0], speed * n[1] / h[1]], speed)
+    (speed * phi.normal(x, h) / DVec2::from(h), speed)
 }
 
 /// Predictor: an Euler step in the field before the front moves.
 pub fn predict(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2], dt: f64) {
     for p in particles.iter_mut().filter(|p| p.died.is_none()) {
         (p.velocity, p.speed) = motion(phi, goal, p.x, h);
-        p.predicted = [p.x[0] + dt * p.velocity[0], p.x[1] + dt * p.velocity[1]];
+        p.predicted = p.x + dt * p.velocity;
     }
 }
 
@@ -58,7 +59,7 @@ pub fn predict(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2
 pub fn correct(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2], dt: f64, now: f64) {
     for p in particles.iter_mut().filter(|p| p.died.is_none()) {
         let (velocity, speed) = motion(phi, goal, p.predicted, h);
-        let moved = std::array::from_fn(|a| p.x[a] + 0.5 * dt * (p.velocity[a] + velocity[a]));
+        let moved = p.x + 0.5 * dt * (p.velocity + velocity);
         let projected = back_project(phi, moved, h);
         p.dragged += distance(projected, moved, h);
         if p.dragged > LOST || phi.sample(projected).abs() > OFF_FRONT {
@@ -72,10 +73,10 @@ pub fn correct(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2
     }
 }
 
-fn back_project(phi: &Field, mut x: [f64; 2], h: [f64; 2]) -> [f64; 2] {
+fn back_project(phi: &Field, mut x: DVec2, h: [f64; 2]) -> DVec2 {
     for _ in 0..PROJECTIONS {
         let (v, n) = (phi.sample(x).clamp(-1.0, 1.0), phi.normal(x, h));
-        x = [x[0] - v * n[0] / h[0], x[1] - v * n[1] / h[1]];
+        x -= v * n / DVec2::from(h);
     }
     x
 }
@@ -89,8 +90,7 @@ pub fn land(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2], 
             p.died = Some(now);
             continue;
         }
-        let n = phi.normal(p.x, h);
-        p.x = [p.x[0] + rest * n[0] / h[0], p.x[1] + rest * n[1] / h[1]];
+        p.x += rest * phi.normal(p.x, h) / DVec2::from(h);
         p.covered += rest;
         p.arc += rest.abs();
     }

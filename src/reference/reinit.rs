@@ -1,5 +1,6 @@
 //! Reinitialisation `phi_tau + S(phi) (|grad phi| - 1) = 0` in the tube N (Eq. 6): forward Euler, WENO5, smeared sign.
 
+use glam::DVec2;
 use multiversion::multiversion;
 
 use super::band::Band;
@@ -54,7 +55,7 @@ fn signs(phi: &[f64], nx: usize, start: usize, h: [f64; 2], out: &mut [f64]) {
         let s = &mut out[k];
         let dx = (along[REACH + 1][k] - along[REACH - 1][k]) * per_x;
         let dy = (across[REACH + 1][k] - across[REACH - 1][k]) * per_y;
-        *s = smeared_sign(across[REACH][k], [dx, dy]);
+        *s = smeared_sign(across[REACH][k], DVec2::new(dx, dy));
     }
 }
 

@@ -2,6 +2,8 @@
 //!
 //! Gathered through cell bins in seed order, never scattered: the result cannot depend on the order in which threads run.
 
+use glam::DVec2;
+
 use super::band::Band;
 use crate::grid::field::{Field, distance};
 
@@ -15,7 +17,7 @@ pub fn scatter<const C: usize>(
     phi: &Field,
     band: &Band,
     h: [f64; 2],
-    seeds: &[[f64; 2]],
+    seeds: &[DVec2],
     values: &[[f64; C]],
 ) -> Vec<[f64; C]> {
     let bins = Bins::new(phi.dims, h, seeds);
@@ -77,7 +79,7 @@ struct Bins {
 }
 
 impl Bins {
-    fn new(dims: [usize; 2], h: [f64; 2], seeds: &[[f64; 2]]) -> Self {
+    fn new(dims: [usize; 2], h: [f64; 2], seeds: &[DVec2]) -> Self {
         let size = h.map(|h| RADIUS / h);
         let cells = std::array::from_fn(|a| (dims[a] as f64 / size[a]) as usize + 1);
         let mut bins = Bins { size, cells, first: vec![0; cells[0] * cells[1] + 1], seeds: vec![0; seeds.len()] };
@@ -98,11 +100,11 @@ impl Bins {
         bins
     }
 
-    fn cell(&self, x: [f64; 2]) -> [usize; 2] {
+    fn cell(&self, x: DVec2) -> [usize; 2] {
         std::array::from_fn(|a| ((x[a] / self.size[a]).max(0.0) as usize).min(self.cells[a] - 1))
     }
 
-    fn near(&self, x: [f64; 2], mut visit: impl FnMut(usize)) {
+    fn near(&self, x: DVec2, mut visit: impl FnMut(usize)) {
         let [i, j] = self.cell(x);
         for row in j.saturating_sub(1)..=(j + 1).min(self.cells[1] - 1) {
             let (low, high) = (i.saturating_sub(1), (i + 1).min(self.cells[0] - 1));

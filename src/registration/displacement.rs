@@ -9,6 +9,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use glam::DVec2;
 use multiversion::multiversion;
 
 use crate::grid::field::Field;
@@ -33,9 +34,9 @@ pub struct Displacement {
     /// Nodes `[columns, rows]`.
     pub grid: [usize; 2],
     /// Place of the first node, pixels: a multiple of a half, not above 0.
-    pub origin: [f64; 2],
+    pub origin: DVec2,
     /// Vectors at the nodes, row-major, pixels of the image.
-    pub vectors: Vec<[f64; 2]>,
+    pub vectors: Vec<DVec2>,
 }
 
 impl Large for Displacement {
@@ -54,14 +55,14 @@ impl Large for [Displacement; 2] {
 #[derive(Debug, Clone)]
 pub struct Resting {
     grid: [usize; 2],
-    origin: [f64; 2],
-    vectors: Packed<[f64; 2]>,
+    origin: DVec2,
+    vectors: Packed<DVec2>,
 }
 
 impl Resting {
     /// The vector at `x`, as [`Displacement::at`] gives it.
     #[inline(always)]
-    pub fn at(&self, x: [f64; 2]) -> [f64; 2] {
+    pub fn at(&self, x: DVec2) -> DVec2 {
         let [(column, fx), (row, fy)] = [0, 1].map(|a| place(self.grid[a], self.origin[a], x[a]));
         bilinear(self.vectors.corners(column, row, 1, 1), [fx, fy])
     }
@@ -96,28 +97,28 @@ impl Displacement {
         let last = dims.map(|n| n.saturating_sub(1));
         let grid = last.map(|n| n.div_ceil(BLOCK) + 1).map(|nodes| nodes.max(2));
         let origin = [0, 1].map(|a| 0.5 * (last[a] as f64 - (BLOCK * (grid[a] - 1)) as f64));
-        Displacement { grid, origin, vectors: vec![[0.0; 2]; grid[0] * grid[1]] }
+        Displacement { grid, origin: origin.into(), vectors: vec![DVec2::ZERO; grid[0] * grid[1]] }
     }
 
     /// A displacement of the same nodes with other vectors.
-    pub fn with(&self, vectors: Vec<[f64; 2]>) -> Self {
+    pub fn with(&self, vectors: Vec<DVec2>) -> Self {
         Displacement { grid: self.grid, origin: self.origin, vectors }
     }
 
     /// The displacement with a value for every node, of which `f` is given number, place (pixels) and own vector.
-    pub fn map(&self, f: impl Fn(usize, [f64; 2], [f64; 2]) -> [f64; 2]) -> Self {
+    pub fn map(&self, f: impl Fn(usize, DVec2, DVec2) -> DVec2) -> Self {
         let mut vectors = Vec::with_capacity(self.vectors.len());
         for (row, nodes) in self.vectors.chunks_exact(self.grid[0]).enumerate() {
             let first = row * self.grid[0];
-            let of = |(column, &v)| f(first + column, [self.along(0, column), self.along(1, row)], v);
+            let of = |(column, &v)| f(first + column, DVec2::new(self.along(0, column), self.along(1, row)), v);
             vectors.extend(nodes.iter().enumerate().map(of));
         }
         self.with(vectors)
     }
 
     /// Place of node `k`, pixels.
-    pub fn centre(&self, k: usize) -> [f64; 2] {
-        [self.along(0, k % self.grid[0]), self.along(1, k / self.grid[0])]
+    pub fn centre(&self, k: usize) -> DVec2 {
+        DVec2::new(self.along(0, k % self.grid[0]), self.along(1, k / self.grid[0]))
     }
 
     /// Place along an axis of a column or row of nodes, pixels.
@@ -127,7 +128,7 @@ impl Displacement {
     }
 
     /// The four nodes around `x` with their weights, by which `x` reads them and is spread over them: tents `1 - |x - node| / BLOCK`.
-    pub fn around(&self, x: [f64; 2]) -> [(usize, f64); 4] {
+    pub fn around(&self, x: DVec2) -> [(usize, f64); 4] {
         let [(column, fx), (row, fy)] = [0, 1].map(|a| self.place(a, x[a]));
         let k = row * self.grid[0] + column;
         let (low, high) = (1.0 - fy, fy);
@@ -140,7 +141,7 @@ impl Displacement {
     }
 
     /// The nodes nearest to `x`: more than one where it lies half way.
-    pub fn nearest(&self, x: [f64; 2]) -> impl Iterator<Item = usize> + use<> {
+    pub fn nearest(&self, x: DVec2) -> impl Iterator<Item = usize> + use<> {
         let [columns, rows] = [0, 1].map(|a| {
             let (before, place) = self.place(a, x[a]);
             before + usize::from(place > 0.5)..=before + usize::from(place >= 0.5)
@@ -151,7 +152,7 @@ impl Displacement {
 
     /// The vector at `x`; beyond the nodes that of the nearest.
     #[inline(always)]
-    pub fn at(&self, x: [f64; 2]) -> [f64; 2] {
+    pub fn at(&self, x: DVec2) -> DVec2 {
         let ((column, fx), (row, fy)) = (self.place(0, x[0]), self.place(1, x[1]));
         let k = row * self.grid[0] + column;
         let (below, above) = (&self.vectors[k..k + 2], &self.vectors[k + self.grid[0]..][..2]);
@@ -159,21 +160,16 @@ impl Displacement {
     }
 
     /// The vectors at pixels of row `j` from `first` on.
-    pub fn read_row(&self, j: usize, first: usize, out: &mut [[f64; 2]]) {
+    pub fn read_row(&self, j: usize, first: usize, out: &mut [DVec2]) {
         read_row(self, j, first, out);
     }
 
     /// Bounds `[least, largest]` of the vectors at the pixels from `first` to `last`, both included.
-    pub fn range(&self, first: [usize; 2], last: [usize; 2]) -> [[f64; 2]; 2] {
+    pub fn range(&self, first: [usize; 2], last: [usize; 2]) -> [DVec2; 2] {
         let [columns, rows] = [0, 1].map(|a| self.place(a, first[a] as f64).0..=self.place(a, last[a] as f64).0 + 1);
-        let mut bounds = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-        for k in rows.flat_map(|row| columns.clone().map(move |column| row * self.grid[0] + column)) {
-            for (a, v) in self.vectors[k].into_iter().enumerate() {
-                bounds[0][a] = bounds[0][a].min(v);
-                bounds[1][a] = bounds[1][a].max(v);
-            }
-        }
-        bounds
+        let nodes = rows.flat_map(|row| columns.clone().map(move |column| row * self.grid[0] + column));
+        let vectors = nodes.map(|k| self.vectors[k]);
+        vectors.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[least, largest], v| [least.min(v), largest.max(v)])
     }
 
     /// Along an axis the node before a position, and the place between it and the next.
@@ -205,7 +201,7 @@ impl Displacement {
                 let x = [std::array::from_fn(|k| self.along(0, first + k)), [self.along(1, row); LANES]];
                 let own = [0, 1].map(|a| std::array::from_fn(|k| some.get(k).map_or(0.0, |v| v[a])));
                 let [along, across] = f(row * self.grid[0] + first, &x, &own);
-                vectors.extend(along.into_iter().zip(across).map(|(x, y)| [x, y]).take(some.len()));
+                vectors.extend(along.into_iter().zip(across).map(DVec2::from).take(some.len()));
             }
         }
         self.with(vectors)
@@ -223,7 +219,7 @@ impl Displacement {
 
     /// Largest component of any vector, px.
     pub fn largest(&self) -> f64 {
-        self.vectors.iter().flatten().fold(0.0, |m, v| m.max(v.abs()))
+        self.vectors.iter().flat_map(DVec2::to_array).fold(0.0, |m, v| m.max(v.abs()))
     }
 }
 
@@ -259,7 +255,7 @@ fn at_lanes(v: &Displacement, x: &Lanes) -> Lanes {
 
 /// See [`Displacement::read_row`]. The nodes above and below are brought to the row once for all pixels between.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
-fn read_row(v: &Displacement, j: usize, first: usize, mut out: &mut [[f64; 2]]) {
+fn read_row(v: &Displacement, j: usize, first: usize, mut out: &mut [DVec2]) {
     let (row, fy) = v.place(1, j as f64);
     let (below, above) = v.vectors[row * v.grid[0]..][..2 * v.grid[0]].split_at(v.grid[0]);
     let mut i = first;
@@ -290,27 +286,23 @@ const STEP: f64 = 1.0 / BLOCK as f64;
 
 /// The vectors at pixels of a row, the first at place `[fx, fy]` between nodes of two rows and all before the next ones.
 #[inline(always)]
-fn read_before((below, above): (&[[f64; 2]], &[[f64; 2]]), [fx, fy]: [f64; 2], out: &mut [[f64; 2]]) {
-    let [left, right] = [0, 1].map(|k| mix(below[k], above[k], fy));
-    out.iter_mut().enumerate().for_each(|(k, slot)| *slot = mix(left, right, fx + STEP * k as f64));
+fn read_before((below, above): (&[DVec2], &[DVec2]), [fx, fy]: [f64; 2], out: &mut [DVec2]) {
+    let [left, right] = [0, 1].map(|k| below[k].lerp(above[k], fy));
+    out.iter_mut().enumerate().for_each(|(k, slot)| *slot = left.lerp(right, fx + STEP * k as f64));
 }
 
 /// Displacements at pairs of blocks, of whose pixels `BEFORE` lie before the next nodes.
 #[inline(always)]
-fn read_pairs<const BEFORE: usize>(
-    (below, above): (&[[f64; 2]], &[[f64; 2]]),
-    [fx, fy]: [f64; 2],
-    out: &mut [[f64; 2]],
-) {
+fn read_pairs<const BEFORE: usize>((below, above): (&[DVec2], &[DVec2]), [fx, fy]: [f64; 2], out: &mut [DVec2]) {
     for (pair, out) in out.chunks_exact_mut(PAIR).enumerate() {
         let (below, above) = (&below[2 * pair..][..4], &above[2 * pair..][..4]);
-        let mut nodes = [[0.0; 2]; 4];
+        let mut nodes = [DVec2::ZERO; 4];
         for (k, node) in nodes.iter_mut().enumerate() {
-            *node = mix(below[k], above[k], fy);
+            *node = below[k].lerp(above[k], fy);
         }
         for (k, slot) in out.iter_mut().enumerate() {
             let node = (k + BLOCK - BEFORE) / BLOCK;
-            *slot = mix(nodes[node], nodes[node + 1], fx + STEP * k as f64 - node as f64);
+            *slot = nodes[node].lerp(nodes[node + 1], fx + STEP * k as f64 - node as f64);
         }
     }
 }
@@ -326,16 +318,8 @@ fn place(nodes: usize, origin: f64, x: f64) -> (usize, f64) {
 
 /// The vector at place `[fx, fy]` between four, row by row.
 #[inline(always)]
-fn bilinear([a, b, c, d]: [[f64; 2]; 4], [fx, fy]: [f64; 2]) -> [f64; 2] {
-    let in_row = |v: [f64; 2], w: [f64; 2], k: usize| (1.0 - fx) * v[k] + fx * w[k];
-    let both = |k: usize| (1.0 - fy) * in_row(a, b, k) + fy * in_row(c, d, k);
-    [both(0), both(1)]
-}
-
-/// The vector at place `f` between two.
-#[inline(always)]
-fn mix(a: [f64; 2], b: [f64; 2], f: f64) -> [f64; 2] {
-    [(1.0 - f) * a[0] + f * b[0], (1.0 - f) * a[1] + f * b[1]]
+fn bilinear([a, b, c, d]: [DVec2; 4], [fx, fy]: [f64; 2]) -> DVec2 {
+    a.lerp(b, fx).lerp(c.lerp(d, fx), fy)
 }
 
 /// Gaussian means over nodes, the edge repeated. `sigma` in nodes.
@@ -388,7 +372,7 @@ mod tests {
     #[test]
     fn lanes_read_what_each_position_reads() {
         for dims in [[2, 2], [25, 9], [130, 33], [279, 14]] {
-            let value = |k: usize| [(k as f64 * 0.7).sin() * 9.0, (k as f64 * 1.3).cos() * 5.0];
+            let value = |k: usize| DVec2::new((k as f64 * 0.7).sin() * 9.0, (k as f64 * 1.3).cos() * 5.0);
             let v = Displacement::zero(dims).map(|k, _, _| value(k));
             let grid = v.grid;
             // Within the image and beyond it on all sides.
@@ -396,7 +380,7 @@ mod tests {
             let x: Lanes = [0, 1].map(|a| std::array::from_fn(|k| 0.5 * (grid[a] * BLOCK) as f64 + far(a, k)));
             let read = v.at_lanes(&x);
             for k in 0..LANES {
-                assert_eq!([read[0][k], read[1][k]], v.at([x[0][k], x[1][k]]), "{grid:?}, {k}");
+                assert_eq!([read[0][k], read[1][k]], v.at(DVec2::new(x[0][k], x[1][k])).to_array(), "{grid:?}, {k}");
             }
             // Every node once, whatever is beyond the last of a row.
             assert_eq!(v.map_lanes(|_, _, own| *own), v);

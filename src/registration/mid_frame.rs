@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use glam::DVec2;
 use multiversion::multiversion;
 use rayon::prelude::*;
 
@@ -10,7 +11,7 @@ use crate::contour::seeds::Seed;
 use crate::grid::field::Field;
 use crate::grid::tile::samples;
 use crate::registration::displacement::Displacement;
-use crate::registration::motion_field::{MotionField, PASSES, Paths, plus};
+use crate::registration::motion_field::{MotionField, PASSES, Paths};
 
 /// Distance to each side in which a moved seed looks for its contour, px.
 const SEARCH: usize = 2;
@@ -29,22 +30,22 @@ impl Frame {
     }
 
     /// Place on the upper slice of a position of the mid frame.
-    pub fn up(&self, x: [f64; 2]) -> [f64; 2] {
-        self.middle.as_ref().map_or(x, |m| plus(x, m.go.at(x), 1.0))
+    pub fn up(&self, x: DVec2) -> DVec2 {
+        self.middle.as_ref().map_or(x, |m| x + m.go.at(x))
     }
 
     /// Place on the lower slice of a position of the mid frame.
-    pub fn down(&self, x: [f64; 2]) -> [f64; 2] {
-        self.middle.as_ref().map_or(x, |m| plus(x, m.come.at(x), -1.0))
+    pub fn down(&self, x: DVec2) -> DVec2 {
+        self.middle.as_ref().map_or(x, |m| x - m.come.at(x))
     }
 
     /// Place in the mid frame of a position of the lower slice.
-    pub fn of_low(&self, x: [f64; 2]) -> [f64; 2] {
+    pub fn of_low(&self, x: DVec2) -> DVec2 {
         self.middle.as_ref().map_or(x, |m| m.off_low(x, x, PASSES))
     }
 
     /// Place in the mid frame of a position of the upper slice.
-    pub fn of_high(&self, x: [f64; 2]) -> [f64; 2] {
+    pub fn of_high(&self, x: DVec2) -> DVec2 {
         self.middle.as_ref().map_or(x, |m| m.off_high(x, x, PASSES))
     }
 
@@ -63,15 +64,15 @@ fn moved<'c>(
     contour: &'c Contour,
     back: (&Displacement, f64),
     search: [usize; 2],
-    forth: impl Fn([f64; 2]) -> [f64; 2],
+    forth: impl Fn(DVec2) -> DVec2,
 ) -> Cow<'c, Contour> {
     if contour.solids.count == 0 {
         return Cow::Borrowed(contour);
     }
     let [nx, _] = contour.phi.dims;
     let mut phi = Field::filled(contour.phi.dims, 0.0);
-    let row = |ways: &mut Vec<[f64; 2]>, (j, row): (usize, &mut [f64])| {
-        ways.resize(nx, [0.0; 2]);
+    let row = |ways: &mut Vec<DVec2>, (j, row): (usize, &mut [f64])| {
+        ways.resize(nx, DVec2::ZERO);
         back.0.read_row(j, 0, ways);
         moved_row(&contour.phi, (ways, back.1), j, row);
     };
@@ -82,22 +83,22 @@ fn moved<'c>(
 
 /// Row `j` of a field, each pixel read from where its way with this sign leads; never 0.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
-fn moved_row(phi: &Field, (ways, sign): (&[[f64; 2]], f64), j: usize, row: &mut [f64]) {
+fn moved_row(phi: &Field, (ways, sign): (&[DVec2], f64), j: usize, row: &mut [f64]) {
     for (i, (out, way)) in row.iter_mut().zip(ways).enumerate() {
-        let v = phi.sample_smooth(plus([i as f64, j as f64], *way, sign));
+        let v = phi.sample_smooth(DVec2::new(i as f64, j as f64) + sign * way);
         *out = if v == 0.0 { f64::MIN_POSITIVE } else { v };
     }
 }
 
 /// A seed at `x` with the deepest and the farthest pixel around it.
-fn seed_at(phi: &Field, search: [usize; 2], x: [f64; 2]) -> Seed {
+fn seed_at(phi: &Field, search: [usize; 2], x: DVec2) -> Seed {
     let [nx, ny] = phi.dims;
     let around = |[across, along]: [usize; 2]| {
         let range = |at: f64, n: usize, reach: usize| {
             let low = (at.max(0.0) as usize).min(n - 1);
             low.saturating_sub(reach)..=(low + 1 + reach).min(n - 1)
         };
-        let nodes = range(x[1], ny, along).flat_map(move |j| range(x[0], nx, across).map(move |i| j * nx + i));
+        let nodes = range(x.y, ny, along).flat_map(move |j| range(x.x, nx, across).map(move |i| j * nx + i));
         nodes.fold((usize::MAX, usize::MAX), |(low, high), n| {
             let less = |a: usize, b: usize| b == usize::MAX || phi.data[a] < phi.data[b];
             let more = |a: usize, b: usize| b == usize::MAX || phi.data[a] > phi.data[b];

@@ -6,6 +6,8 @@
 use std::cmp::Ordering;
 use std::sync::Arc;
 
+use glam::DVec2;
+
 use crate::contour::Contour;
 use crate::contour::caps::Cap;
 use crate::grid::field::Field;
@@ -57,12 +59,13 @@ pub struct MotionField {
 /// Rate of motion at a slice, px of the image per height, from the displacements (at the slices) and gaps of the intervals below and above
 /// it, of which there is at least one.
 pub fn rate(below: Option<(&[Displacement; 2], f64)>, above: Option<(&[Displacement; 2], f64)>) -> Displacement {
-    let alone = |v: &Displacement, gap: f64| v.map(|_, _, u| u.map(|c| c / gap));
+    let alone = |v: &Displacement, gap: f64| v.map(|_, _, u| u / gap);
     match (below, above) {
         (Some((below, h0)), Some((above, h1))) => {
             let (before, after) = (&below[1], &above[0]);
+            let along = |b: f64, a: f64| harmonic(b / h0, a / h1, h0, h1);
             let both = before.vectors.iter().zip(&after.vectors);
-            before.with(both.map(|(b, a)| std::array::from_fn(|c| harmonic(b[c] / h0, a[c] / h1, h0, h1))).collect())
+            before.with(both.map(|(b, a)| DVec2::new(along(b.x, a.x), along(b.y, a.y))).collect())
         }
         (None, Some((above, gap))) => alone(&above[0], gap),
         (Some((below, gap)), None) => alone(&below[1], gap),
@@ -107,17 +110,17 @@ impl MotionField {
         for (k, whole) in go.vectors.iter_mut().enumerate() {
             let p = self.along(i, t, k, *whole);
             come.vectors.push(p);
-            *whole = [whole[0] - p[0], whole[1] - p[1]];
+            *whole -= p;
         }
         Paths { come, go }
     }
 
     /// `p(t)` in interval `i` with displacement `u` and the rates of node `k`.
     #[inline]
-    fn along(&self, i: usize, t: f64, k: usize, u: [f64; 2]) -> [f64; 2] {
+    fn along(&self, i: usize, t: f64, k: usize, u: DVec2) -> DVec2 {
         let [first, second] = [t * (t - 1.0) * (t - 1.0), t * t * (t - 1.0)];
         let (gap, low, high) = (self.gap(i), self.rates[i].vectors[k], self.rates[i + 1].vectors[k]);
-        std::array::from_fn(|a| t * u[a] + (gap * low[a] - u[a]) * first + (gap * high[a] - u[a]) * second)
+        t * u + (gap * low - u) * first + (gap * high - u) * second
     }
 }
 
@@ -143,9 +146,8 @@ impl MotionField {
             slice.map_lanes(|first, x, u| {
                 let mut off = *u;
                 for k in 0..LANES.min(slice.vectors.len() - first) {
-                    let u = [u[0][k], u[1][k]];
-                    let p = self.along(i, t, first + k, u);
-                    (off[0][k], off[1][k]) = (p[0] - whole * u[0], p[1] - whole * u[1]);
+                    let u = DVec2::new(u[0][k], u[1][k]);
+                    (off[0][k], off[1][k]) = (self.along(i, t, first + k, u) - whole * u).into();
                 }
                 for _ in 0..PASSES / 2 {
                     let there = way.at_lanes(&[0, 1].map(|a| std::array::from_fn(|k| x[a][k] + off[a][k])));
@@ -174,25 +176,24 @@ impl Place {
     /// Place on another layer of the trajectory that meets the slices around this layer at `[below, above]`. Within an interval the way over
     /// the lower slice passes smoothly into that over the upper one, so that it is C1 at the slices, and the same upside down. `between` are
     /// the displacements at the slices of the intervals between both, lowest first.
-    pub fn carry(&self, [below, above]: [[f64; 2]; 2], to: &Place, between: &[&[Resting; 2]]) -> [f64; 2] {
-        let off = |end: usize, slice: [f64; 2]| plus(slice, to.off[end].at(slice), 1.0);
+    pub fn carry(&self, [below, above]: [DVec2; 2], to: &Place, between: &[&[Resting; 2]]) -> DVec2 {
+        let off = |end: usize, slice: DVec2| slice + to.off[end].at(slice);
         match self.interval.cmp(&to.interval) {
             // To a slice there is one way, as from the interval on its other side.
             Ordering::Equal if to.t == 0.0 => below,
             Ordering::Equal if to.t == 1.0 => above,
             Ordering::Equal => {
                 let ([a, b], w) = ([off(0, below), off(1, above)], smoothstep(self.t));
-                let v = smoothstep(1.0 - self.t);
-                [v * a[0] + w * b[0], v * a[1] + w * b[1]]
+                smoothstep(1.0 - self.t) * a + w * b
             }
             // A slice beyond is reached from slice to slice alone: it lies in the interval above it or, upside down, in that below.
             Ordering::Less => {
-                let step = |x, v: &[Resting; 2]| plus(x, v[0].at(x), 1.0);
+                let step = |x: DVec2, v: &[Resting; 2]| x + v[0].at(x);
                 let slice = between.iter().fold(above, |x, v| step(x, v));
                 if to.t == 1.0 { step(slice, &to.at_slices) } else { off(0, slice) }
             }
             Ordering::Greater => {
-                let step = |x, v: &[Resting; 2]| plus(x, v[1].at(x), -1.0);
+                let step = |x: DVec2, v: &[Resting; 2]| x - v[1].at(x);
                 let slice = between.iter().rev().fold(below, |x, v| step(x, v));
                 if to.t == 0.0 { step(slice, &to.at_slices) } else { off(1, slice) }
             }
@@ -202,25 +203,19 @@ impl Place {
 
 impl Paths {
     /// Points at which the trajectory through a point of this layer meets the slices below and above it, px of the padded image.
-    pub fn to_slices(&self, x: [f64; 2]) -> [[f64; 2]; 2] {
-        [plus(x, self.come.at(x), -1.0), plus(x, self.go.at(x), 1.0)]
+    pub fn to_slices(&self, x: DVec2) -> [DVec2; 2] {
+        [x - self.come.at(x), x + self.go.at(x)]
     }
 
     /// Place on this layer of the trajectory that starts at `slice` on the lower slice, by fixed-point passes from a first guess.
-    pub fn off_low(&self, slice: [f64; 2], guess: [f64; 2], passes: usize) -> [f64; 2] {
-        (0..passes).fold(guess, |y, _| plus(slice, self.come.at(y), 1.0))
+    pub fn off_low(&self, slice: DVec2, guess: DVec2, passes: usize) -> DVec2 {
+        (0..passes).fold(guess, |y, _| slice + self.come.at(y))
     }
 
     /// Place on this layer of the trajectory that ends at `slice` on the upper slice.
-    pub fn off_high(&self, slice: [f64; 2], guess: [f64; 2], passes: usize) -> [f64; 2] {
-        (0..passes).fold(guess, |y, _| plus(slice, self.go.at(y), -1.0))
+    pub fn off_high(&self, slice: DVec2, guess: DVec2, passes: usize) -> DVec2 {
+        (0..passes).fold(guess, |y, _| slice - self.go.at(y))
     }
-}
-
-/// `x + sign v`.
-#[inline]
-pub fn plus(x: [f64; 2], v: [f64; 2], sign: f64) -> [f64; 2] {
-    [x[0] + sign * v[0], x[1] + sign * v[1]]
 }
 
 /// Gaps between heights in steps of 2^-30 of the whole: a stack and the same upside down then have the very same gaps, whichever way their
@@ -311,7 +306,7 @@ impl Large for LoneParts {
 /// Least value at time `t`, counted from their own slice, of the parts at node-space position `x` of it, where the slice's field is `a`. `None` off
 /// their tiles.
 #[inline]
-pub fn closing(parts: &[&Cap], x: [f64; 2], a: f64, t: f64) -> Option<f64> {
+pub fn closing(parts: &[&Cap], x: DVec2, a: f64, t: f64) -> Option<f64> {
     let value =
         |part: &&Cap| part.tile.holds(x, 0.0).then(|| part.field.sample(part.tile.to_local(x)).max(a) + part.offset(t));
     parts.iter().filter_map(value).reduce(f64::min)

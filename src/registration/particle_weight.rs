@@ -3,9 +3,11 @@
 //! Particles die where a piece of contour has no counterpart, and with them what the morph knows about its way. There the layers of the field
 //! method, which has a slope at every pixel, take its place; and where contours are far apart, as particles travel far there and die at every bend.
 
+use glam::DVec2;
+
 use crate::grid::spline::smoothstep;
 use crate::registration::displacement::{BLOCK, Displacement, smooth};
-use crate::registration::motion_field::{MotionField, plus};
+use crate::registration::motion_field::MotionField;
 
 /// Sigma of the mean over particles, px.
 const REACH: f64 = 8.0;
@@ -28,7 +30,7 @@ const WHOLE: f64 = 1e-6;
 
 /// Shares of arrived particles in the frame of an interval.
 pub struct Trust {
-    /// `[arrived, all]` per node.
+    /// `(arrived, all)` per node.
     particles: Displacement,
     /// Whether the trust may be less than whole between a node and the next, column and row.
     doubtful: Vec<bool>,
@@ -42,24 +44,22 @@ impl Trust {
         i: usize,
         h: [f64; 2],
         relief: f64,
-        particles: impl Iterator<Item = ([f64; 2], bool)>,
+        particles: impl Iterator<Item = (DVec2, bool)>,
     ) -> Self {
         let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
         let mut map = Displacement::zero(low.dims);
         for (x, arrived) in particles {
             for (node, share) in map.around(x) {
-                let [good, all] = &mut map.vectors[node];
-                *good += share * f64::from(u8::from(arrived));
-                *all += share;
+                map.vectors[node] += share * DVec2::new(f64::from(u8::from(arrived)), 1.0);
             }
         }
-        smooth(&mut map.vectors, map.grid, h.map(|side| REACH / (BLOCK as f64 * side)));
+        smooth::<2>(bytemuck::cast_slice_mut(&mut map.vectors), map.grid, h.map(|side| REACH / (BLOCK as f64 * side)));
         let v = &moving.displacements[i];
         let [near, far] = [0, 1].map(|k| (1.0 - relief) * LEAPS[k] + relief * LEAPS_OF_RELIEF[k]);
-        let particles = map.map(|_, x, [good, all]| {
-            let half = v.at(x).map(|c| 0.5 * c);
-            let apart = low.sample(plus(x, half, -1.0)) - high.sample(plus(x, half, 1.0));
-            [good * (1.0 - smoothstep((apart.abs() - near) / (far - near))), all]
+        let particles = map.map(|_, x, DVec2 { x: arrived, y: all }| {
+            let half = 0.5 * v.at(x);
+            let apart = low.sample(x - half) - high.sample(x + half);
+            DVec2::new(arrived * (1.0 - smoothstep((apart.abs() - near) / (far - near))), all)
         });
         let grid = particles.grid;
         let less = |k: usize| share(particles.vectors[k]) < 1.0 - WHOLE;
@@ -73,7 +73,7 @@ impl Trust {
     }
 
     /// Whether there is less than whole trust anywhere from `low` to `high`. Between nodes it is at least the least of theirs.
-    pub fn doubts(&self, low: [f64; 2], high: [f64; 2]) -> bool {
+    pub fn doubts(&self, low: DVec2, high: DVec2) -> bool {
         let grid = self.particles.grid;
         let [columns, rows] = [0, 1].map(|a| {
             let before = |x: f64| self.particles.place(a, x).0;
@@ -83,12 +83,12 @@ impl Trust {
     }
 
     /// The morph's weight at `x`.
-    pub fn at(&self, x: [f64; 2]) -> f64 {
+    pub fn at(&self, x: DVec2) -> f64 {
         share(self.particles.at(x))
     }
 }
 
-/// The weight for `[arrived, all]` particles.
-fn share([good, all]: [f64; 2]) -> f64 {
-    smoothstep(((good + FEW) / (all + FEW) - NONE) / (ALL - NONE))
+/// The weight for `(arrived, all)` particles.
+fn share(DVec2 { x: arrived, y: all }: DVec2) -> f64 {
+    smoothstep(((arrived + FEW) / (all + FEW) - NONE) / (ALL - NONE))
 }

@@ -6,8 +6,10 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use glam::{DVec2, Vec2Swizzles};
+
 use crate::contour::Contour;
-use crate::grid::field::Field;
+use crate::grid::field::{Field, position};
 use crate::grid::tile::Tile;
 
 /// A frame must lower the area in which the slices differ by this factor.
@@ -36,20 +38,20 @@ const RIM: usize = 3;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rigid {
     /// Centre of the rotation in the mid frame, pixels.
-    pub centre: [f64; 2],
+    pub centre: DVec2,
     /// Shift, pixels.
-    pub shift: [f64; 2],
+    pub shift: DVec2,
     /// `2 tan(theta / 2)`, positive from x to y.
     pub turn: f64,
 }
 
 impl Rigid {
-    const STILL: Rigid = Rigid { centre: [0.0; 2], shift: [0.0; 2], turn: 0.0 };
+    const STILL: Rigid = Rigid { centre: DVec2::ZERO, shift: DVec2::ZERO, turn: 0.0 };
 
     /// Its displacement at `x`, pixels.
-    pub fn at(&self, x: [f64; 2], h: [f64; 2]) -> [f64; 2] {
-        let y: [f64; 2] = std::array::from_fn(|a| (x[a] - self.centre[a]) * h[a]);
-        [self.shift[0] - self.turn * y[1] / h[0], self.shift[1] + self.turn * y[0] / h[1]]
+    pub fn at(&self, x: DVec2, h: [f64; 2]) -> DVec2 {
+        let h = DVec2::from(h);
+        self.shift + self.turn * ((x - self.centre) * h).perp() / h
     }
 
     /// The motion from a part of the lower slice to one of the upper. Between parts of like area: shift of the centroids and, where both are
@@ -58,14 +60,11 @@ impl Rigid {
     pub fn between(low: (&Contour, u32), high: (&Contour, u32), h: [f64; 2]) -> Found {
         let [a, b] = [Cover::new(low.0, low.1), Cover::new(high.0, high.1)];
         let [ma, mb] = [a.moments(h), b.moments(h)];
-        let centre = std::array::from_fn(|c| 0.5 * (ma.centroid[c] + mb.centroid[c]));
-        let shift: [f64; 2] = std::array::from_fn(|c| mb.centroid[c] - ma.centroid[c]);
+        let centre = 0.5 * (ma.centroid + mb.centroid);
+        let shift = mb.centroid - ma.centroid;
         let differing = |rigid: &Rigid| differing_area(&a, &b, rigid, h);
         if ma.area > ALIKE * mb.area || mb.area > ALIKE * ma.area {
-            let part_way = |k: u32| {
-                let s = f64::from(k) / f64::from(WAYS);
-                Rigid { centre, shift: shift.map(|c| s * c), turn: 0.0 }
-            };
+            let part_way = |k: u32| Rigid { centre, shift: f64::from(k) / f64::from(WAYS) * shift, turn: 0.0 };
             let common = |k: u32| 0.5 * (ma.area + mb.area - differing(&part_way(k)));
             let enough = ENOUGH * common(WAYS);
             let k = (0..WAYS).find(|&k| common(k) >= enough).unwrap_or(WAYS);
@@ -114,7 +113,7 @@ struct Moments {
     /// Pixels.
     area: f64,
     /// Pixels.
-    centroid: [f64; 2],
+    centroid: DVec2,
     /// Larger over smaller principal moment.
     ratio: f64,
     /// Angle of the longer axis.
@@ -141,15 +140,15 @@ impl Cover {
 
     fn moments(&self, h: [f64; 2]) -> Moments {
         let width = self.tile.dims[0];
-        let mean = |f: &dyn Fn([f64; 2]) -> f64| {
+        let mean = |f: &dyn Fn(DVec2) -> f64| {
             let terms = self.share.data.iter().enumerate().filter(|(_, w)| **w > 0.0);
             let (sum, whole) = terms.fold((0.0, 0.0), |(sum, whole), (n, w)| {
-                let x = self.tile.to_image([(n % width) as f64, (n / width) as f64]);
+                let x = self.tile.to_image(position(n, width));
                 (sum + w * f(x), whole + w)
             });
             sum / whole
         };
-        let centroid = [0, 1].map(|c| mean(&|x| x[c]));
+        let centroid = DVec2::new(mean(&|x| x.x), mean(&|x| x.y));
         let moment = |p: usize, q: usize| mean(&|x| (x[p] - centroid[p]) * h[p] * (x[q] - centroid[q]) * h[q]);
         let (xx, yy, xy) = (moment(0, 0), moment(1, 1), moment(0, 1));
         let spread = (0.5 * (xx - yy)).hypot(xy);
@@ -160,14 +159,14 @@ impl Cover {
     }
 
     /// Share of the pixel at position `x` of the image.
-    fn at(&self, x: [f64; 2]) -> f64 {
+    fn at(&self, x: DVec2) -> f64 {
         self.share.sample(self.tile.to_local(x))
     }
 
     /// Corners of the tile.
-    fn corners(&self) -> [[f64; 2]; 2] {
+    fn corners(&self) -> [DVec2; 2] {
         let end = std::array::from_fn(|c| self.tile.origin[c] + self.tile.dims[c]);
-        [self.tile.origin, end].map(|corner| corner.map(|v| v as f64))
+        [self.tile.origin, end].map(|corner| corner.map(|v| v as f64).into())
     }
 }
 
@@ -175,21 +174,17 @@ impl Cover {
 fn differing_area(a: &Cover, b: &Cover, rigid: &Rigid, h: [f64; 2]) -> f64 {
     let [[a_low, a_high], [b_low, b_high]] = [a.corners(), b.corners()];
     // A turned part needs more room than its box.
-    let room = |c: usize| {
-        1.0 + rigid.turn.abs() * 0.5 * (a_high[1 - c] - a_low[1 - c]).max(b_high[1 - c] - b_low[1 - c]) / h[c]
-    };
-    let low: [f64; 2] =
-        std::array::from_fn(|c| (a_low[c] + 0.5 * rigid.shift[c]).min(b_low[c] - 0.5 * rigid.shift[c]) - room(c));
-    let high: [f64; 2] =
-        std::array::from_fn(|c| (a_high[c] + 0.5 * rigid.shift[c]).max(b_high[c] - 0.5 * rigid.shift[c]) + room(c));
+    let across = (a_high - a_low).max(b_high - b_low).yx();
+    let room = 1.0 + rigid.turn.abs() * 0.5 * across / DVec2::from(h);
+    let half = 0.5 * rigid.shift;
+    let low = (a_low + half).min(b_low - half) - room;
+    let high = (a_high + half).max(b_high - half) + room;
     let mut area = 0.0;
-    for j in low[1].floor() as i64..=high[1].ceil() as i64 {
-        for i in low[0].floor() as i64..=high[0].ceil() as i64 {
-            let x = [i as f64, j as f64];
-            let v = rigid.at(x, h);
-            let below = a.at([x[0] - 0.5 * v[0], x[1] - 0.5 * v[1]]);
-            let above = b.at([x[0] + 0.5 * v[0], x[1] + 0.5 * v[1]]);
-            area += (below - above).abs();
+    for j in low.y.floor() as i64..=high.y.ceil() as i64 {
+        for i in low.x.floor() as i64..=high.x.ceil() as i64 {
+            let x = DVec2::new(i as f64, j as f64);
+            let half = 0.5 * rigid.at(x, h);
+            area += (a.at(x - half) - b.at(x + half)).abs();
         }
     }
     area
@@ -201,11 +196,10 @@ fn refined(start: Rigid, area: impl Fn(&Rigid) -> f64) -> (Rigid, f64) {
     let mut best = (start, area(&start));
     for step in STEPS {
         for _ in 0..MOVES {
-            let ways = (0..9).filter(|k| *k != 4).map(|k| [(k % 3) as f64 - 1.0, (k / 3) as f64 - 1.0]);
+            let ways = (0..9).filter(|k| *k != 4).map(|k| position(k, 3) - 1.0);
             let mut tried: Vec<(Rigid, f64)> = ways
                 .map(|way| {
-                    let shift = std::array::from_fn(|c| best.0.shift[c] + step * way[c]);
-                    let rigid = Rigid { shift, ..best.0 };
+                    let rigid = Rigid { shift: best.0.shift + step * way, ..best.0 };
                     (rigid, area(&rigid))
                 })
                 .collect();

@@ -1,12 +1,13 @@
 //! Warping: from the mid frame of an interval to the layers between its slices.
 
+use glam::DVec2;
 use multiversion::multiversion;
 
-use crate::grid::field::{Field, sample, sample_smooth};
+use crate::grid::field::{Field, position, sample, sample_smooth};
 use crate::grid::spline::smoothstep;
 use crate::grid::tiled::{Packed, SQUARE};
 use crate::registration::displacement::Displacement;
-use crate::registration::motion_field::{CELL, Cells, MotionField, Paths, plus, probes};
+use crate::registration::motion_field::{CELL, Cells, MotionField, Paths, probes};
 use crate::registration::particle_weight::Trust;
 
 /// Brings layers of interval `i` from its mid frame to where they belong.
@@ -32,8 +33,8 @@ impl Way {
     pub fn doubts(&self, dims: [usize; 2], trust: &Trust) -> Cells {
         Cells::new(dims, |first, last| {
             let [low, high] = self.to_middle.range(first, last);
-            let [from, to] = [first, last].map(|p| p.map(|p| p as f64));
-            trust.doubts(plus(from, low, 1.0), plus(to, high, 1.0))
+            let [from, to] = [first, last].map(|p| DVec2::from(p.map(|p| p as f64)));
+            trust.doubts(from + low, to + high)
         })
     }
 }
@@ -51,9 +52,9 @@ impl<'m> Warp<'m> {
                 let Some(own) = own else { return };
                 let nx = own.dims[0];
                 for (n, lost) in (first * nx..).zip(rows) {
-                    let (x, v) = ([(n % nx) as f64, (n / nx) as f64], own.data[n]);
+                    let (x, v) = (position(n, nx), own.data[n]);
                     if v.abs() < limit {
-                        *lost = v - sample_smooth(seen, dims, plus(x, way.at(x), 1.0));
+                        *lost = v - sample_smooth(seen, dims, x + way.at(x));
                     }
                 }
             });
@@ -83,12 +84,12 @@ impl<'m> Warp<'m> {
                 let (right, bottom) = ((left + CELL).min(nx) - 1, (top + CELL).min(ny) - 1);
                 let probes = probes([left, top], [right, bottom]);
                 let doubtful = doubts.at(left, top);
-                let at = |x: [f64; 2]| sample(seen, dims, plus(x, to_middle.at(x), 1.0));
-                let probed = probes.map(|p| at(p.map(|p| p as f64)));
+                let at = |x: DVec2| sample(seen, dims, x + to_middle.at(x));
+                let probed = probes.map(|p| at(p.map(|p| p as f64).into()));
                 let others = probes.map(|[x, y]| f64::from(other[y * nx + x]));
                 let all = || probed.iter().chain(&others);
                 let far = all().all(|v| *v >= limit) || all().all(|v| *v <= -limit);
-                let [mut ways, mut come, mut go] = [[[0.0; 2]; CELL]; 3];
+                let [mut ways, mut come, mut go] = [[DVec2::ZERO; CELL]; 3];
                 for y in top..=bottom {
                     let row = &mut out[y % SQUARE * SQUARE + left % SQUARE..][..=right - left];
                     if far {
@@ -129,15 +130,15 @@ struct Read<'a> {
 fn values(
     read: &Read<'_>,
     first: [usize; 2],
-    [ways, come, go]: [&[[f64; 2]; CELL]; 3],
+    [ways, come, go]: [&[DVec2; CELL]; 3],
     others: Option<(&Trust, &[f32])>,
     row: &mut [f32],
 ) {
     for (k, out) in row.iter_mut().enumerate() {
-        let x = [(first[0] + k) as f64, first[1] as f64];
-        let middle = plus(x, ways[k], 1.0);
-        let low = read.lost[0].sample(plus(x, come[k], -1.0));
-        let high = read.lost[1].sample(plus(x, go[k], 1.0));
+        let x = DVec2::new((first[0] + k) as f64, first[1] as f64);
+        let middle = x + ways[k];
+        let low = read.lost[0].sample(x - come[k]);
+        let high = read.lost[1].sample(x + go[k]);
         let v = sample_smooth(read.seen, read.dims, middle) + read.weights[0] * low + read.weights[1] * high;
         let v = others.map_or(v, |(trust, others)| {
             let trust = trust.at(middle);
@@ -150,11 +151,10 @@ fn values(
 /// Displacement from a layer's pixels to where their trajectories are in the mid frame: the mean of the ways over either slice.
 fn way_to_middle(paths: &Paths, off: &[Displacement; 2]) -> Displacement {
     let mut way = paths.come.clone();
-    let over = |slice: [f64; 2], off: &Displacement| plus(slice, off.at(slice), 1.0);
+    let over = |slice: DVec2, off: &Displacement| slice + off.at(slice);
     for ((k, way), go) in way.vectors.iter_mut().enumerate().zip(&paths.go.vectors) {
         let x = paths.come.centre(k);
-        let (a, b) = (over(plus(x, *way, -1.0), &off[0]), over(plus(x, *go, 1.0), &off[1]));
-        *way = [0.5 * (a[0] + b[0]) - x[0], 0.5 * (a[1] + b[1]) - x[1]];
+        *way = 0.5 * (over(x - *way, &off[0]) + over(x + go, &off[1])) - x;
     }
     way
 }

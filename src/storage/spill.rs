@@ -7,6 +7,8 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use glam::DVec2;
+
 use crate::error::{Error, Result};
 
 /// Bytes that all shelves of a run may keep in memory together.
@@ -116,7 +118,7 @@ macro_rules! stored_as_they_are {
 
 pub(crate) use stored_as_they_are;
 
-stored_as_they_are!(f64, f32, u32, [f64; 2]);
+stored_as_they_are!(f64, f32, u32, DVec2);
 
 impl SpillArray for Vec<bool> {
     fn count(&self) -> usize {

@@ -42,8 +42,7 @@ pub fn contour_lines(layer: &Layer, [nx, ny]: [usize; 2]) -> Vec<Polygon> {
         if [x, y] == [cx, cy] { v } else { v.abs() }
     });
     let first = DVec2::from(low.map(|n| n as f64));
-    let place = |x: [f64; 2]| DVec2::from(x) + first - 1.0;
-    trace_loops(&field).into_iter().map(|path| path.into_iter().map(|c| place(c.x)).collect()).collect()
+    trace_loops(&field).into_iter().map(|path| path.into_iter().map(|c| c.x + first - 1.0).collect()).collect()
 }
 
 /// Coordinates along the axes of a geometry from the world's origin: `u a0 + v a1 + w a2` is the point `i dx, j dy, z` of the stack.

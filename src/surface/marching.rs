@@ -1,6 +1,7 @@
 //! Marching cubes on the layers' true heights, slab by slab: a slab needs its two layers and the vertices on the lower one, no more.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use glam::DVec3;
 
@@ -88,6 +89,8 @@ pub struct Builder {
     upright: [(Vec<Option<Corner>>, Vec<usize>); 2],
     /// The next row of cells; none where the slab is filled.
     row: Option<usize>,
+    /// Rows of squares of the last row of cells, and the columns of cells there that the surface may cross.
+    active: (Option<[Option<usize>; 2]>, Vec<Range<usize>>),
     /// Vertices until now, of those the ones until the slab below and until this one.
     vertices: u64,
     starts: [u64; 2],
@@ -113,6 +116,7 @@ impl Builder {
             along: Default::default(),
             upright: Default::default(),
             row: None,
+            active: (None, Vec::new()),
             vertices: 0,
             starts: [0; 2],
             piece: Piece::default(),
@@ -146,6 +150,7 @@ impl Builder {
         let n = self.dims[0] * self.dims[1];
         self.starts = [self.starts[1], self.vertices];
         self.row = Some(0);
+        self.active.0 = None;
         self.along.swap(0, 1);
         // Nothing is used again: one layer's contours may be far longer than those after it.
         self.along[1] = HashMap::new();
@@ -182,6 +187,7 @@ impl Builder {
         self.piece.triangles.clear();
         let mut cells = Vec::new();
         while j < self.dims[1] - 1 && self.piece.triangles.len() < PIECE_TRIANGLES {
+            self.find_active(j);
             self.cells(j, &mut cells);
             for &(i, pattern) in &cells {
                 self.cell(i, j, pattern);
@@ -218,36 +224,54 @@ impl Builder {
             at(0, 0) | at(0, 1) << 2 | at(1, 0) << 4 | at(1, 1) << 6
         };
         cells.clear();
-        let (mut i, mut left) = (0, column(0));
-        while i < self.dims[0] - 1 {
-            if let Some(next) = self.beyond_whole(i, j) {
-                (i, left) = (next, column(next));
-                continue;
+        for range in &self.active.1 {
+            let mut left = column(range.start);
+            for i in range.clone() {
+                let right = column(i + 1);
+                let pattern = left | right << 1;
+                if pattern != 0 && pattern != 0xff {
+                    cells.push((i, pattern));
+                }
+                left = right;
             }
-            let right = column(i + 1);
-            let pattern = left | right << 1;
-            if pattern != 0 && pattern != 0xff {
-                cells.push((i, pattern));
-            }
-            (i, left) = (i + 1, right);
         }
     }
 
-    /// The last column of nodes of a square that begins at node `i` of row `j`, where all nodes of it in this row of cells are on one side.
-    fn beyond_whole(&self, i: usize, j: usize) -> Option<usize> {
-        let column = i.checked_sub(1).filter(|i| i.is_multiple_of(SQUARE))? / SQUARE;
-        let side = |(plane, row): (&Plane, usize)| {
-            let pixel = row.checked_sub(1).filter(|j| *j < self.image[1]);
-            let (Some(_), Some(pixel)) = (plane.z, pixel) else { return Some(false) };
-            plane.phi.whole([column, pixel / SQUARE]).map(|v| v < 0.0)
-        };
-        if column * SQUARE >= self.image[0] {
-            return None;
+    /// Finds the columns of cells of row `j` that the surface may cross: all but those whose corners lie in squares of one side.
+    fn find_active(&mut self, j: usize) {
+        let [nx, ny] = self.image;
+        let rows = [j, j + 1].map(|row| row.checked_sub(1).filter(|pixel| *pixel < ny).map(|pixel| pixel / SQUARE));
+        if self.active.0 == Some(rows) {
+            return;
         }
-        let mut sides = self.planes.iter().flat_map(|plane| [(plane, j), (plane, j + 1)]).map(side);
-        let first = sides.next()??;
-        let next = (i + SQUARE - 1).min(self.image[0]);
-        (next > i && sides.all(|side| side == Some(first))).then_some(next)
+        let side = |column: usize| {
+            let of = |plane: &Plane, row: Option<usize>| match (plane.z, row) {
+                (Some(_), Some(row)) => plane.phi.whole([column, row]).map(|v| v < 0.0),
+                _ => Some(false),
+            };
+            let first = of(&self.planes[0], rows[0])?;
+            let others = [(0, 1), (1, 0), (1, 1)].map(|(plane, row)| of(&self.planes[plane], rows[row]));
+            others.iter().all(|other| *other == Some(first)).then_some(first)
+        };
+        let squares = (0..nx).step_by(SQUARE).enumerate();
+        let squares = squares.map(|(column, first)| (side(column), first + 1..(first + SQUARE).min(nx) + 1));
+        let mut ranges: Vec<Range<usize>> = Vec::new();
+        let mut push = |range: Range<usize>| match ranges.last_mut() {
+            Some(last) if last.end == range.start => last.end = range.end,
+            _ => ranges.push(range),
+        };
+        // Around the image there is a ring of outside.
+        let mut before = Some(false);
+        for (side, nodes) in squares.chain([(Some(false), nx + 1..nx + 2)]) {
+            if side.is_none() || side != before {
+                push(nodes.start - 1..nodes.start);
+            }
+            if side.is_none() {
+                push(nodes.start..nodes.end - 1);
+            }
+            before = side;
+        }
+        self.active = (Some(rows), ranges);
     }
 
     fn cell(&mut self, i: usize, j: usize, pattern: u8) {

@@ -115,7 +115,7 @@ pub fn contour_lines(header: &Header, layer: &Layer) -> Vec<Polyline> {
         (Some(i), Some(j)) if i < nx && j < ny => f64::from(layer.phi.at(i, j)),
         _ => 0.5 * dx.min(dy),
     });
-    let point = |[x, y]: [f64; 2]| header.geometry.to_world(DVec3::new((x - 1.0) * dx, (y - 1.0) * dy, layer.z));
+    let point = |DVec2 { x, y }: DVec2| header.geometry.to_world(DVec3::new((x - 1.0) * dx, (y - 1.0) * dy, layer.z));
     trace_loops(&phi).iter().map(|path| path.iter().chain(path.first()).map(|c| point(c.x)).collect()).collect()
 }
 

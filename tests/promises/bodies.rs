@@ -213,7 +213,7 @@ fn p07_no_jump_where_a_sweep_vanishes() {
 
 #[test]
 fn p08_half_the_step_gives_the_same_body() {
-    // At the fork it is .12 with half of .5 (7.9 at first), .02 with half of .1.
+    // At the fork it is 0.12 px with half of 0.5, 0.02 px with half of 0.1.
     for (cfl, most) in [(0.5, 0.2), (0.1, 0.05)] {
         let body = |cfl: f64| run(&of_zoo("one_to_two", 10.0), &steps(11, 1.0), &Settings { cfl, ..plain() });
         let [one, half] = [body(cfl), body(0.5 * cfl)];
@@ -225,7 +225,7 @@ fn p08_half_the_step_gives_the_same_body() {
     }
 }
 
-/// Beside a gap a hundred times as long, fairing's gradient along a short one told of rounding and of the sweeps' steps (.94 px).
+/// Beside a gap a hundred times as long, a gradient of fairing along a short one tells of rounding and of the sweeps' steps (0.94 px).
 #[test]
 fn p08_a_gap_unlike_its_neighbours_stays_calm() {
     let property = named("half_the_step");

@@ -177,7 +177,7 @@ fn parts(n: &mut Numbers, kind: Kind, dims: [usize; 2], slices: usize) -> Vec<Pa
     }
 }
 
-/// Gaps of .1 to 30 px.
+/// Gaps of 0.1 to 30 px.
 fn heights(n: &mut Numbers, slices: usize, side: f64) -> Vec<f64> {
     let gap = |n: &mut Numbers| side * if n.chance(0.6) { n.between(2.0, 12.0) } else { n.ratio(0.1, 30.0) };
     let first = side * n.between(-20.0, 20.0);

@@ -52,7 +52,7 @@ pub fn mountain(x: f64, y: f64) -> f64 {
     peak - crater + shoulder - 120.0
 }
 
-/// A trunk with arms at height `z` (mm) in an image of 155 x 522 pixels of .958 x 2.194 mm.
+/// A trunk with arms at height `z` (mm) in an image of 155 x 522 pixels of 0.958 x 2.194 mm.
 pub fn trunk(x: f64, y: f64, z: f64) -> bool {
     let at = [0.958 * (x - 77.0), 2.194 * (y - 260.5)];
     let s = z / 120.0;

@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use glam::DVec2;
+
 use crate::backend::MorphOptions;
 use crate::backend::jobs::SweepJob;
 use crate::contour::seeds::seeds;
@@ -77,14 +79,14 @@ impl Cases {
     }
 
     /// Seeds of every job and a course for each, which differ from seed to seed.
-    fn seeded(&self) -> Vec<(Vec<[f64; 2]>, Vec<HermiteArc>)> {
+    fn seeded(&self) -> Vec<(Vec<DVec2>, Vec<HermiteArc>)> {
         let of = |phi: &Field| {
             // Contours have no seeds on a stretch, so that pixels are filled from their neighbours there.
-            let bare = |x: &[f64; 2]| x[1] * self.h[1] > 0.58 * phi.dims[1] as f64 * self.h[1];
-            let positions: Vec<[f64; 2]> = seeds(phi, self.h, 0.5).iter().map(|s| s.x).filter(|x| !bare(x)).collect();
-            let course = |x: &[f64; 2]| {
-                let s = f64::from((0.3 * x[0]).sin() as f32) * 2.0;
-                [s, 0.5 * s, 0.25, if x[1] < 20.0 { 0.0 } else { 1.0 }]
+            let bare = |x: &DVec2| x.y * self.h[1] > 0.58 * phi.dims[1] as f64 * self.h[1];
+            let positions: Vec<DVec2> = seeds(phi, self.h, 0.5).iter().map(|s| s.x).filter(|x| !bare(x)).collect();
+            let course = |x: &DVec2| {
+                let s = f64::from((0.3 * x.x).sin() as f32) * 2.0;
+                [s, 0.5 * s, 0.25, if x.y < 20.0 { 0.0 } else { 1.0 }]
             };
             let courses = positions.iter().map(course).collect();
             (positions, courses)

@@ -4,6 +4,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use glam::DVec2;
+
 use crate::backend::Backend;
 use crate::backend::requests::{LayerRequest, SlopeRequest};
 use crate::contour::caps::{Cap, CapProfile};
@@ -20,7 +22,7 @@ use crate::reference::distance::distance_of;
 use crate::registration::displacement::{Displacement, DisplacementJob};
 use crate::registration::motion_field::{LoneParts, MotionField};
 
-/// A round from the same vectors: moments of up to 32 px times 1e-7, divided by a ridge of .07, px.
+/// A round from the same vectors: moments of up to 32 px times 1e-7, divided by a ridge of 0.07, px.
 const ROUND: f64 = 1e-4;
 /// All rounds: each passes on less than the error it was given, and adds its own.
 const ALL_ROUNDS: f64 = 2e-4;
@@ -59,8 +61,8 @@ fn single(field: &Field) -> Field {
 fn waves(dims: [usize; 2], size: f64, phase: f64) -> Displacement {
     let wave = |x: f64, y: f64| f64::from((size * (0.07 * x + 0.05 * y + phase).sin()) as f32);
     Displacement::zero(dims)
-        .map(|_, [x, y], _| [wave(x, y), 0.7 * wave(y, -x)])
-        .map(|_, _, v| v.map(|c| f64::from(c as f32)))
+        .map(|_, DVec2 { x, y }, _| DVec2::new(wave(x, y), 0.7 * wave(y, -x)))
+        .map(|_, _, v| v.as_vec2().as_dvec2())
 }
 
 impl Stack {

@@ -1,6 +1,8 @@
 //! Kernels alone, from fields on the host to fields on the host: what the tests, the self-test and the benchmarks ask. Several jobs at once,
 //! each with a tile of its own.
 
+use glam::DVec2;
+
 use crate::backend::jobs::SweepJob;
 use crate::error::Result;
 use crate::gpu::Gpu;
@@ -230,7 +232,7 @@ impl Gpu {
     /// [`crate::Error::Gpu`].
     pub fn advect(
         &self,
-        starts: &[Vec<[f64; 2]>],
+        starts: &[Vec<DVec2>],
         [before, after, goal]: [&[Field]; 3],
         tubes: Tubes,
         dt: &[f64],

@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use glam::DVec2;
+
 use crate::backend::jobs::{PartJob, SweepJob, SweepPair, TraceJob};
 use crate::backend::requests::{ContourRequest, PartRequest, SweepRequest, TraceRequest};
 use crate::backend::{Backend, ContourOptions, PaddedSlice};
@@ -189,7 +191,7 @@ fn carried(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
 }
 
 fn particles(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
-    let starts: Vec<Vec<[f64; 2]>> =
+    let starts: Vec<Vec<DVec2>> =
         cases.phi.iter().map(|phi| seeds(phi, cases.h, 0.5).iter().map(|s| s.x).collect()).collect();
     let ours = gpu.advect(&starts, [&cases.phi, &cases.later, &cases.later], cases.tubes(), &STEPS)?;
     let mut out = Comparison::new("particles", 2e-4);

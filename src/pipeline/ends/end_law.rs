@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn spheres_and_paraboloids_end_as_they_do() {
-        // A sphere of radius 3 whose last contour is 1 below its pole, a paraboloid with .7 to go.
+        // A sphere of radius 3 whose last contour is 1 below its pole, a paraboloid with 0.7 to go.
         let sphere = |t: f64| 9.0 - (2.0 + t).powi(2);
         let Some((found, CapRule::Quadratic)) = law(sphere, 9.0) else { panic!("a sphere is quadratic") };
         close(found, sphere, 1.0);

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use glam::DVec2;
+
 use crate::backend::Backend;
 use crate::backend::jobs::PartJob;
 use crate::backend::requests::PartRequest;
@@ -10,7 +12,7 @@ use crate::contour::Contour;
 use crate::contour::offsets::area;
 use crate::error::Result;
 use crate::grid::components::{Components, label8};
-use crate::grid::field::Field;
+use crate::grid::field::{Field, position};
 use crate::grid::tile::Tile;
 use crate::registration::displacement::Displacement;
 
@@ -109,14 +111,9 @@ impl Levels<'_> {
         let [nx, ny] = self.contours[level].phi.dims;
         let mut pairs = BTreeMap::new();
         for node in 0..nx * ny {
-            let x = [(node % nx) as f64, (node / nx) as f64];
-            let [i, j] = match &self.ways[level] {
-                None => x,
-                Some((way, sign)) => {
-                    let v = way.at(x);
-                    [(x[0] + sign * v[0]).round(), (x[1] + sign * v[1]).round()]
-                }
-            };
+            let x = position(node, nx);
+            let there = self.ways[level].as_ref().map_or(x, |(way, sign)| (x + *sign * way.at(x)).round());
+            let DVec2 { x: i, y: j } = there;
             if i >= 0.0 && j >= 0.0 && i < nx as f64 && j < ny as f64 {
                 let (a, b) = of(node, j as usize * nx + i as usize);
                 if a > 0 && b > 0 {

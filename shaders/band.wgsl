@@ -71,8 +71,8 @@ fn set_block_total(total: u32) {
 
 // Arguments of a dispatch over a list.
 fn groups_of(total: u32) -> array<u32, 4> {
-    let groups = (total + lane_count - 1u) / lane_count;
-    return array<u32, 4>(min(groups, GRID), (groups + GRID - 1u) / GRID, 1u, 0u);
+    let groups = list_groups(total);
+    return array<u32, 4>(groups.x, groups.y, groups.z, 0u);
 }
 
 fn touch(b: u32) {

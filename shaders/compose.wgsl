@@ -28,7 +28,7 @@ struct Reached {
     groups_x: u32,
     groups_y: u32,
     groups_z: u32,
-    padding: u32,
+    count: u32,
     reads: array<Read>,
 }
 
@@ -74,7 +74,11 @@ fn value_between(node: u32, near: bool, q: f32) -> f32 {
 // Copies the fronts that are wanted within this step, block by block, before the band follows.
 @compute @workgroup_size(lane_count)
 fn copy_front(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let wanted = reached.reads[group.y];
+    let row = row_index(group);
+    if row >= reached.count {
+        return;
+    }
+    let wanted = reached.reads[row];
     let q = wanted.job;
     let k = group.x * lane_count + local;
     if k >= jobs[q].block_count {
@@ -128,7 +132,11 @@ fn disagreement(weight: f32) -> f32 {
 // `(1 - w) up + w down`, neither deeper than the other by more than `disagreement`.
 @compute @workgroup_size(lane_count)
 fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let item = items[group.y];
+    let row = row_index(group);
+    if row >= arrayLength(&items) {
+        return;
+    }
+    let item = items[row];
     let k = group.x * lane_count + local;
     if k >= item.block_count {
         return;

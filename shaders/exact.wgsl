@@ -28,7 +28,10 @@ fn on_side(node: u32) -> bool {
 
 @compute @workgroup_size(lane_count)
 fn columns(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let q = group.y;
+    let q = row_index(group);
+    if q >= arrayLength(&jobs) {
+        return;
+    }
     let nx = jobs[q].nx;
     let ny = jobs[q].ny;
     let i = group.x * lane_count + local;
@@ -65,7 +68,10 @@ fn away(row: u32, i: u32, foot: u32) -> f32 {
 
 @compute @workgroup_size(lane_count)
 fn rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let q = group.y;
+    let q = row_index(group);
+    if q >= arrayLength(&jobs) {
+        return;
+    }
     let nx = jobs[q].nx;
     let j = group.x * lane_count + local;
     if j >= jobs[q].ny {
@@ -74,7 +80,7 @@ fn rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     let row = jobs[q].offset + j * nx;
     var count = 0u;
     for (var b = 0u; b < nx; b++) {
-        if steps[row + b] >= FAR {
+        if steps[row + b] >= 0.5 * FAR {
             continue;
         }
         var begin = -FAR;

@@ -107,7 +107,7 @@ fn closed(part: Part, t: f32) -> f32 {
     if q < AT_TIP {
         return part.depth * (1.0 - (1.0 - q) * (1.0 + (1.0 - part.shrinking) * q));
     }
-    return part.depth / AT_TIP + part.farthest * clamp((t - part.height) / (1.0 - part.height), 0.0, 1.0);
+    return part.depth / AT_TIP + part.farthest * clamp((t - part.height) / max(1.0 - part.height, 1e-6), 0.0, 1.0);
 }
 
 // Least value of the parts from `begin` to `end` at time `t`, counted from their own slice, where its value is `a`; `other` where that is less.

@@ -40,8 +40,8 @@ struct Read {
 struct Reached {
     groups_x: atomic<u32>,
     groups_y: atomic<u32>,
-    groups_z: u32,
-    padding: u32,
+    groups_z: atomic<u32>,
+    count: atomic<u32>,
     reads: array<Read>,
 }
 
@@ -56,7 +56,8 @@ fn advance(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     if q == 0u {
         atomicStore(&reached.groups_x, 0u);
         atomicStore(&reached.groups_y, 0u);
-        reached.groups_z = 1u;
+        atomicStore(&reached.groups_z, 0u);
+        atomicStore(&reached.count, 0u);
     }
     if q >= params.job_count || jobs_mut[q].phase != RUNNING {
         return;
@@ -77,7 +78,9 @@ fn read_between(q: u32, t: f32, next: f32) {
             return;
         }
         let share = clamp((time - t) / (next - t), 0.0, 1.0);
-        let place = atomicAdd(&reached.groups_y, 1u);
+        let place = atomicAdd(&reached.count, 1u);
+        atomicMax(&reached.groups_y, min(place + 1u, grid));
+        atomicMax(&reached.groups_z, place / grid + 1u);
         reached.reads[place] = Read(q, jobs_mut[q].first_copy + jobs_mut[q].next_time * jobs_mut[q].block_count, share, 0u);
         atomicMax(&reached.groups_x, (jobs_mut[q].block_count + lane_count - 1u) / lane_count);
         jobs_mut[q].next_time += 1u;

@@ -1,5 +1,5 @@
 // From seeds to the pixels at a contour: each such pixel takes the kernel-weighted mean of the seeds near its closest contour point,
-// gathered through cell bins in seed order, without float atomics. Pixels that no seed reaches are filled from their neighbours.
+// gathered through cell bins in seed order, without float atomics. Pixels that no seed reaches are filled from their neighbours, a dispatch a round.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> jobs: array<Job>;
@@ -9,13 +9,13 @@
 @group(0) @binding(5) var<storage, read> seeds: array<Seed>;
 @group(0) @binding(6) var<storage, read> bins: array<u32>;
 @group(0) @binding(7) var<storage, read_write> courses: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> rounds: Rounds;
+@group(0) @binding(8) var<storage, read_write> known: Known;
 @group(0) @binding(9) var<storage, read> slots: array<u32>;
 
 // Reach of the kernel `(1 - d / R)^2`, px.
 const RADIUS: f32 = 1.5;
-const FILL_ROUNDS: u32 = 30u;
-override fill_width: u32 = 64u;
+// What `at` says of pixels at a contour that are not known yet; NONE of those that are at no contour.
+const UNKNOWN: u32 = 0xfffffffeu;
 
 struct Seed {
     course: vec4<f32>,
@@ -23,18 +23,13 @@ struct Seed {
     padding: vec2<f32>,
 }
 
-// For each band place the round in which it became known (NONE: not yet), after the list of those still unknown at the start.
-struct Rounds {
-    unknown: atomic<u32>,
+// For each band place the round in which it became known, behind the number of the round that is being filled.
+struct Known {
+    round: u32,
     padding_a: u32,
     padding_b: u32,
     padding_c: u32,
-    known: array<Round>,
-}
-
-struct Round {
-    at: atomic<u32>,
-    unknown: u32,
+    at: array<atomic<u32>>,
 }
 
 @compute @workgroup_size(lane_count)
@@ -46,7 +41,10 @@ fn scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let node = band[k].x;
     let q = band[k].y;
     courses[k] = vec4<f32>(0.0);
-    atomicStore(&rounds.known[k].at, NONE);
+    atomicStore(&known.at[k], NONE);
+    if k == 0u {
+        known.round = 0u;
+    }
     if !at_contour(node, jobs[q].nx) {
         return;
     }
@@ -68,44 +66,32 @@ fn scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
     if total > 1e-6 {
         courses[k] = sum / total;
-        atomicStore(&rounds.known[k].at, 0u);
+        atomicStore(&known.at[k], 0u);
     } else {
-        // The order of this list does not matter: every round looks at earlier rounds only.
-        rounds.known[atomicAdd(&rounds.unknown, 1u)].unknown = k;
+        atomicStore(&known.at[k], UNKNOWN);
     }
 }
 
-var<workgroup> unknown_total: u32;
+// Before every round.
+@compute @workgroup_size(1)
+fn next_round() {
+    known.round += 1u;
+}
 
-// Unknown pixels take the mean of their neighbours that were known the round before. One workgroup.
-@compute @workgroup_size(fill_width)
-fn fill(@builtin(local_invocation_index) local: u32) {
-    if local == 0u {
-        unknown_total = atomicLoad(&rounds.unknown);
-    }
-    let total = workgroupUniformLoad(&unknown_total);
-    if total == 0u {
+// Unknown pixels take the mean of their neighbours that were known the round before: what others become in this round does not count yet.
+@compute @workgroup_size(lane_count)
+fn fill(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let k = list_index(group, local);
+    if k >= work.band_total || atomicLoad(&known.at[k]) != UNKNOWN {
         return;
     }
-    for (var r = 1u; r <= FILL_ROUNDS; r++) {
-        for (var u = local; u < total; u += fill_width) {
-            let k = rounds.known[u].unknown;
-            if atomicLoad(&rounds.known[k].at) == NONE {
-                fill_one(k, r);
-            }
-        }
-        storageBarrier();
-    }
-}
-
-fn fill_one(k: u32, r: u32) {
     let nx = jobs[band[k].y].nx;
     var sum = vec4<f32>(0.0);
     var total = 0.0;
     for (var row = 0u; row < 3u; row++) {
         for (var column = 0u; column < 3u; column++) {
             let s = slots[band[k].x + row * nx + column - nx - 1u];
-            if s != NONE && atomicLoad(&rounds.known[min(s, params.band_capacity - 1u)].at) < r {
+            if s != NONE && atomicLoad(&known.at[min(s, params.band_capacity - 1u)]) < known.round {
                 sum += courses[s];
                 total += 1.0;
             }
@@ -113,6 +99,6 @@ fn fill_one(k: u32, r: u32) {
     }
     if total > 0.0 {
         courses[k] = sum / total;
-        atomicStore(&rounds.known[k].at, r);
+        atomicStore(&known.at[k], known.round);
     }
 }

@@ -105,9 +105,12 @@ pub enum Error {
         /// All jobs.
         of: usize,
     },
-    /// The GPU cannot do the work: no adapter, limits too small, out of memory, a lost or hanging device, a driver's complaint.
+    /// The GPU cannot do the work: no adapter, limits too small, a lost or hanging device, a driver's complaint.
     #[error("GPU: {0}")]
     Gpu(String),
+    /// The GPU has no memory for as many jobs at once, or for the one that is left.
+    #[error("GPU: {0}")]
+    GpuMemory(String),
     /// A numeric stage produced something that must not be: a NaN, a vanished group.
     #[error("stage `{stage}`: {message}")]
     Numerics {
@@ -130,7 +133,11 @@ impl Error {
     /// Exit code of the program: 2 input or settings wrong, 1 the work failed.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Error::Write { .. } | Error::Numerics { .. } | Error::Gpu(_) | Error::Batch { .. } => 1,
+            Error::Write { .. }
+            | Error::Numerics { .. }
+            | Error::Gpu(_)
+            | Error::GpuMemory(_)
+            | Error::Batch { .. } => 1,
             _ => 2,
         }
     }

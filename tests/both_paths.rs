@@ -294,7 +294,9 @@ fn a_failing_gpu_is_told_and_replaced_only_where_that_was_asked() {
 
     let short = open(&GpuOptions { memory: Some(1 << 20), ..GpuOptions::default() });
     match of(&short) {
-        Err(Error::Gpu(message)) => assert!(message.contains("memory") && message.contains("1048576"), "{message}"),
+        Err(Error::GpuMemory(message)) => {
+            assert!(message.contains("memory") && message.contains("1048576"), "{message}")
+        }
         other => panic!("a budget of 1 MiB gave {:?}", other.map(|r| r.layers.len())),
     }
 

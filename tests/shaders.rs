@@ -1,12 +1,14 @@
 //! The shaders as naga sees them: valid without any capability; variables, structs and constants as the host declares them.
 #![cfg(feature = "gpu")]
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use interslice::gpu::kernels::{Access, Binding, Interface, interfaces};
+use interslice::gpu::kernels::{Access, Binding, Interface, interfaces, overrides};
+use interslice::gpu::layout::GRID;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, ScalarKind, StorageAccess, TypeInner};
+use serde_json::json;
 
 struct Shader {
     declared: Interface,
@@ -77,6 +79,31 @@ fn access(space: AddressSpace) -> Access {
     }
 }
 
+/// Text, entry points, overrides and bindings of every shader, for `tests/webgpu.py`: written to `shaders.json` in the target folder's `tmp`.
+#[test]
+fn shaders_are_written_for_other_compilers() {
+    let entry = |shader: &Shader, entry: &interslice::gpu::kernels::Entry| {
+        let place = |b: &Binding| {
+            let named = |(_, v): (_, &naga::GlobalVariable)| {
+                (v.name.as_deref() == Some(b.name)).then(|| v.binding.as_ref().map(|at| at.binding)).flatten()
+            };
+            let binding = shader.module.global_variables.iter().find_map(named).expect("a binding");
+            json!({ "binding": binding, "access": format!("{:?}", b.access) })
+        };
+        let set = |name: &str| shader.module.overrides.iter().any(|(_, o)| o.name.as_deref() == Some(name));
+        let constants: BTreeMap<&str, f64> = overrides(GRID).into_iter().filter(|(name, _)| set(name)).collect();
+        let bindings: Vec<_> = entry.bindings.iter().map(place).collect();
+        json!({ "name": entry.name, "constants": constants, "bindings": bindings })
+    };
+    let of = |shader: Shader| {
+        let entries: Vec<_> = shader.declared.entries.iter().map(|e| entry(&shader, e)).collect();
+        json!({ "stem": shader.declared.stem, "text": shader.declared.text, "entries": entries })
+    };
+    let shaders: Vec<_> = shaders().into_iter().map(of).collect();
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("shaders.json");
+    std::fs::write(file, serde_json::to_vec(&shaders).expect("JSON")).expect("the target folder can be written to");
+}
+
 /// The host's buffers reach the variables that they are named after: for every entry point those that it uses, no more and no less, in the order
 /// of their bindings, with their access and type.
 #[test]
@@ -143,10 +170,11 @@ fn structs_are_laid_out_as_the_host_mirrors_them() {
     assert!(compared > 20, "{compared} structs compared");
 }
 
-/// Value of a module's constant.
+/// Value of a module's constant, or of an override where the host sets none.
 fn wgsl_constant(module: &naga::Module, name: &str) -> Option<f64> {
-    let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name))?;
-    match module.global_expressions[constant.init] {
+    let constant = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name)).map(|(_, c)| c.init);
+    let preset = module.overrides.iter().find(|(_, o)| o.name.as_deref() == Some(name)).and_then(|(_, o)| o.init);
+    match module.global_expressions[constant.or(preset)?] {
         naga::Expression::Literal(naga::Literal::F32(v)) => Some(f64::from(v)),
         naga::Expression::Literal(naga::Literal::U32(v)) => Some(f64::from(v)),
         _ => None,
@@ -166,10 +194,38 @@ fn twins_are_there() {
     }
 }
 
+/// Every loop has an end that no value of a field decides: a count, or bits of which each trip takes one away. Compilers for GPUs may take NaN for
+/// any number.
+#[test]
+fn loops_end() {
+    let counted = |header: &str| {
+        let compares = |c: &str| [" < ", " <= ", " > "].iter().any(|sign| c.contains(sign));
+        header.starts_with("for (var ") && header.split(';').nth(1).is_some_and(compares)
+    };
+    let known = [
+        "while bits != 0u {",
+        "while count > 0u {",
+        "while k + 1u < count && begins[row + k + 1u] < f32(i) - TIE {",
+        "while jobs_mut[q].next_time < jobs_mut[q].time_count {",
+    ];
+    let mut seen = BTreeSet::new();
+    for Interface { stem, text, .. } in interfaces() {
+        for line in text.lines().map(str::trim).filter(|l| ["loop", "while", "for ("].iter().any(|w| l.starts_with(w)))
+        {
+            assert!(counted(line) || known.contains(&line), "{stem}: does `{line}` end whatever the numbers are?");
+            seen.insert(line);
+        }
+    }
+    assert!(known.iter().all(|k| seen.contains(k)) && seen.len() > 15, "{seen:?}");
+    assert!(!counted("for (;;) {") && !counted("for (var v = 1.0; v != 0.0; v *= 0.5) {"), "others are seen");
+}
+
 /// Constants that only a shader has, and why.
-const OWN: [(&str, &str); 3] = [
+const OWN: [(&str, &str); 5] = [
     ("REST_UNIT", "sums of integers do not depend on their order; the twin adds up f64 in one order"),
     ("REST_MOST", "as REST_UNIT: what keeps the sum within 32 bits"),
+    ("MOST_STEPS", "f32 to u32 must not overflow; the twin's steps are counted in usize"),
+    ("UNKNOWN", "the twin keeps a list of those"),
     ("SETTLED", "the resolution of f32; the twin has that of f64"),
 ];
 
@@ -186,7 +242,7 @@ fn constants_are_those_of_the_twins() {
         ("", "DONE", f64::from(layout::DONE)),
         ("", "VANISHED", f64::from(layout::VANISHED)),
         ("", "BLOCK", layout::BLOCK as f64),
-        ("", "GRID", f64::from(layout::GRID)),
+        ("", "grid", f64::from(layout::GRID)),
         ("", "PATCH", layout::PATCH as f64),
         ("", "TILE", layout::TILE as f64),
         ("", "TILE", field::CELL as f64),
@@ -223,7 +279,6 @@ fn constants_are_those_of_the_twins() {
         ("propagate", "LATE_RAMP", propagate::LATE_RAMP),
         ("reinit", "STEP", reinit::STEP),
         ("scatter", "RADIUS", scatter::RADIUS),
-        ("scatter", "FILL_ROUNDS", scatter::FILL_ROUNDS as f64),
         ("trace", "STEP_LIMIT", trace::STEP_LIMIT),
         ("trace", "STALL_BELOW", trace::STALL_BELOW),
         ("trace", "LEAST_GAIN", trace::LEAST_GAIN),

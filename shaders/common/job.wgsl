@@ -11,8 +11,8 @@ const RUNNING: u32 = 0u;
 const DONE: u32 = 1u;
 const VANISHED: u32 = 2u;
 
-// Widest row of workgroups in an indirect dispatch; longer lists take several rows.
-const GRID: u32 = 4096u;
+// Most workgroups along an axis; longer lists take several rows, and layers of rows.
+override grid: u32 = 4096u;
 
 override lane_count: u32 = 64u;
 
@@ -99,7 +99,19 @@ struct Sums {
     pixels: atomic<u32>,
 }
 
-// Index of an invocation in a list that is dispatched GRID workgroups wide.
+// Index of an invocation in a list that is dispatched in rows of `grid` workgroups and layers of `grid` rows.
 fn list_index(group: vec3<u32>, local: u32) -> u32 {
-    return (group.y * GRID + group.x) * lane_count + local;
+    return ((group.z * grid + group.y) * grid + group.x) * lane_count + local;
+}
+
+// Row of an invocation where each item has a row of workgroups, dispatched in layers of `grid` rows.
+fn row_index(group: vec3<u32>) -> u32 {
+    return group.z * grid + group.y;
+}
+
+// Workgroups along three axes for a list of `total` items.
+fn list_groups(total: u32) -> vec3<u32> {
+    let groups = (total + lane_count - 1u) / lane_count;
+    let rows = (groups + grid - 1u) / grid;
+    return vec3<u32>(min(groups, grid), min(rows, grid), (rows + grid - 1u) / grid);
 }

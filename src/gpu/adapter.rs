@@ -13,6 +13,8 @@ pub struct AdapterSummary {
     pub kind: String,
     /// Driver and its version.
     pub driver: String,
+    /// Bytes of its own memory, where the driver says.
+    pub memory: Option<u64>,
     /// Largest storage binding, bytes.
     pub largest_binding: u64,
     /// Largest buffer, bytes.
@@ -33,13 +35,14 @@ impl AdapterSummary {
     }
 }
 
-fn instance() -> wgpu::Instance {
+/// `checked`: with what bounds indirect dispatches.
+fn instance(checked: bool) -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
     if std::env::var_os("WGPU_BACKEND").is_none() {
         descriptor.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
     }
     // It costs 12 to 70 us per indirect dispatch; the arguments are written by our own kernels and bounded there.
-    descriptor.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
+    descriptor.flags.set(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL, checked);
     wgpu::Instance::new(descriptor)
 }
 
@@ -54,9 +57,9 @@ fn rank(kind: wgpu::DeviceType) -> u8 {
     }
 }
 
-/// Adapters with what people see of them, best first.
-pub(super) fn enumerate() -> Vec<(wgpu::Adapter, AdapterSummary)> {
-    let mut adapters = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::all()));
+/// Adapters with what people see of them, best first. `checked`: the driver never gets an indirect dispatch beyond the limits; it is left out.
+pub(super) fn enumerate(checked: bool) -> Vec<(wgpu::Adapter, AdapterSummary)> {
+    let mut adapters = pollster::block_on(instance(checked).enumerate_adapters(wgpu::Backends::all()));
     adapters.sort_by_key(|a| rank(a.get_info().device_type));
     adapters
         .into_iter()
@@ -82,6 +85,7 @@ pub(super) fn enumerate() -> Vec<(wgpu::Adapter, AdapterSummary)> {
                 api: info.backend.to_string(),
                 kind: kind.into(),
                 driver: format!("{} {}", info.driver, info.driver_info).trim().into(),
+                memory: own_memory(&adapter),
                 largest_binding: limits.max_storage_buffer_binding_size,
                 largest_buffer: limits.max_buffer_size,
                 lacks: (!lacks.is_empty()).then(|| lacks.join("; ")),
@@ -89,6 +93,26 @@ pub(super) fn enumerate() -> Vec<(wgpu::Adapter, AdapterSummary)> {
             (adapter, summary)
         })
         .collect()
+}
+
+/// Bytes of the largest heap that is a Vulkan device's own. wgpu asks no other API.
+#[cfg(not(any(target_vendor = "apple", target_family = "wasm")))]
+fn own_memory(adapter: &wgpu::Adapter) -> Option<u64> {
+    /// `VK_MEMORY_HEAP_DEVICE_LOCAL_BIT`.
+    const DEVICE_LOCAL: u32 = 1;
+    // SAFETY: the adapter is only asked; nothing of it is kept or destroyed.
+    let own = unsafe { adapter.as_hal::<wgpu::hal::api::Vulkan>() }?;
+    // SAFETY: the physical device belongs to this instance, and both live as long as the adapter, which is borrowed.
+    let memory = unsafe {
+        own.shared_instance().raw_instance().get_physical_device_memory_properties(own.raw_physical_device())
+    };
+    let heaps = memory.memory_heaps.iter().take(memory.memory_heap_count as usize);
+    heaps.filter(|heap| heap.flags.as_raw() & DEVICE_LOCAL != 0).map(|heap| heap.size).max()
+}
+
+#[cfg(any(target_vendor = "apple", target_family = "wasm"))]
+fn own_memory(_adapter: &wgpu::Adapter) -> Option<u64> {
+    None
 }
 
 /// Limits that compute kernels depend on; a device for graphics may fall short in others.
@@ -99,5 +123,5 @@ fn compute_limit(name: &str) -> bool {
 
 /// All adapters, best first.
 pub fn adapters() -> Vec<AdapterSummary> {
-    enumerate().into_iter().map(|(_, summary)| summary).collect()
+    enumerate(false).into_iter().map(|(_, summary)| summary).collect()
 }

@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
+use super::Gpu;
 use super::layout::{BLOCK, Block, Job, PATCH, Patch};
+use crate::error::{Error, Result};
 use crate::grid::field::{FAR, Field};
 
 /// The place of every job of a batch.
@@ -120,4 +122,31 @@ pub fn batches(shares: impl IntoIterator<Item = f64>) -> Vec<Range<usize>> {
         }
     }
     out
+}
+
+/// Results of jobs that take these shares of a machine, in order, `work` for each batch of them. Where there is no memory for a batch, it is done
+/// in halves, down to one job.
+///
+/// # Errors
+/// The errors of `work`; [`Error::GpuMemory`] where there is none for a job alone.
+pub fn in_batches<R>(
+    gpu: &Gpu,
+    shares: impl IntoIterator<Item = f64>,
+    mut work: impl FnMut(Range<usize>) -> Result<Vec<R>>,
+) -> Result<Vec<R>> {
+    let mut open = batches(shares);
+    open.reverse();
+    let mut out = Vec::new();
+    while let Some(batch) = open.pop() {
+        match work(batch.clone()) {
+            Err(Error::GpuMemory(_)) if batch.len() > 1 => {
+                // Buffers are given back when the work that was sent off with them is done.
+                gpu.device.wait()?;
+                let middle = batch.start + batch.len() / 2;
+                open.extend([middle..batch.end, batch.start..middle]);
+            }
+            results => out.extend(results?),
+        }
+    }
+    Ok(out)
 }

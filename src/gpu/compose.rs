@@ -1,7 +1,7 @@
 //! Slices made of copied fronts on the GPU: blending, distances farther out, and the way back to the host.
 
 use super::Gpu;
-use super::atlas::{Atlas, batches, padded};
+use super::atlas::{Atlas, in_batches, padded};
 use super::band::Front;
 use super::device::Buffer;
 use super::distance::{self, DistanceBuffers};
@@ -9,6 +9,7 @@ use super::kernels::{Bound, shader};
 use super::layout::{Block, Copy, Item, Job, NONE, Params, Reached, VANISHED, Values};
 use super::recorder::{Recorder, Size};
 use super::trace::morph_params;
+use super::work;
 use crate::backend::MorphOptions;
 use crate::backend::blend::mend;
 use crate::backend::jobs::{Filled, SweepPair, Swept, blend_weights};
@@ -119,9 +120,10 @@ pub fn fill_slices(
     let share = |&(p, _): &(usize, usize)| {
         let nodes = padded(pairs[p].up.source.data.len());
         // What is read back lies there twice.
-        gpu.share(nodes * (distance::NODE_BYTES + 4), 4 * nodes)
+        let share = gpu.share(nodes * (distance::NODE_BYTES + 4), 4 * nodes);
+        share.max(gpu.share_of_work(work::DISTANCE_PIXEL * nodes))
     };
-    for batch in batches(wanted.iter().map(share)) {
+    let slices = in_batches(gpu, wanted.iter().map(share), |batch| {
         let batch = &wanted[batch];
         let atlas = Atlas::new(batch.iter().map(|&(p, _)| pairs[p].up.source.dims));
         let items: Vec<Item> = batch
@@ -172,9 +174,10 @@ pub fn fill_slices(
                 slices[slot] = field;
             }
         }
-        for (&(p, _), slice) in batch.iter().zip(slices) {
-            out[p].slices.push(Packed::single(&slice));
-        }
+        Ok(slices.iter().map(Packed::single).collect())
+    })?;
+    for (&(p, _), slice) in wanted.iter().zip(slices) {
+        out[p].slices.push(slice);
     }
     Ok(out)
 }

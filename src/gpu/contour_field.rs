@@ -1,7 +1,7 @@
 //! Level sets of slices on the GPU: anti-aliasing, distance, conditioning.
 
 use super::Gpu;
-use super::atlas::{Atlas, batches, padded};
+use super::atlas::{Atlas, in_batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::device::Buffer;
 use super::distance::DistanceBuffers;
@@ -9,6 +9,7 @@ use super::exact::exact_distance;
 use super::kernels::shader;
 use super::layout::{Block, Job, Params, Rule};
 use super::recorder::{Recorder, Size};
+use super::work;
 use crate::backend::conditioning::{
     CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP, MASK_FLOOR,
     gaussian_weights,
@@ -95,21 +96,23 @@ pub fn contour_fields(
     let share = |k: &usize| {
         let nodes = padded(values[*k].0.data.len());
         let room = places(crossings(&values[*k].0), options.half_width + CONDITION_WIDER, nodes);
-        gpu.share(nodes * BYTES + room * PLACE_BYTES, 4 * nodes)
+        let share = gpu.share(nodes * BYTES + room * PLACE_BYTES, 4 * nodes);
+        share.max(gpu.share_of_work((work::CONTOUR_PIXEL * nodes).max(work::BAND_PLACE * room)))
     };
     // Masks and grey slices take different ways.
     for masks in [true, false] {
         let open: Vec<usize> =
             (0..slices.len()).filter(|&k| values[k].1 == masks && values[k].0.has_inside()).collect();
-        for batch in batches(open.iter().map(share)) {
+        let fields = in_batches(gpu, open.iter().map(share), |batch| {
             let batch = &open[batch];
             let fields: Vec<&Field> = batch.iter().map(|&k| &values[k].0).collect();
             let smooth = if masks { options.anti_alias } else { AntiAlias::None };
             let result = run(gpu, &fields, h, options, smooth)?;
-            for (&k, field) in batch.iter().zip(result) {
-                out[k] = field;
-            }
             progress.advance(batch.len());
+            Ok(result)
+        })?;
+        for (k, field) in open.into_iter().zip(fields) {
+            out[k] = field;
         }
     }
     progress.advance(values.iter().filter(|(f, _)| !f.has_inside()).count());

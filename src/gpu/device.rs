@@ -9,14 +9,17 @@ use bytemuck::Pod;
 use sysinfo::System;
 
 use super::adapter::{AdapterSummary, enumerate};
-use super::layout::Headed;
+use super::layout::{GRID, Headed};
+use super::work;
 use crate::error::{Error, Result};
 
 /// Longest time one batch of work may take before the device counts as hung.
 const PATIENCE: Duration = Duration::from_secs(120);
-/// Share of the memory that is free now which software adapters, and GPUs that do not say how much they have, may use.
+/// Share of the host's free memory that an adapter without memory of its own may use.
 const SHARE: f64 = 0.6;
-/// Budget where nothing is known about memory.
+/// Share of its own memory that an adapter may use; the rest is for the screen and other programs.
+const OWN_SHARE: f64 = 0.8;
+/// Budget where nothing is known about memory: any GPU with memory of its own has this much.
 const UNKNOWN_BUDGET: u64 = 2 << 30;
 /// Bytes of the host's memory that a driver and the compiled kernels take: 105 MiB measured on lavapipe.
 pub const DRIVER_BYTES: u64 = 112 << 20;
@@ -34,6 +37,17 @@ pub fn failure(message: impl Into<String>) -> Error {
     Error::Gpu(message.into())
 }
 
+/// Options that tests make an adapter smaller with than it is. No result depends on them.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Made {
+    /// Most workgroups along an axis of a dispatch.
+    pub groups: Option<u32>,
+    /// Bytes of buffers beyond which there is no memory, which batches are not planned with.
+    pub grants: Option<u64>,
+    /// Values that a dispatch may read and write.
+    pub work: Option<u64>,
+}
+
 /// Options for opening a device.
 #[derive(Debug, Clone, Default)]
 pub struct GpuOptions {
@@ -47,6 +61,8 @@ pub struct GpuOptions {
     pub timed: bool,
     /// Fill buffers with NaN where kernels are to write before they read. For tests.
     pub poison: bool,
+    /// A smaller adapter. For tests.
+    pub made: Made,
 }
 
 /// A device with everything the backend asks of it.
@@ -66,6 +82,7 @@ pub struct Device {
     /// Bytes sent and read back.
     traffic: [AtomicU64; 2],
     poison: bool,
+    made: Made,
 }
 
 impl std::fmt::Debug for Device {
@@ -95,7 +112,7 @@ impl Device {
     /// # Errors
     /// [`Error::Gpu`] if there is no such adapter, if it lacks something, or if the driver refuses.
     pub fn open(options: &GpuOptions) -> Result<Self> {
-        let mut found = enumerate();
+        let mut found = enumerate(options.made.groups.is_some());
         if found.is_empty() {
             return Err(failure(
                 "no adapter found: there is no Vulkan, Metal or DirectX 12 driver (on Debian: mesa-vulkan-drivers, libvulkan1)",
@@ -118,10 +135,13 @@ impl Device {
         if let Some(lacks) = &summary.lacks {
             return Err(failure(format!("{}: limits too small: {lacks}", summary.name)));
         }
+        let allowed = wgpu::Limits::default().or_worse_values_from(&adapter.limits());
+        let most_groups = allowed.max_compute_workgroups_per_dimension.min(options.made.groups.unwrap_or(u32::MAX));
         let limits = wgpu::Limits {
             max_buffer_size: adapter.limits().max_buffer_size,
             max_storage_buffer_binding_size: adapter.limits().max_storage_buffer_binding_size,
-            ..wgpu::Limits::default().or_worse_values_from(&adapter.limits())
+            max_compute_workgroups_per_dimension: most_groups,
+            ..allowed
         };
         let can_time = adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY);
         let descriptor = wgpu::DeviceDescriptor {
@@ -144,10 +164,10 @@ impl Device {
         let shared = summary.shares_memory();
         let within = options.within.map(|bytes| match shared {
             true => (bytes.saturating_sub(DRIVER_BYTES) as f64 * SHARED) as u64,
-            false => bytes,
+            false => bytes.min(summary.room()),
         });
         let bound = options.memory.or(within);
-        let budget = bound.unwrap_or_else(free_memory);
+        let budget = bound.unwrap_or_else(|| summary.room());
         Ok(Device {
             host_bytes: DRIVER_BYTES + bound.filter(|_| shared).unwrap_or(0),
             summary,
@@ -160,6 +180,7 @@ impl Device {
             used: Arc::default(),
             traffic: Default::default(),
             poison: options.poison,
+            made: options.made,
         })
     }
 
@@ -178,6 +199,21 @@ impl Device {
         self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
     }
 
+    /// Most workgroups along an axis of a dispatch.
+    pub fn most_groups(&self) -> u32 {
+        self.limits.max_compute_workgroups_per_dimension
+    }
+
+    /// Workgroups in a row of a dispatch over a list, and rows in a layer.
+    pub fn grid(&self) -> u32 {
+        GRID.min(self.most_groups())
+    }
+
+    /// Values that a dispatch may read and write.
+    pub fn most_work(&self) -> u64 {
+        self.made.work.unwrap_or(work::MOST)
+    }
+
     /// Fails if the device is lost or has complained.
     ///
     /// # Errors
@@ -193,7 +229,7 @@ impl Device {
     /// A buffer of `bytes`, within the limits and the budget.
     ///
     /// # Errors
-    /// [`Error::Gpu`] that names the buffer, its size and the limit.
+    /// [`Error::GpuMemory`], or [`Error::Gpu`] for a buffer that no limit allows; both name the buffer and its size.
     pub fn buffer<T: ?Sized>(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<Buffer<T>> {
         self.check()?;
         let size = bytes.next_multiple_of(4).max(16);
@@ -203,11 +239,11 @@ impl Device {
             return Err(failure(format!("buffer `{label}` needs {size} bytes, {} allows {limit}", self.summary.name)));
         }
         let used = self.used.fetch_add(size, Ordering::Relaxed) + size;
-        if used > self.budget {
+        let allowed = self.budget.min(self.made.grants.unwrap_or(u64::MAX));
+        if used > allowed {
             self.used.fetch_sub(size, Ordering::Relaxed);
-            return Err(failure(format!(
-                "out of memory: buffer `{label}` of {size} bytes exceeds the budget of {} bytes (--gpu-memory, --memory)",
-                self.budget
+            return Err(Error::GpuMemory(format!(
+                "out of memory: buffer `{label}` of {size} bytes exceeds the budget of {allowed} bytes (--gpu-memory, --memory)"
             )));
         }
         let out_of_memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
@@ -221,6 +257,9 @@ impl Device {
         let buffer = Buffer { raw, used: self.used.clone(), holds: PhantomData };
         let error = pollster::block_on(invalid.pop()).or(pollster::block_on(out_of_memory.pop()));
         match error {
+            Some(e @ wgpu::Error::OutOfMemory { .. }) => {
+                Err(Error::GpuMemory(format!("buffer `{label}` of {size} bytes: {e}")))
+            }
             Some(e) => Err(failure(format!("buffer `{label}` of {size} bytes: {e}"))),
             None => Ok(buffer),
         }
@@ -372,11 +411,52 @@ fn note(faults: &Mutex<Vec<String>>, message: String) {
     faults.lock().unwrap_or_else(PoisonError::into_inner).push(message);
 }
 
-fn free_memory() -> u64 {
-    let Ok(mut system) = System::new() else { return UNKNOWN_BUDGET };
+impl AdapterSummary {
+    /// Bytes that buffers may take where nobody has said how many: a share of what is free in the host's memory, and of the adapter's own.
+    fn room(&self) -> u64 {
+        let own = self.memory.map(|own| (own as f64 * OWN_SHARE) as u64);
+        let shared = self.shares_memory().then(free_memory).flatten().map(|free| (free as f64 * SHARE) as u64);
+        own.into_iter().chain(shared).min().unwrap_or(UNKNOWN_BUDGET)
+    }
+}
+
+/// Bytes of the host's memory that are free.
+fn free_memory() -> Option<u64> {
+    let mut system = System::new().ok()?;
     system.refresh_memory();
-    match system.available_memory() {
-        0 => UNKNOWN_BUDGET,
-        free => (free as f64 * SHARE) as u64,
+    Some(system.available_memory()).filter(|free| *free > 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn room(kind: &str, memory: Option<u64>) -> u64 {
+        let [name, api, driver] = ["GPU", "Vulkan", "1.0"].map(String::from);
+        let (largest_binding, largest_buffer, lacks) = (1 << 30, 1 << 30, None);
+        AdapterSummary {
+            index: 0,
+            name,
+            api,
+            kind: kind.into(),
+            driver,
+            memory,
+            largest_binding,
+            largest_buffer,
+            lacks,
+        }
+        .room()
+    }
+
+    #[test]
+    fn a_budget_is_that_of_the_adapters_own_memory() {
+        let host = free_memory().expect("this machine says") as f64 * SHARE;
+        let near = |got: u64, expected: f64| (got as f64 / expected - 1.0).abs() < 0.1;
+        assert_eq!(room("discrete", None), UNKNOWN_BUDGET, "the host's memory says nothing of a GPU's own");
+        for own in [1u64 << 30, 80 << 30] {
+            assert!(near(room("discrete", Some(own)), 0.8 * own as f64));
+            assert!(near(room("integrated", Some(own)), host.min(0.8 * own as f64)));
+        }
+        assert!(near(room("CPU", None), host));
     }
 }

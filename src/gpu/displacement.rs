@@ -13,7 +13,8 @@ use super::kernels::shader;
 use super::layout::{Axis, CHANGES, EVIDENCE, Image, Interval, Iteration, MOMENTS};
 use super::moving::{self, image, pack, per_pixel, vectors};
 use super::recorder::{Recorder, Size};
-use crate::error::Result;
+use super::work;
+use crate::error::{Error, Result};
 use crate::grid::field::Field;
 use crate::reference::displacement::{COUPLING, HALF_EVIDENCE, NO_CHANGE, ROUNDS, Round};
 use crate::registration::displacement::{Displacement, DisplacementJob, weights};
@@ -97,7 +98,21 @@ const KEPT_BYTES: usize = 8 + 8 + 4 * EVIDENCE;
 
 /// Displacements of neighbouring intervals after some rounds.
 pub fn displacements(gpu: &Gpu, job: &DisplacementJob<'_>) -> Result<Vec<Displacement>> {
-    let mut solver = Solver::new(gpu, job)?;
+    let mut most = job.gaps.len();
+    loop {
+        match displacements_at_once(gpu, job, most) {
+            Err(Error::GpuMemory(_)) if most > 1 => {
+                gpu.device.wait()?;
+                most = most.div_ceil(2);
+            }
+            done => return done,
+        }
+    }
+}
+
+/// Displacements with at most so many intervals in a batch.
+fn displacements_at_once(gpu: &Gpu, job: &DisplacementJob<'_>, most: usize) -> Result<Vec<Displacement>> {
+    let mut solver = Solver::new(gpu, job, most)?;
     for round in &ROUNDS[job.rounds.clone()] {
         solver.round(*round)?;
     }
@@ -134,15 +149,16 @@ pub struct Solver<'a> {
 }
 
 impl<'a> Solver<'a> {
-    /// Before the first round.
-    pub fn new(gpu: &'a Gpu, job: &DisplacementJob<'a>) -> Result<Self> {
+    /// Before the first round; at most so many intervals in a batch.
+    pub fn new(gpu: &'a Gpu, job: &DisplacementJob<'a>, most: usize) -> Result<Self> {
         let &DisplacementJob { fields: slices, gaps, guess, begin, h, .. } = job;
         let device = &gpu.device;
         let (dims, grid) = (slices[0].dims, guess[0].grid);
         let (pixels, nodes) = (dims[0] * dims[1], guess[0].vectors.len());
         let share = |_| {
             let bytes = 12 * pixels + 8 * MOMENTS * nodes;
-            gpu.share_beside(KEPT_BYTES * nodes * gaps.len() + 4 * pixels, bytes, 8 * pixels)
+            let share = gpu.share_beside(KEPT_BYTES * nodes * gaps.len() + 4 * pixels, bytes, 8 * pixels);
+            share.max(gpu.share_of_work(work::DISPLACEMENT_PIXEL * pixels)).max(0.999 / most as f64)
         };
         let ranges = batches((0..gaps.len()).map(share));
         let most = ranges.iter().map(Range::len).max().unwrap_or(0);

@@ -2,7 +2,7 @@
 
 use super::Gpu;
 use super::atlas::Atlas;
-use super::device::Buffer;
+use super::device::{Buffer, failure};
 use super::kernels::{Bound, shader};
 use super::layout::{Block, Colour, Job, Params, Patch};
 use super::recorder::{Recorder, Size};
@@ -52,6 +52,8 @@ shader! {
 
 /// Rounds of both colours between two looks.
 const LOOK: usize = 16;
+/// Rounds beyond the number of patches, in which rounding settles.
+const SPARE_ROUNDS: usize = 256;
 /// Bytes per node: the level set and its distance, patches and tables of blocks.
 pub const NODE_BYTES: usize = 9;
 
@@ -129,9 +131,11 @@ impl<'g> DistanceBuffers<'g> {
         recorder.submit()
     }
 
-    /// Sweeps from the start values in `d` until no patch is awake.
+    /// Sweeps from the start values in `d` until no patch is awake. A distance crosses a patch in one round, and none is longer than all patches:
+    /// what goes on after so many rounds is no number.
     pub fn settle(&self) -> Result<()> {
-        loop {
+        let most = self.sweeps[0].1 + self.sweeps[1].1 + SPARE_ROUNDS;
+        for _ in 0..most.div_ceil(LOOK) {
             let mut recorder = Recorder::new(&self.gpu.device, &self.gpu.profiler);
             for round in 0..LOOK {
                 if round + 1 == LOOK {
@@ -146,6 +150,7 @@ impl<'g> DistanceBuffers<'g> {
                 return Ok(());
             }
         }
+        Err(failure(format!("distances still change after {most} rounds")))
     }
 
     /// The distances of all tiles.

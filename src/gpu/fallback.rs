@@ -36,7 +36,9 @@ impl<'n> GpuOrReference<'n> {
     fn ask<T>(&self, on: impl Fn(&dyn Backend) -> Result<T>) -> Result<T> {
         if self.failure.get().is_none() {
             match on(&*self.gpu) {
-                Err(Error::Gpu(message)) if !(self.unless_lost && self.gpu.device.check().is_err()) => {
+                Err(Error::Gpu(message) | Error::GpuMemory(message))
+                    if !(self.unless_lost && self.gpu.device.check().is_err()) =>
+                {
                     (self.notice)(&format!("{message}; the rest of the job runs on the CPU reference path"));
                     self.failure.get_or_init(|| message);
                 }

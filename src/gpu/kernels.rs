@@ -17,8 +17,10 @@ use crate::error::Result;
 pub const WORKGROUP: u32 = 64;
 /// Width of the one workgroup that gathers and scans.
 pub const SCAN_WIDTH: u32 = 256;
-/// Values that the host sets for a shader's `override`s.
-const OVERRIDES: [(&str, f64); 2] = [("lane_count", WORKGROUP as f64), ("scan_width", SCAN_WIDTH as f64)];
+/// Values that the host sets for a shader's `override`s on a device whose dispatches have at most `grid` workgroups along an axis.
+pub fn overrides(grid: u32) -> [(&'static str, f64); 3] {
+    [("lane_count", f64::from(WORKGROUP)), ("scan_width", f64::from(SCAN_WIDTH)), ("grid", f64::from(grid))]
+}
 
 /// Access of a shader to a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -202,7 +204,7 @@ impl Module {
         let place = |(_, v): (_, &naga::GlobalVariable)| Some((v.name.clone()?, v.binding.as_ref()?.binding));
         let places = parsed.global_variables.iter().filter_map(place).collect();
         let declared = |name: &str| parsed.overrides.iter().any(|(_, o)| o.name.as_deref() == Some(name));
-        let overrides = OVERRIDES.into_iter().filter(|(name, _)| declared(name)).collect();
+        let overrides = overrides(device.grid()).into_iter().filter(|(name, _)| declared(name)).collect();
         let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let compiled = device.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(stem),

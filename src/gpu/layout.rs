@@ -9,7 +9,7 @@ pub const NONE: u32 = u32::MAX;
 pub const BLOCK: usize = 64;
 /// Side of a patch of the distance sweeps, px.
 pub const PATCH: usize = 16;
-/// Widest row of workgroups in a dispatch over a list.
+/// Most workgroups along an axis of a dispatch.
 pub const GRID: u32 = 4096;
 /// Side of the tiles that workgroups take in the moving field, px.
 pub const TILE: usize = 8;
@@ -218,7 +218,7 @@ mirrored!(
 
 mirrored!(
     /// Head of the list of fronts that a step reaches, with the indirect arguments of their copying (`common/reached.wgsl`).
-    Reached { groups_x: u32, groups_y: u32, groups_z: u32, padding: u32, } then [Read]
+    Reached { groups_x: u32, groups_y: u32, groups_z: u32, count: u32, } then [Read]
 );
 
 mirrored!(
@@ -232,13 +232,8 @@ mirrored!(
 );
 
 mirrored!(
-    /// Head of the rounds in which band places are filled (`scatter.wgsl`).
-    Rounds { unknown: u32, padding_a: u32, padding_b: u32, padding_c: u32, } then [Round]
-);
-
-mirrored!(
-    /// When a band place became known, and an item of the list of those that were not (`scatter.wgsl`).
-    Round { at: u32, unknown: u32, }
+    /// Head of the rounds in which band places became known: that which is being filled (`scatter.wgsl`).
+    Known { round: u32, padding_a: u32, padding_b: u32, padding_c: u32, } then [u32]
 );
 
 mirrored!(

@@ -1,16 +1,17 @@
 //! Layers of an interval of a moving stack on the GPU, some times at once.
 
 use super::Gpu;
-use super::atlas::batches;
+use super::atlas::in_batches;
 use super::device::Buffer;
 use super::kernels::shader;
 use super::layout::{Image, Part, Span};
-use super::moving::{image, per_pixel, tile_count};
+use super::moving::{bounded, image, per_pixel, tile_count};
 use super::recorder::{Recorder, Size};
 use super::trajectories::paths;
+use super::work;
 use crate::backend::requests::LayerRequest;
 use crate::error::Result;
-use crate::grid::field::{FAR, Field};
+use crate::grid::field::Field;
 use crate::reference::moving_layer::reach;
 
 shader! {
@@ -49,7 +50,8 @@ pub fn layers(gpu: &Gpu, of: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>> {
     let vectors = of.moving.displacements[0].vectors.len();
     // Layers lie there twice while they are read back.
     let bytes = 8 * nodes + 16 * vectors + 4 * tile_count(dims);
-    let share = |_: &f64| gpu.share_beside(4 * values.len() + 16 * vectors, bytes, 4 * nodes);
+    let work = gpu.share_of_work((work::LAYER_PIXEL + work::LONE_PART * parts.len()) * nodes);
+    let share = |_: &f64| gpu.share_beside(4 * values.len() + 16 * vectors, bytes, 4 * nodes).max(work);
     let span = Span {
         limit: of.limit as f32,
         reach: reach(of.h) as f32,
@@ -63,13 +65,11 @@ pub fn layers(gpu: &Gpu, of: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>> {
     let fields = device.upload("fields", &values)?;
     // A binding must not be empty.
     let parts = device.upload("parts", &if parts.is_empty() { vec![Part::default()] } else { parts })?;
-    let mut out = Vec::with_capacity(times.len());
-    for batch in batches(times.iter().map(share)) {
+    in_batches(gpu, times.iter().map(share), |batch| {
         let layers = batch_of_layers(gpu, of, &times[batch.clone()], (&span, &fields, &parts))?;
         let read = device.read(&layers, 0, batch.len() * nodes)?;
-        out.extend(read.chunks_exact(nodes).map(<[f32]>::to_vec));
-    }
-    Ok(out)
+        Ok(read.chunks_exact(nodes).map(<[f32]>::to_vec).collect())
+    })
 }
 
 fn batch_of_layers(
@@ -104,7 +104,7 @@ fn values(of: &LayerRequest<'_>) -> (Vec<f32>, Vec<Part>) {
     let mut values: Vec<f32> = Vec::new();
     let mut put = |field: &Field, scale: f64| {
         let first = values.len();
-        values.extend(field.data.iter().map(|v| (scale * v).clamp(-FAR, FAR) as f32));
+        values.extend(field.data.iter().map(|v| bounded(scale * v)));
         first as u32
     };
     put(&moving.fields[i], 1.0);
@@ -118,9 +118,9 @@ fn values(of: &LayerRequest<'_>) -> (Vec<f32>, Vec<Part>) {
         x: part.tile.origin[0] as i32,
         y: part.tile.origin[1] as i32,
         depth: part.depth as f32,
-        height: part.height as f32,
+        height: bounded(part.height),
         shrinking: part.profile.shrinking() as f32,
-        farthest: part.farthest as f32,
+        farthest: bounded(part.farthest),
     });
     let parts = parts.collect();
     (values, parts)

@@ -3,11 +3,12 @@
 use std::ops::Range;
 
 use super::Gpu;
-use super::atlas::batches;
+use super::atlas::in_batches;
 use super::kernels::shader;
 use super::layout::{ABOVE, BELOW, BOTH, Image, Knot};
 use super::moving::{image, pack, per_pixel, vectors};
 use super::recorder::Recorder;
+use super::work;
 use crate::error::Result;
 use crate::grid::field::Field;
 use crate::progress::Progress;
@@ -36,13 +37,15 @@ pub fn slopes(gpu: &Gpu, moving: &MotionField, wanted: Range<usize>, progress: &
     let nodes = moving.fields[0].data.len();
     let bytes = 4 * nodes + 16 * moving.displacements[0].vectors.len();
     // Slopes lie there twice while they are read back.
-    let share = |_| gpu.share_beside(2 * HALO * bytes, bytes + 8 * nodes, 4 * nodes * (1 + 2 * HALO));
-    let mut out = Vec::with_capacity(slices);
-    for batch in batches((0..slices).map(share)) {
+    let share = |_| {
+        let share = gpu.share_beside(2 * HALO * bytes, bytes + 8 * nodes, 4 * nodes * (1 + 2 * HALO));
+        share.max(gpu.share_of_work(work::SLOPE_PIXEL * nodes))
+    };
+    in_batches(gpu, (0..slices).map(share), |batch| {
+        let found = of_slices(gpu, moving, wanted.start + batch.start..wanted.start + batch.end)?;
         progress.advance(batch.len());
-        out.extend(of_slices(gpu, moving, wanted.start + batch.start..wanted.start + batch.end)?);
-    }
-    Ok(out)
+        Ok(found)
+    })
 }
 
 fn of_slices(gpu: &Gpu, moving: &MotionField, batch: Range<usize>) -> Result<Vec<Field>> {

@@ -1,11 +1,12 @@
 //! Distance fields of parts of contours on the GPU.
 
 use super::Gpu;
-use super::atlas::{Atlas, batches, padded};
+use super::atlas::{Atlas, in_batches, padded};
 use super::distance::{DistanceBuffers, NODE_BYTES};
 use super::kernels::shader;
 use super::layout::{Block, Job, Params};
 use super::recorder::Recorder;
+use super::work;
 use crate::backend::jobs::PartJob;
 use crate::error::Result;
 use crate::grid::field::Field;
@@ -42,9 +43,9 @@ pub fn part_fields(gpu: &Gpu, parts: &[PartJob], h: [f64; 2]) -> Result<Vec<Fiel
     // Two tiles a job, with the whole field and the part's mask.
     let share = |&k: &usize| {
         let nodes = 2 * padded(parts[k].inside.len());
-        gpu.share(nodes * (NODE_BYTES + 4), 4 * nodes)
+        gpu.share(nodes * (NODE_BYTES + 4), 4 * nodes).max(gpu.share_of_work(work::DISTANCE_PIXEL * nodes))
     };
-    for batch in batches(open.iter().map(share)) {
+    let fields = in_batches(gpu, open.iter().map(share), |batch| {
         let batch = &open[batch];
         let atlas = Atlas::new(batch.iter().flat_map(|&k| [parts[k].whole.dims; 2]));
         let whole = atlas.pack(batch.iter().flat_map(|&k| [&parts[k].whole; 2]), 1.0);
@@ -62,10 +63,10 @@ pub fn part_fields(gpu: &Gpu, parts: &[PartJob], h: [f64; 2]) -> Result<Vec<Fiel
         let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
         recorder.run(&finish, tiles.per_node());
         recorder.submit()?;
-        let fields = tiles.atlas.unpack(&tiles.read()?);
-        for (&k, field) in batch.iter().zip(fields.into_iter().step_by(2)) {
-            out[k] = Some(field);
-        }
+        Ok(tiles.atlas.unpack(&tiles.read()?).into_iter().step_by(2).collect())
+    })?;
+    for (k, field) in open.into_iter().zip(fields) {
+        out[k] = Some(field);
     }
     Ok(out.into_iter().flatten().collect())
 }

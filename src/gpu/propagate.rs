@@ -1,7 +1,7 @@
 //! Sweeps on the GPU, and the slices made of them.
 
 use super::Gpu;
-use super::atlas::{Atlas, batches, padded};
+use super::atlas::{Atlas, in_batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::compose::{Copies, fill_slices};
 use super::device::failure;
@@ -11,7 +11,8 @@ use super::kernels::shader;
 use super::layout::{BLOCK, Copy, Job, Params, RUNNING, Reached, Sums, VANISHED, Work};
 use super::recorder::{Recorder, Size};
 use super::scatter::{Seeds, place_seeds};
-use super::trace::morph_params;
+use super::trace::{check_numbers, morph_params};
+use super::work;
 use crate::backend::MorphOptions;
 use crate::backend::jobs::{Filled, SweepJob, SweepPair, Swept};
 use crate::error::Result;
@@ -90,18 +91,18 @@ pub fn propagate(
         let nodes = 2 * padded(pair.up.source.data.len());
         let copied = [room * 4, nodes / BLOCK * size_of::<Copy>()].map(|bytes| bytes * pair.up.times.len());
         let bytes = nodes * (NODE_BYTES + 4) + room * SWEEP_PLACE_BYTES + copied[0] + copied[1];
-        gpu.share(bytes, (4 * nodes).max(16 * room).max(copied[0]).max(copied[1]))
+        let share = gpu.share(bytes, (4 * nodes).max(16 * room).max(copied[0]).max(copied[1]));
+        share.max(gpu.share_of_work(work::BAND_PLACE * room))
     };
-    let mut out = Vec::with_capacity(pairs.len());
-    for batch in batches(pairs.iter().zip(&rooms).map(share)) {
+    in_batches(gpu, pairs.iter().zip(&rooms).map(share), |batch| {
         let room = rooms[batch.clone()].iter().sum::<usize>() + SPARE_PLACES;
         let batch = &pairs[batch];
         let nodes: usize = batch.iter().map(|p| 2 * p.up.source.data.len()).sum();
         let swept = with_room(room, nodes.max(room), |room| run(gpu, batch, h, options, room))?;
-        out.extend(fill_slices(gpu, batch, h, options, swept)?);
+        let filled = fill_slices(gpu, batch, h, options, swept)?;
         progress.advance(2 * batch.len());
-    }
-    Ok(out)
+        Ok(filled)
+    })
 }
 
 fn run(
@@ -179,6 +180,7 @@ fn run(
             return Ok(Room::Short(wanted));
         }
         recorder = Recorder::new(device, &gpu.profiler);
+        check_numbers("sweep", &states)?;
         if states.iter().all(|s| s.phase != RUNNING) {
             break states;
         }

@@ -1,17 +1,16 @@
 //! Recorder of work: dispatches, copies and zeros, in order, sent off together.
 
-use super::device::{Buffer, Device};
+use super::device::{Buffer, Device, failure};
 use super::kernels::{Bound, WORKGROUP};
-use super::layout::GRID;
 use super::profiler::{Profiler, Stamps};
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// Number of invocations of a dispatch.
 #[derive(Debug, Clone, Copy)]
 pub enum Size<'b> {
     /// One per item of a list of this length.
     List(usize),
-    /// This many invocations times this many rows of workgroups.
+    /// A row of workgroups with this many invocations for each of this many items.
     Rows(usize, usize),
     /// One workgroup.
     One,
@@ -31,6 +30,8 @@ pub struct Recorder<'d> {
     queries: Option<wgpu::QuerySet>,
     /// Kernel and pixels of each dispatch.
     runs: Vec<(&'static str, usize)>,
+    /// The first dispatch that no device allows.
+    refused: Option<Error>,
 }
 
 impl<'d> Recorder<'d> {
@@ -44,7 +45,7 @@ impl<'d> Recorder<'d> {
                 count: MOST_QUERIES,
             })
         });
-        Recorder { device, profiler, encoder, pass: None, queries, runs: Vec::new() }
+        Recorder { device, profiler, encoder, pass: None, queries, runs: Vec::new(), refused: None }
     }
 
     /// Records one dispatch.
@@ -69,15 +70,28 @@ impl<'d> Recorder<'d> {
         };
         self.runs.push((bound.label(), pixels));
         bound.set(pass);
-        let groups = |n: usize| n.div_ceil(WORKGROUP as usize) as u32;
-        match size {
+        let most = self.device.grid() as usize;
+        let groups = |n: usize| n.div_ceil(WORKGROUP as usize);
+        let shape = match size {
+            Size::Indirect(buffer, offset) => return pass.dispatch_workgroups_indirect(buffer, offset),
             Size::List(n) => {
-                let wide = groups(n);
-                pass.dispatch_workgroups(wide.min(GRID), wide.div_ceil(GRID), 1);
+                let (groups, rows) = (groups(n), groups(n).div_ceil(most));
+                [groups.min(most), rows.min(most), rows.div_ceil(most)]
             }
-            Size::Rows(n, rows) => pass.dispatch_workgroups(groups(n), rows as u32, 1),
-            Size::One => pass.dispatch_workgroups(1, 1, 1),
-            Size::Indirect(buffer, offset) => pass.dispatch_workgroups_indirect(buffer, offset),
+            Size::Rows(n, rows) => [groups(n), rows.min(most), rows.div_ceil(most)],
+            Size::One => [1, 1, 1],
+        };
+        match shape.map(|n| u32::try_from(n).ok().filter(|n| *n <= self.device.most_groups())) {
+            [Some(x), Some(y), Some(z)] => pass.dispatch_workgroups(x, y, z),
+            _ => {
+                let why = format!(
+                    "kernel `{}`: {shape:?} workgroups, {} allows {} along an axis",
+                    bound.label(),
+                    self.device.summary.name,
+                    self.device.most_groups()
+                );
+                self.refused.get_or_insert_with(|| failure(why));
+            }
         }
     }
 
@@ -101,9 +115,12 @@ impl<'d> Recorder<'d> {
     /// Sends the recording off.
     ///
     /// # Errors
-    /// [`crate::Error::Gpu`] when the device has failed.
+    /// [`crate::Error::Gpu`] when the device has failed, and for more workgroups than it allows.
     pub fn submit(mut self) -> Result<()> {
         self.pass = None;
+        if let Some(refused) = self.refused.take() {
+            return Err(refused);
+        }
         let stamps = match self.queries.take() {
             Some(set) if !self.runs.is_empty() => {
                 let count = (2 * self.runs.len() as u32).min(MOST_QUERIES);

@@ -6,11 +6,11 @@ use super::atlas::Atlas;
 use super::band::Front;
 use super::device::Buffer;
 use super::kernels::{Bound, shader};
-use super::layout::{Job, Params, Rounds, Seed, Work};
+use super::layout::{Job, Known, Params, Seed, Work};
 use super::recorder::{Recorder, Size};
 use crate::backend::jobs::SweepJob;
 use crate::error::Result;
-use crate::reference::scatter::RADIUS;
+use crate::reference::scatter::{FILL_ROUNDS, RADIUS};
 
 shader! {
     scatter = "common/job.wgsl" + "common/field.wgsl" + twin "src/reference/scatter.rs";
@@ -25,16 +25,22 @@ shader! {
         seeds: Read [Seed],
         bins: Read [u32],
         courses: Write [[f32; 4]],
-        rounds: Write Rounds,
+        known: Write Known,
     }
 
-    /// Pixels at the contour that no seed reaches, from their neighbours.
+    /// Before every round of filling.
+    NextRound for next_round, "scatter_round" {
+        known: Write Known,
+    }
+
+    /// Pixels at the contour that no seed reaches, from their neighbours: one round.
     Fill for fill, "scatter_fill" {
         params: Uniform Params,
         jobs: Read [Job],
+        work: Read Work,
         band: Read [[u32; 2]],
         courses: Write [[f32; 4]],
-        rounds: Write Rounds,
+        known: Write Known,
         slots: Read [u32],
     }
 }
@@ -42,9 +48,10 @@ shader! {
 /// Seeds of the jobs of a front, on their way to its pixels.
 pub struct Seeds<'g> {
     scatter: Bound<'g>,
+    next_round: Bound<'g>,
     fill: Bound<'g>,
     /// Count as used as long as the kernels are there.
-    _buffers: (Buffer<[Seed]>, Buffer<[u32]>, Buffer<Rounds>),
+    _buffers: (Buffer<[Seed]>, Buffer<[u32]>, Buffer<Known>),
 }
 
 impl<'g> Seeds<'g> {
@@ -52,11 +59,12 @@ impl<'g> Seeds<'g> {
     pub fn new(front: &Front<'g>, (seeds, bins): (Vec<Seed>, Vec<u32>), courses: &Buffer<[[f32; 4]]>) -> Result<Self> {
         let Front { gpu, params, jobs, work, band, phi, slots, .. } = front;
         let (seeds, bins) = (gpu.device.upload("seeds", &seeds)?, gpu.device.upload("bins", &bins)?);
-        let buffers = (seeds, bins, gpu.device.headed("rounds", front.capacity)?);
-        let (seeds, bins, rounds) = (&buffers.0, &buffers.1, &buffers.2);
+        let buffers = (seeds, bins, gpu.device.headed("known", front.capacity)?);
+        let (seeds, bins, known) = (&buffers.0, &buffers.1, &buffers.2);
         Ok(Seeds {
-            scatter: Scatter { params, jobs, work, band, phi, seeds, bins, courses, rounds }.bind(gpu),
-            fill: Fill { params, jobs, band, courses, rounds, slots }.bind(gpu),
+            scatter: Scatter { params, jobs, work, band, phi, seeds, bins, courses, known }.bind(gpu),
+            next_round: NextRound { known }.bind(gpu),
+            fill: Fill { params, jobs, work, band, courses, known, slots }.bind(gpu),
             _buffers: buffers,
         })
     }
@@ -64,7 +72,10 @@ impl<'g> Seeds<'g> {
     /// Gives the pixels at the contours their courses.
     pub fn scatter(&self, recorder: &mut Recorder<'_>, front: &Front<'_>) {
         recorder.run(&self.scatter, front.per_pixel());
-        recorder.run(&self.fill, Size::One);
+        for _ in 0..FILL_ROUNDS {
+            recorder.run(&self.next_round, Size::One);
+            recorder.run(&self.fill, front.per_pixel());
+        }
     }
 }
 

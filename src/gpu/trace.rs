@@ -1,13 +1,15 @@
 //! Morphs with tracker particles on the GPU.
 
 use super::Gpu;
-use super::atlas::{Atlas, batches, padded};
+use super::atlas::{Atlas, in_batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
+use super::device::failure;
 use super::hj_step;
 use super::kernels::shader;
 use super::layout::{Job, Params, Particle, RUNNING, Sums, Work};
 use super::particles::Particles;
 use super::recorder::{Recorder, Size};
+use super::work;
 use crate::backend::MorphOptions;
 use crate::backend::jobs::{TraceJob, Traced};
 use crate::error::Result;
@@ -55,17 +57,17 @@ pub fn trace(
     let share = |(job, room): (&TraceJob<'_>, &usize)| {
         let (nodes, particles) = (padded(job.source.data.len()), job.seeds.len());
         let bytes = nodes * (NODE_BYTES + 4) + room * PLACE_BYTES + particles * size_of::<Particle>();
-        gpu.share(bytes, (4 * nodes).max(8 * room).max(particles * size_of::<Particle>()))
+        let share = gpu.share(bytes, (4 * nodes).max(8 * room).max(particles * size_of::<Particle>()));
+        share.max(gpu.share_of_work(work::BAND_PLACE * room))
     };
-    let mut out = Vec::with_capacity(jobs.len());
-    for batch in batches(jobs.iter().zip(&rooms).map(share)) {
+    in_batches(gpu, jobs.iter().zip(&rooms).map(share), |batch| {
         let room = rooms[batch.clone()].iter().sum::<usize>() + SPARE_PLACES;
         let batch = &jobs[batch];
         let nodes: usize = batch.iter().map(|j| j.source.data.len()).sum();
-        out.extend(with_room(room, nodes.max(room), |room| run(gpu, batch, h, options, room))?);
+        let traced = with_room(room, nodes.max(room), |room| run(gpu, batch, h, options, room))?;
         progress.advance(batch.len());
-    }
-    Ok(out)
+        Ok(traced)
+    })
 }
 
 fn run(
@@ -105,6 +107,7 @@ fn run(
             return Ok(Room::Short(wanted));
         }
         recorder = Recorder::new(device, &gpu.profiler);
+        check_numbers("morph", &states)?;
         if states.iter().all(|s| s.phase != RUNNING) {
             break states;
         }
@@ -120,6 +123,22 @@ fn run(
         residual: Residual { mean: f64::from(s.residual_mean), max: f64::from(s.residual_max) },
     };
     Ok(Room::Enough(morphs.iter().zip(&states).map(traced).collect()))
+}
+
+/// Farther than any contour can be, px.
+const NOWHERE: f32 = 1e9;
+
+/// Fails where a job's time or what is left of its way is no number, or none that can be: comparisons on the device do not see that, and the steps
+/// of such a job hardly end.
+pub fn check_numbers(what: &str, states: &[Job]) -> Result<()> {
+    let sound = |s: &Job| [s.now, s.dt, s.residual_max, s.residual_mean].iter().all(|v| v.is_finite() && *v < NOWHERE);
+    match states.iter().find(|s| !sound(s)) {
+        None => Ok(()),
+        Some(s) => Err(failure(format!(
+            "a {what} is no number: after {} steps t = {}, dt = {}, residual {}",
+            s.steps, s.now, s.dt, s.residual_max
+        ))),
+    }
 }
 
 /// Parameters of morphs and sweeps.

@@ -12,6 +12,8 @@ use interslice::gpu::device::DRIVER_BYTES;
 #[cfg(feature = "gpu")]
 use interslice::gpu::selftest::doctor;
 #[cfg(feature = "gpu")]
+use interslice::gpu::trust::{cache_folder, examined, remembered};
+#[cfg(feature = "gpu")]
 use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
 use interslice::report::Profile;
 use interslice::storage::room;
@@ -25,7 +27,7 @@ use super::say::say;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum BackendChoice {
-    /// A GPU if there is one, else the reference path; the reference path too when the GPU fails
+    /// A GPU if there is one that passes a short self-test, else the reference path; the reference path too when the GPU fails
     #[default]
     Auto,
     /// A GPU, or a software adapter where there is none; fails when it fails
@@ -51,7 +53,7 @@ pub struct DeviceOptions {
     #[serde(deserialize_with = "named_bytes")]
     memory: Option<u64>,
 
-    /// Memory that the GPU's buffers may take [default: `--memory`, or a third of it where the GPU shares the host's memory, else 60 % of what is free]
+    /// Memory that the GPU's buffers may take [default: `--memory`, or a third of it where the GPU shares the host's memory, else 60 % of what is free there, or 80 % of the GPU's own]
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     #[serde(deserialize_with = "named_bytes")]
     gpu_memory: Option<u64>,
@@ -196,24 +198,46 @@ enum Found {}
 /// Opens what the options ask for; nothing is the reference path. Says why.
 #[cfg(feature = "gpu")]
 fn find(options: &DeviceOptions) -> Result<(Option<Found>, String)> {
-    let open = |fallback| Gpu::open(&options.wanted()).map(|gpu| Found { gpu, fallback });
-    let found = match options.backend {
+    match options.backend {
         BackendChoice::Cpu => return Ok((None, "asked for with --backend cpu".into())),
-        BackendChoice::Gpu => return Ok((Some(open(false)?), "asked for with --backend gpu".into())),
-        BackendChoice::Auto if options.adapter.is_none() => {
-            if let Err(why) = automatic(&adapters()) {
-                return Ok((None, why));
-            }
-            open(true)
+        BackendChoice::Gpu => {
+            let gpu = Gpu::open(&options.wanted())?;
+            return Ok((Some(Found { gpu, fallback: false }), "asked for with --backend gpu".into()));
         }
-        BackendChoice::Auto => open(true),
-    };
+        BackendChoice::Auto => {}
+    }
+    if options.adapter.is_none()
+        && let Err(why) = automatic(&adapters())
+    {
+        return Ok((None, why));
+    }
     let reason = if options.adapter.is_some() { "asked for with --adapter" } else { "the best GPU of this machine" };
-    match found {
-        Ok(found) => Ok((Some(found), reason.into())),
-        Err(Error::Gpu(message)) => Ok((None, message)),
+    match trusted(&options.wanted()) {
+        Ok(Ok(gpu)) => Ok((Some(Found { gpu, fallback: true }), reason.into())),
+        Ok(Err(why)) => Ok((None, why)),
+        Err(Error::Gpu(message) | Error::GpuMemory(message)) => Ok((None, message)),
         Err(e) => Err(e),
     }
+}
+
+/// A GPU whose self-test has agreed, now or in an earlier run, or why it is not trusted.
+#[cfg(feature = "gpu")]
+fn trusted(options: &GpuOptions) -> Result<std::result::Result<Gpu, String>> {
+    let gpu = Gpu::open(options)?;
+    let (outcome, now) = examined(cache_folder().as_deref(), &gpu)?;
+    if !outcome.wrong.is_empty() {
+        return Ok(Err(distrust(&outcome.wrong, &gpu.device.summary)));
+    }
+    // What the self-test has cost is no part of the run.
+    if now { Gpu::open(options).map(Ok) } else { Ok(Ok(gpu)) }
+}
+
+/// Why a GPU is not trusted.
+#[cfg(feature = "gpu")]
+fn distrust(wrong: &[String], summary: &AdapterSummary) -> String {
+    let AdapterSummary { name, driver, .. } = summary;
+    let first = wrong.first().map_or("", String::as_str);
+    format!("the self-test of {name} ({driver}) failed: {} stages are wrong, the first is {first}", wrong.len())
 }
 
 /// Without the GPU backend there is one choice.
@@ -375,19 +399,32 @@ pub fn list() -> Result<()> {
     let found = adapters();
     let line = |a: &AdapterSummary| {
         format!(
-            "{}: {} ({}, {}; {})\n   largest array {} MiB, largest buffer {} MiB{}\n",
+            "{}: {} ({}, {}; {})\n   {}largest array {} MiB, largest buffer {} MiB{}\n",
             a.index,
             a.name,
             a.kind,
             a.api,
             a.driver,
+            a.memory.map_or(String::new(), |bytes| format!("memory {} MiB, ", bytes >> 20)),
             a.largest_binding >> 20,
             a.largest_buffer >> 20,
             a.lacks.as_ref().map_or(String::new(), |l| format!("; cannot be used: {l}"))
         )
     };
     let choice = match automatic(&found) {
-        Ok(k) => format!("--backend auto takes adapter {k}: {}\n", found[k].name),
+        Ok(k) => match remembered(cache_folder().as_deref(), &found[k]) {
+            Some(outcome) if outcome.wrong.is_empty() => {
+                format!("--backend auto takes adapter {k}: {}, which has passed its self-test\n", found[k].name)
+            }
+            Some(outcome) => {
+                let why = distrust(&outcome.wrong, &found[k]);
+                format!("--backend auto takes the CPU reference path: {why}\n")
+            }
+            None => format!(
+                "--backend auto takes adapter {k}: {}, if it passes its self-test: the first run makes it\n",
+                found[k].name
+            ),
+        },
         Err(why) => format!("--backend auto takes the CPU reference path: {why}\n"),
     };
     say(&(found.iter().map(line).collect::<String>() + &choice))

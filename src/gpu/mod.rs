@@ -34,6 +34,7 @@ mod scatter;
 pub mod selftest;
 mod trace;
 mod trajectories;
+pub mod trust;
 mod work;
 
 use std::borrow::Cow;

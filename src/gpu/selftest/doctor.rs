@@ -3,11 +3,14 @@
 use crate::error::Result;
 use crate::gpu::selftest::cases::Cases;
 use crate::gpu::selftest::comparison::Comparison;
-use crate::gpu::selftest::twins::compare;
+use crate::gpu::selftest::twins::{compare, compare_stages};
 use crate::gpu::{Gpu, doctor};
 
 /// Loop trips that the loop test asks for: some drivers stop at 65 535 and say nothing.
 const TRIPS: u32 = 70_000;
+
+/// Pixel sides of the self-test.
+const SIDES: [f64; 2] = [1.0, 0.8];
 
 /// Findings of the self-test.
 #[derive(Debug, Clone)]
@@ -62,6 +65,14 @@ impl Findings {
     }
 }
 
+/// Runs the part of the self-test by which a GPU is trusted: whole stages, in which every kernel takes part.
+///
+/// # Errors
+/// [`crate::Error::Gpu`] when the GPU cannot do the work at all.
+pub fn examine_shortly(gpu: &Gpu) -> Result<Vec<Comparison>> {
+    compare_stages(gpu, &Cases::new(SIDES, 1))
+}
+
 /// Runs the self-test.
 ///
 /// # Errors
@@ -72,6 +83,6 @@ pub fn examine(gpu: &Gpu) -> Result<Findings> {
         trips: [answer[0], TRIPS],
         keeps_nan: answer[1..4] == [0, 0, 0] && f32::from_bits(answer[4]).is_nan(),
         rounds: answer[5] == 2f32.to_bits() && answer[6] == (1f32 / 3.0).to_bits(),
-        stages: compare(gpu, &Cases::new([1.0, 0.8], 1))?,
+        stages: compare(gpu, &Cases::new(SIDES, 1))?,
     })
 }

@@ -31,7 +31,7 @@ use crate::reference::reinit::reinit;
 use crate::reference::scatter::scatter;
 use crate::settings::AntiAlias;
 
-/// Every stage on these cases.
+/// Every kernel and every stage on these cases.
 ///
 /// # Errors
 /// [`crate::Error::Gpu`] when the GPU cannot do a stage at all.
@@ -47,8 +47,17 @@ pub fn compare(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
         reinitialisation(gpu, cases)?,
         carried(gpu, cases)?,
         particles(gpu, cases)?,
-        parts(gpu, cases)?,
     ];
+    out.extend(compare_stages(gpu, cases)?);
+    Ok(out)
+}
+
+/// The stages that the pipeline asks for, on these cases.
+///
+/// # Errors
+/// The errors of [`compare`].
+pub fn compare_stages(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
+    let mut out = vec![parts(gpu, cases)?];
     out.extend(contour_fields(gpu, cases)?);
     out.extend(morphs(gpu, cases)?);
     out.extend(sweeps(gpu, cases)?);

@@ -240,3 +240,26 @@ fn damage_is_seen_wherever_it_is() {
     done(&["merge", "-q", &a, &b, "-o", &target]);
     assert!(fs::read(&target).expect("it is there").starts_with(b"NRRD"));
 }
+
+/// Parts made on the reference path and on a GPU differ by hundredths of a pixel: whoever joins them is told.
+#[cfg(feature = "gpu")]
+#[test]
+fn parts_of_different_machines_are_told_apart() {
+    let place = stack(6, 40);
+    let place = place.path();
+    let parts = [("1/2", "cpu"), ("2/2", "gpu"), ("2/2", "cpu")].map(|(number, backend)| {
+        let name = format!("{backend}{}.section", &number[..1]);
+        let target = path(place, &name);
+        done(&["run", &path(place, "stack"), "--part", number, "-o", &target, &format!("--backend={backend}"), "-q"]);
+        target
+    });
+    let said = |second: &str, name: &str| {
+        let out = path(place, name);
+        let result = interslice(&["merge", &parts[0], second, "-o", &out]);
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        stderr(&result).contains("different machines")
+            && fs::read_to_string(&out).expect("JSON").contains("different machines")
+    };
+    assert!(said(&parts[1], "mixed.json"));
+    assert!(!said(&parts[2], "alike.json"));
+}

@@ -107,3 +107,31 @@ impl Report {
 fn machine(backend: &str) -> &str {
     if backend.starts_with("reference") { "reference" } else { backend }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Warnings of a body whose parts were made on these machines.
+    fn joined(machines: &[&str]) -> Vec<String> {
+        let part = |backend: &&str| Report { backend: backend.to_string(), ..Report::default() };
+        let mut parts = machines.iter().map(part);
+        let mut whole = parts.next().expect("a part");
+        parts.for_each(|part| whole.join(part));
+        whole.warnings
+    }
+
+    #[test]
+    fn parts_of_different_drivers_are_told_apart() {
+        let (old, new) = ("GPU A (Vulkan, driver 1.0)", "GPU A (Vulkan, driver 1.1)");
+        let (two, four) = ("reference path (f64, 2 threads)", "reference path (f64, 4 threads)");
+        for same in [&[old, old][..], &[two, four], &[four, two, four]] {
+            assert!(joined(same).is_empty(), "{same:?}");
+        }
+        for apart in [[old, new], [old, two], [four, new]] {
+            let warnings = joined(&apart);
+            assert!(matches!(&warnings[..], [one] if one.contains("different machines")), "{apart:?}: {warnings:?}");
+        }
+        assert_eq!(joined(&[old, old, new, old, two]).len(), 2, "each that is new is told");
+    }
+}

@@ -124,7 +124,7 @@ fn no_number_hangs_a_stage() {
             };
             for (source, goal) in [(spoiled(12.0), disc(9.0)), (disc(12.0), spoiled(9.0))] {
                 let start = seeds(&disc(12.0), h, 0.5);
-                let xs: Vec<[f64; 2]> = start.iter().map(|s| s.x).collect();
+                let xs: Vec<_> = start.iter().map(|s| s.x).collect();
                 let job = TraceJob { source: Cow::Borrowed(&source), goal: Cow::Borrowed(&goal), seeds: start };
                 let traced = gpu.trace(&TraceRequest { jobs: &[job], h, options }, &Silent);
                 let sweep = |source, goal| SweepJob {

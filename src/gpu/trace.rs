@@ -128,10 +128,15 @@ fn run(
 /// Farther than any contour can be, px.
 const NOWHERE: f32 = 1e9;
 
-/// Fails where a job's time or what is left of its way is no number, or none that can be: comparisons on the device do not see that, and the steps
-/// of such a job hardly end.
+/// Time that any step takes.
+const INSTANT: f32 = 1e-12;
+
+/// Fails where a job's time or what is left of its way is no number, or none that can be, and where its time stands still: comparisons on the
+/// device do not see that, and the steps of such a job hardly end.
 pub fn check_numbers(what: &str, states: &[Job]) -> Result<()> {
-    let sound = |s: &Job| [s.now, s.dt, s.residual_max, s.residual_mean].iter().all(|v| v.is_finite() && *v < NOWHERE);
+    let stands = |s: &Job| s.phase == RUNNING && s.steps > 0 && s.dt < INSTANT;
+    let number = |s: &Job| [s.now, s.dt, s.residual_max, s.residual_mean].iter().all(|v| v.is_finite() && *v < NOWHERE);
+    let sound = |s: &Job| number(s) && !stands(s);
     match states.iter().find(|s| !sound(s)) {
         None => Ok(()),
         Some(s) => Err(failure(format!(

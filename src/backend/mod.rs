@@ -29,8 +29,11 @@ pub struct Means<'a> {
     pub budget: &'a Budget,
 }
 
-/// A machine that runs the numeric stages. `h` is the pixel's size in units of its larger side; fields and results are in that unit.
-/// Results come in the order of the jobs and do not depend on how a backend groups or parallelises them.
+/// A machine that runs the numeric stages: `Reference` or `Gpu`. `h` is the pixel's size in units of its larger side; fields and results are in that
+/// unit. Results come in the order of the jobs and do not depend on how a backend groups or parallelises them.
+///
+/// The questions of the stages are the program's own and are not documented: they may change in any version, so other implementations of this trait
+/// may stop compiling.
 pub trait Backend: Sync {
     /// Name for people and reports.
     fn name(&self) -> String;
@@ -44,41 +47,48 @@ pub trait Backend: Sync {
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn contour_fields(&self, request: &ContourRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>>;
 
     /// Level sets of parts of contours.
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn part_fields(&self, request: &PartRequest<'_>) -> Result<Vec<Field>>;
 
     /// Morphs with tracker particles.
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn trace(&self, request: &TraceRequest<'_>, progress: &dyn Progress) -> Result<Vec<Traced>>;
 
     /// Sweeps through intervals in both directions, blended, mended, and continued outwards as distances.
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn propagate(&self, request: &SweepRequest<'_>, progress: &dyn Progress) -> Result<Vec<Filled>>;
 
     /// Displacements of neighbouring intervals after some rounds of the iteration.
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn displacements(&self, request: &DisplacementJob<'_>) -> Result<Vec<Displacement>>;
 
     /// Slopes of the slices' fields along their trajectories, per height.
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn moving_slopes(&self, request: &SlopeRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>>;
 
     /// Layers of an interval, each a row-major image, one per time.
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn moving_layers(&self, request: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>>;
 }

@@ -61,6 +61,7 @@ const BUDGET_SHARE: f64 = 0.7;
 #[derive(Debug)]
 pub struct Gpu {
     /// The device.
+    #[doc(hidden)]
     pub device: Device,
     kernels: Kernels,
     profiler: Profiler,

@@ -16,6 +16,7 @@ use crate::error::Result;
 use crate::grid::field::Field;
 use crate::progress::Progress;
 use crate::registration::displacement::{Displacement, DisplacementJob};
+use crate::report::DeviceUse;
 use crate::storage::spill::Budget;
 
 /// Means that a run may use.
@@ -38,6 +39,11 @@ pub trait Backend: Sync {
     /// Bytes of the host's memory that it takes beside what a run takes on the reference path.
     fn host_bytes(&self) -> u64 {
         0
+    }
+
+    /// Use of its device so far, by whoever shares it; nothing where there is none.
+    fn device_use(&self) -> Option<DeviceUse> {
+        None
     }
 
     /// Level sets of slices: anti-aliasing, distance, conditioning.
@@ -76,9 +82,9 @@ pub trait Backend: Sync {
     /// A backend's own failures.
     fn moving_slopes(&self, request: &SlopeRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>>;
 
-    /// Layers of an interval, each a row-major image, one per time.
+    /// Layers of intervals of a stack: for each interval one per time, each a row-major image.
     ///
     /// # Errors
     /// A backend's own failures.
-    fn moving_layers(&self, request: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>>;
+    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<Vec<f32>>>>;
 }

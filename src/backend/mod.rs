@@ -5,6 +5,7 @@ pub mod conditioning;
 pub mod jobs;
 pub mod options;
 pub mod padded_slice;
+pub mod replay;
 pub mod requests;
 
 pub use self::options::{ContourOptions, MorphOptions};

@@ -36,6 +36,7 @@ mod resident;
 mod scatter;
 pub mod selftest;
 mod trace;
+mod traffic;
 mod trajectories;
 mod upload;
 

@@ -5,6 +5,7 @@ pub mod conditioning;
 pub mod jobs;
 pub mod options;
 pub mod padded_slice;
+pub mod replay;
 pub mod requests;
 
 pub use self::options::{ContourOptions, MorphOptions};
@@ -16,6 +17,7 @@ use crate::error::Result;
 use crate::grid::field::Field;
 use crate::progress::Progress;
 use crate::registration::displacement::{Displacement, DisplacementJob};
+use crate::report::DeviceUse;
 use crate::storage::spill::Budget;
 
 /// Means that a run may use.
@@ -41,6 +43,11 @@ pub trait Backend: Sync {
     /// Bytes of the host's memory that it takes beside what a run takes on the reference path.
     fn host_bytes(&self) -> u64 {
         0
+    }
+
+    /// Use of its device so far, by whoever shares it; nothing where there is none.
+    fn device_use(&self) -> Option<DeviceUse> {
+        None
     }
 
     /// Level sets of slices: anti-aliasing, distance, conditioning.
@@ -85,10 +92,10 @@ pub trait Backend: Sync {
     #[doc(hidden)]
     fn moving_slopes(&self, request: &SlopeRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>>;
 
-    /// Layers of an interval, each a row-major image, one per time.
+    /// Layers of intervals of a stack: for each interval one per time, each a row-major image.
     ///
     /// # Errors
     /// A backend's own failures.
     #[doc(hidden)]
-    fn moving_layers(&self, request: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>>;
+    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<Vec<f32>>>>;
 }

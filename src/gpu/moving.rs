@@ -1,13 +1,10 @@
 //! Data that the kernels of the moving field share: images and displacements as they lie on the device.
 
-use std::sync::Arc;
-
 use glam::DVec2;
 
 use super::Gpu;
 use super::layout::{Image, TILE};
 use super::recorder::Size;
-use crate::grid::field::{FAR, Field};
 use crate::registration::displacement::Displacement;
 
 /// Images of these pixels with displacements on such a grid of nodes, and how many items a dispatch has.
@@ -32,11 +29,6 @@ pub fn tile_count(dims: [usize; 2]) -> usize {
 /// An invocation per pixel of `count` images, tile by tile.
 pub fn per_pixel(dims: [usize; 2], count: usize) -> Size<'static> {
     Size::List(TILE * TILE * tile_count(dims) * count)
-}
-
-/// Images one after the other.
-pub fn pack(fields: &[Arc<Field>]) -> Vec<f32> {
-    fields.iter().flat_map(|f| &f.data).map(|v| v.clamp(-FAR, FAR) as f32).collect()
 }
 
 /// Displacements one after the other.

@@ -57,12 +57,9 @@ pub fn part_fields(gpu: &Gpu, parts: &[PartJob], h: [f64; 2]) -> Result<Vec<Fiel
         let finish = FinishPart { params, jobs, blocks, whole, inside, d }.bind(gpu);
         let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
         recorder.run(&start, tiles.per_node());
-        recorder.submit()?;
-        tiles.settle()?;
-        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+        let mut recorder = tiles.settle(recorder)?;
         recorder.run(&finish, tiles.per_node());
-        recorder.submit()?;
-        let fields = tiles.atlas.unpack(&tiles.read()?);
+        let fields = tiles.atlas.unpack(&tiles.read(recorder)?);
         for (&k, field) in batch.iter().zip(fields.into_iter().step_by(2)) {
             out[k] = Some(field);
         }

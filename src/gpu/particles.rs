@@ -2,11 +2,12 @@
 
 use glam::DVec2;
 
+use super::answers::Wanted;
 use super::band::Front;
 use super::device::Buffer;
 use super::kernels::{Bound, shader};
 use super::layout::{Job, Params, Particle};
-use super::recorder::Size;
+use super::recorder::{Recorder, Size};
 use crate::backend::jobs::{Track, full_distance};
 use crate::error::Result;
 
@@ -51,7 +52,7 @@ pub struct Particles<'g> {
     /// After it has moved.
     pub correct: Bound<'g>,
     /// At the end.
-    pub land: Bound<'g>,
+    land: Bound<'g>,
 }
 
 impl<'g> Particles<'g> {
@@ -83,10 +84,12 @@ impl<'g> Particles<'g> {
         Size::List(self.count.max(1))
     }
 
-    /// The particles as they are now, in order.
-    pub fn tracks(&self, front: &Front<'_>) -> Result<Vec<Track>> {
-        let particles = front.gpu.device.read(&self.buffer, 0, self.count)?;
-        Ok(particles.iter().map(track).collect())
+    /// The particles after their last step, in order.
+    pub fn land(&self, front: &Front<'_>) -> Result<Vec<Track>> {
+        let mut recorder = Recorder::new(&front.gpu.device, &front.gpu.profiler);
+        recorder.run(&self.land, self.each());
+        let wanted: Wanted<Particle> = recorder.read(&self.buffer, 0, self.count);
+        Ok(recorder.submit()?.wait()?.values(&wanted)?.iter().map(track).collect())
     }
 }
 

@@ -43,8 +43,6 @@ shader! {
 pub struct Seeds<'g> {
     scatter: Bound<'g>,
     fill: Bound<'g>,
-    /// Count as used as long as the kernels are there.
-    _buffers: (Buffer<[Seed]>, Buffer<[u32]>, Buffer<Rounds>),
 }
 
 impl<'g> Seeds<'g> {
@@ -52,12 +50,10 @@ impl<'g> Seeds<'g> {
     pub fn new(front: &Front<'g>, (seeds, bins): (Vec<Seed>, Vec<u32>), courses: &Buffer<[[f32; 4]]>) -> Result<Self> {
         let Front { gpu, params, jobs, work, band, phi, slots, .. } = front;
         let (seeds, bins) = (gpu.device.upload("seeds", &seeds)?, gpu.device.upload("bins", &bins)?);
-        let buffers = (seeds, bins, gpu.device.headed("rounds", front.capacity)?);
-        let (seeds, bins, rounds) = (&buffers.0, &buffers.1, &buffers.2);
+        let (seeds, bins, rounds) = (&seeds, &bins, &gpu.device.headed("rounds", front.capacity)?);
         Ok(Seeds {
             scatter: Scatter { params, jobs, work, band, phi, seeds, bins, courses, rounds }.bind(gpu),
             fill: Fill { params, jobs, band, courses, rounds, slots }.bind(gpu),
-            _buffers: buffers,
         })
     }
 

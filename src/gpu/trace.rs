@@ -5,7 +5,7 @@ use super::atlas::{Atlas, batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::hj_step;
 use super::kernels::shader;
-use super::layout::{Job, Params, Particle, RUNNING, Sums, Work};
+use super::layout::{Job, Params, Particle, Sums, Work};
 use super::particles::Particles;
 use super::recorder::{Recorder, Size};
 use crate::backend::MorphOptions;
@@ -35,9 +35,6 @@ shader! {
         jobs_mut: Write [Job],
     }
 }
-
-/// Steps between two looks at the jobs.
-const LOOK: usize = 16;
 
 /// Morphs of all jobs, batch by batch.
 pub fn trace(
@@ -90,29 +87,20 @@ fn run(
     let each_job = Size::List(morphs.len());
     let mut recorder = Recorder::new(device, &gpu.profiler);
     front.begin(&mut recorder);
-    let states = loop {
-        for _ in 0..LOOK {
-            recorder.run(&measure, front.per_chunk());
-            recorder.run(&control, each_job);
-            recorder.run(&particles.predict, particles.each());
-            front.step(&mut recorder, &stages);
-            front.rebuild(&mut recorder);
-            recorder.run(&particles.correct, particles.each());
-        }
-        recorder.submit()?;
-        let states = front.states()?;
-        if let Some(wanted) = front.overflow()? {
-            return Ok(Room::Short(wanted));
-        }
-        recorder = Recorder::new(device, &gpu.profiler);
-        if states.iter().all(|s| s.phase != RUNNING) {
-            break states;
-        }
+    let step = |recorder: &mut Recorder<'_>| {
+        recorder.run(&measure, front.per_chunk());
+        recorder.run(&control, each_job);
+        recorder.run(&particles.predict, particles.each());
+        front.step(recorder, &stages);
+        front.rebuild(recorder);
+        recorder.run(&particles.correct, particles.each());
     };
-    recorder.run(&particles.land, particles.each());
-    recorder.submit()?;
+    let states = match front.run(recorder, None, step, |_| Ok(()))? {
+        Room::Enough((states, _)) => states,
+        Room::Short(wanted) => return Ok(Room::Short(wanted)),
+    };
+    let mut tracks = particles.land(&front)?.into_iter();
     gpu.profiler.count(&["hj_step", "hj_step", "hj_step", "reinit"], states.iter().map(|s| s.pixels as usize).sum());
-    let mut tracks = particles.tracks(&front)?.into_iter();
     let traced = |(morph, s): (&TraceJob<'_>, &Job)| Traced {
         tracks: tracks.by_ref().take(morph.seeds.len()).collect(),
         steps: s.steps as usize,

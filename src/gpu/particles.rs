@@ -61,13 +61,13 @@ impl<'g> Particles<'g> {
         let Front { gpu, params, jobs, phi, .. } = front;
         let start = |(q, x): (usize, DVec2)| Particle {
             x: x.as_vec2().into(),
-            died: -1.0,
+            kept: 1.0,
             job: q as u32,
             ..Particle::default()
         };
         let starts: Vec<Particle> = starts.map(start).collect();
         // An array cannot be empty; a dead particle stands for none.
-        let none = [Particle { died: 0.0, ..Particle::default() }];
+        let none = [Particle::default()];
         let buffer = gpu.device.upload("particles", if starts.is_empty() { &none[..] } else { &starts })?;
         let particles = &buffer;
         Ok(Particles {
@@ -95,11 +95,11 @@ impl<'g> Particles<'g> {
 
 /// A particle at the end of its way.
 fn track(p: &Particle) -> Track {
-    let died = (p.died >= 0.0).then_some(f64::from(p.died));
+    let [covered, kept, own, share] = [p.covered, p.kept, p.own, p.share].map(f64::from);
     Track {
-        distance: full_distance(f64::from(p.covered), died),
+        distance: full_distance(covered, kept, [own, share]),
         arc: f64::from(p.arc),
         landing: p.x.map(f64::from).into(),
-        arrived: died.is_none(),
+        kept,
     }
 }

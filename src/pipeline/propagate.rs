@@ -70,7 +70,11 @@ impl SweepInputs<'_, '_> {
         let particles = seen.iter().zip(ends).zip(&apart).flat_map(|((contour, side), apart)| {
             let tracks = side.map_or(&[][..], |s| &s.tracks);
             let known = |inside: usize| apart[contour.solids.labels[inside] as usize];
-            contour.seeds.iter().zip(tracks).map(move |(seed, track)| (seed.x, track.arrived || known(seed.inside)))
+            contour
+                .seeds
+                .iter()
+                .zip(tracks)
+                .map(move |(seed, track)| (seed.x, if known(seed.inside) { 1.0 } else { track.kept }))
         });
         Ok(Trust::new(moving, 0, h, relief, particles))
     }

@@ -3,14 +3,11 @@
 
 use rayon::prelude::*;
 
-use crate::backend::Backend;
 use crate::backend::jobs::PartJob;
-use crate::backend::requests::PartRequest;
 use crate::contour::Contour;
 use crate::contour::direction::Direction;
 use crate::contour::overlap::{DecidedPairs, Group, match_components};
 use crate::contour::unmatched::LonePart;
-use crate::error::Result;
 use crate::grid::components::label8;
 use crate::grid::field::Field;
 use crate::grid::tile::Tile;

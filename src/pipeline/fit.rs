@@ -53,9 +53,11 @@ pub struct Hop {
 
 stored_as_they_are!(Weighted, Hop);
 
-/// Steepest slope of a rule that may overshoot, in ways to the farther neighbour per wider gap. With equal gaps a spline has at most half of it; where
-/// gaps are unlike by ten or more, a hundredth of a pixel in the narrow one would be a pixel in the other, and a sweep be led out of its tube and back.
+/// Steepest slope of a rule that may overshoot, in ways to the farther neighbour per wider gap: where gaps are unlike, a hundredth of a pixel in the
+/// narrow one would be a pixel in the other, and a sweep be led out of its tube and back.
 const STEEPEST: f64 = 3.0;
+/// Gaps are unlike where the widest of the two on each side of a contour is more than so many times the narrowest.
+const UNLIKE: f64 = 4.0;
 /// Hops that are less sure do not count.
 const UNSURE: f64 = 1e-6;
 
@@ -262,10 +264,15 @@ fn chains(side: Option<&SideTracks>, neighbours: &Neighbours, beyond: Option<&Ch
     Lists::new(&side.tracks.par_iter().enumerate().map(chain).collect::<Vec<_>>())
 }
 
-/// The slope of `natural` or `catmull` at a knot, no steeper than a course that goes [`STEEPEST`] times the way to the farther neighbour in the wider
-/// gap beside it.
+/// The slope of `natural` or `catmull` at a knot around which gaps are [`UNLIKE`], no steeper than a course that goes [`STEEPEST`] times the way to the
+/// farther neighbour in the wider gap beside it. Elsewhere the spline is the spline.
 fn bounded(m: f64, [z, s]: [&[f64]; 2], center: usize, rule: SlopeRule) -> f64 {
     if !matches!(rule, SlopeRule::Natural | SlopeRule::Catmull) {
+        return m;
+    }
+    let gaps = z[center.saturating_sub(2)..(center + 3).min(z.len())].windows(2).map(|pair| pair[1] - pair[0]);
+    let (narrowest, widest) = gaps.fold((f64::INFINITY, 0.0f64), |(low, high), gap| (low.min(gap), high.max(gap)));
+    if widest <= UNLIKE * narrowest {
         return m;
     }
     let beside = [center.checked_sub(1), (center + 1 < z.len()).then_some(center + 1)];

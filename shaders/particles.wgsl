@@ -1,4 +1,4 @@
-// Tracker particles: advection along the normal (Heun), back-projection onto the front, distance covered, death, landing.
+// Tracker particles: advection along the normal (Heun), back-projection onto the front, distance covered, what is left of them, landing.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> jobs: array<Job>;
@@ -6,10 +6,12 @@
 @group(0) @binding(3) var<storage, read> goal: array<f32>;
 @group(0) @binding(4) var<storage, read_write> particles: array<Particle>;
 
-// What back-projections may move a particle in all, px: more means that the front under it is gone and another piece drags it along.
-const LOST: f32 = 1.0;
-// Farthest a living particle may be from the front after back-projection, px.
-const OFF_FRONT: f32 = 0.1;
+// What back-projections move a particle in all, px, until nothing is left of it: the front under it is gone and another piece drags it along.
+const LOST: f32 = 1.2;
+// Distance from the front after back-projection, px, at which nothing is left of it.
+const OFF_FRONT: f32 = 0.25;
+// Share of the way for which the speed at the start stands.
+const PRIOR: f32 = 0.05;
 const PROJECTIONS: u32 = 2u;
 
 struct Particle {
@@ -21,8 +23,11 @@ struct Particle {
     arc: f32,
     // What back-projections have moved it in all, px.
     dragged: f32,
-    // Time of death, negative while it lives.
-    died: f32,
+    // Share that is left of it, from 1 to 0.
+    kept: f32,
+    // What it covered while it was kept, px, and the share of its way that the relaxation covers meanwhile.
+    own: f32,
+    share: f32,
     job: u32,
 }
 
@@ -31,7 +36,12 @@ fn h() -> vec2<f32> {
 }
 
 fn lives(p: u32) -> bool {
-    return p < arrayLength(&particles) && particles[p].died < 0.0;
+    return p < arrayLength(&particles) && particles[p].kept > 0.0;
+}
+
+// What is left of a particle whose misfit has come so far.
+fn left(misfit: f32, gone: f32) -> f32 {
+    return 1.0 - smoothstep(0.0, gone, misfit);
 }
 
 // Predictor: an Euler step in the field before the front moves, `dx/dt = (phi(x) - phi_B(x)) n`.
@@ -46,6 +56,10 @@ fn predict(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let speed = sample_phi(q, x) - sample_goal(q, x);
     let velocity = speed * normal_of(q, x) / h();
     particles[p].speed = speed;
+    if particles[p].share == 0.0 {
+        particles[p].own = PRIOR * speed;
+        particles[p].share = PRIOR;
+    }
     particles[p].velocity = velocity;
     particles[p].predicted = x + jobs[q].dt * velocity;
 }
@@ -70,13 +84,14 @@ fn correct(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
     let dragged = particles[p].dragged + length((x - moved) * h());
     particles[p].dragged = dragged;
-    if dragged > LOST || abs(sample_phi(q, x)) > OFF_FRONT {
-        particles[p].died = jobs[q].now;
-        return;
-    }
+    let kept = min(particles[p].kept, min(left(dragged, LOST), left(abs(sample_phi(q, x)), OFF_FRONT)));
+    particles[p].kept = kept;
     // No more than twice the way made: the speed goes on where a front hangs though nothing moves.
     let way = length((x - before) * h());
-    particles[p].covered += clamp(0.5 * dt * (particles[p].speed + speed), -2.0 * way, 2.0 * way);
+    let step = clamp(0.5 * dt * (particles[p].speed + speed), -2.0 * way, 2.0 * way);
+    particles[p].covered += step;
+    particles[p].own += kept * step;
+    particles[p].share += kept * exp(-jobs[q].now) * (exp(dt) - 1.0);
     particles[p].arc += way;
     particles[p].x = x;
 }
@@ -91,8 +106,8 @@ fn land(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     let q = particles[p].job;
     let x = particles[p].x;
     let rest = -sample_goal(q, x);
-    if abs(rest) > LOST {
-        particles[p].died = jobs[q].now;
+    particles[p].kept = min(particles[p].kept, left(abs(rest), LOST));
+    if particles[p].kept <= 0.0 {
         return;
     }
     particles[p].x = x + rest * normal_of(q, x) / h();

@@ -122,7 +122,7 @@ pub use files::write::write;
 pub use gpu::{Gpu, GpuOptions};
 pub use input::labels::Wanted;
 pub use input::read;
-pub use labels::report::LabelsReport;
+pub use labels::report::{Borders, LabelReport, LabelsReport, LeftOut};
 #[doc(hidden)]
 pub use pipeline::Bonds;
 #[doc(hidden)]
@@ -134,6 +134,7 @@ pub use reconstruct::{reconstruct_loosely, reconstruct_section};
 pub use reference::Reference;
 pub use report::Report;
 pub use settings::Settings;
+pub use stack::axis::Axis;
 pub use stack::heights::height_grid;
 pub use stack::{ContourStack, Geometry, HeightGrid, LevelSlice, Mask, ReadOptions, Slice, SliceContent};
 pub use storage::spill::Budget;

@@ -256,7 +256,8 @@ fn stages_of_the_moving_field_are_the_same_in_batches() {
         let slopes = gpu.moving_slopes(&SlopeRequest { moving: &moving, wanted: 0..10 }, &Silent).expect("slopes");
         let before = gpu.profile().submissions;
         let lone = LoneParts::default();
-        let slopes_beside = [&slopes[4], &slopes[5]];
+        let beside = [4, 5].map(|k| Arc::new(slopes[k].clone()));
+        let slopes_beside = beside.each_ref();
         let request = LayerRequest {
             moving: &moving,
             interval: 4,
@@ -267,7 +268,7 @@ fn stages_of_the_moving_field_are_the_same_in_batches() {
             h,
             wanted: None,
         };
-        let layers = gpu.moving_layers(&request).expect("layers");
+        let layers = gpu.moving_layers(&[request]).expect("layers");
         (moving.displacements, slopes, layers, [before, gpu.profile().submissions - before])
     };
     let (whole, tight) = (stages(None), stages(Some(2 << 20)));

@@ -31,6 +31,7 @@ fn run(stack: &ContourStack, settings: &Settings, backend: &dyn Backend, budget:
         .expect("a valid stack");
     let mut report = body.report;
     report.stages.clear();
+    report.profile = None;
     (layers, format!("{report:?}"))
 }
 

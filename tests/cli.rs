@@ -367,6 +367,10 @@ fn backends_are_chosen_told_and_reported() {
     let steps = &told["profile"]["kernels"]["hj_step"];
     assert!(steps["dispatches"].as_u64().is_some_and(|n| n > 30) && steps["pixels"].as_u64() > Some(1000), "{steps}");
     assert!(stderr(&gpu).contains("hj_step") && stderr(&gpu).contains("GPU ms"), "{}", stderr(&gpu));
+    assert!(stderr(&gpu).contains("host CPU s") && stderr(&gpu).contains("propagate"), "{}", stderr(&gpu));
+    let (plain, told) = run(&["--backend", "gpu"]);
+    assert!(!stderr(&plain).contains("host CPU s"), "only where it is asked: {}", stderr(&plain));
+    assert!(told["profile"]["stages"][0]["device"]["waits"].as_u64() > Some(0), "{}", told["profile"]);
     for (wrong, said) in
         [("--memory=lots", "512M"), ("--memory=1K", "at least 1M"), ("--backend=tpu", "auto, gpu, cpu")]
     {

@@ -336,7 +336,7 @@ fn particles_measure_the_signed_distance_between_circles() {
             let (source, goal) = (field(dims, h, &circle(49.7, 50.2, a)), field(dims, h, &circle(49.7, 50.2, b)));
             let traced = morph(&source, &goal, h);
             let worst = traced.tracks.iter().map(|t| (t.distance - (b - a)).abs()).fold(0.0, f64::max);
-            let lost = traced.tracks.iter().filter(|t| !t.arrived).count();
+            let lost = traced.tracks.iter().filter(|t| !t.arrived()).count();
             println!("{a} -> {b}, h = {h:?}: S off by {worst:.4}, {} steps", traced.steps);
             assert!(worst <= 0.03, "{a} -> {b}, h = {h:?}: S off by {worst}");
             assert_eq!(lost, 0);
@@ -359,11 +359,12 @@ fn particles_without_counterpart_die_and_say_so() {
     let goal = field([100, 80], SQUARE, &circle(40.0, 40.0, 14.0));
     let traced = morph(&source, &goal, SQUARE);
     let seeds: Vec<Seed> = seeds(&source, SQUARE, 0.5);
-    let far_dead = seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x.x > 62.0 && s.x.x < 70.0 && !t.arrived).count();
-    let near_alive = seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x.x < 35.0 && t.arrived).count();
+    let far_dead =
+        seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x.x > 62.0 && s.x.x < 70.0 && !t.arrived()).count();
+    let near_alive = seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x.x < 35.0 && t.arrived()).count();
     assert!(far_dead > 10, "{far_dead}");
     assert!(near_alive > 30, "{near_alive}");
-    for (s, t) in seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x.x > 62.0 && s.x.x < 70.0 && !t.arrived) {
+    for (s, t) in seeds.iter().zip(&traced.tracks).filter(|(s, t)| s.x.x > 62.0 && s.x.x < 70.0 && !t.arrived()) {
         assert!(t.distance < -3.0, "at {:?} the arm is {} away from nothing", s.x, t.distance);
     }
 }

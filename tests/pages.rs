@@ -1,5 +1,5 @@
-//! The pages for people: every relative link, every anchor, every path of the repository and every constant that they name is there, every format
-//! is named, and folders use each other as ARCHITECTURE.md says.
+//! The pages for people: every relative link, every anchor, every path of the repository, every constant and every function that they name is there,
+//! every format is named, and folders use each other as ARCHITECTURE.md says.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -96,6 +96,8 @@ fn missing(page: &Path, text: &str) -> Vec<String> {
     }
     let there = |p: &&String| !Path::new(ROOT).join(p).exists();
     out.extend(paths(text).iter().filter(there).map(|p| format!("path `{p}`")));
+    let gone = functions(text).into_iter().filter(|(name, file)| !defines(file, name));
+    out.extend(gone.map(|(n, f)| format!("function `{n}` of `{f}`")));
     out.extend(
         constants(text).into_iter().filter(|(name, file)| !holds(file, name)).map(|(n, f)| format!("`{n}` of `{f}`")),
     );
@@ -113,6 +115,29 @@ fn constants(text: &str) -> Vec<(String, String)> {
     text.lines().filter_map(row).collect()
 }
 
+/// Functions and types behind their files, `` `src/file.rs`, `one`, `Type::other` ``, each by its last name.
+fn functions(text: &str) -> Vec<(String, String)> {
+    let quoted: Vec<&str> = text.split('`').collect();
+    let mut found = Vec::new();
+    for (k, file) in quoted.iter().enumerate().filter(|(k, word)| k % 2 == 1 && word.ends_with(".rs")) {
+        for pair in quoted[k + 1..].chunks_exact(2).take_while(|pair| pair[0] == ", " && !pair[1].contains(['/', ' ']))
+        {
+            let name = pair[1].rsplit("::").next().unwrap_or_default();
+            found.push((name.to_string(), file.to_string()));
+        }
+    }
+    found
+}
+
+fn defines(file: &str, name: &str) -> bool {
+    let text = fs::read_to_string(Path::new(ROOT).join(file)).unwrap_or_default();
+    ["fn", "struct", "enum", "trait"].iter().any(|kind| {
+        let item = format!("{kind} {name}");
+        let mut after = text.match_indices(&item).map(|(at, _)| &text[at + item.len()..]);
+        after.any(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
+    })
+}
+
 fn holds(file: &str, constant: &str) -> bool {
     let text = fs::read_to_string(Path::new(ROOT).join(file)).unwrap_or_default();
     text.contains(&format!("const {constant}:"))
@@ -120,17 +145,18 @@ fn holds(file: &str, constant: &str) -> bool {
 
 #[test]
 fn everything_that_pages_name_is_there() {
-    let (mut linked, mut named, mut counted, mut wrong) = (0, 0, 0, Vec::new());
+    let (mut linked, mut named, mut counted, mut defined, mut wrong) = (0, 0, 0, 0, Vec::new());
     for (page, text) in pages() {
         wrong.extend(missing(&page, &text).into_iter().map(|what| format!("{}: {what}", page.display())));
         linked += links(&text).len();
         named += paths(&text).len();
         counted += constants(&text).len();
+        defined += functions(&text).len();
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
     assert!(
-        linked > 40 && named > 80 && counted > 20,
-        "{linked} links, {named} paths, {counted} constants were looked at"
+        linked > 40 && named > 80 && counted > 20 && defined > 12,
+        "{linked} links, {named} paths, {counted} constants, {defined} functions were looked at"
     );
 }
 
@@ -143,7 +169,8 @@ fn what_is_not_there_is_seen() {
         ("# One\n[a](#two)", "link `#two`"),
         ("see `src/nowhere.rs`, line 1", "path `src/nowhere.rs`"),
         ("    cat shaders/nowhere.wgsl", "path `shaders/nowhere.wgsl`"),
-        ("| `NO_SUCH` .5 | `src/lib.rs` | 1 |", "`NO_SUCH` of `src/lib.rs`"),
+        ("see `src/reconstruct.rs`, `reconstruct`, `No::such`, and", "function `such` of `src/reconstruct.rs`"),
+        ("| `NO_SUCH` 0.5 | `src/lib.rs` | 1 |", "`NO_SUCH` of `src/lib.rs`"),
     ] {
         let wrong = missing(page, text);
         assert!(wrong.len() == 1 && wrong[0].contains(said), "{text}: {wrong:?}");

@@ -269,6 +269,7 @@ fn constants_are_those_of_the_twins() {
         ("part", "BOTH", part::BOTH),
         ("particles", "LOST", particles::LOST),
         ("particles", "OFF_FRONT", particles::OFF_FRONT),
+        ("particles", "PRIOR", particles::PRIOR),
         ("particles", "PROJECTIONS", particles::PROJECTIONS as f64),
         ("propagate", "STEP_LIMIT", propagate::STEP_LIMIT),
         ("propagate", "ALMOST", propagate::ALMOST),

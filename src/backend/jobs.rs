@@ -78,19 +78,24 @@ pub struct Track {
     pub arc: f64,
     /// Point at which it ended, pixels of the tile.
     pub landing: DVec2,
-    /// Whether it arrived; else it died and `distance` is virtual.
-    pub arrived: bool,
+    /// Share to which its particle arrived, from 1 to 0 where it died; as far as it has not, `distance` is virtual.
+    pub kept: f64,
 }
 
 impl Track {
     /// All that is known of it, as numbers.
     pub fn numbers(&self) -> [f64; 5] {
-        [self.distance, self.arc, self.landing.x, self.landing.y, f64::from(u8::from(self.arrived))]
+        [self.distance, self.arc, self.landing.x, self.landing.y, self.kept]
     }
 
     /// The track of these numbers.
-    pub fn of_numbers([distance, arc, x, y, arrived]: [f64; 5]) -> Self {
-        Track { distance, arc, landing: DVec2::new(x, y), arrived: arrived != 0.0 }
+    pub fn of_numbers([distance, arc, x, y, kept]: [f64; 5]) -> Self {
+        Track { distance, arc, landing: DVec2::new(x, y), kept }
+    }
+
+    /// Whether more of its particle arrived than died.
+    pub fn arrived(&self) -> bool {
+        self.kept >= 0.5
     }
 }
 
@@ -120,16 +125,10 @@ impl SpillArray for Vec<Track> {
     }
 }
 
-/// Smallest share of its way that a dead particle is taken to have covered.
-const LEAST_SHARE: f64 = 0.05;
-
-/// The whole way of a piece of contour, px: what its particle covered, for one that died at time tau divided by the share `1 - exp(-tau)`
-/// that the relaxation `F = phi - phi_B` covers by then.
-pub fn full_distance(covered: f64, died: Option<f64>) -> f64 {
-    match died {
-        None => covered,
-        Some(tau) => covered / (1.0 - (-tau).exp()).max(LEAST_SHARE),
-    }
+/// The whole way of a piece of contour, px: what its particle covered, as far as it was kept; else what it covered as its own, divided by the
+/// share that the relaxation `F = phi - phi_B` covers meanwhile, `1 - exp(-tau)` for one that died at time tau.
+pub fn full_distance(covered: f64, kept: f64, [own, share]: [f64; 2]) -> f64 {
+    if share > 0.0 { kept * covered + (1.0 - kept) * (own / share) } else { covered }
 }
 
 /// Sweep `source` through the interval with given courses.

@@ -5,6 +5,7 @@ pub mod conditioning;
 pub mod jobs;
 pub mod options;
 pub mod padded_slice;
+pub mod replay;
 pub mod requests;
 
 pub use self::options::{ContourOptions, MorphOptions};
@@ -16,6 +17,7 @@ use crate::error::Result;
 use crate::grid::field::Field;
 use crate::progress::Progress;
 use crate::registration::displacement::{Displacement, DisplacementJob};
+use crate::report::DeviceUse;
 use crate::storage::spill::Budget;
 
 /// Means that a run may use.
@@ -29,8 +31,11 @@ pub struct Means<'a> {
     pub budget: &'a Budget,
 }
 
-/// A machine that runs the numeric stages. `h` is the pixel's size in units of its larger side; fields and results are in that unit.
-/// Results come in the order of the jobs and do not depend on how a backend groups or parallelises them.
+/// A machine that runs the numeric stages: `Reference` or `Gpu`. `h` is the pixel's size in units of its larger side; fields and results are in that
+/// unit. Results come in the order of the jobs and do not depend on how a backend groups or parallelises them.
+///
+/// The questions of the stages are the program's own and are not documented: they may change in any version, so other implementations of this trait
+/// may stop compiling.
 pub trait Backend: Sync {
     /// Name for people and reports.
     fn name(&self) -> String;
@@ -40,45 +45,57 @@ pub trait Backend: Sync {
         0
     }
 
+    /// Use of its device so far, by whoever shares it; nothing where there is none.
+    fn device_use(&self) -> Option<DeviceUse> {
+        None
+    }
+
     /// Level sets of slices: anti-aliasing, distance, conditioning.
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn contour_fields(&self, request: &ContourRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>>;
 
     /// Level sets of parts of contours.
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn part_fields(&self, request: &PartRequest<'_>) -> Result<Vec<Field>>;
 
     /// Morphs with tracker particles.
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn trace(&self, request: &TraceRequest<'_>, progress: &dyn Progress) -> Result<Vec<Traced>>;
 
     /// Sweeps through intervals in both directions, blended, mended, and continued outwards as distances.
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn propagate(&self, request: &SweepRequest<'_>, progress: &dyn Progress) -> Result<Vec<Filled>>;
 
     /// Displacements of neighbouring intervals after some rounds of the iteration.
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn displacements(&self, request: &DisplacementJob<'_>) -> Result<Vec<Displacement>>;
 
     /// Slopes of the slices' fields along their trajectories, per height.
     ///
     /// # Errors
     /// A backend's own failures.
+    #[doc(hidden)]
     fn moving_slopes(&self, request: &SlopeRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>>;
 
-    /// Layers of an interval, each a row-major image, one per time.
+    /// Layers of intervals of a stack: for each interval one per time, each a row-major image.
     ///
     /// # Errors
     /// A backend's own failures.
-    fn moving_layers(&self, request: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>>;
+    #[doc(hidden)]
+    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<Vec<f32>>>>;
 }

@@ -3,6 +3,7 @@
 //! `h` is the pixel's size in units of its larger side; fields, lengths and results are in that unit.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::jobs::{PartJob, SweepPair, TraceJob};
 use super::options::{ContourOptions, MorphOptions};
@@ -71,7 +72,7 @@ pub struct LayerRequest<'a> {
     /// Number of the interval.
     pub interval: usize,
     /// Slopes of the interval's slices.
-    pub slopes: [&'a Field; 2],
+    pub slopes: [&'a Arc<Field>; 2],
     /// Parts that meet nothing in the other slice.
     pub lone: &'a LoneParts,
     /// Times in the interval, 0 to 1.

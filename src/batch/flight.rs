@@ -130,6 +130,7 @@ impl<'a> Batch<'a> {
         let job = &self.manifest.jobs[index];
         // Times would differ from run to run; the result line has them.
         body.report.stages.clear();
+        body.report.profile = None;
         let written = guarded(|| {
             outputs.complete(&mut body.report)?;
             let written = job.outputs.iter().zip(outputs.temporary()).map(|(file, (target, path))| {

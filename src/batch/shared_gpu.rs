@@ -6,6 +6,7 @@ use crate::batch::machine::{Machine, Work};
 use crate::error::Result;
 use crate::gpu::{Gpu, GpuOptions, GpuOrReference};
 use crate::reference::Reference;
+use crate::report::{Profile, Report, StageCost};
 use crate::surface::Reconstruction;
 
 /// Losses of the device after which a job is given up.
@@ -18,17 +19,25 @@ pub struct SharedGpu<'n> {
     fallback: bool,
     notice: &'n (dyn Fn(&str) + Sync),
     gpu: Mutex<Arc<Gpu>>,
+    /// Costs of all jobs, stage by stage. Those of jobs that were computed at the same time are the same seconds and the same device.
+    stages: Mutex<Vec<StageCost>>,
 }
 
 impl<'n> SharedGpu<'n> {
     /// Shares `gpu`, which was opened with `options`. `notice` is told of failures.
     pub fn new(gpu: Gpu, options: GpuOptions, fallback: bool, notice: &'n (dyn Fn(&str) + Sync)) -> Self {
-        SharedGpu { options, fallback, notice, gpu: Mutex::new(Arc::new(gpu)) }
+        SharedGpu { options, fallback, notice, gpu: Mutex::new(Arc::new(gpu)), stages: Mutex::default() }
     }
 
     /// The GPU of now.
     pub fn gpu(&self) -> Arc<Gpu> {
         self.gpu.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Cost of all jobs so far.
+    pub fn profile(&self) -> Profile {
+        let stages = self.stages.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        Profile { stages, ..self.gpu().profile() }
     }
 
     /// Opens the device anew, unless another job has done so since `lost` was the one.
@@ -52,6 +61,9 @@ impl Machine for SharedGpu<'_> {
                 true => work(&GpuOrReference::new(gpu.clone(), self.notice)),
                 false => work(&*gpu),
             };
+            if let Ok(Reconstruction { report: Report { profile: Some(profile), .. }, .. }) = &result {
+                StageCost::join(&mut self.stages.lock().unwrap_or_else(PoisonError::into_inner), &profile.stages);
+            }
             let why = match result {
                 Err(e) if losses < MOST_LOSSES && gpu.device.check().is_err() => e,
                 other => return other,

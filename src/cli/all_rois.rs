@@ -91,6 +91,7 @@ pub fn run(all: &All<'_>) -> Result<()> {
         let mut body = compute(&loaded, &mut gather, &chosen, &budget, all.telling)?;
         added.extend(gather.added());
         complete(outputs, &mut body, &loaded.notes, all.telling)?;
+        chosen.tell(&body.report.profile);
     }
     completed.complete_structures(&set, &added)?;
     if let Some(scenes) = &mut scenes {

@@ -15,7 +15,7 @@ use interslice::gpu::selftest::doctor;
 use interslice::gpu::trust::{cache_folder, examined, remembered};
 #[cfg(feature = "gpu")]
 use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
-use interslice::report::Profile;
+use interslice::report::{DeviceUse, Profile, StageCost};
 use interslice::storage::room;
 use interslice::{Backend, Budget, Error, Reference, Result};
 use serde::de::Error as _;
@@ -58,7 +58,7 @@ pub struct DeviceOptions {
     #[serde(deserialize_with = "named_bytes")]
     gpu_memory: Option<u64>,
 
-    /// Time every kernel and say what each has cost
+    /// Time every kernel; say what the stages have cost the host and asked of the GPU, and what each kernel has cost
     #[arg(long)]
     profile: bool,
 }
@@ -170,16 +170,23 @@ impl ChosenDevice<'_> {
         }
     }
 
-    /// Cost of the kernels, if that was asked.
-    pub fn profile(&self) -> Option<Profile> {
-        match &self.machine {
-            _ if !self.profile => None,
+    /// Puts the cost of the kernels beside that of the stages.
+    pub fn complete(&self, profile: &mut Option<Profile>) {
+        let whole: Option<Profile> = match &self.machine {
             Machine::Reference(_) => None,
             #[cfg(feature = "gpu")]
             Machine::Gpu(gpu) => Some(gpu.profile()),
             #[cfg(feature = "gpu")]
             Machine::Either(either) => Some(either.gpu.profile()),
+        };
+        if let Some(whole) = whole {
+            *profile = Some(Profile { stages: profile.take().unwrap_or_default().stages, ..whole });
         }
+    }
+
+    /// Tells the profile, if that was asked.
+    pub fn tell(&self, profile: &Option<Profile>) {
+        profile.iter().filter(|_| self.profile).for_each(tell_profile);
     }
 }
 
@@ -314,13 +321,13 @@ impl SharedDevice<'_> {
         }
     }
 
-    /// Cost of the kernels, if that was asked.
+    /// Cost of all jobs, if that was asked.
     pub fn profile(&self) -> Option<Profile> {
         match &self.together {
             _ if !self.profile => None,
             Together::Reference(_) => None,
             #[cfg(feature = "gpu")]
-            Together::Gpu(shared) => Some(shared.gpu().profile()),
+            Together::Gpu(shared) => Some(shared.profile()),
         }
     }
 }
@@ -356,8 +363,36 @@ fn automatic(found: &[AdapterSummary]) -> std::result::Result<usize, String> {
     })
 }
 
-/// Kernels by cost, for people.
+/// Stages in their order, for people.
+fn tell_stages(stages: &[StageCost]) {
+    let Some(first) = stages.first() else { return };
+    let line = |stage: &StageCost| {
+        let seconds = |s: Option<f64>| s.map_or("-".into(), |s| format!("{s:.3}"));
+        let DeviceUse { waits, submits, dispatches, buffers, bytes_up, bytes_down, .. } = stage.device;
+        let [up, down] = [bytes_up, bytes_down].map(|bytes| bytes as f64 * 1e-6);
+        eprintln!(
+            "{:>20} {:>10} {:>8} {waits:>6} {submits:>8} {dispatches:>11} {buffers:>8} {up:>8.1} {down:>8.1}",
+            stage.name,
+            seconds(stage.host_seconds),
+            seconds(stage.serial_seconds)
+        );
+    };
+    eprintln!(
+        "{:>20} {:>10} {:>8} {:>6} {:>8} {:>11} {:>8} {:>8} {:>8}",
+        "stage", "host CPU s", "serial s", "waits", "submits", "dispatches", "buffers", "MB up", "MB down"
+    );
+    stages.iter().for_each(line);
+    let mut all = StageCost { name: "all".into(), ..first.clone() };
+    stages[1..].iter().for_each(|stage| all.add(stage));
+    line(&all);
+    let threads = all.device.threads.iter().enumerate().filter(|(_, count)| **count > 0);
+    let words: Vec<String> = threads.map(|(k, count)| format!("{count} from {}", 1u64 << (2 * k))).collect();
+    eprintln!("threads of the dispatches, by powers of 4: {}", words.join(", "));
+}
+
+/// Stages, and kernels by cost, for people.
 pub fn tell_profile(profile: &Profile) {
+    tell_stages(&profile.stages);
     let mut kernels: Vec<_> = profile.kernels.iter().collect();
     kernels.sort_by(|a, b| b.1.seconds.total_cmp(&a.1.seconds));
     let total: f64 = kernels.iter().map(|(_, k)| k.seconds).sum();

@@ -16,7 +16,7 @@ use interslice::{Error, Progress, Result};
 use serde::Serialize;
 
 use super::bar::Bars;
-use super::devices::{DeviceOptions, choose, tell_profile};
+use super::devices::{DeviceOptions, choose};
 use super::job::JobArguments;
 use super::say::say;
 use super::session::{set_threads, tell_kept};
@@ -186,10 +186,9 @@ pub fn run(mut arguments: RunArguments, matches: &ArgMatches) -> Result<()> {
     let bars = Bars::default();
     let progress: &dyn Progress = if arguments.quiet { &interslice::progress::Silent } else { &bars };
     let means = interslice::Means { backend: chosen.backend(), progress, budget: &budget };
-    let body = loaded.compute_section(&section, &means, &mut writer)?;
-    if let Some(profile) = chosen.profile() {
-        tell_profile(&profile);
-    }
+    let mut body = loaded.compute_section(&section, &means, &mut writer)?;
+    chosen.complete(&mut body.report.profile);
+    chosen.tell(&body.report.profile);
     let written = writer.finish(&body.report)?;
     if !arguments.quiet {
         body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));

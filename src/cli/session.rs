@@ -6,7 +6,7 @@ use interslice::surface::stream::LayerSink;
 use interslice::{Budget, Error, Means, Progress, Reconstruction, Result};
 
 use super::bar::Bars;
-use super::devices::{ChosenDevice, DeviceOptions, choose, tell_profile};
+use super::devices::{ChosenDevice, DeviceOptions, choose};
 
 /// Amount that a run tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,6 +39,7 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     tell_notes(loaded, telling);
     let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, &budget, telling)?;
     complete(&mut outputs, &mut body, &loaded.notes, telling)?;
+    chosen.tell(&body.report.profile);
     let written = outputs.rename()?;
     if telling != Telling::Quiet {
         written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
@@ -72,7 +73,7 @@ pub fn compute(
     let means = Means { backend: chosen.backend(), progress, budget };
     let mut body = loaded.compute_into(&means, sink)?;
     body.report.backend_reason = Some(chosen.reason.clone());
-    body.report.profile = chosen.profile();
+    chosen.complete(&mut body.report.profile);
     Ok(body)
 }
 
@@ -93,9 +94,6 @@ pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, said: &[String
     }
     if telling == Telling::Verbose {
         tell(body);
-    }
-    if let Some(profile) = &body.report.profile {
-        tell_profile(profile);
     }
     Ok(())
 }

@@ -94,8 +94,8 @@ impl Row {
     }
 }
 
-/// All formats, in the order in which help lists them.
-const FORMATS: [Row; 16] = [
+/// All formats, in the order in which help lists them; neighbours with the same words share them there.
+const FORMATS: &[Row] = &[
     Row::new(Format::Nrrd, &["nrrd"], "volume", Kind::Volume, Cost::Volume),
     Row::new(Format::Nifti { gzip: false }, &["nii"], "volume", Kind::Volume, Cost::Volume),
     Row::new(Format::Nifti { gzip: true }, &["nii.gz"], "volume", Kind::Volume, Cost::Volume),
@@ -118,7 +118,7 @@ const FORMATS: [Row; 16] = [
 /// All that is written, for messages and help: `.nrrd .nii .. (volume), ..`.
 pub fn known() -> String {
     let mut kinds: Vec<(&str, Vec<String>)> = Vec::new();
-    for row in &FORMATS {
+    for row in FORMATS {
         let names = row.extensions.iter().map(|e| format!(".{e}"));
         match kinds.last_mut().filter(|(holds, _)| *holds == row.holds) {
             Some((_, known)) => known.extend(names),

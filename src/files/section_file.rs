@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! a gzip stream: one line of JSON (Head), then records:
-//! 1, height f64, output u8, contour + 1 u64 (0: none), nx * ny signed distances f32
+//! 1, height f64, output u8, contour + 1 u64 (0: none), and square by square of 16 x 16 px, row by row:
+//!     1 and the signed distance f32 that it has everywhere, or 0 and the distances f32 of its pixels, as far as the image goes, row by row
 //! 0, length u64, report as JSON
 //! ```
 //! Numbers are little-endian; gzip's checksum tells whether all is as it was written. Joined sections go through the writers of a single run, so that its files have the same bytes.
@@ -23,7 +24,7 @@ use super::options::OutputOptions;
 use super::pending::{Pending, Temporary};
 use super::places::Places;
 use crate::error::{Error, Result};
-use crate::grid::tiled::Packed;
+use crate::grid::tiled::{Packed, SQUARE};
 use crate::report::Report;
 use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, Geometry, HeightGrid};
@@ -35,7 +36,7 @@ use crate::surface::{Layer, Reconstruction};
 /// Bytes of a file's buffer.
 const BUFFER_BYTES: usize = 1 << 20;
 /// First word of every file.
-const MAGIC: &str = "interslice section";
+const MAGIC: &str = "interslice section 2";
 /// Extension of their names: a section stands in no place that could be another file's.
 const EXTENSION: &str = "section";
 /// Longest first line, bytes.
@@ -47,6 +48,9 @@ const LISTED: usize = 10;
 /// Kinds of records.
 const LAYER: u8 = 1;
 const END: u8 = 0;
+/// Kinds of squares.
+const WHOLE: u8 = 1;
+const VALUES: u8 = 0;
 
 /// Body that a section is part of.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -179,13 +183,24 @@ impl LayerSink for SectionWriter {
 
     fn layer(&mut self, layer: Layer) -> Result<()> {
         let Some(out) = &mut self.out else { return Ok(()) };
-        let phi = layer.dense();
-        let mut bytes = Vec::with_capacity(18 + 4 * phi.len());
+        let phi = &layer.phi;
+        let mut bytes = Vec::with_capacity(18 + phi.bytes());
         bytes.push(LAYER);
         bytes.extend(layer.z.to_le_bytes());
         bytes.push(u8::from(layer.output));
         bytes.extend(layer.contour.map_or(0, |i| i as u64 + 1).to_le_bytes());
-        phi.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+        for square in phi.each_square() {
+            match phi.whole(square) {
+                Some(v) => {
+                    bytes.push(WHOLE);
+                    bytes.extend_from_slice(&v.to_le_bytes());
+                }
+                None => {
+                    bytes.push(VALUES);
+                    phi.of_square(square).flatten().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+                }
+            }
+        }
         out.write_all(&bytes).map_err(|source| Error::Write { path: self.target.clone(), source })
     }
 }
@@ -354,9 +369,20 @@ impl SectionReader {
         let z = f64::from_le_bytes(number(&mut self.input)?);
         let [output] = number(&mut self.input)?;
         let contour = u64::from_le_bytes(number(&mut self.input)?) as usize;
-        let bytes = take(&mut self.input, 4 * self.head.dims.iter().product::<usize>() as u64)?;
-        let phi: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-        let phi = Packed::of(self.head.dims, &phi);
+        let dims = self.head.dims;
+        let phi = Packed::read_squares(dims, |square, values| match number::<1>(&mut self.input)? {
+            [WHOLE] => Ok(Some(f32::from_le_bytes(number(&mut self.input)?))),
+            [VALUES] => {
+                let [width, height] = [0, 1].map(|a| SQUARE.min(dims[a] - square[a] * SQUARE));
+                for row in values.chunks_exact_mut(SQUARE).take(height) {
+                    for v in &mut row[..width] {
+                        *v = f32::from_le_bytes(number(&mut self.input)?);
+                    }
+                }
+                Ok(None)
+            }
+            [kind] => Err(io::Error::other(format!("a square of kind {kind}"))),
+        })?;
         Ok(Some(Layer { z, phi, output: output == 1, contour: contour.checked_sub(1) }))
     }
 

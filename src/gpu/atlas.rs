@@ -140,8 +140,7 @@ pub fn in_batches<R>(
     while let Some(batch) = open.pop() {
         match work(batch.clone()) {
             Err(Error::GpuMemory(_)) if batch.len() > 1 => {
-                // Buffers are given back when the work that was sent off with them is done.
-                gpu.device.wait()?;
+                gpu.device.release()?;
                 let middle = batch.start + batch.len() / 2;
                 open.extend([middle..batch.end, batch.start..middle]);
             }

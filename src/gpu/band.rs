@@ -1,11 +1,12 @@
 //! Fronts in their tubes: the tiles of a batch, the band around their contours, and the steps that both morphs and sweeps take.
 
 use super::Gpu;
+use super::answers::{Landed, Wanted};
 use super::atlas::Atlas;
 use super::device::{Buffer, failure};
-use super::kernels::{Bound, shader};
-use super::layout::{Block, Job, Params, Stage, Work};
-use super::recorder::{Recorder, Size};
+use super::kernels::{Bound, WORKGROUP, shader};
+use super::layout::{Block, Job, Params, RUNNING, Stage, Values, Work};
+use super::recorder::{Listed, Recorder, Size};
 use super::reinit::Reinit;
 use crate::error::Result;
 
@@ -184,17 +185,17 @@ impl<'g> Front<'g> {
 
     /// One invocation per listed block.
     pub fn per_block(&self) -> Size<'_> {
-        Size::Indirect(&self.work.raw, BLOCK_GROUPS)
+        Size::Indirect(&self.work.raw, BLOCK_GROUPS, Listed::Blocks)
     }
 
     /// One invocation per band pixel.
     pub fn per_pixel(&self) -> Size<'_> {
-        Size::Indirect(&self.work.raw, BAND_GROUPS)
+        Size::Indirect(&self.work.raw, BAND_GROUPS, Listed::Pixels)
     }
 
     /// One invocation per chunk of band pixels.
     pub fn per_chunk(&self) -> Size<'_> {
-        Size::Indirect(&self.work.raw, CHUNK_GROUPS)
+        Size::Indirect(&self.work.raw, CHUNK_GROUPS, Listed::Chunks)
     }
 
     /// The first band, found by looking at whole tiles.
@@ -238,17 +239,62 @@ impl<'g> Front<'g> {
         self.gpu.device.write(&self.other, phi);
     }
 
-    /// The job table as it is now.
-    pub fn states(&self) -> Result<Vec<Job>> {
-        self.gpu.device.read(&self.jobs, 0, self.atlas.jobs.len())
+    /// Records a look at the lists.
+    pub fn look(&self, recorder: &mut Recorder<'_>) -> Wanted<Work> {
+        recorder.read(&self.work, 0, 1)
     }
 
     /// Longest band so far if it was longer than its lists.
-    pub fn overflow(&self) -> Result<Option<usize>> {
-        let wanted = self.gpu.device.read_head(&self.work)?.band_wanted as usize;
+    pub fn overflow(&self, landed: &Landed<'_>, look: &Wanted<Work>) -> Result<Option<usize>> {
+        let head = landed.value(look)?;
+        let wanted = head.band_wanted as usize;
+        let threads = [head.block_groups, head.band_groups, head.chunk_groups].map(|groups| {
+            let [x, y, z, _] = groups.map(u64::from);
+            x * y * z * u64::from(WORKGROUP)
+        });
+        // Of fronts that are copied nothing is known; most steps copy none.
+        self.gpu.profiler.looked(&self.gpu.device, [threads[0], threads[1], threads[2], 0]);
         Ok((wanted > self.capacity).then_some(wanted))
     }
+
+    /// Takes steps until no job runs: the jobs as they end, and the number that `beside` begins with. While the host reads one look the device works
+    /// on the steps of the next; steps after the end change nothing, as no job is on the lists any more.
+    pub fn run(
+        &self,
+        mut recorder: Recorder<'g>,
+        beside: Option<&Buffer<Values>>,
+        mut step: impl FnMut(&mut Recorder<'g>),
+        check: impl Fn(&[Job]) -> Result<()>,
+    ) -> Result<Room<(Vec<Job>, u32)>> {
+        let mut ahead = None;
+        for look in 0.. {
+            for _ in 0..(FIRST_LOOK << (look / 2)).min(LAST_LOOK) {
+                step(&mut recorder);
+            }
+            let jobs: Wanted<Job> = recorder.read(&self.jobs, 0, self.atlas.jobs.len());
+            let lists = self.look(&mut recorder);
+            let number = beside.map(|buffer| recorder.read::<u32>(buffer, 0, 1));
+            let sent = (recorder.submit()?, jobs, lists, number);
+            recorder = Recorder::new(&self.gpu.device, &self.gpu.profiler);
+            let Some((answers, jobs, lists, number)) = ahead.replace(sent) else { continue };
+            let landed = answers.wait()?;
+            if let Some(wanted) = self.overflow(&landed, &lists)? {
+                return Ok(Room::Short(wanted));
+            }
+            let states = landed.values(&jobs)?;
+            check(&states)?;
+            if states.iter().all(|s| s.phase != RUNNING) {
+                let number = number.map(|number| landed.value(&number)).transpose()?;
+                return Ok(Room::Enough((states, number.unwrap_or(0))));
+            }
+        }
+        Err(failure("fronts that never end"))
+    }
 }
+
+/// Steps before the first look, which double with every second one, and most steps between two looks.
+const FIRST_LOOK: usize = 16;
+const LAST_LOOK: usize = 64;
 
 /// Result of a try with limited room.
 pub enum Room<T> {

@@ -1,6 +1,7 @@
 //! Slices made of copied fronts on the GPU: blending, distances farther out, and the way back to the host.
 
 use super::Gpu;
+use super::answers::Wanted;
 use super::atlas::{Atlas, in_batches, padded};
 use super::band::Front;
 use super::device::Buffer;
@@ -84,9 +85,9 @@ impl Copies {
         CopyFront { params, jobs, blocks, phi, reached, copies, values, slots, before }.bind(gpu)
     }
 
-    /// Whether the pool was too small.
-    pub fn overflow(&self, gpu: &Gpu) -> Result<bool> {
-        Ok(gpu.device.read_first(&self.values)? > self.value_capacity)
+    /// The pool of values, which begins with how many were copied or would have been.
+    pub fn pool(&self) -> &Buffer<Values> {
+        &self.values
     }
 
     /// These copies with the states in which the jobs ended.
@@ -146,8 +147,8 @@ pub fn fill_slices(
                 }
             })
             .collect();
-        let blended = blend(gpu, &copies, &items, atlas.node_count(), params)?;
-        let mut slices = outwards(gpu, atlas, params, blended)?;
+        let (recorder, blended) = blend(gpu, &copies, &items, atlas.node_count(), params)?;
+        let mut slices = outwards(gpu, recorder, atlas, params, blended)?;
         // Most slices are whole. Those that are not are blended once more, mended as they were blended, and continued outwards.
         let broken: Vec<usize> = batch
             .iter()
@@ -162,15 +163,17 @@ pub fn fill_slices(
                 .zip(&atlas.jobs)
                 .map(|(&slot, tile)| Item { offset: tile.offset, ..items[slot] })
                 .collect();
-            let blended = blend(gpu, &copies, &again, atlas.node_count(), params)?;
-            let values: Vec<f32> = gpu.device.read(&blended, 0, atlas.node_count())?;
+            let (mut recorder, blended) = blend(gpu, &copies, &again, atlas.node_count(), params)?;
+            let wanted: Wanted<f32> = recorder.read(&blended, 0, atlas.node_count());
+            let values = recorder.submit()?.wait()?.values(&wanted)?;
             let mut mended = atlas.unpack(&values);
             for (field, &slot) in mended.iter_mut().zip(&broken) {
                 let (p, k) = batch[slot];
                 mend(&pairs[p], k, field);
             }
+            let recorder = Recorder::new(&gpu.device, &gpu.profiler);
             let mended = gpu.device.upload("mended", &atlas.pack(mended.iter(), 1.0))?;
-            for (&slot, field) in broken.iter().zip(outwards(gpu, atlas, params, mended)?) {
+            for (&slot, field) in broken.iter().zip(outwards(gpu, recorder, atlas, params, mended)?) {
                 slices[slot] = field;
             }
         }
@@ -182,8 +185,14 @@ pub fn fill_slices(
     Ok(out)
 }
 
-/// Both directions' copies made one, tile by tile.
-fn blend(gpu: &Gpu, copies: &Copies, items: &[Item], nodes: usize, params: Params) -> Result<Buffer<[f32]>> {
+/// Records that both directions' copies are made one, tile by tile.
+fn blend<'g>(
+    gpu: &'g Gpu,
+    copies: &Copies,
+    items: &[Item],
+    nodes: usize,
+    params: Params,
+) -> Result<(Recorder<'g>, Buffer<[f32]>)> {
     let device = &gpu.device;
     let blended = device.storage("blended", nodes)?;
     let largest = items.iter().map(|i| i.block_count as usize).max().unwrap_or(0);
@@ -194,13 +203,18 @@ fn blend(gpu: &Gpu, copies: &Copies, items: &[Item], nodes: usize, params: Param
     let blend = Blend { params, copies, values, items, blended: &blended }.bind(gpu);
     let mut recorder = Recorder::new(device, &gpu.profiler);
     recorder.run(&blend, size);
-    recorder.submit()?;
-    Ok(blended)
+    Ok((recorder, blended))
 }
 
-/// Fields that are right near their contours, continued outwards as distances.
-fn outwards(gpu: &Gpu, atlas: Atlas, params: Params, u: Buffer<[f32]>) -> Result<Vec<Field>> {
+/// Fields that are right near their contours as soon as what is recorded is done, continued outwards as distances.
+fn outwards<'g>(
+    gpu: &'g Gpu,
+    recorder: Recorder<'g>,
+    atlas: Atlas,
+    params: Params,
+    u: Buffer<[f32]>,
+) -> Result<Vec<Field>> {
     let tiles = DistanceBuffers::new(gpu, atlas, params, u)?;
-    tiles.solve(true)?;
-    Ok(tiles.atlas.unpack(&tiles.read()?))
+    let recorder = tiles.solve(recorder, true)?;
+    Ok(tiles.atlas.unpack(&tiles.read(recorder)?))
 }

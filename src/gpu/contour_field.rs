@@ -1,6 +1,7 @@
 //! Level sets of slices on the GPU: anti-aliasing, distance, conditioning.
 
 use super::Gpu;
+use super::answers::Wanted;
 use super::atlas::{Atlas, in_batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::device::Buffer;
@@ -132,26 +133,28 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
     let room_of = |f: &&Field| places(crossings(f), options.half_width + CONDITION_WIDER, f.data.len());
     let room = u.iter().map(room_of).sum::<usize>() + SPARE_PLACES;
     let sides = &gpu.device.upload("sides", &packed)?;
+    let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
     let source = match smooth {
         AntiAlias::None => None,
-        AntiAlias::Kernel => Some(kernel(gpu, &atlas, params, sides, options.sigma)?),
+        AntiAlias::Kernel => Some(kernel(gpu, &mut recorder, &atlas, params, sides, options.sigma)?),
         AntiAlias::Eq6 => {
-            let exact = exact_distance(gpu, &atlas, params, sides)?;
-            let exact = gpu.device.read(&exact, 0, atlas.node_count())?;
+            let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+            let exact = exact_distance(gpu, &mut recorder, &atlas, params, sides)?;
+            let wanted: Wanted<f32> = recorder.read(&exact, 0, atlas.node_count());
+            let exact = recorder.submit()?.wait()?.values(&wanted)?;
             Some(with_room(room, atlas.node_count(), |room| eq6(gpu, &atlas, params, &exact, &packed, sides, room))?)
         }
     };
     let tiles =
         DistanceBuffers::new(gpu, atlas.clone(), params, source.unwrap_or(gpu.device.upload("level", &packed)?))?;
-    tiles.solve(false)?;
+    let mut recorder = tiles.solve(recorder, false)?;
     if smooth == AntiAlias::Kernel {
-        let exact = exact_distance(gpu, &atlas, params, sides)?;
+        let exact = exact_distance(gpu, &mut recorder, &atlas, params, sides)?;
         let rule = &gpu.device.uniform("rule", rule(&[]));
         let limit = Limit { params: &tiles.params, rule, first: &exact, result: &tiles.d }.bind(gpu);
-        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
         recorder.run(&limit, tiles.per_node());
-        recorder.submit()?;
     }
+    recorder.submit()?;
     let fields = with_room(room, atlas.node_count(), |room| condition(gpu, &tiles, params, options, room))?;
     Ok(atlas.unpack(&fields))
 }
@@ -170,8 +173,15 @@ fn rule(weights: &[f64]) -> Rule {
     out
 }
 
-/// `2 G - G * G` of the masks, on their sides.
-fn kernel(gpu: &Gpu, atlas: &Atlas, params: Params, sides: &Buffer<[f32]>, sigma: f64) -> Result<Buffer<[f32]>> {
+/// Records `2 G - G * G` of the masks, on their sides.
+fn kernel(
+    gpu: &Gpu,
+    recorder: &mut Recorder<'_>,
+    atlas: &Atlas,
+    params: Params,
+    sides: &Buffer<[f32]>,
+    sigma: f64,
+) -> Result<Buffer<[f32]>> {
     let device = &gpu.device;
     let shape = Params { job_count: atlas.jobs.len() as u32, block_count: atlas.block_count() as u32, ..params };
     let params = &device.uniform("params", shape);
@@ -183,14 +193,12 @@ fn kernel(gpu: &Gpu, atlas: &Atlas, params: Params, sides: &Buffer<[f32]>, sigma
     let twice = &device.storage("twice", nodes)?;
     let weights = rule(&gaussian_weights(sigma));
     let axes = [0, 1].map(|vertical| device.uniform("rule", Rule { vertical, ..weights }));
-    let mut recorder = Recorder::new(device, &gpu.profiler);
     for (axis, first, result) in [(0, sides, &half), (1, &half, once), (0, once, &half), (1, &half, twice)] {
         let gaussian = Gaussian { params, rule: &axes[axis], jobs, blocks, first, result }.bind(gpu);
         recorder.run(&gaussian, Size::List(nodes));
     }
     let sharpen = Sharpen { params, rule: &axes[0], first: once, second: twice, sides, result: &half }.bind(gpu);
     recorder.run(&sharpen, Size::List(nodes));
-    recorder.submit()?;
     Ok(half)
 }
 
@@ -207,8 +215,9 @@ fn eq6(
     let front = Front::new(gpu, atlas.clone(), params, Some(exact), room)?;
     let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
     front.begin(&mut recorder);
-    recorder.submit()?;
-    if let Some(wanted) = front.overflow()? {
+    let look = front.look(&mut recorder);
+    let landed = recorder.submit()?.wait()?;
+    if let Some(wanted) = front.overflow(&landed, &look)? {
         return Ok(Room::Short(wanted));
     }
     front.replace_phi(binary);
@@ -243,9 +252,11 @@ fn condition(
     front.begin(&mut recorder);
     front.reinit(&mut recorder, CONDITION_ITERATIONS);
     recorder.run(&put, Size::List(nodes));
-    recorder.submit()?;
-    match front.overflow()? {
+    let look = front.look(&mut recorder);
+    let wanted: Wanted<f32> = recorder.read(result, 0, nodes);
+    let landed = recorder.submit()?.wait()?;
+    match front.overflow(&landed, &look)? {
         Some(wanted) => Ok(Room::Short(wanted)),
-        None => Ok(Room::Enough(device.read(result, 0, nodes)?)),
+        None => Ok(Room::Enough(landed.values(&wanted)?)),
     }
 }

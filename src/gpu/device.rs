@@ -1,20 +1,19 @@
 //! The device: choosing an adapter, limits, the byte budget, waiting, and what goes wrong.
 
 use std::marker::PhantomData;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
 
 use bytemuck::Pod;
 use sysinfo::System;
 
 use super::adapter::{AdapterSummary, enumerate};
 use super::layout::{GRID, Headed};
+use super::pool::{Pool, Raw, capacity};
+use super::upload::Uploads;
 use super::work;
 use crate::error::{Error, Result};
+use crate::report::DeviceUse;
 
-/// Longest time one batch of work may take before the device counts as hung.
-const PATIENCE: Duration = Duration::from_secs(120);
 /// Share of the host's free memory that an adapter without memory of its own may use.
 const SHARE: f64 = 0.6;
 /// Share of its own memory that an adapter may use; the rest is for the screen and other programs.
@@ -78,9 +77,10 @@ pub struct Device {
     faults: Arc<Mutex<Vec<String>>>,
     budget: u64,
     host_bytes: u64,
-    used: Arc<AtomicU64>,
-    /// Bytes sent and read back.
-    traffic: [AtomicU64; 2],
+    pool: Arc<Pool>,
+    pub(super) uploads: Mutex<Uploads>,
+    /// What was asked of the device.
+    pub(super) counts: Mutex<DeviceUse>,
     poison: bool,
     made: Made,
 }
@@ -91,19 +91,12 @@ impl std::fmt::Debug for Device {
     }
 }
 
-/// A buffer that holds a `T`: `[f32]` for an array, a struct for one value or for the head of a list. Gives its bytes back to the budget when
-/// dropped.
+/// A buffer that holds a `T`: `[f32]` for an array, a struct for one value or for the head of a list. When nobody holds it any more it waits for
+/// the next who needs one like it.
 #[derive(Debug)]
 pub struct Buffer<T: ?Sized> {
-    pub(super) raw: wgpu::Buffer,
-    used: Arc<AtomicU64>,
+    pub(super) raw: Raw,
     holds: PhantomData<T>,
-}
-
-impl<T: ?Sized> Drop for Buffer<T> {
-    fn drop(&mut self) {
-        self.used.fetch_sub(self.raw.size(), Ordering::Relaxed);
-    }
 }
 
 impl Device {
@@ -177,8 +170,9 @@ impl Device {
             queue,
             faults,
             budget,
-            used: Arc::default(),
-            traffic: Default::default(),
+            pool: Pool::new(budget.min(options.made.grants.unwrap_or(u64::MAX))),
+            uploads: Mutex::default(),
+            counts: Mutex::default(),
             poison: options.poison,
             made: options.made,
         })
@@ -214,6 +208,21 @@ impl Device {
         self.made.work.unwrap_or(work::MOST)
     }
 
+    /// Lets all buffers go that wait for a user, when the work that was sent off is done.
+    ///
+    /// # Errors
+    /// The errors of [`Device::wait`].
+    pub fn release(&self) -> Result<()> {
+        self.wait()?;
+        self.pool.clear();
+        Ok(())
+    }
+
+    /// Notes a failure: everything after fails.
+    pub(super) fn fail(&self, why: String) {
+        note(&self.faults, why);
+    }
+
     /// Fails if the device is lost or has complained.
     ///
     /// # Errors
@@ -238,31 +247,41 @@ impl Device {
         if size > limit {
             return Err(failure(format!("buffer `{label}` needs {size} bytes, {} allows {limit}", self.summary.name)));
         }
-        let used = self.used.fetch_add(size, Ordering::Relaxed) + size;
-        let allowed = self.budget.min(self.made.grants.unwrap_or(u64::MAX));
-        if used > allowed {
-            self.used.fetch_sub(size, Ordering::Relaxed);
+        if let Some(held) = self.pool.take(size, usage) {
+            return Ok(Buffer { raw: Raw::new(held, size), holds: PhantomData });
+        }
+        let capacity = capacity(size).min(limit - limit % 4);
+        if !self.pool.reserve(capacity) {
             return Err(Error::GpuMemory(format!(
-                "out of memory: buffer `{label}` of {size} bytes exceeds the budget of {allowed} bytes (--gpu-memory, --memory)"
+                "out of memory: buffer `{label}` of {size} bytes exceeds the budget of {} bytes (--gpu-memory, --memory)",
+                self.pool.budget()
             )));
         }
         let out_of_memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let invalid = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let raw = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some(label),
-            size,
-            usage,
-            mapped_at_creation: false,
-        });
-        let buffer = Buffer { raw, used: self.used.clone(), holds: PhantomData };
+        let raw = self.create(label, capacity, usage, false);
         let error = pollster::block_on(invalid.pop()).or(pollster::block_on(out_of_memory.pop()));
         match error {
-            Some(e @ wgpu::Error::OutOfMemory { .. }) => {
-                Err(Error::GpuMemory(format!("buffer `{label}` of {size} bytes: {e}")))
+            Some(e) => {
+                self.pool.give_back(capacity);
+                let why = format!("buffer `{label}` of {size} bytes: {e}");
+                Err(if matches!(e, wgpu::Error::OutOfMemory { .. }) { Error::GpuMemory(why) } else { failure(why) })
             }
-            Some(e) => Err(failure(format!("buffer `{label}` of {size} bytes: {e}"))),
-            None => Ok(buffer),
+            None => Ok(Buffer { raw: Raw::new(self.pool.held(raw), size), holds: PhantomData }),
         }
+    }
+
+    /// A new buffer of the driver's.
+    fn create(&self, label: &str, size: u64, usage: wgpu::BufferUsages, mapped_at_creation: bool) -> wgpu::Buffer {
+        self.count(|counts| counts.buffers += 1);
+        let label = Some(label);
+        self.device.create_buffer(&wgpu::BufferDescriptor { label, size, usage, mapped_at_creation })
+    }
+
+    /// A buffer that the host can write at once; none of a device that has failed, which would panic.
+    pub(super) fn mapped(&self, label: &str, size: u64) -> Option<wgpu::Buffer> {
+        let usage = wgpu::BufferUsages::MAP_WRITE | wgpu::BufferUsages::COPY_SRC;
+        self.check().is_ok().then(|| self.create(label, size, usage, true))
     }
 
     /// A storage buffer of `count` values that some kernel writes before any reads them; NaN until then if [`GpuOptions::poison`] says so.
@@ -270,9 +289,10 @@ impl Device {
     /// # Errors
     /// The errors of [`Device::buffer`].
     pub fn storage<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer<[T]>> {
-        let buffer = self.zeroed(label, count)?;
+        // A binding must hold one.
+        let buffer = self.buffer(label, (count.max(1) * size_of::<T>()) as u64, STORAGE)?;
         if self.poison {
-            self.queue.write_buffer(&buffer.raw, 0, &vec![0xff; buffer.raw.size() as usize]);
+            self.queue.write_buffer(&buffer.raw, 0, &vec![0xff; buffer.raw.bytes() as usize]);
         }
         Ok(buffer)
     }
@@ -282,8 +302,13 @@ impl Device {
     /// # Errors
     /// The errors of [`Device::buffer`].
     pub fn zeroed<T: Pod>(&self, label: &str, count: usize) -> Result<Buffer<[T]>> {
-        // A binding must hold one.
-        self.buffer(label, (count.max(1) * size_of::<T>()) as u64, STORAGE)
+        self.cleared(self.buffer(label, (count.max(1) * size_of::<T>()) as u64, STORAGE)?)
+    }
+
+    /// A buffer whose values are zero before the next work.
+    fn cleared<T: ?Sized>(&self, buffer: Buffer<T>) -> Result<Buffer<T>> {
+        self.uploads().clear(self, &buffer.raw);
+        Ok(buffer)
     }
 
     /// A storage buffer with a head and a list of `count` items behind it, zeroed.
@@ -291,7 +316,7 @@ impl Device {
     /// # Errors
     /// The errors of [`Device::buffer`].
     pub fn headed<H: Headed>(&self, label: &str, count: usize) -> Result<Buffer<H>> {
-        self.buffer(label, (size_of::<H>() + count * size_of::<H::Item>()) as u64, STORAGE)
+        self.cleared(self.buffer(label, (size_of::<H>() + count * size_of::<H::Item>()) as u64, STORAGE)?)
     }
 
     /// A storage buffer with these values.
@@ -299,104 +324,26 @@ impl Device {
     /// # Errors
     /// The errors of [`Device::buffer`].
     pub fn upload<T: Pod>(&self, label: &str, values: &[T]) -> Result<Buffer<[T]>> {
-        let buffer = self.zeroed(label, values.len())?;
+        let buffer = if values.is_empty() {
+            self.zeroed(label, 0)?
+        } else {
+            self.buffer(label, size_of_val(values) as u64, STORAGE)?
+        };
         self.write(&buffer, values);
         Ok(buffer)
     }
 
-    /// Gives the first values of a buffer new ones.
-    pub fn write<T: Pod>(&self, buffer: &Buffer<[T]>, values: &[T]) {
-        self.traffic[0].fetch_add(size_of_val(values) as u64, Ordering::Relaxed);
-        self.queue.write_buffer(&buffer.raw, 0, bytemuck::cast_slice(values));
-    }
-
-    /// Bytes sent and read back so far.
-    pub fn traffic(&self) -> [u64; 2] {
-        self.traffic.each_ref().map(|bytes| bytes.load(Ordering::Relaxed))
-    }
-
     /// A uniform buffer with one value.
     pub fn uniform<T: Pod>(&self, label: &str, value: T) -> Buffer<T> {
-        let raw = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some(label),
-            size: size_of::<T>() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        // Written by the queue: to map a buffer of a device that is lost would panic.
-        self.queue.write_buffer(&raw, 0, bytemuck::bytes_of(&value));
-        self.used.fetch_add(raw.size(), Ordering::Relaxed);
-        Buffer { raw, used: self.used.clone(), holds: PhantomData }
-    }
-
-    /// Waits until everything submitted is done.
-    ///
-    /// # Errors
-    /// [`Error::Gpu`] when the device is lost, has complained, or hangs.
-    pub fn wait(&self) -> Result<()> {
-        let poll = self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(PATIENCE) });
-        self.check()?;
-        poll.map(|_| ())
-            .map_err(|e| failure(format!("{}: no answer within {} s: {e}", self.summary.name, PATIENCE.as_secs())))
-    }
-
-    /// Copies `count` values back, from the value `first` on.
-    ///
-    /// # Errors
-    /// The errors of [`Device::buffer`] and [`Device::wait`].
-    pub fn read<T: Pod>(&self, buffer: &Buffer<[T]>, first: usize, count: usize) -> Result<Vec<T>> {
-        self.read_as(buffer, first, count)
-    }
-
-    /// Copies the head of a list back.
-    ///
-    /// # Errors
-    /// The errors of [`Device::read`].
-    pub fn read_head<H: Headed>(&self, buffer: &Buffer<H>) -> Result<H> {
-        let head: Vec<H> = self.read_as(buffer, 0, 1)?;
-        Ok(head[0])
-    }
-
-    /// Copies the first number of a head back.
-    ///
-    /// # Errors
-    /// The errors of [`Device::read`].
-    pub fn read_first<H: Headed>(&self, buffer: &Buffer<H>) -> Result<u32> {
-        let first: Vec<u32> = self.read_as(buffer, 0, 1)?;
-        Ok(first[0])
-    }
-
-    fn read_as<T: Pod>(&self, buffer: &Buffer<impl ?Sized>, first: usize, count: usize) -> Result<Vec<T>> {
-        if count == 0 {
-            return Ok(Vec::new());
-        }
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let size = size_of::<T>() as u64;
-        let bytes = count as u64 * size;
-        self.traffic[1].fetch_add(bytes, Ordering::Relaxed);
-        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-        let staging: Buffer<[T]> = self.buffer("staging", bytes, usage)?;
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
-        encoder.copy_buffer_to_buffer(&buffer.raw, first as u64 * size, &staging.raw, 0, bytes);
-        self.queue.submit([encoder.finish()]);
-        let answer = Arc::new(Mutex::new(None));
-        let slot = answer.clone();
-        staging.raw.slice(..bytes).map_async(wgpu::MapMode::Read, move |r| {
-            *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(r);
+        let held = self.pool.take(size, usage).unwrap_or_else(|| {
+            self.pool.count(capacity(size));
+            self.pool.held(self.create(label, capacity(size), usage, false))
         });
-        self.wait()?;
-        let answer = answer.lock().unwrap_or_else(PoisonError::into_inner).take();
-        match answer {
-            Some(Ok(())) => {
-                let view = staging
-                    .raw
-                    .slice(..bytes)
-                    .get_mapped_range()
-                    .map_err(|e| failure(format!("{}: reading back failed: {e}", self.summary.name)))?;
-                Ok(bytemuck::pod_collect_to_vec(&view))
-            }
-            Some(Err(e)) => Err(failure(format!("{}: reading back failed: {e}", self.summary.name))),
-            None => Err(failure(format!("{}: reading back gave no answer", self.summary.name))),
-        }
+        let raw = Raw::new(held, size);
+        self.send(&raw, 0, bytemuck::bytes_of(&value));
+        Buffer { raw, holds: PhantomData }
     }
 
     /// Loses the device on purpose: everything after fails. For tests.

@@ -7,11 +7,12 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::Gpu;
+use super::answers::Wanted;
 use super::atlas::batches;
 use super::device::Buffer;
 use super::kernels::shader;
 use super::layout::{Axis, CHANGES, EVIDENCE, Image, Interval, Iteration, MOMENTS};
-use super::moving::{self, image, pack, per_pixel, vectors};
+use super::moving::{self, image, per_pixel, vectors};
 use super::recorder::{Recorder, Size};
 use super::work;
 use crate::error::{Error, Result};
@@ -102,7 +103,7 @@ pub fn displacements(gpu: &Gpu, job: &DisplacementJob<'_>) -> Result<Vec<Displac
     loop {
         match displacements_at_once(gpu, job, most) {
             Err(Error::GpuMemory(_)) if most > 1 => {
-                gpu.device.wait()?;
+                gpu.device.release()?;
                 most = most.div_ceil(2);
             }
             done => return done,
@@ -113,10 +114,11 @@ pub fn displacements(gpu: &Gpu, job: &DisplacementJob<'_>) -> Result<Vec<Displac
 /// Displacements with at most so many intervals in a batch.
 fn displacements_at_once(gpu: &Gpu, job: &DisplacementJob<'_>, most: usize) -> Result<Vec<Displacement>> {
     let mut solver = Solver::new(gpu, job, most)?;
+    let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
     for round in &ROUNDS[job.rounds.clone()] {
-        solver.round(*round)?;
+        recorder = solver.round(recorder, *round)?;
     }
-    solver.read()
+    solver.read(recorder)
 }
 
 /// Neighbouring intervals whose moments are computed together.
@@ -156,8 +158,9 @@ impl<'a> Solver<'a> {
         let (dims, grid) = (slices[0].dims, guess[0].grid);
         let (pixels, nodes) = (dims[0] * dims[1], guess[0].vectors.len());
         let share = |_| {
-            let bytes = 12 * pixels + 8 * MOMENTS * nodes;
-            let share = gpu.share_beside(KEPT_BYTES * nodes * gaps.len() + 4 * pixels, bytes, 8 * pixels);
+            // Fields lie there twice when they are new.
+            let bytes = 16 * pixels + 8 * MOMENTS * nodes;
+            let share = gpu.share_beside(KEPT_BYTES * nodes * gaps.len() + 8 * pixels, bytes, 8 * pixels);
             share.max(gpu.share_of_work(work::DISPLACEMENT_PIXEL * pixels)).max(0.999 / most as f64)
         };
         let ranges = batches((0..gaps.len()).map(share));
@@ -193,8 +196,8 @@ impl<'a> Solver<'a> {
         self.nodes.vectors.len()
     }
 
-    /// One round of all intervals.
-    pub fn round(&mut self, round: Round) -> Result<()> {
+    /// One round of all intervals, behind what is recorded.
+    pub fn round(&mut self, mut recorder: Recorder<'a>, round: Round) -> Result<Recorder<'a>> {
         let device = &self.gpu.device;
         let iteration = device.uniform(
             "iteration",
@@ -215,55 +218,71 @@ impl<'a> Solver<'a> {
         for batch in &self.batches {
             if !self.sent || self.batches.len() > 1 {
                 let slices = &self.slices[batch.intervals.start..=batch.intervals.end];
-                device.write(&self.fields, &pack(slices));
+                for (k, slice) in slices.iter().enumerate() {
+                    self.gpu.place(&mut recorder, (slice, 1.0), (&self.fields, k * slice.data.len()))?;
+                }
             }
             if !known {
-                self.see_changes(batch, &iteration, &changes)?;
+                self.see_changes(&mut recorder, batch, &iteration, &changes);
             }
-            self.weigh(batch, &iteration, &window)?;
+            self.weigh(&mut recorder, batch, &iteration, &window);
+            // Images that do not stay wait until they are copied.
+            if self.batches.len() > 1 {
+                recorder.submit()?;
+                recorder = Recorder::new(device, &self.gpu.profiler);
+            }
         }
         self.sent = true;
         self.last = Some(round);
         for batch in &self.batches {
-            self.solve(batch, &iteration, &smoothing, round)?;
+            self.solve(&mut recorder, batch, &iteration, &smoothing, round)?;
         }
-        Ok(())
+        Ok(recorder)
     }
 
-    /// Difference of the slices of a batch, which are in `fields`, where the guess brings them together.
-    fn see_changes(&self, batch: &Batch, iteration: &Buffer<Iteration>, window: &Smoothing) -> Result<()> {
+    /// Records the difference of the slices of a batch, which are in `fields`, where the guess brings them together.
+    fn see_changes(
+        &self,
+        recorder: &mut Recorder<'_>,
+        batch: &Batch,
+        iteration: &Buffer<Iteration>,
+        window: &Smoothing,
+    ) {
         let Solver { gpu, fields, pairs, numbers: [numbers, means], .. } = self;
         let Batch { intervals, image, guess, evidence, .. } = batch;
         let together = BringTogether { image, iteration, fields, vectors: guess, pairs }.bind(gpu);
         let sum = SumChanges { image, iteration, pairs, numbers }.bind(gpu);
         let keep = KeepChanges { image, rough: numbers, evidence }.bind(gpu);
         let per_node = Size::List(intervals.len() * self.node_count());
-        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
         recorder.run(&together, per_pixel(self.slices[0].dims, intervals.len()));
         recorder.run(&sum, per_node);
-        self.smooth(&mut recorder, batch, window, [numbers, means, numbers]);
+        self.smooth(recorder, batch, window, [numbers, means, numbers]);
         recorder.run(&keep, per_node);
-        recorder.submit()
     }
 
-    /// Evidence of a batch, whose slices are in `fields`.
-    fn weigh(&self, batch: &Batch, iteration: &Buffer<Iteration>, window: &Smoothing) -> Result<()> {
+    /// Records the evidence of a batch, whose slices are in `fields`.
+    fn weigh(&self, recorder: &mut Recorder<'_>, batch: &Batch, iteration: &Buffer<Iteration>, window: &Smoothing) {
         let Solver { gpu, fields, pairs, numbers: [numbers, means], .. } = self;
         let Batch { intervals, image, vectors, guess, evidence } = batch;
         let together = BringTogether { image, iteration, fields, vectors, pairs }.bind(gpu);
         let sum = SumMoments { image, iteration, fields, vectors, pairs, numbers }.bind(gpu);
         let weigh = Weigh { image, iteration, vectors, rough: numbers, evidence, guess }.bind(gpu);
         let per_node = Size::List(intervals.len() * self.node_count());
-        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
         recorder.run(&together, per_pixel(self.slices[0].dims, intervals.len()));
         recorder.run(&sum, per_node);
-        self.smooth(&mut recorder, batch, window, [numbers, means, numbers]);
+        self.smooth(recorder, batch, window, [numbers, means, numbers]);
         recorder.run(&weigh, per_node);
-        recorder.submit()
     }
 
-    /// New vectors of a batch from everybody's evidence.
-    fn solve(&self, batch: &Batch, iteration: &Buffer<Iteration>, smoothing: &Smoothing, round: Round) -> Result<()> {
+    /// Records new vectors of a batch from everybody's evidence.
+    fn solve(
+        &self,
+        recorder: &mut Recorder<'_>,
+        batch: &Batch,
+        iteration: &Buffer<Iteration>,
+        smoothing: &Smoothing,
+        round: Round,
+    ) -> Result<()> {
         let Solver { gpu, numbers: [numbers, means], .. } = self;
         let Batch { intervals, image, vectors, guess, evidence } = batch;
         // A neighbour's displacement counts as a rate.
@@ -279,12 +298,11 @@ impl<'a> Solver<'a> {
         let solve = Solve { image, iteration, numbers, evidence, intervals: table }.bind(gpu);
         let lead = AddGuess { image, rough: numbers, guess, vectors_mut: vectors }.bind(gpu);
         let per_node = Size::List(intervals.len() * self.node_count());
-        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
-        self.bring_neighbours(&mut recorder, batch);
+        self.bring_neighbours(recorder, batch);
         recorder.run(&solve, per_node);
-        self.smooth(&mut recorder, batch, smoothing, [numbers, means, numbers]);
+        self.smooth(recorder, batch, smoothing, [numbers, means, numbers]);
         recorder.run(&lead, per_node);
-        recorder.submit()
+        Ok(())
     }
 
     /// Copies the evidence next to a batch from the batches next to it.
@@ -310,12 +328,14 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// Vectors of all intervals.
-    pub fn read(&self) -> Result<Vec<Displacement>> {
+    /// Vectors of all intervals after what is recorded.
+    pub fn read(&self, mut recorder: Recorder<'_>) -> Result<Vec<Displacement>> {
+        let ask = |batch: &Batch| recorder.read(&batch.vectors, 0, batch.intervals.len() * self.node_count());
+        let wanted: Vec<Wanted<[f32; 2]>> = self.batches.iter().map(ask).collect();
+        let landed = recorder.submit()?.wait()?;
         let mut out = Vec::with_capacity(self.gaps.len());
-        for batch in &self.batches {
-            let read = self.gpu.device.read(&batch.vectors, 0, batch.intervals.len() * self.node_count())?;
-            out.extend(moving::displacements(self.nodes, &read));
+        for wanted in &wanted {
+            out.extend(moving::displacements(self.nodes, &landed.values(wanted)?));
         }
         Ok(out)
     }

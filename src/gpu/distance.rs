@@ -1,6 +1,7 @@
 //! Distance sweeps on the GPU, by patches, until no patch is awake.
 
 use super::Gpu;
+use super::answers::Wanted;
 use super::atlas::Atlas;
 use super::device::{Buffer, failure};
 use super::kernels::{Bound, shader};
@@ -114,29 +115,26 @@ impl<'g> DistanceBuffers<'g> {
         Size::List(self.atlas.node_count())
     }
 
-    /// Start values, then sweeps to the fixed point, then signs. `far`: from a field that is right near its contour.
-    pub fn solve(&self, far: bool) -> Result<()> {
+    /// Start values, then sweeps to the fixed point; what is recorded comes before. The recorder that is given back finds the signs.
+    /// `far`: from a field that is right near its contour.
+    pub fn solve(&self, mut recorder: Recorder<'g>, far: bool) -> Result<Recorder<'g>> {
         let DistanceBuffers { gpu, params, jobs, blocks, u, d, awake, .. } = self;
         let start = match far {
             false => Start { params, jobs, blocks, u, d, awake }.bind(gpu),
             true => StartFar { params, jobs, blocks, u, d, awake }.bind(gpu),
         };
-        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
         recorder.run(&start, self.per_node());
-        recorder.submit()?;
-        self.settle()?;
+        let mut recorder = self.settle(recorder)?;
         let finish = Finish { params, u, d }.bind(gpu);
-        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
         recorder.run(&finish, self.per_node());
-        recorder.submit()
+        Ok(recorder)
     }
 
-    /// Sweeps from the start values in `d` until no patch is awake. A distance crosses a patch in one round, and none is longer than all patches:
-    /// what goes on after so many rounds is no number.
-    pub fn settle(&self) -> Result<()> {
+    /// Sweeps from the start values in `d`, which may only be recorded, until no patch is awake. Gives back an empty recorder. A distance crosses a patch
+    /// in one round, and none is longer than all patches: what goes on after so many rounds is no number.
+    pub fn settle(&self, mut recorder: Recorder<'g>) -> Result<Recorder<'g>> {
         let most = self.sweeps[0].1 + self.sweeps[1].1 + SPARE_ROUNDS;
         for _ in 0..most.div_ceil(LOOK) {
-            let mut recorder = Recorder::new(&self.gpu.device, &self.gpu.profiler);
             for round in 0..LOOK {
                 if round + 1 == LOOK {
                     recorder.clear(&self.changes);
@@ -145,16 +143,19 @@ impl<'g> DistanceBuffers<'g> {
                     recorder.run(sweep, Size::List(*count));
                 }
             }
-            recorder.submit()?;
-            if self.gpu.device.read(&self.changes, 0, 1)? == [0] {
-                return Ok(());
+            let changes: Wanted<u32> = recorder.read(&self.changes, 0, 1);
+            let changes = recorder.submit()?.wait()?.value(&changes)?;
+            recorder = Recorder::new(&self.gpu.device, &self.gpu.profiler);
+            if changes == 0 {
+                return Ok(recorder);
             }
         }
         Err(failure(format!("distances still change after {most} rounds")))
     }
 
-    /// The distances of all tiles.
-    pub fn read(&self) -> Result<Vec<f32>> {
-        self.gpu.device.read(&self.d, 0, self.atlas.node_count())
+    /// The distances of all tiles after what is recorded.
+    pub fn read(&self, mut recorder: Recorder<'g>) -> Result<Vec<f32>> {
+        let wanted: Wanted<f32> = recorder.read(&self.d, 0, self.atlas.node_count());
+        recorder.submit()?.wait()?.values(&wanted)
     }
 }

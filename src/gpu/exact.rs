@@ -32,8 +32,14 @@ shader! {
     }
 }
 
-/// Signed exact distance to the other side of each mask `u < 0`.
-pub fn exact_distance(gpu: &Gpu, atlas: &Atlas, params: Params, u: &Buffer<[f32]>) -> Result<Buffer<[f32]>> {
+/// Records the signed exact distance to the other side of each mask `u < 0`.
+pub fn exact_distance(
+    gpu: &Gpu,
+    recorder: &mut Recorder<'_>,
+    atlas: &Atlas,
+    params: Params,
+    u: &Buffer<[f32]>,
+) -> Result<Buffer<[f32]>> {
     let device = &gpu.device;
     let params = &device.uniform("params", params);
     let jobs = &device.upload("jobs", &atlas.jobs)?;
@@ -41,7 +47,6 @@ pub fn exact_distance(gpu: &Gpu, atlas: &Atlas, params: Params, u: &Buffer<[f32]
     let (steps, feet) = (&device.storage("steps", nodes)?, &device.storage("feet", nodes)?);
     let (begins, distance) = (&device.storage("begins", nodes)?, device.storage("exact", nodes)?);
     let largest = |of: fn(&Job) -> u32| atlas.jobs.iter().map(of).max().unwrap_or(0) as usize;
-    let mut recorder = Recorder::new(device, &gpu.profiler);
     for inside in [1, 0] {
         let side = &device.uniform("side", Side { inside, ..Side::default() });
         let columns = Columns { side, jobs, u, steps }.bind(gpu);
@@ -49,6 +54,5 @@ pub fn exact_distance(gpu: &Gpu, atlas: &Atlas, params: Params, u: &Buffer<[f32]
         recorder.run(&columns, Size::Rows(largest(|j| j.nx), atlas.jobs.len()));
         recorder.run(&rows, Size::Rows(largest(|j| j.ny), atlas.jobs.len()));
     }
-    recorder.submit()?;
     Ok(distance)
 }

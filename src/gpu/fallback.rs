@@ -11,6 +11,7 @@ use crate::grid::field::Field;
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::registration::displacement::{Displacement, DisplacementJob};
+use crate::report::DeviceUse;
 
 /// A GPU, and the reference path from its first failure on.
 pub struct GpuOrReference<'n> {
@@ -61,6 +62,10 @@ impl Backend for GpuOrReference<'_> {
         self.gpu.device.host_bytes()
     }
 
+    fn device_use(&self) -> Option<DeviceUse> {
+        self.gpu.device_use()
+    }
+
     fn contour_fields(&self, request: &ContourRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>> {
         self.ask(|backend| backend.contour_fields(request, progress))
     }
@@ -85,7 +90,7 @@ impl Backend for GpuOrReference<'_> {
         self.ask(|backend| backend.moving_slopes(request, progress))
     }
 
-    fn moving_layers(&self, request: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>> {
-        self.ask(|backend| backend.moving_layers(request))
+    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<Vec<f32>>>> {
+        self.ask(|backend| backend.moving_layers(requests))
     }
 }

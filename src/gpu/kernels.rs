@@ -6,11 +6,13 @@
 //! declarations and the shaders say the same is shown by `tests/shaders.rs`, which needs no adapter.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use wgpu::naga;
 
 use super::device::{Device, failure};
 use super::layout::{Shared, StructLayout};
+use super::pool::Raw;
 use crate::error::Result;
 
 /// Invocations of a workgroup.
@@ -252,19 +254,19 @@ pub struct Kernel {
 
 impl Kernel {
     /// Binds buffers, given in the order in which the kernel declares them.
-    pub fn bind(&self, device: &Device, buffers: &[&wgpu::Buffer]) -> Bound<'_> {
+    pub fn bind(&self, device: &Device, buffers: &[&Raw]) -> Bound<'_> {
         let entries: Vec<_> = self
             .places
             .iter()
             .zip(buffers)
-            .map(|(&binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .map(|(&binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.binding() })
             .collect();
         let group = device.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(self.label),
             layout: &self.pipeline.get_bind_group_layout(0),
             entries: &entries,
         });
-        Bound { kernel: self, group }
+        Bound { kernel: self, group, buffers: buffers.iter().map(|buffer| (*buffer).clone()).collect() }
     }
 }
 
@@ -273,12 +275,18 @@ impl Kernel {
 pub struct Bound<'k> {
     kernel: &'k Kernel,
     group: wgpu::BindGroup,
+    buffers: Arc<[Raw]>,
 }
 
 impl Bound<'_> {
     /// Its name in profiles.
     pub(super) fn label(&self) -> &'static str {
         self.kernel.label
+    }
+
+    /// Its buffers.
+    pub(super) fn buffers(&self) -> Arc<[Raw]> {
+        self.buffers.clone()
     }
 
     /// Makes it the next dispatch of a pass.

@@ -256,7 +256,9 @@ mirrored!(
         covered: f32,
         arc: f32,
         dragged: f32,
-        died: f32,
+        kept: f32,
+        own: f32,
+        share: f32,
         job: u32,
     }
 );

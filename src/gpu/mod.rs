@@ -5,6 +5,7 @@
 //! depend on the batch it is in.
 
 pub mod adapter;
+mod answers;
 pub mod atlas;
 pub mod band;
 mod coalesce;
@@ -25,16 +26,20 @@ mod moving_layer;
 mod moving_slopes;
 mod part;
 mod particles;
+mod pool;
 mod profiler;
 mod propagate;
 mod queue;
 mod recorder;
 mod reinit;
+mod resident;
 mod scatter;
 pub mod selftest;
 mod trace;
+mod traffic;
 mod trajectories;
 pub mod trust;
+mod upload;
 mod work;
 
 use std::borrow::Cow;
@@ -47,7 +52,7 @@ use crate::grid::field::Field;
 use crate::progress::{Progress, Silent};
 use crate::reference::Reference;
 use crate::registration::displacement::{Displacement, DisplacementJob};
-use crate::report::Profile;
+use crate::report::{DeviceUse, Profile};
 use coalesce::{SliceJob, WaitingCalls};
 use device::Device;
 pub use device::GpuOptions;
@@ -55,6 +60,7 @@ pub use fallback::GpuOrReference;
 use kernels::Kernels;
 use profiler::Profiler;
 use queue::Turns;
+use resident::Resident;
 
 /// Share of the budget that batches are planned with; the rest is for reading back and for lists that must be made longer.
 const BUDGET_SHARE: f64 = 0.7;
@@ -63,6 +69,7 @@ const BUDGET_SHARE: f64 = 0.7;
 #[derive(Debug)]
 pub struct Gpu {
     /// The device.
+    #[doc(hidden)]
     pub device: Device,
     kernels: Kernels,
     profiler: Profiler,
@@ -70,6 +77,7 @@ pub struct Gpu {
     /// loop, whose threads the stage itself may need.
     turns: Turns,
     waiting: WaitingCalls,
+    resident: Resident,
 }
 
 impl Gpu {
@@ -86,13 +94,14 @@ impl Gpu {
             profiler: Profiler::new(options.timed),
             turns: Turns::default(),
             waiting: WaitingCalls::default(),
+            resident: Resident::default(),
         })
     }
 
     /// Cost of the kernels so far.
     pub fn profile(&self) -> Profile {
-        let [bytes_up, bytes_down] = self.device.traffic();
-        Profile { bytes_up, bytes_down, ..self.profiler.profile(&self.device) }
+        let DeviceUse { submits: submissions, bytes_up, bytes_down, .. } = self.device.used();
+        Profile { submissions, bytes_up, bytes_down, ..self.profiler.profile(&self.device) }
     }
 
     /// The share of this device that a job takes: of the byte budget, or of the largest array where that is more.
@@ -111,6 +120,10 @@ impl Backend for Gpu {
 
     fn host_bytes(&self) -> u64 {
         self.device.host_bytes()
+    }
+
+    fn device_use(&self) -> Option<DeviceUse> {
+        Some(self.device.used())
     }
 
     fn contour_fields(&self, request: &ContourRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>> {
@@ -165,11 +178,11 @@ impl Backend for Gpu {
         }
     }
 
-    fn moving_layers(&self, request: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>> {
-        if !self.holds_images(request.moving.fields[request.interval].dims) {
-            return Reference.moving_layers(request);
+    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<Vec<f32>>>> {
+        if !requests.iter().all(|of| self.holds_images(of.moving.fields[of.interval].dims)) {
+            return Reference.moving_layers(requests);
         }
         let _turn = self.turns.take();
-        moving_layer::layers(self, request)
+        moving_layer::layers(self, requests)
     }
 }

@@ -1,13 +1,10 @@
 //! Data that the kernels of the moving field share: images and displacements as they lie on the device.
 
-use std::sync::Arc;
-
 use glam::DVec2;
 
 use super::Gpu;
 use super::layout::{Image, TILE};
 use super::recorder::Size;
-use crate::grid::field::Field;
 use crate::registration::displacement::Displacement;
 
 /// Images of these pixels with displacements on such a grid of nodes, and how many items a dispatch has.
@@ -40,11 +37,6 @@ const FARTHEST: f64 = 1e15;
 /// A value of an image as it lies on the device. Where a slice is empty it is infinite, which compilers for GPUs may take for anything.
 pub fn bounded(v: f64) -> f32 {
     v.clamp(-FARTHEST, FARTHEST) as f32
-}
-
-/// Images one after the other.
-pub fn pack(fields: &[Arc<Field>]) -> Vec<f32> {
-    fields.iter().flat_map(|f| &f.data).map(|v| bounded(*v)).collect()
 }
 
 /// Displacements one after the other.

@@ -3,10 +3,11 @@
 use std::ops::Range;
 
 use super::Gpu;
+use super::answers::Wanted;
 use super::atlas::in_batches;
 use super::kernels::shader;
 use super::layout::{ABOVE, BELOW, BOTH, Image, Knot};
-use super::moving::{image, pack, per_pixel, vectors};
+use super::moving::{image, per_pixel, vectors};
 use super::recorder::Recorder;
 use super::work;
 use crate::error::Result;
@@ -36,9 +37,9 @@ pub fn slopes(gpu: &Gpu, moving: &MotionField, wanted: Range<usize>, progress: &
     let slices = wanted.len();
     let nodes = moving.fields[0].data.len();
     let bytes = 4 * nodes + 16 * moving.displacements[0].vectors.len();
-    // Slopes lie there twice while they are read back.
+    // Slopes lie there twice while they are read back, and so do fields when they are new.
     let share = |_| {
-        let share = gpu.share_beside(2 * HALO * bytes, bytes + 8 * nodes, 4 * nodes * (1 + 2 * HALO));
+        let share = gpu.share_beside(4 * HALO * bytes, 2 * bytes + 8 * nodes, 4 * nodes * (1 + 2 * HALO));
         share.max(gpu.share_of_work(work::SLOPE_PIXEL * nodes))
     };
     in_batches(gpu, (0..slices).map(share), |batch| {
@@ -65,17 +66,20 @@ fn of_slices(gpu: &Gpu, moving: &MotionField, batch: Range<usize>) -> Result<Vec
     };
     let knots: Vec<Knot> = batch.clone().map(knot).collect();
     let image = &device.uniform("image", image(dims, grid, [1.0; 2], batch.len()));
-    let fields = &device.upload("slices", &pack(&moving.fields[first..end]))?;
+    let nodes = dims[0] * dims[1];
+    let fields = &device.storage("slices", (end - first) * nodes)?;
+    let mut recorder = Recorder::new(device, &gpu.profiler);
+    for (k, field) in moving.fields[first..end].iter().enumerate() {
+        gpu.place(&mut recorder, (field, 1.0), (fields, k * nodes))?;
+    }
     let at_slices = moving.at_slices[first..end - 1].iter().flat_map(|both| both.iter());
     let vectors = &device.upload("vectors", &vectors(at_slices))?;
     let knots = &device.upload("knots", &knots)?;
-    let nodes = dims[0] * dims[1];
     let slopes = &device.storage("slopes", batch.len() * nodes)?;
     let find = FindSlopes { image, fields, vectors, knots, slopes }.bind(gpu);
-    let mut recorder = Recorder::new(device, &gpu.profiler);
     recorder.run(&find, per_pixel(dims, batch.len()));
-    recorder.submit()?;
-    let values = device.read(slopes, 0, batch.len() * nodes)?;
+    let wanted: Wanted<f32> = recorder.read(slopes, 0, batch.len() * nodes);
+    let values = recorder.submit()?.wait()?.values(&wanted)?;
     let field = |some: &[f32]| Field { dims, data: some.iter().map(|v| f64::from(*v) / moving.px).collect() };
     Ok(values.chunks_exact(nodes).map(field).collect())
 }

@@ -58,12 +58,9 @@ pub fn part_fields(gpu: &Gpu, parts: &[PartJob], h: [f64; 2]) -> Result<Vec<Fiel
         let finish = FinishPart { params, jobs, blocks, whole, inside, d }.bind(gpu);
         let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
         recorder.run(&start, tiles.per_node());
-        recorder.submit()?;
-        tiles.settle()?;
-        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+        let mut recorder = tiles.settle(recorder)?;
         recorder.run(&finish, tiles.per_node());
-        recorder.submit()?;
-        Ok(tiles.atlas.unpack(&tiles.read()?).into_iter().step_by(2).collect())
+        Ok(tiles.atlas.unpack(&tiles.read(recorder)?).into_iter().step_by(2).collect())
     })?;
     for (k, field) in open.into_iter().zip(fields) {
         out[k] = Some(field);

@@ -2,11 +2,12 @@
 
 use glam::DVec2;
 
+use super::answers::Wanted;
 use super::band::Front;
 use super::device::Buffer;
 use super::kernels::{Bound, shader};
 use super::layout::{Job, Params, Particle};
-use super::recorder::Size;
+use super::recorder::{Recorder, Size};
 use crate::backend::jobs::{Track, full_distance};
 use crate::error::Result;
 
@@ -51,7 +52,7 @@ pub struct Particles<'g> {
     /// After it has moved.
     pub correct: Bound<'g>,
     /// At the end.
-    pub land: Bound<'g>,
+    land: Bound<'g>,
 }
 
 impl<'g> Particles<'g> {
@@ -60,13 +61,13 @@ impl<'g> Particles<'g> {
         let Front { gpu, params, jobs, phi, .. } = front;
         let start = |(q, x): (usize, DVec2)| Particle {
             x: x.as_vec2().into(),
-            died: -1.0,
+            kept: 1.0,
             job: q as u32,
             ..Particle::default()
         };
         let starts: Vec<Particle> = starts.map(start).collect();
         // An array cannot be empty; a dead particle stands for none.
-        let none = [Particle { died: 0.0, ..Particle::default() }];
+        let none = [Particle::default()];
         let buffer = gpu.device.upload("particles", if starts.is_empty() { &none[..] } else { &starts })?;
         let particles = &buffer;
         Ok(Particles {
@@ -83,20 +84,22 @@ impl<'g> Particles<'g> {
         Size::List(self.count.max(1))
     }
 
-    /// The particles as they are now, in order.
-    pub fn tracks(&self, front: &Front<'_>) -> Result<Vec<Track>> {
-        let particles = front.gpu.device.read(&self.buffer, 0, self.count)?;
-        Ok(particles.iter().map(track).collect())
+    /// The particles after their last step, in order.
+    pub fn land(&self, front: &Front<'_>) -> Result<Vec<Track>> {
+        let mut recorder = Recorder::new(&front.gpu.device, &front.gpu.profiler);
+        recorder.run(&self.land, self.each());
+        let wanted: Wanted<Particle> = recorder.read(&self.buffer, 0, self.count);
+        Ok(recorder.submit()?.wait()?.values(&wanted)?.iter().map(track).collect())
     }
 }
 
 /// A particle at the end of its way.
 fn track(p: &Particle) -> Track {
-    let died = (p.died >= 0.0).then_some(f64::from(p.died));
+    let [covered, kept, own, share] = [p.covered, p.kept, p.own, p.share].map(f64::from);
     Track {
-        distance: full_distance(f64::from(p.covered), died),
+        distance: full_distance(covered, kept, [own, share]),
         arc: f64::from(p.arc),
         landing: p.x.map(f64::from).into(),
-        arrived: died.is_none(),
+        kept,
     }
 }

@@ -5,6 +5,7 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::device::{Buffer, Device};
+use super::recorder::LISTS;
 use crate::error::Result;
 use crate::report::{Busy, Profile};
 
@@ -23,6 +24,8 @@ pub struct Profiler {
 struct Gathered {
     profile: Profile,
     unread: Vec<Stamps>,
+    /// Dispatches over lists since the last look at their lengths.
+    listed: [u64; LISTS],
     busy: Option<Spans>,
 }
 
@@ -81,13 +84,26 @@ impl Profiler {
         }
     }
 
-    /// A submission of dispatches, by kernel and pixels.
+    /// Counts the dispatches over lists since the last look, by the threads that each list has now.
+    pub fn looked(&self, device: &Device, threads: [u64; LISTS]) {
+        let listed = std::mem::take(&mut self.gathered().listed);
+        let known = listed.into_iter().zip(threads).filter(|(dispatches, _)| *dispatches > 0);
+        device.count(|counts| known.for_each(|(dispatches, threads)| counts.count_dispatches(dispatches, threads)));
+    }
+
+    /// A submission of dispatches, by kernel and pixels, and of how many dispatches over each list.
     ///
     /// # Errors
     /// [`crate::Error::Gpu`] when the device has failed.
-    pub fn submitted(&self, device: &Device, runs: &[(&'static str, usize)], stamps: Option<Stamps>) -> Result<()> {
+    pub fn submitted(
+        &self,
+        device: &Device,
+        runs: &[(&'static str, usize)],
+        listed: [u64; LISTS],
+        stamps: Option<Stamps>,
+    ) -> Result<()> {
         let mut gathered = self.gathered();
-        gathered.profile.submissions += 1;
+        gathered.listed.iter_mut().zip(listed).for_each(|(all, more)| *all += more);
         for (kernel, pixels) in runs {
             let cost = gathered.profile.kernels.entry((*kernel).into()).or_default();
             cost.dispatches += 1;

@@ -9,7 +9,7 @@ use super::extend::{Courses, ExtendLine};
 use super::hj_step;
 use super::kernels::shader;
 use super::layout::{BLOCK, Copy, Job, Params, RUNNING, Reached, Sums, VANISHED, Work};
-use super::recorder::{Recorder, Size};
+use super::recorder::{Listed, Recorder, Size};
 use super::scatter::{Seeds, place_seeds};
 use super::trace::{check_numbers, morph_params};
 use super::work;
@@ -67,8 +67,6 @@ shader! {
     }
 }
 
-/// Steps between two looks at the jobs.
-const LOOK: usize = 16;
 /// Steps after which a sweep is given up; real ones take less than a hundred per pixel of motion.
 const MOST_STEPS: u32 = 100_000;
 /// Bytes per band place beside the front's own: courses and speeds twice, misses, sources, rounds of filling, the start of a step.
@@ -155,45 +153,40 @@ fn run(
         recorder.run(&carried.extend[pass % 2], front.per_pixel());
     }
     let mut turn = 0;
-    let states = loop {
-        for _ in 0..LOOK {
-            recorder.run(&advance, each_job);
-            recorder.run(&measure[turn], front.per_chunk());
-            recorder.run(&control, each_job);
-            recorder.run(&steer[turn], front.per_pixel());
-            for pass in 0..PASSES {
-                recorder.run(&extend_line[pass % 2], front.per_pixel());
-            }
-            front.step(&mut recorder, &stages);
-            recorder.run(&copy, Size::Indirect(&reached.raw, 0));
-            front.rebuild(&mut recorder);
-            recorder.run(&carried.carry[turn], front.per_pixel());
-            turn = 1 - turn;
-            recorder.run(&carried.find, front.per_pixel());
-            for pass in 0..PASSES {
-                recorder.run(&carried.extend[(turn + pass) % 2], front.per_pixel());
-            }
+    let step = |recorder: &mut Recorder<'_>| {
+        recorder.run(&advance, each_job);
+        recorder.run(&measure[turn], front.per_chunk());
+        recorder.run(&control, each_job);
+        recorder.run(&steer[turn], front.per_pixel());
+        for pass in 0..PASSES {
+            recorder.run(&extend_line[pass % 2], front.per_pixel());
         }
-        recorder.submit()?;
-        let states = front.states()?;
-        if let Some(wanted) = front.overflow()? {
-            return Ok(Room::Short(wanted));
-        }
-        recorder = Recorder::new(device, &gpu.profiler);
-        check_numbers("sweep", &states)?;
-        if states.iter().all(|s| s.phase != RUNNING) {
-            break states;
-        }
-        if let Some(stuck) = states.iter().find(|s| s.steps > MOST_STEPS && s.phase == RUNNING) {
-            return Err(failure(format!("a sweep does not end: t = {} after {} steps", stuck.now, stuck.steps)));
+        front.step(recorder, &stages);
+        recorder.run(&copy, Size::Indirect(&reached.raw, 0, Listed::Copies));
+        front.rebuild(recorder);
+        recorder.run(&carried.carry[turn], front.per_pixel());
+        turn = 1 - turn;
+        recorder.run(&carried.find, front.per_pixel());
+        for pass in 0..PASSES {
+            recorder.run(&carried.extend[(turn + pass) % 2], front.per_pixel());
         }
     };
-    drop(recorder);
+    let ends = |states: &[Job]| {
+        check_numbers("sweep", states)?;
+        match states.iter().find(|s| s.steps > MOST_STEPS && s.phase == RUNNING) {
+            Some(stuck) => Err(failure(format!("a sweep does not end: t = {} after {} steps", stuck.now, stuck.steps))),
+            None => Ok(()),
+        }
+    };
+    let (states, copied) = match front.run(recorder, Some(copies.pool()), step, ends)? {
+        Room::Enough(end) => end,
+        Room::Short(wanted) => return Ok(Room::Short(wanted)),
+    };
     let pixels = states.iter().map(|s| s.pixels as usize).sum();
     gpu.profiler
         .count(&["hj_step", "hj_step", "hj_step", "reinit", "sweep_steer", "extend_find", "extend_carry"], pixels);
     gpu.profiler.count(&["extend_line", "extend_courses"], PASSES * pixels);
-    if copies.overflow(gpu)? {
+    if copied > copies.value_capacity {
         return Ok(Room::Short(room + 1));
     }
     Ok(Room::Enough((states.iter().map(swept).collect(), copies.finished(states))))

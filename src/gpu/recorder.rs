@@ -1,7 +1,13 @@
 //! Recorder of work: dispatches, copies and zeros, in order, sent off together.
 
+use std::sync::Arc;
+
+use bytemuck::Pod;
+
+use super::answers::{Answers, Questions, Wanted};
 use super::device::{Buffer, Device, failure};
-use super::kernels::{Bound, WORKGROUP};
+use super::kernels::{Bound, SCAN_WIDTH, WORKGROUP};
+use super::pool::Raw;
 use super::profiler::{Profiler, Stamps};
 use crate::error::{Error, Result};
 
@@ -14,9 +20,25 @@ pub enum Size<'b> {
     Rows(usize, usize),
     /// One workgroup.
     One,
-    /// Number of workgroups along three axes, read at this byte of a buffer.
-    Indirect(&'b wgpu::Buffer, u64),
+    /// Number of workgroups along three axes, read at this byte of a buffer; what they are workgroups of.
+    Indirect(&'b Raw, u64, Listed),
 }
+
+/// Lists whose lengths only the device knows until the next look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Listed {
+    /// Blocks near a front.
+    Blocks,
+    /// Pixels of a band.
+    Pixels,
+    /// Chunks of them.
+    Chunks,
+    /// Blocks of fronts that are copied.
+    Copies,
+}
+
+/// Number of [`Listed`] lists.
+pub const LISTS: usize = 4;
 
 /// Timestamps of one submission at most.
 const MOST_QUERIES: u32 = 4096;
@@ -32,6 +54,11 @@ pub struct Recorder<'d> {
     runs: Vec<(&'static str, usize)>,
     /// The first dispatch that no device allows.
     refused: Option<Error>,
+    /// Dispatches over each list.
+    listed: [u64; LISTS],
+    /// Buffers that the work needs: nobody else gets them before it is sent off.
+    needed: Vec<Arc<[Raw]>>,
+    questions: Questions,
 }
 
 impl<'d> Recorder<'d> {
@@ -45,7 +72,18 @@ impl<'d> Recorder<'d> {
                 count: MOST_QUERIES,
             })
         });
-        Recorder { device, profiler, encoder, pass: None, queries, runs: Vec::new(), refused: None }
+        Recorder {
+            device,
+            profiler,
+            encoder,
+            pass: None,
+            queries,
+            runs: Vec::new(),
+            refused: None,
+            listed: [0; LISTS],
+            needed: Vec::new(),
+            questions: Questions::default(),
+        }
     }
 
     /// Records one dispatch.
@@ -69,11 +107,17 @@ impl<'d> Recorder<'d> {
             _ => 0,
         };
         self.runs.push((bound.label(), pixels));
+        self.needed.push(bound.buffers());
         bound.set(pass);
+        match size {
+            Size::Indirect(_, _, list) => self.listed[list as usize] += 1,
+            Size::One => self.device.count(|counts| counts.count_dispatches(1, SCAN_WIDTH.into())),
+            _ => self.device.count(|counts| counts.count_dispatches(1, pixels as u64)),
+        }
         let most = self.device.grid() as usize;
         let groups = |n: usize| n.div_ceil(WORKGROUP as usize);
         let shape = match size {
-            Size::Indirect(buffer, offset) => return pass.dispatch_workgroups_indirect(buffer, offset),
+            Size::Indirect(buffer, offset, _) => return pass.dispatch_workgroups_indirect(buffer, offset),
             Size::List(n) => {
                 let (groups, rows) = (groups(n), groups(n).div_ceil(most));
                 [groups.min(most), rows.min(most), rows.div_ceil(most)]
@@ -103,20 +147,27 @@ impl<'d> Recorder<'d> {
     /// Records a copy of bytes between places of two buffers.
     pub fn copy_part<T>(&mut self, (from, first): (&Buffer<[T]>, u64), (to, place): (&Buffer<[T]>, u64), bytes: u64) {
         self.pass = None;
+        self.needed.push([from.raw.clone(), to.raw.clone()].into());
         self.encoder.copy_buffer_to_buffer(&from.raw, first, &to.raw, place, bytes);
     }
 
     /// Records zeros.
     pub fn clear<T>(&mut self, buffer: &Buffer<[T]>) {
         self.pass = None;
-        self.encoder.clear_buffer(&buffer.raw, 0, None);
+        self.needed.push([buffer.raw.clone()].into());
+        self.encoder.clear_buffer(&buffer.raw, 0, Some(buffer.raw.bytes()));
+    }
+
+    /// Records that `count` values are read back, from the value `first` on, as they are after all that is recorded.
+    pub fn read<T: Pod>(&mut self, buffer: &Buffer<impl ?Sized>, first: usize, count: usize) -> Wanted<T> {
+        self.questions.ask(buffer, first, count)
     }
 
     /// Sends the recording off.
     ///
     /// # Errors
     /// [`crate::Error::Gpu`] when the device has failed, and for more workgroups than it allows.
-    pub fn submit(mut self) -> Result<()> {
+    pub fn submit(mut self) -> Result<Answers<'d>> {
         self.pass = None;
         if let Some(refused) = self.refused.take() {
             return Err(refused);
@@ -132,8 +183,9 @@ impl<'d> Recorder<'d> {
             }
             _ => None,
         };
-        self.device.queue.submit([self.encoder.finish()]);
+        let answers = self.questions.send(self.device, self.encoder)?;
         self.device.check()?;
-        self.profiler.submitted(self.device, &self.runs, stamps)
+        self.profiler.submitted(self.device, &self.runs, self.listed, stamps)?;
+        Ok(answers)
     }
 }

@@ -50,8 +50,6 @@ pub struct Seeds<'g> {
     scatter: Bound<'g>,
     next_round: Bound<'g>,
     fill: Bound<'g>,
-    /// Count as used as long as the kernels are there.
-    _buffers: (Buffer<[Seed]>, Buffer<[u32]>, Buffer<Known>),
 }
 
 impl<'g> Seeds<'g> {
@@ -59,13 +57,11 @@ impl<'g> Seeds<'g> {
     pub fn new(front: &Front<'g>, (seeds, bins): (Vec<Seed>, Vec<u32>), courses: &Buffer<[[f32; 4]]>) -> Result<Self> {
         let Front { gpu, params, jobs, work, band, phi, slots, .. } = front;
         let (seeds, bins) = (gpu.device.upload("seeds", &seeds)?, gpu.device.upload("bins", &bins)?);
-        let buffers = (seeds, bins, gpu.device.headed("known", front.capacity)?);
-        let (seeds, bins, known) = (&buffers.0, &buffers.1, &buffers.2);
+        let (seeds, bins, known) = (&seeds, &bins, &gpu.device.headed("known", front.capacity)?);
         Ok(Seeds {
             scatter: Scatter { params, jobs, work, band, phi, seeds, bins, courses, known }.bind(gpu),
             next_round: NextRound { known }.bind(gpu),
             fill: Fill { params, jobs, work, band, courses, known, slots }.bind(gpu),
-            _buffers: buffers,
         })
     }
 

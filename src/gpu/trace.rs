@@ -38,9 +38,6 @@ shader! {
     }
 }
 
-/// Steps between two looks at the jobs.
-const LOOK: usize = 16;
-
 /// Morphs of all jobs, batch by batch.
 pub fn trace(
     gpu: &Gpu,
@@ -92,30 +89,20 @@ fn run(
     let each_job = Size::List(morphs.len());
     let mut recorder = Recorder::new(device, &gpu.profiler);
     front.begin(&mut recorder);
-    let states = loop {
-        for _ in 0..LOOK {
-            recorder.run(&measure, front.per_chunk());
-            recorder.run(&control, each_job);
-            recorder.run(&particles.predict, particles.each());
-            front.step(&mut recorder, &stages);
-            front.rebuild(&mut recorder);
-            recorder.run(&particles.correct, particles.each());
-        }
-        recorder.submit()?;
-        let states = front.states()?;
-        if let Some(wanted) = front.overflow()? {
-            return Ok(Room::Short(wanted));
-        }
-        recorder = Recorder::new(device, &gpu.profiler);
-        check_numbers("morph", &states)?;
-        if states.iter().all(|s| s.phase != RUNNING) {
-            break states;
-        }
+    let step = |recorder: &mut Recorder<'_>| {
+        recorder.run(&measure, front.per_chunk());
+        recorder.run(&control, each_job);
+        recorder.run(&particles.predict, particles.each());
+        front.step(recorder, &stages);
+        front.rebuild(recorder);
+        recorder.run(&particles.correct, particles.each());
     };
-    recorder.run(&particles.land, particles.each());
-    recorder.submit()?;
+    let states = match front.run(recorder, None, step, |states| check_numbers("morph", states))? {
+        Room::Enough((states, _)) => states,
+        Room::Short(wanted) => return Ok(Room::Short(wanted)),
+    };
+    let mut tracks = particles.land(&front)?.into_iter();
     gpu.profiler.count(&["hj_step", "hj_step", "hj_step", "reinit"], states.iter().map(|s| s.pixels as usize).sum());
-    let mut tracks = particles.tracks(&front)?.into_iter();
     let traced = |(morph, s): (&TraceJob<'_>, &Job)| Traced {
         tracks: tracks.by_ref().take(morph.seeds.len()).collect(),
         steps: s.steps as usize,

@@ -22,8 +22,15 @@ shader! {
     }
 }
 
-/// Paths of the layers of interval `i` at these times: vectors from the lower slice per node, then those to the upper one, time by time.
-pub fn paths(gpu: &Gpu, moving: &MotionField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Buffer<[[f32; 2]]>> {
+/// Records the paths of the layers of interval `i` at these times: vectors from the lower slice per node, then those to the upper one, time by time.
+pub fn paths(
+    gpu: &Gpu,
+    recorder: &mut Recorder<'_>,
+    moving: &MotionField,
+    i: usize,
+    times: &[f64],
+    h: [f64; 2],
+) -> Result<Buffer<[[f32; 2]]>> {
     let device = &gpu.device;
     let v = &moving.displacements[i];
     let nodes = v.vectors.len();
@@ -42,8 +49,6 @@ pub fn paths(gpu: &Gpu, moving: &MotionField, i: usize, times: &[f64], h: [f64; 
     let table = &device.upload("times", &table)?;
     let paths = device.storage("paths", 2 * nodes * times.len())?;
     let follow = Follow { image, vectors: own, rates, times: table, paths: &paths }.bind(gpu);
-    let mut recorder = Recorder::new(device, &gpu.profiler);
     recorder.run(&follow, Size::List(nodes * times.len()));
-    recorder.submit()?;
     Ok(paths)
 }

@@ -90,6 +90,30 @@ impl<T: Pod + Send + Sync> Packed<T> {
         strips.map(|strips| Packed::of_strips(dims, strips))
     }
 
+    /// One whose squares come one after the other, row by row, each as in [`Packed::of_squares`].
+    ///
+    /// # Errors
+    /// The first of `next`; until then no more memory is taken than for the squares that have come.
+    pub fn read_squares<E>(
+        dims: [usize; 2],
+        mut next: impl FnMut([usize; 2], &mut [T; AREA]) -> std::result::Result<Option<T>, E>,
+    ) -> std::result::Result<Self, E> {
+        let [columns, rows] = dims.map(|n| n.div_ceil(SQUARE));
+        let mut packed =
+            Packed { dims, columns, places: Vec::new(), whole: Vec::new(), values: Vec::new(), shared: Vec::new() };
+        let mut values = [T::zeroed(); AREA];
+        for square in (0..rows).flat_map(|row| (0..columns).map(move |column| [column, row])) {
+            let whole = next(square, &mut values)?;
+            let place = match whole {
+                Some(value) => packed.place_of(value),
+                None => packed.append(&values),
+            };
+            packed.places.push(place);
+            packed.whole.push(whole.is_some());
+        }
+        Ok(packed)
+    }
+
     /// One value everywhere.
     pub fn filled(dims: [usize; 2], value: T) -> Self {
         let [columns, rows] = dims.map(|n| n.div_ceil(SQUARE));

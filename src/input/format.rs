@@ -32,8 +32,8 @@ pub(crate) enum Kind {
     Map,
 }
 
-/// All formats of files; a folder is read by its `stack.json`.
-pub const FORMATS: [InputFormat; 9] = [
+/// All formats of files, in the order in which messages list them; neighbours of one kind share its words. A folder is read by its `stack.json`.
+pub const FORMATS: &[InputFormat] = &[
     InputFormat { name: "folder", extensions: &["json"], companions: &["s.png"], kind: Kind::Folder },
     InputFormat { name: "nrrd", extensions: &["nrrd", "nhdr"], companions: &["data"], kind: Kind::Volume(nrrd::read) },
     InputFormat { name: "nifti", extensions: &["nii", "nii.gz"], companions: &[], kind: Kind::Volume(nifti::read) },
@@ -89,7 +89,7 @@ impl Kind {
 /// All that is read, for messages and help: `a folder with stack.json, a label volume (.nrrd, ..), ..`.
 pub fn expected() -> String {
     let mut kinds: Vec<(&str, Vec<String>)> = Vec::new();
-    for format in &FORMATS {
+    for format in FORMATS {
         let words = format.kind.words();
         if kinds.last().is_none_or(|(last, _)| *last != words) {
             kinds.push((words, Vec::new()));

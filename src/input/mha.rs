@@ -114,18 +114,8 @@ fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
     let big_endian = fields.flag(&["BinaryDataByteOrderMSB", "ElementByteOrderMSB"])?.unwrap_or(false);
     let element = element(need("ElementType")?)?;
     let (grid, file) = (grid([nx, ny, nz], fields)?, need("ElementDataFile")?);
-    let mut volume = Volume {
-        path: path.into(),
-        format: "MetaImage",
-        grid,
-        element,
-        big_endian,
-        stored: [0, 1, 2],
-        notes: Vec::new(),
-        scale: None,
-        segments: Default::default(),
-        data: Data::Stream { file: path.into(), offset: end, coding: Coding::Raw, skip: 0 },
-    };
+    let data = Data::Stream { file: path.into(), offset: end, coding: Coding::Raw, skip: 0 };
+    let mut volume = Volume::new(path, "MetaImage", grid, (element, big_endian), data);
     if file == "LIST" || file.starts_with("LIST ") || file.contains('%') {
         return Err(format!("voxels lie in many files (ElementDataFile = {file}); save them as one"));
     }

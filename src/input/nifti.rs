@@ -63,18 +63,11 @@ fn volume(path: &Path, gzip: bool, header: &NiftiHeader) -> Failure<Volume> {
         [slope, inter] => return Err(format!("scl_slope and scl_inter must be finite; got {slope} and {inter}")),
     };
     let (offset, coding, skip) = if gzip { (0, Coding::Gzip, skip) } else { (skip, Coding::Raw, 0) };
-    Ok(Volume {
-        path: path.into(),
-        format: "NIfTI",
-        grid: VolumeGrid { dims, origin, steps, unit: unit.into(), spaced: true },
-        element: element(header.datatype)?,
-        big_endian: header.endianness == Endianness::Big,
-        stored: [0, 1, 2],
-        scale,
-        notes: two_forms(header, dims).into_iter().collect(),
-        segments: Default::default(),
-        data: Data::Stream { file: path.into(), offset, coding, skip },
-    })
+    let grid = VolumeGrid { dims, origin, steps, unit: unit.into(), spaced: true };
+    let element = (element(header.datatype)?, header.endianness == Endianness::Big);
+    let data = Data::Stream { file: path.into(), offset, coding, skip };
+    let notes = two_forms(header, dims).into_iter().collect();
+    Ok(Volume { scale, notes, ..Volume::new(path, "NIfTI", grid, element, data) })
 }
 
 fn magic(bytes: &[u8]) -> String {

@@ -23,25 +23,18 @@ pub fn read(path: &Path) -> Result<Volume> {
     let fail = |message| Error::Format { path: path.into(), message };
     let header = header(&mut input).map_err(fail)?;
     let end = input.stream_position().map_err(|source| Error::Read { path: path.into(), source })?;
-    let (element, big_endian) = element(value(&header, "descr").map_err(fail)?).map_err(fail)?;
+    let element = element(value(&header, "descr").map_err(fail)?).map_err(fail)?;
     let fortran = match value(&header, "fortran_order").map_err(fail)? {
         "True" => true,
         "False" => false,
         other => return Err(fail(format!("fortran_order must be True or False; got {other}"))),
     };
     let [nz, ny, nx] = shape(value(&header, "shape").map_err(fail)?).map_err(fail)?;
-    let volume = Volume {
-        path: path.into(),
-        format: "numpy array",
-        grid: VolumeGrid::unspaced([nx, ny, nz]),
-        element,
-        big_endian,
-        stored: if fortran { [2, 1, 0] } else { [0, 1, 2] },
-        notes: Vec::new(),
-        scale: None,
-        segments: Default::default(),
-        data: Data::Stream { file: path.into(), offset: end, coding: Coding::Raw, skip: 0 },
-    };
+    let data = Data::Stream { file: path.into(), offset: end, coding: Coding::Raw, skip: 0 };
+    let mut volume = Volume::new(path, "numpy array", VolumeGrid::unspaced([nx, ny, nz]), element, data);
+    if fortran {
+        volume.stored = [2, 1, 0];
+    }
     volume.check()?;
     Ok(volume)
 }

@@ -77,18 +77,7 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
     };
     let data = Data::Stream { file, offset, coding, skip: 0 };
     let segments = segments::read(&header.pairs);
-    let mut volume = Volume {
-        path: path.into(),
-        format: "NRRD",
-        grid,
-        element,
-        big_endian,
-        stored: [0, 1, 2],
-        notes: Vec::new(),
-        scale: None,
-        segments,
-        data,
-    };
+    let mut volume = Volume { segments, ..Volume::new(path, "NRRD", grid, (element, big_endian), data) };
     skip(&mut volume, &field)?;
     Ok(volume)
 }

@@ -62,16 +62,5 @@ fn volume(path: &Path) -> Failure<Volume> {
     let data = Data::Pages { file: path.into(), count, bytes };
     // The decoder gives the machine's own byte order.
     let big_endian = cfg!(target_endian = "big");
-    Ok(Volume {
-        path: path.into(),
-        format,
-        grid,
-        element,
-        big_endian,
-        stored: [0, 1, 2],
-        notes: Vec::new(),
-        scale: None,
-        segments: Default::default(),
-        data,
-    })
+    Ok(Volume::new(path, format, grid, (element, big_endian), data))
 }

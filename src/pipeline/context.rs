@@ -1,5 +1,6 @@
 //! Context of a run, which every stage reads and none changes.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -12,13 +13,17 @@ use crate::pipeline::compose::Canvas;
 use crate::progress::Progress;
 use crate::registration::motion_field;
 use crate::registration::motion_field::STEPS;
-use crate::report::{Report, StageReport};
+use crate::report::clock::{Clocks, CpuSeconds};
+use crate::report::{DeviceUse, Report, StageCost, StageReport};
 use crate::settings::{Settings, SlopeRule};
 use crate::stack::ContourStack;
 use crate::stack::heights::{Height, Heights};
 use crate::storage::spill::{Budget, Large, SpillVec};
 use crate::surface::Layer;
 use crate::surface::header::Header;
+
+/// Bytes of the layers that are made together: those of several intervals, so that a GPU is asked rarely.
+pub const LAYER_BYTES: usize = 128 << 20;
 
 /// Takes finished layers, lowest first.
 pub type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
@@ -59,6 +64,8 @@ pub(super) struct Context<'a> {
     pub margin: [usize; 2],
     /// Rules that hold the body together.
     pub bonds: Bonds,
+    /// Clocks of the threads that compute.
+    pub clocks: Clocks,
 }
 
 impl<'a> Context<'a> {
@@ -77,6 +84,32 @@ impl<'a> Context<'a> {
         let ContourStack { spacing, unit, geometry, .. } = self.stack;
         let grid = Header::grid(&heights.output(), *spacing);
         Header { dims: self.image, spacing: *spacing, unit: unit.clone(), geometry: *geometry, extent, grid }
+    }
+
+    /// Number of layers that are made together, whatever the number of threads.
+    pub fn layers_at_once(&self) -> usize {
+        // Of a layer its values in the mid frame, the other method's, and itself.
+        let bytes = 2 * self.field_bytes();
+        self.budget.at_once((LAYER_BYTES / bytes.max(1)).max(1), bytes)
+    }
+
+    /// Intervals whose layers are made together: as many as [`Context::layers_at_once`] allows, and at least one.
+    pub fn intervals_together(&self, intervals: Range<usize>, heights: &Heights) -> Vec<Range<usize>> {
+        let most = self.layers_at_once();
+        let mut out: Vec<Range<usize>> = Vec::new();
+        let mut layers = 0;
+        for i in intervals {
+            let more = heights.between(i).len();
+            match out.last_mut() {
+                Some(together) if layers + more <= most => together.end = i + 1,
+                _ => {
+                    out.push(i..i + 1);
+                    layers = 0;
+                }
+            }
+            layers += more;
+        }
+        out
     }
 
     /// All heights of the run.
@@ -153,6 +186,33 @@ pub fn time(z: f64, low: f64, high: f64) -> f64 {
     motion_field::time(z, low, high).clamp(1.0 / STEPS, 1.0 - 1.0 / STEPS)
 }
 
+/// What a run has spent on the host and on a device so far.
+pub struct Spent {
+    host: Option<CpuSeconds>,
+    device: DeviceUse,
+}
+
+impl Spent {
+    /// Spent so far; nothing where there is no device.
+    pub fn now(clocks: &Clocks, backend: &dyn Backend) -> Option<Self> {
+        Some(Spent { device: backend.device_use()?, host: clocks.read() })
+    }
+
+    /// The cost since then. What the calling thread does in the driver is not the host's: a software driver computes there.
+    pub fn cost(&self, name: &'static str, clocks: &Clocks, backend: &dyn Backend) -> Option<StageCost> {
+        let now = Spent::now(clocks, backend)?;
+        let device = now.device.since(&self.device);
+        let host = now.host.zip(self.host).map(|(now, then)| [now.all - then.all, now.own - then.own]);
+        let host = host.map(|both| both.map(|seconds| (seconds - device.driver_seconds).max(0.0)));
+        Some(StageCost {
+            name: name.into(),
+            host_seconds: host.map(|[all, _]| all),
+            serial_seconds: host.map(|[_, own]| own),
+            device,
+        })
+    }
+}
+
 /// Runs one stage, telling listeners and taking its time.
 pub fn stage<T>(
     run: &Context<'_>,
@@ -162,8 +222,11 @@ pub fn stage<T>(
     work: impl FnOnce(&mut Report) -> Result<T>,
 ) -> Result<T> {
     run.progress.begin(name, total);
-    let start = Instant::now();
+    let (start, before) = (Instant::now(), Spent::now(&run.clocks, run.backend));
     let result = work(report);
+    if let Some(cost) = before.and_then(|before| before.cost(name, &run.clocks, run.backend)) {
+        report.profile.get_or_insert_default().stages.push(cost);
+    }
     report.stages.push(StageReport { name: name.into(), seconds: start.elapsed().as_secs_f64() });
     run.progress.end();
     result

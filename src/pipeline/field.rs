@@ -1,5 +1,7 @@
 //! The field method: no morph, the slices' own distances interpolated along the trajectories of a smooth moving frame.
 
+use std::sync::Arc;
+
 use super::context::{Context, Sink, stage, time};
 use super::ends::{above, below, end_matter, make_ends};
 use super::finish::faired;
@@ -14,11 +16,12 @@ use crate::grid::tile::Tile;
 use crate::grid::tiled::Packed;
 use crate::pipeline::ends::end_caps::End;
 use crate::pipeline::fit::Fitted;
-use crate::registration::motion_field::LoneParts;
+use crate::registration::motion_field::{LoneParts, MotionField};
 use crate::registration::motion_stack::MotionStack;
 use crate::report::{IntervalReport, Report};
-use crate::stack::heights::Heights;
+use crate::stack::heights::{Height, Heights};
 use crate::storage::spill::SpillVec;
+use crate::surface::Layer;
 use crate::surface::stream::LayerSink;
 
 /// Results of the stages before the layers.
@@ -27,6 +30,29 @@ struct Made<'a> {
     slopes: SpillVec<'a, Field>,
     lone: SpillVec<'a, LoneParts>,
     ends: [End; 2],
+}
+
+/// What lies between the slices of an interval.
+struct Between {
+    moving: MotionField,
+    slopes: [Arc<Field>; 2],
+    lone: Arc<LoneParts>,
+}
+
+impl Between {
+    /// Asks for the layers at these times.
+    fn request<'b>(&'b self, run: &Context<'_>, times: &'b [f64]) -> LayerRequest<'b> {
+        LayerRequest {
+            moving: &self.moving,
+            interval: 0,
+            slopes: self.slopes.each_ref(),
+            lone: &self.lone,
+            times,
+            limit: run.settings.margin() as f64,
+            h: run.h,
+            wanted: None,
+        }
+    }
 }
 
 /// All stages after the distance; the heights at which the body ends.
@@ -87,39 +113,50 @@ fn layers<'a>(
     sink: &mut Sink<'_>,
 ) -> Result<()> {
     let Made { moving, slopes, lone, ends } = made;
-    let limit = run.settings.margin() as f64;
     below(run, contours, ends, heights, sink)?;
-    let at_once = 2 * rayon::current_num_threads();
-    for i in run.span.layers.clone() {
-        sink(run.contour_layer(&heights.contours[i], &*contours.get(i)?, i))?;
-        let (low, high) = (contours.light(i).z, contours.light(i + 1).z);
-        let (frame, lone) = (moving.part(i..i + 2)?, lone.get(i)?);
-        let slopes = [slopes.get(i)?, slopes.get(i + 1)?];
-        for some in heights.between(i).chunks(at_once) {
-            let times: Vec<f64> = some.iter().map(|x| time(x.z, low, high)).collect();
-            let slopes = [&*slopes[0], &*slopes[1]];
-            let layers = run.backend.moving_layers(&LayerRequest {
-                moving: &frame,
-                interval: 0,
-                slopes,
-                lone: &lone,
-                times: &times,
-                limit,
-                h: run.h,
-                wanted: None,
-            })?;
-            for (height, values) in some.iter().zip(layers) {
-                if values.iter().any(|v| v.is_nan()) {
-                    let message = format!("NaN at height {}", height.z);
-                    return Err(Error::Numerics { stage: "layers", message });
+    for together in run.intervals_together(run.span.layers.clone(), heights) {
+        let between = |i: usize| {
+            let slopes = [slopes.get(i)?, slopes.get(i + 1)?];
+            Ok(Between { moving: moving.part(i..i + 2)?, slopes, lone: lone.get(i)? })
+        };
+        let frames = together.clone().map(between).collect::<Result<Vec<Between>>>()?;
+        let most = together.clone().map(|i| heights.between(i).len()).max().unwrap_or(0);
+        let at_once = if together.len() > 1 { most.max(1) } else { run.layers_at_once() };
+        for first in (0..most.max(1)).step_by(at_once) {
+            let some = |i: usize| {
+                let all = heights.between(i);
+                &all[first.min(all.len())..(first + at_once).min(all.len())]
+            };
+            let times = |i: usize| {
+                let (low, high) = (contours.light(i).z, contours.light(i + 1).z);
+                some(i).iter().map(|x| time(x.z, low, high)).collect::<Vec<f64>>()
+            };
+            let times: Vec<Vec<f64>> = together.clone().map(times).collect();
+            let requests = frames.iter().zip(&times).map(|(between, times)| between.request(run, times));
+            let requests: Vec<LayerRequest<'_>> = requests.collect();
+            let layers = run.backend.moving_layers(&requests)?;
+            for (i, layers) in together.clone().zip(layers) {
+                if first == 0 {
+                    sink(run.contour_layer(&heights.contours[i], &*contours.get(i)?, i))?;
                 }
-                let mut canvas = run.canvas();
-                let whole = Tile { origin: [0, 0], dims: run.padded() };
-                canvas.unite_packed(&whole, &Packed::of(whole.dims, &values));
-                sink(run.layer(height, canvas))?;
-                run.progress.advance(1);
+                for (height, values) in some(i).iter().zip(layers) {
+                    sink(whole_layer(run, height, &values)?)?;
+                    run.progress.advance(1);
+                }
             }
         }
     }
     above(run, contours, ends, heights, sink)
+}
+
+/// A layer of these values on the padded image.
+fn whole_layer(run: &Context<'_>, height: &Height, values: &[f32]) -> Result<Layer> {
+    if values.iter().any(|v| v.is_nan()) {
+        let message = format!("NaN at height {}", height.z);
+        return Err(Error::Numerics { stage: "layers", message });
+    }
+    let mut canvas = run.canvas();
+    let whole = Tile { origin: [0, 0], dims: run.padded() };
+    canvas.unite_packed(&whole, &Packed::of(whole.dims, values));
+    Ok(run.layer(height, canvas))
 }

@@ -23,8 +23,8 @@ use crate::registration::displacement::Displacement;
 use crate::settings::{Settings, SlopeRule};
 use crate::storage::spill::{Array, Budget, Large, SpillVec, stored_as_they_are};
 
-/// Seeds read at a landing point, with weights `1 / (d + SOFT)^2`.
-const NEIGHBOURS: usize = 4;
+/// Seeds looked at around a landing point, with weights `1 / (d + SOFT)^2` less that of the farthest: none comes or goes with a jump.
+const NEIGHBOURS: usize = 5;
 const SOFT: f64 = 0.25;
 /// Contours a chain reaches to each side: farther ones change the slope of a cubic spline by less than 0.27^12 = 2e-7 of a secant.
 pub const CHAIN_REACH: usize = 12;
@@ -41,7 +41,25 @@ pub struct Weighted {
     weight: f64,
 }
 
-stored_as_they_are!(Weighted);
+/// A contour that a chain reaches.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Hop {
+    /// Distance to it, px, outward positive.
+    distance: f64,
+    /// Share to which the particles on the way there arrived; no hop has more than the one before it.
+    sure: f64,
+}
+
+stored_as_they_are!(Weighted, Hop);
+
+/// Steepest slope of a rule that may overshoot, in ways to the farther neighbour per wider gap: where gaps are unlike, a hundredth of a pixel in the
+/// narrow one would be a pixel in the other, and a sweep be led out of its tube and back.
+const STEEPEST: f64 = 3.0;
+/// Gaps are unlike where the widest of the two on each side of a contour is more than so many times the narrowest.
+const UNLIKE: f64 = 4.0;
+/// Hops that are less sure do not count.
+const UNSURE: f64 = 1e-6;
 
 /// A list per seed, end to end.
 #[derive(Debug, Clone, Default)]
@@ -73,7 +91,7 @@ impl<T: Copy> Lists<T> {
     }
 }
 
-impl Large for Lists<f64> {
+impl Large for Lists<Hop> {
     fn arrays(&mut self) -> Vec<Array<'_>> {
         vec![&mut self.ends, &mut self.values]
     }
@@ -113,8 +131,8 @@ impl Fitted {
 
 /// Seeds of the next contour at each landing point; none where the particle died.
 type Neighbours = Lists<Weighted>;
-/// Distances along the chains of a contour's seeds in one direction.
-type Chains = Lists<f64>;
+/// Contours along the chains of a contour's seeds in one direction.
+type Chains = Lists<Hop>;
 type Tree = RTree<GeomWithData<[f64; 2], u32>>;
 
 /// Input of the fit.
@@ -182,7 +200,7 @@ impl<'b> Measured<'_, 'b> {
             let seeds = own.size();
             let neighbours = |side: Option<&SideTracks>, next: Option<&Tree>| match (side, next) {
                 (Some(side), Some(next)) => {
-                    let of = |t: &Track| if t.arrived { nearest(next, t.landing, self.h) } else { Vec::new() };
+                    let of = |t: &Track| if t.kept > 0.0 { nearest(next, t.landing, self.h) } else { Vec::new() };
                     Lists::new(&side.tracks.par_iter().map(of).collect::<Vec<_>>())
                 }
                 _ => Lists::empty(seeds),
@@ -212,6 +230,10 @@ fn nearest(tree: &Tree, x: DVec2, h: [f64; 2]) -> Vec<Weighted> {
         .take(NEIGHBOURS)
         .map(|(p, d2)| Weighted { seed: p.data.into(), weight: (d2.sqrt() + SOFT).powi(-2) })
         .collect();
+    let farthest = if found.len() == NEIGHBOURS { found[NEIGHBOURS - 1].weight } else { 0.0 };
+    // Of seeds that are equally far all count alike.
+    let least = 1e-9 * farthest.max(f64::MIN_POSITIVE);
+    found.iter_mut().for_each(|near| near.weight += least - farthest);
     let sum: f64 = found.iter().map(|near| near.weight).sum();
     found.iter_mut().for_each(|near| near.weight /= sum);
     found
@@ -222,23 +244,49 @@ fn nearest(tree: &Tree, x: DVec2, h: [f64; 2]) -> Vec<Weighted> {
 fn chains(side: Option<&SideTracks>, neighbours: &Neighbours, beyond: Option<&Chains>) -> Chains {
     let (Some(side), Some(beyond)) = (side, beyond) else { return Lists::empty(neighbours.ends.len()) };
     let chain = |(seed, track): (usize, &Track)| {
-        let mut chain = vec![track.distance];
+        let mut chain = vec![Hop { distance: track.distance, sure: 1.0 }];
         for hop in 0..CHAIN_REACH - 1 {
             let (mut sum, mut weight) = (0.0, 0.0);
             for near in neighbours.of(seed) {
-                if let Some(s) = beyond.of(near.seed as usize).get(hop) {
-                    sum += near.weight * s;
-                    weight += near.weight;
+                if let Some(next) = beyond.of(near.seed as usize).get(hop) {
+                    sum += near.weight * next.sure * next.distance;
+                    weight += near.weight * next.sure;
                 }
             }
-            if weight < 0.5 {
+            let sure = track.kept * weight;
+            if sure < UNSURE {
                 break;
             }
-            chain.push(track.distance + sum / weight);
+            chain.push(Hop { distance: track.distance + sum / weight, sure });
         }
         chain
     };
     Lists::new(&side.tracks.par_iter().enumerate().map(chain).collect::<Vec<_>>())
+}
+
+/// The slope of `natural` or `catmull` at a knot around which gaps are [`UNLIKE`], no steeper than a course that goes [`STEEPEST`] times the way to the
+/// farther neighbour in the wider gap beside it. Elsewhere the spline is the spline.
+fn bounded(m: f64, [z, s]: [&[f64]; 2], center: usize, rule: SlopeRule) -> f64 {
+    if !matches!(rule, SlopeRule::Natural | SlopeRule::Catmull) {
+        return m;
+    }
+    let gaps = z[center.saturating_sub(2)..(center + 3).min(z.len())].windows(2).map(|pair| pair[1] - pair[0]);
+    let (narrowest, widest) = gaps.fold((f64::INFINITY, 0.0f64), |(low, high), gap| (low.min(gap), high.max(gap)));
+    if widest <= UNLIKE * narrowest {
+        return m;
+    }
+    let beside = [center.checked_sub(1), (center + 1 < z.len()).then_some(center + 1)];
+    let reach = |(far, wide): (f64, f64), k: usize| (far.max(s[k].abs()), wide.max((z[k] - z[center]).abs()));
+    let (far, wide) = beside.into_iter().flatten().fold((0.0, 0.0), reach);
+    let most = if wide > 0.0 { STEEPEST * far / wide } else { 0.0 };
+    m.clamp(-most, most)
+}
+
+/// How many hops of a chain count, each number with the share to which it is so many.
+fn lengths(chain: &[Hop]) -> impl Iterator<Item = (usize, f64)> {
+    let sure = |n: usize| chain.get(n).map_or(0.0, |hop| hop.sure);
+    let shares = (0..=chain.len()).map(move |n| (n, if n == 0 { 1.0 } else { sure(n - 1) } - sure(n)));
+    shares.filter(|(_, share)| *share > UNSURE)
 }
 
 fn slopes_of(
@@ -266,16 +314,26 @@ fn slopes_of(
         s.clear();
         for (hop, v) in down.of(k).iter().enumerate().rev() {
             z.push(heights[i - 1 - hop] - heights[i]);
-            s.push(*v);
+            s.push(v.distance);
         }
         let center = z.len();
         z.push(0.0);
         s.push(0.0);
         for (hop, v) in up.of(k).iter().enumerate() {
             z.push(heights[i + 1 + hop] - heights[i]);
-            s.push(*v);
+            s.push(v.distance);
         }
-        slope(z, s, center, settings.slope, settings.spline_end())
+        // The mean of the slopes of all chains that end somewhere on the way, by how likely it is that they do.
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (below, unlike) in lengths(down.of(k)) {
+            for (above, like) in lengths(up.of(k)) {
+                let knots = center - below..center + above + 1;
+                let m = slope(&z[knots.clone()], &s[knots], below, settings.slope, settings.spline_end());
+                sum += unlike * like * m;
+                weight += unlike * like;
+            }
+        }
+        bounded(sum / weight, [z, s], center, settings.slope)
     };
     (0..down.ends.len()).into_par_iter().map_init(Default::default, slope).collect()
 }
@@ -295,16 +353,13 @@ pub fn course(
         Direction::Up => (own.up.of(k), 1.0),
     };
     let s = track.distance;
-    let ok = f64::from(track.arrived);
+    let ok = track.kept;
     if rule == SlopeRule::Linear {
         return [s, s, s, ok];
     }
     let m0 = own.slopes[k] * gap * sign;
-    let m1 = if track.arrived {
-        neighbours.iter().map(|near| near.weight * next.slopes[near.seed as usize]).sum::<f64>() * gap * sign
-    } else {
-        DEAD_PARTICLE_END_SLOPE * s
-    };
+    let landing = neighbours.iter().map(|near| near.weight * next.slopes[near.seed as usize]).sum::<f64>() * gap * sign;
+    let m1 = ok * landing + (1.0 - ok) * DEAD_PARTICLE_END_SLOPE * s;
     match rule {
         SlopeRule::Pchip | SlopeRule::Hyman => monotone([s, m0, m1, ok]),
         _ => [s, m0, m1, ok],

@@ -3,14 +3,11 @@
 
 use rayon::prelude::*;
 
-use crate::backend::Backend;
 use crate::backend::jobs::PartJob;
-use crate::backend::requests::PartRequest;
 use crate::contour::Contour;
 use crate::contour::direction::Direction;
 use crate::contour::overlap::{DecidedPairs, Group, match_components};
 use crate::contour::unmatched::LonePart;
-use crate::error::Result;
 use crate::grid::components::label8;
 use crate::grid::field::Field;
 use crate::grid::tile::Tile;
@@ -145,14 +142,15 @@ impl IntervalPlan {
 
 /// Solid parts of a contour, each by itself on its own tile, before the backend has answered.
 #[derive(Default)]
-struct LonePlan {
+pub(super) struct LonePlan {
     direction: Direction,
     parts: Vec<(Tile, Vec<u32>)>,
     jobs: Vec<PartJob>,
 }
 
 impl LonePlan {
-    fn new(contour: &Contour, parts: &[u32], margin: [usize; 2], direction: Direction) -> Self {
+    /// The given parts of a contour.
+    pub fn new(contour: &Contour, parts: &[u32], margin: [usize; 2], direction: Direction) -> Self {
         let tiles: Vec<Tile> = parts.iter().map(|&p| contour.tile_of(&[p], margin)).collect();
         let jobs = parts
             .par_iter()
@@ -170,7 +168,13 @@ impl LonePlan {
         LonePlan { direction, parts, jobs }
     }
 
-    fn finish(self, fields: &mut impl Iterator<Item = Field>) -> Vec<LonePart> {
+    /// What the backend is asked for; once.
+    pub fn take_jobs(&mut self) -> Vec<PartJob> {
+        std::mem::take(&mut self.jobs)
+    }
+
+    /// The parts with the backend's answers, the next of `fields`.
+    pub fn finish(self, fields: &mut impl Iterator<Item = Field>) -> Vec<LonePart> {
         let fields = fields.take(self.parts.len());
         self.parts
             .into_iter()
@@ -178,20 +182,6 @@ impl LonePlan {
             .map(|((tile, seeds), f)| LonePart::new(tile, f, seeds, self.direction))
             .collect()
     }
-}
-
-/// The given solid parts of a contour, each by itself on its own tile.
-pub fn lone_solids(
-    contour: &Contour,
-    parts: &[u32],
-    h: [f64; 2],
-    margin: [usize; 2],
-    direction: Direction,
-    backend: &dyn Backend,
-) -> Result<Vec<LonePart>> {
-    let mut plan = LonePlan::new(contour, parts, margin, direction);
-    let fields = backend.part_fields(&PartRequest { jobs: &std::mem::take(&mut plan.jobs), h })?;
-    Ok(plan.finish(&mut fields.into_iter()))
 }
 
 fn plan_group(low: &Contour, high: &Contour, group: Group, margin: [usize; 2]) -> Plan {

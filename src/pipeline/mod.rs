@@ -27,19 +27,20 @@ mod sweep_inputs;
 pub(crate) mod tracks;
 
 use self::certificate::Examined;
-use self::context::{Context, overshoots, stage};
+use self::context::{Context, Spent, overshoots, stage};
 use self::distance::distance;
 use self::field::field;
 use self::links::{IntervalLinks, find_links};
 use self::morph::morph;
 use self::span::Span;
-use crate::backend::Means;
+use crate::backend::{Backend, Means};
 use crate::error::{Error, Result};
 use crate::grid::tile::samples;
 use crate::pipeline::compose::differing_pixels;
-pub use crate::pipeline::context::Bonds;
+pub use crate::pipeline::context::{Bonds, LAYER_BYTES};
 use crate::pipeline::section::Section;
-use crate::report::{BodyEnd, Report};
+use crate::report::clock::Clocks;
+use crate::report::{BodyEnd, Report, StageCost};
 use crate::settings::{Method, Settings};
 use crate::stack::ContourStack;
 use crate::stack::heights::check;
@@ -68,6 +69,10 @@ struct Certified<'a> {
     differing: Vec<usize>,
     examined: Examined,
     sink: &'a mut dyn LayerSink,
+    clocks: &'a Clocks,
+    backend: &'a dyn Backend,
+    /// Cost of what the sink does.
+    output: Option<StageCost>,
 }
 
 impl LayerSink for Certified<'_> {
@@ -91,8 +96,30 @@ impl LayerSink for Certified<'_> {
             self.differing[i] = differing_pixels(&layer.phi, content);
             layer.contour = Some(self.first + i);
         }
-        self.sink.layer(layer)
+        let before = Spent::now(self.clocks, self.backend);
+        let taken = self.sink.layer(layer);
+        if let Some(cost) = before.and_then(|before| before.cost(OUTPUT, self.clocks, self.backend)) {
+            match &mut self.output {
+                Some(output) => output.add(&cost),
+                None => self.output = Some(cost),
+            }
+        }
+        taken
     }
+}
+
+/// Name of what takes the layers, among the stages.
+const OUTPUT: &str = "output";
+
+/// Puts what lies between the stages beside them, and takes what the sink did out of the last one, which hands layers over.
+fn complete_costs(report: &mut Report, whole: Option<StageCost>, output: Option<StageCost>) {
+    let (Some(mut rest), Some(profile)) = (whole, &mut report.profile) else { return };
+    profile.stages.iter().for_each(|stage| rest.take_out(stage));
+    if let (Some(last), Some(output)) = (profile.stages.last_mut(), &output) {
+        last.take_out(output);
+    }
+    profile.stages.push(rest);
+    profile.stages.extend(output);
 }
 
 /// Reconstructs a section of `stack` at `heights` (increasing, unit of the stack) and hands every layer to `sink`; the result itself has none.
@@ -111,6 +138,8 @@ pub fn run(
     sink: &mut dyn LayerSink,
 ) -> Result<Reconstruction> {
     let &Means { backend, progress, budget } = means;
+    let clocks = Clocks::new();
+    let begun = Spent::now(&clocks, backend);
     stack.validate()?;
     settings.validate()?;
     check(stack, heights, settings)?;
@@ -141,6 +170,7 @@ pub fn run(
         pad: samples(OVERSHOOT, h),
         margin: samples(margin, h),
         bonds,
+        clocks: clocks.clone(),
     };
     let mut report = Report {
         version: env!("CARGO_PKG_VERSION").into(),
@@ -180,11 +210,15 @@ pub fn run(
         differing: vec![0; stack.slices.len()],
         examined,
         sink,
+        clocks: &clocks,
+        backend,
+        output: None,
     };
     let extent = match settings.method {
         Method::Morph => morph(&run, &mut links, &contours, heights, &mut report, &mut certified)?,
         Method::Field => field(&run, &mut links, &contours, heights, &mut report, &mut certified)?,
     };
+    let output = certified.output.take();
     let (met, body) = certified.examined.finish();
     for ((c, differing), met) in report.contours.iter_mut().zip(certified.differing).zip(met) {
         c.differing_pixels = differing;
@@ -206,6 +240,7 @@ pub fn run(
         BodyEnd::Top => section.kept.end + 1 == whole.slices.len(),
     });
     report.judge();
+    complete_costs(&mut report, begun.and_then(|begun| begun.cost("rest", &clocks, backend)), output);
     Ok(Reconstruction {
         dims: whole.dims,
         spacing: whole.spacing,

@@ -219,7 +219,7 @@ fn trace<'a>(
             }
             report.trace_steps += t.steps;
             report.trace_pixels += t.pixels;
-            let arrived = t.tracks.iter().filter(|k| k.arrived).count();
+            let arrived = t.tracks.iter().filter(|k| k.arrived()).count();
             report.particles.seeded += t.tracks.len();
             report.particles.arrived += arrived;
             report.particles.died += t.tracks.len() - arrived;

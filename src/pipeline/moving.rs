@@ -7,7 +7,8 @@ use glam::DVec2;
 use super::context::{Context, stage};
 use super::ends::{EndMatter, passing_field};
 use super::links::{IntervalLinks, frames};
-use crate::backend::requests::SlopeRequest;
+use crate::backend::jobs::PartJob;
+use crate::backend::requests::{PartRequest, SlopeRequest};
 use crate::contour::Contour;
 use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
@@ -17,7 +18,7 @@ use crate::error::Result;
 use crate::grid::field::{Field, position};
 use crate::pipeline::compose::mean_slope;
 use crate::pipeline::fit::Fitted;
-use crate::pipeline::matching::lone_solids;
+use crate::pipeline::matching::LonePlan;
 use crate::pipeline::section::NEIGHBOURS;
 use crate::reference::displacement::ROUNDS;
 use crate::registration::displacement::{Displacement, DisplacementJob};
@@ -26,6 +27,9 @@ use crate::registration::motion_stack::MotionStack;
 use crate::report::Report;
 use crate::settings::Motion;
 use crate::storage::spill::SpillVec;
+
+/// Bytes of the parts without partner whose distances are asked for together.
+const LONE_BYTES: usize = 16 << 20;
 
 /// The stack in its moving frame.
 pub(super) fn moving_frame<'a>(
@@ -156,7 +160,8 @@ pub(super) fn slice_slopes<'a>(
     })
 }
 
-/// Parts that meet nothing in the other slice along their trajectories, interval by interval, and how they close by the field's slopes.
+/// Parts that meet nothing in the other slice along their trajectories, interval by interval, and how they close by the field's slopes. The
+/// backend is asked for those of several intervals together.
 pub(super) fn lone_parts<'a>(
     run: &Context<'a>,
     contours: &SpillVec<'a, Contour>,
@@ -165,29 +170,71 @@ pub(super) fn lone_parts<'a>(
 ) -> Result<SpillVec<'a, LoneParts>> {
     let mut out = SpillVec::new(run.budget);
     (0..run.span.layers.start).try_for_each(|_| out.push(LoneParts::default()))?;
+    let most = run.budget.spare(LONE_BYTES);
+    let (mut plans, mut jobs, mut bytes) = (Vec::new(), Vec::new(), 0);
     for i in run.span.layers.clone() {
-        let gap = run.span.gaps[i];
-        let [low, high] = [Direction::Up, Direction::Down].map(|direction| {
-            let (number, other, way) = match direction {
-                Direction::Up => (i, i + 1, 1.0),
-                Direction::Down => (i + 1, i, -1.0),
-            };
-            let least = if contours.light(other).solids.count > 0 { LEAST_DEPTH } else { 0.0 };
-            let (own, other) = (contours.get(number)?, moving.field(other)?);
-            let at_slices = moving.at_slices(i)?;
-            let u = &at_slices[usize::from(direction == Direction::Down)];
-            let parts = without_partner(&own, least, |x| other.sample(x + way * u.at(x)) < 0.0);
-            let mut lone = lone_solids(&own, &parts, run.h, run.margin, direction, run.backend)?;
-            close(run, contours, i, direction, &mut lone)?;
-            let fitted = Fitted::of_field(&own, &*slopes.get(number)?);
-            let slope = |part: &LonePart| way * gap * mean_slope(&fitted, &part.seeds);
-            let farthest = run.settings.margin() as f64;
-            Ok(lone.iter().map(|part| Cap::new(part, slope(part), part.closes, farthest)).collect::<Vec<_>>())
-        });
-        let empty = [i, i + 1].iter().any(|k| contours.light(*k).solids.count == 0);
-        out.push(LoneParts { low: low?, high: high?, empty })?;
+        let plan = |direction| plan_lone(run, contours, moving, i, direction);
+        let mut both = [plan(Direction::Up)?, plan(Direction::Down)?];
+        let more: Vec<PartJob> = both.iter_mut().flat_map(LonePlan::take_jobs).collect();
+        bytes += more.iter().map(|job| job.inside.len() * (size_of::<f64>() + 1)).sum::<usize>();
+        jobs.extend(more);
+        plans.push((i, both));
+        if bytes > most || i + 1 == run.span.layers.end {
+            let asked = PartRequest { jobs: &std::mem::take(&mut jobs), h: run.h };
+            let mut fields = run.backend.part_fields(&asked)?.into_iter();
+            for (i, both) in plans.drain(..) {
+                let [low, high] = both.map(|plan| plan.finish(&mut fields));
+                let close = |lone, direction| closing_caps(run, contours, slopes, i, direction, lone);
+                let empty = [i, i + 1].iter().any(|k| contours.light(*k).solids.count == 0);
+                out.push(LoneParts { low: close(low, Direction::Up)?, high: close(high, Direction::Down)?, empty })?;
+            }
+            bytes = 0;
+        }
     }
     Ok(out)
+}
+
+/// Parts of a contour of interval `i` that meet nothing in the other one.
+fn plan_lone<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    moving: &MotionStack<'a>,
+    i: usize,
+    direction: Direction,
+) -> Result<LonePlan> {
+    let (number, other, way) = match direction {
+        Direction::Up => (i, i + 1, 1.0),
+        Direction::Down => (i + 1, i, -1.0),
+    };
+    let least = if contours.light(other).solids.count > 0 { LEAST_DEPTH } else { 0.0 };
+    let (own, other) = (contours.get(number)?, moving.field(other)?);
+    let at_slices = moving.at_slices(i)?;
+    let u = &at_slices[usize::from(direction == Direction::Down)];
+    let parts = without_partner(&own, least, |x| other.sample(x + way * u.at(x)) < 0.0);
+    Ok(LonePlan::new(&own, &parts, run.margin, direction))
+}
+
+/// Parts of a contour of interval `i` as they close.
+fn closing_caps<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    slopes: &SpillVec<'a, Field>,
+    i: usize,
+    direction: Direction,
+    mut lone: Vec<LonePart>,
+) -> Result<Vec<Cap>> {
+    if lone.is_empty() {
+        return Ok(Vec::new());
+    }
+    let (number, way) = match direction {
+        Direction::Up => (i, 1.0),
+        Direction::Down => (i + 1, -1.0),
+    };
+    close(run, contours, i, direction, &mut lone)?;
+    let fitted = Fitted::of_field(&*contours.get(number)?, &*slopes.get(number)?);
+    let slope = |part: &LonePart| way * run.span.gaps[i] * mean_slope(&fitted, &part.seeds);
+    let farthest = run.settings.margin() as f64;
+    Ok(lone.iter().map(|part| Cap::new(part, slope(part), part.closes, farthest)).collect())
 }
 
 /// Says where parts without partner in interval `i` end, which go on from its lower contour or, `Direction::Down`, from its upper one.

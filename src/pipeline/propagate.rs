@@ -16,12 +16,13 @@ use crate::contour::Contour;
 use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
 use crate::error::{Error, Result};
+use crate::grid::field::Field;
 use crate::grid::tile::Tile;
 use crate::pipeline::compose::{Canvas, IntervalCaps, unite_cap};
 use crate::pipeline::fit::{Fitted, course};
 use crate::pipeline::matching::Interval;
 use crate::pipeline::tracks::SideTracks;
-use crate::registration::motion_field::{Cells, MotionField};
+use crate::registration::motion_field::{Cells, LoneParts, MotionField};
 use crate::registration::particle_weight::Trust;
 use crate::registration::warp::{Warp, Way};
 use crate::report::Report;
@@ -69,7 +70,11 @@ impl SweepInputs<'_, '_> {
         let particles = seen.iter().zip(ends).zip(&apart).flat_map(|((contour, side), apart)| {
             let tracks = side.map_or(&[][..], |s| &s.tracks);
             let known = |inside: usize| apart[contour.solids.labels[inside] as usize];
-            contour.seeds.iter().zip(tracks).map(move |(seed, track)| (seed.x, track.arrived || known(seed.inside)))
+            contour
+                .seeds
+                .iter()
+                .zip(tracks)
+                .map(move |(seed, track)| (seed.x, if known(seed.inside) { 1.0 } else { track.kept }))
         });
         Ok(Trust::new(moving, 0, h, relief, particles))
     }
@@ -96,67 +101,112 @@ pub(super) fn propagate<'a>(
         };
         let caps: Vec<IntervalCaps> = chunk.clone().zip(&intervals).map(caps).collect::<Result<_>>()?;
         let mut filled = sweep_chunk(run, chunk.clone(), made, &intervals, &caps, heights, report)?.into_iter();
-        for ((i, caps), interval) in chunk.zip(&caps).zip(&intervals) {
-            sink(run.contour_layer(&heights.contours[i], &*contours.some(i, Contour::FIELD)?, i))?;
-            let filled: Vec<Filled> = filled.by_ref().take(interval.groups.len()).collect();
-            layers_between(run, made, i, interval, caps, &filled, heights.between(i), sink)?;
+        for together in run.intervals_together(chunk.clone(), heights) {
+            let piece = |i: usize| {
+                let (interval, caps) = (&*intervals[i - chunk.start], &caps[i - chunk.start]);
+                let [low, high] = [i, i + 1].map(z);
+                let layers = heights.between(i).iter().map(|x| (*x, time(x.z, low, high))).collect();
+                Piece { i, interval, caps, filled: filled.by_ref().take(interval.groups.len()).collect(), layers }
+            };
+            let pieces = together.map(piece).collect();
+            layers_between(run, made, pieces, heights, sink)?;
         }
     }
     above(run, contours, ends, heights, sink)
 }
 
-/// The layers of interval `i`, some at a time.
-#[expect(clippy::too_many_arguments, reason = "one stage reads what all stages before it have made")]
+/// An interval whose layers are to be composed.
+struct Piece<'p> {
+    i: usize,
+    interval: &'p Interval,
+    caps: &'p IntervalCaps,
+    filled: Vec<Filled>,
+    layers: Vec<(Height, f64)>,
+}
+
+/// What the field method says between the slices of an interval, and what brings the morph's layers to their places.
+struct Beside<'p> {
+    part: &'p MotionField,
+    slopes: [Arc<Field>; 2],
+    lone: Arc<LoneParts>,
+    warp: Warp<'p>,
+    trust: Trust,
+}
+
+/// The layers of some intervals, each with its lower contour before it: those of an interval alone some at a time, those of several all at once.
 fn layers_between<'a>(
     run: &Context<'a>,
     made: &SweepInputs<'_, 'a>,
-    i: usize,
-    interval: &Interval,
-    caps: &IntervalCaps,
-    filled: &[Filled],
-    heights: &[Height],
+    pieces: Vec<Piece<'_>>,
+    heights: &Heights,
     sink: &mut Sink<'_>,
 ) -> Result<()> {
-    let limit = run.settings.margin() as f64;
-    let [low, high] = [i, i + 1].map(|k| made.contours.light(k).z);
-    let between: Vec<(Height, f64)> = heights.iter().map(|x| (*x, time(x.z, low, high))).collect();
-    let part = made.beside.as_ref().map(|b| b.moving.part(i..i + 2)).transpose()?;
-    let beside = match (&made.beside, &part) {
-        (Some(FieldFallback { slopes, lone, .. }), Some(part)) => {
-            let trust = made.trust(part, i, run.h, relief(run))?;
-            let warp = warp(run, made, part, i, begun(run, interval, caps, filled, &between));
-            Some((part, [slopes.get(i)?, slopes.get(i + 1)?], lone.get(i)?, warp, trust))
-        }
-        _ => None,
-    };
-    // Of a layer its values in the mid frame, the other method's, and itrun.
-    let at_once = run.budget.at_once(rayon::current_num_threads(), 2 * run.field_bytes());
-    for (k, some) in between.chunks(at_once).enumerate() {
-        let times: Vec<f64> = some.iter().map(|(_, t)| *t).collect();
-        let frame = match &beside {
-            None => None,
-            Some((part, slopes, lone, warp, trust)) => {
-                let ways: Vec<Way> = times.par_iter().map(|t| warp.way(*t)).collect();
-                let doubts: Vec<Cells> = ways.par_iter().map(|way| way.doubts(run.padded(), trust)).collect();
-                let (slopes, wanted) = ([&*slopes[0], &*slopes[1]], Some(doubts.as_slice()));
-                let others = run.backend.moving_layers(&LayerRequest {
-                    moving: part,
-                    interval: 0,
-                    slopes,
-                    lone,
-                    times: &times,
-                    limit,
-                    h: run.h,
-                    wanted,
-                })?;
-                Some(InFrame { warp, trust, ways, doubts, others })
+    let part = |piece: &Piece<'_>| made.beside.as_ref().map(|b| b.moving.part(piece.i..piece.i + 2)).transpose();
+    let parts: Vec<Option<MotionField>> = pieces.iter().map(part).collect::<Result<_>>()?;
+    let beside = |(piece, part)| beside(run, made, piece, part);
+    let beside: Vec<Option<Beside<'_>>> = pieces.iter().zip(&parts).map(beside).collect::<Result<_>>()?;
+    let most = pieces.iter().map(|piece| piece.layers.len()).max().unwrap_or(0);
+    let at_once = if pieces.len() > 1 { most.max(1) } else { run.layers_at_once() };
+    for first in (0..most.max(1)).step_by(at_once) {
+        let some = |piece: &Piece<'_>| first.min(piece.layers.len())..(first + at_once).min(piece.layers.len());
+        let mut frames = frames(run, &beside, pieces.iter().map(|piece| &piece.layers[some(piece)]))?.into_iter();
+        for piece in &pieces {
+            if first == 0 {
+                let contour = made.contours.some(piece.i, Contour::FIELD)?;
+                sink(run.contour_layer(&heights.contours[piece.i], &contour, piece.i))?;
             }
-        };
-        let layers = compose(run, interval, caps, frame.as_ref(), some, k * at_once, filled);
-        drop(frame);
-        layers.into_iter().try_for_each(&mut *sink)?;
+            let frame = frames.next().flatten();
+            let layers = compose(run, piece, frame.as_ref(), some(piece));
+            drop(frame);
+            layers.into_iter().try_for_each(&mut *sink)?;
+        }
     }
     Ok(())
+}
+
+/// What is beside the morph in an interval, which is `part`.
+fn beside<'a, 'p>(
+    run: &Context<'a>,
+    made: &SweepInputs<'_, 'a>,
+    piece: &Piece<'_>,
+    part: &'p Option<MotionField>,
+) -> Result<Option<Beside<'p>>> {
+    let (Some(FieldFallback { slopes, lone, .. }), Some(part)) = (&made.beside, part) else { return Ok(None) };
+    let i = piece.i;
+    let trust = made.trust(part, i, run.h, relief(run))?;
+    let warp = warp(run, made, part, i, begun(run, piece));
+    Ok(Some(Beside { part, slopes: [slopes.get(i)?, slopes.get(i + 1)?], lone: lone.get(i)?, warp, trust }))
+}
+
+/// What brings these layers of some intervals to their places, with the field method's layers, which are asked for together.
+fn frames<'f>(
+    run: &Context<'_>,
+    beside: &'f [Option<Beside<'_>>],
+    layers: impl Iterator<Item = &'f [(Height, f64)]>,
+) -> Result<Vec<Option<InFrame<'f>>>> {
+    let placed = |(beside, layers): (&'f Option<Beside<'_>>, &[(Height, f64)])| {
+        let Beside { warp, trust, .. } = beside.as_ref()?;
+        let times: Vec<f64> = layers.iter().map(|(_, t)| *t).collect();
+        let ways: Vec<Way> = times.par_iter().map(|t| warp.way(*t)).collect();
+        let doubts: Vec<Cells> = ways.par_iter().map(|way| way.doubts(run.padded(), trust)).collect();
+        Some((times, InFrame { warp, trust, ways, doubts, others: Vec::new() }))
+    };
+    let placed: Vec<Option<(Vec<f64>, InFrame<'f>)>> = beside.iter().zip(layers).map(placed).collect();
+    let limit = run.settings.margin() as f64;
+    let mut requests = Vec::new();
+    for (beside, placed) in beside.iter().zip(&placed) {
+        let (Some(Beside { part, slopes, lone, .. }), Some((times, frame))) = (beside, placed) else { continue };
+        let (slopes, wanted) = (slopes.each_ref(), Some(frame.doubts.as_slice()));
+        requests.push(LayerRequest { moving: part, interval: 0, slopes, lone, times, limit, h: run.h, wanted });
+    }
+    let mut others = match requests.is_empty() {
+        true => Vec::new(),
+        false => run.backend.moving_layers(&requests)?,
+    }
+    .into_iter();
+    let mut whole =
+        |(_, frame): (Vec<f64>, InFrame<'f>)| InFrame { others: others.next().unwrap_or_default(), ..frame };
+    Ok(placed.into_iter().map(|placed| placed.map(&mut whole)).collect())
 }
 
 /// Share by which the field's slopes of relief replace the morph's: whoever asks for other slopes than the default ones gets them.
@@ -182,17 +232,11 @@ fn warp<'a, 'p>(
 
 /// Body between the contours of an interval at either of them, in the mid frame: its ends, but for what is gone in the layer beside. A
 /// crumb that the frame does not show is a valley in them, and the distances of layers are those to their own surface.
-fn begun<'a>(
-    run: &Context<'a>,
-    interval: &Interval,
-    caps: &IntervalCaps,
-    filled: &[Filled],
-    heights: &[(Height, f64)],
-) -> [Vec<f32>; 2] {
+fn begun<'a>(run: &Context<'a>, &Piece { interval, caps, ref filled, ref layers, .. }: &Piece<'_>) -> [Vec<f32>; 2] {
     [Direction::Up, Direction::Down].map(|from| {
         let [mut begun, mut next] = [0, 1].map(|_| Canvas::empty(run.padded(), [0; 2], run.settings.margin() as f64));
         let away = |t: f64| if from == Direction::Up { t } else { 1.0 - t };
-        let beside = heights.iter().position(|(_, t)| (away(*t) - BESIDE).abs() <= ROUNDING);
+        let beside = layers.iter().position(|(_, t)| (away(*t) - BESIDE).abs() <= ROUNDING);
         for ((group, holes), filled) in interval.groups.iter().zip(&caps.holes).zip(filled) {
             let end = if from == Direction::Up { &group.low } else { &group.high };
             let holes: Vec<&Cap> = holes.iter().filter(|(_, way)| *way == from).map(|(cap, _)| cap).collect();
@@ -292,22 +336,19 @@ fn sweep_chunk<'a>(
     Ok(filled)
 }
 
-/// Layers of an interval at some of its heights, the first of which is number `skip`.
+/// These layers of an interval.
 fn compose<'a>(
     run: &Context<'a>,
-    interval: &Interval,
-    caps: &IntervalCaps,
+    &Piece { interval, caps, ref filled, ref layers, .. }: &Piece<'_>,
     frame: Option<&InFrame<'_>>,
-    heights: &[(Height, f64)],
-    skip: usize,
-    filled: &[Filled],
+    some: Range<usize>,
 ) -> Vec<Layer> {
     let limit = run.settings.margin() as f64;
     let padded = run.padded();
     let layer = |(k, (height, t)): (usize, &(Height, f64))| {
         let mut canvas = if frame.is_some() { Canvas::empty(padded, [0; 2], limit) } else { run.canvas() };
         for (f, group) in filled.iter().zip(&interval.groups) {
-            canvas.unite_packed(&group.tile, &f.slices[skip + k]);
+            canvas.unite_packed(&group.tile, &f.slices[some.start + k]);
         }
         for (cap, direction) in &caps.solids {
             unite_cap(&mut canvas, cap, if *direction == Direction::Up { *t } else { 1.0 - t });
@@ -319,7 +360,7 @@ fn compose<'a>(
         canvas.unite_packed(&Tile { origin: [0, 0], dims: padded }, &whole);
         run.layer(height, canvas)
     };
-    heights.par_iter().enumerate().map(layer).collect()
+    layers[some.clone()].par_iter().enumerate().map(layer).collect()
 }
 
 /// Intervals that are swept together: enough for all threads and for a GPU, but no more slices than [`CHUNK_BYTES`] or the budget hold.

@@ -23,7 +23,7 @@ pub struct SideTracks {
 impl SideTracks {
     /// All seeds of a contour without any partner. A part of depth D that closes at the share e of the gap has S = -D / e.
     fn without_partner<'p>(contour: &Contour, parts: impl Iterator<Item = &'p LonePart>) -> Self {
-        let still = |s: &Seed| Track { distance: 0.0, arc: 0.0, landing: s.x, arrived: false };
+        let still = |s: &Seed| Track { distance: 0.0, arc: 0.0, landing: s.x, kept: 0.0 };
         let mut tracks: Vec<Track> = contour.seeds.iter().map(still).collect();
         for part in parts {
             part.seeds.iter().for_each(|&k| tracks[k as usize].distance = -part.depth / part.closes);

@@ -21,6 +21,7 @@ pub fn layer(request: &LayerRequest<'_>, k: usize) -> Vec<f32> {
     let paths = moving.paths(i, t);
     let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
     let [nx, ny] = low.dims;
+    let slopes = slopes.map(|field| &**field);
     let curves =
         Curves { fields: [low, high], slopes, empty: lone.empty, gap: moving.gap(i), relief: moving.relief, t, limit };
     let ends = |x: DVec2| (x - paths.come.at(x), x + paths.go.at(x));

@@ -223,7 +223,7 @@ fn remeasure(
     let seeds = seeds(phi, h, options.seed_spacing);
     let positions: Vec<_> = seeds.iter().map(|s| s.x).collect();
     let traced = trace(&TraceJob { source: Cow::Borrowed(phi), goal: Cow::Borrowed(goal), seeds }, h, options);
-    let values: Vec<_> = traced.tracks.iter().map(|k| [k.distance, f64::from(k.arrived)]).collect();
+    let values: Vec<_> = traced.tracks.iter().map(|k| [k.distance, k.kept]).collect();
     let mut field = scatter(phi, band, h, &positions, &values);
     upwind.extend(&mut field, band, FIRST_PASSES, &mut Vec::new());
     Remeasured { field }

@@ -62,14 +62,14 @@ pub fn trace(job: &TraceJob<'_>, h: [f64; 2], options: &MorphOptions) -> Traced 
         now += dt;
         correct(&mut particles, &phi, &job.goal, h, dt, now);
     }
-    land(&mut particles, &phi, &job.goal, h, now);
+    land(&mut particles, &phi, &job.goal, h);
     out.tracks = particles
         .iter()
         .map(|p| Track {
-            distance: full_distance(p.covered, p.died),
+            distance: full_distance(p.covered, p.kept, [p.own, p.share]),
             arc: p.arc,
             landing: p.x,
-            arrived: p.died.is_none(),
+            kept: p.kept,
         })
         .collect();
     out

@@ -38,19 +38,19 @@ pub struct Trust {
 
 impl Trust {
     /// The trust of interval `i` of a stack that is relief to this degree, from positions (px of the padded image) in its mid frame and whether
-    /// each particle has arrived.
+    /// what share of each particle has arrived.
     pub fn new(
         moving: &MotionField,
         i: usize,
         h: [f64; 2],
         relief: f64,
-        particles: impl Iterator<Item = (DVec2, bool)>,
+        particles: impl Iterator<Item = (DVec2, f64)>,
     ) -> Self {
         let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
         let mut map = Displacement::zero(low.dims);
-        for (x, arrived) in particles {
+        for (x, kept) in particles {
             for (node, share) in map.around(x) {
-                map.vectors[node] += share * DVec2::new(f64::from(u8::from(arrived)), 1.0);
+                map.vectors[node] += share * DVec2::new(kept, 1.0);
             }
         }
         smooth::<2>(bytemuck::cast_slice_mut(&mut map.vectors), map.grid, h.map(|side| REACH / (BLOCK as f64 * side)));

@@ -1,6 +1,7 @@
 //! The certificate of a reconstruction: what was done and how well each contour is met. Written as JSON.
 
 pub mod body;
+pub mod clock;
 pub mod contour;
 pub mod ends;
 pub mod interval;
@@ -13,7 +14,7 @@ pub use self::body::{AreaProfile, BodyReport, PartPair, Step};
 pub use self::contour::{ContourReport, Residual, StepBeside};
 pub use self::ends::{BodyEnd, CapReport, CapRule, EndReport};
 pub use self::interval::{Event, IntervalReport, LinkReport, LinkedBy, Particles};
-pub use self::profile::{Busy, KernelCost, Profile, StageReport};
+pub use self::profile::{Busy, DeviceUse, KernelCost, Profile, StageCost, StageReport};
 use crate::settings::Settings;
 
 /// Report of a reconstruction: what was done and how well.
@@ -28,7 +29,7 @@ pub struct Report {
     /// Reason for this backend; filled by whoever chose it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub backend_reason: Option<String>,
-    /// Cost of its kernels; filled by whoever asked.
+    /// Cost of a run on a GPU; its kernels are filled in by whoever chose it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub profile: Option<Profile>,
     /// Pixels per slice.
@@ -88,6 +89,9 @@ impl Report {
                 Some(own) => own.seconds += stage.seconds,
                 None => self.stages.push(stage),
             }
+        }
+        if let Some(above) = above.profile {
+            StageCost::join(&mut self.profile.get_or_insert_default().stages, &above.stages);
         }
         let new = above.warnings.into_iter().filter(|w| !self.warnings.contains(w)).collect::<Vec<_>>();
         self.warnings.extend(new);

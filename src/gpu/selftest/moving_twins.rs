@@ -228,7 +228,8 @@ fn slopes(gpu: &Gpu, moving: &MotionField) -> Result<Comparison> {
 }
 
 fn layers(gpu: &Gpu, stack: &Stack, moving: &MotionField) -> Result<Comparison> {
-    let slopes: Vec<Field> = Reference.moving_slopes(&all_slopes(moving), &Silent)?.iter().map(single).collect();
+    let slopes = Reference.moving_slopes(&all_slopes(moving), &Silent)?;
+    let slopes: Vec<Arc<Field>> = slopes.iter().map(|field| Arc::new(single(field))).collect();
     let beside = |i: usize| [&slopes[i], &slopes[i + 1]];
     let mut out = Comparison::new("layers", LAYERS);
     // Far from contours the edges of lone parts' tiles would show.
@@ -239,8 +240,8 @@ fn layers(gpu: &Gpu, stack: &Stack, moving: &MotionField) -> Result<Comparison> 
         let slopes = beside(i);
         let request =
             LayerRequest { moving, interval: i, slopes, lone, times: &TIMES, limit, h: stack.h, wanted: None };
-        let ours = gpu.moving_layers(&request)?;
-        let twins = Reference.moving_layers(&request)?;
+        let ours = gpu.moving_layers(&[request])?.concat();
+        let twins = Reference.moving_layers(&[request])?.concat();
         for (k, ours, twin) in out.pairs(&"layers", &ours, &twins) {
             for (n, a, b) in out.pairs(&format_args!("nodes of layer {k}"), ours, twin) {
                 out.value(|| format!("interval {i}, layer {k}, node {n}"), f64::from(*a), f64::from(*b));

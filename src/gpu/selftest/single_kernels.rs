@@ -81,7 +81,7 @@ impl Gpu {
     fn record(&self, actions: impl FnOnce(&mut Recorder<'_>)) -> Result<()> {
         let mut recorder = Recorder::new(&self.device, &self.profiler);
         actions(&mut recorder);
-        recorder.submit()
+        recorder.submit().map(|_| ())
     }
 
     fn unpack(&self, atlas: &Atlas, buffer: &Buffer<[f32]>) -> Result<Vec<Field>> {
@@ -106,8 +106,9 @@ impl Gpu {
         };
         let params = Params { hx: h[0] as f32, hy: h[1] as f32, limit, ..Params::default() };
         let tiles = DistanceBuffers::new(self, atlas, params, values)?;
-        tiles.solve(matches!(reach, DistanceReach::Beyond(_)))?;
-        self.unpack(&tiles.atlas, &tiles.d)
+        let recorder = Recorder::new(&self.device, &self.profiler);
+        let recorder = tiles.solve(recorder, matches!(reach, DistanceReach::Beyond(_)))?;
+        Ok(tiles.atlas.unpack(&tiles.read(recorder)?))
     }
 
     /// Exact distances to the other side of the masks `u < 0`.
@@ -118,7 +119,9 @@ impl Gpu {
         let atlas = Atlas::new(u.iter().map(|f| f.dims));
         let sides = self.device.upload("sides", &atlas.pack(u.iter(), 1.0))?;
         let params = Params { hx: h[0] as f32, hy: h[1] as f32, ..Params::default() };
-        let exact = exact::exact_distance(self, &atlas, params, &sides)?;
+        let mut recorder = Recorder::new(&self.device, &self.profiler);
+        let exact = exact::exact_distance(self, &mut recorder, &atlas, params, &sides)?;
+        recorder.submit()?;
         self.unpack(&atlas, &exact)
     }
 
@@ -219,7 +222,9 @@ impl Gpu {
     /// # Errors
     /// [`crate::Error::Gpu`].
     pub fn paths(&self, moving: &MotionField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Vec<Paths>> {
-        let paths = trajectories::paths(self, moving, i, times, h)?;
+        let mut recorder = Recorder::new(&self.device, &self.profiler);
+        let paths = trajectories::paths(self, &mut recorder, moving, i, times, h)?;
+        recorder.submit()?;
         let like = &moving.displacements[i];
         let vectors = self.device.read(&paths, 0, 2 * like.vectors.len() * times.len())?;
         let mut both = moving::displacements(like, &vectors);
@@ -243,11 +248,8 @@ impl Gpu {
         let particles = Particles::new(&front, placed, &goal)?;
         self.record(|recorder| recorder.run(&particles.predict, particles.each()))?;
         front.replace_phi(&front.atlas.pack(after.iter(), 1.0));
-        self.record(|recorder| {
-            recorder.run(&particles.correct, particles.each());
-            recorder.run(&particles.land, particles.each());
-        })?;
-        let mut tracks = particles.tracks(&front)?.into_iter();
+        self.record(|recorder| recorder.run(&particles.correct, particles.each()))?;
+        let mut tracks = particles.land(&front)?.into_iter();
         Ok(starts.iter().map(|xs| tracks.by_ref().take(xs.len()).collect()).collect())
     }
 }

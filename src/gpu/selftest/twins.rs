@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use glam::DVec2;
 
-use crate::backend::jobs::{PartJob, SweepJob, SweepPair, TraceJob};
+use crate::backend::jobs::{PartJob, SweepJob, SweepPair, TraceJob, full_distance};
 use crate::backend::requests::{ContourRequest, PartRequest, SweepRequest, TraceRequest};
 use crate::backend::{Backend, ContourOptions, PaddedSlice};
 use crate::contour::caps::{Cap, CapProfile};
@@ -209,12 +209,12 @@ fn particles(gpu: &Gpu, cases: &Cases) -> Result<Comparison> {
         let mut twin: Vec<Particle> = seeds(before, cases.h, 0.5).iter().map(Particle::at).collect();
         predict(&mut twin, before, after, cases.h, STEPS[q]);
         correct(&mut twin, after, after, cases.h, STEPS[q], STEPS[q]);
-        land(&mut twin, after, after, cases.h, STEPS[q]);
+        land(&mut twin, after, after, cases.h);
         for (k, a, b) in out.pairs(&format_args!("particles of job {q}"), ours, &twin) {
             let mut value = |what: &str, x, y| out.value(|| format!("job {q}, particle {k}, {what}"), x, y);
-            value("whether it arrives", f64::from(u8::from(a.arrived)), f64::from(u8::from(b.died.is_none())));
-            if b.died.is_none() {
-                value("S", a.distance, b.covered);
+            value("share to which it arrives", a.kept, b.kept);
+            value("S", a.distance, full_distance(b.covered, b.kept, [b.own, b.share]));
+            if b.kept > 0.0 {
                 value("length of the path", a.arc, b.arc);
                 (0..2).for_each(|axis| value("landing", a.landing[axis], b.x[axis]));
             }
@@ -286,7 +286,7 @@ fn morphs(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
         out.value(|| format!("job {q}, residual"), a.residual.max, b.residual.max);
         for (n, k, l) in out.pairs(&format_args!("tracks of job {q}"), &a.tracks, &b.tracks) {
             let mut value = |what: &str, x, y| out.value(|| format!("job {q}, track {n}, {what}"), x, y);
-            value("whether it arrives", f64::from(u8::from(k.arrived)), f64::from(u8::from(l.arrived)));
+            value("share to which it arrives", k.kept, l.kept);
             value("S", k.distance, l.distance);
             (0..2).for_each(|axis| value("landing", k.landing[axis], l.landing[axis]));
         }

@@ -67,6 +67,20 @@ pub struct VoxelRun<'a, T = i64> {
 }
 
 impl Volume {
+    /// A volume of labels as they are stored, x fastest, then y, then z. `element` is the type of a voxel, and whether its bytes run from the
+    /// largest.
+    pub(crate) fn new(
+        path: &Path,
+        format: &'static str,
+        grid: VolumeGrid,
+        (element, big_endian): (Element, bool),
+        data: Data,
+    ) -> Self {
+        let (notes, segments) = (Vec::new(), BTreeMap::new());
+        let stored = [0, 1, 2];
+        Volume { path: path.into(), format, grid, element, big_endian, stored, scale: None, notes, segments, data }
+    }
+
     /// Checks the grid, and the size of the data by that of the file.
     ///
     /// # Errors

@@ -1,0 +1,126 @@
+//! Ring of buffers through which the host sends values: written by the host, copied by the device, and written again when that is done.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::device::Device;
+use super::pool::Raw;
+
+/// Bytes of the smallest chunk, and of the largest that is sent at once.
+const LEAST: u64 = 64 << 10;
+const LARGEST: u64 = 16 << 20;
+/// Share of the budget that chunks may take, and bytes.
+const SHARE: f64 = 0.125;
+const MOST: u64 = 128 << 20;
+/// Places of values in a chunk are multiples of this.
+const ALIGNMENT: u64 = 16;
+
+/// Buffer that the host writes.
+#[derive(Debug)]
+struct Chunk {
+    buffer: wgpu::Buffer,
+    filled: u64,
+}
+
+/// What is to be done before the next work, and the chunks it is sent through.
+#[derive(Debug, Default)]
+pub struct Uploads {
+    encoder: Option<wgpu::CommandEncoder>,
+    /// Buffers that it writes.
+    targets: Vec<Raw>,
+    /// Chunks with values that are not sent off.
+    filling: Vec<Chunk>,
+    /// Chunks that are too many, used once.
+    extra: Vec<wgpu::Buffer>,
+    /// Chunks that can be written, put here by the device when it has read them.
+    ready: Arc<Mutex<Vec<wgpu::Buffer>>>,
+    /// Bytes of all chunks.
+    bytes: u64,
+}
+
+impl Uploads {
+    fn encoder(&mut self, device: &Device) -> &mut wgpu::CommandEncoder {
+        let descriptor = wgpu::CommandEncoderDescriptor { label: Some("uploads") };
+        self.encoder.get_or_insert_with(|| device.device.create_command_encoder(&descriptor))
+    }
+
+    /// Sends values with the next work. A device that has failed is sent nothing: whoever waits for it is told.
+    pub fn send(&mut self, device: &Device, target: &Raw, first: u64, bytes: &[u8]) {
+        for (k, piece) in bytes.chunks(LARGEST as usize).enumerate() {
+            let Some((buffer, at)) = self.write(device, piece) else { return };
+            let place = first + k as u64 * LARGEST;
+            self.encoder(device).copy_buffer_to_buffer(&buffer, at, target, place, piece.len() as u64);
+        }
+        self.targets.push(target.clone());
+    }
+
+    /// Zeros a buffer before the next work.
+    pub fn clear(&mut self, device: &Device, target: &Raw) {
+        self.encoder(device).clear_buffer(target, 0, Some(target.bytes()));
+        self.targets.push(target.clone());
+    }
+
+    /// The chunk and the place in it to which these bytes are written.
+    fn write(&mut self, device: &Device, bytes: &[u8]) -> Option<(wgpu::Buffer, u64)> {
+        let wanted = (bytes.len() as u64).next_multiple_of(ALIGNMENT);
+        let known = self.filling.iter().position(|chunk| chunk.filled + wanted <= chunk.buffer.size());
+        let chunk = match known {
+            Some(known) => &mut self.filling[known],
+            None => {
+                let buffer = self.chunk(device, wanted)?;
+                self.filling.push(Chunk { buffer, filled: 0 });
+                self.filling.last_mut()?
+            }
+        };
+        let at = chunk.filled;
+        match chunk.buffer.get_mapped_range_mut(at..at + bytes.len() as u64) {
+            Ok(mut view) => view.copy_from_slice(bytes),
+            Err(e) => {
+                device.fail(format!("values could not be sent: {e}"));
+                return None;
+            }
+        }
+        chunk.filled += wanted;
+        Some((chunk.buffer.clone(), at))
+    }
+
+    /// A chunk that can be written.
+    fn chunk(&mut self, device: &Device, bytes: u64) -> Option<wgpu::Buffer> {
+        {
+            let mut ready = self.ready.lock().unwrap_or_else(PoisonError::into_inner);
+            let fits = |buffer: &&wgpu::Buffer| buffer.size() >= bytes;
+            let smallest = ready.iter().filter(fits).map(wgpu::Buffer::size).min();
+            if let Some(at) = smallest.and_then(|size| ready.iter().position(|buffer| buffer.size() == size)) {
+                return Some(ready.swap_remove(at));
+            }
+        }
+        let size = bytes.next_power_of_two().max(LEAST);
+        let most = ((device.budget() as f64 * SHARE) as u64).min(MOST);
+        let extra = self.bytes + size > most;
+        let buffer = device.mapped("chunk", if extra { bytes } else { size })?;
+        if extra {
+            self.extra.push(buffer.clone());
+        } else {
+            self.bytes += size;
+        }
+        Some(buffer)
+    }
+
+    /// The work that goes before the next, and what holds its buffers.
+    pub fn take(&mut self) -> (Option<wgpu::CommandBuffer>, Vec<Raw>) {
+        self.filling.iter().for_each(|chunk| chunk.buffer.unmap());
+        (self.encoder.take().map(wgpu::CommandEncoder::finish), std::mem::take(&mut self.targets))
+    }
+
+    /// Brings the chunks back when the device has read them.
+    pub fn recall(&mut self) {
+        let extra = std::mem::take(&mut self.extra);
+        for Chunk { buffer, .. } in self.filling.drain(..).filter(|chunk| !extra.contains(&chunk.buffer)) {
+            let (ready, again) = (self.ready.clone(), buffer.clone());
+            buffer.map_async(wgpu::MapMode::Write, .., move |mapped| {
+                if mapped.is_ok() {
+                    ready.lock().unwrap_or_else(PoisonError::into_inner).push(again);
+                }
+            });
+        }
+    }
+}

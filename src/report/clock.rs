@@ -1,0 +1,130 @@
+//! CPU clocks of the threads that compute a run: the one that runs the pipeline, and those of the pool that it computes with.
+
+use std::sync::OnceLock;
+
+/// CPU seconds: of all threads that compute, and of the calling thread alone.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct CpuSeconds {
+    /// The calling thread's and those of the pool.
+    pub all: f64,
+    /// The calling thread's.
+    pub own: f64,
+}
+
+/// CPU seconds of the calling thread so far; `None` where the system has no clock of threads that is known here (it has on Linux).
+pub fn of_this_thread() -> Option<f64> {
+    system::own().and_then(system::seconds)
+}
+
+/// Clocks of the pool's threads. A driver's own threads, and those of writers, are none of them.
+#[derive(Debug, Clone)]
+pub struct Clocks {
+    pool: Vec<system::Clock>,
+    /// The calling thread is one of the pool.
+    within: bool,
+}
+
+impl Clocks {
+    /// Clocks of the calling thread's pool.
+    pub fn new() -> Self {
+        // The global pool's threads live as long as the program.
+        static GLOBAL: OnceLock<Vec<system::Clock>> = OnceLock::new();
+        let ask = || rayon::broadcast(|_| system::own()).into_iter().flatten().collect();
+        match rayon::current_thread_index() {
+            Some(_) => Clocks { pool: ask(), within: true },
+            None => Clocks { pool: GLOBAL.get_or_init(ask).clone(), within: false },
+        }
+    }
+
+    /// CPU seconds so far, by the thread that made the clocks.
+    pub fn read(&self) -> Option<CpuSeconds> {
+        let own = of_this_thread()?;
+        let pool: f64 = self.pool.iter().copied().filter_map(system::seconds).sum();
+        Some(CpuSeconds { all: if self.within { pool } else { pool + own }, own })
+    }
+}
+
+impl Default for Clocks {
+    fn default() -> Self {
+        Clocks::new()
+    }
+}
+
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+mod system {
+    /// CPU clock of a thread.
+    pub type Clock = libc::clockid_t;
+
+    /// The calling thread's.
+    pub fn own() -> Option<Clock> {
+        let mut clock = 0;
+        // SAFETY: `pthread_self` is the calling thread, which lives, and `clock` can be written to.
+        let code = unsafe { libc::pthread_getcpuclockid(libc::pthread_self(), &raw mut clock) };
+        (code == 0).then_some(clock)
+    }
+
+    /// What it says; nothing where its thread has ended.
+    pub fn seconds(clock: Clock) -> Option<f64> {
+        let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+        // SAFETY: `time` can be written to; of a clock that is no more the call says so.
+        let code = unsafe { libc::clock_gettime(clock, &raw mut time) };
+        (code == 0).then_some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
+    }
+}
+
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+mod system {
+    /// There is none.
+    #[derive(Debug, Clone, Copy)]
+    pub enum Clock {}
+
+    /// Nothing.
+    pub fn own() -> Option<Clock> {
+        None
+    }
+
+    /// Nothing.
+    pub fn seconds(clock: Clock) -> Option<f64> {
+        match clock {}
+    }
+}
+
+#[cfg(all(test, target_os = "linux", target_env = "gnu"))]
+mod tests {
+    use std::hint::black_box;
+    use std::time::{Duration, Instant};
+
+    use super::*;
+
+    /// Computes for a while.
+    fn busy() {
+        let begin = Instant::now();
+        let before = of_this_thread().expect("Linux has one");
+        let mut sum = 0u64;
+        while of_this_thread().expect("still") - before < 0.02 && begin.elapsed() < Duration::from_secs(20) {
+            sum = (0..1000).fold(sum, |sum, k| black_box(sum + k));
+        }
+    }
+
+    #[test]
+    fn the_pools_work_counts_and_what_the_caller_does_counts_as_its_own() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("a pool");
+        pool.install(|| {
+            let clocks = Clocks::new();
+            let before = clocks.read().expect("Linux has them");
+            rayon::broadcast(|_| busy());
+            let after = clocks.read().expect("still");
+            // Each of the two threads has computed for 20 ms, the caller being one of them.
+            assert!(after.all - before.all >= 0.04 && after.own - before.own >= 0.02, "{before:?} {after:?}");
+        });
+        let clocks = Clocks::new();
+        let before = clocks.read().expect("Linux has them");
+        rayon::broadcast(|_| busy());
+        let between = clocks.read().expect("still");
+        busy();
+        let after = clocks.read().expect("still");
+        assert!(between.all - before.all >= 0.02, "{before:?} {between:?}");
+        assert!(between.own - before.own < 0.02, "a caller that waits does not compute: {before:?} {between:?}");
+        assert!(after.own - between.own >= 0.02, "{between:?} {after:?}");
+    }
+}

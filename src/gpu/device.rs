@@ -247,10 +247,10 @@ impl Device {
         if size > limit {
             return Err(failure(format!("buffer `{label}` needs {size} bytes, {} allows {limit}", self.summary.name)));
         }
-        if let Some(held) = self.pool.take(size, usage) {
+        let capacity = capacity(size).min(limit - limit % 4);
+        if let Some(held) = self.pool.take(capacity, usage) {
             return Ok(Buffer { raw: Raw::new(held, size), holds: PhantomData });
         }
-        let capacity = capacity(size).min(limit - limit % 4);
         if !self.pool.reserve(capacity) {
             return Err(Error::GpuMemory(format!(
                 "out of memory: buffer `{label}` of {size} bytes exceeds the budget of {} bytes (--gpu-memory, --memory)",
@@ -337,7 +337,7 @@ impl Device {
     pub fn uniform<T: Pod>(&self, label: &str, value: T) -> Buffer<T> {
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let size = size_of::<T>() as u64;
-        let held = self.pool.take(size, usage).unwrap_or_else(|| {
+        let held = self.pool.take(capacity(size), usage).unwrap_or_else(|| {
             self.pool.count(capacity(size));
             self.pool.held(self.create(label, capacity(size), usage, false))
         });

@@ -11,8 +11,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 const STEP: u64 = 4096;
 /// Smallest buffer, bytes.
 const LEAST: u64 = 256;
-/// A buffer is taken for one that is smaller by at most this share of it.
-const SPARE: f64 = 0.125;
 /// Share of the budget that buffers without user may take.
 const KEPT: f64 = 0.25;
 
@@ -76,11 +74,10 @@ impl Pool {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A waiting buffer for this use, of at least so many bytes and not many more.
-    pub fn take(self: &Arc<Self>, bytes: u64, usage: wgpu::BufferUsages) -> Option<Held> {
-        let most = capacity(bytes) + (bytes as f64 * SPARE) as u64;
+    /// A waiting buffer for this use. It has the very size that a new one would have: a second run like the first finds what it needs.
+    pub fn take(self: &Arc<Self>, capacity: u64, usage: wgpu::BufferUsages) -> Option<Held> {
         let mut state = self.state();
-        let key = *state.free.range((usage.bits(), bytes)..=(usage.bits(), most)).next()?.0;
+        let key = (usage.bits(), capacity);
         let waiting = state.free.get_mut(&key)?;
         let buffer = waiting.pop()?;
         if waiting.is_empty() {

@@ -85,15 +85,13 @@ impl Uploads {
 
     /// A chunk that can be written.
     fn chunk(&mut self, device: &Device, bytes: u64) -> Option<wgpu::Buffer> {
+        let size = bytes.next_power_of_two().max(LEAST);
         {
             let mut ready = self.ready.lock().unwrap_or_else(PoisonError::into_inner);
-            let fits = |buffer: &&wgpu::Buffer| buffer.size() >= bytes;
-            let smallest = ready.iter().filter(fits).map(wgpu::Buffer::size).min();
-            if let Some(at) = smallest.and_then(|size| ready.iter().position(|buffer| buffer.size() == size)) {
+            if let Some(at) = ready.iter().position(|buffer| buffer.size() == size) {
                 return Some(ready.swap_remove(at));
             }
         }
-        let size = bytes.next_power_of_two().max(LEAST);
         let most = ((device.budget() as f64 * SHARE) as u64).min(MOST);
         let extra = self.bytes + size > most;
         let buffer = device.mapped("chunk", if extra { bytes } else { size })?;

@@ -140,7 +140,7 @@ pub fn in_batches<R>(
     while let Some(batch) = open.pop() {
         match work(batch.clone()) {
             Err(Error::GpuMemory(_)) if batch.len() > 1 => {
-                gpu.device.release()?;
+                gpu.release()?;
                 let middle = batch.start + batch.len() / 2;
                 open.extend([middle..batch.end, batch.start..middle]);
             }

@@ -208,12 +208,16 @@ impl Device {
         self.made.work.unwrap_or(work::MOST)
     }
 
-    /// Lets all buffers go that wait for a user, when the work that was sent off is done.
+    /// Lets all buffers go that nobody uses, when the work that was sent off is done.
     ///
     /// # Errors
     /// The errors of [`Device::wait`].
     pub fn release(&self) -> Result<()> {
+        // Values that wait for the next work hold their buffers.
+        let nothing = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("release") });
+        self.submit(nothing.finish());
         self.wait()?;
+        self.uploads().release();
         self.pool.clear();
         Ok(())
     }

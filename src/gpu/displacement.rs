@@ -103,7 +103,7 @@ pub fn displacements(gpu: &Gpu, job: &DisplacementJob<'_>) -> Result<Vec<Displac
     loop {
         match displacements_at_once(gpu, job, most) {
             Err(Error::GpuMemory(_)) if most > 1 => {
-                gpu.device.release()?;
+                gpu.release()?;
                 most = most.div_ceil(2);
             }
             done => return done,

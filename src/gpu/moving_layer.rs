@@ -42,21 +42,20 @@ shader! {
 
 /// Layers of all intervals, as many in one go as fit; where there is no memory for so many, half as many.
 pub fn layers(gpu: &Gpu, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<Vec<f32>>>> {
-    let most: usize = requests.iter().map(|of| of.times.len()).sum();
-    let mut parts = 1;
+    let mut most: usize = requests.iter().map(|of| of.times.len()).sum();
     loop {
-        match layers_in_parts(gpu, requests, parts as f64) {
-            Err(Error::GpuMemory(_)) if parts < most => {
-                gpu.device.release()?;
-                parts *= 2;
+        match layers_at_once(gpu, requests, most) {
+            Err(Error::GpuMemory(_)) if most > 1 => {
+                gpu.release()?;
+                most = most.div_ceil(2);
             }
             done => return done,
         }
     }
 }
 
-/// Layers of all intervals, as many in one go as fit into one of so many parts of the device.
-fn layers_in_parts(gpu: &Gpu, requests: &[LayerRequest<'_>], device_parts: f64) -> Result<Vec<Vec<Vec<f32>>>> {
+/// Layers of all intervals, as many in one go as fit, and at most so many.
+fn layers_at_once(gpu: &Gpu, requests: &[LayerRequest<'_>], most: usize) -> Result<Vec<Vec<Vec<f32>>>> {
     let mut out: Vec<Vec<Vec<f32>>> = requests.iter().map(|of| Vec::with_capacity(of.times.len())).collect();
     let mut flight = Flight::new(gpu);
     for (q, of) in requests.iter().enumerate() {
@@ -71,7 +70,8 @@ fn layers_in_parts(gpu: &Gpu, requests: &[LayerRequest<'_>], device_parts: f64) 
         let at_once = (1.0 / gpu.share(0, 4 * nodes).max(work)) as usize;
         let mut first = 0;
         while first < of.times.len() {
-            let room = ((1.0 / device_parts - flight.filled - fixed) / each).max(0.0) as usize;
+            let room = ((1.0 - flight.filled - fixed) / each).max(0.0) as usize;
+            let room = room.min(most - flight.wanted.len().min(most));
             if room == 0 && flight.filled > 0.0 {
                 flight.land(&mut out)?;
                 continue;

@@ -1,5 +1,6 @@
 //! Images of the host's fields that stay on the device: sent once, copied by the device to where a stage wants them.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use super::Gpu;
@@ -16,6 +17,8 @@ const SHARE: f64 = 0.1;
 #[derive(Debug, Default)]
 pub struct Resident {
     images: Mutex<Vec<Image>>,
+    /// The device has once had no memory: nothing stays there any more.
+    short: AtomicBool,
 }
 
 #[derive(Debug)]
@@ -33,6 +36,17 @@ pub fn scaled(field: &Field, scale: f64) -> impl Iterator<Item = f32> + '_ {
 }
 
 impl Gpu {
+    /// Lets everything go on the device that no stage needs, images of fields and all that waits for a user: there was no memory. From now on no
+    /// image stays.
+    ///
+    /// # Errors
+    /// The errors of [`Device::wait`](super::device::Device::wait).
+    pub(super) fn release(&self) -> Result<()> {
+        self.resident.short.store(true, Ordering::Relaxed);
+        self.resident.images.lock().unwrap_or_else(PoisonError::into_inner).clear();
+        self.device.release()
+    }
+
     /// Records that the values of `field`, times `scale`, are copied to `target` from the value `first` on.
     pub(super) fn place(
         &self,
@@ -63,7 +77,7 @@ impl Gpu {
         let too_many = (images.len() + 1).saturating_sub(most).min(images.len());
         images.drain(..too_many);
         let values = Arc::new(self.device.upload("field", &values)?);
-        if most > 0 {
+        if most > 0 && !self.resident.short.load(Ordering::Relaxed) {
             images.push(Image { field: Arc::downgrade(field), scale: scale.to_bits(), values: values.clone() });
         }
         Ok(values)

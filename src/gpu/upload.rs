@@ -103,6 +103,12 @@ impl Uploads {
         Some(buffer)
     }
 
+    /// Lets the chunks go that are not in use.
+    pub fn release(&mut self) {
+        let ready = std::mem::take(&mut *self.ready.lock().unwrap_or_else(PoisonError::into_inner));
+        self.bytes -= ready.iter().map(wgpu::Buffer::size).sum::<u64>();
+    }
+
     /// The work that goes before the next, and what holds its buffers.
     pub fn take(&mut self) -> (Option<wgpu::CommandBuffer>, Vec<Raw>) {
         self.filling.iter().for_each(|chunk| chunk.buffer.unmap());

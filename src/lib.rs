@@ -48,7 +48,7 @@
 //! | read files | [`read`] with [`ReadOptions`]; a [`ContourStack`] can be made by hand, too |
 //! | say how | [`Settings`]; their names, ranges and defaults are those of the command line |
 //! | reconstruct | [`reconstruct`], [`reconstruct_with`] a [`Backend`], [`reconstruct_into`] a [`LayerSink`], layer by layer |
-//! | use a result | [`Reconstruction`]: its [`Layer`]s, [`mesh`](Reconstruction::mesh), [`Report`] |
+//! | use a result | [`Reconstruction`]: its [`Layer`]s, whose distances are a [`SparseImage`], [`mesh`](Reconstruction::mesh), [`Report`] |
 //! | write files | [`write()`]; formats by extension |
 //! | go from labels to labels | [`fill_labels`] |
 //! | see how well it does | [`evaluate`] by slices that are left out |
@@ -120,6 +120,7 @@ pub use files::labels::fill_labels;
 pub use files::write::write;
 #[cfg(feature = "gpu")]
 pub use gpu::{Gpu, GpuOptions};
+pub use grid::sparse_image::SparseImage;
 pub use input::labels::Wanted;
 pub use input::read;
 pub use labels::report::{Borders, LabelReport, LabelsReport, LeftOut};

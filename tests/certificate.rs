@@ -1,7 +1,7 @@
 //! The certificate fails where it should: every check sees the one defect that it is for, and nothing in a sound body.
 
 use interslice::Report;
-use interslice::grid::tiled::Packed;
+use interslice::grid::sparse_image::SparseImage;
 use interslice::pipeline::certificate::{CertificateSpec, Examined};
 use interslice::report::{ContourReport, PartPair};
 use interslice::settings::EndRule;
@@ -23,7 +23,7 @@ fn layer(z: f64, discs: &Discs) -> Layer {
     };
     let contour = HEIGHTS.iter().position(|h| *h == z);
     let phi = (0..N * N).map(value).map(|v| if v == 0.0 { f32::MIN_POSITIVE } else { v });
-    Layer { z, phi: Packed::of([N; 2], &phi.collect::<Vec<_>>()), output: z.fract() == 0.0, contour }
+    Layer { z, phi: SparseImage::of([N; 2], &phi.collect::<Vec<_>>()), output: z.fract() == 0.0, contour }
 }
 
 /// What the certificate says of a body of these discs; layers beside contours are no output.

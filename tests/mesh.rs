@@ -3,7 +3,7 @@
 mod support;
 
 use glam::DVec3;
-use interslice::grid::tiled::Packed;
+use interslice::grid::sparse_image::SparseImage;
 use interslice::surface::mesh::{Mesh, closed_surface};
 use proptest::prelude::*;
 use support::{body, edge_defects, merged};
@@ -55,7 +55,7 @@ proptest! {
         let heights: Vec<f64> = gaps.iter().scan(0.0, |z, g| { *z += g; Some(*z) }).collect();
         let mut field = body([5, 4], &heights, |_, _, _| 1.0);
         for (layer, v) in field.layers.iter_mut().zip(values.chunks(20)) {
-            layer.phi = Packed::of([5, 4], v);
+            layer.phi = SparseImage::of([5, 4], v);
         }
         assert_closed(&closed_surface(&field), "random");
     }

@@ -3,7 +3,7 @@
 
 mod shapes;
 
-use interslice::grid::tiled::Packed;
+use interslice::grid::sparse_image::SparseImage;
 use interslice::progress::Silent;
 use interslice::settings::{Method, Motion};
 use interslice::stack::SliceContent;
@@ -227,7 +227,7 @@ fn p6_turned_mirrored_or_transposed_it_is_the_same_body() {
                 .iter()
                 .map(|l| {
                     let phi = (0..N * N).map(|n| turn([n % N, n / N])).map(|[i, j]| l.phi.at(i, j));
-                    Layer { phi: Packed::of([N; 2], &phi.collect::<Vec<_>>()), ..l.clone() }
+                    Layer { phi: SparseImage::of([N; 2], &phi.collect::<Vec<_>>()), ..l.clone() }
                 })
                 .collect();
             let (worst, sides) = differences(&other, &back);

@@ -3,10 +3,10 @@
 use crate::backend::jobs::{SweepPair, disagreement};
 use crate::contour::direction::Direction;
 use crate::grid::field::Field;
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 
 /// Two sweeps of a group at the same time, `weights[0] up + weights[1] down`, neither deeper than the other by more than [`disagreement`].
-pub fn blend(up: &Packed<f32>, down: &Packed<f32>, weights: [f64; 2]) -> Field {
+pub fn blend(up: &SparseImage<f32>, down: &SparseImage<f32>, weights: [f64; 2]) -> Field {
     let allowed = weights.map(disagreement);
     let mixed = |(&a, &b): (&f32, &f32)| {
         let (a, b) = (f64::from(a), f64::from(b));

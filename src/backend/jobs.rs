@@ -9,8 +9,8 @@ use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
 use crate::contour::seeds::Seed;
 use crate::grid::field::Field;
+use crate::grid::sparse_image::SparseImage;
 use crate::grid::spline::{HermiteArc, smoothstep};
-use crate::grid::tiled::Packed;
 use crate::report::Residual;
 use crate::settings::Sweep;
 use crate::storage::spill::SpillArray;
@@ -188,7 +188,7 @@ impl SweepPair<'_> {
 #[derive(Debug, Clone, Default)]
 pub struct Filled {
     /// The slices on the pair's tile: signed distance near the contour, clamped far away.
-    pub slices: Vec<Packed<f32>>,
+    pub slices: Vec<SparseImage<f32>>,
     /// Course of the upward sweep.
     pub up: Swept,
     /// Course of the downward sweep.

@@ -7,8 +7,8 @@
 
 use crate::contour::Contour;
 use crate::grid::components::label4;
+use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
-use crate::grid::tiled::Packed;
 use crate::grid::union::unite_packed;
 use crate::surface::Layer;
 
@@ -35,7 +35,7 @@ pub struct Cores {
     /// Tile on which they are, on the image that layers show.
     tile: Tile,
     /// Distances, px.
-    phi: Packed<f32>,
+    phi: SparseImage<f32>,
 }
 
 impl Cores {
@@ -80,7 +80,7 @@ impl Cores {
         let own = |label: &u32| if *label > 0 { depths[*label as usize] } else { f32::INFINITY };
         let depth = nearest(overlaps.labels.iter().map(own).collect(), tile.dims, |n, depth| raised(n, depth) < limit);
         let phi: Vec<f32> = depth.iter().enumerate().map(|(n, depth)| raised(n, *depth).min(limit)).collect();
-        Some(Cores { tile, phi: Packed::of(tile.dims, &phi) })
+        Some(Cores { tile, phi: SparseImage::of(tile.dims, &phi) })
     }
 
     /// Keeps the cores inside a layer between the two contours; `px` is the length of a pixel's larger side.

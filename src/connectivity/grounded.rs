@@ -7,7 +7,7 @@
 //! a few pixels over or under something that stays, changes sides, too.
 
 use crate::connectivity::runs::{DisjointSets, Runs, Side};
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 
 /// Most pixels of a crumb: twice the largest that was seen, 6 px of a skull.
 const CRUMB: usize = 12;
@@ -65,7 +65,7 @@ pub fn held(runs: &Runs, around: [(&Runs, &[bool]); 2], nx: usize, side: Side) -
 }
 
 /// Puts the parts of a layer that do not stay on the other side; how many pixels that are.
-pub fn turn(phi: &mut Packed<f32>, runs: &Runs, stays: &[bool]) -> usize {
+pub fn turn(phi: &mut SparseImage<f32>, runs: &Runs, stays: &[bool]) -> usize {
     if stays.iter().all(|s| *s) {
         return 0;
     }
@@ -83,9 +83,9 @@ mod tests {
 
     const N: usize = 9;
 
-    fn layer(inside: &[[usize; 2]]) -> Packed<f32> {
+    fn layer(inside: &[[usize; 2]]) -> SparseImage<f32> {
         let phi = (0..N * N).map(|n| if inside.contains(&[n % N, n / N]) { -0.5 } else { 0.5 });
-        Packed::of([N; 2], &phi.collect::<Vec<_>>())
+        SparseImage::of([N; 2], &phi.collect::<Vec<_>>())
     }
 
     #[test]

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use crate::grid::tiled::{Packed, SQUARE};
+use crate::grid::sparse_image::{SQUARE, SparseImage};
 
 /// The two sides of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,7 +32,7 @@ pub struct Runs {
 
 impl Runs {
     /// The runs inside and the runs outside in a layer.
-    pub fn both(phi: &Packed<f32>) -> [Self; 2] {
+    pub fn both(phi: &SparseImage<f32>) -> [Self; 2] {
         let mut out =
             [Side::Inside, Side::Outside].map(|side| Runs { rows: vec![0], side: Some(side), ..Runs::default() });
         let [nx, ny] = phi.dims();
@@ -64,7 +64,7 @@ impl Runs {
     }
 
     /// The runs of one side.
-    pub fn new(phi: &Packed<f32>, side: Side) -> Self {
+    pub fn new(phi: &SparseImage<f32>, side: Side) -> Self {
         let [inside, outside] = Runs::both(phi);
         if side == Side::Inside { inside } else { outside }
     }
@@ -194,7 +194,7 @@ mod tests {
             let inside: Vec<bool> = phi.iter().map(|v| *v < 0.0).collect();
             let outside: Vec<bool> = inside.iter().map(|m| !m).collect();
             for (side, known) in [(Side::Inside, label4(&inside, dims)), (Side::Outside, label8(&outside, dims))] {
-                let runs = Runs::new(&Packed::of(dims, &phi), side);
+                let runs = Runs::new(&SparseImage::of(dims, &phi), side);
                 let mut labels = vec![0; phi.len()];
                 for (j, columns, part) in runs.all() {
                     labels[j * dims[0]..][columns].fill(part as u32 + 1);
@@ -210,7 +210,7 @@ mod tests {
         let (low, high) = (pattern(nx * ny, 5), pattern(nx * ny, 6));
         for side in [Side::Inside, Side::Outside] {
             let own = |v: f32| (v < 0.0) == (side == Side::Inside);
-            let [a, b] = [&low, &high].map(|phi| Runs::new(&Packed::of([nx, ny], phi), side));
+            let [a, b] = [&low, &high].map(|phi| Runs::new(&SparseImage::of([nx, ny], phi), side));
             let part = |runs: &Runs, n: usize| {
                 runs.all().find(|(j, run, _)| *j == n / nx && run.contains(&(n % nx))).map(|r| r.2)
             };

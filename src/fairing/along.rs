@@ -3,14 +3,14 @@
 use glam::DVec2;
 use multiversion::multiversion;
 
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 use crate::registration::displacement::{BLOCK, Displacement};
 
 /// Pixels that are read at once.
 const AT_ONCE: usize = 4 * BLOCK;
 
 /// Adds `w` times the values of a layer at the pixels of row `j` from `first` on, or where their trajectories are.
-pub fn add(v: &Packed<f32>, w: f32, offsets: Option<&Displacement>, j: usize, first: usize, out: &mut [f32]) {
+pub fn add(v: &SparseImage<f32>, w: f32, offsets: Option<&Displacement>, j: usize, first: usize, out: &mut [f32]) {
     for (first, out) in (first..).step_by(AT_ONCE).zip(out.chunks_mut(AT_ONCE)) {
         let mut some = [0.0; AT_ONCE];
         match offsets {
@@ -27,7 +27,7 @@ pub fn add(v: &Packed<f32>, w: f32, offsets: Option<&Displacement>, j: usize, fi
 
 /// Bilinear values of a layer at pixels of a row that have `moved`, of which the first is `origin`, the edge repeated.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
-fn sample(v: &Packed<f32>, origin: [usize; 2], moved: &[DVec2; AT_ONCE], count: usize, out: &mut [f32; AT_ONCE]) {
+fn sample(v: &SparseImage<f32>, origin: [usize; 2], moved: &[DVec2; AT_ONCE], count: usize, out: &mut [f32; AT_ONCE]) {
     let [nx, ny] = v.dims();
     let last = [nx, ny].map(|n| (n - 1) as f64);
     let before_last = [nx, ny].map(|n| n.saturating_sub(2) as u32);

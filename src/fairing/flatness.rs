@@ -22,8 +22,8 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::near::{SATURATED, nearer, nearness};
+use crate::grid::sparse_image::SparseImage;
 use crate::grid::spline::smoothstep;
-use crate::grid::tiled::Packed;
 use crate::registration::displacement::{BLOCK, Displacement, smooth};
 use crate::registration::motion_field::upright;
 
@@ -49,7 +49,7 @@ pub struct Around {
 
 impl Around {
     /// Uprightness from what its surface goes sideways per height at each pixel, and its v with its bound.
-    pub fn new([sideways, v]: [&Packed<f32>; 2], bound: f32, spacing: [f64; 2]) -> Self {
+    pub fn new([sideways, v]: [&SparseImage<f32>; 2], bound: f32, spacing: [f64; 2]) -> Self {
         let [nx, ny] = v.dims();
         let nodes = Displacement::zero([nx, ny]);
         let mut sums = nodes.clone();
@@ -110,8 +110,8 @@ mod tests {
 
     /// Rest of 1 where v, whose bound is 1, is not 0.
     fn left_of(columns: [&dyn Fn(usize) -> f32; 2], spacing: [f64; 2]) -> Vec<f32> {
-        let [sideways, v] =
-            columns.map(|of| Packed::of(DIMS, &(0..DIMS[0] * DIMS[1]).map(|n| of(n % DIMS[0])).collect::<Vec<_>>()));
+        let [sideways, v] = columns
+            .map(|of| SparseImage::of(DIMS, &(0..DIMS[0] * DIMS[1]).map(|n| of(n % DIMS[0])).collect::<Vec<_>>()));
         let mut row = vec![1.0; DIMS[0] - 7];
         Around::new([&sideways, &v], 1.0, spacing).scale(50, 7, &mut row);
         row

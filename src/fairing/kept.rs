@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use super::near::nearer;
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 use crate::registration::displacement::Displacement;
 use crate::registration::motion_field::{Paths, Place};
 use crate::surface::Layer;
@@ -18,7 +18,7 @@ pub struct WaitingLayer {
     /// Height.
     pub z: f64,
     /// Its distances.
-    pub phi: Arc<Packed<f32>>,
+    pub phi: Arc<SparseImage<f32>>,
     output: bool,
     contour: Option<usize>,
 }
@@ -36,7 +36,7 @@ impl WaitingLayer {
     }
 
     /// The layer with other distances.
-    pub fn with(&self, phi: Packed<f32>) -> Layer {
+    pub fn with(&self, phi: SparseImage<f32>) -> Layer {
         Layer { z: self.z, phi, output: self.output, contour: self.contour }
     }
 }
@@ -44,21 +44,21 @@ impl WaitingLayer {
 /// A node with what fairing makes of it.
 pub struct Node {
     /// Its distances.
-    pub phi: Arc<Packed<f32>>,
+    pub phi: Arc<SparseImage<f32>>,
     /// Correction, as soon as the node above is known.
     pub made: Option<Transformed>,
     /// Difference of a contour, `K v - v`, until the interval above it is corrected.
-    pub difference: Option<Packed<f32>>,
+    pub difference: Option<SparseImage<f32>>,
     /// Correction of a node between contours.
-    pub correction: Option<Packed<f32>>,
+    pub correction: Option<SparseImage<f32>>,
 }
 
 /// Transform of the distances of a node.
 pub struct Transformed {
     /// Values that are averaged.
-    pub v: Packed<f32>,
+    pub v: SparseImage<f32>,
     /// `n` near the surface, less where it lies flat; 0 elsewhere.
-    pub gradient: Packed<f32>,
+    pub gradient: SparseImage<f32>,
     /// Place in the moving frame, if there is one.
     pub place: Option<Place>,
     /// Blocks that are read where its surface is near.
@@ -67,7 +67,7 @@ pub struct Transformed {
 
 impl Node {
     /// Nothing has been made of it.
-    pub fn new(phi: Arc<Packed<f32>>) -> Self {
+    pub fn new(phi: Arc<SparseImage<f32>>) -> Self {
         Node { phi, made: None, difference: None, correction: None }
     }
 
@@ -78,7 +78,7 @@ impl Node {
 }
 
 /// Blocks of a layer that are read where its surface is nearer than `far`, and where their trajectories meet the slices around it.
-pub fn blocks_near(v: &Packed<f32>, far: f32, paths: &Paths, pad: [usize; 2]) -> Vec<Near> {
+pub fn blocks_near(v: &SparseImage<f32>, far: f32, paths: &Paths, pad: [usize; 2]) -> Vec<Near> {
     let still = Displacement::zero(v.dims());
     let mut near = vec![false; still.vectors.len()];
     let [nx, ny] = v.dims();

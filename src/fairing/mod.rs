@@ -33,8 +33,8 @@ pub use self::nodes::Nodes;
 use self::transform::{Lengths, transform};
 
 use crate::error::Result;
+use crate::grid::sparse_image::{AREA, SparseImage};
 use crate::grid::spline::smoothstep;
-use crate::grid::tiled::{AREA, Packed};
 use crate::registration::displacement::{Displacement, Resting};
 use crate::registration::motion_stack::MotionStack;
 use crate::stack::heights::NODES;
@@ -84,7 +84,7 @@ pub struct FairingSpec<'m> {
 }
 
 /// Distances of a node, and where the trajectories of another one read them.
-type Seen<'n> = (&'n Arc<Packed<f32>>, Option<Displacement>);
+type Seen<'n> = (&'n Arc<SparseImage<f32>>, Option<Displacement>);
 
 /// Takes layers in order of height, all nodes among them, and hands them on, faired.
 pub struct Fairing<'m> {
@@ -295,7 +295,7 @@ impl<'m> Fairing<'m> {
         let ends = [NODES * i, NODES * (i + 1)];
         let mut at_ends = ends.map(|k| k.checked_sub(self.first).and_then(|k| self.kept.get_mut(k)?.difference.take()));
         for (k, known) in ends.into_iter().zip(&mut at_ends) {
-            known.get_or_insert_with(|| in_pool(|| Packed::of(self.spec.dims, &self.difference(k))));
+            known.get_or_insert_with(|| in_pool(|| SparseImage::of(self.spec.dims, &self.difference(k))));
         }
         let between: Vec<usize> = (ends[0] + 1..ends[1]).collect();
         for some in between.chunks(self.at_once()) {
@@ -320,8 +320,8 @@ impl<'m> Fairing<'m> {
         k: usize,
         i: usize,
         ends: [usize; 2],
-        at_ends: &[Option<Packed<f32>>; 2],
-    ) -> Option<Packed<f32>> {
+        at_ends: &[Option<SparseImage<f32>>; 2],
+    ) -> Option<SparseImage<f32>> {
         let node = self.node(k)?;
         let Transformed { v, gradient, .. } = node.made.as_ref()?;
         let [low, high] = [self.node(ends[0])?, self.node(ends[1])?];
@@ -339,7 +339,7 @@ impl<'m> Fairing<'m> {
         let (w, bound, nx) = (smoothstep(t) as f32, self.bound(), self.spec.dims[0]);
         let shares = self.spec.shares.get(i).and_then(Option::as_ref);
         let side = self.side as f32;
-        let [correction] = Packed::of_rows(self.spec.dims, |first, [rows]: [&mut [f32]; 1]| {
+        let [correction] = SparseImage::of_rows(self.spec.dims, |first, [rows]: [&mut [f32]; 1]| {
             let [mut own, mut slope, mut here] = [vec![0.0; nx], vec![0.0; nx], vec![0.0; nx]];
             // Both contours' differences and distances along the trajectories, and their distances straight along z.
             let mut there: [Vec<f32>; 6] = Default::default();
@@ -420,10 +420,10 @@ impl<'m> Fairing<'m> {
     /// A layer between contours moved by the curve through the corrections.
     fn moved(&self, waiting: &WaitingLayer) -> Layer {
         let of = |(k, w): (usize, f64)| Some((self.node(k)?.correction.as_ref()?, w as f32));
-        let terms: Vec<(&Packed<f32>, f32)> = self.nodes.curve(waiting.z).into_iter().filter_map(of).collect();
+        let terms: Vec<(&SparseImage<f32>, f32)> = self.nodes.curve(waiting.z).into_iter().filter_map(of).collect();
         let (farthest, side) = (self.spec.farthest as f32, self.side as f32);
         let ends = [self.finished, self.finished + 1].map(|i| self.node(NODES * i).map(|node| &node.phi));
-        let [phi] = Packed::of_squares(self.spec.dims, |square, [out]| {
+        let [phi] = SparseImage::of_squares(self.spec.dims, |square, [out]| {
             let still = terms.iter().all(|(correction, _)| correction.whole(square) == Some(0.0));
             match waiting.phi.whole(square) {
                 Some(v) if still => return [Some(v)],

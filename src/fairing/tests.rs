@@ -31,7 +31,7 @@ fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, V
     for z in heights {
         let phi = |n: usize| ((n % DIMS[0]) as f64 - 20.0).hypot((n / DIMS[0]) as f64 - 20.0) - radius(z);
         let phi: Vec<f32> = (0..DIMS[0] * DIMS[1]).map(|n| phi(n) as f32).collect();
-        let phi = Packed::of(DIMS, &phi);
+        let phi = SparseImage::of(DIMS, &phi);
         let contour = contours.iter().position(|c| *c == z);
         fairing.push(Layer { z, phi, output: true, contour }, &mut sink).expect("pushed");
     }

@@ -4,7 +4,7 @@ use multiversion::multiversion;
 
 use super::flatness::{self, Around};
 use super::near::{SATURATED, nearer};
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 
 /// Least gradient: flat places must not be blown up.
 const LEAST_GRADIENT: f32 = 0.3;
@@ -23,7 +23,7 @@ pub struct Lengths {
 }
 
 /// v of a layer from itself and those below and above it, and n near the surface, less where it lies flat, 0 elsewhere.
-pub fn transform(layers: [&Packed<f32>; 3], lengths: Lengths) -> [Packed<f32>; 2] {
+pub fn transform(layers: [&SparseImage<f32>; 3], lengths: Lengths) -> [SparseImage<f32>; 2] {
     let [below, here, above] = layers;
     let dims @ [nx, ny] = here.dims();
     let fill = |first: usize, [v, gradient, sideways]: [&mut [f32]; 3]| {
@@ -45,9 +45,9 @@ pub fn transform(layers: [&Packed<f32>; 3], lengths: Lengths) -> [Packed<f32>; 2
             transform_row(lines.each_ref().map(Vec::as_slice), per, lengths.bound, [v, gradient, sideways]);
         }
     };
-    let [v, gradient, sideways] = Packed::of_rows(dims, fill);
+    let [v, gradient, sideways] = SparseImage::of_rows(dims, fill);
     let around = Around::new([&sideways, &v], lengths.bound, lengths.spacing);
-    let [gradient] = Packed::of_rows(dims, |first, [rows]: [&mut [f32]; 1]| {
+    let [gradient] = SparseImage::of_rows(dims, |first, [rows]: [&mut [f32]; 1]| {
         let mut own = vec![0.0; nx];
         for (j, row) in (first..).zip(rows.chunks_exact_mut(nx)) {
             gradient.read(0, j, row);
@@ -104,7 +104,7 @@ mod tests {
             let (x, y) = ((n % dims[0]) as f32 * 0.5, (n / dims[0]) as f32 * 2.0);
             slope[0] * (x - 9.0) + slope[1] * (y - 20.0) + slope[2] * z
         };
-        let layer = |z: f32| Packed::of(dims, &(0..dims[0] * dims[1]).map(|n| value(z, n)).collect::<Vec<f32>>());
+        let layer = |z: f32| SparseImage::of(dims, &(0..dims[0] * dims[1]).map(|n| value(z, n)).collect::<Vec<f32>>());
         let layers = [layer(-1.5), layer(0.0), layer(0.5)];
         let lengths = Lengths { spacing, bound: 2.0, rise: 2.0 };
         let [v, gradient] = transform(layers.each_ref(), lengths).map(|of| of.unpack());

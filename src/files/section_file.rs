@@ -24,7 +24,7 @@ use super::options::OutputOptions;
 use super::pending::{Pending, Temporary};
 use super::places::Places;
 use crate::error::{Error, Result};
-use crate::grid::tiled::{Packed, SQUARE};
+use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::report::Report;
 use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, Geometry, HeightGrid};
@@ -370,7 +370,7 @@ impl SectionReader {
         let [output] = number(&mut self.input)?;
         let contour = u64::from_le_bytes(number(&mut self.input)?) as usize;
         let dims = self.head.dims;
-        let phi = Packed::read_squares(dims, |square, values| match number::<1>(&mut self.input)? {
+        let phi = SparseImage::read_squares(dims, |square, values| match number::<1>(&mut self.input)? {
             [WHOLE] => Ok(Some(f32::from_le_bytes(number(&mut self.input)?))),
             [VALUES] => {
                 let [width, height] = [0, 1].map(|a| SQUARE.min(dims[a] - square[a] * SQUARE));

@@ -16,7 +16,7 @@ use crate::backend::blend::mend;
 use crate::backend::jobs::{Filled, SweepPair, Swept, blend_weights};
 use crate::error::Result;
 use crate::grid::field::Field;
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 
 shader! {
     compose = "common/job.wgsl" + twin "src/backend/blend.rs";
@@ -177,7 +177,7 @@ pub fn fill_slices(
                 slices[slot] = field;
             }
         }
-        Ok(slices.iter().map(Packed::single).collect())
+        Ok(slices.iter().map(SparseImage::single).collect())
     })?;
     for (&(p, _), slice) in wanted.iter().zip(slices) {
         out[p].slices.push(slice);

@@ -2,8 +2,8 @@
 
 pub mod components;
 pub mod field;
+pub mod sparse_image;
 pub mod spline;
 pub mod stencil;
 pub mod tile;
-pub mod tiled;
 pub mod union;

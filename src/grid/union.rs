@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use super::tiled::{Packed, SQUARE};
+use super::sparse_image::{SQUARE, SparseImage};
 
 /// Unites a layer with a body that covers these columns and rows of it; `of_row` writes the body's distances in row j from a column on.
-pub fn unite(phi: &mut Packed<f32>, covered: [Range<usize>; 2], of_row: impl Fn([usize; 2], &mut [f32])) {
+pub fn unite(phi: &mut SparseImage<f32>, covered: [Range<usize>; 2], of_row: impl Fn([usize; 2], &mut [f32])) {
     for (square, part) in squares(covered) {
         unite_square(phi, square, &part, &of_row);
     }
@@ -13,10 +13,10 @@ pub fn unite(phi: &mut Packed<f32>, covered: [Range<usize>; 2], of_row: impl Fn(
 
 /// The same with a body that is there, whose pixel at `offset` lies on the layer's first; a distance counts as what `change` makes of it.
 pub fn unite_packed(
-    phi: &mut Packed<f32>,
+    phi: &mut SparseImage<f32>,
     covered: [Range<usize>; 2],
     offset: [isize; 2],
-    body: &Packed<f32>,
+    body: &SparseImage<f32>,
     change: impl Fn(f32) -> f32,
 ) {
     let own = |at: usize, a: usize| (at as isize + offset[a]) as usize;
@@ -44,7 +44,7 @@ fn squares([columns, rows]: [Range<usize>; 2]) -> impl Iterator<Item = ([usize; 
 
 /// Unites a part of one square; where the body is nowhere nearer nothing changes.
 fn unite_square(
-    phi: &mut Packed<f32>,
+    phi: &mut SparseImage<f32>,
     square: [usize; 2],
     [columns, rows]: &[Range<usize>; 2],
     of_row: &impl Fn([usize; 2], &mut [f32]),
@@ -96,10 +96,10 @@ mod tests {
                     expected[j * dims[0] + i] = expected[j * dims[0] + i].min(0.5 * body[at(i, j)]);
                 }
             }
-            let mut packed = Packed::of(dims, &below);
-            unite_packed(&mut packed, covered.clone(), offset, &Packed::of(size, &body), |v| 0.5 * v);
+            let mut packed = SparseImage::of(dims, &below);
+            unite_packed(&mut packed, covered.clone(), offset, &SparseImage::of(size, &body), |v| 0.5 * v);
             assert_eq!(packed.unpack(), expected, "{offset:?}");
-            let mut values = Packed::of(dims, &below);
+            let mut values = SparseImage::of(dims, &below);
             unite(&mut values, covered, |[i, j], out| {
                 out.iter_mut().zip(i..).for_each(|(v, i)| *v = 0.5 * body[at(i, j)]);
             });
@@ -110,10 +110,10 @@ mod tests {
     #[test]
     fn what_lies_farther_takes_no_memory() {
         let dims = [200, 200];
-        let mut canvas = Packed::filled(dims, 14.0f32);
+        let mut canvas = SparseImage::filled(dims, 14.0f32);
         let before = canvas.bytes();
         unite(&mut canvas, [0..200, 0..200], |_, out| out.fill(20.0));
-        unite_packed(&mut canvas, [5..180, 3..90], [0, 0], &Packed::filled(dims, 14.0), |v| v);
+        unite_packed(&mut canvas, [5..180, 3..90], [0, 0], &SparseImage::filled(dims, 14.0), |v| v);
         assert_eq!(canvas.bytes(), before);
         unite(&mut canvas, [0..200, 0..200], |_, out| out.fill(-14.0));
         assert_eq!(canvas.bytes(), before + 16 * 16 * 4);

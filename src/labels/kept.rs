@@ -5,7 +5,7 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 use crate::report::Report;
 use crate::surface::Layer;
 use crate::surface::header::Header;
@@ -145,7 +145,7 @@ impl KeptBody {
         sink.begin(header)?;
         for k in 0..self.layers.len() {
             let patch = self.patch(k)?;
-            let phi = Packed::of(self.dims, &self.whole(&patch));
+            let phi = SparseImage::of(self.dims, &self.whole(&patch));
             let Place { z, output, contour, .. } = self.layers[k];
             sink.layer(Layer { z, phi, output, contour })?;
         }

@@ -11,7 +11,7 @@ use super::stack::{LabelPair, LabelStack};
 use crate::backend::Means;
 use crate::error::{Error, Result};
 use crate::estimate::memory::MemoryNeeds;
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 use crate::reconstruct::reconstruct_into;
 use crate::registration::displacement::BLOCK;
 use crate::settings::Settings;
@@ -180,7 +180,7 @@ pub fn decide(
         for (a, body) in decided.bodies.iter_mut().enumerate() {
             decided.changed[a] |= parted.changed[a];
             let contour = bodies.alone[a].contour(z, same);
-            body.push(&Layer { z, phi: Packed::default(), output: step.output, contour }, &parted.fields[a])?;
+            body.push(&Layer { z, phi: SparseImage::default(), output: step.output, contour }, &parted.fields[a])?;
         }
         if step.output {
             decided.borders.overlap_voxels += parted.overlap;
@@ -188,7 +188,7 @@ pub fn decide(
             parted.labels.iter().filter(|l| **l > 0).for_each(|l| decided.voxels[*l as usize - 1] += 1);
             let number = |l: &u32| if *l == 0 { 0.0 } else { stack.labels[*l as usize - 1] as f32 };
             let phi: Vec<f32> = parted.labels.iter().map(number).collect();
-            let phi = Packed::of(dims, &phi);
+            let phi = SparseImage::of(dims, &phi);
             volume.layer(Layer { z, phi, output: true, contour: step.slice })?;
         }
     }

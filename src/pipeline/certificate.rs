@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::mem::take;
 
 use crate::connectivity::runs::{DisjointSets, Runs, Side};
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 use crate::grid::union::unite_packed;
 use crate::report::{BodyReport, PartPair, Step, StepBeside};
 use crate::stack::heights::BESIDE;
@@ -52,13 +52,13 @@ pub struct Examined {
     spec: CertificateSpec,
     pieces: [Pieces; 2],
     /// Number and layer of the contour below.
-    contour: Option<(usize, Packed<f32>)>,
+    contour: Option<(usize, SparseImage<f32>)>,
     /// The layer before, of those that are handed on.
-    before: Option<(f64, Packed<f32>)>,
+    before: Option<(f64, SparseImage<f32>)>,
     /// The last layer, where it lies just below the next contour.
-    beside: Option<Packed<f32>>,
+    beside: Option<SparseImage<f32>>,
     /// Least distance of each pixel below the first contour.
-    lower: Option<Packed<f32>>,
+    lower: Option<SparseImage<f32>>,
     /// Facts about the contours.
     pub contours: Vec<Met>,
     /// And of the body.
@@ -190,12 +190,12 @@ impl Examined {
         }
     }
 
-    fn beside_of(&self, contour: &Packed<f32>, beside: &Packed<f32>) -> StepBeside {
+    fn beside_of(&self, contour: &SparseImage<f32>, beside: &SparseImage<f32>) -> StepBeside {
         StepBeside { area: self.area(beside), jump: self.change(contour, beside) }
     }
 
     /// Largest difference of two layers at pixels near the surface of the first, px.
-    fn change(&self, from: &Packed<f32>, to: &Packed<f32>) -> f64 {
+    fn change(&self, from: &SparseImage<f32>, to: &SparseImage<f32>) -> f64 {
         let px = self.px();
         let near = NEAR * px as f32;
         let of_square = |square| {
@@ -208,7 +208,7 @@ impl Examined {
         f64::from(from.each_square().map(of_square).fold(0.0, f32::max)) / px
     }
 
-    fn area(&self, phi: &Packed<f32>) -> f64 {
+    fn area(&self, phi: &SparseImage<f32>) -> f64 {
         area(phi, self.spec.spacing)
     }
 
@@ -218,7 +218,7 @@ impl Examined {
 }
 
 /// Pixels that are outside of a contour and inside another layer.
-fn around(contour: &Packed<f32>, layer: &Packed<f32>) -> usize {
+fn around(contour: &SparseImage<f32>, layer: &SparseImage<f32>) -> usize {
     let of_square = |square| match layer.whole(square) {
         Some(v) if v >= 0.0 => 0,
         _ => {

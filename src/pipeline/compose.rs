@@ -6,8 +6,8 @@ use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
 use crate::contour::unmatched::{HALF_WAY, LonePart};
 use crate::grid::field::Field;
+use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
-use crate::grid::tiled::Packed;
 use crate::grid::union::{unite, unite_packed};
 use crate::pipeline::fit::Fitted;
 use crate::pipeline::matching::Interval;
@@ -23,13 +23,13 @@ pub struct Canvas {
     /// Distances are clamped to this, px.
     pub limit: f64,
     /// Signed distance, px.
-    pub phi: Packed<f32>,
+    pub phi: SparseImage<f32>,
 }
 
 impl Canvas {
     /// A layer with nothing on it.
     pub fn empty(dims: [usize; 2], pad: [usize; 2], limit: f64) -> Self {
-        Canvas { dims, pad, limit, phi: Packed::filled(dims, limit as f32) }
+        Canvas { dims, pad, limit, phi: SparseImage::filled(dims, limit as f32) }
     }
 
     /// Unites the layer with a body on a tile: the smaller distance counts.
@@ -42,7 +42,7 @@ impl Canvas {
     }
 
     /// The same with a body that is there.
-    pub fn unite_packed(&mut self, tile: &Tile, body: &Packed<f32>) {
+    pub fn unite_packed(&mut self, tile: &Tile, body: &SparseImage<f32>) {
         let (limit, covered, offset) = (self.limit, self.covered(tile), self.offset(tile));
         unite_packed(&mut self.phi, covered, offset, body, |v| f64::from(v).clamp(-limit, limit) as f32);
     }
@@ -123,7 +123,7 @@ pub fn unite_cap(canvas: &mut Canvas, cap: &Cap, away: f64) {
 }
 
 /// Pixels of a layer whose side differs from what the slice says.
-pub fn differing_pixels(phi: &Packed<f32>, slice: &SliceContent) -> usize {
+pub fn differing_pixels(phi: &SparseImage<f32>, slice: &SliceContent) -> usize {
     let [nx, ny] = phi.dims();
     let (mut inside, mut values) = (vec![false; nx], vec![0.0; nx]);
     let differing = |j: usize| {

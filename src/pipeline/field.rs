@@ -12,8 +12,8 @@ use crate::contour::Contour;
 use crate::contour::overlap::{DecidedPairs, match_components};
 use crate::error::{Error, Result};
 use crate::grid::field::Field;
+use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
-use crate::grid::tiled::Packed;
 use crate::pipeline::ends::end_caps::End;
 use crate::pipeline::fit::Fitted;
 use crate::registration::motion_field::{LoneParts, MotionField};
@@ -157,6 +157,6 @@ fn whole_layer(run: &Context<'_>, height: &Height, values: &[f32]) -> Result<Lay
     }
     let mut canvas = run.canvas();
     let whole = Tile { origin: [0, 0], dims: run.padded() };
-    canvas.unite_packed(&whole, &Packed::of(whole.dims, values));
+    canvas.unite_packed(&whole, &SparseImage::of(whole.dims, values));
     Ok(run.layer(height, canvas))
 }

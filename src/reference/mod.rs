@@ -24,7 +24,7 @@ use crate::backend::requests::{ContourRequest, LayerRequest, PartRequest, SlopeR
 use crate::backend::{Backend, PaddedSlice};
 use crate::error::Result;
 use crate::grid::field::Field;
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 use crate::progress::Progress;
 use crate::registration::displacement::{Displacement, DisplacementJob};
 
@@ -45,7 +45,7 @@ fn in_parallel<J: Sync, R: Send>(jobs: &[J], progress: &dyn Progress, run: impl 
 }
 
 /// Course of a sweep, and its level sets at the times asked for.
-type SweptWithFields = (Swept, Vec<Packed<f32>>);
+type SweptWithFields = (Swept, Vec<SparseImage<f32>>);
 
 impl Backend for Reference {
     fn name(&self) -> String {
@@ -80,7 +80,7 @@ impl Backend for Reference {
                 let mut phi = blend(&up_fields[k], &down_fields[last - k], weights);
                 mend(pair, k, &mut phi);
                 let far = distance::far_distance(phi, *h, options.limit);
-                Packed::single(&far)
+                SparseImage::single(&far)
             };
             let slices = pair.up.times.par_iter().enumerate().map(slice).collect();
             Filled { slices, up: up.clone(), down: down.clone() }

@@ -13,9 +13,9 @@ use crate::backend::MorphOptions;
 use crate::backend::jobs::{SweepJob, Swept, TraceJob};
 use crate::contour::seeds::seeds;
 use crate::grid::field::Field;
+use crate::grid::sparse_image::SparseImage;
 use crate::grid::spline::{HermiteArc, bend, hermite, hermite_rate, smoothstep};
 use crate::grid::stencil::{FRONT_REACH, cut_off, step_share};
-use crate::grid::tiled::Packed;
 
 /// Jacobi passes of the extension per step: 8 and 16 give the same.
 pub const PASSES: usize = 4;
@@ -43,7 +43,7 @@ struct Remeasured {
 }
 
 /// Runs one sweep from t = 0 to t = 1: how it went, and the level set at each of the job's times, clamped to the tube.
-pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Swept, Vec<Packed<f32>>) {
+pub fn propagate(job: &SweepJob<'_>, h: [f64; 2], options: &MorphOptions) -> (Swept, Vec<SparseImage<f32>>) {
     let mut phi = job.source.clone().into_owned();
     let mut band = Band::new(&mut phi, options.half_width);
     let tube = Tube { beta: options.cut_off, gamma: options.half_width };
@@ -133,7 +133,7 @@ impl Before {
 
 /// The front at this share of a step, `(1 - q) phi_n + q phi_{n+1} + q (1 - q) (b + c q)`: steps are the sweep's own, whatever times are asked
 /// for. With the bends b and c of the courses pieces of contour go as their courses go, not along the chords of steps.
-fn front_between(before: &[Before], after: &Field, band: &Band, share: f64) -> Packed<f32> {
+fn front_between(before: &[Before], after: &Field, band: &Band, share: f64) -> SparseImage<f32> {
     // Pixels at the tile's edge never belong to N: they may know of a contour beyond the tile, which is none of this front's.
     let outside = band.gamma() + 0.5;
     let mut phi = Field { dims: after.dims, data: after.data.iter().map(|v| outside.copysign(*v)).collect() };
@@ -145,9 +145,9 @@ fn front_between(before: &[Before], after: &Field, band: &Band, share: f64) -> P
 }
 
 /// The level set clamped to the tube.
-fn packed(phi: &Field, half_width: f64) -> Packed<f32> {
+fn packed(phi: &Field, half_width: f64) -> SparseImage<f32> {
     let (out, nx) = ((half_width + 0.5) as f32, phi.dims[0]);
-    let [packed] = Packed::of_rows(phi.dims, |first, [rows]: [&mut [f32]; 1]| {
+    let [packed] = SparseImage::of_rows(phi.dims, |first, [rows]: [&mut [f32]; 1]| {
         rows.iter_mut().zip(&phi.data[first * nx..]).for_each(|(to, v)| *to = (*v as f32).clamp(-out, out));
     });
     packed

@@ -13,7 +13,7 @@ use glam::DVec2;
 use multiversion::multiversion;
 
 use crate::grid::field::Field;
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 use crate::storage::spill::{Array, Large};
 
 /// Distance between two nodes, px.
@@ -56,7 +56,7 @@ impl Large for [Displacement; 2] {
 pub struct Resting {
     grid: [usize; 2],
     origin: DVec2,
-    vectors: Packed<DVec2>,
+    vectors: SparseImage<DVec2>,
 }
 
 impl Resting {
@@ -70,7 +70,7 @@ impl Resting {
 
 impl From<&Displacement> for Resting {
     fn from(v: &Displacement) -> Self {
-        Resting { grid: v.grid, origin: v.origin, vectors: Packed::of(v.grid, &v.vectors) }
+        Resting { grid: v.grid, origin: v.origin, vectors: SparseImage::of(v.grid, &v.vectors) }
     }
 }
 

@@ -4,8 +4,8 @@ use glam::DVec2;
 use multiversion::multiversion;
 
 use crate::grid::field::{Field, position, sample, sample_smooth};
+use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::grid::spline::smoothstep;
-use crate::grid::tiled::{Packed, SQUARE};
 use crate::registration::displacement::Displacement;
 use crate::registration::motion_field::{CELL, Cells, MotionField, Paths, probes};
 use crate::registration::particle_weight::Trust;
@@ -17,7 +17,7 @@ pub struct Warp<'m> {
     /// Displacements from the slices to the mid frame.
     off: [Displacement; 2],
     /// Difference that the way to the mid frame and back makes to either slice, px.
-    lost: [Packed<f64>; 2],
+    lost: [SparseImage<f64>; 2],
     limit: f64,
 }
 
@@ -48,7 +48,7 @@ impl<'m> Warp<'m> {
             let (own, seen) = slices[end];
             let way = way_to_middle(&moving.paths(i, end as f64), &off);
             let dims = moving.fields[i + end].dims;
-            let [lost] = Packed::of_rows(dims, |first, [rows]: [&mut [f64]; 1]| {
+            let [lost] = SparseImage::of_rows(dims, |first, [rows]: [&mut [f64]; 1]| {
                 let Some(own) = own else { return };
                 let nx = own.dims[0];
                 for (n, lost) in (first * nx..).zip(rows) {
@@ -72,14 +72,14 @@ impl<'m> Warp<'m> {
 
     /// A layer from its values in the mid frame, `seen`, row-major as the layer is, and both clamped; in the cells of `doubts` the layer `other` counts where trust is missing.
     /// Of other cells it is read at the [`probes`], as both layers tell whether a cell is far from any contour.
-    pub fn layer(&self, seen: &[f32], way: &Way, trust: &Trust, doubts: &Cells, other: &[f32]) -> Packed<f32> {
+    pub fn layer(&self, seen: &[f32], way: &Way, trust: &Trust, doubts: &Cells, other: &[f32]) -> SparseImage<f32> {
         let Way { t, paths, to_middle } = way;
         let dims = self.lost[0].dims();
         let [nx, ny] = dims;
         let limit = self.limit;
         let w = smoothstep(*t);
         let read = Read { seen, dims, lost: &self.lost, weights: [1.0 - w, w], limit };
-        let [out] = Packed::of_squares(dims, |square, [out]| {
+        let [out] = SparseImage::of_squares(dims, |square, [out]| {
             for [left, top] in cells(square, dims) {
                 let (right, bottom) = ((left + CELL).min(nx) - 1, (top + CELL).min(ny) - 1);
                 let probes = probes([left, top], [right, bottom]);
@@ -119,7 +119,7 @@ fn cells([column, row]: [usize; 2], [nx, ny]: [usize; 2]) -> impl Iterator<Item 
 struct Read<'a> {
     seen: &'a [f32],
     dims: [usize; 2],
-    lost: &'a [Packed<f64>; 2],
+    lost: &'a [SparseImage<f64>; 2],
     weights: [f64; 2],
     limit: f64,
 }

@@ -3,7 +3,7 @@
 //! A computation in the window knows nothing of the image around it: a body costs the same and comes out the same in an image of any size and
 //! wherever it is shifted to.
 
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 
 use super::{ContourStack, LevelSlice, Mask, Slice, SliceContent};
 
@@ -89,7 +89,7 @@ impl Window {
     }
 
     /// A layer on the image from one on the window; `outside` is what lies around.
-    pub fn image(&self, layer: &Packed<f32>, dims: [usize; 2], outside: f32) -> Packed<f32> {
+    pub fn image(&self, layer: &SparseImage<f32>, dims: [usize; 2], outside: f32) -> SparseImage<f32> {
         layer.window(self.origin.map(|n| -n), dims, outside)
     }
 }
@@ -133,7 +133,7 @@ mod tests {
             let seen = window.of(&own);
             let phi: Vec<f32> =
                 seen.slices[0].content.sides().iter().map(|inside| if *inside { -1.0 } else { 2.0 }).collect();
-            let back = window.image(&Packed::of(window.dims, &phi), dims, 7.0).unpack();
+            let back = window.image(&SparseImage::of(window.dims, &phi), dims, 7.0).unpack();
             for (n, v) in back.iter().enumerate() {
                 assert_eq!(*v < 0.0, inside(n % 30, n / 30), "pixel {n}");
                 let distant = (n % 30) + 5 < corner[0] || n / 30 > corner[1] + 4;

@@ -1,7 +1,7 @@
 //! Area of the body's layers over its height.
 
 use crate::grid::field::covered;
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 use crate::report::AreaProfile;
 use crate::surface::Layer;
 use crate::surface::header::Header;
@@ -27,7 +27,7 @@ pub struct Areas {
 }
 
 /// Area inside a layer: the sum of what each pixel has covered by its distance, times the pixel's area.
-pub fn area(phi: &Packed<f32>, [dx, dy]: [f64; 2]) -> f64 {
+pub fn area(phi: &SparseImage<f32>, [dx, dy]: [f64; 2]) -> f64 {
     let px = dx.max(dy);
     let share = |v: f32| covered(f64::from(v) / px);
     let of_square = |square| match phi.whole(square) {

@@ -10,7 +10,7 @@ use super::header::Header;
 use super::stream::{BodyWriter, Ending};
 use crate::contour::seeds::trace_loops;
 use crate::grid::field::Field;
-use crate::grid::tiled::SQUARE;
+use crate::grid::sparse_image::SQUARE;
 use crate::polygons::Polygon;
 use crate::stack::Geometry;
 

@@ -11,7 +11,7 @@ use super::contour_lines::AlongAxes;
 use super::geotiff::Raster;
 use super::header::Header;
 use super::stream::{BodyWriter, Ending};
-use crate::grid::tiled::SQUARE;
+use crate::grid::sparse_image::SQUARE;
 use crate::surface::map::Crs;
 
 /// Arrival height per pixel, unit of the stack, row-major: the highest z at which the pixel is inside, by the linear zero between

@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::Layer;
 use super::cases::{CASES, EDGES, LoopFill};
 use super::header::Header;
-use crate::grid::tiled::{Packed, SQUARE};
+use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::stack::Geometry;
 
 /// Vertices stay this far, in cell sides, from the corners of their cells: vertices of different edges stay apart in f32 too, near an
@@ -63,7 +63,7 @@ impl Piece {
 #[derive(Debug, Default)]
 struct Plane {
     z: Option<f64>,
-    phi: Packed<f32>,
+    phi: SparseImage<f32>,
 }
 
 /// Builds the surface slab by slab, from the lowest layer to the highest and the outside above it.

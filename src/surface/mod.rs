@@ -32,7 +32,7 @@ mod voxels;
 #[cfg(feature = "zarr")]
 pub mod zarr;
 
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 use crate::report::Report;
 use crate::stack::Geometry;
 use header::Header;
@@ -66,7 +66,7 @@ pub struct Layer {
     pub z: f64,
     /// Signed in-plane distance to the contour in the stack's unit, negative inside, never zero, clamped to the margin. Only the squares of pixels
     /// near the contour take memory.
-    pub phi: Packed<f32>,
+    pub phi: SparseImage<f32>,
     /// Belongs to the output grid (volumes are written from these).
     pub output: bool,
     /// Index of the input contour at this height.

@@ -19,7 +19,7 @@ use super::Layer;
 use super::content::Content;
 use super::spool::FILE_IN_MEMORY;
 use super::stream::{BodyWriter, Ending};
-use crate::grid::tiled::Packed;
+use crate::grid::sparse_image::SparseImage;
 
 /// Writer of an origin or confidence volume, through the writer of its format. Layers wait for the contour above them, in memory while they are few.
 pub struct OriginWriter {
@@ -76,7 +76,7 @@ impl OriginWriter {
                     _ => 0.0,
                 };
             }
-            let phi = Packed::of(interval.dims, &phi);
+            let phi = SparseImage::of(interval.dims, &phi);
             self.inner.layer(&Layer { z, phi, output: true, contour: None })?;
         }
         self.file.get_mut().rewind()

@@ -1,6 +1,6 @@
 //! Where the layers of a stack come from: the program, or results that are right or wrong by construction.
 
-use interslice::grid::tiled::Packed;
+use interslice::grid::sparse_image::SparseImage;
 use interslice::progress::Silent;
 use interslice::report::Report;
 use interslice::stack::ContourStack;
@@ -63,7 +63,7 @@ impl Source for Straight {
                 v => v,
             };
             let phi: Vec<f32> = fields[i].iter().zip(&fields[i + 1]).map(value).collect();
-            Layer { z: height, phi: Packed::of(stack.dims, &phi), output, contour }
+            Layer { z: height, phi: SparseImage::of(stack.dims, &phi), output, contour }
         };
         Ok(Reconstruction {
             dims: stack.dims,

@@ -9,7 +9,7 @@ use interslice::files::options::OutputOptions;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
-use interslice::grid::tiled::Packed;
+use interslice::grid::sparse_image::SparseImage;
 use interslice::report::Report;
 use interslice::stack::Geometry;
 use interslice::surface::Layer;
@@ -24,7 +24,7 @@ pub fn body(dims: [usize; 2], heights: &[f64], f: impl Fn(f64, f64, f64) -> f64)
         .map(|&z| {
             let at = |k: usize| f((k % dims[0]) as f64, (k / dims[0]) as f64, z) as f32;
             let phi = (0..dims[0] * dims[1]).map(at).map(|v| if v == 0.0 { f32::MIN_POSITIVE } else { v });
-            Layer { z, phi: Packed::of(dims, &phi.collect::<Vec<_>>()), output: true, contour: None }
+            Layer { z, phi: SparseImage::of(dims, &phi.collect::<Vec<_>>()), output: true, contour: None }
         })
         .collect();
     Reconstruction {

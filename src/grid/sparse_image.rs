@@ -1,7 +1,7 @@
-//! Values on an image whose squares of one and the same value take no memory: distances far from a contour, motion where nothing moves.
+//! Sparse images: squares that have one value everywhere take no memory, as distances far from a contour and motion where nothing moves.
 //!
-//! A layer of the body is one: the squares near its surface have values, those farther away are whole, inside or outside. Whoever goes over it square by
-//! square works in proportion to the contours' length. Values that are read have the very bits that were packed.
+//! A layer of the body is one: the squares near its surface have values, those farther away are whole, inside or outside. Work that goes over it square
+//! by square follows the contours' length. Values that are read have the very bits that were stored.
 
 use std::ops::{Index, IndexMut, Range};
 
@@ -19,9 +19,9 @@ pub const AREA: usize = SQUARE * SQUARE;
 /// Values of which whole squares are kept once; what other values whole squares have is kept for each.
 const SHARED: usize = 16;
 
-/// Values on an image.
+/// Sparse image: values on pixels, row-major, in squares of 16 x 16 px, of which those with one value everywhere are kept once.
 #[derive(Debug, Clone, Default)]
-pub struct Packed<T> {
+pub struct SparseImage<T> {
     dims: [usize; 2],
     columns: usize,
     /// Place of the values of each square, in squares.
@@ -42,7 +42,7 @@ struct Strip<T> {
     values: Vec<T>,
 }
 
-impl<T: Pod + Send + Sync> Packed<T> {
+impl<T: Pod + Send + Sync> SparseImage<T> {
     /// Several on an image of `dims` pixels, of which `fill` gives some rows from the first that it is told.
     pub fn of_rows<const N: usize>(dims: [usize; 2], fill: impl Fn(usize, [&mut [T]; N]) + Sync) -> [Self; N] {
         let [nx, ny] = dims;
@@ -61,7 +61,7 @@ impl<T: Pod + Send + Sync> Packed<T> {
         for strip in made {
             strips.iter_mut().zip(strip).for_each(|(strips, strip)| strips.push(strip));
         }
-        strips.map(|strips| Packed::of_strips(dims, strips))
+        strips.map(|strips| SparseImage::of_strips(dims, strips))
     }
 
     /// Several on an image of `dims` pixels. `fill` gives, for the square in that column and row of squares, the one value it has everywhere, or
@@ -87,10 +87,10 @@ impl<T: Pod + Send + Sync> Packed<T> {
         for strip in made {
             strips.iter_mut().zip(strip).for_each(|(strips, strip)| strips.push(strip));
         }
-        strips.map(|strips| Packed::of_strips(dims, strips))
+        strips.map(|strips| SparseImage::of_strips(dims, strips))
     }
 
-    /// One whose squares come one after the other, row by row, each as in [`Packed::of_squares`].
+    /// One whose squares come one after the other, row by row, each as in [`SparseImage::of_squares`].
     ///
     /// # Errors
     /// The first of `next`; until then no more memory is taken than for the squares that have come.
@@ -99,8 +99,14 @@ impl<T: Pod + Send + Sync> Packed<T> {
         mut next: impl FnMut([usize; 2], &mut [T; AREA]) -> std::result::Result<Option<T>, E>,
     ) -> std::result::Result<Self, E> {
         let [columns, rows] = dims.map(|n| n.div_ceil(SQUARE));
-        let mut packed =
-            Packed { dims, columns, places: Vec::new(), whole: Vec::new(), values: Vec::new(), shared: Vec::new() };
+        let mut packed = SparseImage {
+            dims,
+            columns,
+            places: Vec::new(),
+            whole: Vec::new(),
+            values: Vec::new(),
+            shared: Vec::new(),
+        };
         let mut values = [T::zeroed(); AREA];
         for square in (0..rows).flat_map(|row| (0..columns).map(move |column| [column, row])) {
             let whole = next(square, &mut values)?;
@@ -117,7 +123,7 @@ impl<T: Pod + Send + Sync> Packed<T> {
     /// One value everywhere.
     pub fn filled(dims: [usize; 2], value: T) -> Self {
         let [columns, rows] = dims.map(|n| n.div_ceil(SQUARE));
-        Packed {
+        SparseImage {
             dims,
             columns,
             places: vec![0; columns * rows],
@@ -130,7 +136,7 @@ impl<T: Pod + Send + Sync> Packed<T> {
     fn of_strips(dims: [usize; 2], strips: Vec<Strip<T>>) -> Self {
         let columns = dims[0].div_ceil(SQUARE);
         let (squares, values) = (columns * strips.len(), strips.iter().map(|s| s.values.len()).sum::<usize>());
-        let mut packed = Packed {
+        let mut packed = SparseImage {
             dims,
             columns,
             places: Vec::with_capacity(squares),
@@ -171,9 +177,9 @@ impl<T: Pod + Send + Sync> Packed<T> {
         (self.values.len() / AREA) as u32 - 1
     }
 
-    /// The packed field of values that are there, row-major.
+    /// The sparse image of values that are there, row-major.
     pub fn of(dims: [usize; 2], values: &[T]) -> Self {
-        let [packed] = Packed::of_rows(dims, |first, [rows]| {
+        let [packed] = SparseImage::of_rows(dims, |first, [rows]| {
             rows.copy_from_slice(&values[first * dims[0]..][..rows.len()]);
         });
         packed
@@ -258,7 +264,7 @@ impl<T: Pod + Send + Sync> Packed<T> {
             let end = (self.dims[a] as isize - origin[a]).min(dims[a] as isize);
             (-origin[a]).max(0)..end
         });
-        let [window] = Packed::of_squares(dims, |square, [values]| {
+        let [window] = SparseImage::of_squares(dims, |square, [values]| {
             let [columns, rows]: [Range<isize>; 2] = std::array::from_fn(|a| {
                 let first = (square[a] * SQUARE) as isize;
                 let end = (first + SQUARE as isize).min(dims[a] as isize);
@@ -374,7 +380,7 @@ impl<T: Pod + Send + Sync> Packed<T> {
 }
 
 /// The value at a pixel, numbered row-major.
-impl<T: Pod + Send + Sync> Index<usize> for Packed<T> {
+impl<T: Pod + Send + Sync> Index<usize> for SparseImage<T> {
     type Output = T;
 
     fn index(&self, pixel: usize) -> &T {
@@ -383,23 +389,23 @@ impl<T: Pod + Send + Sync> Index<usize> for Packed<T> {
     }
 }
 
-impl<T: Pod + Send + Sync> IndexMut<usize> for Packed<T> {
+impl<T: Pod + Send + Sync> IndexMut<usize> for SparseImage<T> {
     fn index_mut(&mut self, pixel: usize) -> &mut T {
         let [i, j] = [pixel % self.dims[0], pixel / self.dims[0]];
         &mut self.square_mut([i / SQUARE, j / SQUARE])[j % SQUARE * SQUARE + i % SQUARE]
     }
 }
 
-impl<T: Pod + Send + Sync + PartialEq> PartialEq for Packed<T> {
+impl<T: Pod + Send + Sync + PartialEq> PartialEq for SparseImage<T> {
     fn eq(&self, other: &Self) -> bool {
         self.dims == other.dims && self.iter().eq(other.iter())
     }
 }
 
-impl Packed<f32> {
+impl SparseImage<f32> {
     /// A field in single precision.
     pub fn single(field: &Field) -> Self {
-        let [packed] = Packed::of_rows(field.dims, |first, [rows]: [&mut [f32]; 1]| {
+        let [packed] = SparseImage::of_rows(field.dims, |first, [rows]: [&mut [f32]; 1]| {
             let values = &field.data[first * field.dims[0]..];
             rows.iter_mut().zip(values).for_each(|(to, v)| *to = *v as f32);
         });
@@ -407,7 +413,7 @@ impl Packed<f32> {
     }
 }
 
-impl Packed<f64> {
+impl SparseImage<f64> {
     /// Bilinear value at `x`; positions beyond the image read its edge.
     #[inline(always)]
     pub fn sample(&self, x: DVec2) -> f64 {
@@ -470,7 +476,7 @@ mod tests {
                 _ => 0.0,
             };
             let values: Vec<f32> = (0..nx * ny).map(value).collect();
-            let packed = Packed::of(dims, &values);
+            let packed = SparseImage::of(dims, &values);
             let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&packed.unpack()), bits(&values));
             for n in 0..nx * ny {
@@ -481,7 +487,7 @@ mod tests {
                 assert_eq!(packed.at(i, j).to_bits(), values[n].to_bits());
             }
         }
-        let blank = Packed::of([1000, 1000], &vec![14.0f32; 1_000_000]);
+        let blank = SparseImage::of([1000, 1000], &vec![14.0f32; 1_000_000]);
         assert!(blank.bytes() < 24_000, "{}", blank.bytes());
     }
 
@@ -495,8 +501,8 @@ mod tests {
     fn squares_are_whole_where_all_their_pixels_are_alike() {
         for dims in [[100, 70], [96, 64], [81, 79], [7, 3]] {
             let values = disc(dims);
-            let packed = Packed::of(dims, &values);
-            let [again] = Packed::of_squares(dims, |square, [to]| {
+            let packed = SparseImage::of(dims, &values);
+            let [again] = SparseImage::of_squares(dims, |square, [to]| {
                 if let Some(value) = packed.whole(square) {
                     return [Some(value)];
                 }
@@ -521,7 +527,7 @@ mod tests {
     fn a_window_shows_what_lies_there_and_the_outside_around_it() {
         let dims = [100, 70];
         let values = disc(dims);
-        let packed = Packed::of(dims, &values);
+        let packed = SparseImage::of(dims, &values);
         for (origin, size) in [([0isize, 0], dims), ([-16, -32], [150, 140]), ([8, 8], [80, 60]), ([-5, 61], [40, 33])]
         {
             let window = packed.window(origin, size, 9.0);
@@ -539,7 +545,7 @@ mod tests {
 
     #[test]
     fn a_square_that_changes_leaves_those_of_the_same_value_alone() {
-        let mut packed = Packed::filled([40, 40], 14.0f32);
+        let mut packed = SparseImage::filled([40, 40], 14.0f32);
         packed.square_mut([1, 1])[17] = 2.0;
         packed.set_whole([2, 0], -14.0);
         packed.square_mut([2, 0])[0] = 3.0;

@@ -63,6 +63,9 @@ def examine(name, size, theme, page, shots):
         if shots:
             driver.save_screenshot(str(shots / f"{name}-{theme}.png"))
         canvas = driver.find_element(By.ID, "view")
+        # Where a part of it lies below the window's edge, a picture that scrolls to it is taken before what comes into sight is shown.
+        driver.execute_script("arguments[0].scrollIntoView({block: 'center'})", canvas)
+        driver.execute_async_script("const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(done));")
         first = picture(canvas)
         body, red, colours = counts(first)
         check(f"{name} {theme}: the surface", body > 0.05 and red > 0.001 and colours > 500, f"{body:.3f} body, {red:.4f} lines, {colours} colours")

@@ -352,7 +352,11 @@ fn backends_are_chosen_told_and_reported() {
     let input = place.path().display().to_string();
     let report = place.path().join("r.json").display().to_string();
     let run = |more: &[&str]| {
-        let result = interslice(&[&["reconstruct", &input, "--report", &report], more].concat());
+        // The driver's self-test is remembered here and nowhere else.
+        let cache = place.path().join("cache");
+        let mut program = Command::new(env!("CARGO_BIN_EXE_interslice"));
+        program.env("XDG_CACHE_HOME", cache).args([&["reconstruct", &input, "--report", &report], more].concat());
+        let result = program.output().expect("the program starts");
         let text = fs::read(&report).unwrap_or_default();
         let _ = fs::remove_file(&report);
         (result, serde_json::from_slice::<Value>(&text).unwrap_or_default())
@@ -401,6 +405,12 @@ fn a_gpu_without_memory_fails_or_is_replaced() {
     let (short, told) = run(&["--backend", "gpu", "--gpu-memory", "1M"]);
     assert_eq!(short.status.code(), Some(1), "{}", stderr(&short));
     assert!(stderr(&short).contains("budget of 1048576 bytes") && told.is_null(), "{}", stderr(&short));
+    // A driver that no self-test has seen: it is not trusted, which is not remembered.
+    let (auto, _) = run(&["--adapter", "0", "--gpu-memory", "1M"]);
+    assert_eq!(auto.status.code(), Some(0), "{}", stderr(&auto));
+    assert!(stderr(&auto).contains("running on: reference") && stderr(&auto).contains("1048576"), "{}", stderr(&auto));
+    let (seen, _) = run(&["--adapter", "0"]);
+    assert!(stderr(&seen).contains("running on: GPU"), "{}", stderr(&seen));
     let (auto, told) = run(&["--adapter", "0", "--gpu-memory", "1M"]);
     assert_eq!(auto.status.code(), Some(0), "{}", stderr(&auto));
     assert!(stderr(&auto).contains("rest of the job runs on the CPU"), "{}", stderr(&auto));

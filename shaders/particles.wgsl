@@ -10,8 +10,10 @@
 const LOST: f32 = 1.2;
 // Distance from the front after back-projection, px, at which nothing is left of it.
 const OFF_FRONT: f32 = 0.25;
-// Share of the way for which the speed at the start stands.
+// Share of the way that counts as at rest.
 const PRIOR: f32 = 0.05;
+// Share of either length up to which a particle is whole.
+const WHOLE: f32 = 0.25;
 const PROJECTIONS: u32 = 2u;
 
 struct Particle {
@@ -39,9 +41,9 @@ fn lives(p: u32) -> bool {
     return p < arrayLength(&particles) && particles[p].kept > 0.0;
 }
 
-// What is left of a particle whose misfit has come so far.
+// What is left of a particle whose misfit has come so far: all up to a share of `gone`, nothing from there on.
 fn left(misfit: f32, gone: f32) -> f32 {
-    return 1.0 - smoothstep(0.0, gone, misfit);
+    return 1.0 - smoothstep(WHOLE * gone, gone, misfit);
 }
 
 // Predictor: an Euler step in the field before the front moves, `dx/dt = (phi(x) - phi_B(x)) n`.
@@ -57,7 +59,7 @@ fn predict(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let velocity = speed * normal_of(q, x) / h();
     particles[p].speed = speed;
     if particles[p].share == 0.0 {
-        particles[p].own = PRIOR * speed;
+        particles[p].own = 0.0;
         particles[p].share = PRIOR;
     }
     particles[p].velocity = velocity;

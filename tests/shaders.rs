@@ -268,6 +268,7 @@ fn constants_are_those_of_the_twins() {
         ("moving_slopes", "BELOW", f64::from(layout::BELOW)),
         ("part", "BOTH", part::BOTH),
         ("particles", "LOST", particles::LOST),
+        ("particles", "WHOLE", particles::WHOLE),
         ("particles", "OFF_FRONT", particles::OFF_FRONT),
         ("particles", "PRIOR", particles::PRIOR),
         ("particles", "PROJECTIONS", particles::PROJECTIONS as f64),

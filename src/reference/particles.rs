@@ -12,7 +12,9 @@ use crate::grid::spline::smoothstep;
 pub const LOST: f64 = 1.2;
 /// Distance from the front after back-projection, px, at which nothing is left of a particle: at a fork it has no front of its own.
 pub const OFF_FRONT: f64 = 0.25;
-/// Share of the way for which the speed at the start stands: what is known of a particle that is lost at once.
+/// Share of either length up to which a particle is whole: rounding of fronts moves every particle a little.
+pub const WHOLE: f64 = 0.25;
+/// Share of the way that counts as at rest: a particle that is lost at once has gone nowhere.
 pub const PRIOR: f64 = 0.05;
 /// Newton steps of a back-projection.
 pub const PROJECTIONS: usize = 2;
@@ -31,8 +33,8 @@ pub struct Particle {
     pub dragged: f64,
     /// Share that is left of it, from 1 to 0.
     pub kept: f64,
-    /// `int kept F dt`, px, and the share `int kept exp(-t) dt` of its way that the relaxation `F = phi - phi_B` covers meanwhile; both with
-    /// [`PRIOR`].
+    /// `int kept F dt`, px, and the share `int kept exp(-t) dt` of its way that the relaxation `F = phi - phi_B` covers meanwhile; the
+    /// latter with [`PRIOR`].
     pub own: f64,
     /// See `own`.
     pub share: f64,
@@ -61,7 +63,7 @@ pub fn predict(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2
     for p in particles.iter_mut().filter(|p| p.kept > 0.0) {
         (p.velocity, p.speed) = motion(phi, goal, p.x, h);
         if p.share == 0.0 {
-            (p.own, p.share) = (PRIOR * p.speed, PRIOR);
+            (p.own, p.share) = (0.0, PRIOR);
         }
         p.predicted = p.x + dt * p.velocity;
     }
@@ -86,9 +88,9 @@ pub fn correct(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2
     }
 }
 
-/// What is left of a particle whose misfit has come so far, if nothing is from `gone` on.
+/// What is left of a particle whose misfit has come so far: all up to a share [`WHOLE`] of `gone`, nothing from there on.
 fn left(misfit: f64, gone: f64) -> f64 {
-    1.0 - smoothstep(misfit / gone)
+    1.0 - smoothstep((misfit / gone - WHOLE) / (1.0 - WHOLE))
 }
 
 fn back_project(phi: &Field, mut x: DVec2, h: [f64; 2]) -> DVec2 {

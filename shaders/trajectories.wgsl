@@ -6,24 +6,12 @@
 @group(0) @binding(3) var<storage, read> times: array<Time>;
 @group(0) @binding(4) var<storage, read_write> paths: array<vec2<f32>>;
 
-// Fixed-point passes that find the trajectory through a point.
-const PASSES: u32 = 3u;
-
 // Time of a layer in its interval; `first` and `second` are t (t - 1)^2 and t^2 (t - 1).
 struct Time {
     t: f32,
     tau: f32,
     first: f32,
     second: f32,
-}
-
-// Displacement of the trajectory that passes through a pixel's place at time `1/2 + tau`: `u = v(x - tau u)`.
-fn through(ij: vec2<i32>, offset: vec2<f32>, tau: f32) -> vec2<f32> {
-    var u = vector_at(0u, ij, offset);
-    for (var k = 0u; k < PASSES; k++) {
-        u = vector_at(0u, ij, offset - tau * u);
-    }
-    return u;
 }
 
 // `p(t) = t u + (K_low - u) (t^3 - 2 t^2 + t) + (K_high - u) (t^3 - t^2)` and `u - p`, with the slices' rates K per interval in `rates`,
@@ -38,7 +26,7 @@ fn follow(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     let k = n % nodes;
     let time = times[n / nodes];
     let corner = vec2<i32>(STRIDE * vec2<u32>(k % image.columns, k / image.columns));
-    let u = through(corner, first_node(), time.tau);
+    let u = through(0u, corner, first_node(), time.tau);
     let come = time.t * u + time.first * (rates[k] - u) + time.second * (rates[nodes + k] - u);
     let place = 2u * (n - k) + k;
     paths[place] = come;

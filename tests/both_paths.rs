@@ -18,7 +18,10 @@ use interslice::registration::displacement::{Displacement, DisplacementJob};
 use interslice::registration::motion_field::{LoneParts, MotionField};
 use interslice::settings::Method;
 use interslice::stack::ReadOptions;
-use interslice::{Backend, ContourStack, Error, Reconstruction, Reference, Settings, height_grid, reconstruct_with};
+use interslice::{
+    Backend, Budget, ContourStack, Error, Layer, Means, Reconstruction, Reference, Settings, height_grid,
+    reconstruct_into, reconstruct_with,
+};
 use shapes::zoo::{N, zoo};
 use shapes::*;
 
@@ -307,6 +310,31 @@ fn a_failing_gpu_is_told_and_replaced_only_where_that_was_asked() {
     assert!(body.report.backend.contains("until it failed"), "{}", body.report.backend);
     assert!(body.report.warnings.iter().any(|w| w.contains("changed on the way")));
     assert_eq!(told.lock().expect("one thread").len(), 1, "told once");
+}
+
+#[test]
+fn a_gpu_that_fails_between_two_layers_is_replaced_there() {
+    let (stack, morph) = fig9();
+    for settings in [by_field(morph.clone()), morph] {
+        let heights = height_grid(&stack, &settings, None).heights().expect("a grid");
+        let told = Mutex::new(Vec::new());
+        let notice = |m: &str| told.lock().expect("one thread").push(m.to_string());
+        let gpu = GpuOrReference::new(open(&GpuOptions::default()), &notice);
+        let mut layers = Vec::new();
+        let mut sink = |layer: Layer| {
+            layers.push(layer);
+            // Layers have come from the device, and more are to come.
+            if layers.len() == heights.len() / 2 {
+                gpu.gpu.device.destroy();
+            }
+            Ok(())
+        };
+        let means = Means { backend: &gpu, progress: &Silent, budget: &Budget::unlimited() };
+        let mut body = reconstruct_into(&stack, &heights, &settings, &means, &mut sink).expect("the reference goes on");
+        body.layers = layers;
+        assert_eq!(told.lock().expect("one thread").len(), 1, "told once");
+        agree("half on the GPU", &body, &run(&Reference, &stack, &settings, None));
+    }
 }
 
 #[test]

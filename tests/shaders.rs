@@ -176,8 +176,11 @@ const OWN: [(&str, &str); 3] = [
 #[test]
 fn constants_are_those_of_the_twins() {
     use interslice::gpu::layout;
-    use interslice::grid::stencil;
+    use interslice::grid::{stencil, tiled};
     use interslice::reference::{distance, exact, extend, part, particles, propagate, reinit, scatter, trace};
+    use interslice::reference::{
+        fairing_flatness as flatness, fairing_limit as limit, fairing_near as near, fairing_transform as transform,
+    };
     use interslice::registration::{displacement, motion_field as field};
     // Of one module, or of all that have it.
     let wanted: &[(&str, &str, f64)] = &[
@@ -205,6 +208,36 @@ fn constants_are_those_of_the_twins() {
         ("distance", "TRUSTED", distance::TRUSTED),
         ("exact", "TIE", exact::TIE),
         ("extend", "ALIKE", extend::ALIKE),
+        ("", "SQUARE", tiled::SQUARE as f64),
+        ("", "AREA", tiled::AREA as f64),
+        ("", "APART", displacement::BLOCK as f64),
+        ("", "NEAR", f64::from(near::NEAR)),
+        ("", "SATURATED", f64::from(near::SATURATED)),
+        ("", "FADE", f64::from(near::FADE[0])),
+        ("", "FADED", f64::from(near::FADE[1])),
+        ("", "SLACK_PX", f64::from(limit::SLACK)),
+        ("fairing_transform", "TANH_END", f64::from(transform::FLAT)),
+        ("fairing_transform", "LEAST_GRADIENT", f64::from(transform::LEAST_GRADIENT)),
+        ("fairing_transform", "ALONE_STEEP", flatness::STEEP),
+        ("fairing_transform", "ALONE_FLAT", flatness::FLAT),
+        ("fairing_transform", "STEEP", field::STEEP),
+        ("fairing_transform", "FLAT", field::FLAT),
+        ("fairing_transform", "LYING", flatness::NONE),
+        ("fairing_transform", "STANDING", flatness::ALL),
+        ("fairing_transform", "BLOCKS", layout::BLOCKS as f64),
+        ("fairing_paths", "BACK_PASSES", (field::PASSES / 2) as f64),
+        ("fairing_paths", "FROM_LOWER", f64::from(layout::FROM_LOWER)),
+        ("fairing_paths", "FROM_UPPER", f64::from(layout::FROM_UPPER)),
+        ("fairing_paths", "OVER_BOTH", f64::from(layout::OVER_BOTH)),
+        ("", "TABLE", layout::TABLE as f64),
+        ("", "ACROSS", (layout::TABLE as f64).sqrt()),
+        ("", "SLOPE", 1.0),
+        ("", "DIFFERENCE", f64::from(layout::DIFFERENCE)),
+        ("", "CORRECTION", f64::from(layout::CORRECTION)),
+        ("fairing_correct", "ALONE", limit::ALONE[0]),
+        ("fairing_correct", "ALONE_END", limit::ALONE[1]),
+        ("fairing_correct", "ROOT_END", f64::from(limit::ROOT_END)),
+        ("fairing_layer", "LEAST", f64::from(f32::MIN_POSITIVE)),
         ("moving_layer", "SHRINKING", field::SHRINKING),
         ("moving_layer", "AT_TIP", interslice::contour::caps::AT_TIP),
         ("moving_slopes", "BOTH", f64::from(layout::BOTH)),
@@ -229,7 +262,7 @@ fn constants_are_those_of_the_twins() {
         ("trace", "LEAST_GAIN", trace::LEAST_GAIN),
         ("trace", "PATIENCE", trace::PATIENCE),
         ("trace", "SLACK", trace::SLACK),
-        ("trajectories", "PASSES", displacement::PASSES as f64),
+        ("", "PASSES", displacement::PASSES as f64),
     ];
     let modules: Vec<_> = shaders().into_iter().map(|s| (s.declared.stem, s.module)).collect();
     let mut compared = BTreeSet::new();

@@ -2,6 +2,7 @@
 
 pub mod blend;
 pub mod conditioning;
+pub mod fairing;
 pub mod jobs;
 pub mod options;
 pub mod padded_slice;
@@ -10,6 +11,7 @@ pub mod requests;
 pub use self::options::{ContourOptions, MorphOptions};
 pub use self::padded_slice::PaddedSlice;
 
+use self::fairing::{FairingFrame, FairingState};
 use self::jobs::{Filled, Traced};
 use self::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
 use crate::error::Result;
@@ -81,4 +83,10 @@ pub trait Backend: Sync {
     /// # Errors
     /// A backend's own failures.
     fn moving_layers(&self, request: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>>;
+
+    /// A fairing that has no nodes yet.
+    ///
+    /// # Errors
+    /// A backend's own failures.
+    fn fairing<'a>(&'a self, frame: FairingFrame<'a>) -> Result<Box<dyn FairingState + 'a>>;
 }

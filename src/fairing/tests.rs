@@ -1,4 +1,5 @@
 use super::*;
+use crate::reference::Reference;
 
 const DIMS: [usize; 2] = [41, 41];
 
@@ -6,7 +7,7 @@ const DIMS: [usize; 2] = [41, 41];
 fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, Vec<f32>)> {
     let gaps: Vec<f64> = contours.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let nodes = Nodes::new(contours.to_vec());
-    let mut fairing = Fairing::new(FairingSpec {
+    let spec = FairingSpec {
         moving: None,
         contours: contours.to_vec(),
         layers: 0..gaps.len(),
@@ -18,7 +19,8 @@ fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, V
         steered: [false; 2],
         farthest: 100.0,
         shares: vec![None; gaps.len()],
-    });
+    };
+    let mut fairing = Fairing::new(spec, &Reference).expect("a fairing");
     let mut out = Vec::new();
     let mut sink = |layer: Layer| {
         out.push((layer.z, layer.phi));

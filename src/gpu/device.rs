@@ -271,6 +271,12 @@ impl Device {
         self.queue.write_buffer(&buffer.raw, 0, bytemuck::cast_slice(values));
     }
 
+    /// Gives the values of a buffer from the value `first` on new ones.
+    pub fn write_at<T: Pod>(&self, buffer: &Buffer<[T]>, first: usize, values: &[T]) {
+        self.traffic[0].fetch_add(size_of_val(values) as u64, Ordering::Relaxed);
+        self.queue.write_buffer(&buffer.raw, (first * size_of::<T>()) as u64, bytemuck::cast_slice(values));
+    }
+
     /// Bytes sent and read back so far.
     pub fn traffic(&self) -> [u64; 2] {
         self.traffic.each_ref().map(|bytes| bytes.load(Ordering::Relaxed))

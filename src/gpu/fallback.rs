@@ -3,7 +3,9 @@
 use std::sync::{Arc, OnceLock};
 
 use super::Gpu;
+use super::replayed::Replayed;
 use crate::backend::Backend;
+use crate::backend::fairing::{FairingFrame, FairingState};
 use crate::backend::jobs::{Filled, Traced};
 use crate::backend::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
 use crate::error::{Error, Result};
@@ -36,14 +38,23 @@ impl<'n> GpuOrReference<'n> {
     fn ask<T>(&self, on: impl Fn(&dyn Backend) -> Result<T>) -> Result<T> {
         if self.failure.get().is_none() {
             match on(&*self.gpu) {
-                Err(Error::Gpu(message)) if !(self.unless_lost && self.gpu.device.check().is_err()) => {
-                    (self.notice)(&format!("{message}; the rest of the job runs on the CPU reference path"));
-                    self.failure.get_or_init(|| message);
-                }
+                Err(error) if self.fails(&error) => {}
                 result => return result,
             }
         }
         on(&Reference)
+    }
+
+    /// Whether the reference path goes on after this error, of which the listener is told.
+    fn fails(&self, error: &Error) -> bool {
+        let Error::Gpu(message) = error else { return false };
+        if self.unless_lost && self.gpu.device.check().is_err() {
+            return false;
+        }
+        if self.failure.set(message.clone()).is_ok() {
+            (self.notice)(&format!("{message}; the rest of the job runs on the CPU reference path"));
+        }
+        true
     }
 }
 
@@ -85,5 +96,13 @@ impl Backend for GpuOrReference<'_> {
 
     fn moving_layers(&self, request: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>> {
         self.ask(|backend| backend.moving_layers(request))
+    }
+
+    fn fairing<'a>(&'a self, frame: FairingFrame<'a>) -> Result<Box<dyn FairingState + 'a>> {
+        if self.failure.get().is_some() {
+            return Reference.fairing(frame);
+        }
+        let state = self.gpu.fairing(frame)?;
+        Ok(Box::new(Replayed::new(state, frame, |error| self.fails(error))))
     }
 }

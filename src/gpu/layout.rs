@@ -25,6 +25,20 @@ pub const BOTH: u32 = 0;
 pub const ABOVE: u32 = 1;
 /// The highest slice.
 pub const BELOW: u32 = 2;
+/// Blocks along a side of a square of them, of a fairing.
+pub const BLOCKS: usize = 4;
+/// Blocks that the pixels of a square read in a fairing: the table of its offsets.
+pub const TABLE: usize = 36;
+/// Planes of a node's squares in a fairing.
+pub const DIFFERENCE: u32 = 2;
+/// See [`DIFFERENCE`].
+pub const CORRECTION: u32 = 3;
+/// A way that begins on the lower slice.
+pub const FROM_LOWER: u32 = 0;
+/// A way that begins on the upper slice.
+pub const FROM_UPPER: u32 = 1;
+/// A way over both slices.
+pub const OVER_BOTH: u32 = 2;
 /// Phases of a job.
 pub const RUNNING: u32 = 0;
 /// The front has arrived, or its steps are used up.
@@ -376,4 +390,97 @@ mirrored!(
 mirrored!(
     /// A part without partner (`moving_layer.wgsl`).
     Part { first: u32, nx: u32, ny: u32, x: i32, y: i32, depth: f32, height: f32, shrinking: f32, farthest: f32, }
+);
+
+mirrored!(
+    /// Size and lengths that all kernels of a fairing share (`common/fairing.wgsl`).
+    FairingShape {
+        nx: u32,
+        ny: u32,
+        columns: u32,
+        block_columns: u32,
+        block_rows: u32,
+        limited: u32,
+        pad_x: u32,
+        pad_y: u32,
+        first_x: f32,
+        first_y: f32,
+        dx: f32,
+        dy: f32,
+        bound: f32,
+        side: f32,
+        farthest: f32,
+        padding: f32,
+    }
+);
+
+mirrored!(
+    /// A node to be transformed (`fairing_transform.wgsl`).
+    FairingNode {
+        phi: [u32; 2],
+        below: [u32; 2],
+        above: [u32; 2],
+        own: [u32; 2],
+        plane: u32,
+        squares: u32,
+        marks: u32,
+        blocks: u32,
+        rise: f32,
+        padding_a: u32,
+        padding_b: u32,
+        padding_c: u32,
+    }
+);
+
+mirrored!(
+    /// A node and its interval in the moving frame (`fairing_paths.wgsl`).
+    FairingWay { interval: u32, node: u32, t: f32, tau: f32, first: f32, second: f32, }
+);
+
+mirrored!(
+    /// A node that trajectories begin at (`fairing_paths.wgsl`).
+    FairingOrigin { node: u32, squares: u32, marks: u32, first_pair: u32, pair_count: u32, offsets: u32, }
+);
+
+mirrored!(
+    /// The way from a node to another (`fairing_paths.wgsl`).
+    FairingPair { start: u32, first_step: u32, last_step: u32, lower: f32, upper: f32, }
+);
+
+mirrored!(
+    /// A displacement that a way follows (`fairing_paths.wgsl`).
+    FairingStep { vectors: u32, sign: f32, }
+);
+
+mirrored!(
+    /// A node to be corrected (`fairing_correct.wgsl`).
+    FairingMean {
+        own: [u32; 2],
+        phi: [u32; 2],
+        plane: u32,
+        squares: u32,
+        marks: u32,
+        first_term: u32,
+        last_term: u32,
+        offsets: u32,
+        pair_count: u32,
+        at_contour: u32,
+        low: [u32; 4],
+        high: [u32; 4],
+        beyond: [u32; 4],
+        pairs: [u32; 4],
+        share: [u32; 2],
+        alpha: f32,
+        weight: f32,
+    }
+);
+
+mirrored!(
+    /// A node of a mean or of a curve (`fairing_correct.wgsl`, `fairing_layer.wgsl`).
+    FairingTerm { layer: [u32; 2], pair: u32, weight: f32, }
+);
+
+mirrored!(
+    /// A layer to be moved (`fairing_layer.wgsl`).
+    FairingLayer { phi: [u32; 2], low: [u32; 2], high: [u32; 2], first_term: u32, last_term: u32, }
 );

@@ -5,6 +5,7 @@
 //! depend on the batch it is in.
 
 pub mod adapter;
+mod arena;
 pub mod atlas;
 pub mod band;
 mod coalesce;
@@ -16,6 +17,11 @@ mod distance;
 mod doctor;
 mod exact;
 mod extend;
+mod fairing;
+mod fairing_correct;
+mod fairing_layer;
+mod fairing_paths;
+mod fairing_transform;
 mod fallback;
 mod hj_step;
 pub mod kernels;
@@ -30,14 +36,18 @@ mod propagate;
 mod queue;
 mod recorder;
 mod reinit;
+mod replayed;
 mod scatter;
 pub mod selftest;
 mod trace;
 mod trajectories;
 
 use std::borrow::Cow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::backend::Backend;
+use crate::backend::fairing::{FairingFrame, FairingState};
 use crate::backend::jobs::{Filled, Traced};
 use crate::backend::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
 use crate::error::Result;
@@ -53,6 +63,7 @@ pub use fallback::GpuOrReference;
 use kernels::Kernels;
 use profiler::Profiler;
 use queue::Turns;
+use replayed::Replayed;
 
 /// Share of the budget that batches are planned with; the rest is for reading back and for lists that must be made longer.
 const BUDGET_SHARE: f64 = 0.7;
@@ -68,6 +79,8 @@ pub struct Gpu {
     /// loop, whose threads the stage itself may need.
     turns: Turns,
     waiting: WaitingCalls,
+    /// Bytes of the budget that stay taken between stages.
+    resident: AtomicU64,
 }
 
 impl Gpu {
@@ -84,7 +97,15 @@ impl Gpu {
             profiler: Profiler::new(options.timed),
             turns: Turns::default(),
             waiting: WaitingCalls::default(),
+            resident: AtomicU64::new(0),
         })
+    }
+
+    /// A fairing on the device. Nodes that no array of this adapter holds are left to the reference path.
+    pub(crate) fn fairing_on_device<'a>(&'a self, frame: FairingFrame<'a>) -> Box<dyn FairingState + 'a> {
+        let too_long = Arc::new(AtomicBool::new(false));
+        let state = Box::new(fairing::GpuFairing::new(self, frame, too_long.clone()));
+        Box::new(Replayed::new(state, frame, move |_| too_long.load(Ordering::Relaxed)))
     }
 
     /// Cost of the kernels so far.
@@ -95,7 +116,8 @@ impl Gpu {
 
     /// The share of this device that a job takes: of the byte budget, or of the largest array where that is more.
     fn share(&self, bytes: usize, largest_array: usize) -> f64 {
-        let of_budget = bytes as f64 / (BUDGET_SHARE * self.device.budget() as f64);
+        let budget = self.device.budget().saturating_sub(self.resident.load(Ordering::Relaxed)).max(1);
+        let of_budget = bytes as f64 / (BUDGET_SHARE * budget as f64);
         let of_array = largest_array as f64 / self.device.largest_binding() as f64;
         of_budget.max(of_array)
     }
@@ -169,5 +191,10 @@ impl Backend for Gpu {
         }
         let _turn = self.turns.take();
         moving_layer::layers(self, request)
+    }
+
+    fn fairing<'a>(&'a self, frame: FairingFrame<'a>) -> Result<Box<dyn FairingState + 'a>> {
+        // Its kernels agree with their twins, but what they keep on the device does not yet fit into every budget that other stages fit into.
+        Reference.fairing(frame)
     }
 }

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::registration::motion_field::MotionField;
 
 shader! {
-    trajectories = "common/job.wgsl" + "common/moving.wgsl" + twin "src/registration/motion_field.rs";
+    trajectories = "common/job.wgsl" + "common/moving.wgsl" + "common/through.wgsl" + twin "src/registration/motion_field.rs";
 
     /// The way through each node, from both slices.
     Follow for follow, "trajectories" {

@@ -11,7 +11,7 @@ use crate::grid::field::{Field, bilinear, cell};
 pub const SQUARE: usize = 1 << SHIFT;
 const SHIFT: usize = 4;
 /// Values of a square.
-const AREA: usize = SQUARE * SQUARE;
+pub const AREA: usize = SQUARE * SQUARE;
 /// Values of which whole squares are kept once; what other values whole squares have is kept for each.
 const SHARED: usize = 16;
 
@@ -144,6 +144,52 @@ impl<T: Pod + Send + Sync> Packed<T> {
         self.values.iter().copied()
     }
 
+    /// Table of the squares, row-major: where each lies among [`Packed::squares`], in squares.
+    pub fn places(&self) -> &[u32] {
+        &self.places
+    }
+
+    /// Squares one after the other, each row-major.
+    pub fn squares(&self) -> &[T] {
+        &self.values
+    }
+
+    /// The one value of each square, or nothing.
+    pub fn wholes(&self) -> Vec<Option<T>> {
+        let whole = |square: &[T]| square.iter().all(|v| same(v, &square[0])).then_some(square[0]);
+        let stored: Vec<Option<T>> = self.values.chunks_exact(AREA).map(whole).collect();
+        self.places.iter().map(|place| stored[*place as usize]).collect()
+    }
+
+    /// The same field but for some squares, by increasing number in the table, whose values are given one after the other.
+    pub fn replaced(&self, squares: &[u32], values: &[T]) -> Self {
+        let mut new = squares.iter().zip(values.chunks_exact(AREA)).peekable();
+        let mut kept: Vec<Option<u32>> = vec![None; self.values.len() / AREA];
+        let mut packed = Packed {
+            dims: self.dims,
+            columns: self.columns,
+            places: Vec::with_capacity(self.places.len()),
+            values: Vec::new(),
+        };
+        packed.values.reserve_exact(values.len() + SHARED * AREA);
+        for (square, place) in (0..).zip(&self.places) {
+            let next = (packed.values.len() / AREA) as u32;
+            if let Some((_, values)) = new.next_if(|(number, _)| **number == square) {
+                packed.values.extend_from_slice(values);
+                packed.places.push(next);
+                continue;
+            }
+            let place = *place as usize;
+            let at = *kept[place].get_or_insert_with(|| {
+                packed.values.extend_from_slice(&self.values[place * AREA..][..AREA]);
+                next
+            });
+            packed.places.push(at);
+        }
+        packed.values.shrink_to_fit();
+        packed
+    }
+
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.places) + size_of_val(&*self.values)
@@ -214,6 +260,25 @@ fn same<T: Pod>(a: &T, b: &T) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn squares_are_replaced() {
+        let dims = [40, 20];
+        let old = Packed::of(dims, &(0..800).map(|n| if n % 40 < 20 { 3.0 } else { n as f32 }).collect::<Vec<f32>>());
+        let wholes = old.wholes();
+        assert_eq!(wholes, [Some(3.0), None, None, Some(3.0), None, None]);
+        let new: Vec<f32> = (0..2 * AREA).map(|n| -(n as f32)).collect();
+        let both = old.replaced(&[0, 4], &new);
+        for (i, j) in (0..20).flat_map(|j| (0..40).map(move |i| (i, j))) {
+            let within = j % SQUARE * SQUARE + i % SQUARE;
+            let expected = match i / SQUARE + j / SQUARE * 3 {
+                0 => new[within],
+                4 => new[AREA + within],
+                _ => old.at(i, j),
+            };
+            assert_eq!(both.at(i, j), expected, "{i} {j}");
+        }
+    }
 
     #[test]
     fn values_come_back_bit_by_bit_and_equal_squares_take_no_memory() {

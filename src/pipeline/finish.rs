@@ -23,7 +23,7 @@ pub(super) fn faired<'a>(
         make(&mut |layer| together.push(layer, sink))?;
         return together.finish(sink);
     }
-    let mut fairing = Fairing::new(FairingSpec {
+    let spec = FairingSpec {
         moving: moving.map(|moving| (moving, run.pad)),
         contours: run.stack.slices.iter().map(|s| s.z).collect(),
         dims: run.stack.dims,
@@ -35,7 +35,8 @@ pub(super) fn faired<'a>(
         farthest: run.settings.margin() as f64 * run.px,
         steered: run.settings.steered_ends(),
         shares: fairing_shares(run, links, contours)?,
-    });
+    };
+    let mut fairing = Fairing::new(spec, run.backend)?;
     make(&mut |layer| fairing.push(layer, &mut |layer| together.push(layer, sink)))?;
     fairing.finish(&mut |layer| together.push(layer, sink))?;
     together.finish(sink)

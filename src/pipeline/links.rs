@@ -1,6 +1,7 @@
 //! Links: what is known of pairs of parts before the slices are compared, and what becomes of it.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use super::context::Context;
 use crate::contour::Contour;
@@ -144,7 +145,7 @@ pub(super) fn fairing_shares(
     run: &Context<'_>,
     links: &[IntervalLinks],
     contours: &SpillVec<'_, Contour>,
-) -> Result<Vec<Option<Vec<f32>>>> {
+) -> Result<Vec<Option<Arc<Vec<f32>>>>> {
     let share = |(i, links): (usize, &IntervalLinks)| {
         let parted = links.parted();
         if parted.is_empty() {
@@ -160,7 +161,7 @@ pub(super) fn fairing_shares(
         let [nx, ny] = run.stack.dims;
         let padded = |n: usize| (n / nx + run.pad[1]) * dims[0] + n % nx + run.pad[0];
         let part = |n| smoothstep((away.data[padded(n)] - none) / (all - none)) as f32;
-        Ok(Some((0..nx * ny).map(part).collect()))
+        Ok(Some(Arc::new((0..nx * ny).map(part).collect())))
     };
     links.iter().enumerate().map(share).collect()
 }

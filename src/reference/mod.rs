@@ -6,6 +6,15 @@ pub mod displacement;
 pub mod distance;
 pub mod exact;
 pub mod extend;
+mod fairing;
+mod fairing_correct;
+pub mod fairing_flatness;
+mod fairing_layer;
+pub mod fairing_limit;
+pub mod fairing_near;
+mod fairing_nodes;
+mod fairing_paths;
+pub mod fairing_transform;
 pub mod hj_step;
 pub mod moving_layer;
 pub mod moving_slopes;
@@ -19,6 +28,7 @@ pub mod trace;
 use rayon::prelude::*;
 
 use crate::backend::blend::{blend, mend};
+use crate::backend::fairing::{FairingFrame, FairingState};
 use crate::backend::jobs::{Filled, SweepJob, SweepPair, Swept, Traced, blend_weights};
 use crate::backend::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
 use crate::backend::{Backend, PaddedSlice};
@@ -100,5 +110,9 @@ impl Backend for Reference {
 
     fn moving_layers(&self, request: &LayerRequest<'_>) -> Result<Vec<Vec<f32>>> {
         Ok((0..request.times.len()).into_par_iter().map(|k| moving_layer::layer(request, k)).collect())
+    }
+
+    fn fairing<'a>(&'a self, frame: FairingFrame<'a>) -> Result<Box<dyn FairingState + 'a>> {
+        Ok(Box::new(fairing::ReferenceFairing::new(frame)))
     }
 }

@@ -120,15 +120,28 @@ impl<'b> MotionStack<'b> {
         Ok(Frame::middle_of(&self.frame(i..i + 2)?, 0))
     }
 
+    /// The interval of height `z`, the nearest slice's beyond the stack, and the time in it.
+    pub fn time_of(&self, z: f64) -> (usize, f64) {
+        let last = self.displacements.len() - 1;
+        let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
+        (interval, time(z, self.heights[interval], self.heights[interval + 1]))
+    }
+
+    /// Columns and rows of the blocks of its displacements.
+    ///
+    /// # Errors
+    /// The errors of the shelf.
+    pub fn grid(&self) -> Result<[usize; 2]> {
+        Ok(self.displacements.get(0)?.grid)
+    }
+
     /// The place of height `z`, the nearest slice's beyond the stack, and the paths through it. What it shares with a `known` place of its
     /// interval is taken from there.
     ///
     /// # Errors
     /// The errors of the shelves.
     pub fn place(&self, z: f64, known: Option<&Place>) -> Result<(Place, Paths)> {
-        let last = self.displacements.len() - 1;
-        let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
-        let t = time(z, self.heights[interval], self.heights[interval + 1]);
+        let (interval, t) = self.time_of(z);
         let frame = self.frame(interval..interval + 2)?;
         Ok(Place::new(&frame, 0, interval, t, known.filter(|place| place.interval == interval)))
     }

@@ -56,7 +56,7 @@ fn single(field: &Field) -> Field {
 }
 
 /// A displacement that varies, up to `size` px.
-fn waves(dims: [usize; 2], size: f64, phase: f64) -> Displacement {
+pub(super) fn waves(dims: [usize; 2], size: f64, phase: f64) -> Displacement {
     let wave = |x: f64, y: f64| f64::from((size * (0.07 * x + 0.05 * y + phase).sin()) as f32);
     Displacement::zero(dims)
         .map(|_, [x, y], _| [wave(x, y), 0.7 * wave(y, -x)])

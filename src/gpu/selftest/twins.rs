@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::selftest::cases::{BETA, Cases, GAMMA};
 use crate::gpu::selftest::comparison::Comparison;
+use crate::gpu::selftest::fairing_twins;
 use crate::gpu::selftest::moving_twins;
 use crate::gpu::selftest::single_kernels::{DistanceReach, Speeds};
 use crate::grid::field::Field;
@@ -51,6 +52,7 @@ pub fn compare(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
     out.extend(morphs(gpu, cases)?);
     out.extend(sweeps(gpu, cases)?);
     out.extend(moving_twins::compare(gpu, cases.h, cases.scale)?);
+    out.extend(fairing_twins::compare(gpu, cases.h, cases.scale)?);
     Ok(out)
 }
 

@@ -11,20 +11,20 @@
 
 use rayon::prelude::*;
 
-use super::near::{SATURATED, nearer, nearness};
+use super::fairing_near::{SATURATED, nearer, nearness};
 use crate::grid::spline::smoothstep;
 use crate::grid::tiled::Packed;
 use crate::registration::displacement::{BLOCK, Displacement, smooth};
 use crate::registration::motion_field::upright;
 
 /// A pixel that goes sideways by more than this per height stands less by itself, one that goes by more than FLAT not at all.
-const STEEP: f64 = 3.0;
-const FLAT: f64 = 8.0;
+pub const STEEP: f64 = 3.0;
+pub const FLAT: f64 = 8.0;
 /// Sigma of the window, px of the larger side.
-const REACH: f64 = 8.0;
+pub const REACH: f64 = 8.0;
 /// Means below this count as flat, above the other as upright.
-const NONE: f64 = 0.35;
-const ALL: f64 = 0.65;
+pub const NONE: f64 = 0.35;
+pub const ALL: f64 = 0.65;
 
 /// Uprightness of a surface by itself, pixel by pixel.
 pub fn alone(sideways: f64) -> f64 {

@@ -3,7 +3,10 @@
 use crate::grid::spline::smoothstep;
 
 /// Distance by which a correction may leave the range of its contours, px of the larger side.
-const SLACK: f32 = 0.05;
+pub const SLACK: f32 = 0.05;
+
+/// Beyond this square of a correction by its room the eighth root is the ratio itself, in single precision.
+pub const ROOT_END: f32 = 100.0;
 
 /// A correction c of a distance u that leaves the ranges of both contours' distances by no more than SLACK: with the room
 /// `max(0, max(a, b) - u) + SLACK` above u, mirrored below, the narrower of two ranges, `c / (1 + (|c| / room)^8)^(1/8)`. `side` is the length
@@ -13,8 +16,7 @@ pub fn limited(c: f32, u: f32, ranges: [[f32; 2]; 2], side: f32) -> f32 {
     let room = ranges.into_iter().fold(f32::INFINITY, |least, range| least.min(room(c, u, range, side)));
     let ratio = (c / room).powi(2);
     let eighth = ratio.powi(4);
-    // Beyond this the eighth root is the ratio itself, in single precision.
-    if ratio > 100.0 { room.copysign(c) } else { c / (1.0 + eighth).sqrt().sqrt().sqrt() }
+    if ratio > ROOT_END { room.copysign(c) } else { c / (1.0 + eighth).sqrt().sqrt().sqrt() }
 }
 
 /// Correction cut off where the room ends: a curve through corrections that are [`limited`] may swing beyond them, the more the less the gaps on both
@@ -33,7 +35,7 @@ fn room(c: f32, u: f32, [a, b]: [f32; 2], side: f32) -> f32 {
 }
 
 /// A contour this much of the farthest distance that counts away leads nowhere.
-const ALONE: [f64; 2] = [0.8, 0.98];
+pub const ALONE: [f64; 2] = [0.8, 0.98];
 
 /// Share to which the surface goes on from one contour to another whose distances there are these, at most `farthest`: 1 where both have a surface, 0
 /// where one has none.

@@ -2,14 +2,14 @@
 
 use multiversion::multiversion;
 
-use super::flatness::{self, Around};
-use super::near::{SATURATED, nearer};
+use super::fairing_flatness::{Around, alone};
+use super::fairing_near::{SATURATED, nearer};
 use crate::grid::tiled::Packed;
 
 /// Least gradient: flat places must not be blown up.
-const LEAST_GRADIENT: f32 = 0.3;
+pub const LEAST_GRADIENT: f32 = 0.3;
 /// Beyond this `u / (n B)` tanh stays as it is.
-const FLAT: f32 = 6.0;
+pub const FLAT: f32 = 6.0;
 
 /// Lengths that the transformation of a layer depends on.
 #[derive(Debug, Clone, Copy)]
@@ -75,10 +75,10 @@ fn transform_row(lines: [&[f32]; 5], per: [f32; 3], bound: f32, [v, gradient, si
         let steep = gz.abs() / along.sqrt().max(LEAST_GRADIENT);
         let n = (along + gz * gz).sqrt().max(LEAST_GRADIENT);
         let ratio = tanh(u[i + 1] / (n * bound));
-        let alone = flatness::alone(f64::from(steep)) as f32;
+        let stands = alone(f64::from(steep)) as f32;
         let near = ratio.abs() < SATURATED;
         v[i] = bound * ratio;
-        gradient[i] = if near { n * alone } else { 0.0 };
+        gradient[i] = if near { n * stands } else { 0.0 };
         sideways[i] = if near { steep } else { 0.0 };
     }
 }

@@ -1,12 +1,36 @@
 //! Layers read along trajectories.
 
 use multiversion::multiversion;
+use rayon::prelude::*;
 
+use super::fairing::ReferenceFairing;
+use super::fairing_nodes::{Near, Node};
 use crate::grid::tiled::Packed;
-use crate::registration::displacement::{BLOCK, Displacement};
+use crate::registration::displacement::{BLOCK, Displacement, Resting};
 
 /// Pixels that are read at once.
 const AT_ONCE: usize = 4 * BLOCK;
+
+impl ReferenceFairing<'_> {
+    /// Offsets of the trajectories from node `k` to node `l` in the blocks near its surface, px of the image; `None` where they stand still.
+    pub(super) fn offsets(&self, k: usize, l: usize) -> Option<Displacement> {
+        let (_, pad) = self.frame.moving.filter(|_| k != l)?;
+        let (from, to) = (self.node(k)?.made.as_ref()?, self.node(l)?.place()?);
+        let (near, from) = (&from.near, from.place.as_ref()?);
+        // The lowest node of every interval between both is among those that are kept.
+        let intervals = from.interval.min(to.interval) + 1..from.interval.max(to.interval);
+        let of = |i| self.kept.iter().filter_map(Node::place).find(|place| place.interval == i);
+        let between: Vec<&[Resting; 2]> = intervals.filter_map(of).map(|place| &*place.at_slices).collect();
+        let mut offsets = Displacement::zero(self.frame.dims);
+        let offset = |&(block, slices): &Near| {
+            let (x, y) = (offsets.centre(block), from.carry(slices, to, &between));
+            [0, 1].map(|a| y[a] - pad[a] as f64 - x[a])
+        };
+        let found: Vec<[f64; 2]> = near.par_iter().map(offset).collect();
+        near.iter().zip(found).for_each(|((block, _), offset)| offsets.vectors[*block] = offset);
+        Some(offsets)
+    }
+}
 
 /// Adds `w` times the values of a layer at the pixels of row `j` from `first` on, or where their trajectories are.
 pub fn add(v: &Packed<f32>, w: f32, offsets: Option<&Displacement>, j: usize, first: usize, out: &mut [f32]) {

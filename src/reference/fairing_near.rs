@@ -5,10 +5,10 @@ use std::ops::Range;
 use crate::grid::spline::smoothstep;
 
 /// Pixels with a smaller |v| / B are wholly near the surface, those with a larger than SATURATED not at all.
-const NEAR: f32 = 0.4;
+pub const NEAR: f32 = 0.4;
 pub const SATURATED: f32 = 0.85;
 /// At a contour the difference fades out between these: layers beside it read it there, near their own surface.
-const FADE: [f32; 2] = [0.82, 0.88];
+pub const FADE: [f32; 2] = [0.82, 0.88];
 
 /// Pixels that are passed over at once.
 const RUN: usize = 16;

@@ -1,38 +1,14 @@
-//! Layers that wait, nodes, and what is made of them once.
+//! Nodes of a fairing, and what is made of them once.
 
 use std::sync::Arc;
 
-use super::near::nearer;
+use super::fairing_near::nearer;
 use crate::grid::tiled::Packed;
 use crate::registration::displacement::Displacement;
 use crate::registration::motion_field::{Paths, Place};
-use crate::surface::Layer;
 
 /// A block of a layer, and where its trajectory meets the slices below and above, px of the padded image.
 pub type Near = (usize, [[f64; 2]; 2]);
-
-/// A layer that waits to be handed on.
-pub struct WaitingLayer {
-    /// Height.
-    pub z: f64,
-    /// Its distances.
-    pub phi: Arc<Packed<f32>>,
-    output: bool,
-    contour: Option<usize>,
-}
-
-impl WaitingLayer {
-    /// A layer that has come, packed.
-    pub fn new(layer: Layer, dims: [usize; 2]) -> Self {
-        let Layer { z, phi, output, contour } = layer;
-        WaitingLayer { z, phi: Arc::new(Packed::of(dims, &phi)), output, contour }
-    }
-
-    /// The layer as it has come.
-    pub fn layer(&self) -> Layer {
-        Layer { z: self.z, phi: self.phi.unpack(), output: self.output, contour: self.contour }
-    }
-}
 
 /// A node with what fairing makes of it.
 pub struct Node {
@@ -52,6 +28,8 @@ pub struct Transformed {
     pub v: Packed<f32>,
     /// `n` near the surface, less where it lies flat; 0 elsewhere.
     pub gradient: Packed<f32>,
+    /// Whether it is a contour.
+    pub at_contour: bool,
     /// Place in the moving frame, if there is one.
     pub place: Option<Place>,
     /// Blocks that are read where its surface is near.

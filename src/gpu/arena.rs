@@ -108,9 +108,15 @@ impl<T: Pod> Arena<T> {
         // Half as much again, so that a few times are enough; no more where that does not fit.
         let wide = len + len / 2;
         let made = gpu.device.storage(self.label, wide).map(|buffer| (buffer, wide));
-        let (buffer, len) = match made {
+        let (buffer, len) = match made.or_else(|_| gpu.device.storage(self.label, len).map(|buffer| (buffer, len))) {
             Ok(made) => made,
-            Err(_) => (gpu.device.storage(self.label, len)?, len),
+            Err(error) if self.too_long => return Err(error),
+            // Not both at once.
+            Err(_) => {
+                let values = self.park(gpu)?;
+                self.len = len;
+                return self.unpark(gpu, &values);
+            }
         };
         if let (Some(old), used @ 1..) = (&self.buffer, self.used()) {
             let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);

@@ -140,7 +140,7 @@ pub fn compare(gpu: &Gpu, h: [f64; 2], scale: usize) -> Result<Vec<Comparison>> 
     for (stage, moving, limited, shares) in cases {
         let (dims, spacing) = (body.dims, body.spacing);
         let frame = FairingFrame { moving, dims, spacing, bound: 3.0, limited, farthest: FARTHEST };
-        let ours = faired(gpu.fairing_on_device(frame), &body, shares)?;
+        let ours = faired(gpu.fairing(frame)?, &body, shares)?;
         let twins = faired(Reference.fairing(frame)?, &body, shares)?;
         let mut found = Comparison::new(stage, BOUND);
         for (k, ours, twin) in found.pairs(&"layers", &ours, &twins) {

@@ -10,7 +10,7 @@
 const LOST: f32 = 1.2;
 // Distance from the front after back-projection, px, at which nothing is left of it.
 const OFF_FRONT: f32 = 0.25;
-// Share of the way that counts as at rest.
+// Share of the way for which half the speed at the start stands.
 const PRIOR: f32 = 0.05;
 // Share of either length up to which a particle is whole.
 const WHOLE: f32 = 0.25;
@@ -59,7 +59,7 @@ fn predict(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let velocity = speed * normal_of(q, x) / h();
     particles[p].speed = speed;
     if particles[p].share == 0.0 {
-        particles[p].own = 0.0;
+        particles[p].own = 0.5 * PRIOR * speed;
         particles[p].share = PRIOR;
     }
     particles[p].velocity = velocity;

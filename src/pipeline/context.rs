@@ -23,7 +23,7 @@ use crate::surface::Layer;
 use crate::surface::header::Header;
 
 /// Bytes of the layers that are made together: those of several intervals, so that a GPU is asked rarely.
-pub const LAYER_BYTES: usize = 64 << 20;
+pub const LAYER_BYTES: usize = 32 << 20;
 
 /// Takes finished layers, lowest first.
 pub type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;

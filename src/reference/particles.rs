@@ -14,7 +14,8 @@ pub const LOST: f64 = 1.2;
 pub const OFF_FRONT: f64 = 0.25;
 /// Share of either length up to which a particle is whole: rounding of fronts moves every particle a little.
 pub const WHOLE: f64 = 0.25;
-/// Share of the way that counts as at rest: a particle that is lost at once has gone nowhere.
+/// Share of the way for which half the speed at the start stands: what is known of a particle that is lost at once. At rest it would differ too much
+/// from its neighbours that are not lost; at the whole speed, thin lines would jump beside their contours.
 pub const PRIOR: f64 = 0.05;
 /// Newton steps of a back-projection.
 pub const PROJECTIONS: usize = 2;
@@ -33,8 +34,8 @@ pub struct Particle {
     pub dragged: f64,
     /// Share that is left of it, from 1 to 0.
     pub kept: f64,
-    /// `int kept F dt`, px, and the share `int kept exp(-t) dt` of its way that the relaxation `F = phi - phi_B` covers meanwhile; the
-    /// latter with [`PRIOR`].
+    /// `int kept F dt`, px, and the share `int kept exp(-t) dt` of its way that the relaxation `F = phi - phi_B` covers meanwhile; both with
+    /// [`PRIOR`].
     pub own: f64,
     /// See `own`.
     pub share: f64,
@@ -63,7 +64,7 @@ pub fn predict(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2
     for p in particles.iter_mut().filter(|p| p.kept > 0.0) {
         (p.velocity, p.speed) = motion(phi, goal, p.x, h);
         if p.share == 0.0 {
-            (p.own, p.share) = (0.0, PRIOR);
+            (p.own, p.share) = (0.5 * PRIOR * p.speed, PRIOR);
         }
         p.predicted = p.x + dt * p.velocity;
     }

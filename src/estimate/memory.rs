@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::estimate::coverage::{Drawn, differing};
 use crate::grid::tile::samples;
-use crate::pipeline::LAYER_BYTES;
+use crate::pipeline::LAYER_BYTES_ON_A_GPU;
 use crate::settings::{Method, Motion, Settings};
 use crate::stack::heights::NODES;
 use crate::stack::{ContourStack, SliceContent};
@@ -88,7 +88,8 @@ impl MemoryNeeds {
         let waiting = waiting * (largest * PER_WAITING_EDGE).min(pixels * PER_WAITING_PIXEL);
         let groups = if morph { boxed * PER_GROUP_PIXEL } else { 0.0 };
         let kept = slices * (padded * (PER_SLICE_PIXEL + moving) + groups);
-        let at_once = most_between.min((LAYER_BYTES as f64 / (2.0 * size_of::<f64>() as f64 * padded)).max(1.0));
+        let at_once =
+            most_between.min((LAYER_BYTES_ON_A_GPU as f64 / (2.0 * size_of::<f64>() as f64 * padded)).max(1.0));
         let sweeping = if morph { groups + threads * boxed * PER_SWEEP_PIXEL } else { 0.0 };
         let all = kept
             + all_drawn.edges as f64 * PER_CONTOUR_EDGE

@@ -252,6 +252,11 @@ impl<T: Pod + Send + Sync> SparseImage<T> {
         &mut squares[self.places[square] as usize]
     }
 
+    /// Gives back the memory that is kept for squares to come.
+    pub fn shrink_to_fit(&mut self) {
+        self.values.shrink_to_fit();
+    }
+
     /// Changes every value to what `change` makes of it.
     pub fn map(&mut self, change: impl Fn(T) -> T) {
         self.values.iter_mut().for_each(|v| *v = change(*v));

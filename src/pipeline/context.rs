@@ -22,8 +22,10 @@ use crate::storage::spill::{Budget, Large, SpillVec};
 use crate::surface::Layer;
 use crate::surface::header::Header;
 
-/// Bytes of the layers that are made together: those of several intervals, so that a GPU is asked rarely.
-pub const LAYER_BYTES: usize = 32 << 20;
+/// Bytes of the layers that are made together on a GPU: those of several intervals, so that it is asked rarely.
+pub const LAYER_BYTES_ON_A_GPU: usize = 64 << 20;
+/// And on the reference path, which can be asked as often as one likes.
+const LAYER_BYTES: usize = 16 << 20;
 
 /// Takes finished layers, lowest first.
 pub type Sink<'a> = dyn FnMut(Layer) -> Result<()> + 'a;
@@ -90,7 +92,8 @@ impl<'a> Context<'a> {
     pub fn layers_at_once(&self) -> usize {
         // Of a layer its values in the mid frame, the other method's, and itself.
         let bytes = 2 * self.field_bytes();
-        self.budget.at_once((LAYER_BYTES / bytes.max(1)).max(1), bytes)
+        let most = if self.backend.device_use().is_some() { LAYER_BYTES_ON_A_GPU } else { LAYER_BYTES };
+        self.budget.at_once((most / bytes.max(1)).max(1), bytes)
     }
 
     /// Intervals whose layers are made together: as many as [`Context::layers_at_once`] allows, and at least one.
@@ -169,6 +172,7 @@ impl<'a> Context<'a> {
         let px = self.px as f32;
         let mut phi = canvas.phi;
         phi.map(|v| if v * px == 0.0 { f32::MIN_POSITIVE } else { v * px });
+        phi.shrink_to_fit();
         Layer { z: height.z, phi, output: height.output, contour: None }
     }
 

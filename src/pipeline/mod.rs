@@ -37,7 +37,7 @@ use crate::backend::{Backend, Means};
 use crate::error::{Error, Result};
 use crate::grid::tile::samples;
 use crate::pipeline::compose::differing_pixels;
-pub use crate::pipeline::context::{Bonds, LAYER_BYTES};
+pub use crate::pipeline::context::{Bonds, LAYER_BYTES_ON_A_GPU};
 use crate::pipeline::section::Section;
 use crate::report::clock::Clocks;
 use crate::report::{BodyEnd, Report, StageCost};

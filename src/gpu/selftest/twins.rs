@@ -288,7 +288,9 @@ fn morphs(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
             let mut value = |what: &str, x, y| out.value(|| format!("job {q}, track {n}, {what}"), x, y);
             value("share to which it arrives", k.kept, l.kept);
             value("S", k.distance, l.distance);
-            (0..2).for_each(|axis| value("landing", k.landing[axis], l.landing[axis]));
+            // Where nothing is left of a particle, it stands wherever its front left it: nobody reads its place.
+            let kept = k.kept.max(l.kept);
+            (0..2).for_each(|axis| value("landing, weighted", kept * k.landing[axis], kept * l.landing[axis]));
         }
     }
     Ok(vec![steps, out])

@@ -136,12 +136,12 @@ macro_rules! broken {
 
 properties! {
     rest_of_grid other_layers beside_inputs vanished_sweeps overlaps_connected nothing_floats discs_in_range lying long_pixels half_the_step
-    bounded closed_far_away exact threads paths
+    half_the_step_of_surfaces bounded closed_far_away exact threads paths
 }
 
 broken! {
     rest_of_grid other_layers beside_inputs vanished_sweeps overlaps_connected nothing_floats discs_in_range lying long_pixels half_the_step
-    bounded exact threads
+    half_the_step_of_surfaces bounded exact threads
 }
 
 #[test]

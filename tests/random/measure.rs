@@ -27,6 +27,23 @@ pub fn change<'a>(pairs: impl Iterator<Item = (&'a f32, &'a f32)>, px: f64) -> f
     pairs.map(of).fold(0.0, f64::max)
 }
 
+/// Largest distance of a point of one layer's contour from the other layer's contour, both ways, px: points lie where pixels' edges are crossed, and
+/// the other layer's distance there is read between both pixels.
+pub fn moved(a: &Layer, b: &Layer, [nx, ny]: [usize; 2], px: f64) -> f64 {
+    let (a, b) = (a.dense(), b.dense());
+    let across = |of: &[f32], from: &[f32], [n, m]: [usize; 2]| {
+        if (of[n] < 0.0) == (of[m] < 0.0) {
+            return 0.0;
+        }
+        let f = of[n] / (of[n] - of[m]);
+        let d = f64::from(((1.0 - f) * from[n] + f * from[m]).abs()) / px;
+        if d.is_nan() { f64::INFINITY } else { d }
+    };
+    let rows = (0..nx * ny).filter(|n| (n + 1) % nx > 0).map(|n| [n, n + 1]);
+    let columns = (nx..nx * ny).map(|n| [n - nx, n]);
+    rows.chain(columns).map(|edge| across(&a, &b, edge).max(across(&b, &a, edge))).fold(0.0, f64::max)
+}
+
 /// Layers of both at the same height.
 pub fn common<'a>(a: &'a Reconstruction, b: &'a Reconstruction) -> Vec<(&'a Layer, &'a Layer)> {
     let scale = a.layers.iter().map(|l| l.z.abs()).fold(0.0, f64::max);

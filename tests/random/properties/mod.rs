@@ -60,7 +60,7 @@ pub struct Property {
 }
 
 /// All properties.
-pub const PROPERTIES: [Property; 15] = [
+pub const PROPERTIES: [Property; 16] = [
     rest_of_grid::PROPERTY,
     other_layers::PROPERTY,
     beside_inputs::PROPERTY,
@@ -71,6 +71,7 @@ pub const PROPERTIES: [Property; 15] = [
     lying::PROPERTY,
     long_pixels::PROPERTY,
     half_the_step::PROPERTY,
+    half_the_step::OF_SURFACES,
     bounded::PROPERTY,
     closed_far_away::PROPERTY,
     exact::PROPERTY,

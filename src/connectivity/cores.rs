@@ -79,7 +79,7 @@ impl Cores {
         let raised = |n: usize, depth: f32| common[n] + WITHIN as f32 * depth;
         let own = |label: &u32| if *label > 0 { depths[*label as usize] } else { f32::INFINITY };
         let depth = nearest(overlaps.labels.iter().map(own).collect(), tile.dims, |n, depth| raised(n, depth) < limit);
-        let phi: Vec<f32> = depth.iter().enumerate().map(|(n, depth)| raised(n, *depth).min(limit)).collect();
+        let phi: Vec<f32> = depth.iter().enumerate().map(|(n, depth)| raised(n, *depth).clamp(-limit, limit)).collect();
         Some(Cores { tile, phi: SparseImage::of(tile.dims, &phi) })
     }
 

@@ -59,6 +59,7 @@ impl Together<'_, '_> {
         let [low, high] = [low, low + 1].map(|k| self.contours.light(k).z);
         if let Some(cores) = &self.cores {
             cores.keep(&mut layer, self.px);
+            layer.phi.shrink_to_fit();
         }
         let t = (layer.z - low) / (high - low);
         let node = NODE_TIMES.iter().position(|node| (t - node).abs() <= SAME_TIME).map(|k| k + 1);

@@ -8,7 +8,8 @@
 @group(0) @binding(4) var<storage, read> times: array<f32>;
 @group(0) @binding(5) var<storage, read> parts: array<Part>;
 @group(0) @binding(6) var<storage, read_write> far: array<f32>;
-@group(0) @binding(7) var<storage, read_write> layers: array<f32>;
+@group(0) @binding(7) var<storage, read> tasks: array<u32>;
+@group(0) @binding(8) var<storage, read_write> layers: array<f32>;
 
 // Share of `4 t^2 (1 - t)^2 |A - B|` taken off of what is no relief.
 const SHRINKING: f32 = 0.2;
@@ -24,8 +25,9 @@ struct Span {
     all_parts: u32,
     relief: f32,
     empty: u32,
-    padding_a: u32,
-    padding_b: u32,
+    // Tiles that are asked for, and that are not.
+    asked: u32,
+    others: u32,
 }
 
 // A part without partner: its tile's place in `fields`, its inradius, where in the interval it closes, the slope with which it begins to, and the
@@ -126,19 +128,8 @@ fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, a: f32, t: f3
     return least;
 }
 
-@compute @workgroup_size(lane_count)
-fn interpolate(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let n = list_index(group, local);
-    let p = pixel_of(n);
-    if !on_image(p) {
-        return;
-    }
-    let place = (p.z * image.ny + p.y) * image.nx + p.x;
-    let all_far = far[n / (TILE * TILE)];
-    if all_far != 0.0 {
-        layers[place] = all_far;
-        return;
-    }
+// Value at a pixel of a layer that is not far.
+fn value_at(p: vec3<u32>) -> f32 {
     let ij = vec2<i32>(p.xy);
     let nodes = image.nx * image.ny;
     let ends = ends_of(p.z, ij, vec2<f32>(0.0));
@@ -151,5 +142,50 @@ fn interpolate(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     var value = select(hermite_values(v, m, t) - shrinking, span.limit, span.empty != 0u);
     value = closing(0u, span.lower_parts, ij, ends.low, v.x, t, value);
     value = closing(span.lower_parts, span.all_parts, ij, ends.high, v.y, 1.0 - t, value);
-    layers[place] = clamp(value, -span.limit, span.limit);
+    return clamp(value, -span.limit, span.limit);
+}
+
+// The tiles that are asked for, numbered layer by layer, one after the other with all their pixels.
+@compute @workgroup_size(lane_count)
+fn interpolate(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let n = list_index(group, local);
+    let task = n / (TILE * TILE);
+    if task >= span.asked {
+        return;
+    }
+    let tile = tasks[task];
+    let all_far = far[tile];
+    let p = pixel_of(tile * TILE * TILE + n % (TILE * TILE));
+    var value = all_far;
+    if all_far == 0.0 && on_image(p) {
+        value = value_at(p);
+    }
+    layers[n] = value;
+}
+
+// Of the tiles that nobody asks for what their probes say, the corners and the middle: the limit where all are beyond it, on one side, else 0.
+@compute @workgroup_size(lane_count)
+fn probe(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let n = list_index(group, local);
+    if n >= span.others {
+        return;
+    }
+    let tile = tasks[n];
+    layers[n] = far[tile];
+    if far[tile] != 0.0 {
+        return;
+    }
+    let first = pixel_of(tile * TILE * TILE);
+    let last = min(first.xy + TILE, dims()) - 1u;
+    let middle = (first.xy + last) / 2u;
+    var columns = array<u32, 5>(first.x, last.x, first.x, last.x, middle.x);
+    var rows = array<u32, 5>(first.y, first.y, last.y, last.y, middle.y);
+    var least = span.limit;
+    var most = -span.limit;
+    for (var k = 0u; k < 5u; k++) {
+        let value = value_at(vec3<u32>(columns[k], rows[k], first.z));
+        least = min(least, value);
+        most = max(most, value);
+    }
+    layers[n] = select(select(0.0, -span.limit, most <= -span.limit), span.limit, least >= span.limit);
 }

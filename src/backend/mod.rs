@@ -15,6 +15,7 @@ use self::jobs::{Filled, Traced};
 use self::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
 use crate::error::Result;
 use crate::grid::field::Field;
+use crate::grid::sparse_image::SparseImage;
 use crate::progress::Progress;
 use crate::registration::displacement::{Displacement, DisplacementJob};
 use crate::report::DeviceUse;
@@ -97,5 +98,5 @@ pub trait Backend: Sync {
     /// # Errors
     /// A backend's own failures.
     #[doc(hidden)]
-    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<Vec<f32>>>>;
+    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<SparseImage<f32>>>>;
 }

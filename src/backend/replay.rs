@@ -10,6 +10,7 @@ use super::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, S
 use super::{Backend, PaddedSlice};
 use crate::error::{Error, Result};
 use crate::grid::field::Field;
+use crate::grid::sparse_image::SparseImage;
 use crate::progress::Progress;
 use crate::registration::displacement::{Displacement, DisplacementJob};
 use crate::report::DeviceUse;
@@ -37,7 +38,7 @@ enum Answer {
     Traced(Vec<Traced>),
     Filled(Vec<Filled>),
     Displacements(Vec<Displacement>),
-    Layers(Vec<Vec<Vec<f32>>>),
+    Layers(Vec<Vec<SparseImage<f32>>>),
 }
 
 /// A backend that keeps the answers of another one.
@@ -256,7 +257,7 @@ questions! {
     propagate(SweepRequest<'_>, progress) -> Vec<Filled>, sweep_print, Filled;
     displacements(DisplacementJob<'_>) -> Vec<Displacement>, displacement_print, Displacements;
     moving_slopes(SlopeRequest<'_>, progress) -> Vec<Field>, slope_print, Fields;
-    moving_layers([LayerRequest<'_>]) -> Vec<Vec<Vec<f32>>>, layer_print, Layers;
+    moving_layers([LayerRequest<'_>]) -> Vec<Vec<SparseImage<f32>>>, layer_print, Layers;
 }
 
 fn locked(recording: &Mutex<Recording>) -> MutexGuard<'_, Recording> {

@@ -81,6 +81,6 @@ pub struct LayerRequest<'a> {
     pub limit: f64,
     /// Pixel sides.
     pub h: [f64; 2],
-    /// Cells that count, for each time; of others only the corners and the middle do. All, where there are none.
+    /// Cells that count, for each time; others have one value, what their probes say (`motion_field::probed`). All, where there are none.
     pub wanted: Option<&'a [Cells]>,
 }

@@ -8,6 +8,7 @@ use crate::backend::jobs::{Filled, Traced};
 use crate::backend::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
 use crate::error::{Error, Result};
 use crate::grid::field::Field;
+use crate::grid::sparse_image::SparseImage;
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::registration::displacement::{Displacement, DisplacementJob};
@@ -90,7 +91,7 @@ impl Backend for GpuOrReference<'_> {
         self.ask(|backend| backend.moving_slopes(request, progress))
     }
 
-    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<Vec<f32>>>> {
+    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<SparseImage<f32>>>> {
         self.ask(|backend| backend.moving_layers(requests))
     }
 }

@@ -365,8 +365,8 @@ mirrored!(
         all_parts: u32,
         relief: f32,
         empty: u32,
-        padding_a: u32,
-        padding_b: u32,
+        asked: u32,
+        others: u32,
     }
 );
 

@@ -49,6 +49,7 @@ use crate::backend::jobs::{Filled, Traced};
 use crate::backend::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
 use crate::error::Result;
 use crate::grid::field::Field;
+use crate::grid::sparse_image::SparseImage;
 use crate::progress::{Progress, Silent};
 use crate::reference::Reference;
 use crate::registration::displacement::{Displacement, DisplacementJob};
@@ -178,7 +179,7 @@ impl Backend for Gpu {
         }
     }
 
-    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<Vec<f32>>>> {
+    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<SparseImage<f32>>>> {
         if !requests.iter().all(|of| self.holds_images(of.moving.fields[of.interval].dims)) {
             return Reference.moving_layers(requests);
         }

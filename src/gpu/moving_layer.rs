@@ -1,18 +1,24 @@
 //! Layers of an interval of a moving stack on the GPU, some times at once.
 
+use std::ops::Range;
+
+use rayon::prelude::*;
+
 use super::Gpu;
 use super::answers::Wanted;
 use super::device::Buffer;
 use super::kernels::shader;
-use super::layout::{Image, Part, Span};
-use super::moving::{bounded, image, per_pixel, tile_count};
+use super::layout::{Image, Part, Span, TILE};
+use super::moving::{bounded, image, tile_count};
 use super::recorder::{Recorder, Size};
 use super::resident::scaled;
 use super::trajectories::paths;
 use super::work;
 use crate::backend::requests::LayerRequest;
 use crate::error::{Error, Result};
+use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::reference::moving_layer::reach;
+use crate::registration::motion_field::{CELL, cells_of_square};
 
 shader! {
     moving_layer = "common/job.wgsl" + "common/moving.wgsl" + "common/sample.wgsl" + "common/spline.wgsl"
@@ -36,12 +42,30 @@ shader! {
         times: Read [f32],
         parts: Read [Part],
         far: Write [f32],
+        tasks: Read [u32],
+        layers: Write [f32],
+    }
+
+    /// Tiles of which only probes count.
+    Probe for probe, "moving_layer_probe" {
+        image: Uniform Image,
+        span: Uniform Span,
+        fields: Read [f32],
+        vectors: Read [[f32; 2]],
+        times: Read [f32],
+        parts: Read [Part],
+        far: Write [f32],
+        tasks: Read [u32],
         layers: Write [f32],
     }
 }
 
+/// Pixels of a tile, which is a cell.
+const OF_TILE: usize = TILE * TILE;
+const _: () = assert!(TILE == CELL);
+
 /// Layers of all intervals, as many in one go as fit; where there is no memory for so many, half as many.
-pub fn layers(gpu: &Gpu, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<Vec<f32>>>> {
+pub fn layers(gpu: &Gpu, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<SparseImage<f32>>>> {
     let mut most: usize = requests.iter().map(|of| of.times.len()).sum();
     loop {
         match layers_at_once(gpu, requests, most) {
@@ -55,8 +79,8 @@ pub fn layers(gpu: &Gpu, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<Vec<f3
 }
 
 /// Layers of all intervals, as many in one go as fit, and at most so many.
-fn layers_at_once(gpu: &Gpu, requests: &[LayerRequest<'_>], most: usize) -> Result<Vec<Vec<Vec<f32>>>> {
-    let mut out: Vec<Vec<Vec<f32>>> = requests.iter().map(|of| Vec::with_capacity(of.times.len())).collect();
+fn layers_at_once(gpu: &Gpu, requests: &[LayerRequest<'_>], most: usize) -> Result<Vec<Vec<SparseImage<f32>>>> {
+    let mut out: Vec<Vec<SparseImage<f32>>> = requests.iter().map(|of| Vec::with_capacity(of.times.len())).collect();
     let mut flight = Flight::new(gpu);
     for (q, of) in requests.iter().enumerate() {
         let nodes = of.moving.fields[of.interval].data.len();
@@ -65,9 +89,12 @@ fn layers_at_once(gpu: &Gpu, requests: &[LayerRequest<'_>], most: usize) -> Resu
         let lone: usize = parts().map(|part| part.field.data.len()).sum();
         // Fields lie there twice when they are new, and layers while they are read back.
         let fixed = gpu.share(4 * (8 * nodes + lone) + 16 * vectors, 0);
-        let each = gpu.share(8 * nodes + 16 * vectors + 4 * tile_count(of.moving.fields[of.interval].dims), 0);
+        let tiles = tile_count(of.moving.fields[of.interval].dims);
+        let asked = (0..of.times.len()).map(|k| asked(of, k, tiles).filter(|asked| *asked).count()).max().unwrap_or(0);
+        let values = OF_TILE * asked;
+        let each = gpu.share(8 * values + 16 * vectors + 16 * tiles, 0);
         let work = gpu.share_of_work((work::LAYER_PIXEL + work::LONE_PART * parts().count()) * nodes);
-        let at_once = (1.0 / gpu.share(0, 4 * nodes).max(work)) as usize;
+        let at_once = (1.0 / gpu.share(0, 4 * values.max(tiles)).max(work)) as usize;
         let mut first = 0;
         while first < of.times.len() {
             let room = ((1.0 - flight.filled - fixed) / each).max(0.0) as usize;
@@ -77,7 +104,7 @@ fn layers_at_once(gpu: &Gpu, requests: &[LayerRequest<'_>], most: usize) -> Resu
                 continue;
             }
             let end = (first + room.min(at_once).max(1)).min(of.times.len());
-            flight.add(q, of, &of.times[first..end])?;
+            flight.add(q, of, first..end)?;
             flight.filled += fixed + (end - first) as f64 * each;
             first = end;
         }
@@ -86,27 +113,44 @@ fn layers_at_once(gpu: &Gpu, requests: &[LayerRequest<'_>], most: usize) -> Resu
     Ok(out)
 }
 
+/// Whether each tile of the layer at the `k`-th time is asked for.
+fn asked<'a>(of: &LayerRequest<'a>, k: usize, tiles: usize) -> impl Iterator<Item = bool> + use<'a> {
+    let cells = of.wanted.map(|cells| cells[k].chosen());
+    (0..tiles).map(move |tile| cells.is_none_or(|cells| cells[tile]))
+}
+
 /// Layers that are computed in one go.
-struct Flight<'g> {
+struct Flight<'g, 'r> {
     gpu: &'g Gpu,
     recorder: Recorder<'g>,
-    /// The request of each layer, and where the layer will be.
-    wanted: Vec<(usize, Wanted<f32>)>,
+    /// The request of each layer and its number there, and where its tiles will be: those asked for, and what probes say of the others.
+    wanted: Vec<(usize, &'r LayerRequest<'r>, usize, [Wanted<f32>; 2])>,
     /// Share of the device that is taken.
     filled: f64,
 }
 
-impl<'g> Flight<'g> {
+impl<'g, 'r> Flight<'g, 'r> {
     fn new(gpu: &'g Gpu) -> Self {
         Flight { gpu, recorder: Recorder::new(&gpu.device, &gpu.profiler), wanted: Vec::new(), filled: 0.0 }
     }
 
-    /// Records the layers of request `q` at these times.
-    fn add(&mut self, q: usize, of: &LayerRequest<'_>, times: &[f64]) -> Result<()> {
+    /// Records some layers of request `q`.
+    fn add(&mut self, q: usize, of: &'r LayerRequest<'r>, some: Range<usize>) -> Result<()> {
         let (gpu, device) = (self.gpu, &self.gpu.device);
         let (low, high) = (&of.moving.fields[of.interval], &of.moving.fields[of.interval + 1]);
         let nodes = low.data.len();
-        let (tiles, parts) = lone_tiles(of, 4 * nodes);
+        let tiles = tile_count(low.dims);
+        // Tiles that are asked for, and the others, of all layers.
+        let mut tasks: [Vec<u32>; 2] = Default::default();
+        let mut counts: Vec<[usize; 2]> = Vec::with_capacity(some.len());
+        for (layer, k) in some.clone().enumerate() {
+            let before = tasks.each_ref().map(Vec::len);
+            for (tile, asked) in asked(of, k, tiles).enumerate() {
+                tasks[usize::from(!asked)].push((layer * tiles + tile) as u32);
+            }
+            counts.push([0, 1].map(|other| tasks[other].len() - before[other]));
+        }
+        let (lone, parts) = lone_tiles(of, 4 * nodes);
         let span = Span {
             limit: of.limit as f32,
             reach: reach(of.h) as f32,
@@ -114,11 +158,12 @@ impl<'g> Flight<'g> {
             all_parts: parts.len() as u32,
             relief: of.moving.relief as f32,
             empty: u32::from(of.lone.empty),
-            ..Span::default()
+            asked: tasks[0].len() as u32,
+            others: tasks[1].len() as u32,
         };
         let span = device.uniform("span", span);
-        let fields = device.storage("fields", 4 * nodes + tiles.len())?;
-        device.write_from(&fields, 4 * nodes, &tiles);
+        let fields = device.storage("fields", 4 * nodes + lone.len())?;
+        device.write_from(&fields, 4 * nodes, &lone);
         // A binding must not be empty.
         let parts = device.upload("parts", &if parts.is_empty() { vec![Part::default()] } else { parts })?;
         let gap = of.moving.gap(of.interval);
@@ -126,34 +171,75 @@ impl<'g> Flight<'g> {
         for (k, image) in images.into_iter().enumerate() {
             gpu.place(&mut self.recorder, image, (&fields, k * nodes))?;
         }
-        let layers = record(gpu, &mut self.recorder, of, times, (&span, &fields, &parts))?;
-        let recorder = &mut self.recorder;
-        self.wanted.extend((0..times.len()).map(|k| (q, recorder.read(&layers, k * nodes, nodes))));
+        let layers = record(gpu, &mut self.recorder, of, &of.times[some.clone()], (&span, &fields, &parts), &tasks)?;
+        let mut first = [0, 0];
+        for (k, count) in some.zip(counts) {
+            let [own, others] = [OF_TILE, 1];
+            let wanted = [
+                self.recorder.read(&layers[0], own * first[0], own * count[0]),
+                self.recorder.read(&layers[1], others * first[1], others * count[1]),
+            ];
+            self.wanted.push((q, of, k, wanted));
+            first = [0, 1].map(|other| first[other] + count[other]);
+        }
         Ok(())
     }
 
     /// Computes what is recorded and puts each layer to those of its request.
-    fn land(&mut self, out: &mut [Vec<Vec<f32>>]) -> Result<()> {
+    fn land(&mut self, out: &mut [Vec<SparseImage<f32>>]) -> Result<()> {
         let Flight { recorder, wanted, .. } = std::mem::replace(self, Flight::new(self.gpu));
         if wanted.is_empty() {
             return Ok(());
         }
         let landed = recorder.submit()?.wait()?;
-        for (q, wanted) in &wanted {
-            out[*q].push(landed.values(wanted)?);
+        let values: Vec<[Vec<f32>; 2]> = wanted
+            .iter()
+            .map(|(.., [own, others])| Ok([landed.values(own)?, landed.values(others)?]))
+            .collect::<Result<_>>()?;
+        let made = wanted.par_iter().zip(&values).map(|((q, of, k, _), values)| (*q, layer(of, *k, values)));
+        for (q, layer) in made.collect::<Vec<_>>() {
+            out[q].push(layer);
         }
         Ok(())
     }
 }
 
-/// Records some layers.
+/// The layer at the `k`-th time from the values of its tiles and what probes say of the others.
+fn layer(of: &LayerRequest<'_>, k: usize, [own, others]: &[Vec<f32>; 2]) -> SparseImage<f32> {
+    let dims = of.moving.fields[of.interval].dims;
+    let mut next = [0, 0];
+    let place = |asked: bool| {
+        let next = &mut next[usize::from(!asked)];
+        *next += 1;
+        (asked, *next - 1)
+    };
+    let places: Vec<(bool, usize)> = asked(of, k, tile_count(dims)).map(place).collect();
+    let columns = dims[0].div_ceil(CELL);
+    let [out] = SparseImage::of_squares(dims, |square, [out]| {
+        for [left, top] in cells_of_square(square, dims) {
+            let (asked, place) = places[top / CELL * columns + left / CELL];
+            let rows = out[top % SQUARE * SQUARE..].chunks_mut(SQUARE).take(CELL);
+            for (y, row) in rows.map(|row| &mut row[left % SQUARE..][..CELL]).enumerate() {
+                match asked {
+                    true => row.copy_from_slice(&own[OF_TILE * place + CELL * y..][..CELL]),
+                    false => row.fill(others[place]),
+                }
+            }
+        }
+        [None]
+    });
+    out
+}
+
+/// Records some layers: the values of the tiles of the first tasks, and what probes say of those of the second.
 fn record(
     gpu: &Gpu,
     recorder: &mut Recorder<'_>,
     of: &LayerRequest<'_>,
     times: &[f64],
     (span, fields, parts): (&Buffer<Span>, &Buffer<[f32]>, &Buffer<[Part]>),
-) -> Result<Buffer<[f32]>> {
+    [own, others]: &[Vec<u32>; 2],
+) -> Result<[Buffer<[f32]>; 2]> {
     let device = &gpu.device;
     let (dims, grid) = (of.moving.fields[0].dims, of.moving.displacements[0].grid);
     let vectors = &paths(gpu, recorder, of.moving, of.interval, times, of.h)?;
@@ -162,11 +248,19 @@ fn record(
     let table = &device.upload("times", &table)?;
     let tiles = tile_count(dims) * times.len();
     let far = &device.storage("far", tiles)?;
-    let layers = device.storage("layers", dims[0] * dims[1] * times.len())?;
+    let layers = [device.storage("layers", OF_TILE * own.len())?, device.storage("sides", others.len())?];
     let find_far = FindFar { image, span, fields, vectors, far }.bind(gpu);
-    let interpolate = Interpolate { image, span, fields, vectors, times: table, parts, far, layers: &layers }.bind(gpu);
     recorder.run(&find_far, Size::List(tiles));
-    recorder.run(&interpolate, per_pixel(dims, times.len()));
+    if !own.is_empty() {
+        let (tasks, layers) = (&device.upload("tiles", own)?, &layers[0]);
+        let interpolate = Interpolate { image, span, fields, vectors, times: table, parts, far, tasks, layers };
+        recorder.run(&interpolate.bind(gpu), Size::List(OF_TILE * own.len()));
+    }
+    if !others.is_empty() {
+        let (tasks, layers) = (&device.upload("other tiles", others)?, &layers[1]);
+        let probe = Probe { image, span, fields, vectors, times: table, parts, far, tasks, layers };
+        recorder.run(&probe.bind(gpu), Size::List(others.len()));
+    }
     Ok(layers)
 }
 

@@ -371,7 +371,7 @@ impl<T: Pod + Send + Sync> SparseImage<T> {
 
     /// Row `j` of the image in a column of squares.
     #[inline(always)]
-    fn row_of_square(&self, column: usize, j: usize) -> &[T; SQUARE] {
+    pub fn row_of_square(&self, column: usize, j: usize) -> &[T; SQUARE] {
         let square = self.places[(j >> SHIFT) * self.columns + column] as usize * AREA;
         let (rows, _) = self.values[square..][..AREA].as_chunks::<SQUARE>();
         &rows[j % SQUARE]

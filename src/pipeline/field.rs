@@ -150,13 +150,13 @@ fn layers<'a>(
 }
 
 /// A layer of these values on the padded image.
-fn whole_layer(run: &Context<'_>, height: &Height, values: &[f32]) -> Result<Layer> {
-    if values.iter().any(|v| v.is_nan()) {
+fn whole_layer(run: &Context<'_>, height: &Height, values: &SparseImage<f32>) -> Result<Layer> {
+    if values.values().any(f32::is_nan) {
         let message = format!("NaN at height {}", height.z);
         return Err(Error::Numerics { stage: "layers", message });
     }
     let mut canvas = run.canvas();
     let whole = Tile { origin: [0, 0], dims: run.padded() };
-    canvas.unite_packed(&whole, &SparseImage::of(whole.dims, values));
+    canvas.unite_packed(&whole, values);
     Ok(run.layer(height, canvas))
 }

@@ -17,6 +17,7 @@ use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
 use crate::error::{Error, Result};
 use crate::grid::field::Field;
+use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
 use crate::pipeline::compose::{Canvas, IntervalCaps, unite_cap};
 use crate::pipeline::fit::{Fitted, course};
@@ -52,7 +53,7 @@ struct InFrame<'w> {
     ways: Vec<Way>,
     /// Cells in which the field method's layers, `others`, count.
     doubts: Vec<Cells>,
-    others: Vec<Vec<f32>>,
+    others: Vec<SparseImage<f32>>,
 }
 
 impl SweepInputs<'_, '_> {

@@ -98,7 +98,7 @@ impl Backend for Reference {
         Ok(slopes)
     }
 
-    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<Vec<f32>>>> {
+    fn moving_layers(&self, requests: &[LayerRequest<'_>]) -> Result<Vec<Vec<SparseImage<f32>>>> {
         let layers =
             |of: &LayerRequest<'_>| (0..of.times.len()).into_par_iter().map(|k| moving_layer::layer(of, k)).collect();
         Ok(requests.par_iter().map(layers).collect())

@@ -2,61 +2,61 @@
 
 use glam::DVec2;
 use multiversion::multiversion;
-use rayon::prelude::*;
 
 use crate::backend::requests::LayerRequest;
 use crate::contour::caps::Cap;
 use crate::grid::field::Field;
-use crate::registration::motion_field::{CELL, LoneParts, between, closing, probes};
+use crate::grid::sparse_image::{SQUARE, SparseImage};
+use crate::registration::motion_field::{CELL, LoneParts, between, cells_of_square, closing, probed, probes};
 
 /// Distance from a cell's middle at which its pixels may read, px: distances change by a pixel per pixel, and the frame by less than half of that.
 pub fn reach(h: [f64; 2]) -> f64 {
     0.75 * CELL as f64 * h[0].hypot(h[1]) + 2.0
 }
 
-/// The layer at the `k`-th time of a request, px, clamped to its limit; in cells that are not wanted only at their [`probes`].
-pub fn layer(request: &LayerRequest<'_>, k: usize) -> Vec<f32> {
+/// The layer at the `k`-th time of a request, px, clamped to its limit; a cell that is not wanted has the one value that its [`probes`] say.
+pub fn layer(request: &LayerRequest<'_>, k: usize) -> SparseImage<f32> {
     let &LayerRequest { moving, interval: i, slopes, lone, times, limit, h, wanted } = request;
     let (t, wanted) = (times[k], wanted.map(|cells| &cells[k]));
     let paths = moving.paths(i, t);
     let (low, high) = (&moving.fields[i], &moving.fields[i + 1]);
-    let [nx, ny] = low.dims;
+    let dims = low.dims;
     let slopes = slopes.map(|field| &**field);
     let curves =
         Curves { fields: [low, high], slopes, empty: lone.empty, gap: moving.gap(i), relief: moving.relief, t, limit };
     let ends = |x: DVec2| (x - paths.come.at(x), x + paths.go.at(x));
-    let mut out = vec![0.0; nx * ny];
     let (reach, around) = (reach(h), self::reach([1.0; 2]));
-    out.par_chunks_mut(nx * CELL).enumerate().for_each(|(cell, rows)| {
-        let cell_y = cell * CELL;
+    let [out] = SparseImage::of_squares(dims, |square, [out]| {
         let mut parts = Parts::default();
-        for cell_x in (0..nx).step_by(CELL) {
-            let (width, height) = (CELL.min(nx - cell_x), CELL.min(ny - cell_y));
-            let first = DVec2::new(cell_x as f64, cell_y as f64);
+        for [left, top] in cells_of_square(square, dims) {
+            let [width, height] = [CELL.min(dims[0] - left), CELL.min(dims[1] - top)];
+            let first = DVec2::new(left as f64, top as f64);
             let (from, to) = ends(first + 0.5 * DVec2::new((width - 1) as f64, (height - 1) as f64));
             let (a, b) = (low.sample(from), high.sample(to));
             let nearest = a.abs().min(b.abs()) - 0.05 * (a - b).abs();
             let far = (a < 0.0) == (b < 0.0) && nearest > limit + reach;
             parts.choose(lone, from, to, around);
-            if wanted.is_some_and(|cells| !cells.at(cell_x, cell_y)) {
-                for [x, y] in probes([cell_x, cell_y], [cell_x + width - 1, cell_y + height - 1]) {
-                    let near = || curves.value(&parts, ends(DVec2::new(x as f64, y as f64)));
-                    rows[(y - cell_y) * nx + x] = if far { limit.copysign(a) } else { near() } as f32;
-                }
+            let rows = (top..top + height).map(|y| (y, y % SQUARE * SQUARE + left % SQUARE));
+            let one = if far {
+                Some(limit.copysign(a) as f32)
+            } else if wanted.is_some_and(|cells| !cells.at(left, top)) {
+                let value = |[x, y]: [usize; 2]| curves.value(&parts, ends(DVec2::new(x as f64, y as f64))) as f32;
+                Some(probed(probes([left, top], [left + width - 1, top + height - 1]).map(value), limit as f32))
+            } else {
+                None
+            };
+            if let Some(v) = one {
+                rows.for_each(|(_, at)| out[at..at + width].fill(v));
                 continue;
             }
             let [mut come, mut go] = [[DVec2::ZERO; CELL]; 2];
-            for y in cell_y..cell_y + height {
-                let row = &mut rows[(y - cell_y) * nx + cell_x..][..width];
-                if far {
-                    row.fill(limit.copysign(a) as f32);
-                    continue;
-                }
-                paths.come.read_row(y, cell_x, &mut come);
-                paths.go.read_row(y, cell_x, &mut go);
-                values(&curves, &parts, [cell_x, y], &come, &go, row);
+            for (y, at) in rows {
+                paths.come.read_row(y, left, &mut come);
+                paths.go.read_row(y, left, &mut go);
+                values(&curves, &parts, [left, y], &come, &go, &mut out[at..at + width]);
             }
         }
+        [None]
     });
     out
 }

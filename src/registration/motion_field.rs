@@ -11,6 +11,7 @@ use glam::DVec2;
 use crate::contour::Contour;
 use crate::contour::caps::Cap;
 use crate::grid::field::Field;
+use crate::grid::sparse_image::SQUARE;
 use crate::grid::spline::{harmonic, hermite_values, limited, smoothstep, van_albada};
 use crate::registration::displacement::{Displacement, LANES, Resting};
 use crate::storage::spill::{Array, Large};
@@ -275,9 +276,32 @@ impl Cells {
         Cells { columns: nx.div_ceil(CELL), chosen }
     }
 
+    /// Whether each cell is one of them, row by row.
+    pub fn chosen(&self) -> &[bool] {
+        &self.chosen
+    }
+
     /// Whether the cell of a pixel is one of them.
     pub fn at(&self, x: usize, y: usize) -> bool {
         self.chosen[y / CELL * self.columns + x / CELL]
+    }
+}
+
+/// Cells of a sparse image's square in that column and row: their first pixels.
+pub fn cells_of_square([column, row]: [usize; 2], [nx, ny]: [usize; 2]) -> impl Iterator<Item = [usize; 2]> {
+    let firsts = |k: usize, n: usize| (k * SQUARE..((k + 1) * SQUARE).min(n)).step_by(CELL);
+    firsts(row, ny).flat_map(move |top| firsts(column, nx).map(move |left| [left, top]))
+}
+
+/// What probes with these values say of a cell: that it is beyond `limit`, inside or outside, else nothing, which is 0.
+pub fn probed(values: [f32; 5], limit: f32) -> f32 {
+    let all = |beyond: fn(f32, f32) -> bool| values.iter().all(|v| beyond(*v, limit));
+    if all(|v, limit| v >= limit) {
+        limit
+    } else if all(|v, limit| v <= -limit) {
+        -limit
+    } else {
+        0.0
     }
 }
 

@@ -7,7 +7,7 @@ use crate::grid::field::{Field, position, sample, sample_smooth};
 use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::grid::spline::smoothstep;
 use crate::registration::displacement::Displacement;
-use crate::registration::motion_field::{CELL, Cells, MotionField, Paths, probes};
+use crate::registration::motion_field::{CELL, Cells, MotionField, Paths, cells_of_square, probes};
 use crate::registration::particle_weight::Trust;
 
 /// Brings layers of interval `i` from its mid frame to where they belong.
@@ -72,7 +72,14 @@ impl<'m> Warp<'m> {
 
     /// A layer from its values in the mid frame, `seen`, row-major as the layer is, and both clamped; in the cells of `doubts` the layer `other` counts where trust is missing.
     /// Of other cells it is read at the [`probes`], as both layers tell whether a cell is far from any contour.
-    pub fn layer(&self, seen: &[f32], way: &Way, trust: &Trust, doubts: &Cells, other: &[f32]) -> SparseImage<f32> {
+    pub fn layer(
+        &self,
+        seen: &[f32],
+        way: &Way,
+        trust: &Trust,
+        doubts: &Cells,
+        other: &SparseImage<f32>,
+    ) -> SparseImage<f32> {
         let Way { t, paths, to_middle } = way;
         let dims = self.lost[0].dims();
         let [nx, ny] = dims;
@@ -80,13 +87,13 @@ impl<'m> Warp<'m> {
         let w = smoothstep(*t);
         let read = Read { seen, dims, lost: &self.lost, weights: [1.0 - w, w], limit };
         let [out] = SparseImage::of_squares(dims, |square, [out]| {
-            for [left, top] in cells(square, dims) {
+            for [left, top] in cells_of_square(square, dims) {
                 let (right, bottom) = ((left + CELL).min(nx) - 1, (top + CELL).min(ny) - 1);
                 let probes = probes([left, top], [right, bottom]);
                 let doubtful = doubts.at(left, top);
                 let at = |x: DVec2| sample(seen, dims, x + to_middle.at(x));
                 let probed = probes.map(|p| at(p.map(|p| p as f64).into()));
-                let others = probes.map(|[x, y]| f64::from(other[y * nx + x]));
+                let others = probes.map(|[x, y]| f64::from(other.at(x, y)));
                 let all = || probed.iter().chain(&others);
                 let far = all().all(|v| *v >= limit) || all().all(|v| *v <= -limit);
                 let [mut ways, mut come, mut go] = [[DVec2::ZERO; CELL]; 3];
@@ -99,7 +106,7 @@ impl<'m> Warp<'m> {
                     to_middle.read_row(y, left, &mut ways);
                     paths.come.read_row(y, left, &mut come);
                     paths.go.read_row(y, left, &mut go);
-                    let others = doubtful.then(|| (trust, &other[y * nx + left..]));
+                    let others = doubtful.then(|| (trust, &other.row_of_square(left / SQUARE, y)[left % SQUARE..]));
                     values(&read, [left, y], [&ways, &come, &go], others, row);
                 }
             }
@@ -107,12 +114,6 @@ impl<'m> Warp<'m> {
         });
         out
     }
-}
-
-/// First pixels of the cells of a square.
-fn cells([column, row]: [usize; 2], [nx, ny]: [usize; 2]) -> impl Iterator<Item = [usize; 2]> {
-    let firsts = |k: usize, n: usize| (k * SQUARE..((k + 1) * SQUARE).min(n)).step_by(CELL);
-    firsts(row, ny).flat_map(move |top| firsts(column, nx).map(move |left| [left, top]))
 }
 
 /// Sources of a layer's values: those in the mid frame, and what the way there takes from either slice with its weight at this time.

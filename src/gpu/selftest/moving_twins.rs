@@ -14,13 +14,14 @@ use crate::gpu::Gpu;
 use crate::gpu::selftest::cases::{blob, joined};
 use crate::gpu::selftest::comparison::Comparison;
 use crate::grid::field::Field;
+use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
 use crate::progress::Silent;
 use crate::reference::Reference;
 use crate::reference::displacement::{ROUNDS, displacements};
 use crate::reference::distance::distance_of;
 use crate::registration::displacement::{Displacement, DisplacementJob};
-use crate::registration::motion_field::{LoneParts, MotionField};
+use crate::registration::motion_field::{CELL, Cells, LoneParts, MotionField};
 
 /// A round from the same vectors: moments of up to 32 px times 1e-7, divided by a ridge of 0.07, px.
 const ROUND: f64 = 1e-4;
@@ -243,12 +244,57 @@ fn layers(gpu: &Gpu, stack: &Stack, moving: &MotionField) -> Result<Comparison> 
         let ours = gpu.moving_layers(&[request])?.concat();
         let twins = Reference.moving_layers(&[request])?.concat();
         for (k, ours, twin) in out.pairs(&"layers", &ours, &twins) {
-            for (n, a, b) in out.pairs(&format_args!("nodes of layer {k}"), ours, twin) {
+            let [ours, twin] = [ours, twin].map(SparseImage::unpack);
+            for (n, a, b) in out.pairs(&format_args!("nodes of layer {k}"), &ours, &twin) {
                 out.value(|| format!("interval {i}, layer {k}, node {n}"), f64::from(*a), f64::from(*b));
             }
         }
     }
+    for (i, lone) in stack.lone.iter().enumerate() {
+        some_cells(
+            gpu,
+            &LayerRequest {
+                moving,
+                interval: i,
+                slopes: beside(i),
+                lone,
+                times: &TIMES,
+                limit: LIMIT,
+                h: stack.h,
+                wanted: None,
+            },
+            &mut out,
+        )?;
+    }
     Ok(out)
+}
+
+/// Share of the cells that nobody asks for which one path may say to be beyond the limit and the other not: those at the limit but for rounding.
+const AT_LIMIT: f64 = 0.01;
+
+/// The same where two of three cells are asked for.
+fn some_cells(gpu: &Gpu, request: &LayerRequest<'_>, out: &mut Comparison) -> Result<()> {
+    let dims = request.moving.fields[0].dims;
+    let some = |shift: usize| Cells::new(dims, |[x, y], _| !(x / CELL + 2 * (y / CELL) + shift).is_multiple_of(3));
+    let wanted: Vec<Cells> = (0..request.times.len()).map(some).collect();
+    let request = [LayerRequest { wanted: Some(&wanted), ..*request }];
+    let (ours, twins) = (gpu.moving_layers(&request)?.concat(), Reference.moving_layers(&request)?.concat());
+    for ((k, ours, twin), cells) in out.pairs(&"layers", &ours, &twins).zip(&wanted) {
+        let (mut apart, mut beyond) = (0, 0);
+        for (x, y) in (0..dims[1]).flat_map(|y| (0..dims[0]).map(move |x| (x, y))) {
+            let (a, b) = (f64::from(ours.at(x, y)), f64::from(twin.at(x, y)));
+            if cells.at(x, y) {
+                out.value(|| format!("layer {k} of some cells, node {x} {y}"), a, b);
+            } else {
+                apart += usize::from(a != b);
+                beyond += usize::from(b != 0.0);
+            }
+        }
+        if beyond == 0 || apart as f64 > AT_LIMIT * beyond as f64 {
+            out.value(|| format!("layer {k}, pixels of cells not asked for, of {beyond}"), apart as f64, 0.0);
+        }
+    }
+    Ok(())
 }
 
 /// Slopes of all slices.

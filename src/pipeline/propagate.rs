@@ -145,7 +145,7 @@ fn layers_between<'a>(
     let part = |piece: &Piece<'_>| made.beside.as_ref().map(|b| b.moving.part(piece.i..piece.i + 2)).transpose();
     let parts: Vec<Option<MotionField>> = pieces.iter().map(part).collect::<Result<_>>()?;
     let beside = |(piece, part)| beside(run, made, piece, part);
-    let beside: Vec<Option<Beside<'_>>> = pieces.iter().zip(&parts).map(beside).collect::<Result<_>>()?;
+    let beside: Vec<Option<Beside<'_>>> = pieces.par_iter().zip(&parts).map(beside).collect::<Result<_>>()?;
     let most = pieces.iter().map(|piece| piece.layers.len()).max().unwrap_or(0);
     let at_once = if pieces.len() > 1 { most.max(1) } else { run.layers_at_once() };
     for first in (0..most.max(1)).step_by(at_once) {

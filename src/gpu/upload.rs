@@ -88,7 +88,9 @@ impl Uploads {
         let size = bytes.next_power_of_two().max(LEAST);
         {
             let mut ready = self.ready.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(at) = ready.iter().position(|buffer| buffer.size() == size) {
+            // The smallest that is large enough.
+            let fits = (0..ready.len()).filter(|&at| ready[at].size() >= size).min_by_key(|&at| ready[at].size());
+            if let Some(at) = fits {
                 return Some(ready.swap_remove(at));
             }
         }

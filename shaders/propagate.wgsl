@@ -14,6 +14,8 @@
 @group(0) @binding(11) var<storage, read_write> reached: Reached;
 @group(0) @binding(12) var<storage, read_write> line: array<f32>;
 @group(0) @binding(13) var<storage, read_write> before: array<vec4<f32>>;
+// What a new morph has measured: the distance that remains, and how far it is valid.
+@group(0) @binding(14) var<storage, read_write> remeasured: array<vec4<f32>>;
 
 // Largest time step, of a whole one.
 const STEP_LIMIT: f32 = 0.1;
@@ -45,8 +47,9 @@ struct Reached {
     reads: array<Read>,
 }
 
-fn gain_at(t: f32) -> f32 {
-    return smoothstep01(t) * GAIN / max(1.0 - t, LEAST_TIME);
+// Weight of the feedback at time `t`: it grows with the sweep, but for what a new morph has just measured.
+fn weight_at(t: f32) -> f32 {
+    return smoothstep01(t);
 }
 
 // Takes over the time that the last step has reached.
@@ -87,8 +90,35 @@ fn read_between(q: u32, t: f32, next: f32) {
     }
 }
 
-// Errors `e = clip(remaining - scheduled remaining)` at the contour's pixels, the largest speed, and what is left of the front. Remaining is
-// `-goal` at the closest contour point. Pieces whose particle died are steered only late.
+// Error `e = clip(remaining - scheduled remaining)`, `valid` being how far what remains is known. Pieces whose particle died are steered only late.
+fn error_of(course: vec4<f32>, t: f32, remaining: f32, valid: f32) -> f32 {
+    let late = smoothstep01((t - LATE) / LATE_RAMP);
+    let trust = clamp(2.0 * (max(valid, late) - 0.5), 0.0, 1.0);
+    return trust * clamp(remaining - (course.x - hermite(course, t)), -ERROR_LIMIT, ERROR_LIMIT);
+}
+
+// Adds a band pixel with its error, which counts at the contour, to what is found: the largest speed, and what is left of the front.
+fn with_pixel(before: Found, k: u32, q: u32, error: f32, weight: f32) -> Found {
+    let node = band[k].x;
+    let nx = jobs[q].nx;
+    let t = jobs[q].now;
+    let v = phi[node];
+    var found = before;
+    found.pixels++;
+    found.inside += select(0u, 1u, v < 0.0);
+    if abs(v) < FRONT_REACH {
+        found.fastest = max(found.fastest, abs(hermite_rate(courses[k], t)));
+    }
+    if at_contour(node, nx) {
+        let gain = weight * GAIN / max(1.0 - t, LEAST_TIME);
+        found.fastest = max(found.fastest, abs(hermite_rate(courses[k], t) + gain * error));
+        found.rest = crossing(found.rest, node, node + 1u);
+        found.rest = crossing(found.rest, node, node + nx);
+    }
+    return found;
+}
+
+// Errors, where what remains is `-goal` at the closest contour point, and what they make of the step.
 @compute @workgroup_size(lane_count)
 fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let begin = list_index(group, local) * chunk_length;
@@ -105,26 +135,49 @@ fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             found = Found(0.0, 0u, 0u, Rest(0.0, 0u, 0u));
         }
         let node = band[k].x;
-        let nx = jobs[q].nx;
         let t = jobs[q].now;
-        let v = phi[node];
-        found.pixels++;
-        found.inside += select(0u, 1u, v < 0.0);
         var error = 0.0;
-        if abs(v) < FRONT_REACH {
-            found.fastest = max(found.fastest, abs(hermite_rate(courses[k], t)));
-        }
-        if at_contour(node, nx) {
-            let course = courses[k];
-            let late = smoothstep01((t - LATE) / LATE_RAMP);
-            let remaining = -sample_goal(q, closest_point(q, node));
-            let trust = clamp(2.0 * (max(course.w, late) - 0.5), 0.0, 1.0);
-            error = trust * clamp(remaining - (course.x - hermite(course, t)), -ERROR_LIMIT, ERROR_LIMIT);
-            found.fastest = max(found.fastest, abs(hermite_rate(course, t) + gain_at(t) * error));
-            found.rest = crossing(found.rest, node, node + 1u);
-            found.rest = crossing(found.rest, node, node + nx);
+        if at_contour(node, jobs[q].nx) {
+            error = error_of(courses[k], t, -sample_goal(q, closest_point(q, node)), courses[k].w);
         }
         errors[k] = error;
+        found = with_pixel(found, k, q, error, weight_at(t));
+    }
+    add(q, found);
+}
+
+// Errors where a new morph has measured what remains.
+@compute @workgroup_size(lane_count)
+fn recall(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let k = list_index(group, local);
+    if k >= work.band_total {
+        return;
+    }
+    let q = band[k].y;
+    var error = 0.0;
+    if at_contour(band[k].x, jobs[q].nx) {
+        error = error_of(courses[k], jobs[q].now, remeasured[k].x, min(courses[k].w, remeasured[k].y));
+    }
+    errors[k] = error;
+}
+
+// What those errors make of the step: they count wholly.
+@compute @workgroup_size(lane_count)
+fn measure_again(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let begin = list_index(group, local) * chunk_length;
+    if begin >= work.band_total {
+        return;
+    }
+    let end = min(begin + chunk_length, work.band_total);
+    var q = band[begin].y;
+    var found = Found(0.0, 0u, 0u, Rest(0.0, 0u, 0u));
+    for (var k = begin; k < end; k++) {
+        if band[k].y != q {
+            add(q, found);
+            q = band[k].y;
+            found = Found(0.0, 0u, 0u, Rest(0.0, 0u, 0u));
+        }
+        found = with_pixel(found, k, q, errors[k], 1.0);
     }
     add(q, found);
 }
@@ -188,21 +241,44 @@ fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     jobs_mut[q].pixels += pixels;
 }
 
-// Speed of the course over this step, and the correction at the contour's pixels; what fronts within the step are read from.
-@compute @workgroup_size(lane_count)
-fn steer(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let k = list_index(group, local);
-    if k >= work.band_total {
-        return;
-    }
+// Speed of the course over this step, and the correction at the contour's pixels, by this weight if not by that of the time; what fronts within
+// the step are read from.
+fn steer_by(k: u32, weight: f32) {
     let q = band[k].y;
     if jobs[q].phase != RUNNING {
         return;
     }
     let t = jobs[q].now;
     let dt = jobs[q].dt;
-    let correction = min(gain_at(t), smoothstep01(t) / dt);
+    let own = select(weight_at(t), weight, weight > 0.0);
+    let correction = min(own * GAIN / max(1.0 - t, LEAST_TIME), own / dt);
     line[k] = hermite_mean_rate(courses[k], t, dt) + correction * errors[k];
     let v = phi[band[k].x];
     before[k] = vec4<f32>(v, cut_off(v, params.beta, params.gamma) * bend(courses[k], t, dt), 0.0);
+}
+
+@compute @workgroup_size(lane_count)
+fn steer(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let k = list_index(group, local);
+    if k < work.band_total {
+        steer_by(k, 0.0);
+    }
+}
+
+// The same after a new morph: its errors count wholly.
+@compute @workgroup_size(lane_count)
+fn steer_again(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let k = list_index(group, local);
+    if k < work.band_total {
+        steer_by(k, 1.0);
+    }
+}
+
+// What remains after this step.
+@compute @workgroup_size(lane_count)
+fn spend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let k = list_index(group, local);
+    if k < work.band_total && jobs[band[k].y].phase == RUNNING {
+        remeasured[k].x -= jobs[band[k].y].dt * line[k];
+    }
 }

@@ -12,6 +12,7 @@ use interslice::gpu::{Gpu, GpuOptions, GpuOrReference};
 use interslice::grid::components::{label4, label8};
 use interslice::grid::field::Field;
 use interslice::input::read;
+use interslice::preset::Preset;
 use interslice::progress::Silent;
 use interslice::reference::displacement::ROUNDS;
 use interslice::registration::displacement::{Displacement, DisplacementJob};
@@ -98,6 +99,37 @@ fn the_papers_figures() {
             agree(name, &of(&gpu), &of(&Reference));
         }
     }
+}
+
+/// New morphs on the way of the sweeps: before every step, as the paper does, and every few.
+#[test]
+fn the_papers_re_estimation() {
+    let gpu = open(&GpuOptions { poison: true, ..GpuOptions::default() });
+    for (name, every) in [("fig5", 1), ("fig6", 1), ("fig10", 1), ("fig9", 5)] {
+        let demo = demo(name).expect("a demo");
+        let settings = Settings { redistance: every, ..Preset::Paper.settings() };
+        let of = |backend: &dyn Backend| run(backend, &demo.stack, &settings, None);
+        let found = of(&gpu);
+        agree(name, &found, &of(&Reference));
+        let without = run(&gpu, &demo.stack, &Settings { redistance: 0, ..settings }, None);
+        assert!(bits(&found) != bits(&without), "{name}: new morphs change nothing");
+    }
+}
+
+/// The same bits whether the sweeps and their morphs fit together or not.
+#[test]
+fn the_papers_re_estimation_in_batches() {
+    let demo = demo("fig9").expect("a demo");
+    let settings = Settings { redistance: 7, ..Preset::Paper.settings() };
+    let of = |memory| {
+        let gpu = open(&GpuOptions { memory, poison: true, ..GpuOptions::default() });
+        let body = run(&gpu, &demo.stack, &settings, None);
+        (bits(&body), gpu.profile().submissions)
+    };
+    let (whole, tight) = (of(None), of(Some(6 << 20)));
+    println!("submissions {} with all memory, {} with 6 MiB", whole.1, tight.1);
+    assert!(tight.1 > whole.1, "there were several batches");
+    assert!(whole.0 == tight.0);
 }
 
 /// Slices interpolated along the moving field, no morph.

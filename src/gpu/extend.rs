@@ -1,9 +1,10 @@
 //! Extension of values off the contour along its normals on the GPU, in band order.
 
+use super::band::Front;
 use super::device::Buffer;
 use super::kernels::{Bound, shader};
 use super::layout::{Job, Params, Source, Work};
-use super::{Gpu, band::Front};
+use super::recorder::Recorder;
 use crate::error::Result;
 
 shader! {
@@ -46,36 +47,57 @@ shader! {
     }
 }
 
+/// Upwind neighbours of a front's band.
+pub struct Upwind<'g> {
+    /// The neighbours, by band place.
+    pub sources: Buffer<[Source]>,
+    /// Finds those of the band as it is.
+    pub find: Bound<'g>,
+}
+
+impl<'g> Upwind<'g> {
+    /// Room for the neighbours of a front.
+    ///
+    /// # Errors
+    /// The errors of [`super::device::Device::buffer`].
+    pub fn new(front: &Front<'g>) -> Result<Self> {
+        let Front { gpu, params, jobs, work, band, phi, slots, .. } = front;
+        let sources = gpu.device.storage("sources", front.capacity)?;
+        Ok(Upwind { find: Find { params, jobs, work, band, phi, slots, sources: &sources }.bind(gpu), sources })
+    }
+}
+
 /// Courses of a front, by band place: two copies, and the passes from one to the other.
 pub struct Courses<'g> {
     /// Both copies.
     pub copies: [Buffer<[[f32; 4]]>; 2],
-    /// Upwind neighbours.
-    pub sources: Buffer<[Source]>,
-    /// Finds those of the band as it is.
-    pub find: Bound<'g>,
     /// A pass from one copy to the other, there and back.
-    pub extend: [Bound<'g>; 2],
+    pub pass: [Bound<'g>; 2],
     /// The way from the old band to the new, from one copy to the other.
     pub carry: [Bound<'g>; 2],
 }
 
 impl<'g> Courses<'g> {
     /// Room for the courses of a front.
-    pub fn new(gpu: &'g Gpu, front: &Front<'g>) -> Result<Self> {
-        let room = front.capacity;
-        let copies = [gpu.device.storage("courses", room)?, gpu.device.storage("courses", room)?];
-        let sources = gpu.device.storage("sources", room)?;
-        let Front { params, jobs, work, band, phi, slots, earlier, .. } = front;
+    ///
+    /// # Errors
+    /// The errors of [`super::device::Device::buffer`].
+    pub fn new(front: &Front<'g>, Upwind { sources, .. }: &Upwind<'g>) -> Result<Self> {
+        let Front { gpu, params, work, earlier, capacity, .. } = front;
+        let copies = [gpu.device.storage("courses", *capacity)?, gpu.device.storage("courses", *capacity)?];
         let ways = [[0, 1], [1, 0]].map(|way| way.map(|k| &copies[k]));
         Ok(Courses {
-            find: Find { params, jobs, work, band, phi, slots, sources: &sources }.bind(gpu),
-            extend: ways.map(|[courses, next_courses]| {
-                ExtendCourses { work, sources: &sources, courses, next_courses }.bind(gpu)
-            }),
+            pass: ways.map(|[courses, next_courses]| ExtendCourses { work, sources, courses, next_courses }.bind(gpu)),
             carry: ways.map(|[courses, next_courses]| Carry { params, work, courses, next_courses, earlier }.bind(gpu)),
             copies,
-            sources,
         })
+    }
+
+    /// Records some passes, an even number, from the copy that holds the courses.
+    pub fn extend(&self, recorder: &mut Recorder<'_>, front: &Front<'_>, holds: usize, passes: usize) {
+        debug_assert!(passes.is_multiple_of(2), "courses end where they began");
+        for pass in 0..passes {
+            recorder.run(&self.pass[(holds + pass) % 2], front.per_pixel());
+        }
     }
 }

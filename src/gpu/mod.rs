@@ -32,6 +32,7 @@ mod propagate;
 mod queue;
 mod recorder;
 mod reinit;
+mod remeasure;
 mod resident;
 mod scatter;
 pub mod selftest;
@@ -149,10 +150,6 @@ impl Backend for Gpu {
 
     fn propagate(&self, request: &SweepRequest<'_>, progress: &dyn Progress) -> Result<Vec<Filled>> {
         let &SweepRequest { pairs, h, options } = request;
-        if options.redistance > 0 {
-            // A morph of its own in every few steps of every sweep: the paper's way, kept for comparison only.
-            return Reference.propagate(request, progress);
-        }
         self.waiting.sweeps.ask(&self.turns, (h, options), pairs, progress, |pairs, progress| {
             propagate::propagate(self, pairs, h, &options, progress)
         })

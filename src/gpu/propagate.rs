@@ -1,16 +1,19 @@
 //! Sweeps on the GPU, and the slices made of them.
 
+use std::cell::Cell;
+
 use super::Gpu;
 use super::atlas::{Atlas, in_batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
 use super::compose::{Copies, fill_slices};
 use super::device::failure;
-use super::extend::{Courses, ExtendLine};
+use super::extend::{Courses, ExtendLine, Upwind};
 use super::hj_step;
 use super::kernels::shader;
 use super::layout::{BLOCK, Copy, Job, Params, RUNNING, Reached, Sums, VANISHED, Work};
 use super::recorder::{Listed, Recorder, Size};
-use super::scatter::{Seeds, place_seeds};
+use super::remeasure::{Again, Steering, Sweeps};
+use super::scatter::{Seeds, Valued, place_seeds};
 use super::trace::{check_numbers, morph_params};
 use super::work;
 use crate::backend::MorphOptions;
@@ -65,12 +68,60 @@ shader! {
         line: Write [f32],
         before: Write [[f32; 4]],
     }
+
+    /// Errors by what a new morph has measured.
+    Recall for recall, "sweep_recall" {
+        jobs: Read [Job],
+        band: Read [[u32; 2]],
+        work: Read Work,
+        phi: Read [f32],
+        courses: Read [[f32; 4]],
+        errors: Write [f32],
+        remeasured: Write [[f32; 4]],
+    }
+
+    /// The largest speed with those errors, and what is left of each front.
+    MeasureAgain for measure_again, "sweep_measure_again" {
+        jobs: Read [Job],
+        band: Read [[u32; 2]],
+        work: Read Work,
+        phi: Read [f32],
+        goal: Read [f32],
+        sums: Write [Sums],
+        courses: Read [[f32; 4]],
+        errors: Write [f32],
+    }
+
+    /// Speed over this step, with those errors.
+    SteerAgain for steer_again, "sweep_steer_again" {
+        params: Uniform Params,
+        jobs: Read [Job],
+        band: Read [[u32; 2]],
+        work: Read Work,
+        phi: Read [f32],
+        courses: Read [[f32; 4]],
+        errors: Write [f32],
+        line: Write [f32],
+        before: Write [[f32; 4]],
+    }
+
+    /// What remains after this step.
+    Spend for spend, "sweep_spend" {
+        jobs: Read [Job],
+        band: Read [[u32; 2]],
+        work: Read Work,
+        line: Write [f32],
+        remeasured: Write [[f32; 4]],
+    }
 }
 
 /// Steps after which a sweep is given up; real ones take less than a hundred per pixel of motion.
 const MOST_STEPS: u32 = 100_000;
 /// Bytes per band place beside the front's own: courses and speeds twice, misses, sources, rounds of filling, the start of a step.
 const SWEEP_PLACE_BYTES: usize = PLACE_BYTES + 80;
+
+/// Share of the device that a sweep takes with its morphs, for one without.
+const WITH_MORPHS: f64 = 3.0;
 
 /// All pairs of sweeps, batch by batch, and their slices.
 pub fn propagate(
@@ -90,6 +141,8 @@ pub fn propagate(
         let copied = [room * 4, nodes / BLOCK * size_of::<Copy>()].map(|bytes| bytes * pair.up.times.len());
         let bytes = nodes * (NODE_BYTES + 4) + room * SWEEP_PLACE_BYTES + copied[0] + copied[1];
         let share = gpu.share(bytes, (4 * nodes).max(16 * room).max(copied[0]).max(copied[1]));
+        // The morphs in between have sources and goals of their own.
+        let share = if options.redistance > 0 { WITH_MORPHS * share } else { share };
         share.max(gpu.share_of_work(work::BAND_PLACE * room))
     };
     in_batches(gpu, pairs.iter().zip(&rooms).map(share), |batch| {
@@ -114,7 +167,7 @@ fn run(
     let sweeps: Vec<&SweepJob<'_>> = pairs.iter().flat_map(|p| [&p.up, &p.down]).collect();
     let mut atlas = Atlas::new(sweeps.iter().map(|s| s.source.dims));
     let times = place_times(&mut atlas, &sweeps);
-    let seeds = place_seeds(&mut atlas, &sweeps, h);
+    let seeds = place_seeds(&mut atlas.jobs, sweeps.iter().map(|s| Valued::courses(s)), h);
     let copies = Copies::new(gpu, &mut atlas, room)?;
     let phi = atlas.pack(sweeps.iter().map(|s| &*s.source), 1.0);
     let goal = &device.upload("goal", &atlas.pack(sweeps.iter().map(|s| &*s.goal), 1.0))?;
@@ -125,7 +178,8 @@ fn run(
     let reads: usize = sweeps.iter().map(|s| s.times.len()).sum();
     let reached = &device.headed("reached", reads.max(1))?;
     let before = &device.storage("before", room)?;
-    let carried = Courses::new(gpu, &front)?;
+    let upwind = Upwind::new(&front)?;
+    let carried = Courses::new(&front, &upwind)?;
     let lines = [device.storage("line", room)?, device.storage("line", room)?];
     let errors = &device.storage("errors", room)?;
     let seeds = Seeds::new(&front, seeds, &carried.copies[0])?;
@@ -140,36 +194,45 @@ fn run(
     let line = &lines[0];
     let steer = courses.map(|courses| Steer { params, jobs, band, work, phi, courses, errors, line, before }.bind(gpu));
     let extend_line = [[0, 1], [1, 0]].map(|way| {
-        let ([line, next_line], sources) = (way.map(|k| &lines[k]), &carried.sources);
+        let ([line, next_line], sources) = (way.map(|k| &lines[k]), &upwind.sources);
         ExtendLine { work, sources, line, next_line }.bind(gpu)
     });
     let stages = hj_step::stages(&front, line, false);
     let each_job = Size::List(sweeps.len());
+    let again = (options.redistance > 0).then(|| {
+        let steering = Steering { goal, sums, upwind: &upwind, carried: &carried, errors, line, before };
+        Again::new(&front, &steering)
+    });
+    let again = again.transpose()?;
     let mut recorder = Recorder::new(device, &gpu.profiler);
     front.begin(&mut recorder);
     seeds.scatter(&mut recorder, &front);
-    recorder.run(&carried.find, front.per_pixel());
-    for pass in 0..FIRST_PASSES {
-        recorder.run(&carried.extend[pass % 2], front.per_pixel());
-    }
-    let mut turn = 0;
-    let step = |recorder: &mut Recorder<'_>| {
+    recorder.run(&upwind.find, front.per_pixel());
+    carried.extend(&mut recorder, &front, 0, FIRST_PASSES);
+    let turn = Cell::new(0);
+    // With what the last morph has measured, if there is any.
+    let step = |recorder: &mut Recorder<'_>, again: Option<&Again<'_>>| {
+        let turn = turn.replace(1 - turn.get());
         recorder.run(&advance, each_job);
-        recorder.run(&measure[turn], front.per_chunk());
+        match again {
+            Some(again) => again.measure(recorder, &front, turn),
+            None => recorder.run(&measure[turn], front.per_chunk()),
+        }
         recorder.run(&control, each_job);
-        recorder.run(&steer[turn], front.per_pixel());
+        recorder.run(again.map_or(&steer[turn], |again| &again.steer[turn]), front.per_pixel());
         for pass in 0..PASSES {
             recorder.run(&extend_line[pass % 2], front.per_pixel());
+        }
+        if let Some(again) = again {
+            recorder.run(&again.spend[turn], front.per_pixel());
         }
         front.step(recorder, &stages);
         recorder.run(&copy, Size::Indirect(&reached.raw, 0, Listed::Copies));
         front.rebuild(recorder);
-        recorder.run(&carried.carry[turn], front.per_pixel());
-        turn = 1 - turn;
-        recorder.run(&carried.find, front.per_pixel());
-        for pass in 0..PASSES {
-            recorder.run(&carried.extend[(turn + pass) % 2], front.per_pixel());
-        }
+        let all = || [Some(&carried), again.map(|again| &again.remeasured)].into_iter().flatten();
+        all().for_each(|courses| recorder.run(&courses.carry[turn], front.per_pixel()));
+        recorder.run(&upwind.find, front.per_pixel());
+        all().for_each(|courses| courses.extend(recorder, &front, 1 - turn, PASSES));
     };
     let ends = |states: &[Job]| {
         check_numbers("sweep", states)?;
@@ -178,7 +241,14 @@ fn run(
             None => Ok(()),
         }
     };
-    let (states, copied) = match front.run(recorder, Some(copies.pool()), step, ends)? {
+    let run = match &again {
+        None => front.run(recorder, Some(copies.pool()), |recorder| step(recorder, None), ends),
+        Some(again) => {
+            let about = Sweeps { jobs: &sweeps, h, options, turn: &turn };
+            again.run(&front, recorder, copies.pool(), &about, step, ends)
+        }
+    };
+    let (states, copied) = match run? {
         Room::Enough(end) => end,
         Room::Short(wanted) => return Ok(Room::Short(wanted)),
     };

@@ -1,8 +1,9 @@
 //! Values of seeds at the pixels of a contour, on the GPU.
 
+use std::borrow::Cow;
+
 use glam::DVec2;
 
-use super::atlas::Atlas;
 use super::band::Front;
 use super::device::Buffer;
 use super::kernels::{Bound, shader};
@@ -75,11 +76,32 @@ impl<'g> Seeds<'g> {
     }
 }
 
-/// Seeds of all jobs sorted into bins of RADIUS px, and where each bin begins.
-pub fn place_seeds(atlas: &mut Atlas, jobs: &[&SweepJob<'_>], h: [f64; 2]) -> (Vec<Seed>, Vec<u32>) {
+/// Seeds on a tile, px, and the values they bring to the pixels near them.
+pub struct Valued<'s> {
+    /// Columns and rows of the tile.
+    pub dims: [usize; 2],
+    /// The seeds.
+    pub seeds: Cow<'s, [DVec2]>,
+    /// Their values.
+    pub values: Cow<'s, [[f64; 4]]>,
+}
+
+impl<'s> Valued<'s> {
+    /// Seeds of a sweep with their courses.
+    pub fn courses(job: &'s SweepJob<'_>) -> Self {
+        Valued { dims: job.source.dims, seeds: (&job.seeds).into(), values: (&job.courses).into() }
+    }
+}
+
+/// Seeds of all jobs sorted into bins of RADIUS px, and where each bin begins. The bins of a job hang on its tile alone.
+pub fn place_seeds<'s>(
+    slots: &mut [Job],
+    jobs: impl Iterator<Item = Valued<'s>>,
+    h: [f64; 2],
+) -> (Vec<Seed>, Vec<u32>) {
     let (mut seeds, mut bins) = (Vec::new(), Vec::new());
-    for (slot, job) in atlas.jobs.iter_mut().zip(jobs) {
-        let cells: [usize; 2] = std::array::from_fn(|a| (job.source.dims[a] as f64 * h[a] / RADIUS) as usize + 1);
+    for (slot, job) in slots.iter_mut().zip(jobs) {
+        let cells: [usize; 2] = std::array::from_fn(|a| (job.dims[a] as f64 * h[a] / RADIUS) as usize + 1);
         (slot.first_bin, slot.bins_x, slot.bins_y) = (bins.len() as u32, cells[0] as u32, cells[1] as u32);
         let bin = |x: &DVec2| {
             let cell = |a: usize| ((x[a] * h[a] / RADIUS).max(0.0) as usize).min(cells[a] - 1);
@@ -95,7 +117,7 @@ pub fn place_seeds(atlas: &mut Atlas, jobs: &[&SweepJob<'_>], h: [f64; 2]) -> (V
             bins.push((seeds.len() + next) as u32);
         }
         seeds.extend(order.iter().map(|&(_, k)| Seed {
-            course: job.courses[k].map(|v| v as f32),
+            course: job.values[k].map(|v| v as f32),
             x: job.seeds[k].as_vec2().into(),
             padding: [0.0; 2],
         }));

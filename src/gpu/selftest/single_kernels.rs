@@ -10,11 +10,11 @@ use crate::gpu::atlas::Atlas;
 use crate::gpu::band::Front;
 use crate::gpu::device::Buffer;
 use crate::gpu::distance::DistanceBuffers;
-use crate::gpu::extend::Courses;
+use crate::gpu::extend::{Courses, Upwind};
 use crate::gpu::layout::Params;
 use crate::gpu::particles::Particles;
 use crate::gpu::recorder::Recorder;
-use crate::gpu::scatter::{Seeds, place_seeds};
+use crate::gpu::scatter::{Seeds, Valued, place_seeds};
 use crate::gpu::{exact, hj_step, moving, trajectories};
 use crate::grid::field::Field;
 use crate::grid::spline::HermiteArc;
@@ -188,25 +188,26 @@ impl Gpu {
     ) -> Result<Vec<Vec<HermiteArc>>> {
         let sweeps: Vec<&SweepJob<'_>> = sweeps.iter().collect();
         let mut atlas = Atlas::new(sweeps.iter().map(|s| s.source.dims));
-        let seeds = place_seeds(&mut atlas, &sweeps, tubes.h);
+        let seeds = place_seeds(&mut atlas.jobs, sweeps.iter().map(|s| Valued::courses(s)), tubes.h);
         let values = atlas.pack(sweeps.iter().map(|s| &*s.source), 1.0);
         let room = atlas.node_count();
         let front = Front::new(self, atlas, tubes.params(), Some(&values), room)?;
-        let courses = Courses::new(self, &front)?;
+        let upwind = Upwind::new(&front)?;
+        let courses = Courses::new(&front, &upwind)?;
         let seeds = Seeds::new(&front, seeds, &courses.copies[0])?;
         let turn = passes % 2;
         self.record(|recorder| {
             front.begin(recorder);
             seeds.scatter(recorder, &front);
-            recorder.run(&courses.find, front.per_pixel());
-            (0..passes).for_each(|n| recorder.run(&courses.extend[n % 2], front.per_pixel()));
+            recorder.run(&upwind.find, front.per_pixel());
+            (0..passes).for_each(|n| recorder.run(&courses.pass[n % 2], front.per_pixel()));
         })?;
         front.replace_phi(&front.atlas.pack(second.iter(), 1.0));
         self.record(|recorder| {
             front.rebuild(recorder);
             recorder.run(&courses.carry[turn], front.per_pixel());
-            recorder.run(&courses.find, front.per_pixel());
-            (0..passes).for_each(|n| recorder.run(&courses.extend[(turn + 1 + n) % 2], front.per_pixel()));
+            recorder.run(&upwind.find, front.per_pixel());
+            (0..passes).for_each(|n| recorder.run(&courses.pass[(turn + 1 + n) % 2], front.per_pixel()));
         })?;
         let mut out: Vec<Vec<HermiteArc>> = sweeps.iter().map(|s| vec![[0.0; 4]; s.source.data.len()]).collect();
         let listed = self.listed(&front)?;

@@ -9,10 +9,11 @@ use super::compose::{Copies, fill_slices};
 use super::device::failure;
 use super::extend::{Courses, ExtendLine, Upwind};
 use super::hj_step;
-use super::kernels::shader;
+use super::kernels::{Bound, shader};
 use super::layout::{BLOCK, Copy, Job, Params, RUNNING, Reached, Sums, VANISHED, Work};
 use super::recorder::{Listed, Recorder, Size};
-use super::remeasure::{Again, Steering, Sweeps};
+
+use super::remeasure::{self, Sweeps};
 use super::scatter::{Seeds, Valued, place_seeds};
 use super::trace::{check_numbers, morph_params};
 use super::work;
@@ -199,23 +200,39 @@ fn run(
     });
     let stages = hj_step::stages(&front, line, false);
     let each_job = Size::List(sweeps.len());
-    let again = (options.redistance > 0).then(|| {
-        let steering = Steering { goal, sums, upwind: &upwind, carried: &carried, errors, line, before };
-        Again::new(&front, &steering)
+    // What new morphs measure is carried as courses are.
+    let remeasured = (options.redistance > 0).then(|| Courses::new(&front, &upwind)).transpose()?;
+    let again = remeasured.as_ref().map(|courses| {
+        let copies = carried.copies.each_ref();
+        Again {
+            recall: [0, 1].map(|k| {
+                let (courses, remeasured) = (copies[k], &courses.copies[k]);
+                Recall { jobs, band, work, phi, courses, errors, remeasured }.bind(gpu)
+            }),
+            measure: copies
+                .map(|courses| MeasureAgain { jobs, band, work, phi, goal, sums, courses, errors }.bind(gpu)),
+            steer: copies
+                .map(|courses| SteerAgain { params, jobs, band, work, phi, courses, errors, line, before }.bind(gpu)),
+            spend: courses.copies.each_ref().map(|remeasured| Spend { jobs, band, work, line, remeasured }.bind(gpu)),
+            courses,
+        }
     });
-    let again = again.transpose()?;
     let mut recorder = Recorder::new(device, &gpu.profiler);
     front.begin(&mut recorder);
     seeds.scatter(&mut recorder, &front);
     recorder.run(&upwind.find, front.per_pixel());
     carried.extend(&mut recorder, &front, 0, FIRST_PASSES);
     let turn = Cell::new(0);
-    // With what the last morph has measured, if there is any.
-    let step = |recorder: &mut Recorder<'_>, again: Option<&Again<'_>>| {
+    // By what the last morph has measured, if there has been one.
+    let step = |recorder: &mut Recorder<'_>, measured: bool| {
+        let again = again.as_ref().filter(|_| measured);
         let turn = turn.replace(1 - turn.get());
         recorder.run(&advance, each_job);
         match again {
-            Some(again) => again.measure(recorder, &front, turn),
+            Some(again) => {
+                recorder.run(&again.recall[turn], front.per_pixel());
+                recorder.run(&again.measure[turn], front.per_chunk());
+            }
             None => recorder.run(&measure[turn], front.per_chunk()),
         }
         recorder.run(&control, each_job);
@@ -229,7 +246,7 @@ fn run(
         front.step(recorder, &stages);
         recorder.run(&copy, Size::Indirect(&reached.raw, 0, Listed::Copies));
         front.rebuild(recorder);
-        let all = || [Some(&carried), again.map(|again| &again.remeasured)].into_iter().flatten();
+        let all = || [Some(&carried), again.map(|again| again.courses)].into_iter().flatten();
         all().for_each(|courses| recorder.run(&courses.carry[turn], front.per_pixel()));
         recorder.run(&upwind.find, front.per_pixel());
         all().for_each(|courses| courses.extend(recorder, &front, 1 - turn, PASSES));
@@ -241,11 +258,11 @@ fn run(
             None => Ok(()),
         }
     };
-    let run = match &again {
-        None => front.run(recorder, Some(copies.pool()), |recorder| step(recorder, None), ends),
-        Some(again) => {
-            let about = Sweeps { jobs: &sweeps, h, options, turn: &turn };
-            again.run(&front, recorder, copies.pool(), &about, step, ends)
+    let run = match &remeasured {
+        None => front.run(recorder, Some(copies.pool()), |recorder| step(recorder, false), ends),
+        Some(remeasured) => {
+            let sweeps = Sweeps { jobs: &sweeps, h, options, remeasured, holds: &turn };
+            remeasure::run(&front, recorder, copies.pool(), &sweeps, step, ends)
         }
     };
     let (states, copied) = match run? {
@@ -260,6 +277,16 @@ fn run(
         return Ok(Room::Short(room + 1));
     }
     Ok(Room::Enough((states.iter().map(swept).collect(), copies.finished(states))))
+}
+
+/// Kernels that steer by what a new morph has measured, by which copy holds the courses.
+struct Again<'b, 'g> {
+    recall: [Bound<'g>; 2],
+    measure: [Bound<'g>; 2],
+    steer: [Bound<'g>; 2],
+    spend: [Bound<'g>; 2],
+    /// What it has measured.
+    courses: &'b Courses<'g>,
 }
 
 fn swept(s: &Job) -> Swept {

@@ -9,10 +9,8 @@ use std::cell::Cell;
 use super::answers::Wanted;
 use super::band::{Front, Room};
 use super::device::Buffer;
-use super::extend::{Courses, Upwind};
-use super::kernels::Bound;
-use super::layout::{Job, RUNNING, Sums, Values};
-use super::propagate::{MeasureAgain, Recall, Spend, SteerAgain};
+use super::extend::Courses;
+use super::layout::{Job, RUNNING, Values};
 use super::recorder::Recorder;
 use super::scatter::{Seeds, Valued, place_seeds};
 use super::trace::trace;
@@ -24,24 +22,6 @@ use crate::grid::field::Field;
 use crate::progress::Silent;
 use crate::reference::propagate::FIRST_PASSES;
 
-/// Buffers of the sweeps that the steps after a new morph read, too.
-pub struct Steering<'b, 'g> {
-    /// Contours that the fronts go to.
-    pub goal: &'b Buffer<[f32]>,
-    /// Reductions.
-    pub sums: &'b Buffer<[Sums]>,
-    /// Upwind neighbours.
-    pub upwind: &'b Upwind<'g>,
-    /// Courses.
-    pub carried: &'b Courses<'g>,
-    /// Errors at the contour's pixels.
-    pub errors: &'b Buffer<[f32]>,
-    /// Speeds.
-    pub line: &'b Buffer<[f32]>,
-    /// Starts of steps.
-    pub before: &'b Buffer<[[f32; 4]]>,
-}
-
 /// What the morphs are made of.
 pub struct Sweeps<'s> {
     /// Sweeps of the front.
@@ -50,129 +30,86 @@ pub struct Sweeps<'s> {
     pub h: [f64; 2],
     /// Options of morphs and sweeps.
     pub options: &'s MorphOptions,
-    /// Which copy of the courses holds them.
-    pub turn: &'s Cell<usize>,
+    /// What is measured, by band place.
+    pub remeasured: &'s Courses<'s>,
+    /// Which of its copies holds it.
+    pub holds: &'s Cell<usize>,
 }
 
-/// What new morphs have measured, and the kernels that read it.
-pub struct Again<'g> {
-    /// What remains, by band place.
-    pub remeasured: Courses<'g>,
-    recall: [Bound<'g>; 2],
-    measure: [Bound<'g>; 2],
-    /// The speed over a step, by which copy holds the courses.
-    pub steer: [Bound<'g>; 2],
-    /// What remains after a step, in the same way.
-    pub spend: [Bound<'g>; 2],
+/// Takes steps until no job runs, with a new morph before some of them, as [`Front::run`] does without; `step` is told whether there has been one.
+///
+/// # Errors
+/// The errors of `ends`, and of the device.
+pub fn run<'g>(
+    front: &Front<'g>,
+    mut recorder: Recorder<'g>,
+    pool: &Buffer<Values>,
+    sweeps: &Sweeps<'_>,
+    step: impl Fn(&mut Recorder<'g>, bool),
+    ends: impl Fn(&[Job]) -> Result<()>,
+) -> Result<Room<(Vec<Job>, u32)>> {
+    let mut measured = false;
+    loop {
+        for _ in 0..sweeps.options.redistance {
+            step(&mut recorder, measured);
+        }
+        let jobs: Wanted<Job> = recorder.read(&front.jobs, 0, front.atlas.jobs.len());
+        let lists = front.look(&mut recorder);
+        let number = recorder.read::<u32>(pool, 0, 1);
+        let phi: Wanted<f32> = recorder.read(&front.phi, 0, front.atlas.node_count());
+        let landed = recorder.submit()?.wait()?;
+        recorder = Recorder::new(&front.gpu.device, &front.gpu.profiler);
+        if let Some(wanted) = front.overflow(&landed, &lists)? {
+            return Ok(Room::Short(wanted));
+        }
+        let states = landed.values(&jobs)?;
+        ends(&states)?;
+        if states.iter().all(|s| s.phase != RUNNING) {
+            return Ok(Room::Enough((states, landed.value(&number)?)));
+        }
+        let phi = landed.values(&phi)?;
+        drop(landed);
+        remeasure(front, &mut recorder, sweeps, &states, &phi)?;
+        measured = true;
+    }
 }
 
-impl<'g> Again<'g> {
-    /// Room for what is measured on a front.
-    ///
-    /// # Errors
-    /// The errors of [`super::device::Device::buffer`].
-    pub fn new(front: &Front<'g>, steering: &Steering<'_, 'g>) -> Result<Self> {
-        let gpu = front.gpu;
-        let Front { params, jobs, work, phi, band, .. } = front;
-        let &Steering { goal, sums, upwind, carried, errors, line, before } = steering;
-        let courses = carried.copies.each_ref();
-        let own = Courses::new(front, upwind)?;
-        let copies = [0, 1].map(|k| (courses[k], &own.copies[k]));
-        Ok(Again {
-            recall: copies
-                .map(|(courses, remeasured)| Recall { jobs, band, work, phi, courses, errors, remeasured }.bind(gpu)),
-            measure: courses
-                .map(|courses| MeasureAgain { jobs, band, work, phi, goal, sums, courses, errors }.bind(gpu)),
-            steer: courses
-                .map(|courses| SteerAgain { params, jobs, band, work, phi, courses, errors, line, before }.bind(gpu)),
-            spend: copies.map(|(_, remeasured)| Spend { jobs, band, work, line, remeasured }.bind(gpu)),
-            remeasured: own,
-        })
-    }
-
-    /// Records how fast each front is and what is left of it, by what remains; `holds` is the copy that holds the courses.
-    pub fn measure(&self, recorder: &mut Recorder<'_>, front: &Front<'_>, holds: usize) {
-        recorder.run(&self.recall[holds], front.per_pixel());
-        recorder.run(&self.measure[holds], front.per_chunk());
-    }
-
-    /// Takes steps until no job runs, with a new morph before some of them, as [`Front::run`] does without.
-    ///
-    /// # Errors
-    /// The errors of `ends`, and of the device.
-    pub fn run(
-        &self,
-        front: &Front<'g>,
-        mut recorder: Recorder<'g>,
-        pool: &Buffer<Values>,
-        sweeps: &Sweeps<'_>,
-        step: impl Fn(&mut Recorder<'g>, Option<&Again<'g>>),
-        ends: impl Fn(&[Job]) -> Result<()>,
-    ) -> Result<Room<(Vec<Job>, u32)>> {
-        let mut again = None;
-        loop {
-            for _ in 0..sweeps.options.redistance {
-                step(&mut recorder, again);
-            }
-            let jobs: Wanted<Job> = recorder.read(&front.jobs, 0, front.atlas.jobs.len());
-            let lists = front.look(&mut recorder);
-            let number = recorder.read::<u32>(pool, 0, 1);
-            let phi: Wanted<f32> = recorder.read(&front.phi, 0, front.atlas.node_count());
-            let landed = recorder.submit()?.wait()?;
-            recorder = Recorder::new(&front.gpu.device, &front.gpu.profiler);
-            if let Some(wanted) = front.overflow(&landed, &lists)? {
-                return Ok(Room::Short(wanted));
-            }
-            let states = landed.values(&jobs)?;
-            ends(&states)?;
-            if states.iter().all(|s| s.phase != RUNNING) {
-                return Ok(Room::Enough((states, landed.value(&number)?)));
-            }
-            let phi = landed.values(&phi)?;
-            drop(landed);
-            self.remeasure(front, &mut recorder, sweeps, &states, &phi)?;
-            again = Some(self);
+/// A new morph from every front that is still on its way, as the paper does: what remains at its particles, brought to the pixels.
+fn remeasure<'g>(
+    front: &Front<'g>,
+    recorder: &mut Recorder<'g>,
+    &Sweeps { jobs, h, options, remeasured, holds }: &Sweeps<'_>,
+    states: &[Job],
+    phi: &[f32],
+) -> Result<()> {
+    let mut owners = Vec::new();
+    let mut morphs: Vec<TraceJob<'_>> = Vec::new();
+    for (q, (job, state)) in jobs.iter().zip(states).enumerate() {
+        if state.phase != RUNNING || state.reaches == 1 {
+            continue;
+        }
+        let own = &phi[state.offset as usize..][..job.source.data.len()];
+        let source = Field { dims: job.source.dims, data: own.iter().copied().map(f64::from).collect() };
+        // A front that is gone has none.
+        let seeds = seeds(&source, h, options.seed_spacing);
+        if !seeds.is_empty() {
+            owners.push(q);
+            morphs.push(TraceJob { source: Cow::Owned(source), goal: Cow::Borrowed(&job.goal), seeds });
         }
     }
-
-    /// A new morph from every front that is still on its way, as the paper does: what remains at its particles, brought to the pixels.
-    fn remeasure(
-        &self,
-        front: &Front<'g>,
-        recorder: &mut Recorder<'g>,
-        &Sweeps { jobs, h, options, turn }: &Sweeps<'_>,
-        states: &[Job],
-        phi: &[f32],
-    ) -> Result<()> {
-        let mut owners = Vec::new();
-        let mut morphs: Vec<TraceJob<'_>> = Vec::new();
-        for (q, (job, state)) in jobs.iter().zip(states).enumerate() {
-            if state.phase != RUNNING || state.reaches == 1 {
-                continue;
-            }
-            let own = &phi[state.offset as usize..][..job.source.data.len()];
-            let source = Field { dims: job.source.dims, data: own.iter().copied().map(f64::from).collect() };
-            // A front that is gone has none.
-            let seeds = seeds(&source, h, options.seed_spacing);
-            if !seeds.is_empty() {
-                owners.push(q);
-                morphs.push(TraceJob { source: Cow::Owned(source), goal: Cow::Borrowed(&job.goal), seeds });
-            }
-        }
-        if morphs.is_empty() {
-            return Ok(());
-        }
-        let traced = trace(front.gpu, &morphs, h, options, &Silent)?;
-        let none = |job: &&SweepJob<'_>| Valued { dims: job.source.dims, seeds: (&[]).into(), values: (&[]).into() };
-        let mut valued: Vec<Valued<'_>> = jobs.iter().map(none).collect();
-        for ((q, morph), traced) in owners.into_iter().zip(&morphs).zip(traced) {
-            valued[q].seeds = morph.seeds.iter().map(|seed| seed.x).collect();
-            valued[q].values = traced.tracks.iter().map(|track| [track.distance, track.kept, 0.0, 0.0]).collect();
-        }
-        let placed = place_seeds(&mut front.atlas.jobs.clone(), valued.into_iter(), h);
-        let holds = turn.get();
-        Seeds::new(front, placed, &self.remeasured.copies[holds])?.scatter(recorder, front);
-        self.remeasured.extend(recorder, front, holds, FIRST_PASSES);
-        Ok(())
+    if morphs.is_empty() {
+        return Ok(());
     }
+    let traced = trace(front.gpu, &morphs, h, options, &Silent)?;
+    let none = |job: &&SweepJob<'_>| Valued { dims: job.source.dims, seeds: (&[]).into(), values: (&[]).into() };
+    let mut valued: Vec<Valued<'_>> = jobs.iter().map(none).collect();
+    for ((q, morph), traced) in owners.into_iter().zip(&morphs).zip(traced) {
+        valued[q].seeds = morph.seeds.iter().map(|seed| seed.x).collect();
+        valued[q].values = traced.tracks.iter().map(|track| [track.distance, track.kept, 0.0, 0.0]).collect();
+    }
+    let placed = place_seeds(&mut front.atlas.jobs.clone(), valued.into_iter(), h);
+    let holds = holds.get();
+    Seeds::new(front, placed, &remeasured.copies[holds])?.scatter(recorder, front);
+    remeasured.extend(recorder, front, holds, FIRST_PASSES);
+    Ok(())
 }

@@ -23,6 +23,11 @@ pub fn blend(up: &SparseImage<f32>, down: &SparseImage<f32>, weights: [f64; 2]) 
     phi
 }
 
+/// Whether the blend of slice `k` has lost something: see [`mend`]. `outside` tells of a pixel of the tile.
+pub fn is_broken(pair: &SweepPair<'_>, outside: impl Fn(usize) -> bool) -> bool {
+    !pair.holes.is_empty() || pair.anchors.iter().any(|anchor| outside(*anchor))
+}
+
 /// Puts back what the blend of slice `k` has lost: holes are cut out again, overlaps of the two contours are joined. Whether anything changed.
 pub fn mend(pair: &SweepPair<'_>, k: usize, phi: &mut Field) -> bool {
     let t = pair.up.times[k];

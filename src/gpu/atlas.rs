@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use super::Gpu;
 use super::layout::{BLOCK, Block, Job, PATCH, Patch};
 use crate::error::{Error, Result};
@@ -58,11 +60,17 @@ impl Atlas {
 
     /// Fields of all jobs in single precision, `fill` between them.
     pub fn pack<'a>(&self, fields: impl Iterator<Item = &'a Field>, fill: f32) -> Vec<f32> {
-        let mut out = Vec::with_capacity(self.node_count());
+        let mut out = vec![fill; self.node_count()];
+        let mut rest = &mut out[..];
+        let mut tiles = Vec::with_capacity(self.jobs.len());
         for (job, field) in self.jobs.iter().zip(fields) {
-            out.extend(field.data.iter().map(|&v| v.clamp(-FAR, FAR) as f32));
-            out.resize((job.offset + job.block_count * BLOCK as u32) as usize, fill);
+            let (tile, later) = std::mem::take(&mut rest).split_at_mut(job.block_count as usize * BLOCK);
+            tiles.push((tile, field));
+            rest = later;
         }
+        tiles.into_par_iter().for_each(|(tile, field)| {
+            tile.iter_mut().zip(&field.data).for_each(|(to, v)| *to = v.clamp(-FAR, FAR) as f32);
+        });
         out
     }
 
@@ -72,7 +80,7 @@ impl Atlas {
             dims: [job.nx as usize, job.ny as usize],
             data: values[self.nodes(q)].iter().map(|&v| f64::from(v)).collect(),
         };
-        self.jobs.iter().enumerate().map(field).collect()
+        self.jobs.par_iter().enumerate().map(field).collect()
     }
 
     /// Nodes of a job.

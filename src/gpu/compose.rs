@@ -1,5 +1,7 @@
 //! Slices made of copied fronts on the GPU: blending, distances farther out, and the way back to the host.
 
+use rayon::prelude::*;
+
 use super::Gpu;
 use super::answers::Wanted;
 use super::atlas::{Atlas, in_batches, padded};
@@ -12,10 +14,9 @@ use super::recorder::{Recorder, Size};
 use super::trace::morph_params;
 use super::work;
 use crate::backend::MorphOptions;
-use crate::backend::blend::mend;
+use crate::backend::blend::{is_broken, mend};
 use crate::backend::jobs::{Filled, SweepPair, Swept, blend_weights};
 use crate::error::Result;
-use crate::grid::field::Field;
 use crate::grid::sparse_image::SparseImage;
 
 shader! {
@@ -150,14 +151,10 @@ pub fn fill_slices(
         let (recorder, blended) = blend(gpu, &copies, &items, atlas.node_count(), params)?;
         let mut slices = outwards(gpu, recorder, atlas, params, blended)?;
         // Most slices are whole. Those that are not are blended once more, mended as they were blended, and continued outwards.
-        let broken: Vec<usize> = batch
-            .iter()
-            .enumerate()
-            .filter(|&(slot, &(p, k))| mend(&pairs[p], k, &mut slices[slot].clone()))
-            .map(|(slot, _)| slot)
-            .collect();
+        let lost = |&slot: &usize| is_broken(&pairs[batch[slot].0], |pixel| slices[slot][pixel] >= 0.0);
+        let broken: Vec<usize> = (0..batch.len()).filter(lost).collect();
         if !broken.is_empty() {
-            let atlas = Atlas::new(broken.iter().map(|&slot| slices[slot].dims));
+            let atlas = Atlas::new(broken.iter().map(|&slot| slices[slot].dims()));
             let again: Vec<Item> = broken
                 .iter()
                 .zip(&atlas.jobs)
@@ -177,7 +174,7 @@ pub fn fill_slices(
                 slices[slot] = field;
             }
         }
-        Ok(slices.iter().map(SparseImage::single).collect())
+        Ok(slices)
     })?;
     for (&(p, _), slice) in wanted.iter().zip(slices) {
         out[p].slices.push(slice);
@@ -213,8 +210,11 @@ fn outwards<'g>(
     atlas: Atlas,
     params: Params,
     u: Buffer<[f32]>,
-) -> Result<Vec<Field>> {
+) -> Result<Vec<SparseImage<f32>>> {
     let tiles = DistanceBuffers::new(gpu, atlas, params, u)?;
     let recorder = tiles.solve(recorder, true)?;
-    Ok(tiles.atlas.unpack(&tiles.read(recorder)?))
+    let values = tiles.read(recorder)?;
+    let slice =
+        |(q, job): (usize, &Job)| SparseImage::of([job.nx as usize, job.ny as usize], &values[tiles.atlas.nodes(q)]);
+    Ok(tiles.atlas.jobs.par_iter().enumerate().map(slice).collect())
 }

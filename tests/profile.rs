@@ -72,15 +72,14 @@ fn process_seconds() -> Option<f64> {
 }
 
 #[test]
-fn a_second_run_makes_hardly_a_buffer_and_has_the_same_bits() {
+fn a_second_run_makes_no_buffer_and_has_the_same_bits() {
     for method in [Method::Morph, Method::Field] {
         let gpu = open(&GpuOptions { poison: true, ..GpuOptions::default() });
         let first = fig9(&gpu, method);
         let second = fig9(&gpu, method);
         let [cold, warm] = [&first, &second].map(|body| all(body).buffers);
         println!("{method:?}: {cold} buffers, then {warm}");
-        // When a chunk for sending comes back hangs on when the driver is asked: two more were seen.
-        assert!(cold > 0 && 20 * warm <= cold, "{method:?}: {cold} buffers, then {warm}");
+        assert!(cold > 0 && warm == 0, "{method:?}: {cold} buffers, then {warm}");
         assert!(bits(&first) == bits(&second), "{method:?}: what lay in a buffer before changes the result");
     }
 }

@@ -130,6 +130,8 @@ impl Backend for Gpu {
 
     fn contour_fields(&self, request: &ContourRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>> {
         let &ContourRequest { slices, dims, h, options } = request;
+        // A run begins: the last one's fields are gone.
+        self.resident.sweep();
         let jobs: Vec<SliceJob<'_>> =
             slices.iter().map(|slice| SliceJob { slice: Cow::Borrowed(slice), dims }).collect();
         self.waiting.slices.ask(&self.turns, (h, options), &jobs, progress, |jobs, progress| {

@@ -35,6 +35,14 @@ pub fn scaled(field: &Field, scale: f64) -> impl Iterator<Item = f32> + '_ {
     field.data.iter().map(move |v| bounded(scale * v))
 }
 
+impl Resident {
+    /// Lets the images of fields go that are no more, for whoever needs buffers like them.
+    pub fn sweep(&self) {
+        let mut images = self.images.lock().unwrap_or_else(PoisonError::into_inner);
+        images.retain(|image| image.field.strong_count() > 0);
+    }
+}
+
 impl Gpu {
     /// Lets everything go on the device that no stage needs, images of fields and all that waits for a user: there was no memory. From now on no
     /// image stays.

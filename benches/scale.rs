@@ -1,7 +1,7 @@
 //! Large synthetic stacks, streamed: every layer is reduced to a checksum and an 8-bit mask and forgotten.
 //!
 //! `cargo bench --bench scale -- SIDE SLICES LAYERS gpu|cpu [MEMORY_MIB]`, e.g. `2048 16 256 gpu`. Prints one line per run: seconds by stage,
-//! largest resident set, checksum. Without numbers it runs a small one.
+//! on a GPU the host's CPU seconds, largest resident set, checksum. Without numbers it runs a small one.
 
 use std::hash::{DefaultHasher, Hasher};
 use std::time::Instant;
@@ -87,13 +87,19 @@ fn run(stack: &ContourStack, layers: usize, backend: &dyn Backend) {
             let stages: Vec<String> =
                 body.report.stages.iter().map(|s| format!("{} {:.2}", s.name, s.seconds)).collect();
             let pixels: usize = body.report.intervals.iter().map(|i| i.trace_pixels + i.sweep_pixels).sum();
+            // Without what takes the layers, which looks at every pixel.
+            let costs = body.report.profile.iter().flat_map(|p| &p.stages).filter(|s| s.name != "output");
+            let costs: Vec<(&str, f64)> = costs.filter_map(|s| Some((&*s.name, s.host_seconds?))).collect();
+            let host: f64 = costs.iter().map(|(_, seconds)| seconds).sum();
+            let costs: Vec<String> = costs.iter().map(|(name, seconds)| format!("{name} {seconds:.2}")).collect();
             println!(
-                "{} px, {} slices to {count} layers on {}: {:.2} s ({}), {:.1} M band pixels updated, {} MiB at most, {inside} px inside, checksum {:016x}",
+                "{} px, {} slices to {count} layers on {}: {:.2} s ({}), host CPU {host:.2} s without the layers' taker ({}), {:.1} M band pixels updated, {} MiB at most, {inside} px inside, checksum {:016x}",
                 stack.dims[0],
                 stack.slices.len(),
                 backend.name(),
                 begin.elapsed().as_secs_f64(),
                 stages.join(", "),
+                costs.join(", "),
                 pixels as f64 * 1e-6,
                 peak_mib(),
                 hasher.finish()

@@ -346,7 +346,7 @@ fn compose<'a>(
 ) -> Vec<Layer> {
     let limit = run.settings.margin() as f64;
     let padded = run.padded();
-    let layer = |(k, (height, t)): (usize, &(Height, f64))| {
+    let layer = |seen: &mut Vec<f32>, (k, (height, t)): (usize, &(Height, f64))| {
         let mut canvas = if frame.is_some() { Canvas::empty(padded, [0; 2], limit) } else { run.canvas() };
         for (f, group) in filled.iter().zip(&interval.groups) {
             canvas.unite_packed(&group.tile, &f.slices[some.start + k]);
@@ -355,13 +355,14 @@ fn compose<'a>(
             unite_cap(&mut canvas, cap, if *direction == Direction::Up { *t } else { 1.0 - t });
         }
         let Some(InFrame { warp, trust, ways, doubts, others }) = frame else { return run.layer(height, canvas) };
-        let whole = warp.layer(&canvas.phi.unpack(), &ways[k], trust, &doubts[k], &others[k]);
+        canvas.phi.unpack_to(seen);
         drop(canvas);
+        let whole = warp.layer(seen, &ways[k], trust, &doubts[k], &others[k]);
         let mut canvas = run.canvas();
         canvas.unite_packed(&Tile { origin: [0, 0], dims: padded }, &whole);
         run.layer(height, canvas)
     };
-    layers[some.clone()].par_iter().enumerate().map(layer).collect()
+    layers[some.clone()].par_iter().enumerate().map_init(Vec::new, layer).collect()
 }
 
 /// Intervals that are swept together: enough for all threads and for a GPU, but no more slices than [`CHUNK_BYTES`] or the budget hold.

@@ -187,10 +187,16 @@ impl<T: Pod + Send + Sync> SparseImage<T> {
 
     /// All values, row-major.
     pub fn unpack(&self) -> Vec<T> {
-        let [nx, ny] = self.dims;
-        let mut out = vec![T::zeroed(); nx * ny];
-        out.par_chunks_mut(nx.max(1)).enumerate().for_each(|(j, row)| self.read(0, j, row));
+        let mut out = Vec::new();
+        self.unpack_to(&mut out);
         out
+    }
+
+    /// The same in an array that is used again and again.
+    pub fn unpack_to(&self, out: &mut Vec<T>) {
+        let [nx, ny] = self.dims;
+        out.resize(nx * ny, T::zeroed());
+        out.par_chunks_mut(nx.max(1)).enumerate().for_each(|(j, row)| self.read(0, j, row));
     }
 
     /// Number of pixels.

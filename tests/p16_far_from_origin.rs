@@ -238,7 +238,8 @@ fn meshes_far_from_the_origin_are_those_near_it() {
         let (far_said, far_told, far) = run(&format!("far{n}"), origin);
         assert!(!near_said.contains("relative to") && near_told.get("local_origin").is_none(), "{near_said}");
         let DVec3 { x, y, z } = local;
-        assert!(far_said.contains(&format!("relative to ({x}, {y}, {z})")), "case {n}: {far_said}");
+        let words = format!("positions in .stl and .glb are 32-bit and relative to ({x}, {y}, {z})");
+        assert!(far_said.contains(&words) && far_said.contains("; .ply and .obj are in world"), "case {n}: {far_said}");
         assert_eq!(far_told["local_origin"], serde_json::json!(local), "case {n}");
         let report_volume = far_told["volume"].as_f64().expect("a number");
         for ((format, near), far) in FORMATS.iter().zip(&near).zip(&far) {
@@ -341,7 +342,7 @@ fn volumes_maps_and_lines_say_where_they_lie_or_that_they_cannot() {
     outputs.iter().for_each(|o| arguments.extend(["-o", o]));
     let said = done(&arguments);
     assert!(
-        said.contains("NIfTI holds where a volume lies as 32-bit numbers") && said.contains("voxels) off"),
+        said.contains("NIfTI holds where a volume lies as 32-bit numbers") && said.contains("voxels) off; .nrrd, .mha"),
         "{said}"
     );
     let head = |k: usize| String::from_utf8_lossy(&fs::read(&outputs[k]).expect("written")[..600]).into_owned();

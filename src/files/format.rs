@@ -74,6 +74,8 @@ struct Row {
     holds: &'static str,
     kind: Kind,
     cost: Cost,
+    /// Whether it holds places in the world as 32-bit numbers.
+    single: bool,
     /// The feature that it needs, and whether the program has it.
     feature: Option<(&'static str, bool)>,
 }
@@ -86,7 +88,11 @@ impl Row {
         kind: Kind,
         cost: Cost,
     ) -> Self {
-        Row { format, extensions, holds, kind, cost, feature: None }
+        Row { format, extensions, holds, kind, cost, single: false, feature: None }
+    }
+
+    const fn single(self) -> Self {
+        Row { single: true, ..self }
     }
 
     const fn needing(self, feature: &'static str, built: bool) -> Self {
@@ -97,14 +103,14 @@ impl Row {
 /// All formats, in the order in which help lists them; neighbours with the same words share them there.
 const FORMATS: &[Row] = &[
     Row::new(Format::Nrrd, &["nrrd"], "volume", Kind::Volume, Cost::Volume),
-    Row::new(Format::Nifti { gzip: false }, &["nii"], "volume", Kind::Volume, Cost::Volume),
-    Row::new(Format::Nifti { gzip: true }, &["nii.gz"], "volume", Kind::Volume, Cost::Volume),
+    Row::new(Format::Nifti { gzip: false }, &["nii"], "volume", Kind::Volume, Cost::Volume).single(),
+    Row::new(Format::Nifti { gzip: true }, &["nii.gz"], "volume", Kind::Volume, Cost::Volume).single(),
     Row::new(Format::Mha, &["mha"], "volume", Kind::Volume, Cost::Volume),
     Row::new(Format::Zarr, &["zarr"], "volume", Kind::Volume, Cost::Chunks).needing("zarr", cfg!(feature = "zarr")),
-    Row::new(Format::Stl, &["stl"], "mesh", Kind::Mesh, Cost::Surface),
+    Row::new(Format::Stl, &["stl"], "mesh", Kind::Mesh, Cost::Surface).single(),
     Row::new(Format::Ply, &["ply"], "mesh", Kind::Mesh, Cost::Mesh),
     Row::new(Format::Obj, &["obj"], "mesh", Kind::Mesh, Cost::Mesh),
-    Row::new(Format::Glb, &["glb"], "mesh", Kind::Mesh, Cost::Mesh),
+    Row::new(Format::Glb, &["glb"], "mesh", Kind::Mesh, Cost::Mesh).single(),
     Row::new(Format::Png, &["png"], "picture", Kind::View, Cost::Picture),
     Row::new(Format::Tiff, &["tif", "tiff"], "height map", Kind::View, Cost::Map),
     Row::new(Format::Contours, &["contours.json"], "polygons", Kind::View, Cost::Lines),
@@ -119,10 +125,10 @@ const FORMATS: &[Row] = &[
 pub fn known() -> String {
     let mut kinds: Vec<(&str, Vec<String>)> = Vec::new();
     for row in FORMATS {
-        let names = row.extensions.iter().map(|e| format!(".{e}"));
+        let names = names(std::iter::once(row));
         match kinds.last_mut().filter(|(holds, _)| *holds == row.holds) {
             Some((_, known)) => known.extend(names),
-            None => kinds.push((row.holds, names.collect())),
+            None => kinds.push((row.holds, names)),
         }
     }
     let kinds: Vec<String> = kinds.iter().map(|(holds, names)| format!("{} ({holds})", names.join(" "))).collect();
@@ -133,6 +139,29 @@ pub fn known() -> String {
 pub fn help() -> String {
     let origin = "NAME.origin.nrrd and NAME.confidence.nrrd (any volume format) say where voxels come from";
     format!("Output file, by extension: {}; {origin}; repeatable", known())
+}
+
+/// The help of `--simplify`.
+pub fn simplify_help() -> String {
+    let meshes = FORMATS.iter().filter(|row| row.kind == Kind::Mesh);
+    format!(
+        "Meshes ({}) with fewer triangles, closed, no farther than this from the full one (measured both ways); the whole mesh must fit in memory",
+        names(meshes).join(" ")
+    )
+}
+
+/// Formats of a kind that hold places in the world as 32-bit numbers, or those that hold 64 bits: `.nrrd, .mha and .zarr`.
+pub(super) fn places(kind: Kind, single: bool) -> String {
+    let built = |row: &&Row| row.feature.is_none_or(|(_, built)| built);
+    let names = names(FORMATS.iter().filter(built).filter(|row| row.kind == kind && row.single == single));
+    match names.split_last() {
+        Some((last, others)) if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+        _ => names.concat(),
+    }
+}
+
+fn names<'r>(rows: impl Iterator<Item = &'r Row>) -> Vec<String> {
+    rows.flat_map(|row| row.extensions).map(|e| format!(".{e}")).collect()
 }
 
 /// The row of a file's name, and where its extension begins, at the dot. The longest extension wins.
@@ -149,9 +178,9 @@ impl Format {
         self == Format::Zarr
     }
 
-    /// Whether it is a mesh whose positions are f32.
-    pub fn is_single(self) -> bool {
-        matches!(self, Format::Stl | Format::Glb)
+    /// Whether it is of this kind and holds places in the world as 32-bit numbers.
+    pub fn is_single(self, kind: Kind) -> bool {
+        self.row().is_some_and(|row| row.single && row.kind == kind)
     }
 
     /// The format of an output, by its name.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::format::Format;
+use super::format::{Format, simplify_help};
 use crate::error::{Error, Result};
 #[cfg(feature = "simplify")]
 use crate::estimate::memory;
@@ -48,9 +48,8 @@ pub struct OutputOptions {
     #[serde(skip)]
     pub bodies: Vec<Appearance>,
 
-    /// Meshes (.stl .ply .obj .glb) with fewer triangles, closed, no farther than this from the full one (measured both ways); the
-    /// whole mesh must fit in memory
-    #[arg(long, value_name = "ERROR")]
+    /// Meshes with fewer triangles, closed, no farther than this from the full one
+    #[arg(long, value_name = "ERROR", help = simplify_help())]
     pub simplify: Option<f64>,
 
     /// The RTSTRUCT that was read, for a completed one

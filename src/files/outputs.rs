@@ -12,7 +12,7 @@ use glam::DVec3;
 
 #[cfg(feature = "dicom")]
 use super::format::BUFFER_BYTES;
-use super::format::{Format, Kind, is_page, kind, needed};
+use super::format::{Format, Kind, is_page, kind, needed, places};
 use super::options::OutputOptions;
 use super::pending::{Pending, Temporary, parent};
 use super::places::Places;
@@ -143,9 +143,12 @@ impl Outputs {
     /// # Errors
     /// [`Error::Output`] where one of them cannot hold the body.
     fn origin(&self, header: &Header) -> Result<DVec3> {
-        let file = self.files.iter().find(|f| f.format.is_single()).map(|f| f.target.as_path());
+        let file = self.files.iter().find(|f| f.format.is_single(Kind::Mesh)).map(|f| f.target.as_path());
         let Some(target) = file.or(self.scene.as_ref().map(SharedScene::target)) else { return Ok(DVec3::ZERO) };
-        local::origin(header).map_err(|message| Error::Output { path: target.into(), message })
+        local::origin(header).map_err(|wide| {
+            let message = format!("{wide}; {} hold 64 bits", places(Kind::Mesh, false));
+            Error::Output { path: target.into(), message }
+        })
     }
 
     fn failed(&self, (number, source): Failed) -> Error {
@@ -180,6 +183,17 @@ impl Output {
     }
 }
 
+/// Note about the origin of positions in meshes for a person; nothing about the world's own.
+fn moved(origin: DVec3) -> Option<String> {
+    let DVec3 { x, y, z } = origin;
+    let [single, double] = [true, false].map(|single| places(Kind::Mesh, single));
+    (origin != DVec3::ZERO).then(|| {
+        format!(
+            "positions in {single} are 32-bit and relative to ({x}, {y}, {z}), or they would lose their shape; {double} are in world coordinates"
+        )
+    })
+}
+
 /// Layers on their way into the files.
 struct Sink<'o> {
     outputs: &'o mut Outputs,
@@ -207,9 +221,10 @@ impl LayerSink for Sink<'_> {
         writers.extend(scene.map(|scene| meshes.writer(scene.write_mesh(&self.options.bodies, &header.unit, origin))));
         let target = self.outputs.files.first().map(|f| f.target.as_path()).or(scene.map(SharedScene::target));
         let folder = target.map_or(Path::new("."), parent);
-        let has_nifti = self.outputs.files.iter().any(|f| matches!(f.format, Format::Nifti { .. }));
-        let of_nifti = if has_nifti { nifti::told(header) } else { None };
-        let notes = local::told(origin).into_iter().chain(of_nifti).collect();
+        let single = self.outputs.files.iter().any(|f| f.format.is_single(Kind::Volume));
+        let of_volumes = if single { nifti::told(header) } else { None };
+        let of_volumes = of_volumes.map(|note| format!("{note}; {} do not", places(Kind::Volume, false)));
+        let notes = moved(origin).into_iter().chain(of_volumes).collect();
         self.outputs.stream = Some(BodyStream::new(header, writers, folder).telling(origin, notes));
         Ok(())
     }

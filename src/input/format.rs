@@ -15,6 +15,8 @@ pub struct InputFormat {
     pub extensions: &'static [&'static str],
     /// Files that may lie beside one of them and hold part of it: extensions with a dot in front, or whole names.
     pub companions: &'static [&'static str],
+    /// Whether its files can say how large a pixel or voxel is.
+    pub sized: bool,
     /// Content.
     pub(crate) kind: Kind,
 }
@@ -34,16 +36,25 @@ pub(crate) enum Kind {
 
 /// All formats of files, in the order in which messages list them; neighbours of one kind share its words. A folder is read by its `stack.json`.
 pub const FORMATS: &[InputFormat] = &[
-    InputFormat { name: "folder", extensions: &["json"], companions: &["s.png"], kind: Kind::Folder },
-    InputFormat { name: "nrrd", extensions: &["nrrd", "nhdr"], companions: &["data"], kind: Kind::Volume(nrrd::read) },
-    InputFormat { name: "nifti", extensions: &["nii", "nii.gz"], companions: &[], kind: Kind::Volume(nifti::read) },
-    InputFormat { name: "mha", extensions: &["mha", "mhd"], companions: &["data"], kind: Kind::Volume(mha::read) },
-    InputFormat { name: "tiff", extensions: &["tif", "tiff"], companions: &[], kind: Kind::Volume(tiff::read) },
-    InputFormat { name: "npy", extensions: &["npy"], companions: &[], kind: Kind::Volume(npy::read) },
-    InputFormat { name: "rtstruct", extensions: &["dcm"], companions: &[], kind: Kind::StructureSet },
-    InputFormat { name: "geojson", extensions: &["geojson"], companions: &[], kind: Kind::Map },
-    InputFormat { name: "shapefile", extensions: &["shp"], companions: &[".dbf", ".prj", ".shx"], kind: Kind::Map },
+    row("folder", &["json"], &["s.png"], Kind::Folder),
+    row("nrrd", &["nrrd", "nhdr"], &["data"], Kind::Volume(nrrd::read)),
+    row("nifti", &["nii", "nii.gz"], &[], Kind::Volume(nifti::read)),
+    row("mha", &["mha", "mhd"], &["data"], Kind::Volume(mha::read)),
+    row("tiff", &["tif", "tiff"], &[], Kind::Volume(tiff::read)),
+    InputFormat { sized: false, ..row("npy", &["npy"], &[], Kind::Volume(npy::read)) },
+    row("rtstruct", &["dcm"], &[], Kind::StructureSet),
+    row("geojson", &["geojson"], &[], Kind::Map),
+    row("shapefile", &["shp"], &[".dbf", ".prj", ".shx"], Kind::Map),
 ];
+
+const fn row(
+    name: &'static str,
+    extensions: &'static [&'static str],
+    companions: &'static [&'static str],
+    kind: Kind,
+) -> InputFormat {
+    InputFormat { name, extensions, companions, sized: true, kind }
+}
 
 impl InputFormat {
     /// Whether it is a label volume.

@@ -45,9 +45,7 @@ pub fn origin(header: &Header) -> Result<DVec3, String> {
         let fits = |at: &f64| (at - middle).abs() + half <= reach;
         *origin = roundest(middle, fits).ok_or_else(|| {
             let [cells, most] = [2.0 * half / least, 2.0 * reach / least].map(f64::round);
-            format!(
-                "the surface is {cells} cells wide, and 32-bit positions tell vertices apart within {most}; .ply and .obj hold 64 bits"
-            )
+            format!("the surface is {cells} cells wide, and 32-bit positions tell vertices apart within {most}")
         })?;
     }
     Ok(origin)
@@ -66,16 +64,6 @@ fn roundest(middle: f64, fits: impl Fn(&f64) -> bool) -> Option<f64> {
     };
     let rounded = (digits - 10..=digits).rev().map(multiple).chain([middle]);
     rounded.map(|at| f64::from(at as f32)).find(fits)
-}
-
-/// Note about an origin for a person; nothing about the world's own.
-pub fn told(origin: DVec3) -> Option<String> {
-    let DVec3 { x, y, z } = origin;
-    (origin != DVec3::ZERO).then(|| {
-        format!(
-            "positions in .stl and .glb are 32-bit and relative to ({x}, {y}, {z}), or they would lose their shape; .ply and .obj are in world coordinates"
-        )
-    })
 }
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ pub fn told(body: &Header) -> Option<String> {
     let part = off / grid.sides.iter().copied().fold(f64::INFINITY, f64::min);
     (part > ROUNDED).then(|| {
         format!(
-            "NIfTI holds where a volume lies as 32-bit numbers: .nii and .nii.gz lie {off:.2e} {} ({part:.2} voxels) off; .nrrd, .mha and .zarr do not",
+            "NIfTI holds where a volume lies as 32-bit numbers: it lies {off:.2e} {} ({part:.2} voxels) off",
             body.unit
         )
     })

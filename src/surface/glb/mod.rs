@@ -43,7 +43,7 @@ fn write_head<W: Write>(out: &mut W, parts: &[MeshPart]) -> io::Result<()> {
     let length = |n: u64| {
         let fits = u32::try_from(n);
         fits.map_err(|_| {
-            io::Error::new(io::ErrorKind::InvalidInput, "GLB holds at most 4 GiB: use .ply, or --simplify")
+            io::Error::new(io::ErrorKind::InvalidInput, "GLB holds at most 4 GiB: use another format, or --simplify")
         })
     };
     out.write_all(b"glTF")?;

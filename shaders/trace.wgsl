@@ -15,8 +15,10 @@ const STEP_LIMIT: f32 = 0.5;
 const STALL_BELOW: f32 = 1.0;
 const LEAST_GAIN: f32 = 1e-3;
 const PATIENCE: f32 = 12.0;
-// Steps of a morph at most: far more than any needs, and an end where `residual` is no number.
+// Steps of a morph at most: far more than any needs.
 const MOST_STEPS: f32 = 1e5;
+// A morph that begins this far away, or a distance that is no number away, ends at once; the host finds what is left of its way and fails.
+const NOWHERE: f32 = 1e9;
 // The Courant number of whole steps.
 const COURANT: f32 = 0.5;
 // A front has arrived that is this much farther away than the tolerance: rounding must not decide.
@@ -82,6 +84,10 @@ fn control(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     jobs_mut[q].residual_mean = f32(sum) / REST_UNIT / f32(crossings);
     if jobs_mut[q].steps == 0u {
         jobs_mut[q].most_steps = u32(clamp((3.0 * residual / (COURANT * min(params.hx, params.hy)) + 20.0) / params.step_share, 0.0, MOST_STEPS));
+        // Bits compare as the numbers do, and those of what is no number are above all.
+        if bitcast<u32>(residual) >= bitcast<u32>(NOWHERE) {
+            jobs_mut[q].most_steps = 0u;
+        }
         jobs_mut[q].best = 1e30;
     }
     jobs_mut[q].idle = select(jobs_mut[q].idle + 1u, 0u, residual < jobs_mut[q].best - LEAST_GAIN * params.step_share);

@@ -144,6 +144,8 @@ fn no_number_hangs_a_stage() {
                 let slices = [PaddedSlice::Level(source.clone())];
                 let options = ContourOptions { anti_alias: AntiAlias::None, sigma: 1.0, half_width: 6.0 };
                 let fields = gpu.contour_fields(&ContourRequest { slices: &slices, dims, h, options }, &Silent);
+                let steps = traced.iter().flatten().map(|t| t.steps).max();
+                assert!(steps.is_none_or(|steps| steps < 1000), "{wrong}, everywhere {everywhere}: {steps:?} steps");
                 println!("{wrong}, everywhere {everywhere}: {:?} {:?} {:?}", traced.err(), swept.err(), fields.err());
             }
         }

@@ -282,6 +282,7 @@ fn constants_are_those_of_the_twins() {
         ("reinit", "STEP", reinit::STEP),
         ("scatter", "RADIUS", scatter::RADIUS),
         ("trace", "STEP_LIMIT", trace::STEP_LIMIT),
+        ("trace", "NOWHERE", f64::from(layout::NOWHERE)),
         ("trace", "STALL_BELOW", trace::STALL_BELOW),
         ("trace", "LEAST_GAIN", trace::LEAST_GAIN),
         ("trace", "PATIENCE", trace::PATIENCE),

@@ -5,6 +5,8 @@ use bytemuck::{Pod, Zeroable};
 
 /// No place, no node, no copy.
 pub const NONE: u32 = u32::MAX;
+/// Farther than any contour can be, px.
+pub const NOWHERE: f32 = 1e9;
 /// Nodes of a block.
 pub const BLOCK: usize = 64;
 /// Side of a patch of the distance sweeps, px.

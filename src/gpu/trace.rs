@@ -6,7 +6,7 @@ use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings,
 use super::device::failure;
 use super::hj_step;
 use super::kernels::shader;
-use super::layout::{Job, Params, Particle, RUNNING, Sums, Work};
+use super::layout::{Job, NOWHERE, Params, Particle, RUNNING, Sums, Work};
 use super::particles::Particles;
 use super::recorder::{Recorder, Size};
 use super::work;
@@ -111,9 +111,6 @@ fn run(
     };
     Ok(Room::Enough(morphs.iter().zip(&states).map(traced).collect()))
 }
-
-/// Farther than any contour can be, px.
-const NOWHERE: f32 = 1e9;
 
 /// Time that any step takes.
 const INSTANT: f32 = 1e-12;

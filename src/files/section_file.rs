@@ -14,9 +14,7 @@ use std::io::{self, BufRead, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use flate2::Compression;
 use flate2::read::GzDecoder;
-use flate2::write::GzEncoder;
 use serde::{Deserialize, Serialize};
 
 use super::Loaded;
@@ -28,6 +26,7 @@ use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::report::Report;
 use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, Geometry, HeightGrid};
+use crate::surface::deflate::Deflate;
 use crate::surface::header::Header;
 use crate::surface::map::Map;
 use crate::surface::stream::LayerSink;
@@ -94,7 +93,7 @@ pub struct SectionWriter {
     target: PathBuf,
     pending: Pending,
     head: Head,
-    out: Option<GzEncoder<BufWriter<File>>>,
+    out: Option<Deflate<BufWriter<File>>>,
 }
 
 impl SectionWriter {
@@ -140,7 +139,7 @@ impl SectionWriter {
     fn start(&mut self) -> io::Result<()> {
         let Pending::File(file) = &mut self.pending else { return Ok(()) };
         let out = BufWriter::with_capacity(BUFFER_BYTES, file.reopen()?);
-        let mut out = GzEncoder::new(out, Compression::fast());
+        let mut out = Deflate::gzip(out);
         serde_json::to_writer(&mut out, &self.head)?;
         out.write_all(b"\n")?;
         self.out = Some(out);
@@ -152,7 +151,7 @@ impl SectionWriter {
     /// # Errors
     /// [`Error::Write`].
     pub fn finish(mut self, report: &Report) -> Result<PathBuf> {
-        let end = |out: Option<GzEncoder<BufWriter<File>>>| -> io::Result<()> {
+        let end = |out: Option<Deflate<BufWriter<File>>>| -> io::Result<()> {
             let Some(mut out) = out else { return Ok(()) };
             let report = serde_json::to_vec(report)?;
             out.write_all(&[END])?;

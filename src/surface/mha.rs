@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::Layer;
 use super::content::{Content, Scalar};
+use super::deflate::Deflate;
 use super::header::Header;
 use super::stream::{BodyWriter, Ending};
 use super::volume::{Coded, VolumeWriter};
@@ -49,7 +50,7 @@ impl<W: Write + Seek> MhaWriter<W> {
         let size_at = out.stream_position()?;
         write!(out, "{:DIGITS$}\nElementDataFile = LOCAL\n", "")?;
         let start = out.stream_position()?;
-        let voxels = VolumeWriter::new(Coded::zlib(out), body, content, folder)?;
+        let voxels = VolumeWriter::new(Coded::Deflate(Deflate::zlib(out)), body, content, folder)?;
         Ok(MhaWriter { voxels, size_at, start })
     }
 }

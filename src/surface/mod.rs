@@ -5,6 +5,7 @@ mod cases;
 pub mod content;
 pub mod contour_lines;
 pub mod crs;
+pub(crate) mod deflate;
 pub mod geojson;
 pub mod geotiff;
 pub mod glb;

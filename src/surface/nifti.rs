@@ -4,6 +4,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use super::content::{Content, Scalar};
+use super::deflate::Deflate;
 use super::header::Header;
 use super::volume::{Coded, VolumeWriter};
 use super::voxels::VoxelGrid;
@@ -28,7 +29,7 @@ pub fn writer<W: Write>(
 ) -> io::Result<VolumeWriter<W>> {
     let grid = VoxelGrid::of(body);
     let header = header(&grid, &body.unit, content)?;
-    let mut out = if gzip { Coded::gzip(out) } else { Coded::Raw(out) };
+    let mut out = if gzip { Coded::Deflate(Deflate::gzip(out)) } else { Coded::Raw(out) };
     out.write_all(&header)?;
     VolumeWriter::new(out, body, content, folder)
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::content::{Content, Scalar};
+use super::deflate::Deflate;
 use super::header::Header;
 use super::volume::{Coded, VolumeWriter};
 use super::voxels::VoxelGrid;
@@ -50,7 +51,7 @@ pub fn writer<W: Write>(
         write_segments(&mut out, labels)?;
     }
     out.write_all(b"\n")?;
-    VolumeWriter::new(Coded::gzip(out), body, content, folder)
+    VolumeWriter::new(Coded::Deflate(Deflate::gzip(out)), body, content, folder)
 }
 
 /// Key/value pairs as 3D Slicer's `.seg.nrrd` has them.

@@ -3,11 +3,9 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use flate2::Compression;
-use flate2::write::{GzEncoder, ZlibEncoder};
-
 use super::Layer;
 use super::content::Content;
+use super::deflate::Deflate;
 use super::header::Header;
 use super::stream::{BodyWriter, Ending};
 use super::transposed::Transposed;
@@ -28,42 +26,23 @@ pub struct VolumeWriter<W: Write> {
 /// Voxels on their way into a file.
 pub(super) enum Coded<W: Write> {
     Raw(W),
-    Gzip(GzEncoder<W>),
-    Zlib(ZlibEncoder<W>),
+    Deflate(Deflate<W>),
 }
 
 impl<W: Write> Coded<W> {
-    /// A gzip stream, as fast as can be.
-    pub fn gzip(out: W) -> Self {
-        Coded::Gzip(GzEncoder::new(out, Compression::fast()))
-    }
-
-    /// A zlib stream, as fast as can be.
-    pub fn zlib(out: W) -> Self {
-        Coded::Zlib(ZlibEncoder::new(out, Compression::fast()))
-    }
-
     pub fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
         match self {
             Coded::Raw(out) => out.write_all(bytes),
-            Coded::Gzip(out) => out.write_all(bytes),
-            Coded::Zlib(out) => out.write_all(bytes),
+            Coded::Deflate(out) => out.write_all(bytes),
         }
     }
 
     /// Ends the stream.
     fn finish(&mut self) -> io::Result<&mut W> {
-        Ok(match self {
-            Coded::Raw(out) => out,
-            Coded::Gzip(gzip) => {
-                gzip.try_finish()?;
-                gzip.get_mut()
-            }
-            Coded::Zlib(zlib) => {
-                zlib.try_finish()?;
-                zlib.get_mut()
-            }
-        })
+        match self {
+            Coded::Raw(out) => Ok(out),
+            Coded::Deflate(out) => out.finish(),
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! CPU seconds of the reference path grow with what stages work on: pixels of the slices (distance, motion), pixels in which neighbours differ
 //! (steps of the morphs), edges of the contours times layers (what is near the surface of each), pixels of the layers. Their costs are a fit
-//! to default runs of 13 stacks, 0.2 to 17 CPU seconds each, and the estimate 0.6 to 1.6 times what these took; how fast a machine is, a small
+//! to default runs of 17 stacks, 0.3 to 13 CPU seconds each, and the estimate 0.6 to 1.3 times what these took; how fast a machine is, a small
 //! distance transform says.
 
 use std::time::Instant;
@@ -17,7 +17,7 @@ use crate::settings::Settings;
 use crate::stack::ContourStack;
 
 /// CPU microseconds per unit of each kind of work, where [`PROBE`] takes PROBE_SECONDS.
-const COSTS: [f64; 4] = [1.0, 7.8, 19.4, 0.2];
+const COSTS: [f64; 4] = [0.5, 24.0, 17.5, 0.015];
 /// Side of the image whose distance transform tells the machine's pace, px, and how often it is taken.
 const PROBE: usize = 256;
 const PROBES: usize = 5;

@@ -170,6 +170,43 @@ fn inspect_reads_like_a_summary() {
 }
 
 #[test]
+fn a_dry_run_says_what_a_run_does_and_does_nothing() {
+    let place = folder();
+    sound_stack(place.path());
+    let at = |name: &str| place.path().join(name).display().to_string();
+    fs::write(at("b.stl"), "mine").expect("a file can be written");
+    let (volume, mesh) = (at("b.nrrd"), at("b.stl"));
+    let input = place.path().display().to_string();
+    let arguments = ["reconstruct", &input, "-o", &volume, "-o", &mesh, "--dz", "0.5", "--backend", "cpu"];
+    let before = listing(place.path());
+    let foretold = interslice(&[&arguments[..], &["--dry-run"]].concat());
+    assert_eq!(foretold.status.code(), Some(0), "{}", stderr(&foretold));
+    assert_eq!(listing(place.path()), before);
+    assert_eq!(fs::read(&mesh).expect("it is still there"), b"mine");
+    let text = String::from_utf8_lossy(&foretold.stdout).into_owned();
+    let needs = "of this CPU, less than a second";
+    for part in
+        ["would read: 3 slices (masks), 32 x 32 px of 1 x 1 mm", "would read: heights 0 to 8 mm, 4 apart", needs]
+    {
+        assert!(text.contains(part), "`{part}` is missing from:\n{text}");
+    }
+    let done = interslice(&arguments);
+    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    let header = fs::read(&volume).expect("it was written");
+    let header = String::from_utf8_lossy(&header[..400]).into_owned();
+    let sizes = header.lines().find_map(|line| line.strip_prefix("sizes: ")).expect("an NRRD header");
+    let holds = format!("would write: {volume}, {} voxels", sizes.replace(' ', " x "));
+    assert!(text.contains(&holds), "`{holds}` is missing from:\n{text}");
+    let triangles = (fs::metadata(&mesh).expect("it was written").len() - 84) / 50;
+    let said = format!("would write: {mesh} in place of the one that is there, at most ");
+    let most = text.lines().find_map(|line| line.strip_prefix(&said)?.strip_suffix(" triangles")?.parse::<u64>().ok());
+    assert!(most.is_some_and(|most| (triangles..3 * triangles).contains(&most)), "{triangles} triangles:\n{text}");
+    // What stops a run stops it too.
+    let refused = interslice(&[&arguments[..], &["--dry-run", "--memory", "10M"]].concat());
+    assert_eq!(refused.status.code(), Some(2), "{}", stderr(&refused));
+}
+
+#[test]
 fn inspect_proposes_links_that_reconstruct_takes() {
     let place = folder();
     sound_stack(place.path());

@@ -212,7 +212,16 @@ fn a_run_writes_a_volume_and_a_mesh_per_label() {
         assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
     };
     let (volume, mesh, report) = (at("out.nrrd"), at("out.stl"), at("out.json"));
-    run(&["--labels", "1,2,200", "-o", text(&volume), "-o", text(&mesh), "-o", text(&report)]);
+    let all = ["--labels", "1,2,200", "-o", text(&volume), "-o", text(&mesh), "-o", text(&report)];
+    let foretold = interslice(&[&["reconstruct", text(&at("in.nrrd")), "--dry-run"], &all[..]].concat());
+    let foretold = String::from_utf8_lossy(&foretold.stdout).into_owned();
+    assert_eq!(listing(place.path()), [at("in.nrrd")]);
+    for name in ["out.1.stl", "out.2.stl", "out.200.stl", "out.json", "out.nrrd"] {
+        let line = format!("would write: {}", text(&at(name)));
+        assert!(foretold.lines().any(|said| said == line), "`{line}` is missing from:\n{foretold}");
+    }
+    assert!(foretold.contains("would make: label 200, of "), "{foretold}");
+    run(&all);
     let names = ["in.nrrd", "out.1.stl", "out.2.stl", "out.200.stl", "out.json", "out.nrrd"].map(at);
     assert_eq!(listing(place.path()), names);
     let survey = interslice::input::survey(&volume).expect("the label volume can be read");

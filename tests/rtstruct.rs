@@ -202,7 +202,13 @@ fn short_contours_are_left_out_by_name_and_open_ones_refused() {
     assert_says(&said(&["reconstruct", &input, "--roi", "line", "-o", &out], 2), &["contour 3 is OPEN_PLANAR"]);
     assert_says(&said(&["reconstruct", &input, "--roi", "none", "-o", &out], 2), &["0 planes; at least 2"]);
     // All at once: what cannot be done is told, the rest is done.
+    let before = listing(place.path());
+    let foretold = said(&["reconstruct", &input, "--all-rois", "-o", &out, "--backend", "cpu", "--dry-run"], 0);
+    assert_eq!(listing(place.path()), before);
     let told = said(&["reconstruct", &input, "--all-rois", "-o", &out, "--backend", "cpu"], 0);
+    for written in listing(place.path()).iter().filter(|path| !before.contains(path)) {
+        assert_says(&foretold, &[&format!("would write: {}", written.display())]);
+    }
     assert_says(&told, &["ROI 2 (`marker`): left out", "ROI 3 (`line`): left out", "a.a.stl"]);
     assert!(place.path().join("a.a.stl").is_file() && !place.path().join("a.line.stl").exists());
 }

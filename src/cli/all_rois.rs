@@ -15,6 +15,8 @@ use interslice::rtstruct::{Gather, StructureSet};
 use interslice::{Error, Result};
 
 use super::devices::DeviceOptions;
+use super::forecast::{forecast, would_write};
+use super::say::say;
 use super::session::{Telling, chosen, complete, compute, tell_notes, tell_start};
 
 /// Work to be done with a structure set.
@@ -77,21 +79,31 @@ pub fn run(all: &All<'_>) -> Result<()> {
         let simplifying = loaded.needs_to_simplify(outputs.has_mesh());
         let writing = outputs.bytes(dims, geometry, lid) + completed.bytes(dims, geometry, lid) + simplifying;
         let budget = chosen.budget(&loaded.needs(), writing, all.device.memory())?;
-        tell(all, &roi.label());
+        if all.telling != Telling::DryRun {
+            tell(all, &roi.label());
+        }
         if said.as_ref() != Some(&chosen.reason) {
             tell_start(&chosen, &budget, all.telling);
             said = Some(chosen.reason.clone());
+        }
+        tell_notes(&loaded, all.telling);
+        if all.telling == Telling::DryRun {
+            say(&format!("{}:\n{}\n", roi.label(), forecast(&loaded, outputs)))?;
+            continue;
         }
         let source = loaded.options.output.source.as_ref().ok_or_else(|| {
             let message = "an RTSTRUCT is needed for --all-rois".into();
             Error::Format { path: all.input.into(), message }
         })?;
         let mut gather = Gather::new(source, outputs.sink(&loaded.options.output));
-        tell_notes(&loaded, all.telling);
         let mut body = compute(&loaded, &mut gather, &chosen, &budget, all.telling)?;
         added.extend(gather.added());
         complete(outputs, &mut body, &loaded.notes, all.telling)?;
         chosen.tell(&body.report.profile);
+    }
+    if all.telling == Telling::DryRun {
+        let of_all = completed.targets().chain(scenes.iter().flat_map(Scenes::targets));
+        return of_all.map(would_write).try_for_each(|line| say(&(line + ", with all of them\n")));
     }
     completed.complete_structures(&set, &added)?;
     if let Some(scenes) = &mut scenes {

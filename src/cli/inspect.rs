@@ -3,15 +3,15 @@
 use std::path::PathBuf;
 
 use interslice::estimate::memory::MemoryNeeds;
-use interslice::estimate::runtime::Effort;
 use interslice::grid::components::{Components, label4, label8};
 use interslice::input::labels::{Wanted, read_labels};
 use interslice::input::{self, Input};
 use interslice::settings::Link;
 use interslice::stack::links::LinkOptions;
-use interslice::stack::{self, ReadOptions, Slice};
+use interslice::stack::{ReadOptions, Slice};
 use interslice::{ContourStack, Result, Settings, height_grid};
 
+use super::forecast::{requirements, shape};
 use super::links::between;
 use super::say::{say, short};
 use super::volume;
@@ -102,31 +102,7 @@ fn contour_map(arguments: &InspectArguments) -> Result<()> {
 
 /// Description of the stack, as a colleague would give it.
 fn describe(stack: &ContourStack, links: &[Link], dz: Option<f64>) -> Result<String> {
-    let unit = &stack.unit;
-    let mut lines = Vec::new();
-    let (first, last) = (&stack.slices[0], &stack.slices[stack.slices.len() - 1]);
-    let extra = stack.slices.iter().filter(|s| s.extra).count();
-    let kind = match first.content {
-        stack::SliceContent::Mask(_) => "masks",
-        stack::SliceContent::Level(_) => "sub-pixel contours",
-    };
-    lines.push(format!(
-        "{} slices ({kind}{}), {} x {} px of {} x {} {unit}",
-        stack.slices.len(),
-        if extra > 0 { format!(", {extra} of them extra contours") } else { String::new() },
-        stack.dims[0],
-        stack.dims[1],
-        short(stack.spacing[0]),
-        short(stack.spacing[1])
-    ));
-    let gaps: Vec<f64> = stack.slices.windows(2).map(|w| w[1].z - w[0].z).collect();
-    let (low, high) = gaps.iter().fold((f64::INFINITY, 0.0f64), |(a, b), g| (a.min(*g), b.max(*g)));
-    let spread = if high - low <= 1e-6 * high {
-        format!("{} apart", short(low))
-    } else {
-        format!("{} to {} apart", short(low), short(high))
-    };
-    lines.push(format!("heights {} to {} {unit}, {spread}", short(first.z), short(last.z)));
+    let mut lines = shape(stack);
     let heights = height_grid(stack, &Settings::default(), dz);
     let from = match (dz, stack.z_out) {
         (None, Some(_)) => "from the input",
@@ -139,19 +115,8 @@ fn describe(stack: &ContourStack, links: &[Link], dz: Option<f64>) -> Result<Str
         heights.count
     ));
     let all = heights.heights()?;
-    let threads = rayon::current_num_threads();
-    let needs = MemoryNeeds::of(stack, &all, &Settings::default(), threads);
-    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-    let instead = match needs.least < needs.all {
-        true => format!(" (or {} MiB, and {} MiB of disk for temporary files)", mib(needs.least), mib(needs.disk)),
-        false => String::new(),
-    };
-    let cores = if threads == 1 { "one core".into() } else { format!("{threads} cores") };
-    let seconds = rough(Effort::of(stack, &all).seconds(threads));
-    lines.push(format!(
-        "a reconstruction needs about {} MiB of memory{instead} and, on {cores} of this CPU, {seconds}",
-        mib(needs.all),
-    ));
+    let needs = MemoryNeeds::of(stack, &all, &Settings::default(), rayon::current_num_threads());
+    lines.push(format!("a reconstruction needs {}", requirements(stack, &all, &needs)));
     lines.push(String::new());
     // Two slices at a time: a stack may be larger than memory.
     let mut below: Option<Seen> = None;
@@ -217,14 +182,4 @@ impl Seen {
 
 fn counted(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
-}
-
-/// A time that is known roughly, in words.
-fn rough(seconds: f64) -> String {
-    match seconds {
-        ..1.0 => "less than a second".into(),
-        ..100.0 => format!("about {seconds:.0} s"),
-        ..6000.0 => format!("about {:.0} min", seconds / 60.0),
-        _ => format!("about {:.1} h", seconds / 3600.0),
-    }
 }

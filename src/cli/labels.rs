@@ -10,6 +10,8 @@ use interslice::{Budget, Means, Progress, Result};
 
 use super::bar::Bars;
 use super::devices::{DeviceOptions, choose};
+use super::forecast::forecast_labels;
+use super::say::say;
 use super::session::Telling;
 
 /// Request of a run with many labels.
@@ -35,6 +37,9 @@ pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOption
     let chosen = choose(device, &notice)?;
     if telling != Telling::Quiet {
         eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+    }
+    if telling == Telling::DryRun {
+        return say(&forecast_labels(&loaded, &outputs));
     }
     let bars = Bars::default();
     let progress: &dyn Progress = if telling == Telling::Quiet { &interslice::progress::Silent } else { &bars };

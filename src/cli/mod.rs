@@ -10,6 +10,7 @@ mod config;
 mod demo;
 mod devices;
 mod evaluate;
+mod forecast;
 mod inspect;
 mod job;
 mod labels;

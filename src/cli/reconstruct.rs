@@ -26,6 +26,10 @@ pub struct ReconstructArguments {
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
 
+    /// Say what would be read, made and written, how much memory and how long it would take; compute and write nothing
+    #[arg(long, conflicts_with = "quiet")]
+    dry_run: bool,
+
     /// Say nothing but errors
     #[arg(short, long, conflicts_with = "verbose")]
     quiet: bool,
@@ -61,6 +65,7 @@ pub fn run(mut arguments: ReconstructArguments, matches: &ArgMatches) -> Result<
     }
     set_threads(arguments.threads)?;
     let telling = match (arguments.quiet, arguments.verbose) {
+        _ if arguments.dry_run => Telling::DryRun,
         (true, _) => Telling::Quiet,
         (_, true) => Telling::Verbose,
         _ => Telling::Normal,

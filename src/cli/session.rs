@@ -7,12 +7,16 @@ use interslice::{Budget, Error, Means, Progress, Reconstruction, Result};
 
 use super::bar::Bars;
 use super::devices::{ChosenDevice, DeviceOptions, choose};
+use super::forecast::forecast;
+use super::say::say;
 
 /// Amount that a run tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Telling {
     /// Errors only.
     Quiet,
+    /// What would be done, on stdout; and nothing is done.
+    DryRun,
     /// The backend, warnings, what was written.
     Normal,
     /// Everything that is told.
@@ -37,6 +41,9 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     let budget = chosen.budget(&loaded.needs(), writing, device.memory())?;
     tell_start(&chosen, &budget, telling);
     tell_notes(loaded, telling);
+    if telling == Telling::DryRun {
+        return say(&forecast(loaded, &outputs));
+    }
     let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, &budget, telling)?;
     complete(&mut outputs, &mut body, &loaded.notes, telling)?;
     chosen.tell(&body.report.profile);

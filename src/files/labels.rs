@@ -75,6 +75,11 @@ impl LoadedLabels {
         Ok(LoadedLabels { stack, heights, options, keep_overlaps, numbers })
     }
 
+    /// Heights of the output layers.
+    pub fn heights(&self) -> &[f64] {
+        &self.heights
+    }
+
     /// Reconstructs all labels and writes them into `outputs`, under temporary names.
     ///
     /// # Errors
@@ -251,6 +256,13 @@ impl LabelOutputs {
         });
         let reports = reports.collect::<Result<_>>()?;
         Ok(LabelOutputs { volume, labels, scenes, reports })
+    }
+
+    /// The outputs, by their names.
+    pub fn targets(&self) -> impl Iterator<Item = &Path> {
+        let each = self.labels.iter().flat_map(Outputs::targets);
+        let scenes = self.scenes.iter().flat_map(Scenes::targets);
+        self.volume.targets().chain(each).chain(scenes).chain(self.reports.iter().map(|(path, _)| path.as_path()))
     }
 
     /// Bytes of memory that writing needs at most: labels are written one by one.

@@ -158,6 +158,11 @@ impl Outputs {
         Error::Write { path, source }
     }
 
+    /// The outputs, by their names.
+    pub fn targets(&self) -> impl Iterator<Item = &Path> {
+        self.files.iter().map(|f| f.target.as_path())
+    }
+
     /// The outputs and the temporary files, or folders, that will become them.
     pub fn temporary(&self) -> impl Iterator<Item = (&Path, &Path)> {
         self.files.iter().map(|f| (f.target.as_path(), f.pending.path()))

@@ -47,6 +47,11 @@ impl Scenes {
         Ok(Some(Scenes { files, shared }))
     }
 
+    /// The files, by their names.
+    pub fn targets(&self) -> impl Iterator<Item = &Path> {
+        self.files.iter().map(|(target, _)| target.as_path())
+    }
+
     /// Scene that takes the bodies' meshes.
     pub fn share(&self) -> SharedScene {
         self.shared.clone()

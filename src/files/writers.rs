@@ -50,8 +50,8 @@ pub(super) fn writer(
         }
     };
     let file = match pending {
-        Pending::File(file) => file.as_file_mut(),
-        Pending::Folder(folder) => return in_folder(folder.path(), header, content).map(volume),
+        Pending::File(file, _) => file.as_file_mut(),
+        Pending::Folder(folder, _) => return in_folder(folder.path(), header, content).map(volume),
     };
     let mut file = file.try_clone()?;
     file.set_len(0)?;

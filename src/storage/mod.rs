@@ -2,3 +2,4 @@
 
 pub mod room;
 pub mod spill;
+pub mod temporaries;

@@ -96,6 +96,33 @@ fn sound_volumes_are_taken() {
     }
 }
 
+/// Files whose names say nothing, or something else.
+#[test]
+fn formats_are_known_by_content() {
+    let place = folder();
+    for (name, other) in [
+        ("a.nrrd", "a"),
+        ("a.nii", "b"),
+        ("a.nii.gz", "c.nii"),
+        ("a.nii.gz", "c"),
+        ("a.mha", "d.nrrd"),
+        ("a.nii.gz", "e.dat"),
+        ("a.npy", "f"),
+        ("a.tif", "g.bin"),
+    ] {
+        let path = place.path().join(other);
+        fs::write(&path, sound(name)).expect("a file can be written");
+        let stack = read(&path, &ReadOptions::default()).expect(other);
+        assert_eq!((stack.dims, stack.slices.len()), ([12, 10], 5), "{other}");
+    }
+    let plain = place.path().join("notes");
+    fs::write(&plain, "some notes").expect("a file can be written");
+    let result = interslice(&["inspect", &plain.display().to_string()]);
+    assert_eq!(result.status.code(), Some(2));
+    let says = "notes: not a known input: expected a folder with stack.json, a label volume (.nrrd";
+    assert!(stderr(&result).contains(says), "{}", stderr(&result));
+}
+
 #[test]
 fn cut_short() {
     for name in NAMES {

@@ -2,13 +2,14 @@
 
 use std::fs::{self, File, Permissions};
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
 use super::format::check_place;
 use super::places::Places;
 use crate::error::{Error, Result};
+use crate::storage::folders::files_below;
 use crate::storage::temporaries::{Listed, uninterrupted};
 
 /// Names of temporary files.
@@ -170,23 +171,6 @@ fn remove(path: &Path) -> io::Result<()> {
 /// The folder of a path.
 pub fn parent(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-/// All files in a folder and the folders below it, sorted.
-///
-/// # Errors
-/// The errors of reading the folders.
-pub fn files_below(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    let mut open = vec![folder.to_path_buf()];
-    while let Some(folder) = open.pop() {
-        for entry in fs::read_dir(folder)? {
-            let entry = entry?;
-            if entry.file_type()?.is_dir() { open.push(entry.path()) } else { files.push(entry.path()) }
-        }
-    }
-    files.sort();
-    Ok(files)
 }
 
 #[cfg(test)]

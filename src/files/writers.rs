@@ -8,10 +8,11 @@ use glam::DVec3;
 
 use super::format::{BUFFER_BYTES, Format, named_content};
 use super::options::OutputOptions;
-use super::pending::{Pending, files_below, parent};
+use super::pending::{Pending, parent};
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructuresWriter;
 use crate::stack::appearance::Appearance;
+use crate::storage::folders::files_below;
 use crate::surface::content::Content;
 use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::geojson::GeoJsonWriter;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::volume::Volume;
-use super::{mha, nifti, npy, nrrd, tiff};
+use super::{mha, nifti, npy, nrrd, sniff, tiff};
 use crate::error::{Error, Result};
 
 /// A format that is read.
@@ -72,11 +72,15 @@ impl InputFormat {
 }
 
 impl Kind {
-    /// Kind of what is at `path`.
+    /// Kind of what is at `path`: by its content where that tells, else by its name.
     pub fn of(path: &Path) -> Result<Self> {
         let metadata = std::fs::metadata(path).map_err(|source| Error::Read { path: path.into(), source })?;
         if metadata.is_dir() {
-            return Ok(Kind::Folder);
+            let slices = path.join("stack.json").is_file();
+            return Ok(if !slices && sniff::has_dicom(path) { Kind::StructureSet } else { Kind::Folder });
+        }
+        if let Some(format) = sniff::format(path).and_then(|name| FORMATS.iter().find(|f| f.name == name)) {
+            return Ok(format.kind);
         }
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let unknown = || {
@@ -91,7 +95,7 @@ impl Kind {
         match self {
             Kind::Folder => "a folder with stack.json",
             Kind::Volume(_) => "a label volume",
-            Kind::StructureSet => "an RTSTRUCT",
+            Kind::StructureSet => "a folder of DICOM files, an RTSTRUCT",
             Kind::Map => "a contour map",
         }
     }

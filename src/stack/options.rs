@@ -23,6 +23,10 @@ pub struct ReadOptions {
     #[serde(deserialize_with = "one_or_many")]
     pub roi: Vec<String>,
 
+    /// DICOM folders: the RTSTRUCT, by the UID or number of its series or by its own UID, where the folder has several
+    #[arg(long, value_name = "UID|NUMBER")]
+    pub series: Option<String>,
+
     /// Polygons, RTSTRUCT and contour maps: side of the pixels the contours are laid on, in the input's unit [default: half the distance of neighbouring
     /// points, finer for what is thin]
     #[arg(long, value_name = "LENGTH")]

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::volume::Volume;
-use super::{mha, nifti, npy, nrrd, sniff, tiff};
+use super::{mha, nifti, npy, npz, nrrd, sniff, tiff};
 use crate::error::{Error, Result};
 
 /// A format that is read.
@@ -39,9 +39,11 @@ pub const FORMATS: &[InputFormat] = &[
     row("folder", &["json"], &["s.png"], Kind::Folder),
     row("nrrd", &["nrrd", "nhdr"], &["data"], Kind::Volume(nrrd::read)),
     row("nifti", &["nii", "nii.gz"], &[], Kind::Volume(nifti::read)),
+    row("analyze", &["hdr", "img"], &["a.img"], Kind::Volume(nifti::read)),
     row("mha", &["mha", "mhd"], &["data"], Kind::Volume(mha::read)),
     row("tiff", &["tif", "tiff"], &[], Kind::Volume(tiff::read)),
     InputFormat { sized: false, ..row("npy", &["npy"], &[], Kind::Volume(npy::read)) },
+    InputFormat { sized: false, ..row("npz", &["npz"], &[], Kind::Volume(npz::read)) },
     row("rtstruct", &["dcm"], &[], Kind::StructureSet),
     row("geojson", &["geojson"], &[], Kind::Map),
     row("shapefile", &["shp"], &[".dbf", ".prj", ".shx"], Kind::Map),
@@ -79,10 +81,14 @@ impl Kind {
             let slices = path.join("stack.json").is_file();
             return Ok(if !slices && sniff::has_dicom(path) { Kind::StructureSet } else { Kind::Folder });
         }
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        // Voxels alone may begin like anything.
+        if nifti::is_pair(path) && InputFormat::of_name(&name).is_some_and(|(format, _)| format.name == "analyze") {
+            return Ok(Kind::Volume(nifti::read));
+        }
         if let Some(format) = sniff::format(path).and_then(|name| FORMATS.iter().find(|f| f.name == name)) {
             return Ok(format.kind);
         }
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
         let unknown = || {
             let message = format!("not a known input: expected {}", expected());
             Error::Format { path: path.into(), message }

@@ -6,6 +6,7 @@ pub mod labels;
 pub mod mha;
 pub mod nifti;
 pub mod npy;
+pub mod npz;
 pub mod nrrd;
 mod ome;
 mod segments;

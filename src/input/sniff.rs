@@ -55,6 +55,12 @@ fn of_begin(bytes: &[u8]) -> Option<&'static str> {
     if [b"n+1\0", b"ni1\0"].iter().any(|magic| bytes.get(344..348) == Some(&magic[..])) {
         return Some("nifti");
     }
+    if [b"n+2\0", b"ni2\0"].iter().any(|magic| bytes.get(4..8) == Some(&magic[..])) {
+        return Some("nifti");
+    }
+    if begins(b"PK\x03\x04") && bytes.get(30..).is_some_and(|name| name.windows(3).take(256).any(|w| w == b"npy")) {
+        return Some("npz");
+    }
     if is_dicom(bytes) {
         return Some("rtstruct");
     }

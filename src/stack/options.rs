@@ -62,7 +62,7 @@ pub struct ReadOptions {
     #[arg(long, value_name = "AXIS", default_value = "auto", hide_default_value = true)]
     pub axis: Axis,
 
-    /// Label volumes whose file does not tell, as a .npy never does: sides of a voxel along x, y, z, mm [default: 1 px]
+    /// Label volumes whose file does not tell, as a .npz and a .npy never do: sides of a voxel along x, y, z, mm [default: 1 px]
     #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',')]
     pub spacing: Option<Vec<f64>>,
 }

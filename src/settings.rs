@@ -219,11 +219,11 @@ pub struct Settings {
     pub spline_end: Option<SplineEnd>,
 
     /// Slope of the surface at the first contour, outward length per height (same unit), instead of the rule's own
-    #[arg(long, value_name = "SLOPE", allow_negative_numbers = true, help_heading = "Ends", display_order = END_SLOPES)]
+    #[arg(long, value_name = "SLOPE", help_heading = "Ends", display_order = END_SLOPES)]
     pub clamp_bottom: Option<f64>,
 
     /// Slope of the surface at the last contour, outward length per height (same unit), instead of the rule's own
-    #[arg(long, value_name = "SLOPE", allow_negative_numbers = true, help_heading = "Ends", display_order = END_SLOPES)]
+    #[arg(long, value_name = "SLOPE", help_heading = "Ends", display_order = END_SLOPES)]
     pub clamp_top: Option<f64>,
 
     /// Below the first contour: flat, half-slice, extrapolate or peak=HEIGHT

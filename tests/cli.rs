@@ -490,3 +490,78 @@ fn evaluate_leaves_slices_out_and_scores_them() {
         assert!(stderr(&result).contains(said), "{wrong}: {}", stderr(&result));
     }
 }
+
+/// Messages for values that begin with a minus sign.
+#[test]
+fn negative_numbers_are_values() {
+    let place = folder();
+    sound_stack(place.path());
+    let (input, out) = (place.path().display().to_string(), place.path().join("a.stl").display().to_string());
+    for (options, said) in [
+        (&["--dz", "-1"][..], "`dz` must be a positive number; got -1"),
+        (&["--dz", "-1e-3"], "`dz` must be a positive number; got -0.001"),
+        (&["--simplify", "-0.2"], "`simplify` must be a positive number; got -0.2"),
+        (&["--fair", "-0.5"], "`fair` must lie in"),
+        (&["--pixel", "-2"], "`pixel` must be a positive number; got -2"),
+        (&["--border", "-1,2,-3,4"], "`border` is not for anything but contour maps"),
+        (&["--spacing", "-1,2,3"], "`spacing` is not for anything but a label volume"),
+        (&["--labels", "-1,-2"], "`labels` is not for a folder of slices"),
+        (&["--label", "-3"], "`label` is not for a folder of slices"),
+        (&["--axis", "-z"], "invalid value '-z' for '--axis <AXIS>'\n  [possible values: auto, x, y, z]"),
+        (&["--backend", "-cpu"], "invalid value '-cpu' for '--backend"),
+        (&["--slices", "-1,2"], "invalid value '-1' for '--slices <I,J,..>': expected a whole number, 0 or more"),
+        (&["--keep", "-2"], "invalid value '-2' for '--keep <K>': expected a whole number, 0 or more"),
+        (&["--threads", "-2"], "invalid value '-2' for '--threads <N>': expected a whole number, 0 or more"),
+        (&["--border", "-1,two"], "invalid value 'two' for '--border <X0,Y0,X1,Y1>': expected a number"),
+        (&["--label", "liver"], "invalid value 'liver' for '--label <N>': expected a whole number"),
+        (&["--dz", "--mask"], "invalid value '--mask' for '--dz <HEIGHT>': expected a number"),
+    ] {
+        let result = interslice(&[&["reconstruct", &input, "-o", &out], options].concat());
+        assert_eq!(result.status.code(), Some(2), "{options:?}: {}", stderr(&result));
+        assert!(stderr(&result).contains(said), "{options:?}: `{said}` is missing from: {}", stderr(&result));
+    }
+    let slopes = ["--end-top", "extrapolate", "--clamp-top", "-0.5"];
+    let result = interslice(&[&["reconstruct", &input, "-o", &out, "-q"], &slopes[..]].concat());
+    assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+}
+
+/// Every command that writes, while it works under temporary names.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_leaves_no_temporary_files() {
+    use std::time::{Duration, Instant};
+    let place = folder();
+    sound_stack(place.path());
+    for name in ["s0.png", "s1.png", "s2.png"] {
+        disc(&place.path().join(name), 700, 300.0);
+    }
+    let temporary = |path: &std::path::Path| path.to_string_lossy().contains(".interslice-");
+    let stack = |command: &[&'static str]| [command, &[".", "--backend", "cpu", "-q", "--dz", "0.01"]].concat();
+    for signal in ["-INT", "-TERM", "-HUP"] {
+        for arguments in [
+            [stack(&["reconstruct"]), vec!["-o", "a.zarr", "-o", "a.stl", "-o", "a.nrrd"]].concat(),
+            [stack(&["run", "--part", "1/2"]), vec!["-o", "a.section"]].concat(),
+        ] {
+            let before = listing(place.path());
+            let mut child = Command::new(env!("CARGO_BIN_EXE_interslice"))
+                .args(&arguments)
+                .current_dir(place.path())
+                .stderr(Stdio::piped())
+                .spawn()
+                .expect("the program starts");
+            let begin = Instant::now();
+            while !listing(place.path()).iter().any(|p| temporary(p)) {
+                let ended = child.try_wait().expect("it can be asked");
+                assert!(ended.is_none() && begin.elapsed() < Duration::from_secs(60), "{arguments:?}: {ended:?}");
+                std::thread::sleep(Duration::from_millis(5));
+            }
+            let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill starts");
+            assert!(sent.success(), "{arguments:?}");
+            let ended = child.wait_with_output().expect("it ends");
+            let message = stderr(&ended);
+            assert_eq!(ended.status.code(), Some(130), "{signal}, {arguments:?}: {message}");
+            assert!(message.contains("interrupted; unfinished outputs are removed"), "{arguments:?}: {message}");
+            assert_eq!(listing(place.path()), before, "{signal}, {arguments:?}");
+        }
+    }
+}

@@ -196,8 +196,8 @@ fn structure_sets() {
         fs::write(&path, with(sound.clone(), 140, &length.to_le_bytes())).expect("a file can be written");
         inspected(&path, &["a.dcm", "(0002,0000) says that the file's meta group", says]);
     }
-    fs::write(&path, with(sound, 132, &[2, 0, 1, 0])).expect("a file can be written");
-    inspected(&path, &["a.dcm", "begins with (0002,0001) of 4 bytes; it must be (0002,0000) of 4"]);
+    fs::write(&path, with(sound, 140 - 2, &[8, 0])).expect("a file can be written");
+    inspected(&path, &["a.dcm", "byte 132: (0002,0000) has 8 bytes; it must be the first element, of 4"]);
 }
 
 #[test]

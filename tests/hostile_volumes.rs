@@ -96,6 +96,33 @@ fn sound_volumes_are_taken() {
     }
 }
 
+/// Files whose names say nothing, or something else.
+#[test]
+fn formats_are_known_by_content() {
+    let place = folder();
+    for (name, other) in [
+        ("a.nrrd", "a"),
+        ("a.nii", "b"),
+        ("a.nii.gz", "c.nii"),
+        ("a.nii.gz", "c"),
+        ("a.mha", "d.nrrd"),
+        ("a.nii.gz", "e.dat"),
+        ("a.npy", "f"),
+        ("a.tif", "g.bin"),
+    ] {
+        let path = place.path().join(other);
+        fs::write(&path, sound(name)).expect("a file can be written");
+        let stack = read(&path, &ReadOptions::default()).expect(other);
+        assert_eq!((stack.dims, stack.slices.len()), ([12, 10], 5), "{other}");
+    }
+    let plain = place.path().join("notes");
+    fs::write(&plain, "some notes").expect("a file can be written");
+    let result = interslice(&["inspect", &plain.display().to_string()]);
+    assert_eq!(result.status.code(), Some(2));
+    let says = "notes: not a known input: expected a folder with stack.json, a label volume (.nrrd";
+    assert!(stderr(&result).contains(says), "{}", stderr(&result));
+}
+
 #[test]
 fn cut_short() {
     for name in NAMES {
@@ -244,7 +271,142 @@ fn four_axes_and_other_things_of_nifti() {
     bytes[84..88].copy_from_slice(&(-1f32).to_le_bytes());
     refused("a.nii", &bytes, &[], &["pixdim[2], a voxel spacing, must be a positive number; got -1"]);
     with(344, b"ni1\0", &["magic is \"ni1\""]);
-    with(0, &540i32.to_le_bytes(), &["is NIfTI-2"]);
+    with(0, &540i32.to_le_bytes(), &["NIfTI-2 header: magic is"]);
+}
+
+/// The parts of a seed of several files.
+fn seed(name: &str) -> Vec<Vec<u8>> {
+    let bytes = fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds").join(name)).expect(name);
+    let between = b"\n%%%%\n";
+    match bytes.windows(between.len()).position(|w| w == between) {
+        Some(at) => vec![bytes[..at].to_vec(), bytes[at + between.len()..].to_vec()],
+        None => vec![bytes],
+    }
+}
+
+/// Files by numpy, nibabel and tifffile: 12 x 10 x 3 voxels of 0.5 x 0.5 x 2 mm, where they say so.
+#[test]
+fn files_of_the_fields_own_writers_are_read() {
+    let place = folder();
+    let wanted = {
+        let path = place.path().join("a.npz");
+        fs::write(&path, &seed("npz/plain")[0]).expect("a file can be written");
+        read(&path, &ReadOptions { spacing: Some(vec![0.5, 0.5, 2.0]), ..Default::default() }).expect("it is sound")
+    };
+    assert_eq!((wanted.dims, wanted.slices.len(), wanted.spacing), ([12, 10], 3, [0.5; 2]));
+    assert!(wanted.slices[1].content.inside(4 * 12 + 5) && !wanted.slices[1].content.inside(0));
+    for (name, seeds, sized) in [
+        ("b.npz", "npz/packed", false),
+        ("b", "npz/packed", false),
+        ("c.nii", "nifti/two", true),
+        ("c", "nifti/two", true),
+        ("d.hdr", "analyze/analyze", true),
+        ("d.img", "analyze/analyze", true),
+        ("e.hdr", "analyze/nifti", true),
+        ("e.img", "analyze/nifti", true),
+        #[cfg(feature = "zstd")]
+        ("f.tif", "tiff/zstd", false),
+    ] {
+        let path = place.path().join(name);
+        let files = seed(seeds);
+        let names = if files.len() == 2 {
+            vec![path.with_extension("hdr"), path.with_extension("img")]
+        } else {
+            vec![path.clone()]
+        };
+        names.iter().zip(&files).for_each(|(path, bytes)| fs::write(path, bytes).expect("a file can be written"));
+        let spacing = (!sized).then(|| vec![0.5, 0.5, 2.0]);
+        let stack = read(&path, &ReadOptions { spacing, ..Default::default() }).expect(name);
+        assert_eq!((stack.dims, stack.slices.len(), stack.spacing), ([12, 10], 3, [0.5; 2]), "{name}");
+        let same = |k: usize| (0..120).all(|n| stack.slices[k].content.inside(n) == wanted.slices[k].content.inside(n));
+        assert!((0..3).all(same), "{name}");
+        assert_eq!(interslice::input::files(&path).expect(name), names, "{name}");
+    }
+}
+
+#[test]
+fn archives_of_arrays() {
+    let place = folder();
+    let path = place.path().join("a.npz");
+    let archive = |arrays: &[(&str, Vec<u8>)]| {
+        let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        for (name, bytes) in arrays {
+            let options = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+            zip.start_file(*name, options).expect("memory can be written");
+            std::io::Write::write_all(&mut zip, bytes).expect("memory can be written");
+        }
+        zip.finish().expect("memory can be written").into_inner()
+    };
+    let sound = sound("a.npy");
+    let row = npy("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &[0; 16]);
+    fs::write(&path, archive(&[("labels.npy", sound.clone()), ("row.npy", row.clone()), ("note.txt", b"x".into())]))
+        .expect("a file can be written");
+    assert_eq!(read(&path, &ReadOptions::default()).expect("one volume").slices.len(), 5);
+    let with = |arrays: &[(&str, Vec<u8>)], says: &[&str]| refused("a.npz", &archive(arrays), &[], says);
+    with(
+        &[("a.npy", sound.clone()), ("b.npy", sound.clone())],
+        &["a.npz", "has several volumes: `a`, `b`; save the one"],
+    );
+    with(&[("row.npy", row)], &["a.npz: has no array of three axes (z, y, x), but `row` [2]"]);
+    with(&[("note.txt", b"x".into())], &["a.npz: has no arrays"]);
+    with(&[("a.npy", b"nonsense".into())], &["a.npz: array `a`: does not begin with"]);
+    with(&[("a.npy", sound[..300].into())], &["a.npz: array `a`: data end after 300 of"]);
+    let huge = "{'descr': '|u1', 'fortran_order': False, 'shape': (9000, 9000, 9000), }";
+    with(&[("a.npy", npy(huge, &[1; 600]))], &["a.npz: array `a`: data end after"]);
+    let endless = "{'descr': '|u1', 'fortran_order': False, 'shape': (4294967296, 4294967296, 4294967296), }";
+    with(&[("a.npy", npy(endless, &[1; 600]))], &["a.npz: array `a` is too large"]);
+    refused("a.npz", b"PK\x03\x04 nothing more", &[], &["a.npz: is no ZIP of arrays"]);
+    refused("a.npz", &seed("npz/packed")[0][..200], &[], &["a.npz: is no ZIP of arrays"]);
+}
+
+#[test]
+fn headers_of_pairs_and_of_nifti_2() {
+    let place = folder();
+    let [header, voxels] = &seed("analyze/analyze")[..] else { panic!("two files") };
+    let refused_pair = |header: &[u8], voxels: Option<&[u8]>, says: &[&str]| {
+        let _ = fs::remove_file(place.path().join("a.img"));
+        fs::write(place.path().join("a.hdr"), header).expect("a file can be written");
+        if let Some(voxels) = voxels {
+            fs::write(place.path().join("a.img"), voxels).expect("a file can be written");
+        }
+        refused_in(place.path(), "a.hdr", &[], says);
+    };
+    let missing = "voxels must lie beside the header, in ";
+    refused_pair(header, None, &["a.hdr: Analyze: ", missing, "a.img", "a.img.gz, which are not there"]);
+    refused_pair(&seed("analyze/nifti")[0], None, &["a.hdr: magic is \"ni1\": ", missing]);
+    refused_pair(header, Some(&voxels[..100]), &["a.hdr: data end after 100 of 360 bytes"]);
+    refused_pair(&header[..200], Some(voxels), &["a.hdr: NIfTI header"]);
+    let spoilt = |at: usize, bytes: &[u8]| {
+        let mut header = header.clone();
+        header[at..at + bytes.len()].copy_from_slice(bytes);
+        header
+    };
+    refused_pair(&spoilt(40, &[3, 0, 12, 0, 10, 0, 255, 127]), Some(voxels), &["data end after 360 of 3932040 bytes"]);
+    refused_pair(
+        &spoilt(80, &f32::NAN.to_le_bytes()),
+        Some(voxels),
+        &["pixdim[1], a voxel spacing, must be a positive"],
+    );
+    let result = {
+        fs::write(place.path().join("a.hdr"), header).expect("a file can be written");
+        fs::write(place.path().join("a.img"), voxels).expect("a file can be written");
+        interslice(&["inspect", &place.path().join("a.hdr").display().to_string()])
+    };
+    let said = String::from_utf8_lossy(&result.stdout).into_owned();
+    assert!(said.contains("Analyze does not say how a volume lies: x is taken to run to the left"), "{said}");
+    let two = &seed("nifti/two")[0];
+    refused("a.nii", &two[..500], &[], &["a.nii: NIfTI-2 header: ends after 500 of 540 bytes"]);
+    let with = |at: usize, bytes: &[u8], says: &[&str]| {
+        let mut spoilt = two.clone();
+        spoilt[at..at + bytes.len()].copy_from_slice(bytes);
+        refused("a.nii", &spoilt, &[], says);
+    };
+    with(16, &9i64.to_le_bytes(), &["dim[0] must be 2 to 7; got 9"]);
+    with(24, &(-12i64).to_le_bytes(), &["dim[1] must be a number of voxels; got -12"]);
+    with(24, &i64::MAX.to_le_bytes(), &["are no volume of 1 to"]);
+    with(40, &9000i64.to_le_bytes(), &["data end after"]);
+    with(168, &100i64.to_le_bytes(), &["vox_offset must be a whole number from 540 on; got 100"]);
+    with(400, &f64::NAN.to_le_bytes(), &["the orientation holds NaN"]);
 }
 
 proptest! {

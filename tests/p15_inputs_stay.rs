@@ -67,7 +67,7 @@ fn shapefile(path: &Path) {
 
 /// All files below a folder, and what is in them.
 fn content(place: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let files = interslice::files::pending::files_below(place).expect("the folder can be read");
+    let files = interslice::storage::folders::files_below(place).expect("the folder can be read");
     files.into_iter().map(|file| (file.clone(), fs::read(&file).unwrap_or_default())).collect()
 }
 

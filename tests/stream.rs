@@ -300,7 +300,7 @@ mod zarr {
     }
 
     fn files_in(path: &Path) -> Vec<PathBuf> {
-        interslice::files::pending::files_below(path).expect("a folder")
+        interslice::storage::folders::files_below(path).expect("a folder")
     }
 
     #[test]

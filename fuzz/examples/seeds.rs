@@ -47,7 +47,12 @@ fn main() -> Try {
     slices(&keep)?;
     for (name, syntax) in [("explicit", uids::EXPLICIT_VR_LITTLE_ENDIAN), ("implicit", uids::IMPLICIT_VR_LITTLE_ENDIAN)]
     {
-        keep("rtstruct", name, &structure_set(syntax)?)?;
+        let whole = structure_set(syntax)?;
+        keep("rtstruct", name, &whole)?;
+        // A data set by itself, behind preamble, magic, and the meta group with its length.
+        let [a, b, c, d] = [140, 141, 142, 143].map(|at| whole[at]);
+        let data_set = &whole[144 + u32::from_le_bytes([a, b, c, d]) as usize..];
+        keep("rtstruct", &format!("bare-{name}"), data_set)?;
     }
     keep("shapefile", "cone", &shapes()?)?;
     words(&keep)

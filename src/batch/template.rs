@@ -75,7 +75,7 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<M
 fn stem(path: &Path) -> Option<String> {
     let name = path.file_name()?.to_string_lossy().into_owned();
     if path.is_dir() {
-        return path.join("stack.json").is_file().then_some(name);
+        return (path.join("stack.json").is_file() || input::is_structure_set(path)).then_some(name);
     }
     let (_, at) = InputFormat::of_name(&name).filter(|(format, _)| format.name != "folder")?;
     Some(name[..at].to_string()).filter(|s| !s.is_empty())
@@ -84,7 +84,7 @@ fn stem(path: &Path) -> Option<String> {
 /// Numbers of the ROIs that can be reconstructed.
 #[cfg(feature = "dicom")]
 fn rois(path: &Path) -> Result<Vec<i64>> {
-    let set = StructureSet::read(path)?;
+    let set = StructureSet::choose_file(path, None)?;
     Ok(set.rois.iter().filter(|roi| set.closed(vec![roi]).is_ok()).map(|roi| roi.number).collect())
 }
 

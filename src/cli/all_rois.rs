@@ -32,7 +32,7 @@ pub struct All<'a> {
 /// Reconstructs one ROI after the other. Nothing gets its name before everything is complete.
 pub fn run(all: &All<'_>) -> Result<()> {
     check(all.input, &all.options.read)?;
-    let set = Arc::new(StructureSet::read(all.input)?);
+    let set = Arc::new(StructureSet::choose_file(all.input, all.options.read.series.as_deref())?);
     let mut rois = Vec::new();
     for roi in &set.rois {
         let usable = set.closed(vec![roi]).and_then(|chosen| chosen.chosen_planes(&all.options.read));

@@ -3,8 +3,6 @@
 use std::fs::{self, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use interslice::batch::template::{Template, template};
 use interslice::batch::{Job, Manifest, Options, Outcome, finished, line, run as run_all};
@@ -12,6 +10,7 @@ use interslice::storage::room;
 use interslice::{Error, Result};
 
 use super::devices::{DeviceOptions, share, tell_profile};
+use super::interrupt;
 use super::say::say;
 use super::session::set_threads;
 use super::tally::Tally;
@@ -127,7 +126,7 @@ pub fn run(arguments: &BatchArguments) -> Result<()> {
     let memory = arguments.device.memory().or_else(|| room::available().map(|free| (free as f64 * SHARE) as u64));
     let memory = shared.leaves(memory.unwrap_or(u64::MAX))?;
     let options = Options { jobs, memory, fail_fast: arguments.fail_fast, machine };
-    let outcomes = run_all(&manifest, &results, shared.machine(), &options, &tally, &stop_on_interrupt())?;
+    let outcomes = run_all(&manifest, &results, shared.machine(), &options, &tally, &interrupt::stop())?;
     tally.finish();
     if let Some(profile) = shared.profile() {
         tell_profile(&profile);
@@ -155,22 +154,6 @@ fn conclude(manifest: &Manifest, outcomes: &[Outcome], quiet: bool) -> Result<()
         return Ok(());
     }
     Err(Error::Batch { failed, not_run, of: outcomes.len() })
-}
-
-/// Set by the first interrupt; the second ends the program.
-fn stop_on_interrupt() -> Arc<AtomicBool> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = stop.clone();
-    let set = ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-        eprintln!("finishing the jobs that run; interrupt again to drop them");
-    });
-    if let Err(e) = set {
-        eprintln!("warning: an interrupt will end the program at once: {e}");
-    }
-    stop
 }
 
 fn write_template(folder: &Path, arguments: &BatchArguments) -> Result<()> {

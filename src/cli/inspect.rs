@@ -76,12 +76,20 @@ fn told(doubts: impl IntoIterator<Item = String>) -> String {
 #[cfg(feature = "dicom")]
 fn structures(arguments: &InspectArguments) -> Result<()> {
     interslice::input::check(&arguments.input, &arguments.read)?;
-    let set = interslice::rtstruct::StructureSet::read(&arguments.input)?;
+    let series = arguments.read.series.as_deref();
+    let set = interslice::rtstruct::StructureSet::choose_file(&arguments.input, series)?;
     let several = set.rois.len() > 1 && arguments.read.roi.is_empty();
     if arguments.all_rois || several {
         return say(&(set.describe().join("\n") + "\n"));
     }
-    let chosen = set.choose(&arguments.read)?;
+    let chosen = match set.choose(&arguments.read) {
+        Ok(chosen) => chosen,
+        // A ROI that cannot be reconstructed can be told of.
+        Err(e) => match set.describe_flat(&arguments.read)? {
+            Some(lines) => return say(&(lines.join("\n") + "\n")),
+            None => return Err(e),
+        },
+    };
     let stack = chosen.stack(&arguments.read)?;
     let links = arguments.links.read(&stack)?;
     let text = describe(&stack, &links, chosen.steps(&stack).map(|s| s.heights))?;

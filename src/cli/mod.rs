@@ -12,6 +12,7 @@ mod devices;
 mod evaluate;
 mod forecast;
 mod inspect;
+mod interrupt;
 mod job;
 mod labels;
 mod links;
@@ -21,6 +22,7 @@ mod say;
 mod sections;
 mod session;
 mod tally;
+mod values;
 mod volume;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -65,7 +67,8 @@ enum Command {
 /// The command line as clap knows it: what `--help`, completions and man pages are made of.
 fn command() -> clap::Command {
     let together = "Memory that all jobs in flight may take together, by estimate, e.g. 512M or 4G [default: 80 % of what is free]";
-    Cli::command().mut_subcommand("batch", |c| c.mut_arg("memory", |a| a.help(together)))
+    let command = Cli::command().mut_subcommands(|c| c.mut_args(values::told));
+    command.mut_subcommand("batch", |c| c.mut_arg("memory", |a| a.help(together)))
 }
 
 /// Parses the command line and runs it.
@@ -75,6 +78,10 @@ pub fn run() -> Result<()> {
     let bounded = |(_, matches): (&str, &clap::ArgMatches)| matches!(matches.try_get_one::<u64>("memory"), Ok(Some(_)));
     if matches.subcommand().is_some_and(bounded) {
         allocator::give_back_at_once();
+    }
+    // A batch stops between its jobs.
+    if !matches!(cli.command, Command::Batch(_)) {
+        interrupt::end();
     }
     match (cli.command, matches.subcommand()) {
         (Command::Reconstruct(arguments), Some((_, matches))) => reconstruct::run(*arguments, matches),

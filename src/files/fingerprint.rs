@@ -7,8 +7,8 @@ use std::path::Path;
 use blake3::Hasher;
 
 use super::JobOptions;
-use super::pending::files_below;
 use crate::error::{Error, Result};
+use crate::storage::folders::files_below;
 
 /// The fingerprint of a reconstruction and of some `words` that matter to the caller, 64 hexadecimal digits. Equal content gives equal
 /// fingerprints, whatever the input is called; an option that is given its default value is as one not given.

@@ -105,7 +105,10 @@ impl Loaded {
         #[cfg(feature = "dicom")]
         if input::is_structure_set(input) {
             input::check(input, &options.read)?;
-            return Self::of_structures(&Arc::new(StructureSet::read(input)?), options);
+            return Self::of_structures(
+                &Arc::new(StructureSet::choose_file(input, options.read.series.as_deref())?),
+                options,
+            );
         }
         let input = input::Input::read(input, &options.read)?;
         let notes = input.doubts(&options.read);

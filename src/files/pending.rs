@@ -2,13 +2,15 @@
 
 use std::fs::{self, File, Permissions};
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
 use super::format::check_place;
 use super::places::Places;
 use crate::error::{Error, Result};
+use crate::storage::folders::files_below;
+use crate::storage::temporaries::{Listed, uninterrupted};
 
 /// Names of temporary files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,13 +21,13 @@ pub enum Temporary {
     Fixed,
 }
 
-/// Gone with its content when dropped before it is renamed.
+/// Gone with its content when dropped before it is renamed, and when the program is interrupted.
 #[derive(Debug)]
 pub enum Pending {
     /// A file.
-    File(NamedTempFile),
+    File(NamedTempFile, Listed),
     /// A folder.
-    Folder(TempDir),
+    Folder(TempDir, Listed),
 }
 
 impl Pending {
@@ -56,18 +58,20 @@ impl Pending {
         }
         if is_folder {
             set_mode(&mut builder, 0o777);
-            builder.tempdir_in(place).map(Pending::Folder)
+            let (folder, listed) = Listed::make(|| builder.tempdir_in(place), TempDir::path)?;
+            Ok(Pending::Folder(folder, listed))
         } else {
             set_mode(&mut builder, 0o666);
-            builder.tempfile_in(place).map(Pending::File)
+            let (file, listed) = Listed::make(|| builder.tempfile_in(place), NamedTempFile::path)?;
+            Ok(Pending::File(file, listed))
         }
     }
 
     /// Path until it is renamed.
     pub fn path(&self) -> &Path {
         match self {
-            Pending::File(file) => file.path(),
-            Pending::Folder(folder) => folder.path(),
+            Pending::File(file, _) => file.path(),
+            Pending::Folder(folder, _) => folder.path(),
         }
     }
 
@@ -77,8 +81,8 @@ impl Pending {
     /// The errors of the disk.
     pub fn sync(&self) -> io::Result<()> {
         match self {
-            Pending::File(file) => file.as_file().sync_all(),
-            Pending::Folder(folder) => {
+            Pending::File(file, _) => file.as_file().sync_all(),
+            Pending::Folder(folder, _) => {
                 files_below(folder.path())?.iter().try_for_each(|path| File::open(path)?.sync_all())
             }
         }
@@ -90,10 +94,13 @@ impl Pending {
     /// # Errors
     /// The errors of renaming; what was there is there again.
     pub fn rename(self, target: &Path) -> io::Result<()> {
-        let folder = match self {
-            Pending::File(file) => return file.persist(target).map(drop).map_err(|e| e.error),
-            Pending::Folder(folder) => folder,
-        };
+        match self {
+            Pending::File(file, _listed) => uninterrupted(|| file.persist(target)).map(drop).map_err(|e| e.error),
+            Pending::Folder(folder, _listed) => uninterrupted(|| Self::rename_folder(folder, target)),
+        }
+    }
+
+    fn rename_folder(folder: TempDir, target: &Path) -> io::Result<()> {
         let place = folder.path().to_path_buf();
         if exchange(&place, target).is_ok() {
             // What had the name has the temporary one now; if it cannot be removed, it is in nobody's way.
@@ -164,23 +171,6 @@ fn remove(path: &Path) -> io::Result<()> {
 /// The folder of a path.
 pub fn parent(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-/// All files in a folder and the folders below it, sorted.
-///
-/// # Errors
-/// The errors of reading the folders.
-pub fn files_below(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    let mut open = vec![folder.to_path_buf()];
-    while let Some(folder) = open.pop() {
-        for entry in fs::read_dir(folder)? {
-            let entry = entry?;
-            if entry.file_type()?.is_dir() { open.push(entry.path()) } else { files.push(entry.path()) }
-        }
-    }
-    files.sort();
-    Ok(files)
 }
 
 #[cfg(test)]

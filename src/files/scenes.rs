@@ -65,7 +65,7 @@ impl Scenes {
         let mut scene = self.shared.lock().map_err(|source| self.shared.fails(source))?;
         self.files.iter_mut().try_for_each(|(target, pending)| {
             let mut write = || {
-                let Pending::File(file) = &mut *pending else { return Ok(()) };
+                let Pending::File(file, _) = &mut *pending else { return Ok(()) };
                 scene.write(&mut BufWriter::with_capacity(BUFFER_BYTES, file.as_file_mut()))?;
                 pending.sync()
             };

@@ -137,7 +137,7 @@ impl SectionWriter {
     }
 
     fn start(&mut self) -> io::Result<()> {
-        let Pending::File(file) = &mut self.pending else { return Ok(()) };
+        let Pending::File(file, _) = &mut self.pending else { return Ok(()) };
         let out = BufWriter::with_capacity(BUFFER_BYTES, file.reopen()?);
         let mut out = Deflate::gzip(out);
         serde_json::to_writer(&mut out, &self.head)?;
@@ -174,7 +174,7 @@ impl LayerSink for SectionWriter {
         self.head.extent = header.extent;
         // What came before ends in the file first.
         self.out = None;
-        if let Pending::File(file) = &mut self.pending {
+        if let Pending::File(file, _) = &mut self.pending {
             file.as_file_mut().set_len(0).map_err(|source| Error::Write { path: self.target.clone(), source })?;
         }
         self.start().map_err(|e| self.fails(e))

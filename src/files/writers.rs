@@ -8,10 +8,11 @@ use glam::DVec3;
 
 use super::format::{BUFFER_BYTES, Format, named_content};
 use super::options::OutputOptions;
-use super::pending::{Pending, files_below, parent};
+use super::pending::{Pending, parent};
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructuresWriter;
 use crate::stack::appearance::Appearance;
+use crate::storage::folders::files_below;
 use crate::surface::content::Content;
 use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::geojson::GeoJsonWriter;
@@ -50,8 +51,8 @@ pub(super) fn writer(
         }
     };
     let file = match pending {
-        Pending::File(file) => file.as_file_mut(),
-        Pending::Folder(folder) => return in_folder(folder.path(), header, content).map(volume),
+        Pending::File(file, _) => file.as_file_mut(),
+        Pending::Folder(folder, _) => return in_folder(folder.path(), header, content).map(volume),
     };
     let mut file = file.try_clone()?;
     file.set_len(0)?;

@@ -17,6 +17,7 @@ use super::adapter::AdapterSummary;
 use super::kernels::interfaces;
 use super::selftest::doctor;
 use crate::error::Result;
+use crate::storage::temporaries::{Listed, uninterrupted};
 
 /// Name of the file in the cache folder.
 pub const FILE: &str = "gpu-self-tests.json";
@@ -99,9 +100,9 @@ fn remember(folder: &Path, key: String, outcome: Outcome) -> io::Result<()> {
         outcomes.clear();
     }
     outcomes.insert(key, outcome);
-    let mut new = NamedTempFile::new_in(folder)?;
+    let (mut new, _listed) = Listed::make(|| NamedTempFile::new_in(folder), NamedTempFile::path)?;
     serde_json::to_writer_pretty(&mut new, &outcomes)?;
-    new.persist(file)?;
+    uninterrupted(|| new.persist(file))?;
     Ok(())
 }
 

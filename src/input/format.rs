@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::volume::Volume;
-use super::{mha, nifti, npy, nrrd, tiff};
+use super::{mha, nifti, npy, npz, nrrd, sniff, tiff};
 use crate::error::{Error, Result};
 
 /// A format that is read.
@@ -39,9 +39,11 @@ pub const FORMATS: &[InputFormat] = &[
     row("folder", &["json"], &["s.png"], Kind::Folder),
     row("nrrd", &["nrrd", "nhdr"], &["data"], Kind::Volume(nrrd::read)),
     row("nifti", &["nii", "nii.gz"], &[], Kind::Volume(nifti::read)),
+    row("analyze", &["hdr", "img"], &["a.img"], Kind::Volume(nifti::read)),
     row("mha", &["mha", "mhd"], &["data"], Kind::Volume(mha::read)),
     row("tiff", &["tif", "tiff"], &[], Kind::Volume(tiff::read)),
     InputFormat { sized: false, ..row("npy", &["npy"], &[], Kind::Volume(npy::read)) },
+    InputFormat { sized: false, ..row("npz", &["npz"], &[], Kind::Volume(npz::read)) },
     row("rtstruct", &["dcm"], &[], Kind::StructureSet),
     row("geojson", &["geojson"], &[], Kind::Map),
     row("shapefile", &["shp"], &[".dbf", ".prj", ".shx"], Kind::Map),
@@ -72,13 +74,21 @@ impl InputFormat {
 }
 
 impl Kind {
-    /// Kind of what is at `path`.
+    /// Kind of what is at `path`: by its content where that tells, else by its name.
     pub fn of(path: &Path) -> Result<Self> {
         let metadata = std::fs::metadata(path).map_err(|source| Error::Read { path: path.into(), source })?;
         if metadata.is_dir() {
-            return Ok(Kind::Folder);
+            let slices = path.join("stack.json").is_file();
+            return Ok(if !slices && sniff::has_dicom(path) { Kind::StructureSet } else { Kind::Folder });
         }
         let name = path.file_name().unwrap_or_default().to_string_lossy();
+        // Voxels alone may begin like anything.
+        if nifti::is_pair(path) && InputFormat::of_name(&name).is_some_and(|(format, _)| format.name == "analyze") {
+            return Ok(Kind::Volume(nifti::read));
+        }
+        if let Some(format) = sniff::format(path).and_then(|name| FORMATS.iter().find(|f| f.name == name)) {
+            return Ok(format.kind);
+        }
         let unknown = || {
             let message = format!("not a known input: expected {}", expected());
             Error::Format { path: path.into(), message }
@@ -91,7 +101,7 @@ impl Kind {
         match self {
             Kind::Folder => "a folder with stack.json",
             Kind::Volume(_) => "a label volume",
-            Kind::StructureSet => "an RTSTRUCT",
+            Kind::StructureSet => "a folder of DICOM files, an RTSTRUCT",
             Kind::Map => "a contour map",
         }
     }

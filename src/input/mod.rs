@@ -6,9 +6,11 @@ pub mod labels;
 pub mod mha;
 pub mod nifti;
 pub mod npy;
+pub mod npz;
 pub mod nrrd;
 mod ome;
 mod segments;
+mod sniff;
 pub mod tiff;
 pub mod volume;
 
@@ -44,6 +46,7 @@ impl Kind {
             (!map && options.crs.is_some(), "crs", "anything but contour maps"),
             (structures && options.label.is_some(), "label", "an RTSTRUCT; `roi` chooses there"),
             (!structures && !options.roi.is_empty(), "roi", "anything but an RTSTRUCT"),
+            (!structures && options.series.is_some(), "series", "anything but a folder of DICOM files"),
             (volume && options.pixel.is_some(), "pixel", "volumes; it is the pixel size for polygons"),
             (folder && options.label.is_some(), "label", chooses),
             (folder && options.keep.is_some(), "keep", chooses),
@@ -90,16 +93,18 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
         Kind::Volume(header) => Ok(header(path)?.files()),
         #[cfg(not(feature = "terrain"))]
         Kind::Map => Ok(vec![path.into()]),
+        #[cfg(feature = "dicom")]
+        Kind::StructureSet if path.is_dir() => crate::rtstruct::structure_sets(path),
         Kind::StructureSet => Ok(vec![path.into()]),
     }
 }
 
-/// Whether an input is an RTSTRUCT, by its name.
+/// Whether an input is an RTSTRUCT, or a folder of DICOM files.
 pub fn is_structure_set(path: &Path) -> bool {
     matches!(Kind::of(path), Ok(Kind::StructureSet))
 }
 
-/// Whether an input is a contour map, by its name.
+/// Whether an input is a contour map.
 pub fn is_map(path: &Path) -> bool {
     matches!(Kind::of(path), Ok(Kind::Map))
 }

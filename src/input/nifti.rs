@@ -1,7 +1,9 @@
-//! NIfTI-1 label volumes; the header is read by the `nifti` crate.
+//! NIfTI-1, NIfTI-2 and Analyze 7.5 label volumes, in one file or as `.hdr` and `.img`. The `nifti` crate reads headers of NIfTI-1; Analyze has the
+//! same places for what it says, and NIfTI-2, which the crate does not know, is read here.
 
-use std::io::{BufRead, Read};
-use std::path::Path;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
 use glam::{DAffine3, DMat3, DVec3};
@@ -13,64 +15,205 @@ use crate::input::volume::element::Element;
 use crate::input::volume::grid::{Failure, VolumeGrid};
 use crate::input::volume::{Volume, open};
 
-/// Size of the header: voxels cannot begin before its end.
-const HEADER: f32 = 348.0;
-/// Position of the first voxel where the header does not place it.
-const USUAL_OFFSET: u64 = 352;
+/// Sizes of the headers.
+const ONE: usize = 348;
+const TWO: usize = 540;
+/// Extensions of a header whose voxels lie beside it, and of those voxels.
+const HEADER: &str = "hdr";
+const VOXELS: [&str; 2] = ["img", "img.gz"];
 
-/// Reads the header of a `.nii` or `.nii.gz`.
+/// What a header says.
+#[derive(Debug)]
+struct Header {
+    format: &'static str,
+    /// Whether voxels lie in a file of their own.
+    pair: bool,
+    dim: [i64; 8],
+    datatype: i16,
+    pixdim: [f64; 8],
+    vox_offset: f64,
+    slope: f64,
+    inter: f64,
+    units: i32,
+    qform_code: i32,
+    sform_code: i32,
+    quatern: [f64; 3],
+    offset: [f64; 3],
+    /// The rows of the sform.
+    rows: [[f64; 4]; 3],
+    big_endian: bool,
+}
+
+/// Reads the header of a `.nii`, `.nii.gz`, `.hdr` or, beside its header, `.img`.
 ///
 /// # Errors
 /// [`Error::Read`], or [`Error::Format`] naming field and value.
 pub fn read(path: &Path) -> Result<Volume> {
+    let is_voxels = path.extension().is_some_and(|e| e.eq_ignore_ascii_case(VOXELS[0]));
+    let named = if is_voxels { path.with_extension(HEADER) } else { path.to_path_buf() };
+    let path = named.as_path();
     let fail = |message: String| Error::Format { path: path.into(), message };
     let mut input = open(path)?;
-    let start = input.fill_buf().map_err(|source| Error::Read { path: path.into(), source })?;
-    let gzip = start.starts_with(&[0x1f, 0x8b]);
+    let gzip = is_gzip(&mut input).map_err(|source| Error::Read { path: path.into(), source })?;
     let mut bytes = Vec::new();
     let mut input: Box<dyn Read> = if gzip { Box::new(MultiGzDecoder::new(input)) } else { Box::new(input) };
-    input.by_ref().take(HEADER as u64).read_to_end(&mut bytes).map_err(|e| fail(format!("NIfTI header: {e}")))?;
-    if matches!(bytes[..], [0x1c, 2, 0, 0, ..] | [0, 0, 2, 0x1c, ..]) {
-        return Err(fail("is NIfTI-2; save it as NIfTI-1".into()));
-    }
-    let header = NiftiHeader::from_reader(&bytes[..]).map_err(|e| fail(format!("NIfTI header: {e}")))?;
-    let volume = volume(path, gzip, &header).map_err(fail)?;
+    input.by_ref().take(TWO as u64).read_to_end(&mut bytes).map_err(|e| fail(format!("NIfTI header: {e}")))?;
+    let apart = path.extension().is_some_and(|e| e.eq_ignore_ascii_case(HEADER));
+    let header = if matches!(bytes[..], [0x1c, 2, 0, 0, ..] | [0, 0, 2, 0x1c, ..]) {
+        two(&bytes)
+    } else if apart && bytes.get(344..ONE).is_some_and(|magic| magic != b"n+1\0" && magic != b"ni1\0") {
+        analyze(bytes)
+    } else {
+        bytes.truncate(ONE);
+        one(&bytes)
+    };
+    let volume = header.and_then(|header| volume(path, gzip, &header)).map_err(fail)?;
     volume.check()?;
     Ok(volume)
 }
 
-fn volume(path: &Path, gzip: bool, header: &NiftiHeader) -> Failure<Volume> {
+/// Whether a path is one of a header and its voxels.
+pub(super) fn is_pair(path: &Path) -> bool {
+    path.with_extension(HEADER).is_file() && voxels_of(path).is_some()
+}
+
+/// The voxels beside a header.
+fn voxels_of(header: &Path) -> Option<PathBuf> {
+    VOXELS.iter().map(|e| header.with_extension(e)).find(|path| path.is_file())
+}
+
+fn is_gzip(input: &mut impl BufRead) -> std::io::Result<bool> {
+    Ok(input.fill_buf()?.starts_with(&[0x1f, 0x8b]))
+}
+
+/// NIfTI-1, by the crate.
+fn one(bytes: &[u8]) -> Failure<Header> {
+    let h = NiftiHeader::from_reader(bytes).map_err(|e| format!("NIfTI header: {e}"))?;
+    let f64s = |row: [f32; 4]| row.map(f64::from);
+    Ok(Header {
+        format: "NIfTI",
+        pair: &h.magic == b"ni1\0",
+        dim: h.dim.map(i64::from),
+        datatype: h.datatype,
+        pixdim: h.pixdim.map(f64::from),
+        vox_offset: f64::from(h.vox_offset),
+        slope: f64::from(h.scl_slope),
+        inter: f64::from(h.scl_inter),
+        units: i32::from(h.xyzt_units),
+        qform_code: i32::from(h.qform_code),
+        sform_code: i32::from(h.sform_code),
+        quatern: [h.quatern_b, h.quatern_c, h.quatern_d].map(f64::from),
+        offset: [h.quatern_x, h.quatern_y, h.quatern_z].map(f64::from),
+        rows: [f64s(h.srow_x), f64s(h.srow_y), f64s(h.srow_z)],
+        big_endian: h.endianness == Endianness::Big,
+    })
+}
+
+/// Analyze 7.5: NIfTI-1 without what came later, of which other things may stand in its place.
+fn analyze(mut bytes: Vec<u8>) -> Failure<Header> {
+    // Scaling, units, from the codes of the forms to the end of the rows, magic.
+    for unknown in [112..120, 123..124, 252..328] {
+        bytes.get_mut(unknown).unwrap_or_default().fill(0);
+    }
+    bytes.truncate(ONE);
+    bytes.get_mut(344..).unwrap_or_default().copy_from_slice(b"ni1\0");
+    Ok(Header { format: "Analyze", ..one(&bytes)? })
+}
+
+/// NIfTI-2.
+fn two(bytes: &[u8]) -> Failure<Header> {
+    let bytes: &[u8; TWO] =
+        bytes.try_into().map_err(|_| format!("NIfTI-2 header: ends after {} of {TWO} bytes", bytes.len()))?;
+    let big_endian = bytes[0] == 0;
+    fn at<const N: usize>(bytes: &[u8; TWO], at: usize, big_endian: bool) -> [u8; N] {
+        let mut value: [u8; N] = std::array::from_fn(|k| bytes[at + k]);
+        if big_endian {
+            value.reverse();
+        }
+        value
+    }
+    let short = |place| i16::from_le_bytes(at(bytes, place, big_endian));
+    let int = |place| i32::from_le_bytes(at(bytes, place, big_endian));
+    let long = |place| i64::from_le_bytes(at(bytes, place, big_endian));
+    let real = |place| f64::from_le_bytes(at(bytes, place, big_endian));
+    let magic = &bytes[4..12];
+    if ![b"n+2\0\r\n\x1a\n", b"ni2\0\r\n\x1a\n"].iter().any(|known| magic == *known) {
+        return Err(format!("NIfTI-2 header: magic is {:?}; expected n+2 or ni2", text(magic)));
+    }
+    Ok(Header {
+        format: "NIfTI-2",
+        pair: magic.starts_with(b"ni2"),
+        dim: std::array::from_fn(|k| long(16 + 8 * k)),
+        datatype: short(12),
+        pixdim: std::array::from_fn(|k| real(104 + 8 * k)),
+        // Exact: no file is 2^53 bytes long.
+        vox_offset: long(168) as f64,
+        slope: real(176),
+        inter: real(184),
+        units: int(500),
+        qform_code: int(344),
+        sform_code: int(348),
+        quatern: [352, 360, 368].map(real),
+        offset: [376, 384, 392].map(real),
+        rows: [400, 432, 464].map(|row| std::array::from_fn(|k| real(row + 8 * k))),
+        big_endian,
+    })
+}
+
+fn volume(path: &Path, gzip: bool, header: &Header) -> Failure<Volume> {
     let dims = dims(header)?;
     let (origin, steps) = placement(header, dims)?;
-    let unit = match header.xyzt_units & 7 {
+    let unit = match header.units & 7 {
         1 => "m",
         3 => "um",
         _ => "mm",
     };
-    if &header.magic != b"n+1\0" {
-        return Err(format!("magic is {:?}; voxels must lie in the same file (n+1)", magic(&header.magic)));
-    }
-    let skip = match header.vox_offset {
-        0.0 => USUAL_OFFSET,
-        at if at.is_finite() && at >= HEADER && at.fract() == 0.0 => at as u64,
-        at => return Err(format!("vox_offset must be a whole number from {HEADER} on; got {at}")),
+    // Voxels cannot begin before the header's end, where they usually begin 4 bytes later.
+    let least = match header {
+        Header { pair: true, .. } => 0,
+        Header { format: "NIfTI-2", .. } => TWO,
+        _ => ONE,
     };
-    let scale = match [header.scl_slope, header.scl_inter] {
+    let skip = match header.vox_offset {
+        0.0 if header.pair => 0,
+        0.0 => least as u64 + 4,
+        at if at.is_finite() && at >= least as f64 && at.fract() == 0.0 => at as u64,
+        at => return Err(format!("vox_offset must be a whole number from {least} on; got {at}")),
+    };
+    let scale = match [header.slope, header.inter] {
         [0.0, _] | [1.0, 0.0] => None,
-        [slope, inter] if slope.is_finite() && inter.is_finite() => Some([f64::from(slope), f64::from(inter)]),
+        [slope, inter] if slope.is_finite() && inter.is_finite() => Some([slope, inter]),
         // What some programs write for "no scaling".
         [slope, _] if slope.is_nan() => None,
         [slope, inter] => return Err(format!("scl_slope and scl_inter must be finite; got {slope} and {inter}")),
     };
+    let (file, gzip) = if header.pair { beside(path, header)? } else { (path.to_path_buf(), gzip) };
     let (offset, coding, skip) = if gzip { (0, Coding::Gzip, skip) } else { (skip, Coding::Raw, 0) };
     let grid = VolumeGrid { dims, origin, steps, unit: unit.into(), spaced: true };
-    let element = (element(header.datatype)?, header.endianness == Endianness::Big);
-    let data = Data::Stream { file: path.into(), offset, coding, skip };
-    let notes = two_forms(header, dims).into_iter().collect();
-    Ok(Volume { scale, notes, ..Volume::new(path, "NIfTI", grid, element, data) })
+    let element = (element(header.datatype)?, header.big_endian);
+    let data = Data::Stream { file, offset, coding, skip };
+    let mut notes: Vec<String> = two_forms(header, dims).into_iter().collect();
+    if header.format == "Analyze" {
+        notes
+            .push("Analyze does not say how a volume lies: x is taken to run to the left, y to the front, z up".into());
+    }
+    Ok(Volume { scale, notes, ..Volume::new(path, header.format, grid, element, data) })
 }
 
-fn magic(bytes: &[u8]) -> String {
+/// The file of the voxels beside a header, and whether gzip has packed it.
+fn beside(path: &Path, header: &Header) -> Failure<(PathBuf, bool)> {
+    let missing = || {
+        let [plain, packed] = VOXELS.map(|e| path.with_extension(e).display().to_string());
+        let said = if header.format == "Analyze" { "Analyze" } else { "magic is \"ni1\"" };
+        format!("{said}: voxels must lie beside the header, in {plain} or {packed}, which are not there")
+    };
+    let file = voxels_of(path).ok_or_else(missing)?;
+    let opened = File::open(&file).map(BufReader::new).and_then(|mut input| is_gzip(&mut input));
+    let gzip = opened.map_err(|e| format!("data in {}: {e}", file.display()))?;
+    Ok((file, gzip))
+}
+
+fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).trim_end_matches('\0').to_string()
 }
 
@@ -91,11 +234,14 @@ fn element(datatype: i16) -> Failure<Element> {
     }
 }
 
-fn dims(header: &NiftiHeader) -> Failure<[usize; 3]> {
+fn dims(header: &Header) -> Failure<[usize; 3]> {
     let dim = header.dim;
-    let axes = dim[0] as usize;
+    let axes = usize::try_from(dim[0]).unwrap_or(0);
     if !(2..=7).contains(&axes) {
         return Err(format!("dim[0] must be 2 to 7; got {}", dim[0]));
+    }
+    if let Some(k) = (1..=axes.min(3)).find(|&k| dim[k] < 0) {
+        return Err(format!("dim[{k}] must be a number of voxels; got {}", dim[k]));
     }
     if let Some(k) = (4..=axes).find(|&k| dim[k] > 1) {
         return Err(format!("dim[{k}] is {}; a label volume has three axes", dim[k]));
@@ -108,7 +254,7 @@ fn dims(header: &NiftiHeader) -> Failure<[usize; 3]> {
 const SAME_PLACE: f64 = 0.1;
 
 /// Note on a header whose sform and qform, both meant to count, place the volume differently.
-fn two_forms(header: &NiftiHeader, dims: [usize; 3]) -> Option<String> {
+fn two_forms(header: &Header, dims: [usize; 3]) -> Option<String> {
     if header.sform_code <= 0 || header.qform_code <= 0 {
         return None;
     }
@@ -127,19 +273,25 @@ fn two_forms(header: &NiftiHeader, dims: [usize; 3]) -> Option<String> {
 }
 
 /// Origin and steps in LPS, from the sform, else the qform, else the voxel sizes.
-fn placement(header: &NiftiHeader, dims: [usize; 3]) -> Failure<(DVec3, [DVec3; 3])> {
+fn placement(header: &Header, dims: [usize; 3]) -> Failure<(DVec3, [DVec3; 3])> {
     if header.sform_code <= 0
         && let Some(a) =
             (1..=3).find(|&a| (a < 3 || dims[2] > 1) && !(header.pixdim[a].is_finite() && header.pixdim[a] > 0.0))
     {
         return Err(format!("pixdim[{a}], a voxel spacing, must be a positive number; got {}", header.pixdim[a]));
     }
+    let [sx, sy, sz] = [1, 2, 3].map(|k| header.pixdim[k]);
     let form = if header.sform_code > 0 {
         sform(header)
     } else if header.qform_code > 0 {
         qform(header)
+    } else if header.format == "Analyze" {
+        // As nibabel has it: the origin in the middle, x to the left.
+        let middle = DVec3::from(dims.map(|n| 0.5 * (n as f64 - 1.0)));
+        let steps = DVec3::new(-sx, sy, sz);
+        DAffine3::from_mat3_translation(DMat3::from_diagonal(steps), -steps * middle)
     } else {
-        DAffine3::from_mat3(DMat3::from_diagonal(DVec3::from_array([1, 2, 3].map(|k| f64::from(header.pixdim[k])))))
+        DAffine3::from_mat3(DMat3::from_diagonal(DVec3::new(sx, sy, sz)))
     };
     if let Some(v) = form.to_cols_array().iter().find(|v| !v.is_finite()) {
         return Err(format!("the orientation holds {v}"));
@@ -154,22 +306,20 @@ fn placement(header: &NiftiHeader, dims: [usize; 3]) -> Failure<(DVec3, [DVec3; 
 }
 
 /// The affine form.
-fn sform(header: &NiftiHeader) -> DAffine3 {
-    let rows = [header.srow_x, header.srow_y, header.srow_z];
-    let [x, y, z, origin] = [0, 1, 2, 3].map(|c| DVec3::from(rows.map(|row| f64::from(row[c]))));
+fn sform(header: &Header) -> DAffine3 {
+    let [x, y, z, origin] = [0, 1, 2, 3].map(|c| DVec3::from(header.rows.map(|row| row[c])));
     DAffine3::from_cols(x, y, z, origin)
 }
 
 /// The quaternion form (NIfTI-1 header, method 2).
-fn qform(header: &NiftiHeader) -> DAffine3 {
-    let [b, c, d] = [header.quatern_b, header.quatern_c, header.quatern_d].map(f64::from);
+fn qform(header: &Header) -> DAffine3 {
+    let [b, c, d] = header.quatern;
     let a = (1.0 - b * b - c * c - d * d).max(0.0).sqrt();
     let handed = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };
-    let [sx, sy, sz] = [1, 2, 3].map(|k| f64::from(header.pixdim[k]));
-    let offset = [header.quatern_x, header.quatern_y, header.quatern_z].map(f64::from);
+    let [sx, sy, sz] = [1, 2, 3].map(|k| header.pixdim[k]);
     // Columns. Written out: `from_quat` wants a quaternion of length one, and rounds otherwise.
     let x = DVec3::new(a * a + b * b - c * c - d * d, 2.0 * (b * c + a * d), 2.0 * (b * d - a * c));
     let y = DVec3::new(2.0 * (b * c - a * d), a * a + c * c - b * b - d * d, 2.0 * (c * d + a * b));
     let z = DVec3::new(2.0 * (b * d + a * c), 2.0 * (c * d - a * b), a * a + d * d - b * b - c * c);
-    DAffine3::from_cols(x * sx, y * sy, z * (sz * handed), offset.into())
+    DAffine3::from_cols(x * sx, y * sy, z * (sz * handed), header.offset.into())
 }

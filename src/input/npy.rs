@@ -2,7 +2,7 @@
 //!
 //! The crates for this read the header with a recursive parser of Python literals; a hostile header would overflow the stack.
 
-use std::io::{Read, Seek};
+use std::io::Read;
 use std::path::Path;
 
 use crate::error::{Error, Result};
@@ -14,6 +14,39 @@ use crate::input::volume::{Volume, open};
 /// Longest header.
 const LONGEST: usize = 1 << 16;
 
+/// What an array says of itself.
+#[derive(Debug)]
+pub(super) struct Header {
+    /// Sizes, the slowest axis first.
+    pub shape: Vec<usize>,
+    /// Bytes before the first value.
+    pub length: usize,
+    element: (Element, bool),
+    fortran: bool,
+}
+
+impl Header {
+    /// Bytes of header and values.
+    pub fn bytes(&self) -> Option<u64> {
+        let count = self.shape.iter().try_fold(self.element.0.size(), |n, size| n.checked_mul(*size))?;
+        u64::try_from(count.checked_add(self.length)?).ok()
+    }
+
+    /// The volume of an array of three axes.
+    pub fn volume(&self, path: &Path, format: &'static str, data: Data) -> Failure<Volume> {
+        let &[nz, ny, nx] = &self.shape[..] else {
+            let sizes: Vec<String> = self.shape.iter().map(usize::to_string).collect();
+            let n = self.shape.len();
+            return Err(format!("shape ({}) has {n} axes; a label volume has 3, (z, y, x)", sizes.join(", ")));
+        };
+        let mut volume = Volume::new(path, format, VolumeGrid::unspaced([nx, ny, nz]), self.element, data);
+        if self.fortran {
+            volume.stored = [2, 1, 0];
+        }
+        Ok(volume)
+    }
+}
+
 /// Reads the header of a `.npy`.
 ///
 /// # Errors
@@ -22,25 +55,27 @@ pub fn read(path: &Path) -> Result<Volume> {
     let mut input = open(path)?;
     let fail = |message| Error::Format { path: path.into(), message };
     let header = header(&mut input).map_err(fail)?;
-    let end = input.stream_position().map_err(|source| Error::Read { path: path.into(), source })?;
-    let element = element(value(&header, "descr").map_err(fail)?).map_err(fail)?;
-    let fortran = match value(&header, "fortran_order").map_err(fail)? {
-        "True" => true,
-        "False" => false,
-        other => return Err(fail(format!("fortran_order must be True or False; got {other}"))),
-    };
-    let [nz, ny, nx] = shape(value(&header, "shape").map_err(fail)?).map_err(fail)?;
-    let data = Data::Stream { file: path.into(), offset: end, coding: Coding::Raw, skip: 0 };
-    let mut volume = Volume::new(path, "numpy array", VolumeGrid::unspaced([nx, ny, nz]), element, data);
-    if fortran {
-        volume.stored = [2, 1, 0];
-    }
+    let data = Data::Stream { file: path.into(), offset: header.length as u64, coding: Coding::Raw, skip: 0 };
+    let volume = header.volume(path, "numpy array", data).map_err(fail)?;
     volume.check()?;
     Ok(volume)
 }
 
-/// The header's text, a Python dictionary.
-fn header(input: &mut impl Read) -> Failure<String> {
+/// Reads a header up to the first value.
+pub(super) fn header(input: &mut impl Read) -> Failure<Header> {
+    let (text, length) = text(input)?;
+    let element = element(value(&text, "descr")?)?;
+    let fortran = match value(&text, "fortran_order")? {
+        "True" => true,
+        "False" => false,
+        other => return Err(format!("fortran_order must be True or False; got {other}")),
+    };
+    let shape = shape(value(&text, "shape")?)?;
+    Ok(Header { shape, length, element, fortran })
+}
+
+/// The header's text, a Python dictionary, and where it ends.
+fn text(input: &mut impl Read) -> Failure<(String, usize)> {
     let mut exactly = |n: usize| -> Failure<Vec<u8>> {
         let mut bytes = vec![0; n];
         input.read_exact(&mut bytes).map_err(|e| format!("header: {e}"))?;
@@ -59,7 +94,8 @@ fn header(input: &mut impl Read) -> Failure<String> {
     if length > LONGEST {
         return Err(format!("header of {length} bytes; at most {LONGEST}"));
     }
-    String::from_utf8(exactly(length)?).map_err(|e| format!("header: {e}"))
+    let text = String::from_utf8(exactly(length)?).map_err(|e| format!("header: {e}"))?;
+    Ok((text, 8 + digits + length))
 }
 
 /// The value of a key: up to the comma after it, or up to the bracket that closes it.
@@ -75,13 +111,10 @@ fn value<'a>(header: &'a str, key: &str) -> Failure<&'a str> {
     Ok(rest[..end.ok_or_else(missing)?].trim())
 }
 
-fn shape(text: &str) -> Failure<[usize; 3]> {
-    let sizes: Vec<&str> = text.trim_matches(['(', ')']).split(',').map(str::trim).filter(|t| !t.is_empty()).collect();
-    let numbers: Vec<usize> = sizes.iter().map_while(|t| t.parse().ok()).collect();
-    match (&numbers[..], sizes.len()) {
-        (&[z, y, x], 3) => Ok([z, y, x]),
-        (_, n) => Err(format!("shape {text} has {n} axes; a label volume has 3, (z, y, x)")),
-    }
+fn shape(text: &str) -> Failure<Vec<usize>> {
+    let sizes = text.trim_matches(['(', ')']).split(',').map(str::trim).filter(|t| !t.is_empty());
+    let wrong = || format!("shape {text} must be whole numbers");
+    sizes.map(|t| t.parse().map_err(|_| wrong())).collect()
 }
 
 fn element(descr: &str) -> Failure<(Element, bool)> {

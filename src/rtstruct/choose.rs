@@ -54,6 +54,23 @@ impl StructureSet {
     /// # Errors
     /// [`Error::Format`] as [`StructureSet::choose`].
     pub fn closed<'a>(&'a self, rois: Vec<&'a Roi>) -> Result<ChosenRois<'a>> {
+        let chosen = self.on_planes(rois)?;
+        if chosen.planes.heights.len() < 2 {
+            let names: Vec<String> = chosen.rois.iter().map(|r| r.label()).collect();
+            return Err(self.wrong(format!(
+                "{}: drawn on {} planes; at least 2 are needed",
+                names.join(", "),
+                chosen.planes.heights.len()
+            )));
+        }
+        Ok(chosen)
+    }
+
+    /// The closed contours of `rois` and their planes, be it only one.
+    ///
+    /// # Errors
+    /// [`Error::Format`] as [`StructureSet::choose`].
+    pub(super) fn on_planes<'a>(&'a self, rois: Vec<&'a Roi>) -> Result<ChosenRois<'a>> {
         let (mut used, mut notes) = (Vec::new(), Vec::new());
         for (r, roi) in rois.iter().enumerate() {
             for (c, contour) in roi.contours.iter().enumerate() {
@@ -84,14 +101,6 @@ impl StructureSet {
                 c + 1
             ))
         })?;
-        if planes.heights.len() < 2 {
-            let names: Vec<String> = rois.iter().map(|r| r.label()).collect();
-            return Err(self.wrong(format!(
-                "{}: drawn on {} planes; at least 2 are needed",
-                names.join(", "),
-                planes.heights.len()
-            )));
-        }
         Ok(ChosenRois { set: self, rois, used, planes, notes })
     }
 

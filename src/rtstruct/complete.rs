@@ -69,6 +69,7 @@ impl StructureSet {
         }
         object.update_meta(|meta| {
             meta.transfer_syntax = uids::IMPLICIT_VR_LITTLE_ENDIAN.into();
+            meta.media_storage_sop_class_uid = uids::RT_STRUCTURE_SET_STORAGE.into();
             meta.media_storage_sop_instance_uid = instance;
         });
         object.write_all(out).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e.to_string()))

@@ -3,8 +3,10 @@
 use glam::DVec2;
 
 use super::{ChosenRois, Roi, StructureSet};
+use crate::error::Result;
 use crate::polygons::Polygon;
 use crate::polygons::plane::smallest_gap;
+use crate::stack::ReadOptions;
 
 impl StructureSet {
     /// Every ROI: its planes, contours and holes, what would be left out, and why it cannot be reconstructed where it cannot.
@@ -15,6 +17,17 @@ impl StructureSet {
             lines.extend(self.describe_roi(roi));
         }
         lines
+    }
+
+    /// The ROIs that `options` name, or the only one, where they are drawn on too few planes to be reconstructed; nothing of others.
+    ///
+    /// # Errors
+    /// The errors of [`StructureSet::find`].
+    pub fn describe_flat(&self, options: &ReadOptions) -> Result<Option<Vec<String>>> {
+        let named = options.roi.iter().map(|name| self.find(name)).collect::<Result<Vec<_>>>()?;
+        let rois = if named.is_empty() { self.rois.iter().collect() } else { named };
+        let flat = self.on_planes(rois.clone()).is_ok_and(|chosen| chosen.planes.heights.len() < 2);
+        Ok(flat.then(|| rois.into_iter().flat_map(|roi| self.describe_roi(roi)).collect()))
     }
 
     /// One ROI.

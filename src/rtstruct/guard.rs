@@ -3,6 +3,8 @@
 //! The DICOM library believes a length and allocates it, and follows nested sequences by recursion. Here every length is compared with what
 //! is left of the file (or of the sequence or item around it), and nesting is bounded.
 
+use std::borrow::Cow;
+
 use dicom_core::VR;
 use dicom_core::dictionary::{DataDictionary, DataDictionaryEntry};
 use dicom_object::{StandardDataDictionary, Tag};
@@ -18,35 +20,20 @@ const ITEM_END: Tag = Tag(0xFFFE, 0xE00D);
 const SEQUENCE_END: Tag = Tag(0xFFFE, 0xE0DD);
 const GROUP_LENGTH: Tag = Tag(0x0002, 0x0000);
 const TRANSFER_SYNTAX: Tag = Tag(0x0002, 0x0010);
+const SOP_CLASS: Tag = Tag(0x0008, 0x0016);
+/// Offset of the first element behind a preamble.
+const BEGIN: usize = 132;
 const UNDEFINED: u32 = u32::MAX;
 
-/// Checks preamble, transfer syntax and all lengths.
+/// Checks transfer syntax and all lengths; the file as the library takes it, with preamble and meta group. Where these are missing, as in what
+/// some archives export, they are added, and the data set's first element tells how it is coded.
 ///
 /// # Errors
 /// A message with tag, value and place.
-pub fn check(bytes: &[u8]) -> Check<()> {
-    if bytes.get(128..132) != Some(b"DICM") {
-        return Err("is no DICOM file: `DICM` is missing at byte 128".into());
-    }
-    let mut walk = Walk { bytes, at: 132, explicit: true };
-    let begin = walk.meta()?;
-    let mut syntax = None;
-    while walk.peek_group() == Some(2) {
-        let header = walk.header(bytes.len())?;
-        let end = walk.value_end(&header, bytes.len())?;
-        if header.tag == TRANSFER_SYNTAX {
-            let text = String::from_utf8_lossy(&bytes[walk.at..end]).into_owned();
-            syntax = Some(text.trim_end_matches(['\0', ' ']).to_string());
-        }
-        walk.at = end;
-    }
-    if walk.at != begin {
-        let end = walk.at;
-        return Err(format!(
-            "{GROUP_LENGTH} says that the file's meta group ends at byte {begin}, but it ends at {end}"
-        ));
-    }
-    walk.explicit = match syntax.as_deref() {
+pub fn sound(bytes: &[u8]) -> Check<Cow<'_, [u8]>> {
+    let (mut walk, begin) = Walk::begin(bytes)?;
+    let meta = walk.meta(begin)?;
+    walk.explicit = match meta.syntax.as_deref() {
         Some(EXPLICIT) => true,
         Some(IMPLICIT) => false,
         Some(other) => {
@@ -54,9 +41,57 @@ pub fn check(bytes: &[u8]) -> Check<()> {
                 "Transfer Syntax UID is {other}; save it as Explicit or Implicit VR Little Endian ({EXPLICIT}, {IMPLICIT})"
             ));
         }
+        None if walk.at == begin => walk.looks_explicit(),
         None => return Err("Transfer Syntax UID (0002,0010) is missing".into()),
     };
-    walk.data_set()
+    let (explicit, data_set) = (walk.explicit, walk.at);
+    walk.data_set()?;
+    if begin == BEGIN && meta.has_length {
+        return Ok(Cow::Borrowed(bytes));
+    }
+    let mut group = bytes[meta.elements..data_set].to_vec();
+    if meta.syntax.is_none() {
+        let mut uid = if explicit { EXPLICIT } else { IMPLICIT }.as_bytes().to_vec();
+        uid.resize(uid.len().next_multiple_of(2), 0);
+        group.extend([2, 0, 0x10, 0]);
+        group.extend(b"UI");
+        group.extend((uid.len() as u16).to_le_bytes());
+        group.extend(uid);
+    }
+    let mut whole = vec![0; BEGIN - 4];
+    whole.extend(b"DICM\x02\0\0\0UL\x04\0");
+    whole.extend((group.len() as u32).to_le_bytes());
+    whole.extend(group);
+    whole.extend(&bytes[data_set..]);
+    Ok(Cow::Owned(whole))
+}
+
+/// SOP Class UID of what begins so; nothing where it is not found.
+pub fn class(bytes: &[u8]) -> Option<String> {
+    let (mut walk, begin) = Walk::begin(bytes).ok()?;
+    let syntax = walk.meta(begin).ok()?.syntax;
+    walk.explicit = syntax.map_or_else(|| walk.looks_explicit(), |syntax| syntax != IMPLICIT);
+    while walk.peek_group()? <= SOP_CLASS.0 {
+        let header = walk.header(bytes.len()).ok()?;
+        let end = walk.value_end(&header, bytes.len()).ok()?;
+        if header.tag == SOP_CLASS {
+            return Some(uid(&bytes[walk.at..end]));
+        }
+        walk.at = end;
+    }
+    None
+}
+
+fn uid(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).trim_matches(['\0', ' ']).to_string()
+}
+
+/// The file's meta group.
+struct Meta {
+    /// Offset of its first element behind its length.
+    elements: usize,
+    has_length: bool,
+    syntax: Option<String>,
 }
 
 struct Walk<'a> {
@@ -89,14 +124,57 @@ enum Kind {
 }
 
 impl Walk<'_> {
-    /// The first element, File Meta Information Group Length: where the library begins with the data set.
-    fn meta(&mut self) -> Check<usize> {
-        let Header { tag, length, .. } = self.header(self.bytes.len())?;
-        if tag != GROUP_LENGTH || length != 4 {
-            return Err(format!("begins with {tag} of {length} bytes; it must be {GROUP_LENGTH} of 4"));
+    /// At the first element, and where that is.
+    fn begin(bytes: &[u8]) -> Check<(Walk<'_>, usize)> {
+        let at = if bytes.get(BEGIN - 4..BEGIN) == Some(b"DICM") {
+            BEGIN
+        } else if bytes.starts_with(b"DICM") {
+            4
+        } else if matches!(bytes, [2 | 8, 0, ..]) {
+            0
+        } else {
+            return Err("is no DICOM file: `DICM` is missing at byte 128, and it begins with no element".into());
+        };
+        Ok((Walk { bytes, at, explicit: true }, at))
+    }
+
+    /// The elements of group 2, which are explicit in any file.
+    fn meta(&mut self, begin: usize) -> Check<Meta> {
+        let limit = self.bytes.len();
+        let mut meta = Meta { elements: begin, has_length: false, syntax: None };
+        let mut said = None;
+        while self.peek_group() == Some(2) {
+            let header = self.header(limit)?;
+            let end = self.value_end(&header, limit)?;
+            match header.tag {
+                GROUP_LENGTH if header.at != begin || header.length != 4 => {
+                    let Header { at, length, .. } = header;
+                    return Err(format!(
+                        "byte {at}: {GROUP_LENGTH} has {length} bytes; it must be the first element, of 4"
+                    ));
+                }
+                GROUP_LENGTH => {
+                    let group = u32::from_le_bytes(self.take(limit)?);
+                    said = Some(end.saturating_add(group as usize));
+                    (meta.elements, meta.has_length) = (end, true);
+                }
+                TRANSFER_SYNTAX => meta.syntax = Some(uid(&self.bytes[self.at..end])),
+                _ => {}
+            }
+            self.at = end;
         }
-        let group = u32::from_le_bytes(self.take(self.bytes.len())?);
-        Ok(self.at.saturating_add(group as usize))
+        match (said, self.at) {
+            (Some(said), end) if said != end => {
+                Err(format!("{GROUP_LENGTH} says that the file's meta group ends at byte {said}, but it ends at {end}"))
+            }
+            _ => Ok(meta),
+        }
+    }
+
+    /// Whether the next element has a value representation, as all have in explicit files.
+    fn looks_explicit(&self) -> bool {
+        let code = self.bytes.get(self.at + 4..self.at + 6).and_then(|b| b.try_into().ok());
+        code.and_then(VR::from_binary).is_some()
     }
 
     fn data_set(&mut self) -> Check<()> {

@@ -9,6 +9,7 @@ mod added;
 mod choose;
 mod complete;
 pub mod describe;
+mod find;
 mod guard;
 mod parse;
 
@@ -21,6 +22,7 @@ use glam::DVec3;
 use added::Adding;
 pub use added::{Added, Gather, StructuresWriter};
 pub use choose::{ChosenRois, Steps};
+pub use find::structure_sets;
 
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
@@ -211,7 +213,7 @@ impl ReferencedSet {
 /// The stack of the ROIs that `options` name, on the planes they name.
 ///
 /// # Errors
-/// The errors of [`StructureSet::read`] and [`StructureSet::choose`].
+/// The errors of [`StructureSet::choose_file`] and [`StructureSet::choose`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
-    StructureSet::read(path)?.choose(options)?.stack(options)
+    StructureSet::choose_file(path, options.series.as_deref())?.choose(options)?.stack(options)
 }

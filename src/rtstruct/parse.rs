@@ -15,8 +15,8 @@ type Parse<T> = std::result::Result<T, String>;
 /// # Errors
 /// A message with field, ROI, contour and value.
 pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
-    guard::check(bytes)?;
-    let object = OpenFileOptions::new().from_reader(bytes).map_err(|e| with_causes(&e))?;
+    let bytes = guard::sound(bytes)?;
+    let object = OpenFileOptions::new().from_reader(&bytes[..]).map_err(|e| with_causes(&e))?;
     let class = text(&object, tags::SOP_CLASS_UID)?.unwrap_or_default();
     if class != uids::RT_STRUCTURE_SET_STORAGE {
         return Err(format!("SOP Class UID is `{class}`; an RT structure set has {}", uids::RT_STRUCTURE_SET_STORAGE));
@@ -50,6 +50,35 @@ pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
         }
     }
     Ok((object, rois))
+}
+
+/// What tells one structure set from another.
+pub struct Identity {
+    /// Series Instance UID.
+    pub series: String,
+    /// SOP Instance UID.
+    pub instance: String,
+    /// Series Number.
+    pub number: Option<i64>,
+    /// Structure Set Label.
+    pub label: String,
+}
+
+/// What a file calls itself; its ROIs are not looked at.
+///
+/// # Errors
+/// A message with tag, value and place.
+pub fn identity(bytes: &[u8]) -> Parse<Identity> {
+    let bytes = guard::sound(bytes)?;
+    let options = OpenFileOptions::new().read_until(tags::STRUCTURE_SET_ROI_SEQUENCE);
+    let object = options.from_reader(&bytes[..]).map_err(|e| with_causes(&e))?;
+    let said = |tag| text(&object, tag).map(Option::unwrap_or_default);
+    Ok(Identity {
+        series: said(tags::SERIES_INSTANCE_UID)?,
+        instance: said(tags::SOP_INSTANCE_UID)?,
+        number: said(tags::SERIES_NUMBER)?.parse().ok(),
+        label: said(tags::STRUCTURE_SET_LABEL)?,
+    })
 }
 
 fn contour(item: &InMemDicomObject) -> Parse<Contour> {

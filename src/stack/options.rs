@@ -11,17 +11,21 @@ use crate::stack::axis::Axis;
 pub struct ReadOptions {
     /// Grey slices and volumes: the contour runs where the value crosses this level, inside is above [default: the middle of the slices' range;
     /// a volume without a level holds labels]
-    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+    #[arg(long, value_name = "VALUE")]
     pub level: Option<f64>,
 
     /// Label volumes: reconstruct this label only [default: all that is not zero]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N")]
     pub label: Option<i64>,
 
     /// RTSTRUCT: the ROI, by name or number; repeatable, several are merged into one body
     #[arg(long, value_name = "NAME|NUMBER")]
     #[serde(deserialize_with = "one_or_many")]
     pub roi: Vec<String>,
+
+    /// DICOM folders: the RTSTRUCT, by the UID or number of its series or by its own UID, where the folder has several
+    #[arg(long, value_name = "UID|NUMBER")]
+    pub series: Option<String>,
 
     /// Polygons, RTSTRUCT and contour maps: side of the pixels the contours are laid on, in the input's unit [default: half the distance of neighbouring
     /// points, finer for what is thin]
@@ -33,7 +37,7 @@ pub struct ReadOptions {
     pub elevation: Option<String>,
 
     /// Contour maps: where the map ends [default: the box around all lines]
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_delimiter = ',', allow_negative_numbers = true)]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_delimiter = ',')]
     pub border: Option<Vec<f64>>,
 
     /// Contour maps: coordinate system of x and y, EPSG:N, or local where they are lengths in none [default: what the file names]
@@ -58,8 +62,8 @@ pub struct ReadOptions {
     #[arg(long, value_name = "AXIS", default_value = "auto", hide_default_value = true)]
     pub axis: Axis,
 
-    /// Label volumes whose file does not tell, as a .npy never does: sides of a voxel along x, y, z, mm [default: 1 px]
-    #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',', allow_negative_numbers = true)]
+    /// Label volumes whose file does not tell, as a .npz and a .npy never do: sides of a voxel along x, y, z, mm [default: 1 px]
+    #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',')]
     pub spacing: Option<Vec<f64>>,
 }
 

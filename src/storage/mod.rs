@@ -1,4 +1,6 @@
 //! Storage of data: in memory up to a budget, beyond it in temporary files; and how much room there is.
 
+pub mod folders;
 pub mod room;
 pub mod spill;
+pub mod temporaries;

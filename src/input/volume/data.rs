@@ -5,16 +5,16 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use bzip2::bufread::MultiBzDecoder;
-use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
+use flate2::bufread::{DeflateDecoder, MultiGzDecoder, ZlibDecoder};
 
 use super::tiff_pages::Pages;
 use crate::input::volume::grid::Failure;
 
 /// Most bytes that one byte of deflate can stand for (1032), of bzip2 (blocks of 900 000 bytes, of which 5 stand for 259, packed into 32), of the
-/// codecs of TIFF (LZW: 4096 codes of 12 bits).
+/// codecs of TIFF (zstd: blocks of 128 KiB in 4 bytes).
 const MOST_DEFLATED: u64 = 1032;
 const MOST_IN_BLOCKS: u64 = 1 << 21;
-const MOST_IN_PAGES: u64 = 4096;
+const MOST_IN_PAGES: u64 = 1 << 15;
 
 /// Packing of bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,6 +25,8 @@ pub enum Coding {
     Gzip,
     /// zlib.
     Zlib,
+    /// Deflate alone, as in ZIP.
+    Deflate,
     /// bzip2, one stream or more.
     Bzip2,
 }
@@ -95,6 +97,7 @@ impl Data {
                     Coding::Raw => Box::new(input),
                     Coding::Gzip => Box::new(MultiGzDecoder::new(input)),
                     Coding::Zlib => Box::new(ZlibDecoder::new(input)),
+                    Coding::Deflate => Box::new(DeflateDecoder::new(input)),
                     Coding::Bzip2 => Box::new(MultiBzDecoder::new(input)),
                 };
                 self.named(io::copy(&mut input.by_ref().take(*skip), &mut io::sink()))?;

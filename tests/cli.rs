@@ -482,7 +482,18 @@ fn evaluate_leaves_slices_out_and_scores_them() {
         let error = slice["area_error_percent"].as_f64().expect("a number");
         assert!((error - 100.0 * (b - a) / a).abs() < 1e-9, "{slice}");
     }
-    let words = interslice(&["evaluate", &input, "--backend", "cpu"]);
+    let [first, second, wrong] =
+        ["a.json", "b.json", "c.csv"].map(|name| place.path().join(name).display().to_string());
+    let words = interslice(&["evaluate", &input, "--backend", "cpu", "-o", &first, "-o", &second]);
+    for path in [&first, &second] {
+        assert!(fs::read(path).expect("it was written") == result.stdout, "{path}");
+    }
+    let own = place.path().join("fig9/stack.json").display().to_string();
+    for (path, said) in [(&wrong, "the name must end in .json"), (&own, "is the input")] {
+        let refused = interslice(&["evaluate", &input, "--backend", "cpu", "-o", &second, "-o", path]);
+        assert_eq!(refused.status.code(), Some(2), "{path}");
+        assert!(stderr(&refused).contains(said) && !stderr(&refused).contains("running on"), "{}", stderr(&refused));
+    }
     assert!(String::from_utf8_lossy(&words.stdout).contains("slices left out, one in 2: Dice"));
     for (wrong, said) in [("--leave=1", "at least 2"), ("--leave=40", "leave nothing out")] {
         let result = interslice(&["evaluate", &input, wrong]);

@@ -3,9 +3,13 @@
 use std::path::PathBuf;
 
 use interslice::evaluate::holdout::{HoldOut, SliceScore, hold_out};
+use interslice::files::JobOptions;
+use interslice::files::format::{Kind, kind};
+use interslice::files::pending::{Pending, Temporary};
+use interslice::files::places::Places;
 use interslice::input::{self, Input};
 use interslice::stack::ReadOptions;
-use interslice::{Result, Settings};
+use interslice::{Error, Result, Settings};
 
 use super::bar::Bars;
 use super::devices::{DeviceOptions, choose};
@@ -13,6 +17,10 @@ use super::say::say;
 
 #[derive(Debug, clap::Args)]
 pub struct EvaluateArguments {
+    /// Write the scores as JSON, too; repeatable
+    #[arg(short, long = "output", value_name = "FILE.json")]
+    outputs: Vec<PathBuf>,
+
     #[arg(help = input::format::help())]
     input: PathBuf,
 
@@ -40,15 +48,32 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let notice = |message: &str| eprintln!("warning: {message}");
     input.doubts(&arguments.read).iter().for_each(|doubt| notice(doubt));
     let stack = input.stack;
+    let outputs = open(arguments)?;
     let chosen = choose(&arguments.device, &notice)?;
     eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
     let bars = Bars::default();
     let score = hold_out(&stack, &arguments.settings, arguments.leave, chosen.backend(), &bars)?;
+    for (path, pending) in outputs {
+        let written = pending.write_json(&score).and_then(|()| pending.rename(path));
+        written.map_err(|source| Error::Write { path: path.clone(), source })?;
+        eprintln!("wrote {}", path.display());
+    }
     if arguments.json {
         say(&(serde_json::to_string_pretty(&score).unwrap_or_default() + "\n"))
     } else {
         say(&describe(&score, &stack.unit))
     }
+}
+
+/// The outputs under temporary names, before the work.
+fn open<'a>(arguments: &'a EvaluateArguments) -> Result<Vec<(&'a PathBuf, Pending)>> {
+    let options = JobOptions { read: arguments.read.clone(), ..JobOptions::default() };
+    let mut places = Places::of(&arguments.input, &options)?;
+    let mut open = |path: &'a PathBuf| match kind(path) {
+        Ok(Kind::Report) => Ok((path, Pending::open(path, false, Temporary::Random, &mut places)?)),
+        _ => Err(Error::Output { path: path.clone(), message: "scores are JSON: the name must end in .json".into() }),
+    };
+    arguments.outputs.iter().map(&mut open).collect()
 }
 
 fn describe(score: &HoldOut, unit: &str) -> String {

@@ -2,8 +2,7 @@
 //!
 //! Files that hold one label have its number before the extension: `out.stl` becomes `out.5.stl`, `out.nii.gz` `out.5.nii.gz`. A `.glb` holds all.
 
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -278,14 +277,7 @@ impl LabelOutputs {
     /// [`Error::Write`].
     pub fn finish(self, report: &LabelsReport) -> Result<Vec<PathBuf>> {
         for (path, pending) in &self.reports {
-            let write = || -> io::Result<()> {
-                let mut out = BufWriter::new(File::create(pending.path())?);
-                serde_json::to_writer_pretty(&mut out, report)?;
-                out.write_all(b"\n")?;
-                out.flush()?;
-                pending.sync()
-            };
-            write().map_err(|source| Error::Write { path: path.clone(), source })?;
+            pending.write_json(report).map_err(|source| Error::Write { path: path.clone(), source })?;
         }
         let mut written = self.volume.rename()?;
         for label in self.labels {

@@ -1,9 +1,10 @@
 //! An output under its temporary name: a file, or for a format of many files a folder.
 
 use std::fs::{self, File, Permissions};
-use std::io;
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use serde::Serialize;
 use tempfile::{Builder, NamedTempFile, TempDir};
 
 use super::format::check_place;
@@ -65,6 +66,18 @@ impl Pending {
             let (file, listed) = Listed::make(|| builder.tempfile_in(place), NamedTempFile::path)?;
             Ok(Pending::File(file, listed))
         }
+    }
+
+    /// Writes a value as JSON for people, and a last line's end, onto the disk.
+    ///
+    /// # Errors
+    /// The errors of writing.
+    pub fn write_json(&self, value: &impl Serialize) -> io::Result<()> {
+        let mut out = BufWriter::new(File::create(self.path())?);
+        serde_json::to_writer_pretty(&mut out, value)?;
+        out.write_all(b"\n")?;
+        out.flush()?;
+        self.sync()
     }
 
     /// Path until it is renamed.

@@ -5,6 +5,7 @@ import pathlib
 import tempfile
 
 import nibabel
+import nrrd
 import numpy
 import tifffile
 
@@ -48,7 +49,29 @@ def pages():
     keep("tiff", "zstd", out.getvalue())
 
 
+def segments():
+    header = {
+        "type": "uint8",
+        "dimension": 4,
+        "space": "left-posterior-superior",
+        "sizes": [2, 12, 10, 3],
+        "space directions": numpy.array([[numpy.nan] * 3, [0.5, 0, 0], [0, 0.5, 0], [0, 0, 2]]),
+        "kinds": ["list", "domain", "domain", "domain"],
+        "space origin": [0, 0, 0],
+        "encoding": "gzip",
+    }
+    for k, (name, colour) in enumerate([("liver", "0.8 0.4 0.2"), ("cyst", "0.1 0.9 0.2")]):
+        header |= {f"Segment{k}_{key}": value for key, value in
+                   {"Name": name, "Layer": str(k), "LabelValue": "1", "Color": colour}.items()}
+    turned = DISC.transpose(2, 1, 0)
+    with tempfile.TemporaryDirectory() as folder:
+        path = pathlib.Path(folder) / "a.seg.nrrd"
+        nrrd.write(str(path), numpy.stack([turned, numpy.roll(turned, 2, axis=0)]), header)
+        keep("nrrd", "layers", path.read_bytes())
+
+
 if __name__ == "__main__":
     arrays()
     volumes()
     pages()
+    segments()

@@ -524,7 +524,7 @@ fn negative_numbers_are_values() {
         (&["--keep", "-2"], "invalid value '-2' for '--keep <K>': expected a whole number, 0 or more"),
         (&["--threads", "-2"], "invalid value '-2' for '--threads <N>': expected a whole number, 0 or more"),
         (&["--border", "-1,two"], "invalid value 'two' for '--border <X0,Y0,X1,Y1>': expected a number"),
-        (&["--label", "liver"], "invalid value 'liver' for '--label <N>': expected a whole number"),
+        (&["--label", "liver"], "`label` is not for a folder of slices"),
         (&["--dz", "--mask"], "invalid value '--mask' for '--dz <HEIGHT>': expected a number"),
     ] {
         let result = interslice(&[&["reconstruct", &input, "-o", &out], options].concat());

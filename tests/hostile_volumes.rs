@@ -119,7 +119,8 @@ fn formats_are_known_by_content() {
     fs::write(&plain, "some notes").expect("a file can be written");
     let result = interslice(&["inspect", &plain.display().to_string()]);
     assert_eq!(result.status.code(), Some(2));
-    let says = "notes: not a known input: expected a folder with stack.json, a label volume (.nrrd";
+    let says =
+        "notes: not a known input: expected a folder with stack.json, of images, or of masks, a label volume (.nrrd";
     assert!(stderr(&result).contains(says), "{}", stderr(&result));
 }
 

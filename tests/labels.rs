@@ -183,7 +183,7 @@ fn a_label_that_touches_no_other_is_what_it_is_alone() {
     let place = folder();
     let path = place.path().join("labels.nrrd");
     write(&path, &voxels);
-    let stack = read(&path, &ReadOptions { label: Some(4), ..ReadOptions::default() }).expect("it is sound");
+    let stack = read(&path, &ReadOptions { label: Some(4.into()), ..ReadOptions::default() }).expect("it is sound");
     let whole = interslice::reconstruct(&stack, &Settings::default()).expect("it can be computed");
     let mut decided = run(&voxels).decided;
     let layers = layers_of(&mut decided.bodies[3]);
@@ -267,7 +267,7 @@ fn wrong_labels_are_told_before_anything_runs() {
         (&input, &["--labels", "1,9"], "no label 9; labels are 1, 2, 3, 4, 5"),
         (&input, &["--labels", "1,5"], "label 5 is drawn on 1 of the slices"),
         (&input, &["--labels", "1,0"], "0 is the background"),
-        (&input, &["--labels", "one"], "expected `all` or numbers"),
+        (&input, &["--labels", "one"], "must name one of the file's labels; got `one`; the file has no names"),
         (&input, &["--labels", "1,2", "--label", "1"], "cannot be used with"),
         (&input, &["--labels", "1,2", "--mask"], "`mask` is not for many labels"),
         (&input, &["--labels", "1,2", "-o", text(&picture)], "are of one body"),

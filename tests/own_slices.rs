@@ -111,7 +111,8 @@ fn p12_a_label_that_meets_no_other_is_what_it_is_alone() {
     write(&path, &voxels);
     let (layers, ..) = decided(&voxels, &ReadOptions::default(), 1);
     for label in [1, 2] {
-        let stack = read(&path, &ReadOptions { label: Some(label), ..ReadOptions::default() }).expect("it is sound");
+        let stack =
+            read(&path, &ReadOptions { label: Some(label.into()), ..ReadOptions::default() }).expect("it is sound");
         let alone = interslice::reconstruct(&stack, &Settings::default()).expect("it can be computed");
         let alone: Vec<_> = alone.output_layers().collect();
         assert_eq!(alone.len(), layers.len());

@@ -89,7 +89,7 @@ fn slices_are_chosen_by_label_keep_or_number() {
     write_labels(&path);
     let heights = |options| stack(&path, options).slices.iter().map(|s| s.z / 2.5).collect::<Vec<_>>();
     assert_eq!(heights(ReadOptions::default()), [0.0, 3.0, 4.0, 6.0, 9.0, 12.0]);
-    assert_eq!(heights(ReadOptions { label: Some(3), ..Default::default() }), [0.0, 3.0, 6.0, 9.0, 12.0]);
+    assert_eq!(heights(ReadOptions { label: Some(3.into()), ..Default::default() }), [0.0, 3.0, 6.0, 9.0, 12.0]);
     assert_eq!(heights(ReadOptions { keep: Some(6), ..Default::default() }), [0.0, 6.0, 12.0]);
     assert_eq!(heights(ReadOptions { slices: Some(vec![9, 0, 5, 9]), ..Default::default() }), [0.0, 5.0, 9.0]);
     let all = stack(&path, ReadOptions::default());
@@ -99,7 +99,7 @@ fn slices_are_chosen_by_label_keep_or_number() {
     assert_eq!(mask.iter().filter(|m| *m).count(), 1);
     assert_eq!(all.spacing.map(|s| (s * 1e9).round() / 1e9), [1.0, 2.0]);
     assert_eq!(all.z_out.map(|g| (g.start, g.step, g.count)), Some((0.0, 2.5, 13)));
-    assert!(read(&path, &ReadOptions { label: Some(5), ..Default::default() }).is_err());
+    assert!(read(&path, &ReadOptions { label: Some(5.into()), ..Default::default() }).is_err());
     assert!(read(&path, &ReadOptions { slices: Some(vec![0, 13]), ..Default::default() }).is_err());
     assert!(read(&path, &ReadOptions { keep: Some(0), ..Default::default() }).is_err());
 }
@@ -122,7 +122,7 @@ fn round_trip(output: &str) {
     let result = interslice(&arguments);
     assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
     assert!(result.stderr.is_empty() && result.stdout.is_empty(), "-q says nothing");
-    let given = stack(&input, ReadOptions { label: Some(3), ..Default::default() });
+    let given = stack(&input, ReadOptions { label: Some(3.into()), ..Default::default() });
     let back = stack(&target, ReadOptions { keep: Some(1), ..Default::default() });
     assert_eq!(back.dims, given.dims);
     assert_eq!(back.slices.len(), SIZES[2], "the volume's own grid");

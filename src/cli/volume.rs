@@ -15,7 +15,7 @@ const LISTED: usize = 24;
 
 /// File and type, spacing and orientation, labels, the axis and why, painted slices and gaps.
 pub fn describe(surveyed: &Surveyed) -> Vec<String> {
-    let Surveyed { volume, survey, axis } = surveyed;
+    let Surveyed { volume, survey, axis, .. } = surveyed;
     let grid = &volume.grid;
     let by = |v: [String; 3]| v.join(" x ");
     let name = volume.path.file_name().unwrap_or_default().to_string_lossy();

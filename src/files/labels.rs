@@ -30,8 +30,8 @@ use crate::surface::stream::{BodyStream, BodyWriter, Ending, LayerSink, WriterNe
 #[derive(Debug, Clone, Default, clap::Args)]
 #[command(next_help_heading = "Input")]
 pub struct LabelOptions {
-    /// Label volumes: reconstruct these labels, or all, into one label volume and a mesh per label (out.stl becomes out.N.stl)
-    #[arg(long, value_name = "all|N,N,..", allow_hyphen_values = true, conflicts_with = "label")]
+    /// Label volumes: reconstruct these labels, by number or name, or all, into one label volume and a mesh per label (out.stl becomes out.N.stl)
+    #[arg(long, value_name = "all|N,NAME,..", allow_hyphen_values = true, conflicts_with = "label")]
     pub labels: Option<Wanted>,
 
     /// Each label into volumes and meshes of its own, as it is alone, overlaps and all

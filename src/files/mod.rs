@@ -113,7 +113,7 @@ impl Loaded {
         let input = input::Input::read(input, &options.read)?;
         let notes = input.doubts(&options.read);
         let input::Input { stack, surveyed, .. } = input;
-        options.output.bodies = surveyed.iter().filter_map(|s| s.appearance(options.read.label)).collect();
+        options.output.bodies = surveyed.iter().filter_map(|s| s.appearance()).collect();
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
         Ok(Loaded { notes, ..Self::new(stack, options)? })

@@ -11,6 +11,8 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::estimate::memory;
+use crate::input::masks::by_number;
+use crate::input::volume::grid::sides;
 use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
 use crate::stack::{ContourStack, Geometry, HeightGrid, LevelSlice, ReadOptions, Slice, SliceContent};
 use crate::storage::room;
@@ -59,8 +61,67 @@ fn millimetres() -> String {
     "mm".into()
 }
 
+/// Extensions of images.
+const IMAGES: [&str; 3] = ["png", "tif", "tiff"];
+/// Images that a message names.
+const NAMED: usize = 2;
+
+/// Whether a folder has images and no `stack.json`.
+pub(super) fn is_of_images(path: &Path) -> bool {
+    path.is_dir() && !path.join("stack.json").exists() && listed(path).is_ok_and(|names| !names.is_empty())
+}
+
+/// The images in a folder, in the order in which people count.
+fn listed(folder: &Path) -> Result<Vec<String>> {
+    let unreadable = |source| Error::Read { path: folder.into(), source };
+    let mut names = Vec::new();
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        let image = path.extension().is_some_and(|e| IMAGES.iter().any(|known| e.eq_ignore_ascii_case(known)));
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if image && !name.starts_with('.') {
+            names.push(name);
+        }
+    }
+    names.sort_by(|a, b| by_number(a, b));
+    Ok(names)
+}
+
+/// The slices of a folder of images without `stack.json`, `spacing` apart.
+fn spaced(folder: &Path, spacing: Option<&[f64]>) -> Result<StackFile> {
+    let names = listed(folder)?;
+    let fail = |message: String| Err(Error::Format { path: folder.into(), message });
+    if names.is_empty() {
+        return fail("has neither stack.json nor images, masks or DICOM files".into());
+    }
+    let Some(spacing) = spacing else {
+        let slice = |(k, name): (usize, &String)| format!("{{\"file\": {name:?}, \"z\": {k}}}");
+        let slices: Vec<String> = names.iter().enumerate().take(NAMED).map(slice).collect();
+        let more = if names.len() > NAMED { ", ..." } else { "" };
+        return fail(format!(
+            "has {} images, but no stack.json that says how far apart they are: say --spacing DX,DY,DZ (mm), or write a stack.json such as \
+             {{\"spacing_xy\": [1, 1], \"slices\": [{}{more}]}}",
+            names.len(),
+            slices.join(", ")
+        ));
+    };
+    let [dx, dy, dz] = sides(spacing)?;
+    let slice = |(k, name)| SliceEntry { file: Some(name), polygons: None, z: dz * k as f64, extra: false };
+    Ok(StackFile {
+        spacing_xy: Some([dx, dy]),
+        axes: None,
+        unit: millimetres(),
+        slices: names.into_iter().enumerate().map(slice).collect(),
+        z_out: None,
+        outside: Outside::Black,
+    })
+}
+
 /// The `stack.json` of a folder (or that file itself): its content, its path, its folder.
-fn parse(path: &Path) -> Result<(StackFile, PathBuf, PathBuf)> {
+fn parse(path: &Path, spacing: Option<&[f64]>) -> Result<(StackFile, PathBuf, PathBuf)> {
+    if path.is_dir() && !path.join("stack.json").exists() {
+        return Ok((spaced(path, spacing)?, path.into(), path.into()));
+    }
     let file = if path.is_dir() { path.join("stack.json") } else { path.to_path_buf() };
     let text = fs::read_to_string(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
     let parsed =
@@ -74,7 +135,10 @@ fn parse(path: &Path) -> Result<(StackFile, PathBuf, PathBuf)> {
 /// # Errors
 /// The errors of [`crate::input::files`].
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
-    let (parsed, file, folder) = parse(path)?;
+    if is_of_images(path) {
+        return Ok(listed(path)?.into_iter().map(|name| path.join(name)).collect());
+    }
+    let (parsed, file, folder) = parse(path, None)?;
     let images = parsed.slices.iter().filter_map(|s| s.file.as_ref()).map(|f| folder.join(f));
     Ok(std::iter::once(file).chain(images).collect())
 }
@@ -84,7 +148,7 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
 /// # Errors
 /// The errors of [`crate::input::read`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
-    let (parsed, file, folder) = parse(path)?;
+    let (parsed, file, folder) = parse(path, options.spacing.as_deref())?;
     if let Some(z_out) = parsed.z_out {
         z_out.validate()?;
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::volume::Volume;
-use super::{mha, nifti, npy, npz, nrrd, sniff, tiff};
+use super::{masks, mha, nifti, npy, npz, nrrd, sniff, tiff};
 use crate::error::{Error, Result};
 
 /// A format that is read.
@@ -78,8 +78,15 @@ impl Kind {
     pub fn of(path: &Path) -> Result<Self> {
         let metadata = std::fs::metadata(path).map_err(|source| Error::Read { path: path.into(), source })?;
         if metadata.is_dir() {
-            let slices = path.join("stack.json").is_file();
-            return Ok(if !slices && sniff::has_dicom(path) { Kind::StructureSet } else { Kind::Folder });
+            return Ok(if path.join("stack.json").is_file() {
+                Kind::Folder
+            } else if sniff::has_dicom(path) {
+                Kind::StructureSet
+            } else if masks::has_masks(path) {
+                Kind::Volume(masks::read)
+            } else {
+                Kind::Folder
+            });
         }
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         // Voxels alone may begin like anything.
@@ -99,7 +106,7 @@ impl Kind {
     /// Name of the kind.
     const fn words(self) -> &'static str {
         match self {
-            Kind::Folder => "a folder with stack.json",
+            Kind::Folder => "a folder with stack.json, of images, or of masks",
             Kind::Volume(_) => "a label volume",
             Kind::StructureSet => "a folder of DICOM files, an RTSTRUCT",
             Kind::Map => "a contour map",

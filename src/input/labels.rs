@@ -10,6 +10,7 @@ use crate::labels::report::LeftOut;
 use crate::stack::ReadOptions;
 use crate::stack::doubts;
 use crate::stack::doubts::SliceArea;
+use crate::stack::options::LabelName;
 use crate::stack::{ContourStack, Slice};
 use crate::storage::room;
 
@@ -24,7 +25,7 @@ pub enum Wanted {
     /// All that are not 0.
     All,
     /// These.
-    These(Vec<i64>),
+    These(Vec<LabelName>),
 }
 
 impl std::str::FromStr for Wanted {
@@ -34,12 +35,14 @@ impl std::str::FromStr for Wanted {
         if text == "all" {
             return Ok(Wanted::All);
         }
-        let number = |part: &str| match part.trim().parse::<i64>() {
-            Ok(0) => Err("0 is the background and no label".into()),
+        let label = |part: &str| match part.parse() {
+            Ok(LabelName::Number(0)) => Err("0 is the background and no label".into()),
+            Ok(LabelName::Name(name)) if name.is_empty() => {
+                Err(format!("expected `all`, or numbers or names with commas between, such as 1,2,5; got `{text}`"))
+            }
             Ok(label) => Ok(label),
-            Err(_) => Err(format!("expected `all` or numbers with commas between, such as 1,2,5; got `{text}`")),
         };
-        text.split(',').map(number).collect::<std::result::Result<_, String>>().map(Wanted::These)
+        text.split(',').map(label).collect::<std::result::Result<_, String>>().map(Wanted::These)
     }
 }
 
@@ -66,7 +69,8 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
     let mut labels: Vec<i64> = match wanted {
         Wanted::All => there.keys().copied().collect(),
         Wanted::These(list) => {
-            let mut list = list.clone();
+            let numbers = list.iter().map(|name| surveyed.volume.label(name, "labels"));
+            let mut list = numbers.collect::<Result<Vec<i64>>>()?;
             list.sort_unstable();
             list.dedup();
             list
@@ -108,6 +112,12 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
     }
     let named = |label: &i64| surveyed.volume.appearance(*label);
     let appearances = labels.iter().map(named).collect();
+    let overlapping = surveyed.volume.overlapping()?;
+    if overlapping > 0 {
+        said.push(format!(
+            "{overlapping} voxels are in several segments; the last of these has them here, `--label NAME` takes a segment whole"
+        ));
+    }
     said.extend(strays(&labels, &slices, &drawn));
     said.extend(notes(&labels, &given));
     let reading = reading(&labels, &given);

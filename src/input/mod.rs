@@ -3,6 +3,7 @@
 pub mod folder;
 pub mod format;
 pub mod labels;
+mod masks;
 pub mod mha;
 pub mod nifti;
 pub mod npy;
@@ -52,7 +53,11 @@ impl Kind {
             (folder && options.keep.is_some(), "keep", chooses),
             (folder && options.slices.is_some(), "slices", chooses),
             (!volume && options.axis != Axis::Auto, "axis", "anything but a label volume"),
-            (!volume && options.spacing.is_some(), "spacing", "anything but a label volume whose file has none"),
+            (
+                !volume && options.spacing.is_some() && !folder::is_of_images(path),
+                "spacing",
+                "anything but a label volume whose file has none, and a folder of images",
+            ),
             (!folder && !volume && options.level.is_some(), "level", "this input; it cuts grey slices and volumes"),
             (options.complete_slices, "complete_slices", "one body; it is for many, with `labels`"),
             (options.label.is_some() && options.level.is_some(), "label", "grey values, which `level` cuts"),
@@ -192,6 +197,8 @@ pub struct Surveyed {
     pub survey: Survey,
     /// Across which axis it was cut.
     pub axis: axis::Choice,
+    /// The label that was wanted.
+    pub label: Option<i64>,
 }
 
 impl Surveyed {
@@ -201,10 +208,10 @@ impl Surveyed {
     }
 
     /// Name and colour of the body: of the label that is wanted, or of the only one, where the file says them.
-    pub fn appearance(&self, wanted: Option<i64>) -> Option<Appearance> {
+    pub fn appearance(&self) -> Option<Appearance> {
         let mut labels = self.survey.labels.keys();
         let only = labels.next().filter(|_| labels.next().is_none());
-        self.volume.segments.get(&wanted.or(only.copied())?).cloned()
+        self.volume.segments.get(&self.label.or(only.copied())?).cloned()
     }
 }
 
@@ -229,12 +236,16 @@ fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
             if let Some(sides) = &options.spacing {
                 volume = volume.with_spacing(sides)?;
             }
+            let label = options.label.as_ref().map(|name| volume.label(name, "label")).transpose()?;
+            if let Some(label) = label {
+                volume.take_only(label);
+            }
             let survey = match options.level {
                 Some(level) => Survey::above(&volume, level)?,
-                None => Survey::of(&volume, options.label)?,
+                None => Survey::of(&volume, label)?,
             };
             let chosen = options.keep.is_some() || options.slices.is_some();
-            let wrong = match options.label {
+            let wrong = match label {
                 None => survey.grey(),
                 Some(_) => None,
             };
@@ -242,8 +253,8 @@ fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
                 return Err(Error::Format { path: path.into(), message });
             }
             let axis = axis::choose(options.axis, &volume.grid, &survey);
-            let stack = slices::stack(&volume, &survey, &axis, options)?;
-            Input { stack, notes: volume.notes.clone(), surveyed: Some(Surveyed { volume, survey, axis }) }
+            let stack = slices::stack(&volume, &survey, &axis, options, label)?;
+            Input { stack, notes: volume.notes.clone(), surveyed: Some(Surveyed { volume, survey, axis, label }) }
         }
         #[cfg(feature = "dicom")]
         Kind::StructureSet => plain(crate::rtstruct::read(path, options)?),

@@ -43,13 +43,26 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
     let field = |name: &str| header.fields.get(name).map(String::as_str);
     let need = |name: &str| field(name).ok_or_else(|| format!("header has no field `{name}`"));
     let dimension: usize = number("dimension", need("dimension")?)?;
-    if dimension != 3 {
-        return Err(format!("dimension is {dimension}; a label volume has 3"));
-    }
     let sizes = numbers::<usize>("sizes", need("sizes")?)?;
-    let &[nx, ny, nz] = &sizes[..] else { return Err(format!("sizes must be 3 numbers; got {}", sizes.len())) };
+    if sizes.len() != dimension {
+        return Err(format!("sizes must be {dimension} numbers; got {}", sizes.len()));
+    }
+    let mut kinds: Vec<&str> = field("kinds").unwrap_or_default().split_whitespace().collect();
+    let (dims, layers) = match sizes[..] {
+        [nx, ny, nz] => ([nx, ny, nz], None),
+        // 3D Slicer's segments that overlap: the layers of a voxel one behind the other.
+        [count, nx, ny, nz] if kinds.first() == Some(&"list") && segments::any(&header.pairs) => {
+            kinds.remove(0);
+            ([nx, ny, nz], Some(segments::layers(&header.pairs, count)?))
+        }
+        _ => {
+            return Err(format!(
+                "dimension is {dimension}; a label volume has 3, or 4 with 3D Slicer's segments in a list"
+            ));
+        }
+    };
     let known = ["domain", "space", "none", "???"];
-    if let Some(kind) = field("kinds").and_then(|k| k.split_whitespace().find(|k| !known.contains(k))) {
+    if let Some(kind) = kinds.into_iter().find(|k| !known.contains(k)) {
         return Err(format!("kinds holds `{kind}`; the axes of a label volume are of kind domain or space"));
     }
     let element = element(need("type")?)?;
@@ -65,9 +78,9 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
         "bzip2" | "bz2" => Coding::Bzip2,
         other => return Err(format!("encoding must be raw, gzip or bzip2; got {other}")),
     };
-    let (origin, steps, spaced) = placement(&field)?;
+    let (origin, steps, spaced) = placement(&field, layers.is_some())?;
     let unit = field("space units").and_then(|u| u.split('"').nth(1)).filter(|u| !u.is_empty()).unwrap_or("mm");
-    let grid = VolumeGrid { dims: [nx, ny, nz], origin, steps, unit: unit.into(), spaced };
+    let grid = VolumeGrid { dims, origin, steps, unit: unit.into(), spaced };
     let (file, offset) = match field("data file").or(field("datafile")) {
         None => (path.to_path_buf(), end),
         Some(list) if list.starts_with("LIST") || list.contains('%') => {
@@ -76,8 +89,11 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
         Some(name) => (path.parent().unwrap_or(Path::new("")).join(name), 0),
     };
     let data = Data::Stream { file, offset, coding, skip: 0 };
-    let segments = segments::read(&header.pairs);
-    let mut volume = Volume { segments, ..Volume::new(path, "NRRD", grid, (element, big_endian), data) };
+    let segments = match layers {
+        Some(_) => segments::in_order(&header.pairs),
+        None => segments::read(&header.pairs),
+    };
+    let mut volume = Volume { segments, layers, ..Volume::new(path, "NRRD", grid, (element, big_endian), data) };
     skip(&mut volume, &field)?;
     Ok(volume)
 }
@@ -89,7 +105,7 @@ fn skip<'a>(volume: &mut Volume, field: &impl Fn(&str) -> Option<&'a str>) -> Fa
     if lines == 0 && bytes == 0 {
         return Ok(());
     }
-    let needed = volume.grid.dims.iter().try_fold(volume.element.size(), |n, &d| n.checked_mul(d)).unwrap_or(0) as u64;
+    let needed = volume.grid.dims.iter().try_fold(volume.voxel_bytes(), |n, &d| n.checked_mul(d)).unwrap_or(0) as u64;
     let Data::Stream { file, offset, coding, skip } = &mut volume.data else { return Ok(()) };
     let unreadable = |e: std::io::Error| format!("data in {}: {e}", file.display());
     match (bytes, *coding) {
@@ -183,7 +199,7 @@ fn element(name: &str) -> Failure<Element> {
 }
 
 /// Origin and steps in LPS, and whether the header gives steps.
-fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>) -> Failure<(DVec3, [DVec3; 3], bool)> {
+fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>, listed: bool) -> Failure<(DVec3, [DVec3; 3], bool)> {
     let flip = match field("space").map(str::to_lowercase).as_deref() {
         None | Some("left-posterior-superior" | "lps" | "scanner-xyz" | "3d-right-handed") => DVec3::ONE,
         Some("right-anterior-superior" | "ras") => DVec3::new(-1.0, -1.0, 1.0),
@@ -203,6 +219,8 @@ fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>) -> Failure<(DVec3, [D
     let origin = field("space origin").map_or(Ok(DVec3::ZERO), |text| vector("space origin", text))?;
     let steps = match field("space directions") {
         Some(text) => {
+            // The axis of a list has no direction.
+            let text = if listed { text.trim_start().trim_start_matches("none") } else { text };
             let vectors: Vec<&str> = text.split_inclusive(')').filter(|t| !t.trim().is_empty()).collect();
             let &[x, y, z] = &vectors[..] else {
                 return Err(format!("space directions must be 3 vectors; got `{text}`"));
@@ -210,8 +228,10 @@ fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>) -> Failure<(DVec3, [D
             [vector("space directions", x)?, vector("space directions", y)?, vector("space directions", z)?]
         }
         None => {
-            let s = field("spacings").map_or(Ok(vec![1.0; 3]), |text| numbers::<f64>("spacings", text))?;
-            let &[x, y, z] = &s[..] else { return Err(format!("spacings must be 3 numbers; got {}", s.len())) };
+            let s = field("spacings")
+                .map_or(Ok(vec![1.0; if listed { 4 } else { 3 }]), |text| numbers::<f64>("spacings", text))?;
+            let s = if listed { s.get(1..).unwrap_or_default() } else { &s };
+            let &[x, y, z] = s else { return Err(format!("spacings must be 3 numbers; got {}", s.len())) };
             if let Some((axis, h)) = s.iter().enumerate().find(|(_, h)| !(h.is_finite() && **h > 0.0)) {
                 return Err(format!("spacings: voxel spacing along axis {axis} must be a positive number; got {h}"));
             }

@@ -3,7 +3,13 @@
 
 use std::collections::BTreeMap;
 
+use crate::input::volume::Layers;
+use crate::input::volume::grid::Failure;
 use crate::stack::appearance::Appearance;
+
+/// Most layers and segments of a file.
+const MOST_LAYERS: usize = 4096;
+const MOST_SEGMENTS: usize = 4096;
 
 /// The segments among the key/value pairs of a header, by label. What is no number, or no colour, names nothing.
 pub(crate) fn read(pairs: &BTreeMap<String, String>) -> BTreeMap<i64, Appearance> {
@@ -20,6 +26,56 @@ pub(crate) fn read(pairs: &BTreeMap<String, String>) -> BTreeMap<i64, Appearance
         Some((label, Appearance { name, number: Some(label), colour }))
     });
     segments.collect()
+}
+
+/// Whether a header has segments.
+pub(crate) fn any(pairs: &BTreeMap<String, String>) -> bool {
+    !numbered(pairs).is_empty()
+}
+
+/// Numbers of the segments, in their order.
+fn numbered(pairs: &BTreeMap<String, String>) -> Vec<usize> {
+    let number = |key: &String| key.strip_prefix("Segment")?.strip_suffix("_LabelValue")?.parse().ok();
+    let mut numbers: Vec<usize> = pairs.keys().filter_map(number).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
+}
+
+/// Segments that may overlap, in `count` layers.
+///
+/// # Errors
+/// A message with segment and value.
+pub(crate) fn layers(pairs: &BTreeMap<String, String>, count: usize) -> Failure<Layers> {
+    if !(1..=MOST_LAYERS).contains(&count) {
+        return Err(format!("sizes begins with {count} layers of segments; there must be 1 to {MOST_LAYERS}"));
+    }
+    let segment = |k: usize| {
+        let number = |what: &str| {
+            let text = pairs.get(&format!("Segment{k}_{what}")).map_or("", |text| text.trim());
+            text.parse::<i64>().map_err(|_| format!("Segment{k}_{what} must be a whole number; got `{text}`"))
+        };
+        let (layer, value) = (number("Layer")?, number("LabelValue")?);
+        let place = usize::try_from(layer).ok().filter(|layer| *layer < count);
+        let place = place.ok_or_else(|| format!("Segment{k}_Layer is {layer}, but there are {count} layers"))?;
+        if value == 0 { Err(format!("Segment{k}_LabelValue is 0, the background")) } else { Ok((place, value)) }
+    };
+    let segments = numbered(pairs).into_iter().map(segment).collect::<Failure<Vec<_>>>()?;
+    if segments.len() > MOST_SEGMENTS {
+        return Err(format!("has {} segments; at most {MOST_SEGMENTS}", segments.len()));
+    }
+    Ok(Layers { count, segments, only: None })
+}
+
+/// The segments of [`layers`] by label: their places, from 1 on, for values are told apart in a layer only.
+pub(crate) fn in_order(pairs: &BTreeMap<String, String>) -> BTreeMap<i64, Appearance> {
+    let of = |k: usize, what: &str| pairs.get(&format!("Segment{k}_{what}"));
+    let appearance = |(label, k): (i64, usize)| {
+        let name = of(k, "Name").map(|name| unescaped(name)).filter(|name| !name.is_empty());
+        let colour = of(k, "Color").and_then(|text| colour(text));
+        (label, Appearance { name, number: Some(label), colour })
+    };
+    (1..).zip(numbered(pairs)).map(appearance).collect()
 }
 
 /// Three shares of 1.

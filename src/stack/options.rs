@@ -1,5 +1,8 @@
 //! Options of reading: what a user may choose of an input.
 
+use std::convert::Infallible;
+use std::str::FromStr;
+
 use serde::{Deserialize, Serialize};
 
 use crate::stack::axis::Axis;
@@ -14,9 +17,9 @@ pub struct ReadOptions {
     #[arg(long, value_name = "VALUE")]
     pub level: Option<f64>,
 
-    /// Label volumes: reconstruct this label only [default: all that is not zero]
-    #[arg(long, value_name = "N")]
-    pub label: Option<i64>,
+    /// Label volumes: reconstruct this label only, by number or by the name that the file gives it [default: all that is not zero]
+    #[arg(long, value_name = "N|NAME", allow_hyphen_values = true)]
+    pub label: Option<LabelName>,
 
     /// RTSTRUCT: the ROI, by name or number; repeatable, several are merged into one body
     #[arg(long, value_name = "NAME|NUMBER")]
@@ -62,9 +65,34 @@ pub struct ReadOptions {
     #[arg(long, value_name = "AXIS", default_value = "auto", hide_default_value = true)]
     pub axis: Axis,
 
-    /// Label volumes whose file does not tell, as a .npz and a .npy never do: sides of a voxel along x, y, z, mm [default: 1 px]
+    /// Folders of images without stack.json, and label volumes whose file does not tell, as a .npz and a .npy never do: sides of a voxel along x, y, z, mm [default: 1 px]
     #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',')]
     pub spacing: Option<Vec<f64>>,
+}
+
+/// A label as the user names it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum LabelName {
+    /// By its value.
+    Number(i64),
+    /// By its name in the file.
+    Name(String),
+}
+
+impl From<i64> for LabelName {
+    fn from(number: i64) -> Self {
+        LabelName::Number(number)
+    }
+}
+
+impl FromStr for LabelName {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        let text = text.trim();
+        Ok(text.parse().map_or_else(|_| LabelName::Name(text.into()), LabelName::Number))
+    }
 }
 
 /// A name, a number, or a list of such, as a settings file or a manifest may give them.

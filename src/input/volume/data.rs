@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 use bzip2::bufread::MultiBzDecoder;
 use flate2::bufread::{DeflateDecoder, MultiGzDecoder, ZlibDecoder};
 
+use super::Volume;
 use super::tiff_pages::Pages;
+use crate::input::masks::SideBySide;
 use crate::input::volume::grid::Failure;
 
 /// Most bytes that one byte of deflate can stand for (1032), of bzip2 (blocks of 900 000 bytes, of which 5 stand for 259, packed into 32), of the
@@ -54,6 +56,8 @@ pub enum Data {
         /// Bytes of a page.
         bytes: usize,
     },
+    /// In masks, volumes of their own.
+    Masks(Vec<Volume>),
 }
 
 impl Data {
@@ -61,6 +65,7 @@ impl Data {
     pub fn file(&self) -> &Path {
         match self {
             Data::Stream { file, .. } | Data::Pages { file, .. } => file,
+            Data::Masks(masks) => masks.first().map_or(Path::new(""), |mask| &mask.path),
         }
     }
 
@@ -82,6 +87,8 @@ impl Data {
                 let most = if coding == Coding::Bzip2 { MOST_IN_BLOCKS } else { MOST_DEFLATED };
                 packed(length.saturating_sub(offset), most, needed)
             }
+            // Each was checked when its header was read.
+            Data::Masks(_) => Ok(()),
             Data::Pages { .. } => packed(length, MOST_IN_PAGES, needed),
         }
     }
@@ -89,6 +96,7 @@ impl Data {
     /// Reads from the first voxel on.
     pub(crate) fn open(&self) -> Failure<Box<dyn Read>> {
         match self {
+            Data::Masks(masks) => Ok(Box::new(SideBySide::open(masks)?)),
             Data::Pages { file, count, bytes } => Ok(Box::new(Pages::open(file, *count, *bytes)?)),
             Data::Stream { file, offset, coding, skip } => {
                 let mut input = BufReader::with_capacity(1 << 18, self.named(File::open(file))?);

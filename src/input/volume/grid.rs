@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::error::{Error, Result};
+
 /// Message of a reader without the file's name.
 pub(crate) type Failure<T> = std::result::Result<T, String>;
 
@@ -55,6 +57,19 @@ impl VolumeGrid {
             return Err(format!("voxel spacing along axis {axis} must be a positive number; got {}", spacing[axis]));
         }
         check_axes(&self.axes()).map_err(|m| format!("{m}; resample the volume first"))
+    }
+}
+
+/// The sides of a voxel as a user gives them.
+///
+/// # Errors
+/// [`Error::Setting`] for other than three positive numbers.
+pub(crate) fn sides(given: &[f64]) -> Result<[f64; 3]> {
+    let fail = |message: String| Err(Error::Setting { name: "spacing".into(), message });
+    let &[dx, dy, dz] = given else { return fail(format!("must be three numbers DX,DY,DZ; got {}", given.len())) };
+    match given.iter().find(|h| !(h.is_finite() && **h > 0.0)) {
+        Some(bad) => fail(format!("must be three positive numbers; got {bad}")),
+        None => Ok([dx, dy, dz]),
     }
 }
 

@@ -20,10 +20,13 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
+use crate::stack::options::LabelName;
 use data::Data;
 use element::{Element, Voxels};
 use grid::{Failure, VolumeGrid};
 
+/// Names of labels that a message lists.
+const NAMED: usize = 24;
 /// Voxels decoded at a time.
 const RUN: usize = 1 << 16;
 
@@ -48,12 +51,39 @@ pub struct Volume {
     pub notes: Vec<String>,
     /// Labels that the file names.
     pub segments: BTreeMap<i64, Appearance>,
+    /// Segments that may overlap, where the file holds such.
+    pub(crate) layers: Option<Layers>,
     /// The bytes.
     pub(crate) data: Data,
 }
 
+/// Several values of a voxel, one behind the other: each layer holds segments that do not overlap, and those of different layers may.
+#[derive(Debug, Clone)]
+pub(crate) struct Layers {
+    /// Layers.
+    pub count: usize,
+    /// Layer and value of each segment; its label is its place here, from 1 on.
+    pub segments: Vec<(usize, i64)>,
+    /// The only segment that is wanted.
+    pub only: Option<i64>,
+}
+
+impl Layers {
+    /// Labels of the segments that have a voxel with these values, the last first.
+    fn found(&self, values: &[i64]) -> impl Iterator<Item = i64> {
+        // Nearly all voxels are in none.
+        let count = if values.iter().all(|value| *value == 0) { 0 } else { self.segments.len() };
+        let labels = self.segments[..count].iter().enumerate().rev().map(|(k, segment)| (k as i64 + 1, segment));
+        let wanted = labels.filter(|(label, _)| self.only.is_none_or(|only| only == *label));
+        wanted.filter(|(_, (layer, value))| values[*layer] == *value).map(|(label, _)| label)
+    }
+}
+
 /// Decoder of voxels: bytes to values.
 type Decode<T> = fn(Element, &Voxels<'_>, &mut Vec<T>) -> Failure<()>;
+
+/// The values of a voxel's layers as one.
+type Fold<'f, T> = &'f dyn Fn(&[T]) -> T;
 
 /// Neighbouring voxels of one row of the file.
 #[derive(Debug, Clone, Copy)]
@@ -77,8 +107,20 @@ impl Volume {
         data: Data,
     ) -> Self {
         let (notes, segments) = (Vec::new(), BTreeMap::new());
-        let stored = [0, 1, 2];
-        Volume { path: path.into(), format, grid, element, big_endian, stored, scale: None, notes, segments, data }
+        let (stored, layers) = ([0, 1, 2], None);
+        Volume {
+            path: path.into(),
+            format,
+            grid,
+            element,
+            big_endian,
+            stored,
+            scale: None,
+            notes,
+            segments,
+            layers,
+            data,
+        }
     }
 
     /// Checks the grid, and the size of the data by that of the file.
@@ -98,10 +140,7 @@ impl Volume {
     /// [`Error::Setting`] where the file has its own.
     pub(crate) fn with_spacing(mut self, sides: &[f64]) -> Result<Self> {
         let fail = |message: String| Err(Error::Setting { name: "spacing".into(), message });
-        let &[dx, dy, dz] = sides else { return fail(format!("must be three numbers DX,DY,DZ; got {}", sides.len())) };
-        if let Some(bad) = sides.iter().find(|h| !(h.is_finite() && **h > 0.0)) {
-            return fail(format!("must be three positive numbers; got {bad}"));
-        }
+        let [dx, dy, dz] = grid::sides(sides)?;
         if self.grid.spaced {
             let [x, y, z] = self.grid.spacing();
             let path = self.path.display();
@@ -115,6 +154,9 @@ impl Volume {
 
     /// The files that hold the volume.
     pub fn files(&self) -> Vec<PathBuf> {
+        if let Data::Masks(masks) = &self.data {
+            return masks.iter().flat_map(Volume::files).collect();
+        }
         let mut files = vec![self.path.clone()];
         files.extend(Some(self.data.file().to_path_buf()).filter(|file| *file != self.path));
         files
@@ -132,7 +174,72 @@ impl Volume {
 
     /// Bytes of all voxels.
     pub fn bytes(&self) -> u64 {
-        self.voxels() as u64 * self.element.size() as u64
+        self.voxels() as u64 * self.voxel_bytes() as u64
+    }
+
+    /// Bytes of a voxel, of all its layers.
+    pub(crate) fn voxel_bytes(&self) -> usize {
+        self.element.size() * self.layers.as_ref().map_or(1, |layers| layers.count)
+    }
+
+    /// The label that a user names for the option `option`: by number, else by name, be it in another case.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] with the names that there are.
+    pub fn label(&self, wanted: &LabelName, option: &str) -> Result<i64> {
+        let fail = |message: String| {
+            let named = |(n, a): (&i64, &Appearance)| Some(format!("{n} `{}`", a.name.as_ref()?));
+            let mut names: Vec<String> = self.segments.iter().filter_map(named).take(NAMED + 1).collect();
+            let listed = match names.len() {
+                0 => "the file has no names".to_string(),
+                n => {
+                    names.truncate(NAMED);
+                    format!("there are {}{}", names.join(", "), if n > NAMED { ", ..." } else { "" })
+                }
+            };
+            Err(Error::Setting { name: option.into(), message: format!("{message}; {listed}") })
+        };
+        let name = match wanted {
+            LabelName::Number(n) if self.layers.is_some() && !self.segments.contains_key(n) => {
+                return fail(format!("must name one of the file's labels; got {n}"));
+            }
+            LabelName::Number(n) => return Ok(*n),
+            LabelName::Name(name) => name.trim(),
+        };
+        let named = |same: fn(&str, &str) -> bool| {
+            let is = |a: &Appearance| a.name.as_deref().is_some_and(|own| same(own.trim(), name));
+            self.segments.iter().filter(|(_, a)| is(a)).map(|(n, _)| *n).collect::<Vec<i64>>()
+        };
+        let mut found = named(|a, b| a == b);
+        if found.is_empty() {
+            found = named(|a, b| a.to_lowercase() == b.to_lowercase());
+        }
+        match (&found[..], name.parse()) {
+            (&[label], _) | (&[], Ok(label)) => Ok(label),
+            (&[], Err(_)) => fail(format!("must name one of the file's labels; got `{name}`")),
+            _ => fail(format!("`{name}` is the name of several labels: name it by its number")),
+        }
+    }
+
+    /// From now on only this label is there, whatever lies over it.
+    pub(crate) fn take_only(&mut self, label: i64) {
+        if let Some(layers) = &mut self.layers {
+            layers.only = Some(label);
+        }
+    }
+
+    /// Voxels that are in several segments.
+    ///
+    /// # Errors
+    /// The errors of [`Volume::labels`].
+    pub(crate) fn overlapping(&self) -> Result<u64> {
+        let mut count = 0;
+        if let Some(layers) = &self.layers {
+            let fold = |values: &[i64]| i64::from(layers.found(values).nth(1).is_some());
+            let mut each = |run: VoxelRun<'_>| count += run.values.iter().filter(|v| **v != 0).count() as u64;
+            self.decode(Element::labels, Some(&fold), &mut each)?;
+        }
+        Ok(count)
     }
 
     /// Decodes the volume from its first voxel to its last and hands the labels to `each`, run by run.
@@ -140,7 +247,8 @@ impl Volume {
     /// # Errors
     /// [`Error::Format`] for data that end early or cannot be decoded, and for values that are no whole numbers.
     pub fn labels(&self, mut each: impl FnMut(VoxelRun<'_>)) -> Result<()> {
-        self.decode(Element::labels, &mut each)
+        let fold = self.layers.as_ref().map(|layers| |values: &[i64]| layers.found(values).next().unwrap_or(0));
+        self.decode(Element::labels, fold.as_ref().map(|fold| fold as Fold<'_, i64>), &mut each)
     }
 
     /// Rows of grey values.
@@ -148,27 +256,47 @@ impl Volume {
     /// # Errors
     /// [`Error::Format`] for data that end early or cannot be decoded, and for values that are no finite numbers.
     pub fn greys(&self, mut each: impl FnMut(VoxelRun<'_, f64>)) -> Result<()> {
-        self.decode(Element::greys, &mut each)
+        if self.layers.is_some() {
+            let message = format!("is not for segments, which {} holds; it cuts grey values", self.path.display());
+            return Err(Error::Setting { name: "level".into(), message });
+        }
+        self.decode(Element::greys, None, &mut each)
     }
 
-    fn decode<T>(&self, decode: Decode<T>, each: &mut impl FnMut(VoxelRun<'_, T>)) -> Result<()> {
-        self.runs(decode, each).map_err(|message| Error::Format { path: self.path.clone(), message })
+    fn decode<T: Copy>(
+        &self,
+        decode: Decode<T>,
+        fold: Option<Fold<'_, T>>,
+        each: &mut impl FnMut(VoxelRun<'_, T>),
+    ) -> Result<()> {
+        self.runs(decode, fold, each).map_err(|message| Error::Format { path: self.path.clone(), message })
     }
 
-    fn runs<T>(&self, decode: Decode<T>, each: &mut impl FnMut(VoxelRun<'_, T>)) -> Failure<()> {
-        let (count, size) = (self.voxels(), self.element.size());
+    fn runs<T: Copy>(
+        &self,
+        decode: Decode<T>,
+        fold: Option<Fold<'_, T>>,
+        each: &mut impl FnMut(VoxelRun<'_, T>),
+    ) -> Failure<()> {
+        let layers = self.layers.as_ref().map_or(1, |layers| layers.count);
+        let (count, size, most) = (self.voxels(), self.voxel_bytes(), (RUN / layers).max(1));
         let row = self.grid.dims[self.stored[0]];
         let rows = self.grid.dims[self.stored[1]];
         let mut input = self.data.open()?;
-        let (mut bytes, mut values) = (vec![0; RUN.min(count) * size], Vec::with_capacity(RUN.min(count)));
+        let (mut bytes, mut values) = (vec![0; most.min(count) * size], Vec::with_capacity(most.min(count) * layers));
         let mut at = 0;
         while at < count {
-            let n = RUN.min(count - at);
+            let n = most.min(count - at);
             let bytes = &mut bytes[..n * size];
             data::fill(&mut input, bytes, (at * size) as u64, self.bytes())?;
             values.clear();
-            let voxels = Voxels { bytes, big_endian: self.big_endian, scale: self.scale, first: at };
+            let voxels = Voxels { bytes, big_endian: self.big_endian, scale: self.scale, first: at * layers };
             decode(self.element, &voxels, &mut values)?;
+            if let Some(fold) = fold {
+                for k in 0..n {
+                    values[k] = fold(&values[k * layers..(k + 1) * layers]);
+                }
+            }
             let mut done = 0;
             while done < n {
                 let (i, rest) = ((at + done) % row, (at + done) / row);

@@ -12,20 +12,26 @@ use crate::storage::room;
 /// Labels that a message names.
 const NAMED: usize = 12;
 
-/// The chosen slices of the chosen label or grey level. Heights are distances along the axis from the volume's first slice, and the volume's own slices
+/// The chosen slices of `label`, of all labels, or of the grey level. Heights are distances along the axis from the volume's first slice, and the volume's own slices
 /// are the output grid. Pixels run along the other two axes in the file's order.
 ///
 /// # Errors
 /// [`Error::Setting`] for slices that are not there; [`Error::Format`] where none of them is painted; those of [`Volume::labels`].
-pub fn stack(volume: &Volume, survey: &Survey, choice: &Choice, options: &ReadOptions) -> Result<ContourStack> {
-    let chosen = chosen(volume, survey, choice.axis, options)?;
+pub fn stack(
+    volume: &Volume,
+    survey: &Survey,
+    choice: &Choice,
+    options: &ReadOptions,
+    label: Option<i64>,
+) -> Result<ContourStack> {
+    let chosen = chosen(volume, survey, choice.axis, options, label)?;
     let axis = choice.axis;
     let [u, v] = [[1, 2], [0, 2], [0, 1]][axis];
     let grid = &volume.grid;
     let (dims, spacing, axes) = (grid.dims, grid.spacing(), grid.axes());
     let contents = match options.level {
         Some(level) => levels(volume, &chosen, [u, v, axis], level)?,
-        None => masks(volume, &chosen, [u, v, axis], options.label)?,
+        None => masks(volume, &chosen, [u, v, axis], label)?,
     };
     let letter = ['i', 'j', 'k'][axis];
     let slices = chosen
@@ -43,7 +49,13 @@ pub fn stack(volume: &Volume, survey: &Survey, choice: &Choice, options: &ReadOp
     })
 }
 
-fn chosen(volume: &Volume, survey: &Survey, axis: usize, options: &ReadOptions) -> Result<Vec<usize>> {
+fn chosen(
+    volume: &Volume,
+    survey: &Survey,
+    axis: usize,
+    options: &ReadOptions,
+    label: Option<i64>,
+) -> Result<Vec<usize>> {
     let painted = &survey.painted[axis];
     let count = painted.len();
     let setting = |name: &str, message: String| Err(Error::Setting { name: name.into(), message });
@@ -67,7 +79,7 @@ fn chosen(volume: &Volume, survey: &Survey, axis: usize, options: &ReadOptions) 
             let message = format!("none of the {} chosen slices has a value above the level {level}", chosen.len());
             return Err(Error::Format { path: volume.path.clone(), message });
         }
-        let label = options.label.map_or("a non-zero label".into(), |l| format!("label {l}"));
+        let label = label.map_or("a non-zero label".into(), |l| format!("label {l}"));
         let there: Vec<String> = survey.labels.keys().take(NAMED).map(i64::to_string).collect();
         let more = if survey.labels.len() > NAMED { ", ..." } else { "" };
         let message = match there[..] {

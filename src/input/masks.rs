@@ -1,0 +1,196 @@
+//! A folder of masks, one file per organ, as segmentation programs write it: each file is a label that has the file's name.
+
+use std::cmp::Ordering;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use super::format::InputFormat;
+use super::tiff;
+use super::volume::data::{Data, fill};
+use super::volume::element::{Element, Voxels};
+use super::volume::grid::Failure;
+use super::volume::{Layers, Volume};
+use crate::error::{Error, Result};
+use crate::stack::appearance::Appearance;
+
+/// Most masks, each of which is an open file.
+const MOST: usize = 512;
+/// Voxels of each mask that are decoded at a time.
+const RUN: usize = 1 << 12;
+/// Share of a voxel by which the grids of two masks may differ.
+const SAME_PLACE: f64 = 1e-3;
+
+/// Whether a folder has files of volumes. A TIFF of one page is a slice.
+pub(super) fn has_masks(folder: &Path) -> bool {
+    masks(folder).is_ok_and(|files| !files.is_empty())
+}
+
+/// The files of volumes in a folder, in the order of their names.
+fn masks(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let Some((format, _)) = InputFormat::of_name(&name).filter(|(format, _)| format.is_volume()) else { continue };
+        let slice = format.name == "tiff" && tiff::read(&path).is_ok_and(|volume| volume.grid.dims[2] == 1);
+        // The other file of a pair is read by its header.
+        let voxels = format.name == "analyze" && !name.to_ascii_lowercase().ends_with(format.extensions[0]);
+        if path.is_file() && !name.starts_with('.') && !slice && !voxels {
+            files.push(path);
+        }
+    }
+    files.sort_by(|a, b| by_number(&a.to_string_lossy(), &b.to_string_lossy()));
+    Ok(files)
+}
+
+/// Reads the headers of the masks in a folder; where they are painted does not matter, but for 0.
+///
+/// # Errors
+/// [`Error::Read`]; [`Error::Format`] naming the mask, its grid and that of the first.
+pub(super) fn read(folder: &Path) -> Result<Volume> {
+    let files = masks(folder).map_err(|source| Error::Read { path: folder.into(), source })?;
+    if files.len() > MOST {
+        let message = format!("has {} masks; at most {MOST}", files.len());
+        return Err(Error::Format { path: folder.into(), message });
+    }
+    let mut volumes = Vec::with_capacity(files.len());
+    let mut names = Vec::new();
+    for path in files {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let Some((InputFormat { kind: super::format::Kind::Volume(header), .. }, at)) = InputFormat::of_name(&name)
+        else {
+            continue;
+        };
+        let volume = header(&path)?;
+        alike(volumes.first(), &volume)?;
+        names.push(name[..at].to_string());
+        volumes.push(volume);
+    }
+    let Some(first) = volumes.first() else {
+        return Err(Error::Format { path: folder.into(), message: "has no masks".into() });
+    };
+    let (grid, stored, notes) = (first.grid.clone(), first.stored, first.notes.clone());
+    let segments = (1..).zip(names);
+    let segments = segments.map(|(n, name)| (n, Appearance { name: Some(name), ..Appearance::label(n) })).collect();
+    let layers = Layers { count: volumes.len(), segments: (0..volumes.len()).map(|k| (k, 1)).collect(), only: None };
+    let element = (Element::Int { size: 1, signed: false }, false);
+    let volume = Volume::new(folder, "folder of masks", grid, element, Data::Masks(volumes));
+    Ok(Volume { stored, notes, segments, layers: Some(layers), ..volume })
+}
+
+/// Checks that a mask has the grid of the first.
+fn alike(first: Option<&Volume>, mask: &Volume) -> Result<()> {
+    let Some(first) = first else { return Ok(()) };
+    let fail = |message: String| Err(Error::Format { path: mask.path.clone(), message });
+    let name = first.path.file_name().unwrap_or_default().to_string_lossy();
+    let (a, b) = (&first.grid, &mask.grid);
+    if a.dims != b.dims {
+        return fail(format!("has {:?} voxels, but {name} has {:?}; masks of a folder have one grid", b.dims, a.dims));
+    }
+    let within = SAME_PLACE * a.spacing().into_iter().fold(f64::INFINITY, f64::min);
+    let last = |k: usize| a.dims[k] as f64;
+    let off =
+        (0..3).map(|k| (a.steps[k] - b.steps[k]).length() * last(k)).fold((a.origin - b.origin).length(), f64::max);
+    if off > within || first.stored != mask.stored {
+        return fail(format!(
+            "lies elsewhere than {name}, by up to {off:.4} {}; masks of a folder have one grid",
+            a.unit
+        ));
+    }
+    Ok(())
+}
+
+/// Names in the order in which people count: `s2` before `s10`.
+pub(super) fn by_number(a: &str, b: &str) -> Ordering {
+    fn piece(text: &str) -> (&str, &str) {
+        let digit = text.starts_with(|c: char| c.is_ascii_digit());
+        let end = text.find(|c: char| c.is_ascii_digit() != digit).unwrap_or(text.len());
+        text.split_at(end)
+    }
+    let (mut left, mut right) = (a, b);
+    while !left.is_empty() && !right.is_empty() {
+        let ((p, rest), (q, others)) = (piece(left), piece(right));
+        let digits = |text: &str| text.starts_with(|c: char| c.is_ascii_digit());
+        let order = if digits(p) && digits(q) {
+            let plain = |text: &str| text.trim_start_matches('0').to_string();
+            plain(p).len().cmp(&plain(q).len()).then_with(|| plain(p).cmp(&plain(q)))
+        } else {
+            p.cmp(q)
+        };
+        if order != Ordering::Equal {
+            return order;
+        }
+        (left, right) = (rest, others);
+    }
+    left.len().cmp(&right.len()).then_with(|| a.cmp(b))
+}
+
+/// The masks side by side: for every voxel a byte of each mask, 1 where it is painted.
+pub(super) struct SideBySide {
+    masks: Vec<(Volume, Box<dyn Read>)>,
+    /// Voxels that were decoded, and all.
+    done: usize,
+    count: usize,
+    /// Bytes of some voxels, and how many of them were given away.
+    bytes: Vec<u8>,
+    used: usize,
+}
+
+impl SideBySide {
+    pub fn open(volumes: &[Volume]) -> Failure<Self> {
+        let masks = volumes.iter().map(|volume| Ok((volume.clone(), volume.data.open()?)));
+        let masks: Vec<_> = masks.collect::<Failure<_>>()?;
+        let count = volumes.first().map_or(0, Volume::voxels);
+        Ok(SideBySide { masks, done: 0, count, bytes: Vec::new(), used: 0 })
+    }
+
+    fn next(&mut self) -> Failure<()> {
+        let n = RUN.min(self.count - self.done);
+        let many = self.masks.len();
+        self.bytes.clear();
+        self.bytes.resize(n * many, 0);
+        let (mut stored, mut values) = (Vec::new(), Vec::new());
+        for (k, (volume, input)) in self.masks.iter_mut().enumerate() {
+            let size = volume.element.size();
+            let wrong = |m: String| format!("{}: {m}", volume.path.display());
+            stored.resize(n * size, 0);
+            fill(input, &mut stored, (self.done * size) as u64, volume.bytes()).map_err(wrong)?;
+            values.clear();
+            let Volume { big_endian, scale, .. } = *volume;
+            let voxels = Voxels { bytes: &stored, big_endian, scale, first: self.done };
+            volume.element.labels(&voxels, &mut values).map_err(wrong)?;
+            for (byte, value) in self.bytes.iter_mut().skip(k).step_by(many).zip(&values) {
+                *byte = u8::from(*value != 0);
+            }
+        }
+        (self.done, self.used) = (self.done + n, 0);
+        Ok(())
+    }
+}
+
+impl Read for SideBySide {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        if self.used == self.bytes.len() {
+            if self.done == self.count {
+                return Ok(0);
+            }
+            self.next().map_err(io::Error::other)?;
+        }
+        let n = out.len().min(self.bytes.len() - self.used);
+        out[..n].copy_from_slice(&self.bytes[self.used..self.used + n]);
+        self.used += n;
+        Ok(n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_sorted_as_people_count() {
+        let mut names = ["s10.png", "s2.png", "s02.png", "s1.png", "a", "s", "10", "9"];
+        names.sort_by(|a, b| by_number(a, b));
+        assert_eq!(names, ["9", "10", "a", "s", "s1.png", "s02.png", "s2.png", "s10.png"]);
+    }
+}

@@ -489,7 +489,7 @@ fn evaluate_leaves_slices_out_and_scores_them() {
         assert!(fs::read(path).expect("it was written") == result.stdout, "{path}");
     }
     let own = place.path().join("fig9/stack.json").display().to_string();
-    for (path, said) in [(&wrong, "the name must end in .json"), (&own, "is the input")] {
+    for (path, said) in [(&wrong, "scores are written as JSON"), (&own, "is the input")] {
         let refused = interslice(&["evaluate", &input, "--backend", "cpu", "-o", &second, "-o", path]);
         assert_eq!(refused.status.code(), Some(2), "{path}");
         assert!(stderr(&refused).contains(said) && !stderr(&refused).contains("running on"), "{}", stderr(&refused));

@@ -214,6 +214,15 @@ fn masks_of_a_folder_have_one_grid() {
     refused(&["inspect", &input], &["Tumour.nrrd: has [10, 20, 9] voxels, but Cyst.nrrd has [30, 20, 9]"]);
     write(&masks.join("Tumour.nrrd"), &mask(&liver)[..4000]);
     refused(&["inspect", &input], &["Tumour.nrrd: data end after"]);
+    // A grey volume, or one of many labels, is no mask.
+    let mut several = mask(&liver);
+    let at = several.iter().rposition(|byte| *byte == 7).expect("it is painted");
+    several[at] = 5;
+    write(&masks.join("Tumour.nrrd"), &several);
+    refused(
+        &["inspect", &input],
+        &["Tumour.nrrd: has the values 7 and 5; a mask in a folder of masks has one besides 0"],
+    );
     write(&masks.join("Tumour.nrrd"), b"no mask");
     refused(&["inspect", &input], &["Tumour.nrrd: does not begin with NRRD000"]);
 }

@@ -71,7 +71,7 @@ fn open<'a>(arguments: &'a EvaluateArguments) -> Result<Vec<(&'a PathBuf, Pendin
     let mut places = Places::of(&arguments.input, &options)?;
     let mut open = |path: &'a PathBuf| match kind(path) {
         Ok(Kind::Report) => Ok((path, Pending::open(path, false, Temporary::Random, &mut places)?)),
-        _ => Err(Error::Output { path: path.clone(), message: "scores are JSON: the name must end in .json".into() }),
+        _ => Err(Error::Output { path: path.clone(), message: "scores are written as JSON".into() }),
     };
     arguments.outputs.iter().map(&mut open).collect()
 }

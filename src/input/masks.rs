@@ -125,9 +125,17 @@ pub(super) fn by_number(a: &str, b: &str) -> Ordering {
     left.len().cmp(&right.len()).then_with(|| a.cmp(b))
 }
 
+/// A mask that is being read.
+struct Mask {
+    volume: Volume,
+    input: Box<dyn Read>,
+    /// The value with which it is painted, where any has been seen.
+    paint: Option<i64>,
+}
+
 /// The masks side by side: for every voxel a byte of each mask, 1 where it is painted.
 pub(super) struct SideBySide {
-    masks: Vec<(Volume, Box<dyn Read>)>,
+    masks: Vec<Mask>,
     /// Voxels that were decoded, and all.
     done: usize,
     count: usize,
@@ -138,8 +146,8 @@ pub(super) struct SideBySide {
 
 impl SideBySide {
     pub fn open(volumes: &[Volume]) -> Failure<Self> {
-        let masks = volumes.iter().map(|volume| Ok((volume.clone(), volume.data.open()?)));
-        let masks: Vec<_> = masks.collect::<Failure<_>>()?;
+        let open = |volume: &Volume| Ok(Mask { volume: volume.clone(), input: volume.data.open()?, paint: None });
+        let masks = volumes.iter().map(open).collect::<Failure<Vec<_>>>()?;
         let count = volumes.first().map_or(0, Volume::voxels);
         Ok(SideBySide { masks, done: 0, count, bytes: Vec::new(), used: 0 })
     }
@@ -150,7 +158,7 @@ impl SideBySide {
         self.bytes.clear();
         self.bytes.resize(n * many, 0);
         let (mut stored, mut values) = (Vec::new(), Vec::new());
-        for (k, (volume, input)) in self.masks.iter_mut().enumerate() {
+        for (k, Mask { volume, input, paint }) in self.masks.iter_mut().enumerate() {
             let size = volume.element.size();
             let wrong = |m: String| format!("{}: {m}", volume.path.display());
             stored.resize(n * size, 0);
@@ -159,6 +167,12 @@ impl SideBySide {
             let Volume { big_endian, scale, .. } = *volume;
             let voxels = Voxels { bytes: &stored, big_endian, scale, first: self.done };
             volume.element.labels(&voxels, &mut values).map_err(wrong)?;
+            if let Some(other) = values.iter().find(|v| **v != 0 && **v != *paint.get_or_insert(**v)) {
+                let paint = paint.unwrap_or_default();
+                return Err(wrong(format!(
+                    "has the values {paint} and {other}; a mask in a folder of masks has one besides 0, and several labels are an input by themselves"
+                )));
+            }
             for (byte, value) in self.bytes.iter_mut().skip(k).step_by(many).zip(&values) {
                 *byte = u8::from(*value != 0);
             }

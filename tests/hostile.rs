@@ -50,7 +50,7 @@ fn the_sound_stack_is_taken() {
 fn no_such_input() {
     refused(Path::new("no/such/folder"), &[], &["no/such/folder", "cannot read"]);
     let empty = folder();
-    refused(empty.path(), &[], &["stack.json", "cannot read"]);
+    refused(empty.path(), &[], &["has neither stack.json nor images, masks or DICOM files"]);
     let other = empty.path().join("notes.txt");
     fs::write(&other, "hello").expect("a file can be written");
     refused(&other, &[], &["notes.txt", "expected a folder with stack.json"]);

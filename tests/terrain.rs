@@ -322,8 +322,6 @@ fn lines_that_dangle_or_cross_are_named() {
     let mut missing = cone();
     missing.push(feature(200, &circle([800.0, 0.0], 100.0)));
     assert_says(&refused(&missing, &[]), &["feature 5", "line of 200", "missing"]);
-    let border = format!("{EAST},{NORTH},{},{}", EAST + 100.0, NORTH + 100.0);
-    assert_says(&refused(&cone(), &["--border", &border]), &["feature 1", "beyond the border"]);
 }
 
 #[test]
@@ -334,18 +332,12 @@ fn degrees_and_wrong_files_are_refused() {
     let features = [feature(100, &degrees(0.4)), feature(150, &degrees(0.3))];
     let text = |crs: Value| json!({"type": "FeatureCollection", "features": features, "crs": crs}).to_string();
     let named = |name: &str| json!({"type": "name", "properties": {"name": name}});
-    for (crs, words) in [
-        (named("urn:ogc:def:crs:OGC:1.3:CRS84"), "are degrees"),
-        (named("EPSG:4258"), "are degrees"),
-        (named("mine"), "`crs` is `mine`"),
-        (Value::Null, "properties.name"),
-    ] {
+    for (crs, words) in [(named("mine"), "`crs` is `mine`"), (Value::Null, "properties.name")] {
         fs::write(&path, text(crs)).expect("a file can be written");
         assert_says(&refused_file(&path, &[]), &["in.geojson", words]);
     }
     let bare = json!({"type": "FeatureCollection", "features": features}).to_string();
     fs::write(&path, &bare).expect("a file can be written");
-    assert_says(&refused_file(&path, &[]), &["look like degrees", "--crs"]);
     let local = ReadOptions { crs: Some("local".into()), ..pixels(0.02) };
     assert_eq!(Terrain::read(&path, &local).expect("lengths of one's own").map.crs, Crs::Local);
     assert_says(&refused_file(&path, &["--crs", "metres"]), &["`crs` must be EPSG:N"]);
@@ -390,7 +382,12 @@ fn shapefiles_are_read_and_damaged_ones_refused() {
     }
     let degrees = r#"GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984"]]"#;
     fs::write(path.with_extension("prj"), degrees).expect("a file can be written");
-    assert_says(&refused_file(&path, &[]), &["cone.shp", "are degrees"]);
+    let far = "feature 1: (500400, 4000000) cannot be turned from EPSG:4326 into EPSG:32616: longitude and latitude must lie in";
+    assert_says(&refused_file(&path, &["--crs-out", "EPSG:32616"]), &["cone.shp", far]);
+    assert_says(
+        &refused_file(&path, &[]),
+        &["degrees wide, more than the 12 that a UTM zone can hold; --crs-out EPSG:N"],
+    );
     fs::write(path.with_extension("prj"), wkt).expect("a file can be written");
 
     for file in ["shp", "dbf"] {
@@ -406,4 +403,136 @@ fn shapefiles_are_read_and_damaged_ones_refused() {
     assert_says(&refused_file(&path, &[]), &["feature 3", "`CONTOUR` is null"]);
     fs::remove_file(path.with_extension("dbf")).expect("it is there");
     assert_says(&refused_file(&path, &[]), &["cone.dbf: cannot read"]);
+}
+
+/// Degrees of latitude and longitude about (-84.2, 36.3) of metres to the east and north, nearly.
+fn degrees([x, y]: [f64; 2]) -> [f64; 2] {
+    [-84.2 + x / 89_800.0, 36.3 + y / 111_000.0]
+}
+
+fn in_degrees(line: &Line) -> Line {
+    line.iter().map(|p| degrees([p[0] - EAST, p[1] - NORTH])).collect()
+}
+
+fn collection(crs: Option<&str>, features: &[Value]) -> String {
+    let mut text = json!({"type": "FeatureCollection", "features": features});
+    if let Some(name) = crs {
+        text["crs"] = json!({"type": "name", "properties": {"name": name}});
+    }
+    text.to_string()
+}
+
+#[test]
+fn degrees_are_reprojected() {
+    let place = folder();
+    let path = place.path().join("in.geojson");
+    let rings = [(100, 4000.0), (150, 3000.0), (200, 2000.0)];
+    let features: Vec<Value> = rings.iter().map(|(z, r)| feature(*z, &in_degrees(&circle([0.0, 0.0], *r)))).collect();
+    // GeoJSON that names no system has longitude and latitude.
+    for crs in [None, Some("urn:ogc:def:crs:OGC:1.3:CRS84"), Some("EPSG:4326"), Some("EPSG:4269")] {
+        fs::write(&path, collection(crs, &features)).expect("a file can be written");
+        let terrain = Terrain::read(&path, &pixels(100.0)).expect("a map in degrees");
+        assert_eq!(terrain.map.crs, Crs::Epsg(32616), "{crs:?}");
+        let says = "are reprojected to EPSG:32616, WGS 84 / UTM zone 16N; --crs-out EPSG:N names another";
+        assert!(terrain.notes.iter().any(|note| note.contains(says)), "{:?}", terrain.notes);
+        for (k, (_, r)) in rings.iter().enumerate() {
+            let content = &terrain.stack.slices[k].content;
+            let area = (0..content.len()).filter(|n| content.inside(*n)).count() as f64 * 1e4;
+            let share = area / (std::f64::consts::PI * r * r);
+            assert!((share - 1.0).abs() < 0.02, "{share}");
+        }
+        let wanted = ReadOptions { crs_out: Some("EPSG:5070".into()), ..pixels(100.0) };
+        assert_eq!(Terrain::read(&path, &wanted).expect("another system").map.crs, Crs::Epsg(5070));
+    }
+    let out = place.path().join("dem.tif").display().to_string();
+    let result = interslice(&["reconstruct", &path.display().to_string(), "-o", &out, "--pixel", "200"]);
+    assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+    assert_says(&stderr(&result), &["longitude and latitude (EPSG:4269) are reprojected to EPSG:32616"]);
+    for (options, says) in [
+        (
+            &["--crs-out", "EPSG:4326"][..],
+            "`crs_out` must be a system of lengths, as heights are; EPSG:4326 has degrees",
+        ),
+        (&["--crs-out", "metres"], "`crs_out` must be EPSG:N with 1024 <= N < 32767; got `metres`"),
+        (&["--crs-out", "EPSG:1999"], "EPSG:1999 is not known to this program"),
+        (
+            &["--crs", "local", "--crs-out", "EPSG:32616"],
+            "`crs_out` needs the system of the file: --crs EPSG:N names it",
+        ),
+    ] {
+        assert_says(&refused_file(&path, options), &["in.geojson", says]);
+    }
+    let wide = [feature(100, &vec![[0.0, 0.0], [20.0, 0.0], [20.0, 5.0]]), feature(200, &vec![[0.0, 1.0], [9.0, 5.0]])];
+    fs::write(&path, collection(None, &wide)).expect("a file can be written");
+    assert_says(
+        &refused_file(&path, &[]),
+        &["the map is 20.0 degrees wide, more than the 12 that a UTM zone can hold"],
+    );
+    let polar = [feature(100, &vec![[0.0, 83.0], [2.0, 86.0]]), feature(200, &vec![[1.0, 83.0], [2.0, 84.0]])];
+    fs::write(&path, collection(None, &polar)).expect("a file can be written");
+    assert_says(&refused_file(&path, &[]), &["from latitude 83 to 86, where there is no UTM; --crs-out EPSG:N"]);
+    let stack = folder();
+    sound_stack(stack.path());
+    for (option, value) in [("--crs-out", "EPSG:32616"), ("--z-unit", "ft")] {
+        let says =
+            format!("`{}` is not for anything but contour maps", option.trim_start_matches('-').replace('-', "_"));
+        assert_says(&refused_file(stack.path(), &[option, value]), &[&says]);
+    }
+}
+
+/// A map cut along meridians and parallels has slanted edges in any system of lengths.
+#[test]
+fn lines_that_a_slanted_edge_has_cut_go_on_to_the_box() {
+    let place = folder();
+    let path = place.path().join("in.geojson");
+    let north_south =
+        |k: usize| -> Line { (0..=40).map(|j| [-84.4 + 0.02 * k as f64, 36.2 + 0.005 * f64::from(j)]).collect() };
+    let ramp: Vec<Value> = (1..20).map(|k| feature(10 * k as i64, &north_south(k))).collect();
+    fs::write(&path, collection(None, &ramp)).expect("a file can be written");
+    let terrain = Terrain::read(&path, &pixels(100.0)).expect("a map with slanted edges");
+    let told = |note: &String| note.contains(" ends of lines are inside the box around all lines, up to ");
+    assert!(terrain.notes.iter().any(told), "{:?}", terrain.notes);
+    assert_eq!(terrain.stack.slices.len(), 19);
+    // A ramp: every level's region is an end of the map, smaller than that of the level below.
+    let areas: Vec<usize> =
+        terrain.stack.slices.iter().map(|s| (0..s.content.len()).filter(|n| s.content.inside(*n)).count()).collect();
+    assert!(areas.windows(2).all(|w| w[1] < w[0]) && areas[18] > 0, "{areas:?}");
+}
+
+#[test]
+fn lines_beyond_the_border_are_cut() {
+    let given = |x: [f64; 4]| ReadOptions {
+        border: Some(vec![EAST + x[0], NORTH + x[1], EAST + x[2], NORTH + x[3]]),
+        ..pixels(20.0)
+    };
+    let (whole, part) = (read(&cone(), &pixels(20.0)), read(&cone(), &given([-100.0, -300.0, 900.0, 300.0])));
+    assert!(part.notes.iter().any(|n| n.ends_with("lines go beyond the border and are cut there")), "{:?}", part.notes);
+    let levels = whole.stack.slices.iter().filter(|s| part.stack.slices.iter().any(|p| p.z == s.z));
+    for (k, slice) in levels.enumerate() {
+        assert_eq!(part.stack.slices[k].z, slice.z);
+        for point in [[0.0, 0.0], [150.0, 100.0], [350.0, 0.0], [500.0, -200.0]] {
+            assert_eq!(inside(&part, k, point), inside(&whole, k, point), "level {} at {point:?}", slice.z);
+        }
+    }
+    let far = format!("{},{},{},{}", EAST + 9000.0, NORTH, EAST + 9100.0, NORTH + 100.0);
+    assert_says(&refused(&cone(), &["--border", &far]), &["has no lines within the border 509000, 4000000 to 509100"]);
+}
+
+#[test]
+fn elevations_have_many_names_and_units() {
+    let [outer, inner] = [400.0, 300.0].map(|r| circle([0.0, 0.0], r));
+    for name in ["level", "LEVEL", "Hoehe", "quota", "cota", "ELEV", "contour"] {
+        let map = [(&outer, 100.0), (&inner, 150.0)].map(|(line, z)| with_fields(line, json!({name: z, "id": 4})));
+        assert_eq!(read(&map, &pixels(20.0)).stack.slices[1].z, 150.0, "{name}");
+    }
+    // A better name wins.
+    let both = [(&outer, 100.0), (&inner, 150.0)].map(|(line, z)| with_fields(line, json!({"level": 1, "elev": z})));
+    assert_eq!(read(&both, &pixels(20.0)).stack.slices[1].z, 150.0);
+    let map = [feature(100, &outer), feature(1000, &inner)];
+    for (unit, metres) in [("m", 1000.0), ("ft", 304.8), ("us-ft", 1000.0 * 1200.0 / 3937.0)] {
+        let z_unit = Some(serde_json::from_value(json!(unit)).expect("a unit"));
+        let z = read(&map, &ReadOptions { z_unit, ..pixels(20.0) }).stack.slices[1].z;
+        assert!((z - metres).abs() < 1e-9, "{unit}: {z}");
+    }
+    assert_says(&refused(&map, &["--z-unit", "yard"]), &["invalid value 'yard' for '--z-unit <UNIT>'", "m, ft, us-ft"]);
 }

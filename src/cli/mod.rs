@@ -49,7 +49,7 @@ enum Command {
     /// Join the parts of a reconstruction into its outputs
     Merge(sections::MergeArguments),
     /// Say what is in a stack, before any work
-    Inspect(inspect::InspectArguments),
+    Inspect(Box<inspect::InspectArguments>),
     /// Leave slices out, reconstruct them, and say how well they are found
     Evaluate(Box<evaluate::EvaluateArguments>),
     /// Write the paper's synthetic stacks and reconstruct them

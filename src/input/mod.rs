@@ -44,6 +44,8 @@ impl Kind {
             (map && options.slices.is_some(), "slices", lines),
             (!map && options.elevation.is_some(), "elevation", "anything but contour maps"),
             (!map && options.border.is_some(), "border", "anything but contour maps"),
+            (!map && options.z_unit.is_some(), "z_unit", "anything but contour maps"),
+            (!map && options.crs_out.is_some(), "crs_out", "anything but contour maps"),
             (!map && options.crs.is_some(), "crs", "anything but contour maps"),
             (structures && options.label.is_some(), "label", "an RTSTRUCT; `roi` chooses there"),
             (!structures && !options.roi.is_empty(), "roi", "anything but an RTSTRUCT"),

@@ -35,17 +35,25 @@ pub struct ReadOptions {
     #[arg(long, value_name = "LENGTH")]
     pub pixel: Option<f64>,
 
-    /// Contour maps: the attribute that is the elevation [default: the one named elev..., height, contour, z, ..., else the points' z]
+    /// Contour maps: the attribute that is the elevation [default: the one named elev..., height, contour, level, z, ..., else the points' z]
     #[arg(long, value_name = "FIELD")]
     pub elevation: Option<String>,
 
-    /// Contour maps: where the map ends [default: the box around all lines]
+    /// Contour maps: the unit of the elevation, which becomes that of x and y [default: that of x and y]
+    #[arg(long, value_enum, value_name = "UNIT")]
+    pub z_unit: Option<ZUnit>,
+
+    /// Contour maps: where the map ends, in the coordinates of the outputs; lines that go beyond are cut [default: the box around all lines]
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_delimiter = ',')]
     pub border: Option<Vec<f64>>,
 
     /// Contour maps: coordinate system of x and y, EPSG:N, or local where they are lengths in none [default: what the file names]
     #[arg(long, value_name = "EPSG:N|local")]
     pub crs: Option<String>,
+
+    /// Contour maps: reproject x and y to this coordinate system, EPSG:N [default: degrees to the UTM zone of the map's middle, others not at all]
+    #[arg(long, value_name = "EPSG:N")]
+    pub crs_out: Option<String>,
 
     /// Label volumes and RTSTRUCT: use every K-th slice only [default: the slices that have the label, the planes that are drawn]
     #[arg(long, value_name = "K", conflicts_with = "slices")]
@@ -68,6 +76,29 @@ pub struct ReadOptions {
     /// Folders of images without stack.json, and label volumes whose file does not tell, as a .npz and a .npy never do: sides of a voxel along x, y, z, mm [default: 1 px]
     #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',')]
     pub spacing: Option<Vec<f64>>,
+}
+
+/// Unit of elevations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ZUnit {
+    /// Metres.
+    M,
+    /// Feet of 0.3048 m.
+    Ft,
+    /// US survey feet, 1200 / 3937 m.
+    UsFt,
+}
+
+impl ZUnit {
+    /// Metres of it.
+    pub fn metres(self) -> f64 {
+        match self {
+            ZUnit::M => 1.0,
+            ZUnit::Ft => 0.3048,
+            ZUnit::UsFt => 1200.0 / 3937.0,
+        }
+    }
 }
 
 /// A label as the user names it.

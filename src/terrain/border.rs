@@ -94,6 +94,47 @@ impl Border {
         lines.into_iter().filter(|points| points.len() > 1).map(open).collect()
     }
 
+    /// The pieces of a line that lie within; none of one that lies beyond.
+    pub fn cut(&self, line: &ContourLine) -> Vec<ContourLine> {
+        let n = line.points.len();
+        // A closed line is walked from a point beyond the border.
+        let beyond = line.points.iter().position(|p| self.nearest(*p).1 < 0.0).unwrap_or(0);
+        let (start, pieces) = if line.closed { (beyond, n) } else { (0, n - 1) };
+        let (mut lines, mut points): (Vec<Polygon>, Polygon) = (Vec::new(), Polygon::new());
+        for k in start..start + pieces {
+            let Some([from, to]) = self.within(line.points[k % n], line.points[(k + 1) % n]) else { continue };
+            if points.last() != Some(&from) {
+                lines.push(std::mem::replace(&mut points, vec![from]));
+            }
+            if to != from {
+                points.push(to);
+            }
+        }
+        lines.push(points);
+        let open = |points| ContourLine { feature: line.feature.clone(), z: line.z, points, closed: false };
+        lines.into_iter().filter(|points| points.len() > 1).map(open).collect()
+    }
+
+    /// The part of a straight piece that lies within (Liang and Barsky, 1984).
+    fn within(&self, p: DVec2, q: DVec2) -> Option<[DVec2; 2]> {
+        let (a, b) = (self.inward(p), self.inward(q));
+        let (mut from, mut to) = (0.0f64, 1.0f64);
+        for side in 0..4 {
+            match (a[side] >= 0.0, b[side] >= 0.0) {
+                (true, true) => {}
+                (false, false) => return None,
+                (false, true) => from = from.max(a[side] / (a[side] - b[side])),
+                (true, false) => to = to.min(a[side] / (a[side] - b[side])),
+            }
+        }
+        let at = |t: f64| match t {
+            0.0 => p,
+            1.0 => q,
+            _ => (p + t * (q - p)).clamp(self.low, self.high),
+        };
+        (from <= to).then(|| [at(from), at(to)])
+    }
+
     /// Point at which a line that ends at `p` reaches the rectangle `outer` beyond.
     fn reached(&self, p: DVec2, outer: &Border) -> DVec2 {
         match self.nearest(p).0 {

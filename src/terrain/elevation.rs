@@ -8,6 +8,23 @@ type Parse<T> = Result<T, String>;
 
 /// Names of elevation attributes, in any case; so are all that begin with "elev".
 const NAMES: [&str; 6] = ["ele", "height", "contour", "z", "altitude", "alt"];
+/// Names that stand for the elevation where none of those is there: other words for it, and other languages'.
+const OTHERS: [&str; 14] = [
+    "level",
+    "lev",
+    "value",
+    "zvalue",
+    "z_value",
+    "contourele",
+    "isohypse",
+    "hoehe",
+    "h\u{f6}he",
+    "kote",
+    "quota",
+    "cota",
+    "altitud",
+    "hoogte",
+];
 /// Heights of a line's points this close, of their size, are one.
 const SAME: f64 = 1e-9;
 
@@ -39,12 +56,15 @@ pub fn source(features: &[Feature], asked: Option<&str>) -> Parse<ElevationSourc
         let name = name.to_lowercase();
         NAMES.contains(&name.as_str()) || name.starts_with("elev")
     };
-    let found: Vec<&str> = names.iter().copied().filter(|n| known(n)).collect();
+    let mut found: Vec<&str> = names.iter().copied().filter(|n| known(n)).collect();
+    if found.is_empty() && features.iter().flat_map(|f| &f.lines).all(|l| l.z.is_empty()) {
+        found = names.iter().copied().filter(|n| OTHERS.contains(&n.to_lowercase().as_str())).collect();
+    }
     match found[..] {
         [only] => Ok(ElevationSource::Field(only.into())),
         [] if features.iter().flat_map(|f| &f.lines).any(|l| !l.z.is_empty()) => Ok(ElevationSource::Points),
         [] => Err(format!(
-            "no attribute is known to be the elevation (elev..., height, contour, z, ...) and points have no z; --elevation FIELD names \
+            "no attribute is known to be the elevation (elev..., height, contour, level, z, ...) and points have no z; --elevation FIELD names \
              it; there are {}",
             listed()
         )),

@@ -7,11 +7,14 @@ use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
 use super::border::Border;
+use super::hull::Hull;
 use super::lines::{ContourLine, distance};
 use crate::polygons::Polygon;
 
 /// Ends this close, px, are one, and lie on the border.
 pub const TOLERANCE: f64 = 0.5;
+/// Share of the map's longer side by which an end may lie inside the hull of all lines: lines that a slanted or ragged edge has cut.
+const NEAR: f64 = 0.01;
 /// Ends that are looked at around each: where more meet, they are no contours, and all pairs of them would be too many.
 const MOST_NEAR: usize = 16;
 
@@ -62,7 +65,7 @@ impl JoinedMap {
 /// Joins the lines of each elevation; the border is the box around them where none is given.
 ///
 /// # Errors
-/// A message with feature, coordinates and distances for a line that ends inside the map or leaves it.
+/// A message with feature, coordinates and distances for a line that ends inside the map.
 pub fn join(
     lines: Vec<ContourLine>,
     given: Option<Border>,
@@ -71,17 +74,18 @@ pub fn join(
 ) -> Result<JoinedMap, String> {
     let border = given.unwrap_or_else(|| Border::around(&lines));
     let tolerance = TOLERANCE * pixel;
-    for line in &lines {
-        let outside = |p: &&DVec2| border.nearest(**p).1 < -tolerance;
-        if let Some(p) = line.points.iter().find(outside) {
-            let by = -border.nearest(*p).1;
-            return Err(format!(
-                "{}: ({}, {}) lies {by} beyond the border; at most {tolerance}",
-                line.feature, p.x, p.y
-            ));
-        }
+    let beyond = |line: &ContourLine| line.points.iter().any(|p| border.nearest(*p).1 < -tolerance);
+    let (cut, mut lines): (Vec<ContourLine>, Vec<ContourLine>) = lines.into_iter().partition(beyond);
+    if !cut.is_empty() {
+        notes.push(format!("{} lines go beyond the border and are cut there", cut.len()));
+        lines.extend(cut.iter().flat_map(|line| border.cut(line)));
+    }
+    if lines.is_empty() {
+        let Border { low, high } = border;
+        return Err(format!("has no lines within the border {}, {} to {}, {}", low.x, low.y, high.x, high.y));
     }
     let lines = distinct(lines, notes);
+    let hull = given.is_none().then(|| Hull::around(lines.iter().flat_map(|line| &line.points)));
     // Where all lines are closed and no border is given, none is cut: what touches the box touches nothing.
     let bordered = given.is_some() || lines.iter().any(|l| !l.closed);
     let mut by_level: BTreeMap<u64, Elevation> = BTreeMap::new();
@@ -105,8 +109,20 @@ pub fn join(
         }
         !none
     });
+    let (near, mut continued) = (NEAR * (border.high - border.low).max_element(), (0, 0.0f64));
     for level in &mut levels {
-        chains(level, &border, tolerance)?;
+        let beyond = |p: DVec2| {
+            let (distance, reached) = hull.as_ref()?.beyond(p, &border)?;
+            (distance <= near.max(tolerance)).then_some((distance, reached))
+        };
+        let (count, most) = chains(level, &border, tolerance, &beyond)?;
+        continued = (continued.0 + count, continued.1.max(most));
+    }
+    if let (1.., most) = continued {
+        notes.push(format!(
+            "{} ends of lines are inside the box around all lines, up to {most:.3} inside their hull; the lines go on straight to the box",
+            continued.0
+        ));
     }
     Ok(JoinedMap { border, levels })
 }
@@ -135,20 +151,31 @@ enum Mate {
 }
 
 /// The level's lines end to end. End `2 k` is where line `k` begins, end `2 k + 1` where it stops.
-fn chains(level: &mut Elevation, border: &Border, tolerance: f64) -> Result<(), String> {
+fn chains(
+    level: &mut Elevation,
+    border: &Border,
+    tolerance: f64,
+    beyond: &impl Fn(DVec2) -> Option<(f64, DVec2)>,
+) -> Result<(usize, f64), String> {
     level.rings = level.lines.iter().filter(|l| l.closed).map(|l| l.points.clone()).collect();
     let open: Vec<&ContourLine> = level.lines.iter().filter(|l| !l.closed).collect();
     let ends: Vec<DVec2> = open.iter().flat_map(|l| [l.points[0], l.points[l.points.len() - 1]]).collect();
-    let mates = mates(&ends, border, tolerance).map_err(|e| dangling(e, &ends, &open, border, tolerance))?;
+    let mut continued: Vec<Option<(f64, DVec2)>> = vec![None; ends.len()];
+    let mates = mates(&ends, border, tolerance, beyond, &mut continued)
+        .map_err(|e| dangling(e, &ends, &open, border, tolerance))?;
     let mut used = vec![false; open.len()];
     let mut walk = |from: usize| {
         let (mut chain, mut end) = (Polygon::new(), from);
+        let reached = |end: usize| continued[end].map(|(_, reached)| reached);
         loop {
             let line = end / 2;
             if used[line] {
                 return chain;
             }
             used[line] = true;
+            if chain.is_empty() {
+                chain.extend(reached(end));
+            }
             let points = open[line].points.iter().copied();
             if end % 2 == 0 {
                 chain.extend(points)
@@ -156,7 +183,10 @@ fn chains(level: &mut Elevation, border: &Border, tolerance: f64) -> Result<(), 
                 chain.extend(points.rev())
             }
             match mates[end ^ 1] {
-                Mate::Border => return chain,
+                Mate::Border => {
+                    chain.extend(reached(end ^ 1));
+                    return chain;
+                }
                 Mate::End(next) => end = next,
             }
         }
@@ -169,14 +199,21 @@ fn chains(level: &mut Elevation, border: &Border, tolerance: f64) -> Result<(), 
         level.rings.push(walk(end));
     }
     level.rings.retain(|ring| ring.len() > 2);
-    Ok(())
+    let far = continued.iter().flatten().map(|(distance, _)| *distance);
+    Ok((far.clone().count(), far.fold(0.0, f64::max)))
 }
 
-/// Things that the ends meet: the nearest pairs first.
+/// Things that the ends meet: the nearest pairs first. What meets none may go on `beyond` itself, to the border; where is put into `continued`.
 ///
 /// # Errors
 /// The first end that meets nothing.
-fn mates(ends: &[DVec2], border: &Border, tolerance: f64) -> Result<Vec<Mate>, usize> {
+fn mates(
+    ends: &[DVec2],
+    border: &Border,
+    tolerance: f64,
+    beyond: &impl Fn(DVec2) -> Option<(f64, DVec2)>,
+    continued: &mut [Option<(f64, DVec2)>],
+) -> Result<Vec<Mate>, usize> {
     let tree = RTree::bulk_load(ends.iter().enumerate().map(|(k, p)| GeomWithData::new(p.to_array(), k)).collect());
     let mut pairs: Vec<(f64, usize, Mate)> = Vec::new();
     for (k, p) in ends.iter().enumerate() {
@@ -208,7 +245,14 @@ fn mates(ends: &[DVec2], border: &Border, tolerance: f64) -> Result<Vec<Mate>, u
             }
         }
     }
-    mates.into_iter().enumerate().map(|(k, mate)| mate.ok_or(k)).collect()
+    let found = mates.into_iter().enumerate().map(|(k, mate)| {
+        let goes_on = || {
+            continued[k] = beyond(ends[k]);
+            continued[k].map(|_| Mate::Border)
+        };
+        mate.or_else(goes_on).ok_or(k)
+    });
+    found.collect()
 }
 
 fn dangling(end: usize, ends: &[DVec2], open: &[&ContourLine], border: &Border, tolerance: f64) -> String {

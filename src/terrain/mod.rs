@@ -12,9 +12,11 @@ mod border;
 mod elevation;
 mod geojson;
 mod guard;
+mod hull;
 mod join;
 mod levels;
 mod lines;
+mod project;
 mod shapefile;
 
 use std::path::{Path, PathBuf};
@@ -73,14 +75,19 @@ impl Terrain {
         let shape = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("shp"));
         let (features, named) = if shape { shapefile::read(path)? } else { geojson::read(path)? };
         let mut notes = Vec::new();
-        let (lines, field) = lines::lines(&features, options.elevation.as_deref(), &mut notes).map_err(wrong)?;
-        let crs = coordinate_system(named, options, &lines).map_err(wrong)?;
+        let (mut lines, field) = lines::lines(&features, options.elevation.as_deref(), &mut notes).map_err(wrong)?;
+        let crs = coordinate_system(named, options, &lines, shape).map_err(wrong)?;
+        let (crs, reprojected) = project::project(&mut lines, crs, options.crs_out.as_deref()).map_err(wrong)?;
+        notes.extend(reprojected);
         let border = options.border.as_deref().map(Border::given).transpose()?;
         let pixel = lines::pixel(&lines, options.pixel).map_err(|e| e.in_file(path))?;
         if crs == Crs::Unknown {
             notes.push("no coordinate system is named; --crs EPSG:N sets it".into());
         }
-        if let Some(metres) = crs.metres().filter(|m| (m - 1.0).abs() > 1e-9) {
+        if let Some(unit) = options.z_unit {
+            let factor = unit.metres() / crs.metres().unwrap_or(1.0);
+            lines.iter_mut().for_each(|line| line.z *= factor);
+        } else if let Some(metres) = crs.metres().filter(|m| (m - 1.0).abs() > 1e-9) {
             notes.push(format!("x and y are in units of {metres} m; heights are taken to be in the same unit"));
         }
         let joined = join::join(lines, border, pixel, &mut notes).map_err(wrong)?;
@@ -116,11 +123,12 @@ pub fn files(path: &Path) -> Vec<PathBuf> {
     std::iter::once(path.to_path_buf()).chain(beside).collect()
 }
 
-/// That of the options, else of the file.
+/// That of the options, else of the file. GeoJSON that names none and looks like degrees has them (RFC 7946).
 fn coordinate_system(
     named: Crs,
     options: &ReadOptions,
     lines: &[lines::ContourLine],
+    shape: bool,
 ) -> std::result::Result<Crs, String> {
     let crs = match &options.crs {
         None => named,
@@ -129,12 +137,13 @@ fn coordinate_system(
     };
     let mut points = lines.iter().flat_map(|l| &l.points);
     let degrees = crs == Crs::Unknown && points.all(|p| p.abs().cmple(DVec2::new(180.0, 90.0)).all());
-    let way_out = "project the file first, or say --crs EPSG:N, or --crs local if these are lengths";
-    match (crs.is_geographic(), degrees) {
-        (true, _) => Err(format!("coordinates are degrees, but x and y must be lengths as heights are; {way_out}")),
-        (_, true) => Err(format!(
-            "coordinates look like degrees (no system is named, and all lie in [-180, 180] x [-90, 90]); {way_out}"
-        )),
-        _ => Ok(crs),
+    match degrees {
+        true if shape => Err(
+            "coordinates look like degrees (no system is named, and all lie in [-180, 180] x [-90, 90]); say --crs EPSG:4326 if they are \
+             longitude and latitude, --crs EPSG:N for another system, or --crs local if these are lengths"
+                .into(),
+        ),
+        true => Ok(Crs::Epsg(project::WGS84)),
+        false => Ok(crs),
     }
 }

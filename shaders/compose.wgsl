@@ -12,6 +12,8 @@
 @group(0) @binding(8) var<storage, read_write> blended: array<f32>;
 @group(0) @binding(9) var<storage, read> slots: array<u32>;
 @group(0) @binding(10) var<storage, read> before: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read> holes: array<Hole>;
+@group(0) @binding(12) var<storage, read> hole_values: array<f32>;
 
 // How much deeper one sweep's field may be than the other's when they are blended, px: the reason is in src/backend/jobs.rs.
 const DISAGREEMENT: f32 = 0.5;
@@ -56,8 +58,15 @@ struct Item {
     down_weight: f32,
     block_count: u32,
     offset: u32,
-    padding_a: u32,
-    padding_b: u32,
+    // Holes that are cut out of it.
+    first_hole: u32,
+    hole_count: u32,
+}
+
+// A hole on the tile of its slice: where its distances begin, and what is added to them.
+struct Hole {
+    first: u32,
+    offset: f32,
 }
 
 // A pixel of a front at this share of a step, `(1 - q) phi_n + q phi_{n+1} + q (1 - q) (b + c q)`: steps are the sweep's own, whatever times
@@ -129,7 +138,7 @@ fn disagreement(weight: f32) -> f32 {
     return DISAGREEMENT * max(0.5 / max(1.0 - weight, 1e-6), 1.0);
 }
 
-// `(1 - w) up + w down`, neither deeper than the other by more than `disagreement`.
+// `(1 - w) up + w down`, neither deeper than the other by more than `disagreement`, without the holes that end between the contours.
 @compute @workgroup_size(lane_count)
 fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let row = row_index(group);
@@ -156,6 +165,10 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
         let nearer = min(abs(a), abs(b));
         let up_limit = nearer + disagreement(item.up_weight);
         let down_limit = nearer + disagreement(item.down_weight);
-        blended[item.offset + k * BLOCK + c] = item.up_weight * clamp(a, -up_limit, up_limit) + item.down_weight * clamp(b, -down_limit, down_limit);
+        var value = item.up_weight * clamp(a, -up_limit, up_limit) + item.down_weight * clamp(b, -down_limit, down_limit);
+        for (var h = item.first_hole; h < item.first_hole + item.hole_count; h++) {
+            value = max(value, -(hole_values[holes[h].first + k * BLOCK + c] + holes[h].offset));
+        }
+        blended[item.offset + k * BLOCK + c] = value;
     }
 }

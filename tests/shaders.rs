@@ -233,8 +233,10 @@ const OWN: [(&str, &str); 5] = [
 fn constants_are_those_of_the_twins() {
     use interslice::gpu::layout;
     use interslice::grid::stencil;
-    use interslice::reference::{distance, exact, extend, part, particles, propagate, reinit, scatter, trace};
-    use interslice::registration::{displacement, motion_field as field};
+    use interslice::reference::{
+        distance, exact, extend, morph_layer, part, particles, propagate, reinit, scatter, trace,
+    };
+    use interslice::registration::{displacement, motion_field as field, particle_weight};
     // Of one module, or of all that have it.
     let wanted: &[(&str, &str, f64)] = &[
         ("", "NONE", f64::from(layout::NONE)),
@@ -261,8 +263,15 @@ fn constants_are_those_of_the_twins() {
         ("distance", "TRUSTED", distance::TRUSTED),
         ("exact", "TIE", exact::TIE),
         ("extend", "ALIKE", extend::ALIKE),
-        ("moving_layer", "SHRINKING", field::SHRINKING),
-        ("moving_layer", "AT_TIP", interslice::contour::caps::AT_TIP),
+        ("", "SHRINKING", field::SHRINKING),
+        ("", "AT_TIP", interslice::contour::caps::AT_TIP),
+        ("morph_layer", "ALL_TRUST", particle_weight::ALL),
+        ("morph_layer", "FEW", particle_weight::FEW),
+        ("morph_layer", "GONE", f64::from(morph_layer::GONE)),
+        ("morph_layer", "NO_TRUST", particle_weight::NONE),
+        ("morph_layer", "OF_ENDS", f64::from(layout::OF_ENDS)),
+        ("morph_layer", "OF_SLICES", f64::from(layout::OF_SLICES)),
+        ("morph_layer", "SQUARE", interslice::grid::sparse_image::SQUARE as f64),
         ("moving_slopes", "BOTH", f64::from(layout::BOTH)),
         ("moving_slopes", "ABOVE", f64::from(layout::ABOVE)),
         ("moving_slopes", "BELOW", f64::from(layout::BELOW)),

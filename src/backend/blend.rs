@@ -1,7 +1,6 @@
 //! Both sweeps of a group at one time, blended and mended: every backend composes its slices by it.
 
 use crate::backend::jobs::{SweepPair, disagreement};
-use crate::contour::direction::Direction;
 use crate::grid::field::Field;
 use crate::grid::sparse_image::SparseImage;
 
@@ -23,32 +22,25 @@ pub fn blend(up: &SparseImage<f32>, down: &SparseImage<f32>, weights: [f64; 2]) 
     phi
 }
 
-/// Whether the blend of slice `k` has lost something: see [`mend`]. `outside` tells of a pixel of the tile.
+/// Whether a blend whose holes are cut out has lost an overlap: see [`mend`]. `outside` tells of a pixel of the tile.
 pub fn is_broken(pair: &SweepPair<'_>, outside: impl Fn(usize) -> bool) -> bool {
-    !pair.holes.is_empty() || pair.anchors.iter().any(|anchor| outside(*anchor))
+    pair.anchors.iter().any(|anchor| outside(*anchor))
 }
 
-/// Puts back what the blend of slice `k` has lost: holes are cut out again, overlaps of the two contours are joined. Whether anything changed.
-pub fn mend(pair: &SweepPair<'_>, k: usize, phi: &mut Field) -> bool {
+/// Puts back what the blend of slice `k` has lost: holes are cut out again, overlaps of the two contours are joined.
+pub fn mend(pair: &SweepPair<'_>, k: usize, phi: &mut Field) {
     let t = pair.up.times[k];
     for (cap, direction) in pair.holes.iter() {
-        let away = match direction {
-            Direction::Up => t,
-            Direction::Down => 1.0 - t,
-        };
-        let offset = cap.offset(away);
+        let offset = cap.offset(direction.away(t));
         for (v, hole) in phi.data.iter_mut().zip(&cap.field.data) {
             *v = v.max(-(hole + offset));
         }
     }
-    let mut changed = !pair.holes.is_empty();
     for &anchor in &pair.anchors {
         if phi.data[anchor] >= 0.0 {
             hold(phi, pair, anchor);
-            changed = true;
         }
     }
-    changed
 }
 
 /// Puts the overlap of the two contours around `anchor` back where the blend has lost it, so that what overlaps is connected.

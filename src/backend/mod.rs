@@ -2,6 +2,7 @@
 
 pub mod blend;
 pub mod conditioning;
+pub mod interval_morph;
 pub mod jobs;
 pub mod options;
 pub mod padded_slice;
@@ -11,8 +12,11 @@ pub mod requests;
 pub use self::options::{ContourOptions, MorphOptions};
 pub use self::padded_slice::PaddedSlice;
 
+use self::interval_morph::Morphed;
 use self::jobs::{Filled, Traced};
-use self::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
+use self::requests::{
+    ContourRequest, LayerRequest, MorphRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest,
+};
 use crate::error::Result;
 use crate::grid::field::Field;
 use crate::grid::sparse_image::SparseImage;
@@ -78,6 +82,13 @@ pub trait Backend: Sync {
     /// A backend's own failures.
     #[doc(hidden)]
     fn propagate(&self, request: &SweepRequest<'_>, progress: &dyn Progress) -> Result<Vec<Filled>>;
+
+    /// Sweeps through whole intervals, and the layers composed of them.
+    ///
+    /// # Errors
+    /// A backend's own failures.
+    #[doc(hidden)]
+    fn morph_layers(&self, request: &MorphRequest<'_>, progress: &dyn Progress) -> Result<Vec<Morphed>>;
 
     /// Displacements of neighbouring intervals after some rounds of the iteration.
     ///

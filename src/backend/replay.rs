@@ -5,8 +5,11 @@ use std::collections::VecDeque;
 use std::hash::{DefaultHasher, Hasher};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::jobs::{Filled, SweepJob, Traced};
-use super::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
+use super::interval_morph::Morphed;
+use super::jobs::{Filled, SweepJob, SweepPair, Traced};
+use super::requests::{
+    ContourRequest, LayerRequest, MorphRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest,
+};
 use super::{Backend, PaddedSlice};
 use crate::error::{Error, Result};
 use crate::grid::field::Field;
@@ -37,6 +40,7 @@ enum Answer {
     Fields(Vec<Field>),
     Traced(Vec<Traced>),
     Filled(Vec<Filled>),
+    Morphed(Vec<Morphed>),
     Displacements(Vec<Displacement>),
     Layers(Vec<Vec<SparseImage<f32>>>),
 }
@@ -124,6 +128,12 @@ impl Print {
         self.numbers(&job.times);
     }
 
+    fn pair(&mut self, pair: &SweepPair<'_>) {
+        self.sweep(&pair.up);
+        self.sweep(&pair.down);
+        self.number(pair.anchors.len());
+    }
+
     fn layers(&mut self, request: &LayerRequest<'_>) {
         self.numbers(&request.h);
         request.moving.fields[request.interval..=request.interval + 1].iter().for_each(|field| self.field(field));
@@ -176,10 +186,20 @@ fn trace_print(request: &TraceRequest<'_>) -> u64 {
 fn sweep_print(request: &SweepRequest<'_>) -> u64 {
     let mut print = Print::of(request.h);
     print.numbers(&[request.options.half_width, request.options.cfl, request.options.limit]);
-    for pair in request.pairs {
-        print.sweep(&pair.up);
-        print.sweep(&pair.down);
-        print.number(pair.anchors.len());
+    request.pairs.iter().for_each(|pair| print.pair(pair));
+    print.done()
+}
+
+fn morph_print(request: &MorphRequest<'_>) -> u64 {
+    let mut print = Print::of(request.h);
+    print.numbers(&[request.options.half_width, request.options.cfl, request.options.limit]);
+    for interval in request.intervals {
+        interval.image.dims.iter().for_each(|n| print.number(*n));
+        print.numbers(&interval.times);
+        interval.pairs.iter().for_each(|(_, pair)| print.pair(pair));
+        print.number(interval.solids.len());
+        let fields = interval.frame.iter().flat_map(|frame| frame.moving.fields.iter().chain(&frame.slopes));
+        fields.for_each(|field| print.field(field));
     }
     print.done()
 }
@@ -255,6 +275,7 @@ questions! {
     part_fields(PartRequest<'_>) -> Vec<Field>, part_print, Fields;
     trace(TraceRequest<'_>, progress) -> Vec<Traced>, trace_print, Traced;
     propagate(SweepRequest<'_>, progress) -> Vec<Filled>, sweep_print, Filled;
+    morph_layers(MorphRequest<'_>, progress) -> Vec<Morphed>, morph_print, Morphed;
     displacements(DisplacementJob<'_>) -> Vec<Displacement>, displacement_print, Displacements;
     moving_slopes(SlopeRequest<'_>, progress) -> Vec<Field>, slope_print, Fields;
     moving_layers([LayerRequest<'_>]) -> Vec<Vec<SparseImage<f32>>>, layer_print, Layers;

@@ -5,6 +5,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::interval_morph::IntervalMorph;
 use super::jobs::{PartJob, SweepPair, TraceJob};
 use super::options::{ContourOptions, MorphOptions};
 use super::padded_slice::PaddedSlice;
@@ -53,6 +54,19 @@ pub struct SweepRequest<'a> {
     pub h: [f64; 2],
     /// Parameters of all of them.
     pub options: MorphOptions,
+}
+
+/// Request for the layers of whole intervals.
+#[derive(Debug, Clone, Copy)]
+pub struct MorphRequest<'a> {
+    /// Intervals to be morphed.
+    pub intervals: &'a [IntervalMorph<'a>],
+    /// Pixel sides.
+    pub h: [f64; 2],
+    /// Parameters of all sweeps.
+    pub options: MorphOptions,
+    /// Number of layers that the host composes together.
+    pub at_once: usize,
 }
 
 /// Request for the slopes of slices' fields along their trajectories, per height.

@@ -9,3 +9,13 @@ pub enum Direction {
     #[default]
     Up,
 }
+
+impl Direction {
+    /// Share of the gap that a layer at time `t` is away from the contour that this direction comes from.
+    pub fn away(self, t: f64) -> f64 {
+        match self {
+            Direction::Up => t,
+            Direction::Down => 1.0 - t,
+        }
+    }
+}

@@ -1,5 +1,6 @@
 //! The input contours as the host stages see them: level set, parts, seeds.
 
+pub mod canvas;
 pub mod caps;
 pub mod direction;
 pub(crate) mod offsets;

@@ -2,7 +2,8 @@
 
 use std::borrow::Cow;
 
-use crate::backend::jobs::{Filled, PartJob, SweepPair, TraceJob, Traced};
+use crate::backend::interval_morph::{IntervalMorph, Morphed};
+use crate::backend::jobs::{PartJob, TraceJob, Traced};
 use crate::backend::{ContourOptions, MorphOptions, PaddedSlice};
 use crate::gpu::queue::{Calls, Waits};
 use crate::grid::field::Field;
@@ -19,8 +20,8 @@ pub struct WaitingCalls {
     pub parts: Calls<Sides, PartJob, Field>,
     /// Morphs.
     pub traces: Calls<(Sides, MorphOptions), TraceJob<'static>, Traced>,
-    /// Sweeps.
-    pub sweeps: Calls<(Sides, MorphOptions), SweepPair<'static>, Filled>,
+    /// Morphs of whole intervals.
+    pub morphs: Calls<(Sides, MorphOptions), IntervalMorph<'static>, Morphed>,
 }
 
 /// A slice on its padded image.
@@ -68,15 +69,18 @@ impl Waits for TraceJob<'_> {
     }
 }
 
-impl Waits for SweepPair<'_> {
-    type Owned = SweepPair<'static>;
-    const STEPS: usize = 2;
+impl Waits for IntervalMorph<'_> {
+    type Owned = IntervalMorph<'static>;
 
-    fn owned(&self) -> SweepPair<'static> {
+    fn owned(&self) -> IntervalMorph<'static> {
         self.owned()
     }
 
-    fn lent<'j>(jobs: &'j [SweepPair<'static>]) -> &'j [Self] {
+    fn steps(&self) -> usize {
+        2 * self.pairs.len()
+    }
+
+    fn lent<'j>(jobs: &'j [IntervalMorph<'static>]) -> &'j [Self] {
         jobs
     }
 }

@@ -1,5 +1,7 @@
 //! Slices made of copied fronts on the GPU: blending, distances farther out, and the way back to the host.
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 
 use super::Gpu;
@@ -9,8 +11,10 @@ use super::band::Front;
 use super::device::Buffer;
 use super::distance::{self, DistanceBuffers};
 use super::kernels::{Bound, shader};
-use super::layout::{Block, Copy, Item, Job, NONE, Params, Reached, VANISHED, Values};
+use super::layout::{Block, Copy, Hole, Item, Job, NONE, Params, Reached, VANISHED, Values};
+use super::moving::bounded;
 use super::recorder::{Recorder, Size};
+use super::resident::scaled;
 use super::trace::morph_params;
 use super::work;
 use crate::backend::MorphOptions;
@@ -18,6 +22,7 @@ use crate::backend::blend::{is_broken, mend};
 use crate::backend::jobs::{Filled, SweepPair, Swept, blend_weights};
 use crate::error::Result;
 use crate::grid::sparse_image::SparseImage;
+use crate::settings::Sweep;
 
 shader! {
     compose = "common/job.wgsl" + twin "src/backend/blend.rs";
@@ -42,6 +47,8 @@ shader! {
         values: Write Values,
         items: Read [Item],
         blended: Write [f32],
+        holes: Read [Hole],
+        hole_values: Read [f32],
     }
 }
 
@@ -52,6 +59,8 @@ pub struct Copies {
     copies: Buffer<[Copy]>,
     values: Buffer<Values>,
     states: Vec<Job>,
+    /// Contours that the sweeps go to, as the jobs' tiles lie.
+    ends: Option<Buffer<[f32]>>,
 }
 
 impl Copies {
@@ -71,6 +80,7 @@ impl Copies {
             copies: gpu.device.storage("copies", count as usize)?,
             values: gpu.device.headed("values", value_capacity)?,
             states: Vec::new(),
+            ends: None,
         })
     }
 
@@ -91,9 +101,14 @@ impl Copies {
         &self.values
     }
 
-    /// These copies with the states in which the jobs ended.
-    pub fn finished(self, states: Vec<Job>) -> Self {
-        Copies { states, ..self }
+    /// These copies with the states in which the jobs ended, and the contours that they went to.
+    pub fn finished(self, states: Vec<Job>, ends: Buffer<[f32]>) -> Self {
+        Copies { states, ends: Some(ends), ..self }
+    }
+
+    /// The contours that the jobs went to, and where that of job `q` begins.
+    pub fn end(&self, q: usize) -> (Option<&Buffer<[f32]>>, u32) {
+        (self.ends.as_ref(), self.states[q].offset)
     }
 
     /// First block of copy `k` of job `q`; [`NONE`] where its front had vanished.
@@ -106,10 +121,24 @@ impl Copies {
     }
 }
 
+/// Pairs of sweeps that have been swept.
+pub struct SweptPairs<'p> {
+    /// The pairs.
+    pub pairs: &'p [&'p SweepPair<'p>],
+    /// Courses of both sweeps of each.
+    pub swept: Vec<Swept>,
+    /// Their fronts.
+    pub copies: Copies,
+    /// Parameters of all of them.
+    pub params: Params,
+    /// Direction from which they count.
+    pub sweep: Sweep,
+}
+
 /// Slices of all pairs, as many at once as fit.
 pub fn fill_slices(
     gpu: &Gpu,
-    pairs: &[SweepPair<'_>],
+    pairs: &[&SweepPair<'_>],
     h: [f64; 2],
     options: &MorphOptions,
     (swept, copies): (Vec<Swept>, Copies),
@@ -119,6 +148,7 @@ pub fn fill_slices(
     let mut out: Vec<Filled> =
         swept.chunks_exact(2).map(|s| Filled { slices: Vec::new(), up: s[0].clone(), down: s[1].clone() }).collect();
     let params = morph_params(h, options);
+    let swept = SweptPairs { pairs, swept, copies, params, sweep: options.sweep };
     let share = |&(p, _): &(usize, usize)| {
         let nodes = padded(pairs[p].up.source.data.len());
         // What is read back lies there twice.
@@ -127,49 +157,17 @@ pub fn fill_slices(
     };
     let slices = in_batches(gpu, wanted.iter().map(share), |batch| {
         let batch = &wanted[batch];
-        let atlas = Atlas::new(batch.iter().map(|&(p, _)| pairs[p].up.source.dims));
-        let items: Vec<Item> = batch
-            .iter()
-            .zip(&atlas.jobs)
-            .map(|(&(p, k), tile)| {
-                let times = &pairs[p].up.times;
-                let [up_weight, down_weight] = {
-                    let (up, down) = (&out[p].up, &out[p].down);
-                    blend_weights(options.sweep, times[k], up, down).map(|w| w as f32)
-                };
-                Item {
-                    up: copies.first(2 * p, k),
-                    down: copies.first(2 * p + 1, times.len() - 1 - k),
-                    up_weight,
-                    down_weight,
-                    block_count: tile.block_count,
-                    offset: tile.offset,
-                    ..Item::default()
-                }
-            })
-            .collect();
-        let (recorder, blended) = blend(gpu, &copies, &items, atlas.node_count(), params)?;
+        let atlas = swept.atlas(batch);
+        let (recorder, blended) = swept.blend(gpu, batch, &atlas)?;
         let mut slices = outwards(gpu, recorder, atlas, params, blended)?;
         // Most slices are whole. Those that are not are blended once more, mended as they were blended, and continued outwards.
-        let lost = |&slot: &usize| is_broken(&pairs[batch[slot].0], |pixel| slices[slot][pixel] >= 0.0);
+        let lost = |&slot: &usize| is_broken(pairs[batch[slot].0], |pixel| slices[slot][pixel] >= 0.0);
         let broken: Vec<usize> = (0..batch.len()).filter(lost).collect();
         if !broken.is_empty() {
-            let atlas = Atlas::new(broken.iter().map(|&slot| slices[slot].dims()));
-            let again: Vec<Item> = broken
-                .iter()
-                .zip(&atlas.jobs)
-                .map(|(&slot, tile)| Item { offset: tile.offset, ..items[slot] })
-                .collect();
-            let (mut recorder, blended) = blend(gpu, &copies, &again, atlas.node_count(), params)?;
-            let wanted: Wanted<f32> = recorder.read(&blended, 0, atlas.node_count());
-            let values = recorder.submit()?.wait()?.values(&wanted)?;
-            let mut mended = atlas.unpack(&values);
-            for (field, &slot) in mended.iter_mut().zip(&broken) {
-                let (p, k) = batch[slot];
-                mend(&pairs[p], k, field);
-            }
+            let some: Vec<(usize, usize)> = broken.iter().map(|&slot| batch[slot]).collect();
+            let (atlas, mended) = swept.mended(gpu, &some)?;
             let recorder = Recorder::new(&gpu.device, &gpu.profiler);
-            let mended = gpu.device.upload("mended", &atlas.pack(mended.iter(), 1.0))?;
+            let mended = gpu.device.upload("mended", &mended)?;
             for (&slot, field) in broken.iter().zip(outwards(gpu, recorder, atlas, params, mended)?) {
                 slices[slot] = field;
             }
@@ -182,25 +180,78 @@ pub fn fill_slices(
     Ok(out)
 }
 
-/// Records that both directions' copies are made one, tile by tile.
-fn blend<'g>(
-    gpu: &'g Gpu,
-    copies: &Copies,
-    items: &[Item],
-    nodes: usize,
-    params: Params,
-) -> Result<(Recorder<'g>, Buffer<[f32]>)> {
-    let device = &gpu.device;
-    let blended = device.storage("blended", nodes)?;
-    let largest = items.iter().map(|i| i.block_count as usize).max().unwrap_or(0);
-    let size = Size::Rows(largest, items.len());
-    let items = &device.upload("items", items)?;
-    let params = &device.uniform("params", Params { value_capacity: copies.value_capacity, ..params });
-    let Copies { copies, values, .. } = copies;
-    let blend = Blend { params, copies, values, items, blended: &blended }.bind(gpu);
-    let mut recorder = Recorder::new(device, &gpu.profiler);
-    recorder.run(&blend, size);
-    Ok((recorder, blended))
+impl SweptPairs<'_> {
+    /// Tiles of some slices, each a pair and the number of its time.
+    pub fn atlas(&self, slices: &[(usize, usize)]) -> Atlas {
+        Atlas::new(slices.iter().map(|&(p, _)| self.pairs[p].up.source.dims))
+    }
+
+    /// Records that both directions' copies are made one, slice by slice, without the holes that end between the contours.
+    pub fn blend<'g>(
+        &self,
+        gpu: &'g Gpu,
+        slices: &[(usize, usize)],
+        atlas: &Atlas,
+    ) -> Result<(Recorder<'g>, Buffer<[f32]>)> {
+        let (device, Copies { value_capacity, copies, values, .. }) = (&gpu.device, &self.copies);
+        let (mut holes, mut hole_values) = (Vec::new(), Vec::new());
+        let mut first_values = BTreeMap::new();
+        let mut items = Vec::with_capacity(slices.len());
+        for (&(p, k), tile) in slices.iter().zip(&atlas.jobs) {
+            let (pair, t) = (&self.pairs[p], self.pairs[p].up.times[k]);
+            let weights = blend_weights(self.sweep, t, &self.swept[2 * p], &self.swept[2 * p + 1]);
+            let [up_weight, down_weight] = weights.map(|w| w as f32);
+            let mut first = *first_values.entry(p).or_insert_with(|| {
+                let first = hole_values.len();
+                for (cap, _) in pair.holes.iter() {
+                    hole_values.extend(scaled(&cap.field, 1.0));
+                    hole_values.resize(padded(hole_values.len()), 0.0);
+                }
+                first
+            });
+            let item = Item {
+                up: self.copies.first(2 * p, k),
+                down: self.copies.first(2 * p + 1, pair.up.times.len() - 1 - k),
+                up_weight,
+                down_weight,
+                block_count: tile.block_count,
+                offset: tile.offset,
+                first_hole: holes.len() as u32,
+                hole_count: pair.holes.len() as u32,
+            };
+            items.push(item);
+            for (cap, direction) in pair.holes.iter() {
+                holes.push(Hole { first: first as u32, offset: bounded(cap.offset(direction.away(t))) });
+                first += padded(cap.field.data.len());
+            }
+        }
+        let blended = device.storage("blended", atlas.node_count())?;
+        let largest = items.iter().map(|i| i.block_count as usize).max().unwrap_or(0);
+        let size = Size::Rows(largest, items.len());
+        let items = &device.upload("items", &items)?;
+        let (holes, hole_values) = (&device.upload("holes", &holes)?, &device.upload("hole values", &hole_values)?);
+        let params = &device.uniform("params", Params { value_capacity: *value_capacity, ..self.params });
+        let blend = Blend { params, copies, values, items, blended: &blended, holes, hole_values }.bind(gpu);
+        let mut recorder = Recorder::new(device, &gpu.profiler);
+        if largest > 0 {
+            recorder.run(&blend, size);
+        }
+        Ok((recorder, blended))
+    }
+
+    /// Some slices blended and mended on the host, on tiles of their own.
+    pub fn mended(&self, gpu: &Gpu, slices: &[(usize, usize)]) -> Result<(Atlas, Vec<f32>)> {
+        let atlas = self.atlas(slices);
+        let (mut recorder, blended) = self.blend(gpu, slices, &atlas)?;
+        let wanted: Wanted<f32> = recorder.read(&blended, 0, atlas.node_count());
+        let values = recorder.submit()?.wait()?.values(&wanted)?;
+        let mut mended = atlas.unpack(&values);
+        for (field, &(p, k)) in mended.iter_mut().zip(slices) {
+            mend(self.pairs[p], k, field);
+        }
+        let values = atlas.pack(mended.iter(), 1.0);
+        Ok((atlas, values))
+    }
 }
 
 /// Fields that are right near their contours as soon as what is recorded is done, continued outwards as distances.

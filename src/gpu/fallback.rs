@@ -4,8 +4,11 @@ use std::sync::{Arc, OnceLock};
 
 use super::Gpu;
 use crate::backend::Backend;
+use crate::backend::interval_morph::Morphed;
 use crate::backend::jobs::{Filled, Traced};
-use crate::backend::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
+use crate::backend::requests::{
+    ContourRequest, LayerRequest, MorphRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest,
+};
 use crate::error::{Error, Result};
 use crate::grid::field::Field;
 use crate::grid::sparse_image::SparseImage;
@@ -81,6 +84,10 @@ impl Backend for GpuOrReference<'_> {
 
     fn propagate(&self, request: &SweepRequest<'_>, progress: &dyn Progress) -> Result<Vec<Filled>> {
         self.ask(|backend| backend.propagate(request, progress))
+    }
+
+    fn morph_layers(&self, request: &MorphRequest<'_>, progress: &dyn Progress) -> Result<Vec<Morphed>> {
+        self.ask(|backend| backend.morph_layers(request, progress))
     }
 
     fn displacements(&self, request: &DisplacementJob<'_>) -> Result<Vec<Displacement>> {

@@ -289,9 +289,14 @@ mirrored!(
         down_weight: f32,
         block_count: u32,
         offset: u32,
-        padding_a: u32,
-        padding_b: u32,
+        first_hole: u32,
+        hole_count: u32,
     }
+);
+
+mirrored!(
+    /// A hole that is cut out of a slice (`compose.wgsl`).
+    Hole { first: u32, offset: f32, }
 );
 
 mirrored!(
@@ -359,7 +364,7 @@ mirrored!(
 );
 
 mirrored!(
-    /// Parameters that the layers of an interval share (`moving_layer.wgsl`).
+    /// Parameters that the layers of an interval share (`common/layer_value.wgsl`).
     Span {
         limit: f32,
         reach: f32,
@@ -373,6 +378,49 @@ mirrored!(
 );
 
 mirrored!(
-    /// A part without partner (`moving_layer.wgsl`).
+    /// A part without partner (`common/layer_value.wgsl`).
     Part { first: u32, nx: u32, ny: u32, x: i32, y: i32, depth: f32, height: f32, shrinking: f32, farthest: f32, }
+);
+
+/// Sources of a body's values: slices of groups.
+pub const OF_SLICES: u32 = 0;
+/// Contours that groups end at.
+pub const OF_ENDS: u32 = 1;
+/// Shapes that the host has made.
+pub const OF_SHAPES: u32 = 2;
+
+mirrored!(
+    /// Parameters that the layers of a morphed interval share (`morph_layer.wgsl`).
+    Morph {
+        limit: f32,
+        pad_x: u32,
+        pad_y: u32,
+        nx: u32,
+        ny: u32,
+        layers: u32,
+        bodies: u32,
+        groups: u32,
+        halvings: u32,
+        low_own: u32,
+        high_own: u32,
+        low_beside: u32,
+        high_beside: u32,
+        places: u32,
+    }
+);
+
+mirrored!(
+    /// A body on its tile (`morph_layer.wgsl`).
+    Body {
+        first: u32,
+        source: u32,
+        nx: u32,
+        ny: u32,
+        x: i32,
+        y: i32,
+        offset: f32,
+        layer: u32,
+        first_group: u32,
+        padding: u32,
+    }
 );

@@ -21,6 +21,7 @@ mod fallback;
 mod hj_step;
 pub mod kernels;
 pub mod layout;
+mod morph_layer;
 mod moving;
 mod moving_layer;
 mod moving_slopes;
@@ -46,8 +47,11 @@ mod work;
 use std::borrow::Cow;
 
 use crate::backend::Backend;
-use crate::backend::jobs::{Filled, Traced};
-use crate::backend::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
+use crate::backend::interval_morph::Morphed;
+use crate::backend::jobs::{Filled, SweepPair, Traced};
+use crate::backend::requests::{
+    ContourRequest, LayerRequest, MorphRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest,
+};
 use crate::error::Result;
 use crate::grid::field::Field;
 use crate::grid::sparse_image::SparseImage;
@@ -152,8 +156,15 @@ impl Backend for Gpu {
 
     fn propagate(&self, request: &SweepRequest<'_>, progress: &dyn Progress) -> Result<Vec<Filled>> {
         let &SweepRequest { pairs, h, options } = request;
-        self.waiting.sweeps.ask(&self.turns, (h, options), pairs, progress, |pairs, progress| {
-            propagate::propagate(self, pairs, h, &options, progress)
+        let pairs: Vec<&SweepPair<'_>> = pairs.iter().collect();
+        let _turn = self.turns.take();
+        propagate::propagate(self, &pairs, h, &options, progress)
+    }
+
+    fn morph_layers(&self, request: &MorphRequest<'_>, progress: &dyn Progress) -> Result<Vec<Morphed>> {
+        let &MorphRequest { intervals, h, options, at_once } = request;
+        self.waiting.morphs.ask(&self.turns, (h, options), intervals, progress, |intervals, progress| {
+            morph_layer::morph_layers(self, &MorphRequest { intervals, h, options, at_once }, progress)
         })
     }
 

@@ -18,11 +18,11 @@ use crate::backend::requests::LayerRequest;
 use crate::error::{Error, Result};
 use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::reference::moving_layer::reach;
-use crate::registration::motion_field::{CELL, cells_of_square};
+use crate::registration::motion_field::{CELL, LoneParts, MotionField, cells_of_square};
 
 shader! {
     moving_layer = "common/job.wgsl" + "common/moving.wgsl" + "common/sample.wgsl" + "common/spline.wgsl"
-        + twin "src/reference/moving_layer.rs";
+        + "common/layer_value.wgsl" + twin "src/reference/moving_layer.rs";
 
     /// Tiles that are far from every contour.
     FindFar for find_far, "moving_layer_far" {
@@ -150,22 +150,16 @@ impl<'g, 'r> Flight<'g, 'r> {
             }
             counts.push([0, 1].map(|other| tasks[other].len() - before[other]));
         }
-        let (lone, parts) = lone_tiles(of, 4 * nodes);
+        let (lone, parts) = lone_tiles(of.lone, 4 * nodes);
         let span = Span {
-            limit: of.limit as f32,
-            reach: reach(of.h) as f32,
-            lower_parts: of.lone.low.len() as u32,
-            all_parts: parts.len() as u32,
-            relief: of.moving.relief as f32,
-            empty: u32::from(of.lone.empty),
             asked: tasks[0].len() as u32,
             others: tasks[1].len() as u32,
+            ..span(of.moving, of.lone, of.limit, of.h)
         };
         let span = device.uniform("span", span);
         let fields = device.storage("fields", 4 * nodes + lone.len())?;
         device.write_from(&fields, 4 * nodes, &lone);
-        // A binding must not be empty.
-        let parts = device.upload("parts", &if parts.is_empty() { vec![Part::default()] } else { parts })?;
+        let parts = device.upload("parts", &parts)?;
         let gap = of.moving.gap(of.interval);
         let images = [(low, 1.0), (high, 1.0), (of.slopes[0], gap), (of.slopes[1], gap)];
         for (k, image) in images.into_iter().enumerate() {
@@ -242,7 +236,7 @@ fn record(
 ) -> Result<[Buffer<[f32]>; 2]> {
     let device = &gpu.device;
     let (dims, grid) = (of.moving.fields[0].dims, of.moving.displacements[0].grid);
-    let vectors = &paths(gpu, recorder, of.moving, of.interval, times, of.h)?;
+    let vectors = &paths(gpu, recorder, of.moving, of.interval, times, of.h, &[])?;
     let image = &device.uniform("image", image(dims, grid, of.h, times.len()));
     let table: Vec<f32> = times.iter().map(|t| *t as f32).collect();
     let table = &device.upload("times", &table)?;
@@ -264,9 +258,21 @@ fn record(
     Ok(layers)
 }
 
+/// What the layers of an interval share.
+pub fn span(moving: &MotionField, lone: &LoneParts, limit: f64, h: [f64; 2]) -> Span {
+    Span {
+        limit: limit as f32,
+        reach: reach(h) as f32,
+        lower_parts: lone.low.len() as u32,
+        all_parts: (lone.low.len() + lone.high.len()) as u32,
+        relief: moving.relief as f32,
+        empty: u32::from(lone.empty),
+        ..Span::default()
+    }
+}
+
 /// Tiles of the lone parts, one after the other, the lower slice's first, and where they are among values of which so many come before.
-fn lone_tiles(of: &LayerRequest<'_>, before: usize) -> (Vec<f32>, Vec<Part>) {
-    let lone = of.lone;
+pub fn lone_tiles(lone: &LoneParts, before: usize) -> (Vec<f32>, Vec<Part>) {
     let mut values: Vec<f32> = Vec::new();
     let parts = lone.low.iter().chain(&lone.high).map(|part| {
         let first = before + values.len();
@@ -283,6 +289,7 @@ fn lone_tiles(of: &LayerRequest<'_>, before: usize) -> (Vec<f32>, Vec<Part>) {
             farthest: bounded(part.farthest),
         }
     });
-    let parts = parts.collect();
-    (values, parts)
+    // A binding must not be empty.
+    let parts: Vec<Part> = parts.collect();
+    (values, if parts.is_empty() { vec![Part::default()] } else { parts })
 }

@@ -124,42 +124,54 @@ const SWEEP_PLACE_BYTES: usize = PLACE_BYTES + 80;
 /// Share of the device that a sweep takes with its morphs, for one without.
 const WITH_MORPHS: f64 = 3.0;
 
+/// Room that the bands of a pair of sweeps take, and their share of the device.
+pub fn share(gpu: &Gpu, pair: &SweepPair<'_>, options: &MorphOptions) -> (usize, f64) {
+    let edges = crossings(&pair.up.source).max(crossings(&pair.up.goal));
+    let room = 2 * places(edges, options.half_width, pair.up.source.data.len());
+    let nodes = 2 * padded(pair.up.source.data.len());
+    let copied = [room * 4, nodes / BLOCK * size_of::<Copy>()].map(|bytes| bytes * pair.up.times.len());
+    let bytes = nodes * (NODE_BYTES + 4) + room * SWEEP_PLACE_BYTES + copied[0] + copied[1];
+    let share = gpu.share(bytes, (4 * nodes).max(16 * room).max(copied[0]).max(copied[1]));
+    // The morphs in between have sources and goals of their own.
+    let share = if options.redistance > 0 { WITH_MORPHS * share } else { share };
+    (room, share.max(gpu.share_of_work(work::BAND_PLACE * room)))
+}
+
 /// All pairs of sweeps, batch by batch, and their slices.
 pub fn propagate(
     gpu: &Gpu,
-    pairs: &[SweepPair<'_>],
+    pairs: &[&SweepPair<'_>],
     h: [f64; 2],
     options: &MorphOptions,
     progress: &dyn Progress,
 ) -> Result<Vec<Filled>> {
-    let room_of = |pair: &SweepPair<'_>| {
-        let edges = crossings(&pair.up.source).max(crossings(&pair.up.goal));
-        2 * places(edges, options.half_width, pair.up.source.data.len())
-    };
-    let rooms: Vec<usize> = pairs.iter().map(room_of).collect();
-    let share = |(pair, room): (&SweepPair<'_>, &usize)| {
-        let nodes = 2 * padded(pair.up.source.data.len());
-        let copied = [room * 4, nodes / BLOCK * size_of::<Copy>()].map(|bytes| bytes * pair.up.times.len());
-        let bytes = nodes * (NODE_BYTES + 4) + room * SWEEP_PLACE_BYTES + copied[0] + copied[1];
-        let share = gpu.share(bytes, (4 * nodes).max(16 * room).max(copied[0]).max(copied[1]));
-        // The morphs in between have sources and goals of their own.
-        let share = if options.redistance > 0 { WITH_MORPHS * share } else { share };
-        share.max(gpu.share_of_work(work::BAND_PLACE * room))
-    };
-    in_batches(gpu, pairs.iter().zip(&rooms).map(share), |batch| {
-        let room = rooms[batch.clone()].iter().sum::<usize>() + SPARE_PLACES;
+    let shares: Vec<(usize, f64)> = pairs.iter().map(|pair| share(gpu, pair, options)).collect();
+    in_batches(gpu, shares.iter().map(|(_, share)| *share), |batch| {
+        let room = shares[batch.clone()].iter().map(|(room, _)| room).sum();
         let batch = &pairs[batch];
-        let nodes: usize = batch.iter().map(|p| 2 * p.up.source.data.len()).sum();
-        let swept = with_room(room, nodes.max(room), |room| run(gpu, batch, h, options, room))?;
+        let swept = sweep(gpu, batch, h, options, room)?;
         let filled = fill_slices(gpu, batch, h, options, swept)?;
         progress.advance(2 * batch.len());
         Ok(filled)
     })
 }
 
+/// Both sweeps of some pairs whose bands take so much room: their courses, and their fronts at the times that are wanted.
+pub fn sweep(
+    gpu: &Gpu,
+    pairs: &[&SweepPair<'_>],
+    h: [f64; 2],
+    options: &MorphOptions,
+    room: usize,
+) -> Result<(Vec<Swept>, Copies)> {
+    let nodes: usize = pairs.iter().map(|p| 2 * p.up.source.data.len()).sum();
+    let room = room + SPARE_PLACES;
+    with_room(room, nodes.max(room), |room| run(gpu, pairs, h, options, room))
+}
+
 fn run(
     gpu: &Gpu,
-    pairs: &[SweepPair<'_>],
+    pairs: &[&SweepPair<'_>],
     h: [f64; 2],
     options: &MorphOptions,
     room: usize,
@@ -171,7 +183,7 @@ fn run(
     let seeds = place_seeds(&mut atlas.jobs, sweeps.iter().map(|s| Valued::courses(s)), h);
     let copies = Copies::new(gpu, &mut atlas, room)?;
     let phi = atlas.pack(sweeps.iter().map(|s| &*s.source), 1.0);
-    let goal = &device.upload("goal", &atlas.pack(sweeps.iter().map(|s| &*s.goal), 1.0))?;
+    let arrivals = device.upload("goal", &atlas.pack(sweeps.iter().map(|s| &*s.goal), 1.0))?;
     let params = Params { value_capacity: copies.value_capacity, ..morph_params(h, options) };
     let front = Front::new(gpu, atlas, params, Some(&phi), room)?;
     let times = &device.upload("times", &times)?;
@@ -184,7 +196,7 @@ fn run(
     let lines = [device.storage("line", room)?, device.storage("line", room)?];
     let errors = &device.storage("errors", room)?;
     let seeds = Seeds::new(&front, seeds, &carried.copies[0])?;
-    let Front { params, jobs, work, phi, band, .. } = &front;
+    let (Front { params, jobs, work, phi, band, .. }, goal) = (&front, &arrivals);
     let advance = Advance { params, jobs_mut: jobs, reached }.bind(gpu);
     let control = Control { params, sums, jobs_mut: jobs, times, reached }.bind(gpu);
     let copy = copies.bind(gpu, &front, reached, before);
@@ -276,7 +288,7 @@ fn run(
     if copied > copies.value_capacity {
         return Ok(Room::Short(room + 1));
     }
-    Ok(Room::Enough((states.iter().map(swept).collect(), copies.finished(states))))
+    Ok(Room::Enough((states.iter().map(swept).collect(), copies.finished(states, arrivals))))
 }
 
 /// Kernels that steer by what a new morph has measured, by which copy holds the courses.

@@ -58,8 +58,10 @@ impl Turns {
 pub trait Waits: Sized {
     /// Owned copy.
     type Owned;
-    /// Steps of progress that a job counts for.
-    const STEPS: usize = 1;
+    /// Steps of progress that the job counts for.
+    fn steps(&self) -> usize {
+        1
+    }
     /// A copy that waits.
     fn owned(&self) -> Self::Owned;
     /// Copies as the jobs they are.
@@ -109,7 +111,7 @@ impl<K: PartialEq, J, R> Calls<K, J, R> {
         if let Some(_turn) = turns.take_unless(|| locked(&answer).is_some()) {
             run_together(self.alike(&answer), |jobs| run(B::lent(jobs), &Silent));
         }
-        progress.advance(B::STEPS * jobs.len());
+        progress.advance(jobs.iter().map(B::steps).sum());
         let given_up = || Err(failure("the run that computed this stage for several has failed"));
         locked(&answer).take().unwrap_or_else(given_up)
     }

@@ -22,7 +22,8 @@ shader! {
     }
 }
 
-/// Records the paths of the layers of interval `i` at these times: vectors from the lower slice per node, then those to the upper one, time by time.
+/// Records the paths of the layers of interval `i` at these times: vectors from the lower slice per node, then those to the upper one, time by time,
+/// and `behind` them these others.
 pub fn paths(
     gpu: &Gpu,
     recorder: &mut Recorder<'_>,
@@ -30,6 +31,7 @@ pub fn paths(
     i: usize,
     times: &[f64],
     h: [f64; 2],
+    behind: &[[f32; 2]],
 ) -> Result<Buffer<[[f32; 2]]>> {
     let device = &gpu.device;
     let v = &moving.displacements[i];
@@ -47,7 +49,8 @@ pub fn paths(
     let image = &device.uniform("image", image(moving.fields[i].dims, v.grid, h, times.len()));
     let (own, rates) = (&device.upload("vectors", &vectors([&**v]))?, &device.upload("rates", &vectors(&rates))?);
     let table = &device.upload("times", &table)?;
-    let paths = device.storage("paths", 2 * nodes * times.len())?;
+    let paths = device.storage("paths", 2 * nodes * times.len() + behind.len())?;
+    device.write_from(&paths, 2 * nodes * times.len(), behind);
     let follow = Follow { image, vectors: own, rates, times: table, paths: &paths }.bind(gpu);
     recorder.run(&follow, Size::List(nodes * times.len()));
     Ok(paths)

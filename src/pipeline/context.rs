@@ -1,6 +1,5 @@
 //! Context of a run, which every stage reads and none changes.
 
-use std::ops::Range;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -8,8 +7,9 @@ use rayon::prelude::*;
 use super::span::Span;
 use crate::backend::Backend;
 use crate::contour::Contour;
+use crate::contour::canvas::Canvas;
 use crate::error::Result;
-use crate::pipeline::compose::Canvas;
+use crate::grid::sparse_image::SparseImage;
 use crate::progress::Progress;
 use crate::registration::motion_field;
 use crate::registration::motion_field::STEPS;
@@ -96,25 +96,6 @@ impl<'a> Context<'a> {
         self.budget.at_once((most / bytes.max(1)).max(1), bytes)
     }
 
-    /// Intervals whose layers are made together: as many as [`Context::layers_at_once`] allows, and at least one.
-    pub fn intervals_together(&self, intervals: Range<usize>, heights: &Heights) -> Vec<Range<usize>> {
-        let most = self.layers_at_once();
-        let mut out: Vec<Range<usize>> = Vec::new();
-        let mut layers = 0;
-        for i in intervals {
-            let more = heights.between(i).len();
-            match out.last_mut() {
-                Some(together) if layers + more <= most => together.end = i + 1,
-                _ => {
-                    out.push(i..i + 1);
-                    layers = 0;
-                }
-            }
-            layers += more;
-        }
-        out
-    }
-
     /// All heights of the run.
     pub fn heights(&self, output: &[f64], extent: [f64; 2]) -> Result<Heights> {
         if self.span.ends == [true; 2] {
@@ -163,14 +144,13 @@ impl<'a> Context<'a> {
 
     pub fn contour_layer(&self, height: &Height, contour: &Contour, i: usize) -> Layer {
         let limit = self.settings.margin() as f64;
-        let layer = self.layer(height, Canvas::of_contour(self.stack.dims, self.pad, limit, &contour.phi));
+        let layer = self.layer(height, Canvas::of_contour(self.stack.dims, self.pad, limit, &contour.phi).phi);
         Layer { contour: Some(i), ..layer }
     }
 
-    /// A canvas in physical units.
-    pub fn layer(&self, height: &Height, canvas: Canvas) -> Layer {
+    /// A layer of these distances, px, in physical units.
+    pub fn layer(&self, height: &Height, mut phi: SparseImage<f32>) -> Layer {
         let px = self.px as f32;
-        let mut phi = canvas.phi;
         phi.map(|v| if v * px == 0.0 { f32::MIN_POSITIVE } else { v * px });
         phi.shrink_to_fit();
         Layer { z: height.z, phi, output: height.output, contour: None }

@@ -7,6 +7,7 @@ use super::ends::{above, below, end_matter, make_ends};
 use super::finish::faired;
 use super::links::{IntervalLinks, see_links};
 use super::moving::{lone_parts, moving_frame, slice_slopes};
+use crate::backend::interval_morph::together;
 use crate::backend::requests::LayerRequest;
 use crate::contour::Contour;
 use crate::contour::overlap::{DecidedPairs, match_components};
@@ -114,7 +115,9 @@ fn layers<'a>(
 ) -> Result<()> {
     let Made { moving, slopes, lone, ends } = made;
     below(run, contours, ends, heights, sink)?;
-    for together in run.intervals_together(run.span.layers.clone(), heights) {
+    let all = run.span.layers.clone();
+    for some in together(all.clone().map(|i| heights.between(i).len()), run.layers_at_once()) {
+        let together = all.start + some.start..all.start + some.end;
         let between = |i: usize| {
             let slopes = [slopes.get(i)?, slopes.get(i + 1)?];
             Ok(Between { moving: moving.part(i..i + 2)?, slopes, lone: lone.get(i)? })
@@ -158,5 +161,5 @@ fn whole_layer(run: &Context<'_>, height: &Height, values: &SparseImage<f32>) ->
     let mut canvas = run.canvas();
     let whole = Tile { origin: [0, 0], dims: run.padded() };
     canvas.unite_packed(&whole, values);
-    Ok(run.layer(height, canvas))
+    Ok(run.layer(height, canvas.phi))
 }

@@ -7,6 +7,7 @@ pub mod distance;
 pub mod exact;
 pub mod extend;
 pub mod hj_step;
+pub mod morph_layer;
 pub mod moving_layer;
 pub mod moving_slopes;
 pub mod part;
@@ -19,9 +20,12 @@ pub mod trace;
 use rayon::prelude::*;
 
 use crate::backend::blend::{blend, mend};
+use crate::backend::interval_morph::Morphed;
 use crate::backend::jobs::{Filled, SweepJob, SweepPair, Swept, Traced, blend_weights};
-use crate::backend::requests::{ContourRequest, LayerRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest};
-use crate::backend::{Backend, PaddedSlice};
+use crate::backend::requests::{
+    ContourRequest, LayerRequest, MorphRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest,
+};
+use crate::backend::{Backend, MorphOptions, PaddedSlice};
 use crate::error::Result;
 use crate::grid::field::Field;
 use crate::grid::sparse_image::SparseImage;
@@ -69,23 +73,15 @@ impl Backend for Reference {
     }
 
     fn propagate(&self, request: &SweepRequest<'_>, progress: &dyn Progress) -> Result<Vec<Filled>> {
-        let SweepRequest { pairs, h, options } = request;
-        let jobs: Vec<&SweepJob<'_>> = pairs.iter().flat_map(|p| [&p.up, &p.down]).collect();
-        let swept = in_parallel(&jobs, progress, |job| propagate::propagate(job, *h, options));
-        let fill = |(pair, swept): (&SweepPair<'_>, &[SweptWithFields])| {
-            let [(up, up_fields), (down, down_fields)] = swept else { return Filled::default() };
-            let last = pair.up.times.len().saturating_sub(1);
-            let slice = |(k, &t): (usize, &f64)| {
-                let weights = blend_weights(options.sweep, t, up, down);
-                let mut phi = blend(&up_fields[k], &down_fields[last - k], weights);
-                mend(pair, k, &mut phi);
-                let far = distance::far_distance(phi, *h, options.limit);
-                SparseImage::single(&far)
-            };
-            let slices = pair.up.times.par_iter().enumerate().map(slice).collect();
-            Filled { slices, up: up.clone(), down: down.clone() }
-        };
-        Ok(pairs.par_iter().zip(swept.par_chunks_exact(2)).map(fill).collect())
+        let pairs: Vec<&SweepPair<'_>> = request.pairs.iter().collect();
+        Ok(filled(&pairs, request.h, &request.options, progress))
+    }
+
+    fn morph_layers(&self, request: &MorphRequest<'_>, progress: &dyn Progress) -> Result<Vec<Morphed>> {
+        let pairs: Vec<&SweepPair<'_>> =
+            request.intervals.iter().flat_map(|of| of.pairs.iter().map(|(_, pair)| pair)).collect();
+        let filled = filled(&pairs, request.h, &request.options, progress);
+        morph_layer::layers(request, filled, &|requests| self.moving_layers(requests))
     }
 
     fn displacements(&self, request: &DisplacementJob<'_>) -> Result<Vec<Displacement>> {
@@ -103,4 +99,24 @@ impl Backend for Reference {
             |of: &LayerRequest<'_>| (0..of.times.len()).into_par_iter().map(|k| moving_layer::layer(of, k)).collect();
         Ok(requests.par_iter().map(layers).collect())
     }
+}
+
+/// Both sweeps of these pairs, and their slices.
+fn filled(pairs: &[&SweepPair<'_>], h: [f64; 2], options: &MorphOptions, progress: &dyn Progress) -> Vec<Filled> {
+    let jobs: Vec<&SweepJob<'_>> = pairs.iter().flat_map(|p| [&p.up, &p.down]).collect();
+    let swept = in_parallel(&jobs, progress, |job| propagate::propagate(job, h, options));
+    let fill = |(pair, swept): (&&SweepPair<'_>, &[SweptWithFields])| {
+        let [(up, up_fields), (down, down_fields)] = swept else { return Filled::default() };
+        let last = pair.up.times.len().saturating_sub(1);
+        let slice = |(k, &t): (usize, &f64)| {
+            let weights = blend_weights(options.sweep, t, up, down);
+            let mut phi = blend(&up_fields[k], &down_fields[last - k], weights);
+            mend(pair, k, &mut phi);
+            let far = distance::far_distance(phi, h, options.limit);
+            SparseImage::single(&far)
+        };
+        let slices = pair.up.times.par_iter().enumerate().map(slice).collect();
+        Filled { slices, up: up.clone(), down: down.clone() }
+    };
+    pairs.par_iter().zip(swept.par_chunks_exact(2)).map(fill).collect()
 }

@@ -4,6 +4,6 @@ pub mod displacement;
 pub(crate) mod mid_frame;
 pub mod motion_field;
 pub(crate) mod motion_stack;
-pub(crate) mod particle_weight;
+pub mod particle_weight;
 pub(crate) mod rigid;
 pub(crate) mod warp;

@@ -20,15 +20,17 @@ const REACH: f64 = 8.0;
 const LEAPS: [f64; 2] = [8.0, 20.0];
 const LEAPS_OF_RELIEF: [f64; 2] = [1.0, 3.0];
 /// Below this share of arrived particles the morph has no say, above the other it has all of it.
-const NONE: f64 = 0.75;
-const ALL: f64 = 1.0;
+pub const NONE: f64 = 0.75;
+/// See [`NONE`].
+pub const ALL: f64 = 1.0;
 /// Particles at a node that count as none.
-const FEW: f64 = 1e-6;
+pub const FEW: f64 = 1e-6;
 
 /// Trust lacks this much of 1 where it counts as whole.
 const WHOLE: f64 = 1e-6;
 
 /// Shares of arrived particles in the frame of an interval.
+#[derive(Debug, Clone)]
 pub struct Trust {
     /// `(arrived, all)` per node.
     particles: Displacement,
@@ -80,6 +82,11 @@ impl Trust {
             before(low[a])..=before(high[a])
         });
         rows.into_iter().any(|row| columns.clone().any(|column| self.doubtful[row * grid[0] + column]))
+    }
+
+    /// Particles `(arrived, all)` per node.
+    pub fn particles(&self) -> &Displacement {
+        &self.particles
     }
 
     /// The morph's weight at `x`.

@@ -3,6 +3,7 @@
 pub mod cases;
 pub mod comparison;
 pub mod doctor;
+mod morph_twins;
 mod moving_twins;
 pub mod single_kernels;
 pub mod twins;

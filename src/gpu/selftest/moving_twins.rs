@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::selftest::cases::{blob, joined};
 use crate::gpu::selftest::comparison::Comparison;
+use crate::gpu::selftest::morph_twins;
 use crate::grid::field::Field;
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
@@ -48,10 +49,10 @@ const RELIEF: f64 = 0.4;
 const TIMES: [f64; 4] = [0.03, 0.4, 0.5, 0.92];
 
 /// A stack with its lone parts; single precision exactly.
-struct Stack {
-    h: [f64; 2],
-    fields: Vec<Arc<Field>>,
-    lone: Vec<LoneParts>,
+pub(super) struct Stack {
+    pub(super) h: [f64; 2],
+    pub(super) fields: Vec<Arc<Field>>,
+    pub(super) lone: Vec<LoneParts>,
 }
 
 fn single(field: &Field) -> Field {
@@ -111,7 +112,7 @@ impl Stack {
         Stack { h, fields: fields.into_iter().map(Arc::new).collect(), lone }
     }
 
-    fn dims(&self) -> [usize; 2] {
+    pub(super) fn dims(&self) -> [usize; 2] {
         self.fields[0].dims
     }
 
@@ -164,6 +165,7 @@ pub fn compare(gpu: &Gpu, h: [f64; 2], scale: usize) -> Result<Vec<Comparison>> 
         out.push(slopes(gpu, &stack.moving(slices))?);
     }
     out.push(layers(gpu, &stack, &moving)?);
+    out.extend(morph_twins::compare(gpu, &stack, &moving)?);
     Ok(out)
 }
 

@@ -4,11 +4,12 @@
 //! law. Holes follow laws of their own, so that shells, tubes and rings end as such.
 
 use crate::contour::Contour;
+use crate::contour::canvas::Canvas;
 use crate::contour::direction::Direction;
 use crate::contour::offsets::Offsets;
 use crate::grid::field::Field;
 use crate::grid::tile::Tile;
-use crate::pipeline::compose::{Canvas, mean_slope};
+use crate::pipeline::compose::mean_slope;
 use crate::pipeline::ends::end_law::{Law, quadratic};
 use crate::pipeline::ends::end_parts::{EndPart, Region};
 use crate::pipeline::fit::Fitted;

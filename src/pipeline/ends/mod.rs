@@ -196,7 +196,7 @@ pub(super) fn below<'a>(
     }
     let first = contours.get(0)?;
     let mut below = heights.all.iter().filter(|x| x.z < first.z);
-    below.try_for_each(|x| sink(run.layer(x, ends[0].layer(x.z, &first, run.canvas()))))
+    below.try_for_each(|x| sink(run.layer(x, ends[0].layer(x.z, &first, run.canvas()).phi)))
 }
 
 /// The last contour's layer and those above it.
@@ -214,5 +214,5 @@ pub(super) fn above<'a>(
         return Ok(());
     }
     let mut above = heights.all.iter().filter(|x| x.z > last.z);
-    above.try_for_each(|x| sink(run.layer(x, ends[1].layer(x.z, &last, run.canvas()))))
+    above.try_for_each(|x| sink(run.layer(x, ends[1].layer(x.z, &last, run.canvas()).phi)))
 }

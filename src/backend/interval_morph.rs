@@ -4,12 +4,14 @@
 //! warp brings them to their places, and the field method's layers count where the particles did not arrive.
 
 use std::borrow::Cow;
+use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
 use super::jobs::{SweepPair, Swept};
 use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
+use crate::error::Result;
 use crate::grid::field::Field;
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
@@ -46,19 +48,61 @@ pub struct IntervalMorph<'a> {
     /// Solid parts that end between its contours, and from which they come.
     pub solids: Cow<'a, [(Cap, Direction)]>,
     /// The frame in which the groups are; nothing where it is the image's own.
-    pub frame: Option<MorphFrame>,
+    pub frame: Option<FrameSource<'a>>,
 }
 
 impl IntervalMorph<'_> {
     /// A copy that holds its fields itself.
-    pub fn owned(&self) -> IntervalMorph<'static> {
-        IntervalMorph {
+    ///
+    /// # Errors
+    /// The errors of its frame's source.
+    pub fn owned(&self) -> Result<IntervalMorph<'static>> {
+        Ok(IntervalMorph {
             image: self.image,
             times: self.times.clone(),
             pairs: self.pairs.iter().map(|(tile, pair)| (*tile, pair.owned())).collect(),
             solids: Cow::Owned(self.solids.to_vec()),
-            frame: self.frame.clone(),
-        }
+            frame: self.frame.as_ref().map(FrameSource::owned).transpose()?,
+        })
+    }
+}
+
+/// Source of a frame, which is read when its interval's turn comes: the frames of many intervals do not fit into memory together.
+#[derive(Clone)]
+pub struct FrameSource<'a> {
+    read: Arc<dyn Fn() -> Result<MorphFrame> + Send + Sync + 'a>,
+    /// Number of the lone parts.
+    pub parts: usize,
+    /// Pixels of their tiles.
+    pub part_pixels: usize,
+}
+
+impl<'a> FrameSource<'a> {
+    /// The source of a frame with these lone parts, of which the tiles count.
+    pub fn new(lone: &LoneParts, read: impl Fn() -> Result<MorphFrame> + Send + Sync + 'a) -> Self {
+        let parts = lone.low.len() + lone.high.len();
+        let part_pixels = lone.low.iter().chain(&lone.high).map(|part| part.tile.len()).sum();
+        FrameSource { read: Arc::new(read), parts, part_pixels }
+    }
+
+    /// The frame.
+    ///
+    /// # Errors
+    /// What hinders reading it.
+    pub fn read(&self) -> Result<MorphFrame> {
+        (self.read)()
+    }
+
+    fn owned(&self) -> Result<FrameSource<'static>> {
+        let frame = self.read()?;
+        let &FrameSource { parts, part_pixels, .. } = self;
+        Ok(FrameSource { read: Arc::new(move || Ok(frame.clone())), parts, part_pixels })
+    }
+}
+
+impl fmt::Debug for FrameSource<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("FrameSource").field("parts", &self.parts).finish_non_exhaustive()
     }
 }
 

@@ -198,8 +198,7 @@ fn morph_print(request: &MorphRequest<'_>) -> u64 {
         print.numbers(&interval.times);
         interval.pairs.iter().for_each(|(_, pair)| print.pair(pair));
         print.number(interval.solids.len());
-        let fields = interval.frame.iter().flat_map(|frame| frame.moving.fields.iter().chain(&frame.slopes));
-        fields.for_each(|field| print.field(field));
+        print.number(interval.frame.as_ref().map_or(0, |frame| 1 + frame.parts));
     }
     print.done()
 }

@@ -127,12 +127,23 @@ impl Landed<'_> {
     /// # Errors
     /// [`crate::Error::Gpu`] with the driver's words.
     pub fn values<T: Pod>(&self, wanted: &Wanted<T>) -> Result<Vec<T>> {
-        let Some(staging) = self.staging.as_ref().filter(|_| wanted.bytes > 0) else { return Ok(Vec::new()) };
+        self.taken(wanted, <[T]>::to_vec)
+    }
+
+    /// What `take` makes of the values at a place, where they lie.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`] with the driver's words.
+    pub fn taken<T: Pod, R>(&self, wanted: &Wanted<T>, take: impl FnOnce(&[T]) -> R) -> Result<R> {
+        let Some(staging) = self.staging.as_ref().filter(|_| wanted.bytes > 0) else { return Ok(take(&[])) };
         let view = staging
             .slice(wanted.first..wanted.first + wanted.bytes)
             .get_mapped_range()
             .map_err(|e| failure(format!("{}: reading back failed: {e}", self.device.summary.name)))?;
-        Ok(bytemuck::pod_collect_to_vec(&view))
+        Ok(match bytemuck::try_cast_slice(&view) {
+            Ok(values) => take(values),
+            Err(_) => take(&bytemuck::pod_collect_to_vec::<u8, T>(&view)),
+        })
     }
 
     /// The one value at a place.

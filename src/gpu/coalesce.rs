@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use crate::backend::interval_morph::{IntervalMorph, Morphed};
 use crate::backend::jobs::{PartJob, TraceJob, Traced};
 use crate::backend::{ContourOptions, MorphOptions, PaddedSlice};
+use crate::error::Result;
 use crate::gpu::queue::{Calls, Waits};
 use crate::grid::field::Field;
 
@@ -36,8 +37,8 @@ pub struct SliceJob<'a> {
 impl Waits for SliceJob<'_> {
     type Owned = SliceJob<'static>;
 
-    fn owned(&self) -> SliceJob<'static> {
-        SliceJob { slice: Cow::Owned(self.slice.clone().into_owned()), dims: self.dims }
+    fn owned(&self) -> Result<SliceJob<'static>> {
+        Ok(SliceJob { slice: Cow::Owned(self.slice.clone().into_owned()), dims: self.dims })
     }
 
     fn lent<'j>(jobs: &'j [SliceJob<'static>]) -> &'j [Self] {
@@ -48,8 +49,8 @@ impl Waits for SliceJob<'_> {
 impl Waits for PartJob {
     type Owned = PartJob;
 
-    fn owned(&self) -> PartJob {
-        self.clone()
+    fn owned(&self) -> Result<PartJob> {
+        Ok(self.clone())
     }
 
     fn lent(jobs: &[PartJob]) -> &[Self] {
@@ -60,8 +61,8 @@ impl Waits for PartJob {
 impl Waits for TraceJob<'_> {
     type Owned = TraceJob<'static>;
 
-    fn owned(&self) -> TraceJob<'static> {
-        self.owned()
+    fn owned(&self) -> Result<TraceJob<'static>> {
+        Ok(self.owned())
     }
 
     fn lent<'j>(jobs: &'j [TraceJob<'static>]) -> &'j [Self] {
@@ -72,7 +73,7 @@ impl Waits for TraceJob<'_> {
 impl Waits for IntervalMorph<'_> {
     type Owned = IntervalMorph<'static>;
 
-    fn owned(&self) -> IntervalMorph<'static> {
+    fn owned(&self) -> Result<IntervalMorph<'static>> {
         self.owned()
     }
 

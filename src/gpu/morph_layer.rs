@@ -1,6 +1,6 @@
 //! Layers of morphed intervals on the GPU: from the fronts of the sweeps to packed layers, without a way over the host.
 //!
-//! An interval that does not fit the device as a whole is composed by the reference path, from slices that the device gives back.
+//! Where the sweeps of an interval do not fit the device together, its slices come back and are sent again, bit for bit.
 
 use rayon::prelude::*;
 
@@ -23,7 +23,7 @@ use super::work;
 use crate::backend::Backend;
 use crate::backend::blend::is_broken;
 use crate::backend::interval_morph::{IntervalMorph, LayerImage, MorphFrame, Morphed};
-use crate::backend::jobs::SweepPair;
+use crate::backend::jobs::{Filled, SweepPair, Swept};
 use crate::backend::requests::MorphRequest;
 use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
@@ -34,7 +34,7 @@ use crate::grid::tile::Tile;
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::reference::morph_layer as twin;
-use crate::registration::displacement::Displacement;
+use crate::registration::displacement::BLOCK as STRIDE;
 use crate::stack::heights::BESIDE;
 
 shader! {
@@ -122,19 +122,23 @@ const FIELDS: usize = 6;
 /// Images of the ground: either contour, and the layer beside it.
 const GROUNDS: usize = 4;
 
-/// Layers of all intervals, as many together as fit. `at_once` is the number of layers that the host composes together.
+/// Layers of all intervals, as many together as fit.
 pub fn morph_layers(gpu: &Gpu, request: &MorphRequest<'_>, progress: &dyn Progress) -> Result<Vec<Morphed>> {
+    // Images larger than an adapter's arrays are left to the reference path, as by the field method.
+    if !request.intervals.iter().all(|of| gpu.holds_images(of.image.padded())) {
+        return on_host(gpu, request, progress);
+    }
     let shares: Vec<f64> = request.intervals.iter().map(|of| share(gpu, of, request)).collect();
     in_batches(gpu, shares.iter().copied(), |batch| {
         let alone = batch.len() == 1;
         let some = MorphRequest { intervals: &request.intervals[batch.clone()], ..*request };
         if alone && shares[batch.start] > 1.0 {
-            return on_host(gpu, &some, progress);
+            return apart(gpu, &some, progress);
         }
-        match on_device(gpu, &some, progress) {
+        match together(gpu, &some, progress) {
             Err(Error::GpuMemory(_)) if alone => {
                 gpu.release()?;
-                on_host(gpu, &some, progress)
+                apart(gpu, &some, progress)
             }
             done => done,
         }
@@ -154,27 +158,46 @@ fn on_host(gpu: &Gpu, request: &MorphRequest<'_>, progress: &dyn Progress) -> Re
     })
 }
 
+/// Layers of an interval whose sweeps do not fit the device together: its slices come back and are sent again.
+fn apart(gpu: &Gpu, request: &MorphRequest<'_>, progress: &dyn Progress) -> Result<Vec<Morphed>> {
+    let pairs: Vec<&SweepPair<'_>> = pairs(request.intervals).collect();
+    let filled = propagate::propagate(gpu, &pairs, request.h, &request.options, progress)?;
+    composed(gpu, request, &Origin::Host(&filled))
+}
+
+/// Layers of intervals whose sweeps fit the device together.
+fn together(gpu: &Gpu, request: &MorphRequest<'_>, progress: &dyn Progress) -> Result<Vec<Morphed>> {
+    let MorphRequest { intervals, h, options, .. } = request;
+    let pairs: Vec<&SweepPair<'_>> = pairs(intervals).collect();
+    if pairs.is_empty() {
+        return composed(gpu, request, &Origin::Host(&[]));
+    }
+    let room = pairs.iter().map(|pair| propagate::share(gpu, pair, options).0).sum();
+    let (swept, copies) = propagate::sweep(gpu, &pairs, *h, options, room)?;
+    let params = morph_params(*h, options);
+    let swept = SweptPairs { pairs: &pairs, swept, copies, params, sweep: options.sweep };
+    let made = composed(gpu, request, &Origin::Device(&swept))?;
+    progress.advance(2 * pairs.len());
+    Ok(made)
+}
+
 fn pairs<'p, 'a>(intervals: &'p [IntervalMorph<'a>]) -> impl Iterator<Item = &'p SweepPair<'a>> {
     intervals.iter().flat_map(|of| of.pairs.iter().map(|(_, pair)| pair))
 }
 
-/// Share of the device that the sweeps of an interval take together; more than all where it cannot be composed there.
+/// Share of the device that the sweeps of an interval take together.
 fn share(gpu: &Gpu, of: &IntervalMorph<'_>, request: &MorphRequest<'_>) -> f64 {
-    if !gpu.holds_images(of.image.padded()) || fixed_share(gpu, of) + 2.0 * layer_share(gpu, of) > 1.0 {
-        return f64::INFINITY;
-    }
     of.pairs.iter().map(|(_, pair)| propagate::share(gpu, pair, &request.options).1).sum()
 }
 
 /// Share of the device that an interval keeps until its last layer is there.
 fn fixed_share(gpu: &Gpu, of: &IntervalMorph<'_>) -> f64 {
-    let Some(MorphFrame { moving, lone, .. }) = &of.frame else { return 0.0 };
-    let nodes = moving.fields[0].data.len();
-    let parts: usize = lone.low.iter().chain(&lone.high).map(|part| part.field.data.len()).sum();
+    let Some(frame) = &of.frame else { return 0.0 };
+    let nodes: usize = of.image.padded().iter().product();
     let caps: usize = of.solids.iter().map(|(cap, _)| cap.field.data.len()).sum();
-    let images = FIELDS * nodes + parts;
+    let images = FIELDS * nodes + frame.part_pixels;
     // Fields lie there twice when they are new.
-    let bytes = 4 * (images + 4 * nodes + GROUNDS * nodes + caps) + 32 * moving.displacements[0].vectors.len();
+    let bytes = 4 * (images + 4 * nodes + GROUNDS * nodes + caps) + 32 * nodes / (STRIDE * STRIDE);
     gpu.share(bytes, 4 * images)
 }
 
@@ -183,41 +206,38 @@ fn layer_share(gpu: &Gpu, of: &IntervalMorph<'_>) -> f64 {
     let slices: usize = of.pairs.iter().map(|(tile, _)| padded(tile.len())).sum();
     let nodes: usize = of.image.padded().iter().product();
     let squares: usize = of.image.dims.iter().map(|n| n.div_ceil(SQUARE)).product();
-    let blocks = of.frame.as_ref().map_or(0, |frame| frame.moving.displacements[0].vectors.len());
+    let blocks = if of.frame.is_some() { nodes / (STRIDE * STRIDE) } else { 0 };
     // In the frame, at its place, packed and read back.
     let bytes = slices * (distance::NODE_BYTES + 4) + 8 * nodes + squares * (8 * AREA + 16) + 24 * blocks;
     let largest = (4 * slices).max(4 * squares * AREA).max(4 * nodes);
     let share = gpu.share(bytes, largest).max(gpu.share_of_work(work::DISTANCE_PIXEL * slices));
     // An interval's layers are warped in one dispatch.
-    let parts = of.frame.as_ref().map_or(0, |frame| frame.lone.low.len() + frame.lone.high.len());
+    let parts = of.frame.as_ref().map_or(0, |frame| frame.parts);
     let warp = gpu.share_of_work((2 * work::LAYER_PIXEL + work::LONE_PART * parts) * nodes);
     if warp * of.times.len() as f64 > 1.0 { share.max(warp) } else { share }
 }
 
-/// Layers of intervals that fit the device.
-fn on_device(gpu: &Gpu, request: &MorphRequest<'_>, progress: &dyn Progress) -> Result<Vec<Morphed>> {
-    let MorphRequest { intervals, h, options, .. } = request;
-    let pairs: Vec<&SweepPair<'_>> = pairs(intervals).collect();
-    let room = pairs.iter().map(|pair| propagate::share(gpu, pair, options).0).sum();
-    let mut out: Vec<Morphed> = intervals
-        .iter()
-        .map(|of| Morphed { layers: vec![SparseImage::default(); of.times.len()], swept: Vec::new() })
-        .collect();
-    let swept = match pairs.is_empty() {
-        true => None,
-        false => {
-            let (swept, copies) = propagate::sweep(gpu, &pairs, *h, options, room)?;
-            let mut courses = swept.chunks_exact(2).map(|s| [s[0].clone(), s[1].clone()]);
-            for (of, out) in intervals.iter().zip(&mut out) {
-                out.swept = courses.by_ref().take(of.pairs.len()).collect();
-            }
-            let params = morph_params(*h, options);
-            Some(SweptPairs { pairs: &pairs, swept, copies, params, sweep: options.sweep })
-        }
+/// Slices of the groups that layers are composed of.
+enum Origin<'s> {
+    /// Fronts on the device.
+    Device(&'s SweptPairs<'s>),
+    /// Slices on the host, pair by pair.
+    Host(&'s [Filled]),
+}
+
+/// Layers of intervals from the slices of their pairs.
+fn composed(gpu: &Gpu, request: &MorphRequest<'_>, origin: &Origin<'_>) -> Result<Vec<Morphed>> {
+    let MorphRequest { intervals, h, .. } = request;
+    let mut courses: Box<dyn Iterator<Item = [Swept; 2]>> = match origin {
+        Origin::Device(swept) => Box::new(swept.swept.chunks_exact(2).map(|s| [s[0].clone(), s[1].clone()])),
+        Origin::Host(filled) => Box::new(filled.iter().map(|f| [f.up.clone(), f.down.clone()])),
     };
-    let mut first_pair = 0;
+    let mut out: Vec<Morphed> = Vec::with_capacity(intervals.len());
     let mut composing: Vec<Composing<'_, '_>> = Vec::with_capacity(intervals.len());
+    let mut first_pair = 0;
     for of in *intervals {
+        let swept = courses.by_ref().take(of.pairs.len()).collect();
+        out.push(Morphed { layers: vec![SparseImage::default(); of.times.len()], swept });
         composing.push(Composing { of, first_pair, h: *h, ground: None });
         first_pair += of.pairs.len();
     }
@@ -229,19 +249,17 @@ fn on_device(gpu: &Gpu, request: &MorphRequest<'_>, progress: &dyn Progress) -> 
         fixed_share(gpu, of) + layers.len() as f64 * layer_share(gpu, of) / (1.0 - fixed).max(0.1)
     };
     let made = in_batches(gpu, steps.iter().map(share), |batch| {
-        let batch = &steps[batch];
-        let first = Attempt { gpu, swept: swept.as_ref(), steps: batch, mended: None };
-        match first.layers(&mut composing)? {
+        let first = Attempt { gpu, origin, steps: &steps[batch], mended: None };
+        let lost = match first.layers(&mut composing)? {
+            Made::Layers(layers) => return Ok(layers),
+            Made::Lost(lost) => lost,
+        };
+        let Origin::Device(swept) = origin else { return Err(failure("a slice of the host's has lost an overlap")) };
+        let mended = swept.mended(gpu, &lost)?;
+        let again = Attempt { mended: Some((&lost, &mended)), ..first };
+        match again.layers(&mut composing)? {
             Made::Layers(layers) => Ok(layers),
-            Made::Lost(lost) => {
-                let Some(swept) = &swept else { return Err(failure("a slice was lost that nobody has swept")) };
-                let mended = swept.mended(gpu, &lost)?;
-                let again = Attempt { mended: Some((&lost, &mended)), ..first };
-                match again.layers(&mut composing)? {
-                    Made::Layers(layers) => Ok(layers),
-                    Made::Lost(_) => Err(failure("an overlap that was put back is lost")),
-                }
-            }
+            Made::Lost(_) => Err(failure("an overlap that was put back is lost")),
         }
     })?;
     for ((i, numbers), layers) in steps.iter().zip(made) {
@@ -249,7 +267,6 @@ fn on_device(gpu: &Gpu, request: &MorphRequest<'_>, progress: &dyn Progress) -> 
             out[*i].layers[*k] = layer;
         }
     }
-    progress.advance(2 * pairs.len());
     Ok(out)
 }
 
@@ -286,6 +303,7 @@ struct Composing<'p, 'a> {
 
 /// What the layers of an interval in its frame share.
 struct Ground {
+    frame: MorphFrame,
     fields: Buffer<[f32]>,
     parts: Buffer<[Part]>,
     span: Buffer<Span>,
@@ -303,27 +321,23 @@ enum Made {
 #[derive(Clone, Copy)]
 struct Attempt<'g, 's> {
     gpu: &'g Gpu,
-    swept: Option<&'s SweptPairs<'s>>,
+    origin: &'s Origin<'s>,
     steps: &'s [(usize, Vec<usize>)],
     /// Slices that have been mended, with their values.
     mended: Option<(&'s [(usize, usize)], &'s (Atlas, Vec<f32>))>,
 }
 
 /// Slices of the groups on the device.
-struct Slices<'g> {
+struct Slices {
     /// Each a pair and the number of its time.
     wanted: Vec<(usize, usize)>,
-    atlas: Option<DistanceBuffers<'g>>,
-    none: Buffer<[f32]>,
+    atlas: Atlas,
+    values: Buffer<[f32]>,
 }
 
-impl Slices<'_> {
-    fn values(&self) -> &Buffer<[f32]> {
-        self.atlas.as_ref().map_or(&self.none, |tiles| &tiles.d)
-    }
-
+impl Slices {
     fn first(&self, slot: usize) -> u32 {
-        self.atlas.as_ref().map_or(0, |tiles| tiles.atlas.jobs[slot].offset)
+        self.atlas.jobs[slot].offset
     }
 }
 
@@ -346,21 +360,26 @@ impl<'g> Attempt<'g, '_> {
             .chunk_by(|a, b| a.0 == b.0)
             .map(|steps| (steps[0].0, steps.iter().flat_map(|(_, layers)| layers.iter().copied()).collect()))
             .collect();
+        let begun = |(i, _): &(usize, Vec<usize>)| {
+            let source = composing[*i].of.frame.as_ref().filter(|_| composing[*i].ground.is_none());
+            source.map(|source| source.read().map(Begun::new)).transpose()
+        };
+        let begun: Vec<Option<Begun>> = together.par_iter().map(begun).collect::<Result<_>>()?;
         let (mut recorder, slices) = self.slices(composing, &together)?;
-        let anchors = match (self.mended, self.swept) {
-            (None, Some(swept)) => self.anchors(&mut recorder, swept, &slices)?,
+        let anchors = match (self.mended, self.origin) {
+            (None, Origin::Device(swept)) => self.anchors(&mut recorder, swept, &slices)?,
             _ => None,
         };
         let (mut packed, mut grounds, mut slot) = (Vec::new(), Vec::new(), 0);
-        for (i, layers) in &together {
+        for ((i, layers), begun) in together.iter().zip(begun) {
             let own = &composing[*i];
-            let (done, ground) = own.record(gpu, &mut recorder, self.swept, layers, (&slices, slot))?;
+            let (done, ground) = own.record(gpu, &mut recorder, self.origin, layers, (&slices, slot), begun)?;
             packed.push(done);
             grounds.push(ground);
             slot += layers.len() * own.of.pairs.len();
         }
         let landed = recorder.submit()?.wait()?;
-        if let (Some(anchors), Some(swept)) = (&anchors, self.swept) {
+        if let (Some(anchors), Origin::Device(swept)) = (&anchors, self.origin) {
             let lost = lost(swept, &slices, &landed.values(anchors)?);
             if !lost.is_empty() {
                 return Ok(Made::Lost(lost));
@@ -383,16 +402,17 @@ impl<'g> Attempt<'g, '_> {
         &self,
         composing: &[Composing<'_, '_>],
         together: &[(usize, Vec<usize>)],
-    ) -> Result<(Recorder<'g>, Slices<'g>)> {
+    ) -> Result<(Recorder<'g>, Slices)> {
         let gpu = self.gpu;
         let mut wanted = Vec::new();
         for (i, layers) in together {
             let pairs = composing[*i].first_pair..composing[*i].first_pair + composing[*i].of.pairs.len();
             wanted.extend(layers.iter().flat_map(|k| pairs.clone().map(|p| (p, *k))));
         }
-        let none = gpu.device.storage("no slices", 1)?;
-        let Some(swept) = self.swept.filter(|_| !wanted.is_empty()) else {
-            return Ok((Recorder::new(&gpu.device, &gpu.profiler), Slices { wanted, atlas: None, none }));
+        let swept = match self.origin {
+            Origin::Device(swept) if !wanted.is_empty() => swept,
+            Origin::Device(_) => return self.sent(wanted, &[]),
+            Origin::Host(filled) => return self.sent(wanted, filled),
         };
         let atlas = swept.atlas(&wanted);
         let (mut recorder, blended) = swept.blend(gpu, &wanted, &atlas)?;
@@ -407,7 +427,22 @@ impl<'g> Attempt<'g, '_> {
         }
         let tiles = DistanceBuffers::new(gpu, atlas, swept.params, blended)?;
         let recorder = tiles.solve(recorder, true)?;
-        Ok((recorder, Slices { wanted, atlas: Some(tiles), none }))
+        let DistanceBuffers { atlas, d: values, .. } = tiles;
+        Ok((recorder, Slices { wanted, atlas, values }))
+    }
+
+    /// The same of slices that the host has.
+    fn sent(&self, wanted: Vec<(usize, usize)>, filled: &[Filled]) -> Result<(Recorder<'g>, Slices)> {
+        let gpu = self.gpu;
+        let slice = |&(p, k): &(usize, usize)| &filled[p].slices[k];
+        let atlas = Atlas::new(wanted.iter().map(|of| slice(of).dims()));
+        let mut values = Vec::with_capacity(atlas.node_count());
+        for own in wanted.iter().map(slice) {
+            values.extend(own.unpack());
+            values.resize(padded(values.len()), 0.0);
+        }
+        let values = gpu.device.upload("slices", &values)?;
+        Ok((Recorder::new(&gpu.device, &gpu.profiler), Slices { wanted, atlas, values }))
     }
 
     /// Records that the values at the anchors of all slices are read.
@@ -415,7 +450,7 @@ impl<'g> Attempt<'g, '_> {
         &self,
         recorder: &mut Recorder<'_>,
         swept: &SweptPairs<'_>,
-        slices: &Slices<'_>,
+        slices: &Slices,
     ) -> Result<Option<Wanted<f32>>> {
         let (gpu, device) = (self.gpu, &self.gpu.device);
         let of = |(slot, &(p, _)): (usize, &(usize, usize))| {
@@ -429,13 +464,13 @@ impl<'g> Attempt<'g, '_> {
         let count = places.len();
         let morph = &device.uniform("morph", Morph { places: count as u32, ..Morph::default() });
         let (places, taken) = (&device.upload("places", &places)?, &device.storage("taken", count)?);
-        recorder.run(&Take { slices: slices.values(), morph, places, taken }.bind(gpu), Size::List(count));
+        recorder.run(&Take { slices: &slices.values, morph, places, taken }.bind(gpu), Size::List(count));
         Ok(Some(recorder.read(taken, 0, count)))
     }
 }
 
 /// Slices that have lost an overlap, by the values at their anchors.
-fn lost(swept: &SweptPairs<'_>, slices: &Slices<'_>, values: &[f32]) -> Vec<(usize, usize)> {
+fn lost(swept: &SweptPairs<'_>, slices: &Slices, values: &[f32]) -> Vec<(usize, usize)> {
     let mut next = 0;
     let mut out = Vec::new();
     for &(p, k) in &slices.wanted {
@@ -456,15 +491,19 @@ impl Composing<'_, '_> {
         &self,
         gpu: &Gpu,
         recorder: &mut Recorder<'_>,
-        swept: Option<&SweptPairs<'_>>,
+        origin: &Origin<'_>,
         layers: &[usize],
-        (slices, slot): (&Slices<'_>, usize),
+        (slices, slot): (&Slices, usize),
+        begun: Option<Begun>,
     ) -> Result<(Packed, Option<Ground>)> {
         let (device, of) = (&gpu.device, self.of);
         let (padded, count) = (of.image.padded(), layers.len());
         let nodes: usize = padded.iter().product();
-        let grid = of.frame.as_ref().map_or([0; 2], |frame| frame.moving.displacements[0].grid);
-        let begins = of.frame.is_some() && self.ground.is_none();
+        let known = self.ground.as_ref().map(|ground| &ground.frame);
+        let frame = begun.as_ref().map(|begun| &begun.frame).or(known);
+        let grid = frame.map_or([0; 2], |frame| frame.moving.displacements[0].grid);
+        let empty = frame.map_or([true; 2], |frame| frame.empty);
+        let begins = begun.is_some();
         let mut bodies = Bodies::default();
         for (n, k) in layers.iter().enumerate() {
             bodies.add_slices(of, n, slices, slot + n * of.pairs.len());
@@ -476,7 +515,7 @@ impl Composing<'_, '_> {
         if begins {
             for (end, from) in [Direction::Up, Direction::Down].into_iter().enumerate() {
                 let contour = count + 2 * end;
-                self.add_contour(&mut bodies, swept, from, contour);
+                self.add_contour(&mut bodies, origin, from, contour);
                 if let Some(n) = beside[end].and_then(|k| layers.iter().position(|other| *other == k)) {
                     bodies.add_slices(of, contour + 1, slices, slot + n * of.pairs.len());
                 }
@@ -487,7 +526,6 @@ impl Composing<'_, '_> {
             }
         }
         let images = count + if begins { GROUNDS } else { 0 };
-        let empty = of.frame.as_ref().map_or([true; 2], |frame| frame.empty);
         let [low_own, high_own] = empty.map(|empty| u32::from(!empty));
         let [low_beside, high_beside] = beside.map(|k| u32::from(k.is_some()));
         let morph = Morph {
@@ -512,22 +550,19 @@ impl Composing<'_, '_> {
         recorder.clear(united);
         if !bodies.bodies.is_empty() {
             let shapes = &device.upload("shapes", &bodies.shapes)?;
-            let contours = swept.and_then(|swept| swept.copies.end(0).0).unwrap_or(&slices.none);
+            let contours = match origin {
+                Origin::Device(swept) => swept.copies.end(0).0.unwrap_or(shapes),
+                Origin::Host(_) => shapes,
+            };
             let listed = &device.upload("bodies", &bodies.bodies)?;
-            let (slices, nearest) = (slices.values(), united);
+            let (slices, nearest) = (&slices.values, united);
             let unite = Unite { image, bodies: listed, slices, shapes, contours, nearest, morph };
             recorder.run(&unite.bind(gpu), Size::List(bodies.groups * BLOCK));
         }
-        let mut ground = None;
-        let warped = match &of.frame {
+        let ground = begun.map(|begun| Ground::new(gpu, recorder, begun, of.image.limit, self.h)).transpose()?;
+        let warped = match self.ground.as_ref().or(ground.as_ref()) {
             None => None,
-            Some(frame) => {
-                if begins {
-                    ground = Some(Ground::new(gpu, recorder, of, frame, self.h)?);
-                }
-                let Some(Ground { fields, parts, span, behind }) = self.ground.as_ref().or(ground.as_ref()) else {
-                    return Err(failure("an interval has no ground"));
-                };
+            Some(Ground { frame, fields, parts, span, behind }) => {
                 // The ways from the layers, then those from the slices.
                 let times: Vec<f64> = layers.iter().map(|k| of.times[*k]).chain([0.0, 1.0]).collect();
                 let vectors = &paths(gpu, recorder, &frame.moving, 0, &times, self.h, behind)?;
@@ -578,15 +613,15 @@ impl Composing<'_, '_> {
     }
 
     /// The ends of all groups at the contour from which `from` goes, without holes.
-    fn add_contour(&self, bodies: &mut Bodies, swept: Option<&SweptPairs<'_>>, from: Direction, image: usize) {
+    fn add_contour(&self, bodies: &mut Bodies, origin: &Origin<'_>, from: Direction, image: usize) {
         for (n, (tile, pair)) in self.of.pairs.iter().enumerate() {
             let holes: Vec<&Cap> = pair.holes.iter().filter(|(_, way)| *way == from).map(|(cap, _)| cap).collect();
             let (end, goes_there) = match from {
                 Direction::Up => (&pair.up.source, 1),
                 Direction::Down => (&pair.down.source, 0),
             };
-            match swept {
-                Some(swept) if holes.is_empty() => {
+            match origin {
+                Origin::Device(swept) if holes.is_empty() => {
                     let first = swept.copies.end(2 * (self.first_pair + n) + goes_there).1;
                     bodies.add(tile, (OF_ENDS, first), 0.0, image);
                 }
@@ -627,7 +662,7 @@ impl Bodies {
     }
 
     /// Slices of all groups of an interval, which begin with number `slot`.
-    fn add_slices(&mut self, of: &IntervalMorph<'_>, image: usize, slices: &Slices<'_>, slot: usize) {
+    fn add_slices(&mut self, of: &IntervalMorph<'_>, image: usize, slices: &Slices, slot: usize) {
         for (n, (tile, _)) in of.pairs.iter().enumerate() {
             self.add(tile, (OF_SLICES, slices.first(slot + n)), 0.0, image);
         }
@@ -644,20 +679,36 @@ impl Bodies {
     }
 }
 
+/// A frame, and what follows from it on the host.
+struct Begun {
+    frame: MorphFrame,
+    /// Ways off the slices, and the particles.
+    behind: Vec<[f32; 2]>,
+}
+
+impl Begun {
+    fn new(frame: MorphFrame) -> Self {
+        let MorphFrame { moving, trust, .. } = &frame;
+        let off = moving.off_slices(0, 0.5, &moving.paths(0, 0.5));
+        let behind = vectors(off.iter().chain([trust.particles()]));
+        Begun { frame, behind }
+    }
+}
+
 impl Ground {
     /// The ground of an interval in its frame, but for what the way there loses.
     fn new(
         gpu: &Gpu,
         recorder: &mut Recorder<'_>,
-        of: &IntervalMorph<'_>,
-        frame: &MorphFrame,
+        Begun { frame, behind }: Begun,
+        limit: f64,
         h: [f64; 2],
     ) -> Result<Self> {
         let device = &gpu.device;
-        let MorphFrame { moving, slopes, lone, trust, .. } = frame;
+        let MorphFrame { moving, slopes, lone, .. } = &frame;
         let nodes = moving.fields[0].data.len();
         let (lone_values, parts) = lone_tiles(lone, FIELDS * nodes);
-        let span = device.uniform("span", span(moving, lone, of.image.limit, h));
+        let span = device.uniform("span", span(moving, lone, limit, h));
         let fields = device.storage("fields", FIELDS * nodes + lone_values.len())?;
         device.write_from(&fields, FIELDS * nodes, &lone_values);
         let gap = moving.gap(0);
@@ -666,9 +717,7 @@ impl Ground {
             gpu.place(recorder, image, (&fields, k * nodes))?;
         }
         let parts = device.upload("parts", &parts)?;
-        let off: [Displacement; 2] = moving.off_slices(0, 0.5, &moving.paths(0, 0.5));
-        let behind = vectors(off.iter().chain([trust.particles()]));
-        Ok(Ground { fields, parts, span, behind })
+        Ok(Ground { frame, fields, parts, span, behind })
     }
 }
 
@@ -686,16 +735,16 @@ fn unpacked(gpu: &Gpu, landed: &Landed<'_>, packed: &[Packed]) -> Result<Vec<Spa
         wanted.push(recorder.read::<f32>(&own.values, 0, used * AREA));
     }
     let values = recorder.submit()?.wait()?;
-    let values = wanted.iter().map(|wanted| values.values(wanted)).collect::<Result<Vec<Vec<f32>>>>()?;
-    let squares = packed.iter().map(|own| landed.values(&own.squares)).collect::<Result<Vec<_>>>()?;
-    let of = |((own, squares), values): ((&Packed, &Vec<[u32; 2]>), &Vec<f32>)| {
-        let count = square_count(own.image);
-        let layer = |k: usize| image_of(own.image.dims, &squares[k * count..][..count], values);
-        (0..own.layers).into_par_iter().map(layer).collect::<Result<Vec<_>>>()
-    };
-    let made: Vec<Vec<SparseImage<f32>>> =
-        packed.par_iter().zip(&squares).zip(&values).map(of).collect::<Result<_>>()?;
-    Ok(made.into_iter().flatten().collect())
+    let mut out = Vec::new();
+    for (own, wanted) in packed.iter().zip(&wanted) {
+        let (squares, count) = (landed.values(&own.squares)?, square_count(own.image));
+        let made = values.taken(wanted, |values| {
+            let layer = |k: usize| image_of(own.image.dims, &squares[k * count..][..count], values);
+            (0..own.layers).into_par_iter().map(layer).collect::<Result<Vec<_>>>()
+        })?;
+        out.extend(made?);
+    }
+    Ok(out)
 }
 
 /// The image of these squares.

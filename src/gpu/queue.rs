@@ -63,7 +63,10 @@ pub trait Waits: Sized {
         1
     }
     /// A copy that waits.
-    fn owned(&self) -> Self::Owned;
+    ///
+    /// # Errors
+    /// What hinders reading what it refers to.
+    fn owned(&self) -> Result<Self::Owned>;
     /// Copies as the jobs they are.
     fn lent(jobs: &[Self::Owned]) -> &[Self];
 }
@@ -106,7 +109,7 @@ impl<K: PartialEq, J, R> Calls<K, J, R> {
             return run(jobs, progress);
         }
         let answer = Answer::default();
-        let call = Call { alike, jobs: jobs.iter().map(B::owned).collect(), answer: answer.clone() };
+        let call = Call { alike, jobs: jobs.iter().map(B::owned).collect::<Result<_>>()?, answer: answer.clone() };
         locked(&self.waiting).push(call);
         if let Some(_turn) = turns.take_unless(|| locked(&answer).is_some()) {
             run_together(self.alike(&answer), |jobs| run(B::lent(jobs), &Silent));

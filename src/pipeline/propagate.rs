@@ -4,13 +4,11 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::context::{Context, Sink, time};
 use super::ends::{above, below};
 use super::sweep_inputs::{FieldFallback, SweepInputs};
 use crate::backend::MorphOptions;
-use crate::backend::interval_morph::{IntervalMorph, LayerImage, MorphFrame, Morphed};
+use crate::backend::interval_morph::{FrameSource, IntervalMorph, LayerImage, MorphFrame, Morphed};
 use crate::backend::jobs::{SweepJob, SweepPair};
 use crate::backend::requests::MorphRequest;
 use crate::contour::Contour;
@@ -93,12 +91,15 @@ pub(super) fn propagate<'a>(
 }
 
 /// The mid frame of interval `i`, and what the field method says there.
-fn frame<'a>(run: &Context<'a>, made: &SweepInputs<'_, 'a>, i: usize) -> Result<Option<MorphFrame>> {
-    let Some(FieldFallback { moving, slopes, lone }) = &made.beside else { return Ok(None) };
-    let moving = moving.part(i..i + 2)?;
-    let trust = Arc::new(made.trust(&moving, i, run.h, relief(run))?);
-    let empty = [i, i + 1].map(|k| made.contours.light(k).solids.count == 0);
-    Ok(Some(MorphFrame { moving, empty, slopes: [slopes.get(i)?, slopes.get(i + 1)?], lone: lone.get(i)?, trust }))
+fn frame<'f, 'a>(run: &'f Context<'a>, made: &'f SweepInputs<'_, 'a>, i: usize) -> Option<FrameSource<'f>> {
+    let FieldFallback { moving, slopes, lone } = made.beside.as_ref()?;
+    let read = move || {
+        let moving = moving.part(i..i + 2)?;
+        let trust = Arc::new(made.trust(&moving, i, run.h, relief(run))?);
+        let empty = [i, i + 1].map(|k| made.contours.light(k).solids.count == 0);
+        Ok(MorphFrame { moving, empty, slopes: [slopes.get(i)?, slopes.get(i + 1)?], lone: lone.get(i)?, trust })
+    };
+    Some(FrameSource::new(lone.light(i), read))
 }
 
 /// Share by which the field's slopes of relief replace the morph's: whoever asks for other slopes than the default ones gets them.
@@ -120,13 +121,12 @@ fn morph_chunk<'a>(
 ) -> Result<Vec<Vec<SparseImage<f32>>>> {
     let contours = made.contours;
     let image = LayerImage { dims: run.stack.dims, pad: run.pad, limit: run.settings.margin() as f64 };
-    let frames: Vec<Option<MorphFrame>> =
-        chunk.clone().into_par_iter().map(|i| frame(run, made, i)).collect::<Result<_>>()?;
     let mut morphs = Vec::with_capacity(chunk.len());
-    for (((i, caps), interval), frame) in chunk.clone().zip(caps).zip(intervals).zip(frames) {
+    for ((i, caps), interval) in chunk.clone().zip(caps).zip(intervals) {
         let [low, high] = [i, i + 1].map(|k| contours.light(k).z);
         let times: Vec<f64> = heights.between(i).iter().map(|x| time(x.z, low, high)).collect();
         let pairs = pairs(run, made, i, (interval, caps), &times)?;
+        let frame = frame(run, made, i);
         morphs.push(IntervalMorph { image, times, pairs, solids: Cow::Borrowed(&caps.solids), frame });
     }
     let (options, at_once) = (MorphOptions::from(run.settings), run.layers_at_once());
@@ -208,14 +208,14 @@ fn pairs<'a, 'p>(
 
 /// Intervals that are swept together: enough for all threads and for a GPU, but no more slices than [`CHUNK_BYTES`] or the budget hold.
 fn chunks<'a>(run: &Context<'a>, intervals: &SpillVec<'a, Interval>, heights: &Heights) -> Vec<Range<usize>> {
-    let least = run.budget.at_once(2 * rayon::current_num_threads(), 14 * run.field_bytes());
+    let least = run.budget.at_once(2 * rayon::current_num_threads(), 10 * run.field_bytes());
     let most = run.budget.spare(CHUNK_BYTES);
     let mut out: Vec<Range<usize>> = Vec::new();
-    let (mut filled, beside) = (0, 4 * run.field_bytes());
+    let mut filled = 0;
     for i in run.span.layers.clone() {
         let nodes: usize = intervals.light(i).groups.iter().map(|g| g.tile.len()).sum();
-        // Both ends of its groups, the slices between, and the fields and slopes of its frame.
-        let bytes = nodes * (2 * size_of::<f64>() + size_of::<f32>() * heights.between(i).len()) + beside;
+        // Both ends of its groups, and the slices between.
+        let bytes = nodes * (2 * size_of::<f64>() + size_of::<f32>() * heights.between(i).len());
         match out.last_mut() {
             Some(chunk) if chunk.len() < least || filled + bytes <= most => chunk.end = i + 1,
             _ => {

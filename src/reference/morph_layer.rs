@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::backend::interval_morph::{IntervalMorph, MorphFrame, Morphed, together};
+use crate::backend::interval_morph::{FrameSource, IntervalMorph, MorphFrame, Morphed, together};
 use crate::backend::jobs::Filled;
 use crate::backend::requests::{LayerRequest, MorphRequest};
 use crate::contour::canvas::Canvas;
@@ -34,12 +34,11 @@ pub fn layers(request: &MorphRequest<'_>, filled: Vec<Filled>, others: &Others<'
     let mut filled = filled.into_iter();
     let mut out = Vec::with_capacity(request.intervals.len());
     for some in together(request.intervals.iter().map(|of| of.times.len()), request.at_once) {
-        let pieces: Vec<Piece<'_, '_>> = some
-            .map(|i| {
-                let of = &request.intervals[i];
-                Piece { of, filled: filled.by_ref().take(of.pairs.len()).collect() }
-            })
-            .collect();
+        let intervals = &request.intervals[some];
+        let read = |of: &IntervalMorph<'_>| of.frame.as_ref().map(FrameSource::read).transpose();
+        let frames: Vec<Option<MorphFrame>> = intervals.par_iter().map(read).collect::<Result<_>>()?;
+        let mut next = |of: &IntervalMorph<'_>| filled.by_ref().take(of.pairs.len()).collect();
+        let pieces = intervals.iter().zip(frames).map(|(of, frame)| Piece { of, frame, filled: next(of) }).collect();
         composed(request, pieces, others, &mut out)?;
     }
     Ok(out)
@@ -48,6 +47,7 @@ pub fn layers(request: &MorphRequest<'_>, filled: Vec<Filled>, others: &Others<'
 /// An interval and the slices of its pairs.
 struct Piece<'p, 'a> {
     of: &'p IntervalMorph<'a>,
+    frame: Option<MorphFrame>,
     filled: Vec<Filled>,
 }
 
@@ -100,7 +100,7 @@ fn frames<'f>(
 ) -> Result<Vec<Option<InFrame<'f>>>> {
     let mut placed = Vec::with_capacity(pieces.len());
     for (piece, warp) in pieces.iter().zip(warps) {
-        let (Some(frame), Some(warp)) = (&piece.of.frame, warp) else {
+        let (Some(frame), Some(warp)) = (&piece.frame, warp) else {
             placed.push(None);
             continue;
         };
@@ -127,7 +127,7 @@ fn frames<'f>(
 impl Piece<'_, '_> {
     /// Warp from the mid frame to the layers.
     fn warp(&self) -> Option<Warp<'_>> {
-        let MorphFrame { moving, empty, .. } = self.of.frame.as_ref()?;
+        let MorphFrame { moving, empty, .. } = self.frame.as_ref()?;
         let begun = [Direction::Up, Direction::Down].map(|from| self.begun(from));
         // The frame's own field of a slice that is not empty is the slice's.
         let own = |side: usize| (!empty[side]).then(|| &*moving.fields[side]);

@@ -10,7 +10,7 @@ use super::cases::Cases;
 use super::comparison::Comparison;
 use super::moving_twins::Stack;
 use crate::backend::Backend;
-use crate::backend::interval_morph::{IntervalMorph, LayerImage, MorphFrame};
+use crate::backend::interval_morph::{FrameSource, IntervalMorph, LayerImage, MorphFrame};
 use crate::backend::jobs::{SweepJob, SweepPair};
 use crate::backend::requests::MorphRequest;
 use crate::contour::caps::{Cap, CapProfile};
@@ -124,7 +124,10 @@ fn morph(stack: &Stack, moving: &MotionField, i: usize, times: &[f64], in_frame:
         times: times.to_vec(),
         pairs: vec![(tile, pair)],
         solids: Cow::Owned(solids),
-        frame: in_frame.then(|| frame(stack, moving, i)),
+        frame: in_frame.then(|| {
+            let frame = frame(stack, moving, i);
+            FrameSource::new(&frame.lone.clone(), move || Ok(frame.clone()))
+        }),
     }
 }
 

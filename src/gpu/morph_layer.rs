@@ -255,8 +255,8 @@ fn composed(gpu: &Gpu, request: &MorphRequest<'_>, origin: &Origin<'_>) -> Resul
             Made::Lost(lost) => lost,
         };
         let Origin::Device(swept) = origin else { return Err(failure("a slice of the host's has lost an overlap")) };
-        let mended = swept.mended(gpu, &lost)?;
-        let again = Attempt { mended: Some((&lost, &mended)), ..first };
+        let (atlas, values) = &swept.mended(gpu, &lost)?;
+        let again = Attempt { mended: Some(Mended { wanted: &lost, atlas, values }), ..first };
         match again.layers(&mut composing)? {
             Made::Layers(layers) => Ok(layers),
             Made::Lost(_) => Err(failure("an overlap that was put back is lost")),
@@ -323,8 +323,15 @@ struct Attempt<'g, 's> {
     gpu: &'g Gpu,
     origin: &'s Origin<'s>,
     steps: &'s [(usize, Vec<usize>)],
-    /// Slices that have been mended, with their values.
-    mended: Option<(&'s [(usize, usize)], &'s (Atlas, Vec<f32>))>,
+    mended: Option<Mended<'s>>,
+}
+
+/// Slices that have been mended, each a pair and the number of its time, with their values.
+#[derive(Clone, Copy)]
+struct Mended<'s> {
+    wanted: &'s [(usize, usize)],
+    atlas: &'s Atlas,
+    values: &'s [f32],
 }
 
 /// Slices of the groups on the device.
@@ -416,9 +423,9 @@ impl<'g> Attempt<'g, '_> {
         };
         let atlas = swept.atlas(&wanted);
         let (mut recorder, blended) = swept.blend(gpu, &wanted, &atlas)?;
-        if let Some((mended, (own, values))) = self.mended {
-            let values = gpu.device.upload("mended", values)?;
-            for (slice, from) in mended.iter().zip(&own.jobs) {
+        if let Some(mended) = self.mended {
+            let values = gpu.device.upload("mended", mended.values)?;
+            for (slice, from) in mended.wanted.iter().zip(&mended.atlas.jobs) {
                 let Some(slot) = wanted.iter().position(|other| other == slice) else { continue };
                 let bytes = 4 * u64::from(from.block_count) * BLOCK as u64;
                 let to = atlas.jobs[slot].offset;

@@ -166,8 +166,8 @@ mod tests {
 
     impl Waits for i32 {
         type Owned = i32;
-        fn owned(&self) -> i32 {
-            *self
+        fn owned(&self) -> Result<i32> {
+            Ok(*self)
         }
         fn lent(jobs: &[i32]) -> &[i32] {
             jobs

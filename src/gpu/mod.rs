@@ -21,10 +21,14 @@ mod fallback;
 mod hj_step;
 pub mod kernels;
 pub mod layout;
+mod morph_batches;
+mod morph_bodies;
 mod morph_layer;
+mod morph_slices;
 mod moving;
 mod moving_layer;
 mod moving_slopes;
+mod packed_layers;
 mod part;
 mod particles;
 mod pool;
@@ -164,7 +168,7 @@ impl Backend for Gpu {
     fn morph_layers(&self, request: &MorphRequest<'_>, progress: &dyn Progress) -> Result<Vec<Morphed>> {
         let &MorphRequest { intervals, h, options, at_once } = request;
         self.waiting.morphs.ask(&self.turns, (h, options), intervals, progress, |intervals, progress| {
-            morph_layer::morph_layers(self, &MorphRequest { intervals, h, options, at_once }, progress)
+            morph_batches::morph_layers(self, &MorphRequest { intervals, h, options, at_once }, progress)
         })
     }
 

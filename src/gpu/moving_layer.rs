@@ -236,7 +236,7 @@ fn record(
 ) -> Result<[Buffer<[f32]>; 2]> {
     let device = &gpu.device;
     let (dims, grid) = (of.moving.fields[0].dims, of.moving.displacements[0].grid);
-    let vectors = &paths(gpu, recorder, of.moving, of.interval, times, of.h, &[])?;
+    let vectors = &paths(gpu, recorder, (of.moving, of.interval, dims), times, of.h, &[])?;
     let image = &device.uniform("image", image(dims, grid, of.h, times.len()));
     let table: Vec<f32> = times.iter().map(|t| *t as f32).collect();
     let table = &device.upload("times", &table)?;

@@ -27,8 +27,7 @@ shader! {
 pub fn paths(
     gpu: &Gpu,
     recorder: &mut Recorder<'_>,
-    moving: &MotionField,
-    i: usize,
+    (moving, i, dims): (&MotionField, usize, [usize; 2]),
     times: &[f64],
     h: [f64; 2],
     behind: &[[f32; 2]],
@@ -46,7 +45,7 @@ pub fn paths(
             second: (t * t * (t - 1.0)) as f32,
         })
         .collect();
-    let image = &device.uniform("image", image(moving.fields[i].dims, v.grid, h, times.len()));
+    let image = &device.uniform("image", image(dims, v.grid, h, times.len()));
     let (own, rates) = (&device.upload("vectors", &vectors([&**v]))?, &device.upload("rates", &vectors(&rates))?);
     let table = &device.upload("times", &table)?;
     let paths = device.storage("paths", 2 * nodes * times.len() + behind.len())?;

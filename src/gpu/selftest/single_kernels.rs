@@ -224,7 +224,7 @@ impl Gpu {
     /// [`crate::Error::Gpu`].
     pub fn paths(&self, moving: &MotionField, i: usize, times: &[f64], h: [f64; 2]) -> Result<Vec<Paths>> {
         let mut recorder = Recorder::new(&self.device, &self.profiler);
-        let paths = trajectories::paths(self, &mut recorder, moving, i, times, h, &[])?;
+        let paths = trajectories::paths(self, &mut recorder, (moving, i, moving.fields[i].dims), times, h, &[])?;
         recorder.submit()?;
         let like = &moving.displacements[i];
         let vectors = self.device.read(&paths, 0, 2 * like.vectors.len() * times.len())?;

@@ -5,12 +5,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use image::{DynamicImage, ImageReader};
 use rayon::prelude::*;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::estimate::memory;
+use crate::input::grey_image::Grey;
 use crate::input::masks::by_number;
 use crate::input::volume::grid::sides;
 use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
@@ -260,12 +260,6 @@ fn ranges(file: &Path, names: &[(PathBuf, &str)]) -> Result<Vec<Range>> {
     })
 }
 
-struct Grey {
-    dims: [usize; 2],
-    bits: u8,
-    values: Vec<u16>,
-}
-
 /// An image without its pixels.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Range {
@@ -358,31 +352,7 @@ impl Rule {
     }
 }
 
-fn read_image(path: &PathBuf, index: usize, name: &str) -> Result<Grey> {
+fn read_image(path: &Path, index: usize, name: &str) -> Result<Grey> {
     let fail = |message: String| Error::Slice { index, name: name.into(), message };
-    let reader = ImageReader::open(path)
-        .and_then(|r| r.with_guessed_format())
-        .map_err(|e| fail(format!("{}: cannot read: {e}", path.display())))?;
-    let image = reader.decode().map_err(|e| fail(format!("{}: {e}", path.display())))?;
-    let dims = [image.width() as usize, image.height() as usize];
-    match image {
-        DynamicImage::ImageLuma8(i) => {
-            Ok(Grey { dims, bits: 8, values: i.into_raw().into_iter().map(u16::from).collect() })
-        }
-        DynamicImage::ImageLuma16(i) => Ok(Grey { dims, bits: 16, values: i.into_raw() }),
-        // Colour images whose channels agree are grey images that some program saved as colour.
-        DynamicImage::ImageRgb8(_) | DynamicImage::ImageRgba8(_) | DynamicImage::ImageLumaA8(_) => {
-            let rgba = image.to_rgba8();
-            if let Some((x, y, p)) =
-                rgba.enumerate_pixels().find(|(_, _, p)| p[0] != p[1] || p[1] != p[2] || p[3] != 255)
-            {
-                let [r, g, b, a] = p.0;
-                return Err(fail(format!(
-                    "pixel ({x}, {y}) is coloured or transparent ({r}, {g}, {b}, {a}); a slice must be a grey image"
-                )));
-            }
-            Ok(Grey { dims, bits: 8, values: rgba.pixels().map(|p| u16::from(p[0])).collect() })
-        }
-        other => Err(fail(format!("pixels are {:?}; a slice must be an 8 or 16 bit grey image", other.color()))),
-    }
+    Grey::read(path).map_err(|message| fail(format!("{}: {message}", path.display())))
 }

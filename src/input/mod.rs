@@ -2,6 +2,7 @@
 
 pub mod folder;
 pub mod format;
+mod grey_image;
 pub mod labels;
 mod masks;
 pub mod mha;

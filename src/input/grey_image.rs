@@ -1,0 +1,75 @@
+//! One grey image, 8 or 16 bit PNG or TIFF, that takes no more memory than its pixels do, whatever its file says or holds beside them.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use image::{DynamicImage, ImageReader, Limits};
+
+use crate::storage::room::check_room;
+
+/// Bytes that colour profiles and texts of an image may take, unpacked: a profile of 1 MB can unpack to 1 GB.
+const BESIDE: u64 = 16 << 20;
+/// Bytes of a decoded pixel at most: four channels of 16 bits.
+const PIXEL: u64 = 8;
+
+/// A grey image.
+pub struct Grey {
+    /// Columns and rows.
+    pub dims: [usize; 2],
+    /// Bits of a value as the file has it.
+    pub bits: u8,
+    /// Values, row by row.
+    pub values: Vec<u16>,
+}
+
+impl Grey {
+    /// Reads an image.
+    ///
+    /// # Errors
+    /// What is wrong with the file, without its name.
+    pub fn read(path: &Path) -> Result<Self, String> {
+        let unreadable = |e: image::ImageError| match e {
+            image::ImageError::IoError(e) => format!("cannot read: {e}"),
+            e => e.to_string(),
+        };
+        let open = |bytes: u64| -> Result<ImageReader<BufReader<File>>, String> {
+            let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format);
+            let mut reader = reader.map_err(|e| format!("cannot read: {e}"))?;
+            let mut limits = Limits::default();
+            limits.max_alloc = Some(bytes);
+            reader.limits(limits);
+            Ok(reader)
+        };
+        let (columns, rows) = open(BESIDE)?.into_dimensions().map_err(unreadable)?;
+        let pixels = u64::from(columns) * u64::from(rows);
+        let bytes = PIXEL.saturating_mul(pixels);
+        check_room(bytes as f64).map_err(|more| format!("{columns}x{rows} px {more}"))?;
+        let image = open(bytes.saturating_add(BESIDE))?.decode().map_err(unreadable)?;
+        Self::of(image)
+    }
+
+    fn of(image: DynamicImage) -> Result<Self, String> {
+        let dims = [image.width() as usize, image.height() as usize];
+        match image {
+            DynamicImage::ImageLuma8(i) => {
+                Ok(Grey { dims, bits: 8, values: i.into_raw().into_iter().map(u16::from).collect() })
+            }
+            DynamicImage::ImageLuma16(i) => Ok(Grey { dims, bits: 16, values: i.into_raw() }),
+            // Colour images whose channels agree are grey images that some program saved as colour.
+            DynamicImage::ImageRgb8(_) | DynamicImage::ImageRgba8(_) | DynamicImage::ImageLumaA8(_) => {
+                let rgba = image.to_rgba8();
+                if let Some((x, y, p)) =
+                    rgba.enumerate_pixels().find(|(_, _, p)| p[0] != p[1] || p[1] != p[2] || p[3] != 255)
+                {
+                    let [r, g, b, a] = p.0;
+                    return Err(format!(
+                        "pixel ({x}, {y}) is coloured or transparent ({r}, {g}, {b}, {a}); a slice must be a grey image"
+                    ));
+                }
+                Ok(Grey { dims, bits: 8, values: rgba.pixels().map(|p| u16::from(p[0])).collect() })
+            }
+            other => Err(format!("pixels are {:?}; a slice must be an 8 or 16 bit grey image", other.color())),
+        }
+    }
+}

@@ -176,7 +176,7 @@ fn p14_forms_of_a_nifti_that_differ_are_said() {
     case.all_say(
         &[],
         0,
-        "sform and qform of the header place the volume differently, by up to 3.000; the sform is used",
+        "sform and qform of the header place the volume differently, by up to 3.000 mm; the sform is used",
     );
     nifti(&case.input, 0.01);
     case.none_doubts(&[]);
@@ -217,9 +217,24 @@ fn rings(values: [u8; 3], smooth: bool) -> Case {
 }
 
 #[test]
-fn p14_a_few_values_that_are_cut_half_way_are_said() {
-    rings([0, 127, 255], false).all_say(&[], 0, "slices have the 3 values 0, 127, 255: cut half way, at 127.5");
+fn p14_of_a_few_values_one_is_asked_for() {
+    rings([0, 127, 255], false).all_say(
+        &[],
+        2,
+        "slices have 3 values, 0, 127, 255: which of them is the body? `--label N`",
+    );
     rings([0, 127, 255], false).none_doubts(&["--level", "100"]);
+    rings([0, 127, 255], false).none_doubts(&["--label", "127"]);
+    rings([0, 127, 255], false).all_say(
+        &["--label", "3"],
+        2,
+        "`label` must be a value of the pixels (0, 127, 255); got 3",
+    );
+    rings([0, 127, 255], false).all_say(
+        &["--label", "ring"],
+        2,
+        "`label` is the value of the pixels in a folder of images",
+    );
     rings([0, 127, 255], true).none_doubts(&[]);
     rings([0, 255, 255], false).none_doubts(&[]);
 }

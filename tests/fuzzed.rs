@@ -1,6 +1,6 @@
 //! Every reader with the seeds of the fuzz targets (`fuzz/`): sound ones are read, damaged ones refused in words, whatever the damage; and
 //! with the inputs that once failed.
-#![cfg(all(feature = "dicom", feature = "terrain"))]
+#![cfg(all(feature = "dicom", feature = "geopackage", feature = "zarr"))]
 
 #[path = "support/files.rs"]
 mod support;

@@ -167,7 +167,7 @@ fn settings_are_checked() {
     refused(input.path(), &["--end-top", "pointed"], &["pointed", "peak=HEIGHT"]);
     refused(input.path(), &["--dz", "0"], &["`dz` must be a positive number; got 0"]);
     refused(input.path(), &["--threads", "0"], &["`threads` must lie in [1, 1024]; got 0"]);
-    refused(input.path(), &["--label", "3"], &["`label` is not for a folder of slices"]);
+    refused(input.path(), &["--label", "3"], &["`label` must be a value of the pixels", "got 3"]);
     refused(input.path(), &["--level", "255"], &["`level` must lie in [0, 255)", "got 255"]);
     refused(input.path(), &["--slope", "steep"], &["steep", "pchip"]);
 }

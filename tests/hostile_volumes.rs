@@ -262,7 +262,11 @@ fn four_axes_and_other_things_of_nifti() {
         spoilt[at..at + bytes.len()].copy_from_slice(bytes);
         refused("a.nii", &spoilt, &[], says);
     };
-    with(40, &[4, 0, 12, 0, 10, 0, 5, 0, 2, 0], &["dim[4] is 2; a label volume has three axes"]);
+    with(
+        40,
+        &[4, 0, 12, 0, 10, 0, 5, 0, 2, 0],
+        &["dim[4] is 2: 2 volumes one behind the other (4D); a label volume has three axes: save the one"],
+    );
     with(70, &128i16.to_le_bytes(), &["datatype 128"]);
     with(108, &f32::NAN.to_le_bytes(), &["vox_offset", "NaN"]);
     with(112, &f32::INFINITY.to_le_bytes(), &["scl_slope", "inf"]);

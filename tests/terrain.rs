@@ -10,6 +10,7 @@ use std::path::Path;
 
 use files::*;
 use interslice::stack::ReadOptions;
+use interslice::stack::options::{Around, MapBorder};
 use interslice::surface::map::Crs;
 use interslice::terrain::Terrain;
 use serde_json::{Value, json};
@@ -215,7 +216,7 @@ fn lines_that_end_at_the_border_are_closed_round_any_corner() {
         let middle = 500.0 * a + 400.0 * b;
         let levels: Vec<f64> = (-4..=4).map(|k| middle + 90.0 * f64::from(k)).collect();
         let lines: Vec<Value> = levels.iter().map(|z| feature(*z, &across(a, b, *z))).collect();
-        let border = Some(vec![EAST, NORTH, EAST + 1000.0, NORTH + 800.0]);
+        let border = Some(MapBorder::Given(vec![EAST, NORTH, EAST + 1000.0, NORTH + 800.0]));
         let terrain = read(&lines, &ReadOptions { border, ..pixels(10.0) });
         assert_eq!(terrain.map.dims, [101, 81]);
         for (k, z) in levels.iter().enumerate() {
@@ -316,6 +317,10 @@ fn lines_that_dangle_or_cross_are_named() {
     let dangling = [feature(100, &circle([0.0, 0.0], 400.0)), feature(150, &circle([0.0, 0.0], 200.0)[..90].to_vec())];
     let said = refused(&dangling, &[]);
     assert_says(&said, &["feature 2", "line of 150", "ends inside the map at (500200, 4000000)", "away", "within 10"]);
+    assert_says(
+        &said,
+        &["2 ends of lines meet nothing. feature 2", "What to try", "--border hull", "--pixel 580.2995"],
+    );
     let crossing = [feature(100, &circle([0.0, 0.0], 400.0)), feature(150, &circle([300.0, 0.0], 200.0))];
     assert_says(&refused(&crossing, &[]), &["feature", "150", "100", "cross", "more than 20"]);
     // A summit outside the level below: a line around it is missing.
@@ -502,7 +507,7 @@ fn lines_that_a_slanted_edge_has_cut_go_on_to_the_box() {
 #[test]
 fn lines_beyond_the_border_are_cut() {
     let given = |x: [f64; 4]| ReadOptions {
-        border: Some(vec![EAST + x[0], NORTH + x[1], EAST + x[2], NORTH + x[3]]),
+        border: Some(MapBorder::Given(vec![EAST + x[0], NORTH + x[1], EAST + x[2], NORTH + x[3]])),
         ..pixels(20.0)
     };
     let (whole, part) = (read(&cone(), &pixels(20.0)), read(&cone(), &given([-100.0, -300.0, 900.0, 300.0])));
@@ -535,4 +540,82 @@ fn elevations_have_many_names_and_units() {
         assert!((z - metres).abs() < 1e-9, "{unit}: {z}");
     }
     assert_says(&refused(&map, &["--z-unit", "yard"]), &["invalid value 'yard' for '--z-unit <UNIT>'", "m, ft, us-ft"]);
+}
+
+fn contents(terrain: &Terrain) -> Vec<Vec<bool>> {
+    terrain.stack.slices.iter().map(|s| s.content.sides()).collect()
+}
+
+/// A ramp whose northern edge has a notch, deeper than what is near the hull.
+fn notched() -> Vec<Value> {
+    let end = |k: usize| if (8..12).contains(&k) { 600.0 } else { 1000.0 };
+    let line = |k: usize| -> Line {
+        (0..=40).map(|j| [EAST + 100.0 * k as f64, NORTH + end(k) * f64::from(j) / 40.0]).collect()
+    };
+    (0..20).map(|k| feature(10 * k as i64, &line(k))).collect()
+}
+
+#[test]
+fn the_three_worst_ends_are_named_and_the_hull_may_be_the_border() {
+    let said = refused(&notched(), &[]);
+    assert_says(
+        &said,
+        &["4 ends of lines meet nothing; the 3 farthest inside: feature 9: its line of 80", "--border hull"],
+    );
+    assert_says(&said, &["feature 10: its", "feature 11: its", "400.0000 from the border"]);
+    assert!(!said.contains("feature 12"), "{said}");
+    let hull = ReadOptions { border: Some(MapBorder::Around(Around::Hull)), ..pixels(10.0) };
+    let terrain = read(&notched(), &hull);
+    assert!(terrain.notes.iter().any(|n| n.contains("up to 400.000 inside their hull")), "{:?}", terrain.notes);
+    // The first and the last line run along the border.
+    assert_eq!(terrain.stack.slices.len(), 18);
+    // Where all lines end in the box, it does not matter.
+    let whole = ReadOptions { border: Some(MapBorder::Around(Around::Box)), ..pixels(10.0) };
+    assert_eq!(contents(&read(&cone(), &whole)), contents(&read(&cone(), &hull)));
+    for (wrong, says) in [("hul", "expected box, hull or four numbers"), ("1,2,3", "must be X0,Y0,X1,Y1 with X0 < X1")]
+    {
+        assert_says(&refused(&cone(), &["--border", wrong]), &[says]);
+    }
+}
+
+/// A cone whose lowest contour is a circle: beyond it nothing, its height, or a slope that goes on.
+#[test]
+fn below_the_lowest_contour_there_may_be_heights() {
+    let place = folder();
+    let (input, output) = (place.path().join("cone.geojson"), place.path().join("cone.tif"));
+    write(&input, &cone());
+    let heights = |below: &[&str]| {
+        let [from, to] = [&input, &output].map(|p| p.to_str().expect("temporary paths are UTF-8"));
+        let border = format!("{},{},{},{}", EAST - 500.0, NORTH - 500.0, EAST + 500.0, NORTH + 500.0);
+        let common = ["--pixel", "10", "--border", &border, "--backend", "cpu", "-q"];
+        let result = interslice(&[&["reconstruct", from, "-o", to], &common[..], below].concat());
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        geotiff(&output)
+    };
+    let none = heights(&[]);
+    let outside: Vec<usize> = (0..none.heights.len()).filter(|n| none.heights[*n].is_nan()).collect();
+    assert!(outside.len() > 4000, "{}", outside.len());
+    let constant = heights(&["--below", "constant"]);
+    assert!(outside.iter().all(|n| constant.heights[*n] == 100.0));
+    let slope = heights(&["--below", "extrapolate"]);
+    let [nx, ny] = slope.dims;
+    for n in 0..nx * ny {
+        if !none.heights[n].is_nan() {
+            assert_eq!(slope.heights[n], none.heights[n], "pixel {n} lies above the lowest contour");
+            continue;
+        }
+        // Pixels have their centres at multiples of 10 from -500 on; d0 = r - 400, d1 = r - 300.
+        let [x, y] = [(n % nx) as f64 * 10.0 - 500.0, (n / nx) as f64 * 10.0 - 500.0];
+        let r = x.hypot(y);
+        let wanted = 100.0 - 50.0 * (r - 400.0) / (r - 300.0);
+        let off = f64::from(slope.heights[n]) - wanted;
+        // Lines have 120 points; beyond 12 pixels distances go from pixel to pixel, which is up to half a pixel off.
+        assert!(off.abs() < if r < 420.0 { 0.2 } else { 0.6 }, "at {x}, {y}: {} for {wanted}", slope.heights[n]);
+    }
+    let one = [feature(100, &circle([0.0, 0.0], 400.0))];
+    assert_says(&refused(&one, &["--below", "extrapolate"]), &["`below` extrapolate needs two levels", "only 100"]);
+    let stack = place.path().join("stack");
+    fs::create_dir(&stack).expect("a folder can be made");
+    sound_stack(&stack);
+    assert_says(&refused_file(&stack, &["--below", "constant"]), &["`below` is not for anything but contour maps"]);
 }

@@ -312,3 +312,19 @@ fn every_type_and_byte_order_gives_the_same_labels() {
         assert_eq!(interslice::input::files(&path).expect("both"), [path.clone(), path.with_extension("raw")]);
     }
 }
+
+/// Slices a hundredth thicker or thinner than the pixels are as thick: then they lie along z.
+#[test]
+fn spacings_within_a_hundredth_are_equal() {
+    let place = folder();
+    let path = place.path().join("a.nrrd");
+    for (spacings, axis) in
+        [("1 1 1.009", 2), ("1.009 1 1", 2), ("1.009 1 1.005", 2), ("1.02 1 1", 0), ("1 1.02 1.009", 1)]
+    {
+        let header = format!("spacings: {spacings}\nencoding: raw");
+        fs::write(&path, nrrd(&header, "uchar", [4, 4, 4], &[1; 64])).expect("a file can be written");
+        let (_, surveyed) = read_surveyed(&path, &ReadOptions::default()).expect("the volume is sound");
+        let choice = surveyed.expect("it is a volume").axis;
+        assert_eq!(choice.axis, axis, "{spacings}: {}", choice.why);
+    }
+}

@@ -23,7 +23,7 @@ use interslice::files::{JobOptions, Loaded};
 use interslice::progress::Silent;
 use interslice::stack::appearance::Appearance;
 use interslice::stack::{Geometry, Slice, SliceContent};
-use interslice::surface::map::{Crs, Map};
+use interslice::surface::map::{Crs, Floor, Map};
 use interslice::{Budget, ContourStack, Means, Reference};
 use interslice_fuzz::BETWEEN;
 use shapefile::dbase::{FieldValue, Record, TableWriterBuilder};
@@ -104,7 +104,7 @@ fn written(keep: Keep<'_>) -> Try {
         OutputOptions { mask: true, dz: Some(1.5), ..OutputOptions::default() },
     )?;
     write(&["a.contours.json"], OutputOptions { dz: Some(2.25), ..OutputOptions::default() })?;
-    let map = Map { crs: Crs::Epsg(32611), first: [0, 0], dims: DIMS };
+    let map = Map { crs: Crs::Epsg(32611), first: [0, 0], dims: DIMS, floor: Floor::default() };
     write(&["a.geojson"], OutputOptions { dz: Some(2.25), map: Some(Arc::new(map)), ..OutputOptions::default() })?;
     for (target, name) in [
         ("nrrd", "a.nrrd"),
@@ -117,7 +117,7 @@ fn written(keep: Keep<'_>) -> Try {
         keep(target, &name.replace("a.", ""), &fs::read(place.path().join(name))?)?;
     }
     let path = place.path().join("a.section");
-    let map = Map { crs: Crs::Epsg(32611), first: [1, 2], dims: DIMS.map(|n| n - 2) };
+    let map = Map { crs: Crs::Epsg(32611), first: [1, 2], dims: DIMS.map(|n| n - 2), floor: Floor::default() };
     let bodies = vec![Appearance { name: Some("a body".into()), number: Some(1), colour: Some([200, 100, 50]) }];
     let whole = loaded(OutputOptions { dz: Some(2.25), map: Some(Arc::new(map)), bodies, ..OutputOptions::default() })?;
     let mut writer = SectionWriter::open(&path, [1, 1], "0".repeat(64), &whole, &mut Places::default())?;

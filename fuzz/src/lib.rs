@@ -36,6 +36,7 @@ pub fn targets() -> Vec<(&'static str, Target)> {
         let target: Target = match format.name {
             "folder" => Box::new(folder),
             "rtstruct" => Box::new(rtstruct),
+            "zarr" => Box::new(zarr),
             _ => Box::new(|bytes| of_format(format, bytes)),
         };
         (format.name, target)
@@ -133,6 +134,19 @@ fn rtstruct(bytes: &[u8]) -> Result<()> {
     })
 }
 
+/// A group of Zarr with the attributes of an image, an array in it, and its first two chunks; of version 2 where the array says so.
+fn zarr(bytes: &[u8]) -> Result<()> {
+    const THREE: [&str; 4] = ["a/zarr.json", "a/0/zarr.json", "a/0/c/0/0/0", "a/0/c/1/0/0"];
+    const TWO: [&str; 4] = ["a/.zattrs", "a/0/.zarray", "a/0/0/0/0", "a/0/1/0/0"];
+    const IS_TWO: &[u8] = b"\"zarr_format\": 2";
+    let two = bytes.windows(IS_TWO.len()).any(|w| w == IS_TWO);
+    let (names, others) = if two { (TWO, THREE) } else { (THREE, TWO) };
+    with_files(&others[..2], b"", |folder| {
+        others[..2].iter().for_each(|name| drop(fs::remove_file(folder.join(name))));
+        with_files(&names, bytes, |folder| volume(&folder.join("a")))
+    })
+}
+
 /// Links between the parts of three slices: two, one and three parts.
 fn links(bytes: &[u8]) -> Result<()> {
     with_files(&["links.json"], bytes, |folder| {
@@ -222,6 +236,7 @@ fn with_files(names: &[impl AsRef<Path>], bytes: &[u8], each: impl FnOnce(&Path)
         let mut rest = Some(bytes);
         for (k, name) in names.iter().enumerate() {
             let path = folder.join(name);
+            path.parent().map_or(Ok(()), fs::create_dir_all).expect("a folder can be made");
             let Some(all) = rest else {
                 let _ = fs::remove_file(path);
                 continue;

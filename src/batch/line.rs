@@ -88,8 +88,18 @@ fn json_error(e: &serde_json::Error) -> String {
     format!("{said} (column {})", e.column())
 }
 
+/// What stands between the cells: spreadsheets write `;` where the comma is that of numbers. Of a header of one cell nothing tells.
+fn delimiter(text: &str) -> u8 {
+    let header = text.lines().next().unwrap_or_default();
+    if header.contains(';') && !header.contains(',') { b';' } else { b',' }
+}
+
 fn read_csv(text: &str) -> std::result::Result<Vec<Numbered>, String> {
-    let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
+    let mut reader = csv::ReaderBuilder::new()
+        .delimiter(delimiter(text))
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .from_reader(text.as_bytes());
     let header = reader.headers().map_err(|e| e.to_string())?.clone();
     let place = |name: &str| header.iter().position(|h| h == name);
     for h in &header {

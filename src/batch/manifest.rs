@@ -5,6 +5,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::line::{ManifestLine, read};
+use super::spread::spread;
 use crate::error::{Error, Result};
 use crate::files::JobOptions;
 use crate::files::fingerprint::fingerprint;
@@ -75,9 +76,18 @@ impl Manifest {
         let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
         let (mut jobs, mut wrong, mut claims) = (Vec::new(), Vec::new(), Claims::default());
         for (number, line) in lines {
-            match line.map_err(|e| vec![e]).and_then(|line| job(line, number, &folder, &mut claims)) {
-                Ok(job) => jobs.push((number, job)),
-                Err(messages) => wrong.extend(messages.into_iter().map(|m| (number, m))),
+            let lines = match line.and_then(|line| spread(line, &folder)) {
+                Ok(lines) => lines,
+                Err(message) => {
+                    wrong.push((number, message));
+                    continue;
+                }
+            };
+            for line in lines {
+                match job(line, number, &folder, &mut claims) {
+                    Ok(job) => jobs.push((number, job)),
+                    Err(messages) => wrong.extend(messages.into_iter().map(|m| (number, m))),
+                }
             }
         }
         let mut places = places(path, &jobs);

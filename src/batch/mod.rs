@@ -11,6 +11,7 @@ pub mod results;
 pub mod runner;
 #[cfg(feature = "gpu")]
 pub mod shared_gpu;
+mod spread;
 pub mod template;
 
 pub use agenda::{Options, Outcome, Watch};

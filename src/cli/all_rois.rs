@@ -1,10 +1,9 @@
 //! `--all-rois`: every ROI of an RTSTRUCT that can be reconstructed, each to files of its own, and all to one `.glb` and one completed RTSTRUCT.
 
-use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use interslice::files::format::extension_at;
+use interslice::files::member_names::{with_word, words};
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
@@ -16,6 +15,7 @@ use interslice::{Error, Result};
 
 use super::devices::DeviceOptions;
 use super::forecast::{forecast, would_write};
+use super::members::usable_rois;
 use super::say::say;
 use super::session::{Telling, chosen, complete, compute, tell_notes, tell_start};
 
@@ -33,19 +33,7 @@ pub struct All<'a> {
 pub fn run(all: &All<'_>) -> Result<()> {
     check(all.input, &all.options.read)?;
     let set = Arc::new(StructureSet::choose_file(all.input, all.options.read.series.as_deref())?);
-    let mut rois = Vec::new();
-    for roi in &set.rois {
-        let usable = set.closed(vec![roi]).and_then(|chosen| chosen.chosen_planes(&all.options.read));
-        match usable {
-            Ok(_) => rois.push(roi),
-            Err(_) if roi.contours.is_empty() => tell(all, &format!("{}: left out, not drawn", roi.label())),
-            Err(e) => tell(all, &format!("{}: left out: {e}", roi.label())),
-        }
-    }
-    if rois.is_empty() {
-        let message = "none of its ROIs can be reconstructed".into();
-        return Err(Error::Format { path: all.input.into(), message });
-    }
+    let rois = usable_rois(&set, all.input, &all.options.read, &|message: &str| tell(all, message))?;
     let is_set = |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dcm"));
     let completed: Vec<PathBuf> = all.outputs.iter().filter(is_set).cloned().collect();
     let (scenes, each): (Vec<PathBuf>, Vec<PathBuf>) =
@@ -54,16 +42,9 @@ pub fn run(all: &All<'_>) -> Result<()> {
     let completed = Outputs::open(&completed, None, Temporary::Random, &mut places)?;
     let mut scenes = Scenes::open(&scenes, &mut places)?;
     let mut files = Vec::new();
-    // These words in a file's name say what it holds.
-    let mut taken = HashSet::from(["contours", "origin", "confidence"].map(String::from));
-    for roi in &rois {
-        let mut name = plain(&roi.name);
-        if !taken.insert(name.to_lowercase()) {
-            name = format!("{name}-{}", roi.number);
-            taken.insert(name.to_lowercase());
-        }
-        let outputs: Vec<PathBuf> = each.iter().map(|path| with_name(path, &name)).collect();
-        let report = all.report.map(|path| with_name(path, &name));
+    for word in words(rois.iter().map(|roi| (roi.name.as_str(), roi.number))) {
+        let outputs: Vec<PathBuf> = each.iter().map(|path| with_word(path, &word)).collect();
+        let report = all.report.map(|path| with_word(path, &word));
         let outputs = Outputs::open(&outputs, report.as_deref(), Temporary::Random, &mut places)?;
         files.push(outputs.with_scene(scenes.as_ref()));
     }
@@ -124,18 +105,4 @@ fn tell(all: &All<'_>, message: &str) {
     if all.telling != Telling::Quiet {
         eprintln!("{message}");
     }
-}
-
-/// A ROI's name as part of a file's.
-fn plain(name: &str) -> String {
-    let safe = |c: char| if c.is_alphanumeric() || "-_+".contains(c) { c } else { '_' };
-    let name: String = name.trim().chars().map(safe).collect();
-    if name.is_empty() { "ROI".into() } else { name }
-}
-
-/// `out.stl` as `out.Heart.stl`.
-fn with_name(path: &Path, roi: &str) -> PathBuf {
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let at = extension_at(&name);
-    path.with_file_name(format!("{}.{roi}{}", &name[..at], &name[at..]))
 }

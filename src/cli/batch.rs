@@ -25,9 +25,11 @@ const MANIFEST: &str = r#"A manifest is JSON Lines (.jsonl), one job a line:
    "options": {"end_top": "extrapolate", "fair": 0.5}}          (all on one line)
 
 or CSV (.csv) with the columns id, input, outputs (separated by ;) and options (JSON, or
-name=value;name=value). Paths are relative to the manifest's folder; folders of outputs are made.
-Options are those of `reconstruct` under Input, Output, Method and Ends, with _ for -, but for
-labels, keep_overlaps and all_rois; a label or an ROI of its own is a job of its own.
+name=value;name=value). Cells may be separated by ; too, as spreadsheets do; then lists stand in
+quotes. Paths are relative to the manifest's folder; folders of outputs are made. Options are
+those of `reconstruct` under Input, Output, Method and Ends, with _ for -. A line with
+all_rois = true, or with labels and keep_overlaps = true, is a job for each ROI or label, with
+its name or number in the id and before the extension of each output.
 
 Run the same command again and finished jobs are skipped: those whose input, options, names of
 outputs, --backend, --adapter and program version are the same, by content, and whose outputs are

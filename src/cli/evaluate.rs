@@ -2,17 +2,22 @@
 
 use std::path::PathBuf;
 
+use interslice::backend::Backend;
 use interslice::evaluate::holdout::{HoldOut, SliceScore, hold_out};
 use interslice::files::JobOptions;
 use interslice::files::format::{Kind, kind};
 use interslice::files::pending::{Pending, Temporary};
 use interslice::files::places::Places;
 use interslice::input::{self, Input};
+use interslice::settings::Link;
 use interslice::stack::ReadOptions;
+use interslice::stack::links::LinkOptions;
 use interslice::{Error, Result, Settings};
+use serde::Serialize;
 
 use super::bar::Bars;
 use super::devices::{DeviceOptions, choose};
+use super::members::MemberOptions;
 use super::say::say;
 
 #[derive(Debug, clap::Args)]
@@ -36,38 +41,106 @@ pub struct EvaluateArguments {
     read: ReadOptions,
 
     #[command(flatten)]
+    links: LinkOptions,
+
+    #[command(flatten)]
+    members: MemberOptions,
+
+    #[command(flatten)]
     settings: Settings,
 
     #[command(flatten)]
     device: DeviceOptions,
 }
 
+/// Scores of one of several bodies, or why there are none.
+#[derive(Debug, Serialize)]
+struct MemberScore {
+    /// "label 5 (`liver`)".
+    name: String,
+    #[serde(flatten)]
+    scores: Option<HoldOut>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    error: Option<String>,
+}
+
 pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     arguments.settings.validate()?;
-    let input = Input::read(&arguments.input, &arguments.read)?;
     let notice = |message: &str| eprintln!("warning: {message}");
-    input.doubts(&arguments.read).iter().for_each(|doubt| notice(doubt));
-    let stack = input.stack;
+    let members = arguments.members.of(&arguments.input, &arguments.read, &notice)?;
+    if members.is_some() && arguments.links.links.is_some() {
+        let message = "are not for several bodies: parts are numbered in each by itself".into();
+        return Err(Error::Setting { name: "links".into(), message });
+    }
+    let Some(members) = members else {
+        let input = Input::read(&arguments.input, &arguments.read)?;
+        let outputs = open(arguments)?;
+        let links = arguments.links.read(&input.stack)?;
+        let chosen = choose(&arguments.device, &notice)?;
+        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+        let score = score(arguments, &arguments.read, &input, links, chosen.backend())?;
+        write(outputs, &score)?;
+        return if arguments.json { say(&json(&score)) } else { say(&describe(&score, &input.stack.unit)) };
+    };
     let outputs = open(arguments)?;
     let chosen = choose(&arguments.device, &notice)?;
     eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
-    let bars = Bars::default();
-    let score = hold_out(&stack, &arguments.settings, arguments.leave, chosen.backend(), &bars)?;
+    let mut scores = Vec::new();
+    for member in members {
+        eprintln!("{}", member.name);
+        let input = Input::read(&arguments.input, &member.read)?;
+        // What one body lacks does not stop the others.
+        let (scores_of, error) = match score(arguments, &member.read, &input, Vec::new(), chosen.backend()) {
+            Ok(score) => (Some(score), None),
+            Err(e) if e.exit_code() == 2 => (None, Some(e.to_string())),
+            Err(e) => return Err(e),
+        };
+        if !arguments.json {
+            let text = scores_of.as_ref().map(|score| describe(score, &input.stack.unit));
+            say(&format!("{}\n{}\n", member.name, text.or(error.clone()).unwrap_or_default()))?;
+        }
+        scores.push(MemberScore { name: member.name, scores: scores_of, error });
+    }
+    write(outputs, &scores)?;
+    if arguments.json { say(&json(&scores)) } else { Ok(()) }
+}
+
+/// Scores of one body.
+fn score(
+    arguments: &EvaluateArguments,
+    read: &ReadOptions,
+    input: &Input,
+    links: Vec<Link>,
+    backend: &dyn Backend,
+) -> Result<HoldOut> {
+    input.doubts(read).iter().for_each(|doubt| eprintln!("warning: {doubt}"));
+    let settings = Settings { links, ..arguments.settings.clone() };
+    settings.validate()?;
+    let score = hold_out(&input.stack, &settings, arguments.leave, backend, &Bars::default())?;
+    let (all, used) = (settings.links.len(), score.links);
+    if used < all {
+        eprintln!("warning: {} of {all} links name a slice that is left out, and count for nothing", all - used);
+    }
+    Ok(score)
+}
+
+fn json(scores: &impl Serialize) -> String {
+    serde_json::to_string_pretty(scores).unwrap_or_default() + "\n"
+}
+
+fn write(outputs: Vec<(&PathBuf, Pending)>, scores: &impl Serialize) -> Result<()> {
     for (path, pending) in outputs {
-        let written = pending.write_json(&score).and_then(|()| pending.rename(path));
+        let written = pending.write_json(scores).and_then(|()| pending.rename(path));
         written.map_err(|source| Error::Write { path: path.clone(), source })?;
         eprintln!("wrote {}", path.display());
     }
-    if arguments.json {
-        say(&(serde_json::to_string_pretty(&score).unwrap_or_default() + "\n"))
-    } else {
-        say(&describe(&score, &stack.unit))
-    }
+    Ok(())
 }
 
 /// The outputs under temporary names, before the work.
 fn open<'a>(arguments: &'a EvaluateArguments) -> Result<Vec<(&'a PathBuf, Pending)>> {
-    let options = JobOptions { read: arguments.read.clone(), ..JobOptions::default() };
+    let (read, links) = (arguments.read.clone(), arguments.links.clone());
+    let options = JobOptions { read, links, ..JobOptions::default() };
     let mut places = Places::of(&arguments.input, &options)?;
     let mut open = |path: &'a PathBuf| match kind(path) {
         Ok(Kind::Report) => Ok((path, Pending::open(path, false, Temporary::Random, &mut places)?)),

@@ -13,6 +13,7 @@ use interslice::{ContourStack, Result, Settings, height_grid};
 
 use super::forecast::{requirements, shape};
 use super::links::between;
+use super::members::of_labels as of_labels_alone;
 use super::say::{say, short};
 use super::volume;
 
@@ -25,6 +26,10 @@ pub struct InspectArguments {
     #[cfg(feature = "dicom")]
     #[arg(long, conflicts_with = "roi", help_heading = "Input")]
     all_rois: bool,
+
+    /// Label volumes: describe these labels, by number or name, or all, one behind the other
+    #[arg(long, value_name = "all|N,NAME,..", allow_hyphen_values = true, conflicts_with_all = ["label", "links"], help_heading = "Input")]
+    labels: Option<Wanted>,
 
     #[command(flatten)]
     read: ReadOptions,
@@ -42,6 +47,9 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
     if interslice::input::is_map(&arguments.input) {
         return contour_map(arguments);
     }
+    if let Some(wanted) = &arguments.labels {
+        return each_label(arguments, wanted);
+    }
     let input = Input::read(&arguments.input, &arguments.read)?;
     let mut doubts = input.doubts(&arguments.read);
     doubts.extend(of_labels(arguments, &input).into_iter().filter(|doubt| !doubts.contains(doubt)).collect::<Vec<_>>());
@@ -50,6 +58,24 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
     let links = arguments.links.read(&stack)?;
     let of_volume = surveyed.iter().flat_map(volume::describe).fold(String::new(), |text, line| text + &line + "\n");
     say(&(of_volume + &doubts + &describe(&stack, &links, None)?))
+}
+
+/// Descriptions of labels, each by itself.
+fn each_label(arguments: &InspectArguments, wanted: &Wanted) -> Result<()> {
+    let left_out = |message: &str| eprintln!("warning: {message}");
+    for (k, member) in of_labels_alone(&arguments.input, &arguments.read, wanted, &left_out)?.iter().enumerate() {
+        let input = Input::read(&arguments.input, &member.read)?;
+        let doubts = told(input.doubts(&member.read));
+        // What the file is is the same for all.
+        let volume = input.surveyed.iter().filter(|_| k == 0).flat_map(volume::describe).map(|line| line + "\n");
+        say(&(volume.collect::<String>()
+            + "\n"
+            + &member.name
+            + "\n"
+            + &doubts
+            + &describe(&input.stack, &[], None)?))?;
+    }
+    Ok(())
 }
 
 /// Notes on the labels, where there are several.

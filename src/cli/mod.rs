@@ -17,6 +17,7 @@ mod job;
 mod labels;
 mod links;
 mod man;
+mod members;
 mod reconstruct;
 mod say;
 mod sections;
@@ -73,7 +74,11 @@ fn command() -> clap::Command {
 
 /// Parses the command line and runs it.
 pub fn run() -> Result<()> {
-    let matches = command().get_matches();
+    let mut command = command();
+    if let Some(error) = values::swallowed(&mut command, std::env::args_os()) {
+        error.exit();
+    }
+    let matches = command.get_matches();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     let bounded = |(_, matches): (&str, &clap::ArgMatches)| matches!(matches.try_get_one::<u64>("memory"), Ok(Some(_)));
     if matches.subcommand().is_some_and(bounded) {

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::ArgMatches;
-use interslice::files::Loaded;
 use interslice::files::fingerprint::fingerprint;
 use interslice::files::options::OutputOptions;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::files::section_file::{SectionWriter, Sections};
+use interslice::files::{JobOptions, Loaded};
 use interslice::storage::room;
 use interslice::{Error, Progress, Result};
 use serde::Serialize;
@@ -18,6 +18,7 @@ use serde::Serialize;
 use super::bar::Bars;
 use super::devices::{DeviceOptions, choose};
 use super::job::JobArguments;
+use super::members::{Member, MemberOptions};
 use super::say::say;
 use super::session::{set_threads, tell_kept};
 
@@ -33,6 +34,9 @@ pub struct PlanArguments {
 
     #[command(flatten)]
     job: JobArguments,
+
+    #[command(flatten)]
+    members: MemberOptions,
 
     /// Threads of each run, for its memory [default: one per core]
     #[arg(long, value_name = "N", help_heading = "Machine")]
@@ -122,11 +126,47 @@ struct Planned {
     memory_mib: u64,
 }
 
+/// Parts of one of several bodies.
+#[derive(Debug, Serialize)]
+struct PlannedMember {
+    /// "label 5 (`liver`)".
+    name: String,
+    /// The option that chooses it.
+    option: String,
+    parts: Vec<Planned>,
+}
+
 pub fn plan(arguments: PlanArguments, matches: &ArgMatches) -> Result<()> {
-    let PlanArguments { job, parts, threads, json } = arguments;
+    let PlanArguments { job, parts, threads, json, members } = arguments;
     set_threads(threads)?;
     let input = job.input.clone();
-    let loaded = Loaded::read(&input, job.options(&mut DeviceOptions::default(), matches)?)?;
+    let options = job.options(&mut DeviceOptions::default(), matches)?;
+    let to_json = |planned: serde_json::Result<String>| {
+        planned.map_err(|e| Error::Stack(format!("the plan cannot be told: {e}"))).and_then(|text| say(&(text + "\n")))
+    };
+    let Some(members) = members.of(&input, &options.read, &|message: &str| eprintln!("warning: {message}"))? else {
+        let loaded = Loaded::read(&input, options)?;
+        let planned = planned(&loaded, parts)?;
+        if json {
+            return to_json(serde_json::to_string_pretty(&planned));
+        }
+        return say(&told(&planned, loaded.stack.slices.len(), &input.display().to_string()));
+    };
+    let mut all = Vec::new();
+    for Member { name, option, read } in members {
+        let loaded = Loaded::read(&input, JobOptions { read, ..options.clone() })?;
+        let parts = planned(&loaded, parts)?;
+        if !json {
+            let run = format!("{} {option}", input.display());
+            say(&format!("{name}\n{}\n", told(&parts, loaded.stack.slices.len(), &run)))?;
+        }
+        all.push(PlannedMember { name, option, parts });
+    }
+    if json { to_json(serde_json::to_string_pretty(&all)) } else { Ok(()) }
+}
+
+/// The parts of a body.
+fn planned(loaded: &Loaded, parts: usize) -> Result<Vec<Planned>> {
     let slices = &loaded.stack.slices;
     let planned = |number: usize| -> Result<Planned> {
         let section = loaded.section(number, parts)?;
@@ -138,12 +178,11 @@ pub fn plan(arguments: PlanArguments, matches: &ArgMatches) -> Result<()> {
             memory_mib: loaded.needs_of(&section).all.div_ceil(1 << 20),
         })
     };
-    let planned = (1..=parts.max(1)).map(planned).collect::<Result<Vec<_>>>()?;
-    if json {
-        let text = serde_json::to_string_pretty(&planned)
-            .map_err(|e| Error::Stack(format!("the plan cannot be told: {e}")))?;
-        return say(&(text + "\n"));
-    }
+    (1..=parts.max(1)).map(planned).collect()
+}
+
+/// A plan in words; `run` is the input with the option that chooses the body.
+fn told(planned: &[Planned], slices: usize, run: &str) -> String {
     let line = |p: &Planned| {
         format!(
             "part {}: intervals {} to {} (heights {} to {}), reads slices {} to {} of {}, {} MiB\n",
@@ -154,16 +193,16 @@ pub fn plan(arguments: PlanArguments, matches: &ArgMatches) -> Result<()> {
             p.z[1],
             p.slices[0],
             p.slices[1] - 1,
-            slices.len(),
+            slices,
             p.memory_mib
         )
     };
-    let input = input.display();
-    say(&format!(
-        "{}each: interslice run {input} --part K/{parts} -o K.section [the same options]\n\
+    format!(
+        "{}each: interslice run {run} --part K/{} -o K.section [the same options]\n\
          then: interslice merge *.section -o FILE\n",
-        planned.iter().map(line).collect::<String>()
-    ))
+        planned.iter().map(line).collect::<String>(),
+        planned.len()
+    )
 }
 
 pub fn run(mut arguments: RunArguments, matches: &ArgMatches) -> Result<()> {

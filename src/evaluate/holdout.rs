@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::reconstruct::reconstruct_into;
 use crate::reference::exact::exact_distance;
-use crate::settings::Settings;
+use crate::settings::{Link, Settings};
 use crate::stack::{ContourStack, Slice};
 use crate::storage::spill::Budget;
 use crate::surface::Layer;
@@ -17,6 +17,9 @@ use crate::surface::Layer;
 pub struct HoldOut {
     /// Every which slice was left out.
     pub leave: usize,
+    /// Links that were used: those between slices that are both kept.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub links: usize,
     /// The slices that were left out and have something on them, in the truth or in the result.
     pub slices: Vec<SliceScore>,
     /// `2 |A and B| / (|A| + |B|)` over all of them together; none where the truth is empty on all.
@@ -30,6 +33,10 @@ pub struct HoldOut {
     /// The first and the last slice, left out by themselves and found from the others by the end rules; as far as one of truth, result and linear
     /// continuation has something there. They count in nothing above.
     pub ends: Vec<SliceScore>,
+}
+
+fn is_zero(n: &usize) -> bool {
+    *n == 0
 }
 
 /// Scores over several slices together.
@@ -62,10 +69,11 @@ pub struct SliceScore {
     pub linear_dice: Option<f64>,
 }
 
-/// Leaves out every `leave`-th slice but for the first and last, reconstructs them from the rest, and compares.
+/// Leaves out every `leave`-th slice but for the first and last, reconstructs them from the rest, and compares. Links between slices of which one is
+/// left out count for nothing.
 ///
 /// # Errors
-/// [`Error::Setting`] if `leave` is less than 2 or there are links, [`Error::Stack`] if that leaves nothing out; as [`crate::reconstruct_with`].
+/// [`Error::Setting`] if `leave` is less than 2, [`Error::Stack`] if that leaves nothing out; as [`crate::reconstruct_with`].
 pub fn hold_out(
     stack: &ContourStack,
     settings: &Settings,
@@ -77,10 +85,6 @@ pub fn hold_out(
     if leave < 2 {
         let message = format!("must be at least 2: 2 leaves out every second slice; got {leave}");
         return Err(Error::Setting { name: "leave".into(), message });
-    }
-    if !settings.links.is_empty() {
-        let message = "name parts of neighbouring slices; with slices left out these are no neighbours".to_string();
-        return Err(Error::Setting { name: "links".into(), message });
     }
     let last = stack.slices.len() - 1;
     let left_out = |k: usize| k > 0 && k < last && k % leave == leave - 1;
@@ -107,7 +111,10 @@ pub fn hold_out(
         out.slices.extend(scored(stack, k, &layer, &linear(&rest, stack.slices[k].z), &mut tallies));
         Ok(())
     };
-    reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
+    let links = links_of(&settings.links, &kept);
+    out.links = links.len();
+    let settings_of = |links| Settings { links, ..settings.clone() };
+    reconstruct_into(&rest, &heights, &settings_of(links), &means, &mut score)?;
     let [own, line] = tallies.map(|tally| tally.compared());
     (out.dice, out.surface_distance, out.volume_error_percent) =
         (own.dice, own.surface_distance, own.volume_error_percent);
@@ -123,7 +130,7 @@ pub fn hold_out(
             out.ends.extend(scored(stack, k, &layer, &linear(&rest, layer.z), &mut [Tally::default(); 2]));
             Ok(())
         };
-        reconstruct_into(&rest, &heights, settings, &means, &mut score)?;
+        reconstruct_into(&rest, &heights, &settings_of(links_of(&settings.links, &inner)), &means, &mut score)?;
     }
     Ok(out)
 }
@@ -139,6 +146,15 @@ fn heights(stack: &ContourStack, dropped: &[usize]) -> (Vec<f64>, [f64; 2]) {
     let beyond = [z(0) - (z(1) - z(0)), z(last) + (z(last) - z(last - 1))];
     let inner = dropped.iter().map(|&k| z(k));
     (std::iter::once(beyond[0]).chain(inner).chain([beyond[1]]).collect(), beyond)
+}
+
+/// Links between neighbours that are both kept, by their places among those.
+fn links_of(links: &[Link], kept: &[usize]) -> Vec<Link> {
+    let place = |link: &Link| {
+        let place = kept.binary_search(&link.slice).ok()?;
+        (kept.get(place + 1) == Some(&(link.slice + 1))).then_some(place)
+    };
+    links.iter().filter_map(|link| Some(Link { slice: place(link)?, ..*link })).collect()
 }
 
 /// Some slices of a stack.

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::JobOptions;
-use super::format::{Kind, extension_at, is_page, kind};
+use super::format::{Kind, is_page, kind};
+use super::member_names::with_word;
 use super::options::OutputOptions;
 use super::outputs::Outputs;
 use super::pending::{Pending, Temporary};
@@ -243,7 +244,7 @@ impl LabelOutputs {
             return of_one(page);
         }
         reports.extend(report.map(Path::to_path_buf));
-        let of_label = |label: &i64| own.iter().map(|path| of_label(path, *label)).collect::<Vec<_>>();
+        let of_label = |label: &i64| own.iter().map(|path| with_word(path, &label.to_string())).collect::<Vec<_>>();
         let labels: Vec<Vec<PathBuf>> = loaded.stack.labels.iter().map(of_label).collect();
         let scenes = Scenes::open(&scenes, places)?;
         let mut open = |paths: &[PathBuf]| Outputs::open(paths, None, Temporary::Random, places);
@@ -292,11 +293,4 @@ impl LabelOutputs {
         }
         Ok(written)
     }
-}
-
-/// The name of a label's own file.
-fn of_label(path: &Path, label: i64) -> PathBuf {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let end = extension_at(&name);
-    path.with_file_name(format!("{}.{label}{}", &name[..end], &name[end..]))
 }

@@ -7,6 +7,7 @@
 pub mod fingerprint;
 pub mod format;
 pub mod labels;
+pub mod member_names;
 pub mod named;
 pub mod options;
 pub mod outputs;

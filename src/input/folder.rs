@@ -14,6 +14,7 @@ use crate::input::grey_image::Grey;
 use crate::input::masks::by_number;
 use crate::input::volume::grid::sides;
 use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
+use crate::stack::options::LabelName;
 use crate::stack::{ContourStack, Geometry, HeightGrid, LevelSlice, ReadOptions, Slice, SliceContent};
 use crate::storage::room;
 
@@ -143,11 +144,11 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     Ok(std::iter::once(file).chain(images).collect())
 }
 
-/// Reads a folder, or the `stack.json` in it, and says what a person should know of it.
+/// Reads a folder, or the `stack.json` in it.
 ///
 /// # Errors
 /// The errors of [`crate::input::read`].
-pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
+pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
     let (parsed, file, folder) = parse(path, options.spacing.as_deref())?;
     if let Some(z_out) = parsed.z_out {
         z_out.validate()?;
@@ -164,7 +165,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<Str
     if drawn == 0 {
         images(parsed, &file, &folder, options)
     } else if drawn == parsed.slices.len() {
-        drawings(parsed, &file, options).map(|stack| (stack, Vec::new()))
+        drawings(parsed, &file, options)
     } else {
         fail(format!("{drawn} of {} slices are `polygons`; all or none must be", parsed.slices.len()))
     }
@@ -175,6 +176,10 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<Con
     if options.level.is_some() {
         let message = "is not for polygons; it cuts grey slices".into();
         return Err(Error::Setting { name: "level".into(), message });
+    }
+    if options.label.is_some() {
+        let message = "is not for polygons; it chooses from a label volume, or a value of images".into();
+        return Err(Error::Setting { name: "label".into(), message });
     }
     let axes = parsed.axes.unwrap_or(DVec3::AXES);
     crate::input::volume::grid::check_axes(&axes)
@@ -191,7 +196,7 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<Con
 }
 
 /// The stack of a file whose slices are images.
-fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
+fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) -> Result<ContourStack> {
     let fail = |message: &str| Err(Error::Format { path: file.into(), message: message.into() });
     if options.pixel.is_some() {
         let message = "is not for images; it is the pixel size for polygons".into();
@@ -205,7 +210,10 @@ fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) 
         parsed.slices.into_iter().map(|s| (s.file.unwrap_or_default(), s.z, s.extra)).collect();
     let names: Vec<(PathBuf, &str)> = entries.iter().map(|(name, ..)| (folder.join(name), name.as_str())).collect();
     let ranges = ranges(file, &names)?;
-    let rule = Rule::new(&ranges, options.level)?;
+    let rule = Rule::new(&ranges, options.level, options.label.as_ref())?;
+    if let Some(doubt) = rule.doubt(&ranges, options.level) {
+        return fail(&doubt);
+    }
     let contents = each(&names, |index, (path, name)| {
         let image = read_image(path, index, name)?;
         if Range::of(&image) != ranges[index] {
@@ -215,16 +223,14 @@ fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) 
         Ok(rule.content(&image))
     })?;
     let slice = |((name, z, extra), content)| Slice { name, z, extra, content };
-    let notes = rule.doubt(&ranges, options.level).into_iter().collect();
-    let stack = ContourStack {
+    Ok(ContourStack {
         dims: ranges.first().map_or([0, 0], |r| r.dims),
         spacing,
         unit: parsed.unit,
         slices: entries.into_iter().zip(contents).map(slice).collect(),
         z_out: parsed.z_out,
         geometry: Geometry::default(),
-    };
-    Ok((stack, notes))
+    })
 }
 
 /// Goes through the slices, as many at a time as there are threads; the first error in their order.
@@ -279,6 +285,11 @@ struct Range {
 const FEW: usize = 16;
 
 impl Range {
+    /// Whether it has more values than are told apart.
+    fn many(&self) -> bool {
+        self.between.len() > FEW
+    }
+
     fn of(image: &Grey) -> Self {
         let values = || image.values.iter().copied();
         let ends = [values().min(), values().max()].map(Option::unwrap_or_default);
@@ -295,17 +306,23 @@ impl Range {
     }
 }
 
-/// Inside of a slice: of two values in the whole stack the larger one; of more, or with a given level, what is above it, to parts of a pixel.
+/// Inside of a slice: of two values in the whole stack the larger one; of more, or with a given level, what is above it, to parts of a pixel; with
+/// a given label what has its value.
 enum Rule {
     /// This value and larger ones.
     Least(u16),
+    /// This value.
+    Only(u16),
     /// Values above the level, with sub-pixel contours.
     Above(f64),
 }
 
 impl Rule {
-    fn new(ranges: &[Range], level: Option<f64>) -> Result<Self> {
+    fn new(ranges: &[Range], level: Option<f64>, label: Option<&LabelName>) -> Result<Self> {
         let ends = || ranges.iter().flat_map(|r| r.ends);
+        if let Some(label) = label {
+            return Self::only(ranges, label);
+        }
         let (Some(low), Some(high)) = (ends().min(), ends().max()) else {
             return Err(Error::Stack(format!("at least 2 slices are needed; got {}", ranges.len())));
         };
@@ -322,34 +339,61 @@ impl Rule {
         })
     }
 
+    /// The value that a label has.
+    fn only(ranges: &[Range], label: &LabelName) -> Result<Self> {
+        let fail = |message: String| Err(Error::Setting { name: "label".into(), message });
+        let LabelName::Number(number) = label else {
+            return fail(
+                "is the value of the pixels in a folder of images, a number: images have no names for it".into(),
+            );
+        };
+        let has = |value: u16| ranges.iter().any(|r| r.ends.contains(&value) || r.between.contains(&value) || r.many());
+        match u16::try_from(*number) {
+            Ok(value) if has(value) => Ok(Rule::Only(value)),
+            _ => fail(format!("must be a value of the pixels ({}); got {number}", values(ranges))),
+        }
+    }
+
     /// Message where a level that nobody named cuts a few values that lie side by side, as labels do; those that a smooth brush leaves
     /// along a contour differ from pixel to pixel.
     fn doubt(&self, ranges: &[Range], named: Option<f64>) -> Option<String> {
         let (Rule::Above(level), None) = (self, named) else { return None };
-        let values: BTreeSet<u16> = ranges.iter().flat_map(|r| r.between.iter().copied().chain(r.ends)).collect();
         let [pixels, alike] = ranges.iter().fold([0; 2], |sum, r| [sum[0] + r.plateau[0], sum[1] + r.plateau[1]]);
         // A slice of one value has no others; where slices have different ones all are plateaus.
         let smooth = pixels > 0 && 2 * alike < pixels;
-        if values.len() > FEW || smooth {
+        let count = distinct(ranges).len();
+        if count > FEW || smooth {
             return None;
         }
-        let listed: Vec<String> = values.iter().map(u16::to_string).collect();
         Some(format!(
-            "slices have the {} values {}: cut half way, at {level}, so that the body is what is above; `--level` says where else",
-            listed.len(),
-            listed.join(", ")
+            "slices have {count} values, {}: which of them is the body? `--label N` takes those of one value, `--level V` what is above a value \
+             ({level} is half way)",
+            values(ranges)
         ))
     }
 
     fn content(&self, image: &Grey) -> SliceContent {
         match self {
             Rule::Least(least) => SliceContent::Mask(image.values.iter().map(|v| v >= least).collect()),
+            Rule::Only(value) => SliceContent::Mask(image.values.iter().map(|v| v == value).collect()),
             Rule::Above(level) => {
                 let depths: Vec<f32> = image.values.iter().map(|&v| (level - f64::from(v)) as f32).collect();
                 SliceContent::Level(LevelSlice::new(&depths, image.dims[0]))
             }
         }
     }
+}
+
+/// Values of all slices, as far as they are told apart.
+fn distinct(ranges: &[Range]) -> BTreeSet<u16> {
+    ranges.iter().flat_map(|r| r.between.iter().copied().chain(r.ends)).collect()
+}
+
+/// Values of all slices, for a message.
+fn values(ranges: &[Range]) -> String {
+    let all = distinct(ranges);
+    let listed: Vec<String> = all.iter().take(FEW).map(u16::to_string).collect();
+    listed.join(", ") + if all.len() > FEW { ", ..." } else { "" }
 }
 
 fn read_image(path: &Path, index: usize, name: &str) -> Result<Grey> {

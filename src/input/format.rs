@@ -44,10 +44,23 @@ pub const FORMATS: &[InputFormat] = &[
     row("tiff", &["tif", "tiff"], &[], Kind::Volume(tiff::read)),
     InputFormat { sized: false, ..row("npy", &["npy"], &[], Kind::Volume(npy::read)) },
     InputFormat { sized: false, ..row("npz", &["npz"], &[], Kind::Volume(npz::read)) },
+    row("zarr", &["zarr"], &[], Kind::Volume(zarr)),
     row("rtstruct", &["dcm"], &[], Kind::StructureSet),
     row("geojson", &["geojson"], &[], Kind::Map),
+    row("geopackage", &["gpkg"], &[], Kind::Map),
     row("shapefile", &["shp"], &[".dbf", ".prj", ".shx"], Kind::Map),
 ];
+
+#[cfg(feature = "zarr")]
+fn zarr(path: &Path) -> Result<Volume> {
+    super::ome_zarr::read(path)
+}
+
+#[cfg(not(feature = "zarr"))]
+fn zarr(path: &Path) -> Result<Volume> {
+    let message = "is Zarr, which this program was built without (feature `zarr`)".into();
+    Err(Error::Format { path: path.into(), message })
+}
 
 const fn row(
     name: &'static str,
@@ -80,6 +93,8 @@ impl Kind {
         if metadata.is_dir() {
             return Ok(if path.join("stack.json").is_file() {
                 Kind::Folder
+            } else if sniff::is_zarr(path) {
+                Kind::Volume(zarr)
             } else if sniff::has_dicom(path) {
                 Kind::StructureSet
             } else if masks::has_masks(path) {

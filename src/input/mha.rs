@@ -9,7 +9,7 @@ use glam::DVec3;
 use crate::error::{Error, Result};
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
-use crate::input::volume::grid::{Failure, VolumeGrid};
+use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
 use crate::input::volume::{Volume, open};
 
 /// Longest header line and most lines: a file that is no MetaImage must not be read to its end.
@@ -98,7 +98,7 @@ fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
     }
     match need("NDims")? {
         "3" => {}
-        other => return Err(format!("NDims is {other}; a label volume has 3")),
+        other => return Err(format!("NDims is {other}; a label volume has 3: {TAKE_ONE}")),
     }
     let text = need("DimSize")?;
     let sizes: Vec<usize> = text.split_whitespace().map_while(|t| t.parse().ok()).collect();

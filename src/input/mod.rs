@@ -11,6 +11,8 @@ pub mod npy;
 pub mod npz;
 pub mod nrrd;
 mod ome;
+#[cfg(feature = "zarr")]
+mod ome_zarr;
 mod segments;
 mod sniff;
 pub mod tiff;
@@ -43,8 +45,10 @@ impl Kind {
             (map && options.label.is_some(), "label", lines),
             (map && options.keep.is_some(), "keep", lines),
             (map && options.slices.is_some(), "slices", lines),
+            (!map && options.layer.is_some(), "layer", "anything but a GeoPackage"),
             (!map && options.elevation.is_some(), "elevation", "anything but contour maps"),
             (!map && options.border.is_some(), "border", "anything but contour maps"),
+            (!map && options.below.is_some(), "below", "anything but contour maps"),
             (!map && options.z_unit.is_some(), "z_unit", "anything but contour maps"),
             (!map && options.crs_out.is_some(), "crs_out", "anything but contour maps"),
             (!map && options.crs.is_some(), "crs", "anything but contour maps"),
@@ -52,7 +56,6 @@ impl Kind {
             (!structures && !options.roi.is_empty(), "roi", "anything but an RTSTRUCT"),
             (!structures && options.series.is_some(), "series", "anything but a folder of DICOM files"),
             (volume && options.pixel.is_some(), "pixel", "volumes; it is the pixel size for polygons"),
-            (folder && options.label.is_some(), "label", chooses),
             (folder && options.keep.is_some(), "keep", chooses),
             (folder && options.slices.is_some(), "slices", chooses),
             (!volume && options.axis != Axis::Auto, "axis", "anything but a label volume"),
@@ -230,10 +233,7 @@ pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack
 fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
     let plain = |stack| Input { stack, surveyed: None, notes: Vec::new() };
     Ok(match Kind::for_options(path, options)? {
-        Kind::Folder => {
-            let (stack, notes) = folder::read(path, options)?;
-            Input { notes, ..plain(stack) }
-        }
+        Kind::Folder => plain(folder::read(path, options)?),
         Kind::Volume(header) => {
             let mut volume = header(path)?;
             if let Some(sides) = &options.spacing {

@@ -12,7 +12,7 @@ use nifti::{Endianness, NiftiHeader};
 use crate::error::{Error, Result};
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
-use crate::input::volume::grid::{Failure, VolumeGrid};
+use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
 use crate::input::volume::{Volume, open};
 
 /// Sizes of the headers.
@@ -192,7 +192,7 @@ fn volume(path: &Path, gzip: bool, header: &Header) -> Failure<Volume> {
     let grid = VolumeGrid { dims, origin, steps, unit: unit.into(), spaced: true };
     let element = (element(header.datatype)?, header.big_endian);
     let data = Data::Stream { file, offset, coding, skip };
-    let mut notes: Vec<String> = two_forms(header, dims).into_iter().collect();
+    let mut notes: Vec<String> = two_forms(header, dims, unit).into_iter().collect();
     if header.format == "Analyze" {
         notes
             .push("Analyze does not say how a volume lies: x is taken to run to the left, y to the front, z up".into());
@@ -244,7 +244,11 @@ fn dims(header: &Header) -> Failure<[usize; 3]> {
         return Err(format!("dim[{k}] must be a number of voxels; got {}", dim[k]));
     }
     if let Some(k) = (4..=axes).find(|&k| dim[k] > 1) {
-        return Err(format!("dim[{k}] is {}; a label volume has three axes", dim[k]));
+        let of = if k == 4 { "volumes one behind the other (4D)" } else { "values of every voxel" };
+        return Err(format!(
+            "dim[{k}] is {0}: {0} {of}; a label volume has three axes: {TAKE_ONE}, as fslroi or nibabel's `image.slicer[..., 0]` do",
+            dim[k]
+        ));
     }
     let dims = std::array::from_fn(|a| if a < axes { dim[a + 1] as usize } else { 1 });
     Ok(dims)
@@ -254,7 +258,7 @@ fn dims(header: &Header) -> Failure<[usize; 3]> {
 const SAME_PLACE: f64 = 0.1;
 
 /// Note on a header whose sform and qform, both meant to count, place the volume differently.
-fn two_forms(header: &Header, dims: [usize; 3]) -> Option<String> {
+fn two_forms(header: &Header, dims: [usize; 3], unit: &str) -> Option<String> {
     if header.sform_code <= 0 || header.qform_code <= 0 {
         return None;
     }
@@ -268,7 +272,10 @@ fn two_forms(header: &Header, dims: [usize; 3]) -> Option<String> {
     let side = |c: usize| forms[0].matrix3.col(c).length();
     let least = (0..3).filter(|&c| dims[c] > 1).map(side).fold(f64::INFINITY, f64::min);
     (most > SAME_PLACE * least).then(|| {
-        format!("sform and qform of the header place the volume differently, by up to {most:.3}; the sform is used")
+        format!(
+            "sform and qform of the header place the volume differently, by up to {most:.3} {unit}; the sform is used, and what lies where the \
+             qform says will not fit"
+        )
     })
 }
 

@@ -8,7 +8,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
-use crate::input::volume::grid::{Failure, VolumeGrid};
+use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
 use crate::input::volume::{Volume, open};
 
 /// Longest header.
@@ -37,7 +37,10 @@ impl Header {
         let &[nz, ny, nx] = &self.shape[..] else {
             let sizes: Vec<String> = self.shape.iter().map(usize::to_string).collect();
             let n = self.shape.len();
-            return Err(format!("shape ({}) has {n} axes; a label volume has 3, (z, y, x)", sizes.join(", ")));
+            return Err(format!(
+                "shape ({}) has {n} axes; a label volume has 3, (z, y, x): {TAKE_ONE}",
+                sizes.join(", ")
+            ));
         };
         let mut volume = Volume::new(path, format, VolumeGrid::unspaced([nx, ny, nz]), self.element, data);
         if self.fortran {

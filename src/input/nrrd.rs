@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::input::segments;
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
-use crate::input::volume::grid::{Failure, VolumeGrid};
+use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
 use crate::input::volume::{Volume, open};
 
 /// Longest header line and most lines: a file that is no NRRD must not be read to its end.
@@ -57,7 +57,8 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
         }
         _ => {
             return Err(format!(
-                "dimension is {dimension}; a label volume has 3, or 4 with 3D Slicer's segments in a list"
+                "dimension is {dimension}; a label volume has 3, or 4 with 3D Slicer's segments in a list; of \
+                 several times or channels {TAKE_ONE}"
             ));
         }
     };

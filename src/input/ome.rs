@@ -3,7 +3,7 @@
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
-use crate::input::volume::grid::Failure;
+use crate::input::volume::grid::{Failure, TAKE_ONE};
 
 /// Findings in a description.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,7 +78,7 @@ fn pixels(tag: &BytesStart<'_>, dims: [usize; 3]) -> Failure<Spacing> {
     for (name, axis) in [("SizeC", "channel"), ("SizeT", "time")] {
         match size(name)? {
             1 => {}
-            n => return Err(format!("{name} is {n}; a label volume has no {axis} axis")),
+            n => return Err(format!("{name} is {n}; a label volume has no {axis} axis: {TAKE_ONE}")),
         }
     }
     for (name, n) in ["SizeX", "SizeY", "SizeZ"].into_iter().zip(dims) {
@@ -132,7 +132,7 @@ fn imagej(text: &str, pages: usize, per_unit: [Option<f64>; 2]) -> Failure<Spaci
     let fail = |message: String| Err(format!("ImageJ's description: {message}"));
     for (name, axis) in [("channels", "channel"), ("frames", "time")] {
         if let Some(n) = field(name).filter(|n| *n != "1") {
-            return fail(format!("{name} is {n}; a label volume has no {axis} axis"));
+            return fail(format!("{name} is {n}; a label volume has no {axis} axis: {TAKE_ONE}"));
         }
     }
     for name in ["slices", "images"] {
@@ -164,7 +164,10 @@ fn shape(text: &str) -> Failure<()> {
     let long = shape.iter().filter(|n| n.as_u64() != Some(1)).count();
     if long > 3 {
         let sizes: Vec<String> = shape.iter().map(ToString::to_string).collect();
-        return Err(format!("shape is [{}] in the description; a label volume has three axes", sizes.join(", ")));
+        return Err(format!(
+            "shape is [{}] in the description; a label volume has three axes: {TAKE_ONE}",
+            sizes.join(", ")
+        ));
     }
     Ok(())
 }

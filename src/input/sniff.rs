@@ -38,6 +38,11 @@ pub(super) fn has_dicom(folder: &Path) -> bool {
     files.iter().any(|path| format(path) == Some("rtstruct"))
 }
 
+/// Whether a folder is a group or an array of Zarr.
+pub(super) fn is_zarr(folder: &Path) -> bool {
+    ["zarr.json", ".zgroup", ".zarray", ".zattrs"].iter().any(|name| folder.join(name).is_file())
+}
+
 fn of_begin(bytes: &[u8]) -> Option<&'static str> {
     let begins = |with: &[u8]| bytes.starts_with(with);
     if begins(b"NRRD000") {
@@ -63,6 +68,10 @@ fn of_begin(bytes: &[u8]) -> Option<&'static str> {
     }
     if is_dicom(bytes) {
         return Some("rtstruct");
+    }
+    #[cfg(feature = "terrain")]
+    if let Some(map) = crate::terrain::format(bytes) {
+        return Some(map);
     }
     is_geojson(bytes).then_some("geojson")
 }

@@ -17,7 +17,8 @@ pub struct ReadOptions {
     #[arg(long, value_name = "VALUE")]
     pub level: Option<f64>,
 
-    /// Label volumes: reconstruct this label only, by number or by the name that the file gives it [default: all that is not zero]
+    /// Label volumes: reconstruct this label only, by number or by the name that the file gives it; folders of images: the pixels of this value
+    /// [default: all that is not zero, the larger of two values]
     #[arg(long, value_name = "N|NAME", allow_hyphen_values = true)]
     pub label: Option<LabelName>,
 
@@ -35,6 +36,10 @@ pub struct ReadOptions {
     #[arg(long, value_name = "LENGTH")]
     pub pixel: Option<f64>,
 
+    /// GeoPackage: the layer that has the contours [default: the only one of lines or polygons]
+    #[arg(long, value_name = "NAME")]
+    pub layer: Option<String>,
+
     /// Contour maps: the attribute that is the elevation [default: the one named elev..., height, contour, level, z, ..., else the points' z]
     #[arg(long, value_name = "FIELD")]
     pub elevation: Option<String>,
@@ -43,9 +48,15 @@ pub struct ReadOptions {
     #[arg(long, value_enum, value_name = "UNIT")]
     pub z_unit: Option<ZUnit>,
 
-    /// Contour maps: where the map ends, in the coordinates of the outputs; lines that go beyond are cut [default: the box around all lines]
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_delimiter = ',')]
-    pub border: Option<Vec<f64>>,
+    /// Contour maps: where the map ends: in the box around all lines; in their convex hull, where a line may end anywhere inside the box; or in a box
+    /// in the coordinates of the outputs, beyond which lines are cut [default: the box, and the hull for ends within 1 % of the map of it]
+    #[arg(long, value_name = "box|hull|X0,Y0,X1,Y1", allow_hyphen_values = true)]
+    pub border: Option<MapBorder>,
+
+    /// Contour maps: what a height map has below the lowest contour: no data; the height of that contour; or the slope between the lowest two
+    /// contours, going on ever more gently and never as far as the next contour would lie [default: nodata]
+    #[arg(long, value_enum, value_name = "WHAT")]
+    pub below: Option<Below>,
 
     /// Contour maps: coordinate system of x and y, EPSG:N, or local where they are lengths in none [default: what the file names]
     #[arg(long, value_name = "EPSG:N|local")]
@@ -76,6 +87,53 @@ pub struct ReadOptions {
     /// Folders of images without stack.json, and label volumes whose file does not tell, as a .npz and a .npy never do: sides of a voxel along x, y, z, mm [default: 1 px]
     #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',')]
     pub spacing: Option<Vec<f64>>,
+}
+
+/// Where a contour map ends.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "must be \"box\", \"hull\" or four numbers [X0, Y0, X1, Y1]")]
+pub enum MapBorder {
+    /// Around all lines.
+    Around(Around),
+    /// X0, Y0, X1, Y1.
+    Given(Vec<f64>),
+}
+
+/// What lies around all lines of a contour map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Around {
+    /// The box along the axes: lines end there and nowhere else.
+    Box,
+    /// The convex hull: a line that ends inside goes on to the box.
+    Hull,
+}
+
+impl FromStr for MapBorder {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.trim() {
+            "box" => Ok(MapBorder::Around(Around::Box)),
+            "hull" => Ok(MapBorder::Around(Around::Hull)),
+            numbers => {
+                let values: Result<Vec<f64>, _> = numbers.split(',').map(|v| v.trim().parse()).collect();
+                values.map(MapBorder::Given).map_err(|_| "expected box, hull or four numbers X0,Y0,X1,Y1".into())
+            }
+        }
+    }
+}
+
+/// What a height map has below the lowest contour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Below {
+    /// Nothing (NaN).
+    Nodata,
+    /// The height of the lowest contour.
+    Constant,
+    /// The slope of the terrain above it, going on ever more gently.
+    Extrapolate,
 }
 
 /// Unit of elevations.

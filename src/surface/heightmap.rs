@@ -12,7 +12,7 @@ use super::geotiff::Raster;
 use super::header::Header;
 use super::stream::{BodyWriter, Ending};
 use crate::grid::sparse_image::SQUARE;
-use crate::surface::map::Crs;
+use crate::surface::map::{Crs, Floor, Map};
 
 /// Arrival height per pixel, unit of the stack, row-major: the highest z at which the pixel is inside, by the linear zero between
 /// layers; the upper end of the body where it is still inside there, NaN where it is never inside.
@@ -80,6 +80,7 @@ pub struct HeightMapWriter<W> {
     heights: ArrivalHeights,
     is_double: bool,
     place: Option<Place>,
+    floor: Floor,
 }
 
 /// Place of a map.
@@ -91,15 +92,17 @@ struct Place {
 
 impl<W> HeightMapWriter<W> {
     /// A writer without layers yet.
-    pub fn new(out: W, header: &Header, crs: Option<&Crs>) -> Self {
+    pub fn new(out: W, header: &Header, map: Option<&Map>) -> Self {
         let ([nx, ny], spacing) = (header.dims, header.spacing);
-        let place = crs.map(|crs| {
+        let place = map.map(|Map { crs, .. }| {
             let corner = AlongAxes::new(&header.geometry, spacing).point(DVec2::new(-0.5, ny as f64 - 0.5));
             Place { crs: crs.clone(), spacing, corner: corner.to_array() }
         });
         let farthest = header.extent[0].abs().max(header.extent[1].abs());
         let is_double = farthest * f64::from(f32::EPSILON) / 2.0 > ROUNDED * header.grid.step;
-        HeightMapWriter { out, size: [nx as u32, ny as u32], heights: ArrivalHeights::new(header), is_double, place }
+        let (size, heights) = ([nx as u32, ny as u32], ArrivalHeights::new(header));
+        let floor = map.map_or(Floor::default(), |map| map.floor.clone());
+        HeightMapWriter { out, size, heights, is_double, place, floor }
     }
 }
 
@@ -110,7 +113,10 @@ impl<W: Write + Seek + Send> BodyWriter for HeightMapWriter<W> {
     }
 
     fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
-        let heights = self.heights.finish().to_vec();
+        let mut heights = self.heights.finish().to_vec();
+        for (node, height) in heights.iter_mut().enumerate().filter(|(_, height)| height.is_nan()) {
+            *height = self.floor.height(node);
+        }
         if self.is_double {
             self.write::<Gray64Float>(heights)?;
         } else {

@@ -17,6 +17,37 @@ pub struct Map {
     pub first: [usize; 2],
     /// Columns and rows within it.
     pub dims: [usize; 2],
+    /// What a height map has below the lowest contour.
+    #[serde(default, skip_serializing_if = "Floor::is_nodata")]
+    pub floor: Floor,
+}
+
+/// What a height map has where its body is nowhere.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Floor {
+    /// No data (NaN).
+    #[default]
+    Nodata,
+    /// One height.
+    Constant(f64),
+    /// Heights of the map's pixels, row by row.
+    Heights(Vec<f64>),
+}
+
+impl Floor {
+    fn is_nodata(&self) -> bool {
+        *self == Floor::Nodata
+    }
+
+    /// Height of a pixel, row by row.
+    pub fn height(&self, node: usize) -> f64 {
+        match self {
+            Floor::Nodata => f64::NAN,
+            Floor::Constant(height) => *height,
+            Floor::Heights(heights) => heights.get(node).copied().unwrap_or(f64::NAN),
+        }
+    }
 }
 
 impl Map {

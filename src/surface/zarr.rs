@@ -198,15 +198,23 @@ fn attributes(body: &Header, grid: &VoxelGrid, content: Content) -> Map<String, 
     Map::from_iter([("ome".into(), ome), ("interslice".into(), own)])
 }
 
+/// Units and their names in OME-Zarr.
+const UNITS: [(&str, &str); 7] = [
+    ("nm", "nanometer"),
+    ("um", "micrometer"),
+    ("µm", "micrometer"),
+    ("mm", "millimeter"),
+    ("cm", "centimeter"),
+    ("m", "meter"),
+    ("km", "kilometer"),
+];
+
 /// The unit's name in OME-Zarr.
 fn ome_unit(unit: &str) -> Option<&'static str> {
-    match unit {
-        "nm" => Some("nanometer"),
-        "um" | "µm" => Some("micrometer"),
-        "mm" => Some("millimeter"),
-        "cm" => Some("centimeter"),
-        "m" => Some("meter"),
-        "km" => Some("kilometer"),
-        _ => None,
-    }
+    UNITS.iter().find(|(short, _)| *short == unit).map(|(_, name)| *name)
+}
+
+/// The unit that OME-Zarr calls so.
+pub(crate) fn unit_of(name: &str) -> Option<&'static str> {
+    UNITS.iter().find(|(_, known)| *known == name).map(|(short, _)| *short)
 }

@@ -9,7 +9,9 @@ use rstar::primitives::GeomWithData;
 use super::border::Border;
 use super::hull::Hull;
 use super::lines::{ContourLine, distance};
+use super::loose::{self, LooseEnd};
 use crate::polygons::Polygon;
+use crate::stack::options::{Around, MapBorder};
 
 /// Ends this close, px, are one, and lie on the border.
 pub const TOLERANCE: f64 = 0.5;
@@ -62,16 +64,43 @@ impl JoinedMap {
     }
 }
 
+/// Where lines may end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Edges {
+    /// At the box around all lines, and near their hull, from where they go on to the box.
+    Near,
+    /// At the box around all lines.
+    Box,
+    /// Anywhere: they go on from the hull to the box.
+    Hull,
+    /// At this border.
+    Given(Border),
+}
+
+impl Edges {
+    /// Those that the options ask for.
+    ///
+    /// # Errors
+    /// The errors of [`Border::given`].
+    pub fn of(asked: Option<&MapBorder>) -> crate::Result<Self> {
+        Ok(match asked {
+            None => Edges::Near,
+            Some(MapBorder::Around(Around::Box)) => Edges::Box,
+            Some(MapBorder::Around(Around::Hull)) => Edges::Hull,
+            Some(MapBorder::Given(values)) => Edges::Given(Border::given(values)?),
+        })
+    }
+}
+
 /// Joins the lines of each elevation; the border is the box around them where none is given.
 ///
 /// # Errors
-/// A message with feature, coordinates and distances for a line that ends inside the map.
-pub fn join(
-    lines: Vec<ContourLine>,
-    given: Option<Border>,
-    pixel: f64,
-    notes: &mut Vec<String>,
-) -> Result<JoinedMap, String> {
+/// A message with feature, coordinates and distances of the lines that end farthest inside the map.
+pub fn join(lines: Vec<ContourLine>, edges: &Edges, pixel: f64, notes: &mut Vec<String>) -> Result<JoinedMap, String> {
+    let given = match edges {
+        Edges::Given(border) => Some(*border),
+        _ => None,
+    };
     let border = given.unwrap_or_else(|| Border::around(&lines));
     let tolerance = TOLERANCE * pixel;
     let beyond = |line: &ContourLine| line.points.iter().any(|p| border.nearest(*p).1 < -tolerance);
@@ -85,7 +114,8 @@ pub fn join(
         return Err(format!("has no lines within the border {}, {} to {}, {}", low.x, low.y, high.x, high.y));
     }
     let lines = distinct(lines, notes);
-    let hull = given.is_none().then(|| Hull::around(lines.iter().flat_map(|line| &line.points)));
+    let hull =
+        matches!(edges, Edges::Near | Edges::Hull).then(|| Hull::around(lines.iter().flat_map(|line| &line.points)));
     // Where all lines are closed and no border is given, none is cut: what touches the box touches nothing.
     let bordered = given.is_some() || lines.iter().any(|l| !l.closed);
     let mut by_level: BTreeMap<u64, Elevation> = BTreeMap::new();
@@ -109,14 +139,23 @@ pub fn join(
         }
         !none
     });
-    let (near, mut continued) = (NEAR * (border.high - border.low).max_element(), (0, 0.0f64));
+    let near = match edges {
+        Edges::Hull => f64::INFINITY,
+        _ => (NEAR * (border.high - border.low).max_element()).max(tolerance),
+    };
+    let (mut continued, mut loose) = ((0, 0.0f64), Vec::new());
     for level in &mut levels {
         let beyond = |p: DVec2| {
             let (distance, reached) = hull.as_ref()?.beyond(p, &border)?;
-            (distance <= near.max(tolerance)).then_some((distance, reached))
+            (distance <= near).then_some((distance, reached))
         };
-        let (count, most) = chains(level, &border, tolerance, &beyond)?;
-        continued = (continued.0 + count, continued.1.max(most));
+        match chains(level, &border, tolerance, &beyond) {
+            Ok((count, most)) => continued = (continued.0 + count, continued.1.max(most)),
+            Err(ends) => loose.extend(ends),
+        }
+    }
+    if !loose.is_empty() {
+        return Err(loose::dangling(loose, *edges == Edges::Near, tolerance));
     }
     if let (1.., most) = continued {
         notes.push(format!(
@@ -156,13 +195,13 @@ fn chains(
     border: &Border,
     tolerance: f64,
     beyond: &impl Fn(DVec2) -> Option<(f64, DVec2)>,
-) -> Result<(usize, f64), String> {
+) -> Result<(usize, f64), Vec<LooseEnd>> {
     level.rings = level.lines.iter().filter(|l| l.closed).map(|l| l.points.clone()).collect();
     let open: Vec<&ContourLine> = level.lines.iter().filter(|l| !l.closed).collect();
     let ends: Vec<DVec2> = open.iter().flat_map(|l| [l.points[0], l.points[l.points.len() - 1]]).collect();
     let mut continued: Vec<Option<(f64, DVec2)>> = vec![None; ends.len()];
     let mates = mates(&ends, border, tolerance, beyond, &mut continued)
-        .map_err(|e| dangling(e, &ends, &open, border, tolerance))?;
+        .map_err(|loose| loose.into_iter().map(|end| LooseEnd::of(end, &ends, &open, border)).collect::<Vec<_>>())?;
     let mut used = vec![false; open.len()];
     let mut walk = |from: usize| {
         let (mut chain, mut end) = (Polygon::new(), from);
@@ -206,14 +245,14 @@ fn chains(
 /// Things that the ends meet: the nearest pairs first. What meets none may go on `beyond` itself, to the border; where is put into `continued`.
 ///
 /// # Errors
-/// The first end that meets nothing.
+/// The ends that meet nothing.
 fn mates(
     ends: &[DVec2],
     border: &Border,
     tolerance: f64,
     beyond: &impl Fn(DVec2) -> Option<(f64, DVec2)>,
     continued: &mut [Option<(f64, DVec2)>],
-) -> Result<Vec<Mate>, usize> {
+) -> Result<Vec<Mate>, Vec<usize>> {
     let tree = RTree::bulk_load(ends.iter().enumerate().map(|(k, p)| GeomWithData::new(p.to_array(), k)).collect());
     let mut pairs: Vec<(f64, usize, Mate)> = Vec::new();
     for (k, p) in ends.iter().enumerate() {
@@ -245,30 +284,10 @@ fn mates(
             }
         }
     }
-    let found = mates.into_iter().enumerate().map(|(k, mate)| {
-        let goes_on = || {
-            continued[k] = beyond(ends[k]);
-            continued[k].map(|_| Mate::Border)
-        };
-        mate.or_else(goes_on).ok_or(k)
-    });
-    found.collect()
-}
-
-fn dangling(end: usize, ends: &[DVec2], open: &[&ContourLine], border: &Border, tolerance: f64) -> String {
-    let p = ends[end];
-    let others = ends.iter().enumerate().filter(|(k, _)| *k != end);
-    let nearest = others.min_by(|a, b| distance(*a.1, p).total_cmp(&distance(*b.1, p)));
-    let next = nearest.map_or("there is no other end".into(), |(k, q)| {
-        format!("the next end of one is {} away ({})", distance(p, *q), open[k / 2].feature)
-    });
-    format!(
-        "{}: its line of {} ends inside the map at ({}, {}): {next}, the border {}; ends join within {tolerance} (half a pixel), --border \
-         says where the map ends",
-        open[end / 2].feature,
-        open[end / 2].z,
-        p.x,
-        p.y,
-        border.nearest(p).1
-    )
+    for (k, mate) in mates.iter_mut().enumerate().filter(|(_, mate)| mate.is_none()) {
+        continued[k] = beyond(ends[k]);
+        *mate = continued[k].map(|_| Mate::Border);
+    }
+    let loose: Vec<usize> = (0..ends.len()).filter(|k| mates[*k].is_none()).collect();
+    if loose.is_empty() { Ok(mates.into_iter().flatten().collect()) } else { Err(loose) }
 }

@@ -3,6 +3,7 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
+use super::below::{Region, floor};
 use super::border::Border;
 use super::join::{Elevation, JoinedMap};
 use super::lines::{ContourLine, distance};
@@ -10,8 +11,9 @@ use crate::error::Error;
 use crate::polygons::Polygon;
 use crate::polygons::grid::DrawingGrid;
 use crate::polygons::level_set;
+use crate::stack::options::Below;
 use crate::stack::{self, ContourStack, Geometry, Slice, SliceContent};
-use crate::surface::map::{Crs, Map};
+use crate::surface::map::{Crs, Floor, Map};
 
 /// Pixels beyond the border: distances are needed as far.
 const BEYOND: f64 = 16.0;
@@ -38,10 +40,10 @@ impl From<Error> for Wrong {
 ///
 /// # Errors
 /// Lines of different levels that cross, or lie on the wrong side of each other; a pixel size that is too small.
-pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs) -> Result<(ContourStack, Map), Wrong> {
+pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs, below: Option<Below>) -> Result<(ContourStack, Map), Wrong> {
     let outer = joined.border.grown(BEYOND * pixel);
     let grid = DrawingGrid::over([outer.low, outer.high], DVec2::splat(pixel), joined.levels.len())?;
-    let map = window(&joined.border, &grid, crs)?;
+    let mut map = window(&joined.border, &grid, crs)?;
     let slices = joined.levels.par_iter().map(|level| {
         let region = region(level, joined, &outer, &grid).map_err(Wrong::Lines)?;
         let name = format!("level {}", level.z);
@@ -49,6 +51,14 @@ pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs) -> Result<(ContourStack, 
         Ok(Slice { name, z: level.z, extra: false, content: SliceContent::Level(content) })
     });
     let slices = slices.collect::<Result<Vec<Slice>, Wrong>>()?;
+    let lowest: Vec<Region<'_>> = joined
+        .levels
+        .iter()
+        .zip(&slices)
+        .take(2)
+        .map(|(level, slice)| Region { level, content: &slice.content })
+        .collect();
+    map.floor = floor(below, &lowest, &grid, &map)?;
     let stack = ContourStack {
         dims: grid.dims,
         spacing: grid.spacing.to_array(),
@@ -68,7 +78,8 @@ fn window(border: &Border, grid: &DrawingGrid, crs: Crs) -> Result<Map, Error> {
         let message = format!("must be smaller: no two pixels of {} lie within the border", grid.spacing.x);
         return Err(Error::Setting { name: "pixel".into(), message });
     }
-    Ok(Map { crs, first, dims: [0, 1].map(|a| last[a] + 1 - first[a]) })
+    let dims = [0, 1].map(|a| last[a] + 1 - first[a]);
+    Ok(Map { crs, first, dims, floor: Floor::default() })
 }
 
 /// The level set of what is at least as high as a level.

@@ -1,28 +1,34 @@
 //! Contour maps: lines of equal elevation become a stack of the regions that are at least so high.
 //!
 //! ```text
-//! geojson, shapefile -> Feature -> elevation -> lines -> join (chains per level) -> border (closed lines) -> levels (uphill side, stack)
+//! geojson, geopackage, shapefile -> Feature -> elevation -> lines -> join (chains per level) -> border (closed lines) -> levels (uphill side, stack)
 //! ```
 //!
 //! Crossing a line of a level always leads from its one side, at least as high, to the other. So one bit decides for all lines of a level
 //! which side is uphill, and the lines of all other levels vote: higher ones lie uphill, lower ones downhill. A closed line between
 //! the levels 100 and 110 is thus a pit if it is of 100, a summit if it is of 110.
 
+mod below;
 mod border;
 mod elevation;
 mod geojson;
+#[cfg(feature = "geopackage")]
+mod geopackage;
 mod guard;
 mod hull;
 mod join;
 mod levels;
 mod lines;
+mod loose;
 mod project;
 mod shapefile;
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use border::Border;
 use glam::DVec2;
+use join::Edges;
 
 use crate::error::{Error, Result};
 use crate::stack::{ContourStack, ReadOptions};
@@ -66,20 +72,37 @@ pub struct Terrain {
 }
 
 impl Terrain {
-    /// Reads contour lines or polygons with elevations from a `.geojson` or `.shp` file.
+    /// Reads contour lines or polygons with elevations from GeoJSON, a shapefile or a GeoPackage.
     ///
     /// # Errors
     /// [`Error::Read`]; [`Error::Format`] with feature, coordinates and limit; [`Error::Setting`] for options that do not fit.
     pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
         let wrong = |message: String| Error::Format { path: path.into(), message };
-        let shape = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("shp"));
-        let (features, named) = if shape { shapefile::read(path)? } else { geojson::read(path)? };
+        let format = MapFormat::of(path)?;
+        let layer = options.layer.as_deref();
+        if layer.is_some() && format != MapFormat::GeoPackage {
+            let message = "is not for anything but a GeoPackage, which may have several".into();
+            return Err(Error::Setting { name: "layer".into(), message });
+        }
+        let (features, named) = match format {
+            MapFormat::GeoJson => geojson::read(path)?,
+            MapFormat::Shapefile => shapefile::read(path)?,
+            #[cfg(feature = "geopackage")]
+            MapFormat::GeoPackage => geopackage::read(path, layer)?,
+            #[cfg(not(feature = "geopackage"))]
+            MapFormat::GeoPackage => {
+                return Err(wrong(
+                    "is a GeoPackage, which this program was built without (feature `geopackage`)".into(),
+                ));
+            }
+        };
+        let shape = format == MapFormat::Shapefile;
         let mut notes = Vec::new();
         let (mut lines, field) = lines::lines(&features, options.elevation.as_deref(), &mut notes).map_err(wrong)?;
         let crs = coordinate_system(named, options, &lines, shape).map_err(wrong)?;
         let (crs, reprojected) = project::project(&mut lines, crs, options.crs_out.as_deref()).map_err(wrong)?;
         notes.extend(reprojected);
-        let border = options.border.as_deref().map(Border::given).transpose()?;
+        let edges = Edges::of(options.border.as_ref())?;
         let pixel = lines::pixel(&lines, options.pixel).map_err(|e| e.in_file(path))?;
         if crs == Crs::Unknown {
             notes.push("no coordinate system is named; --crs EPSG:N sets it".into());
@@ -90,8 +113,8 @@ impl Terrain {
         } else if let Some(metres) = crs.metres().filter(|m| (m - 1.0).abs() > 1e-9) {
             notes.push(format!("x and y are in units of {metres} m; heights are taken to be in the same unit"));
         }
-        let joined = join::join(lines, border, pixel, &mut notes).map_err(wrong)?;
-        let (stack, map) = levels::stack(&joined, pixel, crs).map_err(|e| match e {
+        let joined = join::join(lines, &edges, pixel, &mut notes).map_err(wrong)?;
+        let (stack, map) = levels::stack(&joined, pixel, crs, options.below).map_err(|e| match e {
             levels::Wrong::Lines(message) => wrong(message),
             levels::Wrong::Other(error) => error.in_file(path),
         })?;
@@ -115,10 +138,50 @@ impl Terrain {
     }
 }
 
+/// Format of a contour map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum MapFormat {
+    GeoJson,
+    Shapefile,
+    GeoPackage,
+}
+
+impl MapFormat {
+    /// By how a file begins; what does not tell is GeoJSON, a text that may begin with anything.
+    fn of(path: &Path) -> Result<Self> {
+        let mut begin = Vec::new();
+        let read = File::open(path).and_then(|file| file.take(BEGIN).read_to_end(&mut begin));
+        read.map_err(|source| Error::Read { path: path.into(), source })?;
+        Ok(match format(&begin) {
+            Some(GEOPACKAGE) => MapFormat::GeoPackage,
+            Some(_) => MapFormat::Shapefile,
+            None if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("shp")) => MapFormat::Shapefile,
+            None if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gpkg")) => MapFormat::GeoPackage,
+            None => MapFormat::GeoJson,
+        })
+    }
+}
+
+/// Bytes that tell a format.
+const BEGIN: u64 = 36;
+/// Names of formats in the table of inputs.
+const GEOPACKAGE: &str = "geopackage";
+const SHAPEFILE: &str = "shapefile";
+
+/// Name of the format of a file that begins so, where that tells.
+pub(crate) fn format(begin: &[u8]) -> Option<&'static str> {
+    if begin.starts_with(b"SQLite format 3\0") {
+        return Some(GEOPACKAGE);
+    }
+    // The file's code, and its version behind five numbers that are not used and its length.
+    let shape = begin.starts_with(&9994u32.to_be_bytes()) && begin.get(28..32) == Some(&1000u32.to_le_bytes()[..]);
+    shape.then_some(SHAPEFILE)
+}
+
 /// The files of a contour map: a shapefile has several.
 pub fn files(path: &Path) -> Vec<PathBuf> {
     let beside = ["dbf", "prj", "shx"].map(|e| path.with_extension(e));
-    let shape = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("shp"));
+    let shape = MapFormat::of(path).is_ok_and(|format| format == MapFormat::Shapefile);
     let beside = beside.into_iter().filter(|p| shape && p.is_file());
     std::iter::once(path.to_path_buf()).chain(beside).collect()
 }

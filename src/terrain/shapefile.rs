@@ -28,6 +28,9 @@ pub fn read(path: &Path) -> Result<(Vec<Feature>, Crs)> {
         Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
         Err(e) => Err(unreadable(path, e)),
     };
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("shx")) {
+        return Err(wrong(path, "is the index of a shapefile; give the .shp".into()));
+    }
     let bytes = std::fs::read(path).map_err(|e| unreadable(path, e))?;
     let table = path.with_extension("dbf");
     let table_file = File::open(&table).map_err(|e| unreadable(&table, e))?;

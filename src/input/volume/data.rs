@@ -9,6 +9,8 @@ use flate2::bufread::{DeflateDecoder, MultiGzDecoder, ZlibDecoder};
 
 use super::Volume;
 use super::tiff_pages::Pages;
+#[cfg(feature = "zarr")]
+use super::zarr_slabs;
 use crate::input::masks::SideBySide;
 use crate::input::volume::grid::Failure;
 
@@ -56,6 +58,16 @@ pub enum Data {
         /// Bytes of a page.
         bytes: usize,
     },
+    /// In the chunks of a Zarr array.
+    #[cfg(feature = "zarr")]
+    Zarr {
+        /// Its folder.
+        array: PathBuf,
+        /// Places along its axes.
+        sizes: Vec<usize>,
+        /// Bytes of a voxel.
+        voxel: usize,
+    },
     /// In masks, volumes of their own.
     Masks(Vec<Volume>),
 }
@@ -65,6 +77,8 @@ impl Data {
     pub fn file(&self) -> &Path {
         match self {
             Data::Stream { file, .. } | Data::Pages { file, .. } => file,
+            #[cfg(feature = "zarr")]
+            Data::Zarr { array, .. } => array,
             Data::Masks(masks) => masks.first().map_or(Path::new(""), |mask| &mask.path),
         }
     }
@@ -75,6 +89,10 @@ impl Data {
 
     /// Whether the file can hold `needed` bytes, before any of them is asked for.
     pub(crate) fn check(&self, needed: u64) -> Failure<()> {
+        #[cfg(feature = "zarr")]
+        if let Data::Zarr { array, voxel, .. } = self {
+            return zarr_slabs::check(array, *voxel, needed);
+        }
         let length = self.named(std::fs::metadata(self.file()))?.len();
         match *self {
             Data::Stream { coding: Coding::Raw, offset, skip, .. } => {
@@ -89,6 +107,8 @@ impl Data {
             }
             // Each was checked when its header was read.
             Data::Masks(_) => Ok(()),
+            #[cfg(feature = "zarr")]
+            Data::Zarr { .. } => Ok(()),
             Data::Pages { .. } => packed(length, MOST_IN_PAGES, needed),
         }
     }
@@ -97,6 +117,8 @@ impl Data {
     pub(crate) fn open(&self) -> Failure<Box<dyn Read>> {
         match self {
             Data::Masks(masks) => Ok(Box::new(SideBySide::open(masks)?)),
+            #[cfg(feature = "zarr")]
+            Data::Zarr { array, sizes, voxel } => Ok(Box::new(zarr_slabs::Slabs::open(array, sizes, *voxel)?)),
             Data::Pages { file, count, bytes } => Ok(Box::new(Pages::open(file, *count, *bytes)?)),
             Data::Stream { file, offset, coding, skip } => {
                 let mut input = BufReader::with_capacity(1 << 18, self.named(File::open(file))?);

@@ -7,6 +7,9 @@ use crate::error::{Error, Result};
 /// Message of a reader without the file's name.
 pub(crate) type Failure<T> = std::result::Result<T, String>;
 
+/// What to do with an image of more than three axes: which of its volumes is meant nobody can guess.
+pub(crate) const TAKE_ONE: &str = "save the one that is meant (a time, a channel) as a file of its own, and give that";
+
 /// Most voxels of a volume: the header of a damaged file may ask for anything.
 const MOST_VOXELS: usize = 1 << 40;
 /// Largest cosine between two axes that still counts as perpendicular.

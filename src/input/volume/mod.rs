@@ -14,6 +14,8 @@ pub mod sheets;
 pub mod slices;
 pub mod survey;
 pub(crate) mod tiff_pages;
+#[cfg(feature = "zarr")]
+pub(crate) mod zarr_slabs;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -156,6 +158,10 @@ impl Volume {
     pub fn files(&self) -> Vec<PathBuf> {
         if let Data::Masks(masks) = &self.data {
             return masks.iter().flat_map(Volume::files).collect();
+        }
+        // An array is a folder of files, most often one below the group that was named.
+        if self.data.file().starts_with(&self.path) {
+            return vec![self.path.clone()];
         }
         let mut files = vec![self.path.clone()];
         files.extend(Some(self.data.file().to_path_buf()).filter(|file| *file != self.path));

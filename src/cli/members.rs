@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
+use interslice::Result;
 use interslice::input::labels::{Wanted, read_labels};
 #[cfg(feature = "dicom")]
 use interslice::rtstruct::{Roi, StructureSet};
 use interslice::stack::ReadOptions;
 use interslice::stack::options::LabelName;
-use interslice::{Error, Result};
 
 /// Options that ask for several bodies, each by itself.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -74,7 +74,7 @@ pub fn of_labels(input: &Path, read: &ReadOptions, wanted: &Wanted, tell: &dyn F
 /// The ROIs of a structure set that can be reconstructed; the others are told of.
 ///
 /// # Errors
-/// [`Error::Format`] where there is none.
+/// [`interslice::Error::Format`] where there is none.
 #[cfg(feature = "dicom")]
 pub fn usable_rois<'s>(
     set: &'s StructureSet,
@@ -92,7 +92,7 @@ pub fn usable_rois<'s>(
     }
     if rois.is_empty() {
         let message = "none of its ROIs can be reconstructed".into();
-        return Err(Error::Format { path: input.into(), message });
+        return Err(interslice::Error::Format { path: input.into(), message });
     }
     Ok(rois)
 }

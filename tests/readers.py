@@ -70,7 +70,7 @@ def main(program):
         nibabel.save(image, folder / "in.nii.gz")
         for source in ("in.nrrd", "in.nii.gz"):
             outputs = [folder / f"{source}.{e}" for e in ("nrrd", "nii.gz", "nii", "stl", "ply", "obj", "tif", "png", "zarr", "glb", "origin.nrrd", "confidence.nii.gz", "json")]
-            command = [program, "reconstruct", folder / source, "-q"]
+            command = [program, "reconstruct", folder / source, "-q", "--distance"]
             for path in outputs:
                 command += ["-o", path]
             subprocess.run(command, check=True)

@@ -99,9 +99,13 @@ pub struct MergeArguments {
     #[arg(short, long)]
     quiet: bool,
 
-    /// Volumes hold 8-bit masks instead of signed distances, as if `run` had been told
+    /// Volumes hold 8-bit masks of 0 and 1, as if `run` had been told
     #[arg(long, help_heading = "Output")]
     mask: bool,
+
+    /// Volumes hold signed distances, as if `run` had been told
+    #[arg(long, conflicts_with = "mask", help_heading = "Output")]
+    distance: bool,
 
     /// Draw the input contours into pictures, as if `run` had been told
     #[arg(long, help_heading = "Output")]
@@ -240,7 +244,8 @@ pub fn merge(arguments: MergeArguments) -> Result<()> {
     let sections = Sections::open(&arguments.parts)?;
     let told = sections.output();
     let options = OutputOptions {
-        mask: arguments.mask || told.mask,
+        mask: arguments.mask || told.mask && !arguments.distance,
+        distance: arguments.distance || told.distance && !arguments.mask,
         contours: arguments.contours || told.contours,
         simplify: arguments.simplify.or(told.simplify),
         ..told

@@ -23,7 +23,7 @@ use crate::report::Report;
 use crate::settings::Settings;
 use crate::stack::heights::height_grid;
 use crate::surface::Layer;
-use crate::surface::content::Whole;
+use crate::surface::content::{Paint, Scalar};
 use crate::surface::header::Header;
 use crate::surface::stream::{BodyStream, BodyWriter, Ending, LayerSink, WriterNeeds};
 
@@ -48,7 +48,7 @@ pub struct LoadedLabels {
     heights: Vec<f64>,
     options: JobOptions,
     keep_overlaps: bool,
-    numbers: Whole,
+    numbers: Scalar,
 }
 
 impl LoadedLabels {
@@ -67,9 +67,14 @@ impl LoadedLabels {
         }
         let stack = read_labels(input, &options.read, wanted)?;
         let (least, most) = (stack.labels[0], stack.labels[stack.labels.len() - 1]);
-        let Some(numbers) = Whole::holding(least, most) else {
-            return fail("labels", format!("must lie within {0} either side of 0; got {least} to {most}", Whole::MOST));
-        };
+        if options.output.distance && !keep_overlaps {
+            return fail("distance", "is not for many labels: their volume has the labels' numbers".into());
+        }
+        let limit = Scalar::MOST_LABEL;
+        if least < -limit || most > limit {
+            return fail("labels", format!("must lie within {limit} either side of 0; got {least} to {most}"));
+        }
+        let numbers = stack.scalar.or_wider(least.min(0), most.max(0));
         let step = options.output.step(&stack.stack);
         let heights = height_grid(&stack.stack, &options.settings, step).heights()?;
         Ok(LoadedLabels { stack, heights, options, keep_overlaps, numbers })
@@ -145,7 +150,8 @@ impl LoadedLabels {
     /// Label `a` into its own files and the scene; its volume and area into the report.
     fn write(&self, a: usize, body: &mut KeptBody, report: &mut Report, outputs: &mut Outputs) -> Result<()> {
         let bodies = vec![self.stack.appearances[a].clone()];
-        body.replay(&mut outputs.sink(&OutputOptions { bodies, ..self.options.output.clone() }))?;
+        let paint = Some(Paint::holding(self.stack.scalar, self.stack.labels[a]));
+        body.replay(&mut outputs.sink(&OutputOptions { bodies, paint, ..self.options.output.clone() }))?;
         outputs.complete(report)?;
         if report.volume.is_none() {
             let mut measured = Measured::default();

@@ -114,6 +114,7 @@ impl Loaded {
         let input = input::Input::read(input, &options.read)?;
         let notes = input.doubts(&options.read);
         let input::Input { stack, surveyed, .. } = input;
+        options.output.paint = surveyed.as_ref().and_then(input::Surveyed::paint);
         options.output.bodies = surveyed.iter().filter_map(|s| s.appearance()).collect();
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;

@@ -13,6 +13,7 @@ use crate::estimate::memory;
 use crate::rtstruct::ReferencedSet;
 use crate::stack::ContourStack;
 use crate::stack::appearance::Appearance;
+use crate::surface::content::{Content, Paint};
 use crate::surface::map::Map;
 #[cfg(feature = "simplify")]
 use crate::surface::simplify;
@@ -30,9 +31,18 @@ pub struct OutputOptions {
     #[arg(long, conflicts_with = "dz")]
     pub isotropic: bool,
 
-    /// Volumes hold 8-bit masks instead of signed distances
+    /// Volumes hold 8-bit masks of 0 and 1, whatever came in
     #[arg(long)]
     pub mask: bool,
+
+    /// Volumes hold signed distances, where labels came in too [default: labels come back as labels, anything else as distances]
+    #[arg(long, conflicts_with = "mask")]
+    pub distance: bool,
+
+    /// Voxels of a mask as the input's, where labels came in
+    #[arg(skip)]
+    #[serde(skip)]
+    pub paint: Option<Paint>,
 
     /// Draw the input contours into pictures
     #[arg(long)]
@@ -69,6 +79,9 @@ impl OutputOptions {
         if self.isotropic && self.dz.is_some() {
             return fail("isotropic", "sets the distance that `dz` names".into());
         }
+        if self.mask && self.distance {
+            return fail("distance", "is not what `mask` asks for: choose one".into());
+        }
         for (name, value) in [("dz", self.dz), ("simplify", self.simplify)] {
             if let Some(v) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
                 return fail(name, format!("must be a positive number; got {v}"));
@@ -101,6 +114,13 @@ impl OutputOptions {
             return simplify::bytes(memory::triangles(stack, heights), rayon::current_num_threads());
         }
         0
+    }
+
+    /// Content of volumes: a mask where that is asked for or labels came in, else distances.
+    pub(super) fn content(&self) -> Content {
+        let came = self.paint.filter(|_| !self.distance);
+        let paint = if self.mask { Some(Paint::default()) } else { came };
+        paint.map_or(Content::Distance, Content::Mask)
     }
 
     /// Distance between output heights, where the options say it.

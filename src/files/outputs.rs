@@ -25,7 +25,7 @@ use crate::rtstruct::{Added, StructureSet};
 use crate::stack::Geometry;
 use crate::stack::appearance::Appearance;
 use crate::surface::Layer;
-use crate::surface::content::{Content, Whole};
+use crate::surface::content::{Content, Scalar};
 use crate::surface::header::Header;
 use crate::surface::stream::{BodyStream, Failed, LayerSink};
 use crate::surface::{local, nifti};
@@ -99,12 +99,11 @@ impl Outputs {
 
     /// Takes the layers of a body and writes them under temporary names.
     pub fn sink(&mut self, options: &OutputOptions) -> impl LayerSink + '_ {
-        let content = if options.mask { Content::Mask } else { Content::Distance };
-        Sink { outputs: self, content, options: options.clone(), dims: [0; 2] }
+        Sink { outputs: self, content: options.content(), options: options.clone(), dims: [0; 2] }
     }
 
     /// Sink for layers of label numbers; `bodies` are the labels.
-    pub fn label_sink(&mut self, numbers: Whole, bodies: &[Appearance]) -> impl LayerSink + '_ {
+    pub fn label_sink(&mut self, numbers: Scalar, bodies: &[Appearance]) -> impl LayerSink + '_ {
         let options = OutputOptions { bodies: bodies.to_vec(), ..OutputOptions::default() };
         Sink { outputs: self, content: Content::Labels(numbers), options, dims: [0; 2] }
     }

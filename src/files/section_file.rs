@@ -26,6 +26,7 @@ use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::report::Report;
 use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, Geometry, HeightGrid};
+use crate::surface::content::Paint;
 use crate::surface::deflate::Deflate;
 use crate::surface::header::Header;
 use crate::surface::map::Map;
@@ -74,6 +75,9 @@ struct Head {
     /// Name and colour that the input says.
     map: Option<Map>,
     bodies: Vec<Appearance>,
+    /// Voxels of a mask as the input's.
+    #[serde(default)]
+    paint: Option<Paint>,
 }
 
 impl Head {
@@ -128,6 +132,7 @@ impl SectionWriter {
             output: loaded.options.output.clone(),
             map: loaded.options.output.map.as_deref().cloned(),
             bodies: loaded.options.output.bodies.clone(),
+            paint: loaded.options.output.paint,
         };
         Ok(SectionWriter { target: target.into(), pending, head, out: None })
     }
@@ -264,8 +269,8 @@ impl Sections {
 
     /// Options of the outputs, as the sections have them.
     pub fn output(&self) -> OutputOptions {
-        let Head { output, map, bodies, .. } = self.files[0].1.clone();
-        OutputOptions { map: map.map(Arc::new), bodies, ..output }
+        let Head { output, map, bodies, paint, .. } = self.files[0].1.clone();
+        OutputOptions { map: map.map(Arc::new), bodies, paint, ..output }
     }
 
     /// Hands all layers to `sink`, lowest first; the body without layers.

@@ -46,7 +46,7 @@ pub(super) fn writer(
     let content = named_content(target).filter(|_| !matches!(content, Content::Labels(_))).unwrap_or(content);
     let volume = |writer: Box<dyn BodyWriter>| -> Box<dyn BodyWriter> {
         match content {
-            Content::Distance | Content::Mask | Content::Labels(_) => writer,
+            Content::Distance | Content::Mask(_) | Content::Labels(_) => writer,
             Content::Origin | Content::Confidence => Box::new(OriginWriter::new(writer, content, folder)),
         }
     };

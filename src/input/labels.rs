@@ -122,7 +122,8 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
     said.extend(notes(&labels, &given));
     let reading = reading(&labels, &given);
     let stack = ContourStack { slices, ..stack };
-    let labels = LabelStack { stack, labels, appearances, drawn, given, left_out, reading, notes: said };
+    let scalar = surveyed.volume.element.scalar();
+    let labels = LabelStack { stack, labels, appearances, scalar, drawn, given, left_out, reading, notes: said };
     labels.validate().map_err(|e| e.in_file(path))?;
     Ok(labels)
 }

@@ -1,4 +1,4 @@
-//! Volumes as NRRD with an attached header (teem's nrrd format 0004): float signed distance or 8-bit mask, gzip.
+//! Volumes as NRRD with an attached header (teem's nrrd format 0004): signed distances, masks or labels, gzip.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -30,10 +30,16 @@ pub fn writer<W: Write>(
     let direction = |axis: usize| vector(grid.step(axis));
     let [nx, ny, nz] = grid.dims;
     let kind = match content.scalar() {
-        Scalar::F32 => "float",
         Scalar::U8 => "uint8",
+        Scalar::I8 => "int8",
         Scalar::U16 => "uint16",
+        Scalar::I16 => "int16",
+        Scalar::U32 => "uint32",
         Scalar::I32 => "int32",
+        Scalar::U64 => "uint64",
+        Scalar::I64 => "int64",
+        Scalar::F32 => "float",
+        Scalar::F64 => "double",
     };
     let unit = body.unit.replace(['"', '\n', '\r'], " ");
     write!(

@@ -95,8 +95,16 @@ impl OutputOptions {
 
     /// Refuses a completed RTSTRUCT where none was read.
     pub(super) fn check(&self, path: &Path, format: Format) -> Result<()> {
-        if format != Format::StructureSet {
-            return Ok(());
+        let refuse = |message: &str| Err(Error::Output { path: path.into(), message: message.into() });
+        match format {
+            Format::ImageJ | Format::OmeTiff if self.map.is_some() => {
+                return refuse("is a volume, which a contour map has none of as TIFF; its height map is NAME.dem.tif");
+            }
+            Format::Segments if self.distance => {
+                return refuse("holds segments, no distances; `distance` is for volumes of any other format");
+            }
+            Format::StructureSet => {}
+            _ => return Ok(()),
         }
         #[cfg(feature = "dicom")]
         if let Some(source) = &self.source {

@@ -6,14 +6,14 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::format::{BUFFER_BYTES, Format, named_content};
+use super::format::{BUFFER_BYTES, Format, extension_at, named_content};
 use super::options::OutputOptions;
 use super::pending::{Pending, parent};
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructuresWriter;
 use crate::stack::appearance::Appearance;
 use crate::storage::folders::files_below;
-use crate::surface::content::Content;
+use crate::surface::content::{Content, Paint};
 use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::geojson::GeoJsonWriter;
 use crate::surface::glb::{About, write_glb};
@@ -29,7 +29,8 @@ use crate::surface::render::{PictureWriter, RenderOptions};
 #[cfg(feature = "simplify")]
 use crate::surface::spool::Spool;
 use crate::surface::stream::{BodyWriter, Ending, WriterNeeds};
-use crate::surface::{nifti, nrrd};
+use crate::surface::tiff_volume::Dialect;
+use crate::surface::{nifti, npy, nrrd, tiff_volume};
 
 /// The writer of an output, from its beginning.
 pub(super) fn writer(
@@ -60,6 +61,18 @@ pub(super) fn writer(
     let out = BufWriter::with_capacity(BUFFER_BYTES, file);
     Ok(match format {
         Format::Nrrd => volume(Box::new(nrrd::writer(out, header, content, &options.bodies, folder)?)),
+        Format::Segments => {
+            // Segments have voxels, not distances.
+            let content = if content == Content::Distance { Content::Mask(Paint::default()) } else { content };
+            let title = stem(target);
+            volume(Box::new(nrrd::segments(out, header, content, &options.bodies, &title, folder)?))
+        }
+        Format::ImageJ | Format::OmeTiff => {
+            let dialect = if format == Format::OmeTiff { Dialect::Ome } else { Dialect::ImageJ };
+            volume(Box::new(tiff_volume::writer(out, header, content, dialect, &stem(target), folder)?))
+        }
+        Format::Npy => volume(Box::new(npy::writer(out, header, content, folder)?)),
+        Format::Npz => volume(Box::new(npy::packed(out, header, content, folder)?)),
         Format::Nifti { gzip } => volume(Box::new(nifti::writer(out, header, content, gzip, folder)?)),
         Format::Mha => volume(Box::new(MhaWriter::new(out, header, content, folder)?)),
         Format::Stl if options.simplify.is_none() => Box::new(StlWriter::new(out, origin)?),
@@ -76,7 +89,7 @@ pub(super) fn writer(
             let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };
             Box::new(PictureWriter::new(out, header, options))
         }
-        Format::Tiff => Box::new(HeightMapWriter::new(out, header, options.map.as_deref())),
+        Format::Dem => Box::new(HeightMapWriter::new(out, header, options.map.as_deref())),
         Format::Report => Box::new(ReportWriter(out)),
         Format::Html => Box::new(HtmlWriter::new(out, header, stem(target))),
         Format::Contours => Box::new(ContoursWriter::new(out, header)?),
@@ -91,7 +104,8 @@ pub(super) fn writer(
 
 /// An output's name without its extension, as a title.
 fn stem(target: &Path) -> String {
-    target.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    let name = target.file_name().unwrap_or_default().to_string_lossy();
+    name[..extension_at(&name)].to_string()
 }
 
 /// A mesh's way into `out`.

@@ -169,6 +169,7 @@ fn options(line: &ManifestLine, folder: &Path, wrong: &mut Vec<String>) -> JobOp
     if let Some(Err(e)) = links.links.as_ref().map(File::open) {
         wrong.push(format!("options: `links`: {e}"));
     }
+    let output = OutputOptions { like: output.like.map(|path| folder.join(path)), ..output };
     let options = JobOptions { read, links, settings, output, settings_file: None };
     let known = [names::<OutputOptions>(), names::<ReadOptions>(), names::<LinkOptions>(), names::<Settings>()]
         .concat()

@@ -200,6 +200,11 @@ impl Format {
         self.row().is_some_and(|row| row.single && row.kind == kind)
     }
 
+    /// Whether it has voxels or pixels that lie on a grid of one's choice.
+    pub fn is_on_grid(self) -> bool {
+        self == Format::Dem || self.row().is_some_and(|row| row.kind == Kind::Volume)
+    }
+
     /// The format of an output, by its name.
     pub fn of(path: &Path) -> Result<Self> {
         let fail = |message: String| Err(Error::Output { path: path.into(), message });

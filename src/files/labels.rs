@@ -21,7 +21,6 @@ use crate::labels::report::{LabelReport, LabelsReport};
 use crate::labels::{DecidedLabels, KeptBody, LabelStack, Plan, decide, reconstruct};
 use crate::report::Report;
 use crate::settings::Settings;
-use crate::stack::heights::height_grid;
 use crate::surface::Layer;
 use crate::surface::content::{Paint, Scalar};
 use crate::surface::header::Header;
@@ -58,6 +57,8 @@ impl LoadedLabels {
     /// The errors of [`JobOptions::check`] and [`read_labels`]; [`Error::Setting`] for options that are not for many labels.
     pub fn read(input: &Path, wanted: &Wanted, keep_overlaps: bool, options: JobOptions) -> Result<Self> {
         options.check()?;
+        let mut options = options;
+        options.output.look()?;
         let fail = |name: &str, message: String| Err(Error::Setting { name: name.into(), message });
         if options.links != crate::stack::links::LinkOptions::default() {
             return fail("links", "are not for many labels: parts are numbered in each by itself".into());
@@ -75,8 +76,7 @@ impl LoadedLabels {
             return fail("labels", format!("must lie within {limit} either side of 0; got {least} to {most}"));
         }
         let numbers = stack.scalar.or_wider(least.min(0), most.max(0));
-        let step = options.output.step(&stack.stack);
-        let heights = height_grid(&stack.stack, &options.settings, step).heights()?;
+        let heights = options.output.heights(&stack.stack, &options.settings)?;
         Ok(LoadedLabels { stack, heights, options, keep_overlaps, numbers })
     }
 
@@ -109,7 +109,7 @@ impl LoadedLabels {
             let decided = DecidedLabels { bodies: bodies.alone, ..DecidedLabels::none(count) };
             (decided, None)
         } else {
-            let mut volume = outputs.volume.label_sink(self.numbers, &self.stack.appearances);
+            let mut volume = outputs.volume.label_sink(self.numbers, &self.stack.appearances, &self.options.output);
             let decided = decide(&self.stack, bodies, &plan, &mut volume)?;
             drop(volume);
             let mut report = Report::default();

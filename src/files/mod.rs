@@ -7,6 +7,7 @@
 pub mod fingerprint;
 pub mod format;
 pub mod labels;
+pub mod like;
 pub mod member_names;
 pub mod named;
 pub mod options;
@@ -34,10 +35,11 @@ use crate::reconstruct::{reconstruct_into, reconstruct_section};
 use crate::rtstruct::{ReferencedSet, StructureSet};
 use crate::settings::Settings;
 use crate::stack::heights::Heights;
-use crate::stack::heights::height_grid;
 use crate::stack::links::LinkOptions;
 use crate::stack::{ContourStack, HeightGrid, ReadOptions};
 use crate::surface::Reconstruction;
+#[cfg(feature = "terrain")]
+use crate::surface::crs::Crs;
 use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
 use options::OutputOptions;
@@ -66,7 +68,8 @@ impl JobOptions {
     /// # Errors
     /// [`Error::Read`](crate::Error::Read) or [`Error::Format`](crate::Error::Format) where the input does not say what it consists of.
     pub fn files(&self, input: &Path) -> Result<Vec<PathBuf>> {
-        Ok(input::files(input)?.into_iter().chain(self.links.links.clone()).collect())
+        let like = self.output.like.as_deref().map(like::Like::files).transpose()?.unwrap_or_default();
+        Ok(input::files(input)?.into_iter().chain(self.links.links.clone()).chain(like).collect())
     }
 
     /// Checks every range.
@@ -99,6 +102,7 @@ impl Loaded {
     /// The errors of [`JobOptions::check`], [`input::read`] and [`LinkOptions::read`].
     pub fn read(input: &Path, mut options: JobOptions) -> Result<Self> {
         options.check()?;
+        options.output.look()?;
         #[cfg(feature = "terrain")]
         if input::is_map(input) {
             return Self::map(input, options);
@@ -128,13 +132,16 @@ impl Loaded {
     #[cfg(feature = "dicom")]
     pub fn of_structures(set: &Arc<StructureSet>, mut options: JobOptions) -> Result<Self> {
         options.check()?;
+        options.output.look()?;
         let mut source = ReferencedSet::new(set, &options.read)?;
         let stack = source.stack()?;
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
         let (steps, mut notes) = source.about(&stack)?;
         notes.extend(stack.doubts());
-        if options.output.dz.is_none() && !options.output.isotropic {
+        if let Some(images) = options.output.target.as_ref().and_then(|like| like.series.as_ref()) {
+            source.refer_to(images)?;
+        } else if options.output.dz.is_none() && !options.output.isotropic && options.output.target.is_none() {
             options.output.dz = steps.map(|s| s.heights);
             source.every = steps.map(|s| s.planes);
         }
@@ -151,6 +158,16 @@ impl Loaded {
         options.settings.links = options.links.read(&terrain.stack)?;
         options.settings.validate()?;
         options.output.dz = options.output.dz.or(terrain.step());
+        let like = options.output.target.as_ref().map(|like| &like.crs);
+        if let Some(crs) = like.filter(|crs| **crs != Crs::Unknown && **crs != terrain.map.crs) {
+            let name = |crs: &Crs| match crs {
+                Crs::Epsg(code) => format!("EPSG:{code}"),
+                _ => "another system".into(),
+            };
+            let [its, own] = [crs, &terrain.map.crs].map(name);
+            let message = format!("is a raster in {its}, but the map is in {own}; `crs_out` reprojects the map");
+            return Err(crate::error::Error::Setting { name: "like".into(), message });
+        }
         options.output.map = Some(std::sync::Arc::new(terrain.map));
         Ok(Loaded { notes: terrain.notes, ..Self::new(terrain.stack, options)? })
     }
@@ -160,7 +177,7 @@ impl Loaded {
     /// # Errors
     /// [`Error::Stack`](crate::Error::Stack) for too many output heights.
     pub fn new(stack: ContourStack, options: JobOptions) -> Result<Self> {
-        let heights = height_grid(&stack, &options.settings, options.output.step(&stack)).heights()?;
+        let heights = options.output.heights(&stack, &options.settings)?;
         Ok(Loaded { stack, heights, options, notes: Vec::new() })
     }
 

@@ -103,8 +103,14 @@ impl Outputs {
     }
 
     /// Sink for layers of label numbers; `bodies` are the labels.
-    pub fn label_sink(&mut self, numbers: Scalar, bodies: &[Appearance]) -> impl LayerSink + '_ {
-        let options = OutputOptions { bodies: bodies.to_vec(), ..OutputOptions::default() };
+    pub fn label_sink<'o>(
+        &'o mut self,
+        numbers: Scalar,
+        bodies: &[Appearance],
+        options: &OutputOptions,
+    ) -> impl LayerSink + 'o {
+        let options =
+            OutputOptions { bodies: bodies.to_vec(), target: options.target.clone(), ..OutputOptions::default() };
         Sink { outputs: self, content: Content::Labels(numbers), options, dims: [0; 2] }
     }
 

@@ -45,11 +45,21 @@ pub(super) fn writer(
     let origin = meshes.origin;
     let folder = parent(target);
     let content = named_content(target).filter(|_| !matches!(content, Content::Labels(_))).unwrap_or(content);
+    let body = header;
+    let like = options.target.as_ref().filter(|_| format.is_on_grid());
+    let frame = like.map(|like| like.grid.frame(&body.geometry)).transpose().map_err(io::Error::other)?;
+    let on_grid = frame.as_ref().map(|frame| frame.header(body));
+    let header = on_grid.as_ref().unwrap_or(body);
+    let placed = |writer: Box<dyn BodyWriter>| match &frame {
+        Some(frame) => frame.writer(writer, body, matches!(content, Content::Labels(_))),
+        None => writer,
+    };
     let volume = |writer: Box<dyn BodyWriter>| -> Box<dyn BodyWriter> {
-        match content {
+        let writer = frame.iter().fold(writer, |writer, frame| frame.turned(writer));
+        placed(match content {
             Content::Distance | Content::Mask(_) | Content::Labels(_) => writer,
             Content::Origin | Content::Confidence => Box::new(OriginWriter::new(writer, content, folder)),
-        }
+        })
     };
     let file = match pending {
         Pending::File(file, _) => file.as_file_mut(),
@@ -89,7 +99,7 @@ pub(super) fn writer(
             let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };
             Box::new(PictureWriter::new(out, header, options))
         }
-        Format::Dem => Box::new(HeightMapWriter::new(out, header, options.map.as_deref())),
+        Format::Dem => placed(Box::new(HeightMapWriter::new(out, header, options.map.as_deref()))),
         Format::Report => Box::new(ReportWriter(out)),
         Format::Html => Box::new(HtmlWriter::new(out, header, stem(target))),
         Format::Contours => Box::new(ContoursWriter::new(out, header)?),

@@ -12,6 +12,7 @@ pub mod glb;
 pub mod header;
 pub mod heightmap;
 pub mod html;
+pub mod like;
 pub mod local;
 pub mod map;
 pub mod marching;

@@ -81,7 +81,7 @@ pub fn run(all: &All<'_>) -> Result<()> {
         let mut gather = Gather::new(source, outputs.sink(&loaded.options.output));
         let mut body = compute(&loaded, &mut gather, &chosen, &budget, all.telling)?;
         added.extend(gather.added());
-        complete(outputs, &mut body, &loaded.notes, all.telling)?;
+        complete(outputs, &mut body, &loaded, all.telling)?;
         chosen.tell(&body.report.profile);
     }
     if all.telling == Telling::DryRun {

@@ -231,6 +231,7 @@ pub fn run(mut arguments: RunArguments, matches: &ArgMatches) -> Result<()> {
     let means = interslice::Means { backend: chosen.backend(), progress, budget: &budget };
     let mut body = loaded.compute_section(&section, &means, &mut writer)?;
     chosen.complete(&mut body.report.profile);
+    body.report.provenance = loaded.provenance()?;
     chosen.tell(&body.report.profile);
     let written = writer.finish(&body.report)?;
     if !arguments.quiet {

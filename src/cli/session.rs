@@ -45,7 +45,7 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
         return say(&forecast(loaded, &outputs));
     }
     let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, &budget, telling)?;
-    complete(&mut outputs, &mut body, &loaded.notes, telling)?;
+    complete(&mut outputs, &mut body, loaded, telling)?;
     chosen.tell(&body.report.profile);
     let written = outputs.rename()?;
     if telling != Telling::Quiet {
@@ -91,11 +91,14 @@ pub fn tell_notes(loaded: &Loaded, telling: Telling) {
     }
 }
 
-/// Completes the files, which keep their temporary names, when the body is; what was `said` of the input is not said again.
-pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, said: &[String], telling: Telling) -> Result<()> {
+/// Completes the files, which keep their temporary names, when the body is; what was said of the input is not said again.
+pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, loaded: &Loaded, telling: Telling) -> Result<()> {
+    if outputs.has_report() {
+        body.report.provenance = loaded.provenance()?;
+    }
     outputs.complete(&mut body.report)?;
     if telling != Telling::Quiet {
-        let warnings = body.report.warnings.iter().filter(|w| !said.contains(w));
+        let warnings = body.report.warnings.iter().filter(|w| !loaded.notes.contains(w));
         warnings.for_each(|w| eprintln!("warning: {w}"));
         body.report.broken.iter().for_each(|b| eprintln!("warning: does not hold: {b}"));
     }

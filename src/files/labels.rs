@@ -13,6 +13,7 @@ use super::options::OutputOptions;
 use super::outputs::Outputs;
 use super::pending::{Pending, Temporary};
 use super::places::Places;
+use super::provenance::Source;
 use super::scenes::Scenes;
 use crate::backend::Means;
 use crate::error::{Error, Result};
@@ -48,6 +49,7 @@ pub struct LoadedLabels {
     options: JobOptions,
     keep_overlaps: bool,
     numbers: Scalar,
+    source: Source,
 }
 
 impl LoadedLabels {
@@ -58,6 +60,8 @@ impl LoadedLabels {
     pub fn read(input: &Path, wanted: &Wanted, keep_overlaps: bool, options: JobOptions) -> Result<Self> {
         options.check()?;
         let mut options = options;
+        let source =
+            Source::of(input, &options)?.with("labels", wanted.to_string()).with("keep_overlaps", keep_overlaps);
         options.output.look()?;
         let fail = |name: &str, message: String| Err(Error::Setting { name: name.into(), message });
         if options.links != crate::stack::links::LinkOptions::default() {
@@ -77,7 +81,7 @@ impl LoadedLabels {
         }
         let numbers = stack.scalar.or_wider(least.min(0), most.max(0));
         let heights = options.output.heights(&stack.stack, &options.settings)?;
-        Ok(LoadedLabels { stack, heights, options, keep_overlaps, numbers })
+        Ok(LoadedLabels { stack, heights, options, keep_overlaps, numbers, source })
     }
 
     /// Heights of the output layers.
@@ -144,7 +148,11 @@ impl LoadedLabels {
         let (left_out, reading) = (left_out.clone(), reading.clone());
         let warnings = notes.iter().cloned().chain(warnings).collect();
         let backend = means.backend.name();
-        Ok(LabelsReport { version, backend, labels, left_out, reading, warnings, borders, seconds })
+        let provenance = match outputs.reports.is_empty() {
+            true => None,
+            false => Some(self.source.provenance(&self.stack.appearances)?),
+        };
+        Ok(LabelsReport { version, provenance, backend, labels, left_out, reading, warnings, borders, seconds })
     }
 
     /// Label `a` into its own files and the scene; its volume and area into the report.

@@ -14,6 +14,7 @@ pub mod options;
 pub mod outputs;
 pub mod pending;
 pub mod places;
+pub mod provenance;
 pub mod scenes;
 pub mod section_file;
 pub mod write;
@@ -31,6 +32,7 @@ use crate::estimate::memory::MemoryNeeds;
 use crate::input;
 use crate::pipeline::section::Section;
 use crate::reconstruct::{reconstruct_into, reconstruct_section};
+use crate::report::Provenance;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::{ReferencedSet, StructureSet};
 use crate::settings::Settings;
@@ -44,6 +46,7 @@ use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
 use options::OutputOptions;
 use outputs::Outputs;
+use provenance::Source;
 
 /// All that decides a result besides its input.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -93,6 +96,8 @@ pub struct Loaded {
     pub options: JobOptions,
     /// Notes on the input for a person; the report's first warnings.
     pub notes: Vec<String>,
+    /// Input and options as they were given; none of a stack that no file holds.
+    pub source: Option<Source>,
 }
 
 impl Loaded {
@@ -102,18 +107,17 @@ impl Loaded {
     /// The errors of [`JobOptions::check`], [`input::read`] and [`LinkOptions::read`].
     pub fn read(input: &Path, mut options: JobOptions) -> Result<Self> {
         options.check()?;
+        let source = Source::of(input, &options)?;
         options.output.look()?;
         #[cfg(feature = "terrain")]
         if input::is_map(input) {
-            return Self::map(input, options);
+            return Ok(Loaded { source: Some(source), ..Self::map(input, options)? });
         }
         #[cfg(feature = "dicom")]
         if input::is_structure_set(input) {
             input::check(input, &options.read)?;
-            return Self::of_structures(
-                &Arc::new(StructureSet::choose_file(input, options.read.series.as_deref())?),
-                options,
-            );
+            let set = Arc::new(StructureSet::choose_file(input, options.read.series.as_deref())?);
+            return Self::of_structures(&set, options);
         }
         let input = input::Input::read(input, &options.read)?;
         let notes = input.doubts(&options.read);
@@ -122,7 +126,15 @@ impl Loaded {
         options.output.bodies = surveyed.iter().filter_map(|s| s.appearance()).collect();
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
-        Ok(Loaded { notes, ..Self::new(stack, options)? })
+        Ok(Loaded { notes, source: Some(source), ..Self::new(stack, options)? })
+    }
+
+    /// What a report says of its making; nothing of a stack that no file holds.
+    ///
+    /// # Errors
+    /// The errors of [`Source::provenance`].
+    pub fn provenance(&self) -> Result<Option<Provenance>> {
+        self.source.as_ref().map(|source| source.provenance(&self.options.output.bodies)).transpose()
     }
 
     /// Loads ROIs of an RTSTRUCT that was read; it is kept for the completed file.
@@ -132,6 +144,7 @@ impl Loaded {
     #[cfg(feature = "dicom")]
     pub fn of_structures(set: &Arc<StructureSet>, mut options: JobOptions) -> Result<Self> {
         options.check()?;
+        let given = Source::of(&set.path, &options)?;
         options.output.look()?;
         let mut source = ReferencedSet::new(set, &options.read)?;
         let stack = source.stack()?;
@@ -147,7 +160,7 @@ impl Loaded {
         }
         options.output.bodies = vec![source.appearance()?];
         options.output.source = Some(Arc::new(source));
-        Ok(Loaded { notes, ..Self::new(stack, options)? })
+        Ok(Loaded { notes, source: Some(given), ..Self::new(stack, options)? })
     }
 
     /// Loads a contour map.
@@ -178,7 +191,7 @@ impl Loaded {
     /// [`Error::Stack`](crate::Error::Stack) for too many output heights.
     pub fn new(stack: ContourStack, options: JobOptions) -> Result<Self> {
         let heights = options.output.heights(&stack, &options.settings)?;
-        Ok(Loaded { stack, heights, options, notes: Vec::new() })
+        Ok(Loaded { stack, heights, options, notes: Vec::new(), source: None })
     }
 
     /// The grid of the output layers, of which some are contours' own.

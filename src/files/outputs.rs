@@ -97,6 +97,11 @@ impl Outputs {
         self.scene.is_some() || self.files.iter().any(|f| matches!(kind(&f.target), Ok(Kind::Mesh)))
     }
 
+    /// Whether there is a report among them.
+    pub fn has_report(&self) -> bool {
+        self.files.iter().any(|f| matches!(f.format, Format::Report | Format::Html))
+    }
+
     /// Takes the layers of a body and writes them under temporary names.
     pub fn sink(&mut self, options: &OutputOptions) -> impl LayerSink + '_ {
         Sink { outputs: self, content: options.content(), options: options.clone(), dims: [0; 2] }

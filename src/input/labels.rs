@@ -28,6 +28,17 @@ pub enum Wanted {
     These(Vec<LabelName>),
 }
 
+impl std::fmt::Display for Wanted {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Wanted::These(labels) = self else { return f.write_str("all") };
+        let name = |label: &LabelName| match label {
+            LabelName::Number(number) => number.to_string(),
+            LabelName::Name(name) => name.clone(),
+        };
+        f.write_str(&labels.iter().map(name).collect::<Vec<_>>().join(","))
+    }
+}
+
 impl std::str::FromStr for Wanted {
     type Err = String;
 

@@ -283,7 +283,7 @@ mod tests {
 
     #[test]
     fn fractions_are_near() {
-        for side in [0.75, 1.0, 0.1, 1.0 / 3.0, 0.976_562_5, 2.5e-4, 1234.567_891, 1e-9, 0.685_546_875, 5.0] {
+        for side in [0.75, 1.0, 0.1, 1.0 / 3.0, 0.976_562_5, 2.5e-4, 1_234.567_891, 1e-9, 0.685_546_875, 5.0] {
             let Rational { n, d } = per_unit(side);
             let back = f64::from(d) / f64::from(n);
             assert!((back / side - 1.0).abs() < 1e-9, "{side}: {n} / {d} = {back}");

@@ -37,6 +37,7 @@ const COMPRESSION: u32 = 1;
 /// # Errors
 /// The errors of the folder.
 pub fn writer(folder: &Path, body: &Header, content: Content) -> io::Result<Box<dyn BodyWriter>> {
+    let beyond = if matches!(content, Content::Distance | Content::Confidence) { f32::NAN } else { 0.0 };
     macro_rules! of {
         ($kind:ty) => {{
             let value: fn(Content, f32) -> $kind = |content, v| match content {
@@ -44,11 +45,7 @@ pub fn writer(folder: &Path, body: &Header, content: Content) -> io::Result<Box<
                 Content::Mask(_) => 0 as $kind,
                 _ => v as $kind,
             };
-            let beyond = match content {
-                Content::Distance | Content::Confidence => f32::NAN as $kind,
-                _ => 0 as $kind,
-            };
-            Box::new(ZarrWriter::new(folder, body, content, beyond, value)?)
+            Box::new(ZarrWriter::new(folder, body, content, beyond as $kind, value)?)
         }};
     }
     Ok(match content.scalar() {

@@ -105,6 +105,6 @@ pub fn run(all: &All<'_>) -> Result<()> {
 
 fn tell(all: &All<'_>, message: &str) {
     if all.telling != Telling::Quiet {
-        eprintln!("{message}");
+        tell!("{message}");
     }
 }

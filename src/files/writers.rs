@@ -187,8 +187,8 @@ fn structures(out: BufWriter<File>, header: &Header, options: &OutputOptions) ->
 }
 
 #[cfg(not(feature = "dicom"))]
-fn structures(_: BufWriter<File>, header: &Header, options: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
-    Err(io::Error::other(format!("no DICOM in this program: {header:?}, {options:?}")))
+fn structures(_: BufWriter<File>, _: &Header, _: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
+    Err(io::Error::other("this program was built without DICOM (feature `dicom`)"))
 }
 
 /// The writer of a Zarr into a folder, which is emptied.
@@ -199,7 +199,10 @@ fn in_folder(folder: &Path, header: &Header, content: Content) -> io::Result<Box
     #[cfg(feature = "zarr")]
     return crate::surface::zarr::writer(folder, header, content);
     #[cfg(not(feature = "zarr"))]
-    Err(io::Error::other(format!("no Zarr in this program: {header:?}, {content:?}")))
+    {
+        let _ = (header, content);
+        Err(io::Error::other("this program was built without Zarr (feature `zarr`)"))
+    }
 }
 
 /// Writes the report, at the end.

@@ -40,7 +40,7 @@ pub fn page(title: &str, report: &Report, extent: [f64; 2], scene: &PageScene) -
 }
 
 /// Fills a template: texts take the places of their names, `{{name}}`. What is put in is not looked at again.
-fn fill(template: &str, fills: &[(&str, String)]) -> String {
+pub(crate) fn fill(template: &str, fills: &[(&str, String)]) -> String {
     let mut out = String::with_capacity(template.len() + fills.iter().map(|(_, text)| text.len()).sum::<usize>());
     let mut rest = template;
     while let Some((before, after)) = rest.split_once("{{") {
@@ -295,7 +295,8 @@ fn made(provenance: &Provenance) -> String {
     let mut rows = Vec::new();
     rows.extend(date.iter().map(|date| ("Date", escape(date))));
     rows.extend(inputs.iter().map(|f| {
-        let digest = format!("{}<small>{} bytes, SHA-256 {}</small>", escape(&f.file), count(f.bytes), escape(&f.sha256));
+        let digest =
+            format!("{}<small>{} bytes, SHA-256 {}</small>", escape(&f.file), count(f.bytes), escape(&f.sha256));
         ("Input", digest)
     }));
     if !bodies.is_empty() {

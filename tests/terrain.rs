@@ -594,7 +594,7 @@ fn the_three_worst_ends_are_named_and_the_hull_may_be_the_border() {
 #[test]
 fn below_the_lowest_contour_there_may_be_heights() {
     let place = folder();
-    let (input, output) = (place.path().join("cone.geojson"), place.path().join("cone.tif"));
+    let (input, output) = (place.path().join("cone.geojson"), place.path().join("cone.dem.tif"));
     write(&input, &cone());
     let heights = |below: &[&str]| {
         let [from, to] = [&input, &output].map(|p| p.to_str().expect("temporary paths are UTF-8"));

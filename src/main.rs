@@ -1,5 +1,6 @@
 //! The command line: arguments to settings to `reconstruct` to files. No numerics.
 
+#[macro_use]
 mod cli;
 
 use std::process::ExitCode;
@@ -9,7 +10,7 @@ fn main() -> ExitCode {
     match cli::run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            tell!("error: {error}");
             ExitCode::from(error.exit_code())
         }
     }

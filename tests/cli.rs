@@ -15,7 +15,7 @@ fn every_output_is_written_and_the_report_certifies() {
     let place = folder();
     sound_stack(place.path());
     let out = folder();
-    let names = ["v.nrrd", "v.nii.gz", "m.stl", "m.ply", "m.obj", "p.png", "h.tif"];
+    let names = ["v.nrrd", "v.nii.gz", "m.stl", "m.ply", "m.obj", "p.png", "h.dem.tif"];
     let paths: Vec<String> = names.iter().map(|n| out.path().join(n).display().to_string()).collect();
     let report = out.path().join("report.json").display().to_string();
     let input = place.path().display().to_string();

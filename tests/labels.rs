@@ -240,14 +240,19 @@ fn a_run_writes_a_volume_and_a_mesh_per_label() {
     // Alone, a label is what `--label` makes, and so it is where overlaps are kept.
     let (one, kept) = (at("one.stl"), at("kept.stl"));
     let (one_volume, kept_volume) = (at("one.nrrd"), at("kept.nrrd"));
-    run(&["--label", "200", "-o", text(&one), "-o", text(&one_volume)]);
-    run(&["--labels", "1,200", "--keep-overlaps", "-o", text(&kept), "-o", text(&kept_volume)]);
+    run(&["--label", "200", "--distance", "-o", text(&one), "-o", text(&one_volume)]);
+    run(&["--labels", "1,200", "--keep-overlaps", "--distance", "-o", text(&kept), "-o", text(&kept_volume)]);
     let bytes = |path: &Path| fs::read(path).expect("it was written");
     assert!(bytes(&one) == bytes(&at("out.200.stl")));
     assert!(bytes(&one) == bytes(&at("kept.200.stl")));
     assert!(bytes(&one_volume) == bytes(&at("kept.200.nrrd")));
-    run(&["--label", "1", "-o", text(&one_volume)]);
+    run(&["--label", "1", "--distance", "-o", text(&one_volume)]);
     assert!(bytes(&one_volume) == bytes(&at("kept.1.nrrd")));
+    run(&["--label", "200", "-o", text(&one_volume)]);
+    run(&["--labels", "1,200", "--keep-overlaps", "-o", text(&kept_volume)]);
+    assert!(bytes(&one_volume) == bytes(&at("kept.200.nrrd")));
+    let alone = interslice::input::survey(&one_volume).expect("a mask can be read");
+    assert_eq!(alone.labels.keys().copied().collect::<Vec<_>>(), [200]);
 }
 
 #[test]
@@ -263,13 +268,14 @@ fn wrong_labels_are_told_before_anything_runs() {
     let before = listing(place.path());
     let out = place.path().join("out.nrrd");
     let picture = place.path().join("out.png");
-    let cases: [(&Path, &[&str], &str); 8] = [
+    let cases: [(&Path, &[&str], &str); 9] = [
         (&input, &["--labels", "1,9"], "no label 9; labels are 1, 2, 3, 4, 5"),
         (&input, &["--labels", "1,5"], "label 5 is drawn on 1 of the slices"),
         (&input, &["--labels", "1,0"], "0 is the background"),
         (&input, &["--labels", "one"], "must name one of the file's labels; got `one`; the file has no names"),
         (&input, &["--labels", "1,2", "--label", "1"], "cannot be used with"),
         (&input, &["--labels", "1,2", "--mask"], "`mask` is not for many labels"),
+        (&input, &["--labels", "1,2", "--distance"], "`distance` is not for many labels"),
         (&input, &["--labels", "1,2", "-o", text(&picture)], "are of one body"),
         (&slices, &["--labels", "1"], "`labels` is not for a folder of slices"),
     ];

@@ -26,7 +26,7 @@ const ASKED: &str = "INTERSLICE_MEMORY_TEST";
 const SIDE: usize = 400;
 /// Arrays from this size on go back to the system as soon as they are freed, bytes.
 const GIVEN_BACK: &str = "1048576";
-const KINDS: [&str; 6] = ["nrrd", "nii.gz", "stl", "ply", "tif", "json"];
+const KINDS: [&str; 6] = ["nrrd", "nii.gz", "stl", "ply", "dem.tif", "json"];
 
 /// Largest resident set of a process so far, bytes; nothing where it has ended.
 fn peak_of(process: &str) -> Option<u64> {

@@ -337,7 +337,7 @@ fn volumes_maps_and_lines_say_where_they_lie_or_that_they_cannot() {
     let at = |name: &str| place.path().join(name).display().to_string();
     let (input, origin) = (at("in.nrrd"), DVec3::new(500_003.21, 5_400_001.77, 1e9 + 0.5));
     volume(Path::new(&input), 0.25, STRAIGHT, origin);
-    let outputs = ["nrrd", "mha", "nii", "tif", "contours.json", "geojson"].map(|e| at(&format!("out.{e}")));
+    let outputs = ["nrrd", "mha", "nii", "dem.tif", "contours.json", "geojson"].map(|e| at(&format!("out.{e}")));
     let mut arguments = vec!["reconstruct", &input];
     outputs.iter().for_each(|o| arguments.extend(["-o", o]));
     let said = done(&arguments);
@@ -381,13 +381,14 @@ fn heights_that_are_large_themselves_are_kept() {
         let text = format!(r#"{{"spacing_xy": [0.5, 0.5], "slices": [{}]}}"#, slices.join(", "));
         files::write_stack(place.path(), &text);
         let folder = place.path().display().to_string();
-        done(&["reconstruct", &folder, "-o", &at("out.tif"), "-o", &at("out.stl"), "-o", &at("out.ply")]);
+        done(&["reconstruct", &folder, "-o", &at("out.dem.tif"), "-o", &at("out.stl"), "-o", &at("out.ply")]);
         for name in ["out.stl", "out.ply"] {
             let found = Found::read(Path::new(&at(name)));
             assert_eq!((edge_defects(&found.joined()), found.degenerate()), (0, 0), "{name}");
             assert_eq!(found.origin.z, if name == "out.stl" { from } else { 0.0 });
         }
-        let mut tiff = tiff::decoder::Decoder::new(fs::File::open(at("out.tif")).expect("written")).expect("a TIFF");
+        let mut tiff =
+            tiff::decoder::Decoder::new(fs::File::open(at("out.dem.tif")).expect("written")).expect("a TIFF");
         match tiff.read_image().expect("pixels") {
             tiff::decoder::DecodingResult::F32(heights) if from == 0.0 => heights.into_iter().map(f64::from).collect(),
             tiff::decoder::DecodingResult::F64(heights) if from > 0.0 => {

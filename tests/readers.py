@@ -3,6 +3,7 @@
     python readers.py <program>
 """
 
+import hashlib
 import json
 import subprocess
 import sys
@@ -63,14 +64,18 @@ def main(program):
         group("completed RTSTRUCT")
         contour_map(program, folder)
         group("contour map")
+        reports(program, folder)
+        group("every kind of report")
+        every_volume(program, folder)
+        group("every volume format")
         given = labels()
         header = {"space": "left-posterior-superior", "space directions": STEPS, "space origin": ORIGIN}
         nrrd.write(str(folder / "in.nrrd"), given, header)
         image = nibabel.Nifti1Image(given, np.vstack([np.column_stack([np.diag([-1, -1, 1]) @ STEPS.T, np.diag([-1, -1, 1]) @ ORIGIN]), [0, 0, 0, 1]]))
         nibabel.save(image, folder / "in.nii.gz")
         for source in ("in.nrrd", "in.nii.gz"):
-            outputs = [folder / f"{source}.{e}" for e in ("nrrd", "nii.gz", "nii", "stl", "ply", "obj", "tif", "png", "zarr", "glb", "origin.nrrd", "confidence.nii.gz", "json")]
-            command = [program, "reconstruct", folder / source, "-q"]
+            outputs = [folder / f"{source}.{e}" for e in ("nrrd", "nii.gz", "nii", "stl", "ply", "obj", "dem.tif", "png", "zarr", "glb", "origin.nrrd", "confidence.nii.gz", "json")]
+            command = [program, "reconstruct", folder / source, "-q", "--distance"]
             for path in outputs:
                 command += ["-o", path]
             subprocess.run(command, check=True)
@@ -102,7 +107,7 @@ def contour_map(program, folder):
         line = np.column_stack([5e5 + radius * np.cos(t), 4e6 + radius * np.sin(t)]).round(6)
         lines.append({"type": "Feature", "properties": {"elev": 300 - radius / 2}, "geometry": {"type": "LineString", "coordinates": line.tolist()}})
     crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32611"}}
-    given, tif, out = folder / "cone.geojson", folder / "cone.tif", folder / "lines.geojson"
+    given, tif, out = folder / "cone.geojson", folder / "cone.dem.tif", folder / "lines.geojson"
     given.write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": lines}))
     subprocess.run([program, "reconstruct", given, "--border", "499850,3999600,500400,4000400", "--pixel", "10", "--end-top", "extrapolate", "-o", tif, "-o", out, "-q"], check=True)
     with rasterio.open(tif) as map:
@@ -254,6 +259,79 @@ def report(source, path):
     # The schema would notice what is wrong.
     for spoil in ({"volume": "1"}, {"unheard_of": 1}, {"dims": [1]}):
         check(f"{source} -> report.schema.json refuses {spoil}", not validator.is_valid(told | spoil))
+
+
+def reports(program, folder):
+    """Every kind of report fits the schema: labels, labels kept apart, ROIs, parts joined, a batch, a map."""
+    given = np.where(labels(), np.where(np.indices(SIZES)[0] < 19, 3, 8), 0).astype(np.uint8)
+    nrrd.write(str(folder / "two.nrrd"), given, {"space": "left-posterior-superior", "space directions": STEPS, "space origin": ORIGIN})
+    run = lambda *arguments: subprocess.run([program, *arguments, "-q"], check=True, cwd=folder)
+    run("reconstruct", "two.nrrd", "--labels", "all", "-o", "labels.json", "-o", "all.nrrd")
+    run("reconstruct", "two.nrrd", "--labels", "3,8", "--keep-overlaps", "-o", "kept.json", "-o", "kept.nrrd")
+    structure_set(folder / "two.dcm", {"tumour": [(10, 6), (12, 12), (10, 18)], "body": [(40, z) for z in range(0, 26, 2)]})
+    run("reconstruct", "two.dcm", "--all-rois", "-o", "roi.json")
+    for part in "12":
+        run("run", "two.nrrd", "--part", f"{part}/2", "-o", f"{part}.section")
+    run("merge", "1.section", "2.section", "-o", "merged.json")
+    (folder / "jobs.jsonl").write_text(json.dumps({"id": "a", "input": "two.nrrd", "outputs": ["batch.json"], "options": {"label": 3}}) + "\n")
+    run("batch", "jobs.jsonl")
+    run("reconstruct", "cone.geojson", "--border", "499850,3999600,500400,4000400", "--pixel", "20", "-o", "map.json")
+    for name in ("labels", "kept", "roi.tumour", "roi.body", "merged", "batch", "map"):
+        path = folder / f"{name}.json"
+        report(name, path)
+        made = json.loads(path.read_text())["provenance"]
+        source = Path(made["inputs"][0]["file"])
+        digest = hashlib.sha256((folder / source.name).read_bytes()).hexdigest()
+        check(f"{name} -> provenance", made["inputs"][0]["sha256"] == digest and ("date" in made) == (name != "batch"), made)
+
+
+def every_volume(program, folder):
+    """Two labels in every volume format, by the format's own readers: voxels, type, sides and place within 1e-6, names and colours."""
+    given = np.where(labels(), np.where(np.indices(SIZES)[0] < 19, 3, 300), 0).astype(np.int16)
+    segments = {}
+    for k, (number, name, colour) in enumerate([(3, "Leber links", "0.2 0.4 1"), (300, "Spine, lower", "1 0 0")]):
+        segments |= {f"Segment{k}_LabelValue": str(number), f"Segment{k}_Name": name, f"Segment{k}_Color": colour, f"Segment{k}_Layer": "0"}
+    steps = np.diag([0.75, 1.25, 2.5])
+    header = {"space": "left-posterior-superior", "space directions": steps, "space origin": ORIGIN, **segments}
+    nrrd.write(str(folder / "every.nrrd"), given, header)
+    names = ("v.nrrd", "v.seg.nrrd", "v.nii", "v.nii.gz", "v.mha", "v.zarr", "v.tif", "v.ome.tif", "v.npy", "v.npz")
+    command = [program, "reconstruct", folder / "every.nrrd", "-q", "--labels", "all"]
+    subprocess.run(command + [a for name in names for a in ("-o", folder / name)], check=True)
+    near = lambda a, b, bound=1e-6: np.abs(np.asarray(a, float) - np.asarray(b, float)).max() <= bound
+    array, told = nrrd.read(str(folder / "v.nrrd"))
+    check("v.nrrd -> pynrrd", array.dtype == np.int16 and near(told["space directions"], steps) and near(told["space origin"], ORIGIN))
+    check("v.nrrd -> slices as drawn", (array[:, :, ::4] == given[:, :, ::4]).all() and set(np.unique(array[:, :, 2])) == {0, 3, 300})
+    same, told = nrrd.read(str(folder / "v.seg.nrrd"))
+    named = [(told[f"Segment{k}_LabelValue"], told[f"Segment{k}_Name"], told[f"Segment{k}_Color"]) for k in (0, 1)]
+    check("v.seg.nrrd -> pynrrd", (same == array).all() and near(told["space directions"], steps) and near(told["space origin"], ORIGIN))
+    check("v.seg.nrrd -> names", named == [("3", "Leber links", "0.200000 0.400000 1.000000"), ("300", "Spine, lower", "1.000000 0.000000 0.000000")], named)
+    check("v.seg.nrrd -> extents", told["Segment1_Extent"] == "0 39 0 29 0 8" and told["Segmentation_ReferenceImageExtentOffset"] == "0 0 0")
+    for name in ("v.nrrd", "v.seg.nrrd", "v.nii", "v.nii.gz", "v.mha"):
+        image = SimpleITK.ReadImage(str(folder / name))
+        check(f"{name} -> SimpleITK", (SimpleITK.GetArrayFromImage(image).T == array).all() and image.GetPixelIDTypeAsString() == "16-bit signed integer")
+        # NIfTI has 32 bits for the place.
+        place = near(image.GetSpacing(), np.diag(steps)) and near(image.GetOrigin(), ORIGIN, 1e-6 if "nii" not in name else 1e-5)
+        check(f"{name} -> SimpleITK place", place and near(image.GetDirection(), np.eye(3).ravel()), image.GetOrigin())
+    for name in ("v.nii", "v.nii.gz"):
+        image = nibabel.load(folder / name)
+        check(f"{name} -> nibabel", image.get_data_dtype() == np.int16 and (np.asarray(image.dataobj) == array).all())
+        check(f"{name} -> nibabel place", near(image.affine[:3, :3], np.diag([-1, -1, 1]) @ steps) and near(image.affine[:3, 3], np.diag([-1, -1, 1]) @ ORIGIN, 1e-5))
+    zarr_place("v.zarr", folder / "v.zarr", array, steps, ORIGIN)
+    with tifffile.TiffFile(folder / "v.tif") as file:
+        x, y = (file.pages[0].tags[t].value for t in ("XResolution", "YResolution"))
+        said = file.imagej_metadata
+        check("v.tif -> tifffile", file.is_imagej and (file.asarray() == array.T).all() and file.asarray().dtype == np.int16)
+        check("v.tif -> tifffile sides", near([x[1] / x[0], y[1] / y[0], said["spacing"]], np.diag(steps)) and said["unit"] == "mm" and said["slices"] == 9, said)
+    with tifffile.TiffFile(folder / "v.ome.tif") as file:
+        pixels = tifffile.xml2dict(file.ome_metadata)["OME"]["Image"]["Pixels"]
+        check("v.ome.tif -> tifffile", file.is_ome and file.series[0].axes == "ZYX" and (file.asarray() == array.T).all() and file.asarray().dtype == np.int16)
+        sides = [pixels[f"PhysicalSize{a}"] for a in "XYZ"]
+        check("v.ome.tif -> tifffile sides", near(sides, np.diag(steps)) and {pixels[f"PhysicalSize{a}Unit"] for a in "XYZ"} == {"mm"}, pixels)
+    plain = np.load(folder / "v.npy")
+    check("v.npy -> numpy", plain.dtype == np.int16 and (plain == array.T).all())
+    with np.load(folder / "v.npz") as packed:
+        check("v.npz -> numpy", packed["volume"].dtype == np.int16 and (packed["volume"] == array.T).all())
+        check("v.npz -> numpy place", near(packed["spacing"], np.diag(steps)) and near(packed["origin"], ORIGIN) and near(packed["directions"], np.eye(3)))
 
 
 def far_away(program, folder):

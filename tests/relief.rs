@@ -17,7 +17,7 @@ const LEVELS: [f64; 2] = [330.0, 930.0];
 fn rmse(options: &[&str]) -> f64 {
     let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/jacksboro");
     let place = folder();
-    let out = place.path().join("out.tif");
+    let out = place.path().join("out.dem.tif");
     let (input, out) = (example.display().to_string(), out.display().to_string());
     let run = ["reconstruct", &input, "-o", &out, "--backend", "cpu", "-q"];
     let output = interslice(&[&run[..], options].concat());

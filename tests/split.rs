@@ -11,7 +11,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// All formats whose bytes say nothing of the run itself.
-const OUTPUTS: [&str; 7] = ["v.nrrd", "v.nii.gz", "m.stl", "m.ply", "m.obj", "p.png", "h.tif"];
+const OUTPUTS: [&str; 7] = ["v.nrrd", "v.nii.gz", "m.stl", "m.ply", "m.obj", "p.png", "h.dem.tif"];
 /// Options that leave no default in its place; a contour's own height is just missed, and is the contour's all the same.
 const OPTIONS: [&str; 6] =
     ["--end-top=half-slice", "--end-bottom=extrapolate", "--mask", "--contours", "--fair=0.7", "--dz=1.3"];

@@ -27,10 +27,12 @@ use interslice::surface::mesh_files::{StlWriter, write_obj, write_ply};
 use interslice::surface::render::{RenderOptions, contour_lines, render};
 use interslice::surface::spool::Spool;
 use interslice::surface::stream::LayerSink;
+use tiff::decoder::{Decoder, DecodingResult};
+
 use interslice::{Budget, Means, Reconstruction, Reference, Settings, reconstruct_with};
 
-const KINDS: [&str; 9] = ["nrrd", "nii", "nii.gz", "mha", "stl", "ply", "obj", "png", "tif"];
-const VOLUMES: [&str; 4] = ["nrrd", "nii", "nii.gz", "mha"];
+const KINDS: [&str; 11] = ["nrrd", "nii", "nii.gz", "mha", "npy", "tif", "stl", "ply", "obj", "png", "dem.tif"];
+const VOLUMES: [&str; 6] = ["nrrd", "nii", "nii.gz", "mha", "npy", "tif"];
 /// Axes of the input along which columns, rows and heights of slices across x, y, z run.
 const ACROSS: [[usize; 3]; 3] = [[1, 2, 0], [0, 2, 1], [0, 1, 2]];
 
@@ -108,6 +110,22 @@ fn voxels(bytes: &[u8], kind: &str) -> Vec<u8> {
         |end: &[u8]| &bytes[bytes.windows(end.len()).position(|w| w == end).expect("a header ends") + end.len()..];
     match kind {
         "nii" => bytes[352..].to_vec(),
+        "npy" => bytes[10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]))..].to_vec(),
+        "tif" => {
+            let mut pages = Decoder::new(Cursor::new(bytes)).expect("a TIFF");
+            let mut voxels = Vec::new();
+            loop {
+                match pages.read_image().expect("a page") {
+                    DecodingResult::U8(page) => voxels.extend(page),
+                    DecodingResult::F32(page) => page.iter().for_each(|v| voxels.extend(v.to_le_bytes())),
+                    _ => panic!("masks of 8 bits, distances of 32"),
+                }
+                if !pages.more_images() {
+                    return voxels;
+                }
+                pages.next_image().expect("another page");
+            }
+        }
         "nii.gz" => read(Box::new(GzDecoder::new(bytes)))[352..].to_vec(),
         "mha" => {
             let data = after(b"ElementDataFile = LOCAL\n");

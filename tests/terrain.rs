@@ -94,12 +94,12 @@ fn a_cone_from_lines_to_a_height_map_and_lines() {
     let place = folder();
     let at = |name: &str| place.path().join(name).display().to_string();
     write(&place.path().join("in.geojson"), &cone());
-    let outputs = ["-o", &at("out.tif"), "-o", &at("out.geojson"), "--dz", "25", "--pixel", "20"];
+    let outputs = ["-o", &at("out.dem.tif"), "-o", &at("out.geojson"), "--dz", "25", "--pixel", "20"];
     let run = ["reconstruct", &at("in.geojson"), "--end-top", "extrapolate", "--backend", "cpu", "-q"];
     let output = interslice(&[&run[..], &outputs].concat());
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
 
-    let map = geotiff(&place.path().join("out.tif"));
+    let map = geotiff(&place.path().join("out.dem.tif"));
     assert_eq!(map.dims, [41, 41]);
     assert_eq!(map.scale, [20.0, 20.0, 0.0]);
     assert_eq!(map.tie, [0.0, 0.0, 0.0, EAST - 410.0, NORTH + 410.0, 0.0]);
@@ -144,7 +144,7 @@ fn a_map_in_parts_is_the_map_of_a_single_run() {
         let result = interslice(command);
         assert_eq!(result.status.code(), Some(0), "{command:?}: {}", stderr(&result));
     };
-    let outputs = |name: &str| ["tif", "geojson", "nrrd", "stl"].map(|e| at(&format!("{name}.{e}")));
+    let outputs = |name: &str| ["dem.tif", "geojson", "nrrd", "stl"].map(|e| at(&format!("{name}.{e}")));
     let [whole, joined] = ["whole", "joined"].map(outputs);
     let named = |paths: &[String; 4]| paths.each_ref().map(|p| format!("-o{p}"));
     let named = [named(&whole), named(&joined)];
@@ -278,13 +278,25 @@ fn refused(features: &[Value], more: &[&str]) -> String {
 }
 
 fn refused_file(path: &Path, more: &[&str]) -> String {
-    let out = path.with_extension("tif");
+    let out = path.with_extension("dem.tif");
     let (input, name) = (path.display().to_string(), out.display().to_string());
     let run = ["reconstruct", &input, "-o", &name, "--pixel", "20", "--backend", "cpu"];
     let output = interslice(&[&run[..], more].concat());
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
     assert!(!out.exists());
     stderr(&output)
+}
+
+#[test]
+fn a_map_has_a_height_map_and_no_volume_as_tiff() {
+    let place = folder();
+    let (path, out) = (place.path().join("in.geojson"), place.path().join("out.tif"));
+    write(&path, &cone());
+    let (input, name) = (path.display().to_string(), out.display().to_string());
+    let output = interslice(&["reconstruct", &input, "-o", &name, "--pixel", "20", "--backend", "cpu"]);
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert_says(&stderr(&output), &["out.tif", "its height map is NAME.dem.tif"]);
+    assert!(!out.exists());
 }
 
 #[track_caller]
@@ -449,7 +461,7 @@ fn degrees_are_reprojected() {
         let wanted = ReadOptions { crs_out: Some("EPSG:5070".into()), ..pixels(100.0) };
         assert_eq!(Terrain::read(&path, &wanted).expect("another system").map.crs, Crs::Epsg(5070));
     }
-    let out = place.path().join("dem.tif").display().to_string();
+    let out = place.path().join("x.dem.tif").display().to_string();
     let result = interslice(&["reconstruct", &path.display().to_string(), "-o", &out, "--pixel", "200"]);
     assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
     assert_says(&stderr(&result), &["longitude and latitude (EPSG:4269) are reprojected to EPSG:32616"]);
@@ -582,7 +594,7 @@ fn the_three_worst_ends_are_named_and_the_hull_may_be_the_border() {
 #[test]
 fn below_the_lowest_contour_there_may_be_heights() {
     let place = folder();
-    let (input, output) = (place.path().join("cone.geojson"), place.path().join("cone.tif"));
+    let (input, output) = (place.path().join("cone.geojson"), place.path().join("cone.dem.tif"));
     write(&input, &cone());
     let heights = |below: &[&str]| {
         let [from, to] = [&input, &output].map(|p| p.to_str().expect("temporary paths are UTF-8"));

@@ -142,6 +142,74 @@ fn round_trip(output: &str) {
     assert!(between > 60, "the gap is filled: {between} px");
 }
 
+/// Type of the voxels of a volume, and its labels besides 0.
+fn found(path: &Path) -> (String, Vec<i64>) {
+    let volume = read_surveyed(path, &ReadOptions { keep: Some(1), ..Default::default() });
+    let surveyed = volume.expect("the volume is sound").1.expect("it is a volume");
+    assert_eq!(surveyed.volume.grid.dims, SIZES, "every voxel of the input's grid");
+    (surveyed.volume.element.name(), surveyed.survey.labels.into_keys().collect())
+}
+
+#[test]
+fn labels_come_back_in_their_type_and_with_their_numbers() {
+    let place = folder();
+    let input = place.path().join("labels.nrrd");
+    write_labels(&input);
+    for output in ["out.nrrd", "out.nii.gz", "out.mha"] {
+        let target = place.path().join(output);
+        let run = |options: &[&str]| {
+            let (from, to) = (input.display().to_string(), target.display().to_string());
+            let result = interslice(&[&["reconstruct", &from, "-q", "-o", &to], options].concat());
+            assert_eq!(result.status.code(), Some(0), "{options:?}: {}", stderr(&result));
+        };
+        let cases: [(&[&str], &str, &[i64]); 4] = [
+            (&["--label", "3"], "int16", &[3]),
+            // Two labels become one body that has neither's number.
+            (&["--slices", "0,3,4,6"], "int16", &[1]),
+            (&["--label", "3", "--mask"], "uint8", &[1]),
+            (&["--labels", "3"], "int16", &[3]),
+        ];
+        for (options, element, labels) in cases {
+            run(options);
+            assert_eq!(found(&target), (element.into(), labels.to_vec()), "{output}, {options:?}");
+        }
+        run(&["--label", "3", "--distance"]);
+        let grey = ReadOptions { level: Some(0.0), ..Default::default() };
+        let surveyed = read_surveyed(&target, &grey).expect("distances are grey values").1.expect("a volume");
+        let [low, high] = surveyed.survey.greys.expect("values");
+        assert!(surveyed.volume.element.name() == "float32" && low < -4.0 && high > 4.0, "{output}: {low}, {high}");
+    }
+    let both = interslice(&["reconstruct", &input.display().to_string(), "--mask", "--distance", "-o", "x.nrrd"]);
+    assert!(both.status.code() == Some(2) && stderr(&both).contains("cannot be used with"), "{}", stderr(&both));
+}
+
+#[test]
+fn every_type_comes_back_as_it_was() {
+    let place = folder();
+    let target = place.path().join("out.mha");
+    macro_rules! round_trips {
+        ($($name:literal, $kind:ty, $label:expr);*) => {$({
+            let input = place.path().join(concat!($name, ".mha"));
+            let header = format!(
+                "ObjectType = Image\nNDims = 3\nElementSpacing = 1 1 3\nDimSize = 24 20 13\nElementType = {}\nElementDataFile = LOCAL\n", $name
+            );
+            let voxels = labels().into_iter().flat_map(|v| (if v == 3 { $label } else { 0 as $kind }).to_le_bytes());
+            fs::write(&input, [header.into_bytes(), voxels.collect()].concat()).expect("a file can be written");
+            let run = ["reconstruct", &input.display().to_string(), "-q", "-o", &target.display().to_string()];
+            let result = interslice(&run);
+            assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+            let header = String::from_utf8_lossy(&fs::read(&target).expect("written")[..600]).into_owned();
+            assert!(header.contains(concat!("ElementType = ", $name, "\n")), "{header}");
+            assert_eq!(found(&target).1, [$label as i64], $name);
+        })*};
+    }
+    round_trips!(
+        "MET_CHAR", i8, -3; "MET_UCHAR", u8, 255; "MET_SHORT", i16, -300; "MET_USHORT", u16, 60_000; "MET_INT", i32, -70_000;
+        "MET_UINT", u32, 4_000_000_000; "MET_LONG_LONG", i64, -1_099_511_627_776; "MET_ULONG_LONG", u64, 1_099_511_627_776; "MET_FLOAT", f32, 7.0;
+        "MET_DOUBLE", f64, 1e9
+    );
+}
+
 #[test]
 fn nrrd_round_trip() {
     round_trip("out.nrrd");

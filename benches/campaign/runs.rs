@@ -34,7 +34,7 @@ const OUTPUTS: [&str; 16] = [
     "obj",
     "glb",
     "png",
-    "tif",
+    "dem.tif",
     "contours.json",
     "geojson",
     "json",

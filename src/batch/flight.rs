@@ -20,6 +20,7 @@ use crate::files::outputs::Outputs;
 use crate::files::pending::Temporary;
 use crate::files::places::Places;
 use crate::progress::Silent;
+use crate::report::Provenance;
 use crate::storage::spill::Budget;
 use crate::surface::Reconstruction;
 
@@ -108,10 +109,14 @@ impl<'a> Batch<'a> {
         // A machine may ask again; one call follows the other.
         let outputs = RefCell::new(&mut flight.outputs);
         let body = guarded(|| {
-            self.machine.compute(&|backend| {
+            let mut body = self.machine.compute(&|backend| {
                 let means = Means { backend, progress: &Silent, budget: &budget };
                 loaded.compute(&means, &mut outputs.borrow_mut())
-            })
+            })?;
+            if outputs.borrow().has_report() {
+                body.report.provenance = loaded.provenance()?.map(Provenance::lasting);
+            }
+            Ok(body)
         });
         flight.seconds += begin.elapsed().as_secs_f64();
         match body {

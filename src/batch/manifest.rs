@@ -12,6 +12,7 @@ use crate::files::fingerprint::fingerprint;
 use crate::files::format::check_name;
 use crate::files::named::{Named, names};
 use crate::files::options::OutputOptions;
+use crate::files::pending::{Pending, Temporary};
 use crate::files::places::Places;
 use crate::input::check;
 use crate::settings::Settings;
@@ -108,6 +109,14 @@ impl Manifest {
         Ok(Manifest { path: path.into(), folder, jobs: jobs.into_iter().map(|(_, job)| job).collect(), places })
     }
 
+    /// Opens another file that is written under a temporary name.
+    ///
+    /// # Errors
+    /// [`Error::Output`] for a name that cannot be written, or is that of something a job reads or writes.
+    pub fn page(&mut self, path: &Path) -> Result<Pending> {
+        Pending::open(path, false, Temporary::Random, &mut self.places)
+    }
+
     /// Adds another file that is written.
     ///
     /// # Errors
@@ -169,6 +178,7 @@ fn options(line: &ManifestLine, folder: &Path, wrong: &mut Vec<String>) -> JobOp
     if let Some(Err(e)) = links.links.as_ref().map(File::open) {
         wrong.push(format!("options: `links`: {e}"));
     }
+    let output = OutputOptions { like: output.like.map(|path| folder.join(path)), ..output };
     let options = JobOptions { read, links, settings, output, settings_file: None };
     let known = [names::<OutputOptions>(), names::<ReadOptions>(), names::<LinkOptions>(), names::<Settings>()]
         .concat()

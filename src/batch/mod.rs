@@ -3,6 +3,7 @@
 mod agenda;
 mod flight;
 mod gate;
+pub mod index;
 pub mod line;
 pub mod lock;
 pub mod machine;

@@ -75,6 +75,9 @@ pub struct Certificate {
     pub volume: Option<f64>,
     /// Area, unit squared, where a mesh was made.
     pub area: Option<f64>,
+    /// Length unit.
+    #[serde(default)]
+    pub unit: String,
     /// Warnings for a person.
     pub warnings: Vec<String>,
 }
@@ -89,6 +92,7 @@ impl From<&Report> for Certificate {
             worst_arrival: arrivals.map(|r| r.max).fold(0.0, f64::max),
             volume: report.volume,
             area: report.area,
+            unit: report.unit.clone(),
             warnings: report.warnings.clone(),
         }
     }

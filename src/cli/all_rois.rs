@@ -33,6 +33,8 @@ pub struct All<'a> {
 pub fn run(all: &All<'_>) -> Result<()> {
     check(all.input, &all.options.read)?;
     let set = Arc::new(StructureSet::choose_file(all.input, all.options.read.series.as_deref())?);
+    let mut all_options = all.options.clone();
+    all_options.output.look()?;
     let rois = usable_rois(&set, all.input, &all.options.read, &|message: &str| tell(all, message))?;
     let is_set = |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("dcm"));
     let completed: Vec<PathBuf> = all.outputs.iter().filter(is_set).cloned().collect();
@@ -52,7 +54,7 @@ pub fn run(all: &All<'_>) -> Result<()> {
     let mut said = None;
     let mut added = Vec::new();
     for (roi, outputs) in rois.iter().zip(&mut files) {
-        let mut options = all.options.clone();
+        let mut options = all_options.clone();
         options.read.roi = vec![roi.number.to_string()];
         let loaded = Loaded::of_structures(&set, options)?;
         completed.check(&loaded.options.output)?;
@@ -79,7 +81,7 @@ pub fn run(all: &All<'_>) -> Result<()> {
         let mut gather = Gather::new(source, outputs.sink(&loaded.options.output));
         let mut body = compute(&loaded, &mut gather, &chosen, &budget, all.telling)?;
         added.extend(gather.added());
-        complete(outputs, &mut body, &loaded.notes, all.telling)?;
+        complete(outputs, &mut body, &loaded, all.telling)?;
         chosen.tell(&body.report.profile);
     }
     if all.telling == Telling::DryRun {
@@ -103,6 +105,6 @@ pub fn run(all: &All<'_>) -> Result<()> {
 
 fn tell(all: &All<'_>, message: &str) {
     if all.telling != Telling::Quiet {
-        eprintln!("{message}");
+        tell!("{message}");
     }
 }

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use interslice::batch::template::{Template, template};
-use interslice::batch::{Job, Manifest, Options, Outcome, finished, line, run as run_all};
+use interslice::batch::{Job, Manifest, Options, Outcome, finished, index, line, run as run_all};
 use interslice::storage::room;
 use interslice::{Error, Result};
 
@@ -52,6 +52,10 @@ pub struct BatchArguments {
     /// Jobs computed at once (on a GPU they take turns by the stage, and calls that wait are computed together); as many are read ahead and written behind [default: one per core]
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
+
+    /// Write a page over all jobs: status, volume, warnings and a picture each (of jobs with a .png among their outputs), to be sorted in a browser
+    #[arg(long, value_name = "FILE.html", conflicts_with_all = ["dry_run", "template"])]
+    index: Option<PathBuf>,
 
     /// Begin no job after one has failed
     #[arg(long)]
@@ -112,6 +116,7 @@ pub fn run(arguments: &BatchArguments) -> Result<()> {
     let mut manifest = Manifest::read(path)?;
     let results = arguments.results.clone().unwrap_or_else(|| manifest.folder.join("results.jsonl"));
     manifest.writes(&results)?;
+    let index = arguments.index.as_deref().map(|path| Ok::<_, Error>((path, manifest.page(path)?))).transpose()?;
     let machine = arguments.device.wish();
     if arguments.dry_run {
         let finished = finished(&manifest, &results, &machine)?;
@@ -130,6 +135,12 @@ pub fn run(arguments: &BatchArguments) -> Result<()> {
     let options = Options { jobs, memory, fail_fast: arguments.fail_fast, machine };
     let outcomes = run_all(&manifest, &results, shared.machine(), &options, &tally, &interrupt::stop())?;
     tally.finish();
+    if let Some((path, pending)) = index {
+        index::write(path, pending, &manifest, &results, &outcomes)?;
+        if !arguments.quiet {
+            tell!("wrote {}", path.display());
+        }
+    }
     if let Some(profile) = shared.profile() {
         tell_profile(&profile);
     }
@@ -141,7 +152,7 @@ fn conclude(manifest: &Manifest, outcomes: &[Outcome], quiet: bool) -> Result<()
     let count = |what: &Outcome| outcomes.iter().filter(|o| *o == what).count();
     let (done, skipped, not_run) = (count(&Outcome::Done), count(&Outcome::Skipped), count(&Outcome::NotRun));
     if !quiet {
-        eprintln!("{done} done, {skipped} finished before");
+        tell!("{done} done, {skipped} finished before");
     }
     let failed: Vec<(String, String)> = manifest
         .jobs
@@ -175,6 +186,6 @@ fn write_template(folder: &Path, arguments: &BatchArguments) -> Result<()> {
         let _ = fs::remove_file(path);
         return Err(Error::Write { path: path.into(), source });
     }
-    eprintln!("wrote {} jobs to {}", lines.len(), path.display());
+    tell!("wrote {} jobs to {}", lines.len(), path.display());
     Ok(())
 }

@@ -34,7 +34,7 @@ pub fn run(arguments: &DemoArguments) -> Result<()> {
     for name in NAMES.iter().filter(|n| arguments.name == "all" || arguments.name == **n) {
         let Some(demo) = demo(name) else { continue };
         let folder = arguments.output.join(name);
-        eprintln!("{}: {}", demo.name, demo.shows);
+        tell!("{}: {}", demo.name, demo.shows);
         write_stack(&folder, &demo)?;
         let files = ["surface.stl", "volume.nrrd", "picture.png"].map(|f| folder.join(f));
         let mut places = Places::default();

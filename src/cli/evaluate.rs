@@ -66,7 +66,7 @@ struct MemberScore {
 
 pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     arguments.settings.validate()?;
-    let notice = |message: &str| eprintln!("warning: {message}");
+    let notice = |message: &str| tell!("warning: {message}");
     let members = arguments.members.of(&arguments.input, &arguments.read, &notice)?;
     if members.is_some() && arguments.links.links.is_some() {
         let message = "are not for several bodies: parts are numbered in each by itself".into();
@@ -77,17 +77,17 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         let outputs = open(arguments)?;
         let links = arguments.links.read(&input.stack)?;
         let chosen = choose(&arguments.device, &notice)?;
-        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+        tell!("running on: {} ({})", chosen.backend().name(), chosen.reason);
         let score = score(arguments, &arguments.read, &input, links, chosen.backend())?;
         write(outputs, &score)?;
         return if arguments.json { say(&json(&score)) } else { say(&describe(&score, &input.stack.unit)) };
     };
     let outputs = open(arguments)?;
     let chosen = choose(&arguments.device, &notice)?;
-    eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+    tell!("running on: {} ({})", chosen.backend().name(), chosen.reason);
     let mut scores = Vec::new();
     for member in members {
-        eprintln!("{}", member.name);
+        tell!("{}", member.name);
         let input = Input::read(&arguments.input, &member.read)?;
         // What one body lacks does not stop the others.
         let (scores_of, error) = match score(arguments, &member.read, &input, Vec::new(), chosen.backend()) {
@@ -113,13 +113,13 @@ fn score(
     links: Vec<Link>,
     backend: &dyn Backend,
 ) -> Result<HoldOut> {
-    input.doubts(read).iter().for_each(|doubt| eprintln!("warning: {doubt}"));
+    input.doubts(read).iter().for_each(|doubt| tell!("warning: {doubt}"));
     let settings = Settings { links, ..arguments.settings.clone() };
     settings.validate()?;
     let score = hold_out(&input.stack, &settings, arguments.leave, backend, &Bars::default())?;
     let (all, used) = (settings.links.len(), score.links);
     if used < all {
-        eprintln!("warning: {} of {all} links name a slice that is left out, and count for nothing", all - used);
+        tell!("warning: {} of {all} links name a slice that is left out, and count for nothing", all - used);
     }
     Ok(score)
 }
@@ -132,7 +132,7 @@ fn write(outputs: Vec<(&PathBuf, Pending)>, scores: &impl Serialize) -> Result<(
     for (path, pending) in outputs {
         let written = pending.write_json(scores).and_then(|()| pending.rename(path));
         written.map_err(|source| Error::Write { path: path.clone(), source })?;
-        eprintln!("wrote {}", path.display());
+        tell!("wrote {}", path.display());
     }
     Ok(())
 }

@@ -62,7 +62,7 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
 
 /// Descriptions of labels, each by itself.
 fn each_label(arguments: &InspectArguments, wanted: &Wanted) -> Result<()> {
-    let left_out = |message: &str| eprintln!("warning: {message}");
+    let left_out = |message: &str| tell!("warning: {message}");
     for (k, member) in of_labels_alone(&arguments.input, &arguments.read, wanted, &left_out)?.iter().enumerate() {
         let input = Input::read(&arguments.input, &member.read)?;
         let doubts = told(input.doubts(&member.read));

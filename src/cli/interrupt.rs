@@ -11,7 +11,7 @@ const INTERRUPTED: i32 = 130;
 /// Any interrupt removes the temporary files and ends the program.
 pub fn end() {
     handle(|| {
-        eprintln!("\ninterrupted; unfinished outputs are removed");
+        tell!("\ninterrupted; unfinished outputs are removed");
         remove_and_exit(INTERRUPTED)
     });
 }
@@ -24,13 +24,13 @@ pub fn stop() -> Arc<AtomicBool> {
         if flag.swap(true, Ordering::Relaxed) {
             remove_and_exit(INTERRUPTED);
         }
-        eprintln!("finishing the jobs that run; interrupt again to drop them");
+        tell!("finishing the jobs that run; interrupt again to drop them");
     });
     stop
 }
 
 fn handle(act: impl FnMut() + Send + 'static) {
     if let Err(e) = ctrlc::set_handler(act) {
-        eprintln!("warning: an interrupt will end the program at once and leave temporary files: {e}");
+        tell!("warning: an interrupt will end the program at once and leave temporary files: {e}");
     }
 }

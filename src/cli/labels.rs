@@ -28,15 +28,15 @@ pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOption
     let mut places = Places::of(asked.input, &options)?;
     let loaded = LoadedLabels::read(asked.input, asked.wanted, asked.keep_overlaps, options)?;
     if telling != Telling::Quiet {
-        loaded.stack.left_out.iter().for_each(|label| eprintln!("{label}"));
-        loaded.stack.reading.iter().for_each(|reading| eprintln!("{reading}"));
-        loaded.stack.notes.iter().for_each(|note| eprintln!("warning: {note}"));
+        loaded.stack.left_out.iter().for_each(|label| tell!("{label}"));
+        loaded.stack.reading.iter().for_each(|reading| tell!("{reading}"));
+        loaded.stack.notes.iter().for_each(|note| tell!("warning: {note}"));
     }
     let mut outputs = LabelOutputs::open(asked.outputs, asked.report, &loaded, &mut places)?;
-    let notice = |message: &str| eprintln!("warning: {message}");
+    let notice = |message: &str| tell!("warning: {message}");
     let chosen = choose(device, &notice)?;
     if telling != Telling::Quiet {
-        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+        tell!("running on: {} ({})", chosen.backend().name(), chosen.reason);
     }
     if telling == Telling::DryRun {
         return say(&forecast_labels(&loaded, &outputs));
@@ -49,12 +49,12 @@ pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOption
     if telling != Telling::Quiet {
         // What the input made one doubt has been said before the work.
         let new = report.warnings.iter().filter(|w| !loaded.stack.notes.contains(w));
-        new.for_each(|w| eprintln!("warning: {w}"));
+        new.for_each(|w| tell!("warning: {w}"));
         for label in &report.labels {
-            label.run.warnings.iter().for_each(|w| eprintln!("warning: label {}: {w}", label.label));
+            label.run.warnings.iter().for_each(|w| tell!("warning: label {}: {w}", label.label));
         }
         if let Some(b) = &report.borders {
-            eprintln!(
+            tell!(
                 "{} labels, {} changed by others: {} voxels of overlaps and {} of gaps decided",
                 report.labels.len(),
                 b.changed_labels,
@@ -65,7 +65,7 @@ pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOption
     }
     let written = outputs.finish(&report)?;
     if telling != Telling::Quiet {
-        written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
+        written.iter().for_each(|path| tell!("wrote {}", path.display()));
     }
     Ok(())
 }

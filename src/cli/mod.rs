@@ -1,5 +1,8 @@
 //! Subcommands, one a file.
 
+#[macro_use]
+mod say;
+
 #[cfg(feature = "dicom")]
 mod all_rois;
 mod allocator;
@@ -19,7 +22,6 @@ mod links;
 mod man;
 mod members;
 mod reconstruct;
-mod say;
 mod sections;
 mod session;
 mod tally;

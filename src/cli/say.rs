@@ -1,8 +1,16 @@
-//! Answers of a command on stdout, and the form of their numbers.
+//! What a command says: answers on stdout, news on stderr; the form of their numbers.
 
 use std::io::{ErrorKind, Write, stdout};
 
 use interslice::{Error, Result};
+
+/// Tells a person something, a line on stderr. A reader that has gone away is no failure: outputs are written all the same.
+macro_rules! tell {
+    ($($words:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($words)*);
+    }};
+}
 
 /// Prints `text` as it is. A reader that has seen enough and gone away is no failure.
 ///

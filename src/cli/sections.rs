@@ -99,9 +99,13 @@ pub struct MergeArguments {
     #[arg(short, long)]
     quiet: bool,
 
-    /// Volumes hold 8-bit masks instead of signed distances, as if `run` had been told
+    /// Volumes hold 8-bit masks of 0 and 1, as if `run` had been told
     #[arg(long, help_heading = "Output")]
     mask: bool,
+
+    /// Volumes hold signed distances, as if `run` had been told
+    #[arg(long, conflicts_with = "mask", help_heading = "Output")]
+    distance: bool,
 
     /// Draw the input contours into pictures, as if `run` had been told
     #[arg(long, help_heading = "Output")]
@@ -144,7 +148,7 @@ pub fn plan(arguments: PlanArguments, matches: &ArgMatches) -> Result<()> {
     let to_json = |planned: serde_json::Result<String>| {
         planned.map_err(|e| Error::Stack(format!("the plan cannot be told: {e}"))).and_then(|text| say(&(text + "\n")))
     };
-    let Some(members) = members.of(&input, &options.read, &|message: &str| eprintln!("warning: {message}"))? else {
+    let Some(members) = members.of(&input, &options.read, &|message: &str| tell!("warning: {message}"))? else {
         let loaded = Loaded::read(&input, options)?;
         let planned = planned(&loaded, parts)?;
         if json {
@@ -215,11 +219,11 @@ pub fn run(mut arguments: RunArguments, matches: &ArgMatches) -> Result<()> {
     let loaded = Loaded::read(&input, options)?;
     let section = loaded.section(number, count)?;
     let mut writer = SectionWriter::open(&arguments.output, [number, count], name, &loaded, &mut places)?;
-    let notice = |message: &str| eprintln!("warning: {message}");
+    let notice = |message: &str| tell!("warning: {message}");
     let mut chosen = choose(&arguments.device, &notice)?;
     let budget = chosen.budget(&loaded.needs_of(&section), 0, arguments.device.memory())?;
     if !arguments.quiet {
-        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+        tell!("running on: {} ({})", chosen.backend().name(), chosen.reason);
         tell_kept(&budget);
     }
     let bars = Bars::default();
@@ -227,11 +231,12 @@ pub fn run(mut arguments: RunArguments, matches: &ArgMatches) -> Result<()> {
     let means = interslice::Means { backend: chosen.backend(), progress, budget: &budget };
     let mut body = loaded.compute_section(&section, &means, &mut writer)?;
     chosen.complete(&mut body.report.profile);
+    body.report.provenance = loaded.provenance()?;
     chosen.tell(&body.report.profile);
     let written = writer.finish(&body.report)?;
     if !arguments.quiet {
-        body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
-        eprintln!("wrote {}", written.display());
+        body.report.warnings.iter().for_each(|w| tell!("warning: {w}"));
+        tell!("wrote {}", written.display());
     }
     Ok(())
 }
@@ -240,7 +245,8 @@ pub fn merge(arguments: MergeArguments) -> Result<()> {
     let sections = Sections::open(&arguments.parts)?;
     let told = sections.output();
     let options = OutputOptions {
-        mask: arguments.mask || told.mask,
+        mask: arguments.mask || told.mask && !arguments.distance,
+        distance: arguments.distance || told.distance && !arguments.mask,
         contours: arguments.contours || told.contours,
         simplify: arguments.simplify.or(told.simplify),
         ..told
@@ -256,8 +262,8 @@ pub fn merge(arguments: MergeArguments) -> Result<()> {
     outputs.complete(&mut body.report)?;
     let written = outputs.rename()?;
     if !arguments.quiet {
-        body.report.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
-        written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
+        body.report.warnings.iter().for_each(|w| tell!("warning: {w}"));
+        written.iter().for_each(|path| tell!("wrote {}", path.display()));
     }
     Ok(())
 }

@@ -45,24 +45,24 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
         return say(&forecast(loaded, &outputs));
     }
     let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, &budget, telling)?;
-    complete(&mut outputs, &mut body, &loaded.notes, telling)?;
+    complete(&mut outputs, &mut body, loaded, telling)?;
     chosen.tell(&body.report.profile);
     let written = outputs.rename()?;
     if telling != Telling::Quiet {
-        written.iter().for_each(|path| eprintln!("wrote {}", path.display()));
+        written.iter().for_each(|path| tell!("wrote {}", path.display()));
     }
     Ok(())
 }
 
 /// The machine that the options choose.
 pub fn chosen(device: &DeviceOptions) -> Result<ChosenDevice<'_>> {
-    choose(device, &|message: &str| eprintln!("warning: {message}"))
+    choose(device, &|message: &str| tell!("warning: {message}"))
 }
 
 /// Tells where a run computes, and what does not stay in memory.
 pub fn tell_start(chosen: &ChosenDevice<'_>, budget: &Budget, telling: Telling) {
     if telling != Telling::Quiet {
-        eprintln!("running on: {} ({})", chosen.backend().name(), chosen.reason);
+        tell!("running on: {} ({})", chosen.backend().name(), chosen.reason);
         tell_kept(budget);
     }
 }
@@ -87,17 +87,20 @@ pub fn compute(
 /// Tells what a person should know of the input, before the work.
 pub fn tell_notes(loaded: &Loaded, telling: Telling) {
     if telling != Telling::Quiet {
-        loaded.notes.iter().for_each(|note| eprintln!("warning: {note}"));
+        loaded.notes.iter().for_each(|note| tell!("warning: {note}"));
     }
 }
 
-/// Completes the files, which keep their temporary names, when the body is; what was `said` of the input is not said again.
-pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, said: &[String], telling: Telling) -> Result<()> {
+/// Completes the files, which keep their temporary names, when the body is; what was said of the input is not said again.
+pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, loaded: &Loaded, telling: Telling) -> Result<()> {
+    if outputs.has_report() {
+        body.report.provenance = loaded.provenance()?;
+    }
     outputs.complete(&mut body.report)?;
     if telling != Telling::Quiet {
-        let warnings = body.report.warnings.iter().filter(|w| !said.contains(w));
-        warnings.for_each(|w| eprintln!("warning: {w}"));
-        body.report.broken.iter().for_each(|b| eprintln!("warning: does not hold: {b}"));
+        let warnings = body.report.warnings.iter().filter(|w| !loaded.notes.contains(w));
+        warnings.for_each(|w| tell!("warning: {w}"));
+        body.report.broken.iter().for_each(|b| tell!("warning: does not hold: {b}"));
     }
     if telling == Telling::Verbose {
         tell(body);
@@ -109,20 +112,20 @@ pub fn complete(outputs: &mut Outputs, body: &mut Reconstruction, said: &[String
 pub fn tell_kept(budget: &Budget) {
     if let Some(kept) = budget.kept() {
         let folder = std::env::temp_dir();
-        eprintln!("beyond {} MiB the slices are kept in a temporary file in {}", kept >> 20, folder.display());
+        tell!("beyond {} MiB the slices are kept in a temporary file in {}", kept >> 20, folder.display());
     }
 }
 
 /// Stages and contours, for people.
 fn tell(body: &Reconstruction) {
     for stage in &body.report.stages {
-        eprintln!("{:>10} {:8.3} s", stage.name, stage.seconds);
+        tell!("{:>10} {:8.3} s", stage.name, stage.seconds);
     }
     let step = |b: Option<interslice::report::StepBeside>| b.map_or("-".into(), |b| format!("{:.4} px", b.jump));
     for c in &body.report.contours {
         let residual =
             |r: Option<interslice::report::Residual>| r.map_or("      -".into(), |r| format!("{:.3} px", r.max));
-        eprintln!(
+        tell!(
             "{} at {}: {} parts, {} holes, {} of {} px differ, step below {}, above {}, arrival from below {}, from above {}",
             c.name,
             c.z,
@@ -137,7 +140,7 @@ fn tell(body: &Reconstruction) {
         );
     }
     let whole = &body.report.body;
-    eprintln!(
+    tell!(
         "{} pieces and {} voids touch no contour; {} of {} pairs of overlapping parts are not connected",
         whole.floating,
         whole.voids,
@@ -145,6 +148,6 @@ fn tell(body: &Reconstruction) {
         whole.overlapping
     );
     if let (Some(volume), Some(area)) = (body.report.volume, body.report.area) {
-        eprintln!("volume {volume:.6} {0}^3, area {area:.6} {0}^2", body.unit);
+        tell!("volume {volume:.6} {0}^3, area {area:.6} {0}^2", body.unit);
     }
 }

@@ -52,7 +52,7 @@ impl Tally {
 
     /// Prints a message without tearing the bar.
     pub fn say(&self, message: &str) {
-        self.bar.suspend(|| eprintln!("{message}"));
+        self.bar.suspend(|| tell!("{message}"));
     }
 
     /// Takes the bar away.
@@ -78,7 +78,7 @@ impl Watch for Tally {
         let due = counts.told.unwrap_or(self.begin).elapsed() >= EVERY;
         if due && !self.quiet && !std::io::stderr().is_terminal() {
             counts.told = Some(Instant::now());
-            eprintln!("{} of {} jobs, {words}", counts.skipped + counts.run, counts.total);
+            tell!("{} of {} jobs, {words}", counts.skipped + counts.run, counts.total);
         }
     }
 }

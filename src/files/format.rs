@@ -18,7 +18,12 @@ pub(super) enum Format {
     Obj,
     Glb,
     Png,
-    Tiff,
+    Dem,
+    ImageJ,
+    OmeTiff,
+    Npy,
+    Npz,
+    Segments,
     Report,
     Html,
     Zarr,
@@ -76,6 +81,8 @@ struct Row {
     cost: Cost,
     /// Whether it holds places in the world as 32-bit numbers.
     single: bool,
+    /// Whether it holds none.
+    placeless: bool,
     /// The feature that it needs, and whether the program has it.
     feature: Option<(&'static str, bool)>,
 }
@@ -88,11 +95,15 @@ impl Row {
         kind: Kind,
         cost: Cost,
     ) -> Self {
-        Row { format, extensions, holds, kind, cost, single: false, feature: None }
+        Row { format, extensions, holds, kind, cost, single: false, placeless: false, feature: None }
     }
 
     const fn single(self) -> Self {
         Row { single: true, ..self }
+    }
+
+    const fn placeless(self) -> Self {
+        Row { placeless: true, ..self }
     }
 
     const fn needing(self, feature: &'static str, built: bool) -> Self {
@@ -107,12 +118,17 @@ const FORMATS: &[Row] = &[
     Row::new(Format::Nifti { gzip: true }, &["nii.gz"], "volume", Kind::Volume, Cost::Volume).single(),
     Row::new(Format::Mha, &["mha"], "volume", Kind::Volume, Cost::Volume),
     Row::new(Format::Zarr, &["zarr"], "volume", Kind::Volume, Cost::Chunks).needing("zarr", cfg!(feature = "zarr")),
+    Row::new(Format::ImageJ, &["tif", "tiff"], "volume", Kind::Volume, Cost::Volume).placeless(),
+    Row::new(Format::OmeTiff, &["ome.tif", "ome.tiff"], "volume", Kind::Volume, Cost::Volume).placeless(),
+    Row::new(Format::Npy, &["npy"], "volume", Kind::Volume, Cost::Volume).placeless(),
+    Row::new(Format::Npz, &["npz"], "volume", Kind::Volume, Cost::Volume),
+    Row::new(Format::Segments, &["seg.nrrd"], "segments", Kind::Volume, Cost::Volume),
     Row::new(Format::Stl, &["stl"], "mesh", Kind::Mesh, Cost::Surface).single(),
     Row::new(Format::Ply, &["ply"], "mesh", Kind::Mesh, Cost::Mesh),
     Row::new(Format::Obj, &["obj"], "mesh", Kind::Mesh, Cost::Mesh),
     Row::new(Format::Glb, &["glb"], "mesh", Kind::Mesh, Cost::Mesh).single(),
     Row::new(Format::Png, &["png"], "picture", Kind::View, Cost::Picture),
-    Row::new(Format::Tiff, &["tif", "tiff"], "height map", Kind::View, Cost::Map),
+    Row::new(Format::Dem, &["dem.tif", "dem.tiff"], "height map", Kind::View, Cost::Map),
     Row::new(Format::Contours, &["contours.json"], "polygons", Kind::View, Cost::Lines),
     Row::new(Format::GeoJson, &["geojson"], "contour lines", Kind::View, Cost::Lines),
     Row::new(Format::StructureSet, &["dcm"], "the RTSTRUCT, completed", Kind::View, Cost::Lines)
@@ -153,7 +169,8 @@ pub fn simplify_help() -> String {
 /// Formats of a kind that hold places in the world as 32-bit numbers, or those that hold 64 bits: `.nrrd, .mha and .zarr`.
 pub(super) fn places(kind: Kind, single: bool) -> String {
     let built = |row: &&Row| row.feature.is_none_or(|(_, built)| built);
-    let names = names(FORMATS.iter().filter(built).filter(|row| row.kind == kind && row.single == single));
+    let alike = |row: &&Row| row.kind == kind && row.single == single && !row.placeless;
+    let names = names(FORMATS.iter().filter(built).filter(alike));
     match names.split_last() {
         Some((last, others)) if !others.is_empty() => format!("{} and {last}", others.join(", ")),
         _ => names.concat(),
@@ -181,6 +198,11 @@ impl Format {
     /// Whether it is of this kind and holds places in the world as 32-bit numbers.
     pub fn is_single(self, kind: Kind) -> bool {
         self.row().is_some_and(|row| row.single && row.kind == kind)
+    }
+
+    /// Whether it has voxels or pixels that lie on a grid of one's choice.
+    pub fn is_on_grid(self) -> bool {
+        self == Format::Dem || self.row().is_some_and(|row| row.kind == Kind::Volume)
     }
 
     /// The format of an output, by its name.
@@ -298,10 +320,10 @@ fn zarr_bytes(_pixels: usize) -> u64 {
 /// Content of a volume that its name says: `NAME.origin.nrrd`, `NAME.confidence.nrrd` (any volume format).
 pub(super) fn named_content(target: &Path) -> Option<Content> {
     let name = target.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    let parts: Vec<&str> = name.trim_end_matches(".gz").split('.').collect();
-    match parts[..] {
-        [_, .., "origin", _] => Some(Content::Origin),
-        [_, .., "confidence", _] => Some(Content::Confidence),
+    let (_, at) = row(&name)?;
+    match name[..at].rsplit_once('.')?.1 {
+        "origin" => Some(Content::Origin),
+        "confidence" => Some(Content::Confidence),
         _ => None,
     }
 }

@@ -13,6 +13,7 @@ use super::options::OutputOptions;
 use super::outputs::Outputs;
 use super::pending::{Pending, Temporary};
 use super::places::Places;
+use super::provenance::Source;
 use super::scenes::Scenes;
 use crate::backend::Means;
 use crate::error::{Error, Result};
@@ -21,9 +22,8 @@ use crate::labels::report::{LabelReport, LabelsReport};
 use crate::labels::{DecidedLabels, KeptBody, LabelStack, Plan, decide, reconstruct};
 use crate::report::Report;
 use crate::settings::Settings;
-use crate::stack::heights::height_grid;
 use crate::surface::Layer;
-use crate::surface::content::Whole;
+use crate::surface::content::{Paint, Scalar};
 use crate::surface::header::Header;
 use crate::surface::stream::{BodyStream, BodyWriter, Ending, LayerSink, WriterNeeds};
 
@@ -48,7 +48,8 @@ pub struct LoadedLabels {
     heights: Vec<f64>,
     options: JobOptions,
     keep_overlaps: bool,
-    numbers: Whole,
+    numbers: Scalar,
+    source: Source,
 }
 
 impl LoadedLabels {
@@ -58,6 +59,10 @@ impl LoadedLabels {
     /// The errors of [`JobOptions::check`] and [`read_labels`]; [`Error::Setting`] for options that are not for many labels.
     pub fn read(input: &Path, wanted: &Wanted, keep_overlaps: bool, options: JobOptions) -> Result<Self> {
         options.check()?;
+        let mut options = options;
+        let source =
+            Source::of(input, &options)?.with("labels", wanted.to_string()).with("keep_overlaps", keep_overlaps);
+        options.output.look()?;
         let fail = |name: &str, message: String| Err(Error::Setting { name: name.into(), message });
         if options.links != crate::stack::links::LinkOptions::default() {
             return fail("links", "are not for many labels: parts are numbered in each by itself".into());
@@ -67,12 +72,16 @@ impl LoadedLabels {
         }
         let stack = read_labels(input, &options.read, wanted)?;
         let (least, most) = (stack.labels[0], stack.labels[stack.labels.len() - 1]);
-        let Some(numbers) = Whole::holding(least, most) else {
-            return fail("labels", format!("must lie within {0} either side of 0; got {least} to {most}", Whole::MOST));
-        };
-        let step = options.output.step(&stack.stack);
-        let heights = height_grid(&stack.stack, &options.settings, step).heights()?;
-        Ok(LoadedLabels { stack, heights, options, keep_overlaps, numbers })
+        if options.output.distance && !keep_overlaps {
+            return fail("distance", "is not for many labels: their volume has the labels' numbers".into());
+        }
+        let limit = Scalar::MOST_LABEL;
+        if least < -limit || most > limit {
+            return fail("labels", format!("must lie within {limit} either side of 0; got {least} to {most}"));
+        }
+        let numbers = stack.scalar.or_wider(least.min(0), most.max(0));
+        let heights = options.output.heights(&stack.stack, &options.settings)?;
+        Ok(LoadedLabels { stack, heights, options, keep_overlaps, numbers, source })
     }
 
     /// Heights of the output layers.
@@ -104,7 +113,7 @@ impl LoadedLabels {
             let decided = DecidedLabels { bodies: bodies.alone, ..DecidedLabels::none(count) };
             (decided, None)
         } else {
-            let mut volume = outputs.volume.label_sink(self.numbers, &self.stack.appearances);
+            let mut volume = outputs.volume.label_sink(self.numbers, &self.stack.appearances, &self.options.output);
             let decided = decide(&self.stack, bodies, &plan, &mut volume)?;
             drop(volume);
             let mut report = Report::default();
@@ -139,13 +148,18 @@ impl LoadedLabels {
         let (left_out, reading) = (left_out.clone(), reading.clone());
         let warnings = notes.iter().cloned().chain(warnings).collect();
         let backend = means.backend.name();
-        Ok(LabelsReport { version, backend, labels, left_out, reading, warnings, borders, seconds })
+        let provenance = match outputs.reports.is_empty() {
+            true => None,
+            false => Some(self.source.provenance(&self.stack.appearances)?),
+        };
+        Ok(LabelsReport { version, provenance, backend, labels, left_out, reading, warnings, borders, seconds })
     }
 
     /// Label `a` into its own files and the scene; its volume and area into the report.
     fn write(&self, a: usize, body: &mut KeptBody, report: &mut Report, outputs: &mut Outputs) -> Result<()> {
         let bodies = vec![self.stack.appearances[a].clone()];
-        body.replay(&mut outputs.sink(&OutputOptions { bodies, ..self.options.output.clone() }))?;
+        let paint = Some(Paint::holding(self.stack.scalar, self.stack.labels[a]));
+        body.replay(&mut outputs.sink(&OutputOptions { bodies, paint, ..self.options.output.clone() }))?;
         outputs.complete(report)?;
         if report.volume.is_none() {
             let mut measured = Measured::default();

@@ -7,12 +7,14 @@
 pub mod fingerprint;
 pub mod format;
 pub mod labels;
+pub mod like;
 pub mod member_names;
 pub mod named;
 pub mod options;
 pub mod outputs;
 pub mod pending;
 pub mod places;
+pub mod provenance;
 pub mod scenes;
 pub mod section_file;
 pub mod write;
@@ -30,18 +32,21 @@ use crate::estimate::memory::MemoryNeeds;
 use crate::input;
 use crate::pipeline::section::Section;
 use crate::reconstruct::{reconstruct_into, reconstruct_section};
+use crate::report::Provenance;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::{ReferencedSet, StructureSet};
 use crate::settings::Settings;
 use crate::stack::heights::Heights;
-use crate::stack::heights::height_grid;
 use crate::stack::links::LinkOptions;
 use crate::stack::{ContourStack, HeightGrid, ReadOptions};
 use crate::surface::Reconstruction;
+#[cfg(feature = "terrain")]
+use crate::surface::crs::Crs;
 use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
 use options::OutputOptions;
 use outputs::Outputs;
+use provenance::Source;
 
 /// All that decides a result besides its input.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -66,7 +71,8 @@ impl JobOptions {
     /// # Errors
     /// [`Error::Read`](crate::Error::Read) or [`Error::Format`](crate::Error::Format) where the input does not say what it consists of.
     pub fn files(&self, input: &Path) -> Result<Vec<PathBuf>> {
-        Ok(input::files(input)?.into_iter().chain(self.links.links.clone()).collect())
+        let like = self.output.like.as_deref().map(like::Like::files).transpose()?.unwrap_or_default();
+        Ok(input::files(input)?.into_iter().chain(self.links.links.clone()).chain(like).collect())
     }
 
     /// Checks every range.
@@ -90,6 +96,8 @@ pub struct Loaded {
     pub options: JobOptions,
     /// Notes on the input for a person; the report's first warnings.
     pub notes: Vec<String>,
+    /// Input and options as they were given; none of a stack that no file holds.
+    pub source: Option<Source>,
 }
 
 impl Loaded {
@@ -99,25 +107,34 @@ impl Loaded {
     /// The errors of [`JobOptions::check`], [`input::read`] and [`LinkOptions::read`].
     pub fn read(input: &Path, mut options: JobOptions) -> Result<Self> {
         options.check()?;
+        let source = Source::of(input, &options)?;
+        options.output.look()?;
         #[cfg(feature = "terrain")]
         if input::is_map(input) {
-            return Self::map(input, options);
+            return Ok(Loaded { source: Some(source), ..Self::map(input, options)? });
         }
         #[cfg(feature = "dicom")]
         if input::is_structure_set(input) {
             input::check(input, &options.read)?;
-            return Self::of_structures(
-                &Arc::new(StructureSet::choose_file(input, options.read.series.as_deref())?),
-                options,
-            );
+            let set = Arc::new(StructureSet::choose_file(input, options.read.series.as_deref())?);
+            return Self::of_structures(&set, options);
         }
         let input = input::Input::read(input, &options.read)?;
         let notes = input.doubts(&options.read);
         let input::Input { stack, surveyed, .. } = input;
+        options.output.paint = surveyed.as_ref().and_then(input::Surveyed::paint);
         options.output.bodies = surveyed.iter().filter_map(|s| s.appearance()).collect();
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
-        Ok(Loaded { notes, ..Self::new(stack, options)? })
+        Ok(Loaded { notes, source: Some(source), ..Self::new(stack, options)? })
+    }
+
+    /// What a report says of its making; nothing of a stack that no file holds.
+    ///
+    /// # Errors
+    /// The errors of [`Source::provenance`].
+    pub fn provenance(&self) -> Result<Option<Provenance>> {
+        self.source.as_ref().map(|source| source.provenance(&self.options.output.bodies)).transpose()
     }
 
     /// Loads ROIs of an RTSTRUCT that was read; it is kept for the completed file.
@@ -127,19 +144,23 @@ impl Loaded {
     #[cfg(feature = "dicom")]
     pub fn of_structures(set: &Arc<StructureSet>, mut options: JobOptions) -> Result<Self> {
         options.check()?;
+        let given = Source::of(&set.path, &options)?;
+        options.output.look()?;
         let mut source = ReferencedSet::new(set, &options.read)?;
         let stack = source.stack()?;
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
         let (steps, mut notes) = source.about(&stack)?;
         notes.extend(stack.doubts());
-        if options.output.dz.is_none() && !options.output.isotropic {
+        if let Some(images) = options.output.target.as_ref().and_then(|like| like.series.as_ref()) {
+            source.refer_to(images)?;
+        } else if options.output.dz.is_none() && !options.output.isotropic && options.output.target.is_none() {
             options.output.dz = steps.map(|s| s.heights);
             source.every = steps.map(|s| s.planes);
         }
         options.output.bodies = vec![source.appearance()?];
         options.output.source = Some(Arc::new(source));
-        Ok(Loaded { notes, ..Self::new(stack, options)? })
+        Ok(Loaded { notes, source: Some(given), ..Self::new(stack, options)? })
     }
 
     /// Loads a contour map.
@@ -150,6 +171,16 @@ impl Loaded {
         options.settings.links = options.links.read(&terrain.stack)?;
         options.settings.validate()?;
         options.output.dz = options.output.dz.or(terrain.step());
+        let like = options.output.target.as_ref().map(|like| &like.crs);
+        if let Some(crs) = like.filter(|crs| **crs != Crs::Unknown && **crs != terrain.map.crs) {
+            let name = |crs: &Crs| match crs {
+                Crs::Epsg(code) => format!("EPSG:{code}"),
+                _ => "another system".into(),
+            };
+            let [its, own] = [crs, &terrain.map.crs].map(name);
+            let message = format!("is a raster in {its}, but the map is in {own}; `crs_out` reprojects the map");
+            return Err(crate::error::Error::Setting { name: "like".into(), message });
+        }
         options.output.map = Some(std::sync::Arc::new(terrain.map));
         Ok(Loaded { notes: terrain.notes, ..Self::new(terrain.stack, options)? })
     }
@@ -159,8 +190,8 @@ impl Loaded {
     /// # Errors
     /// [`Error::Stack`](crate::Error::Stack) for too many output heights.
     pub fn new(stack: ContourStack, options: JobOptions) -> Result<Self> {
-        let heights = height_grid(&stack, &options.settings, options.output.step(&stack)).heights()?;
-        Ok(Loaded { stack, heights, options, notes: Vec::new() })
+        let heights = options.output.heights(&stack, &options.settings)?;
+        Ok(Loaded { stack, heights, options, notes: Vec::new(), source: None })
     }
 
     /// The grid of the output layers, of which some are contours' own.

@@ -1,18 +1,22 @@
 //! Options of outputs.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::format::{Format, simplify_help};
+use super::format::{Format, Kind, kind, simplify_help};
+use super::like::Like;
 use crate::error::{Error, Result};
 #[cfg(feature = "simplify")]
 use crate::estimate::memory;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::ReferencedSet;
+use crate::settings::Settings;
 use crate::stack::ContourStack;
 use crate::stack::appearance::Appearance;
+use crate::stack::heights::height_grid;
+use crate::surface::content::{Content, Paint};
 use crate::surface::map::Map;
 #[cfg(feature = "simplify")]
 use crate::surface::simplify;
@@ -30,9 +34,28 @@ pub struct OutputOptions {
     #[arg(long, conflicts_with = "dz")]
     pub isotropic: bool,
 
-    /// Volumes hold 8-bit masks instead of signed distances
+    /// Volumes hold 8-bit masks of 0 and 1, whatever came in
     #[arg(long)]
     pub mask: bool,
+
+    /// Volumes hold signed distances, where labels came in too [default: labels come back as labels, anything else as distances]
+    #[arg(long, conflicts_with = "mask")]
+    pub distance: bool,
+
+    /// Voxels of a mask as the input's, where labels came in
+    #[arg(skip)]
+    #[serde(skip)]
+    pub paint: Option<Paint>,
+
+    /// Volumes and height maps on the grid of this volume, GeoTIFF or folder of DICOM images; a completed RTSTRUCT on the planes of these images,
+    /// to which it refers
+    #[arg(long, value_name = "IMAGE|FOLDER", conflicts_with_all = ["dz", "isotropic"])]
+    pub like: Option<PathBuf>,
+
+    /// What was read of it
+    #[arg(skip)]
+    #[serde(skip)]
+    pub target: Option<Arc<Like>>,
 
     /// Draw the input contours into pictures
     #[arg(long)]
@@ -69,6 +92,12 @@ impl OutputOptions {
         if self.isotropic && self.dz.is_some() {
             return fail("isotropic", "sets the distance that `dz` names".into());
         }
+        if self.mask && self.distance {
+            return fail("distance", "is not what `mask` asks for: choose one".into());
+        }
+        if self.like.is_some() && (self.isotropic || self.dz.is_some()) {
+            return fail("like", "sets the heights that `dz` and `isotropic` are for".into());
+        }
         for (name, value) in [("dz", self.dz), ("simplify", self.simplify)] {
             if let Some(v) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
                 return fail(name, format!("must be a positive number; got {v}"));
@@ -82,8 +111,21 @@ impl OutputOptions {
 
     /// Refuses a completed RTSTRUCT where none was read.
     pub(super) fn check(&self, path: &Path, format: Format) -> Result<()> {
-        if format != Format::StructureSet {
-            return Ok(());
+        let refuse = |message: &str| Err(Error::Output { path: path.into(), message: message.into() });
+        if kind(path)? == Kind::Volume
+            && let Some(Err(message)) = self.target.as_ref().map(|like| like.grid.check_even())
+        {
+            return refuse(&format!("cannot be like what `like` names: {message}"));
+        }
+        match format {
+            Format::ImageJ | Format::OmeTiff if self.map.is_some() => {
+                return refuse("is a volume, which a contour map has none of as TIFF; its height map is NAME.dem.tif");
+            }
+            Format::Segments if self.distance => {
+                return refuse("holds segments, no distances; `distance` is for volumes of any other format");
+            }
+            Format::StructureSet => {}
+            _ => return Ok(()),
         }
         #[cfg(feature = "dicom")]
         if let Some(source) = &self.source {
@@ -101,6 +143,39 @@ impl OutputOptions {
             return simplify::bytes(memory::triangles(stack, heights), rayon::current_num_threads());
         }
         0
+    }
+
+    /// Reads what `like` names, once.
+    ///
+    /// # Errors
+    /// The errors of [`Like::read`].
+    pub fn look(&mut self) -> Result<()> {
+        if let (Some(path), None) = (&self.like, &self.target) {
+            self.target = Some(Arc::new(Like::read(path)?));
+        }
+        Ok(())
+    }
+
+    /// Output heights of a stack: those of the grid that was asked for, else those that its steps and `settings` make.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a grid that lies oblique to the slices; [`Error::Stack`] for too many heights.
+    pub fn heights(&self, stack: &ContourStack, settings: &Settings) -> Result<Vec<f64>> {
+        if let Some(like) = &self.target {
+            let frame = like.grid.frame(&stack.geometry);
+            let frame = frame.map_err(|message| Error::Setting { name: "like".into(), message })?;
+            if let Some(heights) = frame.heights(&stack.geometry) {
+                return Ok(heights);
+            }
+        }
+        height_grid(stack, settings, self.step(stack)).heights()
+    }
+
+    /// Content of volumes: a mask where that is asked for or labels came in, else distances.
+    pub(super) fn content(&self) -> Content {
+        let came = self.paint.filter(|_| !self.distance);
+        let paint = if self.mask { Some(Paint::default()) } else { came };
+        paint.map_or(Content::Distance, Content::Mask)
     }
 
     /// Distance between output heights, where the options say it.

@@ -25,7 +25,7 @@ use crate::rtstruct::{Added, StructureSet};
 use crate::stack::Geometry;
 use crate::stack::appearance::Appearance;
 use crate::surface::Layer;
-use crate::surface::content::{Content, Whole};
+use crate::surface::content::{Content, Scalar};
 use crate::surface::header::Header;
 use crate::surface::stream::{BodyStream, Failed, LayerSink};
 use crate::surface::{local, nifti};
@@ -97,15 +97,25 @@ impl Outputs {
         self.scene.is_some() || self.files.iter().any(|f| matches!(kind(&f.target), Ok(Kind::Mesh)))
     }
 
+    /// Whether there is a report among them.
+    pub fn has_report(&self) -> bool {
+        self.files.iter().any(|f| matches!(f.format, Format::Report | Format::Html))
+    }
+
     /// Takes the layers of a body and writes them under temporary names.
     pub fn sink(&mut self, options: &OutputOptions) -> impl LayerSink + '_ {
-        let content = if options.mask { Content::Mask } else { Content::Distance };
-        Sink { outputs: self, content, options: options.clone(), dims: [0; 2] }
+        Sink { outputs: self, content: options.content(), options: options.clone(), dims: [0; 2] }
     }
 
     /// Sink for layers of label numbers; `bodies` are the labels.
-    pub fn label_sink(&mut self, numbers: Whole, bodies: &[Appearance]) -> impl LayerSink + '_ {
-        let options = OutputOptions { bodies: bodies.to_vec(), ..OutputOptions::default() };
+    pub fn label_sink<'o>(
+        &'o mut self,
+        numbers: Scalar,
+        bodies: &[Appearance],
+        options: &OutputOptions,
+    ) -> impl LayerSink + 'o {
+        let options =
+            OutputOptions { bodies: bodies.to_vec(), target: options.target.clone(), ..OutputOptions::default() };
         Sink { outputs: self, content: Content::Labels(numbers), options, dims: [0; 2] }
     }
 

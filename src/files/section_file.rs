@@ -18,6 +18,7 @@ use flate2::read::GzDecoder;
 use serde::{Deserialize, Serialize};
 
 use super::Loaded;
+use super::like::Like;
 use super::options::OutputOptions;
 use super::pending::{Pending, Temporary};
 use super::places::Places;
@@ -26,8 +27,10 @@ use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::report::Report;
 use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, Geometry, HeightGrid};
+use crate::surface::content::Paint;
 use crate::surface::deflate::Deflate;
 use crate::surface::header::Header;
+use crate::surface::like::LikeGrid;
 use crate::surface::map::Map;
 use crate::surface::stream::LayerSink;
 use crate::surface::{Layer, Reconstruction};
@@ -74,6 +77,12 @@ struct Head {
     /// Name and colour that the input says.
     map: Option<Map>,
     bodies: Vec<Appearance>,
+    /// Voxels of a mask as the input's.
+    #[serde(default)]
+    paint: Option<Paint>,
+    /// Grid that outputs are asked to have.
+    #[serde(default)]
+    like: Option<LikeGrid>,
 }
 
 impl Head {
@@ -128,6 +137,8 @@ impl SectionWriter {
             output: loaded.options.output.clone(),
             map: loaded.options.output.map.as_deref().cloned(),
             bodies: loaded.options.output.bodies.clone(),
+            paint: loaded.options.output.paint,
+            like: loaded.options.output.target.as_ref().map(|like| like.grid.clone()),
         };
         Ok(SectionWriter { target: target.into(), pending, head, out: None })
     }
@@ -264,8 +275,9 @@ impl Sections {
 
     /// Options of the outputs, as the sections have them.
     pub fn output(&self) -> OutputOptions {
-        let Head { output, map, bodies, .. } = self.files[0].1.clone();
-        OutputOptions { map: map.map(Arc::new), bodies, ..output }
+        let Head { output, map, bodies, paint, like, .. } = self.files[0].1.clone();
+        let target = like.map(|grid| Arc::new(Like::of(grid)));
+        OutputOptions { map: map.map(Arc::new), bodies, paint, target, ..output }
     }
 
     /// Hands all layers to `sink`, lowest first; the body without layers.

@@ -6,14 +6,14 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::format::{BUFFER_BYTES, Format, named_content};
+use super::format::{BUFFER_BYTES, Format, extension_at, named_content};
 use super::options::OutputOptions;
 use super::pending::{Pending, parent};
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructuresWriter;
 use crate::stack::appearance::Appearance;
 use crate::storage::folders::files_below;
-use crate::surface::content::Content;
+use crate::surface::content::{Content, Paint};
 use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::geojson::GeoJsonWriter;
 use crate::surface::glb::{About, write_glb};
@@ -29,7 +29,8 @@ use crate::surface::render::{PictureWriter, RenderOptions};
 #[cfg(feature = "simplify")]
 use crate::surface::spool::Spool;
 use crate::surface::stream::{BodyWriter, Ending, WriterNeeds};
-use crate::surface::{nifti, nrrd};
+use crate::surface::tiff_volume::Dialect;
+use crate::surface::{nifti, npy, nrrd, tiff_volume};
 
 /// The writer of an output, from its beginning.
 pub(super) fn writer(
@@ -44,11 +45,21 @@ pub(super) fn writer(
     let origin = meshes.origin;
     let folder = parent(target);
     let content = named_content(target).filter(|_| !matches!(content, Content::Labels(_))).unwrap_or(content);
+    let body = header;
+    let like = options.target.as_ref().filter(|_| format.is_on_grid());
+    let frame = like.map(|like| like.grid.frame(&body.geometry)).transpose().map_err(io::Error::other)?;
+    let on_grid = frame.as_ref().map(|frame| frame.header(body));
+    let header = on_grid.as_ref().unwrap_or(body);
+    let placed = |writer: Box<dyn BodyWriter>| match &frame {
+        Some(frame) => frame.writer(writer, body, matches!(content, Content::Labels(_))),
+        None => writer,
+    };
     let volume = |writer: Box<dyn BodyWriter>| -> Box<dyn BodyWriter> {
-        match content {
-            Content::Distance | Content::Mask | Content::Labels(_) => writer,
+        let writer = frame.iter().fold(writer, |writer, frame| frame.turned(writer));
+        placed(match content {
+            Content::Distance | Content::Mask(_) | Content::Labels(_) => writer,
             Content::Origin | Content::Confidence => Box::new(OriginWriter::new(writer, content, folder)),
-        }
+        })
     };
     let file = match pending {
         Pending::File(file, _) => file.as_file_mut(),
@@ -60,6 +71,18 @@ pub(super) fn writer(
     let out = BufWriter::with_capacity(BUFFER_BYTES, file);
     Ok(match format {
         Format::Nrrd => volume(Box::new(nrrd::writer(out, header, content, &options.bodies, folder)?)),
+        Format::Segments => {
+            // Segments have voxels, not distances.
+            let content = if content == Content::Distance { Content::Mask(Paint::default()) } else { content };
+            let title = stem(target);
+            volume(Box::new(nrrd::segments(out, header, content, &options.bodies, &title, folder)?))
+        }
+        Format::ImageJ | Format::OmeTiff => {
+            let dialect = if format == Format::OmeTiff { Dialect::Ome } else { Dialect::ImageJ };
+            volume(Box::new(tiff_volume::writer(out, header, content, dialect, &stem(target), folder)?))
+        }
+        Format::Npy => volume(Box::new(npy::writer(out, header, content, folder)?)),
+        Format::Npz => volume(Box::new(npy::packed(out, header, content, folder)?)),
         Format::Nifti { gzip } => volume(Box::new(nifti::writer(out, header, content, gzip, folder)?)),
         Format::Mha => volume(Box::new(MhaWriter::new(out, header, content, folder)?)),
         Format::Stl if options.simplify.is_none() => Box::new(StlWriter::new(out, origin)?),
@@ -76,7 +99,7 @@ pub(super) fn writer(
             let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };
             Box::new(PictureWriter::new(out, header, options))
         }
-        Format::Tiff => Box::new(HeightMapWriter::new(out, header, options.map.as_deref())),
+        Format::Dem => placed(Box::new(HeightMapWriter::new(out, header, options.map.as_deref()))),
         Format::Report => Box::new(ReportWriter(out)),
         Format::Html => Box::new(HtmlWriter::new(out, header, stem(target))),
         Format::Contours => Box::new(ContoursWriter::new(out, header)?),
@@ -91,7 +114,8 @@ pub(super) fn writer(
 
 /// An output's name without its extension, as a title.
 fn stem(target: &Path) -> String {
-    target.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    let name = target.file_name().unwrap_or_default().to_string_lossy();
+    name[..extension_at(&name)].to_string()
 }
 
 /// A mesh's way into `out`.
@@ -163,8 +187,8 @@ fn structures(out: BufWriter<File>, header: &Header, options: &OutputOptions) ->
 }
 
 #[cfg(not(feature = "dicom"))]
-fn structures(_: BufWriter<File>, header: &Header, options: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
-    Err(io::Error::other(format!("no DICOM in this program: {header:?}, {options:?}")))
+fn structures(_: BufWriter<File>, _: &Header, _: &OutputOptions) -> io::Result<Box<dyn BodyWriter>> {
+    Err(io::Error::other("this program was built without DICOM (feature `dicom`)"))
 }
 
 /// The writer of a Zarr into a folder, which is emptied.
@@ -175,7 +199,10 @@ fn in_folder(folder: &Path, header: &Header, content: Content) -> io::Result<Box
     #[cfg(feature = "zarr")]
     return crate::surface::zarr::writer(folder, header, content);
     #[cfg(not(feature = "zarr"))]
-    Err(io::Error::other(format!("no Zarr in this program: {header:?}, {content:?}")))
+    {
+        let _ = (header, content);
+        Err(io::Error::other("this program was built without Zarr (feature `zarr`)"))
+    }
 }
 
 /// Writes the report, at the end.

@@ -28,6 +28,17 @@ pub enum Wanted {
     These(Vec<LabelName>),
 }
 
+impl std::fmt::Display for Wanted {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Wanted::These(labels) = self else { return f.write_str("all") };
+        let name = |label: &LabelName| match label {
+            LabelName::Number(number) => number.to_string(),
+            LabelName::Name(name) => name.clone(),
+        };
+        f.write_str(&labels.iter().map(name).collect::<Vec<_>>().join(","))
+    }
+}
+
 impl std::str::FromStr for Wanted {
     type Err = String;
 
@@ -122,7 +133,8 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
     said.extend(notes(&labels, &given));
     let reading = reading(&labels, &given);
     let stack = ContourStack { slices, ..stack };
-    let labels = LabelStack { stack, labels, appearances, drawn, given, left_out, reading, notes: said };
+    let scalar = surveyed.volume.element.scalar();
+    let labels = LabelStack { stack, labels, appearances, scalar, drawn, given, left_out, reading, notes: said };
     labels.validate().map_err(|e| e.in_file(path))?;
     Ok(labels)
 }

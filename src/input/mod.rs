@@ -30,6 +30,7 @@ use crate::stack::ContourStack;
 use crate::stack::appearance::Appearance;
 use crate::stack::axis::Axis;
 use crate::stack::options::ReadOptions;
+use crate::surface::content::Paint;
 
 impl Kind {
     /// The kind, if the options are for it.
@@ -211,6 +212,14 @@ impl Surveyed {
     /// Distance of neighbouring slices.
     pub fn thickness(&self) -> f64 {
         self.volume.grid.spacing()[self.axis.axis]
+    }
+
+    /// Voxels of a mask as the volume's are: of its type, with the label that is wanted, the only one there is, or 1. None of grey values.
+    pub fn paint(&self) -> Option<Paint> {
+        let mut labels = self.survey.labels.keys();
+        let only = labels.next().filter(|_| labels.next().is_none() && !self.survey.more);
+        let label = self.label.or(only.copied()).unwrap_or(1);
+        self.survey.greys.is_none().then(|| Paint::holding(self.volume.element.scalar(), label))
     }
 
     /// Name and colour of the body: of the label that is wanted, or of the only one, where the file says them.

@@ -2,13 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::report::{AreaProfile, Report};
+use crate::report::{AreaProfile, Provenance, Report};
 
 /// Report of what was done and how well.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct LabelsReport {
     /// Version of the program.
     pub version: String,
+    /// What it was made of, when and where; filled by whoever writes it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
     /// Backend that did the work, and why.
     pub backend: String,
     /// One entry per label, by number.

@@ -8,6 +8,7 @@ use super::report::LeftOut;
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, Slice, SliceContent};
+use crate::surface::content::Scalar;
 
 /// Labels by their places in a [`LabelStack`], the lower first.
 pub(super) type LabelPair = (usize, usize);
@@ -48,6 +49,8 @@ pub struct LabelStack {
     pub labels: Vec<i64>,
     /// Their names and colours, as far as the input says them.
     pub appearances: Vec<Appearance>,
+    /// Type of the input's voxels.
+    pub scalar: Scalar,
     /// For each slice and pixel 0, or the place of its label and 1.
     pub drawn: Vec<Vec<u32>>,
     /// For each label its slices.

@@ -6,6 +6,7 @@ pub mod contour;
 pub mod ends;
 pub mod interval;
 pub mod profile;
+pub mod provenance;
 pub mod verdict;
 
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,7 @@ pub use self::contour::{ContourReport, Residual, StepBeside};
 pub use self::ends::{BodyEnd, CapReport, CapRule, EndReport};
 pub use self::interval::{Event, IntervalReport, LinkReport, LinkedBy, Particles};
 pub use self::profile::{Busy, DeviceUse, KernelCost, Profile, StageCost, StageReport};
+pub use self::provenance::Provenance;
 use crate::settings::Settings;
 
 /// Report of a reconstruction: what was done and how well.
@@ -22,6 +24,9 @@ use crate::settings::Settings;
 pub struct Report {
     /// Version of the program.
     pub version: String,
+    /// What it was made of, when and where; filled by whoever writes it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
     /// Settings used.
     pub settings: Settings,
     /// Backend that did the work.

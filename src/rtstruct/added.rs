@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
-use super::{CLOSED, CLOSED_XOR, ChosenRois, Contour, ReferencedSet};
+use super::{CLOSED, CLOSED_XOR, ChosenRois, Contour, ImageSeries, ReferencedSet};
 use crate::error::Result;
 use crate::polygons::Polygon;
 use crate::polygons::plane::TOLERANCE;
-use crate::stack::{Geometry, ReadOptions};
+use crate::stack::Geometry;
 use crate::surface::Layer;
 use crate::surface::contour_lines::contour_lines;
 use crate::surface::header::Header;
@@ -26,6 +26,8 @@ pub struct Added {
     pub(super) normal: DVec3,
     /// Heights along it, increasing, and Contour Data of each line there.
     pub(super) planes: Vec<(f64, Vec<String>)>,
+    /// Images of these planes, where they were named.
+    pub(super) images: Option<Arc<ImageSeries>>,
 }
 
 /// The contour lines of those output layers that lie between drawn planes, at least half a step from both: with `every`, of those that lie
@@ -50,20 +52,28 @@ impl Adding {
     ///
     /// # Errors
     /// The errors of [`ChosenRois::chosen_planes`].
-    pub fn new(chosen: &ChosenRois<'_>, options: &ReadOptions, every: Option<f64>, header: &Header) -> Result<Self> {
+    pub fn new(chosen: &ChosenRois<'_>, source: &ReferencedSet, header: &Header) -> Result<Self> {
+        let ReferencedSet { options, every, images, .. } = source;
         let roi = chosen.rois[0];
         let kind = if roi.contours.iter().any(Contour::is_xor) { CLOSED_XOR } else { CLOSED };
         let step = every.unwrap_or(header.grid.step);
         let lowest = chosen.chosen_planes(options)?[0];
         Ok(Adding {
-            added: Added { roi: roi.number, kind, normal: chosen.planes.axes[2], planes: Vec::new() },
+            added: Added {
+                roi: roi.number,
+                kind,
+                normal: chosen.planes.axes[2],
+                planes: Vec::new(),
+                images: images.clone(),
+            },
             dims: header.dims,
             spacing: header.spacing,
             geometry: header.geometry,
-            apart: (0.5 * step - 1e-6 * step).max(TOLERANCE),
+            // Planes of images that were named are all wanted.
+            apart: if images.is_some() { TOLERANCE } else { (0.5 * step - 1e-6 * step).max(TOLERANCE) },
             start: chosen.planes.heights[lowest],
             drawn: chosen.planes.heights.clone(),
-            every,
+            every: *every,
         })
     }
 

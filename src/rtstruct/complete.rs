@@ -15,6 +15,7 @@ use glam::DVec3;
 
 use super::StructureSet;
 use super::added::{Added, decimal};
+use super::series::{ImageSeries, SeriesImage};
 use crate::polygons::plane::TOLERANCE;
 
 /// Most characters of a ROI Description (value representation ST).
@@ -22,6 +23,19 @@ const LONGEST_DESCRIPTION: usize = 1024;
 const PROGRAM: &str = concat!("interslice ", env!("CARGO_PKG_VERSION"));
 
 impl StructureSet {
+    /// Frames of reference of the ROIs.
+    pub(super) fn frames(&self) -> Vec<String> {
+        let rois = self.object.get(tags::STRUCTURE_SET_ROI_SEQUENCE).and_then(|e| e.items()).unwrap_or_default();
+        let frame = |roi: &InMemDicomObject| {
+            let text = roi.get(tags::REFERENCED_FRAME_OF_REFERENCE_UID)?.to_str().ok()?;
+            Some(text.trim_matches(['\0', ' ']).to_string()).filter(|uid| !uid.is_empty())
+        };
+        let mut frames: Vec<String> = rois.iter().filter_map(frame).collect();
+        frames.sort();
+        frames.dedup();
+        frames
+    }
+
     /// Writes the completed file.
     ///
     /// # Errors
@@ -32,6 +46,13 @@ impl StructureSet {
         hasher.update(PROGRAM.as_bytes()).update(self.digest.as_bytes());
         for data in added.iter().flat_map(|a| &a.planes).flat_map(|(_, lines)| lines) {
             hasher.update(data.as_bytes());
+        }
+        let series = added.iter().find_map(|a| a.images.as_deref());
+        if let Some(series) = series {
+            for image in &series.images {
+                hasher.update(image.instance.as_bytes());
+            }
+            object.put(referenced(series));
         }
         let [instance, series] =
             ["instance", "series"].map(|what| uid(hasher.clone().update(what.as_bytes()).finalize()));
@@ -61,7 +82,10 @@ impl StructureSet {
         object.put(DataElement::empty(tags::STRUCTURE_SET_DATE, VR::DA));
         object.put(DataElement::empty(tags::STRUCTURE_SET_TIME, VR::TM));
         for a in added {
-            let by_plane = images(&object, a.normal);
+            let by_plane = match &a.images {
+                Some(series) => on_planes(series, a.normal),
+                None => images(&object, a.normal),
+            };
             each_item(&mut object, tags::STRUCTURE_SET_ROI_SEQUENCE, tags::ROI_NUMBER, a.roi, |item| describe(item, a));
             each_item(&mut object, tags::ROI_CONTOUR_SEQUENCE, tags::REFERENCED_ROI_NUMBER, a.roi, |item| {
                 add(item, a, &by_plane)
@@ -165,6 +189,41 @@ fn images(object: &InMemDicomObject, normal: DVec3) -> Vec<(f64, InMemElement)> 
     placed.sort_by(|a, b| a.0.total_cmp(&b.0));
     placed.dedup_by(|a, b| (a.0 - b.0).abs() <= 1e-6);
     placed
+}
+
+/// Frame, study and series that the contours refer to, with every image.
+fn referenced(series: &ImageSeries) -> InMemElement {
+    let all = series.images.iter().map(reference).collect();
+    let of_series = InMemDicomObject::from_element_iter([
+        element(tags::SERIES_INSTANCE_UID, VR::UI, &series.uid),
+        sequence(tags::CONTOUR_IMAGE_SEQUENCE, all),
+    ]);
+    let study = InMemDicomObject::from_element_iter([
+        // Retired, and what is expected there: Detached Study Management.
+        element(tags::REFERENCED_SOP_CLASS_UID, VR::UI, "1.2.840.10008.3.1.2.3.1"),
+        element(tags::REFERENCED_SOP_INSTANCE_UID, VR::UI, &series.study),
+        sequence(tags::RT_REFERENCED_SERIES_SEQUENCE, vec![of_series]),
+    ]);
+    let frame = InMemDicomObject::from_element_iter([
+        element(tags::FRAME_OF_REFERENCE_UID, VR::UI, &series.frame),
+        sequence(tags::RT_REFERENCED_STUDY_SEQUENCE, vec![study]),
+    ]);
+    sequence(tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE, vec![frame])
+}
+
+fn reference(image: &SeriesImage) -> InMemDicomObject {
+    InMemDicomObject::from_element_iter([
+        element(tags::REFERENCED_SOP_CLASS_UID, VR::UI, &image.class),
+        element(tags::REFERENCED_SOP_INSTANCE_UID, VR::UI, &image.instance),
+    ])
+}
+
+/// The images of a series, by their heights along `normal`.
+fn on_planes(series: &ImageSeries, normal: DVec3) -> Vec<(f64, InMemElement)> {
+    let image = |image: &SeriesImage| {
+        (image.position.dot(normal), sequence(tags::CONTOUR_IMAGE_SEQUENCE, vec![reference(image)]))
+    };
+    series.images.iter().map(image).collect()
 }
 
 fn element(tag: Tag, vr: VR, text: &str) -> InMemElement {

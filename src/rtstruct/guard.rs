@@ -15,6 +15,8 @@ type Check<T> = std::result::Result<T, String>;
 const DEEPEST: usize = 16;
 const EXPLICIT: &str = "1.2.840.10008.1.2.1";
 const IMPLICIT: &str = "1.2.840.10008.1.2";
+const BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
+const DEFLATED: &str = "1.2.840.10008.1.2.1.99";
 const ITEM: Tag = Tag(0xFFFE, 0xE000);
 const ITEM_END: Tag = Tag(0xFFFE, 0xE00D);
 const SEQUENCE_END: Tag = Tag(0xFFFE, 0xE0DD);
@@ -45,7 +47,7 @@ pub fn sound(bytes: &[u8]) -> Check<Cow<'_, [u8]>> {
         None => return Err("Transfer Syntax UID (0002,0010) is missing".into()),
     };
     let (explicit, data_set) = (walk.explicit, walk.at);
-    walk.data_set()?;
+    walk.data_set(None, &mut |_, _| {})?;
     if begin == BEGIN && meta.has_length {
         return Ok(Cow::Borrowed(bytes));
     }
@@ -64,6 +66,22 @@ pub fn sound(bytes: &[u8]) -> Check<Cow<'_, [u8]>> {
     whole.extend(group);
     whole.extend(&bytes[data_set..]);
     Ok(Cow::Owned(whole))
+}
+
+/// Hands the elements of a data set before the tag `end` to `each`, less those in sequences, tag and value. What is cut off, or is packed or runs
+/// from the largest byte, is an error; what came before it has been handed over.
+///
+/// # Errors
+/// A message with tag, value and place.
+pub fn elements(bytes: &[u8], end: Tag, each: &mut dyn FnMut(Tag, &[u8])) -> Check<()> {
+    let (mut walk, begin) = Walk::begin(bytes)?;
+    let syntax = walk.meta(begin)?.syntax;
+    walk.explicit = match syntax.as_deref() {
+        Some(BIG_ENDIAN | DEFLATED) => return Err("is big-endian or deflated".into()),
+        Some(syntax) => syntax != IMPLICIT,
+        None => walk.looks_explicit(),
+    };
+    walk.data_set(Some(end), each)
 }
 
 /// SOP Class UID of what begins so; nothing where it is not found.
@@ -177,7 +195,8 @@ impl Walk<'_> {
         code.and_then(VR::from_binary).is_some()
     }
 
-    fn data_set(&mut self) -> Check<()> {
+    /// Walks to the end, or to the first element of the data set itself that is not before `last`; elements outside sequences go to `each`.
+    fn data_set(&mut self, last: Option<Tag>, each: &mut dyn FnMut(Tag, &[u8])) -> Check<()> {
         let mut open: Vec<Open> = Vec::new();
         loop {
             while let Some(o) = open.last()
@@ -208,6 +227,9 @@ impl Walk<'_> {
                 continue;
             }
             let header = self.header(limit)?;
+            if open.is_empty() && last.is_some_and(|last| header.tag >= last) {
+                return Ok(());
+            }
             if header.sequence {
                 if open.len() >= 2 * DEEPEST {
                     return Err(format!(
@@ -217,7 +239,11 @@ impl Walk<'_> {
                 }
                 open.push(self.opened(Kind::Sequence, header.length, limit, header.tag, header.at)?);
             } else {
-                self.at = self.value_end(&header, limit)?;
+                let end = self.value_end(&header, limit)?;
+                if open.is_empty() {
+                    each(header.tag, &self.bytes[self.at..end]);
+                }
+                self.at = end;
             }
         }
     }

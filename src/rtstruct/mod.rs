@@ -12,6 +12,7 @@ pub mod describe;
 mod find;
 mod guard;
 mod parse;
+mod series;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,6 +24,7 @@ use added::Adding;
 pub use added::{Added, Gather, StructuresWriter};
 pub use choose::{ChosenRois, Steps};
 pub use find::structure_sets;
+pub use series::ImageSeries;
 
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
@@ -139,6 +141,8 @@ pub struct ReferencedSet {
     pub options: ReadOptions,
     /// Step of the planes on which contours are added; else all output heights are such planes.
     pub every: Option<f64>,
+    /// Images on whose planes, and no others, contours are added.
+    pub images: Option<Arc<ImageSeries>>,
 }
 
 impl ReferencedSet {
@@ -148,7 +152,7 @@ impl ReferencedSet {
     /// The errors of [`StructureSet::choose`].
     pub fn new(set: &Arc<StructureSet>, options: &ReadOptions) -> Result<Self> {
         set.choose(options)?;
-        Ok(ReferencedSet { set: set.clone(), options: options.clone(), every: None })
+        Ok(ReferencedSet { set: set.clone(), options: options.clone(), every: None, images: None })
     }
 
     /// The stack of what was chosen.
@@ -200,13 +204,31 @@ impl ReferencedSet {
         Ok(())
     }
 
+    /// From now on contours are added on the planes of these images.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for images in another frame of reference.
+    pub fn refer_to(&mut self, images: &Arc<ImageSeries>) -> Result<()> {
+        let own = self.set.frames();
+        if !images.frame.is_empty() && !own.is_empty() && !own.contains(&images.frame) {
+            let message = format!(
+                "must be images in the RTSTRUCT's frame of reference, {}; got {}",
+                own.join(" or "),
+                images.frame
+            );
+            return Err(Error::Setting { name: "like".into(), message });
+        }
+        (self.every, self.images) = (None, Some(images.clone()));
+        Ok(())
+    }
+
     /// Takes the layers of the body that is made of what was chosen.
     ///
     /// # Errors
     /// The errors of [`StructureSet::choose`].
     fn adding(&self, header: &Header) -> Result<Adding> {
         let chosen = self.set.choose(&self.options)?;
-        Adding::new(&chosen, &self.options, self.every, header)
+        Adding::new(&chosen, self, header)
     }
 }
 

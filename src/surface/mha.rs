@@ -1,4 +1,4 @@
-//! Volumes as MetaImage (`.mha`): float signed distance or 8-bit mask, zlib, LPS.
+//! Volumes as MetaImage (`.mha`): signed distances, masks or labels, zlib, LPS.
 
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -31,10 +31,16 @@ impl<W: Write + Seek> MhaWriter<W> {
         let grid = VoxelGrid::of(body);
         let numbers = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
         let kind = match content.scalar() {
-            Scalar::F32 => "MET_FLOAT",
             Scalar::U8 => "MET_UCHAR",
+            Scalar::I8 => "MET_CHAR",
             Scalar::U16 => "MET_USHORT",
+            Scalar::I16 => "MET_SHORT",
+            Scalar::U32 => "MET_UINT",
             Scalar::I32 => "MET_INT",
+            Scalar::U64 => "MET_ULONG_LONG",
+            Scalar::I64 => "MET_LONG_LONG",
+            Scalar::F32 => "MET_FLOAT",
+            Scalar::F64 => "MET_DOUBLE",
         };
         let unit = body.unit.replace(['\n', '\r'], " ");
         let [nx, ny, nz] = grid.dims;

@@ -1,4 +1,4 @@
-//! Volumes as NIfTI-1 (`.nii`, `.nii.gz`): float signed distance or 8-bit mask, geometry in the sform, RAS.
+//! Volumes as NIfTI-1 (`.nii`, `.nii.gz`): signed distances, masks or labels, geometry in the sform, RAS.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -62,10 +62,16 @@ fn header(grid: &VoxelGrid, unit: &str, content: Content) -> io::Result<Vec<u8>>
     }
     dim.iter().enumerate().for_each(|(k, d)| put(40 + 2 * k, &d.to_le_bytes()));
     let (datatype, bits) = match content.scalar() {
-        Scalar::F32 => (16i16, 32i16),
-        Scalar::U8 => (2, 8),
+        Scalar::U8 => (2i16, 8i16),
+        Scalar::I8 => (256, 8),
         Scalar::U16 => (512, 16),
+        Scalar::I16 => (4, 16),
+        Scalar::U32 => (768, 32),
         Scalar::I32 => (8, 32),
+        Scalar::U64 => (1280, 64),
+        Scalar::I64 => (1024, 64),
+        Scalar::F32 => (16, 32),
+        Scalar::F64 => (64, 64),
     };
     put(70, &datatype.to_le_bytes());
     put(72, &bits.to_le_bytes());

@@ -1,4 +1,4 @@
-//! Volumes as NRRD with an attached header (teem's nrrd format 0004): float signed distance or 8-bit mask, gzip.
+//! Volumes as NRRD with an attached header (teem's nrrd format 0004): signed distances, masks or labels, gzip.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::content::{Content, Scalar};
 use super::deflate::Deflate;
+use super::glb::colour::shown;
 use super::header::Header;
 use super::volume::{Coded, VolumeWriter};
 use super::voxels::VoxelGrid;
@@ -25,15 +26,64 @@ pub fn writer<W: Write>(
     labels: &[Appearance],
     folder: &Path,
 ) -> io::Result<VolumeWriter<W>> {
+    write_header(&mut out, body, content)?;
+    let painted = matches!(content, Content::Labels(_) | Content::Mask(_));
+    if painted && labels.iter().any(|label| label.name.is_some()) {
+        write_segments(&mut out, body, &numbered(content, labels), "")?;
+    }
+    begin(out, body, content, folder)
+}
+
+/// The same as 3D Slicer's `.seg.nrrd`: every label is a segment, with its number as name where it has none; a body that has no name either is
+/// called `title`.
+///
+/// # Errors
+/// The errors of [`writer`].
+pub fn segments<W: Write>(
+    mut out: W,
+    body: &Header,
+    content: Content,
+    labels: &[Appearance],
+    title: &str,
+    folder: &Path,
+) -> io::Result<VolumeWriter<W>> {
+    write_header(&mut out, body, content)?;
+    write_segments(&mut out, body, &numbered(content, labels), title)?;
+    begin(out, body, content, folder)
+}
+
+/// The labels with the numbers that their voxels have; a mask is one label.
+fn numbered(content: Content, labels: &[Appearance]) -> Vec<Appearance> {
+    match content {
+        Content::Mask(paint) => {
+            let only = labels.first().filter(|_| labels.len() == 1).cloned();
+            vec![Appearance { number: Some(paint.value), ..only.unwrap_or_default() }]
+        }
+        _ => labels.to_vec(),
+    }
+}
+
+fn begin<W: Write>(mut out: W, body: &Header, content: Content, folder: &Path) -> io::Result<VolumeWriter<W>> {
+    out.write_all(b"\n")?;
+    VolumeWriter::new(Coded::Deflate(Deflate::gzip(out)), body, content, folder)
+}
+
+fn write_header<W: Write>(out: &mut W, body: &Header, content: Content) -> io::Result<()> {
     let grid = VoxelGrid::of(body);
     let vector = |v: DVec3| format!("({},{},{})", v.x, v.y, v.z);
     let direction = |axis: usize| vector(grid.step(axis));
     let [nx, ny, nz] = grid.dims;
     let kind = match content.scalar() {
-        Scalar::F32 => "float",
         Scalar::U8 => "uint8",
+        Scalar::I8 => "int8",
         Scalar::U16 => "uint16",
+        Scalar::I16 => "int16",
+        Scalar::U32 => "uint32",
         Scalar::I32 => "int32",
+        Scalar::U64 => "uint64",
+        Scalar::I64 => "int64",
+        Scalar::F32 => "float",
+        Scalar::F64 => "double",
     };
     let unit = body.unit.replace(['"', '\n', '\r'], " ");
     write!(
@@ -46,28 +96,31 @@ pub fn writer<W: Write>(
         y = direction(1),
         z = direction(2),
         origin = vector(grid.origin),
-    )?;
-    if matches!(content, Content::Labels(_)) && labels.iter().any(|label| label.name.is_some()) {
-        write_segments(&mut out, labels)?;
-    }
-    out.write_all(b"\n")?;
-    VolumeWriter::new(Coded::Deflate(Deflate::gzip(out)), body, content, folder)
+    )
 }
 
-/// Key/value pairs as 3D Slicer's `.seg.nrrd` has them.
-fn write_segments<W: Write>(out: &mut W, labels: &[Appearance]) -> io::Result<()> {
-    writeln!(out, "Segmentation_MasterRepresentation:=Binary labelmap")?;
+/// Key/value pairs as 3D Slicer's `.seg.nrrd` has them. A label without a name is called `title`, or by its number where that is empty.
+fn write_segments<W: Write>(out: &mut W, body: &Header, labels: &[Appearance], title: &str) -> io::Result<()> {
     writeln!(out, "Segmentation_ContainedRepresentationNames:=Binary labelmap|")?;
+    writeln!(out, "Segmentation_MasterRepresentation:=Binary labelmap")?;
+    writeln!(out, "Segmentation_ReferenceImageExtentOffset:=0 0 0")?;
+    let [x, y, z] = VoxelGrid::of(body).dims.map(|n| n.saturating_sub(1));
+    let alone = labels.len() == 1 && !title.is_empty();
     for (k, label) in labels.iter().enumerate() {
         let Some(number) = label.number else { continue };
-        let name = label.name.clone().unwrap_or_else(|| number.to_string());
+        let unnamed = || if alone { title.to_string() } else { number.to_string() };
+        let name = label.name.clone().unwrap_or_else(unnamed);
         let name = name.replace('\\', "\\\\").replace(['\n', '\r'], " ");
-        write!(out, "Segment{k}_ID:=Segment_{number}\nSegment{k}_Name:={name}\nSegment{k}_LabelValue:={number}\n")?;
-        writeln!(out, "Segment{k}_Layer:=0")?;
-        if let Some(colour) = label.colour {
-            let [r, g, b] = colour.map(|c| f64::from(c) / 255.0);
-            writeln!(out, "Segment{k}_Color:={r:.6} {g:.6} {b:.6}")?;
-        }
+        let auto = [label.name.is_none(), label.colour.is_none()].map(u8::from);
+        let [r, g, b] = shown(label);
+        write!(
+            out,
+            "Segment{k}_Color:={r:.6} {g:.6} {b:.6}\nSegment{k}_ColorAutoGenerated:={auto_colour}\nSegment{k}_Extent:=0 {x} 0 {y} 0 {z}\n\
+             Segment{k}_ID:=Segment_{number}\nSegment{k}_LabelValue:={number}\nSegment{k}_Layer:=0\nSegment{k}_Name:={name}\n\
+             Segment{k}_NameAutoGenerated:={auto_name}\nSegment{k}_Tags:=|\n",
+            auto_name = auto[0],
+            auto_colour = auto[1],
+        )?;
     }
     Ok(())
 }

@@ -12,13 +12,13 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use zarrs::array::codec::GzipCodec;
-use zarrs::array::data_type::{float32, int32, uint8, uint16};
+use zarrs::array::data_type::{float32, float64, int8, int16, int32, int64, uint8, uint16, uint32, uint64};
 use zarrs::array::{Array, ArrayBuilder, Element};
 use zarrs::filesystem::FilesystemStore;
 use zarrs::group::GroupBuilder;
 
 use super::Layer;
-use super::content::{Content, Scalar, Whole};
+use super::content::{Content, Paint, Scalar};
 use super::header::Header;
 use super::stream::{BodyWriter, Ending};
 use super::voxels::VoxelGrid;
@@ -37,13 +37,28 @@ const COMPRESSION: u32 = 1;
 /// # Errors
 /// The errors of the folder.
 pub fn writer(folder: &Path, body: &Header, content: Content) -> io::Result<Box<dyn BodyWriter>> {
-    Ok(match content {
-        Content::Distance | Content::Confidence => Box::new(ZarrWriter::new(folder, body, content, f32::NAN, |v| v)?),
-        Content::Mask => Box::new(ZarrWriter::new(folder, body, content, 0, |phi| u8::from(phi < 0.0))?),
-        Content::Origin => Box::new(ZarrWriter::new(folder, body, content, 0, |v| v as u8)?),
-        Content::Labels(Whole::U8) => Box::new(ZarrWriter::new(folder, body, content, 0, |number| number as u8)?),
-        Content::Labels(Whole::U16) => Box::new(ZarrWriter::new(folder, body, content, 0, |number| number as u16)?),
-        Content::Labels(Whole::I32) => Box::new(ZarrWriter::new(folder, body, content, 0, |number| number as i32)?),
+    let beyond = if matches!(content, Content::Distance | Content::Confidence) { f32::NAN } else { 0.0 };
+    macro_rules! of {
+        ($kind:ty) => {{
+            let value: fn(Content, f32) -> $kind = |content, v| match content {
+                Content::Mask(Paint { value, .. }) if v < 0.0 => value as $kind,
+                Content::Mask(_) => 0 as $kind,
+                _ => v as $kind,
+            };
+            Box::new(ZarrWriter::new(folder, body, content, beyond as $kind, value)?)
+        }};
+    }
+    Ok(match content.scalar() {
+        Scalar::U8 => of!(u8),
+        Scalar::I8 => of!(i8),
+        Scalar::U16 => of!(u16),
+        Scalar::I16 => of!(i16),
+        Scalar::U32 => of!(u32),
+        Scalar::I32 => of!(i32),
+        Scalar::U64 => of!(u64),
+        Scalar::I64 => of!(i64),
+        Scalar::F32 => of!(f32),
+        Scalar::F64 => of!(f64),
     })
 }
 
@@ -55,7 +70,7 @@ fn depth(pixels: usize, voxel: usize) -> usize {
 
 /// Bytes of memory that writing layers of so many pixels needs at most: a slab, and per thread a chunk before and after its compression.
 pub(crate) fn bytes(pixels: usize, threads: usize) -> u64 {
-    let voxel = size_of::<f32>();
+    let voxel = size_of::<f64>();
     let depth = depth(pixels, voxel);
     let chunk = depth * pixels.min(CHUNK[0] * CHUNK[1]) * voxel;
     (depth * pixels * voxel + 3 * threads * chunk) as u64
@@ -69,7 +84,8 @@ struct ZarrWriter<T> {
     /// Axis of the volume that each of them runs along.
     order: [usize; 3],
     /// Content of a voxel, and the value beyond the volume.
-    value: fn(f32) -> T,
+    content: Content,
+    value: fn(Content, f32) -> T,
     beyond: T,
     /// Layers that wait, and how many were written before.
     slab: Vec<T>,
@@ -78,7 +94,13 @@ struct ZarrWriter<T> {
 }
 
 impl<T: Element + Copy + Send + Sync> ZarrWriter<T> {
-    fn new(folder: &Path, body: &Header, content: Content, beyond: T, value: fn(f32) -> T) -> io::Result<Self> {
+    fn new(
+        folder: &Path,
+        body: &Header,
+        content: Content,
+        beyond: T,
+        value: fn(Content, f32) -> T,
+    ) -> io::Result<Self> {
         let store = Arc::new(FilesystemStore::new(folder).map_err(io::Error::other)?);
         let grid = VoxelGrid::of(body);
         let group = GroupBuilder::new().attributes(attributes(body, &grid, content)).build(store.clone(), "/");
@@ -89,17 +111,37 @@ impl<T: Element + Copy + Send + Sync> ZarrWriter<T> {
         let shape = zyx(grid.dims).to_vec();
         let chunks = zyx(along_axes(chunk, grid.order));
         let mut builder = match content.scalar() {
-            Scalar::F32 => ArrayBuilder::new(shape, chunks, float32(), f32::NAN),
             Scalar::U8 => ArrayBuilder::new(shape, chunks, uint8(), 0u8),
+            Scalar::I8 => ArrayBuilder::new(shape, chunks, int8(), 0i8),
             Scalar::U16 => ArrayBuilder::new(shape, chunks, uint16(), 0u16),
+            Scalar::I16 => ArrayBuilder::new(shape, chunks, int16(), 0i16),
+            Scalar::U32 => ArrayBuilder::new(shape, chunks, uint32(), 0u32),
             Scalar::I32 => ArrayBuilder::new(shape, chunks, int32(), 0i32),
+            Scalar::U64 => ArrayBuilder::new(shape, chunks, uint64(), 0u64),
+            Scalar::I64 => ArrayBuilder::new(shape, chunks, int64(), 0i64),
+            Scalar::F32 if matches!(content, Content::Distance | Content::Confidence) => {
+                ArrayBuilder::new(shape, chunks, float32(), f32::NAN)
+            }
+            Scalar::F32 => ArrayBuilder::new(shape, chunks, float32(), 0f32),
+            Scalar::F64 => ArrayBuilder::new(shape, chunks, float64(), 0f64),
         };
         let gzip = GzipCodec::new(COMPRESSION).map_err(io::Error::other)?;
         builder.bytes_to_bytes_codecs(vec![Arc::new(gzip)]).dimension_names(Some(["z", "y", "x"]));
         let array = builder.build(store, &format!("/{LEVEL}")).map_err(io::Error::other)?;
         array.store_metadata().map_err(io::Error::other)?;
         let order = grid.order;
-        Ok(ZarrWriter { array, dims: body.dims, chunk, order, value, beyond, slab: Vec::new(), written: 0, count })
+        Ok(ZarrWriter {
+            array,
+            dims: body.dims,
+            chunk,
+            order,
+            content,
+            value,
+            beyond,
+            slab: Vec::new(),
+            written: 0,
+            count,
+        })
     }
 
     /// Writes the layers that wait as one layer of chunks.
@@ -136,7 +178,7 @@ impl<T: Element + Copy + Send + Sync> BodyWriter for ZarrWriter<T> {
         if !layer.output {
             return Ok(());
         }
-        self.slab.extend(layer.dense().into_iter().map(self.value));
+        self.slab.extend(layer.dense().into_iter().map(|v| (self.value)(self.content, v)));
         let full = self.chunk[2] * self.dims[0] * self.dims[1];
         if self.slab.len() == full { self.store() } else { Ok(()) }
     }
@@ -184,7 +226,7 @@ fn attributes(body: &Header, grid: &VoxelGrid, content: Content) -> Map<String, 
         "version": env!("CARGO_PKG_VERSION"),
         "content": match content {
             Content::Distance => "signed distance",
-            Content::Mask => "mask",
+            Content::Mask(_) => "mask",
             Content::Origin => "origin",
             Content::Confidence => "confidence",
             Content::Labels(_) => "labels",

@@ -1,6 +1,7 @@
 //! Type of a voxel: integers of 1 to 8 bytes, floats of 4 and 8.
 
 use crate::input::volume::grid::Failure;
+use crate::surface::content::Scalar;
 
 /// Type of a voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,6 +49,42 @@ impl Element {
             Element::Int { size, .. } => size,
             Element::Float => 4,
             Element::Double => 8,
+        }
+    }
+
+    /// The type of voxels that are written as these are.
+    pub fn scalar(self) -> Scalar {
+        match self {
+            Element::Int { size: 1, signed } => {
+                if signed {
+                    Scalar::I8
+                } else {
+                    Scalar::U8
+                }
+            }
+            Element::Int { size: 2, signed } => {
+                if signed {
+                    Scalar::I16
+                } else {
+                    Scalar::U16
+                }
+            }
+            Element::Int { size: 4, signed } => {
+                if signed {
+                    Scalar::I32
+                } else {
+                    Scalar::U32
+                }
+            }
+            Element::Int { signed, .. } => {
+                if signed {
+                    Scalar::I64
+                } else {
+                    Scalar::U64
+                }
+            }
+            Element::Float => Scalar::F32,
+            Element::Double => Scalar::F64,
         }
     }
 

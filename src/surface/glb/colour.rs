@@ -12,13 +12,19 @@ const TURN: f64 = 0.618_033_988_749_895;
 
 /// The colour that the input gives, else one of its number's own, else warm grey.
 pub(super) fn base(appearance: &Appearance) -> [f32; 4] {
-    let srgb = match (appearance.colour, appearance.number) {
-        (Some(colour), _) => colour.map(|c| f32::from(c) / 255.0),
-        (None, Some(number)) => of_hue((number as f64 * TURN).rem_euclid(1.0) as f32),
-        (None, None) => return BODY,
-    };
-    let [r, g, b] = srgb.map(linear);
+    if (appearance.colour, appearance.number) == (None, None) {
+        return BODY;
+    }
+    let [r, g, b] = shown(appearance).map(linear);
     [r, g, b, 1.0]
+}
+
+/// The same in sRGB, as shares of 1; a body of which nothing is known has the colour of number 1.
+pub(in crate::surface) fn shown(appearance: &Appearance) -> [f32; 3] {
+    match (appearance.colour, appearance.number) {
+        (Some(colour), _) => colour.map(|c| f32::from(c) / 255.0),
+        (None, number) => of_hue((number.unwrap_or(1) as f64 * TURN).rem_euclid(1.0) as f32),
+    }
 }
 
 /// A hue in turns as sRGB.

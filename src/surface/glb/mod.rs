@@ -5,7 +5,7 @@
 //! label or ROI. Far from the world's origin a mesh has one of its own, which its node adds again (`translation`), and `extras` name it too
 //! (`origin`).
 
-mod colour;
+pub(in crate::surface) mod colour;
 mod describe;
 mod part;
 

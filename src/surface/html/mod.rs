@@ -7,10 +7,10 @@
 //! ```
 
 mod cluster;
-mod page;
+pub(crate) mod page;
 mod plots;
 mod scene;
-mod words;
+pub(crate) mod words;
 
 use std::io::{self, Write};
 

@@ -8,7 +8,7 @@ use super::plots::{self, Bar};
 use super::scene::PageScene;
 use super::words::{self, count, escape, link, number};
 use crate::report::verdict::JUMP;
-use crate::report::{BodyEnd, EndReport, Report, Residual, StepBeside};
+use crate::report::{BodyEnd, EndReport, Provenance, Report, Residual, StepBeside};
 use crate::settings::Settings;
 
 const TEMPLATE: &str = include_str!("template.html");
@@ -40,7 +40,7 @@ pub fn page(title: &str, report: &Report, extent: [f64; 2], scene: &PageScene) -
 }
 
 /// Fills a template: texts take the places of their names, `{{name}}`. What is put in is not looked at again.
-fn fill(template: &str, fills: &[(&str, String)]) -> String {
+pub(crate) fn fill(template: &str, fills: &[(&str, String)]) -> String {
     let mut out = String::with_capacity(template.len() + fills.iter().map(|(_, text)| text.len()).sum::<usize>());
     let mut rest = template;
     while let Some((before, after)) = rest.split_once("{{") {
@@ -276,6 +276,7 @@ fn run(report: &Report) -> String {
         escape(&report.version),
         escape(&report.backend)
     );
+    out += &report.provenance.as_ref().map_or(String::new(), made);
     if report.stages.is_empty() {
         return out + "<p>This run took no times.</p>";
     }
@@ -286,6 +287,29 @@ fn run(report: &Report) -> String {
     }
     let _ = write!(out, r#"</tbody><tfoot><tr><th scope="row">all</th><td>{all:.3}</td></tr></tfoot></table>"#);
     out
+}
+
+/// Of what, with which options, when and where.
+fn made(provenance: &Provenance) -> String {
+    let Provenance { date, inputs, bodies, options, machine } = provenance;
+    let mut rows = Vec::new();
+    rows.extend(date.iter().map(|date| ("Date", escape(date))));
+    rows.extend(inputs.iter().map(|f| {
+        let digest =
+            format!("{}<small>{} bytes, SHA-256 {}</small>", escape(&f.file), count(f.bytes), escape(&f.sha256));
+        ("Input", digest)
+    }));
+    if !bodies.is_empty() {
+        rows.push(("Body", escape(&bodies.join(", "))));
+    }
+    let given = options.iter().map(|(name, value)| format!("{} {}", escape(name), escape(&value.to_string())));
+    rows.push(("Options", if options.is_empty() { "none".into() } else { given.collect::<Vec<_>>().join(", ") }));
+    rows.extend(machine.iter().map(|m| {
+        ("Machine", format!("{}<small>{}, {}</small>", escape(&m.host), escape(&m.system), escape(&m.architecture)))
+    }));
+    let rows: String =
+        rows.iter().map(|(name, text)| format!(r#"<tr><th scope="row">{name}</th><td>{text}</td></tr>"#)).collect();
+    format!(r#"<table class="made"><caption>Made of</caption><tbody>{rows}</tbody></table>"#)
 }
 
 #[cfg(test)]

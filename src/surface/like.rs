@@ -1,0 +1,234 @@
+//! A grid that outputs are asked to have: that of an image, or of a map. Distances are interpolated in the planes of the slices; heights are
+//! the image's planes themselves.
+
+use std::io;
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::Layer;
+use super::header::Header;
+use super::stream::{BodyWriter, Ending};
+use crate::grid::sparse_image::SparseImage;
+use crate::stack::{Geometry, HeightGrid};
+
+/// Part of a voxel by which planes of an image may leave those of the slices.
+const SLANT: f64 = 0.1;
+/// Part of their step by which planes of a volume may be uneven.
+const UNEVEN: f64 = 0.01;
+
+/// A grid in the world (LPS).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LikeGrid {
+    /// Voxels along its axes.
+    pub dims: [usize; 3],
+    /// Position of the first.
+    pub origin: DVec3,
+    /// Steps along its axes; of uneven planes the mean one.
+    pub steps: [DVec3; 3],
+    /// Places of the planes along the third axis, where they are not even.
+    pub planes: Option<Vec<f64>>,
+    /// Whether it is a raster without heights of its own.
+    pub is_flat: bool,
+}
+
+/// A grid as a stack sees it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LikeFrame {
+    grid: LikeGrid,
+    /// Its axes along which columns, rows and heights of the stack's layers run.
+    order: [usize; 3],
+    /// Whether its planes come from top to bottom.
+    falls: bool,
+}
+
+impl LikeGrid {
+    /// The grid for slices that lie so.
+    ///
+    /// # Errors
+    /// A message where none of its axes runs from slice to slice.
+    pub fn frame(&self, geometry: &Geometry) -> Result<LikeFrame, String> {
+        let normal = geometry.axes[2];
+        let up = |axis: usize| self.steps[axis].dot(normal) / self.steps[axis].length();
+        let across = (0..3).max_by(|a, b| up(*a).abs().total_cmp(&up(*b).abs())).unwrap_or(2);
+        let [u, v] = [[1, 2], [0, 2], [0, 1]][across];
+        // How far the corners of a plane leave it, in steps between planes.
+        let slant = |axis: usize| (self.steps[axis] * self.dims[axis] as f64).dot(normal).abs();
+        let off = (slant(u) + slant(v)) / self.steps[across].length();
+        if off > SLANT && !self.is_flat {
+            let degrees = up(across).abs().min(1.0).acos().to_degrees();
+            return Err(format!(
+                "names a grid whose planes are oblique to the slices by {degrees:.2} degrees, {off:.2} of a step over a plane, at most {SLANT}; resample one of the two"
+            ));
+        }
+        Ok(LikeFrame { grid: self.clone(), order: [u, v, across], falls: up(across) < 0.0 })
+    }
+
+    /// Whether planes are as even as a volume's are.
+    ///
+    /// # Errors
+    /// A message with the two steps that differ most.
+    pub fn check_even(&self) -> Result<(), String> {
+        let Some(planes) = &self.planes else { return Ok(()) };
+        let gaps = planes.windows(2).map(|w| w[1] - w[0]);
+        let [low, high] = gaps.fold([f64::INFINITY, 0.0], |[low, high], gap| [f64::min(low, gap), f64::max(high, gap)]);
+        match high - low > UNEVEN * high {
+            true => Err(format!("its planes are {low:.4} to {high:.4} apart; a volume needs even ones")),
+            false => Ok(()),
+        }
+    }
+}
+
+impl LikeFrame {
+    /// Heights of its planes in the stack, increasing; none of a raster.
+    pub fn heights(&self, geometry: &Geometry) -> Option<Vec<f64>> {
+        if self.grid.is_flat {
+            return None;
+        }
+        let [_, _, across] = self.order;
+        let (first, step) = (self.grid.origin - geometry.origin, self.grid.steps[across]);
+        let along = |k: usize| match &self.grid.planes {
+            Some(planes) if across == 2 => step / step.length() * (planes[k] - planes[0]),
+            _ => k as f64 * step,
+        };
+        let mut heights: Vec<f64> =
+            (0..self.grid.dims[across]).map(|k| (first + along(k)).dot(geometry.axes[2])).collect();
+        if self.falls {
+            heights.reverse();
+        }
+        Some(heights)
+    }
+
+    /// The header of a volume on the grid.
+    pub fn header(&self, body: &Header) -> Header {
+        let LikeGrid { dims, origin, steps, is_flat, .. } = &self.grid;
+        let [u, v, w] = self.order;
+        let unit = |axis: usize| steps[axis] / steps[axis].length();
+        let (geometry, grid) = if *is_flat {
+            let order = [0, 1, 2];
+            (Geometry { origin: *origin, axes: [unit(u), unit(v), body.geometry.axes[2]], order }, body.grid)
+        } else {
+            let grid = HeightGrid { start: 0.0, step: steps[w].length(), count: dims[w] };
+            (Geometry { origin: *origin, axes: [unit(u), unit(v), unit(w)], order: self.order }, grid)
+        };
+        let spacing = [steps[u].length(), steps[v].length()];
+        Header { dims: [dims[u], dims[v]], spacing, geometry, grid, ..body.clone() }
+    }
+
+    /// A writer of layers of `body` through `inner`, which has the header of the grid; `nearest` where layers have numbers of labels, which have
+    /// nothing between them.
+    pub fn writer(&self, inner: Box<dyn BodyWriter>, body: &Header, nearest: bool) -> Box<dyn BodyWriter> {
+        let [u, v, _] = self.order;
+        let (geometry, spacing) = (&body.geometry, DVec2::from(body.spacing));
+        let flat = |p: DVec3| DVec2::new(p.dot(geometry.axes[0]), p.dot(geometry.axes[1])) / spacing;
+        Box::new(LikeWriter {
+            inner,
+            pixels: LikePixels {
+                dims: [self.grid.dims[u], self.grid.dims[v]],
+                first: flat(self.grid.origin - geometry.origin),
+                steps: [flat(self.grid.steps[u]), flat(self.grid.steps[v])],
+                nearest,
+            },
+        })
+    }
+
+    /// A writer of volumes that gives `inner` the layers from the top, where the grid's planes come so.
+    pub fn turned(&self, inner: Box<dyn BodyWriter>) -> Box<dyn BodyWriter> {
+        if self.falls && !self.grid.is_flat { Box::new(Turned { inner, layers: Vec::new() }) } else { inner }
+    }
+}
+
+/// Writes layers on another grid of pixels.
+struct LikeWriter {
+    inner: Box<dyn BodyWriter>,
+    pixels: LikePixels,
+}
+
+/// A grid of pixels among those of a body's layers.
+struct LikePixels {
+    dims: [usize; 2],
+    /// The first pixel and the steps to its neighbours, in pixels of the body's layers.
+    first: DVec2,
+    steps: [DVec2; 2],
+    nearest: bool,
+}
+
+impl LikePixels {
+    fn of_layer(&self, layer: &Layer) -> Layer {
+        let [nx, ny] = layer.phi.dims();
+        let last = DVec2::new(nx as f64 - 1.0, ny as f64 - 1.0);
+        let far = layer.phi.values().fold(f32::MIN_POSITIVE, |far, v| far.max(v.abs()));
+        let outside = if self.nearest { 0.0 } else { far };
+        let mut values = vec![outside; self.dims[0] * self.dims[1]];
+        values.par_chunks_mut(self.dims[0].max(1)).enumerate().for_each(|(j, row)| {
+            for (i, value) in row.iter_mut().enumerate() {
+                let x = self.first + i as f64 * self.steps[0] + j as f64 * self.steps[1];
+                // Pixels are areas: half a pixel beyond their centres there is nothing.
+                if !(x.cmpge(DVec2::splat(-0.5)).all() && x.cmple(last + 0.5).all()) {
+                    continue;
+                }
+                let x = snapped(x.clamp(DVec2::ZERO, last));
+                *value = if self.nearest {
+                    layer.phi.at(x.x.round() as usize, x.y.round() as usize)
+                } else {
+                    between(&layer.phi, x)
+                };
+            }
+        });
+        let phi = SparseImage::of(self.dims, &values);
+        Layer { z: layer.z, phi, output: layer.output, contour: layer.contour }
+    }
+}
+
+/// A place that is a pixel's centre but for rounding is that centre: its own value comes back.
+fn snapped(x: DVec2) -> DVec2 {
+    let centre = x.round();
+    DVec2::select((x - centre).abs().cmplt(DVec2::splat(1e-6)), centre, x)
+}
+
+/// Linear between the four pixels around; never 0.
+fn between(phi: &SparseImage<f32>, x: DVec2) -> f32 {
+    let [nx, ny] = phi.dims();
+    let (low, part) = (x.floor(), x - x.floor());
+    let [i, j] = [low.x as usize, low.y as usize];
+    let at = |i: usize, j: usize| f64::from(phi.at(i.min(nx - 1), j.min(ny - 1)));
+    if part == DVec2::ZERO {
+        return phi.at(i, j);
+    }
+    let lower = at(i, j) * (1.0 - part.x) + at(i + 1, j) * part.x;
+    let upper = at(i, j + 1) * (1.0 - part.x) + at(i + 1, j + 1) * part.x;
+    let value = (lower * (1.0 - part.y) + upper * part.y) as f32;
+    if value == 0.0 { f32::MIN_POSITIVE } else { value }
+}
+
+impl BodyWriter for LikeWriter {
+    fn layer(&mut self, layer: &Layer) -> io::Result<()> {
+        self.inner.layer(&self.pixels.of_layer(layer))
+    }
+
+    fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
+        self.inner.finish(end)
+    }
+}
+
+/// Keeps the output layers until the end, squares near the surface only, and gives them away from the top.
+struct Turned {
+    inner: Box<dyn BodyWriter>,
+    layers: Vec<Layer>,
+}
+
+impl BodyWriter for Turned {
+    fn layer(&mut self, layer: &Layer) -> io::Result<()> {
+        if layer.output {
+            self.layers.push(layer.clone());
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
+        std::mem::take(&mut self.layers).iter().rev().try_for_each(|layer| self.inner.layer(layer))?;
+        self.inner.finish(end)
+    }
+}

@@ -1,0 +1,151 @@
+//! Volumes in every format, read back by the program's own readers: voxels, spacing, place, names and colours.
+
+#[path = "support/files.rs"]
+mod files;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use files::{folder, interslice, nrrd, sound_stack, stderr};
+use interslice::input::read_surveyed;
+use interslice::input::volume::Volume;
+use interslice::stack::ReadOptions;
+use interslice::stack::appearance::Appearance;
+
+const SIZES: [usize; 3] = [14, 11, 9];
+const NAMED: &str = "Segment0_ID:=a\nSegment0_Name:=left lung\nSegment0_LabelValue:=5\nSegment0_Color:=0.2 0.4 1\nSegment0_Layer:=0\n\
+                     Segment1_ID:=b\nSegment1_Name:=R\u{fc}ckgrat\nSegment1_LabelValue:=300\nSegment1_Color:=1 0 0\nSegment1_Layer:=0";
+
+/// Two blocks, of label 5 and 300, on every fourth slice.
+fn painted() -> Vec<u8> {
+    let [nx, ny, nz] = SIZES;
+    let label = |n: usize| -> u16 {
+        let [i, j, k] = [n % nx, n / nx % ny, n / (nx * ny)];
+        match (k % 4, i) {
+            (0, 2..=5) if (3..8).contains(&j) => 5,
+            (0, 7..=11) if (2..7).contains(&j) => 300,
+            _ => 0,
+        }
+    };
+    (0..nx * ny * nz).flat_map(|n| label(n).to_le_bytes()).collect()
+}
+
+fn input(place: &Path, name: &str) -> PathBuf {
+    let path = place.join(name);
+    let header = format!(
+        "space: LPS\nspace directions: (0.75,0,0) (0,1.25,0) (0,0,2.5)\nspace origin: (10,-20.5,300)\nendian: little\nencoding: raw\n{NAMED}"
+    );
+    fs::write(&path, nrrd(&header, "uint16", SIZES, &painted())).expect("a file can be written");
+    path
+}
+
+fn done(arguments: &[&str]) {
+    let result = interslice(arguments);
+    assert_eq!(result.status.code(), Some(0), "{arguments:?}: {}", stderr(&result));
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a name in UTF-8")
+}
+
+/// A volume as the program reads it: itself, and its voxels.
+fn read(path: &Path) -> (Volume, Vec<i64>) {
+    let options = ReadOptions { keep: Some(1), ..ReadOptions::default() };
+    let volume = read_surveyed(path, &options).unwrap_or_else(|e| panic!("{e}")).1.expect("a volume").volume;
+    let mut voxels = vec![0; volume.voxels()];
+    let dims = volume.grid.dims;
+    volume
+        .labels(|run| {
+            let mut at = run.first;
+            for value in run.values {
+                voxels[at[0] + dims[0] * (at[1] + dims[1] * at[2])] = *value;
+                at[run.along] += 1;
+            }
+        })
+        .expect("it can be decoded");
+    (volume, voxels)
+}
+
+#[test]
+fn labels_come_back_the_same_in_every_format() {
+    let place = folder();
+    let given = input(place.path(), "in.seg.nrrd");
+    let formats = ["nrrd", "seg.nrrd", "nii", "nii.gz", "mha", "tif", "ome.tif", "npy", "npz"];
+    let outputs: Vec<PathBuf> = formats.iter().map(|e| place.path().join(format!("out.{e}"))).collect();
+    let mut arguments = vec!["reconstruct", text(&given), "--labels", "all", "-q"];
+    outputs.iter().for_each(|path| arguments.extend(["-o", text(path)]));
+    done(&arguments);
+    let (_, wanted) = read(&outputs[0]);
+    let [nx, ny, _] = SIZES;
+    assert_eq!(wanted[3 + nx * (4 + 2 * ny)], 5, "between the slices");
+    for (format, path) in formats.into_iter().zip(&outputs) {
+        let (volume, voxels) = read(path);
+        assert!(voxels == wanted, "{format}");
+        assert_eq!((volume.grid.dims, volume.element.name()), (SIZES, "uint16".into()), "{format}");
+        let placed = !["tif", "ome.tif", "npy", "npz"].contains(&format);
+        let spaced = !["npy", "npz"].contains(&format);
+        for (side, wanted) in volume.grid.spacing().into_iter().zip([0.75, 1.25, 2.5]) {
+            assert!(!spaced || (side - wanted).abs() < 1e-6, "{format}: {side}");
+        }
+        assert!(!spaced || volume.grid.unit == "mm", "{format}: {}", volume.grid.unit);
+        let off = volume.grid.origin - glam::DVec3::new(10.0, -20.5, 300.0);
+        assert!(!placed || off.length() < 1e-4, "{format}: {off}");
+        let named = |n| volume.segments.get(&n).cloned();
+        let lung = Appearance { name: Some("left lung".into()), number: Some(5), colour: Some([51, 102, 255]) };
+        let spine = Appearance { name: Some("R\u{fc}ckgrat".into()), number: Some(300), colour: Some([255, 0, 0]) };
+        let wanted = if format.ends_with("nrrd") { [Some(lung), Some(spine)] } else { [None, None] };
+        assert_eq!([named(5), named(300)], wanted, "{format}");
+    }
+}
+
+#[test]
+fn one_body_is_one_segment() {
+    let place = folder();
+    let given = input(place.path(), "in.seg.nrrd");
+    let target = place.path().join("Liver.seg.nrrd");
+    done(&["reconstruct", text(&given), "--label", "left lung", "-q", "-o", text(&target)]);
+    let (volume, voxels) = read(&target);
+    assert_eq!(volume.segments.len(), 1);
+    assert_eq!(volume.segments[&5].name.as_deref(), Some("left lung"));
+    assert!(voxels.iter().all(|v| [0, 5].contains(v)) && voxels.contains(&5));
+    // What has no name is called as its file.
+    let stack = place.path().join("stack");
+    fs::create_dir(&stack).expect("a folder can be made");
+    sound_stack(&stack);
+    done(&["reconstruct", text(&stack), "-q", "-o", text(&target)]);
+    let (volume, voxels) = read(&target);
+    assert_eq!(volume.segments[&1].name.as_deref(), Some("Liver"));
+    assert!(volume.segments[&1].colour.is_some() && voxels.contains(&1));
+    let header = String::from_utf8_lossy(&fs::read(&target).expect("written")).into_owned();
+    for line in [
+        "Segmentation_ReferenceImageExtentOffset:=0 0 0",
+        "Segment0_Extent:=0 31 0 31 0 8",
+        "Segment0_NameAutoGenerated:=1",
+    ] {
+        assert!(header.lines().any(|said| said == line), "`{line}` is missing from:\n{header}");
+    }
+}
+
+#[test]
+fn origin_and_confidence_are_there_in_every_format() {
+    let place = folder();
+    let given = input(place.path(), "in.nrrd");
+    for format in ["nii.gz", "tif", "ome.tif", "npy", "npz"] {
+        let path = place.path().join(format!("a.origin.{format}"));
+        done(&["reconstruct", text(&given), "-q", "-o", text(&path)]);
+        let (volume, voxels) = read(&path);
+        assert_eq!(volume.element.name(), "uint8", "{format}");
+        assert!(voxels.contains(&1) && voxels.contains(&2) && voxels.iter().all(|v| (0..3).contains(v)), "{format}");
+    }
+}
+
+#[test]
+fn distances_are_no_segments() {
+    let place = folder();
+    let given = input(place.path(), "in.nrrd");
+    let target = place.path().join("out.seg.nrrd");
+    let wrong = interslice(&["reconstruct", text(&given), "--distance", "-o", text(&target)]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(stderr(&wrong).contains("out.seg.nrrd: cannot write: holds segments, no distances"), "{}", stderr(&wrong));
+    assert!(!target.exists());
+}

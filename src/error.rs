@@ -111,6 +111,9 @@ pub enum Error {
     /// The GPU has no memory for as many jobs at once, or for the one that is left.
     #[error("GPU: {0}")]
     GpuMemory(String),
+    /// The run was ended by its listener ([`Progress::stops`](crate::Progress::stops)).
+    #[error("interrupted")]
+    Interrupted,
     /// A numeric stage produced something that must not be: a NaN, a vanished group.
     #[error("stage `{stage}`: {message}")]
     Numerics {
@@ -137,6 +140,7 @@ impl Error {
             | Error::Numerics { .. }
             | Error::Gpu(_)
             | Error::GpuMemory(_)
+            | Error::Interrupted
             | Error::Batch { .. } => 1,
             _ => 2,
         }

@@ -48,6 +48,7 @@
 //! | read files | [`read`] with [`ReadOptions`]; a [`ContourStack`] can be made by hand, too |
 //! | say how | [`Settings`]; their names, ranges and defaults are those of the command line |
 //! | reconstruct | [`reconstruct`], [`reconstruct_with`] a [`Backend`], [`reconstruct_into`] a [`LayerSink`], layer by layer |
+//! | change a slice, or ask for more heights | [`Body`], which computes only what depends on it |
 //! | use a result | [`Reconstruction`]: its [`Layer`]s, whose distances are a [`SparseImage`], [`mesh`](Reconstruction::mesh), [`Report`] |
 //! | write files | [`write()`]; formats by extension |
 //! | go from labels to labels | [`fill_labels`] |
@@ -60,10 +61,17 @@
 
 #![warn(missing_docs)]
 
+// The command line names what it uses as everybody else does.
+extern crate self as interslice;
+
 #[doc(hidden)]
 pub mod backend;
 #[doc(hidden)]
 pub mod batch;
+mod body;
+#[doc(hidden)]
+#[macro_use]
+pub mod cli;
 mod connectivity;
 #[doc(hidden)]
 pub mod contour;
@@ -114,6 +122,7 @@ pub mod surface;
 pub mod terrain;
 
 pub use backend::{Backend, Means};
+pub use body::Body;
 pub use error::{Error, Result};
 pub use evaluate::holdout::{Compared, HoldOut, SliceScore, hold_out as evaluate};
 pub use files::labels::fill_labels;

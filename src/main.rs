@@ -1,19 +1,17 @@
-//! The command line: arguments to settings to `reconstruct` to files. No numerics.
-
-#[macro_use]
-mod cli;
+//! The program: the command line of `interslice::cli`, on an allocator of its own.
 
 use std::process::ExitCode;
 
+use interslice::cli;
+
+/// Large arrays on large pages.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+#[global_allocator]
+static ALLOCATOR: cli::OnLargePages = cli::OnLargePages;
+
 fn main() -> ExitCode {
     quiet_drivers();
-    match cli::run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            tell!("error: {error}");
-            ExitCode::from(error.exit_code())
-        }
-    }
+    ExitCode::from(cli::main(std::env::args_os()))
 }
 
 /// Without a desktop, Mesa's layer that ranks GPUs by the desktop's choice says on stderr that it found none; nobody needs to read that.

@@ -8,6 +8,10 @@ pub trait Progress: Sync {
     fn advance(&self, units: usize);
     /// The current stage is done.
     fn end(&self);
+    /// Whether the run is to end at once, with [`Error::Interrupted`](crate::Error::Interrupted). It is asked between pieces of work.
+    fn stops(&self) -> bool {
+        false
+    }
 }
 
 /// Listener that ignores everything.

@@ -1,5 +1,6 @@
 //! Questions that the pipeline may ask of a machine. The order of the questions is the pipeline's; a backend answers batches of jobs.
 
+pub mod answers;
 pub mod blend;
 pub mod conditioning;
 pub mod interval_morph;

@@ -13,10 +13,8 @@ mod linux {
 
     /// The system's allocator. For large arrays it asks the kernel for large pages: a run on large images makes and
     /// gives back tens of gigabytes, and page by page of 4 KiB that took half of its time.
-    struct OnLargePages;
-
-    #[global_allocator]
-    static ALLOCATOR: OnLargePages = OnLargePages;
+    #[derive(Debug, Clone, Copy)]
+    pub struct OnLargePages;
 
     // SAFETY: every call is one of `System`, with its own arguments; advice changes neither contents nor ownership of memory.
     unsafe impl GlobalAlloc for OnLargePages {
@@ -66,7 +64,7 @@ mod linux {
 }
 
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
-pub use linux::give_back_at_once;
+pub use linux::{OnLargePages, give_back_at_once};
 
 /// Other systems' allocators do as they do.
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use interslice::estimate::memory::MemoryNeeds;
 use interslice::grid::components::{Components, label4, label8};
-use interslice::input::labels::{Wanted, read_labels};
+use interslice::input::labels::{Wanted, labels_of_volume, read_labels};
 use interslice::input::{self, Input};
+use interslice::labels::LabelStack;
 use interslice::settings::Link;
 use interslice::stack::links::LinkOptions;
 use interslice::stack::{ReadOptions, Slice};
@@ -39,6 +40,44 @@ pub struct InspectArguments {
 }
 
 pub fn run(arguments: &InspectArguments) -> Result<()> {
+    say(&described(arguments)?)
+}
+
+/// The description of an input read with these options.
+///
+/// # Errors
+/// Those of reading.
+pub fn words(input: PathBuf, read: ReadOptions) -> Result<String> {
+    described(&InspectArguments {
+        input,
+        #[cfg(feature = "dicom")]
+        all_rois: false,
+        read,
+        links: LinkOptions::default(),
+    })
+}
+
+/// The description of a volume that was read with these options.
+///
+/// # Errors
+/// As [`words`].
+pub fn of_input(input: &Input, read: &ReadOptions) -> Result<String> {
+    let labels = input
+        .surveyed
+        .as_ref()
+        .map(|s| of_labels(read, input, || labels_of_volume(s.volume.clone(), read, &Wanted::All)));
+    of_volume(input, read, labels.unwrap_or_default(), &[])
+}
+
+/// The description of a stack that no file holds.
+///
+/// # Errors
+/// Too many output heights.
+pub fn of_stack(stack: &ContourStack) -> Result<String> {
+    Ok(told(stack.doubts()) + &describe(stack, &[], None)?)
+}
+
+fn described(arguments: &InspectArguments) -> Result<String> {
     #[cfg(feature = "dicom")]
     if interslice::input::is_structure_set(&arguments.input) {
         return structures(arguments);
@@ -51,13 +90,17 @@ pub fn run(arguments: &InspectArguments) -> Result<()> {
         return each_label(arguments, wanted);
     }
     let input = Input::read(&arguments.input, &arguments.read)?;
-    let mut doubts = input.doubts(&arguments.read);
-    doubts.extend(of_labels(arguments, &input).into_iter().filter(|doubt| !doubts.contains(doubt)).collect::<Vec<_>>());
+    let labels = of_labels(&arguments.read, &input, || read_labels(&arguments.input, &arguments.read, &Wanted::All));
+    let links = arguments.links.read(&input.stack)?;
+    of_volume(&input, &arguments.read, labels, &links)
+}
+
+fn of_volume(input: &Input, read: &ReadOptions, of_labels: Vec<String>, links: &[Link]) -> Result<String> {
+    let mut doubts = input.doubts(read);
+    doubts.extend(of_labels.into_iter().filter(|doubt| !doubts.contains(doubt)).collect::<Vec<_>>());
     let doubts = told(doubts);
-    let Input { stack, surveyed, .. } = input;
-    let links = arguments.links.read(&stack)?;
-    let of_volume = surveyed.iter().flat_map(volume::describe).fold(String::new(), |text, line| text + &line + "\n");
-    say(&(of_volume + &doubts + &describe(&stack, &links, None)?))
+    let lines = input.surveyed.iter().flat_map(volume::describe);
+    Ok(lines.fold(String::new(), |text, line| text + &line + "\n") + &doubts + &describe(&input.stack, links, None)?)
 }
 
 /// Descriptions of labels, each by itself.
@@ -79,13 +122,13 @@ fn each_label(arguments: &InspectArguments, wanted: &Wanted) -> Result<()> {
 }
 
 /// Notes on the labels, where there are several.
-fn of_labels(arguments: &InspectArguments, input: &Input) -> Vec<String> {
+fn of_labels(options: &ReadOptions, input: &Input, read: impl FnOnce() -> Result<LabelStack>) -> Vec<String> {
     let several = input.surveyed.as_ref().is_some_and(|s| s.survey.labels.len() > 1);
-    if !several || arguments.read.label.is_some() || arguments.read.level.is_some() {
+    if !several || options.label.is_some() || options.level.is_some() {
         return Vec::new();
     }
     // What stops all labels does not stop the one body that is described here.
-    match read_labels(&arguments.input, &arguments.read, &Wanted::All) {
+    match read() {
         Ok(labels) => {
             labels.left_out.iter().map(|label| format!("--labels all: {label}")).chain(labels.notes).collect()
         }
@@ -100,38 +143,38 @@ fn told(doubts: impl IntoIterator<Item = String>) -> String {
 
 /// Description of an RTSTRUCT: all ROIs, or the one (or merged ones) that is chosen.
 #[cfg(feature = "dicom")]
-fn structures(arguments: &InspectArguments) -> Result<()> {
+fn structures(arguments: &InspectArguments) -> Result<String> {
     interslice::input::check(&arguments.input, &arguments.read)?;
     let series = arguments.read.series.as_deref();
     let set = interslice::rtstruct::StructureSet::choose_file(&arguments.input, series)?;
     let several = set.rois.len() > 1 && arguments.read.roi.is_empty();
     if arguments.all_rois || several {
-        return say(&(set.describe().join("\n") + "\n"));
+        return Ok(set.describe().join("\n") + "\n");
     }
     let chosen = match set.choose(&arguments.read) {
         Ok(chosen) => chosen,
         // A ROI that cannot be reconstructed can be told of.
         Err(e) => match set.describe_flat(&arguments.read)? {
-            Some(lines) => return say(&(lines.join("\n") + "\n")),
+            Some(lines) => return Ok(lines.join("\n") + "\n"),
             None => return Err(e),
         },
     };
     let stack = chosen.stack(&arguments.read)?;
     let links = arguments.links.read(&stack)?;
     let text = describe(&stack, &links, chosen.steps(&stack).map(|s| s.heights))?;
-    say(&(chosen.describe().join("\n") + "\n" + &told(stack.doubts()) + &text))
+    Ok(chosen.describe().join("\n") + "\n" + &told(stack.doubts()) + &text)
 }
 
 /// Description of a contour map.
 #[cfg(feature = "terrain")]
-fn contour_map(arguments: &InspectArguments) -> Result<()> {
+fn contour_map(arguments: &InspectArguments) -> Result<String> {
     interslice::input::check(&arguments.input, &arguments.read)?;
     let terrain = interslice::terrain::Terrain::read(&arguments.input, &arguments.read)?;
     let links = arguments.links.read(&terrain.stack)?;
     let notes = terrain.notes.iter().map(|note| format!("note: {note}"));
     let lines: Vec<String> = terrain.description.iter().cloned().chain(notes).collect();
     let text = describe(&terrain.stack, &links, terrain.step())?;
-    say(&(lines.join("\n") + "\n(the stack goes on 16 px beyond the border)\n" + &text))
+    Ok(lines.join("\n") + "\n(the stack goes on 16 px beyond the border)\n" + &text)
 }
 
 /// Description of the stack, as a colleague would give it.

@@ -1,4 +1,4 @@
-//! Subcommands, one a file.
+//! The command line: arguments to settings to `reconstruct` to files. No numerics. Subcommands, one a file.
 
 #[macro_use]
 mod say;
@@ -11,10 +11,10 @@ mod batch;
 mod completions;
 mod config;
 mod demo;
-mod devices;
+pub mod devices;
 mod evaluate;
 mod forecast;
-mod inspect;
+pub mod inspect;
 mod interrupt;
 mod job;
 mod labels;
@@ -28,6 +28,10 @@ mod tally;
 mod values;
 mod volume;
 
+use std::ffi::OsString;
+
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+pub use allocator::OnLargePages;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use interslice::Result;
 
@@ -74,13 +78,30 @@ fn command() -> clap::Command {
     command.mut_subcommand("batch", |c| c.mut_arg("memory", |a| a.help(together)))
 }
 
+/// Threads that a run computes on.
+pub fn threads() -> usize {
+    rayon::current_num_threads()
+}
+
+/// Runs the command line `arguments`, the program's name first; errors go to stderr. Returns the exit code.
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    match run(arguments) {
+        Ok(()) => 0,
+        Err(error) => {
+            tell!("error: {error}");
+            error.exit_code()
+        }
+    }
+}
+
 /// Parses the command line and runs it.
-pub fn run() -> Result<()> {
+fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
     let mut command = command();
-    if let Some(error) = values::swallowed(&mut command, std::env::args_os()) {
+    if let Some(error) = values::swallowed(&mut command, arguments.iter().cloned()) {
         error.exit();
     }
-    let matches = command.get_matches();
+    let matches = command.get_matches_from(arguments);
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     let bounded = |(_, matches): (&str, &clap::ArgMatches)| matches!(matches.try_get_one::<u64>("memory"), Ok(Some(_)));
     if matches.subcommand().is_some_and(bounded) {

@@ -17,11 +17,24 @@ use crate::surface::stream::LayerSink;
 /// [`Error::Output`](crate::Error::Output) for a name that no format has or that cannot be written, before anything is;
 /// [`Error::Write`](crate::Error::Write).
 pub fn write(body: &Reconstruction, paths: &[impl AsRef<Path>]) -> Result<Vec<PathBuf>> {
+    write_with(body, paths, &OutputOptions::default(), &mut Places::default())
+}
+
+/// The same with options, into none of the `places` that are read.
+///
+/// # Errors
+/// The errors of [`write`].
+pub fn write_with(
+    body: &Reconstruction,
+    paths: &[impl AsRef<Path>],
+    options: &OutputOptions,
+    places: &mut Places,
+) -> Result<Vec<PathBuf>> {
+    options.check_ranges()?;
     let paths: Vec<PathBuf> = paths.iter().map(|path| path.as_ref().into()).collect();
-    let options = OutputOptions::default();
-    let mut outputs = Outputs::open(&paths, None, Temporary::Random, &mut Places::default())?;
-    outputs.check(&options)?;
-    let mut sink = outputs.sink(&options);
+    let mut outputs = Outputs::open(&paths, None, Temporary::Random, places)?;
+    outputs.check(options)?;
+    let mut sink = outputs.sink(options);
     sink.begin(&body.header())?;
     body.layers.iter().try_for_each(|layer| sink.layer(layer.clone()))?;
     drop(sink);

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::input::volume::Volume;
 use crate::input::{Input, Surveyed};
 use crate::labels::LabelStack;
 use crate::labels::given::{Completeness, Given, notes, reading};
@@ -64,6 +65,23 @@ impl std::str::FromStr for Wanted {
 /// The errors of [`Input::read`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume, for one that is
 /// named and drawn on a single slice, and where no label is left.
 pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
+    labels_of(path, options, wanted, |options| Input::read(path, options))
+}
+
+/// The same for a volume whose header was read.
+///
+/// # Errors
+/// The errors of [`read_labels`].
+pub fn labels_of_volume(volume: Volume, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
+    labels_of(&volume.path.clone(), options, wanted, |options| Input::of_volume(volume, options))
+}
+
+fn labels_of(
+    path: &Path,
+    options: &ReadOptions,
+    wanted: &Wanted,
+    read: impl FnOnce(&ReadOptions) -> Result<Input>,
+) -> Result<LabelStack> {
     let fail = |message: String| Err(Error::Setting { name: "labels".into(), message });
     if options.label.is_some() {
         return fail("is not for a run with `label`".into());
@@ -71,8 +89,7 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
     if options.level.is_some() {
         return fail("is not for grey values, which `level` cuts".into());
     }
-    let Input { stack, surveyed, notes: mut said } =
-        Input::read(path, &ReadOptions { complete_slices: false, ..options.clone() })?;
+    let Input { stack, surveyed, notes: mut said } = read(&ReadOptions { complete_slices: false, ..options.clone() })?;
     let Some(surveyed) = surveyed else {
         return fail("is not for a folder of slices; it chooses from a label volume".into());
     };

@@ -180,6 +180,17 @@ impl Input {
         Ok(input)
     }
 
+    /// Slices of a volume whose header was read.
+    ///
+    /// # Errors
+    /// The errors of [`read`].
+    pub fn of_volume(volume: Volume, options: &ReadOptions) -> Result<Self> {
+        let path = volume.path.clone();
+        let input = cut(volume, options).map_err(|e| e.in_file(&path))?;
+        input.stack.validate().map_err(|e| e.in_file(&path))?;
+        Ok(input)
+    }
+
     /// Doubts that a person should know before the stack becomes one body.
     pub fn doubts(&self, options: &ReadOptions) -> Vec<String> {
         let mut doubts = self.notes.clone();
@@ -248,25 +259,7 @@ fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
             if let Some(sides) = &options.spacing {
                 volume = volume.with_spacing(sides)?;
             }
-            let label = options.label.as_ref().map(|name| volume.label(name, "label")).transpose()?;
-            if let Some(label) = label {
-                volume.take_only(label);
-            }
-            let survey = match options.level {
-                Some(level) => Survey::above(&volume, level)?,
-                None => Survey::of(&volume, label)?,
-            };
-            let chosen = options.keep.is_some() || options.slices.is_some();
-            let wrong = match label {
-                None => survey.grey(),
-                Some(_) => None,
-            };
-            if let Some(message) = wrong.or_else(|| survey.sheets.crossing().filter(|_| !chosen)) {
-                return Err(Error::Format { path: path.into(), message });
-            }
-            let axis = axis::choose(options.axis, &volume.grid, &survey);
-            let stack = slices::stack(&volume, &survey, &axis, options, label)?;
-            Input { stack, notes: volume.notes.clone(), surveyed: Some(Surveyed { volume, survey, axis, label }) }
+            cut(volume, options)?
         }
         #[cfg(feature = "dicom")]
         Kind::StructureSet => plain(crate::rtstruct::read(path, options)?),
@@ -283,6 +276,29 @@ fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
             return Err(Error::Format { path: path.into(), message });
         }
     })
+}
+
+/// The slices of a volume, unchecked.
+fn cut(mut volume: Volume, options: &ReadOptions) -> Result<Input> {
+    let label = options.label.as_ref().map(|name| volume.label(name, "label")).transpose()?;
+    if let Some(label) = label {
+        volume.take_only(label);
+    }
+    let survey = match options.level {
+        Some(level) => Survey::above(&volume, level)?,
+        None => Survey::of(&volume, label)?,
+    };
+    let chosen = options.keep.is_some() || options.slices.is_some();
+    let wrong = match label {
+        None => survey.grey(),
+        Some(_) => None,
+    };
+    if let Some(message) = wrong.or_else(|| survey.sheets.crossing().filter(|_| !chosen)) {
+        return Err(Error::Format { path: volume.path.clone(), message });
+    }
+    let axis = axis::choose(options.axis, &volume.grid, &survey);
+    let stack = slices::stack(&volume, &survey, &axis, options, label)?;
+    Ok(Input { stack, notes: volume.notes.clone(), surveyed: Some(Surveyed { volume, survey, axis, label }) })
 }
 
 /// Reads a stack: a folder with `stack.json` (or that file itself), a label volume, or ROIs of a DICOM RTSTRUCT.

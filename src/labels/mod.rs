@@ -24,12 +24,14 @@
 //! near a label.
 
 mod decide;
+mod fill;
 pub mod given;
 mod kept;
 mod merge;
 pub mod report;
 mod stack;
 
+pub use fill::fill;
 pub use kept::KeptBody;
 pub use merge::{Bodies, DecidedLabels, Plan, decide, reconstruct};
 pub use stack::LabelStack;

@@ -1,5 +1,7 @@
 //! Context of a run, which every stage reads and none changes.
 
+use std::collections::BTreeSet;
+use std::sync::Mutex;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -68,6 +70,8 @@ pub(super) struct Context<'a> {
     pub bonds: Bonds,
     /// Clocks of the threads that compute.
     pub clocks: Clocks,
+    /// Intervals in which a part ends, numbered as in the whole stack: how far from its contour depends on the rate of change of the whole.
+    pub closing: Mutex<BTreeSet<usize>>,
 }
 
 impl<'a> Context<'a> {

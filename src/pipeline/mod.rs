@@ -26,6 +26,8 @@ mod span;
 mod sweep_inputs;
 pub(crate) mod tracks;
 
+use std::sync::Mutex;
+
 use self::certificate::Examined;
 use self::context::{Context, Spent, overshoots, stage};
 use self::distance::distance;
@@ -171,6 +173,7 @@ pub fn run(
         margin: samples(margin, h),
         bonds,
         clocks: clocks.clone(),
+        closing: Mutex::default(),
     };
     let mut report = Report {
         version: env!("CARGO_PKG_VERSION").into(),
@@ -239,6 +242,7 @@ pub fn run(
         BodyEnd::Bottom => section.kept.start == 0,
         BodyEnd::Top => section.kept.end + 1 == whole.slices.len(),
     });
+    report.closing = run.closing.into_inner().unwrap_or_default().into_iter().collect();
     report.judge();
     complete_costs(&mut report, begun.and_then(|begun| begun.cost("rest", &clocks, backend)), output);
     Ok(Reconstruction {

@@ -248,6 +248,9 @@ pub(super) fn close<'a>(
     if !lone.iter().any(|part| part.direction == direction) {
         return Ok(());
     }
+    if let Ok(mut closing) = run.closing.lock() {
+        closing.insert(run.span.first + i);
+    }
     let gap = |k: usize| run.span.gap_as_width(k) / run.px;
     let (own, inner) = match direction {
         Direction::Up => (i, i.checked_sub(1).map(|k| (k, gap(k)))),

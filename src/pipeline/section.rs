@@ -82,7 +82,7 @@ impl Section {
     }
 
     /// These intervals.
-    fn keeping(stack: &ContourStack, settings: &Settings, kept: Range<usize>) -> Self {
+    pub(crate) fn keeping(stack: &ContourStack, settings: &Settings, kept: Range<usize>) -> Self {
         let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
         let count = z.len() - 1;
         let beyond = |r: &Range<usize>, by: usize| r.start.saturating_sub(by)..(r.end + by).min(count);

@@ -26,7 +26,7 @@ use crate::backend::requests::{
     ContourRequest, LayerRequest, MorphRequest, PartRequest, SlopeRequest, SweepRequest, TraceRequest,
 };
 use crate::backend::{Backend, MorphOptions, PaddedSlice};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::grid::field::Field;
 use crate::grid::sparse_image::SparseImage;
 use crate::progress::Progress;
@@ -36,14 +36,17 @@ use crate::registration::displacement::{Displacement, DisplacementJob};
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Reference;
 
-/// Runs one job per item, results in order, telling how many are done.
-fn in_parallel<J: Sync, R: Send>(jobs: &[J], progress: &dyn Progress, run: impl Fn(&J) -> R + Sync) -> Vec<R> {
+/// Runs one job per item, results in order, telling how many are done, until the listener ends the run.
+fn in_parallel<J: Sync, R: Send>(jobs: &[J], progress: &dyn Progress, run: impl Fn(&J) -> R + Sync) -> Result<Vec<R>> {
     jobs.par_iter()
         .with_max_len(1)
         .map(|job| {
+            if progress.stops() {
+                return Err(Error::Interrupted);
+            }
             let result = run(job);
             progress.advance(1);
-            result
+            Ok(result)
         })
         .collect()
 }
@@ -58,10 +61,10 @@ impl Backend for Reference {
 
     fn contour_fields(&self, request: &ContourRequest<'_>, progress: &dyn Progress) -> Result<Vec<Field>> {
         let &ContourRequest { slices, dims, h, options } = request;
-        Ok(in_parallel(slices, progress, |slice| match slice {
+        in_parallel(slices, progress, |slice| match slice {
             PaddedSlice::Mask(mask) => contour_field::field_of_mask(mask, dims, h, options),
             PaddedSlice::Level(u) => contour_field::field_of_level(u, h, options),
-        }))
+        })
     }
 
     fn part_fields(&self, &PartRequest { jobs, h }: &PartRequest<'_>) -> Result<Vec<Field>> {
@@ -69,18 +72,18 @@ impl Backend for Reference {
     }
 
     fn trace(&self, request: &TraceRequest<'_>, progress: &dyn Progress) -> Result<Vec<Traced>> {
-        Ok(in_parallel(request.jobs, progress, |job| trace::trace(job, request.h, &request.options)))
+        in_parallel(request.jobs, progress, |job| trace::trace(job, request.h, &request.options))
     }
 
     fn propagate(&self, request: &SweepRequest<'_>, progress: &dyn Progress) -> Result<Vec<Filled>> {
         let pairs: Vec<&SweepPair<'_>> = request.pairs.iter().collect();
-        Ok(filled(&pairs, request.h, &request.options, progress))
+        filled(&pairs, request.h, &request.options, progress)
     }
 
     fn morph_layers(&self, request: &MorphRequest<'_>, progress: &dyn Progress) -> Result<Vec<Morphed>> {
         let pairs: Vec<&SweepPair<'_>> =
             request.intervals.iter().flat_map(|of| of.pairs.iter().map(|(_, pair)| pair)).collect();
-        let filled = filled(&pairs, request.h, &request.options, progress);
+        let filled = filled(&pairs, request.h, &request.options, progress)?;
         morph_layer::layers(request, filled, &|requests| self.moving_layers(requests))
     }
 
@@ -102,9 +105,14 @@ impl Backend for Reference {
 }
 
 /// Both sweeps of these pairs, and their slices.
-fn filled(pairs: &[&SweepPair<'_>], h: [f64; 2], options: &MorphOptions, progress: &dyn Progress) -> Vec<Filled> {
+fn filled(
+    pairs: &[&SweepPair<'_>],
+    h: [f64; 2],
+    options: &MorphOptions,
+    progress: &dyn Progress,
+) -> Result<Vec<Filled>> {
     let jobs: Vec<&SweepJob<'_>> = pairs.iter().flat_map(|p| [&p.up, &p.down]).collect();
-    let swept = in_parallel(&jobs, progress, |job| propagate::propagate(job, h, options));
+    let swept = in_parallel(&jobs, progress, |job| propagate::propagate(job, h, options))?;
     let fill = |(pair, swept): (&&SweepPair<'_>, &[SweptWithFields])| {
         let [(up, up_fields), (down, down_fields)] = swept else { return Filled::default() };
         let last = pair.up.times.len().saturating_sub(1);
@@ -118,5 +126,5 @@ fn filled(pairs: &[&SweepPair<'_>], h: [f64; 2], options: &MorphOptions, progres
         let slices = pair.up.times.par_iter().enumerate().map(slice).collect();
         Filled { slices, up: up.clone(), down: down.clone() }
     };
-    pairs.par_iter().zip(swept.par_chunks_exact(2)).map(fill).collect()
+    Ok(pairs.par_iter().zip(swept.par_chunks_exact(2)).map(fill).collect())
 }

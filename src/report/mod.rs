@@ -68,6 +68,9 @@ pub struct Report {
     pub intervals: Vec<IntervalReport>,
     /// Seconds per stage, in the order they ran.
     pub stages: Vec<StageReport>,
+    /// Intervals, counted from 0, in which a part ends: how far from its contour depends on all slices of the stack, a little.
+    #[serde(skip)]
+    pub closing: Vec<usize>,
     /// Warnings to a person: parts that do not shrink at an extrapolated end, fronts that stopped short.
     pub warnings: Vec<String>,
 }
@@ -87,6 +90,7 @@ impl Report {
         self.ends.extend(above.ends);
         self.areas = self.areas.take().zip(above.areas).and_then(|(below, above)| below.joined(above));
         self.intervals.extend(above.intervals);
+        self.closing.extend(above.closing);
         self.body.join(above.body);
         self.judge();
         for stage in above.stages {

@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use bzip2::bufread::MultiBzDecoder;
 use flate2::bufread::{DeflateDecoder, MultiGzDecoder, ZlibDecoder};
@@ -70,6 +71,14 @@ pub enum Data {
     },
     /// In masks, volumes of their own.
     Masks(Vec<Volume>),
+    /// In memory that belongs to somebody else.
+    Given(Arc<dyn GivenVoxels>),
+}
+
+/// Voxels in memory, as many as their volume has.
+pub trait GivenVoxels: std::fmt::Debug + Send + Sync {
+    /// Reads their bytes from the first voxel on, in the order in which the volume stores them.
+    fn open(&self) -> Box<dyn Read + Send>;
 }
 
 impl Data {
@@ -80,6 +89,7 @@ impl Data {
             #[cfg(feature = "zarr")]
             Data::Zarr { array, .. } => array,
             Data::Masks(masks) => masks.first().map_or(Path::new(""), |mask| &mask.path),
+            Data::Given(_) => Path::new("memory"),
         }
     }
 
@@ -92,6 +102,9 @@ impl Data {
         #[cfg(feature = "zarr")]
         if let Data::Zarr { array, voxel, .. } = self {
             return zarr_slabs::check(array, *voxel, needed);
+        }
+        if matches!(self, Data::Given(_)) {
+            return Ok(());
         }
         let length = self.named(std::fs::metadata(self.file()))?.len();
         match *self {
@@ -106,7 +119,7 @@ impl Data {
                 packed(length.saturating_sub(offset), most, needed)
             }
             // Each was checked when its header was read.
-            Data::Masks(_) => Ok(()),
+            Data::Masks(_) | Data::Given(_) => Ok(()),
             #[cfg(feature = "zarr")]
             Data::Zarr { .. } => Ok(()),
             Data::Pages { .. } => packed(length, MOST_IN_PAGES, needed),
@@ -119,6 +132,7 @@ impl Data {
             Data::Masks(masks) => Ok(Box::new(SideBySide::open(masks)?)),
             #[cfg(feature = "zarr")]
             Data::Zarr { array, sizes, voxel } => Ok(Box::new(zarr_slabs::Slabs::open(array, sizes, *voxel)?)),
+            Data::Given(voxels) => Ok(voxels.open()),
             Data::Pages { file, count, bytes } => Ok(Box::new(Pages::open(file, *count, *bytes)?)),
             Data::Stream { file, offset, coding, skip } => {
                 let mut input = BufReader::with_capacity(1 << 18, self.named(File::open(file))?);

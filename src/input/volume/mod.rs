@@ -19,11 +19,12 @@ pub(crate) mod zarr_slabs;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
 use crate::stack::options::LabelName;
-use data::Data;
+use data::{Data, GivenVoxels};
 use element::{Element, Voxels};
 use grid::{Failure, VolumeGrid};
 
@@ -125,6 +126,23 @@ impl Volume {
         }
     }
 
+    /// A volume of labels in memory, its axes from the fastest that is read to the slowest; `name` stands in messages where a file's would.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for a grid that cannot be.
+    pub fn given(
+        name: &str,
+        grid: VolumeGrid,
+        element: (Element, bool),
+        stored: [usize; 3],
+        voxels: Arc<dyn GivenVoxels>,
+    ) -> Result<Self> {
+        let data = Data::Given(voxels);
+        let volume = Volume { stored, ..Volume::new(Path::new(name), "array", grid, element, data) };
+        volume.check()?;
+        Ok(volume)
+    }
+
     /// Checks the grid, and the size of the data by that of the file.
     ///
     /// # Errors
@@ -158,6 +176,9 @@ impl Volume {
     pub fn files(&self) -> Vec<PathBuf> {
         if let Data::Masks(masks) = &self.data {
             return masks.iter().flat_map(Volume::files).collect();
+        }
+        if matches!(self.data, Data::Given(_)) {
+            return Vec::new();
         }
         // An array is a folder of files, most often one below the group that was named.
         if self.data.file().starts_with(&self.path) {

@@ -1,0 +1,55 @@
+//! Labels between their slices, without files: the label volume goes to a sink.
+
+use std::time::Instant;
+
+use super::report::{LabelReport, LabelsReport};
+use super::{LabelStack, Plan, decide, reconstruct};
+use crate::backend::Means;
+use crate::error::{Error, Result};
+use crate::surface::content::Whole;
+use crate::surface::stream::LayerSink;
+
+/// Fills `stack`: its layers at the output heights of `plan` go to `volume`, with the labels' numbers instead of distances. Surfaces are not
+/// made, so that the report has neither volumes nor areas of them.
+///
+/// # Errors
+/// [`Error::Setting`] for numbers that layers cannot hold; the errors of [`reconstruct`] and [`decide`].
+pub fn fill(
+    stack: &LabelStack,
+    plan: &Plan<'_>,
+    means: &Means<'_>,
+    volume: &mut dyn LayerSink,
+) -> Result<LabelsReport> {
+    let start = Instant::now();
+    plan.settings.validate()?;
+    let (least, most) = (stack.labels[0], stack.labels[stack.labels.len() - 1]);
+    if Whole::holding(least, most).is_none() {
+        let message = format!("must lie within {0} either side of 0; got {least} to {most}", Whole::MOST);
+        return Err(Error::Setting { name: "labels".into(), message });
+    }
+    let bodies = reconstruct(stack, true, plan, means)?;
+    let decided = decide(stack, bodies, plan, volume)?;
+    let mut labels = Vec::new();
+    for (a, body) in decided.bodies.into_iter().enumerate() {
+        let run = body.report;
+        let differing: usize = run.contours.iter().map(|c| c.differing_pixels).sum();
+        labels.push(LabelReport {
+            label: stack.labels[a],
+            changed: decided.changed[a],
+            voxels: Some(decided.voxels[a]),
+            differing_pixels: differing as u64 + decided.differing[a],
+            run,
+            ..LabelReport::default()
+        });
+    }
+    Ok(LabelsReport {
+        version: env!("CARGO_PKG_VERSION").into(),
+        backend: means.backend.name(),
+        labels,
+        left_out: stack.left_out.clone(),
+        reading: stack.reading.clone(),
+        warnings: stack.notes.clone(),
+        borders: Some(decided.borders),
+        seconds: start.elapsed().as_secs_f64(),
+    })
+}

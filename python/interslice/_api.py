@@ -1,0 +1,264 @@
+"""The functions of the package: arguments to what the module takes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+import numpy as np
+
+from interslice import _native
+from interslice._images import image, sides
+from interslice._native import Body, Settings, Stack
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from interslice._options import ReadOptions, RunOptions, SettingsOptions
+
+Progress = Callable[[str, int, int], object]
+Spacing = float | Sequence[float]
+
+
+def _choice(
+    axis: int | None = None,
+    slices: Iterable[int] | None = None,
+    keep: int | None = None,
+    complete_slices: bool = False,
+    level: float | None = None,
+    label: int | None = None,
+) -> dict[str, Any]:
+    if axis is not None and not -3 <= axis < 3:
+        raise ValueError(f"`axis` must be 0, 1 or 2, an axis of the array; got {axis}")
+    return {
+        "axis": None if axis is None else axis % 3,
+        "slices": None if slices is None else [int(k) for k in slices],
+        "keep": keep,
+        "complete_slices": complete_slices,
+        "level": level,
+        "label": label,
+    }
+
+
+@overload
+def fill(
+    labels: Any,
+    *,
+    spacing: Spacing | None = None,
+    axis: int | None = None,
+    slices: Iterable[int] | Mapping[int, Iterable[int]] | None = None,
+    keep: int | None = None,
+    complete_slices: bool = False,
+    only: Iterable[int] | None = None,
+    report: Literal[False] = False,
+    progress: Progress | None = None,
+    settings: Settings | None = None,
+    preset: Literal["paper", "fast"] | None = None,
+    **options: Unpack[SettingsOptions],
+) -> Any: ...
+
+
+@overload
+def fill(
+    labels: Any,
+    *,
+    spacing: Spacing | None = None,
+    axis: int | None = None,
+    slices: Iterable[int] | Mapping[int, Iterable[int]] | None = None,
+    keep: int | None = None,
+    complete_slices: bool = False,
+    only: Iterable[int] | None = None,
+    report: Literal[True],
+    progress: Progress | None = None,
+    settings: Settings | None = None,
+    preset: Literal["paper", "fast"] | None = None,
+    **options: Unpack[SettingsOptions],
+) -> tuple[Any, dict[str, Any]]: ...
+
+
+def fill(
+    labels: Any,
+    *,
+    spacing: Spacing | None = None,
+    axis: int | None = None,
+    slices: Iterable[int] | Mapping[int, Iterable[int]] | None = None,
+    keep: int | None = None,
+    complete_slices: bool = False,
+    only: Iterable[int] | None = None,
+    report: bool = False,
+    progress: Progress | None = None,
+    settings: Settings | None = None,
+    preset: str | None = None,
+    **options: Any,
+) -> Any:
+    """Fill a label volume that is painted on some of its slices.
+
+    `labels` is an array of three axes with whole numbers, 0 for the background, or an image of nibabel, SimpleITK or ITK, or (array, header) of
+    pynrrd, whose geometry is used. The result is of the same kind, type and shape; painted slices are as they were, and so are labels that are
+    not filled. `spacing` is the distance of voxels along each axis of the array, in the array's order; `axis` that along which slices lie
+    (default: that along which painted slices stand alone, else that of the coarsest spacing).
+
+    `slices` are the slices that count, for all labels or for each one (`{label: slices}`; the others are left alone); by default those on which a
+    label is painted. `only` names the labels to fill. `progress` is called as `progress(stage, done, total)`. `options` are the settings, and
+    those of the machine, of the command line; with `report=True` the result is (labels, report).
+
+    Raises ValueError for wrong input, MemoryError, OSError, GpuError.
+    """
+    of = image(labels, spacing, "labels")
+    own: dict[int, list[int]] | None = None
+    if isinstance(slices, Mapping):
+        own = {int(label): sorted({int(k) for k in chosen}) for label, chosen in slices.items()}
+        if any(k < 0 for chosen in own.values() for k in chosen):
+            raise ValueError("`slices` must be numbers from 0")
+        slices = sorted(set().union(*own.values()))
+    names = None if only is None else [int(label) for label in only]
+    choice = _choice(axis, slices, keep, complete_slices)
+    made, told = _native.fill(of.array, of.place("labels"), choice, names, own, progress, settings, preset, options)
+    filled = of.like(made)
+    return (filled, told) if report else filled
+
+
+def read(
+    source: Any,
+    *,
+    spacing: Spacing | None = None,
+    axis: int | Literal["auto", "x", "y", "z"] | None = None,
+    **options: Unpack[ReadOptions],
+) -> Stack:
+    """Read a stack from a file or folder in any format of the command line, or its painted slices from a volume in an array or image.
+
+    `options` are those of the command line under Input. For arrays these are `level`, `label`, `keep` and `slices`; `spacing` and `axis` are
+    then those of `fill`. For files `spacing` is (dx, dy, dz) and `axis` a letter, as on the command line.
+    """
+    if isinstance(source, (str, os.PathLike)):
+        given: dict[str, Any] = dict(options, spacing=spacing, axis=axis)
+        return _native.read(os.fspath(source), given)
+    of = image(source, spacing, "labels")
+    if isinstance(axis, str):
+        raise ValueError(f"`axis` of an array is a number; got `{axis}`")
+    known = ("keep", "label", "level", "slices")
+    for name in options:
+        if name not in known:
+            raise TypeError(f"`{name}` is not for arrays; there are {', '.join(known)}")
+    chosen: dict[str, Any] = dict(options)
+    return _native.read_array(of.array, of.place("labels"), _choice(axis, **chosen))
+
+
+def stack(
+    masks: Any = None,
+    heights: Iterable[float] | None = None,
+    spacing: Spacing = 1.0,
+    *,
+    polygons: Iterable[Iterable[Any]] | None = None,
+    fields: Any = None,
+    level: float | None = None,
+    pixel: float | tuple[float, float] | None = None,
+    origin: Sequence[float] = (0.0, 0.0, 0.0),
+    axes: Sequence[Sequence[float]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    unit: str = "mm",
+) -> Stack:
+    """Make a stack of masks, fields or polygons at `heights` (increasing).
+
+    `masks` are arrays of two axes, or one of three, not 0 inside. `fields` are negative inside; with `level` they are grey values, inside above it.
+    `polygons` has, for each slice, closed lines: arrays of points (x, y); points within an odd number of them are inside; `pixel` is the side
+    of the pixels on which they are laid. `spacing` is the distance of rows and of columns. Pixel (0, 0) at height 0 lies at `origin`; `axes` are
+    the directions of columns, rows and heights (LPS).
+    """
+    given = [kind for kind, value in (("masks", masks), ("fields", fields), ("polygons", polygons)) if value is not None]
+    if len(given) != 1:
+        raise ValueError(f"one of `masks`, `fields` and `polygons` must be given; got {' and '.join(given) or 'none'}")
+    if heights is None:
+        raise ValueError("`heights` must be given, one for each slice")
+    lie = {
+        "heights": [float(z) for z in heights],
+        "spacing": sides(spacing, 2),
+        "origin": [float(v) for v in origin],
+        "axes": [[float(v) for v in axis] for axis in axes],
+        "unit": unit,
+    }
+    if polygons is not None:
+        lines = [[np.ascontiguousarray(line, dtype=np.float64) for line in lines] for lines in polygons]
+        return _native.stack_of_polygons(lines, lie, None if pixel is None else tuple(sides(pixel, 2)))
+    kind = given[0]
+    if kind == "masks" and level is not None:
+        raise ValueError("`level` is for `fields`, which it cuts")
+    arrays: Any = masks if kind == "masks" else fields
+    if not isinstance(arrays, np.ndarray):
+        arrays = [np.asarray(slice_) for slice_ in arrays]
+    return _native.stack_of_arrays(arrays, lie, kind, level)
+
+
+def reconstruct(
+    masks: Any = None,
+    heights: Iterable[float] | None = None,
+    spacing: Spacing | None = None,
+    *,
+    polygons: Iterable[Iterable[Any]] | None = None,
+    fields: Any = None,
+    level: float | None = None,
+    pixel: float | tuple[float, float] | None = None,
+    origin: Sequence[float] = (0.0, 0.0, 0.0),
+    axes: Sequence[Sequence[float]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    unit: str = "mm",
+    at: Iterable[float] | None = None,
+    progress: Progress | None = None,
+    settings: Settings | None = None,
+    preset: Literal["paper", "fast"] | None = None,
+    **options: Unpack[RunOptions],
+) -> Body:
+    """Reconstruct the body between contours: of a Stack, a path, or the arguments of `stack`.
+
+    `at` are the output heights, else `dz` is their distance (default: that of the input, else the smaller pixel side). `progress` is called as
+    `progress(stage, done, total)`. `options` are the settings, and those of outputs and of the machine, of the command line.
+
+    Raises ValueError for wrong input, MemoryError, OSError, GpuError.
+    """
+    if isinstance(masks, (str, os.PathLike)):
+        masks = read(masks)
+    if isinstance(masks, Stack):
+        if heights is not None or spacing is not None:
+            raise ValueError("`heights` and `spacing` are not for a Stack, which has its own")
+        of = masks
+    else:
+        of = stack(
+            masks,
+            heights,
+            1.0 if spacing is None else spacing,
+            polygons=polygons,
+            fields=fields,
+            level=level,
+            pixel=pixel,
+            origin=origin,
+            axes=axes,
+            unit=unit,
+        )
+    wanted = None if at is None else [float(z) for z in at]
+    return _native.reconstruct(of, wanted, progress, settings, preset, dict(options))
+
+
+def evaluate(
+    stack: Any,
+    *,
+    leave: int = 2,
+    progress: Progress | None = None,
+    settings: Settings | None = None,
+    preset: Literal["paper", "fast"] | None = None,
+    **options: Unpack[SettingsOptions],
+) -> dict[str, Any]:
+    """Leave out every `leave`-th slice, reconstruct it from the others, and say how well it was found, as `interslice evaluate --json`."""
+    return _native.evaluate(_stack(stack), leave, progress, settings, preset, dict(options))
+
+
+def inspect(stack: Any) -> str:
+    """Say what is in a stack, before any work: the words of `interslice inspect`."""
+    return _native.inspect(_stack(stack))
+
+
+def links(stack: Any) -> list[dict[str, Any]]:
+    """Find pairs of parts of neighbouring slices that miss each other and may be the same: entries for the setting `links`, with reasons."""
+    return _native.links(_stack(stack))
+
+
+def _stack(of: Any) -> Stack:
+    return of if isinstance(of, Stack) else read(of)

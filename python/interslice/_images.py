@@ -1,0 +1,132 @@
+"""Arrays with a place in the world, from whatever holds them. Nothing is imported for it: an image's own library is there already."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+# From right, anterior, superior (NIfTI) to left, posterior, superior (DICOM, ITK).
+_LPS = np.diag([-1.0, -1.0, 1.0])
+
+
+class Image(NamedTuple):
+    """An array, where it lies, and how another array becomes an image of the same kind."""
+
+    array: np.ndarray[Any, Any]
+    # The array's axes that are x, y and z.
+    order: tuple[int, int, int]
+    origin: tuple[float, ...]
+    # Steps from voxel to voxel along x, y and z, in the world (LPS).
+    steps: tuple[tuple[float, ...], ...]
+    unit: str
+    spaced: bool
+    like: Callable[[np.ndarray[Any, Any]], Any]
+
+    def place(self, name: str) -> dict[str, Any]:
+        place = self._asdict()
+        return {key: place[key] for key in ("order", "origin", "steps", "unit", "spaced")} | {"name": name}
+
+
+def image(of: Any, spacing: float | Sequence[float] | None, name: str) -> Image:
+    """The array of an object, and its place: of nibabel, SimpleITK, ITK, what pynrrd reads (array, header), or an array."""
+    if hasattr(of, "affine") and hasattr(of, "dataobj"):
+        found = _nibabel(of)
+    elif hasattr(of, "GetSpacing") and hasattr(of, "GetDirection"):
+        found = _itk(of)
+    elif isinstance(of, tuple) and len(of) == 2 and isinstance(of[1], dict):
+        found = _nrrd(of[0], of[1])
+    else:
+        return _plain(of, spacing)
+    if spacing is not None and found.spaced:
+        raise ValueError(f"`spacing` is only for what has none of its own; {name} has")
+    if spacing is not None:
+        return _plain(found.array, spacing)._replace(like=found.like)
+    return found
+
+
+def sides(spacing: float | Sequence[float], axes: int) -> list[float]:
+    """One number for each axis of an array."""
+    given = [float(h) for h in np.asarray(spacing, dtype=float).ravel()]
+    given = given * axes if np.ndim(spacing) == 0 else given
+    if len(given) != axes:
+        raise ValueError(f"`spacing` must be a number, or {axes}, one for each axis of the array; got {len(given)}")
+    wrong = [h for h in given if not (np.isfinite(h) and h > 0)]
+    if wrong:
+        raise ValueError(f"`spacing` must be positive; got {wrong[0]}")
+    return given
+
+
+def _plain(of: Any, spacing: float | Sequence[float] | None) -> Image:
+    array = np.asarray(of)
+    steps = np.eye(3)
+    if spacing is not None:
+        steps = np.diag(sides(spacing, 3)[::-1])
+    return Image(array, (2, 1, 0), (0.0,) * 3, _rows(steps), "px" if spacing is None else "mm", spacing is not None, _same)
+
+
+def _nibabel(of: Any) -> Image:
+    array = np.asanyarray(of.dataobj)
+    affine = np.asarray(of.affine, dtype=float)
+    steps, origin = _LPS @ affine[:3, :3], _LPS @ affine[:3, 3]
+
+    def like(filled: np.ndarray[Any, Any]) -> Any:
+        header = of.header.copy()
+        header.set_data_dtype(filled.dtype)
+        return type(of)(filled, of.affine, header)
+
+    return Image(array, (0, 1, 2), tuple(origin), _rows(steps.T), "mm", True, like)
+
+
+def _itk(of: Any) -> Image:
+    module = sys.modules[type(of).__module__.split(".")[0]]
+    simple = hasattr(module, "GetArrayViewFromImage")
+    # The view of an image lives no longer than the image, which `like` keeps.
+    array = module.GetArrayViewFromImage(of) if simple else module.array_view_from_image(of)
+    spacing = np.asarray(of.GetSpacing(), dtype=float)
+    direction = of.GetDirection()
+    matrix = np.asarray(direction if simple else module.array_from_matrix(direction), dtype=float).reshape(len(spacing), -1)
+
+    def like(filled: np.ndarray[Any, Any]) -> Any:
+        if simple:
+            image = module.GetImageFromArray(filled)
+            image.CopyInformation(of)
+            return image
+        image = module.image_from_array(filled)
+        image.SetOrigin(of.GetOrigin())
+        image.SetSpacing(of.GetSpacing())
+        image.SetDirection(of.GetDirection())
+        return image
+
+    steps = (matrix * spacing).T
+    return Image(array, (2, 1, 0), tuple(float(v) for v in of.GetOrigin()), _rows(steps), "mm", True, like)
+
+
+def _nrrd(data: Any, header: dict[str, Any]) -> Image:
+    array = np.asarray(data)
+    steps, spaced = np.eye(3), False
+    if header.get("space directions") is not None:
+        # Axes that are no axes of space have no directions.
+        rows = [row for row in np.asarray(header["space directions"], dtype=float) if np.all(np.isfinite(row))]
+        steps, spaced = np.asarray(rows), True
+    elif header.get("spacings") is not None:
+        steps, spaced = np.diag([float(h) for h in header["spacings"]]), True
+    if steps.shape != (3, 3):
+        raise ValueError(f"the header's directions must be of 3 axes; got {steps.shape[0]}")
+    space = str(header.get("space", "left-posterior-superior")).lower()
+    flip = {"left": 1.0, "right": -1.0, "l": 1.0, "r": -1.0}, {"posterior": 1.0, "anterior": -1.0, "p": 1.0, "a": -1.0}
+    words = space.split("-") if "-" in space else list(space)
+    turn = np.diag([flip[0].get(words[0], 1.0), flip[1].get(words[1] if len(words) > 1 else "", 1.0), 1.0])
+    origin = np.asarray(header.get("space origin", (0.0,) * 3), dtype=float)
+    unit = "mm" if spaced else "px"
+    return Image(array, (0, 1, 2), tuple(turn @ origin), _rows(steps @ turn), unit, spaced, lambda filled: (filled, header))
+
+
+def _rows(steps: np.ndarray[Any, Any]) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(float(v) for v in row) for row in steps)
+
+
+def _same(filled: np.ndarray[Any, Any]) -> Any:
+    return filled

@@ -1,0 +1,264 @@
+//! Stacks: read from files, or made of arrays and polygons.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+use interslice::files::options::OutputOptions;
+use interslice::files::{JobOptions, Loaded};
+use interslice::input::Input;
+use interslice::polygons::{PlaneDrawing, Planes, stack as drawn};
+use interslice::{ContourStack, Geometry, LevelSlice, Slice, SliceContent};
+use numpy::{PyReadonlyArray2, PyUntypedArray};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::array::{Array, of_axes};
+use crate::errors::{raised, wrong};
+use crate::settings::read_options;
+use crate::volume::{Choice, Place};
+
+/// A stack of contours, as `read` gives it.
+#[pyclass(name = "Stack", module = "interslice", frozen)]
+pub struct PyStack {
+    /// The stack with what its file says of outputs.
+    pub loaded: Arc<Loaded>,
+    /// The file, where there is one.
+    pub path: Option<PathBuf>,
+    /// A volume's slices with what was found.
+    pub input: Option<Input>,
+}
+
+impl PyStack {
+    fn of(loaded: Loaded) -> Self {
+        PyStack { loaded: Arc::new(loaded), path: None, input: None }
+    }
+}
+
+#[pymethods]
+impl PyStack {
+    /// Heights of the slices, increasing.
+    #[getter]
+    fn heights(&self) -> Vec<f64> {
+        self.loaded.stack.slices.iter().map(|s| s.z).collect()
+    }
+
+    /// Names of the slices.
+    #[getter]
+    fn names(&self) -> Vec<String> {
+        self.loaded.stack.slices.iter().map(|s| s.name.clone()).collect()
+    }
+
+    /// Rows and columns of a slice.
+    #[getter]
+    fn shape(&self) -> [usize; 2] {
+        let [nx, ny] = self.loaded.stack.dims;
+        [ny, nx]
+    }
+
+    /// Distance of rows and of columns.
+    #[getter]
+    fn spacing(&self) -> [f64; 2] {
+        let [dx, dy] = self.loaded.stack.spacing;
+        [dy, dx]
+    }
+
+    /// Length unit.
+    #[getter]
+    fn unit(&self) -> &str {
+        &self.loaded.stack.unit
+    }
+
+    /// Notes for a person.
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.loaded.notes.clone()
+    }
+
+    fn __len__(&self) -> usize {
+        self.loaded.stack.slices.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let [nx, ny] = self.loaded.stack.dims;
+        let unit = &self.loaded.stack.unit;
+        let [dx, dy] = self.loaded.stack.spacing;
+        format!("<Stack of {} slices, {ny} x {nx} px of {dy} x {dx} {unit}>", self.__len__())
+    }
+}
+
+/// Reads a file or folder.
+#[pyfunction]
+#[pyo3(signature = (path, options=None))]
+pub fn read(py: Python<'_>, path: PathBuf, options: Option<&Bound<'_, PyDict>>) -> PyResult<PyStack> {
+    let read = read_options(options)?;
+    let (loaded, path) = crate::running::run(py, None, move |_| {
+        let options = JobOptions { read, ..JobOptions::default() };
+        Ok((Loaded::read(&path, options)?, path))
+    })?;
+    Ok(PyStack { path: Some(path), ..PyStack::of(loaded) })
+}
+
+/// The painted slices of a volume in an array.
+#[pyfunction]
+pub fn read_array(
+    py: Python<'_>,
+    array: &Bound<'_, PyUntypedArray>,
+    place: Place,
+    choice: Choice,
+) -> PyResult<PyStack> {
+    let read = choice.options(&place)?;
+    let (volume, _) = place.volume(array)?;
+    let (loaded, input) = crate::running::run(py, None, move |_| {
+        let input = Input::of_volume(volume, &read)?;
+        let notes = input.doubts(&read);
+        let bodies = input.surveyed.iter().filter_map(|s| s.appearance()).collect();
+        let output = OutputOptions { bodies, ..OutputOptions::default() };
+        let options = JobOptions { read, output, ..JobOptions::default() };
+        let loaded = Loaded { notes, ..Loaded::new(input.stack.clone(), options)? };
+        Ok((loaded, input))
+    })?;
+    Ok(PyStack { input: Some(input), ..PyStack::of(loaded) })
+}
+
+/// Where slices lie: spacing of rows and columns, origin, directions of columns, rows and heights, unit.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Lie {
+    heights: Vec<f64>,
+    spacing: [f64; 2],
+    origin: [f64; 3],
+    axes: [[f64; 3]; 3],
+    unit: String,
+}
+
+impl Lie {
+    fn named(&self, k: usize, content: SliceContent) -> Slice {
+        Slice { name: format!("[{k}]"), z: self.heights[k], extra: false, content }
+    }
+}
+
+/// What the values of slices are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Values {
+    /// Inside where not 0.
+    Masks,
+    /// Negative inside.
+    Fields,
+    /// Inside above a level.
+    Greys(f64),
+}
+
+/// A stack of masks, of fields that are negative inside, or of grey values with a level: an array of three axes or a sequence of arrays.
+#[pyfunction]
+pub fn stack_of_arrays(slices: &Bound<'_, PyAny>, lie: Lie, kind: &str, level: Option<f64>) -> PyResult<PyStack> {
+    let values = match (kind, level) {
+        ("masks", None) => Values::Masks,
+        (_, Some(level)) => Values::Greys(level),
+        _ => Values::Fields,
+    };
+    let mut planes: Vec<(Arc<Array>, Option<usize>)> = Vec::new();
+    if let Ok(array) = slices.cast::<PyUntypedArray>() {
+        let array = of_axes(kind, array, 3)?;
+        planes.extend((0..array.shape[0]).map(|k| (array.clone(), Some(k))));
+    } else {
+        for (k, slice) in slices.try_iter()?.enumerate() {
+            let slice = slice?;
+            let slice = slice
+                .cast::<PyUntypedArray>()
+                .map_err(|_| wrong(kind, format!("must be arrays; slice {k} is none")))?;
+            planes.push((of_axes(kind, slice, 2)?, None));
+        }
+    }
+    let Some((first, _)) = planes.first() else { return Err(wrong(kind, "must not be empty".into())) };
+    check_count(kind, planes.len(), &lie)?;
+    let size = |array: &Array| [array.shape[array.shape.len() - 2], array.shape[array.shape.len() - 1]];
+    let [ny, nx] = size(first);
+    if let Some(k) = planes.iter().position(|(plane, _)| size(plane) != [ny, nx]) {
+        let [rows, columns] = size(&planes[k].0);
+        return Err(wrong(kind, format!("must be of one size; slice {k} is {rows} x {columns}, slice 0 {ny} x {nx}")));
+    }
+    let slices = planes.iter().enumerate().map(|(k, (array, fixed))| lie.named(k, content(array, *fixed, values, nx)));
+    let stack = ContourStack {
+        dims: [nx, ny],
+        spacing: [lie.spacing[1], lie.spacing[0]],
+        unit: lie.unit.clone(),
+        slices: slices.collect(),
+        z_out: None,
+        geometry: Geometry { origin: DVec3::from(lie.origin), axes: lie.axes.map(DVec3::from), ..Geometry::default() },
+    };
+    stack.validate().map_err(raised)?;
+    loaded(stack)
+}
+
+/// One slice of an array.
+fn content(array: &Array, fixed: Option<usize>, values: Values, nx: usize) -> SliceContent {
+    let mut all = Vec::new();
+    match values {
+        Values::Masks => {
+            let mut inside = Vec::with_capacity(nx);
+            array.plane(fixed, &mut |v| inside.push(v != 0.0));
+            SliceContent::Mask(inside.into_iter().collect())
+        }
+        Values::Fields => {
+            array.plane(fixed, &mut |v| all.push(v as f32));
+            SliceContent::Level(LevelSlice::new(&all, nx))
+        }
+        Values::Greys(level) => {
+            array.plane(fixed, &mut |v| all.push((level - v) as f32));
+            SliceContent::Level(LevelSlice::new(&all, nx))
+        }
+    }
+}
+
+/// A changed slice: a mask, or a field that is negative inside.
+pub fn changed(slice: &Bound<'_, PyUntypedArray>, is_field: bool, dims: [usize; 2]) -> PyResult<SliceContent> {
+    let array = of_axes("mask", slice, 2)?;
+    let [nx, ny] = dims;
+    if array.shape != [ny, nx] {
+        let message = format!("must be {ny} x {nx} as the body's slices; got {} x {}", array.shape[0], array.shape[1]);
+        return Err(wrong("mask", message));
+    }
+    Ok(content(&array, None, if is_field { Values::Fields } else { Values::Masks }, nx))
+}
+
+/// A stack of polygons: for each slice the closed lines, points of which are (x, y).
+#[pyfunction]
+pub fn stack_of_polygons(
+    polygons: Vec<Vec<PyReadonlyArray2<'_, f64>>>,
+    lie: Lie,
+    pixel: Option<[f64; 2]>,
+) -> PyResult<PyStack> {
+    check_count("polygons", polygons.len(), &lie)?;
+    let mut drawings = Vec::new();
+    for (k, lines) in polygons.iter().enumerate() {
+        let mut region = Vec::new();
+        for line in lines {
+            let points = line.as_array();
+            if points.ncols() != 2 {
+                let found = points.ncols();
+                return Err(wrong("polygons", format!("have points (x, y); slice {k} has some of {found} numbers")));
+            }
+            region.push(points.rows().into_iter().map(|p| DVec2::new(p[0], p[1])).collect());
+        }
+        drawings.push(PlaneDrawing { name: format!("[{k}]"), z: lie.heights[k], extra: false, regions: vec![region] });
+    }
+    let planes = Planes { unit: lie.unit.clone(), axes: lie.axes.map(DVec3::from), z_out: None };
+    let mut stack = drawn(&drawings, &planes, pixel.map(|[dy, dx]| [dx, dy])).map_err(raised)?;
+    stack.geometry.origin += DVec3::from(lie.origin);
+    stack.validate().map_err(raised)?;
+    loaded(stack)
+}
+
+fn check_count(kind: &str, slices: usize, lie: &Lie) -> PyResult<()> {
+    if slices == lie.heights.len() {
+        return Ok(());
+    }
+    Err(wrong("heights", format!("must be as many as slices: {slices} {kind}; got {} heights", lie.heights.len())))
+}
+
+fn loaded(stack: ContourStack) -> PyResult<PyStack> {
+    let notes = stack.doubts().into_iter().collect();
+    let loaded = Loaded::new(stack, JobOptions::default()).map_err(raised)?;
+    Ok(PyStack::of(Loaded { notes, ..loaded }))
+}

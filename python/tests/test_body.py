@@ -1,0 +1,111 @@
+"""`reconstruct` and `Body`: the bytes of the command line, and everything that a body can be asked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import interslice
+import numpy as np
+import pytest
+from conftest import Volume
+from numpy.typing import NDArray
+
+HEIGHTS = [0.0, 3.0, 7.0, 10.0, 12.0]
+Masks = NDArray[np.bool_]
+FILES = ["v.nrrd", "v.nii.gz", "v.mha", "m.stl", "m.ply", "m.obj", "m.glb", "p.png", "h.tif", "l.geojson", "c.contours.json"]
+
+
+def test_files_are_those_of_the_command_line_byte_for_byte(command: Callable[..., Any], tmp_path: Path, labels: Volume) -> None:
+    np.save(tmp_path / "given.npy", labels)
+    options = ["--spacing", "1,0.8,3", "--label", "1", "--dz", "1.5", "--end-top", "extrapolate", "--contours"]
+    ours, theirs = tmp_path / "ours", tmp_path / "theirs"
+    ours.mkdir()
+    theirs.mkdir()
+    outputs = [word for name in FILES for word in ("-o", theirs / name)]
+    command("reconstruct", tmp_path / "given.npy", *options, "-q", *outputs, "-o", theirs / "r.json")
+    stack = interslice.read(tmp_path / "given.npy", spacing=[1, 0.8, 3], label=1)
+    body = interslice.reconstruct(stack, dz=1.5, end_top="extrapolate")
+    written = body.save(*[ours / name for name in FILES], contours=True)
+    assert [Path(path).name for path in written] == FILES
+    for name in FILES:
+        assert (ours / name).read_bytes() == (theirs / name).read_bytes(), name
+    told, report = body.report, json.loads((theirs / "r.json").read_text())
+    for key in ("volume", "area", "contours", "body", "settings", "ends", "warnings"):
+        assert told[key] == report[key], key
+    assert body.volume == report["volume"]
+    # The same from the array.
+    of_array = interslice.reconstruct(interslice.read(labels, spacing=(3, 0.8, 1), label=1), dz=1.5, end_top="extrapolate")
+    of_array.save(ours / "again.ply")
+    assert (ours / "again.ply").read_bytes() == (theirs / "m.ply").read_bytes()
+
+
+def test_masks_of_every_kind_are_one(masks: Masks) -> None:
+    expected = interslice.reconstruct(masks, HEIGHTS, (0.8, 1.0), method="field").distances()
+    for given in (list(masks), masks.astype(np.int16), np.asfortranarray(masks), masks.astype(">f4"), [m.tolist() for m in masks]):
+        np.testing.assert_array_equal(interslice.reconstruct(given, HEIGHTS, (0.8, 1.0), method="field").distances(), expected)
+
+
+def test_what_a_body_can_be_asked(masks: Masks) -> None:
+    body = interslice.reconstruct(masks, HEIGHTS, 1.0, at=[0, 1, 2, 5, 12])
+    assert body.heights == [0, 1, 2, 5, 12] and body.contour_heights == HEIGHTS and body.shape == [40, 40]
+    for z, mask in zip(HEIGHTS, masks, strict=True):
+        np.testing.assert_array_equal(body.mask(z), mask)
+    later = body.distance(4.25)
+    assert later.dtype == np.float32 and later.shape == (40, 40)
+    np.testing.assert_array_equal(body.mask(4.25), later < 0)
+    alone = interslice.reconstruct(masks, HEIGHTS, 1.0, at=[4.25]).distance(4.25)
+    np.testing.assert_array_equal(later, alone)
+    np.testing.assert_array_equal(body.masks(), body.distances() < 0)
+    assert (body.distance(100.0) > 0).all()
+    vertices, faces = body.mesh()
+    assert vertices.shape[1] == faces.shape[1] == 3 and vertices.dtype == np.float64 and faces.dtype == np.uint32
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(body.volume, rel=1e-9)
+    fewer = body.mesh(simplify=0.3)[1]
+    assert 0 < len(fewer) < len(faces)
+    (line,) = body.contours(5.0)
+    x, y = line.T
+    area = 0.5 * (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
+    assert area == pytest.approx(body.mask(5.0).sum(), rel=0.05)
+    assert "Body of 5 slices and 5 layers" in repr(body)
+
+
+def test_fields_grey_values_and_polygons(masks: Masks) -> None:
+    y, x = np.mgrid[:40, :40]
+    radii = [8.0, 9.5, 9.0, 7.5, 7.0]
+    fields = [np.hypot(x - 19.5, y - 20.25) - r for r in radii]
+    body = interslice.reconstruct(fields=fields, heights=HEIGHTS, spacing=1.0)
+    np.testing.assert_allclose([body.mask(z).sum() for z in HEIGHTS], [np.pi * r * r for r in radii], rtol=0.03)
+    grey = interslice.reconstruct(fields=[100 - f for f in fields], level=100, heights=HEIGHTS, spacing=1.0)
+    np.testing.assert_allclose(grey.distances(), body.distances(), atol=1e-4)
+    angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+    ring = [[np.column_stack([r * np.cos(angle), r * np.sin(angle)]), 3 * np.column_stack([np.cos(angle), np.sin(angle)])] for r in radii]
+    drawn = interslice.reconstruct(polygons=ring, heights=HEIGHTS, pixel=0.5)
+    assert drawn.spacing == [0.5, 0.5]
+    expected = sum(np.pi * (9.0**2 - 3**2) for _ in range(12))
+    assert drawn.volume == pytest.approx(expected, rel=0.15)
+    assert len(drawn.contours(7.0)) == 2
+
+
+def test_a_changed_slice_is_what_a_new_body_has(masks: Masks) -> None:
+    body = interslice.reconstruct(masks, HEIGHTS, 1.0, method="field")
+    before = body.volume
+    changed = masks.copy()
+    changed[2] = np.roll(masks[2], 1, axis=0)
+    body.update(2, changed[2])
+    assert 1 in body.stale and 2 in body.stale
+    new = interslice.reconstruct(changed, HEIGHTS, 1.0, method="field")
+    np.testing.assert_array_equal(body.distance(5.0), new.distance(5.0))
+    np.testing.assert_array_equal(body.distances(), new.distances())
+    assert body.stale == [] and body.volume == new.volume != before
+    np.testing.assert_array_equal(body.mask(HEIGHTS[2]), changed[2])
+
+
+def test_origin_and_axes(masks: Masks) -> None:
+    plain = interslice.reconstruct(masks, HEIGHTS, 1.0, method="field").mesh()[0]
+    moved = interslice.reconstruct(masks, HEIGHTS, 1.0, origin=(10, 20, 30), axes=[[0, 1, 0], [-1, 0, 0], [0, 0, 1]], method="field").mesh()[0]
+    x, y, z = plain.T
+    np.testing.assert_allclose(moved, np.column_stack([10 - y, 20 + x, 30 + z]), atol=1e-9)

@@ -1,0 +1,65 @@
+"""Images of nibabel, SimpleITK and pynrrd: their geometry is used, and they come back as what they were."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import interslice
+import numpy as np
+from conftest import Volume
+
+# Their own types say too little for a strict check.
+nibabel: Any = import_module("nibabel")
+nrrd: Any = import_module("nrrd")
+sitk: Any = import_module("SimpleITK")
+
+TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_nibabel(command: Callable[..., Any], tmp_path: Path, labels: Volume) -> None:
+    affine = np.eye(4)
+    affine[:3, :3] = TURN @ np.diag([1.0, 0.8, 3.0])
+    affine[:3, 3] = [-20.0, 5.0, 40.0]
+    given = nibabel.Nifti1Image(labels.T, affine)
+    nibabel.save(given, tmp_path / "given.nii.gz")
+    filled = interslice.fill(given, method="field")
+    assert isinstance(filled, nibabel.Nifti1Image)
+    np.testing.assert_allclose(filled.affine, affine)
+    command("reconstruct", tmp_path / "given.nii.gz", "--labels", "all", "--method", "field", "-q", "-o", tmp_path / "out.nii")
+    np.testing.assert_array_equal(np.asarray(filled.dataobj), np.asarray(nibabel.load(tmp_path / "out.nii").dataobj))
+
+
+def test_simpleitk(command: Callable[..., Any], tmp_path: Path, labels: Volume) -> None:
+    given = sitk.GetImageFromArray(labels)
+    given.SetSpacing((1.0, 0.8, 3.0))
+    given.SetOrigin((3.0, -4.0, 5.0))
+    given.SetDirection(tuple(TURN.ravel()))
+    sitk.WriteImage(given, str(tmp_path / "given.mha"))
+    filled = interslice.fill(given, method="field")
+    assert filled.GetSpacing() == given.GetSpacing() and filled.GetDirection() == given.GetDirection()
+    assert filled.GetPixelID() == given.GetPixelID()
+    command("reconstruct", tmp_path / "given.mha", "--labels", "all", "--method", "field", "-q", "-o", tmp_path / "out.mha")
+    expected = sitk.GetArrayFromImage(sitk.ReadImage(str(tmp_path / "out.mha")))
+    np.testing.assert_array_equal(sitk.GetArrayFromImage(filled), expected)
+
+
+def test_pynrrd(command: Callable[..., Any], tmp_path: Path, labels: Volume) -> None:
+    header = {
+        "space": "right-anterior-superior",
+        "space directions": np.diag([1.0, 0.8, 3.0]),
+        "space origin": np.array([1.0, 2.0, 3.0]),
+    }
+    nrrd.write(str(tmp_path / "given.nrrd"), labels.T, header)
+    given = nrrd.read(str(tmp_path / "given.nrrd"))
+    filled, same = interslice.fill(given, method="field")
+    assert same is given[1]
+    command("reconstruct", tmp_path / "given.nrrd", "--labels", "all", "--method", "field", "-q", "-o", tmp_path / "out.nrrd")
+    np.testing.assert_array_equal(filled, nrrd.read(str(tmp_path / "out.nrrd"))[0])
+    # The place in the world, too.
+    body = interslice.reconstruct(interslice.read(given, label=1), method="field")
+    command("reconstruct", tmp_path / "given.nrrd", "--label", 1, "--method", "field", "-q", "-o", tmp_path / "a.ply")
+    body.save(str(tmp_path / "b.ply"))
+    assert (tmp_path / "a.ply").read_bytes() == (tmp_path / "b.ply").read_bytes()

@@ -1,0 +1,1 @@
+"""interslice in napari."""

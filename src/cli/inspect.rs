@@ -52,6 +52,7 @@ pub fn words(input: PathBuf, read: ReadOptions) -> Result<String> {
         input,
         #[cfg(feature = "dicom")]
         all_rois: false,
+        labels: None,
         read,
         links: LinkOptions::default(),
     })
@@ -104,21 +105,18 @@ fn of_volume(input: &Input, read: &ReadOptions, of_labels: Vec<String>, links: &
 }
 
 /// Descriptions of labels, each by itself.
-fn each_label(arguments: &InspectArguments, wanted: &Wanted) -> Result<()> {
+fn each_label(arguments: &InspectArguments, wanted: &Wanted) -> Result<String> {
+    let mut text = String::new();
     let left_out = |message: &str| tell!("warning: {message}");
     for (k, member) in of_labels_alone(&arguments.input, &arguments.read, wanted, &left_out)?.iter().enumerate() {
         let input = Input::read(&arguments.input, &member.read)?;
         let doubts = told(input.doubts(&member.read));
         // What the file is is the same for all.
         let volume = input.surveyed.iter().filter(|_| k == 0).flat_map(volume::describe).map(|line| line + "\n");
-        say(&(volume.collect::<String>()
-            + "\n"
-            + &member.name
-            + "\n"
-            + &doubts
-            + &describe(&input.stack, &[], None)?))?;
+        text += &volume.collect::<String>();
+        text += &format!("\n{}\n{doubts}{}", member.name, describe(&input.stack, &[], None)?);
     }
-    Ok(())
+    Ok(text)
 }
 
 /// Notes on the labels, where there are several.

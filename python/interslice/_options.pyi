@@ -43,7 +43,9 @@ class ReadOptions(TypedDict, total=False):
     pixel: float | None
     elevation: str | None
     z_unit: Literal["m", "ft", "us-ft"] | None
-    border: Sequence[float] | None
+    layer: str | None
+    border: str | Sequence[float] | None
+    below: Literal["nodata", "constant", "extrapolate"] | None
     crs: str | None
     crs_out: str | None
     keep: int | None

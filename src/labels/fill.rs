@@ -6,7 +6,7 @@ use super::report::{LabelReport, LabelsReport};
 use super::{LabelStack, Plan, decide, reconstruct};
 use crate::backend::Means;
 use crate::error::{Error, Result};
-use crate::surface::content::Whole;
+use crate::surface::content::Scalar;
 use crate::surface::stream::LayerSink;
 
 /// Fills `stack`: its layers at the output heights of `plan` go to `volume`, with the labels' numbers instead of distances. Surfaces are not
@@ -23,8 +23,9 @@ pub fn fill(
     let start = Instant::now();
     plan.settings.validate()?;
     let (least, most) = (stack.labels[0], stack.labels[stack.labels.len() - 1]);
-    if Whole::holding(least, most).is_none() {
-        let message = format!("must lie within {0} either side of 0; got {least} to {most}", Whole::MOST);
+    let limit = Scalar::MOST_LABEL;
+    if least < -limit || most > limit {
+        let message = format!("must lie within {limit} either side of 0; got {least} to {most}");
         return Err(Error::Setting { name: "labels".into(), message });
     }
     let bodies = reconstruct(stack, true, plan, means)?;
@@ -44,6 +45,7 @@ pub fn fill(
     }
     Ok(LabelsReport {
         version: env!("CARGO_PKG_VERSION").into(),
+        provenance: None,
         backend: means.backend.name(),
         labels,
         left_out: stack.left_out.clone(),

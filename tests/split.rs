@@ -82,7 +82,7 @@ fn report(out: &Path) -> Value {
     let mut report: Value =
         serde_json::from_slice(&fs::read(out.join("r.json")).expect("it was written")).expect("JSON");
     let fields = report.as_object_mut().expect("an object");
-    ["stages", "backend", "backend_reason"].iter().for_each(|f| drop(fields.remove(*f)));
+    ["stages", "backend", "backend_reason", "provenance"].iter().for_each(|f| drop(fields.remove(*f)));
     report
 }
 

@@ -91,6 +91,7 @@ class Body:
         self,
         *paths: str | PathLike[str],
         mask: bool = False,
+        distance: bool = False,
         contours: bool = False,
         simplify: float | None = None,
     ) -> list[Any]:

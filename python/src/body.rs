@@ -13,7 +13,7 @@ use interslice::surface::contour_lines::{AlongAxes, contour_lines};
 use interslice::surface::marching::{Builder, Piece};
 use interslice::surface::mesh::MeshMeasure;
 use interslice::surface::simplify::Simplifier;
-use interslice::{Body, Budget, Error, Layer, Means, Mesh, Reconstruction, Result, height_grid};
+use interslice::{Body, Budget, Error, Layer, Means, Mesh, Reconstruction, Result};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -110,13 +110,14 @@ pub fn reconstruct<'py>(
     let inner = run(py, progress, move |watch| {
         let own = &loaded.options.output;
         (output.map, output.bodies, output.source) = (own.map.clone(), own.bodies.clone(), own.source.clone());
+        output.paint = own.paint;
         if output.dz.is_none() && !output.isotropic {
             output.dz = own.dz;
         }
         let stack = loaded.stack.clone();
         let heights = match at {
             Some(heights) => heights,
-            None => height_grid(&stack, &settings, output.step(&stack)).heights()?,
+            None => output.heights(&stack, &settings)?,
         };
         let notice = noticing(watch);
         let mut machine = machine(&device, &notice)?;
@@ -286,12 +287,13 @@ impl PyBody {
     }
 
     /// Writes the body; formats by extension, as on the command line.
-    #[pyo3(signature = (*paths, mask=false, contours=false, simplify=None))]
+    #[pyo3(signature = (*paths, mask=false, distance=false, contours=false, simplify=None))]
     fn save(
         &self,
         py: Python<'_>,
         paths: Vec<PathBuf>,
         mask: bool,
+        distance: bool,
         contours: bool,
         simplify: Option<f64>,
     ) -> PyResult<Vec<PathBuf>> {
@@ -299,7 +301,8 @@ impl PyBody {
             return Err(wrong("path", "is missing: nothing would be written".into()));
         }
         self.ask(py, move |inner, watch| {
-            let output = OutputOptions { mask, contours, simplify, ..inner.output.clone() };
+            let output = OutputOptions { mask, distance, contours, simplify, ..inner.output.clone() };
+            output.check_ranges()?;
             // Nothing that was read is written over.
             let mut places = match &inner.from {
                 (Some(path), loaded) => Places::of(path, &loaded.options)?,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 use interslice::files::options::OutputOptions;
 use interslice::files::{JobOptions, Loaded};
-use interslice::input::Input;
+use interslice::input::{Input, Surveyed};
 use interslice::polygons::{PlaneDrawing, Planes, stack as drawn};
 use interslice::{ContourStack, Geometry, LevelSlice, Slice, SliceContent};
 use numpy::{PyReadonlyArray2, PyUntypedArray};
@@ -113,7 +113,8 @@ pub fn read_array(
         let input = Input::of_volume(volume, &read)?;
         let notes = input.doubts(&read);
         let bodies = input.surveyed.iter().filter_map(|s| s.appearance()).collect();
-        let output = OutputOptions { bodies, ..OutputOptions::default() };
+        let paint = input.surveyed.as_ref().and_then(Surveyed::paint);
+        let output = OutputOptions { bodies, paint, ..OutputOptions::default() };
         let options = JobOptions { read, output, ..JobOptions::default() };
         let loaded = Loaded { notes, ..Loaded::new(input.stack.clone(), options)? };
         Ok((loaded, input))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 HEIGHTS = [0.0, 3.0, 7.0, 10.0, 12.0]
 Masks = NDArray[np.bool_]
-FILES = ["v.nrrd", "v.nii.gz", "v.mha", "m.stl", "m.ply", "m.obj", "m.glb", "p.png", "h.tif", "l.geojson", "c.contours.json"]
+FILES = ["v.nrrd", "v.nii.gz", "v.mha", "m.stl", "m.ply", "m.obj", "m.glb", "p.png", "v.tif", "v.npz", "h.dem.tif", "l.geojson", "c.contours.json"]
 
 
 def test_files_are_those_of_the_command_line_byte_for_byte(command: Callable[..., Any], tmp_path: Path, labels: Volume) -> None:

@@ -82,14 +82,14 @@ def test_the_lock_is_free_while_it_computes() -> None:
 
 def test_progress_is_told_and_may_end_the_run(labels: Volume) -> None:
     told: list[tuple[str, int, int]] = []
-    interslice.fill(drawn(size=160, count=8), progress=lambda *state: told.append(state))
+    interslice.fill(drawn(size=480, count=12), progress=lambda *state: told.append(state))
     assert len(told) > 2 and all(isinstance(stage, str) and 0 <= done for stage, done, _ in told)
 
     def refuses(stage: str, done: int, total: int) -> None:
         raise LookupError(f"enough of {stage}")
 
     with pytest.raises(LookupError, match="enough of "):
-        interslice.fill(drawn(size=160, count=8), progress=refuses)
+        interslice.fill(drawn(size=480, count=12), progress=refuses)
     with pytest.raises(TypeError, match="not callable"):
         interslice.fill(drawn(size=160, count=8), progress=7)  # type: ignore[call-overload]
 

@@ -221,3 +221,112 @@ fn arrays_of_numpy() {
     refused("a.npy", &npy(header), &["a.npy", "4294967295 4294967295 4294967295"]);
     refused("a.npy", b"\x93NUMPY\x02\0\xff\xff\xff\xff{", &["a.npy", "header of 4294967295 bytes"]);
 }
+
+/// Zeros, packed by gzip 1000 to 1.
+#[cfg(feature = "zarr")]
+fn gzip(bytes: usize) -> Vec<u8> {
+    let mut packed = GzEncoder::new(Vec::new(), Compression::best());
+    let zeros = vec![0; 1 << 20];
+    (0..bytes >> 20).for_each(|_| packed.write_all(&zeros).expect("memory can be written"));
+    packed.finish().expect("memory can be written")
+}
+
+/// An array of 4 x 8 x 8 bytes in one chunk of these sizes, in `c/0/0/0`.
+#[cfg(feature = "zarr")]
+fn array(folder: &Path, chunk: [usize; 3], codecs: &serde_json::Value, bytes: &[u8]) {
+    let array = serde_json::json!({"zarr_format": 3, "node_type": "array", "shape": [4, 8, 8], "data_type": "uint8", "fill_value": 0,
+        "attributes": {}, "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": chunk}},
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}}, "codecs": codecs});
+    fs::create_dir_all(folder.join("c/0/0")).expect("a folder can be made");
+    fs::write(folder.join("zarr.json"), array.to_string()).expect("a file can be written");
+    fs::write(folder.join("c/0/0/0"), bytes).expect("a file can be written");
+}
+
+#[cfg(feature = "zarr")]
+#[test]
+fn chunks_of_zarr() {
+    use serde_json::json;
+
+    let place = folder();
+    let path = place.path().join("a.zarr");
+    let bytes = || json!({"name": "bytes"});
+    let packed = |by| json!([bytes(), by]);
+    let gzipped = || json!({"name": "gzip", "configuration": {"level": 1}});
+    let bomb = gzip(ZEROS);
+    let holds = "its metadata say that it holds at most 256 bytes";
+    array(&path, [4, 8, 8], &packed(gzipped()), &bomb);
+    refused_at(&path, &["a.zarr", "layers from 0 on: c/0/0/0: gzip unpacks to more", holds]);
+    // In a shard: its only chunk, then where that lies, and how long it is.
+    let shard = json!([{"name": "sharding_indexed", "configuration": {"chunk_shape": [4, 8, 8], "codecs": packed(gzipped()),
+        "index_codecs": [{"name": "bytes", "configuration": {"endian": "little"}}], "index_location": "end"}}]);
+    let index = [0, bomb.len() as u64].map(u64::to_le_bytes).concat();
+    array(&path, [4, 8, 8], &shard, &[&bomb[..], &index].concat());
+    refused_at(&path, &["a.zarr", "c/0/0/0: gzip unpacks to more", holds]);
+    // An index that points beyond its shard.
+    let index = [1 << 40, 1u64 << 40].map(u64::to_le_bytes).concat();
+    array(&path, [4, 8, 8], &shard, &[&bomb[..], &index].concat());
+    refused_at(&path, &["a.zarr", "c/0/0/0: "]);
+    #[cfg(feature = "zstd")]
+    {
+        // Blocks that repeat a byte 128 Ki times; the header does not say how many there are.
+        let block = |last: u32| {
+            let [a, b, c, _] = (last | 1 << 1 | (1 << 17) << 3).to_le_bytes();
+            [a, b, c, 0]
+        };
+        let frame = [0x28, 0xb5, 0x2f, 0xfd, 0, 0x38];
+        let blocks = [block(0).repeat((ZEROS >> 17) - 1), block(1).to_vec()].concat();
+        let zstd = json!({"name": "zstd", "configuration": {"level": 1, "checksum": false}});
+        array(&path, [4, 8, 8], &packed(zstd), &[&frame[..], &blocks].concat());
+        refused_at(&path, &["a.zarr", "c/0/0/0: zstd unpacks to more", holds]);
+    }
+    #[cfg(feature = "blosc")]
+    {
+        use zarrs::array::codec::{BloscCompressor, BloscShuffleMode, blosc_compress_bytes};
+        let level = 9.try_into().expect("a level of Blosc");
+        let none = BloscShuffleMode::NoShuffle;
+        let bomb = blosc_compress_bytes(&vec![0; ZEROS], level, none, 1, BloscCompressor::LZ4, 0, 1);
+        let blosc = json!({"name": "blosc", "configuration": {"cname": "lz4", "clevel": 9, "shuffle": "noshuffle", "blocksize": 0}});
+        array(&path, [4, 8, 8], &packed(blosc), &bomb.expect("zeros can be packed"));
+        refused_at(&path, &["a.zarr", "c/0/0/0: Blosc unpacks to 536870912 bytes", holds]);
+    }
+    // And of version 2.
+    fs::remove_dir_all(&path).expect("it is there");
+    fs::create_dir(&path).expect("a folder can be made");
+    let array = json!({"zarr_format": 2, "shape": [4, 8, 8], "chunks": [4, 8, 8], "dtype": "|u1", "compressor": {"id": "gzip", "level": 1},
+        "fill_value": 0, "order": "C", "filters": null});
+    fs::write(path.join(".zarray"), array.to_string()).expect("a file can be written");
+    fs::write(path.join("0.0.0"), gzip(ZEROS)).expect("a file can be written");
+    refused_at(&path, &["a.zarr", "0.0.0: gzip unpacks to more", holds]);
+}
+
+/// Views whose rows are not in the file.
+#[cfg(feature = "geopackage")]
+#[test]
+fn layers_of_geopackage() {
+    let place = folder();
+    let path = place.path().join("a.gpkg");
+    let count = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 300000)";
+    for (rows, says) in [
+        ("SELECT zeroblob(600000000) AS geom, 1 AS Elev".to_string(), "too big"),
+        ("SELECT NULL AS geom, printf('%600000000d', 1) AS Elev".to_string(), "too big"),
+        (
+            format!("{count} SELECT NULL AS geom, i AS Elev, i AS a, i AS b, i AS c FROM n"),
+            "its values are more than 6",
+        ),
+        (format!("{count} SELECT NULL AS geom, zeroblob(1000) AS Elev FROM n"), "its values are more than 6"),
+        (format!("{count} SELECT NULL AS geom, group_concat(zeroblob(1000)) AS Elev FROM n"), "too big"),
+    ] {
+        let _ = fs::remove_file(&path);
+        let database = rusqlite::Connection::open(&path).expect("a database can be made");
+        let text = format!(
+            "CREATE TABLE gpkg_contents (table_name TEXT PRIMARY KEY, data_type TEXT);
+             CREATE TABLE gpkg_geometry_columns (table_name TEXT, column_name TEXT, geometry_type_name TEXT, srs_id INTEGER, z INTEGER, m INTEGER);
+             INSERT INTO gpkg_contents VALUES ('lines', 'features');
+             INSERT INTO gpkg_geometry_columns VALUES ('lines', 'geom', 'LINESTRING', 0, 0, 0);
+             CREATE VIEW lines AS {rows};"
+        );
+        database.execute_batch(&text).expect("tables");
+        drop(database);
+        refused_at(&path, &["a.gpkg", "layer `lines`", says]);
+    }
+}

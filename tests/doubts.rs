@@ -7,6 +7,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use files::*;
+use interslice::input::Input;
+use interslice::stack::ReadOptions;
+use interslice::stack::options::LabelName;
 use tempfile::TempDir;
 
 const SIZES: [usize; 3] = [40, 36, 32];
@@ -178,34 +181,35 @@ fn p14_forms_of_a_nifti_that_differ_are_said() {
         0,
         "sform and qform of the header place the volume differently, by up to 3.000 mm; the sform is used",
     );
+    let input = Input::read(&case.input, &ReadOptions::default()).expect("it is sound");
+    let origin = input.surveyed.expect("it is a volume").volume.grid.origin;
+    assert_eq!(origin.to_array(), [0.0; 3], "that of the sform");
     nifti(&case.input, 0.01);
     case.none_doubts(&[]);
 }
 
+/// Value of a pixel of [`rings`] of radius `r`, where they are not smooth.
+fn ring([near, middle, far]: [u8; 3], r: f64, x: u32, y: u32) -> u8 {
+    match (f64::from(x) - 15.5).hypot(f64::from(y) - 15.5) - r {
+        d if d < -4.0 => far,
+        d if d < 0.0 => middle,
+        _ => near,
+    }
+}
+
+/// Radii of the slices of [`rings`].
+const RADII: [f64; 3] = [8.0, 10.0, 7.0];
+
 /// Slices of rings: a value within, another one without.
 fn rings(values: [u8; 3], smooth: bool) -> Case {
     let place = folder();
-    for (k, r) in [8.0, 10.0, 7.0].into_iter().enumerate() {
-        let value = |x: u32, y: u32| match (f64::from(x) - 15.5).hypot(f64::from(y) - 15.5) - r {
-            d if smooth => {
-                values[if d < -0.5 {
-                    2
-                } else if d < 0.5 {
-                    1
-                } else {
-                    0
-                }]
-            }
-            d => {
-                values[if d < -4.0 {
-                    2
-                } else if d < 0.0 {
-                    1
-                } else {
-                    0
-                }]
-            }
+    for (k, r) in RADII.into_iter().enumerate() {
+        let smoothed = |x: u32, y: u32| match (f64::from(x) - 15.5).hypot(f64::from(y) - 15.5) - r {
+            d if d < -0.5 => values[2],
+            d if d < 0.5 => values[1],
+            _ => values[0],
         };
+        let value = |x: u32, y: u32| if smooth { smoothed(x, y) } else { ring(values, r, x, y) };
         let image = image::GrayImage::from_fn(32, 32, |x, y| image::Luma([value(x, y)]));
         image.save(place.path().join(format!("s{k}.png"))).expect("a PNG can be written");
     }
@@ -237,4 +241,39 @@ fn p14_of_a_few_values_one_is_asked_for() {
     );
     rings([0, 127, 255], true).none_doubts(&[]);
     rings([0, 255, 255], false).none_doubts(&[]);
+}
+
+#[test]
+fn a_label_is_one_value_of_images() {
+    let values = [0, 127, 255];
+    let case = rings(values, false);
+    for wanted in [127, 255] {
+        let label = Some(LabelName::Number(i64::from(wanted)));
+        let stack =
+            Input::read(&case.input, &ReadOptions { label, ..ReadOptions::default() }).expect("it is sound").stack;
+        for (slice, r) in stack.slices.iter().zip(RADII) {
+            let inside = |n: u32| ring(values, r, n % 32, n / 32) == wanted;
+            assert!((0..32 * 32).all(|n| slice.content.inside(n as usize) == inside(n)), "{wanted}: {}", slice.name);
+        }
+    }
+}
+
+/// More values than labels have are grey values, of which what lies above half way is the body.
+#[test]
+fn p14_up_to_16_values_are_few() {
+    let bands = |count: u32| {
+        let place = folder();
+        let image = image::GrayImage::from_fn(2 * count, 8, |x, _| image::Luma([(x / 2 * 10) as u8]));
+        image.save(place.path().join("s.png")).expect("a PNG can be written");
+        let text = r#"{"spacing_xy": [1, 1], "slices": [{"file": "s.png", "z": 0}, {"file": "s.png", "z": 4}]}"#;
+        write_stack(place.path(), text);
+        Input::read(place.path(), &ReadOptions::default()).map(|input| input.stack).map_err(|e| e.to_string())
+    };
+    for few in [3, 16] {
+        let said = bands(few).expect_err("a few values");
+        assert!(said.contains(&format!("slices have {few} values, 0, 10, 20")), "{said}");
+    }
+    let stack = bands(17).expect("grey values");
+    // The ninth value is half way.
+    assert!((0..34).filter(|x| x / 2 != 8).all(|x| stack.slices[0].content.inside(x) == (x / 2 > 8)));
 }

@@ -5,6 +5,7 @@ mod files;
 
 use files::*;
 use interslice::evaluate::holdout::hold_out;
+use interslice::settings::Link;
 use interslice::stack::{Geometry, HeightGrid, Slice, SliceContent};
 use interslice::{ContourStack, Reference, Settings, progress, reconstruct};
 
@@ -29,6 +30,21 @@ fn branching() -> ContourStack {
         slice(k, z, &[(23.0 - apart, 9.0 - 0.3 * k as f64), (23.0 + apart, 7.0)])
     });
     stack(slices.collect())
+}
+
+/// A link counts where both its slices are kept, and then between these: elsewhere there is no second part.
+#[test]
+fn links_go_with_their_slices() {
+    let two = |k: usize| if k == 3 || k == 4 { vec![(12.0, 5.0), (34.0, 5.0)] } else { vec![(23.0, 16.0)] };
+    let all = stack((0..8).map(|k| slice(k, 4.0 * k as f64, &two(k))).collect());
+    let link = |slice, from, to| Link { slice, from, to, join: true };
+    // 2 and 5 are left out: of the pairs that are named only 3 and 4 are kept.
+    let settings = Settings { links: vec![link(2, 1, 2), link(3, 2, 2), link(4, 2, 1)], ..Settings::default() };
+    let score = hold_out(&all, &settings, 3, &Reference, &progress::Silent).expect("it can be scored");
+    assert_eq!((score.links, score.slices.len()), (1, 2));
+    let wrong = Settings { links: vec![link(3, 2, 3)], ..Settings::default() };
+    let e = hold_out(&all, &wrong, 3, &Reference, &progress::Silent).expect_err("there is no third part");
+    assert!(e.to_string().contains("`to` must lie in [1, 2]"), "{e}");
 }
 
 fn score(stack: &ContourStack) -> interslice::evaluate::holdout::HoldOut {

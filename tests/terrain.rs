@@ -184,6 +184,42 @@ fn summits_and_pits_are_told_by_the_other_levels() {
     assert!(!inside(&terrain, 0, west) && inside(&terrain, 0, east));
 }
 
+/// Programs that draw contours leave many lines of no length, where heights are those of a level.
+#[test]
+fn of_many_lines_of_no_length_some_are_told_one_by_one() {
+    let point = |k: usize| feature(100, &vec![[EAST + 10.0 * k as f64, NORTH]; 2]);
+    let lines: Vec<Value> =
+        cone().into_iter().chain((0..40).map(point)).chain((0..5).map(|_| cone()[0].clone())).collect();
+    let notes = read(&lines, &pixels(20.0)).notes;
+    let of = |words: &str| notes.iter().filter(|n| n.contains(words)).count();
+    assert_eq!(
+        (of("is a point or encloses nothing"), of("37 more lines are points or enclose nothing")),
+        (3, 1),
+        "{notes:?}"
+    );
+    assert_eq!((of("is there before"), of("2 more lines are there before; left out")), (3, 1), "{notes:?}");
+}
+
+/// Lines with points more or less dense along them.
+#[test]
+fn default_pixels_are_as_fine_as_points_and_the_distance_of_lines_tell() {
+    let pixel = |step: f64| {
+        let line = |k: usize| -> Line {
+            let points = (1000.0 / step).round() as usize;
+            (0..=points).map(|j| [EAST + 125.0 * k as f64, NORTH + step * j as f64]).collect()
+        };
+        // 8 lines and 875 across.
+        let lines: Vec<Value> = (0..8).map(|k| feature(10 * k as i64, &line(k))).collect();
+        let stack = read(&lines, &ReadOptions { crs: Some("EPSG:32611".into()), ..ReadOptions::default() }).stack;
+        stack.spacing[0]
+    };
+    let apart = 875.0 * 1000.0 / 8000.0;
+    for (step, wanted) in [(1.0, apart / 8.0), (20.0, 20.0), (250.0, apart / 4.0)] {
+        let found = pixel(step);
+        assert!((found - wanted).abs() < 1e-6, "points {step} apart: {found}, not {wanted}");
+    }
+}
+
 fn lines_of(feature: &Value) -> Line {
     serde_json::from_value(feature["geometry"]["coordinates"].clone()).expect("points")
 }

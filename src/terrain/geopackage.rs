@@ -1,9 +1,10 @@
 //! GeoPackage: a layer of lines or polygons in an SQLite database. SQLite reads the tables; the geometries, which the standard packs into blobs (a header
 //! and well-known binary), are taken apart here, every count held against what is left of its blob.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec2;
+use rusqlite::limits::Limit;
 use rusqlite::types::ValueRef;
 use rusqlite::{Connection, ErrorCode, OpenFlags};
 use serde_json::Value;
@@ -18,6 +19,15 @@ type Check<T> = std::result::Result<T, String>;
 const LOOK: i32 = 10_000;
 const MOST_STEPS: u64 = 1 << 24;
 const MOST_PER_BYTE: u64 = 64;
+/// Most bytes of a value, which lies in the file: some, and those of the file. Most of all values that are read: some, and some per byte, as views
+/// may show what they join many times.
+const MOST_IN_VALUE: u64 = 1 << 20;
+const MOST_IN_ALL: u64 = 1 << 26;
+const MOST_IN_ALL_PER_BYTE: u64 = 64;
+/// Bytes that a value takes here beside its own.
+const VALUE: u64 = 64;
+/// Layers that a message names.
+const NAMED: usize = 12;
 /// Bytes of the envelope by its code in a geometry's header.
 const ENVELOPES: [usize; 5] = [0, 32, 48, 48, 64];
 
@@ -29,6 +39,30 @@ struct Layer {
     srs: i64,
 }
 
+/// What may still be read of a file: what tables hold lies in it, but views may show what does not.
+struct Allowance {
+    file: u64,
+    most: u64,
+    left: u64,
+}
+
+impl Allowance {
+    fn of(file: u64) -> Self {
+        let most = MOST_IN_ALL.saturating_add(file.saturating_mul(MOST_IN_ALL_PER_BYTE));
+        Allowance { file, most, left: most }
+    }
+
+    /// Takes a value's share.
+    fn take<'v>(&mut self, value: ValueRef<'v>) -> Check<ValueRef<'v>> {
+        let own = if let ValueRef::Text(bytes) | ValueRef::Blob(bytes) = value { bytes.len() as u64 } else { 0 };
+        let left = self.left.checked_sub(VALUE.saturating_add(own));
+        self.left = left.ok_or_else(|| {
+            format!("its values are more than {} bytes, which is too much for a file of {} bytes", self.most, self.file)
+        })?;
+        Ok(value)
+    }
+}
+
 /// The features of the layer that is asked for, else of the only one, or the only one of lines; and its coordinate system.
 ///
 /// # Errors
@@ -36,24 +70,35 @@ struct Layer {
 pub fn read(path: &Path, asked: Option<&str>) -> Result<(Vec<Feature>, Crs)> {
     let metadata = std::fs::metadata(path).map_err(|source| Error::Read { path: path.into(), source })?;
     let wrong = |message: String| Error::Format { path: path.into(), message };
-    let database = open(path, metadata.len()).map_err(|e| wrong(words(&e)))?;
-    let layers = layers(&database).map_err(|e| wrong(format!("has no layers that can be read: {}", words(&e))))?;
+    let file = metadata.len().saturating_add(std::fs::metadata(log(path)).map_or(0, |m| m.len()));
+    let database = open(path, file).map_err(|e| wrong(words(&e)))?;
+    let mut allowance = Allowance::of(file);
+    let layers = layers(&database, &mut allowance);
+    let layers = layers.map_err(|m| wrong(format!("has no layers that can be read: {m}")))?;
     let layer = choose(&layers, asked).map_err(wrong)?;
     let crs = crs(&database, layer.srs).map_err(wrong)?;
-    let features = features(&database, layer).map_err(|m| wrong(format!("layer `{}`: {m}", layer.table)))?;
+    let features =
+        features(&database, layer, &mut allowance).map_err(|m| wrong(format!("layer `{}`: {m}", layer.table)))?;
     Ok((features, crs))
+}
+
+/// The log that another program may have left, and which holds what belongs to the database.
+fn log(path: &Path) -> PathBuf {
+    let mut log = path.as_os_str().to_owned();
+    log.push("-wal");
+    log.into()
 }
 
 /// The database, to be read only: no file is made beside it.
 fn open(path: &Path, bytes: u64) -> rusqlite::Result<Connection> {
-    let mut log = path.as_os_str().to_owned();
-    log.push("-wal");
-    // A log that another program has left holds what belongs to the database; SQLite may then have to make a file beside it.
-    let logged = std::fs::metadata(log).is_ok_and(|m| m.len() > 0);
+    // Where there is a log, SQLite may have to make a file beside it.
+    let logged = std::fs::metadata(log(path)).is_ok_and(|m| m.len() > 0);
     let text = path.to_string_lossy().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
     let name = format!("file:{text}?mode=ro{}", if logged { "" } else { "&immutable=1" });
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
     let mut database = Connection::open_with_flags(name, flags)?;
+    let longest = i32::try_from(bytes.saturating_add(MOST_IN_VALUE)).unwrap_or(i32::MAX);
+    database.set_limit(Limit::SQLITE_LIMIT_LENGTH, longest)?;
     let most = MOST_STEPS.saturating_add(bytes.saturating_mul(MOST_PER_BYTE));
     let mut steps = 0;
     database.progress_handler(
@@ -73,27 +118,38 @@ fn words(e: &rusqlite::Error) -> String {
         Some(ErrorCode::OperationInterrupted) => {
             "its tables take more steps to read than a file of its size should".into()
         }
+        Some(ErrorCode::TooBig) => "a value is too big for a file of its size".into(),
         Some(ErrorCode::NotADatabase | ErrorCode::DatabaseCorrupt) => format!("is damaged, or no GeoPackage: {e}"),
         _ => e.to_string(),
     }
 }
 
 /// The layers of features, by name.
-fn layers(database: &Connection) -> rusqlite::Result<Vec<Layer>> {
-    let mut query = database.prepare(
-        "SELECT c.table_name, g.column_name, g.geometry_type_name, g.srs_id FROM gpkg_contents c JOIN gpkg_geometry_columns g \
-         ON c.table_name = g.table_name WHERE c.data_type = 'features' ORDER BY c.table_name",
-    )?;
-    let layers = query.query_map([], |row| {
-        Ok(Layer { table: row.get(0)?, column: row.get(1)?, kind: row.get(2)?, srs: row.get(3)? })
-    })?;
-    layers.collect()
+fn layers(database: &Connection, allowance: &mut Allowance) -> Check<Vec<Layer>> {
+    let said = |e: rusqlite::Error| words(&e);
+    let mut query = database
+        .prepare(
+            "SELECT c.table_name, g.column_name, g.geometry_type_name, g.srs_id FROM gpkg_contents c JOIN gpkg_geometry_columns g \
+             ON c.table_name = g.table_name WHERE c.data_type = 'features' ORDER BY c.table_name",
+        )
+        .map_err(said)?;
+    let mut rows = query.query([]).map_err(said)?;
+    let mut layers = Vec::new();
+    while let Some(row) = rows.next().map_err(said)? {
+        for k in 0..3 {
+            allowance.take(row.get_ref(k).map_err(said)?)?;
+        }
+        let text = |k: usize| row.get(k).map_err(said);
+        layers.push(Layer { table: text(0)?, column: text(1)?, kind: text(2)?, srs: row.get(3).map_err(said)? });
+    }
+    Ok(layers)
 }
 
 fn choose<'l>(layers: &'l [Layer], asked: Option<&str>) -> Check<&'l Layer> {
     let listed = || {
         let named = |layer: &Layer| format!("`{}` ({})", layer.table, layer.kind.to_lowercase());
-        layers.iter().map(named).collect::<Vec<_>>().join(", ")
+        let more = if layers.len() > NAMED { ", ..." } else { "" };
+        layers.iter().take(NAMED).map(named).collect::<Vec<_>>().join(", ") + more
     };
     if let Some(asked) = asked {
         let exact = layers.iter().find(|layer| layer.table == asked);
@@ -127,7 +183,7 @@ fn crs(database: &Connection, srs: i64) -> Check<Crs> {
 }
 
 /// The features of a layer.
-fn features(database: &Connection, layer: &Layer) -> Check<Vec<Feature>> {
+fn features(database: &Connection, layer: &Layer, allowance: &mut Allowance) -> Check<Vec<Feature>> {
     let said = |e: rusqlite::Error| words(&e);
     let table = layer.table.replace('"', "\"\"");
     let mut query = database.prepare(&format!("SELECT * FROM \"{table}\"")).map_err(said)?;
@@ -139,7 +195,10 @@ fn features(database: &Connection, layer: &Layer) -> Check<Vec<Feature>> {
     let mut features = Vec::new();
     while let Some(row) = rows.next().map_err(said)? {
         let name = format!("feature {}", features.len() + 1);
-        let value = |k: usize| row.get_ref(k).map_err(|e| format!("{name}: {e}"));
+        let mut value = |k: usize| {
+            let value = row.get_ref(k).map_err(|e| e.to_string()).and_then(|value| allowance.take(value));
+            value.map_err(|m| format!("{name}: {m}"))
+        };
         let lines = match value(geometry)? {
             ValueRef::Blob(bytes) => parts(bytes).map_err(|m| format!("{name}: {m}"))?,
             ValueRef::Null => Vec::new(),

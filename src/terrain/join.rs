@@ -8,7 +8,7 @@ use rstar::primitives::GeomWithData;
 
 use super::border::Border;
 use super::hull::Hull;
-use super::lines::{ContourLine, distance};
+use super::lines::{ContourLine, distance, told};
 use super::loose::{self, LooseEnd};
 use crate::polygons::Polygon;
 use crate::stack::options::{Around, MapBorder};
@@ -169,16 +169,17 @@ pub fn join(lines: Vec<ContourLine>, edges: &Edges, pixel: f64, notes: &mut Vec<
 /// Leaves out lines that are there twice.
 fn distinct(lines: Vec<ContourLine>, notes: &mut Vec<String>) -> Vec<ContourLine> {
     let mut seen = HashSet::new();
-    let mut kept = Vec::with_capacity(lines.len());
+    let (mut kept, mut twice) = (Vec::with_capacity(lines.len()), Vec::new());
     for line in lines {
         let mut points: Vec<[u64; 2]> = line.points.iter().map(|p| (*p + 0.0).to_array().map(f64::to_bits)).collect();
         points.sort_unstable();
         if seen.insert((line.z.to_bits(), points)) {
             kept.push(line);
         } else {
-            notes.push(format!("{}: the same line of {} is there before; left out", line.feature, line.z));
+            twice.push(format!("{}: the same line of {} is there before; left out", line.feature, line.z));
         }
     }
+    notes.extend(told(twice, "are there before"));
     kept
 }
 

@@ -15,6 +15,8 @@ pub mod slices;
 pub mod survey;
 pub(crate) mod tiff_pages;
 #[cfg(feature = "zarr")]
+mod zarr_bounded;
+#[cfg(feature = "zarr")]
 pub(crate) mod zarr_slabs;
 
 use std::collections::BTreeMap;

@@ -13,6 +13,7 @@ use zarrs::filesystem::FilesystemStore;
 
 use super::element::Element;
 use super::grid::Failure;
+use super::zarr_bounded;
 use crate::storage::folders::files_below;
 use crate::storage::room;
 
@@ -43,6 +44,7 @@ fn open(folder: &Path) -> Failure<Array<FilesystemStore>> {
     if !folder.is_dir() {
         return Err(unreadable("is not there".into()));
     }
+    zarr_bounded::register();
     let store = FilesystemStore::new(folder).map_err(|e| unreadable(e.to_string()))?;
     Array::open(Arc::new(store), "/").map_err(|e| unreadable(e.to_string()))
 }
@@ -123,11 +125,15 @@ impl Slabs {
     pub fn open(folder: &Path, sizes: &[usize], voxel: usize) -> Failure<Self> {
         let array = open(folder)?;
         let slow = sizes.iter().position(|n| *n > 1).unwrap_or(0);
-        let side = chunk(&array)?.get(slow).map_or(1, |n| usize::try_from(*n).unwrap_or(usize::MAX));
+        let chunk = chunk(&array)?;
+        let side = chunk.get(slow).map_or(1, |n| usize::try_from(*n).unwrap_or(usize::MAX));
         let depth = side.min(sizes.get(slow).copied().unwrap_or(1)).max(1);
         let layer: f64 = sizes.iter().skip(slow + 1).map(|n| *n as f64).product();
-        // What zarrs decodes, and what is made of it.
-        room::check_room(2.0 * layer * depth as f64 * voxel as f64)
+        // What zarrs decodes, which are whole chunks, also where they stand out beyond the array; and what is made of it.
+        let whole = |(n, side): (&usize, &u64)| (*n as u64).div_ceil(*side) as f64 * *side as f64;
+        let chunks: f64 = side as f64 * sizes.iter().zip(&chunk).skip(slow + 1).map(whole).product::<f64>();
+        let before: f64 = chunk.iter().take(slow).map(|side| *side as f64).product();
+        room::check_room((layer * depth as f64 + before * chunks) * voxel as f64)
             .map_err(|m| format!("{depth} layers, which its chunks hold together, {m}"))?;
         Ok(Slabs { array, sizes: sizes.into(), slow, depth, next: 0, bytes: Vec::new(), used: 0 })
     }
@@ -138,10 +144,23 @@ impl Slabs {
             |(k, n): (usize, &usize)| if k == self.slow { self.next as u64..until as u64 } else { 0..*n as u64 };
         let ranges: Vec<std::ops::Range<u64>> = self.sizes.iter().enumerate().map(range).collect();
         let subset = ArraySubset::new_with_ranges(&ranges);
-        let bytes: ArrayBytes<'static> = self.array.retrieve_array_subset(&subset).map_err(|e| e.to_string())?;
+        let bytes: ArrayBytes<'static> =
+            self.array.retrieve_array_subset(&subset).map_err(|e| match self.at_fault(&subset) {
+                Some(message) => message,
+                None => e.to_string(),
+            })?;
         self.bytes = bytes.into_fixed().map_err(|e| e.to_string())?.into_owned();
         (self.next, self.used) = (until, 0);
         Ok(())
+    }
+
+    /// The first chunk of a subset that cannot be read, by the file it is in: zarrs does not name it.
+    fn at_fault(&self, subset: &ArraySubset) -> Option<String> {
+        let chunks = self.array.chunks_in_array_subset(subset).ok()??;
+        chunks.indices().iter().find_map(|at| {
+            let read = self.array.retrieve_chunk::<ArrayBytes<'static>>(&at);
+            read.err().map(|e| format!("{}: {e}", self.array.chunk_key(&at)))
+        })
     }
 }
 

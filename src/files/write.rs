@@ -23,7 +23,7 @@ pub fn write(body: &Reconstruction, paths: &[impl AsRef<Path>]) -> Result<Vec<Pa
 /// The same with options, into none of the `places` that are read.
 ///
 /// # Errors
-/// The errors of [`write`].
+/// The errors of [`write()`].
 pub fn write_with(
     body: &Reconstruction,
     paths: &[impl AsRef<Path>],

@@ -13,7 +13,7 @@ use crate::surface::stream::LayerSink;
 /// made, so that the report has neither volumes nor areas of them.
 ///
 /// # Errors
-/// [`Error::Setting`] for numbers that layers cannot hold; the errors of [`reconstruct`] and [`decide`].
+/// [`Error::Setting`] for numbers that layers cannot hold; the errors of [`reconstruct`], and of deciding between labels.
 pub fn fill(
     stack: &LabelStack,
     plan: &Plan<'_>,

@@ -3,6 +3,7 @@
     python readers.py <program>
 """
 
+import os
 import hashlib
 import json
 import subprocess
@@ -460,4 +461,4 @@ def refused_pages(program, folder):
         check(f"{name} is refused", result.returncode == 2 and f"no {name.split('.')[0]} axis" in result.stderr, result.stderr.strip())
 
 
-main(sys.argv[1])
+main(os.path.abspath(sys.argv[1]))

@@ -3,9 +3,9 @@
     python readers.py <program>
 """
 
-import os
 import hashlib
 import json
+import os
 import subprocess
 import sys
 import tempfile

@@ -123,7 +123,7 @@ fn a_map_is_that_of_the_same_geojson() {
     drop(database);
     assert_eq!(levels(&Terrain::read(&other, &options()).expect("the map is sound")), levels(&wanted));
     let before = listing(place.path());
-    let out = place.path().join("a.tif");
+    let out = place.path().join("a.dem.tif");
     let [from, to] = [&other, &out].map(|p| p.to_str().expect("temporary paths are UTF-8"));
     let run = interslice(&["reconstruct", from, "-o", to, "--pixel", "10", "--backend", "cpu"]);
     assert_eq!(run.status.code(), Some(0), "{}", stderr(&run));

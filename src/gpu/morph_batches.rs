@@ -15,7 +15,7 @@ use super::propagate;
 use super::trace::morph_params;
 use crate::backend::Backend;
 use crate::backend::interval_morph::{IntervalMorph, Morphed};
-use crate::backend::jobs::{SweepPair, Swept};
+use crate::backend::jobs::{Filled, SweepPair, Swept};
 use crate::backend::requests::MorphRequest;
 use crate::error::{Error, Result};
 use crate::grid::sparse_image::SparseImage;
@@ -60,10 +60,15 @@ fn on_host(gpu: &Gpu, request: &MorphRequest<'_>, progress: &dyn Progress) -> Re
 }
 
 /// Layers of an interval whose sweeps do not fit the device together: its slices come back and are sent again.
-fn apart(gpu: &Gpu, request: &MorphRequest<'_>, progress: &dyn Progress) -> Result<Vec<Morphed>> {
+pub fn apart(gpu: &Gpu, request: &MorphRequest<'_>, progress: &dyn Progress) -> Result<Vec<Morphed>> {
     let pairs: Vec<&SweepPair<'_>> = pairs(request.intervals).collect();
     let filled = propagate::propagate(gpu, &pairs, request.h, &request.options, progress)?;
-    composed(gpu, request, &Origin::Host(&filled))
+    layers_of(gpu, request, &filled)
+}
+
+/// Layers of intervals from slices that the host has, pair by pair.
+pub fn layers_of(gpu: &Gpu, request: &MorphRequest<'_>, slices: &[Filled]) -> Result<Vec<Morphed>> {
+    composed(gpu, request, &Origin::Host(slices))
 }
 
 /// Layers of intervals whose sweeps fit the device together.

@@ -10,24 +10,25 @@ use super::cases::Cases;
 use super::comparison::Comparison;
 use super::moving_twins::Stack;
 use crate::backend::Backend;
-use crate::backend::interval_morph::{FrameSource, IntervalMorph, LayerImage, MorphFrame};
-use crate::backend::jobs::{SweepJob, SweepPair};
-use crate::backend::requests::MorphRequest;
+use crate::backend::interval_morph::{FrameSource, IntervalMorph, LayerImage, MorphFrame, Morphed};
+use crate::backend::jobs::{SweepJob, SweepPair, Swept};
+use crate::backend::requests::{MorphRequest, SweepRequest};
 use crate::contour::caps::{Cap, CapProfile};
 use crate::contour::direction::Direction;
 use crate::contour::seeds::seeds;
 use crate::error::Result;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, morph_batches};
 use crate::grid::field::Field;
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
 use crate::progress::Silent;
 use crate::reference::Reference;
+use crate::reference::morph_layer as twin;
 use crate::registration::motion_field::{LoneParts, MotionField};
 use crate::registration::particle_weight::Trust;
 use crate::stack::heights::BESIDE;
 
-/// Distances near contours: what sweeps and the field method may differ by, added up.
+/// Distances near contours: what the composition and the field method may differ by, added up.
 const NEAR: f64 = 5e-4;
 /// Distances are near up to here, px.
 const NEARBY: f64 = 3.0;
@@ -45,33 +46,54 @@ const PAD: [usize; 2] = [5, 3];
 pub fn compare(gpu: &Gpu, stack: &Stack, moving: &MotionField) -> Result<Vec<Comparison>> {
     let times = vec![BESIDE, 0.31, 0.5, 0.77, 1.0 - BESIDE];
     let of = |i: usize, frame: bool| morph(stack, moving, i, &times, frame);
-    let intervals = vec![of(0, true), of(1, true), of(2, true), of(4, true), of(1, false), nothing(stack, &times)];
+    let intervals = vec![of(0, true), of(1, true), of(2, true), of(3, true), of(1, false), nothing(stack, &times)];
     let request = MorphRequest { intervals: &intervals, h: stack.h, options: Cases::options(), at_once: 3 };
-    let ours = gpu.morph_layers(&request, &Silent)?;
-    let twins = Reference.morph_layers(&request, &Silent)?;
+    // Sweeps have twins of their own, and rounding grows in them: what is composed has one set of slices.
+    let pairs: Vec<SweepPair<'_>> =
+        intervals.iter().flat_map(|of| of.pairs.iter().map(|(_, pair)| pair.clone())).collect();
+    let sweeps = SweepRequest { pairs: &pairs, h: stack.h, options: Cases::options() };
+    let slices = Reference.propagate(&sweeps, &Silent)?;
+    let ours = morph_batches::layers_of(gpu, &request, &slices)?;
+    let twins = twin::layers(&request, slices, &|requests| Reference.moving_layers(requests))?;
     let (mut near, mut far) =
-        (Comparison::new("morphed layers", NEAR), Comparison::new("morphed layers far from contours", AT_LIMIT));
+        (Comparison::new("composed layers", NEAR), Comparison::new("composed layers far from contours", AT_LIMIT));
     for (q, a, b) in near.pairs(&"intervals", &ours, &twins) {
         let (mut apart, mut all) = (0, 0);
-        for (k, a, b) in near.pairs(&format_args!("layers of interval {q}"), &a.layers, &b.layers) {
-            let [a, b] = [a, b].map(SparseImage::unpack);
-            for (n, a, b) in near.pairs(&format_args!("pixels of layer {k} of interval {q}"), &a, &b) {
-                let [a, b] = [*a, *b].map(f64::from);
-                if a.abs().min(b.abs()) < NEARBY {
-                    near.value(|| format!("interval {q}, layer {k}, pixel {n}"), a, b);
-                } else {
-                    apart += usize::from((a - b).abs() > NEAR);
-                    all += 1;
-                }
+        for (n, a, b) in pixels(&mut near, q, a, b) {
+            if a.abs().min(b.abs()) < NEARBY {
+                near.value(|| format!("interval {q}, pixel {n}"), a, b);
+            } else {
+                apart += usize::from((a - b).abs() > NEAR);
+                all += 1;
             }
         }
         far.value(|| format!("interval {q}, share of {all} pixels"), apart as f64 / all.max(1) as f64, 0.0);
-        for (n, a, b) in near.pairs(&format_args!("pairs of interval {q}"), &a.swept, &b.swept) {
-            let steps = |swept: &[crate::backend::jobs::Swept; 2]| (swept[0].steps + swept[1].steps) as f64;
-            near.value(|| format!("interval {q}, steps of pair {n}"), steps(a), steps(b));
+    }
+    // The device's own slices go no way over the host, which changes no bit.
+    let mut own = Comparison::new("layers of own slices", 0.0);
+    let (ours, sent) = (gpu.morph_layers(&request, &Silent)?, morph_batches::apart(gpu, &request, &Silent)?);
+    for (q, a, b) in own.pairs(&"intervals", &ours, &sent) {
+        for (n, a, b) in pixels(&mut own, q, a, b) {
+            own.value(|| format!("interval {q}, pixel {n}"), a, b);
+        }
+        for (n, a, b) in own.pairs(&format_args!("pairs of interval {q}"), &a.swept, &b.swept) {
+            let steps = |swept: &[Swept; 2]| (swept[0].steps + swept[1].steps) as f64;
+            own.value(|| format!("interval {q}, steps of pair {n}"), steps(a), steps(b));
         }
     }
-    Ok(vec![near, far])
+    Ok(vec![near, far, own])
+}
+
+/// Values of both at all pixels of the layers of interval `q`, one layer after the other.
+fn pixels(out: &mut Comparison, q: usize, a: &Morphed, b: &Morphed) -> Vec<(usize, f64, f64)> {
+    let mut all = Vec::new();
+    for (k, a, b) in out.pairs(&format_args!("layers of interval {q}"), &a.layers, &b.layers) {
+        let [a, b] = [a, b].map(SparseImage::unpack);
+        for (_, a, b) in out.pairs(&format_args!("pixels of layer {k} of interval {q}"), &a, &b) {
+            all.push((all.len(), f64::from(*a), f64::from(*b)));
+        }
+    }
+    all
 }
 
 /// Interval `i` of the stack: its slices' own contours on a tile, in the moving frame or as they are.
@@ -81,9 +103,10 @@ fn morph(stack: &Stack, moving: &MotionField, i: usize, times: &[f64], in_frame:
     let [low, high] = [0, 1].map(|end| tile.cut(&stack.fields[i + end]));
     let job = |source: &Field, goal: &Field, times: Vec<f64>| {
         let positions: Vec<DVec2> = seeds(source, stack.h, 0.5).iter().map(|s| s.x).collect();
+        // As far as the goal is, but for half a pixel that steering makes good: where courses cross each other rounding decides which goes on.
         let course = |x: &DVec2| {
-            let s = f64::from((0.2 * x.x).sin() as f32) * 2.0 - 0.7;
-            [s, 0.5 * s, 0.25, 1.0]
+            let s = f64::from((-goal.sample(*x) - 0.5) as f32);
+            [s, s, s, 1.0]
         };
         let courses = positions.iter().map(course).collect();
         SweepJob {

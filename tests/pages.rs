@@ -194,7 +194,10 @@ fn outputs() -> BTreeSet<String> {
 fn dotted(text: &str) -> BTreeSet<String> {
     let words = text.split(|c: char| !c.is_ascii_alphanumeric() && !"._-<>{}".contains(c));
     let words = words.map(|w| w.trim_end_matches('.'));
-    words.filter(|w| w.starts_with('.') && w[1..].starts_with(char::is_alphabetic)).map(str::to_string).collect()
+    words
+        .filter(|w| w.starts_with('.') && w[1..].starts_with(char::is_alphanumeric) && w.contains(char::is_alphabetic))
+        .map(str::to_string)
+        .collect()
 }
 
 /// Extensions of all formats, inputs and outputs, that a page does not name between back-quotes.
@@ -271,7 +274,13 @@ fn help_names_the_formats_that_there_are() {
     assert_eq!(misnamed(&helps), ["name"; 0]);
     assert_eq!(misnamed(&helps.replace(".html)", ".xhtml)")), [".xhtml"]);
     assert_eq!(misnamed(&helps.replace("a .npy never", "they never")), ["--spacing"]);
-    assert_eq!(misnamed(&helps.replace("(.stl .ply .obj .glb) with", "(.stl .ply .obj) with")), ["--simplify"]);
+    assert_eq!(
+        misnamed(&helps.replace(
+            "(.stl .ply .obj .glb .groups.obj .3mf .vtp) with",
+            "(.stl .ply .obj .groups.obj .3mf .vtp) with"
+        )),
+        ["--simplify"]
+    );
 }
 
 /// Extensions of formats in what a source file says, outside comments and its own tests.

@@ -19,7 +19,10 @@ use interslice::files::places::Places;
 use interslice::files::{JobOptions, Loaded};
 use interslice::progress::Silent;
 use interslice::report::Report;
+use interslice::stack::appearance::Appearance;
 use interslice::stack::{ContourStack, Geometry};
+use interslice::surface::glb::About;
+use interslice::surface::groups::write_group;
 use interslice::surface::heightmap::ArrivalHeights;
 use interslice::surface::marching::Builder;
 use interslice::surface::mesh::{MeshSource, closed_surface};
@@ -27,12 +30,30 @@ use interslice::surface::mesh_files::{StlWriter, write_obj, write_ply};
 use interslice::surface::render::{RenderOptions, contour_lines, render};
 use interslice::surface::spool::Spool;
 use interslice::surface::stream::LayerSink;
+use interslice::surface::three_mf::write_3mf;
+use interslice::surface::vtk::write_vtp;
 use tiff::decoder::{Decoder, DecodingResult};
 
 use interslice::{Budget, Means, Reconstruction, Reference, Settings, reconstruct_with};
 
-const KINDS: [&str; 11] = ["nrrd", "nii", "nii.gz", "mha", "npy", "tif", "stl", "ply", "obj", "png", "dem.tif"];
-const VOLUMES: [&str; 6] = ["nrrd", "nii", "nii.gz", "mha", "npy", "tif"];
+const KINDS: [&str; 15] = [
+    "nrrd",
+    "nii",
+    "nii.gz",
+    "mha",
+    "npy",
+    "tif",
+    "vti",
+    "stl",
+    "ply",
+    "obj",
+    "groups.obj",
+    "3mf",
+    "vtp",
+    "png",
+    "dem.tif",
+];
+const VOLUMES: [&str; 7] = ["nrrd", "nii", "nii.gz", "mha", "npy", "tif", "vti"];
 /// Axes of the input along which columns, rows and heights of slices across x, y, z run.
 const ACROSS: [[usize; 3]; 3] = [[1, 2, 0], [0, 2, 1], [0, 1, 2]];
 
@@ -84,19 +105,25 @@ fn both(place: &Path, stack: &ContourStack, settings: &Settings, mask: bool) -> 
 }
 
 /// The bytes of all formats that hold a surface, made from the mesh in memory.
-fn of_mesh(body: &Reconstruction) -> [Vec<u8>; 4] {
+fn of_mesh(body: &Reconstruction) -> [Vec<u8>; 7] {
     let mesh = closed_surface(body);
     let mut stl = StlWriter::new(Cursor::new(Vec::new()), DVec3::ZERO).expect("memory can be written");
     stl.facets(mesh.corners()).and_then(|()| stl.close()).expect("memory can be written");
     let (mut ply, mut obj, mut png) = (Vec::new(), Vec::new(), Cursor::new(Vec::new()));
     write_ply(&mut ply, &mut &mesh).expect("memory can be written");
     write_obj(&mut obj, &mut &mesh).expect("memory can be written");
+    let appearance = Appearance { name: Some("out".into()), ..Appearance::default() };
+    let about = About { appearance, unit: body.unit.clone(), origin: DVec3::ZERO };
+    let (mut groups, mut packed, mut vtp) = (Vec::new(), Cursor::new(Vec::new()), Vec::new());
+    write_group(&mut groups, &mut &mesh, &about).expect("memory can be written");
+    write_3mf(&mut packed, &mut &mesh, &about).expect("memory can be written");
+    write_vtp(&mut vtp, &mut &mesh, &about).expect("memory can be written");
     let contours = body.layers.iter().filter(|l| l.contour.is_some());
     let lines: Vec<_> = contours.flat_map(|l| contour_lines(&body.header(), l)).collect();
     let options = RenderOptions { contours: true, ..RenderOptions::default() };
     let picture = render(&body.geometry, &mut &mesh, &lines, options).expect("memory can be read");
     picture.write_to(&mut png, image::ImageFormat::Png).expect("memory can be written");
-    [stl.into_inner().into_inner(), ply, obj, png.into_inner()]
+    [stl.into_inner().into_inner(), ply, obj, groups, packed.into_inner(), vtp, png.into_inner()]
 }
 
 /// The voxels of a volume file.
@@ -126,6 +153,13 @@ fn voxels(bytes: &[u8], kind: &str) -> Vec<u8> {
                 pages.next_image().expect("another page");
             }
         }
+        "vti" => {
+            let data = after(b"<AppendedData encoding=\"raw\">\n_");
+            let (length, data) = data.split_at(8);
+            let length = u64::from_le_bytes(length.try_into().expect("eight bytes")) as usize;
+            assert_eq!(&data[length..], b"\n</AppendedData>\n</VTKFile>\n");
+            data[..length].to_vec()
+        }
         "nii.gz" => read(Box::new(GzDecoder::new(bytes)))[352..].to_vec(),
         "mha" => {
             let data = after(b"ElementDataFile = LOCAL\n");
@@ -151,7 +185,7 @@ fn every_format_is_that_of_the_collected_body() {
             for kind in VOLUMES {
                 assert!(voxels(&file(kind), kind) == given, "{name} {k}: {kind}");
             }
-            for (kind, bytes) in ["stl", "ply", "obj", "png"].iter().zip(of_mesh(&body)) {
+            for (kind, bytes) in ["stl", "ply", "obj", "groups.obj", "3mf", "vtp", "png"].iter().zip(of_mesh(&body)) {
                 assert!(file(kind) == bytes, "{name} {k}: {kind}");
             }
             let mesh = closed_surface(&body);

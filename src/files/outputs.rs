@@ -28,7 +28,7 @@ use crate::surface::Layer;
 use crate::surface::content::{Content, Scalar};
 use crate::surface::header::Header;
 use crate::surface::stream::{BodyStream, Failed, LayerSink};
-use crate::surface::{local, nifti};
+use crate::surface::{local, nifti, three_mf};
 
 /// Open outputs.
 #[derive(Default)]
@@ -88,8 +88,12 @@ impl Outputs {
     /// Bytes of memory that writing needs at most while layers of `dims` pixels that lie so arrive, and the body ends flat on at most `lid`
     /// pixels.
     pub fn bytes(&self, dims: [usize; 2], geometry: &Geometry, lid: usize) -> u64 {
-        let scene = self.scene.iter().map(|_| Format::Glb);
-        needed(self.files.iter().map(|f| f.format).chain(scene), dims, geometry, lid)
+        needed(self.formats(), dims, geometry, lid)
+    }
+
+    /// Formats of the files, and of those that hold many bodies.
+    fn formats(&self) -> impl Iterator<Item = Format> {
+        self.files.iter().map(|f| f.format).chain(self.scene.iter().flat_map(SharedScene::formats))
     }
 
     /// Whether there is a mesh among them.
@@ -154,7 +158,7 @@ impl Outputs {
     /// [`Error::Output`] where one of them cannot hold the body.
     fn origin(&self, header: &Header) -> Result<DVec3> {
         let file = self.files.iter().find(|f| f.format.is_single(Kind::Mesh)).map(|f| f.target.as_path());
-        let Some(target) = file.or(self.scene.as_ref().map(SharedScene::target)) else { return Ok(DVec3::ZERO) };
+        let Some(target) = file.or(self.scene.as_ref().and_then(SharedScene::single)) else { return Ok(DVec3::ZERO) };
         local::origin(header).map_err(|wide| {
             let message = format!("{wide}; {} hold 64 bits", places(Kind::Mesh, false));
             Error::Output { path: target.into(), message }
@@ -239,7 +243,9 @@ impl LayerSink for Sink<'_> {
         let single = self.outputs.files.iter().any(|f| f.format.is_single(Kind::Volume));
         let of_volumes = if single { nifti::told(header) } else { None };
         let of_volumes = of_volumes.map(|note| format!("{note}; {} do not", places(Kind::Volume, false)));
-        let notes = moved(origin).into_iter().chain(of_volumes).collect();
+        let has_3mf = self.outputs.formats().any(|format| format == Format::ThreeMf);
+        let of_unit = if has_3mf { three_mf::told(&header.unit) } else { None };
+        let notes = moved(origin).into_iter().chain(of_volumes).chain(of_unit).collect();
         self.outputs.stream = Some(BodyStream::new(header, writers, folder).telling(origin, notes));
         Ok(())
     }

@@ -1,37 +1,75 @@
-//! The `.glb` files of a run with many bodies: each holds all of them.
+//! The files of a run with many bodies that hold all of them: `.glb`, `.3mf`, `.groups.obj`.
 
-use std::io::{self, BufWriter};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use glam::DVec3;
 
-use super::format::{BUFFER_BYTES, Format};
+use super::format::{BUFFER_BYTES, Format, Kind};
 use super::pending::{Pending, Temporary, parent};
 use super::places::Places;
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
 use crate::surface::glb::{About, GlbScene};
+use crate::surface::groups::ObjGroups;
+use crate::surface::mesh::MeshSource;
 use crate::surface::mesh_files::WriteMesh;
+use crate::surface::three_mf::ThreeMfScene;
 
 /// Open files of all bodies.
 pub struct Scenes {
-    files: Vec<(PathBuf, Pending)>,
+    files: Vec<(PathBuf, Format, Pending)>,
     shared: SharedScene,
 }
 
 /// Scene that takes the meshes of all bodies, one after the other.
 #[derive(Clone)]
 pub struct SharedScene {
-    /// The file that messages name.
-    target: PathBuf,
-    scene: Arc<Mutex<GlbScene>>,
+    /// The files that messages name, with their formats.
+    targets: Vec<(PathBuf, Format)>,
+    scenes: Arc<Mutex<Vec<(Format, Scene)>>>,
+}
+
+/// Bodies on their way into a format.
+enum Scene {
+    Glb(GlbScene),
+    Groups(ObjGroups),
+    ThreeMf(ThreeMfScene),
+}
+
+impl Scene {
+    /// An empty scene of a format; nothing where a body has a file of its own in it.
+    fn new(format: Format, folder: &Path) -> Option<io::Result<Self>> {
+        match format {
+            Format::Glb => Some(GlbScene::new(folder).map(Scene::Glb)),
+            Format::ObjGroups => Some(ObjGroups::new(folder).map(Scene::Groups)),
+            Format::ThreeMf => Some(ThreeMfScene::new(folder).map(Scene::ThreeMf)),
+            _ => None,
+        }
+    }
+
+    fn add(&mut self, mesh: &mut dyn MeshSource, about: &About) -> io::Result<()> {
+        match self {
+            Scene::Glb(scene) => scene.add(mesh, about),
+            Scene::Groups(scene) => scene.add(mesh, about),
+            Scene::ThreeMf(scene) => scene.add(mesh, about),
+        }
+    }
+
+    fn write<W: Write + Seek>(&mut self, out: &mut W) -> io::Result<()> {
+        match self {
+            Scene::Glb(scene) => scene.write(out),
+            Scene::Groups(scene) => scene.write(out),
+            Scene::ThreeMf(scene) => scene.write(out),
+        }
+    }
 }
 
 impl Scenes {
     /// Whether a run with many bodies puts them all into a file of this name.
     pub fn has(path: &Path) -> bool {
-        matches!(Format::of(path), Ok(Format::Glb))
+        matches!(Format::of(path), Ok(Format::Glb | Format::ObjGroups | Format::ThreeMf))
     }
 
     /// Opens the files under temporary names; nothing where there are none.
@@ -39,17 +77,24 @@ impl Scenes {
     /// # Errors
     /// [`Error::Output`] for a name that cannot be written, or is that of an input or another output.
     pub fn open(paths: &[PathBuf], places: &mut Places) -> Result<Option<Self>> {
-        let Some(target) = paths.first() else { return Ok(None) };
-        let files = paths.iter().map(|path| Ok((path.clone(), Pending::open(path, false, Temporary::Random, places)?)));
-        let files = files.collect::<Result<_>>()?;
-        let scene = GlbScene::new(parent(target)).map_err(|source| Error::Write { path: target.clone(), source })?;
-        let shared = SharedScene { target: target.clone(), scene: Arc::new(Mutex::new(scene)) };
-        Ok(Some(Scenes { files, shared }))
+        let (mut files, mut scenes) = (Vec::new(), Vec::<(Format, Scene)>::new());
+        for path in paths {
+            let format = Format::of(path)?;
+            files.push((path.clone(), format, Pending::open(path, false, Temporary::Random, places)?));
+            if !scenes.iter().any(|(known, _)| *known == format)
+                && let Some(scene) = Scene::new(format, parent(path))
+            {
+                scenes.push((format, scene.map_err(|source| Error::Write { path: path.clone(), source })?));
+            }
+        }
+        let targets: Vec<_> = files.iter().map(|(path, format, _)| (path.clone(), *format)).collect();
+        let shared = SharedScene { targets, scenes: Arc::new(Mutex::new(scenes)) };
+        Ok((!files.is_empty()).then_some(Scenes { files, shared }))
     }
 
     /// The files, by their names.
     pub fn targets(&self) -> impl Iterator<Item = &Path> {
-        self.files.iter().map(|(target, _)| target.as_path())
+        self.files.iter().map(|(target, ..)| target.as_path())
     }
 
     /// Scene that takes the bodies' meshes.
@@ -62,10 +107,11 @@ impl Scenes {
     /// # Errors
     /// [`Error::Write`].
     pub fn complete(&mut self) -> Result<()> {
-        let mut scene = self.shared.lock().map_err(|source| self.shared.fails(source))?;
-        self.files.iter_mut().try_for_each(|(target, pending)| {
+        let mut scenes = self.shared.lock().map_err(|source| self.shared.fails(source))?;
+        self.files.iter_mut().try_for_each(|(target, format, pending)| {
             let mut write = || {
                 let Pending::File(file, _) = &mut *pending else { return Ok(()) };
+                let Some((_, scene)) = scenes.iter_mut().find(|(of, _)| of == format) else { return Ok(()) };
                 scene.write(&mut BufWriter::with_capacity(BUFFER_BYTES, file.as_file_mut()))?;
                 pending.sync()
             };
@@ -78,7 +124,7 @@ impl Scenes {
     /// # Errors
     /// [`Error::Write`].
     pub fn rename(self) -> Result<Vec<PathBuf>> {
-        let rename = |(target, pending): (PathBuf, Pending)| match pending.rename(&target) {
+        let rename = |(target, _, pending): (PathBuf, Format, Pending)| match pending.rename(&target) {
             Ok(()) => Ok(target),
             Err(source) => Err(Error::Write { path: target, source }),
         };
@@ -89,7 +135,17 @@ impl Scenes {
 impl SharedScene {
     /// The file that messages name.
     pub(super) fn target(&self) -> &Path {
-        &self.target
+        self.targets.first().map_or(Path::new(""), |(path, _)| path)
+    }
+
+    /// The formats of its files.
+    pub(super) fn formats(&self) -> impl Iterator<Item = Format> {
+        self.targets.iter().map(|(_, format)| *format)
+    }
+
+    /// The first file that holds positions as f32.
+    pub(super) fn single(&self) -> Option<&Path> {
+        self.targets.iter().find(|(_, format)| format.is_single(Kind::Mesh)).map(|(path, _)| path.as_path())
     }
 
     /// Adds the mesh of the first of `bodies`, in this unit and relative to this origin.
@@ -99,14 +155,14 @@ impl SharedScene {
         let label = appearance.number.map(|number| format!("label {number}"));
         let appearance = Appearance { name: appearance.name.or(label), ..appearance };
         let about = About { appearance, unit, origin };
-        Box::new(move |mesh| shared.lock()?.add(mesh, &about))
+        Box::new(move |mesh| shared.lock()?.iter_mut().try_for_each(|(_, scene)| scene.add(mesh, &about)))
     }
 
-    fn lock(&self) -> io::Result<MutexGuard<'_, GlbScene>> {
-        self.scene.lock().map_err(|_| io::Error::other("a body before has failed"))
+    fn lock(&self) -> io::Result<MutexGuard<'_, Vec<(Format, Scene)>>> {
+        self.scenes.lock().map_err(|_| io::Error::other("a body before has failed"))
     }
 
     fn fails(&self, source: io::Error) -> Error {
-        Error::Write { path: self.target.clone(), source }
+        Error::Write { path: self.target().into(), source }
     }
 }

@@ -17,6 +17,7 @@ use crate::surface::content::{Content, Paint};
 use crate::surface::contour_lines::ContoursWriter;
 use crate::surface::geojson::GeoJsonWriter;
 use crate::surface::glb::{About, write_glb};
+use crate::surface::groups::write_group;
 use crate::surface::header::Header;
 use crate::surface::heightmap::HeightMapWriter;
 use crate::surface::html::HtmlWriter;
@@ -29,7 +30,9 @@ use crate::surface::render::{PictureWriter, RenderOptions};
 #[cfg(feature = "simplify")]
 use crate::surface::spool::Spool;
 use crate::surface::stream::{BodyWriter, Ending, WriterNeeds};
+use crate::surface::three_mf::write_3mf;
 use crate::surface::tiff_volume::Dialect;
+use crate::surface::vtk::{VtiWriter, write_vtp};
 use crate::surface::{nifti, npy, nrrd, tiff_volume};
 
 /// The writer of an output, from its beginning.
@@ -85,15 +88,22 @@ pub(super) fn writer(
         Format::Npz => volume(Box::new(npy::packed(out, header, content, folder)?)),
         Format::Nifti { gzip } => volume(Box::new(nifti::writer(out, header, content, gzip, folder)?)),
         Format::Mha => volume(Box::new(MhaWriter::new(out, header, content, folder)?)),
+        Format::Vti => volume(Box::new(VtiWriter::new(out, header, content, folder)?)),
         Format::Stl if options.simplify.is_none() => Box::new(StlWriter::new(out, origin)?),
         Format::Stl => meshes.writer(written(out, move |out, mesh| write_stl(out, mesh, origin))),
         Format::Ply => meshes.writer(written(out, write_ply)),
         Format::Obj => meshes.writer(written(out, write_obj)),
-        Format::Glb => {
+        Format::Glb | Format::ObjGroups | Format::ThreeMf | Format::Vtp => {
             let appearance = options.bodies.first().cloned().unwrap_or_default();
             let appearance = Appearance { name: appearance.name.or_else(|| Some(stem(target))), ..appearance };
             let about = About { appearance, unit: header.unit.clone(), origin };
-            meshes.writer(written(out, move |out, mesh| write_glb(out, mesh, &about)))
+            let write = match format {
+                Format::ObjGroups => write_group,
+                Format::ThreeMf => write_3mf,
+                Format::Vtp => write_vtp,
+                _ => write_glb,
+            };
+            meshes.writer(written(out, move |out, mesh| write(out, mesh, &about)))
         }
         Format::Png => {
             let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };

@@ -166,15 +166,24 @@ pub fn write_ply<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result
 /// # Errors
 /// The errors of `out`.
 pub fn write_obj<W: Write>(out: &mut W, mesh: &mut dyn MeshSource) -> io::Result<()> {
-    writeln!(out, "# interslice {}", env!("CARGO_PKG_VERSION"))?;
+    obj_head(out)?;
+    write_obj_body(out, mesh, 0)?;
+    out.flush()
+}
+
+pub(super) fn obj_head<W: Write>(out: &mut W) -> io::Result<()> {
+    writeln!(out, "# interslice {}", env!("CARGO_PKG_VERSION"))
+}
+
+/// A mesh behind `before` vertices of others.
+pub(super) fn write_obj_body<W: Write>(out: &mut W, mesh: &mut dyn MeshSource, before: u64) -> io::Result<()> {
     mesh.vertices(&mut |v| {
         let DVec3 { x, y, z } = v.position;
         writeln!(out, "v {x} {y} {z}")
     })?;
     mesh.vertices(&mut |v| writeln!(out, "vn {:.5} {:.5} {:.5}", v.normal.x, v.normal.y, v.normal.z))?;
     mesh.triangles(&mut |t, _| {
-        let [a, b, c] = t.map(|v| v + 1);
+        let [a, b, c] = t.map(|v| before + v + 1);
         writeln!(out, "f {a}//{a} {b}//{b} {c}//{c}")
-    })?;
-    out.flush()
+    })
 }

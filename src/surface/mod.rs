@@ -9,9 +9,11 @@ pub(crate) mod deflate;
 pub mod geojson;
 pub mod geotiff;
 pub mod glb;
+pub mod groups;
 pub mod header;
 pub mod heightmap;
 pub mod html;
+mod length;
 pub mod like;
 pub mod local;
 pub mod map;
@@ -29,10 +31,12 @@ pub mod simplify;
 mod space;
 pub mod spool;
 pub mod stream;
+pub mod three_mf;
 pub mod tiff_volume;
 pub(crate) mod transposed;
 pub mod volume;
 mod voxels;
+pub mod vtk;
 #[cfg(feature = "zarr")]
 pub mod zarr;
 

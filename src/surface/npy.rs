@@ -54,8 +54,8 @@ pub fn packed<W: Write + Seek>(
     VolumeWriter::new(Coded::Raw(Archive(Some(archive))), body, content, folder)
 }
 
-/// Options of an entry: packed, of any size, and without the time of day.
-fn options() -> SimpleFileOptions {
+/// Options of an archive's entry: packed, of any size, and without the time of day.
+pub(super) fn options() -> SimpleFileOptions {
     let plain = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).large_file(true);
     plain.last_modified_time(DateTime::default()).compression_level(Some(1))
 }

@@ -10,6 +10,7 @@ use std::fs;
 use std::path::Path;
 
 use files::*;
+use glam::DVec3;
 use gltf_json::Root;
 use gltf_json::validation::Validate;
 
@@ -118,6 +119,62 @@ fn a_scene_has_every_label_with_its_name_and_colour() {
     done(&["reconstruct", &volume, "--label", "7", "--keep", "4", "-o", &at("again.glb"), "-q"]);
     let again = bodies(Path::new(&at("again.glb")));
     assert_eq!((&again[0].name, again[0].colour), (&all[1].name, all[1].colour));
+}
+
+/// The one node at the top of a scene, and what the scene says of itself.
+fn top(path: &Path) -> (gltf_json::Node, serde_json::Value) {
+    let bytes = fs::read(path).expect("it was written");
+    let json = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
+    let root = Root::from_slice(&bytes[20..20 + json]).expect("it is glTF");
+    root.validate(&root, gltf_json::Path::new, &mut |path, error| panic!("{}: {error}", path()));
+    let [node] = &root.scenes[0].nodes[..] else { panic!("one node carries all") };
+    let extras = root.scenes[0].extras.as_ref().expect("unit and space").get();
+    (root.nodes[node.value()].clone(), serde_json::from_str(extras).expect("JSON"))
+}
+
+#[test]
+fn a_scene_is_in_metres_with_y_upwards_where_that_is_asked_for() {
+    let place = folder();
+    let at = |name: &str| place.path().join(name).display().to_string();
+    let in_unit = |unit: &str| {
+        let directions = "space directions: (1,0,0) (0,1,0) (0,0,1)";
+        format!("space: left-posterior-superior\n{directions}\nspace units: \"{unit}\" \"{unit}\" \"{unit}\"")
+    };
+    write(Path::new(&at("in.nrrd")), &in_unit("mm"));
+    let (plain, turned, alone) = (at("plain.glb"), at("turned.glb"), at("alone.glb"));
+    let run = |more: &[&str]| done(&[&["reconstruct", &at("in.nrrd"), "-q"], more].concat());
+    run(&["--labels", "all", "-o", &plain]);
+    run(&["--labels", "all", "-o", &turned, "--units", "m", "--y-up"]);
+    run(&["--label", "7", "-o", &alone, "--units", "m"]);
+    let (node, said) = top(Path::new(&turned));
+    assert_eq!(said, serde_json::json!({"unit": "m", "space": "left-superior-anterior"}));
+    assert_eq!((node.mesh, node.children.map(|c| c.len()), node.scale), (None, Some(3), Some([0.001; 3])));
+    let [x, y, z, w] = node.rotation.expect("it is turned").0.map(f64::from);
+    // What is superior points up, what is posterior away from the viewer.
+    let turn = glam::DQuat::from_xyzw(x, y, z, w);
+    for (from, to) in [(DVec3::X, DVec3::X), (DVec3::Z, DVec3::Y), (DVec3::Y, DVec3::NEG_Z)] {
+        assert!((turn * from - to).length() < 1e-6, "{from}");
+    }
+    let (node, said) = top(Path::new(&alone));
+    assert_eq!((node.scale, node.rotation.is_none()), (Some([0.001; 3]), true));
+    assert_eq!(said, serde_json::json!({"unit": "m", "space": "left-posterior-superior"}));
+    // The bodies' own numbers stay.
+    let data = |path: &str| {
+        let bytes = fs::read(path).expect("it was written");
+        bytes[28 + u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize..].to_vec()
+    };
+    assert!(data(&plain) == data(&turned));
+
+    // Nobody knows how long a pixel is.
+    write(Path::new(&at("in.nrrd")), &in_unit("px"));
+    let wrong = interslice(&["reconstruct", &at("in.nrrd"), "--labels", "all", "-o", &at("px.glb"), "--units", "m"]);
+    assert_eq!(wrong.status.code(), Some(2));
+    let said = stderr(&wrong);
+    assert!(
+        said.contains("`units` m is not known of an input in px; units with a length are um, mm, cm, m, in, ft"),
+        "{said}"
+    );
+    assert!(!Path::new(&at("px.glb")).exists());
 }
 
 #[test]

@@ -25,7 +25,7 @@ def test_stubs_have_the_names_of_the_module() -> None:
     # Profiles are written to the terminal.
     assert stubs("SettingsOptions") == names["settings"] | names["machine"] - {"profile"}
     assert stubs("RunOptions") == {"dz", "isotropic"}
-    assert names["output"] == {"dz", "isotropic", "mask", "distance", "like", "contours", "simplify"}
+    assert names["output"] == {"dz", "isotropic", "mask", "distance", "like", "contours", "simplify", "units", "y_up"}
     assert stubs("ReadOptions") | {"axis", "spacing"} == names["read"] - {"complete_slices"}
 
 

@@ -190,6 +190,7 @@ impl Loaded {
     /// # Errors
     /// [`Error::Stack`](crate::Error::Stack) for too many output heights.
     pub fn new(stack: ContourStack, options: JobOptions) -> Result<Self> {
+        options.output.check_unit(&stack.unit)?;
         let heights = options.output.heights(&stack, &options.settings)?;
         Ok(Loaded { stack, heights, options, notes: Vec::new(), source: None })
     }

@@ -17,6 +17,7 @@ use crate::stack::ContourStack;
 use crate::stack::appearance::Appearance;
 use crate::stack::heights::height_grid;
 use crate::surface::content::{Content, Paint};
+use crate::surface::glb::{SceneFrame, SceneUnit};
 use crate::surface::map::Map;
 #[cfg(feature = "simplify")]
 use crate::surface::simplify;
@@ -74,6 +75,14 @@ pub struct OutputOptions {
     /// Meshes with fewer triangles, closed, no farther than this from the full one
     #[arg(long, value_name = "ERROR", help = simplify_help())]
     pub simplify: Option<f64>,
+
+    /// `.glb` in metres, as glTF has it [default: in the input's unit]
+    #[arg(long, value_name = "UNIT")]
+    pub units: Option<SceneUnit>,
+
+    /// `.glb` with y upwards, as glTF has it: x left, y superior, z anterior
+    #[arg(long)]
+    pub y_up: bool,
 
     /// The RTSTRUCT that was read, for a completed one
     #[cfg(feature = "dicom")]
@@ -176,6 +185,19 @@ impl OutputOptions {
         let came = self.paint.filter(|_| !self.distance);
         let paint = if self.mask { Some(Paint::default()) } else { came };
         paint.map_or(Content::Distance, Content::Mask)
+    }
+
+    /// How a scene lies.
+    pub(super) fn frame(&self) -> SceneFrame {
+        SceneFrame { unit: self.units, y_up: self.y_up }
+    }
+
+    /// Checks that a stack in `unit` can be had in the unit that is asked for.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for a unit of unknown length.
+    pub fn check_unit(&self, unit: &str) -> Result<()> {
+        self.frame().check(unit).map_err(|message| Error::Setting { name: "units".into(), message })
     }
 
     /// Distance between output heights, where the options say it.

@@ -237,7 +237,7 @@ impl LayerSink for Sink<'_> {
             writers.push(writer.map_err(|source| output.fails(source))?);
         }
         let scene = self.outputs.scene.as_ref();
-        writers.extend(scene.map(|scene| meshes.writer(scene.write_mesh(&self.options.bodies, &header.unit, origin))));
+        writers.extend(scene.map(|scene| meshes.writer(scene.write_mesh(&self.options, &header.unit, origin))));
         let target = self.outputs.files.first().map(|f| f.target.as_path()).or(scene.map(SharedScene::target));
         let folder = target.map_or(Path::new("."), parent);
         let single = self.outputs.files.iter().any(|f| f.format.is_single(Kind::Volume));

@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use glam::DVec3;
 
 use super::format::{BUFFER_BYTES, Format, Kind};
+use super::options::OutputOptions;
 use super::pending::{Pending, Temporary, parent};
 use super::places::Places;
 use crate::error::{Error, Result};
@@ -148,13 +149,13 @@ impl SharedScene {
         self.targets.iter().find(|(_, format)| format.is_single(Kind::Mesh)).map(|(path, _)| path.as_path())
     }
 
-    /// Adds the mesh of the first of `bodies`, in this unit and relative to this origin.
-    pub(super) fn write_mesh(&self, bodies: &[Appearance], unit: &str, origin: DVec3) -> WriteMesh {
+    /// Adds the mesh of the first of the options' bodies, in this unit and relative to this origin.
+    pub(super) fn write_mesh(&self, options: &OutputOptions, unit: &str, origin: DVec3) -> WriteMesh {
         let (shared, unit) = (self.clone(), unit.to_string());
-        let appearance = bodies.first().cloned().unwrap_or_default();
+        let appearance = options.bodies.first().cloned().unwrap_or_default();
         let label = appearance.number.map(|number| format!("label {number}"));
         let appearance = Appearance { name: appearance.name.or(label), ..appearance };
-        let about = About { appearance, unit, origin };
+        let about = About { appearance, unit, origin, frame: options.frame() };
         Box::new(move |mesh| shared.lock()?.iter_mut().try_for_each(|(_, scene)| scene.add(mesh, &about)))
     }
 

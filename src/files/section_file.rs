@@ -347,10 +347,11 @@ impl SectionReader {
         let [nx, ny] = head.dims;
         let sound = nx.checked_mul(ny).is_some_and(|pixels| (1..=MOST_PIXELS).contains(&pixels));
         if !sound || !(1..=head.part[1]).contains(&head.part[0]) {
-            return Err(wrong(format!("part {:?} of {:?} pixels cannot be", head.part, head.dims)));
+            return Err(wrong(format!("part {} of {} of {nx} x {ny} pixels cannot be", head.part[0], head.part[1])));
         }
         if let Some(map) = head.map.as_ref().filter(|map| !map.lies_within(head.dims)) {
-            return Err(wrong(format!("a map of {:?} pixels from {:?} cannot be", map.dims, map.first)));
+            let ([x, y], [i, j]) = (map.dims, map.first);
+            return Err(wrong(format!("a map of {x} x {y} pixels from ({i}, {j}) cannot be")));
         }
         head.geometry.validate().map_err(|e| wrong(e.to_string()))?;
         Ok(SectionReader { path: path.into(), head, input })

@@ -96,7 +96,7 @@ pub(super) fn writer(
         Format::Glb | Format::ObjGroups | Format::ThreeMf | Format::Vtp => {
             let appearance = options.bodies.first().cloned().unwrap_or_default();
             let appearance = Appearance { name: appearance.name.or_else(|| Some(stem(target))), ..appearance };
-            let about = About { appearance, unit: header.unit.clone(), origin };
+            let about = About { appearance, unit: header.unit.clone(), origin, frame: options.frame() };
             let write = match format {
                 Format::ObjGroups => write_group,
                 Format::ThreeMf => write_3mf,

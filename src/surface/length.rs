@@ -1,16 +1,36 @@
 //! Units of length by the names that inputs give them.
 
-/// Names of a unit, and what 3MF calls it.
-const UNITS: &[(&[&str], &str)] = &[
-    (&["um", "\u{b5}m", "\u{3bc}m"], "micron"),
-    (&["mm"], "millimeter"),
-    (&["cm"], "centimeter"),
-    (&["m"], "meter"),
-    (&["in", "inch"], "inch"),
-    (&["ft"], "foot"),
+/// A unit.
+struct Unit {
+    names: &'static [&'static str],
+    of_3mf: &'static str,
+    metres: f64,
+}
+
+const UNITS: &[Unit] = &[
+    Unit { names: &["um", "\u{b5}m", "\u{3bc}m"], of_3mf: "micron", metres: 1e-6 },
+    Unit { names: &["mm"], of_3mf: "millimeter", metres: 1e-3 },
+    Unit { names: &["cm"], of_3mf: "centimeter", metres: 1e-2 },
+    Unit { names: &["m"], of_3mf: "meter", metres: 1.0 },
+    Unit { names: &["in", "inch"], of_3mf: "inch", metres: 0.0254 },
+    Unit { names: &["ft"], of_3mf: "foot", metres: 0.3048 },
 ];
+
+fn of(name: &str) -> Option<&'static Unit> {
+    UNITS.iter().find(|unit| unit.names.contains(&name.trim()))
+}
 
 /// Name of a unit in 3MF, which knows six of them.
 pub(super) fn of_3mf(name: &str) -> Option<&'static str> {
-    UNITS.iter().find(|(names, _)| names.contains(&name.trim())).map(|(_, of_3mf)| *of_3mf)
+    of(name).map(|unit| unit.of_3mf)
+}
+
+/// Metres of a unit.
+pub(super) fn metres(name: &str) -> Option<f64> {
+    of(name).map(|unit| unit.metres)
+}
+
+/// Units with a length, for a person.
+pub(super) fn known() -> String {
+    UNITS.iter().map(|unit| unit.names[0]).collect::<Vec<_>>().join(", ")
 }

@@ -13,6 +13,7 @@ use serde_json::json;
 use serde_json::value::{RawValue, to_raw_value};
 
 use super::colour;
+use super::frame::SceneFrame;
 use super::part::{MeshPart, VERTEX_BYTES};
 
 /// The description of meshes whose data follow each other. A body without a surface has no mesh: glTF knows no empty ones.
@@ -36,6 +37,12 @@ pub(super) fn described(parts: &[MeshPart]) -> io::Result<Root> {
             offset += part.bytes();
         }
     }
+    if let Some(first) = parts.first()
+        && let Some(above) = first.about.frame.node(&first.about.unit)?
+    {
+        let children = Some(std::mem::take(&mut nodes));
+        nodes.push(root.push(Node { children, ..above }));
+    }
     let extras = parts.first().map(|part| about(part, false)).transpose()?;
     let scene = Scene { extensions: None, extras, name: None, nodes };
     root.scene = Some(root.push(scene));
@@ -44,7 +51,9 @@ pub(super) fn described(parts: &[MeshPart]) -> io::Result<Root> {
 
 /// The unit and the directions of the axes; of a mesh its number, and its origin where that is not the world's.
 fn about(part: &MeshPart, is_mesh: bool) -> io::Result<Box<RawValue>> {
-    let mut about = json!({"unit": part.about.unit, "space": "left-posterior-superior"});
+    let frame = if is_mesh { SceneFrame::default() } else { part.about.frame };
+    let [unit, space] = frame.words(&part.about.unit);
+    let mut about = json!({"unit": unit, "space": space});
     if let Some(number) = part.about.appearance.number.filter(|_| is_mesh) {
         about["number"] = number.into();
     }

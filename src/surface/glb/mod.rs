@@ -1,12 +1,13 @@
 //! Meshes as binary glTF 2.0 (`.glb`): for each body one mesh with its name and colour, f32 positions and normals, u32 triangles.
 //!
-//! Positions are those of all other outputs: world coordinates (LPS) in the stack's unit, neither scaled to glTF's metres nor turned to its
-//! upright y, so that files of one case fit each other. The `extras` of meshes and scene say so: `unit` and `space`; `number` is that of the
-//! label or ROI. Far from the world's origin a mesh has one of its own, which its node adds again (`translation`), and `extras` name it too
+//! Positions are those of all other outputs: world coordinates (LPS) in the stack's unit, so that files of one case fit each other. A node above
+//! all bodies scales them to glTF's metres and turns y upwards where that is asked for ([`SceneFrame`]). The `extras` of meshes and scene say how
+//! each lies: `unit` and `space`; `number` is that of the label or ROI. Far from the world's origin a mesh has one of its own, which its node adds again (`translation`), and `extras` name it too
 //! (`origin`).
 
 pub(in crate::surface) mod colour;
 mod describe;
+mod frame;
 mod part;
 
 use std::fs::File;
@@ -18,6 +19,7 @@ use glam::DVec3;
 use super::mesh::MeshSource;
 use super::mesh_files::le_bytes;
 use describe::described;
+pub use frame::{SceneFrame, SceneUnit};
 pub use part::About;
 use part::MeshPart;
 

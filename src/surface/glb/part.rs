@@ -4,6 +4,7 @@ use std::io;
 
 use glam::{DVec3, Vec3};
 
+use super::frame::SceneFrame;
 use crate::stack::appearance::Appearance;
 use crate::surface::mesh::MeshSource;
 
@@ -21,6 +22,8 @@ pub struct About {
     pub unit: String,
     /// Origin of positions, see [`local`](crate::surface::local).
     pub origin: DVec3,
+    /// How a scene (`.glb`) lies.
+    pub frame: SceneFrame,
 }
 
 /// One mesh of a file.

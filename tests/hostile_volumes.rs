@@ -352,7 +352,7 @@ fn archives_of_arrays() {
         &[("a.npy", sound.clone()), ("b.npy", sound.clone())],
         &["a.npz", "has several volumes: `a`, `b`; save the one"],
     );
-    with(&[("row.npy", row)], &["a.npz: has no array of three axes (z, y, x), but `row` [2]"]);
+    with(&[("row.npy", row)], &["a.npz: has no array of three axes (z, y, x), but `row` of 2"]);
     with(&[("note.txt", b"x".into())], &["a.npz: has no arrays"]);
     with(&[("a.npy", b"nonsense".into())], &["a.npz: array `a`: does not begin with"]);
     with(&[("a.npy", sound[..300].into())], &["a.npz: array `a`: data end after 300 of"]);

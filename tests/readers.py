@@ -11,6 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import geopandas
 import jsonschema
 import nibabel
 import nrrd
@@ -18,10 +19,13 @@ import numpy as np
 import pydicom
 import pydicom.dicomio
 import rasterio
+import shapely
 import SimpleITK
 import tifffile
 import trimesh
 import zarr
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLPolyDataReader
 
 # The parser was written for pydicom 2, where dcmread had this name too.
 pydicom.dicomio.read_file = pydicom.dcmread
@@ -65,6 +69,8 @@ def main(program):
         group("completed RTSTRUCT")
         contour_map(program, folder)
         group("contour map")
+        map_files(program, folder)
+        group("files of maps")
         reports(program, folder)
         group("every kind of report")
         every_volume(program, folder)
@@ -75,18 +81,22 @@ def main(program):
         image = nibabel.Nifti1Image(given, np.vstack([np.column_stack([np.diag([-1, -1, 1]) @ STEPS.T, np.diag([-1, -1, 1]) @ ORIGIN]), [0, 0, 0, 1]]))
         nibabel.save(image, folder / "in.nii.gz")
         for source in ("in.nrrd", "in.nii.gz"):
-            outputs = [folder / f"{source}.{e}" for e in ("nrrd", "nii.gz", "nii", "stl", "ply", "obj", "dem.tif", "png", "zarr", "glb", "origin.nrrd", "confidence.nii.gz", "json")]
+            kinds = ("nrrd", "nii.gz", "nii", "vti", "stl", "ply", "obj", "3mf", "groups.obj", "vtp", "dem.tif", "png", "zarr", "glb", "origin.nrrd", "confidence.nii.gz", "json")
+            outputs = {kind: folder / f"{source}.{kind}" for kind in kinds}
             command = [program, "reconstruct", folder / source, "-q", "--distance"]
-            for path in outputs:
+            for path in outputs.values():
                 command += ["-o", path]
             subprocess.run(command, check=True)
-            volumes(source, given, outputs[:3])
-            meshes(source, outputs[3:6])
-            heights = tifffile.imread(outputs[6])
-            chunks(source, outputs[:1] + outputs[8:9])
-            meshes(source, outputs[9:10])
-            origins(source, given, outputs[:1] + outputs[10:12])
-            report(source, outputs[12])
+            of = lambda *kinds: [outputs[kind] for kind in kinds]
+            volumes(source, given, of("nrrd", "nii.gz", "nii"))
+            image_data(source, *of("nrrd", "vti"))
+            meshes(source, of("stl", "ply", "obj", "groups.obj", "3mf", "glb"))
+            poly_data(source, *of("ply", "vtp"))
+            heights = tifffile.imread(outputs["dem.tif"])
+            chunks(source, of("nrrd", "zarr"))
+            origins(source, given, of("nrrd", "origin.nrrd", "confidence.nii.gz"))
+            report(source, outputs["json"])
+            scene(source, program, folder)
             simpler(source, program, folder)
             check(f"{source} -> tif", heights.shape == SIZES[1::-1] and np.nanmax(heights) == 20.0, heights.shape)
             group(f"every output of {source}")
@@ -127,6 +137,32 @@ def contour_map(program, folder):
     drawn = json.loads(out.read_text())["features"]
     ends = [l[0][0] == l[-1][0] == 5e5 - 150 for f in drawn if f["properties"]["elevation"] < 220 for l in f["geometry"]["coordinates"]]
     check("cone.geojson -> geojson, open at the border", ends and all(ends), len(ends))
+
+
+def map_files(program, folder):
+    """The same lines in every format that geopandas writes, metric and in degrees, are the same terrain."""
+    lines = geopandas.read_file(folder / "cone.geojson")
+    check("cone.geojson -> geopandas", len(lines) == 4 and lines.crs.to_epsg() == 32611)
+    command = ["--border", "499850,3999600,500400,4000400", "--pixel", "10", "--end-top", "extrapolate", "-q"]
+    with rasterio.open(folder / "cone.dem.tif") as map:
+        given, place = map.read(1, masked=True), map.transform
+    for name in ("cone.gpkg", "cone.shp", "cone.geojson.json"):
+        lines.to_file(folder / name, driver={"gpkg": "GPKG", "shp": "ESRI Shapefile", "json": "GeoJSON"}[name.rsplit(".", 1)[1]])
+        out = folder / f"{name}.dem.tif"
+        subprocess.run([program, "reconstruct", folder / name, *command, "-o", out], check=True)
+        with rasterio.open(out) as map:
+            heights = map.read(1, masked=True)
+            check(f"geopandas -> {name}", map.transform == place and map.crs.to_epsg() == 32611 and (heights.mask == given.mask).all())
+        check(f"geopandas -> {name}, heights", np.abs(heights - given).max() < 1e-3, np.abs(heights - given).max())
+    # The lines that the program writes, read and compared with those that it was given.
+    drawn = geopandas.read_file(folder / "lines.geojson")
+    check("lines.geojson -> geopandas", drawn.crs.to_epsg() == 32611 and set(lines["elev"]) <= set(drawn["elevation"]), set(drawn["elevation"]))
+    # At the border itself a line is closed, which rounds the corner within a pixel.
+    within = shapely.box(499860, 3999600, 500400, 4000400)
+    for level, given in zip(lines["elev"], lines.geometry):
+        (own,) = drawn[drawn["elevation"] == level].geometry
+        off = own.intersection(within).hausdorff_distance(given.intersection(within))
+        check(f"lines.geojson -> geopandas, {level}", off < 1.0, off)
 
 
 def ring(radius, z, points=80):
@@ -220,6 +256,47 @@ def volumes(source, given, paths):
         check(f"{path.name} -> SimpleITK", np.abs(steps.T - STEPS).max() < 1e-5 and np.abs(np.array(image.GetOrigin()) - ORIGIN).max() < 1e-3)
 
 
+def vtk_file(reader, path):
+    """What VTK reads without a word on its error output, and the words in the file."""
+    wrong = []
+    reader.AddObserver("ErrorEvent", lambda *_: wrong.append(path.name))
+    reader.SetFileName(str(path))
+    reader.Update()
+    data = reader.GetOutput()
+    fields = data.GetFieldData()
+    words = {fields.GetAbstractArray(k).GetName(): fields.GetAbstractArray(k).GetValue(0) for k in range(fields.GetNumberOfArrays())}
+    check(f"{path.name} -> vtk", not wrong and words["unit"] == "mm" and words["space"] == "left-posterior-superior", words)
+    return data
+
+
+def image_data(source, volume, path):
+    array, _ = nrrd.read(str(volume))
+    data = vtk_file(vtkXMLImageDataReader(), path)
+    voxels = vtk_to_numpy(data.GetPointData().GetScalars()).reshape(data.GetDimensions()[::-1])
+    check(f"{source} -> vtk values", voxels.dtype == array.dtype and np.array_equal(voxels.T, array), voxels.shape)
+    matrix = data.GetDirectionMatrix()
+    direction = np.array([[matrix.GetElement(row, column) for column in range(3)] for row in range(3)])
+    steps = direction * np.array(data.GetSpacing())
+    check(f"{source} -> vtk place", np.abs(steps - STEPS.T).max() < 1e-6 and np.abs(np.array(data.GetOrigin()) - ORIGIN).max() < 1e-6, steps)
+
+
+def poly_data(source, mesh, path):
+    data = vtk_file(vtkXMLPolyDataReader(), path)
+    points = vtk_to_numpy(data.GetPoints().GetData())
+    faces = vtk_to_numpy(data.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+    same = trimesh.load(mesh, process=False)
+    check(f"{source} -> vtk points", points.dtype == np.float64 and np.abs(points - same.vertices).max() < 1e-4 and np.array_equal(faces, same.faces), points.shape)
+    body = trimesh.Trimesh(points, faces, process=False)
+    check(f"{source} -> vtk mesh", body.is_watertight and body.volume > 0, body.volume)
+    normals = vtk_to_numpy(data.GetPointData().GetNormals())
+    # Beside the mean of the triangles around each vertex, by area; the ends are flat and their edges sharp.
+    around = np.zeros_like(points)
+    np.add.at(around, faces, np.repeat(np.cross(*(points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2)))[:, None], 3, axis=1))
+    along = (normals * around).sum(1) / np.linalg.norm(around, axis=1)
+    sound = np.abs(np.linalg.norm(normals, axis=1) - 1).max() < 1e-5 and along.mean() > 0.98 and np.quantile(along, 0.01) > 0.7
+    check(f"{source} -> vtk normals", sound, (along.mean(), np.quantile(along, 0.01)))
+
+
 def chunks(source, paths):
     array, _ = nrrd.read(str(paths[0]))
     zarr_place(source, paths[1], array, STEPS.T, ORIGIN)
@@ -295,7 +372,7 @@ def every_volume(program, folder):
     steps = np.diag([0.75, 1.25, 2.5])
     header = {"space": "left-posterior-superior", "space directions": steps, "space origin": ORIGIN, **segments}
     nrrd.write(str(folder / "every.nrrd"), given, header)
-    names = ("v.nrrd", "v.seg.nrrd", "v.nii", "v.nii.gz", "v.mha", "v.zarr", "v.tif", "v.ome.tif", "v.npy", "v.npz")
+    names = ("v.nrrd", "v.seg.nrrd", "v.nii", "v.nii.gz", "v.mha", "v.zarr", "v.tif", "v.ome.tif", "v.npy", "v.npz", "v.vti")
     command = [program, "reconstruct", folder / "every.nrrd", "-q", "--labels", "all"]
     subprocess.run(command + [a for name in names for a in ("-o", folder / name)], check=True)
     near = lambda a, b, bound=1e-6: np.abs(np.asarray(a, float) - np.asarray(b, float)).max() <= bound
@@ -328,6 +405,9 @@ def every_volume(program, folder):
         check("v.ome.tif -> tifffile", file.is_ome and file.series[0].axes == "ZYX" and (file.asarray() == array.T).all() and file.asarray().dtype == np.int16)
         sides = [pixels[f"PhysicalSize{a}"] for a in "XYZ"]
         check("v.ome.tif -> tifffile sides", near(sides, np.diag(steps)) and {pixels[f"PhysicalSize{a}Unit"] for a in "XYZ"} == {"mm"}, pixels)
+    data = vtk_file(vtkXMLImageDataReader(), folder / "v.vti")
+    voxels = vtk_to_numpy(data.GetPointData().GetScalars())
+    check("v.vti -> vtk", voxels.dtype == np.int16 and (voxels.reshape(array.T.shape) == array.T).all() and near(data.GetSpacing(), np.diag(steps)))
     plain = np.load(folder / "v.npy")
     check("v.npy -> numpy", plain.dtype == np.int16 and (plain == array.T).all())
     with np.load(folder / "v.npz") as packed:
@@ -352,6 +432,16 @@ def far_away(program, folder):
             volume = near.volume / side**3
             first = volumes.setdefault(path.suffix, volume)
             check(f"{path.name} at {origin} -> trimesh", sound and degenerate == 0 and abs(volume / first - 1) < 1e-3, f"{degenerate} degenerate, volume {volume}, {first}")
+
+
+def scene(source, program, folder):
+    """In metres, y upwards: each point of the plain scene, turned and scaled."""
+    turned = folder / "turned.glb"
+    subprocess.run([program, "reconstruct", folder / source, "-q", "--units", "m", "--y-up", "-o", turned], check=True)
+    plain, turned = (trimesh.load(path, force="mesh") for path in (folder / f"{source}.glb", turned))
+    x, y, z = plain.vertices.T
+    off = np.abs(turned.vertices - np.column_stack([x, z, -y]) / 1000).max()
+    check(f"{source} -> trimesh, y up", off < 1e-6 and turned.is_watertight and turned.volume > 0, off)
 
 
 def simpler(source, program, folder):

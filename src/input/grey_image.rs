@@ -69,7 +69,14 @@ impl Grey {
                 }
                 Ok(Grey { dims, bits: 8, values: rgba.pixels().map(|p| u16::from(p[0])).collect() })
             }
-            other => Err(format!("pixels are {:?}; a slice must be an 8 or 16 bit grey image", other.color())),
+            other => {
+                let color = other.color();
+                let (channels, bits) =
+                    (color.channel_count(), color.bits_per_pixel() / u16::from(color.channel_count()));
+                Err(format!(
+                    "pixels have {channels} channels of {bits} bits; a slice must be a grey image of 8 or 16 bits"
+                ))
+            }
         }
     }
 }

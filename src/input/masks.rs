@@ -85,7 +85,8 @@ fn alike(first: Option<&Volume>, mask: &Volume) -> Result<()> {
     let name = first.path.file_name().unwrap_or_default().to_string_lossy();
     let (a, b) = (&first.grid, &mask.grid);
     if a.dims != b.dims {
-        return fail(format!("has {:?} voxels, but {name} has {:?}; masks of a folder have one grid", b.dims, a.dims));
+        let [own, of_first] = [b, a].map(|grid| grid.dims.map(|n| n.to_string()).join(" x "));
+        return fail(format!("has {own} voxels, but {name} has {of_first}; masks of a folder have one grid"));
     }
     let within = SAME_PLACE * a.spacing().into_iter().fold(f64::INFINITY, f64::min);
     let last = |k: usize| a.dims[k] as f64;

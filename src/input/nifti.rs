@@ -138,7 +138,7 @@ fn two(bytes: &[u8]) -> Failure<Header> {
     let real = |place| f64::from_le_bytes(at(bytes, place, big_endian));
     let magic = &bytes[4..12];
     if ![b"n+2\0\r\n\x1a\n", b"ni2\0\r\n\x1a\n"].iter().any(|known| magic == *known) {
-        return Err(format!("NIfTI-2 header: magic is {:?}; expected n+2 or ni2", text(magic)));
+        return Err(format!("NIfTI-2 header: magic is \"{}\"; expected n+2 or ni2", text(magic).escape_default()));
     }
     Ok(Header {
         format: "NIfTI-2",

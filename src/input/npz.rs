@@ -70,7 +70,14 @@ fn volume(path: &Path, mut input: BufReader<std::fs::File>) -> Failure<Volume> {
         let header = header.map_err(|m| format!("array `{name}`: {m}"))?;
         match header.shape.len() {
             3 => volumes.push(Entry { name, header, start, length, coding }),
-            _ => others.push(format!("`{name}` {:?}", header.shape)),
+            _ => {
+                let shape: Vec<String> = header.shape.iter().map(usize::to_string).collect();
+                others.push(if shape.is_empty() {
+                    format!("the number `{name}`")
+                } else {
+                    format!("`{name}` of {}", shape.join(" x "))
+                });
+            }
         }
     }
     let names = || volumes.iter().map(|v| format!("`{}`", v.name)).collect::<Vec<_>>().join(", ");

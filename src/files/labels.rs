@@ -80,6 +80,7 @@ impl LoadedLabels {
             return fail("labels", format!("must lie within {limit} either side of 0; got {least} to {most}"));
         }
         let numbers = stack.scalar.or_wider(least.min(0), most.max(0));
+        options.output.check_unit(&stack.stack.unit)?;
         let heights = options.output.heights(&stack.stack, &options.settings)?;
         Ok(LoadedLabels { stack, heights, options, keep_overlaps, numbers, source })
     }

@@ -31,6 +31,7 @@ pub fn write_with(
     places: &mut Places,
 ) -> Result<Vec<PathBuf>> {
     options.check_ranges()?;
+    options.check_unit(&body.unit)?;
     let paths: Vec<PathBuf> = paths.iter().map(|path| path.as_ref().into()).collect();
     let mut outputs = Outputs::open(&paths, None, Temporary::Random, places)?;
     outputs.check(options)?;

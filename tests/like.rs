@@ -131,6 +131,16 @@ fn what_cannot_be_is_told() {
         "space: LPS\nspace directions: (1,0,0) (0,0.8,0.6) (0,-0.6,0.8)\nspace origin: (0,0,300)\nencoding: raw",
     );
     write("far.nrrd", "space: LPS\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,900)\nencoding: raw");
+    // The slices reach from (-12.8, -20.5) to (28.4, 23.7).
+    for (name, place) in [("east", "(30,0,300)"), ("south", "(0,-26,300)")] {
+        let header =
+            format!("space: LPS\nspace directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: {place}\nencoding: raw");
+        write(&format!("{name}.nrrd"), &header);
+        refused(
+            &[&given, "-o", &at("out.nrrd"), "--like", &at(&format!("{name}.nrrd"))],
+            "no place in common with the slices",
+        );
+    }
     write("plain.nrrd", "encoding: raw");
     let out = at("out.nrrd");
     refused(&[&given, "-o", &out, "--like", &at("oblique.nrrd")], "oblique to the slices by 36.87 degrees");
@@ -148,6 +158,7 @@ mod series {
     use dicom_core::{DataElement, VR, value::PrimitiveValue};
     use dicom_dictionary_std::{tags, uids};
     use dicom_object::{FileMetaTableBuilder, InMemDicomObject, open_file};
+    use interslice::rtstruct::ImageSeries;
 
     use super::rtss::{text, tube, write};
     use super::*;
@@ -238,5 +249,72 @@ mod series {
             }
         }
         refused(&[&at("rtss.dcm"), "--like", &at("rtss.dcm"), "-o", &at("out.mha")], "is no DICOM image with a place");
+    }
+
+    /// Values of the elements by which an image is changed, and what is said of it.
+    #[test]
+    fn images_that_are_no_stack_are_told() {
+        let place = folder();
+        let at = |name: &str| place.path().join(name).display().to_string();
+        write(&[("Tumour", tube(20.0, &[0.0, 3.0, 6.0, 9.0]))], &place.path().join("rtss.dcm"));
+        let number = |tag, n: u16| DataElement::new(tag, VR::US, PrimitiveValue::from(n));
+        let changes = [
+            (text(tags::PIXEL_SPACING, VR::DS, "0\\2"), "98.dcm: Image Orientation must be"),
+            (text(tags::PIXEL_SPACING, VR::DS, "3"), "98.dcm: Pixel Spacing must be 2 numbers; got `3`"),
+            (text(tags::PIXEL_SPACING, VR::DS, "3\\1e999"), "98.dcm: Pixel Spacing must be 2 numbers; got `3\\1e999`"),
+            (text(tags::PIXEL_SPACING, VR::DS, "3\\4"), "has other pixels than"),
+            (
+                text(tags::IMAGE_POSITION_PATIENT, VR::DS, "a\\b\\c"),
+                "98.dcm: Image Position (Patient) must be 3 numbers",
+            ),
+            (text(tags::IMAGE_POSITION_PATIENT, VR::DS, "60\\-120\\3"), "has two images at height 3.000"),
+            (
+                text(tags::IMAGE_ORIENTATION_PATIENT, VR::DS, "1\\0\\0\\1\\0\\0"),
+                "98.dcm: Image Orientation must be two perp",
+            ),
+            (text(tags::IMAGE_ORIENTATION_PATIENT, VR::DS, "0\\1\\0\\1\\0\\0"), "has other directions than"),
+            (number(tags::ROWS, 0), "98.dcm: Image Orientation must be"),
+            (number(tags::COLUMNS, 65535), "has other pixels than"),
+            (text(tags::SERIES_INSTANCE_UID, VR::UI, "1.2.88"), "has images of several series"),
+        ];
+        for (element, says) in changes {
+            images(&place.path().join("ct"), &[0.0, 1.5, 4.5, 3.0]);
+            let path = at("ct/98.dcm");
+            let mut object = open_file(&path).expect("a DICOM file");
+            object.put(element);
+            object.write_to_file(&path).expect("a file");
+            refused(&[&at("rtss.dcm"), "--like", &at("ct"), "-o", &at("out.mha")], says);
+            assert!(!place.path().join("out.mha").exists());
+        }
+    }
+
+    /// What is cut off or damaged is read or refused in words, and never more is taken than the file has.
+    #[test]
+    fn damaged_images_are_read_or_refused() {
+        let place = folder();
+        images(place.path(), &[0.0]);
+        let path = place.path().join("100.dcm");
+        let sound = fs::read(&path).expect("a file");
+        assert_eq!(ImageSeries::read(&path).expect("it is sound").dims, [40, 50]);
+        let header = sound.len() - 4000;
+        let mut refused = 0;
+        let mut look = |bytes: &[u8], what: String| {
+            fs::write(&path, bytes).expect("a file");
+            if let Err(wrong) = ImageSeries::read(&path) {
+                refused += 1;
+                assert!(wrong.to_string().contains("100.dcm") && wrong.exit_code() == 2, "{what}: {wrong}");
+            }
+        };
+        for cut in 0..header {
+            look(&sound[..cut], format!("cut to {cut}"));
+        }
+        for n in 128..header {
+            for change in [0x01, 0x80, 0xff] {
+                let mut bytes = sound.clone();
+                bytes[n] ^= change;
+                look(&bytes, format!("byte {n} by {change:#x}"));
+            }
+        }
+        assert!((header / 2..4 * header).contains(&refused), "{refused} of {} were refused", 4 * header);
     }
 }

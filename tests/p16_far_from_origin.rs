@@ -239,7 +239,10 @@ fn meshes_far_from_the_origin_are_those_near_it() {
         assert!(!near_said.contains("relative to") && near_told.get("local_origin").is_none(), "{near_said}");
         let DVec3 { x, y, z } = local;
         let words = format!("positions in .stl and .glb are 32-bit and relative to ({x}, {y}, {z})");
-        assert!(far_said.contains(&words) && far_said.contains("; .ply and .obj are in world"), "case {n}: {far_said}");
+        assert!(
+            far_said.contains(&words) && far_said.contains("; .ply, .obj, .groups.obj, .3mf and .vtp are in world"),
+            "case {n}: {far_said}"
+        );
         assert_eq!(far_told["local_origin"], serde_json::json!(local), "case {n}");
         let report_volume = far_told["volume"].as_f64().expect("a number");
         for ((format, near), far) in FORMATS.iter().zip(&near).zip(&far) {
@@ -415,9 +418,14 @@ fn a_surface_too_wide_for_32_bits_is_refused_there_only() {
     };
     for format in ["stl", "glb"] {
         let (code, said) = begun(format).expect_err("32 bits do not hold it");
-        assert!(code == 2 && said.contains("40001 cells wide") && said.contains(".ply and .obj"), "{said}");
+        assert!(
+            code == 2
+                && said.contains("40001 cells wide")
+                && said.contains(".ply, .obj, .groups.obj, .3mf and .vtp hold 64 bits"),
+            "{said}"
+        );
     }
-    for format in ["ply", "obj", "nrrd"] {
+    for format in ["ply", "obj", "3mf", "vtp", "groups.obj", "nrrd"] {
         assert_eq!(begun(format), Ok(()), "{format}");
     }
 }

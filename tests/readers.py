@@ -154,6 +154,25 @@ def map_files(program, folder):
             heights = map.read(1, masked=True)
             check(f"geopandas -> {name}", map.transform == place and map.crs.to_epsg() == 32611 and (heights.mask == given.mask).all())
         check(f"geopandas -> {name}, heights", np.abs(heights - given).max() < 1e-3, np.abs(heights - given).max())
+    # On the grid of a raster: its own again, and one that lies otherwise.
+    here = [program, "reconstruct", folder / "cone.geojson", "--border", "499850,3999600,500400,4000400", "--end-top", "extrapolate", "-q", "--like"]
+    other = {"driver": "GTiff", "width": 60, "height": 50, "count": 1, "dtype": "float32", "crs": "EPSG:32611"}
+    with rasterio.open(folder / "other.tif", "w", **other, transform=rasterio.Affine(5.5, 0, 499900, 0, -7, 4000200)) as map:
+        map.write(np.zeros((1, 50, 60), np.float32))
+    for like in ("cone.dem.tif", "other.tif"):
+        subprocess.run([*here, folder / like, "-o", folder / "like.dem.tif"], check=True)
+        with rasterio.open(folder / like) as of, rasterio.open(folder / "like.dem.tif") as map:
+            check(f"--like {like} -> rasterio", map.transform == of.transform and map.shape == of.shape and map.crs == of.crs, (map.transform, of.transform))
+            heights = map.read(1, masked=True)
+            rows, columns = np.indices(map.shape)
+            x, y = rasterio.transform.xy(map.transform, rows.ravel(), columns.ravel())
+        r = np.hypot(np.array(x) - 5e5, np.array(y) - 4e6).reshape(heights.shape)
+        known = (r > 105) & (r < 395) & (np.array(x).reshape(r.shape) > 5e5 - 60)
+        check(f"--like {like} -> heights", known.sum() > 500 and np.abs(heights - (300 - r / 2))[known].max() < 2.5, np.abs(heights - (300 - r / 2))[known].max())
+    with rasterio.open(folder / "degrees.tif", "w", **(other | {"crs": "EPSG:4326"}), transform=rasterio.Affine(1e-4, 0, -117, 0, -1e-4, 36.1)) as map:
+        map.write(np.zeros((1, 50, 60), np.float32))
+    wrong = subprocess.run([*here, folder / "degrees.tif", "-o", folder / "degrees.dem.tif"], capture_output=True, text=True)
+    check("--like degrees.tif is refused", wrong.returncode == 2 and "is a raster in EPSG:4326, but the map is in EPSG:32611; warp the raster" in wrong.stderr, wrong.stderr)
     # The lines that the program writes, read and compared with those that it was given.
     drawn = geopandas.read_file(folder / "lines.geojson")
     check("lines.geojson -> geopandas", drawn.crs.to_epsg() == 32611 and set(lines["elev"]) <= set(drawn["elevation"]), set(drawn["elevation"]))

@@ -211,7 +211,7 @@ fn masks_of_a_folder_have_one_grid() {
         &["Tumour.nrrd: lies elsewhere than Cyst.nrrd, by up to 9.0000 mm; masks of a folder"],
     );
     write(&masks.join("Tumour.nrrd"), &nrrd("encoding: raw", "uchar", [10, 20, 9], &[0; 1800]));
-    refused(&["inspect", &input], &["Tumour.nrrd: has [10, 20, 9] voxels, but Cyst.nrrd has [30, 20, 9]"]);
+    refused(&["inspect", &input], &["Tumour.nrrd: has 10 x 20 x 9 voxels, but Cyst.nrrd has 30 x 20 x 9"]);
     write(&masks.join("Tumour.nrrd"), &mask(&liver)[..4000]);
     refused(&["inspect", &input], &["Tumour.nrrd: data end after"]);
     // A grey volume, or one of many labels, is no mask.

@@ -17,9 +17,10 @@ use crate::storage::folders::files_below;
 use crate::surface::like::LikeGrid;
 use crate::surface::map::Crs;
 
-/// GeoKeys: what a pixel is, and the code of a projected system.
+/// GeoKeys: what a pixel is, and the codes of a system in degrees and of a projected one.
 const RASTER_TYPE: u16 = 1025;
 const PIXEL_IS_POINT: u16 = 2;
+const GEOGRAPHIC_CRS: u16 = 2048;
 const PROJECTED_CRS: u16 = 3072;
 
 /// What outputs are to be like.
@@ -150,7 +151,11 @@ fn raster(path: &Path) -> Result<Option<Like>> {
     // The tie is a corner of pixel (i, j), or its centre.
     let half = if key(RASTER_TYPE) == Some(PIXEL_IS_POINT) { 0.0 } else { 0.5 };
     let (west, north) = (x + (half - i) * dx, y - (half - j) * dy);
-    let crs = key(PROJECTED_CRS).and_then(|code| Crs::named(&format!("EPSG:{code}"))).unwrap_or_default();
+    // A projected system names that of its degrees too.
+    let crs = key(PROJECTED_CRS)
+        .or_else(|| key(GEOGRAPHIC_CRS))
+        .and_then(|code| Crs::named(&format!("EPSG:{code}")))
+        .unwrap_or_default();
     let [nx, ny] = [width as usize, height as usize];
     // Maps have y to the north.
     let grid = LikeGrid {

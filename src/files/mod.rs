@@ -178,7 +178,9 @@ impl Loaded {
                 _ => "another system".into(),
             };
             let [its, own] = [crs, &terrain.map.crs].map(name);
-            let message = format!("is a raster in {its}, but the map is in {own}; `crs_out` reprojects the map");
+            let what =
+                if crs.is_geographic() { "warp the raster to a metric system" } else { "`crs_out` reprojects the map" };
+            let message = format!("is a raster in {its}, but the map is in {own}; {what}");
             return Err(crate::error::Error::Setting { name: "like".into(), message });
         }
         options.output.map = Some(std::sync::Arc::new(terrain.map));

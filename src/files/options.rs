@@ -168,11 +168,15 @@ impl OutputOptions {
     /// Output heights of a stack: those of the grid that was asked for, else those that its steps and `settings` make.
     ///
     /// # Errors
-    /// [`Error::Setting`] for a grid that lies oblique to the slices; [`Error::Stack`] for too many heights.
+    /// [`Error::Setting`] for a grid that lies oblique to the slices or beside them; [`Error::Stack`] for too many heights.
     pub fn heights(&self, stack: &ContourStack, settings: &Settings) -> Result<Vec<f64>> {
         if let Some(like) = &self.target {
             let frame = like.grid.frame(&stack.geometry);
             let frame = frame.map_err(|message| Error::Setting { name: "like".into(), message })?;
+            if !frame.meets(&stack.geometry, stack.dims, stack.spacing) {
+                let message = "names a grid that has no place in common with the slices: is it of another scan or map?";
+                return Err(Error::Setting { name: "like".into(), message: message.into() });
+            }
             if let Some(heights) = frame.heights(&stack.geometry) {
                 return Ok(heights);
             }

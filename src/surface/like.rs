@@ -101,6 +101,26 @@ impl LikeFrame {
         Some(heights)
     }
 
+    /// Whether its pixels and those of slices have a place in common: the boxes around both meet.
+    pub fn meets(&self, geometry: &Geometry, dims: [usize; 2], spacing: [f64; 2]) -> bool {
+        let [u, v, across] = self.order;
+        let steps = |axis: usize, n: f64| self.grid.steps[axis] * n;
+        let end = |axis: usize| self.grid.dims[axis] as f64 - 0.5;
+        let ends = [[-0.5, -0.5], [end(u), -0.5], [-0.5, end(v)], [end(u), end(v)]];
+        let planes = if self.grid.is_flat { 1 } else { 2 };
+        let corners = (0..planes).flat_map(|last| {
+            let plane = self.grid.origin + steps(across, last as f64 * (self.grid.dims[across] as f64 - 1.0));
+            ends.map(|[i, j]| plane + steps(u, i) + steps(v, j) - geometry.origin)
+        });
+        let places: Vec<DVec3> = corners.collect();
+        (0..2).all(|a| {
+            let along = places.iter().map(|p| p.dot(geometry.axes[a]) / spacing[a]);
+            let [low, high] =
+                along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
+            low < dims[a] as f64 - 0.5 && high > -0.5
+        })
+    }
+
     /// The header of a volume on the grid.
     pub fn header(&self, body: &Header) -> Header {
         let LikeGrid { dims, origin, steps, is_flat, .. } = &self.grid;

@@ -182,12 +182,23 @@ fn crs(database: &Connection, srs: i64) -> Check<Crs> {
     Ok(named.unwrap_or_else(|| Crs::of_wkt(&definition)))
 }
 
+/// Names of a table's columns, but for hidden ones. A query's own names rusqlite takes for UTF-8, and panics where they are not.
+fn columns(database: &Connection, table: &str) -> Check<Vec<String>> {
+    let said = |e: rusqlite::Error| format!("the names of its columns cannot be read: {}", words(&e));
+    let mut query = database.prepare("SELECT name FROM pragma_table_xinfo(?1) WHERE hidden <> 1").map_err(said)?;
+    let names = query.query_map([table], |row| row.get(0)).map_err(said)?;
+    names.collect::<rusqlite::Result<_>>().map_err(said)
+}
+
 /// The features of a layer.
 fn features(database: &Connection, layer: &Layer, allowance: &mut Allowance) -> Check<Vec<Feature>> {
     let said = |e: rusqlite::Error| words(&e);
     let table = layer.table.replace('"', "\"\"");
     let mut query = database.prepare(&format!("SELECT * FROM \"{table}\"")).map_err(said)?;
-    let names: Vec<String> = query.column_names().map(String::from).collect();
+    let names = columns(database, &layer.table)?;
+    if names.len() != query.column_count() {
+        return Err(format!("has {} columns, of which {} have names", query.column_count(), names.len()));
+    }
     let geometry = names.iter().position(|name| name.eq_ignore_ascii_case(&layer.column));
     let geometry =
         geometry.ok_or_else(|| format!("has no column `{}`, which should hold its geometries", layer.column))?;

@@ -377,6 +377,34 @@ fn lines_that_dangle_or_cross_are_named() {
     assert_says(&refused(&missing, &[]), &["feature 5", "line of 200", "missing"]);
 }
 
+/// A gap of a line up to two pixels long is closed straight, and told; none where another end might be meant.
+#[test]
+fn short_gaps_of_lines_are_closed_where_nothing_else_is_near() {
+    let (outer, ring) = (circle([0.0, 0.0], 400.0), circle([0.0, 0.0], 200.0));
+    let (whole, gap) = (ring.clone(), ring[1..ring.len() - 2].to_vec());
+    let [first, last] = [gap[0], gap[gap.len() - 1]];
+    let long = (first[0] - last[0]).hypot(first[1] - last[1]);
+    assert!(long > 30.0 && long < 40.0, "{long}");
+    let map = |line: &Line| read(&[feature(100, &outer), feature(150, line)], &pixels(20.0));
+    let (closed, given) = (map(&gap), map(&whole));
+    let told = format!("1 gap of a line is closed straight, no other end being near: up to {long:.3} long");
+    assert!(closed.notes.iter().any(|n| n.contains(&told)), "{:?}", closed.notes);
+    assert!(given.notes.iter().all(|n| !n.contains("closed straight")), "{:?}", given.notes);
+    for at in [[190.0, 0.0], [170.0, 8.0], [-190.0, 0.0], [230.0, 0.0], [0.0, 0.0]] {
+        assert_eq!(inside(&closed, 1, at), inside(&given, 1, at), "{at:?}");
+    }
+    // One point more is missing.
+    let wide = refused(&[feature(100, &outer), feature(150, &ring[1..ring.len() - 3].to_vec())], &[]);
+    assert_says(
+        &wide,
+        &["ends inside the map", "within 10.0000 (half a pixel), and within 40.0000 where no third one is near"],
+    );
+    // A piece of a line begins near the gap: which ends belong together?
+    let piece: Line = [[240.0, 0.0], [260.0, 0.0]].map(|[x, y]| [EAST + x, NORTH + y]).to_vec();
+    let said = refused(&[feature(100, &outer), feature(150, &gap), feature(150, &piece)], &[]);
+    assert_says(&said, &["4 ends of lines meet nothing"]);
+}
+
 #[test]
 fn degrees_and_wrong_files_are_refused() {
     let place = folder();

@@ -17,6 +17,8 @@ use crate::stack::options::{Around, MapBorder};
 pub const TOLERANCE: f64 = 0.5;
 /// Share of the map's longer side by which an end may lie inside the hull of all lines: lines that a slanted or ragged edge has cut.
 const NEAR: f64 = 0.01;
+/// Longest gap, px, across which two ends that meet nothing else are joined, where no third one is less than twice as far away.
+pub const GAP: f64 = 2.0;
 /// Ends that are looked at around each: where more meet, they are no contours, and all pairs of them would be too many.
 const MOST_NEAR: usize = 16;
 
@@ -143,25 +145,28 @@ pub fn join(lines: Vec<ContourLine>, edges: &Edges, pixel: f64, notes: &mut Vec<
         Edges::Hull => f64::INFINITY,
         _ => (NEAR * (border.high - border.low).max_element()).max(tolerance),
     };
-    let (mut continued, mut loose) = ((0, 0.0f64), Vec::new());
+    let ([mut continued, mut gaps], mut loose) = ([Lengths::default(); 2], Vec::new());
     for level in &mut levels {
         let beyond = |p: DVec2| {
             let (distance, reached) = hull.as_ref()?.beyond(p, &border)?;
             (distance <= near).then_some((distance, reached))
         };
         match chains(level, &border, tolerance, &beyond) {
-            Ok((count, most)) => continued = (continued.0 + count, continued.1.max(most)),
+            Ok(made) => [continued, gaps] = [continued.with(made[0]), gaps.with(made[1])],
             Err(ends) => loose.extend(ends),
         }
     }
     if !loose.is_empty() {
         return Err(loose::dangling(loose, *edges == Edges::Near, tolerance));
     }
-    if let (1.., most) = continued {
+    if let Lengths { count: count @ 1.., most } = continued {
         notes.push(format!(
-            "{} ends of lines are inside the box around all lines, up to {most:.3} inside their hull; the lines go on straight to the box",
-            continued.0
+            "{count} ends of lines are inside the box around all lines, up to {most:.3} inside their hull; the lines go on straight to the box"
         ));
+    }
+    if let Lengths { count: count @ 1.., most } = gaps {
+        let which = if count == 1 { "1 gap of a line is" } else { &format!("{count} gaps of lines are") };
+        notes.push(format!("{which} closed straight, no other end being near: up to {most:.3} long"));
     }
     Ok(JoinedMap { border, levels })
 }
@@ -183,6 +188,23 @@ fn distinct(lines: Vec<ContourLine>, notes: &mut Vec<String>) -> Vec<ContourLine
     kept
 }
 
+/// How many lengths there are, and the longest.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Lengths {
+    count: usize,
+    most: f64,
+}
+
+impl Lengths {
+    fn of(lengths: impl Iterator<Item = f64>) -> Self {
+        lengths.fold(Lengths::default(), |all, most| all.with(Lengths { count: 1, most }))
+    }
+
+    fn with(self, other: Self) -> Self {
+        Lengths { count: self.count + other.count, most: self.most.max(other.most) }
+    }
+}
+
 /// Thing that an end of a line meets.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Mate {
@@ -190,18 +212,19 @@ enum Mate {
     End(usize),
 }
 
-/// The level's lines end to end. End `2 k` is where line `k` begins, end `2 k + 1` where it stops.
+/// The level's lines end to end. End `2 k` is where line `k` begins, end `2 k + 1` where it stops. How far inside the hull ends lie that go on to
+/// the border, and how long gaps are that were closed.
 fn chains(
     level: &mut Elevation,
     border: &Border,
     tolerance: f64,
     beyond: &impl Fn(DVec2) -> Option<(f64, DVec2)>,
-) -> Result<(usize, f64), Vec<LooseEnd>> {
+) -> Result<[Lengths; 2], Vec<LooseEnd>> {
     level.rings = level.lines.iter().filter(|l| l.closed).map(|l| l.points.clone()).collect();
     let open: Vec<&ContourLine> = level.lines.iter().filter(|l| !l.closed).collect();
     let ends: Vec<DVec2> = open.iter().flat_map(|l| [l.points[0], l.points[l.points.len() - 1]]).collect();
     let mut continued: Vec<Option<(f64, DVec2)>> = vec![None; ends.len()];
-    let mates = mates(&ends, border, tolerance, beyond, &mut continued)
+    let (mates, gaps) = mates(&ends, border, tolerance, beyond, &mut continued)
         .map_err(|loose| loose.into_iter().map(|end| LooseEnd::of(end, &ends, &open, border)).collect::<Vec<_>>())?;
     let mut used = vec![false; open.len()];
     let mut walk = |from: usize| {
@@ -239,11 +262,11 @@ fn chains(
         level.rings.push(walk(end));
     }
     level.rings.retain(|ring| ring.len() > 2);
-    let far = continued.iter().flatten().map(|(distance, _)| *distance);
-    Ok((far.clone().count(), far.fold(0.0, f64::max)))
+    Ok([Lengths::of(continued.iter().flatten().map(|(distance, _)| *distance)), Lengths::of(gaps.into_iter())])
 }
 
 /// Things that the ends meet: the nearest pairs first. What meets none may go on `beyond` itself, to the border; where is put into `continued`.
+/// What then meets none may be one side of a gap; the lengths of gaps are returned too.
 ///
 /// # Errors
 /// The ends that meet nothing.
@@ -253,7 +276,7 @@ fn mates(
     tolerance: f64,
     beyond: &impl Fn(DVec2) -> Option<(f64, DVec2)>,
     continued: &mut [Option<(f64, DVec2)>],
-) -> Result<Vec<Mate>, Vec<usize>> {
+) -> Result<(Vec<Mate>, Vec<f64>), Vec<usize>> {
     let tree = RTree::bulk_load(ends.iter().enumerate().map(|(k, p)| GeomWithData::new(p.to_array(), k)).collect());
     let mut pairs: Vec<(f64, usize, Mate)> = Vec::new();
     for (k, p) in ends.iter().enumerate() {
@@ -290,5 +313,26 @@ fn mates(
         *mate = continued[k].map(|_| Mate::Border);
     }
     let loose: Vec<usize> = (0..ends.len()).filter(|k| mates[*k].is_none()).collect();
-    if loose.is_empty() { Ok(mates.into_iter().flatten().collect()) } else { Err(loose) }
+    let mut gaps = Vec::new();
+    for (a, b) in facing(&loose, ends, 2.0 * GAP * tolerance) {
+        gaps.push(distance(ends[a], ends[b]));
+        [mates[a], mates[b]] = [Some(Mate::End(b)), Some(Mate::End(a))];
+    }
+    let loose: Vec<usize> = loose.into_iter().filter(|k| mates[*k].is_none()).collect();
+    if loose.is_empty() { Ok((mates.into_iter().flatten().collect(), gaps)) } else { Err(loose) }
+}
+
+/// Pairs of loose ends that are each other's nearest, no farther apart than `longest`, with no third one within twice their distance.
+fn facing(loose: &[usize], ends: &[DVec2], longest: f64) -> Vec<(usize, usize)> {
+    let tree = RTree::bulk_load(loose.iter().map(|k| GeomWithData::new(ends[*k].to_array(), *k)).collect());
+    let nearest = |k: usize| {
+        let mut others = tree.nearest_neighbor_iter(ends[k].to_array()).map(|p| p.data).filter(|other| *other != k);
+        let (first, second) = (others.next()?, others.next());
+        let away = distance(ends[k], ends[first]);
+        let alone = second.is_none_or(|other| distance(ends[k], ends[other]) >= 2.0 * away);
+        (away <= longest && alone).then_some(first)
+    };
+    let pair =
+        |k: &usize| nearest(*k).filter(|other| k < other && nearest(*other) == Some(*k)).map(|other| (*k, other));
+    loose.iter().filter_map(pair).collect()
 }

@@ -3,6 +3,7 @@
 use glam::DVec2;
 
 use super::border::Border;
+use super::join::GAP;
 use super::lines::{ContourLine, distance};
 
 /// Ends that a message names.
@@ -64,7 +65,9 @@ pub fn dangling(mut ends: Vec<LooseEnd>, near: bool, tolerance: f64) -> String {
     };
     format!(
         "{heading}{}. What to try: where the map is no rectangle along x and y{hull}; where it ends at one: --border X0,Y0,X1,Y1; where lines \
-         have gaps: ends join within {tolerance} (half a pixel){pixel}",
-        worst.join("; ")
+         have gaps: ends join within {:.4} (half a pixel), and within {:.4} where no third one is near{pixel}",
+        worst.join("; "),
+        tolerance,
+        2.0 * GAP * tolerance,
     )
 }

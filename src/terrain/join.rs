@@ -19,6 +19,8 @@ pub const TOLERANCE: f64 = 0.5;
 const NEAR: f64 = 0.01;
 /// Longest gap, px, across which two ends that meet nothing else are joined, where no third one is less than twice as far away.
 pub const GAP: f64 = 2.0;
+/// A line closes upon itself across a gap that is at most this share of its length: else it is a piece that belongs elsewhere.
+const OWN_GAP: f64 = 0.25;
 /// Ends that are looked at around each: where more meet, they are no contours, and all pairs of them would be too many.
 const MOST_NEAR: usize = 16;
 
@@ -224,7 +226,10 @@ fn chains(
     let open: Vec<&ContourLine> = level.lines.iter().filter(|l| !l.closed).collect();
     let ends: Vec<DVec2> = open.iter().flat_map(|l| [l.points[0], l.points[l.points.len() - 1]]).collect();
     let mut continued: Vec<Option<(f64, DVec2)>> = vec![None; ends.len()];
-    let (mates, gaps) = mates(&ends, border, tolerance, beyond, &mut continued)
+    let closes = |line: usize, gap: f64| {
+        gap <= OWN_GAP * open[line].points.windows(2).map(|w| distance(w[0], w[1])).sum::<f64>()
+    };
+    let (mates, gaps) = mates(&ends, border, tolerance, beyond, &closes, &mut continued)
         .map_err(|loose| loose.into_iter().map(|end| LooseEnd::of(end, &ends, &open, border)).collect::<Vec<_>>())?;
     let mut used = vec![false; open.len()];
     let mut walk = |from: usize| {
@@ -275,6 +280,7 @@ fn mates(
     border: &Border,
     tolerance: f64,
     beyond: &impl Fn(DVec2) -> Option<(f64, DVec2)>,
+    closes: &impl Fn(usize, f64) -> bool,
     continued: &mut [Option<(f64, DVec2)>],
 ) -> Result<(Vec<Mate>, Vec<f64>), Vec<usize>> {
     let tree = RTree::bulk_load(ends.iter().enumerate().map(|(k, p)| GeomWithData::new(p.to_array(), k)).collect());
@@ -314,7 +320,7 @@ fn mates(
     }
     let loose: Vec<usize> = (0..ends.len()).filter(|k| mates[*k].is_none()).collect();
     let mut gaps = Vec::new();
-    for (a, b) in facing(&loose, ends, 2.0 * GAP * tolerance) {
+    for (a, b) in facing(&loose, ends, 2.0 * GAP * tolerance, closes) {
         gaps.push(distance(ends[a], ends[b]));
         [mates[a], mates[b]] = [Some(Mate::End(b)), Some(Mate::End(a))];
     }
@@ -322,15 +328,17 @@ fn mates(
     if loose.is_empty() { Ok((mates.into_iter().flatten().collect(), gaps)) } else { Err(loose) }
 }
 
-/// Pairs of loose ends that are each other's nearest, no farther apart than `longest`, with no third one within twice their distance.
-fn facing(loose: &[usize], ends: &[DVec2], longest: f64) -> Vec<(usize, usize)> {
+/// Pairs of loose ends that are each other's nearest, no farther apart than `longest`, with no third one within twice their distance; those of one
+/// line where it `closes`.
+fn facing(loose: &[usize], ends: &[DVec2], longest: f64, closes: &impl Fn(usize, f64) -> bool) -> Vec<(usize, usize)> {
     let tree = RTree::bulk_load(loose.iter().map(|k| GeomWithData::new(ends[*k].to_array(), *k)).collect());
     let nearest = |k: usize| {
         let mut others = tree.nearest_neighbor_iter(ends[k].to_array()).map(|p| p.data).filter(|other| *other != k);
         let (first, second) = (others.next()?, others.next());
         let away = distance(ends[k], ends[first]);
         let alone = second.is_none_or(|other| distance(ends[k], ends[other]) >= 2.0 * away);
-        (away <= longest && alone).then_some(first)
+        let is_line = first / 2 != k / 2 || closes(k / 2, away);
+        (away <= longest && alone && is_line).then_some(first)
     };
     let pair =
         |k: &usize| nearest(*k).filter(|other| k < other && nearest(*other) == Some(*k)).map(|other| (*k, other));

@@ -11,7 +11,7 @@ use interslice::{Error, Result};
 
 use super::devices::{DeviceOptions, share, tell_profile};
 use super::interrupt;
-use super::say::say;
+use super::say::{say, say_exactly};
 use super::session::set_threads;
 use super::tally::Tally;
 
@@ -179,7 +179,7 @@ fn write_template(folder: &Path, arguments: &BatchArguments) -> Result<()> {
     let base = target.and_then(Path::parent).filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let lines = template(folder, base, &wanted)?;
     let text = line::text(&lines, target.unwrap_or(Path::new("manifest.jsonl")))?;
-    let Some(path) = target else { return say(&text) };
+    let Some(path) = target else { return say_exactly(&text) };
     let fail = |e: std::io::Error| Error::Output { path: path.into(), message: e.to_string() };
     let mut file = OpenOptions::new().write(true).create_new(true).open(path).map_err(fail)?;
     if let Err(source) = file.write_all(text.as_bytes()).and_then(|()| file.sync_all()) {

@@ -4,7 +4,7 @@ use clap_complete::Shell;
 use interslice::Result;
 
 use super::command;
-use super::say::say;
+use super::say::say_exactly;
 
 #[derive(Debug, clap::Args)]
 pub struct CompletionsArguments {
@@ -15,5 +15,5 @@ pub struct CompletionsArguments {
 pub fn run(arguments: &CompletionsArguments) -> Result<()> {
     let mut text = Vec::new();
     clap_complete::generate(arguments.shell, &mut command(), "interslice", &mut text);
-    say(&String::from_utf8_lossy(&text))
+    say_exactly(&String::from_utf8_lossy(&text))
 }

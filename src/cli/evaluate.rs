@@ -18,7 +18,7 @@ use serde::Serialize;
 use super::bar::Bars;
 use super::devices::{DeviceOptions, choose};
 use super::members::MemberOptions;
-use super::say::say;
+use super::say::{say, say_exactly};
 
 #[derive(Debug, clap::Args)]
 pub struct EvaluateArguments {
@@ -80,7 +80,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         tell!("running on: {} ({})", chosen.backend().name(), chosen.reason);
         let score = score(arguments, &arguments.read, &input, links, chosen.backend())?;
         write(outputs, &score)?;
-        return if arguments.json { say(&json(&score)) } else { say(&describe(&score, &input.stack.unit)) };
+        return if arguments.json { say_exactly(&json(&score)) } else { say(&describe(&score, &input.stack.unit)) };
     };
     let outputs = open(arguments)?;
     let chosen = choose(&arguments.device, &notice)?;
@@ -102,7 +102,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         scores.push(MemberScore { name: member.name, scores: scores_of, error });
     }
     write(outputs, &scores)?;
-    if arguments.json { say(&json(&scores)) } else { Ok(()) }
+    if arguments.json { say_exactly(&json(&scores)) } else { Ok(()) }
 }
 
 /// Scores of one body.

@@ -4,7 +4,7 @@ use clap_mangen::Man;
 use interslice::{Error, Result};
 
 use super::command;
-use super::say::say;
+use super::say::say_exactly;
 
 #[derive(Debug, clap::Args)]
 pub struct ManArguments {
@@ -25,7 +25,7 @@ pub fn run(arguments: &ManArguments) -> Result<()> {
         .source(source)
         .render(&mut text)
         .map_err(|source| Error::Write { path: "man page".into(), source })?;
-    say(&String::from_utf8_lossy(&text))
+    say_exactly(&String::from_utf8_lossy(&text))
 }
 
 /// The subcommand of that name; its page is called `interslice-reconstruct`.

@@ -1,5 +1,6 @@
 //! What a command says: answers on stdout, news on stderr; the form of their numbers.
 
+use std::borrow::Cow;
 use std::io::{ErrorKind, Write, stdout};
 
 use interslice::{Error, Result};
@@ -8,15 +9,30 @@ use interslice::{Error, Result};
 macro_rules! tell {
     ($($words:tt)*) => {{
         use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), $($words)*);
+        let _ = writeln!(std::io::stderr(), "{}", $crate::cli::say::shown(&format!($($words)*)));
     }};
 }
 
-/// Prints `text` as it is. A reader that has seen enough and gone away is no failure.
+/// Text as a terminal may have it: names that a file holds may contain what a terminal obeys, or what turns the order of letters, which is shown as �.
+pub fn shown(text: &str) -> Cow<'_, str> {
+    let turns = |c: char| matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let obeyed = |c: char| (c.is_control() && !matches!(c, '\n' | '\t')) || turns(c);
+    if text.contains(obeyed) { text.replace(obeyed, "\u{fffd}").into() } else { text.into() }
+}
+
+/// Prints `text`, as far as it is [`shown`]. A reader that has seen enough and gone away is no failure.
 ///
 /// # Errors
 /// [`Error::Write`].
 pub fn say(text: &str) -> Result<()> {
+    say_exactly(&shown(text))
+}
+
+/// Prints `text` for a program, as it is. A reader that has seen enough and gone away is no failure.
+///
+/// # Errors
+/// [`Error::Write`].
+pub fn say_exactly(text: &str) -> Result<()> {
     let mut out = stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(source) if source.kind() != ErrorKind::BrokenPipe => Err(Error::Write { path: "stdout".into(), source }),

@@ -19,7 +19,7 @@ use super::bar::Bars;
 use super::devices::{DeviceOptions, choose};
 use super::job::JobArguments;
 use super::members::{Member, MemberOptions};
-use super::say::say;
+use super::say::{say, say_exactly};
 use super::session::{set_threads, tell_kept};
 
 #[derive(Debug, clap::Args)]
@@ -146,7 +146,9 @@ pub fn plan(arguments: PlanArguments, matches: &ArgMatches) -> Result<()> {
     let input = job.input.clone();
     let options = job.options(&mut DeviceOptions::default(), matches)?;
     let to_json = |planned: serde_json::Result<String>| {
-        planned.map_err(|e| Error::Stack(format!("the plan cannot be told: {e}"))).and_then(|text| say(&(text + "\n")))
+        planned
+            .map_err(|e| Error::Stack(format!("the plan cannot be told: {e}")))
+            .and_then(|text| say_exactly(&(text + "\n")))
     };
     let Some(members) = members.of(&input, &options.read, &|message: &str| tell!("warning: {message}"))? else {
         let loaded = Loaded::read(&input, options)?;

@@ -1,5 +1,6 @@
 //! Formats of outputs: by which name each is known, and what writing it takes of memory.
 
+use std::io::ErrorKind;
 use std::path::Path;
 
 use crate::error::{Error, Result};
@@ -265,16 +266,32 @@ pub fn is_page(path: &Path) -> bool {
     matches!(Format::of(path), Ok(Format::Html))
 }
 
+/// Words before an extension that say what a volume holds: `NAME.origin.nrrd`.
+const CONTENTS: [(&str, Content); 2] = [("origin", Content::Origin), ("confidence", Content::Confidence)];
+
+/// Words before an extension that make a file of another kind of it: `dem` of `.dem.tif`, `origin` of `.origin.nrrd`.
+pub(super) fn telling_words() -> impl Iterator<Item = &'static str> {
+    let of_formats = FORMATS.iter().flat_map(|row| row.extensions).filter_map(|e| e.split_once('.'));
+    of_formats.map(|(word, _)| word).chain(CONTENTS.map(|(word, _)| word))
+}
+
 /// Place in a name at which the words about the file's content begin: `.stl`, `.nii.gz`, `.contours.json`, `.origin.nrrd`.
 pub fn extension_at(name: &str) -> usize {
     let name = name.to_ascii_lowercase();
     let at = row(&name).map(|(_, at)| at).or_else(|| name.rfind('.')).unwrap_or(name.len());
-    let content = [".origin", ".confidence"].into_iter().find(|e| name[..at].ends_with(e));
-    at - content.map_or(0, str::len)
+    let content = CONTENTS.into_iter().find_map(|(word, _)| name[..at].strip_suffix(word)?.strip_suffix('.'));
+    content.map_or(at, str::len)
 }
 
-/// Whether nothing stands at `path` that an output, a file or a folder of Zarr, must not replace.
+/// Whether `path` is a name that the system takes, and nothing stands there that an output, a file or a folder of Zarr, must not replace.
 pub(super) fn check_place(path: &Path, is_folder: bool) -> Result<()> {
+    if let Err(e) = std::fs::symlink_metadata(path)
+        && matches!(e.kind(), ErrorKind::InvalidFilename | ErrorKind::InvalidInput)
+    {
+        let bytes = path.file_name().map_or(0, |name| name.as_encoded_bytes().len());
+        let message = format!("is no name for a file here: {e} ({bytes} bytes; most systems take up to 255)");
+        return Err(Error::Output { path: path.into(), message });
+    }
     let message = match (path.is_dir(), is_folder) {
         (true, true) if path.join("zarr.json").is_file() => return Ok(()),
         (true, true) => "is a folder, but none of Zarr, and is not replaced",
@@ -329,9 +346,6 @@ fn zarr_bytes(_pixels: usize) -> u64 {
 pub(super) fn named_content(target: &Path) -> Option<Content> {
     let name = target.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let (_, at) = row(&name)?;
-    match name[..at].rsplit_once('.')?.1 {
-        "origin" => Some(Content::Origin),
-        "confidence" => Some(Content::Confidence),
-        _ => None,
-    }
+    let (_, word) = name[..at].rsplit_once('.')?;
+    CONTENTS.into_iter().find_map(|(own, content)| (own == word).then_some(content))
 }

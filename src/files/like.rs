@@ -14,6 +14,7 @@ use crate::input::format::Kind;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::ImageSeries;
 use crate::storage::folders::files_below;
+use crate::storage::regular;
 use crate::surface::like::LikeGrid;
 use crate::surface::map::Crs;
 
@@ -132,7 +133,7 @@ fn images(path: &Path) -> Result<Like> {
 
 /// The grid of a GeoTIFF; nothing of any other file.
 fn raster(path: &Path) -> Result<Option<Like>> {
-    let Ok(file) = std::fs::File::open(path) else { return Ok(None) };
+    let Ok(file) = regular::open(path) else { return Ok(None) };
     let Ok(mut decoder) = Decoder::new(std::io::BufReader::new(file)) else { return Ok(None) };
     let numbers = |decoder: &mut Decoder<_>, tag| decoder.get_tag_f64_vec(tag).ok();
     let Some(scale) = numbers(&mut decoder, Tag::ModelPixelScaleTag) else { return Ok(None) };

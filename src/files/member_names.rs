@@ -3,29 +3,41 @@
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use super::format::extension_at;
+use super::format::{extension_at, telling_words};
 
-/// Words in a file's name that say what it holds.
-const TAKEN: [&str; 3] = ["contours", "origin", "confidence"];
+/// Most bytes of a word, so that a name chosen by the user has room beside it: file systems take 255.
+const LONGEST: usize = 120;
 
-/// Words for bodies of these names and numbers, each its own: letters, digits, `-`, `_` and `+` of the name, and the number where another has the same.
+/// Words for bodies of these names and numbers, each its own in upper and lower case: letters, digits, `-`, `_` and `+` of the name, and the number
+/// where another has the same, or where the word would make another kind of file of a name (`dem` of `out.tif`). None leads to another folder.
 pub fn words<'n>(bodies: impl Iterator<Item = (&'n str, i64)>) -> Vec<String> {
-    let mut taken = HashSet::from(TAKEN.map(String::from));
+    let mut taken: HashSet<String> = telling_words().map(String::from).collect();
     let word = |(name, number): (&str, i64)| {
-        let mut word = plain(name);
-        if !taken.insert(word.to_lowercase()) {
-            word = format!("{word}-{number}");
-            taken.insert(word.to_lowercase());
-        }
-        word
+        let plain = plain(name);
+        let own = format!("{plain}-{number}");
+        // That may be another's name.
+        let others = (2..).map(|k| format!("{own}-{k}"));
+        let mut words = [plain, own.clone()].into_iter().chain(others);
+        words.find(|word| taken.insert(folded(word))).unwrap_or_default()
     };
     bodies.map(word).collect()
 }
 
+/// A word as file systems without case see it.
+fn folded(word: &str) -> String {
+    word.to_uppercase().to_lowercase()
+}
+
 fn plain(name: &str) -> String {
     let safe = |c: char| if c.is_alphanumeric() || "-_+".contains(c) { c } else { '_' };
-    let name: String = name.trim().chars().map(safe).collect();
-    if name.is_empty() { "ROI".into() } else { name }
+    let mut word = String::new();
+    for c in name.trim().chars().map(safe) {
+        if word.len() + c.len_utf8() > LONGEST {
+            break;
+        }
+        word.push(c);
+    }
+    if word.is_empty() { "ROI".into() } else { word }
 }
 
 /// The name of a file for one body, with its word before the extension.

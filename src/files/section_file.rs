@@ -27,6 +27,7 @@ use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::report::Report;
 use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, Geometry, HeightGrid};
+use crate::storage::regular;
 use crate::surface::content::Paint;
 use crate::surface::deflate::Deflate;
 use crate::surface::header::Header;
@@ -331,7 +332,7 @@ struct SectionReader {
 
 impl SectionReader {
     fn open(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(|source| Error::Read { path: path.into(), source })?;
+        let file = regular::open(path).map_err(|source| Error::Read { path: path.into(), source })?;
         let mut input = BufReader::new(GzDecoder::new(BufReader::with_capacity(BUFFER_BYTES, file)));
         let wrong = |message: String| Error::Format { path: path.into(), message };
         let mut line = Vec::new();

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::volume::Volume;
 use super::{masks, mha, nifti, npy, npz, nrrd, sniff, tiff};
 use crate::error::{Error, Result};
+use crate::storage::regular;
 
 /// A format that is read.
 #[derive(Debug, Clone, Copy)]
@@ -103,6 +104,7 @@ impl Kind {
                 Kind::Folder
             });
         }
+        regular::check(path).map_err(|source| Error::Read { path: path.into(), source })?;
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         // Voxels alone may begin like anything.
         if nifti::is_pair(path) && InputFormat::of_name(&name).is_some_and(|(format, _)| format.name == "analyze") {

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageReader, Limits};
 
+use crate::storage::regular;
 use crate::storage::room::check_room;
 
 /// Bytes that colour profiles and texts of an image may take, unpacked: a profile of 1 MB can unpack to 1 GB.
@@ -29,6 +30,7 @@ impl Grey {
     /// # Errors
     /// What is wrong with the file, without its name.
     pub fn read(path: &Path) -> Result<Self, String> {
+        regular::check(path).map_err(|e| format!("cannot read: {e}"))?;
         let unreadable = |e: image::ImageError| match e {
             image::ImageError::IoError(e) => format!("cannot read: {e}"),
             e => e.to_string(),

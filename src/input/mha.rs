@@ -11,6 +11,7 @@ use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
 use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
 use crate::input::volume::{Volume, open};
+use crate::storage::regular;
 
 /// Longest header line and most lines: a file that is no MetaImage must not be read to its end.
 const LONGEST_LINE: u64 = 1 << 14;
@@ -140,7 +141,7 @@ fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
     if fields.flag(&["CompressedData"])? == Some(true) {
         // zlib says CompressedData; some programs write gzip.
         let mut start = [0; 2];
-        let mut input = std::fs::File::open(&*data_file).map_err(unreadable)?;
+        let mut input = regular::open(data_file).map_err(unreadable)?;
         input.seek(SeekFrom::Start(*offset)).map_err(unreadable)?;
         let n = input.read(&mut start).map_err(unreadable)?;
         *coding = if start[..n] == [0x1f, 0x8b] { Coding::Gzip } else { Coding::Zlib };

@@ -1,7 +1,6 @@
 //! NIfTI-1, NIfTI-2 and Analyze 7.5 label volumes, in one file or as `.hdr` and `.img`. The `nifti` crate reads headers of NIfTI-1; Analyze has the
 //! same places for what it says, and NIfTI-2, which the crate does not know, is read here.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
@@ -14,6 +13,7 @@ use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
 use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
 use crate::input::volume::{Volume, open};
+use crate::storage::regular;
 
 /// Sizes of the headers.
 const ONE: usize = 348;
@@ -208,7 +208,7 @@ fn beside(path: &Path, header: &Header) -> Failure<(PathBuf, bool)> {
         format!("{said}: voxels must lie beside the header, in {plain} or {packed}, which are not there")
     };
     let file = voxels_of(path).ok_or_else(missing)?;
-    let opened = File::open(&file).map(BufReader::new).and_then(|mut input| is_gzip(&mut input));
+    let opened = regular::open(&file).map(BufReader::new).and_then(|mut input| is_gzip(&mut input));
     let gzip = opened.map_err(|e| format!("data in {}: {e}", file.display()))?;
     Ok((file, gzip))
 }

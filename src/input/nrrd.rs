@@ -12,6 +12,7 @@ use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
 use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
 use crate::input::volume::{Volume, open};
+use crate::storage::regular;
 
 /// Longest header line and most lines: a file that is no NRRD must not be read to its end.
 const LONGEST_LINE: u64 = 1 << 16;
@@ -121,7 +122,7 @@ fn skip<'a>(volume: &mut Volume, field: &impl Fn(&str) -> Option<&'a str>) -> Fa
         _ => return Err(format!("byte skip must be 0 or more, or -1 for raw data; got {bytes}")),
     }
     if lines > 0 {
-        let mut input = std::io::BufReader::new(std::fs::File::open(&*file).map_err(unreadable)?);
+        let mut input = std::io::BufReader::new(regular::open(file).map_err(unreadable)?);
         let start = *offset - if *coding == Coding::Raw { bytes as u64 } else { 0 };
         input.seek(std::io::SeekFrom::Start(start)).map_err(unreadable)?;
         for _ in 0..lines.min(MOST_LINES) {

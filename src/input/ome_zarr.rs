@@ -3,8 +3,7 @@
 //! An image whose group holds a label image stands for that: labels are what is reconstructed. Which array it is, and where its voxels lie, is read here;
 //! the array's own metadata and its chunks are read by zarrs (`volume/zarr_slabs.rs`).
 
-use std::fs::File;
-use std::io::{ErrorKind, Read};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -16,6 +15,7 @@ use super::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
 use super::volume::zarr_slabs::Shape;
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
+use crate::storage::regular;
 use crate::surface::zarr::unit_of;
 
 /// Most bytes of a file of metadata.
@@ -59,11 +59,10 @@ fn attributes(folder: &Path) -> Failure<Option<Value>> {
 
 fn json(file: &Path) -> Failure<Option<Value>> {
     let name = || file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let mut bytes = Vec::new();
-    match File::open(file).and_then(|file| file.take(MOST).read_to_end(&mut bytes)) {
+    match regular::begin(file, MOST) {
         Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Ok(None),
         Err(e) => Err(format!("{}: {e}", name())),
-        Ok(_) => serde_json::from_slice(&bytes).map(Some).map_err(|e| format!("{}: {e}", name())),
+        Ok(bytes) => serde_json::from_slice(&bytes).map(Some).map_err(|e| format!("{}: {e}", name())),
     }
 }
 

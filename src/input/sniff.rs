@@ -1,20 +1,19 @@
 //! Formats by content: how files begin, whatever they are called.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use flate2::bufread::MultiGzDecoder;
 
 use crate::storage::folders::nearest_files;
+use crate::storage::regular;
 
 /// Bytes that are looked at.
 const BEGIN: u64 = 4096;
 
 /// Name of the format of a file, as [`super::format::FORMATS`] has it; nothing where its begin does not tell.
 pub(super) fn format(path: &Path) -> Option<&'static str> {
-    let mut bytes = Vec::new();
-    File::open(path).ok()?.take(BEGIN).read_to_end(&mut bytes).ok()?;
+    let bytes = regular::begin(path, BEGIN).ok()?;
     of_begin(&bytes).or_else(|| packed(&bytes))
 }
 

@@ -1,7 +1,5 @@
 //! The structure sets of a folder of DICOM files, as an archive exports a study: images and, among them, one structure set or several.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use dicom_dictionary_std::uids;
@@ -11,6 +9,7 @@ use super::guard;
 use super::parse::{self, Identity};
 use crate::error::{Error, Result};
 use crate::storage::folders::files_below;
+use crate::storage::regular;
 
 /// Bytes at a file's begin among which its SOP Class UID is found.
 const BEGIN: u64 = 1 << 14;
@@ -60,8 +59,7 @@ pub fn structure_sets(folder: &Path) -> Result<Vec<PathBuf>> {
 
 /// SOP Class UID of a DICOM file; nothing of any other, and of what cannot be read.
 fn class(path: &Path) -> Option<String> {
-    let mut bytes = Vec::new();
-    File::open(path).ok()?.take(BEGIN).read_to_end(&mut bytes).ok()?;
+    let bytes = regular::begin(path, BEGIN).ok()?;
     guard::class(&bytes)
 }
 
@@ -80,7 +78,7 @@ impl StructureSet {
         }
         let mut found = Vec::new();
         for file in structure_sets(path)? {
-            let bytes = std::fs::read(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
+            let bytes = regular::read(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
             let identity = parse::identity(&bytes).map_err(|message| Error::Format { path: file.clone(), message })?;
             found.push(Found { path: file, identity });
         }

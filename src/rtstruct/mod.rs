@@ -29,6 +29,7 @@ pub use series::ImageSeries;
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, ReadOptions};
+use crate::storage::regular;
 use crate::surface::header::Header;
 
 /// An RTSTRUCT file.
@@ -100,7 +101,7 @@ impl StructureSet {
     /// # Errors
     /// [`Error::Read`] where the file cannot be read, [`Error::Format`] naming field, ROI, contour and value.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|source| Error::Read { path: path.into(), source })?;
+        let bytes = regular::read(path).map_err(|source| Error::Read { path: path.into(), source })?;
         let fail = |message: String| Error::Format { path: path.into(), message };
         let (object, rois) = parse::parse(&bytes).map_err(fail)?;
         Ok(StructureSet { path: path.into(), rois, object, digest: blake3::hash(&bytes) })

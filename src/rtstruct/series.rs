@@ -1,8 +1,6 @@
 //! Series of images in a folder of DICOM files: where their planes lie, and how contours refer to them. Pixels are not looked at.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use dicom_dictionary_std::tags;
@@ -13,6 +11,7 @@ use super::guard;
 use crate::error::{Error, Result};
 use crate::polygons::plane::TOLERANCE;
 use crate::storage::folders::files_below;
+use crate::storage::regular;
 
 /// Bytes at a file's begin among which its header is looked for.
 const BEGIN: u64 = 1 << 22;
@@ -134,9 +133,7 @@ fn stacked(found: Vec<Found>) -> Result<ImageSeries> {
 /// # Errors
 /// [`Error::Read`]; [`Error::Format`] for a value that cannot be.
 fn image(path: &Path) -> Result<Option<Found>> {
-    let mut bytes = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(BEGIN).read_to_end(&mut bytes));
-    read.map_err(|source| Error::Read { path: path.into(), source })?;
+    let bytes = regular::begin(path, BEGIN).map_err(|source| Error::Read { path: path.into(), source })?;
     let mut values: BTreeMap<Tag, Vec<u8>> = BTreeMap::new();
     // What is no DICOM is none of the series' images; what is cut off says what it says.
     if guard::elements(&bytes, tags::PIXEL_DATA, &mut |tag, value| drop(values.insert(tag, value.to_vec()))).is_err()

@@ -8,6 +8,7 @@ use serde_json::Value;
 
 use super::{Feature, MapPart};
 use crate::error::{Error, Result};
+use crate::storage::regular;
 use crate::surface::map::Crs;
 
 /// The features of a file, and the coordinate system its `crs` member names (of before RFC 7946, still what programs write).
@@ -16,7 +17,7 @@ use crate::surface::map::Crs;
 /// [`Error::Read`]; [`Error::Format`] with feature and value.
 pub fn read(path: &Path) -> Result<(Vec<Feature>, Crs)> {
     let wrong = |message: String| Error::Format { path: path.into(), message };
-    let text = std::fs::read_to_string(path).map_err(|source| Error::Read { path: path.into(), source })?;
+    let text = regular::read_to_string(path).map_err(|source| Error::Read { path: path.into(), source })?;
     let parsed: GeoJson = text.parse().map_err(|e| wrong(format!("is not GeoJSON: {e}")))?;
     let GeoJson::FeatureCollection(collection) = parsed else {
         return Err(wrong("must be a FeatureCollection: each contour a feature with its elevation".into()));

@@ -23,8 +23,6 @@ mod loose;
 mod project;
 mod shapefile;
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::DVec2;
@@ -32,6 +30,7 @@ use join::Edges;
 
 use crate::error::{Error, Result};
 use crate::stack::{ContourStack, ReadOptions};
+use crate::storage::regular;
 use crate::surface::map::{Crs, Map};
 
 /// Parts of the middle distance between levels that are the distance between output heights, where none is asked for.
@@ -149,9 +148,7 @@ enum MapFormat {
 impl MapFormat {
     /// By how a file begins; what does not tell is GeoJSON, a text that may begin with anything.
     fn of(path: &Path) -> Result<Self> {
-        let mut begin = Vec::new();
-        let read = File::open(path).and_then(|file| file.take(BEGIN).read_to_end(&mut begin));
-        read.map_err(|source| Error::Read { path: path.into(), source })?;
+        let begin = regular::begin(path, BEGIN).map_err(|source| Error::Read { path: path.into(), source })?;
         Ok(match format(&begin) {
             Some(GEOPACKAGE) => MapFormat::GeoPackage,
             Some(_) => MapFormat::Shapefile,

@@ -1,6 +1,5 @@
 //! Shapefiles: .shp with its .dbf, and .prj if there is one.
 
-use std::fs::File;
 use std::io::{BufReader, Cursor, ErrorKind, Read, Seek};
 use std::path::Path;
 
@@ -11,6 +10,7 @@ use shapefile::{Shape, ShapeReader};
 
 use super::{Feature, MapPart, guard};
 use crate::error::{Error, Result};
+use crate::storage::regular;
 use crate::surface::map::Crs;
 
 /// Value that stands for "no data" in a shapefile's z.
@@ -23,7 +23,7 @@ const NO_DATA: f64 = -1e38;
 pub fn read(path: &Path) -> Result<(Vec<Feature>, Crs)> {
     let unreadable = |path: &Path, source| Error::Read { path: path.into(), source };
     let wrong = |path: &Path, message: String| Error::Format { path: path.into(), message };
-    let there = |path: &Path| match std::fs::read(path) {
+    let there = |path: &Path| match regular::read(path) {
         Ok(bytes) => Ok(Some(bytes)),
         Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
         Err(e) => Err(unreadable(path, e)),
@@ -31,9 +31,9 @@ pub fn read(path: &Path) -> Result<(Vec<Feature>, Crs)> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("shx")) {
         return Err(wrong(path, "is the index of a shapefile; give the .shp".into()));
     }
-    let bytes = std::fs::read(path).map_err(|e| unreadable(path, e))?;
+    let bytes = regular::read(path).map_err(|e| unreadable(path, e))?;
     let table = path.with_extension("dbf");
-    let table_file = File::open(&table).map_err(|e| unreadable(&table, e))?;
+    let table_file = regular::open(&table).map_err(|e| unreadable(&table, e))?;
     let index = path.with_extension("shx");
     let indexed = there(&index)?;
     if let Some(shx) = &indexed {

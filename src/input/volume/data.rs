@@ -1,6 +1,5 @@
 //! The bytes of a volume's voxels, opened anew for every pass.
 
-use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,6 +13,7 @@ use super::tiff_pages::Pages;
 use super::zarr_slabs;
 use crate::input::masks::SideBySide;
 use crate::input::volume::grid::Failure;
+use crate::storage::regular;
 
 /// Most bytes that one byte of deflate can stand for (1032), of bzip2 (blocks of 900 000 bytes, of which 5 stand for 259, packed into 32), of the
 /// codecs of TIFF (zstd: blocks of 128 KiB in 4 bytes).
@@ -135,7 +135,7 @@ impl Data {
             Data::Given(voxels) => Ok(voxels.open()),
             Data::Pages { file, count, bytes } => Ok(Box::new(Pages::open(file, *count, *bytes)?)),
             Data::Stream { file, offset, coding, skip } => {
-                let mut input = BufReader::with_capacity(1 << 18, self.named(File::open(file))?);
+                let mut input = BufReader::with_capacity(1 << 18, self.named(regular::open(file))?);
                 self.named(input.seek(SeekFrom::Start(*offset)))?;
                 let mut input: Box<dyn Read> = match coding {
                     Coding::Raw => Box::new(input),

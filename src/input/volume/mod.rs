@@ -26,6 +26,7 @@ use std::sync::Arc;
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
 use crate::stack::options::LabelName;
+use crate::storage::regular;
 use data::{Data, GivenVoxels};
 use element::{Element, Voxels};
 use grid::{Failure, VolumeGrid};
@@ -345,6 +346,6 @@ impl Volume {
 
 /// A file whose header is to be read.
 pub(crate) fn open(path: &Path) -> Result<std::io::BufReader<std::fs::File>> {
-    let file = std::fs::File::open(path).map_err(|source| Error::Read { path: path.into(), source })?;
+    let file = regular::open(path).map_err(|source| Error::Read { path: path.into(), source })?;
     Ok(std::io::BufReader::new(file))
 }

@@ -9,6 +9,7 @@ use tiff::{ColorType, TiffError};
 
 use super::element::Element;
 use super::grid::Failure;
+use crate::storage::regular;
 
 /// Longest description, e.g. OME-XML with an entry per plane.
 const LONGEST_DESCRIPTION: usize = 1 << 26;
@@ -17,7 +18,7 @@ pub(crate) type TiffDecoder = Decoder<BufReader<File>>;
 
 pub(crate) fn decoder(path: &Path) -> Failure<TiffDecoder> {
     let unreadable = |e: io::Error| format!("cannot read: {e}");
-    let file = File::open(path).map_err(unreadable)?;
+    let file = regular::open(path).map_err(unreadable)?;
     let length = file.metadata().map_err(unreadable)?.len();
     let mut limits = Limits::default();
     limits.ifd_value_size = LONGEST_DESCRIPTION.min(usize::try_from(length).unwrap_or(usize::MAX));

@@ -15,7 +15,7 @@ use super::element::Element;
 use super::grid::Failure;
 use super::zarr_bounded;
 use crate::storage::folders::files_below;
-use crate::storage::room;
+use crate::storage::{regular, room};
 
 /// Most bytes of voxels for a byte of all chunks, where those that are not there are empty; and of a chunk for a byte of the largest.
 const MOST_SPARSE: u64 = 1 << 17;
@@ -88,6 +88,8 @@ fn chunk(array: &Array<FilesystemStore>) -> Failure<Vec<u64>> {
 pub(crate) fn check(folder: &Path, voxel: usize, needed: u64) -> Failure<()> {
     let array = open(folder)?;
     let files = files_below(folder).map_err(|e| format!("array {}: {e}", folder.display()))?;
+    // A link among them may lead to what is no file.
+    files.iter().try_for_each(|file| regular::check(file)).map_err(|e| format!("array {}: {e}", folder.display()))?;
     let lengths = files.iter().filter_map(|file| {
         // Metadata are no chunks.
         let name = file.file_name()?.to_string_lossy();

@@ -15,7 +15,8 @@ const FOLDERS: [&str; 9] = ["src", "shaders", "tests", "benches", "docs", "examp
 
 /// The pages, by their path from the root, with their text. A changelog may name what is gone.
 fn pages() -> Vec<(PathBuf, String)> {
-    let top = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "benches/RESULTS.md"].map(PathBuf::from);
+    let top =
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "SECURITY.md", "benches/RESULTS.md"].map(PathBuf::from);
     let docs = fs::read_dir(Path::new(ROOT).join("docs")).expect("docs is a folder");
     let docs = docs.map(|e| Path::new("docs").join(e.expect("an entry").file_name()));
     let docs = docs.filter(|p| p.extension().is_some_and(|e| e == "md"));
@@ -369,6 +370,138 @@ fn folders_use_only_those_above_them_in_the_list() {
         seen("grid", "// crate::pipeline\nuse crate::error::Error;\n#[cfg(test)]\nuse crate::pipeline::run;"),
         0
     );
+}
+
+/// Crates of Cargo.lock but for those of the workspace, and what is wrong with where they come from.
+fn locked(text: &str) -> (BTreeSet<(String, String)>, Vec<String>) {
+    let lock: toml::Table = text.parse().expect("Cargo.lock is TOML");
+    let (mut crates, mut wrong) = (BTreeSet::new(), Vec::new());
+    for package in lock["package"].as_array().expect("a list") {
+        let word = |key: &str| package.get(key).and_then(toml::Value::as_str).map(str::to_string);
+        let (name, version) = (word("name").expect("a name"), word("version").expect("a version"));
+        match word("source") {
+            Some(source) if source == "registry+https://github.com/rust-lang/crates.io-index" => {
+                crates.insert((name, version));
+            }
+            None if ["interslice", "interslice-python"].contains(&&*name) => {}
+            source => wrong.push(format!("{name} comes from {source:?}")),
+        }
+    }
+    (crates, wrong)
+}
+
+/// Crates of the sheet of others' software.
+fn sheet(page: &str) -> BTreeSet<(String, String)> {
+    let rows = page.lines().skip_while(|l| !l.starts_with("| crate |")).skip(2).take_while(|l| l.starts_with('|'));
+    let of_row = |row: &str| {
+        let mut cells = row.split('|').skip(1).map(|cell| cell.trim().to_string());
+        Some((cells.next()?, cells.next()?))
+    };
+    rows.filter_map(of_row).collect()
+}
+
+/// The sheet has the crates of Cargo.lock, all from crates.io; their licences and uses are compared by docs/soup.py itself (tests/run).
+#[test]
+fn the_sheet_of_others_software_is_that_of_the_lock() {
+    let read = |path: &str| fs::read_to_string(Path::new(ROOT).join(path)).expect("it is there");
+    let (lock, page) = (read("Cargo.lock"), read("docs/soup.md"));
+    let (crates, wrong) = locked(&lock);
+    assert!(wrong.is_empty(), "{wrong:?}");
+    assert!(crates.len() > 300, "{}", crates.len());
+    let listed = sheet(&page);
+    let differ: Vec<_> = crates.symmetric_difference(&listed).collect();
+    assert!(differ.is_empty(), "run python3 docs/soup.py: {differ:?}");
+    // A new version, a crate less, a source elsewhere are seen.
+    let (newer, _) = locked(&lock.replacen("name = \"adler2\"\nversion = \"", "name = \"adler2\"\nversion = \"9", 1));
+    assert_eq!(newer.symmetric_difference(&listed).count(), 2);
+    assert_eq!(sheet(&page.replacen("\n| adler2 |", "\nadler2 |", 1)).len(), 0);
+    let elsewhere =
+        lock.replacen("registry+https://github.com/rust-lang/crates.io-index", "git+https://example.org/a", 1);
+    assert_eq!(locked(&elsewhere).1.len(), 1);
+}
+
+/// Lines of code with `unsafe` in them, and proofs of them.
+fn unsafe_lines(text: &str) -> [usize; 2] {
+    let code = |l: &&str| {
+        l.split("//").next().is_some_and(|code| code.split(|c: char| !c.is_alphanumeric()).any(|w| w == "unsafe"))
+    };
+    [text.lines().filter(code).count(), text.lines().filter(|l| l.trim_start().starts_with("// SAFETY:")).count()]
+}
+
+/// Rows `` | `file` | count | `` of the page on security.
+fn listed_unsafe(page: &str) -> Vec<(String, usize)> {
+    let row = |line: &str| {
+        let mut cells = line.strip_prefix("| `")?.split('|');
+        let file = cells.next()?.trim().strip_suffix('`')?.to_string();
+        Some((file, cells.next()?.trim().parse().ok()?))
+    };
+    page.lines().filter_map(row).collect()
+}
+
+/// SECURITY.md lists every file with `unsafe`; each has a proof beside each, but for functions of a trait that is unsafe as a whole.
+#[test]
+fn unsafe_code_is_listed_and_proved() {
+    let page = fs::read_to_string(Path::new(ROOT).join("SECURITY.md")).expect("it is there");
+    let mut found = Vec::new();
+    for folder in ["src", "python/src"] {
+        for file in sources(&Path::new(ROOT).join(folder)) {
+            let text = fs::read_to_string(&file).expect("a text");
+            let [places, proofs] = unsafe_lines(&text);
+            let of_a_trait = text.lines().filter(|l| l.trim_start().starts_with("unsafe fn")).count();
+            let name = file.strip_prefix(ROOT).expect("below the root").display().to_string().replace('\\', "/");
+            assert_eq!(
+                places - of_a_trait,
+                proofs,
+                "{name}: {places} places, {of_a_trait} of a trait, {proofs} proofs"
+            );
+            if places > 0 {
+                found.push((name, places));
+            }
+        }
+    }
+    found.sort();
+    let mut listed = listed_unsafe(&page);
+    listed.sort();
+    assert_eq!(found, listed);
+    assert_eq!(unsafe_lines("// SAFETY: so.\nunsafe { f() } // unsafe\nlet unsafely = 1;\nunsafe impl X {}"), [2, 1]);
+}
+
+/// Crates that open connections.
+const OF_NETWORKS: [&str; 14] = [
+    "curl",
+    "curl-sys",
+    "h2",
+    "hyper",
+    "mio",
+    "native-tls",
+    "openssl",
+    "openssl-sys",
+    "quinn",
+    "reqwest",
+    "rustls",
+    "socket2",
+    "tokio",
+    "ureq",
+];
+
+/// The program has no connection to a network and starts no other, as SECURITY.md says.
+#[test]
+fn nothing_of_a_network_is_in_the_program() {
+    let named = |text: &str| ["std::net", "std::process::Command", "process::Command"].iter().any(|w| text.contains(w));
+    for folder in ["src", "python/src"] {
+        for file in sources(&Path::new(ROOT).join(folder)) {
+            assert!(!named(&fs::read_to_string(&file).expect("a text")), "{}", file.display());
+        }
+    }
+    assert!(named("use std::net::TcpStream;"));
+    let page = fs::read_to_string(Path::new(ROOT).join("docs/soup.md")).expect("it is there");
+    let of_program = |page: &str| {
+        let rows = page.lines().filter_map(|l| l.strip_prefix("| ").map(|l| l.split(" | ").collect::<Vec<_>>()));
+        let mut rows = rows.filter(|cells| cells.get(3) == Some(&"program")).map(|cells| cells[0].to_string());
+        rows.any(|name| OF_NETWORKS.contains(&&*name))
+    };
+    assert!(page.contains("| program |") && !of_program(&page));
+    assert!(of_program(&page.replacen("| adler2 |", "| ureq |", 1)));
 }
 
 /// Every kernel has its row in the table of kernels, under its stem.

@@ -73,11 +73,11 @@ def test_all_labels_and_drop(opened: tuple[Any, Any, FillWidget], qtbot: Any) ->
 
 def test_cancel(opened: tuple[Any, Any, FillWidget], qtbot: Any) -> None:
     viewer, layer, widget = opened
-    layer.data = drawn(400)
+    layer.data = drawn(1000)
     layer.selected_label = 2
     widget.start.click()
     assert widget.stop.isEnabled() and not widget.start.isEnabled()
-    qtbot.wait(400)
+    qtbot.wait(200)
     widget.stop.click()
     qtbot.waitUntil(lambda: widget.start.isEnabled(), timeout=10_000)
     assert widget.said.text() == "Cancelled." and PREVIEW not in viewer.layers

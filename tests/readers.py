@@ -173,6 +173,15 @@ def map_files(program, folder):
         map.write(np.zeros((1, 50, 60), np.float32))
     wrong = subprocess.run([*here, folder / "degrees.tif", "-o", folder / "degrees.dem.tif"], capture_output=True, text=True)
     check("--like degrees.tif is refused", wrong.returncode == 2 and "is a raster in EPSG:4326, but the map is in EPSG:32611; warp the raster" in wrong.stderr, wrong.stderr)
+    # A system of one's own has no code; the program's own raster in it is a grid to be like.
+    own = lines.copy().set_crs("+proj=tmerc +lat_0=36 +lon_0=-117.3 +k=0.9999 +x_0=500000 +y_0=4000000 +ellps=GRS80 +units=m", allow_override=True)
+    own.to_file(folder / "own.shp")
+    here[2] = folder / "own.shp"
+    subprocess.run([*here[:-1], "--pixel", "10", "-o", folder / "own.dem.tif"], check=True)
+    subprocess.run([*here, folder / "own.dem.tif", "--pixel", "10", "-o", folder / "again.dem.tif"], check=True)
+    with rasterio.open(folder / "own.dem.tif") as of, rasterio.open(folder / "again.dem.tif") as map:
+        same = np.array_equal(of.read(1), map.read(1), equal_nan=True)
+        check("--like own.dem.tif -> rasterio", map.transform == of.transform and same and of.crs.to_epsg() is None, of.crs)
     # The lines that the program writes, read and compared with those that it was given.
     drawn = geopandas.read_file(folder / "lines.geojson")
     check("lines.geojson -> geopandas", drawn.crs.to_epsg() == 32611 and set(lines["elev"]) <= set(drawn["elevation"]), set(drawn["elevation"]))

@@ -15,14 +15,13 @@ use crate::input::format::Kind;
 use crate::rtstruct::ImageSeries;
 use crate::storage::folders::files_below;
 use crate::storage::regular;
+use crate::surface::geotiff::{GEOGRAPHIC_CRS, MODEL_TYPE, PROJECTED_CRS, RASTER_TYPE, USER_DEFINED};
 use crate::surface::like::LikeGrid;
 use crate::surface::map::Crs;
 
-/// GeoKeys: what a pixel is, and the codes of a system in degrees and of a projected one.
-const RASTER_TYPE: u16 = 1025;
+/// Values of GeoKeys: places are in degrees; a pixel is a point.
+const IN_DEGREES: u16 = 2;
 const PIXEL_IS_POINT: u16 = 2;
-const GEOGRAPHIC_CRS: u16 = 2048;
-const PROJECTED_CRS: u16 = 3072;
 
 /// What outputs are to be like.
 #[derive(Debug, Clone)]
@@ -152,9 +151,10 @@ fn raster(path: &Path) -> Result<Option<Like>> {
     // The tie is a corner of pixel (i, j), or its centre.
     let half = if key(RASTER_TYPE) == Some(PIXEL_IS_POINT) { 0.0 } else { 0.5 };
     let (west, north) = (x + (half - i) * dx, y - (half - j) * dy);
-    // A projected system names that of its degrees too.
-    let crs = key(PROJECTED_CRS)
-        .or_else(|| key(GEOGRAPHIC_CRS))
+    // A projected system names that of its degrees too; one without a code is not known.
+    let code = key(if key(MODEL_TYPE) == Some(IN_DEGREES) { GEOGRAPHIC_CRS } else { PROJECTED_CRS });
+    let crs = code
+        .filter(|code| *code != USER_DEFINED)
         .and_then(|code| Crs::named(&format!("EPSG:{code}")))
         .unwrap_or_default();
     let [nx, ny] = [width as usize, height as usize];

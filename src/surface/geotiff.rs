@@ -9,15 +9,17 @@ use tiff::tags::Tag;
 
 use crate::surface::map::Crs;
 
-/// Keys of the GeoKey directory.
-const MODEL_TYPE: u16 = 1024;
-const RASTER_TYPE: u16 = 1025;
+/// Keys of the GeoKey directory: whether places are in a plane or in degrees, what a pixel is, codes of systems, a system in words.
+pub const MODEL_TYPE: u16 = 1024;
+pub const RASTER_TYPE: u16 = 1025;
+pub const GEOGRAPHIC_CRS: u16 = 2048;
+pub const PROJECTED_CRS: u16 = 3072;
 const PROJECTED_CITATION: u16 = 3073;
-const PROJECTED_CRS: u16 = 3072;
 /// A model in a plane, pixels that are areas, a coordinate system of one's own.
 const PROJECTED: u16 = 1;
 const PIXEL_IS_AREA: u16 = 1;
-const USER_DEFINED: u16 = 32767;
+/// Code of a system that has none.
+pub const USER_DEFINED: u16 = 32767;
 
 /// A height map in the world: rows from north to south.
 #[derive(Debug, Clone)]

@@ -232,7 +232,7 @@ impl Watch for Quiet {
 
 fn run_on(place: &Path, machine: &dyn Machine, name: &str) -> Vec<Outcome> {
     let manifest = Manifest::read(&place.join("manifest.jsonl")).expect("it is right");
-    let options = Options { jobs: 2, memory: u64::MAX, fail_fast: false, machine: name.into() };
+    let options = Options { jobs: 2, memory: u64::MAX, fail_fast: false, pictures: false, machine: name.into() };
     let stop = AtomicBool::new(false);
     run(&manifest, &place.join("results.jsonl"), machine, &options, &Quiet, &stop).expect("the place can be used")
 }

@@ -8,6 +8,7 @@ use super::gate::Gate;
 use super::lock::Locks;
 use super::machine::Machine;
 use super::manifest::{Job, Manifest};
+use super::pictures::Pictures;
 use super::results::Results;
 
 /// Options of a batch.
@@ -19,6 +20,8 @@ pub struct Options {
     pub memory: u64,
     /// Begin no job after one has failed.
     pub fail_fast: bool,
+    /// Keep a small picture of each job that writes none, for [the page](super::index).
+    pub pictures: bool,
     /// The machine as it was asked for. Part of every fingerprint: a result of another machine is another result.
     pub machine: String,
 }
@@ -51,6 +54,7 @@ pub(super) struct Batch<'a> {
     pub(super) stop: &'a AtomicBool,
     pub(super) locks: Locks,
     pub(super) results: Results,
+    pub(super) pictures: Option<Pictures>,
     pub(super) gate: Gate,
     pub(super) agenda: Mutex<Agenda>,
     pub(super) outcomes: Mutex<Vec<Outcome>>,

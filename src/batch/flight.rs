@@ -10,6 +10,7 @@ use std::time::Instant;
 use super::agenda::{Batch, Outcome};
 use super::gate::Permit;
 use super::lock::Held;
+use super::pictures::is_picture;
 use super::results::{Certificate, ResultLine, Status, Written};
 use crate::backend::Means;
 use crate::error::{Error, Result};
@@ -19,6 +20,7 @@ use crate::files::format;
 use crate::files::outputs::Outputs;
 use crate::files::pending::Temporary;
 use crate::files::places::Places;
+use crate::files::preview;
 use crate::progress::Silent;
 use crate::report::Provenance;
 use crate::storage::spill::Budget;
@@ -69,9 +71,13 @@ impl<'a> Batch<'a> {
             }
             let stack = &loaded.stack;
             let targets = job.targets.iter().map(|t| t.as_path());
+            let drawn = self.pictures.is_some() && !targets.clone().any(is_picture);
+            // A small picture needs the mesh.
+            let surface = drawn.then_some(Path::new("preview.ply"));
             let has_mesh = targets.clone().any(|path| matches!(format::kind(path), Ok(format::Kind::Mesh)));
-            let writing =
-                format::bytes(targets, stack.dims, &stack.geometry, stack.lid()) + loaded.needs_to_simplify(has_mesh);
+            let writing = format::bytes(targets.chain(surface), stack.dims, &stack.geometry, stack.lid())
+                + loaded.needs_to_simplify(has_mesh)
+                + if drawn { preview::BYTES } else { 0 };
             let needs = loaded.needs();
             let budget = needs.budget(writing, Some(self.options.memory))?;
             // A job larger than the memory of all has all of it for itself.
@@ -83,6 +89,7 @@ impl<'a> Batch<'a> {
             }
             let mut places = Places::of(&job.input, &job.options)?;
             let outputs = Outputs::open(&job.targets, None, Temporary::Fixed, &mut places)?;
+            let outputs = if drawn { outputs.with_preview() } else { outputs };
             outputs.check(&loaded.options.output)?;
             Ok(Ok((permit, outputs, (loaded, budget))))
         });
@@ -143,6 +150,10 @@ impl<'a> Batch<'a> {
                 Ok(Written { file: file.clone(), bytes, blake3 })
             });
             let written = written.collect::<Result<Vec<_>>>()?;
+            if let (Some(pictures), Some(print), Some(picture)) = (&self.pictures, &fingerprint, outputs.take_preview())
+            {
+                pictures.keep(print, &picture)?;
+            }
             outputs.rename()?;
             Ok(written)
         });

@@ -2,15 +2,14 @@
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use image::ImageFormat;
 
 use super::agenda::Outcome;
 use super::manifest::{Job, Manifest};
+use super::pictures::Pictures;
 use super::results::{Certificate, ResultLine, Status};
 use crate::error::{Error, Result};
 use crate::files::pending::{Pending, parent};
@@ -18,8 +17,6 @@ use crate::surface::html::page::fill;
 use crate::surface::html::words::{count, escape, number};
 
 const TEMPLATE: &str = include_str!("index.html");
-/// Most columns and rows of a picture in the page: twice of what it shows, for fine screens.
-const PICTURE: [u32; 2] = [320, 240];
 
 /// Columns by which the page can be sorted: their place, title, and whether numbers are in them.
 const COLUMNS: [(&str, bool); 8] = [
@@ -39,7 +36,7 @@ const COLUMNS: [(&str, bool); 8] = [
 /// [`Error::Read`] where the results cannot be read; [`Error::Write`].
 pub fn write(target: &Path, pending: Pending, manifest: &Manifest, results: &Path, outcomes: &[Outcome]) -> Result<()> {
     let lines = last_lines(results)?;
-    let text = page(target, manifest, &lines, outcomes);
+    let text = page(target, manifest, &lines, &Pictures::beside(results), outcomes);
     let write = || {
         std::fs::write(pending.path(), text)?;
         pending.sync()?;
@@ -59,7 +56,13 @@ fn last_lines(results: &Path) -> Result<HashMap<String, ResultLine>> {
     Ok(lines.map(|line| (line.id.clone(), line)).collect())
 }
 
-fn page(target: &Path, manifest: &Manifest, lines: &HashMap<String, ResultLine>, outcomes: &[Outcome]) -> String {
+fn page(
+    target: &Path,
+    manifest: &Manifest,
+    lines: &HashMap<String, ResultLine>,
+    pictures: &Pictures,
+    outcomes: &[Outcome],
+) -> String {
     let title = manifest.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let is = |what: fn(&Outcome) -> bool| outcomes.iter().filter(|o| what(o)).count() as u64;
     let done = is(|o| matches!(o, Outcome::Done | Outcome::Skipped));
@@ -80,7 +83,7 @@ fn page(target: &Path, manifest: &Manifest, lines: &HashMap<String, ResultLine>,
     };
     let rows = manifest.jobs.iter().zip(outcomes).map(|(job, outcome)| {
         let line = lines.get(&job.id).filter(|_| *outcome != Outcome::NotRun);
-        row(parent(target), job, outcome, line)
+        row(parent(target), job, outcome, line, pictures)
     });
     let fills = [
         ("title", escape(&title)),
@@ -92,7 +95,7 @@ fn page(target: &Path, manifest: &Manifest, lines: &HashMap<String, ResultLine>,
     fill(TEMPLATE, &fills)
 }
 
-fn row(folder: &Path, job: &Job, outcome: &Outcome, line: Option<&ResultLine>) -> String {
+fn row(folder: &Path, job: &Job, outcome: &Outcome, line: Option<&ResultLine>, pictures: &Pictures) -> String {
     let certificate = line.filter(|l| l.status == Status::Done).and_then(|l| l.certificate.as_ref());
     let (class, status, warnings) = match outcome {
         Outcome::Done | Outcome::Skipped => ("done", "done", certificate.map_or(&[][..], |c| &c.warnings)),
@@ -111,29 +114,34 @@ fn row(folder: &Path, job: &Job, outcome: &Outcome, line: Option<&ResultLine>) -
         }
         _ => cell(k, "", r#"<span class="none">not measured</span>"#),
     };
-    let picture = job.targets.iter().find_map(|target| thumbnail(target).map(|data| (target, data)));
+    let is_done = matches!(outcome, Outcome::Done | Outcome::Skipped);
+    let picture = is_done.then(|| pictures.of(job, line.and_then(|l| l.fingerprint.as_deref()))).flatten();
     let picture = match picture {
-        Some((target, data)) => format!(
-            r#"<td class="picture"><a href="{}"><img alt="{}" src="data:image/png;base64,{data}"></a></td>"#,
-            escape(&address(folder, target)),
-            escape(&job.id)
-        ),
-        None => r#"<td class="picture"><span class="none">no picture among the outputs</span></td>"#.into(),
+        Some((target, png)) => {
+            let shown =
+                format!(r#"<img alt="{}" src="data:image/png;base64,{}">"#, escape(&job.id), STANDARD.encode(png));
+            match target {
+                Some(target) => format!(r#"<a href="{}">{shown}</a>"#, escape(&address(folder, target))),
+                None => shown,
+            }
+        }
+        None if is_done => r#"<span class="none">no picture: finished before one was asked for</span>"#.into(),
+        None => r#"<span class="none">no picture</span>"#.into(),
     };
-    let files: Vec<String> = match outcome {
-        Outcome::Done | Outcome::Skipped => job
+    let files: Vec<String> = match is_done {
+        true => job
             .targets
             .iter()
             .zip(&job.outputs)
             .map(|(target, name)| format!(r#"<a href="{}">{}</a>"#, escape(&address(folder, target)), escape(name)))
             .collect(),
-        _ => Vec::new(),
+        false => Vec::new(),
     };
     let listed: String = warnings.iter().map(|w| format!("<li>{}</li>", escape(w))).collect();
     let listed = if listed.is_empty() { String::new() } else { format!("<ul>{listed}</ul>") };
     let seconds = line.map(|l| l.seconds);
     format!(
-        "<tr>{picture}<td class=\"job\" data-key=\"{id}\">{id}<br><small>{}</small></td>{}{}{}{}{}{}</tr>\n",
+        "<tr><td class=\"picture\">{picture}</td><td class=\"job\" data-key=\"{id}\">{id}<br><small>{}</small></td>{}{}{}{}{}{}</tr>\n",
         files.join(" · "),
         cell(2, status, &format!(r#"<span class="{class}">{status}</span>"#)),
         measured(3, certificate.and_then(|c| c.volume), "³"),
@@ -155,15 +163,6 @@ fn contours(certificate: Option<&Certificate>) -> String {
         0 => format!("{}, all met", c.contours),
         n => format!(r#"{}, <span class="failed">{} pixels differ</span>"#, c.contours, count(n as u64)),
     })
-}
-
-/// A smaller picture as base64, of an output that is one.
-fn thumbnail(target: &Path) -> Option<String> {
-    let picture = target.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
-    let picture = picture.then(|| image::open(target).ok())??.thumbnail(PICTURE[0], PICTURE[1]);
-    let mut bytes = Cursor::new(Vec::new());
-    picture.write_to(&mut bytes, ImageFormat::Png).ok()?;
-    Some(STANDARD.encode(bytes.into_inner()))
 }
 
 /// A file's address as a page in `folder` names it.

@@ -8,6 +8,7 @@ pub mod line;
 pub mod lock;
 pub mod machine;
 pub mod manifest;
+pub mod pictures;
 pub mod results;
 pub mod runner;
 #[cfg(feature = "gpu")]

@@ -21,6 +21,7 @@ use super::gate::Gate;
 use super::lock::Locks;
 use super::machine::Machine;
 use super::manifest::{Job, Manifest};
+use super::pictures::Pictures;
 use super::results::Results;
 use crate::error::Result;
 
@@ -46,8 +47,9 @@ pub fn run(
         options,
         watch,
         stop,
-        locks: Locks::open(&lock_folder(results))?,
+        locks: Locks::open(&folder_of(results, "locks"))?,
         results: Results::open(results)?,
+        pictures: options.pictures.then(|| Pictures::open(results)).transpose()?,
         gate: Gate::new(options.memory),
         agenda: Mutex::new(Agenda { fresh: (0..manifest.jobs.len()).collect(), elsewhere: VecDeque::new() }),
         outcomes: Mutex::new(vec![Outcome::NotRun; manifest.jobs.len()]),
@@ -90,11 +92,12 @@ pub fn finished(manifest: &Manifest, results: &Path, machine: &str) -> Result<Ve
     manifest.jobs.iter().map(is).collect()
 }
 
-/// Folder of the locks of a results file.
-fn lock_folder(results: &Path) -> PathBuf {
+/// Folder beside a results file of what belongs to it.
+pub(super) fn folder_of(results: &Path, what: &str) -> PathBuf {
     let mut name = std::ffi::OsString::from(".");
     name.push(results.file_name().unwrap_or_default());
-    name.push(".locks");
+    name.push(".");
+    name.push(what);
     results.with_file_name(name)
 }
 

@@ -53,7 +53,7 @@ pub struct BatchArguments {
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
 
-    /// Write a page over all jobs: status, volume, warnings and a picture each (of jobs with a .png among their outputs), to be sorted in a browser
+    /// Write a page over all jobs: status, volume, warnings and a picture each, to be sorted in a browser. Jobs that write no mesh make one for it
     #[arg(long, value_name = "FILE.html", conflicts_with_all = ["dry_run", "template"])]
     index: Option<PathBuf>,
 
@@ -132,7 +132,7 @@ pub fn run(arguments: &BatchArguments) -> Result<()> {
     }
     let memory = arguments.device.memory().or_else(|| room::available().map(|free| (free as f64 * SHARE) as u64));
     let memory = shared.leaves(memory.unwrap_or(u64::MAX))?;
-    let options = Options { jobs, memory, fail_fast: arguments.fail_fast, machine };
+    let options = Options { jobs, memory, fail_fast: arguments.fail_fast, pictures: index.is_some(), machine };
     let outcomes = run_all(&manifest, &results, shared.machine(), &options, &tally, &interrupt::stop())?;
     tally.finish();
     if let Some((path, pending)) = index {

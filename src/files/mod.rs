@@ -14,6 +14,7 @@ pub mod options;
 pub mod outputs;
 pub mod pending;
 pub mod places;
+pub mod preview;
 pub mod provenance;
 pub mod scenes;
 pub mod section_file;

@@ -16,6 +16,7 @@ use super::format::{Format, Kind, is_page, kind, needed, places};
 use super::options::OutputOptions;
 use super::pending::{Pending, Temporary, parent};
 use super::places::Places;
+use super::preview::Preview;
 use super::scenes::{Scenes, SharedScene};
 use super::writers::{Meshes, writer};
 use crate::error::{Error, Result};
@@ -36,6 +37,8 @@ pub struct Outputs {
     files: Vec<Output>,
     /// The scene that takes a mesh of the body too.
     scene: Option<SharedScene>,
+    /// Where a small picture is kept.
+    preview: Option<Preview>,
     /// The body on its way into the files.
     stream: Option<BodyStream<'static>>,
 }
@@ -66,6 +69,16 @@ impl Outputs {
     /// These outputs, with a mesh of the body for a scene of many.
     pub fn with_scene(self, scene: Option<&Scenes>) -> Self {
         Outputs { scene: scene.map(Scenes::share), ..self }
+    }
+
+    /// These outputs, and a small picture of the body that is no file of theirs: no byte of them depends on it.
+    pub fn with_preview(self) -> Self {
+        Outputs { preview: Some(Preview::default()), ..self }
+    }
+
+    /// The small picture as PNG, when everything is complete.
+    pub fn take_preview(&self) -> Option<Vec<u8>> {
+        self.preview.as_ref().and_then(Preview::take)
     }
 
     fn add(&mut self, path: &Path, format: Format, temporary: Temporary, places: &mut Places) -> Result<()> {
@@ -166,9 +179,10 @@ impl Outputs {
     }
 
     fn failed(&self, (number, source): Failed) -> Error {
-        // There are as many writers as files, and behind them the scene's.
+        // There are as many writers as files, behind them the scene's, and then that of the small picture.
         let target = self.files.get(number).map(|f| f.target.clone());
-        let path = target.or_else(|| self.scene.as_ref().map(|scene| scene.target().into())).unwrap_or_default();
+        let target = target.or_else(|| self.scene.as_ref().map(|scene| scene.target().into()));
+        let path = target.or_else(|| self.files.first().map(|f| f.target.clone())).unwrap_or_default();
         Error::Write { path, source }
     }
 
@@ -246,6 +260,7 @@ impl LayerSink for Sink<'_> {
         let has_3mf = self.outputs.formats().any(|format| format == Format::ThreeMf);
         let of_unit = if has_3mf { three_mf::told(&header.unit) } else { None };
         let notes = moved(origin).into_iter().chain(of_volumes).chain(of_unit).collect();
+        writers.extend(self.outputs.preview.as_ref().map(|preview| preview.writer(header)));
         self.outputs.stream = Some(BodyStream::new(header, writers, folder).telling(origin, notes));
         Ok(())
     }

@@ -130,7 +130,14 @@ fn value_at(p: vec3<u32>) -> f32 {
     let bulge = t * (1.0 - t);
     let apart = abs(v.x - v.y);
     let shrinking = SHRINKING * (1.0 - span.relief) * 4.0 * bulge * bulge * apart;
-    var value = select(hermite_values(v, m, t) - shrinking, span.limit, span.empty != 0u);
+    var value = hermite_values(v, m, t);
+    // Only where there is room above the lesser end.
+    let room = max(value - min(v.x, v.y), 0.0);
+    let square = shrinking * shrinking + room * room;
+    if square > 0.0 {
+        value -= shrinking * room / sqrt(square);
+    }
+    value = select(value, span.limit, span.empty != 0u);
     value = closing(0u, span.lower_parts, ij, ends.low, v.x, t, value);
     value = closing(span.lower_parts, span.all_parts, ij, ends.high, v.y, 1.0 - t, value);
     return clamp(value, -span.limit, span.limit);

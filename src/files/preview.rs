@@ -22,7 +22,7 @@ pub(super) struct Preview(Arc<Mutex<Option<Vec<u8>>>>);
 impl Preview {
     /// A writer that keeps the picture here.
     pub fn writer(&self, header: &Header) -> Box<dyn BodyWriter> {
-        Box::new(PreviewWriter { geometry: header.geometry.clone(), place: self.clone() })
+        Box::new(PreviewWriter { geometry: header.geometry, place: self.clone() })
     }
 
     /// What was kept, once.

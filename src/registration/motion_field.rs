@@ -245,11 +245,15 @@ pub fn slope([below, above]: [f64; 2], [h_below, h_above]: [f64; 2], relief: f64
     (1.0 - relief) * 0.5 * (pchip + limited(mean, below, above)) + relief * van_albada(below, above)
 }
 
-/// Value of the field at time `t` of an interval, from values and slopes (per interval) at both ends.
+/// Value of the field at time `t` of an interval, from values and slopes (per interval) at both ends. What it shrinks by is taken off where
+/// there is room for it above the lesser end: `s r / sqrt(s^2 + r^2)`, or a body would swell beyond its larger contour.
 #[inline]
 pub fn between([a, b]: [f64; 2], [ma, mb]: [f64; 2], relief: f64, t: f64) -> f64 {
     let shrinking = SHRINKING * (1.0 - relief) * 4.0 * (t * (1.0 - t)).powi(2) * (a - b).abs();
-    hermite_values([a, b], [ma, mb], t) - shrinking
+    let value = hermite_values([a, b], [ma, mb], t);
+    let room = (value - a.min(b)).max(0.0);
+    let square = shrinking * shrinking + room * room;
+    if square > 0.0 { value - shrinking * room / square.sqrt() } else { value }
 }
 
 /// Uprightness of a surface that goes `sideways` per height: 1 for a wall, 0 for a plain. What lies flat is relief between contour lines, which
@@ -379,6 +383,28 @@ mod tests {
             // Up to three times the smaller secant a cubic curve stays monotone (Fritsch and Carlson 1980).
             let (sign, least) = (if a * b > 0.0 { a.signum() } else { 0.0 }, a.abs().min(b.abs()));
             assert!(m * sign >= 0.0 && m.abs() <= 3.0 * least * sign.abs(), "{d:?}, {h:?}: {m}");
+        }
+    }
+
+    #[test]
+    fn a_monotone_curve_stays_between_its_ends() {
+        let times = (0..=64).map(|k| f64::from(k) / 64.0);
+        for ((a, b), t) in
+            [(8.5_f64, -0.4), (-0.4, 8.5), (1.0, 1.0)].iter().flat_map(|e| times.clone().map(move |t| (*e, t)))
+        {
+            for m in [0.0, 1.0, 3.0].iter().flat_map(|m| [0.0, 1.0, 3.0].map(|n| [m * (b - a), n * (b - a)])) {
+                let (least, most) = (a.min(b), a.max(b));
+                let value = between([a, b], m, 0.0, t);
+                assert!((least - 1e-12..=most + 1e-12).contains(&value), "{a} {b} {m:?} {t}: {value}");
+                assert_eq!(value, between([b, a], [-m[1], -m[0]], 0.0, 1.0 - t), "upside down");
+                if m == [b - a; 2] && t == 0.5 {
+                    let full = SHRINKING * 0.25 * (a - b).abs();
+                    assert!(
+                        (0.5 * (a + b) - value - full).abs() <= 0.01 * full,
+                        "where there is room all of it is taken off"
+                    );
+                }
+            }
         }
     }
 

@@ -7,6 +7,7 @@
 """
 
 from interslice._api import evaluate, fill, inspect, links, read, reconstruct, stack
+from interslice._files import Roi, Segment, Volume, read_rois, read_volume, write_volume
 from interslice._native import (
     Body,
     GpuError,
@@ -20,8 +21,11 @@ from interslice._native import (
 __all__ = [
     "Body",
     "GpuError",
+    "Roi",
+    "Segment",
     "Settings",
     "Stack",
+    "Volume",
     "__version__",
     "devices",
     "doctor",
@@ -30,6 +34,9 @@ __all__ = [
     "inspect",
     "links",
     "read",
+    "read_rois",
+    "read_volume",
     "reconstruct",
     "stack",
+    "write_volume",
 ]

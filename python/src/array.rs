@@ -94,18 +94,40 @@ impl Array {
         }
     }
 
+    /// The whole numbers of a row along the axis `along` from the place `at` on, those of floats without what follows the point.
+    pub fn row(&self, at: &[usize], along: usize, row: &mut [i64]) {
+        let size = self.element.0.size();
+        let mut bytes = vec![0; row.len() * size];
+        self.copy(at, along, &mut bytes);
+        row.iter_mut().zip(bytes.chunks_exact(size)).for_each(|(number, value)| *number = self.whole_number(value));
+    }
+
     /// The number that some bytes are; integers beyond 2^53 are rounded.
     fn number(&self, bytes: &[u8]) -> f64 {
-        let mut little = [0; 8];
-        little[..bytes.len()].copy_from_slice(bytes);
-        if self.element.1 {
-            little[..bytes.len()].reverse();
-        }
+        let little = self.little(bytes);
         match self.element.0 {
             Element::Float => f32::from_le_bytes([little[0], little[1], little[2], little[3]]).into(),
             Element::Double => f64::from_le_bytes(little),
             Element::Int { size, signed } => whole(little, size, signed) as f64,
         }
+    }
+
+    /// The same as a whole number.
+    fn whole_number(&self, bytes: &[u8]) -> i64 {
+        match self.element.0 {
+            Element::Int { size, signed } => whole(self.little(bytes), size, signed),
+            _ => self.number(bytes) as i64,
+        }
+    }
+
+    /// The bytes of a value, the least first.
+    fn little(&self, bytes: &[u8]) -> [u8; 8] {
+        let mut little = [0; 8];
+        little[..bytes.len()].copy_from_slice(bytes);
+        if self.element.1 {
+            little[..bytes.len()].reverse();
+        }
+        little
     }
 }
 

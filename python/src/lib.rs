@@ -4,6 +4,7 @@ mod array;
 mod body;
 mod device;
 mod errors;
+mod files;
 mod fill;
 mod running;
 mod settings;
@@ -30,6 +31,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(settings::_settings, module)?)?;
     module.add_function(wrap_pyfunction!(settings::_names, module)?)?;
     module.add_function(wrap_pyfunction!(fill::fill, module)?)?;
+    module.add_function(wrap_pyfunction!(files::read_volume, module)?)?;
+    module.add_function(wrap_pyfunction!(files::write_volume, module)?)?;
+    module.add_function(wrap_pyfunction!(files::read_rois, module)?)?;
     module.add_function(wrap_pyfunction!(stack::read, module)?)?;
     module.add_function(wrap_pyfunction!(stack::read_array, module)?)?;
     module.add_function(wrap_pyfunction!(stack::stack_of_arrays, module)?)?;

@@ -58,6 +58,11 @@ impl Place {
         Ok((volume, array))
     }
 
+    /// Its own name in messages.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
     /// The volume's axis that an axis of the array is.
     fn axis_of(&self, axis: usize) -> usize {
         self.order.iter().position(|own| *own == axis).unwrap_or(axis)

@@ -85,6 +85,12 @@ def test_rtstruct_to_nifti(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert np.asarray(voxels.dataobj).sum() * np.prod(voxels.header.get_zooms()) == pytest.approx(body.volume, rel=0.05)
 
 
+def test_names_and_colours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    known = run("Names and colours")
+    assert known["volume"].format == "NRRD" and (tmp_path / "organs.seg.nrrd").is_file()
+
+
 def test_a_mesh_for_printing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     known = run("A mesh for printing")

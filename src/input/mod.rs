@@ -130,16 +130,23 @@ pub fn survey(path: &Path) -> Result<Survey> {
 }
 
 fn surveyed(path: &Path) -> Result<(Volume, Survey)> {
-    let fail = |message: String| Err(Error::Format { path: path.into(), message });
+    let volume = open_volume(path)?;
+    let survey = Survey::of(&volume, None)?;
+    match survey.grey() {
+        Some(message) => Err(Error::Format { path: path.into(), message }),
+        None => Ok((volume, survey)),
+    }
+}
+
+/// The volume in a file or folder: its header is read, and none of its voxels.
+///
+/// # Errors
+/// [`Error::Read`]; [`Error::Format`] for what is no volume, or a damaged one.
+pub fn open_volume(path: &Path) -> Result<Volume> {
     match Kind::of(path)? {
-        Kind::Folder | Kind::StructureSet | Kind::Map => fail("is not a label volume".into()),
-        Kind::Volume(header) => {
-            let volume = header(path)?;
-            let survey = Survey::of(&volume, None)?;
-            match survey.grey() {
-                Some(message) => fail(message),
-                None => Ok((volume, survey)),
-            }
+        Kind::Volume(header) => header(path),
+        Kind::Folder | Kind::StructureSet | Kind::Map => {
+            Err(Error::Format { path: path.into(), message: "is not a label volume".into() })
         }
     }
 }

@@ -281,6 +281,22 @@ impl Volume {
         self.decode(Element::labels, fold.as_ref().map(|fold| fold as Fold<'_, i64>), &mut each)
     }
 
+    /// Layers of segments, of which those of different layers may overlap; 1 where none can.
+    pub fn layers(&self) -> usize {
+        self.layers.as_ref().map_or(1, |layers| layers.count)
+    }
+
+    /// As [`Volume::labels`], but only the segments of one of the [`Volume::layers`], counted from 0, whatever lies over them.
+    ///
+    /// # Errors
+    /// The errors of [`Volume::labels`].
+    pub fn labels_of_layer(&self, layer: usize, mut each: impl FnMut(VoxelRun<'_>)) -> Result<()> {
+        let Some(layers) = &self.layers else { return self.labels(each) };
+        let own = |label: &i64| layers.segments[*label as usize - 1].0 == layer;
+        let fold = |values: &[i64]| layers.found(values).find(own).unwrap_or(0);
+        self.decode(Element::labels, Some(&fold), &mut each)
+    }
+
     /// Rows of grey values.
     ///
     /// # Errors

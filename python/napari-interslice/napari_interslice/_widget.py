@@ -190,7 +190,7 @@ class FillWidget(QWidget):  # type: ignore[misc]
 
     def _preview(self, layer: Labels, before: np.ndarray[Any, Any], filled: np.ndarray[Any, Any]) -> None:
         self._filled = filled
-        place = {"scale": layer.scale, "translate": layer.translate, "rotate": layer.rotate, "shear": layer.shear}
+        place = {key: getattr(layer, key) for key in ("scale", "translate", "rotate", "shear", "affine", "units")}
         preview = self.viewer.add_labels(filled, name=PREVIEW, opacity=0.6, colormap=layer.colormap, **place)
         preview.editable = False
         new = (filled != 0) & (before == 0)

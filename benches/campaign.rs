@@ -65,6 +65,9 @@ struct Arguments {
     /// Seeds at once, each on one thread
     #[arg(long, default_value_t = 2)]
     threads: usize,
+    /// Begin no block of seeds after so many minutes
+    #[arg(long)]
+    minutes: Option<f64>,
     #[arg(long)]
     log: Option<PathBuf>,
     /// Given by cargo
@@ -132,7 +135,8 @@ fn campaign(arguments: &Arguments) -> Result<usize, String> {
         let pool = ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| e.to_string())?;
         loop {
             let block = next.fetch_add(1, Ordering::Relaxed);
-            if block >= blocks {
+            let over = arguments.minutes.is_some_and(|minutes| begin.elapsed().as_secs_f64() > 60.0 * minutes);
+            if block >= blocks || over {
                 return Ok(());
             }
             let first = arguments.from + block * BLOCK;

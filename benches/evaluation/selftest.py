@@ -1,0 +1,93 @@
+"""The measures on bodies whose answers are known. `benches/evaluation/run --test`."""
+
+import numpy as np
+
+from . import bodies, measures
+from .bodies import Given
+
+
+def near(name, value, expected, tolerance):
+    """Says the value, and ends where it is not within the tolerance of what is expected."""
+    print(f"{name}: {value:.4g}, expected {expected:.4g} within {tolerance:g}")
+    if not abs(value - expected) <= tolerance:
+        raise SystemExit(f"{name}: {value} is not within {tolerance:g} of {expected}")
+
+
+def grid(count):
+    """z, y, x of voxel centres about the origin, side 1 mm."""
+    line = np.arange(count) - (count - 1) / 2
+    return line[:, None, None], line[None, :, None], line[None, None, :]
+
+
+def overlap():
+    """Two cubes of side 20, one shifted by 5: 2 * 15 / (20 + 20)."""
+    one, other = np.zeros((2, 20, 40, 40), bool)
+    one[:, 10:30, 10:30] = other[:, 10:30, 15:35] = True
+    near("Dice of a shifted cube", measures.dice(one, other, [0, 19]), 0.75, 1e-12)
+    other[5] = False
+    near("Dice, the slice that differs is a given one", measures.dice(one, other, [0, 5, 19]), 0.75, 1e-12)
+
+
+def surfaces():
+    """Spheres of radius 20 and 21, exact and in voxels, on voxels of 2 x 1 x 1 mm; a sphere's area by samples within pixels."""
+    z, y, x = grid(60)
+    spacing, radius = (2.0, 1.0, 1.0), np.sqrt((2 * z) ** 2 + y**2 + x**2)
+    exact = measures.surface(radius - 20, 0, spacing)
+    mean, most = measures.surface_distances(exact, measures.surface(radius - 21, 0, spacing))
+    near("distance of spheres of radius 20 and 21", mean, 1, 0.03)
+    near("the same, 95 %", most, 1, 0.06)
+    mean, _ = measures.surface_distances(exact, measures.surface(radius < 20, 0.5, spacing))
+    near("distance of a sphere's voxels from it", mean, 0.25, 0.15)
+    line = np.arange(60) - 29.5
+    area = bodies.mask_area(lambda z, y, x: np.sqrt(z**2 + y**2 + x**2) - 20, 12.0, line, line)
+    near("area of a sphere's section, % off", 100 * (area / (np.pi * (400 - 144)) - 1), 0, 0.1)
+
+
+def topologies():
+    """A torus, a hollow ball, two balls, and a Y of tubes."""
+    z, y, x = grid(60)
+    ball = np.sqrt(z**2 + y**2 + x**2)
+    torus = np.hypot(np.hypot(z, x) - 18, y) < 6
+    two = np.minimum(np.sqrt((z - 15) ** 2 + y**2 + x**2), np.sqrt((z + 15) ** 2 + y**2 + x**2)) < 10
+    for name, mask, expected in (("torus", torus, (1, 1, 0)), ("hollow ball", np.abs(ball - 20) < 3, (1, 0, 1)), ("two balls", two, (2, 0, 0))):
+        for what, value, wanted in zip(("pieces", "handles", "voids"), measures.topology(mask), expected):
+            near(f"{what} of a {name}" if name != "two balls" else f"{what} of two balls", value, wanted, 0)
+
+
+def creases():
+    """Cones that meet at the middle slice: it turns by twice arctan(slope). A cone alone turns by nothing."""
+    z, y, x = grid(81)
+    given = Given(np.zeros((3, 81, 81), bool), np.array([0, 40, 80]), (1.0, 1.0, 1.0))
+    for slope in (0.25, 0.5):
+        double, single = np.hypot(y, x) < 12 + slope * np.abs(z), np.hypot(y, x) < 22 + slope / 2 * z
+        near(f"crease of cones of slope {slope}", measures.crease(double, given), np.degrees(2 * np.arctan(slope)), 2.5)
+        near(f"crease of a cone of slope {slope / 2}", measures.crease(single, given), 0, 2.5)
+
+
+def reliabilities():
+    """Half of the voxels at confidence 0.95 are right, and all at 1."""
+    body = bodies.body(0)
+    mask, confidence = body.truth.copy(), np.ones(body.truth.shape, np.float32)
+    free = [z for z in range(len(mask)) if z not in body.given.places]
+    confidence[free[0]] = 0.955
+    mask[free[0], : mask.shape[1] // 2] ^= True
+    bins = [tuple(map(int, word.split(":"))) for word in measures.reliability(body, mask, confidence).split()]
+    count, right = bins[measures.CONFIDENCES.index(0.95)]
+    near("share of right voxels at 0.955", right / count, 0.5, 0.02)
+    near("share of right voxels at 1", bins[-1][1] / bins[-1][0], 1, 0)
+    near("voxels in all bins", sum(n for n, _ in bins), len(free) * mask[0].size, 0)
+
+
+def series():
+    """Body 11 is the same each time, its given slices are those of the truth, and body 19 is of the same class but another."""
+    one, again, other = bodies.body(11), bodies.body(11), bodies.body(19)
+    near("voxels of body 11 that differ from body 11", np.count_nonzero(one.truth != again.truth), 0, 0)
+    near("given voxels that differ from the truth", np.count_nonzero(one.truth[one.given.places] != one.given.masks), 0, 0)
+    near("bodies 11 and 19 have the same volume (1: yes)", float(one.volume == other.volume), 0, 0)
+    near("volume of body 11 in voxels, % of its samples", 100 * one.truth.sum() * np.prod(one.given.spacing) / one.volume, 100, 0.5)
+
+
+def run():
+    for test in (overlap, surfaces, topologies, creases, reliabilities, series):
+        test()
+    print("the measures give the known answers")

@@ -44,14 +44,21 @@ def surfaces():
 
 
 def topologies():
-    """A torus, a hollow ball, two balls, and a Y of tubes."""
+    """A torus, a hollow ball, the same cut open by the first slice, and two balls."""
     z, y, x = grid(60)
     ball = np.sqrt(z**2 + y**2 + x**2)
     torus = np.hypot(np.hypot(z, x) - 18, y) < 6
     two = np.minimum(np.sqrt((z - 15) ** 2 + y**2 + x**2), np.sqrt((z + 15) ** 2 + y**2 + x**2)) < 10
-    for name, mask, expected in (("torus", torus, (1, 1, 0)), ("hollow ball", np.abs(ball - 20) < 3, (1, 0, 1)), ("two balls", two, (2, 0, 0))):
-        for what, value, wanted in zip(("pieces", "handles", "voids"), measures.topology(mask), expected):
-            near(f"{what} of a {name}" if name != "two balls" else f"{what} of two balls", value, wanted, 0)
+    hollow = np.abs(ball - 20) < 3
+    expected = {
+        "a torus": (torus, (1, 1, 0)),
+        "a hollow ball": (hollow, (1, 0, 1)),
+        "a hollow ball that is cut open": (hollow[30:], (1, 0, 0)),
+        "two balls": (two, (2, 0, 0)),
+    }
+    for name, (mask, counts) in expected.items():
+        for what, value, wanted in zip(("pieces", "handles", "voids"), measures.topology(mask), counts):
+            near(f"{what} of {name}", value, wanted, 0)
 
 
 def creases():

@@ -121,9 +121,10 @@ def reliability(scores):
         row = [name, f"{100 * share[i]:.2f}", f"{right[0, i]:.4f} [{right[1, i]:.4f}, {right[2, i]:.4f}]"]
         row += ["", "", ""] if last else [f"{(1 + c[i]) / 2:.4f}", f"{said[i]:.4f}", f"{fresh[0, i]:.4f}"]
         rows.append(row)
-    head = ["confidence c", "voxels, %", "share that is right", "(1 + c) / 2", f"p, k = {k:.2f}", "right, odd bodies"]
+    head = ["confidence c", "voxels, %", "share that is right", "(1 + c) / 2", f"p, k = {k:.2f}", "right, the other half"]
     errors = [statistics.calibration_error(odd, stated) for stated in (c, (1 + c) / 2, said)]
-    words = f"Mean |stated - right| over voxels below 0.99, odd bodies: {errors[0]:.3f} for c, {errors[1]:.3f} for (1 + c) / 2, {errors[2]:.3f} for p."
+    words = "Mean |stated - right| over voxels below 0.99, in the half of the bodies that nothing was fitted on: "
+    words += f"{errors[0]:.3f} for c, {errors[1]:.3f} for (1 + c) / 2, {errors[2]:.3f} for p."
     lines = [plots.Line("as stated", [0, 1], [0, 1], dashed=True)]
     lines.append(plots.Line("all bodies", list(c), *(list(v[:-1]) for v in right)))
     for low, high, name in ((0, 0.5, "gap < 0.5 inradius"), (0.5, 1, "0.5 to 1"), (1, math.inf, "1 and more")):
@@ -151,7 +152,8 @@ def hold_outs(scores):
             rows.append([name, str(len(here)), f"{here.mean():.4f}", f"{np.percentile(here, 5):.4f}", f"{here.min():.4f}"])
     ranks = [np.argsort(np.argsort(v)) for v in (held, true)]
     words = f"{len(bodies)} bodies, every third of them of which four slices or more are given. The true Dice is above the score on "
-    words += f"{100 * np.mean(true >= held):.0f} %, and below it by at most {max(0, (held - true).max()):.3f}; their ranks correlate by {np.corrcoef(*ranks)[0, 1]:.2f}."
+    words += f"{100 * np.mean(true >= held):.0f} %, and below it by at most {max(0, (held - true).max()):.3f}; "
+    words += f"their ranks correlate by {np.corrcoef(*ranks)[0, 1]:.2f}."
     return table(["Dice of `evaluate --leave 2`", "bodies", "true Dice, mean", "5 of 100 below", "least"], rows) + "\n\n" + words
 
 
@@ -164,7 +166,8 @@ def gaps(scores):
             bodies = [b for b in scores.having(name) if low <= scores.gap[b] < high]
             if len(bodies) > 1:
                 value, least, most = statistics.mean(1 - scores.of(bodies, name, "dice"))
-                for to, v in zip((line.x, line.y, line.low, line.high), (np.exp(np.mean(np.log([scores.gap[b] for b in bodies]))), value, least, most)):
+                middle = math.exp(np.mean([math.log(scores.gap[b]) for b in bodies]))
+                for to, v in zip((line.x, line.y, line.low, line.high), (middle, value, least, most)):
                     to.append(v)
         lines.append(line)
     x_ticks, y_ticks = [(v, f"{v:g}") for v in (0.125, 0.25, 0.5, 1, 2, 4)], [(v, f"{v:g}") for v in (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)]
@@ -199,7 +202,8 @@ def compare(rows, again):
             low, high = np.percentile(draws[1] - draws[0], (2.5, 97.5))
             within = low <= 0 <= high
             total, outside = total + 1, outside + (not within)
-            print(f"{program}, {measure}: {sets[0].mean():.4g} of {len(sets[0])} bodies, {sets[1].mean():.4g} of {len(sets[1])}: {'agree' if within else 'DIFFER'}")
+            found = "agree" if within else "DIFFER"
+            print(f"{program}, {measure}: {sets[0].mean():.4g} of {len(sets[0])} bodies, {sets[1].mean():.4g} of {len(sets[1])}: {found}")
     print(f"{total - outside} of {total} means agree within 95 %; one of twenty may differ by chance, and the measures of a body are not independent")
     if outside > max(total // 4, 1):
         raise SystemExit("too many differ")

@@ -1,6 +1,7 @@
-//! Error of volume of spheres drawn as polygons, by end rule: the table "Volume of spheres by end rule" of docs/evaluation.md.
+//! Error of volume of bodies drawn as polygons, by end rule: the tables of "Volume by end rule" in docs/evaluation.md.
 //!
-//! `cargo bench --bench volumes -- [PLACEMENTS [interslice options as NAME=VALUE]]`, for instance `-- 50 fair=0 motion=none`
+//! `cargo bench --bench volumes -- [PLACEMENTS] [spheres] [nelms] [interslice options as NAME=VALUE]`, for instance `-- 50 fair=0 motion=none`;
+//! one of both tables where it is named.
 
 #[path = "../tests/shapes/spheres.rs"]
 mod spheres;
@@ -8,7 +9,7 @@ mod spheres;
 use interslice::Settings;
 use interslice::settings::EndRule;
 use rayon::prelude::*;
-use spheres::{sphere_volume, spheres, spread, volumes};
+use spheres::{NELMS, sphere_volume, spheres, spread, upright, volumes};
 
 const DIAMETERS: [f64; 8] = [3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0];
 const GAPS: [f64; 3] = [1.0, 2.0, 3.0];
@@ -22,11 +23,29 @@ fn main() {
         Ok(settings) => settings,
         Err(message) => return println!("{message}"),
     };
-    println!(
-        "Error of volume, %: mean [least, largest] of {count} spheres each, drawn on three slices or more; mesh\n"
-    );
-    println!("| sphere, mm | slices, mm | flat | half-slice | extrapolate | extrapolate, by areas |");
+    let asked = |table: &str| {
+        !["spheres", "nelms"].iter().any(|t| words.iter().any(|w| w == t)) || words.iter().any(|w| w == table)
+    };
+    println!("Error of volume, %: mean [least, largest] of {count} places each, drawn on three slices or more; mesh\n");
+    if asked("spheres") {
+        sphere_table(count, &settings);
+    }
+    if asked("nelms") {
+        nelms_table(count, &settings);
+    }
+}
+
+fn head(body: &str) {
+    println!("| {body} | slices, mm | flat | half-slice | extrapolate | extrapolate, by areas |");
     println!("|---|---|---|---|---|---|");
+}
+
+fn row(body: &str, gaps: &str, errors: &[Vec<f64>; 4]) {
+    println!("| {body} | {gaps} | {} |", errors.each_ref().map(|v| cell(v)).join(" | "));
+}
+
+fn sphere_table(count: usize, settings: &Settings) {
+    head("sphere, mm");
     let mut all: [Vec<f64>; 4] = Default::default();
     for gap in GAPS {
         for diameter in DIAMETERS {
@@ -34,15 +53,26 @@ fn main() {
             if stacks.len() < count {
                 continue;
             }
-            let row: [Vec<f64>; 4] = errors(&stacks, diameter, &settings);
-            println!("| {diameter} | {gap} | {} |", row.each_ref().map(|v| cell(v)).join(" | "));
+            let errors = errors(&stacks, sphere_volume(diameter), settings);
+            row(&diameter.to_string(), &gap.to_string(), &errors);
             // What is published is of slices no farther apart.
             if gap < 3.0 {
-                all.iter_mut().zip(row).for_each(|(all, row)| all.extend(row));
+                all.iter_mut().zip(errors).for_each(|(all, errors)| all.extend(errors));
             }
         }
     }
-    println!("| all | 1 and 2 | {} |", all.each_ref().map(|v| cell(v)).join(" | "));
+    row("all", "1 and 2", &all);
+}
+
+/// The same of the bodies of Nelms et al. 2015.
+fn nelms_table(count: usize, settings: &Settings) {
+    head("body, mm³");
+    for body in NELMS {
+        for gap in GAPS {
+            let stacks = upright(body.radius, 1000 + gap as u64, gap, count);
+            row(&format!("{}, {}", body.name, body.volume), &gap.to_string(), &errors(&stacks, body.volume, settings));
+        }
+    }
 }
 
 /// Settings from lines of a settings file.
@@ -56,8 +86,7 @@ fn settings(options: &[&String]) -> Result<Settings, String> {
 }
 
 /// Errors in percent, by rule, and by areas instead of the mesh for the last rule.
-fn errors(stacks: &[interslice::ContourStack], diameter: f64, settings: &Settings) -> [Vec<f64>; 4] {
-    let exact = sphere_volume(diameter);
+fn errors(stacks: &[interslice::ContourStack], exact: f64, settings: &Settings) -> [Vec<f64>; 4] {
     let of = |stack: &interslice::ContourStack| {
         let by = |rule| {
             let settings = Settings { end_bottom: rule, end_top: rule, ..settings.clone() };

@@ -175,13 +175,16 @@ fn origin_and_confidence_are_as_defined() {
             seen[usize::from(origin[k])] += 1;
             let change = f64::from(contour(above)[k] - contour(above - 1)[k]).abs();
             let u = change * if kind == 3 { t - 1.0 } else { t * (1.0 - t) };
-            let expected = if u > 0.0 { 1.0 - (-f64::from(layer.phi[k]).abs() / u).exp() } else { 1.0 };
+            let expected = match u > 0.0 {
+                true => 1.0 - 0.5 / (1.0 + f64::from(layer.phi[k]).abs() / (0.63 * u)).powi(2),
+                false => 1.0,
+            };
             assert!((f64::from(confidence[k]) - expected).abs() < 1e-5, "pixel {k} at {}", layer.z);
         }
     }
     println!("voxels: {seen:?}");
     assert!(seen.iter().all(|count| *count > 100), "{seen:?}");
-    assert!(confidence.iter().any(|c| *c < 0.2), "somewhere the surface is uncertain");
+    assert!(confidence.iter().any(|p| *p < 0.6), "somewhere the surface is uncertain");
 }
 
 /// What is behind a NRRD's header.

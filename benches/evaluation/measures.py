@@ -15,8 +15,8 @@ from .programs import signed_distance
 
 #: Vertices of a surface at which its distance from the other is measured, at most.
 POINTS = 4000
-#: Lower edges of the bins of confidence; what reaches the last is 1 in single precision.
-CONFIDENCES = (0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999, 0.99999, 1)
+#: Lower edges of the bins of confidence; the last has what is 1.
+CONFIDENCES = (0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 0.98, 0.99, 0.995, 0.999, 1)
 
 
 def dice(truth, mask, places):
@@ -106,9 +106,9 @@ def measure(body, mask, truth_surface):
 
 
 def reliability(body, mask, confidence):
-    """Voxels of the slices that were not given, and those of them that are right, by bins of stated confidence: "count:right ..."."""
+    """Voxels of the slices that were not given, those of them that are right, and the mean of what is stated, by its bins: "count:right:mean ..."."""
     rest = np.delete(np.arange(len(mask)), body.given.places)
-    right = mask[rest] == body.truth[rest]
-    bins = np.digitize(confidence[rest], np.array(CONFIDENCES[1:], np.float32))
-    counts, rights = (np.bincount(bins.ravel(), w, len(CONFIDENCES)).astype(int) for w in (None, right.ravel()))
-    return " ".join(f"{n}:{r}" for n, r in zip(counts, rights))
+    right, stated = mask[rest] == body.truth[rest], confidence[rest].ravel().astype(float)
+    bins = np.digitize(confidence[rest].ravel(), np.array(CONFIDENCES[1:], np.float32))
+    counts, rights, sums = (np.bincount(bins, w, len(CONFIDENCES)) for w in (None, right.ravel(), stated))
+    return " ".join(f"{n:.0f}:{r:.0f}:{s / max(n, 1):.5g}" for n, r, s in zip(counts, rights, sums))

@@ -78,11 +78,12 @@ def reliabilities():
     free = [z for z in range(len(mask)) if z not in body.given.places]
     confidence[free[0]] = 0.955
     mask[free[0], : mask.shape[1] // 2] ^= True
-    bins = [tuple(map(int, word.split(":"))) for word in measures.reliability(body, mask, confidence).split()]
-    count, right = bins[measures.CONFIDENCES.index(0.95)]
+    bins = [tuple(map(float, word.split(":"))) for word in measures.reliability(body, mask, confidence).split()]
+    count, right, _ = bins[measures.CONFIDENCES.index(0.95)]
     near("share of right voxels at 0.955", right / count, 0.5, 0.02)
+    near("what is stated of them", bins[measures.CONFIDENCES.index(0.95)][2], 0.955, 1e-4)
     near("share of right voxels at 1", bins[-1][1] / bins[-1][0], 1, 0)
-    near("voxels in all bins", sum(n for n, _ in bins), len(free) * mask[0].size, 0)
+    near("voxels in all bins", sum(n for n, _, _ in bins), len(free) * mask[0].size, 0)
 
 
 def series():

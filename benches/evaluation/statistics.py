@@ -12,8 +12,8 @@ RESAMPLES = 4000
 GAPS = (0.0, 0.25, 0.5, 1.0, 2.0)
 #: Right side up: what a difference has to be multiplied by so that more is better.
 MEASURES = {"dice": 1, "distance": -1, "distance95": -1, "volume": -1, "pieces": 1, "handles": 1, "crease": -1}
-#: The exponent of the law that is proposed for the probability, see `probability`.
-EXPONENT = 2
+#: The k of the confidence that the program writes (src/surface/origin.rs).
+SCALE = 0.63
 
 
 def mean(values):
@@ -81,10 +81,12 @@ class Scores:
             yield name, [b for b in self.bodies if (self.truth[b]["long"] > 1.5) == long]
 
     def confidences(self):
-        """Voxels and right voxels by bins of confidence, [bodies, bins, 2], and their bodies."""
+        """Voxels, right voxels and those that would be right by what is stated, by bins of confidence, [bodies, bins, 3], and their bodies."""
         bodies = [b for b in self.bodies if "confidence" in self.rows.get((b, "interslice"), {})]
         words = [self.rows[b, "interslice"]["confidence"].split() for b in bodies]
-        return np.array([[[int(n) for n in word.split(":")] for word in row] for row in words], float), np.array(bodies)
+        found = np.array([[[float(n) for n in word.split(":")] for word in row] for row in words])
+        found[:, :, 2] *= found[:, :, 0]
+        return found, np.array(bodies)
 
 
 def shares(counts):
@@ -97,31 +99,25 @@ def shares(counts):
     return np.stack([total[:, 1] / np.maximum(total[:, 0], 1), low, high])
 
 
-def middles():
-    """Confidences in the middle of the bins, by -ln(1 - c) = |phi| / u; without the last bin, that of 1."""
-    edges = -np.log1p(-np.array(CONFIDENCES[:-1]))
-    upper = np.append(edges[1:], edges[-1] + 5)
-    return -np.expm1(-(edges + upper) / 2)
-
-
-def probability(confidence, k):
-    """1 - (1 + s / k)^-2 / 2 with s = -ln(1 - c) = |phi| / u: a half on the surface, and a tail that is heavier than an exponential."""
-    return 1 - 0.5 * (1 - np.log1p(-confidence) / k) ** -EXPONENT
+def stated(counts):
+    """Mean confidence of each bin, the lower edge where it is empty."""
+    total = counts.sum(0)
+    return np.where(total[:, 0] > 0, total[:, 2] / np.maximum(total[:, 0], 1), CONFIDENCES)
 
 
 def fit(counts):
-    """The k of `probability` of least log loss over the voxels of all bins but the last."""
-    total, c = counts.sum(0)[:-1], middles()
+    """The k of `1 - (1 + |phi| / (k u))^-2 / 2` of least log loss over the voxels of all bins but the last, by the bins' mean confidences."""
+    total, p = counts.sum(0)[:-1], stated(counts)[:-1]
+    distance = SCALE * ((2 * (1 - p)) ** -0.5 - 1)
 
     def loss(k):
-        p = probability(c, k)
-        return -np.sum(total[:, 1] * np.log(p) + (total[:, 0] - total[:, 1]) * np.log(1 - p))
+        q = 1 - 0.5 * (1 + distance / k) ** -2
+        return -np.sum(total[:, 1] * np.log(q) + (total[:, 0] - total[:, 1]) * np.log(1 - q))
 
     return float(minimize_scalar(loss, bounds=(0.05, 5), method="bounded").x)
 
 
-def calibration_error(counts, stated):
-    """Mean of |stated - share of right| over the voxels below 0.99, each bin by its voxels."""
-    band = middles() < 0.99
-    voxels, right = counts.sum(0)[:-1][band].T
-    return float(np.sum(np.abs(stated[band] * voxels - right)) / voxels.sum())
+def calibration_error(counts):
+    """Mean of |stated - share of right| over the voxels below 1, each bin by its voxels."""
+    voxels, right, said = counts.sum(0)[:-1].T
+    return float(np.sum(np.abs(said - right)) / voxels.sum())

@@ -108,34 +108,28 @@ def behind(scores):
 
 
 def reliability(scores):
-    """Stated confidence against the share of voxels that are right, and the probability that would be."""
+    """Stated confidence against the share of voxels that are right."""
     counts, bodies = scores.confidences()
     even, odd = (counts[bodies // len(CLASSES) % 2 == parity] for parity in (0, 1))
-    k, c = statistics.fit(even), statistics.middles()
-    right, fresh = statistics.shares(counts), statistics.shares(odd)
-    said, rows = statistics.probability(c, k), []
-    share = counts.sum(0)[:, 0] / counts.sum((0, 1))[0]
+    right, fresh, said = statistics.shares(counts), statistics.shares(odd), statistics.stated(counts)
+    share, rows = counts.sum(0)[:, 0] / counts.sum((0, 1))[0], []
     for i, edge in enumerate(CONFIDENCES):
-        last = i == len(CONFIDENCES) - 1
-        name = "1" if last else f"{edge:g} to {CONFIDENCES[i + 1]:g}"
-        row = [name, f"{100 * share[i]:.2f}", f"{right[0, i]:.4f} [{right[1, i]:.4f}, {right[2, i]:.4f}]"]
-        row += ["", "", ""] if last else [f"{(1 + c[i]) / 2:.4f}", f"{said[i]:.4f}", f"{fresh[0, i]:.4f}"]
-        rows.append(row)
-    head = ["confidence c", "voxels, %", "share that is right", "(1 + c) / 2", f"p, k = {k:.2f}", "right, the other half"]
-    errors = [statistics.calibration_error(odd, stated) for stated in (c, (1 + c) / 2, said)]
-    words = "Mean |stated - right| over voxels below 0.99, in the half of the bodies that nothing was fitted on: "
-    words += f"{errors[0]:.3f} for c, {errors[1]:.3f} for (1 + c) / 2, {errors[2]:.3f} for p."
-    lines = [plots.Line("as stated", [0, 1], [0, 1], dashed=True)]
-    lines.append(plots.Line("all bodies", list(c), *(list(v[:-1]) for v in right)))
+        name = "1" if i == len(CONFIDENCES) - 1 else f"{edge:g} to {CONFIDENCES[i + 1]:g}"
+        of = lambda found: f"{found[0, i]:.4f} [{found[1, i]:.4f}, {found[2, i]:.4f}]"  # noqa: E731
+        rows.append([name, f"{100 * share[i]:.2f}", f"{said[i]:.4f}", of(right), of(fresh)])
+    head = ["confidence", "voxels, %", "stated, mean", "share that is right, all bodies", "odd bodies"]
+    words = f"Mean |stated - right| over voxels below 1: {statistics.calibration_error(odd):.4f} on the odd bodies, which k has not seen, "
+    words += f"{statistics.calibration_error(even):.4f} on the even ones. The k of least log loss on the even bodies: {statistics.fit(even):.2f}; "
+    words += f"on the odd ones: {statistics.fit(odd):.2f}."
+    lines = [plots.Line("as stated", [0.5, 1], [0.5, 1], dashed=True)]
+    lines.append(plots.Line("all bodies", list(said), *(list(v) for v in right)))
     for low, high, name in ((0, 0.5, "gap < 0.5 inradius"), (0.5, 1, "0.5 to 1"), (1, math.inf, "1 and more")):
         group = counts[[low <= scores.gap[b] < high for b in bodies]]
         if len(group):
-            lines.append(plots.Line(name, list(c), *(list(v[:-1]) for v in statistics.shares(group))))
-    grid = np.linspace(0, 0.9995, 200)
-    lines.append(plots.Line(f"p, k = {k:.2f}", list(grid), list(statistics.probability(grid, k)), dashed=True))
-    ticks = [(v / 10, f"{v / 10:g}") for v in range(0, 11, 2)]
+            lines.append(plots.Line(name, list(statistics.stated(group)), *(list(v) for v in statistics.shares(group))))
+    ticks = [(v / 10, f"{v / 10:g}") for v in range(5, 11)]
     axes = "confidence that interslice states", "share of voxels that are right"
-    svg = plots.figure("Stated confidence and share of right voxels", lines, (0, 1), (0, 1), ticks, ticks, axes)
+    svg = plots.figure("Stated confidence and share of right voxels", lines, (0.5, 1), (0.5, 1), ticks, ticks, axes)
     (results.FOLDER / "reliability.svg").write_text(svg)
     return table(head, rows) + "\n\n" + words
 

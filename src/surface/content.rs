@@ -11,7 +11,7 @@ pub enum Content {
     Mask(Paint),
     /// u8, where a voxel comes from, see [`origin`](super::origin).
     Origin,
-    /// f32, how far a voxel's side can be relied on, see [`origin`](super::origin).
+    /// f32, the probability that a voxel lies on the right side, see [`origin`](super::origin).
     Confidence,
     /// Numbers of labels: a layer has them instead of distances.
     Labels(Scalar),

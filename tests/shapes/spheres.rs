@@ -43,17 +43,37 @@ pub fn drawn(center: DVec2, heights: &[f64], axes: impl Fn(f64) -> DVec2) -> Opt
 
 /// Spheres of this diameter drawn on slices this far apart, at random places; only what is drawn on three slices or more.
 pub fn spheres(diameter: f64, gap: f64, count: usize) -> Vec<ContourStack> {
-    let mut state = (1000.0 * diameter + gap) as u64;
+    let radius = |z: f64| (0.25 * diameter * diameter - z * z).max(0.0).sqrt();
+    upright(radius, (1000.0 * diameter + gap) as u64, gap, count)
+}
+
+/// Bodies of circles around an upright axis, `radius` by height from the body's middle, drawn on slices this far apart at random places; only
+/// what is drawn on three slices or more.
+pub fn upright(radius: impl Fn(f64) -> f64, mut state: u64, gap: f64, count: usize) -> Vec<ContourStack> {
     let mut place = || {
         let [x, y, z] = [0.0; 3].map(|_: f64| random(&mut state));
         let heights: Vec<f64> = (-50..50).map(|k| gap * f64::from(k)).collect();
-        drawn(40.0 * DVec2::new(x, y), &heights, |at| {
-            DVec2::splat((0.25 * diameter * diameter - (at - gap * z).powi(2)).max(0.0).sqrt())
-        })
+        drawn(40.0 * DVec2::new(x, y), &heights, |at| DVec2::splat(radius(at - gap * z)))
     };
     // Spheres hardly larger than two gaps meet three slices in few places.
     (0..100 * count).filter_map(|_| place()).filter(|s| s.slices.len() >= 3).take(count).collect()
 }
+
+/// A body of circles around an upright axis.
+pub struct Upright {
+    pub name: &'static str,
+    /// Its volume, mm3.
+    pub volume: f64,
+    /// Its radius by height from its middle, mm; 0 beyond it.
+    pub radius: fn(f64) -> f64,
+}
+
+/// The bodies of Nelms et al. 2015: a sphere 20 mm wide, a cylinder and a cone 24 mm wide and high.
+pub const NELMS: [Upright; 3] = [
+    Upright { name: "sphere", volume: 4188.79, radius: |z| (100.0 - z * z).max(0.0).sqrt() },
+    Upright { name: "cylinder", volume: 10857.34, radius: |z| if z.abs() <= 12.0 { 12.0 } else { 0.0 } },
+    Upright { name: "cone", volume: 3619.11, radius: |z| if z.abs() <= 12.0 { 0.5 * (12.0 - z) } else { 0.0 } },
+];
 
 /// Volume of a sphere.
 pub fn sphere_volume(diameter: f64) -> f64 {

@@ -88,7 +88,7 @@ def run_body(number, wanted, path, seed):
 
 def run(numbers, path, only=None, minutes=None, seed=bodies.SEED):
     """Measures what `path` lacks; ends after so many minutes."""
-    names = [results.TRUTH, *programs.PROGRAMS] if only is None else only
+    names = [results.TRUTH, *(name for name in only or programs.PROGRAMS if name != results.TRUTH)]
     done, start, loaded = results.read(path), time.monotonic(), False
     for count, number in enumerate(numbers):
         every = {results.TRUTH: 1} | {name: every for name, (_, every) in programs.PROGRAMS.items()}

@@ -198,6 +198,8 @@ def compare(rows, again):
             total, outside = total + 1, outside + (not within)
             found = "agree" if within else "DIFFER"
             print(f"{program}, {measure}: {sets[0].mean():.4g} of {len(sets[0])} bodies, {sets[1].mean():.4g} of {len(sets[1])}: {found}")
+    if total == 0:
+        raise SystemExit("ten bodies at least are needed to compare")
     print(f"{total - outside} of {total} means agree within 95 %; one of twenty may differ by chance, and the measures of a body are not independent")
     if outside > max(total // 4, 1):
         raise SystemExit("too many differ")

@@ -10,7 +10,8 @@
 //! (u = 0), p = 1; on a surface that changes, p = 1/2.
 //!
 //! The tail is that of what goes wrong between contours: now and then a part forks otherwise, and voxels far from the surface are wrong. `k` is
-//! fitted on one half of 504 bodies and holds on the other, in the mean: docs/evaluation.md ("When to trust it") has the diagram. Distances are
+//! fitted on one half of 504 bodies and holds on the other, in the mean: docs/evaluation.md ("When to trust it") has the diagram. Beyond the first
+//! and the last contour it was not measured, and is no more than the same law. Distances are
 //! clamped to some pixels from the contour and D is taken at the voxel's place, not along a motion: where a part moves by more than its width, D is
 //! the change that a fixed observer sees, larger than what the moving frame has to bridge.
 

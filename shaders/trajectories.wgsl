@@ -1,10 +1,10 @@
-// Paths through layers: from the lower slice to the layer and from there to the upper one, per node. The twins are
-// `Displacement::through` and `MotionField::paths`.
+// Paths through layers: from the lower slice to the layer and from there to the upper one, per node. The twin is `MotionField::paths`.
 
+// Three per node of the mid frame, displacement by displacement: u, then the rates K per interval at the lower and the upper slice of the
+// trajectory through the node.
 @group(0) @binding(1) var<storage, read> vectors: array<vec2<f32>>;
-@group(0) @binding(2) var<storage, read> rates: array<vec2<f32>>;
-@group(0) @binding(3) var<storage, read> times: array<Time>;
-@group(0) @binding(4) var<storage, read_write> paths: array<vec2<f32>>;
+@group(0) @binding(2) var<storage, read> times: array<Time>;
+@group(0) @binding(3) var<storage, read_write> paths: array<vec2<f32>>;
 
 // Fixed-point passes that find the trajectory through a point.
 const PASSES: u32 = 3u;
@@ -12,22 +12,37 @@ const PASSES: u32 = 3u;
 // Time of a layer in its interval; `first` and `second` are t (t - 1)^2 and t^2 (t - 1).
 struct Time {
     t: f32,
-    tau: f32,
     first: f32,
     second: f32,
 }
 
-// Displacement of the trajectory that passes through a pixel's place at time `1/2 + tau`: `u = v(x - tau u)`.
-fn through(ij: vec2<i32>, offset: vec2<f32>, tau: f32) -> vec2<f32> {
-    var u = vector_at(0u, ij, offset);
-    for (var k = 0u; k < PASSES; k++) {
-        u = vector_at(0u, ij, offset - tau * u);
-    }
-    return u;
+// u and K of the trajectory through a place in the mid frame.
+struct Trajectory {
+    u: vec2<f32>,
+    low: vec2<f32>,
+    high: vec2<f32>,
 }
 
-// `p(t) = t u + (K_low - u) (t^3 - 2 t^2 + t) + (K_high - u) (t^3 - t^2)` and `u - p`, with the slices' rates K per interval in `rates`,
-// the lower one's first: all nodes come, then all go, time by time.
+fn trajectory(ij: vec2<i32>, offset: vec2<f32>) -> Trajectory {
+    let nodes = image.columns * image.rows;
+    return Trajectory(vector_at(0u, ij, offset), vector_at(nodes, ij, offset), vector_at(2u * nodes, ij, offset));
+}
+
+// `p(t) = t u + (K_low - u) (t^3 - 2 t^2 + t) + (K_high - u) (t^3 - t^2)`.
+fn way(of: Trajectory, time: Time) -> vec2<f32> {
+    return time.t * of.u + time.first * (of.low - of.u) + time.second * (of.high - of.u);
+}
+
+// The trajectory that passes through a place on the layer: what is at m in the mid frame is at m - u/2 + p(t) there.
+fn through(ij: vec2<i32>, offset: vec2<f32>, time: Time) -> Trajectory {
+    var found = trajectory(ij, offset);
+    for (var k = 0u; k <= PASSES; k++) {
+        found = trajectory(ij, offset - (way(found, time) - 0.5 * found.u));
+    }
+    return found;
+}
+
+// `p(t)` and `u - p`: all nodes come, then all go, time by time.
 @compute @workgroup_size(lane_count)
 fn follow(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let n = list_index(group, local);
@@ -38,9 +53,9 @@ fn follow(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     let k = n % nodes;
     let time = times[n / nodes];
     let corner = vec2<i32>(STRIDE * vec2<u32>(k % image.columns, k / image.columns));
-    let u = through(corner, first_node(), time.tau);
-    let come = time.t * u + time.first * (rates[k] - u) + time.second * (rates[nodes + k] - u);
+    let found = through(corner, first_node(), time);
+    let come = way(found, time);
     let place = 2u * (n - k) + k;
     paths[place] = come;
-    paths[place + nodes] = u - come;
+    paths[place + nodes] = found.u - come;
 }

@@ -355,7 +355,7 @@ mirrored!(
 
 mirrored!(
     /// Time of a layer (`trajectories.wgsl`).
-    Time { t: f32, tau: f32, first: f32, second: f32, }
+    Time { t: f32, first: f32, second: f32, }
 );
 
 mirrored!(

@@ -16,7 +16,6 @@ shader! {
     Follow for follow, "trajectories" {
         image: Uniform Image,
         vectors: Read [[f32; 2]],
-        rates: Read [[f32; 2]],
         times: Read [Time],
         paths: Write [[f32; 2]],
     }
@@ -35,22 +34,17 @@ pub fn paths(
     let device = &gpu.device;
     let v = &moving.displacements[i];
     let nodes = v.vectors.len();
-    let rates = [i, i + 1].map(|s| moving.rates[s].map(|_, _, k| k * moving.gap(i)));
+    let [low, high] = &moving.rates_of(i);
     let table: Vec<Time> = times
         .iter()
-        .map(|&t| Time {
-            t: t as f32,
-            tau: (t - 0.5) as f32,
-            first: (t * (t - 1.0) * (t - 1.0)) as f32,
-            second: (t * t * (t - 1.0)) as f32,
-        })
+        .map(|&t| Time { t: t as f32, first: (t * (t - 1.0) * (t - 1.0)) as f32, second: (t * t * (t - 1.0)) as f32 })
         .collect();
     let image = &device.uniform("image", image(dims, v.grid, h, times.len()));
-    let (own, rates) = (&device.upload("vectors", &vectors([&**v]))?, &device.upload("rates", &vectors(&rates))?);
+    let own = &device.upload("vectors", &vectors([&**v, low, high]))?;
     let table = &device.upload("times", &table)?;
     let paths = device.storage("paths", 2 * nodes * times.len() + behind.len())?;
     device.write_from(&paths, 2 * nodes * times.len(), behind);
-    let follow = Follow { image, vectors: own, rates, times: table, paths: &paths }.bind(gpu);
+    let follow = Follow { image, vectors: own, times: table, paths: &paths }.bind(gpu);
     recorder.run(&follow, Size::List(nodes * times.len()));
     Ok(paths)
 }

@@ -13,7 +13,7 @@ use crate::contour::caps::Cap;
 use crate::grid::field::Field;
 use crate::grid::sparse_image::SQUARE;
 use crate::grid::spline::{harmonic, hermite_values, limited, smoothstep, van_albada};
-use crate::registration::displacement::{Displacement, LANES, Resting};
+use crate::registration::displacement::{self, Displacement, LANES, Lanes, Resting};
 use crate::storage::spill::{Array, Large};
 
 /// Share of `4 t^2 (1 - t)^2 |A - B|` taken off of what is no relief: what interpolated distances shrink by systematically.
@@ -103,26 +103,57 @@ impl MotionField {
         self.gaps[i]
     }
 
-    /// Paths through the layer at time `t` of interval `i`.
-    pub fn paths(&self, i: usize, t: f64) -> Paths {
-        let v = &self.displacements[i];
-        let mut go = v.through(t - 0.5);
-        let mut come = v.with(Vec::with_capacity(v.vectors.len()));
-        for (k, whole) in go.vectors.iter_mut().enumerate() {
-            let p = self.along(i, t, k, *whole);
-            come.vectors.push(p);
-            *whole -= p;
-        }
-        Paths { come, go }
+    /// Rates at the lower and the upper slice of interval `i`, per interval, of the trajectories through the nodes of its mid frame.
+    pub fn rates_of(&self, i: usize) -> [Displacement; 2] {
+        let (v, gap) = (&self.displacements[i], self.gap(i));
+        [(&self.rates[i], -0.5), (&self.rates[i + 1], 0.5)].map(|(rate, half)| {
+            v.map_lanes(|_, x, u| {
+                let slice = |a: usize| std::array::from_fn(|k| x[a][k] + half * u[a][k]);
+                rate.at_lanes(&[slice(0), slice(1)]).map(|along| along.map(|r| gap * r))
+            })
+        })
     }
 
-    /// `p(t)` in interval `i` with displacement `u` and the rates of node `k`.
+    /// Paths through the layer at time `t` of interval `i`. The trajectory through `m` in the mid frame starts at `m - u/2` and is at
+    /// `m - u/2 + p(t)` on the layer: which one passes through a node is found by fixed-point passes.
+    pub fn paths(&self, i: usize, t: f64) -> Paths {
+        let v = &*self.displacements[i];
+        let [low, high] = self.rates_of(i);
+        let way = |u: f64, low: f64, high: f64| curve(t, u, [low, high]);
+        let mut off = v.with(Vec::with_capacity(v.vectors.len()));
+        for (u, (low, high)) in v.vectors.iter().zip(low.vectors.iter().zip(&high.vectors)) {
+            off.vectors.push(DVec2::new(way(u.x, low.x, high.x), way(u.y, low.y, high.y)) - 0.5 * u);
+        }
+        let middle = off.map_lanes(|_, x, first| {
+            let back = |off: &Lanes| [0, 1].map(|a| std::array::from_fn(|k| x[a][k] - off[a][k]));
+            back(&(0..displacement::PASSES).fold(*first, |found, _| off.at_lanes(&back(&found))))
+        });
+        let mut paths = Paths {
+            come: v.with(Vec::with_capacity(v.vectors.len())),
+            go: v.with(Vec::with_capacity(v.vectors.len())),
+        };
+        for m in &middle.vectors {
+            let (u, low, high) = (v.at(*m), low.at(*m), high.at(*m));
+            let come = DVec2::new(way(u.x, low.x, high.x), way(u.y, low.y, high.y));
+            paths.come.vectors.push(come);
+            paths.go.vectors.push(u - come);
+        }
+        paths
+    }
+
+    /// `p(t)` in interval `i` with displacement `u` and the rates of node `k` of the slices.
     #[inline]
     fn along(&self, i: usize, t: f64, k: usize, u: DVec2) -> DVec2 {
-        let [first, second] = [t * (t - 1.0) * (t - 1.0), t * t * (t - 1.0)];
-        let (gap, low, high) = (self.gap(i), self.rates[i].vectors[k], self.rates[i + 1].vectors[k]);
-        t * u + (gap * low - u) * first + (gap * high - u) * second
+        let [low, high] = [i, i + 1].map(|slice| self.gap(i) * self.rates[slice].vectors[k]);
+        DVec2::new(curve(t, u.x, [low.x, high.x]), curve(t, u.y, [low.y, high.y]))
     }
+}
+
+/// `p(t)` with displacement `u` and rates per interval.
+#[inline(always)]
+fn curve(t: f64, u: f64, [low, high]: [f64; 2]) -> f64 {
+    let [first, second] = [t * (t - 1.0) * (t - 1.0), t * t * (t - 1.0)];
+    t * u + (low - u) * first + (high - u) * second
 }
 
 /// A layer's place in the stack.
@@ -364,6 +395,38 @@ mod tests {
         let secants = [-40.0, -3.0, -0.2, 0.0, 0.05, 0.7, 2.0, 2.5, 6.0, 90.0];
         let pairs = secants.into_iter().flat_map(move |a| secants.map(|b| [a, b]));
         pairs.flat_map(|d| [[1.0, 1.0], [0.3, 2.0]].map(|h| (d, h)))
+    }
+
+    /// A body that swells by a fifth and shrinks again while it drifts.
+    fn swelling() -> MotionField {
+        let dims = [90, 70];
+        let still = Displacement::zero(dims);
+        let v = |growth: f64, drift: f64| {
+            still.map(|_, x, _| growth * (x - DVec2::new(44.0, 35.0)) + DVec2::new(drift, 0.3 * drift))
+        };
+        let fields = vec![Arc::new(Field::filled(dims, 1.0)); 4];
+        let displacements = vec![v(0.2, 1.0), v(-0.3, 1.5), v(-0.1, -1.0)];
+        MotionField::new(vec![0.0, 2.0, 5.0, 9.0], 1.0, fields, displacements)
+    }
+
+    #[test]
+    fn all_layers_have_the_same_trajectories() {
+        // What three fixed-point passes leave where the displacement changes by 0.3 px per px, read at nodes. With trajectories found as if
+        // they were straight it is 0.37 px.
+        const BOUND: f64 = 0.01;
+        let (moving, times) = (swelling(), [0.0, 0.1, 0.25, 0.5, 0.7, 0.9, 1.0]);
+        for i in 0..3 {
+            let layers = times.map(|t| moving.paths(i, t));
+            for (from, onto) in layers.iter().flat_map(|from| layers.iter().map(move |onto| (from, onto))) {
+                for x in [[30.0, 20.0], [44.0, 35.0], [61.0, 41.5], [50.2, 52.7]].map(DVec2::from) {
+                    let [low, high] = from.to_slices(x);
+                    let there = onto.off_low(low, low, 20);
+                    let off = (there + onto.go.at(there) - high).length();
+                    assert!(off < BOUND, "interval {i}, {x}: {off}");
+                }
+            }
+            assert!(layers[0].come.largest() == 0.0 && layers[6].go.largest() == 0.0, "slices stay where they are");
+        }
     }
 
     #[test]

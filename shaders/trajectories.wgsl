@@ -29,8 +29,8 @@ fn trajectory(ij: vec2<i32>, offset: vec2<f32>) -> Trajectory {
 }
 
 // `p(t) = t u + (K_low - u) (t^3 - 2 t^2 + t) + (K_high - u) (t^3 - t^2)`.
-fn way(of: Trajectory, time: Time) -> vec2<f32> {
-    return time.t * of.u + time.first * (of.low - of.u) + time.second * (of.high - of.u);
+fn way(along: Trajectory, time: Time) -> vec2<f32> {
+    return time.t * along.u + time.first * (along.low - along.u) + time.second * (along.high - along.u);
 }
 
 // The trajectory that passes through a place on the layer: what is at m in the mid frame is at m - u/2 + p(t) there.

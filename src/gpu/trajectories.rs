@@ -34,7 +34,7 @@ pub fn paths(
     let device = &gpu.device;
     let v = &moving.displacements[i];
     let nodes = v.vectors.len();
-    let [low, high] = &moving.rates_of(i);
+    let [low, high] = &*moving.through_middle[i];
     let table: Vec<Time> = times
         .iter()
         .map(|&t| Time { t: t as f32, first: (t * (t - 1.0) * (t - 1.0)) as f32, second: (t * t * (t - 1.0)) as f32 })

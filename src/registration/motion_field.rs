@@ -55,6 +55,20 @@ pub struct MotionField {
     pub at_slices: Vec<Arc<[Displacement; 2]>>,
     /// Rate of motion at each slice, px of the image per height.
     pub rates: Vec<Arc<Displacement>>,
+    /// Rates at the slices of each interval of the trajectories through its mid frame, see [`through_middle`].
+    pub through_middle: Vec<Arc<[Displacement; 2]>>,
+}
+
+/// Rates at the lower and the upper slice of an interval, px of the image per interval, of the trajectories through the nodes of its mid frame:
+/// `v` is its displacement, `gap` its height, `rates` are those at the slices.
+pub fn through_middle(v: &Displacement, gap: f64, rates: [&Displacement; 2]) -> [Displacement; 2] {
+    let of = |rate: &Displacement, half: f64| {
+        v.map_lanes(|_, x, u| {
+            let slice = |a: usize| std::array::from_fn(|k| x[a][k] + half * u[a][k]);
+            rate.at_lanes(&[slice(0), slice(1)]).map(|along| along.map(|r| gap * r))
+        })
+    };
+    [of(rates[0], -0.5), of(rates[1], 0.5)]
 }
 
 /// Rate of motion at a slice, px of the image per height, from the displacements (at the slices) and gaps of the intervals below and above
@@ -93,9 +107,11 @@ impl MotionField {
             let below = i.checked_sub(1).and_then(beside);
             rate(below, if i < gaps.len() { beside(i) } else { None })
         };
-        let rates = (0..heights.len()).map(|i| Arc::new(rate(i))).collect();
+        let rates: Vec<Arc<Displacement>> = (0..heights.len()).map(|i| Arc::new(rate(i))).collect();
+        let through = |(i, v): (usize, &Displacement)| Arc::new(through_middle(v, gaps[i], [&rates[i], &rates[i + 1]]));
+        let through_middle = displacements.iter().enumerate().map(through).collect();
         let displacements = displacements.into_iter().map(Arc::new).collect();
-        MotionField { heights, gaps, px, relief: 0.0, fields, displacements, at_slices, rates }
+        MotionField { heights, gaps, px, relief: 0.0, fields, displacements, at_slices, rates, through_middle }
     }
 
     /// Gap of an interval.
@@ -103,42 +119,27 @@ impl MotionField {
         self.gaps[i]
     }
 
-    /// Rates at the lower and the upper slice of interval `i`, per interval, of the trajectories through the nodes of its mid frame.
-    pub fn rates_of(&self, i: usize) -> [Displacement; 2] {
-        let (v, gap) = (&self.displacements[i], self.gap(i));
-        [(&self.rates[i], -0.5), (&self.rates[i + 1], 0.5)].map(|(rate, half)| {
-            v.map_lanes(|_, x, u| {
-                let slice = |a: usize| std::array::from_fn(|k| x[a][k] + half * u[a][k]);
-                rate.at_lanes(&[slice(0), slice(1)]).map(|along| along.map(|r| gap * r))
-            })
-        })
-    }
-
     /// Paths through the layer at time `t` of interval `i`. The trajectory through `m` in the mid frame starts at `m - u/2` and is at
     /// `m - u/2 + p(t)` on the layer: which one passes through a node is found by fixed-point passes.
     pub fn paths(&self, i: usize, t: f64) -> Paths {
-        let v = &*self.displacements[i];
-        let [low, high] = self.rates_of(i);
-        let way = |u: f64, low: f64, high: f64| curve(t, u, [low, high]);
+        let (v, [low, high]) = (&*self.displacements[i], &*self.through_middle[i]);
+        let way = |u: f64, low: f64, high: f64| curve(t, u, [low, high]) - 0.5 * u;
         let mut off = v.with(Vec::with_capacity(v.vectors.len()));
         for (u, (low, high)) in v.vectors.iter().zip(low.vectors.iter().zip(&high.vectors)) {
-            off.vectors.push(DVec2::new(way(u.x, low.x, high.x), way(u.y, low.y, high.y)) - 0.5 * u);
+            off.vectors.push(DVec2::new(way(u.x, low.x, high.x), way(u.y, low.y, high.y)));
         }
         let middle = off.map_lanes(|_, x, first| {
             let back = |off: &Lanes| [0, 1].map(|a| std::array::from_fn(|k| x[a][k] - off[a][k]));
             back(&(0..displacement::PASSES).fold(*first, |found, _| off.at_lanes(&back(&found))))
         });
-        let mut paths = Paths {
-            come: v.with(Vec::with_capacity(v.vectors.len())),
-            go: v.with(Vec::with_capacity(v.vectors.len())),
-        };
-        for m in &middle.vectors {
-            let (u, low, high) = (v.at(*m), low.at(*m), high.at(*m));
-            let come = DVec2::new(way(u.x, low.x, high.x), way(u.y, low.y, high.y));
-            paths.come.vectors.push(come);
-            paths.go.vectors.push(u - come);
+        let mut come = middle.map_lanes(|_, _, m| off.at_lanes(m));
+        let mut go = middle.map_lanes(|_, _, m| v.at_lanes(m));
+        // Halves are exact: at the slices themselves nothing is left.
+        for (come, go) in come.vectors.iter_mut().zip(&mut go.vectors) {
+            *come += 0.5 * *go;
+            *go -= *come;
         }
-        paths
+        Paths { come, go }
     }
 
     /// `p(t)` in interval `i` with displacement `u` and the rates of node `k` of the slices.

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::grid::field::Field;
 use crate::registration::displacement::Displacement;
 use crate::registration::mid_frame::Frame;
-use crate::registration::motion_field::{MotionField, Paths, Place, rate, time};
+use crate::registration::motion_field::{MotionField, Paths, Place, rate, through_middle, time};
 use crate::storage::spill::{Budget, SpillVec};
 
 /// The stack in its moving frame.
@@ -20,6 +20,7 @@ pub struct MotionStack<'b> {
     displacements: SpillVec<'b, Displacement>,
     at_slices: SpillVec<'b, [Displacement; 2]>,
     rates: SpillVec<'b, Displacement>,
+    through_middle: SpillVec<'b, [Displacement; 2]>,
 }
 
 impl<'b> MotionStack<'b> {
@@ -38,7 +39,8 @@ impl<'b> MotionStack<'b> {
         displacements: SpillVec<'b, Displacement>,
         budget: &'b Budget,
     ) -> Result<Self> {
-        let (mut at_slices, mut rates) = (SpillVec::new(budget), SpillVec::new(budget));
+        let (mut at_slices, mut rates) = (SpillVec::new(budget), SpillVec::<Displacement>::new(budget));
+        let mut through = SpillVec::new(budget);
         let mut below: Option<Arc<[Displacement; 2]>> = None;
         for i in 0..heights.len() {
             let above = match i < gaps.len() {
@@ -48,12 +50,15 @@ impl<'b> MotionStack<'b> {
             let beside = |v: &Option<Arc<[Displacement; 2]>>, i: usize| v.as_deref().map(|v| (v.clone(), gaps[i]));
             let (low, high) = (beside(&below, i.saturating_sub(1)), beside(&above, i.min(gaps.len() - 1)));
             rates.push(rate(low.as_ref().map(|(v, h)| (v, *h)), high.as_ref().map(|(v, h)| (v, *h))))?;
+            if let Some(k) = i.checked_sub(1) {
+                through.push(through_middle(&*displacements.get(k)?, gaps[k], [&*rates.get(k)?, &*rates.get(i)?]))?;
+            }
             if let Some(above) = &above {
                 at_slices.push((**above).clone())?;
             }
             below = above;
         }
-        Ok(MotionStack { heights, gaps, px, relief, fields, displacements, at_slices, rates })
+        Ok(MotionStack { heights, gaps, px, relief, fields, displacements, at_slices, rates, through_middle: through })
     }
 
     /// Number of slices.
@@ -107,7 +112,8 @@ impl<'b> MotionStack<'b> {
             relief: self.relief,
             fields: Vec::new(),
             displacements: intervals.clone().map(|i| self.displacements.get(i)).collect::<Result<_>>()?,
-            at_slices: intervals.map(|i| self.at_slices.get(i)).collect::<Result<_>>()?,
+            at_slices: intervals.clone().map(|i| self.at_slices.get(i)).collect::<Result<_>>()?,
+            through_middle: intervals.map(|i| self.through_middle.get(i)).collect::<Result<_>>()?,
             rates: slices.map(|i| self.rates.get(i)).collect::<Result<_>>()?,
         })
     }

@@ -175,6 +175,7 @@ fn frame(stack: &Stack, moving: &MotionField, i: usize) -> MorphFrame {
         displacements: vec![moving.displacements[i].clone()],
         at_slices: vec![moving.at_slices[i].clone()],
         rates: moving.rates[i..i + 2].to_vec(),
+        through_middle: vec![moving.through_middle[i].clone()],
     };
     let arrived = |x: DVec2| if x.x * stack.h[0] < 30.0 { 1.0 } else { 0.8 };
     // Everywhere: beyond the last particle the weight changes from nothing to all within a pixel, which no rounding bears.

@@ -45,6 +45,7 @@ USES = {
     "image": "PNG and TIFF slices in, pictures out",
     "indicatif": "progress bars",
     "libc": "CPU clocks of threads, advice to the allocator (Linux)",
+    "libm": "exp, tan, atan2, pow, hypot of the numerics: the C library's differ by processor",
     "meshopt": "--simplify (meshoptimizer, C++)",
     "multiversion": "loops compiled for several instruction sets, chosen at run time",
     "naga": "tests that shaders and their Rust structs agree",

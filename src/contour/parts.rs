@@ -109,7 +109,7 @@ pub fn candidates(
 /// Distance of the centroids, px of the larger side.
 fn apart(a: &Part, b: &Part, h: [f64; 2]) -> f64 {
     let way = DVec2::from(h) * (a.centroid - b.centroid);
-    way.x.hypot(way.y)
+    libm::hypot(way.x, way.y)
 }
 
 /// Intersection over union after a shift by whole pixels that brings the centroids together.

@@ -164,8 +164,8 @@ fn phase(lengths: &[f64], arc: f64) -> f64 {
         at += length;
     }
     // Rounding decides nothing where the crossings are of no opinion.
-    if sum.x.hypot(sum.y) < 1e-9 * lengths.len() as f64 {
+    if libm::hypot(sum.x, sum.y) < 1e-9 * lengths.len() as f64 {
         return 0.5;
     }
-    (sum.y.atan2(sum.x) / std::f64::consts::TAU).rem_euclid(1.0).min(1.0 - f64::EPSILON)
+    (libm::atan2(sum.y, sum.x) / std::f64::consts::TAU).rem_euclid(1.0).min(1.0 - f64::EPSILON)
 }

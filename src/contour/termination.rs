@@ -117,7 +117,7 @@ impl<'a> Succession<'a> {
     fn fall(&self, part: &LonePart) -> Option<Fall> {
         let number = self.own.solids.labels[self.own.seeds[*part.seeds.first()? as usize].inside];
         let own = self.from[number as usize];
-        let thinner = |depth: f64| (depth / part.depth).powf(slimming(part));
+        let thinner = |depth: f64| libm::pow(depth / part.depth, slimming(part));
         let from = match own.met {
             Met::Nothing => return None,
             Met::Several => return Some(Fall::Confluence(thinner(own.within))),

@@ -154,7 +154,7 @@ impl<'c> Slices<'c> {
                 let middle = x + sign * body.rigid.shift;
                 let off = DVec2::from(self.h) * (displacement.at(middle) - body.rigid.at(middle, self.h));
                 all += 1;
-                there += usize::from(off.x.hypot(off.y) < FOLLOWED);
+                there += usize::from(libm::hypot(off.x, off.y) < FOLLOWED);
             }
         }
         there as f64 / all.max(1) as f64
@@ -167,7 +167,7 @@ impl Body {
     fn takes(&self, end: usize, label: u32, k: usize, h: [f64; 2]) -> bool {
         let shift = DVec2::from(h) * self.rigid.shift;
         label == [self.parts.0, self.parts.1][end]
-            && (self.whole[end] || self.away[k] < GIVES_WAY * shift.x.hypot(shift.y))
+            && (self.whole[end] || self.away[k] < GIVES_WAY * libm::hypot(shift.x, shift.y))
     }
 }
 

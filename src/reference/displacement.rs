@@ -51,7 +51,7 @@ impl Round {
 
     /// Weight of a pixel at distance `d`.
     fn weight(&self, d: f64) -> f64 {
-        if d > self.reach() { 0.0 } else { (-(d / self.width).powi(2)).exp() }
+        if d > self.reach() { 0.0 } else { libm::exp(-(d / self.width).powi(2)) }
     }
 
     /// Whether two rounds look at the slices in the same way.

@@ -11,7 +11,7 @@ use crate::registration::motion_field::{CELL, LoneParts, between, cells_of_squar
 
 /// Distance from a cell's middle at which its pixels may read, px: distances change by a pixel per pixel, and the frame by less than half of that.
 pub fn reach(h: [f64; 2]) -> f64 {
-    0.75 * CELL as f64 * h[0].hypot(h[1]) + 2.0
+    0.75 * CELL as f64 * libm::hypot(h[0], h[1]) + 2.0
 }
 
 /// The layer at the `k`-th time of a request, px, clamped to its limit; a cell that is not wanted has the one value that its [`probes`] say.

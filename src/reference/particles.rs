@@ -72,7 +72,7 @@ pub fn predict(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2
 
 /// Corrector in the field after the front has moved (Heun), back-projection `x <- x - phi(x) n`, distances; `now` is the time reached.
 pub fn correct(particles: &mut [Particle], phi: &Field, goal: &Field, h: [f64; 2], dt: f64, now: f64) {
-    let covers = (-now).exp() * dt.exp_m1();
+    let covers = libm::exp(-now) * libm::expm1(dt);
     for p in particles.iter_mut().filter(|p| p.kept > 0.0) {
         let (velocity, speed) = motion(phi, goal, p.predicted, h);
         let moved = p.x + 0.5 * dt * (p.velocity + velocity);

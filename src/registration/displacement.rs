@@ -360,7 +360,7 @@ fn add_scaled(sums: &mut [f64], values: &[f64], w: f64) {
 /// Weights of a Gaussian mean, as many to either side; their sum is 1.
 pub fn weights(sigma: f64) -> Vec<f64> {
     let reach = (TRUNCATE * sigma + 0.5) as i64;
-    let raw: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
+    let raw: Vec<f64> = (-reach..=reach).map(|k| libm::exp(-0.5 * (k as f64 / sigma).powi(2))).collect();
     let sum: f64 = raw.iter().sum();
     raw.iter().map(|w| w / sum).collect()
 }

@@ -77,7 +77,7 @@ impl Rigid {
             let theta = mb.axis - ma.axis;
             let theta = theta - PI * (theta / PI).round();
             if theta.abs() < FRAC_PI_2 {
-                starts.push(Rigid { turn: 2.0 * (0.5 * theta).tan(), ..starts[0] });
+                starts.push(Rigid { turn: 2.0 * libm::tan(0.5 * theta), ..starts[0] });
             }
         }
         if starts.iter().all(|start| differing(start) * PROMISING > none) {
@@ -151,11 +151,11 @@ impl Cover {
         let centroid = DVec2::new(mean(&|x| x.x), mean(&|x| x.y));
         let moment = |p: usize, q: usize| mean(&|x| (x[p] - centroid[p]) * h[p] * (x[q] - centroid[q]) * h[q]);
         let (xx, yy, xy) = (moment(0, 0), moment(1, 1), moment(0, 1));
-        let spread = (0.5 * (xx - yy)).hypot(xy);
+        let spread = libm::hypot(0.5 * (xx - yy), xy);
         let middle = 0.5 * (xx + yy);
         let ratio = (middle + spread) / (middle - spread).max(f64::MIN_POSITIVE);
         let area = self.share.data.iter().sum();
-        Moments { area, centroid, ratio, axis: 0.5 * (2.0 * xy).atan2(xx - yy) }
+        Moments { area, centroid, ratio, axis: 0.5 * libm::atan2(2.0 * xy, xx - yy) }
     }
 
     /// Share of the pixel at position `x` of the image.

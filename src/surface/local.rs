@@ -37,7 +37,7 @@ pub fn origin(header: &Header) -> Result<DVec3, String> {
         let least = along.iter().fold(f64::INFINITY, |least, side| least.min(*side));
         let share = if along.len() > 1 { (2.0f64 / 3.0).sqrt() } else { 1.0 };
         // The largest power of two below which numbers are closer.
-        let reach = 2f64.powi((share * OFF_CORNER * least).log2().ceil() as i32 - 1 + BITS);
+        let reach = 2f64.powi(libm::log2(share * OFF_CORNER * least).ceil() as i32 - 1 + BITS);
         if low[a].abs().max(high[a].abs()) <= reach {
             continue;
         }
@@ -53,7 +53,7 @@ pub fn origin(header: &Header) -> Result<DVec3, String> {
 
 /// The multiple of the largest power of ten, as f32, that fits and is nearest to `middle`; `middle` itself as f32 at last.
 fn roundest(middle: f64, fits: impl Fn(&f64) -> bool) -> Option<f64> {
-    let digits = middle.abs().max(f64::MIN_POSITIVE).log10().floor() as i32 + 1;
+    let digits = libm::log10(middle.abs().max(f64::MIN_POSITIVE)).floor() as i32 + 1;
     // f32 has less than ten decimal digits.
     let multiple = |power: i32| {
         if power < 0 {

@@ -63,7 +63,7 @@ impl Law {
     pub fn at(&self, t: f64) -> f64 {
         let q = (t / self.height).clamp(0.0, 1.0);
         let share =
-            if self.power > 2.0 { (1.0 - q).powf(self.power) } else { (1.0 - q) * (1.0 - (self.power - 1.0) * q) };
+            if self.power > 2.0 { libm::pow(1.0 - q, self.power) } else { (1.0 - q) * (1.0 - (self.power - 1.0) * q) };
         self.area * share
     }
 }

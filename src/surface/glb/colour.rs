@@ -37,7 +37,7 @@ fn of_hue(hue: f32) -> [f32; 3] {
 
 /// IEC 61966-2-1.
 fn linear(v: f32) -> f32 {
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+    if v <= 0.04045 { v / 12.92 } else { libm::powf((v + 0.055) / 1.055, 2.4) }
 }
 
 #[cfg(test)]

@@ -1,56 +1,33 @@
 """Runs what the file of results lacks, and makes tables and figures of it.
 
-    benches/evaluation/run [--bodies N] [--only NAME[,NAME]] [--minutes N]
+    benches/evaluation/run [--part PART] [--bodies N] [--only NAME[,NAME]] [--minutes N]
     benches/evaluation/run --tables | --again | --test | --picture K
 """
 
 import argparse
-import multiprocessing
-import os
 import shutil
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from . import bodies, measures, programs, results, selftest
+from . import bodies, measures, programs, results, selftest, terrain_programs, terrain_run, volume_run
+from .calls import attempt
 
 BODIES = 504
+PARTS = ("bodies", "terrain", "volumes")
 #: `evaluate --leave 2` is asked for every so many bodies.
 HOLD_OUT = 3
 #: Seconds that a call may take.
 LIMIT = 120
 SCRATCH = Path("target/evaluation")
-FORK = multiprocessing.get_context("fork")
 
 
-def answer(pipe, call, given):
-    """In a process of its own: calls a program, and sends mask, CPU seconds and no words, or nothing and why it failed."""
-    try:
-        if call not in programs.COMMANDS:
-            call(programs.WARM)
-        start = sum(os.times()[:4])
-        found = call(given)
-        pipe.send((programs.mask_of(found), sum(os.times()[:4]) - start, ""))
-    except Exception as error:  # noqa: BLE001  whatever a peer does, the others are measured
-        pipe.send((None, 0.0, f"{type(error).__name__}: {error}".replace("\n", " ")[:120]))
-    pipe.close()
-    os._exit(0)
-
-
-def attempt(call, given):
-    """Mask, CPU seconds and no words, or nothing and why it failed. A peer that spoils its memory spoils no other's."""
-    here, there = FORK.Pipe(duplex=False)
-    child = FORK.Process(target=answer, args=(there, call, given))
-    child.start()
-    there.close()
-    try:
-        found = here.recv() if here.poll(LIMIT) else (None, 0.0, f"no answer within {LIMIT} s")
-    except EOFError:
-        found = None, 0.0, "the process died"
-    child.kill()
-    child.join()
-    return found
+def called(name, given):
+    """Mask, CPU seconds and why it failed."""
+    call = programs.PROGRAMS[name][0]
+    return attempt(call, given, LIMIT, None if call in programs.COMMANDS else programs.WARM, programs.mask_of)
 
 
 def judgement(body, with_hold_out):
@@ -63,7 +40,7 @@ def judgement(body, with_hold_out):
     return found
 
 
-def run_body(number, wanted, path, seed):
+def run_body(number, wanted, file, seed):
     """Measures `wanted` programs on a body, and appends their rows."""
     body = bodies.body(number, seed)
     sides = body.given.spacing[1:]
@@ -74,7 +51,7 @@ def run_body(number, wanted, path, seed):
             mask, seconds, failure = body.truth, 0.0, ""
             row |= {"kind": body.kind, "irregular": int(body.irregular), "gap": body.gap, "inradius": body.inradius, "long": max(sides) / min(sides)}
         else:
-            mask, seconds, failure = attempt(programs.PROGRAMS[name][0], body.given)
+            mask, seconds, failure = called(name, body.given)
         if mask is None:
             row |= {"failure": failure}
         elif not mask.any():
@@ -83,13 +60,13 @@ def run_body(number, wanted, path, seed):
             row |= measures.measure(body, mask, surface) | {"seconds": seconds}
         if name == "interslice" and mask is not None:
             row |= judgement(body, number % HOLD_OUT == 0)
-        results.append(path, row)
+        file.append(row)
 
 
-def run(numbers, path, only=None, minutes=None, seed=bodies.SEED):
-    """Measures what `path` lacks; ends after so many minutes."""
+def run(numbers, file, only=None, minutes=None, seed=bodies.SEED):
+    """Measures what the file lacks; ends after so many minutes. Says whether it came to the end."""
     names = [results.TRUTH, *(name for name in only or programs.PROGRAMS if name != results.TRUTH)]
-    done, start, loaded = results.read(path), time.monotonic(), False
+    done, start, loaded = file.read(), time.monotonic(), False
     for count, number in enumerate(numbers):
         every = {results.TRUTH: 1} | {name: every for name, (_, every) in programs.PROGRAMS.items()}
         wanted = [name for name in names if number % every[name] == 0 and (number, name) not in done]
@@ -97,19 +74,22 @@ def run(numbers, path, only=None, minutes=None, seed=bodies.SEED):
             continue
         if minutes is not None and time.monotonic() - start > 60 * minutes:
             print(f"{minutes:g} minutes are over; run again to go on at body {number}")
-            return
+            return False
         if not loaded:
             programs.load()
             loaded = True
-        run_body(number, wanted, path, seed)
+        run_body(number, wanted, file, seed)
         print(f"body {number}, {count + 1} of {len(numbers)}, {time.monotonic() - start:.0f} s", flush=True)
+    return True
 
 
 def main():
     parser = argparse.ArgumentParser(prog="benches/evaluation/run", description=__doc__.splitlines()[0])
     parser.add_argument("--bodies", type=int, default=BODIES, metavar="N", help=f"bodies 0 to N - 1 [default: {BODIES}]")
-    parser.add_argument("--only", metavar="NAME[,NAME]", help=f"these programs only: {results.TRUTH}, {', '.join(programs.PROGRAMS)}")
-    parser.add_argument("--minutes", type=float, metavar="N", help="end after the body during which N minutes are over; run again to go on")
+    parser.add_argument("--part", choices=PARTS, help="this part of the evaluation only")
+    names = dict.fromkeys((results.TRUTH, *programs.PROGRAMS, *terrain_programs.PROGRAMS))
+    parser.add_argument("--only", metavar="NAME[,NAME]", help=f"these programs only: {', '.join(names)}")
+    parser.add_argument("--minutes", type=float, metavar="N", help="end a part after the case during which N minutes are over; run again to go on")
     parser.add_argument("--tables", action="store_true", help="tables and figures anew from results.csv, nothing else")
     parser.add_argument("--again", action="store_true", help="a tenth as many bodies of another seed: do their means lie within the intervals?")
     parser.add_argument("--test", action="store_true", help="test the measures with bodies of known answers")
@@ -117,7 +97,7 @@ def main():
     options = parser.parse_args()
     only = options.only.split(",") if options.only else None
     for name in only or ():
-        if name != results.TRUTH and name not in programs.PROGRAMS:
+        if name not in names:
             parser.error(f"--only: no program is called `{name}`")
     if options.bodies < 1:
         parser.error(f"--bodies: at least 1; got {options.bodies}")
@@ -135,17 +115,23 @@ def main():
     elif options.again:
         from . import tables
 
-        path = SCRATCH / "again.csv"
-        path.unlink(missing_ok=True)
+        again = replace(results.BODIES, path=SCRATCH / "again.csv")
+        again.path.unlink(missing_ok=True)
         numbers = range(options.bodies // 10)
-        run(numbers, path, only, options.minutes, bodies.SEED + 1)
-        tables.compare(results.read(), results.read(path))
+        run(numbers, again, only, options.minutes, bodies.SEED + 1)
+        tables.compare(results.BODIES.read(), again.read())
     else:
         if not options.tables:
-            run(range(options.bodies), results.RESULTS, only, options.minutes)
-        from . import tables
+            parts = {
+                "bodies": lambda: run(range(options.bodies), results.BODIES, only, options.minutes),
+                "terrain": lambda: terrain_run.run(only, options.minutes),
+                "volumes": lambda: volume_run.run(only, options.minutes),
+            }
+            for part in [options.part] if options.part else PARTS:
+                parts[part]()
+        from . import readme
 
-        tables.write()
+        readme.write()
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""The blocks of docs/evaluation.md that are made of results.csv, and whether they still are. Python's standard library is enough.
+"""The blocks of docs/evaluation.md and README.md that are made of the files of results, and whether they still are. Python's standard library is enough.
 
-A block lies between `<!-- evaluation:NAME -->` and `<!-- /evaluation:NAME -->`. The digest in `<!-- evaluation of ... -->` is that of results.csv, the
-figures and all blocks.
+A block lies between `<!-- evaluation:NAME -->` and `<!-- /evaluation:NAME -->`. The digest in `<!-- evaluation of ... -->`, in docs/evaluation.md, is that of
+the files of results, the figures and all blocks.
 """
 
 import hashlib
@@ -9,44 +9,52 @@ import re
 import sys
 from pathlib import Path
 
-from .results import FOLDER, RESULTS
+from .results import BODIES, FOLDER, TERRAIN, VOLUMES
 
-PAGE = FOLDER.parent.parent / "docs" / "evaluation.md"
+ROOT = FOLDER.parent.parent
+PAGES = (ROOT / "docs" / "evaluation.md", ROOT / "README.md")
 BLOCK = re.compile(r"(<!-- evaluation:(\w+) -->\n)(.*?)(<!-- /evaluation:\2 -->)", re.DOTALL)
 DIGEST = re.compile(r"<!-- evaluation of (\w*) -->")
 
 
-def figures():
-    return sorted(Path(FOLDER).glob("*.svg"))
+def sources():
+    """Files of results and figures."""
+    return [*(results.path for results in (BODIES, TERRAIN, VOLUMES)), *sorted(Path(FOLDER).glob("*.svg"))]
 
 
-def digest(text):
-    """Of results, figures and the page's blocks."""
+def digest(texts):
+    """Of results, figures and the pages' blocks."""
     found = hashlib.blake2b(digest_size=8)
-    for path in [RESULTS, *figures()]:
+    for path in sources():
         found.update(path.name.encode() + b"\n" + path.read_bytes())
-    for block in BLOCK.finditer(text):
-        found.update(block[0].encode())
+    for text in texts:
+        for block in BLOCK.finditer(text):
+            found.update(block[0].encode())
     return found.hexdigest()
 
 
 def write(blocks):
-    """Puts text into the page's blocks, by their names, and the digest beneath."""
-    text = PAGE.read_text()
-    there = {block[2] for block in BLOCK.finditer(text)}
-    if there != set(blocks) or len(DIGEST.findall(text)) != 1:
-        raise SystemExit(f"{PAGE}: it has the blocks {sorted(there)}, and should have {sorted(blocks)}, and one digest")
-    text = BLOCK.sub(lambda block: f"{block[1]}{blocks[block[2]].strip()}\n{block[4]}", text)
-    PAGE.write_text(DIGEST.sub(f"<!-- evaluation of {digest(text)} -->", text))
+    """Puts text into the pages' blocks, by their names, and the digest beneath."""
+    texts = [page.read_text() for page in PAGES]
+    there = sorted(block[2] for text in texts for block in BLOCK.finditer(text))
+    if there != sorted(blocks) or [len(DIGEST.findall(text)) for text in texts] != [1, 0]:
+        names = " and ".join(page.name for page in PAGES)
+        raise SystemExit(f"{names}: they have the blocks {there}, and should have {sorted(blocks)}, and one digest in {PAGES[0].name}")
+    texts = [BLOCK.sub(lambda block: f"{block[1]}{blocks[block[2]].strip()}\n{block[4]}", text) for text in texts]
+    texts[0] = DIGEST.sub(f"<!-- evaluation of {digest(texts)} -->", texts[0])
+    for page, text in zip(PAGES, texts):
+        page.write_text(text)
 
 
 def check():
-    """Ends where the page is not that of results and figures."""
-    text = PAGE.read_text()
-    said = DIGEST.findall(text)
-    if said != [digest(text)]:
-        sys.exit(f"{PAGE}: its tables or figures are not those of {RESULTS.name}; benches/evaluation/run --tables makes them anew")
-    print(f"{PAGE.name} is that of {RESULTS.name}: {len(BLOCK.findall(text))} blocks, {len(figures())} figures")
+    """Ends where the pages are not those of results and figures."""
+    texts = [page.read_text() for page in PAGES]
+    said = [word for text in texts for word in DIGEST.findall(text)]
+    if said != [digest(texts)]:
+        names = ", ".join(path.name for path in sources())
+        sys.exit(f"{PAGES[0]} or {PAGES[1].name}: tables are not those of {names}; benches/evaluation/run --tables makes them anew")
+    count = sum(len(BLOCK.findall(text)) for text in texts)
+    print(f"{' and '.join(page.name for page in PAGES)} are those of the results: {count} blocks of {len(sources())} files")
 
 
 if __name__ == "__main__":

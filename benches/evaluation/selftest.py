@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from . import bodies, measures
+from . import bodies, measures, terrain_measures, terrain_programs, terrains, volumes
 from .bodies import Given
 
 
@@ -95,7 +95,46 @@ def series():
     near("volume of body 11 in voxels, % of its samples", 100 * one.truth.sum() * np.prod(one.given.spacing) / one.volume, 100, 0.5)
 
 
+def heights():
+    """A plane that rises by 1 in 10, contours every 5 m: heights 1 m too high, stairs, and none at all in a quarter."""
+    plane, levels, spacing = np.tile(np.arange(200) / 2, (100, 1)), np.arange(5.0, 96, 5), (4.0, 5.0)
+    of = lambda made: terrain_measures.measure(plane, made, levels, 5.0, spacing)  # noqa: E731
+    near("RMSE of heights 1 m too high", of(plane + 1)["rmse"], 1, 1e-9)
+    near("the same as a share of the interval of 5 m", of(plane + 1)["share"], 0.2, 1e-9)
+    near("cells outside their band by more than 0.25 m, %: the uppermost of ten", of(plane + 1)["outside"], 1800 / 179, 1e-9)
+    near("cells outside their band of the truth, %", of(plane)["outside"], 0, 0)
+    near("slope error of a plane twice as steep, degrees", of(2 * plane)["slope"], np.degrees(np.arctan(0.2) - np.arctan(0.1)), 1e-9)
+    near("terraces of stairs at the contours' heights", of(np.floor(plane / 5) * 5)["terraces"], 179 / 17, 1e-9)
+    holed = np.where(np.arange(200) < 50, np.nan, plane)
+    near("cells with a height of their own, %", of(holed)["covered"], 100 * (190 - 50) / 179, 1e-9)
+
+
+def maps():
+    """The contour map of a plane has its lines where the plane has their heights, and its cells above them; terrain 3 is the same each time."""
+    plane = np.tile(np.arange(81) / 2, (41, 1))
+    given = terrains.Terrain("plane", "plane", plane + 0.25, 2, (10.0, 10.0)).map(8.0)
+    near("contour heights of a plane from 0.25 to 40.25 m, every 8 m", len(given.levels), 5, 0)
+    near("off the place of a contour, m", max(np.abs(line[:, 0] - (level - 0.25) * 10).max() for level, line in given.lines), 0, 1e-9)
+    near("cells above 8 m", given.above[0].mean(), 33 / 41, 1e-12)
+    distances = terrain_programs.line_distances(given)
+    near("off the distance of the south-west corner from 8 m, m", distances[0, -1, 0] - 77.5, 0, 1e-9)
+    height = terrain_programs.volume(given, lambda levels, phi: lambda layers: np.stack([np.interp(layer, levels, range(5)) * 80 + phi[0] for layer in layers]))
+    near("off the height read off a volume, m", np.nanmax(np.abs(height - plane[::2, ::2] - 0.25)), 0, 1e-9)
+    one, again = terrains.terrain(3), terrains.terrain(3)
+    near("heights of terrain 3 that differ from terrain 3", np.count_nonzero(one.fine != again.fine), 0, 0)
+
+
+def structures():
+    """A ball of label 7 of which every fourth slice is given, from its first one."""
+    z, y, x = grid(60)
+    labels = np.where(np.sqrt(z**2 + y**2 + x**2) < 20, 7, 0)
+    found = volumes.structure(labels, (2.0, 1.0, 1.0), 7, 4)
+    near("given slices of a ball of 40", len(found.given.places), 10, 0)
+    near("given voxels that differ from the truth", np.count_nonzero(found.truth[found.given.places] != found.given.masks), 0, 0)
+    near("voxels of the ball up to its last given slice", found.truth.sum(), (labels == 7)[:47].sum(), 0)
+
+
 def run():
-    for test in (overlap, surfaces, topologies, creases, reliabilities, series):
+    for test in (overlap, surfaces, topologies, creases, reliabilities, series, heights, maps, structures):
         test()
     print("the measures give the known answers")

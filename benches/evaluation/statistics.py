@@ -24,6 +24,15 @@ def mean(values):
     return float(values.mean()), float(low), float(high)
 
 
+def clustered(values, cluster):
+    """The mean of each cluster's values, by a dict of values by case: cases of one terrain, or of one structure, count as one."""
+    found = {}
+    for case, value in values.items():
+        if np.isfinite(value):
+            found.setdefault(cluster(case), []).append(value)
+    return [np.mean(v) for v in found.values()]
+
+
 def score(rows, body, program, measure):
     """A measure of a row as it is averaged: volume without its sign, pieces and handles right (1) or not (0), crease by that of the truth's voxels."""
     row, truth = rows[body, program], rows[body, TRUTH]

@@ -1,38 +1,20 @@
-"""Tables and figures of docs/evaluation.md, of results.csv."""
+"""Tables and figures of docs/evaluation.md about bodies, of results.csv."""
 
 import math
 
 import numpy as np
 
-from . import page, plots, results, statistics
+from . import plots, results, statistics
 from .bodies import CLASSES
+from .layout import OURS, SHORT, between, named, spread, table
 from .measures import CONFIDENCES
 from .programs import PROGRAMS
 from .results import TRUTH
 from .statistics import GAPS, Scores
 
-OURS = ("interslice", "interslice --method field", "interslice morph alone")
 PEERS = [name for name in PROGRAMS if name not in OURS]
 #: Behind by more than this is told body by body: 0.005 of Dice.
 BEHIND = 0.005
-SHORT = {"napari-label-interpolator": "napari-label-...", "napari-nD-annotator": "napari-nD-..."}
-
-
-def table(head, rows):
-    return "\n".join("| " + " | ".join(row) + " |" for row in [head, ["---"] * len(head), *rows])
-
-
-def spread(found, digits, factor=1.0, sign=False):
-    """Mean and half of its interval's width."""
-    value, low, high = (factor * v for v in found)
-    return f"{value:{'+' if sign else ''}.{digits}f} ± {(high - low) / 2:.{digits}f}"
-
-
-def between(found, digits, factor=1.0):
-    """Mean and interval of a difference; bold where the peer is better."""
-    value, low, high = (round(factor * v, digits) + 0.0 for v in found)
-    words = f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
-    return f"**{words}**" if value < 0 else words
 
 
 def headline(scores):
@@ -45,7 +27,7 @@ def headline(scores):
     for name, words, bodies in plan:
         bodies = [b for b in bodies if "dice" in scores.rows.get((b, name), {})]
         of = lambda measure: statistics.mean(scores.of(bodies, name, measure))  # noqa: E731
-        row = [f"`{words}`" if words in OURS[:2] else "the truth's own voxels" if name == TRUTH else words]
+        row = ["the truth's own voxels" if name == TRUTH else named(words)]
         row += [spread(of("dice"), 4), spread(of("distance"), 3), spread(of("distance95"), 3), spread(of("volume"), 2)]
         row += [spread(of("pieces"), 1, 100), spread(of("handles"), 1, 100), spread(of("crease"), 3)]
         row.append("" if name == TRUTH else f"{np.mean([scores.rows[b, name]['seconds'] for b in bodies]):.2f}")
@@ -170,15 +152,13 @@ def gaps(scores):
     (results.FOLDER / "gaps.svg").write_text(svg)
 
 
-def write():
-    """Figures, then the blocks of the page."""
-    scores = Scores(results.read())
+def blocks():
+    """The page's blocks by name, and the figures."""
+    scores = Scores(results.BODIES.read())
     if not scores.having("interslice", "SDF PCHIP"):
-        raise SystemExit(f"{results.RESULTS}: no body has both interslice and SDF PCHIP")
+        raise SystemExit(f"{results.BODIES.path}: no body has both interslice and SDF PCHIP")
     gaps(scores)
-    made = {f.__name__: f(scores) for f in (headline, ahead, groups, behind, reliability, hold_outs)}
-    page.write(made)
-    page.check()
+    return {f.__name__: f(scores) for f in (headline, ahead, groups, behind, reliability, hold_outs)}
 
 
 def compare(rows, again):

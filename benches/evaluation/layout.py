@@ -23,4 +23,4 @@ def between(found, digits, factor=1.0, interval=True):
 
 def named(program):
     """A program's name in a table's first column."""
-    return f"`{program}`" if program in OURS[:2] else program
+    return f"`{program}`" if program == "interslice" or program.startswith("interslice --") else program

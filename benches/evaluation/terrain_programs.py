@@ -87,6 +87,11 @@ def interslice_field(given):
     return interslice(given, "--method", "field")
 
 
+def interslice_cells(given):
+    """The field method, told how wide the cells are that are wanted: the shorter side of them."""
+    return interslice(given, "--method", "field", "--pixel", f"{min(given.spacing):.9g}")
+
+
 @in_folder
 def grass(given, folder, *modules):
     """Modules of GRASS, on the contour lines `lines` (attribute elevation), that make the raster `out`; session, import and export are part of it."""
@@ -211,6 +216,7 @@ def cubic(given):
 PROGRAMS = {
     "interslice": (interslice, PROGRAM),
     "interslice --method field": (interslice_field, PROGRAM),
+    "interslice --method field --pixel CELL": (interslice_cells, PROGRAM),
     "SDF PCHIP": (pchip, None),
     "SDF cubic": (cubic, None),
     "GRASS r.surf.contour": (grass_contour, "grass"),

@@ -8,7 +8,7 @@ from .results import TERRAIN, TRUTH
 from .terrain_programs import PROGRAMS
 from .terrains import HEIGHTS
 
-OURS = ("interslice", "interslice --method field")
+OURS = ("interslice", "interslice --method field", "interslice --method field --pixel CELL")
 #: Ahead or behind on a map: by more than this share of the interval.
 BEHIND = 0.01
 #: Fewer terrains than these give no interval.

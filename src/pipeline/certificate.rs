@@ -332,4 +332,11 @@ mod tests {
         pieces.add(runs(&[2..11]));
         assert!((0..3).all(|part| pieces.connects(part, 0)));
     }
+    #[test]
+    fn a_pixel_is_as_long_as_its_longer_side() {
+        for spacing in [[2.0, 1.0], [1.0, 2.0], [2.0, 2.0]] {
+            let spec = CertificateSpec { dims: [N; 2], spacing, z: vec![0.0, 1.0], first: 0, parted: Vec::new() };
+            assert_eq!(Examined::new(spec).px(), 2.0);
+        }
+    }
 }

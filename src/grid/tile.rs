@@ -113,4 +113,20 @@ mod tests {
         assert_eq!(samples(10, [1.0, 0.4]), [10, 25]);
         assert_eq!(samples(10, [0.3, 1.0]), [34, 10]);
     }
+    #[test]
+    fn a_tile_holds_what_lies_between_its_pixels() {
+        let tile = Tile { origin: [4, 6], dims: [9, 5] };
+        for (x, around) in
+            [([4.0, 6.0], 0.0), ([12.0, 10.0], 0.0), ([3.0, 11.0], 1.0), ([13.0, 5.0], 1.0), ([8.0, 8.0], -2.0)]
+        {
+            assert!(tile.holds(x.into(), around), "{x:?}, {around}");
+        }
+        for (x, around) in
+            [([3.9, 6.0], 0.0), ([12.1, 8.0], 0.0), ([8.0, 5.9], 0.0), ([8.0, 11.1], 1.0), ([8.0, 7.9], -2.0)]
+        {
+            assert!(!tile.holds(x.into(), around), "{x:?}, {around}");
+        }
+        assert_eq!(tile.to_image(tile.to_local(DVec2::new(7.5, 3.0))), DVec2::new(7.5, 3.0));
+        assert_eq!(tile.to_local(DVec2::new(7.5, 7.0)), DVec2::new(3.5, 1.0));
+    }
 }

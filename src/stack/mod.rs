@@ -285,4 +285,9 @@ mod tests {
             assert!(message.contains(&format!("no pixels: {}x{}", dims[0], dims[1])), "{message}");
         }
     }
+    #[test]
+    fn slices_across_the_last_axis_are_layers() {
+        let of = |order: [usize; 3]| Geometry { order, ..Geometry::default() };
+        assert!(of([0, 1, 2]).is_layered() && !of([1, 0, 2]).is_layered() && !of([1, 2, 0]).is_layered());
+    }
 }

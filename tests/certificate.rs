@@ -12,6 +12,9 @@ const N: usize = 40;
 /// Two gaps of 10.
 const HEIGHTS: [f64; 3] = [0.0, 10.0, 20.0];
 
+/// Number of the first contour in its stack.
+const FIRST: usize = 7;
+
 /// Discs `[x, y, radius]`, and holes of negative radius.
 type Discs = Vec<[f64; 3]>;
 
@@ -36,7 +39,7 @@ fn examined(of: impl Fn(f64) -> Discs, parted: &[(u32, u32)]) -> Report {
         dims: [N, N],
         spacing: [1.0, 1.0],
         z: HEIGHTS.to_vec(),
-        first: 0,
+        first: FIRST,
         parted: vec![parted.to_vec(), Vec::new()],
     };
     let mut examined = Examined::new(spec);
@@ -116,8 +119,8 @@ fn overlapping_parts_that_are_torn_fail_unless_a_link_says_so() {
     let torn = |z: f64| if z == 4.0 { vec![[34.0, 4.0, 3.0]] } else { vec![[34.0, 4.0, 3.0], [16.0, 20.0, 8.0]] };
     let report = examined(torn, &[]);
     // In row order the small one comes first.
-    assert_eq!(report.body.torn, [PartPair { slice: 0, from: 2, to: 2 }]);
-    assert!(report.broken[0].contains("part 2 of slice 0 and part 2 of the next"), "{:?}", report.broken);
+    assert_eq!(report.body.torn, [PartPair { slice: FIRST, from: 2, to: 2 }]);
+    assert!(report.broken[0].contains("part 2 of slice 7 and part 2 of the next"), "{:?}", report.broken);
     assert_eq!(examined(torn, &[(2, 2)]).broken, [""; 0]);
 }
 

@@ -19,7 +19,7 @@ use interslice::reference::hj_step::{Scratch, Speed, Tube, hj_step};
 use interslice::reference::part::part_field;
 use interslice::reference::reinit::reinit;
 use interslice::reference::scatter::scatter;
-use interslice::reference::trace::trace;
+use interslice::reference::trace::{arrival, trace};
 use interslice::settings::{AntiAlias, Settings};
 use proptest::prelude::*;
 use shapes::{Shape, circle, square, union};
@@ -423,4 +423,19 @@ fn a_part_keeps_the_field_where_it_is_nearest() {
             assert_eq!(part.data[k].to_bits(), whole.data[k].to_bits(), "pixel {k}");
         }
     }
+}
+
+#[test]
+fn what_is_missed_is_measured_on_the_contour() {
+    let mut phi = field([40, 40], SQUARE, &circle(20.3, 19.6, 9.0));
+    let band = Band::new(&mut phi, 6.0);
+    let wider = arrival(&phi, &field([40, 40], SQUARE, &circle(20.3, 19.6, 11.0)), &band).expect("a contour");
+    assert!((wider.mean - 2.0).abs() < 0.02 && (wider.max - 2.0).abs() < 0.05, "{wider:?}");
+    // Beside its goal by 1 px: |cos| of the angle, whose mean over a circle is 2 / pi.
+    let beside = arrival(&phi, &field([40, 40], SQUARE, &circle(21.3, 19.6, 9.0)), &band).expect("a contour");
+    assert!((beside.mean - std::f64::consts::FRAC_2_PI).abs() < 0.05, "{beside:?}");
+    assert!((beside.max - 1.0).abs() < 0.05, "{beside:?}");
+    let mut empty = Field::filled([40, 40], 3.0);
+    let band = Band::new(&mut empty, 6.0);
+    assert!(arrival(&empty, &phi, &band).is_none());
 }

@@ -127,3 +127,34 @@ fn nearest(mut values: Vec<f32>, [nx, ny]: [usize; 2], goes: impl Fn(usize, f32)
     }
     values
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::field::Field;
+
+    const SHOWN: OutputImage = OutputImage { dims: [60, 50], pad: [4, 6], h: [1.0, 1.0], limit: 3.0 };
+
+    fn disc(middle: [f64; 2], radius: f64) -> Contour {
+        let dims = [SHOWN.dims[0] + 8, SHOWN.dims[1] + 12];
+        let phi = |i: usize, j: usize| (i as f64 - middle[0]).hypot(j as f64 - middle[1]) - radius;
+        Contour::with_seeds(0.0, Field::from_fn(dims, phi), Vec::new())
+    }
+
+    #[test]
+    fn the_tile_of_cores_is_that_of_both_boxes_and_the_limit_around_it() {
+        let [low, high, far] = [([24.2, 26.1], 8.0), ([36.4, 28.3], 9.0), ([60.0, 20.0], 5.0)]
+            .map(|(middle, radius)| disc(middle, radius));
+        // Columns 28 to 32 and rows 20 to 34 of the padded image have both.
+        let tile = Tile { origin: [28 - 4 - 3, 20 - 6 - 3], dims: [5 + 6, 15 + 6] };
+        assert_eq!(Cores::tile(&low, &high, &SHOWN), Some(tile));
+        assert_eq!(Cores::tile(&high, &low, &SHOWN), Some(tile));
+        assert_eq!(Cores::tile(&low, &far, &SHOWN), None);
+        // Where pixels are short there are more of them, but none beyond the image.
+        let fine = OutputImage { h: [0.5, 1.0], ..SHOWN };
+        assert_eq!(Cores::tile(&low, &high, &fine).map(|t| (t.origin[0], t.dims[0])), Some((28 - 4 - 6, 5 + 12)));
+        let edge = disc([60.0, 52.0], 9.0);
+        let tile = Cores::tile(&edge, &edge, &SHOWN).expect("a tile");
+        assert_eq!([0, 1].map(|a| tile.origin[a] + tile.dims[a]), SHOWN.dims);
+    }
+}

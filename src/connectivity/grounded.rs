@@ -105,6 +105,16 @@ mod tests {
     }
 
     #[test]
+    fn a_notch_in_the_images_edge_is_no_bubble() {
+        let block: Vec<[usize; 2]> = (0..N * N).map(|n| [n % N, n / N]).collect();
+        let without =
+            |holes: &[[usize; 2]]| layer(&block.iter().filter(|p| !holes.contains(p)).copied().collect::<Vec<_>>());
+        let layers = [without(&[]), without(&[[4, 0], [2, 2], [0, 5], [8, 7], [6, 8]]), without(&[])];
+        let runs: Vec<Runs> = layers.iter().map(|l| Runs::new(l, Side::Outside)).collect();
+        assert_eq!(grounded(&runs, None, N, Side::Outside)[1], [true, false, true, true, true]);
+    }
+
+    #[test]
     fn a_void_stays_where_it_opens_to_a_contour_or_to_the_edge() {
         let block: Vec<[usize; 2]> = (1..8).flat_map(|j| (1..8).map(move |i| [i, j])).collect();
         let without =

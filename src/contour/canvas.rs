@@ -62,14 +62,13 @@ impl Canvas {
         })
     }
 
-    /// Goes over what a tile and the image share: the image's pixel and the tile's node.
-    pub fn visit(&self, tile: &Tile, mut each: impl FnMut(usize, usize)) {
-        let ([nx, _], [dx, dy]) = (self.dims, self.offset(tile));
-        let [columns, rows] = self.covered(tile);
+    /// Goes over the nodes of a tile that lie on the image.
+    pub fn visit(&self, tile: &Tile, mut each: impl FnMut(usize)) {
+        let ([dx, dy], [columns, rows]) = (self.offset(tile), self.covered(tile));
         for j in rows {
             let from = (j as isize + dy) as usize * tile.dims[0];
             for i in columns.clone() {
-                each(j * nx + i, from + (i as isize + dx) as usize);
+                each(from + (i as isize + dx) as usize);
             }
         }
     }

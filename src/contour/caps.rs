@@ -67,3 +67,29 @@ impl Cap {
         self.depth / AT_TIP + self.farthest * ((away - self.height) / (1.0 - self.height)).clamp(0.0, 1.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_profile_begins_with_its_slope_and_ends_at_its_tip() {
+        for (shrinking, middle) in [(0.0, 0.75), (1.0, 0.5), (2.0, 0.25), (-3.0, 0.75), (5.0, 0.25)] {
+            let profile = CapProfile::new(shrinking);
+            assert_eq!([-1.0, 0.0, 0.5, 1.0, 2.0].map(|q| profile.radius(q)), [1.0, 1.0, middle, 0.0, 0.0]);
+            let slope = (profile.radius(1e-6) - 1.0) / 1e-6;
+            assert!((slope + shrinking.clamp(0.0, 2.0)).abs() < 1e-5, "{slope}");
+        }
+    }
+
+    #[test]
+    fn a_cap_is_gone_beyond_its_tip_by_more_and_more() {
+        let tile = Tile { origin: [0, 0], dims: [1, 1] };
+        let profile = CapProfile::new(1.0);
+        let cap = Cap { tile, field: Field::filled([1, 1], -4.0), depth: 4.0, height: 0.6, farthest: 20.0, profile };
+        for (away, offset) in [(0.0, 0.0), (0.15, 1.0), (0.3, 2.0), (0.6, 4.0), (0.7, 9.0), (0.8, 14.0), (1.0, 24.0)] {
+            assert!((cap.offset(away) - offset).abs() < 1e-4, "{} at {away}", cap.offset(away));
+        }
+        assert!(cap.offset(0.6) > 4.0, "at the tip nothing is left");
+    }
+}

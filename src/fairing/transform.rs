@@ -122,6 +122,29 @@ mod tests {
     }
 
     #[test]
+    fn what_lies_flat_counts_less_by_how_flat_it_is() {
+        let bound = 2.0;
+        for [gx, gy, gz] in [[0.3f32, 0.4, 0.1], [0.3, -0.4, 2.0], [0.03, 0.04, 1.0], [0.0, 0.1, -0.7], [0.4, 0.0, 2.6]]
+        {
+            let row: Vec<f32> = (0..8).map(|i| 0.1 + gx * (i as f32 - 3.0)).collect();
+            let [south, north, lower, higher] =
+                [-gy, gy, -gz, gz].map(|g| row.iter().map(|v| v + g).collect::<Vec<_>>());
+            let [mut v, mut gradient, mut sideways] = [[0.0; 6]; 3];
+            let lines = [&row, &south, &north, &lower, &higher].map(Vec::as_slice);
+            transform_row(lines, [0.5; 3], bound, [&mut v, &mut gradient, &mut sideways]);
+            let n = (gx * gx + gy * gy + gz * gz).sqrt().max(LEAST_GRADIENT);
+            let steep = gz.abs() / gx.hypot(gy).max(LEAST_GRADIENT);
+            // At the pixel whose distance is 0.1.
+            let pixel = 2;
+            assert!((row[pixel + 1] - 0.1).abs() < 1e-6);
+            assert!((v[pixel] - bound * (0.1 / (n * bound)).tanh()).abs() < 1e-4, "v is {}", v[pixel]);
+            assert!((sideways[pixel] - steep).abs() < 1e-4, "{}, not {steep}", sideways[pixel]);
+            let upright = flatness::alone(f64::from(steep)) as f32;
+            assert!((gradient[pixel] - n * upright).abs() < 1e-4, "{}, not {n} {upright}", gradient[pixel]);
+        }
+    }
+
+    #[test]
     fn tanh_is_the_hyperbolic_tangent() {
         for k in -20_000..=20_000 {
             let x = k as f32 * 5e-4;

@@ -164,3 +164,146 @@ fn spline_slope(z: &[f64], s: &[f64], center: usize, end: SplineEnd) -> f64 {
     }
     m
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Knots with uneven gaps.
+    const Z: [f64; 6] = [0.0, 1.0, 3.0, 3.5, 5.0, 9.0];
+    const RULES: [SlopeRule; 5] =
+        [SlopeRule::Linear, SlopeRule::Natural, SlopeRule::Hyman, SlopeRule::Pchip, SlopeRule::Catmull];
+    const ENDS: [SplineEnd; 3] = [SplineEnd::Natural, SplineEnd::Parabolic, SplineEnd::NotAKnot];
+
+    fn near(a: f64, b: f64) {
+        assert!((a - b).abs() < 1e-9, "{a}, not {b}");
+    }
+
+    /// Slopes at the first `n` knots of the curve through `f`.
+    fn slopes(n: usize, rule: SlopeRule, end: SplineEnd, f: impl Fn(f64) -> f64) -> Vec<f64> {
+        let s: Vec<f64> = Z[..n].iter().map(|z| f(*z)).collect();
+        (0..n).map(|k| slope(&Z[..n], &s, k, rule, end)).collect()
+    }
+
+    #[test]
+    fn a_course_is_the_cubic_of_its_ends() {
+        // s = 2 t + 3 t^2 - 4 t^3, with S = 1, s'(0) = 2, s'(1) = -4.
+        let course = [1.0, 2.0, -4.0, 1.0];
+        for t in [0.0, 0.3, 0.5, 0.9, 1.0] {
+            near(hermite(&course, t), 2.0 * t + 3.0 * t * t - 4.0 * t * t * t);
+            near(hermite_rate(&course, t), 2.0 + 6.0 * t - 12.0 * t * t);
+            near(hermite_values([5.0, 6.0], [2.0, -4.0], t), 5.0 + hermite(&course, t));
+        }
+        let (t, dt) = (0.25, 0.5);
+        let [b, c] = bend(&course, t, dt);
+        for q in [0.0, 0.2, 0.7, 1.0] {
+            let chord = (1.0 - q) * hermite(&course, t) + q * hermite(&course, t + dt);
+            near(hermite(&course, t + q * dt), chord - q * (1.0 - q) * (b + c * q));
+        }
+        for (t, value) in [(-1.0, 0.0), (0.0, 0.0), (0.25, 0.15625), (0.5, 0.5), (1.0, 1.0), (2.0, 1.0)] {
+            near(smoothstep(t), value);
+        }
+    }
+
+    #[test]
+    fn every_rule_has_the_slope_of_a_line() {
+        for rule in RULES {
+            for end in ENDS {
+                for n in 2..=Z.len() {
+                    slopes(n, rule, end, |z| 4.0 - 3.0 * z).into_iter().for_each(|m| near(m, -3.0));
+                }
+            }
+        }
+        near(slope(&[2.0], &[7.0], 0, SlopeRule::Natural, SplineEnd::Natural), 0.0);
+    }
+
+    #[test]
+    fn rules_are_exact_for_the_polynomials_that_they_promise() {
+        let parabola = |z: f64| 1.0 + 2.0 * z - 0.5 * z * z;
+        for (rule, end) in [
+            (SlopeRule::Catmull, SplineEnd::Natural),
+            (SlopeRule::Linear, SplineEnd::Natural),
+            (SlopeRule::Natural, SplineEnd::Parabolic),
+            (SlopeRule::Natural, SplineEnd::NotAKnot),
+        ] {
+            for n in 3..=Z.len() {
+                for (k, m) in slopes(n, rule, end, parabola).into_iter().enumerate() {
+                    near(m, 2.0 - Z[k]);
+                }
+            }
+        }
+        for n in 4..=Z.len() {
+            let cubic = slopes(n, SlopeRule::Natural, SplineEnd::NotAKnot, |z| z * z * z - 4.0 * z * z);
+            for (k, m) in cubic.into_iter().enumerate() {
+                near(m, 3.0 * Z[k] * Z[k] - 8.0 * Z[k]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_spline_has_one_curvature_at_a_knot_and_that_of_its_rule_at_the_ends() {
+        let f = |z: f64| (1.7 * z).sin() + 0.1 * z * z;
+        for end in ENDS {
+            for n in 3..=Z.len() {
+                let m = slopes(n, SlopeRule::Natural, end, f);
+                let h = |k: usize| Z[k + 1] - Z[k];
+                let secant = |k: usize| (f(Z[k + 1]) - f(Z[k])) / h(k);
+                // Second derivatives at the two ends of a piece.
+                let first = |k: usize| (6.0 * secant(k) - 4.0 * m[k] - 2.0 * m[k + 1]) / h(k);
+                let last = |k: usize| (2.0 * m[k] + 4.0 * m[k + 1] - 6.0 * secant(k)) / h(k);
+                (0..n - 2).for_each(|k| near(last(k), first(k + 1)));
+                let third = |k: usize| (last(k) - first(k)) / h(k);
+                match end {
+                    SplineEnd::Natural => [first(0), last(n - 2)].into_iter().for_each(|bend| near(bend, 0.0)),
+                    SplineEnd::Parabolic => [third(0), third(n - 2)].into_iter().for_each(|third| near(third, 0.0)),
+                    SplineEnd::NotAKnot => {
+                        near(third(0), third(1));
+                        near(third(n - 2), third(n - 3));
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn limited_slopes_are_those_of_the_literature() {
+        // Secants 1 and 4 over gaps 1 and 2: weights 5 and 4 (Fritsch and Butland).
+        near(harmonic(1.0, 4.0, 1.0, 2.0), 1.5);
+        near(slope(&[0.0, 1.0, 3.0], &[0.0, 1.0, 9.0], 1, SlopeRule::Pchip, SplineEnd::Natural), 1.5);
+        near(harmonic(-1.0, 4.0, 1.0, 2.0), 0.0);
+        near(van_albada(1.0, 3.0), 1.2);
+        near(van_albada(1.0, -3.0), 0.0);
+        // SciPy's ends: a parabola's slope, none against the secant, three times the secant at most where the next turns back.
+        near(three_point_end([1.0, 2.0], [2.0, 3.0]), 5.0 / 3.0);
+        near(three_point_end([1.0, 1.0], [1.0, 4.0]), 0.0);
+        near(three_point_end([1.0, 1.0], [1.0, -4.0]), 3.0);
+        near(three_point_end([1.0, 1.0], [1.0, -2.0]), 2.5);
+        near(three_point_end([3.0, 1.0], [1.0, -0.5]), 17.0 / 8.0);
+        let rising = slopes(3, SlopeRule::Pchip, SplineEnd::Natural, |z| 2.0 * z + z * z);
+        near(rising[0], three_point_end([1.0, 2.0], [3.0, 6.0]));
+        near(rising[2], three_point_end([2.0, 1.0], [6.0, 3.0]));
+        for (m, limit) in [(2.0, 2.0), (4.0, 3.0), (-1.0, 0.0), (0.0, 0.0)] {
+            near(limited(m, 1.0, 5.0), limit);
+            near(limited(-m, -5.0, -1.0), -limit);
+        }
+        near(limited(1.0, 1.0, -1.0), 0.0);
+        assert_eq!(monotone([2.0, 7.0, -1.0, 1.0]), [2.0, 6.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn hymans_slopes_are_the_splines_where_these_are_monotone() {
+        // A step: the spline swings over, Hyman's does not.
+        let step = |z: f64| if z < 3.2 { z } else { z + 40.0 };
+        for end in ENDS {
+            let (free, tame) = (slopes(6, SlopeRule::Natural, end, step), slopes(6, SlopeRule::Hyman, end, step));
+            let secant = |k: usize| (step(Z[k + 1]) - step(Z[k])) / (Z[k + 1] - Z[k]);
+            for k in 0..6usize {
+                let (below, above) = (secant(k.saturating_sub(1)), secant(k.min(4)));
+                near(tame[k], limited(free[k], below, above));
+            }
+            assert!(free.iter().zip(&tame).any(|(a, b)| (a - b).abs() > 0.1));
+        }
+        let wave = slopes(6, SlopeRule::Hyman, SplineEnd::Natural, |z| if z == 3.0 { 5.0 } else { 0.0 });
+        near(wave[2], 0.0);
+    }
+}

@@ -105,3 +105,50 @@ impl Eikonal {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn near(a: f64, b: f64) {
+        assert!((a - b).abs() < 1e-12, "{a}, not {b}");
+    }
+
+    #[test]
+    fn half_the_courant_number_is_half_a_step_and_none_counts_more_than_one() {
+        for (cfl, share) in [(COURANT, 1.0), (0.5 * COURANT, 0.5), (0.1 * COURANT, 0.1), (1.6 * COURANT, 1.0)] {
+            near(step_share(cfl), share);
+        }
+    }
+
+    #[test]
+    fn the_cut_off_goes_from_one_to_nothing_and_is_even() {
+        // (p - gamma)^2 (2 p + gamma - 3 beta) / (gamma - beta)^3, half way between: 1/2.
+        for (phi, c) in [(0.0, 1.0), (2.0, 1.0), (3.0, 0.84375), (4.0, 0.5), (5.0, 0.15625), (6.0, 0.0), (7.0, 0.0)] {
+            near(cut_off(phi, 2.0, 6.0), c);
+            near(cut_off(-phi, 2.0, 6.0), c);
+        }
+    }
+
+    #[test]
+    fn the_smeared_sign_is_that_of_a_right_triangle() {
+        near(smeared_sign(3.0, DVec2::new(0.0, 4.0)), 0.6);
+        near(smeared_sign(-3.0, DVec2::new(4.0, 0.0)), -0.6);
+        near(smeared_sign(6.0, DVec2::new(2.0, 3.0)), 6.0 / 7.0);
+    }
+
+    #[test]
+    fn a_wave_from_two_neighbours_has_unit_slope() {
+        for h in [[1.0, 1.0], [0.5, 1.0], [1.0, 0.3]] {
+            let eikonal = Eikonal::new(h);
+            for (a, b) in [(0.2, 0.3), (0.3, 0.2), (0.0, 0.0), (-1.0, -1.1)] {
+                let v = eikonal.solve(a, b);
+                near(((v - a) / h[0]).powi(2) + ((v - b) / h[1]).powi(2), 1.0);
+                assert!(v > a && v > b, "{v} comes from ({a}, {b})");
+            }
+            // The later neighbour lies beyond the front: one counts.
+            near(eikonal.solve(0.0, 9.0), h[0]);
+            near(eikonal.solve(9.0, 0.0), h[1]);
+        }
+    }
+}

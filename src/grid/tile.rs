@@ -85,3 +85,48 @@ impl Tile {
         DVec2::from(self.origin.map(|c| c as f64))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tile_knows_its_own_nodes_and_no_others() {
+        let (nx, ny) = (23, 17);
+        let tile = Tile { origin: [4, 6], dims: [9, 5] };
+        let own: Vec<usize> = tile.nodes(nx).collect();
+        assert_eq!((own.len(), tile.len(), tile.is_empty()), (45, 45, false));
+        assert_eq!((own[0], own[9], own[44]), (6 * 23 + 4, 7 * 23 + 4, 10 * 23 + 12));
+        for node in 0..nx * ny {
+            assert_eq!(tile.local_node(node, nx), own.iter().position(|n| *n == node), "node {node}");
+        }
+    }
+
+    #[test]
+    fn tiles_end_at_the_image_and_grow_by_their_margin() {
+        let image = [30, 20];
+        let inner = Tile::spanning(image, [2, 3], [10, 9], [14, 9]);
+        assert_eq!(inner, Tile { origin: [8, 6], dims: [9, 7] });
+        assert_eq!(Tile::spanning(image, [12, 12], [10, 9], [25, 9]), Tile { origin: [0, 0], dims: [30, 20] });
+        let joined = inner.joined(Tile { origin: [3, 12], dims: [6, 5] });
+        assert_eq!(joined, Tile { origin: [3, 6], dims: [14, 11] });
+        assert_eq!(samples(10, [1.0, 0.4]), [10, 25]);
+        assert_eq!(samples(10, [0.3, 1.0]), [34, 10]);
+    }
+    #[test]
+    fn a_tile_holds_what_lies_between_its_pixels() {
+        let tile = Tile { origin: [4, 6], dims: [9, 5] };
+        for (x, around) in
+            [([4.0, 6.0], 0.0), ([12.0, 10.0], 0.0), ([3.0, 11.0], 1.0), ([13.0, 5.0], 1.0), ([8.0, 8.0], -2.0)]
+        {
+            assert!(tile.holds(x.into(), around), "{x:?}, {around}");
+        }
+        for (x, around) in
+            [([3.9, 6.0], 0.0), ([12.1, 8.0], 0.0), ([8.0, 5.9], 0.0), ([8.0, 11.1], 1.0), ([8.0, 7.9], -2.0)]
+        {
+            assert!(!tile.holds(x.into(), around), "{x:?}, {around}");
+        }
+        assert_eq!(tile.to_image(tile.to_local(DVec2::new(7.5, 3.0))), DVec2::new(7.5, 3.0));
+        assert_eq!(tile.to_local(DVec2::new(7.5, 7.0)), DVec2::new(3.5, 1.0));
+    }
+}

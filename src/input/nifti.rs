@@ -330,3 +330,44 @@ fn qform(header: &Header) -> DAffine3 {
     let z = DVec3::new(2.0 * (b * d + a * c), 2.0 * (c * d - a * b), a * a + d * d - b * b - c * c);
     DAffine3::from_cols(x * sx, y * sy, z * (sz * handed), header.offset.into())
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+
+    #[test]
+    fn a_quaternion_is_its_rotation_whatever_its_axis() {
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(0.6, -0.48, 0.64), DVec3::new(-2.0, 1.0, 2.0) / 3.0] {
+            for angle in [0.0, 0.4, 1.7, 2.9] {
+                let turn = DQuat::from_axis_angle(axis, angle);
+                let header = |handed: f64| Header {
+                    format: "NIfTI-1",
+                    pair: false,
+                    dim: [3, 4, 4, 4, 1, 1, 1, 1],
+                    datatype: 2,
+                    pixdim: [handed, 0.5, 0.75, 3.0, 0.0, 0.0, 0.0, 0.0],
+                    vox_offset: 352.0,
+                    slope: 1.0,
+                    inter: 0.0,
+                    units: 2,
+                    qform_code: 1,
+                    sform_code: 0,
+                    quatern: [turn.x, turn.y, turn.z],
+                    offset: [10.0, -20.0, 30.0],
+                    rows: [[0.0; 4]; 3],
+                    big_endian: false,
+                };
+                for handed in [1.0, -1.0] {
+                    let found = qform(&header(handed));
+                    for voxel in [DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0), DVec3::new(-4.0, 0.5, 0.0)] {
+                        let wanted =
+                            turn * (voxel * DVec3::new(0.5, 0.75, 3.0 * handed)) + DVec3::new(10.0, -20.0, 30.0);
+                        assert!(found.transform_point3(voxel).distance(wanted) < 1e-9, "{axis}, {angle}, {voxel}");
+                    }
+                }
+            }
+        }
+    }
+}

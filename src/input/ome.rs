@@ -171,3 +171,20 @@ fn shape(text: &str) -> Failure<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_description_of_more_than_three_axes_is_refused() {
+        for taken in
+            ["{\"shape\": [9, 30, 40]}", "{\"shape\": [1, 9, 30, 40]}", "{\"shape\": [9, 1, 30, 40, 1]}", "text"]
+        {
+            assert!(shape(taken).is_ok(), "{taken}");
+        }
+        for refused in ["{\"shape\": [2, 9, 30, 40]}", "{\"shape\": [2, 9, 30, 40, 3]}"] {
+            assert!(shape(refused).is_err(), "{refused}");
+        }
+    }
+}

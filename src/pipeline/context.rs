@@ -224,3 +224,20 @@ pub fn stage<T>(
 pub fn overshoots(slope: SlopeRule) -> bool {
     matches!(slope, SlopeRule::Natural | SlopeRule::Catmull)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_the_same_upside_down_and_never_quite_a_contours() {
+        for (low, high) in [(0.0, 1.0), (-3.0, 4.1), (100.3, 100.7)] {
+            for share in [0.0, 1e-9, 0.1, 0.37, 0.5, 0.9, 1.0] {
+                let z = low + share * (high - low);
+                let t = time(z, low, high);
+                assert!(t > 0.0 && t < 1.0 && (t - share).abs() < 1e-6, "{z} from {low} to {high}: {t}");
+                assert_eq!(t, 1.0 - time(-z, -high, -low));
+            }
+        }
+    }
+}

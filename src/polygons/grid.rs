@@ -117,3 +117,19 @@ pub fn pixel_side(drawings: &[PlaneDrawing]) -> f64 {
 pub(crate) fn bounds<'a>(points: impl Iterator<Item = &'a DVec2>) -> [DVec2; 2] {
     points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], p| [low.min(*p), high.max(*p)])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grid_beyond_the_numbers_is_refused() {
+        let over = |low: [f64; 2], side: f64| {
+            DrawingGrid::over([DVec2::from(low), DVec2::from(low) + side], DVec2::splat(0.5), 2)
+        };
+        assert!(over([1e15, -1e15], 4.0).is_ok());
+        for (low, side) in [([4e15, 0.0], 4.0), ([0.0, -4e15], 4.0), ([0.0, 0.0], 1e6), ([f64::NAN, 0.0], 4.0)] {
+            assert!(matches!(over(low, side), Err(Error::Setting { .. })), "{low:?}, {side}");
+        }
+    }
+}

@@ -120,3 +120,21 @@ fn unit(v: DVec3) -> DVec3 {
     let length = v.length();
     if length > 0.0 { v / length } else { DVec3::Z }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_axis_is_the_worlds_after_the_normals() {
+        let [x, y, z] = DVec3::AXES;
+        assert_eq!([z, x, y].map(frame), [[x, y, z], [y, z, x], [z, x, y]]);
+        for normal in [DVec3::new(0.1, -0.2, 0.9), DVec3::new(-0.8, 0.3, 0.2), DVec3::new(0.2, 0.7, -0.3)] {
+            let axes = frame(normal.normalize());
+            let after = (dominant(normal) + 1) % 3;
+            assert!(axes[0].dot(DVec3::AXES[after]) > 0.9, "{axes:?}");
+            assert!((axes[0].cross(axes[1]) - axes[2]).length() < 1e-12, "{axes:?}");
+            assert!(axes.iter().all(|a| (a.length() - 1.0).abs() < 1e-12) && axes[0].dot(axes[2]).abs() < 1e-12);
+        }
+    }
+}

@@ -300,3 +300,17 @@ fn solve(
 fn share(own: f64, other: f64) -> f64 {
     own / (own + other + NO_CHANGE)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_has_one_width_whatever_the_pixels() {
+        // 8 px of the larger side: nodes lie BLOCK pixels apart.
+        let nodes = 8.0 / BLOCK as f64;
+        assert_eq!(WIDE.window_sigma([1.0, 1.0]), [nodes; 2]);
+        assert_eq!(WIDE.window_sigma([0.5, 1.0]), [2.0 * nodes, nodes]);
+        assert_eq!(WIDE.smoothing_sigma([1.0, 0.25]), [0.5 * nodes, 2.0 * nodes]);
+    }
+}

@@ -165,3 +165,46 @@ pub fn far_distance(phi: Field, h: [f64; 2], limit: f64) -> Field {
     let data = d.data.iter().zip(&phi.data).map(|(d, v)| d.copysign(*v)).collect();
     Field { dims: phi.dims, data }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_straight_line_has_its_distances_up_to_the_edges() {
+        for h in [[1.0, 1.0], [0.5, 1.0], [1.0, 0.4]] {
+            for axis in 0..2 {
+                let dims = [11, 9];
+                for line in [0.3, 4.8, dims[axis] as f64 - 1.4] {
+                    let wanted = Field::from_fn(dims, |i, j| h[axis] * ([i, j][axis] as f64 - line));
+                    // Not a distance to begin with.
+                    let bent = Field { dims, data: wanted.data.iter().map(|v| 3.0 * v).collect() };
+                    let found = distance_of(&bent, h);
+                    for (n, (v, w)) in found.data.iter().zip(&wanted.data).enumerate() {
+                        assert!(
+                            (v - w).abs() < 1e-9,
+                            "{v}, not {w}, at node {n}; line {line} along {axis}, sides {h:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn without_a_contour_everything_is_far() {
+        assert!(distance_of(&Field::filled([5, 4], -2.0), [1.0; 2]).data.iter().all(|v| *v == -FAR));
+        assert!(distance_of(&Field::filled([5, 4], 2.0), [1.0; 2]).data.iter().all(|v| *v == FAR));
+    }
+
+    #[test]
+    fn a_corner_has_both_axes_in_its_start_value() {
+        // One pixel inside: its neighbours' crossings lie half way.
+        let u = Field::from_fn([7, 7], |i, j| if (i, j) == (3, 3) { -1.0 } else { 1.0 });
+        let d = distance_of(&u, [1.0; 2]);
+        assert!((d.data[24] + 0.5 / 2.0f64.sqrt()).abs() < 1e-6, "{}", d.data[24]);
+        assert!((d.data[25] - 0.5).abs() < 1e-6 && (d.data[17] - 0.5).abs() < 1e-6);
+        // (v - 1/2)^2 + (v - 1/2)^2 = 1.
+        assert!((d.data[32] - 0.5 - 0.5f64.sqrt()).abs() < 1e-6, "{}", d.data[32]);
+    }
+}

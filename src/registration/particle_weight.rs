@@ -99,3 +99,72 @@ impl Trust {
 fn share(DVec2 { x: arrived, y: all }: DVec2) -> f64 {
     smoothstep(((arrived + FEW) / (all + FEW) - NONE) / (ALL - NONE))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::grid::field::Field;
+
+    const DIMS: [usize; 2] = [80, 60];
+
+    /// Two slices that are `apart` px from each other everywhere and do not move.
+    fn slices(apart: f64) -> MotionField {
+        let fields = [0.0, apart].map(|v| Arc::new(Field::filled(DIMS, v))).to_vec();
+        MotionField::new(vec![0.0, 1.0], 1.0, fields, vec![Displacement::zero(DIMS)])
+    }
+
+    /// Particles on all pixels, of which `kept` have arrived.
+    fn particles(kept: impl Fn(DVec2) -> f64) -> impl Iterator<Item = (DVec2, f64)> {
+        let pixels = (0..DIMS[0] * DIMS[1]).map(|n| DVec2::new((n % DIMS[0]) as f64, (n / DIMS[0]) as f64));
+        pixels.map(move |x| (x, kept(x)))
+    }
+
+    fn near(a: f64, b: f64) {
+        assert!((a - b).abs() < 1e-4, "{a}, not {b}");
+    }
+
+    #[test]
+    fn the_morph_has_the_say_that_the_arrived_particles_give_it() {
+        let moving = slices(0.0);
+        let middle = DVec2::new(40.3, 29.8);
+        // 3 t^2 - 2 t^3 from three quarters to all.
+        for (kept, weight) in [(1.0, 1.0), (0.9375, 0.84375), (0.875, 0.5), (0.8125, 0.15625), (0.75, 0.0), (0.2, 0.0)]
+        {
+            near(Trust::new(&moving, 0, [1.0, 1.0], 0.0, particles(|_| kept)).at(middle), weight);
+        }
+        // No particles, no doubt.
+        let none = Trust::new(&moving, 0, [1.0, 1.0], 0.0, std::iter::empty());
+        near(none.at(middle), 1.0);
+        assert!(!none.doubts(DVec2::ZERO, DVec2::new(79.0, 59.0)));
+        // Doubt where they die, none far from there.
+        let left = Trust::new(&moving, 0, [1.0, 1.0], 0.0, particles(|x| f64::from(x.x > 8.0)));
+        assert!(left.doubts(DVec2::new(0.0, 20.0), DVec2::new(6.0, 30.0)) && left.at(DVec2::new(2.0, 30.0)) < 0.1);
+        assert!(
+            !left.doubts(DVec2::new(70.0, 20.0), DVec2::new(76.0, 30.0)) && left.at(DVec2::new(78.0, 30.0)) > 0.999
+        );
+    }
+
+    #[test]
+    fn contours_far_apart_take_its_say_sooner_where_they_are_relief() {
+        let middle = DVec2::new(40.0, 30.0);
+        let at =
+            |apart: f64, relief: f64| Trust::new(&slices(apart), 0, [1.0, 1.0], relief, particles(|_| 1.0)).at(middle);
+        let wanted = |apart: f64, [first, last]: [f64; 2]| {
+            share(DVec2::new(1.0 - smoothstep((apart - first) / (last - first)), 1.0))
+        };
+        for (apart, relief, leaps) in [
+            (7.0, 0.0, LEAPS),
+            (10.0, 0.0, LEAPS),
+            (12.0, 0.0, LEAPS),
+            (0.9, 1.0, LEAPS_OF_RELIEF),
+            (1.3, 1.0, LEAPS_OF_RELIEF),
+        ] {
+            near(at(apart, relief), wanted(apart, leaps));
+            near(at(-apart, relief), wanted(apart, leaps));
+        }
+        assert!(at(7.0, 0.0) > 0.999 && at(12.0, 0.0) < 0.1 && at(7.0, 1.0) == 0.0);
+        near(at(5.5, 0.5), wanted(5.5, [4.5, 11.5]));
+    }
+}

@@ -212,3 +212,97 @@ fn refined(start: Rigid, area: impl Fn(&Rigid) -> f64) -> (Rigid, f64) {
     }
     best
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DIMS: [usize; 2] = [90, 70];
+
+    fn contour(h: [f64; 2], phi: impl Fn(DVec2) -> f64) -> Contour {
+        let value = |i: usize, j: usize| phi(DVec2::new(i as f64 * h[0], j as f64 * h[1])) + 1e-9;
+        Contour::new(0.0, Field::from_fn(DIMS, value), h, 1.0)
+    }
+
+    /// A bar of 24 x 6 px of the larger side, turned by `angle`.
+    fn bar(h: [f64; 2], centre: DVec2, angle: f64) -> Contour {
+        contour(h, |x| {
+            let [along, across] =
+                [DVec2::from_angle(angle), DVec2::from_angle(angle).perp()].map(|a| a.dot(x - centre));
+            (along.abs() - 12.0).max(across.abs() - 3.0)
+        })
+    }
+
+    fn disc(centre: DVec2, radius: f64) -> Contour {
+        contour([1.0; 2], |x| x.distance(centre) - radius)
+    }
+
+    #[test]
+    fn half_a_displacement_to_either_side_is_the_motion() {
+        let (theta, h) = (0.7f64, [1.0, 1.0]);
+        let rigid =
+            Rigid { centre: DVec2::new(30.0, 20.0), shift: DVec2::new(4.0, -2.0), turn: 2.0 * (0.5 * theta).tan() };
+        for x in [[33.0, 20.0], [30.0, 20.0], [11.0, 47.0]].map(DVec2::from) {
+            let v = rigid.at(x, h);
+            let [p, q] = [x - 0.5 * (v - rigid.shift), x + 0.5 * (v - rigid.shift)].map(|p| p - rigid.centre);
+            assert!(DVec2::from_angle(theta).rotate(p).distance(q) < 1e-12, "{p} becomes {q}");
+        }
+        // The same in px of the larger side where pixels are not square.
+        let v = Rigid { shift: DVec2::ZERO, ..rigid }.at(rigid.centre + DVec2::new(8.0, 3.0), [0.5, 1.0]);
+        assert!((v - rigid.turn * DVec2::new(-3.0 / 0.5, 4.0)).length() < 1e-12, "{v}");
+    }
+
+    #[test]
+    fn a_bar_has_its_area_middle_and_axis() {
+        for h in [[1.0, 1.0], [0.5, 1.0]] {
+            let cover = Cover::new(&bar(h, DVec2::new(22.0, 33.0), 0.6), 1);
+            let moments = cover.moments(h);
+            assert!((moments.area * h[0] * h[1] - 144.0).abs() < 3.0, "{}", moments.area);
+            assert!((moments.centroid * DVec2::from(h)).distance(DVec2::new(22.0, 33.0)) < 0.1, "{}", moments.centroid);
+            assert!((moments.axis - 0.6).abs() < 0.02 && (moments.ratio - 16.0).abs() < 2.0, "{}", moments.ratio);
+        }
+    }
+
+    #[test]
+    fn a_bar_that_turns_and_moves_is_found_and_the_same_upside_down() {
+        for h in [[1.0, 1.0], [0.5, 1.0]] {
+            let (from, to) = (DVec2::new(20.0, 33.0), DVec2::new(24.0, 30.0));
+            let [low, high] = [bar(h, from, 0.2), bar(h, to, 0.7)];
+            let found = Rigid::between((&low, 1), (&high, 1), h);
+            assert!(found.alike && found.worthwhile, "{found:?}");
+            assert!((found.rigid.turn - 2.0 * 0.25f64.tan()).abs() < 0.03, "{found:?}");
+            assert!((found.rigid.shift * DVec2::from(h)).distance(to - from) < 0.3, "{found:?}");
+            let back = Rigid::between((&high, 1), (&low, 1), h).rigid;
+            assert!((back.turn + found.rigid.turn).abs() < 1e-9 && (back.shift + found.rigid.shift).length() < 1e-9);
+        }
+        let [low, high] = [[30.0, 30.0], [36.0, 33.0]].map(|c| disc(DVec2::from(c), 7.0));
+        let moved = Rigid::between((&low, 1), (&high, 1), [1.0; 2]);
+        assert!(moved.alike && moved.worthwhile && moved.rigid.turn == 0.0, "{moved:?}");
+        assert!(moved.rigid.shift.distance(DVec2::new(6.0, 3.0)) < 0.1, "{moved:?}");
+        let still = Rigid::between((&low, 1), (&low, 1), [1.0; 2]);
+        assert!(!still.worthwhile || still.rigid.shift.length() < 0.1, "{still:?}");
+    }
+
+    #[test]
+    fn a_small_part_goes_half_into_a_large_one() {
+        let (small, large) = (disc(DVec2::new(62.0, 35.0), 4.0), disc(DVec2::new(30.0, 35.0), 16.0));
+        let found = Rigid::between((&small, 1), (&large, 1), [1.0; 2]);
+        // Its middle comes to the large one's edge, 16 px of 32, in steps of a sixteenth of the way.
+        assert!(!found.alike && found.rigid.turn == 0.0 && found.rigid.shift.y.abs() < 1e-6, "{found:?}");
+        assert!((-19.0..=-15.5).contains(&found.rigid.shift.x), "{found:?}");
+        let back = Rigid::between((&large, 1), (&small, 1), [1.0; 2]);
+        assert!((back.rigid.shift + found.rigid.shift).length() < 1e-9, "{back:?}");
+    }
+
+    #[test]
+    fn parts_differ_by_what_only_one_of_them_has() {
+        let [a, b] = [disc(DVec2::new(40.0, 30.0), 9.0), disc(DVec2::new(40.0, 30.0), 5.0)].map(|c| Cover::new(&c, 1));
+        let ring = std::f64::consts::PI * (81.0 - 25.0);
+        assert!((differing_area(&a, &b, &Rigid::STILL, [1.0; 2]) - ring).abs() < 1.0);
+        assert!((differing_area(&b, &a, &Rigid::STILL, [1.0; 2]) - ring).abs() < 1.0);
+        let away = Rigid { shift: DVec2::new(25.0, -17.0), ..Rigid::STILL };
+        let both = std::f64::consts::PI * (81.0 + 25.0);
+        let found = differing_area(&a, &b, &away, [1.0; 2]);
+        assert!((found - both).abs() < 2.0, "{found}, not {both}");
+    }
+}

@@ -159,3 +159,42 @@ fn way_to_middle(paths: &Paths, off: &[Displacement; 2]) -> Displacement {
     }
     way
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+
+    const DIMS: [usize; 2] = [80, 60];
+
+    #[test]
+    fn a_value_is_that_of_the_mid_frame_and_what_the_way_there_lost_at_either_slice() {
+        let at = |n: usize| position(n, DIMS[0]);
+        let linear = |of: DVec2| (0..DIMS[0] * DIMS[1]).map(|n| of.dot(at(n))).collect::<Vec<f64>>();
+        let [seen, low, high] = [[0.1, -0.05], [0.01, 0.02], [-0.03, 0.01]].map(DVec2::from);
+        let shown: Vec<f32> = linear(seen).into_iter().map(|v| v as f32).collect();
+        let lost = [low, high].map(|of| SparseImage::of(DIMS, &linear(of)));
+        let read = Read { seen: &shown, dims: DIMS, lost: &lost, weights: [0.7, 0.4], limit: 3.0 };
+        let [way, come, go] = [[1.0, 0.5], [0.5, -0.25], [1.5, 2.0]].map(DVec2::from);
+        let first = [30, 20];
+        let mut row = [0.0; CELL];
+        values(&read, first, [&[way; CELL], &[come; CELL], &[go; CELL]], None, &mut row);
+        let wanted: [f64; CELL] = std::array::from_fn(|k| {
+            let x = DVec2::new((first[0] + k) as f64, first[1] as f64);
+            (seen.dot(x + way) + 0.7 * low.dot(x - come) + 0.4 * high.dot(x + go)).clamp(-3.0, 3.0)
+        });
+        assert!(row.iter().zip(wanted).all(|(v, w)| (f64::from(*v) - w).abs() < 1e-5), "{row:?}, not {wanted:?}");
+        assert!(wanted[0] < 2.5 && wanted[CELL - 1] > 2.5, "some of them differ");
+
+        // Half of the say is the others'.
+        let fields = vec![Arc::new(Field::filled(DIMS, 0.0)); 2];
+        let moving = MotionField::new(vec![0.0, 1.0], 1.0, fields, vec![Displacement::zero(DIMS)]);
+        let half = Trust::new(&moving, 0, [1.0, 1.0], 0.0, (0..DIMS[0] * DIMS[1]).map(|n| (at(n), 0.875)));
+        let others = [-1.0f32; CELL];
+        let mut mixed = [0.0; CELL];
+        values(&read, first, [&[way; CELL], &[come; CELL], &[go; CELL]], Some((&half, &others)), &mut mixed);
+        let apart = mixed.iter().zip(wanted).map(|(v, w)| (f64::from(*v) - (0.5 * w - 0.5)).abs());
+        assert!(apart.fold(0.0, f64::max) < 1e-3, "{mixed:?}");
+    }
+}

@@ -242,3 +242,19 @@ fn uid(hash: blake3::Hash) -> String {
     bytes[8] = bytes[8] & 0x3f | 0x80;
     format!("2.25.{}", u128::from_be_bytes(bytes))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_uid_is_a_uuid_of_version_8() {
+        for seed in 0..64u8 {
+            let uid = uid(blake3::hash(&[seed]));
+            let number: u128 = uid.strip_prefix("2.25.").and_then(|n| n.parse().ok()).expect("2.25 and a number");
+            let bytes = number.to_be_bytes();
+            assert_eq!((bytes[6] >> 4, bytes[8] >> 6), (8, 2), "version and variant of {uid}");
+            assert!(uid.len() <= 64, "{uid}");
+        }
+    }
+}

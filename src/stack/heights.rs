@@ -190,3 +190,32 @@ pub fn height_grid(stack: &ContourStack, settings: &Settings, dz: Option<f64>) -
     let above = ((high - first) / step + slack).floor().max(0.0);
     HeightGrid { start: first - below * step, step, count: (below + above) as usize + 1 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stack::{Geometry, Slice, SliceContent};
+
+    #[test]
+    fn output_may_lie_in_the_ends_alone() {
+        let slice = |z: f64| {
+            let content = SliceContent::Mask((0..9).map(|n| n == 4).collect());
+            Slice { name: "a".into(), z, extra: false, content }
+        };
+        let stack = ContourStack {
+            dims: [3, 3],
+            spacing: [1.0; 2],
+            unit: "px".into(),
+            slices: vec![slice(0.0), slice(1.0)],
+            z_out: None,
+            geometry: Geometry::default(),
+        };
+        for output in [1.4, 0.3, -0.4] {
+            assert!(Heights::new(&stack, &[output], [-0.5, 1.5]).is_ok(), "{output}");
+            assert_eq!(Heights::new(&stack, &[output], [0.1, 0.9]).is_ok(), output == 0.3, "{output}");
+        }
+        for output in [1.6, -0.6] {
+            assert!(Heights::new(&stack, &[output], [-0.5, 1.5]).is_err(), "{output}");
+        }
+    }
+}

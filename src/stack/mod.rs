@@ -257,3 +257,37 @@ impl HeightGrid {
         Ok((0..self.count).map(|k| self.start + k as f64 * self.step).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stack(dims: [usize; 2]) -> ContourStack {
+        let content = || SliceContent::Mask((0..dims[0] * dims[1]).map(|_| true).collect());
+        let slice = |z: f64| Slice { name: format!("at {z}"), z, extra: false, content: content() };
+        ContourStack {
+            dims,
+            spacing: [1.0; 2],
+            unit: "px".into(),
+            slices: vec![slice(0.0), slice(1.0)],
+            z_out: None,
+            geometry: Geometry::default(),
+        }
+    }
+
+    #[test]
+    fn a_slice_has_at_least_one_pixel() {
+        for dims in [[1, 1], [1, 9], [9, 1]] {
+            assert!(stack(dims).validate().is_ok(), "{dims:?}");
+        }
+        for dims in [[0, 0], [0, 9], [9, 0]] {
+            let message = stack(dims).validate().expect_err("there is no pixel").to_string();
+            assert!(message.contains(&format!("no pixels: {}x{}", dims[0], dims[1])), "{message}");
+        }
+    }
+    #[test]
+    fn slices_across_the_last_axis_are_layers() {
+        let of = |order: [usize; 3]| Geometry { order, ..Geometry::default() };
+        assert!(of([0, 1, 2]).is_layered() && !of([1, 0, 2]).is_layered() && !of([1, 2, 0]).is_layered());
+    }
+}

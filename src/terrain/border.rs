@@ -199,4 +199,18 @@ mod tests {
         assert_eq!(left.len(), 1);
         assert_eq!(left[0].points, [[5.0, 0.0], [5.0, 6.0]].map(DVec2::from));
     }
+    #[test]
+    fn an_open_line_loses_its_last_piece_too() {
+        let open = |points: &[[f64; 2]]| ContourLine {
+            feature: "a".into(),
+            z: 1.0,
+            points: points.iter().copied().map(DVec2::from).collect(),
+            closed: false,
+        };
+        let left = BORDER.without_sides(open(&[[1.0, 3.0], [4.0, 0.0], [10.0, 0.0]]));
+        assert_eq!(left.len(), 1);
+        assert_eq!(left[0].points, [[1.0, 3.0], [4.0, 0.0]].map(DVec2::from));
+        let inner = open(&[[1.0, 3.0], [4.0, 1.0], [0.0, 5.0]]);
+        assert_eq!(BORDER.without_sides(inner.clone())[0].points, inner.points);
+    }
 }

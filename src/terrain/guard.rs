@@ -106,3 +106,40 @@ fn words(bytes: &[u8], at: usize) -> Option<usize> {
     let number = bytes.get(at..at + 4).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]]))?;
     Some(2 * number as usize)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file with one polyline of six points, whose parts begin at these.
+    fn shp(parts: &[i32]) -> Vec<u8> {
+        let mut content = 3i32.to_le_bytes().to_vec();
+        content.extend([0; 32]);
+        content.extend((parts.len() as i32).to_le_bytes());
+        content.extend(6i32.to_le_bytes());
+        parts.iter().for_each(|first| content.extend(first.to_le_bytes()));
+        content.extend([0; 6 * POINT]);
+        let words = |bytes: usize| (bytes as u32 / 2).to_be_bytes();
+        let mut file = vec![0; HEADER];
+        file[24..28].copy_from_slice(&words(HEADER + RECORD_HEADER + content.len()));
+        file.extend(1u32.to_be_bytes());
+        file.extend(words(content.len()));
+        file.extend(content);
+        file
+    }
+
+    #[test]
+    fn parts_begin_one_behind_the_other() {
+        for sound in [&[0][..], &[0, 2, 4], &[0, 0, 6], &[0, 1, 2, 3, 4, 5]] {
+            assert_eq!(shapes(&shp(sound), None), Ok(()), "{sound:?}");
+        }
+        for (parts, says) in [
+            (&[0, 3, 2][..], "part 3 begins at point 2; it must lie in [3, 6]"),
+            (&[0, 7, 7], "part 2 begins at point 7"),
+            (&[0, 1, 2, -3], "has -3 points"),
+        ] {
+            let message = shapes(&shp(parts), None).expect_err("parts out of order");
+            assert!(message.contains(says) && message.contains("feature 1, at byte 100"), "{message}");
+        }
+    }
+}

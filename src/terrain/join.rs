@@ -344,3 +344,22 @@ fn facing(loose: &[usize], ends: &[DVec2], longest: f64, closes: &impl Fn(usize,
         |k: &usize| nearest(*k).filter(|other| k < other && nearest(*other) == Some(*k)).map(|other| (*k, other));
     loose.iter().filter_map(pair).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_there_twice_whichever_zero_it_is_written_with() {
+        let line = |zero: f64, z: f64| ContourLine {
+            feature: format!("feature of {zero:?}"),
+            z,
+            points: [[zero, 2.0], [3.0, zero], [4.0, 5.0]].map(DVec2::from).to_vec(),
+            closed: true,
+        };
+        let mut notes = Vec::new();
+        let kept = distinct(vec![line(0.0, 1.0), line(-0.0, 1.0), line(-0.0, 2.0)], &mut notes);
+        assert_eq!(kept.iter().map(|line| line.z).collect::<Vec<_>>(), [1.0, 2.0]);
+        assert_eq!(notes.len(), 1, "{notes:?}");
+    }
+}

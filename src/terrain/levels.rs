@@ -178,3 +178,44 @@ fn area(ring: &[DVec2]) -> f64 {
     let o = ring[0];
     ring.windows(2).map(|w| (w[0] - o).perp_dot(w[1] - o)).sum::<f64>() / 2.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GRID: DrawingGrid = DrawingGrid { origin: DVec2::new(-1.0, 3.0), spacing: DVec2::splat(0.5), dims: [40, 30] };
+
+    /// A linear function on the grid.
+    fn plane(at: impl Fn(DVec2) -> f64) -> Vec<f32> {
+        let [nx, ny] = GRID.dims;
+        let centre = |n: usize| GRID.origin + GRID.spacing * DVec2::new((n % nx) as f64, (n / nx) as f64);
+        (0..nx * ny).map(|n| at(centre(n)) as f32).collect()
+    }
+
+    #[test]
+    fn lines_are_walked_in_steps_of_a_pixel_at_most() {
+        let at = |p: DVec2| 0.25 * p.x - 0.5 * p.y + 1.0;
+        let points: Vec<DVec2> =
+            [[2.0, 4.0], [2.9, 4.0], [2.9, 8.3], [3.0, 8.3]].into_iter().map(DVec2::from).collect();
+        for closed in [false, true] {
+            let line = ContourLine { feature: "a".into(), z: 1.0, points: points.clone(), closed };
+            let level = Elevation { z: 1.0, lines: vec![line], rings: Vec::new(), open: Vec::new() };
+            let mut seen = Vec::new();
+            walk(&level, &plane(at), &GRID, &mut |_, p, depth| {
+                assert!((depth - at(p)).abs() < 1e-5, "{depth} at {p}");
+                seen.push(p);
+                true
+            });
+            assert!(points[..3].iter().all(|p| seen.contains(p)));
+            let ends = if closed { [seen[seen.len() - 1], seen[0]] } else { [points[3]; 2] };
+            let longest = seen.windows(2).map(|w| w[0].distance(w[1])).fold(ends[0].distance(ends[1]), f64::max);
+            assert!(longest <= 0.5 + 1e-9, "{longest}");
+            let mut first = 0;
+            walk(&level, &plane(at), &GRID, &mut |_, _, _| {
+                first += 1;
+                first < 4
+            });
+            assert_eq!(first, 4, "it stops where it is told to");
+        }
+    }
+}

@@ -166,4 +166,35 @@ mod tests {
         let message = found.crossing().expect("they cross");
         assert!(message.contains("across x on 30, across z on 0,4,8"), "{message}");
     }
+    #[test]
+    fn every_voxel_is_counted_with_those_beside_it() {
+        let dims = [70, 13, 5];
+        let painted = |[i, j, k]: [usize; 3]| (i * 7 + j * 11 + k * 5 + i * j * (k + 3)) % 5 < 3;
+        for stored in [[0, 1, 2], [2, 0, 1], [1, 2, 0]] {
+            let mut counting = Counting::new(dims, stored);
+            let mut wanted = Counting::new(dims, stored).sheets;
+            let n = stored.map(|axis| dims[axis]);
+            for (c, b, a) in (0..n[2]).flat_map(|c| (0..n[1]).flat_map(move |b| (0..n[0]).map(move |a| (c, b, a)))) {
+                let mut at = [0; 3];
+                [a, b, c].into_iter().zip(stored).for_each(|(place, axis)| at[axis] = place);
+                if !painted(at) {
+                    continue;
+                }
+                counting.paint(at, 1);
+                let beside = |axis: usize| {
+                    let (mut low, mut high) = (at, at);
+                    low[axis] = at[axis].wrapping_sub(1);
+                    high[axis] += 1;
+                    (at[axis] > 0 && painted(low)) || (high[axis] < dims[axis] && painted(high))
+                };
+                let lonely: Vec<usize> = (0..3).filter(|axis| !beside(*axis)).collect();
+                (0..3).for_each(|axis| wanted.painted[axis][at[axis]] += 1);
+                if let [axis] = lonely[..] {
+                    wanted.alone[axis][at[axis]] += 1;
+                }
+            }
+            let found = counting.finish();
+            assert_eq!((found.painted, found.alone), (wanted.painted, wanted.alone), "{stored:?}");
+        }
+    }
 }

@@ -164,7 +164,7 @@ fn end_report<'a>(run: &Context<'a>, spec: &EndSpec<'_>, fitted: &Fitted, made: 
     };
     let mut area = 0.0;
     let whole = Tile { origin: [0, 0], dims: contour.phi.dims };
-    run.canvas().visit(&whole, |_, n| area += covered(contour.phi.data[n]));
+    run.canvas().visit(&whole, |n| area += covered(contour.phi.data[n]));
     let pixel = run.stack.spacing[0] * run.stack.spacing[1];
     let volume = |end: &End| pixel * end.volume(area);
     let cap = |told: &crate::pipeline::ends::end_caps::Told| CapReport {

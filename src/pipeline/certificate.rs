@@ -304,15 +304,14 @@ impl Pieces {
 
 #[cfg(test)]
 mod tests {
-    use std::ops::Range;
 
     use super::*;
 
     const N: usize = 12;
 
-    /// The pieces of a layer with these columns of row 5 inside.
-    fn runs(columns: &[Range<usize>]) -> Runs {
-        let inside = |n: usize| n / N == 5 && columns.iter().any(|c| c.contains(&(n % N)));
+    /// The pieces of a layer with these columns of row 5 inside, the first and the one behind the last.
+    fn runs(columns: &[[usize; 2]]) -> Runs {
+        let inside = |n: usize| n / N == 5 && columns.iter().any(|[first, end]| (*first..*end).contains(&(n % N)));
         let phi: Vec<f32> = (0..N * N).map(|n| if inside(n) { -0.5 } else { 0.5 }).collect();
         Runs::new(&SparseImage::of([N; 2], &phi), Side::Inside)
     }
@@ -320,18 +319,19 @@ mod tests {
     #[test]
     fn a_pair_that_a_layer_between_does_not_join_is_torn_and_floats() {
         let mut pieces = Pieces::new(Side::Inside, N);
-        pieces.add(runs(&[1..3, 6..9]));
+        pieces.add(runs(&[[1, 3], [6, 9]]));
         pieces.begin();
-        pieces.add(runs(&[1..4]));
-        pieces.add(runs(&[2..4, 6..8, 10..11]));
+        pieces.add(runs(&[[1, 4]]));
+        pieces.add(runs(&[[2, 4], [6, 8], [10, 11]]));
         assert!(pieces.connects(0, 0) && !pieces.connects(1, 1) && !pieces.connects(0, 1) && !pieces.connects(1, 0));
         assert_eq!(pieces.floating(), 2, "both that hang on nothing below");
         pieces.ground_last();
         assert_eq!(pieces.floating(), 0, "the last layer is a contour");
         pieces.begin();
-        pieces.add(runs(&[2..11]));
+        pieces.add(runs(&[[2, 11]]));
         assert!((0..3).all(|part| pieces.connects(part, 0)));
     }
+
     #[test]
     fn a_pixel_is_as_long_as_its_longer_side() {
         for spacing in [[2.0, 1.0], [1.0, 2.0], [2.0, 2.0]] {

@@ -405,7 +405,8 @@ mod tests {
         let v = |growth: f64, drift: f64| {
             still.map(|_, x, _| growth * (x - DVec2::new(44.0, 35.0)) + DVec2::new(drift, 0.3 * drift))
         };
-        let fields = vec![Arc::new(Field::filled(dims, 1.0)); 4];
+        let field = Arc::new(Field::filled(dims, 1.0));
+        let fields = (0..4).map(|_| field.clone()).collect();
         let displacements = vec![v(0.2, 1.0), v(-0.3, 1.5), v(-0.1, -1.0)];
         MotionField::new(vec![0.0, 2.0, 5.0, 9.0], 1.0, fields, displacements)
     }

@@ -188,7 +188,8 @@ mod tests {
         assert!(wanted[0] < 2.5 && wanted[CELL - 1] > 2.5, "some of them differ");
 
         // Half of the say is the others'.
-        let fields = vec![Arc::new(Field::filled(DIMS, 0.0)); 2];
+        let field = Arc::new(Field::filled(DIMS, 0.0));
+        let fields = (0..2).map(|_| field.clone()).collect();
         let moving = MotionField::new(vec![0.0, 1.0], 1.0, fields, vec![Displacement::zero(DIMS)]);
         let half = Trust::new(&moving, 0, [1.0, 1.0], 0.0, (0..DIMS[0] * DIMS[1]).map(|n| (at(n), 0.875)));
         let others = [-1.0f32; CELL];

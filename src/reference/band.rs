@@ -172,3 +172,18 @@ impl PixelRun {
         self.start..self.start + self.len
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tile_that_is_all_rim_has_no_tube() {
+        for dims in [[2 * RIM - 1, 30], [2 * RIM, 30], [30, 2 * RIM - 1], [30, 2 * RIM], [3, 3], [1, 1]] {
+            let mut phi = Field::filled(dims, 0.5);
+            assert_eq!(Band::new(&mut phi, 6.0).nodes().count(), 0, "{dims:?}");
+        }
+        let mut phi = Field::filled([2 * RIM + 1, 2 * RIM + 2], 0.5);
+        assert!(Band::new(&mut phi, 6.0).nodes().count() >= 2);
+    }
+}

@@ -15,7 +15,7 @@ use crate::storage::spill::Budget;
 /// Bytes per padded pixel and slice that stay in memory where everything does: level set and parts; the fields, slopes and displacements of
 /// the moving frame; both contours of an interval as its mid frame sees them; and, of the box around all contours, both ends of its groups.
 const PER_SLICE_PIXEL: f64 = 14.0;
-const PER_MOVING_PIXEL: f64 = 24.0;
+const PER_MOVING_PIXEL: f64 = 22.0;
 const PER_FRAME_PIXEL: f64 = 26.0;
 const PER_GROUP_PIXEL: f64 = 20.0;
 /// Bytes per padded pixel of what one interval takes while it is worked on: its slices' fields and slopes, and a layer.

@@ -36,7 +36,7 @@ fn way(along: Trajectory, time: Time) -> vec2<f32> {
 // The trajectory that passes through a place on the layer: what is at m in the mid frame is at m - u/2 + p(t) there.
 fn through(ij: vec2<i32>, offset: vec2<f32>, time: Time) -> Trajectory {
     var found = trajectory(ij, offset);
-    for (var k = 0u; k <= PASSES; k++) {
+    for (var k = 0u; k < PASSES; k++) {
         found = trajectory(ij, offset - (way(found, time) - 0.5 * found.u));
     }
     return found;

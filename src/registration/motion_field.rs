@@ -130,7 +130,7 @@ impl MotionField {
         }
         let middle = off.map_lanes(|_, x, first| {
             let back = |off: &Lanes| [0, 1].map(|a| std::array::from_fn(|k| x[a][k] - off[a][k]));
-            back(&(0..displacement::PASSES).fold(*first, |found, _| off.at_lanes(&back(&found))))
+            back(&(1..displacement::PASSES).fold(*first, |found, _| off.at_lanes(&back(&found))))
         });
         let mut come = middle.map_lanes(|_, _, m| off.at_lanes(m));
         let mut go = middle.map_lanes(|_, _, m| v.at_lanes(m));

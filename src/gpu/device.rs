@@ -9,7 +9,7 @@ use sysinfo::System;
 use super::adapter::{AdapterSummary, enumerate};
 use super::layout::{GRID, Headed};
 use super::pool::{Pool, Raw, capacity};
-use super::upload::Uploads;
+use super::upload::{self, Uploads};
 use super::work;
 use crate::error::{Error, Result};
 use crate::report::DeviceUse;
@@ -24,6 +24,10 @@ const UNKNOWN_BUDGET: u64 = 2 << 30;
 pub const DRIVER_BYTES: u64 = 120 << 20;
 /// Share for the buffers of what a run may take beside them, where adapter and host have one memory.
 const SHARED: f64 = 1.0 / 3.0;
+/// Buffers in blocks of the host's memory that soon are free again: in blocks of 128 MiB the holes between buffers stayed, and a run that was
+/// to take 300 MiB took 315.
+const SMALL_BLOCKS: wgpu::MemoryHints =
+    wgpu::MemoryHints::Manual { suballocated_device_memory_block_size: (1 << 20)..(8 << 20) };
 
 /// Buffer that kernels read and write.
 const STORAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
@@ -141,6 +145,7 @@ impl Device {
             label: Some("interslice"),
             required_features: if can_time { wgpu::Features::TIMESTAMP_QUERY } else { wgpu::Features::empty() },
             required_limits: limits.clone(),
+            memory_hints: if summary.shares_memory() { SMALL_BLOCKS } else { wgpu::MemoryHints::default() },
             ..wgpu::DeviceDescriptor::default()
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
@@ -160,7 +165,9 @@ impl Device {
             false => bytes.min(summary.room()),
         });
         let bound = options.memory.or(within);
-        let budget = bound.unwrap_or_else(|| summary.room());
+        let room = bound.unwrap_or_else(|| summary.room());
+        // The host's chunks are beside the buffers of the kernels.
+        let budget = room - upload::share(room);
         Ok(Device {
             host_bytes: DRIVER_BYTES + bound.filter(|_| shared).unwrap_or(0),
             summary,
@@ -286,6 +293,11 @@ impl Device {
     pub(super) fn mapped(&self, label: &str, size: u64) -> Option<wgpu::Buffer> {
         let usage = wgpu::BufferUsages::MAP_WRITE | wgpu::BufferUsages::COPY_SRC;
         self.check().is_ok().then(|| self.create(label, size, usage, true))
+    }
+
+    /// The buffers that wait, and the count of all.
+    pub(super) fn pool(&self) -> &Pool {
+        &self.pool
     }
 
     /// A storage buffer of `count` values that some kernel writes before any reads them; NaN until then if [`GpuOptions::poison`] says so.

@@ -64,7 +64,7 @@ impl Device {
         let mut uploads = self.uploads();
         let (before, targets) = uploads.take();
         let sent = self.in_driver(|| self.queue.submit(before.into_iter().chain([work])));
-        uploads.recall();
+        uploads.recall(self.pool());
         drop(uploads);
         drop(targets);
         sent

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::device::Device;
-use super::pool::Raw;
+use super::pool::{Pool, Raw};
 
 /// Bytes of the smallest chunk, and of the largest that is sent at once.
 const LEAST: u64 = 64 << 10;
@@ -13,6 +13,11 @@ const SHARE: f64 = 0.125;
 const MOST: u64 = 128 << 20;
 /// Places of values in a chunk are multiples of this.
 const ALIGNMENT: u64 = 16;
+
+/// Bytes of a budget that the chunks may take.
+pub fn share(budget: u64) -> u64 {
+    ((budget as f64 * SHARE) as u64).min(MOST)
+}
 
 /// Buffer that the host writes.
 #[derive(Debug)]
@@ -94,10 +99,10 @@ impl Uploads {
                 return Some(ready.swap_remove(at));
             }
         }
-        let most = ((device.budget() as f64 * SHARE) as u64).min(MOST);
-        let extra = self.bytes + size > most;
+        let extra = self.bytes + size > share(device.budget());
         let buffer = device.mapped("chunk", if extra { bytes } else { size })?;
         if extra {
+            device.pool().count(bytes);
             self.extra.push(buffer.clone());
         } else {
             self.bytes += size;
@@ -117,9 +122,10 @@ impl Uploads {
         (self.encoder.take().map(wgpu::CommandEncoder::finish), std::mem::take(&mut self.targets))
     }
 
-    /// Brings the chunks back when the device has read them.
-    pub fn recall(&mut self) {
+    /// Brings the chunks back when the device has read them; those that are too many go then.
+    pub fn recall(&mut self, pool: &Pool) {
         let extra = std::mem::take(&mut self.extra);
+        pool.give_back(extra.iter().map(wgpu::Buffer::size).sum());
         for Chunk { buffer, .. } in self.filling.drain(..).filter(|chunk| !extra.contains(&chunk.buffer)) {
             let (ready, again) = (self.ready.clone(), buffer.clone());
             buffer.map_async(wgpu::MapMode::Write, .., move |mapped| {

@@ -113,7 +113,8 @@ fn a_cone_from_lines_to_a_height_map_and_lines() {
             _ if r > 401.0 => assert!(height.is_nan(), "{height} at {r}"),
             _ if r > 110.0 && r < 399.0 => {
                 let wanted = 300.0 - r / 2.0;
-                // Of the 50 m between levels 2.5 %; next to the summit, which closes as a dome, fairing rounds the crease at its foot: 7 %.
+                // Of the 50 m between levels 2.5 %: the polygons' narrowness (-0.15 m) and the dip of up to 0.8 m that fairing leaves above
+                // the lowest line, 1.13 m together; next to the summit, which closes as a dome, fairing rounds the crease at its foot: 7 %.
                 let off = if r > 200.0 { 1.25 } else { 3.5 };
                 assert!((f64::from(*height) - wanted).abs() < off, "{height}, not {wanted}, at ({x}, {y})");
             }

@@ -6,14 +6,14 @@
 
 import argparse
 import shutil
-import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from . import bodies, measures, programs, results, selftest, terrain_programs, terrain_run, volume_run
-from .calls import attempt
+from .rows import go_on, mask_row
 
 BODIES = 504
 PARTS = ("bodies", "terrain", "volumes")
@@ -22,12 +22,6 @@ HOLD_OUT = 3
 #: Seconds that a call may take.
 LIMIT = 120
 SCRATCH = Path("target/evaluation")
-
-
-def called(name, given):
-    """Mask, CPU seconds and why it failed."""
-    call = programs.PROGRAMS[name][0]
-    return attempt(call, given, LIMIT, None if call in programs.COMMANDS else programs.WARM, programs.mask_of)
 
 
 def judgement(body, with_hold_out):
@@ -43,44 +37,34 @@ def judgement(body, with_hold_out):
 def run_body(number, wanted, file, seed):
     """Measures `wanted` programs on a body, and appends their rows."""
     body = bodies.body(number, seed)
-    sides = body.given.spacing[1:]
     surface = measures.surface(body.field, 0, body.given.spacing)
     for name in wanted:
-        row = {"body": number, "program": name}
+        found, mask = mask_row(name, body, surface, LIMIT)
+        row = {"body": number, "program": name} | found
         if name == results.TRUTH:
-            mask, seconds, failure = body.truth, 0.0, ""
-            row |= {"kind": body.kind, "irregular": int(body.irregular), "gap": body.gap, "inradius": body.inradius, "long": max(sides) / min(sides)}
-        else:
-            mask, seconds, failure = called(name, body.given)
-        if mask is None:
-            row |= {"failure": failure}
-        elif not mask.any():
-            row |= {"failure": "nothing came out", "seconds": seconds}
-        else:
-            row |= measures.measure(body, mask, surface) | {"seconds": seconds}
+            row |= {"kind": body.kind, "irregular": int(body.irregular)}
         if name == "interslice" and mask is not None:
             row |= judgement(body, number % HOLD_OUT == 0)
         file.append(row)
 
 
+def missing(numbers, file, only, seed):
+    """What the file lacks, body by body."""
+    every = {results.TRUTH: 1} | {name: every for name, (_, every) in programs.PROGRAMS.items()}
+    names = [results.TRUTH, *(name for name in programs.PROGRAMS if only is None or name in only)]
+    done = file.read()
+    for number in numbers:
+        wanted = [name for name in names if number % every[name] == 0 and (number, name) not in done]
+        if wanted:
+            yield f"body {number} of {len(numbers)}", partial(run_body, number, wanted, file, seed)
+
+
 def run(numbers, file, only=None, minutes=None, seed=bodies.SEED):
     """Measures what the file lacks; ends after so many minutes. Says whether it came to the end."""
-    names = [results.TRUTH, *(name for name in programs.PROGRAMS if only is None or name in only)]
-    done, start, loaded = file.read(), time.monotonic(), False
-    for count, number in enumerate(numbers):
-        every = {results.TRUTH: 1} | {name: every for name, (_, every) in programs.PROGRAMS.items()}
-        wanted = [name for name in names if number % every[name] == 0 and (number, name) not in done]
-        if not wanted:
-            continue
-        if minutes is not None and time.monotonic() - start > 60 * minutes:
-            print(f"{minutes:g} minutes are over; run again to go on at body {number}")
-            return False
-        if not loaded:
-            programs.load()
-            loaded = True
-        run_body(number, wanted, file, seed)
-        print(f"body {number}, {count + 1} of {len(numbers)}, {time.monotonic() - start:.0f} s", flush=True)
-    return True
+    todo = list(missing(numbers, file, only, seed))
+    if todo:
+        programs.load()
+    return go_on(todo, minutes)
 
 
 def main():

@@ -1,10 +1,11 @@
 """Contour maps, and what programs make of them: measures what terrain.csv lacks."""
 
-import time
+from functools import partial
 
 from . import terrain_measures, terrain_programs, terrains
 from .calls import attempt
 from .results import TERRAIN, TRUTH
+from .rows import go_on
 
 #: Made terrains, each with a map for each of `terrains.HEIGHTS`.
 MADE = 12
@@ -26,22 +27,21 @@ def run_map(terrain, count, interval, wanted):
         TERRAIN.append(row)
 
 
-def run(only=None, minutes=None):
-    """Measures what the file lacks, by the programs that are there; ends after so many minutes. Says whether it came to the end."""
+def pieces(only):
+    """What the file lacks, map by map, of the programs that are there."""
     missing = terrain_programs.missing()
     if missing:
         print(f"not found, and left out: {', '.join(missing)}")
     there = [name for name, (_, needed) in terrain_programs.PROGRAMS.items() if needed not in missing]
     names = [TRUTH, *(name for name in there if only is None or name in only)]
-    done, start = TERRAIN.read(), time.monotonic()
+    done = TERRAIN.read()
     for terrain in [*terrains.real(), *map(terrains.terrain, range(MADE))]:
         for count, interval in zip(terrains.HEIGHTS, terrain.intervals()):
             wanted = [name for name in names if ((terrain.name, count), name) not in done]
-            if not wanted:
-                continue
-            if minutes is not None and time.monotonic() - start > 60 * minutes:
-                print(f"{minutes:g} minutes are over; run again to go on at {terrain.name}, {interval:g} m")
-                return False
-            run_map(terrain, count, interval, wanted)
-            print(f"{terrain.name}, contours every {interval:g} m, {time.monotonic() - start:.0f} s", flush=True)
-    return True
+            if wanted:
+                yield f"{terrain.name}, contours every {interval:g} m", partial(run_map, terrain, count, interval, wanted)
+
+
+def run(only=None, minutes=None):
+    """Measures what the file lacks; ends after so many minutes. Says whether it came to the end."""
+    return go_on(pieces(only), minutes)

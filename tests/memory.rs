@@ -222,6 +222,42 @@ fn a_run_stays_within_what_it_is_allowed_and_writes_the_same() {
     assert!(whole == same, "the bound changes what is written");
 }
 
+/// A bound from outside, of the address space, is kept, or the run is refused before it starts; the outputs are those without a bound.
+#[cfg(target_os = "linux")]
+#[test]
+fn what_ulimit_leaves_is_a_bound() {
+    let place = folder();
+    many_slices(place.path());
+    let whole = program(place.path(), &["--backend", "cpu"]).1;
+    let [mut made, mut refused] = [0, 0];
+    for mib in (60..300).step_by(30) {
+        let script = "ulimit -v $1; cd \"$2\"; exec \"$3\" reconstruct in.nrrd --threads 2 --dz 2 --backend cpu -o u.nrrd -o u.stl";
+        let bounded = Command::new("sh")
+            .args(["-c", script, "sh", &(mib << 10).to_string()])
+            .arg(place.path())
+            .arg(env!("CARGO_BIN_EXE_interslice"))
+            .env_remove("RUST_BACKTRACE")
+            .output()
+            .expect("a shell starts");
+        let said = String::from_utf8_lossy(&bounded.stderr);
+        let [volume, mesh] = ["u.nrrd", "u.stl"].map(|name| place.path().join(name));
+        match bounded.status.code() {
+            Some(0) => {
+                assert_eq!(whole, [&volume, &mesh].map(|path| fs::read(path).expect("it was written")));
+                [volume, mesh].iter().for_each(|path| fs::remove_file(path).expect("it was there"));
+                made += 1;
+            }
+            Some(2) => {
+                assert!(said.contains("MiB of memory") && made == 0, "{mib} MiB: {said}");
+                assert!(!volume.exists() && !mesh.exists(), "{mib} MiB: something was written");
+                refused += 1;
+            }
+            _ => panic!("{mib} MiB: {}, {said}", bounded.status),
+        }
+    }
+    assert!(made >= 4 && refused >= 1, "{made} made, {refused} refused");
+}
+
 #[cfg(feature = "gpu")]
 #[test]
 fn a_run_on_a_gpu_stays_within_what_it_is_allowed_too() {

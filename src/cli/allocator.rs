@@ -4,6 +4,8 @@
 mod linux {
     use std::alloc::{GlobalAlloc, Layout, System};
 
+    use rustix::process::{Resource, getrlimit};
+
     /// Arrays from this size on go back to the system as soon as they are freed, bytes.
     const GIVEN_BACK: libc::c_int = 1 << 20;
     /// Bytes of a page; where pages are larger the kernel does not take the advice.
@@ -59,6 +61,11 @@ mod linux {
         unsafe {
             libc::mallopt(libc::M_MMAP_THRESHOLD, GIVEN_BACK);
             libc::mallopt(libc::M_TRIM_THRESHOLD, GIVEN_BACK);
+        }
+        // Where addresses are few (`ulimit -v`), not 64 MiB of them for each thread.
+        if getrlimit(Resource::As).current.is_some() {
+            // SAFETY: as above.
+            unsafe { libc::mallopt(libc::M_ARENA_MAX, 1) };
         }
     }
 }

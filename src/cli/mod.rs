@@ -34,6 +34,7 @@ use std::ffi::OsString;
 pub use allocator::OnLargePages;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use interslice::Result;
+use interslice::storage::room;
 
 /// Smooth closed surfaces from stacks of parallel contours.
 #[derive(Debug, Parser)]
@@ -104,7 +105,7 @@ fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
     let matches = command.get_matches_from(arguments);
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     let bounded = |(_, matches): (&str, &clap::ArgMatches)| matches!(matches.try_get_one::<u64>("memory"), Ok(Some(_)));
-    if matches.subcommand().is_some_and(bounded) {
+    if matches.subcommand().is_some_and(bounded) || room::is_bounded() {
         allocator::give_back_at_once();
     }
     // A batch stops between its jobs.

@@ -4,7 +4,6 @@ use std::marker::PhantomData;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bytemuck::Pod;
-use sysinfo::System;
 
 use super::adapter::{AdapterSummary, enumerate};
 use super::layout::{GRID, Headed};
@@ -13,6 +12,7 @@ use super::upload::{self, Uploads};
 use super::work;
 use crate::error::{Error, Result};
 use crate::report::DeviceUse;
+use crate::storage::room::available;
 
 /// Share of the host's free memory that an adapter without memory of its own may use.
 const SHARE: f64 = 0.6;
@@ -378,16 +378,9 @@ impl AdapterSummary {
     /// Bytes that buffers may take where nobody has said how many: a share of what is free in the host's memory, and of the adapter's own.
     fn room(&self) -> u64 {
         let own = self.memory.map(|own| (own as f64 * OWN_SHARE) as u64);
-        let shared = self.shares_memory().then(free_memory).flatten().map(|free| (free as f64 * SHARE) as u64);
+        let shared = self.shares_memory().then(available).flatten().map(|free| (free as f64 * SHARE) as u64);
         own.into_iter().chain(shared).min().unwrap_or(UNKNOWN_BUDGET)
     }
-}
-
-/// Bytes of the host's memory that are free.
-fn free_memory() -> Option<u64> {
-    let mut system = System::new().ok()?;
-    system.refresh_memory();
-    Some(system.available_memory()).filter(|free| *free > 0)
 }
 
 #[cfg(test)]
@@ -413,7 +406,7 @@ mod tests {
 
     #[test]
     fn a_budget_is_that_of_the_adapters_own_memory() {
-        let host = free_memory().expect("this machine says") as f64 * SHARE;
+        let host = available().expect("this machine says") as f64 * SHARE;
         let near = |got: u64, expected: f64| (got as f64 / expected - 1.0).abs() < 0.1;
         assert_eq!(room("discrete", None), UNKNOWN_BUDGET, "the host's memory says nothing of a GPU's own");
         for own in [1u64 << 30, 80 << 30] {

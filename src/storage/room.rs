@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use sysinfo::{DiskRefreshKind, Disks, System};
+use sysinfo::{DiskRefreshKind, Disks, Process, ProcessRefreshKind, ProcessesToUpdate, System, get_current_pid};
 
 use crate::error::{Error, Result};
 
@@ -16,11 +16,49 @@ pub fn free_disk(folder: &Path) -> Option<u64> {
     holding.max_by_key(|disk| disk.mount_point().components().count()).map(|disk| disk.available_space())
 }
 
-/// Bytes of memory that are free; nothing on a system that does not tell.
+/// Bytes of memory that this process may take: what is free, and no more than its control groups (containers, Slurm) and its address space
+/// (`ulimit -v`, Grid Engine) leave; nothing on a system that does not tell.
 pub fn available() -> Option<u64> {
     let mut system = System::new().ok()?;
     system.refresh_memory();
-    Some(system.available_memory()).filter(|bytes| *bytes > 0)
+    let free = Some(system.available_memory()).filter(|bytes| *bytes > 0);
+    free.into_iter().chain(left_to_this(&mut system)).min()
+}
+
+/// Whether this process may take less than the system has.
+pub fn is_bounded() -> bool {
+    System::new().is_ok_and(|mut system| left_to_this(&mut system).is_some())
+}
+
+/// What this process may take beside what it has, where it is bounded.
+fn left_to_this(system: &mut System) -> Option<u64> {
+    let id = get_current_pid().ok()?;
+    let memory = ProcessRefreshKind::nothing().with_memory();
+    system.refresh_processes_specifics(ProcessesToUpdate::Some(&[id]), false, memory);
+    let own = system.process(id)?;
+    left_by_groups(own).into_iter().chain(left_of_addresses(own)).min()
+}
+
+/// What the control groups of a process leave. Pages of files that they count go where memory is short, and do not count here.
+fn left_by_groups(own: &Process) -> Option<u64> {
+    own.cgroup_limits().map(|group| group.total_memory.saturating_sub(group.rss))
+}
+
+/// Share of the address space that arrays can fill; stacks and gaps between arrays take the rest. With all of it runs of 100 MiB fell.
+#[cfg(any(target_os = "linux", target_os = "macos"))]
+const FILLED: f64 = 0.75;
+
+/// What arrays can fill of what is left of the address space of this process.
+#[cfg(any(target_os = "linux", target_os = "macos"))]
+fn left_of_addresses(own: &Process) -> Option<u64> {
+    use rustix::process::{Resource, getrlimit};
+    getrlimit(Resource::As).current.map(|most| (most.saturating_sub(own.virtual_memory()) as f64 * FILLED) as u64)
+}
+
+/// Other systems have no such limit.
+#[cfg(not(any(target_os = "linux", target_os = "macos")))]
+fn left_of_addresses(_own: &Process) -> Option<u64> {
+    None
 }
 
 /// Refuses to hold what was read where it is larger than the memory that is free.

@@ -216,6 +216,9 @@ fn a_wider_image_costs_the_same() {
         let result = run(&masks(n, &[0.0, 12.0, 24.0], &shapes), &[6.0, 18.0], &plain());
         let sum =
             |f: fn(&interslice::report::IntervalReport) -> usize| result.report.intervals.iter().map(f).sum::<usize>();
+        let particles = [sum(|i| i.particles.arrived), sum(|i| i.particles.died)];
+        assert_eq!(sum(|i| i.particles.seeded), particles.iter().sum::<usize>(), "arrived and died: {particles:?}");
+        assert!(particles[1] > 0, "some die: {particles:?}");
         (sum(|i| i.trace_pixels), sum(|i| i.sweep_pixels), sum(|i| i.particles.seeded))
     };
     let narrow = cost(110);

@@ -486,6 +486,9 @@ fn dicom_is_known_by_its_content() {
             said(&["reconstruct", &input, "-o", &out, "-q"], 0);
             let done = open_file(&out).expect("the completed file is whole");
             assert_eq!(done.meta().media_storage_sop_class_uid(), uids::RT_STRUCTURE_SET_STORAGE, "{name}");
+            for required in [tags::STRUCTURE_SET_DATE, tags::STRUCTURE_SET_TIME] {
+                assert!(done.element(required).is_ok_and(|e| e.value().multiplicity() == 0), "{name}: {required}");
+            }
         }
     }
     let big = fs::read(&path).expect("it was written");

@@ -370,4 +370,46 @@ mod tests {
             }
         }
     }
+
+    /// A NIfTI-2 header of 540 bytes, numbers as `order` turns them.
+    fn nifti_2(magic: &[u8; 8], order: impl Fn(&mut [u8])) -> Vec<u8> {
+        let mut bytes = vec![0; TWO];
+        let mut put = |at: usize, value: &[u8]| {
+            bytes[at..at + value.len()].copy_from_slice(value);
+            order(&mut bytes[at..at + value.len()]);
+        };
+        put(0, &(TWO as i32).to_le_bytes());
+        put(12, &4i16.to_le_bytes());
+        [3i64, 7, 8, 9, 1, 1, 1, 1].iter().enumerate().for_each(|(k, n)| put(16 + 8 * k, &n.to_le_bytes()));
+        [1.0, 0.5, 0.75, 3.0f64].iter().enumerate().for_each(|(k, side)| put(104 + 8 * k, &side.to_le_bytes()));
+        put(168, &544i64.to_le_bytes());
+        put(500, &2i32.to_le_bytes());
+        bytes[4..12].copy_from_slice(magic);
+        bytes
+    }
+
+    #[test]
+    fn numbers_of_nifti_2_are_read_in_either_order() {
+        for turn in [false, true] {
+            let bytes = nifti_2(b"n+2\0\r\n\x1a\n", |value| {
+                if turn {
+                    value.reverse()
+                }
+            });
+            let header = two(&bytes).expect("it is sound");
+            assert_eq!((header.dim, header.datatype, header.units), ([3, 7, 8, 9, 1, 1, 1, 1], 4, 2));
+            assert_eq!((&header.pixdim[..4], header.vox_offset), (&[1.0, 0.5, 0.75, 3.0][..], 544.0));
+            assert_eq!((header.big_endian, header.pair), (turn, false));
+        }
+    }
+
+    #[test]
+    fn voxels_begin_behind_the_header_and_in_a_file_of_their_own_anywhere() {
+        for (magic, least) in [(b"n+2\0\r\n\x1a\n", 540), (b"ni2\0\r\n\x1a\n", 0)] {
+            let mut header = two(&nifti_2(magic, |_| {})).expect("it is sound");
+            header.vox_offset = -1.0;
+            let message = volume(Path::new("a.nii"), false, &header).expect_err("before the file").to_string();
+            assert!(message.contains(&format!("whole number from {least} on; got -1")), "{message}");
+        }
+    }
 }

@@ -132,4 +132,19 @@ mod tests {
             assert!(crs == Crs::Epsg(to) && off < 1e-3, "EPSG:{from} to EPSG:{to}: {off} m");
         }
     }
+
+    #[test]
+    fn the_zone_is_that_of_the_middle() {
+        for (x, y, wanted) in [
+            (-180.0, 1.0, 32601),
+            // A hair further west the remainder of 360 is 360.
+            (-180.00000000000003, 1.0, 32660),
+            (179.9, -1.0, 32760),
+            (3.0, 1.0, 32631),
+            (363.0, 1.0, 32631),
+        ] {
+            let line = ContourLine { feature: "a".into(), z: 0.0, points: vec![DVec2::new(x, y)], closed: false };
+            assert_eq!(zone(&[line]), Ok(wanted), "({x}, {y})");
+        }
+    }
 }

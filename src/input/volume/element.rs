@@ -176,3 +176,18 @@ fn whole(value: f64, voxel: usize) -> Failure<i64> {
         ))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_float_is_a_label_where_it_is_a_whole_number_and_its_neighbours_are_too() {
+        for label in [0.0, -3.0, 8e15] {
+            assert_eq!(whole(label, 0), Ok(label as i64));
+        }
+        for none in [0.5, 9.1e15, -1e300, f64::INFINITY, f64::NAN] {
+            assert!(whole(none, 7).is_err_and(|message| message.contains("voxel 7")), "{none}");
+        }
+    }
+}

@@ -155,3 +155,21 @@ pub(crate) fn wanted(label: Option<i64>, value: i64) -> bool {
 pub(crate) fn depth(level: f64, value: f64) -> f32 {
     (level - value) as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grey_values_are_many_and_hardly_alike() {
+        let survey = |count: usize, alike: u64| Survey {
+            labels: (1..=count as i64).map(|label| (label, 10 * alike)).collect(),
+            stretches: 10 * count as u64,
+            ..Survey::default()
+        };
+        assert!(survey(GREY, 1).grey().is_some_and(|message| message.contains("64 different values from 1 to 64")));
+        for labels in [survey(GREY - 1, 1), survey(GREY, 2), survey(4 * GREY, 3)] {
+            assert_eq!(labels.grey(), None);
+        }
+    }
+}

@@ -29,6 +29,11 @@ const SHARED: f64 = 1.0 / 3.0;
 const SMALL_BLOCKS: wgpu::MemoryHints =
     wgpu::MemoryHints::Manual { suballocated_device_memory_block_size: (1 << 20)..(8 << 20) };
 
+/// Bytes for the buffers of kernels where so many are allowed: the host's chunks are beside them.
+fn left(room: u64) -> u64 {
+    room - upload::share(room)
+}
+
 /// Buffer that kernels read and write.
 const STORAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
     .union(wgpu::BufferUsages::INDIRECT)
@@ -79,7 +84,8 @@ pub struct Device {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     faults: Arc<Mutex<Vec<String>>>,
-    budget: u64,
+    /// Bytes of all buffers, the host's chunks among them.
+    room: u64,
     host_bytes: u64,
     pool: Arc<Pool>,
     pub(super) uploads: Mutex<Uploads>,
@@ -91,7 +97,7 @@ pub struct Device {
 
 impl std::fmt::Debug for Device {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Device").field("summary", &self.summary).field("budget", &self.budget).finish_non_exhaustive()
+        f.debug_struct("Device").field("summary", &self.summary).field("room", &self.room).finish_non_exhaustive()
     }
 }
 
@@ -166,8 +172,6 @@ impl Device {
         });
         let bound = options.memory.or(within);
         let room = bound.unwrap_or_else(|| summary.room());
-        // The host's chunks are beside the buffers of the kernels.
-        let budget = room - upload::share(room);
         Ok(Device {
             host_bytes: DRIVER_BYTES + bound.filter(|_| shared).unwrap_or(0),
             summary,
@@ -176,8 +180,8 @@ impl Device {
             device,
             queue,
             faults,
-            budget,
-            pool: Pool::new(budget.min(options.made.grants.unwrap_or(u64::MAX))),
+            room,
+            pool: Pool::new(left(room).min(options.made.grants.unwrap_or(u64::MAX))),
             uploads: Mutex::default(),
             counts: Mutex::default(),
             poison: options.poison,
@@ -187,7 +191,7 @@ impl Device {
 
     /// Bytes that a batch may use.
     pub fn budget(&self) -> u64 {
-        self.budget
+        left(self.room)
     }
 
     /// Bytes of the host's memory that the driver takes, and the buffers where they are there and bounded.
@@ -264,8 +268,8 @@ impl Device {
         }
         if !self.pool.reserve(capacity) {
             return Err(Error::GpuMemory(format!(
-                "out of memory: buffer `{label}` of {size} bytes exceeds the budget of {} bytes (--gpu-memory, --memory)",
-                self.pool.budget()
+                "out of memory: buffer `{label}` of {size} bytes exceeds the budget of {} bytes (--gpu-memory, --memory) beside what is there",
+                self.room
             )));
         }
         let out_of_memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);

@@ -59,11 +59,6 @@ impl Pool {
         Arc::new(Pool { budget, state: Mutex::default() })
     }
 
-    /// Bytes that all buffers may take.
-    pub fn budget(&self) -> u64 {
-        self.budget
-    }
-
     /// Lets all waiting buffers go.
     pub fn clear(&self) {
         let mut state = self.state();

@@ -3,10 +3,13 @@
 use interslice::Report;
 use interslice::grid::sparse_image::SparseImage;
 use interslice::pipeline::certificate::{CertificateSpec, Examined};
-use interslice::report::{ContourReport, PartPair};
-use interslice::settings::EndRule;
+use interslice::progress::Silent;
+use interslice::report::{ContourReport, PartPair, StepBeside};
+use interslice::settings::{EndRule, Method};
 use interslice::stack::heights::BESIDE;
+use interslice::stack::{ContourStack, Geometry, Slice, SliceContent};
 use interslice::surface::Layer;
+use interslice::{Reference, Settings};
 
 const N: usize = 40;
 /// Two gaps of 10.
@@ -129,4 +132,36 @@ fn ends_that_grow_beyond_their_contour_fail() {
     let report = examined(|z| vec![[16.0, 20.0, if z == -1.0 { 9.5 } else { 8.0 }]], &[]);
     assert!(report.body.beyond[0] > 50 && report.body.beyond[1] == 0, "{:?}", report.body);
     assert!(report.broken.iter().any(|b| b.contains("below the first contour")), "{:?}", report.broken);
+}
+
+/// A disc swells by 140 px from one contour to the next: what looks like a step beside them is its way, and no more than that.
+#[test]
+fn a_surface_that_has_far_to_go_may_change_by_more() {
+    let side = 321;
+    let disc = |radius: f64| {
+        let inside = |n: usize| ((n % side) as f64 - 160.0).hypot((n / side) as f64 - 160.0) < radius;
+        SliceContent::Mask((0..side * side).map(inside).collect())
+    };
+    let slice = |z: f64, radius: f64| Slice { name: format!("at {z}"), z, extra: false, content: disc(radius) };
+    let stack = ContourStack {
+        dims: [side; 2],
+        spacing: [2.0; 2],
+        unit: "mm".into(),
+        slices: vec![slice(0.0, 10.0), slice(50.0, 150.0)],
+        z_out: None,
+        geometry: Geometry::default(),
+    };
+    let settings = Settings { method: Method::Field, ..Settings::default() };
+    let body = interslice::reconstruct_with(&stack, &[25.0], &settings, &Reference, &Silent).expect("it can be");
+    let mut report = body.report;
+    assert_eq!(report.broken, [""; 0]);
+    let above = report.contours[0].above.expect("it was looked at");
+    assert!(above.jump > 0.12, "{above:?}");
+    assert!(above.way.is_some_and(|way| (way - 140.0).abs() < 2.0), "{above:?}");
+    // The same change where the way is shorter, and a larger one.
+    for wrong in [StepBeside { way: Some(30.0), ..above }, StepBeside { jump: 0.5, ..above }] {
+        report.contours[0].above = Some(wrong);
+        report.judge();
+        assert!(report.broken[0].contains("just above"), "{wrong:?}: {:?}", report.broken);
+    }
 }

@@ -54,8 +54,9 @@ mod linux {
         array
     }
 
-    /// Lets freed memory go back to the system at once. glibc's allocator would learn from the first freed arrays to keep the later ones, up
-    /// to 64 MiB a thread and what lies between pieces that are in use: a run on large images kept a third more than it used.
+    /// Lets freed memory go back to the system at once, and takes few addresses where these are bounded. glibc's allocator would learn from the
+    /// first freed arrays to keep the later ones, up to 64 MiB a thread and what lies between pieces that are in use: a run on large images kept
+    /// a third more than it used.
     pub fn give_back_at_once() {
         // SAFETY: called before any other thread is there, as mallopt asks for.
         unsafe {

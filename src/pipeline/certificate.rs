@@ -9,6 +9,7 @@ use std::mem::take;
 use crate::connectivity::runs::{DisjointSets, Runs, Side};
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::union::unite_packed;
+use crate::reference::exact::exact_distance;
 use crate::report::{BodyReport, PartPair, Step, StepBeside};
 use crate::stack::heights::BESIDE;
 use crate::surface::Layer;
@@ -105,6 +106,7 @@ impl Examined {
         if let Some(beside) = self.beside.take() {
             self.contours[i].below = Some(self.beside_of(&layer.phi, &beside));
         }
+        self.explain(i, &layer.phi);
         if i == 0 {
             self.body.beyond[0] = self.lower.take().map_or(0, |lower| around(&layer.phi, &lower));
         }
@@ -121,6 +123,30 @@ impl Examined {
         self.count();
         self.pieces.iter_mut().for_each(Pieces::begin);
         self.contour = Some((i, layer.phi.clone()));
+    }
+
+    /// Looks for the way from the contour below to contour `i`, where the surface steps beside one of them.
+    fn explain(&mut self, i: usize, contour: &SparseImage<f32>) {
+        let Some((i_low, low)) = &self.contour else { return };
+        let sides = [self.contours[*i_low].above, self.contours[i].below];
+        if sides.into_iter().flatten().all(|beside| beside.holds()) {
+            return;
+        }
+        let way = Some(self.way([low, contour]));
+        let [above, below] = sides.map(|beside| beside.map(|b| StepBeside { way, ..b }));
+        (self.contours[*i_low].above, self.contours[i].below) = (above, below);
+    }
+
+    /// How deep below the edge of one layer lies what is outside of the other, px.
+    fn way(&self, layers: [&SparseImage<f32>; 2]) -> f64 {
+        let [a, b] = layers.map(|phi| phi.unpack().iter().map(|v| *v < 0.0).collect::<Vec<bool>>());
+        let h = self.spec.spacing.map(|side| side / self.px());
+        let deepest = |own: &[bool], other: &[bool]| {
+            let depths = exact_distance(own, self.spec.dims, h).data;
+            let left = depths.iter().zip(other).filter(|(d, other)| !**other && d.is_finite());
+            left.map(|(d, _)| -d).fold(0.0, f64::max)
+        };
+        deepest(&a, &b).max(deepest(&b, &a))
     }
 
     fn between(&mut self, layer: &Layer, handed: bool) {
@@ -191,7 +217,7 @@ impl Examined {
     }
 
     fn beside_of(&self, contour: &SparseImage<f32>, beside: &SparseImage<f32>) -> StepBeside {
-        StepBeside { area: self.area(beside), jump: self.change(contour, beside) }
+        StepBeside { area: self.area(beside), jump: self.change(contour, beside), way: None }
     }
 
     /// Largest difference of two layers at pixels near the surface of the first, px.

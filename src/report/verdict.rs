@@ -1,11 +1,21 @@
 //! Verdict on the figures of a report: whether everything that was checked holds, and what does not, in words.
 
-use crate::report::{ContourReport, PartPair, Report};
+use crate::report::{ContourReport, PartPair, Report, StepBeside};
 use crate::settings::EndRule;
+use crate::stack::heights::BESIDE;
 
-/// The body may change this much within a thousandth of the gap beside a contour, px: a surface that moves by 100 px from contour to contour, or by
-/// 0.1 px of rounding and numerics.
-pub const JUMP: f64 = 0.1;
+/// The body may change this much within a thousandth of the gap beside a contour, px: 0.1 px of rounding and numerics, or a surface that moves
+/// by 100 px from contour to contour. One that has farther to go may change by more.
+const JUMP: f64 = 0.1;
+/// A course is at most this many times as steep as the straight one: the bound of the monotone rules.
+const STEEPEST: f64 = 3.0;
+
+impl StepBeside {
+    /// Whether the surface goes on from its contour: by no more than 0.1 px, or than the way to the other contour of the interval explains.
+    pub fn holds(&self) -> bool {
+        self.jump <= JUMP.max(STEEPEST * BESIDE * self.way.unwrap_or(0.0))
+    }
+}
 
 /// Torn pairs that are named; of others their number is told.
 const NAMED: usize = 8;
@@ -53,7 +63,7 @@ fn of_contour(c: &ContourReport) -> Vec<String> {
         broken.push(format!("`{}`: {} of {} pixels differ", c.name, c.differing_pixels, c.pixels));
     }
     for (beside, side) in [(c.below, "below"), (c.above, "above")] {
-        if let Some(beside) = beside.filter(|b| b.jump.is_nan() || b.jump > JUMP) {
+        if let Some(beside) = beside.filter(|b| !b.holds()) {
             broken.push(format!(
                 "`{}`: the body steps by {:.3} px just {side} it, area {} beside {}",
                 c.name, beside.jump, beside.area as f32, c.area as f32

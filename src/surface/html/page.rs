@@ -7,7 +7,6 @@ use clap::Args;
 use super::plots::{self, Bar};
 use super::scene::PageScene;
 use super::words::{self, count, escape, link, number};
-use crate::report::verdict::JUMP;
 use crate::report::{BodyEnd, EndReport, Provenance, Report, Residual, StepBeside};
 use crate::settings::Settings;
 
@@ -186,7 +185,7 @@ fn contours(report: &Report) -> String {
     };
     let step = |beside: &Option<StepBeside>| match beside {
         Some(beside) => {
-            let met = if beside.jump <= JUMP { "met" } else { "off" };
+            let met = if beside.holds() { "met" } else { "off" };
             format!(r#"<td class="{met}">{}</td>"#, number(beside.jump))
         }
         None => "<td>–</td>".into(),

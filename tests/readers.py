@@ -382,6 +382,10 @@ def reports(program, folder):
     (folder / "jobs.jsonl").write_text(json.dumps({"id": "a", "input": "two.nrrd", "outputs": ["batch.json"], "options": {"label": 3}}) + "\n")
     run("batch", "jobs.jsonl")
     run("reconstruct", "cone.geojson", "--border", "499850,3999600,500400,4000400", "--pixel", "20", "-o", "map.json")
+    # A surface whose way is looked at, as it moves far.
+    subprocess.run([program, "demo", "fig7", "-o", "mountain"], check=True, cwd=folder, capture_output=True)
+    report("demo fig7", folder / "mountain/fig7/report.json")
+    check("demo fig7 -> way", '"way"' in (folder / "mountain/fig7/report.json").read_text(), "looked at")
     for name in ("labels", "kept", "roi.tumour", "roi.body", "merged", "batch", "map"):
         path = folder / f"{name}.json"
         report(name, path)

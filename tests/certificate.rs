@@ -157,9 +157,9 @@ fn a_surface_that_has_far_to_go_may_change_by_more() {
     assert_eq!(report.broken, [""; 0]);
     let above = report.contours[0].above.expect("it was looked at");
     assert!(above.jump > 0.12, "{above:?}");
-    assert!(above.way.is_some_and(|way| (way - 140.0).abs() < 2.0), "{above:?}");
+    assert!(above.explained.is_some_and(|px| (px - 3.0 * BESIDE * 140.0).abs() < 0.01), "{above:?}");
     // The same change where the way is shorter, and a larger one.
-    for wrong in [StepBeside { way: Some(30.0), ..above }, StepBeside { jump: 0.5, ..above }] {
+    for wrong in [StepBeside { explained: Some(0.05), ..above }, StepBeside { jump: 0.5, ..above }] {
         report.contours[0].above = Some(wrong);
         report.judge();
         assert!(report.broken[0].contains("just above"), "{wrong:?}: {:?}", report.broken);

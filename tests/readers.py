@@ -385,7 +385,7 @@ def reports(program, folder):
     # A surface whose way is looked at, as it moves far.
     subprocess.run([program, "demo", "fig7", "-o", "mountain"], check=True, cwd=folder, capture_output=True)
     report("demo fig7", folder / "mountain/fig7/report.json")
-    check("demo fig7 -> way", '"way"' in (folder / "mountain/fig7/report.json").read_text(), "looked at")
+    check("demo fig7 -> explained", '"explained"' in (folder / "mountain/fig7/report.json").read_text(), "looked at")
     for name in ("labels", "kept", "roi.tumour", "roi.body", "merged", "batch", "map"):
         path = folder / f"{name}.json"
         report(name, path)

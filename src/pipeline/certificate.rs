@@ -18,6 +18,9 @@ use crate::surface::areas::area;
 /// Layers up to this much farther off count as beside a contour, too.
 const AROUND: f64 = 1.5;
 
+/// A course is at most this many times as steep as the straight one: the bound of the monotone rules.
+const STEEPEST: f64 = 3.0;
+
 /// Distance to the surface up to which changes count, px.
 const NEAR: f32 = 1.0;
 
@@ -125,19 +128,19 @@ impl Examined {
         self.contour = Some((i, layer.phi.clone()));
     }
 
-    /// Looks for the way from the contour below to contour `i`, where the surface steps beside one of them.
+    /// Looks at the way from the contour below to contour `i`, where the surface steps beside one of them.
     fn explain(&mut self, i: usize, contour: &SparseImage<f32>) {
         let Some((i_low, low)) = &self.contour else { return };
         let sides = [self.contours[*i_low].above, self.contours[i].below];
         if sides.into_iter().flatten().all(|beside| beside.holds()) {
             return;
         }
-        let way = Some(self.way([low, contour]));
-        let [above, below] = sides.map(|beside| beside.map(|b| StepBeside { way, ..b }));
+        let explained = Some(STEEPEST * BESIDE * self.way([low, contour]));
+        let [above, below] = sides.map(|beside| beside.map(|b| StepBeside { explained, ..b }));
         (self.contours[*i_low].above, self.contours[i].below) = (above, below);
     }
 
-    /// How deep below the edge of one layer lies what is outside of the other, px.
+    /// The way that the surface has to go between two contours, px: how deep below the edge of one lies what is outside of the other.
     fn way(&self, layers: [&SparseImage<f32>; 2]) -> f64 {
         let [a, b] = layers.map(|phi| phi.unpack().iter().map(|v| *v < 0.0).collect::<Vec<bool>>());
         let h = self.spec.spacing.map(|side| side / self.px());
@@ -217,7 +220,7 @@ impl Examined {
     }
 
     fn beside_of(&self, contour: &SparseImage<f32>, beside: &SparseImage<f32>) -> StepBeside {
-        StepBeside { area: self.area(beside), jump: self.change(contour, beside), way: None }
+        StepBeside { area: self.area(beside), jump: self.change(contour, beside), explained: None }
     }
 
     /// Largest difference of two layers at pixels near the surface of the first, px.

@@ -41,10 +41,9 @@ pub struct StepBeside {
     pub area: f64,
     /// Largest change of the distance from the contour's layer to this one, where that is at most a pixel from the contour; px.
     pub jump: f64,
-    /// The way that the surface has to go from this contour to the other of the interval, px: how deep below its edge lies what is in one of
-    /// them and not in the other. Looked at where `jump` calls for it.
+    /// Change that the way to the other contour of the interval explains, px. Looked at where `jump` calls for it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub way: Option<f64>,
+    pub explained: Option<f64>,
 }
 
 /// Distance of an arriving front from its contour, px.

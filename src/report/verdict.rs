@@ -2,18 +2,15 @@
 
 use crate::report::{ContourReport, PartPair, Report, StepBeside};
 use crate::settings::EndRule;
-use crate::stack::heights::BESIDE;
 
 /// The body may change this much within a thousandth of the gap beside a contour, px: 0.1 px of rounding and numerics, or a surface that moves
 /// by 100 px from contour to contour. One that has farther to go may change by more.
 const JUMP: f64 = 0.1;
-/// A course is at most this many times as steep as the straight one: the bound of the monotone rules.
-const STEEPEST: f64 = 3.0;
 
 impl StepBeside {
     /// Whether the surface goes on from its contour: by no more than 0.1 px, or than the way to the other contour of the interval explains.
     pub fn holds(&self) -> bool {
-        self.jump <= JUMP.max(STEEPEST * BESIDE * self.way.unwrap_or(0.0))
+        self.jump <= JUMP.max(self.explained.unwrap_or(0.0))
     }
 }
 

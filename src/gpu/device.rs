@@ -269,7 +269,7 @@ impl Device {
         if !self.pool.reserve(capacity) {
             return Err(Error::GpuMemory(format!(
                 "out of memory: buffer `{label}` of {size} bytes exceeds the budget of {} bytes (--gpu-memory, --memory) beside what is there",
-                self.room
+                self.room.min(self.made.grants.unwrap_or(u64::MAX))
             )));
         }
         let out_of_memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);

@@ -21,6 +21,9 @@ const AROUND: f64 = 1.5;
 /// A course is at most this many times as steep as the straight one: the bound of the monotone rules.
 const STEEPEST: f64 = 3.0;
 
+/// Pixels along an axis of which the way between two contours is told, at most: it takes 15 MiB, whatever the image.
+const LOOKED_AT: usize = 512;
+
 /// Distance to the surface up to which changes count, px.
 const NEAR: f32 = 1.0;
 
@@ -140,12 +143,18 @@ impl Examined {
         (self.contours[*i_low].above, self.contours[i].below) = (above, below);
     }
 
-    /// The way that the surface has to go between two contours, px: how deep below the edge of one lies what is outside of the other.
+    /// The way that the surface has to go between two contours, px: how deep below the edge of one lies what is outside of the other. Of large
+    /// images, only every few pixels are looked at.
     fn way(&self, layers: [&SparseImage<f32>; 2]) -> f64 {
-        let [a, b] = layers.map(|phi| phi.unpack().iter().map(|v| *v < 0.0).collect::<Vec<bool>>());
-        let h = self.spec.spacing.map(|side| side / self.px());
+        let step = self.spec.dims[0].max(self.spec.dims[1]).div_ceil(LOOKED_AT);
+        let dims = self.spec.dims.map(|n| n.div_ceil(step));
+        let h = self.spec.spacing.map(|side| step as f64 * side / self.px());
+        let inside = |phi: &SparseImage<f32>| -> Vec<bool> {
+            (0..dims[0] * dims[1]).map(|n| phi.at(n % dims[0] * step, n / dims[0] * step) < 0.0).collect()
+        };
+        let [a, b] = layers.map(inside);
         let deepest = |own: &[bool], other: &[bool]| {
-            let depths = exact_distance(own, self.spec.dims, h).data;
+            let depths = exact_distance(own, dims, h).data;
             let left = depths.iter().zip(other).filter(|(d, other)| !**other && d.is_finite());
             left.map(|(d, _)| -d).fold(0.0, f64::max)
         };

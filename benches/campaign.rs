@@ -8,7 +8,8 @@
 //! ```
 //!
 //! `--log FILE` (else `target/campaign/NAME.log`) says what is done, in blocks of seeds, and what fell: `fault PROPERTY SEED FIGURE BOUND WHAT`.
-//! A campaign that was stopped goes on where its log ends; a new one needs a new log. The table at the end is made of the whole log.
+//! A campaign that was stopped goes on where its log ends; a new one needs a new log. The table at the end is made of the whole log, which is then
+//! shortened: `tally VERSION PROPERTY HELD SILENT LARGEST` for the seeds that held, with the `--version` they were run with.
 //! Seeds worth keeping go into `tests/promises/fallen_seeds.txt`, which the test suite replays.
 
 #[path = "../tests/random/mod.rs"]
@@ -70,6 +71,9 @@ struct Arguments {
     minutes: Option<f64>,
     #[arg(long)]
     log: Option<PathBuf>,
+    /// Name of the program's version, for the log
+    #[arg(long, default_value = "-")]
+    version: String,
     /// Given by cargo
     #[arg(long, hide = true)]
     bench: bool,
@@ -155,6 +159,7 @@ fn campaign(arguments: &Arguments) -> Result<usize, String> {
     });
     results.into_iter().collect::<Result<(), String>>()?;
     println!("{:.0} s", begin.elapsed().as_secs_f64());
+    log.shorten(&arguments.version)?;
     log.table()
 }
 
@@ -251,36 +256,98 @@ impl Log {
         file.write_all(lines.as_bytes()).map_err(|e| format!("{}: {e}", self.path.display()))
     }
 
+    /// Replaces the lines of seeds that held by one a property, and those of blocks that follow each other by one.
+    fn shorten(&self, version: &str) -> Result<(), String> {
+        let fail = |e: std::io::Error| format!("{}: {e}", self.path.display());
+        let text = fs::read_to_string(&self.path).map_err(fail)?;
+        let mut tallies = BTreeMap::<&str, Tally>::new();
+        let (mut done, mut lines) = (Vec::<(u64, u64, f64)>::new(), String::new());
+        for line in text.lines() {
+            let words: Vec<&str> = line.splitn(6, ' ').collect();
+            match words[..] {
+                ["held" | "none", name, ..] => tallies.entry(name).or_default().add(&words),
+                ["done", first, end, seconds] => {
+                    let numbers = (first.parse(), end.parse(), seconds.parse());
+                    if let (Ok(first), Ok(end), Ok(seconds)) = numbers {
+                        done.push((first, end, seconds));
+                    }
+                }
+                _ => lines += &format!("{line}\n"),
+            }
+        }
+        for (name, Tally { held, silent, largest, .. }) in &tallies {
+            lines += &format!("tally {version} {name} {held} {silent} {largest:.4e}\n");
+        }
+        done.sort_by_key(|done| done.0);
+        let merged = done.chunk_by(|a, b| a.1 == b.0);
+        for some in merged {
+            let seconds: f64 = some.iter().map(|done| done.2).sum();
+            lines += &format!("done {} {} {seconds:.1}\n", some[0].0, some[some.len() - 1].1);
+        }
+        let short = self.path.with_extension("new");
+        fs::write(&short, lines).and_then(|()| fs::rename(&short, &self.path)).map_err(fail)
+    }
+
     /// Prints a line per property; gives the number of faults.
     fn table(&self) -> Result<usize, String> {
         let text = fs::read_to_string(&self.path).map_err(|e| format!("{}: {e}", self.path.display()))?;
-        let (mut rows, mut seconds) = (BTreeMap::<&str, ([usize; 3], f64)>::new(), 0.0f64);
+        let (mut rows, mut seconds) = (BTreeMap::<&str, Tally>::new(), 0.0f64);
         for line in text.lines() {
             let words: Vec<&str> = line.splitn(6, ' ').collect();
-            let (kind, figure) = match words[..] {
-                ["held", _, _, figure] => (0, figure),
-                ["none", _, _] => (1, "0"),
-                ["fault", _, _, figure, ..] => (2, figure),
-                ["done", _, _, time] => {
-                    seconds += time.parse().unwrap_or(0.0);
-                    continue;
-                }
-                _ => continue,
-            };
-            let row = rows.entry(words[1]).or_default();
-            row.0[kind] += 1;
-            row.1 = row.1.max(figure.parse().unwrap_or(f64::INFINITY));
+            match words[..] {
+                ["done", _, _, time] => seconds += time.parse().unwrap_or(0.0),
+                ["tally", _, name, ..] | [_, name, ..] => rows.entry(name).or_default().add(&words),
+                _ => {}
+            }
         }
         println!("{:20} {:>7} {:>7} {:>7} {:>10}", "property", "stacks", "faults", "silent", "largest");
-        for (name, ([held, none, faults], largest)) in &rows {
-            println!("{name:20} {:7} {faults:7} {none:7} {largest:10.3e}", held + none + faults);
+        for (name, row) in &rows {
+            println!("{name:20} {:7} {:7} {:7} {:10.3e}", row.stacks(), row.faults, row.silent, row.largest);
         }
-        let stacks: usize = rows.values().map(|(counts, _)| counts.iter().sum::<usize>()).sum();
+        let stacks: usize = rows.values().map(Tally::stacks).sum();
         println!(
             "{stacks} stacks, {:.2} a second and thread; {}",
             stacks as f64 / seconds.max(1e-9),
             self.path.display()
         );
-        Ok(rows.values().map(|(counts, _)| counts[2]).sum())
+        Ok(rows.values().map(|row| row.faults).sum())
+    }
+}
+
+/// What the seeds of a property have shown.
+#[derive(Default)]
+struct Tally {
+    held: usize,
+    silent: usize,
+    faults: usize,
+    largest: f64,
+}
+
+impl Tally {
+    /// Counts a line of the log.
+    fn add(&mut self, words: &[&str]) {
+        let figure = |text: &str| text.parse().unwrap_or(f64::INFINITY);
+        let count = |text: &str| text.parse().unwrap_or(0);
+        match *words {
+            ["held", _, _, largest] => {
+                self.held += 1;
+                self.largest = self.largest.max(figure(largest));
+            }
+            ["none", ..] => self.silent += 1,
+            ["fault", _, _, largest, ..] => {
+                self.faults += 1;
+                self.largest = self.largest.max(figure(largest));
+            }
+            ["tally", _, _, held, silent, largest] => {
+                self.held += count(held);
+                self.silent += count(silent);
+                self.largest = self.largest.max(figure(largest));
+            }
+            _ => {}
+        }
+    }
+
+    fn stacks(&self) -> usize {
+        self.held + self.silent + self.faults
     }
 }

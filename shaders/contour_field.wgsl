@@ -1,5 +1,5 @@
-// From a slice to its level set: anti-aliasing with `2 G - G * G`, the side of every pixel kept, the limit by the exact distance, and the
-// conditioned values put in. The twin is src/reference/contour_field.rs.
+// From a slice to its level set: anti-aliasing with `2 G - G * G`, the side of every pixel kept, the limit by the exact distance, the
+// conditioned values put in, and the area of the mask restored. The twin is src/reference/contour_field.rs.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> rule: Rule;
@@ -9,9 +9,10 @@
 @group(0) @binding(5) var<storage, read> second: array<f32>;
 @group(0) @binding(6) var<storage, read> sides: array<f32>;
 @group(0) @binding(7) var<storage, read_write> result: array<f32>;
+@group(0) @binding(8) var<storage, read_write> lengths: array<f32>;
 
 // Weights of a Gaussian in groups of four, `reach` to each side; smallest |value| that keeps a pixel's side; largest move from the exact
-// distance; how far conditioned values count.
+// distance; how far conditioned values count; least length of contour that an area is divided by; largest move for an area.
 struct Rule {
     weights: array<vec4<f32>, 11>,
     reach: u32,
@@ -20,8 +21,8 @@ struct Rule {
     field_floor: f32,
     kernel_clip: f32,
     conditioned: f32,
-    padding_a: u32,
-    padding_b: u32,
+    least_length: f32,
+    most_shift: f32,
 }
 
 fn keep_side(v: f32, side: f32, floor: f32) -> f32 {
@@ -95,4 +96,30 @@ fn put_conditioned(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
     let near = blocks[b].near[(node >> 5u) & 1u];
     let use_first = (near & bit) != 0u && abs(first[node]) < rule.conditioned;
     result[node] = keep_side(select(second[node], first[node], use_first), second[node], rule.field_floor);
+}
+
+// Share of a pixel inside a contour at that distance from it.
+fn covered(v: f32) -> f32 {
+    return clamp(0.5 - v, 0.0, 1.0);
+}
+
+// The area that each pixel lacks of its mask in the level set `first`, and the length of contour in it.
+@compute @workgroup_size(lane_count)
+fn measure_area(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let node = list_index(group, local);
+    if node < params.block_count * BLOCK {
+        let v = first[node];
+        result[node] = select(0.0, 1.0, sides[node] < 0.0) - covered(v);
+        lengths[node] = 2.0 * (covered(v - 0.25) - covered(v + 0.25));
+    }
+}
+
+// `result` moved by the area `first` that it lacks per length `second`, both from around the pixel; no pixel changes its side.
+@compute @workgroup_size(lane_count)
+fn restore_area(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let node = list_index(group, local);
+    if node < params.block_count * BLOCK {
+        let shift = clamp(first[node] / max(second[node], rule.least_length), -rule.most_shift, rule.most_shift);
+        result[node] = keep_side(result[node] - shift, sides[node], rule.field_floor);
+    }
 }

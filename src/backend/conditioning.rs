@@ -1,11 +1,20 @@
 //! Numbers of the distance stage: how masks are smoothed and level sets conditioned. Every backend reads them here.
 
+use crate::grid::field::covered;
+
 /// Smallest |value| of an anti-aliased mask: no pixel changes its side.
 pub const MASK_FLOOR: f64 = 0.02;
 /// Width for the conditioned field, px.
 pub const FIELD_FLOOR: f64 = 0.01;
 /// Distance by which the kernel may move a contour from the exact distance, px: protects thin parts.
 pub const KERNEL_CLIP: f64 = 0.25;
+/// Width of the window in which a contour gets the area of its mask back, samples: wide enough not to follow the mask's steps. With 2 a disc's
+/// contour is off by 0.150 px rms at a radius of 10 px, with 3 by 0.144 and with 5 by 0.142; without the window by 0.147.
+pub const AREA_SIGMA: f64 = 3.0;
+/// Least length of contour per pixel in the window, px, by which area is divided; at a straight contour it is 0.13.
+pub const LEAST_LENGTH: f64 = 0.01;
+/// Distance by which a contour moves at most to get its area back, px.
+pub const MOST_SHIFT: f64 = 0.5;
 /// Iterations of Eq. 6 on a binary field for `eq6`.
 pub const EQ6_ITERATIONS: usize = 10;
 /// Iterations of Eq. 6 that bring phi to the fixed point of the sweeps' own reinitialisation. Without them the speed jumps at the
@@ -15,6 +24,11 @@ pub const CONDITION_ITERATIONS: usize = 20;
 pub const CONDITION_WIDER: f64 = 4.0;
 /// Distance beyond the tubes to which conditioned values count, px.
 pub const CONDITIONED: f64 = 3.0;
+
+/// Length of contour in a pixel at that distance from it, px: by how much of it is covered less at a quarter of a pixel farther than at one nearer.
+pub fn contour_length(phi: f64) -> f64 {
+    2.0 * (covered(phi - 0.25) - covered(phi + 0.25))
+}
 
 /// Weights of a Gaussian of width `sigma` samples, cut at 4 sigma; they sum to 1.
 pub fn gaussian_weights(sigma: f64) -> Vec<f64> {

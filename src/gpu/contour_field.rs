@@ -12,8 +12,8 @@ use super::layout::{Block, Job, Params, Rule};
 use super::recorder::{Recorder, Size};
 use super::work;
 use crate::backend::conditioning::{
-    CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP, MASK_FLOOR,
-    gaussian_weights,
+    AREA_SIGMA, CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP,
+    LEAST_LENGTH, MASK_FLOOR, MOST_SHIFT, gaussian_weights,
 };
 use crate::backend::{ContourOptions, PaddedSlice};
 use crate::error::Result;
@@ -71,10 +71,30 @@ shader! {
         second: Read [f32],
         result: Write [f32],
     }
+
+    /// What pixels lack of their mask in the level set `first`, and the length of contour in them.
+    MeasureArea for measure_area, "measure_area" {
+        params: Uniform Params,
+        first: Read [f32],
+        sides: Read [f32],
+        result: Write [f32],
+        lengths: Write [f32],
+    }
+
+    /// `result` moved by the area `first` that it lacks per length `second`.
+    RestoreArea for restore_area, "restore_area" {
+        params: Uniform Params,
+        rule: Uniform Rule,
+        first: Read [f32],
+        second: Read [f32],
+        sides: Read [f32],
+        result: Write [f32],
+    }
 }
 
-/// Bytes per node: the slice, the distance, the exact distance and its three scratch arrays, the band's own.
-const BYTES: usize = NODE_BYTES + 24;
+/// Bytes per node: the slice, the distance, the exact distance and its three scratch arrays, area and length with one of their axes, the band's
+/// own.
+const BYTES: usize = NODE_BYTES + 36;
 
 /// Level sets of all slices; `inf` where a slice is empty.
 pub fn contour_fields(
@@ -155,7 +175,8 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
         recorder.run(&limit, tiles.per_node());
     }
     recorder.submit()?;
-    let fields = with_room(room, atlas.node_count(), |room| condition(gpu, &tiles, params, options, room))?;
+    let mask = (smooth == AntiAlias::Kernel).then_some(sides);
+    let fields = with_room(room, atlas.node_count(), |room| condition(gpu, &tiles, params, options, mask, room))?;
     Ok(atlas.unpack(&fields))
 }
 
@@ -165,12 +186,20 @@ fn rule(weights: &[f64]) -> Rule {
         mask_floor: MASK_FLOOR as f32,
         field_floor: FIELD_FLOOR as f32,
         kernel_clip: KERNEL_CLIP as f32,
+        least_length: LEAST_LENGTH as f32,
+        most_shift: MOST_SHIFT as f32,
         ..Rule::default()
     };
     for (k, &w) in weights.iter().enumerate() {
         out.weights[k / 4][k % 4] = w as f32;
     }
     out
+}
+
+/// Rules of both axes of a Gaussian.
+fn axes(gpu: &Gpu, sigma: f64) -> [Buffer<Rule>; 2] {
+    let weights = rule(&gaussian_weights(sigma));
+    [0, 1].map(|vertical| gpu.device.uniform("rule", Rule { vertical, ..weights }))
 }
 
 /// Records `2 G - G * G` of the masks, on their sides.
@@ -191,8 +220,7 @@ fn kernel(
     let half = device.storage("half", nodes)?;
     let once = &device.storage("once", nodes)?;
     let twice = &device.storage("twice", nodes)?;
-    let weights = rule(&gaussian_weights(sigma));
-    let axes = [0, 1].map(|vertical| device.uniform("rule", Rule { vertical, ..weights }));
+    let axes = axes(gpu, sigma);
     for (axis, first, result) in [(0, sides, &half), (1, &half, once), (0, once, &half), (1, &half, twice)] {
         let gaussian = Gaussian { params, rule: &axes[axis], jobs, blocks, first, result }.bind(gpu);
         recorder.run(&gaussian, Size::List(nodes));
@@ -231,12 +259,37 @@ fn eq6(
     Ok(Room::Enough(result))
 }
 
-/// Brings distances to the fixed point of the sweeps' own reinitialisation near their contours.
+/// Records that level sets get back the area that they lack of their masks.
+fn restore_area(
+    gpu: &Gpu,
+    recorder: &mut Recorder<'_>,
+    Front { params, jobs, blocks, atlas, .. }: &Front<'_>,
+    sides: &Buffer<[f32]>,
+    result: &Buffer<[f32]>,
+) -> Result<()> {
+    let nodes = atlas.node_count();
+    let storage = |name| gpu.device.storage(name, nodes);
+    let (lack, lengths, half) = (&storage("lack")?, &storage("lengths")?, &storage("half")?);
+    let measure = MeasureArea { params, first: result, sides, result: lack, lengths };
+    recorder.run(&measure.bind(gpu), Size::List(nodes));
+    let axes = axes(gpu, AREA_SIGMA);
+    for (axis, first, result) in [(0, lack, half), (1, half, lack), (0, lengths, half), (1, half, lengths)] {
+        let gaussian = Gaussian { params, rule: &axes[axis], jobs, blocks, first, result }.bind(gpu);
+        recorder.run(&gaussian, Size::List(nodes));
+    }
+    let restore = RestoreArea { params, rule: &axes[0], first: lack, second: lengths, sides, result };
+    recorder.run(&restore.bind(gpu), Size::List(nodes));
+    Ok(())
+}
+
+/// Brings distances to the fixed point of the sweeps' own reinitialisation near their contours, and gives them the area of their masks back, if they
+/// have some.
 fn condition(
     gpu: &Gpu,
     tiles: &DistanceBuffers<'_>,
     params: Params,
     options: ContourOptions,
+    mask: Option<&Buffer<[f32]>>,
     room: usize,
 ) -> Result<Room<Vec<f32>>> {
     let device = &gpu.device;
@@ -252,6 +305,9 @@ fn condition(
     front.begin(&mut recorder);
     front.reinit(&mut recorder, CONDITION_ITERATIONS);
     recorder.run(&put, Size::List(nodes));
+    if let Some(sides) = mask {
+        restore_area(gpu, &mut recorder, &front, sides, result)?;
+    }
     let look = front.look(&mut recorder);
     let wanted: Wanted<f32> = recorder.read(result, 0, nodes);
     let landed = recorder.submit()?.wait()?;

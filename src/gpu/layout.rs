@@ -319,8 +319,8 @@ mirrored!(
         field_floor: f32,
         kernel_clip: f32,
         conditioned: f32,
-        padding_a: u32,
-        padding_b: u32,
+        least_length: f32,
+        most_shift: f32,
     }
 );
 

@@ -91,6 +91,27 @@ pub struct OutputOptions {
     pub source: Option<Arc<ReferencedSet>>,
 }
 
+/// Share of the distance of planes by which a plane of another image and a slice may differ and be one: files round places and directions, and a plane
+/// that lay beside the last slice by less would be empty.
+const SAME_PLANE: f64 = 0.01;
+
+/// Gives planes at increasing `heights` that lie on a slice that one's height.
+fn take_slices(heights: &mut [f64], slices: impl Iterator<Item = f64>) {
+    for z in slices {
+        let above = heights.partition_point(|h| *h < z);
+        let around = above.saturating_sub(1)..(above + 1).min(heights.len());
+        let Some(k) = around.min_by(|a, b| (heights[*a] - z).abs().total_cmp(&(heights[*b] - z).abs())) else {
+            continue;
+        };
+        let beside = [k.checked_sub(1), Some(k + 1).filter(|next| *next < heights.len())];
+        let step =
+            beside.into_iter().flatten().map(|other| (heights[other] - heights[k]).abs()).fold(f64::INFINITY, f64::min);
+        if step.is_finite() && (heights[k] - z).abs() <= SAME_PLANE * step {
+            heights[k] = z;
+        }
+    }
+}
+
 impl OutputOptions {
     /// Checks every range.
     ///
@@ -177,7 +198,8 @@ impl OutputOptions {
                 let message = "names a grid that has no place in common with the slices: is it of another scan or map?";
                 return Err(Error::Setting { name: "like".into(), message: message.into() });
             }
-            if let Some(heights) = frame.heights(&stack.geometry) {
+            if let Some(mut heights) = frame.heights(&stack.geometry) {
+                take_slices(&mut heights, stack.slices.iter().map(|slice| slice.z));
                 return Ok(heights);
             }
         }
@@ -208,5 +230,23 @@ impl OutputOptions {
     pub fn step(&self, stack: &ContourStack) -> Option<f64> {
         let [dx, dy] = stack.spacing;
         if self.isotropic { Some(dx.min(dy)) } else { self.dz }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plane_beside_a_slice_by_rounding_is_that_slices() {
+        let mut heights = vec![-3.9999, 0.0, 3.99, 8.0003, 12.0];
+        take_slices(&mut heights, [-4.0, 4.0, 8.0, 8.9].into_iter());
+        assert_eq!(heights, [-4.0, 0.0, 4.0, 8.0, 12.0]);
+        let mut apart = vec![0.05, 4.0];
+        take_slices(&mut apart, [0.0, 3.9].into_iter());
+        assert_eq!(apart, [0.05, 4.0], "more than a hundredth away");
+        let mut alone = vec![1e-9];
+        take_slices(&mut alone, [0.0].into_iter());
+        assert_eq!(alone, [1e-9], "of one plane nobody knows the distance");
     }
 }

@@ -148,7 +148,7 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
 ///
 /// # Errors
 /// The errors of [`crate::input::read`].
-pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
+pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
     let (parsed, file, folder) = parse(path, options.spacing.as_deref())?;
     if let Some(z_out) = parsed.z_out {
         z_out.validate()?;
@@ -163,7 +163,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
     }
     let drawn = parsed.slices.iter().filter(|s| s.polygons.is_some()).count();
     if drawn == 0 {
-        images(parsed, &file, &folder, options)
+        Ok((images(parsed, &file, &folder, options)?, Vec::new()))
     } else if drawn == parsed.slices.len() {
         drawings(parsed, &file, options)
     } else {
@@ -171,8 +171,8 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<ContourStack> {
     }
 }
 
-/// The stack of a file whose slices are polygons.
-fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<ContourStack> {
+/// The stack of a file whose slices are polygons, and what a person should know of them.
+fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
     if options.level.is_some() {
         let message = "is not for polygons; it cuts grey slices".into();
         return Err(Error::Setting { name: "level".into(), message });
@@ -190,9 +190,16 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<Con
         extra: entry.extra,
         regions: entry.polygons.into_iter().collect(),
     };
-    let drawings: Vec<PlaneDrawing> = parsed.slices.into_iter().enumerate().map(drawing).collect();
+    let mut drawings: Vec<PlaneDrawing> = parsed.slices.into_iter().enumerate().map(drawing).collect();
+    let copies = |drawing: &mut PlaneDrawing| {
+        let count = drawing.leave_out_copies();
+        let which = if count == 1 { "a polygon is".into() } else { format!("{count} polygons are") };
+        (count > 0)
+            .then(|| format!("`{}` at {}: {which} drawn before point by point; left out", drawing.name, drawing.z))
+    };
+    let notes = drawings.iter_mut().filter_map(copies).collect();
     let planes = Planes { unit: parsed.unit, axes, z_out: parsed.z_out };
-    polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy))
+    Ok((polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy))?, notes))
 }
 
 /// The stack of a file whose slices are images.

@@ -260,7 +260,10 @@ pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack
 fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
     let plain = |stack| Input { stack, surveyed: None, notes: Vec::new() };
     Ok(match Kind::for_options(path, options)? {
-        Kind::Folder => plain(folder::read(path, options)?),
+        Kind::Folder => {
+            let (stack, notes) = folder::read(path, options)?;
+            Input { notes, ..plain(stack) }
+        }
         Kind::Volume(header) => {
             let mut volume = header(path)?;
             if let Some(sides) = &options.spacing {

@@ -13,6 +13,8 @@ pub mod fill;
 pub mod grid;
 pub mod plane;
 
+use std::collections::HashSet;
+
 use distance::near_distance;
 use edges::{Edge, contour_edges};
 use fill::fill;
@@ -45,7 +47,34 @@ pub struct PlaneDrawing {
     pub regions: Vec<Vec<Polygon>>,
 }
 
+/// Points of a closed line by which two are the same line, wherever they begin and whichever way they go.
+pub(crate) fn line_key<const N: usize>(points: impl IntoIterator<Item = [f64; N]>) -> Vec<[u64; N]> {
+    // A zero has one sign here.
+    let mut bits: Vec<[u64; N]> = points.into_iter().map(|p| p.map(|v| (v + 0.0).to_bits())).collect();
+    while bits.len() > 1 && bits.first() == bits.last() {
+        bits.pop();
+    }
+    let from_least = |bits: &mut Vec<[u64; N]>| {
+        let first = (0..bits.len()).min_by_key(|k| bits[*k]).unwrap_or(0);
+        bits.rotate_left(first);
+    };
+    let mut back: Vec<[u64; N]> = bits.iter().rev().copied().collect();
+    from_least(&mut bits);
+    from_least(&mut back);
+    bits.min(back)
+}
+
 impl PlaneDrawing {
+    /// Leaves out polygons that are drawn before in the same region: under even-odd both would be gone. Returns how many.
+    pub fn leave_out_copies(&mut self) -> usize {
+        let before = self.polygons().count();
+        for region in &mut self.regions {
+            let mut seen = HashSet::new();
+            region.retain(|polygon| seen.insert(line_key(polygon.iter().map(DVec2::to_array))));
+        }
+        before - self.polygons().count()
+    }
+
     /// All polygons.
     pub fn polygons(&self) -> impl Iterator<Item = &Polygon> {
         self.regions.iter().flatten()
@@ -112,4 +141,23 @@ pub(crate) fn level_set(regions: &[Vec<Polygon>], grid: &DrawingGrid) -> Vec<f32
         level.iter_mut().zip(signed).for_each(|(a, b)| *a = a.min(b));
     }
     level
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_that_is_drawn_twice_is_one_and_others_stay() {
+        let square = |x: f64| [[x, 0.0], [x + 4.0, 0.0], [x + 4.0, 4.0], [x, 4.0]].map(DVec2::from).to_vec();
+        let mut turned = square(0.0);
+        turned.rotate_left(2);
+        turned.reverse();
+        turned.push(turned[0]);
+        let regions = vec![vec![square(0.0), square(1.0), turned.clone(), square(0.0)], vec![turned.clone()]];
+        let mut drawing = PlaneDrawing { name: "k=0".into(), z: 0.0, extra: false, regions };
+        assert_eq!(drawing.leave_out_copies(), 2);
+        assert_eq!(drawing.regions, [vec![square(0.0), square(1.0)], vec![turned]]);
+        assert_eq!(drawing.leave_out_copies(), 0);
+    }
 }

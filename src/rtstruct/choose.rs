@@ -1,11 +1,14 @@
 //! Choice of the contours that become the stack: ROIs, their closed contours, their planes.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
 use glam::DVec3;
 
 use super::{Contour, Roi, StructureSet};
 use crate::error::{Error, Result};
 use crate::polygons::plane::{Bent, PlaneSet, TOLERANCE, smallest_gap};
-use crate::polygons::{self, PlaneDrawing, Planes};
+use crate::polygons::{self, PlaneDrawing, Planes, line_key};
 use crate::stack::{ContourStack, ReadOptions};
 
 /// Ratio of a ROI's gaps to those of another one's planes from which on planes were left out.
@@ -73,6 +76,7 @@ impl StructureSet {
     pub(super) fn on_planes<'a>(&'a self, rois: Vec<&'a Roi>) -> Result<ChosenRois<'a>> {
         let (mut used, mut notes) = (Vec::new(), Vec::new());
         for (r, roi) in rois.iter().enumerate() {
+            let mut seen = HashMap::new();
             for (c, contour) in roi.contours.iter().enumerate() {
                 let at = format!("{}, contour {}", roi.label(), c + 1);
                 if !contour.is_closed() {
@@ -88,7 +92,15 @@ impl StructureSet {
                             if n == 1 { "s" } else { "" }
                         ));
                     }
-                    _ => used.push((r, c)),
+                    _ => match seen.entry(line_key(contour.points.iter().map(DVec3::to_array))) {
+                        Entry::Occupied(first) => {
+                            notes.push(format!("{at}: left out, it is the same line as contour {}", first.get() + 1))
+                        }
+                        Entry::Vacant(place) => {
+                            place.insert(c);
+                            used.push((r, c));
+                        }
+                    },
                 }
             }
         }

@@ -192,7 +192,7 @@ fn volume(path: &Path, gzip: bool, header: &Header) -> Failure<Volume> {
     let grid = VolumeGrid { dims, origin, steps, unit: unit.into(), spaced: true };
     let element = (element(header.datatype)?, header.big_endian);
     let data = Data::Stream { file, offset, coding, skip };
-    let mut notes: Vec<String> = two_forms(header, dims, unit).into_iter().collect();
+    let mut notes: Vec<String> = two_forms(header, dims, unit).into_iter().chain(no_form(header)).collect();
     if header.format == "Analyze" {
         notes
             .push("Analyze does not say how a volume lies: x is taken to run to the left, y to the front, z up".into());
@@ -276,6 +276,16 @@ fn two_forms(header: &Header, dims: [usize; 3], unit: &str) -> Option<String> {
             "sform and qform of the header place the volume differently, by up to {most:.3} {unit}; the sform is used, and what lies where the \
              qform says will not fit"
         )
+    })
+}
+
+/// Note on a NIfTI header that places the volume nowhere.
+fn no_form(header: &Header) -> Option<String> {
+    let nowhere = header.sform_code <= 0 && header.qform_code <= 0 && header.format != "Analyze";
+    nowhere.then(|| {
+        "neither sform nor qform of the header counts (both codes are 0): read as the format says, x to the right and y to the front from voxel \
+         (0, 0, 0), which other programs do otherwise; a result on top of the input in one of them needs a code above 0 in the input"
+            .into()
     })
 }
 

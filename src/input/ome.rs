@@ -140,7 +140,13 @@ fn imagej(text: &str, pages: usize, per_unit: [Option<f64>; 2]) -> Failure<Spaci
             return fail(format!("{name} is {n}, but the file has {pages} pages"));
         }
     }
-    let Some(spacing) = field("spacing") else { return Ok(None) };
+    let unit = field("unit").filter(|unit| !["", "pixel", "pixels"].contains(unit));
+    // ImageJ writes no spacing where it is 1.
+    let spacing = match (field("spacing"), unit, per_unit) {
+        (Some(spacing), ..) => spacing,
+        (None, Some(_), [Some(_), Some(_)]) => "1",
+        _ => return Ok(None),
+    };
     let dz = positive("spacing", spacing).map_err(|m| format!("ImageJ's description: {m}"))?;
     let [Some(x), Some(y)] = per_unit else {
         return fail(format!("spacing is {spacing}, but the page has no resolution"));
@@ -150,10 +156,7 @@ fn imagej(text: &str, pages: usize, per_unit: [Option<f64>; 2]) -> Failure<Spaci
             return fail(format!("{name} must be a positive number; got {v}"));
         }
     }
-    let unit = match field("unit") {
-        None | Some("" | "pixel" | "pixels") => "px",
-        Some(unit) => metres(unit).map_or(unit, |(_, name)| name),
-    };
+    let unit = unit.map_or("px", |unit| metres(unit).map_or(unit, |(_, name)| name));
     Ok(Some(([1.0 / x, 1.0 / y, dz], unit.into())))
 }
 
@@ -175,6 +178,18 @@ fn shape(text: &str) -> Failure<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn imagej_writes_no_depth_of_one_and_no_resolution_of_pixels() {
+        let of = |text: &str, per_unit| imagej(text, 3, per_unit).expect("it is read");
+        let quarter = [Some(4.0), Some(4.0)];
+        assert_eq!(of("images=3\nunit=micron\n", quarter), Some(([0.25, 0.25, 1.0], "um".into())));
+        assert_eq!(of("images=3\nspacing=2.0\nunit=micron\n", quarter), Some(([0.25, 0.25, 2.0], "um".into())));
+        assert_eq!(of("images=3\nspacing=2.0\n", quarter), Some(([0.25, 0.25, 2.0], "px".into())));
+        assert_eq!(of("images=3\nunit=micron\n", [None; 2]), None);
+        assert_eq!(of("images=3\nunit=pixel\n", quarter), None);
+        assert_eq!(of("images=3\n", quarter), None);
+    }
 
     #[test]
     fn a_description_of_more_than_three_axes_is_refused() {

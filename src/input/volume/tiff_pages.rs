@@ -5,6 +5,7 @@ use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use tiff::decoder::{Decoder, DecodingSampleType, Limits};
+use tiff::tags::{PhotometricInterpretation, Tag};
 use tiff::{ColorType, TiffError};
 
 use super::element::Element;
@@ -76,8 +77,25 @@ impl Pages {
             return Err(format!("{} bytes, but page 0 has {}", layout.complete_len, self.page.len()));
         }
         self.decoder.read_image_bytes(&mut self.page).map_err(told)?;
+        let photometric = self.decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).map_err(told)?;
+        if photometric == Some(PhotometricInterpretation::WhiteIsZero.to_u16()) {
+            as_stored(&mut self.page, layout.sample_type);
+        }
         (self.done, self.used) = (self.done + 1, 0);
         Ok(())
+    }
+}
+
+/// Undoes what the decoder does to pages that are shown with white as 0: a label is the number in the file, however it is shown.
+fn as_stored(page: &mut [u8], samples: Option<DecodingSampleType>) {
+    match samples {
+        Some(DecodingSampleType::F32) => page.as_chunks_mut().0.iter_mut().for_each(|v| {
+            *v = (1.0 - f32::from_ne_bytes(*v)).to_ne_bytes();
+        }),
+        Some(DecodingSampleType::F64) => page.as_chunks_mut().0.iter_mut().for_each(|v| {
+            *v = (1.0 - f64::from_ne_bytes(*v)).to_ne_bytes();
+        }),
+        _ => page.iter_mut().for_each(|v| *v = !*v),
     }
 }
 
@@ -94,5 +112,37 @@ impl Read for Pages {
         out[..n].copy_from_slice(&self.page[self.used..self.used + n]);
         self.used += n;
         Ok(n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tiff::encoder::TiffEncoder;
+    use tiff::encoder::colortype::{Gray8, Gray32Float};
+
+    use super::*;
+
+    #[test]
+    fn labels_that_are_shown_with_white_as_zero_are_the_numbers_in_the_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("labels.tif");
+        let mut file = Vec::new();
+        let mut encoder = TiffEncoder::new(std::io::Cursor::new(&mut file)).expect("it begins");
+        encoder.write_image::<Gray8>(3, 1, &[0, 5, 255]).expect("a page");
+        encoder.write_image::<Gray32Float>(2, 1, &[0.25, -1.0]).expect("a page");
+        // The entry of tag 262, a short: black is 0 becomes white is 0.
+        let (black, white) = ([6, 1, 3, 0, 1, 0, 0, 0, 1, 0], [6, 1, 3, 0, 1, 0, 0, 0, 0, 0]);
+        let places: Vec<usize> = (0..file.len() - 10).filter(|k| file[*k..*k + 10] == black).collect();
+        assert_eq!(places.len(), 2);
+        places.into_iter().for_each(|k| file[k..k + 10].copy_from_slice(&white));
+        std::fs::write(&path, &file).expect("it is written");
+        let mut bytes = Vec::new();
+        Pages::open(&path, 1, 3).and_then(|mut p| p.read_to_end(&mut bytes).map_err(|e| e.to_string())).expect("read");
+        assert_eq!(bytes, [0, 5, 255]);
+        let mut pages = Pages::open(&path, 1, 8).expect("it opens");
+        pages.decoder.next_image().expect("there is a second page");
+        bytes.clear();
+        pages.read_to_end(&mut bytes).expect("read");
+        assert_eq!(bytemuck::pod_collect_to_vec::<u8, f32>(&bytes), [0.25, -1.0]);
     }
 }

@@ -163,7 +163,7 @@ fn inspect_reads_like_a_summary() {
         "of this CPU, less than a second",
         "slice 1 (`s1.png`) at 4: empty",
         "1 part, 0 holes",
-        "no partner above, ends before it: 1 of `s0.png`",
+        "no partner above, ends before it unless its motion leads to one: 1 of `s0.png`",
     ] {
         assert!(text.contains(part), "`{part}` is missing from:\n{text}");
     }

@@ -52,7 +52,11 @@ fn without_partner(
         .into_iter()
         .filter(|(parts, ..)| !parts.is_empty())
         .map(|(parts, place, slice)| {
-            format!("    no partner {place}, ends before it: {} of `{}`", parts.join(" "), slice.name)
+            format!(
+                "    no partner {place}, ends before it unless its motion leads to one: {} of `{}`",
+                parts.join(" "),
+                slice.name
+            )
         })
         .collect()
 }

@@ -57,9 +57,23 @@ pub fn stray(places: &[usize], sections: &[SliceArea], name: impl Fn(usize) -> S
         .then(|| format!("{}{more}: painted by mistake? Erase it or leave the slice out", listed.join(", ")))
 }
 
+/// Words about empty slices between painted ones, where most painted ones stand alone between them: each is a body of its own.
+fn interleaved(sections: &[SliceArea]) -> Option<String> {
+    let painted = |s: &SliceArea| s.area > 0;
+    let stretches: Vec<usize> =
+        sections.chunk_by(|a, b| painted(a) == painted(b)).filter(|some| painted(&some[0])).map(<[_]>::len).collect();
+    let alone = stretches.iter().filter(|count| **count == 1).count();
+    (stretches.len() > 2 && 2 * alone > stretches.len()).then(|| {
+        format!(
+            "{alone} painted slices stand alone between empty ones, where the body ends: is a slice without paint one that was not drawn? Leave it \
+             out (of a volume, what chooses slices or cuts grey values takes empty ones too)"
+        )
+    })
+}
+
 impl ContourStack {
-    /// Doubts about slices that look painted by mistake.
-    pub fn doubts(&self) -> Option<String> {
+    /// Doubts about slices that look painted by mistake, or left empty.
+    pub fn doubts(&self) -> Vec<String> {
         let area = |content: &SliceContent| match content {
             SliceContent::Mask(mask) => mask.count(),
             SliceContent::Level(level) => level.sides().count(),
@@ -70,7 +84,7 @@ impl ContourStack {
         let overlap =
             |k: usize, beside: usize| sides(k).into_iter().zip(sides(beside)).any(|(own, other)| own && other);
         let name = |k: usize| format!("slice `{}`", self.slices[k].name);
-        stray(&strays(&sections, overlap), &sections, name)
+        stray(&strays(&sections, overlap), &sections, name).into_iter().chain(interleaved(&sections)).collect()
     }
 
     /// Doubt about the slice whose two gaps are the most unlike, for splines that may overshoot.
@@ -108,6 +122,18 @@ mod tests {
         assert_eq!(doubted(&[(0.0, 600), (10.0, 610), (20.0, 600), (30.0, 1)], false), [3]);
         assert_eq!(doubted(&[(-4.0, 3), (0.0, 600)], true), [0]);
         assert_eq!(doubted(&[(0.0, 600), (10.0, 0), (15.0, 29), (18.0, 0), (20.0, 590)], true), [2]);
+    }
+
+    #[test]
+    fn painted_slices_that_stand_alone_between_empty_ones_are_doubted() {
+        let doubted = |areas: &[usize]| {
+            let sections: Vec<SliceArea> =
+                areas.iter().enumerate().map(|(k, &area)| SliceArea { z: k as f64, area }).collect();
+            interleaved(&sections).is_some()
+        };
+        assert!(doubted(&[9, 0, 9, 0, 9]) && doubted(&[0, 9, 0, 0, 9, 0, 9, 9, 0]));
+        assert!(!doubted(&[9, 9, 0, 0, 9, 9]) && !doubted(&[0, 9, 9, 9, 0]) && !doubted(&[9, 0, 9]));
+        assert!(!doubted(&[9, 9, 0, 9, 9, 0, 9]) && !doubted(&[]));
     }
 
     #[test]

@@ -259,7 +259,7 @@ fn check_count(kind: &str, slices: usize, lie: &Lie) -> PyResult<()> {
 }
 
 fn loaded(stack: ContourStack) -> PyResult<PyStack> {
-    let notes = stack.doubts().into_iter().collect();
+    let notes = stack.doubts();
     let loaded = Loaded::new(stack, JobOptions::default()).map_err(raised)?;
     Ok(PyStack::of(Loaded { notes, ..loaded }))
 }

@@ -153,4 +153,24 @@ mod tests {
         assert!(half(&square).abs_diff(half(&narrow) / 2) <= 2, "{} {}", half(&square), half(&narrow));
         assert!((1.6..2.4).contains(&(width(&narrow) as f64 / width(&square) as f64)));
     }
+
+    #[test]
+    fn a_window_reaches_along_columns_as_along_rows() {
+        let left = |axis: usize| {
+            let image = |of: fn(usize) -> f32| {
+                let at = |n: usize| of([n % DIMS[0], n / DIMS[0]][axis]);
+                SparseImage::of(DIMS, &(0..DIMS[0] * DIMS[1]).map(at).collect::<Vec<_>>())
+            };
+            let around = Around::new([&image(|at| if at < 42 { 6.0 } else { 0.5 }), &image(|_| 0.0)], 1.0, [1.0; 2]);
+            (20..64).map(move |at| {
+                let mut one = [1.0];
+                let place = [[at, 50], [50, at]][axis];
+                around.scale(place[1], place[0], &mut one);
+                one[0]
+            })
+        };
+        let pairs: Vec<(f32, f32)> = left(0).zip(left(1)).collect();
+        assert!(pairs[0] == (0.0, 0.0) && pairs[43] == (1.0, 1.0), "{pairs:?}");
+        assert!(pairs.iter().all(|(a, b)| (a - b).abs() < 1e-3), "{pairs:?}");
+    }
 }

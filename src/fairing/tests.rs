@@ -29,9 +29,7 @@ fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, V
     heights.sort_by(f64::total_cmp);
     heights.dedup();
     for z in heights {
-        let phi = |n: usize| ((n % DIMS[0]) as f64 - 20.0).hypot((n / DIMS[0]) as f64 - 20.0) - radius(z);
-        let phi: Vec<f32> = (0..DIMS[0] * DIMS[1]).map(|n| phi(n) as f32).collect();
-        let phi = SparseImage::of(DIMS, &phi);
+        let phi = SparseImage::of(DIMS, &given(radius(z)));
         let contour = contours.iter().position(|c| *c == z);
         fairing.push(Layer { z, phi, output: true, contour }, &mut sink).expect("pushed");
     }
@@ -41,6 +39,12 @@ fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, V
 
 fn largest<'a>(pairs: impl Iterator<Item = (&'a Vec<f32>, &'a Vec<f32>)>) -> f32 {
     pairs.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - b).abs())).fold(0.0, f32::max)
+}
+
+/// Distances to a disc.
+fn given(radius: f64) -> Vec<f32> {
+    let phi = |n: usize| ((n % DIMS[0]) as f64 - 20.0).hypot((n / DIMS[0]) as f64 - 20.0) - radius;
+    (0..DIMS[0] * DIMS[1]).map(|n| phi(n) as f32).collect()
 }
 
 /// Contours with these gaps from 0 on.
@@ -101,4 +105,42 @@ fn a_little_change_of_the_layers_changes_little() {
     let largest = bodies.windows(2).map(change).fold(0.0, f32::max);
     println!("largest change {largest} at a step of {STEP}");
     assert!(largest < 6.0 * STEP as f32, "{largest}");
+}
+
+#[test]
+fn contours_stay_and_the_crease_at_one_of_them_is_smoothed() {
+    let contours = stacked(&[8, 8, 8, 8]);
+    let radius = |z: f64| 14.0 - 0.5 * (z - 16.0).max(0.0);
+    let layers = faired(&contours, 1.0, radius);
+    let at = |z: f64| &layers.iter().find(|layer| layer.0 == z).expect("a layer there").1;
+    for z in &contours {
+        assert_eq!(at(*z), &given(radius(*z)), "the contour at {z} stays");
+    }
+    let edge = |z: f64| {
+        let phi = at(z);
+        let row = &phi[20 * DIMS[0] + 20..21 * DIMS[0]];
+        let outside = row.iter().position(|v| *v > 0.0).expect("an end");
+        outside as f32 - row[outside] / (row[outside] - row[outside - 1])
+    };
+    let crease = (edge(15.0) - 2.0 * edge(16.0) + edge(17.0)).abs();
+    assert!(crease < 0.3, "{crease} of 0.5");
+    for (z, phi) in faired(&contours, 1.0, |_| 14.0) {
+        assert!(largest(std::iter::once((&phi, &given(14.0)))) < 1e-5, "height {z} of what is straight");
+    }
+}
+
+#[test]
+fn a_part_on_one_contour_alone_stays_and_the_tip_of_a_body_is_smoothed() {
+    // From the contour at 8 on a cone that ends before the next one; below it nothing, or a body that it is the tip of.
+    for (below, stays) in [(-200.0, true), (8.0, false)] {
+        let radius = |z: f64| match z {
+            _ if z < 8.0 => below,
+            _ if z < 14.0 => 8.0 - (z - 8.0),
+            _ => -200.0,
+        };
+        let layers = faired(&stacked(&[8, 8, 8]), 1.0, radius);
+        let within = layers.iter().filter(|(z, _)| (8.0..14.0).contains(z));
+        let moved = within.map(|(z, phi)| largest(std::iter::once((phi, &given(radius(*z)))))).fold(0.0, f32::max);
+        assert_eq!(moved == 0.0, stays, "moved by {moved}");
+    }
 }

@@ -188,10 +188,29 @@ fn change(low: &Field, high: &Field, guess: &Displacement, round: Round, h: [f64
 }
 
 fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, round: Round, h: [f64; 2]) -> Evidence {
-    let [nx, ny] = low.dims;
-    let clip = |d: f64| d.clamp(-round.clip, round.clip);
     // Where nothing lies within the clip of a contour, wherever the displacement reads, nothing need be looked at.
     let near = near_contours(low, high, round, v.largest());
+    let mut sums = moments([low, high], &near, v, round, h);
+    smooth(&mut sums, v.grid, round.window_sigma(h));
+    sums.iter()
+        .zip(v.vectors.iter().zip(&guess.vectors))
+        .map(|(sum, (v, guess))| {
+            let weight = sum[0] / (BLOCK * BLOCK) as f64;
+            let whole = sum[0] + LEAST_WEIGHT;
+            let [xx, yy, xy, xr, yr, x, y, r]: [f64; 8] = std::array::from_fn(|k| sum[k + 1] / whole);
+            let (sxx, syy, sxy) = (xx - x * x, yy - y * y, xy - x * y);
+            let (dx, dy) = (xr - x * r, yr - y * r);
+            let DVec2 { x: vx, y: vy } = (v - guess) * DVec2::from(h);
+            let trust = weight / (weight + HALF_EVIDENCE);
+            [sxx, syy, sxy, dx + sxx * vx + sxy * vy, dy + sxy * vx + syy * vy].map(|s| s * trust)
+        })
+        .collect()
+}
+
+/// Weighted moments of all pixels, at the nodes around them; rows without a pixel `near` a contour are flat.
+fn moments([low, high]: [&Field; 2], near: &[bool], v: &Displacement, round: Round, h: [f64; 2]) -> Vec<[f64; 9]> {
+    let [nx, ny] = low.dims;
+    let clip = |d: f64| d.clamp(-round.clip, round.clip);
     let far_weight = round.weight(round.clip);
     let mut spread = Spread::new(v);
     let mut rows = [(); 3].map(|()| vec![DVec2::ZERO; nx]);
@@ -212,28 +231,14 @@ fn evidence(low: &Field, high: &Field, v: &Displacement, guess: &Displacement, r
         }
         for wanted in j - 1..=j + 1 {
             if held[wanted % 3] != wanted {
-                row([low, high], round.clip, &near, v, wanted, &mut rows[wanted % 3]);
+                row([low, high], round.clip, near, v, wanted, &mut rows[wanted % 3]);
                 held[wanted % 3] = wanted;
             }
         }
         let around = [j - 1, j, j + 1].map(|k| rows[k % 3].as_slice());
         spread.add_row(j, |nodes| add_moments(around, round, h, v, nodes));
     }
-    let mut sums = spread.sums;
-    smooth(&mut sums, v.grid, round.window_sigma(h));
-    sums.iter()
-        .zip(v.vectors.iter().zip(&guess.vectors))
-        .map(|(sum, (v, guess))| {
-            let weight = sum[0] / (BLOCK * BLOCK) as f64;
-            let whole = sum[0] + LEAST_WEIGHT;
-            let [xx, yy, xy, xr, yr, x, y, r]: [f64; 8] = std::array::from_fn(|k| sum[k + 1] / whole);
-            let (sxx, syy, sxy) = (xx - x * x, yy - y * y, xy - x * y);
-            let (dx, dy) = (xr - x * r, yr - y * r);
-            let DVec2 { x: vx, y: vy } = (v - guess) * DVec2::from(h);
-            let trust = weight / (weight + HALF_EVIDENCE);
-            [sxx, syy, sxy, dx + sxx * vx + sxy * vy, dy + sxy * vx + syy * vy].map(|s| s * trust)
-        })
-        .collect()
+    spread.sums
 }
 
 /// Adds the weighted moments of a row's pixels to those of the nodes on either side; the rows beside it hold what gradients are taken from.
@@ -312,5 +317,19 @@ mod tests {
         assert_eq!(WIDE.window_sigma([1.0, 1.0]), [nodes; 2]);
         assert_eq!(WIDE.window_sigma([0.5, 1.0]), [2.0 * nodes, nodes]);
         assert_eq!(WIDE.smoothing_sigma([1.0, 0.25]), [0.5 * nodes, 2.0 * nodes]);
+    }
+
+    #[test]
+    fn rows_far_from_both_contours_are_what_their_pixels_are() {
+        // Above row 48 one slice lies inside, the other outside, both beyond the clip.
+        let dims = [40, 90];
+        let (low, high) = (Field::from_fn(dims, |_, j| 30.0 - j as f64), Field::filled(dims, 50.0));
+        let (v, h) = (Displacement::zero(dims), [1.0; 2]);
+        let near = near_contours(&low, &high, WIDE, 0.0);
+        assert!(near.contains(&true) && near.contains(&false));
+        let of = |near: &[bool]| moments([&low, &high], near, &v, WIDE, h);
+        for (short, whole) in of(&near).iter().flatten().zip(of(&vec![true; near.len()]).iter().flatten()) {
+            assert!((short - whole).abs() < 1e-9 * (1.0 + whole.abs()), "{short} for {whole}");
+        }
     }
 }

@@ -488,4 +488,32 @@ mod tests {
         // PCHIP 0.75 and Catmull-Rom 1; 1.5 / 2.5.
         assert_eq!([0.0, 1.0].map(|relief| slope(d, h, relief)), [0.5 * (0.75 + 1.0), 0.6]);
     }
+
+    #[test]
+    fn a_place_is_carried_along_its_trajectory() {
+        // As between layers, and what is found at nodes is read between them.
+        const BOUND: f64 = 0.03;
+        let (moving, times) = (swelling(), [0.2, 0.5, 0.9]);
+        let place = |i: usize, t: f64| Place::new(&moving, i, i, t, None);
+        let places: Vec<(usize, f64)> = (0..3).flat_map(|i| times.map(|t| (i, t))).collect();
+        for (&(i, t), &(to, u)) in places.iter().flat_map(|from| places.iter().map(move |to| (from, to))) {
+            let ((from, paths), (onto, there)) = (place(i, t), place(to, u));
+            let between: Vec<Place> = (i.min(to) + 1..i.max(to)).map(|i| place(i, 0.5).0).collect();
+            let between: Vec<&[Resting; 2]> = between.iter().map(|place| &*place.at_slices).collect();
+            for x in [[30.0, 20.0], [44.0, 35.0], [61.0, 41.5]].map(DVec2::from) {
+                let slices = paths.to_slices(x);
+                // From slice to slice by the ways of whole intervals.
+                let expected = if to < i {
+                    let slice = (to + 1..i).rev().fold(slices[0], |x, k| moving.paths(k, 1.0).to_slices(x)[0]);
+                    there.off_high(slice, slice, 20)
+                } else {
+                    let slice = (i + 1..to).fold(slices[1], |x, k| moving.paths(k, 0.0).to_slices(x)[1]);
+                    let slice = if to == i { slices[0] } else { slice };
+                    there.off_low(slice, slice, 20)
+                };
+                let off = (from.carry(slices, &onto, &between) - expected).length();
+                assert!(off < BOUND, "from {i}, {t} to {to}, {u}: {off}");
+            }
+        }
+    }
 }

@@ -305,4 +305,33 @@ mod tests {
         let found = differing_area(&a, &b, &away, [1.0; 2]);
         assert!((found - both).abs() < 2.0, "{found}, not {both}");
     }
+
+    #[test]
+    fn another_part_a_row_away_is_not_its_own() {
+        for across in [DVec2::X, DVec2::Y] {
+            let bars = contour([1.0; 2], |x| {
+                let of = |middle: f64| ((x - DVec2::new(40.0, 33.0)).dot(across) - middle).abs() - 3.0;
+                of(-3.5).min(of(3.5)).max((x - DVec2::new(40.0, 33.0)).perp_dot(across).abs() - 12.0)
+            });
+            assert_eq!(bars.solids.count, 2);
+            for part in [1, 2] {
+                let area = Cover::new(&bars, part).moments([1.0; 2]).area;
+                assert!((area - 144.0).abs() < 3.0, "part {part}: {area}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_turned_part_differs_in_all_of_its_area() {
+        // In the mid frame both lie crosswise and smaller by the cosine of half the angle; what they share is a rhombus as wide as they are.
+        let (bar, theta) = (Cover::new(&bar([1.0; 2], DVec2::new(40.0, 33.0), 0.0), 1), 1.2f64);
+        let shrunk = (0.5 * theta).cos();
+        let expected = 2.0 * (144.0 * shrunk.powi(2) - (6.0 * shrunk).powi(2) / theta.sin());
+        for sign in [1.0, -1.0] {
+            let turn = sign * 2.0 * (0.5 * theta).tan();
+            let rigid = Rigid { centre: DVec2::new(40.0, 33.0), turn, ..Rigid::STILL };
+            let found = differing_area(&bar, &bar, &rigid, [1.0; 2]);
+            assert!((found - expected).abs() < 4.0, "{found}, not {expected}");
+        }
+    }
 }

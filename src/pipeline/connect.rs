@@ -19,8 +19,8 @@ const SAME_TIME: f64 = 2e-6;
 /// A layer that waits for the others of its interval.
 struct IntervalLayer {
     layer: Layer,
-    /// Number of its time among the contours and [`NODE_TIMES`].
-    node: Option<usize>,
+    /// Whether it is a contour or lies at one of [`NODE_TIMES`].
+    node: bool,
 }
 
 /// Takes layers in order of height and hands them on, interval by interval. Needs those at [`NODE_TIMES`].
@@ -50,7 +50,7 @@ impl Together<'_, '_> {
     pub fn push(&mut self, mut layer: Layer, sink: &mut Sink<'_>) -> Result<()> {
         let last = self.contours.len() - 1;
         if let Some(i) = layer.contour {
-            self.wait(layer, Some(NODE_TIMES.len() + 1));
+            self.waiting.push(IntervalLayer { layer, node: true });
             self.finish_interval(sink)?;
             self.cores = if i < last { self.cores(i)? } else { None };
             return if i < last { Ok(()) } else { self.hand_on(sink) };
@@ -62,19 +62,14 @@ impl Together<'_, '_> {
             layer.phi.shrink_to_fit();
         }
         let t = (layer.z - low) / (high - low);
-        let node = NODE_TIMES.iter().position(|node| (t - node).abs() <= SAME_TIME).map(|k| k + 1);
-        self.wait(layer, node);
+        let node = NODE_TIMES.iter().any(|node| (t - node).abs() <= SAME_TIME);
+        self.waiting.push(IntervalLayer { layer, node });
         Ok(())
     }
 
     /// Hands on everything that is left.
     pub fn finish(mut self, sink: &mut Sink<'_>) -> Result<()> {
         self.hand_on(sink)
-    }
-
-    fn wait(&mut self, layer: Layer, node: Option<usize>) {
-        let node = if self.waiting.is_empty() { Some(0) } else { node };
-        self.waiting.push(IntervalLayer { layer, node });
     }
 
     fn cores(&self, i: usize) -> Result<Option<Cores>> {
@@ -95,7 +90,7 @@ impl Together<'_, '_> {
         }
         let next = self.waiting.pop();
         self.hand_on(sink)?;
-        self.waiting.extend(next.map(|contour| IntervalLayer { node: Some(0), ..contour }));
+        self.waiting.extend(next);
         Ok(())
     }
 
@@ -129,7 +124,7 @@ impl Together<'_, '_> {
     /// Parts of the layers that wait which do not float.
     fn stays(&self, all: &[Runs], side: Side) -> Vec<Vec<bool>> {
         let nx = self.shown.dims[0];
-        let places: Vec<usize> = (0..all.len()).filter(|&k| self.waiting[k].node.is_some()).collect();
+        let places: Vec<usize> = (0..all.len()).filter(|&k| self.waiting[k].node).collect();
         let nodes: Vec<Runs> = places.iter().map(|&k| all[k].clone()).collect();
         let or_whole = |stays: Vec<Vec<bool>>, all: &[Runs]| -> Vec<Vec<bool>> {
             let of =
@@ -146,5 +141,56 @@ impl Together<'_, '_> {
         };
         let there: Vec<Vec<bool>> = all.par_iter().enumerate().map(of).collect();
         or_whole(grounded(all, Some(&there), nx, side), all)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::field::Field;
+    use crate::grid::sparse_image::SparseImage;
+    use crate::storage::spill::Budget;
+
+    const N: usize = 9;
+
+    /// A layer that is inside at these pixels of row 1.
+    fn layer(z: f64, inside: &[usize]) -> Layer {
+        let value = |n: usize| if n / N == 1 && inside.contains(&(n % N)) { -0.5 } else { 0.5 };
+        let phi = SparseImage::of([N; 2], &(0..N * N).map(value).collect::<Vec<_>>());
+        Layer { z, phi, output: true, contour: [0.0, 8.0].iter().position(|contour| *contour == z) }
+    }
+
+    #[test]
+    fn what_floats_by_the_nodes_goes_whatever_other_layers_come() {
+        let budget = Budget::unlimited();
+        let mut contours = SpillVec::new(&budget);
+        let field = |i: usize, j: usize| libm::hypot(i as f64 - 1.0, j as f64 - 1.0) - 0.6;
+        for z in [0.0, 8.0] {
+            contours.push(Contour::new(z, Field::from_fn([N; 2], field), [1.0; 2], 1.0)).expect("it stays in memory");
+        }
+        let inside_at = |others: &[(f64, &[usize])]| {
+            let shown = OutputImage { dims: [N; 2], pad: [0; 2], h: [1.0; 2], limit: 9.0 };
+            let bonds = Bonds { cores: false, grounded: true };
+            let (contours, parted) = (&contours, vec![Vec::new()]);
+            let mut together = Together { contours, parted, shown, px: 1.0, bonds, waiting: Vec::new(), cores: None };
+            let mut layers =
+                vec![layer(0.0, &[1]), layer(2.0, &[1]), layer(4.0, &[1, 3]), layer(6.0, &[1]), layer(8.0, &[1])];
+            layers.extend(others.iter().map(|(z, inside)| layer(*z, inside)));
+            layers.sort_by(|a, b| a.z.total_cmp(&b.z));
+            let mut out = Vec::new();
+            let mut sink = |layer: Layer| {
+                out.push((layer.z, (0..N).filter(|&i| layer.phi.at(i, 1) < 0.0).collect::<Vec<_>>()));
+                Ok(())
+            };
+            layers.into_iter().try_for_each(|layer| together.push(layer, &mut sink)).expect("nothing fails");
+            together.finish(&mut sink).expect("nothing fails");
+            out
+        };
+        let alone = inside_at(&[]);
+        assert_eq!(alone, [0.0, 2.0, 4.0, 6.0, 8.0].map(|z| (z, vec![1])));
+        // A layer on which the piece at 4 hangs together with the rest does not save it.
+        let with = inside_at(&[(5.0, &[1, 2, 3])]);
+        assert_eq!(with[3], (5.0, vec![1, 2, 3]));
+        assert!(with.into_iter().filter(|layer| layer.0 != 5.0).eq(alone));
     }
 }

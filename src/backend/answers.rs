@@ -266,3 +266,18 @@ fn of_field(field: &Field) -> Key {
 fn locked<T>(known: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     known.lock().unwrap_or_else(PoisonError::into_inner)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_used_longest_ago_is_forgotten_first() {
+        let key = |k: u8| [k; 32];
+        let mut known = Known::default();
+        (0..4).for_each(|k| known.put(key(k), k));
+        assert_eq!(known.get(&key(0)), Some(0));
+        known.keep(2);
+        assert_eq!([0, 1, 2, 3].map(|k| known.get(&key(k))), [Some(0), None, None, Some(3)]);
+    }
+}

@@ -53,3 +53,32 @@ pub fn differing_pixels(phi: &SparseImage<f32>, slice: &SliceContent) -> usize {
     };
     (0..ny).map(differing).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::field::Field;
+    use crate::grid::tile::Tile;
+
+    #[test]
+    fn a_part_that_shrinks_towards_its_end_begins_to_close_with_its_own_slope() {
+        let tile = Tile { origin: [0; 2], dims: [3; 2] };
+        let part = |direction| LonePart::new(tile, Field::filled(tile.dims, -4.0), vec![0, 2], direction);
+        let interval = Interval { lone: [Direction::Up, Direction::Down].map(part).into(), ..Interval::default() };
+        // 2 px per gap in the mean of the part's own seeds; half a gap of that over 4 px are 0.25.
+        let fitted = |sign: f64| {
+            let mut fitted = Fitted::default();
+            fitted.slopes.extend([0.1, 9.0, 0.3].map(|m| sign * m));
+            fitted
+        };
+        let shrinking = |low: f64, high: f64| {
+            let caps = IntervalCaps::new(&interval, [&fitted(low), &fitted(high)], 10.0, 1.0, 9.0);
+            caps.solids.iter().map(|(cap, _)| cap.profile.shrinking()).collect::<Vec<_>>()
+        };
+        // Upward one shrinks whose contour goes inward on the way up, downward one whose contour goes outward.
+        for (found, expected) in [(shrinking(-1.0, 1.0), [0.25; 2]), (shrinking(1.0, -1.0), [0.0; 2])] {
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}, not {expected:?}");
+            assert_eq!(found.len(), 2);
+        }
+    }
+}

@@ -365,3 +365,27 @@ pub fn course(
         _ => [s, m0, m1, ok],
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_course_lands_with_the_slope_there_and_leaves_fast_where_its_particle_died() {
+        let own = |slope: f64| {
+            let near = Lists::new(&[vec![Weighted { seed: 0, weight: 0.25 }, Weighted { seed: 1, weight: 0.75 }]]);
+            Fitted { slopes: vec![slope], down: near.clone(), up: near }
+        };
+        let next = Fitted { slopes: vec![4.0, 8.0], ..Fitted::default() };
+        let at = |kept: f64, direction: Direction, rule: SlopeRule| {
+            let track = Track { distance: 2.0, arc: 2.0, landing: DVec2::ZERO, kept };
+            course(&own(3.0), &track, &next, 0, direction, 0.5, rule)
+        };
+        let natural = |kept: f64| at(kept, Direction::Up, SlopeRule::Natural);
+        assert_eq!(natural(1.0), [2.0, 1.5, 3.5, 1.0]);
+        assert_eq!(natural(0.0), [2.0, 1.5, 6.0, 0.0], "three times the way");
+        assert_eq!(natural(0.5), [2.0, 1.5, 4.75, 0.5]);
+        assert_eq!(at(1.0, Direction::Down, SlopeRule::Natural), [2.0, -1.5, -3.5, 1.0]);
+        assert_eq!(at(0.5, Direction::Up, SlopeRule::Linear), [2.0, 2.0, 2.0, 0.5]);
+    }
+}

@@ -8,7 +8,7 @@ use super::context::Context;
 use crate::contour::Contour;
 use crate::contour::parts::{candidates, overlaps, parts};
 use crate::error::{Error, Result};
-use crate::grid::field::position;
+use crate::grid::field::{Field, position};
 use crate::grid::spline::smoothstep;
 use crate::pipeline::rigid_frames;
 use crate::reference::exact::exact_distance;
@@ -142,6 +142,15 @@ pub(super) fn see_links(
     Ok(())
 }
 
+/// Signed distance of every pixel to parts that are kept apart, on either contour, px.
+fn away_from(parted: &[(u32, u32)], pair: [&Contour; 2], h: [f64; 2]) -> Field {
+    let labels = pair.map(|contour| &contour.solids.labels);
+    let apart = |n: usize| parted.iter().any(|(a, b)| *a == labels[0][n] || *b == labels[1][n]);
+    let dims = pair[0].phi.dims;
+    let mask: Vec<bool> = (0..dims[0] * dims[1]).map(apart).collect();
+    exact_distance(&mask, dims, h)
+}
+
 /// Share of the fairing's strength in every interval where parts are kept apart.
 pub(super) fn fairing_shares(
     run: &Context<'_>,
@@ -153,15 +162,10 @@ pub(super) fn fairing_shares(
         if parted.is_empty() {
             return Ok(None);
         }
-        let pair = [contours.get(i)?, contours.get(i + 1)?];
-        let labels = [&pair[0].solids.labels, &pair[1].solids.labels];
-        let apart = |n: usize| parted.iter().any(|(a, b)| *a == labels[0][n] || *b == labels[1][n]);
-        let dims = pair[0].phi.dims;
-        let mask: Vec<bool> = (0..dims[0] * dims[1]).map(apart).collect();
-        let away = exact_distance(&mask, dims, run.h);
+        let away = away_from(&parted, [&*contours.get(i)?, &*contours.get(i + 1)?], run.h);
         let [none, all] = UNFAIRED;
         let [nx, ny] = run.stack.dims;
-        let padded = |n: usize| (n / nx + run.pad[1]) * dims[0] + n % nx + run.pad[0];
+        let padded = |n: usize| (n / nx + run.pad[1]) * away.dims[0] + n % nx + run.pad[0];
         let part = |n| smoothstep((away.data[padded(n)] - none) / (all - none)) as f32;
         Ok(Some((0..nx * ny).map(part).collect()))
     };
@@ -205,4 +209,25 @@ pub(super) fn origins(seen: &Contour, own: &Contour, back: impl Fn(DVec2) -> DVe
     // The lowest number where two are equally frequent.
     let most = |counts: &BTreeMap<u32, usize>| counts.iter().rev().max_by_key(|(_, count)| **count).map_or(0, |c| *c.0);
     counts.iter().map(most).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_either_contour_that_are_kept_apart_are_not_faired() {
+        let contour = |middles: &[f64]| {
+            let value = |i: usize, j: usize| {
+                let away = middles.iter().map(|x| libm::hypot(i as f64 - x, j as f64 - 10.0) - 4.5);
+                away.fold(f64::INFINITY, f64::min)
+            };
+            Contour::new(0.0, Field::from_fn([100, 20], value), [1.0; 2], 1.0)
+        };
+        // The right one of two below, and the left one of two above.
+        let away = away_from(&[(2, 1)], [&contour(&[12.0, 48.0]), &contour(&[80.0, 92.0])], [1.0; 2]);
+        let at = |x: usize| away.data[10 * 100 + x];
+        assert!(at(48) < -4.0 && at(80) < -4.0, "{} {}", at(48), at(80));
+        assert!(at(12) > 30.0 && at(92) > 5.0, "{} {}", at(12), at(92));
+    }
 }

@@ -4,15 +4,18 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 
+use glam::DVec2;
+
 use super::context::{Context, Sink, time};
 use super::ends::{above, below};
 use super::sweep_inputs::{FieldFallback, SweepInputs};
 use crate::backend::MorphOptions;
 use crate::backend::interval_morph::{FrameSource, IntervalMorph, LayerImage, MorphFrame, Morphed};
-use crate::backend::jobs::{SweepJob, SweepPair};
+use crate::backend::jobs::{SweepJob, SweepPair, Track};
 use crate::backend::requests::MorphRequest;
 use crate::contour::Contour;
 use crate::contour::direction::Direction;
+use crate::contour::seeds::Seed;
 use crate::error::{Error, Result};
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
@@ -48,15 +51,21 @@ impl SweepInputs<'_, '_> {
         });
         let particles = seen.iter().zip(ends).zip(&apart).flat_map(|((contour, side), apart)| {
             let tracks = side.map_or(&[][..], |s| &s.tracks);
-            let known = |inside: usize| apart[contour.solids.labels[inside] as usize];
-            contour
-                .seeds
-                .iter()
-                .zip(tracks)
-                .map(move |(seed, track)| (seed.x, if known(seed.inside) { 1.0 } else { track.kept }))
+            particles(contour, tracks, apart)
         });
         Ok(Trust::new(moving, 0, h, relief, particles))
     }
+}
+
+/// Places of a contour's seeds, and to what share the particle of each arrived: all of it in parts that are kept `apart`.
+fn particles<'t>(
+    contour: &'t Contour,
+    tracks: &'t [Track],
+    apart: &'t [bool],
+) -> impl Iterator<Item = (DVec2, f64)> + use<'t> {
+    let known = |inside: usize| apart[contour.solids.labels[inside] as usize];
+    let share = move |seed: &Seed, track: &Track| if known(seed.inside) { 1.0 } else { track.kept };
+    contour.seeds.iter().zip(tracks).map(move |(seed, track)| (seed.x, share(seed, track)))
 }
 
 /// Sweeps and composes, some intervals at a time, so that only their tiles are in memory.
@@ -95,18 +104,19 @@ fn frame<'f, 'a>(run: &'f Context<'a>, made: &'f SweepInputs<'_, 'a>, i: usize) 
     let FieldFallback { moving, slopes, lone } = made.beside.as_ref()?;
     let read = move || {
         let moving = moving.part(i..i + 2)?;
-        let trust = Arc::new(made.trust(&moving, i, run.h, relief(run))?);
+        let trust = Arc::new(made.trust(&moving, i, run.h, relief(run.settings, run.span.change.relief))?);
         let empty = [i, i + 1].map(|k| made.contours.light(k).solids.count == 0);
         Ok(MorphFrame { moving, empty, slopes: [slopes.get(i)?, slopes.get(i + 1)?], lone: lone.get(i)?, trust })
     };
     Some(FrameSource::new(lone.light(i), read))
 }
 
-/// Share by which the field's slopes of relief replace the morph's: whoever asks for other slopes than the default ones gets them.
-fn relief<'a>(run: &Context<'a>) -> f64 {
-    let Settings { slope, clamp_bottom, clamp_top, .. } = run.settings;
+/// Share by which the field's slopes of relief replace the morph's where the stack is relief to the degree `seen`: whoever asks for other slopes than
+/// the default ones gets them.
+fn relief(settings: &Settings, seen: f64) -> f64 {
+    let Settings { slope, clamp_bottom, clamp_top, .. } = settings;
     let asked = *slope != Settings::default().slope || clamp_bottom.is_some() || clamp_top.is_some();
-    if asked { 0.0 } else { run.span.change.relief }
+    if asked { 0.0 } else { seen }
 }
 
 /// The layers of some intervals.
@@ -226,4 +236,36 @@ fn chunks<'a>(run: &Context<'a>, intervals: &SpillVec<'a, Interval>, heights: &H
         filled += bytes;
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::field::Field;
+    use crate::settings::SlopeRule;
+
+    #[test]
+    fn whoever_asks_for_slopes_gets_them_on_relief_too() {
+        let relief = |settings: Settings| relief(&settings, 0.75);
+        assert_eq!(relief(Settings::default()), 0.75);
+        assert_eq!(relief(Settings { slope: SlopeRule::Natural, ..Settings::default() }), 0.0);
+        assert_eq!(relief(Settings { clamp_bottom: Some(0.0), ..Settings::default() }), 0.0);
+        assert_eq!(relief(Settings { clamp_top: Some(0.0), ..Settings::default() }), 0.0);
+    }
+
+    #[test]
+    fn particles_of_parts_that_are_kept_apart_count_as_arrived() {
+        let value = |i: usize, j: usize| {
+            let away = |x: f64| libm::hypot(i as f64 - x, j as f64 - 12.0) - 6.5;
+            away(12.0).min(away(36.0))
+        };
+        let contour = Contour::new(0.0, Field::from_fn([48, 24], value), [1.0; 2], 1.0);
+        let track = Track { distance: 0.0, arc: 0.0, landing: DVec2::ZERO, kept: 0.25 };
+        let tracks = vec![track; contour.seeds.len()];
+        let found: Vec<(DVec2, f64)> = particles(&contour, &tracks, &[false, false, true]).collect();
+        assert!(found.len() > 16 && found.len() == contour.seeds.len());
+        for (x, share) in found {
+            assert_eq!(share, if x.x < 24.0 { 0.25 } else { 1.0 }, "at {x}");
+        }
+    }
 }

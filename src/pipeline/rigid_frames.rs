@@ -199,3 +199,49 @@ pub fn meeting(low: &Contour, high: &Contour, (from, to): (u32, u32), at_slices:
     };
     share((low, from), (high, to), 0, 1.0).max(share((high, to), (low, from), 1, -1.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::field::Field;
+
+    const DIMS: [usize; 2] = [140, 90];
+
+    /// Discs with these middles and radii; parts are numbered by their lowest rows.
+    fn discs(discs: &[(DVec2, f64)]) -> Contour {
+        let value = |i: usize, j: usize| {
+            let away =
+                |(middle, radius): &(DVec2, f64)| middle.distance(DVec2::new(i as f64, j as f64)) - radius + 1e-9;
+            discs.iter().map(away).fold(f64::INFINITY, f64::min)
+        };
+        Contour::new(0.0, Field::from_fn(DIMS, value), [1.0; 2], 1.0)
+    }
+
+    #[test]
+    fn between_a_body_and_what_stands_still_the_nearer_counts_more() {
+        let (still, shift) = ((DVec2::new(100.0, 60.0), 6.0), DVec2::new(10.0, 4.0));
+        let [low, high] = [DVec2::ZERO, shift].map(|by| discs(&[(DVec2::new(30.0, 30.0) + by, 6.0), still]));
+        let displacement = linked(&low, &high, &[(1, 1)], [1.0; 2]).displacement;
+        let slices = Slices::new(&low, &high, [1.0; 2]);
+        let [moving, resting] = [(1, 1), (2, 2)].map(|pair| slices.body(pair).0);
+        assert!(moving.rigid.shift.distance(shift) < 0.1 && resting.rigid.shift.length() < 0.1);
+        let weight = |d: f64| if d <= 4.0 { 16.0 } else { 1.0 / (d - 3.75).powi(2) };
+        for (k, v) in displacement.vectors.iter().enumerate() {
+            let (own, other) = (weight(moving.away[k]), weight(resting.away[k]));
+            let expected = own / (own + other) * moving.rigid.shift;
+            assert!(v.distance(expected) < 1e-9, "node {k}: {v}, not {expected}");
+        }
+    }
+
+    #[test]
+    fn a_part_moves_by_itself_where_no_other_is_near_its_way() {
+        let from = (DVec2::new(30.0, 30.0), 8.0);
+        let to = (DVec2::new(38.0, 30.0), 8.0);
+        for (other, moves) in [(DVec2::new(100.0, 60.0), true), (DVec2::new(38.0, 46.0), false)] {
+            let [low, high] = [from, to].map(|own| discs(&[own, (other, 4.0)]));
+            let displacement = rigid(&low, &high, &[], [1.0; 2]).displacement;
+            assert_eq!(displacement.largest() > 7.0, moves, "beside {other}: {}", displacement.largest());
+            assert_eq!(displacement.largest() > 0.0, moves, "beside {other}");
+        }
+    }
+}

@@ -103,3 +103,23 @@ pub fn sides(
     }
     sides
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::field::Field;
+
+    #[test]
+    fn a_seed_without_partner_goes_inward_as_far_as_its_part_is_deep_where_that_ends() {
+        let disc = |i: usize, j: usize| libm::hypot(i as f64 - 15.0, j as f64 - 15.0) - 6.0;
+        let contour = Contour::new(0.0, Field::from_fn([31, 31], disc), [1.0; 2], 1.0);
+        assert!(contour.seeds.len() > 8);
+        let tile = contour.tile_of(&[1], [8; 2]);
+        let field = tile.cut(&contour.phi);
+        let part = LonePart { closes: 0.25, ..LonePart::new(tile, field, vec![0, 3], Direction::Up) };
+        let side = SideTracks::without_partner(&contour, std::iter::once(&part));
+        let distances: Vec<f64> = side.tracks.iter().map(|track| track.distance).take(5).collect();
+        assert_eq!(distances, [-24.0, 0.0, 0.0, -24.0, 0.0], "6 px deep, gone after a quarter of the gap");
+        assert!(side.lone.iter().all(|lone| *lone) && side.tracks.iter().all(|track| track.kept == 0.0));
+    }
+}

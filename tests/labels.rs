@@ -269,7 +269,7 @@ fn wrong_labels_are_told_before_anything_runs() {
     let out = place.path().join("out.nrrd");
     let picture = place.path().join("out.png");
     let cases: [(&Path, &[&str], &str); 9] = [
-        (&input, &["--labels", "1,9"], "no label 9; labels are 1, 2, 3, 4, 5"),
+        (&input, &["--labels", "1,9"], "no label 9; labels are 1, 2, 3, 4, 5\n"),
         (&input, &["--labels", "1,5"], "label 5 is drawn on 1 of the slices"),
         (&input, &["--labels", "1,0"], "0 is the background"),
         (&input, &["--labels", "one"], "must name one of the file's labels; got `one`; the file has no names"),

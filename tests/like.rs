@@ -263,6 +263,7 @@ mod series {
             (text(tags::PIXEL_SPACING, VR::DS, "3"), "98.dcm: Pixel Spacing must be 2 numbers; got `3`"),
             (text(tags::PIXEL_SPACING, VR::DS, "3\\1e999"), "98.dcm: Pixel Spacing must be 2 numbers; got `3\\1e999`"),
             (text(tags::PIXEL_SPACING, VR::DS, "3\\4"), "has other pixels than"),
+            (text(tags::PIXEL_SPACING, VR::DS, "3\\1.9"), "has other pixels than"),
             (
                 text(tags::IMAGE_POSITION_PATIENT, VR::DS, "a\\b\\c"),
                 "98.dcm: Image Position (Patient) must be 3 numbers",

@@ -238,6 +238,12 @@ fn what_is_wrong_is_named() {
     image_3(&path, |_| {});
     let array = path.join("s0/zarr.json");
     let sound: Value = serde_json::from_slice(&fs::read(&array).expect("it is there")).expect("JSON");
+    let mut twice = sound.clone();
+    twice["shape"][0] = json!(2);
+    image_3(&path, |image| image["axes"] = space(&["t", "y", "x"], None));
+    put(&array, &twice);
+    refused(&path, &["axis t has 2 places"]);
+    image_3(&path, |_| {});
     for (key, value, says) in [
         ("shape", json!([7_000_000, 10_000, 12]), "bytes of voxels are more than chunks of"),
         ("data_type", json!("float16"), "voxels of type"),

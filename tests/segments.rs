@@ -5,11 +5,14 @@
 mod files;
 
 use std::fs;
+use std::io::Write;
 use std::path::Path;
 
 use files::*;
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use interslice::input::labels::{Wanted, read_labels};
-use interslice::input::{files as files_of, read, survey};
+use interslice::input::{files as files_of, open_volume, read, survey};
 use interslice::stack::{ContourStack, ReadOptions};
 
 const SIZES: [usize; 3] = [30, 20, 9];
@@ -39,10 +42,13 @@ fn layered(header: &str) -> Vec<u8> {
     [header.as_bytes(), &(0..liver.len()).flat_map(voxel).collect::<Vec<u8>>()].concat()
 }
 
+/// Header of a mask.
+const PLACED: &str = "space directions: (1,0,0) (0,1,0) (0,0,3)\nspace: LPS\nencoding: raw";
+
 /// A mask as a NRRD of its own.
 fn mask(inside: &[bool]) -> Vec<u8> {
     let voxels: Vec<u8> = inside.iter().map(|m| 7 * u8::from(*m)).collect();
-    nrrd("space directions: (1,0,0) (0,1,0) (0,0,3)\nspace: LPS\nencoding: raw", "uchar", SIZES, &voxels)
+    nrrd(PLACED, "uchar", SIZES, &voxels)
 }
 
 fn write(path: &Path, bytes: &[u8]) {
@@ -110,6 +116,22 @@ fn segments_that_overlap_are_taken_whole_by_name() {
     assert_eq!(files_of(&folder).expect("the masks"), masks);
     let said = String::from_utf8_lossy(&interslice(&["inspect", &folder.display().to_string()]).stdout).into_owned();
     assert!(said.contains("folder of masks") && said.contains("2 `Liver`"), "{said}");
+}
+
+#[test]
+fn each_layer_of_segments_is_had_by_itself() {
+    let place = folder();
+    let [file, _] = both(place.path());
+    let volume = open_volume(&file).expect("the volume is sound");
+    let of = |layer: usize| {
+        let mut voxels = Vec::new();
+        volume.labels_of_layer(layer, |run| voxels.extend_from_slice(run.values)).expect("it can be read");
+        voxels
+    };
+    assert_eq!(volume.layers(), 2);
+    let [liver, cyst, spleen] = organs().map(|organ| organ.into_iter().map(i64::from).collect::<Vec<_>>());
+    assert_eq!(of(0), liver.iter().zip(&cyst).map(|(liver, cyst)| liver + 2 * cyst).collect::<Vec<_>>());
+    assert_eq!(of(1), spleen.iter().map(|spleen| 3 * spleen).collect::<Vec<_>>());
 }
 
 #[test]
@@ -214,6 +236,12 @@ fn masks_of_a_folder_have_one_grid() {
     refused(&["inspect", &input], &["Tumour.nrrd: has 10 x 20 x 9 voxels, but Cyst.nrrd has 30 x 20 x 9"]);
     write(&masks.join("Tumour.nrrd"), &mask(&liver)[..4000]);
     refused(&["inspect", &input], &["Tumour.nrrd: data end after"]);
+    // Packed data that end beyond the first stretch of voxels that is read at a time.
+    let mut packed = GzEncoder::new(Vec::new(), Compression::default());
+    packed.write_all(&[7; 5000]).expect("memory takes it");
+    let packed = packed.finish().expect("memory takes it");
+    write(&masks.join("Tumour.nrrd"), &nrrd(&PLACED.replace("raw", "gzip"), "uchar", SIZES, &packed));
+    refused(&["inspect", &input], &["Tumour.nrrd: data end after 5000 of 5400 bytes"]);
     // A grey volume, or one of many labels, is no mask.
     let mut several = mask(&liver);
     let at = several.iter().rposition(|byte| *byte == 7).expect("it is painted");

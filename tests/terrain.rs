@@ -663,7 +663,8 @@ fn below_the_lowest_contour_there_may_be_heights() {
     write(&input, &cone());
     let heights = |below: &[&str]| {
         let [from, to] = [&input, &output].map(|p| p.to_str().expect("temporary paths are UTF-8"));
-        let border = format!("{},{},{},{}", EAST - 500.0, NORTH - 500.0, EAST + 500.0, NORTH + 500.0);
+        // Wider than high.
+        let border = format!("{},{},{},{}", EAST - 500.0, NORTH - 500.0, EAST + 560.0, NORTH + 500.0);
         let common = ["--pixel", "10", "--border", &border, "--backend", "cpu", "-q"];
         let result = interslice(&[&["reconstruct", from, "-o", to], &common[..], below].concat());
         assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
@@ -695,4 +696,11 @@ fn below_the_lowest_contour_there_may_be_heights() {
     fs::create_dir(&stack).expect("a folder can be made");
     sound_stack(&stack);
     assert_says(&refused_file(&stack, &["--below", "constant"]), &["`below` is not for anything but contour maps"]);
+}
+
+#[test]
+fn heights_are_an_eighth_of_the_middle_distance_between_levels_apart() {
+    let levels = [(100.0, 400.0), (110.0, 300.0), (150.0, 200.0), (250.0, 100.0)];
+    let terrain = read(&levels.map(|(z, r)| feature(z, &circle([0.0, 0.0], r))), &pixels(20.0));
+    assert_eq!(terrain.step(), Some(5.0));
 }

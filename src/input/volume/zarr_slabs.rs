@@ -123,6 +123,16 @@ pub(crate) struct Slabs {
     used: usize,
 }
 
+/// Voxels in memory while `depth` places of the axis `slow` are read, along which chunks are `side` long: what zarrs decodes, which are whole chunks,
+/// also where they stand out beyond the array, and what is made of it.
+fn voxels_at_once(sizes: &[usize], chunk: &[u64], slow: usize, [side, depth]: [usize; 2]) -> f64 {
+    let layer: f64 = sizes.iter().skip(slow + 1).map(|n| *n as f64).product();
+    let whole = |(n, side): (&usize, &u64)| (*n as u64).div_ceil(*side) as f64 * *side as f64;
+    let chunks: f64 = side as f64 * sizes.iter().zip(chunk).skip(slow + 1).map(whole).product::<f64>();
+    let before: f64 = chunk.iter().take(slow).map(|side| *side as f64).product();
+    layer * depth as f64 + before * chunks
+}
+
 impl Slabs {
     pub fn open(folder: &Path, sizes: &[usize], voxel: usize) -> Failure<Self> {
         let array = open(folder)?;
@@ -130,12 +140,7 @@ impl Slabs {
         let chunk = chunk(&array)?;
         let side = chunk.get(slow).map_or(1, |n| usize::try_from(*n).unwrap_or(usize::MAX));
         let depth = side.min(sizes.get(slow).copied().unwrap_or(1)).max(1);
-        let layer: f64 = sizes.iter().skip(slow + 1).map(|n| *n as f64).product();
-        // What zarrs decodes, which are whole chunks, also where they stand out beyond the array; and what is made of it.
-        let whole = |(n, side): (&usize, &u64)| (*n as u64).div_ceil(*side) as f64 * *side as f64;
-        let chunks: f64 = side as f64 * sizes.iter().zip(&chunk).skip(slow + 1).map(whole).product::<f64>();
-        let before: f64 = chunk.iter().take(slow).map(|side| *side as f64).product();
-        room::check_room((layer * depth as f64 + before * chunks) * voxel as f64)
+        room::check_room(voxels_at_once(sizes, &chunk, slow, [side, depth]) * voxel as f64)
             .map_err(|m| format!("{depth} layers, which its chunks hold together, {m}"))?;
         Ok(Slabs { array, sizes: sizes.into(), slow, depth, next: 0, bytes: Vec::new(), used: 0 })
     }
@@ -179,5 +184,18 @@ impl Read for Slabs {
         out[..n].copy_from_slice(&self.bytes[self.used..self.used + n]);
         self.used += n;
         Ok(n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_chunks_are_in_memory_beside_the_voxels_that_are_made_of_them() {
+        // Two chunks of 64 cover 100 places, one covers 60.
+        assert_eq!(voxels_at_once(&[10, 100, 60], &[4, 64, 64], 0, [4, 4]), (4 * 100 * 60 + 4 * 128 * 64) as f64);
+        // Of an axis with one place before it a whole chunk is decoded, too; and no more than there is is made of a chunk.
+        assert_eq!(voxels_at_once(&[1, 3, 100], &[5, 4, 64], 1, [4, 3]), (3 * 100 + 5 * 4 * 128) as f64);
     }
 }

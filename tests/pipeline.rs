@@ -5,7 +5,7 @@ mod shapes;
 use interslice::grid::spline::slope;
 use interslice::progress::Silent;
 use interslice::settings::{SlopeRule, SplineEnd};
-use interslice::stack::ContourStack;
+use interslice::stack::{ContourStack, Slice};
 use interslice::surface::Layer;
 use interslice::{Reconstruction, Reference, Settings, reconstruct_with};
 use shapes::*;
@@ -247,4 +247,27 @@ fn re_estimated_distances_arrive_too() {
     assert!(moved > 1e-4, "re-estimation changes something");
     assert!(moved < 1.0, "but not much: {moved}");
     assert!(residual <= 0.3, "{residual}");
+}
+
+#[test]
+fn lengths_have_no_unit() {
+    // A power of two, so that nothing is rounded. One part goes on, another is on one contour alone, which fairing knows by distances.
+    const UNIT: f64 = 1.0 / 64.0;
+    let (knots, heights) = ([0.0, 6.0, 14.0, 20.0], [0.0, 3.0, 6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0]);
+    let shapes = [
+        circle(24.0, 30.0, 9.0),
+        union(circle(25.0, 30.0, 10.0), circle(48.0, 20.0, 6.0)),
+        circle(27.0, 32.0, 12.0),
+        circle(28.0, 33.0, 9.0),
+    ];
+    let stack = masks(64, &knots, &shapes);
+    let slice = |slice: &Slice| Slice { z: UNIT * slice.z, ..slice.clone() };
+    let small = ContourStack { spacing: [UNIT; 2], slices: stack.slices.iter().map(slice).collect(), ..stack.clone() };
+    let own = run(&stack, &heights, &Settings::default());
+    let other = run(&small, &heights.map(|z| UNIT * z), &Settings::default());
+    assert_eq!(own.layers.len(), other.layers.len());
+    for (a, b) in own.layers.iter().zip(&other.layers) {
+        let apart = a.phi.iter().zip(b.phi.iter()).map(|(a, b)| (a - b / UNIT as f32).abs()).fold(0.0, f32::max);
+        assert!(apart < 1e-4, "height {}: {apart} px", a.z);
+    }
 }

@@ -99,3 +99,19 @@ fn a_section_reads_no_more_than_it_needs() {
         assert!(matches!(&error, Error::Setting { name, .. } if name == said), "{error}");
     }
 }
+
+#[test]
+fn a_section_that_would_end_with_an_empty_slice_reads_on_to_the_next_contour() {
+    let heights: Vec<f64> = (0..16).map(f64::from).collect();
+    let settings = Settings { fair: 0.0, motion: Motion::None, ..Settings::default() };
+    let part = |empty: &[usize]| {
+        let shape = |k| if empty.contains(&k) { nothing() } else { circle(12.0, 12.0, 6.0) };
+        let stack = masks(24, &heights, &(0..16).map(shape).collect::<Vec<_>>());
+        Section::part(&stack, &settings, 1, 7).expect("a part")
+    };
+    // Two intervals, and those that chains of correspondences reach.
+    assert_eq!((part(&[]).kept, part(&[]).slices), (0..2, 0..15));
+    assert_eq!(part(&[13]).slices, 0..15);
+    assert_eq!(part(&[14]).slices, 0..16);
+    assert_eq!(part(&[14, 15]).slices, 0..16);
+}

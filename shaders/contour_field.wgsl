@@ -12,7 +12,8 @@
 @group(0) @binding(8) var<storage, read_write> lengths: array<f32>;
 
 // Weights of a Gaussian in groups of four, `reach` to each side; smallest |value| that keeps a pixel's side; largest move from the exact
-// distance; how far conditioned values count; least length of contour that an area is divided by; largest move for an area.
+// distance; how far conditioned values count; least length of contour that an area is divided by; largest move
+// for an area; square of a gradient that tells of no direction.
 struct Rule {
     weights: array<vec4<f32>, 11>,
     reach: u32,
@@ -23,6 +24,10 @@ struct Rule {
     conditioned: f32,
     least_length: f32,
     most_shift: f32,
+    flat_square: f32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
 }
 
 fn keep_side(v: f32, side: f32, floor: f32) -> f32 {
@@ -103,15 +108,44 @@ fn covered(v: f32) -> f32 {
     return clamp(0.5 - v, 0.0, 1.0);
 }
 
+// Width of a pixel across the contour whose level set has this gradient.
+fn pixel_width(gradient: vec2<f32>) -> f32 {
+    let sides = vec2(params.hx, params.hy);
+    let least = min(sides.x, sides.y);
+    let squares = gradient * gradient;
+    return sqrt((dot(squares, sides * sides) + rule.flat_square * least * least) / (squares.x + squares.y + rule.flat_square));
+}
+
 // The area that each pixel lacks of its mask in the level set `first`, and the length of contour in it.
 @compute @workgroup_size(lane_count)
 fn measure_area(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let node = list_index(group, local);
-    if node < params.block_count * BLOCK {
-        let v = first[node];
-        result[node] = select(0.0, 1.0, sides[node] < 0.0) - covered(v);
-        lengths[node] = 2.0 * (covered(v - 0.25) - covered(v + 0.25));
+    if node >= params.block_count * BLOCK {
+        return;
     }
+    let q = blocks[node / BLOCK].job;
+    let nx = jobs[q].nx;
+    let ny = jobs[q].ny;
+    let n = node - jobs[q].offset;
+    result[node] = 0.0;
+    lengths[node] = 0.0;
+    let v = first[node];
+    // No pixel is wider than 1.
+    if n >= nx * ny || abs(v) >= 1.0 {
+        return;
+    }
+    let i = n % nx;
+    let j = n / nx;
+    let right = node + select(1u, 0u, i + 1u == nx);
+    let left = node - select(1u, 0u, i == 0u);
+    let up = node + select(nx, 0u, j + 1u == ny);
+    let down = node - select(nx, 0u, j == 0u);
+    // The steeper side: in the middle of a thin part the level set rises to both.
+    let across = max(abs(first[right] - v), abs(first[left] - v));
+    let along = max(abs(first[up] - v), abs(first[down] - v));
+    let width = pixel_width(vec2(across / params.hx, along / params.hy));
+    result[node] = select(0.0, 1.0, sides[node] < 0.0) - covered(v / width);
+    lengths[node] = 2.0 * (covered(v / width - 0.25) - covered(v / width + 0.25)) / width;
 }
 
 // `result` moved by the area `first` that it lacks per length `second`, both from around the pixel; no pixel changes its side.

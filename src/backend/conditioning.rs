@@ -15,6 +15,8 @@ pub const AREA_SIGMA: f64 = 3.0;
 pub const LEAST_LENGTH: f64 = 0.01;
 /// Distance by which a contour moves at most to get its area back, px.
 pub const MOST_SHIFT: f64 = 0.5;
+/// Square of a gradient that tells of no direction: there is none near a contour, and what divides by it stays finite.
+pub const FLAT: f64 = 1e-4;
 /// Iterations of Eq. 6 on a binary field for `eq6`.
 pub const EQ6_ITERATIONS: usize = 10;
 /// Iterations of Eq. 6 that bring phi to the fixed point of the sweeps' own reinitialisation. Without them the speed jumps at the
@@ -25,9 +27,16 @@ pub const CONDITION_WIDER: f64 = 4.0;
 /// Distance beyond the tubes to which conditioned values count, px.
 pub const CONDITIONED: f64 = 3.0;
 
-/// Length of contour in a pixel at that distance from it, px: by how much of it is covered less at a quarter of a pixel farther than at one nearer.
-pub fn contour_length(phi: f64) -> f64 {
-    2.0 * (covered(phi - 0.25) - covered(phi + 0.25))
+/// Width of a pixel of sides `h` across a contour whose level set changes by `along` per length along each axis: `|(h_x g_x, h_y g_y)| / |g|`.
+pub fn pixel_width(along: [f64; 2], h: [f64; 2]) -> f64 {
+    let [gx, gy] = along.map(|g| g * g);
+    let least = h[0].min(h[1]);
+    ((gx * h[0] * h[0] + gy * h[1] * h[1] + FLAT * least * least) / (gx + gy + FLAT)).sqrt()
+}
+
+/// Length of contour in a pixel at that distance from it, in pixels' areas per length: by how much of it is covered less half of its width farther.
+pub fn contour_length(phi: f64, width: f64) -> f64 {
+    2.0 * (covered(phi / width - 0.25) - covered(phi / width + 0.25)) / width
 }
 
 /// Weights of a Gaussian of width `sigma` samples, cut at 4 sigma; they sum to 1.

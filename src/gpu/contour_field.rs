@@ -12,7 +12,7 @@ use super::layout::{Block, Job, Params, Rule};
 use super::recorder::{Recorder, Size};
 use super::work;
 use crate::backend::conditioning::{
-    AREA_SIGMA, CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP,
+    AREA_SIGMA, CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, FLAT, KERNEL_CLIP,
     LEAST_LENGTH, MASK_FLOOR, MOST_SHIFT, gaussian_weights,
 };
 use crate::backend::{ContourOptions, PaddedSlice};
@@ -75,6 +75,9 @@ shader! {
     /// What pixels lack of their mask in the level set `first`, and the length of contour in them.
     MeasureArea for measure_area, "measure_area" {
         params: Uniform Params,
+        rule: Uniform Rule,
+        jobs: Read [Job],
+        blocks: Read [Block],
         first: Read [f32],
         sides: Read [f32],
         result: Write [f32],
@@ -188,6 +191,7 @@ fn rule(weights: &[f64]) -> Rule {
         kernel_clip: KERNEL_CLIP as f32,
         least_length: LEAST_LENGTH as f32,
         most_shift: MOST_SHIFT as f32,
+        flat_square: FLAT as f32,
         ..Rule::default()
     };
     for (k, &w) in weights.iter().enumerate() {
@@ -270,9 +274,9 @@ fn restore_area(
     let nodes = atlas.node_count();
     let storage = |name| gpu.device.storage(name, nodes);
     let (lack, lengths, half) = (&storage("lack")?, &storage("lengths")?, &storage("half")?);
-    let measure = MeasureArea { params, first: result, sides, result: lack, lengths };
-    recorder.run(&measure.bind(gpu), Size::List(nodes));
     let axes = axes(gpu, AREA_SIGMA);
+    let measure = MeasureArea { params, rule: &axes[0], jobs, blocks, first: result, sides, result: lack, lengths };
+    recorder.run(&measure.bind(gpu), Size::List(nodes));
     for (axis, first, result) in [(0, lack, half), (1, half, lack), (0, lengths, half), (1, half, lengths)] {
         let gaussian = Gaussian { params, rule: &axes[axis], jobs, blocks, first, result }.bind(gpu);
         recorder.run(&gaussian, Size::List(nodes));

@@ -321,6 +321,10 @@ mirrored!(
         conditioned: f32,
         least_length: f32,
         most_shift: f32,
+        flat_square: f32,
+        padding_a: u32,
+        padding_b: u32,
+        padding_c: u32,
     }
 );
 

@@ -10,7 +10,7 @@ use super::reinit::reinit;
 use crate::backend::ContourOptions;
 use crate::backend::conditioning::{
     AREA_SIGMA, CONDITION_ITERATIONS, CONDITION_WIDER, CONDITIONED, EQ6_ITERATIONS, FIELD_FLOOR, KERNEL_CLIP,
-    LEAST_LENGTH, MASK_FLOOR, MOST_SHIFT, contour_length, gaussian_weights,
+    LEAST_LENGTH, MASK_FLOOR, MOST_SHIFT, contour_length, gaussian_weights, pixel_width,
 };
 use crate::grid::field::{Field, covered};
 use crate::settings::AntiAlias;
@@ -39,7 +39,7 @@ pub fn field_of_mask(mask: &[bool], dims: [usize; 2], h: [f64; 2], options: Cont
         }
     }
     let phi = condition(phi, h, options.half_width);
-    if options.anti_alias == AntiAlias::Kernel { with_area(phi, mask) } else { phi }
+    if options.anti_alias == AntiAlias::Kernel { with_area(phi, mask, h) } else { phi }
 }
 
 /// Signed distance to the sub-pixel zero set of `u` (negative inside, 0 counts as outside); `inf` where nothing is inside.
@@ -66,13 +66,26 @@ fn condition(phi: Field, h: [f64; 2], half_width: f64) -> Field {
 
 /// Moves a contour along its normal by the area that it lacks of its mask per length, both in a Gaussian window: what smoothing takes from
 /// small and thin parts comes back. With the share c of a pixel that lies inside, `phi -= (G * (mask - c)) / (G * length)`.
-fn with_area(mut phi: Field, mask: &[bool]) -> Field {
-    let of = |value: &dyn Fn(usize, f64) -> f64| {
-        let data = phi.data.iter().enumerate().map(|(k, v)| value(k, *v)).collect();
-        gaussian(&Field { dims: phi.dims, data }, AREA_SIGMA)
+fn with_area(mut phi: Field, mask: &[bool], h: [f64; 2]) -> Field {
+    let [nx, ny] = phi.dims;
+    // The steeper side: in the middle of a thin part the level set rises to both.
+    let width = |i: usize, j: usize| {
+        let own = phi.data[j * nx + i];
+        let steeper = |low: usize, high: usize| (phi.data[low] - own).abs().max((phi.data[high] - own).abs());
+        let across = steeper(j * nx + i.saturating_sub(1), j * nx + (i + 1).min(nx - 1));
+        let along = steeper(j.saturating_sub(1) * nx + i, (j + 1).min(ny - 1) * nx + i);
+        pixel_width([across / h[0], along / h[1]], h)
     };
-    let lack = of(&|k, v| f64::from(u8::from(mask[k])) - covered(v));
-    let length = of(&|_, v| contour_length(v));
+    let of = |value: &dyn Fn(bool, f64, f64) -> f64| {
+        let at = |i: usize, j: usize| {
+            let (inside, v) = (mask[j * nx + i], phi.data[j * nx + i]);
+            // No pixel is wider than 1.
+            if v.abs() < 1.0 { value(inside, v, width(i, j)) } else { 0.0 }
+        };
+        gaussian(&Field::from_fn(phi.dims, at), AREA_SIGMA)
+    };
+    let lack = of(&|inside, v, width| f64::from(u8::from(inside)) - covered(v / width));
+    let length = of(&|_, v, width| contour_length(v, width));
     for (v, (lack, length)) in phi.data.iter_mut().zip(lack.data.iter().zip(&length.data)) {
         *v -= (lack / length.max(LEAST_LENGTH)).clamp(-MOST_SHIFT, MOST_SHIFT);
     }
@@ -130,43 +143,56 @@ fn add_scaled(out: &mut [f64], row: &[f64], w: f64) {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec2;
+
     use super::*;
 
-    const SIDE: usize = 48;
+    const SIDE: usize = 64;
+    /// Parts of a pixel along each axis at which areas are counted.
+    const PARTS: usize = 16;
 
-    /// Area inside the level set of the pixels that are chosen, over theirs.
-    fn share(is_inside: impl Fn(f64, f64) -> bool, anti_alias: AntiAlias) -> f64 {
-        let mask: Vec<bool> = (0..SIDE * SIDE).map(|n| is_inside((n % SIDE) as f64, (n / SIDE) as f64)).collect();
+    /// Area inside the level set, bilinear between pixels, of the pixels that are chosen by their place, over theirs.
+    fn share(h: [f64; 2], is_inside: impl Fn(DVec2) -> bool, anti_alias: AntiAlias) -> f64 {
+        let place = |n: usize| DVec2::new((n % SIDE) as f64 - 32.0, (n / SIDE) as f64 - 32.0) * DVec2::from(h);
+        let mask: Vec<bool> = (0..SIDE * SIDE).map(|n| is_inside(place(n))).collect();
         let options = ContourOptions { anti_alias, sigma: 1.0, half_width: 6.0 };
-        let phi = field_of_mask(&mask, [SIDE; 2], [1.0; 2], options);
+        let phi = field_of_mask(&mask, [SIDE; 2], h, options);
         assert!(phi.data.iter().zip(&mask).all(|(v, inside)| (*v < 0.0) == *inside), "a pixel has changed its side");
-        phi.data.iter().map(|v| covered(*v)).sum::<f64>() / mask.iter().filter(|m| **m).count() as f64
+        let at = |n: usize| n as f64 / PARTS as f64 + 0.5 / PARTS as f64;
+        let count = (0..(SIDE - 1) * PARTS)
+            .flat_map(|j| (0..(SIDE - 1) * PARTS).map(move |i| DVec2::new(at(i), at(j))))
+            .filter(|x| phi.sample(*x) < 0.0)
+            .count();
+        count as f64 / (PARTS * PARTS) as f64 / mask.iter().filter(|m| **m).count() as f64
     }
 
     #[test]
     fn small_and_thin_parts_keep_the_area_of_their_pixels() {
-        for radius in [1.0, 1.5, 2.2, 3.0, 5.0, 9.0, 15.0] {
-            for [x, y] in [[24.0, 24.0], [24.5, 24.1], [23.7, 24.3]] {
-                let disc = |i: f64, j: f64| (i - x).hypot(j - y) < radius;
-                let found = share(disc, AntiAlias::Kernel);
-                assert!((found - 1.0).abs() < 0.05, "radius {radius} at {x}, {y}: {found}");
+        for h in [[1.0, 1.0], [0.25, 1.0], [1.0, 0.5]] {
+            for radius in [1.5, 2.2, 3.0, 5.0] {
+                for middle in [DVec2::new(0.1, 0.2), DVec2::new(0.5, 0.05)] {
+                    let found = share(h, |x| x.distance(middle) < radius, AntiAlias::Kernel);
+                    assert!((0.9..1.01).contains(&found), "radius {radius} at {middle}, sides {h:?}: {found}");
+                }
             }
-        }
-        for (width, turn) in [(1.0f64, 0.3f64), (1.5, 0.5), (2.0, 1.1), (3.0, 0.0), (1.0, 0.0)] {
-            let (sin, cos) = turn.sin_cos();
-            let bar = |i: f64, j: f64| {
-                let [u, v] = [(i - 24.2) * cos + (j - 24.1) * sin, (j - 24.1) * cos - (i - 24.2) * sin];
-                u.abs() < 0.5 * width && v.abs() < 18.0
-            };
-            let found = share(bar, AntiAlias::Kernel);
-            assert!((found - 1.0).abs() < 0.08, "width {width}, turned by {turn}: {found}");
+            for samples in 1..5 {
+                let half = DVec2::splat(f64::from(samples) - 0.5) * DVec2::from(h);
+                let walls = [
+                    share(h, |x| x.x > -0.01 && x.x < half.x && x.y.abs() < 7.0, AntiAlias::Kernel),
+                    share(h, |x| x.y > -0.01 && x.y < half.y && x.x.abs() < 7.0, AntiAlias::Kernel),
+                ];
+                assert!(
+                    walls.iter().all(|wall| (0.9..1.01).contains(wall)),
+                    "{samples} samples, sides {h:?}: {walls:?}"
+                );
+            }
         }
     }
 
     #[test]
     fn the_papers_way_is_left_as_it_is() {
-        // A disc of seven pixels loses a quarter, a bar of two pixels gains a quarter.
-        let disc = |i: f64, j: f64| (i - 24.0).hypot(j - 24.0) < 2.1;
-        assert!(share(disc, AntiAlias::Eq6) < 0.95, "{}", share(disc, AntiAlias::Eq6));
+        let bar = |x: DVec2| x.x > -0.01 && x.x < 1.5 && x.y.abs() < 18.0;
+        let [paper, own] = [AntiAlias::Eq6, AntiAlias::Kernel].map(|rule| share([1.0; 2], bar, rule));
+        assert!(paper > 1.15 && own < 1.01, "two pixels wide: {paper} by Eq. 6, {own} by the kernel");
     }
 }

@@ -242,6 +242,7 @@ fn a_file_goes_before_auto() {
     };
     assert_eq!(links(vec![]), [(1, 1, true, LinkedBy::Auto)]);
     assert_eq!(links(vec![link(0, 1, 2)]), [(1, 2, true, LinkedBy::File)]);
+    assert_eq!(links(vec![link(0, 1, 1)]), [(1, 1, true, LinkedBy::File)]);
     assert_eq!(links(vec![apart(0, 1, 1)]), [(1, 1, false, LinkedBy::File), (1, 2, true, LinkedBy::Auto)]);
 }
 

@@ -246,7 +246,8 @@ fn re_estimated_distances_arrive_too() {
     println!("front moved by up to {moved} px, residual {residual} px");
     assert!(moved > 1e-4, "re-estimation changes something");
     assert!(moved < 1.0, "but not much: {moved}");
-    assert!(residual <= 0.3, "{residual}");
+    // Seen: 0.095; where what was made of the way is not taken off, 0.25.
+    assert!(residual <= 0.15, "{residual}");
 }
 
 #[test]

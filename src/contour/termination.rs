@@ -140,3 +140,27 @@ fn slimming(part: &LonePart) -> f64 {
     let [perimeter, area] = [sum(|v| covered(v - 0.5) - covered(v + 0.5)), sum(covered)];
     (part.depth * perimeter / area.max(f64::MIN_POSITIVE)).clamp(1.0, 2.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contour::direction::Direction;
+    use crate::grid::field::Field;
+    use crate::grid::tile::Tile;
+
+    #[test]
+    fn a_disc_loses_area_as_the_square_of_its_inradius_and_a_strip_as_its_width() {
+        let tile = Tile { origin: [0; 2], dims: [64, 64] };
+        let power = |distance: &dyn Fn(f64, f64) -> f64| {
+            let field = Field::from_fn(tile.dims, |i, j| distance(i as f64 - 32.0, j as f64 - 32.0));
+            slimming(&LonePart::new(tile, field, Vec::new(), Direction::Up))
+        };
+        let disc = power(&|x, y| libm::hypot(x, y) - 12.3);
+        let strip = power(&|x, y| libm::hypot(x - x.clamp(-22.0, 22.0), y) - 4.2);
+        let ring = power(&|x, y| (libm::hypot(x, y) - 20.0).abs() - 4.2);
+        assert!((disc - 2.0).abs() < 0.1, "{disc}");
+        // Two half discs at its ends: 4.2 (88 + 26.4) / (369.6 + 55.4).
+        assert!((strip - 1.13).abs() < 0.05, "{strip}");
+        assert!((ring - 1.0).abs() < 0.05, "{ring}");
+    }
+}

@@ -4,6 +4,11 @@ const DIMS: [usize; 2] = [41, 41];
 
 /// Layers at the nodes and `dz` apart of a disc, as large as `radius` says of their heights, after fairing.
 fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, Vec<f32>)> {
+    faired_between([false; 2], contours, dz, radius)
+}
+
+/// The same between ends whose slopes are steered or not.
+fn faired_between(steered: [bool; 2], contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, Vec<f32>)> {
     let gaps: Vec<f64> = contours.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let nodes = Nodes::new(contours.to_vec());
     let mut fairing = Fairing::new(FairingSpec {
@@ -15,7 +20,7 @@ fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, V
         gap: crate::stack::heights::median(gaps.clone()),
         alpha: 1.5,
         limited: false,
-        steered: [false; 2],
+        steered,
         farthest: 100.0,
         shares: vec![None; gaps.len()],
     });
@@ -143,4 +148,28 @@ fn a_part_on_one_contour_alone_stays_and_the_tip_of_a_body_is_smoothed() {
         let moved = within.map(|(z, phi)| largest(std::iter::once((phi, &given(radius(*z)))))).fold(0.0, f32::max);
         assert_eq!(moved == 0.0, stays, "moved by {moved}");
     }
+}
+
+#[test]
+fn towards_an_end_that_is_steered_smoothing_fades_out() {
+    let contours = stacked(&[8, 8, 8]);
+    let radius = |z: f64| 10.0 + 3.0 * (0.5 * z).sin();
+    let of = |steered: [bool; 2]| faired_between(steered, &contours, 1e6, radius);
+    let free = of([false; 2]);
+    for steered in [[true, false], [false, true]] {
+        for ((z, own), (_, other)) in of(steered).iter().zip(&free) {
+            let t = match steered {
+                [true, _] => z / 8.0,
+                _ => (24.0 - z) / 8.0,
+            };
+            let given = given(radius(*z));
+            let faded = |(own, free): (&f32, (&f32, &f32))| {
+                let (free, given) = free;
+                (own - given - smoothstep(t) as f32 * (free - given)).abs()
+            };
+            let off = own.iter().zip(other.iter().zip(&given)).map(faded).fold(0.0, f32::max);
+            assert!(off < 1e-5, "{steered:?}, height {z}: {off}");
+        }
+    }
+    assert!(largest(free.iter().zip(&of([true, true])).map(|(a, b)| (&a.1, &b.1))) > 0.01);
 }

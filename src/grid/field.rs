@@ -179,3 +179,24 @@ pub fn distance(a: DVec2, b: DVec2, h: [f64; 2]) -> f64 {
 pub fn covered(phi: f64) -> f64 {
     (0.5 - phi).clamp(0.0, 1.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_normal_is_the_unit_gradient_wherever_it_is_read() {
+        // Of a parabola central differences are exact, and so is the bilinear mean of its gradient.
+        let h = [1.0, 0.5];
+        let field = Field::from_fn([12, 16], |i, j| {
+            let (x, y) = (i as f64 * h[0], j as f64 * h[1]);
+            0.3 * x * x - 0.2 * y * y + 0.4 * x * y - x
+        });
+        for place in [[4.0, 6.0], [4.25, 6.0], [5.0, 7.75], [6.3, 8.6], [3.9, 9.1]].map(DVec2::from) {
+            let x = place * DVec2::from(h);
+            let gradient = DVec2::new(0.6 * x.x + 0.4 * x.y - 1.0, -0.4 * x.y + 0.4 * x.x);
+            assert!(field.normal(place, h).distance(gradient.normalize()) < 1e-12, "at {place}");
+        }
+        assert_eq!(Field::filled([8; 2], 3.0).normal(DVec2::splat(3.5), h), DVec2::ZERO);
+    }
+}

@@ -377,4 +377,17 @@ mod tests {
             assert_eq!(Examined::new(spec).px(), 2.0);
         }
     }
+
+    #[test]
+    fn a_change_is_as_large_whichever_way_the_surface_goes() {
+        let spec = CertificateSpec { dims: [N; 2], spacing: [2.0; 2], z: vec![0.0, 1.0], first: 0, parted: Vec::new() };
+        let examined = Examined::new(spec);
+        let layer = |by: f32| {
+            let phi: Vec<f32> = (0..N * N).map(|n| 2.0 * (n % N) as f32 - 9.0 + by).collect();
+            SparseImage::of([N; 2], &phi)
+        };
+        for by in [1.5, -1.5] {
+            assert_eq!(examined.change(&layer(0.0), &layer(by)), 0.75);
+        }
+    }
 }

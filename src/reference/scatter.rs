@@ -113,3 +113,22 @@ impl Bins {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_takes_the_mean_of_its_seeds_by_their_distance_from_its_contour_point() {
+        // A straight contour at column 7.5; seeds on it 0.3 px above and 0.9 px below row 8, and one out of reach.
+        let mut phi = Field::from_fn([16; 2], |i, _| i as f64 - 7.5);
+        let band = Band::new(&mut phi, 4.0);
+        let seeds = [[7.5, 8.3], [7.5, 7.1], [7.5, 10.0]].map(DVec2::from);
+        let found = scatter(&phi, &band, [1.0; 2], &seeds, &[[2.0], [5.0], [100.0]]);
+        let [near, far] = [0.3, 0.9].map(|d: f64| (1.0 - d / 1.5).powi(2));
+        let expected = (2.0 * near + 5.0 * far) / (near + far);
+        for node in [8 * 16 + 7, 8 * 16 + 8] {
+            assert!((found[node][0] - expected).abs() < 1e-6, "{} for {expected}", found[node][0]);
+        }
+    }
+}

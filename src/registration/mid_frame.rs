@@ -110,3 +110,17 @@ fn seed_at(phi: &Field, search: [usize; 2], x: DVec2) -> Seed {
     let (inside, outside) = if crosses(near) { near } else { around(search) };
     Seed { x, inside, outside }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_moved_field_is_nowhere_0() {
+        let (still, mut row) = ([DVec2::ZERO; 8], [1.0; 8]);
+        moved_row(&Field::filled([8; 2], 0.0), (&still, 1.0), 3, &mut row);
+        assert_eq!(row, [f64::MIN_POSITIVE; 8]);
+        moved_row(&Field::from_fn([8; 2], |i, _| i as f64 - 3.5), (&[DVec2::X; 8], -1.0), 3, &mut row);
+        assert_eq!(row[2..6], [-2.5, -1.5, -0.5, 0.5]);
+    }
+}

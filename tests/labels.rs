@@ -286,3 +286,67 @@ fn wrong_labels_are_told_before_anything_runs() {
         assert_eq!(listing(place.path()), before, "{arguments:?}");
     }
 }
+
+/// Cells of nine points that wander, in a disc: what lies between two slices is parted among several.
+fn cells(seed: usize) -> Vec<u8> {
+    let [nx, ny, nz] = SIZES;
+    let point = |l: usize, k: usize| {
+        let way =
+            |q: usize| (1.7 * (seed * 37 + 9 * q + l) as f64 + 0.11 * (1 + (l + q + seed) % 3) as f64 * k as f64).sin();
+        [40.0 + 26.0 * way(1), 32.0 + 26.0 * way(2)]
+    };
+    let mut voxels = vec![0; nx * ny * nz];
+    for k in (0..nz).step_by(DRAWN) {
+        let points: Vec<[f64; 2]> = (0..9).map(|l| point(l, k)).collect();
+        for (n, voxel) in voxels[k * nx * ny..][..nx * ny].iter_mut().enumerate() {
+            let [i, j] = [(n % nx) as f64, (n / nx) as f64];
+            let off = |p: &[f64; 2]| (i - p[0]).hypot(j - p[1]);
+            let nearest = (0..9).min_by(|&a, &b| off(&points[a]).total_cmp(&off(&points[b])));
+            if (i - 40.0).hypot(j - 32.0) < 28.0 {
+                *voxel = nearest.expect("there are nine") as u8 + 1;
+            }
+        }
+    }
+    voxels
+}
+
+/// Pixels of layers that hang together with no drawn slice through pixels of their label.
+fn in_the_air(layers: &[Layer]) -> usize {
+    let [nx, ny, nz] = SIZES;
+    let label = |v: usize| layers[v / (nx * ny)].phi[v % (nx * ny)];
+    let mut seen: Vec<bool> = (0..nx * ny * nz).map(|v| label(v) == 0.0 || v / (nx * ny) % DRAWN == 0).collect();
+    let mut front: Vec<usize> = (0..seen.len()).filter(|&v| seen[v] && label(v) > 0.0).collect();
+    while let Some(v) = front.pop() {
+        let [i, j, k] = [v % nx, v / nx % ny, v / (nx * ny)];
+        let steps = [(i > 0, -1), (i + 1 < nx, 1), (j > 0, -(nx as isize)), (j + 1 < ny, nx as isize)];
+        let along = [(k > 0, -((nx * ny) as isize)), (k + 1 < nz, (nx * ny) as isize)];
+        for (_, step) in steps.into_iter().chain(along).filter(|(there, _)| *there) {
+            let w = v.wrapping_add_signed(step);
+            if !seen[w] && label(w) == label(v) {
+                seen[w] = true;
+                front.push(w);
+            }
+        }
+    }
+    seen.iter().filter(|seen| !**seen).count()
+}
+
+#[test]
+fn what_others_leave_in_the_air_goes_to_what_is_around() {
+    let mut turned = 0;
+    for seed in 0..6 {
+        let Run { mut decided, layers, .. } = run(&cells(seed));
+        let floating = in_the_air(&layers);
+        println!("cells {seed}: {} pixels were in the air", decided.borders.floating_pixels);
+        turned += decided.borders.floating_pixels;
+        assert_eq!(floating, 0, "cells {seed}");
+        let written: usize = layers.iter().map(|l| l.phi.iter().filter(|v| **v > 0.0).count()).sum();
+        assert_eq!(decided.voxels.iter().sum::<u64>(), written as u64);
+        for (a, body) in decided.bodies.iter_mut().enumerate() {
+            for (own, all) in layers_of(body).iter().zip(&layers) {
+                assert!(own.phi.iter().zip(all.phi.iter()).all(|(phi, l)| (*phi < 0.0) == (*l == (a + 1) as f32)));
+            }
+        }
+    }
+    assert!(turned > 0, "there was something to mend");
+}

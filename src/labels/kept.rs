@@ -45,6 +45,13 @@ impl LayerPatch {
         let j = j.checked_sub(self.origin[1]).filter(|j| *j < self.dims[1])?;
         self.phi.get(j * self.dims[0] + i).copied()
     }
+
+    /// Puts a value at a pixel of the rectangle.
+    pub fn set(&mut self, [i, j]: [usize; 2], value: f32) {
+        if self.at([i, j]).is_some() {
+            self.phi[(j - self.origin[1]) * self.dims[0] + i - self.origin[0]] = value;
+        }
+    }
 }
 
 /// A body whose layers wait on the disk.
@@ -114,13 +121,32 @@ impl KeptBody {
 
     /// Adds a layer; its values are those of the patch.
     pub(super) fn push(&mut self, layer: &Layer, patch: &LayerPatch) -> Result<()> {
-        let bytes: Vec<u8> = patch.phi.iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.file.seek(SeekFrom::Start(self.bytes)).and_then(|_| self.file.write_all(&bytes)).map_err(failed)?;
         let [[i, j], [width, height]] = [patch.origin, patch.dims];
         let Layer { z, output, contour, .. } = *layer;
         self.layers.push(Place { z, output, contour, patch: [i, j, width, height], offset: self.bytes });
-        self.bytes += bytes.len() as u64;
+        self.write(self.bytes, patch)?;
+        self.bytes += 4 * (width * height) as u64;
         Ok(())
+    }
+
+    /// Gives layer `k` the values of a patch on the same rectangle.
+    pub(super) fn replace(&mut self, k: usize, patch: &LayerPatch) -> Result<()> {
+        self.write(self.layers[k].offset, patch)
+    }
+
+    fn write(&mut self, offset: u64, patch: &LayerPatch) -> Result<()> {
+        let bytes: Vec<u8> = patch.phi.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.write_all(&bytes)).map_err(failed)
+    }
+
+    /// What of the image each layer has: first column and row, columns and rows.
+    pub(super) fn rectangles(&self) -> impl Iterator<Item = [usize; 4]> + '_ {
+        self.layers.iter().map(|place| place.patch)
+    }
+
+    /// The contour at layer `k`.
+    pub(super) fn contour_of(&self, k: usize) -> Option<usize> {
+        self.layers[k].contour
     }
 
     /// The contour at the layer of height `z`.

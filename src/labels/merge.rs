@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::decide::{LabelReach, Layers, NEAR, Rank};
+use super::floating::{DecidedStep, FloatingPieces};
 use super::kept::{KeptBody, LayerPatch};
 use super::report::Borders;
 use super::stack::{LabelPair, LabelStack};
@@ -185,16 +186,31 @@ pub fn decide(
         if step.output {
             decided.borders.overlap_voxels += parted.overlap;
             decided.borders.gap_voxels += parted.gap;
-            parted.labels.iter().filter(|l| **l > 0).for_each(|l| decided.voxels[*l as usize - 1] += 1);
-            let number = |l: &u32| if *l == 0 { 0.0 } else { stack.labels[*l as usize - 1] as f32 };
-            let phi: Vec<f32> = parted.labels.iter().map(number).collect();
-            let phi = SparseImage::of(dims, &phi);
-            volume.layer(Layer { z, phi, output: true, contour: step.slice })?;
         }
     }
     if let Some(a) = decided.differing.iter().position(|n| *n > 0) {
         let message = format!("label {}: {} drawn pixels differ", stack.labels[a], decided.differing[a]);
         return Err(Error::Numerics { stage: "labels", message });
+    }
+    let decided_steps: Vec<DecidedStep> =
+        steps.all.iter().map(|step| DecidedStep { z: step.z, drawn: step.slice.is_some() }).collect();
+    let floating = FloatingPieces { dims, steps: &decided_steps, same, ranks: &ranks };
+    decided.borders.floating_pixels =
+        floating.give_away(&mut decided.changed, &mut bodies.alone, &mut decided.bodies)?;
+    for (k, step) in steps.all.iter().enumerate().filter(|(_, step)| step.output) {
+        let mut labels = vec![0.0; dims[0] * dims[1]];
+        for (a, body) in decided.bodies.iter_mut().enumerate() {
+            let patch = body.patch(k)?;
+            for (start, row) in patch.rows(dims[0]) {
+                let inside = labels[start..].iter_mut().zip(row).filter(|(_, phi)| **phi < 0.0);
+                inside.for_each(|(label, _)| {
+                    *label = stack.labels[a] as f32;
+                    decided.voxels[a] += 1;
+                });
+            }
+        }
+        let phi = SparseImage::of(dims, &labels);
+        volume.layer(Layer { z: step.z, phi, output: true, contour: step.slice })?;
     }
     // A label that no other has changed stays what it was, layer by layer.
     for (a, alone) in bodies.alone.into_iter().enumerate() {

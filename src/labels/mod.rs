@@ -25,6 +25,7 @@
 
 mod decide;
 mod fill;
+mod floating;
 pub mod given;
 mod kept;
 mod merge;

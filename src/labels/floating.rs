@@ -1,0 +1,167 @@
+//! Pieces of a label that float only since voxels were decided: they go to what lies around them.
+//!
+//! Alone a label hangs together with its slices ([`crate::connectivity::grounded`]). Where others take what holds a corner of it, the corner is left
+//! in the air: a part of a layer that hangs together with none of the label's slices, though it did alone. It gets the label, or none, that most
+//! of its pixels' edges in the layer lead to. Drawn slices stay as they are.
+
+use super::decide::Rank;
+use super::kept::{KeptBody, LayerPatch};
+use crate::connectivity::grounded::grounded;
+use crate::connectivity::runs::{Runs, Side};
+use crate::error::Result;
+use crate::grid::sparse_image::SparseImage;
+
+/// What a piece is given to may float itself: that is looked at again, so many times.
+const ROUNDS: usize = 8;
+
+/// A step of [`super::decide`], as far as it counts here.
+pub(super) struct DecidedStep {
+    /// Height.
+    pub z: f64,
+    /// Whether a slice is drawn here.
+    pub drawn: bool,
+}
+
+/// Labels whose layers were decided, step by step.
+pub(super) struct FloatingPieces<'c> {
+    pub dims: [usize; 2],
+    pub steps: &'c [DecidedStep],
+    /// Heights within this are one.
+    pub same: f64,
+    pub ranks: &'c [Rank],
+}
+
+impl FloatingPieces<'_> {
+    /// Gives away what floats of the labels that are `changed`, `alone` as they were before; how many pixels that are.
+    pub fn give_away(&self, changed: &mut [bool], alone: &mut [KeptBody], decided: &mut [KeptBody]) -> Result<u64> {
+        let (mut all, mut open) = (0, changed.to_vec());
+        for _ in 0..ROUNDS {
+            let mut taken = vec![false; changed.len()];
+            for a in (0..changed.len()).filter(|&a| open[a]) {
+                for (k, pixels) in self.floating(&mut alone[a], &mut decided[a])? {
+                    all += pixels.len() as u64;
+                    taken[a] = true;
+                    if let Some(b) = self.pass_on(a, k, &pixels, decided)? {
+                        (taken[b], changed[b]) = (true, true);
+                    }
+                }
+            }
+            open = taken;
+            if open.iter().all(|open| !open) {
+                break;
+            }
+        }
+        Ok(all)
+    }
+
+    /// Parts of a label's layers that float and did not: the step, and the pixels.
+    fn floating(&self, alone: &mut KeptBody, decided: &mut KeptBody) -> Result<Vec<(usize, Vec<[usize; 2]>)>> {
+        let frame = Frame::around(alone.rectangles().chain(decided.rectangles()));
+        let (mut before, mut after) = (Vec::new(), Vec::new());
+        for (k, step) in self.steps.iter().enumerate() {
+            before.push(frame.runs(&alone.at(step.z, self.same)?.unwrap_or_default()));
+            after.push(frame.runs(&decided.patch(k)?));
+        }
+        let contours: Vec<usize> = (0..self.steps.len()).filter(|&k| decided.contour_of(k).is_some()).collect();
+        let [held, holds] = [&before, &after].map(|layers| frame.held(layers, &contours));
+        let mut out = Vec::new();
+        for (k, runs) in after.iter().enumerate().filter(|(k, _)| !self.steps[*k].drawn) {
+            let mut stays = holds[k].clone();
+            // What was in the air from the start was let be.
+            runs.meeting(&before[k], |part, old| stays[part] |= !held[k][old]);
+            for part in (0..runs.count).filter(|&part| !stays[part]) {
+                let pixels = runs.all().filter(|run| run.2 == part);
+                let [x, y] = frame.origin;
+                out.push((k, pixels.flat_map(|(j, run, _)| run.map(move |i| [x + i, y + j])).collect()));
+            }
+        }
+        Ok(out)
+    }
+
+    /// Gives pixels of label `a` on layer `k` to what most of their edges touch; returns the label that has them now.
+    fn pass_on(&self, a: usize, k: usize, pixels: &[[usize; 2]], decided: &mut [KeptBody]) -> Result<Option<usize>> {
+        let mut patches = decided.iter_mut().map(|body| body.patch(k)).collect::<Result<Vec<LayerPatch>>>()?;
+        let label = |patches: &[LayerPatch], at: [usize; 2]| {
+            (0..patches.len()).find(|&b| patches[b].at(at).is_some_and(|phi| phi < 0.0))
+        };
+        // Edges that lead to each label, and to none.
+        let mut edges = vec![0; patches.len() + 1];
+        for &[i, j] in pixels {
+            let beside = [[i.wrapping_sub(1), j], [i + 1, j], [i, j.wrapping_sub(1)], [i, j + 1]];
+            for at in beside.into_iter().filter(|at| at[0] < self.dims[0] && at[1] < self.dims[1]) {
+                match label(&patches, at) {
+                    Some(b) if b == a => {}
+                    other => edges[other.unwrap_or(patches.len())] += 1,
+                }
+            }
+        }
+        let covers = |b: usize| pixels.iter().all(|&at| patches[b].at(at).is_some());
+        let most = (0..patches.len())
+            .filter(|&b| b != a && covers(b))
+            .max_by(|&b, &c| edges[b].cmp(&edges[c]).then_with(|| self.ranks[c].cmp(&self.ranks[b])));
+        let taker = most.filter(|&b| edges[b] > edges[patches.len()]);
+        for &at in pixels {
+            let depth = patches[a].at(at).unwrap_or_default().abs().max(f32::MIN_POSITIVE);
+            patches[a].set(at, depth);
+            if let Some(b) = taker {
+                patches[b].set(at, -depth);
+            }
+        }
+        for b in [Some(a), taker].into_iter().flatten() {
+            decided[b].replace(k, &patches[b])?;
+        }
+        Ok(taker)
+    }
+}
+
+/// The rectangle that all layers of a label lie in.
+struct Frame {
+    origin: [usize; 2],
+    dims: [usize; 2],
+}
+
+impl Frame {
+    /// Of rectangles: first column and row, columns and rows.
+    fn around(rectangles: impl Iterator<Item = [usize; 4]>) -> Self {
+        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+        for [i, j, width, height] in rectangles.filter(|r| r[2] * r[3] > 0) {
+            low = [low[0].min(i), low[1].min(j)];
+            high = [high[0].max(i + width), high[1].max(j + height)];
+        }
+        let origin = [0, 1].map(|x| low[x].min(high[x]));
+        Frame { origin, dims: [0, 1].map(|x| (high[x] - origin[x]).max(1)) }
+    }
+
+    /// What lies inside on a layer.
+    fn runs(&self, patch: &LayerPatch) -> Runs {
+        let mut phi = vec![1.0; self.dims[0] * self.dims[1]];
+        for (j, row) in patch.phi.chunks_exact(patch.dims[0].max(1)).enumerate() {
+            let start = (patch.origin[1] + j - self.origin[1]) * self.dims[0] + patch.origin[0] - self.origin[0];
+            phi[start..start + row.len()].copy_from_slice(row);
+        }
+        Runs::new(&SparseImage::of(self.dims, &phi), Side::Inside)
+    }
+
+    /// Which parts of the layers hang together with a layer that is a contour.
+    fn held(&self, layers: &[Runs], contours: &[usize]) -> Vec<Vec<bool>> {
+        let nothing = || self.runs(&LayerPatch::default());
+        let mut held: Vec<Vec<bool>> = layers.iter().map(|runs| vec![true; runs.count]).collect();
+        let ends = contours.iter().map(|&k| Some(k));
+        let starts = std::iter::once(None).chain(ends.clone());
+        for (start, end) in starts.zip(ends.chain(std::iter::once(None))) {
+            // From contour to contour; beyond the first and the last no ground is in the distance.
+            let (low, high) = (start.unwrap_or(0), end.map_or(layers.len(), |k| k + 1));
+            let before = start.is_none().then(nothing);
+            let behind = end.is_none().then(nothing);
+            let stretch: Vec<Runs> = before.iter().chain(&layers[low..high]).chain(&behind).cloned().collect();
+            let stays = grounded(&stretch, None, self.dims[0], Side::Inside);
+            let inner = stays.into_iter().skip(usize::from(start.is_none())).take(high - low);
+            for (k, stays) in (low..high).zip(inner) {
+                if !contours.contains(&k) {
+                    held[k] = stays;
+                }
+            }
+        }
+        held
+    }
+}

@@ -420,7 +420,7 @@ fn backends_are_chosen_told_and_reported() {
         assert!(stderr(&result).contains(said), "{wrong}: {}", stderr(&result));
     }
     let (missing, _) = run(&["--backend", "gpu", "--adapter", "none such"]);
-    assert_eq!(missing.status.code(), Some(1));
+    assert_eq!(missing.status.code(), Some(2));
     assert!(stderr(&missing).contains("none such"), "{}", stderr(&missing));
 }
 

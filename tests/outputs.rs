@@ -209,6 +209,36 @@ fn a_wrong_simplification_is_refused_before_any_work() {
 }
 
 #[test]
+fn an_option_for_what_is_not_written_is_told() {
+    let place = folder();
+    sound_stack(place.path());
+    let input = place.path().display().to_string();
+    let at = |name: &str| place.path().join(name).display().to_string();
+    let told = |options: &[&str], name: &str| {
+        let out = at(name);
+        let result = interslice(&[&["reconstruct", &input, "-o", &out, "--backend", "cpu"], options].concat());
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        stderr(&result)
+    };
+    let cases: [(&[&str], &str, &str); 6] = [
+        (&["--simplify", "0.1"], "a.nrrd", "b.stl"),
+        (&["--units", "m"], "a.stl", "b.glb"),
+        (&["--y-up"], "a.stl", "c.glb"),
+        (&["--contours"], "a.stl", "b.png"),
+        (&["--mask"], "a.stl", "b.nrrd"),
+        (&["--distance"], "a.origin.nrrd", "c.nrrd"),
+    ];
+    for (options, without, with) in cases {
+        let setting = format!("`{}` changes nothing", options[0].trim_start_matches('-').replace('-', "_"));
+        let [idle, used] = [without, with].map(|name| told(options, name));
+        assert!(idle.contains(&setting), "{options:?}:\n{idle}");
+        assert!(!used.contains("changes nothing"), "{options:?}:\n{used}");
+    }
+    let far = told(&["--dz", "50"], "d.nrrd");
+    assert!(far.contains("`dz` is 50 mm, and the body is 8 mm high"), "{far}");
+}
+
+#[test]
 fn a_glb_holds_the_mesh() {
     use interslice::surface::mesh::closed_surface;
     let place = folder();

@@ -70,6 +70,9 @@ pub fn run(mut arguments: ReconstructArguments, matches: &ArgMatches) -> Result<
         (_, true) => Telling::Verbose,
         _ => Telling::Normal,
     };
+    if telling != Telling::Quiet {
+        options.output.idle(&arguments.outputs).iter().for_each(|idle| tell!("warning: {idle}"));
+    }
     #[cfg(feature = "dicom")]
     if arguments.all_rois {
         let (outputs, report) = (&arguments.outputs, arguments.report.as_deref());

@@ -106,7 +106,20 @@ impl Loaded {
     ///
     /// # Errors
     /// The errors of [`JobOptions::check`], [`input::read`] and [`LinkOptions::read`].
-    pub fn read(input: &Path, mut options: JobOptions) -> Result<Self> {
+    pub fn read(input: &Path, options: JobOptions) -> Result<Self> {
+        let mut loaded = Self::one_of(input, options)?;
+        let ContourStack { slices, unit, .. } = &loaded.stack;
+        let high = slices[slices.len() - 1].z - slices[0].z;
+        if let Some(dz) = loaded.options.output.dz.filter(|dz| *dz > high) {
+            let note =
+                format!("`dz` is {dz} {unit}, and the body is {high} {unit} high: no layer lies between its contours");
+            loaded.notes.push(note);
+        }
+        Ok(loaded)
+    }
+
+    /// Reads an input of any kind.
+    fn one_of(input: &Path, mut options: JobOptions) -> Result<Self> {
         options.check()?;
         let source = Source::of(input, &options)?;
         options.output.look()?;

@@ -165,6 +165,27 @@ impl OutputOptions {
         Err(Error::Output { path: path.into(), message })
     }
 
+    /// What is asked for of outputs that are none of `paths`: a sentence for each option that changes nothing.
+    pub fn idle(&self, paths: &[PathBuf]) -> Vec<String> {
+        let has = |is: &dyn Fn(&Path) -> bool| paths.iter().any(|path| is(path));
+        let format = |path: &Path| Format::of(path).ok();
+        let volume = has(&|path| matches!(kind(path), Ok(Kind::Volume)));
+        let mesh = has(&|path| matches!(kind(path), Ok(Kind::Mesh)));
+        let scene = has(&|path| format(path) == Some(Format::Glb));
+        let picture = has(&|path| format(path) == Some(Format::Png));
+        let options = [
+            ("mask", self.mask, volume, "volumes"),
+            ("distance", self.distance, volume, "volumes"),
+            ("contours", self.contours, picture, "pictures (.png)"),
+            ("simplify", self.simplify.is_some(), mesh, "meshes"),
+            ("units", self.units.is_some(), scene, ".glb"),
+            ("y_up", self.y_up, scene, ".glb"),
+        ];
+        let idle = options.into_iter().filter(|(_, asked, there, _)| *asked && !there);
+        idle.map(|(name, .., of)| format!("setting `{name}` changes nothing: it is for {of}, and none is written"))
+            .collect()
+    }
+
     /// Bytes of memory that making a mesh simpler needs at most, one at a time; nothing where that is not asked for.
     #[cfg_attr(not(feature = "simplify"), expect(unused_variables, reason = "options have been checked"))]
     pub fn bytes_to_simplify(&self, stack: &ContourStack, heights: &[f64]) -> u64 {

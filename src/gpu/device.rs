@@ -113,7 +113,7 @@ impl Device {
     /// Opens an adapter.
     ///
     /// # Errors
-    /// [`Error::Gpu`] if there is no such adapter, if it lacks something, or if the driver refuses.
+    /// [`Error::Setting`] if there is no such adapter; [`Error::Gpu`] if there is none, if it lacks something, or if the driver refuses.
     pub fn open(options: &GpuOptions) -> Result<Self> {
         let mut found = enumerate(options.made.groups.is_some());
         if found.is_empty() {
@@ -130,7 +130,11 @@ impl Device {
                     .or_else(|| found.iter().position(|(_, s)| s.name.to_lowercase().contains(&wanted)))
                     .ok_or_else(|| {
                         let names: Vec<_> = found.iter().map(|(_, s)| format!("{} ({})", s.index, s.name)).collect();
-                        failure(format!("no adapter matches `{wish}`; there are {}", names.join(", ")))
+                        let message = format!(
+                            "is none of this machine's: no adapter matches `{wish}`; there are {}",
+                            names.join(", ")
+                        );
+                        Error::Setting { name: "adapter".into(), message }
                     })?
             }
         };

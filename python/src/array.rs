@@ -24,7 +24,8 @@ pub struct Array {
 }
 
 // SAFETY: the pointer is that of the array in `_owner`, which lives as long as this does and, being referred to, is neither moved nor resized by
-// numpy. Threads only read through it, byte by byte into buffers of their own.
+// numpy (`resize` with `refcheck=False` breaks that, as it does for every user of an array). Threads only read through it, byte by byte into buffers of
+// their own. A thread of Python that writes into the array meanwhile races with them, as it does with numpy's own loops: the caller leaves it alone.
 unsafe impl Send for Array {}
 // SAFETY: as above.
 unsafe impl Sync for Array {}

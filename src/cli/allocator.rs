@@ -58,7 +58,9 @@ mod linux {
     /// first freed arrays to keep the later ones, up to 64 MiB a thread and what lies between pieces that are in use: a run on large images kept
     /// a third more than it used.
     pub fn give_back_at_once() {
-        // SAFETY: called before any other thread is there, as mallopt asks for.
+        // SAFETY: in the program no other thread is there yet, as mallopt's manual asks for, since others read without a lock what it sets. In the
+        // module for Python there may be others: mallopt takes the arena's lock, the numbers are single words, and glibc's own `free` sets the
+        // first two without a lock, too, beside such readers.
         unsafe {
             libc::mallopt(libc::M_MMAP_THRESHOLD, GIVEN_BACK);
             libc::mallopt(libc::M_TRIM_THRESHOLD, GIVEN_BACK);

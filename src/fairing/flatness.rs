@@ -21,7 +21,7 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::near::{SATURATED, nearer, nearness};
+use super::near::{NearSquares, SATURATED, nearness};
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::spline::smoothstep;
 use crate::registration::displacement::{BLOCK, Displacement, smooth};
@@ -48,8 +48,8 @@ pub struct Around {
 }
 
 impl Around {
-    /// Uprightness from what its surface goes sideways per height at each pixel, and its v with its bound.
-    pub fn new([sideways, v]: [&SparseImage<f32>; 2], bound: f32, spacing: [f64; 2]) -> Self {
+    /// Uprightness from what its surface goes sideways per height at each pixel, and its v with the squares that may be near, and its bound.
+    pub fn new([sideways, v]: [&SparseImage<f32>; 2], near: &NearSquares, bound: f32, spacing: [f64; 2]) -> Self {
         let [nx, ny] = v.dims();
         let nodes = Displacement::zero([nx, ny]);
         let mut sums = nodes.clone();
@@ -61,8 +61,7 @@ impl Around {
             let first = (middle - BLOCK as f64).max(0.0).floor() as usize;
             for j in first..((middle + BLOCK as f64).ceil() as usize).min(ny) {
                 let share = (1.0 - (j as f64 - middle).abs() / BLOCK as f64).max(0.0);
-                v.read(0, j, &mut own);
-                for pixels in nearer(&own, SATURATED * bound) {
+                for pixels in near.of_row(v, j, SATURATED * bound, &mut own) {
                     sideways.read(pixels.start, j, &mut steep[pixels.clone()]);
                     for i in pixels {
                         let weight = nearness(own[i].abs() / bound);
@@ -103,6 +102,10 @@ mod tests {
 
     const DIMS: [usize; 2] = [120, 100];
 
+    fn around(layers: [&SparseImage<f32>; 2], spacing: [f64; 2]) -> Around {
+        Around::new(layers, &NearSquares::new(layers[1], SATURATED), 1.0, spacing)
+    }
+
     /// Rest of 1 at pixels of row 50 of a layer that goes sideways by `of` at each column.
     fn left(of: impl Fn(usize) -> f32, spacing: [f64; 2]) -> Vec<f32> {
         left_of([&of, &|_| 0.0], spacing)
@@ -113,7 +116,7 @@ mod tests {
         let [sideways, v] = columns
             .map(|of| SparseImage::of(DIMS, &(0..DIMS[0] * DIMS[1]).map(|n| of(n % DIMS[0])).collect::<Vec<_>>()));
         let mut row = vec![1.0; DIMS[0] - 7];
-        Around::new([&sideways, &v], 1.0, spacing).scale(50, 7, &mut row);
+        around([&sideways, &v], spacing).scale(50, 7, &mut row);
         row
     }
 
@@ -161,7 +164,7 @@ mod tests {
                 let at = |n: usize| of([n % DIMS[0], n / DIMS[0]][axis]);
                 SparseImage::of(DIMS, &(0..DIMS[0] * DIMS[1]).map(at).collect::<Vec<_>>())
             };
-            let around = Around::new([&image(|at| if at < 42 { 6.0 } else { 0.5 }), &image(|_| 0.0)], 1.0, [1.0; 2]);
+            let around = around([&image(|at| if at < 42 { 6.0 } else { 0.5 }), &image(|_| 0.0)], [1.0; 2]);
             (20..64).map(move |at| {
                 let mut one = [1.0];
                 let place = [[at, 50], [50, at]][axis];

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use super::near::nearer;
+use super::near::NearSquares;
 use crate::grid::sparse_image::SparseImage;
 use crate::registration::displacement::Displacement;
 use crate::registration::motion_field::{Paths, Place};
@@ -59,6 +59,8 @@ pub struct Transformed {
     pub v: SparseImage<f32>,
     /// `n` near the surface, less where it lies flat; 0 elsewhere.
     pub gradient: SparseImage<f32>,
+    /// Squares of v that may be as near as its difference is known.
+    pub squares: NearSquares,
     /// Place in the moving frame, if there is one.
     pub place: Option<Place>,
     /// Blocks that are read where its surface is near.
@@ -77,8 +79,8 @@ impl Node {
     }
 }
 
-/// Blocks of a layer that are read where its surface is nearer than `far`, and where their trajectories meet the slices around it.
-pub fn blocks_near(v: &SparseImage<f32>, far: f32, paths: &Paths, pad: [usize; 2]) -> Vec<Near> {
+/// Blocks of a layer that are read where its surface is nearer than `far`, in `squares`, and where their trajectories meet the slices around it.
+pub fn blocks_near(v: &SparseImage<f32>, squares: &NearSquares, far: f32, paths: &Paths, pad: [usize; 2]) -> Vec<Near> {
     let still = Displacement::zero(v.dims());
     let mut near = vec![false; still.vectors.len()];
     let [nx, ny] = v.dims();
@@ -89,8 +91,7 @@ pub fn blocks_near(v: &SparseImage<f32>, far: f32, paths: &Paths, pad: [usize; 2
     };
     let mut row = vec![0.0; nx];
     for j in 0..ny {
-        v.read(0, j, &mut row);
-        for pixels in nearer(&row, far) {
+        for pixels in squares.of_row(v, j, far, &mut row) {
             for by in around(j, j, 1) {
                 near[by * still.grid[0]..][around(pixels.start, pixels.end - 1, 0)].fill(true);
             }

@@ -28,7 +28,7 @@ use rayon::prelude::*;
 use self::along::add;
 use self::kept::{Near, Node, Transformed, WaitingLayer, blocks_near};
 use self::limit::{cut, goes_on, limited};
-use self::near::{SATURATED, fade, nearer, nearness, widest};
+use self::near::{NearSquares, SATURATED, fade, nearer, nearness, widest};
 pub use self::nodes::Nodes;
 use self::transform::{Lengths, transform};
 
@@ -221,15 +221,16 @@ impl<'m> Fairing<'m> {
         let rise = (scale * (above.0 - below.0)).max(LEAST_RISE * GAP * self.side) as f32;
         let lengths = Lengths { spacing: self.spec.spacing, bound: self.bound(), rise };
         let [v, gradient] = transform([below.1, &here.phi, above.1], lengths);
+        let far = self.bound() * widest(self.nodes.contour(k).is_some());
+        let squares = NearSquares::new(&v, far);
         let (mut place, mut near) = (None, Vec::new());
         if let Some((moving, pad)) = self.spec.moving {
             let known = self.kept.iter().take(k - self.first).rev().find_map(Node::place);
             let (found, paths) = moving.place(own.0, known)?;
-            let far = self.bound() * widest(self.nodes.contour(k).is_some());
-            near = blocks_near(&v, far, &paths, pad);
+            near = blocks_near(&v, &squares, far, &paths, pad);
             place = Some(found);
         }
-        Ok(Some(Transformed { v, gradient, place, near }))
+        Ok(Some(Transformed { v, gradient, squares, place, near }))
     }
 
     /// Offsets of the trajectories from node `k` to node `l` in the blocks near its surface, px of the image; `None` where they stand still.
@@ -250,44 +251,37 @@ impl<'m> Fairing<'m> {
         Some(offsets)
     }
 
-    /// `K v - v` at node `k`, row-major, zero far from its surface.
-    fn difference(&self, k: usize) -> Vec<f32> {
-        let (dims, nx) = (self.spec.dims, self.spec.dims[0]);
-        let mut out = vec![0.0f32; nx * dims[1]];
-        let Some(own) = self.node(k).and_then(|node| node.made.as_ref()) else { return out };
+    /// `K v - v` at node `k`, zero far from its surface.
+    fn difference(&self, k: usize) -> SparseImage<f32> {
+        let dims = self.spec.dims;
+        let Some(own) = self.node(k).and_then(|node| node.made.as_ref()) else { return SparseImage::filled(dims, 0.0) };
         let at_contour = self.nodes.contour(k).is_some();
         let far = self.bound() * widest(at_contour);
-        let begin = |(j, out): (usize, &mut [f32])| {
-            let mut row = vec![0.0; nx];
-            own.v.read(0, j, &mut row);
-            let near: Vec<Range<usize>> = nearer(&row, far).collect();
-            for pixels in near.iter().cloned() {
-                out[pixels.clone()].iter_mut().zip(&row[pixels]).for_each(|(sum, own)| *sum = -own);
-            }
-            near
+        let term = |(l, w): (usize, f64)| {
+            let other = self.node(l).and_then(|node| node.made.as_ref())?;
+            Some((&other.v, w as f32, self.offsets(k, l)))
         };
-        let near: Vec<Vec<Range<usize>>> = out.par_chunks_mut(nx).enumerate().map(begin).collect();
-        for (l, w) in self.nodes.weights(k) {
-            let Some(other) = self.node(l).and_then(|node| node.made.as_ref()) else { continue };
-            let offsets = self.offsets(k, l);
-            let row = |((j, out), near): ((usize, &mut [f32]), &Vec<Range<usize>>)| {
-                for pixels in near.iter().cloned() {
-                    add(&other.v, w as f32, offsets.as_ref(), j, pixels.start, &mut out[pixels]);
+        let terms: Vec<(&SparseImage<f32>, f32, Option<Displacement>)> =
+            self.nodes.weights(k).into_iter().filter_map(term).collect();
+        let nowhere = |square: [usize; 2]| own.squares.is_far(square).then_some([0.0]);
+        let [difference] = SparseImage::of_stretches(dims, nowhere, |[left, first], width, [rows]: [&mut [f32]; 1]| {
+            let mut row = vec![0.0; width];
+            for (j, out) in (first..).zip(rows.chunks_exact_mut(width)) {
+                own.v.read(left, j, &mut row);
+                for pixels in nearer(&row, far) {
+                    let (out, row) = (&mut out[pixels.clone()], &row[pixels.clone()]);
+                    out.iter_mut().zip(row).for_each(|(sum, own)| *sum = -own);
+                    for (v, w, offsets) in &terms {
+                        add(v, *w, offsets.as_ref(), j, left + pixels.start, out);
+                    }
+                    if at_contour {
+                        let fading = out.iter_mut().zip(row);
+                        fading.for_each(|(sum, own)| *sum *= fade(own.abs() / self.bound()) as f32);
+                    }
                 }
-            };
-            out.par_chunks_mut(nx).enumerate().zip(&near).for_each(row);
-        }
-        if at_contour {
-            let faded = |((j, out), near): ((usize, &mut [f32]), &Vec<Range<usize>>)| {
-                let mut row = vec![0.0; nx];
-                own.v.read(0, j, &mut row);
-                for i in near.iter().cloned().flatten() {
-                    out[i] *= fade(row[i].abs() / self.bound()) as f32;
-                }
-            };
-            out.par_chunks_mut(nx).enumerate().zip(&near).for_each(faded);
-        }
-        out
+            }
+        });
+        difference
     }
 
     /// Makes the corrections of the nodes of interval `i`.
@@ -295,7 +289,7 @@ impl<'m> Fairing<'m> {
         let ends = [NODES * i, NODES * (i + 1)];
         let mut at_ends = ends.map(|k| k.checked_sub(self.first).and_then(|k| self.kept.get_mut(k)?.difference.take()));
         for (k, known) in ends.into_iter().zip(&mut at_ends) {
-            known.get_or_insert_with(|| in_pool(|| SparseImage::of(self.spec.dims, &self.difference(k))));
+            known.get_or_insert_with(|| in_pool(|| self.difference(k)));
         }
         let between: Vec<usize> = (ends[0] + 1..ends[1]).collect();
         for some in between.chunks(self.at_once()) {
@@ -323,7 +317,7 @@ impl<'m> Fairing<'m> {
         at_ends: &[Option<SparseImage<f32>>; 2],
     ) -> Option<SparseImage<f32>> {
         let node = self.node(k)?;
-        let Transformed { v, gradient, .. } = node.made.as_ref()?;
+        let Transformed { v, gradient, squares, .. } = node.made.as_ref()?;
         let [low, high] = [self.node(ends[0])?, self.node(ends[1])?];
         let [at_low, at_high] = [at_ends[0].as_ref()?, at_ends[1].as_ref()?];
         let d = self.difference(k);
@@ -337,40 +331,44 @@ impl<'m> Fairing<'m> {
         let at_last = if last && self.spec.steered[1] { smoothstep(1.0 - t) } else { 1.0 };
         let alpha = (at_first * at_last * self.spec.alpha) as f32;
         let (w, bound, nx) = (smoothstep(t) as f32, self.bound(), self.spec.dims[0]);
+        let nowhere = |square: [usize; 2]| squares.is_far(square).then_some([0.0]);
         let shares = self.spec.shares.get(i).and_then(Option::as_ref);
         let side = self.side as f32;
-        let [correction] = SparseImage::of_rows(self.spec.dims, |first, [rows]: [&mut [f32]; 1]| {
-            let [mut own, mut slope, mut here] = [vec![0.0; nx], vec![0.0; nx], vec![0.0; nx]];
+        let [correction] = SparseImage::of_stretches(self.spec.dims, nowhere, |[left, first], width, [rows]| {
+            let [mut own, mut slope, mut here, mut own_d] = [const { Vec::new() }; 4];
+            [&mut own, &mut slope, &mut here, &mut own_d].into_iter().for_each(|line| line.resize(width, 0.0));
             // Both contours' differences and distances along the trajectories, and their distances straight along z.
             let mut there: [Vec<f32>; 6] = Default::default();
-            for (j, out) in (first..).zip(rows.chunks_exact_mut(nx)) {
-                v.read(0, j, &mut own);
-                gradient.read(0, j, &mut slope);
+            for (j, out) in (first..).zip(rows.chunks_exact_mut(width)) {
+                v.read(left, j, &mut own);
+                gradient.read(left, j, &mut slope);
+                d.read(left, j, &mut own_d);
                 for pixels in nearer(&own, SATURATED * bound) {
+                    let begin = left + pixels.start;
                     there.iter_mut().for_each(|there| {
                         there.clear();
                         there.resize(pixels.len(), 0.0);
                     });
                     let [low_d, high_d, low_along, high_along, low_straight, high_straight] = &mut there;
-                    add(at_low, 1.0, offsets[0].as_ref(), j, pixels.start, low_d);
-                    add(at_high, 1.0, offsets[1].as_ref(), j, pixels.start, high_d);
-                    add(&low.phi, 1.0, offsets[0].as_ref(), j, pixels.start, low_along);
-                    add(&high.phi, 1.0, offsets[1].as_ref(), j, pixels.start, high_along);
+                    add(at_low, 1.0, offsets[0].as_ref(), j, begin, low_d);
+                    add(at_high, 1.0, offsets[1].as_ref(), j, begin, high_d);
+                    add(&low.phi, 1.0, offsets[0].as_ref(), j, begin, low_along);
+                    add(&high.phi, 1.0, offsets[1].as_ref(), j, begin, high_along);
                     if self.spec.limited {
-                        low.phi.read(pixels.start, j, low_straight);
-                        high.phi.read(pixels.start, j, high_straight);
-                        node.phi.read(pixels.start, j, &mut here[pixels.clone()]);
+                        low.phi.read(begin, j, low_straight);
+                        high.phi.read(begin, j, high_straight);
+                        node.phi.read(begin, j, &mut here[pixels.clone()]);
                     }
                     let on = |p: usize| goes_on([low_along[p], high_along[p]], self.spec.farthest);
                     let mut share: Vec<f32> = (0..pixels.len()).map(on).collect();
                     if share.iter().any(|share| *share < 1.0) {
                         let own = [&*low_along, &*high_along];
-                        self.tips(&mut share, own, &beyond, [pixels.start, j]);
+                        self.tips(&mut share, own, &beyond, [begin, j]);
                     }
                     for (p, n) in pixels.enumerate() {
-                        let alpha = alpha * shares.map_or(1.0, |s| s[j * nx + n]);
+                        let alpha = alpha * shares.map_or(1.0, |s| s[j * nx + left + n]);
                         let alpha = alpha * share[p];
-                        let rise = alpha * (d[j * nx + n] - (1.0 - w) * low_d[p] - w * high_d[p]);
+                        let rise = alpha * (own_d[n] - (1.0 - w) * low_d[p] - w * high_d[p]);
                         let c = slope[n] * rise * nearness(own[n].abs() / bound) as f32;
                         let ranges = [[low_along[p], high_along[p]], [low_straight[p], high_straight[p]]];
                         out[n] = if self.spec.limited { limited(c, here[n], ranges, side) } else { c };

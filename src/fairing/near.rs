@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::grid::spline::smoothstep;
 
 /// Pixels with a smaller |v| / B are wholly near the surface, those with a larger than SATURATED not at all.
@@ -40,6 +41,50 @@ pub fn nearer(v: &[f32], far: f32) -> impl Iterator<Item = Range<usize>> {
         at = v[begin..].iter().position(|v| !is(v)).map_or(v.len(), |count| begin + count);
         Some(begin..at)
     })
+}
+
+/// Where a layer of v may be near its surface: for each row of squares the stretches of columns whose squares are not far as a whole.
+#[derive(Debug, Clone, Default)]
+pub struct NearSquares {
+    stretches: Vec<Vec<Range<usize>>>,
+}
+
+impl NearSquares {
+    /// Those of `v` with values nearer than `far`.
+    pub fn new(v: &SparseImage<f32>, far: f32) -> Self {
+        let (nx, [columns, rows]) = (v.dims()[0], v.squares());
+        let of = |row: usize| {
+            let mut stretches: Vec<Range<usize>> = Vec::new();
+            for column in (0..columns).filter(|&c| v.whole([c, row]).is_none_or(|v| v.abs() < far)) {
+                let pixels = column * SQUARE..((column + 1) * SQUARE).min(nx);
+                match stretches.last_mut().filter(|last| last.end == pixels.start) {
+                    Some(last) => last.end = pixels.end,
+                    None => stretches.push(pixels),
+                }
+            }
+            stretches
+        };
+        NearSquares { stretches: (0..rows).map(of).collect() }
+    }
+
+    /// Whether the square in that column and row of squares is far as a whole.
+    pub fn is_far(&self, [column, row]: [usize; 2]) -> bool {
+        let stretches = &self.stretches[row];
+        let next = stretches.partition_point(|stretch| stretch.end <= column * SQUARE);
+        stretches.get(next).is_none_or(|stretch| stretch.start > column * SQUARE)
+    }
+
+    /// Reads row `j` of `v` where it may be near, into its places of `row`, and gives the stretches of pixels nearer than `far`, by the same `far` as
+    /// [`NearSquares::new`] had or a smaller one.
+    pub fn of_row(&self, v: &SparseImage<f32>, j: usize, far: f32, row: &mut [f32]) -> Vec<Range<usize>> {
+        let mut near = Vec::new();
+        for stretch in &self.stretches[j / SQUARE] {
+            v.read(stretch.start, j, &mut row[stretch.clone()]);
+            let found = nearer(&row[stretch.clone()], far);
+            near.extend(found.map(|pixels| pixels.start + stretch.start..pixels.end + stretch.start));
+        }
+        near
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use multiversion::multiversion;
 
 use super::flatness::{self, Around};
-use super::near::{SATURATED, nearer};
+use super::near::{NearSquares, SATURATED, nearer};
 use crate::grid::sparse_image::SparseImage;
 
 /// Least gradient: flat places must not be blown up.
@@ -26,34 +26,68 @@ pub struct Lengths {
 pub fn transform(layers: [&SparseImage<f32>; 3], lengths: Lengths) -> [SparseImage<f32>; 2] {
     let [below, here, above] = layers;
     let dims @ [nx, ny] = here.dims();
-    let fill = |first: usize, [v, gradient, sideways]: [&mut [f32]; 3]| {
+    let [dx, dy] = lengths.spacing.map(|s| s as f32);
+    let squares = here.squares();
+    // Where nothing changes all pixels are as one of them.
+    let whole = |square: [usize; 2]| {
+        let [own, lower, higher] = [here, below, above].map(|layer| layer.whole(square));
+        let (own, lower, higher) = (own?, lower?, higher?);
+        let like = |axis: usize, step: isize| {
+            let mut beside = square;
+            beside[axis] = (square[axis] as isize + step).clamp(0, squares[axis] as isize - 1) as usize;
+            here.whole(beside).is_some_and(|v| v.to_bits() == own.to_bits())
+        };
+        if !(like(0, -1) && like(0, 1) && like(1, -1) && like(1, 1)) {
+            return None;
+        }
+        let mut out = [[0.0]; 3];
+        let lines = [[own; 3], [own; 3], [own; 3], [lower; 3], [higher; 3]];
+        let per = [0.5 / dx, 1.0 / dy, 1.0 / lengths.rise];
+        transform_row(
+            lines.each_ref().map(|line| line.as_slice()),
+            per,
+            lengths.bound,
+            out.each_mut().map(|v| &mut v[..]),
+        );
+        Some(out.map(|[v]| v))
+    };
+    let fill = |[left, first]: [usize; 2], width: usize, [v, gradient, sideways]: [&mut [f32]; 3]| {
         let mut lines = [const { Vec::new() }; 5];
-        lines.iter_mut().for_each(|line: &mut Vec<f32>| line.resize(nx + 2, 0.0));
-        let rows = v.chunks_exact_mut(nx).zip(gradient.chunks_exact_mut(nx)).zip(sideways.chunks_exact_mut(nx));
+        lines.iter_mut().for_each(|line: &mut Vec<f32>| line.resize(width + 2, 0.0));
+        let rows =
+            v.chunks_exact_mut(width).zip(gradient.chunks_exact_mut(width)).zip(sideways.chunks_exact_mut(width));
+        // A pixel more at either end, where there is one.
+        let read = left.saturating_sub(1)..(left + width + 1).min(nx);
+        let to = read.start + 1 - left..read.end + 1 - left;
         for (j, ((v, gradient), sideways)) in (first..).zip(rows) {
             let (down, up) = (j.saturating_sub(1), (j + 1).min(ny - 1));
             let sources = [(here, j), (here, down), (here, up), (below, j), (above, j)];
             for (line, (layer, j)) in lines.iter_mut().zip(sources) {
-                layer.read(0, j, &mut line[1..=nx]);
+                layer.read(read.start, j, &mut line[to.clone()]);
             }
             // One-sided differences at the edges.
-            let next = 2.min(nx);
-            lines[0][0] = 2.0 * lines[0][1] - lines[0][next];
-            lines[0][nx + 1] = 2.0 * lines[0][nx] - lines[0][nx + 1 - next];
-            let [dx, dy] = lengths.spacing.map(|s| s as f32);
+            let (line, next) = (&mut lines[0], 2.min(nx));
+            if left == 0 {
+                line[0] = 2.0 * line[1] - line[next];
+            }
+            if left + width == nx {
+                line[width + 1] = 2.0 * line[width] - line[width + 1 - next];
+            }
             let per = [0.5 / dx, 1.0 / (dy * (up - down).max(1) as f32), 1.0 / lengths.rise];
             transform_row(lines.each_ref().map(Vec::as_slice), per, lengths.bound, [v, gradient, sideways]);
         }
     };
-    let [v, gradient, sideways] = SparseImage::of_rows(dims, fill);
-    let around = Around::new([&sideways, &v], lengths.bound, lengths.spacing);
-    let [gradient] = SparseImage::of_rows(dims, |first, [rows]: [&mut [f32]; 1]| {
-        let mut own = vec![0.0; nx];
-        for (j, row) in (first..).zip(rows.chunks_exact_mut(nx)) {
-            gradient.read(0, j, row);
-            v.read(0, j, &mut own);
+    let [v, gradient, sideways] = SparseImage::of_stretches(dims, whole, fill);
+    let near = NearSquares::new(&v, SATURATED * lengths.bound);
+    let around = Around::new([&sideways, &v], &near, lengths.bound, lengths.spacing);
+    let nowhere = |square: [usize; 2]| near.is_far(square).then(|| gradient.whole(square).map(|n| [n]))?;
+    let [gradient] = SparseImage::of_stretches(dims, nowhere, |[left, first], width, [rows]: [&mut [f32]; 1]| {
+        let mut own = vec![0.0; width];
+        for (j, row) in (first..).zip(rows.chunks_exact_mut(width)) {
+            gradient.read(left, j, row);
+            v.read(left, j, &mut own);
             for pixels in nearer(&own, SATURATED * lengths.bound) {
-                around.scale(j, pixels.start, &mut row[pixels]);
+                around.scale(j, left + pixels.start, &mut row[pixels]);
             }
         }
     });

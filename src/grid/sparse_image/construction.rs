@@ -17,18 +17,43 @@ struct Strip<T> {
 impl<T: Pod + Send + Sync> SparseImage<T> {
     /// Several on an image of `dims` pixels, of which `fill` gives some rows from the first that it is told.
     pub fn of_rows<const N: usize>(dims: [usize; 2], fill: impl Fn(usize, [&mut [T]; N]) + Sync) -> [Self; N] {
+        SparseImage::of_stretches(dims, |_| None, |[_, first], _, rows| fill(first, rows))
+    }
+
+    /// Several on an image of `dims` pixels. `whole` gives the one value that each has everywhere in the square in that column and row of squares;
+    /// where it knows none `fill` gives them: stretches of neighbouring squares, row-major, by their first pixel and their width.
+    pub fn of_stretches<const N: usize>(
+        dims: [usize; 2],
+        whole: impl Fn([usize; 2]) -> Option<[T; N]> + Sync,
+        fill: impl Fn([usize; 2], usize, [&mut [T]; N]) + Sync,
+    ) -> [Self; N] {
         let [nx, ny] = dims;
-        let strip = |rows: &mut [Vec<T>; N], first: usize| {
-            for rows in rows.iter_mut() {
-                rows.clear();
-                rows.resize(SQUARE.min(ny - first) * nx, T::zeroed());
+        let columns = nx.div_ceil(SQUARE);
+        let strip = |buffers: &mut [Vec<T>; N], row: usize| {
+            let mut strips = [const { Strip { whole: Vec::new(), values: Vec::new() } }; N];
+            let first = row * SQUARE;
+            let mut column = 0;
+            while column < columns {
+                if let Some(values) = whole([column, row]) {
+                    strips.iter_mut().zip(values).for_each(|(strip, value)| strip.whole.push(Some(value)));
+                    column += 1;
+                    continue;
+                }
+                let more = (column + 1..columns).take_while(|&next| whole([next, row]).is_none()).count();
+                let left = column * SQUARE;
+                column += 1 + more;
+                let width = (column * SQUARE).min(nx) - left;
+                for buffer in buffers.iter_mut() {
+                    buffer.clear();
+                    buffer.resize(SQUARE.min(ny - first) * width, T::zeroed());
+                }
+                fill([left, first], width, buffers.each_mut().map(|rows| rows.as_mut_slice()));
+                strips.iter_mut().zip(buffers.iter()).for_each(|(strip, rows)| strip.pack(rows, width));
             }
-            fill(first, rows.each_mut().map(|rows| rows.as_mut_slice()));
-            rows.each_ref().map(|rows| Strip::new(rows, nx))
+            strips
         };
-        let firsts: Vec<usize> = (0..ny).step_by(SQUARE).collect();
         let none = || [const { Vec::new() }; N];
-        let made: Vec<[Strip<T>; N]> = firsts.into_par_iter().map_init(none, strip).collect();
+        let made: Vec<[Strip<T>; N]> = (0..ny.div_ceil(SQUARE)).into_par_iter().map_init(none, strip).collect();
         let mut strips: [Vec<Strip<T>>; N] = [const { Vec::new() }; N];
         for strip in made {
             strips.iter_mut().zip(strip).for_each(|(strips, strip)| strips.push(strip));
@@ -164,23 +189,22 @@ impl<T: Pod> Strip<T> {
         self.whole.push(whole);
     }
 
-    fn new(rows: &[T], nx: usize) -> Self {
-        let mut strip = Strip { whole: Vec::with_capacity(nx.div_ceil(SQUARE)), values: Vec::new() };
-        for left in (0..nx).step_by(SQUARE) {
-            let width = SQUARE.min(nx - left);
-            let square = || rows.chunks_exact(nx).map(|row| &row[left..left + width]);
+    /// Adds the squares of some rows of `width` pixels.
+    fn pack(&mut self, rows: &[T], width: usize) {
+        for left in (0..width).step_by(SQUARE) {
+            let across = SQUARE.min(width - left);
+            let square = || rows.chunks_exact(width).map(|row| &row[left..left + across]);
             let first = rows[left];
             if square().flatten().all(|v| same(v, &first)) {
-                strip.whole.push(Some(first));
+                self.whole.push(Some(first));
                 continue;
             }
-            strip.whole.push(None);
-            let start = strip.values.len();
-            strip.values.resize(start + AREA, first);
-            for (to, row) in strip.values[start..].chunks_exact_mut(SQUARE).zip(square()) {
-                to[..width].copy_from_slice(row);
+            self.whole.push(None);
+            let start = self.values.len();
+            self.values.resize(start + AREA, first);
+            for (to, row) in self.values[start..].chunks_exact_mut(SQUARE).zip(square()) {
+                to[..across].copy_from_slice(row);
             }
         }
-        strip
     }
 }

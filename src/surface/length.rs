@@ -14,6 +14,8 @@ const UNITS: &[Unit] = &[
     Unit { names: &["m"], of_3mf: "meter", metres: 1.0 },
     Unit { names: &["in", "inch"], of_3mf: "inch", metres: 0.0254 },
     Unit { names: &["ft"], of_3mf: "foot", metres: 0.3048 },
+    // 2e-6 longer than the foot that 3MF knows.
+    Unit { names: &["us-ft"], of_3mf: "foot", metres: 1200.0 / 3937.0 },
 ];
 
 fn of(name: &str) -> Option<&'static Unit> {
@@ -26,8 +28,15 @@ pub(super) fn of_3mf(name: &str) -> Option<&'static str> {
 }
 
 /// Metres of a unit.
-pub(super) fn metres(name: &str) -> Option<f64> {
+pub(crate) fn metres(name: &str) -> Option<f64> {
     of(name).map(|unit| unit.metres)
+}
+
+/// Name of the unit of so many metres.
+#[cfg(feature = "terrain")]
+pub(crate) fn named(metres: f64) -> String {
+    let known = UNITS.iter().find(|unit| (unit.metres - metres).abs() < 1e-8 * metres);
+    known.map_or_else(|| format!("{metres} m"), |unit| unit.names[0].into())
 }
 
 /// Units with a length, for a person.

@@ -13,7 +13,7 @@ pub mod groups;
 pub mod header;
 pub mod heightmap;
 pub mod html;
-mod length;
+pub(crate) mod length;
 pub mod like;
 pub mod local;
 pub mod map;

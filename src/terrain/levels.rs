@@ -7,12 +7,14 @@ use super::below::{Region, floor};
 use super::border::Border;
 use super::join::{Elevation, JoinedMap};
 use super::lines::{ContourLine, distance};
+use super::project;
 use crate::error::Error;
 use crate::polygons::Polygon;
 use crate::polygons::grid::DrawingGrid;
 use crate::polygons::level_set;
 use crate::stack::options::Below;
 use crate::stack::{self, ContourStack, Geometry, Slice, SliceContent};
+use crate::surface::length;
 use crate::surface::map::{Crs, Floor, Map};
 
 /// Pixels beyond the border: distances are needed as far.
@@ -62,7 +64,7 @@ pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs, below: Option<Below>) -> 
     let stack = ContourStack {
         dims: grid.dims,
         spacing: grid.spacing.to_array(),
-        unit: "m".into(),
+        unit: length::named(project::metres(&map.crs).unwrap_or(1.0)),
         slices,
         z_out: None,
         geometry: Geometry { origin: grid.origin.extend(0.0), ..Geometry::default() },

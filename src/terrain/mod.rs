@@ -29,6 +29,7 @@ use glam::DVec2;
 use join::Edges;
 
 use crate::error::{Error, Result};
+use crate::stack::options::ZUnit;
 use crate::stack::{ContourStack, ReadOptions};
 use crate::storage::regular;
 use crate::surface::map::{Crs, Map};
@@ -99,6 +100,7 @@ impl Terrain {
         let mut notes = Vec::new();
         let (mut lines, field) = lines::lines(&features, options.elevation.as_deref(), &mut notes).map_err(wrong)?;
         let crs = coordinate_system(named, options, &lines, shape).map_err(wrong)?;
+        let own = project::metres(&crs);
         let (crs, reprojected) = project::project(&mut lines, crs, options.crs_out.as_deref()).map_err(wrong)?;
         notes.extend(reprojected);
         let edges = Edges::of(options.border.as_ref())?;
@@ -106,10 +108,11 @@ impl Terrain {
         if crs == Crs::Unknown {
             notes.push("no coordinate system is named; --crs EPSG:N sets it".into());
         }
-        if let Some(unit) = options.z_unit {
-            let factor = unit.metres() / crs.metres().unwrap_or(1.0);
-            lines.iter_mut().for_each(|line| line.z *= factor);
-        } else if let Some(metres) = crs.metres().filter(|m| (m - 1.0).abs() > 1e-9) {
+        // Heights become those of the unit that x and y have now. Nobody says theirs: it is that of x and y in the file, or, beside degrees, now.
+        let (side, metres) = (project::metres(&crs).unwrap_or(1.0), options.z_unit.map(ZUnit::metres));
+        let factor = metres.or(own).map_or(1.0, |metres| metres / side);
+        lines.iter_mut().for_each(|line| line.z *= factor);
+        if let Some(metres) = own.or(Some(side)).filter(|m| metres.is_none() && (m - 1.0).abs() > 1e-9) {
             notes.push(format!("x and y are in units of {metres} m; heights are taken to be in the same unit"));
         }
         let joined = join::join(lines, &edges, pixel, &mut notes).map_err(wrong)?;

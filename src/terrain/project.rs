@@ -102,6 +102,14 @@ fn zone(lines: &[ContourLine]) -> Check<u32> {
     Ok(UTM[usize::from(y < 0.0)] + number.min(60))
 }
 
+/// Metres of the unit that x and y have in a system, where that is known and they are lengths.
+pub fn metres(crs: &Crs) -> Option<f64> {
+    match crs {
+        Crs::Epsg(code) if !crs.is_geographic() => system(*code).ok().filter(|s| !s.is_latlong()).map(|s| s.to_meter()),
+        _ => crs.metres().filter(|_| !crs.is_geographic()),
+    }
+}
+
 fn system(code: u32) -> Check<Proj> {
     let known =
         u16::try_from(code).map_err(|e| e.to_string()).and_then(|c| Proj::from_epsg_code(c).map_err(|e| e.to_string()));
@@ -116,6 +124,23 @@ fn name(wkt: &str) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn units_of_systems_are_those_of_the_registry() {
+        for (code, metres) in [
+            (32616, Some(1.0)),
+            (2274, Some(1200.0 / 3937.0)),
+            (2225, Some(1200.0 / 3937.0)),
+            (4326, None),
+            (4269, None),
+        ] {
+            let found = super::metres(&Crs::Epsg(code));
+            let alike = found.zip(metres).is_none_or(|(a, b)| (a - b).abs() < 1e-12);
+            assert!(found.is_some() == metres.is_some() && alike, "EPSG:{code}: {found:?}");
+        }
+        let feet = "PROJCS[\"a\",GEOGCS[\"b\",UNIT[\"Degree\",0.0174]],UNIT[\"Foot\",0.3048]]";
+        assert_eq!(super::metres(&Crs::of_wkt(feet)), Some(0.3048));
+    }
 
     /// Places as PROJ 9 has them (pyproj).
     #[test]

@@ -1,0 +1,71 @@
+//! Contour maps in feet: heights become the unit that x and y have, and outputs say which that is.
+#![cfg(feature = "terrain")]
+
+#[path = "support/files.rs"]
+mod files;
+
+use std::fs;
+use std::path::Path;
+
+use files::{folder, interslice, stderr};
+use serde_json::{Value, json};
+
+/// US survey feet of a metre.
+const FEET: f64 = 3937.0 / 1200.0;
+/// Tennessee in US survey feet, and UTM 16 N.
+const IN_FEET: &str = "EPSG:2274";
+const IN_METRES: &str = "EPSG:32616";
+
+/// Circles around a summit, four levels ten apart.
+fn map(path: &Path, crs: &str) {
+    let circle = |r: f64| {
+        let at = |k: usize| {
+            let angle = (k % 60) as f64 / 60.0 * std::f64::consts::TAU;
+            [1_805_000.0 + r * angle.cos(), 605_000.0 + r * angle.sin()]
+        };
+        (0..=60).map(at).collect::<Vec<_>>()
+    };
+    let feature = |k: usize| {
+        let line = circle(4000.0 - 1000.0 * k as f64);
+        json!({"type": "Feature", "properties": {"elev": 100 + 10 * k}, "geometry": {"type": "LineString", "coordinates": line}})
+    };
+    let name = format!("urn:ogc:def:crs:{}", crs.replace(':', "::"));
+    let features: Vec<Value> = (0..4).map(feature).collect();
+    let all = json!({"type": "FeatureCollection", "crs": {"type": "name", "properties": {"name": name}}, "features": features});
+    fs::write(path, all.to_string()).expect("a file can be written");
+}
+
+/// Heights of the lowest and highest contour, the unit, and what was told.
+fn run(map: &Path, options: &[&str]) -> ([f64; 2], String, String) {
+    let report = map.with_extension("json").display().to_string();
+    let input = map.display().to_string();
+    let result = interslice(&[&["reconstruct", &input, "--report", &report, "--backend", "cpu"], options].concat());
+    assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+    let text = fs::read(&report).expect("the report was written");
+    let report: Value = serde_json::from_slice(&text).expect("it is JSON");
+    let contours = report["contours"].as_array().expect("there are contours");
+    let height = |contour: &Value| contour["z"].as_f64().expect("a height");
+    let [low, high] = [contours.first(), contours.last()].map(|c| height(c.expect("there are some")));
+    ([low, high], report["unit"].as_str().unwrap_or_default().into(), stderr(&result))
+}
+
+#[test]
+fn heights_become_the_unit_of_x_and_y_and_outputs_name_it() {
+    let place = folder();
+    let feet = place.path().join("feet.geojson");
+    map(&feet, IN_FEET);
+    let cases: [(&[&str], f64, &str); 5] = [
+        (&[], 1.0, "us-ft"),
+        (&["--z-unit", "m"], FEET, "us-ft"),
+        (&["--z-unit", "us-ft"], 1.0, "us-ft"),
+        (&["--crs-out", IN_METRES], 1.0 / FEET, "m"),
+        (&["--crs-out", IN_METRES, "--z-unit", "m"], 1.0, "m"),
+    ];
+    for (options, factor, unit) in cases {
+        let ([low, high], named, told) = run(&feet, options);
+        let off = (low - 100.0 * factor).abs().max((high - 130.0 * factor).abs());
+        assert!(off < 1e-6 && named == unit, "{options:?}: {low} to {high} {named}");
+        let guessed = told.contains("heights are taken to be in the same unit");
+        assert_eq!(guessed, !options.contains(&"--z-unit"), "{options:?}: {told}");
+    }
+}

@@ -149,3 +149,31 @@ fn distances_are_no_segments() {
     assert!(stderr(&wrong).contains("out.seg.nrrd: cannot write: holds segments, no distances"), "{}", stderr(&wrong));
     assert!(!target.exists());
 }
+
+#[test]
+fn a_file_without_space_lies_where_its_axes_begin() {
+    let place = folder();
+    let at = |centers: &str| {
+        let path = place.path().join("in.nrrd");
+        let header = format!("spacings: 0.7 0.9 2.5\naxis mins: 5 6 7\n{centers}endian: little\nencoding: raw");
+        fs::write(&path, nrrd(&header, "uint16", SIZES, &painted())).expect("a file can be written");
+        read(&path).0.grid.origin.to_array()
+    };
+    // As ITK has it: a cell begins half a voxel before its centre.
+    let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
+    assert!(near(at(""), [5.35, 6.45, 8.25]), "{:?}", at(""));
+    assert!(near(at("centers: node node cell\n"), [5.0, 6.0, 8.25]), "{:?}", at("centers: node node cell\n"));
+}
+
+#[test]
+fn axes_in_two_units_are_refused() {
+    let place = folder();
+    let (path, out) = (place.path().join("in.nrrd"), place.path().join("out.nrrd"));
+    let header = "space: left-posterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,2.5)\nspace units: \"um\" \"um\" \"mm\"\n\
+                  endian: little\nencoding: raw";
+    fs::write(&path, nrrd(header, "uint16", SIZES, &painted())).expect("a file can be written");
+    let wrong = interslice(&["reconstruct", text(&path), "--label", "1", "-o", text(&out)]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(stderr(&wrong).contains("space units are um and mm"), "{}", stderr(&wrong));
+    assert!(!out.exists());
+}

@@ -81,7 +81,11 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
         other => return Err(format!("encoding must be raw, gzip or bzip2; got {other}")),
     };
     let (origin, steps, spaced) = placement(&field, layers.is_some())?;
-    let unit = field("space units").and_then(|u| u.split('"').nth(1)).filter(|u| !u.is_empty()).unwrap_or("mm");
+    let mut units = field("space units").unwrap_or_default().split('"').skip(1).step_by(2).filter(|u| !u.is_empty());
+    let unit = units.next().unwrap_or("mm");
+    if let Some(other) = units.find(|other| *other != unit) {
+        return Err(format!("space units are {unit} and {other}: all axes must have the same"));
+    }
     let grid = VolumeGrid { dims, origin, steps, unit: unit.into(), spaced };
     let (file, offset) = match field("data file").or(field("datafile")) {
         None => (path.to_path_buf(), end),
@@ -200,6 +204,23 @@ fn element(name: &str) -> Failure<Element> {
     }
 }
 
+/// Centre of the first sample by `axis mins`, which is where its cell begins, or with `centers: node` its centre; a file with `space` has no such field.
+fn least<'a>(field: &impl Fn(&str) -> Option<&'a str>, listed: bool, sides: [f64; 3]) -> Failure<Option<DVec3>> {
+    let Some(text) = field("axis mins").or(field("axismins")).filter(|_| field("space").is_none()) else {
+        return Ok(None);
+    };
+    let mins = numbers::<f64>("axis mins", text)?;
+    let mins = if listed { mins.get(1..).unwrap_or_default() } else { &mins };
+    let &[x, y, z] = mins else { return Err(format!("axis mins must be 3 numbers; got {}", mins.len())) };
+    if let Some(bad) = mins.iter().find(|v| !v.is_finite()) {
+        return Err(format!("axis mins holds {bad}"));
+    }
+    let centers: Vec<&str> = field("centers").or(field("centerings")).unwrap_or_default().split_whitespace().collect();
+    let half =
+        |axis: usize| if centers.get(axis + usize::from(listed)) == Some(&"node") { 0.0 } else { 0.5 * sides[axis] };
+    Ok(Some(DVec3::new(x + half(0), y + half(1), z + half(2))))
+}
+
 /// Origin and steps in LPS, and whether the header gives steps.
 fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>, listed: bool) -> Failure<(DVec3, [DVec3; 3], bool)> {
     let flip = match field("space").map(str::to_lowercase).as_deref() {
@@ -218,7 +239,7 @@ fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>, listed: bool) -> Fail
             None => Ok(DVec3::from(v) * flip),
         }
     };
-    let origin = field("space origin").map_or(Ok(DVec3::ZERO), |text| vector("space origin", text))?;
+    let mut origin = field("space origin").map_or(Ok(DVec3::ZERO), |text| vector("space origin", text))?;
     let steps = match field("space directions") {
         Some(text) => {
             // The axis of a list has no direction.
@@ -236,6 +257,9 @@ fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>, listed: bool) -> Fail
             let &[x, y, z] = s else { return Err(format!("spacings must be 3 numbers; got {}", s.len())) };
             if let Some((axis, h)) = s.iter().enumerate().find(|(_, h)| !(h.is_finite() && **h > 0.0)) {
                 return Err(format!("spacings: voxel spacing along axis {axis} must be a positive number; got {h}"));
+            }
+            if let Some(least) = least(field, listed, [x, y, z])? {
+                origin = least;
             }
             [x * DVec3::X, y * DVec3::Y, z * DVec3::Z]
         }

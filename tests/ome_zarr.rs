@@ -145,6 +145,26 @@ fn label_images_are_read_with_axes_scale_names_and_colours() {
 }
 
 #[test]
+fn a_report_has_the_digest_of_a_folder() {
+    let place = folder();
+    let input = place.path().join("a.zarr");
+    image_3(&input, |_| {});
+    let report = |name: &str| {
+        let path = place.path().join(name);
+        let (input, path) = (input.display().to_string(), path.display().to_string());
+        let result = interslice(&["reconstruct", &input, "--label", "2", "--report", &path, "--backend", "cpu", "-q"]);
+        assert_eq!(result.status.code(), Some(0), "{}", String::from_utf8_lossy(&result.stderr));
+        let report: Value = serde_json::from_slice(&fs::read(&path).expect("it was written")).expect("it is JSON");
+        report["provenance"]["inputs"][0].clone()
+    };
+    let first = report("a.json");
+    assert!(first["bytes"].as_u64() > Some(500) && first["sha256"].as_str().map(str::len) == Some(64), "{first}");
+    assert_eq!(first, report("b.json"));
+    fs::write(input.join("note"), "more").expect("a file can be written");
+    assert_ne!(first["sha256"], report("c.json")["sha256"]);
+}
+
+#[test]
 fn versions_and_plain_arrays_are_the_same_volume() {
     let place = folder();
     let new = place.path().join("new.zarr");

@@ -226,6 +226,11 @@ impl Format {
         }
     }
 
+    /// Usual extension of its files, with the dot.
+    pub fn extension(self) -> String {
+        self.row().map_or(String::new(), |row| format!(".{}", row.extensions[0]))
+    }
+
     fn row(self) -> Option<&'static Row> {
         FORMATS.iter().find(|row| row.format == self)
     }

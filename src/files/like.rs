@@ -30,6 +30,8 @@ pub struct Like {
     pub grid: LikeGrid,
     /// Coordinate system of a raster.
     pub crs: Crs,
+    /// Unit of a volume's grid, as far as its file says one.
+    pub unit: Option<String>,
     /// The series of images, where it is one.
     #[cfg(feature = "dicom")]
     pub series: Option<Arc<ImageSeries>>,
@@ -52,13 +54,10 @@ impl Like {
                     let message = "does not say how far apart its voxels are; `like` needs a file that does".into();
                     return Err(Error::Format { path: path.into(), message });
                 }
-                Ok(Like::of(LikeGrid {
-                    dims: grid.dims,
-                    origin: grid.origin,
-                    steps: grid.steps,
-                    planes: None,
-                    is_flat: false,
-                }))
+                let steps = grid.steps;
+                let (dims, origin) = (grid.dims, grid.origin);
+                let own = Like::of(LikeGrid { dims, origin, steps, planes: None, is_flat: false });
+                Ok(Like { unit: Some(grid.unit), ..own })
             }
             Kind::Folder | Kind::Map => {
                 let message =
@@ -73,6 +72,7 @@ impl Like {
         Like {
             grid,
             crs: Crs::Unknown,
+            unit: None,
             #[cfg(feature = "dicom")]
             series: None,
         }

@@ -44,6 +44,7 @@ use crate::surface::Reconstruction;
 #[cfg(feature = "terrain")]
 use crate::surface::crs::Crs;
 use crate::surface::header::Header;
+use crate::surface::length;
 use crate::surface::stream::LayerSink;
 use options::OutputOptions;
 use outputs::Outputs;
@@ -101,6 +102,17 @@ pub struct Loaded {
     pub source: Option<Source>,
 }
 
+/// Note on a grid in another unit than that of the slices.
+fn other_unit(like: &str, own: &str) -> Option<String> {
+    let [of_grid, of_slices] = [like, own].map(length::metres);
+    let differ = of_grid.zip(of_slices).is_some_and(|(a, b)| (a - b).abs() > 1e-9 * b);
+    differ.then(|| {
+        format!(
+            "`like` names a grid in {like}, and the slices are in {own}: numbers are compared as they are, not places"
+        )
+    })
+}
+
 impl Loaded {
     /// Checks the options and reads the input.
     ///
@@ -108,6 +120,8 @@ impl Loaded {
     /// The errors of [`JobOptions::check`], [`input::read`] and [`LinkOptions::read`].
     pub fn read(input: &Path, options: JobOptions) -> Result<Self> {
         let mut loaded = Self::one_of(input, options)?;
+        let like = loaded.options.output.target.as_ref().and_then(|like| like.unit.as_deref());
+        loaded.notes.extend(like.and_then(|unit| other_unit(unit, &loaded.stack.unit)));
         let ContourStack { slices, unit, .. } = &loaded.stack;
         let high = slices[slices.len() - 1].z - slices[0].z;
         if let Some(dz) = loaded.options.output.dz.filter(|dz| *dz > high) {

@@ -173,13 +173,14 @@ impl OutputOptions {
         let mesh = has(&|path| matches!(kind(path), Ok(Kind::Mesh)));
         let scene = has(&|path| format(path) == Some(Format::Glb));
         let picture = has(&|path| format(path) == Some(Format::Png));
+        let [scenes, pictures] = [Format::Glb, Format::Png].map(Format::extension);
         let options = [
             ("mask", self.mask, volume, "volumes"),
             ("distance", self.distance, volume, "volumes"),
-            ("contours", self.contours, picture, "pictures (.png)"),
+            ("contours", self.contours, picture, &pictures),
             ("simplify", self.simplify.is_some(), mesh, "meshes"),
-            ("units", self.units.is_some(), scene, ".glb"),
-            ("y_up", self.y_up, scene, ".glb"),
+            ("units", self.units.is_some(), scene, &scenes),
+            ("y_up", self.y_up, scene, &scenes),
         ];
         let idle = options.into_iter().filter(|(_, asked, there, _)| *asked && !there);
         idle.map(|(name, .., of)| format!("setting `{name}` changes nothing: it is for {of}, and none is written"))

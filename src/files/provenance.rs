@@ -15,6 +15,7 @@ use super::JobOptions;
 use crate::error::{Error, Result};
 use crate::report::provenance::{InputFile, MachineReport, Provenance};
 use crate::stack::appearance::Appearance;
+use crate::storage::folders::files_below;
 
 /// Time that reproducible builds name instead of now, seconds since 1970.
 const EPOCH: &str = "SOURCE_DATE_EPOCH";
@@ -59,7 +60,8 @@ impl Source {
     pub fn provenance(&self, bodies: &[Appearance]) -> Result<Provenance> {
         let files: &[PathBuf] = if self.files.is_empty() { std::slice::from_ref(&self.input) } else { &self.files };
         let file = |path: &PathBuf| {
-            let (bytes, sha256) = sha256(path).map_err(|source| Error::Read { path: path.clone(), source })?;
+            let digest = if path.is_dir() { sha256_of_folder(path) } else { sha256(path) };
+            let (bytes, sha256) = digest.map_err(|source| Error::Read { path: path.clone(), source })?;
             Ok(InputFile { file: path.display().to_string(), bytes, sha256 })
         };
         let named = |body: &Appearance| body.name.clone().or_else(|| Some(body.number?.to_string()));
@@ -98,7 +100,23 @@ fn sha256(path: &Path) -> io::Result<(u64, String)> {
             }
         }
     }
-    Ok((bytes, hasher.finalize().iter().map(|b| format!("{b:02x}")).collect()))
+    Ok((bytes, hexadecimal(hasher)))
+}
+
+/// Length of all files in a folder and below it, and the SHA-256 digest of lines `digest  name`, sorted by name, as `sha256sum` writes them.
+fn sha256_of_folder(folder: &Path) -> io::Result<(u64, String)> {
+    let (mut hasher, mut bytes) = (Sha256::new(), 0);
+    for path in files_below(folder)? {
+        let (length, digest) = sha256(&path)?;
+        let name = path.strip_prefix(folder).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+        hasher.update(format!("{digest}  {name}\n"));
+        bytes += length;
+    }
+    Ok((bytes, hexadecimal(hasher)))
+}
+
+fn hexadecimal(hasher: Sha256) -> String {
+    hasher.finalize().iter().map(|b| format!("{b:02x}")).collect()
 }
 
 /// Now, or the time that the environment names.

@@ -36,9 +36,9 @@ impl Provenance {
 pub struct InputFile {
     /// Its path as it was named; in a batch its name.
     pub file: String,
-    /// Its length.
+    /// Its length; of a folder (Zarr) that of all files in it.
     pub bytes: u64,
-    /// Its SHA-256 digest, hexadecimal.
+    /// Its SHA-256 digest, hexadecimal; of a folder that of the lines that `sha256sum` writes of its files, sorted by name.
     pub sha256: String,
 }
 

@@ -148,7 +148,7 @@ def read(
 def stack(
     masks: Any = None,
     heights: Iterable[float] | None = None,
-    spacing: Spacing = 1.0,
+    spacing: Spacing | None = None,
     *,
     polygons: Iterable[Iterable[Any]] | None = None,
     fields: Any = None,
@@ -162,7 +162,7 @@ def stack(
 
     `masks` are arrays of two axes, or one of three, not 0 inside. `fields` are negative inside; with `level` they are grey values, inside above it.
     `polygons` has, for each slice, closed lines: arrays of points (x, y); points within an odd number of them are inside; `pixel` is the side
-    of the pixels on which they are laid. `spacing` is the distance of rows and of columns. Pixel (0, 0) at height 0 lies at `origin`; `axes` are
+    of the pixels on which they are laid. `spacing` is the distance of rows and of columns of the others (default 1). Pixel (0, 0) at height 0 lies at `origin`; `axes` are
     the directions of columns, rows and heights (LPS).
     """
     given = [kind for kind, value in (("masks", masks), ("fields", fields), ("polygons", polygons)) if value is not None]
@@ -172,12 +172,14 @@ def stack(
         raise ValueError("`heights` must be given, one for each slice")
     lie = {
         "heights": [float(z) for z in heights],
-        "spacing": sides(spacing, 2),
+        "spacing": sides(1.0 if spacing is None else spacing, 2),
         "origin": [float(v) for v in origin],
         "axes": [[float(v) for v in axis] for axis in axes],
         "unit": unit,
     }
     if polygons is not None:
+        if spacing is not None:
+            raise ValueError("`spacing` is for `masks` and `fields`; polygons have `pixel`, the side of the pixels on which they are laid")
         lines = [[np.ascontiguousarray(line, dtype=np.float64) for line in lines] for lines in polygons]
         return _native.stack_of_polygons(lines, lie, None if pixel is None else tuple(sides(pixel, 2)))
     kind = given[0]
@@ -224,7 +226,7 @@ def reconstruct(
         of = stack(
             masks,
             heights,
-            1.0 if spacing is None else spacing,
+            spacing,
             polygons=polygons,
             fields=fields,
             level=level,

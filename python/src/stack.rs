@@ -179,12 +179,18 @@ pub fn stack_of_arrays(slices: &Bound<'_, PyAny>, lie: Lie, kind: &str, level: O
         let [rows, columns] = size(&planes[k].0);
         return Err(wrong(kind, format!("must be of one size; slice {k} is {rows} x {columns}, slice 0 {ny} x {nx}")));
     }
-    let slices = planes.iter().enumerate().map(|(k, (array, fixed))| lie.named(k, content(array, *fixed, values, nx)));
+    let named = |(k, (array, fixed)): (usize, &(Arc<Array>, Option<usize>))| {
+        Ok(lie.named(
+            k,
+            content(array, *fixed, values, nx).map_err(|message| wrong(kind, format!("slice {k} {message}")))?,
+        ))
+    };
+    let slices = planes.iter().enumerate().map(named).collect::<PyResult<Vec<Slice>>>()?;
     let stack = ContourStack {
         dims: [nx, ny],
         spacing: [lie.spacing[1], lie.spacing[0]],
         unit: lie.unit.clone(),
-        slices: slices.collect(),
+        slices,
         z_out: None,
         geometry: Geometry { origin: DVec3::from(lie.origin), axes: lie.axes.map(DVec3::from), ..Geometry::default() },
     };
@@ -192,13 +198,19 @@ pub fn stack_of_arrays(slices: &Bound<'_, PyAny>, lie: Lie, kind: &str, level: O
     loaded(stack)
 }
 
-/// One slice of an array.
-fn content(array: &Array, fixed: Option<usize>, values: Values, nx: usize) -> SliceContent {
+/// One slice of an array, or what is wrong with it.
+fn content(array: &Array, fixed: Option<usize>, values: Values, nx: usize) -> Result<SliceContent, String> {
     let mut all = Vec::new();
-    match values {
+    Ok(match values {
         Values::Masks => {
-            let mut inside = Vec::with_capacity(nx);
-            array.plane(fixed, &mut |v| inside.push(v != 0.0));
+            let (mut inside, mut unknown) = (Vec::with_capacity(nx), 0);
+            array.plane(fixed, &mut |v| {
+                inside.push(v != 0.0);
+                unknown += usize::from(v.is_nan());
+            });
+            if unknown > 0 {
+                return Err(format!("has {unknown} values that are NaN; a mask is 0 outside and anything else inside"));
+            }
             SliceContent::Mask(inside.into_iter().collect())
         }
         Values::Fields => {
@@ -209,7 +221,7 @@ fn content(array: &Array, fixed: Option<usize>, values: Values, nx: usize) -> Sl
             array.plane(fixed, &mut |v| all.push((level - v) as f32));
             SliceContent::Level(LevelSlice::new(&all, nx))
         }
-    }
+    })
 }
 
 /// A changed slice: a mask, or a field that is negative inside.
@@ -220,7 +232,8 @@ pub fn changed(slice: &Bound<'_, PyUntypedArray>, is_field: bool, dims: [usize; 
         let message = format!("must be {ny} x {nx} as the body's slices; got {} x {}", array.shape[0], array.shape[1]);
         return Err(wrong("mask", message));
     }
-    Ok(content(&array, None, if is_field { Values::Fields } else { Values::Masks }, nx))
+    let values = if is_field { Values::Fields } else { Values::Masks };
+    content(&array, None, values, nx).map_err(|message| wrong("mask", message))
 }
 
 /// A stack of polygons: for each slice the closed lines, points of which are (x, y).

@@ -153,6 +153,26 @@ fn what_cannot_be_is_told() {
     assert!(!Path::new(&out).exists());
 }
 
+/// A volume in micrometres beside one in millimetres.
+#[test]
+fn a_grid_in_another_unit_is_told() {
+    let place = folder();
+    let at = |name: &str| place.path().join(name).display().to_string();
+    let given = input(place.path());
+    let bytes = fs::read(&given).expect("it is there");
+    let end = bytes.windows(2).position(|w| w == b"\n\n").expect("a header");
+    let grid = [&bytes[..end], b"\nspace units: \"um\" \"um\" \"um\"", &bytes[end..]].concat();
+    fs::write(at("um.nrrd"), grid).expect("a file can be written");
+    for (like, says) in [("um.nrrd", true), ("same.nrrd", false)] {
+        fs::copy(&given, at("same.nrrd")).expect("it can be copied");
+        let result =
+            interslice(&["reconstruct", "--backend", "cpu", &given, "-o", &at("out.nrrd"), "--like", &at(like)]);
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        let told = stderr(&result).contains("`like` names a grid in um, and the slices are in mm");
+        assert_eq!(told, says, "{}", stderr(&result));
+    }
+}
+
 #[cfg(feature = "dicom")]
 mod series {
     use dicom_core::{DataElement, VR, value::PrimitiveValue};
@@ -225,6 +245,68 @@ mod series {
         assert_eq!(uid(of_series, tags::SERIES_INSTANCE_UID), "1.2.8");
         assert_eq!(items(of_series, tags::CONTOUR_IMAGE_SEQUENCE).len(), planes.len());
         refused(&[&at("rtss.dcm"), "--like", &at("ct"), "-o", &at("out.nrrd")], "a volume needs even ones");
+    }
+
+    /// Two bodies in two frames of reference, of which the second has contours on planes between the first's, with images.
+    fn in_two_frames(path: &Path, frames: [&str; 2]) {
+        let rois = [("First", tube(20.0, &[0.0, 3.0, 6.0, 9.0])), ("Second", tube(20.0, &[0.0, 1.0, 4.0, 9.0]))];
+        let mut object = super::rtss::structure_set(&rois);
+        let items = |mut element: dicom_object::mem::InMemElement, change: &dyn Fn(usize, &mut InMemDicomObject)| {
+            element.items_mut().into_iter().flatten().enumerate().for_each(|(k, item)| change(k, item));
+            element
+        };
+        let named = object.take(tags::STRUCTURE_SET_ROI_SEQUENCE).expect("there are ROIs");
+        object.put(items(named, &|k, roi| {
+            roi.put(text(tags::REFERENCED_FRAME_OF_REFERENCE_UID, VR::UI, frames[k]));
+        }));
+        let image = |name: &str| {
+            InMemDicomObject::from_element_iter([
+                text(tags::REFERENCED_SOP_CLASS_UID, VR::UI, uids::CT_IMAGE_STORAGE),
+                text(tags::REFERENCED_SOP_INSTANCE_UID, VR::UI, name),
+            ])
+        };
+        let drawn = object.take(tags::ROI_CONTOUR_SEQUENCE).expect("there are contours");
+        object.put(items(drawn, &|k, roi| {
+            let contours = roi.take(tags::CONTOUR_SEQUENCE).expect("it is drawn");
+            roi.put(items(contours, &|n, contour| {
+                let name = format!("1.3.{k}.{n}");
+                contour.put(super::rtss::sequence(tags::CONTOUR_IMAGE_SEQUENCE, vec![image(&name)]));
+            }));
+        }));
+        let frame = |uid: &str| InMemDicomObject::from_element_iter([text(tags::FRAME_OF_REFERENCE_UID, VR::UI, uid)]);
+        let all = frames.map(frame).to_vec();
+        object.put(super::rtss::sequence(tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE, all));
+        super::rtss::write_as(object, uids::EXPLICIT_VR_LITTLE_ENDIAN, path);
+    }
+
+    #[test]
+    fn bodies_in_other_frames_have_nothing_to_do_with_each_other() {
+        let place = folder();
+        let at = |name: &str| place.path().join(name).display().to_string();
+        images(&place.path().join("ct"), &[-3.0, 0.0, 1.0, 3.0, 4.0, 6.0, 9.0, 12.0]);
+        let items = |o: &InMemDicomObject, tag| o.get(tag).and_then(|e| e.items()).unwrap_or_default().to_vec();
+        let (input, out) = (at("rtss.dcm"), at("out.dcm"));
+        for (frames, shared) in [(["1.2.6", "1.2.66"], 0), (["1.2.6", "1.2.6"], 2)] {
+            in_two_frames(Path::new(&input), frames);
+            done(&[&input, "--roi", "First", "--dz", "1", "-o", &out]);
+            let object = open_file(&out).expect("a DICOM file");
+            let added = items(&items(&object, tags::ROI_CONTOUR_SEQUENCE)[0], tags::CONTOUR_SEQUENCE).split_off(4);
+            let with_image = added.iter().filter(|contour| contour.get(tags::CONTOUR_IMAGE_SEQUENCE).is_some()).count();
+            assert_eq!(with_image, shared, "{frames:?}");
+        }
+        in_two_frames(Path::new(&input), ["1.2.6", "1.2.66"]);
+        refused(
+            &[&input, "--roi", "Second", "--like", &at("ct"), "-o", &at("no.dcm")],
+            "ROI's frame of reference, 1.2.66; got 1.2.6",
+        );
+        done(&[&input, "--roi", "First", "--like", &at("ct"), "-o", &at("first.dcm")]);
+        let object = open_file(at("first.dcm")).expect("a DICOM file");
+        let named = items(&object, tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE);
+        let uid = |item: &InMemDicomObject| {
+            let text = item.get(tags::FRAME_OF_REFERENCE_UID).expect("a UID").to_str().expect("text").into_owned();
+            text.trim_end_matches('\0').to_string()
+        };
+        assert_eq!(named.iter().map(uid).collect::<Vec<_>>(), ["1.2.66", "1.2.6"]);
     }
 
     #[test]

@@ -23,14 +23,9 @@ const LONGEST_DESCRIPTION: usize = 1024;
 const PROGRAM: &str = concat!("interslice ", env!("CARGO_PKG_VERSION"));
 
 impl StructureSet {
-    /// Frames of reference of the ROIs.
-    pub(super) fn frames(&self) -> Vec<String> {
-        let rois = self.object.get(tags::STRUCTURE_SET_ROI_SEQUENCE).and_then(|e| e.items()).unwrap_or_default();
-        let frame = |roi: &InMemDicomObject| {
-            let text = roi.get(tags::REFERENCED_FRAME_OF_REFERENCE_UID)?.to_str().ok()?;
-            Some(text.trim_matches(['\0', ' ']).to_string()).filter(|uid| !uid.is_empty())
-        };
-        let mut frames: Vec<String> = rois.iter().filter_map(frame).collect();
+    /// Frames of reference of the ROIs with these numbers.
+    pub(super) fn frames(&self, rois: &[i64]) -> Vec<String> {
+        let mut frames: Vec<String> = rois.iter().filter_map(|roi| frame_of(&self.object, *roi)).collect();
         frames.sort();
         frames.dedup();
         frames
@@ -52,7 +47,15 @@ impl StructureSet {
             for image in &series.images {
                 hasher.update(image.instance.as_bytes());
             }
-            object.put(referenced(series));
+            let new = referenced(series);
+            let old =
+                object.take(tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE).and_then(|e| e.into_value().into_items());
+            // ROIs may lie in other frames, too.
+            let others = old
+                .into_iter()
+                .flatten()
+                .filter(|item| uid_in(item, tags::FRAME_OF_REFERENCE_UID) != Some(series.frame.clone()));
+            object.put(sequence(tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE, others.chain([new]).collect()));
         }
         let [instance, series] =
             ["instance", "series"].map(|what| uid(hasher.clone().update(what.as_bytes()).finalize()));
@@ -84,7 +87,7 @@ impl StructureSet {
         for a in added {
             let by_plane = match &a.images {
                 Some(series) => on_planes(series, a.normal),
-                None => images(&object, a.normal),
+                None => images(&object, a),
             };
             each_item(&mut object, tags::STRUCTURE_SET_ROI_SEQUENCE, tags::ROI_NUMBER, a.roi, |item| describe(item, a));
             each_item(&mut object, tags::ROI_CONTOUR_SEQUENCE, tags::REFERENCED_ROI_NUMBER, a.roi, |item| {
@@ -98,6 +101,19 @@ impl StructureSet {
         });
         object.write_all(out).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e.to_string()))
     }
+}
+
+/// An identifier in an item, where it is there.
+fn uid_in(item: &InMemDicomObject, tag: Tag) -> Option<String> {
+    let text = item.get(tag)?.to_str().ok()?;
+    Some(text.trim_matches(['\0', ' ']).to_string()).filter(|uid| !uid.is_empty())
+}
+
+/// Frame of reference of the ROI with a number.
+fn frame_of(object: &InMemDicomObject, roi: i64) -> Option<String> {
+    let rois = object.get(tags::STRUCTURE_SET_ROI_SEQUENCE)?.items()?;
+    let own = rois.iter().find(|item| item.get(tags::ROI_NUMBER).and_then(|e| e.to_int().ok()) == Some(roi))?;
+    uid_in(own, tags::REFERENCED_FRAME_OF_REFERENCE_UID)
 }
 
 /// Applies `change` to the items of a sequence that have a number.
@@ -173,11 +189,15 @@ fn add(item: &mut InMemDicomObject, added: &Added, images: &[(f64, InMemElement)
 }
 
 /// The images that contours of the file refer to (Contour Image Sequence), by their heights along `normal`: where another ROI is drawn on an
-/// interpolated plane, its image is that plane's.
-fn images(object: &InMemDicomObject, normal: DVec3) -> Vec<(f64, InMemElement)> {
+/// interpolated plane, its image is that plane's, if both ROIs are in one frame of reference.
+fn images(object: &InMemDicomObject, added: &Added) -> Vec<(f64, InMemElement)> {
+    let (normal, frame) = (added.normal, frame_of(object, added.roi));
+    let number = |roi: &InMemDicomObject| roi.get(tags::REFERENCED_ROI_NUMBER).and_then(|e| e.to_int::<i64>().ok());
+
     let items = |o: &InMemDicomObject, tag| o.get(tag).and_then(|e| e.items()).unwrap_or_default().to_vec();
     let rois = items(object, tags::ROI_CONTOUR_SEQUENCE);
-    let contours = rois.iter().flat_map(|roi| items(roi, tags::CONTOUR_SEQUENCE));
+    let alike = rois.iter().filter(|roi| number(roi).and_then(|n| frame_of(object, n)) == frame);
+    let contours = alike.flat_map(|roi| items(roi, tags::CONTOUR_SEQUENCE));
     let placed = contours.filter_map(|contour| {
         let image = contour.get(tags::CONTOUR_IMAGE_SEQUENCE)?.clone();
         let data = contour.get(tags::CONTOUR_DATA)?.to_multi_float64().ok()?;
@@ -192,7 +212,7 @@ fn images(object: &InMemDicomObject, normal: DVec3) -> Vec<(f64, InMemElement)> 
 }
 
 /// Frame, study and series that the contours refer to, with every image.
-fn referenced(series: &ImageSeries) -> InMemElement {
+fn referenced(series: &ImageSeries) -> InMemDicomObject {
     let all = series.images.iter().map(reference).collect();
     let of_series = InMemDicomObject::from_element_iter([
         element(tags::SERIES_INSTANCE_UID, VR::UI, &series.uid),
@@ -204,11 +224,10 @@ fn referenced(series: &ImageSeries) -> InMemElement {
         element(tags::REFERENCED_SOP_INSTANCE_UID, VR::UI, &series.study),
         sequence(tags::RT_REFERENCED_SERIES_SEQUENCE, vec![of_series]),
     ]);
-    let frame = InMemDicomObject::from_element_iter([
+    InMemDicomObject::from_element_iter([
         element(tags::FRAME_OF_REFERENCE_UID, VR::UI, &series.frame),
         sequence(tags::RT_REFERENCED_STUDY_SEQUENCE, vec![study]),
-    ]);
-    sequence(tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE, vec![frame])
+    ])
 }
 
 fn reference(image: &SeriesImage) -> InMemDicomObject {

@@ -208,15 +208,13 @@ impl ReferencedSet {
     /// From now on contours are added on the planes of these images.
     ///
     /// # Errors
-    /// [`Error::Setting`] for images in another frame of reference.
+    /// [`Error::Setting`] for images in another frame of reference than that of the ROIs; those of [`StructureSet::choose`].
     pub fn refer_to(&mut self, images: &Arc<ImageSeries>) -> Result<()> {
-        let own = self.set.frames();
+        let chosen: Vec<i64> = self.set.choose(&self.options)?.rois.iter().map(|roi| roi.number).collect();
+        let own = self.set.frames(&chosen);
         if !images.frame.is_empty() && !own.is_empty() && !own.contains(&images.frame) {
-            let message = format!(
-                "must be images in the RTSTRUCT's frame of reference, {}; got {}",
-                own.join(" or "),
-                images.frame
-            );
+            let message =
+                format!("must be images in the ROI's frame of reference, {}; got {}", own.join(" or "), images.frame);
             return Err(Error::Setting { name: "like".into(), message });
         }
         (self.every, self.images) = (None, Some(images.clone()));

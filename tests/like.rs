@@ -249,7 +249,8 @@ mod series {
 
     /// Two bodies in two frames of reference, of which the second has contours on planes between the first's, with images.
     fn in_two_frames(path: &Path, frames: [&str; 2]) {
-        let rois = [("First", tube(20.0, &[0.0, 3.0, 6.0, 9.0])), ("Second", tube(20.0, &[0.0, 1.0, 4.0, 9.0]))];
+        let planes: Vec<f64> = (0..10).map(f64::from).collect();
+        let rois = [("First", tube(20.0, &[0.0, 3.0, 6.0, 9.0])), ("Second", tube(20.0, &planes))];
         let mut object = super::rtss::structure_set(&rois);
         let items = |mut element: dicom_object::mem::InMemElement, change: &dyn Fn(usize, &mut InMemDicomObject)| {
             element.items_mut().into_iter().flatten().enumerate().for_each(|(k, item)| change(k, item));
@@ -286,13 +287,14 @@ mod series {
         images(&place.path().join("ct"), &[-3.0, 0.0, 1.0, 3.0, 4.0, 6.0, 9.0, 12.0]);
         let items = |o: &InMemDicomObject, tag| o.get(tag).and_then(|e| e.items()).unwrap_or_default().to_vec();
         let (input, out) = (at("rtss.dcm"), at("out.dcm"));
-        for (frames, shared) in [(["1.2.6", "1.2.66"], 0), (["1.2.6", "1.2.6"], 2)] {
+        // By itself the first has a plane half way; where the second shares its frame, those of the second.
+        for (frames, planes, shared) in [(["1.2.6", "1.2.66"], 3, 0), (["1.2.6", "1.2.6"], 6, 6)] {
             in_two_frames(Path::new(&input), frames);
-            done(&[&input, "--roi", "First", "--dz", "1", "-o", &out]);
+            done(&[&input, "--roi", "First", "-o", &out]);
             let object = open_file(&out).expect("a DICOM file");
             let added = items(&items(&object, tags::ROI_CONTOUR_SEQUENCE)[0], tags::CONTOUR_SEQUENCE).split_off(4);
             let with_image = added.iter().filter(|contour| contour.get(tags::CONTOUR_IMAGE_SEQUENCE).is_some()).count();
-            assert_eq!(with_image, shared, "{frames:?}");
+            assert_eq!((added.len(), with_image), (planes, shared), "{frames:?}");
         }
         in_two_frames(Path::new(&input), ["1.2.6", "1.2.66"]);
         refused(

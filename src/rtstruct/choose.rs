@@ -178,7 +178,10 @@ impl ChosenRois<'_> {
     pub fn steps(&self, stack: &ContourStack) -> Option<Steps> {
         let heights: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
         let gap = smallest_gap(&heights)?;
-        let others = self.set.rois.iter().filter_map(|roi| self.set.closed(vec![roi]).ok());
+        let numbers: Vec<i64> = self.rois.iter().map(|roi| roi.number).collect();
+        let own = self.set.frames(&numbers);
+        let alike = self.set.rois.iter().filter(|roi| own.is_empty() || self.set.frames(&[roi.number]) == own);
+        let others = alike.filter_map(|roi| self.set.closed(vec![roi]).ok());
         let images = others.filter_map(|other| {
             let off = (other.planes.axes[2] - self.planes.axes[2]).abs().element_sum();
             let theirs = &other.planes.heights;

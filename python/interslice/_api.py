@@ -162,8 +162,8 @@ def stack(
 
     `masks` are arrays of two axes, or one of three, not 0 inside. `fields` are negative inside; with `level` they are grey values, inside above it.
     `polygons` has, for each slice, closed lines: arrays of points (x, y); points within an odd number of them are inside; `pixel` is the side
-    of the pixels on which they are laid. `spacing` is the distance of rows and of columns of the others (default 1). Pixel (0, 0) at height 0 lies at `origin`; `axes` are
-    the directions of columns, rows and heights (LPS).
+    of the pixels on which they are laid. `spacing` is the distance of rows and of columns of the others (default 1). Pixel (0, 0) at height 0 lies
+    at `origin`; `axes` are the directions of columns, rows and heights (LPS).
     """
     given = [kind for kind, value in (("masks", masks), ("fields", fields), ("polygons", polygons)) if value is not None]
     if len(given) != 1:

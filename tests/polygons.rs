@@ -12,7 +12,7 @@ use interslice::contour::seeds::trace_loops;
 use interslice::grid::field::Field;
 use interslice::input::read;
 use interslice::polygons::edges::contour_edges;
-use interslice::polygons::grid::pixel_side;
+use interslice::polygons::grid::{coarse, pixel_side};
 use interslice::polygons::{CLAMP, PlaneDrawing, Planes, Polygon, stack};
 use interslice::stack::{ContourStack, Geometry, ReadOptions, SliceContent};
 use proptest::prelude::*;
@@ -187,6 +187,19 @@ fn pixels_are_half_the_distance_of_points_and_finer_for_thin_bodies() {
     // Many points cost no more than 1024 pixels.
     let fine = drawing(circle(DVec2::ZERO, 512.0, 100_000));
     assert_eq!(pixel_side(&[fine]), 1.0);
+}
+
+#[test]
+fn small_things_far_apart_are_told() {
+    let two = |radius: f64, apart: f64| {
+        let region = [0.0, apart].map(|x| circle(DVec2::new(x, 0.0), radius, 60)).to_vec();
+        PlaneDrawing { name: "a".into(), z: 0.0, extra: false, regions: vec![region] }
+    };
+    // The mean width of discs is their radius: 2 px, 4.1 px, and many points on a large body, whose distances are no matter.
+    assert!(coarse(&[two(2.0, 1000.0)]).is_some_and(|note| note.contains("--pixel")));
+    assert_eq!(coarse(&[two(2.0, 490.0)]), None);
+    let fine = PlaneDrawing { regions: vec![vec![circle(DVec2::ZERO, 150.0, 20_000)]], ..two(1.0, 1.0) };
+    assert_eq!(coarse(&[fine]), None);
 }
 
 #[test]

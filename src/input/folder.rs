@@ -197,9 +197,12 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
         (count > 0)
             .then(|| format!("`{}` at {}: {which} drawn before point by point; left out", drawing.name, drawing.z))
     };
-    let notes = drawings.iter_mut().filter_map(copies).collect();
+    let mut notes: Vec<String> = drawings.iter_mut().filter_map(copies).collect();
     let planes = Planes { unit: parsed.unit, axes, z_out: parsed.z_out };
-    Ok((polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy))?, notes))
+    let pixel = options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy);
+    let stack = polygons::stack(&drawings, &planes, pixel)?;
+    notes.extend(polygons::grid::coarse(&drawings).filter(|_| pixel.is_none()));
+    Ok((stack, notes))
 }
 
 /// The stack of a file whose slices are images.

@@ -13,6 +13,8 @@ pub const MARGIN: usize = 8;
 const ACROSS: f64 = 8.0;
 /// Most pixels along the longer side of the box around all contours, where the pixel size is chosen here.
 const LONGEST: f64 = 1024.0;
+/// Pixels across the mean width below which areas are off by some per cent.
+const COARSE: f64 = 4.0;
 /// Most pixels of all slices together: 4 GiB of level sets.
 const MOST_PIXELS: f64 = (1u64 << 30) as f64;
 /// Rows by which the area of a plane is measured.
@@ -96,6 +98,31 @@ impl DrawingGrid {
 /// eighth of the mean width `2 A / P` (area and length of all contours), so that what has few points is still several pixels wide, and at
 /// least 1/1024 of the longer side of the box around all.
 pub fn pixel_side(drawings: &[PlaneDrawing]) -> f64 {
+    let Sides { points, width, least } = sides(drawings);
+    (0.5 * points).min(width / ACROSS).max(least)
+}
+
+/// A note where the least pixel side leaves what is drawn less than 4 pixels wide in the mean: small things far apart.
+pub fn coarse(drawings: &[PlaneDrawing]) -> Option<String> {
+    let Sides { width, least, .. } = sides(drawings);
+    (width < COARSE * least).then(|| {
+        format!(
+            "what is drawn is {width:.3} wide in the mean, and a pixel {least:.3}, 1/{LONGEST} of the longer side of all contours: --pixel sets it"
+        )
+    })
+}
+
+/// Lengths that pixels are chosen by.
+struct Sides {
+    /// Median distance of neighbouring points.
+    points: f64,
+    /// Mean width.
+    width: f64,
+    /// Least pixel side.
+    least: f64,
+}
+
+fn sides(drawings: &[PlaneDrawing]) -> Sides {
     let [low, high] = bounds(drawings.iter().flat_map(PlaneDrawing::polygons).flatten());
     let longer = (high - low).max_element();
     let (mut lengths, mut area_sum) = (Vec::new(), 0.0);
@@ -108,9 +135,11 @@ pub fn pixel_side(drawings: &[PlaneDrawing]) -> f64 {
         }
     }
     lengths.sort_by(f64::total_cmp);
-    let Some(median) = lengths.get(lengths.len() / 2) else { return longer / LONGEST };
-    let width = 2.0 * area_sum / lengths.iter().sum::<f64>();
-    (0.5 * median).min(width / ACROSS).max(longer / LONGEST)
+    let least = longer / LONGEST;
+    let Some(points) = lengths.get(lengths.len() / 2) else {
+        return Sides { points: 0.0, width: f64::INFINITY, least };
+    };
+    Sides { points: *points, width: 2.0 * area_sum / lengths.iter().sum::<f64>(), least }
 }
 
 /// Lowest and highest coordinates; the lowest is above the highest where there are no points.

@@ -160,17 +160,25 @@ impl ChosenRois<'_> {
     /// # Errors
     /// The errors of [`ChosenRois::chosen_planes`], [`polygons::stack`] and [`ContourStack::validate`], with the file's name.
     pub fn stack(&self, options: &ReadOptions) -> Result<ContourStack> {
+        let drawings = self.drawings(options)?;
+        let planes = Planes { unit: "mm".into(), axes: self.planes.axes, z_out: None };
+        let stack = polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]));
+        let checked = stack.and_then(|stack| stack.validate().map(|()| stack));
+        checked.map_err(|e| e.in_file(&self.set.path))
+    }
+
+    /// What is drawn on the planes that `options` name.
+    ///
+    /// # Errors
+    /// The errors of [`ChosenRois::chosen_planes`].
+    pub(super) fn drawings(&self, options: &ReadOptions) -> Result<Vec<PlaneDrawing>> {
         let drawing = |k: usize| {
             let mut regions = vec![Vec::new(); self.rois.len()];
             self.on_plane(k).for_each(|(r, contour)| regions[r].push(self.planes.project(&contour.points)));
             regions.retain(|r: &Vec<_>| !r.is_empty());
             PlaneDrawing { name: format!("k={k}"), z: self.planes.heights[k], extra: false, regions }
         };
-        let drawings: Vec<PlaneDrawing> = self.chosen_planes(options)?.into_iter().map(drawing).collect();
-        let planes = Planes { unit: "mm".into(), axes: self.planes.axes, z_out: None };
-        let stack = polygons::stack(&drawings, &planes, options.pixel.map(|p| [p; 2]));
-        let checked = stack.and_then(|stack| stack.validate().map(|()| stack));
-        checked.map_err(|e| e.in_file(&self.set.path))
+        Ok(self.chosen_planes(options)?.into_iter().map(drawing).collect())
     }
 
     /// Steps of the output heights of `stack` where none is asked for. Where all its planes lie on those of another ROI that has planes

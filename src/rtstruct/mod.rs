@@ -27,6 +27,7 @@ pub use find::structure_sets;
 pub use series::ImageSeries;
 
 use crate::error::{Error, Result};
+use crate::polygons::grid::coarse;
 use crate::stack::appearance::Appearance;
 use crate::stack::{ContourStack, ReadOptions};
 use crate::storage::regular;
@@ -181,7 +182,12 @@ impl ReferencedSet {
     pub fn about(&self, stack: &ContourStack) -> Result<(Option<Steps>, Vec<String>)> {
         let chosen = self.set.choose(&self.options)?;
         let steps = chosen.steps(stack);
+        let coarse = match self.options.pixel {
+            None => coarse(&chosen.drawings(&self.options)?),
+            Some(_) => None,
+        };
         let mut notes = chosen.notes;
+        notes.extend(coarse);
         let lost = stack.slices.iter().filter(|s| s.content.is_empty());
         let px = stack.spacing[0];
         notes.extend(lost.map(|s| {

@@ -347,7 +347,7 @@ fn a_failing_gpu_is_told_and_replaced_only_where_that_was_asked() {
 #[test]
 fn an_adapter_that_is_not_there_is_named() {
     match Gpu::open(&GpuOptions { adapter: Some("no such gpu".into()), ..GpuOptions::default() }) {
-        Err(Error::Gpu(message)) => {
+        Err(Error::Setting { message, .. }) => {
             assert!(message.contains("no such gpu") && message.contains("there are"), "{message}")
         }
         other => panic!("{other:?}"),

@@ -131,6 +131,37 @@ fn tanh(x: f32) -> f32 {
 mod tests {
     use super::*;
 
+    /// A layer clamped at 4 around some discs, and the same with every square stored.
+    fn discs(dims: [usize; 2], shift: f32) -> [SparseImage<f32>; 2] {
+        let value = |n: usize| {
+            let (x, y) = ((n % dims[0]) as f32, (n / dims[0]) as f32);
+            let to = |[cx, cy, r]: [f32; 3]| (x - cx - shift).hypot(y - cy) - r;
+            [[12.0, 60.0, 9.0], [70.0, 20.0, 40.0], [150.0, 90.0, 14.5]]
+                .map(to)
+                .into_iter()
+                .fold(4.0, f32::min)
+                .max(-4.0)
+        };
+        let sparse = SparseImage::of(dims, &(0..dims[0] * dims[1]).map(value).collect::<Vec<f32>>());
+        let mut dense = sparse.clone();
+        sparse.each_square().for_each(|square| _ = dense.square_mut(square));
+        [sparse, dense]
+    }
+
+    #[test]
+    fn whole_squares_are_as_their_pixels() {
+        for (dims, rise) in [([200, 120], 3.0), ([177, 97], 0.1)] {
+            let [below, here, above] = [-2.5, 0.0, 40.0].map(|shift| discs(dims, shift));
+            assert!(here[0].each_square().filter(|s| here[0].whole(*s).is_some()).count() > 20);
+            let lengths = Lengths { spacing: [1.0, 0.5], bound: 2.0, rise };
+            let of = |k: usize| transform([&below[k], &here[k], &above[k]], lengths).map(|v| v.unpack());
+            let [sparse, dense] = [0, 1].map(of);
+            for (a, b) in sparse.iter().flatten().zip(dense.iter().flatten()) {
+                assert_eq!(a.to_bits(), b.to_bits());
+            }
+        }
+    }
+
     #[test]
     fn a_plane_has_its_gradient_at_every_pixel() {
         let (dims, spacing, slope) = ([37, 21], [0.5, 2.0], [0.6f32, 0.48, 0.3]);

@@ -70,7 +70,8 @@ impl LoadedLabels {
         if options.output.mask && !keep_overlaps {
             return fail("mask", "is not for many labels: their volume has the labels' numbers".into());
         }
-        let stack = read_labels(input, &options.read, wanted)?;
+        let mut stack = read_labels(input, &options.read, wanted)?;
+        stack.notes.extend(options.output.doubts(&stack.stack));
         let (least, most) = (stack.labels[0], stack.labels[stack.labels.len() - 1]);
         if options.output.distance && !keep_overlaps {
             return fail("distance", "is not for many labels: their volume has the labels' numbers".into());

@@ -30,7 +30,7 @@ pub struct Like {
     pub grid: LikeGrid,
     /// Coordinate system of a raster.
     pub crs: Crs,
-    /// Unit of a volume's grid, as far as its file says one.
+    /// Unit of a volume's grid: that of its file, or what is taken where it says none.
     pub unit: Option<String>,
     /// The series of images, where it is one.
     #[cfg(feature = "dicom")]

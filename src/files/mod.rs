@@ -44,7 +44,6 @@ use crate::surface::Reconstruction;
 #[cfg(feature = "terrain")]
 use crate::surface::crs::Crs;
 use crate::surface::header::Header;
-use crate::surface::length;
 use crate::surface::stream::LayerSink;
 use options::OutputOptions;
 use outputs::Outputs;
@@ -102,38 +101,12 @@ pub struct Loaded {
     pub source: Option<Source>,
 }
 
-/// Note on a grid in another unit than that of the slices.
-fn other_unit(like: &str, own: &str) -> Option<String> {
-    let [of_grid, of_slices] = [like, own].map(length::metres);
-    let differ = of_grid.zip(of_slices).is_some_and(|(a, b)| (a - b).abs() > 1e-9 * b);
-    differ.then(|| {
-        format!(
-            "`like` names a grid in {like}, and the slices are in {own}: numbers are compared as they are, not places"
-        )
-    })
-}
-
 impl Loaded {
     /// Checks the options and reads the input.
     ///
     /// # Errors
     /// The errors of [`JobOptions::check`], [`input::read`] and [`LinkOptions::read`].
-    pub fn read(input: &Path, options: JobOptions) -> Result<Self> {
-        let mut loaded = Self::one_of(input, options)?;
-        let like = loaded.options.output.target.as_ref().and_then(|like| like.unit.as_deref());
-        loaded.notes.extend(like.and_then(|unit| other_unit(unit, &loaded.stack.unit)));
-        let ContourStack { slices, unit, .. } = &loaded.stack;
-        let high = slices[slices.len() - 1].z - slices[0].z;
-        if let Some(dz) = loaded.options.output.dz.filter(|dz| *dz > high) {
-            let note =
-                format!("`dz` is {dz} {unit}, and the body is {high} {unit} high: no layer lies between its contours");
-            loaded.notes.push(note);
-        }
-        Ok(loaded)
-    }
-
-    /// Reads an input of any kind.
-    fn one_of(input: &Path, mut options: JobOptions) -> Result<Self> {
+    pub fn read(input: &Path, mut options: JobOptions) -> Result<Self> {
         options.check()?;
         let source = Source::of(input, &options)?;
         options.output.look()?;
@@ -154,7 +127,7 @@ impl Loaded {
         options.output.bodies = surveyed.iter().filter_map(|s| s.appearance()).collect();
         options.settings.links = options.links.read(&stack)?;
         options.settings.validate()?;
-        Ok(Loaded { notes, source: Some(source), ..Self::new(stack, options)? })
+        Ok(Loaded { source: Some(source), ..Self::new(stack, options)?.noted(notes) })
     }
 
     /// What a report says of its making; nothing of a stack that no file holds.
@@ -188,7 +161,7 @@ impl Loaded {
         }
         options.output.bodies = vec![source.appearance()?];
         options.output.source = Some(Arc::new(source));
-        Ok(Loaded { notes, source: Some(given), ..Self::new(stack, options)? })
+        Ok(Loaded { source: Some(given), ..Self::new(stack, options)?.noted(notes) })
     }
 
     /// Loads a contour map.
@@ -212,7 +185,7 @@ impl Loaded {
             return Err(crate::error::Error::Setting { name: "like".into(), message });
         }
         options.output.map = Some(std::sync::Arc::new(terrain.map));
-        Ok(Loaded { notes: terrain.notes, ..Self::new(terrain.stack, options)? })
+        Ok(Self::new(terrain.stack, options)?.noted(terrain.notes))
     }
 
     /// Loads a stack that no file holds.
@@ -222,7 +195,14 @@ impl Loaded {
     pub fn new(stack: ContourStack, options: JobOptions) -> Result<Self> {
         options.output.check_unit(&stack.unit)?;
         let heights = options.output.heights(&stack, &options.settings)?;
-        Ok(Loaded { stack, heights, options, notes: Vec::new(), source: None })
+        let notes = options.output.doubts(&stack);
+        Ok(Loaded { stack, heights, options, notes, source: None })
+    }
+
+    /// With notes on the input before its own.
+    fn noted(mut self, notes: Vec<String>) -> Self {
+        self.notes.splice(0..0, notes);
+        self
     }
 
     /// The grid of the output layers, of which some are contours' own.

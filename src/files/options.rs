@@ -18,6 +18,7 @@ use crate::stack::appearance::Appearance;
 use crate::stack::heights::height_grid;
 use crate::surface::content::{Content, Paint};
 use crate::surface::glb::{SceneFrame, SceneUnit};
+use crate::surface::length;
 use crate::surface::map::Map;
 #[cfg(feature = "simplify")]
 use crate::surface::simplify;
@@ -163,6 +164,29 @@ impl OutputOptions {
         }
         let message = "a completed RTSTRUCT needs an RTSTRUCT as input".into();
         Err(Error::Output { path: path.into(), message })
+    }
+
+    /// Notes for a person on a grid that does not go with a stack.
+    pub(super) fn doubts(&self, stack: &ContourStack) -> Vec<String> {
+        let mut doubts = Vec::new();
+        let own = &stack.unit;
+        if let Some(unit) = self.target.as_ref().and_then(|like| like.unit.as_ref()) {
+            let metres = length::metres(unit).zip(length::metres(own));
+            if metres.is_some_and(|(a, b)| (a - b).abs() > 1e-9 * b) {
+                doubts.push(format!(
+                    "`like` names a grid in {unit}, and the slices are in {own}: numbers are compared as they are, not places"
+                ));
+            }
+        }
+        if let (Some(dz), Some(first), Some(last)) = (self.dz, stack.slices.first(), stack.slices.last()) {
+            let high = last.z - first.z;
+            if dz > high {
+                doubts.push(format!(
+                    "`dz` is {dz} {own}, and the body is {high} {own} high: no layer lies between its contours"
+                ));
+            }
+        }
+        doubts
     }
 
     /// What is asked for of outputs that are none of `paths`: a sentence for each option that changes nothing.

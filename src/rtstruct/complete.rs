@@ -196,7 +196,7 @@ fn images(object: &InMemDicomObject, added: &Added) -> Vec<(f64, InMemElement)> 
 
     let items = |o: &InMemDicomObject, tag| o.get(tag).and_then(|e| e.items()).unwrap_or_default().to_vec();
     let rois = items(object, tags::ROI_CONTOUR_SEQUENCE);
-    let alike = rois.iter().filter(|roi| number(roi).and_then(|n| frame_of(object, n)) == frame);
+    let alike = rois.iter().filter(|roi| frame.is_none() || number(roi).and_then(|n| frame_of(object, n)) == frame);
     let contours = alike.flat_map(|roi| items(roi, tags::CONTOUR_SEQUENCE));
     let placed = contours.filter_map(|contour| {
         let image = contour.get(tags::CONTOUR_IMAGE_SEQUENCE)?.clone();

@@ -297,6 +297,15 @@ mod series {
             assert_eq!((added.len(), with_image), (planes, shared), "{frames:?}");
         }
         in_two_frames(Path::new(&input), ["1.2.6", "1.2.66"]);
+        // On the very planes of the other, too.
+        done(&[&input, "--roi", "First", "--dz", "1", "-o", &at("fine.dcm")]);
+        let object = open_file(at("fine.dcm")).expect("a DICOM file");
+        let added = items(&items(&object, tags::ROI_CONTOUR_SEQUENCE)[0], tags::CONTOUR_SEQUENCE).split_off(4);
+        let planes = added.iter().map(|contour| {
+            assert!(contour.get(tags::CONTOUR_IMAGE_SEQUENCE).is_none(), "an image of the other frame");
+            contour.get(tags::CONTOUR_DATA).expect("data").to_multi_float64().expect("numbers")[2]
+        });
+        assert_eq!(planes.collect::<Vec<f64>>(), [1.0, 2.0, 4.0, 5.0, 7.0, 8.0]);
         refused(
             &[&input, "--roi", "Second", "--like", &at("ct"), "-o", &at("no.dcm")],
             "ROI's frame of reference, 1.2.66; got 1.2.6",

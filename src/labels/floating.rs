@@ -165,3 +165,69 @@ impl Frame {
         held
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::cmp::Reverse;
+
+    use super::*;
+    use crate::surface::Layer;
+
+    const N: usize = 12;
+
+    /// A body on three layers, of which the outer ones are contours: inside where `inside` says so.
+    fn body(inside: impl Fn(usize, [usize; 2]) -> bool) -> Result<KeptBody> {
+        let mut body = KeptBody::new(&std::env::temp_dir(), 9.0, [N; 2], [0; 2])?;
+        for k in 0..3 {
+            let phi = (0..N * N).map(|n| if inside(k, [n % N, n / N]) { -0.5 } else { 0.5 }).collect();
+            let contour = (k != 1).then_some(k / 2);
+            let layer = Layer { z: k as f64, phi: SparseImage::default(), output: true, contour };
+            body.push(&layer, &LayerPatch { origin: [0; 2], dims: [N; 2], phi })?;
+        }
+        Ok(body)
+    }
+
+    /// Pixels inside on the middle layer.
+    fn middle(body: &mut KeptBody) -> Result<Vec<[usize; 2]>> {
+        let patch = body.patch(1)?;
+        let all = (0..N * N).map(|n| [n % N, n / N]);
+        Ok(all.filter(|at| patch.at(*at).is_some_and(|phi| phi < 0.0)).collect())
+    }
+
+    #[test]
+    fn a_piece_goes_to_what_most_of_its_edges_lead_to() -> Result<()> {
+        let column = |[i, j]: [usize; 2]| i < 3 && j < 3;
+        let within = |[i, j]: [usize; 2]| i == 6 && (5..7).contains(&j);
+        let lone = |at: [usize; 2]| at == [10, 2];
+        let block = |[i, j]: [usize; 2]| (4..9).contains(&i) && (4..9).contains(&j);
+        // Alone both pieces hang on a bridge, which the decision has taken.
+        let bridge = |[_, j]: [usize; 2]| j < 7;
+        let mut alone = [body(|k, at| if k == 1 { bridge(at) } else { column(at) })?, body(|_, at| block(at))?];
+        let mut decided = [
+            body(|k, at| column(at) || k == 1 && (within(at) || lone(at)))?,
+            body(|k, at| block(at) && !(k == 1 && within(at)))?,
+        ];
+        let steps = [0, 1, 2].map(|k| DecidedStep { z: f64::from(k), drawn: k != 1 });
+        let ranks = [(Reverse(9), 0), (Reverse(25), 52)];
+        let pieces = FloatingPieces { dims: [N; 2], steps: &steps, same: 1e-6, ranks: &ranks };
+        let mut changed = [true, false];
+        assert_eq!(pieces.give_away(&mut changed, &mut alone, &mut decided)?, 3);
+        assert_eq!(changed, [true, true]);
+        let all = || (0..N * N).map(|n| [n % N, n / N]);
+        assert_eq!(middle(&mut decided[0])?, all().filter(|at| column(*at)).collect::<Vec<_>>());
+        assert_eq!(middle(&mut decided[1])?, all().filter(|at| block(*at)).collect::<Vec<_>>());
+        Ok(())
+    }
+
+    #[test]
+    fn what_was_in_the_air_alone_is_let_be() -> Result<()> {
+        let column = |[i, j]: [usize; 2]| i < 3 && j < 3;
+        let of = || body(|k, at| column(at) || k == 1 && at == [8, 8]);
+        let (mut alone, mut decided) = ([of()?], [of()?]);
+        let steps = [0, 1, 2].map(|k| DecidedStep { z: f64::from(k), drawn: k != 1 });
+        let pieces = FloatingPieces { dims: [N; 2], steps: &steps, same: 1e-6, ranks: &[(Reverse(9), 0)] };
+        assert_eq!(pieces.give_away(&mut [true], &mut alone, &mut decided)?, 0);
+        assert!(middle(&mut decided[0])?.contains(&[8, 8]));
+        Ok(())
+    }
+}

@@ -131,10 +131,13 @@ fn tanh(x: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// A layer clamped at 4 around some discs, and the same with every square stored.
+    /// A layer clamped at 4 around some discs, with a plate over whole squares, and the same with every square stored.
     fn discs(dims: [usize; 2], shift: f32) -> [SparseImage<f32>; 2] {
         let value = |n: usize| {
             let (x, y) = ((n % dims[0]) as f32, (n / dims[0]) as f32);
+            if (64.0..96.0).contains(&x) && (96.0..112.0).contains(&y) {
+                return -1.0;
+            }
             let to = |[cx, cy, r]: [f32; 3]| (x - cx - shift).hypot(y - cy) - r;
             [[12.0, 60.0, 9.0], [70.0, 20.0, 40.0], [150.0, 90.0, 14.5]]
                 .map(to)

@@ -1,8 +1,8 @@
-//! Pieces of a label that float only since voxels were decided: they go to what lies around them.
+//! Pieces of a label that float only since voxels were decided: they go to the labels around them.
 //!
 //! Alone a label hangs together with its slices ([`crate::connectivity::grounded`]). Where others take what holds a corner of it, the corner is left
-//! in the air: a part of a layer that hangs together with none of the label's slices, though it did alone. It gets the label, or none, that most
-//! of its pixels' edges in the layer lead to. Drawn slices stay as they are.
+//! in the air: a part of a layer that hangs together with none of the label's slices, though it did alone. It gets the label that most of its
+//! pixels' edges in the layer lead to, so that all labels together stay what they are, and none where it touches no other. Drawn slices stay as they are.
 
 use super::decide::Rank;
 use super::kept::{KeptBody, LayerPatch};
@@ -78,28 +78,24 @@ impl FloatingPieces<'_> {
         Ok(out)
     }
 
-    /// Gives pixels of label `a` on layer `k` to what most of their edges touch; returns the label that has them now.
+    /// Gives pixels of label `a` on layer `k` to the label that most of their edges lead to; returns that label.
     fn pass_on(&self, a: usize, k: usize, pixels: &[[usize; 2]], decided: &mut [KeptBody]) -> Result<Option<usize>> {
         let mut patches = decided.iter_mut().map(|body| body.patch(k)).collect::<Result<Vec<LayerPatch>>>()?;
         let label = |patches: &[LayerPatch], at: [usize; 2]| {
             (0..patches.len()).find(|&b| patches[b].at(at).is_some_and(|phi| phi < 0.0))
         };
-        // Edges that lead to each label, and to none.
-        let mut edges = vec![0; patches.len() + 1];
+        // Edges that lead to each label.
+        let mut edges = vec![0; patches.len()];
         for &[i, j] in pixels {
             let beside = [[i.wrapping_sub(1), j], [i + 1, j], [i, j.wrapping_sub(1)], [i, j + 1]];
             for at in beside.into_iter().filter(|at| at[0] < self.dims[0] && at[1] < self.dims[1]) {
-                match label(&patches, at) {
-                    Some(b) if b == a => {}
-                    other => edges[other.unwrap_or(patches.len())] += 1,
-                }
+                label(&patches, at).into_iter().for_each(|b| edges[b] += 1);
             }
         }
         let covers = |b: usize| pixels.iter().all(|&at| patches[b].at(at).is_some());
-        let most = (0..patches.len())
-            .filter(|&b| b != a && covers(b))
+        let taker = (0..patches.len())
+            .filter(|&b| b != a && edges[b] > 0 && covers(b))
             .max_by(|&b, &c| edges[b].cmp(&edges[c]).then_with(|| self.ranks[c].cmp(&self.ranks[b])));
-        let taker = most.filter(|&b| edges[b] > edges[patches.len()]);
         for &at in pixels {
             let depth = patches[a].at(at).unwrap_or_default().abs().max(f32::MIN_POSITIVE);
             patches[a].set(at, depth);
@@ -195,27 +191,29 @@ mod tests {
     }
 
     #[test]
-    fn a_piece_goes_to_what_most_of_its_edges_lead_to() -> Result<()> {
+    fn a_piece_goes_to_the_label_that_it_touches_most() -> Result<()> {
         let column = |[i, j]: [usize; 2]| i < 3 && j < 3;
         let within = |[i, j]: [usize; 2]| i == 6 && (5..7).contains(&j);
         let lone = |at: [usize; 2]| at == [10, 2];
+        // One edge of four leads to the block.
+        let rim = |at: [usize; 2]| at == [9, 6];
         let block = |[i, j]: [usize; 2]| (4..9).contains(&i) && (4..9).contains(&j);
-        // Alone both pieces hang on a bridge, which the decision has taken.
+        // Alone all pieces hang on a bridge, which the decision has taken.
         let bridge = |[_, j]: [usize; 2]| j < 7;
         let mut alone = [body(|k, at| if k == 1 { bridge(at) } else { column(at) })?, body(|_, at| block(at))?];
         let mut decided = [
-            body(|k, at| column(at) || k == 1 && (within(at) || lone(at)))?,
+            body(|k, at| column(at) || k == 1 && (within(at) || lone(at) || rim(at)))?,
             body(|k, at| block(at) && !(k == 1 && within(at)))?,
         ];
         let steps = [0, 1, 2].map(|k| DecidedStep { z: f64::from(k), drawn: k != 1 });
         let ranks = [(Reverse(9), 0), (Reverse(25), 52)];
         let pieces = FloatingPieces { dims: [N; 2], steps: &steps, same: 1e-6, ranks: &ranks };
         let mut changed = [true, false];
-        assert_eq!(pieces.give_away(&mut changed, &mut alone, &mut decided)?, 3);
+        assert_eq!(pieces.give_away(&mut changed, &mut alone, &mut decided)?, 4);
         assert_eq!(changed, [true, true]);
         let all = || (0..N * N).map(|n| [n % N, n / N]);
         assert_eq!(middle(&mut decided[0])?, all().filter(|at| column(*at)).collect::<Vec<_>>());
-        assert_eq!(middle(&mut decided[1])?, all().filter(|at| block(*at)).collect::<Vec<_>>());
+        assert_eq!(middle(&mut decided[1])?, all().filter(|at| block(*at) || rim(*at)).collect::<Vec<_>>());
         Ok(())
     }
 

@@ -78,7 +78,7 @@ pub struct Borders {
     pub overlap_voxels: u64,
     /// Output voxels that none had, inside the union of labels that touch.
     pub gap_voxels: u64,
-    /// Pixels of layers that touched no slice of their label once all was decided, and went to what lies around them.
+    /// Pixels of layers that touched no slice of their label once all was decided, and went to others or to none.
     #[serde(default)]
     pub floating_pixels: u64,
     /// Labels that are other bodies than alone.

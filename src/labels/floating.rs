@@ -10,6 +10,7 @@ use crate::connectivity::grounded::grounded;
 use crate::connectivity::runs::{Runs, Side};
 use crate::error::Result;
 use crate::grid::sparse_image::SparseImage;
+use crate::grid::tile::Tile;
 
 /// What a piece is given to may float itself: that is looked at again, so many times.
 const ROUNDS: usize = 8;
@@ -56,14 +57,15 @@ impl FloatingPieces<'_> {
 
     /// Parts of a label's layers that float and did not: the step, and the pixels.
     fn floating(&self, alone: &mut KeptBody, decided: &mut KeptBody) -> Result<Vec<(usize, Vec<[usize; 2]>)>> {
-        let frame = Frame::around(alone.rectangles().chain(decided.rectangles()));
+        let tiles = alone.tiles().chain(decided.tiles()).filter(|tile| !tile.is_empty());
+        let tile = tiles.reduce(Tile::joined).unwrap_or(Tile { origin: [0; 2], dims: [1; 2] });
         let (mut before, mut after) = (Vec::new(), Vec::new());
         for (k, step) in self.steps.iter().enumerate() {
-            before.push(frame.runs(&alone.at(step.z, self.same)?.unwrap_or_default()));
-            after.push(frame.runs(&decided.patch(k)?));
+            before.push(runs(tile, &alone.at(step.z, self.same)?.unwrap_or_default()));
+            after.push(runs(tile, &decided.patch(k)?));
         }
         let contours: Vec<usize> = (0..self.steps.len()).filter(|&k| decided.contour_of(k).is_some()).collect();
-        let [held, holds] = [&before, &after].map(|layers| frame.held(layers, &contours));
+        let [held, holds] = [&before, &after].map(|layers| held_of(tile, layers, &contours));
         let mut out = Vec::new();
         for (k, runs) in after.iter().enumerate().filter(|(k, _)| !self.steps[*k].drawn) {
             let mut stays = holds[k].clone();
@@ -71,7 +73,7 @@ impl FloatingPieces<'_> {
             runs.meeting(&before[k], |part, old| stays[part] |= !held[k][old]);
             for part in (0..runs.count).filter(|&part| !stays[part]) {
                 let pixels = runs.all().filter(|run| run.2 == part);
-                let [x, y] = frame.origin;
+                let [x, y] = tile.origin;
                 out.push((k, pixels.flat_map(|(j, run, _)| run.map(move |i| [x + i, y + j])).collect()));
             }
         }
@@ -110,56 +112,37 @@ impl FloatingPieces<'_> {
     }
 }
 
-/// The rectangle that all layers of a label lie in.
-struct Frame {
-    origin: [usize; 2],
-    dims: [usize; 2],
+/// What lies inside on a layer, on the tile that all layers of a label lie in.
+fn runs(tile: Tile, patch: &LayerPatch) -> Runs {
+    let mut phi = vec![1.0; tile.dims[0] * tile.dims[1]];
+    for (j, row) in patch.phi.chunks_exact(patch.dims[0].max(1)).enumerate() {
+        let start = (patch.origin[1] + j - tile.origin[1]) * tile.dims[0] + patch.origin[0] - tile.origin[0];
+        phi[start..start + row.len()].copy_from_slice(row);
+    }
+    Runs::new(&SparseImage::of(tile.dims, &phi), Side::Inside)
 }
 
-impl Frame {
-    /// Of rectangles: first column and row, columns and rows.
-    fn around(rectangles: impl Iterator<Item = [usize; 4]>) -> Self {
-        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
-        for [i, j, width, height] in rectangles.filter(|r| r[2] * r[3] > 0) {
-            low = [low[0].min(i), low[1].min(j)];
-            high = [high[0].max(i + width), high[1].max(j + height)];
-        }
-        let origin = [0, 1].map(|x| low[x].min(high[x]));
-        Frame { origin, dims: [0, 1].map(|x| (high[x] - origin[x]).max(1)) }
-    }
-
-    /// What lies inside on a layer.
-    fn runs(&self, patch: &LayerPatch) -> Runs {
-        let mut phi = vec![1.0; self.dims[0] * self.dims[1]];
-        for (j, row) in patch.phi.chunks_exact(patch.dims[0].max(1)).enumerate() {
-            let start = (patch.origin[1] + j - self.origin[1]) * self.dims[0] + patch.origin[0] - self.origin[0];
-            phi[start..start + row.len()].copy_from_slice(row);
-        }
-        Runs::new(&SparseImage::of(self.dims, &phi), Side::Inside)
-    }
-
-    /// Which parts of the layers hang together with a layer that is a contour.
-    fn held(&self, layers: &[Runs], contours: &[usize]) -> Vec<Vec<bool>> {
-        let nothing = || self.runs(&LayerPatch::default());
-        let mut held: Vec<Vec<bool>> = layers.iter().map(|runs| vec![true; runs.count]).collect();
-        let ends = contours.iter().map(|&k| Some(k));
-        let starts = std::iter::once(None).chain(ends.clone());
-        for (start, end) in starts.zip(ends.chain(std::iter::once(None))) {
-            // From contour to contour; beyond the first and the last no ground is in the distance.
-            let (low, high) = (start.unwrap_or(0), end.map_or(layers.len(), |k| k + 1));
-            let before = start.is_none().then(nothing);
-            let behind = end.is_none().then(nothing);
-            let stretch: Vec<Runs> = before.iter().chain(&layers[low..high]).chain(&behind).cloned().collect();
-            let stays = grounded(&stretch, None, self.dims[0], Side::Inside);
-            let inner = stays.into_iter().skip(usize::from(start.is_none())).take(high - low);
-            for (k, stays) in (low..high).zip(inner) {
-                if !contours.contains(&k) {
-                    held[k] = stays;
-                }
+/// Which parts of the layers hang together with a layer that is a contour.
+fn held_of(tile: Tile, layers: &[Runs], contours: &[usize]) -> Vec<Vec<bool>> {
+    let nothing = || runs(tile, &LayerPatch::default());
+    let mut held: Vec<Vec<bool>> = layers.iter().map(|runs| vec![true; runs.count]).collect();
+    let ends = contours.iter().map(|&k| Some(k));
+    let starts = std::iter::once(None).chain(ends.clone());
+    for (start, end) in starts.zip(ends.chain(std::iter::once(None))) {
+        // From contour to contour; beyond the first and the last no ground is in the distance.
+        let (low, high) = (start.unwrap_or(0), end.map_or(layers.len(), |k| k + 1));
+        let before = start.is_none().then(nothing);
+        let behind = end.is_none().then(nothing);
+        let stretch: Vec<Runs> = before.iter().chain(&layers[low..high]).chain(&behind).cloned().collect();
+        let stays = grounded(&stretch, None, tile.dims[0], Side::Inside);
+        let inner = stays.into_iter().skip(usize::from(start.is_none())).take(high - low);
+        for (k, stays) in (low..high).zip(inner) {
+            if !contours.contains(&k) {
+                held[k] = stays;
             }
         }
-        held
     }
+    held
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::grid::sparse_image::SparseImage;
+use crate::grid::tile::Tile;
 use crate::report::Report;
 use crate::surface::Layer;
 use crate::surface::header::Header;
@@ -139,9 +140,11 @@ impl KeptBody {
         self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.write_all(&bytes)).map_err(failed)
     }
 
-    /// What of the image each layer has: first column and row, columns and rows.
-    pub(super) fn rectangles(&self) -> impl Iterator<Item = [usize; 4]> + '_ {
-        self.layers.iter().map(|place| place.patch)
+    /// What of the image each layer has.
+    pub(super) fn tiles(&self) -> impl Iterator<Item = Tile> + '_ {
+        self.layers
+            .iter()
+            .map(|Place { patch: [i, j, width, height], .. }| Tile { origin: [*i, *j], dims: [*width, *height] })
     }
 
     /// The contour at layer `k`.

@@ -15,6 +15,7 @@ use glam::DVec3;
 
 use super::StructureSet;
 use super::added::{Added, decimal};
+use super::parse::text;
 use super::series::{ImageSeries, SeriesImage};
 use crate::polygons::plane::TOLERANCE;
 
@@ -105,8 +106,7 @@ impl StructureSet {
 
 /// An identifier in an item, where it is there.
 fn uid_in(item: &InMemDicomObject, tag: Tag) -> Option<String> {
-    let text = item.get(tag)?.to_str().ok()?;
-    Some(text.trim_matches(['\0', ' ']).to_string()).filter(|uid| !uid.is_empty())
+    text(item, tag).ok()?.filter(|uid| !uid.is_empty())
 }
 
 /// Frame of reference of the ROI with a number.

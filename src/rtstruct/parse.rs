@@ -114,7 +114,7 @@ fn items(object: &InMemDicomObject, tag: Tag) -> Parse<Option<&[InMemDicomObject
     }
 }
 
-fn text(object: &InMemDicomObject, tag: Tag) -> Parse<Option<String>> {
+pub(super) fn text(object: &InMemDicomObject, tag: Tag) -> Parse<Option<String>> {
     let Some(element) = object.get(tag) else { return Ok(None) };
     let text = element.to_str().map_err(|e| format!("{tag}: {e}"))?;
     Ok(Some(text.trim_matches(['\0', ' ']).to_string()))

@@ -81,6 +81,27 @@ fn caps_of_known_bodies_have_about_their_volume() {
     }
 }
 
+/// A peak far above where the flank would end is still where the surface ends, on fine and coarse pixels, and the flank gets no needle: its radius is
+/// that of a hyperbola, as steep at the contour as the cone below.
+#[test]
+fn a_peak_is_reached_however_high() {
+    for (scale, height) in [(1.0, 24.0), (1.0, 40.0), (0.35, 15.0)] {
+        let stack = circles(&[0.0, 6.0, 12.0, 18.0, 24.0], |z| scale * (36.0 - z));
+        let contour = scale * 12.0;
+        let body = run(&stack, &Settings { end_top: EndRule::Peak(24.0 + height), ..plain() });
+        let mesh = closed_surface(&body);
+        let top = mesh.positions.iter().map(|p| f64::from(p[2])).fold(0.0, f64::max);
+        assert!((top - (24.0 + height)).abs() < 0.02, "{height} over radius {contour}: ends at {top}");
+        // Radius r (1 - q) / (1 + c q), q the share of the height; its volume by the midpoint rule.
+        let c = height / 12.0 - 1.0;
+        let shares = (0..1000).map(|k| (k as f64 + 0.5) / 1000.0).map(|q| ((1.0 - q) / (1.0 + c * q)).powi(2));
+        let wanted = std::f64::consts::PI * contour.powi(2) * height * shares.sum::<f64>() / 1000.0;
+        let found = cap_volume(&stack, EndRule::Peak(24.0 + height));
+        println!("{height} over radius {contour}: {found:.1}, by the law {wanted:.1}");
+        assert!((found / wanted - 1.0).abs() < 0.06, "{height} over radius {contour}: {found}, by the law {wanted}");
+    }
+}
+
 #[test]
 fn ends_are_chosen_separately() {
     let stack = circles(&[0.0, 10.0, 20.0], |z| 24.0 - 0.06 * (z - 10.0).powi(2));

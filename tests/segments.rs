@@ -165,6 +165,39 @@ fn many_segments_in_one_run_have_names_and_colours() {
     assert_eq!(survey(&place.path().join("a.seg.nrrd")).expect("all").labels.len(), 3);
 }
 
+/// A segment wholly in one that comes after it is told of wherever many are asked for, and one that is not asked for covers nothing.
+#[test]
+fn a_segment_under_another_is_told_of() {
+    let place = folder();
+    let (inner, outer) = (disc(15.0, 3.0), disc(15.0, 6.0));
+    let voxels: Vec<u8> = (0..inner.len()).flat_map(|n| [u8::from(inner[n]), u8::from(outer[n])]).collect();
+    let header = HEADER.replace("Segment1_Name:=Cyst\nSegment1_Layer:=0\nSegment1_LabelValue:=2\n", "");
+    let file = place.path().join("a.seg.nrrd");
+    write(&file, &[header.as_bytes(), &voxels].concat());
+    let count_of = |mask: &[bool]| mask.iter().filter(|m| **m).count();
+    let says = format!(
+        "label 1 `Liver`: left out, all of its {} voxels are in segments that come after it, which have them here; `--label 1` takes it whole",
+        count_of(&inner)
+    );
+    let input = file.display().to_string();
+    let out = place.path().join("out.glb").display().to_string();
+    for arguments in [vec!["inspect", &input], vec!["reconstruct", &input, "--labels", "all", "-o", &out]] {
+        let result = interslice(&arguments);
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        let said = stderr(&result) + &String::from_utf8_lossy(&result.stdout);
+        assert!(said.contains(&says), "{arguments:?}: {said}");
+    }
+    refused(
+        &["reconstruct", &input, "--labels", "Liver,Spleen", "-o", &out],
+        &["`labels` cannot have label 1 `Liver`: all of its ", "`--label 1` takes it whole"],
+    );
+    let alone =
+        read_labels(&file, &ReadOptions::default(), &"Liver".parse().expect("a name")).expect("it is not covered");
+    let drawn = alone.drawn.iter().flatten().filter(|l| **l > 0).count();
+    assert_eq!(drawn, count_of(&inner));
+    assert!(!alone.notes.iter().any(|note| note.contains("several segments")), "{:?}", alone.notes);
+}
+
 #[test]
 fn names_of_a_volume_of_labels() {
     let place = folder();

@@ -10,10 +10,10 @@ use files::{folder, interslice, nrrd, sound_stack, stderr};
 use interslice::input::read_surveyed;
 use interslice::input::volume::Volume;
 use interslice::stack::ReadOptions;
-use interslice::stack::appearance::Appearance;
+use interslice::stack::appearance::{Appearance, Segment};
 
 const SIZES: [usize; 3] = [14, 11, 9];
-const NAMED: &str = "Segment0_ID:=a\nSegment0_Name:=left lung\nSegment0_LabelValue:=5\nSegment0_Color:=0.2 0.4 1\nSegment0_Layer:=0\n\
+const NAMED: &str = "Segment0_ID:=a\nSegment0_Tags:=Segmentation.Status:completed|\nSegment0_Name:=left lung\nSegment0_LabelValue:=5\nSegment0_Color:=0.2 0.4 1\nSegment0_Layer:=0\n\
                      Segment1_ID:=b\nSegment1_Name:=R\u{fc}ckgrat\nSegment1_LabelValue:=300\nSegment1_Color:=1 0 0\nSegment1_Layer:=0";
 
 /// Two blocks, of label 5 and 300, on every fourth slice.
@@ -91,8 +91,15 @@ fn labels_come_back_the_same_in_every_format() {
         let off = volume.grid.origin - glam::DVec3::new(10.0, -20.5, 300.0);
         assert!(!placed || off.length() < 1e-4, "{format}: {off}");
         let named = |n| volume.segments.get(&n).cloned();
-        let lung = Appearance { name: Some("left lung".into()), number: Some(5), colour: Some([51, 102, 255]) };
-        let spine = Appearance { name: Some("R\u{fc}ckgrat".into()), number: Some(300), colour: Some([255, 0, 0]) };
+        let known = |id: &str, tags: Option<&str>| Some(Segment { id: Some(id.into()), tags: tags.map(String::from) });
+        let label = |number, name: &str, colour, segment| Appearance {
+            name: Some(name.into()),
+            number: Some(number),
+            colour: Some(colour),
+            segment,
+        };
+        let lung = label(5, "left lung", [51, 102, 255], known("a", Some("Segmentation.Status:completed|")));
+        let spine = label(300, "R\u{fc}ckgrat", [255, 0, 0], known("b", None));
         let wanted = if format.ends_with("nrrd") { [Some(lung), Some(spine)] } else { [None, None] };
         assert_eq!([named(5), named(300)], wanted, "{format}");
     }

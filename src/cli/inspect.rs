@@ -121,7 +121,7 @@ fn each_label(arguments: &InspectArguments, wanted: &Wanted) -> Result<String> {
 
 /// Notes on the labels, where there are several.
 fn of_labels(options: &ReadOptions, input: &Input, read: impl FnOnce() -> Result<LabelStack>) -> Vec<String> {
-    let several = input.surveyed.as_ref().is_some_and(|s| s.survey.labels.len() > 1);
+    let several = input.surveyed.as_ref().is_some_and(|s| s.survey.labels.len() > 1 || s.volume.layers() > 1);
     if !several || options.label.is_some() || options.level.is_some() {
         return Vec::new();
     }

@@ -1,9 +1,10 @@
 //! Reads the drawn slices of many labels from a label volume.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::input::volume::Volume;
+use crate::input::volume::{Overlaps, Volume};
 use crate::input::{Input, Surveyed};
 use crate::labels::LabelStack;
 use crate::labels::given::{Completeness, Given, notes, reading};
@@ -90,12 +91,12 @@ fn labels_of(
         return fail("is not for grey values, which `level` cuts".into());
     }
     let Input { stack, surveyed, notes: mut said } = read(&ReadOptions { complete_slices: false, ..options.clone() })?;
-    let Some(surveyed) = surveyed else {
+    let Some(mut surveyed) = surveyed else {
         return fail("is not for a folder of slices; it chooses from a label volume".into());
     };
-    let there = &surveyed.survey.labels;
+    let there = all_labels(&surveyed)?;
     let mut labels: Vec<i64> = match wanted {
-        Wanted::All => there.keys().copied().collect(),
+        Wanted::All => there.iter().copied().collect(),
         Wanted::These(list) => {
             let numbers = list.iter().map(|name| surveyed.volume.label(name, "labels"));
             let mut list = numbers.collect::<Result<Vec<i64>>>()?;
@@ -104,14 +105,20 @@ fn labels_of(
             list
         }
     };
-    if let Some(missing) = labels.iter().find(|l| !there.contains_key(l)) {
-        let known: Vec<String> = there.keys().take(12).map(i64::to_string).collect();
+    if let Some(missing) = labels.iter().find(|l| !there.contains(l)) {
+        let known: Vec<String> = there.iter().take(12).map(i64::to_string).collect();
         let more = if there.len() > known.len() { ", ..." } else { "" };
         let message = format!("has no label {missing}; labels are {}{more}", known.join(", "));
         return Err(Error::Format { path: path.into(), message });
     }
     if surveyed.survey.more || labels.len() > MOST {
         return fail(format!("are at most {MOST} in a run; name those you want"));
+    }
+    surveyed.volume.take_only(&labels);
+    let overlaps = surveyed.volume.overlaps()?;
+    let mut left_out = without_hidden(&mut labels, &surveyed, &overlaps);
+    if let (Wanted::These(_), Some(hidden)) = (wanted, left_out.first()) {
+        return fail(format!("cannot have {}: {}", hidden.of(), hidden.why));
     }
     let mut drawn = drawn(&surveyed, &stack, &labels)?;
     let mut slices = stack.slices;
@@ -126,7 +133,6 @@ fn labels_of(
         drawn.retain(|slice| slice.iter().any(|l| *l > 0));
     }
     let mut given = given(&drawn, &slices, surveyed.thickness(), labels.len(), completeness);
-    let mut left_out = Vec::new();
     if *wanted == Wanted::All {
         (labels, given) = leave_out(labels, given, &mut drawn, &surveyed, &mut left_out);
         if labels.is_empty() {
@@ -140,12 +146,7 @@ fn labels_of(
     }
     let named = |label: &i64| surveyed.volume.appearance(*label);
     let appearances = labels.iter().map(named).collect();
-    let overlapping = surveyed.volume.overlapping()?;
-    if overlapping > 0 {
-        said.push(format!(
-            "{overlapping} voxels are in several segments; the last of these has them here, `--label NAME` takes a segment whole"
-        ));
-    }
+    said.extend(overlapping(&overlaps));
     said.extend(strays(&labels, &slices, &drawn));
     said.extend(notes(&labels, &given));
     let reading = reading(&labels, &given);
@@ -154,6 +155,34 @@ fn labels_of(
     let labels = LabelStack { stack, labels, appearances, scalar, drawn, given, left_out, reading, notes: said };
     labels.validate().map_err(|e| e.in_file(path))?;
     Ok(labels)
+}
+
+/// The labels that have a voxel, those among them that lie wholly under others, too.
+fn all_labels(surveyed: &Surveyed) -> Result<BTreeSet<i64>> {
+    let hidden = surveyed.volume.overlaps()?.segments.into_keys();
+    Ok(surveyed.survey.labels.keys().copied().chain(hidden).collect())
+}
+
+/// Takes those away that lie wholly in segments that come after them.
+fn without_hidden(labels: &mut Vec<i64>, surveyed: &Surveyed, overlaps: &Overlaps) -> Vec<LeftOut> {
+    let hidden = |label: &i64| {
+        let voxels = overlaps.hidden(*label)?;
+        let why = format!(
+            "all of its {voxels} voxels are in segments that come after it, which have them here; `--label {label}` takes it whole"
+        );
+        Some(LeftOut { label: *label, name: surveyed.volume.appearance(*label).name, why })
+    };
+    let left_out = labels.iter().filter_map(hidden).collect();
+    labels.retain(|label| overlaps.hidden(*label).is_none());
+    left_out
+}
+
+/// Note on segments that overlap.
+fn overlapping(overlaps: &Overlaps) -> Option<String> {
+    let voxels = overlaps.voxels;
+    (voxels > 0).then(|| {
+        format!("{voxels} voxels are in several segments; the last of these has them here, `--label NAME` takes a segment whole")
+    })
 }
 
 /// The slices of each label.

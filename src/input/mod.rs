@@ -292,7 +292,7 @@ fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
 fn cut(mut volume: Volume, options: &ReadOptions) -> Result<Input> {
     let label = options.label.as_ref().map(|name| volume.label(name, "label")).transpose()?;
     if let Some(label) = label {
-        volume.take_only(label);
+        volume.take_only(&[label]);
     }
     let survey = match options.level {
         Some(level) => Survey::above(&volume, level)?,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use crate::input::volume::Layers;
 use crate::input::volume::grid::Failure;
-use crate::stack::appearance::Appearance;
+use crate::stack::appearance::{Appearance, Segment};
 
 /// Most layers and segments of a file.
 const MOST_LAYERS: usize = 4096;
@@ -13,7 +13,6 @@ const MOST_SEGMENTS: usize = 4096;
 
 /// The segments among the key/value pairs of a header, by label. What is no number, or no colour, names nothing.
 pub(crate) fn read(pairs: &BTreeMap<String, String>) -> BTreeMap<i64, Appearance> {
-    let of = |segment: &str, what: &str| pairs.get(&format!("{segment}_{what}"));
     let segments = pairs.iter().filter_map(|(key, value)| {
         let segment = key.strip_suffix("_LabelValue")?;
         let digits = segment.strip_prefix("Segment")?;
@@ -21,11 +20,24 @@ pub(crate) fn read(pairs: &BTreeMap<String, String>) -> BTreeMap<i64, Appearance
             return None;
         }
         let label = value.trim().parse().ok()?;
-        let name = of(segment, "Name").map(|name| unescaped(name)).filter(|name| !name.is_empty());
-        let colour = of(segment, "Color").and_then(|text| colour(text));
-        Some((label, Appearance { name, number: Some(label), colour }))
+        Some((label, appearance(pairs, segment, label)))
     });
     segments.collect()
+}
+
+/// What the pairs say of the segment with this prefix.
+fn appearance(pairs: &BTreeMap<String, String>, segment: &str, label: i64) -> Appearance {
+    let text = |what: &str| {
+        let value = pairs.get(&format!("{segment}_{what}")).map(|value| unescaped(value));
+        value.filter(|value| !value.is_empty())
+    };
+    let known = Segment { id: text("ID"), tags: text("Tags").filter(|tags| tags != "|") };
+    Appearance {
+        name: text("Name"),
+        number: Some(label),
+        colour: text("Color").and_then(|text| colour(&text)),
+        segment: Some(known).filter(|known| *known != Segment::default()),
+    }
 }
 
 /// Whether a header has segments.
@@ -69,13 +81,8 @@ pub(crate) fn layers(pairs: &BTreeMap<String, String>, count: usize) -> Failure<
 
 /// The segments of [`layers`] by label: their places, from 1 on, for values are told apart in a layer only.
 pub(crate) fn in_order(pairs: &BTreeMap<String, String>) -> BTreeMap<i64, Appearance> {
-    let of = |k: usize, what: &str| pairs.get(&format!("Segment{k}_{what}"));
-    let appearance = |(label, k): (i64, usize)| {
-        let name = of(k, "Name").map(|name| unescaped(name)).filter(|name| !name.is_empty());
-        let colour = of(k, "Color").and_then(|text| colour(text));
-        (label, Appearance { name, number: Some(label), colour })
-    };
-    (1..).zip(numbered(pairs)).map(appearance).collect()
+    let segment = |(label, k): (i64, usize)| (label, appearance(pairs, &format!("Segment{k}"), label));
+    (1..).zip(numbered(pairs)).map(segment).collect()
 }
 
 /// Three shares of 1.
@@ -100,6 +107,8 @@ mod tests {
             ("Segment0_LabelValue", "5"),
             ("Segment0_Name", " left\\nlung "),
             ("Segment0_Color", "0.5 1 0"),
+            ("Segment0_ID", "Segment_12"),
+            ("Segment0_Tags", "|"),
             ("Segment1_LabelValue", "x"),
             ("Segment1_Name", "nobody"),
             ("Segment2_LabelValue", "-7"),
@@ -108,7 +117,8 @@ mod tests {
             ("Segment10_Name", "without label"),
         ];
         let segments = read(&pairs.map(|(key, value)| (key.into(), value.into())).into());
-        let lung = Appearance { name: Some("left lung".into()), number: Some(5), colour: Some([128, 255, 0]) };
+        let segment = Some(Segment { id: Some("Segment_12".into()), tags: None });
+        let lung = Appearance { name: Some("left lung".into()), number: Some(5), colour: Some([128, 255, 0]), segment };
         assert_eq!(segments, [(5, lung), (-7, Appearance::label(-7))].into());
     }
 }

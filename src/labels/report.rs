@@ -42,10 +42,17 @@ pub struct LeftOut {
     pub why: String,
 }
 
+impl LeftOut {
+    /// "label 5 `liver`".
+    pub fn of(&self) -> String {
+        let name = self.name.as_ref().map_or(String::new(), |name| format!(" `{name}`"));
+        format!("label {}{name}", self.label)
+    }
+}
+
 impl std::fmt::Display for LeftOut {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let name = self.name.as_ref().map_or(String::new(), |name| format!(" `{name}`"));
-        write!(f, "label {}{name}: left out, {}", self.label, self.why)
+        write!(f, "{}: left out, {}", self.of(), self.why)
     }
 }
 

@@ -92,7 +92,7 @@ impl Roi {
     /// Name, number and colour.
     fn appearance(&self) -> Appearance {
         let name = Some(self.name.trim()).filter(|name| !name.is_empty());
-        Appearance { name: name.map(String::from), number: Some(self.number), colour: self.colour }
+        Appearance { name: name.map(String::from), number: Some(self.number), colour: self.colour, segment: None }
     }
 }
 

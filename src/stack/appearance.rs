@@ -12,6 +12,19 @@ pub struct Appearance {
     pub number: Option<i64>,
     /// Its colour there, sRGB.
     pub colour: Option<[u8; 3]>,
+    /// What else 3D Slicer knows of a segment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub segment: Option<Segment>,
+}
+
+/// What 3D Slicer tells segments apart by, and what it knows of one, as its `.seg.nrrd` has it: handed on as it came.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Segment {
+    /// Its name in scripts: `Segment_1`.
+    pub id: Option<String>,
+    /// Terminology and status: `Segmentation.Status:completed|TerminologyEntry:...|`.
+    pub tags: Option<String>,
 }
 
 impl Appearance {
@@ -28,6 +41,7 @@ impl Appearance {
             name: Some(names.join(" + ")).filter(|name| !name.is_empty()),
             number: numbers.next().filter(|_| numbers.next().is_none()),
             colour: all.clone().find_map(|a| a.colour),
+            segment: None,
         }
     }
 }

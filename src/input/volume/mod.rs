@@ -19,7 +19,8 @@ mod zarr_bounded;
 #[cfg(feature = "zarr")]
 pub(crate) mod zarr_slabs;
 
-use std::collections::BTreeMap;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -70,8 +71,8 @@ pub(crate) struct Layers {
     pub count: usize,
     /// Layer and value of each segment; its label is its place here, from 1 on.
     pub segments: Vec<(usize, i64)>,
-    /// The only segment that is wanted.
-    pub only: Option<i64>,
+    /// The only segments that are wanted.
+    pub only: Option<BTreeSet<i64>>,
 }
 
 impl Layers {
@@ -80,8 +81,37 @@ impl Layers {
         // Nearly all voxels are in none.
         let count = if values.iter().all(|value| *value == 0) { 0 } else { self.segments.len() };
         let labels = self.segments[..count].iter().enumerate().rev().map(|(k, segment)| (k as i64 + 1, segment));
-        let wanted = labels.filter(|(label, _)| self.only.is_none_or(|only| only == *label));
+        let wanted = labels.filter(|(label, _)| self.only.as_ref().is_none_or(|only| only.contains(label)));
         wanted.filter(|(_, (layer, value))| values[*layer] == *value).map(|(label, _)| label)
+    }
+}
+
+/// What the segments that overlap leave one another.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) struct Overlaps {
+    /// Voxels that are in several segments.
+    pub voxels: u64,
+    /// By label: voxels of each segment, and those of them that no later one has.
+    pub segments: BTreeMap<i64, [u64; 2]>,
+}
+
+impl Overlaps {
+    /// Counts a voxel in these segments, the last first.
+    fn count(&mut self, mut labels: impl Iterator<Item = i64>) {
+        let Some(last) = labels.next() else { return };
+        let all = self.segments.entry(last).or_default();
+        *all = all.map(|n| n + 1);
+        let mut several = false;
+        for label in labels {
+            self.segments.entry(label).or_default()[0] += 1;
+            several = true;
+        }
+        self.voxels += u64::from(several);
+    }
+
+    /// The voxels of a segment of which later ones leave nothing.
+    pub fn hidden(&self, label: i64) -> Option<u64> {
+        self.segments.get(&label).filter(|[_, left]| *left == 0).map(|[voxels, _]| *voxels)
     }
 }
 
@@ -251,25 +281,27 @@ impl Volume {
         }
     }
 
-    /// From now on only this label is there, whatever lies over it.
-    pub(crate) fn take_only(&mut self, label: i64) {
+    /// From now on only these labels are there, whatever lies over them.
+    pub(crate) fn take_only(&mut self, labels: &[i64]) {
         if let Some(layers) = &mut self.layers {
-            layers.only = Some(label);
+            layers.only = Some(labels.iter().copied().collect());
         }
     }
 
-    /// Voxels that are in several segments.
+    /// Which voxels of segments that overlap the last of them has.
     ///
     /// # Errors
     /// The errors of [`Volume::labels`].
-    pub(crate) fn overlapping(&self) -> Result<u64> {
-        let mut count = 0;
+    pub(crate) fn overlaps(&self) -> Result<Overlaps> {
+        let overlaps = RefCell::new(Overlaps::default());
         if let Some(layers) = &self.layers {
-            let fold = |values: &[i64]| i64::from(layers.found(values).nth(1).is_some());
-            let mut each = |run: VoxelRun<'_>| count += run.values.iter().filter(|v| **v != 0).count() as u64;
-            self.decode(Element::labels, Some(&fold), &mut each)?;
+            let fold = |values: &[i64]| {
+                overlaps.borrow_mut().count(layers.found(values));
+                0
+            };
+            self.decode(Element::labels, Some(&fold), &mut |_| ())?;
         }
-        Ok(count)
+        Ok(overlaps.into_inner())
     }
 
     /// Decodes the volume from its first voxel to its last and hands the labels to `each`, run by run.

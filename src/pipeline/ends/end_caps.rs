@@ -27,6 +27,9 @@ const STEEPEST: f64 = 3.0;
 const PLANES: f64 = 1024.0;
 /// Share of a step by which a tip may lie beyond its plane: whole steps are common, and rounding must not decide.
 const BEYOND: f64 = 0.01;
+/// Half the width of what is left below a tip whose height is given, px: an area of less than half a pixel is that of no line, and what is not drawn in
+/// farther than this ends at the tip. A line of half a pixel to either side has the area of pixels that are just touched.
+const LEAST_HALF_WIDTH: f64 = 0.25;
 
 /// One end of the body.
 #[derive(Debug, Clone)]
@@ -114,15 +117,17 @@ struct Cap {
     holes: Vec<(CapLine, HoleLaw)>,
     /// Height at which nothing is left of it.
     tip: f64,
+    /// The tip is given, not told by areas: something is left up to there.
+    given: bool,
 }
 
 impl Cap {
-    fn new(part: &EndPart, law: Law, away: &[f64]) -> Self {
+    fn new(part: &EndPart, law: Law, given: bool, away: &[f64]) -> Self {
         let outline = CapLine::new(&part.outline.field);
         let depth = -outline.field.data.iter().copied().fold(0.0, f64::min);
         let holes =
             part.holes.iter().map(|hole| (CapLine::new(&hole.field), HoleLaw::new(&hole.areas, away))).collect();
-        let mut cap = Cap { tile: part.tile, outline, depth, law, holes, tip: law.height };
+        let mut cap = Cap { tile: part.tile, outline, depth, law, holes, tip: law.height, given };
         // A ring is gone where its hole has become as large as itself.
         let gone = (1..CAP_LAYERS).map(|k| cap.height_of(k as f64)).find(|t| cap.area(*t) <= 0.0);
         cap.tip = gone.unwrap_or(law.height);
@@ -142,11 +147,17 @@ impl Cap {
         (0..CAP_LAYERS).map(|k| self.area(self.height_of(k as f64 + 0.5))).sum::<f64>() * self.height_of(1.0)
     }
 
+    /// The offset that leaves nothing, and below a given tip as much as a disc of the law's area is deep.
+    fn deepest(&self, t: f64) -> f64 {
+        let radius = (self.law.at(t) / std::f64::consts::PI).sqrt();
+        if self.given { self.depth - radius.min(LEAST_HALF_WIDTH) } else { self.depth }
+    }
+
     /// Unites a layer with the cap `t` beyond the contour.
     fn unite(&self, canvas: &mut Canvas, t: f64) {
         // Beyond its tip as far again as it is away, so that the surface between layers passes through the tip.
         let offset = match t < self.law.height {
-            true => self.outline.offsets.of(self.law.at(t)).min(self.depth),
+            true => self.outline.offsets.of(self.law.at(t)).min(self.deepest(t)),
             // In this order never less than the depth: a crumb would be left.
             false => self.depth * (t / self.law.height),
         };
@@ -281,7 +292,8 @@ pub fn end(spec: &EndSpec<'_>, fitted: &Fitted, warnings: &mut Vec<String>) -> E
             CapRule::Flat => warnings.push(format!("{side} end: part {number} does not shrink; ends flat")),
             _ => (),
         }
-        let cap = law.map(|law| Cap::new(part, law, spec.away));
+        let given = matches!(rule, CapRule::Peak | CapRule::Upright);
+        let cap = law.map(|law| Cap::new(part, law, given, spec.away));
         let height = cap.as_ref().map_or(0.0, |cap| cap.tip);
         end.told.push(Told { part: number, rule, height });
         end.caps.extend(cap);

@@ -9,7 +9,8 @@ use crate::report::CapRule;
 const LEAST_FALL: f64 = 1e-3;
 
 /// Area `t` beyond the contour: `area (1 - q) (1 - (p - 1) q)`, `q = t / height`, and for `p > 2`, where that had a second zero before the tip,
-/// `area (1 - q)^p`. Both begin with the slope `-p area / height`: 0 for half an ellipsoid, 1 for a paraboloid, 2 for a cone.
+/// `area ((1 - q) / (1 + (p / 2 - 1) q))^2`: a flank that is steep at the contour and gentler up to a tip that is still a cone's, not a needle. Both
+/// begin with the slope `-p area / height`: 0 for half an ellipsoid, 1 for a paraboloid, 2 for a cone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Law {
     /// Area of the contour.
@@ -62,8 +63,10 @@ impl Law {
     /// Area at a distance `t` beyond the contour.
     pub fn at(&self, t: f64) -> f64 {
         let q = (t / self.height).clamp(0.0, 1.0);
-        let share =
-            if self.power > 2.0 { libm::pow(1.0 - q, self.power) } else { (1.0 - q) * (1.0 - (self.power - 1.0) * q) };
+        let share = match self.power > 2.0 {
+            true => ((1.0 - q) / (1.0 + (0.5 * self.power - 1.0) * q)).powi(2),
+            false => (1.0 - q) * (1.0 - (self.power - 1.0) * q),
+        };
         self.area * share
     }
 }

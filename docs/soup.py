@@ -35,6 +35,7 @@ USES = {
     "ctrlc": "Ctrl-C, SIGTERM and SIGHUP end a run in good order",
     "dicom-core": "DICOM: values and tags",
     "dicom-dictionary-std": "DICOM: names of tags",
+    "dicom-encoding": "names of ROIs in character sets that change on the way",
     "dicom-object": "DICOM RTSTRUCT, in and out",
     "divan": "benchmarks",
     "flate2": "deflate, zlib and gzip",

@@ -90,7 +90,7 @@ fn a_peak_is_reached_however_high() {
         let contour = scale * 12.0;
         let body = run(&stack, &Settings { end_top: EndRule::Peak(24.0 + height), ..plain() });
         let mesh = closed_surface(&body);
-        let top = mesh.positions.iter().map(|p| f64::from(p[2])).fold(0.0, f64::max);
+        let top = mesh.positions.iter().map(|p| p[2]).fold(0.0, f64::max);
         assert!((top - (24.0 + height)).abs() < 0.02, "{height} over radius {contour}: ends at {top}");
         // Radius r (1 - q) / (1 + c q), q the share of the height; its volume by the midpoint rule.
         let c = height / 12.0 - 1.0;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use files::*;
 use glam::DVec3;
-use interslice::input::{Input, survey};
+use interslice::input::{Input, open_volume, survey};
 use interslice::stack::ReadOptions;
 use interslice::stack::options::LabelName;
 use serde_json::{Value, json};
@@ -214,6 +214,32 @@ fn what_is_written_is_read_where_it_lay() {
     };
     assert_eq!(grid(&out), grid(&again));
     assert_eq!(grid(&out).origin.x, 3.0);
+}
+
+/// Labels are a label image: names and colours come back.
+#[test]
+fn labels_that_are_written_have_their_names_and_colours() {
+    let place = folder();
+    let [input, out] = ["in.nrrd", "out.zarr"].map(|name| place.path().join(name));
+    let bytes: Vec<u8> = voxels().iter().flat_map(|v| v.to_le_bytes()).collect();
+    let header = "encoding: raw\nendian: little\nspace: LPS\nspace directions: (0.5,0,0) (0,0.5,0) (0,0,2)\n\
+                  Segment0_LabelValue:=2\nSegment0_Name:=nucleus\nSegment0_Color:=0.2 0.4 1";
+    fs::write(&input, nrrd(header, "ushort", [12, 10, 7], &bytes)).expect("a file can be written");
+    let segments = |more: &[&str]| {
+        let [from, to] = [&input, &out].map(|p| p.to_str().expect("temporary paths are UTF-8"));
+        let run = interslice(&[&["reconstruct", from, "-o", to, "--backend", "cpu", "-q"], more].concat());
+        assert_eq!(run.status.code(), Some(0), "{}", stderr(&run));
+        open_volume(&out).expect("it is sound").segments
+    };
+    let of_two = segments(&["--labels", "2,5"]);
+    assert_eq!(of_two.keys().copied().collect::<Vec<_>>(), [2, 5]);
+    assert_eq!((of_two[&2].name.as_deref(), of_two[&2].colour), (Some("nucleus"), Some([51, 102, 255])));
+    assert_eq!(of_two[&5].name, None);
+    let of_one = segments(&["--label", "2", "--mask"]);
+    assert_eq!(of_one.keys().copied().collect::<Vec<_>>(), [1], "a mask is 1 inside");
+    assert_eq!(of_one[&1].name.as_deref(), Some("nucleus"));
+    // Distances are no labels.
+    assert!(segments(&["--label", "2", "--distance"]).is_empty());
 }
 
 /// What `inspect` says of a folder that must be refused.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from interslice import _native
-from interslice._images import image, sides
+from interslice._images import image, sides, unmasked
 from interslice._native import Body, Settings, Stack
 
 if TYPE_CHECKING:
@@ -186,8 +186,7 @@ def stack(
     if kind == "masks" and level is not None:
         raise ValueError("`level` is for `fields`, which it cuts")
     arrays: Any = masks if kind == "masks" else fields
-    if not isinstance(arrays, np.ndarray):
-        arrays = [np.asarray(slice_) for slice_ in arrays]
+    arrays = unmasked(arrays) if isinstance(arrays, np.ndarray) else [unmasked(slice_) for slice_ in arrays]
     return _native.stack_of_arrays(arrays, lie, kind, level)
 
 

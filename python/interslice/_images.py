@@ -47,6 +47,14 @@ def image(of: Any, spacing: float | Sequence[float] | None, name: str) -> Image:
     return found
 
 
+def unmasked(of: Any) -> np.ndarray[Any, Any]:
+    """The array, where none of its values is masked: nobody but its owner knows what those are."""
+    if np.ma.is_masked(of):
+        masked = int(np.ma.count_masked(of))
+        raise ValueError(f"has {masked} masked values: give what they stand for, `a.filled(0)` for outside")
+    return np.asarray(of)
+
+
 def sides(spacing: float | Sequence[float], axes: int) -> list[float]:
     """One number for each axis of an array."""
     given = [float(h) for h in np.asarray(spacing, dtype=float).ravel()]
@@ -60,7 +68,7 @@ def sides(spacing: float | Sequence[float], axes: int) -> list[float]:
 
 
 def _plain(of: Any, spacing: float | Sequence[float] | None) -> Image:
-    array = np.asarray(of)
+    array = unmasked(of)
     steps = np.eye(3)
     if spacing is not None:
         steps = np.diag(sides(spacing, 3)[::-1])

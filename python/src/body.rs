@@ -321,8 +321,10 @@ impl PyBody {
 
     /// Puts another mask, or field that is negative inside, in the place of a slice. What depends on it is computed when it is asked for.
     #[pyo3(signature = (slice, mask, *, field=false))]
-    fn update(&self, py: Python<'_>, slice: usize, mask: &Bound<'_, PyUntypedArray>, field: bool) -> PyResult<()> {
+    fn update(&self, py: Python<'_>, slice: i64, mask: &Bound<'_, PyUntypedArray>, field: bool) -> PyResult<()> {
         let content = changed(mask, field, self.dims)?;
+        let slice = usize::try_from(slice)
+            .map_err(|_| wrong("slice", format!("must be a slice's place, counted from 0; got {slice}")))?;
         self.ask(py, move |inner, _| {
             inner.volume = None;
             inner.body.update(slice, content)

@@ -255,7 +255,7 @@ impl Labels {
         }
         let mut known: BTreeMap<i64, Appearance> = BTreeMap::new();
         for (label, name, colour) in segments {
-            known.insert(*label, Appearance { name: name.clone(), number: Some(*label), colour: *colour });
+            known.insert(*label, Appearance { name: name.clone(), colour: *colour, ..Appearance::label(*label) });
         }
         let limit = Scalar::MOST_LABEL;
         let [nx, ny, nz] = self.volume.grid.dims;

@@ -77,6 +77,13 @@ def test_outputs_memory_and_machines(tmp_path: Path, masks: NDArray[np.bool_]) -
         interslice.reconstruct(unknown, range(5))
     with pytest.raises(ValueError, match="`mask` has .* values that are NaN"):
         body.update(0, unknown[0])
+    masked = np.ma.masked_array(masks, mask=masks)
+    with pytest.raises(ValueError, match="has .* masked values"):
+        interslice.reconstruct(masked, range(5))
+    with pytest.raises(ValueError, match="has .* masked values"):
+        interslice.fill(masked)
+    with pytest.raises(ValueError, match="`slice` must be a slice's place, counted from 0; got -1"):
+        body.update(-1, masks[0])
     with pytest.raises(ValueError, match="`spacing` is for `masks` and `fields`"):
         interslice.reconstruct(polygons=[[[(0, 0), (9, 0), (9, 9)]]] * 2, heights=range(2), spacing=0.5)
     with pytest.raises(ValueError, match="`slice` must lie in"):

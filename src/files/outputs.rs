@@ -257,9 +257,14 @@ impl LayerSink for Sink<'_> {
         let single = self.outputs.files.iter().any(|f| f.format.is_single(Kind::Volume));
         let of_volumes = if single { nifti::told(header) } else { None };
         let of_volumes = of_volumes.map(|note| format!("{note}; {} do not", places(Kind::Volume, false)));
-        let has_3mf = self.outputs.formats().any(|format| format == Format::ThreeMf);
-        let of_unit = if has_3mf { three_mf::told(&header.unit) } else { None };
-        let notes = moved(origin).into_iter().chain(of_volumes).chain(of_unit).collect();
+        let has = |wanted: Format| self.outputs.formats().any(|format| format == wanted);
+        let of_3mf = if has(Format::ThreeMf) { three_mf::told(&header.unit) } else { None };
+        let of_nifti = if has(Format::Nifti { gzip: false }) || has(Format::Nifti { gzip: true }) {
+            nifti::told_unit(&header.unit)
+        } else {
+            None
+        };
+        let notes = moved(origin).into_iter().chain(of_volumes).chain(of_3mf).chain(of_nifti).collect();
         writers.extend(self.outputs.preview.as_ref().map(|preview| preview.writer(header)));
         self.outputs.stream = Some(BodyStream::new(header, writers, folder).telling(origin, notes));
         Ok(())

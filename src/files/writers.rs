@@ -66,7 +66,7 @@ pub(super) fn writer(
     };
     let file = match pending {
         Pending::File(file, _) => file.as_file_mut(),
-        Pending::Folder(folder, _) => return in_folder(folder.path(), header, content).map(volume),
+        Pending::Folder(folder, _) => return in_folder(folder.path(), header, content, &options.bodies).map(volume),
     };
     let mut file = file.try_clone()?;
     file.set_len(0)?;
@@ -202,15 +202,20 @@ fn structures(_: BufWriter<File>, _: &Header, _: &OutputOptions) -> io::Result<B
 }
 
 /// The writer of a Zarr into a folder, which is emptied.
-fn in_folder(folder: &Path, header: &Header, content: Content) -> io::Result<Box<dyn BodyWriter>> {
+fn in_folder(
+    folder: &Path,
+    header: &Header,
+    content: Content,
+    labels: &[Appearance],
+) -> io::Result<Box<dyn BodyWriter>> {
     for file in files_below(folder)? {
         fs::remove_file(file)?;
     }
     #[cfg(feature = "zarr")]
-    return crate::surface::zarr::writer(folder, header, content);
+    return crate::surface::zarr::writer(folder, header, content, labels);
     #[cfg(not(feature = "zarr"))]
     {
-        let _ = (header, content);
+        let _ = (header, content, labels);
         Err(io::Error::other("this program was built without Zarr (feature `zarr`)"))
     }
 }

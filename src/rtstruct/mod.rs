@@ -9,6 +9,7 @@ mod added;
 mod choose;
 mod complete;
 pub mod describe;
+mod escapes;
 mod find;
 mod guard;
 mod parse;

@@ -6,7 +6,7 @@ use dicom_dictionary_std::{tags, uids};
 use dicom_object::{DefaultDicomObject, InMemDicomObject, OpenFileOptions, Tag};
 use glam::DVec3;
 
-use super::{Contour, Roi, guard};
+use super::{Contour, Roi, escapes, guard};
 
 type Parse<T> = std::result::Result<T, String>;
 
@@ -28,7 +28,7 @@ pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
     for (k, item) in named.iter().enumerate() {
         let at = format!("item {} of Structure Set ROI Sequence", k + 1);
         let number = number(item, tags::ROI_NUMBER, &at)?;
-        let name = text(item, tags::ROI_NAME)?.unwrap_or_default();
+        let name = escapes::read(&text(item, tags::ROI_NAME)?.unwrap_or_default());
         if place.insert(number, k).is_some() {
             return Err(format!("{at}: ROI Number {number} is there twice"));
         }

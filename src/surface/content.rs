@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::stack::appearance::Appearance;
+
 /// Content of a volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Content {
@@ -15,6 +17,20 @@ pub enum Content {
     Confidence,
     /// Numbers of labels: a layer has them instead of distances.
     Labels(Scalar),
+}
+
+impl Content {
+    /// The labels with the numbers that their voxels have; a mask is one label, other volumes have none.
+    pub(super) fn painted(self, labels: &[Appearance]) -> Vec<Appearance> {
+        match self {
+            Content::Mask(paint) => {
+                let only = labels.first().filter(|_| labels.len() == 1).cloned();
+                vec![Appearance { number: Some(paint.value), ..only.unwrap_or_default() }]
+            }
+            Content::Labels(_) => labels.to_vec(),
+            _ => Vec::new(),
+        }
+    }
 }
 
 /// Voxels of a mask: their type, and their value inside.

@@ -22,6 +22,12 @@ fn of(name: &str) -> Option<&'static Unit> {
     UNITS.iter().find(|unit| unit.names.contains(&name.trim()))
 }
 
+/// The name of a unit for formats that hold plain letters: `um` for micrometres, however they are written.
+pub(super) fn plain(name: &str) -> String {
+    let known = of(name).map_or(name.trim(), |unit| unit.names[0]);
+    known.replace(['"', '\n', '\r'], " ")
+}
+
 /// Name of a unit in 3MF, which knows six of them.
 pub(super) fn of_3mf(name: &str) -> Option<&'static str> {
     of(name).map(|unit| unit.of_3mf)

@@ -7,6 +7,7 @@ use super::Layer;
 use super::content::{Content, Scalar};
 use super::deflate::Deflate;
 use super::header::Header;
+use super::length::plain;
 use super::stream::{BodyWriter, Ending};
 use super::volume::{Coded, VolumeWriter};
 use super::voxels::VoxelGrid;
@@ -42,7 +43,7 @@ impl<W: Write + Seek> MhaWriter<W> {
             Scalar::F32 => "MET_FLOAT",
             Scalar::F64 => "MET_DOUBLE",
         };
-        let unit = body.unit.replace(['\n', '\r'], " ");
+        let unit = plain(&body.unit);
         let [nx, ny, nz] = grid.dims;
         write!(
             out,

@@ -6,6 +6,7 @@ use std::path::Path;
 use super::content::{Content, Scalar};
 use super::deflate::Deflate;
 use super::header::Header;
+use super::length::plain;
 use super::volume::{Coded, VolumeWriter};
 use super::voxels::VoxelGrid;
 
@@ -47,6 +48,19 @@ pub fn told(body: &Header) -> Option<String> {
     })
 }
 
+/// The format's number of a unit.
+fn code(unit: &str) -> Option<u8> {
+    let numbers = [("m", 1), ("mm", 2), ("um", 3)];
+    numbers.into_iter().find(|(name, _)| *name == plain(unit)).map(|(_, number)| number)
+}
+
+/// Note for a person about a length that the format does not know; pixels are none.
+pub fn told_unit(unit: &str) -> Option<String> {
+    let known = code(unit).is_some() || ["px", ""].contains(&unit.trim());
+    (!known)
+        .then(|| format!("NIfTI does not know the unit {unit}: numbers are in {unit}, but programs take them as mm"))
+}
+
 fn header(grid: &VoxelGrid, unit: &str, content: Content) -> io::Result<Vec<u8>> {
     let mut h = vec![0u8; DATA_OFFSET];
     let mut put = |at: usize, bytes: &[u8]| h[at..at + bytes.len()].copy_from_slice(bytes);
@@ -79,13 +93,7 @@ fn header(grid: &VoxelGrid, unit: &str, content: Content) -> io::Result<Vec<u8>>
     grid.sides.iter().enumerate().for_each(|(k, s)| put(80 + 4 * k, &(*s as f32).to_le_bytes()));
     put(108, &(DATA_OFFSET as f32).to_le_bytes());
     put(112, &1f32.to_le_bytes()); // scl_slope
-    let unit = match unit {
-        "m" => 1u8,
-        "mm" => 2,
-        "um" | "µm" => 3,
-        _ => 0,
-    };
-    put(123, &[unit]);
+    put(123, &[code(unit).unwrap_or(0)]);
     put(254, &1i16.to_le_bytes()); // sform_code: scanner
     for (row, offset) in grid.origin.to_array().into_iter().enumerate() {
         // LPS to RAS turns the first two axes.
@@ -97,4 +105,18 @@ fn header(grid: &VoxelGrid, unit: &str, content: Content) -> io::Result<Vec<u8>>
     }
     put(344, b"n+1\0");
     Ok(h)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_that_it_has_no_number_for_are_told() {
+        assert_eq!(["m", "mm", "um", "\u{b5}m", "\u{3bc}m"].map(code), [1, 2, 3, 3, 3].map(Some));
+        for unit in ["cm", "nm", "ft"] {
+            assert!(told_unit(unit).is_some_and(|note| note.contains(unit)), "{unit}");
+        }
+        assert_eq!(["mm", "\u{b5}m", "px"].map(told_unit), [None, None, None]);
+    }
 }

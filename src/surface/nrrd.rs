@@ -9,6 +9,7 @@ use super::content::{Content, Scalar};
 use super::deflate::Deflate;
 use super::glb::colour::shown;
 use super::header::Header;
+use super::length::plain;
 use super::volume::{Coded, VolumeWriter};
 use super::voxels::VoxelGrid;
 use crate::stack::appearance::Appearance;
@@ -29,7 +30,7 @@ pub fn writer<W: Write>(
     write_header(&mut out, body, content)?;
     let painted = matches!(content, Content::Labels(_) | Content::Mask(_));
     if painted && labels.iter().any(|label| label.name.is_some()) {
-        write_segments(&mut out, body, &numbered(content, labels), "")?;
+        write_segments(&mut out, body, &content.painted(labels), "")?;
     }
     begin(out, body, content, folder)
 }
@@ -48,19 +49,8 @@ pub fn segments<W: Write>(
     folder: &Path,
 ) -> io::Result<VolumeWriter<W>> {
     write_header(&mut out, body, content)?;
-    write_segments(&mut out, body, &numbered(content, labels), title)?;
+    write_segments(&mut out, body, &content.painted(labels), title)?;
     begin(out, body, content, folder)
-}
-
-/// The labels with the numbers that their voxels have; a mask is one label.
-fn numbered(content: Content, labels: &[Appearance]) -> Vec<Appearance> {
-    match content {
-        Content::Mask(paint) => {
-            let only = labels.first().filter(|_| labels.len() == 1).cloned();
-            vec![Appearance { number: Some(paint.value), ..only.unwrap_or_default() }]
-        }
-        _ => labels.to_vec(),
-    }
 }
 
 fn begin<W: Write>(mut out: W, body: &Header, content: Content, folder: &Path) -> io::Result<VolumeWriter<W>> {
@@ -85,7 +75,7 @@ fn write_header<W: Write>(out: &mut W, body: &Header, content: Content) -> io::R
         Scalar::F32 => "float",
         Scalar::F64 => "double",
     };
-    let unit = body.unit.replace(['"', '\n', '\r'], " ");
+    let unit = plain(&body.unit);
     write!(
         out,
         "NRRD0004\n# interslice {version}\ntype: {kind}\ndimension: 3\nspace: left-posterior-superior\nsizes: {nx} {ny} {nz}\n\

@@ -19,9 +19,11 @@ use zarrs::group::GroupBuilder;
 
 use super::Layer;
 use super::content::{Content, Paint, Scalar};
+use super::glb::colour::shown;
 use super::header::Header;
 use super::stream::{BodyWriter, Ending};
 use super::voxels::VoxelGrid;
+use crate::stack::appearance::Appearance;
 
 /// Columns, rows and layers of a chunk; fewer layers where [`SLAB_BYTES`] hold no more.
 const CHUNK: [usize; 3] = [256, 256, 64];
@@ -36,7 +38,13 @@ const COMPRESSION: u32 = 1;
 ///
 /// # Errors
 /// The errors of the folder.
-pub fn writer(folder: &Path, body: &Header, content: Content) -> io::Result<Box<dyn BodyWriter>> {
+pub fn writer(
+    folder: &Path,
+    body: &Header,
+    content: Content,
+    labels: &[Appearance],
+) -> io::Result<Box<dyn BodyWriter>> {
+    let attributes = attributes(body, content, &content.painted(labels));
     let beyond = if matches!(content, Content::Distance | Content::Confidence) { f32::NAN } else { 0.0 };
     macro_rules! of {
         ($kind:ty) => {{
@@ -45,7 +53,7 @@ pub fn writer(folder: &Path, body: &Header, content: Content) -> io::Result<Box<
                 Content::Mask(_) => 0 as $kind,
                 _ => v as $kind,
             };
-            Box::new(ZarrWriter::new(folder, body, content, beyond as $kind, value)?)
+            Box::new(ZarrWriter::new(folder, body, (content, attributes.clone()), beyond as $kind, value)?)
         }};
     }
     Ok(match content.scalar() {
@@ -97,13 +105,13 @@ impl<T: Element + Copy + Send + Sync> ZarrWriter<T> {
     fn new(
         folder: &Path,
         body: &Header,
-        content: Content,
+        (content, attributes): (Content, Map<String, Value>),
         beyond: T,
         value: fn(Content, f32) -> T,
     ) -> io::Result<Self> {
         let store = Arc::new(FilesystemStore::new(folder).map_err(io::Error::other)?);
         let grid = VoxelGrid::of(body);
-        let group = GroupBuilder::new().attributes(attributes(body, &grid, content)).build(store.clone(), "/");
+        let group = GroupBuilder::new().attributes(attributes).build(store.clone(), "/");
         group.map_err(io::Error::other)?.store_metadata().map_err(io::Error::other)?;
         let [nx, ny] = body.dims;
         let count = body.grid.count;
@@ -206,7 +214,8 @@ fn zyx([x, y, z]: [usize; 3]) -> [u64; 3] {
     [z, y, x].map(|n| n as u64)
 }
 
-fn attributes(body: &Header, grid: &VoxelGrid, content: Content) -> Map<String, Value> {
+fn attributes(body: &Header, content: Content, labels: &[Appearance]) -> Map<String, Value> {
+    let grid = VoxelGrid::of(body);
     let axis = |name: &str| match ome_unit(&body.unit) {
         Some(unit) => json!({"name": name, "type": "space", "unit": unit}),
         None => json!({"name": name, "type": "space"}),
@@ -236,8 +245,25 @@ fn attributes(body: &Header, grid: &VoxelGrid, content: Content) -> Map<String, 
         "space origin": grid.origin,
         "space directions": {"x": grid.step(0), "y": grid.step(1), "z": grid.step(2)},
     });
-    let ome = json!({"version": "0.5", "multiscales": [image]});
+    let mut ome = json!({"version": "0.5", "multiscales": [image]});
+    if !labels.is_empty() {
+        ome["image-label"] = image_label(labels);
+    }
     Map::from_iter([("ome".into(), ome), ("interslice".into(), own)])
+}
+
+/// Names and colours of labels.
+fn image_label(labels: &[Appearance]) -> Value {
+    let of = |entry: &dyn Fn(&Appearance) -> Value| labels.iter().map(entry).collect::<Vec<_>>();
+    let colours = of(&|label| {
+        let [r, g, b] = shown(label).map(|share| (255.0 * share).round() as u8);
+        json!({"label-value": label.number, "rgba": [r, g, b, 255]})
+    });
+    let names = of(&|label| match &label.name {
+        Some(name) => json!({"label-value": label.number, "name": name}),
+        None => json!({"label-value": label.number}),
+    });
+    json!({"colors": colours, "properties": names})
 }
 
 /// Units and their names in OME-Zarr.

@@ -180,11 +180,11 @@ fn every_wrong_line_is_named_before_anything_runs() {
     refused("bad.csv", "id,input,outputs,color\n", &["unknown column `color`", "id, input, outputs, options"]);
     refused(
         "bad.csv",
-        "id,input,outputs,options\na,cases/case00,a.stl,fair=2;fair=1\nb,cases/case00\nc,cases/case00,c.stl,fair=7",
+        "id,input,outputs,options\na,cases/case00,a.stl,fair=2;fair=1\n\r\n\nb,cases/case00\nc,cases/case00,c.stl,fair=7",
         &[
             "line 2: option `fair` is named twice",
-            "line 3: 2 cells, but the header has 4",
-            "line 4: options: `fair`",
+            "line 5: 2 cells, but the header has 4",
+            "line 6: options: `fair`",
             "got 7",
         ],
     );
@@ -318,7 +318,7 @@ fn a_killed_process_leaves_its_jobs_to_the_other() {
 }
 
 #[test]
-fn a_torn_line_is_passed_over_and_kept_apart() {
+fn a_torn_line_is_passed_over_and_gone() {
     let place = folder();
     cases(place.path(), 3);
     all_done(place.path(), &["--jobs", "1"]);
@@ -329,6 +329,8 @@ fn a_torn_line_is_passed_over_and_kept_apart() {
     assert!(all_done(place.path(), &[]).contains("1 done, 2 finished before"));
     assert!(all_done(place.path(), &[]).contains("0 done, 3 finished before"));
     assert_eq!(results(place.path()).len(), 3);
+    let text = fs::read_to_string(&path).expect("it is there");
+    assert!(text.lines().all(|line| serde_json::from_str::<Value>(line).is_ok()), "the torn piece is gone: {text}");
 }
 
 #[test]

@@ -146,6 +146,7 @@ fn outputs_are_checked_before_the_work() {
     sound_stack(input.path());
     refused(input.path(), &["-o", "no/such/folder/x.stl"], &["no/such/folder/x.stl: cannot write"]);
     refused(input.path(), &["-o", "x.docx"], &["x.docx", "unknown extension", ".nrrd"]);
+    refused(input.path(), &["--report", "x.nrrd"], &["x.nrrd", "is the name of a volume; a report is .json or .html"]);
     let taken = folder();
     let name = taken.path().join("folder.stl");
     fs::create_dir(&name).expect("a folder can be made");

@@ -115,7 +115,7 @@ fn read_csv(text: &str) -> std::result::Result<Vec<Numbered>, String> {
     let mut lines = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|e| e.to_string())?;
-        let number = record.position().map_or(0, |p| p.line() as usize);
+        let number = record.position().map_or(0, |p| line_of(text, p.byte() as usize));
         let cell = |name: &str| place(name).and_then(|k| record.get(k)).unwrap_or_default();
         let line = if record.len() == header.len() {
             options_of_cell(cell("options")).map(|options| ManifestLine {
@@ -134,6 +134,14 @@ fn read_csv(text: &str) -> std::result::Result<Vec<Numbered>, String> {
         lines.push((number, line));
     }
     Ok(lines)
+}
+
+/// Number, from 1, of the line of the record that is read from this byte on: behind empty lines, which are none.
+fn line_of(text: &str, from: usize) -> usize {
+    let breaks = |text: &[u8]| text.iter().filter(|b| **b == b'\n').count();
+    let (before, behind) = text.as_bytes().split_at(from.min(text.len()));
+    let empty = behind.iter().take_while(|b| b"\r\n".contains(b)).count();
+    1 + breaks(before) + breaks(&behind[..empty])
 }
 
 /// JSON, or `key=value;key=value`.

@@ -14,6 +14,9 @@ use crate::error::{Error, Result};
 use crate::files::fingerprint::digest;
 use crate::report::Report;
 
+/// Most bytes of a line that are looked at.
+const LONGEST_LINE: u64 = 16 << 20;
+
 /// End of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -177,22 +180,17 @@ impl Results {
         self.seen.lock().unwrap_or_else(PoisonError::into_inner).failed.get(fingerprint).cloned()
     }
 
-    /// Appends a line in one piece and waits until it is on the disk.
+    /// Appends a line in one piece and waits until it is on the disk. A piece of a line that a crash has left goes.
     ///
     /// # Errors
-    /// [`Error::Write`]; the file then ends as before, or in a piece of a line that the next line is kept apart from.
+    /// [`Error::Write`]; the file then ends as before.
     pub fn append(&self, line: &ResultLine, locks: &Locks) -> Result<()> {
         let _held = locks.results()?;
         let write = || -> std::io::Result<()> {
             let mut file = OpenOptions::new().create(true).read(true).append(true).open(&self.path)?;
-            let end = file.seek(SeekFrom::End(0))?;
-            let mut last = [b'\n'];
-            if end > 0 {
-                file.seek(SeekFrom::End(-1))?;
-                file.read_exact(&mut last)?;
-            }
-            // A crash may have torn the last line.
-            let mut text = if last == *b"\n" { Vec::new() } else { vec![b'\n'] };
+            let (end, whole) = whole_lines(&mut file)?;
+            file.set_len(end)?;
+            let mut text = if whole { Vec::new() } else { vec![b'\n'] };
             serde_json::to_writer(&mut text, line)?;
             text.push(b'\n');
             let written = file.write_all(&text).and_then(|()| file.sync_data());
@@ -202,5 +200,39 @@ impl Results {
             written
         };
         write().map_err(|source| Error::Write { path: self.path.clone(), source })
+    }
+}
+
+/// Where the lines of a file end but for a torn last one, and whether that is a line's end: what is JSON and lacks only that is not torn.
+fn whole_lines(file: &mut File) -> std::io::Result<(u64, bool)> {
+    let end = file.seek(SeekFrom::End(0))?;
+    let from = end.saturating_sub(LONGEST_LINE);
+    file.seek(SeekFrom::Start(from))?;
+    let mut tail = Vec::new();
+    file.read_to_end(&mut tail)?;
+    let start = tail.iter().rposition(|b| *b == b'\n').map_or(0, |at| at + 1);
+    let last = &tail[start..];
+    let torn = !last.is_empty() && serde_json::from_slice::<serde::de::IgnoredAny>(last).is_err();
+    // What is longer than any line is none of ours.
+    Ok(if torn && (start > 0 || from == 0) { (from + start as u64, true) } else { (end, last.is_empty()) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_torn_line_ends_where_the_one_before_it_does() {
+        for (text, wanted) in [
+            ("", (0, true)),
+            ("{}\n{\"id\": 1}\n", (13, true)),
+            ("{}\n{\"id\": 1}", (12, false)),
+            ("{}\n{\"id\": 1", (3, true)),
+            ("{\"id", (0, true)),
+        ] {
+            let mut file = tempfile::tempfile().expect("a temporary file can be made");
+            file.write_all(text.as_bytes()).expect("it can be written");
+            assert_eq!(whole_lines(&mut file).expect("it can be read"), wanted, "{text}");
+        }
     }
 }

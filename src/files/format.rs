@@ -266,9 +266,19 @@ pub fn kind(path: &Path) -> Result<Kind> {
     Ok(if kind == Kind::Volume && named_content(path).is_some() { Kind::View } else { kind })
 }
 
-/// Whether a report of this name is a page.
-pub fn is_page(path: &Path) -> bool {
-    matches!(Format::of(path), Ok(Format::Html))
+/// The format of a report, by its name: a page, else JSON.
+///
+/// # Errors
+/// [`Error::Output`] for the name of something else, which a report in it would not be.
+pub(super) fn of_report(path: &Path) -> Result<Format> {
+    match row(&path.file_name().unwrap_or_default().to_string_lossy()) {
+        Some((Row { format: Format::Html, .. }, _)) => Ok(Format::Html),
+        Some((row, _)) if row.format != Format::Report => {
+            let message = format!("is the name of a {}; a report is .json or .html", row.holds);
+            Err(Error::Output { path: path.into(), message })
+        }
+        _ => Ok(Format::Report),
+    }
 }
 
 /// Words before an extension that say what a volume holds: `NAME.origin.nrrd`.

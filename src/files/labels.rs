@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::JobOptions;
-use super::format::{Kind, is_page, kind};
+use super::format::{Format, Kind, kind, of_report};
 use super::member_names::with_word;
 use super::options::OutputOptions;
 use super::outputs::Outputs;
@@ -256,7 +256,7 @@ impl LabelOutputs {
                 Kind::View => return of_one(path),
             }
         }
-        if let Some(page) = report.filter(|path| is_page(path)) {
+        if let Some((page, Format::Html)) = report.map(|path| Ok((path, of_report(path)?))).transpose()? {
             return of_one(page);
         }
         reports.extend(report.map(Path::to_path_buf));

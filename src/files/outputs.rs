@@ -12,7 +12,7 @@ use glam::DVec3;
 
 #[cfg(feature = "dicom")]
 use super::format::BUFFER_BYTES;
-use super::format::{Format, Kind, is_page, kind, needed, places};
+use super::format::{Format, Kind, kind, needed, of_report, places};
 use super::options::OutputOptions;
 use super::pending::{Pending, Temporary, parent};
 use super::places::Places;
@@ -60,8 +60,7 @@ impl Outputs {
             outputs.add(path, Format::of(path)?, temporary, places)?;
         }
         if let Some(path) = report {
-            let format = if is_page(path) { Format::Html } else { Format::Report };
-            outputs.add(path, format, temporary, places)?;
+            outputs.add(path, of_report(path)?, temporary, places)?;
         }
         Ok(outputs)
     }

@@ -358,7 +358,15 @@ fn elevations_that_cannot_be_found_are_named() {
     assert_eq!(terrain.stack.slices[0].z, 100.0);
     assert_says(&refused(&[feature(100, &outer), feature(Value::Null, &inner)], &[]), &["feature 2", "`Elev` is null"]);
     assert_says(&refused(&[feature(100, &outer), feature("NaN", &inner)], &[]), &["feature 2", "NaN", "finite"]);
-    assert_says(&refused(&[feature(100, &outer)], &[]), &["at least 2 slices"]);
+    assert_says(
+        &refused(&[feature(100, &outer)], &[]),
+        &["all of its lines lie at 100; contour lines of at least two"],
+    );
+    let band = |ring: &Line, z: f64| json!({"type": "Feature", "properties": two(z), "geometry": {"type": "Polygon", "coordinates": [ring]}});
+    assert_says(
+        &refused(&[band(&outer, 100.0), band(&inner, 150.0)], &[]),
+        &["in.geojson", "its polygons lie between two elevations (`ELEV_MAX`, `ELEV_MIN`); contour lines are needed"],
+    );
 }
 
 #[test]
@@ -691,7 +699,7 @@ fn below_the_lowest_contour_there_may_be_heights() {
         assert!(off.abs() < if r < 420.0 { 0.2 } else { 0.6 }, "at {x}, {y}: {} for {wanted}", slope.heights[n]);
     }
     let one = [feature(100, &circle([0.0, 0.0], 400.0))];
-    assert_says(&refused(&one, &["--below", "extrapolate"]), &["`below` extrapolate needs two levels", "only 100"]);
+    assert_says(&refused(&one, &["--below", "extrapolate"]), &["all of its lines lie at 100"]);
     let stack = place.path().join("stack");
     fs::create_dir(&stack).expect("a folder can be made");
     sound_stack(&stack);

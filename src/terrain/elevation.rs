@@ -25,6 +25,9 @@ const OTHERS: [&str; 14] = [
     "altitud",
     "hoogte",
 ];
+/// Ends of the names of a band's elevations.
+const LEAST: &str = "min";
+const MOST: &str = "max";
 /// Heights of a line's points this close, of their size, are one.
 const SAME: f64 = 1e-9;
 
@@ -68,11 +71,25 @@ pub fn source(features: &[Feature], asked: Option<&str>) -> Parse<ElevationSourc
              it; there are {}",
             listed()
         )),
+        _ if features.iter().flat_map(|f| &f.lines).all(|l| l.ring)
+            && [LEAST, MOST].iter().all(|end| has_one(&found, end)) =>
+        {
+            Err(format!(
+                "its polygons lie between two elevations (`{}`); contour lines are needed, each at one: GDAL and QGIS make them where polygons \
+                 are not asked for",
+                found.join("`, `")
+            ))
+        }
         _ => Err(format!(
             "several attributes could be the elevation: `{}`; --elevation FIELD names it",
             found.join("`, `")
         )),
     }
+}
+
+/// Whether one of the names, in any case, ends so.
+fn has_one(names: &[&str], end: &str) -> bool {
+    names.iter().any(|name| name.to_lowercase().ends_with(end))
 }
 
 /// The elevation of line `part` of a feature.

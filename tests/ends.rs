@@ -4,10 +4,11 @@ mod shapes;
 mod support;
 
 use interslice::progress::Silent;
-use interslice::settings::{EndRule, Motion};
-use interslice::stack::ContourStack;
+use interslice::settings::{EndRule, Method, Motion};
+use interslice::stack::{ContourStack, HeightGrid};
+use interslice::surface::Layer;
 use interslice::surface::mesh::closed_surface;
-use interslice::{Reconstruction, Reference, Settings, reconstruct_with};
+use interslice::{Reconstruction, Reference, Settings, reconstruct, reconstruct_with};
 use shapes::*;
 use support::{edge_defects, merged};
 
@@ -177,4 +178,40 @@ fn a_caps_slope_counts_what_the_moving_frame_explains() {
     let cap = volume(EndRule::Extrapolate) - volume(EndRule::Flat);
     println!("cap off by {:+.1} %", 100.0 * (cap / exact - 1.0));
     assert!((cap / exact - 1.0).abs() < 0.2, "{cap} of {exact}");
+}
+
+/// A ball that is drawn on every layer of its output grid, as in a volume that is painted on every slice: its surface is round all the same.
+#[test]
+fn a_coarse_grid_of_outputs_has_a_round_surface() {
+    const RADIUS: f64 = 16.0;
+    let heights: Vec<f64> = (-1..=1).map(|k| 10.0 * f64::from(k)).collect();
+    let circles = heights.iter().map(|z| circle(24.0, 24.0, (RADIUS * RADIUS - z * z).sqrt())).collect::<Vec<Shape>>();
+    let of = |step: f64, method: Method| {
+        let mut stack = levels(49, &heights, &circles);
+        stack.z_out = Some(HeightGrid { start: -10.0, step, count: (20.0 / step) as usize + 1 });
+        let (end_bottom, end_top) = (EndRule::Extrapolate, EndRule::Extrapolate);
+        reconstruct(&stack, &Settings { method, end_bottom, end_top, ..Settings::default() })
+            .expect("the stack is sound")
+    };
+    let exact = 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3);
+    for method in [Method::Morph, Method::Field] {
+        let body = of(10.0, method);
+        assert_eq!(body.output_layers().map(|l| l.z).collect::<Vec<_>>(), heights, "what is asked for stays");
+        let between: Vec<f64> = body.layers.iter().map(|l| l.z).filter(|z| z.abs() < 10.0 && *z != 0.0).collect();
+        assert_eq!(between, [-7.5, -5.0, -2.5, 2.5, 5.0, 7.5]);
+        assert_eq!(body.layers.iter().filter(|l| l.z > 10.0).count(), 6, "and the end plane");
+        let volume = closed_surface(&body).volume();
+        // Without them: what is drawn, joined by straight lines, and pointed caps.
+        let drawn = |l: &Layer| l.contour.is_some() || l.z == body.extent[0] || l.z == body.extent[1];
+        let straight =
+            Reconstruction { layers: body.layers.iter().filter(|l| drawn(l)).cloned().collect(), ..body.clone() };
+        let straight = closed_surface(&straight).volume();
+        println!("{method:?}: {:.4} of the ball, {:.4} of straight pieces", volume / exact, straight / exact);
+        assert!((volume / exact - 1.0).abs() < 0.02, "{method:?}: {}", volume / exact);
+        assert!(straight / exact < 0.9, "{method:?}: {}", straight / exact);
+        // Where outputs are fine there is nothing else.
+        let fine = of(1.0, method);
+        let more = fine.layers.iter().filter(|l| !l.output && l.contour.is_none() && l.z.abs() <= 10.0).count();
+        assert_eq!(more, 0);
+    }
 }

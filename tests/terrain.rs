@@ -699,7 +699,7 @@ fn below_the_lowest_contour_there_may_be_heights() {
         assert!(off.abs() < if r < 420.0 { 0.2 } else { 0.6 }, "at {x}, {y}: {} for {wanted}", slope.heights[n]);
     }
     let one = [feature(100, &circle([0.0, 0.0], 400.0))];
-    assert_says(&refused(&one, &["--below", "extrapolate"]), &["all of its lines lie at 100"]);
+    assert_says(&refused(&one, &["--below", "extrapolate"]), &["`below` extrapolate needs two levels", "only 100"]);
     let stack = place.path().join("stack");
     fs::create_dir(&stack).expect("a folder can be made");
     sound_stack(&stack);

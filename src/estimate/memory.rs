@@ -7,7 +7,7 @@ use crate::estimate::coverage::{Drawn, differing};
 use crate::grid::tile::samples;
 use crate::pipeline::LAYER_BYTES_ON_A_GPU;
 use crate::settings::{Method, Motion, Settings};
-use crate::stack::heights::NODES;
+use crate::stack::heights::{CAP_LAYERS, NODES, shown_nodes};
 use crate::stack::{ContourStack, SliceContent};
 use crate::storage::room::{available, check, free_disk};
 use crate::storage::spill::Budget;
@@ -152,7 +152,10 @@ const PER_END_PIXEL: f64 = 3.0;
 /// Triangles that the surface has at most, as far as contours tell.
 pub fn triangles(stack: &ContourStack, heights: &[f64]) -> u64 {
     let drawn: Vec<Drawn> = stack.slices.par_iter().map(|s| Drawn::of(&s.content, stack.dims)).collect();
-    let layers = |low: f64, high: f64| (1 + heights.iter().filter(|z| **z > low && **z < high).count()) as f64;
+    let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
+    let shown = shown_nodes(&z, heights, stack.spacing[0].min(stack.spacing[1]));
+    let layers =
+        |low: f64, high: f64| (1 + heights.iter().chain(&shown).filter(|z| **z > low && **z < high).count()) as f64;
     let between = |(w, d): (&[crate::stack::Slice], &[Drawn])| {
         let edges = d[0].edges.max(d[1].edges) as f64;
         let differing = differing([&w[0].content, &w[1].content], stack.dims) as f64;
@@ -160,7 +163,7 @@ pub fn triangles(stack: &ContourStack, heights: &[f64]) -> u64 {
     };
     let sides = stack.slices.par_windows(2).zip(drawn.par_windows(2)).map(between);
     let end = |d: &Drawn, low: f64, high: f64| {
-        layers(low, high) * d.edges as f64 * PER_LAYER_EDGE + d.pixels as f64 * PER_END_PIXEL
+        layers(low, high).max(CAP_LAYERS as f64) * d.edges as f64 * PER_LAYER_EDGE + d.pixels as f64 * PER_END_PIXEL
     };
     let first = stack.slices.first().zip(drawn.first()).map_or(0.0, |(s, d)| end(d, f64::NEG_INFINITY, s.z));
     let last = stack.slices.last().zip(drawn.last()).map_or(0.0, |(s, d)| end(d, s.z, f64::INFINITY));

@@ -274,7 +274,8 @@ pub(super) fn of_report(path: &Path) -> Result<Format> {
     match row(&path.file_name().unwrap_or_default().to_string_lossy()) {
         Some((Row { format: Format::Html, .. }, _)) => Ok(Format::Html),
         Some((row, _)) if row.format != Format::Report => {
-            let message = format!("is the name of a {}; a report is .json or .html", row.holds);
+            let [data, page] = [Format::Report, Format::Html].map(Format::extension);
+            let message = format!("is the name of a {}; a report is {data} or {page}", row.holds);
             Err(Error::Output { path: path.into(), message })
         }
         _ => Ok(Format::Report),

@@ -208,7 +208,8 @@ impl Loaded {
     /// The grid of the output layers, of which some are contours' own.
     pub fn grid(&self) -> HeightGrid {
         let z: Vec<f64> = self.stack.slices.iter().map(|s| s.z).collect();
-        let all = Heights::merged(&z, &self.heights, [z[0], z[z.len() - 1]]);
+        let [dx, dy] = self.stack.spacing;
+        let all = Heights::merged(&z, &self.heights, [z[0], z[z.len() - 1]], dx.min(dy));
         Header::grid(&all.output(), self.stack.spacing)
     }
 

@@ -106,7 +106,7 @@ impl<'a> Context<'a> {
             return Heights::new(self.stack, output, extent);
         }
         let z: Vec<f64> = self.stack.slices.iter().map(|s| s.z).collect();
-        Ok(Heights::merged(&z, output, extent))
+        Ok(Heights::merged(&z, output, extent, self.stack.spacing[0].min(self.stack.spacing[1])))
     }
 
     /// Results of `make` for the two contours of every interval.

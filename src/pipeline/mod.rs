@@ -45,7 +45,7 @@ use crate::report::clock::Clocks;
 use crate::report::{BodyEnd, Report, StageCost};
 use crate::settings::{Method, Settings};
 use crate::stack::ContourStack;
-use crate::stack::heights::check;
+use crate::stack::heights::{check, shown_nodes};
 use crate::stack::links as user_links;
 use crate::stack::window::Window;
 use crate::surface::header::Header;
@@ -64,8 +64,10 @@ struct Certified<'a> {
     outside: f32,
     /// Heights from the first on and below the second are kept.
     kept: [f64; 2],
-    /// Heights of the first and the last contour: layers between that nobody has asked for go no further.
+    /// Heights of the first and the last contour: layers between that nobody has asked for go no further,
     ends: [f64; 2],
+    /// but for these, which surfaces need.
+    shown: Vec<f64>,
     /// Number of the run's first slice.
     first: usize,
     differing: Vec<usize>,
@@ -84,7 +86,8 @@ impl LayerSink for Certified<'_> {
 
     fn layer(&mut self, mut layer: Layer) -> Result<()> {
         let within = layer.z > self.ends[0] && layer.z < self.ends[1];
-        let handed = layer.output || layer.contour.is_some() || !within;
+        let shown = self.shown.binary_search_by(|z| z.total_cmp(&layer.z)).is_ok();
+        let handed = layer.output || layer.contour.is_some() || !within || shown;
         // A section knows its last interval's upper contour, too.
         if layer.z >= self.kept[0] && layer.z <= self.kept[1] {
             self.examined.layer(&layer, handed);
@@ -195,10 +198,11 @@ pub fn run(
     let mut links = find_links(&run, &contours)?;
     let first = run.span.first;
     let ends = [contours.light(0).z, contours.light(contours.len() - 1).z];
+    let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
     let examined = Examined::new(certificate::CertificateSpec {
         dims: stack.dims,
         spacing: stack.spacing,
-        z: stack.slices.iter().map(|s| s.z).collect(),
+        z: z.clone(),
         first,
         parted: links.iter().map(IntervalLinks::parted).collect(),
     });
@@ -209,6 +213,7 @@ pub fn run(
         outside,
         kept,
         ends,
+        shown: shown_nodes(&z, heights, stack.spacing[0].min(stack.spacing[1])),
         first,
         differing: vec![0; stack.slices.len()],
         examined,

@@ -16,6 +16,40 @@ pub const NODES: usize = 4;
 /// Times of those between contours.
 pub const NODE_TIMES: [f64; NODES - 1] = [0.25, 0.5, 0.75];
 
+/// Layers of an end beyond its contour where output heights have fewer, the nearer to each other the nearer they are to the end plane: caps are round.
+pub const CAP_LAYERS: usize = 6;
+
+/// Whether output layers are too few for a surface on a stretch of so much height: fewer than `enough`, and farther apart than pixels of side `px` are.
+fn too_few(between: usize, enough: usize, height: f64, px: f64) -> bool {
+    between < enough && height > (between + 1) as f64 * px
+}
+
+/// Output heights that lie strictly between two others, farther from them than [`SAME`] gaps.
+fn strictly_between(output: &[f64], [low, high]: [f64; 2]) -> usize {
+    let slack = SAME * (high - low);
+    output.partition_point(|x| *x < high - slack).saturating_sub(output.partition_point(|x| *x <= low + slack))
+}
+
+/// The nodes that are handed on although nobody asks for layers there: those of intervals in which output layers are [`too_few`] for a surface, as
+/// of a volume that is painted on every slice. `z` are the contours, `px` a pixel's smaller side.
+pub fn shown_nodes(z: &[f64], output: &[f64], px: f64) -> Vec<f64> {
+    let coarse = |pair: &&[f64]| {
+        let ends = [pair[0], pair[1]];
+        too_few(strictly_between(output, ends), NODES - 1, ends[1] - ends[0], px)
+    };
+    z.windows(2).filter(coarse).flat_map(|pair| NODE_TIMES.map(|t| at_time([pair[0], pair[1]], t))).collect()
+}
+
+/// Heights beyond a contour, up to an end plane, where output heights are [`too_few`] for a surface.
+fn shown_beyond(contour: f64, extent: f64, output: &[f64], px: f64) -> impl Iterator<Item = f64> {
+    let between = strictly_between(output, [contour.min(extent), contour.max(extent)]);
+    let count = if too_few(between, CAP_LAYERS - 1, (extent - contour).abs(), px) { CAP_LAYERS } else { 0 };
+    (1..count).map(move |k| {
+        let left = 1.0 - k as f64 / CAP_LAYERS as f64;
+        contour + (1.0 - left * left) * (extent - contour)
+    })
+}
+
 /// Height at a time between two contours, the same to the last bit upside down where heights are.
 pub fn at_time([low, high]: [f64; 2], t: f64) -> f64 {
     if t <= 0.5 { low + t * (high - low) } else { high - (1.0 - t) * (high - low) }
@@ -48,11 +82,11 @@ impl Heights {
     pub fn new(stack: &ContourStack, output: &[f64], extent: [f64; 2]) -> Result<Self> {
         let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
         meets(output, [extent[0].min(z[0]), extent[1].max(z[z.len() - 1])])?;
-        Ok(Heights::merged(&z, output, extent))
+        Ok(Heights::merged(&z, output, extent, stack.spacing[0].min(stack.spacing[1])))
     }
 
-    /// Heights for contours at `z`, where no output height need be.
-    pub fn merged(z: &[f64], output: &[f64], extent: [f64; 2]) -> Self {
+    /// Heights for contours at `z`, where no output height need be; `px` is a pixel's smaller side.
+    pub fn merged(z: &[f64], output: &[f64], extent: [f64; 2], px: f64) -> Self {
         let inner = |pair: &[f64]| {
             let ends = [pair[0], pair[1]];
             let times = NODE_TIMES.into_iter().chain([BESIDE, 1.0 - BESIDE]);
@@ -72,11 +106,13 @@ impl Heights {
                 None => beside.push(Height { z: x, output: true }),
             }
         }
-        for x in extent {
+        let beyond = [z[0], z[z.len() - 1]].into_iter().zip(extent);
+        let caps: Vec<f64> = beyond.flat_map(|(contour, extent)| shown_beyond(contour, extent, output, px)).collect();
+        for x in extent.into_iter().chain(caps) {
             let (_, gap) = nearest(z, x);
             let is_known = |h: &Height| (h.z - x).abs() <= SAME * gap;
             if let Some(known) = beside.iter_mut().find(|h| is_known(h)) {
-                known.z = x;
+                known.z = if extent.contains(&x) { x } else { known.z };
             } else if !all.iter().any(is_known) {
                 beside.push(Height { z: x, output: false });
             }

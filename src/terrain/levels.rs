@@ -61,6 +61,11 @@ pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs, below: Option<Below>) -> 
         .map(|(level, slice)| Region { level, content: &slice.content })
         .collect();
     map.floor = floor(below, &lowest, &grid, &map)?;
+    if let [only] = &joined.levels[..] {
+        let message =
+            format!("all of its lines lie at {}; contour lines of at least two elevations are needed", only.z);
+        return Err(Wrong::Lines(message));
+    }
     let stack = ContourStack {
         dims: grid.dims,
         spacing: grid.spacing.to_array(),

@@ -63,9 +63,6 @@ pub fn lines(
     if lines.is_empty() {
         return Err("has no lines".into());
     }
-    if let Some(z) = lines.first().map(|line| line.z).filter(|z| lines.iter().all(|line| line.z == *z)) {
-        return Err(format!("all of its lines lie at {z}; contour lines of at least two elevations are needed"));
-    }
     let said = match source {
         ElevationSource::Field(field) => format!("attribute `{field}`"),
         ElevationSource::Points => "the points' z".into(),

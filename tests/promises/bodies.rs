@@ -204,7 +204,8 @@ fn p07_no_jump_where_a_sweep_vanishes() {
         let heights = [0.0, 0.01, 9.99, 10.0, 10.01, 19.99, 20.0];
         let body = run(&stack, &heights, &plain());
         for (beside, input) in [(1, 0), (2, 3), (4, 3), (5, 6)] {
-            let [beside, input] = [beside, input].map(|k| surface(&body.layers[k]));
+            let at = |k: usize| layer_at(&body, heights[k]).expect("it was asked for");
+            let [beside, input] = [beside, input].map(|k| surface(at(k)));
             assert!((beside / input - 1.0).abs() < 0.02, "{angle}: {beside} px beside {input}");
         }
     }

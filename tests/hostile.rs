@@ -253,7 +253,7 @@ fn broken_nrrd_files() {
         &nrrd("encoding: raw\nspace: LPS\nspace directions: (1,0,0) (0,1,0) (0.3,0,1)", "uchar", [2, 2, 3], &data),
         &["axes 0 and 2 are not perpendicular"],
     );
-    with(&nrrd("encoding: raw", "uchar", [2, 2, 3], &[0; 12]), &["has a non-zero label"]);
+    with(&nrrd("encoding: raw", "uchar", [2, 2, 3], &[0; 12]), &["has no label: all voxels are 0"]);
     with(
         &nrrd("encoding: raw\nendian: little", "float", [1, 1, 3], &0.5f32.to_le_bytes().repeat(3)),
         &["voxel 0 is 0.5"],

@@ -265,15 +265,26 @@ fn wrong_labels_are_told_before_anything_runs() {
     let slices = place.path().join("slices");
     fs::create_dir(&slices).expect("a folder can be made");
     sound_stack(&slices);
+    let empty = place.path().join("empty.nrrd");
+    write(&empty, &vec![0; voxels.len()]);
     let before = listing(place.path());
     let out = place.path().join("out.nrrd");
     let picture = place.path().join("out.png");
-    let cases: [(&Path, &[&str], &str); 9] = [
+    let cases: [(&Path, &[&str], &str); 18] = [
         (&input, &["--labels", "1,9"], "no label 9; labels are 1, 2, 3, 4, 5\n"),
         (&input, &["--labels", "1,5"], "label 5 is drawn on 1 of the slices"),
         (&input, &["--labels", "1,0"], "0 is the background"),
+        (&input, &["--label", "0"], "`label` 0 is the background and no label"),
+        (&slices, &["--label", "0"], "0 is the background and no label"),
+        (&input, &["--label", "9"], "in.nrrd: has no label 9; labels are 1, 2, 3, 4, 5\n"),
+        (&input, &["--label", "9", "--keep", "2"], "chosen slices has label 9; labels are 1, 2, 3, 4, 5\n"),
+        (&empty, &[], "empty.nrrd: has no label: all voxels are 0"),
+        (&empty, &["--label", "2"], "empty.nrrd: has no label 2: all voxels are 0"),
+        (&empty, &["--labels", "2"], "empty.nrrd: has no label"),
         (&input, &["--labels", "one"], "must name one of the file's labels; got `one`; the file has no names"),
         (&input, &["--labels", "1,2", "--label", "1"], "cannot be used with"),
+        (&input, &["--keep-overlaps"], "--labels"),
+        (&input, &["--label", "1", "--keep-overlaps"], "'--label <N|NAME>' cannot be used with '--keep-overlaps'"),
         (&input, &["--labels", "1,2", "--mask"], "`mask` is not for many labels"),
         (&input, &["--labels", "1,2", "--distance"], "`distance` is not for many labels"),
         (&input, &["--labels", "1,2", "-o", text(&picture)], "are of one body"),

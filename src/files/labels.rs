@@ -36,7 +36,8 @@ pub struct LabelOptions {
     pub labels: Option<Wanted>,
 
     /// Each label into volumes and meshes of its own, as it is alone, overlaps and all
-    #[arg(long, requires = "labels", help_heading = "Output")]
+    // One label conflicts with what is required here, and clap then requires nothing.
+    #[arg(long, requires = "labels", conflicts_with = "label", help_heading = "Output")]
     pub keep_overlaps: bool,
 }
 

@@ -14,7 +14,7 @@ use crate::input::grey_image::Grey;
 use crate::input::masks::by_number;
 use crate::input::volume::grid::sides;
 use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
-use crate::stack::options::LabelName;
+use crate::stack::options::{BACKGROUND, LabelName};
 use crate::stack::{ContourStack, Geometry, HeightGrid, LevelSlice, ReadOptions, Slice, SliceContent};
 use crate::storage::{regular, room};
 
@@ -361,6 +361,7 @@ impl Rule {
         match u16::try_from(*number) {
             Ok(value) if has(value) => Ok(Rule::Only(value)),
             _ => fail(format!("must be a value of the pixels ({}); got {number}", values(ranges))),
+            Ok(0) => fail(BACKGROUND.into()),
         }
     }
 

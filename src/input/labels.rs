@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::input::volume::slices::listed;
 use crate::input::volume::{Overlaps, Volume};
 use crate::input::{Input, Surveyed};
 use crate::labels::LabelStack;
@@ -12,7 +13,7 @@ use crate::labels::report::LeftOut;
 use crate::stack::ReadOptions;
 use crate::stack::doubts;
 use crate::stack::doubts::SliceArea;
-use crate::stack::options::LabelName;
+use crate::stack::options::{BACKGROUND, LabelName};
 use crate::stack::{ContourStack, Slice};
 use crate::storage::room;
 
@@ -49,7 +50,7 @@ impl std::str::FromStr for Wanted {
             return Ok(Wanted::All);
         }
         let label = |part: &str| match part.parse() {
-            Ok(LabelName::Number(0)) => Err("0 is the background and no label".into()),
+            Ok(LabelName::Number(0)) => Err(BACKGROUND.into()),
             Ok(LabelName::Name(name)) if name.is_empty() => {
                 Err(format!("expected `all`, or numbers or names with commas between, such as 1,2,5; got `{text}`"))
             }
@@ -106,9 +107,7 @@ fn labels_of(
         }
     };
     if let Some(missing) = labels.iter().find(|l| !there.contains(l)) {
-        let known: Vec<String> = there.iter().take(12).map(i64::to_string).collect();
-        let more = if there.len() > known.len() { ", ..." } else { "" };
-        let message = format!("has no label {missing}; labels are {}{more}", known.join(", "));
+        let message = format!("has no label {missing}; labels are {}", listed(there.iter()));
         return Err(Error::Format { path: path.into(), message });
     }
     if surveyed.survey.more || labels.len() > MOST {

@@ -159,6 +159,9 @@ impl ZUnit {
     }
 }
 
+/// Why 0 is refused as a label.
+pub(crate) const BACKGROUND: &str = "0 is the background and no label";
+
 /// A label as the user names it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]

@@ -26,7 +26,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
-use crate::stack::options::LabelName;
+use crate::stack::options::{BACKGROUND, LabelName};
 use crate::storage::regular;
 use data::{Data, GivenVoxels};
 use element::{Element, Voxels};
@@ -259,7 +259,9 @@ impl Volume {
             };
             Err(Error::Setting { name: option.into(), message: format!("{message}; {listed}") })
         };
+        let background = || Err(Error::Setting { name: option.into(), message: BACKGROUND.into() });
         let name = match wanted {
+            LabelName::Number(0) => return background(),
             LabelName::Number(n) if self.layers.is_some() && !self.segments.contains_key(n) => {
                 return fail(format!("must name one of the file's labels; got {n}"));
             }
@@ -275,6 +277,7 @@ impl Volume {
             found = named(|a, b| a.to_lowercase() == b.to_lowercase());
         }
         match (&found[..], name.parse()) {
+            (&[0], _) | (&[], Ok(0)) => background(),
             (&[label], _) | (&[], Ok(label)) => Ok(label),
             (&[], Err(_)) => fail(format!("must name one of the file's labels; got `{name}`")),
             _ => fail(format!("`{name}` is the name of several labels: name it by its number")),

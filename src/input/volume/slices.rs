@@ -79,18 +79,26 @@ fn chosen(
             let message = format!("none of the {} chosen slices has a value above the level {level}", chosen.len());
             return Err(Error::Format { path: volume.path.clone(), message });
         }
-        let label = label.map_or("a non-zero label".into(), |l| format!("label {l}"));
-        let there: Vec<String> = survey.labels.keys().take(NAMED).map(i64::to_string).collect();
-        let more = if survey.labels.len() > NAMED { ", ..." } else { "" };
-        let message = match there[..] {
-            [] => format!("none of the {} chosen slices has {label}: all voxels are 0", chosen.len()),
-            _ => {
-                format!("none of the {} chosen slices has {label}; labels are {}{more}", chosen.len(), there.join(", "))
-            }
+        let all = options.slices.is_none() && options.keep.is_none();
+        let missing = match label {
+            Some(label) if all => format!("has no label {label}"),
+            None if all => "has no label".into(),
+            Some(label) => format!("none of the {} chosen slices has label {label}", chosen.len()),
+            None => format!("none of the {} chosen slices has a label", chosen.len()),
+        };
+        let message = match survey.labels.len() {
+            0 => format!("{missing}: all voxels are 0"),
+            _ => format!("{missing}; labels are {}", listed(survey.labels.keys())),
         };
         return Err(Error::Format { path: volume.path.clone(), message });
     }
     Ok(chosen)
+}
+
+/// Labels for a message.
+pub(crate) fn listed<'l>(labels: impl ExactSizeIterator<Item = &'l i64>) -> String {
+    let more = if labels.len() > NAMED { ", ..." } else { "" };
+    labels.take(NAMED).map(i64::to_string).collect::<Vec<_>>().join(", ") + more
 }
 
 /// Masks of the slices `chosen` across the axis `w`, row-major along `u` and `v`.

@@ -46,6 +46,23 @@ fn the_sound_stack_is_taken() {
     assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
 }
 
+/// Windows editors begin a text with the mark of its encoding.
+#[test]
+fn a_byte_order_mark_is_no_part_of_a_text() {
+    let input = folder();
+    let text = sound_stack(input.path());
+    let at = |name: &str| input.path().join(name).display().to_string();
+    let marked =
+        |name: &str, text: &str| fs::write(at(name), format!("\u{feff}{text}")).expect("a file can be written");
+    marked("stack.json", &text);
+    marked("settings.toml", "fair = 0.5\n");
+    marked("links.json", "{\"links\": []}");
+    let (settings, links, target) = (at("settings.toml"), at("links.json"), at("out.stl"));
+    let folder = input.path().display().to_string();
+    let result = interslice(&["reconstruct", &folder, "--settings", &settings, "--links", &links, "-o", &target]);
+    assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+}
+
 #[test]
 fn no_such_input() {
     refused(Path::new("no/such/folder"), &[], &["no/such/folder", "cannot read"]);

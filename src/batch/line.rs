@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::error::{Error, Result};
+use crate::storage::regular::unmarked;
 
 /// Columns of a CSV manifest; the last may be left out.
 const COLUMNS: [&str; 4] = ["id", "input", "outputs", "options"];
@@ -49,7 +50,7 @@ fn is_csv(path: &Path) -> Result<bool> {
 pub fn read(path: &Path) -> Result<Vec<Numbered>> {
     let csv = is_csv(path)?;
     let text = fs::read_to_string(path).map_err(|source| Error::Read { path: path.into(), source })?;
-    let text = text.trim_start_matches('\u{feff}');
+    let text = unmarked(&text);
     if csv {
         return read_csv(text).map_err(|message| Error::Format { path: path.into(), message });
     }

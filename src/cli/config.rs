@@ -6,6 +6,7 @@ use clap::parser::ValueSource;
 use clap::{ArgMatches, Args};
 use interslice::files::named::Named;
 use interslice::preset::Preset;
+use interslice::storage::regular::unmarked;
 use interslice::{Error, Result, Settings};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -31,7 +32,7 @@ impl<'a> File<'a> {
     /// Reads and parses the file.
     pub fn read(path: &'a Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|source| Error::Read { path: path.into(), source })?;
-        let table = text.parse().map_err(|e: toml::de::Error| Error::Format {
+        let table = unmarked(&text).parse().map_err(|e: toml::de::Error| Error::Format {
             path: path.into(),
             message: e.to_string().trim_end().into(),
         })?;

@@ -94,6 +94,7 @@ pub(super) fn is_dicom(bytes: &[u8]) -> bool {
 
 /// Whether a text begins as a collection of features does.
 fn is_geojson(bytes: &[u8]) -> bool {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let first = bytes.iter().find(|b| !b.is_ascii_whitespace());
     first == Some(&b'{') && bytes.windows(19).any(|w| w == b"\"FeatureCollection\"")
 }

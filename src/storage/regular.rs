@@ -34,13 +34,20 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     fs::read(path)
 }
 
-/// All of a file as text.
+/// All of a file as text, [`unmarked`].
 ///
 /// # Errors
 /// The errors of [`open`] and of reading; that it is no UTF-8.
 pub fn read_to_string(path: &Path) -> io::Result<String> {
     check(path)?;
-    fs::read_to_string(path)
+    let mut text = fs::read_to_string(path)?;
+    text.drain(..text.len() - unmarked(&text).len());
+    Ok(text)
+}
+
+/// A text without the mark of its encoding (byte order mark) that some editors write first.
+pub fn unmarked(text: &str) -> &str {
+    text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
 /// At most `most` bytes of a file's begin.

@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::estimate::memory;
 use crate::input::grey_image::Grey;
 use crate::input::masks::by_number;
+use crate::input::numbers::Numbers;
 use crate::input::volume::grid::sides;
 use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
 use crate::stack::options::{BACKGROUND, LabelName};
@@ -26,9 +27,9 @@ const BYTES_PER_PIXEL: f64 = (2 * size_of::<u16>() + size_of::<f32>()) as f64;
 #[serde(deny_unknown_fields)]
 struct StackFile {
     /// Needed for images; for polygons the pixels they are laid on.
-    spacing_xy: Option<[f64; 2]>,
+    spacing_xy: Option<Numbers<2>>,
     /// World directions (LPS) of x, y and z, for polygons.
-    axes: Option<[DVec3; 3]>,
+    axes: Option<[Numbers<3>; 3]>,
     #[serde(default = "millimetres")]
     unit: String,
     slices: Vec<SliceEntry>,
@@ -44,7 +45,7 @@ struct SliceEntry {
     /// An image,
     file: Option<String>,
     /// or closed lines, combined by even-odd.
-    polygons: Option<Vec<Polygon>>,
+    polygons: Option<Vec<Vec<Numbers<2>>>>,
     z: f64,
     #[serde(default)]
     extra: bool,
@@ -109,7 +110,7 @@ fn spaced(folder: &Path, spacing: Option<&[f64]>) -> Result<StackFile> {
     let [dx, dy, dz] = sides(spacing)?;
     let slice = |(k, name)| SliceEntry { file: Some(name), polygons: None, z: dz * k as f64, extra: false };
     Ok(StackFile {
-        spacing_xy: Some([dx, dy]),
+        spacing_xy: Some(Numbers([dx, dy])),
         axes: None,
         unit: millimetres(),
         slices: names.into_iter().enumerate().map(slice).collect(),
@@ -181,14 +182,15 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
         let message = "is not for polygons; it chooses from a label volume, or a value of images".into();
         return Err(Error::Setting { name: "label".into(), message });
     }
-    let axes = parsed.axes.unwrap_or(DVec3::AXES);
+    let axes = parsed.axes.map_or(DVec3::AXES, |axes| axes.map(|Numbers(axis)| axis.into()));
     crate::input::volume::grid::check_axes(&axes)
         .map_err(|m| Error::Format { path: file.into(), message: format!("`axes`: {m}") })?;
+    let points = |polygon: Vec<Numbers<2>>| polygon.into_iter().map(|Numbers(point)| point.into()).collect::<Polygon>();
     let drawing = |(k, entry): (usize, SliceEntry)| PlaneDrawing {
         name: format!("polygons {k}"),
         z: entry.z,
         extra: entry.extra,
-        regions: entry.polygons.into_iter().collect(),
+        regions: entry.polygons.into_iter().map(|polygons| polygons.into_iter().map(points).collect()).collect(),
     };
     let mut drawings: Vec<PlaneDrawing> = parsed.slices.into_iter().enumerate().map(drawing).collect();
     let copies = |drawing: &mut PlaneDrawing| {
@@ -199,7 +201,7 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
     };
     let mut notes: Vec<String> = drawings.iter_mut().filter_map(copies).collect();
     let planes = Planes { unit: parsed.unit, axes, z_out: parsed.z_out };
-    let pixel = options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy);
+    let pixel = options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy.map(|Numbers(sides)| sides));
     let stack = polygons::stack(&drawings, &planes, pixel)?;
     notes.extend(polygons::grid::coarse(&drawings).filter(|_| pixel.is_none()));
     Ok((stack, notes))
@@ -212,7 +214,7 @@ fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) 
         let message = "is not for images; it is the pixel size for polygons".into();
         return Err(Error::Setting { name: "pixel".into(), message });
     }
-    let Some(spacing) = parsed.spacing_xy else { return fail("missing field `spacing_xy`, the pixel sides") };
+    let Some(Numbers(spacing)) = parsed.spacing_xy else { return fail("missing field `spacing_xy`, the pixel sides") };
     if parsed.axes.is_some() {
         return fail("`axes` is for polygons; images lie along x and y");
     }
@@ -359,9 +361,9 @@ impl Rule {
         };
         let has = |value: u16| ranges.iter().any(|r| r.ends.contains(&value) || r.between.contains(&value) || r.many());
         match u16::try_from(*number) {
+            Ok(0) => fail(BACKGROUND.into()),
             Ok(value) if has(value) => Ok(Rule::Only(value)),
             _ => fail(format!("must be a value of the pixels ({}); got {number}", values(ranges))),
-            Ok(0) => fail(BACKGROUND.into()),
         }
     }
 

@@ -10,6 +10,7 @@ pub mod nifti;
 pub mod npy;
 pub mod npz;
 pub mod nrrd;
+mod numbers;
 mod ome;
 #[cfg(feature = "zarr")]
 mod ome_zarr;

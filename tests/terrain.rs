@@ -571,6 +571,72 @@ fn degrees_are_reprojected() {
 }
 
 /// A map cut along meridians and parallels has slanted edges in any system of lengths.
+/// Maps across 180 degrees, and such as count from 0 to 360; a plan in metres from a corner may be as far east, but is wider.
+#[test]
+fn degrees_go_on_beyond_180() {
+    let place = folder();
+    let path = place.path().join("map.geojson");
+    let rings = |[x, y]: [f64; 2], wide: f64| {
+        let line =
+            |r: f64| -> Line { circle([0.0; 2], r).iter().map(|p| [x + p[0] - EAST, y + p[1] - NORTH]).collect() };
+        fs::write(&path, collection(None, &[feature(100, &line(wide / 2.0)), feature(150, &line(wide / 3.0))]))
+            .expect("a file can be written");
+    };
+    for (middle, wide, wanted) in [
+        ([180.0, -17.0], 0.02, Crs::Epsg(32701)),
+        ([-180.0, -17.0], 0.02, Crs::Epsg(32701)),
+        ([350.01, 65.0], 0.02, Crs::Epsg(32629)),
+        ([179.0, 17.0], 4.0, Crs::Epsg(32660)),
+        ([181.0, 40.0], 80.0, Crs::Unknown),
+        ([200.0, 40.0], 13.0, Crs::Unknown),
+        ([365.0, 40.0], 8.0, Crs::Unknown),
+    ] {
+        rings(middle, wide);
+        let terrain = Terrain::read(&path, &ReadOptions::default()).expect("a map");
+        assert_eq!(terrain.map.crs, wanted, "{middle:?} {wide}");
+        let [dx, _] = terrain.stack.spacing;
+        let across = dx * terrain.stack.dims[0] as f64;
+        let widest = if wanted == Crs::Unknown { wide } else { wide * 111e3 };
+        assert!(across < 4.0 * widest, "{middle:?}: {across} of {widest}");
+    }
+}
+
+#[test]
+fn a_byte_order_mark_is_no_part_of_geojson() {
+    let place = folder();
+    let rings = [feature(100, &circle([0.0; 2], 400.0)), feature(150, &circle([0.0; 2], 200.0))];
+    for name in ["map.geojson", "map.json"] {
+        let path = place.path().join(name);
+        fs::write(&path, format!("\u{feff}{}", collection(Some("EPSG:32611"), &rings))).expect("a file can be written");
+        let stack = interslice::input::read(&path, &pixels(20.0)).expect("a map");
+        assert_eq!(stack.slices.len(), 2, "{name}");
+    }
+}
+
+#[test]
+fn a_system_that_contradicts_the_files_own_is_told() {
+    let place = folder();
+    let path = place.path().join("map.geojson");
+    let rings = [feature(100, &circle([0.0; 2], 400.0)), feature(150, &circle([0.0; 2], 200.0))];
+    fs::write(&path, collection(Some("EPSG:32611"), &rings)).expect("a file can be written");
+    let says = |given: &str| {
+        let options = ReadOptions { crs: Some(given.into()), ..pixels(20.0) };
+        let notes = Terrain::read(&path, &options).expect("a map").notes;
+        notes.into_iter().find(|note| note.contains("the file names"))
+    };
+    assert_eq!(says("EPSG:32611"), None);
+    let note = "`crs` is EPSG:32612, but the file names EPSG:32611: coordinates are taken as `crs` says";
+    assert_eq!(says("EPSG:32612").as_deref(), Some(note));
+    assert!(says("local").is_some_and(|note| note.starts_with("`crs` is local, but the file names EPSG:32611")));
+    let shape = place.path().join("cone.shp");
+    shapefile(&shape, None);
+    let text = r#"PROJCS["WGS_1984_UTM_Zone_11N",GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984"]],UNIT["Meter",1.0]]"#;
+    fs::write(shape.with_extension("prj"), text).expect("a file can be written");
+    let said = interslice(&["inspect", &shape.display().to_string(), "--crs", "EPSG:2056"]);
+    let said = String::from_utf8_lossy(&said.stdout).into_owned() + &stderr(&said);
+    assert_says(&said, &["`crs` is EPSG:2056, but the file names EPSG:32611"]);
+}
+
 #[test]
 fn lines_that_a_slanted_edge_has_cut_go_on_to_the_box() {
     let place = folder();

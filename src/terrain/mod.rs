@@ -99,7 +99,7 @@ impl Terrain {
         let shape = format == MapFormat::Shapefile;
         let mut notes = Vec::new();
         let (mut lines, field) = lines::lines(&features, options.elevation.as_deref(), &mut notes).map_err(wrong)?;
-        let crs = coordinate_system(named, options, &lines, shape).map_err(wrong)?;
+        let crs = coordinate_system(named, options, &lines, shape, &mut notes).map_err(wrong)?;
         let own = project::metres(&crs);
         let (crs, reprojected) = project::project(&mut lines, crs, options.crs_out.as_deref()).map_err(wrong)?;
         notes.extend(reprojected);
@@ -186,23 +186,26 @@ pub fn files(path: &Path) -> Vec<PathBuf> {
     std::iter::once(path.to_path_buf()).chain(beside).collect()
 }
 
-/// That of the options, else of the file. GeoJSON that names none and looks like degrees has them (RFC 7946).
+/// That of the options, with a note where the file names another, else of the file. GeoJSON that names none and looks like degrees has them (RFC 7946).
 fn coordinate_system(
     named: Crs,
     options: &ReadOptions,
     lines: &[lines::ContourLine],
     shape: bool,
+    notes: &mut Vec<String>,
 ) -> std::result::Result<Crs, String> {
     let crs = match &options.crs {
         None => named,
-        Some(name) => Crs::named(name)
-            .ok_or_else(|| format!("`crs` must be EPSG:N with 1024 <= N < 32767, or local; got `{name}`"))?,
+        Some(name) => {
+            let given = Crs::named(name)
+                .ok_or_else(|| format!("`crs` must be EPSG:N with 1024 <= N < 32767, or local; got `{name}`"))?;
+            notes.extend(project::contradiction(&named, &given));
+            given
+        }
     };
-    let mut points = lines.iter().flat_map(|l| &l.points);
-    let degrees = crs == Crs::Unknown && points.all(|p| p.abs().cmple(DVec2::new(180.0, 90.0)).all());
-    match degrees {
+    match crs == Crs::Unknown && project::like_degrees(lines) {
         true if shape => Err(
-            "coordinates look like degrees (no system is named, and all lie in [-180, 180] x [-90, 90]); say --crs EPSG:4326 if they are \
+            "coordinates look like degrees (no system is named, and all are such as longitudes and latitudes are); say --crs EPSG:4326 if they are \
              longitude and latitude, --crs EPSG:N for another system, or --crs local if these are lengths"
                 .into(),
         ),

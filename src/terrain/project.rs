@@ -20,6 +20,9 @@ const NAMED: [(&str, u32); 5] =
 const UTM: [u32; 2] = [32600, 32700];
 const ZONE: f64 = 6.0;
 const WIDEST: f64 = 12.0;
+/// Longitudes and latitudes of any map, and longitudes of one that goes on beyond 180 degrees or counts from 0 to 360.
+const ON_EARTH: DVec2 = DVec2::new(180.0, 90.0);
+const BEYOND: f64 = 360.0;
 /// Latitudes between which there is UTM.
 const LATITUDES: [f64; 2] = [-80.0, 84.0];
 
@@ -62,7 +65,7 @@ pub fn project(lines: &mut [ContourLine], from: Crs, out: Option<&str>) -> Check
             let wrong = |why: String| {
                 format!("{}: ({x}, {y}) cannot be turned from EPSG:{code} into EPSG:{to}: {why}", line.feature)
             };
-            if source.is_latlong() && !(x.abs() <= 360.0 && y.abs() <= 90.0) {
+            if source.is_latlong() && !(x.abs() <= BEYOND && y.abs() <= ON_EARTH.y) {
                 return Err(wrong("longitude and latitude must lie in [-360, 360] and [-90, 90]".into()));
             }
             let turn = if source.is_latlong() { 1f64.to_radians() } else { 1.0 };
@@ -83,6 +86,29 @@ pub fn project(lines: &mut [ContourLine], from: Crs, out: Option<&str>) -> Check
         _ => String::new(),
     };
     Ok((Crs::Epsg(to), Some(format!("{degrees} (EPSG:{code}) are reprojected to EPSG:{to}{words}"))))
+}
+
+/// Whether coordinates of which nobody says what they are look like longitudes and latitudes. Beyond 180 degrees only where the map is no wider than a
+/// UTM zone can hold: plans of buildings and gardens, in metres from a corner, have such coordinates too.
+pub fn like_degrees(lines: &[ContourLine]) -> bool {
+    let [low, high] = bounds(lines.iter().flat_map(|line| &line.points));
+    let far = low.abs().max(high.abs());
+    far.cmple(ON_EARTH).all() || (far.x <= BEYOND && far.y <= ON_EARTH.y && high.x - low.x <= WIDEST)
+}
+
+/// Note on a system that is given where the file names another.
+pub fn contradiction(named: &Crs, given: &Crs) -> Option<String> {
+    let own = match named {
+        Crs::Epsg(code) => format!("EPSG:{code}"),
+        // Whose code is not known may be the one that is given, but not where one has degrees and the other lengths.
+        Crs::Wkt(wkt) if named.is_geographic() != given.is_geographic() => format!("`{}`", name(wkt)),
+        Crs::Wkt(_) | Crs::Unknown | Crs::Local => return None,
+    };
+    let given = match given {
+        Crs::Epsg(code) => format!("EPSG:{code}"),
+        _ => "local".into(),
+    };
+    (own != given).then(|| format!("`crs` is {given}, but the file names {own}: coordinates are taken as `crs` says"))
 }
 
 /// Code of the UTM zone of the middle of the lines.

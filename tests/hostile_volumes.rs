@@ -356,6 +356,49 @@ fn archives_of_arrays() {
     with(&[("note.txt", b"x".into())], &["a.npz: has no arrays"]);
     with(&[("a.npy", b"nonsense".into())], &["a.npz: array `a`: does not begin with"]);
     with(&[("a.npy", sound[..300].into())], &["a.npz: array `a`: data end after 300 of"]);
+    let numbers = |shape: &str, values: &[f64]| {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        npy(&format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}"), &bytes)
+    };
+    let placed = |name: &str, sides: [f64; 3], x: [f64; 3]| {
+        let directions = [x, [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].concat();
+        [
+            ("spacing.npy", numbers("(3,)", &sides)),
+            ("origin.npy", numbers("(3,)", &[4.0, 5.0, 6.0])),
+            ("directions.npy", numbers("(3, 3)", &directions)),
+            (if name == "volume" { "volume.npy" } else { "a.npy" }, sound.clone()),
+        ]
+    };
+    let east = [1.0, 0.0, 0.0];
+    for (name, spaced) in [("volume", true), ("a", false)] {
+        fs::write(&path, archive(&placed(name, [0.5, 0.75, 2.0], east))).expect("a file can be written");
+        let grid = interslice::input::open_volume(&path).expect("one volume").grid;
+        let wanted = if spaced { ([0.5, 0.75, 2.0], "mm", 4.0) } else { ([1.0; 3], "px", 0.0) };
+        assert_eq!(
+            (grid.spacing(), grid.unit.as_str(), grid.origin.x, grid.spaced),
+            (wanted.0, wanted.1, wanted.2, spaced)
+        );
+    }
+    for bad in ["0", "-0.75", "NaN", "inf"] {
+        let side = bad.parse().expect("a number");
+        let says = format!("a.npz: array `spacing` must hold three positive numbers; got {bad}");
+        with(&placed("volume", [0.5, side, 2.0], east), &[&says]);
+    }
+    with(
+        &placed("volume", [1.0; 3], [0.8, 0.0, 0.0]),
+        &["a.npz: array `directions`: axis 0 is 0.8 long; it must be 1"],
+    );
+    with(
+        &placed("volume", [1.0; 3], [0.6, 0.8, 0.0]),
+        &["a.npz: array `directions`: axes 0 and 1 are not perpendicular"],
+    );
+    let sized = archive(&placed("volume", [0.5, 0.75, 2.0], east));
+    refused(
+        "a.npz",
+        &sized,
+        &["--spacing", "1,2,3"],
+        &["`spacing` is only for a file without its own", "0.5 x 0.75 x 2 mm"],
+    );
     let huge = "{'descr': '|u1', 'fortran_order': False, 'shape': (9000, 9000, 9000), }";
     with(&[("a.npy", npy(huge, &[1; 600]))], &["a.npz: array `a`: data end after"]);
     let endless = "{'descr': '|u1', 'fortran_order': False, 'shape': (4294967296, 4294967296, 4294967296), }";

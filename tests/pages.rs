@@ -274,7 +274,7 @@ fn help_names_the_formats_that_there_are() {
     let helps = helps();
     assert_eq!(misnamed(&helps), ["name"; 0]);
     assert_eq!(misnamed(&helps.replace(".html)", ".xhtml)")), [".xhtml"]);
-    assert_eq!(misnamed(&helps.replace("a .npy never", "they never")), ["--spacing"]);
+    assert_eq!(misnamed(&helps.replace(".npy never", "they never")), ["--spacing"]);
     assert_eq!(
         misnamed(&helps.replace(
             "(.stl .ply .obj .glb .groups.obj .3mf .vtp) with",

@@ -222,6 +222,11 @@ fn nifti_round_trips() {
 }
 
 #[test]
+fn npz_round_trip() {
+    round_trip("out.npz");
+}
+
+#[test]
 fn distances_are_written_in_physical_units() {
     let place = folder();
     sound_stack(place.path());

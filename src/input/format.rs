@@ -44,7 +44,7 @@ pub const FORMATS: &[InputFormat] = &[
     row("mha", &["mha", "mhd"], &["data"], Kind::Volume(mha::read)),
     row("tiff", &["tif", "tiff"], &[], Kind::Volume(tiff::read)),
     InputFormat { sized: false, ..row("npy", &["npy"], &[], Kind::Volume(npy::read)) },
-    InputFormat { sized: false, ..row("npz", &["npz"], &[], Kind::Volume(npz::read)) },
+    row("npz", &["npz"], &[], Kind::Volume(npz::read)),
     row("zarr", &["zarr"], &[], Kind::Volume(zarr)),
     row("rtstruct", &["dcm"], &[], Kind::StructureSet),
     row("geojson", &["geojson"], &[], Kind::Map),

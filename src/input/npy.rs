@@ -77,6 +77,34 @@ pub(super) fn header(input: &mut impl Read) -> Failure<Header> {
     Ok(Header { shape, length, element, fortran })
 }
 
+/// The values of an array of little-endian f64 of these sizes, behind its header; nothing of any other.
+pub(super) fn numbers(header: &Header, shape: &[usize], input: &mut impl Read) -> Option<Vec<f64>> {
+    if header.shape != shape || header.element != (Element::Double, false) || header.fortran {
+        return None;
+    }
+    let mut number = || {
+        let mut bytes = [0; 8];
+        input.read_exact(&mut bytes).ok().map(|()| f64::from_le_bytes(bytes))
+    };
+    (0..shape.iter().product()).map(|_| number()).collect()
+}
+
+/// A text of at most `most` letters by itself; nothing of any other array.
+pub(super) fn words(input: &mut impl Read, most: usize) -> Option<String> {
+    let (header, _) = text(input).ok()?;
+    let letters = value(&header, "descr").ok()?.trim_matches(['\'', '"']).strip_prefix("<U")?.parse().ok()?;
+    if letters > most || !shape(value(&header, "shape").ok()?).ok()?.is_empty() {
+        return None;
+    }
+    let mut letter = || {
+        let mut bytes = [0; 4];
+        input.read_exact(&mut bytes).ok().and_then(|()| char::from_u32(u32::from_le_bytes(bytes)))
+    };
+    let text: String = (0..letters).map(|_| letter()).collect::<Option<_>>()?;
+    // numpy fills up with zeros.
+    Some(text.trim_end_matches('\0').into())
+}
+
 /// The header's text, a Python dictionary, and where it ends.
 fn text(input: &mut impl Read) -> Failure<(String, usize)> {
     let mut exactly = |n: usize| -> Failure<Vec<u8>> {

@@ -1,19 +1,25 @@
-//! Label volumes as `numpy.savez` packs them (`.npz`): the array of three axes in a ZIP of arrays.
+//! Label volumes as `numpy.savez` packs them (`.npz`): the array of three axes in a ZIP of arrays. Where those of [`PLACE`] lie beside [`VOLUME`], as this
+//! program writes them, they say where it lies.
 
+use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use flate2::read::DeflateDecoder;
+use glam::DVec3;
 use zip::{CompressionMethod, ZipArchive};
 
 use crate::error::{Error, Result};
 use crate::input::npy;
 use crate::input::volume::data::{Coding, Data};
-use crate::input::volume::grid::Failure;
+use crate::input::volume::grid::{Failure, check_axes};
 use crate::input::volume::{Volume, open};
+use crate::surface::npy::{PLACE, UNIT, VOLUME};
 
 /// Most arrays that are looked at.
 const MOST: usize = 4096;
+/// Most letters of a unit.
+const LONGEST: usize = 64;
 
 /// Reads the headers of the arrays in a `.npz`.
 ///
@@ -35,7 +41,17 @@ struct Entry {
     coding: Coding,
 }
 
-fn volume(path: &Path, mut input: BufReader<std::fs::File>) -> Failure<Volume> {
+/// The bytes of an array.
+fn unpack(input: &mut BufReader<File>, start: u64, length: u64, coding: Coding) -> std::io::Result<Box<dyn Read + '_>> {
+    input.seek(std::io::SeekFrom::Start(start))?;
+    let packed = input.take(length);
+    Ok(match coding {
+        Coding::Deflate => Box::new(DeflateDecoder::new(packed)),
+        _ => Box::new(packed),
+    })
+}
+
+fn volume(path: &Path, mut input: BufReader<File>) -> Failure<Volume> {
     let mut archive = ZipArchive::new(&mut input).map_err(|e| format!("is no ZIP of arrays: {e}"))?;
     if archive.len() > MOST {
         return Err(format!("has {} arrays; at most {MOST}", archive.len()));
@@ -60,14 +76,20 @@ fn volume(path: &Path, mut input: BufReader<std::fs::File>) -> Failure<Volume> {
     }
     drop(archive);
     let (mut volumes, mut others) = (Vec::new(), Vec::new());
+    let (mut place, mut unit) = ([const { None }; 3], None);
     for (name, start, length, coding) in places {
-        input.seek(std::io::SeekFrom::Start(start)).map_err(|e| format!("array `{name}`: {e}"))?;
-        let packed = input.by_ref().take(length);
-        let header = match coding {
-            Coding::Deflate => npy::header(&mut DeflateDecoder::new(packed)),
-            _ => npy::header(&mut { packed }),
-        };
-        let header = header.map_err(|m| format!("array `{name}`: {m}"))?;
+        let unread = |e| format!("array `{name}`: {e}");
+        if name == UNIT {
+            unit = npy::words(&mut unpack(&mut input, start, length, coding).map_err(unread)?, LONGEST);
+            if unit.is_some() {
+                continue;
+            }
+        }
+        let mut array = unpack(&mut input, start, length, coding).map_err(unread)?;
+        let header = npy::header(&mut array).map_err(|m| format!("array `{name}`: {m}"))?;
+        if let Some((numbers, (_, shape))) = place.iter_mut().zip(PLACE).find(|(_, (own, _))| name == *own) {
+            *numbers = npy::numbers(&header, shape, &mut array);
+        }
         match header.shape.len() {
             3 => volumes.push(Entry { name, header, start, length, coding }),
             _ => {
@@ -93,7 +115,19 @@ fn volume(path: &Path, mut input: BufReader<std::fs::File>) -> Failure<Volume> {
                 coding: one.coding,
                 skip: one.header.length as u64,
             };
-            one.header.volume(path, "numpy arrays", data).map_err(|m| format!("array `{}`: {m}", one.name))
+            let mut volume =
+                one.header.volume(path, "numpy arrays", data).map_err(|m| format!("array `{}`: {m}", one.name))?;
+            if let ([Some(sides), Some(origin), Some(directions)], VOLUME) = (place, one.name.as_str()) {
+                if let Some(bad) = sides.iter().find(|side| !(side.is_finite() && **side > 0.0)) {
+                    return Err(format!("array `spacing` must hold three positive numbers; got {bad}"));
+                }
+                let axes = [0, 3, 6].map(|row| DVec3::from_slice(&directions[row..]));
+                check_axes(&axes).map_err(|m| format!("array `directions`: {m}"))?;
+                volume.grid.origin = DVec3::from_slice(&origin);
+                volume.grid.steps = [0, 1, 2].map(|axis| sides[axis] * axes[axis]);
+                (volume.grid.unit, volume.grid.spaced) = (unit.unwrap_or_else(|| "mm".into()), true);
+            }
+            Ok(volume)
         }
         [] if others.is_empty() => Err("has no arrays".into()),
         [] => Err(format!("has no array of three axes (z, y, x), but {}", others.join(", "))),

@@ -84,7 +84,7 @@ pub struct ReadOptions {
     #[arg(long, value_name = "AXIS", default_value = "auto", hide_default_value = true)]
     pub axis: Axis,
 
-    /// Folders of images without stack.json, and label volumes whose file does not tell, as a .npz and a .npy never do: sides of a voxel along x, y, z, mm [default: 1 px]
+    /// Folders of images without stack.json, and label volumes whose file does not tell, as a .npy never does: sides of a voxel along x, y, z, mm [default: 1 px]
     #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',')]
     pub spacing: Option<Vec<f64>>,
 }

@@ -8,6 +8,7 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use super::content::{Content, Scalar};
 use super::header::Header;
+use super::length::plain;
 use super::volume::{Coded, VolumeWriter};
 use super::voxels::VoxelGrid;
 
@@ -15,6 +16,13 @@ use super::voxels::VoxelGrid;
 const ALIGNMENT: usize = 64;
 /// Bytes of a `.npy` before its text.
 const BEFORE: usize = 10;
+
+/// The array of a `.npz` that holds the volume.
+pub(crate) const VOLUME: &str = "volume";
+/// Those beside it that say where it lies, of f64, and their sizes: voxel sides x, y, z; the first voxel (LPS); a unit vector a row, for x, y, z.
+pub(crate) const PLACE: [(&str, &[usize]); 3] = [("spacing", &[3]), ("origin", &[3]), ("directions", &[3, 3])];
+/// That of the unit of lengths, a text.
+pub(crate) const UNIT: &str = "unit";
 
 /// A writer of the output layers as `.npy`. Layers that lie across x or y of the volume wait in a nameless file in `folder`.
 ///
@@ -26,8 +34,7 @@ pub fn writer<W: Write>(mut out: W, body: &Header, content: Content, folder: &Pa
     VolumeWriter::new(Coded::Raw(out), body, content, folder)
 }
 
-/// A writer of the output layers as `.npz`: the array `volume`, and as arrays of f64 `spacing` (x, y, z), `origin` (LPS) and `directions`
-/// (a unit vector a row, for x, y, z). Layers that lie across x or y of the volume wait in a nameless file in `folder`.
+/// A writer of the output layers as `.npz`: the array [`VOLUME`], those of [`PLACE`] and the [`UNIT`]. Layers that lie across x or y of the volume wait in a nameless file in `folder`.
 ///
 /// # Errors
 /// The errors of `out` and that file.
@@ -41,14 +48,19 @@ pub fn packed<W: Write + Seek>(
     let mut archive = ZipWriter::new(out);
     let vectors = grid.axes.map(|axis| axis.to_array()).concat();
     let origin = grid.origin.to_array();
-    let arrays: [(&str, &[usize], &[f64]); 3] =
-        [("spacing", &[3], &grid.sides), ("origin", &[3], &origin), ("directions", &[3, 3], &vectors)];
-    for (name, shape, values) in arrays {
+    let place: [&[f64]; 3] = [&grid.sides, &origin, &vectors];
+    for ((name, shape), values) in PLACE.into_iter().zip(place) {
         archive.start_file(format!("{name}.npy"), options())?;
         archive.write_all(&head(Scalar::F64, shape))?;
         values.iter().try_for_each(|v| archive.write_all(&v.to_le_bytes()))?;
     }
-    archive.start_file("volume.npy", options())?;
+    let unit: Vec<char> = plain(&body.unit).chars().collect();
+    if !unit.is_empty() {
+        archive.start_file(format!("{UNIT}.npy"), options())?;
+        archive.write_all(&header(&format!("<U{}", unit.len()), &[]))?;
+        unit.into_iter().try_for_each(|letter| archive.write_all(&u32::from(letter).to_le_bytes()))?;
+    }
+    archive.start_file(format!("{VOLUME}.npy"), options())?;
     let [nx, ny, nz] = grid.dims;
     archive.write_all(&head(content.scalar(), &[nz, ny, nx]))?;
     VolumeWriter::new(Coded::Raw(Archive(Some(archive))), body, content, folder)
@@ -93,6 +105,11 @@ fn head(scalar: Scalar, shape: &[usize]) -> Vec<u8> {
         Scalar::F32 => "<f4",
         Scalar::F64 => "<f8",
     };
+    header(kind, shape)
+}
+
+/// Header of an array whose type numpy calls `kind`.
+fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     let sizes = shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
     // A tuple of one has a comma, too.
     let comma = if shape.len() == 1 { "," } else { "" };

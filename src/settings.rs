@@ -317,6 +317,13 @@ impl Settings {
             .map(|(rule, clamp)| rule != EndRule::Flat || clamp.is_some())
     }
 
+    /// A sentence for each setting that was changed and changes nothing, because of another.
+    pub fn idle(&self) -> Vec<String> {
+        let reach = self.link == Linking::Off && self.link_reach != Settings::default().link_reach;
+        let said = "setting `link_reach` changes nothing: it is for `link` = auto";
+        reach.then(|| said.into()).into_iter().collect()
+    }
+
     /// Checks every range.
     ///
     /// # Errors

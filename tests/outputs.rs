@@ -220,20 +220,22 @@ fn an_option_for_what_is_not_written_is_told() {
         assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
         stderr(&result)
     };
-    let cases: [(&[&str], &str, &str); 6] = [
-        (&["--simplify", "0.1"], "a.nrrd", "b.stl"),
-        (&["--units", "m"], "a.stl", "b.glb"),
-        (&["--y-up"], "a.stl", "c.glb"),
-        (&["--contours"], "a.stl", "b.png"),
-        (&["--mask"], "a.stl", "b.nrrd"),
-        (&["--distance"], "a.origin.nrrd", "c.nrrd"),
+    let cases: [(&[&str], &[&str], &str, &str); 7] = [
+        (&["--simplify", "0.1"], &[], "a.nrrd", "b.stl"),
+        (&["--units", "m"], &[], "a.stl", "b.glb"),
+        (&["--y-up"], &[], "a.stl", "c.glb"),
+        (&["--contours"], &[], "a.stl", "b.png"),
+        (&["--mask"], &[], "a.stl", "b.nrrd"),
+        (&["--distance"], &[], "a.origin.nrrd", "c.nrrd"),
+        (&["--link-reach", "5"], &["--link", "auto"], "b.stl", "b.stl"),
     ];
-    for (options, without, with) in cases {
+    for (options, more, without, with) in cases {
         let setting = format!("`{}` changes nothing", options[0].trim_start_matches('-').replace('-', "_"));
-        let [idle, used] = [without, with].map(|name| told(options, name));
+        let [idle, used] = [told(options, without), told(&[options, more].concat(), with)];
         assert!(idle.contains(&setting), "{options:?}:\n{idle}");
         assert!(!used.contains("changes nothing"), "{options:?}:\n{used}");
     }
+    assert!(!told(&["--link-reach", "4"], "b.stl").contains("changes nothing"), "its default");
     let far = told(&["--dz", "50"], "d.nrrd");
     assert!(far.contains("`dz` is 50 mm, and the body is 8 mm high"), "{far}");
 }

@@ -71,7 +71,8 @@ pub fn run(mut arguments: ReconstructArguments, matches: &ArgMatches) -> Result<
         _ => Telling::Normal,
     };
     if telling != Telling::Quiet {
-        options.output.idle(&arguments.outputs).iter().for_each(|idle| tell!("warning: {idle}"));
+        let idle = options.settings.idle().into_iter().chain(options.output.idle(&arguments.outputs));
+        idle.for_each(|idle| tell!("warning: {idle}"));
     }
     #[cfg(feature = "dicom")]
     if arguments.all_rois {

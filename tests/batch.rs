@@ -361,6 +361,13 @@ fn a_template_is_a_manifest() {
     let listed = interslice(&["batch", &place.path().join("m.csv").display().to_string(), "--dry-run"]);
     assert_eq!(listed.status.code(), Some(0), "{}", stderr(&listed));
     assert_eq!(String::from_utf8_lossy(&listed.stdout).lines().count(), 3);
+    let bad = place.path().join("bad.jsonl");
+    let folder_of_cases = cases_in.display().to_string();
+    let wrong = ["batch", "--template", &folder_of_cases, &bad.display().to_string(), "--ext", "ply,xyz"];
+    let wrong = interslice(&wrong);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(stderr(&wrong).contains("`ext` has `xyz`: unknown extension; expected"), "{}", stderr(&wrong));
+    assert!(!bad.exists());
     let empty = folder();
     let none = interslice(&["batch", "--template", &empty.path().display().to_string()]);
     assert_eq!(none.status.code(), Some(2));

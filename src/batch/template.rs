@@ -8,6 +8,7 @@ use serde_json::Map;
 
 use super::line::ManifestLine;
 use crate::error::{Error, Result};
+use crate::files::format::check_extension;
 use crate::input;
 use crate::input::format::{InputFormat, expected};
 #[cfg(feature = "dicom")]
@@ -28,8 +29,15 @@ pub struct Template {
 /// reconstructed. Inputs are named from `base` where they lie in it.
 ///
 /// # Errors
-/// [`Error::Read`]; [`Error::Format`] for a folder without cases, or a volume whose labels cannot be read.
+/// [`Error::Setting`] for an extension that no output has; [`Error::Read`]; [`Error::Format`] for a folder without cases, or a volume whose labels
+/// cannot be read.
 pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<ManifestLine>> {
+    for extension in &template.extensions {
+        check_extension(extension).map_err(|message| Error::Setting {
+            name: "ext".into(),
+            message: format!("has `{extension}`: {message}"),
+        })?;
+    }
     let unreadable = |source| Error::Read { path: folder.into(), source };
     let entries: std::io::Result<Vec<PathBuf>> =
         fs::read_dir(folder).map_err(unreadable)?.map(|entry| Ok(entry?.path())).collect();

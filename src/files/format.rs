@@ -216,9 +216,13 @@ impl Format {
 
     /// The format of an output, by its name.
     pub fn of(path: &Path) -> Result<Self> {
-        let fail = |message: String| Err(Error::Output { path: path.into(), message });
-        match row(&path.file_name().unwrap_or_default().to_string_lossy()) {
-            None => fail(format!("unknown extension; expected {}", known())),
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        Format::named(&name).map_err(|message| Error::Output { path: path.into(), message })
+    }
+
+    fn named(name: &str) -> std::result::Result<Self, String> {
+        match row(name) {
+            None => Err(format!("unknown extension; expected {}", known())),
             Some((Row { feature: Some((feature, false)), holds, .. }, _)) => {
                 fail(format!("this program was built without what writes it ({holds}; feature `{feature}`)"))
             }
@@ -242,6 +246,14 @@ impl Format {
 /// [`Error::Output`] with what was expected.
 pub fn check_name(path: &Path) -> Result<()> {
     check_place(path, Format::of(path)?.is_folder())
+}
+
+/// Whether outputs may have an extension.
+///
+/// # Errors
+/// A message with those that there are.
+pub fn check_extension(extension: &str) -> std::result::Result<(), String> {
+    Format::named(&format!("id.{extension}")).map(drop)
 }
 
 /// Kind of an output where there are many labels.

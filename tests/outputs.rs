@@ -240,6 +240,26 @@ fn an_option_for_what_is_not_written_is_told() {
     assert!(far.contains("`dz` is 50 mm, and the body is 8 mm high"), "{far}");
 }
 
+#[cfg(unix)]
+#[test]
+fn a_pipe_or_a_device_is_not_replaced() {
+    use std::os::unix::fs::{FileTypeExt, symlink};
+    let place = folder();
+    sound_stack(place.path());
+    let at = |name: &str| place.path().join(name);
+    assert!(std::process::Command::new("mkfifo").arg(at("pipe.stl")).status().expect("mkfifo is there").success());
+    symlink("/dev/null", at("device.nrrd")).expect("a link can be made");
+    let input = place.path().display().to_string();
+    for name in ["pipe.stl", "device.nrrd"] {
+        let result = interslice(&["reconstruct", &input, "-o", &at(name).display().to_string()]);
+        assert_eq!(result.status.code(), Some(2), "{name}: {}", stderr(&result));
+        let says = format!("{name}: cannot write: is no plain file: a pipe, a device or a socket is not replaced");
+        assert!(stderr(&result).contains(&says), "{}", stderr(&result));
+    }
+    let kind = |name: &str| fs::symlink_metadata(at(name)).expect("it is there").file_type();
+    assert!(kind("pipe.stl").is_fifo() && kind("device.nrrd").is_symlink());
+}
+
 #[test]
 fn a_glb_holds_the_mesh() {
     use interslice::surface::mesh::closed_surface;

@@ -224,7 +224,7 @@ impl Format {
         match row(name) {
             None => Err(format!("unknown extension; expected {}", known())),
             Some((Row { feature: Some((feature, false)), holds, .. }, _)) => {
-                fail(format!("this program was built without what writes it ({holds}; feature `{feature}`)"))
+                Err(format!("this program was built without what writes it ({holds}; feature `{feature}`)"))
             }
             Some((row, _)) => Ok(row.format),
         }
@@ -320,10 +320,12 @@ pub(super) fn check_place(path: &Path, is_folder: bool) -> Result<()> {
         let message = format!("is no name for a file here: {e} ({bytes} bytes; most systems take up to 255)");
         return Err(Error::Output { path: path.into(), message });
     }
+    let special = path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
     let message = match (path.is_dir(), is_folder) {
         (true, true) if path.join("zarr.json").is_file() => return Ok(()),
         (true, true) => "is a folder, but none of Zarr, and is not replaced",
         (true, false) => "is a folder",
+        (false, _) if special => "is no plain file: a pipe, a device or a socket is not replaced",
         (false, _) => return Ok(()),
     };
     Err(Error::Output { path: path.into(), message: message.into() })

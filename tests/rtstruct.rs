@@ -366,6 +366,13 @@ fn missing_and_wrong_fields_are_named() {
     refused(without(tags::STRUCTURE_SET_ROI_SEQUENCE), &["Structure Set ROI Sequence (3006,0020) is missing"]);
     refused(without(tags::ROI_CONTOUR_SEQUENCE), &["ROI Contour Sequence (3006,0039) is missing"]);
     refused(without(tags::SOP_CLASS_UID), &["SOP Class UID"]);
+    let segmentation =
+        "a DICOM segmentation, which is not read: 3D Slicer, or segimage2itkimage of dcmqi, saves it as NRRD";
+    for class in [uids::SEGMENTATION_STORAGE, uids::LABEL_MAP_SEGMENTATION_STORAGE] {
+        let mut object = sound();
+        object.put(text(tags::SOP_CLASS_UID, VR::UI, class));
+        refused(object, &[segmentation]);
+    }
     let with = |item: InMemDicomObject| {
         let mut object = sound();
         let roi = InMemDicomObject::from_element_iter([
@@ -520,6 +527,13 @@ fn the_structure_set_of_a_folder_is_found_or_chosen() {
     (0..3).for_each(|k| image_file(&study.join(format!("IM{k}"))));
     fs::write(study.join("readme.txt"), "notes").expect("a file can be written");
     assert_says(&said(&["inspect", &input], 2), &["study", "has 3 DICOM files, but no RTSTRUCT among them"]);
+    let seg = InMemDicomObject::from_element_iter([
+        text(tags::SOP_CLASS_UID, VR::UI, uids::SEGMENTATION_STORAGE),
+        text(tags::SOP_INSTANCE_UID, VR::UI, "1.2.10"),
+    ]);
+    write_as(seg, uids::EXPLICIT_VR_LITTLE_ENDIAN, &study.join("SEG"));
+    let says = "has 4 DICOM files, but no RTSTRUCT among them; there is a DICOM segmentation, which is not read";
+    assert_says(&said(&["inspect", &input], 2), &[says]);
     let set = |name: &str, radius: f64, series: &str, instance: &str, number: &str| {
         let mut object = structure_set(&[("Tube", tube(radius, &[0.0, 3.0, 6.0]))]);
         object.put(text(tags::SERIES_INSTANCE_UID, VR::UI, series));

@@ -42,16 +42,20 @@ impl Found {
 /// [`Error::Read`]; [`Error::Format`] where there is none.
 pub fn structure_sets(folder: &Path) -> Result<Vec<PathBuf>> {
     let files = files_below(folder).map_err(|source| Error::Read { path: folder.into(), source })?;
-    let (mut sets, mut others) = (Vec::new(), 0);
+    let (mut sets, mut others, mut segmentations) = (Vec::new(), 0, 0);
     for path in files {
         match class(&path) {
             Some(class) if class == uids::RT_STRUCTURE_SET_STORAGE => sets.push(path),
-            Some(_) => others += 1,
+            Some(class) => {
+                others += 1;
+                segmentations += usize::from(parse::is_segmentation(&class));
+            }
             None => {}
         }
     }
     if sets.is_empty() {
-        let message = format!("has {others} DICOM files, but no RTSTRUCT among them");
+        let instead = if segmentations > 0 { format!("; there is {}", parse::SEGMENTATION) } else { String::new() };
+        let message = format!("has {others} DICOM files, but no RTSTRUCT among them{instead}");
         return Err(Error::Format { path: folder.into(), message });
     }
     Ok(sets)

@@ -19,7 +19,7 @@ pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
     let object = OpenFileOptions::new().from_reader(&bytes[..]).map_err(|e| with_causes(&e))?;
     let class = text(&object, tags::SOP_CLASS_UID)?.unwrap_or_default();
     if class != uids::RT_STRUCTURE_SET_STORAGE {
-        return Err(format!("SOP Class UID is `{class}`; an RT structure set has {}", uids::RT_STRUCTURE_SET_STORAGE));
+        return Err(other(&class));
     }
     let mut rois = Vec::new();
     let named = items(&object, tags::STRUCTURE_SET_ROI_SEQUENCE)?
@@ -50,6 +50,24 @@ pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
         }
     }
     Ok((object, rois))
+}
+
+/// Way out where there is a DICOM segmentation.
+pub const SEGMENTATION: &str =
+    "a DICOM segmentation, which is not read: 3D Slicer, or segimage2itkimage of dcmqi, saves it as NRRD or NIfTI";
+
+/// Whether a SOP class is that of segmentations.
+pub fn is_segmentation(class: &str) -> bool {
+    let class = class.trim_end_matches(['\0', ' ']);
+    [uids::SEGMENTATION_STORAGE, uids::LABEL_MAP_SEGMENTATION_STORAGE].contains(&class)
+}
+
+/// Message on a file of another SOP class.
+fn other(class: &str) -> String {
+    if is_segmentation(class) {
+        return format!("is {SEGMENTATION}");
+    }
+    format!("SOP Class UID is `{class}`; an RT structure set has {}", uids::RT_STRUCTURE_SET_STORAGE)
 }
 
 /// What tells one structure set from another.

@@ -147,7 +147,8 @@ impl Error {
     }
 }
 
-fn counted(n: usize, what: &str) -> String {
+/// A number of things.
+pub(crate) fn counted(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 

@@ -190,7 +190,7 @@ fn short_contours_are_left_out_by_name_and_open_ones_refused() {
     );
     assert_says(
         &listed,
-        &["ROI 2 (`marker`)", "is POINT", "contour 3 is OPEN_PLANAR", "drawn on 1 planes", "not drawn"],
+        &["ROI 2 (`marker`)", "is POINT", "contour 3 is OPEN_PLANAR", "drawn on 1 plane; at", "not drawn"],
     );
     let out = place.path().join("a.stl").display().to_string();
     let told = said(&["reconstruct", &input, "--roi", "a", "-o", &out, "--backend", "cpu"], 0);
@@ -592,9 +592,9 @@ fn a_roi_on_one_plane_can_be_inspected() {
     let one = ("Flat", tube(10.0, &[3.0]));
     write(std::slice::from_ref(&one), &path);
     let says = "ROI 1 (`Flat`): 1 contours, cannot be reconstructed";
-    assert_says(&said(&["inspect", &input], 0), &[says, "drawn on 1 planes; at least 2 are needed"]);
+    assert_says(&said(&["inspect", &input], 0), &[says, "drawn on 1 plane; at least 2 are needed"]);
     write(&[one, ("Tube", tube(10.0, &[0.0, 3.0]))], &path);
     assert_says(&said(&["inspect", &input], 0), &[says, "ROI 2 (`Tube`): 2 contours on 2 planes"]);
     assert_says(&said(&["inspect", &input, "--roi", "Flat"], 0), &[says]);
-    assert_says(&said(&["reconstruct", &input, "--roi", "Flat", "-o", "a.stl"], 2), &["drawn on 1 planes"]);
+    assert_says(&said(&["reconstruct", &input, "--roi", "Flat", "-o", "a.stl"], 2), &["drawn on 1 plane"]);
 }

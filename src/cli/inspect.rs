@@ -255,6 +255,7 @@ impl Seen {
     }
 }
 
-fn counted(n: usize, what: &str) -> String {
+/// A number of things.
+pub(super) fn counted(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }

@@ -11,6 +11,7 @@ use interslice::{Budget, Means, Progress, Result};
 use super::bar::Bars;
 use super::devices::{DeviceOptions, choose};
 use super::forecast::forecast_labels;
+use super::inspect::counted;
 use super::say::say;
 use super::session::Telling;
 
@@ -55,8 +56,8 @@ pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOption
         }
         if let Some(b) = &report.borders {
             tell!(
-                "{} labels, {} changed by others: {} voxels of overlaps and {} of gaps decided",
-                report.labels.len(),
+                "{}, {} changed by others: {} voxels of overlaps and {} of gaps decided",
+                counted(report.labels.len(), "label"),
                 b.changed_labels,
                 b.overlap_voxels,
                 b.gap_voxels

@@ -129,9 +129,9 @@ impl Device {
                 by_index
                     .or_else(|| found.iter().position(|(_, s)| s.name.to_lowercase().contains(&wanted)))
                     .ok_or_else(|| {
-                        let names: Vec<_> = found.iter().map(|(_, s)| format!("{} ({})", s.index, s.name)).collect();
+                        let names: Vec<_> = found.iter().map(|(_, s)| format!("{}: {}", s.index, s.name)).collect();
                         let message = format!(
-                            "is none of this machine's: no adapter matches `{wish}`; there are {}",
+                            "must be the number of one of this machine's adapters, or part of its name ({}); got `{wish}`",
                             names.join(", ")
                         );
                         Error::Setting { name: "adapter".into(), message }

@@ -6,7 +6,7 @@ use std::collections::hash_map::Entry;
 use glam::DVec3;
 
 use super::{Contour, Roi, StructureSet};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, counted};
 use crate::polygons::plane::{Bent, PlaneSet, TOLERANCE, smallest_gap};
 use crate::polygons::{self, PlaneDrawing, Planes, line_key};
 use crate::stack::{ContourStack, ReadOptions};
@@ -61,9 +61,9 @@ impl StructureSet {
         if chosen.planes.heights.len() < 2 {
             let names: Vec<String> = chosen.rois.iter().map(|r| r.label()).collect();
             return Err(self.wrong(format!(
-                "{}: drawn on {} planes; at least 2 are needed",
+                "{}: drawn on {}; at least 2 are needed",
                 names.join(", "),
-                chosen.planes.heights.len()
+                counted(chosen.planes.heights.len(), "plane")
             )));
         }
         Ok(chosen)

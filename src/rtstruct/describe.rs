@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use super::{ChosenRois, Roi, StructureSet};
-use crate::error::Result;
+use crate::error::{Result, counted};
 use crate::polygons::Polygon;
 use crate::polygons::plane::smallest_gap;
 use crate::stack::ReadOptions;
@@ -58,11 +58,11 @@ impl ChosenRois<'_> {
             _ => format!("oblique, normal ({x:.4}, {y:.4}, {z:.4})"),
         };
         let mut lines = vec![format!(
-            "{}: {} contours{} on {} planes ({across}) at {} to {} mm, {}; {}",
+            "{}: {}{} on {} ({across}) at {} to {} mm, {}; {}",
             names.join(" + "),
-            self.planes.plane_of.len(),
+            counted(self.planes.plane_of.len(), "contour"),
             if xor { " (XOR)" } else { "" },
-            heights.len(),
+            counted(heights.len(), "plane"),
             short(heights[0]),
             short(heights[heights.len() - 1]),
             gaps(heights),

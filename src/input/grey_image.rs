@@ -82,3 +82,29 @@ impl Grey {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use tiff::encoder::{TiffEncoder, colortype::Gray8};
+
+    use super::Grey;
+
+    /// Unlike a label, a grey value is how bright a pixel is shown.
+    #[test]
+    fn white_is_the_largest_value_also_where_it_is_zero_in_the_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("mask.tif");
+        let mut file = Vec::new();
+        let mut encoder = TiffEncoder::new(std::io::Cursor::new(&mut file)).expect("it begins");
+        encoder.write_image::<Gray8>(3, 1, &[0, 5, 255]).expect("a page");
+        for (white, wanted) in [(false, [0, 5, 255]), (true, [255, 250, 0])] {
+            // The entry of tag 262, a short: black is 0 becomes white is 0.
+            let entry = |value: u8| [6, 1, 3, 0, 1, 0, 0, 0, value, 0];
+            let at = file.windows(10).position(|w| w == entry(1)).expect("it is there");
+            let mut bytes = file.clone();
+            bytes[at..at + 10].copy_from_slice(&entry(u8::from(!white)));
+            std::fs::write(&path, &bytes).expect("it is written");
+            assert_eq!(Grey::read(&path).expect("a grey image").values, wanted);
+        }
+    }
+}

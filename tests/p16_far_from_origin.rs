@@ -365,6 +365,13 @@ fn volumes_maps_and_lines_say_where_they_lie_or_that_they_cannot() {
     };
     let places = xs(&lines);
     assert!(places.iter().any(|x| (x * 4.0).fract().abs() > 1e-3) && places[0] > 500_003.0, "{places:?}");
+    // A height map has the heights of the world, too.
+    let mut tiff = tiff::decoder::Decoder::new(fs::File::open(&outputs[3]).expect("written")).expect("a TIFF");
+    let tiff::decoder::DecodingResult::F64(dem) = tiff.read_image().expect("pixels") else {
+        panic!("64 bits so far away")
+    };
+    let top = dem.into_iter().filter(|h| !h.is_nan()).fold(f64::MIN, f64::max);
+    assert!((top - heights[heights.len() - 1]).abs() < 1e-6, "{top} where the last slice lies at {heights:?}");
     // Near, nothing is said.
     volume(Path::new(&input), 0.25, STRAIGHT, DVec3::new(-120.5, 33.25, 4000.0));
     let said = done(&["reconstruct", &input, "-o", &outputs[2]]);

@@ -10,6 +10,7 @@ use interslice::labels::LabelStack;
 use interslice::settings::Link;
 use interslice::stack::links::LinkOptions;
 use interslice::stack::{ReadOptions, Slice};
+use interslice::surface::contour_lines::AlongAxes;
 use interslice::{ContourStack, Result, Settings, height_grid};
 
 use super::forecast::{requirements, shape};
@@ -189,6 +190,13 @@ fn describe(stack: &ContourStack, links: &[Link], dz: Option<f64>) -> Result<Str
         short(heights.step),
         heights.count
     ));
+    let first = AlongAxes::new(&stack.geometry, stack.spacing).height(0.0);
+    if first != 0.0 {
+        lines.push(format!(
+            "heights count from the first slice of the voxels, which lies at {} along its axis",
+            short(first)
+        ));
+    }
     let all = heights.heights()?;
     let needs = MemoryNeeds::of(stack, &all, &Settings::default(), rayon::current_num_threads());
     lines.push(format!("a reconstruction needs {}", requirements(stack, &all, &needs)));

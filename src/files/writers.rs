@@ -109,7 +109,7 @@ pub(super) fn writer(
             let options = RenderOptions { contours: options.contours, ..RenderOptions::default() };
             Box::new(PictureWriter::new(out, header, options))
         }
-        Format::Dem => placed(Box::new(HeightMapWriter::new(out, header, options.map.as_deref()))),
+        Format::Dem => placed(Box::new(HeightMapWriter::new(out, header, body, options.map.as_deref()))),
         Format::Report => Box::new(ReportWriter(out)),
         Format::Html => Box::new(HtmlWriter::new(out, header, stem(target))),
         Format::Contours => Box::new(ContoursWriter::new(out, header)?),

@@ -78,6 +78,8 @@ pub struct HeightMapWriter<W> {
     out: W,
     size: [u32; 2],
     heights: ArrivalHeights,
+    /// Heights are those of the world, as all that is told along the axes.
+    along: AlongAxes,
     is_double: bool,
     place: Option<Place>,
     floor: Floor,
@@ -91,18 +93,19 @@ struct Place {
 }
 
 impl<W> HeightMapWriter<W> {
-    /// A writer without layers yet.
-    pub fn new(out: W, header: &Header, map: Option<&Map>) -> Self {
+    /// A writer without layers yet, which have the pixels of `header` and the heights of `body`.
+    pub fn new(out: W, header: &Header, body: &Header, map: Option<&Map>) -> Self {
         let ([nx, ny], spacing) = (header.dims, header.spacing);
+        let along = AlongAxes::new(&body.geometry, body.spacing);
         let place = map.map(|Map { crs, .. }| {
             let corner = AlongAxes::new(&header.geometry, spacing).point(DVec2::new(-0.5, ny as f64 - 0.5));
             Place { crs: crs.clone(), spacing, corner: corner.to_array() }
         });
-        let farthest = header.extent[0].abs().max(header.extent[1].abs());
+        let farthest = header.extent.map(|z| along.height(z).abs()).into_iter().fold(0.0, f64::max);
         let is_double = farthest * f64::from(f32::EPSILON) / 2.0 > ROUNDED * header.grid.step;
         let (size, heights) = ([nx as u32, ny as u32], ArrivalHeights::new(header));
         let floor = map.map_or(Floor::default(), |map| map.floor.clone());
-        HeightMapWriter { out, size, heights, is_double, place, floor }
+        HeightMapWriter { out, size, heights, along, is_double, place, floor }
     }
 }
 
@@ -114,8 +117,8 @@ impl<W: Write + Seek + Send> BodyWriter for HeightMapWriter<W> {
 
     fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
         let mut heights = self.heights.finish().to_vec();
-        for (node, height) in heights.iter_mut().enumerate().filter(|(_, height)| height.is_nan()) {
-            *height = self.floor.height(node);
+        for (node, height) in heights.iter_mut().enumerate() {
+            *height = self.along.height(if height.is_nan() { self.floor.height(node) } else { *height });
         }
         if self.is_double {
             self.write::<Gray64Float>(heights)?;

@@ -1,5 +1,5 @@
-//! Label volumes as `numpy.savez` packs them (`.npz`): the array of three axes in a ZIP of arrays. Where those of [`PLACE`] lie beside [`VOLUME`], as this
-//! program writes them, they say where it lies.
+//! Label volumes as `numpy.savez` packs them (`.npz`): the array of three axes in a ZIP of arrays. Where `spacing`, `origin` and `directions` lie beside
+//! `volume`, as this program writes them, they say where it lies.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};

@@ -30,7 +30,7 @@ fn strictly_between(output: &[f64], [low, high]: [f64; 2]) -> usize {
     output.partition_point(|x| *x < high - slack).saturating_sub(output.partition_point(|x| *x <= low + slack))
 }
 
-/// The nodes that are handed on although nobody asks for layers there: those of intervals in which output layers are [`too_few`] for a surface, as
+/// The nodes that are handed on although nobody asks for layers there: those of intervals in which output layers are too few for a surface, as
 /// of a volume that is painted on every slice. `z` are the contours, `px` a pixel's smaller side.
 pub fn shown_nodes(z: &[f64], output: &[f64], px: f64) -> Vec<f64> {
     let coarse = |pair: &&[f64]| {

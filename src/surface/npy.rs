@@ -34,7 +34,8 @@ pub fn writer<W: Write>(mut out: W, body: &Header, content: Content, folder: &Pa
     VolumeWriter::new(Coded::Raw(out), body, content, folder)
 }
 
-/// A writer of the output layers as `.npz`: the array [`VOLUME`], those of [`PLACE`] and the [`UNIT`]. Layers that lie across x or y of the volume wait in a nameless file in `folder`.
+/// A writer of the output layers as `.npz`: the array `volume`, as arrays of f64 `spacing` (x, y, z), `origin` (LPS) and `directions` (a unit vector a
+/// row, for x, y, z), and the text `unit`. Layers that lie across x or y of the volume wait in a nameless file in `folder`.
 ///
 /// # Errors
 /// The errors of `out` and that file.

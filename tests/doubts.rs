@@ -136,6 +136,22 @@ fn p14_pixels_that_are_square_but_for_rounding_do_not_choose_the_axis() {
 }
 
 #[test]
+fn slices_that_are_chosen_beside_the_painted_ones_are_doubted() {
+    let of = |voxels: &[u16], keep: &str| {
+        let [inspected, _, made] = Case::new(voxels, "1 1 1").said(&["--keep", keep]);
+        [inspected, made].map(|(code, said)| {
+            assert_eq!(code, Some(0), "{said}");
+            said.matches("`keep` takes every slice whose number is a multiple of").count()
+        })
+    };
+    // Painted are 6, 11, 16, 21 and 26.
+    assert_eq!(of(&ball(), "3"), [1, 1]);
+    // Every second of slices that are painted throughout, with a gap between two bodies: that is a choice among them.
+    let two = volume(|at| u16::from(in_ball(at, 13.0) && !(14..18).contains(&at[2])));
+    assert_eq!(of(&two, "2"), [0, 0]);
+}
+
+#[test]
 fn p14_ordinary_volumes_are_not_doubted() {
     Case::new(&ball(), "1 1 1").none_doubts(&[]);
     // Painted throughout, with a tip; many labels side by side; a hollow ball.

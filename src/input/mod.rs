@@ -210,8 +210,27 @@ impl Input {
             let given = Given::new(&vec![true; numbers.len()], &numbers, Completeness::Own);
             doubts.extend(hole("the body", &given.holes));
         }
+        if let Some((surveyed, keep)) = self.surveyed.as_ref().zip(options.keep) {
+            doubts.extend(missed(&surveyed.survey.painted[surveyed.axis.axis], keep));
+        }
         doubts
     }
+}
+
+/// Words about a volume whose painted slices stand alone, where every `keep`-th slice is no choice among these: it takes empty ones between them.
+fn missed(painted: &[bool], keep: usize) -> Option<String> {
+    let numbers: Vec<usize> = (0..painted.len()).filter(|&k| painted[k]).collect();
+    let (&first, &last) = (numbers.first()?, numbers.last()?);
+    let apart = numbers.windows(2).filter(|pair| pair[1] - pair[0] > 1).count();
+    let left = numbers.iter().filter(|number| *number % keep > 0).count();
+    let empty = (first..last).filter(|k| k % keep == 0 && !painted[*k]).count();
+    (2 * apart > numbers.len() && left > 0 && empty > 0).then(|| {
+        format!(
+            "`keep` takes every slice whose number is a multiple of {keep}, painted or not: {empty} of them between the first and the last painted one are \
+             empty, so that the body is not there, and {left} of {} painted ones are left out; without `keep` the painted ones are found",
+            numbers.len()
+        )
+    })
 }
 
 /// A label volume as it was read.

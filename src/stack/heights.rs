@@ -40,7 +40,7 @@ pub fn shown_nodes(z: &[f64], output: &[f64], px: f64) -> Vec<f64> {
     z.windows(2).filter(coarse).flat_map(|pair| NODE_TIMES.map(|t| at_time([pair[0], pair[1]], t))).collect()
 }
 
-/// Heights beyond a contour, up to an end plane, where output heights are [`too_few`] for a surface.
+/// Heights beyond a contour, up to an end plane, where output heights are too few for a surface.
 fn shown_beyond(contour: f64, extent: f64, output: &[f64], px: f64) -> impl Iterator<Item = f64> {
     let between = strictly_between(output, [contour.min(extent), contour.max(extent)]);
     let count = if too_few(between, CAP_LAYERS - 1, (extent - contour).abs(), px) { CAP_LAYERS } else { 0 };
@@ -60,7 +60,8 @@ pub fn at_time([low, high]: [f64; 2], t: f64) -> f64 {
 pub struct Height {
     /// The height, unit of the stack.
     pub z: f64,
-    /// Whether it belongs to the output grid. What lies between contours and does not is there for other layers' sake, and handed to nobody.
+    /// Whether it belongs to the output grid. What lies between contours and does not is there for other layers' sake, and handed to nobody
+    /// but as [`shown_nodes`] says.
     pub output: bool,
 }
 

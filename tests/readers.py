@@ -98,7 +98,10 @@ def main(program):
             report(source, outputs["json"])
             scene(source, program, folder)
             simpler(source, program, folder)
-            check(f"{source} -> tif", heights.shape == SIZES[1::-1] and np.nanmax(heights) == 20.0, heights.shape)
+            # Heights of the world along the slices' axis.
+            first = np.linalg.solve((STEPS / np.linalg.norm(STEPS, axis=1)[:, None]).T, ORIGIN)[2]
+            top = np.nanmax(heights)
+            check(f"{source} -> tif", heights.shape == SIZES[1::-1] and abs(top - first - 20.0) < 1e-4, (heights.shape, top))
             group(f"every output of {source}")
         for name, axis, direction in FRAMES:
             other_axes(program, folder, name, axis, np.array(direction, dtype=float))

@@ -50,7 +50,7 @@ def image(of: Any, spacing: float | Sequence[float] | None, name: str) -> Image:
 def unmasked(of: Any) -> np.ndarray[Any, Any]:
     """The array, where none of its values is masked: nobody but its owner knows what those are."""
     if np.ma.is_masked(of):
-        masked = int(np.ma.count_masked(of))
+        masked = int(np.count_nonzero(np.ma.getmaskarray(of)))
         raise ValueError(f"has {masked} masked values: give what they stand for, `a.filled(0)` for outside")
     return np.asarray(of)
 

@@ -32,7 +32,7 @@ def test_arrays_that_cannot_be(labels: Volume, masks: NDArray[np.bool_]) -> None
         (labels.astype(complex), TypeError, "`labels` must be an array of integers, bool, float32 or float64; got one of complex128"),
         (labels.astype(object), TypeError, "`labels` must be an array of integers"),
         (labels + 0.5, ValueError, "labels: "),
-        (np.zeros_like(labels), ValueError, "labels: none of the"),
+        (np.zeros_like(labels), ValueError, "labels: has no label: all voxels are 0"),
     ]:
         with pytest.raises(error, match=words):
             interslice.fill(given)
@@ -70,7 +70,7 @@ def test_outputs_memory_and_machines(tmp_path: Path, masks: NDArray[np.bool_]) -
     with pytest.raises(MemoryError, match="this job needs about .* MiB of memory"):
         interslice.reconstruct(masks, range(5), memory="1M")
     # Where there is no driver at all it is the GPU that fails.
-    with pytest.raises((ValueError, interslice.GpuError), match="no adapter"):
+    with pytest.raises((ValueError, interslice.GpuError), match="adapter"):
         interslice.reconstruct(masks, range(5), backend="gpu", adapter="no such adapter")
     unknown = np.where(masks, 1.0, np.nan)
     with pytest.raises(ValueError, match="`masks` slice 0 has .* values that are NaN"):

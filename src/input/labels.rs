@@ -95,7 +95,8 @@ fn labels_of(
     let Some(mut surveyed) = surveyed else {
         return fail("is not for a folder of slices; it chooses from a label volume".into());
     };
-    let there = all_labels(&surveyed)?;
+    let whole = surveyed.volume.overlaps()?;
+    let there: BTreeSet<i64> = surveyed.survey.labels.keys().chain(whole.segments.keys()).copied().collect();
     let mut labels: Vec<i64> = match wanted {
         Wanted::All => there.iter().copied().collect(),
         Wanted::These(list) => {
@@ -114,7 +115,7 @@ fn labels_of(
         return fail(format!("are at most {MOST} in a run; name those you want"));
     }
     surveyed.volume.take_only(&labels);
-    let overlaps = surveyed.volume.overlaps()?;
+    let overlaps = if *wanted == Wanted::All { whole } else { surveyed.volume.overlaps()? };
     let mut left_out = without_hidden(&mut labels, &surveyed, &overlaps);
     if let (Wanted::These(_), Some(hidden)) = (wanted, left_out.first()) {
         return fail(format!("cannot have {}: {}", hidden.of(), hidden.why));
@@ -154,12 +155,6 @@ fn labels_of(
     let labels = LabelStack { stack, labels, appearances, scalar, drawn, given, left_out, reading, notes: said };
     labels.validate().map_err(|e| e.in_file(path))?;
     Ok(labels)
-}
-
-/// The labels that have a voxel, those among them that lie wholly under others, too.
-fn all_labels(surveyed: &Surveyed) -> Result<BTreeSet<i64>> {
-    let hidden = surveyed.volume.overlaps()?.segments.into_keys();
-    Ok(surveyed.survey.labels.keys().copied().chain(hidden).collect())
 }
 
 /// Takes those away that lie wholly in segments that come after them.

@@ -69,10 +69,14 @@ fn with_bodies<T>(stack: &LabelStack, f: impl FnOnce(Bodies, &Plan<'_>) -> T) ->
 }
 
 fn run(voxels: &[u8]) -> Run {
+    run_reading(voxels, &ReadOptions::default())
+}
+
+fn run_reading(voxels: &[u8], options: &ReadOptions) -> Run {
     let place = folder();
     let path = place.path().join("labels.nrrd");
     write(&path, voxels);
-    let stack = read_labels(&path, &ReadOptions::default(), &Wanted::All).expect("it is sound");
+    let stack = read_labels(&path, options, &Wanted::All).expect("it is sound");
     let mut layers = Vec::new();
     let mut keep = |layer: Layer| {
         layers.push(layer);
@@ -319,6 +323,79 @@ fn cells(seed: usize) -> Vec<u8> {
         }
     }
     voxels
+}
+
+/// A ball in a ball: the inner label ends beneath the outer one.
+fn ball_in_a_ball(seed: usize) -> Vec<u8> {
+    let [nx, ny, nz] = SIZES;
+    let way = |q: usize| (1.7 * (seed * 41 + q) as f64).sin();
+    let core = [40.0 + 8.0 * way(20), 32.0 + 8.0 * way(21), 4.0 + 3.0 * way(22)];
+    let at = |v: usize| {
+        let [i, j, k] = [(v % nx) as f64, (v / nx % ny) as f64, (v / (nx * ny)) as f64];
+        match () {
+            _ if !(k as usize).is_multiple_of(DRAWN) || (i - 40.0).hypot(j - 32.0) >= ball(k) => 0,
+            _ if (i - core[0]).hypot(j - core[1]).hypot(1.5 * (k - core[2])) < 13.0 => 2,
+            _ => 1,
+        }
+    };
+    (0..nx * ny * nz).map(at).collect()
+}
+
+/// Radius of the outer ball on slice `k`.
+fn ball(k: f64) -> f64 {
+    28.0 - 0.1 * (k - 8.0).powi(2)
+}
+
+/// Pixels of layers, two pixels within the ball, that have no label.
+fn pockets(layers: &[Layer]) -> usize {
+    let [nx, _, _] = SIZES;
+    let within = |n: usize, k: usize| ((n % nx) as f64 - 40.0).hypot((n / nx) as f64 - 32.0) < ball(k as f64) - 2.0;
+    let of =
+        |(k, layer): (usize, &Layer)| layer.phi.iter().enumerate().filter(|(n, v)| **v == 0.0 && within(*n, k)).count();
+    layers.iter().enumerate().map(of).sum()
+}
+
+#[test]
+fn labels_that_end_beneath_others_leave_no_pockets() {
+    let [nx, ny, nz] = SIZES;
+    let chosen = ReadOptions { keep: Some(DRAWN), ..ReadOptions::default() };
+    let own = ReadOptions::default();
+    for (seed, options) in [&chosen, &own].into_iter().cycle().take(6).enumerate() {
+        let voxels = ball_in_a_ball(seed);
+        let layers = run_reading(&voxels, options).layers;
+        assert_eq!(pockets(&layers), 0, "balls {seed}");
+        let turned: Vec<u8> = (0..nz).rev().flat_map(|k| voxels[k * nx * ny..][..nx * ny].to_vec()).collect();
+        let upside_down = run_reading(&turned, options).layers;
+        let differ = |(a, b): (&Layer, &Layer)| a.phi.iter().zip(b.phi.iter()).filter(|(a, b)| a != b).count();
+        let differing: usize = layers.iter().zip(upside_down.iter().rev()).map(differ).sum();
+        assert_eq!(differing, 0, "balls {seed} upside down");
+    }
+}
+
+/// A wedge of label 1 and one of label 2 over it, in a cylinder: on slices the border lies at these columns.
+fn wedges(border: impl Fn(usize) -> usize) -> Vec<u8> {
+    let [nx, ny, nz] = SIZES;
+    let at = |v: usize| {
+        let [i, j, k] = [v % nx, v / nx % ny, v / (nx * ny)];
+        let inside = k.is_multiple_of(DRAWN) && (i as f64 - 40.0).hypot(j as f64 - 32.0) < 20.0;
+        if inside { 1 + u8::from(i >= border(k)) } else { 0 }
+    };
+    (0..nx * ny * nz).map(at).collect()
+}
+
+#[test]
+fn labels_that_follow_each_other_part_what_lies_between_in_the_middle() {
+    // They touch on the first slice and the last; from slice 4 to 8 the one ends and the other goes on in its place.
+    let chosen = ReadOptions { keep: Some(DRAWN), ..ReadOptions::default() };
+    let Run { decided, layers, .. } = run_reading(&wedges(|k| [30, 70, 10, 10, 50][k / DRAWN]), &chosen);
+    let count = |k: usize, l: f32| layers[k].phi.iter().filter(|v| **v == l).count() as f64;
+    let whole = count(0, 1.0) + count(0, 2.0);
+    for k in 0..layers.len() {
+        println!("layer {k}: {} and {}", count(k, 1.0), count(k, 2.0));
+        assert!(count(k, 1.0) + count(k, 2.0) > 0.98 * whole, "layer {k} has a gap");
+    }
+    assert!(count(5, 1.0) > 0.9 * whole && count(7, 2.0) > 0.9 * whole);
+    assert!(decided.borders.gap_voxels as f64 > whole, "{:?}", decided.borders);
 }
 
 /// Pixels of layers that hang together with no drawn slice through pixels of their label.

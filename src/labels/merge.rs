@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::decide::{LabelReach, Layers, NEAR, Rank};
+use super::ended::{Continued, EndingLabels};
 use super::floating::{DecidedStep, FloatingPieces};
 use super::kept::{KeptBody, LayerPatch};
 use super::report::Borders;
@@ -126,6 +127,8 @@ pub fn decide(
     let reach = LabelReach { far, fill: far - px, near: NEAR * px };
     let gaps = slices.windows(2).map(|w| w[1].z - w[0].z);
     let same = SAME * gaps.fold(f64::INFINITY, f64::min);
+    let groups: Vec<Vec<usize>> = bodies.unions.iter().map(|(members, _)| members.clone()).collect();
+    let ending = EndingLabels::of(stack, &groups);
     let steps = Steps::new(stack, plan.heights, &bodies, same);
     let ranks: Vec<Rank> = (0..count).map(|a| stack.drawn_pixels(a)).map(|(n, first)| (Reverse(n), first)).collect();
     let drawn_at: Vec<f64> = slices.iter().map(|s| s.z).collect();
@@ -141,17 +144,46 @@ pub fn decide(
     volume.begin(&Header { dims, spacing, unit: unit.clone(), geometry, extent, grid })?;
     for step in &steps.all {
         let z = step.z;
+        let mut unions = Vec::new();
+        for (members, body) in &mut bodies.unions {
+            let there = step.slice.is_none_or(|k| members.iter().any(|&a| !stack.given[a].shuts(k)));
+            let settled = step.slice.is_none_or(|k| stack.settled(members, k));
+            unions.push((&*members, settled, if there { body.at(z, same)? } else { None }));
+        }
         let mut alone = Vec::with_capacity(count);
         for (body, given) in bodies.alone.iter_mut().zip(&stack.given) {
             // An end must not reach into a slice on which its label is known not to be.
             let there = step.slice.is_none_or(|k| !given.shuts(k));
             alone.push(if there { body.at(z, same)?.unwrap_or_default() } else { LayerPatch::default() });
         }
-        let mut unions = Vec::new();
-        for (members, body) in &mut bodies.unions {
-            let there = step.slice.is_none_or(|k| members.iter().any(|&a| !stack.given[a].shuts(k)));
-            let settled = step.slice.is_none_or(|k| stack.settled(members, k));
-            unions.push((&*members, settled, if there { body.at(z, same)? } else { None }));
+        let mut touching = step.touching.clone();
+        let mut goes_on = Vec::new();
+        if let Some((low, ending)) = step.between.and_then(|k| Some((k, ending.get(k)?))) {
+            touching.extend(&ending.across);
+            let mut contours = Vec::new();
+            for &(a, below) in &ending.labels {
+                let painted = slices[if below { low } else { low + 1 }].z;
+                contours.push((a, bodies.alone[a].at(painted, same)?.unwrap_or_default()));
+            }
+            for ((a, contour), (_, below)) in contours.iter().zip(&ending.labels) {
+                let Some(union) = unions.iter().find(|(m, ..)| m.contains(a)).and_then(|(.., patch)| patch.as_ref())
+                else {
+                    continue;
+                };
+                // Those that end with it draw back from others, not from each other.
+                let other = |b: usize| match ending.labels.contains(&(b, !below)) {
+                    true => contours.iter().find(|(c, _)| *c == b).map(|(_, contour)| contour),
+                    false => Some(&alone[b]).filter(|_| !ending.labels.contains(&(b, *below))),
+                };
+                let others = (0..count).filter(|b| b != a).filter_map(other).collect();
+                let [painted, other] = if *below { [low, low + 1] } else { [low + 1, low] }.map(|k| slices[k].z);
+                let t = ((z - painted) / (other - painted)) as f32;
+                let on = Continued { alone: &alone[*a], contour, union, others, t, far, px };
+                goes_on.push((*a, on.patch()));
+            }
+            for (a, patch) in &mut goes_on {
+                std::mem::swap(&mut alone[*a], patch);
+            }
         }
         let of = |a: usize| {
             let (_, settled, patch) = unions.iter().find(|(m, ..)| m.contains(&a))?;
@@ -161,8 +193,20 @@ pub fn decide(
         };
         let union = (0..count).map(of).collect();
         let off: Vec<f32> = stack.given.iter().map(|given| given.distance(z, &drawn_at) as f32).collect();
-        let layers = Layers { dims, alone: &alone, union, touching: &step.touching, ranks: &ranks, reach, off: &off };
+        let layers = Layers { dims, alone: &alone, union, touching: &touching, ranks: &ranks, reach, off: &off };
         let parted = layers.part();
+        // What a label has beyond its last slice was a gap where no other had it.
+        let mut gap = parted.gap;
+        for (a, _) in &goes_on {
+            let before = |b: usize| goes_on.iter().find(|(c, _)| *c == b).map_or(&alone[b], |(_, without)| without);
+            for n in (0..parted.labels.len()).filter(|&n| parted.labels[n] as usize == a + 1) {
+                let inside = |patch: &LayerPatch| patch.at([n % dims[0], n / dims[0]]).is_some_and(|phi| phi < 0.0);
+                if inside(&alone[*a]) && !inside(before(*a)) {
+                    decided.changed[*a] = true;
+                    gap += u64::from(!(0..count).any(|b| inside(before(b))));
+                }
+            }
+        }
         if parted.twice > 0 {
             let message = format!("{} voxels have two labels at height {z}", parted.twice);
             return Err(Error::Numerics { stage: "labels", message });
@@ -185,7 +229,7 @@ pub fn decide(
         }
         if step.output {
             decided.borders.overlap_voxels += parted.overlap;
-            decided.borders.gap_voxels += parted.gap;
+            decided.borders.gap_voxels += gap;
         }
     }
     if let Some(a) = decided.differing.iter().position(|n| *n > 0) {
@@ -235,6 +279,8 @@ struct Step {
     output: bool,
     /// The drawn slice at this height.
     slice: Option<usize>,
+    /// The drawn slice below, where this height lies between two.
+    between: Option<usize>,
     touching: BTreeSet<LabelPair>,
 }
 
@@ -258,7 +304,8 @@ impl Steps {
             let slice = slices.get(above).filter(|s| **s <= z + same).map(|_| above);
             let touching = contacts.around(above, slice);
             let z = slice.map_or(z, |k| slices[k]);
-            Step { z, output: group.iter().any(|g| g.1), slice, touching }
+            let between = above.checked_sub(1).filter(|_| slice.is_none() && above < slices.len());
+            Step { z, output: group.iter().any(|g| g.1), slice, between, touching }
         };
         let all = heights.chunk_by(|a, b| b.0 - a.0 <= same).map(at).collect();
         Steps { all }

@@ -84,6 +84,16 @@ impl LabelStack {
         all.fold((0, usize::MAX), |(count, first), (n, _)| (count + 1, first.min(n)))
     }
 
+    /// For each slice whether each label is painted there.
+    pub(super) fn painted(&self) -> Vec<Vec<bool>> {
+        let on = |slice: &Vec<u32>| {
+            let mut painted = vec![false; self.labels.len() + 1];
+            slice.iter().for_each(|&l| painted[l as usize] = true);
+            painted[1..].to_vec()
+        };
+        self.drawn.iter().map(on).collect()
+    }
+
     /// Label `a` alone.
     pub fn alone(&self, a: usize) -> ContourStack {
         self.united(&[a])
@@ -143,15 +153,30 @@ impl LabelStack {
         self.drawn.iter().map(on).collect()
     }
 
-    /// Labels that touch each other on two neighbouring slices of both, some by way of others; only groups of more than one. Labels whose
-    /// union would not be known on those slices stay apart: the pair with more drawn pixels comes first, whatever their numbers.
+    /// Slices on which the union of a pair has to be known, that on `common` slices touches or does not: two neighbours on which it touches, or on
+    /// the one of which it touches and on the other just one of both is.
+    fn needed(&self, painted: &[Vec<bool>], (a, b): LabelPair, common: &[(usize, bool)]) -> Vec<usize> {
+        let mut slices = beside(common);
+        for k in common.iter().filter(|(_, touches)| *touches).map(|(k, _)| *k) {
+            let one_is = |&k: &usize| {
+                painted.get(k).is_some_and(|on| on[a] != on[b]) && [a, b].iter().all(|&l| self.given[l].settles(k))
+            };
+            let neighbours = [k.checked_sub(1), Some(k + 1)].into_iter().flatten();
+            neighbours.filter(one_is).for_each(|beyond| slices.extend([k, beyond]));
+        }
+        slices
+    }
+
+    /// Labels that touch each other on two neighbouring slices of both, or where one of both ends, some by way of others; only groups of more than
+    /// one. Labels whose union would not be known on those slices stay apart: the pair with more drawn pixels comes first, whatever their numbers.
     pub(super) fn groups(&self, contacts: &Contacts) -> Vec<Vec<usize>> {
         let ranks: Vec<_> =
             (0..self.labels.len()).map(|a| self.drawn_pixels(a)).map(|(n, k)| (Reverse(n), k)).collect();
+        let painted = self.painted();
         let mut pairs: Vec<(LabelPair, Vec<usize>)> = contacts
             .pairs
             .iter()
-            .map(|(pair, common)| (*pair, beside(common)))
+            .map(|(pair, common)| (*pair, self.needed(&painted, *pair, common)))
             .filter(|(_, k)| !k.is_empty())
             .collect();
         pairs.sort_by_key(|((a, b), _)| [ranks[*a].min(ranks[*b]), ranks[*a].max(ranks[*b])]);

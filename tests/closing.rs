@@ -151,3 +151,34 @@ fn what_else_there_is_changes_nothing() {
         assert!((-STEP..=TIP).contains(&(expected - tip)), "{method:?}, {motion:?}: {tip}, not {expected}");
     }
 }
+
+#[test]
+fn a_part_of_which_nothing_is_told_closes_alike_by_every_method() {
+    // On a first slice, with nothing on the next or with something else far away.
+    for (r, gap) in [(8.0, 6.0), (20.0, 10.0), (45.0, 12.0)] {
+        for other in [nothing(), circle(105.0, 105.0, 6.0)] {
+            let stack = masks(121, &[0.0, gap], &[circle(50.0, 50.0, r), other]);
+            let layers: Vec<f64> = (0..8).map(|k| 0.5 + gap / 16.0 * f64::from(k)).collect();
+            let near = |n: usize| ((n % 121) as f64 - 50.0).hypot((n / 121) as f64 - 50.0) < r + 2.0;
+            let radii = |(method, motion): (Method, Motion)| -> Vec<f64> {
+                let settings = Settings { method, motion, ..plain() };
+                let body =
+                    reconstruct_with(&stack, &layers, &settings, &Reference, &Silent).expect("the stack is valid");
+                let of = |layer: &interslice::surface::Layer| {
+                    layer.phi.iter().enumerate().filter(|(n, v)| **v < 0.0 && near(*n)).count() as f64
+                };
+                let radius = |z: &f64| {
+                    let layer = body.layers.iter().find(|l| l.z == *z).expect("it was asked for");
+                    (of(layer) / std::f64::consts::PI).sqrt()
+                };
+                layers.iter().map(radius).collect()
+            };
+            let [plain, moving, field] = METHODS.map(radii);
+            println!("r {r}: {plain:.1?}\n  in the moving frame {moving:.1?}\n  by the field {field:.1?}");
+            for found in [moving, field] {
+                let worst = plain.iter().zip(&found).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(worst <= 1.0 + 0.06 * r, "radii of a disc of {r} px: {plain:?}, {found:?}");
+            }
+        }
+    }
+}

@@ -232,7 +232,12 @@ fn closing_caps<'a>(
     };
     close(run, contours, i, direction, &mut lone)?;
     let fitted = Fitted::of_field(&*contours.get(number)?, &*slopes.get(number)?);
-    let slope = |part: &LonePart| way * run.span.gaps[i] * mean_slope(&fitted, &part.seeds);
+    // On a first or last slice nothing but the gap itself says how a part goes on, in which it ends.
+    let told = match direction {
+        Direction::Up => i > 0,
+        Direction::Down => i + 2 < contours.len(),
+    };
+    let slope = |part: &LonePart| if told { way * run.span.gaps[i] * mean_slope(&fitted, &part.seeds) } else { 0.0 };
     let farthest = run.settings.margin() as f64;
     Ok(lone.iter().map(|part| Cap::new(part, slope(part), part.closes, farthest)).collect())
 }

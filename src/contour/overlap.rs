@@ -99,6 +99,54 @@ pub fn match_components(low: (&Components, &Field), high: (&Components, &Field),
 }
 
 impl Matching {
+    /// The same with groups as one whose components touch at a corner of pixels, on either contour: there both have one contour, of which each
+    /// alone would have but a part. A line one pixel wide that runs at an angle is many such components.
+    pub fn joined_at_corners(mut self, contours: [&Components; 2], nx: usize) -> Self {
+        let mut parent: Vec<usize> = (0..self.groups.len()).collect();
+        fn root(parent: &[usize], mut k: usize) -> usize {
+            while parent[k] != k {
+                k = parent[k];
+            }
+            k
+        }
+        for (side, components) in contours.into_iter().enumerate() {
+            let mut group_of = vec![None; components.count + 1];
+            for (g, group) in self.groups.iter().enumerate() {
+                let members = if side == 0 { &group.low } else { &group.high };
+                members.iter().for_each(|&k| group_of[k as usize] = Some(g));
+            }
+            let labels = &components.labels;
+            // Squares of four pixels, but for those that would go around the image's edge.
+            let squares = labels.windows(nx + 2).enumerate().filter(|(n, _)| (n + 1) % nx != 0);
+            for (_, row) in squares {
+                for (a, b) in [(row[0], row[nx + 1]), (row[1], row[nx])] {
+                    if a == b || a == 0 || b == 0 {
+                        continue;
+                    }
+                    if let (Some(a), Some(b)) = (group_of[a as usize], group_of[b as usize]) {
+                        let (a, b) = (root(&parent, a), root(&parent, b));
+                        parent[a.max(b)] = a.min(b);
+                    }
+                }
+            }
+        }
+        for g in (0..self.groups.len()).rev() {
+            let first = root(&parent, g);
+            if first < g {
+                let Group { low, high, anchors } = self.groups.remove(g);
+                let into = &mut self.groups[first];
+                into.low.extend(low);
+                into.high.extend(high);
+                into.anchors.extend(anchors);
+            }
+        }
+        for group in &mut self.groups {
+            group.low.sort_unstable();
+            group.high.sort_unstable();
+        }
+        self
+    }
+
     /// Events of solid parts, seen from below.
     pub fn events(&self) -> Vec<Event> {
         let numbers = |ids: &[u32]| ids.iter().map(|&k| k as usize).collect::<Vec<_>>();
@@ -115,5 +163,39 @@ impl Matching {
         events.extend(self.births.iter().map(|&k| Event::Birth { component: k as usize }));
         events.extend(self.deaths.iter().map(|&k| Event::Death { component: k as usize }));
         events
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::components::label4;
+
+    /// Components of rows of `#` and others, and their field.
+    fn drawn(rows: &[&str]) -> (Components, Field) {
+        let inside: Vec<bool> = rows.iter().flat_map(|row| row.bytes().map(|c| c == b'#')).collect();
+        let dims = [rows[0].len(), rows.len()];
+        let data = inside.iter().map(|inside| if *inside { -0.5 } else { 0.5 }).collect();
+        (label4(&inside, dims), Field { dims, data })
+    }
+
+    #[test]
+    fn groups_that_touch_at_a_corner_on_either_contour_are_one() {
+        let (low, high) = (drawn(&["#...#", ".#...", "....#"]), drawn(&["#...#", ".....", ".#..#"]));
+        let lone = drawn(&["#...#", ".#...", ".#..#"]);
+        let joined = |a: &(Components, Field), b: &(Components, Field)| {
+            let found = match_components((&a.0, &a.1), (&b.0, &b.1), &DecidedPairs::default());
+            let joined = found.joined_at_corners([&a.0, &b.0], 5);
+            let groups =
+                joined.groups.iter().map(|g| (g.low.clone(), g.high.clone(), g.anchors.len())).collect::<Vec<_>>();
+            (groups, joined.deaths, joined.births)
+        };
+        // The pixel at the left end of a row does not touch that at the right end of the one above.
+        let [a, b, c] = [(vec![1], vec![1], 1), (vec![2], vec![2], 1), (vec![4], vec![4], 1)];
+        assert_eq!(joined(&low, &high), (vec![a, b, c], vec![3], vec![3]));
+        let (groups, deaths, births) = joined(&low, &lone);
+        assert_eq!(groups, [(vec![1, 3], vec![1, 3], 2), (vec![2], vec![2], 1), (vec![4], vec![4], 1)]);
+        assert!(deaths.is_empty() && births.is_empty());
+        assert_eq!(joined(&lone, &low).0, groups);
     }
 }

@@ -93,6 +93,11 @@ impl IntervalPlan {
     pub fn new(low: &Contour, high: &Contour, decided: &DecidedPairs, margin: [usize; 2]) -> Self {
         let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi), decided);
         let events = matching.events();
+        // Pairs that are kept apart may touch at a corner.
+        let matching = match decided.parted.is_empty() {
+            true => matching.joined_at_corners([&low.solids, &high.solids], low.phi.dims[0]),
+            false => matching,
+        };
         let plans = matching.groups.into_par_iter().map(|group| plan_group(low, high, group, margin)).collect();
         let lone = [
             LonePlan::new(low, &matching.deaths, margin, Direction::Up),

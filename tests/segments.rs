@@ -12,7 +12,7 @@ use files::*;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use interslice::input::labels::{Wanted, read_labels};
-use interslice::input::{files as files_of, open_volume, read, survey};
+use interslice::input::{Input, files as files_of, open_volume, read, survey};
 use interslice::stack::{ContourStack, ReadOptions};
 
 const SIZES: [usize; 3] = [30, 20, 9];
@@ -286,6 +286,43 @@ fn masks_of_a_folder_have_one_grid() {
     );
     write(&masks.join("Tumour.nrrd"), b"no mask");
     refused(&["inspect", &input], &["Tumour.nrrd: does not begin with NRRD000"]);
+}
+
+#[test]
+fn slices_and_volumes_in_one_folder_are_told_apart_and_never_left_out_silently() {
+    let place = folder();
+    let input = place.path().display().to_string();
+    let at = |name: &str| place.path().join(name);
+    for k in 1..=5 {
+        disc_image(&at(&format!("s{k}.png")), 4.0 + f64::from(k));
+    }
+    let [liver, ..] = organs();
+    write(&at("out.nrrd"), &mask(&liver));
+    let spaced = ReadOptions { spacing: Some(vec![1.0, 1.0, 4.0]), ..ReadOptions::default() };
+    let slices = Input::read(place.path(), &spaced).expect("five slices");
+    assert_eq!(slices.stack.slices.len(), 5);
+    assert_eq!(slices.notes, ["the folder is read as slices, of which it has 5; left out as volumes: `out.nrrd`"]);
+    // A page too many among images, and images of another size.
+    let page = image::GrayImage::new(32, 32);
+    let mut encoder = tiff::encoder::TiffEncoder::new(fs::File::create(at("s6.tif")).expect("a file can be made"));
+    for _ in 0..2 {
+        let encoder = encoder.as_mut().expect("it begins");
+        encoder.write_image::<tiff::encoder::colortype::Gray8>(32, 32, &page).expect("it can be written");
+    }
+    let read = &["inspect", &input, "--spacing", "1,1,4"];
+    refused(read, &["`s6.tif` has 2 pages, and 5 images beside it one each"]);
+    fs::remove_file(at("s6.tif")).expect("it is there");
+    files::disc(&at("picture.png"), 40, 9.0);
+    refused(read, &["slice 1 (`s1.png`): 32x32 px, but slice 0 is 40x40 (`picture.png`)", "every image in a folder"]);
+    // One picture beside masks is none of them.
+    let masks = folder();
+    disc_image(&masks.path().join("picture.png"), 9.0);
+    write(&masks.path().join("Liver.nrrd"), &mask(&liver));
+    let volume = open_volume(masks.path()).expect("a mask");
+    assert_eq!(
+        volume.notes,
+        ["the folder is read as masks, of which it has 1; left out as images of one slice: `picture.png`"]
+    );
 }
 
 #[test]

@@ -10,8 +10,8 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::estimate::memory;
+use crate::input::contents::{Contents, by_number};
 use crate::input::grey_image::Grey;
-use crate::input::masks::by_number;
 use crate::input::numbers::Numbers;
 use crate::input::volume::grid::sides;
 use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
@@ -89,6 +89,23 @@ fn listed(folder: &Path) -> Result<Vec<String>> {
     Ok(names)
 }
 
+/// What a person should know of files beside the images of a folder without `stack.json`.
+fn beside(folder: &Path) -> Result<Option<String>> {
+    let contents = Contents::of(folder).map_err(|source| Error::Read { path: folder.into(), source })?;
+    contents.beside_slices().map_err(|message| Error::Format { path: folder.into(), message })
+}
+
+/// An error of an image, where no `stack.json` says which images are slices.
+fn taken(error: Error) -> Error {
+    match error {
+        Error::Slice { index, name, message } => {
+            let message = format!("{message} (every image in a folder without stack.json is taken for a slice)");
+            Error::Slice { index, name, message }
+        }
+        other => other,
+    }
+}
+
 /// The slices of a folder of images without `stack.json`, `spacing` apart.
 fn spaced(folder: &Path, spacing: Option<&[f64]>) -> Result<StackFile> {
     let names = listed(folder)?;
@@ -150,6 +167,8 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
 /// # Errors
 /// The errors of [`crate::input::read`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
+    let alone = is_of_images(path);
+    let beside = if alone { beside(path)? } else { None };
     let (parsed, file, folder) = parse(path, options.spacing.as_deref())?;
     if let Some(z_out) = parsed.z_out {
         z_out.validate()?;
@@ -164,7 +183,8 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<Str
     }
     let drawn = parsed.slices.iter().filter(|s| s.polygons.is_some()).count();
     if drawn == 0 {
-        Ok((images(parsed, &file, &folder, options)?, Vec::new()))
+        let stack = images(parsed, &file, &folder, options).map_err(|e| if alone { taken(e) } else { e })?;
+        Ok((stack, beside.into_iter().collect()))
     } else if drawn == parsed.slices.len() {
         drawings(parsed, &file, options)
     } else {
@@ -269,7 +289,7 @@ fn ranges(file: &Path, names: &[(PathBuf, &str)]) -> Result<Vec<Range>> {
         let fail = |message| Err(Error::Slice { index, name: name.to_string(), message });
         if this.dims != first.dims {
             let [width, height] = this.dims;
-            return fail(format!("{width}x{height} px, but slice 0 is {w}x{h}"));
+            return fail(format!("{width}x{height} px, but slice 0 is {w}x{h} (`{}`)", names[0].1));
         }
         if this.bits != first.bits {
             return fail(format!("{} bits per pixel, but slice 0 has {}", this.bits, first.bits));

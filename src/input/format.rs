@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::contents::Contents;
 use super::volume::Volume;
 use super::{masks, mha, nifti, npy, npz, nrrd, sniff, tiff};
 use crate::error::{Error, Result};
@@ -98,7 +99,7 @@ impl Kind {
                 Kind::Volume(zarr)
             } else if sniff::has_dicom(path) {
                 Kind::StructureSet
-            } else if masks::has_masks(path) {
+            } else if Contents::of(path).is_ok_and(|contents| contents.is_of_masks()) {
                 Kind::Volume(masks::read)
             } else {
                 Kind::Folder

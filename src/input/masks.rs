@@ -1,11 +1,10 @@
 //! A folder of masks, one file per organ, as segmentation programs write it: each file is a label that has the file's name.
 
-use std::cmp::Ordering;
 use std::io::{self, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use super::contents::Contents;
 use super::format::InputFormat;
-use super::tiff;
 use super::volume::data::{Data, fill};
 use super::volume::element::{Element, Voxels};
 use super::volume::grid::Failure;
@@ -20,35 +19,13 @@ const RUN: usize = 1 << 12;
 /// Share of a voxel by which the grids of two masks may differ.
 const SAME_PLACE: f64 = 1e-3;
 
-/// Whether a folder has files of volumes. A TIFF of one page is a slice.
-pub(super) fn has_masks(folder: &Path) -> bool {
-    masks(folder).is_ok_and(|files| !files.is_empty())
-}
-
-/// The files of volumes in a folder, in the order of their names.
-fn masks(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder)? {
-        let path = entry?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let Some((format, _)) = InputFormat::of_name(&name).filter(|(format, _)| format.is_volume()) else { continue };
-        let slice = format.name == "tiff" && tiff::read(&path).is_ok_and(|volume| volume.grid.dims[2] == 1);
-        // The other file of a pair is read by its header.
-        let voxels = format.name == "analyze" && !name.to_ascii_lowercase().ends_with(format.extensions[0]);
-        if path.is_file() && !name.starts_with('.') && !slice && !voxels {
-            files.push(path);
-        }
-    }
-    files.sort_by(|a, b| by_number(&a.to_string_lossy(), &b.to_string_lossy()));
-    Ok(files)
-}
-
 /// Reads the headers of the masks in a folder; where they are painted does not matter, but for 0.
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Format`] naming the mask, its grid and that of the first.
 pub(super) fn read(folder: &Path) -> Result<Volume> {
-    let files = masks(folder).map_err(|source| Error::Read { path: folder.into(), source })?;
+    let contents = Contents::of(folder).map_err(|source| Error::Read { path: folder.into(), source })?;
+    let (files, note) = contents.masks();
     if files.len() > MOST {
         let message = format!("has {} masks; at most {MOST}", files.len());
         return Err(Error::Format { path: folder.into(), message });
@@ -69,7 +46,8 @@ pub(super) fn read(folder: &Path) -> Result<Volume> {
     let Some(first) = volumes.first() else {
         return Err(Error::Format { path: folder.into(), message: "has no masks".into() });
     };
-    let (grid, stored, notes) = (first.grid.clone(), first.stored, first.notes.clone());
+    let (grid, stored) = (first.grid.clone(), first.stored);
+    let notes = note.into_iter().chain(first.notes.clone()).collect();
     let segments = (1..).zip(names);
     let segments = segments.map(|(n, name)| (n, Appearance { name: Some(name), ..Appearance::label(n) })).collect();
     let layers = Layers { count: volumes.len(), segments: (0..volumes.len()).map(|k| (k, 1)).collect(), only: None };
@@ -99,31 +77,6 @@ fn alike(first: Option<&Volume>, mask: &Volume) -> Result<()> {
         ));
     }
     Ok(())
-}
-
-/// Names in the order in which people count: `s2` before `s10`.
-pub(super) fn by_number(a: &str, b: &str) -> Ordering {
-    fn piece(text: &str) -> (&str, &str) {
-        let digit = text.starts_with(|c: char| c.is_ascii_digit());
-        let end = text.find(|c: char| c.is_ascii_digit() != digit).unwrap_or(text.len());
-        text.split_at(end)
-    }
-    let (mut left, mut right) = (a, b);
-    while !left.is_empty() && !right.is_empty() {
-        let ((p, rest), (q, others)) = (piece(left), piece(right));
-        let digits = |text: &str| text.starts_with(|c: char| c.is_ascii_digit());
-        let order = if digits(p) && digits(q) {
-            let plain = |text: &str| text.trim_start_matches('0').to_string();
-            plain(p).len().cmp(&plain(q).len()).then_with(|| plain(p).cmp(&plain(q)))
-        } else {
-            p.cmp(q)
-        };
-        if order != Ordering::Equal {
-            return order;
-        }
-        (left, right) = (rest, others);
-    }
-    left.len().cmp(&right.len()).then_with(|| a.cmp(b))
 }
 
 /// A mask that is being read.
@@ -195,17 +148,5 @@ impl Read for SideBySide {
         out[..n].copy_from_slice(&self.bytes[self.used..self.used + n]);
         self.used += n;
         Ok(n)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_sorted_as_people_count() {
-        let mut names = ["s10.png", "s2.png", "s02.png", "s1.png", "a", "s", "10", "9"];
-        names.sort_by(|a, b| by_number(a, b));
-        assert_eq!(names, ["9", "10", "a", "s", "s1.png", "s02.png", "s2.png", "s10.png"]);
     }
 }

@@ -1,5 +1,6 @@
 //! The front door for files: which reader a path gets.
 
+mod contents;
 pub mod folder;
 pub mod format;
 mod grey_image;

@@ -25,6 +25,17 @@ pub fn read(path: &Path) -> Result<Volume> {
     Ok(volume)
 }
 
+/// Number of pages; nothing where they cannot be counted.
+pub(super) fn pages(path: &Path) -> Option<usize> {
+    let mut decoder = decoder(path).ok()?;
+    let mut count = 1;
+    while decoder.more_images() {
+        decoder.next_image().ok()?;
+        count += 1;
+    }
+    Some(count)
+}
+
 fn volume(path: &Path) -> Failure<Volume> {
     let mut decoder = decoder(path)?;
     let first = page(&mut decoder).map_err(|m| format!("page 0: {m}"))?;

@@ -378,10 +378,15 @@ fn archives_of_arrays() {
             (grid.spacing(), grid.unit.as_str(), grid.origin.x, grid.spaced),
             (wanted.0, wanted.1, wanted.2, spaced)
         );
+        let notes = interslice::input::open_volume(&path).expect("one volume").notes;
+        assert_eq!(notes.iter().any(|note| note.contains("`spacing`, `origin`, `directions` not used")), !spaced);
     }
     for bad in ["0", "-0.75", "NaN", "inf"] {
-        let side = bad.parse().expect("a number");
-        let says = format!("a.npz: array `spacing` must hold three positive numbers; got {bad}");
+        let side: f64 = bad.parse().expect("a number");
+        let says = match side.is_finite() {
+            true => format!("a.npz: array `spacing` must hold three positive numbers; got {bad}"),
+            false => "a.npz: array `spacing` must hold finite numbers; number 1 is none".into(),
+        };
         with(&placed("volume", [0.5, side, 2.0], east), &[&says]);
     }
     with(
@@ -392,6 +397,33 @@ fn archives_of_arrays() {
         &placed("volume", [1.0; 3], [0.6, 0.8, 0.0]),
         &["a.npz: array `directions`: axes 0 and 1 are not perpendicular"],
     );
+    // Each by itself, of any type.
+    let typed = |kind: &str, shape: &str, bytes: &[u8]| {
+        npy(&format!("{{'descr': '{kind}', 'fortran_order': True, 'shape': {shape}, }}"), bytes)
+    };
+    let alone = |name: &str, array: Vec<u8>| {
+        let bytes = archive(&[(name, array), ("volume.npy", sound.clone())]);
+        fs::write(&path, bytes).expect("a file can be written");
+        interslice::input::open_volume(&path).expect("one volume").grid
+    };
+    let grid = alone("spacing.npy", typed("|u1", "(3,)", &[1, 2, 3]));
+    assert_eq!((grid.spacing(), grid.unit.as_str(), grid.spaced), ([1.0, 2.0, 3.0], "mm", true));
+    let floats: Vec<u8> = [4.5f32, 5.0, 6.0].iter().flat_map(|v| v.to_be_bytes()).collect();
+    let grid = alone("origin.npy", typed(">f4", "(3,)", &floats));
+    assert_eq!((grid.origin.x, grid.spacing(), grid.spaced), (4.5, [1.0; 3], false));
+    let grid = alone("directions.npy", typed("|i1", "(3, 3)", &[0, 255, 0, 1, 0, 0, 0, 0, 1]));
+    assert_eq!(grid.steps[0].to_array(), [0.0, 1.0, 0.0], "columns lie behind each other");
+    for (name, array, says) in [
+        ("spacing", typed("<i8", "(2,)", &[0; 16]), "`spacing` has the shape (2) of int64; expected the shape (3) of"),
+        ("origin", typed("<f8", "()", &[0; 8]), "`origin` has the shape () of float64; expected the shape (3) of"),
+        (
+            "directions",
+            typed("<f8", "(9,)", &[0; 72]),
+            "`directions` has the shape (9) of float64; expected the shape (3, 3)",
+        ),
+    ] {
+        with(&[(&format!("{name}.npy"), array), ("volume.npy", sound.clone())], &[says]);
+    }
     let sized = archive(&placed("volume", [0.5, 0.75, 2.0], east));
     refused(
         "a.npz",

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::input::volume::data::{Coding, Data};
-use crate::input::volume::element::Element;
+use crate::input::volume::element::{Element, Voxels};
 use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
 use crate::input::volume::{Volume, open};
 
@@ -77,16 +77,27 @@ pub(super) fn header(input: &mut impl Read) -> Failure<Header> {
     Ok(Header { shape, length, element, fortran })
 }
 
-/// The values of an array of little-endian f64 of these sizes, behind its header; nothing of any other.
-pub(super) fn numbers(header: &Header, shape: &[usize], input: &mut impl Read) -> Option<Vec<f64>> {
-    if header.shape != shape || header.element != (Element::Double, false) || header.fortran {
-        return None;
+/// The values of an array of these sizes, of any type, behind its header; by rows, whatever their order.
+///
+/// # Errors
+/// Sizes found and expected, the values that are missing, or one that is no finite number.
+pub(super) fn numbers(header: &Header, shape: &[usize], input: &mut impl Read) -> Failure<Vec<f64>> {
+    let sizes = |shape: &[usize]| shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
+    let (element, big_endian) = header.element;
+    let expected = format!("expected the shape ({}) of integers or floats", sizes(shape));
+    if header.shape != shape {
+        return Err(format!("has the shape ({}) of {}; {expected}", sizes(&header.shape), element.name()));
     }
-    let mut number = || {
-        let mut bytes = [0; 8];
-        input.read_exact(&mut bytes).ok().map(|()| f64::from_le_bytes(bytes))
-    };
-    (0..shape.iter().product()).map(|_| number()).collect()
+    let mut bytes = vec![0; element.size() * shape.iter().product::<usize>()];
+    input.read_exact(&mut bytes).map_err(|e| format!("{e}; {expected}"))?;
+    let mut values = Vec::new();
+    if element.greys(&Voxels { bytes: &bytes, big_endian, scale: None, first: 0 }, &mut values).is_err() {
+        return Err(format!("must hold finite numbers; number {} is none", values.len()));
+    }
+    Ok(match (shape, header.fortran) {
+        (&[rows, columns], true) => (0..rows * columns).map(|k| values[k % columns * rows + k / columns]).collect(),
+        _ => values,
+    })
 }
 
 /// A text of at most `most` letters by itself; nothing of any other array.

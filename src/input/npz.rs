@@ -1,5 +1,5 @@
 //! Label volumes as `numpy.savez` packs them (`.npz`): the array of three axes in a ZIP of arrays. Where `spacing`, `origin` and `directions` lie beside
-//! `volume`, as this program writes them, they say where it lies.
+//! `volume`, as this program writes them, they say where it lies, each for itself.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
@@ -51,6 +51,29 @@ fn unpack(input: &mut BufReader<File>, start: u64, length: u64, coding: Coding) 
     })
 }
 
+/// Gives a volume the place that the arrays beside it say, each for itself.
+fn lay(volume: &mut Volume, place: [Option<Failure<Vec<f64>>>; 3], unit: Option<String>) -> Failure<()> {
+    let [sides, origin, directions] = place.map(Option::transpose);
+    let grid = &mut volume.grid;
+    let (sides, mut axes) = (sides?, DVec3::AXES);
+    if let Some(directions) = directions? {
+        axes = [0, 3, 6].map(|row| DVec3::from_slice(&directions[row..]));
+        check_axes(&axes).map_err(|m| format!("array `directions`: {m}"))?;
+    }
+    grid.steps = axes;
+    if let Some(sides) = sides {
+        if let Some(bad) = sides.iter().find(|side| **side <= 0.0) {
+            return Err(format!("array `spacing` must hold three positive numbers; got {bad}"));
+        }
+        grid.steps = [0, 1, 2].map(|axis| sides[axis] * axes[axis]);
+        (grid.unit, grid.spaced) = (unit.unwrap_or_else(|| "mm".into()), true);
+    }
+    if let Some(origin) = origin? {
+        grid.origin = DVec3::from_slice(&origin);
+    }
+    Ok(())
+}
+
 fn volume(path: &Path, mut input: BufReader<File>) -> Failure<Volume> {
     let mut archive = ZipArchive::new(&mut input).map_err(|e| format!("is no ZIP of arrays: {e}"))?;
     if archive.len() > MOST {
@@ -88,7 +111,7 @@ fn volume(path: &Path, mut input: BufReader<File>) -> Failure<Volume> {
         let mut array = unpack(&mut input, start, length, coding).map_err(unread)?;
         let header = npy::header(&mut array).map_err(|m| format!("array `{name}`: {m}"))?;
         if let Some((numbers, (_, shape))) = place.iter_mut().zip(PLACE).find(|(_, (own, _))| name == *own) {
-            *numbers = npy::numbers(&header, shape, &mut array);
+            *numbers = Some(npy::numbers(&header, shape, &mut array).map_err(|m| format!("array `{name}` {m}")));
         }
         match header.shape.len() {
             3 => volumes.push(Entry { name, header, start, length, coding }),
@@ -117,15 +140,17 @@ fn volume(path: &Path, mut input: BufReader<File>) -> Failure<Volume> {
             };
             let mut volume =
                 one.header.volume(path, "numpy arrays", data).map_err(|m| format!("array `{}`: {m}", one.name))?;
-            if let ([Some(sides), Some(origin), Some(directions)], VOLUME) = (place, one.name.as_str()) {
-                if let Some(bad) = sides.iter().find(|side| !(side.is_finite() && **side > 0.0)) {
-                    return Err(format!("array `spacing` must hold three positive numbers; got {bad}"));
-                }
-                let axes = [0, 3, 6].map(|row| DVec3::from_slice(&directions[row..]));
-                check_axes(&axes).map_err(|m| format!("array `directions`: {m}"))?;
-                volume.grid.origin = DVec3::from_slice(&origin);
-                volume.grid.steps = [0, 1, 2].map(|axis| sides[axis] * axes[axis]);
-                (volume.grid.unit, volume.grid.spaced) = (unit.unwrap_or_else(|| "mm".into()), true);
+            if one.name == VOLUME {
+                lay(&mut volume, place, unit)?;
+            } else {
+                let there = place.iter().zip(PLACE).filter_map(|(numbers, (name, _))| numbers.as_ref().and(Some(name)));
+                let there: Vec<String> = there.map(|name| format!("`{name}`")).collect();
+                let note = format!(
+                    "{} not used: only an array `{VOLUME}` lies where they say, this one is `{}`",
+                    there.join(", "),
+                    one.name
+                );
+                volume.notes.extend((!there.is_empty()).then_some(note));
             }
             Ok(volume)
         }

@@ -10,7 +10,7 @@ use files::*;
 use glam::DVec2;
 use interslice::contour::seeds::trace_loops;
 use interslice::grid::field::Field;
-use interslice::input::read;
+use interslice::input::{Input, read};
 use interslice::polygons::edges::contour_edges;
 use interslice::polygons::grid::{coarse, pixel_side};
 use interslice::polygons::{CLAMP, PlaneDrawing, Planes, Polygon, stack};
@@ -196,10 +196,44 @@ fn small_things_far_apart_are_told() {
         PlaneDrawing { name: "a".into(), z: 0.0, extra: false, regions: vec![region] }
     };
     // The mean width of discs is their radius: 2 px, 4.1 px, and many points on a large body, whose distances are no matter.
-    assert!(coarse(&[two(2.0, 1000.0)]).is_some_and(|note| note.contains("--pixel")));
-    assert_eq!(coarse(&[two(2.0, 490.0)]), None);
+    assert!(coarse(&[two(2.0, 1000.0)], None).is_some_and(|note| note.contains("--pixel")));
+    assert_eq!(coarse(&[two(2.0, 490.0)], None), None);
     let fine = PlaneDrawing { regions: vec![vec![circle(DVec2::ZERO, 150.0, 20_000)]], ..two(1.0, 1.0) };
-    assert_eq!(coarse(&[fine]), None);
+    assert_eq!(coarse(&[fine], None), None);
+}
+
+#[test]
+fn a_body_below_four_pixels_is_told_whoever_chose_them() {
+    let place = folder();
+    let lines: Vec<[f64; 2]> = circle(DVec2::ZERO, 10.0, 64).iter().map(DVec2::to_array).collect();
+    let text = serde_json::json!({"slices": [{"z": 0, "polygons": [lines]}, {"z": 5, "polygons": [lines]}]});
+    write_stack(place.path(), &text.to_string());
+    for (pixel, told) in [(2.4, false), (2.6, true), (10.0, true)] {
+        let options = ReadOptions { pixel: Some(pixel), ..ReadOptions::default() };
+        let input = Input::read(place.path(), &options).expect("the file is sound");
+        let says = input.notes.iter().any(|note| note.contains("a --pixel below 2.4"));
+        assert_eq!(says, told, "{pixel}: {:?}", input.notes);
+    }
+}
+
+#[test]
+fn polygons_without_area_are_left_out_by_slice_and_number() {
+    let place = folder();
+    let square = "[[0, 0], [9, 0], [9, 9], [0, 9]]";
+    let sound = format!("{{\"z\": 0, \"polygons\": [{square}]}}");
+    for (polygon, points) in [
+        ("[]", "0 points bound"),
+        ("[[1, 1]]", "1 point bounds"),
+        ("[[1, 1], [2, 3]]", "2 points bound"),
+        ("[[1.1, 1.1], [2.3, 2.3], [5.7, 5.7], [3.1, 3.1]]", "4 points bound"),
+    ] {
+        let text = format!("{{\"slices\": [{sound}, {{\"z\": 5, \"polygons\": [{square}, {polygon}]}}]}}");
+        write_stack(place.path(), &text);
+        let input = Input::read(place.path(), &ReadOptions::default()).expect("the file is sound");
+        let wanted = format!("`polygons 1` at 5: polygon 2 left out, its {points} no area");
+        assert!(input.notes.contains(&wanted), "{polygon}: {:?}", input.notes);
+        assert!(!input.stack.slices[1].content.is_empty(), "{polygon}");
+    }
 }
 
 #[test]
@@ -274,7 +308,7 @@ fn wrong_polygons_are_told_by_slice_and_value() {
     bad(&format!("[{sound}, {{\"z\": 1, \"file\": \"a.png\"}}]"), "", &["1 of 2 slices", "all or none"]);
     bad(&format!("[{sound}, {{\"z\": 1, \"polygons\": [], \"file\": \"a\"}}]"), "", &["both"]);
     bad(&format!("[{sound}]"), "", &["at least 2 slices"]);
-    bad(r#"[{"z": 0, "polygons": []}, {"z": 1, "polygons": [[[1, 1], [2, 2]]]}]"#, "", &["all slices are empty"]);
+    bad(r#"[{"z": 0, "polygons": []}, {"z": 1, "polygons": [[[1, 1], [2, 2]]]}]"#, "", &["nothing is drawn"]);
     bad(r#"[{"z": 0, "polygons": []}, {"z": 1, "polygons": []}]"#, "", &["nothing is drawn"]);
     bad(r#"[{"z": 0, "polygons": [[[0, 0], [1e300, 0], [9, 9]]]}, {"z": 1, "polygons": []}]"#, "", &["pixel"]);
     bad(&format!("[{sound}, {sound}]"), "", &["height 0 must lie above"]);

@@ -219,11 +219,16 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
         (count > 0)
             .then(|| format!("`{}` at {}: {which} drawn before point by point; left out", drawing.name, drawing.z))
     };
-    let mut notes: Vec<String> = drawings.iter_mut().filter_map(copies).collect();
+    let flat = |drawing: &mut PlaneDrawing| -> Vec<String> {
+        let flat = drawing.leave_out_flat();
+        flat.into_iter().map(|which| format!("`{}` at {}: {which}", drawing.name, drawing.z)).collect()
+    };
+    let mut notes: Vec<String> = drawings.iter_mut().flat_map(flat).collect();
+    notes.extend(drawings.iter_mut().filter_map(copies));
     let planes = Planes { unit: parsed.unit, axes, z_out: parsed.z_out };
     let pixel = options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy.map(|Numbers(sides)| sides));
     let stack = polygons::stack(&drawings, &planes, pixel)?;
-    notes.extend(polygons::grid::coarse(&drawings).filter(|_| pixel.is_none()));
+    notes.extend(polygons::grid::coarse(&drawings, pixel));
     Ok((stack, notes))
 }
 

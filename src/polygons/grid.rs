@@ -102,13 +102,20 @@ pub fn pixel_side(drawings: &[PlaneDrawing]) -> f64 {
     (0.5 * points).min(width / ACROSS).max(least)
 }
 
-/// A note where the least pixel side leaves what is drawn less than 4 pixels wide in the mean: small things far apart.
-pub fn coarse(drawings: &[PlaneDrawing]) -> Option<String> {
+/// A note where what is drawn is less than 4 pixels wide in the mean, by the pixel sides that were given or by the least one that is chosen: small
+/// things far apart.
+pub fn coarse(drawings: &[PlaneDrawing], pixel: Option<[f64; 2]>) -> Option<String> {
     let Sides { width, least, .. } = sides(drawings);
-    (width < COARSE * least).then(|| {
-        format!(
-            "what is drawn is {width:.3} wide in the mean, and a pixel {least:.3}, 1/{LONGEST} of the longer side of all contours: --pixel sets it"
-        )
+    let side = pixel.map_or(least, |[x, y]| x.max(y));
+    (width < COARSE * side).then(|| {
+        let why = match pixel {
+            Some(_) => format!(
+                "so that areas and volumes may be off by many per cent: a --pixel below {:.3} shows it",
+                width / COARSE
+            ),
+            None => format!("1/{LONGEST} of the longer side of all contours: --pixel sets it"),
+        };
+        format!("what is drawn is {width:.3} wide in the mean, and a pixel {side:.3}, {why}")
     })
 }
 

@@ -64,6 +64,17 @@ pub(crate) fn line_key<const N: usize>(points: impl IntoIterator<Item = [f64; N]
     bits.min(back)
 }
 
+/// Whether all points of a polygon lie on one straight line, but for what rounding moves them by.
+fn bounds_nothing(polygon: &Polygon) -> bool {
+    let Some(first) = polygon.first() else { return true };
+    let farthest = polygon.iter().map(|p| *p - *first).max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    let along = farthest.unwrap_or_default();
+    let scale = along.abs().max_element();
+    let size = |p: &DVec2| p.abs().max(first.abs()).max_element();
+    let off = |p: &DVec2| (along / scale).perp_dot(*p - *first).abs();
+    scale == 0.0 || polygon.iter().all(|p| off(p) <= 4.0 * f64::EPSILON * size(p))
+}
+
 impl PlaneDrawing {
     /// Leaves out polygons that are drawn before in the same region: under even-odd both would be gone. Returns how many.
     pub fn leave_out_copies(&mut self) -> usize {
@@ -73,6 +84,26 @@ impl PlaneDrawing {
             region.retain(|polygon| seen.insert(line_key(polygon.iter().map(DVec2::to_array))));
         }
         before - self.polygons().count()
+    }
+
+    /// Leaves out polygons that bound no area: of fewer than three points, or on a straight line. Returns a word on each, numbered from 1.
+    pub fn leave_out_flat(&mut self) -> Vec<String> {
+        let mut flat = Vec::new();
+        let mut number = 0;
+        for region in &mut self.regions {
+            region.retain(|polygon| {
+                number += 1;
+                let points = if polygon.len() == 1 {
+                    "1 point bounds".into()
+                } else {
+                    format!("{} points bound", polygon.len())
+                };
+                let is_flat = bounds_nothing(polygon);
+                flat.extend(is_flat.then(|| format!("polygon {number} left out, its {points} no area")));
+                !is_flat
+            });
+        }
+        flat
     }
 
     /// All polygons.

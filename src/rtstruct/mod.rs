@@ -183,10 +183,7 @@ impl ReferencedSet {
     pub fn about(&self, stack: &ContourStack) -> Result<(Option<Steps>, Vec<String>)> {
         let chosen = self.set.choose(&self.options)?;
         let steps = chosen.steps(stack);
-        let coarse = match self.options.pixel {
-            None => coarse(&chosen.drawings(&self.options)?),
-            Some(_) => None,
-        };
+        let coarse = coarse(&chosen.drawings(&self.options)?, self.options.pixel.map(|px| [px; 2]));
         let mut notes = chosen.notes;
         notes.extend(coarse);
         let lost = stack.slices.iter().filter(|s| s.content.is_empty());

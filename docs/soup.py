@@ -45,7 +45,7 @@ USES = {
     "gltf-json": "meshes as .glb: the JSON part",
     "image": "PNG and TIFF slices in, pictures out",
     "indicatif": "progress bars",
-    "libc": "CPU clocks of threads, advice to the allocator (Linux)",
+    "libc": "CPU clocks of threads, advice to the allocator (Linux), a signal that is ignored (Unix)",
     "libm": "exp, tan, atan2, pow, hypot of the numerics: the C library's differ by processor",
     "meshopt": "--simplify (meshoptimizer, C++)",
     "multiversion": "loops compiled for several instruction sets, chosen at run time",

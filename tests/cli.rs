@@ -582,3 +582,19 @@ fn an_interrupt_leaves_no_temporary_files() {
         }
     }
 }
+
+/// A write beyond `ulimit -f` fails as any other does.
+#[cfg(unix)]
+#[test]
+fn a_file_beyond_the_limit_is_an_error_and_leaves_nothing() {
+    let place = folder();
+    sound_stack(place.path());
+    let before = listing(place.path());
+    let script =
+        format!("ulimit -f 4; exec '{}' reconstruct . -o a.stl -o a.npy -q --dz 0.1", env!("CARGO_BIN_EXE_interslice"));
+    let result = Command::new("bash").args(["-c", &script]).current_dir(place.path()).output().expect("bash starts");
+    let message = stderr(&result);
+    assert_eq!(result.status.code(), Some(1), "{message}");
+    assert!(message.contains("a.stl") || message.contains("a.npy"), "{message}");
+    assert_eq!(listing(place.path()), before);
+}

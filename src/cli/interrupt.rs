@@ -1,4 +1,4 @@
-//! Interrupts: Ctrl-C and its kin (SIGINT, SIGTERM, SIGHUP; the console's events on Windows).
+//! Interrupts: Ctrl-C and its kin (SIGINT, SIGTERM, SIGHUP; the console's events on Windows), and the signal of files that grow too large.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,6 +28,18 @@ pub fn stop() -> Arc<AtomicBool> {
     });
     stop
 }
+
+/// Lets a write beyond the limit of a file's size (`ulimit -f`) fail as any other write does: its signal (SIGXFSZ) would end the program at once and
+/// leave temporary files.
+#[cfg(unix)]
+pub fn let_large_files_fail() {
+    // SAFETY: `signal` takes the number of a signal and what to do, both constants of the system; it reads and writes no memory of the program, and
+    // `SIG_IGN` is no handler, so no code of ours runs inside a signal. The disposition is the process's: no other code here sets that of this signal.
+    unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
+}
+
+#[cfg(not(unix))]
+pub fn let_large_files_fail() {}
 
 fn handle(act: impl FnMut() + Send + 'static) {
     if let Err(e) = ctrlc::set_handler(act) {

@@ -108,6 +108,7 @@ fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
     if matches.subcommand().is_some_and(bounded) || room::is_bounded() {
         allocator::give_back_at_once();
     }
+    interrupt::let_large_files_fail();
     // A batch stops between its jobs.
     if !matches!(cli.command, Command::Batch(_)) {
         interrupt::end();

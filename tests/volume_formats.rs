@@ -184,3 +184,43 @@ fn axes_in_two_units_are_refused() {
     assert!(stderr(&wrong).contains("space units are um and mm"), "{}", stderr(&wrong));
     assert!(!out.exists());
 }
+
+/// Reads what was written of two slices of pixels of side `px` in `unit`: voxel sides, their unit, and what was told.
+fn written(place: &Path, unit: &str, px: f64, name: &str) -> (Volume, String) {
+    let square = [[0.0, 0.0], [20.0 * px, 0.0], [20.0 * px, 20.0 * px], [0.0, 20.0 * px]];
+    let slice = |z: f64| serde_json::json!({"z": z, "polygons": [square]});
+    let stack = serde_json::json!({"unit": unit, "spacing_xy": [px, px], "slices": [slice(0.0), slice(3.0 * px)]});
+    fs::write(place.join("stack.json"), stack.to_string()).expect("a file can be written");
+    let out = place.join(name);
+    let result = interslice(&["reconstruct", text(place), "-o", text(&out), "--mask", "--backend", "cpu"]);
+    assert_eq!(result.status.code(), Some(0), "{unit}: {}", stderr(&result));
+    (interslice::input::open_volume(&out).expect("it is read again"), stderr(&result))
+}
+
+#[test]
+fn units_that_ome_has_come_back_and_others_are_told() {
+    let place = folder();
+    for (unit, back) in [("km", "km"), ("in", "inch"), ("inch", "inch"), ("ft", "ft"), ("um", "um"), ("nm", "nm")] {
+        let (volume, told) = written(place.path(), unit, 0.5, "a.ome.tif");
+        assert_eq!((volume.grid.spacing(), volume.grid.unit.as_str()), ([0.5; 3], back), "{unit}");
+        assert!(!told.contains("does not know the unit"), "{told}");
+    }
+    let (volume, told) = written(place.path(), "us-ft", 0.5, "a.ome.tif");
+    assert!(!volume.grid.spaced && told.contains("OME-TIFF does not know the unit us-ft"), "{told}");
+}
+
+#[test]
+fn sides_that_a_tiff_cannot_hold_are_left_out_and_told() {
+    let place = folder();
+    for (px, held) in [(3e-10, true), (1e-10, false), (4e9, true), (5e9, false)] {
+        let (volume, told) = written(place.path(), "mm", px, "a.tif");
+        let side = volume.grid.spacing()[0];
+        assert_eq!(volume.grid.spaced, held, "{px}: {side}");
+        assert!(!held || (side / px - 1.0).abs() < 1e-6, "{px}: {side}");
+        assert_eq!(told.contains("fraction of 32-bit numbers"), !held, "{px}: {told}");
+    }
+    written(place.path(), "mm", 1e-10, "a.npz");
+    let result = interslice(&["inspect", text(&place.path().join("a.npz"))]);
+    let said = String::from_utf8_lossy(&result.stdout);
+    assert!(said.contains("voxels of 1e-10 x 1e-10 x 1e-10 mm"), "{said}");
+}

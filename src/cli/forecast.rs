@@ -12,7 +12,7 @@ use interslice::files::outputs::Outputs;
 use interslice::labels::LabelStack;
 use interslice::stack::SliceContent;
 
-use super::say::short;
+use super::say::{length, short};
 
 /// What is drawn, and how high.
 pub fn shape(stack: &ContourStack) -> Vec<String> {
@@ -29,15 +29,15 @@ pub fn shape(stack: &ContourStack) -> Vec<String> {
         if extra > 0 { format!(", {extra} of them extra contours") } else { String::new() },
         stack.dims[0],
         stack.dims[1],
-        short(stack.spacing[0]),
-        short(stack.spacing[1])
+        length(stack.spacing[0]),
+        length(stack.spacing[1])
     );
     let gaps = stack.slices.windows(2).map(|w| w[1].z - w[0].z);
     let (low, high) = gaps.fold((f64::INFINITY, 0.0f64), |(a, b), g| (a.min(g), b.max(g)));
     let spread = if high - low <= 1e-6 * high {
-        format!("{} apart", short(low))
+        format!("{} apart", length(low))
     } else {
-        format!("{} to {} apart", short(low), short(high))
+        format!("{} to {} apart", length(low), length(high))
     };
     vec![drawn, format!("heights {} to {} {unit}, {spread}", short(first.z), short(last.z))]
 }

@@ -16,7 +16,7 @@ use interslice::{ContourStack, Result, Settings, height_grid};
 use super::forecast::{requirements, shape};
 use super::links::between;
 use super::members::of_labels as of_labels_alone;
-use super::say::{say, short};
+use super::say::{length, say, short};
 use super::volume;
 
 #[derive(Debug, clap::Args)]
@@ -187,7 +187,7 @@ fn describe(stack: &ContourStack, links: &[Link], dz: Option<f64>) -> Result<Str
     lines.push(format!(
         "output heights {} + k {}, {} of them ({from})",
         short(heights.start),
-        short(heights.step),
+        length(heights.step),
         heights.count
     ));
     let first = AlongAxes::new(&stack.geometry, stack.spacing).height(0.0);

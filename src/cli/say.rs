@@ -44,3 +44,9 @@ pub fn say_exactly(text: &str) -> Result<()> {
 pub fn short(v: f64) -> f64 {
     format!("{v:.9}").parse().unwrap_or(v) + 0.0 // no -0
 }
+
+/// A length above zero, however small or large, by nine digits that count.
+pub fn length(v: f64) -> String {
+    let v: f64 = format!("{v:.8e}").parse().unwrap_or(v);
+    if (1e-6..1e9).contains(&v) { v.to_string() } else { format!("{v:e}") }
+}

@@ -8,7 +8,7 @@ use interslice::input::volume::Volume;
 use interslice::input::volume::survey::Survey;
 use interslice::stack::axis::NAMES;
 
-use super::say::short;
+use super::say::{length, short};
 
 /// Labels and stretches of slices that are listed one by one.
 const LISTED: usize = 24;
@@ -27,7 +27,7 @@ pub fn describe(surveyed: &Surveyed) -> Vec<String> {
             by(grid.dims.map(|n| n.to_string())),
             volume.element.name()
         ),
-        format!("voxels of {} {}{assumed}", by(grid.spacing().map(|h| short(h).to_string())), grid.unit),
+        format!("voxels of {} {}{assumed}", by(grid.spacing().map(length)), grid.unit),
         orientation(volume),
     ];
     lines.push(

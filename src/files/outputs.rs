@@ -29,6 +29,7 @@ use crate::surface::Layer;
 use crate::surface::content::{Content, Scalar};
 use crate::surface::header::Header;
 use crate::surface::stream::{BodyStream, Failed, LayerSink};
+use crate::surface::tiff_volume::{self, Dialect};
 use crate::surface::{local, nifti, three_mf};
 
 /// Open outputs.
@@ -263,7 +264,10 @@ impl LayerSink for Sink<'_> {
         } else {
             None
         };
-        let notes = moved(origin).into_iter().chain(of_volumes).chain(of_3mf).chain(of_nifti).collect();
+        let tiffs = [(Format::ImageJ, Dialect::ImageJ), (Format::OmeTiff, Dialect::Ome)];
+        let of_tiff = tiffs.into_iter().filter(|(format, _)| has(*format));
+        let of_tiff = of_tiff.filter_map(|(_, dialect)| tiff_volume::told(header, dialect));
+        let notes = moved(origin).into_iter().chain(of_volumes).chain(of_3mf).chain(of_nifti).chain(of_tiff).collect();
         writers.extend(self.outputs.preview.as_ref().map(|preview| preview.writer(header)));
         self.outputs.stream = Some(BodyStream::new(header, writers, folder).telling(origin, notes));
         Ok(())

@@ -4,6 +4,7 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use crate::input::volume::grid::{Failure, TAKE_ONE};
+use crate::surface::length::from_ome;
 
 /// Findings in a description.
 #[derive(Debug, Clone, PartialEq)]
@@ -92,7 +93,7 @@ fn pixels(tag: &BytesStart<'_>, dims: [usize; 3]) -> Failure<Spacing> {
         let Some(text) = attribute(tag, name)? else { continue };
         let side = positive(name, &text)?;
         let unit = attribute(tag, &format!("{name}Unit"))?.unwrap_or("\u{b5}m".into());
-        let metres = metres(&unit).ok_or_else(|| format!("{name}Unit `{unit}` is no known unit of length"))?;
+        let metres = from_ome(&unit).ok_or_else(|| format!("{name}Unit `{unit}` is no known unit of length"))?;
         *slot = Some((side, metres));
     }
     match sides {
@@ -109,21 +110,6 @@ fn pixels(tag: &BytesStart<'_>, dims: [usize; 3]) -> Failure<Spacing> {
 fn positive(name: &str, text: &str) -> Failure<f64> {
     let value = text.trim().parse().ok().filter(|v: &f64| v.is_finite() && *v > 0.0);
     value.ok_or_else(|| format!("{name} must be a positive number; got {text}"))
-}
-
-/// A unit in metres, and what the program calls it.
-fn metres(unit: &str) -> Option<(f64, &'static str)> {
-    match unit.trim() {
-        "nm" | "nanometer" => Some((1e-9, "nm")),
-        "\u{b5}m" | "\u{3bc}m" | "um" | "micron" | "microns" | "micrometer" | "\\u00B5m" | "&#181;m" | "&#xB5;m" => {
-            Some((1e-6, "um"))
-        }
-        "mm" | "millimeter" => Some((1e-3, "mm")),
-        "cm" | "centimeter" => Some((1e-2, "cm")),
-        "m" | "meter" => Some((1.0, "m")),
-        "inch" | "in" => Some((0.0254, "inch")),
-        _ => None,
-    }
 }
 
 /// ImageJ's lines `name=value`. Pixels per unit stand in the TIFF's resolution.
@@ -156,7 +142,7 @@ fn imagej(text: &str, pages: usize, per_unit: [Option<f64>; 2]) -> Failure<Spaci
             return fail(format!("{name} must be a positive number; got {v}"));
         }
     }
-    let unit = unit.map_or("px", |unit| metres(unit).map_or(unit, |(_, name)| name));
+    let unit = unit.map_or("px", |unit| from_ome(unit).map_or(unit, |(_, name)| name));
     Ok(Some(([1.0 / x, 1.0 / y, dz], unit.into())))
 }
 

@@ -45,6 +45,33 @@ pub(crate) fn named(metres: f64) -> String {
     known.map_or_else(|| format!("{metres} m"), |unit| unit.names[0].into())
 }
 
+/// Units that OME has as well: the names by which the project knows them, the first its own, and OME's (`UnitsLength`), the symbol first; metres.
+const OME: &[(&[&str], &[&str], f64)] = &[
+    (&["nm"], &["nm", "nanometer"], 1e-9),
+    (
+        &["um", "\u{b5}m", "\u{3bc}m"],
+        &["\u{b5}m", "\u{3bc}m", "um", "micron", "microns", "micrometer", "\\u00B5m", "&#181;m", "&#xB5;m"],
+        1e-6,
+    ),
+    (&["mm"], &["mm", "millimeter"], 1e-3),
+    (&["cm"], &["cm", "centimeter"], 1e-2),
+    (&["m"], &["m", "meter"], 1.0),
+    (&["km"], &["km", "kilometer"], 1e3),
+    (&["inch", "in"], &["in", "inch"], 0.0254),
+    (&["ft"], &["ft", "foot", "feet"], 0.3048),
+];
+
+/// OME's symbol of a unit.
+pub(super) fn of_ome(name: &str) -> Option<&'static str> {
+    OME.iter().find(|(own, ..)| own.contains(&name.trim())).map(|(_, symbols, _)| symbols[0])
+}
+
+/// Metres of a unit that OME-XML or ImageJ names, and what the program calls it.
+pub(crate) fn from_ome(symbol: &str) -> Option<(f64, &'static str)> {
+    let known = OME.iter().find(|(_, symbols, _)| symbols.contains(&symbol.trim()));
+    known.map(|(own, _, metres)| (*metres, own[0]))
+}
+
 /// Units with a length, for a person.
 pub(super) fn known() -> String {
     UNITS.iter().map(|unit| unit.names[0]).collect::<Vec<_>>().join(", ")

@@ -15,11 +15,15 @@ use tiff::tags::{ResolutionUnit, Tag};
 
 use super::content::{Content, Paint, Scalar};
 use super::header::Header;
+use super::length::of_ome;
 use super::volume::{Coded, VolumeWriter};
 use super::voxels::VoxelGrid;
 
 /// Bytes of voxels beyond which a file is a BigTIFF: 4 GB, less room for what is said of the pages.
 const MOST_BYTES: u64 = 0xf000_0000;
+
+/// Share of a pixel's side by which the file's may differ.
+const ROUNDED: f64 = 1e-6;
 
 /// Description in the first page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,8 +61,8 @@ pub fn writer<W: Write + Seek>(
     };
     let described = match dialect {
         Dialect::ImageJ => Described {
-            text: imagej(&grid, &body.unit),
-            per_unit: Some([per_unit(grid.sides[0]), per_unit(grid.sides[1])]),
+            text: imagej(&grid, resolution(&grid).map(|_| body.unit.as_str())),
+            per_unit: resolution(&grid),
         },
         Dialect::Ome => Described { text: ome(&grid, &body.unit, content.scalar(), name), per_unit: None },
     };
@@ -71,6 +75,22 @@ pub fn writer<W: Write + Seek>(
         described: Some(described),
     };
     VolumeWriter::new(Coded::Raw(pages), body, content, folder)
+}
+
+/// Note for a person about the sides of voxels that the format cannot hold, or their unit, which it does not know.
+pub fn told(body: &Header, dialect: Dialect) -> Option<String> {
+    let grid = VoxelGrid::of(body);
+    let unit = &body.unit;
+    match dialect {
+        Dialect::ImageJ => resolution(&grid).is_none().then(|| {
+            let [x, y, _] = grid.sides;
+            format!(
+                "TIFF holds the pixels per {unit} as a fraction of 32-bit numbers, but pixels are {x:?} x {y:?} {unit}: the file does not say the sides of voxels"
+            )
+        }),
+        Dialect::Ome => (of_ome(unit).is_none() && !["px", ""].contains(&unit.trim()))
+            .then(|| format!("OME-TIFF does not know the unit {unit}: the file does not say the sides of voxels")),
+    }
 }
 
 fn wide(n: usize) -> io::Error {
@@ -193,8 +213,13 @@ impl<W: Write + Seek> Write for Pages<W> {
     }
 }
 
+/// Pixels per unit along x and y; nothing where a fraction of 32-bit numbers is off by more than [`ROUNDED`].
+fn resolution(grid: &VoxelGrid) -> Option<[Rational; 2]> {
+    Some([per_unit(grid.sides[0])?, per_unit(grid.sides[1])?])
+}
+
 /// Pixels per unit as the nearest fraction of 32-bit numbers, by continued fractions.
-fn per_unit(side: f64) -> Rational {
+fn per_unit(side: f64) -> Option<Rational> {
     let x = 1.0 / side;
     let most = f64::from(u32::MAX);
     let ([mut n, mut d], [mut before_n, mut before_d]) = ([1.0, 0.0], [0.0, 1.0]);
@@ -211,25 +236,24 @@ fn per_unit(side: f64) -> Rational {
         }
         rest = 1.0 / (rest - whole);
     }
-    if d == 0.0 {
-        // Beyond what a fraction holds: the largest.
-        return Rational { n: u32::MAX, d: 1 };
-    }
-    Rational { n: n as u32, d: d as u32 }
+    // A side below 1 / most, which has no whole part in it that fits, leaves 1 / 0, and one above most may leave 0 / 1.
+    let is_near = n > 0.0 && d > 0.0 && (n / d / x - 1.0).abs() < ROUNDED;
+    is_near.then_some(Rational { n: n as u32, d: d as u32 })
 }
 
-fn imagej(grid: &VoxelGrid, unit: &str) -> String {
+/// Without a unit the lines say nothing of the sides of voxels.
+fn imagej(grid: &VoxelGrid, unit: Option<&str>) -> String {
     let count = grid.dims[2];
-    let unit = match unit {
+    let unit = unit.map(|unit| match unit {
         "px" => "pixel",
         "µm" => "um",
         other => other,
-    };
-    let unit: String = unit.chars().filter(|c| c.is_ascii_graphic()).collect();
-    format!(
-        "ImageJ=1.54f\nimages={count}\nslices={count}\nhyperstack=true\nmode=grayscale\nunit={unit}\nspacing={}\nloop=false\n",
-        grid.sides[2]
-    )
+    });
+    let sides = unit.map_or(String::new(), |unit| {
+        let unit: String = unit.chars().filter(|c| c.is_ascii_graphic()).collect();
+        format!("unit={unit}\nspacing={}\n", grid.sides[2])
+    });
+    format!("ImageJ=1.54f\nimages={count}\nslices={count}\nhyperstack=true\nmode=grayscale\n{sides}loop=false\n")
 }
 
 fn ome(grid: &VoxelGrid, unit: &str, scalar: Scalar, name: &str) -> String {
@@ -243,14 +267,9 @@ fn ome(grid: &VoxelGrid, unit: &str, scalar: Scalar, name: &str) -> String {
         Scalar::F32 => "float",
         Scalar::F64 => "double",
     };
-    let unit = match unit {
-        "nm" | "mm" | "cm" | "m" | "km" => Some(unit),
-        "um" | "µm" => Some("&#181;m"),
-        "inch" => Some("in"),
-        _ => None,
-    };
     // What is no length says nothing of its size.
-    let sides = unit.map_or(String::new(), |unit| {
+    let sides = of_ome(unit).map_or(String::new(), |unit| {
+        let unit: String = unit.chars().map(escaped).collect();
         let side = |axis: &str, h: f64| format!(" PhysicalSize{axis}=\"{h}\" PhysicalSize{axis}Unit=\"{unit}\"");
         ["X", "Y", "Z"].iter().zip(grid.sides).map(|(axis, h)| side(axis, h)).collect()
     });
@@ -284,9 +303,12 @@ mod tests {
     #[test]
     fn fractions_are_near() {
         for side in [0.75, 1.0, 0.1, 1.0 / 3.0, 0.976_562_5, 2.5e-4, 1_234.567_891, 1e-9, 0.685_546_875, 5.0] {
-            let Rational { n, d } = per_unit(side);
+            let Rational { n, d } = per_unit(side).expect("it can be told");
             let back = f64::from(d) / f64::from(n);
             assert!((back / side - 1.0).abs() < 1e-9, "{side}: {n} / {d} = {back}");
+        }
+        for side in [2.3e-10, 1e-300, 4.3e9, 1e300] {
+            assert!(per_unit(side).is_none(), "{side}");
         }
     }
 }

@@ -107,6 +107,18 @@ fn a_page_says_which_contours_are_not_met() {
     assert!(page.contains("1 of 4 contours are not met, by 17 pixels.") && page.contains(r#"<td class="off">17</td>"#));
 }
 
+#[cfg(feature = "simplify")]
+#[test]
+fn a_page_says_that_its_figures_are_not_those_of_the_simplified_mesh() {
+    let place = folder();
+    for (simplify, said) in [(None, false), (Some(0.25), true)] {
+        let output = OutputOptions { simplify, ..OutputOptions::default() };
+        write(place.path(), &cone(), &Settings::default(), output, &["a.html", "a.stl"]);
+        let page = fs::read_to_string(place.path().join("a.html")).expect("it was written");
+        assert_eq!(page.contains("those of the mesh before it was simplified"), said);
+    }
+}
+
 #[test]
 fn areas_and_ends_add_up_to_the_volume() {
     let place = folder();

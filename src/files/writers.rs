@@ -111,7 +111,7 @@ pub(super) fn writer(
         }
         Format::Dem => placed(Box::new(HeightMapWriter::new(out, header, body, options.map.as_deref()))),
         Format::Report => Box::new(ReportWriter(out)),
-        Format::Html => Box::new(HtmlWriter::new(out, header, stem(target))),
+        Format::Html => Box::new(HtmlWriter::new(out, header, stem(target), options.simplify)),
         Format::Contours => Box::new(ContoursWriter::new(out, header)?),
         Format::GeoJson => {
             let crs = options.map.as_ref().map_or(&Crs::Unknown, |map| &map.crs);

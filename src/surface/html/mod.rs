@@ -24,15 +24,17 @@ use super::stream::{BodyWriter, Ending, WriterNeeds};
 pub struct HtmlWriter<W> {
     out: W,
     title: String,
+    /// Error up to which meshes that are written are simpler than the page's.
+    simplify: Option<f64>,
     header: Header,
     /// Number of the contour, and its line.
     lines: Vec<(usize, Polyline)>,
 }
 
 impl<W> HtmlWriter<W> {
-    /// A page without layers yet.
-    pub fn new(out: W, header: &Header, title: String) -> Self {
-        HtmlWriter { out, title, header: header.clone(), lines: Vec::new() }
+    /// A page without layers yet. Meshes beside it are made simpler where `simplify` says the error.
+    pub fn new(out: W, header: &Header, title: String, simplify: Option<f64>) -> Self {
+        HtmlWriter { out, title, simplify, header: header.clone(), lines: Vec::new() }
     }
 }
 
@@ -50,7 +52,8 @@ impl<W: Write + Send> BodyWriter for HtmlWriter<W> {
 
     fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {
         let scene = PageScene::new(&self.header.geometry, end.mesh, &self.lines)?;
-        self.out.write_all(page::page(&self.title, end.report, self.header.extent, &scene).as_bytes())?;
+        self.out
+            .write_all(page::page(&self.title, end.report, self.header.extent, &scene, self.simplify).as_bytes())?;
         self.out.flush()
     }
 }

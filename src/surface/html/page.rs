@@ -14,8 +14,8 @@ const TEMPLATE: &str = include_str!("template.html");
 const STYLE: &str = include_str!("page.css");
 const VIEWER: &str = include_str!("viewer.js");
 
-/// The whole page. Whatever comes from a user is escaped.
-pub fn page(title: &str, report: &Report, extent: [f64; 2], scene: &PageScene) -> String {
+/// The whole page. Whatever comes from a user is escaped. Meshes that are written are simpler than the page's where `simplify` says the error.
+pub fn page(title: &str, report: &Report, extent: [f64; 2], scene: &PageScene, simplify: Option<f64>) -> String {
     // Numbers and base64: no sign of it can end the element it stands in.
     let numbers = serde_json::to_string(scene).unwrap_or_default();
     let fills = [
@@ -25,6 +25,7 @@ pub fn page(title: &str, report: &Report, extent: [f64; 2], scene: &PageScene) -
         ("scene", numbers),
         ("verdict", verdict(report)),
         ("figures", figures(report, extent)),
+        ("simplified", simplify.map_or(String::new(), |error| simplified(report, error))),
         ("shown", shown(report, scene)),
         ("warnings", warnings(report)),
         ("areas", areas(report)),
@@ -110,6 +111,15 @@ fn figures(report: &Report, extent: [f64; 2]) -> String {
         ),
     );
     out
+}
+
+/// A word on meshes that are simpler than that of the figures.
+fn simplified(report: &Report, error: f64) -> String {
+    format!(
+        r#"<p class="note">Volume, surface and triangles on this page are those of the mesh before it was simplified; mesh files hold the simpler one, up to {} {} away (--simplify).</p>"#,
+        number(error),
+        escape(&report.unit)
+    )
 }
 
 fn shown(report: &Report, scene: &PageScene) -> String {
@@ -325,7 +335,8 @@ mod tests {
     fn every_place_of_the_template_is_filled() {
         let report = Report { areas: Some(Default::default()), ..Report::default() };
         let scene = PageScene::new(&Default::default(), &mut &crate::surface::mesh::Mesh::default(), &[]);
-        let page = page("a & b", &report, [0.0, 1.0], &scene.expect("memory can be read"));
+        let page = page("a & b", &report, [0.0, 1.0], &scene.expect("memory can be read"), Some(0.2));
+        assert!(page.contains("before it was simplified") && page.contains("up to 0.2 "));
         assert!(!page.contains("{{") && page.contains("<h1>a &amp; b</h1>"));
     }
 }

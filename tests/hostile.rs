@@ -158,6 +158,7 @@ fn more_memory_than_the_machine_has() {
     for k in 0..3 {
         disc(&input.path().join(format!("s{k}.png")), 2000, 10.0 + f64::from(k));
     }
+    refused(input.path(), &["--dz", "1e-300"], &["at most 10000000 output heights; a step of 1e-300 makes"]);
     refused(input.path(), &["--dz", "0.000002"], &["this job needs about", "MiB of memory", "are available"]);
 }
 

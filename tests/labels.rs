@@ -438,3 +438,17 @@ fn what_others_leave_in_the_air_goes_to_what_is_around() {
     }
     assert!(turned > 0, "there was something to mend");
 }
+
+#[test]
+fn a_folder_of_temporary_files_that_is_missing_is_named() {
+    let place = folder();
+    write(&place.path().join("in.nrrd"), &volume([1, 2, 3, 4]));
+    let at = |name: &str| place.path().join(name).display().to_string();
+    let result = std::process::Command::new(env!("CARGO_BIN_EXE_interslice"))
+        .args(["reconstruct", &at("in.nrrd"), "--labels", "all", "-q", "--backend", "cpu", "-o", &at("out.nrrd")])
+        .env("TMPDIR", at("gone"))
+        .output()
+        .expect("the program starts");
+    assert_eq!(result.status.code(), Some(1), "{}", stderr(&result));
+    assert!(stderr(&result).contains(&format!("temporary file of a label in {}", at("gone"))), "{}", stderr(&result));
+}

@@ -69,3 +69,13 @@ fn heights_become_the_unit_of_x_and_y_and_outputs_name_it() {
         assert_eq!(guessed, !options.contains(&"--z-unit"), "{options:?}: {told}");
     }
 }
+
+#[test]
+fn the_foot_that_a_3mf_has_is_told() {
+    let place = folder();
+    let feet = place.path().join("feet.geojson");
+    map(&feet, IN_FEET);
+    let mesh = place.path().join("a.3mf").display().to_string();
+    let (_, _, told) = run(&feet, &["-o", &mesh]);
+    assert!(told.contains("3MF does not know the unit us-ft: it is written as foot"), "{told}");
+}

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::grid::sparse_image::SparseImage;
@@ -59,6 +59,8 @@ impl LayerPatch {
 #[derive(Debug)]
 pub struct KeptBody {
     file: File,
+    /// Where it is.
+    folder: PathBuf,
     /// Value far outside.
     far: f32,
     layers: Vec<Place>,
@@ -73,8 +75,8 @@ pub struct KeptBody {
     pub header: Option<Header>,
 }
 
-fn failed(source: io::Error) -> Error {
-    Error::Write { path: "temporary file of a label".into(), source }
+fn failed(folder: &Path, source: io::Error) -> Error {
+    Error::Write { path: format!("temporary file of a label in {}", folder.display()).into(), source }
 }
 
 impl KeptBody {
@@ -84,9 +86,10 @@ impl KeptBody {
     /// # Errors
     /// [`Error::Write`] where there can be no file.
     pub(super) fn new(folder: &Path, far: f32, dims: [usize; 2], origin: [usize; 2]) -> Result<Self> {
-        let file = tempfile::tempfile_in(folder).map_err(failed)?;
+        let file = tempfile::tempfile_in(folder).map_err(|source| failed(folder, source))?;
+        let folder = folder.into();
         let (layers, report) = (Vec::new(), Report::default());
-        Ok(KeptBody { file, far, layers, bytes: 0, dims, origin, part: dims, report, header: None })
+        Ok(KeptBody { file, folder, far, layers, bytes: 0, dims, origin, part: dims, report, header: None })
     }
 
     /// Heights of the layers, increasing, and whether each is an output layer.
@@ -98,7 +101,8 @@ impl KeptBody {
     pub(super) fn patch(&mut self, k: usize) -> Result<LayerPatch> {
         let Place { patch: [i, j, width, height], offset, .. } = self.layers[k];
         let mut bytes = vec![0; 4 * width * height];
-        self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.read_exact(&mut bytes)).map_err(failed)?;
+        let read = self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.read_exact(&mut bytes));
+        read.map_err(|source| failed(&self.folder, source))?;
         let phi = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
         Ok(LayerPatch { origin: [i, j], dims: [width, height], phi })
     }
@@ -137,7 +141,8 @@ impl KeptBody {
 
     fn write(&mut self, offset: u64, patch: &LayerPatch) -> Result<()> {
         let bytes: Vec<u8> = patch.phi.iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.write_all(&bytes)).map_err(failed)
+        let written = self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.write_all(&bytes));
+        written.map_err(|source| failed(&self.folder, source))
     }
 
     /// What of the image each layer has.

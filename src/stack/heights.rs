@@ -225,7 +225,8 @@ pub fn height_grid(stack: &ContourStack, settings: &Settings, dz: Option<f64>) -
     let slack = 1e-6;
     let below = ((first - low) / step - slack).ceil().max(0.0);
     let above = ((high - first) / step + slack).floor().max(0.0);
-    HeightGrid { start: first - below * step, step, count: (below + above) as usize + 1 }
+    // Of a step next to nothing there are as many as a number holds, which is refused where they are made.
+    HeightGrid { start: first - below * step, step, count: ((below + above) as usize).saturating_add(1) }
 }
 
 #[cfg(test)]

@@ -252,7 +252,10 @@ impl HeightGrid {
     /// [`Error::Stack`] where they are more than [`MOST_HEIGHTS`].
     pub fn heights(&self) -> Result<Vec<f64>> {
         if self.count > MOST_HEIGHTS {
-            return Err(Error::Stack(format!("at most {MOST_HEIGHTS} output heights; got {}", self.count)));
+            let (step, count) = (self.step, self.count);
+            return Err(Error::Stack(format!(
+                "at most {MOST_HEIGHTS} output heights; a step of {step:?} makes {count}"
+            )));
         }
         Ok((0..self.count).map(|k| self.start + k as f64 * self.step).collect())
     }

@@ -72,6 +72,12 @@ pub(crate) fn from_ome(symbol: &str) -> Option<(f64, &'static str)> {
     known.map(|(own, _, metres)| (*metres, own[0]))
 }
 
+/// Note for a person about the unit that 3MF has for a survey foot.
+pub(super) fn foot_of_3mf(name: &str) -> Option<String> {
+    (name.trim() == "us-ft")
+        .then(|| "3MF does not know the unit us-ft: it is written as foot, which is 2e-6 shorter".into())
+}
+
 /// Units with a length, for a person.
 pub(super) fn known() -> String {
     UNITS.iter().map(|unit| unit.names[0]).collect::<Vec<_>>().join(", ")

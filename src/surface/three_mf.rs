@@ -13,7 +13,7 @@ use zip::ZipWriter;
 
 use super::glb::About;
 use super::glb::colour::shown;
-use super::length::of_3mf;
+use super::length::{foot_of_3mf, of_3mf};
 use super::mesh::MeshSource;
 use super::npy::options;
 
@@ -36,6 +36,9 @@ const RELATIONS: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 
 /// Note for a person about a unit that the format does not know.
 pub fn told(unit: &str) -> Option<String> {
+    if let Some(note) = foot_of_3mf(unit) {
+        return Some(note);
+    }
     let known = of_3mf(unit).is_some();
     (!known).then(|| format!("3MF does not know the unit {unit}: 1 {unit} is written as 1 millimeter"))
 }

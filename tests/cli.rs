@@ -598,3 +598,36 @@ fn a_file_beyond_the_limit_is_an_error_and_leaves_nothing() {
     assert!(message.contains("a.stl") || message.contains("a.npy"), "{message}");
     assert_eq!(listing(place.path()), before);
 }
+
+#[test]
+fn an_option_drops_those_of_the_settings_file_that_it_excludes() {
+    let place = folder();
+    let at = |name: &str| place.path().join(name).display().to_string();
+    let [nx, ny, nz] = [12, 10, 9];
+    let painted = |n: usize| {
+        u8::from((n / (nx * ny)).is_multiple_of(2) && (3..8).contains(&(n % nx)) && (3..7).contains(&(n / nx % ny)))
+    };
+    let voxels: Vec<u8> = (0..nx * ny * nz).map(painted).collect();
+    fs::write(at("in.nrrd"), nrrd("encoding: raw", "uint8", [nx, ny, nz], &voxels)).expect("a file can be written");
+    let cases: [(&str, &[&str]); 8] = [
+        ("keep = 3", &["--slices", "0,2,4"]),
+        ("slices = [0, 2]", &["--keep", "2"]),
+        ("dz = 3.0", &["--isotropic"]),
+        ("isotropic = true", &["--dz", "2"]),
+        ("mask = true", &["--distance"]),
+        ("like = \"nothing.nrrd\"", &["--dz", "2"]),
+        ("label = 7", &["--labels", "all"]),
+        ("label = 7", &["--level", "0.5"]),
+    ];
+    for (file, options) in cases {
+        fs::write(at("s.toml"), file).expect("a file can be written");
+        let (input, settings, out) = (at("in.nrrd"), at("s.toml"), at("out.nrrd"));
+        let common = ["reconstruct", &input, "-o", &out, "--backend", "cpu", "-q", "--settings", &settings];
+        let result = interslice(&[&common[..], options].concat());
+        assert_eq!(result.status.code(), Some(0), "{file}, {options:?}: {}", stderr(&result));
+    }
+    // In the file alone they still exclude each other.
+    fs::write(at("s.toml"), "keep = 3\nslices = [0, 2]").expect("a file can be written");
+    let result = interslice(&["reconstruct", &at("in.nrrd"), "-o", &at("out.nrrd"), "-q", "--settings", &at("s.toml")]);
+    assert!(stderr(&result).contains("`keep` is not for"), "{}", stderr(&result));
+}

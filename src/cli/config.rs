@@ -26,6 +26,8 @@ pub fn preset(preset: Preset, parsed: Settings, matches: &ArgMatches) -> Result<
 pub struct File<'a> {
     path: &'a Path,
     left: Named,
+    /// Pairs of options that exclude each other.
+    excluding: Vec<[String; 2]>,
 }
 
 impl<'a> File<'a> {
@@ -36,13 +38,16 @@ impl<'a> File<'a> {
             path: path.into(),
             message: e.to_string().trim_end().into(),
         })?;
-        Ok(File { path, left: Named::new(table) })
+        Ok(File { path, left: Named::new(table), excluding: excluding() })
     }
 
-    /// `parsed` with every key of the file that the command line did not give itself.
+    /// `parsed` with every key of the file that the command line did not give itself, nor exclude by what it gave.
     pub fn overlay<T: Args + Serialize + DeserializeOwned>(&mut self, parsed: T, matches: &ArgMatches) -> Result<T> {
-        let given = |key: &str| matches.value_source(key) == Some(ValueSource::CommandLine);
-        match self.left.claim(parsed, given) {
+        let given = |key: &str| {
+            matches.try_contains_id(key).is_ok() && matches.value_source(key) == Some(ValueSource::CommandLine)
+        };
+        let overruled = |key: &str| given(key) || self.excluding.iter().any(|[own, other]| own == key && given(other));
+        match self.left.claim(parsed, overruled) {
             (claimed, wrong) if wrong.is_empty() => Ok(claimed),
             (_, wrong) => Err(Error::Format { path: self.path.into(), message: wrong.join("; ") }),
         }
@@ -55,4 +60,19 @@ impl<'a> File<'a> {
             None => Ok(()),
         }
     }
+}
+
+/// Pairs of options of any command that exclude each other, either way round.
+fn excluding() -> Vec<[String; 2]> {
+    let command = super::command();
+    let mut pairs = Vec::new();
+    for command in command.get_subcommands() {
+        for option in command.get_arguments() {
+            for other in command.get_arg_conflicts_with(option) {
+                let [a, b] = [option, other].map(|option| option.get_id().to_string());
+                pairs.extend([[a.clone(), b.clone()], [b, a]]);
+            }
+        }
+    }
+    pairs
 }

@@ -19,7 +19,7 @@ pub struct ReadOptions {
 
     /// Label volumes: reconstruct this label only, by number or by the name that the file gives it; folders of images: the pixels of this value
     /// [default: all that is not zero, the larger of two values]
-    #[arg(long, value_name = "N|NAME", allow_hyphen_values = true)]
+    #[arg(long, value_name = "N|NAME", allow_hyphen_values = true, conflicts_with = "level")]
     pub label: Option<LabelName>,
 
     /// RTSTRUCT: the ROI, by name or number; repeatable, several are merged into one body

@@ -217,6 +217,18 @@ fn a_body_below_four_pixels_is_told_whoever_chose_them() {
 }
 
 #[test]
+fn a_slice_that_falls_between_the_pixels_is_told() {
+    let place = folder();
+    let text = r#"{"unit": "mm", "slices": [{"z": 0, "polygons": [[[0, 0], [90, 0], [90, 90], [0, 90]]]},
+        {"z": 5, "polygons": [[[41, 41], [43, 41], [43, 43], [41, 43]]]}, {"z": 10, "polygons": []}]}"#;
+    write_stack(place.path(), text);
+    let options = ReadOptions { pixel: Some(5.0), ..ReadOptions::default() };
+    let input = Input::read(place.path(), &options).expect("the file is sound");
+    let told: Vec<&String> = input.notes.iter().filter(|note| note.contains("no pixel of 5 x 5 mm")).collect();
+    assert!(matches!(told[..], [note] if note.starts_with("`polygons 1` at 5")), "{:?}", input.notes);
+}
+
+#[test]
 fn polygons_without_area_are_left_out_by_slice_and_number() {
     let place = folder();
     let square = "[[0, 0], [9, 0], [9, 9], [0, 9]]";

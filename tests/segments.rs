@@ -302,6 +302,10 @@ fn slices_and_volumes_in_one_folder_are_told_apart_and_never_left_out_silently()
     let slices = Input::read(place.path(), &spaced).expect("five slices");
     assert_eq!(slices.stack.slices.len(), 5);
     assert_eq!(slices.notes, ["the folder is read as slices, of which it has 5; left out as volumes: `out.nrrd`"]);
+    refused(
+        &["inspect", &input],
+        &["has 5 images, but no stack.json", "(the folder is read as slices, of which it has 5; left out"],
+    );
     // A page too many among images, and images of another size.
     let page = image::GrayImage::new(32, 32);
     let mut encoder = tiff::encoder::TiffEncoder::new(fs::File::create(at("s6.tif")).expect("a file can be made"));

@@ -169,7 +169,11 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
 pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
     let alone = is_of_images(path);
     let beside = if alone { beside(path)? } else { None };
-    let (parsed, file, folder) = parse(path, options.spacing.as_deref())?;
+    let told = |e| match (e, &beside) {
+        (Error::Format { path, message }, Some(note)) => Error::Format { path, message: format!("{message} ({note})") },
+        (e, _) => e,
+    };
+    let (parsed, file, folder) = parse(path, options.spacing.as_deref()).map_err(told)?;
     if let Some(z_out) = parsed.z_out {
         z_out.validate()?;
     }
@@ -229,6 +233,15 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
     let pixel = options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy.map(|Numbers(sides)| sides));
     let stack = polygons::stack(&drawings, &planes, pixel)?;
     notes.extend(polygons::grid::coarse(&drawings, pixel));
+    let lost =
+        drawings.iter().zip(&stack.slices).filter(|(drawn, s)| drawn.polygons().count() > 0 && s.content.is_empty());
+    notes.extend(lost.map(|(_, s)| {
+        let [dx, dy] = stack.spacing;
+        format!(
+            "`{}` at {}: no pixel of {dx} x {dy} {} lies inside its polygons; a smaller --pixel finds them",
+            s.name, s.z, stack.unit
+        )
+    }));
     Ok((stack, notes))
 }
 

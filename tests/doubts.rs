@@ -117,6 +117,17 @@ fn p14_a_stray_voxel_is_doubted() {
 }
 
 #[test]
+fn a_body_darker_than_the_level_is_doubted() {
+    let value = |dark: bool| volume(|at| if in_ball(at, 14.0) == dark { 100 } else { 900 });
+    Case::new(&value(true), "1 1 1").all_say(
+        &["--level", "500"],
+        0,
+        "nearly all of the images' border is above the level",
+    );
+    Case::new(&value(false), "1 1 1").none_doubts(&["--level", "500"]);
+}
+
+#[test]
 fn p14_a_grey_image_is_no_label_volume() {
     let noise = |n: usize| ((n as u64).wrapping_mul(6364136223846793005) >> 40) as u16 % 60;
     let grey = volume(|at| if in_ball(at, 14.0) { 200 + 20 * at[0] as u16 + noise(node(at)) } else { 0 });

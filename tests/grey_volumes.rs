@@ -140,7 +140,7 @@ fn what_cannot_be_cut_is_refused() {
     refused(&[], &["grey.nrrd", "voxel 0", "whole numbers", "level"]);
     refused(&["--level", "2000"], &["level", "2000", "range"]);
     refused(&["--level", "nan"], &["level", "NaN"]);
-    refused(&["--level", &LEVEL.to_string(), "--label", "1"], &["label", "grey"]);
+    refused(&["--level", &LEVEL.to_string(), "--label", "1"], &["--level", "cannot be used with", "--label"]);
     refused(&["--level", &LEVEL.to_string(), "--labels", "all"], &["labels", "grey"]);
     refused(&["--level", &LEVEL.to_string(), "--slices", "0,1"], &["grey.nrrd", "2 chosen slices", "above the level"]);
     let mut bytes: Vec<u8> = values().flat_map(|v| (v as f32).to_le_bytes()).collect();

@@ -120,6 +120,22 @@ fn a_page_says_that_its_figures_are_not_those_of_the_simplified_mesh() {
 }
 
 #[test]
+fn a_page_tells_where_the_body_ends_and_not_its_layers() {
+    let place = folder();
+    let mut stack = cone();
+    let last = stack.slices.len() - 1;
+    stack.slices[last].content = interslice::stack::SliceContent::Mask((0..64 * 60).map(|_| false).collect());
+    let report = write(place.path(), &stack, &Settings::default(), OutputOptions::default(), &["a.html", "a.ply"]);
+    let page = fs::read_to_string(place.path().join("a.html")).expect("it was written");
+    let said = page.split_once("Body from height</dt><dd>").expect("it says so").1;
+    let highest: f64 = said.split(' ').nth(2).and_then(|n| n.parse().ok()).expect("a number");
+    // The last painted slice lies at 6, the empty one at 9.
+    assert!(highest > 6.5 && highest < 8.5, "{said:.40}");
+    let beyond = report.areas.expect("a report has them").layers.into_iter().filter(|[z, _]| *z > highest + 1e-3);
+    assert!(beyond.map(|[_, area]| area).sum::<f64>() == 0.0);
+}
+
+#[test]
 fn areas_and_ends_add_up_to_the_volume() {
     let place = folder();
     let stack = cone();

@@ -282,7 +282,8 @@ fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
     let plain = |stack| Input { stack, surveyed: None, notes: Vec::new() };
     Ok(match Kind::for_options(path, options)? {
         Kind::Folder => {
-            let (stack, notes) = folder::read(path, options)?;
+            let (stack, mut notes) = folder::read(path, options)?;
+            notes.extend(stack.inside_out());
             Input { notes, ..plain(stack) }
         }
         Kind::Volume(header) => {
@@ -329,7 +330,8 @@ fn cut(mut volume: Volume, options: &ReadOptions) -> Result<Input> {
     }
     let axis = axis::choose(options.axis, &volume.grid, &survey);
     let stack = slices::stack(&volume, &survey, &axis, options, label)?;
-    Ok(Input { stack, notes: volume.notes.clone(), surveyed: Some(Surveyed { volume, survey, axis, label }) })
+    let notes = volume.notes.iter().cloned().chain(stack.inside_out()).collect();
+    Ok(Input { stack, notes, surveyed: Some(Surveyed { volume, survey, axis, label }) })
 }
 
 /// Reads a stack: a folder with `stack.json` (or that file itself), a label volume, or ROIs of a DICOM RTSTRUCT.

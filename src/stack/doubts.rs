@@ -8,6 +8,8 @@ const STRAY: f64 = 0.05;
 const SAME: f64 = 0.01;
 /// Gaps unlike by this factor: a spline that may leave the range of its contours leaves it there by several times their difference.
 const UNLIKE: f64 = 10.0;
+/// With more than this share of the images' border inside the body is doubted to be what lies outside.
+const BORDER: f64 = 0.9;
 /// Slices that a message names.
 const NAMED: usize = 6;
 
@@ -85,6 +87,25 @@ impl ContourStack {
             |k: usize, beside: usize| sides(k).into_iter().zip(sides(beside)).any(|(own, other)| own && other);
         let name = |k: usize| format!("slice `{}`", self.slices[k].name);
         stray(&strays(&sections, overlap), &sections, name).into_iter().chain(interleaved(&sections)).collect()
+    }
+
+    /// Doubt about grey slices, of which what is above the level is inside: whether it is the body, where nearly all of the images' border is.
+    pub fn inside_out(&self) -> Option<String> {
+        let [nx, ny] = self.dims;
+        let on_border = |n: usize| n < nx || n >= nx * (ny - 1) || n.is_multiple_of(nx) || (n + 1).is_multiple_of(nx);
+        let (mut inside, mut all) = (0usize, 0usize);
+        for slice in &self.slices {
+            let SliceContent::Level(level) = &slice.content else { return None };
+            for (_, side) in level.sides().iter().enumerate().filter(|(n, _)| on_border(*n)) {
+                inside += usize::from(side);
+                all += 1;
+            }
+        }
+        (inside as f64 > BORDER * all as f64).then(|| {
+            "nearly all of the images' border is above the level, which is inside: is the body what lies below? Negate the values, as those of a signed \
+             distance are that is negative inside"
+                .into()
+        })
     }
 
     /// Doubt about the slice whose two gaps are the most unlike, for splines that may overshoot.

@@ -26,15 +26,24 @@ pub struct Areas {
     begun: bool,
 }
 
-/// Area inside a layer: the sum of what each pixel has covered by its distance, times the pixel's area.
+/// Area inside a layer: the sum of what each pixel has covered by its distance, times the pixel's area; 0 where no pixel is inside.
 pub fn area(phi: &SparseImage<f32>, [dx, dy]: [f64; 2]) -> f64 {
     let px = dx.max(dy);
     let share = |v: f32| covered(f64::from(v) / px);
-    let of_square = |square| match phi.whole(square) {
-        Some(v) => share(v) * phi.size_of_square(square).iter().product::<usize>() as f64,
-        None => phi.of_square(square).flatten().map(|v| share(*v)).sum(),
-    };
-    dx * dy * phi.each_square().map(of_square).sum::<f64>()
+    let (mut inside, mut sum) = (false, 0.0);
+    for square in phi.each_square() {
+        match phi.whole(square) {
+            Some(v) => {
+                inside |= v < 0.0;
+                sum += share(v) * phi.size_of_square(square).iter().product::<usize>() as f64;
+            }
+            None => phi.of_square(square).flatten().for_each(|v| {
+                inside |= *v < 0.0;
+                sum += share(*v);
+            }),
+        }
+    }
+    if inside { dx * dy * sum } else { 0.0 }
 }
 
 impl Areas {

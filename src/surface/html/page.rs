@@ -24,7 +24,7 @@ pub fn page(title: &str, report: &Report, extent: [f64; 2], scene: &PageScene, s
         ("script", VIEWER.into()),
         ("scene", numbers),
         ("verdict", verdict(report)),
-        ("figures", figures(report, extent)),
+        ("figures", figures(report, scene.heights().unwrap_or(extent))),
         ("simplified", simplify.map_or(String::new(), |error| simplified(report, error))),
         ("shown", shown(report, scene)),
         ("warnings", warnings(report)),
@@ -82,7 +82,7 @@ fn verdict(report: &Report) -> String {
     )
 }
 
-fn figures(report: &Report, extent: [f64; 2]) -> String {
+fn figures(report: &Report, [lowest, highest]: [f64; 2]) -> String {
     let unit = escape(&report.unit);
     let mut out = String::new();
     let mut figure = |name: &str, value: String| {
@@ -96,7 +96,7 @@ fn figures(report: &Report, extent: [f64; 2]) -> String {
     if let Some(area) = report.area {
         figure("Surface", format!("{} {unit}²", number(area)));
     }
-    figure("Body from height", format!("{} to {} {unit}", number(extent[0]), number(extent[1])));
+    figure("Body from height", format!("{} to {} {unit}", number(lowest), number(highest)));
     let extra = report.contours.iter().filter(|c| c.extra).count();
     let extra = if extra > 0 { format!("<small>{extra} of them added</small>") } else { String::new() };
     figure("Contours", format!("{}{extra}", report.contours.len()));

@@ -47,6 +47,11 @@ pub struct PageScene {
 }
 
 impl PageScene {
+    /// Lowest and highest point, as heights count; nothing where there is no surface.
+    pub fn heights(&self) -> Option<[f64; 2]> {
+        (self.all > 0).then_some([self.floor, self.floor + self.size.z])
+    }
+
     /// The scene of a mesh and its contour lines.
     ///
     /// # Errors

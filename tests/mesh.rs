@@ -4,6 +4,7 @@ mod support;
 
 use glam::DVec3;
 use interslice::grid::sparse_image::SparseImage;
+use interslice::surface::contour_lines::contour_lines;
 use interslice::surface::mesh::{Mesh, closed_surface};
 use proptest::prelude::*;
 use support::{body, edge_defects, merged};
@@ -59,6 +60,33 @@ proptest! {
         }
         assert_closed(&closed_surface(&field), "random");
     }
+}
+
+#[test]
+fn a_prism_of_noise_has_the_section_that_contour_lines_have() {
+    let (nx, ny) = (12.0, 11.0);
+    let mut saddles = 0;
+    for seed in 0..60 {
+        let bias = [-0.3, 0.0, 0.3][seed as usize % 3];
+        let border = |x: f64, y: f64| x < 0.5 || y < 0.5 || x > nx - 1.5 || y > ny - 1.5;
+        let value = |x: f64, y: f64| if border(x, y) { 1.0 } else { noise(seed, x, y, 0.0) + bias };
+        let prism = body([nx as usize, ny as usize], &[0.0, 0.7, 2.0], |x, y, _| value(x, y));
+        let mesh = closed_surface(&prism);
+        assert_closed(&mesh, &format!("seed {seed}"));
+        let area = |line: &[glam::DVec2]| {
+            let next = line.iter().cycle().skip(1);
+            0.5 * line.iter().zip(next).map(|(a, b)| a.perp_dot(*b)).sum::<f64>()
+        };
+        let lines = contour_lines(&prism.layers[0], prism.dims);
+        let section: f64 = lines.iter().map(|line| area(line)).sum();
+        // Vertices keep off the corners of cells by a thousandth.
+        assert!((mesh.volume() / 2.0 - section).abs() < 0.05, "seed {seed}: {} of {section}", mesh.volume() / 2.0);
+        for n in 0..(nx * (ny - 1.0)) as usize - 1 {
+            let side = [0, 1, nx as usize, nx as usize + 1].map(|more| prism.layers[0].phi[n + more] < 0.0);
+            saddles += usize::from(side[0] == side[3] && side[1] == side[2] && side[0] != side[1]);
+        }
+    }
+    assert!(saddles > 500, "{saddles} cells with a saddle");
 }
 
 #[test]

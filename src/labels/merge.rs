@@ -199,11 +199,13 @@ pub fn decide(
         let mut gap = parted.gap;
         for (a, _) in &goes_on {
             let before = |b: usize| goes_on.iter().find(|(c, _)| *c == b).map_or(&alone[b], |(_, without)| without);
-            for n in (0..parted.labels.len()).filter(|&n| parted.labels[n] as usize == a + 1) {
-                let inside = |patch: &LayerPatch| patch.at([n % dims[0], n / dims[0]]).is_some_and(|phi| phi < 0.0);
-                if inside(&alone[*a]) && !inside(before(*a)) {
+            let rows = alone[*a].rows(dims[0]);
+            let inside = rows.flat_map(|(start, row)| (start..).zip(row)).filter(|(_, phi)| **phi < 0.0);
+            for (n, _) in inside.filter(|(n, _)| parted.labels[*n] as usize == a + 1) {
+                let had = |b: usize| before(b).at([n % dims[0], n / dims[0]]).is_some_and(|phi| phi < 0.0);
+                if !had(*a) {
                     decided.changed[*a] = true;
-                    gap += u64::from(!(0..count).any(|b| inside(before(b))));
+                    gap += u64::from(!(0..count).any(had));
                 }
             }
         }

@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::Layer;
-use super::cases::{CASES, EDGES, LoopFill};
+use super::cases::{AMBIGUOUS, EDGES, FACES, LoopFill, patches};
 use super::header::Header;
 use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::stack::Geometry;
@@ -274,8 +274,24 @@ impl Builder {
         self.active = (Some(rows), ranges);
     }
 
+    /// Ambiguous faces of a cell whose inside corners are joined: the mean of the four values is inside. It is the same seen from either side. At
+    /// the border of the image and beyond the ends there are no values, and nothing is joined.
+    fn joined(&self, i: usize, j: usize, pattern: u8) -> u8 {
+        let ambiguous = AMBIGUOUS[usize::from(pattern)];
+        let value = |corner: usize| {
+            let at = [i + (corner & 1), j + (corner >> 1 & 1)];
+            self.value(corner >> 2, at).map(f64::from)
+        };
+        let is_joined = |face: &[usize; 4]| match face.map(value) {
+            [Some(a), Some(b), Some(c), Some(d)] => (a + c) + (b + d) < 0.0,
+            _ => false,
+        };
+        let faces = FACES.iter().enumerate().filter(|(f, _)| ambiguous >> f & 1 == 1);
+        faces.map(|(f, face)| u8::from(is_joined(face)) << f).sum()
+    }
+
     fn cell(&mut self, i: usize, j: usize, pattern: u8) {
-        for patch in &CASES[pattern as usize] {
+        for patch in patches(pattern, self.joined(i, j, pattern)) {
             match patch {
                 LoopFill::Flat(triangles) => {
                     for t in triangles {

@@ -14,8 +14,9 @@
 
 use std::collections::BTreeSet;
 
-use super::kept::LayerPatch;
+use super::kept::{KeptBody, LayerPatch};
 use super::stack::{LabelPair, LabelStack};
+use crate::error::Result;
 use crate::grid::tile::Tile;
 
 /// Pixels, of the larger side, by which a label has drawn back beyond its innermost point at the slice on which it is not: thin labels end sooner. Of 0, 1,
@@ -67,28 +68,73 @@ impl EndingLabels {
         };
         (1..stack.drawn.len()).map(|above| between(above - 1)).collect()
     }
+
+    /// The labels that go on at a height, and what they are with that. `bodies` are the labels without the others, `alone` what they are at this
+    /// height, `union` that of a label.
+    ///
+    /// # Errors
+    /// Those of reading the bodies.
+    pub fn goes_on<'u>(
+        &self,
+        at: &HeightBetween,
+        bodies: &mut [KeptBody],
+        alone: &[LayerPatch],
+        union: impl Fn(usize) -> Option<&'u LayerPatch>,
+    ) -> Result<Vec<(usize, LayerPatch)>> {
+        let mut contours = Vec::new();
+        for &(a, below) in &self.labels {
+            contours.push((a, bodies[a].at(at.slices[usize::from(!below)], at.same)?.unwrap_or_default()));
+        }
+        let mut out = Vec::new();
+        for ((a, contour), (_, below)) in contours.iter().zip(&self.labels) {
+            let Some(union) = union(*a) else { continue };
+            // Those that end with it draw back from others, not from each other.
+            let other = |b: usize| match self.labels.contains(&(b, !below)) {
+                true => contours.iter().find(|(c, _)| *c == b).map(|(_, contour)| contour),
+                false => Some(&alone[b]).filter(|_| !self.labels.contains(&(b, *below))),
+            };
+            let others = (0..alone.len()).filter(|b| b != a).filter_map(other).collect();
+            let [painted, not] = if *below { at.slices } else { [at.slices[1], at.slices[0]] };
+            let t = ((at.z - painted) / (not - painted)) as f32;
+            let on = Continued { alone: &alone[*a], contour, union, others, t, far: at.far, px: at.px };
+            out.push((*a, on.patch()));
+        }
+        Ok(out)
+    }
 }
 
-/// A label that ends, at a height between its last contour and the slice on which it is not.
-pub(super) struct Continued<'c> {
-    /// As it is without the others, and its last contour.
-    pub alone: &'c LayerPatch,
-    pub contour: &'c LayerPatch,
-    /// What goes on.
-    pub union: &'c LayerPatch,
-    /// The others but those that end with it; of those that begin their first contours.
-    pub others: Vec<&'c LayerPatch>,
-    /// 0 at the contour, 1 at the slice on which it is not.
-    pub t: f32,
+/// A height between two neighbouring slices.
+pub(super) struct HeightBetween {
+    /// It.
+    pub z: f64,
+    /// Heights of the slices below and above.
+    pub slices: [f64; 2],
+    /// Heights within this are one.
+    pub same: f64,
     /// Value far outside.
     pub far: f32,
     /// Length of a pixel's larger side.
     pub px: f32,
 }
 
+/// A label that ends, at a height between its last contour and the slice on which it is not.
+struct Continued<'c> {
+    /// As it is without the others, and its last contour.
+    alone: &'c LayerPatch,
+    contour: &'c LayerPatch,
+    /// What goes on.
+    union: &'c LayerPatch,
+    /// The others but those that end with it; of those that begin their first contours.
+    others: Vec<&'c LayerPatch>,
+    /// 0 at the contour, 1 at the slice on which it is not.
+    t: f32,
+    far: f32,
+    px: f32,
+}
+
 impl Continued<'_> {
     /// The label with what goes on.
-    pub fn patch(&self) -> LayerPatch {
+    fn patch(&self) -> LayerPatch {
         let Continued { alone, contour, union, ref others, t, far, px } = *self;
         let depth = -contour.phi.iter().copied().fold(0.0, f32::min);
         let back = t * (depth + BEYOND * px);

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::decide::{LabelReach, Layers, NEAR, Rank};
-use super::ended::{Continued, EndingLabels};
+use super::ended::{EndingLabels, HeightBetween};
 use super::floating::{DecidedStep, FloatingPieces};
 use super::kept::{KeptBody, LayerPatch};
 use super::report::Borders;
@@ -160,27 +160,9 @@ pub fn decide(
         let mut goes_on = Vec::new();
         if let Some((low, ending)) = step.between.and_then(|k| Some((k, ending.get(k)?))) {
             touching.extend(&ending.across);
-            let mut contours = Vec::new();
-            for &(a, below) in &ending.labels {
-                let painted = slices[if below { low } else { low + 1 }].z;
-                contours.push((a, bodies.alone[a].at(painted, same)?.unwrap_or_default()));
-            }
-            for ((a, contour), (_, below)) in contours.iter().zip(&ending.labels) {
-                let Some(union) = unions.iter().find(|(m, ..)| m.contains(a)).and_then(|(.., patch)| patch.as_ref())
-                else {
-                    continue;
-                };
-                // Those that end with it draw back from others, not from each other.
-                let other = |b: usize| match ending.labels.contains(&(b, !below)) {
-                    true => contours.iter().find(|(c, _)| *c == b).map(|(_, contour)| contour),
-                    false => Some(&alone[b]).filter(|_| !ending.labels.contains(&(b, *below))),
-                };
-                let others = (0..count).filter(|b| b != a).filter_map(other).collect();
-                let [painted, other] = if *below { [low, low + 1] } else { [low + 1, low] }.map(|k| slices[k].z);
-                let t = ((z - painted) / (other - painted)) as f32;
-                let on = Continued { alone: &alone[*a], contour, union, others, t, far, px };
-                goes_on.push((*a, on.patch()));
-            }
+            let union = |a: usize| unions.iter().find(|(m, ..)| m.contains(&a)).and_then(|(.., patch)| patch.as_ref());
+            let at = HeightBetween { z, slices: [low, low + 1].map(|k| slices[k].z), same, far, px };
+            goes_on = ending.goes_on(&at, &mut bodies.alone, &alone, union)?;
             for (a, patch) in &mut goes_on {
                 std::mem::swap(&mut alone[*a], patch);
             }

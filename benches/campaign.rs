@@ -163,13 +163,14 @@ fn campaign(arguments: &Arguments) -> Result<usize, String> {
     log.table()
 }
 
-/// The GPU, if it is wanted.
+/// The GPU, if it is wanted; no kernel may read what none has written.
 #[cfg(feature = "gpu")]
 fn backend(gpu: bool) -> Result<Option<Box<dyn Backend>>, String> {
     if !gpu {
         return Ok(None);
     }
-    let gpu = interslice::gpu::Gpu::open(&Default::default()).map_err(|e| e.to_string())?;
+    let options = interslice::gpu::GpuOptions { poison: true, ..Default::default() };
+    let gpu = interslice::gpu::Gpu::open(&options).map_err(|e| e.to_string())?;
     Ok(Some(Box::new(gpu)))
 }
 

@@ -48,10 +48,10 @@ fn find(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     sources[k] = source;
 }
 
-// How much closer to the contour a neighbour is; only pixels of T have something to say.
+// How much closer to the contour a neighbour is; only pixels of T have something to say, and none of the rim, which no list holds.
 fn gain(at: f32, node: u32) -> f32 {
     let v = abs(phi[node]);
-    return select(max(at - v, 0.0), 0.0, v >= params.gamma);
+    return select(max(at - v, 0.0), 0.0, v >= params.gamma || slots[node] == NONE);
 }
 
 @compute @workgroup_size(lane_count)

@@ -1,8 +1,9 @@
 //! Extension of values off the contour along its normals, `F_tau + S(phi) n . grad F = 0` (Eq. 3), by Jacobi passes of its steady
 //! first-order upwind form (Adalsteinsson and Sethian 1999): every pixel takes the mean of its neighbours that lie closer to the
-//! contour, weighted by how much closer; only pixels of the tube T are looked at. Pixels at the contour keep their values.
+//! contour, weighted by how much closer; only pixels of the tube T are looked at, none of the tile's rim, which moves with no contour. Pixels at
+//! the contour keep their values.
 
-use super::band::Band;
+use super::band::{Band, RIM};
 use crate::grid::field::Field;
 
 /// Neighbours to either side that differ by less than this are as close, px: on the middle line of a part rounding must not decide from which
@@ -19,23 +20,30 @@ pub struct Upwind {
 impl Upwind {
     /// Sources for all pixels of `band` around the contour of `phi`.
     pub fn find(&mut self, phi: &Field, band: &Band, h: [f64; 2]) {
-        let nx = phi.dims[0];
+        let [nx, ny] = phi.dims;
         self.sources.clear();
-        self.sources.extend(band.nodes().map(|node| {
-            let keep = (node as u32, node as u32, 1.0);
-            if phi.at_contour(node) {
-                return keep;
-            }
-            let at = phi.data[node].abs();
-            let closer = |minus: usize, plus: usize| {
-                let source = if phi.data[minus].abs() < phi.data[plus].abs() - ALIKE { minus } else { plus };
-                let v = phi.data[source].abs();
-                (source, if v < band.gamma() { (at - v).max(0.0) } else { 0.0 })
-            };
-            let ((x, gain_x), (y, gain_y)) = (closer(node - 1, node + 1), closer(node - nx, node + nx));
-            let (wx, wy) = (gain_x / (h[0] * h[0]), gain_y / (h[1] * h[1]));
-            if wx + wy > 1e-12 { (x as u32, y as u32, wx / (wx + wy)) } else { keep }
-        }));
+        for run in &band.runs {
+            let [column, row] = [run.start % nx, run.start / nx];
+            self.sources.extend(run.nodes().zip(column..).map(|(node, column)| {
+                let keep = (node as u32, node as u32, 1.0);
+                if phi.at_contour(node) {
+                    return keep;
+                }
+                let at = phi.data[node].abs();
+                // The closer of the neighbours before and behind in a row or column of pixels, none of its rim.
+                let closer = |stride: usize, place: usize, len: usize| {
+                    let (minus, plus) = (node - stride, node + stride);
+                    let before = phi.data[minus].abs() < phi.data[plus].abs() - ALIKE;
+                    let (source, place) = if before { (minus, place - 1) } else { (plus, place + 1) };
+                    let v = phi.data[source].abs();
+                    let speaks = v < band.gamma() && (RIM..len - RIM).contains(&place);
+                    (source, if speaks { (at - v).max(0.0) } else { 0.0 })
+                };
+                let ((x, gain_x), (y, gain_y)) = (closer(1, column, nx), closer(nx, row, ny));
+                let (wx, wy) = (gain_x / (h[0] * h[0]), gain_y / (h[1] * h[1]));
+                if wx + wy > 1e-12 { (x as u32, y as u32, wx / (wx + wy)) } else { keep }
+            }));
+        }
     }
 
     /// `passes` Jacobi passes over `channels` interleaved values per pixel.

@@ -91,8 +91,9 @@ fn on_gpu<T>(work: impl FnOnce(&Program<'_>) -> T) -> T {
 
     use interslice::gpu::{Gpu, GpuOptions};
     static GPU: OnceLock<Gpu> = OnceLock::new();
-    let gpu =
-        GPU.get_or_init(|| Gpu::open(&GpuOptions::default()).expect("a Vulkan driver (tests/run installs lavapipe)"));
+    // No kernel may read what none has written.
+    let options = GpuOptions { poison: true, ..GpuOptions::default() };
+    let gpu = GPU.get_or_init(|| Gpu::open(&options).expect("a Vulkan driver (tests/run installs lavapipe)"));
     work(&Program { backend: gpu, single: true })
 }
 

@@ -68,6 +68,16 @@ impl Cases {
         }
     }
 
+    /// The same on tiles that lack so many columns and rows before their first: tubes that reach the rim, as those of contours that move
+    /// towards an edge do.
+    pub fn cut(mut self, by: usize) -> Self {
+        let cut = |f: &Field| Field::from_fn(f.dims.map(|n| n - by), |i, j| f.data[(j + by) * f.dims[0] + i + by]);
+        for fields in [&mut self.phi, &mut self.goal, &mut self.later] {
+            fields.iter_mut().for_each(|f| *f = cut(f));
+        }
+        self
+    }
+
     /// The tubes around their contours.
     pub(crate) fn tubes(&self) -> Tubes {
         Tubes { h: self.h, gamma: GAMMA, beta: BETA }

@@ -38,26 +38,30 @@ impl Runs {
         let [nx, ny] = phi.dims();
         for j in 0..ny {
             // The run that is open: its side and its first column.
-            let mut open: Option<(bool, usize)> = None;
-            let mut at = |i: usize, inside: bool| match open {
-                Some((side, _)) if side == inside => {}
-                _ => {
-                    if let Some((side, start)) = open.replace((inside, i)) {
-                        out[usize::from(!side)].runs.push([start as u32, i as u32]);
-                    }
-                }
+            let (mut inside, mut start) = (phi.at(0, j) < 0.0, 0);
+            // Begins a run of the other side at a column.
+            let mut turn = |inside: &mut bool, i: usize| {
+                out[usize::from(!*inside)].runs.push([start as u32, i as u32]);
+                (*inside, start) = (!*inside, i);
             };
             for (column, first) in (0..nx).step_by(SQUARE).enumerate() {
                 if let Some(v) = phi.whole([column, j / SQUARE]) {
-                    at(first, v < 0.0);
+                    if (v < 0.0) != inside {
+                        turn(&mut inside, first);
+                    }
                     continue;
                 }
                 let row = &phi.square([column, j / SQUARE])[j % SQUARE * SQUARE..][..SQUARE.min(nx - first)];
-                row.iter().zip(first..).for_each(|(v, i)| at(i, *v < 0.0));
+                // A bit a pixel, and one where a pixel is on another side than the one before.
+                let sides = row.iter().enumerate().fold(0u32, |sides, (k, v)| sides | u32::from(*v < 0.0) << k);
+                let mut turns =
+                    (sides ^ (sides << 1 | u32::from(inside))) & (u32::MAX >> (u32::BITS as usize - row.len()));
+                while turns != 0 {
+                    turn(&mut inside, first + turns.trailing_zeros() as usize);
+                    turns &= turns - 1;
+                }
             }
-            if let Some((side, start)) = open {
-                out[usize::from(!side)].runs.push([start as u32, nx as u32]);
-            }
+            turn(&mut inside, nx);
             out.iter_mut().for_each(|runs| runs.rows.push(runs.runs.len() as u32));
         }
         out.map(Runs::joined)

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::mem::take;
 
 use crate::connectivity::runs::{DisjointSets, Runs, Side};
-use crate::grid::sparse_image::SparseImage;
+use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::grid::union::unite_packed;
 use crate::reference::exact::exact_distance;
 use crate::report::{BodyReport, PartPair, Step, StepBeside};
@@ -236,14 +236,16 @@ impl Examined {
     fn change(&self, from: &SparseImage<f32>, to: &SparseImage<f32>) -> f64 {
         let px = self.px();
         let near = NEAR * px as f32;
-        let of_square = |square| {
-            if from.whole(square).is_some_and(|v| v.abs() >= near) {
-                return 0.0;
+        // The largest of each column of a square: they are looked at together.
+        let mut most = [0.0f32; SQUARE];
+        for square in from.each_square().filter(|square| from.whole(*square).is_none_or(|v| v.abs() < near)) {
+            for (from, to) in from.of_square(square).zip(to.of_square(square)) {
+                for (most, (a, b)) in most.iter_mut().zip(from.iter().zip(to)) {
+                    *most = most.max(if a.abs() < near { (a - b).abs() } else { 0.0 });
+                }
             }
-            let pairs = from.of_square(square).flatten().zip(to.of_square(square).flatten());
-            pairs.filter(|(a, _)| a.abs() < near).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
-        };
-        f64::from(from.each_square().map(of_square).fold(0.0, f32::max)) / px
+        }
+        f64::from(most.into_iter().fold(0.0, f32::max)) / px
     }
 
     fn area(&self, phi: &SparseImage<f32>) -> f64 {

@@ -47,7 +47,7 @@ pub(crate) fn together<'a, 'r>(
 
 impl Together<'_, '_> {
     /// Takes the next layer.
-    pub fn push(&mut self, mut layer: Layer, sink: &mut Sink<'_>) -> Result<()> {
+    pub fn push(&mut self, layer: Layer, sink: &mut Sink<'_>) -> Result<()> {
         let last = self.contours.len() - 1;
         if let Some(i) = layer.contour {
             self.waiting.push(IntervalLayer { layer, node: true });
@@ -57,10 +57,6 @@ impl Together<'_, '_> {
         }
         let Some(low) = self.waiting.first().and_then(|w| w.layer.contour) else { return sink(layer) };
         let [low, high] = [low, low + 1].map(|k| self.contours.light(k).z);
-        if let Some(cores) = &self.cores {
-            cores.keep(&mut layer, self.px);
-            layer.phi.shrink_to_fit();
-        }
         let t = (layer.z - low) / (high - low);
         let node = NODE_TIMES.iter().any(|node| (t - node).abs() <= SAME_TIME);
         self.waiting.push(IntervalLayer { layer, node });
@@ -69,7 +65,17 @@ impl Together<'_, '_> {
 
     /// Hands on everything that is left.
     pub fn finish(mut self, sink: &mut Sink<'_>) -> Result<()> {
+        self.keep_cores();
         self.hand_on(sink)
+    }
+
+    /// Keeps the cores of the interval whose layers wait inside those between its contours.
+    fn keep_cores(&mut self) {
+        let (Some(cores), px) = (self.cores.take(), self.px) else { return };
+        self.waiting.par_iter_mut().filter(|w| w.layer.contour.is_none()).for_each(|w| {
+            cores.keep(&mut w.layer, px);
+            w.layer.phi.shrink_to_fit();
+        });
     }
 
     fn cores(&self, i: usize) -> Result<Option<Cores>> {
@@ -85,6 +91,7 @@ impl Together<'_, '_> {
 
     /// All layers, from contour to contour, are there: hands them on but for the last, where the next interval begins.
     fn finish_interval(&mut self, sink: &mut Sink<'_>) -> Result<()> {
+        self.keep_cores();
         if self.bonds.grounded && self.waiting.len() > 2 {
             self.repair();
         }

@@ -1,6 +1,6 @@
 //! The parts of the first or last contour, and their areas in the contours next to it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use glam::DVec2;
@@ -84,7 +84,7 @@ impl Levels<'_> {
         let mut traced: Vec<(usize, usize)> =
             parts.iter().enumerate().flat_map(|(p, part)| (0..part.holes.len()).map(move |k| (p, k))).collect();
         for (level, pair) in self.contours.windows(2).enumerate() {
-            let met = self.met(level, |a, b| (pair[0].solids.labels[a], pair[1].solids.labels[b]));
+            let met = self.met(level, |a| pair[0].solids.labels[a], |b| pair[1].solids.labels[b]);
             now.iter_mut().for_each(|of| *of = alone(of, &met));
             let numbers: Vec<u32> = now.iter().flatten().copied().collect();
             let told = self.told(level + 1, &numbers)?;
@@ -93,7 +93,7 @@ impl Levels<'_> {
                 part.outline.areas.push(numbers.iter().map(|n| area(&inner[n].fields[0])).sum());
             }
             let next = HoleMap::new(&pair[1], &told);
-            let met = self.met(level, |a, b| (holes.at(a), next.at(b)));
+            let met = self.met(level, |a| holes.at(a), |b| next.at(b));
             let mut found = vec![(usize::MAX, 0); next.areas.len()];
             for (number, &(p, k)) in (1..).zip(&traced).filter(|(_, hole)| hole.0 != usize::MAX) {
                 if let [counterpart] = alone(&[number], &met)[..] {
@@ -106,22 +106,22 @@ impl Levels<'_> {
         Ok(parts)
     }
 
-    /// Pairs that meet, from contour `level` to the next one inward: pairs of what `of` says of their pixels, but none with 0, in order.
-    fn met(&self, level: usize, of: impl Fn(usize, usize) -> (u32, u32)) -> Vec<(u32, u32)> {
+    /// Pairs that meet, from contour `level` to the next one inward: pairs of what `here` and `there` say of their pixels, but none with 0, in order.
+    fn met(&self, level: usize, here: impl Fn(usize) -> u32, there: impl Fn(usize) -> u32) -> Vec<(u32, u32)> {
         let [nx, ny] = self.contours[level].phi.dims;
-        let mut pairs = BTreeMap::new();
-        for node in 0..nx * ny {
+        let mut pairs = BTreeSet::new();
+        for (node, a) in (0..nx * ny).map(|node| (node, here(node))).filter(|(_, a)| *a > 0) {
             let x = position(node, nx);
-            let there = self.ways[level].as_ref().map_or(x, |(way, sign)| (x + *sign * way.at(x)).round());
-            let DVec2 { x: i, y: j } = there;
+            let DVec2 { x: i, y: j } =
+                self.ways[level].as_ref().map_or(x, |(way, sign)| (x + *sign * way.at(x)).round());
             if i >= 0.0 && j >= 0.0 && i < nx as f64 && j < ny as f64 {
-                let (a, b) = of(node, j as usize * nx + i as usize);
-                if a > 0 && b > 0 {
-                    pairs.insert((a, b), ());
+                let b = there(j as usize * nx + i as usize);
+                if b > 0 {
+                    pairs.insert((a, b));
                 }
             }
         }
-        pairs.into_keys().collect()
+        pairs.into_iter().collect()
     }
 
     /// Some parts of a contour with their holes told apart, and the distances to all of their lines.

@@ -14,12 +14,11 @@ use crate::reference::displacement::ROUNDS;
 use crate::report::{ContourReport, Report};
 use crate::settings::Settings;
 use crate::stack::change::Change;
+use crate::stack::heights::SAME;
 use crate::stack::window::Window;
 use crate::stack::{ContourStack, SliceContent};
 use crate::surface::{Layer, Reconstruction};
 
-/// Heights this close to each other, in gaps, are one, as in a run.
-const SAME: f64 = 1e-6;
 /// Note in the report of a body that was changed.
 const CHANGED: &str = "slices were changed after the run: `body` and `broken` are still those of the first run";
 

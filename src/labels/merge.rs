@@ -17,13 +17,12 @@ use crate::grid::sparse_image::SparseImage;
 use crate::reconstruct::reconstruct_into;
 use crate::registration::displacement::BLOCK;
 use crate::settings::Settings;
+use crate::stack::heights::SAME;
 use crate::stack::{ContourStack, Slice, SliceContent};
 use crate::surface::Layer;
 use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
 
-/// Heights this close to each other, in gaps, are one.
-const SAME: f64 = 1e-6;
 /// Pixels, of the larger side, around a label that are computed with it. What lies beyond changes no bit of its surface; distances differ by
 /// rounding within a hundredth of a pixel of the clamp (`tests/labels.rs`).
 const AROUND: f64 = 64.0;

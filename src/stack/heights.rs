@@ -7,8 +7,10 @@ use crate::stack::{ContourStack, HeightGrid};
 /// Share of the gap at which a contour's neighbours are looked at: what moves by 30 px from contour to contour moves by 0.03 px there, while a step
 /// in the body shows in full.
 pub const BESIDE: f64 = 1e-3;
-/// An output height this close to a contour, a node or an end plane, in gaps, is that one's.
-const SAME: f64 = 1e-6;
+/// Heights this close to each other, in gaps, are one: an output height at a contour, a node or an end plane is that one's. It is far more than what
+/// 32-bit spacings (NIfTI) and coordinates of four decimals (RTSTRUCT) add up to, and a surface that moves by 30 px from contour to contour moves by
+/// 0.006 px there.
+pub const SAME: f64 = 2e-4;
 
 /// Nodes of an interval, its lower contour one of them: layers that are computed whatever is asked for, as what a layer becomes is told by
 /// its stack alone. Three lie strictly between contours: with two the crease is 0.04 of the truth's larger, with five 0.01 smaller.
@@ -222,9 +224,11 @@ pub fn height_grid(stack: &ContourStack, settings: &Settings, dz: Option<f64>) -
     let step = dz.unwrap_or(stack.spacing[0].min(stack.spacing[1]));
     let first = stack.slices.first().map_or(0.0, |s| s.z);
     let [low, high] = reach(stack, settings);
-    let slack = 1e-6;
-    let below = ((first - low) / step - slack).ceil().max(0.0);
-    let above = ((high - first) / step + slack).floor().max(0.0);
+    // As near as this to an end of the body a layer lies there.
+    let gaps: Vec<f64> = stack.slices.windows(2).map(|pair| pair[1].z - pair[0].z).collect();
+    let [below, above] = [gaps.first(), gaps.last()].map(|gap| SAME * gap.copied().unwrap_or_default());
+    let below = ((first - low - below) / step).ceil().max(0.0);
+    let above = ((high - first + above) / step).floor().max(0.0);
     // Of a step next to nothing there are as many as a number holds, which is refused where they are made.
     HeightGrid { start: first - below * step, step, count: ((below + above) as usize).saturating_add(1) }
 }
@@ -234,20 +238,50 @@ mod tests {
     use super::*;
     use crate::stack::{Geometry, Slice, SliceContent};
 
-    #[test]
-    fn output_may_lie_in_the_ends_alone() {
+    /// A stack with one pixel painted at these heights.
+    fn stack_at(z: impl IntoIterator<Item = f64>) -> ContourStack {
         let slice = |z: f64| {
             let content = SliceContent::Mask((0..9).map(|n| n == 4).collect());
             Slice { name: "a".into(), z, extra: false, content }
         };
-        let stack = ContourStack {
+        ContourStack {
             dims: [3, 3],
             spacing: [1.0; 2],
             unit: "px".into(),
-            slices: vec![slice(0.0), slice(1.0)],
+            slices: z.into_iter().map(slice).collect(),
             z_out: None,
             geometry: Geometry::default(),
-        };
+        }
+    }
+
+    #[test]
+    fn a_step_that_is_the_spacing_meets_every_contour_whatever_was_rounded() {
+        // As a file rounds heights: to 32 bits (NIfTI), to four decimals (RTSTRUCT).
+        let single = |v: f64| f64::from(v as f32);
+        let decimal = |v: f64| (v * 1e4).round() / 1e4;
+        let mut state = 7u32;
+        for (spacing, every) in
+            [1.3, 0.7, 3.3, 0.6, 1.1, 2.0 / 3.0, 2.5 / 7.0].into_iter().flat_map(|v| [3, 4, 7].map(|n| (v, n)))
+        {
+            for round in [&single as &dyn Fn(f64) -> f64, &decimal] {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                let first = f64::from(state >> 20) - 2048.0;
+                let z: Vec<f64> = (0..12).map(|k| round(first + f64::from(k * every) * single(spacing))).collect();
+                let place = format!("{spacing} from {first}, every {every}");
+                let grid = height_grid(&stack_at(z.clone()), &Settings::default(), Some(spacing));
+                assert_eq!(grid.count, 11 * every as usize + 1, "{place}");
+                let output: Vec<f64> = (0..grid.count).map(|k| grid.start + k as f64 * grid.step).collect();
+                let heights = Heights::merged(&z, &output, [z[0], z[11]], 1.0);
+                assert_eq!(heights.output().len(), grid.count, "{place}");
+                // Of a layer that nearly touches a contour a mesh would have slivers.
+                assert!(heights.contours.iter().all(|h| h.output), "{place}");
+            }
+        }
+    }
+
+    #[test]
+    fn output_may_lie_in_the_ends_alone() {
+        let stack = stack_at([0.0, 1.0]);
         for output in [1.4, 0.3, -0.4] {
             assert!(Heights::new(&stack, &[output], [-0.5, 1.5]).is_ok(), "{output}");
             assert_eq!(Heights::new(&stack, &[output], [0.1, 0.9]).is_ok(), output == 0.3, "{output}");

@@ -243,3 +243,22 @@ fn p13_of_all_labels_those_that_cannot_be_done_are_left_out() {
     assert_eq!(none.status.code(), Some(2));
     assert!(stderr(&none).contains("none of its labels can be reconstructed: label 3"), "{}", stderr(&none));
 }
+
+#[test]
+fn a_label_of_which_others_leave_nothing_is_told() {
+    let place = folder();
+    let (all, some): (Vec<usize>, Vec<usize>) = ((0..31).collect(), (0..31).step_by(5).collect());
+    for (x, told) in [(22.0, true), (52.0, false)] {
+        let discs = [
+            Disc { label: 2, at: [22.0, 24.0], radius: 15.0, slices: &all },
+            Disc { label: 1, at: [x, 24.0], radius: 6.0, slices: &some },
+        ];
+        let [input, output] = ["in.nrrd", "out.nrrd"].map(|name| place.path().join(name));
+        write(&input, &volume(&discs));
+        let done = interslice(&["reconstruct", text(&input), "--labels", "all", "-o", text(&output)]);
+        assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+        let said = stderr(&done);
+        let of = |label: u8| said.contains(&format!("label {label}: others leave"));
+        assert_eq!([of(1), of(2)], [told, false], "{said}");
+    }
+}

@@ -131,7 +131,7 @@ impl LoadedLabels {
             let mut run = std::mem::take(&mut body.report);
             self.write(a, &mut body, &mut run, &mut outputs.labels[a])?;
             let differing: usize = run.contours.iter().map(|c| c.differing_pixels).sum();
-            labels.push(LabelReport {
+            let mut report = LabelReport {
                 label: self.stack.labels[a],
                 changed: decided.changed[a],
                 voxels: decides.then_some(decided.voxels[a]),
@@ -140,7 +140,9 @@ impl LoadedLabels {
                 area: run.area.take(),
                 areas: run.areas.take(),
                 run,
-            });
+            };
+            report.run.warnings.extend(decides.then(|| report.overruled()).flatten());
+            labels.push(report);
         }
         if let Some(scenes) = &mut outputs.scenes {
             scenes.complete()?;

@@ -78,6 +78,24 @@ pub struct LabelReport {
     pub run: Report,
 }
 
+/// Share of what a label has between its slices by itself below which a person is told that others were painted there.
+const TOLD: f64 = 0.5;
+
+impl LabelReport {
+    /// A warning for a label of which others, painted where it would go on, leave little between its slices.
+    pub(crate) fn overruled(&self) -> Option<String> {
+        let left = self.areas.as_ref()?.between_contours;
+        let alone: f64 = self.run.contours.windows(2).map(|c| 0.5 * (c[0].area + c[1].area) * (c[1].z - c[0].z)).sum();
+        let share = 100.0 * left / alone;
+        (left < TOLD * alone).then(|| {
+            format!(
+                "others leave {share:.0} % of what its slices say of the space between them: what is painted stays; \
+                 --keep-overlaps gives every label whole"
+            )
+        })
+    }
+}
+
 /// Borders decided between labels.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Borders {

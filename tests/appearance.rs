@@ -187,7 +187,7 @@ fn a_scene_is_refused_before_anything_runs_where_it_cannot_be_written() {
     for (names, words) in [
         (["folder.glb", "b.glb"], "is a folder"),
         (["a.glb", "a.glb"], "is named twice"),
-        (["nowhere/a.glb", "b.glb"], "in folder"),
+        (["nowhere/a.glb", "b.glb"], "there is no folder"),
     ] {
         let [first, second] = names.map(at);
         let wrong = interslice(&["reconstruct", &at("in.nrrd"), "--labels", "all", "-o", &first, "-o", &second]);

@@ -39,7 +39,11 @@ impl Pending {
     pub fn open(target: &Path, is_folder: bool, temporary: Temporary, places: &mut Places) -> Result<Self> {
         places.claim(target)?;
         check_place(target, is_folder)?;
-        let message = |e: io::Error| format!("in folder {}: {e}", parent(target).display());
+        let folder = parent(target);
+        let message = |e: io::Error| match folder.is_dir() {
+            true => format!("in folder {}: {e}", folder.display()),
+            false => format!("there is no folder {}", folder.display()),
+        };
         Pending::made(target, is_folder, temporary)
             .map_err(|e| Error::Output { path: target.into(), message: message(e) })
     }

@@ -44,7 +44,9 @@ pub fn origin(header: &Header) -> Result<DVec3, String> {
         let (middle, half) = (0.5 * (low[a] + high[a]), 0.5 * (high[a] - low[a]));
         let fits = |at: &f64| (at - middle).abs() + half <= reach;
         *origin = roundest(middle, fits).ok_or_else(|| {
-            let [cells, most] = [2.0 * half / least, 2.0 * reach / least].map(f64::round);
+            // Digits beyond the sixteenth tell nothing.
+            let told = |v: f64| if v < 1e15 { v.round().to_string() } else { format!("{v:.0e}") };
+            let [cells, most] = [2.0 * half / least, 2.0 * reach / least].map(told);
             format!("the surface is {cells} cells wide, and 32-bit positions tell vertices apart within {most}")
         })?;
     }

@@ -100,13 +100,14 @@ fn a_cone_from_lines_to_a_height_map_and_lines() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
 
     let map = geotiff(&place.path().join("out.dem.tif"));
-    assert_eq!(map.dims, [41, 41]);
+    // 41 pixels within the lowest line, and one around it: all lines are closed.
+    assert_eq!(map.dims, [43, 43]);
     assert_eq!(map.scale, [20.0, 20.0, 0.0]);
-    assert_eq!(map.tie, [0.0, 0.0, 0.0, EAST - 410.0, NORTH + 410.0, 0.0]);
+    assert_eq!(map.tie, [0.0, 0.0, 0.0, EAST - 430.0, NORTH + 430.0, 0.0]);
     assert_eq!(map.keys, [1, 1, 0, 3, 1024, 0, 1, 1, 1025, 0, 1, 1, 3072, 0, 1, 32611]);
     assert_eq!(map.nodata, "nan");
     for (n, height) in map.heights.iter().enumerate() {
-        let [x, y] = [(n % 41) as f64 * 20.0 - 400.0, 400.0 - (n / 41) as f64 * 20.0];
+        let [x, y] = [(n % 43) as f64 * 20.0 - 420.0, 420.0 - (n / 43) as f64 * 20.0];
         let r = x.hypot(y);
         match r {
             // A polygon of 120 sides is up to 0.14 m narrower.
@@ -132,6 +133,27 @@ fn a_cone_from_lines_to_a_height_map_and_lines() {
     for point in ring {
         let r = (point[0].as_f64().expect("x") - EAST).hypot(point[1].as_f64().expect("y") - NORTH);
         assert!((r - 250.0).abs() < 2.0, "radius {r}");
+    }
+}
+
+#[test]
+fn the_lowest_line_of_an_island_is_closed_wherever_pixels_lie() {
+    let place = folder();
+    let at = |name: &str| place.path().join(name).display().to_string();
+    for (pixel, [x, y]) in [("12", [0.3, 0.7]), ("17", [5.0, 2.0]), ("20", [9.9, 10.1])] {
+        let island = [(0, 300.2), (10, 200.0), (20, 100.0)].map(|(z, r)| feature(z, &circle([x, y], r)));
+        write(&place.path().join("in.geojson"), &island);
+        let run = ["reconstruct", &at("in.geojson"), "-o", &at("out.geojson"), "--pixel", pixel, "--backend", "cpu"];
+        let output = interslice(&run);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let lines: Value = serde_json::from_slice(&fs::read(at("out.geojson")).expect("it was written")).expect("JSON");
+        let features = lines["features"].as_array().expect("features");
+        let lowest = features.iter().find(|f| f["properties"]["elevation"] == 0.0).expect("the lowest line");
+        let pieces: Vec<Line> = serde_json::from_value(lowest["geometry"]["coordinates"].clone()).expect("lines");
+        assert_eq!(pieces.len(), 1, "pixel {pixel}");
+        assert_eq!(pieces[0].first(), pieces[0].last(), "pixel {pixel}: it is closed");
+        let length: f64 = pieces[0].windows(2).map(|w| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1])).sum();
+        assert!((length / (TAU * 300.2) - 1.0).abs() < 0.01, "pixel {pixel}: {length} m");
     }
 }
 

@@ -69,6 +69,17 @@ impl Border {
         (0..4).any(|side| a[side].abs() <= slack && b[side].abs() <= slack)
     }
 
+    /// Length of its sides.
+    pub fn perimeter(&self) -> f64 {
+        2.0 * (self.high - self.low).element_sum()
+    }
+
+    /// Length of a closed line's pieces along the border.
+    pub fn along(&self, ring: &[DVec2]) -> f64 {
+        let next = ring.iter().cycle().skip(1);
+        ring.iter().zip(next).filter(|(p, q)| self.has(**p, **q)).map(|(p, q)| distance(*p, *q)).sum()
+    }
+
     /// A line without its pieces along the border.
     pub fn without_sides(&self, line: ContourLine) -> Vec<ContourLine> {
         let n = line.points.len();

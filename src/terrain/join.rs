@@ -21,6 +21,8 @@ const NEAR: f64 = 0.01;
 pub const GAP: f64 = 2.0;
 /// A line closes upon itself across a gap that is at most this share of its length: else it is a piece that belongs elsewhere.
 const OWN_GAP: f64 = 0.25;
+/// Share of the box around closed lines along which they may run and yet do not end there: that of a flat top or two.
+const FREE: f64 = 0.125;
 /// Ends that are looked at around each: where more meet, they are no contours, and all pairs of them would be too many.
 const MOST_NEAR: usize = 16;
 
@@ -96,7 +98,7 @@ impl Edges {
     }
 }
 
-/// Joins the lines of each elevation; the border is the box around them where none is given.
+/// Joins the lines of each elevation; the border is the box around them where none is given, a pixel farther out where all lines are closed.
 ///
 /// # Errors
 /// A message with feature, coordinates and distances of the lines that end farthest inside the map.
@@ -170,7 +172,11 @@ pub fn join(lines: Vec<ContourLine>, edges: &Edges, pixel: f64, notes: &mut Vec<
         let which = if count == 1 { "1 gap of a line is" } else { &format!("{count} gaps of lines are") };
         notes.push(format!("{which} closed straight, no other end being near: up to {most:.3} long"));
     }
-    Ok(JoinedMap { border, levels })
+    // Where all lines are closed the map goes on around them, so that each has pixels on both sides. Regions that end at the box run along it far.
+    let all_closed = given.is_none() && levels.iter().all(|level| level.open.is_empty());
+    let along: f64 = levels.iter().flat_map(|level| &level.rings).map(|ring| border.along(ring)).sum();
+    let is_free = all_closed && along < FREE * border.perimeter();
+    Ok(JoinedMap { border: if is_free { border.grown(pixel) } else { border }, levels })
 }
 
 /// Leaves out lines that are there twice.

@@ -39,6 +39,13 @@ pub enum SlopeRule {
     Catmull,
 }
 
+impl SlopeRule {
+    /// Whether a curve with these slopes may leave the range of its points.
+    pub(crate) fn overshoots(self) -> bool {
+        matches!(self, SlopeRule::Natural | SlopeRule::Catmull)
+    }
+}
+
 /// End condition of the cubic spline of `natural` and `hyman` at the first and last contour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -319,9 +326,27 @@ impl Settings {
 
     /// A sentence for each setting that was changed and changes nothing, because of another.
     pub fn idle(&self) -> Vec<String> {
-        let reach = self.link == Linking::Off && self.link_reach != Settings::default().link_reach;
-        let said = "setting `link_reach` changes nothing: it is for `link` = auto";
-        reach.then(|| said.into()).into_iter().collect()
+        let own = Settings::default();
+        let morph = self.method == Method::Morph;
+        let extrapolated = [self.end_bottom, self.end_top].contains(&EndRule::Extrapolate);
+        let splines = matches!(self.slope, SlopeRule::Natural | SlopeRule::Hyman);
+        // Fairing asks whether slopes may overshoot.
+        let slope = self.slope.overshoots() != own.slope.overshoots() && self.fair > 0.0;
+        let settings = [
+            ("link_reach", self.link_reach != own.link_reach, self.link == Linking::Auto, "`link` = auto"),
+            ("sigma", self.sigma != own.sigma, self.anti_alias == AntiAlias::Kernel, "`anti_alias` = kernel"),
+            ("slope", self.slope != own.slope, morph || slope, "`method` = morph"),
+            ("spline_end", self.spline_end.is_some(), splines && morph, "`slope` = natural or hyman, `method` = morph"),
+            ("cap_gaps", self.cap_gaps != own.cap_gaps, extrapolated, "an end that is to `extrapolate`"),
+            ("sweep", self.sweep != own.sweep, morph, "`method` = morph"),
+            ("redistance", self.redistance != own.redistance, morph, "`method` = morph"),
+            ("cfl", self.cfl != own.cfl, morph, "`method` = morph"),
+            ("cut_off", self.cut_off != own.cut_off, morph, "`method` = morph"),
+            ("seed_spacing", self.seed_spacing != own.seed_spacing, morph, "`method` = morph"),
+            ("tolerance", self.tolerance != own.tolerance, morph, "`method` = morph"),
+        ];
+        let idle = settings.into_iter().filter(|(_, changed, counts, _)| *changed && !counts);
+        idle.map(|(name, .., of)| format!("setting `{name}` changes nothing: it is for {of}")).collect()
     }
 
     /// Checks every range.

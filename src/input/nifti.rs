@@ -88,12 +88,16 @@ fn is_gzip(input: &mut impl BufRead) -> std::io::Result<bool> {
 
 /// NIfTI-1, by the crate.
 fn one(bytes: &[u8]) -> Failure<Header> {
+    if bytes.len() < ONE {
+        return Err(format!("NIfTI header: ends after {} of {ONE} bytes", bytes.len()));
+    }
     let h = NiftiHeader::from_reader(bytes).map_err(|e| format!("NIfTI header: {e}"))?;
     let f64s = |row: [f32; 4]| row.map(f64::from);
     Ok(Header {
         format: "NIfTI",
         pair: &h.magic == b"ni1\0",
-        dim: h.dim.map(i64::from),
+        // The format's are signed.
+        dim: h.dim.map(|n| i64::from(n.cast_signed())),
         datatype: h.datatype,
         pixdim: h.pixdim.map(f64::from),
         vox_offset: f64::from(h.vox_offset),
@@ -396,6 +400,19 @@ mod tests {
         put(500, &2i32.to_le_bytes());
         bytes[4..12].copy_from_slice(magic);
         bytes
+    }
+
+    #[test]
+    fn sizes_of_nifti_1_have_a_sign_and_a_header_has_all_its_bytes() {
+        let mut bytes = vec![0; ONE];
+        bytes[..4].copy_from_slice(&(ONE as i32).to_le_bytes());
+        for (k, n) in [3i16, 20, -1, 9].iter().enumerate() {
+            bytes[40 + 2 * k..][..2].copy_from_slice(&n.to_le_bytes());
+        }
+        bytes[344..].copy_from_slice(b"n+1\0");
+        assert_eq!(one(&bytes).expect("it is whole").dim[..4], [3, 20, -1, 9]);
+        let message = one(&bytes[..200]).err().expect("it is cut off");
+        assert_eq!(message, "NIfTI header: ends after 200 of 348 bytes");
     }
 
     #[test]

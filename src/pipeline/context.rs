@@ -17,7 +17,7 @@ use crate::registration::motion_field;
 use crate::registration::motion_field::STEPS;
 use crate::report::clock::{Clocks, CpuSeconds};
 use crate::report::{DeviceUse, Report, StageCost, StageReport};
-use crate::settings::{Settings, SlopeRule};
+use crate::settings::Settings;
 use crate::stack::ContourStack;
 use crate::stack::heights::{Height, Heights};
 use crate::storage::spill::{Budget, Large, SpillVec};
@@ -218,11 +218,6 @@ pub fn stage<T>(
     report.stages.push(StageReport { name: name.into(), seconds: start.elapsed().as_secs_f64() });
     run.progress.end();
     result
-}
-
-/// Whether a rule's curves may leave the range of their contours.
-pub fn overshoots(slope: SlopeRule) -> bool {
-    matches!(slope, SlopeRule::Natural | SlopeRule::Catmull)
 }
 
 #[cfg(test)]

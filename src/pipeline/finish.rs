@@ -1,7 +1,7 @@
 //! The last stage of both methods: layers are faired and held together.
 
 use super::connect::together;
-use super::context::{Context, Sink, overshoots};
+use super::context::{Context, Sink};
 use super::links::{IntervalLinks, fairing_shares};
 use crate::contour::Contour;
 use crate::error::Result;
@@ -31,7 +31,7 @@ pub(super) fn faired<'a>(
         layers: run.span.layers.clone(),
         gap: run.span.gap,
         alpha: run.settings.fair,
-        limited: !overshoots(run.settings.slope),
+        limited: !run.settings.slope.overshoots(),
         farthest: run.settings.margin() as f64 * run.px,
         steered: run.settings.steered_ends(),
         shares: fairing_shares(run, links, contours)?,

@@ -29,7 +29,7 @@ pub(crate) mod tracks;
 use std::sync::Mutex;
 
 use self::certificate::Examined;
-use self::context::{Context, Spent, overshoots, stage};
+use self::context::{Context, Spent, stage};
 use self::distance::distance;
 use self::field::field;
 use self::links::{IntervalLinks, find_links};
@@ -161,7 +161,7 @@ pub fn run(
     let (on_image, settings, heights) =
         (&section.stack(stack), &section.settings(settings), &section.heights(stack, heights));
     let stack = &window.of(on_image);
-    let margin = settings.margin() + if overshoots(settings.slope) { OVERSHOOT } else { 0 };
+    let margin = settings.margin() + if settings.slope.overshoots() { OVERSHOOT } else { 0 };
     let run = Context {
         stack,
         image: whole.dims,
@@ -187,7 +187,7 @@ pub fn run(
         unit: stack.unit.clone(),
         ..Report::default()
     };
-    if overshoots(settings.slope) {
+    if settings.slope.overshoots() {
         report.warnings.extend(whole.unlike_gaps());
     }
     let contours = stage(&run, &mut report, "distance", stack.slices.len(), |report| {

@@ -10,6 +10,8 @@ const SAME: f64 = 0.01;
 const UNLIKE: f64 = 10.0;
 /// With more than this share of the images' border inside the body is doubted to be what lies outside.
 const BORDER: f64 = 0.9;
+/// Pixels up to so many times as long as wide give the body that square ones give: the random stacks of the tests have no longer ones.
+const LONG: f64 = 8.0;
 /// Slices that a message names.
 const NAMED: usize = 6;
 
@@ -74,7 +76,7 @@ fn interleaved(sections: &[SliceArea]) -> Option<String> {
 }
 
 impl ContourStack {
-    /// Doubts about slices that look painted by mistake, or left empty.
+    /// Doubts about slices that look painted by mistake, or left empty, and about the pixels' sides.
     pub fn doubts(&self) -> Vec<String> {
         let area = |content: &SliceContent| match content {
             SliceContent::Mask(mask) => mask.count(),
@@ -86,7 +88,19 @@ impl ContourStack {
         let overlap =
             |k: usize, beside: usize| sides(k).into_iter().zip(sides(beside)).any(|(own, other)| own && other);
         let name = |k: usize| format!("slice `{}`", self.slices[k].name);
-        stray(&strays(&sections, overlap), &sections, name).into_iter().chain(interleaved(&sections)).collect()
+        let slices = stray(&strays(&sections, overlap), &sections, name).into_iter().chain(interleaved(&sections));
+        slices.chain(self.long_pixels()).collect()
+    }
+
+    /// Doubt about pixels that are far longer than wide.
+    fn long_pixels(&self) -> Option<String> {
+        let ([dx, dy], aspect) = (self.spacing, self.aspect());
+        (aspect > LONG).then(|| {
+            format!(
+                "pixels are {dx} x {dy}, {aspect:.0} times as long as wide: is that so? Spacings come in the order x, y, z. Beyond {LONG} times nothing \
+                 is promised, and time and memory grow with this factor"
+            )
+        })
     }
 
     /// Doubt about grey slices, of which what is above the level is inside: whether it is the body, where nearly all of the images' border is.

@@ -23,6 +23,8 @@ use crate::error::{Error, Result};
 
 /// Most output heights of a run; a `dz` that asks for more is a mistake.
 pub const MOST_HEIGHTS: usize = 10_000_000;
+/// Longest pixels, in their widths: of longer ones a contour's surroundings alone would be larger than most images.
+const MOST_ASPECT: f64 = 100.0;
 
 /// A stack of parallel contours. Pixel (0, 0) has its centre at `geometry.origin`; rows run along the second axis.
 #[derive(Debug, Clone)]
@@ -173,6 +175,12 @@ impl ContourStack {
         ends.map(|slice| slice.content.sides().iter().filter(|inside| **inside).count()).max().unwrap_or(0)
     }
 
+    /// A pixel's longer side by its shorter one.
+    fn aspect(&self) -> f64 {
+        let [dx, dy] = self.spacing;
+        (dx / dy).max(dy / dx)
+    }
+
     /// Checks what every reader must guarantee: sizes, finite and strictly increasing heights, positive spacing, at least two
     /// slices, at least one pixel inside somewhere.
     ///
@@ -189,6 +197,12 @@ impl ContourStack {
             if !(h.is_finite() && h > 0.0) {
                 return Err(Error::Stack(format!("pixel spacing {axis} must be a positive number; got {h}")));
             }
+        }
+        if self.aspect() > MOST_ASPECT {
+            let [dx, dy] = self.spacing;
+            return Err(Error::Stack(format!(
+                "pixels may be up to {MOST_ASPECT} times as long as wide; these are {dx} x {dy} (spacings come in the order x, y, z)"
+            )));
         }
         self.geometry.validate()?;
         let mut below: Option<&Slice> = None;
@@ -288,6 +302,23 @@ mod tests {
             assert!(message.contains(&format!("no pixels: {}x{}", dims[0], dims[1])), "{message}");
         }
     }
+
+    #[test]
+    fn pixels_are_not_far_longer_than_wide() {
+        for (spacing, good) in [([1.0, 100.0], true), ([0.02, 2.0], true), ([1.0, 101.0], false), ([9.0, 0.01], false)]
+        {
+            let stack = ContourStack { spacing, ..stack([3, 3]) };
+            match stack.validate() {
+                Ok(()) => assert!(good, "{spacing:?}"),
+                Err(e) => assert!(!good && e.to_string().contains(&format!("{} x {}", spacing[0], spacing[1])), "{e}"),
+            }
+            assert_eq!(stack.doubts().len(), 1, "{spacing:?}");
+        }
+        for spacing in [[1.0, 8.0], [0.25, 0.03125]] {
+            assert_eq!(ContourStack { spacing, ..stack([3, 3]) }.doubts(), Vec::<String>::new(), "{spacing:?}");
+        }
+    }
+
     #[test]
     fn slices_across_the_last_axis_are_layers() {
         let of = |order: [usize; 3]| Geometry { order, ..Geometry::default() };

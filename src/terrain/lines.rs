@@ -14,6 +14,8 @@ const LONGEST: f64 = 1024.0;
 const BETWEEN: [f64; 2] = [4.0, 8.0];
 /// Lines that are left out for one reason and told one by one.
 const TOLD: usize = 3;
+/// A line whose ends are no farther apart than this share of its length is closed: its last point is its first, but for rounding.
+const ROUNDING: f64 = 1e-6;
 
 /// A line of equal elevation.
 #[derive(Debug, Clone)]
@@ -48,8 +50,9 @@ pub fn lines(
             let z = elevation(feature, k, &source)?;
             let mut points = part.points.clone();
             points.dedup();
-            let closed = part.ring || (points.len() > 1 && points.first() == points.last());
-            if points.len() > 1 && points.first() == points.last() {
+            let meets = meets_itself(&points);
+            let closed = part.ring || meets;
+            if meets {
                 points.pop();
             }
             if points.len() < if closed { 3 } else { 2 } {
@@ -68,6 +71,13 @@ pub fn lines(
         ElevationSource::Points => "the points' z".into(),
     };
     Ok((lines, said))
+}
+
+/// Whether the last point of a line is its first, but for rounding.
+fn meets_itself(points: &[DVec2]) -> bool {
+    let [first, .., last] = points else { return false };
+    let length = || points.windows(2).map(|w| distance(w[0], w[1])).sum::<f64>();
+    first == last || distance(*first, *last) <= ROUNDING * length()
 }
 
 /// Notes on lines that are left out for one reason: of many some are told one by one.
@@ -105,4 +115,31 @@ pub fn pixel(lines: &[ContourLine], asked: Option<f64>) -> Result<f64> {
 /// Distance of two points, rounded as `hypot` does: pixel sides are made of it.
 pub fn distance(p: DVec2, q: DVec2) -> f64 {
     (q.x - p.x).hypot(q.y - p.y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::terrain::MapPart;
+
+    /// A circle in points of this accuracy whose last point misses its first by `off`.
+    fn circle(off: f64) -> Feature {
+        let at = |k: usize| {
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * k as f64 / 64.0);
+            DVec2::new(5e5 + 300.0 * cos, 5e6 + 300.0 * sin)
+        };
+        let points = (0..64).map(at).chain([at(0) + DVec2::new(0.0, off)]).collect();
+        let part = MapPart { points, z: Vec::new(), ring: false };
+        Feature { name: "feature 1".into(), fields: vec![("z".into(), 10.0.into())], lines: vec![part] }
+    }
+
+    #[test]
+    fn a_line_is_closed_if_its_last_point_is_its_first_but_for_rounding() {
+        for (off, closed, points) in [(0.0, true, 64), (1e-9, true, 64), (1e-3, true, 64), (0.01, false, 65)] {
+            let (lines, _) = lines(&[circle(off)], None, &mut Vec::new()).expect("the lines are good");
+            assert_eq!((lines[0].closed, lines[0].points.len()), (closed, points), "ends {off} apart");
+        }
+        // However short a line of two points is, it has two ends.
+        assert!(!meets_itself(&[DVec2::ZERO, DVec2::new(1e-12, 0.0)]) && !meets_itself(&[DVec2::ZERO]));
+    }
 }

@@ -1,0 +1,129 @@
+//! Where a map ends: lines that end at its border, go beyond it or meet nothing.
+
+use std::f64::consts::TAU;
+use std::fs;
+
+use interslice::stack::ReadOptions;
+use interslice::stack::options::{Around, MapBorder};
+use interslice::terrain::Terrain;
+use serde_json::Value;
+
+use crate::files::folder;
+use crate::maps::*;
+
+/// Where the plane `a x + b y = z` crosses the box of 1000 x 800.
+fn across(a: f64, b: f64, z: f64) -> Line {
+    let mut ends = Vec::new();
+    for x in [0.0, 1000.0] {
+        let y = (z - a * x) / b;
+        if b != 0.0 && (0.0..=800.0).contains(&y) {
+            ends.push([EAST + x, NORTH + y]);
+        }
+    }
+    for y in [0.0, 800.0] {
+        let x = (z - b * y) / a;
+        if a != 0.0 && (0.0..=1000.0).contains(&x) {
+            ends.push([EAST + x, NORTH + y]);
+        }
+    }
+    ends.dedup();
+    ends.truncate(2);
+    ends
+}
+
+#[test]
+fn lines_that_end_at_the_border_are_closed_round_any_corner() {
+    for turn in 0..16 {
+        let angle = TAU * (f64::from(turn) + 0.25) / 16.0;
+        let (a, b) = (angle.cos(), angle.sin());
+        let middle = 500.0 * a + 400.0 * b;
+        let levels: Vec<f64> = (-4..=4).map(|k| middle + 90.0 * f64::from(k)).collect();
+        let lines: Vec<Value> = levels.iter().map(|z| feature(*z, &across(a, b, *z))).collect();
+        let border = Some(MapBorder::Given(vec![EAST, NORTH, EAST + 1000.0, NORTH + 800.0]));
+        let terrain = read(&lines, &ReadOptions { border, ..pixels(10.0) });
+        assert_eq!(terrain.map.dims, [101, 81]);
+        for (k, z) in levels.iter().enumerate() {
+            for n in 0..101 * 81 {
+                let x = [(n % 101) as f64 * 10.0, (n / 101) as f64 * 10.0];
+                let height = a * x[0] + b * x[1];
+                if (height - z).abs() > 1e-3 {
+                    assert_eq!(inside(&terrain, k, x), height > *z, "turn {turn}, level {z} at {x:?}");
+                }
+            }
+        }
+    }
+}
+
+/// A map cut along meridians and parallels has slanted edges in any system of lengths.
+#[test]
+fn lines_that_a_slanted_edge_has_cut_go_on_to_the_box() {
+    let place = folder();
+    let path = place.path().join("in.geojson");
+    let north_south =
+        |k: usize| -> Line { (0..=40).map(|j| [-84.4 + 0.02 * k as f64, 36.2 + 0.005 * f64::from(j)]).collect() };
+    let ramp: Vec<Value> = (1..20).map(|k| feature(10 * k as i64, &north_south(k))).collect();
+    fs::write(&path, collection(None, &ramp)).expect("a file can be written");
+    let terrain = Terrain::read(&path, &pixels(100.0)).expect("a map with slanted edges");
+    let told = |note: &String| note.contains(" ends of lines are inside the box around all lines, up to ");
+    assert!(terrain.notes.iter().any(told), "{:?}", terrain.notes);
+    assert_eq!(terrain.stack.slices.len(), 19);
+    // A ramp: every level's region is an end of the map, smaller than that of the level below.
+    let areas: Vec<usize> =
+        terrain.stack.slices.iter().map(|s| (0..s.content.len()).filter(|n| s.content.inside(*n)).count()).collect();
+    assert!(areas.windows(2).all(|w| w[1] < w[0]) && areas[18] > 0, "{areas:?}");
+}
+
+#[test]
+fn lines_beyond_the_border_are_cut() {
+    let given = |x: [f64; 4]| ReadOptions {
+        border: Some(MapBorder::Given(vec![EAST + x[0], NORTH + x[1], EAST + x[2], NORTH + x[3]])),
+        ..pixels(20.0)
+    };
+    let (whole, part) = (read(&cone(), &pixels(20.0)), read(&cone(), &given([-100.0, -300.0, 900.0, 300.0])));
+    assert!(part.notes.iter().any(|n| n.ends_with("lines go beyond the border and are cut there")), "{:?}", part.notes);
+    let levels = whole.stack.slices.iter().filter(|s| part.stack.slices.iter().any(|p| p.z == s.z));
+    for (k, slice) in levels.enumerate() {
+        assert_eq!(part.stack.slices[k].z, slice.z);
+        for point in [[0.0, 0.0], [150.0, 100.0], [350.0, 0.0], [500.0, -200.0]] {
+            assert_eq!(inside(&part, k, point), inside(&whole, k, point), "level {} at {point:?}", slice.z);
+        }
+    }
+    let far = format!("{},{},{},{}", EAST + 9000.0, NORTH, EAST + 9100.0, NORTH + 100.0);
+    assert_says(&refused(&cone(), &["--border", &far]), &["has no lines within the border 509000, 4000000 to 509100"]);
+}
+
+fn contents(terrain: &Terrain) -> Vec<Vec<bool>> {
+    terrain.stack.slices.iter().map(|s| s.content.sides()).collect()
+}
+
+/// A ramp whose northern edge has a notch, deeper than what is near the hull.
+fn notched() -> Vec<Value> {
+    let end = |k: usize| if (8..12).contains(&k) { 600.0 } else { 1000.0 };
+    let line = |k: usize| -> Line {
+        (0..=40).map(|j| [EAST + 100.0 * k as f64, NORTH + end(k) * f64::from(j) / 40.0]).collect()
+    };
+    (0..20).map(|k| feature(10 * k as i64, &line(k))).collect()
+}
+
+#[test]
+fn the_three_worst_ends_are_named_and_the_hull_may_be_the_border() {
+    let said = refused(&notched(), &[]);
+    assert_says(
+        &said,
+        &["4 ends of lines meet nothing; the 3 farthest inside: feature 9: its line of 80", "--border hull"],
+    );
+    assert_says(&said, &["feature 10: its", "feature 11: its", "400.0000 from the border"]);
+    assert!(!said.contains("feature 12"), "{said}");
+    let hull = ReadOptions { border: Some(MapBorder::Around(Around::Hull)), ..pixels(10.0) };
+    let terrain = read(&notched(), &hull);
+    assert!(terrain.notes.iter().any(|n| n.contains("up to 400.000 inside their hull")), "{:?}", terrain.notes);
+    // The first and the last line run along the border.
+    assert_eq!(terrain.stack.slices.len(), 18);
+    // Where all lines end in the box, it does not matter.
+    let whole = ReadOptions { border: Some(MapBorder::Around(Around::Box)), ..pixels(10.0) };
+    assert_eq!(contents(&read(&cone(), &whole)), contents(&read(&cone(), &hull)));
+    for (wrong, says) in [("hul", "expected box, hull or four numbers"), ("1,2,3", "must be X0,Y0,X1,Y1 with X0 < X1")]
+    {
+        assert_says(&refused(&cone(), &["--border", wrong]), &[says]);
+    }
+}

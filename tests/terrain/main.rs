@@ -1,0 +1,13 @@
+//! Contour maps in, height maps and contour lines out: files that this test writes itself.
+#![cfg(feature = "terrain")]
+
+mod border;
+mod elevations;
+#[path = "../support/files.rs"]
+mod files;
+mod formats;
+mod height_maps;
+mod joining;
+mod levels;
+mod maps;
+mod systems;

@@ -1,0 +1,91 @@
+//! ROIs that are chosen, merged, taken by a batch, or drawn on one plane alone.
+
+use std::fs;
+
+use crate::checks::*;
+use crate::files::folder;
+use crate::rtss::*;
+
+#[test]
+fn rois_are_chosen_by_name_or_number_and_merged_as_a_union() {
+    let place = folder();
+    let path = place.path().join("a.dcm");
+    let planes = [-3.0, 0.0, 3.0];
+    write(&[("Small", tube(10.0, &planes)), ("Big One", tube(20.0, &planes))], &path);
+    for (roi, radius) in [("Small", 10.0), ("1", 10.0), ("Big One", 20.0), ("2", 20.0)] {
+        let stack = stack(&path, &[roi]);
+        assert_eq!(stack.slices.iter().map(|s| s.z).collect::<Vec<_>>(), planes);
+        assert_near(area(&stack, 1), disc(radius), 0.01 * disc(radius));
+    }
+    // Merged by even-odd this would be a ring.
+    assert_near(area(&stack(&path, &["Small", "Big One"]), 1), disc(20.0), 0.01 * disc(20.0));
+    let path = path.display().to_string();
+    let refused = said(&["reconstruct", &path, "-o", "x.stl"], 2);
+    assert_says(&refused, &["`roi` is needed", "2 ROIs", "1 `Small`", "2 `Big One`"]);
+    assert_says(&said(&["inspect", &path, "--roi", "Heart"], 2), &["`roi`", "Heart", "1 `Small`"]);
+    assert_says(&said(&["inspect", &path, "--roi", "1", "--roi", "Small"], 2), &["twice"]);
+    assert_says(&said(&["inspect", &path, "--roi", "1", "--label", "1"], 2), &["`label`"]);
+}
+
+#[test]
+fn a_batch_takes_rois_and_pixels_and_a_template_names_every_roi_that_can_be_made() {
+    let place = folder();
+    let of = |name: &str| place.path().join(name).display().to_string();
+    let open = vec![("OPEN_PLANAR", circle(5.0, 0.0)), ("OPEN_PLANAR", circle(5.0, 2.0))];
+    let planes = [0.0, 2.0, 4.0];
+    let set = [("wide", tube(12.0, &planes)), ("line", open), ("slim", tube(6.0, &planes)), ("none", Vec::new())];
+    fs::create_dir(of("in")).expect("a folder can be made");
+    write(&set, &place.path().join("in/set.dcm"));
+
+    said(&["batch", "--template", &of("in"), &of("t.jsonl"), "--ext", "json,dcm"], 0);
+    let text = fs::read_to_string(of("t.jsonl")).expect("it is there");
+    let lines: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).expect("JSON")).collect();
+    let named: Vec<_> = lines.iter().map(|l| (l["id"].as_str(), l["options"]["roi"].as_i64())).collect();
+    assert_eq!(named, [(Some("set-1"), Some(1)), (Some("set-3"), Some(3))]);
+    said(&["batch", &of("t.jsonl"), "--backend", "cpu"], 0);
+    let volume = |file: &str| -> f64 {
+        let text = fs::read_to_string(of(file)).expect("the report is there");
+        let report: serde_json::Value = serde_json::from_str(&text).expect("the report is JSON");
+        report["volume"].as_f64().expect("it has the volume")
+    };
+    assert_near(volume("out/set-1.json"), 4.0 * disc(12.0), 0.04 * disc(12.0));
+    assert_near(volume("out/set-3.json"), 4.0 * disc(6.0), 0.04 * disc(6.0));
+    let before = contours_of(&place.path().join("in/set.dcm"));
+    let after = contours_of(&place.path().join("out/set-3.dcm"));
+    let counts = |rois: &[Vec<(String, String)>]| rois.iter().map(Vec::len).collect::<Vec<_>>();
+    assert_eq!((counts(&before), counts(&after)), (vec![3, 2, 3, 0], vec![3, 2, 5, 0]));
+
+    let json = r#"{"id": "a", "input": "in/set.dcm", "outputs": ["a.json", "a.contours.json"], "options": {"roi": "slim", "pixel": 0.5}}
+{"id": "b", "input": "in/set.dcm", "outputs": ["b.json", "b.contours.json"], "options": {"roi": ["1", "slim"], "pixel": 1}}
+"#;
+    fs::write(of("m.jsonl"), json).expect("a file can be written");
+    said(&["batch", &of("m.jsonl"), "--backend", "cpu"], 0);
+    assert_near(volume("a.json"), 4.0 * disc(6.0), 0.04 * disc(6.0));
+    assert_near(volume("b.json"), 4.0 * disc(12.0), 0.04 * disc(12.0));
+    let first = fs::read(of("a.contours.json")).expect("it is there");
+    let drawn = fs::read_to_string(of("a.contours.json")).expect("it is there");
+    assert!(drawn.contains("\"spacing_xy\":[0.5,0.5]"), "{}", &drawn[..80]);
+
+    let csv = "id,input,outputs,options\na,in/set.dcm,a.contours.json,roi=slim;pixel=0.5\n";
+    fs::write(of("m.csv"), csv).expect("a file can be written");
+    said(&["batch", &of("m.csv"), "--backend", "cpu"], 0);
+    assert_eq!(fs::read(of("a.contours.json")).expect("it is there"), first, "CSV says the same");
+
+    fs::write(of("bad.jsonl"), json.replace("0.5", "-1")).expect("a file can be written");
+    assert_says(&said(&["batch", &of("bad.jsonl"), "--backend", "cpu"], 2), &["pixel", "-1"]);
+}
+
+#[test]
+fn a_roi_on_one_plane_can_be_inspected() {
+    let place = folder();
+    let path = place.path().join("a.dcm");
+    let input = path.display().to_string();
+    let one = ("Flat", tube(10.0, &[3.0]));
+    write(std::slice::from_ref(&one), &path);
+    let says = "ROI 1 (`Flat`): 1 contours, cannot be reconstructed";
+    assert_says(&said(&["inspect", &input], 0), &[says, "drawn on 1 plane; at least 2 are needed"]);
+    write(&[one, ("Tube", tube(10.0, &[0.0, 3.0]))], &path);
+    assert_says(&said(&["inspect", &input], 0), &[says, "ROI 2 (`Tube`): 2 contours on 2 planes"]);
+    assert_says(&said(&["inspect", &input, "--roi", "Flat"], 0), &[says]);
+    assert_says(&said(&["reconstruct", &input, "--roi", "Flat", "-o", "a.stl"], 2), &["drawn on 1 plane"]);
+}

@@ -234,7 +234,7 @@ def listed(names):
 HEAD = """# Software of others
 
 Every crate that `Cargo.lock` names, for a sheet of software of unknown provenance (SOUP, IEC 62304). `python3 docs/soup.py` writes this page;
-`python3 docs/soup.py --check` and `tests/pages.rs` fail where it is not that of `Cargo.lock`.
+`python3 docs/soup.py --check` and `tests/pages/software.rs` fail where it is not that of `Cargo.lock`.
 
 - *part*: what is linked into the program and its library, what only builds them (macros, too), the module for Python, or tests and benchmarks;
   "not built" stands in `Cargo.lock` as an option of others that nobody takes.

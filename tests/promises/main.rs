@@ -179,8 +179,6 @@ fn a_case_shows_itself() {
     assert!(text.contains("seed 3: ") && text.contains("settings") && text.contains('█'), "{text}");
 }
 
-// The bodies on which each promise was first seen broken.
-
 /// Ends are where they are drawn.
 #[test]
 fn heights_of_a_case_reach_from_end_to_end() {

@@ -1,4 +1,5 @@
 use super::*;
+use crate::grid::spline::smoothstep;
 
 const DIMS: [usize; 2] = [41, 41];
 

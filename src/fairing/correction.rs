@@ -1,0 +1,185 @@
+//! What a node moves by: its difference `K v - v` less what the contours of its interval would move by, read along the trajectories.
+
+use std::sync::Arc;
+
+use glam::DVec2;
+use rayon::prelude::*;
+
+use super::along::add;
+use super::kept::{Near, Node, Transformed};
+use super::limit::{goes_on, limited};
+use super::near::{SATURATED, fade, nearer, nearness, widest};
+use super::{Fairing, in_pool};
+use crate::grid::sparse_image::SparseImage;
+use crate::grid::spline::smoothstep;
+use crate::registration::displacement::{Displacement, Resting};
+use crate::stack::heights::NODES;
+
+/// Distances of a node, and where the trajectories of another one read them.
+type Seen<'n> = (&'n Arc<SparseImage<f32>>, Option<Displacement>);
+
+impl Fairing<'_> {
+    /// Offsets of the trajectories from node `k` to node `l` in the blocks near its surface, px of the image; `None` where they stand still.
+    fn offsets(&self, k: usize, l: usize) -> Option<Displacement> {
+        let (_, pad) = self.spec.moving.filter(|_| k != l)?;
+        let (from, to) = (self.node(k)?.made.as_ref()?, self.node(l)?.place()?);
+        let (near, from) = (&from.near, from.place.as_ref()?);
+        // The lowest node of every interval between both is among those that are kept.
+        let intervals = from.interval.min(to.interval) + 1..from.interval.max(to.interval);
+        let of = |i| self.kept.iter().filter_map(Node::place).find(|place| place.interval == i);
+        let between: Vec<&[Resting; 2]> = intervals.filter_map(of).map(|place| &*place.at_slices).collect();
+        let mut offsets = Displacement::zero(self.spec.dims);
+        let offset = |&(block, slices): &Near| {
+            from.carry(slices, to, &between) - DVec2::from(pad.map(|p| p as f64)) - offsets.centre(block)
+        };
+        let found: Vec<DVec2> = near.par_iter().map(offset).collect();
+        near.iter().zip(found).for_each(|((block, _), offset)| offsets.vectors[*block] = offset);
+        Some(offsets)
+    }
+
+    /// `K v - v` at node `k`, zero far from its surface.
+    fn difference(&self, k: usize) -> SparseImage<f32> {
+        let dims = self.spec.dims;
+        let Some(own) = self.node(k).and_then(|node| node.made.as_ref()) else { return SparseImage::filled(dims, 0.0) };
+        let at_contour = self.nodes.contour(k).is_some();
+        let far = self.bound() * widest(at_contour);
+        let term = |(l, w): (usize, f64)| {
+            let other = self.node(l).and_then(|node| node.made.as_ref())?;
+            Some((&other.v, w as f32, self.offsets(k, l)))
+        };
+        let terms: Vec<(&SparseImage<f32>, f32, Option<Displacement>)> =
+            self.nodes.weights(k).into_iter().filter_map(term).collect();
+        let nowhere = |square: [usize; 2]| own.squares.is_far(square).then_some([0.0]);
+        let [difference] = SparseImage::of_stretches(dims, nowhere, |[left, first], width, [rows]: [&mut [f32]; 1]| {
+            let mut row = vec![0.0; width];
+            for (j, out) in (first..).zip(rows.chunks_exact_mut(width)) {
+                own.v.read(left, j, &mut row);
+                for pixels in nearer(&row, far) {
+                    let (out, row) = (&mut out[pixels.clone()], &row[pixels.clone()]);
+                    out.iter_mut().zip(row).for_each(|(sum, own)| *sum = -own);
+                    for (v, w, offsets) in &terms {
+                        add(v, *w, offsets.as_ref(), j, left + pixels.start, out);
+                    }
+                    if at_contour {
+                        let fading = out.iter_mut().zip(row);
+                        fading.for_each(|(sum, own)| *sum *= fade(own.abs() / self.bound()) as f32);
+                    }
+                }
+            }
+        });
+        difference
+    }
+
+    /// Makes the corrections of the nodes of interval `i`.
+    pub(super) fn correct(&mut self, i: usize) {
+        let ends = [NODES * i, NODES * (i + 1)];
+        let mut at_ends = ends.map(|k| k.checked_sub(self.first).and_then(|k| self.kept.get_mut(k)?.difference.take()));
+        for (k, known) in ends.into_iter().zip(&mut at_ends) {
+            known.get_or_insert_with(|| in_pool(|| self.difference(k)));
+        }
+        let between: Vec<usize> = (ends[0] + 1..ends[1]).collect();
+        for some in between.chunks(self.at_once()) {
+            let made = || some.into_par_iter().map(|&k| self.correction(k, i, ends, &at_ends)).collect::<Vec<_>>();
+            for (&k, made) in some.iter().zip(in_pool(made)) {
+                if let Some(node) = k.checked_sub(self.first).and_then(|k| self.kept.get_mut(k)) {
+                    node.correction = made;
+                }
+            }
+        }
+        // The next interval begins with the upper one.
+        let [_, upper] = at_ends;
+        if let Some(node) = ends[1].checked_sub(self.first).and_then(|k| self.kept.get_mut(k)) {
+            node.difference = upper;
+        }
+    }
+
+    /// Correction of node `k` of interval `i`: its own difference less what the contours below and above would move by, read along the
+    /// trajectories.
+    fn correction(
+        &self,
+        k: usize,
+        i: usize,
+        ends: [usize; 2],
+        at_ends: &[Option<SparseImage<f32>>; 2],
+    ) -> Option<SparseImage<f32>> {
+        let node = self.node(k)?;
+        let Transformed { v, gradient, squares, .. } = node.made.as_ref()?;
+        let [low, high] = [self.node(ends[0])?, self.node(ends[1])?];
+        let [at_low, at_high] = [at_ends[0].as_ref()?, at_ends[1].as_ref()?];
+        let d = self.difference(k);
+        let offsets = ends.map(|end| self.offsets(k, end));
+        // What lies on the other side of either contour.
+        let beyond = [ends[0].checked_sub(NODES), Some(ends[1] + NODES)];
+        let beyond = beyond.map(|end| end.and_then(|end| Some((&self.node(end)?.phi, self.offsets(k, end)))));
+        let t = (k - ends[0]) as f64 / NODES as f64;
+        let (first, last) = (i == 0, i + 1 == self.nodes.intervals());
+        let at_first = if first && self.spec.steered[0] { smoothstep(t) } else { 1.0 };
+        let at_last = if last && self.spec.steered[1] { smoothstep(1.0 - t) } else { 1.0 };
+        let alpha = (at_first * at_last * self.spec.alpha) as f32;
+        let (w, bound, nx) = (smoothstep(t) as f32, self.bound(), self.spec.dims[0]);
+        let nowhere = |square: [usize; 2]| squares.is_far(square).then_some([0.0]);
+        let shares = self.spec.shares.get(i).and_then(Option::as_ref);
+        let side = self.side as f32;
+        let [correction] = SparseImage::of_stretches(self.spec.dims, nowhere, |[left, first], width, [rows]| {
+            let [mut own, mut slope, mut here, mut own_d] = [const { Vec::new() }; 4];
+            [&mut own, &mut slope, &mut here, &mut own_d].into_iter().for_each(|line| line.resize(width, 0.0));
+            // Both contours' differences and distances along the trajectories, and their distances straight along z.
+            let mut there: [Vec<f32>; 6] = Default::default();
+            for (j, out) in (first..).zip(rows.chunks_exact_mut(width)) {
+                v.read(left, j, &mut own);
+                gradient.read(left, j, &mut slope);
+                d.read(left, j, &mut own_d);
+                for pixels in nearer(&own, SATURATED * bound) {
+                    let begin = left + pixels.start;
+                    there.iter_mut().for_each(|there| {
+                        there.clear();
+                        there.resize(pixels.len(), 0.0);
+                    });
+                    let [low_d, high_d, low_along, high_along, low_straight, high_straight] = &mut there;
+                    add(at_low, 1.0, offsets[0].as_ref(), j, begin, low_d);
+                    add(at_high, 1.0, offsets[1].as_ref(), j, begin, high_d);
+                    add(&low.phi, 1.0, offsets[0].as_ref(), j, begin, low_along);
+                    add(&high.phi, 1.0, offsets[1].as_ref(), j, begin, high_along);
+                    if self.spec.limited {
+                        low.phi.read(begin, j, low_straight);
+                        high.phi.read(begin, j, high_straight);
+                        node.phi.read(begin, j, &mut here[pixels.clone()]);
+                    }
+                    let on = |p: usize| goes_on([low_along[p], high_along[p]], self.spec.farthest);
+                    let mut share: Vec<f32> = (0..pixels.len()).map(on).collect();
+                    if share.iter().any(|share| *share < 1.0) {
+                        let own = [&*low_along, &*high_along];
+                        self.tips(&mut share, own, &beyond, [begin, j]);
+                    }
+                    for (p, n) in pixels.enumerate() {
+                        let alpha = alpha * shares.map_or(1.0, |s| s[j * nx + left + n]);
+                        let alpha = alpha * share[p];
+                        let rise = alpha * (own_d[n] - (1.0 - w) * low_d[p] - w * high_d[p]);
+                        let c = slope[n] * rise * nearness(own[n].abs() / bound) as f32;
+                        let ranges = [[low_along[p], high_along[p]], [low_straight[p], high_straight[p]]];
+                        out[n] = if self.spec.limited { limited(c, here[n], ranges, side) } else { c };
+                    }
+                }
+            }
+        });
+        Some(correction)
+    }
+
+    /// Tips: a surface that ends in an interval still goes on if it does so from its contour to the other side: it is the tip of a body. `share` says
+    /// how far it goes on within the interval, `own` are the distances of the interval's contours, `beyond` those on their other sides; of pixels
+    /// from `first` on.
+    fn tips(&self, share: &mut [f32], own: [&Vec<f32>; 2], beyond: &[Option<Seen<'_>>; 2], first: [usize; 2]) {
+        let farthest = self.spec.farthest;
+        for (side, beyond) in beyond.iter().enumerate() {
+            let Some((phi, offsets)) = beyond else { continue };
+            let mut there = vec![0.0; share.len()];
+            add(phi, 1.0, offsets.as_ref(), first[1], first[0], &mut there);
+            for (p, share) in share.iter_mut().enumerate() {
+                let [here, other] = [own[side][p], own[1 - side][p]];
+                if here.abs() < other.abs() {
+                    *share = share.max(goes_on([here, there[p]], farthest));
+                }
+            }
+        }
+    }
+}

@@ -236,7 +236,7 @@ fn constants_are_those_of_the_twins() {
     use interslice::reference::{
         distance, exact, extend, morph_layer, part, particles, propagate, reinit, scatter, trace,
     };
-    use interslice::registration::{displacement, motion_field as field, particle_weight};
+    use interslice::registration::{cells, displacement, particle_weight, value_curve};
     // Of one module, or of all that have it.
     let wanted: &[(&str, &str, f64)] = &[
         ("", "NONE", f64::from(layout::NONE)),
@@ -247,7 +247,7 @@ fn constants_are_those_of_the_twins() {
         ("", "grid", f64::from(layout::GRID)),
         ("", "PATCH", layout::PATCH as f64),
         ("", "TILE", layout::TILE as f64),
-        ("", "TILE", field::CELL as f64),
+        ("", "TILE", cells::CELL as f64),
         ("", "STRIDE", displacement::BLOCK as f64),
         ("", "FAR", interslice::grid::field::FAR),
         ("", "EPSILON", stencil::EPSILON),
@@ -263,7 +263,7 @@ fn constants_are_those_of_the_twins() {
         ("distance", "TRUSTED", distance::TRUSTED),
         ("exact", "TIE", exact::TIE),
         ("extend", "ALIKE", extend::ALIKE),
-        ("", "SHRINKING", field::SHRINKING),
+        ("", "SHRINKING", value_curve::SHRINKING),
         ("", "AT_TIP", interslice::contour::caps::AT_TIP),
         ("morph_layer", "ALL_TRUST", particle_weight::ALL),
         ("morph_layer", "FEW", particle_weight::FEW),

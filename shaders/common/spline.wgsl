@@ -1,4 +1,4 @@
-// Slopes and curves of values along a trajectory; the twins are src/grid/spline.rs and `slope` in src/registration/motion_field.rs.
+// Slopes and curves of values along a trajectory; the twins are src/grid/spline.rs and `slope` in src/registration/value_curve.rs.
 
 // Weighted harmonic mean of two secants over `h.x` and `h.y`, 0 where they differ in sign.
 fn harmonic(d: vec2<f32>, h: vec2<f32>) -> f32 {

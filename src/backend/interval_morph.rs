@@ -15,7 +15,8 @@ use crate::error::Result;
 use crate::grid::field::Field;
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
-use crate::registration::motion_field::{LoneParts, MotionField};
+use crate::registration::lone_parts::LoneParts;
+use crate::registration::motion_field::MotionField;
 use crate::registration::particle_weight::Trust;
 
 /// The image that layers show, and the padded image on which tiles lie.

@@ -10,7 +10,9 @@ use super::jobs::{PartJob, SweepPair, TraceJob};
 use super::options::{ContourOptions, MorphOptions};
 use super::padded_slice::PaddedSlice;
 use crate::grid::field::Field;
-use crate::registration::motion_field::{Cells, LoneParts, MotionField};
+use crate::registration::cells::Cells;
+use crate::registration::lone_parts::LoneParts;
+use crate::registration::motion_field::MotionField;
 
 /// Request for the level sets of slices: anti-aliasing, distance, conditioning.
 #[derive(Debug, Clone, Copy)]
@@ -95,6 +97,6 @@ pub struct LayerRequest<'a> {
     pub limit: f64,
     /// Pixel sides.
     pub h: [f64; 2],
-    /// Cells that count, for each time; others have one value, what their probes say (`motion_field::probed`). All, where there are none.
+    /// Cells that count, for each time; others have one value, what their probes say (`cells::probed`). All, where there are none.
     pub wanted: Option<&'a [Cells]>,
 }

@@ -25,7 +25,7 @@ use super::near::{NearSquares, SATURATED, nearness};
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::spline::smoothstep;
 use crate::registration::displacement::{BLOCK, Displacement, smooth};
-use crate::registration::motion_field::upright;
+use crate::registration::value_curve::upright;
 
 /// A pixel that goes sideways by more than this per height stands less by itself, one that goes by more than FLAT not at all.
 const STEEP: f64 = 3.0;

@@ -18,7 +18,9 @@ use crate::backend::requests::LayerRequest;
 use crate::error::{Error, Result};
 use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::reference::moving_layer::reach;
-use crate::registration::motion_field::{CELL, LoneParts, MotionField, cells_of_square};
+use crate::registration::cells::{CELL, cells_of_square};
+use crate::registration::lone_parts::LoneParts;
+use crate::registration::motion_field::MotionField;
 
 shader! {
     moving_layer = "common/job.wgsl" + "common/moving.wgsl" + "common/sample.wgsl" + "common/spline.wgsl"

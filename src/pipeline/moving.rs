@@ -22,7 +22,7 @@ use crate::pipeline::matching::LonePlan;
 use crate::pipeline::section::NEIGHBOURS;
 use crate::reference::displacement::ROUNDS;
 use crate::registration::displacement::{Displacement, DisplacementJob};
-use crate::registration::motion_field::{LEAST_DEPTH, LoneParts, drawn_in};
+use crate::registration::lone_parts::{LEAST_DEPTH, LoneParts, drawn_in};
 use crate::registration::motion_stack::MotionStack;
 use crate::report::Report;
 use crate::settings::Motion;

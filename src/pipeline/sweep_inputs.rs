@@ -9,7 +9,7 @@ use crate::pipeline::ends::end_caps::End;
 use crate::pipeline::fit::Fitted;
 use crate::pipeline::matching::Interval;
 use crate::pipeline::tracks::Sides;
-use crate::registration::motion_field::LoneParts;
+use crate::registration::lone_parts::LoneParts;
 use crate::registration::motion_stack::MotionStack;
 use crate::storage::spill::SpillVec;
 

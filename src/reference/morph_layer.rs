@@ -13,7 +13,7 @@ use crate::contour::direction::Direction;
 use crate::error::Result;
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
-use crate::registration::motion_field::Cells;
+use crate::registration::cells::Cells;
 use crate::registration::warp::{Warp, Way};
 use crate::stack::heights::BESIDE;
 

@@ -7,7 +7,9 @@ use crate::backend::requests::LayerRequest;
 use crate::contour::caps::Cap;
 use crate::grid::field::Field;
 use crate::grid::sparse_image::{SQUARE, SparseImage};
-use crate::registration::motion_field::{CELL, LoneParts, between, cells_of_square, closing, probed, probes};
+use crate::registration::cells::{CELL, cells_of_square, probed, probes};
+use crate::registration::lone_parts::{LoneParts, closing};
+use crate::registration::value_curve::between;
 
 /// Distance from a cell's middle at which its pixels may read, px: distances change by a pixel per pixel, and the frame by less than half of that.
 pub fn reach(h: [f64; 2]) -> f64 {

@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use crate::grid::field::Field;
 use crate::grid::spline::three_point_end;
-use crate::registration::motion_field::{MotionField, slope};
+use crate::registration::motion_field::MotionField;
+use crate::registration::value_curve::slope;
 
 /// Slopes of the fields at the `wanted` slices, per height: see [`slope`], secants taken along the trajectories; at the ends the three-point
 /// formula.

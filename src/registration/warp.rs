@@ -6,8 +6,9 @@ use multiversion::multiversion;
 use crate::grid::field::{Field, position, sample, sample_smooth};
 use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::grid::spline::smoothstep;
+use crate::registration::cells::{CELL, Cells, cells_of_square, probes};
 use crate::registration::displacement::Displacement;
-use crate::registration::motion_field::{CELL, Cells, MotionField, Paths, cells_of_square, probes};
+use crate::registration::motion_field::{MotionField, Paths};
 use crate::registration::particle_weight::Trust;
 
 /// Brings layers of interval `i` from its mid frame to where they belong.

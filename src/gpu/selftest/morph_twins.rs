@@ -24,7 +24,8 @@ use crate::grid::tile::Tile;
 use crate::progress::Silent;
 use crate::reference::Reference;
 use crate::reference::morph_layer as twin;
-use crate::registration::motion_field::{LoneParts, MotionField};
+use crate::registration::lone_parts::LoneParts;
+use crate::registration::motion_field::MotionField;
 use crate::registration::particle_weight::Trust;
 use crate::stack::heights::BESIDE;
 

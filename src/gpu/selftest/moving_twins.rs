@@ -21,8 +21,10 @@ use crate::progress::Silent;
 use crate::reference::Reference;
 use crate::reference::displacement::{ROUNDS, displacements};
 use crate::reference::distance::distance_of;
+use crate::registration::cells::{CELL, Cells};
 use crate::registration::displacement::{Displacement, DisplacementJob};
-use crate::registration::motion_field::{CELL, Cells, LoneParts, MotionField};
+use crate::registration::lone_parts::LoneParts;
+use crate::registration::motion_field::MotionField;
 
 /// A round from the same vectors: moments of up to 32 px times 1e-7, divided by a ridge of 0.07, px.
 const ROUND: f64 = 1e-4;

@@ -1,6 +1,6 @@
 //! Lines of one elevation, joined end to end: closed, or from border to border.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 
 use glam::DVec2;
 use rstar::RTree;
@@ -8,7 +8,7 @@ use rstar::primitives::GeomWithData;
 
 use super::border::Border;
 use super::hull::Hull;
-use super::lines::{ContourLine, distance, told};
+use super::lines::{ContourLine, distance};
 use super::loose::{self, LooseEnd};
 use crate::polygons::Polygon;
 use crate::stack::options::{Around, MapBorder};
@@ -119,7 +119,6 @@ pub fn join(lines: Vec<ContourLine>, edges: &Edges, pixel: f64, notes: &mut Vec<
         let Border { low, high } = border;
         return Err(format!("has no lines within the border {}, {} to {}, {}", low.x, low.y, high.x, high.y));
     }
-    let lines = distinct(lines, notes);
     let hull =
         matches!(edges, Edges::Near | Edges::Hull).then(|| Hull::around(lines.iter().flat_map(|line| &line.points)));
     // Where all lines are closed and no border is given, none is cut: what touches the box touches nothing.
@@ -177,23 +176,6 @@ pub fn join(lines: Vec<ContourLine>, edges: &Edges, pixel: f64, notes: &mut Vec<
     let along: f64 = levels.iter().flat_map(|level| &level.rings).map(|ring| border.along(ring)).sum();
     let is_free = all_closed && along < FREE * border.perimeter();
     Ok(JoinedMap { border: if is_free { border.grown(pixel) } else { border }, levels })
-}
-
-/// Leaves out lines that are there twice.
-fn distinct(lines: Vec<ContourLine>, notes: &mut Vec<String>) -> Vec<ContourLine> {
-    let mut seen = HashSet::new();
-    let (mut kept, mut twice) = (Vec::with_capacity(lines.len()), Vec::new());
-    for line in lines {
-        let mut points: Vec<[u64; 2]> = line.points.iter().map(|p| (*p + 0.0).to_array().map(f64::to_bits)).collect();
-        points.sort_unstable();
-        if seen.insert((line.z.to_bits(), points)) {
-            kept.push(line);
-        } else {
-            twice.push(format!("{}: the same line of {} is there before; left out", line.feature, line.z));
-        }
-    }
-    notes.extend(told(twice, "are there before"));
-    kept
 }
 
 /// How many lengths there are, and the longest.
@@ -349,23 +331,4 @@ fn facing(loose: &[usize], ends: &[DVec2], longest: f64, closes: &impl Fn(usize,
     let pair =
         |k: &usize| nearest(*k).filter(|other| k < other && nearest(*other) == Some(*k)).map(|other| (*k, other));
     loose.iter().filter_map(pair).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_line_is_there_twice_whichever_zero_it_is_written_with() {
-        let line = |zero: f64, z: f64| ContourLine {
-            feature: format!("feature of {zero:?}"),
-            z,
-            points: [[zero, 2.0], [3.0, zero], [4.0, 5.0]].map(DVec2::from).to_vec(),
-            closed: true,
-        };
-        let mut notes = Vec::new();
-        let kept = distinct(vec![line(0.0, 1.0), line(-0.0, 1.0), line(-0.0, 2.0)], &mut notes);
-        assert_eq!(kept.iter().map(|line| line.z).collect::<Vec<_>>(), [1.0, 2.0]);
-        assert_eq!(notes.len(), 1, "{notes:?}");
-    }
 }

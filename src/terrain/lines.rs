@@ -1,5 +1,7 @@
 //! Lines of features, each with its elevation.
 
+use std::collections::HashSet;
+
 use glam::DVec2;
 
 use super::Feature;
@@ -80,6 +82,23 @@ fn meets_itself(points: &[DVec2]) -> bool {
     first == last || distance(*first, *last) <= ROUNDING * length()
 }
 
+/// Leaves out lines that are there twice.
+pub fn distinct(lines: Vec<ContourLine>, notes: &mut Vec<String>) -> Vec<ContourLine> {
+    let mut seen = HashSet::new();
+    let (mut kept, mut twice) = (Vec::with_capacity(lines.len()), Vec::new());
+    for line in lines {
+        let mut points: Vec<[u64; 2]> = line.points.iter().map(|p| (*p + 0.0).to_array().map(f64::to_bits)).collect();
+        points.sort_unstable();
+        if seen.insert((line.z.to_bits(), points)) {
+            kept.push(line);
+        } else {
+            twice.push(format!("{}: the same line of {} is there before; left out", line.feature, line.z));
+        }
+    }
+    notes.extend(told(twice, "are there before"));
+    kept
+}
+
 /// Notes on lines that are left out for one reason: of many some are told one by one.
 pub fn told(mut notes: Vec<String>, why: &str) -> Vec<String> {
     let more = notes.len().saturating_sub(TOLD);
@@ -141,5 +160,19 @@ mod tests {
         }
         // However short a line of two points is, it has two ends.
         assert!(!meets_itself(&[DVec2::ZERO, DVec2::new(1e-12, 0.0)]) && !meets_itself(&[DVec2::ZERO]));
+    }
+
+    #[test]
+    fn a_line_is_there_twice_whichever_zero_it_is_written_with() {
+        let line = |zero: f64, z: f64| ContourLine {
+            feature: format!("feature of {zero:?}"),
+            z,
+            points: [[zero, 2.0], [3.0, zero], [4.0, 5.0]].map(DVec2::from).to_vec(),
+            closed: true,
+        };
+        let mut notes = Vec::new();
+        let kept = distinct(vec![line(0.0, 1.0), line(-0.0, 1.0), line(-0.0, 2.0)], &mut notes);
+        assert_eq!(kept.iter().map(|line| line.z).collect::<Vec<_>>(), [1.0, 2.0]);
+        assert_eq!(notes.len(), 1, "{notes:?}");
     }
 }

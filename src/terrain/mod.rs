@@ -104,6 +104,7 @@ impl Terrain {
         let (crs, reprojected) = project::project(&mut lines, crs, options.crs_out.as_deref()).map_err(wrong)?;
         notes.extend(reprojected);
         let edges = Edges::of(options.border.as_ref())?;
+        let mut lines = lines::distinct(lines, &mut notes);
         let pixel = lines::pixel(&lines, options.pixel).map_err(|e| e.in_file(path))?;
         if crs == Crs::Unknown {
             notes.push("no coordinate system is named; --crs EPSG:N sets it".into());

@@ -172,6 +172,31 @@ fn events_tell_what_happens() {
 }
 
 #[test]
+fn holes_have_the_pixels_that_were_drawn_by_every_method_and_motion() {
+    for name in ["hole_born_and_dead", "tiny_hole_off_centre"] {
+        let (_, shapes) = zoo().into_iter().find(|(n, _)| *n == name).expect("a case of the zoo");
+        let stack = masks(N, &knots(shapes.len()), &shapes);
+        // Both holes lie near the middle of their discs.
+        let near = |n: usize| (n % N).abs_diff(45).max((n / N).abs_diff(45)) < 15;
+        let sides = stack.slices[1].content.sides();
+        let pixels = sides.iter().enumerate().filter(|(n, inside)| near(*n) && !**inside).count();
+        assert!(pixels > 0);
+        for (way, settings) in ways() {
+            let found: Vec<Vec<Event>> = run(&stack, &[0.0], &settings)
+                .report
+                .intervals
+                .into_iter()
+                .map(|interval| interval.events)
+                .map(|all| all.into_iter().filter(|e| matches!(e, Event::HoleBirth { .. } | Event::HoleDeath { .. })))
+                .map(Iterator::collect)
+                .collect();
+            let told = [vec![Event::HoleBirth { pixels }], vec![Event::HoleDeath { pixels }]];
+            assert_eq!(found, told, "{name}, {way}");
+        }
+    }
+}
+
+#[test]
 fn any_number_of_threads_gives_the_same_bits() {
     let (_, shapes) = zoo().into_iter().find(|(n, _)| *n == "cross_to_blob").expect("a case of the zoo");
     let stack = masks(N, &knots(3), &shapes);

@@ -2,9 +2,13 @@
 
 use std::collections::BTreeSet;
 
+use glam::DVec2;
+
 use super::links::origins;
 use crate::contour::Contour;
 use crate::contour::parts::overlaps;
+use crate::grid::components::label8;
+use crate::grid::field::position;
 use crate::registration::mid_frame::Frame;
 use crate::report::Event;
 
@@ -36,7 +40,8 @@ pub(super) fn named(events: &[Event], seen: [&Contour; 2], own: [&Contour; 2], f
             }
             Event::Birth { component } => lone(*component, &high).map(|component| Event::Birth { component }),
             Event::Death { component } => lone(*component, &low).map(|component| Event::Death { component }),
-            Event::HoleBirth { .. } | Event::HoleDeath { .. } => Some(event.clone()),
+            // Holes are counted where they lie, by [`holes`].
+            Event::HoleBirth { .. } | Event::HoleDeath { .. } => None,
         };
         out.extend(event);
     }
@@ -55,9 +60,39 @@ pub(super) fn named(events: &[Event], seen: [&Contour; 2], own: [&Contour; 2], f
     out
 }
 
+/// Holes of two neighbouring contours that close or open between them: along the trajectories of the frame each of their pixels meets the inside of the
+/// other contour.
+pub(super) fn holes([low, high]: [&Contour; 2], frame: &Frame) -> Vec<Event> {
+    let closes = pixels_of_lost_holes(low, high, |x| frame.up(frame.of_low(x)));
+    let opens = pixels_of_lost_holes(high, low, |x| frame.down(frame.of_high(x)));
+    let closes = closes.into_iter().map(|pixels| Event::HoleDeath { pixels });
+    closes.chain(opens.into_iter().map(|pixels| Event::HoleBirth { pixels })).collect()
+}
+
+/// Pixels of each hole of a contour that lies over nothing but the inside of another one, to which its pixels go by `over`.
+fn pixels_of_lost_holes(contour: &Contour, other: &Contour, over: impl Fn(DVec2) -> DVec2) -> Vec<usize> {
+    if contour.holes == 0 {
+        return Vec::new();
+    }
+    let [nx, ny] = contour.phi.dims;
+    let outside: Vec<bool> = contour.phi.data.iter().map(|v| *v >= 0.0).collect();
+    let parts = label8(&outside, [nx, ny]);
+    // The image goes on around all contours, so its first pixel is no hole's.
+    let around = parts.labels[0];
+    let (mut pixels, mut lost) = (vec![0; parts.count + 1], vec![true; parts.count + 1]);
+    for (n, &part) in parts.labels.iter().enumerate().filter(|(_, part)| **part > 0 && **part != around) {
+        pixels[part as usize] += 1;
+        if lost[part as usize] {
+            let x = over(position(n, nx)).round().max(DVec2::ZERO);
+            let [i, j] = [(x.x as usize).min(nx - 1), (x.y as usize).min(ny - 1)];
+            lost[part as usize] = other.phi.data[j * nx + i] < 0.0;
+        }
+    }
+    pixels.into_iter().zip(lost).filter(|(pixels, lost)| *pixels > 0 && *lost).map(|(pixels, _)| pixels).collect()
+}
+
 #[cfg(test)]
 mod tests {
-    use glam::DVec2;
 
     use super::*;
     use crate::grid::field::Field;
@@ -85,5 +120,34 @@ mod tests {
         let whole = contour(&[[10.0, 8.0]]);
         let lost = named(&[Event::Split { from: vec![1], to: vec![1] }], [&whole, &whole], [&own, &whole], &frame);
         assert_eq!(lost, [Event::Death { component: 2 }]);
+    }
+
+    #[test]
+    fn a_hole_closes_where_the_other_contour_is_inside_along_the_trajectories() {
+        // Rings: middle along x, outer and inner radius.
+        let ring = |x: f64, [outer, inner]: [f64; 2]| {
+            let value = |i: usize, j: usize| {
+                let r = (i as f64 - x).hypot(j as f64 - 25.0);
+                (r - outer).max(inner - r)
+            };
+            Contour::with_seeds(0.0, Field::from_fn([80, 50], value), Vec::new())
+        };
+        let pixels = |contour: &Contour, x: f64| {
+            let near = |(n, v): (usize, &f64)| *v >= 0.0 && position(n, 80).distance(DVec2::new(x, 25.0)) < 12.0;
+            contour.phi.data.iter().enumerate().filter(|of| near(*of)).count()
+        };
+        let (disc, with, away) = (ring(25.0, [20.0, -1.0]), ring(25.0, [20.0, 6.0]), ring(38.0, [20.0, 6.0]));
+        let still = Frame::default();
+        let count = pixels(&with, 25.0);
+        assert!((100..120).contains(&count) && with.holes == 1 && disc.holes == 0);
+        assert_eq!(holes([&with, &disc], &still), [Event::HoleDeath { pixels: count }]);
+        assert_eq!(holes([&disc, &with], &still), [Event::HoleBirth { pixels: count }]);
+        assert_eq!(holes([&with, &with], &still), []);
+        // Where they lie each of both is over the inside of the other.
+        let both = [Event::HoleDeath { pixels: count }, Event::HoleBirth { pixels: pixels(&away, 38.0) }];
+        assert_eq!(holes([&with, &away], &still), both);
+        // A part that ends takes its holes along.
+        let nothing = Contour::with_seeds(0.0, Field::filled([80, 50], f64::INFINITY), Vec::new());
+        assert_eq!(holes([&with, &nothing], &still), []);
     }
 }

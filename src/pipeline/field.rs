@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::context::{Context, Sink, stage, time};
 use super::ends::{above, below, end_matter, make_ends};
+use super::events::holes;
 use super::finish::faired;
 use super::links::{IntervalLinks, see_links};
 use super::moving::{lone_parts, moving_frame, slice_slopes};
@@ -68,6 +69,11 @@ pub(super) fn field<'a>(
 ) -> Result<[f64; 2]> {
     report.intervals = events(run, links, contours)?;
     let moving = moving_frame(run, links, contours, report)?;
+    let hollow = |i: &usize| contours.light(*i).holes + contours.light(i + 1).holes > 0;
+    for i in (0..report.intervals.len()).filter(hollow) {
+        let own = [contours.get(i)?, contours.get(i + 1)?];
+        report.intervals[i].events.extend(holes(own.each_ref().map(|contour| &**contour), &moving.middle(i)?));
+    }
     see_links(links, contours, Some(&moving))?;
     let matter = end_matter(run, contours, Some(&moving))?;
     let slopes = slice_slopes(run, contours, &moving, &matter, report)?;

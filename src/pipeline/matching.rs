@@ -115,7 +115,6 @@ impl IntervalPlan {
 
     /// The interval, from the fields of its jobs.
     pub fn finish(self, fields: &mut impl Iterator<Item = Field>) -> Interval {
-        let mut events = self.events;
         let mut groups = Vec::new();
         for plan in self.plans {
             let (Some(low_phi), Some(high_phi)) = (fields.next(), fields.next()) else { continue };
@@ -124,13 +123,6 @@ impl IntervalPlan {
                 .zip(plan.holes)
                 .map(|(field, (direction, seeds))| LonePart::new(plan.tile, field, seeds, direction))
                 .collect();
-            events.extend(holes.iter().map(|hole| {
-                let pixels = hole.field.data.iter().filter(|v| **v < 0.0).count();
-                match hole.direction {
-                    Direction::Up => Event::HoleDeath { pixels },
-                    Direction::Down => Event::HoleBirth { pixels },
-                }
-            }));
             let [low_seeds, high_seeds] = plan.seeds;
             groups.push(GroupFields {
                 group: plan.group,
@@ -141,7 +133,7 @@ impl IntervalPlan {
             });
         }
         let lone = self.lone.into_iter().flat_map(|l| l.finish(fields)).collect();
-        Interval { groups, lone, events }
+        Interval { groups, lone, events: self.events }
     }
 }
 

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::context::{Context, Sink, stage};
 use super::ends::{end_matter, make_ends, passing};
-use super::events::named;
+use super::events::{holes, named};
 use super::finish::faired;
 use super::links::see_links;
 use super::links::{IntervalLinks, in_frame};
@@ -24,8 +24,9 @@ use crate::pipeline::fit::{Measured, fit};
 use crate::pipeline::matching::{Interval, IntervalPlan};
 use crate::pipeline::tracks;
 use crate::pipeline::tracks::{Sides, trace_job};
+use crate::registration::mid_frame::Frame;
 use crate::registration::motion_stack::MotionStack;
-use crate::report::{IntervalReport, Report};
+use crate::report::{Event, IntervalReport, Report};
 use crate::settings::Motion;
 use crate::storage::spill::SpillVec;
 use crate::surface::stream::LayerSink;
@@ -167,12 +168,9 @@ fn matching<'a>(
                 z_low,
                 z_high,
                 groups: interval.groups.len(),
-                events: match moving {
-                    Some(moving) if traced.contains(&i) => {
-                        let ([low, high], own) = (seen.get(i)?, [seen.contours.get(i)?, seen.contours.get(i + 1)?]);
-                        named(&interval.events, [&low, &high], own.each_ref().map(|c| &**c), &moving.middle(i)?)
-                    }
-                    _ => interval.events.clone(),
+                events: match traced.contains(&i) {
+                    true => told(seen, moving, i, &interval.events)?,
+                    false => Vec::new(),
                 },
                 ..IntervalReport::default()
             });
@@ -181,6 +179,15 @@ fn matching<'a>(
         }
     }
     Ok((intervals, reports))
+}
+
+/// Events of interval `i`, of which those of its parts are told as they were `seen`, as events of its contours.
+fn told(seen: &SeenStack<'_, '_>, moving: Option<&MotionStack<'_>>, i: usize, events: &[Event]) -> Result<Vec<Event>> {
+    let own = [seen.contours.get(i)?, seen.contours.get(i + 1)?];
+    let own = own.each_ref().map(|contour| &**contour);
+    let Some(moving) = moving else { return Ok([events, &holes(own, &Frame::default())].concat()) };
+    let ([low, high], frame) = (seen.get(i)?, moving.middle(i)?);
+    Ok([named(events, [&low, &high], own, &frame), holes(own, &frame)].concat())
 }
 
 /// Both morphs of every group, up and down, and what they say of the contours' seeds.

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::plots::{self, Bar};
 use super::scene::PageScene;
-use super::words::{self, count, escape, link, number};
+use super::words::{self, count, escape, height, least_gap, link, number};
 use crate::report::{BodyEnd, EndReport, Provenance, Report, Residual, StepBeside};
 use crate::settings::Settings;
 
@@ -96,7 +96,8 @@ fn figures(report: &Report, [lowest, highest]: [f64; 2]) -> String {
     if let Some(area) = report.area {
         figure("Surface", format!("{} {unit}²", number(area)));
     }
-    figure("Body from height", format!("{} to {} {unit}", number(lowest), number(highest)));
+    let gap = least_gap(&report.contours);
+    figure("Body from height", format!("{} to {} {unit}", height(lowest, gap), height(highest, gap)));
     let extra = report.contours.iter().filter(|c| c.extra).count();
     let extra = if extra > 0 { format!("<small>{extra} of them added</small>") } else { String::new() };
     figure("Contours", format!("{}{extra}", report.contours.len()));
@@ -189,6 +190,7 @@ fn volumes(report: &Report) -> String {
 }
 
 fn contours(report: &Report) -> String {
+    let gap = least_gap(&report.contours);
     let residual = |r: &Option<Residual>| match r {
         Some(r) => format!("<td>{}</td><td>{}</td>", number(r.mean), number(r.max)),
         None => "<td>–</td><td>–</td>".into(),
@@ -209,7 +211,7 @@ fn contours(report: &Report) -> String {
             r#"<tr><th scope="row"><button type="button" data-contour="{}" aria-pressed="false">{}</button>{added}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class="{met}">{}</td>{}{}{}{}</tr>"#,
             k + 1,
             escape(&c.name),
-            number(c.z),
+            height(c.z, gap),
             c.components,
             c.holes,
             count(c.pixels as u64),
@@ -224,7 +226,7 @@ fn contours(report: &Report) -> String {
 }
 
 fn events(report: &Report) -> String {
-    let unit = escape(&report.unit);
+    let (unit, gap) = (escape(&report.unit), least_gap(&report.contours));
     let (mut out, mut quiet) = (String::new(), 0);
     for (interval, ends) in report.intervals.iter().zip(report.contours.windows(2)) {
         let mut told = words::events(&interval.events);
@@ -237,8 +239,8 @@ fn events(report: &Report) -> String {
         let _ = write!(
             out,
             "<h3>From {} to {} {unit} <small>{} to {}</small></h3><ul>{items}</ul>",
-            number(interval.z_low),
-            number(interval.z_high),
+            height(interval.z_low, gap),
+            height(interval.z_high, gap),
             escape(&ends[0].name),
             escape(&ends[1].name)
         );
@@ -249,6 +251,7 @@ fn events(report: &Report) -> String {
                 .into()
         }
         (false, 0) => out,
+        (false, 1) => out + "<p>Nothing of the kind happens in the other gap.</p>",
         (false, _) => format!("{out}<p>Nothing of the kind happens in the other {quiet} gaps.</p>"),
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::words::{escape, number};
+use super::words::{escape, height, least_gap, number};
 use crate::report::{AreaProfile, ContourReport};
 
 /// Size of a plot in its own units, small enough that its letters can be read on a telephone.
@@ -32,13 +32,13 @@ pub fn areas(profile: &AreaProfile, contours: &[ContourReport], unit: &str) -> S
     let wide = (high - low).max(f64::MIN_POSITIVE);
     let x = |z: f64| LEFT + (z - low) / wide * (SIZE[0] - LEFT - RIGHT);
     let y = |area: f64| SIZE[1] - BOTTOM - area / (1.05 * most) * (SIZE[1] - TOP - BOTTOM);
-    let unit = escape(unit);
+    let (unit, gap) = (escape(unit), least_gap(contours));
     let mut svg = open(
         "areas",
         &format!(
             "Area of the body from height {} to {} {unit}, largest {} {unit}\u{b2}; {} contours are marked.",
-            number(low),
-            number(high),
+            height(low, gap),
+            height(high, gap),
             number(most),
             contours.len()
         ),
@@ -54,13 +54,15 @@ pub fn areas(profile: &AreaProfile, contours: &[ContourReport], unit: &str) -> S
             number(tick)
         );
     }
-    for tick in ticks(low, high) {
+    let ticks = ticks(low, high);
+    let step = ticks.windows(2).map(|w| w[1] - w[0]).next().unwrap_or(gap);
+    for tick in ticks {
         let _ = write!(
             svg,
             r#"<text x="{:.1}" y="{}" text-anchor="middle">{}</text>"#,
             x(tick),
             SIZE[1] - BOTTOM + 16.0,
-            number(tick)
+            height(tick, step)
         );
     }
     let mut path = String::new();
@@ -76,7 +78,7 @@ pub fn areas(profile: &AreaProfile, contours: &[ContourReport], unit: &str) -> S
         let _ = write!(
             svg,
             r#"<g class="mark"><title>{name}: height {} {unit}, area {} {unit}²</title><path d="M{x:.1} {floor:.1}V{y:.1}"/><circle cx="{x:.1}" cy="{y:.1}" r="3"/></g>"#,
-            number(p[0]),
+            height(p[0], gap),
             number(p[1])
         );
     }

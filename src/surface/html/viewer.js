@@ -126,17 +126,20 @@
     const [cy, sny, cp, snp] = [Math.cos(view.yaw), Math.sin(view.yaw), Math.cos(view.pitch), Math.sin(view.pitch)];
     // Rows: right, up, towards the viewer.
     const rows = [[cy, sny, 0], [-sny * snp, cy * snp, cp], [sny * cp, -cy * cp, snp]];
-    // At zoom 1 the body fills the window whichever way it is turned about its height.
-    const far = 5, aspect = wide / high, across = 0.5 * Math.hypot(sx, sy) / radius;
-    const up = across * Math.sin(Math.abs(home.pitch)) + 0.5 * tall / radius * Math.cos(home.pitch);
-    const f = view.zoom * 0.95 * (far - 0.6 * across) * Math.min(aspect / across, 1 / up), near = far - 1.5, back = far + 1.5;
+    // At zoom 1 the body fills the window whichever way it is turned about its height: the upright cylinder around it does.
+    const far = 5, aspect = wide / high, near = far - 1.5, back = far + 1.5;
+    const across = 0.5 * Math.hypot(sx, sy) / radius, half = 0.5 * tall / radius, [c, s] = [Math.cos(home.pitch), Math.sin(home.pitch)];
+    const ends = [[across, half], [across, -half], [-across, half], [-across, -half]];
+    const up = Math.max(...ends.map(([d, z]) => Math.abs(z * c - d * s) / (far - d * c - z * s)));
+    const right = across / Math.sqrt((far - half * s) ** 2 - (across * c) ** 2);
+    const f = view.zoom * 0.95 * Math.min(1 / up, aspect / right);
     const a = (back + near) / (near - back), b = 2 * back * near / (near - back);
     const place = new Float32Array(16);
-    for (let c = 0; c < 3; c++) {
-      place[4 * c] = rows[0][c] * f / aspect;
-      place[4 * c + 1] = rows[1][c] * f;
-      place[4 * c + 2] = rows[2][c] * a;
-      place[4 * c + 3] = -rows[2][c];
+    for (let k = 0; k < 3; k++) {
+      place[4 * k] = rows[0][k] * f / aspect;
+      place[4 * k + 1] = rows[1][k] * f;
+      place[4 * k + 2] = rows[2][k] * a;
+      place[4 * k + 3] = -rows[2][k];
     }
     place[14] = -far * a + b;
     place[15] = far;

@@ -1,6 +1,6 @@
 //! Facts in words and numbers, safe in HTML.
 
-use crate::report::{Event, LinkReport, LinkedBy};
+use crate::report::{ContourReport, Event, LinkReport, LinkedBy};
 
 /// Text that is no markup.
 pub fn escape(text: &str) -> String {
@@ -19,6 +19,10 @@ pub fn escape(text: &str) -> String {
     out
 }
 
+/// Larger heights are told with four digits and a power of ten: a double has no more decimals than their gaps have digits.
+const MOST_WRITTEN: f64 = 1e12;
+const MOST_DECIMALS: f64 = 9.0;
+
 /// A number with four digits that count, in groups of three.
 pub fn number(v: f64) -> String {
     if !v.is_finite() {
@@ -31,11 +35,29 @@ pub fn number(v: f64) -> String {
     if !(-4.0..7.0).contains(&size) {
         return powered(v);
     }
-    let decimals = (3.0 - size).max(0.0) as usize;
+    grouped(v, (3.0 - size).max(0.0) as usize)
+}
+
+/// A height with as many decimals as four digits of `gap` have, so that heights this far apart differ.
+pub fn height(z: f64, gap: f64) -> String {
+    if !(gap > 0.0 && gap.is_finite() && z.abs() < MOST_WRITTEN) {
+        return number(z);
+    }
+    grouped(z, (3.0 - gap.log10().floor()).clamp(0.0, MOST_DECIMALS) as usize)
+}
+
+/// The smallest gap of contours; infinite where there is none.
+pub fn least_gap(contours: &[ContourReport]) -> f64 {
+    contours.windows(2).map(|w| w[1].z - w[0].z).fold(f64::INFINITY, f64::min)
+}
+
+/// A number with so many decimals but for zeros at its end, in groups of three.
+fn grouped(v: f64, decimals: usize) -> String {
     let text = format!("{v:.decimals$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
     let (whole, rest) = text.split_once('.').map_or((text, None), |(a, b)| (a, Some(b)));
     let (sign, digits) = whole.strip_prefix('-').map_or(("", whole), |d| ("\u{2212}", d));
+    let sign = if digits == "0" && rest.is_none() { "" } else { sign };
     let mut grouped = String::from(sign);
     for (k, c) in digits.chars().enumerate() {
         if k > 0 && (digits.len() - k).is_multiple_of(3) {
@@ -182,6 +204,20 @@ mod tests {
             ["1\u{d7}10\u{207b}\u{2079}", "\u{2212}1.953\u{d7}10\u{b9}\u{b9}"]
         );
         assert_eq!(count(1000), "1\u{202f}000");
+    }
+
+    #[test]
+    fn heights_have_the_digits_of_their_gaps() {
+        let told = [-1203.25, -1202.75, 0.0, -0.0001, 1e13].map(|z| height(z, 0.5));
+        assert_eq!(
+            told,
+            ["\u{2212}1\u{202f}203.25", "\u{2212}1\u{202f}202.75", "0", "\u{2212}0.0001", "1\u{d7}10\u{b9}\u{b3}"]
+        );
+        assert_eq!(
+            [height(330.0, 20.0), height(4_000_000.37, 0.37), height(-0.001, 5.0)],
+            ["330", "4\u{202f}000\u{202f}000.37", "\u{2212}0.001"]
+        );
+        assert_eq!([height(-0.0004, 5.0), height(1.23456, f64::INFINITY)], ["0", "1.235"]);
     }
 
     #[test]

@@ -71,7 +71,8 @@ pub fn run(all: &All<'_>) -> Result<()> {
         }
         tell_notes(&loaded, all.telling);
         if all.telling == Telling::DryRun {
-            say(&format!("{}:\n{}\n", roi.label(), forecast(&loaded, outputs)))?;
+            let forecast = forecast(&loaded, outputs, chosen.beside(writing));
+            say(&format!("{}:\n{forecast}\n", roi.label()))?;
             continue;
         }
         let source = loaded.options.output.source.as_ref().ok_or_else(|| {

@@ -55,8 +55,8 @@ pub fn requirements(stack: &ContourStack, heights: &[f64], needs: &MemoryNeeds) 
     format!("about {} MiB of memory{instead} and, on {cores} of this CPU, {seconds}", mib(needs.all))
 }
 
-/// A run with one body, before it is made.
-pub fn forecast(loaded: &Loaded, outputs: &Outputs) -> String {
+/// A run with one body, before it is made, that needs so many bytes of memory beside the reconstruction.
+pub fn forecast(loaded: &Loaded, outputs: &Outputs, beside: u64) -> String {
     let stack = &loaded.stack;
     let mut lines = read_and_made(stack, &loaded.heights);
     let [nx, ny] = stack.dims;
@@ -67,7 +67,7 @@ pub fn forecast(loaded: &Loaded, outputs: &Outputs) -> String {
         }
         _ => would_write(target),
     }));
-    lines.push(format!("would need: {}", requirements(stack, &loaded.heights, &loaded.needs())));
+    lines.push(format!("would need: {}", requirements(stack, &loaded.heights, &loaded.needs().beside(beside))));
     lines.push(String::new());
     lines.join("\n")
 }

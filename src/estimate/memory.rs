@@ -106,8 +106,12 @@ impl MemoryNeeds {
 
     /// The needs of a section of `stack`, all of which has been read.
     pub fn within(self, stack: &ContourStack) -> Self {
-        let read = contents(stack) as u64;
-        MemoryNeeds { all: self.all + read, least: self.least + read, ..self }
+        self.beside(contents(stack) as u64)
+    }
+
+    /// The needs with `bytes` of memory more for what is beside it: its outputs, say.
+    pub fn beside(self, bytes: u64) -> Self {
+        MemoryNeeds { all: self.all + bytes, least: self.least + bytes, ..self }
     }
 
     /// Budget of a run in memory beside `beside` bytes of others, where `limit` bytes are allowed in all, or else what is free.

@@ -65,6 +65,37 @@ fn a_dry_run_says_what_a_run_does_and_does_nothing() {
 }
 
 #[test]
+fn a_dry_run_foretells_the_memory_of_outputs() {
+    let place = folder();
+    let image = image::GrayImage::from_fn(600, 600, |x, y| {
+        image::Luma([if (f64::from(x) - 300.0).hypot(f64::from(y) - 300.0) < 200.0 { 255 } else { 0 }])
+    });
+    (0..3).for_each(|k| image.save(place.path().join(format!("s{k}.png"))).expect("a PNG can be written"));
+    let input = place.path().display().to_string();
+    let run = |out: &str, more: &[&str]| {
+        let out = place.path().join(out).display().to_string();
+        interslice(
+            &[&["reconstruct", &input, "--spacing", "1,1,4", "-o", &out, "--backend", "cpu", "--dry-run"], more]
+                .concat(),
+        )
+    };
+    let foretold = |out: &str, more: &[&str]| {
+        let output = run(out, more);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let told = text.lines().find_map(|line| line.strip_prefix("would need: about ")).expect("what it needs");
+        let number = |text: &str| text.split(' ').next().and_then(|n| n.parse::<u64>().ok()).expect("MiB");
+        let least = told.split_once("(or ").map_or(number(told), |(_, least)| number(least));
+        [number(told), least]
+    };
+    let [volume, picture] = ["a.nrrd", "a.png"].map(|out| foretold(out, &[]));
+    assert!((0..2).all(|k| picture[k] > volume[k]), "{volume:?} and {picture:?} MiB");
+    // What is foretold is what is allowed.
+    let with = |mib: u64| run("a.png", &["--memory", &format!("{mib}M")]).status.code();
+    assert_eq!([with(picture[1] + 1), with(picture[1] - 2)], [Some(0), Some(2)], "{picture:?} MiB");
+}
+
+#[test]
 fn inspect_proposes_links_that_reconstruct_takes() {
     let place = folder();
     sound_stack(place.path());

@@ -46,20 +46,25 @@ impl ChosenDevice<'_> {
         }
     }
 
+    /// Bytes of memory that a run needs beside its reconstruction: its outputs' and this machine's own.
+    pub fn beside(&self, writing: u64) -> u64 {
+        writing + self.backend().host_bytes() + self.left
+    }
+
     /// Budget of a run with these needs beside `writing` bytes: what of it may stay in memory. A GPU that was not asked for by name is given up
     /// where it leaves too little.
     ///
     /// # Errors
     /// The errors of [`MemoryNeeds::budget`].
     pub fn budget(&mut self, needs: &MemoryNeeds, writing: u64, limit: Option<u64>) -> Result<Budget> {
-        let budget = needs.budget(writing + self.backend().host_bytes() + self.left, limit);
+        let budget = needs.budget(self.beside(writing), limit);
         match (&self.machine, budget) {
             #[cfg(feature = "gpu")]
             (Machine::Either(_), Err(Error::Memory { needed_mib, .. })) => {
                 self.reason = format!("the GPU leaves too little memory: with it {needed_mib} MiB are needed");
                 self.machine = Machine::Reference(std::marker::PhantomData);
                 self.left = DRIVER_BYTES;
-                needs.budget(writing + self.left, limit)
+                needs.budget(self.beside(writing), limit)
             }
             (_, budget) => budget,
         }

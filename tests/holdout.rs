@@ -51,3 +51,20 @@ fn ends_are_left_out_by_themselves() {
     let few = hold_out(&cone(&[8.0, 9.0, 10.0]), &plain(), 2, &Reference, &Silent).expect("a valid stack");
     assert!(few.ends.is_empty() && few.slices.len() == 1);
 }
+
+#[test]
+fn volumes_count_each_slice_by_the_gaps_beside_it() {
+    let (heights, radii) = ([0.0, 1.0, 2.0, 52.0, 102.0], [20.0, 22.0, 20.0, 10.0, 20.0]);
+    let shapes: Vec<Shape> = radii.iter().map(|r| circle(24.0, 24.0, *r)).collect();
+    let score = hold_out(&masks(48, &heights, &shapes), &plain(), 2, &Reference, &Silent).expect("a valid stack");
+    let left_out: Vec<f64> = score.slices.iter().map(|s| s.z).collect();
+    assert_eq!(left_out, [1.0, 52.0]);
+    // They stand for 1 and for 50 mm.
+    let volume = |k: usize| score.slices[0].pixels[k] as f64 + 50.0 * score.slices[1].pixels[k] as f64;
+    let error = 100.0 * (volume(1) - volume(0)) / volume(0);
+    assert!(
+        score.volume_error_percent.is_some_and(|e| (e - error).abs() < 1e-9) && error > 100.0,
+        "{error}: {score:?}"
+    );
+    assert!(score.linear.volume_error_percent > Some(100.0), "{score:?}");
+}

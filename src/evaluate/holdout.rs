@@ -26,7 +26,8 @@ pub struct HoldOut {
     pub dice: Option<f64>,
     /// Mean distance between the contours of truth and result, both ways, unit of the stack, over the slices that have both; none where none has.
     pub surface_distance: Option<f64>,
-    /// Volume of the result less that of the truth, % of the truth; none where the truth is empty on all.
+    /// Volume of the result less that of the truth, % of the truth, each slice half as high as the gaps beside it; none where the truth is empty on
+    /// all.
     pub volume_error_percent: Option<f64>,
     /// Scores of linear interpolation of the kept slices' distances, for the same slices.
     pub linear: Compared,
@@ -193,7 +194,9 @@ fn scored(
     let slice = &stack.slices[k];
     let truth = slice.content.sides();
     let found: Vec<bool> = layer.dense().iter().map(|v| *v < 0.0).collect();
-    let [own, line] = [&found[..], linear].map(|found| Tally::new([&truth, found], stack.dims, stack.spacing));
+    let beside = [k.saturating_sub(1), (k + 1).min(stack.slices.len() - 1)].map(|k| stack.slices[k].z);
+    let height = 0.5 * (beside[1] - beside[0]);
+    let [own, line] = [&found[..], linear].map(|found| Tally::new([&truth, found], stack.dims, stack.spacing, height));
     tallies.iter_mut().zip([&own, &line]).for_each(|(all, one)| all.add(one));
     if own.sizes == [0, 0] && line.sizes == [0, 0] {
         return None;
@@ -214,20 +217,23 @@ fn scored(
 #[derive(Debug, Clone, Copy, Default)]
 struct Tally {
     common: usize,
-    /// Pixels of truth and result.
+    /// Pixels of truth and result, and these times the heights of their slices.
     sizes: [usize; 2],
+    volumes: [f64; 2],
     /// Sum of the mean contour distances, and over how many slices.
     distances: f64,
     compared: usize,
 }
 
 impl Tally {
-    /// The tally of one slice, truth and result.
-    fn new(masks: [&[bool]; 2], dims: [usize; 2], spacing: [f64; 2]) -> Self {
+    /// The tally of one slice of this height, truth and result.
+    fn new(masks: [&[bool]; 2], dims: [usize; 2], spacing: [f64; 2], height: f64) -> Self {
         let distance = contour_distance(&masks, dims, spacing);
+        let sizes = masks.map(|m| m.iter().filter(|i| **i).count());
         Tally {
             common: masks[0].iter().zip(masks[1]).filter(|(a, b)| **a && **b).count(),
-            sizes: masks.map(|m| m.iter().filter(|i| **i).count()),
+            sizes,
+            volumes: sizes.map(|pixels| height * pixels as f64),
             distances: distance.unwrap_or_default(),
             compared: usize::from(distance.is_some()),
         }
@@ -236,6 +242,7 @@ impl Tally {
     fn add(&mut self, other: &Tally) {
         self.common += other.common;
         self.sizes = [0, 1].map(|k| self.sizes[k] + other.sizes[k]);
+        self.volumes = [0, 1].map(|k| self.volumes[k] + other.volumes[k]);
         self.distances += other.distances;
         self.compared += other.compared;
     }
@@ -244,7 +251,7 @@ impl Tally {
         Compared {
             dice: dice(self.common, self.sizes),
             surface_distance: (self.compared > 0).then(|| self.distances / self.compared as f64),
-            volume_error_percent: excess(self.sizes),
+            volume_error_percent: excess(self.volumes),
         }
     }
 }
@@ -255,8 +262,8 @@ fn dice(common: usize, [truth, found]: [usize; 2]) -> Option<f64> {
 }
 
 /// Excess of the second over the first, % of the first where there is any.
-fn excess([truth, found]: [usize; 2]) -> Option<f64> {
-    (truth > 0).then(|| 100.0 * (found as f64 - truth as f64) / truth as f64)
+fn excess([truth, found]: [f64; 2]) -> Option<f64> {
+    (truth > 0.0).then(|| 100.0 * (found - truth) / truth)
 }
 
 /// Mean distance of each mask's border pixels to the other mask's border.

@@ -411,7 +411,7 @@ mod tests {
         }
         bytes[344..].copy_from_slice(b"n+1\0");
         assert_eq!(one(&bytes).expect("it is whole").dim[..4], [3, 20, -1, 9]);
-        let message = one(&bytes[..200]).err().expect("it is cut off");
+        let Err(message) = one(&bytes[..200]) else { panic!("it is cut off") };
         assert_eq!(message, "NIfTI header: ends after 200 of 348 bytes");
     }
 

@@ -8,13 +8,14 @@ use interslice::files::options::OutputOptions;
 use interslice::files::{JobOptions, Loaded};
 use interslice::input::{Input, Surveyed};
 use interslice::polygons::{PlaneDrawing, Planes, stack as drawn};
-use interslice::{ContourStack, Geometry, LevelSlice, Slice, SliceContent};
+use interslice::{ContourStack, Geometry, LevelSlice, Result, Slice, SliceContent};
 use numpy::{PyReadonlyArray2, PyUntypedArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::array::{Array, of_axes};
 use crate::errors::{raised, wrong};
+use crate::running::run;
 use crate::settings::read_options;
 use crate::volume::{Choice, Place};
 
@@ -92,7 +93,7 @@ impl PyStack {
 #[pyo3(signature = (path, options=None))]
 pub fn read(py: Python<'_>, path: PathBuf, options: Option<&Bound<'_, PyDict>>) -> PyResult<PyStack> {
     let read = read_options(options)?;
-    let (loaded, path) = crate::running::run(py, None, move |_| {
+    let (loaded, path) = run(py, None, move |_| {
         let options = JobOptions { read, ..JobOptions::default() };
         Ok((Loaded::read(&path, options)?, path))
     })?;
@@ -109,7 +110,7 @@ pub fn read_array(
 ) -> PyResult<PyStack> {
     let read = choice.options(&place)?;
     let (volume, _) = place.volume(array)?;
-    let (loaded, input) = crate::running::run(py, None, move |_| {
+    let (loaded, input) = run(py, None, move |_| {
         let input = Input::of_volume(volume, &read)?;
         let notes = input.doubts(&read);
         let bodies = input.surveyed.iter().filter_map(|s| s.appearance()).collect();
@@ -134,6 +135,14 @@ pub struct Lie {
 }
 
 impl Lie {
+    /// The place in the world, checked.
+    fn geometry(&self) -> PyResult<Geometry> {
+        let geometry =
+            Geometry { origin: DVec3::from(self.origin), axes: self.axes.map(DVec3::from), ..Geometry::default() };
+        geometry.validate().map_err(raised)?;
+        Ok(geometry)
+    }
+
     fn named(&self, k: usize, content: SliceContent) -> Slice {
         Slice { name: format!("[{k}]"), z: self.heights[k], extra: false, content }
     }
@@ -153,6 +162,7 @@ enum Values {
 /// A stack of masks, of fields that are negative inside, or of grey values with a level: an array of three axes or a sequence of arrays.
 #[pyfunction]
 pub fn stack_of_arrays(slices: &Bound<'_, PyAny>, lie: Lie, kind: &str, level: Option<f64>) -> PyResult<PyStack> {
+    let (py, geometry) = (slices.py(), lie.geometry()?);
     let values = match (kind, level) {
         ("masks", None) => Values::Masks,
         (_, Some(level)) => Values::Greys(level),
@@ -192,14 +202,18 @@ pub fn stack_of_arrays(slices: &Bound<'_, PyAny>, lie: Lie, kind: &str, level: O
         unit: lie.unit.clone(),
         slices,
         z_out: None,
-        geometry: Geometry { origin: DVec3::from(lie.origin), axes: lie.axes.map(DVec3::from), ..Geometry::default() },
+        geometry,
     };
-    stack.validate().map_err(raised)?;
-    loaded(stack)
+    loaded(py, move || Ok(stack))
 }
 
 /// One slice of an array, or what is wrong with it.
-fn content(array: &Array, fixed: Option<usize>, values: Values, nx: usize) -> Result<SliceContent, String> {
+fn content(
+    array: &Array,
+    fixed: Option<usize>,
+    values: Values,
+    nx: usize,
+) -> std::result::Result<SliceContent, String> {
     let mut all = Vec::new();
     Ok(match values {
         Values::Masks => {
@@ -239,10 +253,12 @@ pub fn changed(slice: &Bound<'_, PyUntypedArray>, is_field: bool, dims: [usize; 
 /// A stack of polygons: for each slice the closed lines, points of which are (x, y).
 #[pyfunction]
 pub fn stack_of_polygons(
+    py: Python<'_>,
     polygons: Vec<Vec<PyReadonlyArray2<'_, f64>>>,
     lie: Lie,
     pixel: Option<[f64; 2]>,
 ) -> PyResult<PyStack> {
+    let geometry = lie.geometry()?;
     check_count("polygons", polygons.len(), &lie)?;
     let mut drawings = Vec::new();
     for (k, lines) in polygons.iter().enumerate() {
@@ -257,11 +273,12 @@ pub fn stack_of_polygons(
         }
         drawings.push(PlaneDrawing { name: format!("[{k}]"), z: lie.heights[k], extra: false, regions: vec![region] });
     }
-    let planes = Planes { unit: lie.unit.clone(), axes: lie.axes.map(DVec3::from), z_out: None };
-    let mut stack = drawn(&drawings, &planes, pixel.map(|[dy, dx]| [dx, dy])).map_err(raised)?;
-    stack.geometry.origin += DVec3::from(lie.origin);
-    stack.validate().map_err(raised)?;
-    loaded(stack)
+    let planes = Planes { unit: lie.unit.clone(), axes: geometry.axes, z_out: None };
+    loaded(py, move || {
+        let mut stack = drawn(&drawings, &planes, pixel.map(|[dy, dx]| [dx, dy]))?;
+        stack.geometry.origin += geometry.origin;
+        Ok(stack)
+    })
 }
 
 fn check_count(kind: &str, slices: usize, lie: &Lie) -> PyResult<()> {
@@ -271,8 +288,13 @@ fn check_count(kind: &str, slices: usize, lie: &Lie) -> PyResult<()> {
     Err(wrong("heights", format!("must be as many as slices: {slices} {kind}; got {} heights", lie.heights.len())))
 }
 
-fn loaded(stack: ContourStack) -> PyResult<PyStack> {
-    let notes = stack.doubts();
-    let loaded = Loaded::new(stack, JobOptions::default()).map_err(raised)?;
-    Ok(PyStack::of(Loaded { notes, ..loaded }))
+/// The stack that `make` makes, checked.
+fn loaded(py: Python<'_>, make: impl FnOnce() -> Result<ContourStack> + Send + 'static) -> PyResult<PyStack> {
+    let loaded = run(py, None, move |_| {
+        let stack = make()?;
+        stack.validate()?;
+        let notes = stack.doubts();
+        Ok(Loaded { notes, ..Loaded::new(stack, JobOptions::default())? })
+    })?;
+    Ok(PyStack::of(loaded))
 }

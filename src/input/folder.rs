@@ -15,6 +15,7 @@ use crate::input::grey_image::Grey;
 use crate::input::numbers::Numbers;
 use crate::input::volume::grid::sides;
 use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
+use crate::stack::axis::check_axes;
 use crate::stack::options::{BACKGROUND, LabelName};
 use crate::stack::{ContourStack, Geometry, HeightGrid, LevelSlice, ReadOptions, Slice, SliceContent};
 use crate::storage::{regular, room};
@@ -207,8 +208,7 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
         return Err(Error::Setting { name: "label".into(), message });
     }
     let axes = parsed.axes.map_or(DVec3::AXES, |axes| axes.map(|Numbers(axis)| axis.into()));
-    crate::input::volume::grid::check_axes(&axes)
-        .map_err(|m| Error::Format { path: file.into(), message: format!("`axes`: {m}") })?;
+    check_axes(&axes).map_err(|m| Error::Format { path: file.into(), message: format!("`axes`: {m}") })?;
     let points = |polygon: Vec<Numbers<2>>| polygon.into_iter().map(|Numbers(point)| point.into()).collect::<Polygon>();
     let drawing = |(k, entry): (usize, SliceEntry)| PlaneDrawing {
         name: format!("polygons {k}"),

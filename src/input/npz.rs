@@ -12,8 +12,9 @@ use zip::{CompressionMethod, ZipArchive};
 use crate::error::{Error, Result};
 use crate::input::npy;
 use crate::input::volume::data::{Coding, Data};
-use crate::input::volume::grid::{Failure, check_axes};
+use crate::input::volume::grid::Failure;
 use crate::input::volume::{Volume, open};
+use crate::stack::axis::check_axes;
 use crate::surface::npy::{PLACE, UNIT, VOLUME};
 
 /// Most arrays that are looked at.

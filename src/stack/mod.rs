@@ -156,11 +156,15 @@ impl Geometry {
         self.order == [0, 1, 2]
     }
 
-    /// Checks that the order has every axis.
+    /// Checks that the origin is finite, that the axes are perpendicular unit vectors, and that the order has every axis.
     ///
     /// # Errors
-    /// [`Error::Stack`] with the order.
+    /// [`Error::Stack`] with what is wrong.
     pub fn validate(&self) -> Result<()> {
+        if let Some(bad) = self.origin.to_array().into_iter().find(|v| !v.is_finite()) {
+            return Err(Error::Stack(format!("the origin holds {bad}")));
+        }
+        axis::check_axes(&self.axes).map_err(Error::Stack)?;
         if (0..3).all(|axis| self.order.contains(&axis)) {
             return Ok(());
         }
@@ -316,6 +320,23 @@ mod tests {
         }
         for spacing in [[1.0, 8.0], [0.25, 0.03125]] {
             assert_eq!(ContourStack { spacing, ..stack([3, 3]) }.doubts(), Vec::<String>::new(), "{spacing:?}");
+        }
+    }
+
+    #[test]
+    fn axes_are_perpendicular_unit_vectors_at_a_finite_origin() {
+        let of = |x: DVec3| Geometry { axes: [x, DVec3::Y, DVec3::Z], ..Geometry::default() };
+        let off = |x: f64| Geometry { origin: DVec3::new(x, 0.0, 0.0), ..Geometry::default() };
+        assert!(of(DVec3::NEG_X).validate().is_ok() && off(1e9).validate().is_ok());
+        for (wrong, words) in [
+            (of(2.0 * DVec3::X), "axis 0 is 2 long"),
+            (of(DVec3::ZERO), "axis 0 is 0 long"),
+            (of(DVec3::new(f64::NAN, 0.0, 0.0)), "axis 0 is NaN long"),
+            (of(DVec3::Y), "axes 0 and 1 are not perpendicular"),
+            (off(f64::INFINITY), "the origin holds inf"),
+        ] {
+            let message = wrong.validate().expect_err(words).to_string();
+            assert!(message.contains(words), "{message}");
         }
     }
 

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::error::{Error, Result};
+use crate::stack::axis::check_axes;
 
 /// Message of a reader without the file's name.
 pub(crate) type Failure<T> = std::result::Result<T, String>;
@@ -12,8 +13,6 @@ pub(crate) const TAKE_ONE: &str = "save the one that is meant (a time, a channel
 
 /// Most voxels of a volume: the header of a damaged file may ask for anything.
 const MOST_VOXELS: usize = 1 << 40;
-/// Largest cosine between two axes that still counts as perpendicular.
-const SHEAR_LIMIT: f64 = 1e-3;
 
 /// Grid of the voxels of a volume in the world (LPS).
 #[derive(Debug, Clone, PartialEq)]
@@ -74,24 +73,4 @@ pub(crate) fn sides(given: &[f64]) -> Result<[f64; 3]> {
         Some(bad) => fail(format!("must be three positive numbers; got {bad}")),
         None => Ok([dx, dy, dz]),
     }
-}
-
-/// Checks that world directions are perpendicular unit vectors.
-///
-/// # Errors
-/// A message with axis, value and limit.
-pub(crate) fn check_axes(axes: &[DVec3; 3]) -> Failure<()> {
-    for (a, axis) in axes.iter().enumerate() {
-        let length = axis.length();
-        if length.is_nan() || (length - 1.0).abs() > SHEAR_LIMIT {
-            return Err(format!("axis {a} is {length} long; it must be 1"));
-        }
-    }
-    for (a, b) in [(0, 1), (0, 2), (1, 2)] {
-        let cosine = axes[a].dot(axes[b]);
-        if cosine.is_nan() || cosine.abs() > SHEAR_LIMIT {
-            return Err(format!("axes {a} and {b} are not perpendicular (cosine {cosine:.4}, at most {SHEAR_LIMIT})"));
-        }
-    }
-    Ok(())
 }

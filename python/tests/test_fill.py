@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -109,3 +110,17 @@ def test_a_view_of_a_larger_array_is_not_written_to(labels: Volume) -> None:
     interslice.fill(base[0], spacing=SPACING, method="field")
     np.testing.assert_array_equal(base[1], labels)
     np.testing.assert_array_equal(base[0], labels)
+
+
+def test_the_report_is_that_of_the_command_line(command: Callable[..., Any], tmp_path: Path, labels: Volume) -> None:
+    np.save(tmp_path / "given.npy", labels)
+    sides = ",".join(str(h) for h in reversed(SPACING))
+    command("reconstruct", tmp_path / "given.npy", "--labels", "all", "--spacing", sides, "-q", "-o", tmp_path / "r.json")
+    theirs = json.loads((tmp_path / "r.json").read_text())
+    _, ours = interslice.fill(labels, spacing=SPACING, report=True)
+    assert ours.keys() | {"provenance"} == theirs.keys()
+    for own, other in zip(ours["labels"], theirs["labels"], strict=True):
+        assert own.keys() == other.keys() and own["volume"] > 0 and own["areas"]["layers"]
+        for key in ("label", "voxels", "volume", "area", "areas", "differing_pixels"):
+            assert own[key] == other[key], key
+        assert own["run"]["warnings"] == other["run"]["warnings"]

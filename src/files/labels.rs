@@ -2,7 +2,6 @@
 //!
 //! Files that hold one label have its number before the extension: `out.stl` becomes `out.5.stl`, `out.nii.gz` `out.5.nii.gz`. A `.glb` holds all.
 
-use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -22,10 +21,7 @@ use crate::labels::report::{LabelReport, LabelsReport};
 use crate::labels::{DecidedLabels, KeptBody, LabelStack, Plan, decide, reconstruct};
 use crate::report::Report;
 use crate::settings::Settings;
-use crate::surface::Layer;
 use crate::surface::content::{Paint, Scalar};
-use crate::surface::header::Header;
-use crate::surface::stream::{BodyStream, BodyWriter, Ending, LayerSink, WriterNeeds};
 
 /// Options for many labels.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -166,13 +162,7 @@ impl LoadedLabels {
         let paint = Some(Paint::holding(self.stack.scalar, self.stack.labels[a]));
         body.replay(&mut outputs.sink(&OutputOptions { bodies, paint, ..self.options.output.clone() }))?;
         outputs.complete(report)?;
-        if report.volume.is_none() {
-            let mut measured = Measured::default();
-            body.replay(&mut measured)?;
-            let failed = |(_, source)| Error::Write { path: "surface of a label".into(), source };
-            measured.stream.map_or(Ok(()), |stream| stream.finish(report)).map_err(failed)?;
-        }
-        Ok(())
+        if report.volume.is_none() { body.measure(report) } else { Ok(()) }
     }
 }
 
@@ -195,36 +185,6 @@ pub fn fill_labels(
     let report = loaded.compute(means, None, &mut outputs)?;
     outputs.finish(&report)?;
     Ok(report)
-}
-
-/// Measures a surface that nobody writes.
-#[derive(Default)]
-struct Measured {
-    stream: Option<BodyStream<'static>>,
-}
-
-struct Measurer;
-
-impl BodyWriter for Measurer {
-    fn needs(&self) -> WriterNeeds {
-        WriterNeeds::Surface
-    }
-
-    fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-impl LayerSink for Measured {
-    fn begin(&mut self, header: &Header) -> Result<()> {
-        self.stream = Some(BodyStream::new(header, vec![Box::new(Measurer)], &std::env::temp_dir()));
-        Ok(())
-    }
-
-    fn layer(&mut self, layer: Layer) -> Result<()> {
-        let failed = |(_, source)| Error::Write { path: "surface of a label".into(), source };
-        self.stream.as_mut().map_or(Ok(()), |stream| stream.layer(&layer)).map_err(failed)
-    }
 }
 
 /// Open outputs of many labels.

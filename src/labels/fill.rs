@@ -9,8 +9,7 @@ use crate::error::{Error, Result};
 use crate::surface::content::Scalar;
 use crate::surface::stream::LayerSink;
 
-/// Fills `stack`: its layers at the output heights of `plan` go to `volume`, with the labels' numbers instead of distances. Surfaces are not
-/// made, so that the report has neither volumes nor areas of them.
+/// Fills `stack`: its layers at the output heights of `plan` go to `volume`, with the labels' numbers instead of distances.
 ///
 /// # Errors
 /// [`Error::Setting`] for numbers that layers cannot hold; the errors of [`reconstruct`], and of deciding between labels.
@@ -31,17 +30,25 @@ pub fn fill(
     let bodies = reconstruct(stack, true, plan, means)?;
     let decided = decide(stack, bodies, plan, volume)?;
     let mut labels = Vec::new();
-    for (a, body) in decided.bodies.into_iter().enumerate() {
-        let run = body.report;
+    for (a, mut body) in decided.bodies.into_iter().enumerate() {
+        if means.progress.stops() {
+            return Err(Error::Interrupted);
+        }
+        let mut run = std::mem::take(&mut body.report);
+        body.measure(&mut run)?;
         let differing: usize = run.contours.iter().map(|c| c.differing_pixels).sum();
-        labels.push(LabelReport {
+        let mut report = LabelReport {
             label: stack.labels[a],
             changed: decided.changed[a],
             voxels: Some(decided.voxels[a]),
             differing_pixels: differing as u64 + decided.differing[a],
+            volume: run.volume.take(),
+            area: run.area.take(),
+            areas: run.areas.take(),
             run,
-            ..LabelReport::default()
-        });
+        };
+        report.run.warnings.extend(report.overruled());
+        labels.push(report);
     }
     Ok(LabelsReport {
         version: env!("CARGO_PKG_VERSION").into(),

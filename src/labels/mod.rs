@@ -31,6 +31,7 @@ mod fill;
 mod floating;
 pub mod given;
 mod kept;
+mod measure;
 mod merge;
 pub mod report;
 mod stack;

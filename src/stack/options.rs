@@ -29,6 +29,7 @@ pub struct ReadOptions {
 
     /// DICOM folders: the RTSTRUCT, by the UID or number of its series or by its own UID, where the folder has several
     #[arg(long, value_name = "UID|NUMBER")]
+    #[serde(deserialize_with = "name_or_number")]
     pub series: Option<String>,
 
     /// Polygons, RTSTRUCT and contour maps: side of the pixels the contours are laid on, in the input's unit [default: half the distance of neighbouring
@@ -191,22 +192,37 @@ impl FromStr for LabelName {
 fn one_or_many<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged)]
-    enum Name {
-        Text(String),
-        Number(i64),
-    }
-    #[derive(Deserialize)]
-    #[serde(untagged)]
     enum Names {
         One(Name),
         Many(Vec<Name>),
     }
-    let text = |name| match name {
-        Name::Text(text) => text,
-        Name::Number(number) => number.to_string(),
-    };
     Ok(match Names::deserialize(deserializer)? {
-        Names::One(name) => vec![text(name)],
-        Names::Many(names) => names.into_iter().map(text).collect(),
+        Names::One(name) => vec![name.text()],
+        Names::Many(names) => names.into_iter().map(Name::text).collect(),
     })
+}
+
+/// A name, or a number that stands for one.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Name {
+    Text(String),
+    Number(i64),
+}
+
+impl Name {
+    fn text(self) -> String {
+        match self {
+            Name::Text(text) => text,
+            Name::Number(number) => number.to_string(),
+        }
+    }
+}
+
+/// Reads a name, or a number that stands for one.
+///
+/// # Errors
+/// The errors of `deserializer` for anything else.
+pub fn name_or_number<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    Ok(Option::<Name>::deserialize(deserializer)?.map(Name::text))
 }

@@ -3,6 +3,7 @@
 use clap::ValueEnum;
 #[cfg(feature = "gpu")]
 use interslice::gpu::GpuOptions;
+use interslice::stack::options::name_or_number;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -29,6 +30,7 @@ pub struct DeviceOptions {
 
     /// GPU to use, by its number in `interslice devices` or a part of its name
     #[arg(long, value_name = "NAME|NUMBER")]
+    #[serde(deserialize_with = "name_or_number")]
     pub(super) adapter: Option<String>,
 
     /// Memory that a run aims to stay within, e.g. 512M or 4G [default: what is free]
@@ -56,6 +58,16 @@ impl DeviceOptions {
     pub fn wish(&self) -> String {
         let backend = self.backend.to_possible_value().map_or(String::new(), |v| v.get_name().into());
         self.adapter.as_ref().map_or(backend.clone(), |adapter| format!("{backend} {adapter}"))
+    }
+
+    /// Whether drivers of GPUs are asked.
+    pub fn asks_drivers(&self) -> bool {
+        self.backend != BackendChoice::Cpu
+    }
+
+    /// Whether nothing but a GPU will do.
+    pub fn needs_gpu(&self) -> bool {
+        self.backend == BackendChoice::Gpu
     }
 }
 

@@ -20,7 +20,7 @@ use crate::stack::{ContourStack, SliceContent};
 use crate::surface::{Layer, Reconstruction};
 
 /// Note in the report of a body that was changed.
-const CHANGED: &str = "slices were changed after the run: `body` and `broken` are still those of the first run";
+const CHANGED: &str = "slices were changed after the run: `body` and `broken` are still those of the first run, and so are warnings before this one";
 
 /// A body with its slices: layers at more heights, and slices that change, cost only what depends on them. Every layer is, bit by bit, that of a
 /// run with the slices as they are.

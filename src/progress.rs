@@ -1,4 +1,7 @@
-//! Progress of a run, told to a listener.
+//! Progress of a run, told to a listener, and a request to end.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Listener to the progress of the pipeline. All methods may be called from any thread.
 pub trait Progress: Sync {
@@ -22,4 +25,20 @@ impl Progress for Silent {
     fn begin(&self, _stage: &'static str, _total: usize) {}
     fn advance(&self, _units: usize) {}
     fn end(&self) {}
+}
+
+/// A request to end, which all copies share: whoever works asks for it between pieces of work.
+#[derive(Debug, Clone, Default)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// Asks the work to end.
+    pub fn ask(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether it is to end.
+    pub fn is_asked(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
 }

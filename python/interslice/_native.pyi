@@ -90,12 +90,12 @@ class Body:
     def save(
         self,
         *paths: str | PathLike[str],
-        mask: bool = False,
-        distance: bool = False,
-        contours: bool = False,
+        mask: bool | None = None,
+        distance: bool | None = None,
+        contours: bool | None = None,
         simplify: float | None = None,
     ) -> list[Any]:
-        """Write files; formats by extension, as on the command line."""
+        """Write files; formats by extension, as on the command line. What is None is as `reconstruct` was told."""
     def update(self, slice: int, mask: NDArray[Any], *, field: bool = False) -> None:
         """Put another mask, or field that is negative inside, in the place of a slice. What depends on it is computed when asked for."""
 

@@ -34,6 +34,12 @@ class SettingsOptions(TypedDict, total=False):
 class RunOptions(SettingsOptions, total=False):
     dz: float | None
     isotropic: bool
+    mask: bool
+    distance: bool
+    contours: bool
+    simplify: float | None
+    units: Literal["m"] | None
+    y_up: bool
 
 class ReadOptions(TypedDict, total=False):
     level: float | None

@@ -1,19 +1,24 @@
 //! `Body`: the result of a reconstruction.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use interslice::cli::devices::DeviceOptions;
 use interslice::estimate::memory::MemoryNeeds;
-use interslice::files::Loaded;
+use interslice::files::format::{Kind, kind};
 use interslice::files::options::OutputOptions;
 use interslice::files::places::Places;
+use interslice::files::provenance::Source;
 use interslice::files::write::write_with;
+use interslice::files::{JobOptions, Loaded};
+use interslice::report::{AreaProfile, Provenance, Report};
+use interslice::stack::appearance::Appearance;
+use interslice::surface::areas::Areas;
 use interslice::surface::contour_lines::{AlongAxes, contour_lines};
 use interslice::surface::marching::{Builder, Piece};
 use interslice::surface::mesh::MeshMeasure;
 use interslice::surface::simplify::Simplifier;
-use interslice::{Body, Budget, Error, Layer, Means, Mesh, Reconstruction, Result};
+use interslice::{Body, Budget, Error, Geometry, Layer, Means, Mesh, Reconstruction, Result};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArray};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -32,9 +37,60 @@ struct Inner {
     output: OutputOptions,
     /// What it was made of.
     from: (Option<PathBuf>, Arc<Loaded>),
+    /// What a report says of its making; nothing of arrays, or of a body that was changed.
+    made_of: Option<MadeOf>,
     reason: String,
     notes: Vec<String>,
-    volume: Option<[f64; 2]>,
+    measured: Option<Measured>,
+}
+
+/// File and options as they were given.
+struct MadeOf {
+    path: PathBuf,
+    options: JobOptions,
+    at: Option<Vec<f64>>,
+}
+
+impl MadeOf {
+    /// The provenance of what is saved so; `bodies` became the body.
+    fn provenance(&self, saving: &Saving, bodies: &[Appearance]) -> Result<Provenance> {
+        let output = saving.over(&self.options.output);
+        let source = Source::of(&self.path, &JobOptions { output, ..self.options.clone() })?;
+        let source = self.at.iter().fold(source, |source, at| source.with("at", at.clone()));
+        source.provenance(bodies)
+    }
+}
+
+/// What is measured on the surface.
+#[derive(Clone)]
+struct Measured {
+    volume: f64,
+    area: f64,
+    areas: AreaProfile,
+}
+
+/// What `save` is told of outputs; nothing is as `reconstruct` was told.
+#[derive(Default)]
+struct Saving {
+    mask: Option<bool>,
+    distance: Option<bool>,
+    contours: Option<bool>,
+    simplify: Option<f64>,
+}
+
+impl Saving {
+    /// The options of `reconstruct` with these.
+    fn over(&self, told: &OutputOptions) -> OutputOptions {
+        // One of both wins over the other that `reconstruct` was told.
+        let other = |own: Option<bool>, other: Option<bool>, told: bool| own.unwrap_or(told && other != Some(true));
+        OutputOptions {
+            mask: other(self.mask, self.distance, told.mask),
+            distance: other(self.distance, self.mask, told.distance),
+            contours: self.contours.unwrap_or(told.contours),
+            simplify: self.simplify.or(told.simplify),
+            ..told.clone()
+        }
+    }
 }
 
 impl Inner {
@@ -45,27 +101,52 @@ impl Inner {
         ask(&mut self.body, &Means { backend: machine.backend(), progress: watch, budget: &Budget::unlimited() })
     }
 
-    /// Volume and area of the surface, as the program measures them.
-    fn measured(&mut self, watch: &Watch) -> Result<[f64; 2]> {
-        if let Some(known) = self.volume {
-            return Ok(known);
+    /// Volume and area of the surface, and areas over its height, as the program measures them.
+    fn measured(&mut self, watch: &Watch) -> Result<Measured> {
+        if let Some(known) = &self.measured {
+            return Ok(known.clone());
         }
-        let found = self.with(watch, |body, means| Ok(measure(body.whole(means)?)))?;
-        self.volume = Some(found);
+        let found = self.with(watch, |body, means| measure(body.whole(means)?, watch))?;
+        self.measured = Some(found.clone());
         Ok(found)
+    }
+
+    /// The report without what is measured on the surface.
+    fn report(&mut self, watch: &Watch, saving: &Saving) -> Result<Report> {
+        let mut told = self.with(watch, |body, means| Ok(body.whole(means)?.report.clone()))?;
+        told.warnings.splice(0..0, self.notes.iter().cloned());
+        told.backend_reason = Some(self.reason.clone());
+        match self.made_of.as_ref().map(|made_of| made_of.provenance(saving, &self.output.bodies)) {
+            None => {}
+            Some(Ok(provenance)) => told.provenance = Some(provenance),
+            // The file may have gone; the body is here.
+            Some(Err(gone)) => told.warnings.push(format!("the report does not say what the body was made of: {gone}")),
+        }
+        Ok(told)
     }
 }
 
-fn measure(body: &Reconstruction) -> [f64; 2] {
-    let (mut builder, mut measure) = (Builder::new(&body.header()), MeshMeasure::default());
-    let mut add = |piece: &Piece| measure.add(piece);
+/// Shows the surface, piece by piece.
+fn each_piece(body: &Reconstruction, watch: &Watch, each: &mut dyn FnMut(&Piece)) -> Result<()> {
+    let mut builder = Builder::new(&body.header());
     for layer in &body.layers {
+        watch.go_on()?;
         builder.layer(layer);
-        builder.pieces(&mut add);
+        builder.pieces(&mut *each);
     }
     builder.finish();
-    builder.pieces(&mut add);
-    [measure.volume(), measure.area()]
+    builder.pieces(&mut *each);
+    Ok(())
+}
+
+fn measure(body: &Reconstruction, watch: &Watch) -> Result<Measured> {
+    let (mut measure, mut areas) = (MeshMeasure::default(), Areas::new(&body.header()));
+    each_piece(body, watch, &mut |piece| measure.add(piece))?;
+    for layer in &body.layers {
+        watch.go_on()?;
+        areas.layer(layer);
+    }
+    Ok(Measured { volume: measure.volume(), area: measure.area(), areas: areas.finish() })
 }
 
 /// Vertices, and the numbers of each triangle's.
@@ -75,7 +156,13 @@ type Surface<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<u32>>);
 #[pyclass(name = "Body", module = "interslice", frozen)]
 pub struct PyBody {
     inner: Arc<Mutex<Inner>>,
+    /// What no call changes, so that nobody waits for it.
+    heights: Vec<f64>,
+    contour_heights: Vec<f64>,
     dims: [usize; 2],
+    spacing: [f64; 2],
+    unit: String,
+    geometry: Geometry,
 }
 
 impl PyBody {
@@ -85,7 +172,7 @@ impl PyBody {
         ask: impl FnOnce(&mut Inner, &Watch) -> Result<T> + Send + 'static,
     ) -> PyResult<T> {
         let inner = self.inner.clone();
-        run(py, None, move |watch| ask(&mut locked(&inner), watch))
+        run(py, None, move |watch| ask(&mut *watch.lock(&inner)?, watch))
     }
 }
 
@@ -106,7 +193,16 @@ pub fn reconstruct<'py>(
         return Err(wrong("at", "is not for a call with `dz` or `isotropic`, which say the heights".into()));
     }
     let (loaded, path) = (stack.get().loaded.clone(), stack.get().path.clone());
-    let dims = loaded.stack.dims;
+    if output.like.is_some() {
+        return Err(wrong("like", "is an option of the command line alone; `at` names heights here".into()));
+    }
+    let options = JobOptions {
+        read: loaded.options.read.clone(),
+        settings: settings.clone(),
+        output: output.clone(),
+        ..JobOptions::default()
+    };
+    let made_of = path.clone().map(|path| MadeOf { path, options, at: at.clone() });
     let inner = run(py, progress, move |watch| {
         let own = &loaded.options.output;
         (output.map, output.bodies, output.source) = (own.map.clone(), own.bodies.clone(), own.source.clone());
@@ -133,12 +229,21 @@ pub fn reconstruct<'py>(
         loaded.notes.iter().for_each(|note| watch.warn(note));
         drop(machine);
         let notes = loaded.notes.clone();
-        let mut inner = Inner { body, device, output, from: (path, loaded), reason, notes, volume: None };
+        let mut inner = Inner { body, device, output, from: (path, loaded), made_of, reason, notes, measured: None };
         let warnings = inner.with(watch, |body, means| Ok(body.whole(means)?.report.warnings.clone()))?;
         warnings.iter().for_each(|warning| watch.warn(warning));
         Ok(inner)
     })?;
-    Ok(PyBody { inner: Arc::new(Mutex::new(inner)), dims })
+    let stack = inner.body.stack();
+    Ok(PyBody {
+        heights: inner.body.heights().to_vec(),
+        contour_heights: stack.slices.iter().map(|s| s.z).collect(),
+        dims: stack.dims,
+        spacing: stack.spacing,
+        unit: stack.unit.clone(),
+        geometry: stack.geometry,
+        inner: Arc::new(Mutex::new(inner)),
+    })
 }
 
 #[pymethods]
@@ -146,19 +251,19 @@ impl PyBody {
     /// Heights of the output layers.
     #[getter]
     fn heights(&self) -> Vec<f64> {
-        locked(&self.inner).body.heights().to_vec()
+        self.heights.clone()
     }
 
     /// Heights of the slices.
     #[getter]
     fn contour_heights(&self) -> Vec<f64> {
-        locked(&self.inner).body.stack().slices.iter().map(|s| s.z).collect()
+        self.contour_heights.clone()
     }
 
     /// Distance of rows and of columns.
     #[getter]
     fn spacing(&self) -> [f64; 2] {
-        let [dx, dy] = locked(&self.inner).body.stack().spacing;
+        let [dx, dy] = self.spacing;
         [dy, dx]
     }
 
@@ -170,19 +275,19 @@ impl PyBody {
 
     /// Length unit.
     #[getter]
-    fn unit(&self) -> String {
-        locked(&self.inner).body.stack().unit.clone()
+    fn unit(&self) -> &str {
+        &self.unit
     }
 
     /// Signed distance on the plane at a height.
     fn distance<'py>(&self, py: Python<'py>, z: f64) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let layer = self.layer(py, z)?;
-        PyArray1::from_vec(py, layer.dense()).reshape([self.dims[1], self.dims[0]])
+        let values = self.layer(py, z, |layer| layer.dense())?;
+        PyArray1::from_vec(py, values).reshape([self.dims[1], self.dims[0]])
     }
 
     /// Which pixels are inside on the plane at a height.
     fn mask<'py>(&self, py: Python<'py>, z: f64) -> PyResult<Bound<'py, PyArray2<bool>>> {
-        let inside = self.layer(py, z)?.dense().into_iter().map(|v| v < 0.0).collect();
+        let inside = self.layer(py, z, |layer| layer.dense().into_iter().map(|v| v < 0.0).collect())?;
         PyArray1::from_vec(py, inside).reshape([self.dims[1], self.dims[0]])
     }
 
@@ -218,13 +323,9 @@ impl PyBody {
 
     /// Closed lines on the plane at a height: arrays of points (x, y).
     fn contours<'py>(&self, py: Python<'py>, z: f64) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
-        let layer = self.layer(py, z)?;
-        let along = {
-            let inner = locked(&self.inner);
-            let stack = inner.body.stack();
-            AlongAxes::new(&stack.geometry, stack.spacing)
-        };
-        let lines = contour_lines(&layer, self.dims).into_iter();
+        let dims = self.dims;
+        let lines = self.layer(py, z, move |layer| contour_lines(layer, dims))?.into_iter();
+        let along = AlongAxes::new(&self.geometry, self.spacing);
         let array = |line: interslice::polygons::Polygon| {
             let count = line.len();
             let points = line.into_iter().flat_map(|p| along.point(p).to_array()).collect();
@@ -240,10 +341,11 @@ impl PyBody {
             return Err(wrong("simplify", format!("must be a positive number; got {error}")));
         }
         let mesh = self.ask(py, move |inner, watch| {
-            let mesh = inner.with(watch, |body, means| Ok(body.whole(means)?.mesh()))?;
+            let mut mesh = Mesh::default();
+            inner.with(watch, |body, means| each_piece(body.whole(means)?, watch, &mut |piece| mesh.add(piece)))?;
             let Some(error) = simplify else { return Ok(mesh) };
             let failed = |source| Error::Write { path: "mesh".into(), source };
-            match Simplifier::new(error).simpler(&mut &mesh).map_err(failed)? {
+            match Simplifier::new(error, watch.stop()).simpler(&mut &mesh).map_err(failed)? {
                 Ok(simpler) => Ok((*simpler).clone()),
                 Err(why) => {
                     watch.warn(&why);
@@ -264,57 +366,54 @@ impl PyBody {
     /// Volume enclosed by the surface, unit cubed.
     #[getter]
     fn volume(&self, py: Python<'_>) -> PyResult<f64> {
-        self.ask(py, |inner, watch| inner.measured(watch)).map(|[volume, _]| volume)
+        self.ask(py, |inner, watch| inner.measured(watch)).map(|measured| measured.volume)
     }
 
     /// Area of the surface, unit squared.
     #[getter]
     fn area(&self, py: Python<'_>) -> PyResult<f64> {
-        self.ask(py, |inner, watch| inner.measured(watch)).map(|[_, area]| area)
+        self.ask(py, |inner, watch| inner.measured(watch)).map(|measured| measured.area)
     }
 
     /// What was done and how well each contour is met, as the report of the command line.
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let told = self.ask(py, |inner, watch| {
-            let [volume, area] = inner.measured(watch)?;
-            let mut told = inner.with(watch, |body, means| Ok(body.whole(means)?.report.clone()))?;
-            told.warnings.splice(0..0, inner.notes.iter().cloned());
-            (told.volume, told.area, told.backend_reason) = (Some(volume), Some(area), Some(inner.reason.clone()));
-            Ok(told)
+            let Measured { volume, area, areas } = inner.measured(watch)?;
+            let told = inner.report(watch, &Saving::default())?;
+            Ok(Report { volume: Some(volume), area: Some(area), areas: Some(areas), ..told })
         })?;
         report(py, &told)
     }
 
-    /// Writes the body; formats by extension, as on the command line.
-    #[pyo3(signature = (*paths, mask=false, distance=false, contours=false, simplify=None))]
+    /// Writes the body; formats by extension, as on the command line. What is None is as `reconstruct` was told.
+    #[pyo3(signature = (*paths, mask=None, distance=None, contours=None, simplify=None))]
     fn save(
         &self,
         py: Python<'_>,
         paths: Vec<PathBuf>,
-        mask: bool,
-        distance: bool,
-        contours: bool,
+        mask: Option<bool>,
+        distance: Option<bool>,
+        contours: Option<bool>,
         simplify: Option<f64>,
     ) -> PyResult<Vec<PathBuf>> {
         if paths.is_empty() {
             return Err(wrong("path", "is missing: nothing would be written".into()));
         }
         self.ask(py, move |inner, watch| {
-            let output = OutputOptions { mask, distance, contours, simplify, ..inner.output.clone() };
+            let saving = Saving { mask, distance, contours, simplify };
+            let output = saving.over(&inner.output);
             output.check_ranges()?;
             // Nothing that was read is written over.
             let mut places = match &inner.from {
                 (Some(path), loaded) => Places::of(path, &loaded.options)?,
                 _ => Places::default(),
             };
-            let (reason, notes) = (inner.reason.clone(), inner.notes.clone());
+            let has_report = paths.iter().any(|path| matches!(kind(path), Ok(Kind::Report | Kind::View)));
+            let report = if has_report { inner.report(watch, &saving)? } else { Report::default() };
             inner.with(watch, |body, means| {
-                let whole = body.whole(means)?;
-                let mut told = whole.report.clone();
-                told.warnings.splice(0..0, notes);
-                told.backend_reason = Some(reason);
-                write_with(&Reconstruction { report: told, ..whole.clone() }, &paths, &output, &mut places)
+                let body = Reconstruction { report, ..body.whole(means)?.clone() };
+                write_with(&body, &paths, &output, &mut places, watch.stop())
             })
         })
     }
@@ -326,31 +425,33 @@ impl PyBody {
         let slice = usize::try_from(slice)
             .map_err(|_| wrong("slice", format!("must be a slice's place, counted from 0; got {slice}")))?;
         self.ask(py, move |inner, _| {
-            inner.volume = None;
-            inner.body.update(slice, content)
+            inner.body.update(slice, content)?;
+            (inner.measured, inner.made_of) = (None, None);
+            Ok(())
         })
     }
 
     /// Intervals between slices, from 0, whose layers are out of date.
     #[getter]
-    fn stale(&self) -> Vec<usize> {
-        locked(&self.inner).body.stale().collect()
+    fn stale(&self, py: Python<'_>) -> PyResult<Vec<usize>> {
+        self.ask(py, |inner, _| Ok(inner.body.stale().collect()))
     }
 
     fn __repr__(&self) -> String {
-        let inner = locked(&self.inner);
         let [nx, ny] = self.dims;
-        let (slices, layers) = (inner.body.stack().slices.len(), inner.body.heights().len());
+        let (slices, layers) = (self.contour_heights.len(), self.heights.len());
         format!("<Body of {slices} slices and {layers} layers, {ny} x {nx} px>")
     }
 }
 
 impl PyBody {
-    fn layer(&self, py: Python<'_>, z: f64) -> PyResult<Layer> {
-        self.ask(py, move |inner, watch| inner.with(watch, |body, means| body.layer(z, means)))
+    /// What `of` makes of the layer at a height.
+    fn layer<T: Send + 'static>(
+        &self,
+        py: Python<'_>,
+        z: f64,
+        of: impl FnOnce(&Layer) -> T + Send + 'static,
+    ) -> PyResult<T> {
+        self.ask(py, move |inner, watch| inner.with(watch, |body, means| Ok(of(&body.layer(z, means)?))))
     }
-}
-
-fn locked(inner: &Mutex<Inner>) -> MutexGuard<'_, Inner> {
-    inner.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -18,7 +18,7 @@ use crate::array::{Array, NewArray};
 use crate::device::{machine, noticing};
 use crate::errors::wrong;
 use crate::running::run;
-use crate::settings::{PySettings, settings_of};
+use crate::settings::{PySettings, no_outputs, settings_of};
 use crate::values::report;
 use crate::volume::{Choice, Place};
 
@@ -42,9 +42,7 @@ pub fn fill<'py>(
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<(Py<PyUntypedArray>, Bound<'py, PyAny>)> {
     let (settings, device, output) = settings_of(base, preset, options)?;
-    if output.dz.is_some() || output.isotropic || output.mask || output.simplify.is_some() || output.contours {
-        return Err(wrong("options", "of outputs are not for `fill`, whose output has the slices of its input".into()));
-    }
+    no_outputs(&output, "`fill`, whose output has the slices of its input")?;
     let read = choice.options(&place)?;
     let (volume, from) = place.volume(labels)?;
     let mut to = NewArray::like(labels, &from)?;

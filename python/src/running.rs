@@ -1,18 +1,53 @@
 //! Work in a thread of its own, without Python's lock: the calling thread listens for Ctrl-C and tells the progress.
 
+use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
 use std::time::Duration;
 
-use interslice::{Progress, Result};
+use interslice::progress::Stop;
+use interslice::{Error, Progress, Result};
 use pyo3::prelude::*;
+use rayon::ThreadPoolBuilder;
 
 use crate::errors::raised;
 
 /// Time between two looks at signals and progress.
 const LISTENS: Duration = Duration::from_millis(50);
+/// Time between two looks whether something is free.
+const PATIENCE: Duration = Duration::from_millis(1);
+
+/// The process in which something was used first. A fork copies no threads: of what has some, nothing works in the child.
+pub struct Home(OnceLock<u32>);
+
+impl Home {
+    /// None yet.
+    pub const fn new() -> Self {
+        Home(OnceLock::new())
+    }
+
+    /// Whether this process is another one, forked from it. Else this is home from now on.
+    pub fn is_left(&self) -> bool {
+        *self.0.get_or_init(std::process::id) != std::process::id()
+    }
+}
+
+/// The process that has the threads of rayon's pool.
+static POOL: Home = Home::new();
+
+/// Does `work` on rayon's pool. In a forked process this would wait for threads that are not there: each call has a pool of its own there, since in
+/// one for all a thread that waits for its own call's work would take up another call.
+///
+/// # Errors
+/// Those of making threads.
+pub fn pooled<T: Send>(work: impl FnOnce() -> T + Send) -> io::Result<T> {
+    if !POOL.is_left() {
+        return Ok(work());
+    }
+    let pool = ThreadPoolBuilder::new().build().map_err(io::Error::other)?;
+    Ok(pool.install(work))
+}
 
 /// State of the current stage.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -25,7 +60,7 @@ struct Stage {
 /// The worker's end of the line.
 #[derive(Debug, Default)]
 pub struct Watch {
-    stops: AtomicBool,
+    stop: Stop,
     stage: Mutex<Stage>,
     warnings: Mutex<Vec<String>>,
 }
@@ -36,7 +71,33 @@ impl Watch {
         self.warnings.lock().unwrap_or_else(PoisonError::into_inner).push(message.into());
     }
 
-    fn stage(&self) -> std::sync::MutexGuard<'_, Stage> {
+    /// The request to end, for work that looks at nothing else.
+    pub fn stop(&self) -> Stop {
+        self.stop.clone()
+    }
+
+    /// # Errors
+    /// [`Error::Interrupted`] where the work is to end.
+    pub fn go_on(&self) -> Result<()> {
+        if self.stops() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// Waits until `own` is free.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] where the work is to end before.
+    pub fn lock<'m, T>(&self, own: &'m Mutex<T>) -> Result<MutexGuard<'m, T>> {
+        loop {
+            match own.try_lock() {
+                Ok(guard) => return Ok(guard),
+                Err(TryLockError::Poisoned(guard)) => return Ok(guard.into_inner()),
+                Err(TryLockError::WouldBlock) => std::thread::sleep(PATIENCE),
+            }
+            self.go_on()?;
+        }
+    }
+
+    fn stage(&self) -> MutexGuard<'_, Stage> {
         self.stage.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -56,7 +117,7 @@ impl Progress for Watch {
     }
 
     fn stops(&self) -> bool {
-        self.stops.load(Ordering::Relaxed)
+        self.stop.is_asked()
     }
 }
 
@@ -71,7 +132,7 @@ pub fn run<T: Send + 'static>(
     let receiver = Mutex::new(receiver);
     let of_worker = watch.clone();
     let worker = move || {
-        let result = catch_unwind(AssertUnwindSafe(|| work(&of_worker)));
+        let result = catch_unwind(AssertUnwindSafe(|| pooled(|| work(&of_worker))));
         // Nobody listens where the caller has panicked.
         let _ = sender.send(result);
     };
@@ -94,7 +155,7 @@ pub fn run<T: Send + 'static>(
             }
             Err(RecvTimeoutError::Timeout) => {
                 if let Err(error) = listen(py, &watch, progress.as_ref(), &mut told) {
-                    watch.stops.store(true, Ordering::Relaxed);
+                    watch.stop.ask();
                     interrupted = Some(error);
                 }
             }
@@ -103,7 +164,7 @@ pub fn run<T: Send + 'static>(
     if let Some(error) = interrupted {
         return Err(error);
     }
-    let result = result.unwrap_or_else(|panic| resume_unwind(panic)).map_err(raised)?;
+    let result = result.unwrap_or_else(|panic| resume_unwind(panic))?.map_err(raised)?;
     listen(py, &watch, progress.as_ref(), &mut told)?;
     warn(py, &std::mem::take(&mut *watch.warnings.lock().unwrap_or_else(PoisonError::into_inner)))?;
     Ok(result)

@@ -187,6 +187,15 @@ pub fn settings_of(
     Ok((settings, device, output))
 }
 
+/// Refuses options of outputs in a call that has none.
+pub fn no_outputs(output: &OutputOptions, why: &str) -> PyResult<()> {
+    let [given, default] = [output, &OutputOptions::default()].map(serde_json::to_value);
+    match (given, default) {
+        (Ok(given), Ok(default)) if given == default => Ok(()),
+        _ => Err(wrong("options", format!("of outputs are not for {why}"))),
+    }
+}
+
 /// Options of reading a file.
 pub fn read_options(given: Option<&Bound<'_, PyDict>>) -> PyResult<ReadOptions> {
     let mut options = Options::new(given)?;

@@ -42,6 +42,68 @@ def test_files_are_those_of_the_command_line_byte_for_byte(command: Callable[...
     assert (ours / "again.ply").read_bytes() == (theirs / "m.ply").read_bytes()
 
 
+def test_reports_are_those_of_the_command_line(command: Callable[..., Any], tmp_path: Path, labels: Volume) -> None:
+    np.save(tmp_path / "given.npy", labels)
+    given = ["--spacing", "1,0.8,3", "--label", "1", "--dz", "1.5", "--method", "field", "--simplify", "0.2"]
+    command("reconstruct", tmp_path / "given.npy", *given, "-q", "-o", tmp_path / "theirs.json", "-o", tmp_path / "theirs.stl")
+    stack = interslice.read(tmp_path / "given.npy", spacing=[1, 0.8, 3], label=1)
+    body = interslice.reconstruct(stack, dz=1.5, method="field", simplify=0.2)
+    body.save(tmp_path / "ours.json", tmp_path / "ours.html", tmp_path / "ours.stl")
+    ours, theirs = (json.loads((tmp_path / f"{whose}.json").read_text()) for whose in ("ours", "theirs"))
+    assert ours.keys() - {"profile"} == theirs.keys() - {"profile"} == body.report.keys()
+    for report in (ours, body.report):
+        for key in ("inputs", "bodies", "options", "machine"):
+            assert report["provenance"][key] == theirs["provenance"][key], key
+        for key in ("volume", "area", "areas", "warnings"):
+            assert report[key] == theirs[key], key
+    assert theirs["provenance"]["inputs"][0]["sha256"] in (tmp_path / "ours.html").read_text()
+    body.save(tmp_path / "mask.json", mask=True)
+    assert json.loads((tmp_path / "mask.json").read_text())["provenance"]["options"]["mask"] is True
+    at = interslice.reconstruct(stack, at=[0.5, 2.0], method="field").report
+    assert at["provenance"]["options"]["at"] == [0.5, 2.0]
+    # What was made of other slices was not made of the file.
+    body.update(1, stack_of(labels)[2])
+    changed = body.report
+    assert "provenance" not in changed and changed["volume"] != theirs["volume"]
+    assert any("slices were changed" in warning and "warnings before this one" in warning for warning in changed["warnings"])
+    # A file that is gone is told, and nothing else is lost.
+    body = interslice.reconstruct(stack, method="field")
+    (tmp_path / "given.npy").unlink()
+    assert any("given.npy" in warning for warning in body.report["warnings"])
+
+
+def stack_of(labels: Volume) -> Masks:
+    painted: Masks = labels[::4] == 1
+    return painted
+
+
+def test_save_is_told_what_reconstruct_was_told(tmp_path: Path, labels: Volume) -> None:
+    def written(name: str, told: dict[str, Any], saved: dict[str, Any]) -> bytes:
+        interslice.reconstruct(stack, method="field", **told).save(tmp_path / name, **saved)
+        return (tmp_path / name).read_bytes()
+
+    stack = interslice.read(labels, spacing=(3, 1, 1), label=5)
+    cases: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
+        ("m.stl", {"simplify": 0.5}, {"simplify": 0.05}),
+        ("v.npy", {"mask": True}, {"distance": True}),
+        ("v.npy", {"distance": True}, {"mask": True}),
+        ("p.png", {"contours": True}, {"contours": False}),
+    ]
+    for name, option, other in cases:
+        plain, as_told = written(name, {}, {}), written(name, option, {})
+        assert plain != as_told == written(name, {}, option), option
+        assert written(name, other, option) == as_told, "save's own wins"
+    with pytest.raises(ValueError, match="`distance` is not what `mask` asks for"):
+        written("v.npy", {}, {"mask": True, "distance": True})
+    # None that counts nowhere is taken.
+    options: dict[str, Any] = {"mask": True}
+    for call in (interslice.evaluate, lambda stack, **given: interslice.fill(labels, **given)):
+        with pytest.raises(ValueError, match="`options` of outputs are not for `"):
+            call(stack, **options)
+    with pytest.raises(ValueError, match="`like` is an option of the command line alone"):
+        written("v.npy", {"like": tmp_path / "v.npy"}, {})
+
+
 def test_masks_of_every_kind_are_one(masks: Masks) -> None:
     expected = interslice.reconstruct(masks, HEIGHTS, (0.8, 1.0), method="field").distances()
     for given in (list(masks), masks.astype(np.int16), np.asfortranarray(masks), masks.astype(">f4"), [m.tolist() for m in masks]):

@@ -50,6 +50,69 @@ def test_ctrl_c_ends_within_a_second(method: str, after: float) -> None:
     assert word == "interrupted" and float(when) - sent < 1.0, float(when) - sent
 
 
+# A body whose surface takes long to simplify: seconds of work.
+FINE = """
+import sys, time, signal, numpy as np, interslice
+from pathlib import Path
+signal.signal(signal.SIGINT, signal.default_int_handler)
+y, x = np.mgrid[:192, :192]
+angle = np.arctan2(y - 96, x - 96)
+masks = [np.hypot(x - 96, y - 96) < 60 + 12 * np.sin(9 * angle + k) for k in range(16)]
+body = interslice.reconstruct(masks, range(0, 48, 3), method="field", motion="none", dz=0.25)
+print("ready", flush=True)
+try:
+    {call}
+    print("finished", time.time(), flush=True)
+except KeyboardInterrupt:
+    print("interrupted", time.time(), flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are of another kind there")
+@pytest.mark.parametrize("after", [0.05, 1.5])
+@pytest.mark.parametrize("call", ["body.mesh(simplify=0.02)", "body.save(*sys.argv[1:], simplify=0.02)"])
+def test_ctrl_c_ends_what_follows_and_replaces_nothing(call: str, after: float, tmp_path: Path) -> None:
+    old = [tmp_path / name for name in ("a.stl", "b.ply", "c.nrrd", "d.json")]
+    for path in old:
+        path.write_text(f"the old {path.name}")
+    program = [sys.executable, "-c", FINE.format(call=call), *map(str, old)]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True, cwd=HERE) as process:
+        assert process.stdout is not None and process.stdout.readline() == "ready\n"
+        time.sleep(after)
+        sent = time.time()
+        process.send_signal(signal.SIGINT)
+        word, when = process.stdout.readline().split()
+    assert word == "interrupted" and float(when) - sent < 2.0, (word, float(when) - sent)
+    assert [path.read_text() for path in old] == [f"the old {path.name}" for path in old]
+    assert sorted(tmp_path.iterdir()) == sorted(old)
+
+
+def test_nobody_waits_for_a_call_that_computes(labels: Volume) -> None:
+    masks = drawn(size=160, count=8)[::4] == 1
+    body = interslice.reconstruct(masks, range(0, 24, 3), method="field", dz=0.25)
+    done, ticks = threading.Event(), [0]
+
+    def tick() -> None:
+        while not done.is_set():
+            ticks[0] += 1
+            time.sleep(0.001)
+
+    with ThreadPoolExecutor(2) as pool:
+        ticking = pool.submit(tick)
+        mesh = pool.submit(body.mesh, simplify=0.02)
+        time.sleep(0.1)
+        seen = (repr(body), body.heights, body.contour_heights, body.spacing, body.shape, body.unit)
+        assert not mesh.done(), "what never changes waits for nobody"
+        before = ticks[0]
+        assert body.stale == []
+        during = ticks[0] - before
+        done.set()
+        ticking.result()
+        assert len(mesh.result()[1]) > 0
+    assert during > 5, "who waits for the body keeps the lock of nobody else"
+    assert seen[2:] == ([float(z) for z in range(0, 24, 3)], [1.0, 1.0], [160, 160], "mm")
+
+
 def test_many_threads_give_what_one_gives(labels: Volume) -> None:
     given = [drawn(count=4 + k % 3) for k in range(8)]
     expected = [interslice.fill(one, method="field") for one in given]

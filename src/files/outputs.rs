@@ -20,6 +20,7 @@ use super::preview::Preview;
 use super::scenes::{Scenes, SharedScene};
 use super::writers::{Meshes, writer};
 use crate::error::{Error, Result};
+use crate::progress::Stop;
 use crate::report::Report;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::{Added, StructureSet};
@@ -42,6 +43,8 @@ pub struct Outputs {
     preview: Option<Preview>,
     /// The body on its way into the files.
     stream: Option<BodyStream<'static>>,
+    /// Ends the writing.
+    stop: Stop,
 }
 
 struct Output {
@@ -74,6 +77,15 @@ impl Outputs {
     /// These outputs, and a small picture of the body that is no file of theirs: no byte of them depends on it.
     pub fn with_preview(self) -> Self {
         Outputs { preview: Some(Preview::default()), ..self }
+    }
+
+    /// These outputs, none of which gets its name once `stop` is asked for: every step then ends with [`Error::Interrupted`].
+    pub fn until(self, stop: Stop) -> Self {
+        Outputs { stop, ..self }
+    }
+
+    fn go_on(&self) -> Result<()> {
+        if self.stop.is_asked() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
     /// The small picture as PNG, when everything is complete.
@@ -140,10 +152,12 @@ impl Outputs {
     /// put into the report, and why meshes are no simpler.
     ///
     /// # Errors
-    /// [`Error::Write`].
+    /// [`Error::Write`]; [`Error::Interrupted`].
     pub fn complete(&mut self, report: &mut Report) -> Result<()> {
         if let Some(stream) = self.stream.take() {
-            stream.finish(report).map_err(|failed| self.failed(failed))?;
+            let finished = stream.finish(report);
+            self.go_on()?;
+            finished.map_err(|failed| self.failed(failed))?;
         }
         self.files.iter().try_for_each(|f| f.pending.sync().map_err(|source| f.fails(source)))
     }
@@ -199,8 +213,9 @@ impl Outputs {
     /// Renames everything.
     ///
     /// # Errors
-    /// [`Error::Write`].
+    /// [`Error::Write`]; [`Error::Interrupted`] before the first.
     pub fn rename(self) -> Result<Vec<PathBuf>> {
+        self.go_on()?;
         let mut written = Vec::new();
         for Output { target, pending, .. } in self.files {
             pending.rename(&target).map_err(|source| Error::Write { path: target.clone(), source })?;
@@ -244,7 +259,7 @@ impl LayerSink for Sink<'_> {
         let header = within.as_ref().unwrap_or(header);
         let mut writers = Vec::new();
         let origin = self.outputs.origin(header)?;
-        let meshes = Meshes::new(&self.options, origin);
+        let meshes = Meshes::new(&self.options, origin, self.outputs.stop.clone());
         for output in &mut self.outputs.files {
             let Output { target, format, pending } = &mut *output;
             let writer = writer(target, *format, pending, header, self.content, &self.options, &meshes);
@@ -269,11 +284,13 @@ impl LayerSink for Sink<'_> {
         let of_tiff = of_tiff.filter_map(|(_, dialect)| tiff_volume::told(header, dialect));
         let notes = moved(origin).into_iter().chain(of_volumes).chain(of_3mf).chain(of_nifti).chain(of_tiff).collect();
         writers.extend(self.outputs.preview.as_ref().map(|preview| preview.writer(header)));
-        self.outputs.stream = Some(BodyStream::new(header, writers, folder).telling(origin, notes));
+        let stream = BodyStream::new(header, writers, folder).telling(origin, notes);
+        self.outputs.stream = Some(stream.until(self.outputs.stop.clone()));
         Ok(())
     }
 
     fn layer(&mut self, layer: Layer) -> Result<()> {
+        self.outputs.go_on()?;
         let layer = match &self.options.map {
             Some(map) => map.layer(&layer),
             None => layer,

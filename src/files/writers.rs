@@ -9,6 +9,7 @@ use glam::DVec3;
 use super::format::{BUFFER_BYTES, Format, extension_at, named_content};
 use super::options::OutputOptions;
 use super::pending::{Pending, parent};
+use crate::progress::Stop;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructuresWriter;
 use crate::stack::appearance::Appearance;
@@ -146,11 +147,11 @@ pub(super) struct Meshes {
 
 impl Meshes {
     #[cfg_attr(not(feature = "simplify"), expect(unused_variables, reason = "options have been checked"))]
-    pub fn new(options: &OutputOptions, origin: DVec3) -> Self {
+    pub fn new(options: &OutputOptions, origin: DVec3, stop: Stop) -> Self {
         Meshes {
             origin,
             #[cfg(feature = "simplify")]
-            simplifier: options.simplify.map(|error| crate::surface::simplify::Simplifier::new(error).into()),
+            simplifier: options.simplify.map(|error| crate::surface::simplify::Simplifier::new(error, stop).into()),
         }
     }
 

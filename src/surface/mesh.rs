@@ -28,6 +28,12 @@ impl Mesh {
         self.measure().area()
     }
 
+    /// Adds a piece of a surface, whose pieces come in their order. At most 2^32 vertices in all.
+    pub fn add(&mut self, piece: &Piece) {
+        self.positions.extend(piece.positions());
+        self.triangles.extend(piece.triangles().map(|t| t.map(|v| v as u32)));
+    }
+
     fn measure(&self) -> MeshMeasure {
         let mut measure = MeshMeasure::default();
         measure.add_about(self.positions.first(), self.corners());
@@ -143,10 +149,7 @@ impl MeshMeasure {
 pub fn closed_surface(body: &Reconstruction) -> Mesh {
     let mut builder = Builder::new(&body.header());
     let mut mesh = Mesh::default();
-    let mut add = |piece: &Piece| {
-        mesh.positions.extend(piece.positions());
-        mesh.triangles.extend(piece.triangles().map(|t| t.map(|v| v as u32)));
-    };
+    let mut add = |piece: &Piece| mesh.add(piece);
     for layer in &body.layers {
         builder.layer(layer);
         builder.pieces(&mut add);

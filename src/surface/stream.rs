@@ -16,6 +16,7 @@ use super::marching::{Builder, Piece};
 use super::mesh::MeshMeasure;
 use super::spool::Spool;
 use crate::error::Result;
+use crate::progress::Stop;
 use crate::report::Report;
 use crate::surface::areas::Areas;
 
@@ -112,6 +113,7 @@ pub struct BodyStream<'w> {
     spool: Spool,
     origin: DVec3,
     notes: Vec<String>,
+    stop: Stop,
 }
 
 impl<'w> BodyStream<'w> {
@@ -127,12 +129,18 @@ impl<'w> BodyStream<'w> {
             spool: Spool::new(folder),
             origin: DVec3::ZERO,
             notes: Vec::new(),
+            stop: Stop::default(),
         }
     }
 
     /// The stream, which notes in the report the origin of positions in some of the files, and other notes about where things lie.
     pub fn telling(self, origin: DVec3, notes: Vec<String>) -> Self {
         BodyStream { origin, notes, ..self }
+    }
+
+    /// The stream, which at its end looks at `stop` before each writer.
+    pub fn until(self, stop: Stop) -> Self {
+        BodyStream { stop, ..self }
     }
 
     /// The next layer, to all writers at once.
@@ -175,7 +183,7 @@ impl<'w> BodyStream<'w> {
     /// The end of the body. Where some writer needs the surface, its volume and area are put into `report`, and what writers warn of.
     ///
     /// # Errors
-    /// The first writer that failed.
+    /// The first writer that failed, or [`io::ErrorKind::Interrupted`] before it.
     pub fn finish(mut self, report: &mut Report) -> std::result::Result<(), Failed> {
         if self.needs >= WriterNeeds::Surface {
             self.builder.finish();
@@ -196,7 +204,11 @@ impl<'w> BodyStream<'w> {
             }
         }
         let mut end = Ending { report, mesh: &mut self.spool };
-        self.writers.iter_mut().enumerate().try_for_each(|(k, w)| w.finish(&mut end).map_err(|e| (k, e)))
+        let finish = |writer: &mut Box<dyn BodyWriter + 'w>| match self.stop.is_asked() {
+            true => Err(io::ErrorKind::Interrupted.into()),
+            false => writer.finish(&mut end),
+        };
+        self.writers.iter_mut().map(finish).enumerate().try_for_each(|(k, done)| done.map_err(|e| (k, e)))
     }
 }
 

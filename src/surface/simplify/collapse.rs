@@ -6,6 +6,7 @@ use meshopt::{SimplifyOptions, VertexDataAdapter};
 use super::block::Block;
 use super::measure::{BlockError, Far};
 use super::sound::{euler, torn_within};
+use crate::progress::Stop;
 
 /// Part of the error that collapses may estimate at first, and what is left of it where that fails in many places.
 const ESTIMATE: f64 = 0.6;
@@ -26,8 +27,11 @@ pub(super) struct Simpler {
 }
 
 impl Block<'_> {
-    /// A simpler block of the same Euler number; nothing where none was found.
-    pub fn simpler(&self) -> Option<Simpler> {
+    /// A simpler block of the same Euler number; nothing where none was found, or `stop` is asked for.
+    pub fn simpler(&self, stop: &Stop) -> Option<Simpler> {
+        if stop.is_asked() {
+            return None;
+        }
         let positions: Vec<DVec3> = self.vertices.iter().map(|&v| self.given.positions[v as usize]).collect();
         let first = *positions.first()?;
         // About the first vertex, so that f32 suffices far from the world's origin.
@@ -39,6 +43,9 @@ impl Block<'_> {
         let mut estimate = ESTIMATE * self.error;
         let (mut tears, mut fars) = (0, 0);
         for _ in 0..TRIES {
+            if stop.is_asked() {
+                return None;
+            }
             let options = SimplifyOptions::ErrorAbsolute;
             let corners = self.triangles.as_flattened();
             let left = meshopt::simplify_with_locks(corners, &data, &locked, 0, estimate as f32, options, None);

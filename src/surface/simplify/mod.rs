@@ -19,6 +19,7 @@ use std::io;
 use std::sync::{Arc, Mutex};
 
 use super::mesh::{Mesh, MeshSource};
+use crate::progress::Stop;
 use crate::storage::room;
 pub use distances::TriangleTree;
 use sound::torn;
@@ -45,6 +46,7 @@ pub fn bytes(triangles: u64, threads: usize) -> u64 {
 #[derive(Debug)]
 pub struct Simplifier {
     error: f64,
+    stop: Stop,
     made: Mutex<Option<Made>>,
 }
 
@@ -52,15 +54,15 @@ pub struct Simplifier {
 type Made = Result<Arc<Mesh>, String>;
 
 impl Simplifier {
-    /// A simplifier for surfaces within `error` of the given one, stack's unit.
-    pub fn new(error: f64) -> Self {
-        Simplifier { error, made: Mutex::new(None) }
+    /// A simplifier for surfaces within `error` of the given one, stack's unit, that ends where `stop` is asked for.
+    pub fn new(error: f64, stop: Stop) -> Self {
+        Simplifier { error, stop, made: Mutex::new(None) }
     }
 
     /// The simpler surface of `mesh`, which is the same in every call, or why there is none.
     ///
     /// # Errors
-    /// The errors of reading the mesh.
+    /// The errors of reading the mesh; [`io::ErrorKind::Interrupted`].
     pub fn simpler(&self, mesh: &mut dyn MeshSource) -> io::Result<Made> {
         let mut made = self.made.lock().map_err(|_| io::Error::other("another output has failed"))?;
         if let Some(made) = made.as_ref() {
@@ -82,7 +84,10 @@ impl Simplifier {
         if let Err(why) = room::check_room(bytes(triangles, rayon::current_num_threads()) as f64) {
             return Ok(Err(format!("{triangles} triangles {why}")));
         }
-        let simpler = simplified(&collected(mesh)?, self.error);
+        let simpler = simplified_until(&collected(mesh)?, self.error, &self.stop);
+        if self.stop.is_asked() {
+            return Err(io::ErrorKind::Interrupted.into());
+        }
         Ok(simpler.map(Arc::new).ok_or_else(|| "no closed surface with fewer triangles was found".into()))
     }
 }
@@ -108,13 +113,18 @@ fn collected(mesh: &mut dyn MeshSource) -> io::Result<Mesh> {
 /// and a quarter of the sides of triangles of `mesh`, must be within 0.9 of the error. Nothing where none was found, or `mesh` is not closed.
 /// A simpler mesh within `error` of `mesh`, the same on any number of threads.
 pub fn simplified(mesh: &Mesh, error: f64) -> Option<Mesh> {
+    simplified_until(mesh, error, &Stop::default())
+}
+
+/// The same; once `stop` is asked for, what it finds does not count.
+fn simplified_until(mesh: &Mesh, error: f64, stop: &Stop) -> Option<Mesh> {
     if !torn(&mesh.triangles).is_empty() {
         return None;
     }
     let mut surface = Surface::new(mesh);
     for (pass, share) in SHARES.into_iter().enumerate() {
         let before = surface.now.len();
-        surface = surface.pass(error, SAMPLES << pass, share);
+        surface = surface.pass(error, SAMPLES << pass, share, stop);
         if surface.now.len() as f64 > (1.0 - GAIN) * before as f64 {
             break;
         }

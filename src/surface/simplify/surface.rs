@@ -7,6 +7,7 @@ use super::block::Block;
 use super::collapse::Simpler;
 use super::cut::{blocks, grouped};
 use super::sound::torn;
+use crate::progress::Stop;
 
 /// The surface as it is now.
 pub(super) struct Surface<'m> {
@@ -28,8 +29,8 @@ impl<'m> Surface<'m> {
         Surface { given, now: given.triangles.clone(), near }
     }
 
-    /// Simpler block by block, where blocks have at most so many samples.
-    pub fn pass(self, error: f64, most: usize, share: f64) -> Self {
+    /// Simpler block by block, where blocks have at most so many samples; where `stop` is asked for, the other blocks stay as they are.
+    pub fn pass(self, error: f64, most: usize, share: f64, stop: &Stop) -> Self {
         let mut weights = vec![1u32; self.now.len()];
         self.near.iter().for_each(|&t| weights[t as usize] += 1);
         let members = blocks(self.given, &self.now, &weights, most, share);
@@ -45,7 +46,7 @@ impl<'m> Surface<'m> {
         let samples = grouped(self.near.iter().map(|&t| owner[t as usize]), members.len());
         drop(owner);
         let cut = Cut { members, samples, place, border };
-        let block = |b: usize| self.block(&cut, b, error).simpler();
+        let block = |b: usize| self.block(&cut, b, error).simpler(stop);
         let made: Vec<Option<Simpler>> = (0..cut.members.len()).into_par_iter().map(block).collect();
         self.joined(&cut, made)
     }

@@ -4,9 +4,16 @@ use std::sync::OnceLock;
 
 use interslice::cli::devices::{ChosenDevice, DeviceOptions, choose};
 use interslice::estimate::memory::MemoryNeeds;
-use interslice::{Backend, Budget, Reference, Result};
+use interslice::{Backend, Budget, Error, Reference, Result};
 
-use crate::running::Watch;
+use crate::running::{Home, Watch};
+
+/// The process that has asked drivers of GPUs: they have threads and memory that no fork copies.
+static ASKED: Home = Home::new();
+
+/// Why a forked process does not ask them.
+const FORKED: &str = "this process was forked from one that has asked the GPU's driver, which no fork survives: start processes by `spawn` or \
+                      `forkserver`, or give `backend=\"cpu\"`";
 
 /// Why `backend="auto"` takes the reference path, where it does: drivers are asked once.
 static WITHOUT: OnceLock<String> = OnceLock::new();
@@ -45,11 +52,28 @@ impl Machine<'_> {
     }
 }
 
+/// Is called before drivers are asked.
+///
+/// # Errors
+/// [`Error::Gpu`] in a process that was forked from one that has asked them.
+pub fn ask_drivers() -> Result<()> {
+    if ASKED.is_left() { Err(Error::Gpu(FORKED.into())) } else { Ok(()) }
+}
+
 /// Opens what the options ask for.
 pub fn machine<'w>(options: &'w DeviceOptions, notice: &'w (dyn Fn(&str) + Sync)) -> Result<Machine<'w>> {
     let auto = options.wish() == DeviceOptions::default().wish();
     if let Some(why) = WITHOUT.get().filter(|_| auto) {
         return Ok(Machine::Reference(why.clone()));
+    }
+    if options.asks_drivers()
+        && let Err(forked) = ask_drivers()
+    {
+        if options.needs_gpu() {
+            return Err(forked);
+        }
+        notice(FORKED);
+        return Ok(Machine::Reference(FORKED.into()));
     }
     let chosen = choose(options, notice)?;
     if auto && chosen.backend().device_use().is_none() {

@@ -15,9 +15,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Serialize;
 
-use crate::device::{machine, noticing};
-use crate::running::run;
-use crate::settings::{PySettings, settings_of};
+use crate::device::{ask_drivers, machine, noticing};
+use crate::errors::wrong;
+use crate::running::{pooled, run};
+use crate::settings::{PySettings, no_outputs, settings_of};
 use crate::stack::PyStack;
 use crate::values::report;
 
@@ -39,13 +40,16 @@ pub fn inspect(py: Python<'_>, stack: &Bound<'_, PyStack>) -> PyResult<String> {
 pub fn evaluate<'py>(
     py: Python<'py>,
     stack: &Bound<'py, PyStack>,
-    leave: usize,
+    leave: i64,
     progress: Option<Bound<'py, PyAny>>,
     base: Option<PySettings>,
     preset: Option<&str>,
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (settings, device, _) = settings_of(base, preset, options)?;
+    let leave = usize::try_from(leave)
+        .map_err(|_| wrong("leave", format!("must be at least 2: 2 leaves out every second slice; got {leave}")))?;
+    let (settings, device, output) = settings_of(base, preset, options)?;
+    no_outputs(&output, "`evaluate`, which writes nothing")?;
     let loaded = stack.get().loaded.clone();
     let score = run(py, progress, move |watch| {
         let notice = noticing(watch);
@@ -106,7 +110,7 @@ pub fn links<'py>(py: Python<'py>, stack: &Bound<'py, PyStack>) -> PyResult<Boun
 /// The GPUs of this machine, best first.
 #[pyfunction]
 pub fn devices(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
-    let found = run(py, None, |_| Ok(adapters()))?;
+    let found = run(py, None, |_| ask_drivers().map(|()| adapters()))?;
     report(py, &found)
 }
 
@@ -115,6 +119,7 @@ pub fn devices(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
 #[pyo3(signature = (adapter=None))]
 pub fn doctor(py: Python<'_>, adapter: Option<String>) -> PyResult<Vec<String>> {
     run(py, None, move |_| {
+        ask_drivers()?;
         let gpu = Gpu::open(&GpuOptions { adapter, ..GpuOptions::default() })?;
         let findings = examiner::examine(&gpu)?;
         let words = findings.in_words();
@@ -127,6 +132,6 @@ pub fn doctor(py: Python<'_>, adapter: Option<String>) -> PyResult<Vec<String>> 
 
 /// Runs the command line; returns its exit code.
 #[pyfunction]
-pub fn command(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
-    py.detach(|| interslice::cli::main(arguments))
+pub fn command(py: Python<'_>, arguments: Vec<OsString>) -> std::io::Result<u8> {
+    py.detach(|| pooled(|| interslice::cli::main(arguments)))
 }

@@ -7,10 +7,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from interslice import _native
 from interslice._images import image, sides, unmasked
 from interslice._native import Body, Settings, Stack
+from interslice._numbers import counted, whole, wholes
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -29,15 +31,19 @@ def _choice(
     level: float | None = None,
     label: int | None = None,
 ) -> dict[str, Any]:
-    if axis is not None and not -3 <= axis < 3:
-        raise ValueError(f"`axis` must be 0, 1 or 2, an axis of the array; got {axis}")
+    along = None
+    if axis is not None:
+        along = whole("axis", axis)
+        if not -3 <= along < 3:
+            raise ValueError(f"`axis` must be 0, 1 or 2, an axis of the array; got {axis}")
+        along %= 3
     return {
-        "axis": None if axis is None else axis % 3,
-        "slices": None if slices is None else [int(k) for k in slices],
-        "keep": keep,
+        "axis": along,
+        "slices": None if slices is None else [counted("slices", k) for k in slices],
+        "keep": None if keep is None else counted("keep", keep),
         "complete_slices": complete_slices,
-        "level": level,
-        "label": label,
+        "level": None if level is None else float(level),
+        "label": None if label is None else whole("label", label),
     }
 
 
@@ -108,11 +114,9 @@ def fill(
     of = image(labels, spacing, "labels")
     own: dict[int, list[int]] | None = None
     if isinstance(slices, Mapping):
-        own = {int(label): sorted({int(k) for k in chosen}) for label, chosen in slices.items()}
-        if any(k < 0 for chosen in own.values() for k in chosen):
-            raise ValueError("`slices` must be numbers from 0")
+        own = {whole("slices", label): sorted({counted("slices", k) for k in chosen}) for label, chosen in slices.items()}
         slices = sorted(set().union(*own.values()))
-    names = None if only is None else [int(label) for label in only]
+    names = None if only is None else wholes("only", only)
     choice = _choice(axis, slices, keep, complete_slices)
     made, told = _native.fill(of.array, of.place("labels"), choice, names, own, progress, settings, preset, options)
     filled = of.like(made)
@@ -180,8 +184,8 @@ def stack(
     if polygons is not None:
         if spacing is not None:
             raise ValueError("`spacing` is for `masks` and `fields`; polygons have `pixel`, the side of the pixels on which they are laid")
-        lines = [[np.ascontiguousarray(line, dtype=np.float64) for line in lines] for lines in polygons]
-        return _native.stack_of_polygons(lines, lie, None if pixel is None else tuple(sides(pixel, 2)))
+        drawn = [[_line(k, line) for line in lines] for k, lines in enumerate(polygons)]
+        return _native.stack_of_polygons(drawn, lie, None if pixel is None else tuple(sides(pixel, 2)))
     kind = given[0]
     if kind == "masks" and level is not None:
         raise ValueError("`level` is for `fields`, which it cuts")
@@ -211,7 +215,8 @@ def reconstruct(
     """Reconstruct the body between contours: of a Stack, a path, or the arguments of `stack`.
 
     `at` are the output heights, else `dz` is their distance (default: that of the input, else the smaller pixel side). `progress` is called as
-    `progress(stage, done, total)`. `options` are the settings, and those of outputs and of the machine, of the command line.
+    `progress(stage, done, total)`. `options` are the settings, and those of the machine and of outputs, of the command line; `Body.save` may be told
+    other ones of outputs.
 
     Raises ValueError for wrong input, MemoryError, OSError, GpuError.
     """
@@ -248,7 +253,7 @@ def evaluate(
     **options: Unpack[SettingsOptions],
 ) -> dict[str, Any]:
     """Leave out every `leave`-th slice, reconstruct it from the others, and say how well it was found, as `interslice evaluate --json`."""
-    return _native.evaluate(_stack(stack), leave, progress, settings, preset, dict(options))
+    return _native.evaluate(_stack(stack), whole("leave", leave), progress, settings, preset, dict(options))
 
 
 def inspect(stack: Any) -> str:
@@ -259,6 +264,16 @@ def inspect(stack: Any) -> str:
 def links(stack: Any) -> list[dict[str, Any]]:
     """Find pairs of parts of neighbouring slices that miss each other and may be the same: entries for the setting `links`, with reasons."""
     return _native.links(_stack(stack))
+
+
+def _line(k: int, line: Any) -> NDArray[np.float64]:
+    """A closed line of slice `k`."""
+    points = np.ascontiguousarray(line, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(
+            f"`polygons` must have, for each slice, a list of lines, each an array of points (x, y); a line of slice {k} has the shape {points.shape}"
+        )
+    return points
 
 
 def _stack(of: Any) -> Stack:

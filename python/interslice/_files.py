@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from interslice import _native
-from interslice._images import image
+from interslice._images import has_place, image
+from interslice._numbers import whole, wholes
 
 Vector = Sequence[float]
 
@@ -95,7 +96,7 @@ def write_volume(
 
     Raises ValueError for wrong input, OSError for a name that cannot be written.
     """
-    if isinstance(labels, np.ndarray):
+    if not has_place(labels):
         of = image(labels, 1.0 if spacing is None else spacing, "labels")
         place = of.place("labels")
         directions = np.eye(3) if axes is None else np.array(axes, dtype=float)
@@ -113,26 +114,33 @@ def write_volume(
     else:
         of = image(labels, None, "labels")
         place = of.place("labels")
-    named = [
-        (int(label), of_label[0], None if of_label[1] is None else [int(c) for c in of_label[1]])
-        for label, of_label in (segments or {}).items()
-    ]
+    named = [(whole("segments", label), name, _shade(label, colour)) for label, (name, colour) in (segments or {}).items()]
     _native.write_volume(os.fspath(path), of.array, place, named)
     return Path(path)
 
 
-def read_rois(path: str | os.PathLike[str], *, series: str | None = None) -> list[Roi]:
+def read_rois(path: str | os.PathLike[str], *, series: str | int | None = None) -> list[Roi]:
     """Read the ROIs of an RTSTRUCT, or of the one in a folder of DICOM files; `series` chooses among several.
 
     Raises ValueError for what is none or a damaged one, OSError for what cannot be read.
     """
-    rois = _native.read_rois(os.fspath(path), series)
+    rois = _native.read_rois(os.fspath(path), None if series is None else str(series))
     return [Roi(roi["number"], roi["name"], _colour(roi["colour"]), roi["contours"]) for roi in rois]
 
 
 def _three(numbers: Any) -> tuple[float, float, float]:
     x, y, z = (float(number) for number in numbers)
     return x, y, z
+
+
+def _shade(label: int, colour: Any) -> list[int] | None:
+    """A colour that is given."""
+    if colour is None:
+        return None
+    given = wholes("segments", colour)
+    if len(given) != 3 or not all(0 <= channel <= 255 for channel in given):
+        raise ValueError(f"`segments` must have colours of three whole numbers from 0 to 255; label {label} has {tuple(given)}")
+    return given
 
 
 def _colour(found: Sequence[int] | None) -> tuple[int, int, int] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -10,6 +11,10 @@ import numpy as np
 
 # From right, anterior, superior (NIfTI) to left, posterior, superior (DICOM, ITK).
 _LPS = np.diag([-1.0, -1.0, 1.0])
+# Units of NIfTI's `xyzt_units`; the others are taken for millimetres, as from a file.
+_NIFTI_UNITS = {1: "m", 3: "um"}
+# Metadata that hold no longer: where a segment lies, which is another place once it is filled, and how ITK read the file.
+_PASSING = re.compile(r"Segment\d+_Extent|ITK_.*")
 
 
 class Image(NamedTuple):
@@ -32,19 +37,26 @@ class Image(NamedTuple):
 
 def image(of: Any, spacing: float | Sequence[float] | None, name: str) -> Image:
     """The array of an object, and its place: of nibabel, SimpleITK, ITK, what pynrrd reads (array, header), or an array."""
-    if hasattr(of, "affine") and hasattr(of, "dataobj"):
-        found = _nibabel(of)
-    elif hasattr(of, "GetSpacing") and hasattr(of, "GetDirection"):
-        found = _itk(of)
-    elif isinstance(of, tuple) and len(of) == 2 and isinstance(of[1], dict):
-        found = _nrrd(of[0], of[1])
-    else:
+    if not has_place(of):
         return _plain(of, spacing)
+    if hasattr(of, "affine"):
+        found = _nibabel(of)
+    elif hasattr(of, "GetSpacing"):
+        found = _itk(of, name)
+    else:
+        found = _nrrd(of[0], of[1])
     if spacing is not None and found.spaced:
         raise ValueError(f"`spacing` is only for what has none of its own; {name} has")
     if spacing is not None:
         return _plain(found.array, spacing)._replace(like=found.like)
     return found
+
+
+def has_place(of: Any) -> bool:
+    """Whether an object is an image, or what pynrrd reads, and no mere array."""
+    of_nibabel = hasattr(of, "affine") and hasattr(of, "dataobj")
+    of_itk = hasattr(of, "GetSpacing") and hasattr(of, "GetDirection")
+    return of_nibabel or of_itk or (isinstance(of, tuple) and len(of) == 2 and isinstance(of[1], dict))
 
 
 def unmasked(of: Any) -> np.ndarray[Any, Any]:
@@ -85,15 +97,19 @@ def _nibabel(of: Any) -> Image:
         header.set_data_dtype(filled.dtype)
         return type(of)(filled, of.affine, header)
 
-    return Image(array, (0, 1, 2), tuple(origin), _rows(steps.T), "mm", True, like)
+    # Formats other than NIfTI have millimetres.
+    code = int(of.header["xyzt_units"]) & 7 if hasattr(of.header, "get_xyzt_units") else 0
+    return Image(array, (0, 1, 2), tuple(origin), _rows(steps.T), _NIFTI_UNITS.get(code, "mm"), True, like)
 
 
-def _itk(of: Any) -> Image:
+def _itk(of: Any, name: str) -> Image:
     module = sys.modules[type(of).__module__.split(".")[0]]
     simple = hasattr(module, "GetArrayViewFromImage")
     # The view of an image lives no longer than the image, which `like` keeps.
     array = module.GetArrayViewFromImage(of) if simple else module.array_view_from_image(of)
     spacing = np.asarray(of.GetSpacing(), dtype=float)
+    if len(spacing) != 3:
+        raise ValueError(f"`{name}` must have 3 axes; got an image of {len(spacing)}")
     direction = of.GetDirection()
     matrix = np.asarray(direction if simple else module.array_from_matrix(direction), dtype=float).reshape(len(spacing), -1)
 
@@ -101,6 +117,9 @@ def _itk(of: Any) -> Image:
         if simple:
             image = module.GetImageFromArray(filled)
             image.CopyInformation(of)
+            for key in of.GetMetaDataKeys():
+                if not _PASSING.fullmatch(key):
+                    image.SetMetaData(key, of.GetMetaData(key))
             return image
         image = module.image_from_array(filled)
         image.SetOrigin(of.GetOrigin())
@@ -128,7 +147,11 @@ def _nrrd(data: Any, header: dict[str, Any]) -> Image:
     words = space.split("-") if "-" in space else list(space)
     turn = np.diag([flip[0].get(words[0], 1.0), flip[1].get(words[1] if len(words) > 1 else "", 1.0), 1.0])
     origin = np.asarray(header.get("space origin", (0.0,) * 3), dtype=float)
-    unit = "mm" if spaced else "px"
+    units = [unit for unit in header.get("space units") or () if unit]
+    for other in units:
+        if other != units[0]:
+            raise ValueError(f"space units are {units[0]} and {other}: all axes must have the same")
+    unit = units[0] if units else "mm" if spaced else "px"
     return Image(array, (0, 1, 2), tuple(turn @ origin), _rows(steps @ turn), unit, spaced, lambda filled: (filled, header))
 
 

@@ -264,8 +264,11 @@ impl Labels {
             self.row(place, &mut row);
             for stretch in row.chunk_by(|a, b| a == b).filter(|stretch| stretch[0] != 0) {
                 let label = stretch[0];
-                if !(-limit..=limit).contains(&label) {
-                    let message = format!("must lie within {limit} either side of 0; got {label}");
+                // Beyond 63 bits a number without sign has one here.
+                let is_beyond = label < 0 && matches!(self.array.element.0, Element::Int { signed: false, .. });
+                if is_beyond || !(-limit..=limit).contains(&label) {
+                    let got = if is_beyond { (label as u64).to_string() } else { label.to_string() };
+                    let message = format!("must lie within {limit} either side of 0; got {got}");
                     return Err(Error::Setting { name: "labels".into(), message });
                 }
                 known.entry(label).or_insert_with(|| Appearance::label(label));
@@ -275,16 +278,14 @@ impl Labels {
         let scalar = self.array.element.0.scalar().or_wider(ends[0].min(0), ends[1].max(0));
         let bodies: Vec<Appearance> = known.into_values().collect();
         let options = OutputOptions::default();
-        let mut outputs = Outputs::open(&[path.into()], None, Temporary::Random, &mut Places::default())?;
+        let outputs = Outputs::open(&[path.into()], None, Temporary::Random, &mut Places::default())?;
+        let mut outputs = outputs.until(watch.stop());
         outputs.check(&options)?;
         let header = self.header();
         {
             let mut sink = outputs.label_sink(scalar, &bodies, &options);
             sink.begin(&header)?;
             for k in 0..nz {
-                if watch.stops() {
-                    return Err(Error::Interrupted);
-                }
                 let fill = |first: usize, [rows]: [&mut [f32]; 1]| {
                     let mut row = vec![0; nx];
                     for (j, to) in rows.chunks_exact_mut(nx).enumerate() {

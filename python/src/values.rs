@@ -4,7 +4,7 @@ use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString};
 
-use crate::errors::unlike;
+use crate::errors::{unlike, wrong};
 
 /// A Python value as options have it; `None` says nothing.
 pub fn value(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<toml::Value>> {
@@ -18,7 +18,8 @@ pub fn value(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Option<toml::Valu
         return Ok(Some(toml::Value::Boolean(answer)));
     }
     if given.cast::<PyFloat>().is_err() && given.hasattr("__index__")? && !given.hasattr("__len__")? {
-        return Ok(Some(toml::Value::Integer(given.extract()?)));
+        let number = given.extract().map_err(|_| wrong(name, format!("is a number beyond 64 bits; got {given}")))?;
+        return Ok(Some(toml::Value::Integer(number)));
     }
     if let Ok(number) = given.extract::<f64>() {
         return Ok(Some(toml::Value::Float(number)));

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from conftest import Volume
 from numpy.typing import NDArray
+from test_recipes import structure_set
 
 
 def test_words_are_those_of_the_command_line(command: Callable[..., Any], tmp_path: Path, labels: Volume) -> None:
@@ -56,6 +57,73 @@ def test_arrays_that_cannot_be(labels: Volume, masks: NDArray[np.bool_]) -> None
         interslice.reconstruct([masks[0], masks[1, 1:]], [0, 1])
     with pytest.raises(TypeError, match="unknown option `fairr`"):
         interslice.fill(labels, fairr=1)  # type: ignore[call-overload]
+
+
+def test_whole_numbers_are_whole(labels: Volume, masks: NDArray[np.bool_]) -> None:
+    stack = interslice.stack(masks, range(5))
+    fill: Any = interslice.fill
+    evaluate: Any = interslice.evaluate
+    wrong: list[tuple[Callable[[], Any], str]] = [
+        (lambda: fill(labels, slices=[-1, 4]), "`slices` takes numbers from 0; got -1"),
+        (lambda: fill(labels, slices={1: [0, -4]}), "`slices` takes numbers from 0; got -4"),
+        (lambda: fill(labels, slices=[0.9, 4.9]), "`slices` takes whole numbers; got 0.9"),
+        (lambda: fill(labels, keep=-1), "`keep` takes numbers from 0; got -1"),
+        (lambda: fill(labels, axis="z"), "`axis` takes whole numbers; got z"),
+        (lambda: fill(labels, only=[1.7]), "`only` takes whole numbers; got 1.7"),
+        (lambda: fill(labels, only=[2**70]), "`only` takes numbers of 64 bits; got 1180591620717411303424"),
+        (lambda: evaluate(stack, leave=-1), "`leave` must be at least 2: .*; got -1"),
+        (lambda: evaluate(stack, leave=2.5), "`leave` takes whole numbers; got 2.5"),
+        (lambda: interslice.Settings(redistance=2**70), "`redistance` is a number beyond 64 bits; got 1180591620717411303424"),
+    ]
+    for call, words in wrong:
+        with pytest.raises(ValueError, match=words):
+            call()
+    expected = fill(labels, slices=[0, 8, 16], only=[1], axis=0)
+    given = fill(labels, slices=np.array([0.0, 8.0, 16.0]), only=[np.int8(1)], axis=np.int64(-3))
+    np.testing.assert_array_equal(given, expected)
+
+
+def test_numbers_that_are_names(tmp_path: Path, labels: Volume) -> None:
+    # Where there is no driver at all it is the GPU that fails.
+    with pytest.raises((ValueError, interslice.GpuError), match="adapter"):
+        interslice.fill(labels, backend="gpu", adapter=99)
+    structure_set(tmp_path / "rt.dcm")
+    calls: list[Callable[[Any], Any]] = [
+        lambda series: interslice.read(tmp_path, series=series),
+        lambda series: interslice.read_rois(tmp_path, series=series),
+    ]
+    for call in calls:
+        for series in (99, "99"):
+            with pytest.raises(ValueError, match="`series`.*99"):
+                call(series)
+
+
+def test_axes_are_perpendicular_unit_vectors(masks: NDArray[np.bool_]) -> None:
+    ring = [[[(0, 0), (9, 0), (9, 9)]]] * 5
+    cases: list[tuple[Any, str]] = [
+        ([[2, 0, 0], [0, 1, 0], [0, 0, 1]], "axis 0 is 2 long; it must be 1"),
+        ([[1, 0, 0], [0.6, 0.8, 0], [0, 0, 1]], "axes 0 and 1 are not perpendicular"),
+        ([[1, 0, 0], [0, 1, 0], [0, 1, 0]], "axes 1 and 2 are not perpendicular"),
+        ([[1, 0, 0], [0, 1, 0], [0, 0, 0]], "axis 2 is 0 long"),
+        ([[1, 0, 0], [0, float("nan"), 0], [0, 0, 1]], "axis 1 is NaN long"),
+    ]
+    givens: list[dict[str, Any]] = [{"masks": masks}, {"fields": masks - 0.5}, {"polygons": ring}]
+    makes: list[Callable[..., Any]] = [interslice.stack, interslice.reconstruct]
+    for axes, words in cases:
+        for given in givens:
+            for make in makes:
+                with pytest.raises(ValueError, match=words):
+                    make(**given, heights=range(5), axes=axes)
+    with pytest.raises(ValueError, match="the origin holds inf"):
+        interslice.stack(masks, range(5), origin=(0, float("inf"), 0))
+
+
+def test_polygons_are_lists_of_lines() -> None:
+    line = np.array([(0, 0), (9, 0), (9, 9)])
+    with pytest.raises(ValueError, match=r"for each slice, a list of lines, .*; a line of slice 0 has the shape \(2,\)"):
+        interslice.stack(polygons=[line, line], heights=[0, 1])
+    with pytest.raises(ValueError, match=r"a line of slice 1 has the shape \(3, 3\)"):
+        interslice.stack(polygons=[[line], [np.ones((3, 3))]], heights=[0, 1])
 
 
 def test_outputs_memory_and_machines(tmp_path: Path, masks: NDArray[np.bool_]) -> None:

@@ -63,6 +63,21 @@ def test_an_image_has_its_place(tmp_path: Path, labels: Volume) -> None:
         interslice.write_volume(tmp_path / "a.nii.gz", given, origin=(0, 0, 0))
 
 
+def test_what_becomes_an_array_has_a_place_given(tmp_path: Path, labels: Volume) -> None:
+    class Held:
+        """What numpy makes an array of, as it does of xarray's."""
+
+        def __array__(self, dtype: Any = None, copy: Any = None) -> Volume:
+            return labels
+
+    interslice.write_volume(tmp_path / "a.nrrd", labels, **PLACE)
+    for given in (labels.astype(int).tolist(), Held()):
+        interslice.write_volume(tmp_path / "b.nrrd", given, **PLACE)
+        one, other = (interslice.read_volume(tmp_path / name) for name in ("a.nrrd", "b.nrrd"))
+        np.testing.assert_array_equal(one.arrays[0], other.arrays[0])
+        assert one[3:] == other[3:]
+
+
 def test_names_and_colours(tmp_path: Path, labels: Volume) -> None:
     segments = {1: Segment("liver, left", (255, 128, 0)), 5: Segment(None, (0, 1, 2)), 9: Segment("not drawn", None)}
     interslice.write_volume(tmp_path / "a.seg.nrrd", labels, segments=segments)
@@ -131,6 +146,14 @@ def test_what_is_wrong_is_said(tmp_path: Path, labels: Volume) -> None:
         interslice.write_volume(path, labels.astype(float))
     with pytest.raises(ValueError, match="within 16777216 either side of 0; got 16777217"):
         interslice.write_volume(path, labels.astype(np.int64) * (2**24 + 1))
+    for beyond in (2**63, 2**64 - 1):
+        with pytest.raises(ValueError, match=f"within 16777216 either side of 0; got {beyond}"):
+            interslice.write_volume(path, np.where(labels > 0, np.uint64(beyond), np.uint64(0)))
+    for colour in ((300, 0, 0), (-1, 0, 0), (1, 2)):
+        with pytest.raises(ValueError, match=r"`segments` must have colours of three whole numbers from 0 to 255; label 5 has \("):
+            interslice.write_volume(path, labels, segments={5: Segment("a", colour)})  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"`segments` takes whole numbers; got 0\.5"):
+        interslice.write_volume(path, labels, segments={1: Segment("a", (0.5, 0.2, 1.0))})  # type: ignore[arg-type]
     with pytest.raises(OSError, match=r"a\.stl: cannot write: is the name of no volume"):
         interslice.write_volume(tmp_path / "a.stl", labels)
     with pytest.raises(ValueError, match=r"a\.mha"):

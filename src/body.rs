@@ -207,7 +207,9 @@ impl Body {
     fn depending(&self, slices: Range<usize>) -> BTreeSet<usize> {
         let depends = |i: &usize| {
             let read = Section::keeping(&self.stack, &self.settings, *i..i + 1).slices;
-            read.start < slices.end && slices.start < read.end
+            // Where a slice goes on beyond the border depends on those beside it, too.
+            let beside = usize::from(self.facts.window.beyond);
+            read.start < slices.end + beside && slices.start < read.end + beside
         };
         (0..self.stack.slices.len() - 1).filter(depends).collect()
     }

@@ -5,10 +5,12 @@
 //! either keeps its contour, and depends on nothing but the two: neither on labels nor on the other layers. Beyond O the distance is that to
 //! the nearest core, as far as it is smaller.
 
+use std::ops::Range;
+
 use crate::contour::Contour;
 use crate::grid::components::label4;
 use crate::grid::sparse_image::SparseImage;
-use crate::grid::tile::Tile;
+use crate::grid::tile::{Tile, to_rectangle};
 use crate::grid::union::unite_packed;
 use crate::surface::Layer;
 
@@ -17,7 +19,7 @@ use crate::surface::Layer;
 const WITHIN: f64 = 0.5;
 
 /// The image that layers show: its pixels, where it lies on the padded image on which contours are, and how far distances go.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct OutputImage {
     /// Pixels.
     pub dims: [usize; 2],
@@ -27,6 +29,8 @@ pub struct OutputImage {
     pub h: [f64; 2],
     /// Distances are clamped to this, px.
     pub limit: f64,
+    /// Columns and rows of it beyond whose edges all of a layer is outside; no such edges if nothing.
+    pub seen: Option<[Range<isize>; 2]>,
 }
 
 /// The cores of all overlaps of an interval.
@@ -62,11 +66,16 @@ impl Cores {
             let [i, j] = [n % tile.dims[0] + tile.origin[0], n / tile.dims[0] + tile.origin[1]];
             (j + shown.pad[1]) * width + i + shown.pad[0]
         };
+        // A core beyond the border would join nothing that is seen.
+        let edge = |n: usize| {
+            let at = [n % tile.dims[0] + tile.origin[0], n / tile.dims[0] + tile.origin[1]];
+            shown.seen.as_ref().map_or(f32::NEG_INFINITY, |seen| to_rectangle(seen, shown.h, at) as f32)
+        };
         let apart = |n: usize| !parted.is_empty() && parted.contains(&(low.solids.labels[n], high.solids.labels[n]));
         let limit = shown.limit as f32;
         // What is kept apart counts as far outside.
         let both = |n: usize| if apart(n) { limit } else { low.phi.data[n].max(high.phi.data[n]) as f32 };
-        let common: Vec<f32> = (0..tile.len()).map(|n| both(node(n))).collect();
+        let common: Vec<f32> = (0..tile.len()).map(|n| both(node(n)).max(edge(n))).collect();
         let inside: Vec<bool> = common.iter().map(|v| *v < 0.0).collect();
         let overlaps = label4(&inside, tile.dims);
         if overlaps.count == 0 {
@@ -133,7 +142,7 @@ mod tests {
     use super::*;
     use crate::grid::field::Field;
 
-    const SHOWN: OutputImage = OutputImage { dims: [60, 50], pad: [4, 6], h: [1.0, 1.0], limit: 3.0 };
+    const SHOWN: OutputImage = OutputImage { dims: [60, 50], pad: [4, 6], h: [1.0, 1.0], limit: 3.0, seen: None };
 
     fn disc(middle: [f64; 2], radius: f64) -> Contour {
         let dims = [SHOWN.dims[0] + 8, SHOWN.dims[1] + 12];

@@ -10,6 +10,8 @@ pub mod seeds;
 pub(crate) mod termination;
 pub(crate) mod unmatched;
 
+use std::ops::Range;
+
 use crate::contour::seeds::{Seed, seeds};
 use crate::grid::components::{Components, label4, label8};
 use crate::grid::field::Field;
@@ -51,6 +53,33 @@ impl Contour {
         let solid_depth = depths(&solids, &phi);
         let solid_box = boxes(&solids, phi.dims);
         Contour { z, seeds, phi, solids, holes, solid_depth, solid_box }
+    }
+
+    /// Numbers the solid parts in row order of their first pixels in these columns and rows, which each of them reaches: what lies around may
+    /// come first in the rows.
+    pub fn number_within(&mut self, [columns, rows]: &[Range<usize>; 2]) {
+        let nx = self.phi.dims[0];
+        let mut numbers = vec![0u32; self.solids.count + 1];
+        let mut next = 0;
+        for j in rows.clone() {
+            for label in &self.solids.labels[j * nx..][columns.clone()] {
+                if *label > 0 && numbers[*label as usize] == 0 {
+                    next += 1;
+                    numbers[*label as usize] = next;
+                }
+            }
+        }
+        for number in numbers.iter_mut().skip(1).filter(|number| **number == 0) {
+            next += 1;
+            *number = next;
+        }
+        self.solids.labels.iter_mut().for_each(|label| *label = numbers[*label as usize]);
+        let (mut depth, mut boxes) = (self.solid_depth.clone(), self.solid_box.clone());
+        for (old, new) in numbers.iter().enumerate() {
+            depth[*new as usize] = self.solid_depth[old];
+            boxes[*new as usize] = self.solid_box[old];
+        }
+        (self.solid_depth, self.solid_box) = (depth, boxes);
     }
 
     /// Its seeds alone, of what [`SpillVec::some`](crate::storage::spill::SpillVec::some) gives.
@@ -101,4 +130,25 @@ fn depths(parts: &Components, phi: &Field) -> Vec<f64> {
         depth[*label as usize] = depth[*label as usize].max(v.abs());
     }
     depth
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_numbered_within_the_image() {
+        // Beyond the image, above row 4, the right part comes first; on the image the left one does.
+        let inside = |i: usize, j: usize| {
+            ((2..5).contains(&i) && (4..9).contains(&j)) || ((7..11).contains(&i) && (1..9).contains(&j))
+        };
+        let phi = Field::from_fn([12, 12], |i, j| if inside(i, j) { -1.0 - i as f64 } else { 1.0 });
+        let mut contour = Contour::with_seeds(0.0, phi, Vec::new());
+        let at = |contour: &Contour| [2, 7].map(|i| contour.solids.labels[6 * 12 + i]);
+        assert_eq!(at(&contour), [2, 1]);
+        contour.number_within(&[1..12, 4..12]);
+        assert_eq!(at(&contour), [1, 2]);
+        assert_eq!(contour.solid_depth[1..], [5.0, 11.0]);
+        assert_eq!(contour.solid_box[1..], [([2, 4], [4, 8]), ([7, 1], [10, 8])]);
+    }
 }

@@ -62,6 +62,11 @@ impl Drawn {
         }
     }
 
+    /// Whether anything lies at the border of an image of `dims` pixels.
+    pub fn at_border(&self, dims: [usize; 2]) -> bool {
+        (0..2).any(|a| self.low[a] == 0 || self.high[a] + 1 == dims[a])
+    }
+
     /// Pixels of the box around it and so many more to each side.
     pub fn box_pixels(&self, around: [usize; 2]) -> f64 {
         (0..2).map(|a| (self.high[a] + 1 + 2 * around[a]).saturating_sub(self.low[a]) as f64).product()

@@ -7,6 +7,7 @@ use crate::estimate::coverage::{Drawn, differing};
 use crate::grid::tile::samples;
 use crate::pipeline::LAYER_BYTES_ON_A_GPU;
 use crate::settings::{Method, Motion, Settings};
+use crate::stack::beyond::REACH;
 use crate::stack::heights::{CAP_LAYERS, NODES, shown_nodes};
 use crate::stack::{ContourStack, SliceContent};
 use crate::storage::room::{available, check, free_disk};
@@ -62,14 +63,15 @@ impl MemoryNeeds {
     pub fn of(stack: &ContourStack, heights: &[f64], settings: &Settings, threads: usize) -> Self {
         let px = stack.spacing[0].max(stack.spacing[1]);
         let h = stack.spacing.map(|side| side / px);
-        let [around, margin] = [8, 0].map(|more| samples(settings.margin() + more, h));
         let image: f64 = stack.dims.iter().map(|n| *n as f64).product();
         let slices = stack.slices.len() as f64;
         let threads = threads as f64;
         let drawn: Vec<Drawn> = stack.slices.par_iter().map(|s| Drawn::of(&s.content, stack.dims)).collect();
         let all_drawn = drawn.iter().fold(Drawn::default(), Drawn::and);
         let largest = drawn.iter().map(|d| d.edges).max().unwrap_or(0) as f64;
-        // What is computed lies in a window around all that is drawn.
+        // What is computed lies in a window around all that is drawn, and what the border cuts goes on beyond it.
+        let beyond = if all_drawn.at_border(stack.dims) { REACH } else { 0 };
+        let [around, margin] = [8, 0].map(|more| samples(settings.margin() + more + beyond, h));
         let (padded, pixels) = (all_drawn.box_pixels(around), all_drawn.box_pixels(margin));
         let boxed = padded;
         let between = |w: &[crate::stack::Slice]| heights.iter().filter(|z| **z > w[0].z && **z < w[1].z).count();

@@ -1,5 +1,7 @@
 //! Rectangles of an image: a tile is the bounding box of some parts and a margin, so that memory and work follow the contours and not the image.
 
+use std::ops::Range;
+
 use glam::DVec2;
 
 use crate::grid::field::Field;
@@ -7,6 +9,17 @@ use crate::grid::field::Field;
 /// A length in units of the larger pixel side as pixels along either axis, at least as long: pixels need not be square.
 pub fn samples(length: usize, h: [f64; 2]) -> [usize; 2] {
     h.map(|side| (length as f64 / side).ceil() as usize)
+}
+
+/// Signed distance of pixel `at` to the rectangle of these columns and rows, whose edges lie half a pixel beyond its outermost pixels; `h` are a
+/// pixel's sides. Negative within.
+pub fn to_rectangle(rectangle: &[Range<isize>; 2], h: [f64; 2], at: [usize; 2]) -> f64 {
+    let past = |a: usize| {
+        let (first, end, n) = (rectangle[a].start as f64, rectangle[a].end as f64, at[a] as f64);
+        ((first - 0.5 - n).max(n - (end - 0.5))) * h[a]
+    };
+    let [x, y] = [past(0), past(1)];
+    if x > 0.0 && y > 0.0 { libm::hypot(x, y) } else { x.max(y) }
 }
 
 /// A rectangle of pixels of the padded image.

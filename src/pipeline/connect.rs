@@ -40,7 +40,9 @@ pub(crate) fn together<'a, 'r>(
     links: &[IntervalLinks],
     contours: &'r SpillVec<'a, Contour>,
 ) -> Together<'r, 'a> {
-    let shown = OutputImage { dims: run.stack.dims, pad: run.pad, h: run.h, limit: run.settings.margin() as f64 };
+    let seen = run.window.beyond.then(|| run.window.rectangle(run.image));
+    let limit = run.settings.margin() as f64;
+    let shown = OutputImage { dims: run.stack.dims, pad: run.pad, h: run.h, limit, seen };
     let parted = links.iter().map(IntervalLinks::parted).collect();
     Together { contours, parted, shown, px: run.px, bonds: run.bonds, waiting: Vec::new(), cores: None }
 }
@@ -176,7 +178,7 @@ mod tests {
             contours.push(Contour::new(z, Field::from_fn([N; 2], field), [1.0; 2], 1.0)).expect("it stays in memory");
         }
         let inside_at = |others: &[(f64, &[usize])]| {
-            let shown = OutputImage { dims: [N; 2], pad: [0; 2], h: [1.0; 2], limit: 9.0 };
+            let shown = OutputImage { dims: [N; 2], pad: [0; 2], h: [1.0; 2], limit: 9.0, seen: None };
             let bonds = Bonds { cores: false, grounded: true };
             let (contours, parted) = (&contours, vec![Vec::new()]);
             let mut together = Together { contours, parted, shown, px: 1.0, bonds, waiting: Vec::new(), cores: None };

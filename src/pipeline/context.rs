@@ -1,6 +1,7 @@
 //! Context of a run, which every stage reads and none changes.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -20,6 +21,7 @@ use crate::report::{DeviceUse, Report, StageCost, StageReport};
 use crate::settings::Settings;
 use crate::stack::ContourStack;
 use crate::stack::heights::{Height, Heights};
+use crate::stack::window::Window;
 use crate::storage::spill::{Budget, Large, SpillVec};
 use crate::surface::Layer;
 use crate::surface::header::Header;
@@ -52,6 +54,8 @@ pub(super) struct Context<'a> {
     pub stack: &'a ContourStack,
     /// Pixels of the image.
     pub image: [usize; 2],
+    /// The window on it.
+    pub window: Window,
     pub settings: &'a Settings,
     pub backend: &'a dyn Backend,
     pub progress: &'a dyn Progress,
@@ -78,6 +82,12 @@ impl<'a> Context<'a> {
     /// Pixels of the padded image.
     pub fn padded(&self) -> [usize; 2] {
         std::array::from_fn(|a| self.stack.dims[a] + 2 * self.pad[a])
+    }
+
+    /// Columns and rows of the padded image that are the image's.
+    pub fn on_image(&self) -> [Range<usize>; 2] {
+        let part = self.window.part(self.image);
+        std::array::from_fn(|a| part[a].start + self.pad[a]..part[a].end + self.pad[a])
     }
 
     /// Bytes of a field on it.

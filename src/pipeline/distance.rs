@@ -16,21 +16,35 @@ pub(super) fn distance<'a>(run: &Context<'a>) -> Result<(SpillVec<'a, Contour>, 
     let options = ContourOptions::from(run.settings);
     let slices = &run.stack.slices;
     let (mut contours, mut reports) = (SpillVec::new(run.budget), Vec::with_capacity(slices.len()));
+    let seen = run.window.beyond.then(|| run.on_image());
+    let contour = |z: f64, phi| {
+        let mut contour = Contour::new(z, phi, h, spacing);
+        if let Some(part) = &seen {
+            contour.number_within(part);
+        }
+        contour
+    };
+    let pixels = |c: &Contour| match &seen {
+        Some([columns, rows]) => {
+            let row = |j: usize| &c.solids.labels[j * dims[0]..][columns.clone()];
+            rows.clone().flat_map(row).filter(|l| **l > 0).count()
+        }
+        None => c.solids.labels.iter().filter(|l| **l > 0).count(),
+    };
     // A slice, its field with what is made on the way, its labels.
     for some in slices.chunks(run.budget.at_once(slices.len(), 4 * run.field_bytes())) {
         let padded: Vec<PaddedSlice> =
             some.par_iter().map(|s| PaddedSlice::new(&s.content, run.stack.dims, run.pad)).collect();
         let fields = run.backend.contour_fields(&ContourRequest { slices: &padded, dims, h, options }, run.progress)?;
         drop(padded);
-        let made: Vec<Contour> =
-            fields.into_par_iter().zip(some).map(|(phi, s)| Contour::new(s.z, phi, h, spacing)).collect();
+        let made: Vec<Contour> = fields.into_par_iter().zip(some).map(|(phi, s)| contour(s.z, phi)).collect();
         reports.extend(made.iter().zip(some).map(|(c, s)| ContourReport {
             name: s.name.clone(),
             z: s.z,
             extra: s.extra,
             components: c.solids.count,
             holes: c.holes,
-            pixels: c.solids.labels.iter().filter(|l| **l > 0).count(),
+            pixels: pixels(c),
             ..ContourReport::default()
         }));
         made.into_iter().try_for_each(|contour| contours.push(contour))?;

@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::fairing::{Fairing, FairingSpec};
 use crate::registration::motion_stack::MotionStack;
 use crate::storage::spill::SpillVec;
+use crate::surface::Layer;
 
 /// Runs `make`, whose layers reach `sink` faired if that is wanted, connected where their contours overlap, with nothing that floats.
 pub(super) fn faired<'a>(
@@ -19,8 +20,15 @@ pub(super) fn faired<'a>(
     make: impl FnOnce(&mut Sink<'_>) -> Result<()>,
 ) -> Result<()> {
     let mut together = together(run, links, contours);
+    let limit = (run.settings.margin() as f64 * run.px) as f32;
+    let on_image = |mut layer: Layer| {
+        if run.window.beyond {
+            run.window.end_at_border(&mut layer.phi, run.image, run.stack.spacing, limit);
+        }
+        layer
+    };
     if run.settings.fair == 0.0 {
-        make(&mut |layer| together.push(layer, sink))?;
+        make(&mut |layer| together.push(on_image(layer), sink))?;
         return together.finish(sink);
     }
     let mut fairing = Fairing::new(FairingSpec {
@@ -36,7 +44,7 @@ pub(super) fn faired<'a>(
         steered: run.settings.steered_ends(),
         shares: fairing_shares(run, links, contours)?,
     });
-    make(&mut |layer| fairing.push(layer, &mut |layer| together.push(layer, sink)))?;
-    fairing.finish(&mut |layer| together.push(layer, sink))?;
+    make(&mut |layer| fairing.push(layer, &mut |layer| together.push(on_image(layer), sink)))?;
+    fairing.finish(&mut |layer| together.push(on_image(layer), sink))?;
     together.finish(sink)
 }

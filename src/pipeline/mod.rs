@@ -160,11 +160,12 @@ pub fn run(
     let window = Window::around(stack, samples(settings.margin(), h));
     let (on_image, settings, heights) =
         (&section.stack(stack), &section.settings(settings), &section.heights(stack, heights));
-    let stack = &window.of(on_image);
+    let stack = &window.of(whole, section.slices.clone());
     let margin = settings.margin() + if settings.slope.overshoots() { OVERSHOOT } else { 0 };
     let run = Context {
         stack,
         image: whole.dims,
+        window,
         settings,
         backend,
         progress,

@@ -4,6 +4,7 @@
 
 pub mod appearance;
 pub mod axis;
+pub(crate) mod beyond;
 pub mod change;
 pub mod doubts;
 pub mod heights;

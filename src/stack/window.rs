@@ -1,10 +1,15 @@
 //! A stack seen through a window: the box around everything that is drawn, wherever in the image it lies.
 //!
 //! A computation in the window knows nothing of the image around it: a body costs the same and comes out the same in an image of any size and
-//! wherever it is shifted to.
+//! wherever it is shifted to. Bodies that the border cuts go on beyond it for some pixels ([`beyond`]); layers end at the border again.
 
-use crate::grid::sparse_image::SparseImage;
+use std::ops::Range;
 
+use crate::grid::sparse_image::{SQUARE, SparseImage};
+use crate::grid::tile::to_rectangle;
+
+use super::beyond::beyond;
+use super::mask::MaskBits;
 use super::{ContourStack, LevelSlice, Mask, Slice, SliceContent};
 
 /// A box of pixels on a plane of which the image is a part.
@@ -14,10 +19,13 @@ pub struct Window {
     pub origin: [isize; 2],
     /// Its pixels.
     pub dims: [usize; 2],
+    /// Whether a slice goes on beyond the image.
+    pub beyond: bool,
 }
 
 impl Window {
-    /// The box around what is drawn on any slice and `around` pixels more to every side; the whole image where nothing is.
+    /// The box around what is drawn on any slice, what goes on beyond the border included, and `around` pixels more to every side; the whole image
+    /// where nothing is.
     pub fn around(stack: &ContourStack, around: [usize; 2]) -> Self {
         let [nx, ny] = stack.dims;
         let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
@@ -33,21 +41,35 @@ impl Window {
             }
         }
         if low[0] > high[0] {
-            return Window { origin: [0; 2], dims: stack.dims };
+            return Window { origin: [0; 2], dims: stack.dims, beyond: false };
+        }
+        let at_border = (0..2).any(|a| low[a] == 0 || high[a] == stack.dims[a] - 1);
+        let [mut low, mut high] = [low, high].map(|corner| corner.map(|n| n as isize));
+        let mut is_beyond = false;
+        for [i, j] in (0..stack.slices.len()).filter(|_| at_border).flat_map(|k| beyond(stack, k)) {
+            is_beyond = true;
+            low = [low[0].min(i), low[1].min(j)];
+            high = [high[0].max(i), high[1].max(j)];
         }
         Window {
-            origin: [0, 1].map(|a| low[a] as isize - around[a] as isize),
-            dims: [0, 1].map(|a| high[a] - low[a] + 1 + 2 * around[a]),
+            origin: [0, 1].map(|a| low[a] - around[a] as isize),
+            dims: [0, 1].map(|a| (high[a] - low[a]) as usize + 1 + 2 * around[a]),
+            beyond: is_beyond,
         }
     }
 
     /// Columns of the window that are columns of an image of `dims` pixels, likewise rows.
-    fn shared(&self, dims: [usize; 2]) -> [std::ops::Range<usize>; 2] {
+    pub fn part(&self, dims: [usize; 2]) -> [Range<usize>; 2] {
         [0, 1].map(|a| {
             let clamped = |n: isize| n.clamp(0, self.dims[a] as isize) as usize;
             let (start, end) = (clamped(-self.origin[a]), clamped(dims[a] as isize - self.origin[a]));
             start..end.max(start)
         })
+    }
+
+    /// Columns and rows of the whole image, counted from the window's first pixel.
+    pub fn rectangle(&self, dims: [usize; 2]) -> [Range<isize>; 2] {
+        [0, 1].map(|a| -self.origin[a]..dims[a] as isize - self.origin[a])
     }
 
     /// Place on the image of pixel `(i, j)` of the window.
@@ -56,18 +78,55 @@ impl Window {
         of(1, j) * dims[0] + of(0, i)
     }
 
-    /// The stack through the window; beyond the image is outside.
-    pub fn of(&self, stack: &ContourStack) -> ContourStack {
-        let content = |content: &SliceContent| match content {
-            SliceContent::Mask(mask) => SliceContent::Mask(self.mask(mask, stack.dims)),
+    /// These slices of a stack through the window; beyond the image is outside but for what goes on there.
+    pub fn of(&self, stack: &ContourStack, slices: Range<usize>) -> ContourStack {
+        let content = |k: usize| match &stack.slices[k].content {
+            SliceContent::Mask(mask) => SliceContent::Mask(self.going_on(self.mask(mask, stack.dims), stack, k)),
             SliceContent::Level(level) => SliceContent::Level(self.level(level, stack.dims)),
         };
-        let slices = stack.slices.iter().map(|s| Slice { name: s.name.clone(), content: content(&s.content), ..*s });
-        ContourStack { dims: self.dims, slices: slices.collect(), unit: stack.unit.clone(), ..*stack }
+        let slice = |k: usize| {
+            let own = &stack.slices[k];
+            Slice { name: own.name.clone(), content: content(k), ..*own }
+        };
+        ContourStack { dims: self.dims, slices: slices.map(slice).collect(), unit: stack.unit.clone(), ..*stack }
+    }
+
+    /// The mask of slice `slice` with what goes on beyond the border.
+    fn going_on(&self, mask: Mask, stack: &ContourStack, slice: usize) -> Mask {
+        let more = if self.beyond { beyond(stack, slice) } else { Vec::new() };
+        if more.is_empty() {
+            return mask;
+        }
+        let mut pixels = MaskBits::new(mask.len());
+        mask.iter().enumerate().filter(|(_, inside)| *inside).for_each(|(n, _)| pixels.set(n, true));
+        for at in more {
+            let [i, j] = [0, 1].map(|a| (at[a] - self.origin[a]) as usize);
+            pixels.set(j * self.dims[0] + i, true);
+        }
+        pixels.finish()
+    }
+
+    /// Ends a layer on the window at the image's border, half a pixel beyond the outermost pixels: `phi <- max(phi, R)` with the signed distance R
+    /// to that rectangle, up to `limit`. No pixel of the image changes its side.
+    pub fn end_at_border(&self, phi: &mut SparseImage<f32>, image: [usize; 2], spacing: [f64; 2], limit: f32) {
+        let image = self.rectangle(image);
+        let edge = |i: usize, j: usize| (to_rectangle(&image, spacing, [i, j]) as f32).min(limit);
+        for square in phi.each_square() {
+            let (first, size) = (square.map(|k| k * SQUARE), phi.size_of_square(square));
+            let corners = [0, 1].map(|a| [first[a], first[a] + size[a] - 1]);
+            let largest = corners[0].into_iter().flat_map(|i| corners[1].map(|j| edge(i, j))).fold(-limit, f32::max);
+            if largest <= -limit || phi.whole(square).is_some_and(|v| v >= largest) {
+                continue;
+            }
+            let values = phi.square_mut(square);
+            for (n, v) in values.iter_mut().enumerate() {
+                *v = v.max(edge(first[0] + n % SQUARE, first[1] + n / SQUARE));
+            }
+        }
     }
 
     fn mask(&self, mask: &Mask, dims: [usize; 2]) -> Mask {
-        let [columns, rows] = self.shared(dims);
+        let [columns, rows] = self.part(dims);
         let mut row = vec![false; self.dims[0]];
         let of_row = |j: usize| {
             row.fill(false);
@@ -119,6 +178,27 @@ mod tests {
     }
 
     #[test]
+    fn a_body_that_the_border_cuts_goes_on_in_the_window_and_ends_on_the_image() {
+        let (dims, spacing) = ([40, 30], [1.0, 1.0]);
+        let own = stack(dims, |i, j| i < 20 && (10..18).contains(&j), false);
+        let window = Window::around(&own, [5, 2]);
+        assert!(window.beyond && window.origin == [-9, 8] && window.dims == [34, 12], "{window:?}");
+        let seen = window.of(&own, 1..2);
+        assert_eq!((seen.slices.len(), seen.slices[0].z), (1, 1.0));
+        let sides = seen.slices[0].content.sides();
+        assert_eq!(sides.iter().filter(|inside| **inside).count(), 24 * 8);
+        let mut phi =
+            SparseImage::of(window.dims, &sides.iter().map(|s| if *s { -3.0 } else { 3.0 }).collect::<Vec<_>>());
+        window.end_at_border(&mut phi, dims, spacing, 5.0);
+        for (n, v) in phi.iter().enumerate() {
+            let [i, j] = [(n % 34) as isize - 9, (n / 34) as isize + 8];
+            let before = if (-4..20).contains(&i) && (10..18).contains(&j) { -3.0 } else { 3.0 };
+            let expected = f32::max(before, (-0.5 - i as f32).min(5.0));
+            assert_eq!(*v, expected, "({i}, {j})");
+        }
+    }
+
+    #[test]
     fn a_window_lies_around_what_is_drawn_and_gives_it_back() {
         // In the middle, and cut by the image's border.
         for (corner, level) in [([9, 5], false), ([0, 0], false), ([26, 17], true), ([9, 5], true)] {
@@ -130,7 +210,7 @@ mod tests {
             let window = Window::around(&own, [5, 2]);
             assert_eq!(window.dims, [14, 7]);
             assert_eq!(window.origin, [corner[0] as isize - 5, corner[1] as isize - 2]);
-            let seen = window.of(&own);
+            let seen = window.of(&own, 0..2);
             let phi: Vec<f32> =
                 seen.slices[0].content.sides().iter().map(|inside| if *inside { -1.0 } else { 2.0 }).collect();
             let back = window.image(&SparseImage::of(window.dims, &phi), dims, 7.0).unpack();

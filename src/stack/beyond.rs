@@ -113,7 +113,7 @@ fn strips_of_side(stack: &ContourStack, slice: usize, side: Side) -> Vec<Strip> 
         let inner = within.iter().try_fold(run.clone(), |run, line| {
             let mut hanging = line.iter().filter(|other| meets(&run, other));
             let first = hanging.next()?;
-            Some(first.start..hanging.last().unwrap_or(first).end)
+            Some(first.start..hanging.next_back().unwrap_or(first).end)
         });
         let Some(inner) = inner.filter(|inner| run.len() * CUT.1 >= inner.len() * CUT.0) else { continue };
         if !beside.iter().any(|other| meets(run, other)) {

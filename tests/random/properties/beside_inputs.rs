@@ -68,6 +68,12 @@ pub fn jumps_beside(
     Ok(sides.into_iter().map(jump).collect())
 }
 
+/// Value at pixel `n` where the border ends a body, unit of the stack: the distance to the image's nearest edge, half a pixel beyond its pixels.
+fn border(body: &Reconstruction, n: usize) -> f64 {
+    let of = |a: usize, at: usize| -(at.min(body.dims[a] - 1 - at) as f64 + 0.5) * body.spacing[a];
+    of(0, n % body.dims[0]).max(of(1, n / body.dims[0]))
+}
+
 /// Largest difference near the surface between the layer at `z` and what the layers at `z + s` and `z + 2 s` continue to, or the layer still
 /// closer but for what moves between these; px.
 fn jump_beside(body: &Reconstruction, px: f64, z: f64, s: f64) -> f64 {
@@ -78,6 +84,9 @@ fn jump_beside(body: &Reconstruction, px: f64, z: f64, s: f64) -> f64 {
     let of = |n: usize| {
         let [input, closer, one, two] = [input, closer, one, two].map(|phi| f64::from(phi[n]) / px);
         let near = input.abs() < 1.0 || closer.abs() < 1.0 || (input < 0.0) != (closer < 0.0);
+        // Where the border ends the body on some of the layers and not on others there is an edge, which is no jump.
+        let ended = [input, closer, one, two].map(|v| (v - border(body, n) / px).abs() < 1e-5);
+        let near = near && (ended == [true; 4] || ended == [false; 4]);
         let jump = ((closer - input).abs() - (two - one).abs()).max((2.0 * one - two - input).abs());
         if near { jump } else { 0.0 }
     };

@@ -1,5 +1,7 @@
 //! The same body however it lies.
 
+use std::borrow::Cow;
+
 use interslice::Settings;
 use interslice::stack::ContourStack;
 
@@ -36,15 +38,36 @@ pub const PROPERTY: Property = Property {
 
 fn check(case: &Case, source: &dyn Source) -> Checked {
     let mut n = numbers(case);
-    let mut turns = TURNS.to_vec();
+    let (mut stack, mut turns) = (Cow::Borrowed(&case.stack), TURNS.to_vec());
+    // What the border cuts is another body in a larger image: it is not shifted, or not cut.
+    if at_border(&stack) {
+        match n.whole(0, 1) {
+            0 => turns.retain(|turn| !matches!(turn, Turn::Shifted(_))),
+            _ => stack = Cow::Owned(away_from_border(&stack)),
+        }
+    }
     while turns.len() > TRIED {
         turns.remove(n.whole(0, turns.len() - 1));
     }
-    let moved = moved(&case.stack, &case.settings, source, &turns)?;
+    let moved = moved(&stack, &case.settings, source, &turns)?;
     let (worst, turn) = moved.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, TURNS[0]));
     let events = !without_events(&case.stack);
     let with = if events { "with" } else { "without" };
     within(worst, BOUNDS[usize::from(events)], || format!("another body, {turn:?}, {with} events"))
+}
+
+/// The stack mirrored both ways in an image that goes on around it.
+fn away_from_border(stack: &ContourStack) -> ContourStack {
+    let around = Turn::Shifted([2, 2]);
+    let turns = [around, Turn::MirrorX, Turn::MirrorY, around];
+    turns.iter().fold(stack.clone(), |stack, turn| turn.stack(&stack, ends(&stack)))
+}
+
+/// Whether a slice reaches the image's border.
+fn at_border(stack: &ContourStack) -> bool {
+    let [nx, ny] = stack.dims;
+    let is_border = |n: usize| n.is_multiple_of(nx) || n % nx == nx - 1 || n < nx || n / nx == ny - 1;
+    stack.slices.iter().any(|slice| (0..nx * ny).any(|n| is_border(n) && slice.content.inside(n)))
 }
 
 /// By how much the body changes near its surface, px, for each way to lie.

@@ -1,7 +1,7 @@
 //! Errors: every way to fail.
 //!
 //! A message has the name, the value, the limit and the way out. [`Error::exit_code`] tells the two kinds apart:
-//! 2 for input or settings that are wrong (found before anything is computed), 1 for work that failed.
+//! 2 for input, settings or outputs that are wrong and for too little memory (found before anything is computed), 1 for work that failed.
 
 use std::path::{Path, PathBuf};
 

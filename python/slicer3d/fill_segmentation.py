@@ -18,7 +18,7 @@ import numpy as np
 
 def fill_mask(mask: np.ndarray[Any, Any], spacing: tuple[float, float, float], **settings: Any) -> np.ndarray[Any, Any] | None:
     """A mask with axes (k, j, i) filled, or None where it has nothing to fill: painted on one slice, or on none."""
-    import interslice
+    import interslice  # docs/slicer.md says how to install it
 
     painted = (np.asarray(mask) != 0).astype(np.uint8)
     if min(np.count_nonzero(painted.any(axis=tuple(b for b in range(3) if b != axis))) for axis in range(3)) < 2:
@@ -33,7 +33,6 @@ def fill_segmentation(segmentation: Any = "Segmentation", volume: Any = None, **
     `settings` are those of `interslice.fill`, such as method="field" or end_top="extrapolate". Returns what was done with each segment.
     """
     slicer: Any = import_module("slicer")
-    install()
     node = slicer.util.getNode(segmentation) if isinstance(segmentation, str) else segmentation
     if volume is None:
         volume = node.GetNodeReference(node.GetReferenceImageGeometryReferenceRole())
@@ -58,16 +57,3 @@ def fill_segmentation(segmentation: Any = "Segmentation", volume: Any = None, **
         slicer.util.updateSegmentBinaryLabelmapFromArray(filled, node, key, volume)
         done[name] = f"{int(np.count_nonzero(filled)) - int(np.count_nonzero(mask))} voxels filled"
     return done
-
-
-def install() -> None:
-    """Install interslice where it is not there yet: Slicer 5.10 has `pip_ensure`, older ones `pip_install`."""
-    try:
-        import interslice  # noqa: F401
-    except ImportError:
-        slicer: Any = import_module("slicer")
-        packaging = getattr(slicer, "packaging", None)
-        if packaging is not None and hasattr(packaging, "pip_ensure"):
-            packaging.pip_ensure(["interslice"])
-        else:
-            slicer.util.pip_install("interslice")

@@ -175,8 +175,8 @@ fn options(line: &ManifestLine, folder: &Path, wrong: &mut Vec<String>) -> JobOp
     let (settings, of_settings) = named.claim(Settings::default(), |_| false);
     let (output, of_output) = named.claim(OutputOptions::default(), |_| false);
     links.links = links.links.map(|path| folder.join(path));
-    if let Some(Err(e)) = links.links.as_ref().map(File::open) {
-        wrong.push(format!("options: `links`: {e}"));
+    if let Some((path, Err(e))) = links.links.as_ref().map(|path| (path, File::open(path))) {
+        wrong.push(format!("options: `links`: {}: {e}", path.display()));
     }
     let output = OutputOptions { like: output.like.map(|path| folder.join(path)), ..output };
     let options = JobOptions { read, links, settings, output, settings_file: None };

@@ -9,7 +9,7 @@ use interslice::batch::{Job, Manifest, Options, Outcome, finished, index, line, 
 use interslice::storage::room;
 use interslice::{Error, Result};
 
-use super::devices::{DeviceOptions, share, tell_profile};
+use super::devices::{DeviceOptions, share};
 use super::interrupt;
 use super::say::{say, say_exactly};
 use super::session::set_threads;
@@ -141,9 +141,7 @@ pub fn run(arguments: &BatchArguments) -> Result<()> {
             tell!("wrote {}", path.display());
         }
     }
-    if let Some(profile) = shared.profile() {
-        tell_profile(&profile);
-    }
+    shared.tell_profile();
     conclude(&manifest, &outcomes, arguments.quiet)
 }
 

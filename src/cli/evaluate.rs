@@ -79,6 +79,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         let chosen = choose(&arguments.device, &notice)?;
         tell!("running on: {} ({})", chosen.backend().name(), chosen.reason);
         let score = score(arguments, &arguments.read, &input, links, chosen.backend())?;
+        chosen.tell_kernels();
         write(outputs, &score)?;
         return if arguments.json { say_exactly(&json(&score)) } else { say(&describe(&score, &input.stack.unit)) };
     };
@@ -101,6 +102,7 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         }
         scores.push(MemberScore { name: member.name, scores: scores_of, error });
     }
+    chosen.tell_kernels();
     write(outputs, &scores)?;
     if arguments.json { say_exactly(&json(&scores)) } else { Ok(()) }
 }

@@ -160,7 +160,7 @@ fn structures(arguments: &InspectArguments) -> Result<String> {
     };
     let stack = chosen.stack(&arguments.read)?;
     let links = arguments.links.read(&stack)?;
-    let text = describe(&stack, &links, chosen.steps(&stack).map(|s| s.heights))?;
+    let text = describe(&stack, &links, chosen.steps(&stack).map(|s| (s.heights, AS_PIXELS)))?;
     Ok(chosen.describe().join("\n") + "\n" + &told(stack.doubts()) + &text)
 }
 
@@ -172,17 +172,22 @@ fn contour_map(arguments: &InspectArguments) -> Result<String> {
     let links = arguments.links.read(&terrain.stack)?;
     let notes = terrain.notes.iter().map(|note| format!("note: {note}"));
     let lines: Vec<String> = terrain.description.iter().cloned().chain(notes).collect();
-    let text = describe(&terrain.stack, &links, terrain.step())?;
+    let text =
+        describe(&terrain.stack, &links, terrain.step().map(|step| (step, "an eighth of the distance of levels")))?;
     Ok(lines.join("\n") + "\n(the stack goes on 16 px beyond the border)\n" + &text)
 }
 
-/// Description of the stack, as a colleague would give it.
-fn describe(stack: &ContourStack, links: &[Link], dz: Option<f64>) -> Result<String> {
+/// Where output heights come from that nobody has asked for.
+const AS_PIXELS: &str = "as fine as the pixels";
+
+/// Description of the stack, as a colleague would give it; `step` of its output heights, and where that comes from.
+fn describe(stack: &ContourStack, links: &[Link], step: Option<(f64, &str)>) -> Result<String> {
     let mut lines = shape(stack);
-    let heights = height_grid(stack, &Settings::default(), dz);
-    let from = match (dz, stack.z_out) {
+    let heights = height_grid(stack, &Settings::default(), step.map(|(dz, _)| dz));
+    let from = match (step, stack.z_out) {
+        (Some((_, from)), _) => from,
         (None, Some(_)) => "from the input",
-        _ => "as fine as the pixels",
+        (None, None) => AS_PIXELS,
     };
     lines.push(format!(
         "output heights {} + k {}, {} of them ({from})",

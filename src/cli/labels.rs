@@ -64,6 +64,7 @@ pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOption
             );
         }
     }
+    chosen.tell_kernels();
     let written = outputs.finish(&report)?;
     if telling != Telling::Quiet {
         written.iter().for_each(|path| tell!("wrote {}", path.display()));

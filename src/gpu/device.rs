@@ -125,17 +125,19 @@ impl Device {
             None => found.iter().position(|(_, s)| s.lacks.is_none()).unwrap_or(0),
             Some(wish) => {
                 let wanted = wish.to_lowercase();
-                let by_index = wish.parse::<usize>().ok().filter(|&k| k < found.len());
-                by_index
-                    .or_else(|| found.iter().position(|(_, s)| s.name.to_lowercase().contains(&wanted)))
-                    .ok_or_else(|| {
-                        let names: Vec<_> = found.iter().map(|(_, s)| format!("{}: {}", s.index, s.name)).collect();
-                        let message = format!(
-                            "must be the number of one of this machine's adapters, or part of its name ({}); got `{wish}`",
-                            names.join(", ")
-                        );
-                        Error::Setting { name: "adapter".into(), message }
-                    })?
+                // A number is never part of a name: one too large would choose whatever has its digits in its version.
+                let at = match wish.parse::<usize>() {
+                    Ok(number) => Some(number).filter(|&k| k < found.len()),
+                    Err(_) => found.iter().position(|(_, s)| s.name.to_lowercase().contains(&wanted)),
+                };
+                at.ok_or_else(|| {
+                    let names: Vec<_> = found.iter().map(|(_, s)| format!("{}: {}", s.index, s.name)).collect();
+                    let message = format!(
+                        "must be the number of one of this machine's adapters, or part of its name ({}); got `{wish}`",
+                        names.join(", ")
+                    );
+                    Error::Setting { name: "adapter".into(), message }
+                })?
             }
         };
         let (adapter, summary) = found.swap_remove(at);

@@ -203,6 +203,7 @@ impl Input {
     /// Doubts that a person should know before the stack becomes one body.
     pub fn doubts(&self, options: &ReadOptions) -> Vec<String> {
         let mut doubts = self.notes.clone();
+        doubts.extend(self.united(options));
         doubts.extend(self.stack.doubts());
         let chosen = options.keep.is_some() || options.slices.is_some() || options.level.is_some();
         if let Some(surveyed) = self.surveyed.as_ref().filter(|_| !chosen) {
@@ -215,6 +216,18 @@ impl Input {
             doubts.extend(missed(&surveyed.survey.painted[surveyed.axis.axis], keep));
         }
         doubts
+    }
+
+    /// Words about labels that become one body although nobody has chosen them.
+    fn united(&self, options: &ReadOptions) -> Option<String> {
+        let labels = &self.surveyed.as_ref()?.survey.labels;
+        let several = labels.len() > 1 && options.label.is_none() && options.level.is_none();
+        several.then(|| {
+            format!(
+                "its {} labels become one body, their union; `labels` = all keeps them apart, `label` = NUMBER takes one",
+                labels.len()
+            )
+        })
     }
 }
 
@@ -334,7 +347,7 @@ fn cut(mut volume: Volume, options: &ReadOptions) -> Result<Input> {
     Ok(Input { stack, notes, surveyed: Some(Surveyed { volume, survey, axis, label }) })
 }
 
-/// Reads a stack: a folder with `stack.json` (or that file itself), a label volume, or ROIs of a DICOM RTSTRUCT.
+/// Reads a stack from any input that `docs/formats.md` lists: folders, volumes, RTSTRUCT, polygons, contour maps.
 ///
 /// # Errors
 /// [`Error::Read`], [`Error::Format`], [`Error::Slice`] or [`Error::Setting`], naming file, slice and value.

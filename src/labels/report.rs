@@ -89,8 +89,8 @@ impl LabelReport {
         let share = 100.0 * left / alone;
         (left < TOLD * alone).then(|| {
             format!(
-                "others leave {share:.0} % of what its slices say of the space between them: what is painted stays; \
-                 --keep-overlaps gives every label whole"
+                "others leave {share:.0} % of what its slices say of the space between them, as what is painted stays and, with `complete_slices`, slices \
+                 without it are empty; --keep-overlaps gives every label whole"
             )
         })
     }

@@ -67,7 +67,7 @@ pub fn source(features: &[Feature], asked: Option<&str>) -> Parse<ElevationSourc
         [only] => Ok(ElevationSource::Field(only.into())),
         [] if features.iter().flat_map(|f| &f.lines).any(|l| !l.z.is_empty()) => Ok(ElevationSource::Points),
         [] => Err(format!(
-            "no attribute is known to be the elevation (elev..., height, contour, level, z, ...) and points have no z; --elevation FIELD names \
+            "no attribute is known to be the elevation (elev..., height, contour, ..., level, z, ...) and points have no z; --elevation FIELD names \
              it; there are {}",
             listed()
         )),

@@ -87,8 +87,22 @@ impl ChosenDevice<'_> {
     /// Tells the profile, if that was asked.
     pub fn tell(&self, profile: &Option<Profile>) {
         profile.iter().filter(|_| self.profile).for_each(tell_profile);
+        if self.profile && profile.is_none() {
+            tell!("warning: {NO_PROFILE}");
+        }
+    }
+
+    /// Tells what the kernels of several bodies have cost, if that was asked.
+    pub fn tell_kernels(&self) {
+        let mut profile = None;
+        self.complete(&mut profile);
+        self.tell(&profile);
     }
 }
+
+/// Said where `--profile` has nothing to show.
+pub(super) const NO_PROFILE: &str =
+    "setting `profile` changes nothing: it shows what a GPU has cost, and none has computed";
 
 /// Opens what the options ask for; `notice` is told when a GPU fails on the way.
 #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU gives notice"))]

@@ -12,5 +12,4 @@ pub use self::chosen::{ChosenDevice, choose};
 pub use self::doctor::examine;
 pub use self::list::list;
 pub use self::options::DeviceOptions;
-pub use self::profile::tell_profile;
 pub use self::shared::share;

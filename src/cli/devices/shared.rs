@@ -3,11 +3,13 @@
 use interslice::batch::Machine;
 #[cfg(feature = "gpu")]
 use interslice::batch::shared_gpu::SharedGpu;
-use interslice::report::Profile;
 use interslice::storage::room;
 use interslice::{Backend, Reference, Result};
 
+use super::chosen::NO_PROFILE;
 use super::options::DeviceOptions;
+#[cfg(feature = "gpu")]
+use super::profile::tell_profile;
 #[cfg(feature = "gpu")]
 use super::search::Found;
 use super::search::find;
@@ -59,13 +61,13 @@ impl SharedDevice<'_> {
         }
     }
 
-    /// Cost of all jobs, if that was asked.
-    pub fn profile(&self) -> Option<Profile> {
+    /// Tells the cost of all jobs, if that was asked.
+    pub fn tell_profile(&self) {
         match &self.together {
-            _ if !self.profile => None,
-            Together::Reference(_) => None,
+            _ if !self.profile => {}
+            Together::Reference(_) => tell!("warning: {NO_PROFILE}"),
             #[cfg(feature = "gpu")]
-            Together::Gpu(shared) => Some(shared.profile()),
+            Together::Gpu(shared) => tell_profile(&shared.profile()),
         }
     }
 }

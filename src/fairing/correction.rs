@@ -112,9 +112,9 @@ impl Fairing<'_> {
         let beyond = [ends[0].checked_sub(NODES), Some(ends[1] + NODES)];
         let beyond = beyond.map(|end| end.and_then(|end| Some((&self.node(end)?.phi, self.offsets(k, end)))));
         let t = (k - ends[0]) as f64 / NODES as f64;
-        let (first, last) = (i == 0, i + 1 == self.nodes.intervals());
-        let at_first = if first && self.spec.steered[0] { smoothstep(t) } else { 1.0 };
-        let at_last = if last && self.spec.steered[1] { smoothstep(1.0 - t) } else { 1.0 };
+        let [steered_low, steered_high] = self.nodes.closing(i, self.spec.steered);
+        let at_first = if steered_low { smoothstep(t) } else { 1.0 };
+        let at_last = if steered_high { smoothstep(1.0 - t) } else { 1.0 };
         let alpha = (at_first * at_last * self.spec.alpha) as f32;
         let (w, bound, nx) = (smoothstep(t) as f32, self.bound(), self.spec.dims[0]);
         let nowhere = |square: [usize; 2]| squares.is_far(square).then_some([0.0]);

@@ -58,6 +58,8 @@ pub struct FairingSpec<'m> {
     pub moving: Option<(&'m MotionStack<'m>, [usize; 2])>,
     /// Heights of the contours, increasing.
     pub contours: Vec<f64>,
+    /// Which of them are not empty.
+    pub drawn: Vec<bool>,
     /// The first and last of the intervals whose layers come.
     pub layers: Range<usize>,
     /// Pixels of a layer.
@@ -102,7 +104,7 @@ pub struct Fairing<'m> {
 impl<'m> Fairing<'m> {
     /// Nothing yet.
     pub fn new(spec: FairingSpec<'m>) -> Self {
-        let (nodes, start) = (Nodes::new(spec.contours.clone()), spec.layers.start);
+        let (nodes, start) = (Nodes::new(spec.contours.clone(), &spec.drawn), spec.layers.start);
         let side = spec.spacing[0].max(spec.spacing[1]);
         let averaged: Vec<Range<usize>> = (0..nodes.intervals()).map(|i| nodes.averaged(i)).collect();
         let mut lowest: Vec<usize> = averaged.iter().map(|nodes| nodes.start).collect();

@@ -10,7 +10,8 @@
 //! ```
 //!
 //! The weights add up to 1 and the mean of a line is the line, however uneven the nodes. Reflected in an end contour e, nodes carry
-//! `2 v_e - v_j`: there the mean is v_e itself.
+//! `2 v_e - v_j`: there the mean is v_e itself. A contour beside an empty slice is such an end: how a body closes there has no say in what lies on
+//! the other side, which would swell (a ball's next layers by a fifth of their area).
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -32,17 +33,42 @@ pub struct Nodes {
     contours: Vec<f64>,
     /// Heights of all nodes, increasing.
     heights: Vec<f64>,
+    /// Per interval whether both of its contours are drawn.
+    open: Vec<bool>,
+}
+
+/// The nodes between two ends, in which means are reflected.
+struct Run<'n>(&'n [f64]);
+
+impl Run<'_> {
+    fn last(&self) -> isize {
+        self.0.len() as isize - 1
+    }
+
+    /// Height of node `m` of the run, of a reflected one where there is none; the last of those once more beyond them.
+    fn height(&self, m: isize) -> f64 {
+        let (last, of) = (self.last(), |m: isize| self.0[m as usize]);
+        let (low, high) = (of(0), of(last));
+        match m {
+            _ if m < -last => self.height(-last) - (high - low),
+            _ if m < 0 => 2.0 * low - of(-m),
+            _ if m <= last => of(m),
+            _ if m <= 2 * last => 2.0 * high - of(2 * last - m),
+            _ => self.height(2 * last) + (high - low),
+        }
+    }
 }
 
 impl Nodes {
-    /// The nodes of contours at increasing heights, two at least.
-    pub fn new(contours: Vec<f64>) -> Self {
+    /// The nodes of contours at increasing heights, two at least; `drawn` says which are not empty.
+    pub fn new(contours: Vec<f64>, drawn: &[bool]) -> Self {
         let of = |w: &[f64]| {
             let ends = [w[0], w[1]];
             std::iter::once(ends[0]).chain(NODE_TIMES.map(|t| at_time(ends, t)))
         };
         let heights = contours.windows(2).flat_map(of).chain(contours.last().copied()).collect();
-        Nodes { contours, heights }
+        let open = drawn.windows(2).map(|pair| pair[0] && pair[1]).collect();
+        Nodes { contours, heights, open }
     }
 
     /// Intervals between the contours.
@@ -72,50 +98,58 @@ impl Nodes {
 
     /// Weights of the nodes in the mean at node `k`.
     pub fn weights(&self, k: usize) -> Vec<(usize, f64)> {
+        let Some((first, run)) = self.run(k) else { return vec![(k, 1.0)] };
         let z = self.heights[k];
         let width = self.width(z);
         let curve = |x: f64| width * antiderivative(x / width);
         let mut weights = BTreeMap::<usize, f64>::new();
-        let mut add = |node: usize, w: f64| *weights.entry(node).or_default() += w;
-        let last = self.last() as isize;
-        let n = k as isize;
+        let mut add = |node: isize, w: f64| *weights.entry(first + node as usize).or_default() += w;
+        let (last, n) = (run.last(), (k - first) as isize);
         let reaches = |m: isize, beside: isize| {
-            let near = (self.beyond(beside) - z).abs() < END * width;
+            let near = (run.height(beside) - z).abs() < END * width;
             m.abs_diff(n) <= 1 || near
         };
         // Of the node itself, then upwards and downwards as far as the hat of a node, whose foot is the node before, meets the spline.
         let upwards = (n..=2 * last).take_while(|&m| reaches(m, m - 1));
         let downwards = (-last..n).rev().take_while(|&m| reaches(m, m + 1));
         for m in upwards.chain(downwards) {
-            let [below, here, above] = [m - 1, m, m + 1].map(|m| self.beyond(m) - z);
+            let [below, here, above] = [m - 1, m, m + 1].map(|m| run.height(m) - z);
             let rise = |a: f64, b: f64| (curve(b) - curve(a)) / (b - a);
             let w = rise(here, above) - rise(below, here);
             match m {
                 _ if m < 0 => {
                     add(0, 2.0 * w);
-                    add(m.unsigned_abs(), -w);
+                    add(-m, -w);
                 }
                 _ if m > last => {
-                    add(last as usize, 2.0 * w);
-                    add((2 * last - m) as usize, -w);
+                    add(last, 2.0 * w);
+                    add(2 * last - m, -w);
                 }
-                _ => add(m as usize, w),
+                _ => add(m, w),
             }
         }
         weights.into_iter().filter(|(_, w)| w.abs() > LEAST).collect()
     }
 
-    /// Height of node `m`, of a reflected one where there is none; the last of those once more beyond them.
-    fn beyond(&self, m: isize) -> f64 {
-        let (last, of) = (self.last() as isize, |m: isize| self.heights[m as usize]);
-        let (low, high) = (self.heights[0], self.heights[self.last()]);
-        match m {
-            _ if m < -last => self.beyond(-last) - (high - low),
-            _ if m < 0 => 2.0 * low - of(-m),
-            _ if m <= last => of(m),
-            _ if m <= 2 * last => 2.0 * high - of(2 * last - m),
-            _ => self.beyond(2 * last) + (high - low),
+    /// Whether the slopes at the contours of interval `i` are ones that a closing body asks for: of those beside an empty slice; at the stack's own ends
+    /// `steered` says it.
+    pub fn closing(&self, i: usize, steered: [bool; 2]) -> [bool; 2] {
+        let beyond = |k: Option<&bool>, steered: bool| k.map_or(steered, |open| !open);
+        [beyond(i.checked_sub(1).and_then(|k| self.open.get(k)), steered[0]), beyond(self.open.get(i + 1), steered[1])]
+    }
+
+    /// The number of the first node between the ends around node `k`, and all of these; `None` at an end that is not the stack's own, and in an interval
+    /// without a contour.
+    fn run(&self, k: usize) -> Option<(usize, Run<'_>)> {
+        let below = k.div_ceil(NODES).checked_sub(1);
+        let above = (k / NODES < self.intervals()).then_some(k / NODES);
+        if below.into_iter().chain(above).any(|i| !self.open[i]) {
+            return None;
         }
+        let i = above.or(below)?;
+        let low = self.open[..i].iter().rposition(|open| !open).map_or(0, |closed| closed + 1);
+        let high = self.open[i..].iter().position(|open| !open).map_or(self.intervals(), |closed| i + closed);
+        Some((NODES * low, Run(&self.heights[NODES * low..=NODES * high])))
     }
 
     /// Distance of the spline's knots: at a contour by the mean of the gaps next to it, between them a smooth step, so that what follows is C1.
@@ -126,12 +160,13 @@ impl Nodes {
         2.0 * SIGMA * ((1.0 - w) * self.gap_at(i) + w * self.gap_at(i + 1))
     }
 
-    /// The mean of the gaps next to a contour.
+    /// The mean of the gaps next to a contour, at an end the one there is.
     fn gap_at(&self, i: usize) -> f64 {
-        let (c, last) = (&self.contours, self.intervals());
-        let below = if i > 0 { c[i] - c[i - 1] } else { c[1] - c[0] };
-        let above = if i < last { c[i + 1] - c[i] } else { c[last] - c[last - 1] };
-        0.5 * (below + above)
+        let gap = |k: usize| self.contours[k + 1] - self.contours[k];
+        let below = i.checked_sub(1).filter(|k| self.open[*k]).map(gap);
+        let above = (i < self.intervals() && self.open[i]).then(|| gap(i));
+        let (one, other) = (below.or(above), above.or(below));
+        0.5 * (one.unwrap_or(1.0) + other.unwrap_or(1.0))
     }
 
     /// Nodes that the means of interval `i`, contours included, are taken from.
@@ -193,8 +228,13 @@ fn antiderivative(y: f64) -> f64 {
 mod tests {
     use super::*;
 
+    fn all(contours: Vec<f64>) -> Nodes {
+        let drawn = vec![true; contours.len()];
+        Nodes::new(contours, &drawn)
+    }
+
     fn uneven() -> Nodes {
-        Nodes::new(vec![0.0, 10.0, 21.0, 30.0, 42.0, 51.0, 52.0, 60.0])
+        all(vec![0.0, 10.0, 21.0, 30.0, 42.0, 51.0, 52.0, 60.0])
     }
 
     /// The mean at node `k` by the midpoint rule: straight lines through the nodes, reflected in the ends, under the B-spline.
@@ -242,7 +282,7 @@ mod tests {
 
     #[test]
     fn equal_gaps_have_these_weights() {
-        let nodes = Nodes::new((0..8).map(|i| f64::from(i) * 3.0).collect());
+        let nodes = all((0..8).map(|i| f64::from(i) * 3.0).collect());
         let weights: BTreeMap<usize, f64> = nodes.weights(14).into_iter().collect();
         for (away, w) in [0.2725, 0.2210, 0.1098, 0.0308, 0.0022].into_iter().enumerate() {
             assert!(
@@ -253,9 +293,32 @@ mod tests {
     }
 
     #[test]
+    fn beside_an_empty_slice_a_stack_ends() {
+        let whole = [0.0, 10.0, 21.0, 30.0, 42.0, 51.0, 52.0, 60.0];
+        // Slice 3 is empty: below and above it two stacks of their own.
+        let nodes = Nodes::new(whole.to_vec(), &[true, true, true, false, true, true, true, true]);
+        for (first, count) in [(0, 3), (4, 4)] {
+            let own = all(whole[first..first + count].to_vec());
+            for k in 0..=own.last() {
+                let [found, expected] = [nodes.weights(k + NODES * first), own.weights(k)];
+                assert_eq!(found.len(), expected.len(), "node {k} from contour {first} on");
+                for ((m, w), (n, v)) in found.into_iter().zip(expected) {
+                    assert!(m == n + NODES * first && (w - v).abs() < 1e-12, "node {k} from contour {first} on");
+                }
+            }
+        }
+        for k in NODES * 2..=NODES * 4 {
+            assert_eq!(nodes.weights(k), vec![(k, 1.0)]);
+        }
+        let closing: Vec<[bool; 2]> = (0..7).map(|i| nodes.closing(i, [false, true])).collect();
+        let [none, high, low] = [[false; 2], [false, true], [true, false]];
+        assert_eq!(closing, [none, high, high, low, low, none, high]);
+    }
+
+    #[test]
     fn upside_down_the_weights_are_the_same() {
         let nodes = uneven();
-        let turned = Nodes::new(nodes.contours.iter().rev().map(|z| 60.0 - z).collect());
+        let turned = all(nodes.contours.iter().rev().map(|z| 60.0 - z).collect());
         let same = |own: Vec<(usize, f64)>, turned: Vec<(usize, f64)>| {
             let mirrored = turned.into_iter().rev().map(|(m, w)| (nodes.last() - m, w));
             own.len() == mirrored.len() && own.iter().zip(mirrored).all(|(a, b)| a.0 == b.0 && (a.1 - b.1).abs() < 1e-9)
@@ -275,7 +338,7 @@ mod tests {
             let known = nodes.known(i);
             let low = known.start.saturating_sub(2);
             // With two intervals more the gaps that widths depend on are the same.
-            let part = Nodes::new(nodes.contours[low..(known.end + 3).min(nodes.contours.len())].to_vec());
+            let part = all(nodes.contours[low..(known.end + 3).min(nodes.contours.len())].to_vec());
             for k in NODES * i..=NODES * (i + 1) {
                 let own = part.weights(k - NODES * low).into_iter().map(|(m, w)| (m + NODES * low, w));
                 assert_eq!(nodes.weights(k), own.collect::<Vec<_>>(), "node {k}");

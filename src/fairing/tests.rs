@@ -11,10 +11,12 @@ fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, V
 /// The same between ends whose slopes are steered or not.
 fn faired_between(steered: [bool; 2], contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, Vec<f32>)> {
     let gaps: Vec<f64> = contours.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let nodes = Nodes::new(contours.to_vec());
+    let drawn = vec![true; contours.len()];
+    let nodes = Nodes::new(contours.to_vec(), &drawn);
     let mut fairing = Fairing::new(FairingSpec {
         moving: None,
         contours: contours.to_vec(),
+        drawn,
         layers: 0..gaps.len(),
         dims: DIMS,
         spacing: [1.0; 2],

@@ -34,6 +34,7 @@ pub(super) fn faired<'a>(
     let mut fairing = Fairing::new(FairingSpec {
         moving: moving.map(|moving| (moving, run.pad)),
         contours: run.stack.slices.iter().map(|s| s.z).collect(),
+        drawn: run.stack.slices.iter().map(|s| !s.content.is_empty()).collect(),
         dims: run.stack.dims,
         spacing: run.stack.spacing,
         layers: run.span.layers.clone(),

@@ -22,7 +22,7 @@ use crate::pipeline::matching::LonePlan;
 use crate::pipeline::section::NEIGHBOURS;
 use crate::reference::displacement::ROUNDS;
 use crate::registration::displacement::{Displacement, DisplacementJob};
-use crate::registration::lone_parts::{LEAST_DEPTH, LoneParts, drawn_in};
+use crate::registration::lone_parts::{Beside, LEAST_DEPTH, LoneParts, drawn_in, paraboloid};
 use crate::registration::motion_stack::MotionStack;
 use crate::report::Report;
 use crate::settings::Motion;
@@ -39,7 +39,7 @@ pub(super) fn moving_frame<'a>(
     report: &mut Report,
 ) -> Result<MotionStack<'a>> {
     stage(run, report, "motion", contours.len() - 1, |report| {
-        let fields = filled_fields(run, contours)?;
+        let fields = filled_fields(run, contours, false)?;
         let z: Vec<f64> = (0..contours.len()).map(|i| contours.light(i).z).collect();
         let displacements = match run.settings.motion {
             Motion::Field => {
@@ -50,12 +50,32 @@ pub(super) fn moving_frame<'a>(
             Motion::None => run.spilled((1..z.len()).map(|_| Displacement::zero(run.padded())))?,
         };
         run.progress.advance(z.len() - 1);
-        MotionStack::new(z, run.span.gaps.clone(), run.px, run.span.change.relief, fields, displacements, run.budget)
+        let drawn: Vec<bool> = (0..z.len()).map(|i| contours.light(i).solids.count > 0).collect();
+        let fields = if drawn.contains(&false) {
+            drop(fields);
+            filled_fields(run, contours, true)?
+        } else {
+            fields
+        };
+        MotionStack::new(
+            z,
+            run.span.gaps.clone(),
+            run.px,
+            run.span.change.relief,
+            fields,
+            displacements,
+            &drawn,
+            run.budget,
+        )
     })
 }
 
 /// Distances of all slices; an empty one reads as its nearest contours drawn in.
-fn filled_fields<'a>(run: &Context<'a>, contours: &SpillVec<'a, Contour>) -> Result<SpillVec<'a, Field>> {
+fn filled_fields<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    falling: bool,
+) -> Result<SpillVec<'a, Field>> {
     let mut fields = SpillVec::new(run.budget);
     let full = |i: &usize| contours.light(*i).solids.count > 0;
     for i in 0..contours.len() {
@@ -63,8 +83,24 @@ fn filled_fields<'a>(run: &Context<'a>, contours: &SpillVec<'a, Contour>) -> Res
             contours.some(i, Contour::FIELD)?.phi.clone()
         } else {
             let nearest = [(0..i).rev().find(full), (i + 1..contours.len()).find(full)];
-            let nearest =
-                nearest.into_iter().flatten().map(|k| contours.some(k, Contour::FIELD)).collect::<Result<Vec<_>>>()?;
+            let beside = |k: usize| {
+                let contour = contours.some(k, Contour::FIELD)?;
+                let before = if k < i { k.checked_sub(1) } else { Some(k + 1).filter(|b| *b < contours.len()) };
+                let before = before.filter(|b| falling && full(b));
+                let area = |contour: &Contour| {
+                    contour.phi.data.iter().filter(|v| **v < 0.0).count() as f64 * run.h[0] * run.h[1]
+                };
+                let z = |k: usize| contours.light(k).z;
+                let falls = match before {
+                    Some(b) => paraboloid(
+                        [area(&contour), area(&*contours.some(b, Contour::FIELD)?)],
+                        [z(i) - z(k), z(k) - z(b)].map(f64::abs),
+                    ),
+                    None => 0.0,
+                };
+                Ok(Beside { contour, falls })
+            };
+            let nearest = nearest.into_iter().flatten().map(beside).collect::<Result<Vec<_>>>()?;
             drawn_in(&nearest, run.padded())
         })?;
     }

@@ -88,7 +88,7 @@ impl Section {
         let beyond = |r: &Range<usize>, by: usize| r.start.saturating_sub(by)..(r.end + by).min(count);
         let mut layers = kept.clone();
         if settings.fair > 0.0 {
-            let nodes = Nodes::new(z.clone());
+            let nodes = Nodes::new(z.clone(), &vec![true; z.len()]);
             let known = kept.clone().map(|i| nodes.known(i));
             layers = known.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or(layers);
         }

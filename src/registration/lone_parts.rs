@@ -1,5 +1,6 @@
 //! Parts of a slice that have no partner on the other one, and what an empty slice reads as.
 
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::DVec2;
@@ -38,17 +39,43 @@ pub fn closing(parts: &[&Cap], x: DVec2, a: f64, t: f64) -> Option<f64> {
     parts.iter().filter_map(value).reduce(f64::min)
 }
 
-/// An empty slice reads as the nearest contour beyond this many times its inradius.
+/// An empty slice reads as the nearest contour drawn in by this many times its inradius where no other contour says how the body falls, and by so many
+/// at least where one does.
 const EMPTY_DEPTHS: f64 = 2.0;
+/// See [`EMPTY_DEPTHS`].
+const LEAST_DEPTHS: f64 = 1.1;
 
-/// Field that an empty slice reads as: its nearest contours drawn in by twice their inradius.
-pub fn drawn_in(nearest: &[Arc<Contour>], dims: [usize; 2]) -> Field {
-    let beyond = |contour: &Arc<Contour>| {
+/// A contour beside an empty slice.
+pub struct Beside {
+    /// The contour.
+    pub contour: Arc<Contour>,
+    /// What it is drawn in by there, see [`paraboloid`], px; 0 where nothing is known.
+    pub falls: f64,
+}
+
+/// Field that an empty slice reads as: its nearest contours drawn in.
+pub fn drawn_in(nearest: &[Beside], dims: [usize; 2]) -> Field {
+    let beyond = |Beside { contour, falls }: &Beside| {
         let phi = &contour.phi;
         let depth = -phi.data.iter().copied().fold(0.0, f64::min);
-        Field { dims: phi.dims, data: phi.data.iter().map(|v| v + EMPTY_DEPTHS * depth).collect() }
+        let by = if *falls > 0.0 { falls.max(LEAST_DEPTHS * depth) } else { EMPTY_DEPTHS * depth };
+        Field { dims: phi.dims, data: phi.data.iter().map(|v| v + by).collect() }
     };
     let nearer =
         |a: Field, b: Field| Field { dims: a.dims, data: a.data.iter().zip(&b.data).map(|(x, y)| x.min(*y)).collect() };
     nearest.iter().map(beyond).reduce(nearer).unwrap_or_else(|| Field::filled(dims, 1e3))
+}
+
+/// Length that a body is drawn in by over a gap beyond its last contour, as its areas A there and B on the contour before say, whose radius falls by
+/// `sqrt(B/pi) - sqrt(A/pi)` over the gap before: so far that its slope at the last contour is that of a paraboloid, of which areas are linear in the
+/// height, `q = (1 + sqrt(B/A)) / 2` times the mean slope before it. The slope of [`value_curve`](super::value_curve) is this for the secants 1 and x,
+/// `x / (1 + x) + (1 + x) / 4 = q`. 0 where nothing falls.
+pub fn paraboloid([last, before]: [f64; 2], [gap, gap_before]: [f64; 2]) -> f64 {
+    if last <= 0.0 || before <= last {
+        return 0.0;
+    }
+    let fall = ((before / PI).sqrt() - (last / PI).sqrt()) / gap_before;
+    let more = 0.5 * (1.0 + (before / last).sqrt()) - 1.0;
+    let x = 2.0 * (more + (more * more + 1.0).sqrt()) - 1.0;
+    x * fall * gap
 }

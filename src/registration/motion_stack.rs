@@ -37,6 +37,7 @@ impl<'b> MotionStack<'b> {
         relief: f64,
         fields: SpillVec<'b, Field>,
         displacements: SpillVec<'b, Displacement>,
+        drawn: &[bool],
         budget: &'b Budget,
     ) -> Result<Self> {
         let (mut at_slices, mut rates) = (SpillVec::new(budget), SpillVec::<Displacement>::new(budget));
@@ -49,6 +50,12 @@ impl<'b> MotionStack<'b> {
             };
             let beside = |v: &Option<Arc<[Displacement; 2]>>, i: usize| v.as_deref().map(|v| (v.clone(), gaps[i]));
             let (low, high) = (beside(&below, i.saturating_sub(1)), beside(&above, i.min(gaps.len() - 1)));
+            // Nothing moves onto an empty slice.
+            let (low, high) = match [i > 0 && drawn[i - 1], i + 1 < drawn.len() && drawn[i + 1]] {
+                [true, false] => (low, None),
+                [false, true] => (None, high),
+                _ => (low, high),
+            };
             rates.push(rate(low.as_ref().map(|(v, h)| (v, *h)), high.as_ref().map(|(v, h)| (v, *h))))?;
             if let Some(k) = i.checked_sub(1) {
                 through.push(through_middle(&*displacements.get(k)?, gaps[k], [&*rates.get(k)?, &*rates.get(i)?]))?;

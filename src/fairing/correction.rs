@@ -1,7 +1,5 @@
 //! What a node moves by: its difference `K v - v` less what the contours of its interval would move by, read along the trajectories.
 
-use std::sync::Arc;
-
 use glam::DVec2;
 use rayon::prelude::*;
 
@@ -14,9 +12,6 @@ use crate::grid::sparse_image::SparseImage;
 use crate::grid::spline::smoothstep;
 use crate::registration::displacement::{Displacement, Resting};
 use crate::stack::heights::NODES;
-
-/// Distances of a node, and where the trajectories of another one read them.
-type Seen<'n> = (&'n Arc<SparseImage<f32>>, Option<Displacement>);
 
 impl Fairing<'_> {
     /// Offsets of the trajectories from node `k` to node `l` in the blocks near its surface, px of the image; `None` where they stand still.
@@ -112,9 +107,9 @@ impl Fairing<'_> {
         let beyond = [ends[0].checked_sub(NODES), Some(ends[1] + NODES)];
         let beyond = beyond.map(|end| end.and_then(|end| Some((&self.node(end)?.phi, self.offsets(k, end)))));
         let t = (k - ends[0]) as f64 / NODES as f64;
-        let [steered_low, steered_high] = self.nodes.closing(i, self.spec.steered);
-        let at_first = if steered_low { smoothstep(t) } else { 1.0 };
-        let at_last = if steered_high { smoothstep(1.0 - t) } else { 1.0 };
+        let (first, last) = (i == 0, i + 1 == self.nodes.intervals());
+        let at_first = if first && self.spec.steered[0] { smoothstep(t) } else { 1.0 };
+        let at_last = if last && self.spec.steered[1] { smoothstep(1.0 - t) } else { 1.0 };
         let alpha = (at_first * at_last * self.spec.alpha) as f32;
         let (w, bound, nx) = (smoothstep(t) as f32, self.bound(), self.spec.dims[0]);
         let nowhere = |square: [usize; 2]| squares.is_far(square).then_some([0.0]);
@@ -123,8 +118,8 @@ impl Fairing<'_> {
         let [correction] = SparseImage::of_stretches(self.spec.dims, nowhere, |[left, first], width, [rows]| {
             let [mut own, mut slope, mut here, mut own_d] = [const { Vec::new() }; 4];
             [&mut own, &mut slope, &mut here, &mut own_d].into_iter().for_each(|line| line.resize(width, 0.0));
-            // Both contours' differences and distances along the trajectories, and their distances straight along z.
-            let mut there: [Vec<f32>; 6] = Default::default();
+            // Both contours' differences and distances along the trajectories, their distances straight along z, and those of the contours beyond.
+            let mut there: [Vec<f32>; 8] = Default::default();
             for (j, out) in (first..).zip(rows.chunks_exact_mut(width)) {
                 v.read(left, j, &mut own);
                 gradient.read(left, j, &mut slope);
@@ -135,7 +130,7 @@ impl Fairing<'_> {
                         there.clear();
                         there.resize(pixels.len(), 0.0);
                     });
-                    let [low_d, high_d, low_along, high_along, low_straight, high_straight] = &mut there;
+                    let [low_d, high_d, low_along, high_along, low_straight, high_straight, below, above] = &mut there;
                     add(at_low, 1.0, offsets[0].as_ref(), j, begin, low_d);
                     add(at_high, 1.0, offsets[1].as_ref(), j, begin, high_d);
                     add(&low.phi, 1.0, offsets[0].as_ref(), j, begin, low_along);
@@ -145,16 +140,29 @@ impl Fairing<'_> {
                         high.phi.read(begin, j, high_straight);
                         node.phi.read(begin, j, &mut here[pixels.clone()]);
                     }
-                    let on = |p: usize| goes_on([low_along[p], high_along[p]], self.spec.farthest);
-                    let mut share: Vec<f32> = (0..pixels.len()).map(on).collect();
-                    if share.iter().any(|share| *share < 1.0) {
-                        let own = [&*low_along, &*high_along];
-                        self.tips(&mut share, own, &beyond, [begin, j]);
+                    for (there, beyond) in [&mut *below, &mut *above].into_iter().zip(&beyond) {
+                        if let Some((phi, offsets)) = beyond {
+                            add(phi, 1.0, offsets.as_ref(), j, begin, there);
+                        }
                     }
+                    let on = |a: f32, b: f32| goes_on([a, b], self.spec.farthest);
                     for (p, n) in pixels.enumerate() {
-                        let alpha = alpha * shares.map_or(1.0, |s| s[j * nx + left + n]);
-                        let alpha = alpha * share[p];
-                        let rise = alpha * (own_d[n] - (1.0 - w) * low_d[p] - w * high_d[p]);
+                        let [low, high] = [low_along[p], high_along[p]];
+                        // Whether the surface goes on to the contours beyond. Where it closes there its slope at the contour stays, and how it closes has no
+                        // say: a tip would swell the layers on the other side. A stack's ends are no tips.
+                        let on_below = if beyond[0].is_some() { on(low, below[p]) } else { 1.0 };
+                        let on_above = if beyond[1].is_some() { on(high, above[p]) } else { 1.0 };
+                        let mut share = on(low, high);
+                        // A surface that ends in an interval still goes on if it does so from its contour to the other side: it is the tip of a body.
+                        if low.abs() < high.abs() && beyond[0].is_some() {
+                            share = share.max(on_below);
+                        } else if high.abs() < low.abs() && beyond[1].is_some() {
+                            share = share.max(on_above);
+                        }
+                        let alpha = alpha * shares.map_or(1.0, |s| s[j * nx + left + n]) * share;
+                        let ramps = (on_below + (1.0 - on_below) * w) * (on_above + (1.0 - on_above) * (1.0 - w));
+                        let rise =
+                            alpha * ramps * (own_d[n] - on_below * (1.0 - w) * low_d[p] - on_above * w * high_d[p]);
                         let c = slope[n] * rise * nearness(own[n].abs() / bound) as f32;
                         let ranges = [[low_along[p], high_along[p]], [low_straight[p], high_straight[p]]];
                         out[n] = if self.spec.limited { limited(c, here[n], ranges, side) } else { c };
@@ -163,23 +171,5 @@ impl Fairing<'_> {
             }
         });
         Some(correction)
-    }
-
-    /// Tips: a surface that ends in an interval still goes on if it does so from its contour to the other side: it is the tip of a body. `share` says
-    /// how far it goes on within the interval, `own` are the distances of the interval's contours, `beyond` those on their other sides; of pixels
-    /// from `first` on.
-    fn tips(&self, share: &mut [f32], own: [&Vec<f32>; 2], beyond: &[Option<Seen<'_>>; 2], first: [usize; 2]) {
-        let farthest = self.spec.farthest;
-        for (side, beyond) in beyond.iter().enumerate() {
-            let Some((phi, offsets)) = beyond else { continue };
-            let mut there = vec![0.0; share.len()];
-            add(phi, 1.0, offsets.as_ref(), first[1], first[0], &mut there);
-            for (p, share) in share.iter_mut().enumerate() {
-                let [here, other] = [own[side][p], own[1 - side][p]];
-                if here.abs() < other.abs() {
-                    *share = share.max(goes_on([here, there[p]], farthest));
-                }
-            }
-        }
     }
 }

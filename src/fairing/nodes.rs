@@ -131,13 +131,6 @@ impl Nodes {
         weights.into_iter().filter(|(_, w)| w.abs() > LEAST).collect()
     }
 
-    /// Whether the slopes at the contours of interval `i` are ones that a closing body asks for: of those beside an empty slice; at the stack's own ends
-    /// `steered` says it.
-    pub fn closing(&self, i: usize, steered: [bool; 2]) -> [bool; 2] {
-        let beyond = |k: Option<&bool>, steered: bool| k.map_or(steered, |open| !open);
-        [beyond(i.checked_sub(1).and_then(|k| self.open.get(k)), steered[0]), beyond(self.open.get(i + 1), steered[1])]
-    }
-
     /// The number of the first node between the ends around node `k`, and all of these; `None` at an end that is not the stack's own, and in an interval
     /// without a contour.
     fn run(&self, k: usize) -> Option<(usize, Run<'_>)> {
@@ -310,9 +303,6 @@ mod tests {
         for k in NODES * 2..=NODES * 4 {
             assert_eq!(nodes.weights(k), vec![(k, 1.0)]);
         }
-        let closing: Vec<[bool; 2]> = (0..7).map(|i| nodes.closing(i, [false, true])).collect();
-        let [none, high, low] = [[false; 2], [false, true], [true, false]];
-        assert_eq!(closing, [none, high, high, low, low, none, high]);
     }
 
     #[test]

@@ -60,6 +60,15 @@ impl LevelSlice {
         &self.near
     }
 
+    /// Value of pixel `node`: the one that is kept, else the largest with the side's sign.
+    pub(super) fn value(&self, node: usize) -> f32 {
+        match self.near.binary_search_by_key(&node, |(n, _)| *n) {
+            Ok(k) => self.near[k].1,
+            Err(_) if self.sides.at(node) => -self.largest,
+            Err(_) => self.largest,
+        }
+    }
+
     /// A value for every pixel: those that are kept, else the largest with the side's sign.
     pub fn values(&self) -> Vec<f32> {
         let mut values: Vec<f32> =

@@ -3,6 +3,7 @@
 //! A computation in the window knows nothing of the image around it: a body costs the same and comes out the same in an image of any size and
 //! wherever it is shifted to. Bodies that the border cuts go on beyond it for some pixels ([`beyond`]); layers end at the border again.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use crate::grid::sparse_image::{SQUARE, SparseImage};
@@ -46,7 +47,8 @@ impl Window {
         let at_border = (0..2).any(|a| low[a] == 0 || high[a] == stack.dims[a] - 1);
         let [mut low, mut high] = [low, high].map(|corner| corner.map(|n| n as isize));
         let mut is_beyond = false;
-        for [i, j] in (0..stack.slices.len()).filter(|_| at_border).flat_map(|k| beyond(stack, k)) {
+        let more = (0..stack.slices.len()).filter(|_| at_border).flat_map(|k| beyond(stack, k));
+        for ([i, j], _) in more.filter(|(_, v)| *v < 0.0) {
             is_beyond = true;
             low = [low[0].min(i), low[1].min(j)];
             high = [high[0].max(i), high[1].max(j)];
@@ -80,29 +82,37 @@ impl Window {
 
     /// These slices of a stack through the window; beyond the image is outside but for what goes on there.
     pub fn of(&self, stack: &ContourStack, slices: Range<usize>) -> ContourStack {
-        let content = |k: usize| match &stack.slices[k].content {
-            SliceContent::Mask(mask) => SliceContent::Mask(self.going_on(self.mask(mask, stack.dims), stack, k)),
-            SliceContent::Level(level) => SliceContent::Level(self.level(level, stack.dims)),
-        };
         let slice = |k: usize| {
             let own = &stack.slices[k];
-            Slice { name: own.name.clone(), content: content(k), ..*own }
+            let more = if self.beyond { self.going_on(stack, k) } else { BTreeMap::new() };
+            let content = match &own.content {
+                SliceContent::Mask(mask) => SliceContent::Mask(self.with(self.mask(mask, stack.dims), &more)),
+                SliceContent::Level(level) => SliceContent::Level(self.level(level, stack.dims, more)),
+            };
+            Slice { name: own.name.clone(), content, ..*own }
         };
         ContourStack { dims: self.dims, slices: slices.map(slice).collect(), unit: stack.unit.clone(), ..*stack }
     }
 
-    /// The mask of slice `slice` with what goes on beyond the border.
-    fn going_on(&self, mask: Mask, stack: &ContourStack, slice: usize) -> Mask {
-        let more = if self.beyond { beyond(stack, slice) } else { Vec::new() };
+    /// Values beyond the border where slice `slice` goes on.
+    fn going_on(&self, stack: &ContourStack, slice: usize) -> BTreeMap<usize, f32> {
+        let mut values = BTreeMap::new();
+        for (at, v) in beyond(stack, slice) {
+            let [i, j] = [0, 1].map(|a| (at[a] - self.origin[a]) as usize);
+            let least: &mut f32 = values.entry(j * self.dims[0] + i).or_insert(v);
+            *least = least.min(v);
+        }
+        values
+    }
+
+    /// A mask on the window and the pixels on which it goes on.
+    fn with(&self, mask: Mask, more: &BTreeMap<usize, f32>) -> Mask {
         if more.is_empty() {
             return mask;
         }
         let mut pixels = MaskBits::new(mask.len());
         mask.iter().enumerate().filter(|(_, inside)| *inside).for_each(|(n, _)| pixels.set(n, true));
-        for at in more {
-            let [i, j] = [0, 1].map(|a| (at[a] - self.origin[a]) as usize);
-            pixels.set(j * self.dims[0] + i, true);
-        }
+        more.iter().filter(|(_, v)| **v < 0.0).for_each(|(n, _)| pixels.set(*n, true));
         pixels.finish()
     }
 
@@ -138,13 +148,24 @@ impl Window {
         (0..self.dims[1]).flat_map(of_row).collect()
     }
 
-    fn level(&self, level: &LevelSlice, dims: [usize; 2]) -> LevelSlice {
+    fn level(&self, level: &LevelSlice, dims: [usize; 2], more: BTreeMap<usize, f32>) -> LevelSlice {
         let near = level.near().iter().filter_map(|&(n, v)| {
             let at: [isize; 2] = [(n % dims[0]) as isize - self.origin[0], (n / dims[0]) as isize - self.origin[1]];
             let within = (0..2).all(|a| (0..self.dims[a] as isize).contains(&at[a]));
             within.then(|| (at[1] as usize * self.dims[0] + at[0] as usize, v))
         });
-        level.with(self.mask(level.sides(), dims), near.collect())
+        let sides = self.with(self.mask(level.sides(), dims), &more);
+        if more.is_empty() {
+            return level.with(sides, near.collect());
+        }
+        let largest = level.largest();
+        let mut values: BTreeMap<usize, f32> = more.into_iter().map(|(n, v)| (n, v.clamp(-largest, largest))).collect();
+        values.extend(near);
+        let nx = self.dims[0];
+        // All that is inside lies well within the window.
+        let is_near = |n: usize| [n - 1, n + 1, n - nx, n + nx].iter().any(|m| sides.at(*m) != sides.at(n));
+        let near = values.into_iter().filter(|(n, _)| is_near(*n)).collect();
+        level.with(sides, near)
     }
 
     /// A layer on the image from one on the window; `outside` is what lies around.
@@ -196,6 +217,36 @@ mod tests {
             let expected = f32::max(before, (-0.5 - i as f32).min(5.0));
             assert_eq!(*v, expected, "({i}, {j})");
         }
+    }
+
+    #[test]
+    fn a_level_set_that_the_border_cuts_goes_on_straight_in_the_window() {
+        // A bar that turns as it leaves the image.
+        let value = |x: f64, y: f64| (3.0 * (8.3 + 0.4 * x - y)).max(0.7 * (y - 17.6 + 0.15 * x)).max(x - 20.2);
+        let values: Vec<f32> = (0..40 * 30).map(|n| value((n % 40) as f64, (n / 40) as f64) as f32).collect();
+        let mut own = stack([40, 30], |_, _| false, true);
+        own.slices.iter_mut().for_each(|s| s.content = SliceContent::Level(LevelSlice::new(&values, 40)));
+        let window = Window::around(&own, [5, 2]);
+        assert!(window.beyond && window.origin == [-9, 5], "{window:?}");
+        let seen = window.of(&own, 0..1);
+        let SliceContent::Level(seen) = &seen.slices[0].content else { panic!("a level set stays one") };
+        let nx = window.dims[0];
+        let side = |n: usize| seen.sides().at(n);
+        let is_near = |n: usize| [n - 1, n + 1, n - nx, n + nx].iter().any(|m| side(*m) != side(n));
+        let inner = (nx..seen.sides().len() - nx).filter(|n| is_near(*n));
+        for n in inner {
+            let [x, y] = [(n % nx) as f64 - 9.0, (n / nx) as f64 + 5.0];
+            assert_eq!(side(n), x > -4.5 && value(x, y) < 0.0, "({x}, {y})");
+            let kept = seen.near().iter().find(|(m, _)| *m == n);
+            // Where what goes on ends there are no values but the sides.
+            let Some((_, v)) = kept else {
+                assert!(x < -4.5, "({x}, {y}) has no value");
+                continue;
+            };
+            let expected = value(x, y).clamp(-f64::from(seen.largest()), f64::from(seen.largest()));
+            assert!((f64::from(*v) - expected).abs() < 1e-4, "({x}, {y}): {v}, not {expected}");
+        }
+        assert!(seen.near().iter().all(|(n, v)| side(*n) == (*v < 0.0) && is_near(*n)));
     }
 
     #[test]

@@ -262,3 +262,64 @@ fn a_label_of_which_others_leave_nothing_is_told() {
         assert_eq!([of(1), of(2)], [told, false], "{said}");
     }
 }
+
+/// The seed of five that is nearest, of which label `l + 1` is painted on every `every[l]`-th slice from `from[l]` on: labels that touch everywhere.
+fn cells() -> Vec<u8> {
+    let [nx, ny, nz] = SIZES;
+    let seeds = [[12.0, 10.0, 8.0], [30.0, 40.0, 20.0], [50.0, 12.0, 24.0], [34.0, 22.0, 4.0], [16.0, 30.0, 28.0]];
+    let (from, every) = ([0, 1, 2, 0, 1], [4, 3, 6, 5, 4]);
+    let of = |n: usize| {
+        let at = [n % nx, n / nx % ny, n / (nx * ny)].map(|v| v as f64);
+        // Borders wind.
+        let at =
+            [at[0] + 5.0 * (0.4 * at[1] + 0.3 * at[2]).sin(), at[1] + 5.0 * (0.5 * at[0] - 0.4 * at[2]).sin(), at[2]];
+        let square = |seed: &[f64; 3]| (0..3).map(|k| (seed[k] - at[k]).powi(2) * [1.0, 1.0, 0.3][k]).sum::<f64>();
+        let nearest = (0..5).min_by(|&a, &b| square(&seeds[a]).total_cmp(&square(&seeds[b]))).unwrap_or(0);
+        let k = n / (nx * ny);
+        if k >= from[nearest] && (k - from[nearest]).is_multiple_of(every[nearest]) { nearest as u8 + 1 } else { 0 }
+    };
+    (0..nx * ny * nz).map(of).collect()
+}
+
+/// Voxels of labels in pieces, also over edges and corners, that have no painted one.
+fn floating(labels: &[u8], voxels: &[u8]) -> usize {
+    let [nx, ny, nz] = SIZES;
+    let mut held: Vec<bool> = labels.iter().zip(voxels).map(|(l, painted)| *painted > 0 && l == painted).collect();
+    let mut open: Vec<usize> = (0..held.len()).filter(|&n| held[n]).collect();
+    while let Some(n) = open.pop() {
+        let [i, j, k] = [n % nx, n / nx % ny, n / (nx * ny)];
+        for m in (0..27).map(|m| [i + m % 3, j + m / 3 % 3, k + m / 9]) {
+            let [x, y, z] = m.map(|v| v.wrapping_sub(1));
+            if x >= nx || y >= ny || z >= nz {
+                continue;
+            }
+            let m = x + nx * (y + ny * z);
+            if !held[m] && labels[m] == labels[n] {
+                held[m] = true;
+                open.push(m);
+            }
+        }
+    }
+    (0..held.len()).filter(|&n| labels[n] > 0 && !held[n]).count()
+}
+
+#[test]
+fn p12_no_piece_of_a_label_floats_be_it_on_slices_of_others() {
+    let place = folder();
+    let [input, output, report] = ["in.nrrd", "out.npy", "r.json"].map(|name| place.path().join(name));
+    let voxels = cells();
+    write(&input, &voxels);
+    let made = ["reconstruct", text(&input), "--labels", "all", "--axis", "z", "--backend", "cpu"];
+    let made = interslice(&[&made[..], &["-o", text(&output), "-o", text(&report)]].concat());
+    assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
+    let file = fs::read(&output).expect("it was written");
+    let labels = &file[file.len() - voxels.len()..];
+    assert!(voxels.iter().zip(labels).all(|(painted, l)| *painted == 0 || painted == l), "what is painted stays");
+    assert_eq!(floating(labels, &voxels), 0, "voxels that touch no slice of their label");
+    let report: serde_json::Value =
+        serde_json::from_slice(&fs::read(&report).expect("it was written")).expect("it is JSON");
+    let pixels = report["borders"]["floating_pixels"].as_u64();
+    assert!(pixels.is_some_and(|pixels| pixels > 0), "nothing is tested: {pixels:?}");
+    let pieces = report["labels"].as_array().expect("labels").iter().map(|l| l["run"]["body"]["floating"].as_u64());
+    assert!(pieces.eq([Some(0); 5]));
+}

@@ -53,6 +53,7 @@ pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOption
         new.for_each(|w| tell!("warning: {w}"));
         for label in &report.labels {
             label.run.warnings.iter().for_each(|w| tell!("warning: label {}: {w}", label.label));
+            label.run.broken.iter().for_each(|b| tell!("warning: label {}: does not hold: {b}", label.label));
         }
         if let Some(b) = &report.borders {
             tell!(

@@ -2,12 +2,13 @@
 //!
 //! Alone a label hangs together with its slices ([`crate::connectivity::grounded`]). Where others take what holds a corner of it, the corner is left
 //! in the air: a part of a layer that hangs together with none of the label's slices, though it did alone. It gets the label that most of its
-//! pixels' edges in the layer lead to, so that all labels together stay what they are, and none where it touches no other. Drawn slices stay as they are.
+//! pixels' edges in the layer lead to, so that all labels together stay what they are, and none where it touches no other.
+//!
+//! A slice stays as it is for the labels that are known on it. Others are interpolated across it, and float on it as anywhere.
 
 use super::decide::Rank;
 use super::kept::{KeptBody, LayerPatch};
-use crate::connectivity::grounded::grounded;
-use crate::connectivity::runs::{Runs, Side};
+use crate::connectivity::runs::{DisjointSets, Runs, Side};
 use crate::error::Result;
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
@@ -19,8 +20,8 @@ const ROUNDS: usize = 8;
 pub(super) struct DecidedStep {
     /// Height.
     pub z: f64,
-    /// Whether a slice is drawn here.
-    pub drawn: bool,
+    /// For each label whether it is known here, on a drawn slice: nothing of it comes or goes.
+    pub known: Vec<bool>,
 }
 
 /// Labels whose layers were decided, step by step.
@@ -32,15 +33,40 @@ pub(super) struct FloatingPieces<'c> {
     pub ranks: &'c [Rank],
 }
 
+/// What was found of the pieces in the air.
+pub(super) struct GivenAway {
+    /// Pixels that went to other labels, or to none.
+    pub pixels: u64,
+    /// For each label that was looked at how many pieces of it touch no slice of it in the end.
+    pub floating: Vec<Option<usize>>,
+}
+
+/// What floats of a label.
+struct InTheAir {
+    /// Parts of its layers that did not float alone: the step, and the pixels.
+    parts: Vec<(usize, Vec<[usize; 2]>)>,
+    /// Pieces of the body, these and those that floated from the start.
+    pieces: usize,
+}
+
 impl FloatingPieces<'_> {
-    /// Gives away what floats of the labels that are `changed`, `alone` as they were before; how many pixels that are.
-    pub fn give_away(&self, changed: &mut [bool], alone: &mut [KeptBody], decided: &mut [KeptBody]) -> Result<u64> {
-        let (mut all, mut open) = (0, changed.to_vec());
-        for _ in 0..ROUNDS {
+    /// Gives away what floats of the labels that are `changed`, `alone` as they were before.
+    pub fn give_away(
+        &self,
+        changed: &mut [bool],
+        alone: &mut [KeptBody],
+        decided: &mut [KeptBody],
+    ) -> Result<GivenAway> {
+        let mut given = GivenAway { pixels: 0, floating: vec![None; changed.len()] };
+        let mut open = changed.to_vec();
+        // After the last round what floats is only counted.
+        for round in 0..=ROUNDS {
             let mut taken = vec![false; changed.len()];
             for a in (0..changed.len()).filter(|&a| open[a]) {
-                for (k, pixels) in self.floating(&mut alone[a], &mut decided[a])? {
-                    all += pixels.len() as u64;
+                let InTheAir { parts, pieces } = self.floating(a, &mut alone[a], &mut decided[a])?;
+                given.floating[a] = Some(pieces);
+                for (k, pixels) in parts.into_iter().filter(|_| round < ROUNDS) {
+                    given.pixels += pixels.len() as u64;
                     taken[a] = true;
                     if let Some(b) = self.pass_on(a, k, &pixels, decided)? {
                         (taken[b], changed[b]) = (true, true);
@@ -52,11 +78,11 @@ impl FloatingPieces<'_> {
                 break;
             }
         }
-        Ok(all)
+        Ok(given)
     }
 
-    /// Parts of a label's layers that float and did not: the step, and the pixels.
-    fn floating(&self, alone: &mut KeptBody, decided: &mut KeptBody) -> Result<Vec<(usize, Vec<[usize; 2]>)>> {
+    /// What floats of label `a`.
+    fn floating(&self, a: usize, alone: &mut KeptBody, decided: &mut KeptBody) -> Result<InTheAir> {
         let tiles = alone.tiles().chain(decided.tiles()).filter(|tile| !tile.is_empty());
         let tile = tiles.reduce(Tile::joined).unwrap_or(Tile { origin: [0; 2], dims: [1; 2] });
         let (mut before, mut after) = (Vec::new(), Vec::new());
@@ -64,20 +90,20 @@ impl FloatingPieces<'_> {
             before.push(runs(tile, &alone.at(step.z, self.same)?.unwrap_or_default()));
             after.push(runs(tile, &decided.patch(k)?));
         }
-        let contours: Vec<usize> = (0..self.steps.len()).filter(|&k| decided.contour_of(k).is_some()).collect();
-        let [held, holds] = [&before, &after].map(|layers| held_of(tile, layers, &contours));
-        let mut out = Vec::new();
-        for (k, runs) in after.iter().enumerate().filter(|(k, _)| !self.steps[*k].drawn) {
+        let contour: Vec<bool> = (0..self.steps.len()).map(|k| decided.contour_of(k).is_some()).collect();
+        let [(held, _), (holds, pieces)] = [&before, &after].map(|layers| held_of(layers, &contour));
+        let mut parts = Vec::new();
+        for (k, runs) in after.iter().enumerate().filter(|(k, _)| !self.steps[*k].known[a]) {
             let mut stays = holds[k].clone();
             // What was in the air from the start was let be.
             runs.meeting(&before[k], |part, old| stays[part] |= !held[k][old]);
             for part in (0..runs.count).filter(|&part| !stays[part]) {
                 let pixels = runs.all().filter(|run| run.2 == part);
                 let [x, y] = tile.origin;
-                out.push((k, pixels.flat_map(|(j, run, _)| run.map(move |i| [x + i, y + j])).collect()));
+                parts.push((k, pixels.flat_map(|(j, run, _)| run.map(move |i| [x + i, y + j])).collect()));
             }
         }
-        Ok(out)
+        Ok(InTheAir { parts, pieces })
     }
 
     /// Gives pixels of label `a` on layer `k` to the label that most of their edges lead to; returns that label.
@@ -96,7 +122,7 @@ impl FloatingPieces<'_> {
         }
         let covers = |b: usize| pixels.iter().all(|&at| patches[b].at(at).is_some());
         let taker = (0..patches.len())
-            .filter(|&b| b != a && edges[b] > 0 && covers(b))
+            .filter(|&b| b != a && edges[b] > 0 && covers(b) && !self.steps[k].known[b])
             .max_by(|&b, &c| edges[b].cmp(&edges[c]).then_with(|| self.ranks[c].cmp(&self.ranks[b])));
         for &at in pixels {
             let depth = patches[a].at(at).unwrap_or_default().abs().max(f32::MIN_POSITIVE);
@@ -122,27 +148,25 @@ fn runs(tile: Tile, patch: &LayerPatch) -> Runs {
     Runs::new(&SparseImage::of(tile.dims, &phi), Side::Inside)
 }
 
-/// Which parts of the layers hang together with a layer that is a contour.
-fn held_of(tile: Tile, layers: &[Runs], contours: &[usize]) -> Vec<Vec<bool>> {
-    let nothing = || runs(tile, &LayerPatch::default());
-    let mut held: Vec<Vec<bool>> = layers.iter().map(|runs| vec![true; runs.count]).collect();
-    let ends = contours.iter().map(|&k| Some(k));
-    let starts = std::iter::once(None).chain(ends.clone());
-    for (start, end) in starts.zip(ends.chain(std::iter::once(None))) {
-        // From contour to contour; beyond the first and the last no ground is in the distance.
-        let (low, high) = (start.unwrap_or(0), end.map_or(layers.len(), |k| k + 1));
-        let before = start.is_none().then(nothing);
-        let behind = end.is_none().then(nothing);
-        let stretch: Vec<Runs> = before.iter().chain(&layers[low..high]).chain(&behind).cloned().collect();
-        let stays = grounded(&stretch, None, tile.dims[0], Side::Inside);
-        let inner = stays.into_iter().skip(usize::from(start.is_none())).take(high - low);
-        for (k, stays) in (low..high).zip(inner) {
-            if !contours.contains(&k) {
-                held[k] = stays;
-            }
+/// Which parts of the layers hang together with a layer that is a contour, and how many pieces do not.
+fn held_of(layers: &[Runs], contour: &[bool]) -> (Vec<Vec<bool>>, usize) {
+    let mut first = vec![0];
+    layers.iter().for_each(|runs| first.push(first[first.len() - 1] + runs.count));
+    // The last thing is the ground.
+    let all = first[layers.len()];
+    let mut joined = DisjointSets::new(all + 1);
+    for (k, runs) in layers.iter().enumerate() {
+        if contour[k] {
+            (0..runs.count).for_each(|part| joined.join(first[k] + part, all));
+        }
+        if let Some(above) = layers.get(k + 1) {
+            runs.meeting(above, |a, b| joined.join(first[k] + a, first[k + 1] + b));
         }
     }
-    held
+    let ground = joined.root(all);
+    let pieces = (0..all).filter(|&part| joined.root(part) == part && part != ground).count();
+    let of = |(k, runs): (usize, &Runs)| (0..runs.count).map(|part| joined.root(first[k] + part) == ground).collect();
+    (layers.iter().enumerate().map(of).collect(), pieces)
 }
 
 #[cfg(test)]
@@ -164,6 +188,11 @@ mod tests {
             body.push(&layer, &LayerPatch { origin: [0; 2], dims: [N; 2], phi })?;
         }
         Ok(body)
+    }
+
+    /// The outer ones of three steps are drawn slices of every label.
+    fn steps() -> [DecidedStep; 3] {
+        [0, 1, 2].map(|k| DecidedStep { z: f64::from(k), known: vec![k != 1; 2] })
     }
 
     /// Pixels inside on the middle layer.
@@ -188,11 +217,12 @@ mod tests {
             body(|k, at| column(at) || k == 1 && (within(at) || lone(at) || rim(at)))?,
             body(|k, at| block(at) && !(k == 1 && within(at)))?,
         ];
-        let steps = [0, 1, 2].map(|k| DecidedStep { z: f64::from(k), drawn: k != 1 });
+        let steps = steps();
         let ranks = [(Reverse(9), 0), (Reverse(25), 52)];
         let pieces = FloatingPieces { dims: [N; 2], steps: &steps, same: 1e-6, ranks: &ranks };
         let mut changed = [true, false];
-        assert_eq!(pieces.give_away(&mut changed, &mut alone, &mut decided)?, 4);
+        let given = pieces.give_away(&mut changed, &mut alone, &mut decided)?;
+        assert_eq!((given.pixels, &given.floating[..]), (4, &[Some(0); 2][..]));
         assert_eq!(changed, [true, true]);
         let all = || (0..N * N).map(|n| [n % N, n / N]);
         assert_eq!(middle(&mut decided[0])?, all().filter(|at| column(*at)).collect::<Vec<_>>());
@@ -205,10 +235,34 @@ mod tests {
         let column = |[i, j]: [usize; 2]| i < 3 && j < 3;
         let of = || body(|k, at| column(at) || k == 1 && at == [8, 8]);
         let (mut alone, mut decided) = ([of()?], [of()?]);
-        let steps = [0, 1, 2].map(|k| DecidedStep { z: f64::from(k), drawn: k != 1 });
+        let steps = steps();
         let pieces = FloatingPieces { dims: [N; 2], steps: &steps, same: 1e-6, ranks: &[(Reverse(9), 0)] };
-        assert_eq!(pieces.give_away(&mut [true], &mut alone, &mut decided)?, 0);
+        let given = pieces.give_away(&mut [true], &mut alone, &mut decided)?;
+        assert_eq!((given.pixels, given.floating), (0, vec![Some(1)]), "and it is counted");
         assert!(middle(&mut decided[0])?.contains(&[8, 8]));
+        Ok(())
+    }
+
+    #[test]
+    fn a_piece_on_a_slice_of_others_floats_too_and_goes_to_none_that_is_known_there() -> Result<()> {
+        let column = |[i, j]: [usize; 2]| i < 3 && j < 3;
+        let beside = |at: [usize; 2]| at == [6, 6];
+        // What is left of a bridge by two labels, of which one is painted on the middle layer.
+        let bridge = |[_, j]: [usize; 2]| j < 7;
+        let block = |[i, j]: [usize; 2]| (4..9).contains(&i) && (7..11).contains(&j);
+        let of = |k: usize, at: [usize; 2]| column(at) || k == 1 && beside(at);
+        for known in [true, false] {
+            let mut alone = [body(|k, at| if k == 1 { bridge(at) } else { column(at) })?, body(|_, at| block(at))?];
+            let mut decided = [body(of)?, body(|_, at| block(at))?];
+            let mut steps = steps();
+            steps[1].known = vec![false, known];
+            let ranks = [(Reverse(9), 0), (Reverse(20), 88)];
+            let pieces = FloatingPieces { dims: [N; 2], steps: &steps, same: 1e-6, ranks: &ranks };
+            let given = pieces.give_away(&mut [true, false], &mut alone, &mut decided)?;
+            assert_eq!((given.pixels, given.floating[0]), (1, Some(0)));
+            assert!(!middle(&mut decided[0])?.contains(&[6, 6]));
+            assert_eq!(middle(&mut decided[1])?.contains(&[6, 6]), !known, "{known}");
+        }
         Ok(())
     }
 }

@@ -219,11 +219,18 @@ pub fn decide(
         let message = format!("label {}: {} drawn pixels differ", stack.labels[a], decided.differing[a]);
         return Err(Error::Numerics { stage: "labels", message });
     }
+    let known = |step: &Step| stack.given.iter().map(|given| step.slice.is_some_and(|k| given.knows(k))).collect();
     let decided_steps: Vec<DecidedStep> =
-        steps.all.iter().map(|step| DecidedStep { z: step.z, drawn: step.slice.is_some() }).collect();
+        steps.all.iter().map(|step| DecidedStep { z: step.z, known: known(step) }).collect();
     let floating = FloatingPieces { dims, steps: &decided_steps, same, ranks: &ranks };
-    decided.borders.floating_pixels =
-        floating.give_away(&mut decided.changed, &mut bodies.alone, &mut decided.bodies)?;
+    let given = floating.give_away(&mut decided.changed, &mut bodies.alone, &mut decided.bodies)?;
+    decided.borders.floating_pixels = given.pixels;
+    for (body, pieces) in decided.bodies.iter_mut().zip(given.floating) {
+        if let Some(pieces) = pieces {
+            body.report.body.floating = pieces;
+            body.report.judge();
+        }
+    }
     for (k, step) in steps.all.iter().enumerate().filter(|(_, step)| step.output) {
         let mut labels = vec![0.0; dims[0] * dims[1]];
         for (a, body) in decided.bodies.iter_mut().enumerate() {

@@ -74,7 +74,7 @@ pub struct LabelReport {
     /// Area of the body over its height.
     #[serde(default)]
     pub areas: Option<AreaProfile>,
-    /// Its own run, before anything was decided.
+    /// Its own run, before anything was decided; but `body.floating` counts the pieces of the label that is written, and `broken` says so.
     pub run: Report,
 }
 

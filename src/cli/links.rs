@@ -8,6 +8,17 @@ use interslice::settings::Link;
 use interslice::stack::Slice;
 use interslice::{ContourStack, Settings};
 
+/// Parts, pairs and candidates between two slices that are listed, of each kind; of more their number is told.
+const LISTED: usize = 24;
+
+/// The first [`LISTED`] of them, and how many more there are.
+fn listed(all: &[String]) -> String {
+    match all.len().saturating_sub(LISTED) {
+        0 => all.join(" "),
+        more => format!("{} and {more} more", all[..LISTED].join(" ")),
+    }
+}
+
 /// Lines about what lies between slice `k`, whose parts are `low`, and the next: overlaps where it is more than one part on one part, parts
 /// without partner, links, and candidates for more.
 pub fn between(stack: &ContourStack, k: usize, low: &Components, high: &Components, links: &[Link]) -> Vec<String> {
@@ -20,7 +31,7 @@ pub fn between(stack: &ContourStack, k: usize, low: &Components, high: &Componen
     let mut lines = Vec::new();
     if !partners.is_empty() {
         let text: Vec<String> = partners.iter().map(|(a, b)| format!("{a}-{b}")).collect();
-        lines.push(format!("    parts that overlap: {}", text.join(" ")));
+        lines.push(format!("    parts that overlap: {}", listed(&text)));
     }
     for link in &links {
         let what = if link.join { "linked" } else { "kept apart" };
@@ -33,7 +44,7 @@ pub fn between(stack: &ContourStack, k: usize, low: &Components, high: &Componen
     let h = stack.spacing.map(|s| s / stack.spacing[0].max(stack.spacing[1]));
     let of = |solids| parts(solids, stack.dims, h);
     let found = candidates(&of(low), &of(high), &apart, &partners, stack.dims, h);
-    lines.extend(found.iter().map(|c| proposal(k, c)));
+    lines.extend(proposals(k, found));
     lines
 }
 
@@ -54,11 +65,22 @@ fn without_partner(
         .map(|(parts, place, slice)| {
             format!(
                 "    no partner {place}, ends before it unless its motion leads to one: {} of `{}`",
-                parts.join(" "),
+                listed(&parts),
                 slice.name
             )
         })
         .collect()
+}
+
+/// Lines about candidates: where there are many, about those first that are enough for `--link auto`.
+fn proposals(k: usize, mut found: Vec<Candidate>) -> Vec<String> {
+    let more = found.len().saturating_sub(LISTED);
+    if more > 0 {
+        found.sort_by_key(|c| !c.convinces(Settings::default().link_reach));
+        found.truncate(LISTED);
+    }
+    let told = (more > 0).then(|| format!("    and {more} more pairs that might be linked"));
+    found.iter().map(|c| proposal(k, c)).chain(told).collect()
 }
 
 /// A candidate with its entry for a links file.

@@ -42,6 +42,7 @@ use crate::pipeline::compose::differing_pixels;
 pub use crate::pipeline::context::{Bonds, LAYER_BYTES_ON_A_GPU};
 use crate::pipeline::section::Section;
 use crate::report::clock::Clocks;
+use crate::report::warnings::gathered;
 use crate::report::{BodyEnd, Report, StageCost};
 use crate::settings::{Method, Settings};
 use crate::stack::ContourStack;
@@ -249,6 +250,7 @@ pub fn run(
         BodyEnd::Top => section.kept.end + 1 == whole.slices.len(),
     });
     report.closing = run.closing.into_inner().unwrap_or_default().into_iter().collect();
+    report.warnings = gathered(std::mem::take(&mut report.warnings));
     report.judge();
     complete_costs(&mut report, begun.and_then(|begun| begun.cost("rest", &clocks, backend)), output);
     Ok(Reconstruction {

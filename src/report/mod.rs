@@ -8,6 +8,7 @@ pub mod interval;
 pub mod profile;
 pub mod provenance;
 pub mod verdict;
+pub(crate) mod warnings;
 
 use serde::{Deserialize, Serialize};
 
@@ -71,7 +72,8 @@ pub struct Report {
     /// Intervals, counted from 0, in which a part ends: how far from its contour depends on all slices of the stack, a little.
     #[serde(skip)]
     pub closing: Vec<usize>,
-    /// Warnings to a person: parts that do not shrink at an extrapolated end, fronts that stopped short.
+    /// Warnings to a person: parts that do not shrink at an extrapolated end, fronts that stopped short. Many of one kind are one: their number and
+    /// the first three places.
     pub warnings: Vec<String>,
 }
 

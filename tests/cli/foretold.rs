@@ -27,6 +27,44 @@ fn inspect_reads_like_a_summary() {
     }
 }
 
+/// A grey volume that is nothing but noise, three slices of it, in `folder`.
+fn noise(folder: &std::path::Path) -> String {
+    let (n, mut state) = (96, 1u32);
+    let value = |_| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    };
+    let voxels: Vec<u8> = (0..n * n * 3).map(value).collect();
+    let path = folder.join("noise.nrrd");
+    fs::write(&path, nrrd("spacings: 1 1 3\nencoding: raw", "uint8", [n, n, 3], &voxels))
+        .expect("a file can be written");
+    path.display().to_string()
+}
+
+#[test]
+fn of_what_meets_nothing_and_of_warnings_alike_the_first_are_told_and_how_many_more() {
+    let place = folder();
+    let input = noise(place.path());
+    let inspected = interslice(&["inspect", &input, "--axis", "z", "--level", "150"]);
+    assert_eq!(inspected.status.code(), Some(0), "{}", stderr(&inspected));
+    let text = String::from_utf8_lossy(&inspected.stdout).into_owned();
+    assert_eq!(text.matches("perhaps {").count(), 2 * 24, "{text}");
+    let more = |of: &str| text.lines().filter(|line| line.contains(of) && line.contains(" more")).count();
+    assert_eq!(more("parts that overlap") + more("no partner above") + more("no partner below"), 6, "{text}");
+    assert_eq!(more("pairs that might be linked"), 2, "{text}");
+    assert!(text.len() < 16_000, "{} bytes", text.len());
+    let report = place.path().join("r.json").display().to_string();
+    let made = ["reconstruct", &input, "--axis", "z", "--level", "150", "--backend", "cpu", "--report", &report];
+    let made = interslice(&made);
+    assert_eq!(made.status.code(), Some(0), "{}", stderr(&made));
+    let told: Vec<String> =
+        stderr(&made).lines().filter(|line| line.contains(" vanished at t = ")).map(Into::into).collect();
+    assert!((1..=4).contains(&told.len()) && told.iter().any(|line| line.contains(" times: the ")), "{told:?}");
+    let report: Value = serde_json::from_slice(&fs::read(&report).expect("it was written")).expect("it is JSON");
+    let kept = report["warnings"].as_array().expect("warnings").iter().filter_map(Value::as_str);
+    assert!(kept.filter(|w| w.contains(" vanished at t = ")).eq(told.iter().map(|w| &w["warning: ".len()..])));
+}
+
 #[test]
 fn a_dry_run_says_what_a_run_does_and_does_nothing() {
     let place = folder();

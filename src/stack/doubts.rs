@@ -1,6 +1,6 @@
 //! Doubts about an input: what is probably not meant, said in words before the work.
 
-use super::{ContourStack, SliceContent};
+use super::{ContourStack, Slice, SliceContent};
 
 /// A slice with less than this share of its neighbours' area is doubted: no section between two others of an organ is so small.
 const STRAY: f64 = 0.05;
@@ -75,6 +75,26 @@ fn interleaved(sections: &[SliceArea]) -> Option<String> {
     })
 }
 
+/// Places of empty slices, one by itself, between two painted ones of which some pixel lies over the other's, as `overlap` says.
+fn blanks(sections: &[SliceArea], overlap: impl Fn(usize, usize) -> bool) -> Vec<usize> {
+    let beside = |k: usize| sections[k - 1].area > 0 && sections[k + 1].area > 0 && overlap(k - 1, k + 1);
+    (1..sections.len().max(1) - 1).filter(|&k| sections[k].area == 0 && beside(k)).collect()
+}
+
+/// Words about the empty slices at `places`, of which `name` tells what they are called.
+fn blank(places: &[usize], name: impl Fn(usize) -> String) -> Option<String> {
+    let listed: Vec<String> = places.iter().take(NAMED).map(|&k| name(k)).collect();
+    let more = places.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    let (are, was) = if places.len() == 1 { ("is", "Was it") } else { ("are", "Were they") };
+    (!listed.is_empty()).then(|| {
+        format!(
+            "{}{more} {are} empty between slices that are painted one over the other, so that the body is not there. {was} left unpainted? Leave such a slice out",
+            listed.join(", ")
+        )
+    })
+}
+
 impl ContourStack {
     /// Doubts about slices that look painted by mistake, or left empty, and about the pixels' sides.
     pub fn doubts(&self) -> Vec<String> {
@@ -88,7 +108,8 @@ impl ContourStack {
         let overlap =
             |k: usize, beside: usize| sides(k).into_iter().zip(sides(beside)).any(|(own, other)| own && other);
         let name = |k: usize| format!("slice `{}`", self.slices[k].name);
-        let slices = stray(&strays(&sections, overlap), &sections, name).into_iter().chain(interleaved(&sections));
+        let empty = interleaved(&sections).or_else(|| blank(&blanks(&sections, overlap), name));
+        let slices = stray(&strays(&sections, overlap), &sections, name).into_iter().chain(empty);
         slices.chain(self.long_pixels()).collect()
     }
 
@@ -103,21 +124,27 @@ impl ContourStack {
         })
     }
 
-    /// Doubt about grey slices, of which what is above the level is inside: whether it is the body, where nearly all of the images' border is.
+    /// Doubt whether what is inside is the body, where nearly all of the images' border is: above the level of grey slices, or on every mask that is
+    /// not empty, unless all are wholly inside.
     pub fn inside_out(&self) -> Option<String> {
         let [nx, ny] = self.dims;
-        let on_border = |n: usize| n < nx || n >= nx * (ny - 1) || n.is_multiple_of(nx) || (n + 1).is_multiple_of(nx);
-        let (mut inside, mut all) = (0usize, 0usize);
-        for slice in &self.slices {
-            let SliceContent::Level(level) = &slice.content else { return None };
-            for (_, side) in level.sides().iter().enumerate().filter(|(n, _)| on_border(*n)) {
-                inside += usize::from(side);
-                all += 1;
-            }
+        let edges = (0..nx * ny).step_by(nx.max(1)).flat_map(|row| [row, row + nx - 1]);
+        let border: Vec<usize> = (0..nx).chain(nx * ny.saturating_sub(1)..nx * ny).chain(edges).collect();
+        let inside = |slice: &Slice| border.iter().filter(|n| slice.content.inside(**n)).count();
+        let nearly = |inside: usize, slices: usize| inside as f64 > BORDER * (border.len() * slices) as f64;
+        let grey = |slice: &Slice| matches!(slice.content, SliceContent::Level(_));
+        if self.slices.iter().all(grey) {
+            return nearly(self.slices.iter().map(inside).sum(), self.slices.len()).then(|| {
+                "nearly all of the images' border is above the level, which is inside: is the body what lies below? Negate the values, as those of a \
+                 signed distance are that is negative inside"
+                    .into()
+            });
         }
-        (inside as f64 > BORDER * all as f64).then(|| {
-            "nearly all of the images' border is above the level, which is inside: is the body what lies below? Negate the values, as those of a signed \
-             distance are that is negative inside"
+        let masks = || self.slices.iter().filter(|slice| !grey(slice) && !slice.content.is_empty());
+        let whole = |slice: &Slice| matches!(&slice.content, SliceContent::Mask(mask) if mask.count() == nx * ny);
+        (masks().any(|slice| !whole(slice)) && masks().all(|slice| nearly(inside(slice), 1))).then(|| {
+            "nearly all of the images' border is inside on every slice: is the body what lies outside? Inside is what is white, or not 0: invert the \
+             images, as drawings black on white are to be"
                 .into()
         })
     }
@@ -169,6 +196,19 @@ mod tests {
         assert!(doubted(&[9, 0, 9, 0, 9]) && doubted(&[0, 9, 0, 0, 9, 0, 9, 9, 0]));
         assert!(!doubted(&[9, 9, 0, 0, 9, 9]) && !doubted(&[0, 9, 9, 9, 0]) && !doubted(&[9, 0, 9]));
         assert!(!doubted(&[9, 9, 0, 9, 9, 0, 9]) && !doubted(&[]));
+    }
+
+    #[test]
+    fn an_empty_slice_between_two_of_one_body_is_doubted() {
+        let doubted = |areas: &[usize], overlap: bool| {
+            let sections: Vec<SliceArea> =
+                areas.iter().enumerate().map(|(k, &area)| SliceArea { z: k as f64, area }).collect();
+            blanks(&sections, |_, _| overlap)
+        };
+        assert_eq!(doubted(&[9, 9, 0, 9, 9, 9, 0, 9], true), [2, 6]);
+        assert!(doubted(&[9, 9, 0, 9, 9], false).is_empty());
+        assert!(doubted(&[0, 9, 9, 0, 0, 9, 9, 0], true).is_empty());
+        assert!(doubted(&[], true).is_empty() && doubted(&[0], true).is_empty() && doubted(&[9, 0], true).is_empty());
     }
 
     #[test]

@@ -127,6 +127,64 @@ fn a_body_darker_than_the_level_is_doubted() {
     Case::new(&value(false), "1 1 1").none_doubts(&["--level", "500"]);
 }
 
+/// A folder of images named by these, with `value` at column, row and slice; without `stack.json`.
+fn images(names: &[&str], value: impl Fn(u32, u32, usize) -> u8) -> Case {
+    let place = folder();
+    for (k, name) in names.iter().enumerate() {
+        let image = image::GrayImage::from_fn(32, 30, |x, y| image::Luma([value(x, y, k)]));
+        image.save(place.path().join(name)).expect("an image can be written");
+    }
+    let input = place.path().to_path_buf();
+    Case { place, input }
+}
+
+fn in_disc(x: u32, y: u32, k: usize) -> bool {
+    (f64::from(x) - 15.5).hypot(f64::from(y) - 14.5) < 8.0 + k as f64
+}
+
+const SPACED: [&str; 2] = ["--spacing", "1,1,4"];
+
+#[test]
+fn drawings_black_on_white_are_doubted() {
+    let names = ["s0.png", "s1.png", "s2.png"];
+    let told = "nearly all of the images' border is inside on every slice";
+    images(&names, |x, y, k| if in_disc(x, y, k) { 0 } else { 255 }).all_say(&SPACED, 0, told);
+    // A sheet that is left white is one of them.
+    images(&names, |x, y, k| if k > 0 && in_disc(x, y, k) { 0 } else { 255 }).all_say(&SPACED, 0, told);
+    images(&names, |x, y, k| if in_disc(x, y, k) { 255 } else { 0 }).none_doubts(&SPACED);
+    let whole = volume(|at| u16::from(at[2] % 5 == 1));
+    Case::new(&whole, "1 1 1").none_doubts(&[]);
+    // A block with a hole that only some slices show in full width.
+    images(&names, |x, _, k| if k == 1 && x > 20 { 0 } else { 255 }).none_doubts(&SPACED);
+    let voxels = volume(|at| u16::from(at[2] % 5 == 1 && !in_ball(at, 13.0)));
+    Case::new(&voxels, "1 1 1").all_say(&[], 0, told);
+}
+
+#[test]
+fn an_image_left_blank_is_doubted() {
+    let names = ["s0.png", "s1.png", "s2.png", "s3.png", "s4.png"];
+    let disc = |blank: &'static [usize]| {
+        move |x: u32, y: u32, k: usize| if in_disc(x, y, k) && !blank.contains(&k) { 255 } else { 0 }
+    };
+    images(&names, disc(&[2])).all_say(&SPACED, 0, "slice `s2.png` is empty between slices that are painted");
+    images(&names, disc(&[0, 4])).none_doubts(&SPACED);
+    images(&names, disc(&[1, 2])).none_doubts(&SPACED);
+}
+
+#[test]
+fn images_are_in_the_order_of_their_numbers_and_others_than_png_and_tiff_are_named() {
+    let named = ["z_-10.png", "z_-5.png", "z_0.png", "z_5.png"];
+    let case = images(&named, |x, y, k| if in_disc(x, y, k) { 255 } else { 0 });
+    let options = ReadOptions { spacing: Some(vec![1.0, 1.0, 5.0]), ..ReadOptions::default() };
+    let stack = Input::read(&case.input, &options).expect("it is sound").stack;
+    assert!(stack.slices.iter().map(|slice| &slice.name).eq(&named));
+    let case = images(&[], |_, _, _| 0);
+    for name in ["s0.bmp", "s1.JPG", "s2.jpg"] {
+        fs::write(case.place.path().join(name), "is not opened").expect("a file can be written");
+    }
+    case.all_say(&SPACED, 2, "it has 2 .jpg: save them as PNG or TIFF");
+}
+
 #[test]
 fn p14_a_grey_image_is_no_label_volume() {
     let noise = |n: usize| ((n as u64).wrapping_mul(6364136223846793005) >> 40) as u16 % 60;

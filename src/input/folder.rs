@@ -1,7 +1,6 @@
 //! A folder with `stack.json` and one grey image (8 or 16 bit PNG or TIFF) per slice; or slices drawn as polygons in the file itself.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -10,7 +9,7 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::estimate::memory;
-use crate::input::contents::{Contents, by_number};
+use crate::input::contents::{Contents, images_of, other_images_of};
 use crate::input::grey_image::Grey;
 use crate::input::numbers::Numbers;
 use crate::input::volume::grid::sides;
@@ -64,30 +63,17 @@ fn millimetres() -> String {
     "mm".into()
 }
 
-/// Extensions of images.
-const IMAGES: [&str; 3] = ["png", "tif", "tiff"];
 /// Images that a message names.
 const NAMED: usize = 2;
 
-/// Whether a folder has images and no `stack.json`.
-pub(super) fn is_of_images(path: &Path) -> bool {
-    path.is_dir() && !path.join("stack.json").exists() && listed(path).is_ok_and(|names| !names.is_empty())
+/// Whether this is a folder without `stack.json`.
+pub(super) fn is_bare(path: &Path) -> bool {
+    path.is_dir() && !path.join("stack.json").exists()
 }
 
-/// The images in a folder, in the order in which people count.
-fn listed(folder: &Path) -> Result<Vec<String>> {
-    let unreadable = |source| Error::Read { path: folder.into(), source };
-    let mut names = Vec::new();
-    for entry in fs::read_dir(folder).map_err(unreadable)? {
-        let path = entry.map_err(unreadable)?.path();
-        let image = path.extension().is_some_and(|e| IMAGES.iter().any(|known| e.eq_ignore_ascii_case(known)));
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if image && !name.starts_with('.') {
-            names.push(name);
-        }
-    }
-    names.sort_by(|a, b| by_number(a, b));
-    Ok(names)
+/// Whether a folder has images and no `stack.json`.
+pub(super) fn is_of_images(path: &Path) -> bool {
+    is_bare(path) && images_of(path).is_ok_and(|names| !names.is_empty())
 }
 
 /// What a person should know of files beside the images of a folder without `stack.json`.
@@ -109,10 +95,12 @@ fn taken(error: Error) -> Error {
 
 /// The slices of a folder of images without `stack.json`, `spacing` apart.
 fn spaced(folder: &Path, spacing: Option<&[f64]>) -> Result<StackFile> {
-    let names = listed(folder)?;
+    let names = images_of(folder)?;
     let fail = |message: String| Err(Error::Format { path: folder.into(), message });
     if names.is_empty() {
-        return fail("has neither stack.json nor images, masks or DICOM files".into());
+        let others = other_images_of(folder)
+            .map_or(String::new(), |others| format!("; it has {others}: save them as PNG or TIFF, which are read"));
+        return fail(format!("has neither stack.json nor images, masks or DICOM files{others}"));
     }
     let Some(spacing) = spacing else {
         let slice = |(k, name): (usize, &String)| format!("{{\"file\": {name:?}, \"z\": {k}}}");
@@ -139,7 +127,7 @@ fn spaced(folder: &Path, spacing: Option<&[f64]>) -> Result<StackFile> {
 
 /// The `stack.json` of a folder (or that file itself): its content, its path, its folder.
 fn parse(path: &Path, spacing: Option<&[f64]>) -> Result<(StackFile, PathBuf, PathBuf)> {
-    if path.is_dir() && !path.join("stack.json").exists() {
+    if is_bare(path) {
         return Ok((spaced(path, spacing)?, path.into(), path.into()));
     }
     let file = if path.is_dir() { path.join("stack.json") } else { path.to_path_buf() };
@@ -156,7 +144,7 @@ fn parse(path: &Path, spacing: Option<&[f64]>) -> Result<(StackFile, PathBuf, Pa
 /// The errors of [`crate::input::files`].
 pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
     if is_of_images(path) {
-        return Ok(listed(path)?.into_iter().map(|name| path.join(name)).collect());
+        return Ok(images_of(path)?.into_iter().map(|name| path.join(name)).collect());
     }
     let (parsed, file, folder) = parse(path, None)?;
     let images = parsed.slices.iter().filter_map(|s| s.file.as_ref()).map(|f| folder.join(f));

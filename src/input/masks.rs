@@ -120,7 +120,7 @@ impl SideBySide {
             values.clear();
             let Volume { big_endian, scale, .. } = *volume;
             let voxels = Voxels { bytes: &stored, big_endian, scale, first: self.done };
-            volume.element.labels(&voxels, &mut values).map_err(wrong)?;
+            volume.element.labels(&voxels, &mut values).map_err(|e| wrong(volume.told(&e, 1)))?;
             if let Some(other) = values.iter().find(|v| **v != 0 && **v != *paint.get_or_insert(**v)) {
                 let paint = paint.unwrap_or_default();
                 return Err(wrong(format!(

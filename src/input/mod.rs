@@ -63,7 +63,7 @@ impl Kind {
             (folder && options.slices.is_some(), "slices", chooses),
             (!volume && options.axis != Axis::Auto, "axis", "anything but a label volume"),
             (
-                !volume && options.spacing.is_some() && !folder::is_of_images(path),
+                !volume && options.spacing.is_some() && !(folder && folder::is_bare(path)),
                 "spacing",
                 "anything but a label volume whose file has none, and a folder of images",
             ),

@@ -1,6 +1,5 @@
 //! Type of a voxel: integers of 1 to 8 bytes, floats of 4 and 8.
 
-use crate::input::volume::grid::Failure;
 use crate::surface::content::Scalar;
 
 /// Type of a voxel.
@@ -29,6 +28,15 @@ pub(crate) struct Voxels<'a> {
     pub scale: Option<[f64; 2]>,
     /// The number of the first.
     pub first: usize,
+}
+
+/// A value that cannot be read.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Unreadable {
+    /// The voxel's number.
+    pub voxel: usize,
+    /// The value, and why it cannot.
+    pub why: String,
 }
 
 /// Does something with the number and the stored value of every voxel.
@@ -100,8 +108,8 @@ impl Element {
     /// Appends the labels of `voxels` to `out`.
     ///
     /// # Errors
-    /// A message with place and value for what is no whole number, or too large.
-    pub(crate) fn labels(self, voxels: &Voxels<'_>, out: &mut Vec<i64>) -> Failure<()> {
+    /// What is no whole number, or too large.
+    pub(crate) fn labels(self, voxels: &Voxels<'_>, out: &mut Vec<i64>) -> Result<(), Unreadable> {
         let &Voxels { bytes, big_endian, scale, first } = voxels;
         macro_rules! each {
             ($kind:ty, $label:expr) => {
@@ -114,8 +122,8 @@ impl Element {
                     Some([factor, summand]) => {
                         each!($kind, |v: $kind, k| whole(v as f64 * factor + summand, k))
                     }
-                    None => each!($kind, |v: $kind, k| i64::try_from(v)
-                        .map_err(|_| format!("voxel {k}: label {v} is larger than {}", i64::MAX))),
+                    None => each!($kind, |v: $kind, voxel| i64::try_from(v)
+                        .map_err(|_| Unreadable { voxel, why: format!("is {v}, a label larger than {}", i64::MAX) })),
                 }
             };
         }
@@ -138,15 +146,18 @@ impl Element {
     /// Appends the grey values of `voxels` to `out`.
     ///
     /// # Errors
-    /// A message with place and value for what is no finite number.
-    pub(crate) fn greys(self, voxels: &Voxels<'_>, out: &mut Vec<f64>) -> Failure<()> {
+    /// What is no finite number.
+    pub(crate) fn greys(self, voxels: &Voxels<'_>, out: &mut Vec<f64>) -> Result<(), Unreadable> {
         let &Voxels { bytes, big_endian, scale, first } = voxels;
         let [factor, summand] = scale.unwrap_or([1.0, 0.0]);
         macro_rules! each {
             ($kind:ty) => {
                 decode!($kind, bytes, big_endian, |k, v| match v as f64 * factor + summand {
                     value if value.is_finite() => out.push(value),
-                    value => return Err(format!("voxel {} is {value}, no finite number", first + k)),
+                    value => {
+                        let why = format!("is {value}, no finite number: give such voxels a value, below the level where they are outside");
+                        return Err(Unreadable { voxel: first + k, why });
+                    }
                 })
             };
         }
@@ -167,13 +178,12 @@ impl Element {
 }
 
 /// A float that is a label.
-fn whole(value: f64, voxel: usize) -> Failure<i64> {
+fn whole(value: f64, voxel: usize) -> Result<i64, Unreadable> {
     if value.fract() == 0.0 && value.abs() < 9e15 {
         Ok(value as i64)
     } else {
-        Err(format!(
-            "voxel {voxel} is {value}; a label volume must hold whole numbers (grey values are cut at a `level`)"
-        ))
+        let why = format!("is {value}; a label volume must hold whole numbers (grey values are cut at a `level`)");
+        Err(Unreadable { voxel, why })
     }
 }
 
@@ -187,7 +197,7 @@ mod tests {
             assert_eq!(whole(label, 0), Ok(label as i64));
         }
         for none in [0.5, 9.1e15, -1e300, f64::INFINITY, f64::NAN] {
-            assert!(whole(none, 7).is_err_and(|message| message.contains("voxel 7")), "{none}");
+            assert!(whole(none, 7).is_err_and(|e| e.voxel == 7), "{none}");
         }
     }
 }

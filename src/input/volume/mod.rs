@@ -29,7 +29,7 @@ use crate::stack::appearance::Appearance;
 use crate::stack::options::{BACKGROUND, LabelName};
 use crate::storage::regular;
 use data::{Data, GivenVoxels};
-use element::{Element, Voxels};
+use element::{Element, Unreadable, Voxels};
 use grid::{Failure, VolumeGrid};
 
 /// Names of labels that a message lists.
@@ -116,7 +116,7 @@ impl Overlaps {
 }
 
 /// Decoder of voxels: bytes to values.
-type Decode<T> = fn(Element, &Voxels<'_>, &mut Vec<T>) -> Failure<()>;
+type Decode<T> = fn(Element, &Voxels<'_>, &mut Vec<T>) -> std::result::Result<(), Unreadable>;
 
 /// The values of a voxel's layers as one.
 type Fold<'f, T> = &'f dyn Fn(&[T]) -> T;
@@ -344,6 +344,18 @@ impl Volume {
         self.decode(Element::greys, None, &mut each)
     }
 
+    /// Words about a value of one of so many layers that cannot be read.
+    pub(crate) fn told(&self, Unreadable { voxel, why }: &Unreadable, layers: usize) -> String {
+        let mut rest = voxel / layers;
+        let mut place = [0; 3];
+        for axis in self.stored {
+            place[axis] = rest % self.grid.dims[axis];
+            rest /= self.grid.dims[axis];
+        }
+        let [x, y, z] = place;
+        format!("voxel ({x}, {y}, {z}) {why}")
+    }
+
     fn decode<T: Copy>(
         &self,
         decode: Decode<T>,
@@ -372,7 +384,7 @@ impl Volume {
             data::fill(&mut input, bytes, (at * size) as u64, self.bytes())?;
             values.clear();
             let voxels = Voxels { bytes, big_endian: self.big_endian, scale: self.scale, first: at * layers };
-            decode(self.element, &voxels, &mut values)?;
+            decode(self.element, &voxels, &mut values).map_err(|e| self.told(&e, layers))?;
             if let Some(fold) = fold {
                 for k in 0..n {
                     values[k] = fold(&values[k * layers..(k + 1) * layers]);

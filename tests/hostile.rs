@@ -278,7 +278,7 @@ fn broken_nrrd_files() {
     with(&nrrd("encoding: raw", "uchar", [2, 2, 3], &[0; 12]), &["has no label: all voxels are 0"]);
     with(
         &nrrd("encoding: raw\nendian: little", "float", [1, 1, 3], &0.5f32.to_le_bytes().repeat(3)),
-        &["voxel 0 is 0.5"],
+        &["voxel (0, 0, 0) is 0.5"],
     );
 }
 

@@ -25,11 +25,11 @@ pub struct MotionStack<'b> {
 
 impl<'b> MotionStack<'b> {
     /// The moving stack that follows from `fields` and `displacements` of slices at these heights. `gaps` are those of the stack, which may be
-    /// longer;
-    /// `px` is the length of a pixel's larger side, `relief` how far the whole stack is relief.
+    /// longer; `px` is the length of a pixel's larger side, `relief` how far the whole stack is relief; `drawn` says which slices are not empty.
     ///
     /// # Errors
     /// The errors of the shelves.
+    #[expect(clippy::too_many_arguments, reason = "the facts of one stack, known to one caller")]
     pub fn new(
         heights: Vec<f64>,
         gaps: Vec<f64>,

@@ -50,10 +50,10 @@ impl<'b> MotionStack<'b> {
             };
             let beside = |v: &Option<Arc<[Displacement; 2]>>, i: usize| v.as_deref().map(|v| (v.clone(), gaps[i]));
             let (low, high) = (beside(&below, i.saturating_sub(1)), beside(&above, i.min(gaps.len() - 1)));
-            // Nothing moves onto an empty slice.
+            // Nothing moves onto an empty slice, and where it is far nothing goes astray on the way there and back.
             let (low, high) = match [i > 0 && drawn[i - 1], i + 1 < drawn.len() && drawn[i + 1]] {
-                [true, false] => (low, None),
-                [false, true] => (None, high),
+                [true, false] => (low.map(|(v, h)| (v, high.map_or(h, |(_, beyond)| h.max(beyond)))), None),
+                [false, true] => (None, high.map(|(v, h)| (v, low.map_or(h, |(_, beyond)| h.max(beyond))))),
                 _ => (low, high),
             };
             rates.push(rate(low.as_ref().map(|(v, h)| (v, *h)), high.as_ref().map(|(v, h)| (v, *h))))?;

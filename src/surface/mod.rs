@@ -47,8 +47,8 @@ use header::Header;
 
 /// The body as in-plane signed distance on layers of increasing height.
 ///
-/// Layers are the output heights, the heights of all input contours, the two end planes and, where output heights are few, some between them. Between neighbouring layers the body
-/// is what linear interpolation along z says; where it is still inside at `extent`, it is cut flat there.
+/// Layers are the output heights, the heights of all input contours, the two end planes and, where output heights are few, some between them. Between
+/// neighbouring layers the body is what linear interpolation along z says; where it is still inside at `extent`, it is cut flat there.
 #[derive(Debug, Clone)]
 pub struct Reconstruction {
     /// Pixels per layer, `[nx, ny]`, those of the input.

@@ -117,7 +117,7 @@ mod gpu {
 
     /// Signed distance to a star on n x n pixels: near its contour, and everywhere.
     fn distances(gpu: &Gpu) -> Result<()> {
-        println!("\ndistance (patches of 16 x 16 px, four sweeps each, two colours in turn, to the fixed point)");
+        println!("\ndistance (patches of 16 x 16 px, a workgroup each, two colours in turn, to the fixed point)");
         for n in [1024usize, 2048, 4096] {
             let star = Field::from_fn([n, n], |i, j| {
                 let (x, y) = (i as f64 - 0.5 * n as f64, j as f64 - 0.5 * n as f64);

@@ -1,9 +1,9 @@
 // The tubes of Peng et al. 1999: T = {|phi| < gamma} and N = T and its ring of eight neighbours; outside N phi is +-(gamma + 1/2).
 //
 // The twin keeps N as runs of pixels. Here it is one bit per pixel in blocks of 64, and the list of band pixels is compacted from the bits:
-// `tube` marks T in the blocks of the old N and every block that the new N may touch, `gather` lists those blocks, `grow` makes N from T by
-// shifting whole words, `scan` gives each block its place, `collect` writes the list. A rebuild looks at the old tube's blocks only, and the
-// list is in row order and the same in every run.
+// `tube` marks T in the blocks of the old N and every block that the new N may touch, `tally` and `gather` list those blocks, `grow` makes N
+// from T by shifting whole words, `scan` gives each block its place, `collect` writes the list. A rebuild looks at the old tube's blocks only,
+// and the list is in row order and the same in every run. Where pixels are looked at an invocation takes an eighth of a block.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> jobs: array<Job>;
@@ -20,26 +20,54 @@
 // Pixels at a tile's edge that never belong to a tube: a WENO5 stencil and one more.
 const RIM: u32 = 4u;
 
-// Width of the one workgroup that gathers and scans.
+// Counts of blocks or marks, one for each workgroup that has counted; from `scan` on what comes before each.
+@group(0) @binding(11) var<storage, read_write> places: array<u32>;
+
+// Width of the one workgroup that scans.
 override scan_width: u32 = 256u;
 const SCAN_MOST: u32 = 256u;
 var<workgroup> totals: array<u32, SCAN_MOST>;
+var<workgroup> listed_blocks: u32;
+// Nodes of an eighth of a block, and eighths of a block.
+const EIGHTH: u32 = 8u;
+// Two bits for each node of the eighths of a workgroup's blocks, the second ones from bit 8 on.
+var<workgroup> eighths: array<u32, 64>;
+
+// Sum of `count` over a workgroup's invocations up to this one, of which there are `width`; the last entry of `totals` is the whole.
+fn sum_up_to(count: u32, local: u32, width: u32) -> u32 {
+    totals[local] = count;
+    workgroupBarrier();
+    for (var reach = 1u; reach < width; reach *= 2u) {
+        let before = select(0u, totals[max(local, reach) - reach], local >= reach);
+        workgroupBarrier();
+        totals[local] += before;
+        workgroupBarrier();
+    }
+    return totals[local];
+}
+
+// One of the bits of a whole block, from bit `shift` of its eighths on, of which the first is `first`.
+fn whole_block(first: u32, shift: u32) -> vec2<u32> {
+    var bits = vec2<u32>(0u);
+    for (var e = 0u; e < EIGHTH; e++) {
+        bits[e >> 2u] |= ((eighths[first + e] >> shift) & 255u) << (EIGHTH * (e & 3u));
+    }
+    return bits;
+}
 
 // The whole tile is the old tube: clamps phi, marks T, and lists every block.
 @compute @workgroup_size(lane_count)
 fn start(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let b = list_index(group, local);
-    if b >= params.block_count {
-        return;
-    }
+    let k = list_index(group, local);
+    let b = min(k / EIGHTH, params.block_count - 1u);
     let q = blocks[b].job;
     let nx = jobs[q].nx;
     let ny = jobs[q].ny;
-    let first = (b - jobs[q].first_block) * BLOCK;
+    let first = (b - jobs[q].first_block) * BLOCK + (k % EIGHTH) * EIGHTH;
     let outside = params.gamma + 0.5;
-    var inner = vec2<u32>(0u);
-    var tube = vec2<u32>(0u);
-    for (var c = 0u; c < BLOCK; c++) {
+    let listed = k < params.block_count * EIGHTH;
+    var bits = 0u;
+    for (var c = 0u; listed && c < EIGHTH; c++) {
         let n = first + c;
         let node = jobs[q].offset + n;
         let v = clamp(phi[node], -outside, outside);
@@ -49,24 +77,27 @@ fn start(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
         let i = n % nx;
         let j = n / nx;
         if i >= RIM && i + RIM < nx && j >= RIM && j + RIM < ny {
-            inner[c >> 5u] |= 1u << (c & 31u);
-            if abs(v) < params.gamma {
-                tube[c >> 5u] |= 1u << (c & 31u);
-            }
+            bits |= select(256u, 257u, abs(v) < params.gamma) << c;
         }
     }
-    blocks[b].near = inner;
-    blocks[b].inner = inner;
-    blocks[b].tube = tube;
-    work_mut.blocks[b] = b;
-    if b == 0u {
-        set_block_total(params.block_count);
+    eighths[local] = bits;
+    workgroupBarrier();
+    if listed && k % EIGHTH == 0u {
+        let inner = whole_block(local, 8u);
+        blocks[b].near = inner;
+        blocks[b].inner = inner;
+        blocks[b].tube = whole_block(local, 0u);
+        work_mut.blocks[b] = b;
+        if b == 0u {
+            set_block_total(params.block_count);
+        }
     }
 }
 
 fn set_block_total(total: u32) {
     work_mut.block_total = total;
     work_mut.block_groups = groups_of(total);
+    work_mut.eighth_groups = groups_of(total * EIGHTH);
 }
 
 // Arguments of a dispatch over a list.
@@ -79,79 +110,92 @@ fn touch(b: u32) {
     atomicOr(&touched[b >> 5u], 1u << (b & 31u));
 }
 
-// Nodes of a word that lie in T: those of the old N that are close to the contour now.
-fn tube_bits(near: u32, first: u32) -> u32 {
-    var bits = near;
-    var tube = 0u;
-    while bits != 0u {
-        let c = countTrailingZeros(bits);
-        bits &= bits - 1u;
-        if abs(phi[first + c]) < params.gamma {
-            tube |= 1u << c;
-        }
-    }
-    return tube;
-}
-
 // T in each listed block, and the blocks that N may touch. Jobs that are done mark nothing and so leave the list.
 @compute @workgroup_size(lane_count)
 fn tube(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let k = list_index(group, local);
-    if k >= work.block_total {
+    let e = k % EIGHTH;
+    let listed = k < work.block_total * EIGHTH;
+    let b = work.blocks[min(k / EIGHTH, work.block_total - 1u)];
+    let q = blocks[b].job;
+    let runs = listed && jobs[q].phase == RUNNING;
+    let near = blocks[b].near;
+    // Those of the old N that are close to the contour now.
+    var rest = select(0u, (near[e >> 2u] >> (EIGHTH * (e & 3u))) & 255u, runs);
+    var own = 0u;
+    while rest != 0u {
+        let c = countTrailingZeros(rest);
+        rest &= rest - 1u;
+        if abs(phi[b * BLOCK + e * EIGHTH + c]) < params.gamma {
+            own |= 1u << c;
+        }
+    }
+    eighths[local] = own;
+    workgroupBarrier();
+    if !listed || e != 0u {
         return;
     }
-    let b = work.blocks[k];
-    let q = blocks[b].job;
-    var bits = vec2<u32>(0u);
-    if jobs[q].phase == RUNNING {
-        let near = blocks[b].near;
-        bits = vec2<u32>(tube_bits(near.x, b * BLOCK), tube_bits(near.y, b * BLOCK + 32u));
-        if any(near != vec2<u32>(0u)) {
-            touch(b);
-        }
-        if any(bits != vec2<u32>(0u)) {
-            let first = select(32u + countTrailingZeros(bits.y), countTrailingZeros(bits.x), bits.x != 0u);
-            let last = select(31u - countLeadingZeros(bits.x), 63u - countLeadingZeros(bits.y), bits.y != 0u);
-            let nx = jobs[q].nx;
-            for (var row = 0u; row < 3u; row++) {
-                let base = b * BLOCK + row * nx - nx;
-                for (var t = (base + first - 1u) / BLOCK; t <= (base + last + 1u) / BLOCK; t++) {
-                    touch(t);
-                }
+    let bits = whole_block(local, 0u);
+    blocks[b].tube = bits;
+    if runs && any(near != vec2<u32>(0u)) {
+        touch(b);
+    }
+    if any(bits != vec2<u32>(0u)) {
+        let first = select(32u + countTrailingZeros(bits.y), countTrailingZeros(bits.x), bits.x != 0u);
+        let last = select(31u - countLeadingZeros(bits.x), 63u - countLeadingZeros(bits.y), bits.y != 0u);
+        let nx = jobs[q].nx;
+        for (var row = 0u; row < 3u; row++) {
+            let base = b * BLOCK + row * nx - nx;
+            for (var t = (base + first - 1u) / BLOCK; t <= (base + last + 1u) / BLOCK; t++) {
+                touch(t);
             }
         }
     }
-    blocks[b].tube = bits;
 }
 
-// Lists the touched blocks in order and wipes the marks. One workgroup; each invocation takes a stretch of words.
-@compute @workgroup_size(scan_width)
-fn gather(@builtin(local_invocation_index) local: u32) {
-    let words = (params.block_count + 31u) / 32u;
-    let stretch = (words + scan_width - 1u) / scan_width;
-    let begin = min(local * stretch, words);
-    let end = min(begin + stretch, words);
-    var count = 0u;
-    for (var w = begin; w < end; w++) {
-        count += countOneBits(atomicLoad(&touched[w]));
+// Marks in 32 blocks, none beyond the last word.
+fn touched_blocks(w: u32) -> u32 {
+    if w >= (params.block_count + 31u) / 32u {
+        return 0u;
     }
-    totals[local] = count;
+    return atomicLoad(&touched[w]);
+}
+
+// How many blocks are touched, by a word an invocation.
+@compute @workgroup_size(lane_count)
+fn tally(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let own = sum_up_to(countOneBits(touched_blocks(list_index(group, local))), local, lane_count);
+    if local == lane_count - 1u {
+        places[group_index(group)] = own;
+    }
+}
+
+// Lists the touched blocks in order and wipes the marks.
+@compute @workgroup_size(lane_count)
+fn gather(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let g = group_index(group);
+    var before = 0u;
+    for (var t = local; t < g; t += lane_count) {
+        before += places[t];
+    }
+    sum_up_to(before, local, lane_count);
+    let first = totals[lane_count - 1u];
     workgroupBarrier();
-    var place = 0u;
-    for (var t = 0u; t < local; t++) {
-        place += totals[t];
-    }
-    for (var w = begin; w < end; w++) {
-        var bits = atomicLoad(&touched[w]);
+    let w = list_index(group, local);
+    var bits = touched_blocks(w);
+    let count = countOneBits(bits);
+    var place = first + sum_up_to(count, local, lane_count) - count;
+    if bits != 0u {
         atomicStore(&touched[w], 0u);
-        while bits != 0u {
-            let c = countTrailingZeros(bits);
-            bits &= bits - 1u;
-            work_mut.blocks[place] = w * 32u + c;
-            place++;
-        }
     }
-    if local == scan_width - 1u {
+    while bits != 0u {
+        let c = countTrailingZeros(bits);
+        bits &= bits - 1u;
+        work_mut.blocks[place] = w * 32u + c;
+        place++;
+    }
+    let words = (params.block_count + 31u) / 32u;
+    if w == words - 1u {
         set_block_total(place);
     }
 }
@@ -201,44 +245,50 @@ fn put_outside(leaving: u32, first: u32) {
 @compute @workgroup_size(lane_count)
 fn grow(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let k = list_index(group, local);
-    if k >= work.block_total {
-        return;
+    let listed = k < work.block_total;
+    let b = work.blocks[min(k, work.block_total - 1u)];
+    var count = 0u;
+    if listed {
+        let nx = jobs[blocks[b].job].nx;
+        let inner = blocks[b].inner;
+        let near = vec2<u32>(grown(b * BLOCK, nx, inner.x), grown(b * BLOCK + 32u, nx, inner.y));
+        let leaving = blocks[b].near & ~near;
+        put_outside(leaving.x, b * BLOCK);
+        put_outside(leaving.y, b * BLOCK + 32u);
+        blocks[b].near = near;
+        count = countOneBits(near.x) + countOneBits(near.y);
     }
-    let b = work.blocks[k];
-    let nx = jobs[blocks[b].job].nx;
-    let inner = blocks[b].inner;
-    let near = vec2<u32>(grown(b * BLOCK, nx, inner.x), grown(b * BLOCK + 32u, nx, inner.y));
-    let leaving = blocks[b].near & ~near;
-    put_outside(leaving.x, b * BLOCK);
-    put_outside(leaving.y, b * BLOCK + 32u);
-    blocks[b].near = near;
-    blocks[b].first = countOneBits(near.x) + countOneBits(near.y);
+    let sum = sum_up_to(count, local, lane_count);
+    if listed {
+        blocks[b].first = sum - count;
+    }
+    if local == lane_count - 1u {
+        places[group_index(group)] = sum;
+    }
 }
 
-// Turns the blocks' counts into places and says how long the band is.
+// Turns the counts of the workgroups of `grow` into places and says how long the band is.
 @compute @workgroup_size(scan_width)
 fn scan(@builtin(local_invocation_index) local: u32) {
-    let total = work_mut.block_total;
-    let stretch = (total + scan_width - 1u) / scan_width;
-    let begin = min(local * stretch, total);
-    let end = min(begin + stretch, total);
-    var count = 0u;
-    for (var k = begin; k < end; k++) {
-        count += blocks[work_mut.blocks[k]].first;
+    if local == 0u {
+        listed_blocks = work_mut.block_total;
     }
-    totals[local] = count;
-    workgroupBarrier();
+    let count = (workgroupUniformLoad(&listed_blocks) + lane_count - 1u) / lane_count;
     var place = 0u;
-    for (var t = 0u; t < local; t++) {
-        place += totals[t];
+    for (var first = 0u; first < count; first += scan_width) {
+        let k = first + local;
+        var own = 0u;
+        if k < count {
+            own = places[k];
+        }
+        let sum = sum_up_to(own, local, scan_width);
+        if k < count {
+            places[k] = place + sum - own;
+        }
+        place += totals[scan_width - 1u];
+        workgroupBarrier();
     }
-    for (var k = begin; k < end; k++) {
-        let b = work_mut.blocks[k];
-        let own = blocks[b].first;
-        blocks[b].first = place;
-        place += own;
-    }
-    if local == scan_width - 1u {
+    if local == 0u {
         let kept = min(place, params.band_capacity);
         work_mut.band_wanted = max(work_mut.band_wanted, place);
         work_mut.band_total = kept;
@@ -247,32 +297,30 @@ fn scan(@builtin(local_invocation_index) local: u32) {
     }
 }
 
-fn list_nodes(near: u32, first: u32, q: u32, place: u32) -> u32 {
-    var bits = near;
-    var k = place;
-    while bits != 0u {
-        let node = first + countTrailingZeros(bits);
-        bits &= bits - 1u;
-        if k < params.band_capacity {
-            band[k] = vec2<u32>(node, q);
-            earlier[k] = slots[node];
-            slots[node] = k;
-        }
-        k++;
-    }
-    return k;
-}
-
 // The band's pixels in row order with their jobs, where each was in the list before, and the way back from a pixel to the list.
 @compute @workgroup_size(lane_count)
 fn collect(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let k = list_index(group, local);
-    if k >= work.block_total {
+    if k >= work.block_total * EIGHTH {
         return;
     }
-    let b = work.blocks[k];
+    let b = work.blocks[k / EIGHTH];
     let q = blocks[b].job;
     let near = blocks[b].near;
-    let middle = list_nodes(near.x, b * BLOCK, q, blocks[b].first);
-    list_nodes(near.y, b * BLOCK + 32u, q, middle);
+    let e = k % EIGHTH;
+    let shift = EIGHTH * (e & 3u);
+    let word = near[e >> 2u];
+    var place = places[k / (EIGHTH * lane_count)] + blocks[b].first;
+    place += countOneBits(word & ((1u << shift) - 1u)) + select(0u, countOneBits(near.x), e >= 4u);
+    var bits = (word >> shift) & 255u;
+    while bits != 0u {
+        let node = b * BLOCK + e * EIGHTH + countTrailingZeros(bits);
+        bits &= bits - 1u;
+        if place < params.band_capacity {
+            band[place] = vec2<u32>(node, q);
+            earlier[place] = slots[node];
+            slots[node] = place;
+        }
+        place++;
+    }
 }

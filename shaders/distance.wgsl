@@ -1,8 +1,9 @@
 // Fast sweeping: distance to the zero set of `u`, |grad d| = 1 (Zhao 2005), with sub-cell start values.
 //
-// The twin sweeps whole images in four directions. Here an invocation sweeps one patch of 16 x 16 pixels in four directions; patches of one
-// colour of a checkerboard run together and never touch each other's neighbours, then the other colour. A patch whose border changes wakes
-// the patches next to it; the sweeps end when no patch is awake. The fixed point is the same, the work follows the front.
+// The twin sweeps whole images in four directions. Here a workgroup takes a patch of 16 x 16 pixels with its border into its own memory and
+// updates every second pixel in turn until none changes; patches of one colour of a checkerboard run together and never touch each other's
+// neighbours, then the other colour. A patch whose border changes wakes the patches next to it; all ends when no patch is awake. The fixed
+// point is the same, the work follows the front.
 //
 // Distances are not negative. A start value is kept with its sign bit set: it does not change.
 
@@ -18,6 +19,12 @@
 
 const FAR: f32 = 1e30;
 const PATCH: u32 = 16u;
+// A patch with its border, which is row -1, row 16 and as many columns.
+const SIDE: u32 = 18u;
+// Patches that a workgroup looks at, one after the other, far from each other: those that are awake lie side by side.
+const PATCHES: u32 = 8u;
+// Twice as many updates are made of a patch at most before others have their turn.
+const UPDATES: u32 = 16u;
 // Smallest change that wakes a patch, px.
 const SETTLED: f32 = 1e-6;
 // Pixels this close to a contour keep what the sweep of the front made of them, px.
@@ -118,85 +125,147 @@ fn start_far(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     }
 }
 
-// Four sweeps of every patch of one colour that is awake.
-@compute @workgroup_size(lane_count)
-fn sweep_patches(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let k = list_index(group, local);
-    if k >= colour.count {
-        return;
-    }
-    let own = patches[colour.first + k];
-    let p = own.number;
-    let state = atomicExchange(&awake[p], 0u);
-    if state == 0u {
-        return;
-    }
-    let q = own.job;
-    let nx = jobs[q].nx;
-    let ny = jobs[q].ny;
-    let i0 = own.column * PATCH;
-    let j0 = own.row * PATCH;
-    let width = min(PATCH, nx - i0);
-    let height = min(PATCH, ny - j0);
-    var changed = false;
-    // West, east, south, north border.
-    var border = vec4<bool>(state == 2u);
-    for (var direction = 0u; direction < 4u; direction++) {
-        for (var row = 0u; row < height; row++) {
-            let j = j0 + select(row, height - 1u - row, direction >= 2u);
-            for (var column = 0u; column < width; column++) {
-                let i = i0 + select(column, width - 1u - column, (direction & 1u) == 1u);
-                let node = jobs[q].offset + j * nx + i;
-                let old = d[node];
-                if old < 0.0 {
-                    continue;
-                }
-                var a = FAR;
-                var b = FAR;
-                if i > 0u {
-                    a = abs(d[node - 1u]);
-                }
-                if i + 1u < nx {
-                    a = min(a, abs(d[node + 1u]));
-                }
-                if j > 0u {
-                    b = abs(d[node - nx]);
-                }
-                if j + 1u < ny {
-                    b = min(b, abs(d[node + nx]));
-                }
-                if min(a, b) >= old {
-                    continue;
-                }
-                let v = eikonal(a, b, params.hx, params.hy);
-                if v < old {
-                    d[node] = v;
-                    if v < old - SETTLED {
-                        changed = true;
-                        border = border | vec4<bool>(i == i0, i == i0 + width - 1u, j == j0, j == j0 + height - 1u);
-                    }
-                }
+// News of a patch: pixels of its west, east, south, north border have changed; it has not come to rest.
+const WEST: u32 = 1u;
+const EAST: u32 = 2u;
+const SOUTH: u32 = 4u;
+const NORTH: u32 = 8u;
+const MOVES: u32 = 16u;
+
+var<workgroup> tile: array<f32, 324>;
+var<workgroup> states: array<u32, PATCHES>;
+var<workgroup> moves: u32;
+var<workgroup> news: atomic<u32>;
+
+// Updates every second pixel of the patch in `tile` and tells what is new; pixels outside the image are kept, at FAR.
+fn update_half(local: u32, parity: u32) -> u32 {
+    var told = 0u;
+    for (var m = local; m < PATCH * PATCH / 2u; m += lane_count) {
+        let row = m / (PATCH / 2u);
+        let column = 2u * (m % (PATCH / 2u)) + ((row + parity) & 1u);
+        let c = (row + 1u) * SIDE + column + 1u;
+        let old = tile[c];
+        let a = min(abs(tile[c - 1u]), abs(tile[c + 1u]));
+        let b = min(abs(tile[c - SIDE]), abs(tile[c + SIDE]));
+        if old < 0.0 || min(a, b) >= old {
+            continue;
+        }
+        let v = eikonal(a, b, params.hx, params.hy);
+        if v < old {
+            tile[c] = v;
+            if v < old - SETTLED {
+                let at_row = select(0u, SOUTH, row == 0u) | select(0u, NORTH, row == PATCH - 1u);
+                let at_column = select(0u, WEST, column == 0u) | select(0u, EAST, column == PATCH - 1u);
+                told |= MOVES | at_row | at_column;
             }
         }
     }
-    let columns = columns_of(q);
-    let rows = (ny + PATCH - 1u) / PATCH;
-    if changed {
+    return told;
+}
+
+// Every patch of one colour that is awake, until it is settled.
+@compute @workgroup_size(lane_count)
+fn sweep_patches(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
+    let first = group_index(group);
+    let stride = (colour.count + PATCHES - 1u) / PATCHES;
+    if local < PATCHES {
+        let k = first + local * stride;
+        states[local] = 0u;
+        if first < stride && k < colour.count {
+            states[local] = atomicExchange(&awake[patches[colour.first + k].number], 0u);
+        }
+    }
+    var all = workgroupUniformLoad(&states);
+    var awoken = 0u;
+    for (var k = 0u; k < PATCHES; k++) {
+        awoken |= all[k] << (2u * k);
+    }
+    while awoken != 0u {
+        let k = countTrailingZeros(awoken) / 2u;
+        let state = (awoken >> (2u * k)) & 3u;
+        awoken &= ~(3u << (2u * k));
+        let own = patches[colour.first + first + k * stride];
+        let q = own.job;
+        let nx = jobs[q].nx;
+        let ny = jobs[q].ny;
+        // Others write what lies beyond its corners, and nobody reads it.
+        for (var c = local; c < SIDE * SIDE; c += lane_count) {
+            let column = c % SIDE;
+            let row = c / SIDE;
+            // One more than the pixel's own.
+            let i = own.column * PATCH + column;
+            let j = own.row * PATCH + row;
+            let corner = (column == 0u || column == SIDE - 1u) && (row == 0u || row == SIDE - 1u);
+            var value = -FAR;
+            if !corner && i > 0u && j > 0u && i <= nx && j <= ny {
+                value = d[jobs[q].offset + (j - 1u) * nx + i - 1u];
+            }
+            tile[c] = value;
+        }
+        if local == 0u {
+            // Its start values are news for all its neighbours.
+            atomicStore(&news, select(0u, WEST | EAST | SOUTH | NORTH, state == 2u));
+            moves = 1u;
+        }
+        for (var n = 0u; n < UPDATES; n++) {
+            if workgroupUniformLoad(&moves) == 0u {
+                break;
+            }
+            var told = update_half(local, 0u);
+            workgroupBarrier();
+            told |= update_half(local, 1u);
+            workgroupBarrier();
+            // What the second update leaves as it is has come to rest.
+            told = (told & ~MOVES) | update_half(local, 0u);
+            workgroupBarrier();
+            told |= update_half(local, 1u);
+            if told != 0u {
+                atomicOr(&news, told);
+            }
+            workgroupBarrier();
+            if local == 0u {
+                moves = atomicAnd(&news, ~MOVES) & MOVES;
+            }
+        }
+        let unsettled = workgroupUniformLoad(&moves) != 0u;
+        for (var m = local; m < PATCH * PATCH; m += lane_count) {
+            let column = m % PATCH;
+            let row = m / PATCH;
+            let i = own.column * PATCH + column;
+            let j = own.row * PATCH + row;
+            if i < nx && j < ny {
+                d[jobs[q].offset + j * nx + i] = tile[(row + 1u) * SIDE + column + 1u];
+            }
+        }
+        if local == 0u {
+            wake_around(own, select(0u, MOVES, unsettled) | atomicLoad(&news));
+        }
+        // The next patch takes this one's place in the workgroup's memory.
+        workgroupBarrier();
+    }
+}
+
+// Wakes a patch that is not settled, and those beside it for which it has news.
+fn wake_around(own: Patch, told: u32) {
+    let p = own.number;
+    let columns = columns_of(own.job);
+    let rows = (jobs[own.job].ny + PATCH - 1u) / PATCH;
+    if (told & MOVES) != 0u {
         atomicMax(&awake[p], 1u);
     }
-    if border.x && own.column > 0u {
+    if (told & WEST) != 0u && own.column > 0u {
         atomicMax(&awake[p - 1u], 1u);
     }
-    if border.y && own.column + 1u < columns {
+    if (told & EAST) != 0u && own.column + 1u < columns {
         atomicMax(&awake[p + 1u], 1u);
     }
-    if border.z && own.row > 0u {
+    if (told & SOUTH) != 0u && own.row > 0u {
         atomicMax(&awake[p - columns], 1u);
     }
-    if border.w && own.row + 1u < rows {
+    if (told & NORTH) != 0u && own.row + 1u < rows {
         atomicMax(&awake[p + columns], 1u);
     }
-    if changed || any(border) {
+    if told != 0u {
         atomicStore(&changes[0], 1u);
     }
 }

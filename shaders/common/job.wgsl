@@ -68,7 +68,8 @@ struct Job {
     bins_y: u32,
 }
 
-// 64 nodes: which of them are in the tubes N and T and off the tile's rim, and where the block's part of the band begins.
+// 64 nodes: which of them are in the tubes N and T and off the tile's rim, and where the block's part of the band begins in that of the blocks
+// that are listed with it, `lane_count` at a time.
 struct Block {
     near: vec2<u32>,
     tube: vec2<u32>,
@@ -84,6 +85,7 @@ struct Work {
     band_wanted: u32,
     padding: u32,
     block_groups: array<u32, 4>,
+    eighth_groups: array<u32, 4>,
     band_groups: array<u32, 4>,
     chunk_groups: array<u32, 4>,
     blocks: array<u32>,
@@ -99,9 +101,14 @@ struct Sums {
     pixels: atomic<u32>,
 }
 
-// Index of an invocation in a list that is dispatched in rows of `grid` workgroups and layers of `grid` rows.
+// Index of a workgroup where they are dispatched in rows of `grid` and layers of `grid` rows.
+fn group_index(group: vec3<u32>) -> u32 {
+    return (group.z * grid + group.y) * grid + group.x;
+}
+
+// Index of an invocation in a list that is dispatched so.
 fn list_index(group: vec3<u32>, local: u32) -> u32 {
-    return ((group.z * grid + group.y) * grid + group.x) * lane_count + local;
+    return group_index(group) * lane_count + local;
 }
 
 // Row of an invocation where each item has a row of workgroups, dispatched in layers of `grid` rows.

@@ -5,7 +5,7 @@ use super::answers::{Landed, Wanted};
 use super::atlas::Atlas;
 use super::device::{Buffer, failure};
 use super::kernels::{Bound, WORKGROUP, shader};
-use super::layout::{Block, Job, Params, RUNNING, Stage, Values, Work};
+use super::layout::{Block, EIGHTH, Job, Params, RUNNING, Stage, Values, Work};
 use super::recorder::{Listed, Recorder, Size};
 use super::reinit::Reinit;
 use crate::error::Result;
@@ -34,11 +34,19 @@ shader! {
         touched: Write [u32],
     }
 
+    /// Counts of touched blocks.
+    Tally for tally, "band_tally" {
+        params: Uniform Params,
+        touched: Write [u32],
+        places: Write [u32],
+    }
+
     /// Listed blocks in order.
     Gather for gather, "band_gather" {
         params: Uniform Params,
         work_mut: Write Work,
         touched: Write [u32],
+        places: Write [u32],
     }
 
     /// N = T and its ring.
@@ -50,13 +58,14 @@ shader! {
         phi: Write [f32],
         other: Write [f32],
         slots: Write [u32],
+        places: Write [u32],
     }
 
     /// Beginnings of the blocks' parts of the band.
     Scan for scan, "band_scan" {
         params: Uniform Params,
-        blocks: Write [Block],
         work_mut: Write Work,
+        places: Write [u32],
     }
 
     /// The band's pixels in row order.
@@ -67,11 +76,13 @@ shader! {
         slots: Write [u32],
         band: Write [[u32; 2]],
         earlier: Write [u32],
+        places: Write [u32],
     }
 }
 
-/// Bytes of the arguments of dispatches over blocks, the band, and the band in chunks in [`Work`].
+/// Bytes of the arguments of dispatches over blocks, their eighths, the band, and the band in chunks in [`Work`].
 const BLOCK_GROUPS: u64 = std::mem::offset_of!(Work, block_groups) as u64;
+const EIGHTH_GROUPS: u64 = std::mem::offset_of!(Work, eighth_groups) as u64;
 const BAND_GROUPS: u64 = std::mem::offset_of!(Work, band_groups) as u64;
 const CHUNK_GROUPS: u64 = std::mem::offset_of!(Work, chunk_groups) as u64;
 
@@ -114,6 +125,7 @@ pub struct Front<'g> {
 struct BandKernels<'g> {
     start: Bound<'g>,
     tube: Bound<'g>,
+    tally: Bound<'g>,
     gather: Bound<'g>,
     grow: Bound<'g>,
     scan: Bound<'g>,
@@ -138,6 +150,7 @@ impl<'g> Front<'g> {
         let blocks = device.upload("blocks", &atlas.blocks())?;
         let work = device.headed("work", atlas.block_count())?;
         let touched = device.zeroed("touched", atlas.block_count().div_ceil(32))?;
+        let places = device.storage("places", atlas.block_count().div_ceil(WORKGROUP as usize))?;
         let band = device.storage("band", capacity)?;
         let slots = device.storage("slots", nodes)?;
         let earlier = device.storage("earlier", capacity)?;
@@ -149,7 +162,7 @@ impl<'g> Front<'g> {
         let scratch = device.storage("scratch", capacity)?;
         let kernels = {
             let (params, jobs, blocks, work, touched) = (&params, &jobs, &blocks, &work, &touched);
-            let (band, slots, earlier, phi, other) = (&band, &slots, &earlier, &phi, &other);
+            let (band, slots, earlier, phi, other, places) = (&band, &slots, &earlier, &phi, &other, &places);
             let reinit = [1, 0].map(|first| {
                 let stage = &device.uniform("stage", Stage { a: 0.0, b: 0.0, first, towards: 0 });
                 [(phi, other), (other, phi)]
@@ -158,10 +171,11 @@ impl<'g> Front<'g> {
             BandKernels {
                 start: Start { params, jobs, blocks, work_mut: work, phi, other, slots }.bind(gpu),
                 tube: Tube { params, jobs, blocks, work, phi, touched }.bind(gpu),
-                gather: Gather { params, work_mut: work, touched }.bind(gpu),
-                grow: Grow { params, jobs, blocks, work, phi, other, slots }.bind(gpu),
-                scan: Scan { params, blocks, work_mut: work }.bind(gpu),
-                collect: Collect { params, blocks, work, slots, band, earlier }.bind(gpu),
+                tally: Tally { params, touched, places }.bind(gpu),
+                gather: Gather { params, work_mut: work, touched, places }.bind(gpu),
+                grow: Grow { params, jobs, blocks, work, phi, other, slots, places }.bind(gpu),
+                scan: Scan { params, work_mut: work, places }.bind(gpu),
+                collect: Collect { params, blocks, work, slots, band, earlier, places }.bind(gpu),
                 reinit,
             }
         };
@@ -184,8 +198,13 @@ impl<'g> Front<'g> {
     }
 
     /// One invocation per listed block.
-    pub fn per_block(&self) -> Size<'_> {
+    fn per_block(&self) -> Size<'_> {
         Size::Indirect(&self.work.raw, BLOCK_GROUPS, Listed::Blocks)
+    }
+
+    /// One invocation per eighth of a listed block.
+    fn per_eighth(&self) -> Size<'_> {
+        Size::Indirect(&self.work.raw, EIGHTH_GROUPS, Listed::Eighths)
     }
 
     /// One invocation per band pixel.
@@ -200,21 +219,23 @@ impl<'g> Front<'g> {
 
     /// The first band, found by looking at whole tiles.
     pub fn begin(&self, recorder: &mut Recorder<'_>) {
-        recorder.run(&self.kernels.start, Size::List(self.atlas.block_count()));
+        recorder.run(&self.kernels.start, Size::List(self.atlas.block_count() * EIGHTH));
         self.list(recorder);
     }
 
     /// The band follows its contours.
     pub fn rebuild(&self, recorder: &mut Recorder<'_>) {
-        recorder.run(&self.kernels.tube, self.per_block());
-        recorder.run(&self.kernels.gather, Size::One);
+        recorder.run(&self.kernels.tube, self.per_eighth());
+        let words = Size::List(self.atlas.block_count().div_ceil(32));
+        recorder.run(&self.kernels.tally, words);
+        recorder.run(&self.kernels.gather, words);
         self.list(recorder);
     }
 
     fn list(&self, recorder: &mut Recorder<'_>) {
         recorder.run(&self.kernels.grow, self.per_block());
         recorder.run(&self.kernels.scan, Size::One);
-        recorder.run(&self.kernels.collect, self.per_block());
+        recorder.run(&self.kernels.collect, self.per_eighth());
     }
 
     /// A Hamilton-Jacobi step and one reinitialisation: phi to other, back, again, and home.
@@ -248,12 +269,13 @@ impl<'g> Front<'g> {
     pub fn overflow(&self, landed: &Landed<'_>, look: &Wanted<Work>) -> Result<Option<usize>> {
         let head = landed.value(look)?;
         let wanted = head.band_wanted as usize;
-        let threads = [head.block_groups, head.band_groups, head.chunk_groups].map(|groups| {
+        let lists = [head.block_groups, head.eighth_groups, head.band_groups, head.chunk_groups];
+        let [blocks, eighths, pixels, chunks] = lists.map(|groups| {
             let [x, y, z, _] = groups.map(u64::from);
             x * y * z * u64::from(WORKGROUP)
         });
         // Of fronts that are copied nothing is known; most steps copy none.
-        self.gpu.profiler.looked(&self.gpu.device, [threads[0], threads[1], threads[2], 0]);
+        self.gpu.profiler.looked(&self.gpu.device, [blocks, eighths, pixels, chunks, 0]);
         Ok((wanted > self.capacity).then_some(wanted))
     }
 

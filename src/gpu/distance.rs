@@ -4,8 +4,8 @@ use super::Gpu;
 use super::answers::Wanted;
 use super::atlas::Atlas;
 use super::device::{Buffer, failure};
-use super::kernels::{Bound, shader};
-use super::layout::{Block, Colour, Job, Params, Patch};
+use super::kernels::{Bound, WORKGROUP, shader};
+use super::layout::{Block, Colour, Job, PATCHES, Params, Patch};
 use super::recorder::{Recorder, Size};
 use crate::error::Result;
 
@@ -32,7 +32,7 @@ shader! {
         awake: Write [u32],
     }
 
-    /// Four sweeps of every patch of a colour that is awake.
+    /// Every patch of a colour that is awake, until it is settled.
     SweepPatches for sweep_patches, "distance_sweep" {
         params: Uniform Params,
         colour: Uniform Colour,
@@ -140,7 +140,7 @@ impl<'g> DistanceBuffers<'g> {
                     recorder.clear(&self.changes);
                 }
                 for (sweep, count) in self.sweeps.iter().filter(|s| s.1 > 0) {
-                    recorder.run(sweep, Size::List(*count));
+                    recorder.run(sweep, Size::List(count.div_ceil(PATCHES) * WORKGROUP as usize));
                 }
             }
             let changes: Wanted<u32> = recorder.read(&self.changes, 0, 1);

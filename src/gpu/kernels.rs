@@ -17,7 +17,7 @@ use crate::error::Result;
 
 /// Invocations of a workgroup.
 pub const WORKGROUP: u32 = 64;
-/// Width of the one workgroup that gathers and scans.
+/// Width of the one workgroup that scans.
 pub const SCAN_WIDTH: u32 = 256;
 /// Values that the host sets for a shader's `override`s on a device whose dispatches have at most `grid` workgroups along an axis.
 pub fn overrides(grid: u32) -> [(&'static str, f64); 3] {
@@ -234,7 +234,11 @@ impl Module {
             layout: None,
             module: &self.compiled,
             entry_point: Some(name),
-            compilation_options: wgpu::PipelineCompilationOptions { constants: &self.overrides, ..Default::default() },
+            // Kernels write a workgroup's memory before they read it.
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants: &self.overrides,
+                zero_initialize_workgroup_memory: false,
+            },
             cache: None,
         });
         match pollster::block_on(scope.pop()) {

@@ -7,10 +7,14 @@ use bytemuck::{Pod, Zeroable};
 pub const NONE: u32 = u32::MAX;
 /// Farther than any contour can be, px.
 pub const NOWHERE: f32 = 1e9;
+/// Nodes of an eighth of a block.
+pub const EIGHTH: usize = 8;
 /// Nodes of a block.
 pub const BLOCK: usize = 64;
 /// Side of a patch of the distance sweeps, px.
 pub const PATCH: usize = 16;
+/// Patches that a workgroup of the distance sweeps looks at.
+pub const PATCHES: usize = 8;
 /// Most workgroups along an axis of a dispatch.
 pub const GRID: u32 = 4096;
 /// Side of the tiles that workgroups take in the moving field, px.
@@ -213,6 +217,7 @@ mirrored!(
         band_wanted: u32,
         padding: u32,
         block_groups: [u32; 4],
+        eighth_groups: [u32; 4],
         band_groups: [u32; 4],
         chunk_groups: [u32; 4],
     } then [u32]

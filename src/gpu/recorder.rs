@@ -29,6 +29,8 @@ pub enum Size<'b> {
 pub enum Listed {
     /// Blocks near a front.
     Blocks,
+    /// Eighths of these blocks.
+    Eighths,
     /// Pixels of a band.
     Pixels,
     /// Chunks of them.
@@ -38,7 +40,7 @@ pub enum Listed {
 }
 
 /// Number of [`Listed`] lists.
-pub const LISTS: usize = 4;
+pub const LISTS: usize = 5;
 
 /// Timestamps of one submission at most.
 const MOST_QUERIES: u32 = 4096;

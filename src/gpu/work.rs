@@ -13,7 +13,7 @@ pub const MOST: u64 = 1 << 31;
 pub const BAND_PLACE: usize = 40;
 /// Of a pixel of a slice: both sides of the widest Gaussian (`gaussian`).
 pub const CONTOUR_PIXEL: usize = 48;
-/// Of a pixel whose distance is swept: four directions, four neighbours, itself twice (`sweep_patches`).
+/// Of a pixel of a patch that is awake: itself twice, its share of the border, and its updates in the workgroup's memory (`sweep_patches`).
 pub const DISTANCE_PIXEL: usize = 24;
 /// Of a pixel of an interval: its share of a node's moments and of their means (`sum_moments`, `window_mean`).
 pub const DISPLACEMENT_PIXEL: usize = 32;

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::estimate::coverage::{Drawn, differing};
+use crate::fairing::{GAPS_AT_ONCE, SMALL};
 use crate::grid::tile::samples;
 use crate::pipeline::LAYER_BYTES_ON_A_GPU;
 use crate::settings::{Method, Motion, Settings};
@@ -85,9 +86,12 @@ impl MemoryNeeds {
         let layers = (heights.len() + NODES * stack.slices.len() + 2) as f64;
         // Nodes wait with more than their distances, other layers with these alone.
         let nodes = NODES as f64;
-        let waiting = layers.min(WAITING_GAPS * (most_between / WAITING_SHARE + nodes));
-        let waiting = if settings.fair > 0.0 { waiting } else { 0.0 };
-        let waiting = waiting * (largest * PER_WAITING_EDGE).min(pixels * PER_WAITING_PIXEL);
+        let waiting = |gaps: f64| {
+            let waiting = layers.min(gaps * (most_between / WAITING_SHARE + nodes));
+            let waiting = if settings.fair > 0.0 { waiting } else { 0.0 };
+            waiting * (largest * PER_WAITING_EDGE).min(pixels * PER_WAITING_PIXEL)
+        };
+        let more_gaps = if pixels < SMALL as f64 { GAPS_AT_ONCE as f64 } else { 0.0 };
         let groups = if morph { boxed * PER_GROUP_PIXEL } else { 0.0 };
         let kept = slices * (padded * (PER_SLICE_PIXEL + moving) + groups);
         let at_once =
@@ -95,13 +99,13 @@ impl MemoryNeeds {
         let sweeping = if morph { groups + threads * boxed * PER_SWEEP_PIXEL } else { 0.0 };
         let all = kept
             + all_drawn.edges as f64 * PER_CONTOUR_EDGE
-            + waiting
+            + waiting(WAITING_GAPS + more_gaps)
             + image * PER_IMAGE_PIXEL
             + (at_once * padded * PER_LAYER_PIXEL).max(threads * padded * 2.0 * PER_LAYER_PIXEL);
         let contours = largest * CONTOURS_AT_ONCE.min(slices) * PER_CONTOUR_EDGE;
         let interval = (padded * PER_INTERVAL_PIXEL).max(sweeping);
         let read = contents(stack);
-        let least = interval + contours + waiting + image * PER_IMAGE_PIXEL;
+        let least = interval + contours + waiting(WAITING_GAPS) + image * PER_IMAGE_PIXEL;
         let [all, least] = [all, least].map(|bytes| (BASE_BYTES + read + bytes) as u64);
         MemoryNeeds { all, least: least.min(all), disk: (kept + all_drawn.edges as f64 * PER_CONTOUR_EDGE) as u64 }
     }

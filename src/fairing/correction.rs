@@ -1,5 +1,7 @@
 //! What a node moves by: its difference `K v - v` less what the contours of its interval would move by, read along the trajectories.
 
+use std::ops::Range;
+
 use glam::DVec2;
 use rayon::prelude::*;
 
@@ -65,42 +67,46 @@ impl Fairing<'_> {
         difference
     }
 
-    /// Makes the corrections of the nodes of interval `i`.
-    pub(super) fn correct(&mut self, i: usize) {
-        let ends = [NODES * i, NODES * (i + 1)];
-        let mut at_ends = ends.map(|k| k.checked_sub(self.first).and_then(|k| self.kept.get_mut(k)?.difference.take()));
-        for (k, known) in ends.into_iter().zip(&mut at_ends) {
-            known.get_or_insert_with(|| in_pool(|| self.difference(k)));
+    /// Makes the corrections of the nodes of some intervals.
+    pub(super) fn correct(&mut self, intervals: Range<usize>) {
+        if intervals.is_empty() {
+            return;
         }
-        let between: Vec<usize> = (ends[0] + 1..ends[1]).collect();
-        for some in between.chunks(self.at_once()) {
-            let made = || some.into_par_iter().map(|&k| self.correction(k, i, ends, &at_ends)).collect::<Vec<_>>();
+        let contours = (intervals.start..=intervals.end).map(|i| NODES * i);
+        let unknown: Vec<usize> = contours.filter(|k| self.node(*k).is_some_and(|n| n.difference.is_none())).collect();
+        for some in unknown.chunks(self.at_once()) {
+            let made = || some.into_par_iter().map(|&k| self.difference(k)).collect::<Vec<_>>();
             for (&k, made) in some.iter().zip(in_pool(made)) {
-                if let Some(node) = k.checked_sub(self.first).and_then(|k| self.kept.get_mut(k)) {
+                if let Some(node) = self.node_mut(k) {
+                    node.difference = Some(made);
+                }
+            }
+        }
+        let between: Vec<usize> = (NODES * intervals.start..NODES * intervals.end).filter(|k| k % NODES != 0).collect();
+        for some in between.chunks(self.at_once()) {
+            let made = || some.into_par_iter().map(|&k| self.correction(k)).collect::<Vec<_>>();
+            for (&k, made) in some.iter().zip(in_pool(made)) {
+                if let Some(node) = self.node_mut(k) {
                     node.correction = made;
                 }
             }
         }
-        // The next interval begins with the upper one.
-        let [_, upper] = at_ends;
-        if let Some(node) = ends[1].checked_sub(self.first).and_then(|k| self.kept.get_mut(k)) {
-            node.difference = upper;
+        // The next interval begins with the upper one of the last.
+        for i in intervals {
+            if let Some(node) = self.node_mut(NODES * i) {
+                node.difference = None;
+            }
         }
     }
 
-    /// Correction of node `k` of interval `i`: its own difference less what the contours below and above would move by, read along the
-    /// trajectories.
-    fn correction(
-        &self,
-        k: usize,
-        i: usize,
-        ends: [usize; 2],
-        at_ends: &[Option<SparseImage<f32>>; 2],
-    ) -> Option<SparseImage<f32>> {
+    /// Correction of node `k`: its own difference less what the contours below and above would move by, read along the trajectories.
+    fn correction(&self, k: usize) -> Option<SparseImage<f32>> {
+        let i = k / NODES;
+        let ends = [NODES * i, NODES * (i + 1)];
         let node = self.node(k)?;
         let Transformed { v, gradient, squares, .. } = node.made.as_ref()?;
         let [low, high] = [self.node(ends[0])?, self.node(ends[1])?];
-        let [at_low, at_high] = [at_ends[0].as_ref()?, at_ends[1].as_ref()?];
+        let [at_low, at_high] = [low.difference.as_ref()?, high.difference.as_ref()?];
         let d = self.difference(k);
         let offsets = ends.map(|end| self.offsets(k, end));
         // What lies on the other side of either contour.

@@ -51,7 +51,9 @@ fn in_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
 }
 
 /// Layers of fewer pixels are worked on side by side.
-const SMALL: usize = 1 << 20;
+pub const SMALL: usize = 1 << 20;
+/// Gaps whose layers are then faired together, where there is memory.
+pub const GAPS_AT_ONCE: usize = 4;
 
 /// Facts about a stack that fairing needs.
 pub struct FairingSpec<'m> {
@@ -79,6 +81,8 @@ pub struct FairingSpec<'m> {
     pub farthest: f64,
     /// For an interval with parts that are kept apart the share of the strength at each pixel: smoothing would join them.
     pub shares: Vec<Option<Vec<f32>>>,
+    /// Nodes that come before anything is made of them: no layer depends on it.
+    pub nodes_at_once: usize,
 }
 
 /// Takes layers in order of height, all nodes among them, and hands them on, faired.
@@ -95,6 +99,8 @@ pub struct Fairing<'m> {
     kept: VecDeque<Node>,
     /// Number of the first of them.
     first: usize,
+    /// The node with which there is enough to work on.
+    awaited: usize,
     /// The lowest node without v.
     transformed: usize,
     /// The lowest interval without corrections, and the lowest whose layers wait.
@@ -120,6 +126,7 @@ impl<'m> Fairing<'m> {
             waiting: VecDeque::new(),
             kept: VecDeque::new(),
             first,
+            awaited: first,
             transformed: first,
             corrected: start,
             finished: start,
@@ -145,8 +152,12 @@ impl<'m> Fairing<'m> {
         }
         self.waiting.push_back(waiting);
         match node {
-            Some(node) => self.advance(node, node == NODES * self.spec.layers.end, sink),
-            None => Ok(()),
+            Some(node) if node == NODES * self.spec.layers.end => self.advance(node, true, sink),
+            Some(node) if node >= self.awaited => {
+                self.awaited = node + self.spec.nodes_at_once;
+                self.advance(node, false, sink)
+            }
+            _ => Ok(()),
         }
     }
 
@@ -164,25 +175,29 @@ impl<'m> Fairing<'m> {
         // A gradient along z is taken from the nodes to both sides.
         let ready = if last { newest + 1 } else { newest };
         self.transform(ready)?;
-        while self.corrected < self.spec.layers.end {
+        let mut correct = self.corrected..self.corrected;
+        while correct.end < self.spec.layers.end {
             // The contours beyond the interval's own are asked whether the surface goes on there.
-            let beyond = (NODES * (self.corrected + 2)).min(self.nodes.last());
-            let needed = self.averaged[self.corrected].end.max(beyond + 1);
+            let beyond = (NODES * (correct.end + 2)).min(self.nodes.last());
+            let needed = self.averaged[correct.end].end.max(beyond + 1);
             if needed > ready && !last {
                 break;
             }
-            self.correct(self.corrected);
-            self.corrected += 1;
+            correct.end += 1;
         }
+        self.correct(correct.clone());
+        self.corrected = correct.end;
         // The curve's slope at a contour reads the corrections on both sides.
-        while self.finished + 1 < self.corrected || (last && self.finished < self.corrected) {
-            self.finish_interval(sink)?;
-        }
-        Ok(())
+        let finished = if last { self.corrected } else { self.corrected.saturating_sub(1) };
+        if self.finished < finished { self.finish_intervals(finished, sink) } else { Ok(()) }
     }
 
     fn node(&self, k: usize) -> Option<&Node> {
         self.kept.get(k.checked_sub(self.first)?)
+    }
+
+    fn node_mut(&mut self, k: usize) -> Option<&mut Node> {
+        self.kept.get_mut(k.checked_sub(self.first)?)
     }
 
     /// Layers that are worked on at the same time: rows of small ones are too little for all threads.
@@ -198,7 +213,7 @@ impl<'m> Fairing<'m> {
             let made = in_pool(made)?;
             self.transformed = some.end;
             for (k, made) in some.zip(made) {
-                if let Some(node) = k.checked_sub(self.first).and_then(|k| self.kept.get_mut(k)) {
+                if let Some(node) = self.node_mut(k) {
                     node.made = made;
                 }
             }
@@ -228,30 +243,37 @@ impl<'m> Fairing<'m> {
         Ok(Some(Transformed { v, gradient, squares, place, near }))
     }
 
-    /// Hands on everything below the upper contour of the lowest interval that is not finished, moved, and with the last interval that contour
-    /// and what lies beyond so far.
-    fn finish_interval(&mut self, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
-        let [low, high] = [0, 1].map(|k| self.nodes.height(NODES * (self.finished + k)));
-        let whole = self.finished + 1 == self.spec.layers.end;
-        let count = self.waiting.iter().take_while(|w| w.z < high || whole).count();
+    /// Hands on everything below the upper contour of the interval before `end`, moved, and with the last interval that contour and what lies
+    /// beyond so far.
+    fn finish_intervals(&mut self, end: usize, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
+        let below = self.spec.contours[end];
+        let whole = end == self.spec.layers.end;
+        let count = self.waiting.iter().take_while(|w| w.z < below || whole).count();
         let layers: Vec<WaitingLayer> = self.waiting.drain(..count).collect();
+        let contours = &self.spec.contours[self.finished..=end];
         let at_once = self.at_once();
         for some in layers.chunks(at_once) {
-            let moved = |w: &WaitingLayer| if w.z > low && w.z < high { self.moved(w) } else { w.layer() };
+            let moved = |w: &WaitingLayer| {
+                let above = contours.partition_point(|z| *z < w.z);
+                match contours.get(above) {
+                    Some(z) if above > 0 && w.z < *z => self.moved(w, self.finished + above - 1),
+                    _ => w.layer(),
+                }
+            };
             let layers: Vec<Layer> = in_pool(|| some.into_par_iter().map(moved).collect());
             layers.into_iter().try_for_each(&mut *sink)?;
         }
-        self.finished += 1;
+        self.finished = end;
         self.forget();
         Ok(())
     }
 
-    /// A layer between contours moved by the curve through the corrections.
-    fn moved(&self, waiting: &WaitingLayer) -> Layer {
+    /// A layer of interval `i` moved by the curve through the corrections.
+    fn moved(&self, waiting: &WaitingLayer, i: usize) -> Layer {
         let of = |(k, w): (usize, f64)| Some((self.node(k)?.correction.as_ref()?, w as f32));
         let terms: Vec<(&SparseImage<f32>, f32)> = self.nodes.curve(waiting.z).into_iter().filter_map(of).collect();
         let (farthest, side) = (self.spec.farthest as f32, self.side as f32);
-        let ends = [self.finished, self.finished + 1].map(|i| self.node(NODES * i).map(|node| &node.phi));
+        let ends = [i, i + 1].map(|i| self.node(NODES * i).map(|node| &node.phi));
         let [phi] = SparseImage::of_squares(self.spec.dims, |square, [out]| {
             let still = terms.iter().all(|(correction, _)| correction.whole(square) == Some(0.0));
             match waiting.phi.whole(square) {

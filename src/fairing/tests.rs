@@ -10,6 +10,17 @@ fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, V
 
 /// The same between ends whose slopes are steered or not.
 fn faired_between(steered: [bool; 2], contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, Vec<f32>)> {
+    faired_together(1, steered, contours, dz, radius)
+}
+
+/// The same with so many nodes at once.
+fn faired_together(
+    nodes_at_once: usize,
+    steered: [bool; 2],
+    contours: &[f64],
+    dz: f64,
+    radius: impl Fn(f64) -> f64,
+) -> Vec<(f64, Vec<f32>)> {
     let gaps: Vec<f64> = contours.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let drawn = vec![true; contours.len()];
     let nodes = Nodes::new(contours.to_vec(), &drawn);
@@ -26,6 +37,7 @@ fn faired_between(steered: [bool; 2], contours: &[f64], dz: f64, radius: impl Fn
         steered,
         farthest: 100.0,
         shares: vec![None; gaps.len()],
+        nodes_at_once,
     });
     let mut out = Vec::new();
     let mut sink = |layer: Layer| {
@@ -85,6 +97,17 @@ fn a_layer_does_not_depend_on_which_others_come() {
             let same = fine.iter().find(|(other, _)| *other == z).expect("a layer there");
             assert_eq!(same.1, phi, "dz {dz}, height {z}");
         }
+    }
+}
+
+#[test]
+fn a_layer_does_not_depend_on_how_many_come_together() {
+    let contours = stacked(&[6, 12, 3, 3, 6, 5, 5, 7]);
+    let radius = |z: f64| 10.0 + 4.0 * (0.9 * z).sin();
+    let one_by_one = faired(&contours, 0.5, radius);
+    assert!(one_by_one.iter().any(|(z, phi)| largest([(phi, &given(radius(*z)))].into_iter()) > 0.01), "it does move");
+    for nodes in [2, NODES, NODES + 1, GAPS_AT_ONCE * NODES, 1000] {
+        assert!(faired_together(nodes, [false; 2], &contours, 0.5, radius) == one_by_one, "{nodes} at once");
     }
 }
 

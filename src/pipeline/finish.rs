@@ -1,37 +1,98 @@
 //! The last stage of both methods: layers are faired and held together.
+//!
+//! ```text
+//! a thread of its own: make -> Fairing -> channel        the calling thread: channel -> Together -> sink
+//! ```
+
+use std::panic::resume_unwind;
+use std::sync::mpsc::sync_channel;
+use std::sync::{Mutex, PoisonError};
+use std::thread;
 
 use super::connect::together;
 use super::context::{Context, Sink};
 use super::links::{IntervalLinks, fairing_shares};
 use crate::contour::Contour;
-use crate::error::Result;
-use crate::fairing::{Fairing, FairingSpec};
+use crate::error::{Error, Result};
+use crate::fairing::{Fairing, FairingSpec, GAPS_AT_ONCE, SMALL};
 use crate::registration::motion_stack::MotionStack;
+use crate::stack::heights::NODES;
 use crate::storage::spill::SpillVec;
 use crate::surface::Layer;
 
+/// Layers that are made before the first of them is taken, at most.
+const AHEAD: usize = 16;
+
+/// Maker of the layers of a run.
+pub(super) trait Make: FnOnce(&mut Sink<'_>) -> Result<()> + Send {}
+
+impl<F: FnOnce(&mut Sink<'_>) -> Result<()> + Send> Make for F {}
+
 /// Runs `make`, whose layers reach `sink` faired if that is wanted, connected where their contours overlap, with nothing that floats.
+///
+/// Where memory is not bounded they are made and faired by a thread beside the calling one, which looks at them and writes them.
 pub(super) fn faired<'a>(
     run: &Context<'a>,
     links: &[IntervalLinks],
     contours: &SpillVec<'a, Contour>,
     moving: Option<&MotionStack<'a>>,
     sink: &mut Sink<'_>,
-    make: impl FnOnce(&mut Sink<'_>) -> Result<()>,
+    make: impl Make,
 ) -> Result<()> {
     let mut together = together(run, links, contours);
     let limit = (run.settings.margin() as f64 * run.px) as f32;
-    let on_image = |mut layer: Layer| {
+    let mut take = |mut layer: Layer| {
         if run.window.beyond {
             run.window.end_at_border(&mut layer.phi, run.image, run.stack.spacing, limit);
         }
-        layer
+        together.push(layer, sink)
     };
-    if run.settings.fair == 0.0 {
-        make(&mut |layer| together.push(on_image(layer), sink))?;
+    let fairing = fairing(run, links, contours, moving)?;
+    // A thread of a pool that waits would be missing there.
+    if run.budget.is_bounded() || rayon::current_thread_index().is_some() {
+        fair(fairing, make, &mut take)?;
         return together.finish(sink);
     }
-    let mut fairing = Fairing::new(FairingSpec {
+    // Whoever comes first has them: without a second thread the calling one makes the layers, too.
+    let work = Mutex::new(Some((fairing, make)));
+    let begin = || work.lock().unwrap_or_else(PoisonError::into_inner).take();
+    thread::scope(|scope| {
+        let (hand_over, layers) = sync_channel(AHEAD);
+        let maker = move || {
+            let Some((fairing, make)) = begin() else { return Ok(()) };
+            // Whoever takes no more layers has failed.
+            run.clocks
+                .beside(|| fair(fairing, make, &mut |layer| hand_over.send(layer).map_err(|_| Error::Interrupted)))
+        };
+        let Ok(maker) = thread::Builder::new().name("layers".into()).spawn_scoped(scope, maker) else {
+            return begin().map_or(Ok(()), |(fairing, make)| fair(fairing, make, &mut take));
+        };
+        let taken = layers.into_iter().try_for_each(&mut take);
+        let made = maker.join().unwrap_or_else(|panic| resume_unwind(panic));
+        taken.and(made)
+    })?;
+    together.finish(sink)
+}
+
+/// Makes layers and hands them on, faired if that is wanted.
+fn fair(fairing: Option<Fairing<'_>>, make: impl Make, take: &mut Sink<'_>) -> Result<()> {
+    let Some(mut fairing) = fairing else { return make(take) };
+    make(&mut |layer| fairing.push(layer, take))?;
+    fairing.finish(take)
+}
+
+/// Fairing of a run that wants it.
+fn fairing<'m>(
+    run: &Context<'_>,
+    links: &[IntervalLinks],
+    contours: &SpillVec<'_, Contour>,
+    moving: Option<&'m MotionStack<'m>>,
+) -> Result<Option<Fairing<'m>>> {
+    if run.settings.fair == 0.0 {
+        return Ok(None);
+    }
+    let small = run.stack.dims[0] * run.stack.dims[1] < SMALL;
+    Ok(Some(Fairing::new(FairingSpec {
         moving: moving.map(|moving| (moving, run.pad)),
         contours: run.stack.slices.iter().map(|s| s.z).collect(),
         drawn: run.stack.slices.iter().map(|s| !s.content.is_empty()).collect(),
@@ -44,8 +105,6 @@ pub(super) fn faired<'a>(
         farthest: run.settings.margin() as f64 * run.px,
         steered: run.settings.steered_ends(),
         shares: fairing_shares(run, links, contours)?,
-    });
-    make(&mut |layer| fairing.push(layer, &mut |layer| together.push(on_image(layer), sink)))?;
-    fairing.finish(&mut |layer| together.push(on_image(layer), sink))?;
-    together.finish(sink)
+        nodes_at_once: if small && !run.budget.is_bounded() { GAPS_AT_ONCE * NODES } else { 1 },
+    })))
 }

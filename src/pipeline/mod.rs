@@ -35,15 +35,15 @@ use self::field::field;
 use self::links::{IntervalLinks, find_links};
 use self::morph::morph;
 use self::span::Span;
-use crate::backend::{Backend, Means};
+use crate::backend::Means;
 use crate::error::{Error, Result};
 use crate::grid::tile::samples;
 use crate::pipeline::compose::differing_pixels;
 pub use crate::pipeline::context::{Bonds, LAYER_BYTES_ON_A_GPU};
 use crate::pipeline::section::Section;
-use crate::report::clock::Clocks;
+use crate::report::clock::{Clocks, of_this_thread};
 use crate::report::warnings::gathered;
-use crate::report::{BodyEnd, Report, StageCost};
+use crate::report::{BodyEnd, DeviceUse, Report, StageCost};
 use crate::settings::{Method, Settings};
 use crate::stack::ContourStack;
 use crate::stack::heights::{check, shown_nodes};
@@ -74,10 +74,8 @@ struct Certified<'a> {
     differing: Vec<usize>,
     examined: Examined,
     sink: &'a mut dyn LayerSink,
-    clocks: &'a Clocks,
-    backend: &'a dyn Backend,
-    /// Cost of what the sink does.
-    output: Option<StageCost>,
+    /// CPU seconds of what the sink does on this thread, where costs are wanted: meanwhile others make layers.
+    output: Option<f64>,
 }
 
 impl LayerSink for Certified<'_> {
@@ -102,13 +100,10 @@ impl LayerSink for Certified<'_> {
             self.differing[i] = differing_pixels(&layer.phi, content);
             layer.contour = Some(self.first + i);
         }
-        let before = Spent::now(self.clocks, self.backend);
+        let before = self.output.and_then(|_| of_this_thread());
         let taken = self.sink.layer(layer);
-        if let Some(cost) = before.and_then(|before| before.cost(OUTPUT, self.clocks, self.backend)) {
-            match &mut self.output {
-                Some(output) => output.add(&cost),
-                None => self.output = Some(cost),
-            }
+        if let (Some(spent), Some(before), Some(now)) = (&mut self.output, before, of_this_thread()) {
+            *spent += now - before;
         }
         taken
     }
@@ -220,15 +215,18 @@ pub fn run(
         differing: vec![0; stack.slices.len()],
         examined,
         sink,
-        clocks: &clocks,
-        backend,
-        output: None,
+        output: backend.device_use().and_then(|_| of_this_thread()).map(|_| 0.0),
     };
     let extent = match settings.method {
         Method::Morph => morph(&run, &mut links, &contours, heights, &mut report, &mut certified)?,
         Method::Field => field(&run, &mut links, &contours, heights, &mut report, &mut certified)?,
     };
-    let output = certified.output.take();
+    let output = certified.output.take().map(|seconds| StageCost {
+        name: OUTPUT.into(),
+        host_seconds: Some(seconds),
+        serial_seconds: Some(seconds),
+        device: DeviceUse::default(),
+    });
     let (met, body) = certified.examined.finish();
     for ((c, differing), met) in report.contours.iter_mut().zip(certified.differing).zip(met) {
         c.differing_pixels = differing;

@@ -1,13 +1,13 @@
-//! CPU clocks of the threads that compute a run: the one that runs the pipeline, and those of the pool that it computes with.
+//! CPU clocks of the threads that compute a run: the one that runs the pipeline, those that it has beside it, and those of the pool.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// CPU seconds: of all threads that compute, and of the calling thread alone.
+/// CPU seconds: of all threads that compute, and of the calling thread and those beside it alone.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct CpuSeconds {
-    /// The calling thread's and those of the pool.
+    /// The calling thread's, those of the threads beside it and of the pool.
     pub all: f64,
-    /// The calling thread's.
+    /// The calling thread's, and those of the threads beside it.
     pub own: f64,
 }
 
@@ -22,6 +22,15 @@ pub struct Clocks {
     pool: Vec<system::Clock>,
     /// The calling thread is one of the pool.
     within: bool,
+    beside: Arc<Mutex<Beside>>,
+}
+
+/// Threads beside the calling one.
+#[derive(Debug, Default)]
+struct Beside {
+    clocks: Vec<system::Clock>,
+    /// CPU seconds of those that have ended.
+    ended: f64,
 }
 
 impl Clocks {
@@ -31,16 +40,32 @@ impl Clocks {
         static GLOBAL: OnceLock<Vec<system::Clock>> = OnceLock::new();
         let ask = || rayon::broadcast(|_| system::own()).into_iter().flatten().collect();
         match rayon::current_thread_index() {
-            Some(_) => Clocks { pool: ask(), within: true },
-            None => Clocks { pool: GLOBAL.get_or_init(ask).clone(), within: false },
+            Some(_) => Clocks { pool: ask(), within: true, beside: Arc::default() },
+            None => Clocks { pool: GLOBAL.get_or_init(ask).clone(), within: false, beside: Arc::default() },
         }
+    }
+
+    /// Does `work` on a new thread beside the one that made the clocks, and counts it.
+    pub fn beside<T>(&self, work: impl FnOnce() -> T) -> T {
+        let beside = || self.beside.lock().unwrap_or_else(PoisonError::into_inner);
+        let clock = system::own();
+        beside().clocks.extend(clock);
+        let done = work();
+        let mut beside = beside();
+        beside.ended += of_this_thread().unwrap_or(0.0);
+        beside.clocks.retain(|other| Some(*other) != clock);
+        done
     }
 
     /// CPU seconds so far, by the thread that made the clocks.
     pub fn read(&self) -> Option<CpuSeconds> {
-        let own = of_this_thread()?;
+        let beside: f64 = {
+            let beside = self.beside.lock().unwrap_or_else(PoisonError::into_inner);
+            beside.ended + beside.clocks.iter().copied().filter_map(system::seconds).sum::<f64>()
+        };
+        let own = of_this_thread()? + beside;
         let pool: f64 = self.pool.iter().copied().filter_map(system::seconds).sum();
-        Some(CpuSeconds { all: if self.within { pool } else { pool + own }, own })
+        Some(CpuSeconds { all: if self.within { pool + beside } else { pool + own }, own })
     }
 }
 
@@ -75,7 +100,7 @@ mod system {
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 mod system {
     /// There is none.
-    #[derive(Debug, Clone, Copy)]
+    #[derive(Debug, Clone, Copy, PartialEq)]
     pub enum Clock {}
 
     /// Nothing.
@@ -126,5 +151,16 @@ mod tests {
         assert!(between.all - before.all >= 0.02, "{before:?} {between:?}");
         assert!(between.own - before.own < 0.02, "a caller that waits does not compute: {before:?} {between:?}");
         assert!(after.own - between.own >= 0.02, "{between:?} {after:?}");
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                clocks.beside(|| {
+                    busy();
+                    let while_it_lives = clocks.read().expect("still");
+                    assert!(while_it_lives.all - after.all >= 0.02, "{after:?} {while_it_lives:?}");
+                });
+            });
+        });
+        let ended = clocks.read().expect("still");
+        assert!(ended.own - after.own >= 0.02 && ended.all - after.all >= 0.02, "{after:?} {ended:?}");
     }
 }

@@ -42,6 +42,11 @@ impl Budget {
         more.saturating_add(1).min(count).max(1)
     }
 
+    /// Whether anything is bounded.
+    pub fn is_bounded(&self) -> bool {
+        self.spare.is_some()
+    }
+
     /// Bytes that shelves may keep, where they are bounded.
     pub fn kept(&self) -> Option<u64> {
         self.spare.map(|_| self.left.load(Ordering::Relaxed))

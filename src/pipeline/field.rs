@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::context::{Context, Sink, stage, time};
 use super::ends::{above, below, end_matter, make_ends};
 use super::events::holes;
-use super::finish::faired;
+use super::finish::{Takers, faired};
 use super::links::{IntervalLinks, see_links};
 use super::moving::{lone_parts, moving_frame, slice_slopes};
 use crate::backend::interval_morph::together;
@@ -25,7 +25,6 @@ use crate::report::{IntervalReport, Report};
 use crate::stack::heights::{Height, Heights};
 use crate::storage::spill::SpillVec;
 use crate::surface::Layer;
-use crate::surface::stream::LayerSink;
 
 /// Results of the stages before the layers.
 struct Made<'a> {
@@ -65,7 +64,7 @@ pub(super) fn field<'a>(
     contours: &SpillVec<'a, Contour>,
     heights: &[f64],
     report: &mut Report,
-    sink: &mut dyn LayerSink,
+    takers: Takers<'_>,
 ) -> Result<[f64; 2]> {
     report.intervals = events(run, links, contours)?;
     let moving = moving_frame(run, links, contours, report)?;
@@ -87,12 +86,11 @@ pub(super) fn field<'a>(
     let ends = make_ends(run, contours, &matter, [&bottom?, &top?], Some(&moving), report)?;
     let extent = ends.each_ref().map(|end| end.extent);
     let heights = run.heights(heights, extent)?;
-    sink.begin(&run.header(&heights, extent))?;
-    let sink: &mut Sink<'_> = &mut |layer| sink.layer(layer);
+    takers.sink.begin(&run.header(&heights, extent))?;
     let lone = lone_parts(run, contours, &moving, &slopes)?;
     let made = Made { moving, slopes, lone, ends };
     stage(run, report, "layers", heights.all.len(), |_| {
-        faired(run, links, contours, Some(&made.moving), sink, |sink| layers(run, contours, &made, &heights, sink))
+        faired(run, links, contours, Some(&made.moving), takers, |sink| layers(run, contours, &made, &heights, sink))
     })?;
     Ok(extent)
 }

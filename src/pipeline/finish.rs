@@ -1,7 +1,7 @@
-//! The last stage of both methods: layers are faired and held together.
+//! The last stage of both methods: layers are faired, held together, looked at and handed on.
 //!
 //! ```text
-//! a thread of its own: make -> Fairing -> channel        the calling thread: channel -> Together -> sink
+//! a thread: make -> Fairing        a thread: Together -> certificate        the calling thread: sink
 //! ```
 
 use std::panic::resume_unwind;
@@ -16,62 +16,80 @@ use crate::contour::Contour;
 use crate::error::{Error, Result};
 use crate::fairing::{Fairing, FairingSpec, GAPS_AT_ONCE, SMALL};
 use crate::registration::motion_stack::MotionStack;
+use crate::report::clock::Clocks;
 use crate::stack::heights::NODES;
 use crate::storage::spill::SpillVec;
 use crate::surface::Layer;
+use crate::surface::stream::LayerSink;
 
-/// Layers that are made before the first of them is taken, at most.
+/// Layers that wait between two threads, at most.
 const AHEAD: usize = 16;
 
-/// Maker of the layers of a run.
+/// Maker of layers.
 pub(super) trait Make: FnOnce(&mut Sink<'_>) -> Result<()> + Send {}
 
 impl<F: FnOnce(&mut Sink<'_>) -> Result<()> + Send> Make for F {}
 
-/// Runs `make`, whose layers reach `sink` faired if that is wanted, connected where their contours overlap, with nothing that floats.
+/// Takers of the layers of a run, one after the other.
+pub(super) struct Takers<'t> {
+    /// Looks at a layer; gives back what is handed on.
+    pub look: &'t mut (dyn FnMut(Layer) -> Option<Layer> + Send),
+    /// Takes it.
+    pub sink: &'t mut dyn LayerSink,
+}
+
+/// Runs `make`, whose layers reach the takers faired if that is wanted, connected where their contours overlap, with nothing that floats.
 ///
-/// Where memory is not bounded they are made and faired by a thread beside the calling one, which looks at them and writes them.
+/// Where memory is not bounded they are made, and looked at, by threads beside the calling one, which takes them.
 pub(super) fn faired<'a>(
     run: &Context<'a>,
     links: &[IntervalLinks],
     contours: &SpillVec<'a, Contour>,
     moving: Option<&MotionStack<'a>>,
-    sink: &mut Sink<'_>,
+    Takers { look, sink }: Takers<'_>,
     make: impl Make,
 ) -> Result<()> {
     let mut together = together(run, links, contours);
     let limit = (run.settings.margin() as f64 * run.px) as f32;
-    let mut take = |mut layer: Layer| {
+    let on_image = |mut layer: Layer| {
         if run.window.beyond {
             run.window.end_at_border(&mut layer.phi, run.image, run.stack.spacing, limit);
         }
-        together.push(layer, sink)
+        layer
     };
     let fairing = fairing(run, links, contours, moving)?;
+    let fair = |take: &mut Sink<'_>| fair(fairing, make, take);
     // A thread of a pool that waits would be missing there.
-    if run.budget.is_bounded() || rayon::current_thread_index().is_some() {
-        fair(fairing, make, &mut take)?;
-        return together.finish(sink);
-    }
-    // Whoever comes first has them: without a second thread the calling one makes the layers, too.
-    let work = Mutex::new(Some((fairing, make)));
-    let begin = || work.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let alone = run.budget.is_bounded() || rayon::current_thread_index().is_some();
+    let hold = |take: &mut Sink<'_>| {
+        let mut looked_at = |layer| look(layer).map_or(Ok(()), &mut *take);
+        let hold = &mut |layer| together.push(on_image(layer), &mut looked_at);
+        if alone { fair(hold) } else { beside(&run.clocks, fair, hold) }?;
+        together.finish(&mut looked_at)
+    };
+    let take = &mut |layer| sink.layer(layer);
+    if alone { hold(take) } else { beside(&run.clocks, hold, take) }
+}
+
+/// Does `make` on a thread beside the calling one, on which its layers reach `take`.
+fn beside(clocks: &Clocks, make: impl Make, take: &mut Sink<'_>) -> Result<()> {
+    // Whoever comes first has it: without a second thread the calling one makes the layers, too.
+    let make = Mutex::new(Some(make));
+    let begin = || make.lock().unwrap_or_else(PoisonError::into_inner).take();
     thread::scope(|scope| {
         let (hand_over, layers) = sync_channel(AHEAD);
         let maker = move || {
-            let Some((fairing, make)) = begin() else { return Ok(()) };
+            let Some(make) = begin() else { return Ok(()) };
             // Whoever takes no more layers has failed.
-            run.clocks
-                .beside(|| fair(fairing, make, &mut |layer| hand_over.send(layer).map_err(|_| Error::Interrupted)))
+            clocks.beside(|| make(&mut |layer| hand_over.send(layer).map_err(|_| Error::Interrupted)))
         };
         let Ok(maker) = thread::Builder::new().name("layers".into()).spawn_scoped(scope, maker) else {
-            return begin().map_or(Ok(()), |(fairing, make)| fair(fairing, make, &mut take));
+            return begin().map_or(Ok(()), |make| make(take));
         };
-        let taken = layers.into_iter().try_for_each(&mut take);
+        let taken = layers.into_iter().try_for_each(take);
         let made = maker.join().unwrap_or_else(|panic| resume_unwind(panic));
         taken.and(made)
-    })?;
-    together.finish(sink)
+    })
 }
 
 /// Makes layers and hands them on, faired if that is wanted.

@@ -32,6 +32,7 @@ use self::certificate::Examined;
 use self::context::{Context, Spent, stage};
 use self::distance::distance;
 use self::field::field;
+use self::finish::Takers;
 use self::links::{IntervalLinks, find_links};
 use self::morph::morph;
 use self::span::Span;
@@ -56,7 +57,7 @@ use crate::surface::{Layer, Reconstruction};
 /// Extra margin for rules whose curves overshoot their contours, px.
 const OVERSHOOT: usize = 8;
 
-/// Hands on the layers that are kept, on the image again, and counts the pixels of contours that differ from the input.
+/// Looks at layers, counts the pixels of contours that differ from the input, and brings those that are kept on the image again.
 struct Certified<'a> {
     /// On the image.
     stack: &'a ContourStack,
@@ -73,17 +74,11 @@ struct Certified<'a> {
     first: usize,
     differing: Vec<usize>,
     examined: Examined,
-    sink: &'a mut dyn LayerSink,
-    /// CPU seconds of what the sink does on this thread, where costs are wanted: meanwhile others make layers.
-    output: Option<f64>,
 }
 
-impl LayerSink for Certified<'_> {
-    fn begin(&mut self, header: &Header) -> Result<()> {
-        self.sink.begin(header)
-    }
-
-    fn layer(&mut self, mut layer: Layer) -> Result<()> {
+impl Certified<'_> {
+    /// The layer that is handed on.
+    fn look(&mut self, mut layer: Layer) -> Option<Layer> {
         let within = layer.z > self.ends[0] && layer.z < self.ends[1];
         let shown = self.shown.binary_search_by(|z| z.total_cmp(&layer.z)).is_ok();
         let handed = layer.output || layer.contour.is_some() || !within || shown;
@@ -92,7 +87,7 @@ impl LayerSink for Certified<'_> {
             self.examined.layer(&layer, handed);
         }
         if !handed || layer.z < self.kept[0] || layer.z >= self.kept[1] {
-            return Ok(());
+            return None;
         }
         layer.phi = self.window.image(&layer.phi, self.stack.dims, self.outside);
         if let Some(i) = layer.contour {
@@ -100,9 +95,26 @@ impl LayerSink for Certified<'_> {
             self.differing[i] = differing_pixels(&layer.phi, content);
             layer.contour = Some(self.first + i);
         }
-        let before = self.output.and_then(|_| of_this_thread());
+        Some(layer)
+    }
+}
+
+/// A sink, and what it costs.
+struct Timed<'a> {
+    sink: &'a mut dyn LayerSink,
+    /// CPU seconds of this thread, where costs are wanted: meanwhile others make layers.
+    spent: Option<f64>,
+}
+
+impl LayerSink for Timed<'_> {
+    fn begin(&mut self, header: &Header) -> Result<()> {
+        self.sink.begin(header)
+    }
+
+    fn layer(&mut self, layer: Layer) -> Result<()> {
+        let before = self.spent.and_then(|_| of_this_thread());
         let taken = self.sink.layer(layer);
-        if let (Some(spent), Some(before), Some(now)) = (&mut self.output, before, of_this_thread()) {
+        if let (Some(spent), Some(before), Some(now)) = (&mut self.spent, before, of_this_thread()) {
             *spent += now - before;
         }
         taken
@@ -214,14 +226,15 @@ pub fn run(
         first,
         differing: vec![0; stack.slices.len()],
         examined,
-        sink,
-        output: backend.device_use().and_then(|_| of_this_thread()).map(|_| 0.0),
     };
+    let spent = backend.device_use().and_then(|_| of_this_thread()).map(|_| 0.0);
+    let mut timed = Timed { sink, spent };
+    let takers = Takers { look: &mut |layer| certified.look(layer), sink: &mut timed };
     let extent = match settings.method {
-        Method::Morph => morph(&run, &mut links, &contours, heights, &mut report, &mut certified)?,
-        Method::Field => field(&run, &mut links, &contours, heights, &mut report, &mut certified)?,
+        Method::Morph => morph(&run, &mut links, &contours, heights, &mut report, takers)?,
+        Method::Field => field(&run, &mut links, &contours, heights, &mut report, takers)?,
     };
-    let output = certified.output.take().map(|seconds| StageCost {
+    let output = timed.spent.map(|seconds| StageCost {
         name: OUTPUT.into(),
         host_seconds: Some(seconds),
         serial_seconds: Some(seconds),

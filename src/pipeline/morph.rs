@@ -4,10 +4,10 @@ use std::borrow::Cow;
 
 use rayon::prelude::*;
 
-use super::context::{Context, Sink, stage};
+use super::context::{Context, stage};
 use super::ends::{end_matter, make_ends, passing};
 use super::events::{holes, named};
-use super::finish::faired;
+use super::finish::{Takers, faired};
 use super::links::see_links;
 use super::links::{IntervalLinks, in_frame};
 use super::moving::{close, lone_parts, moving_frame, slice_slopes};
@@ -29,7 +29,6 @@ use crate::registration::motion_stack::MotionStack;
 use crate::report::{Event, IntervalReport, Report};
 use crate::settings::Motion;
 use crate::storage::spill::SpillVec;
-use crate::surface::stream::LayerSink;
 
 /// All stages after the distance; the heights at which the body ends.
 pub(super) fn morph<'a>(
@@ -38,7 +37,7 @@ pub(super) fn morph<'a>(
     contours: &SpillVec<'a, Contour>,
     heights: &[f64],
     report: &mut Report,
-    sink: &mut dyn LayerSink,
+    takers: Takers<'_>,
 ) -> Result<[f64; 2]> {
     let count = contours.len() - 1;
     let moving = match run.settings.motion {
@@ -75,8 +74,7 @@ pub(super) fn morph<'a>(
     let ends = make_ends(run, contours, &matter, [&*fitted.get(0)?, &*fitted.get(count)?], moving.as_ref(), report)?;
     let extent = ends.each_ref().map(|end| end.extent);
     let heights = run.heights(heights, extent)?;
-    sink.begin(&run.header(&heights, extent))?;
-    let sink: &mut Sink<'_> = &mut |layer| sink.layer(layer);
+    takers.sink.begin(&run.header(&heights, extent))?;
     let beside = match &moving {
         None => None,
         Some(moving) => {
@@ -87,7 +85,7 @@ pub(super) fn morph<'a>(
     };
     let made = SweepInputs { contours, beside, seen, parted, intervals, sides, fitted, ends };
     stage(run, report, "propagate", jobs, |report| {
-        faired(run, links, contours, moving.as_ref(), sink, |sink| propagate(run, &made, &heights, report, sink))
+        faired(run, links, contours, moving.as_ref(), takers, |sink| propagate(run, &made, &heights, report, sink))
     })?;
     Ok(extent)
 }

@@ -1,9 +1,9 @@
 //! Marching cubes on the layers' true heights, slab by slab: a slab needs its two layers and the vertices on the lower one, no more.
 
-use std::collections::HashMap;
 use std::ops::Range;
 
 use glam::DVec3;
+use rustc_hash::FxHashMap;
 
 use super::Layer;
 use super::cases::{AMBIGUOUS, EDGES, FACES, LoopFill, patches};
@@ -84,7 +84,7 @@ pub struct Builder {
     /// Sides of their nodes: inside or not.
     inside: [Vec<u8>; 2],
     /// Vertices on the edges of each of the two layers, two edges per node.
-    along: [HashMap<usize, Corner>; 2],
+    along: [FxHashMap<usize, Corner>; 2],
     /// Vertices on the edges that go up from two rows of nodes, and the nodes that have one.
     upright: [(Vec<Option<Corner>>, Vec<usize>); 2],
     /// The next row of cells; none where the slab is filled.
@@ -153,7 +153,7 @@ impl Builder {
         self.active.0 = None;
         self.along.swap(0, 1);
         // Nothing is used again: one layer's contours may be far longer than those after it.
-        self.along[1] = HashMap::new();
+        self.along[1] = FxHashMap::default();
         for (row, known) in &mut self.upright {
             known.drain(..).for_each(|i| row[i] = None);
             row.resize(self.dims[0], None);

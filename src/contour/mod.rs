@@ -13,7 +13,7 @@ pub(crate) mod unmatched;
 use std::ops::Range;
 
 use crate::contour::seeds::{Seed, seeds};
-use crate::grid::components::{Components, label4, label8};
+use crate::grid::components::{Components, count8, label4};
 use crate::grid::field::Field;
 use crate::grid::tile::Tile;
 use crate::storage::spill::{Array, Large};
@@ -49,7 +49,7 @@ impl Contour {
         let mut side = phi.inside();
         let solids = label4(&side, phi.dims);
         side.iter_mut().for_each(|inside| *inside = !*inside);
-        let holes = label8(&side, phi.dims).count.saturating_sub(1);
+        let holes = count8(&side, phi.dims).saturating_sub(1);
         let solid_depth = depths(&solids, &phi);
         let solid_box = boxes(&solids, phi.dims);
         Contour { z, seeds, phi, solids, holes, solid_depth, solid_box }

@@ -29,7 +29,7 @@ pub fn morph_layers(gpu: &Gpu, request: &MorphRequest<'_>, progress: &dyn Progre
     if !request.intervals.iter().all(|of| gpu.holds_images(of.image.padded())) {
         return on_host(gpu, request, progress);
     }
-    let shares: Vec<f64> = request.intervals.iter().map(|of| share(gpu, of, request)).collect();
+    let shares: Vec<f64> = request.intervals.par_iter().map(|of| share(gpu, of, request)).collect();
     in_batches(gpu, shares.iter().copied(), |batch| {
         let alone = batch.len() == 1;
         let some = MorphRequest { intervals: &request.intervals[batch.clone()], ..*request };

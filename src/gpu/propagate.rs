@@ -2,6 +2,8 @@
 
 use std::cell::Cell;
 
+use rayon::prelude::*;
+
 use super::Gpu;
 use super::atlas::{Atlas, in_batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
@@ -145,7 +147,7 @@ pub fn propagate(
     options: &MorphOptions,
     progress: &dyn Progress,
 ) -> Result<Vec<Filled>> {
-    let shares: Vec<(usize, f64)> = pairs.iter().map(|pair| share(gpu, pair, options)).collect();
+    let shares: Vec<(usize, f64)> = pairs.par_iter().map(|pair| share(gpu, pair, options)).collect();
     in_batches(gpu, shares.iter().map(|(_, share)| *share), |batch| {
         let room = shares[batch.clone()].iter().map(|(room, _)| room).sum();
         let batch = &pairs[batch];

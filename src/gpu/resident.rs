@@ -3,6 +3,8 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
+use rayon::prelude::*;
+
 use super::Gpu;
 use super::device::Buffer;
 use super::moving::bounded;
@@ -12,6 +14,8 @@ use crate::grid::field::Field;
 
 /// Share of the budget that images may take.
 const SHARE: f64 = 0.1;
+/// Values that are worth a thread.
+const LEAST_LENGTH: usize = 1 << 14;
 
 /// Images by the fields they were made of.
 #[derive(Debug, Default)]
@@ -80,7 +84,7 @@ impl Gpu {
             images.push(image);
             return Ok(values);
         }
-        let values: Vec<f32> = scaled(field, scale).collect();
+        let values = field.data.par_iter().with_min_len(LEAST_LENGTH).map(|v| bounded(scale * v)).collect::<Vec<f32>>();
         let most = (SHARE * self.device.budget() as f64) as usize / size_of_val(&values[..]).max(1);
         let too_many = (images.len() + 1).saturating_sub(most).min(images.len());
         images.drain(..too_many);

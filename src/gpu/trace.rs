@@ -1,5 +1,7 @@
 //! Morphs with tracker particles on the GPU.
 
+use rayon::prelude::*;
+
 use super::Gpu;
 use super::atlas::{Atlas, in_batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
@@ -50,7 +52,7 @@ pub fn trace(
         let edges = crossings(&job.source).max(crossings(&job.goal));
         places(edges, options.half_width, job.source.data.len())
     };
-    let rooms: Vec<usize> = jobs.iter().map(room_of).collect();
+    let rooms: Vec<usize> = jobs.par_iter().map(room_of).collect();
     let share = |(job, room): (&TraceJob<'_>, &usize)| {
         let (nodes, particles) = (padded(job.source.data.len()), job.seeds.len());
         let bytes = nodes * (NODE_BYTES + 4) + room * PLACE_BYTES + particles * size_of::<Particle>();

@@ -158,20 +158,17 @@ fn matching<'a>(
         let jobs: Vec<PartJob> = plans.iter_mut().flat_map(|(plan, _)| plan.take_jobs()).collect();
         let mut fields = run.backend.part_fields(&PartRequest { jobs: &jobs, h: run.h })?.into_iter();
         drop(jobs);
-        for (i, (plan, [z_low, z_high])) in (first..).zip(plans) {
-            let mut interval = plan.finish(&mut fields);
+        let finished = plans.into_iter().map(|(plan, ends)| (plan.finish(&mut fields), ends)).collect::<Vec<_>>();
+        let told = |(n, (interval, _)): (usize, &(Interval, [f64; 2]))| match traced.contains(&(first + n)) {
+            true => told(seen, moving, first + n, &interval.events),
+            false => Ok(Vec::new()),
+        };
+        let told = finished.par_iter().enumerate().map(told).collect::<Result<Vec<_>>>()?;
+        for (i, ((mut interval, [z_low, z_high]), events)) in (first..).zip(finished.into_iter().zip(told)) {
             close(run, seen.contours, i, Direction::Up, &mut interval.lone)?;
             close(run, seen.contours, i, Direction::Down, &mut interval.lone)?;
-            reports.push(IntervalReport {
-                z_low,
-                z_high,
-                groups: interval.groups.len(),
-                events: match traced.contains(&i) {
-                    true => told(seen, moving, i, &interval.events)?,
-                    false => Vec::new(),
-                },
-                ..IntervalReport::default()
-            });
+            let groups = interval.groups.len();
+            reports.push(IntervalReport { z_low, z_high, groups, events, ..IntervalReport::default() });
             intervals.push(interval)?;
             run.progress.advance(1);
         }

@@ -61,6 +61,7 @@ USES = {
     "rayon": "threads",
     "rstar": "nearest points and edges",
     "rusqlite": "contour maps as GeoPackage, in (SQLite, C)",
+    "rustc-hash": "numbers of the surface's vertices by their edges",
     "rustix": "a folder is exchanged for another in one step (Linux, macOS)",
     "serde": "settings, manifests, reports",
     "serde_json": "JSON",

@@ -52,7 +52,7 @@ pub struct StageCost {
     /// CPU seconds of all threads of the host; absent where the system has no clock of threads.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub host_seconds: Option<f64>,
-    /// Of them, CPU seconds of the thread that runs the pipeline.
+    /// Of them, CPU seconds of the threads that run the pipeline.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub serial_seconds: Option<f64>,
     /// What was asked of the device.

@@ -121,11 +121,11 @@ fn tube(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     let runs = listed && jobs[q].phase == RUNNING;
     let near = blocks[b].near;
     // Those of the old N that are close to the contour now.
-    var rest = select(0u, (near[e >> 2u] >> (EIGHTH * (e & 3u))) & 255u, runs);
+    var bits = select(0u, (near[e >> 2u] >> (EIGHTH * (e & 3u))) & 255u, runs);
     var own = 0u;
-    while rest != 0u {
-        let c = countTrailingZeros(rest);
-        rest &= rest - 1u;
+    while bits != 0u {
+        let c = countTrailingZeros(bits);
+        bits &= bits - 1u;
         if abs(phi[b * BLOCK + e * EIGHTH + c]) < params.gamma {
             own |= 1u << c;
         }
@@ -135,14 +135,14 @@ fn tube(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     if !listed || e != 0u {
         return;
     }
-    let bits = whole_block(local, 0u);
-    blocks[b].tube = bits;
+    let tube = whole_block(local, 0u);
+    blocks[b].tube = tube;
     if runs && any(near != vec2<u32>(0u)) {
         touch(b);
     }
-    if any(bits != vec2<u32>(0u)) {
-        let first = select(32u + countTrailingZeros(bits.y), countTrailingZeros(bits.x), bits.x != 0u);
-        let last = select(31u - countLeadingZeros(bits.x), 63u - countLeadingZeros(bits.y), bits.y != 0u);
+    if any(tube != vec2<u32>(0u)) {
+        let first = select(32u + countTrailingZeros(tube.y), countTrailingZeros(tube.x), tube.x != 0u);
+        let last = select(31u - countLeadingZeros(tube.x), 63u - countLeadingZeros(tube.y), tube.y != 0u);
         let nx = jobs[q].nx;
         for (var row = 0u; row < 3u; row++) {
             let base = b * BLOCK + row * nx - nx;

@@ -121,14 +121,15 @@ fn with_pixel(before: Found, k: u32, q: u32, error: f32, weight: f32) -> Found {
 // Errors, where what remains is `-goal` at the closest contour point, and what they make of the step.
 @compute @workgroup_size(lane_count)
 fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let begin = list_index(group, local) * chunk_length;
-    if begin >= work.band_total {
+    let first = group_index(group) * lane_count * chunk_length;
+    let begin = first + local;
+    let end = min(first + lane_count * chunk_length, work.band_total);
+    if begin >= end {
         return;
     }
-    let end = min(begin + chunk_length, work.band_total);
     var q = band[begin].y;
     var found = Found(0.0, 0u, 0u, Rest(0.0, 0u, 0u));
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += lane_count) {
         if band[k].y != q {
             add(q, found);
             q = band[k].y;
@@ -164,14 +165,15 @@ fn recall(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
 // What those errors make of the step: they count wholly.
 @compute @workgroup_size(lane_count)
 fn measure_again(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let begin = list_index(group, local) * chunk_length;
-    if begin >= work.band_total {
+    let first = group_index(group) * lane_count * chunk_length;
+    let begin = first + local;
+    let end = min(first + lane_count * chunk_length, work.band_total);
+    if begin >= end {
         return;
     }
-    let end = min(begin + chunk_length, work.band_total);
     var q = band[begin].y;
     var found = Found(0.0, 0u, 0u, Rest(0.0, 0u, 0u));
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += lane_count) {
         if band[k].y != q {
             add(q, found);
             q = band[k].y;

@@ -27,16 +27,17 @@ const SLACK: f32 = 1e-4;
 // Speed near the front and distance of its crossings from the goal, some band pixels at a time.
 @compute @workgroup_size(lane_count)
 fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
-    let begin = list_index(group, local) * chunk_length;
-    if begin >= work.band_total {
+    let first = group_index(group) * lane_count * chunk_length;
+    let begin = first + local;
+    let end = min(first + lane_count * chunk_length, work.band_total);
+    if begin >= end {
         return;
     }
-    let end = min(begin + chunk_length, work.band_total);
     var q = band[begin].y;
     var fastest = 0.0;
     var rest = Rest(0.0, 0u, 0u);
     var pixels = 0u;
-    for (var k = begin; k < end; k++) {
+    for (var k = begin; k < end; k += lane_count) {
         let node = band[k].x;
         if band[k].y != q {
             add(q, fastest, rest, pixels);

@@ -204,6 +204,7 @@ fn loops_end() {
     };
     let known = [
         "while bits != 0u {",
+        "while awoken != 0u {",
         "while count > 0u {",
         "while k + 1u < count && begins[row + k + 1u] < f32(i) - TIE {",
         "while jobs_mut[q].next_time < jobs_mut[q].time_count {",
@@ -221,12 +222,19 @@ fn loops_end() {
 }
 
 /// Constants that only a shader has, and why.
-const OWN: [(&str, &str); 5] = [
+const OWN: [(&str, &str); 12] = [
     ("REST_UNIT", "sums of integers do not depend on their order; the twin adds up f64 in one order"),
     ("REST_MOST", "as REST_UNIT: what keeps the sum within 32 bits"),
     ("MOST_STEPS", "f32 to u32 must not overflow; the twin's steps are counted in usize"),
     ("UNKNOWN", "the twin keeps a list of those"),
     ("SETTLED", "the resolution of f32; the twin has that of f64"),
+    ("SIDE", "a patch with its border; the twin has none"),
+    ("UPDATES", "turns that patches take; the twin sweeps whole images"),
+    ("WEST", "news of a patch, as the three others and MOVES"),
+    ("EAST", "as WEST"),
+    ("SOUTH", "as WEST"),
+    ("NORTH", "as WEST"),
+    ("MOVES", "as WEST"),
 ];
 
 #[test]

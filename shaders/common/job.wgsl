@@ -16,7 +16,8 @@ override grid: u32 = 4096u;
 
 override lane_count: u32 = 64u;
 
-// Band pixels that one invocation takes where a pixel alone would be too little work.
+// Band pixels that one invocation takes where a pixel alone would be too little work: those of a workgroup lie side by side, and it takes every
+// `lane_count`-th of them.
 override chunk_length: u32 = 16u;
 
 // What all jobs of a batch share. Lengths in pixels of the larger pixel side.

@@ -10,11 +10,13 @@ pub mod seeds;
 pub(crate) mod termination;
 pub(crate) mod unmatched;
 
+use std::f64::consts::PI;
 use std::ops::Range;
 
 use crate::contour::seeds::{Seed, seeds};
 use crate::grid::components::{Components, count8, label4};
-use crate::grid::field::Field;
+use crate::grid::field::{Field, covered};
+use crate::grid::seen::Seen;
 use crate::grid::tile::Tile;
 use crate::storage::spill::{Array, Large};
 
@@ -101,6 +103,23 @@ impl Contour {
         }
         Tile::spanning(self.phi.dims, margin, low, high)
     }
+
+    /// Its area, px squared. Of a contour that the image's border cuts that of a whole disc: its radius is that of the sector which has the
+    /// contour's area `A` and perimeter `P` on the image, `2 A / P`.
+    pub fn disc_area(&self, seen: &Seen, h: [f64; 2]) -> f64 {
+        let nx = self.phi.dims[0];
+        let sum = |share: &dyn Fn(f64) -> f64| {
+            let counted = self.phi.data.iter().enumerate().filter(|(node, _)| seen.has(*node, nx));
+            counted.map(|(_, v)| share(*v)).sum::<f64>() * h[0] * h[1]
+        };
+        let area = sum(&|v| f64::from(u8::from(v < 0.0)));
+        let is_cut = seen.edges(self.phi.dims).iter().any(|pair| pair.iter().all(|node| self.phi.data[*node] < 0.0));
+        if !is_cut {
+            return area;
+        }
+        let perimeter = sum(&|v| covered(v - 0.5) - covered(v + 0.5));
+        PI * (2.0 * area / perimeter.max(1.0)).powi(2)
+    }
 }
 
 impl Large for Contour {
@@ -135,6 +154,16 @@ fn depths(parts: &Components, phi: &Field) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_disc_that_the_border_cuts_through_its_middle_counts_as_the_whole_one() {
+        let disc = |i: usize, j: usize| libm::hypot(i as f64 - 19.5, j as f64 - 19.5) - 11.0;
+        let contour = Contour::with_seeds(0.0, Field::from_fn([40, 40], disc), Vec::new());
+        for part in [[0..40, 0..40], [20..40, 0..40], [0..40, 0..20], [20..40, 20..40]] {
+            let radius = (contour.disc_area(&Seen::image(part.clone()), [1.0; 2]) / PI).sqrt();
+            assert!((radius - 11.0).abs() < 0.3, "{part:?}: {radius}, of whole pixels");
+        }
+    }
 
     #[test]
     fn parts_are_numbered_within_the_image() {

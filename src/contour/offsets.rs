@@ -1,6 +1,6 @@
 //! Areas of what a distance field encloses once its contour is drawn in or out.
 
-use crate::grid::field::{Field, covered};
+use crate::grid::field::covered;
 
 /// Steps of offsets per px; half a pixel is a whole number of them, so that areas at whole steps are exact.
 const PER_PX: i64 = 50;
@@ -13,17 +13,19 @@ pub struct Offsets {
     /// Number of the first offset, in steps.
     first: i64,
     areas: Vec<f64>,
+    /// Inradius, px.
+    pub depth: f64,
 }
 
 impl Offsets {
-    /// The areas of a field that is negative inside.
-    pub fn new(field: &Field) -> Self {
+    /// The areas of a field, negative inside, by its values at the pixels that count.
+    pub fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
         let step = 1.0 / PER_PX as f64;
-        let deepest = field.data.iter().copied().fold(0.0, f64::min);
+        let deepest = values.clone().fold(0.0, f64::min);
         let low = (deepest * PER_PX as f64).floor() as i64 - 1;
         let high = (OUT + 1) * PER_PX;
         let mut counts = vec![[0.0; 2]; (high - low + 1) as usize];
-        for v in &field.data {
+        for v in values {
             let bin = (v * PER_PX as f64).floor();
             if bin < high as f64 {
                 let [count, sum] = &mut counts[(bin as i64 - low) as usize];
@@ -41,7 +43,7 @@ impl Offsets {
         let half = PER_PX / 2;
         let first = -OUT * PER_PX;
         let areas = (first..=half - low).map(|d| (at(half - d) - at(-half - d)).max(0.0)).collect();
-        Offsets { first, areas }
+        Offsets { first, areas, depth: -deepest }
     }
 
     /// The offset at which this area is enclosed; positive ones draw the contour in.
@@ -60,20 +62,22 @@ impl Offsets {
     }
 }
 
-/// Area that a field encloses, px squared.
-pub fn area(field: &Field) -> f64 {
-    field.data.iter().map(|v| covered(*v)).sum()
+/// Area that a field encloses on pixels of these values, px squared.
+pub fn area(values: impl Iterator<Item = f64>) -> f64 {
+    values.map(covered).sum()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grid::field::Field;
 
     #[test]
     fn a_disc_drawn_in_or_out_has_its_area() {
         let disc = Field::from_fn([61, 61], |i, j| (i as f64 - 30.3).hypot(j as f64 - 29.8) - 12.0);
-        let offsets = Offsets::new(&disc);
-        assert!((offsets.of(area(&disc))).abs() < 1e-9);
+        let values = || disc.data.iter().copied();
+        let offsets = Offsets::new(values());
+        assert!((offsets.of(area(values()))).abs() < 1e-9);
         for radius in [1.0f64, 3.0, 8.5, 12.0, 15.0, 21.0] {
             let found = offsets.of(std::f64::consts::PI * radius.powi(2));
             // A disc of a few pixels has its area from few of them. Seen: 0.045 at a radius of 1.

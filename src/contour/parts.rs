@@ -7,6 +7,7 @@ use std::ops::RangeInclusive;
 use glam::DVec2;
 
 use crate::grid::components::Components;
+use crate::grid::seen::Seen;
 
 /// Area ratios of parts that may be the same.
 const SIMILAR: RangeInclusive<f64> = 0.5..=2.0;
@@ -27,9 +28,15 @@ pub struct Part {
 }
 
 /// All parts of a slice, by number; `h` is the pixel's size in units of its larger side.
-pub fn parts(solids: &Components, [nx, _]: [usize; 2], h: [f64; 2]) -> Vec<Part> {
+pub fn parts(solids: &Components, dims: [usize; 2], h: [f64; 2]) -> Vec<Part> {
+    parts_seen(solids, dims, h, &Seen::ALL)
+}
+
+/// The same, each of its pixels that are `seen`.
+pub fn parts_seen(solids: &Components, [nx, _]: [usize; 2], h: [f64; 2], seen: &Seen) -> Vec<Part> {
     let mut nodes: Vec<Vec<usize>> = vec![Vec::new(); solids.count + 1];
-    for (node, &label) in solids.labels.iter().enumerate().filter(|(_, label)| **label > 0) {
+    let counts = |(node, label): &(usize, &u32)| **label > 0 && seen.has(*node, nx);
+    for (node, &label) in solids.labels.iter().enumerate().filter(counts) {
         nodes[label as usize].push(node);
     }
     let part = |(number, nodes): (u32, Vec<usize>)| {
@@ -123,4 +130,20 @@ fn aligned_iou(a: &Part, b: &Part, [nx, ny]: [usize; 2]) -> f64 {
     // Nodes of a part are in row order.
     let common = a.nodes.iter().filter_map(moved).filter(|n| b.nodes.binary_search(n).is_ok()).count();
     common as f64 / (a.nodes.len() + b.nodes.len() - common) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::components::label4;
+
+    #[test]
+    fn a_part_is_what_lies_on_the_image() {
+        let solids = label4(&[true; 24], [6, 4]);
+        let of = |seen: &Seen| parts_seen(&solids, [6, 4], [1.0; 2], seen)[0].clone();
+        let [all, own] = [of(&Seen::ALL), of(&Seen::image([4..6, 0..4]))];
+        assert_eq!((all.nodes.len(), all.centroid), (24, DVec2::new(2.5, 1.5)));
+        assert_eq!((own.nodes.len(), own.centroid), (8, DVec2::new(4.5, 1.5)));
+        assert!((PI * own.radius.powi(2) - 8.0).abs() < 1e-12);
+    }
 }

@@ -20,6 +20,7 @@
 use crate::contour::Contour;
 use crate::contour::unmatched::{HALF_WAY, LonePart};
 use crate::grid::field::covered;
+use crate::grid::seen::Seen;
 
 /// Bodies round off before what the fall of their area says.
 const ROUNDER: f64 = 0.85;
@@ -75,9 +76,11 @@ impl Met {
 
 /// A part as another slice sees it.
 #[derive(Clone, Copy)]
-struct Seen {
+struct PartSeen {
     met: Met,
+    /// Pixels that count, and those of them beyond which it goes on.
     pixels: u32,
+    cut: u32,
     /// Depth of the other slice's body where the part is, px.
     within: f64,
 }
@@ -87,29 +90,40 @@ pub struct Succession<'a> {
     own: &'a Contour,
     inner: &'a Contour,
     /// Each part of the slice.
-    from: Vec<Seen>,
+    from: Vec<PartSeen>,
     /// Each of the inner one.
-    to: Vec<Seen>,
+    to: Vec<PartSeen>,
+    /// Pixels that count in areas.
+    seen: &'a Seen,
 }
 
 impl<'a> Succession<'a> {
-    /// The succession from the next slice inward to a slice.
-    pub fn new(own: &'a Contour, inner: &'a Contour) -> Self {
-        let none =
-            |contour: &Contour| vec![Seen { met: Met::Nothing, pixels: 0, within: 0.0 }; contour.solids.count + 1];
+    /// The succession from the next slice inward to a slice; areas count the pixels that are `seen`.
+    pub fn new(own: &'a Contour, inner: &'a Contour, seen: &'a Seen) -> Self {
+        let nx = own.phi.dims[0];
+        let none = |contour: &Contour| {
+            vec![PartSeen { met: Met::Nothing, pixels: 0, cut: 0, within: 0.0 }; contour.solids.count + 1]
+        };
         let (mut from, mut to) = (none(own), none(inner));
         let labels = own.solids.labels.iter().zip(&inner.solids.labels);
-        for ((&a, &b), phi) in labels.zip(&inner.phi.data) {
+        for (node, ((&a, &b), phi)) in labels.zip(&inner.phi.data).enumerate() {
             let (own, inner) = (&mut from[a as usize], &mut to[b as usize]);
-            own.pixels += 1;
-            inner.pixels += 1;
+            let counts = u32::from(seen.has(node, nx));
+            own.pixels += counts;
+            inner.pixels += counts;
             own.within = own.within.max(-phi);
             if a > 0 && b > 0 {
                 own.met.and(b);
                 inner.met.and(a);
             }
         }
-        Succession { own, inner, from, to }
+        for [node, beyond] in seen.edges(own.phi.dims) {
+            for (contour, parts) in [(own, &mut from), (inner, &mut to)] {
+                let labels = &contour.solids.labels;
+                parts[labels[node] as usize].cut += u32::from(labels[node] == labels[beyond]);
+            }
+        }
+        Succession { own, inner, from, to, seen }
     }
 
     /// `A' / A`, or `(D' / D)^s` where that is more; of a branch or trunk the latter with the other slice's depth where it is. Nothing where a
@@ -117,7 +131,7 @@ impl<'a> Succession<'a> {
     fn fall(&self, part: &LonePart) -> Option<Fall> {
         let number = self.own.solids.labels[self.own.seeds[*part.seeds.first()? as usize].inside];
         let own = self.from[number as usize];
-        let thinner = |depth: f64| libm::pow(depth / part.depth, slimming(part));
+        let thinner = |depth: f64| libm::pow(depth / part.depth, slimming(part, self.seen));
         let from = match own.met {
             Met::Nothing => return None,
             Met::Several => return Some(Fall::Confluence(thinner(own.within))),
@@ -127,16 +141,20 @@ impl<'a> Succession<'a> {
         if before.met == Met::Several {
             return Some(Fall::Branch(thinner(own.within)));
         }
-        let area = f64::from(before.pixels) / f64::from(own.pixels);
+        let mut area = f64::from(before.pixels) / f64::from(own.pixels.max(1));
+        // A body that leaves the image does not end for that.
+        if before.cut > 0 && own.cut > 0 {
+            area = area.min((f64::from(before.cut) / f64::from(own.cut)).powi(2));
+        }
         let whole = area.max(thinner(self.inner.solid_depth[from as usize]));
         Some(Fall::Whole(whole))
     }
 }
 
 /// The power s of the inradius with which a part's area falls as its contour is drawn in: `D P / A` by its perimeter P, from 1 to 2.
-fn slimming(part: &LonePart) -> f64 {
+fn slimming(part: &LonePart, seen: &Seen) -> f64 {
     // What drawing the contour out and in by half a pixel changes, and what it encloses: rounding turns no pixel over.
-    let sum = |share: fn(f64) -> f64| part.field.data.iter().map(|v| share(*v)).sum::<f64>();
+    let sum = |share: fn(f64) -> f64| seen.on(&part.tile, &part.field.data).map(share).sum::<f64>();
     let [perimeter, area] = [sum(|v| covered(v - 0.5) - covered(v + 0.5)), sum(covered)];
     (part.depth * perimeter / area.max(f64::MIN_POSITIVE)).clamp(1.0, 2.0)
 }
@@ -153,7 +171,7 @@ mod tests {
         let tile = Tile { origin: [0; 2], dims: [64, 64] };
         let power = |distance: &dyn Fn(f64, f64) -> f64| {
             let field = Field::from_fn(tile.dims, |i, j| distance(i as f64 - 32.0, j as f64 - 32.0));
-            slimming(&LonePart::new(tile, field, Vec::new(), Direction::Up))
+            slimming(&LonePart::new(tile, field, Vec::new(), Direction::Up), &Seen::ALL)
         };
         let disc = power(&|x, y| libm::hypot(x, y) - 12.3);
         let strip = power(&|x, y| libm::hypot(x - x.clamp(-22.0, 22.0), y) - 4.2);
@@ -162,5 +180,19 @@ mod tests {
         // Two half discs at its ends: 4.2 (88 + 26.4) / (369.6 + 55.4).
         assert!((strip - 1.13).abs() < 0.05, "{strip}");
         assert!((ring - 1.0).abs() < 0.05, "{ring}");
+    }
+
+    #[test]
+    fn a_body_that_leaves_the_image_does_not_end_for_that() {
+        let disc = |x: f64| {
+            let value = |i: usize, j: usize| libm::hypot(i as f64 - x, j as f64 - 30.0) - 14.3;
+            Contour::new(0.0, Field::from_fn([60, 60], value), [1.0; 2], 1.0)
+        };
+        let (own, inner, seen) = (disc(12.0), disc(18.0), Seen::image([20..60, 0..60]));
+        let tile = Tile { origin: [0; 2], dims: [60; 2] };
+        let part = LonePart::new(tile, own.phi.clone(), vec![0], Direction::Up);
+        let Some(Fall::Whole(fall)) = Succession::new(&own, &inner, &seen).fall(&part) else { panic!("one from one") };
+        // 23 px on the border after 29; of the area more than half is gone.
+        assert!((fall - (29.0f64 / 23.0).powi(2)).abs() < 0.01, "{fall}");
     }
 }

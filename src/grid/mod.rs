@@ -2,6 +2,7 @@
 
 pub mod components;
 pub mod field;
+pub mod seen;
 pub mod sparse_image;
 pub mod spline;
 pub mod stencil;

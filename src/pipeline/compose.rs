@@ -26,7 +26,7 @@ impl IntervalCaps {
                 Direction::Up => (low, 1.0),
                 Direction::Down => (high, -1.0),
             };
-            let mean = mean_slope(fitted, &part.seeds) * sign * outward * gap;
+            let mean = mean_slope(fitted, part.counted()) * sign * outward * gap;
             (Cap::new(part, mean, height, farthest), part.direction)
         };
         IntervalCaps {

@@ -1,7 +1,6 @@
 //! Context of a run, which every stage reads and none changes.
 
 use std::collections::BTreeSet;
-use std::ops::Range;
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -12,6 +11,7 @@ use crate::backend::Backend;
 use crate::contour::Contour;
 use crate::contour::canvas::Canvas;
 use crate::error::Result;
+use crate::grid::seen::Seen;
 use crate::grid::sparse_image::SparseImage;
 use crate::progress::Progress;
 use crate::registration::motion_field;
@@ -56,6 +56,8 @@ pub(super) struct Context<'a> {
     pub image: [usize; 2],
     /// The window on it.
     pub window: Window,
+    /// Pixels that count where areas are measured.
+    pub seen: Seen,
     pub settings: &'a Settings,
     pub backend: &'a dyn Backend,
     pub progress: &'a dyn Progress,
@@ -82,12 +84,6 @@ impl<'a> Context<'a> {
     /// Pixels of the padded image.
     pub fn padded(&self) -> [usize; 2] {
         std::array::from_fn(|a| self.stack.dims[a] + 2 * self.pad[a])
-    }
-
-    /// Columns and rows of the padded image that are the image's.
-    pub fn on_image(&self) -> [Range<usize>; 2] {
-        let part = self.window.part(self.image);
-        std::array::from_fn(|a| part[a].start + self.pad[a]..part[a].end + self.pad[a])
     }
 
     /// Bytes of a field on it.

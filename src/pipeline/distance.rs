@@ -16,21 +16,15 @@ pub(super) fn distance<'a>(run: &Context<'a>) -> Result<(SpillVec<'a, Contour>, 
     let options = ContourOptions::from(run.settings);
     let slices = &run.stack.slices;
     let (mut contours, mut reports) = (SpillVec::new(run.budget), Vec::with_capacity(slices.len()));
-    let seen = run.window.beyond.then(|| run.on_image());
     let contour = |z: f64, phi| {
         let mut contour = Contour::new(z, phi, h, spacing);
-        if let Some(part) = &seen {
+        if let Some(part) = run.seen.part() {
             contour.number_within(part);
         }
         contour
     };
-    let pixels = |c: &Contour| match &seen {
-        Some([columns, rows]) => {
-            let row = |j: usize| &c.solids.labels[j * dims[0]..][columns.clone()];
-            rows.clone().flat_map(row).filter(|l| **l > 0).count()
-        }
-        None => c.solids.labels.iter().filter(|l| **l > 0).count(),
-    };
+    let counts = |(node, label): &(usize, &u32)| **label > 0 && run.seen.has(*node, dims[0]);
+    let pixels = |c: &Contour| c.solids.labels.iter().enumerate().filter(counts).count();
     // A slice, its field with what is made on the way, its labels.
     for some in slices.chunks(run.budget.at_once(slices.len(), 4 * run.field_bytes())) {
         let padded: Vec<PaddedSlice> =

@@ -6,7 +6,7 @@ use glam::DVec2;
 
 use super::context::Context;
 use crate::contour::Contour;
-use crate::contour::parts::{candidates, overlaps, parts};
+use crate::contour::parts::{candidates, overlaps, parts_seen};
 use crate::error::{Error, Result};
 use crate::grid::field::{Field, position};
 use crate::grid::spline::smoothstep;
@@ -74,7 +74,7 @@ pub(super) fn find_links(run: &Context<'_>, contours: &SpillVec<'_, Contour>) ->
 /// are left out.
 fn alike(run: &Context<'_>, pair: [&Contour; 2], known: &BTreeMap<(u32, u32), bool>) -> Vec<(u32, u32)> {
     let dims = pair[0].phi.dims;
-    let [low, high] = [0, 1].map(|k| parts(&pair[k].solids, dims, run.h));
+    let [low, high] = [0, 1].map(|k| parts_seen(&pair[k].solids, dims, run.h, &run.seen));
     let pairs = |join: bool| known.iter().filter(move |(_, j)| **j == join).map(|(pair, _)| *pair);
     let mut partners: BTreeSet<(u32, u32)> = overlaps(&pair[0].solids, &pair[1].solids);
     partners.extend(pairs(true));

@@ -10,6 +10,7 @@ use crate::contour::overlap::{DecidedPairs, Group, match_components};
 use crate::contour::unmatched::LonePart;
 use crate::grid::components::label8;
 use crate::grid::field::Field;
+use crate::grid::seen::Seen;
 use crate::grid::tile::Tile;
 use crate::report::Event;
 use crate::storage::spill::{Array, Large};
@@ -89,8 +90,8 @@ pub struct IntervalPlan {
 }
 
 impl IntervalPlan {
-    /// Matches the components of two neighbouring contours. Tiles have `margin` pixels around the parts.
-    pub fn new(low: &Contour, high: &Contour, decided: &DecidedPairs, margin: [usize; 2]) -> Self {
+    /// Matches the components of two neighbouring contours. Tiles have `margin` pixels around the parts, in means what is `seen` counts.
+    pub fn new(low: &Contour, high: &Contour, decided: &DecidedPairs, margin: [usize; 2], seen: &Seen) -> Self {
         let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi), decided);
         let events = matching.events();
         // Pairs that are kept apart may touch at a corner.
@@ -100,8 +101,8 @@ impl IntervalPlan {
         };
         let plans = matching.groups.into_par_iter().map(|group| plan_group(low, high, group, margin)).collect();
         let lone = [
-            LonePlan::new(low, &matching.deaths, margin, Direction::Up),
-            LonePlan::new(high, &matching.births, margin, Direction::Down),
+            LonePlan::new(low, &matching.deaths, margin, Direction::Up, seen),
+            LonePlan::new(high, &matching.births, margin, Direction::Down, seen),
         ];
         IntervalPlan { plans, lone, events }
     }
@@ -141,13 +142,14 @@ impl IntervalPlan {
 #[derive(Default)]
 pub(super) struct LonePlan {
     direction: Direction,
-    parts: Vec<(Tile, Vec<u32>)>,
+    /// Tile, seeds, how many of them count.
+    parts: Vec<(Tile, Vec<u32>, usize)>,
     jobs: Vec<PartJob>,
 }
 
 impl LonePlan {
     /// The given parts of a contour.
-    pub fn new(contour: &Contour, parts: &[u32], margin: [usize; 2], direction: Direction) -> Self {
+    pub fn new(contour: &Contour, parts: &[u32], margin: [usize; 2], direction: Direction, seen: &Seen) -> Self {
         let tiles: Vec<Tile> = parts.iter().map(|&p| contour.tile_of(&[p], margin)).collect();
         let jobs = parts
             .par_iter()
@@ -159,9 +161,14 @@ impl LonePlan {
             .collect();
         let seeds_of = |part: u32| {
             let seeds = (0..).zip(&contour.seeds).filter(|(_, s)| contour.solids.labels[s.inside] == part);
-            seeds.map(|(k, _)| k).collect()
+            let inside = |seed: u32| contour.seeds[seed as usize].inside;
+            seen.first(seeds.map(|(k, _)| k).collect(), contour.phi.dims[0], inside)
         };
-        let parts = tiles.into_iter().zip(parts).map(|(tile, &part)| (tile, seeds_of(part))).collect();
+        let with_seeds = |(tile, &part): (Tile, &u32)| {
+            let (seeds, counted) = seeds_of(part);
+            (tile, seeds, counted)
+        };
+        let parts = tiles.into_iter().zip(parts).map(with_seeds).collect();
         LonePlan { direction, parts, jobs }
     }
 
@@ -176,7 +183,7 @@ impl LonePlan {
         self.parts
             .into_iter()
             .zip(fields)
-            .map(|((tile, seeds), f)| LonePart::new(tile, f, seeds, self.direction))
+            .map(|((tile, seeds, counted), f)| LonePart { counted, ..LonePart::new(tile, f, seeds, self.direction) })
             .collect()
     }
 }

@@ -38,6 +38,7 @@ use self::morph::morph;
 use self::span::Span;
 use crate::backend::Means;
 use crate::error::{Error, Result};
+use crate::grid::seen::Seen;
 use crate::grid::tile::samples;
 use crate::pipeline::compose::differing_pixels;
 pub use crate::pipeline::context::{Bonds, LAYER_BYTES_ON_A_GPU};
@@ -170,10 +171,12 @@ pub fn run(
         (&section.stack(stack), &section.settings(settings), &section.heights(stack, heights));
     let stack = &window.of(whole, section.slices.clone());
     let margin = settings.margin() + if settings.slope.overshoots() { OVERSHOOT } else { 0 };
+    let pad = samples(OVERSHOOT, h);
     let run = Context {
         stack,
         image: whole.dims,
         window,
+        seen: if window.beyond { Seen::image(window.padded_part(whole.dims, pad)) } else { Seen::ALL },
         settings,
         backend,
         progress,
@@ -181,7 +184,7 @@ pub fn run(
         span,
         h,
         px,
-        pad: samples(OVERSHOOT, h),
+        pad,
         margin: samples(margin, h),
         bonds,
         clocks: clocks.clone(),

@@ -87,9 +87,7 @@ fn filled_fields<'a>(
                 let contour = contours.some(k, Contour::FIELD)?;
                 let before = if k < i { k.checked_sub(1) } else { Some(k + 1).filter(|b| *b < contours.len()) };
                 let before = before.filter(|b| falling && full(b));
-                let area = |contour: &Contour| {
-                    contour.phi.data.iter().filter(|v| **v < 0.0).count() as f64 * run.h[0] * run.h[1]
-                };
+                let area = |contour: &Contour| contour.disc_area(&run.seen, run.h);
                 let z = |k: usize| contours.light(k).z;
                 let falls = match before {
                     Some(b) => paraboloid(
@@ -247,7 +245,7 @@ fn plan_lone<'a>(
     let at_slices = moving.at_slices(i)?;
     let u = &at_slices[usize::from(direction == Direction::Down)];
     let parts = without_partner(&own, least, |x| other.sample(x + way * u.at(x)) < 0.0);
-    Ok(LonePlan::new(&own, &parts, run.margin, direction))
+    Ok(LonePlan::new(&own, &parts, run.margin, direction, &run.seen))
 }
 
 /// Parts of a contour of interval `i` as they close.
@@ -273,7 +271,7 @@ fn closing_caps<'a>(
         Direction::Up => i > 0,
         Direction::Down => i + 2 < contours.len(),
     };
-    let slope = |part: &LonePart| if told { way * run.span.gaps[i] * mean_slope(&fitted, &part.seeds) } else { 0.0 };
+    let slope = |part: &LonePart| if told { way * run.span.gaps[i] * mean_slope(&fitted, part.counted()) } else { 0.0 };
     let farthest = run.settings.margin() as f64;
     Ok(lone.iter().map(|part| Cap::new(part, slope(part), part.closes, farthest)).collect())
 }
@@ -299,7 +297,7 @@ pub(super) fn close<'a>(
     };
     let own = contours.some(own, Contour::SEEDS_AND_PARTS)?;
     let inner = inner.map(|(k, gap)| contours.get(k).map(|c| (c, gap))).transpose()?;
-    let inner = inner.as_ref().map(|(inner, gap)| (Succession::new(&own, inner), *gap));
+    let inner = inner.as_ref().map(|(inner, gap)| (Succession::new(&own, inner, &run.seen), *gap));
     let inner = inner.as_ref().map(|(inner, gap)| (inner, *gap));
     for part in lone.iter_mut().filter(|part| part.direction == direction) {
         part.closes = closes(part, gap(i), inner);

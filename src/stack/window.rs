@@ -69,6 +69,12 @@ impl Window {
         })
     }
 
+    /// The same in the window with `pad` pixels around it.
+    pub fn padded_part(&self, dims: [usize; 2], pad: [usize; 2]) -> [Range<usize>; 2] {
+        let part = self.part(dims);
+        [0, 1].map(|a| part[a].start + pad[a]..part[a].end + pad[a])
+    }
+
     /// Columns and rows of the whole image, counted from the window's first pixel.
     pub fn rectangle(&self, dims: [usize; 2]) -> [Range<isize>; 2] {
         [0, 1].map(|a| -self.origin[a]..dims[a] as isize - self.origin[a])

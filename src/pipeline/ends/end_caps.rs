@@ -101,8 +101,8 @@ struct CapLine {
 }
 
 impl CapLine {
-    fn new(field: &Field) -> Self {
-        CapLine { field: field.clone(), offsets: Offsets::new(field) }
+    fn new(region: &Region) -> Self {
+        CapLine { field: region.field.clone(), offsets: region.offsets.clone() }
     }
 }
 
@@ -123,10 +123,9 @@ struct Cap {
 
 impl Cap {
     fn new(part: &EndPart, law: Law, given: bool, away: &[f64]) -> Self {
-        let outline = CapLine::new(&part.outline.field);
-        let depth = -outline.field.data.iter().copied().fold(0.0, f64::min);
-        let holes =
-            part.holes.iter().map(|hole| (CapLine::new(&hole.field), HoleLaw::new(&hole.areas, away))).collect();
+        let outline = CapLine::new(&part.outline);
+        let depth = outline.offsets.depth;
+        let holes = part.holes.iter().map(|hole| (CapLine::new(hole), HoleLaw::new(&hole.areas, away))).collect();
         let mut cap = Cap { tile: part.tile, outline, depth, law, holes, tip: law.height, given };
         // A ring is gone where its hole has become as large as itself.
         let gone = (1..CAP_LAYERS).map(|k| cap.height_of(k as f64)).find(|t| cap.area(*t) <= 0.0);
@@ -255,7 +254,7 @@ impl EndSpec<'_> {
         let (area, tip) = (part.outline.areas[0], |z: f64| (z - self.z).abs());
         // What the next contour says of the area, the contour's own slope is not asked.
         let slope = match self.clamped || part.outline.areas.len() == 1 {
-            true => slopes(&part.outline.seeds) * Offsets::new(&part.outline.field).perimeter(),
+            true => slopes(part.outline.counted()) * part.outline.offsets.perimeter(),
             false => 0.0,
         };
         match (self.rule, Law::paraboloid(area, slope, self.highest)) {
@@ -322,7 +321,7 @@ fn changes<'m>(spec: &EndSpec<'m>, whole: &Fitted) -> Vec<(&'m EndPart, &'m Regi
         });
         for (region, outward, change) in std::iter::once((&part.outline, 1.0, outline)).chain(holes) {
             let wanted = spec.sign() * outward * outward_slope(region, change, spec.away);
-            out.push((part, region, spec.told_by_areas * (wanted - mean_slope(whole, &region.seeds))));
+            out.push((part, region, spec.told_by_areas * (wanted - mean_slope(whole, region.counted()))));
         }
     }
     out
@@ -364,5 +363,5 @@ pub fn passing_field(spec: &EndSpec<'_>, slopes: &mut Field, whole: &Fitted) {
 fn outward_slope(region: &Region, change: f64, away: &[f64]) -> f64 {
     let (&[area, inner, ..], &[_, gap, ..]) = (region.areas.as_slice(), away) else { return 0.0 };
     let steepest = STEEPEST * 2.0 * area.sqrt() * (area.sqrt() - inner.sqrt()).abs() / gap;
-    change.clamp(-steepest, steepest) / Offsets::new(&region.field).perimeter().max(1.0)
+    change.clamp(-steepest, steepest) / region.offsets.perimeter().max(1.0)
 }

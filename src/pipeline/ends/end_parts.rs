@@ -9,10 +9,11 @@ use crate::backend::Backend;
 use crate::backend::jobs::PartJob;
 use crate::backend::requests::PartRequest;
 use crate::contour::Contour;
-use crate::contour::offsets::area;
+use crate::contour::offsets::{Offsets, area};
 use crate::error::Result;
 use crate::grid::components::{Components, label8};
 use crate::grid::field::{Field, position};
+use crate::grid::seen::Seen;
 use crate::grid::tile::Tile;
 use crate::registration::displacement::Displacement;
 
@@ -24,10 +25,21 @@ pub const LEVELS: usize = 3;
 pub struct Region {
     /// Signed distance on the part's tile, negative within.
     pub field: Field,
-    /// Seeds on the line, by number.
+    /// Its areas once the line is drawn in or out.
+    pub offsets: Offsets,
+    /// Seeds on the line, by number; those that count in means come first.
     pub seeds: Vec<u32>,
+    /// Number of those.
+    counted: usize,
     /// Its area in the end contour and farther inward, as long as there is a counterpart that is its alone, px squared.
     pub areas: Vec<f64>,
+}
+
+impl Region {
+    /// Seeds that count in means.
+    pub fn counted(&self) -> &[u32] {
+        &self.seeds[..self.counted]
+    }
 }
 
 /// A part of an end contour.
@@ -53,6 +65,8 @@ pub struct Levels<'a> {
     pub h: [f64; 2],
     /// Margin of tiles, px.
     pub margin: [usize; 2],
+    /// Pixels that count in areas.
+    pub seen: &'a Seen,
     /// Backend that computes distances.
     pub backend: &'a dyn Backend,
 }
@@ -68,6 +82,13 @@ struct Told {
     fields: Vec<Field>,
 }
 
+impl Told {
+    /// Area of one of its lines.
+    fn area(&self, line: usize, seen: &Seen) -> f64 {
+        area(seen.on(&self.tile, &self.fields[line].data))
+    }
+}
+
 impl Levels<'_> {
     /// All parts of the end contour.
     ///
@@ -80,7 +101,7 @@ impl Levels<'_> {
         // The parts of the contour at hand that each end part has come to; none from where others have a share in them.
         let mut now: Vec<Vec<u32>> = parts.iter().map(|part| vec![part.number]).collect();
         // The holes of the contour at hand, by the pixels of the padded image, and which hole of which end part each is.
-        let mut holes = HoleMap::new(own, &told);
+        let mut holes = HoleMap::new(own, &told, self.seen);
         let mut traced: Vec<(usize, usize)> =
             parts.iter().enumerate().flat_map(|(p, part)| (0..part.holes.len()).map(move |k| (p, k))).collect();
         for (level, pair) in self.contours.windows(2).enumerate() {
@@ -90,9 +111,9 @@ impl Levels<'_> {
             let told = self.told(level + 1, &numbers)?;
             let inner: BTreeMap<u32, &Told> = told.iter().map(|part| (part.number, part)).collect();
             for (part, numbers) in parts.iter_mut().zip(&now).filter(|(_, numbers)| !numbers.is_empty()) {
-                part.outline.areas.push(numbers.iter().map(|n| area(&inner[n].fields[0])).sum());
+                part.outline.areas.push(numbers.iter().map(|n| inner[n].area(0, self.seen)).sum());
             }
-            let next = HoleMap::new(&pair[1], &told);
+            let next = HoleMap::new(&pair[1], &told, self.seen);
             let met = self.met(level, |a| holes.at(a), |b| next.at(b));
             let mut found = vec![(usize::MAX, 0); next.areas.len()];
             for (number, &(p, k)) in (1..).zip(&traced).filter(|(_, hole)| hole.0 != usize::MAX) {
@@ -161,8 +182,13 @@ impl Levels<'_> {
                 seeds[hole as usize].push(k);
             }
         }
-        let region =
-            |(field, seeds): (&Field, Vec<u32>)| Region { areas: vec![area(field)], field: field.clone(), seeds };
+        let region = |(field, seeds): (&Field, Vec<u32>)| {
+            let inside = |seed: u32| contour.seeds[seed as usize].inside;
+            let (seeds, counted) = self.seen.first(seeds, contour.phi.dims[0], inside);
+            let values = || self.seen.on(&told.tile, &field.data);
+            let (areas, offsets) = (vec![area(values())], Offsets::new(values()));
+            Region { areas, offsets, field: field.clone(), seeds, counted }
+        };
         let mut regions = told.fields.iter().zip(seeds).map(region);
         let outline = regions.next().unwrap_or_else(|| region((&Field::default(), Vec::new())));
         EndPart { number: told.number, tile: told.tile, outline, holes: regions.collect() }
@@ -186,7 +212,7 @@ struct HoleMap {
 }
 
 impl HoleMap {
-    fn new(contour: &Contour, told: &[Told]) -> Self {
+    fn new(contour: &Contour, told: &[Told], seen: &Seen) -> Self {
         let mut map = HoleMap { pixels: Vec::new(), areas: Vec::new() };
         for part in told.iter().filter(|part| part.count > 0) {
             map.pixels.resize(contour.phi.data.len(), 0);
@@ -197,7 +223,7 @@ impl HoleMap {
                     map.pixels[node] = before + hole;
                 }
             }
-            map.areas.extend(part.fields[1..].iter().map(area));
+            map.areas.extend((1..part.fields.len()).map(|line| part.area(line, seen)));
         }
         map
     }

@@ -56,6 +56,7 @@ pub(super) fn end_matter<'a>(
             ways: at.windows(2).map(|pair| way(pair[0], pair[1])).collect::<Result<_>>()?,
             h: run.h,
             margin: run.margin,
+            seen: &run.seen,
             backend: run.backend,
         };
         let away = at.iter().map(|&i| (contours.light(i).z - contours.light(first).z).abs()).collect();
@@ -164,7 +165,11 @@ fn end_report<'a>(run: &Context<'a>, spec: &EndSpec<'_>, fitted: &Fitted, made: 
     };
     let mut area = 0.0;
     let whole = Tile { origin: [0, 0], dims: contour.phi.dims };
-    run.canvas().visit(&whole, |n| area += covered(contour.phi.data[n]));
+    run.canvas().visit(&whole, |n| {
+        if run.seen.has(n, contour.phi.dims[0]) {
+            area += covered(contour.phi.data[n]);
+        }
+    });
     let pixel = run.stack.spacing[0] * run.stack.spacing[1];
     let volume = |end: &End| pixel * end.volume(area);
     let cap = |told: &crate::pipeline::ends::end_caps::Told| CapReport {

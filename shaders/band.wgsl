@@ -262,7 +262,8 @@ fn grow(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     if listed {
         blocks[b].first = sum - count;
     }
-    if local == lane_count - 1u {
+    // Where rows of workgroups are more than the list, others have no place.
+    if local == lane_count - 1u && group_index(group) * lane_count < work.block_total {
         places[group_index(group)] = sum;
     }
 }

@@ -27,6 +27,42 @@ impl Progress for Silent {
     fn end(&self) {}
 }
 
+/// Listener that hands everything on, and ends the run, too, once what takes its results has failed.
+pub(crate) struct Halting<'p> {
+    listener: &'p dyn Progress,
+    halted: AtomicBool,
+}
+
+impl<'p> Halting<'p> {
+    /// Nothing has failed yet.
+    pub fn new(listener: &'p dyn Progress) -> Self {
+        Halting { listener, halted: AtomicBool::new(false) }
+    }
+
+    /// Ends the run.
+    pub fn halt(&self) {
+        self.halted.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Progress for Halting<'_> {
+    fn begin(&self, stage: &'static str, total: usize) {
+        self.listener.begin(stage, total);
+    }
+
+    fn advance(&self, units: usize) {
+        self.listener.advance(units);
+    }
+
+    fn end(&self) {
+        self.listener.end();
+    }
+
+    fn stops(&self) -> bool {
+        self.halted.load(Ordering::Relaxed) || self.listener.stops()
+    }
+}
+
 /// A request to end, which all copies share: whoever works asks for it between pieces of work.
 #[derive(Debug, Clone, Default)]
 pub struct Stop(Arc<AtomicBool>);

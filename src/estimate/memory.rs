@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::estimate::coverage::{Drawn, differing};
 use crate::fairing::{GAPS_AT_ONCE, SMALL};
 use crate::grid::tile::samples;
-use crate::pipeline::LAYER_BYTES_ON_A_GPU;
+use crate::pipeline::{AHEAD, LAYER_BYTES_ON_A_GPU};
 use crate::settings::{Method, Motion, Settings};
 use crate::stack::beyond::REACH;
 use crate::stack::heights::{CAP_LAYERS, NODES, shown_nodes};
@@ -38,6 +38,8 @@ const PER_WAITING_PIXEL: f64 = 20.0;
 const WAITING_GAPS: f64 = 3.5;
 /// A node takes this many times what another layer does.
 const WAITING_SHARE: f64 = 3.0;
+/// Layers between the threads that make them, look at them and take them.
+const HANDED_OVER: f64 = 2.0 * (AHEAD + 1) as f64;
 /// This part of what is allowed stays free, where more than the least is: the system's pages are larger than what lies in them.
 const RESERVE: u64 = 16;
 /// Bytes of a MiB.
@@ -91,6 +93,8 @@ impl MemoryNeeds {
             let waiting = if settings.fair > 0.0 { waiting } else { 0.0 };
             waiting * (largest * PER_WAITING_EDGE).min(pixels * PER_WAITING_PIXEL)
         };
+        let handed_over =
+            layers.min(HANDED_OVER) * (largest * PER_WAITING_EDGE).min(pixels * PER_WAITING_PIXEL) / WAITING_SHARE;
         let more_gaps = if pixels < SMALL as f64 { GAPS_AT_ONCE as f64 } else { 0.0 };
         let groups = if morph { boxed * PER_GROUP_PIXEL } else { 0.0 };
         let kept = slices * (padded * (PER_SLICE_PIXEL + moving) + groups);
@@ -100,6 +104,7 @@ impl MemoryNeeds {
         let all = kept
             + all_drawn.edges as f64 * PER_CONTOUR_EDGE
             + waiting(WAITING_GAPS + more_gaps)
+            + handed_over
             + image * PER_IMAGE_PIXEL
             + (at_once * padded * PER_LAYER_PIXEL).max(threads * padded * 2.0 * PER_LAYER_PIXEL);
         let contours = largest * CONTOURS_AT_ONCE.min(slices) * PER_CONTOUR_EDGE;

@@ -74,17 +74,22 @@ impl Gpu {
 
     /// The image of a field, which stays as long as the field and there is room.
     fn image(&self, field: &Arc<Field>, scale: f64) -> Result<Arc<Buffer<[f32]>>> {
-        let mut images = self.resident.images.lock().unwrap_or_else(PoisonError::into_inner);
-        images.retain(|image| image.field.strong_count() > 0);
+        let images = || self.resident.images.lock().unwrap_or_else(PoisonError::into_inner);
         let known = |image: &Image| image.scale == scale.to_bits() && image.field.as_ptr() == Arc::as_ptr(field);
-        if let Some(at) = images.iter().position(known) {
-            // The one that nobody has asked for for the longest time is the first.
-            let image = images.remove(at);
-            let values = image.values.clone();
-            images.push(image);
-            return Ok(values);
+        {
+            let mut images = images();
+            images.retain(|image| image.field.strong_count() > 0);
+            if let Some(at) = images.iter().position(known) {
+                // The one that nobody has asked for for the longest time is the first.
+                let image = images.remove(at);
+                let values = image.values.clone();
+                images.push(image);
+                return Ok(values);
+            }
         }
+        // While others compute nobody may wait for the images.
         let values = field.data.par_iter().with_min_len(LEAST_LENGTH).map(|v| bounded(scale * v)).collect::<Vec<f32>>();
+        let mut images = images();
         let most = (SHARE * self.device.budget() as f64) as usize / size_of_val(&values[..]).max(1);
         let too_many = (images.len() + 1).saturating_sub(most).min(images.len());
         images.drain(..too_many);

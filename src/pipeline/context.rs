@@ -13,7 +13,7 @@ use crate::contour::canvas::Canvas;
 use crate::error::Result;
 use crate::grid::seen::Seen;
 use crate::grid::sparse_image::SparseImage;
-use crate::progress::Progress;
+use crate::progress::{Halting, Progress};
 use crate::registration::motion_field;
 use crate::registration::motion_field::STEPS;
 use crate::report::clock::{Clocks, CpuSeconds};
@@ -61,6 +61,8 @@ pub(super) struct Context<'a> {
     pub settings: &'a Settings,
     pub backend: &'a dyn Backend,
     pub progress: &'a dyn Progress,
+    /// Ends the run, which `progress` then tells all that compute.
+    pub halting: &'a Halting<'a>,
     pub budget: &'a Budget,
     /// Part of the stack that is made here.
     pub span: Span,

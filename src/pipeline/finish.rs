@@ -16,14 +16,13 @@ use crate::contour::Contour;
 use crate::error::{Error, Result};
 use crate::fairing::{Fairing, FairingSpec, GAPS_AT_ONCE, SMALL};
 use crate::registration::motion_stack::MotionStack;
-use crate::report::clock::Clocks;
 use crate::stack::heights::NODES;
 use crate::storage::spill::SpillVec;
 use crate::surface::Layer;
 use crate::surface::stream::LayerSink;
 
 /// Layers that wait between two threads, at most.
-const AHEAD: usize = 16;
+pub(crate) const AHEAD: usize = 16;
 
 /// Maker of layers.
 pub(super) trait Make: FnOnce(&mut Sink<'_>) -> Result<()> + Send {}
@@ -64,15 +63,15 @@ pub(super) fn faired<'a>(
     let hold = |take: &mut Sink<'_>| {
         let mut looked_at = |layer| look(layer).map_or(Ok(()), &mut *take);
         let hold = &mut |layer| together.push(on_image(layer), &mut looked_at);
-        if alone { fair(hold) } else { beside(&run.clocks, fair, hold) }?;
+        if alone { fair(hold) } else { beside(run, fair, hold) }?;
         together.finish(&mut looked_at)
     };
     let take = &mut |layer| sink.layer(layer);
-    if alone { hold(take) } else { beside(&run.clocks, hold, take) }
+    if alone { hold(take) } else { beside(run, hold, take) }
 }
 
 /// Does `make` on a thread beside the calling one, on which its layers reach `take`.
-fn beside(clocks: &Clocks, make: impl Make, take: &mut Sink<'_>) -> Result<()> {
+fn beside(run: &Context<'_>, make: impl Make, take: &mut Sink<'_>) -> Result<()> {
     // Whoever comes first has it: without a second thread the calling one makes the layers, too.
     let make = Mutex::new(Some(make));
     let begin = || make.lock().unwrap_or_else(PoisonError::into_inner).take();
@@ -81,12 +80,15 @@ fn beside(clocks: &Clocks, make: impl Make, take: &mut Sink<'_>) -> Result<()> {
         let maker = move || {
             let Some(make) = begin() else { return Ok(()) };
             // Whoever takes no more layers has failed.
-            clocks.beside(|| make(&mut |layer| hand_over.send(layer).map_err(|_| Error::Interrupted)))
+            run.clocks.beside(|| make(&mut |layer| hand_over.send(layer).map_err(|_| Error::Interrupted)))
         };
         let Ok(maker) = thread::Builder::new().name("layers".into()).spawn_scoped(scope, maker) else {
             return begin().map_or(Ok(()), |make| make(take));
         };
         let taken = layers.into_iter().try_for_each(take);
+        if taken.is_err() {
+            run.halting.halt();
+        }
         let made = maker.join().unwrap_or_else(|panic| resume_unwind(panic));
         taken.and(made)
     })

@@ -42,7 +42,9 @@ use crate::grid::seen::Seen;
 use crate::grid::tile::samples;
 use crate::pipeline::compose::differing_pixels;
 pub use crate::pipeline::context::{Bonds, LAYER_BYTES_ON_A_GPU};
+pub(crate) use crate::pipeline::finish::AHEAD;
 use crate::pipeline::section::Section;
+use crate::progress::Halting;
 use crate::report::clock::{Clocks, of_this_thread};
 use crate::report::warnings::gathered;
 use crate::report::{BodyEnd, DeviceUse, Report, StageCost};
@@ -152,6 +154,7 @@ pub fn run(
     sink: &mut dyn LayerSink,
 ) -> Result<Reconstruction> {
     let &Means { backend, progress, budget } = means;
+    let halting = &Halting::new(progress);
     let clocks = Clocks::new();
     let begun = Spent::now(&clocks, backend);
     stack.validate()?;
@@ -179,7 +182,8 @@ pub fn run(
         seen: if window.beyond { Seen::image(window.padded_part(whole.dims, pad)) } else { Seen::ALL },
         settings,
         backend,
-        progress,
+        progress: halting,
+        halting,
         budget,
         span,
         h,

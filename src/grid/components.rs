@@ -157,7 +157,7 @@ mod tests {
             let mask: Vec<bool> = (0..nx * ny)
                 .map(|_| {
                     state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                    value ^= (state >> 33) as u32 % rare == 0;
+                    value ^= ((state >> 33) as u32).is_multiple_of(rare);
                     value
                 })
                 .collect();

@@ -117,6 +117,8 @@ mod system {
 #[cfg(all(test, target_os = "linux", target_env = "gnu"))]
 mod tests {
     use std::hint::black_box;
+    use std::sync::Barrier;
+    use std::thread;
     use std::time::{Duration, Instant};
 
     use super::*;
@@ -151,14 +153,19 @@ mod tests {
         assert!(between.all - before.all >= 0.02, "{before:?} {between:?}");
         assert!(between.own - before.own < 0.02, "a caller that waits does not compute: {before:?} {between:?}");
         assert!(after.own - between.own >= 0.02, "{between:?} {after:?}");
-        std::thread::scope(|scope| {
+        let (has_computed, may_end) = (Barrier::new(2), Barrier::new(2));
+        thread::scope(|scope| {
             scope.spawn(|| {
                 clocks.beside(|| {
                     busy();
-                    let while_it_lives = clocks.read().expect("still");
-                    assert!(while_it_lives.all - after.all >= 0.02, "{after:?} {while_it_lives:?}");
+                    has_computed.wait();
+                    may_end.wait();
                 });
             });
+            has_computed.wait();
+            let living = clocks.read().expect("still");
+            assert!(living.own - after.own >= 0.02 && living.all - after.all >= 0.02, "{after:?} {living:?}");
+            may_end.wait();
         });
         let ended = clocks.read().expect("still");
         assert!(ended.own - after.own >= 0.02 && ended.all - after.all >= 0.02, "{after:?} {ended:?}");

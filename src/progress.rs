@@ -78,3 +78,36 @@ impl Stop {
         self.0.load(Ordering::Relaxed)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Asked(Stop);
+
+    impl Progress for Asked {
+        fn begin(&self, _stage: &'static str, _total: usize) {}
+        fn advance(&self, _units: usize) {}
+        fn end(&self) {}
+        fn stops(&self) -> bool {
+            self.0.is_asked()
+        }
+    }
+
+    #[test]
+    fn a_run_ends_when_its_listener_asks_and_when_its_output_fails() {
+        for by_listener in [true, false] {
+            let stop = Stop::default();
+            let listener = Asked(stop.clone());
+            let halting = Halting::new(&listener);
+            assert!(!halting.stops());
+            if by_listener {
+                stop.ask()
+            } else {
+                halting.halt()
+            }
+            assert!(halting.stops(), "by the listener: {by_listener}");
+            assert_eq!(listener.stops(), by_listener, "the listener is not told what it did not ask for");
+        }
+    }
+}

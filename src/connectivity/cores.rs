@@ -7,6 +7,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use crate::contour::Contour;
 use crate::grid::components::label4;
 use crate::grid::sparse_image::SparseImage;
@@ -75,8 +77,8 @@ impl Cores {
         let limit = shown.limit as f32;
         // What is kept apart counts as far outside.
         let both = |n: usize| if apart(n) { limit } else { low.phi.data[n].max(high.phi.data[n]) as f32 };
-        let common: Vec<f32> = (0..tile.len()).map(|n| both(node(n)).max(edge(n))).collect();
-        let inside: Vec<bool> = common.iter().map(|v| *v < 0.0).collect();
+        let common: Vec<f32> = (0..tile.len()).into_par_iter().map(|n| both(node(n)).max(edge(n))).collect();
+        let inside: Vec<bool> = common.par_iter().map(|v| *v < 0.0).collect();
         let overlaps = label4(&inside, tile.dims);
         if overlaps.count == 0 {
             return None;
@@ -87,8 +89,10 @@ impl Cores {
         }
         let raised = |n: usize, depth: f32| common[n] + WITHIN as f32 * depth;
         let own = |label: &u32| if *label > 0 { depths[*label as usize] } else { f32::INFINITY };
-        let depth = nearest(overlaps.labels.iter().map(own).collect(), tile.dims, |n, depth| raised(n, depth) < limit);
-        let phi: Vec<f32> = depth.iter().enumerate().map(|(n, depth)| raised(n, *depth).clamp(-limit, limit)).collect();
+        let begin = overlaps.labels.par_iter().map(own).collect();
+        let depth = nearest(begin, tile.dims, |n, depth| raised(n, depth) < limit);
+        let core = |(n, depth): (usize, &f32)| raised(n, *depth).clamp(-limit, limit);
+        let phi: Vec<f32> = depth.par_iter().enumerate().map(core).collect();
         Some(Cores { tile, phi: SparseImage::of(tile.dims, &phi) })
     }
 
@@ -118,8 +122,9 @@ fn nearest(mut values: Vec<f32>, [nx, ny]: [usize; 2], goes: impl Fn(usize, f32)
         let rows = j.saturating_sub(1)..(j + 2).min(ny);
         rows.flat_map(move |j| (i.saturating_sub(1)..(i + 2).min(nx)).map(move |i| j * nx + i))
     };
-    let mut done: Vec<bool> = values.iter().map(|v| v.is_finite()).collect();
-    let mut front: Vec<usize> = (0..values.len()).filter(|&n| done[n] && around(n).any(|m| !done[m])).collect();
+    let mut done: Vec<bool> = values.par_iter().map(|v| v.is_finite()).collect();
+    let edge = |&n: &usize| done[n] && around(n).any(|m| !done[m]);
+    let mut front: Vec<usize> = (0..values.len()).into_par_iter().filter(edge).collect();
     while !front.is_empty() {
         let mut next = Vec::new();
         for n in front {

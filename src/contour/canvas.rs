@@ -75,9 +75,12 @@ impl Canvas {
 
     /// A layer that is an input contour.
     pub fn of_contour(dims: [usize; 2], pad: [usize; 2], limit: f64, contour: &Field) -> Self {
-        let mut canvas = Canvas::empty(dims, pad, limit);
-        let whole = Tile { origin: [0, 0], dims: contour.dims };
-        canvas.unite(&whole, |n| contour.data[n]);
-        canvas
+        let [phi] = SparseImage::of_rows(dims, |first, [rows]: [&mut [f32]; 1]| {
+            for (j, row) in (first..).zip(rows.chunks_exact_mut(dims[0])) {
+                let values = &contour.data[(j + pad[1]) * contour.dims[0] + pad[0]..];
+                row.iter_mut().zip(values).for_each(|(to, v)| *to = v.clamp(-limit, limit) as f32);
+            }
+        });
+        Canvas { dims, pad, limit, phi }
     }
 }

@@ -8,6 +8,7 @@ use crate::backend::{ContourOptions, PaddedSlice};
 use crate::contour::Contour;
 use crate::error::Result;
 use crate::report::ContourReport;
+use crate::stack::Slice;
 use crate::storage::spill::SpillVec;
 
 /// The contours of all slices on the padded image, and what there is to say of each.
@@ -32,7 +33,7 @@ pub(super) fn distance<'a>(run: &Context<'a>) -> Result<(SpillVec<'a, Contour>, 
         let fields = run.backend.contour_fields(&ContourRequest { slices: &padded, dims, h, options }, run.progress)?;
         drop(padded);
         let made: Vec<Contour> = fields.into_par_iter().zip(some).map(|(phi, s)| contour(s.z, phi)).collect();
-        reports.extend(made.iter().zip(some).map(|(c, s)| ContourReport {
+        let report = |(c, s): (&Contour, &Slice)| ContourReport {
             name: s.name.clone(),
             z: s.z,
             extra: s.extra,
@@ -40,7 +41,8 @@ pub(super) fn distance<'a>(run: &Context<'a>) -> Result<(SpillVec<'a, Contour>, 
             holes: c.holes,
             pixels: pixels(c),
             ..ContourReport::default()
-        }));
+        };
+        reports.par_extend(made.par_iter().zip(some).map(report));
         made.into_iter().try_for_each(|contour| contours.push(contour))?;
     }
     Ok((contours, reports))

@@ -226,11 +226,12 @@ fn trace<'a>(
             report.particles.arrived += arrived;
             report.particles.died += t.tracks.len() - arrived;
         }
+        let frame = |i: usize| Ok(moving.map(|m| m.middle(i)).transpose()?.unwrap_or_default());
+        let frames = some.clone().into_par_iter().map(frame).collect::<Result<Vec<Frame>>>()?;
         let mut traced = traced.into_iter();
-        for (i, interval) in some.zip(&loaded) {
+        for ((i, interval), frame) in some.zip(&loaded).zip(frames) {
             let own = |i| seen.contours.some(i, Contour::SEEDS_AND_PARTS);
             let [low, high] = [own(i)?, own(i + 1)?];
-            let frame = moving.map(|m| m.middle(i)).transpose()?.unwrap_or_default();
             let [up, down] = tracks::sides([&low, &high], interval, &frame, &mut traced);
             sides.push(Sides { up: Some(up), down: Some(down) })?;
         }

@@ -1,8 +1,10 @@
 //! The stages that make the moving frame and what the fields say in it.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::DVec2;
+use rayon::prelude::*;
 
 use super::context::{Context, stage};
 use super::ends::{EndMatter, passing_field};
@@ -28,6 +30,8 @@ use crate::report::Report;
 use crate::settings::Motion;
 use crate::storage::spill::SpillVec;
 
+/// Pixels that are worth a thread.
+const PIXELS_OF_A_THREAD: usize = 1 << 15;
 /// Bytes of the parts without partner whose distances are asked for together.
 const LONE_BYTES: usize = 16 << 20;
 
@@ -306,14 +310,16 @@ pub(super) fn close<'a>(
 }
 
 /// Numbers of the parts, at least `least` deep, no pixel of which meets anything.
-fn without_partner(contour: &Contour, least: f64, meets: impl Fn(DVec2) -> bool) -> Vec<u32> {
-    let mut lone: Vec<bool> = contour.solid_depth.iter().map(|depth| *depth >= least).collect();
-    lone[0] = false;
+fn without_partner(contour: &Contour, least: f64, meets: impl Fn(DVec2) -> bool + Sync) -> Vec<u32> {
+    let mut lone: Vec<AtomicBool> = contour.solid_depth.iter().map(|depth| AtomicBool::new(*depth >= least)).collect();
+    *lone[0].get_mut() = false;
     let nx = contour.phi.dims[0];
-    for (node, &label) in contour.solids.labels.iter().enumerate() {
-        if lone[label as usize] && meets(position(node, nx)) {
-            lone[label as usize] = false;
+    // Whichever pixel is looked at first: a part that meets something anywhere has a partner.
+    contour.solids.labels.par_iter().enumerate().with_min_len(PIXELS_OF_A_THREAD).for_each(|(node, &label)| {
+        let lone = &lone[label as usize];
+        if lone.load(Ordering::Relaxed) && meets(position(node, nx)) {
+            lone.store(false, Ordering::Relaxed);
         }
-    }
-    (0..).zip(lone).filter(|(_, lone)| *lone).map(|(part, _)| part).collect()
+    });
+    (0..).zip(lone).filter_map(|(part, lone)| lone.into_inner().then_some(part)).collect()
 }

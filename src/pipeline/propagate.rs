@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec2;
+use rayon::prelude::*;
 
 use super::context::{Context, Sink, time};
 use super::ends::{above, below};
@@ -131,14 +132,15 @@ fn morph_chunk<'a>(
 ) -> Result<Vec<Vec<SparseImage<f32>>>> {
     let contours = made.contours;
     let image = LayerImage { dims: run.stack.dims, pad: run.pad, limit: run.settings.margin() as f64 };
-    let mut morphs = Vec::with_capacity(chunk.len());
-    for ((i, caps), interval) in chunk.clone().zip(caps).zip(intervals) {
+    let of_interval = |i: usize| {
+        let (caps, interval) = (&caps[i - chunk.start], &intervals[i - chunk.start]);
         let [low, high] = [i, i + 1].map(|k| contours.light(k).z);
         let times: Vec<f64> = heights.between(i).iter().map(|x| time(x.z, low, high)).collect();
         let pairs = pairs(run, made, i, (interval, caps), &times)?;
         let frame = frame(run, made, i);
-        morphs.push(IntervalMorph { image, times, pairs, solids: Cow::Borrowed(&caps.solids), frame });
-    }
+        Ok(IntervalMorph { image, times, pairs, solids: Cow::Borrowed(&caps.solids), frame })
+    };
+    let morphs = chunk.clone().into_par_iter().map(of_interval).collect::<Result<Vec<IntervalMorph<'_>>>>()?;
     let (options, at_once) = (MorphOptions::from(run.settings), run.layers_at_once());
     let request = MorphRequest { intervals: &morphs, h: run.h, options, at_once };
     let morphed = run.backend.morph_layers(&request, run.progress)?;

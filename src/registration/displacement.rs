@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use glam::DVec2;
 use multiversion::multiversion;
+use rayon::prelude::*;
 
 use crate::grid::field::Field;
 use crate::grid::sparse_image::SparseImage;
@@ -22,6 +23,9 @@ pub const BLOCK: usize = 4;
 pub const PASSES: usize = 3;
 /// Gaussian means over nodes are cut here, sigmas.
 const TRUNCATE: f64 = 3.0;
+
+/// Nodes that are worth a thread.
+pub const NODES_OF_A_THREAD: usize = 1 << 13;
 
 /// Nodes that are worked on at once.
 pub const LANES: usize = 32;
@@ -106,14 +110,39 @@ impl Displacement {
     }
 
     /// The displacement with a value for every node, of which `f` is given number, place (pixels) and own vector.
-    pub fn map(&self, f: impl Fn(usize, DVec2, DVec2) -> DVec2) -> Self {
-        let mut vectors = Vec::with_capacity(self.vectors.len());
-        for (row, nodes) in self.vectors.chunks_exact(self.grid[0]).enumerate() {
+    pub fn map(&self, f: impl Fn(usize, DVec2, DVec2) -> DVec2 + Sync) -> Self {
+        self.map_rows(|row, nodes, out| {
             let first = row * self.grid[0];
-            let of = |(column, &v)| f(first + column, DVec2::new(self.along(0, column), self.along(1, row)), v);
-            vectors.extend(nodes.iter().enumerate().map(of));
+            for (column, (&v, to)) in nodes.iter().zip(out).enumerate() {
+                *to = f(first + column, DVec2::new(self.along(0, column), self.along(1, row)), v);
+            }
+        })
+    }
+
+    /// The displacement with other vectors, which `f` writes row by row from the number of the row and its own: large ones by all threads.
+    fn map_rows(&self, f: impl Fn(usize, &[DVec2], &mut [DVec2]) + Sync) -> Self {
+        let mut vectors = vec![DVec2::ZERO; self.vectors.len()];
+        // No displacement at all has no columns.
+        let columns = self.grid[0].max(1);
+        let row = |(row, (nodes, out)): (usize, (&[DVec2], &mut [DVec2]))| f(row, nodes, out);
+        if vectors.len() < 2 * NODES_OF_A_THREAD {
+            // Handing it over would cost more.
+            self.vectors.chunks_exact(columns).zip(vectors.chunks_exact_mut(columns)).enumerate().for_each(row);
+        } else {
+            let rows = self.vectors.par_chunks_exact(columns).zip(vectors.par_chunks_exact_mut(columns));
+            rows.enumerate().with_min_len(NODES_OF_A_THREAD.div_ceil(columns)).for_each(row);
         }
         self.with(vectors)
+    }
+
+    /// A displacement with a vector for every node of this and of others of the same nodes.
+    pub fn zip<const N: usize>(&self, others: [&Self; N], f: impl Fn(DVec2, [DVec2; N]) -> DVec2 + Sync) -> Self {
+        self.map_rows(|row, nodes, out| {
+            let first = row * self.grid[0];
+            for (k, (v, to)) in (first..).zip(nodes.iter().zip(out)) {
+                *to = f(*v, others.map(|other| other.vectors[k]));
+            }
+        })
     }
 
     /// Place of node `k`, pixels.
@@ -193,18 +222,16 @@ impl Displacement {
 
     /// The displacement with values for some nodes at once, of which `f` is given the number of the first, places and own vectors. What
     /// lanes beyond the last node of a row hold does not count.
-    pub fn map_lanes(&self, f: impl Fn(usize, &Lanes, &Lanes) -> Lanes) -> Self {
-        let mut vectors = Vec::with_capacity(self.vectors.len());
-        for (row, nodes) in self.vectors.chunks_exact(self.grid[0]).enumerate() {
-            for (part, some) in nodes.chunks(LANES).enumerate() {
+    pub fn map_lanes(&self, f: impl Fn(usize, &Lanes, &Lanes) -> Lanes + Sync) -> Self {
+        self.map_rows(|row, nodes, out| {
+            for (part, (some, out)) in nodes.chunks(LANES).zip(out.chunks_mut(LANES)).enumerate() {
                 let first = part * LANES;
                 let x = [std::array::from_fn(|k| self.along(0, first + k)), [self.along(1, row); LANES]];
                 let own = [0, 1].map(|a| std::array::from_fn(|k| some.get(k).map_or(0.0, |v| v[a])));
                 let [along, across] = f(row * self.grid[0] + first, &x, &own);
-                vectors.extend(along.into_iter().zip(across).map(DVec2::from).take(some.len()));
+                out.iter_mut().zip(along.into_iter().zip(across)).for_each(|(to, v)| *to = DVec2::from(v));
             }
-        }
-        self.with(vectors)
+        })
     }
 
     /// The vectors at some positions, each as [`Displacement::at`] gives it.

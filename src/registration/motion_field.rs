@@ -61,8 +61,7 @@ pub fn rate(below: Option<(&[Displacement; 2], f64)>, above: Option<(&[Displacem
         (Some((below, h0)), Some((above, h1))) => {
             let (before, after) = (&below[1], &above[0]);
             let along = |b: f64, a: f64| harmonic(b / h0, a / h1, h0, h1);
-            let both = before.vectors.iter().zip(&after.vectors);
-            before.with(both.map(|(b, a)| DVec2::new(along(b.x, a.x), along(b.y, a.y))).collect())
+            before.zip([after], |b, [a]| DVec2::new(along(b.x, a.x), along(b.y, a.y)))
         }
         (None, Some((above, gap))) => alone(&above[0], gap),
         (Some((below, gap)), None) => alone(&below[1], gap),
@@ -106,21 +105,16 @@ impl MotionField {
     pub fn paths(&self, i: usize, t: f64) -> Paths {
         let (v, [low, high]) = (&*self.displacements[i], &*self.through_middle[i]);
         let way = |u: f64, low: f64, high: f64| curve(t, u, [low, high]) - 0.5 * u;
-        let mut off = v.with(Vec::with_capacity(v.vectors.len()));
-        for (u, (low, high)) in v.vectors.iter().zip(low.vectors.iter().zip(&high.vectors)) {
-            off.vectors.push(DVec2::new(way(u.x, low.x, high.x), way(u.y, low.y, high.y)));
-        }
+        let off = v.zip([low, high], |u, [low, high]| DVec2::new(way(u.x, low.x, high.x), way(u.y, low.y, high.y)));
         let middle = off.map_lanes(|_, x, first| {
             let back = |off: &Lanes| [0, 1].map(|a| std::array::from_fn(|k| x[a][k] - off[a][k]));
             back(&(1..displacement::PASSES).fold(*first, |found, _| off.at_lanes(&back(&found))))
         });
-        let mut come = middle.map_lanes(|_, _, m| off.at_lanes(m));
-        let mut go = middle.map_lanes(|_, _, m| v.at_lanes(m));
+        let come = middle.map_lanes(|_, _, m| off.at_lanes(m));
+        let go = middle.map_lanes(|_, _, m| v.at_lanes(m));
         // Halves are exact: at the slices themselves nothing is left.
-        for (come, go) in come.vectors.iter_mut().zip(&mut go.vectors) {
-            *come += 0.5 * *go;
-            *go -= *come;
-        }
+        let come = come.zip([&go], |come, [go]| come + 0.5 * go);
+        let go = go.zip([&come], |go, [come]| go - come);
         Paths { come, go }
     }
 

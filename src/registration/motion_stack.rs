@@ -3,12 +3,14 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use crate::error::Result;
 use crate::grid::field::Field;
 use crate::registration::displacement::Displacement;
 use crate::registration::mid_frame::Frame;
 use crate::registration::motion_field::{MotionField, Paths, Place, rate, through_middle, time};
-use crate::storage::spill::{Budget, SpillVec};
+use crate::storage::spill::{Budget, Large, SpillVec};
 
 /// The stack in its moving frame.
 pub struct MotionStack<'b> {
@@ -21,6 +23,21 @@ pub struct MotionStack<'b> {
     at_slices: SpillVec<'b, [Displacement; 2]>,
     rates: SpillVec<'b, Displacement>,
     through_middle: SpillVec<'b, [Displacement; 2]>,
+}
+
+/// Things of a stack on shelves, as many made side by side as there is room for.
+fn spilled<'b, T: Large + Send>(
+    budget: &'b Budget,
+    count: usize,
+    make: impl Fn(usize) -> Result<T> + Sync,
+) -> Result<SpillVec<'b, T>> {
+    let mut made = SpillVec::new(budget);
+    let at_once = if budget.is_bounded() { 1 } else { count.max(1) };
+    for first in (0..count).step_by(at_once) {
+        let some = (first..(first + at_once).min(count)).into_par_iter().map(&make).collect::<Result<Vec<T>>>()?;
+        some.into_iter().try_for_each(|one| made.push(one))?;
+    }
+    Ok(made)
 }
 
 impl<'b> MotionStack<'b> {
@@ -40,32 +57,24 @@ impl<'b> MotionStack<'b> {
         drawn: &[bool],
         budget: &'b Budget,
     ) -> Result<Self> {
-        let (mut at_slices, mut rates) = (SpillVec::new(budget), SpillVec::<Displacement>::new(budget));
-        let mut through = SpillVec::new(budget);
-        let mut below: Option<Arc<[Displacement; 2]>> = None;
-        for i in 0..heights.len() {
-            let above = match i < gaps.len() {
-                true => Some(Arc::new(displacements.get(i)?.at_slices())),
-                false => None,
-            };
-            let beside = |v: &Option<Arc<[Displacement; 2]>>, i: usize| v.as_deref().map(|v| (v.clone(), gaps[i]));
-            let (low, high) = (beside(&below, i.saturating_sub(1)), beside(&above, i.min(gaps.len() - 1)));
+        let intervals = heights.len() - 1;
+        let at_slices: SpillVec<'_, [Displacement; 2]> =
+            spilled(budget, intervals, |i| Ok(displacements.get(i)?.at_slices()))?;
+        let rates: SpillVec<'_, Displacement> = spilled(budget, heights.len(), |i| {
+            let beside = |k: Option<usize>| k.map(|k| Ok((at_slices.get(k)?, gaps[k]))).transpose();
+            let (low, high) = (beside(i.checked_sub(1))?, beside(Some(i).filter(|i| *i < intervals))?);
             // Nothing moves onto an empty slice, and where it is far nothing goes astray on the way there and back.
             let (low, high) = match [i > 0 && drawn[i - 1], i + 1 < drawn.len() && drawn[i + 1]] {
                 [true, false] => (low.map(|(v, h)| (v, high.map_or(h, |(_, beyond)| h.max(beyond)))), None),
                 [false, true] => (None, high.map(|(v, h)| (v, low.map_or(h, |(_, beyond)| h.max(beyond))))),
                 _ => (low, high),
             };
-            rates.push(rate(low.as_ref().map(|(v, h)| (v, *h)), high.as_ref().map(|(v, h)| (v, *h))))?;
-            if let Some(k) = i.checked_sub(1) {
-                through.push(through_middle(&*displacements.get(k)?, gaps[k], [&*rates.get(k)?, &*rates.get(i)?]))?;
-            }
-            if let Some(above) = &above {
-                at_slices.push((**above).clone())?;
-            }
-            below = above;
-        }
-        Ok(MotionStack { heights, gaps, px, relief, fields, displacements, at_slices, rates, through_middle: through })
+            Ok(rate(low.as_ref().map(|(v, h)| (&**v, *h)), high.as_ref().map(|(v, h)| (&**v, *h))))
+        })?;
+        let through_middle = spilled(budget, intervals, |i| {
+            Ok(through_middle(&*displacements.get(i)?, gaps[i], [&*rates.get(i)?, &*rates.get(i + 1)?]))
+        })?;
+        Ok(MotionStack { heights, gaps, px, relief, fields, displacements, at_slices, rates, through_middle })
     }
 
     /// Number of slices.

@@ -4,9 +4,10 @@
 //! method, which has a slope at every pixel, take its place; and where contours are far apart, as particles travel far there and die at every bend.
 
 use glam::DVec2;
+use rayon::prelude::*;
 
 use crate::grid::spline::smoothstep;
-use crate::registration::displacement::{BLOCK, Displacement, smooth};
+use crate::registration::displacement::{BLOCK, Displacement, NODES_OF_A_THREAD, smooth};
 use crate::registration::motion_field::MotionField;
 
 /// Sigma of the mean over particles, px.
@@ -70,7 +71,7 @@ impl Trust {
                 (usize::from(k % grid[0] + 1 < grid[0]), if k / grid[0] + 1 < grid[1] { grid[0] } else { 0 });
             [k, k + right, k + up, k + right + up].into_iter().any(less)
         };
-        let doubtful = (0..grid[0] * grid[1]).map(doubt).collect();
+        let doubtful = (0..grid[0] * grid[1]).into_par_iter().with_min_len(NODES_OF_A_THREAD).map(doubt).collect();
         Trust { particles, doubtful }
     }
 

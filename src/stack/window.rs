@@ -6,6 +6,8 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::grid::tile::to_rectangle;
 
@@ -97,7 +99,12 @@ impl Window {
             };
             Slice { name: own.name.clone(), content, ..*own }
         };
-        ContourStack { dims: self.dims, slices: slices.map(slice).collect(), unit: stack.unit.clone(), ..*stack }
+        ContourStack {
+            dims: self.dims,
+            slices: slices.into_par_iter().map(slice).collect(),
+            unit: stack.unit.clone(),
+            ..*stack
+        }
     }
 
     /// Values beyond the border where slice `slice` goes on.

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use glam::DVec2;
+use rayon::prelude::*;
 
 use crate::backend::Backend;
 use crate::backend::jobs::PartJob;
@@ -16,6 +17,9 @@ use crate::grid::field::{Field, position};
 use crate::grid::seen::Seen;
 use crate::grid::tile::Tile;
 use crate::registration::displacement::Displacement;
+
+/// Pixels that are worth a thread.
+const PIXELS_OF_A_THREAD: usize = 1 << 15;
 
 /// Contours that have a say in how the body ends.
 pub const LEVELS: usize = 3;
@@ -97,7 +101,7 @@ impl Levels<'_> {
     pub fn parts(&self) -> Result<Vec<EndPart>> {
         let own = &self.contours[0];
         let told = self.told(0, &(1..=own.solids.count as u32).collect::<Vec<_>>())?;
-        let mut parts: Vec<EndPart> = told.iter().map(|part| self.part(part)).collect();
+        let mut parts: Vec<EndPart> = told.par_iter().map(|part| self.part(part)).collect();
         // The parts of the contour at hand that each end part has come to; none from where others have a share in them.
         let mut now: Vec<Vec<u32>> = parts.iter().map(|part| vec![part.number]).collect();
         // The holes of the contour at hand, by the pixels of the padded image, and which hole of which end part each is.
@@ -128,29 +132,41 @@ impl Levels<'_> {
     }
 
     /// Pairs that meet, from contour `level` to the next one inward: pairs of what `here` and `there` say of their pixels, but none with 0, in order.
-    fn met(&self, level: usize, here: impl Fn(usize) -> u32, there: impl Fn(usize) -> u32) -> Vec<(u32, u32)> {
+    fn met(
+        &self,
+        level: usize,
+        here: impl Fn(usize) -> u32 + Sync,
+        there: impl Fn(usize) -> u32 + Sync,
+    ) -> Vec<(u32, u32)> {
         let [nx, ny] = self.contours[level].phi.dims;
-        let mut pairs = BTreeSet::new();
-        for (node, a) in (0..nx * ny).map(|node| (node, here(node))).filter(|(_, a)| *a > 0) {
-            let x = position(node, nx);
-            let DVec2 { x: i, y: j } =
-                self.ways[level].as_ref().map_or(x, |(way, sign)| (x + *sign * way.at(x)).round());
-            if i >= 0.0 && j >= 0.0 && i < nx as f64 && j < ny as f64 {
-                let b = there(j as usize * nx + i as usize);
-                if b > 0 {
-                    pairs.insert((a, b));
+        let row = |mut pairs: BTreeSet<(u32, u32)>, row: usize| {
+            for (node, a) in (row * nx..(row + 1) * nx).map(|node| (node, here(node))).filter(|(_, a)| *a > 0) {
+                let x = position(node, nx);
+                let DVec2 { x: i, y: j } =
+                    self.ways[level].as_ref().map_or(x, |(way, sign)| (x + *sign * way.at(x)).round());
+                if i >= 0.0 && j >= 0.0 && i < nx as f64 && j < ny as f64 {
+                    let b = there(j as usize * nx + i as usize);
+                    if b > 0 {
+                        pairs.insert((a, b));
+                    }
                 }
             }
-        }
-        pairs.into_iter().collect()
+            pairs
+        };
+        let both = |mut pairs: BTreeSet<(u32, u32)>, mut more| {
+            pairs.append(&mut more);
+            pairs
+        };
+        let rows = (0..ny).into_par_iter().with_min_len(PIXELS_OF_A_THREAD.div_ceil(nx.max(1)));
+        rows.fold(BTreeSet::new, row).reduce(BTreeSet::new, both).into_iter().collect()
     }
 
     /// Some parts of a contour with their holes told apart, and the distances to all of their lines.
     fn told(&self, level: usize, numbers: &[u32]) -> Result<Vec<Told>> {
         let contour = &self.contours[level];
         let nx = contour.phi.dims[0];
-        let (mut told, mut jobs) = (Vec::new(), Vec::new());
-        for &number in numbers {
+        let part = |&number: &u32| {
+            let mut jobs = Vec::new();
             let tile = contour.tile_of(&[number], self.margin);
             let outside: Vec<bool> = tile.nodes(nx).map(|n| contour.solids.labels[n] != number).collect();
             let Components { labels, count } = label8(&outside, tile.dims);
@@ -165,8 +181,10 @@ impl Levels<'_> {
             for k in 1..=count as u32 {
                 jobs.push(PartJob { whole: turned.clone(), inside: holes.iter().map(|&l| l == k).collect() });
             }
-            told.push(Told { number, tile, holes, count, fields: Vec::new() });
-        }
+            (Told { number, tile, holes, count, fields: Vec::new() }, jobs)
+        };
+        let (mut told, jobs): (Vec<Told>, Vec<Vec<PartJob>>) = numbers.par_iter().map(part).unzip();
+        let jobs = jobs.concat();
         let mut fields = self.backend.part_fields(&PartRequest { jobs: &jobs, h: self.h })?.into_iter();
         told.iter_mut().for_each(|part| part.fields = fields.by_ref().take(part.count + 1).collect());
         Ok(told)

@@ -48,6 +48,7 @@ mod gpu {
             kernels("fig9", &demo.stack, &demo.settings)?;
             kernels("fig9 by the field method", &demo.stack, &by_field(&demo.settings))?;
         }
+        copies(&gpu)?;
         distances(&gpu)?;
         wider_images(&gpu)?;
         stacks(&gpu)
@@ -112,6 +113,15 @@ mod gpu {
                 a.seconds / b.seconds
             );
         }
+        Ok(())
+    }
+
+    /// Bytes that the adapter's memory brings at most: what kernels read and write can be held against it.
+    fn copies(gpu: &Gpu) -> Result<()> {
+        let (bytes, count) = (128u64 << 20, 20);
+        let seconds = gpu.copies(bytes, count)?;
+        let moved = (2 * bytes * count as u64) as f64;
+        println!("\ncopies of {} MiB: {:.0} GB/s read and written", bytes >> 20, 1e-9 * moved / seconds);
         Ok(())
     }
 

@@ -71,6 +71,20 @@ fn dispatches_beyond_a_limit_are_split_and_change_no_bit() {
     }
 }
 
+/// Values that all threads make where the device reads them: none, few, and more than a chunk holds, whatever is left over at its end.
+#[test]
+fn values_made_by_all_threads_arrive_where_they_belong() {
+    let gpu = made(Made::default());
+    for count in [0usize, 1, 262_143, 262_145, 4_194_304, 9_000_001] {
+        let value = |k: usize| (k as u32).wrapping_mul(2_654_435_761);
+        let make = |first: usize, out: &mut [u32]| (first..).zip(out).for_each(|(k, to)| *to = value(k));
+        let buffer = gpu.device.upload_made("made", count, make).expect("room");
+        let read = gpu.device.read(&buffer, 0, count).expect("an answer");
+        let wrong = (0..count).find(|&k| read[k] != value(k));
+        assert_eq!((read.len(), wrong), (count, None), "of {count}");
+    }
+}
+
 /// A fault that is put in: buffers are refused beyond what nobody has planned with.
 #[test]
 fn too_little_memory_halves_batches_and_changes_no_bit() {

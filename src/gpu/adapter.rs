@@ -33,6 +33,11 @@ impl AdapterSummary {
     pub fn shares_memory(&self) -> bool {
         self.is_software() || self.kind == "integrated"
     }
+
+    /// Whether it is known to have memory of its own, which is faster than the host's.
+    pub fn is_discrete(&self) -> bool {
+        self.kind == "discrete"
+    }
 }
 
 /// `checked`: with what bounds indirect dispatches.

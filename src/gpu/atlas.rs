@@ -5,9 +5,13 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::Gpu;
+use super::device::{Buffer, Device};
 use super::layout::{BLOCK, Block, Job, PATCH, Patch};
 use crate::error::{Error, Result};
 use crate::grid::field::{FAR, Field};
+
+/// Values that are worth a thread.
+pub const LEAST_LENGTH: usize = 1 << 14;
 
 /// The place of every job of a batch.
 #[derive(Debug, Clone, Default)]
@@ -50,35 +54,67 @@ impl Atlas {
         self.block_count() * BLOCK
     }
 
-    /// The table of blocks: which job each belongs to.
-    pub fn blocks(&self) -> Vec<Block> {
-        let of = |(q, job): (usize, &Job)| {
-            std::iter::repeat_n(Block { job: q as u32, ..Block::default() }, job.block_count as usize)
-        };
-        self.jobs.iter().enumerate().flat_map(of).collect()
+    /// The table of blocks on a device: which job each belongs to.
+    ///
+    /// # Errors
+    /// The errors of [`Device::buffer`].
+    pub fn send_blocks(&self, device: &Device) -> Result<Buffer<[Block]>> {
+        device.upload_made("blocks", self.block_count(), |first, out| {
+            let ends = |job: &Job| (job.first_block + job.block_count) as usize;
+            let mut q = self.jobs.partition_point(|job| ends(job) <= first);
+            for (block, to) in (first..).zip(out) {
+                q += self.jobs[q..].iter().take_while(|job| ends(job) <= block).count();
+                *to = Block { job: q as u32, ..Block::default() };
+            }
+        })
     }
 
     /// Fields of all jobs in single precision, `fill` between them.
     pub fn pack<'a>(&self, fields: impl Iterator<Item = &'a Field>, fill: f32) -> Vec<f32> {
-        let mut out = vec![fill; self.node_count()];
-        let mut rest = &mut out[..];
-        let mut tiles = Vec::with_capacity(self.jobs.len());
-        for (job, field) in self.jobs.iter().zip(fields) {
-            let (tile, later) = std::mem::take(&mut rest).split_at_mut(job.block_count as usize * BLOCK);
-            tiles.push((tile, field));
-            rest = later;
-        }
-        tiles.into_par_iter().for_each(|(tile, field)| {
-            tile.iter_mut().zip(&field.data).for_each(|(to, v)| *to = v.clamp(-FAR, FAR) as f32);
-        });
+        let fields: Vec<&Field> = fields.collect();
+        let mut out = vec![0.0; self.node_count()];
+        self.packer(&fields, fill)(0, &mut out);
         out
+    }
+
+    /// Makes a part of [`Atlas::pack`], from a number of its first value on.
+    fn packer<'f>(&'f self, fields: &'f [&'f Field], fill: f32) -> impl Fn(usize, &mut [f32]) + Sync + 'f {
+        move |first, out| {
+            out.fill(fill);
+            let end = first + out.len();
+            let begin = self.jobs.partition_point(|job| job.offset as usize <= first).saturating_sub(1);
+            for (job, field) in self.jobs.iter().zip(fields).skip(begin) {
+                let offset = job.offset as usize;
+                let own = first.max(offset)..end.min(offset + field.data.len());
+                if own.start < own.end {
+                    let values = &field.data[own.start - offset..own.end - offset];
+                    let out = &mut out[own.start - first..own.end - first];
+                    out.iter_mut().zip(values).for_each(|(to, v)| *to = v.clamp(-FAR, FAR) as f32);
+                }
+            }
+        }
+    }
+
+    /// The values of [`Atlas::pack`] on a device.
+    ///
+    /// # Errors
+    /// The errors of [`Device::buffer`].
+    pub fn send<'a>(
+        &self,
+        device: &Device,
+        label: &str,
+        fields: impl IntoIterator<Item = &'a Field>,
+        fill: f32,
+    ) -> Result<Buffer<[f32]>> {
+        let fields: Vec<&Field> = fields.into_iter().collect();
+        device.upload_made(label, self.node_count(), self.packer(&fields, fill))
     }
 
     /// Fields of all jobs from values of the whole atlas.
     pub fn unpack(&self, values: &[f32]) -> Vec<Field> {
         let field = |(q, job): (usize, &Job)| Field {
             dims: [job.nx as usize, job.ny as usize],
-            data: values[self.nodes(q)].iter().map(|&v| f64::from(v)).collect(),
+            data: values[self.nodes(q)].par_iter().with_min_len(LEAST_LENGTH).map(|&v| f64::from(v)).collect(),
         };
         self.jobs.par_iter().enumerate().map(field).collect()
     }

@@ -136,7 +136,13 @@ struct BandKernels<'g> {
 
 impl<'g> Front<'g> {
     /// Fronts at these level sets (`None`: they come later); `capacity` band places.
-    pub fn new(gpu: &'g Gpu, atlas: Atlas, params: Params, phi: Option<&[f32]>, capacity: usize) -> Result<Self> {
+    pub fn new(
+        gpu: &'g Gpu,
+        atlas: Atlas,
+        params: Params,
+        phi: Option<Buffer<[f32]>>,
+        capacity: usize,
+    ) -> Result<Self> {
         let device = &gpu.device;
         let params = Params {
             job_count: atlas.jobs.len() as u32,
@@ -147,7 +153,7 @@ impl<'g> Front<'g> {
         let nodes = atlas.node_count();
         let params = device.uniform("params", params);
         let jobs = device.upload("jobs", &atlas.jobs)?;
-        let blocks = device.upload("blocks", &atlas.blocks())?;
+        let blocks = atlas.send_blocks(device)?;
         let work = device.headed("work", atlas.block_count())?;
         let touched = device.zeroed("touched", atlas.block_count().div_ceil(32))?;
         let places = device.storage("places", atlas.block_count().div_ceil(WORKGROUP as usize))?;
@@ -155,7 +161,7 @@ impl<'g> Front<'g> {
         let slots = device.storage("slots", nodes)?;
         let earlier = device.storage("earlier", capacity)?;
         let phi = match phi {
-            Some(values) => device.upload("phi", values)?,
+            Some(phi) => phi,
             None => device.storage("phi", nodes)?,
         };
         let other = device.storage("other", nodes)?;

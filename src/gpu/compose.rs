@@ -264,8 +264,10 @@ fn outwards<'g>(
 ) -> Result<Vec<SparseImage<f32>>> {
     let tiles = DistanceBuffers::new(gpu, atlas, params, u)?;
     let recorder = tiles.solve(recorder, true)?;
-    let values = tiles.read(recorder)?;
-    let slice =
-        |(q, job): (usize, &Job)| SparseImage::of([job.nx as usize, job.ny as usize], &values[tiles.atlas.nodes(q)]);
-    Ok(tiles.atlas.jobs.par_iter().enumerate().map(slice).collect())
+    tiles.read(recorder, |values| {
+        let slice = |(q, job): (usize, &Job)| {
+            SparseImage::of([job.nx as usize, job.ny as usize], &values[tiles.atlas.nodes(q)])
+        };
+        tiles.atlas.jobs.par_iter().enumerate().map(slice).collect()
+    })
 }

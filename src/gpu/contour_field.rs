@@ -1,5 +1,7 @@
 //! Level sets of slices on the GPU: anti-aliasing, distance, conditioning.
 
+use rayon::prelude::*;
+
 use super::Gpu;
 use super::answers::Wanted;
 use super::atlas::{Atlas, in_batches, padded};
@@ -108,7 +110,7 @@ pub fn contour_fields(
     progress: &dyn Progress,
 ) -> Result<Vec<Field>> {
     let values: Vec<(Field, bool)> = slices
-        .iter()
+        .par_iter()
         .map(|job| match &*job.slice {
             PaddedSlice::Mask(mask) => {
                 (Field { dims: job.dims, data: mask.iter().map(|&m| if m { -0.5 } else { 0.5 }).collect() }, true)
@@ -116,7 +118,7 @@ pub fn contour_fields(
             PaddedSlice::Level(u) => (u.clone(), false),
         })
         .collect();
-    let mut out: Vec<Field> = slices.iter().map(|job| Field::filled(job.dims, f64::INFINITY)).collect();
+    let mut out: Vec<Option<Field>> = slices.iter().map(|_| None).collect();
     let share = |k: &usize| {
         let nodes = padded(values[*k].0.data.len());
         let room = places(crossings(&values[*k].0), options.half_width + CONDITION_WIDER, nodes);
@@ -126,8 +128,9 @@ pub fn contour_fields(
     // Masks and grey slices take different ways.
     for masks in [true, false] {
         let open: Vec<usize> =
-            (0..slices.len()).filter(|&k| values[k].1 == masks && values[k].0.has_inside()).collect();
-        let fields = in_batches(gpu, open.iter().map(share), |batch| {
+            (0..slices.len()).into_par_iter().filter(|&k| values[k].1 == masks && values[k].0.has_inside()).collect();
+        let shares: Vec<f64> = open.par_iter().map(share).collect();
+        let fields = in_batches(gpu, shares, |batch| {
             let batch = &open[batch];
             let fields: Vec<&Field> = batch.iter().map(|&k| &values[k].0).collect();
             let smooth = if masks { options.anti_alias } else { AntiAlias::None };
@@ -136,16 +139,16 @@ pub fn contour_fields(
             Ok(result)
         })?;
         for (k, field) in open.into_iter().zip(fields) {
-            out[k] = field;
+            out[k] = Some(field);
         }
     }
-    progress.advance(values.iter().filter(|(f, _)| !f.has_inside()).count());
-    Ok(out)
+    progress.advance(out.iter().filter(|field| field.is_none()).count());
+    let empty = |job: &SliceJob<'_>| Field::filled(job.dims, f64::INFINITY);
+    Ok(out.into_iter().zip(slices).map(|(field, job)| field.unwrap_or_else(|| empty(job))).collect())
 }
 
 fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: AntiAlias) -> Result<Vec<Field>> {
     let atlas = Atlas::new(u.iter().map(|f| f.dims));
-    let packed = atlas.pack(u.iter().copied(), 1.0);
     let params = Params {
         hx: h[0] as f32,
         hy: h[1] as f32,
@@ -154,8 +157,9 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
         ..Params::default()
     };
     let room_of = |f: &&Field| places(crossings(f), options.half_width + CONDITION_WIDER, f.data.len());
-    let room = u.iter().map(room_of).sum::<usize>() + SPARE_PLACES;
-    let sides = &gpu.device.upload("sides", &packed)?;
+    let room = u.par_iter().map(room_of).sum::<usize>() + SPARE_PLACES;
+    let sent = |label| atlas.send(&gpu.device, label, u.iter().copied(), 1.0);
+    let sides = &sent("sides")?;
     let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
     let source = match smooth {
         AntiAlias::None => None,
@@ -165,11 +169,12 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
             let exact = exact_distance(gpu, &mut recorder, &atlas, params, sides)?;
             let wanted: Wanted<f32> = recorder.read(&exact, 0, atlas.node_count());
             let exact = recorder.submit()?.wait()?.values(&wanted)?;
+            let packed = atlas.pack(u.iter().copied(), 1.0);
             Some(with_room(room, atlas.node_count(), |room| eq6(gpu, &atlas, params, &exact, &packed, sides, room))?)
         }
     };
-    let tiles =
-        DistanceBuffers::new(gpu, atlas.clone(), params, source.unwrap_or(gpu.device.upload("level", &packed)?))?;
+    let source = source.map_or_else(|| sent("level"), Ok)?;
+    let tiles = DistanceBuffers::new(gpu, atlas.clone(), params, source)?;
     let mut recorder = tiles.solve(recorder, false)?;
     if smooth == AntiAlias::Kernel {
         let exact = exact_distance(gpu, &mut recorder, &atlas, params, sides)?;
@@ -179,8 +184,7 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
     }
     recorder.submit()?;
     let mask = (smooth == AntiAlias::Kernel).then_some(sides);
-    let fields = with_room(room, atlas.node_count(), |room| condition(gpu, &tiles, params, options, mask, room))?;
-    Ok(atlas.unpack(&fields))
+    with_room(room, atlas.node_count(), |room| condition(gpu, &tiles, params, options, mask, room))
 }
 
 fn rule(weights: &[f64]) -> Rule {
@@ -219,7 +223,7 @@ fn kernel(
     let shape = Params { job_count: atlas.jobs.len() as u32, block_count: atlas.block_count() as u32, ..params };
     let params = &device.uniform("params", shape);
     let jobs = &device.upload("jobs", &atlas.jobs)?;
-    let blocks = &device.upload("blocks", &atlas.blocks())?;
+    let blocks = &atlas.send_blocks(device)?;
     let nodes = atlas.node_count();
     let half = device.storage("half", nodes)?;
     let once = &device.storage("once", nodes)?;
@@ -244,6 +248,7 @@ fn eq6(
     sides: &Buffer<[f32]>,
     room: usize,
 ) -> Result<Room<Buffer<[f32]>>> {
+    let exact = gpu.device.upload("phi", exact)?;
     let front = Front::new(gpu, atlas.clone(), params, Some(exact), room)?;
     let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
     front.begin(&mut recorder);
@@ -295,7 +300,7 @@ fn condition(
     options: ContourOptions,
     mask: Option<&Buffer<[f32]>>,
     room: usize,
-) -> Result<Room<Vec<f32>>> {
+) -> Result<Room<Vec<Field>>> {
     let device = &gpu.device;
     let nodes = tiles.atlas.node_count();
     let front = Front::new(gpu, tiles.atlas.clone(), params, None, room)?;
@@ -317,6 +322,6 @@ fn condition(
     let landed = recorder.submit()?.wait()?;
     match front.overflow(&landed, &look)? {
         Some(wanted) => Ok(Room::Short(wanted)),
-        None => Ok(Room::Enough(landed.values(&wanted)?)),
+        None => Ok(Room::Enough(landed.taken(&wanted, |values| tiles.atlas.unpack(values))?)),
     }
 }

@@ -222,7 +222,7 @@ impl Device {
 
     /// Values that a dispatch may read and write.
     pub fn most_work(&self) -> u64 {
-        self.made.work.unwrap_or(work::MOST)
+        self.made.work.unwrap_or(if self.summary.is_discrete() { work::MOST_OF_DISCRETE } else { work::MOST })
     }
 
     /// Lets all buffers go that nobody uses, when the work that was sent off is done.
@@ -356,6 +356,21 @@ impl Device {
             self.buffer(label, size_of_val(values) as u64, STORAGE)?
         };
         self.write(&buffer, values);
+        Ok(buffer)
+    }
+
+    /// A storage buffer of `count` values, which `make` makes from a number of the first on: all threads at once where there are many.
+    ///
+    /// # Errors
+    /// The errors of [`Device::buffer`].
+    pub fn upload_made<T: Pod>(
+        &self,
+        label: &str,
+        count: usize,
+        make: impl Fn(usize, &mut [T]) + Sync,
+    ) -> Result<Buffer<[T]>> {
+        let buffer = self.storage(label, count)?;
+        self.write_made(&buffer, count, make);
         Ok(buffer)
     }
 

@@ -12,7 +12,7 @@ use super::atlas::batches;
 use super::device::Buffer;
 use super::kernels::shader;
 use super::layout::{Axis, CHANGES, EVIDENCE, Image, Interval, Iteration, MOMENTS};
-use super::moving::{self, image, per_pixel, vectors};
+use super::moving::{self, image, per_pixel, send_vectors};
 use super::recorder::{Recorder, Size};
 use super::work;
 use crate::error::{Error, Result};
@@ -168,8 +168,8 @@ impl<'a> Solver<'a> {
         let batch = |intervals: Range<usize>| -> Result<Batch> {
             Ok(Batch {
                 image: device.uniform("image", image(dims, grid, h, intervals.len())),
-                vectors: device.upload("vectors", &vectors(&begin[intervals.clone()]))?,
-                guess: device.upload("guess", &vectors(&guess[intervals.clone()]))?,
+                vectors: send_vectors(device, "vectors", &begin[intervals.clone()])?,
+                guess: send_vectors(device, "guess", &guess[intervals.clone()])?,
                 evidence: device.storage("evidence", (intervals.len() + 2) * nodes * EVIDENCE)?,
                 intervals,
             })

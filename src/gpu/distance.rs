@@ -95,7 +95,7 @@ impl<'g> DistanceBuffers<'g> {
         };
         let params = device.uniform("params", params);
         let jobs = device.upload("jobs", &atlas.jobs)?;
-        let blocks = device.upload("blocks", &atlas.blocks())?;
+        let blocks = atlas.send_blocks(device)?;
         let d = device.storage("distance", atlas.node_count())?;
         let awake = device.zeroed("awake", patches.len())?;
         let changes = device.zeroed("changes", 1)?;
@@ -153,9 +153,9 @@ impl<'g> DistanceBuffers<'g> {
         Err(failure(format!("distances still change after {most} rounds")))
     }
 
-    /// The distances of all tiles after what is recorded.
-    pub fn read(&self, mut recorder: Recorder<'g>) -> Result<Vec<f32>> {
+    /// What `take` makes of the distances of all tiles after what is recorded.
+    pub fn read<R>(&self, mut recorder: Recorder<'g>, take: impl FnOnce(&[f32]) -> R) -> Result<R> {
         let wanted: Wanted<f32> = recorder.read(&self.d, 0, self.atlas.node_count());
-        recorder.submit()?.wait()?.values(&wanted)
+        recorder.submit()?.wait()?.taken(&wanted, take)
     }
 }

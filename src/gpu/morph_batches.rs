@@ -78,7 +78,7 @@ fn together(gpu: &Gpu, request: &MorphRequest<'_>, progress: &dyn Progress) -> R
     if pairs.is_empty() {
         return composed(gpu, request, &Origin::Host(&[]));
     }
-    let room = pairs.iter().map(|pair| propagate::share(gpu, pair, options).0).sum();
+    let room = pairs.par_iter().map(|pair| propagate::share(gpu, pair, options).0).sum();
     let (swept, copies) = propagate::sweep(gpu, &pairs, *h, options, room)?;
     let params = morph_params(*h, options);
     let swept = SweptPairs { pairs: &pairs, swept, copies, params, sweep: options.sweep };

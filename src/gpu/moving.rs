@@ -1,11 +1,14 @@
 //! Data that the kernels of the moving field share: images and displacements as they lie on the device.
 
 use glam::DVec2;
+use rayon::prelude::*;
 
 use super::Gpu;
+use super::device::{Buffer, Device};
 use super::layout::{Image, TILE};
 use super::recorder::Size;
-use crate::registration::displacement::Displacement;
+use crate::error::Result;
+use crate::registration::displacement::{Displacement, NODES_OF_A_THREAD};
 
 /// Images of these pixels with displacements on such a grid of nodes, and how many items a dispatch has.
 pub fn image(dims: [usize; 2], grid: [usize; 2], h: [f64; 2], count: usize) -> Image {
@@ -41,7 +44,30 @@ pub fn bounded(v: f64) -> f32 {
 
 /// Displacements one after the other.
 pub fn vectors<'a>(displacements: impl IntoIterator<Item = &'a Displacement>) -> Vec<[f32; 2]> {
-    displacements.into_iter().flat_map(|d| &d.vectors).map(|v| v.as_vec2().to_array()).collect()
+    let all: Vec<&[DVec2]> = displacements.into_iter().map(|own| &own.vectors[..]).collect();
+    let mut out = Vec::with_capacity(all.iter().map(|own| own.len()).sum());
+    for own in all {
+        out.par_extend(own.par_iter().with_min_len(NODES_OF_A_THREAD).map(|v| v.as_vec2().to_array()));
+    }
+    out
+}
+
+/// Displacements of the same nodes, one after the other, on a device.
+///
+/// # Errors
+/// The errors of [`Device::buffer`].
+pub fn send_vectors<'a>(
+    device: &Device,
+    label: &str,
+    displacements: impl IntoIterator<Item = &'a Displacement>,
+) -> Result<Buffer<[[f32; 2]]>> {
+    let all: Vec<&Displacement> = displacements.into_iter().collect();
+    let each = all.first().map_or(1, |own| own.vectors.len());
+    device.upload_made(label, all.len() * each, |first, out| {
+        for (k, to) in (first..).zip(out) {
+            *to = all[k / each].vectors[k % each].as_vec2().to_array();
+        }
+    })
 }
 
 /// Displacements on the same nodes as `like` from their vectors one after the other.

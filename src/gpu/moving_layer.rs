@@ -188,12 +188,11 @@ impl<'g, 'r> Flight<'g, 'r> {
             return Ok(());
         }
         let landed = recorder.submit()?.wait()?;
-        let values: Vec<[Vec<f32>; 2]> = wanted
-            .iter()
-            .map(|(.., [own, others])| Ok([landed.values(own)?, landed.values(others)?]))
-            .collect::<Result<_>>()?;
-        let made = wanted.par_iter().zip(&values).map(|((q, of, k, _), values)| (*q, layer(of, *k, values)));
-        for (q, layer) in made.collect::<Vec<_>>() {
+        let made = wanted.par_iter().map(|(q, of, k, [own, others])| {
+            let made = landed.taken(own, |own| landed.taken(others, |others| layer(of, *k, [own, others])))?;
+            Ok((*q, made?))
+        });
+        for (q, layer) in made.collect::<Result<Vec<_>>>()? {
             out[q].push(layer);
         }
         Ok(())
@@ -201,7 +200,7 @@ impl<'g, 'r> Flight<'g, 'r> {
 }
 
 /// The layer at the `k`-th time from the values of its tiles and what probes say of the others.
-fn layer(of: &LayerRequest<'_>, k: usize, [own, others]: &[Vec<f32>; 2]) -> SparseImage<f32> {
+fn layer(of: &LayerRequest<'_>, k: usize, [own, others]: [&[f32]; 2]) -> SparseImage<f32> {
     let dims = of.moving.fields[of.interval].dims;
     let mut next = [0, 0];
     let place = |asked: bool| {

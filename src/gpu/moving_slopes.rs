@@ -2,12 +2,14 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use super::Gpu;
 use super::answers::Wanted;
-use super::atlas::in_batches;
+use super::atlas::{LEAST_LENGTH, in_batches};
 use super::kernels::shader;
 use super::layout::{ABOVE, BELOW, BOTH, Image, Knot};
-use super::moving::{image, per_pixel, vectors};
+use super::moving::{image, per_pixel, send_vectors};
 use super::recorder::Recorder;
 use super::work;
 use crate::error::Result;
@@ -73,13 +75,13 @@ fn of_slices(gpu: &Gpu, moving: &MotionField, batch: Range<usize>) -> Result<Vec
         gpu.place(&mut recorder, (field, 1.0), (fields, k * nodes))?;
     }
     let at_slices = moving.at_slices[first..end - 1].iter().flat_map(|both| both.iter());
-    let vectors = &device.upload("vectors", &vectors(at_slices))?;
+    let vectors = &send_vectors(device, "vectors", at_slices)?;
     let knots = &device.upload("knots", &knots)?;
     let slopes = &device.storage("slopes", batch.len() * nodes)?;
     let find = FindSlopes { image, fields, vectors, knots, slopes }.bind(gpu);
     recorder.run(&find, per_pixel(dims, batch.len()));
     let wanted: Wanted<f32> = recorder.read(slopes, 0, batch.len() * nodes);
-    let values = recorder.submit()?.wait()?.values(&wanted)?;
-    let field = |some: &[f32]| Field { dims, data: some.iter().map(|v| f64::from(*v) / moving.px).collect() };
-    Ok(values.chunks_exact(nodes).map(field).collect())
+    let values = |some: &[f32]| some.par_iter().with_min_len(LEAST_LENGTH).map(|v| f64::from(*v) / moving.px).collect();
+    let field = |some: &[f32]| Field { dims, data: values(some) };
+    recorder.submit()?.wait()?.taken(&wanted, |values| values.par_chunks_exact(nodes).map(field).collect())
 }

@@ -39,16 +39,15 @@ pub fn unpacked(gpu: &Gpu, landed: &Landed<'_>, packed: &[Packed]) -> Result<Vec
         wanted.push(recorder.read::<f32>(&own.values, 0, used * AREA));
     }
     let values = recorder.submit()?.wait()?;
-    let mut out = Vec::new();
-    for (own, wanted) in packed.iter().zip(&wanted) {
+    let images = |(own, wanted): (&Packed, &Wanted<f32>)| {
         let (squares, count) = (landed.values(&own.squares)?, square_count(own.image));
-        let made = values.taken(wanted, |values| {
+        values.taken(wanted, |values| {
             let layer = |k: usize| image_of(own.image.dims, &squares[k * count..][..count], values);
             (0..own.layers).into_par_iter().map(layer).collect::<Result<Vec<_>>>()
-        })?;
-        out.extend(made?);
-    }
-    Ok(out)
+        })?
+    };
+    let made = packed.par_iter().zip(&wanted).map(images).collect::<Result<Vec<_>>>()?;
+    Ok(made.into_iter().flatten().collect())
 }
 
 /// The image of these squares.

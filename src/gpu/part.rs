@@ -1,5 +1,7 @@
 //! Distance fields of parts of contours on the GPU.
 
+use rayon::prelude::*;
+
 use super::Gpu;
 use super::atlas::{Atlas, in_batches, padded};
 use super::distance::{DistanceBuffers, NODE_BYTES};
@@ -38,7 +40,7 @@ shader! {
 
 /// Fields of all parts. Those that are the whole contour, or nothing, are answered without computing.
 pub fn part_fields(gpu: &Gpu, parts: &[PartJob], h: [f64; 2]) -> Result<Vec<Field>> {
-    let mut out: Vec<Option<Field>> = parts.iter().map(PartJob::without_computing).collect();
+    let mut out: Vec<Option<Field>> = parts.par_iter().map(PartJob::without_computing).collect();
     let open: Vec<usize> = (0..parts.len()).filter(|&k| out[k].is_none()).collect();
     // Two tiles a job, with the whole field and the part's mask.
     let share = |&k: &usize| {
@@ -48,19 +50,21 @@ pub fn part_fields(gpu: &Gpu, parts: &[PartJob], h: [f64; 2]) -> Result<Vec<Fiel
     let fields = in_batches(gpu, open.iter().map(share), |batch| {
         let batch = &open[batch];
         let atlas = Atlas::new(batch.iter().flat_map(|&k| [parts[k].whole.dims; 2]));
-        let whole = atlas.pack(batch.iter().flat_map(|&k| [&parts[k].whole; 2]), 1.0);
-        let masks: Vec<Field> = batch.iter().map(|&k| mask_field(&parts[k])).collect();
-        let inside = &gpu.device.upload("inside", &atlas.pack(masks.iter().flat_map(|m| [m; 2]), 0.0))?;
+        let device = &gpu.device;
+        let whole = atlas.send(device, "whole", batch.iter().flat_map(|&k| [&parts[k].whole; 2]), 1.0)?;
+        let masks: Vec<Field> = batch.par_iter().map(|&k| mask_field(&parts[k])).collect();
+        let inside = &atlas.send(device, "inside", masks.iter().flat_map(|m| [m; 2]), 0.0)?;
         let params = Params { hx: h[0] as f32, hy: h[1] as f32, ..Params::default() };
-        let tiles = DistanceBuffers::new(gpu, atlas, params, gpu.device.upload("whole", &whole)?)?;
+        let tiles = DistanceBuffers::new(gpu, atlas, params, whole)?;
         let DistanceBuffers { params, jobs, blocks, u: whole, d, awake, .. } = &tiles;
         let start = StartPart { params, jobs, blocks, whole, inside, d, awake }.bind(gpu);
         let finish = FinishPart { params, jobs, blocks, whole, inside, d }.bind(gpu);
-        let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
+        let mut recorder = Recorder::new(device, &gpu.profiler);
         recorder.run(&start, tiles.per_node());
         let mut recorder = tiles.settle(recorder)?;
         recorder.run(&finish, tiles.per_node());
-        Ok(tiles.atlas.unpack(&tiles.read(recorder)?).into_iter().step_by(2).collect())
+        let fields = tiles.read(recorder, |values| tiles.atlas.unpack(values))?;
+        Ok(fields.into_iter().step_by(2).collect())
     })?;
     for (k, field) in open.into_iter().zip(fields) {
         out[k] = Some(field);

@@ -184,10 +184,10 @@ fn run(
     let times = place_times(&mut atlas, &sweeps);
     let seeds = place_seeds(&mut atlas.jobs, sweeps.iter().map(|s| Valued::courses(s)), h);
     let copies = Copies::new(gpu, &mut atlas, room)?;
-    let phi = atlas.pack(sweeps.iter().map(|s| &*s.source), 1.0);
-    let arrivals = device.upload("goal", &atlas.pack(sweeps.iter().map(|s| &*s.goal), 1.0))?;
+    let phi = atlas.send(device, "phi", sweeps.iter().map(|s| &*s.source), 1.0)?;
+    let arrivals = atlas.send(device, "goal", sweeps.iter().map(|s| &*s.goal), 1.0)?;
     let params = Params { value_capacity: copies.value_capacity, ..morph_params(h, options) };
-    let front = Front::new(gpu, atlas, params, Some(&phi), room)?;
+    let front = Front::new(gpu, atlas, params, Some(phi), room)?;
     let times = &device.upload("times", &times)?;
     let sums = &device.zeroed("sums", sweeps.len())?;
     let reads: usize = sweeps.iter().map(|s| s.times.len()).sum();

@@ -3,8 +3,6 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-use rayon::prelude::*;
-
 use super::Gpu;
 use super::device::Buffer;
 use super::moving::bounded;
@@ -14,9 +12,6 @@ use crate::grid::field::Field;
 
 /// Share of the budget that images may take.
 const SHARE: f64 = 0.1;
-/// Values that are worth a thread.
-const LEAST_LENGTH: usize = 1 << 14;
-
 /// Images by the fields they were made of.
 #[derive(Debug, Default)]
 pub struct Resident {
@@ -87,15 +82,20 @@ impl Gpu {
                 return Ok(values);
             }
         }
+        let count = field.data.len();
+        let most = (SHARE * self.device.budget() as f64) as usize / (count * size_of::<f32>()).max(1);
+        {
+            let mut images = images();
+            let too_many = (images.len() + 1).saturating_sub(most).min(images.len());
+            images.drain(..too_many);
+        }
         // While others compute nobody may wait for the images.
-        let values = field.data.par_iter().with_min_len(LEAST_LENGTH).map(|v| bounded(scale * v)).collect::<Vec<f32>>();
-        let mut images = images();
-        let most = (SHARE * self.device.budget() as f64) as usize / size_of_val(&values[..]).max(1);
-        let too_many = (images.len() + 1).saturating_sub(most).min(images.len());
-        images.drain(..too_many);
-        let values = Arc::new(self.device.upload("field", &values)?);
+        let make = |first: usize, out: &mut [f32]| {
+            out.iter_mut().zip(&field.data[first..]).for_each(|(to, v)| *to = bounded(scale * v));
+        };
+        let values = Arc::new(self.device.upload_made("field", count, make)?);
         if most > 0 && !self.resident.short.load(Ordering::Relaxed) {
-            images.push(Image { field: Arc::downgrade(field), scale: scale.to_bits(), values: values.clone() });
+            images().push(Image { field: Arc::downgrade(field), scale: scale.to_bits(), values: values.clone() });
         }
         Ok(values)
     }

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use glam::DVec2;
+use rayon::prelude::*;
 
 use super::band::Front;
 use super::device::Buffer;
@@ -99,10 +100,8 @@ pub fn place_seeds<'s>(
     jobs: impl Iterator<Item = Valued<'s>>,
     h: [f64; 2],
 ) -> (Vec<Seed>, Vec<u32>) {
-    let (mut seeds, mut bins) = (Vec::new(), Vec::new());
-    for (slot, job) in slots.iter_mut().zip(jobs) {
+    let placed = |job: &Valued<'_>| {
         let cells: [usize; 2] = std::array::from_fn(|a| (job.dims[a] as f64 * h[a] / RADIUS) as usize + 1);
-        (slot.first_bin, slot.bins_x, slot.bins_y) = (bins.len() as u32, cells[0] as u32, cells[1] as u32);
         let bin = |x: &DVec2| {
             let cell = |a: usize| ((x[a] * h[a] / RADIUS).max(0.0) as usize).min(cells[a] - 1);
             cell(1) * cells[0] + cell(0)
@@ -110,17 +109,27 @@ pub fn place_seeds<'s>(
         let mut order: Vec<(usize, usize)> = job.seeds.iter().enumerate().map(|(k, x)| (bin(x), k)).collect();
         order.sort_unstable();
         let mut next = 0;
+        let mut begins = Vec::with_capacity(cells[0] * cells[1] + 1);
         for b in 0..=cells[0] * cells[1] {
             while next < order.len() && order[next].0 < b {
                 next += 1;
             }
-            bins.push((seeds.len() + next) as u32);
+            begins.push(next as u32);
         }
-        seeds.extend(order.iter().map(|&(_, k)| Seed {
+        let seed = |&(_, k): &(usize, usize)| Seed {
             course: job.values[k].map(|v| v as f32),
             x: job.seeds[k].as_vec2().into(),
             padding: [0.0; 2],
-        }));
+        };
+        (cells, order.iter().map(seed).collect::<Vec<Seed>>(), begins)
+    };
+    let jobs: Vec<Valued<'s>> = jobs.collect();
+    let placed: Vec<_> = jobs.par_iter().map(placed).collect();
+    let (mut seeds, mut bins) = (Vec::new(), Vec::new());
+    for (slot, (cells, own, begins)) in slots.iter_mut().zip(placed) {
+        (slot.first_bin, slot.bins_x, slot.bins_y) = (bins.len() as u32, cells[0] as u32, cells[1] as u32);
+        bins.extend(begins.into_iter().map(|next| seeds.len() as u32 + next));
+        seeds.extend(own);
     }
     if seeds.is_empty() {
         seeds.push(Seed::default());

@@ -78,9 +78,9 @@ fn run(
 ) -> Result<Room<Vec<Traced>>> {
     let device = &gpu.device;
     let atlas = Atlas::new(morphs.iter().map(|m| m.source.dims));
-    let phi = atlas.pack(morphs.iter().map(|m| &*m.source), 1.0);
-    let goal = &device.upload("goal", &atlas.pack(morphs.iter().map(|m| &*m.goal), 1.0))?;
-    let front = Front::new(gpu, atlas, morph_params(h, options), Some(&phi), room)?;
+    let phi = atlas.send(device, "phi", morphs.iter().map(|m| &*m.source), 1.0)?;
+    let goal = &atlas.send(device, "goal", morphs.iter().map(|m| &*m.goal), 1.0)?;
+    let front = Front::new(gpu, atlas, morph_params(h, options), Some(phi), room)?;
     let sums = &device.zeroed("sums", morphs.len())?;
     let starts = morphs.iter().enumerate().flat_map(|(q, m)| m.seeds.iter().map(move |s| (q, s.x)));
     let particles = Particles::new(&front, starts, goal)?;

@@ -9,7 +9,7 @@ use super::answers::Questions;
 use super::device::{Buffer, Device, failure};
 use super::layout::Headed;
 use super::pool::Raw;
-use super::upload::Uploads;
+use super::upload::{self, Uploads, WORTH_ALL_THREADS};
 use crate::error::Result;
 use crate::report::DeviceUse;
 use crate::report::clock::of_this_thread;
@@ -26,6 +26,24 @@ impl Device {
     /// Gives the values of a buffer from the value `first` on new ones.
     pub fn write_from<T: Pod>(&self, buffer: &Buffer<[T]>, first: usize, values: &[T]) {
         self.send(&buffer.raw, (first * size_of::<T>()) as u64, bytemuck::cast_slice(values));
+    }
+
+    /// Gives the first `count` values of a buffer those that `make` makes, from a number of the first on: all threads at once where there are many.
+    pub fn write_made<T: Pod>(&self, buffer: &Buffer<[T]>, count: usize, make: impl Fn(usize, &mut [T]) + Sync) {
+        let bytes = count * size_of::<T>();
+        if bytes < WORTH_ALL_THREADS {
+            let mut made = vec![T::zeroed(); count];
+            make(0, &mut made);
+            return self.write(buffer, &made);
+        }
+        let bytes = bytes as u64;
+        self.count(|counts| counts.bytes_up += bytes);
+        // Whoever waits for all threads may be given another's work meanwhile: nothing is locked.
+        let chunks = self.uploads().chunks(self, bytes);
+        if let Err(e) = upload::fill(&chunks, count, &make) {
+            self.fail(e.to_string());
+        }
+        self.uploads().send_filled(self, &buffer.raw, 0, chunks, bytes);
     }
 
     /// Sends bytes, from the byte `first` of a buffer on, with the next work.

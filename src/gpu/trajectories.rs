@@ -4,7 +4,7 @@ use super::Gpu;
 use super::device::Buffer;
 use super::kernels::shader;
 use super::layout::{Image, Time};
-use super::moving::{image, vectors};
+use super::moving::{image, send_vectors};
 use super::recorder::{Recorder, Size};
 use crate::error::Result;
 use crate::registration::motion_field::MotionField;
@@ -40,7 +40,7 @@ pub fn paths(
         .map(|&t| Time { t: t as f32, first: (t * (t - 1.0) * (t - 1.0)) as f32, second: (t * t * (t - 1.0)) as f32 })
         .collect();
     let image = &device.uniform("image", image(dims, v.grid, h, times.len()));
-    let own = &device.upload("vectors", &vectors([&**v, low, high]))?;
+    let own = &send_vectors(device, "vectors", [&**v, low, high])?;
     let table = &device.upload("times", &table)?;
     let paths = device.storage("paths", 2 * nodes * times.len() + behind.len())?;
     device.write_from(&paths, 2 * nodes * times.len(), behind);

@@ -2,8 +2,12 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::device::Device;
+use bytemuck::Pod;
+use rayon::prelude::*;
+
+use super::device::{Device, failure};
 use super::pool::{Pool, Raw};
+use crate::error::Result;
 
 /// Bytes of the smallest chunk, and of the largest that is sent at once.
 const LEAST: u64 = 64 << 10;
@@ -13,6 +17,10 @@ const SHARE: f64 = 0.125;
 const MOST: u64 = 128 << 20;
 /// Places of values in a chunk are multiples of this.
 const ALIGNMENT: u64 = 16;
+/// From so many bytes on a thread alone is slower than all of them.
+pub const WORTH_ALL_THREADS: usize = 1 << 20;
+/// Bytes that a thread makes before it writes them, which its cache holds.
+const PIECE: usize = 128 << 10;
 
 /// Bytes of a budget that the chunks may take.
 pub fn share(budget: u64) -> u64 {
@@ -54,6 +62,24 @@ impl Uploads {
             let Some((buffer, at)) = self.write(device, piece) else { return };
             let place = first + k as u64 * LARGEST;
             self.encoder(device).copy_buffer_to_buffer(&buffer, at, target, place, piece.len() as u64);
+        }
+        self.targets.push(target.clone());
+    }
+
+    /// Chunks for so many bytes, which nobody else fills; fewer where the device has failed.
+    pub fn chunks(&mut self, device: &Device, bytes: u64) -> Vec<wgpu::Buffer> {
+        let sizes = (0..bytes).step_by(LARGEST as usize).map(|first| LARGEST.min(bytes - first));
+        sizes.map_while(|size| self.chunk(device, size.next_multiple_of(ALIGNMENT))).collect()
+    }
+
+    /// Sends what chunks of [`Uploads::chunks`] hold, `bytes` in all, with the next work.
+    pub fn send_filled(&mut self, device: &Device, target: &Raw, first: u64, chunks: Vec<wgpu::Buffer>, bytes: u64) {
+        let mut sent = 0;
+        for buffer in chunks {
+            let size = LARGEST.min(bytes - sent);
+            self.encoder(device).copy_buffer_to_buffer(&buffer, 0, target, first + sent, size);
+            self.filling.push(Chunk { filled: buffer.size(), buffer });
+            sent += size;
         }
         self.targets.push(target.clone());
     }
@@ -135,4 +161,32 @@ impl Uploads {
             });
         }
     }
+}
+
+/// Fills chunks with `count` values, which `make` makes from a number of the first on: all threads at once, each where the device reads them.
+///
+/// # Errors
+/// [`Error::Gpu`](crate::Error::Gpu) where a chunk cannot be written.
+pub fn fill<T: Pod>(chunks: &[wgpu::Buffer], count: usize, make: &(impl Fn(usize, &mut [T]) + Sync)) -> Result<()> {
+    const { assert!(PIECE.is_multiple_of(size_of::<T>()), "whole values in every piece") };
+    let [in_chunk, in_piece] = [LARGEST as usize, PIECE].map(|bytes| bytes / size_of::<T>());
+    chunks.par_iter().enumerate().try_for_each(|(k, chunk)| {
+        let first = k * in_chunk;
+        let own = in_chunk.min(count - first);
+        let range = 0..(own * size_of::<T>()) as u64;
+        let refused = |e| failure(format!("values could not be sent: {e}"));
+        let mut view = chunk.get_mapped_range_mut(range).map_err(refused)?;
+        let (pieces, mut rest) = view.slice(..).into_chunks::<PIECE>();
+        let pieces: Vec<wgpu::WriteOnly<'_, [u8; PIECE]>> = pieces.into_iter().collect();
+        let whole = pieces.len() * in_piece;
+        let room = || vec![T::zeroed(); in_piece];
+        pieces.into_par_iter().enumerate().for_each_init(room, |made, (k, piece)| {
+            make(first + k * in_piece, made);
+            wgpu::WriteOnly::<[u8]>::from(piece).copy_from_slice(bytemuck::cast_slice(made));
+        });
+        let mut made = vec![T::zeroed(); own - whole];
+        make(first + whole, &mut made);
+        rest.copy_from_slice(bytemuck::cast_slice(&made));
+        Ok(())
+    })
 }

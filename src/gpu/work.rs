@@ -8,6 +8,8 @@ use super::Gpu;
 
 /// Values of a dispatch at most: half a second at 4 values a nanosecond, half of what 30 GB/s bring.
 pub const MOST: u64 = 1 << 31;
+/// And of one with memory of its own, of which the slowest bring twice as much and more: half of what 120 GB/s bring.
+pub const MOST_OF_DISCRETE: u64 = 4 * MOST;
 
 /// Values of a band place: two WENO5 stencils and their arithmetic (`hj_step`).
 pub const BAND_PLACE: usize = 40;

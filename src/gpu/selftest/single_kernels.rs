@@ -1,6 +1,8 @@
 //! Kernels alone, from fields on the host to fields on the host: what the tests, the self-test and the benchmarks ask. Several jobs at once,
 //! each with a tile of its own.
 
+use std::time::Instant;
+
 use glam::DVec2;
 
 use crate::backend::jobs::SweepJob;
@@ -73,9 +75,9 @@ impl Gpu {
         for (job, dt) in atlas.jobs.iter_mut().zip(dt) {
             (job.dt, job.now) = (*dt as f32, *dt as f32);
         }
-        let values = atlas.pack(phi.iter(), 1.0);
+        let values = atlas.send(&self.device, "phi", phi, 1.0)?;
         let room = atlas.node_count();
-        Front::new(self, atlas, tubes.params(), Some(&values), room)
+        Front::new(self, atlas, tubes.params(), Some(values), room)
     }
 
     fn record(&self, actions: impl FnOnce(&mut Recorder<'_>)) -> Result<()> {
@@ -93,13 +95,31 @@ impl Gpu {
         self.device.read(&front.band, 0, head.band_total as usize)
     }
 
+    /// Seconds that so many copies of `bytes` from one buffer to another take, sent off together.
+    ///
+    /// # Errors
+    /// [`crate::Error::Gpu`].
+    pub fn copies(&self, bytes: u64, count: usize) -> Result<f64> {
+        let values = || self.device.zeroed::<f32>("copied", bytes as usize / size_of::<f32>());
+        let (from, to) = (values()?, values()?);
+        let copied = |count: usize| {
+            let mut recorder = Recorder::new(&self.device, &self.profiler);
+            (0..count).for_each(|_| recorder.copy(&from, &to, bytes));
+            recorder.submit()?.wait()
+        };
+        copied(1)?;
+        let begin = Instant::now();
+        copied(count)?;
+        Ok(begin.elapsed().as_secs_f64())
+    }
+
     /// Distances measured as `reach` says.
     ///
     /// # Errors
     /// [`crate::Error::Gpu`].
     pub fn distances(&self, u: &[Field], h: [f64; 2], reach: DistanceReach) -> Result<Vec<Field>> {
         let atlas = Atlas::new(u.iter().map(|f| f.dims));
-        let values = self.device.upload("level", &atlas.pack(u.iter(), 1.0))?;
+        let values = atlas.send(&self.device, "level", u, 1.0)?;
         let limit = match reach {
             DistanceReach::Everywhere => 0.0,
             DistanceReach::Within(px) | DistanceReach::Beyond(px) => px as f32,
@@ -108,7 +128,7 @@ impl Gpu {
         let tiles = DistanceBuffers::new(self, atlas, params, values)?;
         let recorder = Recorder::new(&self.device, &self.profiler);
         let recorder = tiles.solve(recorder, matches!(reach, DistanceReach::Beyond(_)))?;
-        Ok(tiles.atlas.unpack(&tiles.read(recorder)?))
+        tiles.read(recorder, |values| tiles.atlas.unpack(values))
     }
 
     /// Exact distances to the other side of the masks `u < 0`.
@@ -117,7 +137,7 @@ impl Gpu {
     /// [`crate::Error::Gpu`].
     pub fn exact_distances(&self, u: &[Field], h: [f64; 2]) -> Result<Vec<Field>> {
         let atlas = Atlas::new(u.iter().map(|f| f.dims));
-        let sides = self.device.upload("sides", &atlas.pack(u.iter(), 1.0))?;
+        let sides = atlas.send(&self.device, "sides", u, 1.0)?;
         let params = Params { hx: h[0] as f32, hy: h[1] as f32, ..Params::default() };
         let mut recorder = Recorder::new(&self.device, &self.profiler);
         let exact = exact::exact_distance(self, &mut recorder, &atlas, params, &sides)?;
@@ -149,7 +169,7 @@ impl Gpu {
         let front = self.front(phi, tubes, dt)?;
         self.record(|recorder| front.begin(recorder))?;
         let field = match speeds {
-            Speeds::Towards(goal) => self.device.upload("goal", &front.atlas.pack(goal.iter(), 1.0))?,
+            Speeds::Towards(goal) => front.atlas.send(&self.device, "goal", goal, 1.0)?,
             Speeds::Given(speed) => {
                 let speed = front.atlas.pack(speed.iter(), 0.0);
                 let placed: Vec<f32> = self.listed(&front)?.iter().map(|n| speed[n[0] as usize]).collect();
@@ -189,9 +209,9 @@ impl Gpu {
         let sweeps: Vec<&SweepJob<'_>> = sweeps.iter().collect();
         let mut atlas = Atlas::new(sweeps.iter().map(|s| s.source.dims));
         let seeds = place_seeds(&mut atlas.jobs, sweeps.iter().map(|s| Valued::courses(s)), tubes.h);
-        let values = atlas.pack(sweeps.iter().map(|s| &*s.source), 1.0);
+        let values = atlas.send(&self.device, "phi", sweeps.iter().map(|s| &*s.source), 1.0)?;
         let room = atlas.node_count();
-        let front = Front::new(self, atlas, tubes.params(), Some(&values), room)?;
+        let front = Front::new(self, atlas, tubes.params(), Some(values), room)?;
         let upwind = Upwind::new(&front)?;
         let courses = Courses::new(&front, &upwind)?;
         let seeds = Seeds::new(&front, seeds, &courses.copies[0])?;
@@ -244,7 +264,7 @@ impl Gpu {
         dt: &[f64],
     ) -> Result<Vec<Vec<crate::backend::jobs::Track>>> {
         let front = self.front(before, tubes, dt)?;
-        let goal = self.device.upload("goal", &front.atlas.pack(goal.iter(), 1.0))?;
+        let goal = front.atlas.send(&self.device, "goal", goal, 1.0)?;
         let placed = starts.iter().enumerate().flat_map(|(q, xs)| xs.iter().map(move |x| (q, *x)));
         let particles = Particles::new(&front, placed, &goal)?;
         self.record(|recorder| recorder.run(&particles.predict, particles.each()))?;

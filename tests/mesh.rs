@@ -138,3 +138,24 @@ fn a_mirrored_geometry_stays_outward() {
     field.geometry.origin = DVec3::new(100.0, 50.0, 7.0);
     assert_closed(&closed_surface(&field), "mirrored");
 }
+
+/// Slabs of more cells than are worked on together, by several threads: strips share vertices, and number them as one thread would that takes cell
+/// after cell. A fan asks for its middle, and then for its ring of twelve at most.
+#[test]
+fn strips_share_vertices_and_number_them_in_order() {
+    let bias = |x: f64| if x < 150.0 { 0.0 } else { -0.9 };
+    let field = body([301, 240], &[0.0, 1.0, 1.5], |x, y, z| noise(7, x, y, z) + bias(x));
+    let threads = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("a pool");
+    let mesh = threads(3).install(|| closed_surface(&field));
+    assert!(mesh.triangles.len() > 400_000, "{} triangles", mesh.triangles.len());
+    assert_closed(&mesh, "noise");
+    let mut seen = 0;
+    for t in &mesh.triangles {
+        for &v in t {
+            assert!(v < seen + 14, "vertex {v} comes where {seen} were known");
+            seen = seen.max(v + 1);
+        }
+    }
+    assert_eq!(seen as usize, mesh.positions.len());
+    assert!(mesh == threads(1).install(|| closed_surface(&field)), "threads change the mesh");
+}

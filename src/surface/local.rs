@@ -10,7 +10,7 @@
 use glam::DVec3;
 
 use super::header::Header;
-use super::marching::OFF_CORNER;
+use super::slab::OFF_CORNER;
 
 /// Bits of an f32's mantissa.
 const BITS: i32 = f32::MANTISSA_DIGITS as i32;

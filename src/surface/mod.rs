@@ -28,9 +28,11 @@ pub mod origin;
 pub mod render;
 #[cfg(feature = "simplify")]
 pub mod simplify;
+mod slab;
 mod space;
 pub mod spool;
 pub mod stream;
+mod strip;
 pub mod three_mf;
 pub mod tiff_volume;
 pub(crate) mod transposed;

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::estimate::coverage::{Drawn, differing};
-use crate::fairing::{GAPS_AT_ONCE, SMALL};
+use crate::fairing::{GAPS_AT_ONCE, LARGE_AT_ONCE, SMALL};
 use crate::grid::tile::samples;
 use crate::pipeline::{AHEAD, LAYER_BYTES_ON_A_GPU};
 use crate::settings::{Method, Motion, Settings};
@@ -95,7 +95,7 @@ impl MemoryNeeds {
         };
         let handed_over =
             layers.min(HANDED_OVER) * (largest * PER_WAITING_EDGE).min(pixels * PER_WAITING_PIXEL) / WAITING_SHARE;
-        let more_gaps = if pixels < SMALL as f64 { GAPS_AT_ONCE as f64 } else { 0.0 };
+        let more_gaps = if pixels < SMALL as f64 { GAPS_AT_ONCE as f64 } else { LARGE_AT_ONCE as f64 / nodes };
         let groups = if morph { boxed * PER_GROUP_PIXEL } else { 0.0 };
         let kept = slices * (padded * (PER_SLICE_PIXEL + moving) + groups);
         let at_once =

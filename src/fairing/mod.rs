@@ -50,10 +50,12 @@ fn in_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     rayon::scope(|_| work())
 }
 
-/// Layers of fewer pixels are worked on side by side.
+/// Layers of fewer pixels are worked on side by side, as many as there are threads.
 pub const SMALL: usize = 1 << 20;
 /// Gaps whose layers are then faired together, where there is memory.
 pub const GAPS_AT_ONCE: usize = 4;
+/// Larger ones that are worked on side by side, where there is memory: what one thread does for one of them others need not wait for.
+pub const LARGE_AT_ONCE: usize = 4;
 
 /// Facts about a stack that fairing needs.
 pub struct FairingSpec<'m> {
@@ -202,7 +204,8 @@ impl<'m> Fairing<'m> {
 
     /// Layers that are worked on at the same time: rows of small ones are too little for all threads.
     fn at_once(&self) -> usize {
-        if self.spec.dims[0] * self.spec.dims[1] < SMALL { rayon::current_num_threads() } else { 1 }
+        let small = self.spec.dims[0] * self.spec.dims[1] < SMALL;
+        if small { rayon::current_num_threads() } else { self.spec.nodes_at_once }
     }
 
     /// Makes v of the nodes below `end`, whose neighbours are there.

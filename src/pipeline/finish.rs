@@ -14,7 +14,7 @@ use super::context::{Context, Sink};
 use super::links::{IntervalLinks, fairing_shares};
 use crate::contour::Contour;
 use crate::error::{Error, Result};
-use crate::fairing::{Fairing, FairingSpec, GAPS_AT_ONCE, SMALL};
+use crate::fairing::{Fairing, FairingSpec, GAPS_AT_ONCE, LARGE_AT_ONCE, SMALL};
 use crate::registration::motion_stack::MotionStack;
 use crate::stack::heights::NODES;
 use crate::storage::spill::SpillVec;
@@ -111,7 +111,11 @@ fn fairing<'m>(
     if run.settings.fair == 0.0 {
         return Ok(None);
     }
-    let small = run.stack.dims[0] * run.stack.dims[1] < SMALL;
+    let nodes_at_once = match run.stack.dims[0] * run.stack.dims[1] < SMALL {
+        _ if run.budget.is_bounded() => 1,
+        true => GAPS_AT_ONCE * NODES,
+        false => LARGE_AT_ONCE,
+    };
     Ok(Some(Fairing::new(FairingSpec {
         moving: moving.map(|moving| (moving, run.pad)),
         contours: run.stack.slices.iter().map(|s| s.z).collect(),
@@ -125,6 +129,6 @@ fn fairing<'m>(
         farthest: run.settings.margin() as f64 * run.px,
         steered: run.settings.steered_ends(),
         shares: fairing_shares(run, links, contours)?,
-        nodes_at_once: if small && !run.budget.is_bounded() { GAPS_AT_ONCE * NODES } else { 1 },
+        nodes_at_once,
     })))
 }

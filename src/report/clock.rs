@@ -1,6 +1,6 @@
 //! CPU clocks of the threads that compute a run: the one that runs the pipeline, those that it has beside it, and those of the pool.
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// CPU seconds: of all threads that compute, and of the calling thread and those beside it alone.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -33,6 +33,20 @@ struct Beside {
     ended: f64,
 }
 
+/// A thread that runs beside the calling one until this is dropped, be it by a panic: the clock of a thread that has ended says nothing.
+struct Running<'c> {
+    beside: &'c Mutex<Beside>,
+    clock: Option<system::Clock>,
+}
+
+impl Drop for Running<'_> {
+    fn drop(&mut self) {
+        let mut beside = self.beside.lock().unwrap_or_else(PoisonError::into_inner);
+        beside.ended += of_this_thread().unwrap_or(0.0);
+        beside.clocks.retain(|other| Some(*other) != self.clock);
+    }
+}
+
 impl Clocks {
     /// Clocks of the calling thread's pool.
     pub fn new() -> Self {
@@ -47,20 +61,19 @@ impl Clocks {
 
     /// Does `work` on a new thread beside the one that made the clocks, and counts it.
     pub fn beside<T>(&self, work: impl FnOnce() -> T) -> T {
-        let beside = || self.beside.lock().unwrap_or_else(PoisonError::into_inner);
-        let clock = system::own();
-        beside().clocks.extend(clock);
-        let done = work();
-        let mut beside = beside();
-        beside.ended += of_this_thread().unwrap_or(0.0);
-        beside.clocks.retain(|other| Some(*other) != clock);
-        done
+        let running = Running { beside: &self.beside, clock: system::own() };
+        self.others().clocks.extend(running.clock);
+        work()
+    }
+
+    fn others(&self) -> MutexGuard<'_, Beside> {
+        self.beside.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// CPU seconds so far, by the thread that made the clocks.
     pub fn read(&self) -> Option<CpuSeconds> {
         let beside: f64 = {
-            let beside = self.beside.lock().unwrap_or_else(PoisonError::into_inner);
+            let beside = self.others();
             beside.ended + beside.clocks.iter().copied().filter_map(system::seconds).sum::<f64>()
         };
         let own = of_this_thread()? + beside;
@@ -169,5 +182,15 @@ mod tests {
         });
         let ended = clocks.read().expect("still");
         assert!(ended.own - after.own >= 0.02 && ended.all - after.all >= 0.02, "{after:?} {ended:?}");
+        let failing = || {
+            clocks.beside(|| {
+                busy();
+                panic!("on purpose")
+            })
+        };
+        let failed = thread::scope(|scope| scope.spawn(failing).join());
+        let counted = clocks.read().expect("still");
+        assert!(failed.is_err() && clocks.others().clocks.is_empty(), "an ended thread has no clock");
+        assert!(counted.own - ended.own >= 0.02, "{ended:?} {counted:?}");
     }
 }

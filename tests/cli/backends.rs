@@ -88,4 +88,7 @@ fn devices_and_doctor_speak_in_words() {
     let text = String::from_utf8_lossy(&examined.stdout).into_owned();
     assert_eq!(examined.status.code(), Some(0), "{text}");
     assert!(text.contains("loops: ") && text.contains("NaN: ") && text.contains("can be trusted."), "{text}");
+    let nothing = interslice(&["doctor", "--backend", "cpu"]);
+    assert_eq!(nothing.status.code(), Some(2), "{nothing:?}");
+    assert!(stderr(&nothing).contains("nothing to test"), "{}", stderr(&nothing));
 }

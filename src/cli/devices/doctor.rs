@@ -17,6 +17,10 @@ use crate::cli::say::say;
 /// `interslice doctor`.
 #[cfg(feature = "gpu")]
 pub fn examine(options: &DeviceOptions) -> Result<()> {
+    if !options.asks_drivers() {
+        let message = "cpu leaves nothing to test: `doctor` holds a GPU against the reference path".into();
+        return Err(Error::Setting { name: "--backend".into(), message });
+    }
     let gpu = Gpu::open(&options.wanted())?;
     say(&format!("{}\n", gpu.name()))?;
     let findings = doctor::examine(&gpu)?;

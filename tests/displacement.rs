@@ -1,5 +1,7 @@
 //! Displacements read pixel by pixel, by rows, and bounded.
 
+use std::sync::Arc;
+
 use glam::DVec2;
 use interslice::registration::displacement::{Displacement, Resting};
 use interslice::registration::motion_field::{MotionField, Paths, Place, time};
@@ -61,7 +63,8 @@ fn trajectories_are_the_same_upside_down() {
     let layers = [-1.0, 0.0, 2.0, 5.0, 6.0, 6.5, 9.0, 14.0, 15.0];
     let place = |moving: &MotionField, z: f64| {
         let i = moving.heights.partition_point(|h| *h <= z).clamp(1, 3) - 1;
-        Place::new(moving, i, i, time(z, moving.heights[i], moving.heights[i + 1]), None)
+        let at_slices = Arc::new(moving.at_slices[i].each_ref().map(Resting::from));
+        Place::new(moving, i, i, time(z, moving.heights[i], moving.heights[i + 1]), at_slices)
     };
     let carry = |moving: &MotionField, x: DVec2, (from, paths): &(Place, Paths), (to, _): &(Place, Paths)| {
         let between = from.interval.min(to.interval) + 1..from.interval.max(to.interval);

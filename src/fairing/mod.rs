@@ -19,8 +19,9 @@ mod near;
 mod nodes;
 mod transform;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -32,6 +33,7 @@ use self::transform::{Lengths, transform};
 
 use crate::error::Result;
 use crate::grid::sparse_image::{AREA, SparseImage};
+use crate::registration::displacement::Resting;
 use crate::registration::motion_stack::MotionStack;
 use crate::stack::heights::NODES;
 use crate::surface::Layer;
@@ -83,7 +85,7 @@ pub struct FairingSpec<'m> {
     pub farthest: f64,
     /// For an interval with parts that are kept apart the share of the strength at each pixel: smoothing would join them.
     pub shares: Vec<Option<Vec<f32>>>,
-    /// Nodes that come before anything is made of them: no layer depends on it.
+    /// Nodes that come before anything is made of them, and large layers that are worked on side by side: no layer depends on it.
     pub nodes_at_once: usize,
 }
 
@@ -212,7 +214,8 @@ impl<'m> Fairing<'m> {
     fn transform(&mut self, end: usize) -> Result<()> {
         while self.transformed < end {
             let some = self.transformed..(self.transformed + self.at_once()).min(end);
-            let made = || some.clone().into_par_iter().map(|k| self.made(k)).collect::<Result<Vec<_>>>();
+            let at_slices = self.at_slices(some.clone())?;
+            let made = || some.clone().into_par_iter().map(|k| self.made(k, &at_slices)).collect::<Result<Vec<_>>>();
             let made = in_pool(made)?;
             self.transformed = some.end;
             for (k, made) in some.zip(made) {
@@ -224,7 +227,16 @@ impl<'m> Fairing<'m> {
         Ok(())
     }
 
-    fn made(&self, k: usize) -> Result<Option<Transformed>> {
+    /// What the places of some nodes share with all others of their intervals, by these.
+    fn at_slices(&self, nodes: Range<usize>) -> Result<BTreeMap<usize, Arc<[Resting; 2]>>> {
+        let Some((moving, _)) = self.spec.moving else { return Ok(BTreeMap::new()) };
+        let intervals: BTreeSet<usize> = nodes.map(|k| moving.interval(self.nodes.height(k))).collect();
+        let known = |i: usize| self.kept.iter().rev().filter_map(Node::place).find(|place| place.interval == i);
+        let shared = |i: usize| known(i).map_or_else(|| moving.resting(i), |place| Ok(place.at_slices.clone()));
+        intervals.into_iter().map(|i| Ok((i, shared(i)?))).collect()
+    }
+
+    fn made(&self, k: usize, at_slices: &BTreeMap<usize, Arc<[Resting; 2]>>) -> Result<Option<Transformed>> {
         let Some(here) = self.node(k) else { return Ok(None) };
         let beside = |k: Option<usize>| k.and_then(|k| Some((self.nodes.height(k), &self.node(k)?.phi)));
         let own = (self.nodes.height(k), &here.phi);
@@ -237,9 +249,10 @@ impl<'m> Fairing<'m> {
         let far = self.bound() * widest(self.nodes.contour(k).is_some());
         let squares = NearSquares::new(&v, far);
         let (mut place, mut near) = (None, Vec::new());
-        if let Some((moving, pad)) = self.spec.moving {
-            let known = self.kept.iter().take(k - self.first).rev().find_map(Node::place);
-            let (found, paths) = moving.place(own.0, known)?;
+        if let Some((moving, pad)) = self.spec.moving
+            && let Some(shared) = at_slices.get(&moving.interval(own.0))
+        {
+            let (found, paths) = moving.place(own.0, shared.clone())?;
             near = blocks_near(&v, &squares, far, &paths, pad);
             place = Some(found);
         }

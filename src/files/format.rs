@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::stack::Geometry;
 use crate::surface::content::Content;
-use crate::surface::{spool, transposed};
+use crate::surface::{marching, spool, transposed};
 
 /// Format of a file, by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,6 +46,8 @@ const PER_SURFACE_PIXEL: u64 = 4;
 /// Bytes of the vertices whose normals are not complete: per pixel of a layer along contours, and where the body ends flat, a vertex each.
 const PER_MESH_PIXEL: u64 = 8;
 const PER_LID_PIXEL: u64 = 64;
+/// Bytes of a cell of a surface while it is made.
+const PER_LID_CELL: u64 = 400;
 /// Bytes of the field in which a layer's contour lines are found, and of the lines.
 const PER_LINE_PIXEL: u64 = 24;
 /// Bytes of the picture's samples, 2400 x 1800 with colour and depth, and of the picture.
@@ -337,6 +339,11 @@ pub fn bytes<'p>(paths: impl IntoIterator<Item = &'p Path>, dims: [usize; 2], ge
     needed(paths.into_iter().filter_map(|path| Format::of(path).ok()), dims, geometry, lid)
 }
 
+/// Bytes of the pieces of a surface that are made together: of two layers all cells at most.
+fn surface_bytes(pixels: u64) -> u64 {
+    (marching::BYTES as u64).min(PER_LID_CELL * pixels)
+}
+
 pub(super) fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], geometry: &Geometry, lid: usize) -> u64 {
     let pixels = dims.iter().product::<usize>() as u64;
     let turned = if geometry.is_layered() { 0 } else { (transposed::BLOCK_BYTES + transposed::BUFFER_BYTES) as u64 };
@@ -353,7 +360,7 @@ pub(super) fn needed(formats: impl Iterator<Item = Format>, dims: [usize; 2], ge
         Cost::Surface | Cost::Mesh => 0,
     });
     each.sum::<u64>()
-        + if costs.iter().any(surface) { PER_SURFACE_PIXEL * pixels } else { 0 }
+        + if costs.iter().any(surface) { PER_SURFACE_PIXEL * pixels + surface_bytes(pixels) } else { 0 }
         + if costs.iter().any(mesh) {
             spool::IN_MEMORY as u64 + PER_MESH_PIXEL * pixels + PER_LID_PIXEL * lid as u64
         } else {

@@ -8,10 +8,7 @@ use super::Gpu;
 use super::device::{Buffer, Device};
 use super::layout::{BLOCK, Block, Job, PATCH, Patch};
 use crate::error::{Error, Result};
-use crate::grid::field::{FAR, Field};
-
-/// Values that are worth a thread.
-pub const LEAST_LENGTH: usize = 1 << 14;
+use crate::grid::field::{FAR, Field, VALUES_OF_A_THREAD};
 
 /// The place of every job of a batch.
 #[derive(Debug, Clone, Default)]
@@ -73,7 +70,9 @@ impl Atlas {
     pub fn pack<'a>(&self, fields: impl Iterator<Item = &'a Field>, fill: f32) -> Vec<f32> {
         let fields: Vec<&Field> = fields.collect();
         let mut out = vec![0.0; self.node_count()];
-        self.packer(&fields, fill)(0, &mut out);
+        let part = self.packer(&fields, fill);
+        let parts = out.par_chunks_mut(VALUES_OF_A_THREAD).enumerate();
+        parts.for_each(|(k, out)| part(k * VALUES_OF_A_THREAD, out));
         out
     }
 
@@ -114,7 +113,7 @@ impl Atlas {
     pub fn unpack(&self, values: &[f32]) -> Vec<Field> {
         let field = |(q, job): (usize, &Job)| Field {
             dims: [job.nx as usize, job.ny as usize],
-            data: values[self.nodes(q)].par_iter().with_min_len(LEAST_LENGTH).map(|&v| f64::from(v)).collect(),
+            data: values[self.nodes(q)].par_iter().with_min_len(VALUES_OF_A_THREAD).map(|&v| f64::from(v)).collect(),
         };
         self.jobs.par_iter().enumerate().map(field).collect()
     }

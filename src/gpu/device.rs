@@ -222,7 +222,8 @@ impl Device {
 
     /// Values that a dispatch may read and write.
     pub fn most_work(&self) -> u64 {
-        self.made.work.unwrap_or(if self.summary.is_discrete() { work::MOST_OF_DISCRETE } else { work::MOST })
+        let is_large = self.summary.is_discrete() && self.summary.memory.is_some_and(|own| own >= work::LARGE);
+        self.made.work.unwrap_or(if is_large { work::MOST_OF_LARGE } else { work::MOST })
     }
 
     /// Lets all buffers go that nobody uses, when the work that was sent off is done.
@@ -369,6 +370,9 @@ impl Device {
         count: usize,
         make: impl Fn(usize, &mut [T]) + Sync,
     ) -> Result<Buffer<[T]>> {
+        if count == 0 {
+            return self.zeroed(label, 0);
+        }
         let buffer = self.storage(label, count)?;
         self.write_made(&buffer, count, make);
         Ok(buffer)

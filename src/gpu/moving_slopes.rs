@@ -6,14 +6,14 @@ use rayon::prelude::*;
 
 use super::Gpu;
 use super::answers::Wanted;
-use super::atlas::{LEAST_LENGTH, in_batches};
+use super::atlas::in_batches;
 use super::kernels::shader;
 use super::layout::{ABOVE, BELOW, BOTH, Image, Knot};
 use super::moving::{image, per_pixel, send_vectors};
 use super::recorder::Recorder;
 use super::work;
 use crate::error::Result;
-use crate::grid::field::Field;
+use crate::grid::field::{Field, VALUES_OF_A_THREAD};
 use crate::progress::Progress;
 use crate::registration::motion_field::MotionField;
 
@@ -81,7 +81,8 @@ fn of_slices(gpu: &Gpu, moving: &MotionField, batch: Range<usize>) -> Result<Vec
     let find = FindSlopes { image, fields, vectors, knots, slopes }.bind(gpu);
     recorder.run(&find, per_pixel(dims, batch.len()));
     let wanted: Wanted<f32> = recorder.read(slopes, 0, batch.len() * nodes);
-    let values = |some: &[f32]| some.par_iter().with_min_len(LEAST_LENGTH).map(|v| f64::from(*v) / moving.px).collect();
+    let values =
+        |some: &[f32]| some.par_iter().with_min_len(VALUES_OF_A_THREAD).map(|v| f64::from(*v) / moving.px).collect();
     let field = |some: &[f32]| Field { dims, data: values(some) };
     recorder.submit()?.wait()?.taken(&wanted, |values| values.par_chunks_exact(nodes).map(field).collect())
 }

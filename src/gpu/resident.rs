@@ -12,6 +12,7 @@ use crate::grid::field::Field;
 
 /// Share of the budget that images may take.
 const SHARE: f64 = 0.1;
+
 /// Images by the fields they were made of.
 #[derive(Debug, Default)]
 pub struct Resident {

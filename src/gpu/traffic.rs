@@ -41,7 +41,7 @@ impl Device {
         // Whoever waits for all threads may be given another's work meanwhile: nothing is locked.
         let chunks = self.uploads().chunks(self, bytes);
         if let Err(e) = upload::fill(&chunks, count, &make) {
-            self.fail(e.to_string());
+            self.fail(e);
         }
         self.uploads().send_filled(self, &buffer.raw, 0, chunks, bytes);
     }

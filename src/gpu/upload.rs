@@ -5,9 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bytemuck::Pod;
 use rayon::prelude::*;
 
-use super::device::{Device, failure};
+use super::device::Device;
 use super::pool::{Pool, Raw};
-use crate::error::Result;
 
 /// Bytes of the smallest chunk, and of the largest that is sent at once.
 const LEAST: u64 = 64 << 10;
@@ -29,9 +28,11 @@ pub fn share(budget: u64) -> u64 {
 
 /// Buffer that the host writes.
 #[derive(Debug)]
-struct Chunk {
+pub struct Chunk {
     buffer: wgpu::Buffer,
     filled: u64,
+    /// It is one too many, used once.
+    extra: bool,
 }
 
 /// What is to be done before the next work, and the chunks it is sent through.
@@ -42,8 +43,6 @@ pub struct Uploads {
     targets: Vec<Raw>,
     /// Chunks with values that are not sent off.
     filling: Vec<Chunk>,
-    /// Chunks that are too many, used once.
-    extra: Vec<wgpu::Buffer>,
     /// Chunks that can be written, put here by the device when it has read them.
     ready: Arc<Mutex<Vec<wgpu::Buffer>>>,
     /// Bytes of all chunks.
@@ -67,18 +66,18 @@ impl Uploads {
     }
 
     /// Chunks for so many bytes, which nobody else fills; fewer where the device has failed.
-    pub fn chunks(&mut self, device: &Device, bytes: u64) -> Vec<wgpu::Buffer> {
+    pub fn chunks(&mut self, device: &Device, bytes: u64) -> Vec<Chunk> {
         let sizes = (0..bytes).step_by(LARGEST as usize).map(|first| LARGEST.min(bytes - first));
         sizes.map_while(|size| self.chunk(device, size.next_multiple_of(ALIGNMENT))).collect()
     }
 
     /// Sends what chunks of [`Uploads::chunks`] hold, `bytes` in all, with the next work.
-    pub fn send_filled(&mut self, device: &Device, target: &Raw, first: u64, chunks: Vec<wgpu::Buffer>, bytes: u64) {
+    pub fn send_filled(&mut self, device: &Device, target: &Raw, first: u64, chunks: Vec<Chunk>, bytes: u64) {
         let mut sent = 0;
-        for buffer in chunks {
+        for chunk in chunks {
             let size = LARGEST.min(bytes - sent);
-            self.encoder(device).copy_buffer_to_buffer(&buffer, 0, target, first + sent, size);
-            self.filling.push(Chunk { filled: buffer.size(), buffer });
+            self.encoder(device).copy_buffer_to_buffer(&chunk.buffer, 0, target, first + sent, size);
+            self.filling.push(Chunk { filled: chunk.buffer.size(), ..chunk });
             sent += size;
         }
         self.targets.push(target.clone());
@@ -97,8 +96,8 @@ impl Uploads {
         let chunk = match known {
             Some(known) => &mut self.filling[known],
             None => {
-                let buffer = self.chunk(device, wanted)?;
-                self.filling.push(Chunk { buffer, filled: 0 });
+                let chunk = self.chunk(device, wanted)?;
+                self.filling.push(chunk);
                 self.filling.last_mut()?
             }
         };
@@ -106,7 +105,7 @@ impl Uploads {
         match chunk.buffer.get_mapped_range_mut(at..at + bytes.len() as u64) {
             Ok(mut view) => view.copy_from_slice(bytes),
             Err(e) => {
-                device.fail(format!("values could not be sent: {e}"));
+                device.fail(refused(e));
                 return None;
             }
         }
@@ -115,25 +114,24 @@ impl Uploads {
     }
 
     /// A chunk that can be written.
-    fn chunk(&mut self, device: &Device, bytes: u64) -> Option<wgpu::Buffer> {
+    fn chunk(&mut self, device: &Device, bytes: u64) -> Option<Chunk> {
         let size = bytes.next_power_of_two().max(LEAST);
         {
             let mut ready = self.ready.lock().unwrap_or_else(PoisonError::into_inner);
             // The smallest that is large enough.
             let fits = (0..ready.len()).filter(|&at| ready[at].size() >= size).min_by_key(|&at| ready[at].size());
             if let Some(at) = fits {
-                return Some(ready.swap_remove(at));
+                return Some(Chunk { buffer: ready.swap_remove(at), filled: 0, extra: false });
             }
         }
         let extra = self.bytes + size > share(device.budget());
         let buffer = device.mapped("chunk", if extra { bytes } else { size })?;
         if extra {
-            device.pool().count(bytes);
-            self.extra.push(buffer.clone());
+            device.pool().count(buffer.size());
         } else {
             self.bytes += size;
         }
-        Some(buffer)
+        Some(Chunk { buffer, filled: 0, extra })
     }
 
     /// Lets the chunks go that are not in use.
@@ -150,9 +148,11 @@ impl Uploads {
 
     /// Brings the chunks back when the device has read them; those that are too many go then.
     pub fn recall(&mut self, pool: &Pool) {
-        let extra = std::mem::take(&mut self.extra);
-        pool.give_back(extra.iter().map(wgpu::Buffer::size).sum());
-        for Chunk { buffer, .. } in self.filling.drain(..).filter(|chunk| !extra.contains(&chunk.buffer)) {
+        for Chunk { buffer, extra, .. } in self.filling.drain(..) {
+            if extra {
+                pool.give_back(buffer.size());
+                continue;
+            }
             let (ready, again) = (self.ready.clone(), buffer.clone());
             buffer.map_async(wgpu::MapMode::Write, .., move |mapped| {
                 if mapped.is_ok() {
@@ -163,19 +163,27 @@ impl Uploads {
     }
 }
 
+/// That values could not be written, and why.
+fn refused(why: impl std::fmt::Display) -> String {
+    format!("values could not be sent: {why}")
+}
+
 /// Fills chunks with `count` values, which `make` makes from a number of the first on: all threads at once, each where the device reads them.
 ///
 /// # Errors
-/// [`Error::Gpu`](crate::Error::Gpu) where a chunk cannot be written.
-pub fn fill<T: Pod>(chunks: &[wgpu::Buffer], count: usize, make: &(impl Fn(usize, &mut [T]) + Sync)) -> Result<()> {
+/// Why a chunk cannot be written.
+pub fn fill<T: Pod>(
+    chunks: &[Chunk],
+    count: usize,
+    make: &(impl Fn(usize, &mut [T]) + Sync),
+) -> std::result::Result<(), String> {
     const { assert!(PIECE.is_multiple_of(size_of::<T>()), "whole values in every piece") };
     let [in_chunk, in_piece] = [LARGEST as usize, PIECE].map(|bytes| bytes / size_of::<T>());
     chunks.par_iter().enumerate().try_for_each(|(k, chunk)| {
         let first = k * in_chunk;
         let own = in_chunk.min(count - first);
         let range = 0..(own * size_of::<T>()) as u64;
-        let refused = |e| failure(format!("values could not be sent: {e}"));
-        let mut view = chunk.get_mapped_range_mut(range).map_err(refused)?;
+        let mut view = chunk.buffer.get_mapped_range_mut(range).map_err(refused)?;
         let (pieces, mut rest) = view.slice(..).into_chunks::<PIECE>();
         let pieces: Vec<wgpu::WriteOnly<'_, [u8; PIECE]>> = pieces.into_iter().collect();
         let whole = pieces.len() * in_piece;

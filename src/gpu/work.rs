@@ -1,15 +1,18 @@
 //! Work of one dispatch, bounded in time: Windows ends those of 2 s, and a screen that the GPU draws, too, stands still meanwhile.
 //!
 //! The cost model: a dispatch costs the values that its invocations read and write, pixels times what a pixel takes in the costliest kernel of
-//! the stage. Batches are cut so that no dispatch costs more than [`MOST`], which an integrated GPU does in about half a second. A job alone may
-//! cost more: above 8192 px squared. Where batches are cut changes no bit.
+//! the stage. Batches are cut so that no dispatch costs more than [`MOST`], which an integrated GPU does in about half a second, or [`MOST_OF_LARGE`].
+//! A job alone may cost more: above 8192 px squared, or 16384. Where batches are cut changes no bit.
 
 use super::Gpu;
 
 /// Values of a dispatch at most: half a second at 4 values a nanosecond, half of what 30 GB/s bring.
 pub const MOST: u64 = 1 << 31;
-/// And of one with memory of its own, of which the slowest bring twice as much and more: half of what 120 GB/s bring.
-pub const MOST_OF_DISCRETE: u64 = 4 * MOST;
+/// And of a GPU with so many bytes of its own: half of what 120 GB/s bring. Small ones of the last ten years bring 15 to 80, those with 6 GiB 190 and
+/// more.
+pub const MOST_OF_LARGE: u64 = 4 * MOST;
+/// See [`MOST_OF_LARGE`].
+pub const LARGE: u64 = 6 << 30;
 
 /// Values of a band place: two WENO5 stencils and their arithmetic (`hj_step`).
 pub const BAND_PLACE: usize = 40;

@@ -11,6 +11,9 @@ use crate::storage::spill::{Array, Large};
 /// Value farther than any distance on an image.
 pub const FAR: f64 = 1e30;
 
+/// Values of a field that are worth a thread.
+pub const VALUES_OF_A_THREAD: usize = 1 << 14;
+
 /// A scalar field on a tile, row-major.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Field {

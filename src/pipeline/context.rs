@@ -1,6 +1,7 @@
 //! Context of a run, which every stage reads and none changes.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -115,6 +116,18 @@ impl<'a> Context<'a> {
         }
         let z: Vec<f64> = self.stack.slices.iter().map(|s| s.z).collect();
         Ok(Heights::merged(&z, output, extent, self.stack.spacing[0].min(self.stack.spacing[1])))
+    }
+
+    /// Results of `make`: side by side where memory is not bounded, else one after the other.
+    pub fn of_all<T: Send>(
+        &self,
+        some: Range<usize>,
+        make: impl Fn(usize) -> Result<T> + Send + Sync,
+    ) -> Result<Vec<T>> {
+        match self.budget.is_bounded() {
+            true => some.map(make).collect(),
+            false => some.into_par_iter().map(make).collect(),
+        }
     }
 
     /// Results of `make` for the two contours of every interval.

@@ -111,10 +111,12 @@ fn fairing<'m>(
     if run.settings.fair == 0.0 {
         return Ok(None);
     }
-    let nodes_at_once = match run.stack.dims[0] * run.stack.dims[1] < SMALL {
-        _ if run.budget.is_bounded() => 1,
-        true => GAPS_AT_ONCE * NODES,
-        false => LARGE_AT_ONCE,
+    let nodes_at_once = if run.budget.is_bounded() {
+        1
+    } else if run.stack.dims[0] * run.stack.dims[1] < SMALL {
+        GAPS_AT_ONCE * NODES
+    } else {
+        LARGE_AT_ONCE
     };
     Ok(Some(Fairing::new(FairingSpec {
         moving: moving.map(|moving| (moving, run.pad)),

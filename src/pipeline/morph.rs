@@ -227,7 +227,7 @@ fn trace<'a>(
             report.particles.died += t.tracks.len() - arrived;
         }
         let frame = |i: usize| Ok(moving.map(|m| m.middle(i)).transpose()?.unwrap_or_default());
-        let frames = some.clone().into_par_iter().map(frame).collect::<Result<Vec<Frame>>>()?;
+        let frames: Vec<Frame> = run.of_all(some.clone(), frame)?;
         let mut traced = traced.into_iter();
         for ((i, interval), frame) in some.zip(&loaded).zip(frames) {
             let own = |i| seen.contours.some(i, Contour::SEEDS_AND_PARTS);

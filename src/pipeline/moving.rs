@@ -17,7 +17,7 @@ use crate::contour::direction::Direction;
 use crate::contour::termination::{Succession, closes};
 use crate::contour::unmatched::LonePart;
 use crate::error::Result;
-use crate::grid::field::{Field, position};
+use crate::grid::field::{Field, VALUES_OF_A_THREAD, position};
 use crate::pipeline::compose::mean_slope;
 use crate::pipeline::fit::Fitted;
 use crate::pipeline::matching::LonePlan;
@@ -30,8 +30,6 @@ use crate::report::Report;
 use crate::settings::Motion;
 use crate::storage::spill::SpillVec;
 
-/// Pixels that are worth a thread.
-const PIXELS_OF_A_THREAD: usize = 1 << 15;
 /// Bytes of the parts without partner whose distances are asked for together.
 const LONE_BYTES: usize = 16 << 20;
 
@@ -315,7 +313,7 @@ fn without_partner(contour: &Contour, least: f64, meets: impl Fn(DVec2) -> bool 
     *lone[0].get_mut() = false;
     let nx = contour.phi.dims[0];
     // Whichever pixel is looked at first: a part that meets something anywhere has a partner.
-    contour.solids.labels.par_iter().enumerate().with_min_len(PIXELS_OF_A_THREAD).for_each(|(node, &label)| {
+    contour.solids.labels.par_iter().enumerate().with_min_len(VALUES_OF_A_THREAD).for_each(|(node, &label)| {
         let lone = &lone[label as usize];
         if lone.load(Ordering::Relaxed) && meets(position(node, nx)) {
             lone.store(false, Ordering::Relaxed);

@@ -5,7 +5,6 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec2;
-use rayon::prelude::*;
 
 use super::context::{Context, Sink, time};
 use super::ends::{above, below};
@@ -140,7 +139,7 @@ fn morph_chunk<'a>(
         let frame = frame(run, made, i);
         Ok(IntervalMorph { image, times, pairs, solids: Cow::Borrowed(&caps.solids), frame })
     };
-    let morphs = chunk.clone().into_par_iter().map(of_interval).collect::<Result<Vec<IntervalMorph<'_>>>>()?;
+    let morphs: Vec<IntervalMorph<'_>> = run.of_all(chunk.clone(), of_interval)?;
     let (options, at_once) = (MorphOptions::from(run.settings), run.layers_at_once());
     let request = MorphRequest { intervals: &morphs, h: run.h, options, at_once };
     let morphed = run.backend.morph_layers(&request, run.progress)?;

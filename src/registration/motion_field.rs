@@ -170,15 +170,11 @@ impl MotionField {
 }
 
 impl Place {
-    /// The place at time `t` of interval `i` of `moving`, which is number `interval` of the stack, and the paths through it. What it shares
-    /// with another place of the interval is taken from there.
-    pub fn new(moving: &MotionField, i: usize, interval: usize, t: f64, known: Option<&Place>) -> (Self, Paths) {
+    /// The place at time `t` of interval `i` of `moving`, which is number `interval` of the stack, and the paths through it. It shares the
+    /// displacement at the interval's slices with all others there.
+    pub fn new(moving: &MotionField, i: usize, interval: usize, t: f64, at_slices: Arc<[Resting; 2]>) -> (Self, Paths) {
         let paths = moving.paths(i, t);
         let off = moving.off_slices(i, t, &paths).each_ref().map(Resting::from);
-        let at_slices = match known {
-            Some(place) => place.at_slices.clone(),
-            None => Arc::new(moving.at_slices[i].each_ref().map(Resting::from)),
-        };
         (Place { interval, t, off, at_slices }, paths)
     }
 
@@ -285,7 +281,10 @@ mod tests {
         // As between layers, and what is found at nodes is read between them.
         const BOUND: f64 = 0.03;
         let (moving, times) = (swelling(), [0.2, 0.5, 0.9]);
-        let place = |i: usize, t: f64| Place::new(&moving, i, i, t, None);
+        let place = |i: usize, t: f64| {
+            let at_slices = Arc::new(moving.at_slices[i].each_ref().map(Resting::from));
+            Place::new(&moving, i, i, t, at_slices)
+        };
         let places: Vec<(usize, f64)> = (0..3).flat_map(|i| times.map(|t| (i, t))).collect();
         for (&(i, t), &(to, u)) in places.iter().flat_map(|from| places.iter().map(move |to| (from, to))) {
             let ((from, paths), (onto, there)) = (place(i, t), place(to, u));

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::grid::field::Field;
-use crate::registration::displacement::Displacement;
+use crate::registration::displacement::{Displacement, Resting};
 use crate::registration::mid_frame::Frame;
 use crate::registration::motion_field::{MotionField, Paths, Place, rate, through_middle, time};
 use crate::storage::spill::{Budget, Large, SpillVec};
@@ -142,16 +142,27 @@ impl<'b> MotionStack<'b> {
         Ok(Frame::middle_of(&self.frame(i..i + 2)?, 0))
     }
 
-    /// The place of height `z`, the nearest slice's beyond the stack, and the paths through it. What it shares with a `known` place of its
-    /// interval is taken from there.
+    /// The interval in which a height lies, that above a contour, the nearest beyond the stack.
+    pub fn interval(&self, z: f64) -> usize {
+        self.heights.partition_point(|h| *h <= z).clamp(1, self.displacements.len()) - 1
+    }
+
+    /// The displacement of interval `i` at its slices, to be read by the places of its layers.
+    ///
+    /// # Errors
+    /// The errors of the shelf.
+    pub fn resting(&self, i: usize) -> Result<Arc<[Resting; 2]>> {
+        Ok(Arc::new(self.at_slices.get(i)?.each_ref().map(Resting::from)))
+    }
+
+    /// The place of height `z`, the nearest slice's beyond the stack, and the paths through it; `at_slices` is what its interval's places share.
     ///
     /// # Errors
     /// The errors of the shelves.
-    pub fn place(&self, z: f64, known: Option<&Place>) -> Result<(Place, Paths)> {
-        let last = self.displacements.len() - 1;
-        let interval = self.heights.partition_point(|h| *h <= z).clamp(1, last + 1) - 1;
+    pub fn place(&self, z: f64, at_slices: Arc<[Resting; 2]>) -> Result<(Place, Paths)> {
+        let interval = self.interval(z);
         let t = time(z, self.heights[interval], self.heights[interval + 1]);
         let frame = self.frame(interval..interval + 2)?;
-        Ok(Place::new(&frame, 0, interval, t, known.filter(|place| place.interval == interval)))
+        Ok(Place::new(&frame, 0, interval, t, at_slices))
     }
 }

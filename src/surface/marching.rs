@@ -17,13 +17,15 @@ use super::strip::{Along, Corner, Last, Making, Scratch, Strip};
 use crate::grid::sparse_image::SQUARE;
 use crate::stack::Geometry;
 
-/// A piece has so many triangles at least, but for the last of a slab: where the body ends flat, a slab is as large as a layer.
+/// A piece has so many triangles at least, but for the last of those that are made together.
 const PIECE_TRIANGLES: usize = 1 << 12;
 /// A strip ends after the row in which it has reached this many cells: enough for a thread to take.
 const STRIP_CELLS: usize = 1 << 9;
 /// Cells of the strips that are made side by side, and cells that are looked at to find them.
 const CELLS_AT_ONCE: usize = 1 << 15;
-const LOOKED_AT: usize = 1 << 20;
+const LOOKED_AT: usize = 1 << 19;
+/// Bytes that all of these take at most: where the body ends flat, a slab is as large as a layer.
+pub const BYTES: usize = 24 << 20;
 
 /// Piece of the surface: some rows of what a slab adds. Its triangles have corners of its own, of the pieces before it in the slab and of the slab
 /// below, of no other.
@@ -133,6 +135,7 @@ impl Builder {
         self.slab.rise(layer);
         self.starts = [self.starts[1], self.vertices];
         self.row = Some(0);
+        (self.found, self.pieces) = Default::default();
         self.along.swap(0, 1);
         // Nothing is used again: one layer's contours may be far longer than those after it.
         self.along[1] = Along::default();
@@ -184,8 +187,8 @@ impl Builder {
         let upper: Vec<_> = made.par_iter().map(Strip::upper).collect();
         upper.into_iter().for_each(|(first, vertices)| self.along[1].push(first, vertices));
         let mut piece = Piece::default();
-        for strip in &made {
-            piece.add(strip, self.mirrors);
+        for strip in made {
+            piece.add(&strip, self.mirrors);
             if piece.triangles.len() >= PIECE_TRIANGLES {
                 self.pieces.push_back(std::mem::take(&mut piece));
             }

@@ -218,6 +218,7 @@ impl Strip {
             self.corners[own as usize].number = number;
         }
         for (shared, corner) in &self.borrowed {
+            debug_assert!(before.contains_key(shared), "the strip before has no vertex on an edge of its last nodes");
             self.corners[*corner as usize].number = before.get(shared).copied().unwrap_or_default();
         }
         self.last.iter().map(|&(shared, corner)| (shared, self.corners[corner as usize].number)).collect()

@@ -13,13 +13,10 @@ use crate::contour::Contour;
 use crate::contour::offsets::{Offsets, area};
 use crate::error::Result;
 use crate::grid::components::{Components, label8};
-use crate::grid::field::{Field, position};
+use crate::grid::field::{Field, VALUES_OF_A_THREAD, position};
 use crate::grid::seen::Seen;
 use crate::grid::tile::Tile;
 use crate::registration::displacement::Displacement;
-
-/// Pixels that are worth a thread.
-const PIXELS_OF_A_THREAD: usize = 1 << 15;
 
 /// Contours that have a say in how the body ends.
 pub const LEVELS: usize = 3;
@@ -157,7 +154,7 @@ impl Levels<'_> {
             pairs.append(&mut more);
             pairs
         };
-        let rows = (0..ny).into_par_iter().with_min_len(PIXELS_OF_A_THREAD.div_ceil(nx.max(1)));
+        let rows = (0..ny).into_par_iter().with_min_len(VALUES_OF_A_THREAD.div_ceil(nx.max(1)));
         rows.fold(BTreeSet::new, row).reduce(BTreeSet::new, both).into_iter().collect()
     }
 
@@ -184,7 +181,7 @@ impl Levels<'_> {
             (Told { number, tile, holes, count, fields: Vec::new() }, jobs)
         };
         let (mut told, jobs): (Vec<Told>, Vec<Vec<PartJob>>) = numbers.par_iter().map(part).unzip();
-        let jobs = jobs.concat();
+        let jobs: Vec<PartJob> = jobs.into_iter().flatten().collect();
         let mut fields = self.backend.part_fields(&PartRequest { jobs: &jobs, h: self.h })?.into_iter();
         told.iter_mut().for_each(|part| part.fields = fields.by_ref().take(part.count + 1).collect());
         Ok(told)

@@ -32,7 +32,7 @@ use std::time::Instant;
 use clap::Parser;
 use interslice::{Backend, Reference};
 use random::case::Case;
-use random::properties::{Checked, Fault, PROPERTIES, Property, property};
+use random::properties::{Checked, Fault, PROPERTIES, Property, of_seed, property};
 use random::source::{Program, Source};
 use rayon::ThreadPoolBuilder;
 use serde_json::{Map, Value};
@@ -100,8 +100,7 @@ fn chosen(arguments: &Arguments, seed: u64) -> Result<&'static Property, String>
             let names = || PROPERTIES.map(|p| p.name).join(", ");
             property(name).ok_or_else(|| format!("no property is called {name}; there are {}", names()))
         }
-        // Seeds of one property are even and odd alike.
-        None => Ok(&PROPERTIES[(seed % PROPERTIES.len() as u64) as usize]),
+        None => Ok(of_seed(seed)),
     }
 }
 

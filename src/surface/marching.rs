@@ -14,18 +14,18 @@ use super::Layer;
 use super::header::Header;
 use super::slab::{Row, Slab};
 use super::strip::{Along, Corner, Last, Making, Scratch, Strip};
-use crate::grid::sparse_image::SQUARE;
 use crate::stack::Geometry;
 
 /// A piece has so many triangles at least, but for the last of those that are made together.
 const PIECE_TRIANGLES: usize = 1 << 12;
 /// A strip ends after the row in which it has reached this many cells: enough for a thread to take.
 const STRIP_CELLS: usize = 1 << 9;
-/// Cells of the strips that are made side by side, and cells that are looked at to find them.
-const CELLS_AT_ONCE: usize = 1 << 15;
-const LOOKED_AT: usize = 1 << 19;
+/// Cells of the strips that are made side by side, and cells that are looked at to find them, so many rows by a thread.
+const CELLS_AT_ONCE: usize = 1 << 13;
+const LOOKED_AT: usize = 1 << 17;
+const ROWS: usize = 4;
 /// Bytes that all of these take at most: where the body ends flat, a slab is as large as a layer.
-pub const BYTES: usize = 24 << 20;
+pub const BYTES: usize = 4 << 20;
 
 /// Piece of the surface: some rows of what a slab adds. Its triangles have corners of its own, of the pieces before it in the slab and of the slab
 /// below, of no other.
@@ -207,11 +207,11 @@ impl Builder {
 
     /// Finds the cells of some rows from `row` on that the surface crosses, and cuts them into strips; the first row that is left.
     fn find(&mut self, row: usize) -> usize {
-        let chunks = (LOOKED_AT / (SQUARE * self.slab.dims[0])).max(1);
-        let end = (row + chunks * SQUARE).min(self.slab.rows());
-        let starts: Vec<usize> = (row..end).step_by(SQUARE).collect();
+        let chunks = (LOOKED_AT / (ROWS * self.slab.dims[0])).max(1);
+        let end = (row + chunks * ROWS).min(self.slab.rows());
+        let starts: Vec<usize> = (row..end).step_by(ROWS).collect();
         let slab = &self.slab;
-        let found = starts.into_par_iter().map(|start| slab.cells(start..(start + SQUARE).min(end)));
+        let found = starts.into_par_iter().map(|start| slab.cells(start..(start + ROWS).min(end)));
         let mut strip: Vec<Row> = Vec::new();
         let mut cells = 0;
         for row in found.collect::<Vec<_>>().into_iter().flatten() {

@@ -15,7 +15,7 @@ use interslice::{Reconstruction, Reference, Settings};
 use random::measure::px;
 use random::properties::closed_far_away::seams;
 use random::properties::paths::disagreement;
-use random::properties::{PROPERTIES, Property, property};
+use random::properties::{PROPERTIES, Property, of_seed, property};
 use random::settings::{ends, fine_heights, inner_heights};
 use random::source::{Damaged, Program, Source, Straight};
 
@@ -185,4 +185,18 @@ fn heights_of_a_case_reach_from_end_to_end() {
     let case = (named("rest_of_grid").draw)(5);
     let heights = inner_heights(&case.stack, 7);
     assert_eq!([heights[0], heights[7]], ends(&case.stack));
+}
+
+#[test]
+fn a_campaign_tries_every_property_on_even_and_odd_seeds() {
+    for property in &PROPERTIES {
+        let tried: Vec<u64> = (0..1000).filter(|seed| of_seed(*seed).name == property.name).collect();
+        let odd = tried.iter().filter(|seed| *seed % 2 == 1).count();
+        assert!(
+            3 * odd > tried.len() && 3 * odd < 2 * tried.len(),
+            "{}: {odd} of {} are odd",
+            property.name,
+            tried.len()
+        );
+    }
 }

@@ -84,6 +84,12 @@ pub fn property(name: &str) -> Option<&'static Property> {
     PROPERTIES.iter().find(|p| p.name == name)
 }
 
+/// The property that a campaign tries on a seed. Each has even and odd seeds, whatever its number: some draw other stacks for one than for the other.
+pub fn of_seed(seed: u64) -> &'static Property {
+    let count = PROPERTIES.len() as u64;
+    &PROPERTIES[((seed + seed / count) % count) as usize]
+}
+
 /// A random stack of a kind with random settings.
 fn drawn(seed: u64, kind: Kind) -> Case {
     let mut n = Numbers::new(seed);

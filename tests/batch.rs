@@ -38,11 +38,17 @@ fn a_batch_makes_what_single_runs_make_however_many_at_once() {
     let ids = cases(place.path(), 5);
     let mut lines = manifest(place.path());
     lines[2]["options"] = json!({"end_top": "extrapolate", "fair": 0.5, "dz": 2});
+    lines[3]["options"] = json!({"fair": 0.25, "preset": "fast"});
     write_manifest(place.path(), &lines);
     all_done(place.path(), &["--jobs", "1"]);
     let one = outputs(place.path());
     assert_eq!(one.len(), 3 * ids.len(), "{:?}", one.keys());
-    for (id, options) in [("case01", &[][..]), ("case02", &["--end-top=extrapolate", "--fair=0.5", "--dz=2"])] {
+    let by_options: [(&str, &[&str]); 3] = [
+        ("case01", &[]),
+        ("case02", &["--end-top=extrapolate", "--fair=0.5", "--dz=2"]),
+        ("case03", &["--method=field", "--fair=0.25"]),
+    ];
+    for (id, options) in by_options {
         assert!(one[&format!("{id}.stl")] == alone(place.path(), id, options), "{id} differs from a single run");
     }
     assert!(one["case00.stl"] != one["case01.stl"], "the cases differ");
@@ -180,12 +186,15 @@ fn every_wrong_line_is_named_before_anything_runs() {
     refused("bad.csv", "id,input,outputs,color\n", &["unknown column `color`", "id, input, outputs, options"]);
     refused(
         "bad.csv",
-        "id,input,outputs,options\na,cases/case00,a.stl,fair=2;fair=1\n\r\n\nb,cases/case00\nc,cases/case00,c.stl,fair=7",
+        "id,input,outputs,options\na,cases/case00,a.stl,fair=2;fair=1\n\r\n\nb,cases/case00\nc,cases/case00,c.stl,fair=7\n\
+         d,cases/case00,d.stl,preset=quick",
         &[
             "line 2: option `fair` is named twice",
             "line 5: 2 cells, but the header has 4",
             "line 6: options: `fair`",
             "got 7",
+            "line 7: options: `preset`",
+            "expected paper or fast",
         ],
     );
     refused("bad.jsonl", "\n\n", &["has no jobs"]);

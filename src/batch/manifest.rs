@@ -10,11 +10,12 @@ use crate::error::{Error, Result};
 use crate::files::JobOptions;
 use crate::files::fingerprint::fingerprint;
 use crate::files::format::check_name;
-use crate::files::named::{Named, names};
+use crate::files::named::{Named, PRESET, names};
 use crate::files::options::OutputOptions;
 use crate::files::pending::{Pending, Temporary};
 use crate::files::places::Places;
 use crate::input::check;
+use crate::preset::Preset;
 use crate::settings::Settings;
 use crate::stack::ReadOptions;
 use crate::stack::links::LinkOptions;
@@ -172,7 +173,9 @@ fn options(line: &ManifestLine, folder: &Path, wrong: &mut Vec<String>) -> JobOp
     let mut named = Named::new(table);
     let (read, of_read) = named.claim(ReadOptions::default(), |_| false);
     let (mut links, of_links) = named.claim(LinkOptions::default(), |_| false);
-    let (settings, of_settings) = named.claim(Settings::default(), |_| false);
+    let (preset, of_preset) = named.preset().map_or_else(|e| (None, vec![e]), |preset| (preset, Vec::new()));
+    let preset = preset.map_or_else(Settings::default, Preset::settings);
+    let (settings, of_settings) = named.claim(preset, |_| false);
     let (output, of_output) = named.claim(OutputOptions::default(), |_| false);
     links.links = links.links.map(|path| folder.join(path));
     if let Some((path, Err(e))) = links.links.as_ref().map(|path| (path, File::open(path))) {
@@ -180,12 +183,13 @@ fn options(line: &ManifestLine, folder: &Path, wrong: &mut Vec<String>) -> JobOp
     }
     let output = OutputOptions { like: output.like.map(|path| folder.join(path)), ..output };
     let options = JobOptions { read, links, settings, output, settings_file: None };
-    let known = [names::<OutputOptions>(), names::<ReadOptions>(), names::<LinkOptions>(), names::<Settings>()]
+    let preset = vec![PRESET.into()];
+    let known = [names::<OutputOptions>(), names::<ReadOptions>(), names::<LinkOptions>(), preset, names::<Settings>()]
         .concat()
         .join(", ");
     let unknown = named.unknown().map(|key| format!("unknown option `{key}`; there are {known}")).collect();
     let range = options.check().err().map(|e| e.to_string());
-    let all = [of_read, of_links, of_settings, of_output, unknown, range.into_iter().collect()].concat();
+    let all = [of_read, of_links, of_preset, of_settings, of_output, unknown, range.into_iter().collect()].concat();
     wrong.extend(all.into_iter().map(|e| format!("options: {e}")));
     options
 }

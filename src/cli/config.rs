@@ -41,6 +41,11 @@ impl<'a> File<'a> {
         Ok(File { path, left: Named::new(table), excluding: excluding() })
     }
 
+    /// The preset that the file names, if it names one.
+    pub fn preset(&mut self) -> Result<Option<Preset>> {
+        self.left.preset().map_err(|message| Error::Format { path: self.path.into(), message })
+    }
+
     /// `parsed` with every key of the file that the command line did not give itself, nor exclude by what it gave.
     pub fn overlay<T: Args + Serialize + DeserializeOwned>(&mut self, parsed: T, matches: &ArgMatches) -> Result<T> {
         let given = |key: &str| {

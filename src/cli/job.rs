@@ -44,11 +44,12 @@ impl JobArguments {
     /// The options, checked; `device` takes those of the settings file too.
     pub fn options(self, device: &mut DeviceOptions, matches: &ArgMatches) -> Result<JobOptions> {
         let JobArguments { mut output, mut read, mut links, mut settings, .. } = self;
-        if let Some(named) = self.preset {
+        let mut file = self.settings_file.as_deref().map(File::read).transpose()?;
+        let named = file.as_mut().map_or(Ok(None), File::preset)?;
+        if let Some(named) = self.preset.or(named) {
             settings = preset(named, settings, matches)?;
         }
-        if let Some(path) = &self.settings_file {
-            let mut file = File::read(path)?;
+        if let Some(mut file) = file {
             settings = file.overlay(settings, matches)?;
             read = file.overlay(read, matches)?;
             links = file.overlay(links, matches)?;

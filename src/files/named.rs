@@ -1,9 +1,14 @@
 //! Options given by name, as a settings file or a line of a manifest has them: the names are those of the long options, with _ for -.
 
-use clap::{Args, Command};
+use clap::{Args, Command, ValueEnum};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use toml::Table;
+
+use crate::preset::Preset;
+
+/// Name by which settings are asked for under theirs.
+pub const PRESET: &str = "preset";
 
 /// Named options that are still to be claimed.
 #[derive(Debug, Clone, Default)]
@@ -36,6 +41,19 @@ impl Named {
             }
         }
         (claimed, wrong)
+    }
+
+    /// The preset that is named here, if one is.
+    ///
+    /// # Errors
+    /// What is wrong with its name.
+    pub fn preset(&mut self) -> Result<Option<Preset>, String> {
+        let Some(value) = self.0.remove(PRESET) else { return Ok(None) };
+        let known = value.as_str().and_then(|name| Preset::from_str(name, false).ok());
+        let names =
+            || Preset::value_variants().iter().filter_map(|p| Some(p.to_possible_value()?.get_name().to_string()));
+        let expected = || names().collect::<Vec<_>>().join(" or ");
+        known.map(Some).ok_or_else(|| format!("`{PRESET}` = {value}: expected {}", expected()))
     }
 
     /// Names that nothing has claimed.

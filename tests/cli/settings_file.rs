@@ -60,6 +60,34 @@ fn the_command_line_wins_over_the_settings_file() {
 }
 
 #[test]
+fn a_settings_file_may_name_a_preset() {
+    let place = folder();
+    sound_stack(place.path());
+    let [input, file, report] = ["", "s.toml", "r.json"].map(|name| place.path().join(name).display().to_string());
+    let run = |text: &str, more: &[&str]| {
+        fs::write(&file, text).expect("a file can be written");
+        let always = ["reconstruct", &input, "--settings", &file, "--report", &report, "-q", "--backend", "cpu"];
+        interslice(&[&always[..], more].concat())
+    };
+    let settings = |text: &str, more: &[&str]| {
+        let _ = fs::remove_file(&report);
+        let result = run(text, more);
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        let report: Value = serde_json::from_slice(&fs::read(&report).expect("it was written")).expect("it is JSON");
+        report["settings"].clone()
+    };
+    let fast = settings("preset = \"fast\"\nfair = 0.25\n", &[]);
+    assert_eq!((&fast["method"], &fast["fair"]), (&"field".into(), &0.25.into()));
+    let paper = settings("preset = \"fast\"\nfair = 0.25\n", &["--preset", "paper", "--sweep", "both"]);
+    assert_eq!((&paper["method"], &paper["fair"]), (&"morph".into(), &0.25.into()));
+    assert_eq!((&paper["slope"], &paper["sweep"]), (&"natural".into(), &"both".into()));
+    let wrong = run("preset = \"quick\"\n", &[]);
+    assert_eq!(wrong.status.code(), Some(2), "{wrong:?}");
+    let said = stderr(&wrong);
+    assert!(said.contains("s.toml") && said.contains("quick") && said.contains("paper or fast"), "{said}");
+}
+
+#[test]
 fn an_option_drops_those_of_the_settings_file_that_it_excludes() {
     let place = folder();
     let at = |name: &str| place.path().join(name).display().to_string();

@@ -35,7 +35,6 @@ struct Params {
     block_count: u32,
     band_capacity: u32,
     value_capacity: u32,
-    patch_count: u32,
 }
 
 struct Job {

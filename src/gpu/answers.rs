@@ -5,7 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use bytemuck::Pod;
 
-use super::device::{Buffer, Device, failure};
+use super::buffer::Buffer;
+use super::device::{Device, failure};
 use super::pool::Raw;
 use crate::error::Result;
 

@@ -5,7 +5,8 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::Gpu;
-use super::device::{Buffer, Device};
+use super::buffer::Buffer;
+use super::device::Device;
 use super::layout::{BLOCK, Block, Job, PATCH, Patch};
 use crate::error::{Error, Result};
 use crate::grid::field::{FAR, Field, VALUES_OF_A_THREAD};

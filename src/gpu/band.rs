@@ -3,7 +3,8 @@
 use super::Gpu;
 use super::answers::{Landed, Wanted};
 use super::atlas::Atlas;
-use super::device::{Buffer, failure};
+use super::buffer::Buffer;
+use super::device::failure;
 use super::kernels::{Bound, WORKGROUP, shader};
 use super::layout::{Block, EIGHTH, Job, Params, RUNNING, Stage, Values, Work};
 use super::recorder::{Listed, Recorder, Size};

@@ -8,7 +8,7 @@ use super::Gpu;
 use super::answers::Wanted;
 use super::atlas::{Atlas, in_batches, padded};
 use super::band::Front;
-use super::device::Buffer;
+use super::buffer::Buffer;
 use super::distance::{self, DistanceBuffers};
 use super::kernels::{Bound, shader};
 use super::layout::{Block, Copy, Hole, Item, Job, NONE, Params, Reached, VANISHED, Values};

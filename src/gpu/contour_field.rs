@@ -6,7 +6,7 @@ use super::Gpu;
 use super::answers::Wanted;
 use super::atlas::{Atlas, in_batches, padded};
 use super::band::{Front, NODE_BYTES, PLACE_BYTES, Room, SPARE_PLACES, crossings, places, with_room};
-use super::device::Buffer;
+use super::buffer::Buffer;
 use super::distance::DistanceBuffers;
 use super::exact::exact_distance;
 use super::kernels::shader;

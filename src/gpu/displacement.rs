@@ -9,7 +9,7 @@ use std::sync::Arc;
 use super::Gpu;
 use super::answers::Wanted;
 use super::atlas::batches;
-use super::device::Buffer;
+use super::buffer::Buffer;
 use super::kernels::shader;
 use super::layout::{Axis, CHANGES, EVIDENCE, Image, Interval, Iteration, MOMENTS};
 use super::moving::{self, image, per_pixel, send_vectors};

@@ -3,7 +3,8 @@
 use super::Gpu;
 use super::answers::Wanted;
 use super::atlas::Atlas;
-use super::device::{Buffer, failure};
+use super::buffer::Buffer;
+use super::device::failure;
 use super::kernels::{Bound, WORKGROUP, shader};
 use super::layout::{Block, Colour, Job, PATCHES, Params, Patch};
 use super::recorder::{Recorder, Size};
@@ -87,12 +88,7 @@ impl<'g> DistanceBuffers<'g> {
         let colours = atlas.patches();
         let counts = colours.each_ref().map(Vec::len);
         let patches = colours.concat();
-        let params = Params {
-            job_count: atlas.jobs.len() as u32,
-            block_count: atlas.block_count() as u32,
-            patch_count: patches.len() as u32,
-            ..params
-        };
+        let params = Params { job_count: atlas.jobs.len() as u32, block_count: atlas.block_count() as u32, ..params };
         let params = device.uniform("params", params);
         let jobs = device.upload("jobs", &atlas.jobs)?;
         let blocks = atlas.send_blocks(device)?;

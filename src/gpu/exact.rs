@@ -2,7 +2,7 @@
 
 use super::Gpu;
 use super::atlas::Atlas;
-use super::device::Buffer;
+use super::buffer::Buffer;
 use super::kernels::shader;
 use super::layout::{Job, Params, Side};
 use super::recorder::{Recorder, Size};

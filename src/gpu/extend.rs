@@ -1,7 +1,7 @@
 //! Extension of values off the contour along its normals on the GPU, in band order.
 
 use super::band::Front;
-use super::device::Buffer;
+use super::buffer::Buffer;
 use super::kernels::{Bound, shader};
 use super::layout::{Job, Params, Source, Work};
 use super::recorder::Recorder;

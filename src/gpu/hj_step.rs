@@ -1,7 +1,7 @@
 //! A Hamilton-Jacobi step on the GPU, one dispatch a stage.
 
 use super::band::Front;
-use super::device::Buffer;
+use super::buffer::Buffer;
 use super::kernels::{Bound, shader};
 use super::layout::{Job, Params, Stage, Work};
 use crate::grid::stencil::TVD_RK3;

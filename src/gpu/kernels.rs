@@ -141,7 +141,7 @@ macro_rules! shader {
             #[derive(Debug)]
             #[allow(missing_docs)]
             pub struct $buffers<'b> {
-                $(pub $name: &'b $crate::gpu::device::Buffer<$kind>,)*
+                $(pub $name: &'b $crate::gpu::buffer::Buffer<$kind>,)*
             }
 
             impl $buffers<'_> {

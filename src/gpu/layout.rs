@@ -159,7 +159,6 @@ mirrored!(
         block_count: u32,
         band_capacity: u32,
         value_capacity: u32,
-        patch_count: u32,
     }
 );
 

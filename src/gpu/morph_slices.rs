@@ -2,8 +2,8 @@
 
 use super::Gpu;
 use super::atlas::{Atlas, padded};
+use super::buffer::Buffer;
 use super::compose::SweptPairs;
-use super::device::Buffer;
 use super::distance::DistanceBuffers;
 use super::layout::BLOCK;
 use super::recorder::Recorder;

@@ -4,7 +4,8 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::Gpu;
-use super::device::{Buffer, Device};
+use super::buffer::Buffer;
+use super::device::Device;
 use super::layout::{Image, TILE};
 use super::recorder::Size;
 use crate::error::Result;

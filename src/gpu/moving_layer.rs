@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::Gpu;
 use super::answers::Wanted;
-use super::device::Buffer;
+use super::buffer::Buffer;
 use super::kernels::shader;
 use super::layout::{Image, Part, Span, TILE};
 use super::moving::{bounded, image, tile_count};

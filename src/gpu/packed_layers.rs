@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use super::Gpu;
 use super::answers::{Landed, Wanted};
-use super::device::{Buffer, failure};
+use super::buffer::Buffer;
+use super::device::failure;
 use super::layout::NONE;
 use super::recorder::Recorder;
 use crate::backend::interval_morph::LayerImage;

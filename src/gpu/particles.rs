@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use super::answers::Wanted;
 use super::band::Front;
-use super::device::Buffer;
+use super::buffer::Buffer;
 use super::kernels::{Bound, shader};
 use super::layout::{Job, Params, Particle};
 use super::recorder::{Recorder, Size};

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use bytemuck::Pod;
 
 use super::answers::{Answers, Questions, Wanted};
-use super::device::{Buffer, Device, failure};
+use super::buffer::Buffer;
+use super::device::{Device, failure};
 use super::kernels::{Bound, SCAN_WIDTH, WORKGROUP};
 use super::pool::Raw;
 use super::profiler::{Profiler, Stamps};

@@ -8,7 +8,7 @@ use std::cell::Cell;
 
 use super::answers::Wanted;
 use super::band::{Front, Room};
-use super::device::Buffer;
+use super::buffer::Buffer;
 use super::extend::Courses;
 use super::layout::{Job, RUNNING, Values};
 use super::recorder::Recorder;

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use super::Gpu;
-use super::device::Buffer;
+use super::buffer::Buffer;
 use super::moving::bounded;
 use super::recorder::Recorder;
 use crate::error::Result;

@@ -6,7 +6,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::band::Front;
-use super::device::Buffer;
+use super::buffer::Buffer;
 use super::kernels::{Bound, shader};
 use super::layout::{Job, Known, Params, Seed, Work};
 use super::recorder::{Recorder, Size};

@@ -6,7 +6,8 @@ use std::time::Duration;
 use bytemuck::Pod;
 
 use super::answers::Questions;
-use super::device::{Buffer, Device, failure};
+use super::buffer::Buffer;
+use super::device::{Device, failure};
 use super::layout::Headed;
 use super::pool::Raw;
 use super::upload::{self, Uploads, WORTH_ALL_THREADS};

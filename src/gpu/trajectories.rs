@@ -1,7 +1,7 @@
 //! Paths through the layers of an interval on the GPU.
 
 use super::Gpu;
-use super::device::Buffer;
+use super::buffer::Buffer;
 use super::kernels::shader;
 use super::layout::{Image, Time};
 use super::moving::{image, send_vectors};

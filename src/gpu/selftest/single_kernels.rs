@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::atlas::Atlas;
 use crate::gpu::band::Front;
-use crate::gpu::device::Buffer;
+use crate::gpu::buffer::Buffer;
 use crate::gpu::distance::DistanceBuffers;
 use crate::gpu::extend::{Courses, Upwind};
 use crate::gpu::layout::Params;

@@ -4,6 +4,7 @@ mod contents;
 pub mod folder;
 pub mod format;
 mod grey_image;
+mod grey_rule;
 pub mod labels;
 mod masks;
 pub mod mha;

@@ -1,220 +1,31 @@
-//! A section of a body on its way to be joined with the others: its layers and its report in one file.
-//!
-//! ```text
-//! a gzip stream: one line of JSON (Head), then records:
-//! 1, height f64, output u8, contour + 1 u64 (0: none), and square by square of 16 x 16 px, row by row:
-//!     1 and the signed distance f32 that it has everywhere, or 0 and the distances f32 of its pixels, as far as the image goes, row by row
-//! 0, length u64, report as JSON
-//! ```
-//! Numbers are little-endian; gzip's checksum tells whether all is as it was written. Joined sections go through the writers of a single run, so that its files have the same bytes.
+//! Sections of a body, read and joined.
 
 use std::cmp::Ordering;
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, BufWriter, Read, Write};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use flate2::read::GzDecoder;
-use serde::{Deserialize, Serialize};
 
-use super::Loaded;
-use super::like::Like;
-use super::options::OutputOptions;
-use super::pending::{Pending, Temporary};
-use super::places::Places;
+use super::{BUFFER_BYTES, END, Head, LAYER, MAGIC, VALUES, WHOLE};
 use crate::error::{Error, Result};
+use crate::files::like::Like;
+use crate::files::options::OutputOptions;
 use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::report::Report;
-use crate::stack::appearance::Appearance;
-use crate::stack::{ContourStack, Geometry, HeightGrid};
+use crate::stack::Geometry;
 use crate::storage::regular;
-use crate::surface::content::Paint;
-use crate::surface::deflate::Deflate;
 use crate::surface::header::Header;
-use crate::surface::like::LikeGrid;
-use crate::surface::map::Map;
 use crate::surface::stream::LayerSink;
 use crate::surface::{Layer, Reconstruction};
 
-/// Bytes of a file's buffer.
-const BUFFER_BYTES: usize = 1 << 20;
-/// First word of every file.
-const MAGIC: &str = "interslice section 2";
-/// Extension of their names: a section stands in no place that could be another file's.
-const EXTENSION: &str = "section";
 /// Longest first line, bytes.
 const LONGEST_HEAD: u64 = 1 << 20;
 /// Most pixels of a layer.
 const MOST_PIXELS: usize = 1 << 40;
 /// Most parts that are listed as missing.
 const LISTED: usize = 10;
-/// Kinds of records.
-const LAYER: u8 = 1;
-const END: u8 = 0;
-/// Kinds of squares.
-const WHOLE: u8 = 1;
-const VALUES: u8 = 0;
-
-/// Body that a section is part of.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Head {
-    format: String,
-    version: String,
-    /// Fingerprint of input and options.
-    fingerprint: String,
-    /// Its number, from 1, and how many there are.
-    part: [usize; 2],
-    dims: [usize; 2],
-    spacing: [f64; 2],
-    unit: String,
-    geometry: Geometry,
-    /// Extent of the body where the section ends with it.
-    extent: [f64; 2],
-    /// Heights of the output layers of all sections.
-    grid: HeightGrid,
-    /// Options of the outputs.
-    output: OutputOptions,
-    /// Name and colour that the input says.
-    map: Option<Map>,
-    bodies: Vec<Appearance>,
-    /// Voxels of a mask as the input's.
-    #[serde(default)]
-    paint: Option<Paint>,
-    /// Grid that outputs are asked to have.
-    #[serde(default)]
-    like: Option<LikeGrid>,
-}
-
-impl Head {
-    /// Whether it is the head of a section of the same body.
-    fn is_beside(&self, other: &Head) -> bool {
-        // Less what is each section's own.
-        let body = |head: &Head| {
-            let head = Head { part: [0, head.part[1]], extent: [0.0; 2], ..head.clone() };
-            serde_json::to_value(head).ok()
-        };
-        body(self) == body(other)
-    }
-}
-
-/// Writes a section under a temporary name.
-pub struct SectionWriter {
-    target: PathBuf,
-    pending: Pending,
-    head: Head,
-    out: Option<Deflate<BufWriter<File>>>,
-}
-
-impl SectionWriter {
-    /// Opens the file of part `part` (number from 1, count) of the body with this fingerprint.
-    ///
-    /// # Errors
-    /// [`Error::Output`] for a name that cannot be written is that of an input, or is not `*.section`.
-    pub fn open(
-        target: &Path,
-        part: [usize; 2],
-        fingerprint: String,
-        loaded: &Loaded,
-        places: &mut Places,
-    ) -> Result<Self> {
-        if target.extension().is_none_or(|e| e != EXTENSION) {
-            let message = format!("a part's name must end in .{EXTENSION}");
-            return Err(Error::Output { path: target.into(), message });
-        }
-        let pending = Pending::open(target, false, Temporary::Random, places)?;
-        let ContourStack { dims, spacing, unit, geometry, .. } = &loaded.stack;
-        let head = Head {
-            format: MAGIC.into(),
-            version: env!("CARGO_PKG_VERSION").into(),
-            fingerprint,
-            part,
-            dims: *dims,
-            spacing: *spacing,
-            unit: unit.clone(),
-            geometry: *geometry,
-            extent: [0.0; 2],
-            grid: loaded.grid(),
-            output: loaded.options.output.clone(),
-            map: loaded.options.output.map.as_deref().cloned(),
-            bodies: loaded.options.output.bodies.clone(),
-            paint: loaded.options.output.paint,
-            like: loaded.options.output.target.as_ref().map(|like| like.grid.clone()),
-        };
-        Ok(SectionWriter { target: target.into(), pending, head, out: None })
-    }
-
-    fn fails(&self, source: io::Error) -> Error {
-        Error::Write { path: self.target.clone(), source }
-    }
-
-    fn start(&mut self) -> io::Result<()> {
-        let Pending::File(file, _) = &mut self.pending else { return Ok(()) };
-        let out = BufWriter::with_capacity(BUFFER_BYTES, file.reopen()?);
-        let mut out = Deflate::gzip(out);
-        serde_json::to_writer(&mut out, &self.head)?;
-        out.write_all(b"\n")?;
-        self.out = Some(out);
-        Ok(())
-    }
-
-    /// Writes the report behind the layers and gives the file its name.
-    ///
-    /// # Errors
-    /// [`Error::Write`].
-    pub fn finish(mut self, report: &Report) -> Result<PathBuf> {
-        let end = |out: Option<Deflate<BufWriter<File>>>| -> io::Result<()> {
-            let Some(mut out) = out else { return Ok(()) };
-            let report = serde_json::to_vec(report)?;
-            out.write_all(&[END])?;
-            out.write_all(&(report.len() as u64).to_le_bytes())?;
-            out.write_all(&report)?;
-            out.finish()?.flush()
-        };
-        let out = self.out.take();
-        end(out).and_then(|()| self.pending.sync()).map_err(|e| self.fails(e))?;
-        let SectionWriter { target, pending, .. } = self;
-        match pending.rename(&target) {
-            Ok(()) => Ok(target),
-            Err(source) => Err(Error::Write { path: target, source }),
-        }
-    }
-}
-
-impl LayerSink for SectionWriter {
-    fn begin(&mut self, header: &Header) -> Result<()> {
-        self.head.extent = header.extent;
-        // What came before ends in the file first.
-        self.out = None;
-        if let Pending::File(file, _) = &mut self.pending {
-            file.as_file_mut().set_len(0).map_err(|source| Error::Write { path: self.target.clone(), source })?;
-        }
-        self.start().map_err(|e| self.fails(e))
-    }
-
-    fn layer(&mut self, layer: Layer) -> Result<()> {
-        let Some(out) = &mut self.out else { return Ok(()) };
-        let phi = &layer.phi;
-        let mut bytes = Vec::with_capacity(18 + phi.bytes());
-        bytes.push(LAYER);
-        bytes.extend(layer.z.to_le_bytes());
-        bytes.push(u8::from(layer.output));
-        bytes.extend(layer.contour.map_or(0, |i| i as u64 + 1).to_le_bytes());
-        for square in phi.each_square() {
-            match phi.whole(square) {
-                Some(v) => {
-                    bytes.push(WHOLE);
-                    bytes.extend_from_slice(&v.to_le_bytes());
-                }
-                None => {
-                    bytes.push(VALUES);
-                    phi.of_square(square).flatten().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
-                }
-            }
-        }
-        out.write_all(&bytes).map_err(|source| Error::Write { path: self.target.clone(), source })
-    }
-}
 
 /// All sections of a body, in order.
 #[derive(Debug)]

@@ -1,0 +1,147 @@
+//! Which values of grey images are inside: the rule is one for all slices of a stack.
+
+use std::collections::BTreeSet;
+
+use super::grey_image::Grey;
+use crate::error::{Error, Result};
+use crate::stack::options::{BACKGROUND, LabelName};
+use crate::stack::{LevelSlice, SliceContent};
+
+/// An image without its pixels.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Range {
+    /// Pixels along x and y.
+    pub dims: [usize; 2],
+    /// Bits of a pixel.
+    pub bits: u8,
+    /// Least and largest value; 0 for both of an image without pixels.
+    ends: [u16; 2],
+    /// Whether it has others,
+    more: bool,
+    /// those, if they are few, and
+    between: BTreeSet<u16>,
+    /// how many pixels have them, and how many of these have the same to the right.
+    plateau: [usize; 2],
+}
+
+/// Most values between the least and the largest that are told apart: a slice that was smoothed has more.
+const FEW: usize = 16;
+
+impl Range {
+    /// Whether it has more values than are told apart.
+    fn many(&self) -> bool {
+        self.between.len() > FEW
+    }
+
+    /// The values of an image.
+    pub fn of(image: &Grey) -> Self {
+        let values = || image.values.iter().copied();
+        let ends = [values().min(), values().max()].map(Option::unwrap_or_default);
+        let (mut between, mut plateau) = (BTreeSet::new(), [0; 2]);
+        for row in image.values.chunks(image.dims[0].max(1)) {
+            for (i, v) in row.iter().enumerate().filter(|(_, v)| !ends.contains(v)) {
+                if between.len() <= FEW {
+                    between.insert(*v);
+                }
+                plateau = [plateau[0] + 1, plateau[1] + usize::from(row.get(i + 1) == Some(v))];
+            }
+        }
+        Range { dims: image.dims, bits: image.bits, ends, more: !between.is_empty(), between, plateau }
+    }
+}
+
+/// Inside of a slice: of two values in the whole stack the larger one; of more, or with a given level, what is above it, to parts of a pixel; with
+/// a given label what has its value.
+pub enum Rule {
+    /// This value and larger ones.
+    Least(u16),
+    /// This value.
+    Only(u16),
+    /// Values above the level, with sub-pixel contours.
+    Above(f64),
+}
+
+impl Rule {
+    /// The rule for images of these values.
+    ///
+    /// # Errors
+    /// [`Error::Stack`] without images; [`Error::Setting`] for a level or a label that they do not have.
+    pub fn new(ranges: &[Range], level: Option<f64>, label: Option<&LabelName>) -> Result<Self> {
+        let ends = || ranges.iter().flat_map(|r| r.ends);
+        if let Some(label) = label {
+            return Self::only(ranges, label);
+        }
+        let (Some(low), Some(high)) = (ends().min(), ends().max()) else {
+            return Err(Error::Stack(format!("at least 2 slices are needed; got {}", ranges.len())));
+        };
+        if let Some(level) = level
+            && !(level.is_finite() && level >= f64::from(low) && level < f64::from(high))
+        {
+            let message = format!("must lie in [{low}, {high}), the range of the slices' values; got {level}");
+            return Err(Error::Setting { name: "level".into(), message });
+        }
+        let two = ranges.iter().all(|r| !r.more) && ends().all(|v| v == low || v == high);
+        Ok(match level {
+            None if two => Rule::Least(high.max(1)),
+            _ => Rule::Above(level.unwrap_or((f64::from(low) + f64::from(high)) / 2.0)),
+        })
+    }
+
+    /// The value that a label has.
+    fn only(ranges: &[Range], label: &LabelName) -> Result<Self> {
+        let fail = |message: String| Err(Error::Setting { name: "label".into(), message });
+        let LabelName::Number(number) = label else {
+            return fail(
+                "is the value of the pixels in a folder of images, a number: images have no names for it".into(),
+            );
+        };
+        let has = |value: u16| ranges.iter().any(|r| r.ends.contains(&value) || r.between.contains(&value) || r.many());
+        match u16::try_from(*number) {
+            Ok(0) => fail(BACKGROUND.into()),
+            Ok(value) if has(value) => Ok(Rule::Only(value)),
+            _ => fail(format!("must be a value of the pixels ({}); got {number}", values(ranges))),
+        }
+    }
+
+    /// Message where a level that nobody named cuts a few values that lie side by side, as labels do; those that a smooth brush leaves
+    /// along a contour differ from pixel to pixel.
+    pub fn doubt(&self, ranges: &[Range], named: Option<f64>) -> Option<String> {
+        let (Rule::Above(level), None) = (self, named) else { return None };
+        let [pixels, alike] = ranges.iter().fold([0; 2], |sum, r| [sum[0] + r.plateau[0], sum[1] + r.plateau[1]]);
+        // A slice of one value has no others; where slices have different ones all are plateaus.
+        let smooth = pixels > 0 && 2 * alike < pixels;
+        let count = distinct(ranges).len();
+        if count > FEW || smooth {
+            return None;
+        }
+        Some(format!(
+            "slices have {count} values, {}: which of them is the body? `--label N` takes those of one value, `--level V` what is above a value \
+             ({level} is half way)",
+            values(ranges)
+        ))
+    }
+
+    /// The slice of an image.
+    pub fn content(&self, image: &Grey) -> SliceContent {
+        match self {
+            Rule::Least(least) => SliceContent::Mask(image.values.iter().map(|v| v >= least).collect()),
+            Rule::Only(value) => SliceContent::Mask(image.values.iter().map(|v| v == value).collect()),
+            Rule::Above(level) => {
+                let depths: Vec<f32> = image.values.iter().map(|&v| (level - f64::from(v)) as f32).collect();
+                SliceContent::Level(LevelSlice::new(&depths, image.dims[0]))
+            }
+        }
+    }
+}
+
+/// Values of all slices, as far as they are told apart.
+fn distinct(ranges: &[Range]) -> BTreeSet<u16> {
+    ranges.iter().flat_map(|r| r.between.iter().copied().chain(r.ends)).collect()
+}
+
+/// Values of all slices, for a message.
+fn values(ranges: &[Range]) -> String {
+    let all = distinct(ranges);
+    let listed: Vec<String> = all.iter().take(FEW).map(u16::to_string).collect();
+    listed.join(", ") + if all.len() > FEW { ", ..." } else { "" }
+}

@@ -159,32 +159,34 @@ fn run(gpu: &Gpu, u: &[&Field], h: [f64; 2], options: ContourOptions, smooth: An
     let room_of = |f: &&Field| places(crossings(f), options.half_width + CONDITION_WIDER, f.data.len());
     let room = u.par_iter().map(room_of).sum::<usize>() + SPARE_PLACES;
     let sent = |label| atlas.send(&gpu.device, label, u.iter().copied(), 1.0);
-    let sides = &sent("sides")?;
     let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
-    let source = match smooth {
-        AntiAlias::None => None,
-        AntiAlias::Kernel => Some(kernel(gpu, &mut recorder, &atlas, params, sides, options.sigma)?),
+    // The masks are asked for again where their level sets were smoothed by a kernel.
+    let (source, sides) = match smooth {
+        AntiAlias::None => (sent("level")?, None),
+        AntiAlias::Kernel => {
+            let sides = sent("sides")?;
+            (kernel(gpu, &mut recorder, &atlas, params, &sides, options.sigma)?, Some(sides))
+        }
         AntiAlias::Eq6 => {
+            let sides = &sent("sides")?;
             let mut recorder = Recorder::new(&gpu.device, &gpu.profiler);
             let exact = exact_distance(gpu, &mut recorder, &atlas, params, sides)?;
             let wanted: Wanted<f32> = recorder.read(&exact, 0, atlas.node_count());
             let exact = recorder.submit()?.wait()?.values(&wanted)?;
             let packed = atlas.pack(u.iter().copied(), 1.0);
-            Some(with_room(room, atlas.node_count(), |room| eq6(gpu, &atlas, params, &exact, &packed, sides, room))?)
+            (with_room(room, atlas.node_count(), |room| eq6(gpu, &atlas, params, &exact, &packed, sides, room))?, None)
         }
     };
-    let source = source.map_or_else(|| sent("level"), Ok)?;
     let tiles = DistanceBuffers::new(gpu, atlas.clone(), params, source)?;
     let mut recorder = tiles.solve(recorder, false)?;
-    if smooth == AntiAlias::Kernel {
+    if let Some(sides) = &sides {
         let exact = exact_distance(gpu, &mut recorder, &atlas, params, sides)?;
         let rule = &gpu.device.uniform("rule", rule(&[]));
         let limit = Limit { params: &tiles.params, rule, first: &exact, result: &tiles.d }.bind(gpu);
         recorder.run(&limit, tiles.per_node());
     }
     recorder.submit()?;
-    let mask = (smooth == AntiAlias::Kernel).then_some(sides);
-    with_room(room, atlas.node_count(), |room| condition(gpu, &tiles, params, options, mask, room))
+    with_room(room, atlas.node_count(), |room| condition(gpu, &tiles, params, options, sides.as_ref(), room))
 }
 
 fn rule(weights: &[f64]) -> Rule {

@@ -61,12 +61,17 @@ struct Item {
     // Holes that are cut out of it.
     first_hole: u32,
     hole_count: u32,
+    nx: u32,
 }
 
-// A hole on the tile of its slice: where its distances begin, and what is added to them.
+// A hole: where its distances begin, what is added to them, and its own tile in pixels of its slice's.
 struct Hole {
     first: u32,
     offset: f32,
+    x: u32,
+    y: u32,
+    nx: u32,
+    ny: u32,
 }
 
 // A pixel of a front at this share of a step, `(1 - q) phi_n + q phi_{n+1} + q (1 - q) (b + c q)`: steps are the sweep's own, whatever times
@@ -166,9 +171,16 @@ fn blend(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
         let up_limit = nearer + disagreement(item.up_weight);
         let down_limit = nearer + disagreement(item.down_weight);
         var value = item.up_weight * clamp(a, -up_limit, up_limit) + item.down_weight * clamp(b, -down_limit, down_limit);
+        let node = k * BLOCK + c;
         for (var h = item.first_hole; h < item.first_hole + item.hole_count; h++) {
-            value = max(value, -(hole_values[holes[h].first + k * BLOCK + c] + holes[h].offset));
+            let hole = holes[h];
+            // Where a pixel lies before the hole's first column or row the difference wraps, and is more than any size.
+            let i = node % item.nx - hole.x;
+            let j = node / item.nx - hole.y;
+            if i < hole.nx && j < hole.ny {
+                value = max(value, -(hole_values[hole.first + j * hole.nx + i] + hole.offset));
+            }
         }
-        blended[item.offset + k * BLOCK + c] = value;
+        blended[item.offset + node] = value;
     }
 }

@@ -31,10 +31,7 @@ pub fn is_broken(pair: &SweepPair<'_>, outside: impl Fn(usize) -> bool) -> bool 
 pub fn mend(pair: &SweepPair<'_>, k: usize, phi: &mut Field) {
     let t = pair.up.times[k];
     for (cap, direction) in pair.holes.iter() {
-        let offset = cap.offset(direction.away(t));
-        for (v, hole) in phi.data.iter_mut().zip(&cap.field.data) {
-            *v = v.max(-(hole + offset));
-        }
+        cap.cut_out(phi, cap.offset(direction.away(t)));
     }
     for &anchor in &pair.anchors {
         if phi.data[anchor] >= 0.0 {

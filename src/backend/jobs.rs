@@ -168,11 +168,23 @@ pub struct SweepPair<'a> {
     pub down: SweepJob<'a>,
     /// Anchors, which a blend may lose and must have: pixels of the tile where both contours overlap, one for each overlap.
     pub anchors: Vec<usize>,
-    /// Holes, for which the same holds: those that end between the contours, and where they go.
+    /// Holes, for which the same holds: those that end between the contours, on tiles in pixels of the pair's, and where they go.
     pub holes: Cow<'a, [(Cap, Direction)]>,
 }
 
 impl SweepPair<'_> {
+    /// Holes that end on the way from the contour from which `from` goes.
+    pub fn holes_of(&self, from: Direction) -> impl Iterator<Item = &Cap> {
+        self.holes.iter().filter(move |(_, way)| *way == from).map(|(cap, _)| cap)
+    }
+
+    /// The body at that contour: its end, which is filled, without these holes.
+    pub fn without_holes<'f>(&self, end: &'f Field, from: Direction) -> Cow<'f, Field> {
+        let mut body = Cow::Borrowed(end);
+        self.holes_of(from).for_each(|hole| hole.cut_out(body.to_mut(), 0.0));
+        body
+    }
+
     /// A copy that holds its fields itself.
     pub fn owned(&self) -> SweepPair<'static> {
         SweepPair {

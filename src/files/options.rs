@@ -163,7 +163,8 @@ impl OutputOptions {
         if let Some(source) = &self.source {
             return source.check_output(path);
         }
-        let message = "a completed RTSTRUCT needs an RTSTRUCT as input".into();
+        let message =
+            "a completed RTSTRUCT needs an RTSTRUCT as input of `reconstruct` or `batch`; parts do not hold it".into();
         Err(Error::Output { path: path.into(), message })
     }
 

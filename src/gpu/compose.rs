@@ -22,6 +22,7 @@ use crate::backend::blend::{is_broken, mend};
 use crate::backend::jobs::{Filled, SweepPair, Swept, blend_weights};
 use crate::error::Result;
 use crate::grid::sparse_image::SparseImage;
+use crate::grid::tile::Tile;
 use crate::settings::Sweep;
 
 shader! {
@@ -205,7 +206,6 @@ impl SweptPairs<'_> {
                 let first = hole_values.len();
                 for (cap, _) in pair.holes.iter() {
                     hole_values.extend(scaled(&cap.field, 1.0));
-                    hole_values.resize(padded(hole_values.len()), 0.0);
                 }
                 first
             });
@@ -218,11 +218,14 @@ impl SweptPairs<'_> {
                 offset: tile.offset,
                 first_hole: holes.len() as u32,
                 hole_count: pair.holes.len() as u32,
+                nx: tile.nx,
             };
             items.push(item);
             for (cap, direction) in pair.holes.iter() {
-                holes.push(Hole { first: first as u32, offset: bounded(cap.offset(direction.away(t))) });
-                first += padded(cap.field.data.len());
+                let (offset, Tile { origin, dims }) = (bounded(cap.offset(direction.away(t))), cap.tile);
+                let [x, y, nx, ny] = [origin[0], origin[1], dims[0], dims[1]].map(|n| n as u32);
+                holes.push(Hole { first: first as u32, offset, x, y, nx, ny });
+                first += cap.field.data.len();
             }
         }
         let blended = device.storage("blended", atlas.node_count())?;

@@ -295,12 +295,13 @@ mirrored!(
         offset: u32,
         first_hole: u32,
         hole_count: u32,
+        nx: u32,
     }
 );
 
 mirrored!(
     /// A hole that is cut out of a slice (`compose.wgsl`).
-    Hole { first: u32, offset: f32, }
+    Hole { first: u32, offset: f32, x: u32, y: u32, nx: u32, ny: u32, }
 );
 
 mirrored!(

@@ -65,21 +65,16 @@ impl Bodies {
         image: usize,
     ) {
         for (n, (tile, pair)) in of.pairs.iter().enumerate() {
-            let holes: Vec<&Cap> = pair.holes.iter().filter(|(_, way)| *way == from).map(|(cap, _)| cap).collect();
             let (end, goes_there) = match from {
                 Direction::Up => (&pair.up.source, 1),
                 Direction::Down => (&pair.down.source, 0),
             };
             match origin {
-                Origin::Device(swept) if holes.is_empty() => {
+                Origin::Device(swept) if pair.holes_of(from).next().is_none() => {
                     let first = swept.copies.end(2 * (first_pair + n) + goes_there).1;
                     self.add(tile, (OF_ENDS, first), 0.0, image);
                 }
-                _ => {
-                    let without = |n: usize| holes.iter().fold(end.data[n], |v, hole| v.max(-hole.field.data[n]));
-                    let field = Field { dims: end.dims, data: (0..end.data.len()).map(without).collect() };
-                    self.add_shape(tile, &field, 0.0, image);
-                }
+                _ => self.add_shape(tile, &pair.without_holes(end, from), 0.0, image),
             }
         }
     }

@@ -45,6 +45,11 @@ impl Tile {
         Tile { origin, dims: std::array::from_fn(|a| end(self, a).max(end(other, a)) - origin[a]) }
     }
 
+    /// The tile in pixels of `other`, in which it lies.
+    pub fn within(self, other: Tile) -> Self {
+        Tile { origin: std::array::from_fn(|a| self.origin[a] - other.origin[a]), dims: self.dims }
+    }
+
     /// Number of pixels.
     pub fn len(&self) -> usize {
         self.dims[0] * self.dims[1]

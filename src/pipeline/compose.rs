@@ -4,6 +4,7 @@ use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
 use crate::contour::unmatched::{HALF_WAY, LonePart};
 use crate::grid::sparse_image::SparseImage;
+use crate::grid::tile::Tile;
 use crate::pipeline::fit::Fitted;
 use crate::pipeline::matching::Interval;
 use crate::stack::SliceContent;
@@ -11,7 +12,7 @@ use crate::stack::SliceContent;
 /// Caps of an interval's holes, group by group, and of its lone solid parts.
 #[derive(Debug, Clone, Default)]
 pub struct IntervalCaps {
-    /// Per group.
+    /// Per group, on tiles in pixels of its own.
     pub holes: Vec<Vec<(Cap, Direction)>>,
     /// Solid parts.
     pub solids: Vec<(Cap, Direction)>,
@@ -29,8 +30,12 @@ impl IntervalCaps {
             let mean = mean_slope(fitted, part.counted()) * sign * outward * gap;
             (Cap::new(part, mean, height, farthest), part.direction)
         };
+        let hole = |hole: &LonePart, tile: Tile| {
+            let (cap, direction) = cap(hole, -1.0, HALF_WAY);
+            (Cap { tile: cap.tile.within(tile), ..cap }, direction)
+        };
         IntervalCaps {
-            holes: interval.groups.iter().map(|g| g.holes.iter().map(|h| cap(h, -1.0, HALF_WAY)).collect()).collect(),
+            holes: interval.groups.iter().map(|g| g.holes.iter().map(|h| hole(h, g.tile)).collect()).collect(),
             solids: interval.lone.iter().map(|p| cap(p, 1.0, p.closes.min(latest))).collect(),
         }
     }
@@ -58,7 +63,6 @@ pub fn differing_pixels(phi: &SparseImage<f32>, slice: &SliceContent) -> usize {
 mod tests {
     use super::*;
     use crate::grid::field::Field;
-    use crate::grid::tile::Tile;
 
     #[test]
     fn a_part_that_shrinks_towards_its_end_begins_to_close_with_its_own_slope() {

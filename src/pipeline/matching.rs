@@ -77,8 +77,27 @@ struct Plan {
     group: Group,
     tile: Tile,
     seeds: [Vec<u32>; 2],
-    holes: Vec<(Direction, Vec<u32>)>,
+    holes: Vec<(Direction, HolePlan)>,
     jobs: Vec<PartJob>,
+}
+
+/// A hole on its own tile: it costs what it is large, not what the part is that it is in. Tiles are in pixels of the group's.
+struct HolePlan {
+    /// Its seeds, by number.
+    seeds: Vec<u32>,
+    /// Tile that its distances are asked for, on which are the edges of others that are nearer to some pixel of `kept` than its own.
+    asked: Tile,
+    /// Tile on which it lies.
+    kept: Tile,
+}
+
+impl HolePlan {
+    /// The hole of the distances on its tile, in a group on `tile`.
+    fn finish(self, field: &Field, tile: Tile, direction: Direction) -> LonePart {
+        let field = self.kept.within(self.asked).cut(field);
+        let origin = std::array::from_fn(|a| tile.origin[a] + self.kept.origin[a]);
+        LonePart::new(Tile { origin, ..self.kept }, field, self.seeds, direction)
+    }
 }
 
 /// Questions of an interval to the backend: its groups and its lone parts.
@@ -122,7 +141,7 @@ impl IntervalPlan {
             let holes: Vec<LonePart> = fields
                 .take(plan.holes.len())
                 .zip(plan.holes)
-                .map(|(field, (direction, seeds))| LonePart::new(plan.tile, field, seeds, direction))
+                .map(|(field, (direction, hole))| hole.finish(&field, plan.tile, direction))
                 .collect();
             let [low_seeds, high_seeds] = plan.seeds;
             groups.push(GroupFields {
@@ -197,14 +216,14 @@ fn plan_group(low: &Contour, high: &Contour, group: Group, margin: [usize; 2]) -
         tile.nodes(nx).map(|n| wanted[c.solids.labels[n] as usize]).collect()
     };
     let (low_inside, high_inside) = (members(low, &group.low), members(high, &group.high));
-    let (low_end, low_holes) = fill_dying_holes(low, &group.low, &tile, &low_inside, &high_inside);
-    let (high_end, high_holes) = fill_dying_holes(high, &group.high, &tile, &high_inside, &low_inside);
+    let (low_end, low_holes) = fill_dying_holes(low, &group.low, &tile, margin, &low_inside, &high_inside);
+    let (high_end, high_holes) = fill_dying_holes(high, &group.high, &tile, margin, &high_inside, &low_inside);
     let mut jobs = vec![low_end.job, high_end.job];
     let mut holes = Vec::new();
     for (direction, parts) in [(Direction::Up, low_holes), (Direction::Down, high_holes)] {
-        for (job, seeds) in parts {
+        for (job, hole) in parts {
             jobs.push(job);
-            holes.push((direction, seeds));
+            holes.push((direction, hole));
         }
     }
     Plan { group, tile, seeds: [low_end.seeds, high_end.seeds], holes, jobs }
@@ -215,14 +234,15 @@ struct EndPlan {
     seeds: Vec<u32>,
 }
 
-/// A group's end with those holes filled that meet no background of the other end, and these holes with their seeds.
+/// A group's end with those holes filled that meet no background of the other end, and these holes.
 fn fill_dying_holes(
     contour: &Contour,
     ids: &[u32],
     tile: &Tile,
+    margin: [usize; 2],
     inside: &[bool],
     other: &[bool],
-) -> (EndPlan, Vec<(PartJob, Vec<u32>)>) {
+) -> (EndPlan, Vec<(PartJob, HolePlan)>) {
     let outside: Vec<bool> = inside.iter().map(|m| !m).collect();
     let background = label8(&outside, tile.dims);
     let mut lives = vec![false; background.count + 1];
@@ -245,13 +265,80 @@ fn fill_dying_holes(
     }
     let whole = tile.cut(&contour.phi);
     let filled = inside.iter().zip(&background.labels).map(|(&m, &l)| m || dies(l)).collect();
+    let boxes = boxes(&background.labels, background.count, tile.dims[0]);
     let holes = (1..=background.count as u32)
         .filter(|&l| dies(l))
         .map(|l| {
-            let turned = Field { dims: whole.dims, data: whole.data.iter().map(|v| -v).collect() };
-            let part = background.labels.iter().map(|&k| k == l).collect();
-            (PartJob { whole: turned, inside: part }, std::mem::take(&mut hole_seeds[l as usize]))
+            let [low, high] = boxes[l as usize];
+            let spanning = |margin| Tile::spanning(tile.dims, margin, low, high);
+            let (asked, kept) = (spanning(margin.map(|n| 2 * n)), spanning(margin));
+            let mut turned = asked.cut(&whole);
+            turned.data.iter_mut().for_each(|v| *v = -*v);
+            let part = asked.nodes(tile.dims[0]).map(|n| background.labels[n] == l).collect();
+            let seeds = std::mem::take(&mut hole_seeds[l as usize]);
+            (PartJob { whole: turned, inside: part }, HolePlan { seeds, asked, kept })
         })
         .collect();
     (EndPlan { job: PartJob { whole, inside: filled }, seeds }, holes)
+}
+
+/// First and last column and row of every label, of an image `nx` wide.
+fn boxes(labels: &[u32], count: usize, nx: usize) -> Vec<[[usize; 2]; 2]> {
+    let mut boxes = vec![[[usize::MAX; 2], [0; 2]]; count + 1];
+    for (n, &label) in labels.iter().enumerate() {
+        let [low, high] = &mut boxes[label as usize];
+        for (axis, at) in [n % nx, n / nx].into_iter().enumerate() {
+            low[axis] = low[axis].min(at);
+            high[axis] = high[axis].max(at);
+        }
+    }
+    boxes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::part::part_field;
+
+    const MARGIN: [usize; 2] = [14; 2];
+
+    /// A disc with three holes beside each other.
+    fn pierced() -> Contour {
+        let away = |i: usize, j: usize, [x, y]: [f64; 2]| libm::hypot(i as f64 - x, j as f64 - y);
+        let holes = [([60.0, 60.0], 4.5), ([77.0, 62.0], 2.0), ([45.0, 41.0], 3.2)];
+        let phi = |i, j| holes.iter().fold(away(i, j, [65.0; 2]) - 40.0, |v, (x, r)| f64::max(v, r - away(i, j, *x)));
+        Contour::new(0.0, Field::from_fn([131; 2], phi), [1.0; 2], 1.0)
+    }
+
+    #[test]
+    fn a_hole_on_a_tile_of_its_own_has_the_distances_of_one_on_its_groups() {
+        let contour = pierced();
+        let tile = contour.tile_of(&[1], MARGIN);
+        let inside: Vec<bool> = tile.nodes(131).map(|n| contour.solids.labels[n] == 1).collect();
+        let filled: Vec<bool> =
+            tile.nodes(131).map(|n| libm::hypot((n % 131) as f64 - 65.0, (n / 131) as f64 - 65.0) < 40.0).collect();
+        let (_, holes) = fill_dying_holes(&contour, &[1], &tile, MARGIN, &inside, &filled);
+        assert_eq!(holes.len(), 3);
+        for (job, plan) in holes {
+            let kept = plan.kept;
+            let mut part = vec![false; tile.len()];
+            let nodes = plan.asked.nodes(tile.dims[0]).zip(&job.inside);
+            nodes.for_each(|(n, hole)| part[n] = *hole);
+            let whole = tile.cut(&contour.phi);
+            let whole = Field { dims: whole.dims, data: whole.data.iter().map(|v| -v).collect() };
+            let on_all = kept.cut(&part_field(&PartJob { whole, inside: part }, [1.0; 2]));
+            let hole = plan.finish(&part_field(&job, [1.0; 2]), tile, Direction::Up);
+            assert!(kept.dims.iter().all(|&n| n <= 9 + 28), "{kept:?}");
+            assert_eq!(hole.tile.origin, [0, 1].map(|a| tile.origin[a] + kept.origin[a]));
+            let within = |v: f64| v.clamp(-14.0, 14.0);
+            let most = hole
+                .field
+                .data
+                .iter()
+                .zip(&on_all.data)
+                .map(|(a, b)| (within(*a) - within(*b)).abs())
+                .fold(0.0, f64::max);
+            assert!(most < 1e-9, "{most} px");
+        }
+    }
 }

@@ -8,7 +8,6 @@ use crate::backend::interval_morph::{FrameSource, IntervalMorph, MorphFrame, Mor
 use crate::backend::jobs::Filled;
 use crate::backend::requests::{LayerRequest, MorphRequest};
 use crate::contour::canvas::Canvas;
-use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
 use crate::error::Result;
 use crate::grid::sparse_image::SparseImage;
@@ -147,9 +146,8 @@ impl Piece<'_, '_> {
         let beside = beside(&self.of.times, from);
         for ((tile, pair), filled) in self.of.pairs.iter().zip(&self.filled) {
             let end = if from == Direction::Up { &pair.up.source } else { &pair.down.source };
-            let holes: Vec<&Cap> = pair.holes.iter().filter(|(_, way)| *way == from).map(|(cap, _)| cap).collect();
-            let without = |n: usize| holes.iter().fold(end.data[n], |v, hole| v.max(-hole.field.data[n]));
-            begun.unite(tile, without);
+            let without = pair.without_holes(end, from);
+            begun.unite(tile, |n| without.data[n]);
             if let Some(k) = beside {
                 next.unite_packed(tile, &filled.slices[k]);
             }

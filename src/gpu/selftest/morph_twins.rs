@@ -135,7 +135,10 @@ fn morph(stack: &Stack, moving: &MotionField, i: usize, times: &[f64], in_frame:
         let profile = CapProfile::new(0.4);
         (Cap { tile, field: at(x, y, 4.0), depth: 4.0, height, farthest: 14.0, profile }, direction)
     };
-    let holes = if i == 1 { vec![cap(0.35, 0.45, 0.6, Direction::Up)] } else { Vec::new() };
+    // A hole lies on a tile in the pair's.
+    let own = Tile { origin: [3, 2], dims: [tile.dims[0] - 9, tile.dims[1] - 7] };
+    let hole = |(cap, direction): (Cap, Direction)| (Cap { tile: own, field: own.cut(&cap.field), ..cap }, direction);
+    let holes = if i == 1 { vec![hole(cap(0.35, 0.45, 0.6, Direction::Up))] } else { Vec::new() };
     let solids = vec![cap(0.9, 0.8, 0.7, Direction::Up), cap(0.85, 0.15, 0.4, Direction::Down)];
     let pair = SweepPair {
         up: job(&low, &high, times.to_vec()),

@@ -239,7 +239,9 @@ impl EndSpec<'_> {
 
     /// The law of a part by its areas alone.
     fn by_areas(&self, part: &EndPart) -> Option<(Law, CapRule)> {
-        let (law, rule) = (!self.clamped).then(|| Law::through(&part.outline.areas, self.away, self.highest))??;
+        // A peak is as high as a person says.
+        let highest = if let EndRule::Peak(_) = self.rule { f64::INFINITY } else { self.highest };
+        let (law, rule) = (!self.clamped).then(|| Law::through(&part.outline.areas, self.away, highest))??;
         match self.rule {
             EndRule::Peak(tip) => Some((Law::ending(law.area, law.slope(), (tip - self.z).abs()), CapRule::Peak)),
             _ => Some((law, rule)),
@@ -288,7 +290,7 @@ pub fn end(spec: &EndSpec<'_>, fitted: &Fitted, warnings: &mut Vec<String>) -> E
             CapRule::Upright => {
                 warnings.push(format!("{side} end: part {number} does not shrink towards its peak; closed upright"));
             }
-            CapRule::Flat => warnings.push(format!("{side} end: part {number} does not shrink; ends flat")),
+            CapRule::Flat => warnings.push(format!("{side} end: part {number} does not shrink, or hardly; ends flat")),
             _ => (),
         }
         let given = matches!(rule, CapRule::Peak | CapRule::Upright);

@@ -11,7 +11,7 @@ use std::path::Path;
 use files::*;
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use interslice::input::labels::{Wanted, read_labels};
+use interslice::input::labels::{Wanted, read_labels, read_whole_labels};
 use interslice::input::{Input, files as files_of, open_volume, read, survey};
 use interslice::stack::{ContourStack, ReadOptions};
 
@@ -196,6 +196,27 @@ fn a_segment_under_another_is_told_of() {
     let drawn = alone.drawn.iter().flatten().filter(|l| **l > 0).count();
     assert_eq!(drawn, count_of(&inner));
     assert!(!alone.notes.iter().any(|note| note.contains("several segments")), "{:?}", alone.notes);
+    // Where overlaps are kept each is whole, and nobody is told otherwise.
+    let whole = read_whole_labels(&file, &ReadOptions::default(), &Wanted::All).expect("both");
+    assert_eq!((whole.labels.len(), whole.left_out.len()), (2, 0));
+    assert!(!whole.notes.iter().any(|note| note.contains("several segments")), "{:?}", whole.notes);
+    for (a, mask) in [(0, &inner), (1, &outer)] {
+        let stack = whole.alone(a);
+        let mut drawn = 0;
+        for slice in &stack.slices {
+            let mut inside = vec![false; stack.dims[0] * stack.dims[1]];
+            slice.content.read(0, &mut inside);
+            drawn += count_of(&inside);
+        }
+        assert_eq!(drawn, count_of(mask), "label {a}");
+    }
+    let both = place.path().join("both.stl").display().to_string();
+    let result = interslice(&["reconstruct", &input, "--labels", "all", "--keep-overlaps", "-o", &both]);
+    assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+    let alone = place.path().join("alone.stl").display().to_string();
+    assert_eq!(interslice(&["reconstruct", &input, "--label", "Liver", "-o", &alone]).status.code(), Some(0));
+    let read = |name: &str| std::fs::read(place.path().join(name)).expect("it was written");
+    assert!(read("both.1.stl") == read("alone.stl"), "the same body as by itself");
 }
 
 #[test]

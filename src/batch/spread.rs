@@ -8,7 +8,7 @@ use toml::Table;
 use super::line::ManifestLine;
 use crate::files::member_names::with_word;
 use crate::files::named::Named;
-use crate::input::labels::{Wanted, read_labels};
+use crate::input::labels::{Wanted, read_whole_labels};
 use crate::stack::ReadOptions;
 
 type Lines = std::result::Result<Vec<ManifestLine>, String>;
@@ -70,7 +70,8 @@ fn each_label(line: &ManifestLine, folder: &Path, labels: &Value) -> Lines {
         one => text(one),
     };
     let wanted: Wanted = listed.parse().map_err(|e| format!("options: `labels`: {e}"))?;
-    let read = read_labels(&folder.join(&line.input), &reading(line), &wanted).map_err(|e| format!("input: {e}"))?;
+    let read =
+        read_whole_labels(&folder.join(&line.input), &reading(line), &wanted).map_err(|e| format!("input: {e}"))?;
     Ok(read.labels.iter().map(|label| member(line, &label.to_string(), "label", *label)).collect())
 }
 

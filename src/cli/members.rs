@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use interslice::Result;
-use interslice::input::labels::{Wanted, read_labels};
+use interslice::input::labels::{Wanted, read_whole_labels};
 #[cfg(feature = "dicom")]
 use interslice::rtstruct::{Roi, StructureSet};
 use interslice::stack::ReadOptions;
@@ -59,9 +59,9 @@ impl MemberOptions {
 /// The labels that are wanted.
 ///
 /// # Errors
-/// The errors of [`read_labels`].
+/// The errors of [`read_whole_labels`].
 pub fn of_labels(input: &Path, read: &ReadOptions, wanted: &Wanted, tell: &dyn Fn(&str)) -> Result<Vec<Member>> {
-    let stack = read_labels(input, read, wanted)?;
+    let stack = read_whole_labels(input, read, wanted)?;
     stack.left_out.iter().for_each(|label| tell(&label.to_string()));
     let member = |(label, appearance): (&i64, &interslice::stack::appearance::Appearance)| Member {
         name: appearance.name.as_ref().map_or(format!("label {label}"), |name| format!("label {label} (`{name}`)")),

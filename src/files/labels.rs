@@ -16,7 +16,7 @@ use super::provenance::Source;
 use super::scenes::Scenes;
 use crate::backend::Means;
 use crate::error::{Error, Result};
-use crate::input::labels::{Wanted, read_labels};
+use crate::input::labels::{Wanted, read_labels, read_whole_labels};
 use crate::labels::report::{LabelReport, LabelsReport};
 use crate::labels::{DecidedLabels, KeptBody, LabelStack, Plan, decide, reconstruct};
 use crate::report::Report;
@@ -67,7 +67,8 @@ impl LoadedLabels {
         if options.output.mask && !keep_overlaps {
             return fail("mask", "is not for many labels: their volume has the labels' numbers".into());
         }
-        let mut stack = read_labels(input, &options.read, wanted)?;
+        let read = if keep_overlaps { read_whole_labels } else { read_labels };
+        let mut stack = read(input, &options.read, wanted)?;
         stack.notes.extend(options.output.doubts(&stack.stack));
         let (least, most) = (stack.labels[0], stack.labels[stack.labels.len() - 1]);
         if options.output.distance && !keep_overlaps {

@@ -67,7 +67,15 @@ impl std::str::FromStr for Wanted {
 /// The errors of [`Input::read`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume, for one that is
 /// named and drawn on a single slice, and where no label is left.
 pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
-    labels_of(path, options, wanted, |options| Input::read(path, options))
+    labels_of(path, options, wanted, false, |options| Input::read(path, options))
+}
+
+/// The same with every label whole, also where it lies under another.
+///
+/// # Errors
+/// The errors of [`read_labels`].
+pub fn read_whole_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
+    labels_of(path, options, wanted, true, |options| Input::read(path, options))
 }
 
 /// The same for a volume whose header was read.
@@ -75,13 +83,14 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
 /// # Errors
 /// The errors of [`read_labels`].
 pub fn labels_of_volume(volume: Volume, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
-    labels_of(&volume.path.clone(), options, wanted, |options| Input::of_volume(volume, options))
+    labels_of(&volume.path.clone(), options, wanted, false, |options| Input::of_volume(volume, options))
 }
 
 fn labels_of(
     path: &Path,
     options: &ReadOptions,
     wanted: &Wanted,
+    whole: bool,
     read: impl FnOnce(&ReadOptions) -> Result<Input>,
 ) -> Result<LabelStack> {
     let fail = |message: String| Err(Error::Setting { name: "labels".into(), message });
@@ -95,8 +104,8 @@ fn labels_of(
     let Some(mut surveyed) = surveyed else {
         return fail("is not for a folder of slices; it chooses from a label volume".into());
     };
-    let whole = surveyed.volume.overlaps()?;
-    let there: BTreeSet<i64> = surveyed.survey.labels.keys().chain(whole.segments.keys()).copied().collect();
+    let of_all = surveyed.volume.overlaps()?;
+    let there: BTreeSet<i64> = surveyed.survey.labels.keys().chain(of_all.segments.keys()).copied().collect();
     let mut labels: Vec<i64> = match wanted {
         Wanted::All => there.iter().copied().collect(),
         Wanted::These(list) => {
@@ -115,12 +124,16 @@ fn labels_of(
         return fail(format!("are at most {MOST} in a run; name those you want"));
     }
     surveyed.volume.take_only(&labels);
-    let overlaps = if *wanted == Wanted::All { whole } else { surveyed.volume.overlaps()? };
-    let mut left_out = without_hidden(&mut labels, &surveyed, &overlaps);
+    let overlaps = if *wanted == Wanted::All { of_all } else { surveyed.volume.overlaps()? };
+    let mut left_out = if whole { Vec::new() } else { without_hidden(&mut labels, &surveyed, &overlaps) };
     if let (Wanted::These(_), Some(hidden)) = (wanted, left_out.first()) {
         return fail(format!("cannot have {}: {}", hidden.of(), hidden.why));
     }
     let mut drawn = drawn(&surveyed, &stack, &labels)?;
+    let mut covered = vec![Vec::new(); drawn.len()];
+    if whole {
+        add_covered(&mut surveyed, &stack, (&labels, &overlaps), &drawn, &mut covered)?;
+    }
     let mut slices = stack.slices;
     let completeness = match options {
         _ if options.keep.is_some() || options.slices.is_some() => Completeness::Chosen,
@@ -128,13 +141,17 @@ fn labels_of(
         _ => Completeness::Own,
     };
     if completeness != Completeness::Chosen {
-        let mut has = drawn.iter().map(|slice| slice.iter().any(|l| *l > 0)).collect::<Vec<_>>().into_iter();
-        slices.retain(|_| has.next().unwrap_or(false));
-        drawn.retain(|slice| slice.iter().any(|l| *l > 0));
+        let has: Vec<bool> = drawn.iter().map(|slice| slice.iter().any(|l| *l > 0)).collect();
+        let mut of_slices = has.iter();
+        slices.retain(|_| of_slices.next() == Some(&true));
+        let mut of_covered = has.iter();
+        covered.retain(|_| of_covered.next() == Some(&true));
+        let mut of_drawn = has.iter();
+        drawn.retain(|_| of_drawn.next() == Some(&true));
     }
-    let mut given = given(&drawn, &slices, surveyed.thickness(), labels.len(), completeness);
+    let mut given = given((&drawn, &covered), &slices, surveyed.thickness(), labels.len(), completeness);
     if *wanted == Wanted::All {
-        (labels, given) = leave_out(labels, given, &mut drawn, &surveyed, &mut left_out);
+        (labels, given) = leave_out(labels, given, (&mut drawn, &mut covered), &surveyed, &mut left_out);
         if labels.is_empty() {
             let listed: Vec<String> = left_out.iter().map(LeftOut::to_string).collect();
             let message = format!("none of its labels can be reconstructed: {}", listed.join("; "));
@@ -146,13 +163,16 @@ fn labels_of(
     }
     let named = |label: &i64| surveyed.volume.appearance(*label);
     let appearances = labels.iter().map(named).collect();
-    said.extend(overlapping(&overlaps));
+    if !whole {
+        said.extend(overlapping(&overlaps));
+    }
     said.extend(strays(&labels, &slices, &drawn));
     said.extend(notes(&labels, &given));
     let reading = reading(&labels, &given);
     let stack = ContourStack { slices, ..stack };
     let scalar = surveyed.volume.element.scalar();
-    let labels = LabelStack { stack, labels, appearances, scalar, drawn, given, left_out, reading, notes: said };
+    let labels =
+        LabelStack { stack, labels, appearances, scalar, drawn, covered, given, left_out, reading, notes: said };
     labels.validate().map_err(|e| e.in_file(path))?;
     Ok(labels)
 }
@@ -180,11 +200,18 @@ fn overlapping(overlaps: &Overlaps) -> Option<String> {
 }
 
 /// The slices of each label.
-fn given(drawn: &[Vec<u32>], slices: &[Slice], thickness: f64, count: usize, of: Completeness) -> Vec<Given> {
+fn given(
+    (drawn, covered): (&[Vec<u32>], &[Vec<(usize, usize)>]),
+    slices: &[Slice],
+    thickness: f64,
+    count: usize,
+    of: Completeness,
+) -> Vec<Given> {
     let mut painted = vec![vec![false; slices.len()]; count];
     for (k, slice) in drawn.iter().enumerate() {
         let stretches = slice.chunk_by(|a, b| a == b).map(|stretch| stretch[0] as usize);
         stretches.filter(|l| *l > 0).for_each(|l| painted[l - 1][k] = true);
+        covered[k].iter().for_each(|(a, _)| painted[*a][k] = true);
     }
     let numbers: Vec<usize> = slices.iter().map(|slice| (slice.z / thickness).round() as usize).collect();
     painted.iter().map(|painted| Given::new(painted, &numbers, of)).collect()
@@ -216,7 +243,7 @@ fn strays(labels: &[i64], slices: &[Slice], drawn: &[Vec<u32>]) -> Vec<String> {
 fn leave_out(
     labels: Vec<i64>,
     given: Vec<Given>,
-    drawn: &mut [Vec<u32>],
+    (drawn, covered): (&mut [Vec<u32>], &mut [Vec<(usize, usize)>]),
     surveyed: &Surveyed,
     left_out: &mut Vec<LeftOut>,
 ) -> (Vec<i64>, Vec<Given>) {
@@ -237,8 +264,31 @@ fn leave_out(
     }
     if !left_out.is_empty() {
         drawn.iter_mut().flatten().for_each(|l| *l = places[*l as usize]);
+        for pixels in covered {
+            pixels.retain(|(a, _)| places[a + 1] > 0);
+            pixels.iter_mut().for_each(|(a, _)| *a = places[*a + 1] as usize - 1);
+        }
     }
     (left, theirs)
+}
+
+/// Adds, slice by slice, the pixels that labels have where others are drawn.
+fn add_covered(
+    surveyed: &mut Surveyed,
+    stack: &ContourStack,
+    (labels, overlaps): (&[i64], &Overlaps),
+    all: &[Vec<u32>],
+    covered: &mut [Vec<(usize, usize)>],
+) -> Result<()> {
+    for (a, label) in labels.iter().enumerate().filter(|(_, label)| overlaps.is_covered(**label)) {
+        surveyed.volume.take_only(&[*label]);
+        for ((whole, all), covered) in drawn(surveyed, stack, &[*label])?.iter().zip(all).zip(&mut *covered) {
+            let pixels = (0..).zip(whole.iter().zip(all)).filter(|(_, (own, top))| **own > 0 && **top != a as u32 + 1);
+            covered.extend(pixels.map(|(n, _)| (a, n)));
+        }
+    }
+    surveyed.volume.take_only(labels);
+    Ok(())
 }
 
 /// For each slice and pixel 0, or the place of its label and 1.

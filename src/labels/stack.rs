@@ -53,6 +53,8 @@ pub struct LabelStack {
     pub scalar: Scalar,
     /// For each slice and pixel 0, or the place of its label and 1.
     pub drawn: Vec<Vec<u32>>,
+    /// For each slice the pixels that labels have where another is drawn, by the labels' places: of labels that are each read whole.
+    pub covered: Vec<Vec<(usize, usize)>>,
     /// For each label its slices.
     pub given: Vec<Given>,
     /// Labels that cannot be reconstructed, and why.
@@ -107,9 +109,10 @@ impl LabelStack {
         let mut inside = vec![false; self.labels.len() + 1];
         labels.iter().for_each(|&a| inside[a + 1] = true);
         let slice = |k: usize| {
-            let mask = self.drawn[k].iter().map(|&l| inside[l as usize]).collect();
+            let mut mask: Vec<bool> = self.drawn[k].iter().map(|&l| inside[l as usize]).collect();
+            self.covered[k].iter().filter(|(a, _)| labels.contains(a)).for_each(|&(_, n)| mask[n] = true);
             let Slice { name, z, extra, .. } = &self.stack.slices[k];
-            Slice { name: name.clone(), z: *z, extra: *extra, content: SliceContent::Mask(mask) }
+            Slice { name: name.clone(), z: *z, extra: *extra, content: SliceContent::Mask(mask.into_iter().collect()) }
         };
         ContourStack {
             slices: slices.filter(|&k| self.settled(labels, k)).map(slice).collect(),

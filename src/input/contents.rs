@@ -1,6 +1,7 @@
 //! Files of a folder without `stack.json`: images of one slice each, and volumes. The folder is of those that are more; the others are left out, and told.
 
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -113,6 +114,53 @@ fn left_out(files: &[PathBuf], kind: &str, what: &str, others: usize) -> Option<
     })
 }
 
+/// Words where the numbers in the names of slices, in order, leave some out: a file may be missing.
+pub(super) fn skips(names: &[&str]) -> Option<String> {
+    let numbered: Vec<(String, Vec<u64>)> = names.iter().map(|name| numbers(name)).collect::<Option<_>>()?;
+    let (template, first) = numbered.first()?;
+    if numbered.iter().any(|(own, _)| own != template) {
+        return None;
+    }
+    let varies = |at: &usize| numbered.iter().any(|(_, own)| own[*at] != first[*at]);
+    let varying: Vec<usize> = (0..first.len()).filter(varies).collect();
+    let [at] = varying[..] else { return None };
+    let steps: Vec<u64> = numbered.windows(2).map(|w| w[1].1[at].saturating_sub(w[0].1[at])).collect();
+    let mut often: BTreeMap<u64, usize> = BTreeMap::new();
+    steps.iter().for_each(|step| *often.entry(*step).or_default() += 1);
+    let usual = *often.iter().max_by_key(|(_, count)| **count)?.0;
+    let longer: Vec<usize> = (0..steps.len()).filter(|&k| steps[k] > usual).collect();
+    let (&k, few) = (longer.first()?, 2 * longer.len() < steps.len());
+    let more =
+        if longer.len() > 1 { format!(", and at {} more", counted(longer.len() - 1, "place")) } else { String::new() };
+    few.then(|| {
+        format!(
+            "between `{}` and `{}` numbers are left out{more}: the slices are taken as equally far apart all the same; if one is missing, \
+             write a stack.json with their heights",
+            names[k],
+            names[k + 1]
+        )
+    })
+}
+
+/// A name with a mark for every number in it, and these; nothing where one is too large.
+fn numbers(name: &str) -> Option<(String, Vec<u64>)> {
+    let (mut template, mut found) = (String::new(), Vec::new());
+    let mut digits = String::new();
+    for c in name.chars().map(Some).chain([None]) {
+        match c {
+            Some(c) if c.is_ascii_digit() => digits.push(c),
+            c => {
+                if !digits.is_empty() {
+                    found.push(std::mem::take(&mut digits).parse().ok()?);
+                    template.push('#');
+                }
+                template.extend(c);
+            }
+        }
+    }
+    Some((template, found))
+}
+
 fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
@@ -208,6 +256,30 @@ mod tests {
         let mut names = ["s10.png", "s2.png", "s02.png", "s1.png", "a", "s", "10", "9"];
         names.sort_by(|a, b| by_number(a, b));
         assert_eq!(names, ["9", "10", "a", "s", "s1.png", "s02.png", "s2.png", "s10.png"]);
+    }
+
+    #[test]
+    fn numbers_that_are_left_out_are_told() {
+        for names in [
+            &["s1.png", "s2.png", "s3.png"][..],
+            &["v2_004.tif", "v2_008.tif", "v2_012.tif", "v2_016.tif"],
+            &["z-2.5.png", "z-0.0.png", "z2.5.png"],
+            &["a1.png", "b7.png", "b8.png", "b9.png"],
+            &["s1.png", "s4.png", "s9.png"],
+            &["s1.png"],
+            &[],
+            &["99999999999999999999.png", "99999999999999999999999.png"],
+        ] {
+            assert_eq!(skips(names), None, "{names:?}");
+        }
+        let told = skips(&["s1.png", "s2.png", "s4.png", "s5.png", "s6.png"]).expect("3 is missing");
+        assert!(told.starts_with("between `s2.png` and `s4.png` numbers are left out: the slices"), "{told}");
+        let names = ["a 0.tif", "a 5.tif", "a 15.tif", "a 20.tif", "a 25.tif", "a 30.tif", "a 40.tif", "a 45.tif"];
+        let told = skips(&names).expect("10 and 35 are missing");
+        assert!(
+            told.starts_with("between `a 5.tif` and `a 15.tif` numbers are left out, and at 1 place more"),
+            "{told}"
+        );
     }
 
     #[test]

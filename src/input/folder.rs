@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::estimate::memory;
-use crate::input::contents::{Contents, images_of, other_images_of};
+use crate::input::contents::{Contents, images_of, other_images_of, skips};
 use crate::input::grey_image::Grey;
 use crate::input::grey_rule::{Range, Rule};
 use crate::input::numbers::Numbers;
@@ -173,10 +173,12 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<Str
             _ => {}
         }
     }
+    let names: Vec<&str> = parsed.slices.iter().filter_map(|s| s.file.as_deref()).collect();
+    let skips = if alone { skips(&names) } else { None };
     let drawn = parsed.slices.iter().filter(|s| s.polygons.is_some()).count();
     if drawn == 0 {
         let stack = images(parsed, &file, &folder, options).map_err(|e| if alone { taken(e) } else { e })?;
-        Ok((stack, beside.into_iter().collect()))
+        Ok((stack, beside.into_iter().chain(skips).collect()))
     } else if drawn == parsed.slices.len() {
         drawings(parsed, &file, options)
     } else {

@@ -105,14 +105,17 @@ impl Pending {
         }
     }
 
-    /// Gives it its own name, in one step. Where the system cannot do that with folders, what has that name steps aside until the new one has it;
+    /// Gives it its own name, in one step; a file that stood there keeps who may read and write it. Where the system cannot do that with folders, what has that name steps aside until the new one has it;
     /// it is removed then.
     ///
     /// # Errors
     /// The errors of renaming; what was there is there again.
     pub fn rename(self, target: &Path) -> io::Result<()> {
         match self {
-            Pending::File(file, _listed) => uninterrupted(|| file.persist(target)).map(drop).map_err(|e| e.error),
+            Pending::File(file, _listed) => {
+                keep_mode(file.as_file(), target)?;
+                uninterrupted(|| file.persist(target)).map(drop).map_err(|e| e.error)
+            }
             Pending::Folder(folder, _listed) => uninterrupted(|| Self::rename_folder(folder, target)),
         }
     }
@@ -170,6 +173,23 @@ fn set_mode(builder: &mut Builder<'_, '_>, mode: u32) {
     let _: (_, _, Option<Permissions>) = (builder, mode, None);
 }
 
+/// Gives a file the mode of the one whose place it takes.
+///
+/// # Errors
+/// Of the system, which then keeps what was there.
+fn keep_mode(file: &File, target: &Path) -> io::Result<()> {
+    #[cfg(unix)]
+    if let Ok(found) = fs::symlink_metadata(target)
+        && found.is_file()
+        && found.permissions() != file.metadata()?.permissions()
+    {
+        file.set_permissions(found.permissions())?;
+    }
+    #[cfg(not(unix))]
+    let _ = (file, target);
+    Ok(())
+}
+
 /// Removes a file, or a folder and all in it, where there is one.
 fn remove(path: &Path) -> io::Result<()> {
     let removed = match fs::symlink_metadata(path) {
@@ -195,6 +215,26 @@ mod tests {
     use std::sync::atomic::{AtomicBool, Ordering};
 
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_that_is_written_again_stays_as_private_as_it_was() {
+        use std::os::unix::fs::PermissionsExt;
+        let place = tempfile::tempdir().expect("a folder can be made");
+        let mode = |path: &Path| fs::metadata(path).expect("it is there").permissions().mode() & 0o777;
+        let write = |target: &Path| {
+            let pending =
+                Pending::open(target, false, Temporary::Random, &mut Places::default()).expect("it can be made");
+            pending.write_json(&1).expect("room");
+            pending.rename(target).expect("it can be renamed");
+        };
+        let [plain, private] = ["plain.json", "private.json"].map(|name| place.path().join(name));
+        fs::write(&private, "old").expect("room");
+        fs::set_permissions(&private, Permissions::from_mode(0o600)).expect("it is ours");
+        [&plain, &private].into_iter().for_each(|target| write(target));
+        assert_eq!((mode(&private), fs::read_to_string(&private).expect("it is there")), (0o600, "1\n".into()));
+        assert_ne!(mode(&plain), 0o600, "a new file is as any program's");
+    }
 
     /// Many folders get one name, one after the other on two threads: whoever looks finds one that is complete.
     #[test]

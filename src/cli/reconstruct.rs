@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::ArgMatches;
 use interslice::files::labels::LabelOptions;
+use interslice::files::options::OutputOptions;
 use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
@@ -71,7 +72,8 @@ pub fn run(mut arguments: ReconstructArguments, matches: &ArgMatches) -> Result<
         _ => Telling::Normal,
     };
     if telling != Telling::Quiet {
-        let idle = options.settings.idle().into_iter().chain(options.output.idle(&arguments.outputs));
+        let ends = OutputOptions::ends_before(&arguments.outputs, &options.settings);
+        let idle = options.settings.idle().into_iter().chain(options.output.idle(&arguments.outputs)).chain(ends);
         idle.for_each(|idle| tell!("warning: {idle}"));
     }
     #[cfg(feature = "dicom")]

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::estimate::memory;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::ReferencedSet;
-use crate::settings::Settings;
+use crate::settings::{EndRule, Settings};
 use crate::stack::ContourStack;
 use crate::stack::appearance::Appearance;
 use crate::stack::heights::height_grid;
@@ -211,6 +211,18 @@ impl OutputOptions {
         let idle = options.into_iter().filter(|(_, asked, there, _)| *asked && !there);
         idle.map(|(name, .., of)| format!("setting `{name}` changes nothing: it is for {of}, and none is written"))
             .collect()
+    }
+
+    /// That some of `paths` end with the drawn planes although the body goes on beyond them.
+    pub fn ends_before(paths: &[PathBuf], settings: &Settings) -> Option<String> {
+        let completed = paths.iter().find(|path| Format::of(path).ok() == Some(Format::StructureSet))?;
+        let goes_on = [settings.end_bottom, settings.end_top].iter().any(|rule| *rule != EndRule::Flat);
+        goes_on.then(|| {
+            format!(
+                "{}: a completed RTSTRUCT ends with the planes that were drawn; what `end_bottom` and `end_top` add beyond them is in other outputs alone",
+                completed.display()
+            )
+        })
     }
 
     /// Bytes of memory that making a mesh simpler needs at most, one at a time; nothing where that is not asked for.

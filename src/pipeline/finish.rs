@@ -51,9 +51,7 @@ pub(super) fn faired<'a>(
     let mut together = together(run, links, contours);
     let limit = (run.settings.margin() as f64 * run.px) as f32;
     let on_image = |mut layer: Layer| {
-        if run.window.beyond {
-            run.window.end_at_border(&mut layer.phi, run.image, run.stack.spacing, limit);
-        }
+        run.window.end_at_border(&mut layer.phi, run.image, run.stack.spacing, limit);
         layer
     };
     let fairing = fairing(run, links, contours, moving)?;

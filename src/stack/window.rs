@@ -130,10 +130,14 @@ impl Window {
     }
 
     /// Ends a layer on the window at the image's border, half a pixel beyond the outermost pixels: `phi <- max(phi, R)` with the signed distance R
-    /// to that rectangle, up to `limit`. No pixel of the image changes its side.
+    /// to that rectangle, up to `limit`; only beyond the border where no slice goes on there. No pixel of the image changes its side, and what lies
+    /// beyond holds nothing together.
     pub fn end_at_border(&self, phi: &mut SparseImage<f32>, image: [usize; 2], spacing: [f64; 2], limit: f32) {
         let image = self.rectangle(image);
-        let edge = |i: usize, j: usize| (to_rectangle(&image, spacing, [i, j]) as f32).min(limit);
+        let edge = |i: usize, j: usize| {
+            let r = (to_rectangle(&image, spacing, [i, j]) as f32).min(limit);
+            if self.beyond || r > 0.0 { r } else { -limit }
+        };
         for square in phi.each_square() {
             let (first, size) = (square.map(|k| k * SQUARE), phi.size_of_square(square));
             let corners = [0, 1].map(|a| [first[a], first[a] + size[a] - 1]);
@@ -230,6 +234,18 @@ mod tests {
             let expected = f32::max(before, (-0.5 - i as f32).min(5.0));
             assert_eq!(*v, expected, "({i}, {j})");
         }
+    }
+
+    #[test]
+    fn what_a_layer_has_beyond_the_border_is_not_there_though_no_slice_goes_on() {
+        let own = stack([40, 30], |i, j| (1..20).contains(&i) && (10..18).contains(&j), false);
+        let window = Window::around(&own, [5, 2]);
+        assert!(!window.beyond && window.origin == [-4, 8]);
+        let mut phi = SparseImage::of(window.dims, &vec![-3.0; window.dims[0] * window.dims[1]]);
+        window.end_at_border(&mut phi, own.dims, own.spacing, 5.0);
+        let nx = window.dims[0];
+        let expected = |n: usize| if n % nx < 4 { 3.5 - (n % nx) as f32 } else { -3.0 };
+        assert!(phi.iter().enumerate().all(|(n, v)| *v == expected(n)), "{phi:?}");
     }
 
     #[test]

@@ -3,14 +3,14 @@
 //! An interval's nodes ([`NODE_TIMES`](crate::stack::heights::NODE_TIMES)) say which of their parts hang together, from layer to layer, with a contour (a
 //! void: with what is outside there, or with the image's edge). A part of a layer between two of them stays if it touches a part of either that does;
 //! any other changes sides if it is a crumb, of at most [`CRUMB`] pixels: a thin part that moves by more than its own width in a quarter of a gap meets
-//! itself nowhere and yet is one. So far a layer depends on the stack alone. What still floats once all layers that are made are looked at together, a crumb of
-//! a few pixels over or under something that stays, changes sides, too.
+//! itself nowhere and yet is one. So far a layer depends on the stack alone. What still floats once all layers that are made are looked at together changes
+//! sides if it is a crumb; larger pieces of matter are joined to what stays ([`super::bridges`]).
 
 use crate::connectivity::runs::{DisjointSets, Runs, Side};
 use crate::grid::sparse_image::SparseImage;
 
 /// Most pixels of a crumb: twice the largest that was seen, 6 px of a skull.
-const CRUMB: usize = 12;
+pub const CRUMB: usize = 12;
 
 /// Whether each part of a layer is more than a crumb.
 pub fn whole(runs: &Runs) -> Vec<bool> {
@@ -22,20 +22,31 @@ pub fn whole(runs: &Runs) -> Vec<bool> {
 /// Whether parts of each of an interval's layers, from contour to contour, hang together with one of both contours, over parts that are `there` (all
 /// where nothing is said).
 pub fn grounded(layers: &[Runs], there: Option<&[Vec<bool>]>, nx: usize, side: Side) -> Vec<Vec<bool>> {
+    let pieces = pieces(layers, there, nx, side);
+    let ground = |piece: Vec<Option<usize>>| piece.into_iter().map(|piece| piece == Some(GROUND)).collect();
+    pieces.into_iter().map(ground).collect()
+}
+
+/// Number of the piece that consists of what hangs together with a contour.
+pub const GROUND: usize = 0;
+
+/// Numbers of the pieces to which the parts of an interval's layers, from contour to contour, belong, over parts that are `there` (all where nothing
+/// is said); none for the others.
+pub fn pieces(layers: &[Runs], there: Option<&[Vec<bool>]>, nx: usize, side: Side) -> Vec<Vec<Option<usize>>> {
     let there = |k: usize, part: usize| there.is_none_or(|there| there[k][part]);
     let mut first = Vec::with_capacity(layers.len());
-    let mut count = 0;
+    // The first thing is the ground; the lowest of those that are joined stands for them.
+    let mut count = GROUND + 1;
     for runs in layers {
         first.push(count);
         count += runs.count;
     }
-    // The last thing is the ground.
-    let mut joined = DisjointSets::new(count + 1);
+    let mut joined = DisjointSets::new(count);
     for (k, runs) in layers.iter().enumerate() {
         if k == 0 || k + 1 == layers.len() {
-            (0..runs.count).for_each(|part| joined.join(first[k] + part, count));
+            (0..runs.count).for_each(|part| joined.join(first[k] + part, GROUND));
         } else if side == Side::Outside {
-            runs.at_edge(nx).for_each(|part| joined.join(first[k] + part, count));
+            runs.at_edge(nx).for_each(|part| joined.join(first[k] + part, GROUND));
         }
         if let Some(above) = layers.get(k + 1) {
             runs.meeting(above, |a, b| {
@@ -45,9 +56,8 @@ pub fn grounded(layers: &[Runs], there: Option<&[Vec<bool>]>, nx: usize, side: S
             });
         }
     }
-    let ground = joined.root(count);
     let of = |(k, runs): (usize, &Runs)| {
-        (0..runs.count).map(|part| there(k, part) && joined.root(first[k] + part) == ground).collect()
+        (0..runs.count).map(|part| there(k, part).then(|| joined.root(first[k] + part))).collect()
     };
     layers.iter().enumerate().map(of).collect()
 }

@@ -1,12 +1,16 @@
 //! Topology between slices, made right after all other stages: overlaps stay connected, nothing floats.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
+use crate::connectivity::bridges::join;
 use crate::connectivity::cores::{Cores, OutputImage};
 use crate::connectivity::grounded::{grounded, held, turn, whole};
 use crate::connectivity::runs::{Runs, Side};
 use crate::contour::Contour;
 use crate::error::Result;
+use crate::grid::sparse_image::SparseImage;
 use crate::pipeline::context::{Bonds, Context, Sink};
 use crate::pipeline::links::IntervalLinks;
 use crate::stack::heights::NODE_TIMES;
@@ -28,6 +32,8 @@ pub(crate) struct Together<'r, 'b> {
     contours: &'r SpillVec<'b, Contour>,
     parted: Vec<Vec<(u32, u32)>>,
     shown: OutputImage,
+    /// Columns and rows of it that the image has.
+    image: [Range<usize>; 2],
     px: f64,
     bonds: Bonds,
     /// Layers that wait, from a contour on.
@@ -44,7 +50,8 @@ pub(crate) fn together<'a, 'r>(
     let limit = run.settings.margin() as f64;
     let shown = OutputImage { dims: run.stack.dims, pad: run.pad, h: run.h, limit, seen };
     let parted = links.iter().map(IntervalLinks::parted).collect();
-    Together { contours, parted, shown, px: run.px, bonds: run.bonds, waiting: Vec::new(), cores: None }
+    let image = run.window.part(run.image);
+    Together { contours, parted, shown, image, px: run.px, bonds: run.bonds, waiting: Vec::new(), cores: None }
 }
 
 impl Together<'_, '_> {
@@ -107,7 +114,7 @@ impl Together<'_, '_> {
         self.waiting.drain(..).try_for_each(|w| sink(w.layer))
     }
 
-    /// Puts what floats on the other side.
+    /// Puts what floats on the other side, or joins it to what does not.
     fn repair(&mut self) {
         let all: Vec<[Runs; 2]> = self.waiting.par_iter().map(|w| Runs::both(&w.layer.phi)).collect();
         let (inside, mut outside): (Vec<Runs>, Vec<Runs>) =
@@ -119,19 +126,24 @@ impl Together<'_, '_> {
             turn(&mut w.layer.phi, runs, stays);
             Some(Runs::new(&w.layer.phi, Side::Outside))
         };
-        let stays = self.stays(&inside, Side::Inside);
+        let (stays, floats) = self.stays(&inside, Side::Inside);
         let work = |(((w, runs), outside), stays): (((&mut IntervalLayer, &Runs), &mut Runs), &Vec<bool>)| {
             if let Some(runs) = turned(w, runs, stays) {
                 *outside = runs;
             }
         };
         self.waiting.par_iter_mut().zip(&inside).zip(&mut outside).zip(&stays).for_each(work);
-        let stays = self.stays(&outside, Side::Outside);
+        if floats {
+            let mut layers: Vec<&mut SparseImage<f32>> = self.waiting.iter_mut().map(|w| &mut w.layer.phi).collect();
+            join(&mut layers, &inside, &stays, &self.image);
+            outside = self.waiting.par_iter().map(|w| Runs::new(&w.layer.phi, Side::Outside)).collect();
+        }
+        let (stays, _) = self.stays(&outside, Side::Outside);
         self.waiting.par_iter_mut().zip(&outside).zip(&stays).for_each(|((w, runs), stays)| _ = turned(w, runs, stays));
     }
 
-    /// Parts of the layers that wait which do not float.
-    fn stays(&self, all: &[Runs], side: Side) -> Vec<Vec<bool>> {
+    /// Parts of the layers that wait which do not float or are more than crumbs, and whether there are such that float.
+    fn stays(&self, all: &[Runs], side: Side) -> (Vec<Vec<bool>>, bool) {
         let nx = self.shown.dims[0];
         let places: Vec<usize> = (0..all.len()).filter(|&k| self.waiting[k].node).collect();
         let nodes: Vec<Runs> = places.iter().map(|&k| all[k].clone()).collect();
@@ -149,7 +161,10 @@ impl Together<'_, '_> {
             held(runs, [above - 1, above].map(|n| (&nodes[n], stays[n].as_slice())), nx, side)
         };
         let there: Vec<Vec<bool>> = all.par_iter().enumerate().map(of).collect();
-        or_whole(grounded(all, Some(&there), nx, side), all)
+        let held = grounded(all, Some(&there), nx, side);
+        let stays = or_whole(held.clone(), all);
+        let floats = held != stays;
+        (stays, floats)
     }
 }
 
@@ -157,7 +172,6 @@ impl Together<'_, '_> {
 mod tests {
     use super::*;
     use crate::grid::field::Field;
-    use crate::grid::sparse_image::SparseImage;
     use crate::storage::spill::Budget;
 
     const N: usize = 9;
@@ -181,7 +195,9 @@ mod tests {
             let shown = OutputImage { dims: [N; 2], pad: [0; 2], h: [1.0; 2], limit: 9.0, seen: None };
             let bonds = Bonds { cores: false, grounded: true };
             let (contours, parted) = (&contours, vec![Vec::new()]);
-            let mut together = Together { contours, parted, shown, px: 1.0, bonds, waiting: Vec::new(), cores: None };
+            let image = [0..N, 0..N];
+            let (waiting, cores) = (Vec::new(), None);
+            let mut together = Together { contours, parted, shown, image, px: 1.0, bonds, waiting, cores };
             let mut layers =
                 vec![layer(0.0, &[1]), layer(2.0, &[1]), layer(4.0, &[1, 3]), layer(6.0, &[1]), layer(8.0, &[1])];
             layers.extend(others.iter().map(|(z, inside)| layer(*z, inside)));

@@ -1,5 +1,5 @@
 //! A layer does not depend on which others are asked for: a grid half and an eighth as fine, three layers, one. A crumb alone that would float among
-//! the layers at hand, and only then, is on the other side of the surface, as far from it.
+//! the layers at hand, and only then, is on the other side of the surface, as far from it; so is the way that joins a larger piece to the rest.
 
 use super::{Case, Checked, Property, any, made, numbers, within};
 use crate::random::measure::{change, common, px};

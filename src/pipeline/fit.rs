@@ -56,7 +56,8 @@ stored_as_they_are!(Weighted, Hop);
 /// Steepest slope of a rule that may overshoot, in ways to the farther neighbour per wider gap: where gaps are unlike, a hundredth of a pixel in the
 /// narrow one would be a pixel in the other, and a sweep be led out of its tube and back.
 const STEEPEST: f64 = 3.0;
-/// Gaps are unlike where the widest of the two on each side of a contour is more than so many times the narrowest.
+/// Gaps are unlike where the widest of the two on each side of a contour is more than so many times the narrowest. A natural spline's slope at an end is
+/// made from its neighbour's, so that what is beside that one counts, too.
 const UNLIKE: f64 = 4.0;
 /// Hops that are less sure do not count.
 const UNSURE: f64 = 1e-6;
@@ -270,7 +271,9 @@ fn bounded(m: f64, [z, s]: [&[f64]; 2], center: usize, rule: SlopeRule) -> f64 {
     if !matches!(rule, SlopeRule::Natural | SlopeRule::Catmull) {
         return m;
     }
-    let gaps = z[center.saturating_sub(2)..(center + 3).min(z.len())].windows(2).map(|pair| pair[1] - pair[0]);
+    let told_by = if rule == SlopeRule::Natural { center.clamp(1, z.len().max(3) - 2) } else { center };
+    let (first, end) = (center.min(told_by).saturating_sub(2), (center.max(told_by) + 3).min(z.len()));
+    let gaps = z[first..end].windows(2).map(|pair| pair[1] - pair[0]);
     let (narrowest, widest) = gaps.fold((f64::INFINITY, 0.0f64), |(low, high), gap| (low.min(gap), high.max(gap)));
     if widest <= UNLIKE * narrowest {
         return m;
@@ -369,6 +372,23 @@ pub fn course(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_natural_slope_has_a_bound_where_its_own_gaps_or_those_of_the_neighbour_that_tells_it_are_unlike() {
+        let s = [0.0, 1.0, 2.0, 3.0, 4.0];
+        let most = |gaps: [f64; 4], center: usize, rule: SlopeRule| {
+            let z: Vec<f64> = (0..5).map(|k| gaps[..k].iter().sum()).collect();
+            bounded(100.0, [&z, &s.map(|v| v - s[center])], center, rule)
+        };
+        let (alike, third) = ([8.0, 4.0, 3.0, 2.5], [8.0, 4.0, 0.5, 2.5]);
+        assert_eq!(most(alike, 0, SlopeRule::Natural), 100.0);
+        // Three ways of 1 px in a gap of 8.
+        assert_eq!(most(third, 0, SlopeRule::Natural), 0.375);
+        assert_eq!(most([2.5, 0.5, 4.0, 8.0], 4, SlopeRule::Natural), 0.375);
+        assert_eq!(most(third, 1, SlopeRule::Natural), 0.375);
+        assert_eq!(most(third, 0, SlopeRule::Catmull), 100.0, "a parabola through three knots");
+        assert_eq!(most(third, 0, SlopeRule::Hyman), 100.0, "bounded already");
+    }
 
     #[test]
     fn a_course_lands_with_the_slope_there_and_leaves_fast_where_its_particle_died() {

@@ -31,7 +31,7 @@ const OF_ENDS: u32 = 1u;
 const SQUARE: u32 = 16u;
 
 // Change of distance from a contour to the layer beside, px, above which the two do not belong to one surface.
-const GONE: f32 = 0.5;
+const GONE: f32 = 0.05;
 
 // What the layers of an interval share: distances are clamped to `limit`; the image's place and size on the padded one; the numbers of layers, of bodies,
 // of the groups of BLOCK pixels that they take, and how often the bodies can be halved; whether either slice is not empty, and whether there is a layer beside it; the number of places.

@@ -19,8 +19,9 @@ use crate::stack::heights::BESIDE;
 /// Largest difference of a time from that of the layer beside a contour.
 const ROUNDING: f64 = 1e-6;
 
-/// Change of distance from a contour to the layer beside, px, above which the two do not belong to one surface.
-pub const GONE: f32 = 0.5;
+/// Change of distance from a contour to the layer beside, px, above which the two do not belong to one surface: one that moves by less than 50 px from
+/// contour to contour changes by less.
+pub const GONE: f32 = 0.05;
 
 /// Answers the field method's questions.
 pub type Others<'o> = dyn Fn(&[LayerRequest<'_>]) -> Result<Vec<Vec<SparseImage<f32>>>> + 'o;

@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::input::volume::slices::listed;
 use crate::input::volume::{Overlaps, Volume};
 use crate::input::{Input, Surveyed};
+use crate::labels::Covered;
 use crate::labels::LabelStack;
 use crate::labels::given::{Completeness, Given, notes, reading};
 use crate::labels::report::LeftOut;
@@ -201,7 +202,7 @@ fn overlapping(overlaps: &Overlaps) -> Option<String> {
 
 /// The slices of each label.
 fn given(
-    (drawn, covered): (&[Vec<u32>], &[Vec<(usize, usize)>]),
+    (drawn, covered): (&[Vec<u32>], &[Covered]),
     slices: &[Slice],
     thickness: f64,
     count: usize,
@@ -243,7 +244,7 @@ fn strays(labels: &[i64], slices: &[Slice], drawn: &[Vec<u32>]) -> Vec<String> {
 fn leave_out(
     labels: Vec<i64>,
     given: Vec<Given>,
-    (drawn, covered): (&mut [Vec<u32>], &mut [Vec<(usize, usize)>]),
+    (drawn, covered): (&mut [Vec<u32>], &mut [Covered]),
     surveyed: &Surveyed,
     left_out: &mut Vec<LeftOut>,
 ) -> (Vec<i64>, Vec<Given>) {
@@ -278,7 +279,7 @@ fn add_covered(
     stack: &ContourStack,
     (labels, overlaps): (&[i64], &Overlaps),
     all: &[Vec<u32>],
-    covered: &mut [Vec<(usize, usize)>],
+    covered: &mut [Covered],
 ) -> Result<()> {
     for (a, label) in labels.iter().enumerate().filter(|(_, label)| overlaps.is_covered(**label)) {
         surveyed.volume.take_only(&[*label]);

@@ -39,4 +39,4 @@ mod stack;
 pub use fill::fill;
 pub use kept::KeptBody;
 pub use merge::{Bodies, DecidedLabels, Plan, decide, reconstruct};
-pub use stack::LabelStack;
+pub use stack::{Covered, LabelStack};

@@ -34,6 +34,9 @@ impl Contacts {
     }
 }
 
+/// Pixels of a slice that labels have where another is drawn: each by the label's place, and its number.
+pub type Covered = Vec<(usize, usize)>;
+
 /// Slices of neighbouring ones in both of which two labels touch.
 fn beside(common: &[(usize, bool)]) -> Vec<usize> {
     let both = common.windows(2).filter(|w| w[0].1 && w[1].1);
@@ -53,8 +56,8 @@ pub struct LabelStack {
     pub scalar: Scalar,
     /// For each slice and pixel 0, or the place of its label and 1.
     pub drawn: Vec<Vec<u32>>,
-    /// For each slice the pixels that labels have where another is drawn, by the labels' places: of labels that are each read whole.
-    pub covered: Vec<Vec<(usize, usize)>>,
+    /// For each slice what labels have under others: nothing, but of labels that are each read whole.
+    pub covered: Vec<Covered>,
     /// For each label its slices.
     pub given: Vec<Given>,
     /// Labels that cannot be reconstructed, and why.

@@ -3,13 +3,16 @@
 //! The area of a sphere, an ellipsoid or a paraboloid cut by parallel planes is quadratic in their height, that of a cone with its tip on the axis
 //! the square of a line: three contours give such bodies' ends exactly, whatever the cross-section's shape.
 
+use std::f64::consts::PI;
+
 use crate::grid::spline::smoothstep;
 use crate::report::CapRule;
 
-/// A tip up to so many times as far as the highest that is allowed is brought there; beyond it is lower, and from the other on there is none: a tube that
-/// the stack cuts goes on, and whether its areas fall by a pixel or rise by one must not decide whether it has a nose. The areas of a tilted tube of radius
-/// 8 px in pixels tell of tips 7 to 100 gaps away, those of bodies that end of one gap or less.
+/// A tip up to so many times as far as the highest that is allowed is brought there; beyond it is lower, and from the other on there is none, unless the
+/// contour is drawn in by so many px: a tube that the stack cuts goes on, and whether its areas fall by a pixel or rise by one must not decide whether
+/// it has a nose. The areas of a tilted tube of radius 8 px in pixels tell of tips 7 to 100 gaps away, by contours that are drawn in by up to 0.2 px.
 const FAR: [f64; 2] = [1.5, 2.5];
+const DRAWN_IN: [f64; 2] = [0.25, 0.75];
 /// An area falls where its contour is drawn in by more than about a third of this, px: rounding must not decide whether a body ends.
 const LEAST_FALL: f64 = 1e-3;
 
@@ -61,7 +64,10 @@ impl Law {
         if law.height <= highest {
             return Some((law, rule));
         }
-        let height = highest * (1.0 - smoothstep((law.height / highest - FAR[0]) / (FAR[1] - FAR[0])));
+        let between = |value: f64, [low, high]: [f64; 2]| smoothstep((value - low) / (high - low));
+        // Of a disc: the fall of its area over its contour's length.
+        let drawn_in = (inner - area) / (4.0 * PI * inner).sqrt();
+        let height = highest * (1.0 - between(law.height / highest, FAR)).max(between(drawn_in, DRAWN_IN));
         (height > 0.0).then(|| (Law::ending(area, law.slope(), height), rule))
     }
 
@@ -154,10 +160,13 @@ mod tests {
     #[test]
     fn a_tube_that_hardly_falls_goes_on_and_nothing_jumps() {
         // From cones that end at the highest tip to ones that go on to thrice that.
-        let heights: Vec<f64> = (0..=400)
-            .map(|k| 1.0 + 0.005 * f64::from(k))
-            .map(|tip| law(|t| (tip - t).powi(2), 1.0).map_or(0.0, |(law, _)| law.height))
-            .collect();
+        let cones = |radius: f64| -> Vec<f64> {
+            let tips = (0..=400).map(|k| 1.0 + 0.005 * f64::from(k));
+            let cone = |tip: f64| law(|t| (radius * (tip - t)).powi(2), 1.0);
+            tips.map(|tip| cone(tip).map_or(0.0, |(law, _)| law.height)).collect()
+        };
+        assert!(cones(10.0).iter().all(|h| (h - 1.0).abs() < 1e-9), "a cone that falls by pixels closes");
+        let heights = cones(0.1);
         assert!(heights[..100].iter().all(|h| (h - 1.0).abs() < 1e-9) && heights[301..].iter().all(|h| *h == 0.0));
         assert!(heights.windows(2).all(|w| w[1] <= w[0] + 1e-9 && w[0] - w[1] < 0.01), "{heights:?}");
         assert_eq!(Law::through(&[200.0, 202.0, 200.0], &[0.0, 4.0, 8.0], 8.0), None, "pixels, and no end");

@@ -74,7 +74,7 @@ impl Cap {
     pub fn cut_out(&self, body: &mut Field, offset: f64) {
         let (Tile { origin: [i, j], dims: [width, _] }, nx) = (self.tile, body.dims[0]);
         for (row, hole) in body.data.chunks_exact_mut(nx).skip(j).zip(self.field.data.chunks_exact(width)) {
-            row[i..i + width].iter_mut().zip(hole).for_each(|(v, hole)| *v = v.max(-(hole + offset)));
+            row.iter_mut().skip(i).zip(hole).for_each(|(v, hole)| *v = v.max(-(hole + offset)));
         }
     }
 }

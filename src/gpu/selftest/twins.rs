@@ -311,7 +311,8 @@ fn sweeps(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
         let mut pairs: Vec<SweepPair<'_>> = ups.into_iter().zip(downs).map(pair).collect();
         // The host mends one pair's slices: a hole that closes.
         if let Some(pair) = pairs.first_mut() {
-            let tile = Tile { origin: [7, 4], dims: [33, 38] };
+            let [nx, ny] = pair.up.source.dims;
+            let tile = Tile { origin: [7, 4], dims: [nx - 9, ny - 7] };
             let field =
                 Field::from_fn(tile.dims, |i, j| ((i as f64 - 17.0).powi(2) + (j as f64 - 20.0).powi(2)).sqrt() - 6.0);
             let hole = Cap { tile, field, depth: 6.0, height: 0.7, farthest: 14.0, profile: CapProfile::new(0.0) };

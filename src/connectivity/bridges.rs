@@ -2,110 +2,156 @@
 //!
 //! A thin part that moves by more than its own width from layer to layer is one body that its layers do not show as one: the shortest way from the
 //! piece, in a layer of its own and through at most [`CRUMB`] pixels, to what hangs together with a contour becomes part of the body. A piece from
-//! which there is no such way belongs to nothing and goes, whatever its size.
+//! which there is no such way belongs to nothing and goes, whatever its size. Between contours of which links keep parts apart neither is done.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 
-use crate::connectivity::grounded::{CRUMB, GROUND, pieces};
+use crate::connectivity::grounded::{CRUMB, GROUND, pieces, turn};
 use crate::connectivity::runs::{Runs, Side};
 use crate::grid::sparse_image::SparseImage;
 
-/// What a pixel of a layer is: of no piece, or of the piece of that number.
-type Pieces = Vec<Option<usize>>;
-
 /// Joins what floats in the layers of an interval, from contour to contour, to what does not, by ways on these columns and rows, or takes it out.
 /// Parts that do not `stay` count as outside.
-pub fn join(
-    layers: &mut [&mut SparseImage<f32>],
-    all: &[Runs],
-    stays: &[Vec<bool>],
-    [columns, rows]: &[Range<usize>; 2],
-) {
-    let Some(dims) = layers.first().map(|layer| layer.dims()) else { return };
-    let numbers = pieces(all, Some(stays), dims[0], Side::Inside);
-    let mut floating: Vec<usize> = numbers.iter().flatten().flatten().copied().filter(|n| *n != GROUND).collect();
-    floating.sort_unstable();
-    floating.dedup();
-    if floating.is_empty() {
-        return;
-    }
-    let of = |(runs, numbers): (&Runs, &Vec<Option<usize>>)| {
-        let mut piece: Pieces = vec![None; dims[0] * dims[1]];
-        runs.all().for_each(|(j, run, part)| piece[j * dims[0]..][run].fill(numbers[part]));
-        piece
-    };
-    let mut all: Vec<Pieces> = all.iter().zip(&numbers).map(of).collect();
-    let seen = |n: usize| columns.contains(&(n % dims[0])) && rows.contains(&(n / dims[0]));
+pub fn join(layers: &mut [&mut SparseImage<f32>], all: &[Runs], stays: &[Vec<bool>], image: &[Range<usize>; 2]) {
+    let Some([nx, ny]) = layers.first().map(|layer| layer.dims()) else { return };
+    let mut numbers = pieces(all, Some(stays), nx, Side::Inside);
+    let boxes = boxes(all, &numbers);
+    let mut floating: BTreeSet<usize> = boxes.keys().copied().collect();
+    let mut bridges: Vec<Vec<[usize; 2]>> = vec![Vec::new(); all.len()];
     // What was joined may be the ground of another piece.
     loop {
         let before = floating.len();
-        floating.retain(|&piece| {
-            let own = |k: &usize| all[*k].contains(&Some(piece));
-            let ways = (1..all.len() - 1).filter(own).filter_map(|k| Some((k, way(&all, k, piece, dims, seen)?)));
+        floating.retain(|piece| {
+            // No way goes farther, and its pixels are asked for their neighbours.
+            let around = |a: usize, end: usize| {
+                let [low, high] = boxes[piece].map(|corner| corner[a]);
+                low.saturating_sub(CRUMB + 1)..(high + CRUMB + 2).min(end)
+            };
+            let view = View::new(all, &numbers, &bridges, *piece, [around(0, nx), around(1, ny)]);
+            let ways = (1..all.len() - 1).filter_map(|k| Some((k, view.way(k, image)?)));
             let Some((k, way)) = ways.min_by_key(|(_, way)| way.len()) else { return true };
-            for n in way {
-                layers[k][n] = -layers[k].at(n % dims[0], n / dims[0]);
-                all[k][n] = Some(piece);
+            for &[i, j] in &way {
+                layers[k][j * nx + i] = -layers[k].at(i, j);
             }
-            let now = |at: &mut Option<usize>| *at = if *at == Some(piece) { Some(GROUND) } else { *at };
-            all.iter_mut().flatten().for_each(now);
+            bridges[k].extend(way);
+            let joined = |at: &mut Option<usize>| *at = if *at == Some(*piece) { Some(GROUND) } else { *at };
+            numbers.iter_mut().flatten().for_each(joined);
             false
         });
         if floating.len() == before {
             break;
         }
     }
-    for (layer, piece) in layers.iter_mut().zip(&all) {
-        let gone = |at: &Option<usize>| at.is_some_and(|at| floating.binary_search(&at).is_ok());
-        for n in (0..piece.len()).filter(|&n| gone(&piece[n])) {
-            layer[n] = -layer.at(n % dims[0], n / dims[0]);
-        }
+    for ((layer, runs), numbers) in layers.iter_mut().zip(all).zip(&numbers) {
+        let stays: Vec<bool> = numbers.iter().map(|at| at.is_none_or(|piece| !floating.contains(&piece))).collect();
+        turn(layer, runs, &stays);
     }
 }
 
-/// The shortest way in layer `k`, over the edges of pixels that are `seen`, from a piece to one that touches the ground there or in the layer below or
-/// above: the pixels that are of no piece, the last of which may.
-fn way(
-    all: &[Pieces],
-    k: usize,
-    piece: usize,
-    [nx, ny]: [usize; 2],
-    seen: impl Fn(usize) -> bool,
-) -> Option<Vec<usize>> {
-    let grounded = |n: usize| (k - 1..=k + 1).any(|k| all[k][n] == Some(GROUND));
-    // The pixel before each on its way; the piece's own come from themselves.
-    let mut before: Vec<Option<usize>> = vec![None; nx * ny];
-    let mut open: VecDeque<(usize, usize)> = VecDeque::new();
-    for n in (0..nx * ny).filter(|&n| all[k][n] == Some(piece)) {
-        before[n] = Some(n);
-        open.push_back((n, 0));
-    }
-    while let Some((at, steps)) = open.pop_front() {
-        if grounded(at) {
-            let mut way = Vec::new();
-            let mut n = at;
-            while let Some(from) = before[n].filter(|from| *from != n) {
-                way.extend(all[k][n].is_none().then_some(n));
-                n = from;
-            }
-            return Some(way);
-        }
-        if steps == CRUMB {
-            continue;
-        }
-        let (i, j) = (at % nx, at / nx);
-        let west = (i > 0).then(|| at - 1);
-        let south = (j > 0).then(|| at - nx);
-        let beside = [west, (i + 1 < nx).then_some(at + 1), south, (j + 1 < ny).then_some(at + nx)];
-        for n in beside.into_iter().flatten().filter(|&n| seen(n)) {
-            if before[n].is_none() {
-                before[n] = Some(at);
-                open.push_back((n, steps + 1));
-            }
+/// First and last column and row of every piece but the ground.
+fn boxes(all: &[Runs], numbers: &[Vec<Option<usize>>]) -> BTreeMap<usize, [[usize; 2]; 2]> {
+    let mut boxes = BTreeMap::new();
+    for (runs, numbers) in all.iter().zip(numbers) {
+        for (j, run, part) in runs.all() {
+            let Some(piece) = numbers[part].filter(|piece| *piece != GROUND) else { continue };
+            let [low, high] = boxes.entry(piece).or_insert([[usize::MAX; 2], [0; 2]]);
+            *low = [low[0].min(run.start), low[1].min(j)];
+            *high = [high[0].max(run.end - 1), high[1].max(j)];
         }
     }
-    None
+    boxes
+}
+
+/// What a pixel is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Pixel {
+    Outside,
+    /// Of the piece that is looked at.
+    Own,
+    /// Of what hangs together with a contour.
+    Ground,
+    /// Of another piece.
+    Other,
+}
+
+/// The layers around a piece.
+struct View {
+    columns: Range<usize>,
+    rows: Range<usize>,
+    layers: Vec<Vec<Pixel>>,
+}
+
+impl View {
+    fn new(
+        all: &[Runs],
+        numbers: &[Vec<Option<usize>>],
+        bridges: &[Vec<[usize; 2]>],
+        piece: usize,
+        [columns, rows]: [Range<usize>; 2],
+    ) -> Self {
+        let width = columns.len();
+        let layer = |((runs, numbers), bridges): ((&Runs, &Vec<Option<usize>>), &Vec<[usize; 2]>)| {
+            let mut pixels = vec![Pixel::Outside; width * rows.len()];
+            for (j, run, part) in runs.all().filter(|(j, ..)| rows.contains(j)) {
+                let [first, end] = [run.start, run.end].map(|i| i.clamp(columns.start, columns.end) - columns.start);
+                let pixel = match numbers[part] {
+                    None => continue,
+                    Some(GROUND) => Pixel::Ground,
+                    Some(number) if number == piece => Pixel::Own,
+                    Some(_) => Pixel::Other,
+                };
+                pixels[(j - rows.start) * width..][first..end].fill(pixel);
+            }
+            for [i, j] in bridges.iter().filter(|[i, j]| columns.contains(i) && rows.contains(j)) {
+                pixels[(j - rows.start) * width + i - columns.start] = Pixel::Ground;
+            }
+            pixels
+        };
+        let layers = all.iter().zip(numbers).zip(bridges).map(layer).collect();
+        View { columns, rows, layers }
+    }
+
+    /// The shortest way in layer `k`, over the edges of pixels of the `image`, from the piece to a pixel that touches the ground there or in the layer
+    /// below or above: its pixels that are outside, the last of which may.
+    fn way(&self, k: usize, image: &[Range<usize>; 2]) -> Option<Vec<[usize; 2]>> {
+        let [nx, ny] = [self.columns.len(), self.rows.len()];
+        let place = |n: usize| [n % nx + self.columns.start, n / nx + self.rows.start];
+        let seen = |n: usize| place(n).iter().zip(image).all(|(at, range)| range.contains(at));
+        let grounded = |n: usize| (k - 1..=k + 1).any(|k| self.layers[k][n] == Pixel::Ground);
+        // The pixel before each on its way; the piece's own come from themselves.
+        let mut before: Vec<Option<usize>> = vec![None; nx * ny];
+        let mut open: VecDeque<(usize, usize)> = VecDeque::new();
+        for n in (0..nx * ny).filter(|&n| self.layers[k][n] == Pixel::Own) {
+            before[n] = Some(n);
+            open.push_back((n, 0));
+        }
+        while let Some((at, steps)) = open.pop_front() {
+            if grounded(at) {
+                let mut way = Vec::new();
+                let mut n = at;
+                while let Some(from) = before[n].filter(|from| *from != n) {
+                    way.extend((self.layers[k][n] == Pixel::Outside).then(|| place(n)));
+                    n = from;
+                }
+                return Some(way);
+            }
+            if steps == CRUMB {
+                continue;
+            }
+            let (i, j) = (at % nx, at / nx);
+            let west = (i > 0).then(|| at - 1);
+            let south = (j > 0).then(|| at - nx);
+            let beside = [west, (i + 1 < nx).then_some(at + 1), south, (j + 1 < ny).then_some(at + nx)];
+            for n in beside.into_iter().flatten().filter(|&n| seen(n)) {
+                if before[n].is_none() {
+                    before[n] = Some(at);
+                    open.push_back((n, steps + 1));
+                }
+            }
+        }
+        None
+    }
 }
 
 #[cfg(test)]

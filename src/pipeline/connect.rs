@@ -133,7 +133,10 @@ impl Together<'_, '_> {
             }
         };
         self.waiting.par_iter_mut().zip(&inside).zip(&mut outside).zip(&stays).for_each(work);
-        if floats {
+        // A way might join what links keep apart.
+        let low = self.waiting.first().and_then(|w| w.layer.contour);
+        let apart = low.and_then(|i| self.parted.get(i)).is_some_and(|parted| !parted.is_empty());
+        if floats && !apart {
             let mut layers: Vec<&mut SparseImage<f32>> = self.waiting.iter_mut().map(|w| &mut w.layer.phi).collect();
             join(&mut layers, &inside, &stays, &self.image);
             outside = self.waiting.par_iter().map(|w| Runs::new(&w.layer.phi, Side::Outside)).collect();
@@ -217,5 +220,42 @@ mod tests {
         let with = inside_at(&[(5.0, &[1, 2, 3])]);
         assert_eq!(with[3], (5.0, vec![1, 2, 3]));
         assert!(with.into_iter().filter(|layer| layer.0 != 5.0).eq(alone));
+    }
+
+    /// A block of 15 pixels in the middle layer, two columns beside a line that goes through all.
+    #[test]
+    fn a_large_piece_is_joined_but_where_links_keep_parts_apart() {
+        let budget = Budget::unlimited();
+        let mut contours = SpillVec::new(&budget);
+        let field = |i: usize, j: usize| libm::hypot(i as f64 - 1.0, j as f64 - 4.0) - 0.6;
+        for z in [0.0, 8.0] {
+            contours.push(Contour::new(z, Field::from_fn([N; 2], field), [1.0; 2], 1.0)).expect("it stays in memory");
+        }
+        let block = |i: usize, j: usize| (4..7).contains(&i) && (2..7).contains(&j);
+        let middle = |parted: Vec<(u32, u32)>| {
+            let shown = OutputImage { dims: [N; 2], pad: [0; 2], h: [1.0; 2], limit: 9.0, seen: None };
+            let (contours, parted, image) = (&contours, vec![parted], [0..N, 0..N]);
+            let (bonds, waiting, cores) = (Bonds { cores: false, grounded: true }, Vec::new(), None);
+            let mut together = Together { contours, parted, shown, image, px: 1.0, bonds, waiting, cores };
+            let mut inside = Vec::new();
+            let mut sink = |layer: Layer| {
+                if layer.z == 4.0 {
+                    inside = (0..N * N).filter(|n| layer.phi.at(n % N, n / N) < 0.0).collect();
+                }
+                Ok(())
+            };
+            for z in [0.0, 2.0, 4.0, 6.0, 8.0] {
+                let is_in = |n: usize| [n % N, n / N] == [1, 4] || z == 4.0 && block(n % N, n / N);
+                let phi: Vec<f32> = (0..N * N).map(|n| if is_in(n) { -0.5 } else { 0.5 }).collect();
+                let layer = Layer { phi: SparseImage::of([N; 2], &phi), ..layer(z, &[]) };
+                together.push(layer, &mut sink).expect("nothing fails");
+            }
+            together.finish(&mut sink).expect("nothing fails");
+            inside
+        };
+        let apart: Vec<usize> = (0..N * N).filter(|n| *n == 4 * N + 1 || block(n % N, n / N)).collect();
+        assert_eq!(middle(vec![(1, 2)]), apart);
+        let joined = middle(Vec::new());
+        assert!(joined.len() == apart.len() + 2 && [2, 3].iter().all(|i| joined.contains(&(4 * N + i))), "{joined:?}");
     }
 }

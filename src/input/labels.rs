@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::input::volume::slices::listed;
-use crate::input::volume::{Overlaps, Volume};
+use crate::input::volume::{Overlaps, Volume, VoxelRun};
 use crate::input::{Input, Surveyed};
 use crate::labels::Covered;
 use crate::labels::LabelStack;
@@ -130,10 +130,10 @@ fn labels_of(
     if let (Wanted::These(_), Some(hidden)) = (wanted, left_out.first()) {
         return fail(format!("cannot have {}: {}", hidden.of(), hidden.why));
     }
-    let mut drawn = drawn(&surveyed, &stack, &labels)?;
+    let mut drawn = drawn(&surveyed, &stack, &labels, |each| surveyed.volume.labels(each))?;
     let mut covered = vec![Vec::new(); drawn.len()];
     if whole {
-        add_covered(&mut surveyed, &stack, (&labels, &overlaps), &drawn, &mut covered)?;
+        add_covered(&surveyed, &stack, &labels, &drawn, &mut covered)?;
     }
     let mut slices = stack.slices;
     let completeness = match options {
@@ -275,25 +275,36 @@ fn leave_out(
 
 /// Adds, slice by slice, the pixels that labels have where others are drawn.
 fn add_covered(
-    surveyed: &mut Surveyed,
+    surveyed: &Surveyed,
     stack: &ContourStack,
-    (labels, overlaps): (&[i64], &Overlaps),
+    labels: &[i64],
     all: &[Vec<u32>],
     covered: &mut [Covered],
 ) -> Result<()> {
-    for (a, label) in labels.iter().enumerate().filter(|(_, label)| overlaps.is_covered(**label)) {
-        surveyed.volume.take_only(&[*label]);
-        for ((whole, all), covered) in drawn(surveyed, stack, &[*label])?.iter().zip(all).zip(&mut *covered) {
-            let pixels = (0..).zip(whole.iter().zip(all)).filter(|(_, (own, top))| **own > 0 && **top != a as u32 + 1);
-            covered.extend(pixels.map(|(n, _)| (a, n)));
+    let layers = if surveyed.volume.layers() > 1 { surveyed.volume.layers() } else { 0 };
+    for layer in 0..layers {
+        let own = drawn(surveyed, stack, labels, |each| surveyed.volume.labels_of_layer(layer, each))?;
+        for ((own, all), covered) in own.iter().zip(all).zip(&mut *covered) {
+            let under = |n: usize| if own[n] == all[n] { 0 } else { own[n] as usize };
+            let mut first = 0;
+            while first < own.len() {
+                let label = under(first);
+                let end = (first..own.len()).find(|n| under(*n) != label).unwrap_or(own.len());
+                covered.extend((label > 0).then(|| (label - 1, first..end)));
+                first = end;
+            }
         }
     }
-    surveyed.volume.take_only(labels);
     Ok(())
 }
 
-/// For each slice and pixel 0, or the place of its label and 1.
-fn drawn(surveyed: &Surveyed, stack: &ContourStack, labels: &[i64]) -> Result<Vec<Vec<u32>>> {
+/// For each slice and pixel 0, or the place of its label and 1, of the labels that are read.
+fn drawn(
+    surveyed: &Surveyed,
+    stack: &ContourStack,
+    labels: &[i64],
+    read: impl FnOnce(&mut dyn FnMut(VoxelRun<'_>)) -> Result<()>,
+) -> Result<Vec<Vec<u32>>> {
     let [u, v, w] = stack.geometry.order;
     let (dims, thickness) = (surveyed.volume.grid.dims, surveyed.thickness());
     let mut places = vec![None; dims[w]];
@@ -309,7 +320,7 @@ fn drawn(surveyed: &Surveyed, stack: &ContourStack, labels: &[i64]) -> Result<Ve
     })?;
     let number = |value: i64| labels.binary_search(&value).map_or(0, |k| k as u32 + 1);
     let mut drawn = vec![vec![0; dims[u] * dims[v]]; stack.slices.len()];
-    surveyed.volume.labels(|run| {
+    read(&mut |run| {
         let mut at = run.first;
         for stretch in run.values.chunk_by(|a, b| a == b) {
             let number = number(stretch[0]);

@@ -2,6 +2,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use super::given::Given;
 use super::report::LeftOut;
@@ -34,8 +35,8 @@ impl Contacts {
     }
 }
 
-/// Pixels of a slice that labels have where another is drawn: each by the label's place, and its number.
-pub type Covered = Vec<(usize, usize)>;
+/// Pixels of a slice that labels have where others are drawn: stretches of them, by the label's place.
+pub type Covered = Vec<(usize, Range<usize>)>;
 
 /// Slices of neighbouring ones in both of which two labels touch.
 fn beside(common: &[(usize, bool)]) -> Vec<usize> {
@@ -113,7 +114,8 @@ impl LabelStack {
         labels.iter().for_each(|&a| inside[a + 1] = true);
         let slice = |k: usize| {
             let mut mask: Vec<bool> = self.drawn[k].iter().map(|&l| inside[l as usize]).collect();
-            self.covered[k].iter().filter(|(a, _)| labels.contains(a)).for_each(|&(_, n)| mask[n] = true);
+            let under = self.covered[k].iter().filter(|(a, _)| labels.contains(a));
+            under.for_each(|(_, stretch)| mask[stretch.clone()].fill(true));
             let Slice { name, z, extra, .. } = &self.stack.slices[k];
             Slice { name: name.clone(), z: *z, extra: *extra, content: SliceContent::Mask(mask.into_iter().collect()) }
         };

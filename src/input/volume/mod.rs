@@ -109,11 +109,6 @@ impl Overlaps {
         self.voxels += u64::from(several);
     }
 
-    /// Whether later segments have voxels of this one.
-    pub fn is_covered(&self, label: i64) -> bool {
-        self.segments.get(&label).is_some_and(|[voxels, left]| left < voxels)
-    }
-
     /// The voxels of a segment of which later ones leave nothing.
     pub fn hidden(&self, label: i64) -> Option<u64> {
         self.segments.get(&label).filter(|[_, left]| *left == 0).map(|[voxels, _]| *voxels)

@@ -31,7 +31,7 @@ pub fn is_broken(pair: &SweepPair<'_>, outside: impl Fn(usize) -> bool) -> bool 
 pub fn mend(pair: &SweepPair<'_>, k: usize, phi: &mut Field) {
     let t = pair.up.times[k];
     for (cap, direction) in pair.holes.iter() {
-        cap.cut_out(phi, cap.offset(direction.away(t)));
+        cap.tile.cut_out(&cap.field, cap.offset(direction.away(t)), phi);
     }
     for &anchor in &pair.anchors {
         if phi.data[anchor] >= 0.0 {

@@ -181,7 +181,7 @@ impl SweepPair<'_> {
     /// The body at that contour: its end, which is filled, without these holes.
     pub fn without_holes<'f>(&self, end: &'f Field, from: Direction) -> Cow<'f, Field> {
         let mut body = Cow::Borrowed(end);
-        self.holes_of(from).for_each(|hole| hole.cut_out(body.to_mut(), 0.0));
+        self.holes_of(from).for_each(|hole| hole.tile.cut_out(&hole.field, 0.0, body.to_mut()));
         body
     }
 

@@ -68,17 +68,6 @@ impl Cap {
     }
 }
 
-/// A hole that ends: where it is open the body is not.
-impl Cap {
-    /// Cuts the hole, `offset` smaller than at its contour, out of a body on the tile that the cap's own tile lies on: `max(phi, -(hole + offset))`.
-    pub fn cut_out(&self, body: &mut Field, offset: f64) {
-        let (Tile { origin: [i, j], dims: [width, _] }, nx) = (self.tile, body.dims[0]);
-        for (row, hole) in body.data.chunks_exact_mut(nx).skip(j).zip(self.field.data.chunks_exact(width)) {
-            row.iter_mut().skip(i).zip(hole).for_each(|(v, hole)| *v = v.max(-(hole + offset)));
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

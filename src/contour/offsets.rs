@@ -5,7 +5,7 @@ use crate::grid::field::covered;
 /// Steps of offsets per px; half a pixel is a whole number of them, so that areas at whole steps are exact.
 const PER_PX: i64 = 50;
 /// The farthest that a contour is drawn out, px: fields are known to the margin of tiles, which is at least 12.
-const OUT: i64 = 11;
+pub const OUT: i64 = 11;
 
 /// Areas over offsets: `A(d) = sum covered(phi + d)`, px squared, falling.
 #[derive(Debug, Clone)]

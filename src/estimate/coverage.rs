@@ -1,5 +1,6 @@
 //! Coverage of slices, counted in pixels, from which memory and time are estimated.
 
+use crate::grid::components::{count4, count8};
 use crate::stack::SliceContent;
 
 /// Pixels in which two slices differ.
@@ -11,6 +12,14 @@ pub fn differing([a, b]: [&SliceContent; 2], [nx, ny]: [usize; 2]) -> usize {
         rows[0].iter().zip(&rows[1]).filter(|(a, b)| a != b).count()
     };
     (0..ny).map(differing).sum()
+}
+
+/// Parts of a slice, and of what is around them.
+pub fn parts(content: &SliceContent, dims: [usize; 2]) -> usize {
+    let mut sides = content.sides();
+    let solids = count4(&sides, dims);
+    sides.iter_mut().for_each(|inside| *inside = !*inside);
+    solids + count8(&sides, dims)
 }
 
 /// Coverage of slices.

@@ -3,10 +3,11 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::estimate::coverage::{Drawn, differing};
+use crate::estimate::coverage::{Drawn, differing, parts};
 use crate::fairing::{GAPS_AT_ONCE, LARGE_AT_ONCE, SMALL};
 use crate::grid::tile::samples;
-use crate::pipeline::{AHEAD, LAYER_BYTES_ON_A_GPU};
+use crate::pipeline::matching::{ASKED_BYTES, asked_bytes, kept_bytes};
+use crate::pipeline::{AHEAD, LAYER_BYTES_ON_A_GPU, tile_margin};
 use crate::settings::{Method, Motion, Settings};
 use crate::stack::beyond::REACH;
 use crate::stack::heights::{CAP_LAYERS, NODES, shown_nodes};
@@ -97,7 +98,18 @@ impl MemoryNeeds {
             layers.min(HANDED_OVER) * (largest * PER_WAITING_EDGE).min(pixels * PER_WAITING_PIXEL) / WAITING_SHARE;
         let more_gaps = if pixels < SMALL as f64 { GAPS_AT_ONCE as f64 } else { LARGE_AT_ONCE as f64 / nodes };
         let groups = if morph { boxed * PER_GROUP_PIXEL } else { 0.0 };
-        let kept = slices * (padded * (PER_SLICE_PIXEL + moving) + groups);
+        // Parts and holes of both contours of an interval may be without counterpart: while they are asked for, and afterwards.
+        let parts: Vec<usize> = match morph {
+            true => stack.slices.par_iter().map(|s| parts(&s.content, stack.dims)).collect(),
+            false => Vec::new(),
+        };
+        let of_intervals = parts.windows(2).map(|pair| (pair[0] + pair[1]) as f64);
+        let (parts, most_parts) = of_intervals.fold((0.0, 0.0), |(sum, most), n| (sum + n, f64::max(most, n)));
+        let [asked, part] = [asked_bytes, kept_bytes].map(|bytes| bytes(tile_margin(settings, h)) as f64);
+        let kept = slices * (padded * (PER_SLICE_PIXEL + moving) + groups) + parts * part;
+        let asking = |together: f64| (most_parts * asked).max(together.min(parts * asked));
+        // They close by caps, which have their own.
+        let caps = |intervals: f64| (intervals * most_parts).min(parts) * part;
         let at_once =
             most_between.min((LAYER_BYTES_ON_A_GPU as f64 / (2.0 * size_of::<f64>() as f64 * padded)).max(1.0));
         let sweeping = if morph { groups + threads * boxed * PER_SWEEP_PIXEL } else { 0.0 };
@@ -105,10 +117,11 @@ impl MemoryNeeds {
             + all_drawn.edges as f64 * PER_CONTOUR_EDGE
             + waiting(WAITING_GAPS + more_gaps)
             + handed_over
+            + asking(ASKED_BYTES as f64).max(caps(2.0 * threads))
             + image * PER_IMAGE_PIXEL
             + (at_once * padded * PER_LAYER_PIXEL).max(threads * padded * 2.0 * PER_LAYER_PIXEL);
         let contours = largest * CONTOURS_AT_ONCE.min(slices) * PER_CONTOUR_EDGE;
-        let interval = (padded * PER_INTERVAL_PIXEL).max(sweeping);
+        let interval = (padded * PER_INTERVAL_PIXEL).max(sweeping) + asking(0.0).max(most_parts * part + caps(1.0));
         let read = contents(stack);
         let least = interval + contours + waiting(WAITING_GAPS) + image * PER_IMAGE_PIXEL;
         let [all, least] = [all, least].map(|bytes| (BASE_BYTES + read + bytes) as u64);

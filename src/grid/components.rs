@@ -21,6 +21,11 @@ pub fn label8(mask: &[bool], dims: [usize; 2]) -> Components {
     Parts::of(mask, dims, 1).labelled(mask.len())
 }
 
+/// Number of parts joined through edges.
+pub fn count4(mask: &[bool], dims: [usize; 2]) -> usize {
+    Parts::of(mask, dims, 0).roots().count()
+}
+
 /// Number of parts joined through edges and corners.
 pub fn count8(mask: &[bool], dims: [usize; 2]) -> usize {
     Parts::of(mask, dims, 1).roots().count()

@@ -50,6 +50,19 @@ impl Tile {
         Tile { origin: std::array::from_fn(|a| self.origin[a] - other.origin[a]), dims: self.dims }
     }
 
+    /// The tile, in pixels of `other`, in those of the image.
+    pub fn placed(self, other: Tile) -> Self {
+        Tile { origin: std::array::from_fn(|a| self.origin[a] + other.origin[a]), dims: self.dims }
+    }
+
+    /// Cuts a hole on this tile out of a body on the tile in whose pixels it is, `offset` smaller than it is: `max(body, -(hole + offset))`.
+    pub fn cut_out(&self, hole: &Field, offset: f64, body: &mut Field) {
+        let ([i, j], [width, _], nx) = (self.origin, self.dims, body.dims[0]);
+        for (row, hole) in body.data.chunks_exact_mut(nx).skip(j).zip(hole.data.chunks_exact(width)) {
+            row.iter_mut().skip(i).zip(hole).for_each(|(v, hole)| *v = v.max(-(hole + offset)));
+        }
+    }
+
     /// Number of pixels.
     pub fn len(&self) -> usize {
         self.dims[0] * self.dims[1]

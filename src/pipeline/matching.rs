@@ -12,8 +12,23 @@ use crate::grid::components::label8;
 use crate::grid::field::Field;
 use crate::grid::seen::Seen;
 use crate::grid::tile::Tile;
+use crate::pipeline::hole_tiles::HoleTiles;
 use crate::report::Event;
 use crate::storage::spill::{Array, Large};
+
+/// Bytes of the tiles of parts and holes that are asked for together; those of groups are as large as their parts and count by the image.
+pub(crate) const ASKED_BYTES: usize = 64 << 20;
+
+/// Bytes that a small part or hole takes while its distances are asked for: a tile with twice the margin, the contour's field, the part's pixels and the
+/// answer on it.
+pub(crate) fn asked_bytes(margin: [usize; 2]) -> usize {
+    margin.iter().map(|m| 1 + 4 * m).product::<usize>() * (2 * size_of::<f64>() + size_of::<bool>())
+}
+
+/// Bytes that it takes afterwards: its distances on a tile with the margin.
+pub(crate) fn kept_bytes(margin: [usize; 2]) -> usize {
+    margin.iter().map(|m| 1 + 2 * m).product::<usize>() * size_of::<f64>()
+}
 
 /// An interval's groups and unmatched parts.
 #[derive(Debug, Clone, Default)]
@@ -81,22 +96,17 @@ struct Plan {
     jobs: Vec<PartJob>,
 }
 
-/// A hole on its own tile: it costs what it is large, not what the part is that it is in. Tiles are in pixels of the group's.
+/// A hole that ends, before the backend has answered.
 struct HolePlan {
     /// Its seeds, by number.
     seeds: Vec<u32>,
-    /// Tile that its distances are asked for, on which are the edges of others that are nearer to some pixel of `kept` than its own.
-    asked: Tile,
-    /// Tile on which it lies.
-    kept: Tile,
+    tiles: HoleTiles,
 }
 
 impl HolePlan {
     /// The hole of the distances on its tile, in a group on `tile`.
-    fn finish(self, field: &Field, tile: Tile, direction: Direction) -> LonePart {
-        let field = self.kept.within(self.asked).cut(field);
-        let origin = std::array::from_fn(|a| tile.origin[a] + self.kept.origin[a]);
-        LonePart::new(Tile { origin, ..self.kept }, field, self.seeds, direction)
+    fn finish(self, answer: &Field, tile: Tile, direction: Direction) -> LonePart {
+        LonePart::new(self.tiles.kept.placed(tile), self.tiles.of_answer(answer), self.seeds, direction)
     }
 }
 
@@ -265,80 +275,13 @@ fn fill_dying_holes(
     }
     let whole = tile.cut(&contour.phi);
     let filled = inside.iter().zip(&background.labels).map(|(&m, &l)| m || dies(l)).collect();
-    let boxes = boxes(&background.labels, background.count, tile.dims[0]);
+    let tiles = HoleTiles::of(&background, tile.dims, margin, [0; 2]);
     let holes = (1..=background.count as u32)
         .filter(|&l| dies(l))
         .map(|l| {
-            let [low, high] = boxes[l as usize];
-            let spanning = |margin| Tile::spanning(tile.dims, margin, low, high);
-            let (asked, kept) = (spanning(margin.map(|n| 2 * n)), spanning(margin));
-            let mut turned = asked.cut(&whole);
-            turned.data.iter_mut().for_each(|v| *v = -*v);
-            let part = asked.nodes(tile.dims[0]).map(|n| background.labels[n] == l).collect();
-            let seeds = std::mem::take(&mut hole_seeds[l as usize]);
-            (PartJob { whole: turned, inside: part }, HolePlan { seeds, asked, kept })
+            let (tiles, seeds) = (tiles[l as usize], std::mem::take(&mut hole_seeds[l as usize]));
+            (tiles.job(&whole, |n| background.labels[n] == l), HolePlan { seeds, tiles })
         })
         .collect();
     (EndPlan { job: PartJob { whole, inside: filled }, seeds }, holes)
-}
-
-/// First and last column and row of every label, of an image `nx` wide.
-fn boxes(labels: &[u32], count: usize, nx: usize) -> Vec<[[usize; 2]; 2]> {
-    let mut boxes = vec![[[usize::MAX; 2], [0; 2]]; count + 1];
-    for (n, &label) in labels.iter().enumerate() {
-        let [low, high] = &mut boxes[label as usize];
-        for (axis, at) in [n % nx, n / nx].into_iter().enumerate() {
-            low[axis] = low[axis].min(at);
-            high[axis] = high[axis].max(at);
-        }
-    }
-    boxes
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::reference::part::part_field;
-
-    const MARGIN: [usize; 2] = [14; 2];
-
-    /// A disc with three holes beside each other.
-    fn pierced() -> Contour {
-        let away = |i: usize, j: usize, [x, y]: [f64; 2]| libm::hypot(i as f64 - x, j as f64 - y);
-        let holes = [([60.0, 60.0], 4.5), ([77.0, 62.0], 2.0), ([45.0, 41.0], 3.2)];
-        let phi = |i, j| holes.iter().fold(away(i, j, [65.0; 2]) - 40.0, |v, (x, r)| f64::max(v, r - away(i, j, *x)));
-        Contour::new(0.0, Field::from_fn([131; 2], phi), [1.0; 2], 1.0)
-    }
-
-    #[test]
-    fn a_hole_on_a_tile_of_its_own_has_the_distances_of_one_on_its_groups() {
-        let contour = pierced();
-        let tile = contour.tile_of(&[1], MARGIN);
-        let inside: Vec<bool> = tile.nodes(131).map(|n| contour.solids.labels[n] == 1).collect();
-        let filled: Vec<bool> =
-            tile.nodes(131).map(|n| libm::hypot((n % 131) as f64 - 65.0, (n / 131) as f64 - 65.0) < 40.0).collect();
-        let (_, holes) = fill_dying_holes(&contour, &[1], &tile, MARGIN, &inside, &filled);
-        assert_eq!(holes.len(), 3);
-        for (job, plan) in holes {
-            let kept = plan.kept;
-            let mut part = vec![false; tile.len()];
-            let nodes = plan.asked.nodes(tile.dims[0]).zip(&job.inside);
-            nodes.for_each(|(n, hole)| part[n] = *hole);
-            let whole = tile.cut(&contour.phi);
-            let whole = Field { dims: whole.dims, data: whole.data.iter().map(|v| -v).collect() };
-            let on_all = kept.cut(&part_field(&PartJob { whole, inside: part }, [1.0; 2]));
-            let hole = plan.finish(&part_field(&job, [1.0; 2]), tile, Direction::Up);
-            assert!(kept.dims.iter().all(|&n| n <= 9 + 28), "{kept:?}");
-            assert_eq!(hole.tile.origin, [0, 1].map(|a| tile.origin[a] + kept.origin[a]));
-            let within = |v: f64| v.clamp(-14.0, 14.0);
-            let most = hole
-                .field
-                .data
-                .iter()
-                .zip(&on_all.data)
-                .map(|(a, b)| (within(*a) - within(*b)).abs())
-                .fold(0.0, f64::max);
-            assert!(most < 1e-9, "{most} px");
-        }
-    }
 }

@@ -15,6 +15,7 @@ mod events;
 mod field;
 mod finish;
 pub(crate) mod fit;
+mod hole_tiles;
 mod links;
 pub(crate) mod matching;
 mod morph;
@@ -59,6 +60,11 @@ use crate::surface::{Layer, Reconstruction};
 
 /// Extra margin for rules whose curves overshoot their contours, px.
 const OVERSHOOT: usize = 8;
+
+/// Pixels around the parts of a tile along either axis, `h` the sides of a pixel in units of the larger.
+pub(crate) fn tile_margin(settings: &Settings, h: [f64; 2]) -> [usize; 2] {
+    samples(settings.margin() + if settings.slope.overshoots() { OVERSHOOT } else { 0 }, h)
+}
 
 /// Looks at layers, counts the pixels of contours that differ from the input, and brings those that are kept on the image again.
 struct Certified<'a> {
@@ -173,7 +179,6 @@ pub fn run(
     let (on_image, settings, heights) =
         (&section.stack(stack), &section.settings(settings), &section.heights(stack, heights));
     let stack = &window.of(whole, section.slices.clone());
-    let margin = settings.margin() + if settings.slope.overshoots() { OVERSHOOT } else { 0 };
     let pad = samples(OVERSHOOT, h);
     let run = Context {
         stack,
@@ -189,7 +194,7 @@ pub fn run(
         h,
         px,
         pad,
-        margin: samples(margin, h),
+        margin: tile_margin(settings, h),
         bonds,
         clocks: clocks.clone(),
         closing: Mutex::default(),

@@ -21,7 +21,7 @@ use crate::contour::direction::Direction;
 use crate::contour::overlap::DecidedPairs;
 use crate::error::{Error, Result};
 use crate::pipeline::fit::{Measured, fit};
-use crate::pipeline::matching::{Interval, IntervalPlan};
+use crate::pipeline::matching::{ASKED_BYTES, Interval, IntervalPlan, asked_bytes};
 use crate::pipeline::tracks;
 use crate::pipeline::tracks::{Sides, trace_job};
 use crate::registration::mid_frame::Frame;
@@ -144,8 +144,19 @@ fn matching<'a>(
     // Both contours, both ends of all groups, cut and answered.
     let at_once = run.budget.at_once(count, 8 * run.field_bytes());
     let traced = run.span.traced.clone();
-    for first in (0..count).step_by(at_once) {
-        let some = first..(first + at_once).min(count);
+    let most = run.budget.spare(ASKED_BYTES);
+    let asked = |i: usize| {
+        let things: usize = [i, i + 1].map(|k| seen.contours.light(k)).iter().map(|c| c.solids.count + c.holes).sum();
+        things * asked_bytes(margin)
+    };
+    let mut first = 0;
+    while first < count {
+        let mut bytes = asked(first);
+        let more = (first + 1..count.min(first + at_once)).take_while(|i| {
+            bytes += asked(*i);
+            bytes <= most
+        });
+        let some = first..first + 1 + more.count();
         let plan = |i: usize| {
             if !traced.contains(&i) {
                 return Ok((IntervalPlan::default(), [0.0; 2]));
@@ -172,6 +183,7 @@ fn matching<'a>(
             intervals.push(interval)?;
             run.progress.advance(1);
         }
+        first = intervals.len();
     }
     Ok((intervals, reports))
 }

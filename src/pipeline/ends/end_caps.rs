@@ -6,7 +6,7 @@
 use crate::contour::Contour;
 use crate::contour::canvas::Canvas;
 use crate::contour::direction::Direction;
-use crate::contour::offsets::Offsets;
+use crate::contour::offsets::{OUT, Offsets};
 use crate::grid::field::Field;
 use crate::grid::tile::Tile;
 use crate::pipeline::compose::mean_slope;
@@ -95,14 +95,16 @@ impl HoleLaw {
 /// A closed line beyond the contour.
 #[derive(Debug, Clone)]
 struct CapLine {
+    /// Tile on which it lies, in pixels of the part's.
+    tile: Tile,
     /// Signed distance at the contour, negative within.
     field: Field,
     offsets: Offsets,
 }
 
 impl CapLine {
-    fn new(region: &Region) -> Self {
-        CapLine { field: region.field.clone(), offsets: region.offsets.clone() }
+    fn new(region: &Region, part: Tile) -> Self {
+        CapLine { tile: region.tile.within(part), field: region.field.clone(), offsets: region.offsets.clone() }
     }
 }
 
@@ -123,9 +125,10 @@ struct Cap {
 
 impl Cap {
     fn new(part: &EndPart, law: Law, given: bool, away: &[f64]) -> Self {
-        let outline = CapLine::new(&part.outline);
+        let outline = CapLine::new(&part.outline, part.tile);
         let depth = outline.offsets.depth;
-        let holes = part.holes.iter().map(|hole| (CapLine::new(hole), HoleLaw::new(&hole.areas, away))).collect();
+        let holes =
+            part.holes.iter().map(|hole| (CapLine::new(hole, part.tile), HoleLaw::new(&hole.areas, away))).collect();
         let mut cap = Cap { tile: part.tile, outline, depth, law, holes, tip: law.height, given };
         // A ring is gone where its hole has become as large as itself.
         let gone = (1..CAP_LAYERS).map(|k| cap.height_of(k as f64)).find(|t| cap.area(*t) <= 0.0);
@@ -160,12 +163,12 @@ impl Cap {
             // In this order never less than the depth: a crumb would be left.
             false => self.depth * (t / self.law.height),
         };
-        let offsets: Vec<f64> = self.holes.iter().map(|(line, law)| line.offsets.of(law.at(t))).collect();
-        canvas.unite(&self.tile, |n| {
-            let hole = |((line, _), offset): (&(CapLine, HoleLaw), &f64)| -(line.field.data[n] + offset);
-            let outline = self.outline.field.data[n] + offset;
-            self.holes.iter().zip(&offsets).map(hole).fold(outline, f64::max)
-        });
+        let mut body = self.outline.field.clone();
+        body.data.iter_mut().for_each(|v| *v += offset);
+        for (line, law) in &self.holes {
+            line.tile.cut_out(&line.field, line.offsets.of(law.at(t)), &mut body);
+        }
+        canvas.unite(&self.tile, |n| body.data[n]);
     }
 }
 
@@ -305,7 +308,7 @@ pub fn end(spec: &EndSpec<'_>, fitted: &Fitted, warnings: &mut Vec<String>) -> E
 
 /// By how much the slopes along each line of an end contour change so that the line passes smoothly into what lies beyond, in its mean: upright
 /// into half a slice, by the area's law into a cap. `whole` are the slopes with what the frame's motion explains.
-fn changes<'m>(spec: &EndSpec<'m>, whole: &Fitted) -> Vec<(&'m EndPart, &'m Region, f64)> {
+fn changes<'m>(spec: &EndSpec<'m>, whole: &Fitted) -> Vec<(&'m Region, f64)> {
     if spec.clamped || spec.rule == EndRule::Flat {
         return Vec::new();
     }
@@ -323,7 +326,7 @@ fn changes<'m>(spec: &EndSpec<'m>, whole: &Fitted) -> Vec<(&'m EndPart, &'m Regi
         });
         for (region, outward, change) in std::iter::once((&part.outline, 1.0, outline)).chain(holes) {
             let wanted = spec.sign() * outward * outward_slope(region, change, spec.away);
-            out.push((part, region, spec.told_by_areas * (wanted - mean_slope(whole, region.counted()))));
+            out.push((region, spec.told_by_areas * (wanted - mean_slope(whole, region.counted()))));
         }
     }
     out
@@ -332,24 +335,28 @@ fn changes<'m>(spec: &EndSpec<'m>, whole: &Fitted) -> Vec<(&'m EndPart, &'m Regi
 /// The slopes of an end contour's seeds, moved by [`changes`].
 pub fn passing(spec: &EndSpec<'_>, fitted: Fitted, whole: &Fitted) -> Fitted {
     let mut out = fitted;
-    for (_, region, by) in changes(spec, whole) {
+    for (region, by) in changes(spec, whole) {
         region.seeds.iter().for_each(|&k| out.slopes[k as usize] += by);
     }
     out
 }
 
+/// Distance from a line up to which it has a say in the slopes of a field, px: holes are known so far ([`OUT`] and the margin of tiles, 12 at least).
+const SAID: f64 = OUT as f64 + 12.0;
+
 /// The slopes of an end contour's field, outward is downward in it, moved by [`changes`]: beside a line by its own, between lines by a mean that
-/// falls with the fourth power of the distance.
+/// falls with the fourth power of the distance, up to [`SAID`].
 pub fn passing_field(spec: &EndSpec<'_>, slopes: &mut Field, whole: &Fitted) {
     let changes = changes(spec, whole);
     if changes.is_empty() {
         return;
     }
+    let share = |away: f64| (1.0 + away * away).powi(-2);
     // Sums of weights and of weighted changes.
     let mut sums = vec![[0.0; 2]; slopes.data.len()];
-    for (part, region, by) in &changes {
-        for (node, away) in part.tile.nodes(slopes.dims[0]).zip(&region.field.data) {
-            let weight = (1.0 + away * away).powi(-2);
+    for (region, by) in &changes {
+        for (node, away) in region.tile.nodes(slopes.dims[0]).zip(&region.field.data) {
+            let weight = (share(*away) - share(SAID)).max(0.0);
             sums[node][0] += weight;
             sums[node][1] += weight * by;
         }

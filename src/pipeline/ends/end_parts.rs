@@ -10,12 +10,13 @@ use crate::backend::Backend;
 use crate::backend::jobs::PartJob;
 use crate::backend::requests::PartRequest;
 use crate::contour::Contour;
-use crate::contour::offsets::{Offsets, area};
+use crate::contour::offsets::{OUT, Offsets, area};
 use crate::error::Result;
 use crate::grid::components::{Components, label8};
 use crate::grid::field::{Field, VALUES_OF_A_THREAD, position};
 use crate::grid::seen::Seen;
-use crate::grid::tile::Tile;
+use crate::grid::tile::{Tile, samples};
+use crate::pipeline::hole_tiles::HoleTiles;
 use crate::registration::displacement::Displacement;
 
 /// Contours that have a say in how the body ends.
@@ -24,7 +25,9 @@ pub const LEVELS: usize = 3;
 /// Region that a closed line encloses: a part with its holes filled, or one of its holes.
 #[derive(Debug, Clone)]
 pub struct Region {
-    /// Signed distance on the part's tile, negative within.
+    /// Tile on which it lies: the part's, a hole's own.
+    pub tile: Tile,
+    /// Signed distance on it, negative within.
     pub field: Field,
     /// Its areas once the line is drawn in or out.
     pub offsets: Offsets,
@@ -79,14 +82,15 @@ struct Told {
     /// Number for each of the tile's pixels: 0 for the part and what is around it, else the hole.
     holes: Vec<u32>,
     count: usize,
-    /// The part without holes, then its holes.
+    /// The part without holes, then its holes: their tiles, and distances on them.
+    tiles: Vec<Tile>,
     fields: Vec<Field>,
 }
 
 impl Told {
     /// Area of one of its lines.
     fn area(&self, line: usize, seen: &Seen) -> f64 {
-        area(seen.on(&self.tile, &self.fields[line].data))
+        area(seen.on(&self.tiles[line], &self.fields[line].data))
     }
 }
 
@@ -163,28 +167,33 @@ impl Levels<'_> {
         let contour = &self.contours[level];
         let nx = contour.phi.dims[0];
         let part = |&number: &u32| {
-            let mut jobs = Vec::new();
             let tile = contour.tile_of(&[number], self.margin);
             let outside: Vec<bool> = tile.nodes(nx).map(|n| contour.solids.labels[n] != number).collect();
-            let Components { labels, count } = label8(&outside, tile.dims);
+            let background = label8(&outside, tile.dims);
+            let own = HoleTiles::of(&background, tile.dims, self.margin, samples(OUT as usize, self.h));
+            let Components { labels, count } = background;
             // The margin is around every part: what the first pixel belongs to is the outside.
             let around = labels[0];
             let holes: Vec<u32> =
                 labels.iter().map(|&l| if l == around { 0 } else { l - u32::from(l > around) }).collect();
             let count = count - 1;
             let whole = tile.cut(&contour.phi);
-            let turned = Field { dims: whole.dims, data: whole.data.iter().map(|v| -v).collect() };
-            jobs.push(PartJob { whole, inside: labels.iter().map(|&l| l != around).collect() });
-            for k in 1..=count as u32 {
-                jobs.push(PartJob { whole: turned.clone(), inside: holes.iter().map(|&l| l == k).collect() });
-            }
-            (Told { number, tile, holes, count, fields: Vec::new() }, jobs)
+            let own: Vec<HoleTiles> = (1..own.len()).filter(|l| *l as u32 != around).map(|l| own[l]).collect();
+            let of_holes: Vec<PartJob> =
+                (1..).zip(&own).map(|(k, tiles)| tiles.job(&whole, |n| holes[n] == k)).collect();
+            let filled = PartJob { whole, inside: labels.iter().map(|&l| l != around).collect() };
+            let tiles = std::iter::once(tile).chain(own.iter().map(|own| own.kept.placed(tile))).collect();
+            (Told { number, tile, holes, count, tiles, fields: Vec::new() }, own, [vec![filled], of_holes].concat())
         };
-        let (mut told, jobs): (Vec<Told>, Vec<Vec<PartJob>>) = numbers.par_iter().map(part).unzip();
+        let (mut told, jobs): (Vec<(Told, Vec<HoleTiles>)>, Vec<Vec<PartJob>>) =
+            numbers.par_iter().map(part).map(|(told, own, jobs)| ((told, own), jobs)).unzip();
         let jobs: Vec<PartJob> = jobs.into_iter().flatten().collect();
         let mut fields = self.backend.part_fields(&PartRequest { jobs: &jobs, h: self.h })?.into_iter();
-        told.iter_mut().for_each(|part| part.fields = fields.by_ref().take(part.count + 1).collect());
-        Ok(told)
+        for (part, own) in &mut told {
+            part.fields.extend(fields.next());
+            part.fields.extend(own.iter().zip(&mut fields).map(|(own, answer)| own.of_answer(&answer)));
+        }
+        Ok(told.into_iter().map(|(part, _)| part).collect())
     }
 
     /// A part of the end contour.
@@ -197,15 +206,15 @@ impl Levels<'_> {
                 seeds[hole as usize].push(k);
             }
         }
-        let region = |(field, seeds): (&Field, Vec<u32>)| {
+        let region = |((field, tile), seeds): ((&Field, &Tile), Vec<u32>)| {
             let inside = |seed: u32| contour.seeds[seed as usize].inside;
             let (seeds, counted) = self.seen.first(seeds, contour.phi.dims[0], inside);
-            let values = || self.seen.on(&told.tile, &field.data);
+            let values = || self.seen.on(tile, &field.data);
             let (areas, offsets) = (vec![area(values())], Offsets::new(values()));
-            Region { areas, offsets, field: field.clone(), seeds, counted }
+            Region { areas, offsets, tile: *tile, field: field.clone(), seeds, counted }
         };
-        let mut regions = told.fields.iter().zip(seeds).map(region);
-        let outline = regions.next().unwrap_or_else(|| region((&Field::default(), Vec::new())));
+        let mut regions = told.fields.iter().zip(&told.tiles).zip(seeds).map(region);
+        let outline = regions.next().unwrap_or_else(|| region(((&Field::default(), &told.tile), Vec::new())));
         EndPart { number: told.number, tile: told.tile, outline, holes: regions.collect() }
     }
 }

@@ -172,6 +172,21 @@ fn an_image_left_blank_is_doubted() {
 }
 
 #[test]
+fn a_part_that_one_image_lacks_is_doubted() {
+    let names = ["s0.png", "s1.png", "s2.png", "s3.png", "s4.png"];
+    // A disc and, but on some slices, a block beside it.
+    let drawn = |without: &'static [usize]| {
+        let block = |x: u32, y: u32| (2..8).contains(&x) && (2..9).contains(&y);
+        let inside = move |x, y, k| in_disc(x, y, k) || block(x, y) && !without.contains(&k);
+        move |x: u32, y: u32, k: usize| if inside(x, y, k) { 255 } else { 0 }
+    };
+    let told = "a part that the slices below and above have at the same place is not on slice `s2.png` at column 5, row 2 (42 px)";
+    images(&names, drawn(&[2])).all_say(&SPACED, 0, told);
+    images(&names, drawn(&[1, 2])).none_doubts(&SPACED);
+    images(&names, drawn(&[3, 4])).none_doubts(&SPACED);
+}
+
+#[test]
 fn images_are_in_the_order_of_their_numbers_and_others_than_png_and_tiff_are_named() {
     let named = ["z_-10.png", "z_-5.png", "z_0.png", "z_5.png"];
     let case = images(&named, |x, y, k| if in_disc(x, y, k) { 255 } else { 0 });

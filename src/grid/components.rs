@@ -31,6 +31,13 @@ pub fn count8(mask: &[bool], dims: [usize; 2]) -> usize {
     Parts::of(mask, dims, 1).roots().count()
 }
 
+/// Parts joined through edges and corners of an image `nx` wide, of its runs in row order, none of which goes on in the next row: for each run the
+/// number of the first of its part.
+pub fn parts8(runs: impl Iterator<Item = Range<usize>>, nx: usize) -> Vec<usize> {
+    let mut parts = Parts::joined(runs, nx.max(1), 1);
+    (0..parts.runs.len()).map(|run| parts.root(run)).collect()
+}
+
 /// Runs of a mask's pixels along its rows, in row order, and for each the number of one of its part, itself or an earlier one: of a part's first
 /// run itself.
 struct Parts {
@@ -40,19 +47,33 @@ struct Parts {
 impl Parts {
     /// Finds the runs, and joins those of neighbouring rows that overlap, or would if they were longer by `reach` on either side.
     fn of(mask: &[bool], [nx, _]: [usize; 2], reach: usize) -> Self {
-        let mut parts = Parts { runs: Vec::new() };
-        let mut below = 0..0;
-        for (j, row) in mask.chunks_exact(nx.max(1)).enumerate() {
-            let first = parts.runs.len();
+        let rows = mask.chunks_exact(nx.max(1)).enumerate();
+        let runs = rows.flat_map(|(j, row)| {
             let mut begin = length(row, 0, false);
-            while begin < nx {
-                let end = length(row, begin, true);
-                parts.runs.push((j * nx + begin..j * nx + end, parts.runs.len()));
-                begin = length(row, end, false);
+            std::iter::from_fn(move || {
+                (begin < nx).then(|| {
+                    let end = length(row, begin, true);
+                    let run = j * nx + begin..j * nx + end;
+                    begin = length(row, end, false);
+                    run
+                })
+            })
+        });
+        Parts::joined(runs, nx, reach)
+    }
+
+    /// Joins runs in row order, none of which goes on in the next row.
+    fn joined(runs: impl Iterator<Item = Range<usize>>, nx: usize, reach: usize) -> Self {
+        let mut parts = Parts { runs: runs.enumerate().map(|(k, run)| (run, k)).collect() };
+        let (mut below, mut before, mut first) = (0..0, 0, 0);
+        while first < parts.runs.len() {
+            let row = parts.runs[first].0.start / nx;
+            if row > before + 1 {
+                below = 0..0;
             }
-            let own = first..parts.runs.len();
+            let end = first + parts.runs[first..].iter().take_while(|(run, _)| run.start < (row + 1) * nx).count();
             let mut k = below.start;
-            for run in own.clone() {
+            for run in first..end {
                 let Range { start, end } = parts.runs[run].0;
                 // The row below, as if it lay here.
                 while k < below.end && parts.runs[k].0.end + nx + reach <= start {
@@ -64,7 +85,7 @@ impl Parts {
                     other += 1;
                 }
             }
-            below = own;
+            (below, before, first) = (first..end, row, end);
         }
         parts
     }

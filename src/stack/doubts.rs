@@ -1,5 +1,6 @@
 //! Doubts about an input: what is probably not meant, said in words before the work.
 
+use super::forgotten::{Forgotten, forgotten};
 use super::{ContourStack, Slice, SliceContent};
 
 /// A slice with less than this share of its neighbours' area is doubted: no section between two others of an organ is so small.
@@ -95,6 +96,21 @@ fn blank(places: &[usize], name: impl Fn(usize) -> String) -> Option<String> {
     })
 }
 
+/// Words about parts that slices have not, by the places of these, of which `name` tells what they are called.
+fn part(forgotten: &[(usize, Forgotten)], name: impl Fn(usize) -> String) -> Option<String> {
+    let said =
+        |(k, f): &(usize, Forgotten)| format!("{} at column {}, row {} ({} px)", name(*k), f.at[0], f.at[1], f.pixels);
+    let listed: Vec<String> = forgotten.iter().take(NAMED).map(said).collect();
+    let more = forgotten.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    (!listed.is_empty()).then(|| {
+        format!(
+            "a part that the slices below and above have at the same place is not on {}{more}, so that the body is not there: was it left unpainted?",
+            listed.join(", ")
+        )
+    })
+}
+
 impl ContourStack {
     /// Doubts about slices that look painted by mistake, or left empty, and about the pixels' sides.
     pub fn doubts(&self) -> Vec<String> {
@@ -109,7 +125,14 @@ impl ContourStack {
             |k: usize, beside: usize| sides(k).into_iter().zip(sides(beside)).any(|(own, other)| own && other);
         let name = |k: usize| format!("slice `{}`", self.slices[k].name);
         let empty = interleaved(&sections).or_else(|| blank(&blanks(&sections, overlap), name));
-        let slices = stray(&strays(&sections, overlap), &sections, name).into_iter().chain(empty);
+        let mask = |k: usize| match &self.slices[k].content {
+            SliceContent::Mask(mask) => mask,
+            SliceContent::Level(level) => level.sides(),
+        };
+        let inner = (1..self.slices.len().max(1) - 1).filter(|&k| sections[k].area > 0);
+        let without = inner.filter_map(|k| Some((k, forgotten([k - 1, k, k + 1].map(mask), self.dims[0])?)));
+        let parts = part(&without.collect::<Vec<_>>(), name);
+        let slices = stray(&strays(&sections, overlap), &sections, name).into_iter().chain(empty).chain(parts);
         slices.chain(self.long_pixels()).collect()
     }
 

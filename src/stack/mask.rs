@@ -1,6 +1,7 @@
 //! Mask of a slice: which pixels are inside, kept as runs: memory follows the contour, not the image.
 
 use std::iter::repeat_n;
+use std::ops::Range;
 
 /// A mask, row-major: pixels from the first change to before the second are inside, and so on.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -28,8 +29,13 @@ impl Mask {
 
     /// Number of pixels inside.
     pub fn count(&self) -> usize {
+        self.runs().map(|run| run.len()).sum()
+    }
+
+    /// Pixels inside, run by run: one may go on in the next row.
+    pub fn runs(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let ends = self.changes.iter().skip(1).step_by(2).copied().chain([self.len]);
-        self.changes.iter().step_by(2).zip(ends).map(|(start, end)| end - start).sum()
+        self.changes.iter().step_by(2).zip(ends).map(|(start, end)| *start..end)
     }
 
     /// Whether pixel `node` is inside; what lies beyond the last pixel is not.

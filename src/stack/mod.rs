@@ -7,6 +7,7 @@ pub mod axis;
 pub(crate) mod beyond;
 pub mod change;
 pub mod doubts;
+mod forgotten;
 pub mod heights;
 pub mod level;
 pub mod links;

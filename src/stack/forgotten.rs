@@ -1,0 +1,114 @@
+//! Parts that a slice has not, though both of its neighbours have them at the same place.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::mask::Mask;
+use crate::grid::components::parts8;
+
+/// Smaller parts are specks, px.
+const LEAST: usize = 16;
+
+/// A part that a slice has not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Forgotten {
+    /// Pixels that both neighbours have.
+    pub pixels: usize,
+    /// Column and row in the middle of the longest run of them.
+    pub at: [usize; 2],
+}
+
+/// The largest part of what the slices below and above have in common of which the slice between has no pixel, on images `nx` wide.
+pub fn forgotten([below, here, above]: [&Mask; 3], nx: usize) -> Option<Forgotten> {
+    let nx = nx.max(1);
+    let common: Vec<Range<usize>> = common(rows(below.runs(), nx), rows(above.runs(), nx)).collect();
+    let mut own = here.runs().peekable();
+    let seen = |run: &Range<usize>| {
+        while own.next_if(|other| other.end <= run.start).is_some() {}
+        own.peek().is_some_and(|other| other.start < run.end)
+    };
+    let seen: Vec<bool> = common.iter().map(seen).collect();
+    // Pixels of each part that is nowhere seen, and its longest run.
+    let mut parts: BTreeMap<usize, Option<(usize, Range<usize>)>> = BTreeMap::new();
+    for ((run, part), seen) in common.iter().zip(parts8(common.iter().cloned(), nx)).zip(seen) {
+        let known = parts.entry(part).or_insert(Some((0, 0..0)));
+        *known = known.take().filter(|_| !seen).map(|(pixels, longest)| {
+            let longest = if run.len() > longest.len() { run.clone() } else { longest };
+            (pixels + run.len(), longest)
+        });
+    }
+    let largest = parts.into_values().flatten().max_by_key(|(pixels, _)| *pixels);
+    let (pixels, longest) = largest.filter(|(pixels, _)| *pixels >= LEAST)?;
+    let middle = (longest.start + longest.end) / 2;
+    Some(Forgotten { pixels, at: [middle % nx, middle / nx] })
+}
+
+/// Runs, cut at the ends of rows.
+fn rows(runs: impl Iterator<Item = Range<usize>>, nx: usize) -> impl Iterator<Item = Range<usize>> {
+    runs.flat_map(move |run| {
+        let rows = run.start / nx..run.end.div_ceil(nx);
+        rows.map(move |row| run.start.max(row * nx)..run.end.min((row + 1) * nx))
+    })
+}
+
+/// What two rows of runs have in common.
+fn common(
+    a: impl Iterator<Item = Range<usize>>,
+    b: impl Iterator<Item = Range<usize>>,
+) -> impl Iterator<Item = Range<usize>> {
+    let (mut a, mut b) = (a.peekable(), b.peekable());
+    let step = move || {
+        let (first, second) = (a.peek()?.clone(), b.peek()?.clone());
+        // The one that ends first meets nothing else of the other.
+        let _ = if first.end <= second.end { a.next() } else { b.next() };
+        Some(first.start.max(second.start)..first.end.min(second.end))
+    };
+    std::iter::from_fn(step).filter(|run| run.start < run.end)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const N: usize = 40;
+
+    fn mask(inside: impl Fn(usize, usize) -> bool) -> Mask {
+        (0..N * N).map(|n| inside(n % N, n / N)).collect()
+    }
+
+    fn block(i: usize, j: usize, [left, top, side]: [usize; 3]) -> bool {
+        (left..left + side).contains(&i) && (top..top + side).contains(&j)
+    }
+
+    #[test]
+    fn a_part_that_one_slice_has_not_is_found_and_no_other() {
+        let both = mask(|i, j| block(i, j, [3, 4, 6]) || block(i, j, [20, 10, 12]));
+        let moved = mask(|i, j| block(i, j, [4, 5, 6]) || block(i, j, [21, 12, 12]));
+        let one = mask(|i, j| block(i, j, [20, 10, 12]));
+        let found = forgotten([&both, &one, &moved], N);
+        assert_eq!(found, Some(Forgotten { pixels: 25, at: [6, 5] }));
+        assert_eq!(forgotten([&both, &moved, &both], N), None);
+        // A cavity is no part, nor is what only touches what the slice has.
+        let hollow = mask(|i, j| block(i, j, [3, 4, 6]) || block(i, j, [20, 10, 12]) && !block(i, j, [22, 12, 8]));
+        assert_eq!(forgotten([&both, &hollow, &both], N), None);
+        // Specks are let be; without a slice between all of the largest is missing.
+        let specks = mask(|i, j| block(i, j, [30, 30, 3]));
+        assert_eq!(forgotten([&specks, &one, &specks], N), None);
+        assert_eq!(forgotten([&both, &mask(|_, _| false), &both], N).map(|f| f.pixels), Some(144));
+    }
+
+    #[test]
+    fn what_is_common_is_what_pixel_by_pixel_is() {
+        for seed in 0..60u32 {
+            let noise = |salt: u32| {
+                let hash = move |n: usize| (n as u32 / (1 + seed % 5)).wrapping_mul(2654435761 ^ salt) >> 16;
+                mask(|i, j| hash(j * N + i + seed as usize) % 7 < 5)
+            };
+            let (a, b) = (noise(17), noise(4242));
+            let expected: Vec<usize> = (0..N * N).filter(|&n| a.at(n) && b.at(n)).collect();
+            let runs: Vec<Range<usize>> = common(rows(a.runs(), N), rows(b.runs(), N)).collect();
+            assert!(runs.iter().all(|run| run.start / N == (run.end - 1) / N), "no run goes on in the next row");
+            assert_eq!(runs.into_iter().flatten().collect::<Vec<_>>(), expected);
+        }
+    }
+}

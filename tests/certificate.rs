@@ -45,12 +45,17 @@ fn examined(of: impl Fn(f64) -> Discs, parted: &[(u32, u32)]) -> Report {
         first: FIRST,
         parted: vec![parted.to_vec(), Vec::new()],
     };
-    let mut examined = Examined::new(spec);
-    for z in all {
-        let layer = layer(z, &of(z));
-        examined.layer(&layer, layer.output || layer.contour.is_some());
+    let layers: Vec<Layer> = all.into_iter().map(|z| layer(z, &of(z))).collect();
+    let handed: Vec<(&Layer, bool)> = layers.iter().map(|l| (l, l.output || l.contour.is_some())).collect();
+    let by = |count: usize| {
+        let mut examined = Examined::new(spec.clone());
+        handed.chunks(count).for_each(|some| examined.layers(some));
+        examined.finish()
+    };
+    let (met, body) = by(1);
+    for count in [3, 7, handed.len()] {
+        assert_eq!(format!("{:?}", by(count)), format!("{:?}", (&met, &body)), "{count} layers at once");
     }
-    let (met, body) = examined.finish();
     let contours = met.into_iter().map(|met| ContourReport {
         area: met.area,
         below: met.below,

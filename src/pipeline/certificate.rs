@@ -6,6 +6,8 @@
 use std::collections::BTreeSet;
 use std::mem::take;
 
+use rayon::prelude::*;
+
 use crate::connectivity::runs::{DisjointSets, Runs, Side};
 use crate::grid::sparse_image::{SQUARE, SparseImage};
 use crate::grid::union::unite_packed;
@@ -53,6 +55,16 @@ pub struct CertificateSpec {
     pub parted: Vec<Vec<(u32, u32)>>,
 }
 
+/// What a layer says by itself and beside the one before it.
+struct Facts {
+    /// Area of a contour's.
+    area: f64,
+    /// Runs of one that is handed on or a contour's.
+    runs: Option<[Runs; 2]>,
+    /// Change from the one before.
+    step: Option<Step>,
+}
+
 /// Looks at layers as they come, lowest first.
 #[derive(Debug)]
 pub struct Examined {
@@ -87,14 +99,36 @@ impl Examined {
         }
     }
 
-    /// The next layer; `handed` on or not.
-    pub fn layer(&mut self, layer: &Layer, handed: bool) {
-        match layer.contour {
-            Some(i) => self.at_contour(i, layer),
-            None => self.between(layer, handed),
+    /// The next layers; handed on or not.
+    pub fn layers(&mut self, layers: &[(&Layer, bool)]) {
+        let facts: Vec<Facts> = (0..layers.len()).into_par_iter().map(|k| self.facts(layers, k)).collect();
+        let mut lowest = self.before.is_none();
+        for ((layer, handed), facts) in layers.iter().zip(facts) {
+            match (layer.contour, facts.runs) {
+                (Some(i), Some(ends)) => self.at_contour(i, layer, facts.area, ends),
+                (_, runs) => self.between(layer, runs, lowest),
+            }
+            lowest &= !handed;
+            if let Some(step) = facts.step.filter(|_| *handed)
+                && self.body.largest_step.is_none_or(|known| step.px > known.px)
+            {
+                self.body.largest_step = Some(step);
+            }
         }
-        if handed {
-            self.step(layer);
+        if let Some((last, _)) = layers.iter().rev().find(|(_, handed)| *handed) {
+            self.before = Some((last.z, last.phi.clone()));
+        }
+    }
+
+    /// What layer `k` of some says by itself and beside the one before it, of those that are handed on.
+    fn facts(&self, layers: &[(&Layer, bool)], k: usize) -> Facts {
+        let (layer, handed) = layers[k];
+        let known = self.before.as_ref().map(|(z, phi)| (*z, phi));
+        let before = layers[..k].iter().rev().find(|(_, handed)| *handed).map(|(layer, _)| (layer.z, &layer.phi));
+        Facts {
+            area: if layer.contour.is_some() { self.area(&layer.phi) } else { 0.0 },
+            runs: (handed || layer.contour.is_some()).then(|| Runs::both(&layer.phi)),
+            step: before.or(known).filter(|_| handed).and_then(|before| self.step(before, layer)),
         }
     }
 
@@ -106,8 +140,7 @@ impl Examined {
         (self.contours, self.body)
     }
 
-    fn at_contour(&mut self, i: usize, layer: &Layer) {
-        let area = self.area(&layer.phi);
+    fn at_contour(&mut self, i: usize, layer: &Layer, area: f64, ends: [Runs; 2]) {
         self.contours[i].area = area;
         if let Some(beside) = self.beside.take() {
             self.contours[i].below = Some(self.beside_of(&layer.phi, &beside));
@@ -116,7 +149,6 @@ impl Examined {
         if i == 0 {
             self.body.beyond[0] = self.lower.take().map_or(0, |lower| around(&layer.phi, &lower));
         }
-        let ends = Runs::both(&layer.phi);
         let inside = ends[0].clone();
         for (pieces, runs) in self.pieces.iter_mut().zip(ends) {
             pieces.add(runs);
@@ -161,7 +193,8 @@ impl Examined {
         deepest(&a, &b).max(deepest(&b, &a))
     }
 
-    fn between(&mut self, layer: &Layer, handed: bool) {
+    /// A layer that is no contour's, with its runs where it is handed on; the `lowest` of those, or not.
+    fn between(&mut self, layer: &Layer, runs: Option<[Runs; 2]>, lowest: bool) {
         let z = &self.spec.z;
         let above = z.partition_point(|v| *v < layer.z);
         if above > 0 && above < z.len() {
@@ -173,9 +206,7 @@ impl Examined {
             }
             self.beside = (z[above] - layer.z <= near).then(|| layer.phi.clone());
         }
-        if !handed {
-            return;
-        }
+        let Some(runs) = runs else { return };
         if above == 0 {
             match &mut self.lower {
                 Some(lower) => unite_packed(lower, self.spec.dims.map(|n| 0..n), [0; 2], &layer.phi, |v| v),
@@ -186,9 +217,9 @@ impl Examined {
         {
             self.body.beyond[1] = self.body.beyond[1].max(around(contour, &layer.phi));
         }
-        for (pieces, runs) in self.pieces.iter_mut().zip(Runs::both(&layer.phi)) {
+        for (pieces, runs) in self.pieces.iter_mut().zip(runs) {
             pieces.add(runs);
-            if self.before.is_none() && pieces.side == Side::Outside {
+            if lowest && pieces.side == Side::Outside {
                 pieces.ground_last();
             }
         }
@@ -216,16 +247,9 @@ impl Examined {
     }
 
     /// The change from the layer before, between the first and the last contour: beyond, the body may end flat.
-    fn step(&mut self, layer: &Layer) {
-        let Some((z, before)) = self.before.replace((layer.z, layer.phi.clone())) else { return };
+    fn step(&self, (z, before): (f64, &SparseImage<f32>), layer: &Layer) -> Option<Step> {
         let [low, high] = [self.spec.z.first(), self.spec.z.last()].map(|z| z.copied().unwrap_or_default());
-        if z < low || layer.z > high {
-            return;
-        }
-        let px = self.change(&before, &layer.phi);
-        if self.body.largest_step.is_none_or(|known| px > known.px) {
-            self.body.largest_step = Some(Step { from: z, to: layer.z, px });
-        }
+        (z >= low && layer.z <= high).then(|| Step { from: z, to: layer.z, px: self.change(before, &layer.phi) })
     }
 
     fn beside_of(&self, contour: &SparseImage<f32>, beside: &SparseImage<f32>) -> StepBeside {

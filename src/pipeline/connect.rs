@@ -1,6 +1,9 @@
 //! Topology between slices, made right after all other stages: overlaps stay connected, nothing floats.
 
+use std::mem::{replace, take};
 use std::ops::Range;
+use std::panic::resume_unwind;
+use std::thread;
 
 use rayon::prelude::*;
 
@@ -11,8 +14,9 @@ use crate::connectivity::runs::{Runs, Side};
 use crate::contour::Contour;
 use crate::error::Result;
 use crate::grid::sparse_image::SparseImage;
-use crate::pipeline::context::{Bonds, Context, Sink};
+use crate::pipeline::context::{Bonds, Context};
 use crate::pipeline::links::IntervalLinks;
+use crate::report::clock::Clocks;
 use crate::stack::heights::NODE_TIMES;
 use crate::storage::spill::SpillVec;
 use crate::surface::Layer;
@@ -25,6 +29,30 @@ struct IntervalLayer {
     layer: Layer,
     /// Whether it is a contour or lies at one of [`NODE_TIMES`].
     node: bool,
+    /// Whether it ends at the image's border already.
+    ended: bool,
+}
+
+impl IntervalLayer {
+    fn new(layer: Layer, node: bool) -> Self {
+        IntervalLayer { layer, node, ended: false }
+    }
+}
+
+/// Taker of layers that follow each other.
+pub(crate) type SinkOfSome<'a> = dyn FnMut(Vec<Layer>) -> Result<()> + 'a;
+
+/// What ends a layer at the image's border.
+pub(crate) type Ends<'r> = &'r (dyn Fn(&mut SparseImage<f32>) + Sync);
+
+/// Does both, `other` on a thread beside this one, if there is another: one of the pool that waits for others would take it over, and be late by it.
+fn meanwhile<A, B: Send>(clocks: &Clocks, own: impl FnOnce() -> A, other: impl FnOnce() -> B + Send) -> (A, Option<B>) {
+    thread::scope(|scope| {
+        let beside = thread::Builder::new().name("cores".into());
+        let beside = beside.spawn_scoped(scope, || clocks.beside(other));
+        let own = own();
+        (own, beside.ok().map(|beside| beside.join().unwrap_or_else(|panic| resume_unwind(panic))))
+    })
 }
 
 /// Takes layers in order of height and hands them on, interval by interval. Needs those at [`NODE_TIMES`].
@@ -34,6 +62,9 @@ pub(crate) struct Together<'r, 'b> {
     shown: OutputImage,
     /// Columns and rows of it that the image has.
     image: [Range<usize>; 2],
+    end: Ends<'r>,
+    /// Clocks of threads that may run beside this one, if any may.
+    beside: Option<Clocks>,
     px: f64,
     bonds: Bonds,
     /// Layers that wait, from a contour on.
@@ -45,46 +76,88 @@ pub(crate) fn together<'a, 'r>(
     run: &Context<'a>,
     links: &[IntervalLinks],
     contours: &'r SpillVec<'a, Contour>,
+    end: Ends<'r>,
+    beside: Option<Clocks>,
 ) -> Together<'r, 'a> {
     let seen = run.window.beyond.then(|| run.window.rectangle(run.image));
     let limit = run.settings.margin() as f64;
     let shown = OutputImage { dims: run.stack.dims, pad: run.pad, h: run.h, limit, seen };
     let parted = links.iter().map(IntervalLinks::parted).collect();
     let image = run.window.part(run.image);
-    Together { contours, parted, shown, image, px: run.px, bonds: run.bonds, waiting: Vec::new(), cores: None }
+    Together {
+        contours,
+        parted,
+        shown,
+        image,
+        end,
+        beside,
+        px: run.px,
+        bonds: run.bonds,
+        waiting: Vec::new(),
+        cores: None,
+    }
 }
 
 impl Together<'_, '_> {
     /// Takes the next layer.
-    pub fn push(&mut self, layer: Layer, sink: &mut Sink<'_>) -> Result<()> {
+    pub fn push(&mut self, layer: Layer, sink: &mut SinkOfSome<'_>) -> Result<()> {
         let last = self.contours.len() - 1;
         if let Some(i) = layer.contour {
-            self.waiting.push(IntervalLayer { layer, node: true });
-            self.finish_interval(sink)?;
-            self.cores = if i < last { self.cores(i)? } else { None };
-            return if i < last { Ok(()) } else { self.hand_on(sink) };
+            self.waiting.push(IntervalLayer::new(layer, true));
+            let (waiting, cores) = (take(&mut self.waiting), self.cores.take());
+            let next = |this: &Self| if i < last { this.cores(i) } else { Ok(None) };
+            let (mut layers, made) = match &self.beside {
+                Some(clocks) => meanwhile(clocks, || self.finished(waiting, cores, true), || next(self)),
+                None => (self.finished(waiting, cores, true), None),
+            };
+            if i < last {
+                self.waiting.extend(layers.pop());
+            }
+            self.hand_on(layers, sink)?;
+            self.cores = made.unwrap_or_else(|| next(self))?;
+            return Ok(());
         }
-        let Some(low) = self.waiting.first().and_then(|w| w.layer.contour) else { return sink(layer) };
+        let Some(low) = self.waiting.first().and_then(|w| w.layer.contour) else {
+            return self.hand_on(self.finished(vec![IntervalLayer::new(layer, false)], None, false), sink);
+        };
         let [low, high] = [low, low + 1].map(|k| self.contours.light(k).z);
         let t = (layer.z - low) / (high - low);
         let node = NODE_TIMES.iter().any(|node| (t - node).abs() <= SAME_TIME);
-        self.waiting.push(IntervalLayer { layer, node });
+        self.waiting.push(IntervalLayer::new(layer, node));
         Ok(())
     }
 
     /// Hands on everything that is left.
-    pub fn finish(mut self, sink: &mut Sink<'_>) -> Result<()> {
-        self.keep_cores();
-        self.hand_on(sink)
+    pub fn finish(mut self, sink: &mut SinkOfSome<'_>) -> Result<()> {
+        let (waiting, cores) = (take(&mut self.waiting), self.cores.take());
+        self.hand_on(self.finished(waiting, cores, false), sink)
     }
 
-    /// Keeps the cores of the interval whose layers wait inside those between its contours.
-    fn keep_cores(&mut self) {
-        let (Some(cores), px) = (self.cores.take(), self.px) else { return };
-        self.waiting.par_iter_mut().filter(|w| w.layer.contour.is_none()).for_each(|w| {
-            cores.keep(&mut w.layer, px);
-            w.layer.phi.shrink_to_fit();
+    /// Hands layers on: together, but one by one where nothing runs beside this thread and memory may be short.
+    fn hand_on(&self, layers: Vec<IntervalLayer>, sink: &mut SinkOfSome<'_>) -> Result<()> {
+        let mut layers = layers.into_iter().map(|w| w.layer);
+        if self.beside.is_none() {
+            return layers.try_for_each(|layer| sink(vec![layer]));
+        }
+        if layers.len() == 0 { Ok(()) } else { sink(layers.collect()) }
+    }
+
+    /// Layers, ended at the image's border and with the cores of their interval inside those between its contours; where they are `all` of an
+    /// interval, from contour to contour, with nothing that floats.
+    fn finished(&self, mut layers: Vec<IntervalLayer>, cores: Option<Cores>, all: bool) -> Vec<IntervalLayer> {
+        layers.par_iter_mut().for_each(|w| {
+            if !replace(&mut w.ended, true) {
+                (self.end)(&mut w.layer.phi);
+            }
+            if let Some(cores) = cores.as_ref().filter(|_| w.layer.contour.is_none()) {
+                cores.keep(&mut w.layer, self.px);
+                w.layer.phi.shrink_to_fit();
+            }
         });
+        if all && self.bonds.grounded && layers.len() > 2 {
+            self.repair(&mut layers);
+        }
+        layers
     }
 
     fn cores(&self, i: usize) -> Result<Option<Cores>> {
@@ -98,25 +171,9 @@ impl Together<'_, '_> {
         Ok(Cores::new(&*read(i)?, &*read(i + 1)?, parted, &self.shown))
     }
 
-    /// All layers, from contour to contour, are there: hands them on but for the last, where the next interval begins.
-    fn finish_interval(&mut self, sink: &mut Sink<'_>) -> Result<()> {
-        self.keep_cores();
-        if self.bonds.grounded && self.waiting.len() > 2 {
-            self.repair();
-        }
-        let next = self.waiting.pop();
-        self.hand_on(sink)?;
-        self.waiting.extend(next);
-        Ok(())
-    }
-
-    fn hand_on(&mut self, sink: &mut Sink<'_>) -> Result<()> {
-        self.waiting.drain(..).try_for_each(|w| sink(w.layer))
-    }
-
     /// Puts what floats on the other side, or joins it to what does not.
-    fn repair(&mut self) {
-        let all: Vec<[Runs; 2]> = self.waiting.par_iter().map(|w| Runs::both(&w.layer.phi)).collect();
+    fn repair(&self, layers: &mut [IntervalLayer]) {
+        let all: Vec<[Runs; 2]> = layers.par_iter().map(|w| Runs::both(&w.layer.phi)).collect();
         let (inside, mut outside): (Vec<Runs>, Vec<Runs>) =
             all.into_iter().map(|[inside, outside]| (inside, outside)).unzip();
         let turned = |w: &mut IntervalLayer, runs: &Runs, stays: &[bool]| {
@@ -126,29 +183,29 @@ impl Together<'_, '_> {
             turn(&mut w.layer.phi, runs, stays);
             Some(Runs::new(&w.layer.phi, Side::Outside))
         };
-        let (stays, floats) = self.stays(&inside, Side::Inside);
+        let (stays, floats) = self.stays(layers, &inside, Side::Inside);
         let work = |(((w, runs), outside), stays): (((&mut IntervalLayer, &Runs), &mut Runs), &Vec<bool>)| {
             if let Some(runs) = turned(w, runs, stays) {
                 *outside = runs;
             }
         };
-        self.waiting.par_iter_mut().zip(&inside).zip(&mut outside).zip(&stays).for_each(work);
+        layers.par_iter_mut().zip(&inside).zip(&mut outside).zip(&stays).for_each(work);
         // A way might join what links keep apart.
-        let low = self.waiting.first().and_then(|w| w.layer.contour);
+        let low = layers.first().and_then(|w| w.layer.contour);
         let apart = low.and_then(|i| self.parted.get(i)).is_some_and(|parted| !parted.is_empty());
         if floats && !apart {
-            let mut layers: Vec<&mut SparseImage<f32>> = self.waiting.iter_mut().map(|w| &mut w.layer.phi).collect();
-            join(&mut layers, &inside, &stays, &self.image);
-            outside = self.waiting.par_iter().map(|w| Runs::new(&w.layer.phi, Side::Outside)).collect();
+            let mut phi: Vec<&mut SparseImage<f32>> = layers.iter_mut().map(|w| &mut w.layer.phi).collect();
+            join(&mut phi, &inside, &stays, &self.image);
+            outside = layers.par_iter().map(|w| Runs::new(&w.layer.phi, Side::Outside)).collect();
         }
-        let (stays, _) = self.stays(&outside, Side::Outside);
-        self.waiting.par_iter_mut().zip(&outside).zip(&stays).for_each(|((w, runs), stays)| _ = turned(w, runs, stays));
+        let (stays, _) = self.stays(layers, &outside, Side::Outside);
+        layers.par_iter_mut().zip(&outside).zip(&stays).for_each(|((w, runs), stays)| _ = turned(w, runs, stays));
     }
 
     /// Parts of the layers that wait which do not float or are more than crumbs, and whether there are such that float.
-    fn stays(&self, all: &[Runs], side: Side) -> (Vec<Vec<bool>>, bool) {
+    fn stays(&self, layers: &[IntervalLayer], all: &[Runs], side: Side) -> (Vec<Vec<bool>>, bool) {
         let nx = self.shown.dims[0];
-        let places: Vec<usize> = (0..all.len()).filter(|&k| self.waiting[k].node).collect();
+        let places: Vec<usize> = (0..all.len()).filter(|&k| layers[k].node).collect();
         let nodes: Vec<Runs> = places.iter().map(|&k| all[k].clone()).collect();
         let or_whole = |stays: Vec<Vec<bool>>, all: &[Runs]| -> Vec<Vec<bool>> {
             let of =
@@ -200,14 +257,16 @@ mod tests {
             let (contours, parted) = (&contours, vec![Vec::new()]);
             let image = [0..N, 0..N];
             let (waiting, cores) = (Vec::new(), None);
-            let mut together = Together { contours, parted, shown, image, px: 1.0, bonds, waiting, cores };
+            let mut together =
+                Together { contours, parted, shown, image, end: &|_| (), beside: None, px: 1.0, bonds, waiting, cores };
             let mut layers =
                 vec![layer(0.0, &[1]), layer(2.0, &[1]), layer(4.0, &[1, 3]), layer(6.0, &[1]), layer(8.0, &[1])];
             layers.extend(others.iter().map(|(z, inside)| layer(*z, inside)));
             layers.sort_by(|a, b| a.z.total_cmp(&b.z));
             let mut out = Vec::new();
-            let mut sink = |layer: Layer| {
-                out.push((layer.z, (0..N).filter(|&i| layer.phi.at(i, 1) < 0.0).collect::<Vec<_>>()));
+            let inside = |layer: &Layer| (0..N).filter(|&i| layer.phi.at(i, 1) < 0.0).collect::<Vec<_>>();
+            let mut sink = |layers: Vec<Layer>| {
+                out.extend(layers.iter().map(|layer| (layer.z, inside(layer))));
                 Ok(())
             };
             layers.into_iter().try_for_each(|layer| together.push(layer, &mut sink)).expect("nothing fails");
@@ -236,10 +295,11 @@ mod tests {
             let shown = OutputImage { dims: [N; 2], pad: [0; 2], h: [1.0; 2], limit: 9.0, seen: None };
             let (contours, parted, image) = (&contours, vec![parted], [0..N, 0..N]);
             let (bonds, waiting, cores) = (Bonds { cores: false, grounded: true }, Vec::new(), None);
-            let mut together = Together { contours, parted, shown, image, px: 1.0, bonds, waiting, cores };
+            let mut together =
+                Together { contours, parted, shown, image, end: &|_| (), beside: None, px: 1.0, bonds, waiting, cores };
             let mut inside = Vec::new();
-            let mut sink = |layer: Layer| {
-                if layer.z == 4.0 {
+            let mut sink = |layers: Vec<Layer>| {
+                if let Some(layer) = layers.iter().find(|layer| layer.z == 4.0) {
                     inside = (0..N * N).filter(|n| layer.phi.at(n % N, n / N) < 0.0).collect();
                 }
                 Ok(())

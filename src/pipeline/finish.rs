@@ -15,6 +15,7 @@ use super::links::{IntervalLinks, fairing_shares};
 use crate::contour::Contour;
 use crate::error::{Error, Result};
 use crate::fairing::{Fairing, FairingSpec, GAPS_AT_ONCE, LARGE_AT_ONCE, SMALL};
+use crate::grid::sparse_image::SparseImage;
 use crate::registration::motion_stack::MotionStack;
 use crate::stack::heights::NODES;
 use crate::storage::spill::SpillVec;
@@ -31,8 +32,8 @@ impl<F: FnOnce(&mut Sink<'_>) -> Result<()> + Send> Make for F {}
 
 /// Takers of the layers of a run, one after the other.
 pub(super) struct Takers<'t> {
-    /// Looks at a layer; gives back what is handed on.
-    pub look: &'t mut (dyn FnMut(Layer) -> Option<Layer> + Send),
+    /// Looks at layers that follow each other; gives back what is handed on.
+    pub look: &'t mut (dyn FnMut(Vec<Layer>) -> Vec<Layer> + Send),
     /// Takes it.
     pub sink: &'t mut dyn LayerSink,
 }
@@ -48,19 +49,16 @@ pub(super) fn faired<'a>(
     Takers { look, sink }: Takers<'_>,
     make: impl Make,
 ) -> Result<()> {
-    let mut together = together(run, links, contours);
     let limit = (run.settings.margin() as f64 * run.px) as f32;
-    let on_image = |mut layer: Layer| {
-        run.window.end_at_border(&mut layer.phi, run.image, run.stack.spacing, limit);
-        layer
-    };
-    let fairing = fairing(run, links, contours, moving)?;
-    let fair = |take: &mut Sink<'_>| fair(fairing, make, take);
+    let end = |phi: &mut SparseImage<f32>| run.window.end_at_border(phi, run.image, run.stack.spacing, limit);
     // A thread of a pool that waits would be missing there.
     let alone = run.budget.is_bounded() || rayon::current_thread_index().is_some();
+    let mut together = together(run, links, contours, &end, (!alone).then(|| run.clocks.clone()));
+    let fairing = fairing(run, links, contours, moving)?;
+    let fair = |take: &mut Sink<'_>| fair(fairing, make, take);
     let hold = |take: &mut Sink<'_>| {
-        let mut looked_at = |layer| look(layer).map_or(Ok(()), &mut *take);
-        let hold = &mut |layer| together.push(on_image(layer), &mut looked_at);
+        let mut looked_at = |layers| look(layers).into_iter().try_for_each(&mut *take);
+        let hold = &mut |layer| together.push(layer, &mut looked_at);
         if alone { fair(hold) } else { beside(run, fair, hold) }?;
         together.finish(&mut looked_at)
     };

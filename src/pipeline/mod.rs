@@ -29,6 +29,8 @@ pub(crate) mod tracks;
 
 use std::sync::Mutex;
 
+use rayon::prelude::*;
+
 use self::certificate::Examined;
 use self::context::{Context, Spent, stage};
 use self::distance::distance;
@@ -86,25 +88,31 @@ struct Certified<'a> {
 }
 
 impl Certified<'_> {
-    /// The layer that is handed on.
-    fn look(&mut self, mut layer: Layer) -> Option<Layer> {
-        let within = layer.z > self.ends[0] && layer.z < self.ends[1];
-        let shown = self.shown.binary_search_by(|z| z.total_cmp(&layer.z)).is_ok();
-        let handed = layer.output || layer.contour.is_some() || !within || shown;
+    /// The layers that are handed on, of some that follow each other.
+    fn look(&mut self, layers: Vec<Layer>) -> Vec<Layer> {
+        let with_handed = |layer: Layer| {
+            let within = layer.z > self.ends[0] && layer.z < self.ends[1];
+            let shown = self.shown.binary_search_by(|z| z.total_cmp(&layer.z)).is_ok();
+            let handed = layer.output || layer.contour.is_some() || !within || shown;
+            (layer, handed)
+        };
+        let layers: Vec<(Layer, bool)> = layers.into_iter().map(with_handed).collect();
         // A section knows its last interval's upper contour, too.
-        if layer.z >= self.kept[0] && layer.z <= self.kept[1] {
-            self.examined.layer(&layer, handed);
-        }
-        if !handed || layer.z < self.kept[0] || layer.z >= self.kept[1] {
-            return None;
-        }
-        layer.phi = self.window.image(&layer.phi, self.stack.dims, self.outside);
-        if let Some(i) = layer.contour {
-            let content = &self.stack.slices[i].content;
-            self.differing[i] = differing_pixels(&layer.phi, content);
-            layer.contour = Some(self.first + i);
-        }
-        Some(layer)
+        let known = layers.iter().filter(|(layer, _)| layer.z >= self.kept[0] && layer.z <= self.kept[1]);
+        self.examined.layers(&known.map(|(layer, handed)| (layer, *handed)).collect::<Vec<_>>());
+        let on_image = |(mut layer, handed): (Layer, bool)| {
+            if !handed || layer.z < self.kept[0] || layer.z >= self.kept[1] {
+                return None;
+            }
+            layer.phi = self.window.image(&layer.phi, self.stack.dims, self.outside);
+            let differing = layer.contour.map(|i| (i, differing_pixels(&layer.phi, &self.stack.slices[i].content)));
+            layer.contour = layer.contour.map(|i| self.first + i);
+            Some((layer, differing))
+        };
+        let on_image: Vec<Option<_>> = layers.into_par_iter().map(on_image).collect();
+        let (layers, differing): (Vec<Layer>, Vec<_>) = on_image.into_iter().flatten().unzip();
+        differing.into_iter().flatten().for_each(|(i, count): (usize, usize)| self.differing[i] = count);
+        layers
     }
 }
 
@@ -241,7 +249,7 @@ pub fn run(
     };
     let spent = backend.device_use().and_then(|_| of_this_thread()).map(|_| 0.0);
     let mut timed = Timed { sink, spent };
-    let takers = Takers { look: &mut |layer| certified.look(layer), sink: &mut timed };
+    let takers = Takers { look: &mut |layers| certified.look(layers), sink: &mut timed };
     let extent = match settings.method {
         Method::Morph => morph(&run, &mut links, &contours, heights, &mut report, takers)?,
         Method::Field => field(&run, &mut links, &contours, heights, &mut report, takers)?,

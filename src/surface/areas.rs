@@ -1,11 +1,15 @@
 //! Area of the body's layers over its height.
 
+use rayon::prelude::*;
+
 use crate::grid::field::covered;
 use crate::grid::sparse_image::SparseImage;
 use crate::report::AreaProfile;
 use crate::surface::Layer;
 use crate::surface::header::Header;
 
+/// Pixels of a layer that one thread looks at: fewer are done before others have begun.
+pub const OF_A_THREAD: usize = 1 << 20;
 /// Most layers that are kept: from there on every other one is, but for the contours.
 const MOST: usize = 4096;
 
@@ -30,20 +34,29 @@ pub struct Areas {
 pub fn area(phi: &SparseImage<f32>, [dx, dy]: [f64; 2]) -> f64 {
     let px = dx.max(dy);
     let share = |v: f32| covered(f64::from(v) / px);
-    let (mut inside, mut sum) = (false, 0.0);
-    for square in phi.each_square() {
-        match phi.whole(square) {
-            Some(v) => {
-                inside |= v < 0.0;
-                sum += share(v) * phi.size_of_square(square).iter().product::<usize>() as f64;
+    let [columns, rows] = phi.squares();
+    let of_row = |row: usize| {
+        let (mut inside, mut sum) = (false, 0.0);
+        for square in (0..columns).map(|column| [column, row]) {
+            match phi.whole(square) {
+                Some(v) => {
+                    inside |= v < 0.0;
+                    sum += share(v) * phi.size_of_square(square).iter().product::<usize>() as f64;
+                }
+                None => phi.of_square(square).flatten().for_each(|v| {
+                    inside |= *v < 0.0;
+                    sum += share(*v);
+                }),
             }
-            None => phi.of_square(square).flatten().for_each(|v| {
-                inside |= *v < 0.0;
-                sum += share(*v);
-            }),
         }
-    }
-    if inside { dx * dy * sum } else { 0.0 }
+        (inside, sum)
+    };
+    let sums: Vec<(bool, f64)> = match phi.dims().iter().product::<usize>() < OF_A_THREAD {
+        true => (0..rows).map(of_row).collect(),
+        false => (0..rows).into_par_iter().map(of_row).collect(),
+    };
+    let inside = sums.iter().any(|(inside, _)| *inside);
+    if inside { dx * dy * sums.iter().map(|(_, sum)| sum).sum::<f64>() } else { 0.0 }
 }
 
 impl Areas {

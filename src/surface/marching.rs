@@ -13,21 +13,18 @@ use rayon::prelude::*;
 use super::Layer;
 use super::header::Header;
 use super::slab::{Row, Slab};
-use super::strip::{Along, Corner, Last, Making, Scratch, Strip};
+use super::strip::{Along, Corner, Last, Making, OfStrip, Scratch, Strip};
 use crate::stack::Geometry;
 
-/// A piece has so many triangles at least, but for the last of those that are made together.
-const PIECE_TRIANGLES: usize = 1 << 12;
 /// A strip ends after the row in which it has reached this many cells: enough for a thread to take.
 const STRIP_CELLS: usize = 1 << 9;
-/// Cells of the strips that are made side by side, and cells that are looked at to find them, so many rows by a thread.
+/// Cells of the strips that are made side by side, and cells that are looked at to find them.
 const CELLS_AT_ONCE: usize = 1 << 13;
 const LOOKED_AT: usize = 1 << 17;
-const ROWS: usize = 4;
 /// Bytes that all of these take at most: where the body ends flat, a slab is as large as a layer.
 pub const BYTES: usize = 4 << 20;
 
-/// Piece of the surface: some rows of what a slab adds. Its triangles have corners of its own, of the pieces before it in the slab and of the slab
+/// Piece of the surface: a strip of what a slab adds. Its triangles have corners of its own, of the pieces before it in the slab and of the slab
 /// below, of no other.
 #[derive(Debug, Clone, Default)]
 pub struct Piece {
@@ -58,17 +55,6 @@ impl Piece {
     pub fn settled(&self) -> u64 {
         self.settled
     }
-
-    /// Adds a strip; a geometry that mirrors turns its triangles inside out.
-    fn add(&mut self, strip: &Strip, mirrors: bool) {
-        let first = self.corners.len() as u32;
-        self.positions.extend(strip.own.iter().map(|&own| strip.corners[own as usize].world));
-        self.corners.extend_from_slice(&strip.corners);
-        self.triangles.extend(strip.triangles.iter().map(|t| {
-            let [a, b, c] = t.map(|corner| first + corner);
-            if mirrors { [a, c, b] } else { [a, b, c] }
-        }));
-    }
 }
 
 /// Builds the surface slab by slab, from the lowest layer to the highest and the outside above it.
@@ -90,8 +76,6 @@ pub struct Builder {
     /// Vertices until now, of those the ones until the slab below and until this one.
     vertices: u64,
     starts: [u64; 2],
-    pieces: VecDeque<Piece>,
-    piece: Piece,
 }
 
 impl Builder {
@@ -110,12 +94,10 @@ impl Builder {
             last: Last::default(),
             vertices: 0,
             starts: [0; 2],
-            pieces: VecDeque::new(),
-            piece: Piece::default(),
         }
     }
 
-    /// The next layer: [`Builder::piece`] gives the slab below it, which must be asked for before the next one; nothing where it lies beyond
+    /// The next layer: [`Builder::made`] gives the slab below it, which must be asked for before the next one; nothing where it lies beyond
     /// the body's extent.
     pub fn layer(&mut self, layer: &Layer) {
         if layer.z >= self.extent[0] && layer.z <= self.extent[1] {
@@ -123,7 +105,7 @@ impl Builder {
         }
     }
 
-    /// There is no other layer: [`Builder::piece`] gives what closes the surface above the last; nothing where there was none.
+    /// There is no other layer: [`Builder::made`] gives what closes the surface above the last; nothing where there was none.
     pub fn finish(&mut self) {
         if self.slab.has_top() {
             self.rise(None);
@@ -135,32 +117,23 @@ impl Builder {
         self.slab.rise(layer);
         self.starts = [self.starts[1], self.vertices];
         self.row = Some(0);
-        (self.found, self.pieces) = Default::default();
+        self.found = Default::default();
         self.along.swap(0, 1);
         // Nothing is used again: one layer's contours may be far longer than those after it.
         self.along[1] = Along::default();
         self.last = Last::default();
     }
 
-    /// The next piece of the slab; none where it is complete. A slab has one piece at least.
-    pub fn piece(&mut self) -> Option<&Piece> {
-        if self.pieces.is_empty() {
-            self.make();
-        }
-        self.piece = self.pieces.pop_front()?;
-        Some(&self.piece)
-    }
-
     /// Shows the slab's pieces, all that are left.
     pub fn pieces(&mut self, mut each: impl FnMut(&Piece)) {
-        while let Some(piece) = self.piece() {
-            each(piece);
+        while let Some(pieces) = self.made() {
+            pieces.iter().for_each(&mut each);
         }
     }
 
-    /// Makes the next pieces.
-    fn make(&mut self) {
-        let Some(mut row) = self.row else { return };
+    /// The next pieces of the slab; none where it is complete. A slab has one piece at least.
+    pub fn made(&mut self) -> Option<Vec<Piece>> {
+        let mut row = self.row?;
         // One strip more than are made now: without another one the last of these is the slab's.
         while self.found.1 <= CELLS_AT_ONCE && row < self.slab.rows() {
             row = self.find(row);
@@ -177,44 +150,52 @@ impl Builder {
             strips.extend(self.found.0.pop_front());
         }
         self.found.1 -= cells;
-        let making = Making { slab: &self.slab, geometry: self.geometry, lower: &self.along[0] };
+        let mut pieces = self.pieces_of(strips);
+        // Rows above still have corners anywhere on the lower layer, whose vertices the slab below brought.
+        pieces.iter_mut().for_each(|piece| piece.settled = self.starts[0]);
+        if row == self.slab.rows() && self.found.0.is_empty() {
+            self.row = None;
+            if pieces.is_empty() {
+                pieces.push(Piece::default());
+            }
+            pieces.iter_mut().next_back().into_iter().for_each(|last| last.settled = self.starts[1]);
+        }
+        Some(pieces)
+    }
+
+    /// The pieces that strips of these rows make, numbered.
+    fn pieces_of(&mut self, strips: Vec<Vec<Row>>) -> Vec<Piece> {
+        let making = Making { slab: &self.slab, geometry: self.geometry, mirrors: self.mirrors, lower: &self.along[0] };
         let strip = |scratch: &mut Scratch, rows: Vec<Row>| Strip::new(making, &rows, scratch);
         let mut made: Vec<Strip> = strips.into_par_iter().map_init(Scratch::default, strip).collect();
         for strip in &mut made {
-            self.last = strip.number(self.vertices, &self.last);
+            strip.begin = self.vertices;
             self.vertices += strip.own.len() as u64;
         }
-        let upper: Vec<_> = made.par_iter().map(Strip::upper).collect();
-        upper.into_iter().for_each(|(first, vertices)| self.along[1].push(first, vertices));
-        let mut piece = Piece::default();
-        for strip in made {
-            piece.add(&strip, self.mirrors);
-            if piece.triangles.len() >= PIECE_TRIANGLES {
-                self.pieces.push_back(std::mem::take(&mut piece));
-            }
+        let lasts: Vec<Last> = made.par_iter_mut().map(Strip::number).collect();
+        let befores = std::iter::once(&self.last).chain(&lasts);
+        let piece = |(mut strip, before): (Strip, &Last)| {
+            strip.borrow(before);
+            let (along, Strip { corners, triangles, own, .. }) = strip.with_along();
+            let positions = own.iter().map(|&own| corners[own as usize].world).collect();
+            (along, Piece { positions, corners, triangles, settled: 0 })
+        };
+        let befores: Vec<&Last> = befores.take(made.len()).collect();
+        let made: Vec<_> = made.into_par_iter().zip(befores).map(piece).collect();
+        if let Some(last) = lasts.into_iter().next_back() {
+            self.last = last;
         }
-        // Rows above still have corners anywhere on the lower layer, whose vertices the slab below brought.
-        let ends = row == self.slab.rows() && self.found.0.is_empty();
-        if !piece.triangles.is_empty() || (ends && self.pieces.is_empty()) {
-            self.pieces.push_back(piece);
-        }
-        self.pieces.iter_mut().for_each(|piece| piece.settled = self.starts[0]);
-        if ends {
-            self.row = None;
-            self.pieces.iter_mut().next_back().into_iter().for_each(|last| last.settled = self.starts[1]);
-        }
+        let (along, pieces): (Vec<OfStrip>, Vec<Piece>) = made.into_iter().unzip();
+        self.along[1].extend(along);
+        pieces
     }
 
     /// Finds the cells of some rows from `row` on that the surface crosses, and cuts them into strips; the first row that is left.
     fn find(&mut self, row: usize) -> usize {
-        let chunks = (LOOKED_AT / (ROWS * self.slab.dims[0])).max(1);
-        let end = (row + chunks * ROWS).min(self.slab.rows());
-        let starts: Vec<usize> = (row..end).step_by(ROWS).collect();
-        let slab = &self.slab;
-        let found = starts.into_par_iter().map(|start| slab.cells(start..(start + ROWS).min(end)));
+        let end = (row + (LOOKED_AT / self.slab.dims[0]).max(1)).min(self.slab.rows());
         let mut strip: Vec<Row> = Vec::new();
         let mut cells = 0;
-        for row in found.collect::<Vec<_>>().into_iter().flatten() {
+        for row in self.slab.cells(row..end) {
             cells += row.cells.len();
             self.found.1 += row.cells.len();
             strip.push(row);

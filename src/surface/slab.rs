@@ -6,6 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Layer;
+use super::areas::OF_A_THREAD;
 use super::cases::{AMBIGUOUS, FACES};
 use crate::grid::sparse_image::{SQUARE, SparseImage};
 
@@ -38,6 +39,9 @@ pub struct Row {
     pub cells: Vec<Cell>,
 }
 
+/// Nodes whose sides are in one word.
+const WORD: usize = u64::BITS as usize;
+
 /// Two neighbouring layers.
 #[derive(Debug)]
 pub struct Slab {
@@ -47,23 +51,28 @@ pub struct Slab {
     /// Nodes per padded row and number of rows: one ring of outside around the image.
     pub dims: [usize; 2],
     planes: [Plane; 2],
-    /// Sides of their nodes: inside or not.
-    inside: [Vec<u8>; 2],
+    /// Sides of their nodes, rows of whole words: a bit is set inside.
+    inside: [Vec<u64>; 2],
 }
 
 impl Slab {
     /// The outside below the first layer of an image of these pixels.
     pub fn new(image: [usize; 2], spacing: [f64; 2]) -> Self {
         let dims = image.map(|n| n + 2);
-        let outside = || vec![0; dims[0] * dims[1]];
+        let outside = || vec![0; dims[0].div_ceil(WORD) * dims[1]];
         Slab { image, spacing, dims, planes: Default::default(), inside: [outside(), outside()] }
+    }
+
+    /// Words of a padded row.
+    fn words(&self) -> usize {
+        self.dims[0].div_ceil(WORD)
     }
 
     /// Goes up to the next layer, or to the outside above the last.
     pub fn rise(&mut self, layer: Option<&Layer>) {
         self.planes.swap(0, 1);
         self.inside.swap(0, 1);
-        let (nx, plane, inside) = (self.dims[0], &mut self.planes[1], &mut self.inside[1]);
+        let (words, plane, inside) = (self.words(), &mut self.planes[1], &mut self.inside[1]);
         let Some(layer) = layer else {
             *plane = Plane::default();
             inside.fill(0);
@@ -71,23 +80,12 @@ impl Slab {
         };
         (plane.z, plane.phi) = (Some(layer.z), layer.phi.clone());
         let phi = &plane.phi;
-        let image = &mut inside[nx..nx * (self.image[1] + 1)];
-        image.par_chunks_mut(SQUARE * nx).enumerate().for_each(|(row, nodes)| {
-            nodes.fill(0);
-            for column in 0..self.image[0].div_ceil(SQUARE) {
-                let whole = phi.whole([column, row]).map(|v| u8::from(v < 0.0));
-                if whole == Some(0) {
-                    continue;
-                }
-                for (nodes, values) in nodes.chunks_exact_mut(nx).zip(phi.of_square([column, row])) {
-                    let sides = &mut nodes[1 + column * SQUARE..][..values.len()];
-                    match whole {
-                        Some(side) => sides.fill(side),
-                        None => sides.iter_mut().zip(values).for_each(|(s, v)| *s = u8::from(*v < 0.0)),
-                    }
-                }
-            }
-        });
+        let rows = &mut inside[words..words * (self.image[1] + 1)];
+        let fill = |(row, nodes): (usize, &mut [u64])| fill(phi, row, nodes, words);
+        match self.image[0] * self.image[1] < OF_A_THREAD {
+            true => rows.chunks_mut(SQUARE * words).enumerate().for_each(fill),
+            false => rows.par_chunks_mut(SQUARE * words).enumerate().for_each(fill),
+        }
     }
 
     /// Whether its upper plane is a layer.
@@ -101,79 +99,37 @@ impl Slab {
     }
 
     /// Some rows of cells, but those that the surface does not cross.
-    pub fn cells(&self, rows: Range<usize>) -> Vec<Row> {
-        let mut active = (None, Vec::new());
-        let row = |number: usize| {
-            let squares = [number, number + 1].map(|row| self.square(row));
-            if active.0 != Some(squares) {
-                active = (Some(squares), self.active(squares));
-            }
-            let mut cells = Vec::new();
-            self.crossed(number, &active.1, &mut cells);
+    pub fn cells(&self, rows: Range<usize>) -> impl Iterator<Item = Row> {
+        rows.filter_map(|number| {
+            let cells = self.crossed(number);
             (!cells.is_empty()).then_some(Row { number, cells })
-        };
-        rows.filter_map(row).collect()
+        })
     }
 
-    /// Row of squares in which a row of nodes lies; none around the image.
-    fn square(&self, row: usize) -> Option<usize> {
-        row.checked_sub(1).filter(|pixel| *pixel < self.image[1]).map(|pixel| pixel / SQUARE)
-    }
-
-    /// Cells of row `j` in these columns that the surface crosses.
-    fn crossed(&self, j: usize, columns: &[Range<usize>], cells: &mut Vec<Cell>) {
-        let rows = [0, 1].map(|side| [j, j + 1].map(|row| row * self.dims[0]).map(|start| (side, start)));
-        let column = |i: usize| {
-            let at = |k: usize, r: usize| {
-                let (side, start) = rows[k][r];
-                self.inside[side][start + i]
-            };
-            at(0, 0) | at(0, 1) << 2 | at(1, 0) << 4 | at(1, 1) << 6
-        };
-        for range in columns {
-            let mut left = column(range.start);
-            for i in range.clone() {
-                let right = column(i + 1);
-                let pattern = left | right << 1;
-                if pattern != 0 && pattern != 0xff {
-                    cells.push(Cell { column: i as u32, pattern });
-                }
-                left = right;
+    /// Cells of row `j` that the surface crosses: those whose corners are not all on one side.
+    fn crossed(&self, j: usize) -> Vec<Cell> {
+        let words = self.words();
+        // In the order of a cell's corners.
+        let edges = [(0, j), (0, j + 1), (1, j), (1, j + 1)];
+        let edges = edges.map(|(side, row)| &self.inside[side][row * words..(row + 1) * words]);
+        let all_of = |w: usize| edges.iter().fold(u64::MAX, |all, row| all & row[w]);
+        let any_of = |w: usize| edges.iter().fold(0, |any, row| any | row[w]);
+        let mut cells = Vec::new();
+        for w in 0..words {
+            let next = |of: &dyn Fn(usize) -> u64| if w + 1 < words { of(w + 1) << (WORD - 1) } else { 0 };
+            let (all, any) = (all_of(w), any_of(w));
+            let mut crossed = (any | any >> 1 | next(&any_of)) & !(all & (all >> 1 | next(&all_of)));
+            while crossed != 0 {
+                let i = w * WORD + crossed.trailing_zeros() as usize;
+                let at = |row: &[u64], i: usize| (row[i / WORD] >> (i % WORD) & 1) as u8;
+                let corners = |i: usize| edges.iter().rev().fold(0, |bits, row| bits << 2 | at(row, i));
+                // Beyond the last node there is the outside.
+                let right = if i + 1 < self.dims[0] { corners(i + 1) } else { 0 };
+                cells.push(Cell { column: i as u32, pattern: corners(i) | right << 1 });
+                crossed &= crossed - 1;
             }
         }
-    }
-
-    /// Columns of the cells between two rows of squares that the surface may cross: all but those whose corners lie in squares of one side.
-    fn active(&self, rows: [Option<usize>; 2]) -> Vec<Range<usize>> {
-        let nx = self.image[0];
-        let side = |column: usize| {
-            let of = |plane: &Plane, row: Option<usize>| match (plane.z, row) {
-                (Some(_), Some(row)) => plane.phi.whole([column, row]).map(|v| v < 0.0),
-                _ => Some(false),
-            };
-            let first = of(&self.planes[0], rows[0])?;
-            let others = [(0, 1), (1, 0), (1, 1)].map(|(plane, row)| of(&self.planes[plane], rows[row]));
-            others.iter().all(|other| *other == Some(first)).then_some(first)
-        };
-        let squares = (0..nx).step_by(SQUARE).enumerate();
-        let squares = squares.map(|(column, first)| (side(column), first + 1..(first + SQUARE).min(nx) + 1));
-        let mut ranges: Vec<Range<usize>> = Vec::new();
-        let mut push = |range: Range<usize>| match ranges.last_mut() {
-            Some(last) if last.end == range.start => last.end = range.end,
-            _ => ranges.push(range),
-        };
-        // Around the image there is a ring of outside.
-        let mut before = Some(false);
-        for (side, nodes) in squares.chain([(Some(false), nx + 1..nx + 2)]) {
-            if side.is_none() || side != before {
-                push(nodes.start - 1..nodes.start);
-            }
-            if side.is_none() {
-                push(nodes.start..nodes.end - 1);
-            }
-            before = side;
-        }
-        ranges
+        cells
     }
 
     /// Ambiguous faces of a cell whose inside corners are joined: the mean of the four values is inside. It is the same seen from either side. At
@@ -228,5 +184,73 @@ impl Slab {
         let [nx, ny] = self.image;
         let (i, j) = (i.checked_sub(1)?, j.checked_sub(1)?);
         (i < nx && j < ny).then(|| self.planes[side].phi.at(i, j))
+    }
+}
+
+/// Sets the bits of the nodes inside in a row of squares of a layer, whose nodes begin a bit behind its pixels.
+fn fill(phi: &SparseImage<f32>, row: usize, nodes: &mut [u64], words: usize) {
+    nodes.fill(0);
+    for column in 0..phi.squares()[0] {
+        let (first, [width, height]) = (1 + column * SQUARE, phi.size_of_square([column, row]));
+        let mut set = |k: usize, sides: u64| {
+            let word = k * words + first / WORD;
+            let place = first % WORD;
+            nodes[word] |= sides << place;
+            if place + width > WORD {
+                nodes[word + 1] |= sides >> (WORD - place);
+            }
+        };
+        match phi.whole([column, row]).map(|v| v < 0.0) {
+            Some(false) => {}
+            Some(true) => (0..height).for_each(|k| set(k, (1 << width) - 1)),
+            None => {
+                for (k, values) in phi.of_square([column, row]).enumerate() {
+                    set(k, values.iter().enumerate().fold(0, |sides, (i, v)| sides | u64::from(*v < 0.0) << i));
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_those_whose_corners_are_on_both_sides() {
+        for (seed, image) in
+            [[1, 1], [61, 5], [62, 20], [63, 3], [64, 17], [126, 18], [130, 35]].into_iter().enumerate()
+        {
+            let [nx, ny] = image;
+            // Noise in some squares; others are inside or outside as a whole.
+            let hash = |n: usize| (n as u32 ^ (seed as u32) << 20).wrapping_mul(2654435761) >> 13;
+            let layer = |k: usize| {
+                let inside = |n: usize| match hash(n % nx / SQUARE + 7 * (n / nx / SQUARE) + 1000 * k) % 3 {
+                    0 => hash(n + 77 * k).is_multiple_of(3),
+                    other => other == 1,
+                };
+                let values: Vec<f32> = (0..nx * ny).map(|n| if inside(n) { -1.0 } else { 1.0 }).collect();
+                Layer { z: k as f64, phi: SparseImage::of(image, &values), output: true, contour: None }
+            };
+            let layers = [layer(0), layer(1)];
+            let mut slab = Slab::new(image, [1.0; 2]);
+            // Below, between and above.
+            for planes in [[None, Some(0)], [Some(0), Some(1)], [Some(1), None]] {
+                slab.rise(planes[1].map(|k| &layers[k]));
+                let is_in = |side: usize, i: usize, j: usize| {
+                    let within = (1..=nx).contains(&i) && (1..=ny).contains(&j);
+                    planes[side].filter(|_| within).is_some_and(|k| layers[k].phi.at(i - 1, j - 1) < 0.0)
+                };
+                let mut expected = Vec::new();
+                for (j, i) in (0..ny + 1).flat_map(|j| (0..nx + 1).map(move |i| (j, i))) {
+                    let corner = |c: usize| u8::from(is_in(c >> 2, i + (c & 1), j + (c >> 1 & 1))) << c;
+                    let pattern = (0..8).map(corner).sum::<u8>();
+                    expected.extend((pattern != 0 && pattern != u8::MAX).then_some((j, i as u32, pattern)));
+                }
+                let of = |row: Row| row.cells.into_iter().map(move |cell| (row.number, cell.column, cell.pattern));
+                let found: Vec<(usize, u32, u8)> = slab.cells(0..slab.rows()).flat_map(of).collect();
+                assert_eq!(found, expected, "{image:?}, {planes:?}");
+            }
+        }
     }
 }

@@ -161,21 +161,25 @@ impl<'w> BodyStream<'w> {
     /// Gives the writers a layer, and then what is new of the surface.
     fn surface(&mut self, mut layer: Option<&Layer>) -> std::result::Result<(), Failed> {
         loop {
-            let piece = self.builder.piece();
-            if layer.is_none() && piece.is_none() {
+            let pieces = self.builder.made();
+            if layer.is_none() && pieces.is_none() {
                 return Ok(());
             }
             let write = |writer: &mut Box<dyn BodyWriter + 'w>| {
                 layer.map_or(Ok(()), |layer| writer.layer(layer))?;
-                piece.map_or(Ok(()), |piece| writer.piece(piece))
+                pieces.iter().flatten().try_for_each(|piece| writer.piece(piece))
             };
-            let written: Vec<io::Result<()>> = self.writers.par_iter_mut().map(write).collect();
+            let written: Vec<io::Result<()>> = match self.writers.len() {
+                0 | 1 => self.writers.iter_mut().map(write).collect(),
+                _ => self.writers.par_iter_mut().map(write).collect(),
+            };
             written.into_iter().enumerate().try_for_each(|(k, w)| w.map_err(|e| (k, e)))?;
             layer = None;
-            let Some(piece) = piece else { return Ok(()) };
-            self.measure.add(piece);
+            let Some(pieces) = pieces else { return Ok(()) };
+            pieces.iter().for_each(|piece| self.measure.add(piece));
             if self.needs == WriterNeeds::Mesh {
-                self.spool.push(piece).map_err(|e| (keeper(&self.writers), e))?;
+                let keep = |piece| self.spool.push(piece);
+                pieces.iter().try_for_each(keep).map_err(|e| (keeper(&self.writers), e))?;
             }
         }
     }

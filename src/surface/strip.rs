@@ -25,23 +25,34 @@ pub struct Corner {
 /// An edge that two strips share: its axis, and the column of the node from which it goes.
 type Shared = (u8, usize);
 
-/// Numbers of the vertices on the edges that the next strip shares.
-pub type Last = FxHashMap<Shared, u64>;
+/// Numbers of the vertices on the edges that the next strip shares, in the order of the edges.
+pub type Last = Vec<(Shared, u64)>;
 
-/// Vertices on the edges of a layer, by the strips that made them and their first rows of cells.
+/// Vertices on the edges of a layer, by the strips that made them.
 #[derive(Debug, Default)]
-pub struct Along(Vec<(usize, FxHashMap<usize, Corner>)>);
+pub struct Along(Vec<OfStrip>);
+
+/// A strip's vertices on the edges of its upper layer.
+#[derive(Debug)]
+pub struct OfStrip {
+    /// Its first row of cells.
+    first: usize,
+    /// Edges, by the places of their vertices.
+    edges: FxHashMap<usize, u32>,
+    vertices: Vec<Corner>,
+}
 
 impl Along {
-    /// Adds the vertices of a strip above all others.
-    pub fn push(&mut self, first: usize, vertices: FxHashMap<usize, Corner>) {
-        self.0.push((first, vertices));
+    /// Adds the vertices of strips above all others.
+    pub fn extend(&mut self, strips: Vec<OfStrip>) {
+        self.0.extend(strips);
     }
 
     /// The vertex on an edge that a row of cells has.
     fn at(&self, row: usize, edge: usize) -> Option<&Corner> {
-        let strip = self.0.partition_point(|(first, _)| *first <= row).checked_sub(1)?;
-        self.0[strip].1.get(&edge)
+        let strip = self.0.partition_point(|strip| strip.first <= row).checked_sub(1)?;
+        let OfStrip { edges, vertices, .. } = &self.0[strip];
+        edges.get(&edge).map(|&place| &vertices[place as usize])
     }
 }
 
@@ -102,10 +113,13 @@ pub struct Strip {
     pub triangles: Vec<[u32; 3]>,
     /// Corners that are vertices of its own, in the order of their numbers.
     pub own: Vec<u32>,
+    /// Number of the first of them.
+    pub begin: u64,
     /// Its first row of cells.
     first: usize,
-    /// Edges of the upper layer with vertices of its own.
-    along: Vec<(usize, u32)>,
+    /// Vertices of its own on the upper layer, and the edges on which they are.
+    along: Vec<u32>,
+    edges: FxHashMap<usize, u32>,
     /// Edges on its first row of nodes.
     borrowed: Vec<(Shared, u32)>,
     /// Edges on its last row of nodes.
@@ -117,8 +131,10 @@ pub struct Strip {
 pub struct Making<'m> {
     /// The slab.
     pub slab: &'m Slab,
-    /// Way from the stack to the world.
+    /// Way from the stack to the world, and whether it mirrors: it turns triangles inside out then.
     pub geometry: Geometry,
+    /// See there.
+    pub mirrors: bool,
     /// Vertices on the slab's lower layer.
     pub lower: &'m Along,
 }
@@ -138,6 +154,10 @@ impl Strip {
         }
         for (axis, line) in [(0, &scratch.across[1][1]), (2, &scratch.upright[1])] {
             strip.last.extend(line.known.iter().map(|&i| ((axis, i), line.corners[i])));
+        }
+        strip.last.sort_unstable();
+        if making.mirrors {
+            strip.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         }
         strip
     }
@@ -206,26 +226,32 @@ impl Strip {
         }
         self.own.push(new);
         if axis != 2 {
-            self.along.push((edge, new));
+            self.edges.insert(edge, self.along.len() as u32);
+            self.along.push(new);
         }
         new
     }
 
-    /// Numbers its vertices from `vertices` on, and what it has borrowed by those of the strip before it; gives back the numbers that the next one
-    /// borrows.
-    pub fn number(&mut self, vertices: u64, before: &Last) -> Last {
-        for (number, &own) in (vertices..).zip(&self.own) {
+    /// Numbers its vertices from its first on; gives back the numbers that the next strip borrows.
+    pub fn number(&mut self) -> Last {
+        for (number, &own) in (self.begin..).zip(&self.own) {
             self.corners[own as usize].number = number;
-        }
-        for (shared, corner) in &self.borrowed {
-            debug_assert!(before.contains_key(shared), "the strip before has no vertex on an edge of its last nodes");
-            self.corners[*corner as usize].number = before.get(shared).copied().unwrap_or_default();
         }
         self.last.iter().map(|&(shared, corner)| (shared, self.corners[corner as usize].number)).collect()
     }
 
-    /// Its first row of cells, and its vertices on the upper layer by their edges.
-    pub fn upper(&self) -> (usize, FxHashMap<usize, Corner>) {
-        (self.first, self.along.iter().map(|&(edge, corner)| (edge, self.corners[corner as usize])).collect())
+    /// Numbers what it has borrowed by the vertices of the strip before it.
+    pub fn borrow(&mut self, before: &Last) {
+        for (shared, corner) in &self.borrowed {
+            let found = before.binary_search_by_key(shared, |(shared, _)| *shared);
+            debug_assert!(found.is_ok(), "the strip before has no vertex on an edge of its last nodes");
+            self.corners[*corner as usize].number = found.map_or(0, |place| before[place].1);
+        }
+    }
+
+    /// The strip, which has its numbers, and apart from it its vertices on the upper layer.
+    pub fn with_along(mut self) -> (OfStrip, Self) {
+        let vertices = self.along.iter().map(|&corner| self.corners[corner as usize]).collect();
+        (OfStrip { first: self.first, edges: std::mem::take(&mut self.edges), vertices }, self)
     }
 }

@@ -91,11 +91,11 @@ impl View {
         [columns, rows]: [Range<usize>; 2],
     ) -> Self {
         let width = columns.len();
-        let layer = |((runs, numbers), bridges): ((&Runs, &Vec<Option<usize>>), &Vec<[usize; 2]>)| {
+        let layer = |k: usize| {
             let mut pixels = vec![Pixel::Outside; width * rows.len()];
-            for (j, run, part) in runs.all().filter(|(j, ..)| rows.contains(j)) {
+            for (j, run, part) in all[k].all().filter(|(j, ..)| rows.contains(j)) {
                 let [first, end] = [run.start, run.end].map(|i| i.clamp(columns.start, columns.end) - columns.start);
-                let pixel = match numbers[part] {
+                let pixel = match numbers[k][part] {
                     None => continue,
                     Some(GROUND) => Pixel::Ground,
                     Some(number) if number == piece => Pixel::Own,
@@ -103,12 +103,12 @@ impl View {
                 };
                 pixels[(j - rows.start) * width..][first..end].fill(pixel);
             }
-            for [i, j] in bridges.iter().filter(|[i, j]| columns.contains(i) && rows.contains(j)) {
+            for [i, j] in bridges[k].iter().filter(|[i, j]| columns.contains(i) && rows.contains(j)) {
                 pixels[(j - rows.start) * width + i - columns.start] = Pixel::Ground;
             }
             pixels
         };
-        let layers = all.iter().zip(numbers).zip(bridges).map(layer).collect();
+        let layers = (0..all.len()).map(layer).collect();
         View { columns, rows, layers }
     }
 

@@ -185,7 +185,7 @@ impl Levels<'_> {
             let tiles = std::iter::once(tile).chain(own.iter().map(|own| own.kept.placed(tile))).collect();
             (Told { number, tile, holes, count, tiles, fields: Vec::new() }, own, [vec![filled], of_holes].concat())
         };
-        let (mut told, jobs): (Vec<(Told, Vec<HoleTiles>)>, Vec<Vec<PartJob>>) =
+        let (mut told, jobs): (Vec<_>, Vec<_>) =
             numbers.par_iter().map(part).map(|(told, own, jobs)| ((told, own), jobs)).unzip();
         let jobs: Vec<PartJob> = jobs.into_iter().flatten().collect();
         let mut fields = self.backend.part_fields(&PartRequest { jobs: &jobs, h: self.h })?.into_iter();

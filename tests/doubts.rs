@@ -184,6 +184,11 @@ fn a_part_that_one_image_lacks_is_doubted() {
     images(&names, drawn(&[2])).all_say(&SPACED, 0, told);
     images(&names, drawn(&[1, 2])).none_doubts(&SPACED);
     images(&names, drawn(&[3, 4])).none_doubts(&SPACED);
+    // Of a slice that is said to be painted by mistake nothing else is.
+    let stray =
+        move |x: u32, y: u32, k: usize| if k == 2 { 255 * u8::from([x, y] == [25, 5]) } else { drawn(&[])(x, y, k) };
+    let [(_, said), ..] = images(&names, stray).said(&SPACED);
+    assert!(said.contains("painted by mistake") && !said.contains("left unpainted"), "{said}");
 }
 
 #[test]

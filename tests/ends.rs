@@ -38,6 +38,26 @@ fn cap_volume(stack: &ContourStack, rule: EndRule) -> f64 {
     volume(rule) - volume(EndRule::Flat)
 }
 
+/// What an end asks of the slopes holds everywhere between its lines: a body that narrows by far is a disc at every height.
+#[test]
+fn slopes_at_an_end_have_no_step_far_from_its_line() {
+    let radii = [100.0, 60.0, 60.0, 100.0];
+    let heights: Vec<f64> = (0..4).map(|k| 30.0 * f64::from(k)).collect();
+    let shapes: Vec<Shape> = radii.iter().map(|r| circle(120.0, 120.0, *r)).collect();
+    let stack = levels(241, &heights, &shapes);
+    for (end_bottom, end_top) in [(EndRule::HalfSlice, EndRule::Flat), (EndRule::Flat, EndRule::HalfSlice)] {
+        let settings =
+            Settings { end_bottom, end_top, method: Method::Field, motion: Motion::None, ..Settings::default() };
+        let between: Vec<f64> = (0..=90).step_by(3).map(f64::from).collect();
+        let body = reconstruct_with(&stack, &between, &settings, &Reference, &Silent).expect("the stack is valid");
+        for layer in body.layers.iter().filter(|layer| layer.output) {
+            let row: Vec<bool> = (0..241).map(|i| layer.phi.at(i, 120) < 0.0).collect();
+            let turns = row.windows(2).filter(|pair| pair[0] != pair[1]).count();
+            assert_eq!(turns, 2, "{end_bottom:?}, {end_top:?}: height {}", layer.z);
+        }
+    }
+}
+
 #[test]
 fn caps_of_known_bodies_have_about_their_volume() {
     let pi = std::f64::consts::PI;

@@ -58,6 +58,18 @@ fn stack() -> ContourStack {
     }
 }
 
+/// Discs of which every thirtieth pixel is turned over.
+fn noisy() -> ContourStack {
+    const N: usize = 128;
+    let content = |k: usize| {
+        let turned = |n: usize| ((n + 7 * N * N * k) as u32).wrapping_mul(2654435761) >> 8 & 0x3fff < 546;
+        let inside = |n: usize| (((n % N) as f64 - 64.0).hypot((n / N) as f64 - 64.0) < 46.0) != turned(n);
+        SliceContent::Mask((0..N * N).map(inside).collect())
+    };
+    let slice = |k: usize| Slice { name: format!("s{k}"), z: 2.0 * k as f64, extra: false, content: content(k) };
+    ContourStack { dims: [N, N], slices: (0..6).map(slice).collect(), ..stack() }
+}
+
 /// A run in a process of its own: bytes it needed, bytes that were said, layers.
 fn measured(dz: f64, fair: f64, method: &str) -> [u64; 3] {
     measured_simpler(dz, fair, method, None)
@@ -91,12 +103,13 @@ fn measured_simpler(dz: f64, fair: f64, method: &str, simplify: Option<f64>) -> 
 fn one_run(asked: &str) {
     let [place, dz, fair, method, simplify] = asked.split(';').collect::<Vec<_>>().try_into().expect("five words");
     let number = |word: &str| word.parse::<f64>().expect("a number");
-    let method = if method == "field" { Method::Field } else { Method::Morph };
+    let (method, of) = (if method == "field" { Method::Field } else { Method::Morph }, method);
     let settings = Settings { fair: number(fair), method, ..Settings::default() };
     let simplify = Some(number(simplify)).filter(|error| *error > 0.0);
     let output = OutputOptions { dz: Some(number(dz)), simplify, ..OutputOptions::default() };
     let before = peak();
-    let loaded = Loaded::new(stack(), JobOptions { settings, output, ..JobOptions::default() }).expect("it is sound");
+    let stack = if of == "noise" { noisy() } else { stack() };
+    let loaded = Loaded::new(stack, JobOptions { settings, output, ..JobOptions::default() }).expect("it is sound");
     let targets: Vec<_> = KINDS.iter().map(|kind| Path::new(place).join(format!("out.{kind}"))).collect();
     let mut outputs =
         Outputs::open(&targets, None, Temporary::Random, &mut Places::default()).expect("the folder is there");
@@ -117,7 +130,8 @@ fn is_what_was_said_at_most() {
     if let Ok(asked) = std::env::var(ASKED) {
         return one_run(&asked);
     }
-    for (dz, fair, method) in [(1.0, 1.0, "field"), (0.25, 1.0, "field"), (0.25, 0.0, "field"), (1.0, 1.0, "morph")] {
+    let field = [(1.0, 1.0), (0.25, 1.0), (0.25, 0.0)].map(|(dz, fair)| (dz, fair, "field"));
+    for (dz, fair, method) in field.into_iter().chain([(1.0, 1.0, "morph"), (1.0, 1.0, "noise")]) {
         let [needed, said, _] = measured(dz, fair, method);
         assert!(needed <= said, "{needed} bytes were needed, {said} said");
         assert!(6 * needed >= said, "{needed} bytes were needed, {said} said: too many");
@@ -272,8 +286,8 @@ fn a_run_on_a_gpu_stays_within_what_it_is_allowed_too() {
     }
     // Where a GPU leaves too little, an automatic choice goes without. Its self-test is behind it then: no bound holds for that.
     program(place.path(), &["--adapter", "0"]);
-    let (without, slices) = program(place.path(), &["--adapter", "0", "--memory", "172M"]);
-    assert!(without <= 172 << 20, "{without} bytes were needed, 172 MiB allowed");
+    let (without, slices) = program(place.path(), &["--adapter", "0", "--memory", "175M"]);
+    assert!(without <= 175 << 20, "{without} bytes were needed, 175 MiB allowed");
     assert!(slices == program(place.path(), &["--backend", "cpu"]).1, "it ran on the GPU");
 }
 

@@ -1,6 +1,6 @@
 //! Coverage of slices, counted in pixels, from which memory and time are estimated.
 
-use crate::grid::components::{count4, count8};
+use crate::grid::components::count_of_runs;
 use crate::stack::SliceContent;
 
 /// Pixels in which two slices differ.
@@ -15,11 +15,9 @@ pub fn differing([a, b]: [&SliceContent; 2], [nx, ny]: [usize; 2]) -> usize {
 }
 
 /// Parts of a slice, and of what is around them.
-pub fn parts(content: &SliceContent, dims: [usize; 2]) -> usize {
-    let mut sides = content.sides();
-    let solids = count4(&sides, dims);
-    sides.iter_mut().for_each(|inside| *inside = !*inside);
-    solids + count8(&sides, dims)
+pub fn parts(content: &SliceContent, [nx, _]: [usize; 2]) -> usize {
+    let mask = content.mask();
+    count_of_runs(mask.rows(nx), nx, false) + count_of_runs(mask.rows_outside(nx), nx, true)
 }
 
 /// Coverage of slices.
@@ -79,5 +77,27 @@ impl Drawn {
     /// Pixels of the box around it and so many more to each side.
     pub fn box_pixels(&self, around: [usize; 2]) -> f64 {
         (0..2).map(|a| (self.high[a] + 1 + 2 * around[a]).saturating_sub(self.low[a]) as f64).product()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::components::{label4, label8};
+
+    #[test]
+    fn parts_are_those_of_both_sides_pixel_by_pixel() {
+        for seed in 0..80usize {
+            let (nx, ny) = (1 + seed % 23, 1 + seed % 11);
+            let noise = |n: usize| ((n + 31 * seed) as u32).wrapping_mul(2654435761) >> 24 < 40 + 3 * seed as u32;
+            let inside: Vec<bool> = (0..nx * ny).map(noise).collect();
+            let outside: Vec<bool> = inside.iter().map(|inside| !inside).collect();
+            let expected = label4(&inside, [nx, ny]).count + label8(&outside, [nx, ny]).count;
+            assert_eq!(
+                parts(&SliceContent::Mask(inside.into_iter().collect()), [nx, ny]),
+                expected,
+                "{nx} x {ny}, {seed}"
+            );
+        }
     }
 }

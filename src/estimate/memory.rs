@@ -2,10 +2,12 @@
 
 use rayon::prelude::*;
 
+use crate::contour::offsets::OUT;
 use crate::error::{Error, Result};
 use crate::estimate::coverage::{Drawn, differing, parts};
 use crate::fairing::{GAPS_AT_ONCE, LARGE_AT_ONCE, SMALL};
 use crate::grid::tile::samples;
+use crate::pipeline::ends::end_parts::LEVELS;
 use crate::pipeline::matching::{ASKED_BYTES, asked_bytes, kept_bytes};
 use crate::pipeline::{AHEAD, LAYER_BYTES_ON_A_GPU, tile_margin};
 use crate::settings::{Method, Motion, Settings};
@@ -103,11 +105,18 @@ impl MemoryNeeds {
             true => stack.slices.par_iter().map(|s| parts(&s.content, stack.dims)).collect(),
             false => Vec::new(),
         };
+        // Those of the contours that say how the body ends are asked for one contour after the other, and known farther.
+        let margin = tile_margin(settings, h);
+        let beyond_ends = [0, 1].map(|a| margin[a] + samples(OUT as usize, h)[a]);
+        let at_ends = |parts: &[usize]| parts.iter().take(LEVELS).max().copied().unwrap_or(0);
+        let upside_down: Vec<usize> = parts.iter().rev().copied().collect();
+        let at_ends = at_ends(&parts).max(at_ends(&upside_down)) as f64;
         let of_intervals = parts.windows(2).map(|pair| (pair[0] + pair[1]) as f64);
         let (parts, most_parts) = of_intervals.fold((0.0, 0.0), |(sum, most), n| (sum + n, f64::max(most, n)));
-        let [asked, part] = [asked_bytes, kept_bytes].map(|bytes| bytes(tile_margin(settings, h)) as f64);
+        let [asked, part] = [asked_bytes, kept_bytes].map(|bytes| bytes(margin) as f64);
+        let ends = at_ends * (asked_bytes(beyond_ends) + 2 * kept_bytes(beyond_ends)) as f64;
         let kept = slices * (padded * (PER_SLICE_PIXEL + moving) + groups) + parts * part;
-        let asking = |together: f64| (most_parts * asked).max(together.min(parts * asked));
+        let asking = |together: f64| (most_parts * asked).max(together.min(parts * asked)).max(ends);
         // They close by caps, which have their own.
         let caps = |intervals: f64| (intervals * most_parts).min(parts) * part;
         let at_once =

@@ -21,9 +21,9 @@ pub fn label8(mask: &[bool], dims: [usize; 2]) -> Components {
     Parts::of(mask, dims, 1).labelled(mask.len())
 }
 
-/// Number of parts joined through edges.
-pub fn count4(mask: &[bool], dims: [usize; 2]) -> usize {
-    Parts::of(mask, dims, 0).roots().count()
+/// Number of parts, joined through edges or through `corners` too, of the runs of an image `nx` wide in row order, none of which goes on in the next row.
+pub fn count_of_runs(runs: impl Iterator<Item = Range<usize>>, nx: usize, corners: bool) -> usize {
+    Parts::joined(runs, nx.max(1), usize::from(corners)).roots().count()
 }
 
 /// Number of parts joined through edges and corners.

@@ -133,7 +133,7 @@ fn labels_of(
     let mut drawn = drawn(&surveyed, &stack, &labels, |each| surveyed.volume.labels(each))?;
     let mut covered = vec![Vec::new(); drawn.len()];
     if whole {
-        add_covered(&surveyed, &stack, &labels, &drawn, &mut covered)?;
+        add_covered(&surveyed, &stack, (&labels, &overlaps), &drawn, &mut covered)?;
     }
     let mut slices = stack.slices;
     let completeness = match options {
@@ -277,12 +277,13 @@ fn leave_out(
 fn add_covered(
     surveyed: &Surveyed,
     stack: &ContourStack,
-    labels: &[i64],
+    (labels, overlaps): (&[i64], &Overlaps),
     all: &[Vec<u32>],
     covered: &mut [Covered],
 ) -> Result<()> {
-    let layers = if surveyed.volume.layers() > 1 { surveyed.volume.layers() } else { 0 };
-    for layer in 0..layers {
+    let under = labels.iter().filter(|label| overlaps.is_covered(**label));
+    let layers: BTreeSet<usize> = under.filter_map(|label| surveyed.volume.layer_of(*label)).collect();
+    for layer in layers {
         let own = drawn(surveyed, stack, labels, |each| surveyed.volume.labels_of_layer(layer, each))?;
         for ((own, all), covered) in own.iter().zip(all).zip(&mut *covered) {
             let under = |n: usize| if own[n] == all[n] { 0 } else { own[n] as usize };

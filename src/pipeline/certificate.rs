@@ -109,7 +109,7 @@ impl Examined {
                 (_, runs) => self.between(layer, runs, lowest),
             }
             lowest &= !handed;
-            if let Some(step) = facts.step.filter(|_| *handed)
+            if let Some(step) = facts.step
                 && self.body.largest_step.is_none_or(|known| step.px > known.px)
             {
                 self.body.largest_step = Some(step);

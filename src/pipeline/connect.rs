@@ -107,8 +107,10 @@ impl Together<'_, '_> {
             let (waiting, cores) = (take(&mut self.waiting), self.cores.take());
             let next = |this: &Self| if i < last { this.cores(i) } else { Ok(None) };
             let (mut layers, made) = match &self.beside {
-                Some(clocks) => meanwhile(clocks, || self.finished(waiting, cores, true), || next(self)),
-                None => (self.finished(waiting, cores, true), None),
+                Some(clocks) if i < last && self.bonds.cores => {
+                    meanwhile(clocks, || self.finished(waiting, cores, true), || next(self))
+                }
+                _ => (self.finished(waiting, cores, true), None),
             };
             if i < last {
                 self.waiting.extend(layers.pop());

@@ -112,27 +112,21 @@ fn part(forgotten: &[(usize, Forgotten)], name: impl Fn(usize) -> String) -> Opt
 }
 
 impl ContourStack {
-    /// Doubts about slices that look painted by mistake, or left empty, and about the pixels' sides.
+    /// Doubts about slices that look painted by mistake, or left empty, as a whole or where both neighbours have a part, and about the pixels' sides.
     pub fn doubts(&self) -> Vec<String> {
-        let area = |content: &SliceContent| match content {
-            SliceContent::Mask(mask) => mask.count(),
-            SliceContent::Level(level) => level.sides().count(),
-        };
-        let sections: Vec<SliceArea> =
-            self.slices.iter().map(|s| SliceArea { z: s.z, area: area(&s.content) }).collect();
+        let section = |s: &Slice| SliceArea { z: s.z, area: s.content.mask().count() };
+        let sections: Vec<SliceArea> = self.slices.iter().map(section).collect();
         let sides = |k: usize| self.slices[k].content.sides();
         let overlap =
             |k: usize, beside: usize| sides(k).into_iter().zip(sides(beside)).any(|(own, other)| own && other);
         let name = |k: usize| format!("slice `{}`", self.slices[k].name);
         let empty = interleaved(&sections).or_else(|| blank(&blanks(&sections, overlap), name));
-        let mask = |k: usize| match &self.slices[k].content {
-            SliceContent::Mask(mask) => mask,
-            SliceContent::Level(level) => level.sides(),
-        };
-        let inner = (1..self.slices.len().max(1) - 1).filter(|&k| sections[k].area > 0);
+        let strays = strays(&sections, overlap);
+        let inner = (1..self.slices.len().max(1) - 1).filter(|k| sections[*k].area > 0 && !strays.contains(k));
+        let mask = |k: usize| self.slices[k].content.mask();
         let without = inner.filter_map(|k| Some((k, forgotten([k - 1, k, k + 1].map(mask), self.dims[0])?)));
         let parts = part(&without.collect::<Vec<_>>(), name);
-        let slices = stray(&strays(&sections, overlap), &sections, name).into_iter().chain(empty).chain(parts);
+        let slices = stray(&strays, &sections, name).into_iter().chain(empty).chain(parts);
         slices.chain(self.long_pixels()).collect()
     }
 

@@ -21,7 +21,7 @@ pub struct Forgotten {
 /// The largest part of what the slices below and above have in common of which the slice between has no pixel, on images `nx` wide.
 pub fn forgotten([below, here, above]: [&Mask; 3], nx: usize) -> Option<Forgotten> {
     let nx = nx.max(1);
-    let common: Vec<Range<usize>> = common(rows(below.runs(), nx), rows(above.runs(), nx)).collect();
+    let common: Vec<Range<usize>> = common(below.rows(nx), above.rows(nx)).collect();
     let mut own = here.runs().peekable();
     let seen = |run: &Range<usize>| {
         while own.next_if(|other| other.end <= run.start).is_some() {}
@@ -41,14 +41,6 @@ pub fn forgotten([below, here, above]: [&Mask; 3], nx: usize) -> Option<Forgotte
     let (pixels, longest) = largest.filter(|(pixels, _)| *pixels >= LEAST)?;
     let middle = (longest.start + longest.end) / 2;
     Some(Forgotten { pixels, at: [middle % nx, middle / nx] })
-}
-
-/// Runs, cut at the ends of rows.
-fn rows(runs: impl Iterator<Item = Range<usize>>, nx: usize) -> impl Iterator<Item = Range<usize>> {
-    runs.flat_map(move |run| {
-        let rows = run.start / nx..run.end.div_ceil(nx);
-        rows.map(move |row| run.start.max(row * nx)..run.end.min((row + 1) * nx))
-    })
 }
 
 /// What two rows of runs have in common.
@@ -106,7 +98,7 @@ mod tests {
             };
             let (a, b) = (noise(17), noise(4242));
             let expected: Vec<usize> = (0..N * N).filter(|&n| a.at(n) && b.at(n)).collect();
-            let runs: Vec<Range<usize>> = common(rows(a.runs(), N), rows(b.runs(), N)).collect();
+            let runs: Vec<Range<usize>> = common(a.rows(N), b.rows(N)).collect();
             assert!(runs.iter().all(|run| run.start / N == (run.end - 1) / N), "no run goes on in the next row");
             assert_eq!(runs.into_iter().flatten().collect::<Vec<_>>(), expected);
         }

@@ -43,6 +43,18 @@ impl Mask {
         node < self.len && self.side(node)
     }
 
+    /// Pixels inside of an image `nx` wide, run by run within rows.
+    pub fn rows(&self, nx: usize) -> impl Iterator<Item = Range<usize>> + '_ {
+        within_rows(self.runs(), nx)
+    }
+
+    /// Pixels outside of an image `nx` wide, run by run within rows.
+    pub fn rows_outside(&self, nx: usize) -> impl Iterator<Item = Range<usize>> + '_ {
+        let starts = [0].into_iter().chain(self.changes.iter().skip(1).step_by(2).copied());
+        let ends = self.changes.iter().step_by(2).copied().chain([self.len]);
+        within_rows(starts.zip(ends).map(|(start, end)| start..end).filter(|run| !run.is_empty()), nx)
+    }
+
     /// The pixels in order.
     pub fn iter(&self) -> impl Iterator<Item = bool> + '_ {
         let ends = self.changes.iter().copied().chain([self.len]);
@@ -73,6 +85,15 @@ impl Mask {
     fn side(&self, node: usize) -> bool {
         self.changes.partition_point(|&c| c <= node) % 2 == 1
     }
+}
+
+/// Runs, cut at the ends of rows.
+fn within_rows(runs: impl Iterator<Item = Range<usize>>, nx: usize) -> impl Iterator<Item = Range<usize>> {
+    let nx = nx.max(1);
+    runs.flat_map(move |run| {
+        let rows = run.start / nx..run.end.div_ceil(nx);
+        rows.map(move |row| run.start.max(row * nx)..run.end.min((row + 1) * nx))
+    })
 }
 
 impl FromIterator<bool> for Mask {

@@ -92,6 +92,14 @@ impl SliceContent {
         }
     }
 
+    /// Pixels inside.
+    pub fn mask(&self) -> &Mask {
+        match self {
+            SliceContent::Mask(mask) => mask,
+            SliceContent::Level(level) => level.sides(),
+        }
+    }
+
     /// Whether each pixel is inside.
     pub fn sides(&self) -> Vec<bool> {
         let mut sides = vec![false; self.len()];

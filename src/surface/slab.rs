@@ -123,9 +123,8 @@ impl Slab {
                 let i = w * WORD + crossed.trailing_zeros() as usize;
                 let at = |row: &[u64], i: usize| (row[i / WORD] >> (i % WORD) & 1) as u8;
                 let corners = |i: usize| edges.iter().rev().fold(0, |bits, row| bits << 2 | at(row, i));
-                // Beyond the last node there is the outside.
-                let right = if i + 1 < self.dims[0] { corners(i + 1) } else { 0 };
-                cells.push(Cell { column: i as u32, pattern: corners(i) | right << 1 });
+                // Never the last node: with what is beyond it lies outside.
+                cells.push(Cell { column: i as u32, pattern: corners(i) | corners(i + 1) << 1 });
                 crossed &= crossed - 1;
             }
         }

@@ -1,4 +1,4 @@
-//! Triangles of some rows of cells of a slab, made by one thread; afterwards strips are numbered one after the other.
+//! Triangles of some rows of cells of a slab, made by one thread; afterwards the strips' vertices are numbered, strip after strip.
 //!
 //! An edge that the surface crosses has a vertex in every cell around it. So the vertices on a strip's first row of nodes are those that the strip
 //! before it has on its last one, and those on the lower layer are the slab's below: a strip borrows them, and numbers its own in the order in

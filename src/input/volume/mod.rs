@@ -109,6 +109,11 @@ impl Overlaps {
         self.voxels += u64::from(several);
     }
 
+    /// Whether later segments have voxels of this one.
+    pub fn is_covered(&self, label: i64) -> bool {
+        self.segments.get(&label).is_some_and(|[voxels, left]| left < voxels)
+    }
+
     /// The voxels of a segment of which later ones leave nothing.
     pub fn hidden(&self, label: i64) -> Option<u64> {
         self.segments.get(&label).filter(|[_, left]| *left == 0).map(|[voxels, _]| *voxels)
@@ -319,6 +324,12 @@ impl Volume {
     /// Layers of segments, of which those of different layers may overlap; 1 where none can.
     pub fn layers(&self) -> usize {
         self.layers.as_ref().map_or(1, |layers| layers.count)
+    }
+
+    /// The one of the [`Volume::layers`] in which a segment is, if there are several.
+    pub fn layer_of(&self, label: i64) -> Option<usize> {
+        let segments = &self.layers.as_ref()?.segments;
+        segments.get(usize::try_from(label).ok()?.checked_sub(1)?).map(|(layer, _)| *layer)
     }
 
     /// As [`Volume::labels`], but only the segments of one of the [`Volume::layers`], counted from 0, whatever lies over them.

@@ -306,9 +306,16 @@ pub fn end(spec: &EndSpec<'_>, fitted: &Fitted, warnings: &mut Vec<String>) -> E
     end
 }
 
+/// Change of the slopes along a line.
+struct Change<'m> {
+    region: &'m Region,
+    is_hole: bool,
+    by: f64,
+}
+
 /// By how much the slopes along each line of an end contour change so that the line passes smoothly into what lies beyond, in its mean: upright
 /// into half a slice, by the area's law into a cap. `whole` are the slopes with what the frame's motion explains.
-fn changes<'m>(spec: &EndSpec<'m>, whole: &Fitted) -> Vec<(&'m Region, f64)> {
+fn changes<'m>(spec: &EndSpec<'m>, whole: &Fitted) -> Vec<Change<'m>> {
     if spec.clamped || spec.rule == EndRule::Flat {
         return Vec::new();
     }
@@ -326,7 +333,8 @@ fn changes<'m>(spec: &EndSpec<'m>, whole: &Fitted) -> Vec<(&'m Region, f64)> {
         });
         for (region, outward, change) in std::iter::once((&part.outline, 1.0, outline)).chain(holes) {
             let wanted = spec.sign() * outward * outward_slope(region, change, spec.away);
-            out.push((region, spec.told_by_areas * (wanted - mean_slope(whole, region.counted()))));
+            let by = spec.told_by_areas * (wanted - mean_slope(whole, region.counted()));
+            out.push(Change { region, is_hole: outward < 0.0, by });
         }
     }
     out
@@ -335,17 +343,17 @@ fn changes<'m>(spec: &EndSpec<'m>, whole: &Fitted) -> Vec<(&'m Region, f64)> {
 /// The slopes of an end contour's seeds, moved by [`changes`].
 pub fn passing(spec: &EndSpec<'_>, fitted: Fitted, whole: &Fitted) -> Fitted {
     let mut out = fitted;
-    for (region, by) in changes(spec, whole) {
+    for Change { region, by, .. } in changes(spec, whole) {
         region.seeds.iter().for_each(|&k| out.slopes[k as usize] += by);
     }
     out
 }
 
-/// Distance from a line up to which it has a say in the slopes of a field, px: holes are known so far ([`OUT`] and the margin of tiles, 12 at least).
+/// Distance from a hole up to which it has a say in the slopes of a field, px: holes are known so far ([`OUT`] and the margin of tiles, 12 at least).
 const SAID: f64 = OUT as f64 + 12.0;
 
 /// The slopes of an end contour's field, outward is downward in it, moved by [`changes`]: beside a line by its own, between lines by a mean that
-/// falls with the fourth power of the distance, up to [`SAID`].
+/// falls with the fourth power of the distance, of holes up to [`SAID`].
 pub fn passing_field(spec: &EndSpec<'_>, slopes: &mut Field, whole: &Fitted) {
     let changes = changes(spec, whole);
     if changes.is_empty() {
@@ -354,9 +362,10 @@ pub fn passing_field(spec: &EndSpec<'_>, slopes: &mut Field, whole: &Fitted) {
     let share = |away: f64| (1.0 + away * away).powi(-2);
     // Sums of weights and of weighted changes.
     let mut sums = vec![[0.0; 2]; slopes.data.len()];
-    for (region, by) in &changes {
+    for Change { region, is_hole, by } in &changes {
+        let least = if *is_hole { share(SAID) } else { 0.0 };
         for (node, away) in region.tile.nodes(slopes.dims[0]).zip(&region.field.data) {
-            let weight = (share(*away) - share(SAID)).max(0.0);
+            let weight = (share(*away) - least).max(0.0);
             sums[node][0] += weight;
             sums[node][1] += weight * by;
         }

@@ -183,7 +183,8 @@ impl Levels<'_> {
                 (1..).zip(&own).map(|(k, tiles)| tiles.job(&whole, |n| holes[n] == k)).collect();
             let filled = PartJob { whole, inside: labels.iter().map(|&l| l != around).collect() };
             let tiles = std::iter::once(tile).chain(own.iter().map(|own| own.kept.placed(tile))).collect();
-            (Told { number, tile, holes, count, tiles, fields: Vec::new() }, own, [vec![filled], of_holes].concat())
+            let jobs: Vec<PartJob> = std::iter::once(filled).chain(of_holes).collect();
+            (Told { number, tile, holes, count, tiles, fields: Vec::new() }, own, jobs)
         };
         let (mut told, jobs): (Vec<_>, Vec<_>) =
             numbers.par_iter().map(part).map(|(told, own, jobs)| ((told, own), jobs)).unzip();

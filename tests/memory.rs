@@ -60,14 +60,14 @@ fn stack() -> ContourStack {
 
 /// Discs of which every thirtieth pixel is turned over.
 fn noisy() -> ContourStack {
-    const N: usize = 128;
+    const N: usize = 200;
     let content = |k: usize| {
         let turned = |n: usize| ((n + 7 * N * N * k) as u32).wrapping_mul(2654435761) >> 8 & 0x3fff < 546;
-        let inside = |n: usize| (((n % N) as f64 - 64.0).hypot((n / N) as f64 - 64.0) < 46.0) != turned(n);
+        let inside = |n: usize| (((n % N) as f64 - 100.0).hypot((n / N) as f64 - 100.0) < 70.0) != turned(n);
         SliceContent::Mask((0..N * N).map(inside).collect())
     };
-    let slice = |k: usize| Slice { name: format!("s{k}"), z: 2.0 * k as f64, extra: false, content: content(k) };
-    ContourStack { dims: [N, N], slices: (0..6).map(slice).collect(), ..stack() }
+    let slice = |k: usize| Slice { name: format!("s{k}"), z: 4.0 * k as f64, extra: false, content: content(k) };
+    ContourStack { dims: [N, N], slices: (0..12).map(slice).collect(), ..stack() }
 }
 
 /// A run in a process of its own: bytes it needed, bytes that were said, layers.

@@ -181,9 +181,15 @@ fn pixels_are_half_the_distance_of_points_and_finer_for_thin_bodies() {
     // 2 mm between points, 60 mm wide: half the distance.
     let round = drawing(circle(DVec2::ZERO, 30.0, 94));
     assert!((pixel_side(&[round]) - 1.0).abs() < 0.01);
-    // A strip of 2 mm: 2 A / P is 1.95, an eighth of that.
-    let strip = drawing([[0.0, 0.0], [80.0, 0.0], [80.0, 2.0], [0.0, 2.0]].map(DVec2::from).to_vec());
+    // A strip of 2 mm with points 2 mm apart: 2 A / P is 1.95, an eighth of that.
+    let along = |ends: [f64; 2], y: f64| {
+        (0..41).map(move |k| DVec2::new(ends[0] + (ends[1] - ends[0]) * f64::from(k) / 40.0, y))
+    };
+    let strip = drawing(along([0.0, 80.0], 0.0).chain(along([80.0, 0.0], 2.0)).collect());
     assert!((pixel_side(&[strip]) - 1.95 / 8.0).abs() < 0.01);
+    // A square drawn by its corners: 2 A / P is 20, and a 32nd of that keeps them; of 16 points a 16th.
+    assert_eq!(pixel_side(&[drawing(square(0.0, 40.0))]), 20.0 / 32.0);
+    assert!((pixel_side(&[drawing(circle(DVec2::ZERO, 30.0, 16))]) - 30.0 / 16.0).abs() < 0.05);
     // Many points cost no more than 1024 pixels.
     let fine = drawing(circle(DVec2::ZERO, 512.0, 100_000));
     assert_eq!(pixel_side(&[fine]), 1.0);

@@ -275,6 +275,23 @@ fn wrong_layers() {
 }
 
 #[test]
+fn what_is_not_painted_is_told_of() {
+    let place = folder();
+    let [_, masks] = both(place.path());
+    write(&masks.join("Gone.nrrd"), &mask(&vec![false; SIZES.iter().product()]));
+    let file = place.path().join("b.seg.nrrd");
+    let named = HEADER
+        .replace("Segment1_Name", "Segment7_Name:=Gone\nSegment7_Layer:=0\nSegment7_LabelValue:=5\nSegment1_Name");
+    write(&file, &layered(&named));
+    for input in [masks, file] {
+        let stack = read_labels(&input, &ReadOptions::default(), &Wanted::All).expect("three are painted");
+        let said: Vec<String> = stack.left_out.iter().map(ToString::to_string).collect();
+        assert_eq!((stack.labels.len(), said.len()), (3, 1), "{said:?}");
+        assert!(said[0].ends_with("`Gone`: left out, nothing is painted"), "{said:?}");
+    }
+}
+
+#[test]
 fn masks_of_a_folder_have_one_grid() {
     let place = folder();
     let [_, masks] = both(place.path());

@@ -128,7 +128,7 @@ fn rtstruct(bytes: &[u8]) -> Result<()> {
         let path = folder.join("a.dcm");
         let set = StructureSet::read(&path)?;
         assert!(set.describe().len() > set.rois.len());
-        let roi = |number: i64| ReadOptions { roi: vec![number.to_string()], ..ReadOptions::default() };
+        let roi = |number: i64| ReadOptions { roi: vec![number.into()], ..ReadOptions::default() };
         let stacks = set.rois.iter().take(3).map(|r| read(&path, &roi(r.number)));
         stacks.reduce(Result::or).unwrap_or(Ok(()))
     })

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -122,9 +123,12 @@ def write_volume(
 def read_rois(path: str | os.PathLike[str], *, series: str | int | None = None) -> list[Roi]:
     """Read the ROIs of an RTSTRUCT, or of the one in a folder of DICOM files; `series` chooses among several.
 
-    Raises ValueError for what is none or a damaged one, OSError for what cannot be read.
+    A ROI whose contours cannot be read has none, and a UserWarning says why. Raises ValueError for what is none or a damaged one, OSError for what cannot be
+    read.
     """
     rois = _native.read_rois(os.fspath(path), None if series is None else str(series))
+    for fault in (roi["fault"] for roi in rois if roi["fault"]):
+        warnings.warn(f"{os.fspath(path)}: {fault}", UserWarning, stacklevel=2)
     return [Roi(roi["number"], roi["name"], _colour(roi["colour"]), roi["contours"]) for roi in rois]
 
 

@@ -304,7 +304,8 @@ impl Labels {
     }
 }
 
-/// The ROIs of an RTSTRUCT, or of the one in a folder: `number`, `name`, `colour` and `contours`, each its kind and points (x, y, z) in mm, LPS.
+/// The ROIs of an RTSTRUCT, or of the one in a folder: `number`, `name`, `colour`, `contours`, each its kind and points (x, y, z) in mm, LPS, and
+/// `fault`, why these cannot be read.
 #[pyfunction]
 #[pyo3(signature = (path, series=None))]
 pub fn read_rois<'py>(py: Python<'py>, path: PathBuf, series: Option<String>) -> PyResult<Bound<'py, PyList>> {
@@ -322,6 +323,7 @@ pub fn read_rois<'py>(py: Python<'py>, path: PathBuf, series: Option<String>) ->
         told.set_item("name", roi.name)?;
         told.set_item("colour", roi.colour.map(|c| c.map(u16::from)))?;
         told.set_item("contours", contours)?;
+        told.set_item("fault", roi.fault)?;
         all.append(told)?;
     }
     Ok(all)

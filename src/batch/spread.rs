@@ -65,11 +65,12 @@ fn each_label(line: &ManifestLine, folder: &Path, labels: &Value) -> Lines {
         Value::String(text) => text.clone(),
         other => other.to_string(),
     };
-    let listed = match labels {
-        Value::Array(list) => list.iter().map(text).collect::<Vec<_>>().join(","),
-        one => text(one),
+    let wanted = match labels {
+        // A name in a list may have a comma.
+        Value::Array(list) => Wanted::these(list.iter().map(text).collect::<Vec<_>>().iter().map(String::as_str)),
+        one => text(one).parse(),
     };
-    let wanted: Wanted = listed.parse().map_err(|e| format!("options: `labels`: {e}"))?;
+    let wanted = wanted.map_err(|e| format!("options: `labels`: {e}"))?;
     let read =
         read_whole_labels(&folder.join(&line.input), &reading(line), &wanted).map_err(|e| format!("input: {e}"))?;
     Ok(read.labels.iter().map(|label| member(line, &label.to_string(), "label", *label)).collect())

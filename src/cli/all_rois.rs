@@ -11,6 +11,7 @@ use interslice::files::scenes::Scenes;
 use interslice::files::{JobOptions, Loaded};
 use interslice::input::check;
 use interslice::rtstruct::{Gather, StructureSet};
+use interslice::stack::options::RoiName;
 use interslice::{Error, Result};
 
 use super::devices::DeviceOptions;
@@ -55,7 +56,7 @@ pub fn run(all: &All<'_>) -> Result<()> {
     let mut added = Vec::new();
     for (roi, outputs) in rois.iter().zip(&mut files) {
         let mut options = all_options.clone();
-        options.read.roi = vec![roi.number.to_string()];
+        options.read.roi = vec![RoiName::Number(roi.number)];
         let loaded = Loaded::of_structures(&set, options)?;
         completed.check(&loaded.options.output)?;
         let (dims, geometry, lid) = (loaded.stack.dims, &loaded.stack.geometry, loaded.stack.lid());

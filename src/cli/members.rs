@@ -7,7 +7,7 @@ use interslice::input::labels::{Wanted, read_whole_labels};
 #[cfg(feature = "dicom")]
 use interslice::rtstruct::{Roi, StructureSet};
 use interslice::stack::ReadOptions;
-use interslice::stack::options::LabelName;
+use interslice::stack::options::{LabelName, RoiName};
 
 /// Options that ask for several bodies, each by itself.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -46,14 +46,21 @@ impl MemberOptions {
             let rois = usable_rois(&set, input, read, tell)?;
             let member = |roi: &&Roi| Member {
                 name: roi.label(),
-                option: format!("--roi {}", roi.number),
-                read: ReadOptions { roi: vec![roi.number.to_string()], ..read.clone() },
+                option: format!("--roi {}{}", if likewise_named(&set, roi) { "number=" } else { "" }, roi.number),
+                read: ReadOptions { roi: vec![RoiName::Number(roi.number)], ..read.clone() },
             };
             return Ok(Some(rois.iter().map(member).collect()));
         }
         let Some(wanted) = &self.labels else { return Ok(None) };
         of_labels(input, read, wanted, tell).map(Some)
     }
+}
+
+/// Whether another ROI has the number of `roi` as its name.
+#[cfg(feature = "dicom")]
+fn likewise_named(set: &StructureSet, roi: &Roi) -> bool {
+    let number = roi.number.to_string();
+    set.rois.iter().any(|other| other.number != roi.number && other.name.trim() == number)
 }
 
 /// The labels that are wanted.
@@ -86,7 +93,7 @@ pub fn usable_rois<'s>(
     for roi in &set.rois {
         match set.closed(vec![roi]).and_then(|chosen| chosen.chosen_planes(read)) {
             Ok(_) => rois.push(roi),
-            Err(_) if roi.contours.is_empty() => tell(&format!("{}: left out, not drawn", roi.label())),
+            Err(_) if !roi.is_drawn() => tell(&format!("{}: left out, not drawn", roi.label())),
             Err(e) => tell(&format!("{}: left out: {e}", roi.label())),
         }
     }

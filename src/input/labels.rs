@@ -47,17 +47,24 @@ impl std::str::FromStr for Wanted {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        if text == "all" {
-            return Ok(Wanted::All);
-        }
-        let label = |part: &str| match part.parse() {
+        if text == "all" { Ok(Wanted::All) } else { Wanted::these(text.split(',')) }
+    }
+}
+
+impl Wanted {
+    /// The labels of these names or numbers.
+    ///
+    /// # Errors
+    /// A message for 0, and for an empty name.
+    pub fn these<'n>(names: impl Iterator<Item = &'n str>) -> std::result::Result<Self, String> {
+        let label = |name: &str| match name.parse() {
             Ok(LabelName::Number(0)) => Err(BACKGROUND.into()),
             Ok(LabelName::Name(name)) if name.is_empty() => {
-                Err(format!("expected `all`, or numbers or names with commas between, such as 1,2,5; got `{text}`"))
+                Err("expected `all`, or numbers or names with commas between, such as 1,2,5; got an empty name".into())
             }
             Ok(label) => Ok(label),
         };
-        text.split(',').map(label).collect::<std::result::Result<_, String>>().map(Wanted::These)
+        names.map(label).collect::<std::result::Result<_, String>>().map(Wanted::These)
     }
 }
 
@@ -129,6 +136,11 @@ fn labels_of(
     let mut left_out = if whole { Vec::new() } else { without_hidden(&mut labels, &surveyed, &overlaps) };
     if let (Wanted::These(_), Some(hidden)) = (wanted, left_out.first()) {
         return fail(format!("cannot have {}: {}", hidden.of(), hidden.why));
+    }
+    if *wanted == Wanted::All {
+        let empty = surveyed.volume.segments.iter().filter(|(label, _)| **label != 0 && !there.contains(label));
+        let why = || "nothing is painted".to_string();
+        left_out.extend(empty.map(|(label, a)| LeftOut { label: *label, name: a.name.clone(), why: why() }));
     }
     let mut drawn = drawn(&surveyed, &stack, &labels, |each| surveyed.volume.labels(each))?;
     let mut covered = vec![Vec::new(); drawn.len()];

@@ -9,8 +9,11 @@ use crate::storage::room;
 
 /// Empty pixels around all contours: room for what bulges between the planes.
 pub const MARGIN: usize = 8;
-/// Least pixels across the mean width of what is drawn, where the pixel size is chosen here.
-const ACROSS: f64 = 8.0;
+/// Least pixels across the mean width of what is drawn, where the pixel size is chosen here: where lines have as many points as are no corners, and
+/// where they turn by a right angle at each point, as a corner is rounded by half a pixel.
+const ACROSS: [f64; 2] = [8.0, 32.0];
+/// Points of a line from which on they are no corners.
+const ROUND: f64 = 32.0;
 /// Most pixels along the longer side of the box around all contours, where the pixel size is chosen here.
 const LONGEST: f64 = 1024.0;
 /// Pixels across the mean width below which areas are off by some per cent.
@@ -95,11 +98,14 @@ impl DrawingGrid {
 }
 
 /// Pixel side for drawings: half the median distance of neighbouring points, so that no drawn point is lost between pixels, but at most an
-/// eighth of the mean width `2 A / P` (area and length of all contours), so that what has few points is still several pixels wide, and at
-/// least 1/1024 of the longer side of the box around all.
+/// eighth of the mean width `2 A / P` (area and length of all contours), so that what has few points is still several pixels wide, down to a 32nd
+/// where lines have 8 points or less in the mean instead of 32, so that their corners stay; and at least 1/1024 of the longer side of the box around
+/// all.
 pub fn pixel_side(drawings: &[PlaneDrawing]) -> f64 {
-    let Sides { points, width, least } = sides(drawings);
-    (0.5 * points).min(width / ACROSS).max(least)
+    let Sides { points, of_a_line, width, least } = sides(drawings);
+    let [round, cornered] = ACROSS;
+    let across = (round * ROUND / of_a_line).clamp(round, cornered);
+    (0.5 * points).min(width / across).max(least)
 }
 
 /// A note where what is drawn is less than 4 pixels wide in the mean, by the pixel sides that were given or by the least one that is chosen: small
@@ -123,6 +129,8 @@ pub fn coarse(drawings: &[PlaneDrawing], pixel: Option<[f64; 2]>) -> Option<Stri
 struct Sides {
     /// Median distance of neighbouring points.
     points: f64,
+    /// Points of a line, in the mean.
+    of_a_line: f64,
     /// Mean width.
     width: f64,
     /// Least pixel side.
@@ -144,9 +152,15 @@ fn sides(drawings: &[PlaneDrawing]) -> Sides {
     lengths.sort_by(f64::total_cmp);
     let least = longer / LONGEST;
     let Some(points) = lengths.get(lengths.len() / 2) else {
-        return Sides { points: 0.0, width: f64::INFINITY, least };
+        return Sides { points: 0.0, of_a_line: ROUND, width: f64::INFINITY, least };
     };
-    Sides { points: *points, width: 2.0 * area_sum / lengths.iter().sum::<f64>(), least }
+    let lines = drawings.iter().flat_map(PlaneDrawing::polygons).count();
+    Sides {
+        points: *points,
+        of_a_line: lengths.len() as f64 / lines as f64,
+        width: 2.0 * area_sum / lengths.iter().sum::<f64>(),
+        least,
+    }
 }
 
 /// Lowest and highest coordinates; the lowest is above the highest where there are no points.

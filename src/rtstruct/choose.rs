@@ -75,6 +75,9 @@ impl StructureSet {
     /// [`Error::Format`] as [`StructureSet::choose`].
     pub(super) fn on_planes<'a>(&'a self, rois: Vec<&'a Roi>) -> Result<ChosenRois<'a>> {
         let (mut used, mut notes) = (Vec::new(), Vec::new());
+        if let Some(fault) = rois.iter().find_map(|roi| roi.fault.as_ref()) {
+            return Err(self.wrong(fault.clone()));
+        }
         for (r, roi) in rois.iter().enumerate() {
             let mut seen = HashMap::new();
             for (c, contour) in roi.contours.iter().enumerate() {

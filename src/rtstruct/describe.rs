@@ -11,7 +11,7 @@ use crate::stack::ReadOptions;
 impl StructureSet {
     /// Every ROI: its planes, contours and holes, what would be left out, and why it cannot be reconstructed where it cannot.
     pub fn describe(&self) -> Vec<String> {
-        let drawn = self.rois.iter().filter(|r| !r.contours.is_empty()).count();
+        let drawn = self.rois.iter().filter(|r| r.is_drawn()).count();
         let mut lines = vec![format!("RT structure set, {} ROIs, {drawn} of them drawn", self.rois.len())];
         for roi in &self.rois {
             lines.extend(self.describe_roi(roi));
@@ -33,10 +33,11 @@ impl StructureSet {
     /// One ROI.
     fn describe_roi(&self, roi: &Roi) -> Vec<String> {
         let head = roi.label();
-        if roi.contours.is_empty() {
+        if !roi.is_drawn() {
             return vec![format!("{head}: not drawn")];
         }
         match self.closed(vec![roi]) {
+            Err(e) if roi.fault.is_some() => vec![format!("{head}: cannot be read: {e}")],
             Err(e) => vec![format!("{head}: {} contours, cannot be reconstructed: {e}", roi.contours.len())],
             Ok(chosen) => chosen.describe(),
         }

@@ -30,6 +30,7 @@ pub use series::ImageSeries;
 use crate::error::{Error, Result};
 use crate::polygons::grid::coarse;
 use crate::stack::appearance::Appearance;
+use crate::stack::options::RoiName;
 use crate::stack::{ContourStack, ReadOptions};
 use crate::storage::regular;
 use crate::surface::header::Header;
@@ -56,8 +57,10 @@ pub struct Roi {
     pub name: String,
     /// ROI Display Color, sRGB.
     pub colour: Option<[u8; 3]>,
-    /// Its contours, in their order.
+    /// Its contours, in their order; none where one of them cannot be read.
     pub contours: Vec<Contour>,
+    /// Why they cannot be read: ROI, contour, field and value.
+    pub fault: Option<String>,
 }
 
 /// One contour of a ROI.
@@ -90,6 +93,11 @@ impl Roi {
         format!("ROI {} (`{}`)", self.number, self.name)
     }
 
+    /// Whether it has contours, be they ones that cannot be read.
+    pub fn is_drawn(&self) -> bool {
+        self.fault.is_some() || !self.contours.is_empty()
+    }
+
     /// Name, number and colour.
     fn appearance(&self) -> Appearance {
         let name = Some(self.name.trim()).filter(|name| !name.is_empty());
@@ -109,23 +117,32 @@ impl StructureSet {
         Ok(StructureSet { path: path.into(), rois, object, digest: blake3::hash(&bytes) })
     }
 
-    /// The ROI of a name, else of a number.
+    /// The ROI of a name or number.
     ///
     /// # Errors
-    /// [`Error::Setting`] with all ROIs there are.
-    pub fn find(&self, wanted: &str) -> Result<&Roi> {
+    /// [`Error::Setting`] with all ROIs there are, where none or several could be meant.
+    pub fn find(&self, wanted: &RoiName) -> Result<&Roi> {
         let fail = |message: String| {
             Err(Error::Setting { name: "roi".into(), message: format!("{message}; there are {}", self.listed()) })
         };
-        let named: Vec<&Roi> = self.rois.iter().filter(|r| r.name.trim() == wanted.trim()).collect();
-        match (&named[..], wanted.trim().parse::<i64>()) {
-            ([roi], _) => Ok(roi),
-            ([_, _, ..], _) => fail(format!("`{wanted}` is the name of several ROIs: name it by its number")),
-            ([], Ok(number)) => match self.rois.iter().find(|r| r.number == number) {
-                Some(roi) => Ok(roi),
-                None => fail(format!("must name one of the file's ROIs; got {number}")),
-            },
-            ([], Err(_)) => fail(format!("must name one of the file's ROIs; got `{wanted}`")),
+        let numbered = |number: i64| self.rois.iter().find(|r| r.number == number);
+        let text = match wanted {
+            RoiName::Number(number) => {
+                let none = || fail(format!("must name one of the file's ROIs; got {number}"));
+                return numbered(*number).map_or_else(none, Ok);
+            }
+            RoiName::Text(text) => text.trim(),
+        };
+        let mut meant: Vec<&Roi> = self.rois.iter().filter(|r| r.name.trim() == text).collect();
+        let by_number = text.parse().ok().and_then(numbered);
+        meant.extend(by_number.filter(|roi| meant.iter().all(|named| named.number != roi.number)));
+        match meant[..] {
+            [roi] => Ok(roi),
+            [] => fail(format!("must name one of the file's ROIs; got `{text}`")),
+            _ => {
+                let ways: Vec<String> = meant.iter().map(|roi| format!("`number={}`", roi.number)).collect();
+                fail(format!("`{text}` may be any of {} ROIs: say {}", ways.len(), ways.join(" or ")))
+            }
         }
     }
 

@@ -32,7 +32,7 @@ pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
         if place.insert(number, k).is_some() {
             return Err(format!("{at}: ROI Number {number} is there twice"));
         }
-        rois.push(Roi { number, name, colour: None, contours: Vec::new() });
+        rois.push(Roi { number, name, colour: None, contours: Vec::new(), fault: None });
     }
     let drawn = items(&object, tags::ROI_CONTOUR_SEQUENCE)?
         .ok_or("ROI Contour Sequence (3006,0039) is missing: nothing is drawn")?;
@@ -44,9 +44,9 @@ pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
         };
         place.remove(&number);
         roi.colour = colour(item);
-        for (c, item) in items(item, tags::CONTOUR_SEQUENCE)?.unwrap_or_default().iter().enumerate() {
-            let contour = contour(item).map_err(|m| format!("{}, contour {}: {m}", roi.label(), c + 1))?;
-            roi.contours.push(contour);
+        match contours(item) {
+            Ok(contours) => roi.contours = contours,
+            Err(message) => roi.fault = Some(format!("{}{message}", roi.label())),
         }
     }
     Ok((object, rois))
@@ -97,6 +97,13 @@ pub fn identity(bytes: &[u8]) -> Parse<Identity> {
         number: said(tags::SERIES_NUMBER)?.parse().ok(),
         label: said(tags::STRUCTURE_SET_LABEL)?,
     })
+}
+
+/// The contours of a ROI; the file's other ROIs are none the worse for one that cannot be read.
+fn contours(roi: &InMemDicomObject) -> Parse<Vec<Contour>> {
+    let all = items(roi, tags::CONTOUR_SEQUENCE).map_err(|m| format!(": {m}"))?.unwrap_or_default();
+    let numbered = all.iter().enumerate();
+    numbered.map(|(c, item)| contour(item).map_err(|m| format!(", contour {}: {m}", c + 1))).collect()
 }
 
 fn contour(item: &InMemDicomObject) -> Parse<Contour> {

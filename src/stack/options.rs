@@ -22,10 +22,10 @@ pub struct ReadOptions {
     #[arg(long, value_name = "N|NAME", allow_hyphen_values = true, conflicts_with = "level")]
     pub label: Option<LabelName>,
 
-    /// RTSTRUCT: the ROI, by name or number; repeatable, several are merged into one body
+    /// RTSTRUCT: the ROI, by name or number (`number=3` where another one has the name 3); repeatable, several are merged into one body
     #[arg(long, value_name = "NAME|NUMBER")]
     #[serde(deserialize_with = "one_or_many")]
-    pub roi: Vec<String>,
+    pub roi: Vec<RoiName>,
 
     /// DICOM folders: the RTSTRUCT, by the UID or number of its series or by its own UID, where the folder has several
     #[arg(long, value_name = "UID|NUMBER")]
@@ -189,17 +189,55 @@ impl FromStr for LabelName {
     }
 }
 
-/// A name, a number, or a list of such, as a settings file or a manifest may give them.
-fn one_or_many<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+/// A ROI as the user names it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum RoiName {
+    /// By its number, whatever others are called.
+    Number(i64),
+    /// By its name, or by its number where none has it as its name.
+    Text(String),
+}
+
+/// What makes a number of a text, whatever ROIs are called.
+const BY_NUMBER: &str = "number=";
+
+impl From<i64> for RoiName {
+    fn from(number: i64) -> Self {
+        RoiName::Number(number)
+    }
+}
+
+impl From<&str> for RoiName {
+    fn from(text: &str) -> Self {
+        let number = text.trim().strip_prefix(BY_NUMBER).and_then(|n| n.parse().ok());
+        number.map_or_else(|| RoiName::Text(text.into()), RoiName::Number)
+    }
+}
+
+impl FromStr for RoiName {
+    type Err = Infallible;
+
+    fn from_str(text: &str) -> Result<Self, Infallible> {
+        Ok(text.into())
+    }
+}
+
+/// One or several, as a settings file or a manifest may give them: numbers, or text as it is typed.
+fn one_or_many<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<RoiName>, D::Error> {
     #[derive(Deserialize)]
     #[serde(untagged)]
     enum Names {
         One(Name),
         Many(Vec<Name>),
     }
+    let roi = |name| match name {
+        Name::Text(text) => RoiName::from(text.as_str()),
+        Name::Number(number) => RoiName::Number(number),
+    };
     Ok(match Names::deserialize(deserializer)? {
-        Names::One(name) => vec![name.text()],
-        Names::Many(names) => names.into_iter().map(Name::text).collect(),
+        Names::One(name) => vec![roi(name)],
+        Names::Many(names) => names.into_iter().map(roi).collect(),
     })
 }
 

@@ -12,7 +12,7 @@ use interslice::stack::ReadOptions;
 use crate::files::{interslice, stderr};
 
 pub fn stack(path: &Path, roi: &[&str]) -> ContourStack {
-    let roi = roi.iter().map(|r| (*r).to_string()).collect();
+    let roi = roi.iter().map(|r| (*r).into()).collect();
     read(path, &ReadOptions { roi, pixel: Some(0.5), ..ReadOptions::default() }).expect("the file is sound")
 }
 

@@ -2,6 +2,10 @@
 
 use std::fs;
 
+use dicom_core::VR;
+use dicom_dictionary_std::{tags, uids};
+use dicom_object::InMemDicomObject;
+
 use crate::checks::*;
 use crate::files::folder;
 use crate::rtss::*;
@@ -25,6 +29,59 @@ fn rois_are_chosen_by_name_or_number_and_merged_as_a_union() {
     assert_says(&said(&["inspect", &path, "--roi", "Heart"], 2), &["`roi`", "Heart", "1 `Small`"]);
     assert_says(&said(&["inspect", &path, "--roi", "1", "--roi", "Small"], 2), &["twice"]);
     assert_says(&said(&["inspect", &path, "--roi", "1", "--label", "1"], 2), &["`label`"]);
+}
+
+#[test]
+fn a_name_that_is_another_rois_number_stands_for_neither() {
+    let place = folder();
+    let path = place.path().join("a.dcm");
+    let planes = [0.0, 3.0];
+    write(&[("2", tube(10.0, &planes)), ("1", tube(20.0, &planes)), ("3", tube(30.0, &planes))], &path);
+    let (input, out) = (path.display().to_string(), |name: &str| place.path().join(name).display().to_string());
+    for (number, radius) in [(1, 10.0), (2, 20.0), (3, 30.0)] {
+        let stack = stack(&path, &[&format!("number={number}")]);
+        assert_near(area(&stack, 0), disc(radius), 0.01 * disc(radius));
+    }
+    assert_near(area(&stack(&path, &["3"]), 0), disc(30.0), 0.01 * disc(30.0));
+    assert_says(
+        &said(&["inspect", &input, "--roi", "1"], 2),
+        &["`1` may be any of 2 ROIs", "`number=2` or `number=1`"],
+    );
+    assert_says(&said(&["inspect", &input, "--roi", "number=4"], 2), &["must name one of the file's ROIs; got 4"]);
+    // Numbers are what `--all-rois` and JSON say.
+    said(&["reconstruct", &input, "--all-rois", "-o", &out("a.json"), "--backend", "cpu", "-q"], 0);
+    let line = serde_json::json!({"id": "b", "input": input, "outputs": [out("b.json")], "options": {"roi": 1}});
+    fs::write(out("m.jsonl"), line.to_string()).expect("a file can be written");
+    said(&["batch", &out("m.jsonl"), "--backend", "cpu"], 0);
+    for (file, radius) in [("a.2.json", 10.0), ("a.1.json", 20.0), ("a.3.json", 30.0), ("b.json", 10.0)] {
+        let text = fs::read_to_string(out(file)).expect("the report is there");
+        let report: serde_json::Value = serde_json::from_str(&text).expect("the report is JSON");
+        let volume = report["volume"].as_f64().expect("it has the volume");
+        assert_near(volume, 3.0 * disc(radius), 0.12 * disc(radius));
+    }
+}
+
+#[test]
+fn a_roi_that_cannot_be_read_leaves_the_others_be() {
+    let place = folder();
+    let path = place.path().join("a.dcm");
+    let (input, out) = (path.display().to_string(), |name: &str| place.path().join(name).display().to_string());
+    let mut set = structure_set(&[("Bad", Vec::new()), ("Good", tube(10.0, &[0.0, 3.0]))]);
+    let drawn = set.element(tags::ROI_CONTOUR_SEQUENCE).expect("it is there").items().expect("a sequence");
+    let bad = InMemDicomObject::from_element_iter([
+        text(tags::REFERENCED_ROI_NUMBER, VR::IS, "1"),
+        sequence(tags::CONTOUR_SEQUENCE, vec![contour(CLOSED, 3, r"0\0\0\1\NaN\0\2\2\0")]),
+    ]);
+    let items = vec![bad, drawn[1].clone()];
+    set.put(sequence(tags::ROI_CONTOUR_SEQUENCE, items));
+    write_as(set, uids::EXPLICIT_VR_LITTLE_ENDIAN, &path);
+    let why = "ROI 1 (`Bad`), contour 1: Contour Data: value 5 is `NaN`";
+    assert_says(&said(&["inspect", &input], 0), &["ROI 1 (`Bad`): cannot be read", why, "ROI 2 (`Good`): 2 contours"]);
+    assert_says(&said(&["reconstruct", &input, "--roi", "Bad", "-o", &out("a.json")], 2), &["a.dcm", why]);
+    assert_near(area(&stack(&path, &["Good"]), 0), disc(10.0), 0.01 * disc(10.0));
+    let says = said(&["reconstruct", &input, "--all-rois", "-o", &out("a.json"), "--backend", "cpu"], 0);
+    assert_says(&says, &["ROI 1 (`Bad`): left out", why]);
+    assert!(place.path().join("a.Good.json").exists() && !place.path().join("a.Bad.json").exists());
 }
 
 #[test]

@@ -88,6 +88,8 @@ impl Contour {
     pub const SEEDS: &[usize] = &[0];
     /// Its level set alone.
     pub const FIELD: &[usize] = &[1];
+    /// Its parts alone.
+    pub const PARTS: &[usize] = &[2];
     /// Its seeds and its level set, but not the parts.
     pub const SEEDS_AND_FIELD: &[usize] = &[0, 1];
     /// Its seeds and its parts, but not the level set.

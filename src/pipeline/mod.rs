@@ -15,6 +15,7 @@ mod events;
 mod field;
 mod finish;
 pub(crate) mod fit;
+mod grazing;
 mod hole_tiles;
 mod links;
 pub(crate) mod matching;

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::context::{Context, stage};
 use super::ends::{EndMatter, passing_field};
+use super::grazing::without_grazing;
 use super::links::{IntervalLinks, frames};
 use crate::backend::jobs::PartJob;
 use crate::backend::requests::{PartRequest, SlopeRequest};
@@ -46,7 +47,7 @@ pub(super) fn moving_frame<'a>(
         let displacements = match run.settings.motion {
             Motion::Field => {
                 let guess = frames(run, links, contours, report)?;
-                displacements(run, &fields, guess)?
+                field_displacements(run, links, contours, &fields, guess)?
             }
             Motion::Rigid => frames(run, links, contours, report)?,
             Motion::None => run.spilled((1..z.len()).map(|_| Displacement::zero(run.padded())))?,
@@ -107,36 +108,54 @@ fn filled_fields<'a>(
     Ok(fields)
 }
 
+/// Displacements of all intervals, less what would join parts by chance.
+fn field_displacements<'a>(
+    run: &Context<'a>,
+    links: &[IntervalLinks],
+    contours: &SpillVec<'a, Contour>,
+    fields: &SpillVec<'a, Field>,
+    guess: SpillVec<'a, Displacement>,
+) -> Result<SpillVec<'a, Displacement>> {
+    let found = displacements(run, fields, &guess)?;
+    let mut kept = SpillVec::new(run.budget);
+    for (i, links) in links.iter().enumerate() {
+        let v = found.get(i)?.as_ref().clone();
+        let pair = [contours.some(i, Contour::PARTS)?, contours.some(i + 1, Contour::PARTS)?];
+        kept.push(without_grazing(v, &*guess.get(i)?, [&pair[0], &pair[1]], &links.joined(), run.h))?;
+    }
+    Ok(kept)
+}
+
 /// Displacements of all intervals: all rounds together where the fields fit into memory, else round by round a few intervals at a time,
 /// with one to either side that takes part.
 fn displacements<'a>(
     run: &Context<'a>,
     fields: &SpillVec<'a, Field>,
-    guess: SpillVec<'a, Displacement>,
+    guess: &SpillVec<'a, Displacement>,
 ) -> Result<SpillVec<'a, Displacement>> {
     let gaps = &run.span.gaps;
     let count = gaps.len();
     // A field, and what is known of its blocks.
     let at_once = run.budget.at_once(count, 2 * run.field_bytes());
     if at_once == count {
-        let found = some_displacements(run, fields, [&guess; 2], 0..count, 0..ROUNDS.len(), 0..count)?;
+        let found = some_displacements(run, fields, [guess; 2], 0..count, 0..ROUNDS.len(), 0..count)?;
         return run.spilled(found);
     }
     let own = at_once.saturating_sub(2).max(1);
-    let mut current: Option<SpillVec<'a, Displacement>> = None;
+    let mut current = SpillVec::new(run.budget);
     for round in 0..ROUNDS.len() {
         let mut better = SpillVec::new(run.budget);
         for first in (0..count).step_by(own) {
             let wanted = first..(first + own).min(count);
             let around = first.saturating_sub(1)..(wanted.end + 1).min(count);
-            let begin = [&guess, current.as_ref().unwrap_or(&guess)];
+            let begin = [guess, if round == 0 { guess } else { &current }];
             for found in some_displacements(run, fields, begin, around, round..round + 1, wanted)? {
                 better.push(found)?;
             }
         }
-        current = Some(better);
+        current = better;
     }
-    Ok(current.unwrap_or(guess))
+    Ok(current)
 }
 
 /// The `wanted` displacements of intervals `around` after some rounds from what is the second of `from`, their guess being the first.

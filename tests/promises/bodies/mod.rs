@@ -2,6 +2,7 @@
 
 mod ballooning;
 mod connected;
+mod crowds;
 mod layers;
 mod lying;
 mod measured;

@@ -56,7 +56,7 @@ fn apart(seeds: std::ops::Range<u64>, spacing: [f64; 2], settings: &Settings, so
     sums[0] / sums[1]
 }
 
-/// Half of the discs were pieces by themselves (0.56 of square pixels), the others joined to what lay beside them on the other slice.
+/// 0.60 of the discs were pieces by themselves (square pixels), the others joined to what lay beside them on the other slice.
 #[test]
 fn what_meets_by_chance_stays_apart() {
     for (spacing, seeds) in [([1.0, 1.0], 0..4), ([0.5, 1.0], 4..6), ([1.0, 0.5], 6..8)] {

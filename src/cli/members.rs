@@ -7,7 +7,9 @@ use interslice::input::labels::{Wanted, read_whole_labels};
 #[cfg(feature = "dicom")]
 use interslice::rtstruct::{Roi, StructureSet};
 use interslice::stack::ReadOptions;
-use interslice::stack::options::{LabelName, RoiName};
+use interslice::stack::options::LabelName;
+#[cfg(feature = "dicom")]
+use interslice::stack::options::RoiName;
 
 /// Options that ask for several bodies, each by itself.
 #[derive(Debug, Clone, Default, clap::Args)]

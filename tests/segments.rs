@@ -292,6 +292,19 @@ fn what_is_not_painted_is_told_of() {
 }
 
 #[test]
+fn a_name_in_a_list_may_have_a_comma() {
+    let place = folder();
+    let at = |name: &str| place.path().join(name);
+    write(&at("a.seg.nrrd"), &layered(&HEADER.replace("Name:=Liver", "Name:=Liver, left")));
+    let line = serde_json::json!({"id": "a", "input": "a.seg.nrrd", "outputs": ["a.json"],
+        "options": {"labels": ["Liver, left", 3], "keep_overlaps": true}});
+    write(&at("m.jsonl"), line.to_string().as_bytes());
+    let result = interslice(&["batch", &at("m.jsonl").display().to_string(), "--backend", "cpu"]);
+    assert!(result.status.success(), "{}", stderr(&result));
+    assert!(at("a.1.json").is_file() && at("a.3.json").is_file() && !at("a.2.json").exists());
+}
+
+#[test]
 fn masks_of_a_folder_have_one_grid() {
     let place = folder();
     let [_, masks] = both(place.path());

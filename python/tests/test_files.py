@@ -17,6 +17,7 @@ from test_recipes import structure_set
 # Their own types say too little for a strict check.
 nibabel: Any = import_module("nibabel")
 nrrd: Any = import_module("nrrd")
+pydicom: Any = import_module("pydicom")
 sitk: Any = import_module("SimpleITK")
 
 AXES = ((0.8, 0.6, 0.0), (-0.6, 0.8, 0.0), (0.0, 0.0, 1.0))
@@ -129,6 +130,17 @@ def test_rois(tmp_path: Path) -> None:
         np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 1]), (20, 22, 24, 22, 20)[k], atol=1e-3)
         np.testing.assert_array_equal(points[:, 2], 5.0 * k)
     assert interslice.read_rois(tmp_path)[0].name == "Body"
+
+
+def test_a_roi_that_cannot_be_read_has_no_contours(tmp_path: Path) -> None:
+    path = tmp_path / "rt.dcm"
+    structure_set(path)
+    damaged = pydicom.dcmread(path)
+    damaged.ROIContourSequence[0].ContourSequence[1].NumberOfContourPoints = 7
+    damaged.save_as(path)
+    with pytest.warns(UserWarning, match=r"rt\.dcm: ROI 1 \(`Body`\), contour 2: Number of Contour Points is 7, but Contour Data has 60"):
+        (roi,) = interslice.read_rois(path)
+    assert (roi.name, roi.contours) == ("Body", [])
 
 
 def test_what_is_wrong_is_said(tmp_path: Path, labels: Volume) -> None:

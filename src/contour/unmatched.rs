@@ -1,7 +1,13 @@
 //! A part of one contour that has no counterpart in the other.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::DVec2;
+use rayon::prelude::*;
+
+use crate::contour::Contour;
 use crate::contour::direction::Direction;
-use crate::grid::field::Field;
+use crate::grid::field::{Field, VALUES_OF_A_THREAD, position};
 use crate::grid::tile::Tile;
 
 /// Share of the gap at which a part ends of which nothing is known.
@@ -37,4 +43,19 @@ impl LonePart {
     pub fn counted(&self) -> &[u32] {
         &self.seeds[..self.counted]
     }
+}
+
+/// Numbers of the parts, at least `least` deep, no pixel of which meets anything.
+pub fn without_partner(contour: &Contour, least: f64, meets: impl Fn(DVec2) -> bool + Sync) -> Vec<u32> {
+    let mut lone: Vec<AtomicBool> = contour.solid_depth.iter().map(|depth| AtomicBool::new(*depth >= least)).collect();
+    *lone[0].get_mut() = false;
+    let nx = contour.phi.dims[0];
+    // Whichever pixel is looked at first: a part that meets something anywhere has a partner.
+    contour.solids.labels.par_iter().enumerate().with_min_len(VALUES_OF_A_THREAD).for_each(|(node, &label)| {
+        let lone = &lone[label as usize];
+        if lone.load(Ordering::Relaxed) && meets(position(node, nx)) {
+            lone.store(false, Ordering::Relaxed);
+        }
+    });
+    (0..).zip(lone).filter_map(|(part, lone)| lone.into_inner().then_some(part)).collect()
 }

@@ -1,10 +1,6 @@
 //! The stages that make the moving frame and what the fields say in it.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-use glam::DVec2;
-use rayon::prelude::*;
 
 use super::context::{Context, stage};
 use super::ends::{EndMatter, passing_field};
@@ -16,9 +12,9 @@ use crate::contour::Contour;
 use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
 use crate::contour::termination::{Succession, closes};
-use crate::contour::unmatched::LonePart;
+use crate::contour::unmatched::{LonePart, without_partner};
 use crate::error::Result;
-use crate::grid::field::{Field, VALUES_OF_A_THREAD, position};
+use crate::grid::field::Field;
 use crate::pipeline::compose::mean_slope;
 use crate::pipeline::fit::Fitted;
 use crate::pipeline::matching::LonePlan;
@@ -324,19 +320,4 @@ pub(super) fn close<'a>(
         part.closes = closes(part, gap(i), inner);
     }
     Ok(())
-}
-
-/// Numbers of the parts, at least `least` deep, no pixel of which meets anything.
-fn without_partner(contour: &Contour, least: f64, meets: impl Fn(DVec2) -> bool + Sync) -> Vec<u32> {
-    let mut lone: Vec<AtomicBool> = contour.solid_depth.iter().map(|depth| AtomicBool::new(*depth >= least)).collect();
-    *lone[0].get_mut() = false;
-    let nx = contour.phi.dims[0];
-    // Whichever pixel is looked at first: a part that meets something anywhere has a partner.
-    contour.solids.labels.par_iter().enumerate().with_min_len(VALUES_OF_A_THREAD).for_each(|(node, &label)| {
-        let lone = &lone[label as usize];
-        if lone.load(Ordering::Relaxed) && meets(position(node, nx)) {
-            lone.store(false, Ordering::Relaxed);
-        }
-    });
-    (0..).zip(lone).filter_map(|(part, lone)| lone.into_inner().then_some(part)).collect()
 }

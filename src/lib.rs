@@ -146,7 +146,7 @@ pub use report::Report;
 pub use settings::Settings;
 pub use stack::axis::Axis;
 pub use stack::heights::height_grid;
-pub use stack::{ContourStack, Geometry, HeightGrid, LevelSlice, Mask, ReadOptions, Slice, SliceContent};
+pub use stack::{ContourStack, Geometry, HeightGrid, LevelSlice, Mask, ReadOptions, Slice, SliceContent, WorldSpace};
 pub use storage::spill::Budget;
 pub use surface::header::Header;
 pub use surface::mesh::{Mesh, Vertex};

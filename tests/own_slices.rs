@@ -17,6 +17,7 @@ use interslice::{Budget, Means, Reference, Settings, progress};
 const SIZES: [usize; 3] = [64, 48, 31];
 
 /// A disc of a label on some slices.
+#[derive(Clone, Copy)]
 struct Disc<'s> {
     label: u8,
     at: [f64; 2],
@@ -223,8 +224,9 @@ fn p13_of_all_labels_those_that_cannot_be_done_are_left_out() {
     let done = run("all");
     assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
     assert!(stderr(&done).contains("label 9: left out, is drawn on 1 of the slices"), "{}", stderr(&done));
+    // What is painted stays.
     let survey = interslice::input::survey(&out).expect("the label volume can be read");
-    assert_eq!(survey.labels.keys().copied().collect::<Vec<_>>(), [1, 2]);
+    assert_eq!(survey.labels.into_iter().collect::<Vec<_>>()[2], (9, 1));
     let json: serde_json::Value = serde_json::from_slice(&fs::read(&report).expect("there is a report")).expect("JSON");
     assert_eq!(json["left_out"][0]["label"], 9);
     assert_eq!(json["labels"].as_array().map(Vec::len), Some(2));
@@ -242,6 +244,23 @@ fn p13_of_all_labels_those_that_cannot_be_done_are_left_out() {
     let none = run("all");
     assert_eq!(none.status.code(), Some(2));
     assert!(stderr(&none).contains("none of its labels can be reconstructed: label 3"), "{}", stderr(&none));
+}
+
+#[test]
+fn a_label_on_one_slice_stays_as_it_is_painted() {
+    // Across the border of a cylinder that is interpolated there.
+    let cylinder = Disc { label: 1, at: [20.0, 24.0], radius: 8.0, slices: &TENS };
+    let spot = Disc { label: 9, at: [27.0, 24.0], radius: 3.0, slices: &[12] };
+    let (without, ..) = decided(&volume(&[cylinder]), &ReadOptions::default(), 2);
+    let (with, ..) = decided(&volume(&[cylinder, spot]), &ReadOptions::default(), 2);
+    for (k, (with, without)) in with.iter().zip(&without).enumerate() {
+        let wanted = |(n, label): (usize, &f32)| {
+            let near = ((n % SIZES[0]) as f64 - 27.0).hypot((n / SIZES[0]) as f64 - 24.0) < 3.0;
+            if k == 24 && near { 9.0 } else { *label }
+        };
+        assert!(with.phi.iter().copied().eq(without.phi.iter().enumerate().map(wanted)), "height {}", with.z);
+    }
+    assert!(areas(&with, 9)[24] > 20 && areas(&with, 1)[24] < areas(&without, 1)[24]);
 }
 
 #[test]

@@ -113,7 +113,7 @@ fn sixteen_bit_labels_of_one_value_are_masks_and_extras_are_marked() {
 #[test]
 fn places_and_directions_are_lists_of_numbers_in_files() {
     let axes = [DVec3::Y, DVec3::Z, DVec3::X];
-    let geometry = Geometry { origin: DVec3::new(1.0, -2.5, 1e7), axes, order: [1, 2, 0] };
+    let geometry = Geometry { origin: DVec3::new(1.0, -2.5, 1e7), axes, order: [1, 2, 0], ..Geometry::default() };
     let text = r#"{"origin":[1.0,-2.5,10000000.0],"axes":[[0.0,1.0,0.0],[0.0,0.0,1.0],[1.0,0.0,0.0]],"order":[1,2,0]}"#;
     assert_eq!(serde_json::to_string(&geometry).expect("it can be told"), text);
     assert_eq!(serde_json::from_str::<Geometry>(text).expect("it is sound"), geometry);

@@ -60,7 +60,7 @@ const ACROSS: [[usize; 3]; 3] = [[1, 2, 0], [0, 2, 1], [0, 1, 2]];
 /// A frame that is oblique, slices across y of their input, and a frame that mirrors, slices across x.
 fn placed(stack: &ContourStack) -> [ContourStack; 3] {
     let axes = [DVec3::new(0.8, 0.6, 0.0), DVec3::new(-0.6, 0.8, 0.0), DVec3::Z];
-    let oblique = Geometry { origin: DVec3::new(10.0, -20.5, 300.0), axes, order: ACROSS[2] };
+    let oblique = Geometry { origin: DVec3::new(10.0, -20.5, 300.0), axes, order: ACROSS[2], ..Geometry::default() };
     let across_y = Geometry { order: ACROSS[1], ..oblique };
     let mirrored = Geometry { axes: [DVec3::NEG_X, DVec3::Y, DVec3::Z], order: ACROSS[0], ..oblique };
     [oblique, across_y, mirrored].map(|geometry| ContourStack { geometry, ..stack.clone() })

@@ -106,6 +106,40 @@ fn labels_come_back_the_same_in_every_format() {
 }
 
 #[test]
+fn a_nifti_file_stays_in_its_space() {
+    let place = folder();
+    let at = |name: &str| place.path().join(name);
+    let given = at("in.nii");
+    done(&["reconstruct", text(&input(place.path(), "in.nrrd")), "--labels", "all", "-q", "-o", text(&given)]);
+    let codes = |path: &Path| {
+        let header = fs::read(path).expect("a file");
+        [252, 254].map(|k| i16::from_le_bytes([header[k], header[k + 1]]))
+    };
+    assert_eq!(codes(&given), [0, 1]);
+    let (label, all, merged) = (at("label.nii"), at("all.nii"), at("merged.nii"));
+    let parts = [at("a.section"), at("b.section")];
+    // Codes of the quaternion form and of the affine one, which counts first; MNI 152, an aligned file, Talairach, unknown.
+    for (written, space) in [([1, 4], 4), ([3, 2], 2), ([3, 0], 3), ([0, 9], 1)] {
+        let mut bytes = fs::read(&given).expect("a file");
+        written
+            .into_iter()
+            .zip([252, 254])
+            .for_each(|(code, k)| bytes[k..k + 2].copy_from_slice(&i16::to_le_bytes(code)));
+        fs::write(&given, bytes).expect("a file can be written");
+        let ours = ["reconstruct", text(&given), "--backend", "cpu", "-q"];
+        done(&[&ours[..], &["--labels", "all", "-o", text(&all)]].concat());
+        done(&[&ours[..], &["--label", "5", "-o", text(&label)]].concat());
+        for (part, path) in ["1/2", "2/2"].iter().zip(&parts) {
+            done(&["run", text(&given), "--backend", "cpu", "-q", "--label", "5", "--part", part, "-o", text(path)]);
+        }
+        done(&["merge", text(&parts[0]), text(&parts[1]), "-q", "-o", text(&merged)]);
+        for path in [&all, &label, &merged] {
+            assert_eq!(codes(path), [0, space], "{written:?}: {}", path.display());
+        }
+    }
+}
+
+#[test]
 fn one_body_is_one_segment() {
     let place = folder();
     let given = input(place.path(), "in.seg.nrrd");

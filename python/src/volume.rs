@@ -4,8 +4,8 @@ use glam::DVec3;
 use interslice::Axis;
 use interslice::input::volume::Volume;
 use interslice::input::volume::grid::VolumeGrid;
-use interslice::stack::ReadOptions;
 use interslice::stack::options::LabelName;
+use interslice::stack::{ReadOptions, WorldSpace};
 use numpy::PyUntypedArray;
 use pyo3::prelude::*;
 
@@ -50,6 +50,7 @@ impl Place {
             steps: self.steps.map(DVec3::from),
             unit: self.unit.clone(),
             spaced: self.spaced,
+            space: WorldSpace::default(),
         };
         let voxels = Voxels::new(array.clone());
         let stored = voxels.order.map(|axis| self.axis_of(axis));

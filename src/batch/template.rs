@@ -12,7 +12,7 @@ use crate::files::format::check_extension;
 use crate::input;
 use crate::input::format::{InputFormat, expected};
 #[cfg(feature = "dicom")]
-use crate::rtstruct::StructureSet;
+use crate::rtstruct::{StructureSet, structure_sets};
 
 /// Choices for a template.
 #[derive(Debug, Clone)]
@@ -25,13 +25,23 @@ pub struct Template {
     pub each_label: bool,
 }
 
+/// A manifest's lines, and what is none of its cases.
+#[derive(Debug, Default)]
+pub struct Templated {
+    /// Lines.
+    pub lines: Vec<ManifestLine>,
+    /// Folders that were left out, and why.
+    pub left_out: Vec<String>,
+}
+
 /// A line per case in `folder`, in the order of their names: a sub-folder with stack.json, a volume, or a label or ROI that can be
-/// reconstructed. Inputs are named from `base` where they lie in it.
+/// reconstructed. Inputs are named from `base` where they lie in it. A folder of DICOM files without a structure set is left out: images, which may lie
+/// beside the structure set that was drawn on them.
 ///
 /// # Errors
 /// [`Error::Setting`] for an extension that no output has; [`Error::Read`]; [`Error::Format`] for a folder without cases, or a volume whose labels
 /// cannot be read.
-pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<ManifestLine>> {
+pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Templated> {
     for extension in &template.extensions {
         check_extension(extension).map_err(|message| Error::Setting {
             name: "ext".into(),
@@ -49,7 +59,7 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<M
         return Err(Error::Format { path: folder.into(), message });
     }
     let mut used = HashSet::new();
-    let mut lines = Vec::new();
+    let Templated { mut lines, mut left_out } = Templated::default();
     for path in cases {
         let full = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let short = stem(&path).unwrap_or_default();
@@ -62,6 +72,10 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<M
             options,
         };
         let (option, numbers) = if input::is_structure_set(&path) {
+            if let Some(why) = without_structure_set(&path) {
+                left_out.push(why);
+                continue;
+            }
             ("roi", rois(&path)?)
         } else if template.each_label && path.is_file() {
             ("label", input::labels(&path)?)
@@ -73,10 +87,11 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Vec<M
         lines.extend(numbers.into_iter().map(each));
     }
     if lines.is_empty() {
-        let message = "has no ROI and no label that can be reconstructed".into();
+        let mut message = "has no ROI and no label that can be reconstructed".to_string();
+        left_out.iter().for_each(|why| message += &format!("; {why}"));
         return Err(Error::Format { path: folder.into(), message });
     }
-    Ok(lines)
+    Ok(Templated { lines, left_out })
 }
 
 /// Name of a case; nothing for what is none.
@@ -87,6 +102,20 @@ fn stem(path: &Path) -> Option<String> {
     }
     let (_, at) = InputFormat::of_name(&name).filter(|(format, _)| format.name != "folder")?;
     Some(name[..at].to_string()).filter(|s| !s.is_empty())
+}
+
+/// What to say of a folder of DICOM files without a structure set.
+#[cfg(feature = "dicom")]
+fn without_structure_set(path: &Path) -> Option<String> {
+    match structure_sets(path) {
+        Err(e @ Error::Format { .. }) if path.is_dir() => Some(format!("{e}: left out")),
+        _ => None,
+    }
+}
+
+#[cfg(not(feature = "dicom"))]
+fn without_structure_set(_: &Path) -> Option<String> {
+    None
 }
 
 /// Numbers of the ROIs that can be reconstructed.

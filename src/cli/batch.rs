@@ -4,7 +4,7 @@ use std::fs::{self, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use interslice::batch::template::{Template, template};
+use interslice::batch::template::{Template, Templated, template};
 use interslice::batch::{Job, Manifest, Options, Outcome, finished, index, line, run as run_all};
 use interslice::storage::room;
 use interslice::{Error, Result};
@@ -175,7 +175,8 @@ fn write_template(folder: &Path, arguments: &BatchArguments) -> Result<()> {
     };
     let target = arguments.manifest.as_deref();
     let base = target.and_then(Path::parent).filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let lines = template(folder, base, &wanted)?;
+    let Templated { lines, left_out } = template(folder, base, &wanted)?;
+    left_out.iter().for_each(|why| tell!("warning: {why}"));
     let text = line::text(&lines, target.unwrap_or(Path::new("manifest.jsonl")))?;
     let Some(path) = target else { return say_exactly(&text) };
     let fail = |e: std::io::Error| Error::Output { path: path.into(), message: e.to_string() };

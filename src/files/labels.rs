@@ -70,7 +70,7 @@ impl LoadedLabels {
         let read = if keep_overlaps { read_whole_labels } else { read_labels };
         let mut stack = read(input, &options.read, wanted)?;
         stack.notes.extend(options.output.doubts(&stack.stack));
-        let (least, most) = (stack.labels[0], stack.labels[stack.labels.len() - 1]);
+        let [least, most] = stack.range();
         if options.output.distance && !keep_overlaps {
             return fail("distance", "is not for many labels: their volume has the labels' numbers".into());
         }
@@ -113,7 +113,7 @@ impl LoadedLabels {
             let decided = DecidedLabels { bodies: bodies.alone, ..DecidedLabels::none(count) };
             (decided, None)
         } else {
-            let mut volume = outputs.volume.label_sink(self.numbers, &self.stack.appearances, &self.options.output);
+            let mut volume = outputs.volume.label_sink(self.numbers, &self.stack.shown(), &self.options.output);
             let decided = decide(&self.stack, bodies, &plan, &mut volume)?;
             drop(volume);
             let mut report = Report::default();

@@ -8,9 +8,9 @@ use crate::input::volume::slices::listed;
 use crate::input::volume::{Overlaps, Volume, VoxelRun};
 use crate::input::{Input, Surveyed};
 use crate::labels::Covered;
-use crate::labels::LabelStack;
 use crate::labels::given::{Completeness, Given, notes, reading};
 use crate::labels::report::LeftOut;
+use crate::labels::{LabelStack, SingleSlice};
 use crate::stack::ReadOptions;
 use crate::stack::doubts;
 use crate::stack::doubts::SliceArea;
@@ -163,8 +163,15 @@ fn labels_of(
         drawn.retain(|_| of_drawn.next() == Some(&true));
     }
     let mut given = given((&drawn, &covered), &slices, surveyed.thickness(), labels.len(), completeness);
+    let mut singles = Vec::new();
     if *wanted == Wanted::All {
+        if !whole {
+            singles = on_one_slice(&labels, &given, &drawn, &surveyed);
+        }
         (labels, given) = leave_out(labels, given, (&mut drawn, &mut covered), &surveyed, &mut left_out);
+        for left in left_out.iter_mut().filter(|left| singles.iter().any(|single| single.label == left.label)) {
+            left.why += "; a label volume has it there as it is painted";
+        }
         if labels.is_empty() {
             let listed: Vec<String> = left_out.iter().map(LeftOut::to_string).collect();
             let message = format!("none of its labels can be reconstructed: {}", listed.join("; "));
@@ -184,8 +191,19 @@ fn labels_of(
     let reading = reading(&labels, &given);
     let stack = ContourStack { slices, ..stack };
     let scalar = surveyed.volume.element.scalar();
-    let labels =
-        LabelStack { stack, labels, appearances, scalar, drawn, covered, given, left_out, reading, notes: said };
+    let labels = LabelStack {
+        stack,
+        labels,
+        appearances,
+        scalar,
+        drawn,
+        covered,
+        given,
+        singles,
+        left_out,
+        reading,
+        notes: said,
+    };
     labels.validate().map_err(|e| e.in_file(path))?;
     Ok(labels)
 }
@@ -250,6 +268,16 @@ fn strays(labels: &[i64], slices: &[Slice], drawn: &[Vec<u32>]) -> Vec<String> {
         said.push(format!("{more} more labels have slices with hardly any pixels"));
     }
     said
+}
+
+/// Labels that are painted on one slice, which all their slices are.
+fn on_one_slice(labels: &[i64], given: &[Given], drawn: &[Vec<u32>], surveyed: &Surveyed) -> Vec<SingleSlice> {
+    let of = |(a, (label, given)): (usize, (&i64, &Given))| {
+        let [slice] = given.slices[..] else { return None };
+        let pixels = (0..drawn[slice].len()).filter(|n| drawn[slice][*n] == a as u32 + 1).collect();
+        Some(SingleSlice { label: *label, appearance: surveyed.volume.appearance(*label), slice, pixels })
+    };
+    labels.iter().zip(given).enumerate().filter_map(of).collect()
 }
 
 /// The labels that can be reconstructed and their slices. The others are no longer drawn; their slices stay, as paint that says something.

@@ -11,6 +11,7 @@ use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
 use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
 use crate::input::volume::{Volume, open};
+use crate::stack::space::WorldSpace;
 use crate::storage::regular;
 
 /// Longest header line and most lines: a file that is no MetaImage must not be read to its end.
@@ -173,6 +174,7 @@ fn grid(dims: [usize; 3], fields: &Fields) -> Failure<VolumeGrid> {
             _ => "mm".into(),
         },
         spaced: own.is_some(),
+        space: WorldSpace::default(),
     })
 }
 

@@ -12,6 +12,7 @@ use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
 use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
 use crate::input::volume::{Volume, open};
+use crate::stack::space::WorldSpace;
 use crate::storage::regular;
 
 /// Longest header line and most lines: a file that is no NRRD must not be read to its end.
@@ -86,7 +87,7 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
     if let Some(other) = units.find(|other| *other != unit) {
         return Err(format!("space units are {unit} and {other}: all axes must have the same"));
     }
-    let grid = VolumeGrid { dims, origin, steps, unit: unit.into(), spaced };
+    let grid = VolumeGrid { dims, origin, steps, unit: unit.into(), spaced, space: WorldSpace::default() };
     let (file, offset) = match field("data file").or(field("datafile")) {
         None => (path.to_path_buf(), end),
         Some(list) if list.starts_with("LIST") || list.contains('%') => {

@@ -21,7 +21,7 @@ pub fn fill(
 ) -> Result<LabelsReport> {
     let start = Instant::now();
     plan.settings.validate()?;
-    let (least, most) = (stack.labels[0], stack.labels[stack.labels.len() - 1]);
+    let [least, most] = stack.range();
     let limit = Scalar::MOST_LABEL;
     if least < -limit || most > limit {
         let message = format!("must lie within {limit} either side of 0; got {least} to {most}");

@@ -233,10 +233,13 @@ pub fn decide(
     }
     for (k, step) in steps.all.iter().enumerate().filter(|(_, step)| step.output) {
         let mut labels = vec![0.0; dims[0] * dims[1]];
+        for single in stack.singles.iter().filter(|single| step.slice == Some(single.slice)) {
+            single.pixels.iter().for_each(|n| labels[*n] = single.label as f32);
+        }
         for (a, body) in decided.bodies.iter_mut().enumerate() {
             let patch = body.patch(k)?;
             for (start, row) in patch.rows(dims[0]) {
-                let inside = labels[start..].iter_mut().zip(row).filter(|(_, phi)| **phi < 0.0);
+                let inside = labels[start..].iter_mut().zip(row).filter(|(label, phi)| **phi < 0.0 && **label == 0.0);
                 inside.for_each(|(label, _)| {
                     *label = stack.labels[a] as f32;
                     decided.voxels[a] += 1;

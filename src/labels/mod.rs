@@ -22,6 +22,8 @@
 //! A label alone is reconstructed from its own slices, on its own part of the image, with 64 px around it; a union from the slices on which
 //! all of its labels are known or have ended.
 //!
+//! A label on a single slice is no body: its pixels are in the label volume on that slice, whatever else would be there.
+//!
 //! At its slices every field has the sides that were drawn, so that `psi_a` has them too. Layers wait in temporary files, cropped to what is
 //! near a label.
 
@@ -39,4 +41,4 @@ mod stack;
 pub use fill::fill;
 pub use kept::KeptBody;
 pub use merge::{Bodies, DecidedLabels, Plan, decide, reconstruct};
-pub use stack::{Covered, LabelStack};
+pub use stack::{Covered, LabelStack, SingleSlice};

@@ -44,6 +44,19 @@ fn beside(common: &[(usize, bool)]) -> Vec<usize> {
     both.flat_map(|w| [w[0].0, w[1].0]).collect()
 }
 
+/// A label that is drawn on one slice only: there is nothing to interpolate, but what is painted stays.
+#[derive(Debug, Clone)]
+pub struct SingleSlice {
+    /// Its number.
+    pub label: i64,
+    /// Its name and colour, as far as the input says them.
+    pub appearance: Appearance,
+    /// The slice, by its place in the stack.
+    pub slice: usize,
+    /// Its pixels there.
+    pub pixels: Vec<usize>,
+}
+
 /// Drawn slices of several labels. Labels are called by their places in `labels`.
 #[derive(Debug, Clone)]
 pub struct LabelStack {
@@ -61,6 +74,8 @@ pub struct LabelStack {
     pub covered: Vec<Covered>,
     /// For each label its slices.
     pub given: Vec<Given>,
+    /// Labels that are drawn on one slice only: not among `labels`, but in the label volume on that slice.
+    pub singles: Vec<SingleSlice>,
     /// Labels that cannot be reconstructed, and why.
     pub left_out: Vec<LeftOut>,
     /// Way in which slices were read that could be read in another way too.
@@ -82,6 +97,17 @@ impl LabelStack {
             }
         }
         Ok(())
+    }
+
+    /// Least and largest number that the label volume has.
+    pub(crate) fn range(&self) -> [i64; 2] {
+        let all = self.labels.iter().copied().chain(self.singles.iter().map(|single| single.label));
+        all.fold([i64::MAX, i64::MIN], |[least, most], label| [least.min(label), most.max(label)])
+    }
+
+    /// Names and colours of all labels that the label volume has.
+    pub(crate) fn shown(&self) -> Vec<Appearance> {
+        self.appearances.iter().chain(self.singles.iter().map(|single| &single.appearance)).cloned().collect()
     }
 
     /// Pixels drawn with label `a`, and the first of them.

@@ -13,11 +13,13 @@ pub mod level;
 pub mod links;
 pub mod mask;
 pub mod options;
+pub mod space;
 pub(crate) mod window;
 
 pub use level::LevelSlice;
 pub use mask::Mask;
 pub use options::ReadOptions;
+pub use space::WorldSpace;
 
 use glam::{DMat3, DVec3};
 
@@ -139,11 +141,14 @@ pub struct Geometry {
     pub axes: [DVec3; 3],
     /// Axis of the input that each of them is: volumes are written in the input's order, whatever axis its slices lie across.
     pub order: [usize; 3],
+    /// Space that the world's coordinates are of.
+    #[serde(default, skip_serializing_if = "WorldSpace::is_scanner")]
+    pub space: WorldSpace,
 }
 
 impl Default for Geometry {
     fn default() -> Self {
-        Geometry { origin: DVec3::ZERO, axes: DVec3::AXES, order: [0, 1, 2] }
+        Geometry { origin: DVec3::ZERO, axes: DVec3::AXES, order: [0, 1, 2], space: WorldSpace::default() }
     }
 }
 

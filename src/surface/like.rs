@@ -125,13 +125,14 @@ impl LikeFrame {
     pub fn header(&self, body: &Header) -> Header {
         let LikeGrid { dims, origin, steps, is_flat, .. } = &self.grid;
         let [u, v, w] = self.order;
+        let space = body.geometry.space;
         let unit = |axis: usize| steps[axis] / steps[axis].length();
         let (geometry, grid) = if *is_flat {
             let order = [0, 1, 2];
-            (Geometry { origin: *origin, axes: [unit(u), unit(v), body.geometry.axes[2]], order }, body.grid)
+            (Geometry { origin: *origin, axes: [unit(u), unit(v), body.geometry.axes[2]], order, space }, body.grid)
         } else {
             let grid = HeightGrid { start: 0.0, step: steps[w].length(), count: dims[w] };
-            (Geometry { origin: *origin, axes: [unit(u), unit(v), unit(w)], order: self.order }, grid)
+            (Geometry { origin: *origin, axes: [unit(u), unit(v), unit(w)], order: self.order, space }, grid)
         };
         let spacing = [steps[u].length(), steps[v].length()];
         Header { dims: [dims[u], dims[v]], spacing, geometry, grid, ..body.clone() }

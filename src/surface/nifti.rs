@@ -29,7 +29,7 @@ pub fn writer<W: Write>(
     folder: &Path,
 ) -> io::Result<VolumeWriter<W>> {
     let grid = VoxelGrid::of(body);
-    let header = header(&grid, &body.unit, content)?;
+    let header = header(&grid, body, content)?;
     let mut out = if gzip { Coded::Deflate(Deflate::gzip(out)) } else { Coded::Raw(out) };
     out.write_all(&header)?;
     VolumeWriter::new(out, body, content, folder)
@@ -61,7 +61,7 @@ pub fn told_unit(unit: &str) -> Option<String> {
         .then(|| format!("NIfTI does not know the unit {unit}: numbers are in {unit}, but programs take them as mm"))
 }
 
-fn header(grid: &VoxelGrid, unit: &str, content: Content) -> io::Result<Vec<u8>> {
+fn header(grid: &VoxelGrid, body: &Header, content: Content) -> io::Result<Vec<u8>> {
     let mut h = vec![0u8; DATA_OFFSET];
     let mut put = |at: usize, bytes: &[u8]| h[at..at + bytes.len()].copy_from_slice(bytes);
     put(0, &348i32.to_le_bytes());
@@ -93,8 +93,8 @@ fn header(grid: &VoxelGrid, unit: &str, content: Content) -> io::Result<Vec<u8>>
     grid.sides.iter().enumerate().for_each(|(k, s)| put(80 + 4 * k, &(*s as f32).to_le_bytes()));
     put(108, &(DATA_OFFSET as f32).to_le_bytes());
     put(112, &1f32.to_le_bytes()); // scl_slope
-    put(123, &[code(unit).unwrap_or(0)]);
-    put(254, &1i16.to_le_bytes()); // sform_code: scanner
+    put(123, &[code(&body.unit).unwrap_or(0)]);
+    put(254, &body.geometry.space.code().to_le_bytes()); // sform_code
     for (row, offset) in grid.origin.to_array().into_iter().enumerate() {
         // LPS to RAS turns the first two axes.
         let sign = if row < 2 { -1.0 } else { 1.0 };

@@ -72,6 +72,22 @@ fn image_file(path: &Path) {
 }
 
 #[test]
+fn a_template_leaves_images_out_that_lie_beside_their_structure_set() {
+    let place = folder();
+    let images = place.path().join("ct");
+    fs::create_dir(&images).expect("a folder can be made");
+    (0..3).for_each(|k| image_file(&images.join(format!("IM{k}"))));
+    let [cases, manifest] = [place.path(), &images.join("m.jsonl")].map(|path| path.display().to_string());
+    let template = ["batch", "--template", &cases, &manifest];
+    let nothing = ["has no ROI and no label that can be reconstructed", "ct: has 3 DICOM files", "left out"];
+    assert_says(&said(&template, 2), &nothing);
+    write(&[("Tube", tube(10.0, &[0.0, 3.0, 6.0]))], &place.path().join("rt.dcm"));
+    let written = ["ct: has 3 DICOM files, but no RTSTRUCT among them: left out", "wrote 1 jobs"];
+    assert_says(&said(&template, 0), &written);
+    assert!(fs::read_to_string(manifest).expect("it was written").contains("rt-1"));
+}
+
+#[test]
 fn the_structure_set_of_a_folder_is_found_or_chosen() {
     let place = folder();
     let study = place.path().join("study");

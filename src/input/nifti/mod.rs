@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use flate2::read::MultiGzDecoder;
 
 use self::header::{Header, ONE, TWO, analyze, one, two};
-use self::placement::{no_form, placement, two_forms};
+use self::placement::{no_form, placement, space, two_forms};
 use crate::error::{Error, Result};
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
@@ -66,6 +66,7 @@ fn is_gzip(input: &mut impl BufRead) -> std::io::Result<bool> {
 fn volume(path: &Path, gzip: bool, header: &Header) -> Failure<Volume> {
     let dims = dims(header)?;
     let (origin, steps) = placement(header, dims)?;
+    let space = space(header);
     let unit = match header.units & 7 {
         1 => "m",
         3 => "um",
@@ -92,7 +93,7 @@ fn volume(path: &Path, gzip: bool, header: &Header) -> Failure<Volume> {
     };
     let (file, gzip) = if header.pair { beside(path, header)? } else { (path.to_path_buf(), gzip) };
     let (offset, coding, skip) = if gzip { (0, Coding::Gzip, skip) } else { (skip, Coding::Raw, 0) };
-    let grid = VolumeGrid { dims, origin, steps, unit: unit.into(), spaced: true };
+    let grid = VolumeGrid { dims, origin, steps, unit: unit.into(), spaced: true, space };
     let element = (element(header.datatype)?, header.big_endian);
     let data = Data::Stream { file, offset, coding, skip };
     let mut notes: Vec<String> = two_forms(header, dims, unit).into_iter().chain(no_form(header)).collect();

@@ -4,6 +4,7 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use super::header::Header;
 use crate::input::volume::grid::Failure;
+use crate::stack::space::WorldSpace;
 
 /// Share of a voxel by which sform and qform may place the volume's corners differently: both are rounded by those who write them.
 const SAME_PLACE: f64 = 0.1;
@@ -71,6 +72,12 @@ pub(super) fn placement(header: &Header, dims: [usize; 3]) -> Failure<(DVec3, [D
         z = DVec3::Z;
     }
     Ok((origin, [x, y, z]))
+}
+
+/// Space of the form that places the volume.
+pub(super) fn space(header: &Header) -> WorldSpace {
+    let code = if header.sform_code > 0 { header.sform_code } else { header.qform_code };
+    WorldSpace::of_code(code)
 }
 
 /// The affine form.

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::stack::axis::check_axes;
+use crate::stack::space::WorldSpace;
 
 /// Message of a reader without the file's name.
 pub(crate) type Failure<T> = std::result::Result<T, String>;
@@ -27,12 +28,21 @@ pub struct VolumeGrid {
     pub unit: String,
     /// Whether the file says how far apart its voxels are.
     pub spaced: bool,
+    /// Space that positions are of.
+    pub space: WorldSpace,
 }
 
 impl VolumeGrid {
     /// A grid without place or spacing: 1 px along each axis.
     pub fn unspaced(dims: [usize; 3]) -> Self {
-        VolumeGrid { dims, origin: DVec3::ZERO, steps: DVec3::AXES, unit: "px".into(), spaced: false }
+        VolumeGrid {
+            dims,
+            origin: DVec3::ZERO,
+            steps: DVec3::AXES,
+            unit: "px".into(),
+            spaced: false,
+            space: WorldSpace::default(),
+        }
     }
 
     /// Voxel sides.

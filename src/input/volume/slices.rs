@@ -45,7 +45,12 @@ pub fn stack(
         unit: grid.unit.clone(),
         slices,
         z_out: Some(HeightGrid { start: 0.0, step: spacing[axis], count: dims[axis] }),
-        geometry: Geometry { origin: grid.origin, axes: [axes[u], axes[v], axes[axis]], order: [u, v, axis] },
+        geometry: Geometry {
+            origin: grid.origin,
+            axes: [axes[u], axes[v], axes[axis]],
+            order: [u, v, axis],
+            space: grid.space,
+        },
     })
 }
 

@@ -30,25 +30,32 @@ pub(crate) fn told(e: TiffError) -> String {
     format!("TIFF: {e}")
 }
 
+/// Pages of a bit a pixel, which are masks: read as 0 where they are black, 1 where they are white.
+const BILEVEL: ColorType = ColorType::Gray(1);
+
 /// Size and type of the decoder's page.
 pub(crate) fn page(decoder: &mut TiffDecoder) -> Failure<([usize; 2], Element)> {
     let (width, height) = decoder.dimensions().map_err(told)?;
     let color = decoder.colortype().map_err(told)?;
+    let size = [width, height].map(|n| n as usize);
+    if color == BILEVEL {
+        return Ok((size, Element::Int { size: 1, signed: false }));
+    }
     let ColorType::Gray(bits @ (8 | 16 | 32 | 64)) = color else {
-        return Err(format!("is {color:?}; a label volume has grey pages of 8, 16, 32 or 64 bits"));
+        return Err(format!("is {color:?}; a label volume has grey pages of 1, 8, 16, 32 or 64 bits"));
     };
     let layout = decoder.image_buffer_layout().map_err(told)?;
-    let size = usize::from(bits) / 8;
+    let bytes = usize::from(bits) / 8;
     let element = match layout.sample_type {
         Some(DecodingSampleType::F32) => Element::Float,
         Some(DecodingSampleType::F64) => Element::Double,
         Some(DecodingSampleType::I8 | DecodingSampleType::I16 | DecodingSampleType::I32 | DecodingSampleType::I64) => {
-            Element::Int { size, signed: true }
+            Element::Int { size: bytes, signed: true }
         }
         Some(DecodingSampleType::F16) | None => return Err("has voxels of 16-bit floats or of no known type".into()),
-        Some(_) => Element::Int { size, signed: false },
+        Some(_) => Element::Int { size: bytes, signed: false },
     };
-    Ok(([width as usize, height as usize], element))
+    Ok((size, element))
 }
 
 /// The voxels of all pages, one page in memory.
@@ -72,6 +79,9 @@ impl Pages {
         if self.done > 0 {
             self.decoder.next_image().map_err(told)?;
         }
+        if self.decoder.colortype().map_err(told)? == BILEVEL {
+            return self.next_of_bits();
+        }
         let layout = self.decoder.image_buffer_layout().map_err(told)?;
         if layout.complete_len != self.page.len() {
             return Err(format!("{} bytes, but page 0 has {}", layout.complete_len, self.page.len()));
@@ -80,6 +90,27 @@ impl Pages {
         let photometric = self.decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).map_err(told)?;
         if photometric == Some(PhotometricInterpretation::WhiteIsZero.to_u16()) {
             as_stored(&mut self.page, layout.sample_type);
+        }
+        (self.done, self.used) = (self.done + 1, 0);
+        Ok(())
+    }
+
+    /// The next page, of a bit a pixel: rows begin at whole bytes, the first pixel in the highest bit.
+    fn next_of_bits(&mut self) -> Failure<()> {
+        let (width, height) = self.decoder.dimensions().map_err(told)?;
+        let [width, height] = [width, height].map(|n| n as usize);
+        let row = width.div_ceil(8);
+        let length = self.decoder.image_buffer_layout().map_err(told)?.complete_len;
+        if width * height != self.page.len() || length != row * height {
+            return Err(format!(
+                "{width}x{height} px of a bit in {length} bytes, but page 0 has {} px",
+                self.page.len()
+            ));
+        }
+        let mut packed = vec![0; length];
+        self.decoder.read_image_bytes(&mut packed).map_err(told)?;
+        for (pixels, bytes) in self.page.chunks_exact_mut(width).zip(packed.chunks_exact(row)) {
+            pixels.iter_mut().enumerate().for_each(|(i, pixel)| *pixel = bytes[i / 8] >> (7 - i % 8) & 1);
         }
         (self.done, self.used) = (self.done + 1, 0);
         Ok(())
@@ -121,6 +152,43 @@ mod tests {
     use tiff::encoder::colortype::{Gray8, Gray32Float};
 
     use super::*;
+
+    #[test]
+    fn pages_of_bits_are_one_where_they_are_white() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("mask.tif");
+        let mut encoder = TiffEncoder::new(File::create(&path).expect("a file")).expect("it begins");
+        let mut pages = [[true; 33]; 2];
+        pages[0] = std::array::from_fn(|k| k % 3 == 0 || k == 10);
+        pages[1] = std::array::from_fn(|k| k > 4 && k < 29);
+        for page in &pages {
+            let row = |row: &[bool]| -> Vec<u8> {
+                row.chunks(8)
+                    .map(|eight| eight.iter().enumerate().fold(0, |b, (i, p)| b | u8::from(*p) << (7 - i)))
+                    .collect()
+            };
+            let packed: Vec<u8> = page.chunks(11).flat_map(row).collect();
+            let mut directory = encoder.image_directory().expect("a page");
+            let data = directory.write_data(&packed[..]).expect("its pixels");
+            let shorts = [
+                (Tag::ImageWidth, 11),
+                (Tag::ImageLength, 3),
+                (Tag::BitsPerSample, 1),
+                (Tag::SamplesPerPixel, 1),
+                (Tag::RowsPerStrip, 3),
+                (Tag::PhotometricInterpretation, PhotometricInterpretation::BlackIsZero.to_u16()),
+            ];
+            shorts.into_iter().for_each(|(tag, value): (Tag, u16)| directory.write_tag(tag, value).expect("a tag"));
+            directory.write_tag(Tag::StripOffsets, data as u32).expect("a tag");
+            directory.write_tag(Tag::StripByteCounts, packed.len() as u32).expect("a tag");
+            directory.finish().expect("a page");
+        }
+        let mut opened = decoder(&path).expect("it opens");
+        assert_eq!(page(&mut opened), Ok(([11, 3], Element::Int { size: 1, signed: false })));
+        let mut bytes = Vec::new();
+        Pages::open(&path, 2, 33).and_then(|mut p| p.read_to_end(&mut bytes).map_err(|e| e.to_string())).expect("read");
+        assert_eq!(bytes, pages.as_flattened().iter().map(|p| u8::from(*p)).collect::<Vec<_>>());
+    }
 
     #[test]
     fn labels_that_are_shown_with_white_as_zero_are_the_numbers_in_the_file() {

@@ -131,6 +131,34 @@ fn a_map_is_that_of_the_same_geojson() {
     assert_eq!(after.len(), before.len() + 1, "nothing lies beside the map: {after:?}");
 }
 
+#[test]
+fn of_a_compound_system_a_map_has_the_planes_and_of_an_undefined_one_none() {
+    let place = folder();
+    let path = place.path().join("a.gpkg");
+    let wanted = {
+        drop(cone(&path));
+        levels(&Terrain::read(&path, &options()).expect("the map is sound"))
+    };
+    let plane = r#"PROJCS["UTM",GEOGCS["WGS 84",UNIT["degree",0.0174]],UNIT["metre",1],AUTHORITY["EPSG","32633"]]"#;
+    let heights = r#"VERT_CS["EGM96 height",VERT_DATUM["a",2005],UNIT["metre",1],AUTHORITY["EPSG","5773"]]"#;
+    let compound = format!(r#"COMPD_CS["both",{plane},{heights}]"#);
+    let undefined = r#"LOCAL_CS["Undefined SRS",LOCAL_DATUM["unknown",32767],UNIT["unknown",0],AXIS["Easting",EAST]]"#;
+    for (organisation, code, definition, crs) in [
+        ("EPSG", 5973, "", Crs::Epsg(25833)),
+        ("GDAL", 100_000, &compound, Crs::Epsg(32633)),
+        ("none", 99_999, undefined, Crs::Unknown),
+        ("none", 99_999, "undefined", Crs::Unknown),
+    ] {
+        let database = cone(&path);
+        let change =
+            "UPDATE gpkg_spatial_ref_sys SET organization = ?1, organization_coordsys_id = ?2, definition = ?3";
+        database.execute(change, (organisation, code, definition)).expect("a row");
+        drop(database);
+        let read = Terrain::read(&path, &options()).expect("the map is sound");
+        assert_eq!((&read.map.crs, levels(&read)), (&crs, wanted.clone()), "{definition}");
+    }
+}
+
 /// What `inspect` says of a file that must be refused.
 fn refused(path: &Path, more: &[&str], says: &[&str]) {
     let path = path.to_str().expect("temporary paths are UTF-8");

@@ -29,7 +29,7 @@ fn map(path: &Path, crs: &str) {
         let line = circle(4000.0 - 1000.0 * k as f64);
         json!({"type": "Feature", "properties": {"elev": 100 + 10 * k}, "geometry": {"type": "LineString", "coordinates": line}})
     };
-    let name = format!("urn:ogc:def:crs:{}", crs.replace(':', "::"));
+    let name = if crs.contains('+') { crs.into() } else { format!("urn:ogc:def:crs:{}", crs.replace(':', "::")) };
     let features: Vec<Value> = (0..4).map(feature).collect();
     let all = json!({"type": "FeatureCollection", "crs": {"type": "name", "properties": {"name": name}}, "features": features});
     fs::write(path, all.to_string()).expect("a file can be written");
@@ -67,6 +67,40 @@ fn heights_become_the_unit_of_x_and_y_and_outputs_name_it() {
         assert!(off < 1e-6 && named == unit, "{options:?}: {low} to {high} {named}");
         let guessed = told.contains("heights are taken to be in the same unit");
         assert_eq!(guessed, !options.contains(&"--z-unit"), "{options:?}: {told}");
+    }
+}
+
+/// Heights in feet beside x and y in metres, and the other way round, said by a system of heights or by the attribute's name.
+#[test]
+fn heights_have_the_unit_that_their_system_or_name_says() {
+    let place = folder();
+    let input = place.path().join("map.geojson");
+    let ft = 0.3048;
+    /// System, attribute, options, factor of heights, and what is told.
+    type UnitCase<'c> = (&'c str, &'c str, &'c [&'c str], f64, Option<&'c str>);
+    let cases: [UnitCase<'_>; 10] = [
+        ("EPSG:32616", "elev", &[], 1.0, None),
+        ("EPSG:32616", "ELEV_FT", &[], ft, Some("in units of 0.3048 m, as the name of the attribute `ELEV_FT` says")),
+        ("EPSG:32616", "elevFeet", &[], ft, Some("`elevFeet` says")),
+        ("EPSG:32616", "ELEV_FT", &["--z-unit", "m"], 1.0, None),
+        ("EPSG:32616", "elev_m", &[], 1.0, None),
+        (IN_FEET, "elev_m", &[], FEET, Some("in units of 1 m, as the name of the attribute `elev_m` says")),
+        (IN_FEET, "ELEV_FT", &[], 1.0, Some("heights are taken to be in the same unit")),
+        ("EPSG:32616+8228", "elev", &[], ft, Some("in units of 0.3048 m, as their coordinate system says")),
+        ("EPSG:2274+5703", "elev", &[], FEET, Some("in units of 1 m, as their coordinate system says")),
+        ("EPSG:32616", "elev", &["--crs", "EPSG:32616+6360"], 1.0 / FEET, Some("as their coordinate system says")),
+    ];
+    for (crs, name, options, factor, says) in cases {
+        map(&input, crs);
+        let text = fs::read_to_string(&input).expect("it was written").replace("\"elev\"", &format!("\"{name}\""));
+        fs::write(&input, text).expect("a file can be written");
+        let ([low, high], _, told) = run(&input, options);
+        let off = (low - 100.0 * factor).abs().max((high - 130.0 * factor).abs());
+        assert!(off < 1e-6, "{crs} {name} {options:?}: {low} to {high}");
+        match says {
+            Some(words) => assert!(told.contains(words), "{crs} {name} {options:?}: {told}"),
+            None => assert!(!told.contains("heights are taken"), "{crs} {name} {options:?}: {told}"),
+        }
     }
 }
 

@@ -127,7 +127,7 @@ fn a_line_may_ask_for_labels_and_cells_be_separated_by_semicolons() {
     write(
         "id;input;outputs;options\na;in.nrrd;\"out/a.stl;out/a.nii.gz\";\"labels=all;keep_overlaps;mask\"\nb;in.nrrd;out/b.stl;label=left kidney\n",
     );
-    batch(&manifest, &[], 0);
+    assert_says(&batch(&manifest, &[], 0), &["warning: in.nrrd: label 7: left out, is drawn on 1 of the slices"]);
     for name in ["a.1.stl", "a.1.nii.gz", "a.2.stl", "a.2.nii.gz", "b.stl"] {
         assert!(place.path().join("out").join(name).is_file(), "{name}: {:?}", listing(&place.path().join("out")));
     }
@@ -180,7 +180,7 @@ fn rois_are_evaluated_planned_and_made_one_by_one() {
     let manifest = place.path().join("m.jsonl");
     let line = r#"{"id": "a", "input": "in.dcm", "outputs": ["out/a.stl"], "options": {"all_rois": true, "pixel": 1}}"#;
     fs::write(&manifest, line).expect("a file can be written");
-    batch(&manifest, &[], 0);
+    assert_says(&batch(&manifest, &[], 0), &["warning: in.dcm: ROI 3 (`flat`): left out: "]);
     let names = ["a.Heart.stl", "a.Left_lung.stl"].map(|name| place.path().join("out").join(name));
     assert_eq!(listing(&place.path().join("out")), names);
     let folder_of = line.replace("in.dcm", "in.nrrd").replace(", \"pixel\": 1", "");

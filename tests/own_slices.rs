@@ -246,6 +246,29 @@ fn p13_of_all_labels_those_that_cannot_be_done_are_left_out() {
     assert!(stderr(&none).contains("none of its labels can be reconstructed: label 3"), "{}", stderr(&none));
 }
 
+/// Labels painted on slices across the file's rows have no neighbour along them, and are no grey values.
+#[test]
+fn many_labels_on_slices_across_any_axis_are_labels() {
+    let [nx, ny, nz] = SIZES;
+    for axis in 0..3 {
+        let mut voxels = vec![0; nx * ny * nz];
+        for (n, voxel) in voxels.iter_mut().enumerate() {
+            let at = [n % nx, n / nx % ny, n / (nx * ny)];
+            let [u, v] = [[1, 2], [0, 2], [0, 1]][axis];
+            // Squares of three pixels and a gap of one.
+            if at[axis] % 4 == 0 && at[u] % 4 < 3 && at[v] % 4 < 3 {
+                *voxel = (1 + (at[u] / 4 + 10 * (at[v] / 4)) % 100) as u8;
+            }
+        }
+        let place = folder();
+        let path = place.path().join("labels.nrrd");
+        write(&path, &voxels);
+        let stack = read_labels(&path, &ReadOptions::default(), &Wanted::All).expect("labels");
+        assert!(stack.labels.len() >= 64, "{axis}: {}", stack.labels.len());
+        assert_eq!(stack.stack.slices.len(), SIZES[axis].div_ceil(4), "{axis}");
+    }
+}
+
 #[test]
 fn a_label_on_one_slice_stays_as_it_is_painted() {
     // Across the border of a cylinder that is interpolated there.

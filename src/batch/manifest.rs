@@ -5,7 +5,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::line::{ManifestLine, read};
-use super::spread::spread;
+use super::spread::{Spread, spread};
 use crate::error::{Error, Result};
 use crate::files::JobOptions;
 use crate::files::fingerprint::fingerprint;
@@ -29,6 +29,8 @@ pub struct Manifest {
     pub folder: PathBuf,
     /// Its jobs, in its order.
     pub jobs: Vec<Job>,
+    /// Labels and ROIs that lines ask for with all others, and that cannot be reconstructed: input and why.
+    pub left_out: Vec<String>,
     /// Places that they read and write.
     places: Places,
 }
@@ -77,9 +79,18 @@ impl Manifest {
         let lines = read(path)?;
         let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
         let (mut jobs, mut wrong, mut claims) = (Vec::new(), Vec::new(), Claims::default());
+        let mut left_out = Vec::new();
         for (number, line) in lines {
-            let lines = match line.and_then(|line| spread(line, &folder)) {
-                Ok(lines) => lines,
+            let spread = line.and_then(|line| {
+                let input = line.input.clone();
+                let Spread { lines, left_out } = spread(line, &folder)?;
+                Ok((lines, left_out.into_iter().map(move |why| format!("{input}: {why}"))))
+            });
+            let lines = match spread {
+                Ok((lines, without)) => {
+                    left_out.extend(without);
+                    lines
+                }
                 Err(message) => {
                     wrong.push((number, message));
                     continue;
@@ -107,7 +118,8 @@ impl Manifest {
             wrong.sort_by_key(|(number, _)| *number);
             return Err(Error::Manifest { path: path.into(), lines: wrong });
         }
-        Ok(Manifest { path: path.into(), folder, jobs: jobs.into_iter().map(|(_, job)| job).collect(), places })
+        let jobs = jobs.into_iter().map(|(_, job)| job).collect();
+        Ok(Manifest { path: path.into(), folder, jobs, left_out, places })
     }
 
     /// Opens another file that is written under a temporary name.

@@ -11,7 +11,16 @@ use crate::files::named::Named;
 use crate::input::labels::{Wanted, read_whole_labels};
 use crate::stack::ReadOptions;
 
-type Lines = std::result::Result<Vec<ManifestLine>, String>;
+/// What a line asks for.
+#[derive(Debug, Default)]
+pub struct Spread {
+    /// A line for each body.
+    pub lines: Vec<ManifestLine>,
+    /// Bodies of `all` that cannot be reconstructed, and why.
+    pub left_out: Vec<String>,
+}
+
+type Lines = std::result::Result<Spread, String>;
 
 /// The line itself, or one for each body that it asks for.
 ///
@@ -35,7 +44,7 @@ pub fn spread(mut line: ManifestLine, folder: &Path) -> Lines {
         }
     }
     match (all_rois, labels, alone) {
-        (false, None, false) => Ok(vec![line]),
+        (false, None, false) => Ok(Spread { lines: vec![line], ..Spread::default() }),
         (false, None, true) => Err("options: `keep_overlaps` is for `labels`".into()),
         (true, Some(_), _) => Err("options: `all_rois` and `labels` cannot be used together".into()),
         (true, None, false) => rois(&line, folder),
@@ -73,7 +82,10 @@ fn each_label(line: &ManifestLine, folder: &Path, labels: &Value) -> Lines {
     let wanted = wanted.map_err(|e| format!("options: `labels`: {e}"))?;
     let read =
         read_whole_labels(&folder.join(&line.input), &reading(line), &wanted).map_err(|e| format!("input: {e}"))?;
-    Ok(read.labels.iter().map(|label| member(line, &label.to_string(), "label", *label)).collect())
+    Ok(Spread {
+        lines: read.labels.iter().map(|label| member(line, &label.to_string(), "label", *label)).collect(),
+        left_out: read.left_out.iter().map(ToString::to_string).collect(),
+    })
 }
 
 #[cfg(feature = "dicom")]
@@ -88,13 +100,14 @@ fn rois(line: &ManifestLine, folder: &Path) -> Lines {
         return Err("options: `all_rois` is not for anything but an RTSTRUCT".into());
     }
     let set = StructureSet::choose_file(&input, read.series.as_deref()).map_err(wrong)?;
-    let usable = |roi: &&crate::rtstruct::Roi| set.closed(vec![roi]).and_then(|c| c.chosen_planes(&read)).is_ok();
-    let rois: Vec<_> = set.rois.iter().filter(usable).collect();
+    let mut left_out = Vec::new();
+    let rois = set.usable(&read, &mut |why| left_out.push(why));
     if rois.is_empty() {
         return Err(format!("input: {}: none of its ROIs can be reconstructed", input.display()));
     }
     let words = words(rois.iter().map(|roi| (roi.name.as_str(), roi.number)));
-    Ok(words.iter().zip(&rois).map(|(word, roi)| member(line, word, "roi", roi.number)).collect())
+    let lines = words.iter().zip(&rois).map(|(word, roi)| member(line, word, "roi", roi.number)).collect();
+    Ok(Spread { lines, left_out })
 }
 
 #[cfg(not(feature = "dicom"))]

@@ -12,7 +12,7 @@ use crate::files::format::check_extension;
 use crate::input;
 use crate::input::format::{InputFormat, expected};
 #[cfg(feature = "dicom")]
-use crate::rtstruct::{StructureSet, structure_sets};
+use crate::rtstruct::StructureSet;
 
 /// Choices for a template.
 #[derive(Debug, Clone)]
@@ -30,17 +30,16 @@ pub struct Template {
 pub struct Templated {
     /// Lines.
     pub lines: Vec<ManifestLine>,
-    /// Folders that were left out, and why.
+    /// Cases that cannot be read, and why.
     pub left_out: Vec<String>,
 }
 
 /// A line per case in `folder`, in the order of their names: a sub-folder with stack.json, a volume, or a label or ROI that can be
-/// reconstructed. Inputs are named from `base` where they lie in it. A folder of DICOM files without a structure set is left out: images, which may lie
-/// beside the structure set that was drawn on them.
+/// reconstructed. Inputs are named from `base` where they lie in it. Cases whose labels or ROIs cannot be read are left
+/// out: among them folders of images, which may lie beside the structure set that was drawn on them.
 ///
 /// # Errors
-/// [`Error::Setting`] for an extension that no output has; [`Error::Read`]; [`Error::Format`] for a folder without cases, or a volume whose labels
-/// cannot be read.
+/// [`Error::Setting`] for an extension that no output has; [`Error::Read`]; [`Error::Format`] for a folder without cases.
 pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Templated> {
     for extension in &template.extensions {
         check_extension(extension).map_err(|message| Error::Setting {
@@ -72,16 +71,19 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Templ
             options,
         };
         let (option, numbers) = if input::is_structure_set(&path) {
-            if let Some(why) = without_structure_set(&path) {
-                left_out.push(why);
-                continue;
-            }
-            ("roi", rois(&path)?)
-        } else if template.each_label && path.is_file() {
-            ("label", input::labels(&path)?)
+            ("roi", rois(&path))
+        } else if template.each_label && path.is_file() && !input::is_map(&path) {
+            ("label", input::labels(&path))
         } else {
             lines.push(line(name, Map::new()));
             continue;
+        };
+        let numbers = match numbers {
+            Ok(numbers) => numbers,
+            Err(e) => {
+                left_out.push(format!("{e}: left out"));
+                continue;
+            }
         };
         let each = |n: i64| line(format!("{name}-{n}"), [(option.into(), n.into())].into_iter().collect());
         lines.extend(numbers.into_iter().map(each));
@@ -102,20 +104,6 @@ fn stem(path: &Path) -> Option<String> {
     }
     let (_, at) = InputFormat::of_name(&name).filter(|(format, _)| format.name != "folder")?;
     Some(name[..at].to_string()).filter(|s| !s.is_empty())
-}
-
-/// What to say of a folder of DICOM files without a structure set.
-#[cfg(feature = "dicom")]
-fn without_structure_set(path: &Path) -> Option<String> {
-    match structure_sets(path) {
-        Err(e @ Error::Format { .. }) if path.is_dir() => Some(format!("{e}: left out")),
-        _ => None,
-    }
-}
-
-#[cfg(not(feature = "dicom"))]
-fn without_structure_set(_: &Path) -> Option<String> {
-    None
 }
 
 /// Numbers of the ROIs that can be reconstructed.

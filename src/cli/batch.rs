@@ -114,6 +114,9 @@ pub fn run(arguments: &BatchArguments) -> Result<()> {
     };
     set_threads(arguments.threads)?;
     let mut manifest = Manifest::read(path)?;
+    if !arguments.quiet {
+        manifest.left_out.iter().for_each(|why| tell!("warning: {why}"));
+    }
     let results = arguments.results.clone().unwrap_or_else(|| manifest.folder.join("results.jsonl"));
     manifest.writes(&results)?;
     let index = arguments.index.as_deref().map(|path| Ok::<_, Error>((path, manifest.page(path)?))).transpose()?;

@@ -91,14 +91,7 @@ pub fn usable_rois<'s>(
     read: &ReadOptions,
     tell: &dyn Fn(&str),
 ) -> Result<Vec<&'s Roi>> {
-    let mut rois = Vec::new();
-    for roi in &set.rois {
-        match set.closed(vec![roi]).and_then(|chosen| chosen.chosen_planes(read)) {
-            Ok(_) => rois.push(roi),
-            Err(_) if !roi.is_drawn() => tell(&format!("{}: left out, not drawn", roi.label())),
-            Err(e) => tell(&format!("{}: left out: {e}", roi.label())),
-        }
-    }
+    let rois = set.usable(read, &mut |why| tell(&why));
     if rois.is_empty() {
         let message = "none of its ROIs can be reconstructed".into();
         return Err(interslice::Error::Format { path: input.into(), message });

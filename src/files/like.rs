@@ -87,7 +87,8 @@ impl Like {
             return files_below(path).map_err(|source| Error::Read { path: path.into(), source });
         }
         match Kind::of(path)? {
-            Kind::Volume(_) => input::files(path),
+            // Photographs are grids, though no volumes.
+            Kind::Volume(_) if raster(path)?.is_none() => input::files(path),
             _ => Ok(vec![path.into()]),
         }
     }
@@ -135,8 +136,17 @@ fn raster(path: &Path) -> Result<Option<Like>> {
     let Ok(file) = regular::open(path) else { return Ok(None) };
     let Ok(mut decoder) = Decoder::new(std::io::BufReader::new(file)) else { return Ok(None) };
     let numbers = |decoder: &mut Decoder<_>, tag| decoder.get_tag_f64_vec(tag).ok();
-    let Some(scale) = numbers(&mut decoder, Tag::ModelPixelScaleTag) else { return Ok(None) };
     let fail = |message: String| Err(Error::Format { path: path.into(), message });
+    let Some(scale) = numbers(&mut decoder, Tag::ModelPixelScaleTag) else {
+        return match numbers(&mut decoder, Tag::ModelTransformationTag) {
+            None => Ok(None),
+            Some(_) => fail(
+                "its ModelTransformation turns the raster, or has its rows run to the north; `like` needs one whose rows run to the east, from the \
+                 north to the south (gdalwarp makes one)"
+                    .into(),
+            ),
+        };
+    };
     let tie = numbers(&mut decoder, Tag::ModelTiepointTag).unwrap_or_default();
     let (&[dx, dy, ..], &[i, j, _, x, y, ..]) = (&scale[..], &tie[..]) else {
         return fail("ModelPixelScale needs 3 numbers and ModelTiepoint 6".into());

@@ -59,10 +59,13 @@ impl FloatingPieces<'_> {
     ) -> Result<GivenAway> {
         let mut given = GivenAway { pixels: 0, floating: vec![None; changed.len()] };
         let mut open = changed.to_vec();
+        // What one is given another may lose again: the order is that of the labels, whatever their numbers.
+        let mut order: Vec<usize> = (0..changed.len()).collect();
+        order.sort_by_key(|a| self.ranks[*a]);
         // After the last round what floats is only counted.
         for round in 0..=ROUNDS {
             let mut taken = vec![false; changed.len()];
-            for a in (0..changed.len()).filter(|&a| open[a]) {
+            for &a in order.iter().filter(|a| open[**a]) {
                 let InTheAir { parts, pieces } = self.floating(a, &mut alone[a], &mut decided[a])?;
                 given.floating[a] = Some(pieces);
                 for (k, pixels) in parts.into_iter().filter(|_| round < ROUNDS) {

@@ -52,6 +52,19 @@ impl StructureSet {
         self.closed(rois)
     }
 
+    /// The ROIs that can be reconstructed. `leave_out` hears of each other one, and why.
+    pub fn usable(&self, read: &ReadOptions, leave_out: &mut dyn FnMut(String)) -> Vec<&Roi> {
+        let usable = |roi: &&Roi| match self.closed(vec![roi]).and_then(|chosen| chosen.chosen_planes(read)) {
+            Ok(_) => true,
+            Err(why) => {
+                let why = if roi.is_drawn() { format!(": {why}") } else { ", not drawn".into() };
+                leave_out(format!("{}: left out{why}", roi.label()));
+                false
+            }
+        };
+        self.rois.iter().filter(usable).collect()
+    }
+
     /// The closed contours of `rois` and their planes.
     ///
     /// # Errors

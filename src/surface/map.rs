@@ -1,6 +1,6 @@
 //! Maps: where a height map lies, in which coordinate system, and which part of the computed pixels it shows.
 
-pub use super::crs::Crs;
+pub use super::crs::{Crs, MapCrs};
 
 use serde::{Deserialize, Serialize};
 

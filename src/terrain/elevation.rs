@@ -7,7 +7,7 @@ use super::Feature;
 type Parse<T> = Result<T, String>;
 
 /// Names of elevation attributes, in any case; so are all that begin with "elev".
-const NAMES: [&str; 6] = ["ele", "height", "contour", "z", "altitude", "alt"];
+const NAMES: [&str; 7] = ["ele", "height", "contour", "contourelevation", "z", "altitude", "alt"];
 /// Names that stand for the elevation where none of those is there: other words for it, and other languages'.
 const OTHERS: [&str; 14] = [
     "level",
@@ -30,6 +30,16 @@ const LEAST: &str = "min";
 const MOST: &str = "max";
 /// Heights of a line's points this close, of their size, are one.
 const SAME: f64 = 1e-9;
+
+/// Ends of an attribute's name that say its unit, and metres of that.
+const UNITS: [(&[&str], f64); 2] =
+    [(&["_ft", " ft", "-ft", "(ft)", "feet"], 0.3048), (&["_m", " m", "-m", "(m)", "metres", "meters"], 1.0)];
+
+/// Metres of the unit that an attribute's name says.
+pub fn metres_of(field: &str) -> Option<f64> {
+    let name = field.trim_end_matches('`').to_lowercase();
+    UNITS.iter().find(|(ends, _)| ends.iter().any(|end| name.ends_with(end))).map(|(_, metres)| *metres)
+}
 
 /// Source of elevations.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -9,13 +9,13 @@ use serde_json::Value;
 use super::{Feature, MapPart};
 use crate::error::{Error, Result};
 use crate::storage::regular;
-use crate::surface::map::Crs;
+use crate::surface::map::MapCrs;
 
 /// The features of a file, and the coordinate system its `crs` member names (of before RFC 7946, still what programs write).
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Format`] with feature and value.
-pub fn read(path: &Path) -> Result<(Vec<Feature>, Crs)> {
+pub fn read(path: &Path) -> Result<(Vec<Feature>, MapCrs)> {
     let wrong = |message: String| Error::Format { path: path.into(), message };
     let text = regular::read_to_string(path).map_err(|source| Error::Read { path: path.into(), source })?;
     let parsed: GeoJson = text.parse().map_err(|e| wrong(format!("is not GeoJSON: {e}")))?;
@@ -38,12 +38,12 @@ pub fn read(path: &Path) -> Result<(Vec<Feature>, Crs)> {
     Ok((features.collect::<Result<_>>()?, crs))
 }
 
-fn coordinate_system(collection: &FeatureCollection) -> std::result::Result<Crs, String> {
+fn coordinate_system(collection: &FeatureCollection) -> std::result::Result<MapCrs, String> {
     let member = collection.foreign_members.as_ref().and_then(|m| m.get("crs"));
     match member.map(|crs| &crs["properties"]["name"]) {
-        None => Ok(Crs::Unknown),
+        None => Ok(MapCrs::default()),
         Some(Value::String(name)) => {
-            Crs::named(name).ok_or_else(|| format!("`crs` is `{name}`; only EPSG codes are known: --crs EPSG:N"))
+            MapCrs::named(name).ok_or_else(|| format!("`crs` is `{name}`; only EPSG codes are known: --crs EPSG:N"))
         }
         Some(_) => Err("`crs` has no properties.name; --crs EPSG:N".into()),
     }

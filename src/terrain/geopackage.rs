@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::{Feature, MapPart};
 use crate::error::{Error, Result};
-use crate::surface::map::Crs;
+use crate::surface::map::{Crs, MapCrs};
 
 type Check<T> = std::result::Result<T, String>;
 
@@ -67,7 +67,7 @@ impl Allowance {
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Format`] with layer, feature and value.
-pub fn read(path: &Path, asked: Option<&str>) -> Result<(Vec<Feature>, Crs)> {
+pub fn read(path: &Path, asked: Option<&str>) -> Result<(Vec<Feature>, MapCrs)> {
     let metadata = std::fs::metadata(path).map_err(|source| Error::Read { path: path.into(), source })?;
     let wrong = |message: String| Error::Format { path: path.into(), message };
     let file = metadata.len().saturating_add(std::fs::metadata(log(path)).map_or(0, |m| m.len()));
@@ -168,18 +168,18 @@ fn choose<'l>(layers: &'l [Layer], asked: Option<&str>) -> Check<&'l Layer> {
 }
 
 /// The coordinate system of a number in the file's own table.
-fn crs(database: &Connection, srs: i64) -> Check<Crs> {
+fn crs(database: &Connection, srs: i64) -> Check<MapCrs> {
     // -1 and 0 stand for lengths and degrees in no known system.
     if srs <= 0 {
-        return Ok(Crs::Unknown);
+        return Ok(Crs::Unknown.into());
     }
     let query = "SELECT organization, organization_coordsys_id, definition FROM gpkg_spatial_ref_sys WHERE srs_id = ?1";
     let row = |row: &rusqlite::Row<'_>| Ok((row.get::<_, String>(0)?, row.get::<_, i64>(1)?, row.get::<_, String>(2)?));
     let (organisation, code, definition) = database
         .query_row(query, [srs], row)
         .map_err(|e| format!("its coordinate system {srs} cannot be read: {}", words(&e)))?;
-    let named = if organisation.eq_ignore_ascii_case("EPSG") { Crs::named(&format!("EPSG:{code}")) } else { None };
-    Ok(named.unwrap_or_else(|| Crs::of_wkt(&definition)))
+    let named = if organisation.eq_ignore_ascii_case("EPSG") { MapCrs::named(&format!("EPSG:{code}")) } else { None };
+    Ok(named.unwrap_or_else(|| MapCrs::of_wkt(&definition)))
 }
 
 /// Names of a table's columns, but for hidden ones. A query's own names rusqlite takes for UTF-8, and panics where they are not.

@@ -121,8 +121,16 @@ pub fn join(lines: Vec<ContourLine>, edges: &Edges, pixel: f64, notes: &mut Vec<
     }
     let hull =
         matches!(edges, Edges::Near | Edges::Hull).then(|| Hull::around(lines.iter().flat_map(|line| &line.points)));
-    // Where all lines are closed and no border is given, none is cut: what touches the box touches nothing.
-    let bordered = given.is_some() || lines.iter().any(|l| !l.closed);
+    // Where all lines are closed and no border is given, none is cut: what touches the box touches nothing. But regions of several elevations that run
+    // along it far were cut there: those of a body lie inside each other.
+    let at_box = along_box(&lines, &border, pixel);
+    if let (None, Some(count)) = (given, at_box) {
+        notes.push(format!(
+            "polygons of {count} elevations run along the box around all: they are taken to be cut there, and the terrain to go on beyond; with \
+             `--border` around the box they end there"
+        ));
+    }
+    let bordered = given.is_some() || at_box.is_some() || lines.iter().any(|l| !l.closed);
     let mut by_level: BTreeMap<u64, Elevation> = BTreeMap::new();
     for line in lines {
         // Bits of floats that are turned so that they sort as the numbers do.
@@ -176,6 +184,19 @@ pub fn join(lines: Vec<ContourLine>, edges: &Edges, pixel: f64, notes: &mut Vec<
     let along: f64 = levels.iter().flat_map(|level| &level.rings).map(|ring| border.along(ring)).sum();
     let is_free = all_closed && along < FREE * border.perimeter();
     Ok(JoinedMap { border: if is_free { border.grown(pixel) } else { border }, levels })
+}
+
+/// How many elevations closed lines have that run along the box around all lines, where all lines are closed, and those of several elevations run along
+/// it far.
+fn along_box(lines: &[ContourLine], border: &Border, pixel: f64) -> Option<usize> {
+    if lines.iter().any(|line| !line.closed) {
+        return None;
+    }
+    let along = lines.iter().map(|line| (line.z, border.along(&line.points))).filter(|(_, along)| *along > pixel);
+    let (mut levels, lengths): (Vec<f64>, Vec<f64>) = along.unzip();
+    levels.sort_by(f64::total_cmp);
+    levels.dedup();
+    (levels.len() > 1 && lengths.iter().sum::<f64>() >= FREE * border.perimeter()).then_some(levels.len())
 }
 
 /// How many lengths there are, and the longest.

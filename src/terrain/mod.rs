@@ -29,13 +29,16 @@ use glam::DVec2;
 use join::Edges;
 
 use crate::error::{Error, Result};
-use crate::stack::options::ZUnit;
 use crate::stack::{ContourStack, ReadOptions};
 use crate::storage::regular;
-use crate::surface::map::{Crs, Map};
+use crate::surface::map::{Crs, Map, MapCrs};
 
 /// Parts of the middle distance between levels that are the distance between output heights, where none is asked for.
 const STEPS_PER_LEVEL: f64 = 8.0;
+
+/// Metres by which units differ that are not the same, and feet that are not of the same kind.
+const SAME_UNIT: f64 = 1e-9;
+const SAME_FOOT: f64 = 1e-5;
 
 /// A feature of the file.
 #[derive(Debug)]
@@ -99,7 +102,8 @@ impl Terrain {
         let shape = format == MapFormat::Shapefile;
         let mut notes = Vec::new();
         let (mut lines, field) = lines::lines(&features, options.elevation.as_deref(), &mut notes).map_err(wrong)?;
-        let crs = coordinate_system(named, options, &lines, shape, &mut notes).map_err(wrong)?;
+        let MapCrs { crs, height_metres } =
+            coordinate_system(named, options, &lines, shape, &mut notes).map_err(wrong)?;
         let own = project::metres(&crs);
         let (crs, reprojected) = project::project(&mut lines, crs, options.crs_out.as_deref()).map_err(wrong)?;
         notes.extend(reprojected);
@@ -109,11 +113,25 @@ impl Terrain {
         if crs == Crs::Unknown {
             notes.push("no coordinate system is named; --crs EPSG:N sets it".into());
         }
-        // Heights become those of the unit that x and y have now. Nobody says theirs: it is that of x and y in the file, or, beside degrees, now.
-        let (side, metres) = (project::metres(&crs).unwrap_or(1.0), options.z_unit.map(ZUnit::metres));
+        // Heights become those of the unit that x and y have now. Where nobody says theirs it is that of x and y in the file, or, beside degrees, now.
+        let side = project::metres(&crs).unwrap_or(1.0);
+        let said = height_metres.map(|metres| (metres, "their coordinate system".to_string()));
+        let said =
+            said.or_else(|| elevation::metres_of(&field).map(|metres| (metres, format!("the name of the {field}"))));
+        let metres = match options.z_unit {
+            Some(unit) => Some(unit.metres()),
+            None => {
+                // Feet are those of x and y, whichever they are.
+                let other = said.filter(|(metres, _)| (metres - own.unwrap_or(side)).abs() > SAME_FOOT);
+                notes.extend(other.as_ref().map(|(metres, by)| {
+                    format!("heights are taken to be in units of {metres} m, as {by} says; --z-unit names another unit")
+                }));
+                other.map(|(metres, _)| metres)
+            }
+        };
         let factor = metres.or(own).map_or(1.0, |metres| metres / side);
         lines.iter_mut().for_each(|line| line.z *= factor);
-        if let Some(metres) = own.or(Some(side)).filter(|m| metres.is_none() && (m - 1.0).abs() > 1e-9) {
+        if let Some(metres) = own.or(Some(side)).filter(|m| metres.is_none() && (m - 1.0).abs() > SAME_UNIT) {
             notes.push(format!("x and y are in units of {metres} m; heights are taken to be in the same unit"));
         }
         let joined = join::join(lines, &edges, pixel, &mut notes).map_err(wrong)?;
@@ -189,19 +207,19 @@ pub fn files(path: &Path) -> Vec<PathBuf> {
 
 /// That of the options, with a note where the file names another, else of the file. GeoJSON that names none and looks like degrees has them (RFC 7946).
 fn coordinate_system(
-    named: Crs,
+    named: MapCrs,
     options: &ReadOptions,
     lines: &[lines::ContourLine],
     shape: bool,
     notes: &mut Vec<String>,
-) -> std::result::Result<Crs, String> {
-    let crs = match &options.crs {
+) -> std::result::Result<MapCrs, String> {
+    let MapCrs { crs, height_metres } = match &options.crs {
         None => named,
         Some(name) => {
-            let given = Crs::named(name)
+            let given = MapCrs::named(name)
                 .ok_or_else(|| format!("`crs` must be EPSG:N with 1024 <= N < 32767, or local; got `{name}`"))?;
-            notes.extend(project::contradiction(&named, &given));
-            given
+            notes.extend(project::contradiction(&named.crs, &given.crs));
+            MapCrs { height_metres: given.height_metres.or(named.height_metres), ..given }
         }
     };
     match crs == Crs::Unknown && project::like_degrees(lines) {
@@ -210,7 +228,7 @@ fn coordinate_system(
              longitude and latitude, --crs EPSG:N for another system, or --crs local if these are lengths"
                 .into(),
         ),
-        true => Ok(Crs::Epsg(project::WGS84)),
-        false => Ok(crs),
+        true => Ok(MapCrs { crs: Crs::Epsg(project::WGS84), height_metres }),
+        false => Ok(MapCrs { crs, height_metres }),
     }
 }

@@ -11,7 +11,7 @@ use shapefile::{Shape, ShapeReader};
 use super::{Feature, MapPart, guard};
 use crate::error::{Error, Result};
 use crate::storage::regular;
-use crate::surface::map::Crs;
+use crate::surface::map::MapCrs;
 
 /// Value that stands for "no data" in a shapefile's z.
 const NO_DATA: f64 = -1e38;
@@ -20,7 +20,7 @@ const NO_DATA: f64 = -1e38;
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Format`] with record and value.
-pub fn read(path: &Path) -> Result<(Vec<Feature>, Crs)> {
+pub fn read(path: &Path) -> Result<(Vec<Feature>, MapCrs)> {
     let unreadable = |path: &Path, source| Error::Read { path: path.into(), source };
     let wrong = |path: &Path, message: String| Error::Format { path: path.into(), message };
     let there = |path: &Path| match regular::read(path) {
@@ -67,7 +67,7 @@ pub fn read(path: &Path) -> Result<(Vec<Feature>, Crs)> {
     }
     let projection = path.with_extension("prj");
     let wkt = there(&projection)?;
-    let crs = wkt.map_or(Crs::Unknown, |bytes| Crs::of_wkt(&String::from_utf8_lossy(&bytes)));
+    let crs = wkt.map_or(MapCrs::default(), |bytes| MapCrs::of_wkt(&String::from_utf8_lossy(&bytes)));
     Ok((features, crs))
 }
 

@@ -54,6 +54,51 @@ fn lines_that_end_at_the_border_are_closed_round_any_corner() {
     }
 }
 
+/// The part of the box of 1000 x 800 where the plane `a x + b y` is at least z.
+fn above(a: f64, b: f64, z: f64) -> Line {
+    let corners = [[0.0, 0.0], [1000.0, 0.0], [1000.0, 800.0], [0.0, 800.0]];
+    let depth = |p: [f64; 2]| a * p[0] + b * p[1] - z;
+    let mut ring = Vec::new();
+    for (k, p) in corners.into_iter().enumerate() {
+        let q = corners[(k + 1) % 4];
+        ring.extend((depth(p) >= 0.0).then_some(p));
+        if (depth(p) >= 0.0) != (depth(q) >= 0.0) {
+            let t = depth(p) / (depth(p) - depth(q));
+            ring.push([p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1])]);
+        }
+    }
+    ring.push(ring[0]);
+    ring.into_iter().map(|[x, y]| [EAST + x, NORTH + y]).collect()
+}
+
+#[test]
+fn polygons_that_the_maps_frame_has_cut_are_the_lines_within_it() {
+    for (a, b) in [(0.6, 0.8), (-0.6, 0.8), (0.6, -0.8), (-0.6, -0.8)] {
+        let middle = 500.0 * a + 400.0 * b;
+        // The outer two cross three sides of the box, so that it is the box of lines and polygons alike.
+        let levels = [-150.0, -75.0, 0.0, 75.0, 150.0].map(|off| middle + off);
+        let lines: Vec<Value> = levels.iter().map(|z| feature(*z, &across(a, b, *z))).collect();
+        let polygons: Vec<Value> = levels.iter().map(|z| feature(*z, &above(a, b, *z))).collect();
+        let [wanted, found] = [lines, polygons].map(|features| read(&features, &pixels(10.0)));
+        let levels = |terrain: &Terrain| {
+            let slices = terrain.stack.slices.iter();
+            slices.map(|slice| (slice.z, slice.content.sides())).collect::<Vec<_>>()
+        };
+        assert_eq!((&found.map, found.stack.dims), (&wanted.map, wanted.stack.dims), "{a}, {b}");
+        assert!(levels(&found) == levels(&wanted), "{a}, {b}");
+        let says = "polygons of 5 elevations run along the box around all: they are taken to be cut there";
+        assert!(found.notes.iter().any(|note| note.contains(says)), "{:?}", found.notes);
+    }
+    // Terraces lie inside each other, and none of their walls is a frame.
+    let square = |z: f64, half: f64| {
+        let corners = [[-half, -half], [half, -half], [half, half], [-half, half], [-half, -half]];
+        feature(z, &corners.map(|[x, y]| [EAST + x, NORTH + y]).to_vec())
+    };
+    let terraces = read(&[square(1.0, 100.0), square(2.0, 60.0), square(3.0, 20.0)], &pixels(10.0));
+    assert_eq!(terraces.stack.slices.len(), 3);
+    assert!(!terraces.notes.iter().any(|note| note.contains("run along")), "{:?}", terraces.notes);
+}
+
 /// A map cut along meridians and parallels has slanted edges in any system of lengths.
 #[test]
 fn lines_that_a_slanted_edge_has_cut_go_on_to_the_box() {

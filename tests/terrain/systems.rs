@@ -26,7 +26,15 @@ fn degrees_are_reprojected() {
     let rings = [(100, 4000.0), (150, 3000.0), (200, 2000.0)];
     let features: Vec<Value> = rings.iter().map(|(z, r)| feature(*z, &in_degrees(&circle([0.0, 0.0], *r)))).collect();
     // GeoJSON that names no system has longitude and latitude.
-    for crs in [None, Some("urn:ogc:def:crs:OGC:1.3:CRS84"), Some("EPSG:4326"), Some("EPSG:4269")] {
+    let named = [
+        "urn:ogc:def:crs:OGC:1.3:CRS84",
+        "EPSG:4326",
+        "EPSG:9707",
+        "EPSG:4759",
+        "urn:ogc:def:crs,crs:EPSG::4326,crs:EPSG::5773",
+        "EPSG:4269",
+    ];
+    for crs in named.map(Some).into_iter().chain([None, Some("EPSG:4269")]) {
         fs::write(&path, collection(crs, &features)).expect("a file can be written");
         let terrain = Terrain::read(&path, &pixels(100.0)).expect("a map in degrees");
         assert_eq!(terrain.map.crs, Crs::Epsg(32616), "{crs:?}");

@@ -27,14 +27,15 @@ pub struct Survey {
     pub painted: [Vec<bool>; 3],
     /// Slices that stand alone; of labels only.
     pub sheets: Sheets,
-    /// Stretches of equal labels but 0 along the file's rows.
-    pub stretches: u64,
+    /// Places along the file's rows where a label meets another: neither is 0.
+    pub borders: u64,
 }
 
 /// Fewest values of a volume that may be grey: no list of organs is told apart from an image by less.
 const GREY: usize = 64;
-/// Mean length of stretches of equal values below which they are grey. In brain images it is 1.0 to 1.2 (noise), of 8 bits and smooth 1.5; cells of
-/// 4 voxels across, the smallest that anybody labels, have 3.
+/// Voxels per place where a value meets another, along rows, below which they are grey. In brain images there are 1.0 to 1.2 (noise), of 8 bits and
+/// smooth 1.5; of cells of 4 voxels across that fill the volume, the smallest that anybody labels, 3, and of labels that touch none the more: what is
+/// painted on slices across the rows has no neighbours at all there.
 const ALIKE: f64 = 2.0;
 
 impl Survey {
@@ -48,7 +49,7 @@ impl Survey {
         let mut extents: HashMap<i64, [[usize; 2]; 3]> = HashMap::new();
         let mut sheets = Counting::new(volume.grid.dims, volume.stored);
         volume.labels(|run| {
-            let mut start = 0;
+            let (mut start, mut before) = (0, 0);
             // Labels come in long stretches of the same.
             for stretch in run.values.chunk_by(|a, b| a == b) {
                 let (value, length) = (stretch[0], stretch.len());
@@ -58,7 +59,8 @@ impl Survey {
                     Ok(v) if v < TABLE => table[v] += length as u64,
                     _ => survey.count(value, length as u64),
                 }
-                survey.stretches += u64::from(value != 0);
+                survey.borders += u64::from(value != 0 && before != 0);
+                before = value;
                 if value != 0 && (extents.len() < TABLE + MOST_OTHERS || extents.contains_key(&value)) {
                     let extent = extents.entry(value).or_insert([[usize::MAX, 0]; 3]);
                     for (axis, [low, high]) in extent.iter_mut().enumerate() {
@@ -85,7 +87,7 @@ impl Survey {
     /// Message where labels are many and neighbours hardly ever have the same: grey values.
     pub fn grey(&self) -> Option<String> {
         let voxels: u64 = self.labels.values().sum();
-        let (count, alike) = (self.labels.len(), voxels as f64 / self.stretches as f64);
+        let (count, alike) = (self.labels.len(), voxels as f64 / self.borders as f64);
         if count < GREY || alike >= ALIKE {
             return None;
         }
@@ -164,7 +166,7 @@ mod tests {
     fn grey_values_are_many_and_hardly_alike() {
         let survey = |count: usize, alike: u64| Survey {
             labels: (1..=count as i64).map(|label| (label, 10 * alike)).collect(),
-            stretches: 10 * count as u64,
+            borders: 10 * count as u64,
             ..Survey::default()
         };
         assert!(survey(GREY, 1).grey().is_some_and(|message| message.contains("64 different values from 1 to 64")));

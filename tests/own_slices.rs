@@ -269,6 +269,42 @@ fn many_labels_on_slices_across_any_axis_are_labels() {
     }
 }
 
+/// Cells that fill a block, each painted on every fourth slice, on others than its neighbours: with other numbers they are the same.
+#[test]
+fn nothing_depends_on_the_numbers_of_labels() {
+    const CELLS: usize = 30;
+    let [nx, ny, nz] = SIZES;
+    for seed in 0..3u64 {
+        let mut state = 77 + seed;
+        let mut random = |below: f64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 * below
+        };
+        let seeds: Vec<[f64; 3]> = (0..CELLS).map(|_| [nx, ny, nz].map(|n| random(n as f64 - 1.0))).collect();
+        let cell = |at: [usize; 3]| {
+            let off = |s: &[f64; 3]| s.iter().zip(at).map(|(s, p)| (s - p as f64).powi(2)).sum::<f64>();
+            let (cell, off) = seeds.iter().map(off).enumerate().min_by(|a, b| a.1.total_cmp(&b.1))?;
+            (off < 14.0 * 14.0 && at[2] % 4 == cell % 4).then_some(cell)
+        };
+        let cells: Vec<Option<usize>> = (0..nx * ny * nz).map(|n| cell([n % nx, n / nx % ny, n / (nx * ny)])).collect();
+        let numbers = |number: &dyn Fn(usize) -> u8| -> Vec<f32> {
+            let voxels: Vec<u8> = cells.iter().map(|cell| cell.map_or(0, number)).collect();
+            let back: Vec<f32> =
+                (0..=255).map(|n| (0..CELLS).find(|c| number(*c) == n).map_or(0.0, |c| c as f32 + 1.0)).collect();
+            let (layers, ..) = decided(&voxels, &ReadOptions::default(), 1);
+            layers.iter().flat_map(|layer| layer.phi.iter().map(|l| back[*l as usize]).collect::<Vec<_>>()).collect()
+        };
+        let rising = numbers(&|cell| cell as u8 + 1);
+        for (name, other) in [
+            ("falling", numbers(&|cell| (CELLS - cell) as u8)),
+            ("shuffled", numbers(&|cell| (7 * cell % 31 + 3) as u8)),
+        ] {
+            let differ = rising.iter().zip(&other).filter(|(a, b)| a != b).count();
+            assert_eq!(differ, 0, "{name}, seed {seed}");
+        }
+    }
+}
+
 #[test]
 fn a_label_on_one_slice_stays_as_it_is_painted() {
     // Across the border of a cylinder that is interpolated there.

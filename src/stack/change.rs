@@ -8,8 +8,9 @@
 //! **Rate.** Where heights are compared with widths, what a unit of height counts as must not depend on the unit: stretched along z, a stack has the
 //! same body. Of a surface that faces all ways alike slices close together have `(pi / 2) sum |A xor B| = sum P dz`, P their perimeters (over the
 //! sphere of normals |cos| has the mean 1/2, |sin| pi/4). So `r = (pi / 2) sum |A xor B| / sum P dz` is what a unit of height counts as for the
-//! body to be as high as it is wide; a gap g counts as `r g`. Of a ball with equal units it is 1 (0.99 on slices of an eighth of its radius), of
-//! CT and terrain 0.5 to 1.7.
+//! body to be as high as it is wide; a gap g counts as `r g`. Intervals of which a slice is empty count for nothing: how far into them a body goes
+//! nothing says, and empty slices around a stack must change nothing. Of a ball with equal units it is 1 in the limit (0.8 on slices of a seventh of
+//! its radius), of CT and terrain 0.5 to 1.7.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
@@ -43,9 +44,12 @@ impl Change {
         let all = leaving + coming;
         let one_sided = leaving.max(coming) as f64 / all.max(1) as f64;
         let perimeters: Vec<f64> = stack.slices.par_iter().map(|slice| perimeter(slice, stack)).collect();
-        let beside = stack.slices.windows(2).zip(perimeters.windows(2));
-        let walls: f64 = beside.map(|(pair, p)| 0.5 * (p[0] + p[1]) * (pair[1].z - pair[0].z)).sum();
-        let area = all as f64 * stack.spacing[0] * stack.spacing[1];
+        let beside = stack.slices.windows(2).zip(perimeters.windows(2)).zip(&changed);
+        let going_on = beside.filter(|((_, p), _)| p.iter().all(|p| *p > 0.0));
+        let (walls, pixels) = going_on.fold((0.0, 0), |(walls, pixels), ((pair, p), [leaving, coming])| {
+            (walls + 0.5 * (p[0] + p[1]) * (pair[1].z - pair[0].z), pixels + leaving + coming)
+        });
+        let area = pixels as f64 * stack.spacing[0] * stack.spacing[1];
         Change {
             relief: smoothstep((one_sided - NONE) / (ALL - NONE)),
             rate: if walls > 0.0 { FRAC_PI_2 * area / walls } else { 0.0 },
@@ -116,19 +120,27 @@ mod tests {
     #[test]
     fn a_balls_height_counts_as_its_width() {
         for spacing in [[1.0, 1.0], [1.0, 2.0], [2.0, 1.0]] {
-            let ball = Change::of(&balls(&[[32.0, 32.0, 32.0]], spacing, 1.0));
-            assert!((ball.rate - 1.0).abs() < 0.05 && ball.relief == 0.0, "{spacing:?}: {ball:?}");
+            let stack = balls(&[[32.0, 32.0, 32.0]], spacing, 1.0);
+            let ball = Change::of(&stack);
+            assert!((0.75..0.95).contains(&ball.rate) && ball.relief == 0.0, "{spacing:?}: {ball:?}");
+            let painted = |slice: &&Slice| (0..N * N).any(|n| slice.content.inside(n));
+            let slices: Vec<Slice> = stack.slices.iter().filter(painted).cloned().collect();
+            assert!(slices.len() < stack.slices.len());
+            assert_eq!(Change::of(&ContourStack { slices, ..stack }).rate, ball.rate, "without the empty slices");
             let high = Change::of(&balls(&[[32.0, 32.0, 32.0]], spacing, 10.0));
             assert!((10.0 * high.rate - ball.rate).abs() < 1e-12, "{spacing:?}: {high:?}");
         }
     }
 
     #[test]
-    fn half_a_ball_is_relief_and_a_cylinder_has_no_rate() {
+    fn half_a_ball_is_relief_and_a_cylinder_or_a_single_slice_has_no_rate() {
         assert_eq!(Change::of(&balls(&[[32.0, 32.0, 0.0]], [1.0; 2], 1.0)).relief, 1.0);
         let mut stack = balls(&[[32.0, 32.0, 32.0]], [1.0; 2], 1.0);
         let middle = stack.slices[8].content.clone();
         stack.slices.iter_mut().for_each(|slice| slice.content = middle.clone());
         assert_eq!(Change::of(&stack), Change { relief: 0.0, rate: 0.0 });
+        let empty = SliceContent::Mask((0..N * N).map(|_| false).collect());
+        stack.slices.iter_mut().step_by(2).for_each(|slice| slice.content = empty.clone());
+        assert_eq!(Change::of(&stack).rate, 0.0);
     }
 }

@@ -6,6 +6,8 @@ use std::path::Path;
 
 use serde_json::Value;
 use tiff::decoder::{Decoder, DecodingResult};
+use tiff::encoder::TiffEncoder;
+use tiff::encoder::colortype::RGB8;
 use tiff::tags::Tag;
 
 use crate::files::{folder, interslice, sound_stack, stderr};
@@ -141,6 +143,37 @@ fn a_map_has_a_height_map_and_no_volume_as_tiff() {
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
     assert_says(&stderr(&output), &["out.tif", "its height map is NAME.dem.tif"]);
     assert!(!out.exists());
+}
+
+#[test]
+fn a_photograph_is_a_grid_and_a_raster_that_is_turned_is_none() {
+    let place = folder();
+    let [input, raster, output] = ["cone.geojson", "photo.tif", "cone.dem.tif"].map(|name| place.path().join(name));
+    write(&input, &cone());
+    let photograph = |tags: &[(Tag, &[f64])]| {
+        let mut encoder = TiffEncoder::new(fs::File::create(&raster).expect("a file")).expect("it begins");
+        let mut image = encoder.new_image::<RGB8>(40, 30).expect("an image");
+        for (tag, numbers) in tags {
+            image.encoder().write_tag(*tag, *numbers).expect("a tag");
+        }
+        image.write_data(&[90; 3600]).expect("its pixels");
+    };
+    let [from, like, to] = [&input, &raster, &output].map(|p| p.to_str().expect("temporary paths are UTF-8"));
+    let run = || interslice(&["reconstruct", from, "--like", like, "-o", to, "--pixel", "10", "--backend", "cpu"]);
+    let scale = [20.0, 20.0, 0.0];
+    let tie = [0.0, 0.0, 0.0, EAST - 400.0, NORTH + 300.0, 0.0];
+    photograph(&[(Tag::ModelPixelScaleTag, &scale), (Tag::ModelTiepointTag, &tie)]);
+    let done = run();
+    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    let map = geotiff(&output);
+    assert_eq!((map.dims, &map.scale[..2], &map.tie[3..5]), ([40, 30], &scale[..2], &tie[3..5]));
+    assert!(map.heights.iter().filter(|z| z.is_finite()).count() > 500);
+    let to_the_north =
+        [20.0, 0.0, 0.0, EAST - 400.0, 0.0, 20.0, 0.0, NORTH - 300.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+    photograph(&[(Tag::ModelTransformationTag, &to_the_north)]);
+    let refused = run();
+    assert_eq!(refused.status.code(), Some(2));
+    assert_says(&stderr(&refused), &["photo.tif", "turns the raster, or has its rows run to the north"]);
 }
 
 /// A cone whose lowest contour is a circle: beyond it nothing, its height, or a slope that goes on.

@@ -8,6 +8,7 @@ mod lying;
 mod measured;
 #[cfg(feature = "gpu")]
 mod paths;
+mod single_slices;
 mod steps;
 
 use interslice::settings::{Method, Motion};

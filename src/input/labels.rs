@@ -169,13 +169,13 @@ fn labels_of(
             singles = on_one_slice(&labels, &given, &drawn, &surveyed);
         }
         (labels, given) = leave_out(labels, given, (&mut drawn, &mut covered), &surveyed, &mut left_out);
-        for left in left_out.iter_mut().filter(|left| singles.iter().any(|single| single.label == left.label)) {
-            left.why += "; a label volume has it there as it is painted";
-        }
         if labels.is_empty() {
             let listed: Vec<String> = left_out.iter().map(LeftOut::to_string).collect();
             let message = format!("none of its labels can be reconstructed: {}", listed.join("; "));
             return Err(Error::Format { path: path.into(), message });
+        }
+        for left in left_out.iter_mut().filter(|left| singles.iter().any(|single| single.label == left.label)) {
+            left.why += "; a label volume has it there as it is painted";
         }
     }
     for (slice, drawn) in slices.iter_mut().zip(&drawn) {

@@ -101,7 +101,7 @@ impl Pages {
         let [width, height] = [width, height].map(|n| n as usize);
         let row = width.div_ceil(8);
         let length = self.decoder.image_buffer_layout().map_err(told)?.complete_len;
-        if width * height != self.page.len() || length != row * height {
+        if width == 0 || width * height != self.page.len() || length != row * height {
             return Err(format!(
                 "{width}x{height} px of a bit in {length} bytes, but page 0 has {} px",
                 self.page.len()

@@ -1,4 +1,4 @@
-//! What the EPSG registry (11.022) says of its codes: which systems have degrees, and of what compound ones consist.
+//! What the EPSG registry of IOGP says of its codes (version 11.022, codes below 32767): which systems have degrees, and of what compound ones consist.
 
 use std::sync::LazyLock;
 

@@ -102,7 +102,7 @@ fn children(wkt: &str) -> Vec<&str> {
 
 /// Metres of the last unit in a text, which is that of the system's own coordinates.
 fn metres(wkt: &str) -> Option<f64> {
-    let upper = wkt.to_uppercase();
+    let upper = wkt.to_ascii_uppercase();
     let at = upper.rfind("LENGTHUNIT[").or_else(|| upper.rfind("UNIT["))?;
     let metres: f64 = wkt.get(at..)?.split([',', ']']).nth(1)?.trim().parse().ok()?;
     // An unknown unit has 0.
@@ -234,6 +234,9 @@ mod tests {
         assert_eq!([undefined, "undefined", ""].map(Crs::of_wkt), [Crs::Unknown, Crs::Unknown, Crs::Unknown]);
         assert_eq!(Crs::of_wkt(r#"LOCAL_CS["site",UNIT["metre",1]]"#), Crs::Local);
         assert_eq!(Crs::of_wkt(r#"PROJCS["a",UNIT["unknown",0]]"#).metres(), None);
+        // A letter whose capitals are longer.
+        let name = "\u{149}".repeat(60);
+        assert_eq!(Crs::of_wkt(&format!(r#"PROJCS["{name}",UNIT["foot",0.3048]]"#)).metres(), Some(0.3048));
     }
 
     #[test]

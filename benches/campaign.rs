@@ -12,6 +12,8 @@
 //! shortened: `tally VERSION PROPERTY HELD SILENT LARGEST` for the seeds that held, with the `--version` they were run with.
 //! Seeds worth keeping go into `tests/promises/fallen_seeds.txt`, which the test suite replays.
 
+#[path = "campaign/inputs.rs"]
+mod inputs;
 #[path = "../tests/random/mod.rs"]
 mod random;
 #[path = "campaign/runs.rs"]
@@ -114,7 +116,7 @@ fn campaign(arguments: &Arguments) -> Result<usize, String> {
     };
     if let Some(seed) = arguments.show {
         if arguments.program {
-            print!("{}", runs::shown(seed));
+            print!("{}", runs::shown(seed)?);
             return Ok(0);
         }
         let property = chosen(arguments, seed)?;

@@ -5,34 +5,43 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use image::GrayImage;
-use serde_json::{Value, json};
+use serde_json::Value;
 
+use crate::inputs::{self, Holds};
 use crate::random::case::{self, Kind};
 use crate::random::numbers::Numbers;
 use crate::random::properties::{Checked, Fault};
 use crate::random::settings;
 use interslice::Settings;
 use interslice::settings::EndRule;
-use interslice::stack::{ContourStack, SliceContent};
 
 /// A run on some thousand pixels takes a fraction of a second: this long is a hang.
 const LONGEST: Duration = Duration::from_secs(120);
-/// Outputs by extension.
-const OUTPUTS: [&str; 16] = [
+/// Outputs of one body, by extension.
+const OUTPUTS: [&str; 28] = [
     "nrrd",
     "nii",
     "nii.gz",
     "mha",
     "zarr",
+    "tif",
+    "ome.tif",
+    "npy",
+    "npz",
+    "vti",
+    "seg.nrrd",
     "stl",
     "ply",
     "obj",
     "glb",
+    "groups.obj",
+    "3mf",
+    "vtp",
     "png",
     "dem.tif",
     "contours.json",
@@ -40,23 +49,41 @@ const OUTPUTS: [&str; 16] = [
     "json",
     "html",
     "origin.nrrd",
+    "origin.nii.gz",
+    "confidence.nrrd",
+    "confidence.mha",
 ];
+/// Those of many labels.
+const OUTPUTS_OF_LABELS: [&str; 12] =
+    ["nrrd", "seg.nrrd", "nii", "nii.gz", "mha", "zarr", "stl", "ply", "glb", "3mf", "groups.obj", "json"];
 
 /// A run of the program: its input's files and its arguments, of which those that name a file have `{}` for the folder.
 struct Run {
     files: Vec<(String, Vec<u8>)>,
     arguments: Vec<String>,
     outputs: Vec<String>,
-    /// Whether something is wrong with it on purpose.
+    /// Whether something is wrong with it on purpose, or may be.
     spoilt: bool,
 }
 
-/// What the run of a seed is.
-pub fn shown(seed: u64) -> String {
+impl Run {
+    /// Writes the input's files into a folder.
+    fn write(&self, place: &Path) -> io::Result<()> {
+        self.files.iter().try_for_each(|(name, bytes)| {
+            let path = place.join(name);
+            path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(path, bytes))
+        })
+    }
+}
+
+/// What the run of a seed is, with its files in a folder of its own.
+pub fn shown(seed: u64) -> Result<String, String> {
     let run = draw(seed);
-    let files: Vec<String> = run.files.iter().map(|(name, bytes)| format!("{name} ({} bytes)", bytes.len())).collect();
+    let place = PathBuf::from(format!("target/campaign/program-{seed}"));
+    run.write(&place).map_err(|e| format!("{}: {e}", place.display()))?;
     let spoilt = if run.spoilt { ", spoilt" } else { "" };
-    format!("seed {seed}{spoilt}: interslice {}\nfiles: {}\n", run.arguments.join(" "), files.join(", "))
+    let arguments = run.arguments.join(" ").replace("{}", &place.display().to_string());
+    Ok(format!("seed {seed}{spoilt}: interslice {arguments}\n"))
 }
 
 /// Runs the program of a seed in a folder of its own.
@@ -68,11 +95,7 @@ pub fn check(seed: u64) -> Checked {
         what: format!("{what}: interslice {}", run.arguments.join(" ")),
     };
     let place = tempfile::tempdir().map_err(|e| fault(e.to_string()))?;
-    let write = |(name, bytes): &(String, Vec<u8>)| {
-        let path = place.path().join(name);
-        path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(path, bytes))
-    };
-    run.files.iter().try_for_each(write).map_err(|e| fault(e.to_string()))?;
+    run.write(place.path()).map_err(|e| fault(e.to_string()))?;
     let before = listing(place.path());
     let folder = place.path().display().to_string();
     let arguments = run.arguments.iter().map(|a| a.replace("{}", &folder));
@@ -148,42 +171,57 @@ fn listing(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 fn draw(seed: u64) -> Run {
     let mut n = Numbers::new(seed ^ 0xca11);
     let mut stack = case::stack(&mut n, Kind::Any);
-    let (input, mut files) = loop {
-        if let Some(drawn) = input(&mut n, &stack) {
+    let input = loop {
+        if let Some(drawn) = inputs::input(&mut n, &stack) {
             break drawn;
         }
         stack = case::stack(&mut n, Kind::Any);
     };
-    let mut arguments = vec![
-        "reconstruct".to_string(),
-        format!("{{}}/{input}"),
-        "--backend".into(),
-        "cpu".into(),
-        "--threads".into(),
-        "1".into(),
-    ];
     let mut settings = settings::settings(&mut n, &stack);
     // A volume has heights of its own.
     for end in [&mut settings.end_bottom, &mut settings.end_top] {
         *end = if let EndRule::Peak(_) = end { EndRule::Extrapolate } else { *end };
     }
-    arguments.extend(options(&settings));
-    let step = (stack.slices[stack.slices.len() - 1].z - stack.slices[0].z) / n.between(3.0, 30.0);
-    arguments.extend(["--dz".to_string(), format!("{step}")]);
-    if n.chance(0.2) {
-        arguments.push(n.of(&["--mask", "--contours"]).into());
-    }
+    let command = if n.chance(0.8) { "reconstruct" } else { n.of(&["inspect", "plan", "evaluate"]) };
+    let mut arguments = vec![command.to_string(), format!("{{}}/{}", input.name)];
+    arguments.extend(input.arguments.iter().cloned());
     let mut outputs: Vec<String> = Vec::new();
-    for _ in 0..n.whole(1, 3) {
-        let name = format!("out{}.{}", outputs.len(), n.of(&OUTPUTS));
-        arguments.extend(["-o".into(), format!("{{}}/{name}")]);
-        outputs.push(name);
+    if command != "inspect" {
+        arguments.extend(options(&settings));
     }
+    if command == "plan" || command == "reconstruct" {
+        arguments.push(format!("--dz={}", (input.ends[1] - input.ends[0]) / n.between(3.0, 30.0)));
+    }
+    if command == "plan" {
+        // No more than there are intervals.
+        let most = if input.holds == Holds::Labels { 1 } else { (stack.slices.len() - 1).min(2) };
+        arguments.push(format!("--parts={}", n.whole(1, most)));
+    }
+    if command == "reconstruct" {
+        arguments.extend(["--backend=cpu".into(), "--threads=1".into()]);
+        let values =
+            if input.holds == Holds::Labels { "" } else { n.of(&["", "", "--mask", "--distance", "--contours"]) };
+        arguments.extend((!values.is_empty()).then(|| values.to_string()));
+        let drawn: &[&str] = if input.holds == Holds::Labels { &OUTPUTS_OF_LABELS } else { &OUTPUTS };
+        // A TIFF of a map is its height map, and segments have no distances.
+        let none = |extension: &str| {
+            input.holds == Holds::Map && ["tif", "ome.tif"].contains(&extension)
+                || values == "--distance" && extension == "seg.nrrd"
+        };
+        for k in 0..n.whole(1, 3) {
+            let extension = n.of(drawn);
+            let name = format!("out{k}.{}", if none(extension) { "ply" } else { extension });
+            arguments.extend(["-o".into(), format!("{{}}/{name}")]);
+            outputs.push(name);
+        }
+    }
+    let mut files = input.files;
     let spoilt = n.chance(0.4);
     if spoilt {
-        spoil(&mut n, &mut files, &mut arguments, &input);
+        spoil(&mut n, &mut files, &mut arguments, &input.name);
     }
-    Run { files, arguments, outputs, spoilt }
+    // A stack may be too short to leave slices out.
+    Run { files, arguments, outputs, spoilt: spoilt || command == "evaluate" }
 }
 
 /// Settings that are not the default's, as options of the command line.
@@ -199,84 +237,6 @@ fn options(settings: &Settings) -> Vec<String> {
         format!("--{}={value}", name.replace('_', "-"))
     };
     differ.map(option).collect()
-}
-
-/// An input's name and its files.
-type Files = (String, Vec<(String, Vec<u8>)>);
-
-/// The stack in a container that can hold it.
-fn input(n: &mut Numbers, stack: &ContourStack) -> Option<Files> {
-    let [nx, ny] = stack.dims;
-    if n.chance(0.4) {
-        return Some(("stack".into(), folder(stack)));
-    }
-    // Slices of a label volume are its layers; those between are empty.
-    if stack.slices.iter().any(|s| s.content.is_empty()) {
-        return None;
-    }
-    let every = n.whole(1, 4);
-    let count = every * (stack.slices.len() - 1) + 1 + n.whole(0, 3);
-    let label = n.whole(1, 9) as u8;
-    let mut voxels = vec![0u8; nx * ny * count];
-    for (k, slice) in stack.slices.iter().enumerate() {
-        let sides = slice.content.sides();
-        sides.iter().enumerate().filter(|(_, m)| **m).for_each(|(p, _)| voxels[k * every * nx * ny + p] = label);
-    }
-    let dz = (stack.slices[1].z - stack.slices[0].z) / every as f64;
-    let [dx, dy] = stack.spacing;
-    let bytes = match n.whole(0, 2) {
-        0 => (
-            "volume.nrrd",
-            [format!("NRRD0004\ntype: uint8\ndimension: 3\nsizes: {nx} {ny} {count}\nencoding: raw\nspacings: {dx} {dy} {dz}\n\n").into_bytes(), voxels]
-                .concat(),
-        ),
-        1 => (
-            "volume.mha",
-            [
-                format!(
-                    "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nDimSize = {nx} {ny} {count}\n\
-                     ElementSpacing = {dx} {dy} {dz}\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n"
-                )
-                .into_bytes(),
-                voxels,
-            ]
-            .concat(),
-        ),
-        _ => ("volume.npy", npy([count, ny, nx], &voxels)),
-    };
-    Some((bytes.0.into(), vec![(bytes.0.into(), bytes.1)]))
-}
-
-/// A NumPy array of bytes, last axis fastest.
-fn npy([nz, ny, nx]: [usize; 3], data: &[u8]) -> Vec<u8> {
-    let mut header = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({nz}, {ny}, {nx}), }}");
-    // Magic, version and length take ten bytes; the header ends on a multiple of 64.
-    header += &" ".repeat((64 - (10 + header.len() + 1) % 64) % 64);
-    header.push('\n');
-    let length = (header.len() as u16).to_le_bytes();
-    [b"\x93NUMPY\x01\x00", &length[..], header.as_bytes(), data].concat()
-}
-
-/// A folder with stack.json and PNGs: masks, or grey levels.
-fn folder(stack: &ContourStack) -> Vec<(String, Vec<u8>)> {
-    let [nx, ny] = stack.dims;
-    let mut files = Vec::new();
-    let mut slices = Vec::new();
-    for (k, slice) in stack.slices.iter().enumerate() {
-        let grey = |p: usize| match &slice.content {
-            SliceContent::Mask(mask) => 255 * u8::from(mask.at(p)),
-            SliceContent::Level(level) => 255 * u8::from(level.sides().at(p)),
-        };
-        let image = GrayImage::from_fn(nx as u32, ny as u32, |x, y| image::Luma([grey(y as usize * nx + x as usize)]));
-        let mut png = std::io::Cursor::new(Vec::new());
-        if image.write_to(&mut png, image::ImageFormat::Png).is_ok() {
-            files.push((format!("stack/s{k:03}.png"), png.into_inner()));
-        }
-        slices.push(json!({"file": format!("s{k:03}.png"), "z": slice.z}));
-    }
-    let text = json!({"spacing_xy": stack.spacing, "unit": "mm", "slices": slices});
-    files.push(("stack/stack.json".into(), text.to_string().into_bytes()));
-    files
 }
 
 /// Makes something wrong: a file, an option, an output. What is left may be sound.

@@ -47,6 +47,25 @@ impl LayerPatch {
         self.phi.get(j * self.dims[0] + i).copied()
     }
 
+    /// What of the image it has.
+    fn tile(&self) -> Tile {
+        Tile { origin: self.origin, dims: self.dims }
+    }
+
+    /// The share `1 - t` of it and `t` of another, around both of which all is `far`, on the rectangle around both.
+    fn mixed(&self, other: &LayerPatch, t: f32, far: f32) -> LayerPatch {
+        let Some(tile) = [self, other].map(LayerPatch::tile).into_iter().filter(|t| !t.is_empty()).reduce(Tile::joined)
+        else {
+            return LayerPatch::default();
+        };
+        let value = |n: usize| {
+            let at = [tile.origin[0] + n % tile.dims[0], tile.origin[1] + n / tile.dims[0]];
+            let [low, high] = [self, other].map(|patch| patch.at(at).unwrap_or(far));
+            (1.0 - t) * low + t * high
+        };
+        LayerPatch { origin: tile.origin, dims: tile.dims, phi: (0..tile.len()).map(value).collect() }
+    }
+
     /// Puts a value at a pixel of the rectangle.
     pub fn set(&mut self, [i, j]: [usize; 2], value: f32) {
         if self.at([i, j]).is_some() {
@@ -117,9 +136,7 @@ impl KeptBody {
             Some(p) => {
                 let t = ((z - self.layers[above - 1].z) / (p.z - self.layers[above - 1].z)) as f32;
                 let (low, high) = (self.patch(above - 1)?, self.patch(above)?);
-                let (low, high) = (self.whole(&low), self.whole(&high));
-                let mixed: Vec<f32> = low.iter().zip(&high).map(|(a, b)| (1.0 - t) * a + t * b).collect();
-                Ok(Some(crop(&mixed, self.dims, self.far)))
+                Ok(Some(low.mixed(&high, t, self.far)))
             }
         }
     }
@@ -218,4 +235,34 @@ fn crop(phi: &[f32], [nx, _]: [usize; 2], far: f32) -> LayerPatch {
     }
     let values = (rows[0]..rows[1]).flat_map(|j| &phi[j * nx + columns[0]..j * nx + columns[1]]).copied().collect();
     LayerPatch { origin: [columns[0], rows[0]], dims: [columns[1] - columns[0], rows[1] - rows[0]], phi: values }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn between_two_layers_it_is_on_the_rectangle_around_both() -> Result<()> {
+        // Shares of it that make no whole, as of most numbers.
+        const FAR: f32 = 8.1;
+        let mut body = KeptBody::new(&std::env::temp_dir(), FAR, [20, 16], [0; 2])?;
+        let patches = [([4, 6], [3, 2], -2.0), ([6, 5], [2, 4], 1.0), ([0; 2], [0; 2], 0.0), ([0; 2], [0; 2], 0.0)];
+        for (k, (origin, dims, value)) in patches.into_iter().enumerate() {
+            let layer = Layer { z: k as f64, phi: SparseImage::default(), output: true, contour: None };
+            body.push(&layer, &LayerPatch { origin, dims, phi: vec![value; dims[0] * dims[1]] })?;
+        }
+        let mut between = |z: f64| Ok(body.at(z, 1e-9)?.expect("it lies within the body"));
+        for k in 1..64 {
+            let t = f64::from(k) / 64.3;
+            let low = between(t)?;
+            assert_eq!((low.origin, low.dims), ([4, 5], [4, 4]), "at {t}");
+            let mix = |a: f32, b: f32| Some((1.0 - t as f32) * a + t as f32 * b);
+            // Of both, of the lower alone, of neither.
+            assert_eq!([[6, 6], [4, 6], [4, 5]].map(|at| low.at(at)), [mix(-2.0, 1.0), mix(-2.0, FAR), mix(FAR, FAR)]);
+            let high = between(1.0 + t)?;
+            assert_eq!((high.origin, high.dims), ([6, 5], [2, 4]), "at {}", 1.0 + t);
+            assert!(between(2.0 + t)?.tile().is_empty());
+        }
+        Ok(())
+    }
 }

@@ -368,22 +368,66 @@ fn a_label_is_one_value_of_images() {
     }
 }
 
-/// More values than labels have are grey values, of which what lies above half way is the body.
+/// Bands of two columns, each brighter by `step` than the one before, on two slices.
+fn bands(count: u32, step: u32) -> Result<Input, String> {
+    let place = folder();
+    let image = image::GrayImage::from_fn(2 * count, 8, |x, _| image::Luma([(x / 2 * step) as u8]));
+    image.save(place.path().join("s.png")).expect("a PNG can be written");
+    let text = r#"{"spacing_xy": [1, 1], "slices": [{"file": "s.png", "z": 0}, {"file": "s.png", "z": 4}]}"#;
+    write_stack(place.path(), text);
+    Input::read(place.path(), &ReadOptions::default()).map_err(|e| e.to_string())
+}
+
 #[test]
-fn p14_up_to_16_values_are_few() {
-    let bands = |count: u32| {
-        let place = folder();
-        let image = image::GrayImage::from_fn(2 * count, 8, |x, _| image::Luma([(x / 2 * 10) as u8]));
-        image.save(place.path().join("s.png")).expect("a PNG can be written");
-        let text = r#"{"spacing_xy": [1, 1], "slices": [{"file": "s.png", "z": 0}, {"file": "s.png", "z": 4}]}"#;
-        write_stack(place.path(), text);
-        Input::read(place.path(), &ReadOptions::default()).map(|input| input.stack).map_err(|e| e.to_string())
-    };
+fn p14_values_that_leap_from_one_to_the_next_are_labels_and_others_grey() {
     for few in [3, 16] {
-        let said = bands(few).expect_err("a few values");
+        let said = bands(few, 10).expect_err("a few values");
         assert!(said.contains(&format!("slices have {few} values, 0, 10, 20")), "{said}");
     }
-    let stack = bands(17).expect("grey values");
-    // The ninth value is half way.
-    assert!((0..34).filter(|x| x / 2 != 8).all(|x| stack.slices[0].content.inside(x) == (x / 2 > 8)));
+    for (many, step) in [(17, 15), (25, 4)] {
+        let said = bands(many, step).expect_err("labels");
+        assert!(said.contains("slices have more than 16 values") && said.contains("as of labels"), "{said}");
+    }
+    // A field that rises as slowly, in smaller steps: what lies above half way is the body.
+    let stack = bands(100, 2).expect("grey values").stack;
+    assert!((0..200).all(|x| stack.slices[0].content.inside(x) == (x / 2 * 2 > 99)));
+}
+
+/// Cells of 25 numbers on each image, as programs that find cells write them, and what their levels would make of them.
+#[test]
+fn images_of_many_labels_are_no_grey_values() {
+    let cell = |x: u32, y: u32| {
+        let near = (x % 6).abs_diff(3).pow(2) + (y % 6).abs_diff(3).pow(2) <= 6;
+        if near { (1 + x / 6 + 5 * (y / 6)) as u8 } else { 0 }
+    };
+    let case = images(&["s0.png", "s1.png", "s2.png"], |x, y, _| cell(x, y));
+    case.all_say(&SPACED, 2, "slices have more than 16 values");
+    case.none_doubts(&["--spacing", "1,1,4", "--label", "7"]);
+    // The same cells with noise, as in a picture.
+    let noise = |x: u32, y: u32, k: usize| (x * 7 + y * 13 + x * y * 5 + k as u32 * 3) % 11;
+    let picture = |x, y, k| 100 * u8::from(cell(x, y) > 0) + noise(x, y, k) as u8;
+    images(&["s0.png", "s1.png", "s2.png"], picture).none_doubts(&SPACED);
+}
+
+#[test]
+fn a_gap_in_what_is_drawn_plane_by_plane_is_told() {
+    let stack = |heights: &[f64]| {
+        let place = folder();
+        let slice = |z: &f64| format!(r#"{{"z": {z}, "polygons": [[[0, 0], [20, 0], [20, 20], [0, 20]]]}}"#);
+        let slices: Vec<String> = heights.iter().map(slice).collect();
+        write_stack(
+            place.path(),
+            &format!(r#"{{"unit": "mm", "spacing_xy": [1, 1], "slices": [{}]}}"#, slices.join(", ")),
+        );
+        let input = place.path().to_path_buf();
+        Case { place, input }
+    };
+    let told = "slices lie 3.000 apart, but none between 12.000 and 42.000: interpolated across";
+    stack(&[0.0, 3.0, 6.0, 9.0, 12.0, 42.0, 45.0, 48.0]).all_say(&[], 0, told);
+    stack(&[0.0, 3.0, 6.0, 9.0, 12.0, 21.0, 24.0, 27.0]).none_doubts(&[]);
+    // A volume says it in slices.
+    let voxels = volume(|at| u16::from((at[2] < 8 || at[2] > 20) && in_ball([at[0], at[1], 16], 9.0)));
+    let case = Case::new(&voxels, "1 1 1");
+    case.all_say(&[], 0, "painted slice by slice, but not on 8 to 20");
+    assert!(case.said(&[]).iter().all(|(_, said)| !said.contains("but none between")));
 }

@@ -398,6 +398,31 @@ fn labels_that_follow_each_other_part_what_lies_between_in_the_middle() {
     assert!(decided.borders.gap_voxels as f64 > whole, "{:?}", decided.borders);
 }
 
+#[test]
+fn a_surface_ends_where_its_label_does_and_not_at_its_last_slice() {
+    let chosen = ReadOptions { keep: Some(DRAWN), ..ReadOptions::default() };
+    let mut volumes: Vec<Vec<u8>> = (0..3).map(ball_in_a_ball).collect();
+    volumes.push(wedges(|k| [30, 70, 10, 10, 50][k / DRAWN]));
+    let mut beyond = 0;
+    for (n, voxels) in volumes.iter().enumerate() {
+        let Run { stack, mut decided, layers } = run_reading(voxels, &chosen);
+        for (a, body) in decided.bodies.iter_mut().enumerate() {
+            let area = |l: &Layer| l.phi.iter().filter(|v| **v == stack.labels[a] as f32).count() as f64;
+            let between: f64 = layers.windows(2).map(|w| 0.5 * (w[1].z - w[0].z) * (area(&w[0]) + area(&w[1]))).sum();
+            let mut report = std::mem::take(&mut body.report);
+            body.measure(&mut report).expect("its layers can be read");
+            let volume = report.volume.expect("it has been measured");
+            println!("volume {n}, label {}: {volume} by the surface, {between} by pixels", stack.labels[a]);
+            assert!((volume - between).abs() < 0.04 * between, "volume {n}, label {}", stack.labels[a]);
+            let slices = voxels.chunks_exact(SIZES[0] * SIZES[1]);
+            let painted: Vec<bool> = slices.map(|slice| slice.contains(&(stack.labels[a] as u8))).collect();
+            let last = painted.iter().rposition(|painted| *painted).expect("it is painted");
+            beyond += layers[last + 1..].iter().map(|l| area(l) as usize).sum::<usize>();
+        }
+    }
+    assert!(beyond > 200, "labels go on beyond their last slices: {beyond} pixels");
+}
+
 /// Pixels of layers that hang together with no drawn slice through pixels of their label.
 fn in_the_air(layers: &[Layer]) -> usize {
     let [nx, ny, nz] = SIZES;

@@ -12,7 +12,7 @@ use interslice::files::places::Places;
 use interslice::input::open_volume;
 use interslice::input::volume::element::Element;
 use interslice::input::volume::survey::Survey;
-use interslice::input::volume::{Volume, VoxelRun};
+use interslice::input::volume::{Lacking, Volume, VoxelRun};
 use interslice::report::Report;
 use interslice::rtstruct::StructureSet;
 use interslice::stack::appearance::Appearance;
@@ -76,7 +76,7 @@ pub fn read_volume(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>>
     told.set_item("origin", grid.origin.to_array())?;
     told.set_item("steps", grid.steps.map(|step| step.to_array()))?;
     told.set_item("unit", &grid.unit)?;
-    told.set_item("spaced", grid.spaced)?;
+    told.set_item("spaced", grid.spaced && !matches!(volume.lacks, Some(Lacking::Needed(_))))?;
     told.set_item("format", volume.format)?;
     told.set_item("segments", segments)?;
     Ok(told)

@@ -13,6 +13,8 @@ use crate::input;
 use crate::input::format::{InputFormat, expected};
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructureSet;
+#[cfg(feature = "dicom")]
+use crate::stack::ReadOptions;
 
 /// Choices for a template.
 #[derive(Debug, Clone)]
@@ -30,7 +32,7 @@ pub struct Template {
 pub struct Templated {
     /// Lines.
     pub lines: Vec<ManifestLine>,
-    /// Cases that cannot be read, and why.
+    /// Cases that cannot be read and ROIs that cannot be reconstructed, and why.
     pub left_out: Vec<String>,
 }
 
@@ -71,7 +73,8 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Templ
             options,
         };
         let (option, numbers) = if input::is_structure_set(&path) {
-            ("roi", rois(&path))
+            let mut leave_out = |why: String| left_out.push(format!("{name}: {why}"));
+            ("roi", rois(&path, &mut leave_out))
         } else if template.each_label && path.is_file() && !input::is_map(&path) {
             ("label", input::labels(&path))
         } else {
@@ -106,15 +109,15 @@ fn stem(path: &Path) -> Option<String> {
     Some(name[..at].to_string()).filter(|s| !s.is_empty())
 }
 
-/// Numbers of the ROIs that can be reconstructed.
+/// Numbers of the ROIs that can be reconstructed; `leave_out` hears of each other one, and why.
 #[cfg(feature = "dicom")]
-fn rois(path: &Path) -> Result<Vec<i64>> {
+fn rois(path: &Path, leave_out: &mut dyn FnMut(String)) -> Result<Vec<i64>> {
     let set = StructureSet::choose_file(path, None)?;
-    Ok(set.rois.iter().filter(|roi| set.closed(vec![roi]).is_ok()).map(|roi| roi.number).collect())
+    Ok(set.usable(&ReadOptions::default(), leave_out).into_iter().map(|roi| roi.number).collect())
 }
 
 #[cfg(not(feature = "dicom"))]
-fn rois(path: &Path) -> Result<Vec<i64>> {
+fn rois(path: &Path, _leave_out: &mut dyn FnMut(String)) -> Result<Vec<i64>> {
     let message = "is DICOM, which this program was built without (feature `dicom`)".into();
     Err(Error::Format { path: path.into(), message })
 }

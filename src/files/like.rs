@@ -11,6 +11,7 @@ use tiff::tags::Tag;
 use crate::error::{Error, Result};
 use crate::input;
 use crate::input::format::Kind;
+use crate::input::volume::{Lacking, Volume};
 #[cfg(feature = "dicom")]
 use crate::rtstruct::ImageSeries;
 use crate::storage::folders::files_below;
@@ -49,7 +50,10 @@ impl Like {
                 if let Some(raster) = raster(path)? {
                     return Ok(raster);
                 }
-                let grid = header(path)?.grid;
+                let Volume { grid, lacks, .. } = header(path)?;
+                if let Some(Lacking::Needed(message)) = lacks {
+                    return Err(Error::Format { path: path.into(), message });
+                }
                 if !grid.spaced {
                     let message = "does not say how far apart its voxels are; `like` needs a file that does".into();
                     return Err(Error::Format { path: path.into(), message });

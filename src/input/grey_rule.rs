@@ -22,10 +22,14 @@ pub struct Range {
     between: BTreeSet<u16>,
     /// how many pixels have them, and how many of these have the same to the right.
     plateau: [usize; 2],
+    /// Neighbours of different values in a row, and those of them whose values are far from each other.
+    steps: [usize; 2],
 }
 
 /// Most values between the least and the largest that are told apart: a slice that was smoothed has more.
 const FEW: usize = 16;
+/// Share of the range of a slice's values by which neighbours differ from which on they are far from each other: beyond it a field is not smooth.
+const FAR: u16 = 64;
 
 impl Range {
     /// Whether it has more values than are told apart.
@@ -37,8 +41,12 @@ impl Range {
     pub fn of(image: &Grey) -> Self {
         let values = || image.values.iter().copied();
         let ends = [values().min(), values().max()].map(Option::unwrap_or_default);
-        let (mut between, mut plateau) = (BTreeSet::new(), [0; 2]);
+        let (mut between, mut plateau, mut steps) = (BTreeSet::new(), [0; 2], [0; 2]);
+        let far = (ends[1] - ends[0]) / FAR;
         for row in image.values.chunks(image.dims[0].max(1)) {
+            for [a, b] in row.array_windows().filter(|[a, b]| a != b) {
+                steps = [steps[0] + 1, steps[1] + usize::from(a.abs_diff(*b) > far)];
+            }
             for (i, v) in row.iter().enumerate().filter(|(_, v)| !ends.contains(v)) {
                 if between.len() <= FEW {
                     between.insert(*v);
@@ -46,7 +54,7 @@ impl Range {
                 plateau = [plateau[0] + 1, plateau[1] + usize::from(row.get(i + 1) == Some(v))];
             }
         }
-        Range { dims: image.dims, bits: image.bits, ends, more: !between.is_empty(), between, plateau }
+        Range { dims: image.dims, bits: image.bits, ends, more: !between.is_empty(), between, plateau, steps }
     }
 }
 
@@ -103,20 +111,29 @@ impl Rule {
         }
     }
 
-    /// Message where a level that nobody named cuts a few values that lie side by side, as labels do; those that a smooth brush leaves
-    /// along a contour differ from pixel to pixel.
+    /// Message where a level that nobody named cuts values that lie side by side, as labels do: a few, or many that leap from one to the next. Those that a
+    /// smooth brush leaves along a contour differ from pixel to pixel, and those of a smooth field hardly.
     pub fn doubt(&self, ranges: &[Range], named: Option<f64>) -> Option<String> {
         let (Rule::Above(level), None) = (self, named) else { return None };
-        let [pixels, alike] = ranges.iter().fold([0; 2], |sum, r| [sum[0] + r.plateau[0], sum[1] + r.plateau[1]]);
+        let sum = |of: fn(&Range) -> [usize; 2]| ranges.iter().map(of).fold([0; 2], |[a, b], [c, d]| [a + c, b + d]);
+        let ([pixels, alike], [steps, far]) = (sum(|r| r.plateau), sum(|r| r.steps));
         // A slice of one value has no others; where slices have different ones all are plateaus.
         let smooth = pixels > 0 && 2 * alike < pixels;
         let count = distinct(ranges).len();
-        if count > FEW || smooth {
+        let many = count > FEW;
+        if smooth || many && 2 * far < steps {
             return None;
         }
+        let (has, which) = match many {
+            true => (
+                format!("more than {FEW} values"),
+                "many neighbours the same, as of labels: which of them is the body, or all",
+            ),
+            false => (format!("{count} values"), "which of them is the body"),
+        };
+        let all = if many { "; `--labels` takes a volume, such as a TIFF of all slices" } else { "" };
         Some(format!(
-            "slices have {count} values, {}: which of them is the body? `--label N` takes those of one value, `--level V` what is above a value \
-             ({level} is half way)",
+            "slices have {has}, {}: {which}? `--label N` takes those of one value, `--level V` what is above a value ({level} is half way){all}",
             values(ranges)
         ))
     }

@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 use self::format::Kind;
 pub use self::format::expected;
 use self::volume::survey::Survey;
-use self::volume::{Volume, axis, slices};
+use self::volume::{Lacking, Volume, axis, slices};
 use crate::error::{Error, Result};
 use crate::labels::given::{Completeness, Given, hole};
 use crate::stack::ContourStack;
@@ -205,14 +205,16 @@ impl Input {
     pub fn doubts(&self, options: &ReadOptions) -> Vec<String> {
         let mut doubts = self.notes.clone();
         doubts.extend(self.united(options));
-        doubts.extend(self.stack.doubts());
         let chosen = options.keep.is_some() || options.slices.is_some() || options.level.is_some();
-        if let Some(surveyed) = self.surveyed.as_ref().filter(|_| !chosen) {
+        let hole = self.surveyed.as_ref().filter(|_| !chosen).and_then(|surveyed| {
             let painted = &surveyed.survey.painted[surveyed.axis.axis];
             let numbers: Vec<usize> = (0..painted.len()).filter(|&k| painted[k]).collect();
             let given = Given::new(&vec![true; numbers.len()], &numbers, Completeness::Own);
-            doubts.extend(hole("the body", &given.holes));
-        }
+            hole("the body", &given.holes)
+        });
+        let undrawn = hole.as_ref().and_then(|_| self.stack.undrawn());
+        doubts.extend(self.stack.doubts().into_iter().filter(|doubt| Some(doubt) != undrawn.as_ref()));
+        doubts.extend(hole);
         if let Some((surveyed, keep)) = self.surveyed.as_ref().zip(options.keep) {
             doubts.extend(missed(&surveyed.survey.painted[surveyed.axis.axis], keep));
         }
@@ -304,6 +306,11 @@ fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
             let mut volume = header(path)?;
             if let Some(sides) = &options.spacing {
                 volume = volume.with_spacing(sides)?;
+            }
+            match volume.lacks.clone() {
+                Some(Lacking::Needed(message)) => return Err(Error::Format { path: path.into(), message }),
+                Some(Lacking::Assumed(message)) => volume.notes.push(message),
+                None => {}
             }
             cut(volume, options)?
         }

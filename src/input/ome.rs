@@ -3,6 +3,7 @@
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
+use crate::input::volume::Lacking;
 use crate::input::volume::grid::{Failure, TAKE_ONE};
 use crate::surface::length::from_ome;
 
@@ -12,28 +13,35 @@ pub(crate) struct Described {
     /// The dialect, for people.
     pub format: &'static str,
     /// Voxel sides along x, y, z and their unit.
-    pub spacing: Option<([f64; 3], String)>,
+    pub spacing: Spacing,
+    /// The side that it does not have, though it has others.
+    pub lacks: Option<Lacking>,
 }
+
+/// Voxel sides along x, y, z and their unit.
+type Spacing = Option<([f64; 3], String)>;
+/// What is known of them, and what the text lacks.
+type Sides = (Spacing, Option<Lacking>);
 
 /// Reads the description of a TIFF with pages of `dims[0]` x `dims[1]` px and `dims[2]` pages; `per_unit` are the pixels per unit that its
 /// first page tells.
 pub(crate) fn describe(text: &str, dims: [usize; 3], per_unit: [Option<f64>; 2]) -> Failure<Described> {
     let text = text.trim_matches(['\0', ' ', '\n', '\r']);
     if text.contains("<OME") {
-        Ok(Described { format: "OME-TIFF", spacing: ome(text, dims).map_err(|m| format!("OME-XML: {m}"))? })
+        let (spacing, lacks) = ome(text, dims).map_err(|m| format!("OME-XML: {m}"))?;
+        Ok(Described { format: "OME-TIFF", spacing, lacks })
     } else if text.starts_with("ImageJ=") {
-        Ok(Described { format: "TIFF of ImageJ", spacing: imagej(text, dims[2], per_unit)? })
+        let (spacing, lacks) = imagej(text, dims[2], per_unit)?;
+        Ok(Described { format: "TIFF of ImageJ", spacing, lacks })
     } else {
         shape(text)?;
-        Ok(Described { format: "TIFF", spacing: None })
+        Ok(Described { format: "TIFF", spacing: None, lacks: None })
     }
 }
 
-type Spacing = Option<([f64; 3], String)>;
-
-fn ome(text: &str, dims: [usize; 3]) -> Failure<Spacing> {
+fn ome(text: &str, dims: [usize; 3]) -> Failure<Sides> {
     let mut reader = Reader::from_str(text);
-    let mut spacing = None;
+    let mut sides = (None, None);
     let mut images = 0;
     let mut planes = 0;
     loop {
@@ -45,7 +53,7 @@ fn ome(text: &str, dims: [usize; 3]) -> Failure<Spacing> {
                     if images > 1 {
                         return Err("has more than one image; save the one that is meant".into());
                     }
-                    spacing = pixels(&tag, dims)?;
+                    sides = pixels(&tag, dims)?;
                 }
                 "TiffData" => {
                     let (page, z) = (attribute(&tag, "IFD")?, attribute(&tag, "FirstZ")?);
@@ -62,7 +70,7 @@ fn ome(text: &str, dims: [usize; 3]) -> Failure<Spacing> {
             _ => {}
         }
     }
-    if images == 0 { Err("has no Pixels".into()) } else { Ok(spacing) }
+    if images == 0 { Err("has no Pixels".into()) } else { Ok(sides) }
 }
 
 fn attribute(tag: &BytesStart<'_>, name: &str) -> Failure<Option<String>> {
@@ -71,7 +79,7 @@ fn attribute(tag: &BytesStart<'_>, name: &str) -> Failure<Option<String>> {
 }
 
 /// The attributes of `Pixels`.
-fn pixels(tag: &BytesStart<'_>, dims: [usize; 3]) -> Failure<Spacing> {
+fn pixels(tag: &BytesStart<'_>, dims: [usize; 3]) -> Failure<Sides> {
     let size = |name: &str| -> Failure<usize> {
         let text = attribute(tag, name)?.ok_or_else(|| format!("Pixels has no {name}"))?;
         text.trim().parse().map_err(|_| format!("{name} must be a whole number; got {text}"))
@@ -96,14 +104,23 @@ fn pixels(tag: &BytesStart<'_>, dims: [usize; 3]) -> Failure<Spacing> {
         let metres = from_ome(&unit).ok_or_else(|| format!("{name}Unit `{unit}` is no known unit of length"))?;
         *slot = Some((side, metres));
     }
+    let in_one = |sides: [(f64, (f64, &'static str)); 3]| {
+        let unit = sides[0].1;
+        let side =
+            |(side, metres): (f64, (f64, &str))| if metres.0 == unit.0 { side } else { side * (metres.0 / unit.0) };
+        Some((sides.map(side), unit.1.into()))
+    };
     match sides {
-        [None, None, None] => Ok(None),
-        [Some((x, metres)), Some((y, my)), Some((z, mz))] => {
-            let sides = [x, y, z];
-            let in_x = [metres.0, my.0, mz.0].map(|m| if m == metres.0 { 1.0 } else { m / metres.0 });
-            Ok(Some((std::array::from_fn(|a| sides[a] * in_x[a]), metres.1.into())))
+        [None, None, None] => Ok((None, None)),
+        [Some(x), Some(y), Some(z)] => Ok((in_one([x, y, z]), None)),
+        [Some(x), Some(y), None] => {
+            let spacing: Spacing = in_one([x, y, x]);
+            let told = spacing.as_ref().map(|([x, y, _], unit)| {
+                format!("has no PhysicalSizeZ, how far apart its slices are; say `--spacing` {x},{y},DZ ({unit})")
+            });
+            Ok((spacing, told.map(Lacking::Needed)))
         }
-        _ => Err("PhysicalSizeX, Y and Z must all be there, or none".into()),
+        _ => Err("PhysicalSizeX and Y must both be there, or none of X, Y and Z".into()),
     }
 }
 
@@ -113,7 +130,7 @@ fn positive(name: &str, text: &str) -> Failure<f64> {
 }
 
 /// ImageJ's lines `name=value`. Pixels per unit stand in the TIFF's resolution.
-fn imagej(text: &str, pages: usize, per_unit: [Option<f64>; 2]) -> Failure<Spacing> {
+fn imagej(text: &str, pages: usize, per_unit: [Option<f64>; 2]) -> Failure<Sides> {
     let field = |name: &str| text.lines().find_map(|l| l.strip_prefix(name)?.strip_prefix('=')).map(str::trim);
     let fail = |message: String| Err(format!("ImageJ's description: {message}"));
     for (name, axis) in [("channels", "channel"), ("frames", "time")] {
@@ -128,10 +145,10 @@ fn imagej(text: &str, pages: usize, per_unit: [Option<f64>; 2]) -> Failure<Spaci
     }
     let unit = field("unit").filter(|unit| !["", "pixel", "pixels"].contains(unit));
     // ImageJ writes no spacing where it is 1.
-    let spacing = match (field("spacing"), unit, per_unit) {
-        (Some(spacing), ..) => spacing,
-        (None, Some(_), [Some(_), Some(_)]) => "1",
-        _ => return Ok(None),
+    let (spacing, own) = match (field("spacing"), unit, per_unit) {
+        (Some(spacing), ..) => (spacing, true),
+        (None, Some(_), [Some(_), Some(_)]) => ("1", false),
+        _ => return Ok((None, None)),
     };
     let dz = positive("spacing", spacing).map_err(|m| format!("ImageJ's description: {m}"))?;
     let [Some(x), Some(y)] = per_unit else {
@@ -143,7 +160,12 @@ fn imagej(text: &str, pages: usize, per_unit: [Option<f64>; 2]) -> Failure<Spaci
         }
     }
     let unit = unit.map_or("px", |unit| from_ome(unit).map_or(unit, |(_, name)| name));
-    Ok(Some(([1.0 / x, 1.0 / y, dz], unit.into())))
+    let assumed = || {
+        Lacking::Assumed(format!(
+            "has no `spacing`: slices are 1 {unit} apart then, as ImageJ has it; `--spacing` says otherwise"
+        ))
+    };
+    Ok((Some(([1.0 / x, 1.0 / y, dz], unit.into())), (!own).then(assumed)))
 }
 
 /// tifffile's `{"shape": [9, 30, 40]}`.
@@ -169,12 +191,35 @@ mod tests {
     fn imagej_writes_no_depth_of_one_and_no_resolution_of_pixels() {
         let of = |text: &str, per_unit| imagej(text, 3, per_unit).expect("it is read");
         let quarter = [Some(4.0), Some(4.0)];
-        assert_eq!(of("images=3\nunit=micron\n", quarter), Some(([0.25, 0.25, 1.0], "um".into())));
-        assert_eq!(of("images=3\nspacing=2.0\nunit=micron\n", quarter), Some(([0.25, 0.25, 2.0], "um".into())));
-        assert_eq!(of("images=3\nspacing=2.0\n", quarter), Some(([0.25, 0.25, 2.0], "px".into())));
-        assert_eq!(of("images=3\nunit=micron\n", [None; 2]), None);
-        assert_eq!(of("images=3\nunit=pixel\n", quarter), None);
-        assert_eq!(of("images=3\n", quarter), None);
+        let (spacing, lacks) = of("images=3\nunit=micron\n", quarter);
+        assert_eq!(spacing, Some(([0.25, 0.25, 1.0], "um".into())));
+        assert!(matches!(&lacks, Some(Lacking::Assumed(told)) if told.contains("1 um apart")), "{lacks:?}");
+        let own = |unit: &str| (Some(([0.25, 0.25, 2.0], unit.into())), None);
+        assert_eq!(of("images=3\nspacing=2.0\nunit=micron\n", quarter), own("um"));
+        assert_eq!(of("images=3\nspacing=2.0\n", quarter), own("px"));
+        assert_eq!(of("images=3\nunit=micron\n", [None; 2]), (None, None));
+        assert_eq!(of("images=3\nunit=pixel\n", quarter), (None, None));
+        assert_eq!(of("images=3\n", quarter), (None, None));
+    }
+
+    #[test]
+    fn an_ome_tiff_may_lack_the_distance_of_its_slices_and_no_other_side() {
+        let of = |sides: &str| {
+            let pixels = format!(
+                r#"<OME><Image><Pixels SizeX="9" SizeY="8" SizeZ="7" SizeC="1" SizeT="1" {sides}/></Image></OME>"#
+            );
+            describe(&pixels, [9, 8, 7], [None; 2])
+        };
+        let whole = of(r#"PhysicalSizeX="0.5" PhysicalSizeY="0.25" PhysicalSizeZ="2000" PhysicalSizeZUnit="nm""#);
+        let whole = whole.expect("it has all sides");
+        assert_eq!((whole.spacing, whole.lacks), (Some(([0.5, 0.25, 2.0], "um".into())), None));
+        let flat = of(r#"PhysicalSizeX="0.5" PhysicalSizeY="0.25""#).expect("it has two sides");
+        let told = "has no PhysicalSizeZ, how far apart its slices are; say `--spacing` 0.5,0.25,DZ (um)";
+        assert_eq!(flat.lacks, Some(Lacking::Needed(told.into())));
+        assert_eq!(of("").expect("it has none").spacing, None);
+        for some in ["PhysicalSizeX", "PhysicalSizeZ"] {
+            assert!(of(&format!(r#"{some}="0.5""#)).is_err(), "{some} alone");
+        }
     }
 
     #[test]

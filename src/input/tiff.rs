@@ -62,7 +62,7 @@ fn volume(path: &Path) -> Failure<Volume> {
     }
     let ([nx, ny], element) = first;
     let mut grid = VolumeGrid::unspaced([nx, ny, count]);
-    let Described { format, spacing } = describe(&description, [nx, ny, count], per_unit)?;
+    let Described { format, spacing, lacks } = describe(&description, [nx, ny, count], per_unit)?;
     if let Some((sides, unit)) = spacing {
         grid.steps = [sides[0] * DVec3::X, sides[1] * DVec3::Y, sides[2] * DVec3::Z];
         (grid.unit, grid.spaced) = (unit, true);
@@ -73,5 +73,5 @@ fn volume(path: &Path) -> Failure<Volume> {
     let data = Data::Pages { file: path.into(), count, bytes };
     // The decoder gives the machine's own byte order.
     let big_endian = cfg!(target_endian = "big");
-    Ok(Volume::new(path, format, grid, (element, big_endian), data))
+    Ok(Volume { lacks, ..Volume::new(path, format, grid, (element, big_endian), data) })
 }

@@ -179,6 +179,28 @@ impl KeptBody {
         self.layers.iter().find(|p| (p.z - z).abs() <= same).and_then(|p| p.contour)
     }
 
+    /// Lets the body end no sooner than it is inside: at the layer beyond the outermost on which it is.
+    pub(super) fn end_where_it_is(&mut self) -> Result<()> {
+        let Some([low, high]) = self.header.as_ref().map(|header| header.extent) else { return Ok(()) };
+        let mut extent = [low, high];
+        let below = self.layers.partition_point(|p| p.z < low);
+        let above = self.layers.partition_point(|p| p.z <= high);
+        for k in 0..below {
+            if self.patch(k)?.phi.iter().any(|v| *v < 0.0) {
+                extent[0] = self.layers[k.saturating_sub(1)].z;
+                break;
+            }
+        }
+        for k in (above..self.layers.len()).rev() {
+            if self.patch(k)?.phi.iter().any(|v| *v < 0.0) {
+                extent[1] = self.layers[(k + 1).min(self.layers.len() - 1)].z;
+                break;
+            }
+        }
+        self.header.iter_mut().for_each(|header| header.extent = extent);
+        Ok(())
+    }
+
     /// A patch on the whole image.
     pub(super) fn whole(&self, patch: &LayerPatch) -> Vec<f32> {
         let dims = self.dims;

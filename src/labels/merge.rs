@@ -249,9 +249,11 @@ pub fn decide(
         let phi = SparseImage::of(dims, &labels);
         volume.layer(Layer { z: step.z, phi, output: true, contour: step.slice })?;
     }
-    // A label that no other has changed stays what it was, layer by layer.
+    // A label that no other has changed stays what it was, layer by layer; another may go on beyond its own ends.
     for (a, alone) in bodies.alone.into_iter().enumerate() {
-        if !decided.changed[a] {
+        if decided.changed[a] {
+            decided.bodies[a].end_where_it_is()?;
+        } else {
             decided.bodies[a] = alone;
         }
     }

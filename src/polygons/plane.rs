@@ -6,9 +6,11 @@ use glam::{DVec2, DVec3};
 
 use super::Polygon;
 
-/// Distance, mm, by which a contour's points may leave its plane, and planes may differ in height and still be one: well below any slice distance,
-/// well above rounded coordinates.
+/// Distance, mm, by which heights of a contour's points may differ, and planes may differ in height and still be one: well below the slice distances of
+/// patients, well above rounded coordinates. Of images of small animals and specimens slices may lie as near: there it is less ([`PlaneSet::tolerance`]).
 pub const TOLERANCE: f64 = 0.1;
+/// Least of them: what coordinates of 16 characters are rounded by.
+const LEAST: f64 = 1e-4;
 
 /// Parallel planes of contours.
 #[derive(Debug, Clone)]
@@ -19,6 +21,8 @@ pub struct PlaneSet {
     pub heights: Vec<f64>,
     /// Number of the plane on which each contour lies.
     pub plane_of: Vec<usize>,
+    /// Heights of contours within this are one plane, mm: the first of [`TOLERANCE`], a tenth, a hundredth of it, ... by which planes are farther apart.
+    pub tolerance: f64,
 }
 
 /// A contour that leaves its plane.
@@ -50,21 +54,35 @@ impl PlaneSet {
         let of: Vec<f64> = contours.iter().map(height).collect();
         let mut order: Vec<usize> = (0..of.len()).collect();
         order.sort_by(|a, b| of[*a].total_cmp(&of[*b]));
-        let (mut planes, mut plane_of) = (Vec::<Vec<f64>>::new(), vec![0; of.len()]);
-        for k in order {
-            match planes.last_mut() {
-                Some(plane) if of[k] - plane[0] <= TOLERANCE => plane.push(of[k]),
-                _ => planes.push(vec![of[k]]),
-            }
-            plane_of[k] = planes.len() - 1;
+        let heights: Vec<f64> = order.iter().map(|k| of[*k]).collect();
+        let mut tolerance = TOLERANCE;
+        let mut planes = grouped(&heights, tolerance);
+        while tolerance > LEAST && planes.windows(2).any(|w| w[1][0] - w[0][w[0].len() - 1] <= tolerance) {
+            tolerance *= 0.1;
+            planes = grouped(&heights, tolerance);
         }
-        Ok(PlaneSet { axes, heights: planes.iter().map(|p| mean(p)).collect(), plane_of })
+        let mut plane_of = vec![0; of.len()];
+        let numbers = planes.iter().enumerate().flat_map(|(plane, all)| all.iter().map(move |_| plane));
+        order.into_iter().zip(numbers).for_each(|(k, plane)| plane_of[k] = plane);
+        Ok(PlaneSet { axes, heights: planes.iter().map(|p| mean(p)).collect(), plane_of, tolerance })
     }
 
     /// A contour in the coordinates of its plane.
     pub fn project(&self, contour: &[DVec3]) -> Polygon {
         contour.iter().map(|p| DVec2::new(p.dot(self.axes[0]), p.dot(self.axes[1]))).collect()
     }
+}
+
+/// Increasing heights in groups, each within `tolerance` of its first one.
+fn grouped(heights: &[f64], tolerance: f64) -> Vec<&[f64]> {
+    let mut groups = Vec::new();
+    let mut rest = heights;
+    while let Some(first) = rest.first() {
+        let (group, others) = rest.split_at(rest.partition_point(|h| h - first <= tolerance));
+        groups.push(group);
+        rest = others;
+    }
+    groups
 }
 
 /// Mean about the first value: equal values give exactly that value, where sums would round.
@@ -124,6 +142,28 @@ fn unit(v: DVec3) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Planes of squares at these heights.
+    fn planes(heights: &[f64]) -> PlaneSet {
+        let square = |z: f64| [[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]].map(|[x, y]| DVec3::new(x, y, z));
+        let squares: Vec<[DVec3; 4]> = heights.iter().copied().map(square).collect();
+        PlaneSet::of(&squares.iter().map(<[_; 4]>::as_slice).collect::<Vec<_>>()).expect("they are flat")
+    }
+
+    #[test]
+    fn planes_as_near_as_contours_of_one_plane_may_be_stay_apart() {
+        for gap in [3.0, 0.12, 0.1, 0.09, 0.05, 0.02, 0.004] {
+            let heights: Vec<f64> = (0..30).map(|k| 7.0 + gap * f64::from(k)).collect();
+            let found = planes(&heights);
+            assert_eq!(found.heights.len(), 30, "{gap} mm apart");
+            assert!(found.tolerance < gap && found.plane_of.iter().copied().eq(0..30), "{gap} mm apart");
+        }
+        // Contours of one plane are one, whatever their order, where planes are farther apart.
+        let wobbling = [3.05, 0.0, 0.1, 6.0, 0.03, 5.93, 3.0];
+        let found = planes(&wobbling);
+        assert_eq!((found.plane_of, found.tolerance), (vec![1, 0, 0, 2, 0, 2, 1], TOLERANCE));
+        assert_eq!(planes(&[0.0, 0.05, 0.051, 0.1, 0.15]).plane_of, [0, 1, 1, 2, 3]);
+    }
 
     #[test]
     fn the_first_axis_is_the_worlds_after_the_normals() {

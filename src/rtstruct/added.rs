@@ -8,7 +8,6 @@ use glam::{DVec2, DVec3};
 use super::{CLOSED, CLOSED_XOR, ChosenRois, Contour, ImageSeries, ReferencedSet};
 use crate::error::Result;
 use crate::polygons::Polygon;
-use crate::polygons::plane::TOLERANCE;
 use crate::stack::Geometry;
 use crate::surface::Layer;
 use crate::surface::contour_lines::contour_lines;
@@ -58,6 +57,7 @@ impl Adding {
         let kind = if roi.contours.iter().any(Contour::is_xor) { CLOSED_XOR } else { CLOSED };
         let step = every.unwrap_or(header.grid.step);
         let lowest = chosen.chosen_planes(options)?[0];
+        let same = chosen.planes.tolerance;
         Ok(Adding {
             added: Added {
                 roi: roi.number,
@@ -70,7 +70,7 @@ impl Adding {
             spacing: header.spacing,
             geometry: header.geometry,
             // Planes of images that were named are all wanted.
-            apart: if images.is_some() { TOLERANCE } else { (0.5 * step - 1e-6 * step).max(TOLERANCE) },
+            apart: if images.is_some() { same } else { (0.5 * step - 1e-6 * step).max(same) },
             start: chosen.planes.heights[lowest],
             drawn: chosen.planes.heights.clone(),
             every: *every,

@@ -209,7 +209,8 @@ impl ChosenRois<'_> {
         let images = others.filter_map(|other| {
             let off = (other.planes.axes[2] - self.planes.axes[2]).abs().element_sum();
             let theirs = &other.planes.heights;
-            let lies = |z: &f64| theirs.iter().any(|w| (w - z).abs() <= TOLERANCE);
+            let same = self.planes.tolerance.min(other.planes.tolerance);
+            let lies = |z: &f64| theirs.iter().any(|w| (w - z).abs() <= same);
             let step = smallest_gap(theirs)?;
             (off < 1e-6 && LEFT_OUT * step <= gap && heights.iter().all(lies)).then_some(step)
         });

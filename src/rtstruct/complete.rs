@@ -180,7 +180,9 @@ fn add(item: &mut InMemDicomObject, added: &Added, images: &[(f64, InMemElement)
             element(tags::NUMBER_OF_CONTOUR_POINTS, VR::IS, &count.to_string()),
             element(tags::CONTOUR_DATA, VR::DS, data),
         ]);
-        if let Some((_, image)) = images.iter().find(|(height, _)| (height - z).abs() <= TOLERANCE) {
+        let off = |image: &&(f64, InMemElement)| (image.0 - z).abs();
+        let nearest = images.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+        if let Some((_, image)) = nearest.filter(|image| off(image) <= TOLERANCE) {
             contour.put(image.clone());
         }
         all.push(contour);

@@ -115,11 +115,14 @@ fn stacked(found: Vec<Found>) -> Result<ImageSeries> {
     }
     let normal = all.normal();
     all.images.sort_by(|a, b| a.position.dot(normal).total_cmp(&b.position.dot(normal)));
-    let same = all.heights().windows(2).position(|w| w[1] - w[0] < TOLERANCE);
+    let heights = all.heights();
+    let mean_gap = (heights[heights.len() - 1] - heights[0]) / (heights.len() - 1).max(1) as f64;
+    // Of a specimen all may be as near as images of one place are in a patient.
+    let same = heights.windows(2).position(|w| w[1] - w[0] <= TOLERANCE.min(0.5 * mean_gap));
     if let Some(k) = same {
         let message = format!(
             "has two images at height {:.3} of its series ({} and {}); name a folder of one phase",
-            all.heights()[k],
+            heights[k],
             all.images[k].instance,
             all.images[k + 1].instance
         );

@@ -13,6 +13,9 @@ const UNLIKE: f64 = 10.0;
 const BORDER: f64 = 0.9;
 /// Pixels up to so many times as long as wide give the body that square ones give: the random stacks of the tests have no longer ones.
 const LONG: f64 = 8.0;
+/// A gap so many times as wide as the usual one, which half of the gaps and [`USUAL`] of them have, is doubted.
+const WIDE: f64 = 4.0;
+const USUAL: usize = 4;
 /// Slices that a message names.
 const NAMED: usize = 6;
 
@@ -111,8 +114,38 @@ fn part(forgotten: &[(usize, Forgotten)], name: impl Fn(usize) -> String) -> Opt
     })
 }
 
+/// Gaps far wider than the usual one between slices that are not empty, by the slice below each, and the usual one.
+fn wide(sections: &[SliceArea]) -> Option<(Vec<usize>, f64)> {
+    let gap = |k: usize| sections[k + 1].z - sections[k].z;
+    let all = || 0..sections.len().saturating_sub(1);
+    let mut gaps: Vec<f64> = all().map(gap).collect();
+    gaps.sort_by(f64::total_cmp);
+    let usual = *gaps.get(gaps.len() / 2)?;
+    let alike = gaps.iter().filter(|gap| (*gap - usual).abs() <= SAME * usual).count();
+    let doubted = |&k: &usize| gap(k) >= WIDE * usual && sections[k].area > 0 && sections[k + 1].area > 0;
+    (alike >= USUAL && 2 * alike >= gaps.len()).then(|| (all().filter(doubted).collect(), usual))
+}
+
 impl ContourStack {
-    /// Doubts about slices that look painted by mistake, or left empty, as a whole or where both neighbours have a part, and about the pixels' sides.
+    /// Doubt about gaps that look as if slices were not drawn because the body is not there.
+    pub fn undrawn(&self) -> Option<String> {
+        let section = |s: &Slice| SliceArea { z: s.z, area: usize::from(!s.content.is_empty()) };
+        let (places, usual) = wide(&self.slices.iter().map(section).collect::<Vec<_>>())?;
+        let said = |&k: &usize| format!("{:.3} and {:.3}", self.slices[k].z, self.slices[k + 1].z);
+        let listed: Vec<String> = places.iter().take(NAMED).map(said).collect();
+        let more = places.len().saturating_sub(NAMED);
+        let more = if more > 0 { format!(", and in {more} more gaps") } else { String::new() };
+        (!listed.is_empty()).then(|| {
+            format!(
+                "slices lie {usual:.3} apart, but none between {}{more}: interpolated across; if the body is not there reconstruct each stretch by itself \
+                 (`slices`), or give an empty slice between",
+                listed.join(", ")
+            )
+        })
+    }
+
+    /// Doubts about slices that look painted by mistake, or left empty, as a whole or where both neighbours have a part, about gaps and about the pixels'
+    /// sides.
     pub fn doubts(&self) -> Vec<String> {
         let section = |s: &Slice| SliceArea { z: s.z, area: s.content.mask().count() };
         let sections: Vec<SliceArea> = self.slices.iter().map(section).collect();
@@ -127,7 +160,7 @@ impl ContourStack {
         let without = inner.filter_map(|k| Some((k, forgotten([k - 1, k, k + 1].map(mask), self.dims[0])?)));
         let parts = part(&without.collect::<Vec<_>>(), name);
         let slices = stray(&strays, &sections, name).into_iter().chain(empty).chain(parts);
-        slices.chain(self.long_pixels()).collect()
+        slices.chain(self.undrawn()).chain(self.long_pixels()).collect()
     }
 
     /// Doubt about pixels that are far longer than wide.
@@ -226,6 +259,26 @@ mod tests {
         assert!(doubted(&[9, 9, 0, 9, 9], false).is_empty());
         assert!(doubted(&[0, 9, 9, 0, 0, 9, 9, 0], true).is_empty());
         assert!(doubted(&[], true).is_empty() && doubted(&[0], true).is_empty() && doubted(&[9, 0], true).is_empty());
+    }
+
+    #[test]
+    fn a_gap_far_wider_than_the_usual_one_is_doubted() {
+        let doubted = |heights: &[f64], empty: &[usize]| {
+            let area = |k: usize| 9 * usize::from(!empty.contains(&k));
+            let sections: Vec<SliceArea> =
+                heights.iter().enumerate().map(|(k, &z)| SliceArea { z, area: area(k) }).collect();
+            wide(&sections).map(|(places, _)| places).unwrap_or_default()
+        };
+        let dense = [0.0, 3.0, 6.0, 9.0, 39.0, 42.0, 45.0];
+        assert_eq!(doubted(&dense, &[]), [3]);
+        // An empty slice ends the body there.
+        assert!(doubted(&dense, &[3]).is_empty() && doubted(&dense, &[4]).is_empty());
+        // Slices that were left out here and there, of different gaps, and too few to say what is usual.
+        assert!(doubted(&[0.0, 3.0, 6.0, 9.0, 18.0, 21.0, 24.0], &[]).is_empty());
+        assert!(doubted(&[0.0, 1.0, 3.0, 6.0, 10.0, 15.0, 45.0], &[]).is_empty());
+        assert!(doubted(&[0.0, 3.0, 30.0, 33.0, 36.0], &[]).is_empty());
+        assert!(doubted(&[0.0, 3.0, 6.0, 9.0, 12.0, 30.0, 60.0, 90.0, 120.0, 150.0], &[]).is_empty());
+        assert!(doubted(&[], &[]).is_empty() && doubted(&[0.0], &[]).is_empty());
     }
 
     #[test]

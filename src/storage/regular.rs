@@ -50,12 +50,15 @@ pub fn unmarked(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
-/// At most `most` bytes of a file's begin.
+/// At most `most` bytes of a file's begin. One that has no bytes, as it says, is not opened: some of what the system shows as such files are waited for.
 ///
 /// # Errors
 /// The errors of [`open`] and of reading.
 pub fn begin(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    open(path)?.take(most).read_to_end(&mut bytes)?;
+    if fs::metadata(path)?.len() > 0 {
+        open(path)?.take(most).read_to_end(&mut bytes)?;
+    }
+    check(path)?;
     Ok(bytes)
 }

@@ -37,7 +37,9 @@ pub fn origin(header: &Header) -> Result<DVec3, String> {
         let least = along.iter().fold(f64::INFINITY, |least, side| least.min(*side));
         let share = if along.len() > 1 { (2.0f64 / 3.0).sqrt() } else { 1.0 };
         // The largest power of two below which numbers are closer.
-        let reach = 2f64.powi(libm::log2(share * OFF_CORNER * least).ceil() as i32 - 1 + BITS);
+        // Sides of nothing, as a file may have, make a power of nothing.
+        let power = libm::log2(share * OFF_CORNER * least).ceil() as i32;
+        let reach = 2f64.powi(power.saturating_add(BITS - 1));
         if low[a].abs().max(high[a].abs()) <= reach {
             continue;
         }

@@ -94,7 +94,8 @@ fn a_batch_takes_rois_and_pixels_and_a_template_names_every_roi_that_can_be_made
     fs::create_dir(of("in")).expect("a folder can be made");
     write(&set, &place.path().join("in/set.dcm"));
 
-    said(&["batch", "--template", &of("in"), &of("t.jsonl"), "--ext", "json,dcm"], 0);
+    let told = said(&["batch", "--template", &of("in"), &of("t.jsonl"), "--ext", "json,dcm"], 0);
+    assert_says(&told, &["set: ROI 2 (`line`): left out", "OPEN_PLANAR", "set: ROI 4 (`none`): left out, not drawn"]);
     let text = fs::read_to_string(of("t.jsonl")).expect("it is there");
     let lines: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).expect("JSON")).collect();
     let named: Vec<_> = lines.iter().map(|l| (l["id"].as_str(), l["options"]["roi"].as_i64())).collect();

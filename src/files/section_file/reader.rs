@@ -165,6 +165,13 @@ impl SectionReader {
             let ([x, y], [i, j]) = (map.dims, map.first);
             return Err(wrong(format!("a map of {x} x {y} pixels from ({i}, {j}) cannot be")));
         }
+        let lengths = [head.spacing[0], head.spacing[1], head.grid.step];
+        if lengths.iter().any(|v| !v.is_normal() || *v < 0.0) {
+            return Err(wrong(format!(
+                "pixels of {} x {} and layers {} apart cannot be",
+                lengths[0], lengths[1], lengths[2]
+            )));
+        }
         head.geometry.validate().map_err(|e| wrong(e.to_string()))?;
         Ok(SectionReader { path: path.into(), head, input })
     }

@@ -16,7 +16,7 @@ pub(super) fn two_forms(header: &Header, dims: [usize; 3], unit: &str) -> Option
     }
     let forms = [sform(header), qform(header)];
     let apart = |corner: usize| {
-        let at = std::array::from_fn(|a| if corner >> a & 1 == 1 { (dims[a] - 1) as f64 } else { 0.0 });
+        let at = std::array::from_fn(|a| if corner >> a & 1 == 1 { dims[a] as f64 - 1.0 } else { 0.0 });
         let [s, q] = forms.map(|form| form.transform_point3(at.into()));
         s.distance(q)
     };

@@ -56,12 +56,23 @@ pub struct Volume {
     pub scale: Option<[f64; 2]>,
     /// Notes on its header for a person.
     pub notes: Vec<String>,
+    /// What the file lacks of the sides of its voxels, though it has some.
+    pub lacks: Option<Lacking>,
     /// Labels that the file names.
     pub segments: BTreeMap<i64, Appearance>,
     /// Segments that may overlap, where the file holds such.
     pub(crate) layers: Option<Layers>,
     /// The bytes.
     pub(crate) data: Data,
+}
+
+/// Words on a side of the voxels that a file does not have.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Lacking {
+    /// By its format's custom it has a value all the same.
+    Assumed(String),
+    /// It must be said.
+    Needed(String),
 }
 
 /// Several values of a voxel, one behind the other: each layer holds segments that do not overlap, and those of different layers may.
@@ -158,6 +169,7 @@ impl Volume {
             stored,
             scale: None,
             notes,
+            lacks: None,
             segments,
             layers,
             data,
@@ -192,21 +204,24 @@ impl Volume {
         self.data.check(self.bytes()).map_err(fail)
     }
 
-    /// This volume with voxels of these sides.
+    /// This volume with voxels of these sides, in its unit where it has one, else mm.
     ///
     /// # Errors
     /// [`Error::Setting`] where the file has its own.
     pub(crate) fn with_spacing(mut self, sides: &[f64]) -> Result<Self> {
         let fail = |message: String| Err(Error::Setting { name: "spacing".into(), message });
         let [dx, dy, dz] = grid::sides(sides)?;
-        if self.grid.spaced {
+        if self.grid.spaced && self.lacks.is_none() {
             let [x, y, z] = self.grid.spacing();
             let path = self.path.display();
             return fail(format!("is only for a file without its own; {path} has {x} x {y} x {z} {}", self.grid.unit));
         }
         let axes = self.grid.axes();
         self.grid.steps = [dx * axes[0], dy * axes[1], dz * axes[2]];
-        self.grid.unit = "mm".into();
+        // Of a file that has some sides they are in its unit.
+        if self.lacks.take().is_none() {
+            self.grid.unit = "mm".into();
+        }
         Ok(self)
     }
 

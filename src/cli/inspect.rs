@@ -161,7 +161,8 @@ fn structures(arguments: &InspectArguments) -> Result<String> {
     let stack = chosen.stack(&arguments.read)?;
     let links = arguments.links.read(&stack)?;
     let text = describe(&stack, &links, chosen.steps(&stack).map(|s| (s.heights, AS_PIXELS)))?;
-    Ok(chosen.describe().join("\n") + "\n" + &told(stack.doubts()) + &text)
+    let crossing = chosen.crossing(&chosen.drawings(&arguments.read)?);
+    Ok(chosen.describe().join("\n") + "\n" + &told(crossing.into_iter().chain(stack.doubts())) + &text)
 }
 
 /// Description of a contour map.

@@ -222,6 +222,7 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
     let pixel = options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy.map(|Numbers(sides)| sides));
     let stack = polygons::stack(&drawings, &planes, pixel)?;
     notes.extend(polygons::grid::coarse(&drawings, pixel));
+    notes.extend(polygons::crossing::crossing(&drawings));
     let lost =
         drawings.iter().zip(&stack.slices).filter(|(drawn, s)| drawn.polygons().count() > 0 && s.content.is_empty());
     notes.extend(lost.map(|(_, s)| {

@@ -7,6 +7,7 @@
 //! Points inside an odd number of a region's polygons are inside; winding does not count. Work is in proportion to the length of the
 //! contours in pixels, but for the writing of the slices themselves.
 
+pub mod crossing;
 pub mod distance;
 pub mod edges;
 pub mod fill;

@@ -78,7 +78,8 @@ fn grouped(heights: &[f64], tolerance: f64) -> Vec<&[f64]> {
     let mut groups = Vec::new();
     let mut rest = heights;
     while let Some(first) = rest.first() {
-        let (group, others) = rest.split_at(rest.partition_point(|h| h - first <= tolerance));
+        // One that is no number is a group of its own.
+        let (group, others) = rest.split_at(rest.partition_point(|h| h - first <= tolerance).max(1));
         groups.push(group);
         rest = others;
     }

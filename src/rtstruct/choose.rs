@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::{Contour, Roi, StructureSet};
 use crate::error::{Error, Result, counted};
+use crate::polygons::crossing::crossing;
 use crate::polygons::plane::{Bent, PlaneSet, TOLERANCE, smallest_gap};
 use crate::polygons::{self, PlaneDrawing, Planes, line_key};
 use crate::stack::{ContourStack, ReadOptions};
@@ -183,11 +184,17 @@ impl ChosenRois<'_> {
         checked.map_err(|e| e.in_file(&self.set.path))
     }
 
+    /// Words on planes on which contours cross; where a ROI says even-odd outright it is meant.
+    pub fn crossing(&self, drawings: &[PlaneDrawing]) -> Option<String> {
+        let is_xor = self.rois.iter().any(|roi| roi.contours.iter().any(Contour::is_xor));
+        if is_xor { None } else { crossing(drawings) }
+    }
+
     /// What is drawn on the planes that `options` name.
     ///
     /// # Errors
     /// The errors of [`ChosenRois::chosen_planes`].
-    pub(super) fn drawings(&self, options: &ReadOptions) -> Result<Vec<PlaneDrawing>> {
+    pub fn drawings(&self, options: &ReadOptions) -> Result<Vec<PlaneDrawing>> {
         let drawing = |k: usize| {
             let mut regions = vec![Vec::new(); self.rois.len()];
             self.on_plane(k).for_each(|(r, contour)| regions[r].push(self.planes.project(&contour.points)));

@@ -200,9 +200,11 @@ impl ReferencedSet {
     pub fn about(&self, stack: &ContourStack) -> Result<(Option<Steps>, Vec<String>)> {
         let chosen = self.set.choose(&self.options)?;
         let steps = chosen.steps(stack);
-        let coarse = coarse(&chosen.drawings(&self.options)?, self.options.pixel.map(|px| [px; 2]));
+        let drawings = chosen.drawings(&self.options)?;
+        let coarse = coarse(&drawings, self.options.pixel.map(|px| [px; 2]));
+        let crossing = chosen.crossing(&drawings);
         let mut notes = chosen.notes;
-        notes.extend(coarse);
+        notes.extend(coarse.into_iter().chain(crossing));
         let lost = stack.slices.iter().filter(|s| s.content.is_empty());
         let px = stack.spacing[0];
         notes.extend(lost.map(|s| {

@@ -52,7 +52,8 @@ fn descriptions_of_a_tiff() {
     with("SizeC=\"1\"", "SizeC=\"3\"", &["OME-XML: SizeC is 3; a label volume has no channel axis"]);
     with("SizeZ=\"5\"", "SizeZ=\"6\"", &["SizeZ is 6, but the file's pages make 5"]);
     with("PhysicalSizeX=\"0.5\"", "PhysicalSizeX=\"NaN\"", &["PhysicalSizeX must be a positive number; got NaN"]);
-    with("PhysicalSizeZ=\"2\"", "PhysicalSizeQ=\"2\"", &["must all be there, or none"]);
+    with("PhysicalSizeZ=\"2\"", "PhysicalSizeQ=\"2\"", &["has no PhysicalSizeZ", "--spacing` 0.5,"]);
+    with("PhysicalSizeX=\"0.5\"", "PhysicalSizeQ=\"0.5\"", &["PhysicalSizeX and Y must both be there"]);
     with("IFD=\"0\"", "IFD=\"1\"", &["pages are not in the order of z"]);
     with("</Pixels>", "</Pixelz>", &["a.tif", "OME-XML"]);
 }

@@ -42,6 +42,38 @@ fn inner_contours_are_holes_as_planar_xor_and_keyhole() {
 }
 
 #[test]
+fn contours_that_cross_are_told_but_where_even_odd_is_said() {
+    let place = folder();
+    let path = place.path().join("a.dcm");
+    let beside = |z: f64| circle(12.0, z).into_iter().map(|[x, y, z]| [x + 15.0, y, z]).collect::<Vec<_>>();
+    let two = |kind, z| [(kind, circle(20.0, z)), (kind, beside(z))];
+    let rois = [
+        ("cross", [two(CLOSED, 0.0), two(CLOSED, 4.0)].concat()),
+        ("xor", [two("CLOSEDPLANAR_XOR", 0.0), two("CLOSEDPLANAR_XOR", 4.0)].concat()),
+        ("ring", [0.0, 4.0].map(|z| [(CLOSED, circle(20.0, z)), (CLOSED, circle(8.0, z))]).concat()),
+    ];
+    write(&rois, &path);
+    let (input, out) = (path.display().to_string(), place.path().join("a.json").display().to_string());
+    let told = "lines cross on `k=0` at 0, `k=1` at 4: what lies inside two of them is outside (even-odd)";
+    for (roi, count) in [("cross", 1), ("xor", 0), ("ring", 0)] {
+        let run = ["reconstruct", &input, "--roi", roi, "-o", &out, "--backend", "cpu"];
+        for said in [said(&["inspect", &input, "--roi", roi], 0), said(&run, 0)] {
+            assert_eq!(said.matches(told).count(), count, "{roi}: {said}");
+        }
+    }
+    // Any program's polygons, too.
+    let line = |radius: f64, x: f64| circle(radius, 0.0).into_iter().map(|[a, b, _]| [a + x, b]).collect::<Vec<_>>();
+    let slice = |z: f64| serde_json::json!({"z": z, "polygons": [line(20.0, 0.0), line(12.0, 15.0)]});
+    let stack = serde_json::json!({"unit": "mm", "slices": [slice(0.0), slice(4.0)]});
+    let file = place.path().join("stack.json");
+    std::fs::write(&file, stack.to_string()).expect("a file can be written");
+    assert_says(
+        &said(&["inspect", &file.display().to_string()], 0),
+        &["lines cross on `polygons 0` at 0, `polygons 1` at 4"],
+    );
+}
+
+#[test]
 fn short_contours_are_left_out_by_name_and_open_ones_refused() {
     let place = folder();
     let path = place.path().join("a.dcm");

@@ -400,12 +400,14 @@ fn labels_that_follow_each_other_part_what_lies_between_in_the_middle() {
 
 #[test]
 fn a_surface_ends_where_its_label_does_and_not_at_its_last_slice() {
-    let chosen = ReadOptions { keep: Some(DRAWN), ..ReadOptions::default() };
+    // Labels have slices of their own: of chosen ones the next would be an empty slice, and no surface ends before it.
+    let own = ReadOptions::default();
     let mut volumes: Vec<Vec<u8>> = (0..3).map(ball_in_a_ball).collect();
-    volumes.push(wedges(|k| [30, 70, 10, 10, 50][k / DRAWN]));
+    // One ends at slice 8, where the other begins beside it; above it they part what lies up to slice 12.
+    volumes.push(wedges(|k| [70, 70, 50, 10, 10][k / DRAWN]));
     let mut beyond = 0;
     for (n, voxels) in volumes.iter().enumerate() {
-        let Run { stack, mut decided, layers } = run_reading(voxels, &chosen);
+        let Run { stack, mut decided, layers } = run_reading(voxels, &own);
         for (a, body) in decided.bodies.iter_mut().enumerate() {
             let area = |l: &Layer| l.phi.iter().filter(|v| **v == stack.labels[a] as f32).count() as f64;
             let between: f64 = layers.windows(2).map(|w| 0.5 * (w[1].z - w[0].z) * (area(&w[0]) + area(&w[1]))).sum();
@@ -413,7 +415,7 @@ fn a_surface_ends_where_its_label_does_and_not_at_its_last_slice() {
             body.measure(&mut report).expect("its layers can be read");
             let volume = report.volume.expect("it has been measured");
             println!("volume {n}, label {}: {volume} by the surface, {between} by pixels", stack.labels[a]);
-            assert!((volume - between).abs() < 0.04 * between, "volume {n}, label {}", stack.labels[a]);
+            assert!((volume - between).abs() < 0.03 * between, "volume {n}, label {}", stack.labels[a]);
             let slices = voxels.chunks_exact(SIZES[0] * SIZES[1]);
             let painted: Vec<bool> = slices.map(|slice| slice.contains(&(stack.labels[a] as u8))).collect();
             let last = painted.iter().rposition(|painted| *painted).expect("it is painted");

@@ -105,6 +105,24 @@ fn p12_complete_slices_end_the_labels_that_are_not_on_them() {
 }
 
 #[test]
+fn p12_complete_slices_are_as_if_they_had_been_chosen() {
+    let discs = [
+        Disc { label: 1, at: [15.0, 24.0], radius: 8.0, slices: &[0, 6, 12, 18, 24, 30] },
+        Disc { label: 2, at: [45.0, 24.0], radius: 9.0, slices: &[12, 18] },
+    ];
+    let voxels = volume(&discs);
+    let complete = ReadOptions { complete_slices: true, ..ReadOptions::default() };
+    let chosen = ReadOptions { slices: Some(discs[0].slices.to_vec()), ..ReadOptions::default() };
+    let [complete, chosen] = [complete, chosen].map(|options| decided(&voxels, &options, 1).0);
+    let [of_complete, of_chosen] = [&complete, &chosen].map(|layers| areas(layers, 2));
+    assert_eq!(of_complete, of_chosen);
+    // It ends towards the slices without it, and not before.
+    assert!(of_complete[6] == 0 && of_complete[24] == 0, "{of_complete:?}");
+    assert!((1..of_complete[12]).contains(&of_complete[11]), "{of_complete:?}");
+    assert!((1..of_complete[18]).contains(&of_complete[19]), "{of_complete:?}");
+}
+
+#[test]
 fn p12_a_label_that_meets_no_other_is_what_it_is_alone() {
     let voxels = alternating(22.0);
     let place = folder();

@@ -67,9 +67,8 @@ fn images(stack: &ContourStack, heights: &[f64]) -> Input {
             SliceContent::Level(level) => 255 * u8::from(level.sides().at(p)),
         };
         let image = GrayImage::from_fn(nx as u32, ny as u32, |x, y| image::Luma([grey(y as usize * nx + x as usize)]));
-        let mut png = Cursor::new(Vec::new());
-        if image.write_to(&mut png, image::ImageFormat::Png).is_ok() {
-            files.push((format!("stack/s{k:03}.png"), png.into_inner()));
+        if let Some(png) = png(&image) {
+            files.push((format!("stack/s{k:03}.png"), png));
         }
         slices.push(json!({"file": format!("s{k:03}.png"), "z": slice.z}));
     }
@@ -196,11 +195,30 @@ fn labels(n: &mut Numbers, stack: &ContourStack) -> Option<Input> {
     if slices.iter().all(|count| *count < 2) {
         return None;
     }
-    let mut input = volume(n, dims, spacing, voxels);
+    let mut input = if n.chance(0.2) { label_images(dims, spacing, &voxels) } else { volume(n, dims, spacing, voxels) };
     // Where a slice is empty, or labels are on slices of their own, another axis might be taken for that of the slices.
     input.arguments.extend(["--labels=all".into(), "--axis=z".into()]);
     input.holds = Holds::Labels;
     Some(input)
+}
+
+/// Bytes as a folder of PNGs, a slice each.
+fn label_images([nx, ny, nz]: [usize; 3], [dx, dy, dz]: [f64; 3], voxels: &[u8]) -> Input {
+    let mut files = Vec::new();
+    for (k, slice) in voxels.chunks(nx * ny).enumerate() {
+        let image = GrayImage::from_fn(nx as u32, ny as u32, |x, y| image::Luma([slice[y as usize * nx + x as usize]]));
+        if let Some(png) = png(&image) {
+            files.push((format!("stack/z{k}.png"), png));
+        }
+    }
+    let input = Input::of_a_body("stack", files, [0.0, dz * (nz - 1) as f64]);
+    Input { arguments: vec![format!("--spacing={dx},{dy},{dz}")], ..input }
+}
+
+fn png(image: &GrayImage) -> Option<Vec<u8>> {
+    let mut png = Cursor::new(Vec::new());
+    image.write_to(&mut png, image::ImageFormat::Png).ok()?;
+    Some(png.into_inner())
 }
 
 /// Bytes as a volume of any format.

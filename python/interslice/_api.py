@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from interslice import _native
 from interslice._images import image, sides, unmasked
 from interslice._native import Body, Settings, Stack
-from interslice._numbers import counted, whole, wholes
+from interslice._numbers import answer, called, counted, numbers, several, whole, wholes
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from interslice._options import ReadOptions, RunOptions, SettingsOptions
 
 Progress = Callable[[str, int, int], object]
-Spacing = float | Sequence[float]
+Vector = Sequence[float] | NDArray[Any]
+Spacing = float | Vector
 
 
 def _choice(
@@ -39,9 +40,9 @@ def _choice(
         along %= 3
     return {
         "axis": along,
-        "slices": None if slices is None else [counted("slices", k) for k in slices],
+        "slices": None if slices is None else [counted("slices", k) for k in several("slices", slices)],
         "keep": None if keep is None else counted("keep", keep),
-        "complete_slices": complete_slices,
+        "complete_slices": answer("complete_slices", complete_slices),
         "level": None if level is None else float(level),
         "label": None if label is None else whole("label", label),
     }
@@ -83,6 +84,24 @@ def fill(
 ) -> tuple[Any, dict[str, Any]]: ...
 
 
+@overload
+def fill(
+    labels: Any,
+    *,
+    spacing: Spacing | None = None,
+    axis: int | None = None,
+    slices: Iterable[int] | Mapping[int, Iterable[int]] | None = None,
+    keep: int | None = None,
+    complete_slices: bool = False,
+    only: Iterable[int] | None = None,
+    report: bool,
+    progress: Progress | None = None,
+    settings: Settings | None = None,
+    preset: Literal["paper", "fast"] | None = None,
+    **options: Unpack[SettingsOptions],
+) -> Any: ...
+
+
 def fill(
     labels: Any,
     *,
@@ -101,24 +120,27 @@ def fill(
     """Fill a label volume that is painted on some of its slices.
 
     `labels` is an array of three axes with whole numbers, 0 for the background, or an image of nibabel, SimpleITK or ITK, or (array, header) of
-    pynrrd, whose geometry is used. The result is of the same kind, type and shape; painted slices are as they were, and so are labels that are
-    not filled. `spacing` is the distance of voxels along each axis of the array, in the array's order; `axis` that along which slices lie
+    pynrrd, whose geometry is used. The result is of the same kind, type and shape; voxels that are painted keep their labels, and labels that are not filled are as
+    they were. `spacing` is the distance of voxels along each axis of the array, in the array's order; `axis` that along which slices lie
     (default: that along which painted slices stand alone, else that of the coarsest spacing).
 
     `slices` are the slices that count, for all labels or for each one (`{label: slices}`; the others are left alone); by default those on which a
-    label is painted. `only` names the labels to fill. `progress` is called as `progress(stage, done, total)`. `options` are the settings, and
+    label is painted: it goes on across slices on which only others are, and a warning names it. With `complete_slices` a painted slice counts for
+    all labels: those that are not on it end before it. `only` names the labels to fill. `progress` is called as `progress(stage, done, total)`. `options` are the settings, and
     those of the machine, of the command line; with `report=True` the result is (labels, report).
 
     Raises ValueError for wrong input, MemoryError, OSError, GpuError.
     """
+    if labels is None or isinstance(labels, (str, os.PathLike)):
+        raise TypeError(f"`labels` must be an array or an image, such as `read_volume(path).arrays[0]`; got {labels!r}")
     of = image(labels, spacing, "labels")
     own: dict[int, list[int]] | None = None
     if isinstance(slices, Mapping):
-        own = {whole("slices", label): sorted({counted("slices", k) for k in chosen}) for label, chosen in slices.items()}
+        own = {whole("slices", label): sorted({counted("slices", k) for k in several("slices", chosen)}) for label, chosen in slices.items()}
         slices = sorted(set().union(*own.values()))
     names = None if only is None else wholes("only", only)
     choice = _choice(axis, slices, keep, complete_slices)
-    made, told = _native.fill(of.array, of.place("labels"), choice, names, own, progress, settings, preset, options)
+    made, told = _native.fill(of.array, of.place("labels"), choice, names, own, called(progress), settings, preset, options)
     filled = of.like(made)
     return (filled, told) if report else filled
 
@@ -158,8 +180,8 @@ def stack(
     fields: Any = None,
     level: float | None = None,
     pixel: float | tuple[float, float] | None = None,
-    origin: Sequence[float] = (0.0, 0.0, 0.0),
-    axes: Sequence[Sequence[float]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    origin: Vector = (0.0, 0.0, 0.0),
+    axes: Sequence[Vector] | NDArray[Any] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
     unit: str = "mm",
 ) -> Stack:
     """Make a stack of masks, fields or polygons at `heights` (increasing).
@@ -174,23 +196,28 @@ def stack(
         raise ValueError(f"one of `masks`, `fields` and `polygons` must be given; got {' and '.join(given) or 'none'}")
     if heights is None:
         raise ValueError("`heights` must be given, one for each slice")
+    if not isinstance(unit, str):
+        raise ValueError(f"`unit` must be a text, such as mm; got {unit!r}")
+    directions = [numbers("axes", axis, 3) for axis in several("axes", axes)]
+    if len(directions) != 3:
+        raise ValueError(f"`axes` must be three vectors; got {len(directions)}")
     lie = {
-        "heights": [float(z) for z in heights],
+        "heights": numbers("heights", heights),
         "spacing": sides(1.0 if spacing is None else spacing, 2),
-        "origin": [float(v) for v in origin],
-        "axes": [[float(v) for v in axis] for axis in axes],
+        "origin": numbers("origin", origin, 3),
+        "axes": directions,
         "unit": unit,
     }
     if polygons is not None:
         if spacing is not None:
             raise ValueError("`spacing` is for `masks` and `fields`; polygons have `pixel`, the side of the pixels on which they are laid")
-        drawn = [[_line(k, line) for line in lines] for k, lines in enumerate(polygons)]
-        return _native.stack_of_polygons(drawn, lie, None if pixel is None else tuple(sides(pixel, 2)))
+        drawn = [[_line(k, line) for line in several("polygons", lines)] for k, lines in enumerate(several("polygons", polygons))]
+        return _native.stack_of_polygons(drawn, lie, None if pixel is None else tuple(sides(pixel, 2, "pixel")))
     kind = given[0]
     if kind == "masks" and level is not None:
         raise ValueError("`level` is for `fields`, which it cuts")
     arrays: Any = masks if kind == "masks" else fields
-    arrays = unmasked(arrays) if isinstance(arrays, np.ndarray) else [unmasked(slice_) for slice_ in arrays]
+    arrays = unmasked(arrays, kind) if isinstance(arrays, np.ndarray) else [unmasked(slice_, kind) for slice_ in several(kind, arrays)]
     return _native.stack_of_arrays(arrays, lie, kind, level)
 
 
@@ -203,8 +230,8 @@ def reconstruct(
     fields: Any = None,
     level: float | None = None,
     pixel: float | tuple[float, float] | None = None,
-    origin: Sequence[float] = (0.0, 0.0, 0.0),
-    axes: Sequence[Sequence[float]] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    origin: Vector = (0.0, 0.0, 0.0),
+    axes: Sequence[Vector] | NDArray[Any] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
     unit: str = "mm",
     at: Iterable[float] | None = None,
     progress: Progress | None = None,
@@ -239,8 +266,11 @@ def reconstruct(
             axes=axes,
             unit=unit,
         )
-    wanted = None if at is None else [float(z) for z in at]
-    return _native.reconstruct(of, wanted, progress, settings, preset, dict(options))
+    wanted = None if at is None else numbers("at", at)
+    for z in wanted or ():
+        if not np.isfinite(z):
+            raise ValueError(f"`at` takes finite heights; got {z}")
+    return _native.reconstruct(of, wanted, called(progress), settings, preset, dict(options))
 
 
 def evaluate(
@@ -253,7 +283,7 @@ def evaluate(
     **options: Unpack[SettingsOptions],
 ) -> dict[str, Any]:
     """Leave out every `leave`-th slice, reconstruct it from the others, and say how well it was found, as `interslice evaluate --json`."""
-    return _native.evaluate(_stack(stack), whole("leave", leave), progress, settings, preset, dict(options))
+    return _native.evaluate(_stack(stack), whole("leave", leave), called(progress), settings, preset, dict(options))
 
 
 def inspect(stack: Any) -> str:
@@ -268,7 +298,10 @@ def links(stack: Any) -> list[dict[str, Any]]:
 
 def _line(k: int, line: Any) -> NDArray[np.float64]:
     """A closed line of slice `k`."""
-    points = np.ascontiguousarray(line, dtype=np.float64)
+    try:
+        points = np.ascontiguousarray(line, dtype=np.float64)
+    except (TypeError, ValueError) as e:
+        raise ValueError(f"`polygons` must have, for each slice, a list of lines, each an array of points (x, y); a line of slice {k} is none: {e}") from None
     if points.ndim != 2 or points.shape[1] != 2:
         raise ValueError(
             f"`polygons` must have, for each slice, a list of lines, each an array of points (x, y); a line of slice {k} has the shape {points.shape}"

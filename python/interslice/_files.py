@@ -15,7 +15,7 @@ from interslice import _native
 from interslice._images import has_place, image
 from interslice._numbers import whole, wholes
 
-Vector = Sequence[float]
+Vector = Sequence[float] | NDArray[Any]
 
 
 class Segment(NamedTuple):
@@ -85,7 +85,7 @@ def write_volume(
     *,
     spacing: float | Vector | None = None,
     origin: Vector | None = None,
-    axes: Sequence[Vector] | None = None,
+    axes: Sequence[Vector] | NDArray[Any] | None = None,
     unit: str = "mm",
     segments: Mapping[int, Segment] | None = None,
 ) -> Path:
@@ -115,7 +115,7 @@ def write_volume(
     else:
         of = image(labels, None, "labels")
         place = of.place("labels")
-    named = [(whole("segments", label), name, _shade(label, colour)) for label, (name, colour) in (segments or {}).items()]
+    named = [_named(label, segment) for label, segment in (segments or {}).items()]
     _native.write_volume(os.fspath(path), of.array, place, named)
     return Path(path)
 
@@ -135,6 +135,14 @@ def read_rois(path: str | os.PathLike[str], *, series: str | int | None = None) 
 def _three(numbers: Any) -> tuple[float, float, float]:
     x, y, z = (float(number) for number in numbers)
     return x, y, z
+
+
+def _named(label: Any, segment: Any) -> tuple[int, str | None, list[int] | None]:
+    """Label, name and colour of a segment that is given."""
+    if not isinstance(segment, tuple) or len(segment) != 2:
+        raise ValueError(f"`segments` must have a Segment(name, colour) for each label; label {label} has {segment!r}")
+    name, colour = segment
+    return whole("segments", label), name, _shade(label, colour)
 
 
 def _shade(label: int, colour: Any) -> list[int] | None:

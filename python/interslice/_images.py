@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 # From right, anterior, superior (NIfTI) to left, posterior, superior (DICOM, ITK).
 _LPS = np.diag([-1.0, -1.0, 1.0])
@@ -35,12 +36,15 @@ class Image(NamedTuple):
         return {key: place[key] for key in ("order", "origin", "steps", "unit", "spaced")} | {"name": name}
 
 
-def image(of: Any, spacing: float | Sequence[float] | None, name: str) -> Image:
+Spacing = float | Sequence[float] | NDArray[Any]
+
+
+def image(of: Any, spacing: Spacing | None, name: str) -> Image:
     """The array of an object, and its place: of nibabel, SimpleITK, ITK, what pynrrd reads (array, header), or an array."""
     if not has_place(of):
-        return _plain(of, spacing)
+        return _plain(of, spacing, name)
     if hasattr(of, "affine"):
-        found = _nibabel(of)
+        found = _nibabel(of, name)
     elif hasattr(of, "GetSpacing"):
         found = _itk(of, name)
     else:
@@ -48,7 +52,7 @@ def image(of: Any, spacing: float | Sequence[float] | None, name: str) -> Image:
     if spacing is not None and found.spaced:
         raise ValueError(f"`spacing` is only for what has none of its own; {name} has")
     if spacing is not None:
-        return _plain(found.array, spacing)._replace(like=found.like)
+        return _plain(found.array, spacing, name)._replace(like=found.like)
     return found
 
 
@@ -59,43 +63,51 @@ def has_place(of: Any) -> bool:
     return of_nibabel or of_itk or (isinstance(of, tuple) and len(of) == 2 and isinstance(of[1], dict))
 
 
-def unmasked(of: Any) -> np.ndarray[Any, Any]:
+def unmasked(of: Any, name: str) -> np.ndarray[Any, Any]:
     """The array, where none of its values is masked: nobody but its owner knows what those are."""
     if np.ma.is_masked(of):
         masked = int(np.count_nonzero(np.ma.getmaskarray(of)))
-        raise ValueError(f"has {masked} masked values: give what they stand for, `a.filled(0)` for outside")
+        raise ValueError(f"`{name}` has {masked} masked values: give what they stand for, `a.filled(0)` for outside")
     return np.asarray(of)
 
 
-def sides(spacing: float | Sequence[float], axes: int) -> list[float]:
+def sides(spacing: Spacing, axes: int, name: str = "spacing") -> list[float]:
     """One number for each axis of an array."""
-    given = [float(h) for h in np.asarray(spacing, dtype=float).ravel()]
+    try:
+        given = [float(h) for h in np.asarray(spacing, dtype=float).ravel()]
+    except (TypeError, ValueError):
+        raise ValueError(f"`{name}` must be a number, or {axes}, one for each axis of the array; got {spacing!r}") from None
     given = given * axes if np.ndim(spacing) == 0 else given
     if len(given) != axes:
-        raise ValueError(f"`spacing` must be a number, or {axes}, one for each axis of the array; got {len(given)}")
+        raise ValueError(f"`{name}` must be a number, or {axes}, one for each axis of the array; got {len(given)}")
     wrong = [h for h in given if not (np.isfinite(h) and h > 0)]
     if wrong:
-        raise ValueError(f"`spacing` must be positive; got {wrong[0]}")
+        raise ValueError(f"`{name}` must be positive; got {wrong[0]}")
     return given
 
 
-def _plain(of: Any, spacing: float | Sequence[float] | None) -> Image:
-    array = unmasked(of)
+def _plain(of: Any, spacing: Spacing | None, name: str) -> Image:
+    array = unmasked(of, name)
     steps = np.eye(3)
     if spacing is not None:
         steps = np.diag(sides(spacing, 3)[::-1])
     return Image(array, (2, 1, 0), (0.0,) * 3, _rows(steps), "px" if spacing is None else "mm", spacing is not None, _same)
 
 
-def _nibabel(of: Any) -> Image:
-    array = np.asanyarray(of.dataobj)
+def _nibabel(of: Any, name: str) -> Image:
+    stored = np.asanyarray(of.dataobj)
+    # One time of one channel is a volume, as in a file.
+    more = stored.shape[3:]
+    if any(count != 1 for count in more):
+        raise ValueError(f"`{name}` must have 3 axes; got an image of the shape {stored.shape}")
+    array = stored.reshape(stored.shape[:3]) if more else stored
     affine = np.asarray(of.affine, dtype=float)
     steps, origin = _LPS @ affine[:3, :3], _LPS @ affine[:3, 3]
 
     def like(filled: np.ndarray[Any, Any]) -> Any:
         header = of.header.copy()
         header.set_data_dtype(filled.dtype)
-        return type(of)(filled, of.affine, header)
+        return type(of)(filled.reshape(stored.shape), of.affine, header)
 
     # Formats other than NIfTI have millimetres.
     code = int(of.header["xyzt_units"]) & 7 if hasattr(of.header, "get_xyzt_units") else 0
@@ -105,6 +117,9 @@ def _nibabel(of: Any) -> Image:
 def _itk(of: Any, name: str) -> Image:
     module = sys.modules[type(of).__module__.split(".")[0]]
     simple = hasattr(module, "GetArrayViewFromImage")
+    if simple and "label map" in of.GetPixelIDTypeAsString():
+        # SimpleITK itself ends the interpreter where the array of such is asked for.
+        raise TypeError(f"`{name}` is a label map of SimpleITK, which has no array: `SimpleITK.LabelMapToLabel` makes an image of it")
     # The view of an image lives no longer than the image, which `like` keeps.
     array = module.GetArrayViewFromImage(of) if simple else module.array_view_from_image(of)
     spacing = np.asarray(of.GetSpacing(), dtype=float)

@@ -1,4 +1,4 @@
-"""Whole numbers as they are given: of Python, of numpy, and floats that are whole."""
+"""Arguments as they are given, checked under their names: whole numbers (of Python, of numpy, and floats that are whole), lengths, answers."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def whole(name: str, given: Any) -> int:
 
 def wholes(name: str, given: Iterable[Any]) -> list[int]:
     """Several such."""
-    return [whole(name, number) for number in given]
+    return [whole(name, number) for number in several(name, given)]
 
 
 def counted(name: str, given: Any) -> int:
@@ -32,3 +32,37 @@ def counted(name: str, given: Any) -> int:
     if number < 0:
         raise ValueError(f"`{name}` takes numbers from 0; got {number}")
     return number
+
+
+def several(name: str, given: Any) -> Iterable[Any]:
+    """Something that has several values."""
+    if not isinstance(given, Iterable) or isinstance(given, (str, bytes)):
+        raise ValueError(f"`{name}` takes several values, such as a list; got {given!r}")
+    return given
+
+
+def numbers(name: str, given: Any, count: int | None = None) -> list[float]:
+    """Several numbers, `count` of them if it is named."""
+    found = []
+    for value in several(name, given):
+        try:
+            found.append(float(value))
+        except (TypeError, ValueError):
+            raise ValueError(f"`{name}` takes numbers; got {value!r}") from None
+    if count is not None and len(found) != count:
+        raise ValueError(f"`{name}` takes {count} numbers; got {len(found)}")
+    return found
+
+
+def answer(name: str, given: Any) -> bool:
+    """True or False."""
+    if not isinstance(given, (bool, np.bool_)):
+        raise ValueError(f"`{name}` must be True or False; got {given!r}")
+    return bool(given)
+
+
+def called(progress: Any) -> Any:
+    """What is called while a run goes on, or None."""
+    if progress is not None and not callable(progress):
+        raise TypeError(f"`progress` must be a function, called with a stage, what is done and all there is to do; got {progress!r}")
+    return progress

@@ -85,6 +85,7 @@ pub fn fill<'py>(
             .iter()
             .cloned()
             .chain(warnings.map(|(l, w)| format!("label {l}: {w}")))
+            .chain(told.reading.clone())
             .for_each(|w| watch.warn(&w));
         Ok((to, told))
     })?;

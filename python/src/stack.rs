@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use interslice::files::options::OutputOptions;
 use interslice::files::{JobOptions, Loaded};
 use interslice::input::{Input, Surveyed};
-use interslice::polygons::{PlaneDrawing, Planes, stack as drawn};
+use interslice::polygons::{PlaneDrawing, Planes, clean, doubts, stack as drawn};
 use interslice::{ContourStack, Geometry, LevelSlice, Result, Slice, SliceContent};
 use numpy::{PyReadonlyArray2, PyUntypedArray};
 use pyo3::prelude::*;
@@ -204,7 +204,8 @@ pub fn stack_of_arrays(slices: &Bound<'_, PyAny>, lie: Lie, kind: &str, level: O
         z_out: None,
         geometry,
     };
-    loaded(py, move || Ok(stack))
+    let notes = stack.inside_out().into_iter().collect();
+    loaded(py, move || Ok((stack, notes)))
 }
 
 /// One slice of an array, or what is wrong with it.
@@ -274,10 +275,13 @@ pub fn stack_of_polygons(
         drawings.push(PlaneDrawing { name: format!("[{k}]"), z: lie.heights[k], extra: false, regions: vec![region] });
     }
     let planes = Planes { unit: lie.unit.clone(), axes: geometry.axes, z_out: None };
+    let pixel = pixel.map(|[dy, dx]| [dx, dy]);
     loaded(py, move || {
-        let mut stack = drawn(&drawings, &planes, pixel.map(|[dy, dx]| [dx, dy]))?;
+        let mut notes = clean(&mut drawings);
+        let mut stack = drawn(&drawings, &planes, pixel)?;
+        notes.extend(doubts(&drawings, &stack, pixel));
         stack.geometry.origin += geometry.origin;
-        Ok(stack)
+        Ok((stack, notes))
     })
 }
 
@@ -288,12 +292,15 @@ fn check_count(kind: &str, slices: usize, lie: &Lie) -> PyResult<()> {
     Err(wrong("heights", format!("must be as many as slices: {slices} {kind}; got {} heights", lie.heights.len())))
 }
 
-/// The stack that `make` makes, checked.
-fn loaded(py: Python<'_>, make: impl FnOnce() -> Result<ContourStack> + Send + 'static) -> PyResult<PyStack> {
+/// The stack that `make` makes, with its notes, checked.
+fn loaded(
+    py: Python<'_>,
+    make: impl FnOnce() -> Result<(ContourStack, Vec<String>)> + Send + 'static,
+) -> PyResult<PyStack> {
     let loaded = run(py, None, move |_| {
-        let stack = make()?;
+        let (stack, mut notes) = make()?;
         stack.validate()?;
-        let notes = stack.doubts();
+        notes.extend(stack.doubts());
         Ok(Loaded { notes, ..Loaded::new(stack, JobOptions::default())? })
     })?;
     Ok(PyStack::of(loaded))

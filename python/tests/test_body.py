@@ -171,3 +171,30 @@ def test_origin_and_axes(masks: Masks) -> None:
     moved = interslice.reconstruct(masks, HEIGHTS, 1.0, origin=(10, 20, 30), axes=[[0, 1, 0], [-1, 0, 0], [0, 0, 1]], method="field").mesh()[0]
     x, y, z = plain.T
     np.testing.assert_allclose(moved, np.column_stack([10 - y, 20 + x, 30 + z]), atol=1e-9)
+
+
+def test_polygons_are_those_of_a_folder(tmp_path: Path) -> None:
+    square = [[0, 0], [20, 0], [20, 15], [0, 15]]
+    beside = [[x + 10, y + 5] for x, y in square]
+    cases = [
+        ([[square], [square, square], [square]], "drawn before point by point; left out"),
+        ([[square, square]] * 3, "drawn before point by point; left out"),
+        ([[square, [*square, square[0]]]] * 3, "drawn before point by point; left out"),
+        ([[square, [[3, 3], [5, 5]]]] * 3, "polygon 2 left out, its 2 points bound no area"),
+        ([[square, beside]] * 3, "lines cross on"),
+    ]
+    for lines, words in cases:
+        entries = [{"z": 5 * k, "polygons": of_slice} for k, of_slice in enumerate(lines)]
+        (tmp_path / "stack.json").write_text(json.dumps({"slices": entries}))
+        of_file = interslice.read(tmp_path)
+        drawn = interslice.stack(polygons=lines, heights=[0, 5, 10])
+        for stack in (of_file, drawn):
+            assert any(words in note for note in stack.notes), stack.notes
+        with pytest.warns(UserWarning, match=words):
+            bodies = [interslice.reconstruct(stack, dz=1.0) for stack in (of_file, drawn)]
+        assert bodies[0].volume == bodies[1].volume > 2000
+
+
+def test_masks_that_are_inside_out_are_told(masks: Masks) -> None:
+    with pytest.warns(UserWarning, match="inside"):
+        interslice.reconstruct(~masks, HEIGHTS)

@@ -169,3 +169,33 @@ def test_what_was_read_is_not_written_over(tmp_path: Path, labels: Volume) -> No
     with pytest.raises(OSError, match="input"):
         body.save(link)
     np.testing.assert_array_equal(np.load(given), labels)
+
+
+def test_wrong_arguments_are_named(labels: Volume, masks: NDArray[np.bool_]) -> None:
+    fill: Any = interslice.fill
+    stack: Any = interslice.stack
+    wrong: list[tuple[Callable[[], Any], type[Exception], str]] = [
+        (lambda: fill(labels, complete_slices=1), ValueError, "`complete_slices` must be True or False; got 1"),
+        (lambda: fill(labels, only=1), ValueError, "`only` takes several values, such as a list; got 1"),
+        (lambda: fill(labels, slices=3), ValueError, "`slices` takes several values, such as a list; got 3"),
+        (lambda: fill(labels, slices={1: 3}), ValueError, "`slices` takes several values, such as a list; got 3"),
+        (lambda: fill(labels, spacing="a"), ValueError, "`spacing` must be a number, or 3, one for each axis of the array; got 'a'"),
+        (lambda: fill(labels, progress=3), TypeError, "`progress` must be a function, .*; got 3"),
+        (lambda: fill("labels.nii"), TypeError, "`labels` must be an array or an image, .*; got 'labels.nii'"),
+        (lambda: fill(None), TypeError, "`labels` must be an array or an image, .*; got None"),
+        (lambda: fill(np.ma.masked_equal(labels, 1)), ValueError, "`labels` has .* masked values"),
+        (lambda: stack(np.ma.masked_equal(masks, 1), range(5)), ValueError, "`masks` has .* masked values"),
+        (lambda: stack(masks, range(5), origin=(1, 2)), ValueError, "`origin` takes 3 numbers; got 2"),
+        (lambda: stack(masks, range(5), axes=np.eye(3)[:2]), ValueError, "`axes` must be three vectors; got 2"),
+        (lambda: stack(masks, range(5), unit=None), ValueError, "`unit` must be a text, such as mm; got None"),
+        (lambda: stack(masks, ["0 mm", 1, 2, 3, 4]), ValueError, "`heights` takes numbers; got '0 mm'"),
+        (lambda: stack(masks, 5), ValueError, "`heights` takes several values, such as a list; got 5"),
+        (lambda: stack(polygons=[[[(0, 0), (9,)]]], heights=[0]), ValueError, "`polygons` must have .* a line of slice 0 is none"),
+        (lambda: stack(polygons=[1], heights=[0]), ValueError, "`polygons` takes several values, such as a list; got 1"),
+        (lambda: stack(polygons=[[]], heights=[0], pixel=-1), ValueError, "`pixel` must be positive; got -1"),
+        (lambda: interslice.reconstruct(masks, range(5), at=[float("nan")]), ValueError, "`at` takes finite heights; got nan"),
+        (lambda: interslice.write_volume("x.nrrd", labels, segments={1: "liver"}), ValueError, "`segments` must have a Segment.*; label 1 has 'liver'"),  # type: ignore[dict-item]
+    ]
+    for call, error, words in wrong:
+        with pytest.raises(error, match=words):
+            call()

@@ -124,3 +124,34 @@ def test_the_report_is_that_of_the_command_line(command: Callable[..., Any], tmp
         for key in ("label", "voxels", "volume", "area", "areas", "differing_pixels"):
             assert own[key] == other[key], key
         assert own["run"]["warnings"] == other["run"]["warnings"]
+
+
+def on_slices(numbers: dict[int, list[int]]) -> Volume:
+    """Discs of labels beside each other, each on some of 17 slices."""
+    labels = np.zeros((17, 24, 60), np.uint8)
+    y, x = np.mgrid[:24, :60]
+    for label, own in numbers.items():
+        labels[own] += (label * (np.hypot(x - 15 * label, y - 12) < 6)).astype(np.uint8)
+    return labels
+
+
+def test_a_label_that_goes_on_across_painted_slices_is_named() -> None:
+    labels = on_slices({1: [0, 4, 8, 12, 16], 2: [4, 16]})
+    with pytest.warns(UserWarning, match="label 2: interpolated across slices on which only others are painted"):
+        across = interslice.fill(labels)
+    assert np.all((across == 2).any(axis=(1, 2))[4:])
+    ended = interslice.fill(labels, complete_slices=True)
+    assert not (ended == 2).any(axis=(1, 2))[8:13].any()
+
+
+def test_with_complete_slices_each_painted_slice_counts_for_all() -> None:
+    labels = on_slices({1: [0, 4, 8, 12, 16], 2: [4, 8]})
+    complete, chosen = interslice.fill(labels, complete_slices=True), interslice.fill(labels, slices=[0, 4, 8, 12, 16])
+    np.testing.assert_array_equal(complete, chosen)
+    areas = (complete == 2).sum(axis=(1, 2))
+    assert areas[0] == areas[12] == 0 and 0 < areas[3] < areas[4] and 0 < areas[9] < areas[8]
+
+
+def test_a_choice_that_takes_slices_between_the_painted_ones_is_told() -> None:
+    with pytest.warns(UserWarning, match="`keep` takes every slice whose number is a multiple of 3, painted or not"):
+        interslice.fill(on_slices({1: [0, 4, 8, 12, 16], 2: [0, 4, 8, 12, 16]}), keep=3)

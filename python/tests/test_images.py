@@ -100,3 +100,18 @@ def test_pynrrd(command: Callable[..., Any], tmp_path: Path, labels: Volume) -> 
     command("reconstruct", tmp_path / "given.nrrd", "--label", 1, "--method", "field", "-q", "-o", tmp_path / "a.ply")
     body.save(str(tmp_path / "b.ply"))
     assert (tmp_path / "a.ply").read_bytes() == (tmp_path / "b.ply").read_bytes()
+
+
+def test_one_volume_of_four_axes_is_one(labels: Volume) -> None:
+    flat = nibabel.Nifti1Image(labels.T, np.diag([1.0, 0.8, 3.0, 1.0]))
+    deep = nibabel.Nifti1Image(labels.T[..., None], flat.affine)
+    filled = interslice.fill(deep, method="field")
+    assert filled.shape == deep.shape
+    np.testing.assert_array_equal(np.asarray(filled.dataobj)[..., 0], np.asarray(interslice.fill(flat, method="field").dataobj))
+    with pytest.raises(ValueError, match=r"`labels` must have 3 axes; got an image of the shape \(.*, 2\)"):
+        interslice.fill(nibabel.Nifti1Image(np.stack([labels.T] * 2, axis=3), flat.affine))
+
+
+def test_a_label_map_is_refused_and_not_asked_for_its_array(labels: Volume) -> None:
+    with pytest.raises(TypeError, match="`labels` is a label map of SimpleITK"):
+        interslice.fill(sitk.Cast(sitk.GetImageFromArray(labels), sitk.sitkLabelUInt8))

@@ -29,7 +29,7 @@ pub struct InspectArguments {
     #[arg(long, conflicts_with = "roi", help_heading = "Input")]
     all_rois: bool,
 
-    /// Label volumes: describe these labels, by number or name, or all, one behind the other
+    /// Label volumes, and folders of label images: describe these labels, by number or name, or all, one behind the other
     #[arg(long, value_name = "all|N,NAME,..", allow_hyphen_values = true, conflicts_with_all = ["label", "links"], help_heading = "Input")]
     labels: Option<Wanted>,
 

@@ -15,7 +15,7 @@ use interslice::stack::options::RoiName;
 #[derive(Debug, Clone, Default, clap::Args)]
 #[command(next_help_heading = "Input")]
 pub struct MemberOptions {
-    /// Label volumes: these labels, by number or name, or all, each by itself
+    /// Label volumes, and folders of label images: these labels, by number or name, or all, each by itself
     #[arg(long, value_name = "all|N,NAME,..", allow_hyphen_values = true, conflicts_with = "label")]
     labels: Option<Wanted>,
 

@@ -27,7 +27,8 @@ use crate::surface::content::{Paint, Scalar};
 #[derive(Debug, Clone, Default, clap::Args)]
 #[command(next_help_heading = "Input")]
 pub struct LabelOptions {
-    /// Label volumes: reconstruct these labels, by number or name, or all, into one label volume and a mesh per label (out.stl becomes out.N.stl)
+    /// Label volumes, and folders of label images: reconstruct these labels, by number or name, or all, into one label volume and a mesh per label (out.stl
+    /// becomes out.N.stl)
     #[arg(long, value_name = "all|N,NAME,..", allow_hyphen_values = true, conflicts_with = "label")]
     pub labels: Option<Wanted>,
 

@@ -76,7 +76,7 @@ pub(super) fn is_of_images(path: &Path) -> bool {
 }
 
 /// What a person should know of files beside the images of a folder without `stack.json`.
-fn beside(folder: &Path) -> Result<Option<String>> {
+pub(super) fn beside(folder: &Path) -> Result<Option<String>> {
     let contents = Contents::of(folder).map_err(|source| Error::Read { path: folder.into(), source })?;
     contents.beside_slices().map_err(|message| Error::Format { path: folder.into(), message })
 }
@@ -206,32 +206,11 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
         regions: entry.polygons.into_iter().map(|polygons| polygons.into_iter().map(points).collect()).collect(),
     };
     let mut drawings: Vec<PlaneDrawing> = parsed.slices.into_iter().enumerate().map(drawing).collect();
-    let copies = |drawing: &mut PlaneDrawing| {
-        let count = drawing.leave_out_copies();
-        let which = if count == 1 { "a polygon is".into() } else { format!("{count} polygons are") };
-        (count > 0)
-            .then(|| format!("`{}` at {}: {which} drawn before point by point; left out", drawing.name, drawing.z))
-    };
-    let flat = |drawing: &mut PlaneDrawing| -> Vec<String> {
-        let flat = drawing.leave_out_flat();
-        flat.into_iter().map(|which| format!("`{}` at {}: {which}", drawing.name, drawing.z)).collect()
-    };
-    let mut notes: Vec<String> = drawings.iter_mut().flat_map(flat).collect();
-    notes.extend(drawings.iter_mut().filter_map(copies));
+    let mut notes = polygons::clean(&mut drawings);
     let planes = Planes { unit: parsed.unit, axes, z_out: parsed.z_out };
     let pixel = options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy.map(|Numbers(sides)| sides));
     let stack = polygons::stack(&drawings, &planes, pixel)?;
-    notes.extend(polygons::grid::coarse(&drawings, pixel));
-    notes.extend(polygons::crossing::crossing(&drawings));
-    let lost =
-        drawings.iter().zip(&stack.slices).filter(|(drawn, s)| drawn.polygons().count() > 0 && s.content.is_empty());
-    notes.extend(lost.map(|(_, s)| {
-        let [dx, dy] = stack.spacing;
-        format!(
-            "`{}` at {}: no pixel of {dx} x {dy} {} lies inside its polygons; a smaller --pixel finds them",
-            s.name, s.z, stack.unit
-        )
-    }));
+    notes.extend(polygons::doubts(&drawings, &stack, pixel));
     Ok((stack, notes))
 }
 

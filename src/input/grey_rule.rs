@@ -131,9 +131,9 @@ impl Rule {
             ),
             false => (format!("{count} values"), "which of them is the body"),
         };
-        let all = if many { "; `--labels` takes a volume, such as a TIFF of all slices" } else { "" };
         Some(format!(
-            "slices have {has}, {}: {which}? `--label N` takes those of one value, `--level V` what is above a value ({level} is half way){all}",
+            "slices have {has}, {}: {which}? `--label N` takes those of one value, `--labels all` all, each by itself, of images without stack.json, and \
+             `--level V` what is above a value ({level} is half way)",
             values(ranges)
         ))
     }

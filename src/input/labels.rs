@@ -72,10 +72,10 @@ impl Wanted {
 /// that cannot be reconstructed are left out.
 ///
 /// # Errors
-/// The errors of [`Input::read`]; [`Error::Setting`] for a folder of slices; [`Error::Format`] for labels that are not in the volume, for one that is
+/// The errors of [`Input::read`]; [`Error::Setting`] for slices of a `stack.json`; [`Error::Format`] for labels that are not in the volume, for one that is
 /// named and drawn on a single slice, and where no label is left.
 pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
-    labels_of(path, options, wanted, false, |options| Input::read(path, options))
+    labels_of(path, options, wanted, false, |options| Input::of_labels(path, options))
 }
 
 /// The same with every label whole, also where it lies under another.
@@ -83,7 +83,7 @@ pub fn read_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Resul
 /// # Errors
 /// The errors of [`read_labels`].
 pub fn read_whole_labels(path: &Path, options: &ReadOptions, wanted: &Wanted) -> Result<LabelStack> {
-    labels_of(path, options, wanted, true, |options| Input::read(path, options))
+    labels_of(path, options, wanted, true, |options| Input::of_labels(path, options))
 }
 
 /// The same for a volume whose header was read.
@@ -110,7 +110,9 @@ fn labels_of(
     }
     let Input { stack, surveyed, notes: mut said } = read(&ReadOptions { complete_slices: false, ..options.clone() })?;
     let Some(mut surveyed) = surveyed else {
-        return fail("is not for a folder of slices; it chooses from a label volume".into());
+        return fail(
+            "is not for a folder of slices with stack.json; it chooses from a label volume, or from images whose `spacing` is named".into(),
+        );
     };
     let of_all = surveyed.volume.overlaps()?;
     let there: BTreeSet<i64> = surveyed.survey.labels.keys().chain(of_all.segments.keys()).copied().collect();
@@ -148,12 +150,9 @@ fn labels_of(
         add_covered(&surveyed, &stack, (&labels, &overlaps), &drawn, &mut covered)?;
     }
     let mut slices = stack.slices;
-    let completeness = match options {
-        _ if options.keep.is_some() || options.slices.is_some() => Completeness::Chosen,
-        _ if options.complete_slices => Completeness::Painted,
-        _ => Completeness::Own,
-    };
-    if completeness != Completeness::Chosen {
+    let chosen = options.keep.is_some() || options.slices.is_some();
+    let completeness = if chosen || options.complete_slices { Completeness::Complete } else { Completeness::Own };
+    if !chosen {
         let has: Vec<bool> = drawn.iter().map(|slice| slice.iter().any(|l| *l > 0)).collect();
         let mut of_slices = has.iter();
         slices.retain(|_| of_slices.next() == Some(&true));
@@ -186,6 +185,7 @@ fn labels_of(
     if !whole {
         said.extend(overlapping(&overlaps));
     }
+    said.extend(options.keep.and_then(|keep| surveyed.missed(keep)));
     said.extend(strays(&labels, &slices, &drawn));
     said.extend(notes(&labels, &given));
     let reading = reading(&labels, &given);

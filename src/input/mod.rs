@@ -5,6 +5,7 @@ pub mod folder;
 pub mod format;
 mod grey_image;
 mod grey_rule;
+mod images;
 pub mod labels;
 mod masks;
 pub mod mha;
@@ -36,9 +37,22 @@ use crate::stack::options::ReadOptions;
 use crate::surface::content::Paint;
 
 impl Kind {
+    /// The kind, where labels are told apart: a folder of images without `stack.json` is a volume then.
+    fn of_labels(path: &Path) -> Result<Self> {
+        let kind = Kind::of(path)?;
+        let images = matches!(kind, Kind::Folder) && folder::is_of_images(path);
+        Ok(if images { Kind::Volume(images::read) } else { kind })
+    }
+
     /// The kind, if the options are for it.
     fn for_options(path: &Path, options: &ReadOptions) -> Result<Self> {
-        let kind = Kind::of(path)?;
+        let kind = if options.label.is_some() { Kind::of_labels(path)? } else { Kind::of(path)? };
+        kind.check(options, path)
+    }
+
+    /// This kind, if the options are for it.
+    fn check(self, options: &ReadOptions, path: &Path) -> Result<Self> {
+        let kind = self;
         let chooses = "a folder of slices; it chooses from a label volume";
         let folder = matches!(kind, Kind::Folder);
         let volume = matches!(kind, Kind::Volume(_));
@@ -185,7 +199,19 @@ impl Input {
     /// # Errors
     /// The errors of [`read`].
     pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
-        let input = unchecked(path, options).map_err(|e| e.in_file(path))?;
+        Self::of_kind(Kind::for_options(path, options)?, path, options)
+    }
+
+    /// Reads what labels are chosen from.
+    ///
+    /// # Errors
+    /// The errors of [`read`].
+    fn of_labels(path: &Path, options: &ReadOptions) -> Result<Self> {
+        Self::of_kind(Kind::of_labels(path)?.check(options, path)?, path, options)
+    }
+
+    fn of_kind(kind: Kind, path: &Path, options: &ReadOptions) -> Result<Self> {
+        let input = unchecked(kind, path, options).map_err(|e| e.in_file(path))?;
         input.stack.validate().map_err(|e| e.in_file(path))?;
         Ok(input)
     }
@@ -215,9 +241,7 @@ impl Input {
         let undrawn = hole.as_ref().and_then(|_| self.stack.undrawn());
         doubts.extend(self.stack.doubts().into_iter().filter(|doubt| Some(doubt) != undrawn.as_ref()));
         doubts.extend(hole);
-        if let Some((surveyed, keep)) = self.surveyed.as_ref().zip(options.keep) {
-            doubts.extend(missed(&surveyed.survey.painted[surveyed.axis.axis], keep));
-        }
+        doubts.extend(self.surveyed.as_ref().zip(options.keep).and_then(|(surveyed, keep)| surveyed.missed(keep)));
         doubts
     }
 
@@ -232,22 +256,6 @@ impl Input {
             )
         })
     }
-}
-
-/// Words about a volume whose painted slices stand alone, where every `keep`-th slice is no choice among these: it takes empty ones between them.
-fn missed(painted: &[bool], keep: usize) -> Option<String> {
-    let numbers: Vec<usize> = (0..painted.len()).filter(|&k| painted[k]).collect();
-    let (&first, &last) = (numbers.first()?, numbers.last()?);
-    let apart = numbers.windows(2).filter(|pair| pair[1] - pair[0] > 1).count();
-    let left = numbers.iter().filter(|number| *number % keep > 0).count();
-    let empty = (first..last).filter(|k| k % keep == 0 && !painted[*k]).count();
-    (2 * apart > numbers.len() && left > 0 && empty > 0).then(|| {
-        format!(
-            "`keep` takes every slice whose number is a multiple of {keep}, painted or not: {empty} of them between the first and the last painted one are \
-             empty, so that the body is not there, and {left} of {} painted ones are left out; without `keep` the painted ones are found",
-            numbers.len()
-        )
-    })
 }
 
 /// A label volume as it was read.
@@ -267,6 +275,23 @@ impl Surveyed {
     /// Distance of neighbouring slices.
     pub fn thickness(&self) -> f64 {
         self.volume.grid.spacing()[self.axis.axis]
+    }
+
+    /// Words where painted slices stand alone and every `keep`-th slice is no choice among these: it takes empty ones between them.
+    fn missed(&self, keep: usize) -> Option<String> {
+        let painted = &self.survey.painted[self.axis.axis];
+        let numbers: Vec<usize> = (0..painted.len()).filter(|&k| painted[k]).collect();
+        let (&first, &last) = (numbers.first()?, numbers.last()?);
+        let apart = numbers.windows(2).filter(|pair| pair[1] - pair[0] > 1).count();
+        let left = numbers.iter().filter(|number| *number % keep > 0).count();
+        let empty = (first..last).filter(|k| k % keep == 0 && !painted[*k]).count();
+        (2 * apart > numbers.len() && left > 0 && empty > 0).then(|| {
+            format!(
+                "`keep` takes every slice whose number is a multiple of {keep}, painted or not: {empty} of them between the first and the last painted \
+                 one are empty, so that the body is not there, and {left} of {} painted ones are left out; without `keep` the painted ones are found",
+                numbers.len()
+            )
+        })
     }
 
     /// Voxels of a mask as the volume's are: of its type, with the label that is wanted, the only one there is, or 1. None of grey values.
@@ -294,9 +319,9 @@ pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack
 }
 
 /// Input as the readers give it, unchecked.
-fn unchecked(path: &Path, options: &ReadOptions) -> Result<Input> {
+fn unchecked(kind: Kind, path: &Path, options: &ReadOptions) -> Result<Input> {
     let plain = |stack| Input { stack, surveyed: None, notes: Vec::new() };
-    Ok(match Kind::for_options(path, options)? {
+    Ok(match kind {
         Kind::Folder => {
             let (stack, mut notes) = folder::read(path, options)?;
             notes.extend(stack.inside_out());

@@ -8,10 +8,8 @@ pub enum Completeness {
     /// Nothing: each label has slices of its own. But where labels are painted on every slice there is nothing left to be interpolated, and
     /// a slice without one says so (`Given::own`).
     Own,
-    /// The labels are not there. What lies before a label's first slice and behind its last is left to its ends.
-    Painted,
-    /// The user has chosen the slices: each of them counts for each label, from the first to the last.
-    Chosen,
+    /// The labels are not there: each slice counts for each label, from the first to the last.
+    Complete,
 }
 
 /// The slices of one label, by their places in the stack.
@@ -35,15 +33,10 @@ impl Given {
     /// The slices of a label, from those on which the label is painted, of those with these numbers on which anything is.
     pub fn new(painted: &[bool], numbers: &[usize], completeness: Completeness) -> Self {
         let own: Vec<usize> = (0..painted.len()).filter(|&k| painted[k]).collect();
-        let (Some(&first), Some(&last)) = (own.first(), own.last()) else { return Given::default() };
-        let all = painted.len();
         match completeness {
+            _ if own.is_empty() => Given::default(),
             Completeness::Own => Given::own(&own, numbers),
-            Completeness::Chosen => Given { slices: (0..all).collect(), ..Given::default() },
-            Completeness::Painted => {
-                let shut = (0..first).chain(last + 1..all).collect();
-                Given { slices: (first..=last).collect(), shut, ..Given::default() }
-            }
+            Completeness::Complete => Given { slices: (0..painted.len()).collect(), ..Given::default() },
         }
     }
 
@@ -180,9 +173,9 @@ mod tests {
         let numbers = [0, 5, 10, 15, 20, 25, 30];
         let own = given(&[0, 10, 20, 30], &numbers, Completeness::Own);
         assert_eq!((own.slices, own.shut, own.crossed), (vec![0, 10, 20, 30], vec![], true));
-        let inner = given(&[5, 15, 25], &numbers, Completeness::Painted);
-        assert_eq!((inner.slices, inner.shut), (vec![5, 10, 15, 20, 25], vec![0, 30]));
-        assert_eq!(given(&[5, 15], &numbers, Completeness::Chosen).slices, numbers);
+        let inner = given(&[5, 15], &numbers, Completeness::Complete);
+        assert_eq!((inner.slices, inner.shut, inner.crossed), (numbers.to_vec(), vec![], false));
+        assert_eq!(given(&[], &numbers, Completeness::Complete), Given::default());
     }
 
     #[test]

@@ -78,7 +78,7 @@ fn bounds_nothing(polygon: &Polygon) -> bool {
 
 impl PlaneDrawing {
     /// Leaves out polygons that are drawn before in the same region: under even-odd both would be gone. Returns how many.
-    pub fn leave_out_copies(&mut self) -> usize {
+    fn leave_out_copies(&mut self) -> usize {
         let before = self.polygons().count();
         for region in &mut self.regions {
             let mut seen = HashSet::new();
@@ -88,7 +88,7 @@ impl PlaneDrawing {
     }
 
     /// Leaves out polygons that bound no area: of fewer than three points, or on a straight line. Returns a word on each, numbered from 1.
-    pub fn leave_out_flat(&mut self) -> Vec<String> {
+    fn leave_out_flat(&mut self) -> Vec<String> {
         let mut flat = Vec::new();
         let mut number = 0;
         for region in &mut self.regions {
@@ -111,6 +111,38 @@ impl PlaneDrawing {
     pub fn polygons(&self) -> impl Iterator<Item = &Polygon> {
         self.regions.iter().flatten()
     }
+}
+
+/// Leaves out polygons that bound no area, and those that are drawn before on their plane. Returns a word on each plane that has such.
+pub fn clean(drawings: &mut [PlaneDrawing]) -> Vec<String> {
+    let mut notes = Vec::new();
+    for drawing in &mut *drawings {
+        let flat = drawing.leave_out_flat();
+        notes.extend(flat.into_iter().map(|which| format!("`{}` at {}: {which}", drawing.name, drawing.z)));
+    }
+    for drawing in drawings {
+        let which = match drawing.leave_out_copies() {
+            0 => continue,
+            1 => "a polygon is".into(),
+            count => format!("{count} polygons are"),
+        };
+        notes.push(format!("`{}` at {}: {which} drawn before point by point; left out", drawing.name, drawing.z));
+    }
+    notes
+}
+
+/// What a person should know of drawings and of the stack that was made of them on pixels of these sides, if they were named.
+pub fn doubts(drawings: &[PlaneDrawing], stack: &ContourStack, pixel: Option<[f64; 2]>) -> Vec<String> {
+    let lost =
+        drawings.iter().zip(&stack.slices).filter(|(drawn, s)| drawn.polygons().count() > 0 && s.content.is_empty());
+    let [dx, dy] = stack.spacing;
+    let lost = lost.map(|(_, s)| {
+        format!(
+            "`{}` at {}: no pixel of {dx} x {dy} {} lies inside its polygons; a smaller --pixel finds them",
+            s.name, s.z, stack.unit
+        )
+    });
+    grid::coarse(drawings, pixel).into_iter().chain(crossing::crossing(drawings)).chain(lost).collect()
 }
 
 /// Facts about all planes.

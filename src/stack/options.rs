@@ -17,7 +17,7 @@ pub struct ReadOptions {
     #[arg(long, value_name = "VALUE")]
     pub level: Option<f64>,
 
-    /// Label volumes: reconstruct this label only, by number or by the name that the file gives it; folders of images: the pixels of this value
+    /// Label volumes, and folders of label images: reconstruct this label only, by number or by the name that the file gives it
     /// [default: all that is not zero, the larger of two values]
     #[arg(long, value_name = "N|NAME", allow_hyphen_values = true, conflicts_with = "level")]
     pub label: Option<LabelName>,
@@ -68,7 +68,7 @@ pub struct ReadOptions {
     #[arg(long, value_name = "EPSG:N")]
     pub crs_out: Option<String>,
 
-    /// Volumes and RTSTRUCT: use every K-th slice only [default: the slices that have the label, the planes that are drawn]
+    /// Volumes, label images and RTSTRUCT: use every K-th slice only [default: the slices that have the label, the planes that are drawn]
     #[arg(long, value_name = "K", conflicts_with = "slices")]
     pub keep: Option<usize>,
 

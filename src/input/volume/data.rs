@@ -8,9 +8,11 @@ use bzip2::bufread::MultiBzDecoder;
 use flate2::bufread::{DeflateDecoder, MultiGzDecoder, ZlibDecoder};
 
 use super::Volume;
+use super::element::Element;
 use super::tiff_pages::Pages;
 #[cfg(feature = "zarr")]
 use super::zarr_slabs;
+use crate::input::images::OneByOne;
 use crate::input::masks::SideBySide;
 use crate::input::volume::grid::Failure;
 use crate::storage::regular;
@@ -69,6 +71,15 @@ pub enum Data {
         /// Bytes of a voxel.
         voxel: usize,
     },
+    /// In images, a slice each.
+    Images {
+        /// The files.
+        files: Vec<PathBuf>,
+        /// Columns and rows of each.
+        dims: [usize; 2],
+        /// Type of a voxel.
+        element: Element,
+    },
     /// In masks, volumes of their own.
     Masks(Vec<Volume>),
     /// In memory that belongs to somebody else.
@@ -88,6 +99,7 @@ impl Data {
             Data::Stream { file, .. } | Data::Pages { file, .. } => file,
             #[cfg(feature = "zarr")]
             Data::Zarr { array, .. } => array,
+            Data::Images { files, .. } => files.first().map_or(Path::new(""), PathBuf::as_path),
             Data::Masks(masks) => masks.first().map_or(Path::new(""), |mask| &mask.path),
             Data::Given(_) => Path::new("memory"),
         }
@@ -118,8 +130,8 @@ impl Data {
                 let most = if coding == Coding::Bzip2 { MOST_IN_BLOCKS } else { MOST_DEFLATED };
                 packed(length.saturating_sub(offset), most, needed)
             }
-            // Each was checked when its header was read.
-            Data::Masks(_) | Data::Given(_) => Ok(()),
+            // Each was checked when its header was read, and each image is when it is read.
+            Data::Images { .. } | Data::Masks(_) | Data::Given(_) => Ok(()),
             #[cfg(feature = "zarr")]
             Data::Zarr { .. } => Ok(()),
             Data::Pages { .. } => packed(length, MOST_IN_PAGES, needed),
@@ -129,6 +141,7 @@ impl Data {
     /// Reads from the first voxel on.
     pub(crate) fn open(&self) -> Failure<Box<dyn Read>> {
         match self {
+            Data::Images { files, dims, element } => Ok(Box::new(OneByOne::new(files.clone(), *dims, *element))),
             Data::Masks(masks) => Ok(Box::new(SideBySide::open(masks)?)),
             #[cfg(feature = "zarr")]
             Data::Zarr { array, sizes, voxel } => Ok(Box::new(zarr_slabs::Slabs::open(array, sizes, *voxel)?)),

@@ -230,8 +230,10 @@ impl Volume {
         if let Data::Masks(masks) = &self.data {
             return masks.iter().flat_map(Volume::files).collect();
         }
-        if matches!(self.data, Data::Given(_)) {
-            return Vec::new();
+        match &self.data {
+            Data::Given(_) => return Vec::new(),
+            Data::Images { files, .. } => return files.clone(),
+            _ => {}
         }
         // An array is a folder of files, most often one below the group that was named.
         if self.data.file().starts_with(&self.path) {

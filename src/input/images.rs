@@ -1,0 +1,117 @@
+//! A folder of images, one slice each, as a volume of labels: what `label` and `labels` choose from.
+
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use super::contents::{images_of, skips};
+use super::folder::beside;
+use super::grey_image::Grey;
+use super::sniff;
+use super::volume::data::Data;
+use super::volume::element::Element;
+use super::volume::grid::{Failure, VolumeGrid};
+use super::volume::tiff_pages::{Pages, decoder, page};
+use super::volume::{Lacking, Volume};
+use crate::error::{Error, Result};
+use crate::storage::room;
+
+/// Reads the names of the images in a folder, and what the first is like. No file says how far apart they are.
+///
+/// # Errors
+/// [`Error::Read`]; [`Error::Format`] for a TIFF of several pages; [`Error::Slice`] for a first image that cannot be read.
+pub(super) fn read(folder: &Path) -> Result<Volume> {
+    let names = images_of(folder)?;
+    let Some(first) = names.first() else {
+        return Err(Error::Format { path: folder.into(), message: "has no images".into() });
+    };
+    let skips = skips(&names.iter().map(String::as_str).collect::<Vec<_>>());
+    let notes = beside(folder)?.into_iter().chain(skips).collect();
+    let image = Image::read(&folder.join(first));
+    let image = image.map_err(|message| Error::Slice { index: 0, name: first.clone(), message })?;
+    let grid = VolumeGrid { unit: "mm".into(), ..VolumeGrid::unspaced([image.dims[0], image.dims[1], names.len()]) };
+    let lacks =
+        format!("has {} images, and nothing says how far apart they are: say --spacing DX,DY,DZ (mm)", names.len());
+    let files = names.into_iter().map(|name| folder.join(name)).collect();
+    let (dims, element) = (image.dims, image.element);
+    // Both decoders give the machine's own byte order.
+    let of_bytes = (element, cfg!(target_endian = "big"));
+    let volume = Volume::new(folder, "folder of images", grid, of_bytes, Data::Images { files, dims, element });
+    volume.check()?;
+    Ok(Volume { notes, lacks: Some(Lacking::Needed(lacks)), ..volume })
+}
+
+/// The labels of one image.
+struct Image {
+    /// Columns and rows.
+    dims: [usize; 2],
+    /// Type of a label.
+    element: Element,
+    /// Labels, row by row.
+    bytes: Vec<u8>,
+}
+
+impl Image {
+    fn read(path: &Path) -> Failure<Self> {
+        // In a TIFF the number in the file is the label, of any type, however it is shown.
+        if sniff::format(path) == Some("tiff") {
+            let (dims, element) = page(&mut decoder(path)?)?;
+            let length = dims[0].checked_mul(dims[1]).and_then(|n| n.checked_mul(element.size()));
+            let length = length.ok_or_else(|| format!("{}x{} px are too many", dims[0], dims[1]))?;
+            room::check_room(length as f64).map_err(|m| format!("{}x{} px {m}", dims[0], dims[1]))?;
+            let mut bytes = Vec::new();
+            Pages::open(path, 1, length)?.read_to_end(&mut bytes).map_err(|e| e.to_string())?;
+            return Ok(Image { dims, element, bytes });
+        }
+        let Grey { dims, bits, values } = Grey::read(path)?;
+        let (size, bytes) = match bits {
+            8 => (1, values.iter().map(|v| *v as u8).collect()),
+            _ => (2, values.iter().flat_map(|v| v.to_ne_bytes()).collect()),
+        };
+        Ok(Image { dims, element: Element::Int { size, signed: false }, bytes })
+    }
+}
+
+/// The labels of all images, one image in memory.
+pub(super) struct OneByOne {
+    files: Vec<PathBuf>,
+    dims: [usize; 2],
+    element: Element,
+    /// Images that were read.
+    done: usize,
+    /// The image, and how much of it was given away.
+    bytes: Vec<u8>,
+    used: usize,
+}
+
+impl OneByOne {
+    /// Images of this size and type.
+    pub fn new(files: Vec<PathBuf>, dims: [usize; 2], element: Element) -> Self {
+        OneByOne { files, dims, element, done: 0, bytes: Vec::new(), used: 0 }
+    }
+
+    fn next(&mut self, file: usize) -> Failure<()> {
+        let image = Image::read(&self.files[file])?;
+        if (image.dims, image.element) != (self.dims, self.element) {
+            let words = |[w, h]: [usize; 2], element: Element| format!("{w}x{h} px of {}", element.name());
+            let (own, first) = (words(image.dims, image.element), words(self.dims, self.element));
+            return Err(format!("{own}, but slice 0 has {first}"));
+        }
+        (self.bytes, self.used, self.done) = (image.bytes, 0, file + 1);
+        Ok(())
+    }
+}
+
+impl Read for OneByOne {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        if self.used == self.bytes.len() {
+            let file = self.done;
+            let Some(path) = self.files.get(file) else { return Ok(0) };
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            self.next(file).map_err(|m| io::Error::other(format!("slice {file} (`{name}`): {m}")))?;
+        }
+        let n = out.len().min(self.bytes.len() - self.used);
+        out[..n].copy_from_slice(&self.bytes[self.used..self.used + n]);
+        self.used += n;
+        Ok(n)
+    }
+}

@@ -198,12 +198,15 @@ fn the_command_takes_all_labels_of_images_one_or_each() {
     assert_eq!(whole.labels, [3, 7]);
 }
 
+/// How a sound folder is spoilt, options, and what is said.
+type Case<'c> = (&'c dyn Fn(), &'c [&'c str], &'c str);
+
 #[test]
 fn wrong_label_images_are_named() {
     let place = folder();
     let images = place.path().join("images");
     let (input, out) = (images.display().to_string(), place.path().join("out.nrrd").display().to_string());
-    let cases: [(&dyn Fn(), &[&str], &str); 6] = [
+    let cases: [Case<'_>; 6] = [
         (
             &|| two_discs(Saved::Png16, 1).write_one(&images.join("s4.png"), &two_discs(Saved::Png8, 1).slices[0]),
             &[],
@@ -241,7 +244,7 @@ fn wrong_label_images_are_named() {
         match arguments {
             ["no spacing"] => all.extend(["--labels", "all"]),
             [] => all.extend(["--labels", "all", "--spacing", "1,1,3"]),
-            more => all.extend([&["--spacing", "1,1,3"], *more].concat()),
+            more => all.extend([&["--spacing", "1,1,3"][..], more].concat()),
         }
         let wrong = interslice(&all);
         assert_eq!(wrong.status.code(), Some(2), "{all:?}: {}", stderr(&wrong));

@@ -110,9 +110,7 @@ fn labels_of(
     }
     let Input { stack, surveyed, notes: mut said } = read(&ReadOptions { complete_slices: false, ..options.clone() })?;
     let Some(mut surveyed) = surveyed else {
-        return fail(
-            "is not for a folder of slices with stack.json; it chooses from a label volume, or from images whose `spacing` is named".into(),
-        );
+        return fail("chooses from a label volume".into());
     };
     let of_all = surveyed.volume.overlaps()?;
     let there: BTreeSet<i64> = surveyed.survey.labels.keys().chain(of_all.segments.keys()).copied().collect();

@@ -205,9 +205,17 @@ impl Input {
     /// Reads what labels are chosen from.
     ///
     /// # Errors
-    /// The errors of [`read`].
+    /// The errors of [`read`]; [`Error::Setting`] for what is no volume.
     fn of_labels(path: &Path, options: &ReadOptions) -> Result<Self> {
-        Self::of_kind(Kind::of_labels(path)?.check(options, path)?, path, options)
+        let kind = Kind::of_labels(path)?.check(options, path)?;
+        let fail = |what: &str| Err(Error::Setting { name: "labels".into(), message: format!("is not for {what}") });
+        match kind {
+            Kind::Volume(_) => Self::of_kind(kind, path, options),
+            Kind::Folder => fail(
+                "a folder of slices with stack.json; it chooses from a label volume, or from images whose `spacing` is named",
+            ),
+            Kind::StructureSet | Kind::Map => fail("this input; it chooses from a label volume"),
+        }
     }
 
     fn of_kind(kind: Kind, path: &Path, options: &ReadOptions) -> Result<Self> {

@@ -117,7 +117,7 @@ def _nibabel(of: Any, name: str) -> Image:
 def _itk(of: Any, name: str) -> Image:
     module = sys.modules[type(of).__module__.split(".")[0]]
     simple = hasattr(module, "GetArrayViewFromImage")
-    if simple and "label map" in of.GetPixelIDTypeAsString():
+    if simple and of.GetPixelIDTypeAsString().startswith("label "):
         # SimpleITK itself ends the interpreter where the array of such is asked for.
         raise TypeError(f"`{name}` is a label map of SimpleITK, which has no array: `SimpleITK.LabelMapToLabel` makes an image of it")
     # The view of an image lives no longer than the image, which `like` keeps.

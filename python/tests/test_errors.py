@@ -190,7 +190,7 @@ def test_wrong_arguments_are_named(labels: Volume, masks: NDArray[np.bool_]) -> 
         (lambda: stack(masks, range(5), unit=None), ValueError, "`unit` must be a text, such as mm; got None"),
         (lambda: stack(masks, ["0 mm", 1, 2, 3, 4]), ValueError, "`heights` takes numbers; got '0 mm'"),
         (lambda: stack(masks, 5), ValueError, "`heights` takes several values, such as a list; got 5"),
-        (lambda: stack(polygons=[[[(0, 0), (9,)]]], heights=[0]), ValueError, "`polygons` must have .* a line of slice 0 is none"),
+        (lambda: stack(polygons=[[[(0, 0), (9,)]]], heights=[0]), ValueError, "`polygons` must have, .* a line of slice 0 is none"),
         (lambda: stack(polygons=[1], heights=[0]), ValueError, "`polygons` takes several values, such as a list; got 1"),
         (lambda: stack(polygons=[[]], heights=[0], pixel=-1), ValueError, "`pixel` must be positive; got -1"),
         (lambda: interslice.reconstruct(masks, range(5), at=[float("nan")]), ValueError, "`at` takes finite heights; got nan"),

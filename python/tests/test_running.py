@@ -158,7 +158,7 @@ def test_progress_is_told_and_may_end_the_run(labels: Volume) -> None:
 
     with pytest.raises(LookupError, match="enough of "):
         interslice.fill(given, progress=refuses)
-    with pytest.raises(TypeError, match="not callable"):
+    with pytest.raises(TypeError, match="`progress` must be a function"):
         interslice.fill(drawn(size=160, count=8), progress=7)  # type: ignore[call-overload]
 
 

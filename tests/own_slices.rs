@@ -248,10 +248,15 @@ fn p13_of_all_labels_those_that_cannot_be_done_are_left_out() {
     let json: serde_json::Value = serde_json::from_slice(&fs::read(&report).expect("there is a report")).expect("JSON");
     assert_eq!(json["left_out"][0]["label"], 9);
     assert_eq!(json["labels"].as_array().map(Vec::len), Some(2));
-    // Nor does a template have a line for it.
+    // Nor does a template have a line for it, which it says; and of an empty volume.
+    write(&at("none.nrrd"), &vec![0; SIZES.iter().product()]);
     let template = interslice(&["batch", "--template", text(place.path()), "--each-label"]);
     let lines = String::from_utf8_lossy(&template.stdout).into_owned();
     assert!(lines.contains("in-1") && lines.contains("in-2") && !lines.contains("in-9"), "{lines}");
+    assert!(!lines.contains("none"), "{lines}");
+    for told in ["warning: in: label 9 drawn on one slice: left out", "warning: none: has no label: left out"] {
+        assert!(stderr(&template).contains(told), "{}", stderr(&template));
+    }
     // Who names it is told.
     let named = run("1,9");
     assert_eq!(named.status.code(), Some(2));

@@ -76,17 +76,17 @@ class Body:
     def stale(self) -> list[int]:
         """Intervals between slices, from 0, whose layers are out of date."""
     def distance(self, z: float) -> NDArray[np.float32]:
-        """Signed distance on the plane at a height, negative inside."""
+        """Signed distance within the plane at a height, in the unit of the spacing: negative inside, clamped 14 px from the contour (`half_width` and 8 more)."""
     def mask(self, z: float) -> NDArray[np.bool_]:
         """Which pixels are inside on the plane at a height."""
     def distances(self) -> NDArray[np.float32]:
-        """Signed distances of all output layers."""
+        """Signed distances of all output layers, as `distance` has them."""
     def masks(self) -> NDArray[np.bool_]:
         """Which pixels are inside on all output layers."""
     def contours(self, z: float) -> list[NDArray[np.float64]]:
-        """Closed lines on the plane at a height: arrays of points (x, y) in the unit of the spacing."""
+        """Closed lines on the plane at a height: arrays of points (x, y) along the directions of columns and rows from the world's origin, in the unit of the spacing."""
     def mesh(self, simplify: float | None = None) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
-        """The closed surface: vertices (x, y, z) in the world (LPS), and the vertices' numbers of each triangle."""
+        """The closed surface: vertices (x, y, z) in the world (LPS), in the unit of the spacing, and the vertices' numbers of each triangle."""
     def save(
         self,
         *paths: str | PathLike[str],

@@ -279,7 +279,7 @@ impl PyBody {
         &self.unit
     }
 
-    /// Signed distance on the plane at a height.
+    /// Signed distance within the plane at a height, in the unit of the spacing: negative inside, clamped 14 px from the contour (`half_width` and 8 more).
     fn distance<'py>(&self, py: Python<'py>, z: f64) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let values = self.layer(py, z, |layer| layer.dense())?;
         PyArray1::from_vec(py, values).reshape([self.dims[1], self.dims[0]])
@@ -291,7 +291,7 @@ impl PyBody {
         PyArray1::from_vec(py, inside).reshape([self.dims[1], self.dims[0]])
     }
 
-    /// Signed distances of all output layers.
+    /// Signed distances of all output layers, as `distance` has them.
     fn distances<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let values = self.ask(py, |inner, watch| {
             inner.with(watch, |body, means| {
@@ -321,7 +321,8 @@ impl PyBody {
         PyArray1::from_vec(py, values).reshape([count, ny, nx])
     }
 
-    /// Closed lines on the plane at a height: arrays of points (x, y).
+    /// Closed lines on the plane at a height: arrays of points (x, y) along the directions of columns and rows from the world's origin, in the unit of the
+    /// spacing.
     fn contours<'py>(&self, py: Python<'py>, z: f64) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
         let dims = self.dims;
         let lines = self.layer(py, z, move |layer| contour_lines(layer, dims))?.into_iter();
@@ -334,7 +335,7 @@ impl PyBody {
         lines.map(array).collect()
     }
 
-    /// The closed surface: vertices (x, y, z) in the world, and the vertices' numbers of each triangle.
+    /// The closed surface: vertices (x, y, z) in the world (LPS), in the unit of the spacing, and the vertices' numbers of each triangle.
     #[pyo3(signature = (simplify=None))]
     fn mesh<'py>(&self, py: Python<'py>, simplify: Option<f64>) -> PyResult<Surface<'py>> {
         if let Some(error) = simplify.filter(|e| !(e.is_finite() && *e > 0.0)) {

@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::files::format::check_extension;
 use crate::input;
 use crate::input::format::{InputFormat, expected};
+use crate::labels::given::listed;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructureSet;
 #[cfg(feature = "dicom")]
@@ -32,7 +33,7 @@ pub struct Template {
 pub struct Templated {
     /// Lines.
     pub lines: Vec<ManifestLine>,
-    /// Cases that cannot be read and ROIs that cannot be reconstructed, and why.
+    /// Cases that cannot be read, and ROIs and labels that cannot be reconstructed, and why.
     pub left_out: Vec<String>,
 }
 
@@ -76,7 +77,13 @@ pub fn template(folder: &Path, base: &Path, template: &Template) -> Result<Templ
             let mut leave_out = |why: String| left_out.push(format!("{name}: {why}"));
             ("roi", rois(&path, &mut leave_out))
         } else if template.each_label && path.is_file() && !input::is_map(&path) {
-            ("label", input::labels(&path))
+            (
+                "label",
+                labels(&path).map(|(numbers, why)| {
+                    left_out.extend(why.map(|why| format!("{name}: {why}: left out")));
+                    numbers
+                }),
+            )
         } else {
             lines.push(line(name, Map::new()));
             continue;
@@ -107,6 +114,17 @@ fn stem(path: &Path) -> Option<String> {
     }
     let (_, at) = InputFormat::of_name(&name).filter(|(format, _)| format.name != "folder")?;
     Some(name[..at].to_string()).filter(|s| !s.is_empty())
+}
+
+/// The labels that can be reconstructed, and words on those that cannot.
+fn labels(path: &Path) -> Result<(Vec<i64>, Option<String>)> {
+    let [several, one] = input::labels(path)?;
+    let why = match (&several[..], &one[..]) {
+        (_, [_, ..]) => Some(format!("{} drawn on one slice", listed(&one))),
+        ([], []) => Some("has no label".into()),
+        _ => None,
+    };
+    Ok((several, why))
 }
 
 /// Numbers of the ROIs that can be reconstructed; `leave_out` hears of each other one, and why.

@@ -168,18 +168,19 @@ pub fn open_volume(path: &Path) -> Result<Volume> {
     }
 }
 
-/// The labels of a label volume that are on two slices or more, and so can be reconstructed.
+/// The labels of a label volume that are on two slices or more, and so can be reconstructed, and those that are on one.
 ///
 /// # Errors
 /// The errors of [`survey`]; [`Error::Format`] for a volume that has more labels than are told apart.
-pub fn labels(path: &Path) -> Result<Vec<i64>> {
+pub fn labels(path: &Path) -> Result<[Vec<i64>; 2]> {
     let (volume, survey) = surveyed(path)?;
     if survey.more {
         return Err(Error::Format { path: path.into(), message: "has too many labels for a line each".into() });
     }
     let axis = axis::choose(Axis::Auto, &volume.grid, &survey).axis;
-    let several = survey.extents.into_iter().filter(|(_, extent)| extent[axis][0] < extent[axis][1]);
-    Ok(several.map(|(label, _)| label).collect())
+    let (several, one): (Vec<_>, Vec<_>) =
+        survey.extents.into_iter().partition(|(_, extent)| extent[axis][0] < extent[axis][1]);
+    Ok([several, one].map(|of| of.into_iter().map(|(label, _)| label).collect()))
 }
 
 /// A stack that was read.

@@ -63,8 +63,8 @@ fn check(stack: &ContourStack, top: f64, settings: &Settings) -> Result<(), Test
         // Trajectories of a moving frame are found to a thousandth of a pixel.
         let sure = if settings.motion == Motion::None { 0.0 } else { 0.02 };
         let flipped = |(a, b): &(&f32, &f32)| (**a < 0.0) != (**b < 0.0) && a.abs().max(b.abs()) > sure;
-        let different = a.phi.iter().zip(b.phi.iter()).filter(flipped).count();
-        prop_assert_eq!(different, 0, "z = {}", a.z);
+        let different: Vec<(&f32, &f32)> = a.phi.iter().zip(b.phi.iter()).filter(flipped).collect();
+        prop_assert!(different.is_empty(), "z = {}: {different:?}", a.z);
     }
     Ok(())
 }
@@ -145,4 +145,23 @@ fn an_end_plane_half_a_gap_beyond_counts_from_either_side() {
     let z = [0.0, first, first + second];
     let stack = masks(N, &z, &[nothing(), tiny(), circle(0.0, 30.508509291035846, 1.9654920508037057)]);
     check(&stack, z[2], &settings).expect("the same upside down");
+}
+
+#[test]
+fn a_piece_that_floats_is_joined_in_the_same_layer_from_either_side() {
+    // Two layers have a way of one pixel.
+    let z = [0.0, 0.5, 8.541074236869873];
+    let blobs = [
+        circle(13.399783227585187, 5.104447213559773, 7.841323650936938),
+        circle(0.0, 24.6635928174255, 1.809152581083111),
+        circle(13.58052076954891, 41.35157941339401, 12.27249366567758),
+    ];
+    let [first, second, third] = blobs;
+    let shapes = [
+        circle(15.78088135819946, 39.97086258719118, 14.923638640765587),
+        circle(38.99283486153443, 37.26710384797735, 2.4181565385498454),
+        union(union(first, second), third),
+    ];
+    let settings = Settings { slope: SlopeRule::Linear, end_top: EndRule::HalfSlice, fair: 1.0, ..Settings::default() };
+    check(&masks(N, &z, &shapes), z[2], &settings).expect("the same upside down");
 }

@@ -30,7 +30,10 @@ pub fn join(layers: &mut [&mut SparseImage<f32>], all: &[Runs], stays: &[Vec<boo
             };
             let view = View::new(all, &numbers, &bridges, *piece, [around(0, nx), around(1, ny)]);
             let ways = (1..all.len() - 1).filter_map(|k| Some((k, view.way(k, image)?)));
-            let Some((k, way)) = ways.min_by_key(|(_, way)| way.len()) else { return true };
+            // Of ways as short as each other that through the least depth: the first would be another upside down.
+            let depth = |k: usize, way: &[[usize; 2]]| way.iter().map(|[i, j]| layers[k].at(*i, *j).abs()).sum::<f32>();
+            let ways = ways.map(|(k, way)| (way.len(), depth(k, &way), k, way));
+            let Some((.., k, way)) = ways.min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))) else { return true };
             for &[i, j] in &way {
                 layers[k][j * nx + i] = -layers[k].at(i, j);
             }

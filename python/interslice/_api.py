@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from interslice import _native
 from interslice._images import image, sides, unmasked
 from interslice._native import Body, Settings, Stack
-from interslice._numbers import answer, called, counted, numbers, several, whole, wholes
+from interslice._numbers import Spacing, Vector, answer, called, counted, numbers, several, whole, wholes
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from interslice._options import ReadOptions, RunOptions, SettingsOptions
 
 Progress = Callable[[str, int, int], object]
-Vector = Sequence[float] | NDArray[Any]
-Spacing = float | Vector
 
 
 def _choice(
@@ -120,14 +118,14 @@ def fill(
     """Fill a label volume that is painted on some of its slices.
 
     `labels` is an array of three axes with whole numbers, 0 for the background, or an image of nibabel, SimpleITK or ITK, or (array, header) of
-    pynrrd, whose geometry is used. The result is of the same kind, type and shape; voxels that are painted keep their labels, and labels that are not filled are as
-    they were. `spacing` is the distance of voxels along each axis of the array, in the array's order; `axis` that along which slices lie
-    (default: that along which painted slices stand alone, else that of the coarsest spacing).
+    pynrrd, whose geometry is used. The result is of the same kind, type and shape; voxels that are painted keep their labels, and labels
+    that are not filled are as they were. `spacing` is the distance of voxels along each axis of the array, in the array's order; `axis` that along
+    which slices lie (default: that along which painted slices stand alone, else that of the coarsest spacing).
 
     `slices` are the slices that count, for all labels or for each one (`{label: slices}`; the others are left alone); by default those on which a
     label is painted: it goes on across slices on which only others are, and a warning names it. With `complete_slices` a painted slice counts for
-    all labels: those that are not on it end before it. `only` names the labels to fill. `progress` is called as `progress(stage, done, total)`. `options` are the settings, and
-    those of the machine, of the command line; with `report=True` the result is (labels, report).
+    all labels: those that are not on it end before it. `only` names the labels to fill. `progress` is called as `progress(stage, done, total)`.
+    `options` are the settings, and those of the machine, of the command line; with `report=True` the result is (labels, report).
 
     Raises ValueError for wrong input, MemoryError, OSError, GpuError.
     """

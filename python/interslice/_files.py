@@ -13,10 +13,7 @@ from numpy.typing import NDArray
 
 from interslice import _native
 from interslice._images import has_place, image
-from interslice._numbers import whole, wholes
-
-Vector = Sequence[float] | NDArray[Any]
-
+from interslice._numbers import Spacing, Vector, whole, wholes
 
 class Segment(NamedTuple):
     """Name and colour (red, green, blue, 0 to 255) of a label, as far as they are known."""
@@ -83,7 +80,7 @@ def write_volume(
     path: str | os.PathLike[str],
     labels: Any,
     *,
-    spacing: float | Vector | None = None,
+    spacing: Spacing | None = None,
     origin: Vector | None = None,
     axes: Sequence[Vector] | NDArray[Any] | None = None,
     unit: str = "mm",
@@ -139,7 +136,7 @@ def _three(numbers: Any) -> tuple[float, float, float]:
 
 def _named(label: Any, segment: Any) -> tuple[int, str | None, list[int] | None]:
     """Label, name and colour of a segment that is given."""
-    if not isinstance(segment, tuple) or len(segment) != 2:
+    if not isinstance(segment, (tuple, list)) or len(segment) != 2:
         raise ValueError(f"`segments` must have a Segment(name, colour) for each label; label {label} has {segment!r}")
     name, colour = segment
     return whole("segments", label), name, _shade(label, colour)

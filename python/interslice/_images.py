@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from interslice._numbers import Spacing
 
 # From right, anterior, superior (NIfTI) to left, posterior, superior (DICOM, ITK).
 _LPS = np.diag([-1.0, -1.0, 1.0])
@@ -34,9 +35,6 @@ class Image(NamedTuple):
     def place(self, name: str) -> dict[str, Any]:
         place = self._asdict()
         return {key: place[key] for key in ("order", "origin", "steps", "unit", "spaced")} | {"name": name}
-
-
-Spacing = float | Sequence[float] | NDArray[Any]
 
 
 def image(of: Any, spacing: Spacing | None, name: str) -> Image:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+Vector = Sequence[float] | NDArray[Any]
+Spacing = float | Vector
 
 
 def whole(name: str, given: Any) -> int:
@@ -34,11 +38,14 @@ def counted(name: str, given: Any) -> int:
     return number
 
 
-def several(name: str, given: Any) -> Iterable[Any]:
-    """Something that has several values."""
-    if not isinstance(given, Iterable) or isinstance(given, (str, bytes)):
-        raise ValueError(f"`{name}` takes several values, such as a list; got {given!r}")
-    return given
+def several(name: str, given: Any) -> Iterator[Any]:
+    """The values of something that has several."""
+    try:
+        if isinstance(given, (str, bytes)):
+            raise TypeError
+        return iter(given)
+    except TypeError:
+        raise ValueError(f"`{name}` takes several values, such as a list; got {given!r}") from None
 
 
 def numbers(name: str, given: Any, count: int | None = None) -> list[float]:

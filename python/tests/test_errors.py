@@ -189,6 +189,7 @@ def test_wrong_arguments_are_named(labels: Volume, masks: NDArray[np.bool_]) -> 
         (lambda: stack(masks, range(5), axes=np.eye(3)[:2]), ValueError, "`axes` must be three vectors; got 2"),
         (lambda: stack(masks, range(5), unit=None), ValueError, "`unit` must be a text, such as mm; got None"),
         (lambda: stack(masks, ["0 mm", 1, 2, 3, 4]), ValueError, "`heights` takes numbers; got '0 mm'"),
+        (lambda: stack(masks, np.array(5)), ValueError, "`heights` takes several values, such as a list; got array"),
         (lambda: stack(masks, 5), ValueError, "`heights` takes several values, such as a list; got 5"),
         (lambda: stack(polygons=[[[(0, 0), (9,)]]], heights=[0]), ValueError, "`polygons` must have, .* a line of slice 0 is none"),
         (lambda: stack(polygons=[1], heights=[0]), ValueError, "`polygons` takes several values, such as a list; got 1"),
@@ -199,3 +200,12 @@ def test_wrong_arguments_are_named(labels: Volume, masks: NDArray[np.bool_]) -> 
     for call, error, words in wrong:
         with pytest.raises(error, match=words):
             call()
+
+
+def test_what_is_asked_for_its_items_has_several_values(masks: NDArray[np.bool_]) -> None:
+    class Slices:
+        def __getitem__(self, k: int) -> Any:
+            return masks[k]
+
+    given: Any = Slices()
+    assert interslice.reconstruct(given, range(5), dz=1.0).volume == interslice.reconstruct(masks, range(5), dz=1.0).volume

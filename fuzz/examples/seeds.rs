@@ -21,7 +21,7 @@ use interslice::files::places::Places;
 use interslice::files::section_file::SectionWriter;
 use interslice::files::{JobOptions, Loaded};
 use interslice::progress::Silent;
-use interslice::stack::appearance::Appearance;
+use interslice::stack::appearance::{Appearance, Segment};
 use interslice::stack::{Geometry, Slice, SliceContent};
 use interslice::surface::map::{Crs, Floor, Map};
 use interslice::{Budget, ContourStack, Means, Reference};
@@ -118,7 +118,9 @@ fn written(keep: Keep<'_>) -> Try {
     }
     let path = place.path().join("a.section");
     let map = Map { crs: Crs::Epsg(32611), first: [1, 2], dims: DIMS.map(|n| n - 2), floor: Floor::default() };
-    let bodies = vec![Appearance { name: Some("a body".into()), number: Some(1), colour: Some([200, 100, 50]) }];
+    let segment = Some(Segment { id: Some("Segment_1".into()), tags: Some("Segmentation.Status:completed|".into()) });
+    let bodies =
+        vec![Appearance { name: Some("a body".into()), number: Some(1), colour: Some([200, 100, 50]), segment }];
     let whole = loaded(OutputOptions { dz: Some(2.25), map: Some(Arc::new(map)), bodies, ..OutputOptions::default() })?;
     let mut writer = SectionWriter::open(&path, [1, 1], "0".repeat(64), &whole, &mut Places::default())?;
     let body = whole.compute_section(&whole.section(1, 1)?, &means, &mut writer)?;
@@ -194,6 +196,7 @@ fn slices(keep: Keep<'_>) -> Try {
         let mut out = Cursor::new(Vec::new());
         grey.write_to(&mut out, format)?;
         keep("folder", name, &[text.as_bytes(), BETWEEN, out.get_ref()].concat())?;
+        keep("images", name, &[out.get_ref(), BETWEEN, out.get_ref()].concat())?;
     }
     let polygons = r#"{"axes": [[0,1,0],[0,0,1],[1,0,0]], "slices": [{"z": 0, "polygons": [[[0, 0], [9, 0], [9, 8], [0, 8]], [[3, 3], [6, 3], [6, 6]]]}, {"z": 5, "polygons": []}]}"#;
     keep("folder", "polygons", polygons.as_bytes())

@@ -41,7 +41,8 @@ pub fn targets() -> Vec<(&'static str, Target)> {
         };
         (format.name, target)
     });
-    let others: [(&str, Target); 4] = [
+    let others: [(&str, Target); 5] = [
+        ("images", Box::new(images)),
         ("links", Box::new(links)),
         ("manifest", Box::new(manifest)),
         ("section", Box::new(section)),
@@ -95,6 +96,16 @@ fn folder(bytes: &[u8]) -> Result<()> {
         return Ok(());
     }
     with_files(&["stack.json", "s.png"], bytes, |folder| read(folder, &ReadOptions::default()))
+}
+
+/// A folder of label images: two, in the order of their names.
+fn images(bytes: &[u8]) -> Result<()> {
+    with_files(&["images/2.png", "images/10.png"], bytes, |folder| {
+        let options = ReadOptions { spacing: Some(vec![1.0, 1.0, 2.0]), ..ReadOptions::default() };
+        let labels = read_labels(&folder.join("images"), &options, &Wanted::All)?;
+        labels.validate().expect("a reader gives labels that may be reconstructed");
+        Ok(())
+    })
 }
 
 /// About the pixels that polygons are laid on, of the size that the file asks for.

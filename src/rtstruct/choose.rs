@@ -184,10 +184,10 @@ impl ChosenRois<'_> {
         checked.map_err(|e| e.in_file(&self.set.path))
     }
 
-    /// Words on planes on which contours cross; where a ROI says even-odd outright it is meant.
-    pub fn crossing(&self, drawings: &[PlaneDrawing]) -> Option<String> {
+    /// Words on planes on which contours cross each other or themselves; where a ROI says even-odd outright it is meant.
+    pub fn crossing(&self, drawings: &[PlaneDrawing]) -> Vec<String> {
         let is_xor = self.rois.iter().any(|roi| roi.contours.iter().any(Contour::is_xor));
-        if is_xor { None } else { crossing(drawings) }
+        if is_xor { Vec::new() } else { crossing(drawings) }
     }
 
     /// What is drawn on the planes that `options` name.

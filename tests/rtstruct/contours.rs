@@ -73,6 +73,26 @@ fn contours_that_cross_are_told_but_where_even_odd_is_said() {
     );
 }
 
+/// A line that is drawn on beyond its beginning, farther out.
+#[test]
+fn a_contour_that_goes_twice_round_is_told() {
+    let place = folder();
+    let path = place.path().join("a.dcm");
+    let beyond = |z: f64| {
+        let [line, more] = [20.0, 22.0].map(|radius| circle(radius, z));
+        (CLOSED, line.into_iter().chain(more.into_iter().take(30)).collect::<Vec<_>>())
+    };
+    write(&[("twice", vec![beyond(0.0), beyond(4.0)]), ("once", tube(10.0, &[0.0, 4.0]))], &path);
+    let (input, out) = (path.display().to_string(), place.path().join("a.json").display().to_string());
+    let told = "a line crosses itself on `k=0` at 0, `k=1` at 4: what it goes round twice is outside (even-odd)";
+    for (roi, count) in [("twice", 1), ("once", 0)] {
+        let run = ["reconstruct", &input, "--roi", roi, "-o", &out, "--backend", "cpu"];
+        for said in [said(&["inspect", &input, "--roi", roi], 0), said(&run, 0)] {
+            assert_eq!(said.matches(told).count(), count, "{roi}: {said}");
+        }
+    }
+}
+
 #[test]
 fn short_contours_are_left_out_by_name_and_open_ones_refused() {
     let place = folder();

@@ -178,6 +178,8 @@ fn joined() -> bool {
 
 /// The place of the end slopes in `--help`: behind the rules for the ends.
 const END_SLOPES: usize = 1000;
+/// Largest height of an extrapolated end, gaps, where none is asked for.
+const CAP_GAPS: f64 = 2.0;
 
 /// Every numeric parameter of a reconstruction.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -241,9 +243,9 @@ pub struct Settings {
     #[arg(long, value_name = "RULE", default_value_t = Settings::default().end_top, help_heading = "Ends")]
     pub end_top: EndRule,
 
-    /// Largest height of an extrapolated end, in gaps, (0, 10]
-    #[arg(long, value_name = "GAPS", default_value_t = Settings::default().cap_gaps, help_heading = "Ends")]
-    pub cap_gaps: f64,
+    /// Largest height of an extrapolated end, in gaps, (0, 10] [default: 2, of a contour map 1: the next level was not drawn]
+    #[arg(long, value_name = "GAPS", help_heading = "Ends")]
+    pub cap_gaps: Option<f64>,
 
     /// Sweeps that make the layers between contours
     #[arg(long, value_enum, default_value_t = Settings::default().sweep)]
@@ -291,7 +293,7 @@ impl Default for Settings {
             clamp_top: None,
             end_bottom: EndRule::Flat,
             end_top: EndRule::Flat,
-            cap_gaps: 2.0,
+            cap_gaps: None,
             sweep: Sweep::Both,
             redistance: 0,
             cfl: 0.5,
@@ -324,6 +326,11 @@ impl Settings {
             .map(|(rule, clamp)| rule != EndRule::Flat || clamp.is_some())
     }
 
+    /// Largest height of an extrapolated end, in gaps.
+    pub fn highest_cap(&self) -> f64 {
+        self.cap_gaps.unwrap_or(CAP_GAPS)
+    }
+
     /// A sentence for each setting that was changed and changes nothing, because of another.
     pub fn idle(&self) -> Vec<String> {
         let own = Settings::default();
@@ -337,7 +344,7 @@ impl Settings {
             ("sigma", self.sigma != own.sigma, self.anti_alias == AntiAlias::Kernel, "`anti_alias` = kernel"),
             ("slope", self.slope != own.slope, morph || slope, "`method` = morph"),
             ("spline_end", self.spline_end.is_some(), splines && morph, "`slope` = natural or hyman, `method` = morph"),
-            ("cap_gaps", self.cap_gaps != own.cap_gaps, extrapolated, "an end that is to `extrapolate`"),
+            ("cap_gaps", self.cap_gaps.is_some(), extrapolated, "an end that is to `extrapolate`"),
             ("sweep", self.sweep != own.sweep, morph, "`method` = morph"),
             ("redistance", self.redistance != own.redistance, morph, "`method` = morph"),
             ("cfl", self.cfl != own.cfl, morph, "`method` = morph"),
@@ -363,7 +370,7 @@ impl Settings {
             Err(Error::Setting { name: name.into(), message })
         };
         within("sigma", self.sigma, 0.0, 5.0, true)?;
-        within("cap_gaps", self.cap_gaps, 0.0, 10.0, true)?;
+        within("cap_gaps", self.highest_cap(), 0.0, 10.0, true)?;
         within("fair", self.fair, 0.0, 1.5, false)?;
         within("link_reach", self.link_reach, 0.0, 20.0, true)?;
         within("cfl", self.cfl, 0.05, 0.9, false)?;

@@ -163,7 +163,7 @@ fn a_part_that_grows_towards_its_end_ends_flat_and_is_told() {
 #[test]
 fn an_extrapolated_end_is_no_higher_than_its_limit() {
     let stack = circles(&[0.0, 10.0, 20.0], |z| 30.0 - 0.75 * z);
-    let body = run(&stack, &Settings { end_top: EndRule::Extrapolate, cap_gaps: 1.5, ..plain() });
+    let body = run(&stack, &Settings { end_top: EndRule::Extrapolate, cap_gaps: Some(1.5), ..plain() });
     assert_eq!(body.extent[1], 35.0);
 }
 

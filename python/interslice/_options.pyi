@@ -18,7 +18,7 @@ class SettingsOptions(TypedDict, total=False):
     clamp_top: float | None
     end_bottom: str
     end_top: str
-    cap_gaps: float
+    cap_gaps: float | None
     sweep: Literal["both", "forward"]
     redistance: int
     cfl: float

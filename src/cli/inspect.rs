@@ -175,7 +175,8 @@ fn contour_map(arguments: &InspectArguments) -> Result<String> {
     let lines: Vec<String> = terrain.description.iter().cloned().chain(notes).collect();
     let text =
         describe(&terrain.stack, &links, terrain.step().map(|step| (step, "an eighth of the distance of levels")))?;
-    Ok(lines.join("\n") + "\n(the stack goes on 16 px beyond the border)\n" + &text)
+    let [beyond, _] = terrain.map.first;
+    Ok(lines.join("\n") + &format!("\n(the stack goes on {beyond} px beyond the border)\n") + &text)
 }
 
 /// Where output heights come from that nobody has asked for.

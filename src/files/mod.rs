@@ -49,6 +49,10 @@ use options::OutputOptions;
 use outputs::Outputs;
 use provenance::Source;
 
+/// Largest height of an extrapolated end of a contour map, gaps, where none is asked for: where the next level was not drawn, the terrain does not get there.
+#[cfg(feature = "terrain")]
+const MAP_CAP_GAPS: f64 = 1.0;
+
 /// All that decides a result besides its input.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct JobOptions {
@@ -184,6 +188,7 @@ impl Loaded {
             let message = format!("is a raster in {its}, but the map is in {own}; {what}");
             return Err(crate::error::Error::Setting { name: "like".into(), message });
         }
+        options.settings.cap_gaps.get_or_insert(MAP_CAP_GAPS);
         options.output.map = Some(std::sync::Arc::new(terrain.map));
         Ok(Self::new(terrain.stack, options)?.noted(terrain.notes))
     }

@@ -201,7 +201,7 @@ fn reach(stack: &ContourStack, settings: &Settings) -> [f64; 2] {
         _ if empty => 0.0,
         EndRule::Flat => 0.0,
         EndRule::HalfSlice => 0.5 * gap,
-        EndRule::Extrapolate => settings.cap_gaps * gap,
+        EndRule::Extrapolate => settings.highest_cap() * gap,
         EndRule::Peak(tip) => (tip - contour).abs(),
     };
     let empty = |k: usize| stack.slices[k].content.is_empty();

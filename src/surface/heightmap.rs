@@ -2,7 +2,7 @@
 
 use std::io::{self, Seek, Write};
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use tiff::encoder::colortype::{ColorType, Gray32Float, Gray64Float};
 use tiff::encoder::{TiffEncoder, TiffValue};
 
@@ -82,7 +82,32 @@ pub struct HeightMapWriter<W> {
     along: AlongAxes,
     is_double: bool,
     place: Option<Place>,
+    floor: Option<FloorBelow>,
+}
+
+/// What a map has below its lowest contour, seen from the pixels that are written.
+struct FloorBelow {
     floor: Floor,
+    /// The map's pixels.
+    dims: [usize; 2],
+    /// Place of the first pixel and steps to its neighbours, in pixels of the map.
+    first: DVec2,
+    steps: [DVec2; 2],
+}
+
+impl FloorBelow {
+    fn new(floor: Floor, header: &Header, map: &Header) -> Self {
+        let (geometry, spacing) = (&map.geometry, DVec2::from(map.spacing));
+        let flat = |p: DVec3| DVec2::new(p.dot(geometry.axes[0]), p.dot(geometry.axes[1])) / spacing;
+        let step = |axis: usize| flat(header.geometry.axes[axis] * header.spacing[axis]);
+        let first = flat(header.geometry.origin - geometry.origin);
+        FloorBelow { floor, dims: map.dims, first, steps: [step(0), step(1)] }
+    }
+
+    /// Height of a pixel.
+    fn height(&self, column: usize, row: usize) -> f64 {
+        self.floor.height(self.first + column as f64 * self.steps[0] + row as f64 * self.steps[1], self.dims)
+    }
 }
 
 /// Place of a map.
@@ -93,7 +118,7 @@ struct Place {
 }
 
 impl<W> HeightMapWriter<W> {
-    /// A writer without layers yet, which have the pixels of `header` and the heights of `body`.
+    /// A writer without layers yet, which have the pixels of `header` and the heights of `body`, whose pixels are those of `map`.
     pub fn new(out: W, header: &Header, body: &Header, map: Option<&Map>) -> Self {
         let ([nx, ny], spacing) = (header.dims, header.spacing);
         let along = AlongAxes::new(&body.geometry, body.spacing);
@@ -104,7 +129,7 @@ impl<W> HeightMapWriter<W> {
         let farthest = header.extent.map(|z| along.height(z).abs()).into_iter().fold(0.0, f64::max);
         let is_double = farthest * f64::from(f32::EPSILON) / 2.0 > ROUNDED * header.grid.step;
         let (size, heights) = ([nx as u32, ny as u32], ArrivalHeights::new(header));
-        let floor = map.map_or(Floor::default(), |map| map.floor.clone());
+        let floor = map.map(|map| FloorBelow::new(map.floor.clone(), header, body));
         HeightMapWriter { out, size, heights, along, is_double, place, floor }
     }
 }
@@ -117,8 +142,12 @@ impl<W: Write + Seek + Send> BodyWriter for HeightMapWriter<W> {
 
     fn finish(&mut self, _end: &mut Ending<'_>) -> io::Result<()> {
         let mut heights = self.heights.finish().to_vec();
+        let columns = self.size[0] as usize;
         for (node, height) in heights.iter_mut().enumerate() {
-            *height = self.along.height(if height.is_nan() { self.floor.height(node) } else { *height });
+            if let (true, Some(below)) = (height.is_nan(), &self.floor) {
+                *height = below.height(node % columns, node / columns);
+            }
+            *height = self.along.height(*height);
         }
         if self.is_double {
             self.write::<Gray64Float>(heights)?;

@@ -179,18 +179,13 @@ struct LikePixels {
 impl LikePixels {
     fn of_layer(&self, layer: &Layer) -> Layer {
         let [nx, ny] = layer.phi.dims();
-        let last = DVec2::new(nx as f64 - 1.0, ny as f64 - 1.0);
         let far = layer.phi.values().fold(f32::MIN_POSITIVE, |far, v| far.max(v.abs()));
         let outside = if self.nearest { 0.0 } else { far };
         let mut values = vec![outside; self.dims[0] * self.dims[1]];
         values.par_chunks_mut(self.dims[0].max(1)).enumerate().for_each(|(j, row)| {
             for (i, value) in row.iter_mut().enumerate() {
                 let x = self.first + i as f64 * self.steps[0] + j as f64 * self.steps[1];
-                // Pixels are areas: half a pixel beyond their centres there is nothing.
-                if !(x.cmpge(DVec2::splat(-0.5)).all() && x.cmple(last + 0.5).all()) {
-                    continue;
-                }
-                let x = snapped(x.clamp(DVec2::ZERO, last));
+                let Some(x) = among(x, [nx, ny]) else { continue };
                 *value = if self.nearest {
                     layer.phi.at(x.x.round() as usize, x.y.round() as usize)
                 } else {
@@ -203,10 +198,16 @@ impl LikePixels {
     }
 }
 
+/// The place among the centres of `dims` pixels of which `x` has the value. Pixels are areas: half a pixel beyond their centres there is nothing.
 /// A place that is a pixel's centre but for rounding is that centre: its own value comes back.
-fn snapped(x: DVec2) -> DVec2 {
+pub(super) fn among(x: DVec2, dims: [usize; 2]) -> Option<DVec2> {
+    let last = DVec2::new(dims[0] as f64 - 1.0, dims[1] as f64 - 1.0);
+    if !(x.cmpge(DVec2::splat(-0.5)).all() && x.cmple(last + 0.5).all()) {
+        return None;
+    }
+    let x = x.clamp(DVec2::ZERO, last);
     let centre = x.round();
-    DVec2::select((x - centre).abs().cmplt(DVec2::splat(1e-6)), centre, x)
+    Some(DVec2::select((x - centre).abs().cmplt(DVec2::splat(1e-6)), centre, x))
 }
 
 /// Linear between the four pixels around; never 0.

@@ -2,10 +2,12 @@
 
 pub use super::crs::{Crs, MapCrs};
 
+use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use crate::surface::Layer;
 use crate::surface::header::Header;
+use crate::surface::like::among;
 
 /// Facts that a contour map states besides its lines. Its stack goes on beyond the map's border, so that the border is no contour; outputs show the
 /// pixels within it.
@@ -40,12 +42,20 @@ impl Floor {
         *self == Floor::Nodata
     }
 
-    /// Height of a pixel, row by row.
-    pub fn height(&self, node: usize) -> f64 {
-        match self {
-            Floor::Nodata => f64::NAN,
-            Floor::Constant(height) => *height,
-            Floor::Heights(heights) => heights.get(node).copied().unwrap_or(f64::NAN),
+    /// Height at a place `x` in a map of `dims` pixels, of which the first is 0: linear between their centres; none (NaN) half a pixel beyond these.
+    pub fn height(&self, x: DVec2, dims: [usize; 2]) -> f64 {
+        match (self, among(x, dims)) {
+            (Floor::Nodata, _) | (_, None) => f64::NAN,
+            (Floor::Constant(height), _) => *height,
+            (Floor::Heights(heights), Some(x)) => {
+                let [i, j] = [x.x as usize, x.y as usize];
+                let at = |i: usize, j: usize| {
+                    let node = j.min(dims[1] - 1) * dims[0] + i.min(dims[0] - 1);
+                    heights.get(node).copied().unwrap_or(f64::NAN)
+                };
+                let row = |j: usize| at(i, j) + x.x.fract() * (at(i + 1, j) - at(i, j));
+                row(j) + x.y.fract() * (row(j + 1) - row(j))
+            }
         }
     }
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::below::{Region, floor};
 use super::border::Border;
 use super::join::{Elevation, JoinedMap};
-use super::lines::{ContourLine, distance};
+use super::lines::{BETWEEN, ContourLine, distance};
 use super::project;
 use crate::error::Error;
 use crate::polygons::Polygon;
@@ -17,8 +17,10 @@ use crate::stack::{self, ContourStack, Geometry, Slice, SliceContent};
 use crate::surface::length;
 use crate::surface::map::{Crs, Floor, Map};
 
-/// Pixels beyond the border: distances are needed as far.
+/// Pixels beyond the border, of the finest side that is chosen where none is asked for: distances are needed as far, whatever the pixels. Of finer ones at
+/// most so many, of coarser ones no fewer.
 const BEYOND: f64 = 16.0;
+const MOST_BEYOND: f64 = 64.0;
 /// Lines may lie this far, px, on the wrong side of another level's: they touch on cliffs, and are drawn by hand.
 const CROSSING: f64 = 1.0;
 /// Part of a pixel by which its centre may lie beyond the border.
@@ -43,7 +45,7 @@ impl From<Error> for Wrong {
 /// # Errors
 /// Lines of different levels that cross, or lie on the wrong side of each other; a pixel size that is too small.
 pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs, below: Option<Below>) -> Result<(ContourStack, Map), Wrong> {
-    let outer = joined.border.grown(BEYOND * pixel);
+    let outer = joined.border.grown(beyond(joined, pixel) * pixel);
     let grid = DrawingGrid::over([outer.low, outer.high], DVec2::splat(pixel), joined.levels.len())?;
     let mut map = window(&joined.border, &grid, crs)?;
     let slices = joined.levels.par_iter().map(|level| {
@@ -75,6 +77,15 @@ pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs, below: Option<Below>) -> 
         geometry: Geometry { origin: grid.origin.extend(0.0), ..Geometry::default() },
     };
     Ok((stack, map))
+}
+
+/// Pixels of a side that lines go on for beyond the border.
+fn beyond(joined: &JoinedMap, pixel: f64) -> f64 {
+    let length = |line: &[DVec2]| line.windows(2).map(|w| distance(w[0], w[1])).sum::<f64>();
+    let lines = joined.levels.iter().flat_map(|level| level.rings.iter().chain(&level.open));
+    let size = joined.border.high - joined.border.low;
+    let finest = size.x * size.y / lines.map(|line| length(line)).sum::<f64>() / BETWEEN[1];
+    (BEYOND * finest / pixel).round().max(BEYOND).min(MOST_BEYOND)
 }
 
 /// Pixels whose centres lie within the border.

@@ -54,7 +54,7 @@ pub fn settings(n: &mut Numbers, stack: &ContourStack) -> Settings {
         settings.cut_off = n.between(1.0, settings.half_width - 1.0);
     }
     if n.chance(0.15) {
-        settings.cap_gaps = n.between(0.3, 4.0);
+        settings.cap_gaps = Some(n.between(0.3, 4.0));
     }
     settings
 }

@@ -145,19 +145,22 @@ fn a_map_has_a_height_map_and_no_volume_as_tiff() {
     assert!(!out.exists());
 }
 
+/// A grey picture of so many pixels with these tags.
+fn photograph(path: &Path, [nx, ny]: [u32; 2], tags: &[(Tag, &[f64])]) {
+    let mut encoder = TiffEncoder::new(fs::File::create(path).expect("a file")).expect("it begins");
+    let mut image = encoder.new_image::<RGB8>(nx, ny).expect("an image");
+    for (tag, numbers) in tags {
+        image.encoder().write_tag(*tag, *numbers).expect("a tag");
+    }
+    image.write_data(&vec![90; (3 * nx * ny) as usize]).expect("its pixels");
+}
+
 #[test]
 fn a_photograph_is_a_grid_and_a_raster_that_is_turned_is_none() {
     let place = folder();
     let [input, raster, output] = ["cone.geojson", "photo.tif", "cone.dem.tif"].map(|name| place.path().join(name));
     write(&input, &cone());
-    let photograph = |tags: &[(Tag, &[f64])]| {
-        let mut encoder = TiffEncoder::new(fs::File::create(&raster).expect("a file")).expect("it begins");
-        let mut image = encoder.new_image::<RGB8>(40, 30).expect("an image");
-        for (tag, numbers) in tags {
-            image.encoder().write_tag(*tag, *numbers).expect("a tag");
-        }
-        image.write_data(&[90; 3600]).expect("its pixels");
-    };
+    let photograph = |tags: &[(Tag, &[f64])]| photograph(&raster, [40, 30], tags);
     let [from, like, to] = [&input, &raster, &output].map(|p| p.to_str().expect("temporary paths are UTF-8"));
     let run = || interslice(&["reconstruct", from, "--like", like, "-o", to, "--pixel", "10", "--backend", "cpu"]);
     let scale = [20.0, 20.0, 0.0];
@@ -174,6 +177,46 @@ fn a_photograph_is_a_grid_and_a_raster_that_is_turned_is_none() {
     let refused = run();
     assert_eq!(refused.status.code(), Some(2));
     assert_says(&stderr(&refused), &["photo.tif", "turns the raster, or has its rows run to the north"]);
+}
+
+/// The next level was not drawn: an end that is extrapolated stays below it, unless another height is asked for.
+#[test]
+fn above_the_highest_contour_the_terrain_stays_below_the_next_level() {
+    let place = folder();
+    let (input, output) = (place.path().join("cone.geojson"), place.path().join("cone.dem.tif"));
+    // A cone of 300 with two of its levels.
+    write(&input, &[feature(100, &circle([0.0, 0.0], 400.0)), feature(150, &circle([0.0, 0.0], 300.0))]);
+    let top = |more: &[&str]| {
+        let [from, to] = [&input, &output].map(|p| p.to_str().expect("temporary paths are UTF-8"));
+        let run =
+            ["reconstruct", from, "-o", to, "--pixel", "20", "--backend", "cpu", "-q", "--end-top", "extrapolate"];
+        let result = interslice(&[&run[..], more].concat());
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        geotiff(&output).heights.into_iter().filter(|z| z.is_finite()).fold(0.0, f32::max)
+    };
+    let [own, higher] = [top(&[]), top(&["--cap-gaps", "2"])];
+    assert!(own > 185.0 && own <= 200.0, "{own}");
+    assert!(higher > 210.0 && higher <= 250.0, "{higher}");
+}
+
+/// Lines go on beyond the border as far with fine pixels as with those that are chosen.
+#[test]
+fn the_stack_goes_on_as_far_beyond_the_border_with_fine_pixels() {
+    let place = folder();
+    let input = place.path().join("cone.geojson");
+    write(&input, &cone());
+    let beyond = |more: &[&str]| -> f64 {
+        let result = interslice(&[&["inspect", input.to_str().expect("UTF-8")], more].concat());
+        let said = String::from_utf8_lossy(&result.stdout).into_owned();
+        let number = said.split("(the stack goes on ").nth(1).and_then(|rest| rest.split(' ').next());
+        number.and_then(|n| n.parse().ok()).unwrap_or_else(|| panic!("{said}"))
+    };
+    // Up to 16 px of the finest side that is chosen, 64 at most, and a few that the grid has around all.
+    let [coarse, own, fine] = [beyond(&["--pixel", "50"]), beyond(&[]), beyond(&["--pixel", "1"])];
+    assert!((own - coarse).abs() < 2.0 && own < 28.0, "{coarse}, {own}");
+    assert!(fine > own + 46.0 && fine < own + 50.0, "{fine}, {own}");
+    let half = beyond(&["--pixel", "8"]);
+    assert!(half > own + 4.0 && half < fine, "{half}");
 }
 
 /// A cone whose lowest contour is a circle: beyond it nothing, its height, or a slope that goes on.
@@ -211,6 +254,25 @@ fn below_the_lowest_contour_there_may_be_heights() {
         // Lines have 120 points; beyond 12 pixels distances go from pixel to pixel, which is up to half a pixel off.
         assert!(off.abs() < if r < 420.0 { 0.2 } else { 0.6 }, "at {x}, {y}: {} for {wanted}", slope.heights[n]);
     }
+    // On the cells of a raster that goes on beyond the map, which are twice as wide, the same terrain, and nothing beyond.
+    let raster = place.path().join("photo.tif");
+    let tie = [0.0, 0.0, 0.0, EAST - 620.0, NORTH + 560.0, 0.0];
+    photograph(&raster, [70, 52], &[(Tag::ModelPixelScaleTag, &[20.0, 20.0, 0.0]), (Tag::ModelTiepointTag, &tie)]);
+    let like = raster.to_str().expect("temporary paths are UTF-8");
+    let [constant, slope] = ["constant", "extrapolate"].map(|below| heights(&["--below", below, "--like", like]));
+    let mut below = 0;
+    for n in 0..70 * 52 {
+        let [x, y] = [(n % 70) as f64 * 20.0 - 610.0, 550.0 - (n / 70) as f64 * 20.0];
+        let r = x.hypot(y);
+        if x < -505.0 || x > 565.0 || y.abs() > 505.0 {
+            assert!(constant.heights[n].is_nan() && slope.heights[n].is_nan(), "at {x}, {y}: beyond the map");
+        } else if r > 410.0 {
+            let off = f64::from(slope.heights[n]) - (100.0 - 50.0 * (r - 400.0) / (r - 300.0));
+            assert!(off.abs() < 0.6 && constant.heights[n] == 100.0, "at {x}, {y}: {off} off");
+            below += 1;
+        }
+    }
+    assert!(below > 1000, "{below}");
     let one = [feature(100, &circle([0.0, 0.0], 400.0))];
     assert_says(&refused(&one, &["--below", "extrapolate"]), &["`below` extrapolate needs two levels", "only 100"]);
     let stack = place.path().join("stack");

@@ -75,7 +75,7 @@ fn end_spec<'a, 'm>(run: &Context<'a>, matter: &'m EndMatter, z: f64, side: usiz
         direction: [Direction::Down, Direction::Up][side],
         rule: [run.settings.end_bottom, run.settings.end_top][side],
         gap,
-        highest: run.settings.cap_gaps * gap,
+        highest: run.settings.highest_cap() * gap,
         clamped: [run.settings.clamp_bottom, run.settings.clamp_top][side].is_some(),
     }
 }

@@ -45,7 +45,7 @@ fn p20_the_paths_agree_on_what_a_campaign_draws() {
             [0.5, 0.5],
             Settings {
                 spline_end: Some(SplineEnd::NotAKnot),
-                cap_gaps: 5.08,
+                cap_gaps: Some(5.08),
                 anti_alias: AntiAlias::None,
                 sigma: 0.05,
                 tolerance: 0.5,

@@ -78,9 +78,10 @@ impl<'p> Line<'p> {
             let p = self.polygon[k.checked_sub(1).unwrap_or(self.polygon.len() - 1)];
             // Numbers of the first rows above both; casting saturates.
             let [from, to] = [p, *q].map(|v| ((v.y - low) / step + 0.5).floor() as usize).map(|row| row.min(LINES));
-            for row in from.min(to)..from.max(to) {
+            let between = from.min(to)..from.max(to);
+            for (row, crossings) in between.clone().zip(&mut rows[between]) {
                 let t = (height(row) - p.y) / (q.y - p.y);
-                rows[row].push((p.x + t.clamp(0.0, 1.0) * (q.x - p.x), if to > from { 1 } else { -1 }));
+                crossings.push((p.x + t.clamp(0.0, 1.0) * (q.x - p.x), if to > from { 1 } else { -1 }));
             }
         }
         let [mut all, mut even] = [0.0; 2];

@@ -85,7 +85,8 @@ fn beyond(joined: &JoinedMap, pixel: f64) -> f64 {
     let lines = joined.levels.iter().flat_map(|level| level.rings.iter().chain(&level.open));
     let size = joined.border.high - joined.border.low;
     let finest = size.x * size.y / lines.map(|line| length(line)).sum::<f64>() / BETWEEN[1];
-    (BEYOND * finest / pixel).round().max(BEYOND).min(MOST_BEYOND)
+    let beyond = (BEYOND * finest / pixel).round();
+    if beyond.is_nan() { BEYOND } else { beyond.clamp(BEYOND, MOST_BEYOND) }
 }
 
 /// Pixels whose centres lie within the border.

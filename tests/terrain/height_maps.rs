@@ -264,7 +264,7 @@ fn below_the_lowest_contour_there_may_be_heights() {
     for n in 0..70 * 52 {
         let [x, y] = [(n % 70) as f64 * 20.0 - 610.0, 550.0 - (n / 70) as f64 * 20.0];
         let r = x.hypot(y);
-        if x < -505.0 || x > 565.0 || y.abs() > 505.0 {
+        if !(-505.0..=565.0).contains(&x) || y.abs() > 505.0 {
             assert!(constant.heights[n].is_nan() && slope.heights[n].is_nan(), "at {x}, {y}: beyond the map");
         } else if r > 410.0 {
             let off = f64::from(slope.heights[n]) - (100.0 - 50.0 * (r - 400.0) / (r - 300.0));

@@ -274,12 +274,10 @@ fn seen_smooth(first: u32, ij: vec2<i32>, offset: vec2<f32>) -> f32 {
 
 // The morph's weight for `(arrived, all)` particles.
 fn share_of(particles: vec2<f32>) -> f32 {
-    let x = clamp(((particles.x + FEW) / (particles.y + FEW) - NO_TRUST) / (ALL_TRUST - NO_TRUST), 0.0, 1.0);
+    let x = clamp((particles.x / particles.y - NO_TRUST) / (ALL_TRUST - NO_TRUST), 0.0, 1.0);
     return x * x * (3.0 - 2.0 * x);
 }
 
-// Particles at a node that count as none.
-const FEW: f32 = 1e-6;
 // Below this share of arrived particles the morph has no say, above the other it has all of it.
 const NO_TRUST: f32 = 0.75;
 const ALL_TRUST: f32 = 1.0;

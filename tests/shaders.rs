@@ -276,7 +276,6 @@ fn constants_are_those_of_the_twins() {
         ("", "SHRINKING", value_curve::SHRINKING),
         ("", "AT_TIP", interslice::contour::caps::AT_TIP),
         ("morph_layer", "ALL_TRUST", particle_weight::ALL),
-        ("morph_layer", "FEW", particle_weight::FEW),
         ("morph_layer", "GONE", f64::from(morph_layer::GONE)),
         ("morph_layer", "NO_TRUST", particle_weight::NONE),
         ("morph_layer", "OF_ENDS", f64::from(layout::OF_ENDS)),

@@ -2,6 +2,7 @@
 //!
 //! Particles die where a piece of contour has no counterpart, and with them what the morph knows about its way. There the layers of the field
 //! method, which has a slope at every pixel, take its place; and where contours are far apart, as particles travel far there and die at every bend.
+//! Far from any particle the distance of the contours alone says which: in a saddle dozens of pixels wide the sweeps would make a plateau with cliffs.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -24,8 +25,8 @@ const LEAPS_OF_RELIEF: [f64; 2] = [1.0, 3.0];
 pub const NONE: f64 = 0.75;
 /// See [`NONE`].
 pub const ALL: f64 = 1.0;
-/// Particles at a node that count as none.
-pub const FEW: f64 = 1e-6;
+/// Particles that a node has at least, all of which arrived: without any there is no doubt but that of distance.
+const FEW: f64 = 1e-6;
 
 /// Trust lacks this much of 1 where it counts as whole.
 const WHOLE: f64 = 1e-6;
@@ -62,7 +63,7 @@ impl Trust {
         let particles = map.map(|_, x, DVec2 { x: arrived, y: all }| {
             let half = 0.5 * v.at(x);
             let apart = low.sample(x - half) - high.sample(x + half);
-            DVec2::new(arrived * (1.0 - smoothstep((apart.abs() - near) / (far - near))), all)
+            DVec2::new((arrived + FEW) * (1.0 - smoothstep((apart.abs() - near) / (far - near))), all + FEW)
         });
         let grid = particles.grid;
         let less = |k: usize| share(particles.vectors[k]) < 1.0 - WHOLE;
@@ -98,7 +99,7 @@ impl Trust {
 
 /// The weight for `(arrived, all)` particles.
 fn share(DVec2 { x: arrived, y: all }: DVec2) -> f64 {
-    smoothstep(((arrived + FEW) / (all + FEW) - NONE) / (ALL - NONE))
+    smoothstep((arrived / all - NONE) / (ALL - NONE))
 }
 
 #[cfg(test)]
@@ -139,6 +140,11 @@ mod tests {
         let none = Trust::new(&moving, 0, [1.0, 1.0], 0.0, std::iter::empty());
         near(none.at(middle), 1.0);
         assert!(!none.doubts(DVec2::ZERO, DVec2::new(79.0, 59.0)));
+        // None either where contours are far apart: there the field has all of the say.
+        for apart in [-40.0, 20.0] {
+            let none = Trust::new(&slices(apart), 0, [1.0, 1.0], 0.0, std::iter::empty());
+            assert!(none.at(middle) == 0.0 && none.doubts(middle, middle), "{apart} px apart");
+        }
         // Doubt where they die, none far from there.
         let left = Trust::new(&moving, 0, [1.0, 1.0], 0.0, particles(|x| f64::from(x.x > 8.0)));
         assert!(left.doubts(DVec2::new(0.0, 20.0), DVec2::new(6.0, 30.0)) && left.at(DVec2::new(2.0, 30.0)) < 0.1);

@@ -138,12 +138,12 @@ macro_rules! broken {
 
 properties! {
     rest_of_grid other_layers beside_inputs vanished_sweeps overlaps_connected nothing_floats discs_in_range lying long_pixels half_the_step
-    half_the_step_of_surfaces bounded closed_far_away exact threads paths
+    half_the_step_of_surfaces bounded closed_far_away exact threads paths no_cliffs
 }
 
 broken! {
     rest_of_grid other_layers beside_inputs vanished_sweeps overlaps_connected nothing_floats discs_in_range lying long_pixels half_the_step
-    half_the_step_of_surfaces bounded exact threads
+    half_the_step_of_surfaces bounded exact threads no_cliffs
 }
 
 #[test]

@@ -58,7 +58,7 @@ impl Source for Straight {
                 None if (0.0..=1.0).contains(&t) => (1.0 - t) * a + t * b,
                 None => limit,
             };
-            let value = |pair| match value(pair) as f32 {
+            let value = |pair| match value(pair).clamp(-limit, limit) as f32 {
                 0.0 => f32::MIN_POSITIVE,
                 v => v,
             };
@@ -77,11 +77,10 @@ impl Source for Straight {
     }
 }
 
-/// Distance to the nearest pixel of the other side less half a pixel, negative inside; beyond the image is outside.
+/// Distance to the nearest pixel of the other side less half a pixel, negative inside, and `limit` on a slice of nothing; beyond the image is outside.
 fn distance(inside: &[bool], stack: &ContourStack, limit: f64) -> Vec<f64> {
     let ([nx, ny], [dx, dy]) = (stack.dims, stack.spacing);
     let half = 0.5 * dx.min(dy);
-    let reach = [dx, dy].map(|h| (limit / h).ceil() as i64 + 1);
     let side = |i: i64, j: i64| {
         (0..nx as i64).contains(&i) && (0..ny as i64).contains(&j) && inside[j as usize * nx + i as usize]
     };
@@ -98,9 +97,8 @@ fn distance(inside: &[bool], stack: &ContourStack, limit: f64) -> Vec<f64> {
     let value = |n: usize| {
         let (i, j) = ((n % nx) as i64, (n / nx) as i64);
         let other = &beside[usize::from(!inside[n])];
-        let near = other.iter().filter(|p| (p[0] - i).abs() <= reach[0] && (p[1] - j).abs() <= reach[1]);
-        let squares = near.map(|p| ((p[0] - i) as f64 * dx).powi(2) + ((p[1] - j) as f64 * dy).powi(2));
-        let d = (squares.fold(f64::INFINITY, f64::min).sqrt() - half).min(limit);
+        let squares = other.iter().map(|p| ((p[0] - i) as f64 * dx).powi(2) + ((p[1] - j) as f64 * dy).powi(2));
+        let d = if other.is_empty() { limit } else { squares.fold(f64::INFINITY, f64::min).sqrt() - half };
         if inside[n] { -d } else { d }
     };
     (0..nx * ny).map(value).collect()

@@ -8,6 +8,7 @@ mod exact;
 mod half_the_step;
 pub mod long_pixels;
 pub mod lying;
+mod no_cliffs;
 pub mod nothing_floats;
 mod other_layers;
 pub mod overlaps_connected;
@@ -60,7 +61,7 @@ pub struct Property {
 }
 
 /// All properties.
-pub const PROPERTIES: [Property; 16] = [
+pub const PROPERTIES: [Property; 17] = [
     rest_of_grid::PROPERTY,
     other_layers::PROPERTY,
     beside_inputs::PROPERTY,
@@ -77,6 +78,7 @@ pub const PROPERTIES: [Property; 16] = [
     exact::PROPERTY,
     threads::PROPERTY,
     paths::PROPERTY,
+    no_cliffs::PROPERTY,
 ];
 
 /// The property of that name.

@@ -195,6 +195,37 @@ fn layers_are_chosen_by_name() {
 }
 
 #[test]
+fn points_and_lines_without_elevation_are_left_out_and_told() {
+    let place = folder();
+    let path = place.path().join("a.gpkg");
+    drop(cone(&path));
+    let plain = Terrain::read(&path, &options()).expect("a cone");
+    let file = cone(&path);
+    let point = |z: Option<f64>| {
+        let mut bytes = vec![1];
+        bytes.extend((if z.is_some() { 1001u32 } else { 1 }).to_le_bytes());
+        [Some(500_000.0), Some(4_000_000.0), z].into_iter().flatten().for_each(|v: f64| bytes.extend(v.to_le_bytes()));
+        bytes
+    };
+    let mut points = many(&[point(None), point(None)]);
+    points[1] = 4;
+    for (geometry, z) in [(point(Some(212.0)), Some(212.0)), (points, None), (line(&circle(50.0), None, false), None)] {
+        insert(&file, "contours", &[header(false), geometry].concat(), z);
+    }
+    drop(file);
+    let terrain = Terrain::read(&path, &options()).expect("the lines are good");
+    assert_eq!(levels(&terrain), levels(&plain));
+    let told: Vec<&String> = terrain.notes.iter().filter(|note| note.ends_with("left out")).collect();
+    let wanted = [
+        "feature 4 is a point, no line; left out",
+        "feature 5 is a point, no line; left out",
+        "feature 5 is a point, no line; left out",
+        "feature 6 has no elevation (attribute `Elev` is empty); left out",
+    ];
+    assert_eq!(told, wanted);
+}
+
+#[test]
 fn geometries_that_lie_about_themselves_are_named() {
     let place = folder();
     let path = place.path().join("a.gpkg");
@@ -209,7 +240,6 @@ fn geometries_that_lie_about_themselves_are_named() {
         (with(3, &[0x21]), "of a kind of the writer's own"),
         (with(3, &[0x0b]), "an envelope of no known kind"),
         (with(8, &[7]), "the byte order 7; it must be 0 or 1"),
-        (with(9, &1u32.to_le_bytes()), "is a point; contours are lines or polygons"),
         (with(9, &10u32.to_le_bytes()), "is a curve"),
         (with(9, &7u32.to_le_bytes()), "is a geometry of type 7"),
         (with(13, &u32::MAX.to_le_bytes()), "is said to have 4294967295 points, but there is room for 61"),

@@ -9,7 +9,8 @@ type Parse<T> = Result<T, String>;
 /// Names of elevation attributes, in any case; so are all that begin with "elev".
 const NAMES: [&str; 7] = ["ele", "height", "contour", "contourelevation", "z", "altitude", "alt"];
 /// Names that stand for the elevation where none of those is there: other words for it, and other languages'.
-const OTHERS: [&str; 14] = [
+const OTHERS: [&str; 15] = [
+    "hgt",
     "level",
     "lev",
     "value",
@@ -41,6 +42,12 @@ pub fn metres_of(field: &str) -> Option<f64> {
     UNITS.iter().find(|(ends, _)| ends.iter().any(|end| name.ends_with(end))).map(|(_, metres)| *metres)
 }
 
+/// A name in lower case without the unit at its end.
+fn without_unit(name: &str) -> &str {
+    let short = UNITS.iter().flat_map(|(ends, _)| *ends).find_map(|end| name.strip_suffix(end));
+    short.map_or(name, |short| short.trim_end_matches(['_', ' ', '-']))
+}
+
 /// Source of elevations.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ElevationSource {
@@ -67,11 +74,11 @@ pub fn source(features: &[Feature], asked: Option<&str>) -> Parse<ElevationSourc
     }
     let known = |name: &str| {
         let name = name.to_lowercase();
-        NAMES.contains(&name.as_str()) || name.starts_with("elev")
+        NAMES.contains(&without_unit(&name)) || name.starts_with("elev")
     };
     let mut found: Vec<&str> = names.iter().copied().filter(|n| known(n)).collect();
     if found.is_empty() && features.iter().flat_map(|f| &f.lines).all(|l| l.z.is_empty()) {
-        found = names.iter().copied().filter(|n| OTHERS.contains(&n.to_lowercase().as_str())).collect();
+        found = names.iter().copied().filter(|n| OTHERS.contains(&without_unit(&n.to_lowercase()))).collect();
     }
     match found[..] {
         [only] => Ok(ElevationSource::Field(only.into())),
@@ -102,22 +109,24 @@ fn has_one(names: &[&str], end: &str) -> bool {
     names.iter().any(|name| name.to_lowercase().ends_with(end))
 }
 
-/// The elevation of line `part` of a feature.
+/// The elevation of line `part` of a feature; none where its attribute is null, blank or not there.
 ///
 /// # Errors
 /// A message with feature, attribute and value.
-pub fn elevation(feature: &Feature, part: usize, source: &ElevationSource) -> Parse<f64> {
+pub fn elevation(feature: &Feature, part: usize, source: &ElevationSource) -> Parse<Option<f64>> {
     let name = &feature.name;
     match source {
         ElevationSource::Field(field) => {
             let value = feature.fields.iter().find(|(n, _)| n == field).map_or(&Value::Null, |(_, v)| v);
             let number = match value {
+                Value::Null => return Ok(None),
+                Value::String(text) if text.trim().is_empty() => return Ok(None),
                 Value::Number(n) => n.as_f64(),
                 Value::String(text) => text.trim().parse().ok(),
                 _ => None,
             };
             let wrong = || format!("{name}: `{field}` is {value}; it must be a finite number");
-            number.filter(|v: &f64| v.is_finite()).ok_or_else(wrong)
+            number.filter(|v: &f64| v.is_finite()).map(Some).ok_or_else(wrong)
         }
         ElevationSource::Points => {
             let z = &feature.lines[part].z;
@@ -127,7 +136,7 @@ pub fn elevation(feature: &Feature, part: usize, source: &ElevationSource) -> Pa
                 Some(_) if !z.iter().all(|v| v.is_finite()) => {
                     Err(format!("{name}: z of a point is not a finite number"))
                 }
-                Some(first) if high - low <= SAME * first.abs().max(1.0) => Ok(*first),
+                Some(first) if high - low <= SAME * first.abs().max(1.0) => Ok(Some(*first)),
                 Some(_) => Err(format!("{name}: its points lie at {low} to {high}; a contour line has one height")),
             }
         }

@@ -52,6 +52,10 @@ fn coordinate_system(collection: &FeatureCollection) -> std::result::Result<MapC
 fn parts(value: GeometryValue) -> std::result::Result<Vec<MapPart>, String> {
     let line = |points: &Vec<Position>, ring: bool| part(points, ring);
     match value {
+        GeometryValue::Point { coordinates } => Ok(vec![part(&[coordinates], false)?]),
+        GeometryValue::MultiPoint { coordinates } => {
+            coordinates.into_iter().map(|point| part(&[point], false)).collect()
+        }
         GeometryValue::LineString { coordinates } => Ok(vec![line(&coordinates, false)?]),
         GeometryValue::MultiLineString { coordinates } => coordinates.iter().map(|l| line(l, false)).collect(),
         GeometryValue::Polygon { coordinates } => coordinates.iter().map(|l| line(l, true)).collect(),

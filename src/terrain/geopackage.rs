@@ -278,9 +278,14 @@ impl Bytes<'_> {
         Ok(count)
     }
 
-    /// Points of `axes` numbers, of which the third may be z.
+    /// Points of `axes` numbers, of which the third may be z, with their number before them.
     fn points(&mut self, axes: usize, has_z: bool, ring: bool) -> Check<MapPart> {
         let count = self.count("points", 8 * axes)?;
+        self.some_points(count, axes, has_z, ring)
+    }
+
+    /// As many points.
+    fn some_points(&mut self, count: usize, axes: usize, has_z: bool, ring: bool) -> Check<MapPart> {
         let (mut points, mut z) = (Vec::with_capacity(count), Vec::new());
         for _ in 0..count {
             let mut at = [0.0; 4];
@@ -294,7 +299,7 @@ impl Bytes<'_> {
     }
 }
 
-/// A line, a polygon, or, where they may be `many`, several.
+/// A point, a line, a polygon, or, where they may be `many`, several.
 fn geometry(bytes: &mut Bytes<'_>, many: bool, lines: &mut Vec<MapPart>) -> Check<()> {
     bytes.big = match bytes.take()? {
         [0] => true,
@@ -312,19 +317,19 @@ fn geometry(bytes: &mut Bytes<'_>, many: bool, lines: &mut Vec<MapPart>) -> Chec
     }
     let axes = 2 + usize::from(has_z) + usize::from(has_m);
     match (code & 0x1fff_ffff) % 1000 {
+        1 => lines.push(bytes.some_points(1, axes, has_z, false)?),
         2 => lines.push(bytes.points(axes, has_z, false)?),
         3 => {
             for _ in 0..bytes.count("rings", 4)? {
                 lines.push(bytes.points(axes, has_z, true)?);
             }
         }
-        5 | 6 if many => {
+        4..=6 if many => {
             // Each begins with its byte order, which those behind it do not share.
             for _ in 0..bytes.count("parts", 9)? {
                 geometry(bytes, false, lines)?;
             }
         }
-        1 | 4 => return Err("is a point; contours are lines or polygons".into()),
         8..=12 => return Err("is a curve; save it as straight lines (ogr2ogr -nlt CONVERT_TO_LINEAR)".into()),
         other => return Err(format!("is a geometry of type {other}; contours are lines or polygons")),
     }

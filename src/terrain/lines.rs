@@ -32,7 +32,8 @@ pub struct ContourLine {
     pub closed: bool,
 }
 
-/// All lines, and where their elevations were found. What has no length, or is closed and encloses nothing, is left out with a note.
+/// All lines, and where their elevations were found. What is a point, has no elevation, no length, or is closed and encloses nothing, is left out with
+/// a note.
 ///
 /// # Errors
 /// A message with feature and value.
@@ -42,36 +43,47 @@ pub fn lines(
     notes: &mut Vec<String>,
 ) -> std::result::Result<(Vec<ContourLine>, String), String> {
     let source = source(features, asked)?;
-    let (mut lines, mut nothing) = (Vec::new(), Vec::new());
-    for feature in features {
-        for (k, part) in feature.lines.iter().enumerate() {
-            let name = &feature.name;
-            if let Some(DVec2 { x, y }) = part.points.iter().find(|p| !p.is_finite()) {
-                return Err(format!("{name} has the point ({x}, {y}); coordinates must be finite numbers"));
-            }
-            let z = elevation(feature, k, &source)?;
-            let mut points = part.points.clone();
-            points.dedup();
-            let meets = meets_itself(&points);
-            let closed = part.ring || meets;
-            if meets {
-                points.pop();
-            }
-            if points.len() < if closed { 3 } else { 2 } {
-                nothing.push(format!("{name}: a line of {z} is a point or encloses nothing; left out"));
-                continue;
-            }
-            lines.push(ContourLine { feature: name.clone(), z, points, closed });
-        }
-    }
-    notes.extend(told(nothing, "are points or enclose nothing"));
-    if lines.is_empty() {
-        return Err("has no lines".into());
-    }
-    let said = match source {
+    let said = match &source {
         ElevationSource::Field(field) => format!("attribute `{field}`"),
         ElevationSource::Points => "the points' z".into(),
     };
+    let (mut lines, mut nothing, mut points, mut without) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for feature in features {
+        for (k, part) in feature.lines.iter().enumerate() {
+            let name = &feature.name;
+            if part.points.len() == 1 {
+                points.push(format!("{name} is a point, no line; left out"));
+                continue;
+            }
+            if let Some(DVec2 { x, y }) = part.points.iter().find(|p| !p.is_finite()) {
+                return Err(format!("{name} has the point ({x}, {y}); coordinates must be finite numbers"));
+            }
+            let Some(z) = elevation(feature, k, &source)? else {
+                without.push(format!("{name} has no elevation ({said} is empty); left out"));
+                continue;
+            };
+            let mut own = part.points.clone();
+            own.dedup();
+            let meets = meets_itself(&own);
+            let closed = part.ring || meets;
+            if meets {
+                own.pop();
+            }
+            if own.len() < if closed { 3 } else { 2 } {
+                nothing.push(format!("{name}: a line of {z} is a point or encloses nothing; left out"));
+                continue;
+            }
+            lines.push(ContourLine { feature: name.clone(), z, points: own, closed });
+        }
+    }
+    if lines.is_empty() {
+        let left_out = [nothing.first(), points.first(), without.first()];
+        let why: String = left_out.into_iter().flatten().map(|why| format!(": {why}")).collect();
+        return Err(format!("has no lines{why}"));
+    }
+    notes.extend(told(nothing, "lines are points or enclose nothing"));
+    notes.extend(told(points, "features are points"));
+    notes.extend(told(without, "lines have no elevation"));
     Ok((lines, said))
 }
 
@@ -95,15 +107,15 @@ pub fn distinct(lines: Vec<ContourLine>, notes: &mut Vec<String>) -> Vec<Contour
             twice.push(format!("{}: the same line of {} is there before; left out", line.feature, line.z));
         }
     }
-    notes.extend(told(twice, "are there before"));
+    notes.extend(told(twice, "lines are there before"));
     kept
 }
 
-/// Notes on lines that are left out for one reason: of many some are told one by one.
+/// Notes on what is left out for one reason ("lines have no elevation"): of many some are told one by one.
 pub fn told(mut notes: Vec<String>, why: &str) -> Vec<String> {
     let more = notes.len().saturating_sub(TOLD);
     notes.truncate(TOLD);
-    notes.extend((more > 0).then(|| format!("{more} more lines {why}; left out")));
+    notes.extend((more > 0).then(|| format!("{more} more {why}; left out")));
     notes
 }
 

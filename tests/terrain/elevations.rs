@@ -49,7 +49,10 @@ fn elevations_that_cannot_be_found_are_named() {
     assert_says(&refused(&ambiguous, &["--elevation", "H"]), &["got `H`", "`ELEV_MAX`"]);
     let terrain = read(&ambiguous, &ReadOptions { elevation: Some("elev_min".into()), ..pixels(20.0) });
     assert_eq!(terrain.stack.slices[0].z, 100.0);
-    assert_says(&refused(&[feature(100, &outer), feature(Value::Null, &inner)], &[]), &["feature 2", "`Elev` is null"]);
+    assert_says(
+        &refused(&[feature(Value::Null, &outer), feature(Value::Null, &inner)], &[]),
+        &["has no lines: feature 1 has no elevation (attribute `Elev` is empty); left out"],
+    );
     assert_says(&refused(&[feature(100, &outer), feature("NaN", &inner)], &[]), &["feature 2", "NaN", "finite"]);
     assert_says(
         &refused(&[feature(100, &outer)], &[]),

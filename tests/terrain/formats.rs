@@ -35,7 +35,49 @@ fn degrees_and_wrong_files_are_refused() {
     assert_says(&refused_file(&path, &[]), &["FeatureCollection"]);
     let point =
         json!({"type": "Feature", "properties": {"elev": 1}, "geometry": {"type": "Point", "coordinates": [1, 2]}});
-    assert_says(&refused(&[point], &[]), &["feature 1", "is a Point"]);
+    assert_says(&refused(&[point], &[]), &["has no lines: feature 1 is a point, no line; left out"]);
+}
+
+/// Maps have heights of summits beside their lines, and lines that nobody gave an elevation.
+#[test]
+fn points_and_lines_without_elevation_are_left_out_and_told() {
+    let other = |geometry: Value, fields: Value| json!({"type": "Feature", "properties": fields, "geometry": geometry});
+    let line = json!({"type": "LineString", "coordinates": circle([50.0, 0.0], 90.0)});
+    let more = [
+        other(json!({"type": "Point", "coordinates": [EAST, NORTH, 212.0]}), json!({"Elev": 212})),
+        other(
+            json!({"type": "MultiPoint", "coordinates": [[EAST, NORTH], [EAST + 9.0, NORTH]]}),
+            json!({"name": "springs"}),
+        ),
+        other(line.clone(), json!({"Elev": null})),
+        other(line.clone(), json!({"Elev": " "})),
+        other(line, json!({"name": "path"})),
+    ];
+    let plain = read(&cone(), &pixels(20.0));
+    let terrain = read(&[cone(), more.to_vec()].concat(), &pixels(20.0));
+    assert_eq!(terrain.map, plain.map);
+    for (a, b) in terrain.stack.slices.iter().zip(&plain.stack.slices) {
+        assert!((0..a.content.len()).all(|n| a.content.inside(n) == b.content.inside(n)));
+    }
+    let first = cone().len() + 1;
+    let told = |k: usize, why: &str| terrain.notes.contains(&format!("feature {} {why}; left out", first + k));
+    assert!((0..2).all(|k| told(k, "is a point, no line")), "{:?}", terrain.notes);
+    assert!((2..5).all(|k| told(k, "has no elevation (attribute `Elev` is empty)")), "{:?}", terrain.notes);
+    // What is neither empty nor a number is a mistake.
+    let wrong = other(json!({"type": "LineString", "coordinates": circle([0.0; 2], 9.0)}), json!({"Elev": "high"}));
+    assert_says(&refused(&[wrong], &[]), &["feature 1: `Elev` is \"high\"; it must be a finite number"]);
+}
+
+#[test]
+fn the_unit_behind_an_elevations_name_is_no_part_of_it() {
+    for (name, metres) in [("altitude_m", 1.0), ("Height_ft", 0.3048), ("hgt", 1.0)] {
+        let named = |f: Value| json!({"type": "Feature", "properties": {name: f["properties"]["Elev"], "id": 7}, "geometry": f["geometry"]});
+        let terrain = read(&cone().into_iter().map(named).collect::<Vec<_>>(), &pixels(20.0));
+        let plain = read(&cone(), &pixels(20.0));
+        for (a, b) in terrain.stack.slices.iter().zip(&plain.stack.slices) {
+            assert!((a.z - metres * b.z).abs() < 1e-9, "{name}: {} for {}", a.z, b.z);
+        }
+    }
 }
 
 #[test]
@@ -83,7 +125,8 @@ fn shapefiles_are_read_and_damaged_ones_refused() {
         fs::write(&damaged, &whole).expect("a file can be written");
     }
     shapefile(&path, Some(2));
-    assert_says(&refused_file(&path, &[]), &["feature 3", "`CONTOUR` is null"]);
+    let notes = Terrain::read(&path, &pixels(20.0)).expect("the other lines are good").notes;
+    assert!(notes.contains(&"feature 3 has no elevation (attribute `CONTOUR` is empty); left out".into()), "{notes:?}");
     fs::remove_file(path.with_extension("dbf")).expect("it is there");
     assert_says(&refused_file(&path, &[]), &["cone.dbf: cannot read"]);
 }

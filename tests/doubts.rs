@@ -406,7 +406,28 @@ fn images_of_many_labels_are_no_grey_values() {
     // The same cells with noise, as in a picture.
     let noise = |x: u32, y: u32, k: usize| (x * 7 + y * 13 + x * y * 5 + k as u32 * 3) % 11;
     let picture = |x, y, k| 100 * u8::from(cell(x, y) > 0) + noise(x, y, k) as u8;
-    images(&["s0.png", "s1.png", "s2.png"], picture).none_doubts(&SPACED);
+    let case = || images(&["s0.png", "s1.png", "s2.png"], picture);
+    case().all_say(&SPACED, 0, "inside is what is above 55, half way of the slices' values; --level V names another");
+    case().none_doubts(&["--spacing", "1,1,4", "--level", "55"]);
+}
+
+/// A pixel that is far brighter, or darker, than all others draws the range of values, and half way there is no body.
+#[test]
+fn a_level_that_an_odd_pixel_has_drawn_away_is_not_taken() {
+    let names = ["s0.png", "s1.png", "s2.png", "s3.png"];
+    let odd = |x: u32, y: u32, k: usize| (x, y, k) == (3, 3, 1);
+    let picture =
+        |x: u32, y: u32, k: usize| 20 + 40 * u8::from(in_disc(x, y, k)) + (x * 7 + y * 13 + x * y * 5) as u8 % 11;
+    images(&names, picture).all_say(&SPACED, 0, "inside is what is above 45, half way");
+    let hot = || images(&names, |x, y, k| if odd(x, y, k) { 255 } else { picture(x, y, k) });
+    hot().all_say(&SPACED, 2, "1 lie above half way (137.5): --level V must name what bounds the body");
+    hot().none_doubts(&["--spacing", "1,1,4", "--level", "45"]);
+    let light = |x, y, k| 255 - picture(x, y, k);
+    let dead = images(&names, |x, y, k| if odd(x, y, k) { 0 } else { light(x, y, k) });
+    dead.all_say(&SPACED, 2, "1 lie below half way (117.5)");
+    // A small body on a large sheet, smoothed, is no odd pixel.
+    let small = |x: u32, y: u32| [255, 128, 60].get((x.abs_diff(9) + y.abs_diff(8)) as usize).copied().unwrap_or(0);
+    images(&names, |x, y, _| small(x, y)).none_doubts(&SPACED);
 }
 
 #[test]

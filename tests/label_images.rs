@@ -252,3 +252,40 @@ fn wrong_label_images_are_named() {
         assert!(!Path::new(&out).exists(), "{all:?}");
     }
 }
+
+/// A folder of floats, as SciPy's distances are saved, is the volume of them.
+#[test]
+fn images_of_floats_are_the_volume_of_their_numbers() {
+    let place = folder();
+    let (dims, slices) = ([24, 20], 5);
+    let value = |n: usize, k: usize| {
+        let (x, y) = ((n % dims[0]) as f32 - 11.3, (n / dims[0]) as f32 - 9.4);
+        5.0 + 0.4 * k as f32 - x.hypot(y)
+    };
+    let images = place.path().join("images");
+    fs::create_dir(&images).expect("a folder can be made");
+    let mut bytes = Vec::new();
+    for k in 0..slices {
+        let values: Vec<f32> = (0..dims[0] * dims[1]).map(|n| value(n, k)).collect();
+        let file = fs::File::create(images.join(format!("s{k}.tif"))).expect("a file can be written");
+        let mut encoder = TiffEncoder::new(file).expect("it begins");
+        encoder.write_image::<colortype::Gray32Float>(dims[0] as u32, dims[1] as u32, &values).expect("a page");
+        bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+    }
+    let volume = place.path().join("volume.nrrd");
+    let header =
+        "spacings: 1 1 3\nspace units: \"mm\" \"mm\" \"mm\"\nspace dimension: 3\nendian: little\nencoding: raw";
+    fs::write(&volume, nrrd(header, "float", [dims[0], dims[1], slices], &bytes)).expect("a file can be written");
+    let level = Some(0.0);
+    let spacing = Some(vec![1.0, 1.0, 3.0]);
+    let [ours, theirs] = [
+        read(&images, &ReadOptions { level, spacing: spacing.clone(), ..ReadOptions::default() }).expect("it is sound"),
+        read(&volume, &ReadOptions { level, ..ReadOptions::default() }).expect("it is sound"),
+    ];
+    assert_eq!((ours.dims, ours.spacing, ours.slices.len()), (theirs.dims, theirs.spacing, theirs.slices.len()));
+    for (a, b) in ours.slices.iter().zip(&theirs.slices) {
+        assert!(a.z == b.z && a.content.sides() == b.content.sides(), "{} and {}", a.name, b.name);
+    }
+    let said = read(&images, &ReadOptions { spacing, ..ReadOptions::default() }).expect_err("no level").to_string();
+    assert!(said.contains("level"), "{said}");
+}

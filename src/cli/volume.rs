@@ -19,7 +19,7 @@ pub fn describe(surveyed: &Surveyed) -> Vec<String> {
     let grid = &volume.grid;
     let by = |v: [String; 3]| v.join(" x ");
     let name = volume.path.file_name().unwrap_or_default().to_string_lossy();
-    let assumed = if grid.spaced || grid.unit != "px" { "" } else { " (not in the file; `--spacing` says it)" };
+    let assumed = if grid.is_assumed() { " (not in the file; `--spacing` says it)" } else { "" };
     let mut lines = vec![
         format!(
             "{name}: {}, {} voxels of type {}",

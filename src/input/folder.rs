@@ -177,8 +177,8 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<Str
     let skips = if alone { skips(&names) } else { None };
     let drawn = parsed.slices.iter().filter(|s| s.polygons.is_some()).count();
     if drawn == 0 {
-        let stack = images(parsed, &file, &folder, options).map_err(|e| if alone { taken(e) } else { e })?;
-        Ok((stack, beside.into_iter().chain(skips).collect()))
+        let (stack, level) = images(parsed, &file, &folder, options).map_err(|e| if alone { taken(e) } else { e })?;
+        Ok((stack, beside.into_iter().chain(skips).chain(level).collect()))
     } else if drawn == parsed.slices.len() {
         drawings(parsed, &file, options)
     } else {
@@ -214,8 +214,13 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
     Ok((stack, notes))
 }
 
-/// The stack of a file whose slices are images.
-fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) -> Result<ContourStack> {
+/// The stack of a file whose slices are images, and what a person should know of its level.
+fn images(
+    parsed: StackFile,
+    file: &Path,
+    folder: &Path,
+    options: &ReadOptions,
+) -> Result<(ContourStack, Option<String>)> {
     let fail = |message: &str| Err(Error::Format { path: file.into(), message: message.into() });
     if options.pixel.is_some() {
         let message = "is not for images; it is the pixel size for polygons".into();
@@ -230,7 +235,7 @@ fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) 
     let names: Vec<(PathBuf, &str)> = entries.iter().map(|(name, ..)| (folder.join(name), name.as_str())).collect();
     let ranges = ranges(file, &names)?;
     let rule = Rule::new(&ranges, options.level, options.label.as_ref())?;
-    if let Some(doubt) = rule.doubt(&ranges, options.level) {
+    if let Some(doubt) = rule.doubt(&ranges, options.level).or_else(|| rule.misses(&ranges, options.level)) {
         return fail(&doubt);
     }
     let contents = each(&names, |index, (path, name)| {
@@ -242,14 +247,15 @@ fn images(parsed: StackFile, file: &Path, folder: &Path, options: &ReadOptions) 
         Ok(rule.content(&image))
     })?;
     let slice = |((name, z, extra), content)| Slice { name, z, extra, content };
-    Ok(ContourStack {
+    let stack = ContourStack {
         dims: ranges.first().map_or([0, 0], |r| r.dims),
         spacing,
         unit: parsed.unit,
         slices: entries.into_iter().zip(contents).map(slice).collect(),
         z_out: parsed.z_out,
         geometry: Geometry::default(),
-    })
+    };
+    Ok((stack, rule.told(&ranges, options.level)))
 }
 
 /// Goes through the slices, as many at a time as there are threads; the first error in their order.

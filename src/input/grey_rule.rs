@@ -24,12 +24,23 @@ pub struct Range {
     plateau: [usize; 2],
     /// Neighbours of different values in a row, and those of them whose values are far from each other.
     steps: [usize; 2],
+    /// Pixels by the upper eight bits of their values,
+    bins: Vec<u32>,
+    /// and those that have the least and the largest value.
+    at_ends: [usize; 2],
 }
 
 /// Most values between the least and the largest that are told apart: a slice that was smoothed has more.
 const FEW: usize = 16;
 /// Share of the range of a slice's values by which neighbours differ from which on they are far from each other: beyond it a field is not smooth.
 const FAR: u16 = 64;
+/// Of so many pixels that do not have the value of an end at least one lies on the other side of a level that means something: smoothed masks have a tenth
+/// and more there. A single hot pixel draws the range up, and half of it is nowhere near the body.
+const RARE: usize = 1000;
+/// Share of the pixels of a picture that have neither their slice's least nor its largest value.
+const PICTURE: f64 = 0.5;
+/// Bits of a value that its bin has.
+const BIN_BITS: u8 = 8;
 
 impl Range {
     /// Whether it has more values than are told apart.
@@ -54,8 +65,43 @@ impl Range {
                 plateau = [plateau[0] + 1, plateau[1] + usize::from(row.get(i + 1) == Some(v))];
             }
         }
-        Range { dims: image.dims, bits: image.bits, ends, more: !between.is_empty(), between, plateau, steps }
+        let mut bins = vec![0; 1 << BIN_BITS];
+        values().for_each(|v| bins[bin(v, image.bits)] += 1);
+        let at_ends = ends.map(|end| values().filter(|v| *v == end).count());
+        Range {
+            dims: image.dims,
+            bits: image.bits,
+            ends,
+            more: !between.is_empty(),
+            between,
+            plateau,
+            steps,
+            bins,
+            at_ends,
+        }
     }
+
+    /// Pixels whose bin is that of a level or one above it, or one below it.
+    fn beside(&self, level: f64) -> [usize; 2] {
+        let own = bin(level as u16, self.bits);
+        let sum = |bins: &[u32]| bins.iter().map(|n| *n as usize).sum();
+        [sum(&self.bins[own..]), sum(&self.bins[..=own])]
+    }
+
+    /// Pixels that do not have a value of the whole stack.
+    fn without(&self, value: u16) -> usize {
+        let have = self.ends.iter().position(|end| *end == value).map_or(0, |end| self.at_ends[end]);
+        self.pixels() - have
+    }
+
+    fn pixels(&self) -> usize {
+        self.dims[0] * self.dims[1]
+    }
+}
+
+/// Bin of a value of so many bits.
+fn bin(value: u16, bits: u8) -> usize {
+    usize::from(value >> bits.saturating_sub(BIN_BITS)).min((1 << BIN_BITS) - 1)
 }
 
 /// Inside of a slice: of two values in the whole stack the larger one; of more, or with a given level, what is above it, to parts of a pixel; with
@@ -136,6 +182,39 @@ impl Rule {
              `--level V` what is above a value ({level} is half way)",
             values(ranges)
         ))
+    }
+
+    /// Message where hardly a pixel lies on one side of a level that nobody named: a few of extreme values have drawn the range there.
+    pub fn misses(&self, ranges: &[Range], named: Option<f64>) -> Option<String> {
+        let (Rule::Above(level), None) = (self, named) else { return None };
+        let ends = || ranges.iter().flat_map(|r| r.ends);
+        let (low, high) = (ends().min()?, ends().max()?);
+        let [above, below] = ranges.iter().map(|r| r.beside(*level)).fold([0; 2], |[a, b], [c, d]| [a + c, b + d]);
+        let [over, under] = [low, high].map(|end| ranges.iter().map(|r| r.without(end)).sum::<usize>());
+        let said = |few: usize, side: &str, all: usize, than: &str| {
+            format!(
+                "slices have values from {low} to {high}, and of {all} pixels with {than} {few} lie {side} half way ({level}): --level V must name what bounds \
+                 the body"
+            )
+        };
+        if above.saturating_mul(RARE) < over {
+            Some(said(above, "above", over, "more than the least"))
+        } else if below.saturating_mul(RARE) < under {
+            Some(said(below, "below", under, "less than the largest"))
+        } else {
+            None
+        }
+    }
+
+    /// Word on a level that nobody named, of a picture: of a smoothed mask nearly all pixels have the least or the largest value, and any level is as good.
+    pub fn told(&self, ranges: &[Range], named: Option<f64>) -> Option<String> {
+        let (Rule::Above(level), None) = (self, named) else { return None };
+        let all: usize = ranges.iter().map(Range::pixels).sum();
+        let between: usize = ranges.iter().map(|r| r.plateau[0]).sum();
+        let picture = between as f64 > PICTURE * all as f64;
+        picture.then(|| {
+            format!("inside is what is above {level}, half way of the slices' values; --level V names another")
+        })
     }
 
     /// The slice of an image.

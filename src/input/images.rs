@@ -40,6 +40,14 @@ pub(super) fn read(folder: &Path) -> Result<Volume> {
     Ok(Volume { notes, lacks: Some(Lacking::Needed(lacks)), ..volume })
 }
 
+/// Whether the images of a folder have numbers that no grey slice has: signed ones, those of 32 bits and more, floats.
+pub(super) fn are_of_other_numbers(folder: &Path) -> bool {
+    let first = images_of(folder).ok().and_then(|names| names.into_iter().next()).map(|name| folder.join(name));
+    let element = |path: PathBuf| page(&mut decoder(&path).ok()?).ok().map(|(_, element)| element);
+    let of_tiff = first.filter(|path| sniff::format(path) == Some("tiff")).and_then(element);
+    of_tiff.is_some_and(|element| !matches!(element, Element::Int { size: 1 | 2, signed: false }))
+}
+
 /// The labels of one image.
 struct Image {
     /// Columns and rows.

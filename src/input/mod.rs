@@ -44,9 +44,10 @@ impl Kind {
         Ok(if images { Kind::Volume(images::read) } else { kind })
     }
 
-    /// The kind, if the options are for it.
+    /// The kind, if the options are for it. A folder of images of which a label is wanted, or that are no grey slices, is a volume.
     fn for_options(path: &Path, options: &ReadOptions) -> Result<Self> {
-        let kind = if options.label.is_some() { Kind::of_labels(path)? } else { Kind::of(path)? };
+        let volume = options.label.is_some() || images::are_of_other_numbers(path);
+        let kind = if volume { Kind::of_labels(path)? } else { Kind::of(path)? };
         kind.check(options, path)
     }
 
@@ -327,6 +328,10 @@ pub fn read_surveyed(path: &Path, options: &ReadOptions) -> Result<(ContourStack
     Input::read(path, options).map(|input| (input.stack, input.surveyed))
 }
 
+/// Note on a file without spacing.
+const UNSPACED: &str =
+    "nothing says how large voxels are: they count as cubes of 1 px; --spacing DX,DY,DZ says their sides (mm)";
+
 /// Input as the readers give it, unchecked.
 fn unchecked(kind: Kind, path: &Path, options: &ReadOptions) -> Result<Input> {
     let plain = |stack| Input { stack, surveyed: None, notes: Vec::new() };
@@ -344,6 +349,7 @@ fn unchecked(kind: Kind, path: &Path, options: &ReadOptions) -> Result<Input> {
             match volume.lacks.clone() {
                 Some(Lacking::Needed(message)) => return Err(Error::Format { path: path.into(), message }),
                 Some(Lacking::Assumed(message)) => volume.notes.push(message),
+                None if volume.grid.is_assumed() => volume.notes.push(UNSPACED.into()),
                 None => {}
             }
             cut(volume, options)?

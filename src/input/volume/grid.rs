@@ -45,6 +45,11 @@ impl VolumeGrid {
         }
     }
 
+    /// Whether neither the file nor anybody says how far apart its voxels are, which count as 1 px then.
+    pub fn is_assumed(&self) -> bool {
+        !self.spaced && self.unit == "px"
+    }
+
     /// Voxel sides.
     pub fn spacing(&self) -> [f64; 3] {
         self.steps.map(DVec3::length)

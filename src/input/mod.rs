@@ -37,18 +37,17 @@ use crate::stack::options::ReadOptions;
 use crate::surface::content::Paint;
 
 impl Kind {
-    /// The kind, where labels are told apart: a folder of images without `stack.json` is a volume then.
-    fn of_labels(path: &Path) -> Result<Self> {
+    /// The kind. A folder of images without `stack.json` is a volume where `labels` are told apart, and where its images are no grey slices.
+    fn of_input(path: &Path, labels: bool) -> Result<Self> {
         let kind = Kind::of(path)?;
         let images = matches!(kind, Kind::Folder) && folder::is_of_images(path);
-        Ok(if images { Kind::Volume(images::read) } else { kind })
+        let volume = images && (labels || images::are_of_other_numbers(path));
+        Ok(if volume { Kind::Volume(images::read) } else { kind })
     }
 
-    /// The kind, if the options are for it. A folder of images of which a label is wanted, or that are no grey slices, is a volume.
+    /// The kind, if the options are for it.
     fn for_options(path: &Path, options: &ReadOptions) -> Result<Self> {
-        let volume = options.label.is_some() || images::are_of_other_numbers(path);
-        let kind = if volume { Kind::of_labels(path)? } else { Kind::of(path)? };
-        kind.check(options, path)
+        Kind::of_input(path, options.label.is_some())?.check(options, path)
     }
 
     /// This kind, if the options are for it.
@@ -209,7 +208,7 @@ impl Input {
     /// # Errors
     /// The errors of [`read`]; [`Error::Setting`] for what is no volume.
     fn of_labels(path: &Path, options: &ReadOptions) -> Result<Self> {
-        let kind = Kind::of_labels(path)?.check(options, path)?;
+        let kind = Kind::of_input(path, true)?.check(options, path)?;
         let fail = |what: &str| Err(Error::Setting { name: "labels".into(), message: format!("is not for {what}") });
         match kind {
             Kind::Volume(_) => Self::of_kind(kind, path, options),

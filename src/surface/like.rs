@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::Layer;
 use super::header::Header;
 use super::stream::{BodyWriter, Ending};
+use crate::grid::field::bilinear;
 use crate::grid::sparse_image::SparseImage;
 use crate::stack::{Geometry, HeightGrid};
 
@@ -189,7 +190,7 @@ impl LikePixels {
                 *value = if self.nearest {
                     layer.phi.at(x.x.round() as usize, x.y.round() as usize)
                 } else {
-                    between(&layer.phi, x)
+                    value_between(&layer.phi, x)
                 };
             }
         });
@@ -210,18 +211,19 @@ pub(super) fn among(x: DVec2, dims: [usize; 2]) -> Option<DVec2> {
     Some(DVec2::select((x - centre).abs().cmplt(DVec2::splat(1e-6)), centre, x))
 }
 
-/// Linear between the four pixels around; never 0.
-fn between(phi: &SparseImage<f32>, x: DVec2) -> f32 {
-    let [nx, ny] = phi.dims();
-    let (low, part) = (x.floor(), x - x.floor());
-    let [i, j] = [low.x as usize, low.y as usize];
-    let at = |i: usize, j: usize| f64::from(phi.at(i.min(nx - 1), j.min(ny - 1)));
-    if part == DVec2::ZERO {
-        return phi.at(i, j);
+/// Bilinear value at a place among the centres of `dims` pixels, of which `at` tells the values.
+pub(super) fn between(x: DVec2, dims: [usize; 2], at: impl Fn(usize, usize) -> f64) -> f64 {
+    let [i, j] = [x.x as usize, x.y as usize];
+    let [right, upper] = [(i + 1).min(dims[0] - 1), (j + 1).min(dims[1] - 1)];
+    bilinear([at(i, j), at(right, j), at(i, upper), at(right, upper)], x.fract().to_array())
+}
+
+/// Value of a layer between its pixels; of one of them its own, between them never 0.
+fn value_between(phi: &SparseImage<f32>, x: DVec2) -> f32 {
+    if x.fract() == DVec2::ZERO {
+        return phi.at(x.x as usize, x.y as usize);
     }
-    let lower = at(i, j) * (1.0 - part.x) + at(i + 1, j) * part.x;
-    let upper = at(i, j + 1) * (1.0 - part.x) + at(i + 1, j + 1) * part.x;
-    let value = (lower * (1.0 - part.y) + upper * part.y) as f32;
+    let value = between(x, phi.dims(), |i, j| phi.at(i, j).into()) as f32;
     if value == 0.0 { f32::MIN_POSITIVE } else { value }
 }
 

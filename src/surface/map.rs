@@ -7,17 +7,17 @@ use serde::{Deserialize, Serialize};
 
 use crate::surface::Layer;
 use crate::surface::header::Header;
-use crate::surface::like::among;
+use crate::surface::like::{among, between};
 
 /// Facts that a contour map states besides its lines. Its stack goes on beyond the map's border, so that the border is no contour; outputs show the
-/// pixels within it.
+/// pixels between whose centres the map lies, the outermost up to one beyond the border.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Map {
     /// Coordinate system of x and y.
     pub crs: Crs,
-    /// First column and row within the border.
+    /// First column and row that are shown.
     pub first: [usize; 2],
-    /// Columns and rows within it.
+    /// Columns and rows.
     pub dims: [usize; 2],
     /// What a height map has below the lowest contour.
     #[serde(default, skip_serializing_if = "Floor::is_nodata")]
@@ -48,13 +48,7 @@ impl Floor {
             (Floor::Nodata, _) | (_, None) => f64::NAN,
             (Floor::Constant(height), _) => *height,
             (Floor::Heights(heights), Some(x)) => {
-                let [i, j] = [x.x as usize, x.y as usize];
-                let at = |i: usize, j: usize| {
-                    let node = j.min(dims[1] - 1) * dims[0] + i.min(dims[0] - 1);
-                    heights.get(node).copied().unwrap_or(f64::NAN)
-                };
-                let row = |j: usize| at(i, j) + x.x.fract() * (at(i + 1, j) - at(i, j));
-                row(j) + x.y.fract() * (row(j + 1) - row(j))
+                between(x, dims, |i, j| heights.get(j * dims[0] + i).copied().unwrap_or(f64::NAN))
             }
         }
     }

@@ -20,7 +20,7 @@ pub struct Region<'a> {
     pub content: &'a SliceContent,
 }
 
-/// What lies below the lowest contour, pixel by pixel within the border, from the lowest two regions.
+/// What lies below the lowest contour, pixel by pixel of the map, from the lowest two regions.
 ///
 /// To extrapolate: `h = z0 - (z1 - z0) d0 / d1`, where d0 and d1 are the distances to the regions of the lowest two levels z0 and z1. At the lowest
 /// contour that has the slope of straight lines between the two, and far from it comes near to `z0 - (z1 - z0)`, where the next contour would be: as

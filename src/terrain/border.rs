@@ -1,7 +1,4 @@
-//! The border of a map, and how lines that end there go on.
-//!
-//! Beyond the border the terrain goes on as it is at the nearest point of the border: lines go on at right angles to it, up to an outer
-//! rectangle, and are closed along that. So the border itself is no contour, near which distances would be wrong.
+//! The border of a map: which lines lie within it, run along it or end at it.
 
 use glam::DVec2;
 
@@ -146,28 +143,15 @@ impl Border {
         (from <= to).then(|| [at(from), at(to)])
     }
 
-    /// Point at which a line that ends at `p` reaches the rectangle `outer` beyond.
-    fn reached(&self, p: DVec2, outer: &Border) -> DVec2 {
-        match self.nearest(p).0 {
-            0 => p.with_y(outer.low.y),
-            1 => p.with_x(outer.high.x),
-            2 => p.with_y(outer.high.y),
-            _ => p.with_x(outer.low.x),
-        }
-    }
-
-    /// A line from border to border, closed beyond it along `outer`.
-    pub fn close(&self, line: &[DVec2], outer: &Border) -> Polygon {
-        let (Some(first), Some(last)) = (line.first(), line.last()) else { return Polygon::new() };
-        let (start, end) = (self.reached(*first, outer), self.reached(*last, outer));
-        let mut polygon = vec![start];
-        polygon.extend(line);
-        polygon.push(end);
-        let (from, mut to) = (outer.place(end), outer.place(start));
+    /// A line from border to border, closed along it.
+    pub fn close(&self, line: &[DVec2]) -> Polygon {
+        let (Some(start), Some(end)) = (line.first(), line.last()) else { return Polygon::new() };
+        let mut polygon = line.to_vec();
+        let (from, mut to) = (self.place(*end), self.place(*start));
         if to < from {
             to += 4.0;
         }
-        let corners = outer.corners();
+        let corners = self.corners();
         polygon.extend((0..8).filter(|k| f64::from(*k) > from && f64::from(*k) < to).map(|k| corners[k as usize % 4]));
         polygon
     }
@@ -192,14 +176,13 @@ mod tests {
     const BORDER: Border = Border { low: DVec2::ZERO, high: DVec2::new(10.0, 6.0) };
 
     #[test]
-    fn lines_from_border_to_border_are_closed_beyond_it() {
-        let closed = BORDER.close(&[[0.0, 3.0], [4.0, 3.0], [4.0, 0.0]].map(DVec2::from), &BORDER.grown(2.0));
+    fn lines_from_border_to_border_are_closed_along_it() {
+        let closed = BORDER.close(&[[0.0, 3.0], [4.0, 3.0], [4.0, 0.0]].map(DVec2::from));
         // From the bottom counter-clockwise round to the left: three corners.
-        let wanted =
-            [[-2.0, 3.0], [0.0, 3.0], [4.0, 3.0], [4.0, 0.0], [4.0, -2.0], [12.0, -2.0], [12.0, 8.0], [-2.0, 8.0]];
+        let wanted = [[0.0, 3.0], [4.0, 3.0], [4.0, 0.0], [10.0, 0.0], [10.0, 6.0], [0.0, 6.0]];
         assert_eq!(closed, wanted.map(DVec2::from));
-        let back = BORDER.close(&[[4.0, 0.0], [4.0, 3.0], [0.0, 3.0]].map(DVec2::from), &BORDER.grown(2.0));
-        assert_eq!(back[5..], [DVec2::splat(-2.0)]);
+        let back = BORDER.close(&[[4.0, 0.0], [4.0, 3.0], [0.0, 3.0]].map(DVec2::from));
+        assert_eq!(back[3..], [DVec2::ZERO]);
     }
 
     #[test]
@@ -210,6 +193,7 @@ mod tests {
         assert_eq!(left.len(), 1);
         assert_eq!(left[0].points, [[5.0, 0.0], [5.0, 6.0]].map(DVec2::from));
     }
+
     #[test]
     fn an_open_line_loses_its_last_piece_too() {
         let open = |points: &[[f64; 2]]| ContourLine {

@@ -6,9 +6,11 @@ use rayon::prelude::*;
 use super::below::{Region, floor};
 use super::border::Border;
 use super::join::{Elevation, JoinedMap};
-use super::lines::{BETWEEN, ContourLine, distance};
+use super::lines::{ContourLine, distance};
+use super::onward;
 use super::project;
 use crate::error::Error;
+use crate::grid::field::sample;
 use crate::polygons::Polygon;
 use crate::polygons::grid::DrawingGrid;
 use crate::polygons::level_set;
@@ -17,13 +19,9 @@ use crate::stack::{self, ContourStack, Geometry, Slice, SliceContent};
 use crate::surface::length;
 use crate::surface::map::{Crs, Floor, Map};
 
-/// Pixels beyond the border, of the finest side that is chosen where none is asked for: distances are needed as far, whatever the pixels. Of finer ones at
-/// most so many, of coarser ones no fewer.
-const BEYOND: f64 = 16.0;
-const MOST_BEYOND: f64 = 64.0;
 /// Lines may lie this far, px, on the wrong side of another level's: they touch on cliffs, and are drawn by hand.
 const CROSSING: f64 = 1.0;
-/// Part of a pixel by which its centre may lie beyond the border.
+/// Part of a pixel by which the border may lie beyond the outermost centres.
 const SLACK: f64 = 1e-6;
 
 /// Faults that there can be.
@@ -45,11 +43,11 @@ impl From<Error> for Wrong {
 /// # Errors
 /// Lines of different levels that cross, or lie on the wrong side of each other; a pixel size that is too small.
 pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs, below: Option<Below>) -> Result<(ContourStack, Map), Wrong> {
-    let outer = joined.border.grown(beyond(joined, pixel) * pixel);
+    let (outer, open) = onward::go_on(&joined.border, &joined.levels, pixel);
     let grid = DrawingGrid::over([outer.low, outer.high], DVec2::splat(pixel), joined.levels.len())?;
     let mut map = window(&joined.border, &grid, crs)?;
-    let slices = joined.levels.par_iter().map(|level| {
-        let region = region(level, joined, &outer, &grid).map_err(Wrong::Lines)?;
+    let slices = joined.levels.par_iter().zip(&open).map(|(level, open)| {
+        let region = region(level, open, joined, &outer, &grid).map_err(Wrong::Lines)?;
         let name = format!("level {}", level.z);
         let content = stack::LevelSlice::new(&region, grid.dims[0]);
         Ok(Slice { name, z: level.z, extra: false, content: SliceContent::Level(content) })
@@ -79,21 +77,11 @@ pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs, below: Option<Below>) -> 
     Ok((stack, map))
 }
 
-/// Pixels of a side that lines go on for beyond the border.
-fn beyond(joined: &JoinedMap, pixel: f64) -> f64 {
-    let length = |line: &[DVec2]| line.windows(2).map(|w| distance(w[0], w[1])).sum::<f64>();
-    let lines = joined.levels.iter().flat_map(|level| level.rings.iter().chain(&level.open));
-    let size = joined.border.high - joined.border.low;
-    let finest = size.x * size.y / lines.map(|line| length(line)).sum::<f64>() / BETWEEN[1];
-    let beyond = (BEYOND * finest / pixel).round();
-    if beyond.is_nan() { BEYOND } else { beyond.clamp(BEYOND, MOST_BEYOND) }
-}
-
-/// Pixels whose centres lie within the border.
+/// Pixels between whose centres every place within the border lies.
 fn window(border: &Border, grid: &DrawingGrid, crs: Crs) -> Result<Map, Error> {
-    let first = [grid.column(border.low.x), grid.row(border.low.y)].map(|v| (v - SLACK).ceil().max(0.0) as usize);
-    let last = [grid.column(border.high.x), grid.row(border.high.y)].map(|v| (v + SLACK).floor().max(0.0) as usize);
-    if (0..2).any(|a| last[a] < first[a] + 1) {
+    let first = [grid.column(border.low.x), grid.row(border.low.y)].map(|v| (v + SLACK).floor().max(0.0) as usize);
+    let last = [grid.column(border.high.x), grid.row(border.high.y)].map(|v| (v - SLACK).ceil().max(0.0) as usize);
+    if (border.high - border.low).min_element() < grid.spacing.x {
         let message = format!("must be smaller: no two pixels of {} lie within the border", grid.spacing.x);
         return Err(Error::Setting { name: "pixel".into(), message });
     }
@@ -101,10 +89,16 @@ fn window(border: &Border, grid: &DrawingGrid, crs: Crs) -> Result<Map, Error> {
     Ok(Map { crs, first, dims, floor: Floor::default() })
 }
 
-/// The level set of what is at least as high as a level.
-fn region(level: &Elevation, joined: &JoinedMap, outer: &Border, grid: &DrawingGrid) -> Result<Vec<f32>, String> {
+/// The level set of what is at least as high as a level; `open` are its lines from border to border, gone on to `outer`.
+fn region(
+    level: &Elevation,
+    open: &[Polygon],
+    joined: &JoinedMap,
+    outer: &Border,
+    grid: &DrawingGrid,
+) -> Result<Vec<f32>, String> {
     let mut polygons: Vec<Polygon> = level.rings.clone();
-    polygons.extend(level.open.iter().map(|line| joined.border.close(line, outer)));
+    polygons.extend(open.iter().map(|line| outer.close(line)));
     let set = level_set(std::slice::from_ref(&polygons), grid);
     let touching = CROSSING * grid.spacing.x;
     let mut uphill = 0i64;
@@ -155,21 +149,13 @@ fn walk(level: &Elevation, set: &[f32], grid: &DrawingGrid, see: &mut dyn FnMut(
             for k in 0..steps {
                 let t = k as f64 / steps as f64;
                 let x = p + t * (q - p);
-                if !see(line, x, sample(set, grid, x)) {
+                let depth = sample(set, grid.dims, DVec2::new(grid.column(x.x), grid.row(x.y)));
+                if !see(line, x, depth) {
                     return;
                 }
             }
         }
     }
-}
-
-/// Bilinear value at a point.
-fn sample(set: &[f32], grid: &DrawingGrid, p: DVec2) -> f64 {
-    let at = [grid.column(p.x), grid.row(p.y)];
-    let [i, j] = [0, 1].map(|a| (at[a].max(0.0) as usize).min(grid.dims[a] - 2));
-    let [s, t] = [at[0] - i as f64, at[1] - j as f64];
-    let v = |i: usize, j: usize| f64::from(set[j * grid.dims[0] + i]);
-    (1.0 - t) * ((1.0 - s) * v(i, j) + s * v(i + 1, j)) + t * ((1.0 - s) * v(i, j + 1) + s * v(i + 1, j + 1))
 }
 
 fn crossing(level: &Elevation, z: f64, feature: &str, p: DVec2, pixel: f64) -> String {

@@ -13,7 +13,7 @@ use crate::polygons::grid::bounds;
 const LONGEST: f64 = 1024.0;
 /// Least and most pixels between neighbouring lines, in the mean, where the pixel size is chosen here: more cost time and tell nothing (of St Helens in
 /// lines of 100 m, 300 m apart, heights are off by 11.1 m with 10 and with 6.7 pixels between them).
-pub const BETWEEN: [f64; 2] = [4.0, 8.0];
+const BETWEEN: [f64; 2] = [4.0, 8.0];
 /// Lines that are left out for one reason and told one by one.
 const TOLD: usize = 3;
 /// A line whose ends are no farther apart than this share of its length is closed: its last point is its first, but for rounding.

@@ -20,6 +20,7 @@ mod join;
 mod levels;
 mod lines;
 mod loose;
+mod onward;
 mod project;
 mod shapefile;
 
@@ -66,7 +67,7 @@ struct MapPart {
 pub struct Terrain {
     /// Level sets: the region that is at least so high, slice by slice. They go on beyond the border.
     pub stack: ContourStack,
-    /// Coordinate system and the pixels within the border.
+    /// Coordinate system and the pixels of the map.
     pub map: Map,
     /// Notes for a person.
     pub notes: Vec<String>,

@@ -12,7 +12,7 @@ use crate::files::folder;
 use crate::maps::*;
 
 /// Where the plane `a x + b y = z` crosses the box of 1000 x 800.
-fn across(a: f64, b: f64, z: f64) -> Line {
+pub fn across(a: f64, b: f64, z: f64) -> Line {
     let mut ends = Vec::new();
     for x in [0.0, 1000.0] {
         let y = (z - a * x) / b;

@@ -13,16 +13,16 @@ use tiff::tags::Tag;
 use crate::files::{folder, interslice, sound_stack, stderr};
 use crate::maps::*;
 
-struct GeoTiff {
-    heights: Vec<f32>,
-    dims: [usize; 2],
+pub struct GeoTiff {
+    pub heights: Vec<f32>,
+    pub dims: [usize; 2],
     scale: Vec<f64>,
     tie: Vec<f64>,
     keys: Vec<u16>,
     nodata: String,
 }
 
-fn geotiff(path: &Path) -> GeoTiff {
+pub fn geotiff(path: &Path) -> GeoTiff {
     let file = std::io::BufReader::new(fs::File::open(path).expect("it was written"));
     let mut decoder = Decoder::new(file).expect("a TIFF");
     let (width, height) = decoder.dimensions().expect("dimensions");
@@ -146,7 +146,7 @@ fn a_map_has_a_height_map_and_no_volume_as_tiff() {
 }
 
 /// A grey picture of so many pixels with these tags.
-fn photograph(path: &Path, [nx, ny]: [u32; 2], tags: &[(Tag, &[f64])]) {
+pub fn photograph(path: &Path, [nx, ny]: [u32; 2], tags: &[(Tag, &[f64])]) {
     let mut encoder = TiffEncoder::new(fs::File::create(path).expect("a file")).expect("it begins");
     let mut image = encoder.new_image::<RGB8>(nx, ny).expect("an image");
     for (tag, numbers) in tags {
@@ -197,26 +197,6 @@ fn above_the_highest_contour_the_terrain_stays_below_the_next_level() {
     let [own, higher] = [top(&[]), top(&["--cap-gaps", "2"])];
     assert!(own > 185.0 && own <= 200.0, "{own}");
     assert!(higher > 210.0 && higher <= 250.0, "{higher}");
-}
-
-/// Lines go on beyond the border as far with fine pixels as with those that are chosen.
-#[test]
-fn the_stack_goes_on_as_far_beyond_the_border_with_fine_pixels() {
-    let place = folder();
-    let input = place.path().join("cone.geojson");
-    write(&input, &cone());
-    let beyond = |more: &[&str]| -> f64 {
-        let result = interslice(&[&["inspect", input.to_str().expect("UTF-8")], more].concat());
-        let said = String::from_utf8_lossy(&result.stdout).into_owned();
-        let number = said.split("(the stack goes on ").nth(1).and_then(|rest| rest.split(' ').next());
-        number.and_then(|n| n.parse().ok()).unwrap_or_else(|| panic!("{said}"))
-    };
-    // Up to 16 px of the finest side that is chosen, 64 at most, and a few that the grid has around all.
-    let [coarse, own, fine] = [beyond(&["--pixel", "50"]), beyond(&[]), beyond(&["--pixel", "1"])];
-    assert!((own - coarse).abs() < 2.0 && own < 28.0, "{coarse}, {own}");
-    assert!(fine > own + 46.0 && fine < own + 50.0, "{fine}, {own}");
-    let half = beyond(&["--pixel", "8"]);
-    assert!(half > own + 4.0 && half < fine, "{half}");
 }
 
 /// A cone whose lowest contour is a circle: beyond it nothing, its height, or a slope that goes on.

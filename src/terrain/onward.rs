@@ -2,7 +2,7 @@
 //!
 //! Beyond the border the terrain goes on as it comes there: lines go on straight, in the direction in which they reach it, up to an outer rectangle.
 //! They keep their order, so that none crosses another. Without them, or with lines at right angles to the border, distances near it would be
-//! wrong: of a plane in 20 levels, heights within 8 px of the border are 0.6 % of the interval off, at right angles 3.4 %.
+//! wrong: of a plane in 20 levels, heights within 8 cells of the border are 0.6 % of the interval off, at right angles 3.4 %.
 
 use glam::DVec2;
 

@@ -19,6 +19,8 @@ const SIZE: [f64; 2] = [1000.0, 800.0];
 const NEAR: f64 = 8.0;
 /// Share of the interval by which heights may be off near the border, in the mean of squares.
 const BOUND: f64 = 0.02;
+/// The same over all maps. With lines at right angles to the border it was 0.019, on eight maps drawn like these.
+const BOUND_OF_ALL: f64 = 0.01;
 
 #[derive(Debug, Clone)]
 struct Drawn {
@@ -61,7 +63,7 @@ fn heights_are_right_up_to_the_border() {
     let mut runner = TestRunner::deterministic();
     let place = folder();
     let [input, raster, output] = ["in.geojson", "cells.tif", "out.dem.tif"].map(|name| place.path().join(name));
-    let mut fallen = 0;
+    let (mut fallen, mut all) = (0, Vec::new());
     for _ in 0..16 {
         let (angle, interval, pixel, cells) = drawn.new_tree(&mut runner).expect("a draw").current();
         let drawn = Drawn { angle, interval, pixel, cells };
@@ -84,6 +86,7 @@ fn heights_are_right_up_to_the_border() {
         assert!(own.len() > 500 && own.iter().all(|v| v.is_finite()), "{drawn:?}: cells without height");
         let found = root_mean_square(&own);
         assert!(found < BOUND, "{drawn:?}: {found}");
+        all.push(found);
         // Columns and rows at the border with the heights of those beside.
         let [nx, ny] = cells.map(|n| n as usize);
         let inner = |n: usize| (n / nx).clamp(1, ny - 2) * nx + (n % nx).clamp(1, nx - 2);
@@ -93,4 +96,6 @@ fn heights_are_right_up_to_the_border() {
         fallen += usize::from(twin > BOUND);
     }
     assert!(fallen >= 4, "{fallen}");
+    let all = root_mean_square(&all);
+    assert!(all < BOUND_OF_ALL, "{all}");
 }

@@ -43,11 +43,11 @@ impl From<Error> for Wrong {
 /// # Errors
 /// Lines of different levels that cross, or lie on the wrong side of each other; a pixel size that is too small.
 pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs, below: Option<Below>) -> Result<(ContourStack, Map), Wrong> {
-    let (outer, open) = onward::go_on(&joined.border, &joined.levels, pixel);
+    let (outer, closed) = onward::go_on(&joined.border, &joined.levels, pixel);
     let grid = DrawingGrid::over([outer.low, outer.high], DVec2::splat(pixel), joined.levels.len())?;
     let mut map = window(&joined.border, &grid, crs)?;
-    let slices = joined.levels.par_iter().zip(&open).map(|(level, open)| {
-        let region = region(level, open, joined, &outer, &grid).map_err(Wrong::Lines)?;
+    let slices = joined.levels.par_iter().zip(&closed).map(|(level, closed)| {
+        let region = region(level, closed, joined, &outer, &grid).map_err(Wrong::Lines)?;
         let name = format!("level {}", level.z);
         let content = stack::LevelSlice::new(&region, grid.dims[0]);
         Ok(Slice { name, z: level.z, extra: false, content: SliceContent::Level(content) })
@@ -89,16 +89,16 @@ fn window(border: &Border, grid: &DrawingGrid, crs: Crs) -> Result<Map, Error> {
     Ok(Map { crs, first, dims, floor: Floor::default() })
 }
 
-/// The level set of what is at least as high as a level; `open` are its lines from border to border, gone on to `outer`.
+/// The level set of what is at least as high as a level; `closed` its lines from border to border, gone on and closed.
 fn region(
     level: &Elevation,
-    open: &[Polygon],
+    closed: &[Polygon],
     joined: &JoinedMap,
     outer: &Border,
     grid: &DrawingGrid,
 ) -> Result<Vec<f32>, String> {
     let mut polygons: Vec<Polygon> = level.rings.clone();
-    polygons.extend(open.iter().map(|line| outer.close(line)));
+    polygons.extend_from_slice(closed);
     let set = level_set(std::slice::from_ref(&polygons), grid);
     let touching = CROSSING * grid.spacing.x;
     let mut uphill = 0i64;

@@ -8,6 +8,7 @@
 //! which side is uphill, and the lines of all other levels vote: higher ones lie uphill, lower ones downhill. A closed line between
 //! the levels 100 and 110 is thus a pit if it is of 100, a summit if it is of 110.
 
+mod arch;
 mod below;
 mod border;
 mod elevation;

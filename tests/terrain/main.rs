@@ -10,5 +10,5 @@ mod height_maps;
 mod joining;
 mod levels;
 mod maps;
-mod planes;
+mod near_border;
 mod systems;

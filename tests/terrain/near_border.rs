@@ -1,0 +1,152 @@
+//! Heights on cells that reach the border: of planes, whose lines meet it at any angle, and of hills and hollows, whose lines meet beyond it.
+
+use std::f64::consts::TAU;
+
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
+use serde_json::Value;
+use tiff::tags::Tag;
+
+use crate::border::across;
+use crate::files::{folder, interslice, stderr};
+use crate::height_maps::{geotiff, photograph};
+use crate::maps::*;
+
+/// The map of `across`.
+const SIZE: [f64; 2] = [1000.0, 800.0];
+/// Pixels from the border within which heights are looked at.
+const NEAR: f64 = 8.0;
+
+/// A terrain, its lines, and the pixels and cells that it is asked for on.
+struct Drawn<'a> {
+    height: &'a dyn Fn([f64; 2]) -> f64,
+    lines: Vec<Value>,
+    /// Outermost levels.
+    levels: [f64; 2],
+    interval: f64,
+    /// Sides of the pixels.
+    pixel: f64,
+    /// Cells of the raster from west to east and south to north edge.
+    cells: [u32; 2],
+}
+
+impl Drawn<'_> {
+    /// Heights of the cells, from the north.
+    fn reconstructed(&self) -> Vec<f32> {
+        let place = folder();
+        let [input, raster, output] = ["in.geojson", "cells.tif", "out.dem.tif"].map(|name| place.path().join(name));
+        write(&input, &self.lines);
+        let [dx, dy] = [0, 1].map(|axis| SIZE[axis] / f64::from(self.cells[axis] - 1));
+        let tie = [0.0, 0.0, 0.0, EAST - dx / 2.0, NORTH + SIZE[1] + dy / 2.0, 0.0];
+        photograph(&raster, self.cells, &[(Tag::ModelPixelScaleTag, &[dx, dy, 0.0]), (Tag::ModelTiepointTag, &tie)]);
+        let [from, like, to] = [&input, &raster, &output].map(|p| p.to_str().expect("temporary paths are UTF-8"));
+        let border = format!("{EAST},{NORTH},{},{}", EAST + SIZE[0], NORTH + SIZE[1]);
+        let side = self.pixel.to_string();
+        let run = ["reconstruct", from, "-o", to, "--like", like, "--border", &border, "--pixel", &side, "-q"];
+        let result = interslice(&[&run[..], &["--backend", "cpu"]].concat());
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        geotiff(&output).heights
+    }
+
+    /// By what heights are off, as shares of the interval, at cells near the border and between the outermost levels.
+    fn off(&self, heights: &[f32]) -> Vec<f64> {
+        let cells = self.cells.map(|n| n as usize);
+        let mut off = Vec::new();
+        for (n, found) in heights.iter().enumerate() {
+            // Outermost centres lie on the border.
+            let at = [n % cells[0], cells[1] - 1 - n / cells[0]];
+            let x = [0, 1].map(|a| SIZE[a] * at[a] as f64 / (cells[a] - 1) as f64);
+            let inward = x[0].min(SIZE[0] - x[0]).min(x[1]).min(SIZE[1] - x[1]);
+            let height = (self.height)(x);
+            let slack = 0.01 * self.interval;
+            if inward < NEAR * self.pixel && self.levels[0] + slack < height && height < self.levels[1] - slack {
+                off.push((f64::from(*found) - height) / self.interval);
+            }
+        }
+        off
+    }
+
+    /// The same with the heights of the cells beside, farther in, on the columns and rows at the border.
+    fn off_beside(&self, heights: &[f32]) -> Vec<f64> {
+        let [nx, ny] = self.cells.map(|n| n as usize);
+        let inner = |n: usize| (n / nx).clamp(1, ny - 2) * nx + (n % nx).clamp(1, nx - 2);
+        let beside: Vec<f32> = (0..nx * ny).map(|n| heights[inner(n)]).collect();
+        self.off(&beside).into_iter().filter(|v| v.is_finite()).collect()
+    }
+}
+
+fn root_mean_square(off: &[f64]) -> f64 {
+    (off.iter().map(|v| v * v).sum::<f64>() / off.len() as f64).sqrt()
+}
+
+/// All cells up to the border have heights, and these are as right as elsewhere; those of the cells beside, farther in, are not.
+#[test]
+fn heights_of_planes_are_right_up_to_the_border() {
+    // Share of the interval by which heights of a map may be off, in the mean of squares, and of all maps: with lines at right angles to the
+    // border it was 0.019, on eight maps drawn like these.
+    let [bound, bound_of_all] = [0.02, 0.01];
+    let drawn = (0.0..TAU, 60.0..95.0f64, 7.0..12.0f64, [60..140u32, 60..140u32]);
+    let mut runner = TestRunner::deterministic();
+    let (mut fallen, mut all) = (0, Vec::new());
+    for _ in 0..16 {
+        let (angle, interval, pixel, cells) = drawn.new_tree(&mut runner).expect("a draw").current();
+        let (a, b) = (angle.cos(), angle.sin());
+        let level = |k: i32| SIZE[0] / 2.0 * a + SIZE[1] / 2.0 * b + interval * f64::from(k);
+        let lines = (-4..=4).map(level).map(|z| feature(z, &across(a, b, z))).collect();
+        let height = |x: [f64; 2]| x[0] * a + x[1] * b;
+        let drawn = Drawn { height: &height, lines, levels: [-4, 4].map(level), interval, pixel, cells };
+        let heights = drawn.reconstructed();
+        let own = drawn.off(&heights);
+        let of = format!("uphill {angle}, interval {interval}, pixel {pixel}, {cells:?} cells");
+        assert!(own.len() > 500 && own.iter().all(|v| v.is_finite()), "{of}: cells without height");
+        let found = root_mean_square(&own);
+        assert!(found < bound, "{of}: {found}");
+        all.push(found);
+        fallen += usize::from(root_mean_square(&drawn.off_beside(&heights)) > bound);
+    }
+    assert!(fallen >= 4, "{fallen}");
+    let all = root_mean_square(&all);
+    assert!(all < bound_of_all, "{all}");
+}
+
+/// Paraboloids with their tops within the map: circles, some of which the border cuts.
+#[test]
+fn heights_of_hills_and_hollows_are_right_up_to_the_border() {
+    // As above; with lines that do not meet beyond the border it was 0.049 on all of these maps, 0.062 on the worst.
+    let [bound, bound_of_all] = [0.05, 0.03];
+    let drawn = ([300.0..700.0f64, 250.0..550.0f64], 9..16i32, any::<bool>(), 7.0..12.0f64, [60..140u32, 60..140u32]);
+    let mut runner = TestRunner::deterministic();
+    let (mut fallen, mut all) = (0, Vec::new());
+    for _ in 0..16 {
+        let (middle, count, is_hill, pixel, cells) = drawn.new_tree(&mut runner).expect("a draw").current();
+        // To the farthest corner.
+        let far = [0, 1].map(|a| middle[a].max(SIZE[a] - middle[a]));
+        let steep = f64::from(count) / (far[0] * far[0] + far[1] * far[1]);
+        let way = if is_hill { -1.0 } else { 1.0 };
+        let level = |k: i32| way * (f64::from(k) + 0.3);
+        let circle = |k: i32| {
+            let radius = ((f64::from(k) + 0.3) / steep).sqrt();
+            let point = |n: u32| {
+                let (sin, cos) = (TAU * f64::from(n % 720) / 720.0).sin_cos();
+                [EAST + middle[0] + radius * cos, NORTH + middle[1] + radius * sin]
+            };
+            feature(level(k), &(0..=720).map(point).collect::<Vec<_>>())
+        };
+        let height = |x: [f64; 2]| way * steep * ((x[0] - middle[0]).powi(2) + (x[1] - middle[1]).powi(2));
+        let levels = if is_hill { [level(count - 1), level(0)] } else { [level(0), level(count - 1)] };
+        let lines = (0..count).map(circle).collect();
+        let drawn = Drawn { height: &height, lines, levels, interval: 1.0, pixel, cells };
+        let heights = drawn.reconstructed();
+        let own = drawn.off(&heights);
+        let of = format!("about {middle:?}, {count} levels, hill: {is_hill}, pixel {pixel}, {cells:?} cells");
+        assert!(own.len() > 500 && own.iter().all(|v| v.is_finite()), "{of}: cells without height");
+        let found = root_mean_square(&own);
+        assert!(found < bound, "{of}: {found}");
+        all.push(found);
+        fallen += usize::from(root_mean_square(&drawn.off_beside(&heights)) > bound);
+    }
+    assert!(fallen >= 4, "{fallen}");
+    let all = root_mean_square(&all);
+    assert!(all < bound_of_all, "{all}");
+}

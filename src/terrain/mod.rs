@@ -109,6 +109,7 @@ impl Terrain {
         let own = project::metres(&crs);
         let (crs, reprojected) = project::project(&mut lines, crs, options.crs_out.as_deref()).map_err(wrong)?;
         notes.extend(reprojected);
+        notes.extend(project::stretched(&lines, &crs));
         let edges = Edges::of(options.border.as_ref())?;
         let mut lines = lines::distinct(lines, &mut notes);
         let pixel = lines::pixel(&lines, options.pixel).map_err(|e| e.in_file(path))?;

@@ -23,6 +23,10 @@ const WIDEST: f64 = 12.0;
 /// Longitudes and latitudes of any map, and longitudes of one that goes on beyond 180 degrees or counts from 0 to 360.
 const ON_EARTH: DVec2 = DVec2::new(180.0, 90.0);
 const BEYOND: f64 = 360.0;
+/// Web Mercator, and the radius of its sphere, m.
+const WEB_MERCATOR: (u32, f64) = (3857, 6_378_137.0);
+/// Share by which lengths may be off.
+const STRETCHED: f64 = 0.01;
 /// Latitudes between which there is UTM.
 const LATITUDES: [f64; 2] = [-80.0, 84.0];
 
@@ -124,8 +128,30 @@ fn zone(lines: &[ContourLine]) -> Check<u32> {
     if !(low.y >= LATITUDES[0] && high.y <= LATITUDES[1]) {
         return Err(format!("the map goes from latitude {} to {}, where there is no UTM; {ask}", low.y, high.y));
     }
+    Ok(zone_at(DVec2 { x, y }))
+}
+
+/// Code of the UTM zone of a longitude and latitude.
+fn zone_at(DVec2 { x, y }: DVec2) -> u32 {
     let number = 1 + ((x + 180.0).rem_euclid(360.0) / ZONE).floor() as u32;
-    Ok(UTM[usize::from(y < 0.0)] + number.min(60))
+    UTM[usize::from(y < 0.0)] + number.min(60)
+}
+
+/// Note on lines in Web Mercator, whose lengths are `cosh(y / R)` times those on the ground.
+pub fn stretched(lines: &[ContourLine], crs: &Crs) -> Option<String> {
+    let (code, radius) = WEB_MERCATOR;
+    let [low, high] = bounds(lines.iter().flat_map(|line| &line.points));
+    let middle = 0.5 * (low + high) / radius;
+    let factor = libm::cosh(middle.y);
+    let at = DVec2::new(middle.x, libm::atan(libm::sinh(middle.y))).map(f64::to_degrees);
+    (*crs == Crs::Epsg(code) && factor > 1.0 + STRETCHED).then(|| {
+        format!(
+            "lengths in EPSG:{code}, Web Mercator, are {factor:.3} times those on the ground at latitude {:.1}, heights are not: slopes, areas and \
+             volumes are off by that; --crs-out EPSG:{} makes them right",
+            at.y,
+            zone_at(at)
+        )
+    })
 }
 
 /// Metres of the unit that x and y have in a system, where that is known and they are lengths.

@@ -115,6 +115,33 @@ fn degrees_go_on_beyond_180() {
     }
 }
 
+/// Web Mercator stretches lengths by 1 / cos(latitude), which is told where it is more than 1 %, with a system that does not.
+#[test]
+fn lengths_of_web_mercator_are_told() {
+    let place = folder();
+    let path = place.path().join("in.geojson");
+    let says = "lengths in EPSG:3857, Web Mercator, are ";
+    let note_of = |latitude: f64, crs_out: Option<&str>| {
+        let y = 6_378_137.0 * (latitude.to_radians() / 2.0 + std::f64::consts::FRAC_PI_4).tan().ln();
+        let rings = [(100, 4000.0), (150, 3000.0), (200, 2000.0)];
+        let features: Vec<Value> =
+            rings.iter().map(|(z, r)| feature(*z, &circle([-9_373_101.0 - EAST, y - NORTH], *r))).collect();
+        fs::write(&path, collection(Some("EPSG:3857"), &features)).expect("a file can be written");
+        let options = ReadOptions { crs_out: crs_out.map(Into::into), ..pixels(100.0) };
+        let terrain = Terrain::read(&path, &options).expect("a map in Web Mercator");
+        let notes: Vec<String> = terrain.notes.into_iter().filter(|note| note.starts_with(says)).collect();
+        assert!(notes.len() < 2);
+        notes.into_iter().next()
+    };
+    for (latitude, factor, zone) in [(36.3f64, "1.241", 32616), (-60.0, "2.000", 32716)] {
+        let note = note_of(latitude, None).expect("a note");
+        assert_says(&note, &[&format!("{factor} times"), &format!("{latitude:.1}"), &format!("--crs-out EPSG:{zone}")]);
+        // There they are right.
+        assert_eq!(note_of(latitude, Some(&format!("EPSG:{zone}"))), None);
+    }
+    assert_eq!(note_of(5.0, None), None);
+}
+
 #[test]
 fn a_system_that_contradicts_the_files_own_is_told() {
     let place = folder();

@@ -40,15 +40,15 @@ fn links_go_with_their_slices() {
     let link = |slice, from, to| Link { slice, from, to, join: true };
     // 2 and 5 are left out: of the pairs that are named only 3 and 4 are kept.
     let settings = Settings { links: vec![link(2, 1, 2), link(3, 2, 2), link(4, 2, 1)], ..Settings::default() };
-    let score = hold_out(&all, &settings, 3, &Reference, &progress::Silent).expect("it can be scored");
+    let score = hold_out(&all, None, &settings, 3, &Reference, &progress::Silent).expect("it can be scored");
     assert_eq!((score.links, score.slices.len()), (1, 2));
     let wrong = Settings { links: vec![link(3, 2, 3)], ..Settings::default() };
-    let e = hold_out(&all, &wrong, 3, &Reference, &progress::Silent).expect_err("there is no third part");
+    let e = hold_out(&all, None, &wrong, 3, &Reference, &progress::Silent).expect_err("there is no third part");
     assert!(e.to_string().contains("`to` must lie in [1, 2]"), "{e}");
 }
 
 fn score(stack: &ContourStack) -> interslice::evaluate::holdout::HoldOut {
-    hold_out(stack, &Settings::default(), 2, &Reference, &progress::Silent).expect("it can be scored")
+    hold_out(stack, None, &Settings::default(), 2, &Reference, &progress::Silent).expect("it can be scored")
 }
 
 #[test]

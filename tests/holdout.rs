@@ -20,7 +20,7 @@ fn cone(radii: &[f64]) -> interslice::ContourStack {
 
 #[test]
 fn linear_interpolation_is_exact_on_a_cone_and_wrong_where_it_must_be() {
-    let score = |radii: &[f64]| hold_out(&cone(radii), &plain(), 2, &Reference, &Silent).expect("a valid stack");
+    let score = |radii: &[f64]| hold_out(&cone(radii), None, &plain(), 2, &Reference, &Silent).expect("a valid stack");
     let even = score(&[8.0, 9.0, 10.0, 11.0, 12.0, 13.0]);
     assert_eq!(even.slices.len(), 2);
     assert!(even.slices.iter().all(|s| s.linear_dice > Some(NEARLY) && s.dice > Some(NEARLY)), "{even:?}");
@@ -38,7 +38,7 @@ fn ends_are_left_out_by_themselves() {
     let stack = cone(&[8.0, 9.0, 10.0, 11.0, 12.0, 13.0]);
     let score = |end_bottom: EndRule, end_top: EndRule| {
         let settings = Settings { end_bottom, end_top, ..plain() };
-        hold_out(&stack, &settings, 2, &Reference, &Silent).expect("a valid stack")
+        hold_out(&stack, None, &settings, 2, &Reference, &Silent).expect("a valid stack")
     };
     let flat = score(EndRule::Flat, EndRule::Flat);
     assert_eq!(flat.ends.iter().map(|s| (s.z, s.pixels[1])).collect::<Vec<_>>(), [(0.0, 0), (20.0, 0)]);
@@ -48,7 +48,7 @@ fn ends_are_left_out_by_themselves() {
     assert!(longer.ends[0].dice > Some(0.5) && longer.ends[1].dice == Some(0.0), "{longer:?}");
     assert_eq!(longer.dice, flat.dice);
     // Of three slices one is left without the ends.
-    let few = hold_out(&cone(&[8.0, 9.0, 10.0]), &plain(), 2, &Reference, &Silent).expect("a valid stack");
+    let few = hold_out(&cone(&[8.0, 9.0, 10.0]), None, &plain(), 2, &Reference, &Silent).expect("a valid stack");
     assert!(few.ends.is_empty() && few.slices.len() == 1);
 }
 
@@ -56,7 +56,7 @@ fn ends_are_left_out_by_themselves() {
 fn volumes_count_each_slice_by_the_gaps_beside_it() {
     let (heights, radii) = ([0.0, 1.0, 2.0, 52.0, 102.0], [20.0, 22.0, 20.0, 10.0, 20.0]);
     let shapes: Vec<Shape> = radii.iter().map(|r| circle(24.0, 24.0, *r)).collect();
-    let score = hold_out(&masks(48, &heights, &shapes), &plain(), 2, &Reference, &Silent).expect("a valid stack");
+    let score = hold_out(&masks(48, &heights, &shapes), None, &plain(), 2, &Reference, &Silent).expect("a valid stack");
     let left_out: Vec<f64> = score.slices.iter().map(|s| s.z).collect();
     assert_eq!(left_out, [1.0, 52.0]);
     // They stand for 1 and for 50 mm.

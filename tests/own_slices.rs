@@ -227,6 +227,41 @@ fn text(path: &Path) -> &str {
     path.to_str().expect("temporary paths are UTF-8")
 }
 
+/// A label in which no output layer lies is left out before anything is computed, and the others are as without it; where it is asked for by
+/// name that is an error, and where none is left.
+#[test]
+fn p13_a_label_between_the_output_layers_is_left_out() {
+    let long = Disc { label: 1, at: [20.0, 24.0], radius: 8.0, slices: &TENS };
+    let thin = Disc { label: 2, at: [44.0, 24.0], radius: 9.0, slices: &[13, 14, 15] };
+    let place = folder();
+    let [both, alone] = ["both.nrrd", "alone.nrrd"].map(|name| place.path().join(name));
+    write(&both, &volume(&[long, thin]));
+    write(&alone, &volume(&[long]));
+    let run = |input: &Path, labels: &str, out: &str, more: &[&str]| {
+        let [input, out] = [input, &place.path().join(out)].map(|p| p.display().to_string());
+        interslice(&[&["reconstruct", &input, "--labels", labels, "-o", &out, "--backend", "cpu"], more].concat())
+    };
+    let coarse = ["--dz", "10"];
+    let done = run(&both, "all", "both.npy", &coarse);
+    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    let says = "label 2: left out, output heights 0 to 30 meet no part of the body, which lies in 13 to 15";
+    assert!(stderr(&done).contains(says), "{}", stderr(&done));
+    let done = run(&alone, "all", "alone.npy", &coarse);
+    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    let voxels = ["both.npy", "alone.npy"].map(|name| fs::read(place.path().join(name)).expect("it was written"));
+    assert!(voxels[0] == voxels[1]);
+    let done = run(&both, "1,2", "named.npy", &coarse);
+    assert_eq!(done.status.code(), Some(2), "{}", stderr(&done));
+    assert!(stderr(&done).contains("label 2: output heights 0 to 30 meet no part"), "{}", stderr(&done));
+    write(&alone, &volume(&[thin]));
+    // Its own slices are the first: a step of 10 meets the lowest of them, but not a grid that lies elsewhere.
+    let done = run(&alone, "all", "thin.npy", &coarse);
+    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    // A layer in it is enough.
+    let done = run(&both, "all", "fine.npy", &["--dz", "7"]);
+    assert!(done.status.success() && !stderr(&done).contains("left out"), "{}", stderr(&done));
+}
+
 #[test]
 fn p13_of_all_labels_those_that_cannot_be_done_are_left_out() {
     let place = folder();
@@ -242,12 +277,28 @@ fn p13_of_all_labels_those_that_cannot_be_done_are_left_out() {
     let done = run("all");
     assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
     assert!(stderr(&done).contains("label 9: left out, is drawn on 1 of the slices"), "{}", stderr(&done));
+    assert!(stderr(&done).contains("; a label volume has it there as it is painted"), "{}", stderr(&done));
     // What is painted stays.
     let survey = interslice::input::survey(&out).expect("the label volume can be read");
     assert_eq!(survey.labels.into_iter().collect::<Vec<_>>()[2], (9, 1));
     let json: serde_json::Value = serde_json::from_slice(&fs::read(&report).expect("there is a report")).expect("JSON");
     assert_eq!(json["left_out"][0]["label"], 9);
     assert_eq!(json["labels"].as_array().map(Vec::len), Some(2));
+    // Where no layer lies it cannot.
+    let between = interslice(&[
+        "reconstruct",
+        text(&input),
+        "--labels",
+        "all",
+        "-o",
+        text(&out),
+        "--dz",
+        "3",
+        "--backend",
+        "cpu",
+    ]);
+    assert!(stderr(&between).contains("; no output layer lies there, at 10"), "{}", stderr(&between));
+    assert!(!interslice::input::survey(&out).expect("the label volume can be read").labels.contains_key(&9));
     // Nor does a template have a line for it, which it says; and of an empty volume.
     write(&at("none.nrrd"), &vec![0; SIZES.iter().product()]);
     let template = interslice(&["batch", "--template", text(place.path()), "--each-label"]);

@@ -249,7 +249,8 @@ fn layers_that_wait_are_read_back_in_blocks() {
 fn a_height_map_is_where_each_pixel_leaves_the_body() {
     let heights = [0.0, 1.0, 1.5, 4.0, 6.0];
     let body = support::body([9, 8], &heights, |x, y, z| (x - 4.0).hypot(y - 3.5) - 5.0 + z);
-    let mut map = ArrivalHeights::new(&body.header());
+    let header = body.header();
+    let mut map = ArrivalHeights::new(header.dims, header.extent);
     body.layers.iter().for_each(|l| map.layer(l));
     for (n, h) in map.finish().iter().enumerate() {
         let r = ((n % 9) as f64 - 4.0).hypot((n / 9) as f64 - 3.5);

@@ -51,11 +51,14 @@ pub fn evaluate<'py>(
     let (settings, device, output) = settings_of(base, preset, options)?;
     no_outputs(&output, "`evaluate`, which writes nothing")?;
     let loaded = stack.get().loaded.clone();
+    let map = loaded.options.output.map.clone();
+    let cap_gaps = settings.cap_gaps.or(loaded.options.settings.cap_gaps);
+    let settings = Settings { cap_gaps, ..settings };
     let score = run(py, progress, move |watch| {
         let notice = noticing(watch);
         let machine = machine(&device, &notice)?;
         let backend = Remembering { backend: machine.backend(), answers: None, progress: watch };
-        hold_out(&loaded.stack, &settings, leave, &backend, watch)
+        hold_out(&loaded.stack, map.as_deref(), &settings, leave, &backend, watch)
     })?;
     report(py, &score)
 }

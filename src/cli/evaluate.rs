@@ -4,12 +4,11 @@ use std::path::PathBuf;
 
 use interslice::backend::Backend;
 use interslice::evaluate::holdout::{HoldOut, SliceScore, hold_out};
-use interslice::files::JobOptions;
 use interslice::files::format::{Kind, kind};
 use interslice::files::pending::{Pending, Temporary};
 use interslice::files::places::Places;
-use interslice::input::{self, Input};
-use interslice::settings::Link;
+use interslice::files::{JobOptions, Loaded};
+use interslice::input;
 use interslice::stack::ReadOptions;
 use interslice::stack::links::LinkOptions;
 use interslice::{Error, Result, Settings};
@@ -73,15 +72,14 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
         return Err(Error::Setting { name: "links".into(), message });
     }
     let Some(members) = members else {
-        let input = Input::read(&arguments.input, &arguments.read)?;
+        let loaded = Loaded::read(&arguments.input, job(arguments))?;
         let outputs = open(arguments)?;
-        let links = arguments.links.read(&input.stack)?;
         let chosen = choose(&arguments.device, &notice)?;
         tell!("running on: {} ({})", chosen.backend().name(), chosen.reason);
-        let score = score(arguments, &arguments.read, &input, links, chosen.backend())?;
+        let score = score(arguments, &loaded, chosen.backend())?;
         chosen.tell_kernels();
         write(outputs, &score)?;
-        return if arguments.json { say_exactly(&json(&score)) } else { say(&describe(&score, &input.stack.unit)) };
+        return if arguments.json { say_exactly(&json(&score)) } else { say(&describe(&score, &loaded.stack.unit)) };
     };
     let outputs = open(arguments)?;
     let chosen = choose(&arguments.device, &notice)?;
@@ -89,15 +87,16 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     let mut scores = Vec::new();
     for member in members {
         tell!("{}", member.name);
-        let input = Input::read(&arguments.input, &member.read)?;
+        let options = JobOptions { read: member.read, ..job(arguments) };
+        let loaded = Loaded::read(&arguments.input, options)?;
         // What one body lacks does not stop the others.
-        let (scores_of, error) = match score(arguments, &member.read, &input, Vec::new(), chosen.backend()) {
+        let (scores_of, error) = match score(arguments, &loaded, chosen.backend()) {
             Ok(score) => (Some(score), None),
             Err(e) if e.exit_code() == 2 => (None, Some(e.to_string())),
             Err(e) => return Err(e),
         };
         if !arguments.json {
-            let text = scores_of.as_ref().map(|score| describe(score, &input.stack.unit));
+            let text = scores_of.as_ref().map(|score| describe(score, &loaded.stack.unit));
             say(&format!("{}\n{}\n", member.name, text.or(error.clone()).unwrap_or_default()))?;
         }
         scores.push(MemberScore { name: member.name, scores: scores_of, error });
@@ -107,18 +106,17 @@ pub fn run(arguments: &EvaluateArguments) -> Result<()> {
     if arguments.json { say_exactly(&json(&scores)) } else { Ok(()) }
 }
 
+/// What is asked for of the input.
+fn job(arguments: &EvaluateArguments) -> JobOptions {
+    let (read, links, settings) = (arguments.read.clone(), arguments.links.clone(), arguments.settings.clone());
+    JobOptions { read, links, settings, ..JobOptions::default() }
+}
+
 /// Scores of one body.
-fn score(
-    arguments: &EvaluateArguments,
-    read: &ReadOptions,
-    input: &Input,
-    links: Vec<Link>,
-    backend: &dyn Backend,
-) -> Result<HoldOut> {
-    input.doubts(read).iter().for_each(|doubt| tell!("warning: {doubt}"));
-    let settings = Settings { links, ..arguments.settings.clone() };
-    settings.validate()?;
-    let score = hold_out(&input.stack, &settings, arguments.leave, backend, &Bars::default())?;
+fn score(arguments: &EvaluateArguments, loaded: &Loaded, backend: &dyn Backend) -> Result<HoldOut> {
+    loaded.notes.iter().for_each(|note| tell!("warning: {note}"));
+    let (settings, map) = (&loaded.options.settings, loaded.options.output.map.as_deref());
+    let score = hold_out(&loaded.stack, map, settings, arguments.leave, backend, &Bars::default())?;
     let (all, used) = (settings.links.len(), score.links);
     if used < all {
         tell!("warning: {} of {all} links name a slice that is left out, and count for nothing", all - used);
@@ -141,9 +139,7 @@ fn write(outputs: Vec<(&PathBuf, Pending)>, scores: &impl Serialize) -> Result<(
 
 /// The outputs under temporary names, before the work.
 fn open<'a>(arguments: &'a EvaluateArguments) -> Result<Vec<(&'a PathBuf, Pending)>> {
-    let (read, links) = (arguments.read.clone(), arguments.links.clone());
-    let options = JobOptions { read, links, ..JobOptions::default() };
-    let mut places = Places::of(&arguments.input, &options)?;
+    let mut places = Places::of(&arguments.input, &job(arguments))?;
     let mut open = |path: &'a PathBuf| match kind(path) {
         Ok(Kind::Report) => Ok((path, Pending::open(path, false, Temporary::Random, &mut places)?)),
         _ => Err(Error::Output { path: path.clone(), message: "scores are written as JSON".into() }),
@@ -191,6 +187,15 @@ fn describe(score: &HoldOut, unit: &str) -> String {
         "linear interpolation of distances: {}",
         scores(linear.dice, linear.surface_distance, linear.volume_error_percent)
     ));
+    if let Some(own) = score.height_error {
+        let of = |error: Option<f64>| or_dash(error.map(|e| format!("{e:.4} {unit}")));
+        let each = score.slices.iter().map(|s| of(s.height_error)).collect::<Vec<_>>().join(", ");
+        lines.push(format!(
+            "heights along the lines left out are {} off (root of the mean square; linear: {}): {each}",
+            of(Some(own)),
+            of(linear.height_error)
+        ));
+    }
     if !score.ends.is_empty() {
         lines.push("the first and the last slice left out, found by the end rules (linear: continued):".into());
         lines.extend(score.ends.iter().map(line));

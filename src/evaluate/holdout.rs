@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use super::along::Errors;
+use super::view::View;
 use crate::backend::{Backend, Means};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -11,6 +13,8 @@ use crate::settings::{Link, Settings};
 use crate::stack::{ContourStack, Slice};
 use crate::storage::spill::Budget;
 use crate::surface::Layer;
+use crate::surface::heightmap::ArrivalHeights;
+use crate::surface::map::Map;
 
 /// Scores of slices that were left out and found again.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -29,6 +33,9 @@ pub struct HoldOut {
     /// Volume of the result less that of the truth, % of the truth, each slice half as high as the gaps beside it; none where the truth is empty on
     /// all.
     pub volume_error_percent: Option<f64>,
+    /// Of a contour map: root of the mean of `(h - z)^2` along the lines left out, h the height of the surface, z the line's, unit of the stack.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height_error: Option<f64>,
     /// Scores of linear interpolation of the kept slices' distances, for the same slices.
     pub linear: Compared,
     /// The first and the last slice, left out by themselves and found from the others by the end rules; as far as one of truth, result and linear
@@ -49,6 +56,9 @@ pub struct Compared {
     pub surface_distance: Option<f64>,
     /// Volume error, see [`HoldOut::volume_error_percent`].
     pub volume_error_percent: Option<f64>,
+    /// Of a contour map: error of heights, see [`HoldOut::height_error`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height_error: Option<f64>,
 }
 
 /// Scores of one slice.
@@ -66,17 +76,21 @@ pub struct SliceScore {
     pub surface_distance: Option<f64>,
     /// Area of the result less that of the truth, % of the truth; none where the truth is empty.
     pub area_error_percent: Option<f64>,
+    /// Of a line of a contour map: error of heights along it, see [`HoldOut::height_error`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height_error: Option<f64>,
     /// Dice coefficient of linear interpolation of the kept slices' distances; at an end, of their continuation.
     pub linear_dice: Option<f64>,
 }
 
-/// Leaves out every `leave`-th slice but for the first and last, reconstructs them from the rest, and compares. Links between slices of which one is
-/// left out count for nothing.
+/// Leaves out every `leave`-th slice but for the first and last, reconstructs them from the rest, and compares, of a contour map (`map`) what lies
+/// within its border. Links between slices of which one is left out count for nothing.
 ///
 /// # Errors
 /// [`Error::Setting`] if `leave` is less than 2, [`Error::Stack`] if that leaves nothing out; as [`crate::reconstruct_with`].
 pub fn hold_out(
     stack: &ContourStack,
+    map: Option<&Map>,
     settings: &Settings,
     leave: usize,
     backend: &dyn Backend,
@@ -97,19 +111,23 @@ pub fn hold_out(
         );
         return Err(Error::Stack(message));
     }
-    let (heights, beyond) = heights(stack, &dropped);
+    let (heights, beyond) = heights(stack, &dropped, if map.is_some() { STEPS } else { 1 });
+    let view = View::of_map(map, stack.dims);
+    let mut arrival = map.map(|_| ArrivalHeights::new(stack.dims, [0, last].map(|k| stack.slices[k].z)));
     let mut out = HoldOut { leave, ..HoldOut::default() };
     let mut tallies = [Tally::default(); 2];
     let rest = some_of(stack, &kept);
     let means = Means { backend, progress, budget: &Budget::unlimited() };
-    let mut truth = dropped.iter();
+    let mut truth = dropped.iter().peekable();
     let mut score = |layer: Layer| {
         // The first of the heights lies below the stack.
         if !layer.output || layer.z <= beyond[0] || layer.z >= beyond[1] {
             return Ok(());
         }
-        let Some(&k) = truth.next() else { return Ok(()) };
-        out.slices.extend(scored(stack, k, &layer, &linear(&rest, stack.slices[k].z), &mut tallies));
+        arrival.iter_mut().for_each(|arrival| arrival.layer(&layer));
+        if let Some(&k) = truth.next_if(|&&k| stack.slices[k].z == layer.z) {
+            out.slices.extend(scored(stack, k, &layer, &Between::around(&rest, layer.z), &view, &mut tallies));
+        }
         Ok(())
     };
     let links = links_of(&settings.links, &kept);
@@ -120,6 +138,19 @@ pub fn hold_out(
     (out.dice, out.surface_distance, out.volume_error_percent) =
         (own.dice, own.surface_distance, own.volume_error_percent);
     out.linear = line;
+    if let Some(mut arrival) = arrival {
+        let found = view.of(arrival.finish());
+        let (mut own, mut line) = (Errors::default(), Errors::default());
+        for slice in dropped.iter().map(|&k| &stack.slices[k]) {
+            let along = Errors::of(&slice.content, slice.z, &found, &view);
+            let linear = view.of(&Between::around(&rest, slice.z).heights());
+            own.add(&along);
+            line.add(&Errors::of(&slice.content, slice.z, &linear, &view));
+            let score = out.slices.iter_mut().find(|score| score.z == slice.z);
+            score.into_iter().for_each(|score| score.height_error = along.root_mean_square());
+        }
+        (out.height_error, out.linear.height_error) = (own.root_mean_square(), line.root_mean_square());
+    }
     if last >= LEAST_FOR_ENDS {
         let inner: Vec<usize> = (1..last).collect();
         let rest = some_of(stack, &inner);
@@ -128,7 +159,8 @@ pub fn hold_out(
         let mut score = |layer: Layer| {
             let end = [0, last].into_iter().find(|&k| stack.slices[k].z == layer.z && layer.output);
             let Some(k) = end else { return Ok(()) };
-            out.ends.extend(scored(stack, k, &layer, &linear(&rest, layer.z), &mut [Tally::default(); 2]));
+            let linear = Between::around(&rest, layer.z);
+            out.ends.extend(scored(stack, k, &layer, &linear, &view, &mut [Tally::default(); 2]));
             Ok(())
         };
         reconstruct_into(&rest, &heights, &settings_of(links_of(&settings.links, &inner)), &means, &mut score)?;
@@ -136,17 +168,26 @@ pub fn hold_out(
     Ok(out)
 }
 
+/// Layers per gap beside a slice left out, between which a map's heights are linear.
+const STEPS: usize = 8;
 /// Ends are left out where two slices and one more are kept: linear continuation needs two, a slope three.
 const LEAST_FOR_ENDS: usize = 4;
 
-/// Heights of the slices that were left out, and one gap beyond either end: nothing is asked there, but a body asked for as a grid has layers there,
-/// too. And these two.
-fn heights(stack: &ContourStack, dropped: &[usize]) -> (Vec<f64>, [f64; 2]) {
+/// Heights of the slices that were left out, those that cut the gaps beside them in so many parts, and one gap beyond either end: nothing is asked
+/// there, but a body asked for as a grid has layers there, too. And these two.
+fn heights(stack: &ContourStack, dropped: &[usize], parts: usize) -> (Vec<f64>, [f64; 2]) {
     let z = |k: usize| stack.slices[k].z;
     let last = stack.slices.len() - 1;
     let beyond = [z(0) - (z(1) - z(0)), z(last) + (z(last) - z(last - 1))];
-    let inner = dropped.iter().map(|&k| z(k));
-    (std::iter::once(beyond[0]).chain(inner).chain([beyond[1]]).collect(), beyond)
+    let between = |k: usize, n: usize| z(k) + (z(k + 1) - z(k)) * n as f64 / parts as f64;
+    let beside = |k: usize| [k - 1, k].into_iter().flat_map(move |gap| (1..parts).map(move |n| between(gap, n)));
+    let inner = dropped.iter().flat_map(|&k| beside(k).chain([z(k)]));
+    // With the kept slices below and above where heights are asked for between them.
+    let kept = dropped.iter().filter(|_| parts > 1).flat_map(|&k| [z(k - 1), z(k + 1)]);
+    let mut heights: Vec<f64> = inner.chain(kept).chain(beyond).collect();
+    heights.sort_by(f64::total_cmp);
+    heights.dedup();
+    (heights, beyond)
 }
 
 /// Links between neighbours that are both kept, by their places among those.
@@ -171,16 +212,42 @@ fn some_of(stack: &ContourStack, kept: &[usize]) -> ContourStack {
     }
 }
 
-/// Inside at height `z` by the line through the exact distances of the two slices next to it. An empty slice is infinitely far off.
-fn linear(stack: &ContourStack, z: f64) -> Vec<bool> {
-    let px = stack.spacing[0].max(stack.spacing[1]);
-    let above = stack.slices.partition_point(|s| s.z < z).clamp(1, stack.slices.len() - 1);
-    let [low, high] = [above - 1, above].map(|k| {
-        let slice = &stack.slices[k];
-        (slice.z, exact_distance(&slice.content.sides(), stack.dims, stack.spacing.map(|s| s / px)).data)
-    });
-    let t = (z - low.0) / (high.0 - low.0);
-    low.1.iter().zip(&high.1).map(|(a, b)| (1.0 - t) * a + t * b < 0.0).collect()
+/// The exact distances of the two slices next to a height, between which a line goes. An empty slice is infinitely far off.
+struct Between {
+    z: [f64; 2],
+    distances: [Vec<f64>; 2],
+}
+
+impl Between {
+    fn around(stack: &ContourStack, z: f64) -> Self {
+        let px = stack.spacing[0].max(stack.spacing[1]);
+        let above = stack.slices.partition_point(|s| s.z < z).clamp(1, stack.slices.len() - 1);
+        let both = [above - 1, above].map(|k| &stack.slices[k]);
+        let h = stack.spacing.map(|s| s / px);
+        Between {
+            z: both.map(|slice| slice.z),
+            distances: both.map(|slice| exact_distance(&slice.content.sides(), stack.dims, h).data),
+        }
+    }
+
+    /// Inside at height `z`.
+    fn inside(&self, z: f64) -> Vec<bool> {
+        let t = (z - self.z[0]) / (self.z[1] - self.z[0]);
+        let [low, high] = &self.distances;
+        low.iter().zip(high).map(|(a, b)| (1.0 - t) * a + t * b < 0.0).collect()
+    }
+
+    /// Where pixels leave the body, at most at either slice.
+    fn heights(&self) -> Vec<f64> {
+        let [low, high] = &self.distances;
+        let share = |a: f64, b: f64| match (a < 0.0, b < 0.0) {
+            (true, false) if b.is_finite() => a / (a - b),
+            (true, true) => 1.0,
+            _ => 0.0,
+        };
+        let height = |(a, b): (&f64, &f64)| self.z[0] + share(*a, *b) * (self.z[1] - self.z[0]);
+        low.iter().zip(high).map(height).collect()
+    }
 }
 
 /// Scores of slice `k`, left out, by the result's layer there and by linear interpolation, which go into the tallies; nothing where all is empty.
@@ -188,15 +255,17 @@ fn scored(
     stack: &ContourStack,
     k: usize,
     layer: &Layer,
-    linear: &[bool],
+    linear: &Between,
+    view: &View,
     tallies: &mut [Tally; 2],
 ) -> Option<SliceScore> {
     let slice = &stack.slices[k];
-    let truth = slice.content.sides();
-    let found: Vec<bool> = layer.dense().iter().map(|v| *v < 0.0).collect();
+    let truth = view.of(&slice.content.sides());
+    let found: Vec<bool> = view.of(&layer.dense()).iter().map(|v| *v < 0.0).collect();
+    let linear = view.of(&linear.inside(slice.z));
     let beside = [k.saturating_sub(1), (k + 1).min(stack.slices.len() - 1)].map(|k| stack.slices[k].z);
     let height = 0.5 * (beside[1] - beside[0]);
-    let [own, line] = [&found[..], linear].map(|found| Tally::new([&truth, found], stack.dims, stack.spacing, height));
+    let [own, line] = [found, linear].map(|found| Tally::new([&truth, &found], view.dims, stack.spacing, height));
     tallies.iter_mut().zip([&own, &line]).for_each(|(all, one)| all.add(one));
     if own.sizes == [0, 0] && line.sizes == [0, 0] {
         return None;
@@ -209,6 +278,7 @@ fn scored(
         dice: score.dice,
         surface_distance: score.surface_distance,
         area_error_percent: score.volume_error_percent,
+        height_error: None,
         linear_dice: linear.dice,
     })
 }
@@ -252,6 +322,7 @@ impl Tally {
             dice: dice(self.common, self.sizes),
             surface_distance: (self.compared > 0).then(|| self.distances / self.compared as f64),
             volume_error_percent: excess(self.volumes),
+            height_error: None,
         }
     }
 }

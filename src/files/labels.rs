@@ -21,6 +21,7 @@ use crate::labels::report::{LabelReport, LabelsReport};
 use crate::labels::{DecidedLabels, KeptBody, LabelStack, Plan, decide, reconstruct};
 use crate::report::Report;
 use crate::settings::Settings;
+use crate::stack::heights::missed;
 use crate::surface::content::{Paint, Scalar};
 
 /// Options for many labels.
@@ -82,6 +83,23 @@ impl LoadedLabels {
         let numbers = stack.scalar.or_wider(least.min(0), most.max(0));
         options.output.check_unit(&stack.stack.unit)?;
         let heights = options.output.heights(&stack.stack, &options.settings)?;
+        stack.tell_singles(&heights);
+        let missed = |stack: &LabelStack, a: usize| {
+            let (z, has_ended) = stack.slices_of(a);
+            missed(&heights, &z, has_ended, &options.settings)
+        };
+        match wanted {
+            Wanted::All => {
+                stack.leave_out(missed);
+                stack.some_are_left().map_err(|message| Error::Format { path: input.into(), message })?;
+            }
+            Wanted::These(_) => {
+                let first = stack.labels.iter().enumerate().find_map(|(a, label)| Some((label, missed(&stack, a)?)));
+                if let Some((label, message)) = first {
+                    return Err(Error::Stack(format!("label {label}: {message}")));
+                }
+            }
+        }
         Ok(LoadedLabels { stack, heights, options, keep_overlaps, numbers, source })
     }
 

@@ -159,49 +159,38 @@ fn labels_of(
         let mut of_drawn = has.iter();
         drawn.retain(|_| of_drawn.next() == Some(&true));
     }
-    let mut given = given((&drawn, &covered), &slices, surveyed.thickness(), labels.len(), completeness);
-    let mut singles = Vec::new();
-    if *wanted == Wanted::All {
-        if !whole {
-            singles = on_one_slice(&labels, &given, &drawn, &surveyed);
-        }
-        (labels, given) = leave_out(labels, given, (&mut drawn, &mut covered), &surveyed, &mut left_out);
-        if labels.is_empty() {
-            let listed: Vec<String> = left_out.iter().map(LeftOut::to_string).collect();
-            let message = format!("none of its labels can be reconstructed: {}", listed.join("; "));
-            return Err(Error::Format { path: path.into(), message });
-        }
-        for left in left_out.iter_mut().filter(|left| singles.iter().any(|single| single.label == left.label)) {
-            left.why += "; a label volume has it there as it is painted";
-        }
-    }
+    let given = given((&drawn, &covered), &slices, surveyed.thickness(), labels.len(), completeness);
     for (slice, drawn) in slices.iter_mut().zip(&drawn) {
         slice.content = crate::stack::SliceContent::Mask(drawn.iter().map(|l| *l > 0).collect());
     }
-    let named = |label: &i64| surveyed.volume.appearance(*label);
-    let appearances = labels.iter().map(named).collect();
+    let singles = match *wanted == Wanted::All && !whole {
+        true => on_one_slice(&labels, &given, &drawn, &surveyed),
+        false => Vec::new(),
+    };
     if !whole {
         said.extend(overlapping(&overlaps));
     }
     said.extend(options.keep.and_then(|keep| surveyed.missed(keep)));
-    said.extend(strays(&labels, &slices, &drawn));
-    said.extend(notes(&labels, &given));
-    let reading = reading(&labels, &given);
-    let stack = ContourStack { slices, ..stack };
-    let scalar = surveyed.volume.element.scalar();
-    let labels = LabelStack {
-        stack,
+    let mut labels = LabelStack {
+        stack: ContourStack { slices, ..stack },
+        appearances: labels.iter().map(|label| surveyed.volume.appearance(*label)).collect(),
         labels,
-        appearances,
-        scalar,
+        scalar: surveyed.volume.element.scalar(),
         drawn,
         covered,
         given,
         singles,
         left_out,
-        reading,
+        reading: None,
         notes: said,
     };
+    if *wanted == Wanted::All {
+        labels.leave_out(|labels, a| labels.given[a].too_few());
+        labels.some_are_left().map_err(|message| Error::Format { path: path.into(), message })?;
+    }
+    labels.notes.extend(strays(&labels.labels, &labels.stack.slices, &labels.drawn));
+    labels.notes.extend(notes(&labels.labels, &labels.given));
+    labels.reading = reading(&labels.labels, &labels.given);
     labels.validate().map_err(|e| e.in_file(path))?;
     Ok(labels)
 }
@@ -276,39 +265,6 @@ fn on_one_slice(labels: &[i64], given: &[Given], drawn: &[Vec<u32>], surveyed: &
         Some(SingleSlice { label: *label, appearance: surveyed.volume.appearance(*label), slice, pixels })
     };
     labels.iter().zip(given).enumerate().filter_map(of).collect()
-}
-
-/// The labels that can be reconstructed and their slices. The others are no longer drawn; their slices stay, as paint that says something.
-fn leave_out(
-    labels: Vec<i64>,
-    given: Vec<Given>,
-    (drawn, covered): (&mut [Vec<u32>], &mut [Covered]),
-    surveyed: &Surveyed,
-    left_out: &mut Vec<LeftOut>,
-) -> (Vec<i64>, Vec<Given>) {
-    let mut places = vec![0];
-    let (mut left, mut theirs) = (Vec::new(), Vec::new());
-    for (label, given) in labels.into_iter().zip(given) {
-        match given.too_few() {
-            Some(why) => {
-                left_out.push(LeftOut { label, name: surveyed.volume.appearance(label).name, why });
-                places.push(0);
-            }
-            None => {
-                left.push(label);
-                theirs.push(given);
-                places.push(left.len() as u32);
-            }
-        }
-    }
-    if !left_out.is_empty() {
-        drawn.iter_mut().flatten().for_each(|l| *l = places[*l as usize]);
-        for pixels in covered {
-            pixels.retain(|(a, _)| places[a + 1] > 0);
-            pixels.iter_mut().for_each(|(a, _)| *a = places[*a + 1] as usize - 1);
-        }
-    }
-    (left, theirs)
 }
 
 /// Adds, slice by slice, the pixels that labels have where others are drawn.

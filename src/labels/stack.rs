@@ -8,6 +8,7 @@ use super::given::Given;
 use super::report::LeftOut;
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
+use crate::stack::heights::SAME;
 use crate::stack::{ContourStack, Slice, SliceContent};
 use crate::surface::content::Scalar;
 
@@ -97,6 +98,76 @@ impl LabelStack {
             }
         }
         Ok(())
+    }
+
+    /// Leaves out the labels for which there is a reason why: they are no longer drawn, but their slices stay, as paint that says something.
+    pub(crate) fn leave_out(&mut self, why: impl Fn(&Self, usize) -> Option<String>) {
+        let whys: Vec<Option<String>> = (0..self.labels.len()).map(|a| why(self, a)).collect();
+        if whys.iter().all(Option::is_none) {
+            return;
+        }
+        let mut left = 0;
+        let places: Vec<usize> = std::iter::once(0)
+            .chain(whys.iter().map(|why| {
+                left += usize::from(why.is_none());
+                if why.is_none() { left } else { 0 }
+            }))
+            .collect();
+        let of = |(a, why): (usize, &Option<String>)| {
+            let (label, name) = (self.labels[a], self.appearances[a].name.clone());
+            why.clone().map(|why| LeftOut { label, name, why })
+        };
+        self.left_out.extend(whys.iter().enumerate().filter_map(of));
+        let stays = |a: usize| places[a + 1] > 0;
+        retain(&mut self.labels, stays);
+        retain(&mut self.appearances, stays);
+        retain(&mut self.given, stays);
+        self.drawn.iter_mut().flatten().for_each(|l| *l = places[*l as usize] as u32);
+        for pixels in &mut self.covered {
+            pixels.retain(|(a, _)| stays(*a));
+            pixels.iter_mut().for_each(|(a, _)| *a = places[*a + 1] - 1);
+        }
+        for (slice, drawn) in self.stack.slices.iter_mut().zip(&self.drawn) {
+            slice.content = SliceContent::Mask(drawn.iter().map(|l| *l > 0).collect());
+        }
+    }
+
+    /// Says of labels that are drawn on one slice whether the label volume, with layers at these heights, has them.
+    pub(crate) fn tell_singles(&mut self, heights: &[f64]) {
+        let slices = &self.stack.slices;
+        let gaps = slices.windows(2).map(|w| w[1].z - w[0].z);
+        let same = SAME * gaps.fold(f64::INFINITY, f64::min);
+        for single in &self.singles {
+            let z = slices[single.slice].z;
+            let has = heights.iter().any(|height| (height - z).abs() <= same);
+            for left in self.left_out.iter_mut().filter(|left| left.label == single.label) {
+                left.why += &match has {
+                    true => "; a label volume has it there as it is painted".to_string(),
+                    false => format!("; no output layer lies there, at {z}"),
+                };
+            }
+        }
+    }
+
+    /// Says why none is left, where all are left out.
+    pub(crate) fn some_are_left(&self) -> std::result::Result<(), String> {
+        let listed = || self.left_out.iter().map(LeftOut::to_string).collect::<Vec<_>>().join("; ");
+        if self.labels.is_empty() {
+            Err(format!("none of its labels can be reconstructed: {}", listed()))
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Heights of the slices of label `a`, and whether it has ended on the first and on the last of them.
+    pub(crate) fn slices_of(&self, a: usize) -> (Vec<f64>, [bool; 2]) {
+        let ends = self.given[a].ends().map_or(0..0, |[first, last]| first..last + 1);
+        let own: Vec<usize> = ends.filter(|&k| self.settled(&[a], k)).collect();
+        let place = a as u32 + 1;
+        let has_ended = |k: Option<&usize>| {
+            k.is_none_or(|&k| !self.drawn[k].contains(&place) && !self.covered[k].iter().any(|(b, _)| *b == a))
+        };
+        (own.iter().map(|&k| self.stack.slices[k].z).collect(), [has_ended(own.first()), has_ended(own.last())])
     }
 
     /// Least and largest number that the label volume has.
@@ -239,4 +310,10 @@ impl LabelStack {
         groups.sort_unstable();
         groups
     }
+}
+
+/// Keeps what stands at places for which `stays` is true.
+fn retain<T>(all: &mut Vec<T>, stays: impl Fn(usize) -> bool) {
+    let mut places = 0..;
+    all.retain(|_| places.next().is_some_and(&stays));
 }

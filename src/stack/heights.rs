@@ -84,7 +84,8 @@ impl Heights {
     /// [`Error::Stack`] where no output height meets the body.
     pub fn new(stack: &ContourStack, output: &[f64], extent: [f64; 2]) -> Result<Self> {
         let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
-        meets(output, [extent[0].min(z[0]), extent[1].max(z[z.len() - 1])])?;
+        let range = [extent[0].min(z[0]), extent[1].max(z[z.len() - 1])];
+        missing(output, range).map_or(Ok(()), |message| Err(Error::Stack(message)))?;
         Ok(Heights::merged(&z, output, extent, stack.spacing[0].min(stack.spacing[1])))
     }
 
@@ -164,7 +165,8 @@ pub fn check(stack: &ContourStack, heights: &[f64], settings: &Settings) -> Resu
         let message = format!("output heights must increase; got {} after {}", heights[k], heights[k - 1]);
         return Err(Error::Stack(message));
     }
-    meets(heights, reach(stack, settings))?;
+    let (z, empty) = slices(stack);
+    missed(heights, &z, empty, settings).map_or(Ok(()), |message| Err(Error::Stack(message)))?;
     let (first, last) = (stack.slices[0].z, stack.slices[stack.slices.len() - 1].z);
     let fail = |name: &str, message| Err(Error::Setting { name: name.into(), message });
     match (settings.end_bottom, settings.end_top) {
@@ -178,24 +180,27 @@ pub fn check(stack: &ContourStack, heights: &[f64], settings: &Settings) -> Resu
     }
 }
 
-/// Checks that some output height lies in the range `[low, high]` of the body.
-///
-/// # Errors
-/// [`Error::Stack`] with both ranges.
-fn meets(output: &[f64], [low, high]: [f64; 2]) -> Result<()> {
-    let slack = SAME * (high - low);
-    match (output.first(), output.last()) {
-        (Some(first), Some(last)) if output.iter().all(|&x| x < low - slack || x > high + slack) => Err(Error::Stack(
-            format!("output heights {first} to {last} meet no part of the body, which lies in {low} to {high}"),
-        )),
-        (None, _) => Err(Error::Stack("no output heights".into())),
-        _ => Ok(()),
-    }
+/// Heights of a stack's slices, and whether the first and the last are empty.
+fn slices(stack: &ContourStack) -> (Vec<f64>, [bool; 2]) {
+    let empty = [stack.slices.first(), stack.slices.last()];
+    (stack.slices.iter().map(|s| s.z).collect(), empty.map(|s| s.is_none_or(|s| s.content.is_empty())))
 }
 
-/// Lowest and highest height that a body can reach under its end rules (extrapolated ends may stop earlier).
-fn reach(stack: &ContourStack, settings: &Settings) -> [f64; 2] {
-    let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
+/// Why no output height lies in a body with slices at `z`, of which the first and the last are empty or not; nothing where one does.
+pub fn missed(output: &[f64], z: &[f64], empty: [bool; 2], settings: &Settings) -> Option<String> {
+    missing(output, reach(z, empty, settings))
+}
+
+/// Why no output height lies in the range `[low, high]` of the body.
+fn missing(output: &[f64], [low, high]: [f64; 2]) -> Option<String> {
+    let slack = SAME * (high - low);
+    let (Some(first), Some(last)) = (output.first(), output.last()) else { return Some("no output heights".into()) };
+    let misses = output.iter().all(|&x| x < low - slack || x > high + slack);
+    misses.then(|| format!("output heights {first} to {last} meet no part of the body, which lies in {low} to {high}"))
+}
+
+/// Lowest and highest height that a body can reach under its end rules (extrapolated ends may stop earlier), by its slices as for [`missed`].
+fn reach(z: &[f64], empty: [bool; 2], settings: &Settings) -> [f64; 2] {
     let (Some(first), Some(last)) = (z.first(), z.last()) else { return [0.0; 2] };
     let beyond = |gap: f64, rule: EndRule, contour: f64, empty: bool| match rule {
         _ if empty => 0.0,
@@ -204,14 +209,13 @@ fn reach(stack: &ContourStack, settings: &Settings) -> [f64; 2] {
         EndRule::Extrapolate => settings.highest_cap() * gap,
         EndRule::Peak(tip) => (tip - contour).abs(),
     };
-    let empty = |k: usize| stack.slices[k].content.is_empty();
     let n = z.len();
     if n < 2 {
         return [*first, *last];
     }
     [
-        first - beyond(z[1] - z[0], settings.end_bottom, *first, empty(0)),
-        last + beyond(z[n - 1] - z[n - 2], settings.end_top, *last, empty(n - 1)),
+        first - beyond(z[1] - z[0], settings.end_bottom, *first, empty[0]),
+        last + beyond(z[n - 1] - z[n - 2], settings.end_top, *last, empty[1]),
     ]
 }
 
@@ -223,7 +227,8 @@ pub fn height_grid(stack: &ContourStack, settings: &Settings, dz: Option<f64>) -
     }
     let step = dz.unwrap_or(stack.spacing[0].min(stack.spacing[1]));
     let first = stack.slices.first().map_or(0.0, |s| s.z);
-    let [low, high] = reach(stack, settings);
+    let (z, empty) = slices(stack);
+    let [low, high] = reach(&z, empty, settings);
     // As near as this to an end of the body a layer lies there.
     let gaps: Vec<f64> = stack.slices.windows(2).map(|pair| pair[1].z - pair[0].z).collect();
     let [below, above] = [gaps.first(), gaps.last()].map(|gap| SAME * gap.copied().unwrap_or_default());

@@ -25,10 +25,9 @@ pub struct ArrivalHeights {
 }
 
 impl ArrivalHeights {
-    /// A map of no layer yet.
-    pub fn new(header: &Header) -> Self {
-        let heights = vec![f64::NAN; header.dims[0] * header.dims[1]];
-        ArrivalHeights { extent: header.extent, heights, below: None }
+    /// A map of no layer yet: of a body of so many pixels between these heights.
+    pub fn new(dims: [usize; 2], extent: [f64; 2]) -> Self {
+        ArrivalHeights { extent, heights: vec![f64::NAN; dims[0] * dims[1]], below: None }
     }
 
     /// The next layer.
@@ -128,7 +127,7 @@ impl<W> HeightMapWriter<W> {
         });
         let farthest = header.extent.map(|z| along.height(z).abs()).into_iter().fold(0.0, f64::max);
         let is_double = farthest * f64::from(f32::EPSILON) / 2.0 > ROUNDED * header.grid.step;
-        let (size, heights) = ([nx as u32, ny as u32], ArrivalHeights::new(header));
+        let (size, heights) = ([nx as u32, ny as u32], ArrivalHeights::new(header.dims, header.extent));
         let floor = map.map(|map| FloorBelow::new(map.floor.clone(), header, body));
         HeightMapWriter { out, size, heights, along, is_double, place, floor }
     }

@@ -18,6 +18,7 @@ use super::spool::Spool;
 use crate::error::Result;
 use crate::progress::Stop;
 use crate::report::Report;
+use crate::report::body::Step;
 use crate::surface::areas::Areas;
 
 /// Sink that takes the layers of a body as they are finished, lowest first.
@@ -195,7 +196,9 @@ impl<'w> BodyStream<'w> {
             self.spool.finish().map_err(|e| (keeper(&self.writers), e))?;
             report.volume = Some(self.measure.volume());
             report.area = Some(self.measure.area());
-            report.areas = Some(self.areas.finish());
+            let areas = self.areas.finish();
+            self.notes.extend(thinner(self.measure.volume(), areas.between_contours, report.body.largest_step));
+            report.areas = Some(areas);
         }
         report.local_origin = (self.origin != DVec3::ZERO).then(|| self.origin.to_array());
         let mut warnings = self.notes;
@@ -214,6 +217,24 @@ impl<'w> BodyStream<'w> {
         };
         self.writers.iter_mut().map(finish).enumerate().try_for_each(|(k, done)| done.map_err(|e| (k, e)))
     }
+}
+
+/// Share of the layers' volume below which a mesh's is told, where the body moves by more than so many pixels from layer to layer. Upright tubes of 2 px
+/// have 0.95 of it, of 3 px 0.97; oblique ones of 2.5 px 0.95 where they move by a pixel per layer, 0.91 by two, 0.65 by four.
+const THINNER: f64 = 0.95;
+const MOVING: f64 = 1.5;
+
+/// Warns of a mesh that holds less than its layers (unit cubed): where a thin part moves far from layer to layer, what goes straight between them is
+/// thinner, and may be torn.
+fn thinner(mesh: f64, layers: f64, step: Option<Step>) -> Option<String> {
+    let Step { from, to, px } = step.filter(|step| step.px > MOVING && mesh < THINNER * layers)?;
+    let digits = |v: f64| format!("{v:.*}", (1.0 - v.log10().floor()).max(0.0) as usize);
+    Some(format!(
+        "the mesh holds {:.0} % of the volume of its layers: from one to the next the body moves by up to {px:.1} px, and the mesh goes straight \
+         between them; with `--dz {}` it moves by a pixel",
+        100.0 * mesh / layers,
+        digits((to - from) / px)
+    ))
 }
 
 /// The writer for which the mesh is kept.

@@ -132,6 +132,10 @@ pub fn join(lines: Vec<ContourLine>, edges: &Edges, pixel: f64, notes: &mut Vec<
     }
     let bordered = given.is_some() || at_box.is_some() || lines.iter().any(|l| !l.closed);
     let mut by_level: BTreeMap<u64, Elevation> = BTreeMap::new();
+    let length = |lines: &[ContourLine]| {
+        lines.iter().flat_map(|l| l.points.windows(2)).map(|w| distance(w[0], w[1])).sum::<f64>()
+    };
+    let mut along: BTreeMap<u64, f64> = BTreeMap::new();
     for line in lines {
         // Bits of floats that are turned so that they sort as the numbers do.
         let bits = (line.z + 0.0).to_bits();
@@ -142,7 +146,21 @@ pub fn join(lines: Vec<ContourLine>, edges: &Edges, pixel: f64, notes: &mut Vec<
             rings: Vec::new(),
             open: Vec::new(),
         });
-        level.lines.extend(if bordered { border.without_sides(line) } else { vec![line] });
+        if !bordered {
+            level.lines.push(line);
+            continue;
+        }
+        let (closed, whole) = (line.closed, length(std::slice::from_ref(&line)));
+        let left = border.without_sides(line);
+        // Rings of polygons run along the border where they are cut; what is drawn there as a line says a height.
+        *along.entry(key).or_default() += if closed { 0.0 } else { whole - length(&left) };
+        level.lines.extend(left);
+    }
+    for (key, level) in by_level.iter().filter(|(_, level)| !level.lines.is_empty()) {
+        let lost = along.get(key).filter(|lost| **lost > tolerance);
+        notes.extend(
+            lost.map(|lost| format!("level {}: its lines run along the border for {lost:.3}; left out there", level.z)),
+        );
     }
     let mut levels: Vec<Elevation> = by_level.into_values().collect();
     levels.retain(|level| {

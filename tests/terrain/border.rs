@@ -172,3 +172,21 @@ fn the_three_worst_ends_are_named_and_the_hull_may_be_the_border() {
         assert_says(&refused(&cone(), &["--border", wrong]), &[says]);
     }
 }
+
+/// What a line says of the border is not used, which is told; the frame that polygons have there says nothing.
+#[test]
+fn lines_along_a_part_of_the_border_are_told() {
+    let told = |end: &[[f64; 2]]| {
+        let line = |x: f64| vec![[EAST + x, NORTH], [EAST + x, NORTH + 800.0]];
+        let mut middle = line(500.0);
+        middle.extend(end.iter().map(|p| [EAST + p[0], NORTH + p[1]]));
+        let lines = [(200, line(200.0)), (500, middle), (800, line(800.0))];
+        let features: Vec<Value> = lines.iter().map(|(z, line)| feature(*z, line)).collect();
+        let border = MapBorder::Given(vec![EAST, NORTH, EAST + 1000.0, NORTH + 800.0]);
+        let terrain = read(&features, &ReadOptions { border: Some(border), ..pixels(10.0) });
+        let along = |note: &&String| note.contains("along the border");
+        terrain.notes.iter().filter(along).cloned().collect::<Vec<_>>()
+    };
+    assert_eq!(told(&[[700.0, 800.0]]), ["level 500: its lines run along the border for 200.000; left out there"]);
+    assert!(told(&[]).is_empty() && told(&[[503.0, 800.0]]).is_empty());
+}

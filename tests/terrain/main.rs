@@ -3,6 +3,7 @@
 
 mod border;
 mod elevations;
+mod evaluated;
 #[path = "../support/files.rs"]
 mod files;
 mod formats;

@@ -73,8 +73,9 @@ pub fn run(mut arguments: ReconstructArguments, matches: &ArgMatches) -> Result<
     };
     if telling != Telling::Quiet {
         let ends = OutputOptions::ends_before(&arguments.outputs, &options.settings);
-        let idle = options.settings.idle().into_iter().chain(options.output.idle(&arguments.outputs)).chain(ends);
-        idle.for_each(|idle| tell!("warning: {idle}"));
+        let of_outputs = options.output.idle(options.read.below, &arguments.outputs);
+        let idle = options.settings.idle().into_iter().chain(of_outputs).chain(arguments.device.idle());
+        idle.chain(ends).for_each(|idle| tell!("warning: {idle}"));
     }
     #[cfg(feature = "dicom")]
     if arguments.all_rois {

@@ -257,7 +257,7 @@ pub fn merge(arguments: MergeArguments) -> Result<()> {
     let mut outputs =
         Outputs::open(&arguments.outputs, None, Temporary::Random, &mut Places::reading(&arguments.parts))?;
     outputs.check(&options)?;
-    options.idle(&arguments.outputs).iter().for_each(|idle| tell!("warning: {idle}"));
+    options.idle(None, &arguments.outputs).iter().for_each(|idle| tell!("warning: {idle}"));
     // What was drawn is not known here: as if a third of the image were.
     let lid = sections.dims().iter().product::<usize>() / 3;
     room::check(outputs.bytes(sections.dims(), sections.geometry(), lid), None)?;

@@ -16,6 +16,7 @@ use crate::settings::{EndRule, Settings};
 use crate::stack::ContourStack;
 use crate::stack::appearance::Appearance;
 use crate::stack::heights::height_grid;
+use crate::stack::options::Below;
 use crate::surface::content::{Content, Paint};
 use crate::surface::glb::{SceneFrame, SceneUnit};
 use crate::surface::length;
@@ -191,15 +192,16 @@ impl OutputOptions {
         doubts
     }
 
-    /// What is asked for of outputs that are none of `paths`: a sentence for each option that changes nothing.
-    pub fn idle(&self, paths: &[PathBuf]) -> Vec<String> {
+    /// What is asked for of outputs that are none of `paths`, `below` of a map among it: a sentence for each option that changes nothing.
+    pub fn idle(&self, below: Option<Below>, paths: &[PathBuf]) -> Vec<String> {
         let has = |is: &dyn Fn(&Path) -> bool| paths.iter().any(|path| is(path));
         let format = |path: &Path| Format::of(path).ok();
         let volume = has(&|path| matches!(kind(path), Ok(Kind::Volume)));
         let mesh = has(&|path| matches!(kind(path), Ok(Kind::Mesh)));
         let scene = has(&|path| format(path) == Some(Format::Glb));
         let picture = has(&|path| format(path) == Some(Format::Png));
-        let [scenes, pictures] = [Format::Glb, Format::Png].map(Format::extension);
+        let heights = has(&|path| format(path) == Some(Format::Dem));
+        let [scenes, pictures, maps] = [Format::Glb, Format::Png, Format::Dem].map(Format::extension);
         let options = [
             ("mask", self.mask, volume, "volumes"),
             ("distance", self.distance, volume, "volumes"),
@@ -207,6 +209,7 @@ impl OutputOptions {
             ("simplify", self.simplify.is_some(), mesh, "meshes"),
             ("units", self.units.is_some(), scene, &scenes),
             ("y_up", self.y_up, scene, &scenes),
+            ("below", below.is_some(), heights, &maps),
         ];
         let idle = options.into_iter().filter(|(_, asked, there, _)| *asked && !there);
         idle.map(|(name, .., of)| format!("setting `{name}` changes nothing: it is for {of}, and none is written"))

@@ -23,8 +23,12 @@ fn backends_are_chosen_told_and_reported() {
         let _ = fs::remove_file(&report);
         (result, serde_json::from_slice::<Value>(&text).unwrap_or_default())
     };
-    let (cpu, told) = run(&["--backend", "cpu", "--profile"]);
+    let (cpu, told) = run(&["--backend", "cpu", "--profile", "--adapter", "0", "--gpu-memory", "1G"]);
     assert_eq!(cpu.status.code(), Some(0), "{}", stderr(&cpu));
+    for setting in ["adapter", "gpu_memory"] {
+        let says = format!("setting `{setting}` changes nothing: it is for a GPU");
+        assert!(stderr(&cpu).contains(&says), "{}", stderr(&cpu));
+    }
     assert!(stderr(&cpu).contains("setting `profile` changes nothing"), "{}", stderr(&cpu));
     assert!(told["backend"].as_str().is_some_and(|b| b.starts_with("reference")), "{told}");
     assert!(told["backend_reason"].as_str().is_some_and(|r| r.contains("asked for")), "{told}");
@@ -35,7 +39,8 @@ fn backends_are_chosen_told_and_reported() {
     assert!(steps["dispatches"].as_u64().is_some_and(|n| n > 30) && steps["pixels"].as_u64() > Some(1000), "{steps}");
     assert!(stderr(&gpu).contains("hj_step") && stderr(&gpu).contains("GPU ms"), "{}", stderr(&gpu));
     assert!(stderr(&gpu).contains("host CPU s") && stderr(&gpu).contains("propagate"), "{}", stderr(&gpu));
-    let (plain, told) = run(&["--backend", "gpu"]);
+    let (plain, told) = run(&["--backend", "gpu", "--gpu-memory", "1G"]);
+    assert!(!stderr(&plain).contains("changes nothing"), "{}", stderr(&plain));
     assert!(!stderr(&plain).contains("host CPU s"), "only where it is asked: {}", stderr(&plain));
     assert!(told["profile"]["stages"][0]["device"]["waits"].as_u64() > Some(0), "{}", told["profile"]);
     for (wrong, said) in

@@ -218,6 +218,12 @@ fn below_the_lowest_contour_there_may_be_heights() {
     let outside: Vec<usize> = (0..none.heights.len()).filter(|n| none.heights[*n].is_nan()).collect();
     assert!(outside.len() > 4000, "{}", outside.len());
     let constant = heights(&["--below", "constant"]);
+    for (name, is_idle) in [("cone.dem.tif", false), ("cone.stl", true)] {
+        let [from, to] = [&input, &place.path().join(name)].map(|p| p.display().to_string());
+        let result = interslice(&["reconstruct", &from, "-o", &to, "--below", "constant", "--backend", "cpu"]);
+        let told = stderr(&result).contains("setting `below` changes nothing: it is for .dem.tif");
+        assert!(result.status.success() && told == is_idle, "{name}: {}", stderr(&result));
+    }
     assert!(outside.iter().all(|n| constant.heights[*n] == 100.0));
     let slope = heights(&["--below", "extrapolate"]);
     let [nx, ny] = slope.dims;

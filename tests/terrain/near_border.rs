@@ -80,15 +80,44 @@ fn root_mean_square(off: &[f64]) -> f64 {
     (off.iter().map(|v| v * v).sum::<f64>() / off.len() as f64).sqrt()
 }
 
+/// What is found on several maps, and bounds of it: of each, and of all together.
+struct Judge {
+    bounds: [f64; 2],
+    found: Vec<f64>,
+    /// Maps whose cells beside, farther in, are beyond the bound.
+    fallen: usize,
+}
+
+impl Judge {
+    fn new(each: f64, all: f64) -> Self {
+        Judge { bounds: [each, all], found: Vec::new(), fallen: 0 }
+    }
+
+    fn see(&mut self, drawn: &Drawn<'_>, of: &str) {
+        let heights = drawn.reconstructed();
+        let own = drawn.off(&heights);
+        assert!(own.len() > 500 && own.iter().all(|v| v.is_finite()), "{of}: cells without height");
+        let found = root_mean_square(&own);
+        assert!(found < self.bounds[0], "{of}: {found}");
+        self.found.push(found);
+        self.fallen += usize::from(root_mean_square(&drawn.off_beside(&heights)) > self.bounds[0]);
+    }
+
+    fn all(&self) {
+        assert!(self.fallen >= 4, "{}", self.fallen);
+        let all = root_mean_square(&self.found);
+        assert!(all < self.bounds[1], "{all}");
+    }
+}
+
 /// All cells up to the border have heights, and these are as right as elsewhere; those of the cells beside, farther in, are not.
 #[test]
 fn heights_of_planes_are_right_up_to_the_border() {
     // Share of the interval by which heights of a map may be off, in the mean of squares, and of all maps: with lines at right angles to the
     // border it was 0.019, on eight maps drawn like these.
-    let [bound, bound_of_all] = [0.02, 0.01];
+    let mut judge = Judge::new(0.02, 0.01);
     let drawn = (0.0..TAU, 60.0..95.0f64, 7.0..12.0f64, [60..140u32, 60..140u32]);
     let mut runner = TestRunner::deterministic();
-    let (mut fallen, mut all) = (0, Vec::new());
     for _ in 0..16 {
         let (angle, interval, pixel, cells) = drawn.new_tree(&mut runner).expect("a draw").current();
         let (a, b) = (angle.cos(), angle.sin());
@@ -96,28 +125,18 @@ fn heights_of_planes_are_right_up_to_the_border() {
         let lines = (-4..=4).map(level).map(|z| feature(z, &across(a, b, z))).collect();
         let height = |x: [f64; 2]| x[0] * a + x[1] * b;
         let drawn = Drawn { height: &height, lines, levels: [-4, 4].map(level), interval, pixel, cells };
-        let heights = drawn.reconstructed();
-        let own = drawn.off(&heights);
-        let of = format!("uphill {angle}, interval {interval}, pixel {pixel}, {cells:?} cells");
-        assert!(own.len() > 500 && own.iter().all(|v| v.is_finite()), "{of}: cells without height");
-        let found = root_mean_square(&own);
-        assert!(found < bound, "{of}: {found}");
-        all.push(found);
-        fallen += usize::from(root_mean_square(&drawn.off_beside(&heights)) > bound);
+        judge.see(&drawn, &format!("uphill {angle}, interval {interval}, pixel {pixel}, {cells:?} cells"));
     }
-    assert!(fallen >= 4, "{fallen}");
-    let all = root_mean_square(&all);
-    assert!(all < bound_of_all, "{all}");
+    judge.all();
 }
 
 /// Paraboloids with their tops within the map: circles, some of which the border cuts.
 #[test]
 fn heights_of_hills_and_hollows_are_right_up_to_the_border() {
     // As above; with lines that do not meet beyond the border it was 0.049 on all of these maps, 0.062 on the worst.
-    let [bound, bound_of_all] = [0.05, 0.03];
+    let mut judge = Judge::new(0.05, 0.03);
     let drawn = ([300.0..700.0f64, 250.0..550.0f64], 9..16i32, any::<bool>(), 7.0..12.0f64, [60..140u32, 60..140u32]);
     let mut runner = TestRunner::deterministic();
-    let (mut fallen, mut all) = (0, Vec::new());
     for _ in 0..16 {
         let (middle, count, is_hill, pixel, cells) = drawn.new_tree(&mut runner).expect("a draw").current();
         // To the farthest corner.
@@ -137,16 +156,8 @@ fn heights_of_hills_and_hollows_are_right_up_to_the_border() {
         let levels = if is_hill { [level(count - 1), level(0)] } else { [level(0), level(count - 1)] };
         let lines = (0..count).map(circle).collect();
         let drawn = Drawn { height: &height, lines, levels, interval: 1.0, pixel, cells };
-        let heights = drawn.reconstructed();
-        let own = drawn.off(&heights);
-        let of = format!("about {middle:?}, {count} levels, hill: {is_hill}, pixel {pixel}, {cells:?} cells");
-        assert!(own.len() > 500 && own.iter().all(|v| v.is_finite()), "{of}: cells without height");
-        let found = root_mean_square(&own);
-        assert!(found < bound, "{of}: {found}");
-        all.push(found);
-        fallen += usize::from(root_mean_square(&drawn.off_beside(&heights)) > bound);
+        judge
+            .see(&drawn, &format!("about {middle:?}, {count} levels, hill: {is_hill}, pixel {pixel}, {cells:?} cells"));
     }
-    assert!(fallen >= 4, "{fallen}");
-    let all = root_mean_square(&all);
-    assert!(all < bound_of_all, "{all}");
+    judge.all();
 }

@@ -60,6 +60,14 @@ impl DeviceOptions {
         self.adapter.as_ref().map_or(backend.clone(), |adapter| format!("{backend} {adapter}"))
     }
 
+    /// A sentence for each option that changes nothing: those of a GPU where none is to compute.
+    pub fn idle(&self) -> Vec<String> {
+        let options = [("adapter", self.adapter.is_some()), ("gpu_memory", self.gpu_memory.is_some())];
+        let idle = options.into_iter().filter(|(_, asked)| *asked && self.backend == BackendChoice::Cpu);
+        idle.map(|(name, _)| format!("setting `{name}` changes nothing: it is for a GPU, and `backend` is cpu"))
+            .collect()
+    }
+
     /// Whether drivers of GPUs are asked.
     pub fn asks_drivers(&self) -> bool {
         self.backend != BackendChoice::Cpu

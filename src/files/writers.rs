@@ -178,6 +178,10 @@ impl BodyWriter for SimplerWriter {
         WriterNeeds::Mesh
     }
 
+    fn shows_surface(&self) -> bool {
+        true
+    }
+
     fn prepare(&mut self, mesh: &mut Spool) -> io::Result<Option<String>> {
         Ok(self.simplifier.simpler(mesh)?.err())
     }

@@ -81,6 +81,10 @@ impl<W: Write + Seek + Send> BodyWriter for StlWriter<W> {
         WriterNeeds::Surface
     }
 
+    fn shows_surface(&self) -> bool {
+        true
+    }
+
     fn piece(&mut self, piece: &Piece) -> io::Result<()> {
         self.facets(piece.corners())
     }
@@ -99,6 +103,10 @@ pub struct ListedWriter(pub WriteMesh);
 impl BodyWriter for ListedWriter {
     fn needs(&self) -> WriterNeeds {
         WriterNeeds::Mesh
+    }
+
+    fn shows_surface(&self) -> bool {
+        true
     }
 
     fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {

@@ -67,6 +67,10 @@ impl<W: Write + Seek + Send> BodyWriter for PictureWriter<W> {
         WriterNeeds::Mesh
     }
 
+    fn shows_surface(&self) -> bool {
+        true
+    }
+
     fn layer(&mut self, layer: &Layer) -> io::Result<()> {
         if self.options.contours && layer.contour.is_some() {
             self.lines.extend(contour_lines(&self.header, layer));

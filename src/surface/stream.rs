@@ -62,6 +62,11 @@ pub trait BodyWriter: Send {
         WriterNeeds::Layers
     }
 
+    /// Whether what it writes shows the surface.
+    fn shows_surface(&self) -> bool {
+        false
+    }
+
     /// The next layer, output layer or not.
     ///
     /// # Errors
@@ -197,7 +202,9 @@ impl<'w> BodyStream<'w> {
             report.volume = Some(self.measure.volume());
             report.area = Some(self.measure.area());
             let areas = self.areas.finish();
-            self.notes.extend(thinner(self.measure.volume(), areas.between_contours, report.body.largest_step));
+            if self.writers.iter().any(|writer| writer.shows_surface()) {
+                self.notes.extend(thinner(self.measure.volume(), areas.between_contours, report.body.largest_step));
+            }
             report.areas = Some(areas);
         }
         report.local_origin = (self.origin != DVec3::ZERO).then(|| self.origin.to_array());

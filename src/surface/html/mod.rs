@@ -43,6 +43,10 @@ impl<W: Write + Send> BodyWriter for HtmlWriter<W> {
         WriterNeeds::Mesh
     }
 
+    fn shows_surface(&self) -> bool {
+        true
+    }
+
     fn layer(&mut self, layer: &Layer) -> io::Result<()> {
         if let Some(number) = layer.contour {
             self.lines.extend(contour_lines(&self.header, layer).into_iter().map(|line| (number, line)));

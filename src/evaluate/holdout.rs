@@ -115,7 +115,7 @@ pub fn hold_out(
     let view = View::of_map(map, stack.dims);
     let mut arrival = map.map(|_| ArrivalHeights::new(stack.dims, [0, last].map(|k| stack.slices[k].z)));
     let mut out = HoldOut { leave, ..HoldOut::default() };
-    let mut tallies = [Tally::default(); 2];
+    let (mut tallies, mut linear) = ([Tally::default(); 2], Errors::default());
     let rest = some_of(stack, &kept);
     let means = Means { backend, progress, budget: &Budget::unlimited() };
     let mut truth = dropped.iter().peekable();
@@ -126,7 +126,12 @@ pub fn hold_out(
         }
         arrival.iter_mut().for_each(|arrival| arrival.layer(&layer));
         if let Some(&k) = truth.next_if(|&&k| stack.slices[k].z == layer.z) {
-            out.slices.extend(scored(stack, k, &layer, &Between::around(&rest, layer.z), &view, &mut tallies));
+            let between = Between::around(&rest, layer.z);
+            out.slices.extend(scored(stack, k, &layer, &between, &view, &mut tallies));
+            if map.is_some() {
+                let heights = view.of(&between.heights());
+                linear.add(&Errors::of(&stack.slices[k].content, layer.z, &heights, &view));
+            }
         }
         Ok(())
     };
@@ -140,16 +145,14 @@ pub fn hold_out(
     out.linear = line;
     if let Some(mut arrival) = arrival {
         let found = view.of(arrival.finish());
-        let (mut own, mut line) = (Errors::default(), Errors::default());
+        let mut own = Errors::default();
         for slice in dropped.iter().map(|&k| &stack.slices[k]) {
             let along = Errors::of(&slice.content, slice.z, &found, &view);
-            let linear = view.of(&Between::around(&rest, slice.z).heights());
             own.add(&along);
-            line.add(&Errors::of(&slice.content, slice.z, &linear, &view));
             let score = out.slices.iter_mut().find(|score| score.z == slice.z);
             score.into_iter().for_each(|score| score.height_error = along.root_mean_square());
         }
-        (out.height_error, out.linear.height_error) = (own.root_mean_square(), line.root_mean_square());
+        (out.height_error, out.linear.height_error) = (own.root_mean_square(), linear.root_mean_square());
     }
     if last >= LEAST_FOR_ENDS {
         let inner: Vec<usize> = (1..last).collect();

@@ -1,6 +1,6 @@
 //! Ends of lines that meet beyond a side of the border: a ridge or a valley ends there, and its two lines are one.
 
-/// Straight pieces of a parabola: they leave it by 1/512 of the height at which its tangents meet, 1/64 px.
+/// Straight pieces of a parabola: they leave it by 1/512 of the height at which its tangents meet, 1/32 px at most.
 const PIECES: usize = 16;
 
 /// How a line comes to a side, in a frame of that side: along it, and outward from it.

@@ -49,6 +49,7 @@ fn stack(side: usize, slices: usize) -> ContourStack {
         slices,
         z_out: None,
         geometry: Geometry::default(),
+        known: None,
     }
 }
 

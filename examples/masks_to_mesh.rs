@@ -29,6 +29,7 @@ pub fn run(path: PathBuf) -> Result<f64> {
         slices: (0..6).map(slice).collect(),
         z_out: None,
         geometry: Geometry::default(),
+        known: None,
     };
     let body = reconstruct(&stack, &Settings::default())?;
     for interval in &body.report.intervals {

@@ -30,6 +30,7 @@
 //!     slices: [9.0, 11.0, 8.0].into_iter().enumerate().map(slice).collect(),
 //!     z_out: None,
 //!     geometry: Geometry::default(),
+//!     known: None,
 //! };
 //!
 //! let body = reconstruct(&stack, &Settings::default())?;
@@ -146,7 +147,9 @@ pub use report::Report;
 pub use settings::Settings;
 pub use stack::axis::Axis;
 pub use stack::heights::height_grid;
-pub use stack::{ContourStack, Geometry, HeightGrid, LevelSlice, Mask, ReadOptions, Slice, SliceContent, WorldSpace};
+pub use stack::{
+    ContourStack, Geometry, HeightGrid, Known, LevelSlice, Mask, ReadOptions, Slice, SliceContent, WorldSpace,
+};
 pub use storage::spill::Budget;
 pub use surface::header::Header;
 pub use surface::mesh::{Mesh, Vertex};

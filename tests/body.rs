@@ -36,6 +36,7 @@ fn stack(slices: usize) -> ContourStack {
         slices: (0..slices).map(slice).collect(),
         z_out: None,
         geometry: Geometry::default(),
+        known: None,
     }
 }
 

@@ -162,6 +162,7 @@ fn far_to_go(side: usize, within: f64) {
         slices: vec![slice(0.0, 10.0), slice(50.0, 150.0)],
         z_out: None,
         geometry: Geometry::default(),
+        known: None,
     };
     let settings = Settings { method: Method::Field, ..Settings::default() };
     let body = interslice::reconstruct_with(&stack, &[25.0], &settings, &Reference, &Silent).expect("it can be");

@@ -20,7 +20,7 @@ fn slice(k: usize, z: f64, parts: &[(f64, f64)]) -> Slice {
 
 fn stack(slices: Vec<Slice>) -> ContourStack {
     let geometry = Geometry::default();
-    ContourStack { dims: [N, N], spacing: [1.0, 1.0], unit: "mm".into(), slices, z_out: None, geometry }
+    ContourStack { dims: [N, N], spacing: [1.0, 1.0], unit: "mm".into(), slices, z_out: None, geometry, known: None }
 }
 
 /// A body that branches.

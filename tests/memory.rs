@@ -55,6 +55,7 @@ fn stack() -> ContourStack {
         slices: (0..4).map(slice).collect(),
         z_out: None,
         geometry: Geometry::default(),
+        known: None,
     }
 }
 

@@ -16,6 +16,7 @@ use interslice::files::outputs::Outputs;
 use interslice::files::pending::Temporary;
 use interslice::files::places::Places;
 use interslice::files::section_file::Sections;
+use interslice::grid::tile::Tile;
 use interslice::input::format::{FORMATS, InputFormat};
 use interslice::input::labels::{Wanted, read_labels};
 use interslice::rtstruct::StructureSet;
@@ -23,7 +24,7 @@ use interslice::stack::links;
 use interslice::stack::links::LinkOptions;
 use interslice::stack::{Geometry, ReadOptions, Slice, SliceContent};
 use interslice::storage::room;
-use interslice::{ContourStack, Error, Result, Settings, input};
+use interslice::{ContourStack, Error, Known, Result, Settings, input};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -214,7 +215,9 @@ fn settings(bytes: &[u8]) -> Result<()> {
     let options = JobOptions { read, links, settings, output, settings_file: None };
     options.check()?;
     // A stage may fail, in words.
-    let _ = interslice::reconstruct(&small(), &options.settings);
+    let known = Known { part: Tile { origin: [1, 0], dims: [4, 6] }, onward: 1 };
+    let known = (bytes.len() % 2 == 1).then_some(known);
+    let _ = interslice::reconstruct(&ContourStack { known, ..small() }, &options.settings);
     Ok(())
 }
 
@@ -226,7 +229,7 @@ fn small() -> ContourStack {
     };
     let slices = [(0.0, 2), (1.0, 1), (2.0, 3)].map(slice).into();
     let (unit, geometry) = (String::from("mm"), Geometry::default());
-    ContourStack { dims: [8, 8], spacing: [1.0; 2], unit, slices, z_out: None, geometry }
+    ContourStack { dims: [8, 8], spacing: [1.0; 2], unit, slices, z_out: None, geometry, known: None }
 }
 
 /// The bytes before the first [`BETWEEN`], and those behind it.

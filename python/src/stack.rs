@@ -203,6 +203,7 @@ pub fn stack_of_arrays(slices: &Bound<'_, PyAny>, lie: Lie, kind: &str, level: O
         slices,
         z_out: None,
         geometry,
+        known: None,
     };
     let notes = stack.inside_out().into_iter().collect();
     loaded(py, move || Ok((stack, notes)))

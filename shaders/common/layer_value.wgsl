@@ -27,8 +27,8 @@ struct Span {
     others: u32,
 }
 
-// A part without partner: its tile's place in `fields`, its inradius, where in the interval it closes, the slope with which it begins to, and the
-// largest distance that is kept.
+// A part without partner: its tile's place in `fields`, its inradius, where in the interval it closes, the slope with which it begins to, the
+// largest distance that is kept, and whether it goes on beyond what is known.
 struct Part {
     first: u32,
     nx: u32,
@@ -39,6 +39,7 @@ struct Part {
     height: f32,
     shrinking: f32,
     farthest: f32,
+    open: u32,
 }
 
 // A layer's place on the lower and on the upper slice, as offsets from the pixel.
@@ -103,7 +104,8 @@ fn closed(part: Part, t: f32) -> f32 {
     return part.depth / AT_TIP + part.farthest * clamp((t - part.height) / max(1.0 - part.height, 1e-6), 0.0, 1.0);
 }
 
-// Least value of the parts from `begin` to `end` at time `t`, counted from their own slice, where its value is `a`; `other` where that is less.
+// Least value of the parts from `begin` to `end` at time `t`, counted from their own slice, where its value is `a`, which has no say in those that are
+// open; `other` where that is less.
 fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, a: f32, t: f32, other: f32) -> f32 {
     var least = other;
     for (var k = begin; k < end; k++) {
@@ -112,8 +114,8 @@ fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, a: f32, t: f3
         let at = vec2<f32>(own) + offset;
         let last = vec2<f32>(f32(part.nx - 1u), f32(part.ny - 1u));
         if all(at >= vec2<f32>(0.0)) && all(at <= last) {
-            let distance = max(sample(part.first, vec2<u32>(part.nx, part.ny), own, offset), a);
-            least = min(least, distance + closed(part, t));
+            let distance = sample(part.first, vec2<u32>(part.nx, part.ny), own, offset);
+            least = min(least, select(max(distance, a), distance, part.open != 0u) + closed(part, t));
         }
     }
     return least;

@@ -40,6 +40,8 @@ pub struct Cap {
     pub tile: Tile,
     /// Its signed distance at the contour, negative inside.
     pub field: Field,
+    /// It goes on beyond what is known: the slice's own distances have what closes it there, its own have not.
+    pub open: bool,
     /// Its inradius D, px.
     pub depth: f64,
     /// Share of the gap at which it closes, less than 1.
@@ -54,7 +56,8 @@ impl Cap {
     /// The cap of a part whose contour goes outward by `slope` px per gap at first, that closes at `height`.
     pub fn new(part: &LonePart, slope: f64, height: f64, farthest: f64) -> Self {
         let profile = CapProfile::new(-slope * height / part.depth.max(1e-6));
-        Cap { tile: part.tile, field: part.field.clone(), depth: part.depth, height, farthest, profile }
+        let (field, open) = (part.field.clone(), part.open);
+        Cap { tile: part.tile, field, open, depth: part.depth, height, farthest, profile }
     }
 
     /// Offset that is added to the field at a distance `away` from the contour, as a share of the gap: `D (1 - r(q))` up to the tip, and from
@@ -86,7 +89,15 @@ mod tests {
     fn a_cap_is_gone_beyond_its_tip_by_more_and_more() {
         let tile = Tile { origin: [0, 0], dims: [1, 1] };
         let profile = CapProfile::new(1.0);
-        let cap = Cap { tile, field: Field::filled([1, 1], -4.0), depth: 4.0, height: 0.6, farthest: 20.0, profile };
+        let cap = Cap {
+            tile,
+            field: Field::filled([1, 1], -4.0),
+            open: false,
+            depth: 4.0,
+            height: 0.6,
+            farthest: 20.0,
+            profile,
+        };
         for (away, offset) in [(0.0, 0.0), (0.15, 1.0), (0.3, 2.0), (0.6, 4.0), (0.7, 9.0), (0.8, 14.0), (1.0, 24.0)] {
             assert!((cap.offset(away) - offset).abs() < 1e-4, "{} at {away}", cap.offset(away));
         }

@@ -4,6 +4,7 @@ pub mod canvas;
 pub mod caps;
 pub mod direction;
 pub(crate) mod offsets;
+pub(crate) mod open_part;
 pub mod overlap;
 pub mod parts;
 pub mod seeds;

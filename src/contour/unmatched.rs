@@ -20,6 +20,8 @@ pub struct LonePart {
     pub tile: Tile,
     /// Signed distance to the part, negative inside.
     pub field: Field,
+    /// It goes on beyond what is known: what closes it there is not in its distances.
+    pub open: bool,
     /// Inradius, px.
     pub depth: f64,
     /// Distance beyond its contour at which it ends, in gaps of its interval.
@@ -36,7 +38,7 @@ impl LonePart {
     /// A part that ends half way, from the signed distance to it on its tile.
     pub fn new(tile: Tile, field: Field, seeds: Vec<u32>, direction: Direction) -> Self {
         let depth = -field.data.iter().copied().fold(0.0, f64::min);
-        LonePart { tile, field, depth, closes: HALF_WAY, counted: seeds.len(), seeds, direction }
+        LonePart { tile, field, open: false, depth, closes: HALF_WAY, counted: seeds.len(), seeds, direction }
     }
 
     /// Seeds that count in means.

@@ -98,6 +98,7 @@ mod tests {
             slices: (0..slices).map(slice).collect(),
             z_out: None,
             geometry: Geometry::default(),
+            known: None,
         }
     }
 

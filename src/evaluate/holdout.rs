@@ -205,14 +205,7 @@ fn links_of(links: &[Link], kept: &[usize]) -> Vec<Link> {
 /// Some slices of a stack.
 fn some_of(stack: &ContourStack, kept: &[usize]) -> ContourStack {
     let slices: Vec<Slice> = kept.iter().map(|&k| stack.slices[k].clone()).collect();
-    ContourStack {
-        dims: stack.dims,
-        spacing: stack.spacing,
-        unit: stack.unit.clone(),
-        slices,
-        z_out: None,
-        geometry: stack.geometry,
-    }
+    ContourStack { unit: stack.unit.clone(), slices, z_out: None, ..*stack }
 }
 
 /// The exact distances of the two slices next to a height, between which a line goes. An empty slice is infinitely far off.

@@ -288,6 +288,7 @@ pub fn lone_tiles(lone: &LoneParts, before: usize) -> (Vec<f32>, Vec<Part>) {
             height: bounded(part.height),
             shrinking: part.profile.shrinking() as f32,
             farthest: bounded(part.farthest),
+            open: u32::from(part.open),
         }
     });
     // A binding must not be empty.

@@ -6,25 +6,40 @@ use crate::grid::tile::Tile;
 
 /// Pixels of the padded image that count in areas.
 #[derive(Debug, Clone, Default)]
-pub struct Seen(Option<[Range<usize>; 2]>);
+pub struct Seen {
+    part: Option<[Range<usize>; 2]>,
+    /// Pixels beyond them, along either axis, up to which contours go on as they come.
+    onward: [usize; 2],
+}
 
 impl Seen {
     /// All of them.
-    pub const ALL: Seen = Seen(None);
+    pub const ALL: Seen = Seen { part: None, onward: [0; 2] };
 
     /// Those in these columns and rows, the image's.
     pub fn image(part: [Range<usize>; 2]) -> Self {
-        Seen(Some(part))
+        Seen { part: Some(part), onward: [0; 2] }
+    }
+
+    /// The same, where contours go on as they come for so many pixels more.
+    pub fn going_on(self, onward: [usize; 2]) -> Self {
+        Seen { onward, ..self }
     }
 
     /// Columns and rows of the image; nothing where all pixels count.
     pub fn part(&self) -> Option<&[Range<usize>; 2]> {
-        self.0.as_ref()
+        self.part.as_ref()
+    }
+
+    /// Columns and rows in which contours are what they are; beyond them they are closed somehow. Nothing where all of them are.
+    pub fn course(&self) -> Option<[Range<usize>; 2]> {
+        let grown = |a: usize, of: &Range<usize>| of.start.saturating_sub(self.onward[a])..of.end + self.onward[a];
+        self.part.as_ref().map(|[columns, rows]| [grown(0, columns), grown(1, rows)])
     }
 
     /// Whether pixel `node` of the padded image, of width `nx`, counts.
     pub fn has(&self, node: usize, nx: usize) -> bool {
-        self.0.as_ref().is_none_or(|[columns, rows]| columns.contains(&(node % nx)) && rows.contains(&(node / nx)))
+        self.part.as_ref().is_none_or(|[columns, rows]| columns.contains(&(node % nx)) && rows.contains(&(node / nx)))
     }
 
     /// Pixels on the image's border, each with the one beyond it, where the padded image of size `dims` has one.
@@ -45,14 +60,8 @@ impl Seen {
 
     /// Of a tile's values those whose pixels count.
     pub fn on<'v>(&self, tile: &Tile, values: &'v [f64]) -> impl Iterator<Item = f64> + Clone + use<'v> {
-        let own = |a: usize| match &self.0 {
-            Some(part) => {
-                let local = |n: usize| n.clamp(tile.origin[a], tile.origin[a] + tile.dims[a]) - tile.origin[a];
-                local(part[a].start)..local(part[a].end)
-            }
-            None => 0..tile.dims[a],
-        };
-        let (columns, rows, nx) = (own(0), own(1), tile.dims[0]);
+        let all = tile.dims.map(|n| 0..n);
+        let ([columns, rows], nx) = (self.part.as_ref().map_or(all, |part| tile.local(part)), tile.dims[0]);
         rows.flat_map(move |j| values[j * nx + columns.start..j * nx + columns.end].iter().copied())
     }
 

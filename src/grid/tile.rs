@@ -32,6 +32,11 @@ pub struct Tile {
 }
 
 impl Tile {
+    /// All pixels of an image.
+    pub fn all(dims: [usize; 2]) -> Self {
+        Tile { origin: [0; 2], dims }
+    }
+
     /// The tile from pixel `low` to pixel `high`, both included, and a margin, pixels along either axis.
     pub fn spanning(image: [usize; 2], margin: [usize; 2], low: [usize; 2], high: [usize; 2]) -> Self {
         let origin: [usize; 2] = std::array::from_fn(|a| low[a].saturating_sub(margin[a]));
@@ -86,6 +91,14 @@ impl Tile {
         let i = (node % nx).checked_sub(self.origin[0]).filter(|&i| i < self.dims[0])?;
         let j = (node / nx).checked_sub(self.origin[1]).filter(|&j| j < self.dims[1])?;
         Some(j * self.dims[0] + i)
+    }
+
+    /// These columns and rows of the padded image that the tile has, in its own pixels.
+    pub fn local(&self, part: &[Range<usize>; 2]) -> [Range<usize>; 2] {
+        [0, 1].map(|a| {
+            let local = |n: usize| n.clamp(self.origin[a], self.origin[a] + self.dims[a]) - self.origin[a];
+            local(part[a].start)..local(part[a].end)
+        })
     }
 
     /// The tile's part of a field on the padded image.

@@ -254,6 +254,7 @@ fn images(
         slices: entries.into_iter().zip(contents).map(slice).collect(),
         z_out: parsed.z_out,
         geometry: Geometry::default(),
+        known: None,
     };
     Ok((stack, rule.told(&ranges, options.level)))
 }

@@ -14,6 +14,7 @@ use crate::connectivity::runs::{Runs, Side};
 use crate::contour::Contour;
 use crate::error::Result;
 use crate::grid::sparse_image::SparseImage;
+use crate::grid::tile::Tile;
 use crate::pipeline::context::{Bonds, Context};
 use crate::pipeline::links::IntervalLinks;
 use crate::report::clock::Clocks;
@@ -83,7 +84,7 @@ pub(crate) fn together<'a, 'r>(
     let limit = run.settings.margin() as f64;
     let shown = OutputImage { dims: run.stack.dims, pad: run.pad, h: run.h, limit, seen };
     let parted = links.iter().map(IntervalLinks::parted).collect();
-    let image = run.window.part(run.image);
+    let image = run.window.part(Tile::all(run.image));
     Together {
         contours,
         parted,

@@ -59,6 +59,8 @@ pub(super) struct Context<'a> {
     pub window: Window,
     /// Pixels that count where areas are measured.
     pub seen: Seen,
+    /// Those in which contours are known: of a map those within its border.
+    pub known: Seen,
     pub settings: &'a Settings,
     pub backend: &'a dyn Backend,
     pub progress: &'a dyn Progress,

@@ -164,7 +164,7 @@ fn whole_layer(run: &Context<'_>, height: &Height, values: &SparseImage<f32>) ->
         return Err(Error::Numerics { stage: "layers", message });
     }
     let mut canvas = run.canvas();
-    let whole = Tile { origin: [0, 0], dims: run.padded() };
+    let whole = Tile::all(run.padded());
     canvas.unite_packed(&whole, values);
     Ok(run.layer(height, canvas.phi))
 }

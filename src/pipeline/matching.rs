@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use crate::backend::jobs::PartJob;
 use crate::contour::Contour;
 use crate::contour::direction::Direction;
+use crate::contour::open_part::OpenPart;
 use crate::contour::overlap::{DecidedPairs, Group, match_components};
 use crate::contour::unmatched::LonePart;
 use crate::grid::components::label8;
@@ -119,8 +120,8 @@ pub struct IntervalPlan {
 }
 
 impl IntervalPlan {
-    /// Matches the components of two neighbouring contours. Tiles have `margin` pixels around the parts, in means what is `seen` counts.
-    pub fn new(low: &Contour, high: &Contour, decided: &DecidedPairs, margin: [usize; 2], seen: &Seen) -> Self {
+    /// Matches the components of two neighbouring contours. Tiles have `margin` pixels around the parts, in means what is `known` counts.
+    pub fn new(low: &Contour, high: &Contour, decided: &DecidedPairs, margin: [usize; 2], known: &Seen) -> Self {
         let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi), decided);
         let events = matching.events();
         // Pairs that are kept apart may touch at a corner.
@@ -130,8 +131,8 @@ impl IntervalPlan {
         };
         let plans = matching.groups.into_par_iter().map(|group| plan_group(low, high, group, margin)).collect();
         let lone = [
-            LonePlan::new(low, &matching.deaths, margin, Direction::Up, seen),
-            LonePlan::new(high, &matching.births, margin, Direction::Down, seen),
+            LonePlan::new(low, &matching.deaths, margin, Direction::Up, known),
+            LonePlan::new(high, &matching.births, margin, Direction::Down, known),
         ];
         IntervalPlan { plans, lone, events }
     }
@@ -167,38 +168,41 @@ impl IntervalPlan {
     }
 }
 
+/// Solid part of a contour, by itself on its own tile.
+struct LoneTile {
+    tile: Tile,
+    /// Its seeds; those that count in means come first.
+    seeds: Vec<u32>,
+    /// How many of them count.
+    counted: usize,
+    open: Option<OpenPart>,
+}
+
 /// Solid parts of a contour, each by itself on its own tile, before the backend has answered.
 #[derive(Default)]
 pub(super) struct LonePlan {
     direction: Direction,
-    /// Tile, seeds, how many of them count.
-    parts: Vec<(Tile, Vec<u32>, usize)>,
+    parts: Vec<LoneTile>,
     jobs: Vec<PartJob>,
+    known: Seen,
 }
 
 impl LonePlan {
     /// The given parts of a contour.
-    pub fn new(contour: &Contour, parts: &[u32], margin: [usize; 2], direction: Direction, seen: &Seen) -> Self {
-        let tiles: Vec<Tile> = parts.iter().map(|&p| contour.tile_of(&[p], margin)).collect();
-        let jobs = parts
-            .par_iter()
-            .zip(&tiles)
-            .map(|(&part, tile)| PartJob {
-                whole: tile.cut(&contour.phi),
-                inside: tile.nodes(contour.phi.dims[0]).map(|n| contour.solids.labels[n] == part).collect(),
-            })
-            .collect();
-        let seeds_of = |part: u32| {
+    pub fn new(contour: &Contour, parts: &[u32], margin: [usize; 2], direction: Direction, known: &Seen) -> Self {
+        let nx = contour.phi.dims[0];
+        let plan = |&part: &u32| {
+            let tile = contour.tile_of(&[part], margin);
+            let inside: Vec<bool> = tile.nodes(nx).map(|n| contour.solids.labels[n] == part).collect();
+            let open = OpenPart::of(&inside, &tile, known);
+            let inside = open.as_ref().map(|open| open.opened(&inside)).unwrap_or(inside);
             let seeds = (0..).zip(&contour.seeds).filter(|(_, s)| contour.solids.labels[s.inside] == part);
-            let inside = |seed: u32| contour.seeds[seed as usize].inside;
-            seen.first(seeds.map(|(k, _)| k).collect(), contour.phi.dims[0], inside)
+            let pixel = |seed: u32| contour.seeds[seed as usize].inside;
+            let (seeds, counted) = known.first(seeds.map(|(k, _)| k).collect(), nx, pixel);
+            (LoneTile { tile, seeds, counted, open }, PartJob { whole: tile.cut(&contour.phi), inside })
         };
-        let with_seeds = |(tile, &part): (Tile, &u32)| {
-            let (seeds, counted) = seeds_of(part);
-            (tile, seeds, counted)
-        };
-        let parts = tiles.into_iter().zip(parts).map(with_seeds).collect();
-        LonePlan { direction, parts, jobs }
+        let (parts, jobs) = parts.par_iter().map(plan).unzip();
+        LonePlan { direction, parts, jobs, known: known.clone() }
     }
 
     /// What the backend is asked for; once.
@@ -208,12 +212,17 @@ impl LonePlan {
 
     /// The parts with the backend's answers, the next of `fields`.
     pub fn finish(self, fields: &mut impl Iterator<Item = Field>) -> Vec<LonePart> {
+        let part = |(LoneTile { tile, seeds, counted, open }, mut field): (LoneTile, Field)| {
+            let Some(open) = open else {
+                return LonePart { counted, ..LonePart::new(tile, field, seeds, self.direction) };
+            };
+            open.end(&mut field);
+            let seen = -self.known.on(&tile, &field.data).fold(0.0, f64::min);
+            let part = LonePart::new(tile, field, seeds, self.direction);
+            LonePart { counted, open: true, depth: if seen > 0.0 { seen } else { part.depth }, ..part }
+        };
         let fields = fields.take(self.parts.len());
-        self.parts
-            .into_iter()
-            .zip(fields)
-            .map(|((tile, seeds, counted), f)| LonePart { counted, ..LonePart::new(tile, f, seeds, self.direction) })
-            .collect()
+        self.parts.into_iter().zip(fields).map(part).collect()
     }
 }
 

@@ -43,7 +43,7 @@ use self::span::Span;
 use crate::backend::Means;
 use crate::error::{Error, Result};
 use crate::grid::seen::Seen;
-use crate::grid::tile::samples;
+use crate::grid::tile::{Tile, samples};
 use crate::pipeline::compose::differing_pixels;
 pub use crate::pipeline::context::{Bonds, LAYER_BYTES_ON_A_GPU};
 pub(crate) use crate::pipeline::finish::AHEAD;
@@ -53,10 +53,11 @@ use crate::report::clock::{Clocks, of_this_thread};
 use crate::report::warnings::gathered;
 use crate::report::{BodyEnd, DeviceUse, Report, StageCost};
 use crate::settings::{Method, Settings};
-use crate::stack::ContourStack;
+use crate::stack::beyond;
 use crate::stack::heights::{check, shown_nodes};
 use crate::stack::links as user_links;
 use crate::stack::window::Window;
+use crate::stack::{ContourStack, Known};
 use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
 use crate::surface::{Layer, Reconstruction};
@@ -188,12 +189,17 @@ pub fn run(
     let (on_image, settings, heights) =
         (&section.stack(stack), &section.settings(settings), &section.heights(stack, heights));
     let stack = &window.of(whole, section.slices.clone());
-    let pad = samples(OVERSHOOT, h);
+    let (pad, image) = (samples(OVERSHOOT, h), Tile::all(whole.dims));
     let run = Context {
         stack,
         image: whole.dims,
         window,
-        seen: if window.beyond { Seen::image(window.padded_part(whole.dims, pad)) } else { Seen::ALL },
+        seen: if window.beyond { Seen::image(window.padded_part(image, pad)) } else { Seen::ALL },
+        known: match whole.known {
+            Some(Known { part, onward }) => Seen::image(window.padded_part(part, pad)).going_on([onward; 2]),
+            None if window.beyond => Seen::image(window.padded_part(image, pad)).going_on(beyond::course(h)),
+            None => Seen::ALL,
+        },
         settings,
         backend,
         progress: halting,

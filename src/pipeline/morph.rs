@@ -162,7 +162,7 @@ fn matching<'a>(
                 return Ok((IntervalPlan::default(), [0.0; 2]));
             }
             let [low, high] = seen.get(i)?;
-            let plan = IntervalPlan::new(&low, &high, &DecidedPairs::parting(parted[i].clone()), margin, &run.seen);
+            let plan = IntervalPlan::new(&low, &high, &DecidedPairs::parting(parted[i].clone()), margin, &run.known);
             Ok((plan, [low.z, high.z]))
         };
         let mut plans = some.into_par_iter().map(plan).collect::<Result<Vec<_>>>()?;

@@ -262,7 +262,7 @@ fn plan_lone<'a>(
     let at_slices = moving.at_slices(i)?;
     let u = &at_slices[usize::from(direction == Direction::Down)];
     let parts = without_partner(&own, least, |x| other.sample(x + way * u.at(x)) < 0.0);
-    Ok(LonePlan::new(&own, &parts, run.margin, direction, &run.seen))
+    Ok(LonePlan::new(&own, &parts, run.margin, direction, &run.known))
 }
 
 /// Parts of a contour of interval `i` as they close.
@@ -314,7 +314,7 @@ pub(super) fn close<'a>(
     };
     let own = contours.some(own, Contour::SEEDS_AND_PARTS)?;
     let inner = inner.map(|(k, gap)| contours.get(k).map(|c| (c, gap))).transpose()?;
-    let inner = inner.as_ref().map(|(inner, gap)| (Succession::new(&own, inner, &run.seen), *gap));
+    let inner = inner.as_ref().map(|(inner, gap)| (Succession::new(&own, inner, &run.known), *gap));
     let inner = inner.as_ref().map(|(inner, gap)| (inner, *gap));
     for part in lone.iter_mut().filter(|part| part.direction == direction) {
         part.closes = closes(part, gap(i), inner);

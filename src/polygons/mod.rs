@@ -190,6 +190,7 @@ pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>
         slices,
         z_out: planes.z_out,
         geometry: Geometry { origin, axes: planes.axes, ..Geometry::default() },
+        known: None,
     })
 }
 

@@ -180,7 +180,7 @@ impl Piece<'_, '_> {
         canvas.phi.unpack_to(seen);
         let whole = warp.layer(seen, &ways[n], &frame.trust, &doubts[n], &others[n]);
         let mut canvas = on_image;
-        canvas.unite_packed(&Tile { origin: [0, 0], dims: image.padded() }, &whole);
+        canvas.unite_packed(&Tile::all(image.padded()), &whole);
         canvas.phi
     }
 }

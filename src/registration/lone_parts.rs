@@ -30,12 +30,14 @@ impl Large for LoneParts {
     }
 }
 
-/// Least value at time `t`, counted from their own slice, of the parts at node-space position `x` of it, where the slice's field is `a`. `None` off
-/// their tiles.
+/// Least value at time `t`, counted from their own slice, of the parts at node-space position `x` of it, where the slice's field is `a`, which has no say
+/// in those that are open. `None` off their tiles.
 #[inline]
 pub fn closing(parts: &[&Cap], x: DVec2, a: f64, t: f64) -> Option<f64> {
-    let value =
-        |part: &&Cap| part.tile.holds(x, 0.0).then(|| part.field.sample(part.tile.to_local(x)).max(a) + part.offset(t));
+    let value = |part: &&Cap| {
+        let distance = |own: f64| if part.open { own } else { own.max(a) };
+        part.tile.holds(x, 0.0).then(|| distance(part.field.sample(part.tile.to_local(x))) + part.offset(t))
+    };
     parts.iter().filter_map(value).reduce(f64::min)
 }
 

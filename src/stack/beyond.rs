@@ -18,6 +18,12 @@ const READ: usize = 4;
 /// Share of the length farther in that a run on the border has at least where it is cut: (numerator, denominator).
 const CUT: (usize, usize) = (7, 10);
 
+/// Pixels beyond the border, along either axis, in which contours go on as they come: the edges of what ends them lie beyond the last. `h` are a
+/// pixel's sides in units of the larger one.
+pub fn course(h: [f64; 2]) -> [usize; 2] {
+    samples(REACH, h).map(|n| n - 1)
+}
+
 /// A side of the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Side {
@@ -242,6 +248,7 @@ mod tests {
             slices: contents.into_iter().enumerate().map(slice).collect(),
             z_out: None,
             geometry: Default::default(),
+            known: None,
         }
     }
 

@@ -114,6 +114,7 @@ mod tests {
             slices: (0..17).map(slice).collect(),
             z_out: None,
             geometry: Geometry::default(),
+            known: None,
         }
     }
 

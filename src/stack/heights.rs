@@ -256,6 +256,7 @@ mod tests {
             slices: z.into_iter().map(slice).collect(),
             z_out: None,
             geometry: Geometry::default(),
+            known: None,
         }
     }
 

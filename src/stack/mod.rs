@@ -24,6 +24,7 @@ pub use space::WorldSpace;
 use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
+use crate::grid::tile::Tile;
 
 /// Most output heights of a run; a `dz` that asks for more is a mistake.
 pub const MOST_HEIGHTS: usize = 10_000_000;
@@ -45,6 +46,17 @@ pub struct ContourStack {
     pub z_out: Option<HeightGrid>,
     /// Place of the stack in the world.
     pub geometry: Geometry,
+    /// Pixels that the input covers, where its contours go on beyond them; nothing where all are covered.
+    pub known: Option<Known>,
+}
+
+/// Part of a stack that its input covers: within the border of a contour map, say, beyond which lines go on before they are closed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Known {
+    /// Pixels of the stack that are covered.
+    pub part: Tile,
+    /// Pixels beyond them up to which contours go on as they come; what closes them lies farther out.
+    pub onward: usize,
 }
 
 /// One contour of the stack.
@@ -224,6 +236,15 @@ impl ContourStack {
             )));
         }
         self.geometry.validate()?;
+        if let Some(Known { part, .. }) = self.known
+            && (0..2).any(|a| part.dims[a] == 0 || part.dims[a] > self.dims[a].saturating_sub(part.origin[a]))
+        {
+            let ([i, j], [nx, ny]) = (part.origin, part.dims);
+            let [most_x, most_y] = self.dims;
+            return Err(Error::Stack(format!(
+                "{nx}x{ny} px from pixel ({i}, {j}) are said to be known, but the stack is {most_x}x{most_y} px"
+            )));
+        }
         let mut below: Option<&Slice> = None;
         for (index, s) in self.slices.iter().enumerate() {
             let fail = |message| Err(Error::Slice { index, name: s.name.clone(), message });
@@ -308,6 +329,7 @@ mod tests {
             slices: vec![slice(0.0), slice(1.0)],
             z_out: None,
             geometry: Geometry::default(),
+            known: None,
         }
     }
 

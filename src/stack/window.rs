@@ -9,7 +9,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::grid::sparse_image::{SQUARE, SparseImage};
-use crate::grid::tile::to_rectangle;
+use crate::grid::tile::{Tile, to_rectangle};
 
 use super::beyond::beyond;
 use super::mask::MaskBits;
@@ -62,18 +62,19 @@ impl Window {
         }
     }
 
-    /// Columns of the window that are columns of an image of `dims` pixels, likewise rows.
-    pub fn part(&self, dims: [usize; 2]) -> [Range<usize>; 2] {
+    /// Columns of the window that are columns of these pixels of the image, likewise rows.
+    pub fn part(&self, pixels: Tile) -> [Range<usize>; 2] {
         [0, 1].map(|a| {
+            let first = pixels.origin[a] as isize - self.origin[a];
             let clamped = |n: isize| n.clamp(0, self.dims[a] as isize) as usize;
-            let (start, end) = (clamped(-self.origin[a]), clamped(dims[a] as isize - self.origin[a]));
+            let (start, end) = (clamped(first), clamped(first + pixels.dims[a] as isize));
             start..end.max(start)
         })
     }
 
     /// The same in the window with `pad` pixels around it.
-    pub fn padded_part(&self, dims: [usize; 2], pad: [usize; 2]) -> [Range<usize>; 2] {
-        let part = self.part(dims);
+    pub fn padded_part(&self, pixels: Tile, pad: [usize; 2]) -> [Range<usize>; 2] {
+        let part = self.part(pixels);
         [0, 1].map(|a| part[a].start + pad[a]..part[a].end + pad[a])
     }
 
@@ -153,7 +154,7 @@ impl Window {
     }
 
     fn mask(&self, mask: &Mask, dims: [usize; 2]) -> Mask {
-        let [columns, rows] = self.part(dims);
+        let [columns, rows] = self.part(Tile::all(dims));
         let mut row = vec![false; self.dims[0]];
         let of_row = |j: usize| {
             row.fill(false);
@@ -212,6 +213,7 @@ mod tests {
             slices: vec![slice(0.0), slice(1.0)],
             z_out: None,
             geometry: Default::default(),
+            known: None,
         }
     }
 

@@ -11,11 +11,12 @@ use super::onward;
 use super::project;
 use crate::error::Error;
 use crate::grid::field::sample;
+use crate::grid::tile::Tile;
 use crate::polygons::Polygon;
 use crate::polygons::grid::DrawingGrid;
 use crate::polygons::level_set;
 use crate::stack::options::Below;
-use crate::stack::{self, ContourStack, Geometry, Slice, SliceContent};
+use crate::stack::{self, ContourStack, Geometry, Known, Slice, SliceContent};
 use crate::surface::length;
 use crate::surface::map::{Crs, Floor, Map};
 
@@ -73,6 +74,7 @@ pub fn stack(joined: &JoinedMap, pixel: f64, crs: Crs, below: Option<Below>) -> 
         slices,
         z_out: None,
         geometry: Geometry { origin: grid.origin.extend(0.0), ..Geometry::default() },
+        known: Some(Known { part: Tile { origin: map.first, dims: map.dims }, onward: onward::COURSE }),
     };
     Ok((stack, map))
 }

@@ -19,6 +19,9 @@ use crate::polygons::Polygon;
 /// is: of a plane in 20 levels heights near the border are 1.6 % of the interval off with 4 px. With 16 lines that bend are as straight too far: a
 /// bowl, with lines that do not meet, 4.4 for 3.4 %.
 const BEYOND: f64 = 8.0;
+/// Pixels beyond those that hold the map in which lines go on as they come: these hold up to a pixel more than the map, and the outermost edges of what
+/// closes the lines lie within another.
+pub const COURSE: usize = BEYOND as usize - 2;
 /// Most that lines go on along the border for each pixel outward: those that nearly run along it. A saddle is 1.6 % off with 4, 0.8 % with 8.
 const STEEPEST: f64 = 8.0;
 /// Part of their distance from each other that lines keep at least.

@@ -130,7 +130,7 @@ pub fn stack(n: &mut Numbers, kind: Kind) -> ContourStack {
         Slice { name: format!("slice {k}"), z: heights[k], extra: false, content }
     });
     let slices = slices.collect();
-    ContourStack { dims, spacing, unit: "mm".into(), slices, z_out: None, geometry: Geometry::default() }
+    ContourStack { dims, spacing, unit: "mm".into(), slices, z_out: None, geometry: Geometry::default(), known: None }
 }
 
 fn parts(n: &mut Numbers, kind: Kind, dims: [usize; 2], slices: usize) -> Vec<Part> {

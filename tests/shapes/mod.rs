@@ -57,7 +57,15 @@ fn stack(dims: [usize; 2], heights: &[f64], contents: Vec<SliceContent>) -> Cont
         .enumerate()
         .map(|(k, (content, &z))| Slice { name: format!("slice {k}"), z, extra: false, content })
         .collect();
-    ContourStack { dims, spacing: [1.0, 1.0], unit: "px".into(), slices, z_out: None, geometry: Geometry::default() }
+    ContourStack {
+        dims,
+        spacing: [1.0, 1.0],
+        unit: "px".into(),
+        slices,
+        z_out: None,
+        geometry: Geometry::default(),
+        known: None,
+    }
 }
 
 fn values(dims: [usize; 2], shape: &Shape) -> Vec<f64> {

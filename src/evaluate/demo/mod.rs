@@ -123,5 +123,6 @@ fn stack(
         slices,
         z_out: Some(z_out),
         geometry: Geometry::default(),
+        known: None,
     }
 }

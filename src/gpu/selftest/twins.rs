@@ -315,7 +315,15 @@ fn sweeps(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
             let tile = Tile { origin: [7, 4], dims: [nx - 9, ny - 7] };
             let field =
                 Field::from_fn(tile.dims, |i, j| ((i as f64 - 17.0).powi(2) + (j as f64 - 20.0).powi(2)).sqrt() - 6.0);
-            let hole = Cap { tile, field, depth: 6.0, height: 0.7, farthest: 14.0, profile: CapProfile::new(0.0) };
+            let hole = Cap {
+                tile,
+                field,
+                open: false,
+                depth: 6.0,
+                height: 0.7,
+                farthest: 14.0,
+                profile: CapProfile::new(0.0),
+            };
             pair.holes = Cow::Owned(vec![(hole, Direction::Up)]);
         }
         pairs

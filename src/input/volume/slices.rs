@@ -51,6 +51,7 @@ pub fn stack(
             order: [u, v, axis],
             space: grid.space,
         },
+        known: None,
     })
 }
 

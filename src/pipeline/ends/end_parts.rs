@@ -11,6 +11,7 @@ use crate::backend::jobs::PartJob;
 use crate::backend::requests::PartRequest;
 use crate::contour::Contour;
 use crate::contour::offsets::{OUT, Offsets, area};
+use crate::contour::open_part::OpenPart;
 use crate::error::Result;
 use crate::grid::components::{Components, label8};
 use crate::grid::field::{Field, VALUES_OF_A_THREAD, position};
@@ -101,7 +102,9 @@ impl Levels<'_> {
     /// The errors of the backend.
     pub fn parts(&self) -> Result<Vec<EndPart>> {
         let own = &self.contours[0];
-        let told = self.told(0, &(1..=own.solids.count as u32).collect::<Vec<_>>())?;
+        let mut told = self.told(0, &(1..=own.solids.count as u32).collect::<Vec<_>>())?;
+        // Of what lies beyond the border alone nothing is seen.
+        told.retain(|part| part.area(0, self.seen) > 0.0);
         let mut parts: Vec<EndPart> = told.par_iter().map(|part| self.part(part)).collect();
         // The parts of the contour at hand that each end part has come to; none from where others have a share in them.
         let mut now: Vec<Vec<u32>> = parts.iter().map(|part| vec![part.number]).collect();
@@ -181,17 +184,23 @@ impl Levels<'_> {
             let own: Vec<HoleTiles> = (1..own.len()).filter(|l| *l as u32 != around).map(|l| own[l]).collect();
             let of_holes: Vec<PartJob> =
                 (1..).zip(&own).map(|(k, tiles)| tiles.job(&whole, |n| holes[n] == k)).collect();
-            let filled = PartJob { whole, inside: labels.iter().map(|&l| l != around).collect() };
+            let inside: Vec<bool> = labels.iter().map(|&l| l != around).collect();
+            let open = OpenPart::of(&inside, &tile, self.seen);
+            let inside = open.as_ref().map_or_else(|| inside.clone(), |open| open.opened(&inside));
+            let filled = PartJob { whole, inside };
             let tiles = std::iter::once(tile).chain(own.iter().map(|own| own.kept.placed(tile))).collect();
             let jobs: Vec<PartJob> = std::iter::once(filled).chain(of_holes).collect();
-            (Told { number, tile, holes, count, tiles, fields: Vec::new() }, own, jobs)
+            (Told { number, tile, holes, count, tiles, fields: Vec::new() }, (open, own), jobs)
         };
         let (mut told, jobs): (Vec<_>, Vec<_>) =
             numbers.par_iter().map(part).map(|(told, own, jobs)| ((told, own), jobs)).unzip();
         let jobs: Vec<PartJob> = jobs.into_iter().flatten().collect();
         let mut fields = self.backend.part_fields(&PartRequest { jobs: &jobs, h: self.h })?.into_iter();
-        for (part, own) in &mut told {
-            part.fields.extend(fields.next());
+        for (part, (open, own)) in &mut told {
+            part.fields.extend(fields.next().map(|mut field| {
+                open.iter().for_each(|open| open.end(&mut field));
+                field
+            }));
             part.fields.extend(own.iter().zip(&mut fields).map(|(own, answer)| own.of_answer(&answer)));
         }
         Ok(told.into_iter().map(|(part, _)| part).collect())

@@ -56,7 +56,7 @@ pub(super) fn end_matter<'a>(
             ways: at.windows(2).map(|pair| way(pair[0], pair[1])).collect::<Result<_>>()?,
             h: run.h,
             margin: run.margin,
-            seen: &run.seen,
+            seen: &run.known,
             backend: run.backend,
         };
         let away = at.iter().map(|&i| (contours.light(i).z - contours.light(first).z).abs()).collect();
@@ -164,9 +164,9 @@ fn end_report<'a>(run: &Context<'a>, spec: &EndSpec<'_>, fitted: &Fitted, made: 
         _ => Some(end(&EndSpec { rule: EndRule::Extrapolate, ..*spec }, fitted, &mut Vec::new())),
     };
     let mut area = 0.0;
-    let whole = Tile { origin: [0, 0], dims: contour.phi.dims };
+    let whole = Tile::all(contour.phi.dims);
     run.canvas().visit(&whole, |n| {
-        if run.seen.has(n, contour.phi.dims[0]) {
+        if run.known.has(n, contour.phi.dims[0]) {
             area += covered(contour.phi.data[n]);
         }
     });

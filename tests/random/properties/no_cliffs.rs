@@ -69,6 +69,7 @@ fn draw(seed: u64) -> Case {
         slices: slices.into(),
         z_out: None,
         geometry: Geometry::default(),
+        known: None,
     };
     let drawn = settings(&mut n, &stack);
     let slope = if drawn.slope == SlopeRule::Linear { SlopeRule::Linear } else { SlopeRule::Hyman };

@@ -361,6 +361,21 @@ mod tests {
     }
 
     #[test]
+    fn what_is_known_lies_in_the_stack() {
+        let of = |origin, dims| ContourStack {
+            known: Some(Known { part: Tile { origin, dims }, onward: 6 }),
+            ..stack([4, 3])
+        };
+        assert!(of([0, 0], [4, 3]).validate().is_ok() && of([3, 2], [1, 1]).validate().is_ok());
+        for (origin, dims) in
+            [([0, 0], [5, 3]), ([2, 0], [3, 3]), ([0, 3], [1, 1]), ([0, 0], [4, 0]), ([usize::MAX, 0], [1, 1])]
+        {
+            let message = of(origin, dims).validate().expect_err("it lies beyond").to_string();
+            assert!(message.contains("the stack is 4x3 px"), "{message}");
+        }
+    }
+
+    #[test]
     fn axes_are_perpendicular_unit_vectors_at_a_finite_origin() {
         let of = |x: DVec3| Geometry { axes: [x, DVec3::Y, DVec3::Z], ..Geometry::default() };
         let off = |x: f64| Geometry { origin: DVec3::new(x, 0.0, 0.0), ..Geometry::default() };

@@ -119,12 +119,12 @@ fn p14_a_stray_voxel_is_doubted() {
 #[test]
 fn a_body_darker_than_the_level_is_doubted() {
     let value = |dark: bool| volume(|at| if in_ball(at, 14.0) == dark { 100 } else { 900 });
-    Case::new(&value(true), "1 1 1").all_say(
-        &["--level", "500"],
-        0,
-        "nearly all of the images' border is above the level",
-    );
+    Case::new(&value(true), "1 1 1").all_say(&["--level", "500"], 0, "nearly all of the images' border is inside: is");
     Case::new(&value(false), "1 1 1").none_doubts(&["--level", "500"]);
+    // The option that it names, and what takes no such option.
+    Case::new(&value(true), "1 1 1").none_doubts(&["--level", "500", "--invert"]);
+    Case::new(&value(false), "1 1 1").all_say(&["--level", "500", "--invert"], 0, "border is inside: is");
+    Case::new(&value(true), "1 1 1").all_say(&["--invert"], 2, "invert");
 }
 
 /// A folder of images named by these, with `value` at column, row and slice; without `stack.json`.
@@ -152,6 +152,9 @@ fn drawings_black_on_white_are_doubted() {
     // A sheet that is left white is one of them.
     images(&names, |x, y, k| if k > 0 && in_disc(x, y, k) { 0 } else { 255 }).all_say(&SPACED, 0, told);
     images(&names, |x, y, k| if in_disc(x, y, k) { 255 } else { 0 }).none_doubts(&SPACED);
+    let inverted = [&SPACED[..], &["--invert"]].concat();
+    images(&names, |x, y, k| if in_disc(x, y, k) { 0 } else { 255 }).none_doubts(&inverted);
+    images(&names, |x, y, k| if in_disc(x, y, k) { 255 } else { 0 }).all_say(&inverted, 0, told);
     let whole = volume(|at| u16::from(at[2] % 5 == 1));
     Case::new(&whole, "1 1 1").none_doubts(&[]);
     // A block with a hole that only some slices show in full width.

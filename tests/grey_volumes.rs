@@ -154,3 +154,54 @@ fn what_cannot_be_cut_is_refused() {
         refused(&["--level", &LEVEL.to_string()], &["grey.nrrd", words, "below the level"]);
     }
 }
+
+/// What lies below a level is what lies above it of the values negated, and what is black of images what is white of their negatives.
+#[test]
+fn what_lies_below_is_what_lies_above_of_the_negated_values() {
+    let place = folder();
+    let path = |name: &str| place.path().join(name);
+    let floats = |sign: f32| values().flat_map(|v| (sign * v as f32).to_le_bytes()).collect::<Vec<u8>>();
+    write(&path("own.nrrd"), "float", &floats(1.0));
+    write(&path("negated.nrrd"), "float", &floats(-1.0));
+    let read = |name: &str, level: f64, invert: bool| {
+        read(&path(name), &ReadOptions { level: Some(level), invert, ..Default::default() })
+    };
+    let [above, below] = [("own.nrrd", LEVEL, false), ("negated.nrrd", -LEVEL, true)]
+        .map(|(name, level, invert)| read(name, level, invert).expect("the volume is sound"));
+    for k in 0..SIZES[2] {
+        let [a, b] = [&above, &below].map(|stack| levels(stack, k));
+        assert!(a.sides() == b.sides() && a.near() == b.near(), "slice {k}");
+    }
+    // The other side is another body.
+    let other = read("own.nrrd", LEVEL, true).expect("the volume is sound");
+    assert!(levels(&other, 6).sides() != levels(&above, 6).sides());
+    let most = f64::from(values().fold(0.0, f64::max) as f32);
+    let refused = read("own.nrrd", most + 1.0, true).expect_err("nothing lies above").to_string();
+    assert!(refused.contains(&format!(", {most}], the range of the volume's values")), "{refused}");
+
+    // Of two values they are masks, of more grey slices.
+    for level in [None, Some(105.0)] {
+        let ends = if level.is_some() { [10, 200] } else { [0, 255] };
+        let images = |name: &str, invert: bool| {
+            let folder = path(&format!("{name} {}", ends[0]));
+            fs::create_dir(&folder).expect("a folder can be made");
+            for k in 0..3 {
+                let value = |x: u32, y: u32| match (f64::from(x) - 9.5).hypot(f64::from(y) - 8.0) < 4.0 + f64::from(k) {
+                    true => ends[1],
+                    false if level.is_some() && x < 2 => 77,
+                    false => ends[0],
+                };
+                let shown = |v: u8| if invert { ends[0] + ends[1] - v } else { v };
+                let image = image::GrayImage::from_fn(20, 18, |x, y| image::Luma([shown(value(x, y))]));
+                image.save(folder.join(format!("s{k}.png"))).expect("an image can be written");
+            }
+            let options = ReadOptions { level, spacing: Some(vec![1.0, 1.0, 2.0]), invert, ..Default::default() };
+            interslice::input::read(&folder, &options).expect("the images are sound")
+        };
+        let [plain, inverted] = [("plain", false), ("inverted", true)].map(|(name, invert)| images(name, invert));
+        assert!(plain.slices[2].content.sides().iter().filter(|inside| **inside).count() > 80);
+        for (a, b) in plain.slices.iter().zip(&inverted.slices) {
+            assert_eq!(a.content.sides(), b.content.sides(), "{level:?}, {}", a.name);
+        }
+    }
+}

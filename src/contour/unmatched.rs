@@ -20,9 +20,10 @@ pub struct LonePart {
     pub tile: Tile,
     /// Signed distance to the part, negative inside.
     pub field: Field,
-    /// It goes on beyond what is known: what closes it there is not in its distances.
+    /// It goes on beyond what is known: what closes it there is not in its distances, which are far where its contour's
+    /// course ends.
     pub open: bool,
-    /// Inradius, px.
+    /// Inradius, px; of an open part that where it is known.
     pub depth: f64,
     /// Distance beyond its contour at which it ends, in gaps of its interval.
     pub closes: f64,

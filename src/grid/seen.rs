@@ -1,4 +1,5 @@
-//! Pixels that count where areas are measured: those of the image, where bodies go on beyond it.
+//! Pixels that count where areas are measured: those of the image, where bodies go on beyond it, or those of a map. Contours go on as they come for
+//! some pixels more, and are closed somehow beyond.
 
 use std::ops::Range;
 
@@ -33,7 +34,9 @@ impl Seen {
 
     /// Columns and rows in which contours are what they are; beyond them they are closed somehow. Nothing where all of them are.
     pub fn course(&self) -> Option<[Range<usize>; 2]> {
-        let grown = |a: usize, of: &Range<usize>| of.start.saturating_sub(self.onward[a])..of.end + self.onward[a];
+        let grown = |a: usize, of: &Range<usize>| {
+            of.start.saturating_sub(self.onward[a])..of.end.saturating_add(self.onward[a])
+        };
         self.part.as_ref().map(|[columns, rows]| [grown(0, columns), grown(1, rows)])
     }
 

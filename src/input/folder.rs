@@ -192,6 +192,10 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
         let message = "is not for polygons; it cuts grey slices".into();
         return Err(Error::Setting { name: "level".into(), message });
     }
+    if options.invert {
+        let message = "is not for polygons; it is for images".into();
+        return Err(Error::Setting { name: "invert".into(), message });
+    }
     if options.label.is_some() {
         let message = "is not for polygons; it chooses from a label volume, or a value of images".into();
         return Err(Error::Setting { name: "label".into(), message });
@@ -234,7 +238,7 @@ fn images(
         parsed.slices.into_iter().map(|s| (s.file.unwrap_or_default(), s.z, s.extra)).collect();
     let names: Vec<(PathBuf, &str)> = entries.iter().map(|(name, ..)| (folder.join(name), name.as_str())).collect();
     let ranges = ranges(file, &names)?;
-    let rule = Rule::new(&ranges, options.level, options.label.as_ref())?;
+    let rule = Rule::new(&ranges, options)?;
     if let Some(doubt) = rule.doubt(&ranges, options.level).or_else(|| rule.misses(&ranges, options.level)) {
         return fail(&doubt);
     }

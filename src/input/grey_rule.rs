@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use super::grey_image::Grey;
 use crate::error::{Error, Result};
-use crate::stack::options::{BACKGROUND, LabelName};
+use crate::stack::cut::Cut;
+use crate::stack::options::{BACKGROUND, LabelName, ReadOptions};
 use crate::stack::{LevelSlice, SliceContent};
 
 /// An image without its pixels.
@@ -105,14 +106,16 @@ fn bin(value: u16, bits: u8) -> usize {
 }
 
 /// Inside of a slice: of two values in the whole stack the larger one; of more, or with a given level, what is above it, to parts of a pixel; with
-/// a given label what has its value.
+/// a given label what has its value. Inverted, the smaller one, or what is below.
 pub enum Rule {
     /// This value and larger ones.
     Least(u16),
+    /// Values smaller than this.
+    Under(u16),
     /// This value.
     Only(u16),
-    /// Values above the level, with sub-pixel contours.
-    Above(f64),
+    /// Values on one side of a level, with sub-pixel contours.
+    Cut(Cut),
 }
 
 impl Rule {
@@ -120,24 +123,23 @@ impl Rule {
     ///
     /// # Errors
     /// [`Error::Stack`] without images; [`Error::Setting`] for a level or a label that they do not have.
-    pub fn new(ranges: &[Range], level: Option<f64>, label: Option<&LabelName>) -> Result<Self> {
+    pub fn new(ranges: &[Range], options: &ReadOptions) -> Result<Self> {
+        let &ReadOptions { level, invert, .. } = options;
         let ends = || ranges.iter().flat_map(|r| r.ends);
-        if let Some(label) = label {
+        if let Some(label) = &options.label {
             return Self::only(ranges, label);
         }
         let (Some(low), Some(high)) = (ends().min(), ends().max()) else {
             return Err(Error::Stack(format!("at least 2 slices are needed; got {}", ranges.len())));
         };
-        if let Some(level) = level
-            && !(level.is_finite() && level >= f64::from(low) && level < f64::from(high))
-        {
-            let message = format!("must lie in [{low}, {high}), the range of the slices' values; got {level}");
-            return Err(Error::Setting { name: "level".into(), message });
-        }
+        let range = [low, high].map(f64::from);
+        let named = level.map(|level| Cut { level, below: invert });
+        named.map_or(Ok(()), |cut| cut.check(range, "the slices' values"))?;
         let two = ranges.iter().all(|r| !r.more) && ends().all(|v| v == low || v == high);
-        Ok(match level {
+        Ok(match named {
+            None if two && invert => Rule::Under(high.max(1)),
             None if two => Rule::Least(high.max(1)),
-            _ => Rule::Above(level.unwrap_or((f64::from(low) + f64::from(high)) / 2.0)),
+            _ => Rule::Cut(named.unwrap_or(Cut { level: (range[0] + range[1]) / 2.0, below: invert })),
         })
     }
 
@@ -160,7 +162,7 @@ impl Rule {
     /// Message where a level that nobody named cuts values that lie side by side, as labels do: a few, or many that leap from one to the next. Those that a
     /// smooth brush leaves along a contour differ from pixel to pixel, and those of a smooth field hardly.
     pub fn doubt(&self, ranges: &[Range], named: Option<f64>) -> Option<String> {
-        let (Rule::Above(level), None) = (self, named) else { return None };
+        let (Rule::Cut(Cut { level, .. }), None) = (self, named) else { return None };
         let sum = |of: fn(&Range) -> [usize; 2]| ranges.iter().map(of).fold([0; 2], |[a, b], [c, d]| [a + c, b + d]);
         let ([pixels, alike], [steps, far]) = (sum(|r| r.plateau), sum(|r| r.steps));
         // A slice of one value has no others; where slices have different ones all are plateaus.
@@ -186,7 +188,7 @@ impl Rule {
 
     /// Message where hardly a pixel lies on one side of a level that nobody named: a few of extreme values have drawn the range there.
     pub fn misses(&self, ranges: &[Range], named: Option<f64>) -> Option<String> {
-        let (Rule::Above(level), None) = (self, named) else { return None };
+        let (Rule::Cut(Cut { level, .. }), None) = (self, named) else { return None };
         let ends = || ranges.iter().flat_map(|r| r.ends);
         let (low, high) = (ends().min()?, ends().max()?);
         let [above, below] = ranges.iter().map(|r| r.beside(*level)).fold([0; 2], |[a, b], [c, d]| [a + c, b + d]);
@@ -208,12 +210,13 @@ impl Rule {
 
     /// Word on a level that nobody named, of a picture: of a smoothed mask nearly all pixels have the least or the largest value, and any level is as good.
     pub fn told(&self, ranges: &[Range], named: Option<f64>) -> Option<String> {
-        let (Rule::Above(level), None) = (self, named) else { return None };
+        let (Rule::Cut(cut), None) = (self, named) else { return None };
         let all: usize = ranges.iter().map(Range::pixels).sum();
         let between: usize = ranges.iter().map(|r| r.plateau[0]).sum();
         let picture = between as f64 > PICTURE * all as f64;
         picture.then(|| {
-            format!("inside is what is above {level}, half way of the slices' values; --level V names another")
+            let Cut { level, .. } = cut;
+            format!("inside is what is {} {level}, half way of the slices' values; --level V names another", cut.side())
         })
     }
 
@@ -221,9 +224,10 @@ impl Rule {
     pub fn content(&self, image: &Grey) -> SliceContent {
         match self {
             Rule::Least(least) => SliceContent::Mask(image.values.iter().map(|v| v >= least).collect()),
+            Rule::Under(least) => SliceContent::Mask(image.values.iter().map(|v| v < least).collect()),
             Rule::Only(value) => SliceContent::Mask(image.values.iter().map(|v| v == value).collect()),
-            Rule::Above(level) => {
-                let depths: Vec<f32> = image.values.iter().map(|&v| (level - f64::from(v)) as f32).collect();
+            Rule::Cut(cut) => {
+                let depths: Vec<f32> = image.values.iter().map(|&v| cut.depth(f64::from(v))).collect();
                 SliceContent::Level(LevelSlice::new(&depths, image.dims[0]))
             }
         }

@@ -83,6 +83,12 @@ impl Kind {
                 "anything but a label volume whose file has none, and a folder of images",
             ),
             (!folder && !volume && options.level.is_some(), "level", "this input; it cuts grey slices and volumes"),
+            (
+                !folder && !volume && options.invert,
+                "invert",
+                "this input; it is for grey slices and volumes, and images",
+            ),
+            (options.invert && options.label.is_some(), "invert", "a run with `label`"),
             (options.complete_slices, "complete_slices", "one body; it is for many, with `labels`"),
             (options.label.is_some() && options.level.is_some(), "label", "grey values, which `level` cuts"),
             (options.keep.is_some() && options.slices.is_some(), "keep", "a volume whose `slices` are named"),
@@ -372,12 +378,16 @@ fn unchecked(kind: Kind, path: &Path, options: &ReadOptions) -> Result<Input> {
 
 /// The slices of a volume, unchecked.
 fn cut(mut volume: Volume, options: &ReadOptions) -> Result<Input> {
+    if options.invert && options.level.is_none() {
+        let message = "is not for labels; with `level` it is for grey values".into();
+        return Err(Error::Setting { name: "invert".into(), message });
+    }
     let label = options.label.as_ref().map(|name| volume.label(name, "label")).transpose()?;
     if let Some(label) = label {
         volume.take_only(&[label]);
     }
-    let survey = match options.level {
-        Some(level) => Survey::above(&volume, level)?,
+    let survey = match options.cut() {
+        Some(cut) => Survey::inside(&volume, cut)?,
         None => Survey::of(&volume, label)?,
     };
     let chosen = options.keep.is_some() || options.slices.is_some();

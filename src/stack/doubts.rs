@@ -185,16 +185,16 @@ impl ContourStack {
         let grey = |slice: &Slice| matches!(slice.content, SliceContent::Level(_));
         if self.slices.iter().all(grey) {
             return nearly(self.slices.iter().map(inside).sum(), self.slices.len()).then(|| {
-                "nearly all of the images' border is above the level, which is inside: is the body what lies below? Negate the values, as those of a \
-                 signed distance are that is negative inside"
+                "nearly all of the images' border is inside: is the body what lies on the other side of the level, as of a signed distance that is \
+                 negative inside? --invert takes that side"
                     .into()
             });
         }
         let masks = || self.slices.iter().filter(|slice| !grey(slice) && !slice.content.is_empty());
         let whole = |slice: &Slice| matches!(&slice.content, SliceContent::Mask(mask) if mask.count() == nx * ny);
         (masks().any(|slice| !whole(slice)) && masks().all(|slice| nearly(inside(slice), 1))).then(|| {
-            "nearly all of the images' border is inside on every slice: is the body what lies outside? Inside is what is white, or not 0: invert the \
-             images, as drawings black on white are to be"
+            "nearly all of the images' border is inside on every slice: is the body what lies outside? Inside is what is white, or not 0; --invert takes what \
+             is black of images, as of drawings black on white"
                 .into()
         })
     }

@@ -6,6 +6,7 @@ pub mod appearance;
 pub mod axis;
 pub(crate) mod beyond;
 pub mod change;
+pub mod cut;
 pub mod doubts;
 mod forgotten;
 pub mod heights;

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::stack::axis::Axis;
+use crate::stack::cut::Cut;
 
 /// Options of reading an input.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -16,6 +17,10 @@ pub struct ReadOptions {
     /// a volume without a level holds labels]
     #[arg(long, value_name = "VALUE")]
     pub level: Option<f64>,
+
+    /// Grey slices and volumes, and images of two values: inside is what lies below the level, or is black
+    #[arg(long)]
+    pub invert: bool,
 
     /// Label volumes, and folders of label images: reconstruct this label only, by number or by the name that the file gives it
     /// [default: all that is not zero, the larger of two values]
@@ -89,6 +94,13 @@ pub struct ReadOptions {
     /// Folders of images without stack.json, and label volumes whose file does not tell, as a .npy never does: sides of a voxel along x, y, z, mm [default: 1 px]
     #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',')]
     pub spacing: Option<Vec<f64>>,
+}
+
+impl ReadOptions {
+    /// Where grey values are cut.
+    pub fn cut(&self) -> Option<Cut> {
+        self.level.map(|level| Cut { level, below: self.invert })
+    }
 }
 
 /// Where a contour map ends.

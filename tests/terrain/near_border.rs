@@ -206,3 +206,29 @@ fn planes_that_rise_out_of_their_map_have_no_crest_within_it() {
     // Shares of the interval. With a cap that is drawn in from the outer rectangle, too, 0.19.
     assert!(root_mean_square(&all) < 0.08, "{all:?}");
 }
+
+/// The four corners of a bowl, each above its highest line, are as high: what lies beyond the border alone decides nothing.
+#[test]
+fn corners_of_a_symmetric_map_are_as_high() {
+    let middle = [SIZE[0] / 2.0, SIZE[1] / 2.0];
+    let corner = middle[0] * middle[0] + middle[1] * middle[1];
+    for (count, pixel) in [(9, 8.0), (9, 10.0), (10, 8.0), (10, 10.0), (13, 8.0), (13, 10.0)] {
+        let steep = f64::from(count) / corner;
+        let circle = |k: i32| {
+            let radius = ((f64::from(k) + 0.2) / steep).sqrt();
+            let point = |n: u32| {
+                let (sin, cos) = (TAU * f64::from(n % 720) / 720.0).sin_cos();
+                [EAST + middle[0] + radius * cos, NORTH + middle[1] + radius * sin]
+            };
+            feature(f64::from(k) + 0.2, &(0..=720).map(point).collect::<Vec<_>>())
+        };
+        let height = |x: [f64; 2]| steep * ((x[0] - middle[0]).powi(2) + (x[1] - middle[1]).powi(2));
+        let levels = [0.2, f64::from(count - 1) + 0.2];
+        let lines = (0..count).map(circle).collect();
+        let drawn = Drawn { height: &height, lines, levels, interval: 1.0, pixel, cells: [101, 81] };
+        let heights = drawn.reconstructed(&["--end-top", "extrapolate"]);
+        let corners = [0, 100, 80 * 101, 80 * 101 + 100].map(|n: usize| f64::from(heights[n]));
+        let (low, high) = corners.iter().fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(*v), high.max(*v)));
+        assert!(high - low < 0.1, "{count} levels, pixel {pixel}: {corners:?}");
+    }
+}

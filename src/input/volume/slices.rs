@@ -3,7 +3,8 @@
 use crate::error::{Error, Result};
 use crate::input::volume::Volume;
 use crate::input::volume::axis::Choice;
-use crate::input::volume::survey::{Survey, depth, wanted};
+use crate::input::volume::survey::{Survey, wanted};
+use crate::stack::cut::Cut;
 use crate::stack::mask::MaskBits;
 use crate::stack::options::ReadOptions;
 use crate::stack::{ContourStack, Geometry, HeightGrid, LevelSlice, Slice, SliceContent};
@@ -29,8 +30,8 @@ pub fn stack(
     let [u, v] = [[1, 2], [0, 2], [0, 1]][axis];
     let grid = &volume.grid;
     let (dims, spacing, axes) = (grid.dims, grid.spacing(), grid.axes());
-    let contents = match options.level {
-        Some(level) => levels(volume, &chosen, [u, v, axis], level)?,
+    let contents = match options.cut() {
+        Some(cut) => levels(volume, &chosen, [u, v, axis], cut)?,
         None => masks(volume, &chosen, [u, v, axis], label)?,
     };
     let letter = ['i', 'j', 'k'][axis];
@@ -81,8 +82,9 @@ fn chosen(
         (None, None) => (0..count).filter(|&k| painted[k] || survey.greys.is_some()).collect(),
     };
     if !chosen.iter().any(|&k| painted[k]) {
-        if let Some(level) = options.level {
-            let message = format!("none of the {} chosen slices has a value above the level {level}", chosen.len());
+        if let Some(cut) = options.cut() {
+            let (count, side) = (chosen.len(), cut.side());
+            let message = format!("none of the {count} chosen slices has a value {side} the level {}", cut.level);
             return Err(Error::Format { path: volume.path.clone(), message });
         }
         let all = options.slices.is_none() && options.keep.is_none();
@@ -138,7 +140,7 @@ fn masks(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], label: Option
 }
 
 /// Level sets of the slices `chosen` across the axis `w`, row-major along `u` and `v`.
-fn levels(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], level: f64) -> Result<Vec<SliceContent>> {
+fn levels(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], cut: Cut) -> Result<Vec<SliceContent>> {
     let dims = volume.grid.dims;
     let [nx, ny] = [dims[u], dims[v]];
     // Across the axis that the file stores last one slice is read after the other, across others all at the same time.
@@ -158,7 +160,7 @@ fn levels(volume: &Volume, chosen: &[usize], [u, v, w]: [usize; 3], level: f64) 
                 if *known == 0 {
                     values.resize(nx * ny, 0.0);
                 }
-                values[at[u] + at[v] * nx] = depth(level, *value);
+                values[at[u] + at[v] * nx] = cut.depth(*value);
                 *known += 1;
                 if *known == nx * ny {
                     levels[place] = Some(LevelSlice::new(values, nx));

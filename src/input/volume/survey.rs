@@ -3,9 +3,10 @@
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::input::volume::sheets::{Counting, Sheets};
 use crate::input::volume::{Volume, VoxelRun};
+use crate::stack::cut::Cut;
 
 /// Labels from 0 to here are counted in a table.
 const TABLE: usize = 1 << 16;
@@ -99,28 +100,25 @@ impl Survey {
         ))
     }
 
-    /// Goes through a volume of grey values; what is above `level` is wanted.
+    /// Goes through a volume of grey values; what is inside by `cut` is wanted.
     ///
     /// # Errors
     /// The errors of [`Volume::greys`]; [`Error::Setting`] for a level that no contour can have.
-    pub fn above(volume: &Volume, level: f64) -> Result<Self> {
+    pub fn inside(volume: &Volume, cut: Cut) -> Result<Self> {
         let mut survey = Survey { painted: volume.grid.dims.map(|n| vec![false; n]), ..Survey::default() };
         let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
         volume.greys(|run| {
             let mut start = 0;
-            for stretch in run.values.chunk_by(|a, b| (depth(level, *a) < 0.0) == (depth(level, *b) < 0.0)) {
+            for stretch in run.values.chunk_by(|a, b| (cut.depth(*a) < 0.0) == (cut.depth(*b) < 0.0)) {
                 let places = start..start + stretch.len();
                 start = places.end;
                 (low, high) = stretch.iter().fold((low, high), |(low, high), v| (low.min(*v), high.max(*v)));
-                if depth(level, stretch[0]) < 0.0 {
+                if cut.depth(stretch[0]) < 0.0 {
                     survey.paint(&run, places);
                 }
             }
         })?;
-        if !(level.is_finite() && level >= low && level < high) {
-            let message = format!("must lie in [{low}, {high}), the range of the volume's values; got {level}");
-            return Err(Error::Setting { name: "level".into(), message });
-        }
+        cut.check([low, high], "the volume's values")?;
         survey.greys = Some([low, high]);
         Ok(survey)
     }
@@ -151,11 +149,6 @@ impl Survey {
 /// Whether a voxel is inside.
 pub(crate) fn wanted(label: Option<i64>, value: i64) -> bool {
     label.map_or(value != 0, |label| value == label)
-}
-
-/// Depth of a grey value below the level: negative inside.
-pub(crate) fn depth(level: f64, value: f64) -> f32 {
-    (level - value) as f32
 }
 
 #[cfg(test)]

@@ -67,6 +67,10 @@ enum HoleLaw {
 impl HoleLaw {
     /// By its areas in contours at distances `away` inward; a hole of which nothing else is known goes on as it is.
     fn new(areas: &[f64], away: &[f64]) -> Self {
+        // One that lies beyond what is known.
+        if areas[0] <= 0.0 {
+            return HoleLaw::Grows([0.0; 3]);
+        }
         match Law::through(areas, away, f64::INFINITY) {
             Some((law, _)) => HoleLaw::Closes(law),
             None => {

@@ -28,7 +28,7 @@ pub const LEVELS: usize = 3;
 pub struct Region {
     /// Tile on which it lies: the part's, a hole's own.
     pub tile: Tile,
-    /// Signed distance on it, negative within.
+    /// Signed distance on it, negative within; far off where the course of a contour ends that goes on beyond what is known.
     pub field: Field,
     /// Its areas once the line is drawn in or out.
     pub offsets: Offsets,
@@ -70,7 +70,9 @@ pub struct Levels<'a> {
     pub h: [f64; 2],
     /// Margin of tiles, px.
     pub margin: [usize; 2],
-    /// Pixels that count in areas.
+    /// Pixels that count in areas: those in which contours are known. What goes on beyond them is drawn in from its contours alone.
+    pub known: &'a Seen,
+    /// Pixels that count in areas of a part that has no contour in these.
     pub seen: &'a Seen,
     /// Backend that computes distances.
     pub backend: &'a dyn Backend,
@@ -86,6 +88,8 @@ struct Told {
     /// The part without holes, then its holes: their tiles, and distances on them.
     tiles: Vec<Tile>,
     fields: Vec<Field>,
+    /// Nothing but what closes the part beyond what is known is a contour of it.
+    walled: bool,
 }
 
 impl Told {
@@ -104,12 +108,13 @@ impl Levels<'_> {
         let own = &self.contours[0];
         let mut told = self.told(0, &(1..=own.solids.count as u32).collect::<Vec<_>>())?;
         // Of what lies beyond the border alone nothing is seen.
-        told.retain(|part| part.area(0, self.seen) > 0.0);
+        told.retain(|part| part.area(0, self.known) > 0.0);
         let mut parts: Vec<EndPart> = told.par_iter().map(|part| self.part(part)).collect();
         // The parts of the contour at hand that each end part has come to; none from where others have a share in them.
         let mut now: Vec<Vec<u32>> = parts.iter().map(|part| vec![part.number]).collect();
         // The holes of the contour at hand, by the pixels of the padded image, and which hole of which end part each is.
-        let mut holes = HoleMap::new(own, &told, self.seen);
+        let mut holes = HoleMap::new(own, &told, self.known);
+        let counts: Vec<&Seen> = told.iter().map(|part| self.counts(part)).collect();
         let mut traced: Vec<(usize, usize)> =
             parts.iter().enumerate().flat_map(|(p, part)| (0..part.holes.len()).map(move |k| (p, k))).collect();
         for (level, pair) in self.contours.windows(2).enumerate() {
@@ -118,10 +123,11 @@ impl Levels<'_> {
             let numbers: Vec<u32> = now.iter().flatten().copied().collect();
             let told = self.told(level + 1, &numbers)?;
             let inner: BTreeMap<u32, &Told> = told.iter().map(|part| (part.number, part)).collect();
-            for (part, numbers) in parts.iter_mut().zip(&now).filter(|(_, numbers)| !numbers.is_empty()) {
-                part.outline.areas.push(numbers.iter().map(|n| inner[n].area(0, self.seen)).sum());
+            let traced_on = parts.iter_mut().zip(&now).zip(&counts).filter(|((_, numbers), _)| !numbers.is_empty());
+            for ((part, numbers), counts) in traced_on {
+                part.outline.areas.push(numbers.iter().map(|n| inner[n].area(0, counts)).sum());
             }
-            let next = HoleMap::new(&pair[1], &told, self.seen);
+            let next = HoleMap::new(&pair[1], &told, self.known);
             let met = self.met(level, |a| holes.at(a), |b| next.at(b));
             let mut found = vec![(usize::MAX, 0); next.areas.len()];
             for (number, &(p, k)) in (1..).zip(&traced).filter(|(_, hole)| hole.0 != usize::MAX) {
@@ -135,7 +141,13 @@ impl Levels<'_> {
         Ok(parts)
     }
 
-    /// Pairs that meet, from contour `level` to the next one inward: pairs of what `here` and `there` say of their pixels, but none with 0, in order.
+    /// Pixels that count in areas of a part.
+    fn counts(&self, part: &Told) -> &Seen {
+        if part.walled { self.seen } else { self.known }
+    }
+
+    /// Pairs that meet on known pixels, from contour `level` to the next one inward: pairs of what `here` and `there` say of their pixels, but none
+    /// with 0, in order.
     fn met(
         &self,
         level: usize,
@@ -144,13 +156,15 @@ impl Levels<'_> {
     ) -> Vec<(u32, u32)> {
         let [nx, ny] = self.contours[level].phi.dims;
         let row = |mut pairs: BTreeSet<(u32, u32)>, row: usize| {
-            for (node, a) in (row * nx..(row + 1) * nx).map(|node| (node, here(node))).filter(|(_, a)| *a > 0) {
+            let known = (row * nx..(row + 1) * nx).filter(|node| self.known.has(*node, nx));
+            for (node, a) in known.map(|node| (node, here(node))).filter(|(_, a)| *a > 0) {
                 let x = position(node, nx);
                 let DVec2 { x: i, y: j } =
                     self.ways[level].as_ref().map_or(x, |(way, sign)| (x + *sign * way.at(x)).round());
                 if i >= 0.0 && j >= 0.0 && i < nx as f64 && j < ny as f64 {
-                    let b = there(j as usize * nx + i as usize);
-                    if b > 0 {
+                    let to = j as usize * nx + i as usize;
+                    let b = there(to);
+                    if b > 0 && self.known.has(to, nx) {
                         pairs.insert((a, b));
                     }
                 }
@@ -185,12 +199,13 @@ impl Levels<'_> {
             let of_holes: Vec<PartJob> =
                 (1..).zip(&own).map(|(k, tiles)| tiles.job(&whole, |n| holes[n] == k)).collect();
             let inside: Vec<bool> = labels.iter().map(|&l| l != around).collect();
-            let open = OpenPart::of(&inside, &tile, self.seen);
+            let open = OpenPart::of(&inside, &tile, self.known);
+            let walled = open.is_none() && OpenPart::goes_on(&inside, &tile, self.known);
             let inside = open.as_ref().map_or_else(|| inside.clone(), |open| open.opened(&inside));
             let filled = PartJob { whole, inside };
             let tiles = std::iter::once(tile).chain(own.iter().map(|own| own.kept.placed(tile))).collect();
             let jobs: Vec<PartJob> = std::iter::once(filled).chain(of_holes).collect();
-            (Told { number, tile, holes, count, tiles, fields: Vec::new() }, (open, own), jobs)
+            (Told { number, tile, holes, count, tiles, fields: Vec::new(), walled }, (open, own), jobs)
         };
         let (mut told, jobs): (Vec<_>, Vec<_>) =
             numbers.par_iter().map(part).map(|(told, own, jobs)| ((told, own), jobs)).unzip();
@@ -216,10 +231,11 @@ impl Levels<'_> {
                 seeds[hole as usize].push(k);
             }
         }
+        let counts = self.counts(told);
         let region = |((field, tile), seeds): ((&Field, &Tile), Vec<u32>)| {
             let inside = |seed: u32| contour.seeds[seed as usize].inside;
-            let (seeds, counted) = self.seen.first(seeds, contour.phi.dims[0], inside);
-            let values = || self.seen.on(tile, &field.data);
+            let (seeds, counted) = self.known.first(seeds, contour.phi.dims[0], inside);
+            let values = || counts.on(tile, &field.data);
             let (areas, offsets) = (vec![area(values())], Offsets::new(values()));
             Region { areas, offsets, tile: *tile, field: field.clone(), seeds, counted }
         };

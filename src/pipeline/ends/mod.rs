@@ -56,7 +56,8 @@ pub(super) fn end_matter<'a>(
             ways: at.windows(2).map(|pair| way(pair[0], pair[1])).collect::<Result<_>>()?,
             h: run.h,
             margin: run.margin,
-            seen: &run.known,
+            known: &run.known,
+            seen: &run.seen,
             backend: run.backend,
         };
         let away = at.iter().map(|&i| (contours.light(i).z - contours.light(first).z).abs()).collect();

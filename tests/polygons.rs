@@ -12,7 +12,7 @@ use interslice::contour::seeds::trace_loops;
 use interslice::grid::field::Field;
 use interslice::input::{Input, read};
 use interslice::polygons::edges::contour_edges;
-use interslice::polygons::grid::{coarse, pixel_side};
+use interslice::polygons::grid::{coarse, lost_lines, pixel_side};
 use interslice::polygons::{CLAMP, PlaneDrawing, Planes, Polygon, stack};
 use interslice::stack::{ContourStack, Geometry, ReadOptions, SliceContent};
 use proptest::prelude::*;
@@ -193,6 +193,49 @@ fn pixels_are_half_the_distance_of_points_and_finer_for_thin_bodies() {
     // Many points cost no more than 1024 pixels.
     let fine = drawing(circle(DVec2::ZERO, 512.0, 100_000));
     assert_eq!(pixel_side(&[fine]), 1.0);
+}
+
+/// A disc, and a small one beside it or a hole in it, whose points decide nothing together.
+fn disc_and(small: Polygon) -> PlaneDrawing {
+    let region = vec![circle(DVec2::ZERO, 35.0, 60), small];
+    PlaneDrawing { name: "a".into(), z: 0.0, extra: false, regions: vec![region] }
+}
+
+#[test]
+fn a_small_part_or_hole_beside_a_large_one_has_its_area() {
+    for (radius, points) in [(1.0, 8), (1.5, 12), (2.0, 16), (2.0, 60), (3.0, 20)] {
+        for middle in [50.3, 12.1].map(|x| DVec2::new(x, 0.4)) {
+            let small = circle(middle, radius, points);
+            let drawing = disc_and(small.clone());
+            let planes = Planes { unit: "mm".into(), axes: Geometry::default().axes, z_out: None };
+            let drawings = [drawing.clone(), PlaneDrawing { z: 4.0, ..drawing.clone() }];
+            let stack = interslice::polygons::stack(&drawings, &planes, None).expect("the drawing is sound");
+            let is_hole = middle.x < 35.0;
+            let sides = stack.slices[0].content.sides();
+            let own = |n: usize| place(&stack, n).distance(middle) < radius + 2.0;
+            let pixels = sides.iter().enumerate().filter(|(n, inside)| own(*n) && **inside != is_hole).count();
+            let area = pixels as f64 * stack.spacing[0] * stack.spacing[1];
+            let true_area = 0.5 * f64::from(points as u32) * radius * radius * (TAU / points as f64).sin();
+            assert!(
+                (area / true_area - 1.0).abs() < 0.15,
+                "{radius}, {points} points, hole: {is_hole}: {area} of {true_area}"
+            );
+            assert_eq!(lost_lines(&drawings, stack.spacing[0]), None);
+        }
+    }
+    // For a small one alone no more than 256 pixels; then it is told.
+    let far = [disc_and(circle(DVec2::new(300.0, 0.0), 0.5, 12))];
+    assert!((pixel_side(&far) - 335.5 / 256.0).abs() < 0.01, "{}", pixel_side(&far));
+    let told = lost_lines(&far, pixel_side(&far)).expect("it is lost");
+    assert!(told.starts_with("1 of 2 polygons are less than 1.5 pixels wide") && told.contains("`a` at 0"), "{told}");
+    // The tips of a body, one line of ten, change nothing.
+    let tips: Vec<PlaneDrawing> = (0..20)
+        .map(|k| {
+            let radius = if k == 0 { 1.0 } else { 30.0 };
+            PlaneDrawing { regions: vec![vec![circle(DVec2::ZERO, radius, 94)]], z: f64::from(k), ..far[0].clone() }
+        })
+        .collect();
+    assert!((pixel_side(&tips) - 1.0).abs() < 0.02, "{}", pixel_side(&tips));
 }
 
 #[test]

@@ -2,8 +2,8 @@
 
 use glam::DVec2;
 
-use super::PlaneDrawing;
 use super::edges::{area, contour_edges};
+use super::{PlaneDrawing, Polygon};
 use crate::error::{Error, Result};
 use crate::storage::room;
 
@@ -18,6 +18,12 @@ const ROUND: f64 = 32.0;
 const LONGEST: f64 = 1024.0;
 /// Pixels across the mean width below which areas are off by some per cent.
 const COARSE: f64 = 4.0;
+/// Of all lines one in so many may be narrower: the tips of a body are, and a small part beside a large one is not one of them.
+const NARROWER: usize = 10;
+/// Most pixels along the longer side for the sake of narrow lines alone: a lung may have a hundred holes of a few mm, and would have 1000 for them.
+const FOR_NARROW: f64 = 256.0;
+/// Pixels across a line's own width below which it may be lost: of discs as wide 0.64 to 0.9 of the volume were left.
+const LOST: f64 = 1.5;
 /// Most pixels of all slices together: 4 GiB of level sets.
 const MOST_PIXELS: f64 = (1u64 << 30) as f64;
 /// Rows by which the area of a plane is measured.
@@ -99,13 +105,32 @@ impl DrawingGrid {
 
 /// Pixel side for drawings: half the median distance of neighbouring points, so that no drawn point is lost between pixels, but at most an
 /// eighth of the mean width `2 A / P` (area and length of all contours), so that what has few points is still several pixels wide, down to a 32nd
-/// where lines have 8 points or less in the mean instead of 32, so that their corners stay; and at least 1/1024 of the longer side of the box around
-/// all.
+/// where lines have 8 points or less in the mean instead of 32, so that their corners stay; at most a quarter of the width of all lines but the tenth
+/// part that is narrower, so that a small part beside a large one is not lost, but for that alone at least 1/256 of the longer side of the box around
+/// all; and at least 1/1024 of it.
 pub fn pixel_side(drawings: &[PlaneDrawing]) -> f64 {
-    let Sides { points, of_a_line, width, least } = sides(drawings);
+    let Sides { points, of_a_line, width, narrow, least } = sides(drawings);
     let [round, cornered] = ACROSS;
     let across = (round * ROUND / of_a_line).clamp(round, cornered);
-    (0.5 * points).min(width / across).max(least)
+    (0.5 * points).min(width / across).min((narrow / COARSE).max(least * LONGEST / FOR_NARROW)).max(least)
+}
+
+/// A note on lines so narrow in pixels of this side that what they enclose may be lost; with a `pixel` that was given or chosen.
+pub fn lost_lines(drawings: &[PlaneDrawing], side: f64) -> Option<String> {
+    let narrow = |line: &&Polygon| line_width(line).is_some_and(|width| width < LOST * side);
+    let of = |drawing: &'_ PlaneDrawing| drawing.polygons().filter(narrow).count();
+    let count: usize = drawings.iter().map(of).sum();
+    let first = drawings.iter().find(|drawing| of(drawing) > 0)?;
+    let least = drawings.iter().flat_map(PlaneDrawing::polygons).filter_map(|line| line_width(line));
+    let least = least.fold(f64::INFINITY, f64::min);
+    let all = drawings.iter().flat_map(PlaneDrawing::polygons).count();
+    Some(format!(
+        "{count} of {all} polygons are less than {LOST} pixels wide in the mean (the first: `{}` at {}), and what they enclose may be lost in part or as a \
+         whole: a --pixel below {:.3} shows them",
+        first.name,
+        first.z,
+        least / COARSE
+    ))
 }
 
 /// A note where what is drawn is less than 4 pixels wide in the mean, by the pixel sides that were given or by the least one that is chosen: small
@@ -133,6 +158,8 @@ struct Sides {
     of_a_line: f64,
     /// Mean width.
     width: f64,
+    /// Width of the narrowest line, but for one in [`NARROWER`].
+    narrow: f64,
     /// Least pixel side.
     least: f64,
 }
@@ -152,15 +179,31 @@ fn sides(drawings: &[PlaneDrawing]) -> Sides {
     lengths.sort_by(f64::total_cmp);
     let least = longer / LONGEST;
     let Some(points) = lengths.get(lengths.len() / 2) else {
-        return Sides { points: 0.0, of_a_line: ROUND, width: f64::INFINITY, least };
+        return Sides { points: 0.0, of_a_line: ROUND, width: f64::INFINITY, narrow: f64::INFINITY, least };
     };
     let lines = drawings.iter().flat_map(PlaneDrawing::polygons).count();
+    let mut widths: Vec<f64> = drawings.iter().flat_map(PlaneDrawing::polygons).filter_map(|l| line_width(l)).collect();
+    widths.sort_by(f64::total_cmp);
     Sides {
         points: *points,
         of_a_line: lengths.len() as f64 / lines as f64,
         width: 2.0 * area_sum / lengths.iter().sum::<f64>(),
+        narrow: widths.get(widths.len() / NARROWER).copied().unwrap_or(f64::INFINITY),
         least,
     }
+}
+
+/// Mean width `2 A / P` of what a closed line encloses by itself; nothing for one without area.
+fn line_width(line: &[DVec2]) -> Option<f64> {
+    let first = *line.first()?;
+    let (mut area, mut length) = (0.0, 0.0);
+    for (p, q) in line.iter().zip(line.iter().cycle().skip(1)) {
+        // About the first point: far from the origin nothing cancels.
+        area += 0.5 * (*p - first).perp_dot(*q - first);
+        length += p.distance(*q);
+    }
+    let width = 2.0 * area.abs() / length;
+    (width.is_finite() && width > 0.0).then_some(width)
 }
 
 /// Lowest and highest coordinates; the lowest is above the highest where there are no points.

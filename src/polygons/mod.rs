@@ -142,7 +142,8 @@ pub fn doubts(drawings: &[PlaneDrawing], stack: &ContourStack, pixel: Option<[f6
             s.name, s.z, stack.unit
         )
     });
-    grid::coarse(drawings, pixel).into_iter().chain(crossing::crossing(drawings)).chain(lost).collect()
+    let coarse = grid::coarse(drawings, pixel).or_else(|| grid::lost_lines(drawings, dx.max(dy)));
+    coarse.into_iter().chain(crossing::crossing(drawings)).chain(lost).collect()
 }
 
 /// Facts about all planes.

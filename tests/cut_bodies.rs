@@ -49,6 +49,13 @@ const BODIES: [Body; 3] = [
     ("paraboloid", |z| 6.0 * z.sqrt(), [6.0, 10.0, 14.0, 18.0, 22.0]),
 ];
 
+/// Rules and methods by which bodies have caps.
+const CAPPED: [(EndRule, Method); 3] = [
+    (EndRule::Extrapolate, Method::Morph),
+    (EndRule::Peak(-2.0), Method::Morph),
+    (EndRule::Extrapolate, Method::Field),
+];
+
 /// Places of the middle of a body that the border cuts, and the share of it that is left.
 const CUTS: [([f64; 2], f64); 4] = [
     ([AT_BORDER, MIDDLE], 0.5),
@@ -96,11 +103,7 @@ fn half_a_cylinder_has_the_area_that_is_painted() {
 #[test]
 fn a_cap_of_a_cut_body_is_half_of_the_whole_ones() {
     for (name, radius, heights) in BODIES.into_iter().skip(1) {
-        for (rule, method) in [
-            (EndRule::Extrapolate, Method::Morph),
-            (EndRule::Peak(-2.0), Method::Morph),
-            (EndRule::Extrapolate, Method::Field),
-        ] {
+        for (rule, method) in CAPPED {
             let settings = Settings { end_bottom: rule, method, ..Settings::default() };
             let pixels = |middle| {
                 let body = run(&discs(middle, &heights, radius), &settings);
@@ -157,11 +160,7 @@ fn a_cut_body_that_ends_before_an_empty_slice_is_the_half_of_the_whole_one() {
 #[test]
 fn a_cap_of_a_cut_body_has_the_shape_of_the_whole_one() {
     for (name, radius, heights) in BODIES.into_iter().skip(1) {
-        for (rule, method) in [
-            (EndRule::Extrapolate, Method::Morph),
-            (EndRule::Peak(-2.0), Method::Morph),
-            (EndRule::Extrapolate, Method::Field),
-        ] {
+        for (rule, method) in CAPPED {
             let settings = Settings { end_bottom: rule, method, ..Settings::default() };
             let [cut, whole] = [AT_BORDER, MIDDLE].map(|x| run(&discs([x, MIDDLE], &heights, radius), &settings));
             let off = differing(&cut, &whole, |z| z < heights[0]);

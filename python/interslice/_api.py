@@ -28,6 +28,7 @@ def _choice(
     keep: int | None = None,
     complete_slices: bool = False,
     level: float | None = None,
+    invert: bool = False,
     label: int | None = None,
 ) -> dict[str, Any]:
     along = None
@@ -42,6 +43,7 @@ def _choice(
         "keep": None if keep is None else counted("keep", keep),
         "complete_slices": answer("complete_slices", complete_slices),
         "level": None if level is None else float(level),
+        "invert": answer("invert", invert),
         "label": None if label is None else whole("label", label),
     }
 
@@ -152,7 +154,7 @@ def read(
 ) -> Stack:
     """Read a stack from a file or folder in any format of the command line, or its painted slices from a volume in an array or image.
 
-    `options` are those of the command line under Input. For arrays these are `level`, `label`, `keep` and `slices`; `spacing` and `axis` are
+    `options` are those of the command line under Input. For arrays these are `level`, `invert`, `label`, `keep` and `slices`; `spacing` and `axis` are
     then those of `fill`. For files `spacing` is (dx, dy, dz) and `axis` a letter, as on the command line.
     """
     if isinstance(source, (str, os.PathLike)):
@@ -161,7 +163,7 @@ def read(
     of = image(source, spacing, "labels")
     if isinstance(axis, str):
         raise ValueError(f"`axis` of an array is a number; got `{axis}`")
-    known = ("keep", "label", "level", "slices")
+    known = ("invert", "keep", "label", "level", "slices")
     for name in options:
         if name not in known:
             raise TypeError(f"`{name}` is not for arrays; there are {', '.join(known)}")

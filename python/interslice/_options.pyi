@@ -43,6 +43,7 @@ class RunOptions(SettingsOptions, total=False):
 
 class ReadOptions(TypedDict, total=False):
     level: float | None
+    invert: bool
     label: int | str | None
     roi: str | int | Sequence[str | int]
     series: str | int | None

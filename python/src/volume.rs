@@ -36,6 +36,7 @@ pub struct Choice {
     keep: Option<usize>,
     complete_slices: bool,
     level: Option<f64>,
+    invert: bool,
     label: Option<i64>,
 }
 
@@ -89,6 +90,7 @@ impl Choice {
             keep: self.keep,
             complete_slices: self.complete_slices,
             level: self.level,
+            invert: self.invert,
             label: self.label.map(LabelName::Number),
             ..ReadOptions::default()
         })

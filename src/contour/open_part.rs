@@ -19,17 +19,15 @@ pub struct OpenPart {
 impl OpenPart {
     /// Of a part with these pixels on its tile; nothing where it does not go on farther, or has no edge there.
     pub fn of(inside: &[bool], tile: &Tile, known: &Seen) -> Option<Self> {
-        let open = OpenPart { course: tile.local(&known.course()?), nx: tile.dims[0] };
-        let has_edge = |is: bool| (0..inside.len()).any(|n| inside[n] == is && open.has(n));
-        (Self::goes_on(inside, tile, known) && has_edge(true) && has_edge(false)).then_some(open)
+        let open = Self::going_on(inside, tile, known)?;
+        let has = |is: bool| (0..inside.len()).any(|n| inside[n] == is && open.has(n));
+        (has(true) && has(false)).then_some(open)
     }
 
-    /// Whether a part with these pixels on its tile goes on farther than its contour's course.
-    pub fn goes_on(inside: &[bool], tile: &Tile, known: &Seen) -> bool {
-        known.course().is_some_and(|course| {
-            let open = OpenPart { course: tile.local(&course), nx: tile.dims[0] };
-            (0..inside.len()).any(|n| inside[n] && !open.has(n))
-        })
+    /// The same, whether it has an edge there or not.
+    pub fn going_on(inside: &[bool], tile: &Tile, known: &Seen) -> Option<Self> {
+        let open = OpenPart { course: tile.local(&known.course()?), nx: tile.dims[0] };
+        (0..inside.len()).any(|n| inside[n] && !open.has(n)).then_some(open)
     }
 
     fn has(&self, node: usize) -> bool {

@@ -124,7 +124,7 @@ impl Rule {
     /// # Errors
     /// [`Error::Stack`] without images; [`Error::Setting`] for a level or a label that they do not have.
     pub fn new(ranges: &[Range], options: &ReadOptions) -> Result<Self> {
-        let &ReadOptions { level, invert, .. } = options;
+        let invert = options.invert;
         let ends = || ranges.iter().flat_map(|r| r.ends);
         if let Some(label) = &options.label {
             return Self::only(ranges, label);
@@ -133,7 +133,7 @@ impl Rule {
             return Err(Error::Stack(format!("at least 2 slices are needed; got {}", ranges.len())));
         };
         let range = [low, high].map(f64::from);
-        let named = level.map(|level| Cut { level, below: invert });
+        let named = options.cut();
         named.map_or(Ok(()), |cut| cut.check(range, "the slices' values"))?;
         let two = ranges.iter().all(|r| !r.more) && ends().all(|v| v == low || v == high);
         Ok(match named {

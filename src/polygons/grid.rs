@@ -22,7 +22,7 @@ const COARSE: f64 = 4.0;
 const NARROWER: usize = 10;
 /// Most pixels along the longer side for the sake of narrow lines alone: a lung may have a hundred holes of a few mm, and would have 1000 for them.
 const FOR_NARROW: f64 = 256.0;
-/// Pixels across a line's own width below which it may be lost: of discs as wide 0.64 to 0.9 of the volume were left.
+/// Pixels across a line's own width below which it may be lost: of a disc of 0.8 px 1 % of the volume was left, of 1.2 px 64, of 1.7 px 88.
 const LOST: f64 = 1.5;
 /// Most pixels of all slices together: 4 GiB of level sets.
 const MOST_PIXELS: f64 = (1u64 << 30) as f64;
@@ -115,10 +115,10 @@ pub fn pixel_side(drawings: &[PlaneDrawing]) -> f64 {
     (0.5 * points).min(width / across).min((narrow / COARSE).max(least * LONGEST / FOR_NARROW)).max(least)
 }
 
-/// A note on lines so narrow in pixels of this side that what they enclose may be lost; with a `pixel` that was given or chosen.
+/// A note where lines are less than 1.5 pixels of this side wide, so that what they enclose may be lost.
 pub fn lost_lines(drawings: &[PlaneDrawing], side: f64) -> Option<String> {
     let narrow = |line: &&Polygon| line_width(line).is_some_and(|width| width < LOST * side);
-    let of = |drawing: &'_ PlaneDrawing| drawing.polygons().filter(narrow).count();
+    let of = |drawing: &PlaneDrawing| drawing.polygons().filter(narrow).count();
     let count: usize = drawings.iter().map(of).sum();
     let first = drawings.iter().find(|drawing| of(drawing) > 0)?;
     let least = drawings.iter().flat_map(PlaneDrawing::polygons).filter_map(|line| line_width(line));

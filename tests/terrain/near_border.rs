@@ -232,3 +232,25 @@ fn corners_of_a_symmetric_map_are_as_high() {
         assert!(high - low < 0.1, "{count} levels, pixel {pixel}: {corners:?}");
     }
 }
+
+/// Where a map is higher along its whole border, nothing but what closes the region there could be drawn in: it is as high there as by a given peak.
+#[test]
+fn a_hollow_in_a_map_that_is_higher_all_around_reaches_its_peak_at_the_border() {
+    let middle = [SIZE[0] / 2.0, SIZE[1] / 2.0];
+    let steep = 20.0 / (350.0 * 350.0);
+    let circle = |k: i32| {
+        let radius = (5.0 * f64::from(k) / steep).sqrt();
+        let point = |n: u32| {
+            let (sin, cos) = (TAU * f64::from(n % 720) / 720.0).sin_cos();
+            [EAST + middle[0] + radius * cos, NORTH + middle[1] + radius * sin]
+        };
+        feature(5.0 * f64::from(k), &(0..=720).map(point).collect::<Vec<_>>())
+    };
+    let height = |x: [f64; 2]| steep * ((x[0] - middle[0]).powi(2) + (x[1] - middle[1]).powi(2));
+    let lines = (1..=4).map(circle).collect();
+    let drawn = Drawn { height: &height, lines, levels: [5.0, 20.0], interval: 5.0, pixel: 8.0, cells: [101, 81] };
+    let heights = drawn.reconstructed(&["--end-top", "peak=30"]);
+    // In the middle of the lower side the truth is 26.1; where what lies within the map alone counts for a region that is closed beyond, 21.
+    let (border, inside) = (heights[80 * 101 + 50], heights[75 * 101 + 50]);
+    assert!(border > 24.0 && border > inside, "{border} at the border, {inside} within");
+}

@@ -387,3 +387,18 @@ fn outward_slope(region: &Region, change: f64, away: &[f64]) -> f64 {
     let steepest = STEEPEST * 2.0 * area.sqrt() * (area.sqrt() - inner.sqrt()).abs() / gap;
     change.clamp(-steepest, steepest) / region.offsets.perimeter().max(1.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hole_of_which_nothing_is_known_stays_none() {
+        for areas in [&[0.0][..], &[0.0, 4.0], &[0.0, 4.0, 9.0]] {
+            let law = HoleLaw::new(areas, &[0.0, 1.0, 2.0]);
+            assert_eq!([law.at(0.0), law.at(0.7), law.slope()], [0.0; 3], "{areas:?}");
+        }
+        // Another one closes by its areas.
+        assert!(HoleLaw::new(&[4.0, 9.0], &[0.0, 1.0]).at(0.4) < 4.0);
+    }
+}

@@ -200,8 +200,8 @@ impl Levels<'_> {
                 (1..).zip(&own).map(|(k, tiles)| tiles.job(&whole, |n| holes[n] == k)).collect();
             let inside: Vec<bool> = labels.iter().map(|&l| l != around).collect();
             let open = OpenPart::of(&inside, &tile, self.known);
-            let walled = open.is_none() && OpenPart::goes_on(&inside, &tile, self.known);
-            let inside = open.as_ref().map_or_else(|| inside.clone(), |open| open.opened(&inside));
+            let walled = open.is_none() && OpenPart::going_on(&inside, &tile, self.known).is_some();
+            let inside = open.as_ref().map(|open| open.opened(&inside)).unwrap_or(inside);
             let filled = PartJob { whole, inside };
             let tiles = std::iter::once(tile).chain(own.iter().map(|own| own.kept.placed(tile))).collect();
             let jobs: Vec<PartJob> = std::iter::once(filled).chain(of_holes).collect();

@@ -77,6 +77,16 @@ def stack_of(labels: Volume) -> Masks:
     return painted
 
 
+def test_below_a_level_is_above_it_of_the_negated_array() -> None:
+    z, y, x = np.mgrid[:5, :24, :26]
+    dark = (4.0 * (z - 2.0) ** 2 + (y - 11.3) ** 2 + (x - 12.1) ** 2) ** 0.5
+    below, above = interslice.read(dark, level=8.0, invert=True), interslice.read(-dark, level=-8.0)
+    own, negated = (interslice.reconstruct(stack).distances() for stack in (below, above))
+    assert np.array_equal(own, negated) and (own < 0).any() and (own > 0).any()
+    with pytest.raises(ValueError, match="`invert` is not for labels"):
+        interslice.read((dark < 8).astype(np.uint8), invert=True)
+
+
 def test_save_is_told_what_reconstruct_was_told(tmp_path: Path, labels: Volume) -> None:
     def written(name: str, told: dict[str, Any], saved: dict[str, Any]) -> bytes:
         interslice.reconstruct(stack, method="field", **told).save(tmp_path / name, **saved)

@@ -12,7 +12,7 @@ use interslice::contour::seeds::trace_loops;
 use interslice::grid::field::Field;
 use interslice::input::{Input, read};
 use interslice::polygons::edges::contour_edges;
-use interslice::polygons::grid::{coarse, lost_lines, pixel_side};
+use interslice::polygons::grid::{pixel_side, too_large};
 use interslice::polygons::{CLAMP, PlaneDrawing, Planes, Polygon, stack};
 use interslice::stack::{ContourStack, Geometry, ReadOptions, SliceContent};
 use proptest::prelude::*;
@@ -220,14 +220,15 @@ fn a_small_part_or_hole_beside_a_large_one_has_its_area() {
                 (area / true_area - 1.0).abs() < 0.15,
                 "{radius}, {points} points, hole: {is_hole}: {area} of {true_area}"
             );
-            assert_eq!(lost_lines(&drawings, stack.spacing[0]), None);
+            assert_eq!(too_large(&drawings, None, stack.spacing), None);
         }
     }
     // For a small one alone no more than 256 pixels; then it is told.
     let far = [disc_and(circle(DVec2::new(300.0, 0.0), 0.5, 12))];
     assert!((pixel_side(&far) - 335.5 / 256.0).abs() < 0.01, "{}", pixel_side(&far));
-    let told = lost_lines(&far, pixel_side(&far)).expect("it is lost");
-    assert!(told.starts_with("1 of 2 polygons are less than 1.5 pixels wide") && told.contains("`a` at 0"), "{told}");
+    let told = too_large(&far, None, [pixel_side(&far); 2]).expect("it is lost");
+    assert!(told.starts_with("what 1 of 2 polygons bound is less than 1.5 pixels wide"), "{told}");
+    assert!(told.contains("`a` at 0") && told.contains("below 0.12"), "{told}");
     // The tips of a body, one line of ten, change nothing.
     let tips: Vec<PlaneDrawing> = (0..20)
         .map(|k| {
@@ -238,6 +239,31 @@ fn a_small_part_or_hole_beside_a_large_one_has_its_area() {
     assert!((pixel_side(&tips) - 1.0).abs() < 0.02, "{}", pixel_side(&tips));
 }
 
+/// The wall of a vessel beside a large organ: no line of it is narrow by itself.
+#[test]
+fn a_thin_wall_beside_a_large_body_has_its_area_or_is_told() {
+    let planes = Planes { unit: "mm".into(), axes: Geometry::default().axes, z_out: None };
+    let organ_and = |wall: f64| {
+        let middle = DVec2::new(80.3, 0.4);
+        let region = vec![circle(DVec2::ZERO, 50.0, 128), circle(middle, 20.0, 64), circle(middle, 20.0 - wall, 64)];
+        let drawing = PlaneDrawing { name: "a".into(), z: 0.0, extra: false, regions: vec![region] };
+        [drawing.clone(), PlaneDrawing { z: 4.0, ..drawing }]
+    };
+    for wall in [1.0, 1.5, 3.0] {
+        let drawings = organ_and(wall);
+        let stack = interslice::polygons::stack(&drawings, &planes, None).expect("the drawing is sound");
+        let inside = stack.slices[0].content.sides();
+        let pixels = inside.iter().enumerate().filter(|(n, inside)| **inside && place(&stack, *n).x > 55.0).count();
+        let area = pixels as f64 * stack.spacing[0] * stack.spacing[1];
+        let expected = std::f64::consts::PI * wall * (40.0 - wall);
+        assert!((area / expected - 1.0).abs() < 0.15, "{wall}: {area} of {expected}");
+        assert_eq!(too_large(&drawings, None, stack.spacing), None);
+    }
+    let thin = organ_and(0.3);
+    let told = too_large(&thin, None, [pixel_side(&thin); 2]).expect("it is lost");
+    assert!(told.starts_with("what 2 of 6 polygons bound"), "{told}");
+}
+
 #[test]
 fn small_things_far_apart_are_told() {
     let two = |radius: f64, apart: f64| {
@@ -245,10 +271,21 @@ fn small_things_far_apart_are_told() {
         PlaneDrawing { name: "a".into(), z: 0.0, extra: false, regions: vec![region] }
     };
     // The mean width of discs is their radius: 2 px, 4.1 px, and many points on a large body, whose distances are no matter.
-    assert!(coarse(&[two(2.0, 1000.0)], None).is_some_and(|note| note.contains("--pixel")));
-    assert_eq!(coarse(&[two(2.0, 490.0)], None), None);
+    let said = |drawing: PlaneDrawing| {
+        let side = pixel_side(std::slice::from_ref(&drawing));
+        too_large(&[drawing], None, [side; 2])
+    };
+    assert!(said(two(2.0, 1000.0)).is_some_and(|note| note.contains("2 wide in the mean") && note.contains("--pixel")));
+    assert_eq!(said(two(2.0, 490.0)), None);
+    // One above the other they are as wide.
+    let upright = |drawing: PlaneDrawing| {
+        let turned = drawing.regions[0].iter().map(|line| line.iter().map(|p| DVec2::new(p.y, p.x)).collect());
+        PlaneDrawing { regions: vec![turned.collect()], ..drawing.clone() }
+    };
+    assert!(said(upright(two(2.0, 1000.0))).is_some_and(|note| note.contains("2 wide in the mean")));
+    assert_eq!(said(upright(two(2.0, 490.0))), None);
     let fine = PlaneDrawing { regions: vec![vec![circle(DVec2::ZERO, 150.0, 20_000)]], ..two(1.0, 1.0) };
-    assert_eq!(coarse(&[fine], None), None);
+    assert_eq!(said(fine), None);
 }
 
 #[test]
@@ -260,7 +297,7 @@ fn a_body_below_four_pixels_is_told_whoever_chose_them() {
     for (pixel, told) in [(2.4, false), (2.6, true), (10.0, true)] {
         let options = ReadOptions { pixel: Some(pixel), ..ReadOptions::default() };
         let input = Input::read(place.path(), &options).expect("the file is sound");
-        let says = input.notes.iter().any(|note| note.contains("a --pixel below 2.4"));
+        let says = input.notes.iter().any(|note| note.contains("a --pixel below 2.5 shows it"));
         assert_eq!(says, told, "{pixel}: {:?}", input.notes);
     }
 }

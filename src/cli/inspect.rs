@@ -7,6 +7,8 @@ use interslice::grid::components::{Components, label4, label8};
 use interslice::input::labels::{Wanted, labels_of_volume, read_labels};
 use interslice::input::{self, Input};
 use interslice::labels::LabelStack;
+#[cfg(feature = "dicom")]
+use interslice::polygons::grid::too_large;
 use interslice::settings::Link;
 use interslice::stack::links::LinkOptions;
 use interslice::stack::{ReadOptions, Slice};
@@ -161,8 +163,10 @@ fn structures(arguments: &InspectArguments) -> Result<String> {
     let stack = chosen.stack(&arguments.read)?;
     let links = arguments.links.read(&stack)?;
     let text = describe(&stack, &links, chosen.steps(&stack).map(|s| (s.heights, AS_PIXELS)))?;
-    let crossing = chosen.crossing(&chosen.drawings(&arguments.read)?);
-    Ok(chosen.describe().join("\n") + "\n" + &told(crossing.into_iter().chain(stack.doubts())) + &text)
+    let drawings = chosen.drawings(&arguments.read)?;
+    let large = too_large(&drawings, arguments.read.pixel.map(|px| [px; 2]), stack.spacing);
+    let doubts = large.into_iter().chain(chosen.crossing(&drawings)).chain(stack.doubts());
+    Ok(chosen.describe().join("\n") + "\n" + &told(doubts) + &text)
 }
 
 /// Description of a contour map.

@@ -3,6 +3,7 @@
 use glam::DVec2;
 
 use super::edges::{area, contour_edges};
+use super::zones::widths;
 use super::{PlaneDrawing, Polygon};
 use crate::error::{Error, Result};
 use crate::storage::room;
@@ -22,7 +23,9 @@ const COARSE: f64 = 4.0;
 const NARROWER: usize = 10;
 /// Most pixels along the longer side for the sake of narrow lines alone: a lung may have a hundred holes of a few mm, and would have 1000 for them.
 const FOR_NARROW: f64 = 256.0;
-/// Pixels across a line's own width below which it may be lost: of a disc of 0.8 px 1 % of the volume was left, of 1.2 px 64, of 1.7 px 88.
+/// Most pixels along the longer side that a note asks for.
+const FINEST: f64 = 8192.0;
+/// Pixels across the width inside a line below which it may be lost: of a disc of 0.8 px 1 % of the volume was left, of 1.2 px 64, of 1.7 px 88.
 const LOST: f64 = 1.5;
 /// Most pixels of all slices together: 4 GiB of level sets.
 const MOST_PIXELS: f64 = (1u64 << 30) as f64;
@@ -105,9 +108,9 @@ impl DrawingGrid {
 
 /// Pixel side for drawings: half the median distance of neighbouring points, so that no drawn point is lost between pixels, but at most an
 /// eighth of the mean width `2 A / P` (area and length of all contours), so that what has few points is still several pixels wide, down to a 32nd
-/// where lines have 8 points or less in the mean instead of 32, so that their corners stay; at most a quarter of the width of all lines but the tenth
-/// part that is narrower, so that a small part beside a large one is not lost, but for that alone at least 1/256 of the longer side of the box around
-/// all; and at least 1/1024 of it.
+/// where lines have 8 points or less in the mean instead of 32, so that their corners stay; at most a quarter of the width inside all lines but the tenth
+/// part that is narrower, so that a small part or a thin wall beside a large one is not lost, but for that alone at least 1/256 of the longer side of the
+/// box around all; and at least 1/1024 of it.
 pub fn pixel_side(drawings: &[PlaneDrawing]) -> f64 {
     let Sides { points, of_a_line, width, narrow, least } = sides(drawings);
     let [round, cornered] = ACROSS;
@@ -115,39 +118,59 @@ pub fn pixel_side(drawings: &[PlaneDrawing]) -> f64 {
     (0.5 * points).min(width / across).min((narrow / COARSE).max(least * LONGEST / FOR_NARROW)).max(least)
 }
 
-/// A note where lines are less than 1.5 pixels of this side wide, so that what they enclose may be lost.
-pub fn lost_lines(drawings: &[PlaneDrawing], side: f64) -> Option<String> {
-    let narrow = |line: &&Polygon| line_width(line).is_some_and(|width| width < LOST * side);
-    let of = |drawing: &PlaneDrawing| drawing.polygons().filter(narrow).count();
-    let count: usize = drawings.iter().map(of).sum();
-    let first = drawings.iter().find(|drawing| of(drawing) > 0)?;
-    let least = drawings.iter().flat_map(PlaneDrawing::polygons).filter_map(|line| line_width(line));
-    let least = least.fold(f64::INFINITY, f64::min);
-    let all = drawings.iter().flat_map(PlaneDrawing::polygons).count();
+/// A note where pixels of these sides are too large for what is drawn, by the sides that were given or by the least that is chosen.
+pub fn too_large(drawings: &[PlaneDrawing], given: Option<[f64; 2]>, [dx, dy]: [f64; 2]) -> Option<String> {
+    coarse(drawings, given).or_else(|| lost_lines(drawings, dx.max(dy)))
+}
+
+/// A note where what lines bound is less than 1.5 pixels of this side wide, so that it may be lost.
+fn lost_lines(drawings: &[PlaneDrawing], side: f64) -> Option<String> {
+    let all: Vec<Vec<f64>> = drawings.iter().map(|drawing| inner_widths(drawing).collect()).collect();
+    let of = |widths: &Vec<f64>| widths.iter().filter(|width| **width < LOST * side).count();
+    let count: usize = all.iter().map(of).sum();
+    let (first, _) = drawings.iter().zip(&all).find(|(_, widths)| of(widths) > 0)?;
+    let least = all.iter().flatten().copied().fold(f64::INFINITY, f64::min);
+    let [low, high] = bounds(drawings.iter().flat_map(PlaneDrawing::polygons).flatten());
+    let shown = least / COARSE;
+    // Finer ones than a program can hold help nobody.
+    let pixel = match (high - low).max_element() <= FINEST * shown {
+        true => format!("a --pixel below {} shows it", figures(shown)),
+        false => "a smaller --pixel shows more of it".into(),
+    };
     Some(format!(
-        "{count} of {all} polygons are less than {LOST} pixels wide in the mean (the first: `{}` at {}), and what they enclose may be lost in part or as a \
-         whole: a --pixel below {:.3} shows them",
+        "what {count} of {} polygons bound is less than {LOST} pixels wide in the mean (the first: `{}` at {}), and may be lost in part or as a whole: \
+         {pixel}",
+        drawings.iter().flat_map(PlaneDrawing::polygons).count(),
         first.name,
         first.z,
-        least / COARSE
     ))
 }
 
 /// A note where what is drawn is less than 4 pixels wide in the mean, by the pixel sides that were given or by the least one that is chosen: small
 /// things far apart.
-pub fn coarse(drawings: &[PlaneDrawing], pixel: Option<[f64; 2]>) -> Option<String> {
+fn coarse(drawings: &[PlaneDrawing], pixel: Option<[f64; 2]>) -> Option<String> {
     let Sides { width, least, .. } = sides(drawings);
     let side = pixel.map_or(least, |[x, y]| x.max(y));
     (width < COARSE * side).then(|| {
         let why = match pixel {
             Some(_) => format!(
-                "so that areas and volumes may be off by many per cent: a --pixel below {:.3} shows it",
-                width / COARSE
+                "so that areas and volumes may be off by many per cent: a --pixel below {} shows it",
+                figures(width / COARSE)
             ),
             None => format!("1/{LONGEST} of the longer side of all contours: --pixel sets it"),
         };
-        format!("what is drawn is {width:.3} wide in the mean, and a pixel {side:.3}, {why}")
+        format!("what is drawn is {} wide in the mean, and a pixel {}, {why}", figures(width), figures(side))
     })
+}
+
+/// A length with three figures, whatever its unit.
+fn figures(length: f64) -> f64 {
+    format!("{length:.2e}").parse().unwrap_or(length)
+}
+
+/// Widths of what each line of a plane bounds, but for those without area.
+fn inner_widths(drawing: &PlaneDrawing) -> impl Iterator<Item = f64> {
+    drawing.regions.iter().flat_map(|region| widths(region)).flatten()
 }
 
 /// Lengths that pixels are chosen by.
@@ -158,7 +181,7 @@ struct Sides {
     of_a_line: f64,
     /// Mean width.
     width: f64,
-    /// Width of the narrowest line, but for one in [`NARROWER`].
+    /// Width inside the narrowest line, but for one in [`NARROWER`].
     narrow: f64,
     /// Least pixel side.
     least: f64,
@@ -168,10 +191,10 @@ fn sides(drawings: &[PlaneDrawing]) -> Sides {
     let [low, high] = bounds(drawings.iter().flat_map(PlaneDrawing::polygons).flatten());
     let longer = (high - low).max_element();
     let (mut lengths, mut area_sum) = (Vec::new(), 0.0);
-    for region in drawings.iter().flat_map(|d| &d.regions) {
-        let edges = contour_edges(region, 1e-9 * longer);
+    for group in drawings.iter().flat_map(|d| &d.regions).flat_map(|region| groups(region)) {
+        let edges = contour_edges(&group, 1e-9 * longer);
         lengths.extend(edges.iter().map(|[p, q]| (q.x - p.x).hypot(q.y - p.y)));
-        let [low, high] = bounds(region.iter().flatten());
+        let [low, high] = bounds(group.iter().flatten());
         if low.y < high.y {
             area_sum += area(&edges, [low.y, high.y], LINES);
         }
@@ -182,7 +205,7 @@ fn sides(drawings: &[PlaneDrawing]) -> Sides {
         return Sides { points: 0.0, of_a_line: ROUND, width: f64::INFINITY, narrow: f64::INFINITY, least };
     };
     let lines = drawings.iter().flat_map(PlaneDrawing::polygons).count();
-    let mut widths: Vec<f64> = drawings.iter().flat_map(PlaneDrawing::polygons).filter_map(|l| line_width(l)).collect();
+    let mut widths: Vec<f64> = drawings.iter().flat_map(inner_widths).collect();
     widths.sort_by(f64::total_cmp);
     Sides {
         points: *points,
@@ -193,17 +216,22 @@ fn sides(drawings: &[PlaneDrawing]) -> Sides {
     }
 }
 
-/// Mean width `2 A / P` of what a closed line encloses by itself; nothing for one without area.
-fn line_width(line: &[DVec2]) -> Option<f64> {
-    let first = *line.first()?;
-    let (mut area, mut length) = (0.0, 0.0);
-    for (p, q) in line.iter().zip(line.iter().cycle().skip(1)) {
-        // About the first point: far from the origin nothing cancels.
-        area += 0.5 * (*p - first).perp_dot(*q - first);
-        length += p.distance(*q);
+/// A region's polygons in groups one above the other: together, rows over all of them might miss small ones far apart.
+fn groups(region: &[Polygon]) -> Vec<Vec<Polygon>> {
+    let spans = region.iter().map(|line| bounds(line.iter()).map(|x| x.y));
+    let mut all: Vec<([f64; 2], &Polygon)> = spans.zip(region).collect();
+    all.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
+    let mut groups: Vec<(f64, Vec<Polygon>)> = Vec::new();
+    for ([low, high], line) in all {
+        match groups.last_mut().filter(|(top, _)| low <= *top) {
+            Some((top, group)) => {
+                *top = top.max(high);
+                group.push(line.clone());
+            }
+            None => groups.push((high, vec![line.clone()])),
+        }
     }
-    let width = 2.0 * area.abs() / length;
-    (width.is_finite() && width > 0.0).then_some(width)
+    groups.into_iter().map(|(_, group)| group).collect()
 }
 
 /// Lowest and highest coordinates; the lowest is above the highest where there are no points.

@@ -13,6 +13,7 @@ pub mod edges;
 pub mod fill;
 pub mod grid;
 pub mod plane;
+mod zones;
 
 use std::collections::HashSet;
 
@@ -142,8 +143,8 @@ pub fn doubts(drawings: &[PlaneDrawing], stack: &ContourStack, pixel: Option<[f6
             s.name, s.z, stack.unit
         )
     });
-    let coarse = grid::coarse(drawings, pixel).or_else(|| grid::lost_lines(drawings, dx.max(dy)));
-    coarse.into_iter().chain(crossing::crossing(drawings)).chain(lost).collect()
+    let large = grid::too_large(drawings, pixel, stack.spacing);
+    large.into_iter().chain(crossing::crossing(drawings)).chain(lost).collect()
 }
 
 /// Facts about all planes.

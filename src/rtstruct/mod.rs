@@ -28,7 +28,7 @@ pub use find::structure_sets;
 pub use series::ImageSeries;
 
 use crate::error::{Error, Result};
-use crate::polygons::grid::coarse;
+use crate::polygons::grid::too_large;
 use crate::stack::appearance::Appearance;
 use crate::stack::options::RoiName;
 use crate::stack::{ContourStack, ReadOptions};
@@ -201,10 +201,10 @@ impl ReferencedSet {
         let chosen = self.set.choose(&self.options)?;
         let steps = chosen.steps(stack);
         let drawings = chosen.drawings(&self.options)?;
-        let coarse = coarse(&drawings, self.options.pixel.map(|px| [px; 2]));
+        let large = too_large(&drawings, self.options.pixel.map(|px| [px; 2]), stack.spacing);
         let crossing = chosen.crossing(&drawings);
         let mut notes = chosen.notes;
-        notes.extend(coarse.into_iter().chain(crossing));
+        notes.extend(large.into_iter().chain(crossing));
         let lost = stack.slices.iter().filter(|s| s.content.is_empty());
         let px = stack.spacing[0];
         notes.extend(lost.map(|s| {

@@ -143,3 +143,33 @@ fn a_listener_ends_a_run() {
     let ended = Body::new(stack(12), vec![1.0], Settings::default(), &means).expect_err("it was ended");
     assert!(matches!(ended, Error::Interrupted) && ended.exit_code() == 1);
 }
+
+/// A volume has one distance of its layers: others than these are refused, and what has heights of its own is written.
+#[test]
+fn layers_that_lie_unevenly_are_no_volume() {
+    let place = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| place.path().join(name);
+    let made = |heights: &[f64]| {
+        let settings = Settings { method: Method::Field, ..Settings::default() };
+        reconstruct_with(&stack(3), heights, &settings, &Reference, &Silent).expect("a sound stack")
+    };
+    let uneven = made(&[0.0, 1.0, 2.0, 5.0]);
+    for name in ["a.nrrd", "a.nii.gz", "a.mha", "a.vti", "a.tif", "a.npz"] {
+        match interslice::write(&uneven, &[at(name)]) {
+            Err(Error::Output { path, message }) => {
+                assert!(path == at(name) && message.contains("got heights 0 and 1, 1 apart"), "{message}");
+            }
+            other => panic!("{name}: {other:?}"),
+        }
+    }
+    assert_eq!(std::fs::read_dir(place.path()).expect("a folder").count(), 0, "nothing is left");
+    for (heights, name) in [
+        (&[0.0, 1.0, 2.0, 5.0][..], "b.npy"),
+        (&[0.0, 1.0, 2.0, 5.0], "b.contours.json"),
+        (&[0.5, 1.7, 2.9, 4.1], "b.nrrd"),
+        (&[0.5, 5.0], "c.nrrd"),
+        (&[2.0], "d.nrrd"),
+    ] {
+        interslice::write(&made(heights), &[at(name)]).expect(name);
+    }
+}

@@ -209,6 +209,8 @@ def stack(
         "unit": unit,
     }
     if polygons is not None:
+        if level is not None:
+            raise ValueError("`level` is for `fields`, which it cuts")
         if spacing is not None:
             raise ValueError("`spacing` is for `masks` and `fields`; polygons have `pixel`, the side of the pixels on which they are laid")
         drawn = [[_line(k, line) for line in several("polygons", lines)] for k, lines in enumerate(several("polygons", polygons))]
@@ -216,6 +218,8 @@ def stack(
     kind = given[0]
     if kind == "masks" and level is not None:
         raise ValueError("`level` is for `fields`, which it cuts")
+    if pixel is not None:
+        raise ValueError("`pixel` is for `polygons`; masks and fields have `spacing`")
     arrays: Any = masks if kind == "masks" else fields
     arrays = unmasked(arrays, kind) if isinstance(arrays, np.ndarray) else [unmasked(slice_, kind) for slice_ in several(kind, arrays)]
     return _native.stack_of_arrays(arrays, lie, kind, level)
@@ -252,6 +256,13 @@ def reconstruct(
     if isinstance(masks, Stack):
         if heights is not None or spacing is not None:
             raise ValueError("`heights` and `spacing` are not for a Stack, which has its own")
+        given = {"polygons": polygons, "fields": fields, "level": level, "pixel": pixel}
+        named = [name for name, value in given.items() if value is not None]
+        named += ["origin"] if numbers("origin", origin, 3) != [0.0, 0.0, 0.0] else []
+        named += ["axes"] if not np.array_equal(np.asarray(axes, dtype=float), np.eye(3)) else []
+        named += ["unit"] if unit != "mm" else []
+        if named:
+            raise ValueError(f"`{named[0]}` is not for a Stack, which is as it was read or made: say it to `read` or `stack`")
         of = masks
     else:
         of = stack(

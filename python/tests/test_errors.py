@@ -176,6 +176,7 @@ def test_what_was_read_is_not_written_over(tmp_path: Path, labels: Volume) -> No
 def test_wrong_arguments_are_named(labels: Volume, masks: NDArray[np.bool_]) -> None:
     fill: Any = interslice.fill
     stack: Any = interslice.stack
+    made = interslice.stack(masks, range(5))
     wrong: list[tuple[Callable[[], Any], type[Exception], str]] = [
         (lambda: fill(labels, complete_slices=1), ValueError, "`complete_slices` must be True or False; got 1"),
         (lambda: fill(labels, only=1), ValueError, "`only` takes several values, such as a list; got 1"),
@@ -197,11 +198,27 @@ def test_wrong_arguments_are_named(labels: Volume, masks: NDArray[np.bool_]) -> 
         (lambda: stack(polygons=[1], heights=[0]), ValueError, "`polygons` takes several values, such as a list; got 1"),
         (lambda: stack(polygons=[[]], heights=[0], pixel=-1), ValueError, "`pixel` must be positive; got -1"),
         (lambda: interslice.reconstruct(masks, range(5), at=[float("nan")]), ValueError, "`at` takes finite heights; got nan"),
+        (lambda: interslice.reconstruct(made, unit="km"), ValueError, "`unit` is not for a Stack"),
+        (lambda: interslice.reconstruct(made, origin=(9, 0, 0)), ValueError, "`origin` is not for a Stack"),
+        (lambda: interslice.reconstruct(made, axes=-np.eye(3)), ValueError, "`axes` is not for a Stack"),
+        (lambda: interslice.reconstruct(made, level=0.5), ValueError, "`level` is not for a Stack"),
+        (lambda: interslice.reconstruct(made, fields=masks), ValueError, "`fields` is not for a Stack"),
+        (lambda: stack(masks, range(5), pixel=0.1), ValueError, "`pixel` is for `polygons`"),
+        (lambda: stack(polygons=[[]], heights=[0], level=1), ValueError, "`level` is for `fields`"),
         (lambda: interslice.write_volume("x.nrrd", labels, segments={1: "liver"}), ValueError, "`segments` must have a Segment.*; label 1 has 'liver'"),  # type: ignore[dict-item]
     ]
     for call, error, words in wrong:
         with pytest.raises(error, match=words):
             call()
+
+
+def test_heights_that_are_not_even_are_no_volume(tmp_path: Path, masks: NDArray[np.bool_]) -> None:
+    body = interslice.reconstruct(masks, range(5), at=[0, 1, 2, 4])
+    with pytest.raises(OSError, match="layers must lie evenly; got heights 0 and 1"):
+        body.save(tmp_path / "x.nrrd")
+    body.save(tmp_path / "x.npy")
+    body.save(tmp_path / "x.contours.json")
+    assert {file.name for file in tmp_path.iterdir()} == {"x.npy", "x.contours.json"}
 
 
 def test_what_is_asked_for_its_items_has_several_values(masks: NDArray[np.bool_]) -> None:

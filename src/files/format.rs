@@ -240,6 +240,11 @@ impl Format {
     fn row(self) -> Option<&'static Row> {
         FORMATS.iter().find(|row| row.format == self)
     }
+
+    /// Whether it is that of a volume, whatever its voxels hold.
+    pub(super) fn is_volume(self) -> bool {
+        self.row().is_some_and(|row| row.kind == Kind::Volume)
+    }
 }
 
 /// Whether `path` can be an output by its name, and no folder that must stay has it.

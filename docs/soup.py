@@ -65,6 +65,7 @@ USES = {
     "rustix": "a folder is exchanged for another in one step (Linux, macOS)",
     "serde": "settings, manifests, reports",
     "serde_json": "JSON",
+    "serde_path_to_error": "the key at which JSON is wrong",
     "sha2": "digests of input files in the report",
     "shapefile": "contour maps as shapefile, in",
     "sysinfo": "free memory and disk",

@@ -133,6 +133,29 @@ fn overlapping_parts_that_are_torn_fail_unless_a_link_says_so() {
 }
 
 #[test]
+fn an_interval_that_nothing_crosses_is_named_where_both_its_contours_have_parts() {
+    let apart = |of: &dyn Fn(f64) -> Discs| {
+        let report = examined(of, &[]);
+        assert_eq!(report.broken, [""; 0]);
+        report.body.apart
+    };
+    let at = |x: f64| vec![[x, 20.0, 6.0]];
+    assert_eq!(apart(&|z| at(if z < 5.0 { 9.0 } else { 29.0 })), [FIRST]);
+    assert_eq!(apart(&|z| at(if z < 15.0 { 9.0 } else { 29.0 })), [FIRST + 1]);
+    // A neck from one to the other, seen in one layer alone.
+    let necked = |z: f64| match z {
+        5.0 => vec![[9.0, 20.0, 6.0], [19.0, 20.0, 6.0], [29.0, 20.0, 6.0]],
+        z => at(if z < 5.0 { 9.0 } else { 29.0 }),
+    };
+    let report = examined(necked, &[]);
+    assert!(report.body.apart.is_empty(), "{:?}", report.body);
+    // One that goes through is enough; where a contour is empty the body ends.
+    assert!(apart(&|z| [at(if z < 5.0 { 9.0 } else { 29.0 }), vec![[20.0, 4.0, 3.0]]].concat()).is_empty());
+    let ends = examined(|z| if z < 5.0 { at(9.0) } else { Vec::new() }, &[]);
+    assert!(ends.body.apart.is_empty(), "{:?}", ends.body);
+}
+
+#[test]
 fn ends_that_grow_beyond_their_contour_fail() {
     let report = examined(|z| vec![[16.0, 20.0, if z == -1.0 { 9.5 } else { 8.0 }]], &[]);
     assert!(report.body.beyond[0] > 50 && report.body.beyond[1] == 0, "{:?}", report.body);

@@ -123,7 +123,7 @@ fn a_body_darker_than_the_level_is_doubted() {
     Case::new(&value(false), "1 1 1").none_doubts(&["--level", "500"]);
     // The option that it names, and what takes no such option.
     Case::new(&value(true), "1 1 1").none_doubts(&["--level", "500", "--invert"]);
-    Case::new(&value(false), "1 1 1").all_say(&["--level", "500", "--invert"], 0, "border is inside: is");
+    Case::new(&value(false), "1 1 1").all_say(&["--level", "500", "--invert"], 0, "Without --invert it is");
     Case::new(&value(true), "1 1 1").all_say(&["--invert"], 2, "invert");
 }
 
@@ -154,7 +154,7 @@ fn drawings_black_on_white_are_doubted() {
     images(&names, |x, y, k| if in_disc(x, y, k) { 255 } else { 0 }).none_doubts(&SPACED);
     let inverted = [&SPACED[..], &["--invert"]].concat();
     images(&names, |x, y, k| if in_disc(x, y, k) { 0 } else { 255 }).none_doubts(&inverted);
-    images(&names, |x, y, k| if in_disc(x, y, k) { 255 } else { 0 }).all_say(&inverted, 0, told);
+    images(&names, |x, y, k| if in_disc(x, y, k) { 255 } else { 0 }).all_say(&inverted, 0, "Without --invert it is");
     let whole = volume(|at| u16::from(at[2] % 5 == 1));
     Case::new(&whole, "1 1 1").none_doubts(&[]);
     // A block with a hole that only some slices show in full width.
@@ -192,6 +192,20 @@ fn a_part_that_one_image_lacks_is_doubted() {
         move |x: u32, y: u32, k: usize| if k == 2 { 255 * u8::from([x, y] == [25, 5]) } else { drawn(&[])(x, y, k) };
     let [(_, said), ..] = images(&names, stray).said(&SPACED);
     assert!(said.contains("painted by mistake") && !said.contains("left unpainted"), "{said}");
+}
+
+#[test]
+fn a_hole_that_one_image_lacks_is_doubted() {
+    let names = ["s0.png", "s1.png", "s2.png", "s3.png", "s4.png"];
+    let drawn = |without: &'static [usize]| {
+        let hole = |x: u32, y: u32| (12..18).contains(&x) && (11..18).contains(&y);
+        move |x: u32, y: u32, k: usize| 255 * u8::from(in_disc(x, y, k) && (!hole(x, y) || without.contains(&k)))
+    };
+    let told = "a hole that the slices below and above have at the same place is not on slice `s2.png` at column 15, row 11 (42 px), so that the body is \
+                there: was it filled?";
+    images(&names, drawn(&[2])).all_say(&SPACED, 0, told);
+    images(&names, drawn(&[1, 2])).none_doubts(&SPACED);
+    images(&names, drawn(&[3, 4])).none_doubts(&SPACED);
 }
 
 #[test]

@@ -76,8 +76,9 @@ fn no_such_input() {
 #[test]
 fn broken_json_is_told_with_its_line() {
     spoilt("\"slices\": [", "\"slices\": [,", &["stack.json", "line 3"]);
-    spoilt("\"z\": 4.0", "\"z\": \"four\"", &["stack.json", "line 5", "string \"four\""]);
-    spoilt("\"z\": 4.0", "\"z\": NaN", &["stack.json", "line 5"]);
+    spoilt("\"z\": 4.0", "\"z\": \"four\"", &["stack.json: slices[1].z: ", "line 5", "string \"four\""]);
+    spoilt("\"z\": 4.0", "\"z\": NaN", &["stack.json: slices[1].z: ", "line 5"]);
+    spoilt("\"z\": 4.0", "\"z\": null", &["stack.json: slices[1].z: ", "line 5", "null"]);
 }
 
 #[test]
@@ -116,11 +117,19 @@ fn heights_must_increase() {
 fn spacing_must_be_positive() {
     spoilt("[1.0, 1.0]", "[0.0, 1.0]", &["pixel spacing dx must be a positive number; got 0"]);
     spoilt("[1.0, 1.0]", "[1.0, -2.0]", &["pixel spacing dy must be a positive number; got -2"]);
-    spoilt("[1.0, 1.0]", "[1.0]", &["stack.json: invalid length 1, expected 2 numbers at line 2"]);
-    spoilt("[1.0, 1.0]", "[1.0, 1.0, 4.0]", &["stack.json: invalid length 3, expected 2 numbers at line 2"]);
+    spoilt("[1.0, 1.0]", "[1.0]", &["stack.json: spacing_xy: invalid length 1, expected 2 numbers at line 2"]);
+    spoilt(
+        "[1.0, 1.0]",
+        "[1.0, 1.0, 4.0]",
+        &["stack.json: spacing_xy: invalid length 3, expected 2 numbers at line 2"],
+    );
     let points = "\"z\": 4, \"polygons\": [[[0, 0, 4], [9, 0, 4], [9, 9, 4]]]}, {\"file\": \"s1.png\"";
-    spoilt("\"file\": \"s1.png\"", points, &["stack.json: invalid length 3, expected 2 numbers at line 5"]);
-    spoilt("[1.0, 1.0]", "[1.0, \"1\"]", &["stack.json: invalid type: string \"1\"", "line 2"]);
+    spoilt(
+        "\"file\": \"s1.png\"",
+        points,
+        &["stack.json: slices[1].polygons[0][0]: invalid length 3, expected 2 numbers at line 5"],
+    );
+    spoilt("[1.0, 1.0]", "[1.0, \"1\"]", &["stack.json: spacing_xy[1]: invalid type: string \"1\"", "line 2"]);
 }
 
 #[test]

@@ -38,6 +38,36 @@ fn apart(slice: usize, from: u32, to: u32) -> Link {
     Link { join: false, ..link(slice, from, to) }
 }
 
+/// A disc that moves by four times its width from slice to slice is in pieces, which is told with what joins them; linked it is whole.
+#[test]
+fn slices_of_which_no_part_meets_the_next_are_told() {
+    let stack = |by: f64| {
+        let discs: Vec<Shape> = (0..4).map(|k| circle(18.0 + by * f64::from(k), 60.0, 5.0)).collect();
+        masks(N, &[0.0, 5.0, 10.0, 15.0], &discs)
+    };
+    let heights: Vec<f64> = (0..=30).map(|k| 0.5 * f64::from(k)).collect();
+    for method in [Method::Morph, Method::Field] {
+        let told = |by: f64, link: Linking, links: &[Link]| {
+            let links = links.to_vec();
+            let settings = Settings { method, link, links, link_reach: 8.0, ..Settings::default() };
+            let report = run(&stack(by), &heights, &settings).report;
+            let pieces: Vec<String> = report.warnings.into_iter().filter(|w| w.contains("in pieces")).collect();
+            (report.body.apart, pieces)
+        };
+        let (gaps, pieces) = told(26.0, Linking::Off, &[]);
+        assert_eq!(gaps, [0, 1, 2], "{method:?}");
+        let [warning] = &pieces[..] else { panic!("{method:?}: {pieces:?}") };
+        assert!(warning.contains("--link auto"), "{warning}");
+        for (by, link) in [(26.0, Linking::Auto), (4.0, Linking::Off)] {
+            assert_eq!(told(by, link, &[]), (Vec::new(), Vec::new()), "{method:?} {by}");
+        }
+        // What the user keeps apart, which the morph can, is no news.
+        if method == Method::Morph {
+            assert_eq!(told(4.0, Linking::Off, &[apart(1, 1, 1)]), (vec![1], Vec::new()));
+        }
+    }
+}
+
 /// Both methods in both moving frames, not faired and faired.
 fn ways() -> Vec<Settings> {
     let mut out = Vec::new();

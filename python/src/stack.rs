@@ -205,7 +205,7 @@ pub fn stack_of_arrays(slices: &Bound<'_, PyAny>, lie: Lie, kind: &str, level: O
         geometry,
         known: None,
     };
-    let notes = stack.inside_out().into_iter().collect();
+    let notes = stack.inside_out(false).into_iter().collect();
     loaded(py, move || Ok((stack, notes)))
 }
 

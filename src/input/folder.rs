@@ -16,7 +16,7 @@ use crate::input::volume::grid::sides;
 use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
 use crate::stack::axis::check_axes;
 use crate::stack::{ContourStack, Geometry, HeightGrid, ReadOptions, Slice};
-use crate::storage::{regular, room};
+use crate::storage::{json, regular, room};
 
 /// Bytes of an image's values, as decoded and as grey values, and of the depths made of them.
 const BYTES_PER_PIXEL: f64 = (2 * size_of::<u16>() + size_of::<f32>()) as f64;
@@ -131,8 +131,7 @@ fn parse(path: &Path, spacing: Option<&[f64]>) -> Result<(StackFile, PathBuf, Pa
     }
     let file = if path.is_dir() { path.join("stack.json") } else { path.to_path_buf() };
     let text = regular::read_to_string(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
-    let parsed =
-        serde_json::from_str(&text).map_err(|e| Error::Format { path: file.clone(), message: e.to_string() })?;
+    let parsed = json::parse(&text).map_err(|message| Error::Format { path: file.clone(), message })?;
     let folder = file.parent().map(Path::to_path_buf).unwrap_or_default();
     Ok((parsed, file, folder))
 }

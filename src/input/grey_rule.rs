@@ -162,7 +162,7 @@ impl Rule {
     /// Message where a level that nobody named cuts values that lie side by side, as labels do: a few, or many that leap from one to the next. Those that a
     /// smooth brush leaves along a contour differ from pixel to pixel, and those of a smooth field hardly.
     pub fn doubt(&self, ranges: &[Range], named: Option<f64>) -> Option<String> {
-        let (Rule::Cut(Cut { level, .. }), None) = (self, named) else { return None };
+        let (Rule::Cut(Cut { level, below }), None) = (self, named) else { return None };
         let sum = |of: fn(&Range) -> [usize; 2]| ranges.iter().map(of).fold([0; 2], |[a, b], [c, d]| [a + c, b + d]);
         let ([pixels, alike], [steps, far]) = (sum(|r| r.plateau), sum(|r| r.steps));
         // A slice of one value has no others; where slices have different ones all are plateaus.
@@ -179,11 +179,15 @@ impl Rule {
             ),
             false => (format!("{count} values"), "which of them is the body"),
         };
-        Some(format!(
-            "slices have {has}, {}: {which}? `--label N` takes those of one value, `--labels all` all, each by itself, of images without stack.json, and \
-             `--level V` what is above a value ({level} is half way)",
-            values(ranges)
-        ))
+        let labels =
+            "`--label N` takes those of one value, `--labels all` all, each by itself, of images without stack.json";
+        let how = match below {
+            true => format!(
+                "`--level V` names the value below which they are inside ({level} is half way); without --invert {labels}"
+            ),
+            false => format!("{labels}, and `--level V` what is above a value ({level} is half way)"),
+        };
+        Some(format!("slices have {has}, {}: {which}? {how}", values(ranges)))
     }
 
     /// Message where hardly a pixel lies on one side of a level that nobody named: a few of extreme values have drawn the range there.

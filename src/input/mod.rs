@@ -343,7 +343,7 @@ fn unchecked(kind: Kind, path: &Path, options: &ReadOptions) -> Result<Input> {
     Ok(match kind {
         Kind::Folder => {
             let (stack, mut notes) = folder::read(path, options)?;
-            notes.extend(stack.inside_out());
+            notes.extend(stack.inside_out(options.invert));
             Input { notes, ..plain(stack) }
         }
         Kind::Volume(header) => {
@@ -400,7 +400,7 @@ fn cut(mut volume: Volume, options: &ReadOptions) -> Result<Input> {
     }
     let axis = axis::choose(options.axis, &volume.grid, &survey);
     let stack = slices::stack(&volume, &survey, &axis, options, label)?;
-    let notes = volume.notes.iter().cloned().chain(stack.inside_out()).collect();
+    let notes = volume.notes.iter().cloned().chain(stack.inside_out(options.invert)).collect();
     Ok(Input { stack, notes, surveyed: Some(Surveyed { volume, survey, axis, label }) })
 }
 

@@ -1,7 +1,8 @@
 //! Certificate of a body, read off its layers and nothing else: it cannot know how they were made.
 //!
 //! Per contour the layers a thousandth of the gap below and above it ([`BESIDE`]); over all layers that are handed on the pieces that touch no
-//! contour, the pairs of overlapping parts that are not connected between their contours, the largest step, and what the ends add around their contour.
+//! contour, the pairs of overlapping parts that are not connected between their contours, the intervals that nothing crosses, the largest step, and what
+//! the ends add around their contour.
 
 use std::collections::BTreeSet;
 use std::mem::take;
@@ -232,9 +233,12 @@ impl Examined {
         self.body.voids += voids;
     }
 
-    /// Looks for overlapping parts of contour `i` and of the next, whose parts are `above`, that are not connected.
+    /// Looks whether any part of contour `i` is connected with one of the next, whose parts are `above`, and for overlapping ones that are not.
     fn pairs(&mut self, i: usize, above: &Runs) {
         let pieces = &mut self.pieces[0];
+        if pieces.low.count > 0 && above.count > 0 && !pieces.cross() {
+            self.body.apart.push(self.spec.first + i);
+        }
         let mut pairs = BTreeSet::new();
         pieces.low.meeting(above, |a, b| _ = pairs.insert((a as u32 + 1, b as u32 + 1)));
         let parted = self.spec.parted.get(i).map_or(&[][..], |parted| parted);
@@ -356,6 +360,13 @@ impl Pieces {
     /// Whether a part of the contour below and one of the last layer are one piece.
     fn connects(&mut self, low: usize, last: usize) -> bool {
         self.joined.root(low) == self.joined.root(self.last.1 + last)
+    }
+
+    /// Whether any piece goes from the contour below to the last layer.
+    fn cross(&mut self) -> bool {
+        let low: BTreeSet<usize> = (0..self.low.count).map(|part| self.joined.root(part)).collect();
+        let (first, count) = (self.last.1, self.last.0.count);
+        (first..first + count).any(|part| low.contains(&self.joined.root(part)))
     }
 
     /// Number of pieces that hang on nothing.

@@ -49,6 +49,7 @@ pub use crate::pipeline::context::{Bonds, LAYER_BYTES_ON_A_GPU};
 pub(crate) use crate::pipeline::finish::AHEAD;
 use crate::pipeline::section::Section;
 use crate::progress::Halting;
+use crate::report::apart::{self, Apart};
 use crate::report::clock::{Clocks, of_this_thread};
 use crate::report::warnings::gathered;
 use crate::report::{BodyEnd, DeviceUse, Report, StageCost};
@@ -152,6 +153,26 @@ fn complete_costs(report: &mut Report, whole: Option<StageCost>, output: Option<
     }
     profile.stages.push(rest);
     profile.stages.extend(output);
+}
+
+/// The intervals that nothing crosses, of a report on slices of which the first has this number. Those are left out of which the user keeps parts
+/// apart, and those of matched parts in which none of the `heights` lies: there the result is the slices.
+fn apart_of<'s>(
+    report: &Report,
+    stack: &'s ContourStack,
+    first: usize,
+    links: &[IntervalLinks],
+    heights: &[f64],
+) -> Vec<Apart<'s>> {
+    let of = |slice: &usize| {
+        let k = slice.checked_sub(first)?;
+        let [low, high] = [stack.slices.get(k)?, stack.slices.get(k + 1)?];
+        let unmatched = report.intervals.get(k)?.groups == 0;
+        let parted = links.get(k).is_some_and(|links| !links.parted().is_empty());
+        let looked = unmatched || heights.iter().any(|z| low.z < *z && *z < high.z);
+        (looked && !parted).then(|| Apart { slices: [&low.name, &high.name], unmatched })
+    };
+    report.body.apart.iter().filter_map(of).collect()
 }
 
 /// Reconstructs a section of `stack` at `heights` (increasing, unit of the stack) and hands every layer to `sink`; the result itself has none.
@@ -273,6 +294,7 @@ pub fn run(
         (c.area, c.below, c.above) = (met.area, met.below, met.above);
     }
     report.body = body;
+    report.warnings.extend(apart::words(&apart_of(&report, stack, first, &links, heights)));
     report.intervals.iter_mut().zip(links).for_each(|(interval, l)| interval.links = l.told);
     let done_by = backend.name();
     if done_by != report.backend {

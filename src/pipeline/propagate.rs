@@ -11,7 +11,7 @@ use super::ends::{above, below};
 use super::sweep_inputs::{FieldFallback, SweepInputs};
 use crate::backend::MorphOptions;
 use crate::backend::interval_morph::{FrameSource, IntervalMorph, LayerImage, MorphFrame, Morphed};
-use crate::backend::jobs::{SweepJob, SweepPair, Track};
+use crate::backend::jobs::{SweepJob, SweepPair, Swept, Track};
 use crate::backend::requests::MorphRequest;
 use crate::contour::Contour;
 use crate::contour::direction::Direction;
@@ -151,11 +151,8 @@ fn morph_chunk<'a>(
             return Err(Error::Numerics { stage: "propagate", message: format!("NaN {}", between()) });
         }
         for [up, down] in &swept {
-            for (swept, way) in [(up, "upward"), (down, "downward")] {
-                if let Some(t) = swept.vanished {
-                    let message = format!("the {way} sweep of a group {} vanished at t = {t:.3}", between());
-                    report.warnings.push(message);
-                }
+            report.warnings.extend(vanished(up, down, &between()));
+            for swept in [up, down] {
                 let interval = &mut report.intervals[i];
                 interval.sweep_steps += swept.steps;
                 interval.sweep_pixels += swept.pixels;
@@ -166,6 +163,21 @@ fn morph_chunk<'a>(
         out.push(layers);
     }
     Ok(out)
+}
+
+/// Words about sweeps of a group `between` two heights that vanished: where both did before they met, only cores are left between.
+fn vanished(up: &Swept, down: &Swept, between: &str) -> Vec<String> {
+    if let (Some(end), Some(start)) = (up.vanished, down.vanished.map(|t| 1.0 - t))
+        && end < start
+    {
+        return vec![format!(
+            "both sweeps of a group {between} vanished at t = {end:.3} and {start:.3}: between, there is only what joins overlapping parts"
+        )];
+    }
+    let of = |(swept, way): (&Swept, &str)| {
+        Some(format!("the {way} sweep of a group {between} vanished at t = {:.3}", swept.vanished?))
+    };
+    [(up, "upward"), (down, "downward")].into_iter().filter_map(of).collect()
 }
 
 /// Sweeps of the groups of interval `i`, and their tiles.

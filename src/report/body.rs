@@ -14,6 +14,8 @@ pub struct BodyReport {
     pub overlapping: usize,
     /// Pairs of them that are not connected between their contours.
     pub torn: Vec<PartPair>,
+    /// Intervals that nothing crosses, though both their contours have parts, by their lower slice, from 0: the body is in pieces there.
+    pub apart: Vec<usize>,
     /// Pixels inside a layer below the first contour that lie outside of that contour, and the same above the last, of the layer that has most.
     pub beyond: [usize; 2],
     /// The largest change from one layer to the next near the surface, between the first and the last contour.
@@ -27,6 +29,7 @@ impl BodyReport {
         self.voids += above.voids;
         self.overlapping += above.overlapping;
         self.torn.extend(above.torn);
+        self.apart.extend(above.apart);
         self.beyond = [0, 1].map(|k| self.beyond[k].max(above.beyond[k]));
         let steps = [self.largest_step, above.largest_step].into_iter().flatten();
         // The lower one of two that are equal.

@@ -1,5 +1,6 @@
 //! The certificate of a reconstruction: what was done and how well each contour is met. Written as JSON.
 
+pub(crate) mod apart;
 pub mod body;
 pub mod clock;
 pub mod contour;

@@ -1,6 +1,7 @@
 //! Doubts about an input: what is probably not meant, said in words before the work.
 
-use super::forgotten::{Forgotten, forgotten};
+use super::forgotten::{Forgotten, forgotten_hole, forgotten_part};
+use super::mask::Mask;
 use super::{ContourStack, Slice, SliceContent};
 
 /// A slice with less than this share of its neighbours' area is doubted: no section between two others of an organ is so small.
@@ -18,6 +19,9 @@ const WIDE: f64 = 4.0;
 const USUAL: usize = 4;
 /// Slices that a message names.
 const NAMED: usize = 6;
+/// What a slice may lack.
+const PART: &str = "part";
+const HOLE: &str = "hole";
 
 /// Slices of a body: heights and areas in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -99,8 +103,9 @@ fn blank(places: &[usize], name: impl Fn(usize) -> String) -> Option<String> {
     })
 }
 
-/// Words about parts that slices have not, by the places of these, of which `name` tells what they are called.
-fn part(forgotten: &[(usize, Forgotten)], name: impl Fn(usize) -> String) -> Option<String> {
+/// Words about parts, or holes, that slices have not, by the places of these, of which `name` tells what they are called.
+fn lacking(what: &str, forgotten: &[(usize, Forgotten)], name: impl Fn(usize) -> String) -> Option<String> {
+    let (there, how) = if what == HOLE { ("there", "filled") } else { ("not there", "left unpainted") };
     let said =
         |(k, f): &(usize, Forgotten)| format!("{} at column {}, row {} ({} px)", name(*k), f.at[0], f.at[1], f.pixels);
     let listed: Vec<String> = forgotten.iter().take(NAMED).map(said).collect();
@@ -108,7 +113,7 @@ fn part(forgotten: &[(usize, Forgotten)], name: impl Fn(usize) -> String) -> Opt
     let more = if more > 0 { format!(", and {more} more") } else { String::new() };
     (!listed.is_empty()).then(|| {
         format!(
-            "a part that the slices below and above have at the same place is not on {}{more}, so that the body is not there: was it left unpainted?",
+            "a {what} that the slices below and above have at the same place is not on {}{more}, so that the body is {there}: was it {how}?",
             listed.join(", ")
         )
     })
@@ -157,9 +162,13 @@ impl ContourStack {
         let strays = strays(&sections, overlap);
         let inner = (1..self.slices.len().max(1) - 1).filter(|k| sections[*k].area > 0 && !strays.contains(k));
         let mask = |k: usize| self.slices[k].content.mask();
-        let without = inner.filter_map(|k| Some((k, forgotten([k - 1, k, k + 1].map(mask), self.dims[0])?)));
-        let parts = part(&without.collect::<Vec<_>>(), name);
-        let slices = stray(&strays, &sections, name).into_iter().chain(empty).chain(parts);
+        let inner: Vec<usize> = inner.collect();
+        let without = |what: &str, of: fn([&Mask; 3], usize) -> Option<Forgotten>| {
+            let found = |&k: &usize| Some((k, of([k - 1, k, k + 1].map(mask), self.dims[0])?));
+            lacking(what, &inner.iter().filter_map(found).collect::<Vec<_>>(), name)
+        };
+        let lacking = [without(PART, forgotten_part), without(HOLE, forgotten_hole)];
+        let slices = stray(&strays, &sections, name).into_iter().chain(empty).chain(lacking.into_iter().flatten());
         slices.chain(self.undrawn()).chain(self.long_pixels()).collect()
     }
 
@@ -174,9 +183,9 @@ impl ContourStack {
         })
     }
 
-    /// Doubt whether what is inside is the body, where nearly all of the images' border is: above the level of grey slices, or on every mask that is
-    /// not empty, unless all are wholly inside.
-    pub fn inside_out(&self) -> Option<String> {
+    /// Doubt whether what is inside is the body, where nearly all of the images' border is: on its side of the level of grey slices, or on every mask
+    /// that is not empty, unless all are wholly inside. Sides may have been `inverted`.
+    pub fn inside_out(&self, inverted: bool) -> Option<String> {
         let [nx, ny] = self.dims;
         let edges = (0..nx * ny).step_by(nx.max(1)).flat_map(|row| [row, row + nx - 1]);
         let border: Vec<usize> = (0..nx).chain(nx * ny.saturating_sub(1)..nx * ny).chain(edges).collect();
@@ -185,17 +194,27 @@ impl ContourStack {
         let grey = |slice: &Slice| matches!(slice.content, SliceContent::Level(_));
         if self.slices.iter().all(grey) {
             return nearly(self.slices.iter().map(inside).sum(), self.slices.len()).then(|| {
-                "nearly all of the images' border is inside: is the body what lies on the other side of the level, as of a signed distance that is \
-                 negative inside? --invert takes that side"
-                    .into()
+                let other =
+                    "nearly all of the images' border is inside: is the body what lies on the other side of the level";
+                match inverted {
+                    true => format!("{other}? Without --invert it is"),
+                    false => {
+                        format!("{other}, as of a signed distance that is negative inside? --invert takes that side")
+                    }
+                }
             });
         }
         let masks = || self.slices.iter().filter(|slice| !grey(slice) && !slice.content.is_empty());
         let whole = |slice: &Slice| matches!(&slice.content, SliceContent::Mask(mask) if mask.count() == nx * ny);
         (masks().any(|slice| !whole(slice)) && masks().all(|slice| nearly(inside(slice), 1))).then(|| {
-            "nearly all of the images' border is inside on every slice: is the body what lies outside? Inside is what is white, or not 0; --invert takes what \
-             is black of images, as of drawings black on white"
-                .into()
+            let outside = "nearly all of the images' border is inside on every slice: is the body what lies outside?";
+            match inverted {
+                true => format!("{outside} Without --invert it is"),
+                false => format!(
+                    "{outside} Inside is what is white, or not 0; --invert takes what is black of images, as of drawings black on white, and of a \
+                     volume --level 0.5 --invert what is 0"
+                ),
+            }
         })
     }
 

@@ -1,4 +1,4 @@
-//! Parts that a slice has not, though both of its neighbours have them at the same place.
+//! Parts and holes that a slice has not, though both of its neighbours have them at the same place.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -6,10 +6,10 @@ use std::ops::Range;
 use super::mask::Mask;
 use crate::grid::components::parts8;
 
-/// Smaller parts are specks, px.
+/// Smaller parts and holes are specks, px.
 const LEAST: usize = 16;
 
-/// A part that a slice has not.
+/// A part or hole that a slice has not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Forgotten {
     /// Pixels that both neighbours have.
@@ -19,10 +19,37 @@ pub struct Forgotten {
 }
 
 /// The largest part of what the slices below and above have in common of which the slice between has no pixel, on images `nx` wide.
-pub fn forgotten([below, here, above]: [&Mask; 3], nx: usize) -> Option<Forgotten> {
+pub fn forgotten_part([below, here, above]: [&Mask; 3], nx: usize) -> Option<Forgotten> {
+    largest_unseen([below.rows(nx), above.rows(nx)], here.runs(), nx)
+}
+
+/// The largest part of what holes of the slices below and above have in common of which the slice between has no pixel outside.
+pub fn forgotten_hole([below, here, above]: [&Mask; 3], nx: usize) -> Option<Forgotten> {
+    largest_unseen([below, above].map(|mask| holes(mask, nx)), here.rows_outside(nx), nx)
+}
+
+/// Pixels outside that the mask encloses, run by run.
+fn holes(mask: &Mask, nx: usize) -> impl Iterator<Item = Range<usize>> {
     let nx = nx.max(1);
-    let common: Vec<Range<usize>> = common(below.rows(nx), above.rows(nx)).collect();
-    let mut own = here.runs().peekable();
+    let runs: Vec<Range<usize>> = mask.rows_outside(nx).collect();
+    let parts = parts8(runs.iter().cloned(), nx);
+    let mut open = vec![false; runs.len()];
+    for (run, part) in runs.iter().zip(&parts) {
+        let at_side = run.start % nx == 0 || run.end % nx == 0;
+        open[*part] |= at_side || run.start < nx || run.end + nx > mask.len();
+    }
+    runs.into_iter().zip(parts).filter(move |(_, part)| !open[*part]).map(|(run, _)| run)
+}
+
+/// The largest part of what the runs of two slices have in common of which the runs `here` have no pixel.
+fn largest_unseen(
+    [below, above]: [impl Iterator<Item = Range<usize>>; 2],
+    here: impl Iterator<Item = Range<usize>>,
+    nx: usize,
+) -> Option<Forgotten> {
+    let nx = nx.max(1);
+    let common: Vec<Range<usize>> = common(below, above).collect();
+    let mut own = here.peekable();
     let seen = |run: &Range<usize>| {
         while own.next_if(|other| other.end <= run.start).is_some() {}
         own.peek().is_some_and(|other| other.start < run.end)
@@ -77,16 +104,42 @@ mod tests {
         let both = mask(|i, j| block(i, j, [3, 4, 6]) || block(i, j, [20, 10, 12]));
         let moved = mask(|i, j| block(i, j, [4, 5, 6]) || block(i, j, [21, 12, 12]));
         let one = mask(|i, j| block(i, j, [20, 10, 12]));
-        let found = forgotten([&both, &one, &moved], N);
+        let found = forgotten_part([&both, &one, &moved], N);
         assert_eq!(found, Some(Forgotten { pixels: 25, at: [6, 5] }));
-        assert_eq!(forgotten([&both, &moved, &both], N), None);
+        assert_eq!(forgotten_part([&both, &moved, &both], N), None);
         // A cavity is no part, nor is what only touches what the slice has.
         let hollow = mask(|i, j| block(i, j, [3, 4, 6]) || block(i, j, [20, 10, 12]) && !block(i, j, [22, 12, 8]));
-        assert_eq!(forgotten([&both, &hollow, &both], N), None);
+        assert_eq!(forgotten_part([&both, &hollow, &both], N), None);
         // Specks are let be; without a slice between all of the largest is missing.
         let specks = mask(|i, j| block(i, j, [30, 30, 3]));
-        assert_eq!(forgotten([&specks, &one, &specks], N), None);
-        assert_eq!(forgotten([&both, &mask(|_, _| false), &both], N).map(|f| f.pixels), Some(144));
+        assert_eq!(forgotten_part([&specks, &one, &specks], N), None);
+        assert_eq!(forgotten_part([&both, &mask(|_, _| false), &both], N).map(|f| f.pixels), Some(144));
+    }
+
+    #[test]
+    fn a_hole_that_one_slice_has_not_is_found_and_no_other() {
+        let with = |holes: &[[usize; 3]]| {
+            let holes = holes.to_vec();
+            mask(move |i, j| block(i, j, [4, 4, 30]) && !holes.iter().any(|hole| block(i, j, *hole)))
+        };
+        let (two, moved) = (with(&[[8, 8, 6], [20, 20, 10]]), with(&[[9, 9, 6], [21, 20, 10]]));
+        let one = with(&[[20, 20, 10]]);
+        assert_eq!(forgotten_hole([&two, &one, &moved], N), Some(Forgotten { pixels: 25, at: [11, 9] }));
+        assert_eq!(forgotten_hole([&two, &moved, &two], N), None);
+        assert_eq!(forgotten_hole([&two, &with(&[]), &moved], N).map(|f| f.pixels), Some(90), "the larger of two");
+        // Part of a hole is enough; a bay, the outside and specks are no holes.
+        assert_eq!(forgotten_hole([&two, &with(&[[10, 10, 2], [20, 20, 2]]), &moved], N), None);
+        let bay = with(&[[4, 8, 6]]);
+        assert_eq!(forgotten_hole([&bay, &with(&[]), &bay], N), None);
+        let all = mask(|_, _| true);
+        assert_eq!(forgotten_hole([&with(&[]), &all, &with(&[])], N), None);
+        let speck = with(&[[8, 8, 3]]);
+        assert_eq!(forgotten_hole([&speck, &all, &speck], N), None);
+        // What only touches the last row or column is open, too.
+        for open in [[37, 20, 3], [20, 37, 3], [0, 20, 4], [20, 0, 4]] {
+            let notch = mask(|i, j| !block(i, j, open) && !block(i, j, [10, 10, 5]));
+            assert_eq!(forgotten_hole([&notch, &all, &notch], N).map(|f| f.pixels), Some(25), "{open:?}");
+        }
     }
 
     #[test]

@@ -17,6 +17,7 @@ use crate::error::{Error, Result};
 use crate::grid::components::label4;
 use crate::settings::Link;
 use crate::stack::ContourStack;
+use crate::storage::json;
 use crate::storage::regular::unmarked;
 
 /// Schema of a links file; any other field is an error.
@@ -53,7 +54,7 @@ impl LinkOptions {
 pub fn read(path: &Path, stack: &ContourStack) -> Result<Vec<Link>> {
     let fail = |message: String| Error::Format { path: path.into(), message };
     let text = fs::read_to_string(path).map_err(|source| Error::Read { path: path.into(), source })?;
-    let LinksFile { links } = serde_json::from_str(unmarked(&text)).map_err(|e| fail(e.to_string()))?;
+    let LinksFile { links } = json::parse(unmarked(&text)).map_err(fail)?;
     check(stack, &links).map_err(fail)?;
     Ok(links)
 }

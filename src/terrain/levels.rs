@@ -167,7 +167,7 @@ fn crossing(level: &Elevation, z: f64, feature: &str, p: DVec2, pixel: f64) -> S
     let side = if z > level.z { "below" } else { "above" };
     format!(
         "{feature}: its line of {z} lies {side} the lines of {} at ({}, {}) by more than {pixel} (a pixel){of}: they cross, or a line is \
-         missing or has a wrong elevation",
+         missing or has a wrong elevation (contours of a body that is no height field are not read as a map; `.contours.json` keeps them)",
         level.z, p.x, p.y
     )
 }

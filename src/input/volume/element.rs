@@ -155,7 +155,7 @@ impl Element {
                 decode!($kind, bytes, big_endian, |k, v| match v as f64 * factor + summand {
                     value if value.is_finite() => out.push(value),
                     value => {
-                        let why = format!("is {value}, no finite number: give such voxels a value, below the level where they are outside");
+                        let why = format!("is {value}, no finite number: give such voxels a value, on the other side of the level where they are outside");
                         return Err(Unreadable { voxel: first + k, why });
                     }
                 })

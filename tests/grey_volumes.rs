@@ -151,7 +151,7 @@ fn what_cannot_be_cut_is_refused() {
         let mut bytes = bytes.clone();
         bytes[place(at)..place(at) + 4].copy_from_slice(&value.to_le_bytes());
         write(&path, "float", &bytes);
-        refused(&["--level", &LEVEL.to_string()], &["grey.nrrd", words, "below the level"]);
+        refused(&["--level", &LEVEL.to_string()], &["grey.nrrd", words, "on the other side of the level"]);
     }
 }
 

@@ -163,6 +163,13 @@ fn layers_that_lie_unevenly_are_no_volume() {
         }
     }
     assert_eq!(std::fs::read_dir(place.path()).expect("a folder").count(), 0, "nothing is left");
+    // Far from zero the distances of heights are rounded.
+    let far =
+        ContourStack { slices: stack(3).slices.into_iter().map(|s| Slice { z: 1e9 + s.z, ..s }).collect(), ..stack(3) };
+    let heights: Vec<f64> = (0..50).map(|k| 1e9 + 0.1 * f64::from(k)).collect();
+    let settings = Settings { method: Method::Field, ..Settings::default() };
+    let body = reconstruct_with(&far, &heights, &settings, &Reference, &Silent).expect("a sound stack");
+    interslice::write(&body, &[at("far.nrrd")]).expect("even heights");
     for (heights, name) in [
         (&[0.0, 1.0, 2.0, 5.0][..], "b.npy"),
         (&[0.0, 1.0, 2.0, 5.0], "b.contours.json"),

@@ -133,3 +133,25 @@ fn short_contours_are_left_out_by_name_and_open_ones_refused() {
     assert_says(&told, &["ROI 2 (`marker`): left out", "ROI 3 (`line`): left out", "a.a.stl"]);
     assert!(place.path().join("a.a.stl").is_file() && !place.path().join("a.line.stl").exists());
 }
+
+/// A vessel's wall beside a large organ: no contour of it is narrow, but what they bound is.
+#[test]
+fn a_wall_that_pixels_may_lose_is_told() {
+    let place = folder();
+    let path = place.path().join("a.dcm");
+    let beside =
+        |radius: f64, z: f64| circle(radius, z).into_iter().map(|[x, y, z]| [x + 90.0, y, z]).collect::<Vec<_>>();
+    let with = |wall: f64| {
+        let of = |z: f64| [(CLOSED, circle(60.0, z)), (CLOSED, beside(20.0, z)), (CLOSED, beside(20.0 - wall, z))];
+        [of(0.0), of(4.0)].concat()
+    };
+    write(&[("thin", with(0.2)), ("thick", with(4.0))], &path);
+    let (input, out) = (path.display().to_string(), place.path().join("a.json").display().to_string());
+    let told = "what 2 of 6 polygons bound is less than 1.5 pixels wide";
+    for (roi, count) in [("thin", 1), ("thick", 0)] {
+        let run = ["reconstruct", &input, "--roi", roi, "-o", &out, "--backend", "cpu"];
+        for said in [said(&["inspect", &input, "--roi", roi], 0), said(&run, 0)] {
+            assert_eq!(said.matches(told).count(), count, "{roi}: {said}");
+        }
+    }
+}

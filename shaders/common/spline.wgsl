@@ -1,4 +1,5 @@
-// Slopes and curves of values along a trajectory; the twins are src/grid/spline.rs and `slope` in src/registration/value_curve.rs.
+// Slopes and curves of values along a trajectory; the twins are src/grid/spline.rs, src/grid/near_knots.rs and `slope` in
+// src/registration/value_curve.rs.
 
 // Weighted harmonic mean of two secants over `h.x` and `h.y`, 0 where they differ in sign.
 fn harmonic(d: vec2<f32>, h: vec2<f32>) -> f32 {
@@ -25,6 +26,48 @@ fn van_albada(d: vec2<f32>) -> f32 {
         return 0.0;
     }
     return product * (d.x + d.y) / dot(d, d);
+}
+
+// Gaps are unlike where one is more than so many times the other; a narrow one is doubted wholly where the other is WHOLLY times as wide.
+const UNLIKE: f32 = 4.0;
+const WHOLLY: f32 = 8.0;
+
+// Share to which a gap is narrow beside another one.
+fn narrow(gap: f32, other: f32) -> f32 {
+    return clamp((other / gap - UNLIKE) / (WHOLLY - UNLIKE), 0.0, 1.0);
+}
+
+// What is left of a difference of `by` px that may be noise of `doubt` px.
+fn believed(by: f32, doubt: f32) -> f32 {
+    let seen = by * by;
+    let noise = doubt * doubt;
+    if noise <= 0.0 {
+        return by;
+    }
+    return by * (seen / (seen + noise));
+}
+
+// The gap `own`, (secant, height), where it is narrow beside `other`: seen together with the one beyond it, as far as it is doubted.
+fn seen_with(own: vec2<f32>, beyond: vec2<f32>, other: vec2<f32>, doubt: f32) -> vec2<f32> {
+    let share = narrow(own.y, other.y);
+    if share <= 0.0 {
+        return own;
+    }
+    let both = own.y + beyond.y;
+    let way = (own.x * own.y + beyond.x * beyond.y) - other.x * both;
+    let across = other.x + believed(way, doubt * narrow(both, other.y)) / both;
+    let by = (own.x - across) * own.y;
+    let left = believed(by, doubt * share);
+    var kept = 1.0 - share;
+    if by != 0.0 {
+        kept = left / by;
+    }
+    return vec2<f32>(across + left / own.y, kept * own.y + (1.0 - kept) * both);
+}
+
+// The gaps below and above a slice, `farther` those on the other side of these (0 high: there is none).
+fn settled(gaps: array<vec2<f32>, 2>, farther: array<vec2<f32>, 2>, doubt: f32) -> array<vec2<f32>, 2> {
+    return array(seen_with(gaps[0], farther[0], gaps[1], doubt), seen_with(gaps[1], farther[1], gaps[0], doubt));
 }
 
 // Slope at a slice from the secants below and above it over `h.x` and `h.y`, of a stack that is so far relief.

@@ -214,6 +214,7 @@ fn displacement_print(job: &DisplacementJob<'_>) -> u64 {
 
 fn slope_print(request: &SlopeRequest<'_>) -> u64 {
     let mut print = Print::of([request.moving.px, request.moving.relief]);
+    print.numbers(&[request.moving.doubt]);
     request.moving.fields.iter().for_each(|field| print.field(field));
     print.numbers(&request.moving.gaps);
     print.number(request.wanted.start);

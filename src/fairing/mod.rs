@@ -1,7 +1,7 @@
 //! Constrained fairing: a smoothing along z that leaves the input contours where they are and makes them invisible.
 //!
 //! It is a function of the stack. At the nodes of every interval (`nodes`) the signed distance u becomes `v = B tanh(u / (n B))` with the 3D
-//! gradient `n = max(|grad u|, 0.3)`, which counts near the surface only; along z a median gap counts as GAP px, so that heights have no unit. With
+//! gradient `n = max(|grad u|, 0.3)`, which counts near the surface only; along z the middle gap counts as GAP px, so that heights have no unit. With
 //! the mean K along the trajectories of the moving field (or straight along z), `D = K v - v`, a node between the contours i and i + 1
 //! is moved by `C = alpha n (D - (1 - w) D_i - w D_{i+1})`, `w = 3 t^2 - 2 t^3`, where v is small against B (`correction`): as smoothing would
 //! move it, less what would move the contours (D_i fades out where its |v| / B goes from 0.82 to 0.88), and not where the surface lies flat or a
@@ -38,14 +38,10 @@ use crate::registration::motion_stack::MotionStack;
 use crate::stack::heights::NODES;
 use crate::surface::Layer;
 
-/// Length that the stack's median gap counts as along z, px of the larger side.
+/// Length that the stack's middle gap counts as along z, px of the larger side.
 const GAP: f64 = 6.0;
 /// B, px of the larger side: half of a gap.
 const BOUND: f64 = 0.5 * GAP;
-
-/// Height over which v's gradient along z is taken, at least, in median gaps: over a far shorter one it would tell of rounding and of the steps of a sweep,
-/// and nodes of longer gaps read v there. It counts in gaps of less than a quarter of the median.
-const LEAST_RISE: f64 = 1.0 / 16.0;
 
 /// Does `work` on a thread of the pool, from which its loops need not hand anything over to another.
 fn in_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
@@ -73,7 +69,7 @@ pub struct FairingSpec<'m> {
     pub dims: [usize; 2],
     /// Pixel spacing.
     pub spacing: [f64; 2],
-    /// Median gap of the whole stack.
+    /// Middle gap of the whole stack, see [`middle_gap`](crate::stack::heights::middle_gap).
     pub gap: f64,
     /// Strength, 0 to 1.5.
     pub alpha: f64,
@@ -115,7 +111,7 @@ pub struct Fairing<'m> {
 impl<'m> Fairing<'m> {
     /// Nothing yet.
     pub fn new(spec: FairingSpec<'m>) -> Self {
-        let (nodes, start) = (Nodes::new(spec.contours.clone(), &spec.drawn), spec.layers.start);
+        let (nodes, start) = (Nodes::new(spec.contours.clone(), &spec.drawn, spec.gap), spec.layers.start);
         let side = spec.spacing[0].max(spec.spacing[1]);
         let averaged: Vec<Range<usize>> = (0..nodes.intervals()).map(|i| nodes.averaged(i)).collect();
         let mut lowest: Vec<usize> = averaged.iter().map(|nodes| nodes.start).collect();
@@ -176,8 +172,9 @@ impl<'m> Fairing<'m> {
 
     /// Makes whatever can be made once `newest` has come, the `last` of all or not.
     fn advance(&mut self, newest: usize, last: bool, sink: &mut dyn FnMut(Layer) -> Result<()>) -> Result<()> {
-        // A gradient along z is taken from the nodes to both sides.
-        let ready = if last { newest + 1 } else { newest };
+        // A gradient along z is taken from nodes to both sides.
+        let known = |k: usize| last || self.nodes.beside(k)[1] <= newest;
+        let ready = (self.transformed..=newest).find(|k| !known(*k)).unwrap_or(newest + 1);
         self.transform(ready)?;
         let mut correct = self.corrected..self.corrected;
         while correct.end < self.spec.layers.end {
@@ -238,12 +235,10 @@ impl<'m> Fairing<'m> {
 
     fn made(&self, k: usize, at_slices: &BTreeMap<usize, Arc<[Resting; 2]>>) -> Result<Option<Transformed>> {
         let Some(here) = self.node(k) else { return Ok(None) };
-        let beside = |k: Option<usize>| k.and_then(|k| Some((self.nodes.height(k), &self.node(k)?.phi)));
         let own = (self.nodes.height(k), &here.phi);
-        let below = beside(k.checked_sub(1)).unwrap_or(own);
-        let above = beside((k < self.nodes.last()).then_some(k + 1)).unwrap_or(own);
-        let scale = GAP * self.side / self.spec.gap;
-        let rise = (scale * (above.0 - below.0)).max(LEAST_RISE * GAP * self.side) as f32;
+        let beside = |k: usize| self.node(k).map_or(own, |node| (self.nodes.height(k), &node.phi));
+        let [below, above] = self.nodes.beside(k).map(beside);
+        let rise = (GAP * self.side / self.spec.gap * (above.0 - below.0)) as f32;
         let lengths = Lengths { spacing: self.spec.spacing, bound: self.bound(), rise };
         let [v, gradient] = transform([below.1, &here.phi, above.1], lengths);
         let far = self.bound() * widest(self.nodes.contour(k).is_some());
@@ -324,7 +319,9 @@ impl<'m> Fairing<'m> {
         let averaged = self.lowest.get(self.corrected).map_or(usize::MAX, |node| node / NODES * NODES);
         let averaged = averaged.min(NODES * self.corrected.saturating_sub(1));
         // The curve reads a node below the interval.
-        let needed = averaged.min((NODES * self.finished).saturating_sub(1));
+        let needed = averaged
+            .min((NODES * self.finished).saturating_sub(1))
+            .min(self.nodes.beside(self.transformed.min(self.nodes.last()))[0]);
         while self.first < needed && self.kept.pop_front().is_some() {
             self.first += 1;
         }

@@ -24,6 +24,9 @@ use crate::stack::heights::{NODE_TIMES, NODES, at_time};
 const SIGMA: f64 = 1.0 / 3.0;
 /// Ends of the B-spline, distances of its knots.
 const END: f64 = 1.5;
+/// Height over which v's gradient along z is taken to either side, at least, in middle gaps: over a far shorter one it would tell of pixels, of rounding and
+/// of the steps of a sweep, and nodes of longer gaps read v there. It counts in gaps of less than a quarter of the middle one.
+const LEAST_RISE: f64 = 1.0 / 16.0;
 /// Smaller weights are rounding's.
 const LEAST: f64 = 1e-9;
 
@@ -35,6 +38,8 @@ pub struct Nodes {
     heights: Vec<f64>,
     /// Per interval whether both of its contours are drawn.
     open: Vec<bool>,
+    /// Height over which a gradient is taken to either side, at least.
+    rise: f64,
 }
 
 /// The nodes between two ends, in which means are reflected.
@@ -60,15 +65,29 @@ impl Run<'_> {
 }
 
 impl Nodes {
-    /// The nodes of contours at increasing heights, two at least; `drawn` says which are not empty.
-    pub fn new(contours: Vec<f64>, drawn: &[bool]) -> Self {
+    /// The nodes of contours at increasing heights, two at least; `drawn` says which are not empty, `gap` is the middle gap of the whole stack.
+    pub fn new(contours: Vec<f64>, drawn: &[bool], gap: f64) -> Self {
         let of = |w: &[f64]| {
             let ends = [w[0], w[1]];
             std::iter::once(ends[0]).chain(NODE_TIMES.map(|t| at_time(ends, t)))
         };
         let heights = contours.windows(2).flat_map(of).chain(contours.last().copied()).collect();
         let open = drawn.windows(2).map(|pair| pair[0] && pair[1]).collect();
-        Nodes { contours, heights, open }
+        Nodes { contours, heights, open, rise: LEAST_RISE * gap }
+    }
+
+    /// The nodes below and above node `k` by which its gradient along z is known: those beside it, but of narrow gaps the nearest that are far enough
+    /// away. Neither lies beyond an empty slice, nor beyond an end.
+    pub fn beside(&self, k: usize) -> [usize; 2] {
+        let near = |l: usize| (self.heights[l] - self.heights[k]).abs() < self.rise;
+        let (mut below, mut above) = (k.saturating_sub(1), (k + 1).min(self.last()));
+        while below > 0 && near(below) && self.open[(below - 1) / NODES] && self.open[below / NODES] {
+            below -= 1;
+        }
+        while above < self.last() && near(above) && self.open[above / NODES] && self.open[(above - 1) / NODES] {
+            above += 1;
+        }
+        [below, above]
     }
 
     /// Intervals between the contours.
@@ -176,7 +195,7 @@ impl Nodes {
         let beside = i.saturating_sub(1)..=(i + 1).min(self.intervals() - 1);
         let nodes = beside.map(|i| self.averaged(i)).reduce(|a, b| a.start.min(b.start)..a.end.max(b.end));
         let nodes = nodes.unwrap_or_default();
-        let (low, high) = (nodes.start.saturating_sub(1), nodes.end.min(self.last()));
+        let (low, high) = (self.beside(nodes.start)[0], self.beside(nodes.end.max(1) - 1)[1]);
         low / NODES..high.div_ceil(NODES)
     }
 
@@ -220,10 +239,12 @@ fn antiderivative(y: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stack::heights::middle_gap;
 
     fn all(contours: Vec<f64>) -> Nodes {
         let drawn = vec![true; contours.len()];
-        Nodes::new(contours, &drawn)
+        let gaps = contours.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        Nodes::new(contours, &drawn, middle_gap(gaps))
     }
 
     fn uneven() -> Nodes {
@@ -289,7 +310,7 @@ mod tests {
     fn beside_an_empty_slice_a_stack_ends() {
         let whole = [0.0, 10.0, 21.0, 30.0, 42.0, 51.0, 52.0, 60.0];
         // Slice 3 is empty: below and above it two stacks of their own.
-        let nodes = Nodes::new(whole.to_vec(), &[true, true, true, false, true, true, true, true]);
+        let nodes = Nodes::new(whole.to_vec(), &[true, true, true, false, true, true, true, true], 10.0);
         for (first, count) in [(0, 3), (4, 4)] {
             let own = all(whole[first..first + count].to_vec());
             for k in 0..=own.last() {
@@ -303,6 +324,21 @@ mod tests {
         for k in NODES * 2..=NODES * 4 {
             assert_eq!(nodes.weights(k), vec![(k, 1.0)]);
         }
+    }
+
+    #[test]
+    fn gradients_reach_over_nodes_of_narrow_gaps_but_not_beyond_an_empty_slice() {
+        // The middle gap is 16: a node apart at least.
+        let contours = vec![0.0, 1.0, 17.0, 33.0, 34.0, 35.0, 51.0];
+        let nodes = all(contours.clone());
+        assert_eq!(nodes.rise, 1.0);
+        assert_eq!(nodes.beside(10), [9, 11], "a wide gap's nodes lie far enough apart");
+        assert_eq!([0, 2, 4].map(|k| nodes.beside(k)), [[0, 4], [0, 5], [0, 5]]);
+        assert_eq!([13, 16].map(|k| nodes.beside(k)), [[11, 17], [12, 20]]);
+        assert_eq!(nodes.beside(nodes.last()), [nodes.last() - 1, nodes.last()]);
+        let cut = Nodes::new(contours, &[true, true, true, true, false, true, true], 16.0);
+        // Slice 4, node 16, is empty.
+        assert_eq!([12, 13, 20].map(|k| cut.beside(k)), [[11, 13], [12, 14], [19, 21]]);
     }
 
     #[test]

@@ -23,7 +23,8 @@ fn faired_together(
 ) -> Vec<(f64, Vec<f32>)> {
     let gaps: Vec<f64> = contours.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let drawn = vec![true; contours.len()];
-    let nodes = Nodes::new(contours.to_vec(), &drawn);
+    let gap = crate::stack::heights::middle_gap(gaps.clone());
+    let nodes = Nodes::new(contours.to_vec(), &drawn, gap);
     let mut fairing = Fairing::new(FairingSpec {
         moving: None,
         contours: contours.to_vec(),
@@ -31,7 +32,7 @@ fn faired_together(
         layers: 0..gaps.len(),
         dims: DIMS,
         spacing: [1.0; 2],
-        gap: crate::stack::heights::median(gaps.clone()),
+        gap,
         alpha: 1.5,
         limited: false,
         steered,

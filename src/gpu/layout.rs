@@ -369,7 +369,7 @@ mirrored!(
 
 mirrored!(
     /// A slice with its gaps (`moving_slopes.wgsl`).
-    Knot { slice: u32, sides: u32, gaps: [f32; 2], relief: f32, padding: f32, }
+    Knot { slice: u32, sides: u32, gaps: [f32; 2], farther: [f32; 2], relief: f32, doubt: f32, }
 );
 
 mirrored!(

@@ -63,8 +63,10 @@ fn of_slices(gpu: &Gpu, moving: &MotionField, batch: Range<usize>) -> Result<Vec
             s if s == last => (BELOW, [gap(last - 1), last.checked_sub(2).map_or(0.0, gap)]),
             s => (BOTH, [gap(s - 1), gap(s)]),
         };
-        let gaps = gaps.map(|g| (g / moving.px) as f32);
-        Knot { slice: (s - first) as u32, sides, gaps, relief: moving.relief as f32, padding: 0.0 }
+        let farther = if sides == BOTH { [s.checked_sub(2).map_or(0.0, gap), gap(s + 1)] } else { [0.0; 2] };
+        let [gaps, farther] = [gaps, farther].map(|gaps| gaps.map(|g| (g / moving.px) as f32));
+        let (relief, doubt) = (moving.relief as f32, moving.doubt as f32);
+        Knot { slice: (s - first) as u32, sides, gaps, farther, relief, doubt }
     };
     let knots: Vec<Knot> = batch.clone().map(knot).collect();
     let image = &device.uniform("image", image(dims, grid, [1.0; 2], batch.len()));

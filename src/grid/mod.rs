@@ -2,6 +2,7 @@
 
 pub mod components;
 pub mod field;
+pub mod near_knots;
 pub mod seen;
 pub mod sparse_image;
 pub mod spline;

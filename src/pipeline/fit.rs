@@ -17,7 +17,8 @@ use crate::contour::direction::Direction;
 use crate::contour::seeds::Seed;
 use crate::error::Result;
 use crate::grid::field::Field;
-use crate::grid::spline::{HermiteArc, monotone, slope};
+use crate::grid::near_knots::{UNLIKE, settled_slope};
+use crate::grid::spline::{HermiteArc, monotone};
 use crate::pipeline::tracks::{SideTracks, Sides};
 use crate::registration::displacement::Displacement;
 use crate::settings::{Settings, SlopeRule};
@@ -56,9 +57,6 @@ stored_as_they_are!(Weighted, Hop);
 /// Steepest slope of a rule that may overshoot, in ways to the farther neighbour per wider gap: where gaps are unlike, a hundredth of a pixel in the
 /// narrow one would be a pixel in the other, and a sweep be led out of its tube and back.
 const STEEPEST: f64 = 3.0;
-/// Gaps are unlike where the widest of the two on each side of a contour is more than so many times the narrowest. A natural spline's slope at an end is
-/// made from its neighbour's, so that what is beside that one counts, too.
-const UNLIKE: f64 = 4.0;
 /// Hops that are less sure do not count.
 const UNSURE: f64 = 1e-6;
 
@@ -146,6 +144,8 @@ pub struct Measured<'s, 'b> {
     pub h: [f64; 2],
     /// Length of a pixel's larger side, for the clamped end slopes.
     pub px: f64,
+    /// What contours may be off by, px, see [`crate::grid::near_knots`].
+    pub doubt: f64,
 }
 
 /// Slopes for all contours, which `finish` may change, one by one.
@@ -175,7 +175,8 @@ pub fn fit<'b>(
         let mut own = links.get(i)?.as_ref().clone();
         let sides = [below.as_ref().and_then(|s| s.down.as_ref()), above.as_ref().and_then(|s| s.up.as_ref())];
         let down = chains(sides[0], &own.down, beyond.as_ref());
-        own.slopes = slopes_of(i, &z, sides, [&down, &*up.get(links.len() - 1 - i)?], measured.px, settings);
+        own.slopes =
+            slopes_of(i, &z, sides, [&down, &*up.get(links.len() - 1 - i)?], [measured.px, measured.doubt], settings);
         fitted.push(finish(i, own)?)?;
         (beyond, below) = (Some(down), above);
     }
@@ -266,7 +267,8 @@ fn chains(side: Option<&SideTracks>, neighbours: &Neighbours, beyond: Option<&Ch
 }
 
 /// The slope of `natural` or `catmull` at a knot around which gaps are [`UNLIKE`], no steeper than a course that goes [`STEEPEST`] times the way to the
-/// farther neighbour in the wider gap beside it. Elsewhere the spline is the spline.
+/// farther neighbour in the wider gap beside it. A natural spline's slope at an end is made from its neighbour's, so that what is beside that one counts,
+/// too. Elsewhere the spline is the spline.
 fn bounded(m: f64, [z, s]: [&[f64]; 2], center: usize, rule: SlopeRule) -> f64 {
     if !matches!(rule, SlopeRule::Natural | SlopeRule::Catmull) {
         return m;
@@ -297,7 +299,7 @@ fn slopes_of(
     heights: &[f64],
     [below, above]: [Option<&SideTracks>; 2],
     [down, up]: [&Chains; 2],
-    px: f64,
+    [px, doubt]: [f64; 2],
     settings: &Settings,
 ) -> Vec<f64> {
     let clamped = match i {
@@ -331,7 +333,8 @@ fn slopes_of(
         for (below, unlike) in lengths(down.of(k)) {
             for (above, like) in lengths(up.of(k)) {
                 let knots = center - below..center + above + 1;
-                let m = slope(&z[knots.clone()], &s[knots], below, settings.slope, settings.spline_end());
+                let (rule, end) = (settings.slope, settings.spline_end());
+                let m = settled_slope(&z[knots.clone()], &s[knots], below, rule, end, doubt);
                 sum += unlike * like * m;
                 weight += unlike * like;
             }

@@ -57,7 +57,7 @@ pub(super) fn morph<'a>(
     })?;
     let matter = end_matter(run, contours, moving.as_ref())?;
     let fitted = stage(run, report, "fit", 1, |_| {
-        let measured = Measured { contours, sides: &sides, h: run.h, px: run.px };
+        let measured = Measured { contours, sides: &sides, h: run.h, px: run.px, doubt: run.span.doubt };
         fit(&measured, run.settings, run.budget, |i, fitted| {
             // A slope that the user gives is the whole slope.
             let given = match i {

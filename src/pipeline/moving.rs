@@ -61,6 +61,7 @@ pub(super) fn moving_frame<'a>(
             run.span.gaps.clone(),
             run.px,
             run.span.change.relief,
+            run.span.doubt,
             fields,
             displacements,
             &drawn,
@@ -194,10 +195,7 @@ pub(super) fn slice_slopes<'a>(
         (0..wanted.start).try_for_each(|_| slopes.push(Field::default()))?;
         for first in wanted.clone().step_by(own) {
             let end = (first + own).min(wanted.end);
-            // A slope reads the slices beside its own, at an end of the stack NEIGHBOURS to the one side.
-            let below = if end == count { first.min(count - NEIGHBOURS.min(count - 1)) } else { first };
-            let above = if first == 0 { end.max(NEIGHBOURS) } else { end };
-            let around = below.saturating_sub(1)..(above + 1).min(count);
+            let around = first.saturating_sub(NEIGHBOURS)..(end + NEIGHBOURS).min(count);
             let own = first - around.start..end - around.start;
             let found = run
                 .backend

@@ -13,6 +13,7 @@ use crate::reference::displacement::ROUNDS;
 use crate::settings::Link;
 use crate::settings::{Method, Motion, Settings};
 use crate::stack::ContourStack;
+use crate::stack::heights::middle_gap;
 
 /// Slices that a slope of a field reads on either side of its own.
 pub(crate) const NEIGHBOURS: usize = 2;
@@ -88,7 +89,8 @@ impl Section {
         let beyond = |r: &Range<usize>, by: usize| r.start.saturating_sub(by)..(r.end + by).min(count);
         let mut layers = kept.clone();
         if settings.fair > 0.0 {
-            let nodes = Nodes::new(z.clone(), &vec![true; z.len()]);
+            let gap = middle_gap(z.windows(2).map(|pair| pair[1] - pair[0]).collect());
+            let nodes = Nodes::new(z.clone(), &vec![true; z.len()], gap);
             let known = kept.clone().map(|i| nodes.known(i));
             layers = known.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or(layers);
         }

@@ -4,12 +4,17 @@ use std::ops::Range;
 
 use crate::pipeline::section::Section;
 use crate::registration::motion_field::even_gaps;
-use crate::stack::ContourStack;
 use crate::stack::change::Change;
-use crate::stack::heights::median;
+use crate::stack::heights::middle_gap;
+use crate::stack::{ContourStack, SliceContent};
 
 /// Least of what a unit of height counts as: where no contour changes, gaps are short beside every width.
 const LEAST_RATE: f64 = 1e-9;
+
+/// What contours between pixels that are inside or not may be off by, px, and those of lines and grey values. Mean error of the radius of cones, balls,
+/// necks and waves with narrow gaps (7 stacks each), px: of pixels without doubt 0.28, with 0.25 to 0.7 it is 0.27 to 0.26, of lines from 0.02 to 0.05 on 0.20.
+const DOUBT_OF_PIXELS: f64 = 0.35;
+const DOUBT_OF_LINES: f64 = 0.05;
 
 /// A section, its intervals and slices numbered as in the run, and what it must know of the whole stack.
 pub struct Span {
@@ -25,10 +30,18 @@ pub struct Span {
     pub ends: [bool; 2],
     /// Gaps of the intervals, as the whole stack rounds them.
     pub gaps: Vec<f64>,
-    /// Median gap of the whole stack.
+    /// The stack's middle gap, see [`middle_gap`].
     pub gap: f64,
+    /// What the contours of the whole stack may be off by, px, see [`crate::grid::near_knots`].
+    pub doubt: f64,
     /// Changes between the slices of the whole stack.
     pub change: Change,
+}
+
+/// See [`Span::doubt`].
+fn doubt(stack: &ContourStack) -> f64 {
+    let drawn = stack.slices.iter().any(|slice| matches!(slice.content, SliceContent::Mask(_)));
+    if drawn { DOUBT_OF_PIXELS } else { DOUBT_OF_LINES }
 }
 
 impl Span {
@@ -46,7 +59,8 @@ impl Span {
             first,
             ends: [section.layers.start == 0, section.layers.end == z.len() - 1],
             gaps: even_gaps(&z)[intervals].to_vec(),
-            gap: median(gaps().collect()),
+            gap: middle_gap(gaps().collect()),
+            doubt: doubt(stack),
             change: Change::of(stack),
         }
     }

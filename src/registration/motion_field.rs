@@ -9,6 +9,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use crate::grid::field::Field;
+use crate::grid::near_knots::{narrow, settled};
 use crate::grid::spline::{harmonic, smoothstep};
 use crate::registration::displacement::{self, Displacement, LANES, Lanes, Resting};
 
@@ -29,6 +30,8 @@ pub struct MotionField {
     pub px: f64,
     /// Degree to which the whole stack is relief, see [`crate::stack::change`].
     pub relief: f64,
+    /// What contours may be off by, px, see [`crate::grid::near_knots`].
+    pub doubt: f64,
     /// Signed distances, px; finite everywhere.
     pub fields: Vec<Arc<Field>>,
     /// Mid-frame displacement of each interval.
@@ -53,15 +56,33 @@ pub fn through_middle(v: &Displacement, gap: f64, rates: [&Displacement; 2]) -> 
     [of(rates[0], -0.5), of(rates[1], 0.5)]
 }
 
-/// Rate of motion at a slice, px of the image per height, from the displacements (at the slices) and gaps of the intervals below and above
-/// it, of which there is at least one.
-pub fn rate(below: Option<(&[Displacement; 2], f64)>, above: Option<(&[Displacement; 2], f64)>) -> Displacement {
+/// The displacement of an interval at its slices, and its gap.
+pub type Moved<'d> = (&'d [Displacement; 2], f64);
+
+/// Rate of motion at a slice, px of the image per height, from the intervals below and above it, of which there is at least one. `farther` are those beyond
+/// these, `doubt` is what contours may be off by, px: see [`settled`].
+pub fn rate([below, above]: [Option<Moved<'_>>; 2], farther: [Option<Moved<'_>>; 2], doubt: f64) -> Displacement {
     let alone = |v: &Displacement, gap: f64| v.map(|_, _, u| u / gap);
     match (below, above) {
         (Some((below, h0)), Some((above, h1))) => {
             let (before, after) = (&below[1], &above[0]);
-            let along = |b: f64, a: f64| harmonic(b / h0, a / h1, h0, h1);
-            before.zip([after], |b, [a]| DVec2::new(along(b.x, a.x), along(b.y, a.y)))
+            if narrow(h0, h1).max(narrow(h1, h0)) == 0.0 {
+                let along = |b: f64, a: f64| harmonic(b / h0, a / h1, h0, h1);
+                return before.zip([after], |b, [a]| DVec2::new(along(b.x, a.x), along(b.y, a.y)));
+            }
+            // What moves beyond the slices below and above.
+            let beyond = |interval: Option<Moved<'_>>, slice: usize, x: DVec2| {
+                interval.map_or((DVec2::ZERO, 0.0), |(v, gap)| (v[slice].at(x) / gap, gap))
+            };
+            before.map(|k, x, b| {
+                let a = after.vectors[k];
+                let ((c, h2), (d, h3)) = (beyond(farther[0], 1, x - b), beyond(farther[1], 0, x + a));
+                let along = |b: f64, a: f64, c: f64, d: f64| {
+                    let [[b, h0], [a, h1]] = settled([[b / h0, h0], [a / h1, h1]], [[c, h2], [d, h3]], doubt);
+                    harmonic(b, a, h0, h1)
+                };
+                DVec2::new(along(b.x, a.x, c.x, d.x), along(b.y, a.y, c.y, d.y))
+            })
         }
         (None, Some((above, gap))) => alone(&above[0], gap),
         (Some((below, gap)), None) => alone(&below[1], gap),
@@ -84,15 +105,27 @@ impl MotionField {
         let gaps = even_gaps(&heights);
         let at_slices: Vec<Arc<[Displacement; 2]>> = displacements.iter().map(|v| Arc::new(v.at_slices())).collect();
         let beside = |i: usize| Some((&*at_slices[i], gaps[i]));
+        let interval = |i: Option<usize>| i.filter(|i| *i < gaps.len()).and_then(beside);
         let rate = |i: usize| {
-            let below = i.checked_sub(1).and_then(beside);
-            rate(below, if i < gaps.len() { beside(i) } else { None })
+            let [below, farther] = [1, 2].map(|n| interval(i.checked_sub(n)));
+            rate([below, interval(Some(i))], [farther, interval(Some(i + 1))], 0.0)
         };
         let rates: Vec<Arc<Displacement>> = (0..heights.len()).map(|i| Arc::new(rate(i))).collect();
         let through = |(i, v): (usize, &Displacement)| Arc::new(through_middle(v, gaps[i], [&rates[i], &rates[i + 1]]));
         let through_middle = displacements.iter().enumerate().map(through).collect();
         let displacements = displacements.into_iter().map(Arc::new).collect();
-        MotionField { heights, gaps, px, relief: 0.0, fields, displacements, at_slices, rates, through_middle }
+        MotionField {
+            heights,
+            gaps,
+            px,
+            relief: 0.0,
+            doubt: 0.0,
+            fields,
+            displacements,
+            at_slices,
+            rates,
+            through_middle,
+        }
     }
 
     /// Gap of an interval.

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::grid::field::Field;
 use crate::registration::displacement::{Displacement, Resting};
 use crate::registration::mid_frame::Frame;
-use crate::registration::motion_field::{MotionField, Paths, Place, rate, through_middle, time};
+use crate::registration::motion_field::{MotionField, Moved, Paths, Place, rate, through_middle, time};
 use crate::storage::spill::{Budget, Large, SpillVec};
 
 /// The stack in its moving frame.
@@ -18,11 +18,17 @@ pub struct MotionStack<'b> {
     gaps: Vec<f64>,
     px: f64,
     relief: f64,
+    doubt: f64,
     fields: SpillVec<'b, Field>,
     displacements: SpillVec<'b, Displacement>,
     at_slices: SpillVec<'b, [Displacement; 2]>,
     rates: SpillVec<'b, Displacement>,
     through_middle: SpillVec<'b, [Displacement; 2]>,
+}
+
+/// What a rate reads of an interval.
+fn moved(interval: &Option<(Arc<[Displacement; 2]>, f64)>) -> Option<Moved<'_>> {
+    interval.as_ref().map(|(v, gap)| (&**v, *gap))
 }
 
 /// Things of a stack on shelves, as many made side by side as there is room for.
@@ -42,7 +48,7 @@ fn spilled<'b, T: Large + Send>(
 
 impl<'b> MotionStack<'b> {
     /// The moving stack that follows from `fields` and `displacements` of slices at these heights. `gaps` are those of the stack, which may be
-    /// longer; `px` is the length of a pixel's larger side, `relief` how far the whole stack is relief; `drawn` says which slices are not empty.
+    /// longer; `px` is the length of a pixel's larger side, `relief` how far the whole stack is relief, `doubt` what contours may be off by, px; `drawn` says which slices are not empty.
     ///
     /// # Errors
     /// The errors of the shelves.
@@ -52,6 +58,7 @@ impl<'b> MotionStack<'b> {
         gaps: Vec<f64>,
         px: f64,
         relief: f64,
+        doubt: f64,
         fields: SpillVec<'b, Field>,
         displacements: SpillVec<'b, Displacement>,
         drawn: &[bool],
@@ -69,12 +76,15 @@ impl<'b> MotionStack<'b> {
                 [false, true] => (None, high.map(|(v, h)| (v, low.map_or(h, |(_, beyond)| h.max(beyond))))),
                 _ => (low, high),
             };
-            Ok(rate(low.as_ref().map(|(v, h)| (&**v, *h)), high.as_ref().map(|(v, h)| (&**v, *h))))
+            let between = |k: &usize| *k < intervals && drawn[*k] && drawn[*k + 1];
+            let [farther, beyond] = [i.checked_sub(2), Some(i + 1)].map(|k| k.filter(between));
+            let (farther, beyond) = (beside(farther)?, beside(beyond)?);
+            Ok(rate([moved(&low), moved(&high)], [moved(&farther), moved(&beyond)], doubt))
         })?;
         let through_middle = spilled(budget, intervals, |i| {
             Ok(through_middle(&*displacements.get(i)?, gaps[i], [&*rates.get(i)?, &*rates.get(i + 1)?]))
         })?;
-        Ok(MotionStack { heights, gaps, px, relief, fields, displacements, at_slices, rates, through_middle })
+        Ok(MotionStack { heights, gaps, px, relief, doubt, fields, displacements, at_slices, rates, through_middle })
     }
 
     /// Number of slices.
@@ -126,6 +136,7 @@ impl<'b> MotionStack<'b> {
             gaps: self.gaps[intervals.clone()].to_vec(),
             px: self.px,
             relief: self.relief,
+            doubt: self.doubt,
             fields: Vec::new(),
             displacements: intervals.clone().map(|i| self.displacements.get(i)).collect::<Result<_>>()?,
             at_slices: intervals.clone().map(|i| self.at_slices.get(i)).collect::<Result<_>>()?,

@@ -141,10 +141,17 @@ impl Heights {
     }
 }
 
-/// The upper median; 0 of nothing.
-pub fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+/// The gap of which as much of the whole height lies in narrower gaps as in wider ones; 0 of nothing. However many slices lie close to each other, what
+/// matters is between those that do not.
+pub fn middle_gap(mut gaps: Vec<f64>) -> f64 {
+    gaps.sort_by(f64::total_cmp);
+    let half = 0.5 * gaps.iter().sum::<f64>();
+    let upto = gaps.iter().scan(0.0, |below, gap| {
+        *below += gap;
+        Some((*below, *gap))
+    });
+    let middle = upto.into_iter().find(|(below, _)| *below > half).map(|(_, gap)| gap);
+    middle.or(gaps.last().copied()).unwrap_or(0.0)
 }
 
 /// Nearest contour and the smaller of the gaps around it.
@@ -242,6 +249,15 @@ pub fn height_grid(stack: &ContourStack, settings: &Settings, dz: Option<f64>) -
 mod tests {
     use super::*;
     use crate::stack::{Geometry, Slice, SliceContent};
+
+    #[test]
+    fn the_middle_gap_is_that_of_half_the_height() {
+        assert_eq!(middle_gap(vec![]), 0.0);
+        assert_eq!(middle_gap(vec![3.0; 5]), 3.0);
+        // Narrow ones are more, but not higher together.
+        assert_eq!(middle_gap(vec![0.5, 0.5, 19.0, 1.0, 19.0, 0.2, 10.0]), 19.0);
+        assert_eq!(middle_gap(vec![1.0, 1.0, 4.0, 1.0, 1.0, 1.0]), 1.0);
+    }
 
     /// A stack with one pixel painted at these heights.
     fn stack_at(z: impl IntoIterator<Item = f64>) -> ContourStack {

@@ -175,6 +175,7 @@ fn frame(stack: &Stack, moving: &MotionField, i: usize) -> MorphFrame {
         gaps: vec![moving.gaps[i]],
         px: moving.px,
         relief: moving.relief,
+        doubt: moving.doubt,
         fields: moving.fields[i..i + 2].to_vec(),
         displacements: vec![moving.displacements[i].clone()],
         at_slices: vec![moving.at_slices[i].clone()],

@@ -44,6 +44,10 @@ const MARGINS: [usize; 2] = [9, 30];
 const EVERYWHERE: f64 = 1e4;
 
 const GAPS: [f64; 5] = [1.0, 2.5, 0.6, 1.4, 2.2];
+/// Gaps of which some are narrow beside the next, at an end, above and below a slice, partly and wholly.
+const NARROW_GAPS: [f64; 5] = [0.1, 1.5, 0.25, 0.9, 0.15];
+/// What contours may be off by, px.
+const DOUBT: f64 = 0.35;
 /// Height of a pixel.
 const PX: f64 = 0.25;
 /// Share of relief in the stack: all terms of slopes and layers count.
@@ -163,9 +167,12 @@ pub fn compare(gpu: &Gpu, h: [f64; 2], scale: usize) -> Result<Vec<Comparison>> 
         paths(gpu, &stack, &moving)?,
     ];
     // Two slices have secants, three have one interior slope.
-    for slices in [2, 3, stack.fields.len()] {
-        out.push(slopes(gpu, &stack.moving(slices))?);
+    for (slices, stage) in [(2, "slopes of two slices"), (3, "slopes of three slices")] {
+        out.push(slopes(gpu, stage, &stack.moving(slices))?);
     }
+    out.push(slopes(gpu, "slopes along trajectories", &moving)?);
+    let narrow = MotionField { gaps: NARROW_GAPS.to_vec(), doubt: DOUBT, ..moving.clone() };
+    out.push(slopes(gpu, "slopes beside narrow gaps", &narrow)?);
     out.push(layers(gpu, &stack, &moving)?);
     out.extend(morph_twins::compare(gpu, &stack, &moving)?);
     Ok(out)
@@ -214,14 +221,9 @@ fn paths(gpu: &Gpu, stack: &Stack, moving: &MotionField) -> Result<Comparison> {
     Ok(out)
 }
 
-fn slopes(gpu: &Gpu, moving: &MotionField) -> Result<Comparison> {
+fn slopes(gpu: &Gpu, stage: &'static str, moving: &MotionField) -> Result<Comparison> {
     let ours = gpu.moving_slopes(&all_slopes(moving), &Silent)?;
     let twin = Reference.moving_slopes(&all_slopes(moving), &Silent)?;
-    let stage = match ours.len() {
-        2 => "slopes of two slices",
-        3 => "slopes of three slices",
-        _ => "slopes along trajectories",
-    };
     let mut out = Comparison::new(stage, SLOPES);
     for (i, a, b) in out.pairs(&"slices", &ours, &twin) {
         let gap = moving.gap(i.saturating_sub(1)).min(moving.gap(i.min(moving.gaps.len() - 1)));

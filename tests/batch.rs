@@ -150,6 +150,7 @@ fn every_wrong_line_is_named_before_anything_runs() {
         r#"{"id": "", "input": "cases/case01", "outputs": []}"#,
         r#"{"id": "e", "input": "cases/case01", "outputs": ["cases/case00/s1.png", "cases"]}"#,
         r#"{"id": "f", "input": "", "outputs": ["f.stl"], "options": {"dz": -1, "slope": null}}"#,
+        r#"{"id": "g", "input": "cases/case01", "outputs": ["cases/case00/s1.png/below/g.stl"], "options": {"spacing": [1, 2, -3]}}"#,
     ];
     let says = [
         "line 2: invalid type: integer `3`",
@@ -174,6 +175,10 @@ fn every_wrong_line_is_named_before_anything_runs() {
         "line 11: options: `slope` must be",
         "line 11: options: `dz` must be a positive number; got -1",
         "line 11: `input` must not be empty",
+        "line 12: input: `spacing` must be three positive numbers; got -3",
+        "line 12: outputs: ",
+        "g.stl: cannot write: lies below ",
+        "s1.png, which is a file, no folder",
     ];
     refused("bad.jsonl", &lines.join("\n"), &says);
     let slice = r#"{"id": "e", "input": "cases/case01", "outputs": ["cases/case00/s1.png"]}"#;

@@ -155,6 +155,7 @@ fn drawings_black_on_white_are_doubted() {
     let inverted = [&SPACED[..], &["--invert"]].concat();
     images(&names, |x, y, k| if in_disc(x, y, k) { 0 } else { 255 }).none_doubts(&inverted);
     images(&names, |x, y, k| if in_disc(x, y, k) { 255 } else { 0 }).all_say(&inverted, 0, "Without --invert it is");
+    images(&names, |_, _, _| 0).all_say(&inverted, 0, "nothing is white on any slice");
     let whole = volume(|at| u16::from(at[2] % 5 == 1));
     Case::new(&whole, "1 1 1").none_doubts(&[]);
     // A block with a hole that only some slices show in full width.
@@ -468,4 +469,25 @@ fn a_gap_in_what_is_drawn_plane_by_plane_is_told() {
     let case = Case::new(&voxels, "1 1 1");
     case.all_say(&[], 0, "painted slice by slice, but not on 8 to 20");
     assert!(case.said(&[]).iter().all(|(_, said)| !said.contains("but none between")));
+}
+
+#[test]
+fn a_rule_for_an_end_that_an_empty_slice_passes_over_is_told() {
+    let case = Case::new(&volume(|at| u16::from(in_ball(at, 9.0))), "(1,1,1)");
+    let out = case.place.path().join("out.nrrd").display().to_string();
+    let told = |options: &[&str]| {
+        let output = interslice(&[&["reconstruct", case.path(), "--backend", "cpu", "-o", &out], options].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let said = stderr(&output);
+        said.lines().filter(|line| line.contains("changes nothing")).map(str::to_owned).collect::<Vec<_>>()
+    };
+    // Slices 0 to 30 are chosen, those from 8 to 24 are painted.
+    let found = told(&["--keep", "3", "--end-top", "peak=40", "--end-bottom", "extrapolate"]);
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert!(found[0].contains("`end_bottom` = extrapolate") && found[0].contains("at 0 "), "{found:?}");
+    assert!(found[1].contains("`end_top` = peak=40") && found[1].contains("at 30 "), "{found:?}");
+    // The painted ones alone, and flat ends.
+    assert!(told(&["--end-top", "extrapolate"]).is_empty());
+    assert!(told(&["--keep", "3"]).is_empty());
+    assert!(told(&["--slices", "9,12,15,18,21,24", "--end-top", "extrapolate"]).is_empty());
 }

@@ -28,13 +28,18 @@ fn van_albada(d: vec2<f32>) -> f32 {
     return product * (d.x + d.y) / dot(d, d);
 }
 
-// Gaps are unlike where one is more than so many times the other; a narrow one is doubted wholly where the other is WHOLLY times as wide.
+// Gaps are unlike where one is more than so many times the other; by the noise of contours a narrow one is doubted where the other is WHOLLY times as wide.
 const UNLIKE: f32 = 4.0;
 const WHOLLY: f32 = 8.0;
 
 // Share to which a gap is narrow beside another one.
 fn narrow(gap: f32, other: f32) -> f32 {
     return clamp((other / gap - UNLIKE) / (WHOLLY - UNLIKE), 0.0, 1.0);
+}
+
+// Times the noise of contours by which a gap is doubted beside another one.
+fn doubted(gap: f32, other: f32) -> f32 {
+    return narrow(gap, other) * sqrt(max(other / (WHOLLY * gap), 1.0));
 }
 
 // What is left of a difference of `by` px that may be noise of `doubt` px.
@@ -55,9 +60,9 @@ fn seen_with(own: vec2<f32>, beyond: vec2<f32>, other: vec2<f32>, doubt: f32) ->
     }
     let both = own.y + beyond.y;
     let way = (own.x * own.y + beyond.x * beyond.y) - other.x * both;
-    let across = other.x + believed(way, doubt * narrow(both, other.y)) / both;
+    let across = other.x + believed(way, doubt * doubted(both, other.y)) / both;
     let by = (own.x - across) * own.y;
-    let left = believed(by, doubt * share);
+    let left = believed(by, doubt * doubted(own.y, other.y));
     var kept = 1.0 - share;
     if by != 0.0 {
         kept = left / by;

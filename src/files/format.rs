@@ -327,6 +327,10 @@ pub(super) fn check_place(path: &Path, is_folder: bool) -> Result<()> {
         let message = format!("is no name for a file here: {e} ({bytes} bytes; most systems take up to 255)");
         return Err(Error::Output { path: path.into(), message });
     }
+    if let Some(file) = path.ancestors().skip(1).find(|above| above.is_file()) {
+        let message = format!("lies below {}, which is a file, no folder", file.display());
+        return Err(Error::Output { path: path.into(), message });
+    }
     let special = path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
     let message = match (path.is_dir(), is_folder) {
         (true, true) if path.join("zarr.json").is_file() => return Ok(()),

@@ -37,7 +37,7 @@ use crate::report::Provenance;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::{ReferencedSet, StructureSet};
 use crate::settings::Settings;
-use crate::stack::heights::Heights;
+use crate::stack::heights::{Heights, passed_over};
 use crate::stack::links::LinkOptions;
 use crate::stack::{ContourStack, HeightGrid, ReadOptions};
 use crate::surface::Reconstruction;
@@ -200,7 +200,8 @@ impl Loaded {
     pub fn new(stack: ContourStack, options: JobOptions) -> Result<Self> {
         options.output.check_unit(&stack.unit)?;
         let heights = options.output.heights(&stack, &options.settings)?;
-        let notes = options.output.doubts(&stack);
+        let mut notes = options.output.doubts(&stack);
+        notes.extend(passed_over(&stack, &options.settings));
         Ok(Loaded { stack, heights, options, notes, source: None })
     }
 

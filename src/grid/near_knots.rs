@@ -2,8 +2,9 @@
 //!
 //! Contours drawn in pixels are right to a fraction of a pixel. Over a gap of half a pixel that is a slope of one, and over the wide gap beside it a
 //! bulge of many pixels. So a narrow gap's way is weighed against what the gaps around it say: of the `by` px by which it differs there is
-//! `by^3 / (by^2 + doubt^2)` left (a Wiener filter, of noise `doubt` and what is seen), with all of the doubt where the gap beside is [`WHOLLY`] times as
-//! wide, and none where it is less than [`UNLIKE`] times as wide.
+//! `by^3 / (by^2 + doubt^2)` left (a Wiener filter, of noise `doubt` and what is seen). There is no doubt where the gap beside is up to [`UNLIKE`] times as
+//! wide, the noise of contours where it is [`WHOLLY`] times as wide, and from there on as the root of that grows: the bulge that noise would make grows with
+//! it, and what a smooth body moves by in the narrow gap shrinks.
 
 use super::spline::{HermiteArc, hermite, slope};
 use crate::settings::{SlopeRule, SplineEnd};
@@ -17,6 +18,12 @@ pub const WHOLLY: f64 = 2.0 * UNLIKE;
 #[inline(always)]
 pub fn narrow(gap: f64, beside: f64) -> f64 {
     ((beside / gap - UNLIKE) / (WHOLLY - UNLIKE)).clamp(0.0, 1.0)
+}
+
+/// Times the noise of contours by which a gap is doubted beside another one.
+#[inline(always)]
+fn doubted(gap: f64, beside: f64) -> f64 {
+    narrow(gap, beside) * (beside / (WHOLLY * gap)).max(1.0).sqrt()
 }
 
 /// What is left of a difference of `by` px that may be noise of `doubt` px.
@@ -47,9 +54,9 @@ fn seen_with([d, h]: Gap, [beyond, width]: Gap, [other, wide]: Gap, doubt: f64) 
     // The way across both; what both are too narrow for the gap on the other side says.
     let both = h + width;
     let way = (d * h + beyond * width) - other * both;
-    let across = other + believed(way, doubt * narrow(both, wide)) / both;
+    let across = other + believed(way, doubt * doubted(both, wide)) / both;
     let by = (d - across) * h;
-    let left = believed(by, doubt * share);
+    let left = believed(by, doubt * doubted(h, wide));
     let kept = if by != 0.0 { left / by } else { 1.0 - share };
     [across + left / h, kept * h + (1.0 - kept) * both]
 }
@@ -93,7 +100,7 @@ pub fn settled_slope(z: &[f64], s: &[f64], center: usize, rule: SlopeRule, end: 
                 [some_s[above] - some_s[above - 1], gap * slopes[above - 1], gap * slopes[above], 1.0];
             (some_s[above - 1] + hermite(&arc, way / gap), way.min(gap - way))
         };
-        drawn[k] = on + believed(s[k] - on, doubt * narrow(nearest, wider));
+        drawn[k] = on + believed(s[k] - on, doubt * doubted(nearest, wider));
     }
     slope(z, &drawn, center, rule, end)
 }
@@ -128,7 +135,7 @@ mod tests {
         // What the narrow gap says grows with it, without a jump, and a step of 5 px is one.
         let found: Vec<f64> = (0..=500).map(|k| of(f64::from(k) / 100.0)[0]).collect();
         assert!(found.windows(2).all(|w| w[1] > w[0] && w[1] - w[0] < 0.05), "{found:?}");
-        assert!((found[500] - 10.0).abs() < 0.1 && of(5.0)[1] < 0.6, "{}", found[500]);
+        assert!((found[500] - 10.0).abs() < 0.2 && of(5.0)[1] < 0.7, "{}", found[500]);
         // Nothing beyond it: the gap on the other side.
         near(settled([[-0.25, 0.5], [-0.25, 10.0]], [NONE; 2], DOUBT)[0][0], -0.25);
         assert!((settled([[0.2, 0.5], [-0.25, 10.0]], [NONE; 2], DOUBT)[0][0] + 0.25).abs() < 0.2);
@@ -159,7 +166,7 @@ mod tests {
             }
             // Those that a wide gap lies beside.
             let worst = |doubt: f64| (2..7).map(|k| (of(&noisy, k, doubt) + 0.4).abs()).fold(0.0, f64::max);
-            assert!(worst(DOUBT) < 0.12 && worst(0.0) > 0.2, "{rule:?}: {} for {}", worst(DOUBT), worst(0.0));
+            assert!(worst(DOUBT) < 0.2 && worst(0.0) > 0.35, "{rule:?}: {} for {}", worst(DOUBT), worst(0.0));
         }
     }
 }

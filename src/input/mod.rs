@@ -99,6 +99,7 @@ impl Kind {
                 message: format!("must be a positive number; got {px}"),
             });
         }
+        options.spacing.as_deref().map(volume::grid::sides).transpose()?;
         match wrong.into_iter().find(|(wrong, ..)| *wrong) {
             Some((_, option, what)) => {
                 Err(Error::Setting { name: option.into(), message: format!("is not for {what}") })

@@ -206,6 +206,9 @@ impl ContourStack {
         }
         let masks = || self.slices.iter().filter(|slice| !grey(slice) && !slice.content.is_empty());
         let whole = |slice: &Slice| matches!(&slice.content, SliceContent::Mask(mask) if mask.count() == nx * ny);
+        if inverted && masks().next().is_some() && masks().all(whole) {
+            return Some("nothing is white on any slice: with --invert all of the images is inside".into());
+        }
         (masks().any(|slice| !whole(slice)) && masks().all(|slice| nearly(inside(slice), 1))).then(|| {
             let outside = "nearly all of the images' border is inside on every slice: is the body what lies outside?";
             match inverted {

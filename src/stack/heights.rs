@@ -226,6 +226,26 @@ fn reach(z: &[f64], empty: [bool; 2], settings: &Settings) -> [f64; 2] {
     ]
 }
 
+/// A sentence for each rule for an end that is asked for where the stack ends with an empty slice: the body ends before that, whatever the rule.
+pub fn passed_over(stack: &ContourStack, settings: &Settings) -> Vec<String> {
+    let (_, empty) = slices(stack);
+    if stack.slices.iter().all(|slice| slice.content.is_empty()) {
+        return Vec::new();
+    }
+    let rules = [("end_bottom", settings.end_bottom), ("end_top", settings.end_top)];
+    let ends = [stack.slices.first(), stack.slices.last()].into_iter().flatten();
+    let over =
+        rules.into_iter().zip(ends).zip(empty).filter(|(((_, rule), _), empty)| *empty && *rule != EndRule::Flat);
+    over.map(|(((name, rule), slice), _)| {
+        format!(
+            "setting `{name}` = {rule} changes nothing: slice {} at {} {} is empty, and the body ends before it; without empty slices beyond the body \
+             the rule counts",
+            slice.name, slice.z, stack.unit
+        )
+    })
+    .collect()
+}
+
 /// The output heights of a stack: `dz` where given, else the input's own grid, else as fine as the pixel spacing. A grid made here
 /// contains the first contour's height and covers the whole body.
 pub fn height_grid(stack: &ContourStack, settings: &Settings, dz: Option<f64>) -> HeightGrid {

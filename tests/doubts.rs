@@ -473,7 +473,7 @@ fn a_gap_in_what_is_drawn_plane_by_plane_is_told() {
 
 #[test]
 fn a_rule_for_an_end_that_an_empty_slice_passes_over_is_told() {
-    let case = Case::new(&volume(|at| u16::from(in_ball(at, 9.0))), "(1,1,1)");
+    let case = Case::new(&volume(|at| u16::from(in_ball(at, 9.0))), "1 1 1");
     let out = case.place.path().join("out.nrrd").display().to_string();
     let told = |options: &[&str]| {
         let output = interslice(&[&["reconstruct", case.path(), "--backend", "cpu", "-o", &out], options].concat());

@@ -240,7 +240,7 @@ const OWN: [(&str, &str); 12] = [
 #[test]
 fn constants_are_those_of_the_twins() {
     use interslice::gpu::layout;
-    use interslice::grid::stencil;
+    use interslice::grid::{near_knots, stencil};
     use interslice::reference::{
         distance, exact, extend, morph_layer, part, particles, propagate, reinit, scatter, trace,
     };
@@ -274,6 +274,8 @@ fn constants_are_those_of_the_twins() {
         ("exact", "TIE", exact::TIE),
         ("extend", "ALIKE", extend::ALIKE),
         ("", "SHRINKING", value_curve::SHRINKING),
+        ("", "UNLIKE", near_knots::UNLIKE),
+        ("", "WHOLLY", near_knots::WHOLLY),
         ("", "AT_TIP", interslice::contour::caps::AT_TIP),
         ("morph_layer", "ALL_TRUST", particle_weight::ALL),
         ("morph_layer", "GONE", f64::from(morph_layer::GONE)),

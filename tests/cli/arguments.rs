@@ -15,7 +15,7 @@ fn negative_numbers_are_values() {
         (&["--fair", "-0.5"], "`fair` must lie in"),
         (&["--pixel", "-2"], "`pixel` must be a positive number; got -2"),
         (&["--border", "-1,2,-3,4"], "`border` is not for anything but contour maps"),
-        (&["--spacing", "-1,2,3"], "`spacing` is not for anything but a label volume"),
+        (&["--spacing", "-1,2,3"], "`spacing` must be three positive numbers; got -1"),
         (&["--labels", "-1,-2"], "`labels` is not for a folder of slices"),
         (&["--label", "-3"], "`label` must be a value of the pixels (0, 255); got -3"),
         (&["--axis", "-z"], "invalid value '-z' for '--axis <AXIS>'\n  [possible values: auto, x, y, z]"),

@@ -243,8 +243,8 @@ mod tests {
 
     fn all(contours: Vec<f64>) -> Nodes {
         let drawn = vec![true; contours.len()];
-        let gaps = contours.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        Nodes::new(contours, &drawn, middle_gap(gaps))
+        let gap = middle_gap(&contours);
+        Nodes::new(contours, &drawn, gap)
     }
 
     fn uneven() -> Nodes {

@@ -23,7 +23,7 @@ fn faired_together(
 ) -> Vec<(f64, Vec<f32>)> {
     let gaps: Vec<f64> = contours.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let drawn = vec![true; contours.len()];
-    let gap = crate::stack::heights::middle_gap(gaps.clone());
+    let gap = crate::stack::heights::middle_gap(contours);
     let nodes = Nodes::new(contours.to_vec(), &drawn, gap);
     let mut fairing = Fairing::new(FairingSpec {
         moving: None,

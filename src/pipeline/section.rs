@@ -89,8 +89,7 @@ impl Section {
         let beyond = |r: &Range<usize>, by: usize| r.start.saturating_sub(by)..(r.end + by).min(count);
         let mut layers = kept.clone();
         if settings.fair > 0.0 {
-            let gap = middle_gap(z.windows(2).map(|pair| pair[1] - pair[0]).collect());
-            let nodes = Nodes::new(z.clone(), &vec![true; z.len()], gap);
+            let nodes = Nodes::new(z.clone(), &vec![true; z.len()], middle_gap(&z));
             let known = kept.clone().map(|i| nodes.known(i));
             layers = known.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or(layers);
         }

@@ -50,7 +50,6 @@ impl Span {
         let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
         let first = section.slices.start;
         let here = |r: &Range<usize>| r.start - first..r.end - first;
-        let gaps = || z.windows(2).map(|w| w[1] - w[0]);
         let intervals = first..section.slices.end - 1;
         Span {
             kept: here(&section.kept),
@@ -59,7 +58,7 @@ impl Span {
             first,
             ends: [section.layers.start == 0, section.layers.end == z.len() - 1],
             gaps: even_gaps(&z)[intervals].to_vec(),
-            gap: middle_gap(gaps().collect()),
+            gap: middle_gap(&z),
             doubt: doubt(stack),
             change: Change::of(stack),
         }

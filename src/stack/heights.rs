@@ -141,9 +141,10 @@ impl Heights {
     }
 }
 
-/// The gap of which as much of the whole height lies in narrower gaps as in wider ones; 0 of nothing. However many slices lie close to each other, what
-/// matters is between those that do not.
-pub fn middle_gap(mut gaps: Vec<f64>) -> f64 {
+/// The gap between increasing heights `z` of which as much of the whole height lies in narrower gaps as in wider ones; 0 of nothing. However many slices lie
+/// close to each other, what matters is between those that do not.
+pub fn middle_gap(z: &[f64]) -> f64 {
+    let mut gaps: Vec<f64> = z.windows(2).map(|pair| pair[1] - pair[0]).collect();
     gaps.sort_by(f64::total_cmp);
     let half = 0.5 * gaps.iter().sum::<f64>();
     let upto = gaps.iter().scan(0.0, |below, gap| {
@@ -272,11 +273,11 @@ mod tests {
 
     #[test]
     fn the_middle_gap_is_that_of_half_the_height() {
-        assert_eq!(middle_gap(vec![]), 0.0);
-        assert_eq!(middle_gap(vec![3.0; 5]), 3.0);
+        assert_eq!([middle_gap(&[]), middle_gap(&[4.0])], [0.0; 2]);
+        assert_eq!(middle_gap(&[1.0, 4.0, 7.0, 10.0]), 3.0);
         // Narrow ones are more, but not higher together.
-        assert_eq!(middle_gap(vec![0.5, 0.5, 19.0, 1.0, 19.0, 0.2, 10.0]), 19.0);
-        assert_eq!(middle_gap(vec![1.0, 1.0, 4.0, 1.0, 1.0, 1.0]), 1.0);
+        assert_eq!(middle_gap(&[0.0, 0.5, 1.0, 20.0, 21.0, 40.0, 40.25, 50.0]), 19.0);
+        assert_eq!(middle_gap(&[0.0, 1.0, 2.0, 6.0, 7.0, 8.0, 9.0]), 1.0);
     }
 
     /// A stack with one pixel painted at these heights.

@@ -4,7 +4,7 @@
 #   bash tests/sanitizers.sh thread [TESTS...]    ThreadSanitizer: the tests in which threads share something
 #   bash tests/sanitizers.sh miri [TESTS...]      Miri: the allocator's tests, and the unit tests of the queue for a GPU and of shared answers
 #
-# TESTS are lines of the lists below that are named by their first word (`lib`, `batch`). The standard library is built with it, too. Needs a nightly
+# TESTS are lines of the lists below that are named by their first word (`lib`, `batches`). The standard library is built with it, too. Needs a nightly
 # toolchain: rustup toolchain install nightly --component rust-src,miri. Takes half an hour for ThreadSanitizer, on two cores, most of it building.
 # Reports lie in target/sanitizers; exit code 1 where there is one, or a test failed. docs/trust.md says what came of it.
 set -euo pipefail
@@ -18,20 +18,16 @@ system="x86_64-unknown-linux-gnu"
 place="$PWD/target/sanitizers/$kind"
 reports="$place/reports"
 
-# A file of tests and the names of those that run, all where none is named. Other tests have one thread, or as many that share nothing but rayon's
+# A program of tests and the names of those that run, all where none is named. Other tests have one thread, or as many that share nothing but rayon's
 # pool, as these do; or they limit the address space, of which ThreadSanitizer takes terabytes.
 case "$kind" in
   thread)
     lists=(
       "lib"
-      "both_paths runs_at_once neither_a_second_run a_failing_gpu"
-      "batch_faults a_job_that_panics device:: an_interrupt"
-      "batch"
-      "batch_index"
-      "replay"
-      "split"
-      "stream"
-      "topology"
+      "gpu runs_at_once neither_a_second_run a_failing_gpu replay::"
+      "batches manifests:: index:: split:: a_job_that_panics device:: an_interrupt"
+      "outputs stream::"
+      "surface topology::"
     )
     ;;
   miri) lists=("allocator" "lib gpu::queue:: backend::answers::") ;;

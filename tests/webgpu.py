@@ -1,7 +1,7 @@
 """Every shader in headless Chromium's WebGPU (Debian: chromium, chromium-driver), whose compiler is stricter than the others, on a device with
 the default limits: no module has an error, and every pipeline can be created. Three shaders that are spoilt show that errors are seen.
 
-    python webgpu.py <shaders.json, written by `cargo test --test shaders`>
+    python webgpu.py <shaders.json, written by `cargo test --test gpu shaders`>
 """
 
 import json

@@ -1,5 +1,5 @@
 //! What the targets do: an input's bytes become files in a folder in memory, which a reader reads. The program's own tests
-//! (`tests/fuzzed.rs`) do the same with the seeds, with damaged seeds, and with the inputs that once failed.
+//! (`tests/hostile/fuzzed.rs`) do the same with the seeds, with damaged seeds, and with the inputs that once failed.
 
 use std::cell::OnceCell;
 use std::fs;

@@ -1,4 +1,4 @@
-// Tables that all kernels share. Mirrored in src/gpu/layout.rs; tests/shaders.rs compares names and offsets.
+// Tables that all kernels share. Mirrored in src/gpu/layout.rs; tests/gpu/shaders.rs compares names and offsets.
 //
 // The tiles of all jobs lie one after the other in an atlas: pixel (i, j) of a tile is node `offset + j * nx + i`. A block is 64 consecutive
 // nodes of one tile; tiles begin at block borders.

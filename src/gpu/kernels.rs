@@ -3,7 +3,7 @@
 //! A shader is declared with `shader!` in the host file of its stem: its entry points, and for each the variables that it uses with their
 //! access and type. Every entry point becomes a struct with one buffer per variable, so that a name too many, too few or misspelt, or a buffer
 //! that holds something else, does not compile. Which binding a name has is read from the shader by naga when it is compiled. That the
-//! declarations and the shaders say the same is shown by `tests/shaders.rs`, which needs no adapter.
+//! declarations and the shaders say the same is shown by `tests/gpu/shaders.rs`, which needs no adapter.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

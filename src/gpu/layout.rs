@@ -1,4 +1,4 @@
-//! The structs that host and shaders share, member by member as in `shaders/`; `tests/shaders.rs` asks naga for the other side and compares
+//! The structs that host and shaders share, member by member as in `shaders/`; `tests/gpu/shaders.rs` asks naga for the other side and compares
 //! names, types, offsets and sizes.
 
 use bytemuck::{Pod, Zeroable};

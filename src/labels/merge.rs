@@ -24,7 +24,7 @@ use crate::surface::header::Header;
 use crate::surface::stream::LayerSink;
 
 /// Pixels, of the larger side, around a label that are computed with it. What lies beyond changes no bit of its surface; distances differ by
-/// rounding within a hundredth of a pixel of the clamp (`tests/labels.rs`).
+/// rounding within a hundredth of a pixel of the clamp (`tests/labels/partitions.rs`).
 const AROUND: f64 = 64.0;
 
 /// Plan of a run with labels.

@@ -3,7 +3,10 @@
 mod arguments;
 #[cfg(feature = "gpu")]
 mod backends;
+mod closed_pipe;
 mod endings;
+mod evaluate;
+mod examples;
 #[path = "../support/files.rs"]
 mod files;
 mod foretold;

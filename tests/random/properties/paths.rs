@@ -1,4 +1,4 @@
-//! The two paths agree, within the bounds that `tests/both_paths.rs` states.
+//! The two paths agree, within the bounds that `tests/gpu/both_paths.rs` states.
 
 use interslice::settings::Method;
 use interslice::surface::Layer;

@@ -1,0 +1,490 @@
+//! What is painted wrongly is said before the work (P14).
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::files::*;
+use interslice::input::Input;
+use interslice::stack::ReadOptions;
+use interslice::stack::options::LabelName;
+use tempfile::TempDir;
+
+const SIZES: [usize; 3] = [40, 36, 32];
+
+fn node([i, j, k]: [usize; 3]) -> usize {
+    i + SIZES[0] * (j + SIZES[1] * k)
+}
+
+fn in_ball([i, j, k]: [usize; 3], radius: f64) -> bool {
+    let [x, y, z] = [i as f64 - 20.0, j as f64 - 18.0, k as f64 - 16.0];
+    (x * x + y * y + z * z).sqrt() < radius
+}
+
+fn volume(value: impl Fn([usize; 3]) -> u16) -> Vec<u16> {
+    let [nx, ny, nz] = SIZES;
+    (0..nx * ny * nz).map(|n| value([n % nx, n / nx % ny, n / (nx * ny)])).collect()
+}
+
+/// A ball that is painted on every fifth slice.
+fn ball() -> Vec<u16> {
+    volume(|at| u16::from(at[2] % 5 == 1 && in_ball(at, 13.0)))
+}
+
+struct Case {
+    place: TempDir,
+    input: PathBuf,
+}
+
+impl Case {
+    fn new(voxels: &[u16], spacings: &str) -> Self {
+        let place = folder();
+        let input = place.path().join("in.nrrd");
+        let bytes: Vec<u8> = voxels.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let header = format!("spacings: {spacings}\nencoding: raw\nendian: little");
+        fs::write(&input, nrrd(&header, "ushort", SIZES, &bytes)).expect("a file can be written");
+        Case { place, input }
+    }
+
+    fn path(&self) -> &str {
+        self.input.to_str().expect("temporary paths are UTF-8")
+    }
+
+    /// What `inspect`, `evaluate` and `reconstruct` say, and their exit codes.
+    fn said(&self, options: &[&str]) -> [(Option<i32>, String); 3] {
+        let out = self.place.path().join("out.nrrd").display().to_string();
+        let run = |command: &str, more: &[&str]| {
+            let output = interslice(&[&[command, self.path()], options, more].concat());
+            (output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned() + &stderr(&output))
+        };
+        let cpu = ["--backend", "cpu"];
+        [run("inspect", &[]), run("evaluate", &cpu), run("reconstruct", &[&cpu[..], &["-o", &out]].concat())]
+    }
+
+    fn all_say(&self, options: &[&str], code: i32, message: &str) {
+        for (is, said) in self.said(options) {
+            assert_eq!(is, Some(code), "{said}");
+            assert_eq!(said.matches(message).count(), 1, "`{message}`: {said}");
+        }
+    }
+
+    fn none_doubts(&self, options: &[&str]) {
+        for (code, said) in self.said(options) {
+            assert_eq!(code, Some(0), "{said}");
+            // What the work finds is another matter.
+            let of_the_work = |line: &str| {
+                ["sweep of a group", "does not hold", "left out, is drawn on 1"]
+                    .iter()
+                    .any(|known| line.contains(known))
+            };
+            let mut warnings = said.lines().filter(|line| line.starts_with("warning") && !of_the_work(line));
+            assert_eq!(warnings.next(), None, "{said}");
+        }
+    }
+}
+
+#[test]
+fn p14_paint_in_two_orientations_is_an_error() {
+    let mut voxels = ball();
+    for n in (0..SIZES[1]).flat_map(|j| (0..SIZES[2]).map(move |k| [20, j, k])).filter(|at| in_ball(*at, 13.0)) {
+        voxels[node(n)] = 1;
+    }
+    let case = Case::new(&voxels, "1 1 1");
+    case.all_say(&[], 2, "is painted on slices in several directions: across x on 20, across z on 6,11,16,21,26");
+    for (code, said) in case.said(&["--axis", "z", "--slices", "6,11,16,21,26"]) {
+        assert_eq!(code, Some(0), "{said}");
+    }
+}
+
+#[test]
+fn p14_a_stray_voxel_is_doubted() {
+    let mut voxels = ball();
+    voxels[node([22, 19, 13])] = 1;
+    Case::new(&voxels, "1 1 1").all_say(&[], 0, "slice `k=13` has 1 px (beside");
+    let mut off = ball();
+    off[node([3, 3, 30])] = 1;
+    Case::new(&off, "1 1 1").all_say(&[], 0, "slice `k=30` has 1 px (beside");
+    // Once, however many labels there are.
+    let mut two = off;
+    two[node([33, 3, 0])] = 2;
+    two[node([33, 3, 1])] = 2;
+    let case = Case::new(&two, "1 1 1");
+    let out = case.place.path().join("out.nrrd").display().to_string();
+    let labels = interslice(&["reconstruct", case.path(), "--labels", "all", "--backend", "cpu", "-o", &out]);
+    assert_eq!(stderr(&labels).matches("has 1 px (beside").count(), 1, "{}", stderr(&labels));
+}
+
+#[test]
+fn a_body_darker_than_the_level_is_doubted() {
+    let value = |dark: bool| volume(|at| if in_ball(at, 14.0) == dark { 100 } else { 900 });
+    Case::new(&value(true), "1 1 1").all_say(&["--level", "500"], 0, "nearly all of the images' border is inside: is");
+    Case::new(&value(false), "1 1 1").none_doubts(&["--level", "500"]);
+    // The option that it names, and what takes no such option.
+    Case::new(&value(true), "1 1 1").none_doubts(&["--level", "500", "--invert"]);
+    Case::new(&value(false), "1 1 1").all_say(&["--level", "500", "--invert"], 0, "Without --invert it is");
+    Case::new(&value(true), "1 1 1").all_say(&["--invert"], 2, "invert");
+}
+
+/// A folder of images named by these, with `value` at column, row and slice; without `stack.json`.
+fn images(names: &[&str], value: impl Fn(u32, u32, usize) -> u8) -> Case {
+    let place = folder();
+    for (k, name) in names.iter().enumerate() {
+        let image = image::GrayImage::from_fn(32, 30, |x, y| image::Luma([value(x, y, k)]));
+        image.save(place.path().join(name)).expect("an image can be written");
+    }
+    let input = place.path().to_path_buf();
+    Case { place, input }
+}
+
+fn in_disc(x: u32, y: u32, k: usize) -> bool {
+    (f64::from(x) - 15.5).hypot(f64::from(y) - 14.5) < 8.0 + k as f64
+}
+
+const SPACED: [&str; 2] = ["--spacing", "1,1,4"];
+
+#[test]
+fn drawings_black_on_white_are_doubted() {
+    let names = ["s0.png", "s1.png", "s2.png"];
+    let told = "nearly all of the images' border is inside on every slice";
+    images(&names, |x, y, k| if in_disc(x, y, k) { 0 } else { 255 }).all_say(&SPACED, 0, told);
+    // A sheet that is left white is one of them.
+    images(&names, |x, y, k| if k > 0 && in_disc(x, y, k) { 0 } else { 255 }).all_say(&SPACED, 0, told);
+    images(&names, |x, y, k| if in_disc(x, y, k) { 255 } else { 0 }).none_doubts(&SPACED);
+    let inverted = [&SPACED[..], &["--invert"]].concat();
+    images(&names, |x, y, k| if in_disc(x, y, k) { 0 } else { 255 }).none_doubts(&inverted);
+    images(&names, |x, y, k| if in_disc(x, y, k) { 255 } else { 0 }).all_say(&inverted, 0, "Without --invert it is");
+    images(&names, |_, _, _| 0).all_say(&inverted, 0, "nothing is white on any slice");
+    let whole = volume(|at| u16::from(at[2] % 5 == 1));
+    Case::new(&whole, "1 1 1").none_doubts(&[]);
+    // A block with a hole that only some slices show in full width.
+    images(&names, |x, _, k| if k == 1 && x > 20 { 0 } else { 255 }).none_doubts(&SPACED);
+    let voxels = volume(|at| u16::from(at[2] % 5 == 1 && !in_ball(at, 13.0)));
+    Case::new(&voxels, "1 1 1").all_say(&[], 0, told);
+}
+
+#[test]
+fn an_image_left_blank_is_doubted() {
+    let names = ["s0.png", "s1.png", "s2.png", "s3.png", "s4.png"];
+    let disc = |blank: &'static [usize]| {
+        move |x: u32, y: u32, k: usize| if in_disc(x, y, k) && !blank.contains(&k) { 255 } else { 0 }
+    };
+    images(&names, disc(&[2])).all_say(&SPACED, 0, "slice `s2.png` is empty between slices that are painted");
+    images(&names, disc(&[0, 4])).none_doubts(&SPACED);
+    images(&names, disc(&[1, 2])).none_doubts(&SPACED);
+}
+
+#[test]
+fn a_part_that_one_image_lacks_is_doubted() {
+    let names = ["s0.png", "s1.png", "s2.png", "s3.png", "s4.png"];
+    // A disc and, but on some slices, a block beside it.
+    let drawn = |without: &'static [usize]| {
+        let block = |x: u32, y: u32| (2..8).contains(&x) && (2..9).contains(&y);
+        let inside = move |x, y, k| in_disc(x, y, k) || block(x, y) && !without.contains(&k);
+        move |x: u32, y: u32, k: usize| if inside(x, y, k) { 255 } else { 0 }
+    };
+    let told = "a part that the slices below and above have at the same place is not on slice `s2.png` at column 5, row 2 (42 px)";
+    images(&names, drawn(&[2])).all_say(&SPACED, 0, told);
+    images(&names, drawn(&[1, 2])).none_doubts(&SPACED);
+    images(&names, drawn(&[3, 4])).none_doubts(&SPACED);
+    // Of a slice that is said to be painted by mistake nothing else is.
+    let stray =
+        move |x: u32, y: u32, k: usize| if k == 2 { 255 * u8::from([x, y] == [25, 5]) } else { drawn(&[])(x, y, k) };
+    let [(_, said), ..] = images(&names, stray).said(&SPACED);
+    assert!(said.contains("painted by mistake") && !said.contains("left unpainted"), "{said}");
+}
+
+#[test]
+fn a_hole_that_one_image_lacks_is_doubted() {
+    let names = ["s0.png", "s1.png", "s2.png", "s3.png", "s4.png"];
+    let drawn = |without: &'static [usize]| {
+        let hole = |x: u32, y: u32| (12..18).contains(&x) && (11..18).contains(&y);
+        move |x: u32, y: u32, k: usize| 255 * u8::from(in_disc(x, y, k) && (!hole(x, y) || without.contains(&k)))
+    };
+    let told = "a hole that the slices below and above have at the same place is not on slice `s2.png` at column 15, row 11 (42 px), so that the body is \
+                there: was it filled?";
+    images(&names, drawn(&[2])).all_say(&SPACED, 0, told);
+    images(&names, drawn(&[1, 2])).none_doubts(&SPACED);
+    images(&names, drawn(&[3, 4])).none_doubts(&SPACED);
+}
+
+#[test]
+fn images_are_in_the_order_of_their_numbers_and_others_than_png_and_tiff_are_named() {
+    let named = ["z_-10.png", "z_-5.png", "z_0.png", "z_5.png"];
+    let case = images(&named, |x, y, k| if in_disc(x, y, k) { 255 } else { 0 });
+    let options = ReadOptions { spacing: Some(vec![1.0, 1.0, 5.0]), ..ReadOptions::default() };
+    let stack = Input::read(&case.input, &options).expect("it is sound").stack;
+    assert!(stack.slices.iter().map(|slice| &slice.name).eq(&named));
+    let case = images(&[], |_, _, _| 0);
+    for name in ["s0.bmp", "s1.JPG", "s2.jpg"] {
+        fs::write(case.place.path().join(name), "is not opened").expect("a file can be written");
+    }
+    case.all_say(&SPACED, 2, "it has 2 .jpg: save them as PNG or TIFF");
+}
+
+#[test]
+fn p14_a_grey_image_is_no_label_volume() {
+    let noise = |n: usize| ((n as u64).wrapping_mul(6364136223846793005) >> 40) as u16 % 60;
+    let grey = volume(|at| if in_ball(at, 14.0) { 200 + 20 * at[0] as u16 + noise(node(at)) } else { 0 });
+    let case = Case::new(&grey, "1 1 1");
+    case.all_say(&[], 2, "few neighbours the same: grey values, not labels; cut them with `--level`");
+    case.none_doubts(&["--level", "500"]);
+    let [(code, said), ..] = case.said(&["--label", "500", "--keep", "1"]);
+    assert_eq!(code, Some(0), "who names a label gets it: {said}");
+}
+
+#[test]
+fn p14_pixels_that_are_square_but_for_rounding_do_not_choose_the_axis() {
+    let dense = volume(|at| u16::from(in_ball(at, 13.0)));
+    let said = |spacings: &str| Case::new(&dense, spacings).said(&[])[0].1.clone();
+    assert!(said("2.3898 2.3852 2.0").contains("slices lie along z"), "{}", said("2.3898 2.3852 2.0"));
+    assert!(said("2.5 2.3852 2.0").contains("slices lie along x"), "{}", said("2.5 2.3852 2.0"));
+}
+
+#[test]
+fn slices_that_are_chosen_beside_the_painted_ones_are_doubted() {
+    let of = |voxels: &[u16], keep: &str| {
+        let [inspected, _, made] = Case::new(voxels, "1 1 1").said(&["--keep", keep]);
+        [inspected, made].map(|(code, said)| {
+            assert_eq!(code, Some(0), "{said}");
+            said.matches("`keep` takes every slice whose number is a multiple of").count()
+        })
+    };
+    // Painted are 6, 11, 16, 21 and 26.
+    assert_eq!(of(&ball(), "3"), [1, 1]);
+    // Every second of slices that are painted throughout, with a gap between two bodies: that is a choice among them.
+    let two = volume(|at| u16::from(in_ball(at, 13.0) && !(14..18).contains(&at[2])));
+    assert_eq!(of(&two, "2"), [0, 0]);
+}
+
+#[test]
+fn labels_that_become_one_body_are_told() {
+    let halves = volume(|at| u16::from(in_ball(at, 13.0)) * if at[0] < 15 { 1 } else { 7 });
+    let case = Case::new(&halves, "1 1 1");
+    case.all_say(&[], 0, "warning: its 2 labels become one body, their union; `labels` = all keeps them apart");
+    case.none_doubts(&["--label", "7"]);
+}
+
+#[test]
+fn p14_ordinary_volumes_are_not_doubted() {
+    Case::new(&ball(), "1 1 1").none_doubts(&[]);
+    // Painted throughout, with a tip; a hollow ball.
+    Case::new(&volume(|at| u16::from(in_ball(at, 13.01))), "1 1 2").none_doubts(&[]);
+    Case::new(&volume(|at| u16::from(in_ball(at, 13.0) && !in_ball(at, 12.0))), "1 1 1").none_doubts(&[]);
+}
+
+/// A NIfTI of a ball whose qform lies `apart` mm from its sform.
+fn nifti(path: &Path, apart: f32) {
+    let mut header = vec![0u8; 352];
+    let mut put = |at: usize, bytes: &[u8]| header[at..at + bytes.len()].copy_from_slice(bytes);
+    put(0, &348i32.to_le_bytes());
+    for (k, n) in [3, SIZES[0], SIZES[1], SIZES[2], 1, 1, 1, 1].into_iter().enumerate() {
+        put(40 + 2 * k, &(n as i16).to_le_bytes());
+    }
+    put(70, &512i16.to_le_bytes());
+    put(72, &16i16.to_le_bytes());
+    (0..8).for_each(|k| put(76 + 4 * k, &1f32.to_le_bytes()));
+    put(108, &352f32.to_le_bytes());
+    put(123, &[2]);
+    put(252, &1i16.to_le_bytes());
+    put(254, &1i16.to_le_bytes());
+    put(268, &apart.to_le_bytes());
+    for row in 0..3 {
+        put(280 + 16 * row + 4 * row, &1f32.to_le_bytes());
+    }
+    put(344, b"n+1\0");
+    header.extend(ball().iter().flat_map(|v| v.to_le_bytes()));
+    fs::write(path, header).expect("a file can be written");
+}
+
+#[test]
+fn p14_forms_of_a_nifti_that_differ_are_said() {
+    let place = folder();
+    let input = place.path().join("in.nii");
+    let case = Case { place, input };
+    nifti(&case.input, 3.0);
+    case.all_say(
+        &[],
+        0,
+        "sform and qform of the header place the volume differently, by up to 3.000 mm; the sform is used",
+    );
+    let input = Input::read(&case.input, &ReadOptions::default()).expect("it is sound");
+    let origin = input.surveyed.expect("it is a volume").volume.grid.origin;
+    assert_eq!(origin.to_array(), [0.0; 3], "that of the sform");
+    nifti(&case.input, 0.01);
+    case.none_doubts(&[]);
+}
+
+/// Value of a pixel of [`rings`] of radius `r`, where they are not smooth.
+fn ring([near, middle, far]: [u8; 3], r: f64, x: u32, y: u32) -> u8 {
+    match (f64::from(x) - 15.5).hypot(f64::from(y) - 15.5) - r {
+        d if d < -4.0 => far,
+        d if d < 0.0 => middle,
+        _ => near,
+    }
+}
+
+/// Radii of the slices of [`rings`].
+const RADII: [f64; 3] = [8.0, 10.0, 7.0];
+
+/// Slices of rings: a value within, another one without.
+fn rings(values: [u8; 3], smooth: bool) -> Case {
+    let place = folder();
+    for (k, r) in RADII.into_iter().enumerate() {
+        let smoothed = |x: u32, y: u32| match (f64::from(x) - 15.5).hypot(f64::from(y) - 15.5) - r {
+            d if d < -0.5 => values[2],
+            d if d < 0.5 => values[1],
+            _ => values[0],
+        };
+        let value = |x: u32, y: u32| if smooth { smoothed(x, y) } else { ring(values, r, x, y) };
+        let image = image::GrayImage::from_fn(32, 32, |x, y| image::Luma([value(x, y)]));
+        image.save(place.path().join(format!("s{k}.png"))).expect("a PNG can be written");
+    }
+    let text = r#"{"spacing_xy": [1, 1], "slices": [{"file": "s0.png", "z": 0}, {"file": "s1.png", "z": 4},
+        {"file": "s2.png", "z": 8}]}"#;
+    write_stack(place.path(), text);
+    let input = place.path().to_path_buf();
+    Case { place, input }
+}
+
+#[test]
+fn p14_of_a_few_values_one_is_asked_for() {
+    rings([0, 127, 255], false).all_say(
+        &[],
+        2,
+        "slices have 3 values, 0, 127, 255: which of them is the body? `--label N`",
+    );
+    rings([0, 127, 255], false).none_doubts(&["--level", "100"]);
+    rings([0, 127, 255], false).none_doubts(&["--label", "127"]);
+    rings([0, 127, 255], false).all_say(
+        &["--label", "3"],
+        2,
+        "`label` must be a value of the pixels (0, 127, 255); got 3",
+    );
+    rings([0, 127, 255], false).all_say(
+        &["--label", "ring"],
+        2,
+        "`label` is the value of the pixels in a folder of images",
+    );
+    rings([0, 127, 255], true).none_doubts(&[]);
+    rings([0, 255, 255], false).none_doubts(&[]);
+}
+
+#[test]
+fn a_label_is_one_value_of_images() {
+    let values = [0, 127, 255];
+    let case = rings(values, false);
+    for wanted in [127, 255] {
+        let label = Some(LabelName::Number(i64::from(wanted)));
+        let stack =
+            Input::read(&case.input, &ReadOptions { label, ..ReadOptions::default() }).expect("it is sound").stack;
+        for (slice, r) in stack.slices.iter().zip(RADII) {
+            let inside = |n: u32| ring(values, r, n % 32, n / 32) == wanted;
+            assert!((0..32 * 32).all(|n| slice.content.inside(n as usize) == inside(n)), "{wanted}: {}", slice.name);
+        }
+    }
+}
+
+/// Bands of two columns, each brighter by `step` than the one before, on two slices.
+fn bands(count: u32, step: u32) -> Result<Input, String> {
+    let place = folder();
+    let image = image::GrayImage::from_fn(2 * count, 8, |x, _| image::Luma([(x / 2 * step) as u8]));
+    image.save(place.path().join("s.png")).expect("a PNG can be written");
+    let text = r#"{"spacing_xy": [1, 1], "slices": [{"file": "s.png", "z": 0}, {"file": "s.png", "z": 4}]}"#;
+    write_stack(place.path(), text);
+    Input::read(place.path(), &ReadOptions::default()).map_err(|e| e.to_string())
+}
+
+#[test]
+fn p14_values_that_leap_from_one_to_the_next_are_labels_and_others_grey() {
+    for few in [3, 16] {
+        let said = bands(few, 10).expect_err("a few values");
+        assert!(said.contains(&format!("slices have {few} values, 0, 10, 20")), "{said}");
+    }
+    for (many, step) in [(17, 15), (25, 4)] {
+        let said = bands(many, step).expect_err("labels");
+        assert!(said.contains("slices have more than 16 values") && said.contains("as of labels"), "{said}");
+    }
+    // A field that rises as slowly, in smaller steps: what lies above half way is the body.
+    let stack = bands(100, 2).expect("grey values").stack;
+    assert!((0..200).all(|x| stack.slices[0].content.inside(x) == (x / 2 * 2 > 99)));
+}
+
+/// Cells of 25 numbers on each image, as programs that find cells write them, and what their levels would make of them.
+#[test]
+fn images_of_many_labels_are_no_grey_values() {
+    let cell = |x: u32, y: u32| {
+        let near = (x % 6).abs_diff(3).pow(2) + (y % 6).abs_diff(3).pow(2) <= 6;
+        if near { (1 + x / 6 + 5 * (y / 6)) as u8 } else { 0 }
+    };
+    let case = images(&["s0.png", "s1.png", "s2.png"], |x, y, _| cell(x, y));
+    case.all_say(&SPACED, 2, "slices have more than 16 values");
+    case.none_doubts(&["--spacing", "1,1,4", "--label", "7"]);
+    // The same cells with noise, as in a picture.
+    let noise = |x: u32, y: u32, k: usize| (x * 7 + y * 13 + x * y * 5 + k as u32 * 3) % 11;
+    let picture = |x, y, k| 100 * u8::from(cell(x, y) > 0) + noise(x, y, k) as u8;
+    let case = || images(&["s0.png", "s1.png", "s2.png"], picture);
+    case().all_say(&SPACED, 0, "inside is what is above 55, half way of the slices' values; --level V names another");
+    case().none_doubts(&["--spacing", "1,1,4", "--level", "55"]);
+}
+
+/// A pixel that is far brighter, or darker, than all others draws the range of values, and half way there is no body.
+#[test]
+fn a_level_that_an_odd_pixel_has_drawn_away_is_not_taken() {
+    let names = ["s0.png", "s1.png", "s2.png", "s3.png"];
+    let odd = |x: u32, y: u32, k: usize| (x, y, k) == (3, 3, 1);
+    let picture =
+        |x: u32, y: u32, k: usize| 20 + 40 * u8::from(in_disc(x, y, k)) + (x * 7 + y * 13 + x * y * 5) as u8 % 11;
+    images(&names, picture).all_say(&SPACED, 0, "inside is what is above 45, half way");
+    let hot = || images(&names, |x, y, k| if odd(x, y, k) { 255 } else { picture(x, y, k) });
+    hot().all_say(&SPACED, 2, "1 lie above half way (137.5): --level V must name what bounds the body");
+    hot().none_doubts(&["--spacing", "1,1,4", "--level", "45"]);
+    let light = |x, y, k| 255 - picture(x, y, k);
+    let dead = images(&names, |x, y, k| if odd(x, y, k) { 0 } else { light(x, y, k) });
+    dead.all_say(&SPACED, 2, "1 lie below half way (117.5)");
+    // A small body on a large sheet, smoothed, is no odd pixel.
+    let small = |x: u32, y: u32| [255, 128, 60].get((x.abs_diff(9) + y.abs_diff(8)) as usize).copied().unwrap_or(0);
+    images(&names, |x, y, _| small(x, y)).none_doubts(&SPACED);
+}
+
+#[test]
+fn a_gap_in_what_is_drawn_plane_by_plane_is_told() {
+    let stack = |heights: &[f64]| {
+        let place = folder();
+        let slice = |z: &f64| format!(r#"{{"z": {z}, "polygons": [[[0, 0], [20, 0], [20, 20], [0, 20]]]}}"#);
+        let slices: Vec<String> = heights.iter().map(slice).collect();
+        write_stack(
+            place.path(),
+            &format!(r#"{{"unit": "mm", "spacing_xy": [1, 1], "slices": [{}]}}"#, slices.join(", ")),
+        );
+        let input = place.path().to_path_buf();
+        Case { place, input }
+    };
+    let told = "slices lie 3.000 apart, but none between 12.000 and 42.000: interpolated across";
+    stack(&[0.0, 3.0, 6.0, 9.0, 12.0, 42.0, 45.0, 48.0]).all_say(&[], 0, told);
+    stack(&[0.0, 3.0, 6.0, 9.0, 12.0, 21.0, 24.0, 27.0]).none_doubts(&[]);
+    // A volume says it in slices.
+    let voxels = volume(|at| u16::from((at[2] < 8 || at[2] > 20) && in_ball([at[0], at[1], 16], 9.0)));
+    let case = Case::new(&voxels, "1 1 1");
+    case.all_say(&[], 0, "painted slice by slice, but not on 8 to 20");
+    assert!(case.said(&[]).iter().all(|(_, said)| !said.contains("but none between")));
+}
+
+#[test]
+fn a_rule_for_an_end_that_an_empty_slice_passes_over_is_told() {
+    let case = Case::new(&volume(|at| u16::from(in_ball(at, 9.0))), "1 1 1");
+    let out = case.place.path().join("out.nrrd").display().to_string();
+    let told = |options: &[&str]| {
+        let output = interslice(&[&["reconstruct", case.path(), "--backend", "cpu", "-o", &out], options].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let said = stderr(&output);
+        said.lines().filter(|line| line.contains("changes nothing")).map(str::to_owned).collect::<Vec<_>>()
+    };
+    // Slices 0 to 30 are chosen, those from 8 to 24 are painted.
+    let found = told(&["--keep", "3", "--end-top", "peak=40", "--end-bottom", "extrapolate"]);
+    assert_eq!(found.len(), 2, "{found:?}");
+    assert!(found[0].contains("`end_bottom` = extrapolate") && found[0].contains("at 0 "), "{found:?}");
+    assert!(found[1].contains("`end_top` = peak=40") && found[1].contains("at 30 "), "{found:?}");
+    // The painted ones alone, and flat ends.
+    assert!(told(&["--end-top", "extrapolate"]).is_empty());
+    assert!(told(&["--keep", "3"]).is_empty());
+    assert!(told(&["--slices", "9,12,15,18,21,24", "--end-top", "extrapolate"]).is_empty());
+}

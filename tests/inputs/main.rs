@@ -1,0 +1,20 @@
+//! What is read: volumes, images, polygons, RT structure sets and contour maps, and what is said of them before the work.
+
+mod doubts;
+#[path = "../support/files.rs"]
+mod files;
+#[cfg(feature = "geopackage")]
+mod geopackage;
+mod grey_volumes;
+#[cfg(feature = "terrain")]
+mod map_units;
+#[cfg(feature = "zarr")]
+mod ome_zarr;
+mod polygons;
+#[path = "../support/rtss.rs"]
+mod rtss;
+#[cfg(feature = "dicom")]
+mod rtstruct;
+#[cfg(feature = "terrain")]
+mod terrain;
+mod volumes;

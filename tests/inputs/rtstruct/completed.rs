@@ -1,0 +1,69 @@
+//! Structure sets out: the contours between those that were drawn.
+
+use std::fs;
+use std::path::Path;
+
+use dicom_dictionary_std::tags;
+use dicom_object::open_file;
+
+use super::checks::*;
+use crate::files::{folder, sound_stack};
+use crate::rtss::*;
+
+#[test]
+fn a_completed_set_keeps_what_was_drawn_and_marks_what_was_not() {
+    let place = folder();
+    let (path, out) = (place.path().join("a.dcm"), place.path().join("b.dcm"));
+    // The body is drawn on every image, the tumour on every third.
+    let body: Vec<f64> = (0..13).map(|k| f64::from(k) * 2.0).collect();
+    write(&[("tumour", tube(10.0, &[6.0, 12.0, 18.0])), ("body", tube(40.0, &body))], &path);
+    let arguments = ["reconstruct", &path.display().to_string(), "--roi", "tumour", "-o", &out.display().to_string()];
+    said(&[&arguments[..], &["-q", "--backend", "cpu"]].concat(), 0);
+    let (old, new) = (contours_of(&path), contours_of(&out));
+    assert_eq!(new[1], old[1]);
+    assert_eq!(new[0][..3], old[0][..]);
+    let heights = |contours: &[(String, String)]| -> Vec<f64> {
+        contours
+            .iter()
+            .map(|(_, data)| data.split('\\').nth(2).and_then(|z| z.trim().parse().ok()).expect("a height"))
+            .collect()
+    };
+    assert_eq!(heights(&new[0][3..]), [8.0, 10.0, 14.0, 16.0]);
+    for (kind, data) in &new[0][3..] {
+        assert_eq!(kind, CLOSED);
+        let values: Vec<f64> = data.split('\\').map(|t| t.trim().parse().expect("a number")).collect();
+        let off = |p: &[f64; 3]| ((p[0] - 100.0).hypot(p[1] + 50.0) - 10.0).abs();
+        let worst = values.as_chunks::<3>().0.iter().map(off).fold(0.0, f64::max);
+        assert!(worst < 0.15, "{worst} mm off the tube");
+    }
+    let object = open_file(&out).expect("the file opens");
+    let top = |tag| object.element(tag).expect("it is there").to_str().expect("text").into_owned();
+    assert!(top(tags::SOP_INSTANCE_UID).starts_with("2.25.") && top(tags::SERIES_INSTANCE_UID).starts_with("2.25."));
+    assert_ne!(top(tags::SOP_INSTANCE_UID), top(tags::SERIES_INSTANCE_UID));
+    assert_eq!(object.meta().media_storage_sop_instance_uid(), top(tags::SOP_INSTANCE_UID));
+    assert_eq!(top(tags::APPROVAL_STATUS), "UNAPPROVED");
+    let rois = object.element(tags::STRUCTURE_SET_ROI_SEQUENCE).expect("it is there").items().expect("a sequence");
+    let said_of = rois[0].element(tags::ROI_DESCRIPTION).expect("it is there").to_str().expect("text");
+    assert_says(&said_of, &["contours on 4 planes are interpolated, at 8, 10, 14, 16"]);
+    assert!(rois[1].get(tags::ROI_DESCRIPTION).is_none());
+    // The same again, byte by byte; and it is an input.
+    let bytes = fs::read(&out).expect("it was written");
+    said(&[&arguments[..], &["-q", "--backend", "cpu"]].concat(), 0);
+    assert_eq!(fs::read(&out).expect("it was written"), bytes);
+    assert_eq!(stack(&out, &["tumour"]).slices.len(), 7);
+}
+
+#[test]
+fn a_completed_set_needs_a_set_and_one_roi() {
+    let place = folder();
+    sound_stack(place.path());
+    let (path, out) = (place.path().join("a.dcm"), place.path().join("b.dcm").display().to_string());
+    write(&[("a", tube(10.0, &[0.0, 3.0])), ("b", tube(12.0, &[0.0, 3.0]))], &path);
+    let (folder, input) = (place.path().display().to_string(), path.display().to_string());
+    assert_says(&said(&["reconstruct", &folder, "-o", &out], 2), &["b.dcm", "needs an RTSTRUCT"]);
+    assert_says(&said(&["reconstruct", &input, "--roi", "a", "--roi", "b", "-o", &out], 2), &["b.dcm", "merged"]);
+    assert_says(&said(&["reconstruct", &input, "--roi", "a", "-o", &input], 2), &["is the input"]);
+    said(&["reconstruct", &input, "--all-rois", "-o", &out, "-q", "--backend", "cpu"], 0);
+    // Every ROI has got its middle plane.
+    assert_eq!(contours_of(Path::new(&out)).iter().map(Vec::len).collect::<Vec<_>>(), [3, 3]);
+}

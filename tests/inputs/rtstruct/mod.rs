@@ -1,0 +1,9 @@
+//! RT structure sets in and out: files that this test writes itself.
+
+mod checks;
+mod completed;
+mod contours;
+mod damaged;
+mod found;
+mod planes;
+mod rois;

@@ -1,0 +1,11 @@
+//! Several bodies in one run: label volumes and images, segments, masks, each with its slices and its name.
+
+#[path = "../support/files.rs"]
+mod files;
+mod label_images;
+mod members;
+mod own_slices;
+mod partitions;
+#[path = "../support/rtss.rs"]
+mod rtss;
+mod segments;

@@ -1,0 +1,18 @@
+//! What is written: meshes, volumes, scenes, reports, where they lie and what they say of their making.
+
+mod appearance;
+#[path = "../support/files.rs"]
+mod files;
+mod like;
+mod p16_far_from_origin;
+mod provenance;
+mod relief;
+mod report;
+#[path = "../support/rtss.rs"]
+mod rtss;
+mod scenes;
+mod stream;
+#[path = "../support/mod.rs"]
+mod support;
+mod thin;
+mod volume_formats;

@@ -1,0 +1,31 @@
+//! What the surface is, from the library: exact, closed, connected, the same however it lies, on shapes whose mathematics is known.
+
+mod body;
+mod borders;
+mod budget;
+mod certificate;
+mod closing;
+mod cut_bodies;
+mod displacement;
+mod ends;
+#[path = "../support/files.rs"]
+mod files;
+mod holdout;
+mod kernels;
+mod known_part;
+mod links;
+mod mesh;
+mod moving_frame;
+mod pipeline;
+mod properties;
+mod sections;
+#[path = "../shapes/mod.rs"]
+mod shapes;
+mod smooth;
+mod sphere_volumes;
+mod stack;
+#[path = "../support/mod.rs"]
+mod support;
+mod sweeps;
+mod together;
+mod topology;

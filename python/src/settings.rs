@@ -8,6 +8,7 @@ use interslice::files::options::OutputOptions;
 use interslice::preset::Preset;
 use interslice::settings::Link;
 use interslice::stack::ReadOptions;
+use interslice::storage::json::parse;
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -163,7 +164,7 @@ fn all_names() -> Vec<String> {
 
 fn linked(links: &Bound<'_, PyAny>) -> PyResult<Vec<Link>> {
     let json = links.py().import("json")?.call_method1("dumps", (links,))?.extract::<String>()?;
-    serde_json::from_str(&json).map_err(|e| wrong(LINKS, format!("{e}; got {json}")))
+    parse(&json).map_err(|e| wrong(LINKS, format!("{e}; got {json}")))
 }
 
 /// Settings, the machine, and what is left: `settings` is a base for those that are named.

@@ -62,7 +62,9 @@ def test_settings_are_values() -> None:
     ("wrong", "error", "words"),
     [
         ({"fair": 9}, ValueError, r"`fair` must lie in \[0, 1.5\]; got 9"),
-        ({"method": "magic"}, ValueError, "`method` = \"magic\": unknown variant `magic`"),
+        ({"method": "magic"}, ValueError, "`method` = \"magic\": expected morph or field"),
+        ({"method": 1}, ValueError, "`method` = 1: expected morph or field"),
+        ({"fair": "much"}, ValueError, 'invalid type: string "much", expected a number'),
         ({"fairing": 1}, TypeError, "unknown option `fairing`; there are method, fair"),
         ({"fair": object()}, TypeError, "`fair` must be a number, a text, True, False or a list; got object"),
         ({"preset": "slow"}, ValueError, "`preset` must be one of paper, fast; got `slow`"),

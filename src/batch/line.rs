@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::error::{Error, Result};
+use crate::storage::kinds::in_words;
 use crate::storage::regular::unmarked;
 
 /// Columns of a CSV manifest; the last may be left out.
@@ -86,7 +87,7 @@ pub fn text(lines: &[ManifestLine], path: &Path) -> Result<String> {
 fn json_error(e: &serde_json::Error) -> String {
     let said = e.to_string();
     let said = said.rsplit_once(" at line ").map_or(said.as_str(), |(said, _)| said);
-    format!("{said} (column {})", e.column())
+    format!("{} (column {})", in_words(said), e.column())
 }
 
 /// What stands between the cells: spreadsheets write `;` where the comma is that of numbers. Of a header of one cell nothing tells.
@@ -116,6 +117,10 @@ fn read_csv(text: &str) -> std::result::Result<Vec<Numbered>, String> {
     let mut lines = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|e| e.to_string())?;
+        // As spreadsheets leave them behind the last line.
+        if record.iter().all(str::is_empty) {
+            continue;
+        }
         let number = record.position().map_or(0, |p| line_of(text, p.byte() as usize));
         let cell = |name: &str| place(name).and_then(|k| record.get(k)).unwrap_or_default();
         let line = if record.len() == header.len() {

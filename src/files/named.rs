@@ -1,11 +1,13 @@
 //! Options given by name, as a settings file or a line of a manifest has them: the names are those of the long options, with _ for -.
 
+use clap::builder::PossibleValue;
 use clap::{Args, Command, ValueEnum};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use toml::Table;
 
 use crate::preset::Preset;
+use crate::storage::kinds::in_words;
 
 /// Name by which settings are asked for under theirs.
 pub const PRESET: &str = "preset";
@@ -28,16 +30,22 @@ impl Named {
         overruled: impl Fn(&str) -> bool,
     ) -> (T, Vec<String>) {
         let (mut claimed, mut wrong) = (base, Vec::new());
-        for key in names::<T>() {
+        let command = T::augment_args(Command::new("options"));
+        for argument in command.get_arguments() {
+            let key = argument.get_id().to_string();
             let Some(value) = self.0.remove(&key).filter(|_| !overruled(&key)) else { continue };
             // One key at a time, so that a wrong value is told by its name.
             let with = Table::try_from(&claimed).map_err(|e| e.to_string()).and_then(|mut table| {
                 table.insert(key.clone(), value.clone());
-                table.try_into::<T>().map_err(|e| e.message().trim_end().to_string())
+                table.try_into::<T>().map_err(|e| in_words(e.message().trim_end()))
             });
             match with {
                 Ok(with) => claimed = with,
-                Err(e) => wrong.push(format!("`{key}` = {value}: {e}")),
+                // Of the kinds that a choice may be written in, only its names are told.
+                Err(e) => match argument.get_possible_values() {
+                    choices if choices.is_empty() => wrong.push(format!("`{key}` = {value}: {e}")),
+                    choices => wrong.push(format!("`{key}` = {value}: expected {}", one_of(&choices))),
+                },
             }
         }
         (claimed, wrong)
@@ -50,16 +58,19 @@ impl Named {
     pub fn preset(&mut self) -> Result<Option<Preset>, String> {
         let Some(value) = self.0.remove(PRESET) else { return Ok(None) };
         let known = value.as_str().and_then(|name| Preset::from_str(name, false).ok());
-        let names =
-            || Preset::value_variants().iter().filter_map(|p| Some(p.to_possible_value()?.get_name().to_string()));
-        let expected = || names().collect::<Vec<_>>().join(" or ");
-        known.map(Some).ok_or_else(|| format!("`{PRESET}` = {value}: expected {}", expected()))
+        let choices: Vec<_> = Preset::value_variants().iter().filter_map(ValueEnum::to_possible_value).collect();
+        known.map(Some).ok_or_else(|| format!("`{PRESET}` = {value}: expected {}", one_of(&choices)))
     }
 
     /// Names that nothing has claimed.
     pub fn unknown(&self) -> impl Iterator<Item = &str> {
         self.0.keys().map(String::as_str)
     }
+}
+
+/// Names to choose one of.
+fn one_of(choices: &[PossibleValue]) -> String {
+    choices.iter().map(PossibleValue::get_name).collect::<Vec<_>>().join(" or ")
 }
 
 /// Names of a kind of options.

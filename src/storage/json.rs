@@ -2,15 +2,17 @@
 
 use serde::de::DeserializeOwned;
 
-/// The value of a text, or what is wrong and where: `slices[3].z: invalid type: null, expected f64 at line 7 column 12`.
+use super::kinds::in_words;
+
+/// The value of a text, or what is wrong and where: `slices[3].z: invalid type: null, expected a number at line 7 column 12`.
 pub fn parse<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     // Keys are followed only where something is wrong: it takes time.
     serde_json::from_str(text).map_err(|e| {
         let again = serde_path_to_error::deserialize::<_, T>(&mut serde_json::Deserializer::from_str(text));
         match again.err().map(|told| told.path().to_string()) {
             // What is not read as far as its key has none.
-            Some(path) if path.chars().any(char::is_alphanumeric) => format!("{path}: {e}"),
-            _ => e.to_string(),
+            Some(path) if path.chars().any(char::is_alphanumeric) => format!("{path}: {}", in_words(&e.to_string())),
+            _ => in_words(&e.to_string()),
         }
     })
 }
@@ -27,7 +29,7 @@ mod tests {
         assert_eq!(parse::<Vec<f64>>("[1, 2.5]"), Ok(vec![1.0, 2.5]));
         assert_eq!(
             wrong(r#"{"a": [], "b": [[1], [2, null]]}"#),
-            "b[1][1]: invalid type: null, expected f64 at line 1 column 29"
+            "b[1][1]: invalid type: null, expected a number at line 1 column 29"
         );
         assert_eq!(wrong(r#"{"a": [[NaN]]}"#), "a[0][0]: expected value at line 1 column 9");
         assert!(wrong("{").starts_with("EOF while parsing an object"), "{}", wrong("{"));

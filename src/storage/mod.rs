@@ -2,6 +2,7 @@
 
 pub mod folders;
 pub mod json;
+pub mod kinds;
 pub mod regular;
 pub mod room;
 pub mod spill;

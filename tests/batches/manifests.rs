@@ -159,7 +159,7 @@ fn every_wrong_line_is_named_before_anything_runs() {
         "b.docx: cannot write: unknown extension; expected .nrrd",
         "b.stl is named twice",
         "line 6: options: unknown option `colour`; there are dz,",
-        "line 6: options: `cfl` = \"fast\"",
+        "line 6: options: `cfl` = \"fast\": invalid type: string \"fast\", expected a number",
         "line 6: options: `sigma` must lie in (0, 5]; got 9",
         "line 6: input: `roi` is not for anything but an RTSTRUCT",
         "line 7: unknown field `more`",
@@ -187,7 +187,7 @@ fn every_wrong_line_is_named_before_anything_runs() {
     refused(
         "bad.csv",
         "id,input,outputs,options\na,cases/case00,a.stl,fair=2;fair=1\n\r\n\nb,cases/case00\nc,cases/case00,c.stl,fair=7\n\
-         d,cases/case00,d.stl,preset=quick",
+         d,cases/case00,d.stl,preset=quick\n,,,\n ;\n,a,,",
         &[
             "line 2: option `fair` is named twice",
             "line 5: 2 cells, but the header has 4",
@@ -195,6 +195,8 @@ fn every_wrong_line_is_named_before_anything_runs() {
             "got 7",
             "line 7: options: `preset`",
             "expected paper or fast",
+            "line 9: 1 cells",
+            "line 10: `id` must not be empty",
         ],
     );
     refused("bad.jsonl", "\n\n", &["has no jobs"]);

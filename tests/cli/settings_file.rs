@@ -85,6 +85,15 @@ fn a_settings_file_may_name_a_preset() {
     assert_eq!(wrong.status.code(), Some(2), "{wrong:?}");
     let said = stderr(&wrong);
     assert!(said.contains("s.toml") && said.contains("quick") && said.contains("paper or fast"), "{said}");
+    for (text, words) in [
+        ("method = 1", "`method` = 1: expected morph or field"),
+        ("fair = \"much\"", "`fair` = \"much\": invalid type: string \"much\", expected a number"),
+        ("redistance = -1", "expected a whole number from 0"),
+        ("mask = 1", "`mask` = 1: expected true or false"),
+    ] {
+        let said = stderr(&run(text, &[]));
+        assert!(said.contains(words), "{text}: {said}");
+    }
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! What a node moves by: its difference `K v - v` less what the contours of its interval would move by, read along the trajectories.
+//! What a node moves by: its difference `K v - v - P` less what the contours of its interval would move by, read along the trajectories.
 
 use std::ops::Range;
 
@@ -9,6 +9,7 @@ use super::along::add;
 use super::kept::{Near, Node, Transformed};
 use super::limit::{goes_on, limited};
 use super::near::{SATURATED, fade, nearer, nearness, widest};
+use super::plane::Plane;
 use super::{Fairing, in_pool};
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::spline::smoothstep;
@@ -34,7 +35,7 @@ impl Fairing<'_> {
         Some(offsets)
     }
 
-    /// `K v - v` at node `k`, zero far from its surface.
+    /// `K v - v - P` at node `k`, zero far from its surface.
     fn difference(&self, k: usize) -> SparseImage<f32> {
         let dims = self.spec.dims;
         let Some(own) = self.node(k).and_then(|node| node.made.as_ref()) else { return SparseImage::filled(dims, 0.0) };
@@ -46,9 +47,12 @@ impl Fairing<'_> {
         };
         let terms: Vec<(&SparseImage<f32>, f32, Option<Displacement>)> =
             self.nodes.weights(k).into_iter().filter_map(term).collect();
+        let plane = Plane::new(&self.nodes, k, self.bound());
+        let beside = self.nodes.beside(k).map(|l| term((l, 1.0)));
         let nowhere = |square: [usize; 2]| own.squares.is_far(square).then_some([0.0]);
         let [difference] = SparseImage::of_stretches(dims, nowhere, |[left, first], width, [rows]: [&mut [f32]; 1]| {
             let mut row = vec![0.0; width];
+            let mut there: [Vec<f32>; 2] = Default::default();
             for (j, out) in (first..).zip(rows.chunks_exact_mut(width)) {
                 own.v.read(left, j, &mut row);
                 for pixels in nearer(&row, far) {
@@ -57,6 +61,17 @@ impl Fairing<'_> {
                     for (v, w, offsets) in &terms {
                         add(v, *w, offsets.as_ref(), j, left + pixels.start, out);
                     }
+                    for (there, term) in there.iter_mut().zip(&beside) {
+                        there.clear();
+                        match term {
+                            Some((v, w, offsets)) => {
+                                there.resize(row.len(), 0.0);
+                                add(v, *w, offsets.as_ref(), j, left + pixels.start, there);
+                            }
+                            None => there.extend_from_slice(row),
+                        }
+                    }
+                    plane.take_off(row, [&there[0], &there[1]], out);
                     if at_contour {
                         let fading = out.iter_mut().zip(row);
                         fading.for_each(|(sum, own)| *sum *= fade(own.abs() / self.bound()) as f32);

@@ -47,7 +47,7 @@ pub struct Node {
     pub phi: Arc<SparseImage<f32>>,
     /// Correction, as soon as the node above is known.
     pub made: Option<Transformed>,
-    /// Difference of a contour, `K v - v`, until the interval above it is corrected.
+    /// Difference of a contour, `K v - v - P`, until the interval above it is corrected.
     pub difference: Option<SparseImage<f32>>,
     /// Correction of a node between contours.
     pub correction: Option<SparseImage<f32>>,

@@ -119,7 +119,7 @@ fn transform_row(lines: [&[f32]; 5], per: [f32; 3], bound: f32, [v, gradient, si
 
 /// tanh by Lambert's continued fraction cut after x^9, to 1e-5, a constant beyond FLAT. Unlike the system's it is computed for many pixels at once.
 #[inline(always)]
-fn tanh(x: f32) -> f32 {
+pub fn tanh(x: f32) -> f32 {
     let x = x.clamp(-FLAT, FLAT);
     let s = x * x;
     let p = x * ((((s + 990.0) * s + 135_135.0) * s + 4_729_725.0) * s + 34_459_425.0);

@@ -243,7 +243,7 @@ pub struct Settings {
     #[arg(long, value_name = "RULE", default_value_t = Settings::default().end_top, help_heading = "Ends")]
     pub end_top: EndRule,
 
-    /// Largest height of an extrapolated end, in gaps, (0, 10] [default: 2, of a contour map 1: the next level was not drawn]
+    /// Largest height of an extrapolated end, in gaps, (0, 10] [default: 2 of the wider of the last two, of a contour map 1 of the last: the next level was not drawn]
     #[arg(long, value_name = "GAPS", help_heading = "Ends")]
     pub cap_gaps: Option<f64>,
 
@@ -326,9 +326,9 @@ impl Settings {
             .map(|(rule, clamp)| rule != EndRule::Flat || clamp.is_some())
     }
 
-    /// Largest height of an extrapolated end, in gaps.
-    pub fn highest_cap(&self) -> f64 {
-        self.cap_gaps.unwrap_or(CAP_GAPS)
+    /// Largest height of an extrapolated end beside gaps, the outermost first. A slice close beside the last one says no less of how the body ends.
+    pub fn highest_cap(&self, gaps: [f64; 2]) -> f64 {
+        self.cap_gaps.map_or(CAP_GAPS * gaps[0].max(gaps[1]), |count| count * gaps[0])
     }
 
     /// A sentence for each setting that was changed and changes nothing, because of another.
@@ -370,7 +370,7 @@ impl Settings {
             Err(Error::Setting { name: name.into(), message })
         };
         within("sigma", self.sigma, 0.0, 5.0, true)?;
-        within("cap_gaps", self.highest_cap(), 0.0, 10.0, true)?;
+        within("cap_gaps", self.cap_gaps.unwrap_or(CAP_GAPS), 0.0, 10.0, true)?;
         within("fair", self.fair, 0.0, 1.5, false)?;
         within("link_reach", self.link_reach, 0.0, 20.0, true)?;
         within("cfl", self.cfl, 0.05, 0.9, false)?;

@@ -51,14 +51,17 @@ impl Law {
         let (law, rule) = match quadratic(areas, away) {
             None => (Law::paraboloid(area, (area - inner) / gap, f64::INFINITY)?, CapRule::Paraboloid),
             Some([slope, bend]) => {
-                let root = slope * slope - 4.0 * area * bend;
-                if slope < 0.0 && root >= 0.0 {
-                    // The nearer zero, in the form that does not cancel.
-                    (Law::ending(area, slope, 2.0 * area / (root.sqrt() - slope)), CapRule::Quadratic)
-                } else {
-                    let [radius, wider] = [area, inner].map(f64::sqrt);
-                    (Law { area, height: radius * gap / (wider - radius), power: 2.0 }, CapRule::Cone)
-                }
+                // Of cones 0, of paraboloids 1, of balls more. The nearer zero of a cone's area is off by the root of what the area is off by: towards it
+                // the line through the radii has the say.
+                let root = (slope * slope - 4.0 * area * bend) / (slope * slope);
+                let share = if slope < 0.0 { smoothstep(root) } else { 0.0 };
+                let cone = Law { area, height: tip_of_cone(areas, away, -root), power: 2.0 };
+                // In the form that does not cancel.
+                let height = 2.0 * area / (-slope * (1.0 + root.max(0.0).sqrt()));
+                let blend = |a: f64, b: f64| if share > 0.0 { a + share * (b - a) } else { a };
+                let height = blend(cone.height, height);
+                let law = Law::ending(area, blend(cone.slope(), slope), height);
+                (law, if share < 0.5 { CapRule::Cone } else { CapRule::Quadratic })
             }
         };
         if law.height <= highest {
@@ -85,6 +88,22 @@ impl Law {
         };
         self.area * share
     }
+}
+
+/// Height of the tip above the outermost contour by the fall of the radii of the first three (least squares), the more so by that of the first two the more
+/// its flank flares, 0 for a cone.
+fn tip_of_cone(areas: &[f64], away: &[f64], flare: f64) -> f64 {
+    let count = areas.len().min(away.len()).min(3);
+    let radii: Vec<f64> = areas[..count].iter().map(|area| area.sqrt()).collect();
+    let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
+    let (middle, radius) = (mean(&away[..count]), mean(&radii));
+    let (mut rise, mut square) = (0.0, 0.0);
+    for (away, r) in away.iter().zip(&radii) {
+        rise += (away - middle) * (r - radius);
+        square += (away - middle).powi(2);
+    }
+    let (line, first) = (rise / square, (radii[1] - radii[0]) / away[1]);
+    radii[0] / if line > 0.0 { line + smoothstep(flare) * (first - line) } else { first }
 }
 
 /// Slope and half the second derivative, outward at the outermost, of the parabola through the first three areas; nothing where there are fewer.
@@ -134,6 +153,19 @@ mod tests {
             let volume: f64 = (0..1000).map(|k| found.at(0.003 * f64::from(k)) * 0.003).sum();
             // Seen: 9 % with 2 % of noise.
             assert!((volume / (8.0 / 3.0) - 1.0).abs() < 0.02 + 5.0 * noise.abs(), "{noise}: {found:?}, {volume}");
+        }
+    }
+
+    #[test]
+    fn the_tip_of_a_cone_does_not_follow_its_noise() {
+        // Areas off by up to 2 %, as those of a disc of 8 px are by its pixels; contours 0, 1.3 and 2.1 of a cone whose tip is 2 beyond. By the nearer zero
+        // of the areas alone tips lie 0.6 to 1.2 of the way.
+        for k in 0..200 {
+            let off = |n: usize| 0.02 * (1.7 * f64::from(k) + 2.9 * n as f64).sin();
+            let areas: Vec<f64> =
+                AWAY.iter().enumerate().map(|(n, away)| (2.0 + away).powi(2) * (1.0 + off(n))).collect();
+            let (found, _) = Law::through(&areas, &AWAY, 9.0).expect("it shrinks");
+            assert!((0.9..1.1).contains(&(found.height / 2.0)), "{k}: {}", found.height / 2.0);
         }
     }
 

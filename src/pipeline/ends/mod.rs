@@ -67,7 +67,7 @@ pub(super) fn end_matter<'a>(
 }
 
 fn end_spec<'a, 'm>(run: &Context<'a>, matter: &'m EndMatter, z: f64, side: usize) -> EndSpec<'m> {
-    let gap = matter.away.get(1).copied().unwrap_or(0.0);
+    let gap = |k: usize| matter.away.get(k + 1).map_or(0.0, |away| away - matter.away[k]);
     EndSpec {
         told_by_areas: 1.0 - run.span.change.relief,
         z,
@@ -75,8 +75,8 @@ fn end_spec<'a, 'm>(run: &Context<'a>, matter: &'m EndMatter, z: f64, side: usiz
         away: &matter.away,
         direction: [Direction::Down, Direction::Up][side],
         rule: [run.settings.end_bottom, run.settings.end_top][side],
-        gap,
-        highest: run.settings.highest_cap() * gap,
+        gap: gap(0),
+        highest: run.settings.highest_cap([0, 1].map(gap)),
         clamped: [run.settings.clamp_bottom, run.settings.clamp_top][side].is_some(),
     }
 }

@@ -9,7 +9,7 @@ use super::spread::{Spread, spread};
 use crate::error::{Error, Result};
 use crate::files::JobOptions;
 use crate::files::fingerprint::fingerprint;
-use crate::files::format::check_name;
+use crate::files::format::{check_name, check_page};
 use crate::files::named::{Named, PRESET, names};
 use crate::files::options::OutputOptions;
 use crate::files::pending::{Pending, Temporary};
@@ -122,12 +122,13 @@ impl Manifest {
         Ok(Manifest { path: path.into(), folder, jobs, left_out, places })
     }
 
-    /// Opens another file that is written under a temporary name.
+    /// Opens a page that is written under a temporary name.
     ///
     /// # Errors
-    /// [`Error::Output`] for a name that cannot be written, or is that of something a job reads or writes.
+    /// [`Error::Output`] for a name that is no page's, cannot be written, or is that of something a job reads or writes.
     pub fn page(&mut self, path: &Path) -> Result<Pending> {
-        Pending::open(path, false, Temporary::Random, &mut self.places)
+        let page = Pending::open(path, false, Temporary::Random, &mut self.places)?;
+        check_page(path).map(|()| page)
     }
 
     /// Adds another file that is written.

@@ -17,6 +17,9 @@ use crate::report::Report;
 /// Most bytes of a line that are looked at.
 const LONGEST_LINE: u64 = 16 << 20;
 
+/// What every line begins with.
+const LINE_BEGINS: &str = "{\"id\":";
+
 /// End of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -123,8 +126,9 @@ impl Results {
     /// The results in a file that need not exist.
     ///
     /// # Errors
-    /// [`Error::Read`].
+    /// [`Error::Read`]; [`Error::Output`] for a file of something else, of which an appended line would take the end.
     pub fn open(path: &Path) -> Result<Self> {
+        check_whose(path)?;
         let results = Results { path: path.into(), seen: Mutex::default() };
         let mut seen = results.seen.lock().unwrap_or_else(PoisonError::into_inner);
         results.refresh(&mut seen)?;
@@ -203,6 +207,26 @@ impl Results {
     }
 }
 
+/// Refuses a file that is there and holds no results: one that is not blank, has no line of a result, and is none either that a crash has cut short.
+fn check_whose(path: &Path) -> Result<()> {
+    let wrong = |message: &str| Err(Error::Output { path: path.into(), message: message.into() });
+    match std::fs::metadata(path) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Ok(of) if !of.is_file() => return wrong("is no file; results need a file of their own"),
+        _ => {}
+    }
+    let text = std::fs::read(path).map_err(|source| Error::Read { path: path.into(), source })?;
+    // A crash may leave zeros.
+    let blank = |text: &[u8]| text.iter().all(|b| b.is_ascii_whitespace() || *b == 0);
+    let result = |line: &[u8]| serde_json::from_slice::<ResultLine>(line).is_ok();
+    let cut_short = !text.contains(&b'\n') && text.starts_with(LINE_BEGINS.as_bytes());
+    if blank(&text) || cut_short || LINE_BEGINS.as_bytes().starts_with(&text) || text.split(|b| *b == b'\n').any(result)
+    {
+        return Ok(());
+    }
+    wrong("is there already and holds no results of a batch; results need a file of their own")
+}
+
 /// Where the lines of a file end but for a torn last one, and whether that is a line's end: what is JSON and lacks only that is not torn.
 fn whole_lines(file: &mut File) -> std::io::Result<(u64, bool)> {
     let end = file.seek(SeekFrom::End(0))?;
@@ -220,6 +244,37 @@ fn whole_lines(file: &mut File) -> std::io::Result<(u64, bool)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_file_of_something_else_is_refused() {
+        let place = tempfile::tempdir().expect("a folder can be made");
+        let path = place.path().join("results.jsonl");
+        let opened =
+            |text: &[u8]| std::fs::write(&path, text).map(|()| Results::open(&path).is_ok()).expect("it is there");
+        assert!(Results::open(&path).is_ok(), "it need not be there");
+        let line = ResultLine {
+            id: "a".into(),
+            status: Status::Failed,
+            error: None,
+            seconds: 0.0,
+            version: "1".into(),
+            fingerprint: None,
+            outputs: Vec::new(),
+            certificate: None,
+        };
+        let line = serde_json::to_vec(&line).expect("it is JSON");
+        assert!(line.starts_with(LINE_BEGINS.as_bytes()));
+        let torn = |n: usize| [&line[..], b"\n", &line[..n]].concat();
+        for ours in
+            [b"" as &[u8], b" \n\n", &[0; 64], &line, &line[..4], &line[..20], &torn(0), &torn(9), &torn(line.len())]
+        {
+            assert!(opened(ours), "{}", String::from_utf8_lossy(ours));
+        }
+        for other in [&b"DICM\0\0 and so on"[..], b"{\"id\": 1, \"input\": \"a\"}\n", b"notes", b"0", &[1; 3000]] {
+            assert!(!opened(other), "{}", String::from_utf8_lossy(other));
+        }
+        assert!(matches!(Results::open(place.path()), Err(Error::Output { .. })), "a folder");
+    }
 
     #[test]
     fn a_torn_line_ends_where_the_one_before_it_does() {

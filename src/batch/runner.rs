@@ -41,6 +41,8 @@ pub fn run(
     watch: &dyn Watch,
     stop: &AtomicBool,
 ) -> Result<Vec<Outcome>> {
+    // Before anything is made beside them.
+    let kept = Results::open(results)?;
     let batch = Batch {
         manifest,
         machine,
@@ -48,7 +50,7 @@ pub fn run(
         watch,
         stop,
         locks: Locks::open(&folder_of(results, "locks"))?,
-        results: Results::open(results)?,
+        results: kept,
         pictures: options.pictures.then(|| Pictures::open(results)).transpose()?,
         gate: Gate::new(options.memory),
         agenda: Mutex::new(Agenda { fresh: (0..manifest.jobs.len()).collect(), elsewhere: VecDeque::new() }),
@@ -84,7 +86,7 @@ fn run_workers(batch: &Batch<'_>, jobs: usize) {
 /// Whether each job is finished, in the manifest's order; nothing is written.
 ///
 /// # Errors
-/// [`Read`](crate::Error::Read).
+/// [`Output`](crate::Error::Output), [`Read`](crate::Error::Read) where the results cannot be used.
 pub fn finished(manifest: &Manifest, results: &Path, machine: &str) -> Result<Vec<bool>> {
     let results = Results::open(results)?;
     // An input that cannot be read is told when its job runs.

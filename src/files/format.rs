@@ -255,6 +255,20 @@ pub fn check_name(path: &Path) -> Result<()> {
     check_place(path, Format::of(path)?.is_folder())
 }
 
+/// Whether `path` can be a page by its name.
+///
+/// # Errors
+/// [`Error::Output`] with what was expected.
+pub fn check_page(path: &Path) -> Result<()> {
+    match Format::of(path) {
+        Ok(Format::Html) => Ok(()),
+        _ => {
+            let message = format!("is no page; expected {}", Format::Html.extension());
+            Err(Error::Output { path: path.into(), message })
+        }
+    }
+}
+
 /// Whether outputs may have an extension.
 ///
 /// # Errors

@@ -107,14 +107,17 @@ fn a_picture_costs_no_byte_of_the_outputs_and_outlives_the_run() {
 fn a_page_takes_nobodys_place() {
     let place = folder();
     let manifest = manifest(place.path());
+    fs::write(place.path().join("of_another.json"), "{}").expect("a file can be written");
     for (name, says) in [
         ("out/a.stl", "give the output a name"),
         ("jobs.jsonl", "is the manifest"),
         ("none/x.html", "there is no folder"),
+        ("of_another.json", "is no page; expected .html"),
     ] {
         let page = place.path().join(name);
         let output = interslice(&["batch", &manifest, "--index", page.to_str().expect("a name"), "-q"]);
         assert!(output.status.code() == Some(2) && stderr(&output).contains(says), "{name}: {}", stderr(&output));
     }
     assert!(!place.path().join("out").exists(), "no job has run");
+    assert_eq!(fs::read(place.path().join("of_another.json")).expect("it is there"), b"{}");
 }

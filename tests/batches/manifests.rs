@@ -64,6 +64,23 @@ fn a_batch_makes_what_single_runs_make_however_many_at_once() {
 }
 
 #[test]
+fn results_take_nobodys_place() {
+    let place = folder();
+    cases(place.path(), 1);
+    let kept = place.path().join("kept.dcm");
+    fs::write(&kept, b"a volume\n and its last line").expect("a file can be written");
+    for more in [&[][..], &["--dry-run"]] {
+        let name = kept.display().to_string();
+        let refused = batch(place.path(), &[&["--results", &name], more].concat());
+        let says = stderr(&refused);
+        assert!(refused.status.code() == Some(2) && says.contains("kept.dcm") && says.contains("no results"), "{says}");
+    }
+    assert_eq!(fs::read(&kept).expect("it is there"), b"a volume\n and its last line");
+    let names = ["cases", "kept.dcm", "manifest.jsonl"].map(|name| place.path().join(name));
+    assert_eq!(listing(place.path()), names);
+}
+
+#[test]
 fn what_has_not_changed_is_skipped_and_what_has_is_made_again() {
     let place = folder();
     let ids = cases(place.path(), 4);

@@ -97,6 +97,8 @@ pub struct OutputOptions {
 /// Share of the distance of planes by which a plane of another image and a slice may differ and be one: files round places and directions, and a plane
 /// that lay beside the last slice by less would be empty.
 const SAME_PLANE: f64 = 0.01;
+/// Share of what is drawn that may lie beyond a grid without a word: rims that a coarser one cuts.
+const BEYOND: f64 = 1e-3;
 
 /// Gives planes at increasing `heights` that lie on a slice that one's height.
 fn take_slices(heights: &mut [f64], slices: impl Iterator<Item = f64>) {
@@ -180,6 +182,17 @@ impl OutputOptions {
                     "`like` names a grid in {unit}, and the slices are in {own}: numbers are compared as they are, not places"
                 ));
             }
+        }
+        let frame = self.target.as_ref().and_then(|like| like.grid.frame(&stack.geometry).ok());
+        let beyond = frame.map_or(0.0, |frame| frame.beyond(stack));
+        if beyond > BEYOND {
+            doubts.push(format!(
+                "{} of what is drawn lies beyond the grid that `like` names, and is in no volume",
+                match 100.0 * beyond {
+                    share if share < 1.0 => "less than 1 %".into(),
+                    share => format!("{share:.0} %"),
+                }
+            ));
         }
         if let (Some(dz), Some(first), Some(last)) = (self.dz, stack.slices.first(), stack.slices.last()) {
             let high = last.z - first.z;

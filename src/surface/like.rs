@@ -3,7 +3,7 @@
 
 use std::io;
 
-use glam::{DVec2, DVec3};
+use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -12,12 +12,14 @@ use super::header::Header;
 use super::stream::{BodyWriter, Ending};
 use crate::grid::field::bilinear;
 use crate::grid::sparse_image::SparseImage;
-use crate::stack::{Geometry, HeightGrid};
+use crate::stack::{ContourStack, Geometry, HeightGrid};
 
 /// Part of a voxel by which planes of an image may leave those of the slices.
 const SLANT: f64 = 0.1;
 /// Part of their step by which planes of a volume may be uneven.
 const UNEVEN: f64 = 0.01;
+/// Pixels by which what lies on a grid's edge may be off.
+const ROUNDING: f64 = 1e-6;
 
 /// A grid in the world (LPS).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -122,6 +124,31 @@ impl LikeFrame {
         })
     }
 
+    /// Share of the pixels drawn on slices whose middle lies beyond its voxels; nothing of a raster, which shows a part of a map.
+    pub fn beyond(&self, stack: &ContourStack) -> f64 {
+        let Some(planes) = self.heights(&stack.geometry) else { return 0.0 };
+        let (Some(first), Some(last)) = (planes.first(), planes.last()) else { return 0.0 };
+        let half = 0.5 * (last - first) / (planes.len() - 1).max(1) as f64;
+        let pixels = self.pixels(&stack.geometry, stack.spacing);
+        let steps = DMat2::from_cols_array_2d(&pixels.steps.map(|step| step.to_array()));
+        let (to_pixels, [nx, ny]) = (steps.inverse(), pixels.dims);
+        let within = |i: usize, j: usize| {
+            let at = to_pixels * (DVec2::new(i as f64, j as f64) - pixels.first);
+            let edge = DVec2::splat(0.5 + ROUNDING);
+            at.cmpge(-edge).all() && at.cmple(DVec2::new(nx as f64, ny as f64) - 1.0 + edge).all()
+        };
+        let (mut all, mut lost) = (0usize, 0usize);
+        let columns = stack.dims[0];
+        for slice in &stack.slices {
+            let level = slice.z >= first - half && slice.z <= last + half;
+            for run in slice.content.mask().rows(columns) {
+                all += run.len();
+                lost += if level { run.filter(|n| !within(n % columns, n / columns)).count() } else { run.len() };
+            }
+        }
+        lost as f64 / all.max(1) as f64
+    }
+
     /// The header of a volume on the grid.
     pub fn header(&self, body: &Header) -> Header {
         let LikeGrid { dims, origin, steps, is_flat, .. } = &self.grid;
@@ -142,18 +169,19 @@ impl LikeFrame {
     /// A writer of layers of `body` through `inner`, which has the header of the grid; `nearest` where layers have numbers of labels, which have
     /// nothing between them.
     pub fn writer(&self, inner: Box<dyn BodyWriter>, body: &Header, nearest: bool) -> Box<dyn BodyWriter> {
+        Box::new(LikeWriter { inner, pixels: self.pixels(&body.geometry, body.spacing), nearest })
+    }
+
+    /// Its pixels among those of layers.
+    fn pixels(&self, geometry: &Geometry, spacing: [f64; 2]) -> LikePixels {
         let [u, v, _] = self.order;
-        let (geometry, spacing) = (&body.geometry, DVec2::from(body.spacing));
+        let spacing = DVec2::from(spacing);
         let flat = |p: DVec3| DVec2::new(p.dot(geometry.axes[0]), p.dot(geometry.axes[1])) / spacing;
-        Box::new(LikeWriter {
-            inner,
-            pixels: LikePixels {
-                dims: [self.grid.dims[u], self.grid.dims[v]],
-                first: flat(self.grid.origin - geometry.origin),
-                steps: [flat(self.grid.steps[u]), flat(self.grid.steps[v])],
-                nearest,
-            },
-        })
+        LikePixels {
+            dims: [self.grid.dims[u], self.grid.dims[v]],
+            first: flat(self.grid.origin - geometry.origin),
+            steps: [flat(self.grid.steps[u]), flat(self.grid.steps[v])],
+        }
     }
 
     /// A writer of volumes that gives `inner` the layers from the top, where the grid's planes come so.
@@ -166,6 +194,8 @@ impl LikeFrame {
 struct LikeWriter {
     inner: Box<dyn BodyWriter>,
     pixels: LikePixels,
+    /// Whether layers have numbers, which have nothing between them.
+    nearest: bool,
 }
 
 /// A grid of pixels among those of a body's layers.
@@ -174,20 +204,20 @@ struct LikePixels {
     /// The first pixel and the steps to its neighbours, in pixels of the body's layers.
     first: DVec2,
     steps: [DVec2; 2],
-    nearest: bool,
 }
 
 impl LikePixels {
-    fn of_layer(&self, layer: &Layer) -> Layer {
+    /// A layer at these pixels, of the `nearest` of its own or between them.
+    fn of_layer(&self, layer: &Layer, nearest: bool) -> Layer {
         let [nx, ny] = layer.phi.dims();
         let far = layer.phi.values().fold(f32::MIN_POSITIVE, |far, v| far.max(v.abs()));
-        let outside = if self.nearest { 0.0 } else { far };
+        let outside = if nearest { 0.0 } else { far };
         let mut values = vec![outside; self.dims[0] * self.dims[1]];
         values.par_chunks_mut(self.dims[0].max(1)).enumerate().for_each(|(j, row)| {
             for (i, value) in row.iter_mut().enumerate() {
                 let x = self.first + i as f64 * self.steps[0] + j as f64 * self.steps[1];
                 let Some(x) = among(x, [nx, ny]) else { continue };
-                *value = if self.nearest {
+                *value = if nearest {
                     layer.phi.at(x.x.round() as usize, x.y.round() as usize)
                 } else {
                     value_between(&layer.phi, x)
@@ -229,7 +259,7 @@ fn value_between(phi: &SparseImage<f32>, x: DVec2) -> f32 {
 
 impl BodyWriter for LikeWriter {
     fn layer(&mut self, layer: &Layer) -> io::Result<()> {
-        self.inner.layer(&self.pixels.of_layer(layer))
+        self.inner.layer(&self.pixels.of_layer(layer, self.nearest))
     }
 
     fn finish(&mut self, end: &mut Ending<'_>) -> io::Result<()> {

@@ -150,6 +150,31 @@ fn what_cannot_be_is_told() {
 
 /// A volume in micrometres beside one in millimetres.
 #[test]
+fn what_a_grid_cuts_off_is_told() {
+    let place = folder();
+    let input = input(place.path());
+    let [grid, out] = ["grid.nrrd", "out.nrrd"].map(|name| place.path().join(name).display().to_string());
+    let told = |sizes: [usize; 3], header: &str| {
+        std::fs::write(&grid, nrrd(header, "uint8", sizes, &vec![0; sizes.iter().product()]))
+            .expect("it can be written");
+        let run = interslice(&["reconstruct", "--backend", "cpu", &input, "--label", "4", "--like", &grid, "-o", &out]);
+        assert_eq!(run.status.code(), Some(0), "{}", stderr(&run));
+        stderr(&run).lines().find(|line| line.contains("`like`")).map(String::from)
+    };
+    let [nx, ny, nz] = SIZES;
+    assert_eq!(told(SIZES, HEADER), None);
+    // Its first twelve columns end in the middle of the tube, and its first planes below its upper slices.
+    let columns = told([12, ny, nz], HEADER).expect("half of it is cut off");
+    assert!(["45 %", "46 %", "47 %"].iter().any(|share| columns.contains(share)), "{columns}");
+    let planes = told([nx, ny, 7], HEADER).expect("two slices of five are cut off");
+    assert!(planes.contains("40 % of what is drawn lies beyond the grid"), "{planes}");
+    // Coarser, and turned, and all of it is there.
+    let turned =
+        "space: LPS\nspace directions: (-1.2,1.6,0) (0.8,0.6,0) (0,0,2.5)\nspace origin: (10,-20.5,300)\nencoding: raw";
+    assert_eq!(told([ny, nx, nz], turned), None);
+}
+
+#[test]
 fn a_grid_in_another_unit_is_told() {
     let place = folder();
     let at = |name: &str| place.path().join(name).display().to_string();

@@ -134,19 +134,32 @@ fn wide(sections: &[SliceArea]) -> Option<(Vec<usize>, f64)> {
 impl ContourStack {
     /// Doubt about gaps that look as if slices were not drawn because the body is not there.
     pub fn undrawn(&self) -> Option<String> {
+        self.far_apart().map(|[usual, places]| {
+            format!(
+                "slices lie {usual} apart, but none between {places}: interpolated across; if the body is not there reconstruct each stretch by itself \
+                 (`slices`), or give an empty slice between"
+            )
+        })
+    }
+
+    /// Doubt about gaps between the levels of a map.
+    pub fn missing_levels(&self) -> Option<String> {
+        self.far_apart().map(|[usual, places]| {
+            format!(
+                "levels lie {usual} apart, but none between {places}: interpolated across; are lines missing, or is an elevation a mark for no data?"
+            )
+        })
+    }
+
+    /// How far slices lie apart, and the places where none lie between.
+    fn far_apart(&self) -> Option<[String; 2]> {
         let section = |s: &Slice| SliceArea { z: s.z, area: usize::from(!s.content.is_empty()) };
         let (places, usual) = wide(&self.slices.iter().map(section).collect::<Vec<_>>())?;
         let said = |&k: &usize| format!("{:.3} and {:.3}", self.slices[k].z, self.slices[k + 1].z);
         let listed: Vec<String> = places.iter().take(NAMED).map(said).collect();
         let more = places.len().saturating_sub(NAMED);
         let more = if more > 0 { format!(", and in {more} more gaps") } else { String::new() };
-        (!listed.is_empty()).then(|| {
-            format!(
-                "slices lie {usual:.3} apart, but none between {}{more}: interpolated across; if the body is not there reconstruct each stretch by itself \
-                 (`slices`), or give an empty slice between",
-                listed.join(", ")
-            )
-        })
+        (!listed.is_empty()).then(|| [format!("{usual:.3}"), listed.join(", ") + &more])
     }
 
     /// Doubts about slices that look painted by mistake, or left empty, as a whole or where both neighbours have a part, about gaps and about the pixels'

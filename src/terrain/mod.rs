@@ -144,6 +144,7 @@ impl Terrain {
         })?;
         stack.validate().map_err(|e| e.in_file(path))?;
         notes.extend(levels::too_small(&joined, pixel));
+        notes.extend(stack.missing_levels());
         let mut description = joined.describe(&field, features.len());
         description.push(match &map.crs {
             Crs::Epsg(code) => format!("coordinate system EPSG:{code}"),

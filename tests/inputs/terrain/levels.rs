@@ -48,6 +48,22 @@ fn default_pixels_are_as_fine_as_points_and_the_distance_of_lines_tell() {
 }
 
 #[test]
+fn levels_that_lack_lines_are_told() {
+    let hill = |levels: &[f64]| {
+        let line = |&z: &f64| feature(z, &circle([50.0, 50.0], 45.0 - 0.3 * (z.max(0.0) - 100.0)));
+        read(&levels.iter().map(line).collect::<Vec<_>>(), &pixels(2.0)).notes.join("\n")
+    };
+    let even: Vec<f64> = (0..12).map(|k| 100.0 + 10.0 * f64::from(k)).collect();
+    assert!(!hill(&even).contains("apart"), "{}", hill(&even));
+    let without: Vec<f64> = even.iter().copied().filter(|z| !(130.0..190.0).contains(z)).collect();
+    let told = hill(&without);
+    assert!(told.contains("levels lie 10.000 apart, but none between 120.000 and 190.000"), "{told}");
+    let mark: Vec<f64> = std::iter::once(-9999.0).chain(even).collect();
+    let told = hill(&mark);
+    assert!(told.contains("none between -9999.000 and 100.000") && told.contains("no data"), "{told}");
+}
+
+#[test]
 fn heights_are_an_eighth_of_the_middle_distance_between_levels_apart() {
     let levels = [(100.0, 400.0), (110.0, 300.0), (150.0, 200.0), (250.0, 100.0)];
     let terrain = read(&levels.map(|(z, r)| feature(z, &circle([0.0, 0.0], r))), &pixels(20.0));

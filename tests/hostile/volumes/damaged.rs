@@ -6,7 +6,7 @@ use interslice::input::read;
 use interslice::stack::ReadOptions;
 use proptest::prelude::*;
 
-use super::volumes::*;
+use super::sources::*;
 use crate::files::folder;
 
 #[test]

@@ -2,7 +2,7 @@
 
 use interslice::input::format::InputFormat;
 
-use super::volumes::*;
+use super::sources::*;
 use crate::files::{folder, sound_stack};
 
 #[test]

@@ -5,4 +5,4 @@ mod fields;
 mod nifti;
 mod numpy;
 mod sound;
-mod volumes;
+mod sources;

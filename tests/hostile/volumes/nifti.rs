@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use super::volumes::*;
+use super::sources::*;
 use crate::files::{folder, interslice};
 
 #[test]

@@ -6,7 +6,7 @@ use std::io::Cursor;
 use interslice::input::read;
 use interslice::stack::ReadOptions;
 
-use super::volumes::*;
+use super::sources::*;
 use crate::files::folder;
 
 #[test]

@@ -5,7 +5,7 @@ use std::fs;
 use interslice::input::read;
 use interslice::stack::ReadOptions;
 
-use super::volumes::*;
+use super::sources::*;
 use crate::files::*;
 
 #[test]

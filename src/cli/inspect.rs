@@ -148,15 +148,16 @@ fn structures(arguments: &InspectArguments) -> Result<String> {
     interslice::input::check(&arguments.input, &arguments.read)?;
     let series = arguments.read.series.as_deref();
     let set = interslice::rtstruct::StructureSet::choose_file(&arguments.input, series)?;
+    let left_out = told(set.left_out.iter().cloned());
     let several = set.rois.len() > 1 && arguments.read.roi.is_empty();
     if arguments.all_rois || several {
-        return Ok(set.describe().join("\n") + "\n");
+        return Ok(left_out + &set.describe().join("\n") + "\n");
     }
     let chosen = match set.choose(&arguments.read) {
         Ok(chosen) => chosen,
         // A ROI that cannot be reconstructed can be told of.
         Err(e) => match set.describe_flat(&arguments.read)? {
-            Some(lines) => return Ok(lines.join("\n") + "\n"),
+            Some(lines) => return Ok(left_out + &lines.join("\n") + "\n"),
             None => return Err(e),
         },
     };
@@ -166,7 +167,7 @@ fn structures(arguments: &InspectArguments) -> Result<String> {
     let drawings = chosen.drawings(&arguments.read)?;
     let large = too_large(&drawings, arguments.read.pixel.map(|px| [px; 2]), stack.spacing);
     let doubts = large.into_iter().chain(chosen.crossing(&drawings)).chain(stack.doubts());
-    Ok(chosen.describe().join("\n") + "\n" + &told(doubts) + &text)
+    Ok(left_out + &chosen.describe().join("\n") + "\n" + &told(doubts) + &text)
 }
 
 /// Description of a contour map.

@@ -9,7 +9,7 @@ use super::{Contour, Roi, StructureSet};
 use crate::error::{Error, Result, counted};
 use crate::polygons::crossing::crossing;
 use crate::polygons::plane::{Bent, PlaneSet, TOLERANCE, smallest_gap};
-use crate::polygons::{self, PlaneDrawing, Planes, line_key};
+use crate::polygons::{self, PlaneDrawing, Planes, Polygon, line_key};
 use crate::stack::{ContourStack, ReadOptions};
 
 /// Ratio of a ROI's gaps to those of another one's planes from which on planes were left out.
@@ -93,6 +93,7 @@ impl StructureSet {
             return Err(self.wrong(fault.clone()));
         }
         for (r, roi) in rois.iter().enumerate() {
+            notes.extend(roi.notes.iter().cloned());
             let mut seen = HashMap::new();
             for (c, contour) in roi.contours.iter().enumerate() {
                 let at = format!("{}, contour {}", roi.label(), c + 1);
@@ -195,13 +196,21 @@ impl ChosenRois<'_> {
     /// # Errors
     /// The errors of [`ChosenRois::chosen_planes`].
     pub fn drawings(&self, options: &ReadOptions) -> Result<Vec<PlaneDrawing>> {
-        let drawing = |k: usize| {
-            let mut regions = vec![Vec::new(); self.rois.len()];
-            self.on_plane(k).for_each(|(r, contour)| regions[r].push(self.planes.project(&contour.points)));
-            regions.retain(|r: &Vec<_>| !r.is_empty());
-            PlaneDrawing { name: format!("k={k}"), z: self.planes.heights[k], extra: false, regions }
+        let drawing = |k: usize| PlaneDrawing {
+            name: format!("k={k}"),
+            z: self.planes.heights[k],
+            extra: false,
+            regions: self.regions(k),
         };
         Ok(self.chosen_planes(options)?.into_iter().map(drawing).collect())
+    }
+
+    /// The contours of plane `k`, in the plane, those of a ROI together.
+    pub(super) fn regions(&self, k: usize) -> Vec<Vec<Polygon>> {
+        let mut regions: Vec<Vec<Polygon>> = vec![Vec::new(); self.rois.len()];
+        self.on_plane(k).for_each(|(r, contour)| regions[r].push(self.planes.project(&contour.points)));
+        regions.retain(|region| !region.is_empty());
+        regions
     }
 
     /// Steps of the output heights of `stack` where none is asked for. Where all its planes lie on those of another ROI that has planes

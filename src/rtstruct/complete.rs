@@ -90,8 +90,10 @@ impl StructureSet {
                 Some(series) => on_planes(series, a.normal),
                 None => images(&object, a),
             };
-            each_item(&mut object, tags::STRUCTURE_SET_ROI_SEQUENCE, tags::ROI_NUMBER, a.roi, |item| describe(item, a));
-            each_item(&mut object, tags::ROI_CONTOUR_SEQUENCE, tags::REFERENCED_ROI_NUMBER, a.roi, |item| {
+            change_item(&mut object, tags::STRUCTURE_SET_ROI_SEQUENCE, tags::ROI_NUMBER, a.roi, |item| {
+                describe(item, a)
+            });
+            change_item(&mut object, tags::ROI_CONTOUR_SEQUENCE, tags::REFERENCED_ROI_NUMBER, a.roi, |item| {
                 add(item, a, &by_plane)
             });
         }
@@ -116,8 +118,8 @@ fn frame_of(object: &InMemDicomObject, roi: i64) -> Option<String> {
     uid_in(own, tags::REFERENCED_FRAME_OF_REFERENCE_UID)
 }
 
-/// Applies `change` to the items of a sequence that have a number.
-fn each_item(
+/// Applies `change` to the first item of a sequence that has a number: contours of a second one are not read.
+fn change_item(
     object: &mut InMemDicomObject,
     in_sequence: Tag,
     by: Tag,
@@ -125,8 +127,8 @@ fn each_item(
     change: impl Fn(&mut InMemDicomObject),
 ) {
     let Some(mut element) = object.take(in_sequence) else { return };
-    let items = element.items_mut().into_iter().flatten();
-    items.filter(|i| i.get(by).and_then(|e| e.to_int::<i64>().ok()) == Some(number)).for_each(change);
+    let mut items = element.items_mut().into_iter().flatten();
+    items.find(|i| i.get(by).and_then(|e| e.to_int::<i64>().ok()) == Some(number)).into_iter().for_each(change);
     object.put(element);
 }
 

@@ -25,6 +25,7 @@ use added::Adding;
 pub use added::{Added, Gather, StructuresWriter};
 pub use choose::{ChosenRois, Steps};
 pub use find::structure_sets;
+use parse::Parsed;
 pub use series::ImageSeries;
 
 use crate::error::{Error, Result};
@@ -42,6 +43,8 @@ pub struct StructureSet {
     pub path: PathBuf,
     /// Its regions of interest, in its order.
     pub rois: Vec<Roi>,
+    /// Words on contours that are left out because they are no ROI's.
+    pub left_out: Vec<String>,
     /// All of it, for the completed file.
     object: DefaultDicomObject,
     /// Hash of its bytes.
@@ -61,6 +64,8 @@ pub struct Roi {
     pub contours: Vec<Contour>,
     /// Why they cannot be read: ROI, contour, field and value.
     pub fault: Option<String>,
+    /// Words on contours that are left out because others are there.
+    pub notes: Vec<String>,
 }
 
 /// One contour of a ROI.
@@ -113,8 +118,8 @@ impl StructureSet {
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = regular::read(path).map_err(|source| Error::Read { path: path.into(), source })?;
         let fail = |message: String| Error::Format { path: path.into(), message };
-        let (object, rois) = parse::parse(&bytes).map_err(fail)?;
-        Ok(StructureSet { path: path.into(), rois, object, digest: blake3::hash(&bytes) })
+        let Parsed { object, rois, left_out } = parse::parse(&bytes).map_err(fail)?;
+        Ok(StructureSet { path: path.into(), rois, left_out, object, digest: blake3::hash(&bytes) })
     }
 
     /// The ROI of a name or number.
@@ -203,7 +208,8 @@ impl ReferencedSet {
         let drawings = chosen.drawings(&self.options)?;
         let large = too_large(&drawings, self.options.pixel.map(|px| [px; 2]), stack.spacing);
         let crossing = chosen.crossing(&drawings);
-        let mut notes = chosen.notes;
+        let mut notes = self.set.left_out.clone();
+        notes.extend(chosen.notes);
         notes.extend(large.into_iter().chain(crossing));
         let lost = stack.slices.iter().filter(|s| s.content.is_empty());
         let px = stack.spacing[0];

@@ -10,11 +10,21 @@ use super::{Contour, Roi, escapes, guard};
 
 type Parse<T> = std::result::Result<T, String>;
 
-/// The file, and its ROIs.
+/// What a file holds.
+pub struct Parsed {
+    /// All of it.
+    pub object: DefaultDicomObject,
+    /// Its ROIs.
+    pub rois: Vec<Roi>,
+    /// Words on contours that are left out because they are no ROI's.
+    pub left_out: Vec<String>,
+}
+
+/// The file, and its ROIs. Contours of a ROI that the file does not name, or that was drawn before, are left out with a word.
 ///
 /// # Errors
 /// A message with field, ROI, contour and value.
-pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
+pub fn parse(bytes: &[u8]) -> Parse<Parsed> {
     let bytes = guard::sound(bytes)?;
     let object = OpenFileOptions::new().from_reader(&bytes[..]).map_err(|e| with_causes(&e))?;
     let class = text(&object, tags::SOP_CLASS_UID)?.unwrap_or_default();
@@ -32,24 +42,30 @@ pub fn parse(bytes: &[u8]) -> Parse<(DefaultDicomObject, Vec<Roi>)> {
         if place.insert(number, k).is_some() {
             return Err(format!("{at}: ROI Number {number} is there twice"));
         }
-        rois.push(Roi { number, name, colour: None, contours: Vec::new(), fault: None });
+        rois.push(Roi { number, name, colour: None, contours: Vec::new(), fault: None, notes: Vec::new() });
     }
     let drawn = items(&object, tags::ROI_CONTOUR_SEQUENCE)?
         .ok_or("ROI Contour Sequence (3006,0039) is missing: nothing is drawn")?;
+    let (mut left_out, mut drawn_by) = (Vec::new(), HashMap::new());
     for (k, item) in drawn.iter().enumerate() {
         let at = format!("item {} of ROI Contour Sequence", k + 1);
         let number = number(item, tags::REFERENCED_ROI_NUMBER, &at)?;
         let Some(roi) = place.get(&number).map(|k| &mut rois[*k]) else {
-            return Err(format!("{at}: Referenced ROI Number {number} is none of the file's ROIs, or is there twice"));
+            left_out.push(format!("{at}: left out, its Referenced ROI Number {number} is none of the file's ROIs"));
+            continue;
         };
-        place.remove(&number);
+        let first = *drawn_by.entry(number).or_insert(k);
+        if first != k {
+            roi.notes.push(format!("{at}: left out, item {} has the contours of {} already", first + 1, roi.label()));
+            continue;
+        }
         roi.colour = colour(item);
         match contours(item) {
             Ok(contours) => roi.contours = contours,
             Err(message) => roi.fault = Some(format!("{}{message}", roi.label())),
         }
     }
-    Ok((object, rois))
+    Ok(Parsed { object, rois, left_out })
 }
 
 /// Way out where there is a DICOM segmentation.

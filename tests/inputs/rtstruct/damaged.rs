@@ -57,15 +57,56 @@ fn missing_and_wrong_fields_are_named() {
     let mut bare = contour(CLOSED, 3, r"0\0\0\1\1\0\2\2\0");
     bare.remove_element(tags::CONTOUR_GEOMETRIC_TYPE);
     refused(with(bare), &[at, "Contour Geometric Type (3006,0042) is missing"]);
-    let mut stray = sound();
-    let roi = InMemDicomObject::from_element_iter([text(tags::REFERENCED_ROI_NUMBER, VR::IS, "7")]);
-    stray.put(sequence(tags::ROI_CONTOUR_SEQUENCE, vec![roi]));
-    refused(stray, &["Referenced ROI Number 7"]);
     let huge = circle(1e200, 0.0);
     write(&[("a", vec![(CLOSED, huge), (CLOSED, circle(10.0, 3.0))])], &path);
     said(&["inspect", &input, "--pixel", "1"], 2);
     fs::write(&path, "no DICOM at all").expect("a file can be written");
     assert_says(&said(&["inspect", &input], 2), &["is no DICOM file"]);
+}
+
+/// Contours that are no ROI's, or a ROI's second ones, are left out, and the others are read.
+#[test]
+fn contours_of_no_roi_or_of_one_drawn_before_are_left_out() {
+    let place = folder();
+    let path = place.path().join("a.dcm");
+    let input = path.display().to_string();
+    let rois = [("a", tube(10.0, &[0.0, 3.0])), ("b", tube(6.0, &[0.0, 3.0, 6.0]))];
+    let with = |number: &str| {
+        let mut object = structure_set(&rois);
+        let added = structure_set(&[("c", tube(4.0, &[0.0, 3.0]))]);
+        let items = |object: &InMemDicomObject| {
+            let element = object.element(tags::ROI_CONTOUR_SEQUENCE).expect("it is there");
+            element.items().expect("a sequence").to_vec()
+        };
+        let (mut all, mut more) = (items(&object), items(&added));
+        more[0].put(text(tags::REFERENCED_ROI_NUMBER, VR::IS, number));
+        all.extend(more);
+        object.put(sequence(tags::ROI_CONTOUR_SEQUENCE, all));
+        write_as(object, uids::EXPLICIT_VR_LITTLE_ENDIAN, &path);
+    };
+    let out = place.path().join("a.json").display().to_string();
+    let at = "item 3 of ROI Contour Sequence: left out, ";
+    let reconstructed = |roi: &str| said(&["reconstruct", &input, "--roi", roi, "-o", &out, "--backend", "cpu"], 0);
+
+    with("7");
+    let none = &format!("warning: {at}its Referenced ROI Number 7 is none of the file's ROIs");
+    assert_says(&said(&["inspect", &input], 0), &[none, "ROI 1 (`a`): 2 contours", "ROI 2 (`b`): 3 contours"]);
+    assert_says(&said(&["inspect", &input, "--roi", "b"], 0), &[none, "ROI 2 (`b`): 3 contours", "3 slices"]);
+    assert_says(&reconstructed("a"), &[none]);
+    assert!(fs::read_to_string(&out).expect("it was written").contains("Referenced ROI Number 7"));
+    assert_near(area(&stack(&path, &["b"]), 0), disc(6.0), 0.05 * disc(6.0));
+
+    with("2");
+    let again = &format!("{at}item 2 has the contours of ROI 2 (`b`) already");
+    assert_says(&said(&["inspect", &input], 0), &[again, "ROI 1 (`a`): 2 contours", "ROI 2 (`b`): 3 contours"]);
+    assert_says(&reconstructed("b"), &[&format!("warning: {again}")]);
+    assert!(!reconstructed("a").contains("left out"), "it is another one's");
+    // What is added is added once.
+    let completed = place.path().join("b.dcm");
+    let outputs = ["--all-rois", "-o", &completed.display().to_string(), "-q", "--backend", "cpu"];
+    said(&[&["reconstruct", &input], &outputs[..]].concat(), 0);
+    assert_eq!(contours_of(&completed).iter().map(Vec::len).collect::<Vec<_>>(), [3, 5, 2]);
+    assert_near(area(&stack(&path, &["b"]), 0), disc(6.0), 0.05 * disc(6.0));
 }
 
 #[test]

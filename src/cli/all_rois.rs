@@ -72,7 +72,7 @@ pub fn run(all: &All<'_>) -> Result<()> {
         }
         tell_notes(&loaded, all.telling);
         if all.telling == Telling::DryRun {
-            let forecast = forecast(&loaded, outputs, chosen.beside(writing));
+            let forecast = forecast(&loaded, outputs, chosen.beside(writing))?;
             say(&format!("{}:\n{forecast}\n", roi.label()))?;
             continue;
         }

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use interslice::ContourStack;
 use interslice::estimate::memory::{MemoryNeeds, triangles};
 use interslice::estimate::runtime::Effort;
 use interslice::files::Loaded;
@@ -11,6 +10,7 @@ use interslice::files::labels::{LabelOutputs, LoadedLabels};
 use interslice::files::outputs::Outputs;
 use interslice::labels::LabelStack;
 use interslice::stack::SliceContent;
+use interslice::{ContourStack, Result};
 
 use super::say::{length, short};
 
@@ -56,12 +56,15 @@ pub fn requirements(stack: &ContourStack, heights: &[f64], needs: &MemoryNeeds) 
 }
 
 /// A run with one body, before it is made, that needs so many bytes of memory beside the reconstruction.
-pub fn forecast(loaded: &Loaded, outputs: &Outputs, beside: u64) -> String {
+///
+/// # Errors
+/// The errors of [`Loaded::voxels`].
+pub fn forecast(loaded: &Loaded, outputs: &Outputs, beside: u64) -> Result<String> {
     let stack = &loaded.stack;
     let mut lines = read_and_made(stack, &loaded.heights);
-    let [nx, ny] = stack.dims;
+    let [nx, ny, nz] = loaded.voxels()?;
     lines.extend(outputs.targets().map(|target| match kind(target) {
-        Ok(Kind::Volume) => format!("{}, {nx} x {ny} x {} voxels", would_write(target), loaded.grid().count),
+        Ok(Kind::Volume) => format!("{}, {nx} x {ny} x {nz} voxels", would_write(target)),
         Ok(Kind::Mesh) => {
             format!("{}, at most {} triangles", would_write(target), triangles(stack, &loaded.heights))
         }
@@ -69,7 +72,7 @@ pub fn forecast(loaded: &Loaded, outputs: &Outputs, beside: u64) -> String {
     }));
     lines.push(format!("would need: {}", requirements(stack, &loaded.heights, &loaded.needs().beside(beside))));
     lines.push(String::new());
-    lines.join("\n")
+    Ok(lines.join("\n"))
 }
 
 /// A run with many labels, before it is made. Labels are worked on one by one, each in its own window: what that takes is not foretold.

@@ -42,7 +42,7 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     tell_start(&chosen, &budget, telling);
     tell_notes(loaded, telling);
     if telling == Telling::DryRun {
-        return say(&forecast(loaded, &outputs, chosen.beside(writing)));
+        return say(&forecast(loaded, &outputs, chosen.beside(writing))?);
     }
     let mut body = compute(loaded, &mut outputs.sink(&loaded.options.output), &chosen, &budget, telling)?;
     complete(&mut outputs, &mut body, loaded, telling)?;

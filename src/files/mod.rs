@@ -28,7 +28,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use crate::backend::Means;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::estimate::memory::MemoryNeeds;
 use crate::input;
 use crate::pipeline::section::Section;
@@ -186,7 +186,7 @@ impl Loaded {
             let what =
                 if crs.is_geographic() { "warp the raster to a metric system" } else { "`crs_out` reprojects the map" };
             let message = format!("is a raster in {its}, but the map is in {own}; {what}");
-            return Err(crate::error::Error::Setting { name: "like".into(), message });
+            return Err(Error::Setting { name: "like".into(), message });
         }
         options.settings.cap_gaps.get_or_insert(MAP_CAP_GAPS);
         options.output.map = Some(std::sync::Arc::new(terrain.map));
@@ -217,6 +217,26 @@ impl Loaded {
         let [dx, dy] = self.stack.spacing;
         let all = Heights::merged(&z, &self.heights, [z[0], z[z.len() - 1]], dx.min(dy));
         Header::grid(&all.output(), self.stack.spacing)
+    }
+
+    /// Voxels of a volume as it is written: of the grid that outputs are like where one is named, along the axes of the file, the first runs fastest.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] where slices do not lie along that grid.
+    pub fn voxels(&self) -> Result<[usize; 3]> {
+        let ContourStack { dims, spacing, unit, geometry, .. } = &self.stack;
+        let slices = &self.stack.slices;
+        let own = Header {
+            dims: *dims,
+            spacing: *spacing,
+            unit: unit.clone(),
+            geometry: *geometry,
+            extent: [slices[0].z, slices[slices.len() - 1].z],
+            grid: self.grid(),
+        };
+        let Some(like) = &self.options.output.target else { return Ok(own.voxels()) };
+        let frame = like.grid.frame(geometry).map_err(|message| Error::Setting { name: "like".into(), message })?;
+        Ok(frame.header(&own).voxels())
     }
 
     /// Needs of the reconstruction, memory and disk, without its outputs.

@@ -1,5 +1,6 @@
 //! Header of a body: what is known before its first layer.
 
+use super::voxels::VoxelGrid;
 use crate::stack::{Geometry, HeightGrid};
 
 /// Header of a body: what is known before its first layer.
@@ -20,6 +21,11 @@ pub struct Header {
 }
 
 impl Header {
+    /// Voxels of a volume of the output layers along the axes of its input, the first runs fastest.
+    pub fn voxels(&self) -> [usize; 3] {
+        VoxelGrid::of(self).dims
+    }
+
     /// The grid of output layers at `heights`, which increase.
     pub fn grid(heights: &[f64], spacing: [f64; 2]) -> HeightGrid {
         let (start, step) = match heights[..] {

@@ -103,6 +103,41 @@ fn a_dry_run_says_what_a_run_does_and_does_nothing() {
     assert_eq!(refused.status.code(), Some(2), "{}", stderr(&refused));
 }
 
+/// Voxels are told as the file has them, also where slices lie across its first axis.
+#[test]
+fn a_dry_run_says_the_voxels_in_the_files_order() {
+    let place = folder();
+    let [nx, ny, nz] = [9, 24, 20];
+    let voxel = |n: usize| {
+        let [i, j, k] = [n % nx, n / nx % ny, n / (nx * ny)];
+        u8::from(i % 4 == 0 && (j as f64 - 11.0).hypot(k as f64 - 9.0) < 7.0)
+    };
+    let input = place.path().join("a.nrrd");
+    let header = "spacings: 1 1 1\nencoding: raw";
+    fs::write(&input, nrrd(header, "uint8", [nx, ny, nz], &(0..nx * ny * nz).map(voxel).collect::<Vec<_>>()))
+        .expect("a file can be written");
+    for out in ["b.nii.gz", "b.nrrd"] {
+        let out = place.path().join(out).display().to_string();
+        let input = input.display().to_string();
+        let foretold = interslice(&[
+            "reconstruct",
+            &input,
+            "--axis",
+            "x",
+            "--dz",
+            "0.5",
+            "-o",
+            &out,
+            "--backend",
+            "cpu",
+            "--dry-run",
+        ]);
+        assert_eq!(foretold.status.code(), Some(0), "{}", stderr(&foretold));
+        let text = String::from_utf8_lossy(&foretold.stdout).into_owned();
+        assert!(text.contains(&format!("would write: {out}, 17 x {ny} x {nz} voxels")), "{text}");
+    }
+}
+
 #[test]
 fn a_dry_run_foretells_the_memory_of_outputs() {
     let place = folder();

@@ -79,7 +79,13 @@ fn a_volume_lies_on_the_grid_of_another() {
         let header = format!("space: LPS\nspace directions: {directions}\nspace origin: {origin}\nencoding: raw");
         fs::write(&like, nrrd(&header, "uint8", sizes, &vec![1; sizes.iter().product()])).expect("a file");
         for format in ["nrrd", "nii.gz", "mha"] {
-            let out = at(&format!("out.{format}"));
+            let out = at(&format!("{name}-out.{format}"));
+            let foretold =
+                interslice(&["reconstruct", &given, "--like", &like, "-o", &out, "--backend", "cpu", "--dry-run"]);
+            let [nx, ny, nz] = sizes;
+            let said = format!("would write: {out}, {nx} x {ny} x {nz} voxels\n");
+            let text = String::from_utf8_lossy(&foretold.stdout);
+            assert!(text.contains(&said), "{said}{text}{}", stderr(&foretold));
             done(&[&given, "--like", &like, "-o", &out]);
             let (wanted, _) = read(Path::new(&like));
             let (volume, voxels) = read(Path::new(&out));

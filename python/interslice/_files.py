@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from interslice import _native
 from interslice._images import has_place, image
-from interslice._numbers import Spacing, Vector, whole, wholes
+from interslice._numbers import Spacing, Vector, numbers, whole, wholes
 
 class Segment(NamedTuple):
     """Name and colour (red, green, blue, 0 to 255) of a label, as far as they are known."""
@@ -105,7 +105,7 @@ def write_volume(
             raise ValueError(f"`axes` must be unit vectors; got one {wrong[0]:g} long")
         lengths = np.array([step[axis] for axis, step in enumerate(of.steps)])
         place["steps"] = tuple(_three(step) for step in directions * lengths[:, None])
-        place["origin"] = _three((0.0, 0.0, 0.0) if origin is None else origin)
+        place["origin"] = _three((0.0, 0.0, 0.0) if origin is None else numbers("origin", origin, 3))
         place["unit"] = unit
     elif spacing is not None or origin is not None or axes is not None:
         raise ValueError("`spacing`, `origin` and `axes` are for arrays; an image has its own place")
@@ -129,8 +129,8 @@ def read_rois(path: str | os.PathLike[str], *, series: str | int | None = None) 
     return [Roi(roi["number"], roi["name"], _colour(roi["colour"]), roi["contours"]) for roi in rois]
 
 
-def _three(numbers: Any) -> tuple[float, float, float]:
-    x, y, z = (float(number) for number in numbers)
+def _three(given: Any) -> tuple[float, float, float]:
+    x, y, z = (float(number) for number in given)
     return x, y, z
 
 

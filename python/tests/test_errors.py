@@ -32,7 +32,7 @@ def test_arrays_that_cannot_be(labels: Volume, masks: NDArray[np.bool_]) -> None
         (labels[:0], ValueError, "`labels` must not be empty"),
         (labels.astype(complex), TypeError, "`labels` must be an array of integers, bool, float32 or float64; got one of complex128"),
         (labels.astype(object), TypeError, "`labels` must be an array of integers"),
-        (labels + 0.5, ValueError, "labels: "),
+        (labels + 0.5, ValueError, "labels: voxel x = 0, y = 0, z = 0 is 0.5"),
         (np.zeros_like(labels), ValueError, "labels: has no label: all voxels are 0"),
     ]:
         with pytest.raises(error, match=words):
@@ -206,6 +206,7 @@ def test_wrong_arguments_are_named(labels: Volume, masks: NDArray[np.bool_]) -> 
         (lambda: stack(masks, range(5), pixel=0.1), ValueError, "`pixel` is for `polygons`"),
         (lambda: stack(polygons=[[]], heights=[0], level=1), ValueError, "`level` is for `fields`"),
         (lambda: interslice.write_volume("x.nrrd", labels, segments={1: "liver"}), ValueError, "`segments` must have a Segment.*; label 1 has 'liver'"),  # type: ignore[dict-item]
+        (lambda: interslice.write_volume("x.nrrd", labels, origin=(1, 2)), ValueError, "`origin` takes 3 numbers; got 2"),
     ]
     for call, error, words in wrong:
         with pytest.raises(error, match=words):

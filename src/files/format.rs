@@ -308,7 +308,7 @@ pub(super) fn of_report(path: &Path) -> Result<Format> {
         Some((Row { format: Format::Html, .. }, _)) => Ok(Format::Html),
         Some((row, _)) if row.format != Format::Report => {
             let [data, page] = [Format::Report, Format::Html].map(Format::extension);
-            let message = format!("is the name of a {}; a report is {data} or {page}", row.holds);
+            let message = format!("is a name for another output ({}); a report is {data} or {page}", row.holds);
             Err(Error::Output { path: path.into(), message })
         }
         _ => Ok(Format::Report),

@@ -114,6 +114,25 @@ fn left_out(files: &[PathBuf], kind: &str, what: &str, others: usize) -> Option<
     })
 }
 
+/// Words where the names of slices, in order, have a number twice: a file may be a copy.
+pub(super) fn repeats(names: &[&str]) -> Option<String> {
+    let numbered: Vec<Option<(String, Vec<u64>)>> = names.iter().map(|name| numbers(name)).collect();
+    let alike =
+        |k: &usize| numbered[*k].as_ref().is_some_and(|(_, own)| !own.is_empty()) && numbered[*k] == numbered[k + 1];
+    let places: Vec<usize> = (0..names.len().saturating_sub(1)).filter(alike).collect();
+    let &k = places.first()?;
+    let more = if places.len() > 1 {
+        format!(" (and so at {} more)", counted(places.len() - 1, "place"))
+    } else {
+        String::new()
+    };
+    Some(format!(
+        "`{}` and `{}` have the same number{more}: both are taken as slices, one above the other; if one is a copy, move it out of the folder",
+        names[k],
+        names[k + 1]
+    ))
+}
+
 /// Words where the numbers in the names of slices, in order, leave some out: a file may be missing.
 pub(super) fn skips(names: &[&str]) -> Option<String> {
     let numbered: Vec<(String, Vec<u64>)> = names.iter().map(|name| numbers(name)).collect::<Option<_>>()?;
@@ -272,6 +291,18 @@ mod tests {
         ] {
             assert_eq!(skips(names), None, "{names:?}");
         }
+        for names in [
+            &["s1.png", "s2.png", "s10.png"][..],
+            &["a1.png", "b1.png"],
+            &["a.png", "b.png"],
+            &["s1.png", "s1.tif"],
+            &[],
+        ] {
+            assert_eq!(repeats(names), None, "{names:?}");
+        }
+        let told =
+            repeats(&["m_0.png", "m_000.png", "m_1.png", "m_2.png", "m_002.png"]).expect("0 and 2 are there twice");
+        assert!(told.starts_with("`m_0.png` and `m_000.png` have the same number (and so at 1 place more)"), "{told}");
         let told = skips(&["s1.png", "s2.png", "s4.png", "s5.png", "s6.png"]).expect("3 is missing");
         assert!(told.starts_with("between `s2.png` and `s4.png` numbers are left out: the slices"), "{told}");
         let names = ["a 0.tif", "a 5.tif", "a 15.tif", "a 20.tif", "a 25.tif", "a 30.tif", "a 40.tif", "a 45.tif"];

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::estimate::memory;
-use crate::input::contents::{Contents, images_of, other_images_of, skips};
+use crate::input::contents::{Contents, images_of, other_images_of, repeats, skips};
 use crate::input::grey_image::Grey;
 use crate::input::grey_rule::{Range, Rule};
 use crate::input::numbers::Numbers;
@@ -173,7 +173,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<Str
         }
     }
     let names: Vec<&str> = parsed.slices.iter().filter_map(|s| s.file.as_deref()).collect();
-    let skips = if alone { skips(&names) } else { None };
+    let skips = if alone { repeats(&names).or_else(|| skips(&names)) } else { None };
     let drawn = parsed.slices.iter().filter(|s| s.polygons.is_some()).count();
     if drawn == 0 {
         let (stack, level) = images(parsed, &file, &folder, options).map_err(|e| if alone { taken(e) } else { e })?;
@@ -212,7 +212,13 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
     let mut notes = polygons::clean(&mut drawings);
     let planes = Planes { unit: parsed.unit, axes, z_out: parsed.z_out };
     let pixel = options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy.map(|Numbers(sides)| sides));
-    let stack = polygons::stack(&drawings, &planes, pixel)?;
+    let stack = polygons::stack(&drawings, &planes, pixel).map_err(|error| match error {
+        // The sides that are wrong are the file's own.
+        Error::Setting { name, message } if name == "pixel" && options.pixel.is_none() && pixel.is_some() => {
+            Error::Format { path: file.into(), message: format!("`spacing_xy` {message}") }
+        }
+        other => other,
+    })?;
     notes.extend(polygons::doubts(&drawings, &stack, pixel));
     Ok((stack, notes))
 }

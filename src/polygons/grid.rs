@@ -52,8 +52,8 @@ impl DrawingGrid {
             return Err(Error::Stack("nothing is drawn: no polygon encloses an area".into()));
         }
         let spacing = pixel.map_or_else(|| DVec2::splat(pixel_side(drawings)), DVec2::from);
-        if !(spacing.is_finite() && spacing.cmpgt(DVec2::ZERO).all()) {
-            return fail(format!("must be a positive number; got {}", spacing.x));
+        if let Some(side) = spacing.to_array().into_iter().find(|side| !(side.is_finite() && *side > 0.0)) {
+            return fail(format!("must be a positive number; got {side}"));
         }
         DrawingGrid::over([low, high], spacing, drawings.len())
     }

@@ -13,7 +13,7 @@ pub mod edges;
 pub mod fill;
 pub mod grid;
 pub mod plane;
-mod zones;
+pub mod zones;
 
 use std::collections::HashSet;
 
@@ -164,7 +164,7 @@ pub struct Planes {
 ///
 /// # Errors
 /// [`Error::Slice`] for a coordinate that is not finite, [`Error::Stack`] where nothing is drawn, [`Error::Setting`] for a pixel size that
-/// is none or too small.
+/// is none, too small, or so large that all slices are empty.
 pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>) -> Result<ContourStack> {
     for (index, drawing) in drawings.iter().enumerate() {
         let wrong = |p: &&DVec2| !p.is_finite();
@@ -175,7 +175,7 @@ pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>
         }
     }
     let grid = DrawingGrid::around(drawings, pixel)?;
-    let slices = drawings
+    let slices: Vec<Slice> = drawings
         .par_iter()
         .map(|d| Slice {
             name: d.name.clone(),
@@ -184,6 +184,14 @@ pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>
             content: SliceContent::Level(LevelSlice::new(&level_set(&d.regions, &grid), grid.dims[0])),
         })
         .collect();
+    let is_empty = pixel.is_some() && slices.iter().all(|slice| slice.content.is_empty());
+    // Finer pixels do not help where lines cancel.
+    if is_empty && grid.spacing.max_element() > grid::pixel_side(drawings) {
+        let (DVec2 { x, y }, unit) = (grid.spacing, &planes.unit);
+        let message =
+            format!("must be smaller: no pixel of {x} x {y} {unit} lies inside a polygon, all slices are empty");
+        return Err(Error::Setting { name: "pixel".into(), message });
+    }
     let origin = grid.origin.x * planes.axes[0] + grid.origin.y * planes.axes[1];
     Ok(ContourStack {
         dims: grid.dims,

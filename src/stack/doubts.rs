@@ -137,7 +137,7 @@ impl ContourStack {
         self.far_apart().map(|[usual, places]| {
             format!(
                 "slices lie {usual} apart, but none between {places}: interpolated across; if the body is not there reconstruct each stretch by itself \
-                 (`slices`), or give an empty slice between"
+                 (`slices` chooses it from a volume or an RTSTRUCT; of a folder, one with its slices alone), or give an empty slice between"
             )
         })
     }

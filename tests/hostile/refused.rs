@@ -174,7 +174,16 @@ fn outputs_are_checked_before_the_work() {
     sound_stack(input.path());
     refused(input.path(), &["-o", "no/such/folder/x.stl"], &["no/such/folder/x.stl: cannot write"]);
     refused(input.path(), &["-o", "x.docx"], &["x.docx", "unknown extension", ".nrrd"]);
-    refused(input.path(), &["--report", "x.nrrd"], &["x.nrrd", "is the name of a volume; a report is .json or .html"]);
+    refused(
+        input.path(),
+        &["--report", "x.nrrd"],
+        &["x.nrrd", "is a name for another output (volume); a report is .json or .html"],
+    );
+    refused(
+        input.path(),
+        &["--report", "x.dcm"],
+        &["x.dcm", "another output (the RTSTRUCT, completed); a report is .json"],
+    );
     let taken = folder();
     let name = taken.path().join("folder.stl");
     fs::create_dir(&name).expect("a folder can be made");
@@ -284,7 +293,7 @@ fn broken_nrrd_files() {
     with(&nrrd("encoding: raw", "uchar", [2, 2, 3], &[0; 12]), &["has no label: all voxels are 0"]);
     with(
         &nrrd("encoding: raw\nendian: little", "float", [1, 1, 3], &0.5f32.to_le_bytes().repeat(3)),
-        &["voxel (0, 0, 0) is 0.5"],
+        &["voxel x = 0, y = 0, z = 0 is 0.5"],
     );
 }
 

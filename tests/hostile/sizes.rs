@@ -103,7 +103,7 @@ fn slices() {
     };
     for side in ["1e-5", "1e-300"] {
         polygons(side);
-        inspected(place.path(), &["`pixel` must be larger: 2 slices of"]);
+        inspected(place.path(), &["`spacing_xy` must be larger: 2 slices of"]);
     }
 }
 

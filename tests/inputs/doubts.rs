@@ -460,6 +460,9 @@ fn a_gap_in_what_is_drawn_plane_by_plane_is_told() {
     };
     let told = "slices lie 3.000 apart, but none between 12.000 and 42.000: interpolated across";
     stack(&[0.0, 3.0, 6.0, 9.0, 12.0, 42.0, 45.0, 48.0]).all_say(&[], 0, told);
+    // `--slices` is not for a folder.
+    let way = "reconstruct each stretch by itself (`slices` chooses it from a volume or an RTSTRUCT; of a folder, one with its slices alone)";
+    stack(&[0.0, 3.0, 6.0, 9.0, 12.0, 42.0, 45.0, 48.0]).all_say(&[], 0, way);
     stack(&[0.0, 3.0, 6.0, 9.0, 12.0, 21.0, 24.0, 27.0]).none_doubts(&[]);
     // A volume says it in slices.
     let voxels = volume(|at| u16::from((at[2] < 8 || at[2] > 20) && in_ball([at[0], at[1], 16], 9.0)));

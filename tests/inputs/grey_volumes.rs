@@ -134,7 +134,7 @@ fn what_cannot_be_cut_is_refused() {
         assert_eq!(output.status.code(), Some(2), "{said}");
         words.iter().for_each(|word| assert!(said.contains(word), "{said} lacks {word}"));
     };
-    refused(&[], &["grey.nrrd", "voxel (0, 0, 0)", "whole numbers", "level"]);
+    refused(&[], &["grey.nrrd", "voxel x = 0, y = 0, z = 0 ", "whole numbers", "level"]);
     refused(&["--level", "2000"], &["level", "2000", "range"]);
     refused(&["--level", "nan"], &["level", "NaN"]);
     refused(&["--level", &LEVEL.to_string(), "--label", "1"], &["--level", "cannot be used with", "--label"]);
@@ -142,9 +142,10 @@ fn what_cannot_be_cut_is_refused() {
     refused(&["--level", &LEVEL.to_string(), "--slices", "0,1"], &["grey.nrrd", "2 chosen slices", "above the level"]);
     let bytes: Vec<u8> = values().flat_map(|v| (v as f32).to_le_bytes()).collect();
     let place = |[i, j, k]: [usize; 3]| 4 * (i + SIZES[0] * (j + SIZES[1] * k));
-    for (at, value, words) in
-        [([18, 2, 0], f32::INFINITY, "voxel (18, 2, 0) is inf"), ([7, 30, 11], f32::NAN, "voxel (7, 30, 11) is NaN")]
-    {
+    for (at, value, words) in [
+        ([18, 2, 0], f32::INFINITY, "voxel x = 18, y = 2, z = 0 is inf"),
+        ([7, 30, 11], f32::NAN, "voxel x = 7, y = 30, z = 11 is NaN"),
+    ] {
         let mut bytes = bytes.clone();
         bytes[place(at)..place(at) + 4].copy_from_slice(&value.to_le_bytes());
         write(&path, "float", &bytes);

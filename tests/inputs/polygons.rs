@@ -408,8 +408,19 @@ fn wrong_polygons_are_told_by_slice_and_value() {
     bad(r#"[{"z": 0, "polygons": [[[0, 0], [1e300, 0], [9, 9]]]}, {"z": 1, "polygons": []}]"#, "", &["pixel"]);
     bad(&format!("[{sound}, {sound}]"), "", &["height 0 must lie above"]);
     let up = r#"{"z": 1, "polygons": []}"#;
-    bad(&format!("[{sound}, {up}]"), "\"spacing_xy\": [0, 1], ", &["pixel", "positive"]);
-    bad(&format!("[{sound}, {up}]"), "\"spacing_xy\": [1e-6, 1e-6], ", &["pixel", "must be larger"]);
+    bad(
+        &format!("[{sound}, {up}]"),
+        "\"spacing_xy\": [0, 1], ",
+        &["stack.json: `spacing_xy` must be a positive number; got 0"],
+    );
+    bad(&format!("[{sound}, {up}]"), "\"spacing_xy\": [1, -2], ", &["`spacing_xy` must be a positive number; got -2"]);
+    bad(&format!("[{sound}, {up}]"), "\"spacing_xy\": [1e-6, 1e-6], ", &["`spacing_xy` must be larger"]);
+    let small = r#"{"z": 0, "polygons": [[[1, 1], [9, 1], [9, 9]]]}"#;
+    let lost = "must be smaller: no pixel of 500 x 500 mm lies inside a polygon, all slices are empty";
+    bad(&format!("[{small}, {up}]"), "\"spacing_xy\": [500, 500], ", &[&format!("stack.json: `spacing_xy` {lost}")]);
+    write_stack(place.path(), &format!("{{\"slices\": [{small}, {up}]}}"));
+    let output = interslice(&["inspect", &place.path().display().to_string(), "--pixel", "500"]);
+    assert!(stderr(&output).contains(&format!("`pixel` {lost}")), "{}", stderr(&output));
     bad(&format!("[{sound}, {up}]"), "\"axes\": [[1, 0, 0], [1, 0, 0], [0, 0, 1]], ", &["axes", "not perpendicular"]);
     bad(&format!("[{sound}, {up}]"), "\"axes\": [[2, 0, 0], [0, 1, 0], [0, 0, 1]], ", &["axis 0 is 2 long"]);
 }

@@ -381,7 +381,7 @@ impl Volume {
             rest /= self.grid.dims[axis];
         }
         let [x, y, z] = place;
-        format!("voxel ({x}, {y}, {z}) {why}")
+        format!("voxel x = {x}, y = {y}, z = {z} {why}")
     }
 
     fn decode<T: Copy>(

@@ -1,11 +1,9 @@
 //! Description of a structure set, as a colleague would give it.
 
-use glam::DVec2;
-
 use super::{ChosenRois, Roi, StructureSet};
 use crate::error::{Result, counted};
-use crate::polygons::Polygon;
 use crate::polygons::plane::smallest_gap;
+use crate::polygons::zones;
 use crate::stack::ReadOptions;
 
 impl StructureSet {
@@ -49,7 +47,21 @@ impl ChosenRois<'_> {
     pub fn describe(&self) -> Vec<String> {
         let names: Vec<String> = self.rois.iter().map(|r| r.label()).collect();
         let heights = &self.planes.heights;
-        let holes: usize = (0..heights.len()).map(|k| self.holes(k)).sum();
+        let [mut holes, mut keyholes] = [0, 0];
+        for region in (0..heights.len()).flat_map(|k| self.regions(k)) {
+            holes += zones::holes(&region);
+            keyholes += zones::keyholes(&region);
+        }
+        let is_or_are = |n: usize, one: &str, more: &str| match n {
+            0 => None,
+            1 => Some(format!("1 contour is {one}")),
+            n => Some(format!("{n} contours are {more}")),
+        };
+        let of_holes = [
+            is_or_are(holes, "a hole", "holes"),
+            is_or_are(keyholes, "a keyhole, with a hole in the same line", "keyholes, with a hole in the same line"),
+        ];
+        let of_holes: Vec<String> = of_holes.into_iter().flatten().collect();
         let xor = self.rois.iter().any(|r| r.contours.iter().any(super::Contour::is_xor));
         let [x, y, z] = self.planes.axes[2].to_array();
         let across = match [x, y, z] {
@@ -67,38 +79,11 @@ impl ChosenRois<'_> {
             short(heights[0]),
             short(heights[heights.len() - 1]),
             gaps(heights),
-            match holes {
-                0 => "no holes".into(),
-                1 => "1 contour is a hole".into(),
-                n => format!("{n} contours are holes"),
-            }
+            if of_holes.is_empty() { "no contour is a hole".into() } else { of_holes.join(", ") }
         )];
         lines.extend(self.notes.iter().map(|n| format!("    {n}")));
         lines
     }
-
-    /// Contours of plane `k` that lie within an odd number of the same ROI's others.
-    fn holes(&self, k: usize) -> usize {
-        let all: Vec<(usize, Polygon)> =
-            self.on_plane(k).map(|(r, contour)| (r, self.planes.project(&contour.points))).collect();
-        let within = |n: usize| {
-            let around = |(m, (roi, polygon)): (usize, &(usize, Polygon))| {
-                m != n && *roi == all[n].0 && contains(polygon, all[n].1[0])
-            };
-            all.iter().enumerate().filter(|other| around(*other)).count() % 2 == 1
-        };
-        (0..all.len()).filter(|n| within(*n)).count()
-    }
-}
-
-/// Whether a point lies inside a polygon (even-odd).
-fn contains(polygon: &Polygon, DVec2 { x, y }: DVec2) -> bool {
-    let next = polygon.iter().cycle().skip(1);
-    let crossed = polygon
-        .iter()
-        .zip(next)
-        .filter(|(p, q)| (p.y <= y) != (q.y <= y) && p.x + (y - p.y) / (q.y - p.y) * (q.x - p.x) > x);
-    crossed.count() % 2 == 1
 }
 
 /// The gaps between heights in words: `78 gaps of 3 mm, 1 of 6 mm`.

@@ -1,6 +1,8 @@
 //! Contours that are holes, too short or open.
 
 use interslice::ContourStack;
+use interslice::input::read;
+use interslice::stack::ReadOptions;
 
 use super::checks::*;
 use crate::files::{folder, listing};
@@ -37,8 +39,35 @@ fn inner_contours_are_holes_as_planar_xor_and_keyhole() {
     let listed = said(&["inspect", &path.display().to_string()], 0);
     assert_says(
         &listed,
-        &["3 ROIs", "2 contours are holes", "4 contours (XOR) on 2 planes (axial)", "1 gap of 4 mm", "no holes"],
+        &[
+            "3 ROIs",
+            "2 contours are holes",
+            "4 contours (XOR) on 2 planes (axial)",
+            "1 gap of 4 mm; 2 contours are keyholes, with a hole in the same line",
+        ],
     );
+}
+
+/// Two discs that begin at the point they have in common are two discs.
+#[test]
+fn contours_that_touch_are_no_holes() {
+    let place = folder();
+    let path = place.path().join("a.dcm");
+    let input = path.display().to_string();
+    let right = |z: f64| circle(10.0, z);
+    // The mirror image about the point of `right` with the largest x, which comes first in both.
+    let left = |z: f64| circle(10.0, z).into_iter().map(|[x, y, z]| [220.0 - x, y, z]).collect::<Vec<_>>();
+    let pair = |z: f64| [(CLOSED, right(z)), (CLOSED, left(z))];
+    let apart = |z: f64| [(CLOSED, right(z)), (CLOSED, left(z).into_iter().map(|[x, y, z]| [x + 1.0, y, z]).collect())];
+    let of = |pair: &dyn Fn(f64) -> [(&'static str, Points); 2]| {
+        write(&[("a", [0.0, 4.0].map(pair).concat())], &path);
+        let pixel = read(&path, &ReadOptions::default()).expect("the file is sound").spacing[0];
+        (said(&["inspect", &input], 0), pixel)
+    };
+    let ((touching, pixel), (_, other)) = (of(&pair), of(&apart));
+    assert_says(&touching, &["4 contours on 2 planes", "1 gap of 4 mm; no contour is a hole"]);
+    assert!(!touching.contains("pixels wide"), "{touching}");
+    assert_near(pixel, other, 0.01 * other);
 }
 
 #[test]

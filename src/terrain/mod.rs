@@ -11,6 +11,7 @@
 mod arch;
 mod below;
 mod border;
+mod code_page;
 mod elevation;
 mod geojson;
 #[cfg(feature = "geopackage")]
@@ -203,7 +204,7 @@ pub(crate) fn format(begin: &[u8]) -> Option<&'static str> {
 
 /// The files of a contour map: a shapefile has several.
 pub fn files(path: &Path) -> Vec<PathBuf> {
-    let beside = ["dbf", "prj", "shx"].map(|e| path.with_extension(e));
+    let beside = ["cpg", "dbf", "prj", "shx"].map(|e| path.with_extension(e));
     let shape = MapFormat::of(path).is_ok_and(|format| format == MapFormat::Shapefile);
     let beside = beside.into_iter().filter(|p| shape && p.is_file());
     std::iter::once(path.to_path_buf()).chain(beside).collect()

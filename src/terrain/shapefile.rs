@@ -1,4 +1,4 @@
-//! Shapefiles: .shp with its .dbf, and .prj if there is one.
+//! Shapefiles: .shp with its .dbf, and .prj and .cpg if there are.
 
 use std::io::{BufReader, Cursor, ErrorKind, Read, Seek};
 use std::path::Path;
@@ -8,13 +8,15 @@ use serde_json::Value;
 use shapefile::dbase::{self, FieldError, FieldIterator, FieldValue, ReadableRecord};
 use shapefile::{Shape, ShapeReader};
 
-use super::{Feature, MapPart, guard};
+use super::{Feature, MapPart, code_page, guard};
 use crate::error::{Error, Result};
 use crate::storage::regular;
 use crate::surface::map::MapCrs;
 
 /// Value that stands for "no data" in a shapefile's z.
 const NO_DATA: f64 = -1e38;
+/// Most bytes that a table's header can have: it says their number in 16 bits.
+const HEADER: u64 = 1 << 16;
 
 /// The features of a shapefile, and the coordinate system of its .prj.
 ///
@@ -53,7 +55,11 @@ pub fn read(path: &Path) -> Result<(Vec<Feature>, MapCrs)> {
         features.push(Feature { name, fields: Vec::new(), lines });
     }
     let no_table = |e| wrong(&table, format!("is no dBase table: {e}"));
-    let mut records = dbase::Reader::new(BufReader::new(table_file)).map_err(no_table)?;
+    let head = regular::begin(&table, HEADER).map_err(|e| unreadable(&table, e))?;
+    let page = there(&path.with_extension("cpg"))?;
+    let page = page.as_ref().map(|bytes| String::from_utf8_lossy(bytes));
+    let records = dbase::ReaderBuilder::new().with_encoding(code_page::encoding(page.as_deref(), &head));
+    let mut records = records.build(BufReader::new(table_file)).map_err(no_table)?;
     let mut count = 0;
     for (k, record) in records.iter_records_as::<Fields>().enumerate() {
         let Fields(fields) = record.map_err(|e| wrong(&table, format!("record {}: {e}", k + 1)))?;

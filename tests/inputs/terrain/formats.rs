@@ -92,6 +92,52 @@ fn a_byte_order_mark_is_no_part_of_geojson() {
     }
 }
 
+/// The table of a shapefile may be in any code page, or say one that nobody knows: names that are ASCII are read, and others by .cpg, then byte 29.
+#[test]
+fn shapefiles_are_read_in_whatever_code_page_their_table_is() {
+    let place = folder();
+    let path = place.path().join("cone.shp");
+    shapefile(&path, None);
+    let table = path.with_extension("dbf");
+    let plain = fs::read(&table).expect("it was written");
+    let levels = |mark: u8, name: &[u8], cpg: Option<&str>, options: &ReadOptions| {
+        let mut bytes = plain.clone();
+        bytes[29] = mark;
+        bytes[32..43].fill(0);
+        bytes[32..32 + name.len()].copy_from_slice(name);
+        fs::write(&table, bytes).expect("a file can be written");
+        let beside = path.with_extension("cpg");
+        match cpg {
+            Some(cpg) => fs::write(&beside, cpg).expect("a file can be written"),
+            None => drop(fs::remove_file(&beside)),
+        }
+        let terrain = Terrain::read(&path, options).unwrap_or_else(|e| panic!("{mark:02x}, {cpg:?}: {e}"));
+        let heights: Vec<f64> = terrain.stack.slices.iter().map(|s| s.z).collect();
+        assert_eq!(heights, [100.0, 150.0, 200.0, 250.0], "{mark:02x}, {cpg:?}");
+        terrain
+    };
+    for mark in 0..=255 {
+        levels(mark, b"CONTOUR", None, &pixels(20.0));
+    }
+    let named = ReadOptions { elevation: Some("H\u{f6}he \u{fc}".into()), ..pixels(20.0) };
+    let (latin, dos, utf) = (&b"H\xf6he \xfc"[..], &b"H\x94he \x81"[..], "H\u{f6}he \u{fc}".as_bytes());
+    for (mark, name, cpg) in [
+        (0x57, latin, None),
+        (0x03, latin, None),
+        (0x00, latin, None),
+        (0x00, latin, Some("ISO-8859-1")),
+        (0x02, latin, Some("1252\n")),
+        (0x00, latin, Some("UTF-8")),
+        (0x01, dos, None),
+        (0x03, dos, Some("OEM 850")),
+        (0x00, utf, Some("UTF-8")),
+        (0x57, utf, None),
+    ] {
+        let terrain = levels(mark, name, cpg, &named);
+        assert!(terrain.description.iter().any(|line| line.contains("H\u{f6}he \u{fc}")), "{:?}", terrain.description);
+    }
+}
+
 #[test]
 fn shapefiles_are_read_and_damaged_ones_refused() {
     let place = folder();

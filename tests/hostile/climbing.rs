@@ -1,7 +1,6 @@
 //! Names out of data files lead nowhere: outputs lie where the user said, links are replaced and not followed, what is no file is not waited for,
 //! and a terminal obeys no name.
 
-#[cfg(feature = "dicom")]
 use std::fs;
 use std::io::Write;
 use std::os::unix::fs::symlink;

@@ -10,6 +10,7 @@ mod fuzzed;
 #[cfg(all(feature = "dicom", feature = "terrain", feature = "zarr"))]
 mod p15_inputs_stay;
 mod refused;
+#[cfg(feature = "dicom")]
 #[path = "../support/rtss.rs"]
 mod rtss;
 #[cfg(all(unix, feature = "dicom", feature = "terrain"))]

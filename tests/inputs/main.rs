@@ -11,6 +11,7 @@ mod map_units;
 #[cfg(feature = "zarr")]
 mod ome_zarr;
 mod polygons;
+#[cfg(feature = "dicom")]
 #[path = "../support/rtss.rs"]
 mod rtss;
 #[cfg(feature = "dicom")]

@@ -6,6 +6,7 @@ mod label_images;
 mod members;
 mod own_slices;
 mod partitions;
+#[cfg(feature = "dicom")]
 #[path = "../support/rtss.rs"]
 mod rtss;
 mod segments;

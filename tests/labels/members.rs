@@ -1,6 +1,5 @@
 //! Several bodies of an input, each by itself: in `evaluate`, `inspect`, `plan`, and as lines of a manifest.
 
-#[cfg(feature = "dicom")]
 use std::fs;
 use std::path::Path;
 

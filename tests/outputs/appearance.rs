@@ -1,6 +1,5 @@
 //! Names and colours of labels and ROIs, from the input to meshes and volumes.
 
-#[cfg(feature = "dicom")]
 use std::fs;
 use std::path::Path;
 

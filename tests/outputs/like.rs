@@ -1,6 +1,5 @@
 //! `--like`: outputs on the grid of another volume, of a raster, of a series of images.
 
-#[cfg(feature = "dicom")]
 use std::fs;
 use std::path::Path;
 

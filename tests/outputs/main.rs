@@ -8,6 +8,7 @@ mod p16_far_from_origin;
 mod provenance;
 mod relief;
 mod report;
+#[cfg(feature = "dicom")]
 #[path = "../support/rtss.rs"]
 mod rtss;
 mod scenes;

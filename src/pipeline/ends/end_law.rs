@@ -158,21 +158,20 @@ mod tests {
 
     #[test]
     fn the_tip_of_a_cone_does_not_follow_its_noise() {
-        // Areas off by up to 2 %, as those of a disc of 8 px are by its pixels; contours 0, 1.3 and 2.1 of a cone whose tip is 2 beyond. By the nearer zero
-        // of the areas alone tips lie 0.6 to 1.2 of the way.
+        // Areas off by up to half a percent. By the nearer zero of the areas alone tips lie 0.66 to 1.01 of the way.
         for k in 0..200 {
-            let off = |n: usize| 0.02 * (1.7 * f64::from(k) + 2.9 * n as f64).sin();
+            let off = |n: usize| 0.005 * (1.7 * f64::from(k) + 2.9 * n as f64).sin();
             let areas: Vec<f64> =
                 AWAY.iter().enumerate().map(|(n, away)| (2.0 + away).powi(2) * (1.0 + off(n))).collect();
             let (found, _) = Law::through(&areas, &AWAY, 9.0).expect("it shrinks");
-            assert!((0.9..1.1).contains(&(found.height / 2.0)), "{k}: {}", found.height / 2.0);
+            assert!((0.96..1.01).contains(&(found.height / 2.0)), "{k}: {}", found.height / 2.0);
         }
     }
 
     #[test]
     fn flaring_ends_are_cones_and_growing_ones_none() {
         let (found, rule) = law(|t| 1.0 + (1.0 - t).powi(4), 9.0).expect("it shrinks");
-        assert_eq!((rule, found.power), (CapRule::Cone, 2.0));
+        assert!(rule == CapRule::Cone && (found.power - 2.0).abs() < 1e-12, "{rule:?}, {found:?}");
         assert_eq!(law(|t| 4.0 + t, 9.0), None);
         assert_eq!(law(|_| 4.0, 9.0), None);
         let two = Law::through(&[3.0, 5.0], &[0.0, 2.0], 9.0);

@@ -47,7 +47,7 @@ impl Fairing<'_> {
         };
         let terms: Vec<(&SparseImage<f32>, f32, Option<Displacement>)> =
             self.nodes.weights(k).into_iter().filter_map(term).collect();
-        let plane = Plane::new(&self.nodes, k, self.bound());
+        let plane = Plane::new(&self.nodes, k, self.bound(), self.spec.relief);
         let beside = self.nodes.beside(k).map(|l| term((l, 1.0)));
         let nowhere = |square: [usize; 2]| own.squares.is_far(square).then_some([0.0]);
         let [difference] = SparseImage::of_stretches(dims, nowhere, |[left, first], width, [rows]: [&mut [f32]; 1]| {

@@ -10,12 +10,12 @@ fn faired(contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, V
 
 /// The same between ends whose slopes are steered or not.
 fn faired_between(steered: [bool; 2], contours: &[f64], dz: f64, radius: impl Fn(f64) -> f64) -> Vec<(f64, Vec<f32>)> {
-    faired_together(1, steered, contours, dz, radius)
+    faired_as([1, 0], steered, contours, dz, radius)
 }
 
-/// The same with so many nodes at once.
-fn faired_together(
-    nodes_at_once: usize,
+/// The same with so many nodes at once, as relief or not.
+fn faired_as(
+    [nodes_at_once, relief]: [usize; 2],
     steered: [bool; 2],
     contours: &[f64],
     dz: f64,
@@ -34,6 +34,7 @@ fn faired_together(
         spacing: [1.0; 2],
         gap,
         alpha: 1.5,
+        relief: relief as f64,
         limited: false,
         steered,
         farthest: 100.0,
@@ -108,7 +109,7 @@ fn a_layer_does_not_depend_on_how_many_come_together() {
     let one_by_one = faired(&contours, 0.5, radius);
     assert!(one_by_one.iter().any(|(z, phi)| largest([(phi, &given(radius(*z)))].into_iter()) > 0.01), "it does move");
     for nodes in [2, NODES, NODES + 1, GAPS_AT_ONCE * NODES, 1000] {
-        assert!(faired_together(nodes, [false; 2], &contours, 0.5, radius) == one_by_one, "{nodes} at once");
+        assert!(faired_as([nodes, 0], [false; 2], &contours, 0.5, radius) == one_by_one, "{nodes} at once");
     }
 }
 
@@ -158,6 +159,27 @@ fn contours_stay_and_the_crease_at_one_of_them_is_smoothed() {
     assert!(crease < 0.3, "{crease} of 0.5");
     for (z, phi) in faired(&contours, 1.0, |_| 14.0) {
         assert!(largest(std::iter::once((&phi, &given(14.0)))) < 1e-5, "height {z} of what is straight");
+    }
+}
+
+#[test]
+fn what_falls_evenly_stays_but_for_relief() {
+    for fall in [4.0, 6.0] {
+        let contours = stacked(&[8, 8, 8]);
+        let radius = |z: f64| 19.0 - fall * z / 8.0;
+        let off = |relief: usize| {
+            let mut worst = 0.0f64;
+            for (z, phi) in
+                faired_as([1, relief], [false; 2], &contours, 1.0, radius).iter().filter(|(z, _)| radius(*z) > 1.0)
+            {
+                let row = &phi[20 * DIMS[0] + 20..21 * DIMS[0]];
+                let outside = row.iter().position(|v| *v > 0.0).expect("an end");
+                let edge = outside as f32 - row[outside] / (row[outside] - row[outside - 1]);
+                worst = worst.max((f64::from(edge) - radius(*z)).abs());
+            }
+            worst
+        };
+        assert!(off(0) < 0.02 && off(1) > 0.06, "{fall} px a gap: {} px, of relief {}", off(0), off(1));
     }
 }
 

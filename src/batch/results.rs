@@ -13,6 +13,7 @@ use super::manifest::Job;
 use crate::error::{Error, Result};
 use crate::files::fingerprint::digest;
 use crate::report::Report;
+use crate::storage::regular;
 
 /// Most bytes of a line that are looked at.
 const LONGEST_LINE: u64 = 16 << 20;
@@ -215,7 +216,7 @@ fn check_whose(path: &Path) -> Result<()> {
         Ok(of) if !of.is_file() => return wrong("is no file; results need a file of their own"),
         _ => {}
     }
-    let text = std::fs::read(path).map_err(|source| Error::Read { path: path.into(), source })?;
+    let text = regular::begin(path, LONGEST_LINE).map_err(|source| Error::Read { path: path.into(), source })?;
     // A crash may leave zeros.
     let blank = |text: &[u8]| text.iter().all(|b| b.is_ascii_whitespace() || *b == 0);
     let result = |line: &[u8]| serde_json::from_slice::<ResultLine>(line).is_ok();

@@ -61,17 +61,19 @@ impl Fairing<'_> {
                     for (v, w, offsets) in &terms {
                         add(v, *w, offsets.as_ref(), j, left + pixels.start, out);
                     }
-                    for (there, term) in there.iter_mut().zip(&beside) {
-                        there.clear();
-                        match term {
-                            Some((v, w, offsets)) => {
-                                there.resize(row.len(), 0.0);
-                                add(v, *w, offsets.as_ref(), j, left + pixels.start, there);
+                    if let Some(plane) = &plane {
+                        for (there, term) in there.iter_mut().zip(&beside) {
+                            there.clear();
+                            match term {
+                                Some((v, w, offsets)) => {
+                                    there.resize(row.len(), 0.0);
+                                    add(v, *w, offsets.as_ref(), j, left + pixels.start, there);
+                                }
+                                None => there.extend_from_slice(row),
                             }
-                            None => there.extend_from_slice(row),
                         }
+                        plane.take_off(row, [&there[0], &there[1]], out);
                     }
-                    plane.take_off(row, [&there[0], &there[1]], out);
                     if at_contour {
                         let fading = out.iter_mut().zip(row);
                         fading.for_each(|(sum, own)| *sum *= fade(own.abs() / self.bound()) as f32);

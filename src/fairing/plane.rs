@@ -32,19 +32,18 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// Of the mean at node `k`, in a stack that is `relief` to this degree, 0 to 1.
-    pub fn new(nodes: &Nodes, k: usize, bound: f32, relief: f64) -> Self {
+    /// Of the mean at node `k`, in a stack that is `relief` to this degree, 0 to 1; none in one that is nothing else.
+    pub fn new(nodes: &Nodes, k: usize, bound: f32, relief: f64) -> Option<Self> {
+        let share = (1.0 - relief) as f32;
         let above = |l: usize| (nodes.height(l) - nodes.height(k)) as f32;
         let taps = nodes.weights(k).into_iter().map(|(l, w)| [w as f32, above(l)]).collect();
         let [below, beyond] = nodes.beside(k);
-        Plane { taps, rise: above(beyond) - above(below), bound, share: (1.0 - relief) as f32 }
+        (share > 0.0).then(|| Plane { taps, rise: above(beyond) - above(below), bound, share })
     }
 
     /// Takes P off the differences of some pixels: `own` is their v, `beside` that of the nodes below and above along the trajectories.
     pub fn take_off(&self, own: &[f32], beside: [&[f32]; 2], out: &mut [f32]) {
-        if self.share > 0.0 {
-            take_off(&self.taps, [self.rise, self.bound, self.share], own, beside, out);
-        }
+        take_off(&self.taps, [self.rise, self.bound, self.share], own, beside, out);
     }
 }
 
@@ -73,7 +72,7 @@ mod tests {
         let nodes = Nodes::new(vec![0.0, 4.0, 9.0, 11.0, 20.0], &[true; 5], 4.5);
         let bound = 3.0;
         for k in 1..nodes.last() {
-            let plane = Plane::new(&nodes, k, bound, 0.0);
+            let plane = Plane::new(&nodes, k, bound, 0.0).expect("no relief");
             let left = |a: &dyn Fn(f64) -> f64| {
                 let v = |l: usize| bound * (a(nodes.height(l)) as f32).tanh();
                 let mean: f32 = nodes.weights(k).into_iter().map(|(l, w)| w as f32 * v(l)).sum();
@@ -90,9 +89,7 @@ mod tests {
                 bent = bent.max(difference.abs());
             }
             assert!(bent > 0.02, "the mean moves a plane at node {k} by {bent}");
-            let mut kept = [bent];
-            Plane::new(&nodes, k, bound, 1.0).take_off(&[1.0], [&[0.5], &[1.5]], &mut kept);
-            assert_eq!(kept, [bent], "relief keeps it");
+            assert!(Plane::new(&nodes, k, bound, 1.0).is_none(), "relief keeps it");
             if nodes.contour(k).is_some() {
                 let [difference, out] = left(&|h| 0.2 * (h - z).abs());
                 assert!(

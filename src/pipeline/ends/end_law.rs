@@ -55,7 +55,8 @@ impl Law {
                 // the line through the radii has the say.
                 let root = (slope * slope - 4.0 * area * bend) / (slope * slope);
                 let share = if slope < 0.0 { smoothstep(root) } else { 0.0 };
-                let cone = Law { area, height: tip_of_cone(areas, away, -root), power: 2.0 };
+                let cone =
+                    Law { area, height: tip_of_cone(areas, away, if slope < 0.0 { -root } else { 1.0 }), power: 2.0 };
                 // In the form that does not cancel.
                 let height = 2.0 * area / (-slope * (1.0 + root.max(0.0).sqrt()));
                 let blend = |a: f64, b: f64| if share > 0.0 { a + share * (b - a) } else { a };
@@ -172,6 +173,9 @@ mod tests {
     fn flaring_ends_are_cones_and_growing_ones_none() {
         let (found, rule) = law(|t| 1.0 + (1.0 - t).powi(4), 9.0).expect("it shrinks");
         assert!(rule == CapRule::Cone && (found.power - 2.0).abs() < 1e-12, "{rule:?}, {found:?}");
+        // So steep a flank that the parabola rises at the contour: what lies farther in has no say.
+        let (found, rule) = Law::through(&[1.0, 2.0, 50.0], &[0.0, 1.0, 2.0], 9.0).expect("it shrinks");
+        assert!(rule == CapRule::Cone && (found.height - 1.0 / (2f64.sqrt() - 1.0)).abs() < 1e-12, "{found:?}");
         assert_eq!(law(|t| 4.0 + t, 9.0), None);
         assert_eq!(law(|_| 4.0, 9.0), None);
         let two = Law::through(&[3.0, 5.0], &[0.0, 2.0], 9.0);

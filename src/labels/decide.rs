@@ -29,6 +29,10 @@ pub(super) struct Layers<'l> {
     pub dims: [usize; 2],
     /// Fields of the labels alone.
     pub alone: &'l [LayerPatch],
+    /// Those as far as they reach, of one that draws back its last contour: near them others count as neighbours.
+    pub been: Vec<&'l LayerPatch>,
+    /// Whether one does.
+    pub draws_back: bool,
     /// The union of the labels that touch this one.
     pub union: Vec<Option<&'l LayerPatch>>,
     /// Labels that touch in the drawn slices below and above.
@@ -108,7 +112,7 @@ impl Layers<'_> {
 
     /// psi of label `a` at a pixel where it is `phi` alone and the nearest other label `other`.
     fn value(&self, a: usize, pixel: [usize; 2], phi: f32, other: f32) -> f32 {
-        let joined = if other < self.reach.far { self.joined(a, pixel, phi) } else { phi };
+        let joined = if other < self.reach.far || self.draws_back { self.joined(a, pixel, phi) } else { phi };
         if joined >= self.reach.near {
             return phi;
         }
@@ -159,7 +163,7 @@ impl Layers<'_> {
             _ if a == c => Some(b),
             _ => None,
         });
-        let nearest = touching.filter_map(|b| self.alone[b].at(pixel)).fold(far, f32::min);
+        let nearest = touching.filter_map(|b| self.been[b].at(pixel)).fold(far, f32::min);
         if nearest < far { phi.min(union.at(pixel).unwrap_or(far).max(nearest - fill)) } else { phi }
     }
 

@@ -69,8 +69,7 @@ impl EndingLabels {
         (1..stack.drawn.len()).map(|above| between(above - 1)).collect()
     }
 
-    /// The labels that go on at a height, and what they are with that. `bodies` are the labels without the others, `alone` what they are at this
-    /// height, `union` that of a label.
+    /// The labels that go on at a height. `bodies` are the labels without the others, `alone` what they are at this height, `union` that of a label.
     ///
     /// # Errors
     /// Those of reading the bodies.
@@ -80,14 +79,17 @@ impl EndingLabels {
         bodies: &mut [KeptBody],
         alone: &[LayerPatch],
         union: impl Fn(usize) -> Option<&'u LayerPatch>,
-    ) -> Result<Vec<(usize, LayerPatch)>> {
+    ) -> Result<Vec<GoesOn>> {
         let mut contours = Vec::new();
         for &(a, below) in &self.labels {
             contours.push((a, bodies[a].at(at.slices[usize::from(!below)], at.same)?.unwrap_or_default()));
         }
-        let mut out = Vec::new();
+        let mut patches = Vec::new();
         for ((a, contour), (_, below)) in contours.iter().zip(&self.labels) {
-            let Some(union) = union(*a) else { continue };
+            let Some(union) = union(*a) else {
+                patches.push(None);
+                continue;
+            };
             // Those that end with it draw back from others, not from each other.
             let other = |b: usize| match self.labels.contains(&(b, !below)) {
                 true => contours.iter().find(|(c, _)| *c == b).map(|(_, contour)| contour),
@@ -97,10 +99,23 @@ impl EndingLabels {
             let [painted, not] = if *below { at.slices } else { [at.slices[1], at.slices[0]] };
             let t = ((at.z - painted) / (not - painted)) as f32;
             let on = Continued { alone: &alone[*a], contour, union, others, t, far: at.far, px: at.px };
-            out.push((*a, on.patch()));
+            patches.push(Some(on.patch()));
         }
-        Ok(out)
+        let of = |((label, contour), patch): ((usize, LayerPatch), Option<LayerPatch>)| {
+            Some(GoesOn { label, patch: patch?, contour })
+        };
+        Ok(contours.into_iter().zip(patches).filter_map(of).collect())
     }
+}
+
+/// A label that goes on between its last contour and the slice on which it is not.
+pub(super) struct GoesOn {
+    /// Its place.
+    pub label: usize,
+    /// It with what goes on.
+    pub patch: LayerPatch,
+    /// Its last contour.
+    pub contour: LayerPatch,
 }
 
 /// A height between two neighbouring slices.

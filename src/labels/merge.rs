@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::decide::{LabelReach, Layers, NEAR, Rank};
-use super::ended::{EndingLabels, HeightBetween};
+use super::ended::{EndingLabels, GoesOn, HeightBetween};
 use super::floating::{DecidedStep, FloatingPieces};
 use super::kept::{KeptBody, LayerPatch};
 use super::report::Borders;
@@ -162,9 +162,7 @@ pub fn decide(
             let union = |a: usize| unions.iter().find(|(m, ..)| m.contains(&a)).and_then(|(.., patch)| patch.as_ref());
             let at = HeightBetween { z, slices: [low, low + 1].map(|k| slices[k].z), same, far, px };
             goes_on = ending.goes_on(&at, &mut bodies.alone, &alone, union)?;
-            for (a, patch) in &mut goes_on {
-                std::mem::swap(&mut alone[*a], patch);
-            }
+            goes_on.iter_mut().for_each(|on| std::mem::swap(&mut alone[on.label], &mut on.patch));
         }
         let of = |a: usize| {
             let (_, settled, patch) = unions.iter().find(|(m, ..)| m.contains(&a))?;
@@ -173,13 +171,33 @@ pub fn decide(
             patch.as_ref().filter(|_| !exact)
         };
         let union = (0..count).map(of).collect();
-        let off: Vec<f32> = stack.given.iter().map(|given| given.distance(z, &drawn_at) as f32).collect();
-        let layers = Layers { dims, alone: &alone, union, touching: &touching, ranks: &ranks, reach, off: &off };
+        let mut off: Vec<f32> = stack.given.iter().map(|given| given.distance(z, &drawn_at) as f32).collect();
+        // A label that goes on is known on both slices: on one it is painted, on the other it is not.
+        let known = |a: usize| step.between.filter(|_| goes_on.iter().any(|on| on.label == a));
+        for (a, off) in off.iter_mut().enumerate() {
+            let around = known(a).into_iter().flat_map(|low| &drawn_at[low..=low + 1]);
+            *off = around.map(|slice| (slice - z).abs() as f32).fold(*off, f32::min);
+        }
+        // However far a label has drawn back, up to its last contour it has been there.
+        let mut been: Vec<&LayerPatch> = alone.iter().collect();
+        goes_on.iter().for_each(|on| been[on.label] = &on.contour);
+        let draws_back = !goes_on.is_empty();
+        let layers = Layers {
+            dims,
+            alone: &alone,
+            been,
+            draws_back,
+            union,
+            touching: &touching,
+            ranks: &ranks,
+            reach,
+            off: &off,
+        };
         let parted = layers.part();
         // What a label has beyond its last slice was a gap where no other had it.
         let mut gap = parted.gap;
-        for (a, _) in &goes_on {
-            let before = |b: usize| goes_on.iter().find(|(c, _)| *c == b).map_or(&alone[b], |(_, without)| without);
+        for GoesOn { label: a, .. } in &goes_on {
+            let before = |b: usize| goes_on.iter().find(|on| on.label == b).map_or(&alone[b], |on| &on.patch);
             let rows = alone[*a].rows(dims[0]);
             let inside = rows.flat_map(|(start, row)| (start..).zip(row)).filter(|(_, phi)| **phi < 0.0);
             for (n, _) in inside.filter(|(n, _)| parted.labels[*n] as usize == a + 1) {

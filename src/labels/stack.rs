@@ -4,6 +4,7 @@ use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use super::facing::facing;
 use super::given::Given;
 use super::report::LeftOut;
 use crate::error::{Error, Result};
@@ -272,18 +273,17 @@ impl LabelStack {
         slices
     }
 
-    /// Labels that touch each other on two neighbouring slices of both, or where one of both ends, some by way of others; only groups of more than
-    /// one. Labels whose union would not be known on those slices stay apart: the pair with more drawn pixels comes first, whatever their numbers.
+    /// Labels that touch each other on two neighbouring slices of both, or where one of both ends, or that face each other ([`facing`]), some by way of
+    /// others; only groups of more than one. Labels whose union would not be known on those slices stay apart: the pair with more drawn pixels comes first, whatever their numbers.
     pub(super) fn groups(&self, contacts: &Contacts) -> Vec<Vec<usize>> {
         let ranks: Vec<_> =
             (0..self.labels.len()).map(|a| self.drawn_pixels(a)).map(|(n, k)| (Reverse(n), k)).collect();
         let painted = self.painted();
-        let mut pairs: Vec<(LabelPair, Vec<usize>)> = contacts
-            .pairs
-            .iter()
-            .map(|(pair, common)| (*pair, self.needed(&painted, *pair, common)))
-            .filter(|(_, k)| !k.is_empty())
-            .collect();
+        let mut needed = facing(self, &painted);
+        for (pair, common) in &contacts.pairs {
+            needed.entry(*pair).or_default().extend(self.needed(&painted, *pair, common));
+        }
+        let mut pairs: Vec<(LabelPair, Vec<usize>)> = needed.into_iter().filter(|(_, k)| !k.is_empty()).collect();
         pairs.sort_by_key(|((a, b), _)| [ranks[*a].min(ranks[*b]), ranks[*a].max(ranks[*b])]);
         let mut groups: Vec<(Vec<usize>, BTreeSet<usize>)> =
             (0..self.labels.len()).map(|a| (vec![a], BTreeSet::new())).collect();

@@ -10,3 +10,4 @@ mod partitions;
 #[path = "../support/rtss.rs"]
 mod rtss;
 mod segments;
+mod stacked;

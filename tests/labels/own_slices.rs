@@ -11,18 +11,18 @@ use interslice::stack::ReadOptions;
 use interslice::surface::Layer;
 use interslice::{Budget, Means, Reference, Settings, progress};
 
-const SIZES: [usize; 3] = [64, 48, 31];
+pub const SIZES: [usize; 3] = [64, 48, 31];
 
 /// A disc of a label on some slices.
 #[derive(Clone, Copy)]
-struct Disc<'s> {
-    label: u8,
-    at: [f64; 2],
-    radius: f64,
-    slices: &'s [usize],
+pub struct Disc<'s> {
+    pub label: u8,
+    pub at: [f64; 2],
+    pub radius: f64,
+    pub slices: &'s [usize],
 }
 
-fn volume(discs: &[Disc<'_>]) -> Vec<u8> {
+pub fn volume(discs: &[Disc<'_>]) -> Vec<u8> {
     let [nx, ny, nz] = SIZES;
     let mut voxels = vec![0; nx * ny * nz];
     for disc in discs {
@@ -41,7 +41,7 @@ fn write(path: &Path, voxels: &[u8]) {
 }
 
 /// The numbers of all voxels at every height, `fine` of them to a slice, with what was said of the input.
-fn decided(voxels: &[u8], options: &ReadOptions, fine: usize) -> (Vec<Layer>, Vec<String>, Option<String>) {
+pub fn decided(voxels: &[u8], options: &ReadOptions, fine: usize) -> (Vec<Layer>, Vec<String>, Option<String>) {
     let place = folder();
     let path = place.path().join("labels.nrrd");
     write(&path, voxels);
@@ -62,7 +62,7 @@ fn decided(voxels: &[u8], options: &ReadOptions, fine: usize) -> (Vec<Layer>, Ve
     (layers, stack.notes, stack.reading)
 }
 
-fn areas(layers: &[Layer], label: u8) -> Vec<usize> {
+pub fn areas(layers: &[Layer], label: u8) -> Vec<usize> {
     layers.iter().map(|layer| layer.phi.iter().filter(|l| **l == f32::from(label)).count()).collect()
 }
 

@@ -2,6 +2,7 @@
 
 use super::forgotten::{Forgotten, forgotten_hole, forgotten_part};
 use super::mask::Mask;
+use super::specks::{Speck, specks};
 use super::{ContourStack, Slice, SliceContent};
 
 /// A slice with less than this share of its neighbours' area is doubted: no section between two others of an organ is so small.
@@ -119,6 +120,21 @@ fn lacking(what: &str, forgotten: &[(usize, Forgotten)], name: impl Fn(usize) ->
     })
 }
 
+/// Words about the specks of slices, by the places of these, of which `name` tells what they are called.
+fn specked(specks: &[(usize, Speck)], name: impl Fn(usize) -> String) -> Option<String> {
+    let said =
+        |(k, s): &(usize, Speck)| format!("{} px on {} at column {}, row {}", s.pixels, name(*k), s.at[0], s.at[1]);
+    let listed: Vec<String> = specks.iter().take(NAMED).map(said).collect();
+    let more = specks.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    (!listed.is_empty()).then(|| {
+        format!(
+            "{}{more}: parts so small that touch nothing of the slices beside theirs end between them, each a body of its own: painted by mistake?",
+            listed.join(", ")
+        )
+    })
+}
+
 /// Gaps far wider than the usual one between slices that are not empty, by the slice below each, and the usual one.
 fn wide(sections: &[SliceArea]) -> Option<(Vec<usize>, f64)> {
     let gap = |k: usize| sections[k + 1].z - sections[k].z;
@@ -162,8 +178,8 @@ impl ContourStack {
         (!listed.is_empty()).then(|| [format!("{usual:.3}"), listed.join(", ") + &more])
     }
 
-    /// Doubts about slices that look painted by mistake, or left empty, as a whole or where both neighbours have a part, about gaps and about the pixels'
-    /// sides.
+    /// Doubts about slices that look painted by mistake, as a whole or in specks, or left empty, as a whole or where both neighbours have a part, about
+    /// gaps and about the pixels' sides.
     pub fn doubts(&self) -> Vec<String> {
         let section = |s: &Slice| SliceArea { z: s.z, area: s.content.mask().count() };
         let sections: Vec<SliceArea> = self.slices.iter().map(section).collect();
@@ -181,8 +197,14 @@ impl ContourStack {
             lacking(what, &inner.iter().filter_map(found).collect::<Vec<_>>(), name)
         };
         let lacking = [without(PART, forgotten_part), without(HOLE, forgotten_hole)];
+        let beside = |k: usize| [k.checked_sub(1), Some(k + 1).filter(|above| *above < sections.len())];
+        let specks = (0..sections.len()).filter(|k| !strays.contains(k)).flat_map(|k| {
+            let beside: Vec<&Mask> = beside(k).into_iter().flatten().map(mask).collect();
+            specks(mask(k), &beside, self.dims[0]).into_iter().map(move |speck| (k, speck))
+        });
+        let specked = specked(&specks.collect::<Vec<_>>(), name);
         let slices = stray(&strays, &sections, name).into_iter().chain(empty).chain(lacking.into_iter().flatten());
-        slices.chain(self.undrawn()).chain(self.long_pixels()).collect()
+        slices.chain(specked).chain(self.undrawn()).chain(self.long_pixels()).collect()
     }
 
     /// Doubt about pixels that are far longer than wide.

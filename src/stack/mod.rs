@@ -15,6 +15,7 @@ pub mod links;
 pub mod mask;
 pub mod options;
 pub mod space;
+mod specks;
 pub(crate) mod window;
 
 pub use level::LevelSlice;

@@ -3,6 +3,7 @@
 mod doubts;
 #[path = "../support/files.rs"]
 mod files;
+mod forgotten;
 #[cfg(feature = "geopackage")]
 mod geopackage;
 mod grey_volumes;

@@ -25,6 +25,27 @@ pub fn add(v: &SparseImage<f32>, w: f32, offsets: Option<&Displacement>, j: usiz
     }
 }
 
+/// Values of a layer where the pixels of row `j` from `first` on, or their trajectories, are once they have moved by `shifts`, px.
+pub fn read_beside(
+    v: &SparseImage<f32>,
+    offsets: Option<&Displacement>,
+    shifts: &[DVec2],
+    [first, j]: [usize; 2],
+    out: &mut [f32],
+) {
+    let stretches = (first..).step_by(AT_ONCE).zip(out.chunks_mut(AT_ONCE)).zip(shifts.chunks(AT_ONCE));
+    for ((first, out), shifts) in stretches {
+        let mut some = [0.0; AT_ONCE];
+        let mut moved = [DVec2::ZERO; AT_ONCE];
+        if let Some(offsets) = offsets {
+            offsets.read_row(j, first, &mut moved[..out.len()]);
+        }
+        moved.iter_mut().zip(shifts).for_each(|(moved, shift)| *moved += *shift);
+        sample(v, [first, j], &moved, out.len(), &mut some);
+        out.copy_from_slice(&some[..out.len()]);
+    }
+}
+
 /// Bilinear values of a layer at pixels of a row that have `moved`, of which the first is `origin`, the edge repeated.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn sample(v: &SparseImage<f32>, origin: [usize; 2], moved: &[DVec2; AT_ONCE], count: usize, out: &mut [f32; AT_ONCE]) {

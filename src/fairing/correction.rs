@@ -5,12 +5,13 @@ use std::ops::Range;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::along::add;
+use super::along::{add, read_beside};
 use super::kept::{Near, Node, Transformed};
+use super::level::MetContour;
 use super::limit::{goes_on, limited};
 use super::near::{SATURATED, fade, nearer, nearness, widest};
 use super::plane::Plane;
-use super::{Fairing, in_pool};
+use super::{Fairing, FairingSpec, in_pool};
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::spline::smoothstep;
 use crate::registration::displacement::{Displacement, Resting};
@@ -116,7 +117,8 @@ impl Fairing<'_> {
         }
     }
 
-    /// Correction of node `k`: its own difference less what the contours below and above would move by, read along the trajectories.
+    /// Correction of node `k`: its own difference less what the contours below and above would move by, read along the trajectories where they have
+    /// the node's distances.
     fn correction(&self, k: usize) -> Option<SparseImage<f32>> {
         let i = k / NODES;
         let ends = [NODES * i, NODES * (i + 1)];
@@ -143,6 +145,7 @@ impl Fairing<'_> {
             [&mut own, &mut slope, &mut here, &mut own_d].into_iter().for_each(|line| line.resize(width, 0.0));
             // Both contours' differences and distances along the trajectories, their distances straight along z, and those of the contours beyond.
             let mut there: [Vec<f32>; 8] = Default::default();
+            let mut ways = Vec::new();
             for (j, out) in (first..).zip(rows.chunks_exact_mut(width)) {
                 v.read(left, j, &mut own);
                 gradient.read(left, j, &mut slope);
@@ -154,14 +157,21 @@ impl Fairing<'_> {
                         there.resize(pixels.len(), 0.0);
                     });
                     let [low_d, high_d, low_along, high_along, low_straight, high_straight, below, above] = &mut there;
-                    add(at_low, 1.0, offsets[0].as_ref(), j, begin, low_d);
-                    add(at_high, 1.0, offsets[1].as_ref(), j, begin, high_d);
                     add(&low.phi, 1.0, offsets[0].as_ref(), j, begin, low_along);
                     add(&high.phi, 1.0, offsets[1].as_ref(), j, begin, high_along);
+                    node.phi.read(begin, j, &mut here[pixels.clone()]);
+                    ways.resize(pixels.len(), DVec2::ZERO);
+                    let contours =
+                        [(&low.phi, &*low_along, at_low, &mut *low_d), (&high.phi, &*high_along, at_high, high_d)];
+                    for ((phi, there, difference, out), offsets) in contours.into_iter().zip(&offsets) {
+                        let FairingSpec { spacing, relief, .. } = self.spec;
+                        let contour = MetContour { phi, offsets: offsets.as_ref(), spacing, relief };
+                        contour.ways(&here[pixels.clone()], there, [begin, j], &mut ways);
+                        read_beside(difference, offsets.as_ref(), &ways, [begin, j], out);
+                    }
                     if self.spec.limited {
                         low.phi.read(begin, j, low_straight);
                         high.phi.read(begin, j, high_straight);
-                        node.phi.read(begin, j, &mut here[pixels.clone()]);
                     }
                     for (there, beyond) in [&mut *below, &mut *above].into_iter().zip(&beyond) {
                         if let Some((phi, offsets)) = beyond {

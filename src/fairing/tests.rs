@@ -162,24 +162,35 @@ fn contours_stay_and_the_crease_at_one_of_them_is_smoothed() {
     }
 }
 
+/// How far fairing moves discs of these radii at most, once as of a body and once as relief.
+fn moves(contours: &[f64], radius: impl Fn(f64) -> f64) -> [f64; 2] {
+    [0, 1].map(|relief| {
+        let mut worst = 0.0f64;
+        for (z, phi) in
+            faired_as([1, relief], [false; 2], contours, 1.0, &radius).iter().filter(|(z, _)| radius(*z) > 1.0)
+        {
+            let row = &phi[20 * DIMS[0] + 20..21 * DIMS[0]];
+            let outside = row.iter().position(|v| *v > 0.0).expect("an end");
+            let edge = outside as f32 - row[outside] / (row[outside] - row[outside - 1]);
+            worst = worst.max((f64::from(edge) - radius(*z)).abs());
+        }
+        worst
+    })
+}
+
 #[test]
 fn what_falls_evenly_stays_but_for_relief() {
     for fall in [4.0, 6.0] {
-        let contours = stacked(&[8, 8, 8]);
-        let radius = |z: f64| 19.0 - fall * z / 8.0;
-        let off = |relief: usize| {
-            let mut worst = 0.0f64;
-            for (z, phi) in
-                faired_as([1, relief], [false; 2], &contours, 1.0, radius).iter().filter(|(z, _)| radius(*z) > 1.0)
-            {
-                let row = &phi[20 * DIMS[0] + 20..21 * DIMS[0]];
-                let outside = row.iter().position(|v| *v > 0.0).expect("an end");
-                let edge = outside as f32 - row[outside] / (row[outside] - row[outside - 1]);
-                worst = worst.max((f64::from(edge) - radius(*z)).abs());
-            }
-            worst
-        };
-        assert!(off(0) < 0.02 && off(1) > 0.06, "{fall} px a gap: {} px, of relief {}", off(0), off(1));
+        let [body, relief] = moves(&stacked(&[8, 8, 8]), |z| 19.0 - fall * z / 8.0);
+        assert!(body < 0.02 && relief > 0.06, "{fall} px a gap: {body} px, of relief {relief}");
+    }
+}
+
+#[test]
+fn a_neck_hardly_widens() {
+    for [narrow, steep] in [[4.0, 0.8], [3.0, 1.0], [6.0, 0.9]] {
+        let [body, relief] = moves(&stacked(&[8, 8, 8, 8]), |z| (narrow + steep * (z - 16.0).powi(2)).sqrt());
+        assert!(body < 0.75 * relief && body < 0.65, "{narrow} {steep}: {body} px, of relief {relief}");
     }
 }
 

@@ -62,6 +62,12 @@ class Body:
     @property
     def spacing(self) -> list[float]: ...
     @property
+    def origin(self) -> list[float]:
+        """Where column 0 and row 0 are at height 0 in the world (LPS): column i and row j at height z are at `origin + i dx axes[0] + j dy axes[1] + z axes[2]`."""
+    @property
+    def axes(self) -> list[list[float]]:
+        """Unit vectors along a row, along a column and upwards."""
+    @property
     def unit(self) -> str: ...
     @property
     def volume(self) -> float:

@@ -267,6 +267,18 @@ impl PyBody {
         [dy, dx]
     }
 
+    /// Where column 0 and row 0 are at height 0 in the world (LPS): column i and row j at height z are at `origin + i dx axes[0] + j dy axes[1] + z axes[2]`.
+    #[getter]
+    fn origin(&self) -> [f64; 3] {
+        self.geometry.origin.to_array()
+    }
+
+    /// Unit vectors along a row, along a column and upwards.
+    #[getter]
+    fn axes(&self) -> [[f64; 3]; 3] {
+        self.geometry.axes.map(|axis| axis.to_array())
+    }
+
     /// Rows and columns of a layer.
     #[getter]
     fn shape(&self) -> [usize; 2] {

@@ -145,6 +145,22 @@ def test_what_a_body_can_be_asked(masks: Masks) -> None:
     assert "Body of 5 slices and 5 layers" in repr(body)
 
 
+def test_a_body_knows_where_it_lies(masks: Masks) -> None:
+    axes = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
+    drawn = interslice.stack(masks, HEIGHTS, (0.8, 0.5), origin=(7.0, -3.0, 100.0), axes=axes)
+    body = interslice.reconstruct(drawn, dz=0.5)
+    assert body.origin == [7.0, -3.0, 100.0] and body.axes == axes
+    layer, row, column = np.nonzero(body.masks())
+    dy, dx = body.spacing
+    steps = np.column_stack([column * dx, row * dy, np.array(body.heights)[layer]])
+    middle = np.array(body.origin) + steps.mean(axis=0) @ np.array(body.axes)
+    vertices, faces = body.mesh()
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    volumes = np.einsum("ij,ij->i", a, np.cross(b, c))
+    centroid = ((a + b + c) * volumes[:, None]).sum(axis=0) / 4 / volumes.sum()
+    np.testing.assert_allclose(centroid, middle, atol=0.2)
+
+
 def test_fields_grey_values_and_polygons(masks: Masks) -> None:
     y, x = np.mgrid[:40, :40]
     radii = [8.0, 9.5, 9.0, 7.5, 7.0]

@@ -14,6 +14,7 @@
 
 use std::collections::BTreeSet;
 
+use super::facing::{Facing, facing};
 use super::kept::{KeptBody, LayerPatch};
 use super::stack::{LabelPair, LabelStack};
 use crate::error::Result;
@@ -23,9 +24,11 @@ use crate::grid::tile::Tile;
 /// 2 and 4 px, 2 was best for two brain atlases with every fourth slice given.
 const BEYOND: f32 = 2.0;
 
-/// What ends between two neighbouring slices.
+/// What ends between two slices.
 #[derive(Debug, Clone, Default)]
 pub(super) struct EndingLabels {
+    /// The slices.
+    pub slices: [usize; 2],
     /// Labels, and whether the lower slice is that on which they are painted.
     pub labels: BTreeSet<(usize, bool)>,
     /// The pairs that are painted on the same pixels, one below and one above.
@@ -33,7 +36,8 @@ pub(super) struct EndingLabels {
 }
 
 impl EndingLabels {
-    /// Those between each slice of `stack` and the next, of labels with a union; `groups` are the labels of each.
+    /// Those between each slice of `stack` and the next, and those that face each other farther apart, of labels with a union; `groups` are the labels
+    /// of each.
     pub fn of(stack: &LabelStack, groups: &[Vec<usize>]) -> Vec<EndingLabels> {
         let painted = stack.painted();
         let mut group_of = vec![usize::MAX; stack.labels.len()];
@@ -46,7 +50,7 @@ impl EndingLabels {
                     pairs.insert((low as usize - 1, high as usize - 1));
                 }
             }
-            let mut ending = EndingLabels::default();
+            let mut ending = EndingLabels { slices: [k, k + 1], ..EndingLabels::default() };
             for (low, high) in pairs {
                 let group = group_of[low];
                 if group != group_of[high] || !settled(group, k) || !settled(group, k + 1) {
@@ -66,7 +70,24 @@ impl EndingLabels {
             }
             ending
         };
-        (1..stack.drawn.len()).map(|above| between(above - 1)).collect()
+        let mut all: Vec<EndingLabels> = (1..stack.drawn.len()).map(|above| between(above - 1)).collect();
+        // What ends towards a slice of others does not end beyond it as well.
+        let near = all.len();
+        for Facing { slices: [low, high], labels: [a, b] } in facing(stack, &painted) {
+            let ended = |ending: &EndingLabels| {
+                let within = ending.slices[0] >= low && ending.slices[1] <= high;
+                within && (ending.labels.contains(&(a, true)) || ending.labels.contains(&(b, false)))
+            };
+            let known = group_of[a] == group_of[b] && [low, high].iter().all(|&k| settled(group_of[a], k));
+            if high == low + 1 || !known || all[..near].iter().any(ended) {
+                continue;
+            }
+            let at = all[near..].iter().position(|ending| ending.slices == [low, high]).unwrap_or(all.len() - near);
+            all.resize(all.len().max(near + at + 1), EndingLabels { slices: [low, high], ..EndingLabels::default() });
+            all[near + at].labels.extend([(a, true), (b, false)]);
+            all[near + at].across.insert((a.min(b), a.max(b)));
+        }
+        all
     }
 
     /// The labels that go on at a height. `bodies` are the labels without the others, `alone` what they are at this height, `union` that of a label.

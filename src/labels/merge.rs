@@ -156,14 +156,23 @@ pub fn decide(
             alone.push(if there { body.at(z, same)?.unwrap_or_default() } else { LayerPatch::default() });
         }
         let mut touching = step.touching.clone();
+        let mut off: Vec<f32> = stack.given.iter().map(|given| given.distance(z, &drawn_at) as f32).collect();
         let mut goes_on = Vec::new();
-        if let Some((low, ending)) = step.between.and_then(|k| Some((k, ending.get(k)?))) {
+        for ending in &ending {
+            let around = ending.slices.map(|k| slices[k].z);
+            if z <= around[0] + same || z >= around[1] - same {
+                continue;
+            }
             touching.extend(&ending.across);
             let union = |a: usize| unions.iter().find(|(m, ..)| m.contains(&a)).and_then(|(.., patch)| patch.as_ref());
-            let at = HeightBetween { z, slices: [low, low + 1].map(|k| slices[k].z), same, far, px };
-            goes_on = ending.goes_on(&at, &mut bodies.alone, &alone, union)?;
-            goes_on.iter_mut().for_each(|on| std::mem::swap(&mut alone[on.label], &mut on.patch));
+            let at = HeightBetween { z, slices: around, same, far, px };
+            for on in ending.goes_on(&at, &mut bodies.alone, &alone, union)? {
+                // It is known on both slices: on one it is painted, on the other it is not.
+                off[on.label] = around.iter().map(|slice| (slice - z).abs() as f32).fold(off[on.label], f32::min);
+                goes_on.push(on);
+            }
         }
+        goes_on.iter_mut().for_each(|on| std::mem::swap(&mut alone[on.label], &mut on.patch));
         let of = |a: usize| {
             let (_, settled, patch) = unions.iter().find(|(m, ..)| m.contains(&a))?;
             // What is painted is not joined to a union that is interpolated here.
@@ -171,13 +180,6 @@ pub fn decide(
             patch.as_ref().filter(|_| !exact)
         };
         let union = (0..count).map(of).collect();
-        let mut off: Vec<f32> = stack.given.iter().map(|given| given.distance(z, &drawn_at) as f32).collect();
-        // A label that goes on is known on both slices: on one it is painted, on the other it is not.
-        let known = |a: usize| step.between.filter(|_| goes_on.iter().any(|on| on.label == a));
-        for (a, off) in off.iter_mut().enumerate() {
-            let around = known(a).into_iter().flat_map(|low| &drawn_at[low..=low + 1]);
-            *off = around.map(|slice| (slice - z).abs() as f32).fold(*off, f32::min);
-        }
         // However far a label has drawn back, up to its last contour it has been there.
         let mut been: Vec<&LayerPatch> = alone.iter().collect();
         goes_on.iter().for_each(|on| been[on.label] = &on.contour);
@@ -292,8 +294,6 @@ struct Step {
     output: bool,
     /// The drawn slice at this height.
     slice: Option<usize>,
-    /// The drawn slice below, where this height lies between two.
-    between: Option<usize>,
     touching: BTreeSet<LabelPair>,
 }
 
@@ -317,8 +317,7 @@ impl Steps {
             let slice = slices.get(above).filter(|s| **s <= z + same).map(|_| above);
             let touching = contacts.around(above, slice);
             let z = slice.map_or(z, |k| slices[k]);
-            let between = above.checked_sub(1).filter(|_| slice.is_none() && above < slices.len());
-            Step { z, output: group.iter().any(|g| g.1), slice, between, touching }
+            Step { z, output: group.iter().any(|g| g.1), slice, touching }
         };
         let all = heights.chunk_by(|a, b| b.0 - a.0 <= same).map(at).collect();
         Steps { all }

@@ -1,7 +1,7 @@
 //! Slices on which several labels are drawn.
 
 use std::cmp::Reverse;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use super::facing::facing;
@@ -203,13 +203,15 @@ impl LabelStack {
         self.united(&[a])
     }
 
-    /// Some labels as one body, of the slices on which all of them are known or have ended.
+    /// Some labels as one body, of the slices on which all of them are known or have ended, but not all have.
     pub(super) fn united(&self, labels: &[usize]) -> ContourStack {
         let ends = labels.iter().filter_map(|&a| self.given[a].ends());
         let ends = ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         let slices = ends.map_or(0..0, |[first, last]| first..last + 1);
         let mut inside = vec![false; self.labels.len() + 1];
         labels.iter().for_each(|&a| inside[a + 1] = true);
+        // Where some have ended and the others not begun, a slice of others says nothing.
+        let says = |k: usize| labels.iter().any(|&a| self.given[a].knows(k));
         let slice = |k: usize| {
             let mut mask: Vec<bool> = self.drawn[k].iter().map(|&l| inside[l as usize]).collect();
             let under = self.covered[k].iter().filter(|(a, _)| labels.contains(a));
@@ -218,7 +220,7 @@ impl LabelStack {
             Slice { name: name.clone(), z: *z, extra: *extra, content: SliceContent::Mask(mask.into_iter().collect()) }
         };
         ContourStack {
-            slices: slices.filter(|&k| self.settled(labels, k)).map(slice).collect(),
+            slices: slices.filter(|&k| self.settled(labels, k) && says(k)).map(slice).collect(),
             unit: self.stack.unit.clone(),
             ..self.stack
         }
@@ -279,7 +281,10 @@ impl LabelStack {
         let ranks: Vec<_> =
             (0..self.labels.len()).map(|a| self.drawn_pixels(a)).map(|(n, k)| (Reverse(n), k)).collect();
         let painted = self.painted();
-        let mut needed = facing(self, &painted);
+        let mut needed: BTreeMap<LabelPair, Vec<usize>> = BTreeMap::new();
+        for face in facing(self, &painted) {
+            needed.entry(face.pair()).or_default().extend(face.slices);
+        }
         for (pair, common) in &contacts.pairs {
             needed.entry(*pair).or_default().extend(self.needed(&painted, *pair, common));
         }

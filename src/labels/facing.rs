@@ -30,17 +30,23 @@ impl Facing {
     }
 }
 
-/// Widest gap between slices that follow each other in label `a` on both of which it is painted.
-fn widest(stack: &LabelStack, painted: &[Vec<bool>], a: usize) -> f64 {
-    let pairs = stack.given[a].slices.windows(2).map(|pair| [pair[0], pair[1]]);
-    let both = pairs.filter(|pair| pair.iter().all(|&k| painted[k][a]));
-    both.map(|[low, high]| stack.stack.slices[high].z - stack.stack.slices[low].z).fold(0.0, f64::max)
+/// For each label the widest gap between slices that follow each other in it on both of which it is painted, else the middle one of the stack's.
+fn widest(stack: &LabelStack, painted: &[Vec<bool>]) -> Vec<f64> {
+    let gap = |pair: &[usize]| stack.stack.slices[pair[1]].z - stack.stack.slices[pair[0]].z;
+    let mut gaps: Vec<f64> = (1..stack.drawn.len()).map(|k| gap(&[k - 1, k])).collect();
+    gaps.sort_by(f64::total_cmp);
+    let usual = gaps.get(gaps.len() / 2).copied().unwrap_or(0.0);
+    let of = |a: usize| {
+        let both = stack.given[a].slices.windows(2).filter(|pair| pair.iter().all(|&k| painted[k][a]));
+        both.map(gap).reduce(f64::max).unwrap_or(usual)
+    };
+    (0..stack.labels.len()).map(of).collect()
 }
 
 /// All labels that face each other, of those that are `painted` on each slice.
 pub(super) fn facing(stack: &LabelStack, painted: &[Vec<bool>]) -> Vec<Facing> {
     let count = stack.labels.len();
-    let widest: Vec<f64> = (0..count).map(|a| widest(stack, painted, a)).collect();
+    let widest = widest(stack, painted);
     let most = widest.iter().copied().fold(0.0, f64::max);
     let height = |[low, high]: [usize; 2]| stack.stack.slices[high].z - stack.stack.slices[low].z;
     // Whether a label is painted on one of two slices and not known to be anywhere between them, nor on the other.

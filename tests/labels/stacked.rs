@@ -100,3 +100,14 @@ fn a_label_may_end_on_several() {
         assert!(all.iter().all(|n| 100 * n.abs_diff(all[0]) <= 2 * all[0]), "{all:?}");
     }
 }
+
+#[test]
+fn labels_on_one_slice_each_leave_no_gap_where_slices_are_complete() {
+    let slices = [0, 7, 14, 21];
+    let discs: Vec<Disc<'_>> =
+        (1..).zip(slices.chunks(1)).map(|(label, slices)| Disc { label, at: AT, radius: 11.0, slices }).collect();
+    let complete = ReadOptions { complete_slices: true, ..ReadOptions::default() };
+    let layers = decided(&volume(&discs), &complete, 1).0;
+    let all: Vec<usize> = (0..=21).map(|k| layers[k].phi.iter().filter(|l| **l > 0.0).count()).collect();
+    assert!(all.iter().all(|n| 100 * n.abs_diff(all[0]) <= 2 * all[0]), "{all:?}");
+}

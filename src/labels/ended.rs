@@ -8,9 +8,10 @@
 //! phi_a(t) = min(phi_a, max(phi_a(k) + w t (depth_a + 2 px), u(t))),   w = 1 - m / R between 0 and 1
 //! ```
 //!
-//! with t the share of the gap that lies below, depth_a the largest distance inside on slice k, u the union, and m the least distance of the others but those
-//! that end with it, of those that begin as they are on slice k + 1, R that beyond which fields say nothing. So it draws back from the others, has its contour at t = 0 and
-//! nothing of theirs at t = 1, and never leaves the union. Upside down it is the same.
+//! with t the share of the gap that lies below, depth_a the largest distance inside on slice k, of labels that face each other that of the deeper one, u
+//! the union, and m the least distance of the others but those that end with it, of those that begin as they are on slice k + 1, R that beyond which
+//! fields say nothing. So it draws back from the others, has its contour at t = 0 and nothing of theirs at t = 1, and never leaves the union. Upside
+//! down it is the same.
 
 use std::collections::BTreeSet;
 
@@ -105,8 +106,13 @@ impl EndingLabels {
         for &(a, below) in &self.labels {
             contours.push((a, bodies[a].at(at.slices[usize::from(!below)], at.same)?.unwrap_or_default()));
         }
+        let depths: Vec<f32> = contours.iter().map(|(_, contour)| depth(contour)).collect();
         let mut patches = Vec::new();
         for ((a, contour), (_, below)) in contours.iter().zip(&self.labels) {
+            // One that faces another draws back as fast as that does, so that their border is in the middle.
+            let faces = |b: usize| self.across.contains(&((*a).min(b), (*a).max(b)));
+            let facing = self.labels.iter().zip(&depths).filter(|((b, other), _)| other != below && faces(*b));
+            let depth = facing.map(|(_, depth)| *depth).fold(depth(contour), f32::max);
             let Some(union) = union(*a) else {
                 patches.push(None);
                 continue;
@@ -119,7 +125,7 @@ impl EndingLabels {
             let others = (0..alone.len()).filter(|b| b != a).filter_map(other).collect();
             let [painted, not] = if *below { at.slices } else { [at.slices[1], at.slices[0]] };
             let t = ((at.z - painted) / (not - painted)) as f32;
-            let on = Continued { alone: &alone[*a], contour, union, others, t, far: at.far, px: at.px };
+            let on = Continued { alone: &alone[*a], contour, union, others, t, depth, far: at.far, px: at.px };
             patches.push(Some(on.patch()));
         }
         let of = |((label, contour), patch): ((usize, LayerPatch), Option<LayerPatch>)| {
@@ -153,6 +159,11 @@ pub(super) struct HeightBetween {
     pub px: f32,
 }
 
+/// Largest distance inside.
+fn depth(contour: &LayerPatch) -> f32 {
+    -contour.phi.iter().copied().fold(0.0, f32::min)
+}
+
 /// A label that ends, at a height between its last contour and the slice on which it is not.
 struct Continued<'c> {
     /// As it is without the others, and its last contour.
@@ -164,6 +175,8 @@ struct Continued<'c> {
     others: Vec<&'c LayerPatch>,
     /// 0 at the contour, 1 at the slice on which it is not.
     t: f32,
+    /// Distance by which it has drawn back there, less BEYOND.
+    depth: f32,
     far: f32,
     px: f32,
 }
@@ -171,8 +184,7 @@ struct Continued<'c> {
 impl Continued<'_> {
     /// The label with what goes on.
     fn patch(&self) -> LayerPatch {
-        let Continued { alone, contour, union, ref others, t, far, px } = *self;
-        let depth = -contour.phi.iter().copied().fold(0.0, f32::min);
+        let Continued { alone, contour, union, ref others, t, depth, far, px } = *self;
         let back = t * (depth + BEYOND * px);
         let tile_of = |patch: &LayerPatch| Tile { origin: patch.origin, dims: patch.dims };
         let (of_alone, of_contour) = (tile_of(alone), tile_of(contour));

@@ -197,10 +197,10 @@ impl ContourStack {
             lacking(what, &inner.iter().filter_map(found).collect::<Vec<_>>(), name)
         };
         let lacking = [without(PART, forgotten_part), without(HOLE, forgotten_hole)];
-        let beside = |k: usize| [k.checked_sub(1), Some(k + 1).filter(|above| *above < sections.len())];
-        let specks = (0..sections.len()).filter(|k| !strays.contains(k)).flat_map(|k| {
-            let beside: Vec<&Mask> = beside(k).into_iter().flatten().map(mask).collect();
-            specks(mask(k), &beside, self.dims[0]).into_iter().map(move |speck| (k, speck))
+        // On the first and the last slice it may be a tip: of relief the lowest level has hills by themselves.
+        let specks = inner.iter().flat_map(|&k| {
+            let found = specks(mask(k), &[k - 1, k + 1].map(mask), self.dims[0]);
+            found.into_iter().map(move |speck| (k, speck))
         });
         let specked = specked(&specks.collect::<Vec<_>>(), name);
         let slices = stray(&strays, &sections, name).into_iter().chain(empty).chain(lacking.into_iter().flatten());

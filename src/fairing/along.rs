@@ -13,19 +13,12 @@ const AT_ONCE: usize = 4 * BLOCK;
 pub fn add(v: &SparseImage<f32>, w: f32, offsets: Option<&Displacement>, j: usize, first: usize, out: &mut [f32]) {
     for (first, out) in (first..).step_by(AT_ONCE).zip(out.chunks_mut(AT_ONCE)) {
         let mut some = [0.0; AT_ONCE];
-        match offsets {
-            None => v.read(first, j, &mut some[..out.len()]),
-            Some(offsets) => {
-                let mut moved = [DVec2::ZERO; AT_ONCE];
-                offsets.read_row(j, first, &mut moved[..out.len()]);
-                sample(v, [first, j], &moved, out.len(), &mut some);
-            }
-        }
+        read(v, offsets, None, [first, j], out.len(), &mut some);
         out.iter_mut().zip(some).for_each(|(sum, v)| *sum += w * v);
     }
 }
 
-/// Values of a layer where the pixels of row `j` from `first` on, or their trajectories, are once they have moved by `shifts`, px.
+/// Values of a layer there once all have moved by `shifts`, px.
 pub fn read_beside(
     v: &SparseImage<f32>,
     offsets: Option<&Displacement>,
@@ -36,14 +29,29 @@ pub fn read_beside(
     let stretches = (first..).step_by(AT_ONCE).zip(out.chunks_mut(AT_ONCE)).zip(shifts.chunks(AT_ONCE));
     for ((first, out), shifts) in stretches {
         let mut some = [0.0; AT_ONCE];
-        let mut moved = [DVec2::ZERO; AT_ONCE];
-        if let Some(offsets) = offsets {
-            offsets.read_row(j, first, &mut moved[..out.len()]);
-        }
-        moved.iter_mut().zip(shifts).for_each(|(moved, shift)| *moved += *shift);
-        sample(v, [first, j], &moved, out.len(), &mut some);
+        read(v, offsets, Some(shifts), [first, j], out.len(), &mut some);
         out.copy_from_slice(&some[..out.len()]);
     }
+}
+
+/// Values of a layer at the first `count` pixels from one on, or where they have moved.
+fn read(
+    v: &SparseImage<f32>,
+    offsets: Option<&Displacement>,
+    shifts: Option<&[DVec2]>,
+    [first, j]: [usize; 2],
+    count: usize,
+    out: &mut [f32; AT_ONCE],
+) {
+    if offsets.is_none() && shifts.is_none() {
+        return v.read(first, j, &mut out[..count]);
+    }
+    let mut moved = [DVec2::ZERO; AT_ONCE];
+    if let Some(offsets) = offsets {
+        offsets.read_row(j, first, &mut moved[..count]);
+    }
+    moved.iter_mut().zip(shifts.unwrap_or_default()).for_each(|(moved, shift)| *moved += *shift);
+    sample(v, [first, j], &moved, count, out);
 }
 
 /// Bilinear values of a layer at pixels of a row that have `moved`, of which the first is `origin`, the edge repeated.

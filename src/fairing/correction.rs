@@ -165,6 +165,10 @@ impl Fairing<'_> {
                         [(&low.phi, &*low_along, at_low, &mut *low_d), (&high.phi, &*high_along, at_high, high_d)];
                     for ((phi, there, difference, out), offsets) in contours.into_iter().zip(&offsets) {
                         let FairingSpec { spacing, relief, .. } = self.spec;
+                        if relief == 1.0 {
+                            add(difference, 1.0, offsets.as_ref(), j, begin, out);
+                            continue;
+                        }
                         let contour = MetContour { phi, offsets: offsets.as_ref(), spacing, relief };
                         contour.ways(&here[pixels.clone()], there, [begin, j], &mut ways);
                         read_beside(difference, offsets.as_ref(), &ways, [begin, j], out);

@@ -36,9 +36,6 @@ pub struct MetContour<'c> {
 impl MetContour<'_> {
     /// Ways from the pixels of row `j` from `first` on, at which the layer has the distances `own` and the contour `there`, to where it has those, px.
     pub fn ways(&self, own: &[f32], there: &[f32], [first, j]: [usize; 2], out: &mut [DVec2]) {
-        if self.relief == 1.0 {
-            return out.fill(DVec2::ZERO);
-        }
         let [nx, ny] = self.phi.dims();
         let (count, rows) = (own.len(), [j.saturating_sub(1), (j + 1).min(ny - 1)]);
         // A pixel more at either end, where there is one.

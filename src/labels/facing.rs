@@ -30,6 +30,28 @@ impl Facing {
     }
 }
 
+/// All labels that face each other, of those that are `painted` on each slice.
+pub(super) fn facing(stack: &LabelStack, painted: &[Vec<bool>]) -> Vec<Facing> {
+    let z = |k: usize| stack.stack.slices[k].z;
+    let widest = widest(stack, painted);
+    let [ends, begins] = [true, false].map(|up| stops(stack, painted, up));
+    let mut candidates: BTreeMap<[usize; 2], Vec<[usize; 2]>> = BTreeMap::new();
+    for (low, ends) in ends.iter().enumerate() {
+        for &Stop { label: a, towards } in ends {
+            for high in low + 1..=towards {
+                let near = |b: usize| z(high) - z(low) <= WIDER * widest[a].max(widest[b]);
+                let from = begins[high].iter().filter(|begin| begin.towards <= low && near(begin.label));
+                from.for_each(|begin| candidates.entry([low, high]).or_default().push([a, begin.label]));
+            }
+        }
+    }
+    let of = |(slices, pairs): ([usize; 2], Vec<[usize; 2]>)| {
+        let large = large_faces(slices.map(|k| &stack.drawn[k][..]), &pairs);
+        large.into_iter().map(move |labels| Facing { slices, labels })
+    };
+    candidates.into_iter().flat_map(of).collect()
+}
+
 /// For each label the widest gap between slices that follow each other in it on both of which it is painted, else the middle one of the stack's.
 fn widest(stack: &LabelStack, painted: &[Vec<bool>]) -> Vec<f64> {
     let gap = |pair: &[usize]| stack.stack.slices[pair[1]].z - stack.stack.slices[pair[0]].z;
@@ -43,71 +65,51 @@ fn widest(stack: &LabelStack, painted: &[Vec<bool>]) -> Vec<f64> {
     (0..stack.labels.len()).map(of).collect()
 }
 
-/// All labels that face each other, of those that are `painted` on each slice.
-pub(super) fn facing(stack: &LabelStack, painted: &[Vec<bool>]) -> Vec<Facing> {
-    let count = stack.labels.len();
-    let widest = widest(stack, painted);
-    let most = widest.iter().copied().fold(0.0, f64::max);
-    let height = |[low, high]: [usize; 2]| stack.stack.slices[high].z - stack.stack.slices[low].z;
-    // Whether a label is painted on one of two slices and not known to be anywhere between them, nor on the other.
-    let stops = |a: usize, on: usize, off: usize| {
-        let between = on.min(off) + 1..on.max(off);
-        painted[on][a]
-            && !painted[off][a]
-            && stack.given[a].settles(off)
-            && !between.into_iter().any(|k| stack.given[a].knows(k))
-    };
-    let mut found = Vec::new();
-    for low in 0..stack.drawn.len() {
-        for high in (low + 1..stack.drawn.len()).take_while(|&high| height([low, high]) <= WIDER * most) {
-            let [ending, beginning]: [Vec<bool>; 2] =
-                [[low, high], [high, low]].map(|[on, off]| (0..count).map(|a| stops(a, on, off)).collect());
-            if ending.contains(&true) && beginning.contains(&true) {
-                let near = |a: usize, b: usize| height([low, high]) <= WIDER * widest[a].max(widest[b]);
-                let faces = Faces::of(stack, [low, high], [ending, beginning], near);
-                found.extend(faces.large().map(|labels| Facing { slices: [low, high], labels }));
+/// A label that ends on a slice, or begins there.
+struct Stop {
+    label: usize,
+    /// The farthest slice up to which nothing more is known of it: the next on which it is known not to be, else the last of the stack; for one that begins
+    /// the one before, else the first.
+    towards: usize,
+}
+
+/// For each slice the labels that end there, going `up`, or begin there.
+fn stops(stack: &LabelStack, painted: &[Vec<bool>], up: bool) -> Vec<Vec<Stop>> {
+    let mut stops: Vec<Vec<Stop>> = painted.iter().map(|_| Vec::new()).collect();
+    for (label, given) in stack.given.iter().enumerate() {
+        let mut known: Vec<usize> = given.slices.iter().chain(&given.shut).copied().collect();
+        known.sort_unstable();
+        if !up {
+            known.reverse();
+        }
+        let outermost = if up { painted.len().saturating_sub(1) } else { 0 };
+        let next = known.iter().skip(1).map(|k| Some(*k)).chain([None]);
+        for (&on, next) in known.iter().zip(next) {
+            if painted[on][label] && next.is_none_or(|next| !painted[next][label]) {
+                stops[on].push(Stop { label, towards: next.unwrap_or(outermost) });
             }
         }
     }
-    found
+    stops
 }
 
-/// What labels that end on one slice and begin on another have of each other.
-struct Faces {
-    /// Pixels of each label on either slice, and how many of them lie on labels that end or begin on the other.
-    areas: [Vec<u64>; 2],
-    covered: [Vec<u64>; 2],
-    pairs: Vec<[usize; 2]>,
-}
-
-impl Faces {
-    fn of(stack: &LabelStack, slices: [usize; 2], stop: [Vec<bool>; 2], near: impl Fn(usize, usize) -> bool) -> Self {
-        let count = stack.labels.len();
-        let [mut areas, mut covered] = [0, 1].map(|_| [0, 1].map(|_| vec![0; count]));
-        let mut shared: BTreeMap<[usize; 2], u64> = BTreeMap::new();
-        let [low, high] = slices.map(|k| &stack.drawn[k]);
-        for (&low, &high) in low.iter().zip(high) {
-            let [a, b] = [low, high].map(|l| (l as usize).checked_sub(1));
-            a.into_iter().for_each(|a| areas[0][a] += 1);
-            b.into_iter().for_each(|b| areas[1][b] += 1);
-            if let (Some(a), Some(b)) = (a, b)
-                && stop[0][a]
-                && stop[1][b]
-                && near(a, b)
-            {
-                *shared.entry([a, b]).or_default() += 1;
-            }
+/// Those of some pairs of labels that end on the first of two slices and begin on the second of which either is covered enough by such labels.
+fn large_faces(slices: [&[u32]; 2], pairs: &[[usize; 2]]) -> Vec<[usize; 2]> {
+    let mut shared: BTreeMap<[usize; 2], u64> = pairs.iter().map(|pair| (*pair, 0)).collect();
+    let mut areas =
+        [0, 1].map(|side: usize| pairs.iter().map(|pair| (pair[side], 0)).collect::<BTreeMap<usize, u64>>());
+    let mut covered = areas.clone();
+    for (&low, &high) in slices[0].iter().zip(slices[1]) {
+        let labels = [low, high].map(|l| (l as usize).wrapping_sub(1));
+        for (areas, label) in areas.iter_mut().zip(&labels) {
+            areas.entry(*label).and_modify(|area| *area += 1);
         }
-        for ([a, b], pixels) in &shared {
-            covered[0][*a] += pixels;
-            covered[1][*b] += pixels;
-        }
-        Faces { areas, covered, pairs: shared.into_keys().collect() }
+        shared.entry(labels).and_modify(|pixels| *pixels += 1);
     }
-
-    /// The pairs of which either is covered enough.
-    fn large(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
-        let enough = |side: usize, a: usize| self.covered[side][a] as f64 >= SHARE * self.areas[side][a] as f64;
-        self.pairs.iter().copied().filter(move |[a, b]| enough(0, *a) && enough(1, *b))
+    for (pair, pixels) in &shared {
+        covered.iter_mut().zip(pair).for_each(|(covered, label)| *covered.entry(*label).or_default() += pixels);
     }
+    let enough = |side: usize, a: usize| covered[side][&a] as f64 >= SHARE * areas[side][&a] as f64;
+    let touch = shared.into_iter().filter(|(_, pixels)| *pixels > 0).map(|(pair, _)| pair);
+    touch.filter(|[a, b]| enough(0, *a) && enough(1, *b)).collect()
 }

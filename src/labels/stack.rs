@@ -276,7 +276,8 @@ impl LabelStack {
     }
 
     /// Labels that touch each other on two neighbouring slices of both, or where one of both ends, or that face each other ([`facing`]), some by way of
-    /// others; only groups of more than one. Labels whose union would not be known on those slices stay apart: the pair with more drawn pixels comes first, whatever their numbers.
+    /// others; only groups of more than one. Labels whose union would not be known on those slices stay apart: the pair with more drawn pixels comes
+    /// first, whatever their numbers.
     pub(super) fn groups(&self, contacts: &Contacts) -> Vec<Vec<usize>> {
         let ranks: Vec<_> =
             (0..self.labels.len()).map(|a| self.drawn_pixels(a)).map(|(n, k)| (Reverse(n), k)).collect();

@@ -38,9 +38,9 @@ pub(super) fn facing(stack: &LabelStack, painted: &[Vec<bool>]) -> Vec<Facing> {
     let mut candidates: BTreeMap<[usize; 2], Vec<[usize; 2]>> = BTreeMap::new();
     for (low, ends) in ends.iter().enumerate() {
         for &Stop { label: a, towards } in ends {
-            for high in low + 1..=towards {
+            for (high, begins) in begins.iter().enumerate().take(towards + 1).skip(low + 1) {
                 let near = |b: usize| z(high) - z(low) <= WIDER * widest[a].max(widest[b]);
-                let from = begins[high].iter().filter(|begin| begin.towards <= low && near(begin.label));
+                let from = begins.iter().filter(|begin| begin.towards <= low && near(begin.label));
                 from.for_each(|begin| candidates.entry([low, high]).or_default().push([a, begin.label]));
             }
         }

@@ -10,6 +10,7 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::stack::ending::gaps_of_ending;
 
 /// Rule by which a mask's staircase becomes a smooth contour. No rule flips a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -243,7 +244,7 @@ pub struct Settings {
     #[arg(long, value_name = "RULE", default_value_t = Settings::default().end_top, help_heading = "Ends")]
     pub end_top: EndRule,
 
-    /// Largest height of an extrapolated end, in gaps, (0, 10] [default: 2 of the wider of the last two, of a contour map 1 of the last: the next level was not drawn]
+    /// Largest height of an extrapolated end, in gaps, (0, 10] [default: 2 of the wider of the last two that count, of a contour map 1 of the last: the next level was not drawn]
     #[arg(long, value_name = "GAPS", help_heading = "Ends")]
     pub cap_gaps: Option<f64>,
 
@@ -326,9 +327,12 @@ impl Settings {
             .map(|(rule, clamp)| rule != EndRule::Flat || clamp.is_some())
     }
 
-    /// Largest height of an extrapolated end beside gaps, the outermost first. A slice close beside the last one says no less of how the body ends.
-    pub fn highest_cap(&self, gaps: [f64; 2]) -> f64 {
-        self.cap_gaps.map_or(CAP_GAPS * gaps[0].max(gaps[1]), |count| count * gaps[0])
+    /// Largest height of an extrapolated end beside slices at heights `z`, from the end inward, of a stack with this middle gap. A slice close beside
+    /// the last one says no less of how the body ends.
+    pub(crate) fn highest_cap(&self, z: &[f64], middle: f64) -> f64 {
+        let [last, next] = gaps_of_ending(z, middle);
+        let own = z.get(1).map_or(0.0, |inner| (inner - z[0]).abs());
+        self.cap_gaps.map_or(CAP_GAPS * last.max(next), |count| count * own)
     }
 
     /// A sentence for each setting that was changed and changes nothing, because of another.

@@ -7,11 +7,11 @@ use crate::error::{Error, Result};
 use crate::estimate::coverage::{Drawn, differing, parts};
 use crate::fairing::{GAPS_AT_ONCE, LARGE_AT_ONCE, SMALL};
 use crate::grid::tile::samples;
-use crate::pipeline::ends::end_parts::LEVELS;
 use crate::pipeline::matching::{ASKED_BYTES, asked_bytes, kept_bytes};
 use crate::pipeline::{AHEAD, LAYER_BYTES_ON_A_GPU, tile_margin};
 use crate::settings::{Method, Motion, Settings};
 use crate::stack::beyond::REACH;
+use crate::stack::ending::LOOKED_AT;
 use crate::stack::heights::{CAP_LAYERS, NODES, shown_nodes};
 use crate::stack::{ContourStack, SliceContent};
 use crate::storage::room::{available, check, free_disk};
@@ -108,7 +108,7 @@ impl MemoryNeeds {
         // Those of the contours that say how the body ends are asked for one contour after the other, and known farther.
         let margin = tile_margin(settings, h);
         let beyond_ends = [0, 1].map(|a| margin[a] + samples(OUT as usize, h)[a]);
-        let at_ends = |parts: &[usize]| parts.iter().take(LEVELS).max().copied().unwrap_or(0);
+        let at_ends = |parts: &[usize]| parts.iter().take(LOOKED_AT).max().copied().unwrap_or(0);
         let upside_down: Vec<usize> = parts.iter().rev().copied().collect();
         let at_ends = at_ends(&parts).max(at_ends(&upside_down)) as f64;
         let of_intervals = parts.windows(2).map(|pair| (pair[0] + pair[1]) as f64);

@@ -13,6 +13,7 @@ use crate::reference::displacement::ROUNDS;
 use crate::settings::Link;
 use crate::settings::{Method, Motion, Settings};
 use crate::stack::ContourStack;
+use crate::stack::ending::ending;
 use crate::stack::heights::middle_gap;
 
 /// Slices that a slope of a field reads on either side of its own.
@@ -97,10 +98,20 @@ impl Section {
             Method::Morph => beyond(&layers, CHAIN_REACH),
             Method::Field => layers.clone(),
         };
+        // What lies beyond an end follows from contours that can lie farther in.
+        let mut told = traced.clone();
+        let innermost = |z: &[f64]| ending(z, middle_gap(z)).last().copied().unwrap_or(0);
+        if layers.start == 0 {
+            told.end = told.end.max(innermost(&z));
+        }
+        if layers.end == count {
+            let from_top: Vec<f64> = z.iter().rev().copied().collect();
+            told.start = told.start.min(count - innermost(&from_top));
+        }
         let moved = match (settings.method, settings.motion) {
-            (Method::Morph, Motion::None) => traced.clone(),
+            (Method::Morph, Motion::None) => told,
             // Rates know the intervals beside theirs, every round those beside its own.
-            _ => beyond(&beyond(&traced, NEIGHBOURS), 1 + ROUNDS.len()),
+            _ => beyond(&beyond(&told, NEIGHBOURS), 1 + ROUNDS.len()),
         };
         let mut slices = moved.start..moved.end + 1;
         // An empty slice reads as its nearest contours.

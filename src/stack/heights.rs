@@ -210,22 +210,19 @@ fn missing(output: &[f64], [low, high]: [f64; 2]) -> Option<String> {
 /// Lowest and highest height that a body can reach under its end rules (extrapolated ends may stop earlier), by its slices as for [`missed`].
 fn reach(z: &[f64], empty: [bool; 2], settings: &Settings) -> [f64; 2] {
     let (Some(first), Some(last)) = (z.first(), z.last()) else { return [0.0; 2] };
-    let beyond = |gaps: [f64; 2], rule: EndRule, contour: f64, empty: bool| match rule {
+    let middle = middle_gap(z);
+    let beyond = |inward: &[f64], rule: EndRule, empty: bool| match rule {
         _ if empty => 0.0,
         EndRule::Flat => 0.0,
-        EndRule::HalfSlice => 0.5 * gaps[0],
-        EndRule::Extrapolate => settings.highest_cap(gaps),
-        EndRule::Peak(tip) => (tip - contour).abs(),
+        EndRule::HalfSlice => 0.5 * (inward[1] - inward[0]).abs(),
+        EndRule::Extrapolate => settings.highest_cap(inward, middle),
+        EndRule::Peak(tip) => (tip - inward[0]).abs(),
     };
-    let n = z.len();
-    if n < 2 {
+    if z.len() < 2 {
         return [*first, *last];
     }
-    let gap = |k: usize| z.get(k + 1).map_or(0.0, |above| above - z[k]);
-    [
-        first - beyond([gap(0), gap(1)], settings.end_bottom, *first, empty[0]),
-        last + beyond([gap(n - 2), gap(n.saturating_sub(3))], settings.end_top, *last, empty[1]),
-    ]
+    let from_top: Vec<f64> = z.iter().rev().copied().collect();
+    [first - beyond(z, settings.end_bottom, empty[0]), last + beyond(&from_top, settings.end_top, empty[1])]
 }
 
 /// A sentence for each rule for an end that is asked for where the stack ends with an empty slice: the body ends before that, whatever the rule.

@@ -8,6 +8,7 @@ pub(crate) mod beyond;
 pub mod change;
 pub mod cut;
 pub mod doubts;
+pub(crate) mod ending;
 mod forgotten;
 pub mod heights;
 pub mod level;

@@ -164,6 +164,31 @@ fn an_extrapolated_end_is_no_higher_than_its_limit() {
     assert_eq!(body.extent[1], 35.0);
 }
 
+/// Balls, as pixels, of which the last slices lie close together: the cap is the ball's, whatever the three outermost say of its curvature.
+#[test]
+fn slices_close_together_at_an_end_take_nothing_off_it() {
+    const RADIUS: f64 = 48.0;
+    for close in [&[][..], &[40.5], &[40.5, 41.0], &[40.2, 40.4, 41.0]] {
+        let heights: Vec<f64> = [0.0, 10.0, 20.0, 30.0, 40.0].iter().chain(close).copied().collect();
+        let last = heights[heights.len() - 1];
+        let cap = RADIUS - last;
+        let exact = std::f64::consts::PI * cap * cap * (RADIUS - cap / 3.0);
+        let mut off: Vec<f64> = Vec::new();
+        for k in 0..12 {
+            let (x, y) = (52.0 + (0.37 * f64::from(k)).fract(), 52.0 + (0.61 * f64::from(k)).fract());
+            let discs: Vec<Shape> = heights.iter().map(|z| circle(x, y, (RADIUS * RADIUS - z * z).sqrt())).collect();
+            let settings = Settings { end_top: EndRule::Extrapolate, ..plain() };
+            let stack = masks(105, &heights, &discs);
+            let body = reconstruct_with(&stack, &[last], &settings, &Reference, &Silent).expect("the stack is sound");
+            off.push(body.report.ends.iter().map(|end| end.extrapolate).sum::<f64>() / exact - 1.0);
+        }
+        let mean = off.iter().sum::<f64>() / off.len() as f64;
+        let worst = off.iter().map(|off| (off - mean).abs()).fold(0.0, f64::max);
+        println!("{close:?}: {:+.1} % +- {:.1}", 100.0 * mean, 100.0 * worst);
+        assert!(mean.abs() < 0.01 && worst < 0.03, "{close:?}: {off:?}");
+    }
+}
+
 #[test]
 fn clamped_end_slopes_are_obeyed() {
     let stack = circles(&[0.0, 10.0, 20.0], |_| 20.0);

@@ -45,15 +45,18 @@ fn run(stack: &ContourStack, section: &Section, heights: &[f64], settings: &Sett
 }
 
 fn check(name: &str, settings: &Settings, parts: usize) {
-    let stack = tube();
-    let heights = height_grid(&stack, settings, Some(0.8)).heights().expect("a grid");
-    let (whole, report) = run(&stack, &Section::whole(&stack), &heights, settings);
+    check_of(&tube(), name, settings, parts);
+}
+
+fn check_of(stack: &ContourStack, name: &str, settings: &Settings, parts: usize) {
+    let heights = height_grid(stack, settings, Some(0.8)).heights().expect("a grid");
+    let (whole, report) = run(stack, &Section::whole(stack), &heights, settings);
     let mut layers = whole.iter();
     let (mut intervals, mut ends) = (report.intervals.iter(), report.ends.iter());
     for k in 1..=parts {
-        let section = Section::part(&stack, settings, k, parts).expect("a part");
+        let section = Section::part(stack, settings, k, parts).expect("a part");
         println!("{name}: part {k} keeps intervals {:?}, reads slices {:?}", section.kept, section.slices);
-        let (part, part_report) = run(&stack, &section, &heights, settings);
+        let (part, part_report) = run(stack, &section, &heights, settings);
         assert!(!part.is_empty(), "{name}: part {k} has layers");
         for own in part {
             let other = layers.next().expect("no more layers than the whole has");
@@ -82,7 +85,12 @@ fn sections_are_the_whole() {
     check("motion none", &Settings { motion: Motion::None, ..all.clone() }, 2);
     check("method field", &Settings { method: Method::Field, ..all.clone() }, 5);
     let apart = Link { slice: 41, from: 1, to: 2, join: false };
-    check("kept apart", &Settings { links: vec![apart], ..all }, 2);
+    check("kept apart", &Settings { links: vec![apart], ..all.clone() }, 2);
+    // How the body ends is told by contours beyond the slices that lie close together there.
+    let mut close = tube();
+    let top = close.slices[56].z;
+    (1..4).for_each(|k| close.slices[56 + k].z = top + 0.1 * k as f64);
+    check_of(&close, "close together", &Settings { method: Method::Field, fair: 0.0, ..all }, 12);
 }
 
 #[test]

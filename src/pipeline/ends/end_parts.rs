@@ -20,9 +20,6 @@ use crate::grid::tile::{Tile, samples};
 use crate::pipeline::hole_tiles::HoleTiles;
 use crate::registration::displacement::Displacement;
 
-/// Contours that have a say in how the body ends.
-pub const LEVELS: usize = 3;
-
 /// Region that a closed line encloses: a part with its holes filled, or one of its holes.
 #[derive(Debug, Clone)]
 pub struct Region {
@@ -36,7 +33,7 @@ pub struct Region {
     pub seeds: Vec<u32>,
     /// Number of those.
     counted: usize,
-    /// Its area in the end contour and farther inward, as long as there is a counterpart that is its alone, px squared.
+    /// Its area in the end contour and in those farther inward that have a say, as long as there is a counterpart that is its alone, px squared.
     pub areas: Vec<f64>,
 }
 
@@ -62,8 +59,10 @@ pub struct EndPart {
 
 /// The end contour, outermost, and those next to it.
 pub struct Levels<'a> {
-    /// At most [`LEVELS`].
+    /// At least the outermost.
     pub contours: Vec<Arc<Contour>>,
+    /// Which of them have a say in how the body ends.
+    pub says: Vec<bool>,
     /// Way from each contour but the last to the next one inward: displacement at its pixels, with a sign. None where nothing moves.
     pub ways: Vec<Option<(Displacement, f64)>>,
     /// Pixel sides.
@@ -124,7 +123,8 @@ impl Levels<'_> {
             let told = self.told(level + 1, &numbers)?;
             let inner: BTreeMap<u32, &Told> = told.iter().map(|part| (part.number, part)).collect();
             let traced_on = parts.iter_mut().zip(&now).zip(&counts).filter(|((_, numbers), _)| !numbers.is_empty());
-            for ((part, numbers), counts) in traced_on {
+            let says = self.says[level + 1];
+            for ((part, numbers), counts) in traced_on.filter(|_| says) {
                 part.outline.areas.push(numbers.iter().map(|n| inner[n].area(0, counts)).sum());
             }
             let next = HoleMap::new(&pair[1], &told, self.known);
@@ -132,7 +132,8 @@ impl Levels<'_> {
             let mut found = vec![(usize::MAX, 0); next.areas.len()];
             for (number, &(p, k)) in (1..).zip(&traced).filter(|(_, hole)| hole.0 != usize::MAX) {
                 if let [counterpart] = alone(&[number], &met)[..] {
-                    parts[p].holes[k].areas.push(next.areas[counterpart as usize - 1]);
+                    let area = next.areas[counterpart as usize - 1];
+                    parts[p].holes[k].areas.extend(says.then_some(area));
                     found[counterpart as usize - 1] = (p, k);
                 }
             }

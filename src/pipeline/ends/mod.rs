@@ -11,11 +11,12 @@ use crate::error::Result;
 use crate::grid::field::{Field, covered};
 use crate::grid::tile::Tile;
 use crate::pipeline::ends::end_caps::{End, EndSpec, end};
-use crate::pipeline::ends::end_parts::{EndPart, LEVELS, Levels};
+use crate::pipeline::ends::end_parts::{EndPart, Levels};
 use crate::pipeline::fit::Fitted;
 use crate::registration::motion_stack::MotionStack;
 use crate::report::{BodyEnd, CapReport, EndReport, Report};
 use crate::settings::EndRule;
+use crate::stack::ending::{LOOKED_AT, ending};
 use crate::stack::heights::Heights;
 use crate::storage::spill::SpillVec;
 
@@ -23,13 +24,18 @@ use crate::storage::spill::SpillVec;
 #[derive(Default)]
 pub(super) struct EndMatter {
     parts: Vec<EndPart>,
+    /// Distances inward of the contours that have a say, the first 0.
     away: Vec<f64>,
+    /// Distance to the contour next to the outermost.
+    gap: f64,
+    /// Largest height of an extrapolated cap.
+    highest: f64,
 }
 
-/// Numbers of the contours that have a say in an end, the outermost first; none where the run does not reach it.
-fn levels<'a>(run: &Context<'a>, contours: &SpillVec<'a, Contour>, side: usize) -> Vec<usize> {
+/// Numbers of the contours at an end, the outermost first; none where the run does not reach it.
+fn outermost<'a>(run: &Context<'a>, contours: &SpillVec<'a, Contour>, side: usize) -> Vec<usize> {
     let count = contours.len();
-    let some = LEVELS.min(count);
+    let some = LOOKED_AT.min(count);
     match (run.span.ends[side], side) {
         (false, _) => Vec::new(),
         (true, 0) => (0..some).collect(),
@@ -44,8 +50,11 @@ pub(super) fn end_matter<'a>(
     moving: Option<&MotionStack<'a>>,
 ) -> Result<[EndMatter; 2]> {
     let of = |side: usize| {
-        let at = levels(run, contours, side);
-        let Some(&first) = at.first() else { return Ok(EndMatter::default()) };
+        let mut at = outermost(run, contours, side);
+        let z: Vec<f64> = at.iter().map(|i| contours.light(*i).z).collect();
+        let says = ending(&z, run.span.gap);
+        let Some(innermost) = says.last() else { return Ok(EndMatter::default()) };
+        at.truncate(innermost + 1);
         let way = |from: usize, to: usize| {
             let Some(moving) = moving else { return Ok(None) };
             let [low, high] = &*moving.at_slices(from.min(to))?;
@@ -54,20 +63,24 @@ pub(super) fn end_matter<'a>(
         let levels = Levels {
             contours: at.iter().map(|i| contours.get(*i)).collect::<Result<_>>()?,
             ways: at.windows(2).map(|pair| way(pair[0], pair[1])).collect::<Result<_>>()?,
+            says: (0..at.len()).map(|level| says.contains(&level)).collect(),
             h: run.h,
             margin: run.margin,
             known: &run.known,
             seen: &run.seen,
             backend: run.backend,
         };
-        let away = at.iter().map(|&i| (contours.light(i).z - contours.light(first).z).abs()).collect();
-        Ok(EndMatter { parts: levels.parts()?, away })
+        Ok(EndMatter {
+            parts: levels.parts()?,
+            away: says.iter().map(|level| (z[*level] - z[0]).abs()).collect(),
+            gap: z.get(1).map_or(0.0, |inner| (inner - z[0]).abs()),
+            highest: run.settings.highest_cap(&z, run.span.gap),
+        })
     };
     Ok([of(0)?, of(1)?])
 }
 
 fn end_spec<'a, 'm>(run: &Context<'a>, matter: &'m EndMatter, z: f64, side: usize) -> EndSpec<'m> {
-    let gap = |k: usize| matter.away.get(k + 1).map_or(0.0, |away| away - matter.away[k]);
     EndSpec {
         told_by_areas: 1.0 - run.span.change.relief,
         z,
@@ -75,8 +88,8 @@ fn end_spec<'a, 'm>(run: &Context<'a>, matter: &'m EndMatter, z: f64, side: usiz
         away: &matter.away,
         direction: [Direction::Down, Direction::Up][side],
         rule: [run.settings.end_bottom, run.settings.end_top][side],
-        gap: gap(0),
-        highest: run.settings.highest_cap([0, 1].map(gap)),
+        gap: matter.gap,
+        highest: matter.highest,
         clamped: [run.settings.clamp_bottom, run.settings.clamp_top][side].is_some(),
     }
 }

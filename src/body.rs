@@ -110,7 +110,8 @@ impl Body {
         }
         stale.extend(self.depending(slice..slice + 1));
         let facts = Facts::of(&self.stack, &self.settings);
-        if (facts.window, facts.change.relief) != (self.facts.window, self.facts.change.relief) {
+        let of_all = |facts: &Facts| (facts.window, facts.change.relief, facts.change.rugged);
+        if of_all(&facts) != of_all(&self.facts) {
             stale.extend(0..count - 1);
         } else if facts.change.rate != self.facts.change.rate {
             for &i in &self.whole.report.closing {

@@ -40,23 +40,13 @@ impl Default for Drawn {
 
 impl Drawn {
     /// On one slice.
-    pub fn of(content: &SliceContent, [nx, ny]: [usize; 2]) -> Self {
-        let (mut below, mut row) = (vec![false; nx], vec![false; nx]);
-        let mut drawn = Drawn::default();
-        for j in 0..ny {
-            content.read(j * nx, &mut row);
-            drawn.edges += row.windows(2).filter(|w| w[0] != w[1]).count();
-            if j > 0 {
-                drawn.edges += row.iter().zip(&below).filter(|(a, b)| a != b).count();
-            }
-            let ends = row.iter().position(|inside| *inside).zip(row.iter().rposition(|inside| *inside));
-            if let Some((first, last)) = ends {
-                let pixels = row.iter().filter(|inside| **inside).count();
-                drawn = drawn.and(&Drawn { edges: 0, pixels, low: [first, j], high: [last, j] });
-            }
-            std::mem::swap(&mut below, &mut row);
-        }
-        drawn
+    pub fn of(content: &SliceContent, [nx, _]: [usize; 2]) -> Self {
+        let mask = content.mask();
+        let all = Drawn { edges: mask.inner_sides(nx), ..Drawn::default() };
+        mask.rows(nx).fold(all, |all, run| {
+            let (first, row) = (run.start % nx, run.start / nx);
+            all.and(&Drawn { edges: 0, pixels: run.len(), low: [first, row], high: [first + run.len() - 1, row] })
+        })
     }
 
     /// Coverage of these slices and of others.

@@ -48,7 +48,7 @@ impl Fairing<'_> {
         };
         let terms: Vec<(&SparseImage<f32>, f32, Option<Displacement>)> =
             self.nodes.weights(k).into_iter().filter_map(term).collect();
-        let plane = Plane::new(&self.nodes, k, self.bound(), self.spec.relief);
+        let plane = Plane::new(&self.nodes, k, self.bound(), self.spec.rugged);
         let beside = self.nodes.beside(k).map(|l| term((l, 1.0)));
         let nowhere = |square: [usize; 2]| own.squares.is_far(square).then_some([0.0]);
         let [difference] = SparseImage::of_stretches(dims, nowhere, |[left, first], width, [rows]: [&mut [f32]; 1]| {
@@ -164,12 +164,12 @@ impl Fairing<'_> {
                     let contours =
                         [(&low.phi, &*low_along, at_low, &mut *low_d), (&high.phi, &*high_along, at_high, high_d)];
                     for ((phi, there, difference, out), offsets) in contours.into_iter().zip(&offsets) {
-                        let FairingSpec { spacing, relief, .. } = self.spec;
-                        if relief == 1.0 {
+                        let FairingSpec { spacing, rugged, .. } = self.spec;
+                        if rugged == 1.0 {
                             add(difference, 1.0, offsets.as_ref(), j, begin, out);
                             continue;
                         }
-                        let contour = MetContour { phi, offsets: offsets.as_ref(), spacing, relief };
+                        let contour = MetContour { phi, offsets: offsets.as_ref(), spacing, rugged };
                         contour.ways(&here[pixels.clone()], there, [begin, j], &mut ways);
                         read_beside(difference, offsets.as_ref(), &ways, [begin, j], out);
                     }

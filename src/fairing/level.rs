@@ -5,10 +5,10 @@
 //! trajectories, with its gradient g, the contour has the distance u at
 //!
 //! ```text
-//! q = p - (1 - relief) (u_i - u) g / max(|g|^2, 1)
+//! q = p - (1 - rugged) (u_i - u) g / max(|g|^2, 1)
 //! ```
 //!
-//! Relief reads it below, as it keeps P (`plane`): there real terrain is steeper at its contour lines than between them (RMSE of Jacksboro with q 9.412,
+//! Rugged relief reads it below, as it keeps P (`plane`): there real terrain is steeper at its contour lines than between them (RMSE of Jacksboro with q 9.412,
 //! 14.37, 28.59 m, and 8.995, 13.87, 28.07 without).
 
 use glam::DVec2;
@@ -29,8 +29,8 @@ pub struct MetContour<'c> {
     pub offsets: Option<&'c Displacement>,
     /// Pixel sides.
     pub spacing: [f64; 2],
-    /// Degree to which the stack is relief, 0 to 1.
-    pub relief: f64,
+    /// Degree to which the stack is rugged relief, 0 to 1.
+    pub rugged: f64,
 }
 
 impl MetContour<'_> {
@@ -52,7 +52,7 @@ impl MetContour<'_> {
             let rise = f64::from(line[beside[1] - columns.start] - line[beside[0] - columns.start]);
             let gx = rise / (dx * (beside[1] - beside[0]).max(1) as f64);
             let gy = f64::from(above[k] - below[k]) / (dy * (rows[1] - rows[0]).max(1) as f64);
-            let far = (1.0 - self.relief) * f64::from(there[k] - own[k]) / (gx * gx + gy * gy).max(LEAST);
+            let far = (1.0 - self.rugged) * f64::from(there[k] - own[k]) / (gx * gx + gy * gy).max(LEAST);
             *way = DVec2::new(-far * gx / dx, -far * gy / dy);
         }
     }

@@ -77,8 +77,8 @@ pub struct FairingSpec<'m> {
     pub gap: f64,
     /// Strength, 0 to 1.5.
     pub alpha: f64,
-    /// Degree to which the stack is relief, 0 to 1, see [`Change`](crate::stack::change::Change).
-    pub relief: f64,
+    /// Degree to which the stack is relief whose contours are rugged, 0 to 1, see [`Change`](crate::stack::change::Change).
+    pub rugged: f64,
     /// Whether layers may not leave the range of their two contours.
     pub limited: bool,
     /// Whether the slope at the first and at the last contour is one that an end asks for: it stays.

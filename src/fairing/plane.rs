@@ -8,8 +8,10 @@
 //! P = sum_j W_j B tanh(a + r (z_j - z)) - v
 //! ```
 //!
-//! Relief keeps it: between contour lines real terrain lies nearer to what such swinging makes of it than to straight flanks (RMSE of Jacksboro 8.995,
-//! 13.87 and 28.07 m at three distances of levels, 9.354, 14.39 and 28.63 without P; of St Helens .7, 0 and .2 % more).
+//! Rugged relief keeps it: between contour lines real terrain lies nearer to what such swinging makes of it than to straight flanks (RMSE of Jacksboro
+//! 8.995, 13.87 and 28.07 m at three distances of levels, 9.354, 14.39 and 28.63 without P; of St Helens .7, 0 and .2 % more). Cones, half balls and
+//! smooth hills do not (with P and what [`level`](super::level) reads RMSE of 63 maps of made terrain is less by 1.2 % where contours are
+//! rugged and by 0.2 % where they are smooth, and radii of eight smooth bodies are off by 0.144 px for 0.119).
 
 use multiversion::multiversion;
 
@@ -32,9 +34,9 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// Of the mean at node `k`, in a stack that is `relief` to this degree, 0 to 1; none in one that is nothing else.
-    pub fn new(nodes: &Nodes, k: usize, bound: f32, relief: f64) -> Option<Self> {
-        let share = (1.0 - relief) as f32;
+    /// Of the mean at node `k`, in a stack that is `rugged` relief to this degree, 0 to 1; none in one that is nothing else.
+    pub fn new(nodes: &Nodes, k: usize, bound: f32, rugged: f64) -> Option<Self> {
+        let share = (1.0 - rugged) as f32;
         let above = |l: usize| (nodes.height(l) - nodes.height(k)) as f32;
         let taps = nodes.weights(k).into_iter().map(|(l, w)| [w as f32, above(l)]).collect();
         let [below, beyond] = nodes.beside(k);
@@ -72,7 +74,7 @@ mod tests {
         let nodes = Nodes::new(vec![0.0, 4.0, 9.0, 11.0, 20.0], &[true; 5], 4.5);
         let bound = 3.0;
         for k in 1..nodes.last() {
-            let plane = Plane::new(&nodes, k, bound, 0.0).expect("no relief");
+            let plane = Plane::new(&nodes, k, bound, 0.0).expect("it is smooth");
             let left = |a: &dyn Fn(f64) -> f64| {
                 let v = |l: usize| bound * (a(nodes.height(l)) as f32).tanh();
                 let mean: f32 = nodes.weights(k).into_iter().map(|(l, w)| w as f32 * v(l)).sum();
@@ -89,7 +91,7 @@ mod tests {
                 bent = bent.max(difference.abs());
             }
             assert!(bent > 0.02, "the mean moves a plane at node {k} by {bent}");
-            assert!(Plane::new(&nodes, k, bound, 1.0).is_none(), "relief keeps it");
+            assert!(Plane::new(&nodes, k, bound, 1.0).is_none(), "rugged relief keeps it");
             if nodes.contour(k).is_some() {
                 let [difference, out] = left(&|h| 0.2 * (h - z).abs());
                 assert!(

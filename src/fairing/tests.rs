@@ -13,9 +13,9 @@ fn faired_between(steered: [bool; 2], contours: &[f64], dz: f64, radius: impl Fn
     faired_as([1, 0], steered, contours, dz, radius)
 }
 
-/// The same with so many nodes at once, as relief or not.
+/// The same with so many nodes at once, as rugged relief or not.
 fn faired_as(
-    [nodes_at_once, relief]: [usize; 2],
+    [nodes_at_once, rugged]: [usize; 2],
     steered: [bool; 2],
     contours: &[f64],
     dz: f64,
@@ -34,7 +34,7 @@ fn faired_as(
         spacing: [1.0; 2],
         gap,
         alpha: 1.5,
-        relief: relief as f64,
+        rugged: rugged as f64,
         limited: false,
         steered,
         farthest: 100.0,
@@ -162,12 +162,12 @@ fn contours_stay_and_the_crease_at_one_of_them_is_smoothed() {
     }
 }
 
-/// How far fairing moves discs of these radii at most, once as of a body and once as relief.
+/// How far fairing moves discs of these radii at most, once as of a body and once as rugged relief.
 fn moves(contours: &[f64], radius: impl Fn(f64) -> f64) -> [f64; 2] {
-    [0, 1].map(|relief| {
+    [0, 1].map(|rugged| {
         let mut worst = 0.0f64;
         for (z, phi) in
-            faired_as([1, relief], [false; 2], contours, 1.0, &radius).iter().filter(|(z, _)| radius(*z) > 1.0)
+            faired_as([1, rugged], [false; 2], contours, 1.0, &radius).iter().filter(|(z, _)| radius(*z) > 1.0)
         {
             let row = &phi[20 * DIMS[0] + 20..21 * DIMS[0]];
             let outside = row.iter().position(|v| *v > 0.0).expect("an end");
@@ -179,18 +179,18 @@ fn moves(contours: &[f64], radius: impl Fn(f64) -> f64) -> [f64; 2] {
 }
 
 #[test]
-fn what_falls_evenly_stays_but_for_relief() {
+fn what_falls_evenly_stays_but_for_rugged_relief() {
     for fall in [4.0, 6.0] {
-        let [body, relief] = moves(&stacked(&[8, 8, 8]), |z| 19.0 - fall * z / 8.0);
-        assert!(body < 0.02 && relief > 0.06, "{fall} px a gap: {body} px, of relief {relief}");
+        let [body, rugged] = moves(&stacked(&[8, 8, 8]), |z| 19.0 - fall * z / 8.0);
+        assert!(body < 0.02 && rugged > 0.06, "{fall} px a gap: {body} px, of rugged relief {rugged}");
     }
 }
 
 #[test]
 fn a_neck_hardly_widens() {
     for [narrow, steep] in [[4.0, 0.8], [3.0, 1.0], [6.0, 0.9]] {
-        let [body, relief] = moves(&stacked(&[8, 8, 8, 8]), |z| (narrow + steep * (z - 16.0).powi(2)).sqrt());
-        assert!(body < 0.75 * relief && body < 0.65, "{narrow} {steep}: {body} px, of relief {relief}");
+        let [body, rugged] = moves(&stacked(&[8, 8, 8, 8]), |z| (narrow + steep * (z - 16.0).powi(2)).sqrt());
+        assert!(body < 0.75 * rugged && body < 0.65, "{narrow} {steep}: {body} px, of rugged relief {rugged}");
     }
 }
 

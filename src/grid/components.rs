@@ -31,10 +31,10 @@ pub fn count8(mask: &[bool], dims: [usize; 2]) -> usize {
     Parts::of(mask, dims, 1).roots().count()
 }
 
-/// Parts joined through edges and corners of an image `nx` wide, of its runs in row order, none of which goes on in the next row: for each run the
-/// number of the first of its part.
-pub fn parts8(runs: impl Iterator<Item = Range<usize>>, nx: usize) -> Vec<usize> {
-    let mut parts = Parts::joined(runs, nx.max(1), 1);
+/// Parts, joined through edges or through `corners` too, of the runs of an image `nx` wide in row order, none of which goes on in the next row: for each
+/// run the number of the first of its part.
+pub fn parts_of_runs(runs: impl Iterator<Item = Range<usize>>, nx: usize, corners: bool) -> Vec<usize> {
+    let mut parts = Parts::joined(runs, nx.max(1), usize::from(corners));
     (0..parts.runs.len()).map(|run| parts.root(run)).collect()
 }
 

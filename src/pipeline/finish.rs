@@ -123,7 +123,7 @@ fn fairing<'m>(
         layers: run.span.layers.clone(),
         gap: run.span.gap,
         alpha: run.settings.fair,
-        relief: run.span.change.relief,
+        rugged: run.span.change.rugged,
         limited: !run.settings.slope.overshoots(),
         farthest: run.settings.margin() as f64 * run.px,
         steered: run.settings.steered_ends(),

@@ -17,6 +17,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use rayon::prelude::*;
 
 use crate::grid::spline::smoothstep;
+use crate::stack::ruggedness::ruggedness;
 use crate::stack::{ContourStack, Slice};
 
 /// Below this share a stack is no relief, above the other nothing else.
@@ -30,6 +31,8 @@ const PIXELS_READ: usize = 4096;
 pub struct Change {
     /// Degree to which the stack is relief, 0 to 1.
     pub relief: f64,
+    /// Degree to which it is relief whose contours are rugged, see [`ruggedness`], 0 to 1.
+    pub rugged: f64,
     /// Length that a unit of height counts as, unit of the pixel spacing; 0 where nothing changes.
     pub rate: f64,
 }
@@ -50,8 +53,10 @@ impl Change {
             (walls + 0.5 * (p[0] + p[1]) * (pair[1].z - pair[0].z), pixels + leaving + coming)
         });
         let area = pixels as f64 * stack.spacing[0] * stack.spacing[1];
+        let relief = smoothstep((one_sided - NONE) / (ALL - NONE));
         Change {
-            relief: smoothstep((one_sided - NONE) / (ALL - NONE)),
+            relief,
+            rugged: if relief > 0.0 { relief * ruggedness(stack) } else { 0.0 },
             rate: if walls > 0.0 { FRAC_PI_2 * area / walls } else { 0.0 },
         }
     }
@@ -135,11 +140,12 @@ mod tests {
 
     #[test]
     fn half_a_ball_is_relief_and_a_cylinder_or_a_single_slice_has_no_rate() {
-        assert_eq!(Change::of(&balls(&[[32.0, 32.0, 0.0]], [1.0; 2], 1.0)).relief, 1.0);
+        let half = Change::of(&balls(&[[32.0, 32.0, 0.0]], [1.0; 2], 1.0));
+        assert_eq!([half.relief, half.rugged], [1.0, 0.0]);
         let mut stack = balls(&[[32.0, 32.0, 32.0]], [1.0; 2], 1.0);
         let middle = stack.slices[8].content.clone();
         stack.slices.iter_mut().for_each(|slice| slice.content = middle.clone());
-        assert_eq!(Change::of(&stack), Change { relief: 0.0, rate: 0.0 });
+        assert_eq!(Change::of(&stack), Change { relief: 0.0, rugged: 0.0, rate: 0.0 });
         let empty = SliceContent::Mask((0..N * N).map(|_| false).collect());
         stack.slices.iter_mut().step_by(2).for_each(|slice| slice.content = empty.clone());
         assert_eq!(Change::of(&stack).rate, 0.0);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::mask::Mask;
-use crate::grid::components::parts8;
+use crate::grid::components::parts_of_runs;
 
 /// Smaller parts and holes are specks, px.
 const LEAST: usize = 16;
@@ -32,7 +32,7 @@ pub fn forgotten_hole([below, here, above]: [&Mask; 3], nx: usize) -> Option<For
 fn holes(mask: &Mask, nx: usize) -> impl Iterator<Item = Range<usize>> {
     let nx = nx.max(1);
     let runs: Vec<Range<usize>> = mask.rows_outside(nx).collect();
-    let parts = parts8(runs.iter().cloned(), nx);
+    let parts = parts_of_runs(runs.iter().cloned(), nx, true);
     let mut open = vec![false; runs.len()];
     for (run, part) in runs.iter().zip(&parts) {
         let at_side = run.start % nx == 0 || run.end % nx == 0;
@@ -57,7 +57,7 @@ fn largest_unseen(
     let seen: Vec<bool> = common.iter().map(seen).collect();
     // Pixels of each part that is nowhere seen, and its longest run.
     let mut parts: BTreeMap<usize, Option<(usize, Range<usize>)>> = BTreeMap::new();
-    for ((run, part), seen) in common.iter().zip(parts8(common.iter().cloned(), nx)).zip(seen) {
+    for ((run, part), seen) in common.iter().zip(parts_of_runs(common.iter().cloned(), nx, true)).zip(seen) {
         let known = parts.entry(part).or_insert(Some((0, 0..0)));
         *known = known.take().filter(|_| !seen).map(|(pixels, longest)| {
             let longest = if run.len() > longest.len() { run.clone() } else { longest };

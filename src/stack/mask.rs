@@ -55,6 +55,18 @@ impl Mask {
         within_rows(starts.zip(ends).map(|(start, end)| start..end).filter(|run| !run.is_empty()), nx)
     }
 
+    /// Sides between a pixel inside and one outside of an image `nx` wide.
+    pub fn inner_sides(&self, nx: usize) -> usize {
+        let nx = nx.max(1);
+        let upright = self.changes.iter().filter(|change| *change % nx != 0).count();
+        // The pixels that differ from those a row before lie between every second of both rows' changes.
+        let mut both: Vec<usize> = self.changes.iter().flat_map(|change| [*change, change + nx]).collect();
+        both.sort_unstable();
+        let level =
+            |pair: &[usize]| pair.get(1).map_or(self.len, |end| self.len.min(*end)).saturating_sub(pair[0].max(nx));
+        upright + both.chunks(2).map(level).sum::<usize>()
+    }
+
     /// The pixels in order.
     pub fn iter(&self) -> impl Iterator<Item = bool> + '_ {
         let ends = self.changes.iter().copied().chain([self.len]);
@@ -153,6 +165,10 @@ mod tests {
             assert!((0..pixels.len()).all(|n| mask.at(n) == pixels[n]));
             assert_eq!(mask.is_blank(), !pixels.contains(&true));
             assert_eq!(mask.count(), pixels.iter().filter(|inside| **inside).count());
+            let sides = |apart: usize, row: bool| {
+                (apart..130).filter(|n| (row || n % 13 > 0) && pixels[*n] != pixels[n - apart]).count()
+            };
+            assert_eq!(mask.inner_sides(13), sides(1, false) + sides(13, true));
             for (first, count) in [(0, 130), (1, 64), (77, 53), (129, 1), (40, 0)] {
                 let mut out = vec![false; count];
                 mask.read(first, &mut out);

@@ -15,6 +15,7 @@ pub mod level;
 pub mod links;
 pub mod mask;
 pub mod options;
+mod ruggedness;
 pub mod space;
 mod specks;
 pub(crate) mod window;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::mask::Mask;
-use crate::grid::components::parts8;
+use crate::grid::components::parts_of_runs;
 
 /// Larger parts are none, px.
 const MOST: usize = 3;
@@ -29,7 +29,7 @@ pub fn specks(here: &Mask, beside: &[&Mask], nx: usize) -> Vec<Speck> {
     }
     let runs: Vec<Range<usize>> = here.rows(nx).collect();
     let mut parts: BTreeMap<usize, (usize, Vec<Range<usize>>)> = BTreeMap::new();
-    for (run, part) in runs.iter().zip(parts8(runs.iter().cloned(), nx)) {
+    for (run, part) in runs.iter().zip(parts_of_runs(runs.iter().cloned(), nx, true)) {
         let (pixels, own) = parts.entry(part).or_default();
         *pixels += run.len();
         // Of a larger one nothing is asked.

@@ -28,7 +28,7 @@ struct Span {
 }
 
 // A part without partner: its tile's place in `fields`, its inradius, where in the interval it closes, the slope with which it begins to, the
-// largest distance that is kept, and whether it goes on beyond what is known.
+// largest distance that is kept, whether it goes on beyond what is known, and whether it is a hole.
 struct Part {
     first: u32,
     nx: u32,
@@ -40,6 +40,7 @@ struct Part {
     shrinking: f32,
     farthest: f32,
     open: u32,
+    hole: u32,
 }
 
 // A layer's place on the lower and on the upper slice, as offsets from the pixel.
@@ -104,21 +105,23 @@ fn closed(part: Part, t: f32) -> f32 {
     return part.depth / AT_TIP + part.farthest * clamp((t - part.height) / max(1.0 - part.height, 1e-6), 0.0, 1.0);
 }
 
-// Least value of the parts from `begin` to `end` at time `t`, counted from their own slice, where its value is `a`, which has no say in those that are
-// open; `other` where that is less.
+// `other` united with the parts from `begin` to `end` at time `t`, counted from their own slice, and without its holes. Its value is `a`, which has no say
+// in parts that are open.
 fn closing(begin: u32, end: u32, ij: vec2<i32>, offset: vec2<f32>, a: f32, t: f32, other: f32) -> f32 {
-    var least = other;
+    var value = other;
     for (var k = begin; k < end; k++) {
         let part = parts[k];
         let own = ij - vec2<i32>(part.x, part.y);
         let at = vec2<f32>(own) + offset;
         let last = vec2<f32>(f32(part.nx - 1u), f32(part.ny - 1u));
         if all(at >= vec2<f32>(0.0)) && all(at <= last) {
+            let hole = part.hole != 0u;
             let distance = sample(part.first, vec2<u32>(part.nx, part.ny), own, offset);
-            least = min(least, select(max(distance, a), distance, part.open != 0u) + closed(part, t));
+            let within = select(max(distance, select(a, -a, hole)), distance, part.open != 0u) + closed(part, t);
+            value = select(min(value, within), max(value, -within), hole);
         }
     }
-    return least;
+    return value;
 }
 
 // Value at a pixel of a layer that is not far.

@@ -40,6 +40,8 @@ pub struct Cap {
     pub tile: Tile,
     /// Its signed distance at the contour, negative inside.
     pub field: Field,
+    /// It is a hole: what closes is the space in a body.
+    pub hole: bool,
     /// It goes on beyond what is known: the slice's own distances have what closes it there, its own have not.
     pub open: bool,
     /// Its inradius D, px.
@@ -57,7 +59,7 @@ impl Cap {
     pub fn new(part: &LonePart, slope: f64, height: f64, farthest: f64) -> Self {
         let profile = CapProfile::new(-slope * height / part.depth.max(1e-6));
         let (field, open) = (part.field.clone(), part.open);
-        Cap { tile: part.tile, field, open, depth: part.depth, height, farthest, profile }
+        Cap { tile: part.tile, field, hole: false, open, depth: part.depth, height, farthest, profile }
     }
 
     /// Offset that is added to the field at a distance `away` from the contour, as a share of the gap: `D (1 - r(q))` up to the tip, and from
@@ -92,6 +94,7 @@ mod tests {
         let cap = Cap {
             tile,
             field: Field::filled([1, 1], -4.0),
+            hole: false,
             open: false,
             depth: 4.0,
             height: 0.6,

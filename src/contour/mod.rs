@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 use std::ops::Range;
 
 use crate::contour::seeds::{Seed, seeds};
-use crate::grid::components::{Components, count8, label4};
+use crate::grid::components::{Components, count8, label4, label8};
 use crate::grid::field::{Field, covered};
 use crate::grid::seen::Seen;
 use crate::grid::tile::Tile;
@@ -56,6 +56,21 @@ impl Contour {
         let solid_depth = depths(&solids, &phi);
         let solid_box = boxes(&solids, phi.dims);
         Contour { z, seeds, phi, solids, holes, solid_depth, solid_box }
+    }
+
+    /// Its holes as solid parts, 8-connected and negative inside, with its seeds by number.
+    pub fn turned(&self) -> Self {
+        // What lies on the contour itself is outside, and so within a hole.
+        let turned = |v: &f64| if *v == 0.0 { -f64::MIN_POSITIVE } else { -v };
+        let phi = Field { dims: self.phi.dims, data: self.phi.data.iter().map(turned).collect() };
+        let mut solids = label8(&phi.inside(), phi.dims);
+        // The first pixel is outside, as the whole rim of a padded image is.
+        solids.labels.iter_mut().for_each(|label| *label = label.saturating_sub(1));
+        solids.count = solids.count.saturating_sub(1);
+        let (solid_depth, solid_box) = (depths(&solids, &phi), boxes(&solids, phi.dims));
+        let turned = |seed: &Seed| Seed { inside: seed.outside, outside: seed.inside, ..*seed };
+        let seeds = self.seeds.iter().map(turned).collect();
+        Contour { z: self.z, phi, solids, holes: 0, seeds, solid_depth, solid_box }
     }
 
     /// Numbers the solid parts in row order of their first pixels in these columns and rows, which each of them reaches: what lies around may
@@ -165,6 +180,30 @@ mod tests {
         for part in [[0..40, 0..40], [20..40, 0..40], [0..40, 0..20], [20..40, 20..40]] {
             let radius = (contour.disc_area(&Seen::image(part.clone()), [1.0; 2]) / PI).sqrt();
             assert!((radius - 11.0).abs() < 0.3, "{part:?}: {radius}, of whole pixels");
+        }
+    }
+
+    #[test]
+    fn turned_its_holes_are_its_parts() {
+        let away = |i: usize, j: usize, x: f64, y: f64| libm::hypot(i as f64 - x, j as f64 - y);
+        // A hole with an island in it, and another.
+        let value = |i, j| {
+            let island = away(i, j, 20.0, 24.0) - 3.0;
+            (away(i, j, 24.0, 24.0) - 20.0)
+                .max(8.0 - away(i, j, 20.0, 24.0))
+                .max(4.5 - away(i, j, 36.0, 24.0))
+                .min(island)
+        };
+        let contour = Contour::new(1.0, Field::from_fn([50, 50], value), [1.0; 2], 1.0);
+        let turned = contour.turned();
+        assert_eq!([contour.solids.count, contour.holes, turned.solids.count, turned.z as usize], [2, 2, 2, 1]);
+        assert_eq!(turned.solid_box[1..], [([12, 16], [28, 32]), ([32, 20], [40, 28])]);
+        assert!((turned.solid_depth[2] - 4.5).abs() < 1e-9, "{:?}", turned.solid_depth);
+        assert_eq!(turned.seeds.len(), contour.seeds.len());
+        for (a, b) in contour.seeds.iter().zip(&turned.seeds) {
+            assert!(a.x == b.x && a.inside == b.outside && turned.phi.data[b.inside] < 0.0);
+            let outer = away(a.outside % 50, a.outside / 50, 24.0, 24.0) > 19.0;
+            assert_eq!(turned.solids.labels[b.inside] == 0, outer, "{a:?}");
         }
     }
 

@@ -388,7 +388,7 @@ mirrored!(
 
 mirrored!(
     /// A part without partner (`common/layer_value.wgsl`).
-    Part { first: u32, nx: u32, ny: u32, x: i32, y: i32, depth: f32, height: f32, shrinking: f32, farthest: f32, open: u32, }
+    Part { first: u32, nx: u32, ny: u32, x: i32, y: i32, depth: f32, height: f32, shrinking: f32, farthest: f32, open: u32, hole: u32, }
 );
 
 /// Sources of a body's values: slices of groups.

@@ -289,6 +289,7 @@ pub fn lone_tiles(lone: &LoneParts, before: usize) -> (Vec<f32>, Vec<Part>) {
             shrinking: part.profile.shrinking() as f32,
             farthest: bounded(part.farthest),
             open: u32::from(part.open),
+            hole: u32::from(part.hole),
         }
     });
     // A binding must not be empty.

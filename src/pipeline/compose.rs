@@ -2,7 +2,7 @@
 
 use crate::contour::caps::Cap;
 use crate::contour::direction::Direction;
-use crate::contour::unmatched::{HALF_WAY, LonePart};
+use crate::contour::unmatched::LonePart;
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::Tile;
 use crate::pipeline::fit::Fitted;
@@ -31,8 +31,8 @@ impl IntervalCaps {
             (Cap::new(part, mean, height, farthest), part.direction)
         };
         let hole = |hole: &LonePart, tile: Tile| {
-            let (cap, direction) = cap(hole, -1.0, HALF_WAY);
-            (Cap { tile: cap.tile.within(tile), ..cap }, direction)
+            let (cap, direction) = cap(hole, -1.0, hole.closes);
+            (Cap { tile: cap.tile.within(tile), hole: true, ..cap }, direction)
         };
         IntervalCaps {
             holes: interval.groups.iter().map(|g| g.holes.iter().map(|h| hole(h, g.tile)).collect()).collect(),

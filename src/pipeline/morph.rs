@@ -10,7 +10,7 @@ use super::events::{holes, named};
 use super::finish::{Takers, faired};
 use super::links::see_links;
 use super::links::{IntervalLinks, in_frame};
-use super::moving::{close, lone_parts, moving_frame, slice_slopes};
+use super::moving::{Side, close, lone_parts, moving_frame, slice_slopes};
 use super::propagate::propagate;
 use super::sweep_inputs::{FieldFallback, Pairs, SeenStack, SweepInputs};
 use crate::backend::MorphOptions;
@@ -176,8 +176,18 @@ fn matching<'a>(
         };
         let told = finished.par_iter().enumerate().map(told).collect::<Result<Vec<_>>>()?;
         for (i, ((mut interval, [z_low, z_high]), events)) in (first..).zip(finished.into_iter().zip(told)) {
-            close(run, seen.contours, i, Direction::Up, &mut interval.lone)?;
-            close(run, seen.contours, i, Direction::Down, &mut interval.lone)?;
+            let Interval { groups, lone, .. } = &mut interval;
+            for direction in [Direction::Up, Direction::Down] {
+                close(run, seen.contours, i, direction, Side::Solid, lone.iter_mut())?;
+                close(
+                    run,
+                    seen.contours,
+                    i,
+                    direction,
+                    Side::Hole,
+                    groups.iter_mut().flat_map(|group| &mut group.holes),
+                )?;
+            }
             let groups = interval.groups.len();
             reports.push(IntervalReport { z_low, z_high, groups, events, ..IntervalReport::default() });
             intervals.push(interval)?;

@@ -1,6 +1,7 @@
 //! The stages that make the moving frame and what the fields say in it.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::context::{Context, stage};
 use super::ends::{EndMatter, passing_field};
@@ -209,7 +210,24 @@ pub(super) fn slice_slopes<'a>(
     })
 }
 
-/// Parts that meet nothing in the other slice along their trajectories, interval by interval, and how they close by the field's slopes. The
+/// Parts of a contour or its holes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Side {
+    Solid,
+    Hole,
+}
+
+impl Side {
+    const BOTH: [Side; 2] = [Side::Solid, Side::Hole];
+
+    /// Contour `k` with what is on this side as its parts.
+    fn of<'a>(self, contours: &SpillVec<'a, Contour>, k: usize) -> Result<Arc<Contour>> {
+        let contour = contours.get(k)?;
+        Ok(if self == Side::Hole { Arc::new(contour.turned()) } else { contour })
+    }
+}
+
+/// Parts and holes that meet none in the other slice along their trajectories, interval by interval, and how they close by the field's slopes. The
 /// backend is asked for those of several intervals together.
 pub(super) fn lone_parts<'a>(
     run: &Context<'a>,
@@ -222,9 +240,12 @@ pub(super) fn lone_parts<'a>(
     let most = run.budget.spare(LONE_BYTES);
     let (mut plans, mut jobs, mut bytes) = (Vec::new(), Vec::new(), 0);
     for i in run.span.layers.clone() {
-        let plan = |direction| plan_lone(run, contours, moving, i, direction);
+        let plan = |direction| -> Result<[LonePlan; 2]> {
+            let [solid, hole] = Side::BOTH.map(|side| plan_lone(run, contours, moving, i, direction, side));
+            Ok([solid?, hole?])
+        };
         let mut both = [plan(Direction::Up)?, plan(Direction::Down)?];
-        let more: Vec<PartJob> = both.iter_mut().flat_map(LonePlan::take_jobs).collect();
+        let more: Vec<PartJob> = both.iter_mut().flatten().flat_map(LonePlan::take_jobs).collect();
         bytes += more.iter().map(|job| job.inside.len() * (size_of::<f64>() + 1)).sum::<usize>();
         jobs.extend(more);
         plans.push((i, both));
@@ -232,8 +253,12 @@ pub(super) fn lone_parts<'a>(
             let asked = PartRequest { jobs: &std::mem::take(&mut jobs), h: run.h };
             let mut fields = run.backend.part_fields(&asked)?.into_iter();
             for (i, both) in plans.drain(..) {
-                let [low, high] = both.map(|plan| plan.finish(&mut fields));
-                let close = |lone, direction| closing_caps(run, contours, slopes, i, direction, lone);
+                let [low, high] = both.map(|sides| sides.map(|plan| plan.finish(&mut fields)));
+                let close = |lone: [Vec<LonePart>; 2], direction| -> Result<Vec<Cap>> {
+                    let sides = lone.into_iter().zip(Side::BOTH);
+                    let caps = sides.map(|(lone, side)| closing_caps(run, contours, slopes, i, direction, side, lone));
+                    Ok(caps.collect::<Result<Vec<_>>>()?.concat())
+                };
                 let empty = [i, i + 1].iter().any(|k| contours.light(*k).solids.count == 0);
                 out.push(LoneParts { low: close(low, Direction::Up)?, high: close(high, Direction::Down)?, empty })?;
             }
@@ -243,33 +268,42 @@ pub(super) fn lone_parts<'a>(
     Ok(out)
 }
 
-/// Parts of a contour of interval `i` that meet nothing in the other one.
+/// Parts of a contour of interval `i`, or its holes, that meet none in the other one.
 fn plan_lone<'a>(
     run: &Context<'a>,
     contours: &SpillVec<'a, Contour>,
     moving: &MotionStack<'a>,
     i: usize,
     direction: Direction,
+    side: Side,
 ) -> Result<LonePlan> {
     let (number, other, way) = match direction {
         Direction::Up => (i, i + 1, 1.0),
         Direction::Down => (i + 1, i, -1.0),
     };
-    let least = if contours.light(other).solids.count > 0 { LEAST_DEPTH } else { 0.0 };
-    let (own, other) = (contours.get(number)?, moving.field(other)?);
+    let drawn = contours.light(other).solids.count > 0;
+    if side == Side::Hole && (contours.light(number).holes == 0 || !drawn) {
+        return Ok(LonePlan::default());
+    }
+    let least = if drawn { LEAST_DEPTH } else { 0.0 };
+    let (own, other) = (side.of(contours, number)?, moving.field(other)?);
     let at_slices = moving.at_slices(i)?;
     let u = &at_slices[usize::from(direction == Direction::Down)];
-    let parts = without_partner(&own, least, |x| other.sample(x + way * u.at(x)) < 0.0);
+    let parts = without_partner(&own, least, |x| {
+        let inside = other.sample(x + way * u.at(x)) < 0.0;
+        inside == (side == Side::Solid)
+    });
     Ok(LonePlan::new(&own, &parts, run.margin, direction, &run.known))
 }
 
-/// Parts of a contour of interval `i` as they close.
+/// Parts of a contour of interval `i`, or its holes, as they close.
 fn closing_caps<'a>(
     run: &Context<'a>,
     contours: &SpillVec<'a, Contour>,
     slopes: &SpillVec<'a, Field>,
     i: usize,
     direction: Direction,
+    side: Side,
     mut lone: Vec<LonePart>,
 ) -> Result<Vec<Cap>> {
     if lone.is_empty() {
@@ -279,27 +313,31 @@ fn closing_caps<'a>(
         Direction::Up => (i, 1.0),
         Direction::Down => (i + 1, -1.0),
     };
-    close(run, contours, i, direction, &mut lone)?;
+    close(run, contours, i, direction, side, lone.iter_mut())?;
     let fitted = Fitted::of_field(&*contours.get(number)?, &*slopes.get(number)?);
     // On a first or last slice nothing but the gap itself says how a part goes on, in which it ends.
     let told = match direction {
         Direction::Up => i > 0,
         Direction::Down => i + 2 < contours.len(),
     };
+    let way = if side == Side::Hole { -way } else { way };
     let slope = |part: &LonePart| if told { way * run.span.gaps[i] * mean_slope(&fitted, part.counted()) } else { 0.0 };
     let farthest = run.settings.margin() as f64;
-    Ok(lone.iter().map(|part| Cap::new(part, slope(part), part.closes, farthest)).collect())
+    let hole = side == Side::Hole;
+    Ok(lone.iter().map(|part| Cap { hole, ..Cap::new(part, slope(part), part.closes, farthest) }).collect())
 }
 
-/// Says where parts without partner in interval `i` end, which go on from its lower contour or, `Direction::Down`, from its upper one.
-pub(super) fn close<'a>(
+/// Says where parts or holes without partner in interval `i` end, which go on from its lower contour or, `Direction::Down`, from its upper one.
+pub(super) fn close<'a, 'l>(
     run: &Context<'a>,
     contours: &SpillVec<'a, Contour>,
     i: usize,
     direction: Direction,
-    lone: &mut [LonePart],
+    side: Side,
+    lone: impl Iterator<Item = &'l mut LonePart>,
 ) -> Result<()> {
-    if !lone.iter().any(|part| part.direction == direction) {
+    let mut lone = lone.filter(|part| part.direction == direction).peekable();
+    if lone.peek().is_none() {
         return Ok(());
     }
     if let Ok(mut closing) = run.closing.lock() {
@@ -310,11 +348,14 @@ pub(super) fn close<'a>(
         Direction::Up => (i, i.checked_sub(1).map(|k| (k, gap(k)))),
         Direction::Down => (i + 1, (i + 2 < contours.len()).then(|| (i + 2, gap(i + 1)))),
     };
-    let own = contours.some(own, Contour::SEEDS_AND_PARTS)?;
-    let inner = inner.map(|(k, gap)| contours.get(k).map(|c| (c, gap))).transpose()?;
+    let own = match side {
+        Side::Solid => contours.some(own, Contour::SEEDS_AND_PARTS)?,
+        Side::Hole => side.of(contours, own)?,
+    };
+    let inner = inner.map(|(k, gap)| side.of(contours, k).map(|c| (c, gap))).transpose()?;
     let inner = inner.as_ref().map(|(inner, gap)| (Succession::new(&own, inner, &run.known), *gap));
     let inner = inner.as_ref().map(|(inner, gap)| (inner, *gap));
-    for part in lone.iter_mut().filter(|part| part.direction == direction) {
+    for part in lone {
         part.closes = closes(part, gap(i), inner);
     }
     Ok(())

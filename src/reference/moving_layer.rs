@@ -102,9 +102,8 @@ impl Curves<'_> {
             true => self.limit,
             false => between([a, b], m, self.relief, self.t),
         };
-        let low = closing(&parts.low, from, a, self.t);
-        let high = closing(&parts.high, to, b, 1.0 - self.t);
-        [low, high].into_iter().flatten().fold(joined, f64::min).clamp(-self.limit, self.limit)
+        let low = closing(&parts.low, from, a, self.t, joined);
+        closing(&parts.high, to, b, 1.0 - self.t, low).clamp(-self.limit, self.limit)
     }
 }
 

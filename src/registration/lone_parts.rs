@@ -1,4 +1,4 @@
-//! Parts of a slice that have no partner on the other one, and what an empty slice reads as.
+//! Parts and holes of a slice that have no partner on the other one, and what an empty slice reads as.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -13,12 +13,12 @@ use crate::storage::spill::{Array, Large};
 /// Smallest inradius of a part that is closed by itself where the other slice is not empty, px: that of a few pixels is what keeps their sign.
 pub const LEAST_DEPTH: f64 = 1.0;
 
-/// Parts of the two slices of an interval that have no partner, each with its own distance.
+/// Parts of the two slices of an interval that have no partner, each with its own distance, and holes below or above which the other slice has none.
 #[derive(Debug, Clone, Default)]
 pub struct LoneParts {
-    /// Parts of the lower slice.
+    /// Parts of the lower slice, then its holes.
     pub low: Vec<Cap>,
-    /// Parts of the upper slice.
+    /// The same of the upper slice.
     pub high: Vec<Cap>,
     /// Whether one of the slices is empty: then there is nothing but these parts.
     pub empty: bool,
@@ -30,15 +30,16 @@ impl Large for LoneParts {
     }
 }
 
-/// Least value at time `t`, counted from their own slice, of the parts at node-space position `x` of it, where the slice's field is `a`, which has no say
-/// in those that are open. `None` off their tiles.
+/// `value` united with the parts at time `t`, counted from their own slice, at node-space position `x` of it, and without its holes. The slice's field there
+/// is `a`, which has no say in parts that are open.
 #[inline]
-pub fn closing(parts: &[&Cap], x: DVec2, a: f64, t: f64) -> Option<f64> {
-    let value = |part: &&Cap| {
-        let distance = |own: f64| if part.open { own } else { own.max(a) };
-        part.tile.holds(x, 0.0).then(|| distance(part.field.sample(part.tile.to_local(x))) + part.offset(t))
-    };
-    parts.iter().filter_map(value).reduce(f64::min)
+pub fn closing(parts: &[&Cap], x: DVec2, a: f64, t: f64, value: f64) -> f64 {
+    let there = parts.iter().filter(|part| part.tile.holds(x, 0.0));
+    there.fold(value, |value, part| {
+        let (own, a) = (part.field.sample(part.tile.to_local(x)), if part.hole { -a } else { a });
+        let distance = if part.open { own } else { own.max(a) } + part.offset(t);
+        if part.hole { value.max(-distance) } else { value.min(distance) }
+    })
 }
 
 /// An empty slice reads as the nearest contour drawn in by this many times its inradius where no other contour says how the body falls, and by so many

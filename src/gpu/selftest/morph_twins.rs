@@ -133,7 +133,10 @@ fn morph(stack: &Stack, moving: &MotionField, i: usize, times: &[f64], in_frame:
     };
     let cap = |x: f64, y: f64, height: f64, direction| {
         let profile = CapProfile::new(0.4);
-        (Cap { tile, field: at(x, y, 4.0), open: false, depth: 4.0, height, farthest: 14.0, profile }, direction)
+        (
+            Cap { tile, field: at(x, y, 4.0), hole: false, open: false, depth: 4.0, height, farthest: 14.0, profile },
+            direction,
+        )
     };
     // A hole lies on a tile in the pair's.
     let own = Tile { origin: [3, 2], dims: [tile.dims[0] - 9, tile.dims[1] - 7] };

@@ -104,7 +104,8 @@ impl Stack {
             let margin = if k < 3 { MARGINS[0] } else { MARGINS[1] * scale };
             let tile = Tile::spanning(dims, [margin; 2], corner(-1.0), corner(1.0));
             let field = single(&tile.cut(&distance(&discs[k])));
-            Cap { tile, field, open: k % 3 == 1, depth: r * s, height: height[k], farthest: 14.0, profile: profile[k] }
+            let (depth, height, profile) = (r * s, height[k], profile[k]);
+            Cap { tile, field, hole: k == 2, open: k % 3 == 1, depth, height, farthest: 14.0, profile }
         };
         let parts = |low: &[usize], high: &[usize]| LoneParts {
             low: low.iter().map(|&k| part(k)).collect(),

@@ -318,6 +318,7 @@ fn sweeps(gpu: &Gpu, cases: &Cases) -> Result<Vec<Comparison>> {
             let hole = Cap {
                 tile,
                 field,
+                hole: true,
                 open: false,
                 depth: 6.0,
                 height: 0.7,

@@ -31,7 +31,7 @@ const PIXELS_READ: usize = 4096;
 pub struct Change {
     /// Degree to which the stack is relief, 0 to 1.
     pub relief: f64,
-    /// Degree to which it is relief whose contours are rugged, see [`ruggedness`], 0 to 1.
+    /// Degree to which it is relief whose contours are rugged, see `ruggedness`, 0 to 1.
     pub rugged: f64,
     /// Length that a unit of height counts as, unit of the pixel spacing; 0 where nothing changes.
     pub rate: f64,

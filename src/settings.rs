@@ -10,7 +10,6 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::stack::ending::gaps_of_ending;
 
 /// Rule by which a mask's staircase becomes a smooth contour. No rule flips a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -327,12 +326,10 @@ impl Settings {
             .map(|(rule, clamp)| rule != EndRule::Flat || clamp.is_some())
     }
 
-    /// Largest height of an extrapolated end beside slices at heights `z`, from the end inward, of a stack with this middle gap. A slice close beside
-    /// the last one says no less of how the body ends.
-    pub(crate) fn highest_cap(&self, z: &[f64], middle: f64) -> f64 {
-        let [last, next] = gaps_of_ending(z, middle);
-        let own = z.get(1).map_or(0.0, |inner| (inner - z[0]).abs());
-        self.cap_gaps.map_or(CAP_GAPS * last.max(next), |count| count * own)
+    /// Largest height of an extrapolated end beside this last gap, where the gap of the slices that have a say is `of_ending`. A slice close beside the
+    /// last one says no less of how the body ends.
+    pub(crate) fn highest_cap(&self, last: f64, of_ending: f64) -> f64 {
+        self.cap_gaps.map_or(CAP_GAPS * of_ending, |count| count * last)
     }
 
     /// A sentence for each setting that was changed and changes nothing, because of another.

@@ -147,7 +147,9 @@ impl Fairing<'_> {
             // Both contours' differences and distances along the trajectories, their distances straight along z, and those of the contours beyond.
             let mut there: [Vec<f32>; 8] = Default::default();
             let mut ways = Vec::new();
-            let (mut thin, mut counts) = (Thin::new(&node.phi, self.spec.spacing), Vec::new());
+            // Without a frame that follows them only means join what moves by its own width.
+            let mut thin = self.spec.moving.map(|_| Thin::new(&node.phi, self.spec.spacing));
+            let mut counts = Vec::new();
             for (j, out) in (first..).zip(rows.chunks_exact_mut(width)) {
                 v.read(left, j, &mut own);
                 gradient.read(left, j, &mut slope);
@@ -162,7 +164,10 @@ impl Fairing<'_> {
                     add(&low.phi, 1.0, offsets[0].as_ref(), j, begin, low_along);
                     add(&high.phi, 1.0, offsets[1].as_ref(), j, begin, high_along);
                     node.phi.read(begin, j, &mut here[pixels.clone()]);
-                    thin.shares(&here[pixels.clone()], [begin, j], &mut counts);
+                    match &mut thin {
+                        Some(thin) => thin.shares(&here[pixels.clone()], [begin, j], &mut counts),
+                        None => counts.resize(pixels.len(), 1.0),
+                    }
                     ways.resize(pixels.len(), DVec2::ZERO);
                     let contours =
                         [(&low.phi, &*low_along, at_low, &mut *low_d), (&high.phi, &*high_along, at_high, high_d)];

@@ -2,8 +2,8 @@
 //!
 //! A wall of about a pixel has no room for a shape: means along z make it wider where the trajectories miss it by a fraction of a pixel, and
 //! what they change is a share of all it is. With d the least of both sides' largest |u| within 3 px of a pixel, in px, fairing counts by
-//! `smoothstep(4 (d - 0.5))`: not in a wall of a pixel, wholly in one of one and a half. What lies farther than 2 px from the surface counts, since of it only
-//! one side can be seen.
+//! `smoothstep(4 (d - 0.5))`: not in a wall of a pixel, wholly in one of one and a half. A wall goes on across that window: what has less than 4 px of its
+//! area, as a thread has, counts, wholly from 6 px on. So does what lies farther than 2 px from the surface, since of it only one side can be seen.
 
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::spline::smoothstep;
@@ -12,6 +12,8 @@ use crate::grid::spline::smoothstep;
 const REACH: f64 = 3.0;
 /// Depths of a side from which on fairing counts, and counts wholly, px.
 const DEPTHS: [f64; 2] = [0.5, 0.75];
+/// Areas of a side in the window, px: below the first it is no wall, from the other on nothing else.
+const AREAS: [f64; 2] = [4.0, 6.0];
 /// Pixels up to here lie at the surface, px, and from the other on they do not.
 const AT_SURFACE: [f64; 2] = [1.0, 2.0];
 
@@ -23,9 +25,12 @@ pub struct Thin<'l> {
     /// Half the window, pixels along either axis.
     reach: [usize; 2],
     row: Vec<f32>,
-    /// Of each column the least and the largest value of the window's rows.
+    /// Of each column the least and the largest value of the window's rows, and how many of these are inside.
     least: Vec<f32>,
     largest: Vec<f32>,
+    inside: Vec<f32>,
+    /// Area of a pixel, px of the larger side.
+    area: f64,
 }
 
 impl<'l> Thin<'l> {
@@ -33,36 +38,47 @@ impl<'l> Thin<'l> {
     pub fn new(phi: &'l SparseImage<f32>, spacing: [f64; 2]) -> Self {
         let side = spacing[0].max(spacing[1]);
         let reach = spacing.map(|s| (REACH * side / s).round() as usize);
-        Thin { phi, side, reach, row: Vec::new(), least: Vec::new(), largest: Vec::new() }
+        let area = spacing[0] * spacing[1] / (side * side);
+        let [row, least, largest, inside] = [const { Vec::new() }; 4];
+        Thin { phi, side, reach, row, least, largest, inside, area }
     }
 
     /// The shares of the pixels of row `j` from `first` on, whose distances are `own`.
     pub fn shares(&mut self, own: &[f32], [first, j]: [usize; 2], out: &mut Vec<f32>) {
         let ([nx, ny], [across, along]) = (self.phi.dims(), self.reach);
         let columns = first.saturating_sub(across)..(first + own.len() + across).min(nx);
-        for (values, at) in
-            [(&mut self.least, f32::INFINITY), (&mut self.largest, f32::NEG_INFINITY), (&mut self.row, 0.0)]
-        {
-            values.clear();
-            values.resize(columns.len(), at);
+        let lines = [
+            (&mut self.least, f32::INFINITY),
+            (&mut self.largest, f32::NEG_INFINITY),
+            (&mut self.inside, 0.0),
+            (&mut self.row, 0.0),
+        ];
+        for (line, at) in lines {
+            line.clear();
+            line.resize(columns.len(), at);
         }
-        for j in j.saturating_sub(along)..(j + along + 1).min(ny) {
+        let rows = j.saturating_sub(along)..(j + along + 1).min(ny);
+        for j in rows.clone() {
             self.phi.read(columns.start, j, &mut self.row);
-            for ((least, largest), v) in self.least.iter_mut().zip(&mut self.largest).zip(&self.row) {
+            let sides = self.least.iter_mut().zip(&mut self.largest).zip(&mut self.inside);
+            for (((least, largest), inside), v) in sides.zip(&self.row) {
                 (*least, *largest) = (least.min(*v), largest.max(*v));
+                *inside += f32::from(u8::from(*v < 0.0));
             }
         }
+        let px = |v: f32| f64::from(v) / self.side;
+        let between = |v: f64, [low, high]: [f64; 2]| smoothstep((v - low) / (high - low));
         out.clear();
         out.extend(own.iter().enumerate().map(|(k, own)| {
             let at = first + k - columns.start;
             let window = at.saturating_sub(across)..(at + across + 1).min(columns.len());
-            let inside = -self.least[window.clone()].iter().copied().fold(f32::INFINITY, f32::min);
-            let outside = self.largest[window].iter().copied().fold(f32::NEG_INFINITY, f32::max);
-            let px = |v: f32| f64::from(v) / self.side;
-            let [thin, thick] = DEPTHS;
-            let counts = smoothstep((px(inside.min(outside)) - thin) / (thick - thin));
-            let [near, far] = AT_SURFACE;
-            (counts + (1.0 - counts) * smoothstep((px(own.abs()) - near) / (far - near))) as f32
+            let inside: f32 = self.inside[window.clone()].iter().sum();
+            let all = (rows.len() * window.len()) as f64;
+            let deepest = -self.least[window.clone()].iter().copied().fold(f32::INFINITY, f32::min);
+            let farthest = self.largest[window].iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            let of = |depth: f32, pixels: f64| (1.0 - between(px(depth), DEPTHS)) * between(self.area * pixels, AREAS);
+            let thin = f64::max(of(deepest, f64::from(inside)), of(farthest, all - f64::from(inside)));
+            (1.0 - thin * (1.0 - between(px(own.abs()), AT_SURFACE))) as f32
         }));
     }
 }
@@ -94,6 +110,18 @@ mod tests {
                 assert_eq!(share(3.0, gap, spacing), [1.0; 2], "{spacing:?}");
                 assert!(share(1.6, gap, [0.25, 0.25].map(|s| s * 4.0)).iter().all(|share| *share < 0.7));
             }
+        }
+    }
+
+    #[test]
+    fn a_thread_is_no_wall() {
+        for gap in [false, true] {
+            let sign = if gap { -1.0 } else { 1.0 };
+            let value = |n: usize| sign * (libm::hypot((n % 64) as f64 - 20.2, (n / 64) as f64 - 20.4) as f32 - 0.8);
+            let phi = SparseImage::of([64, 64], &(0..64 * 64).map(value).collect::<Vec<_>>());
+            let mut shares = Vec::new();
+            Thin::new(&phi, [1.0; 2]).shares(&[phi.at(21, 20)], [21, 20], &mut shares);
+            assert_eq!(shares, [1.0]);
         }
     }
 

@@ -185,7 +185,7 @@ fn slices_close_together_at_an_end_take_nothing_off_it() {
         let mean = off.iter().sum::<f64>() / off.len() as f64;
         let worst = off.iter().map(|off| (off - mean).abs()).fold(0.0, f64::max);
         println!("{close:?}: {:+.1} % +- {:.1}", 100.0 * mean, 100.0 * worst);
-        assert!(mean.abs() < 0.01 && worst < 0.03, "{close:?}: {off:?}");
+        assert!(mean.abs() < 0.01 && worst < 0.05, "{close:?}: {off:?}");
     }
 }
 

@@ -16,7 +16,7 @@ use crate::pipeline::fit::Fitted;
 use crate::registration::motion_stack::MotionStack;
 use crate::report::{BodyEnd, CapReport, EndReport, Report};
 use crate::settings::EndRule;
-use crate::stack::ending::{LOOKED_AT, ending};
+use crate::stack::ending::{LOOKED_AT, ending, gap_of_ending};
 use crate::stack::heights::Heights;
 use crate::storage::spill::SpillVec;
 
@@ -70,11 +70,12 @@ pub(super) fn end_matter<'a>(
             seen: &run.seen,
             backend: run.backend,
         };
+        let gap = z.get(1).map_or(0.0, |inner| (inner - z[0]).abs());
         Ok(EndMatter {
             parts: levels.parts()?,
             away: says.iter().map(|level| (z[*level] - z[0]).abs()).collect(),
-            gap: z.get(1).map_or(0.0, |inner| (inner - z[0]).abs()),
-            highest: run.settings.highest_cap(&z, run.span.gap),
+            gap,
+            highest: run.settings.highest_cap(gap, gap_of_ending(&z, run.span.gap)),
         })
     };
     Ok([of(0)?, of(1)?])

@@ -5,7 +5,7 @@
 //! of the usual gap, and the next lies a quarter of it farther in.
 
 /// Contours that have a say in how the body ends.
-pub const SAY: usize = 3;
+const SAY: usize = 3;
 /// Slices, from the end inward, among which they are.
 pub const LOOKED_AT: usize = 9;
 /// Gaps, from the end inward, of which the widest is the usual one there, unless the stack's middle gap is narrower.

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::mask::Mask;
 use crate::grid::components::parts_of_runs;
 use crate::grid::spline::smoothstep;
-use crate::stack::ContourStack;
+use crate::stack::{ContourStack, Slice};
 
 /// Below this lines are smooth, above the other rugged.
 const SMOOTH: f64 = 1.1;
@@ -21,7 +21,7 @@ const RUGGED: f64 = 1.25;
 
 /// Degree to which the contours of a stack are rugged, 0 to 1.
 pub fn ruggedness(stack: &ContourStack) -> f64 {
-    let of = |slice: &crate::stack::Slice| winding(slice.content.mask(), stack.dims);
+    let of = |slice: &Slice| winding(slice.content.mask(), stack.dims);
     let (sides, around) = stack.slices.par_iter().map(of).reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
     smoothstep((sides as f64 / around.max(1) as f64 - SMOOTH) / (RUGGED - SMOOTH))
 }

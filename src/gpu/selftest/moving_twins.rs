@@ -105,7 +105,7 @@ impl Stack {
             let tile = Tile::spanning(dims, [margin; 2], corner(-1.0), corner(1.0));
             let field = single(&tile.cut(&distance(&discs[k])));
             let (depth, height, profile) = (r * s, height[k], profile[k]);
-            Cap { tile, field, hole: k == 2, open: k % 3 == 1, depth, height, farthest: 14.0, profile }
+            Cap { tile, field, hole: k == 2 || k == 4, open: k % 3 == 1, depth, height, farthest: 14.0, profile }
         };
         let parts = |low: &[usize], high: &[usize]| LoneParts {
             low: low.iter().map(|&k| part(k)).collect(),

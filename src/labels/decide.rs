@@ -33,8 +33,8 @@ pub(super) struct Layers<'l> {
     pub been: Vec<&'l LayerPatch>,
     /// Whether one does.
     pub draws_back: bool,
-    /// The union of the labels that touch this one.
-    pub union: Vec<Option<&'l LayerPatch>>,
+    /// The unions that each label is in, of labels that touch each other.
+    pub unions: Vec<Vec<&'l LayerPatch>>,
     /// Labels that touch in the drawn slices below and above.
     pub touching: &'l BTreeSet<LabelPair>,
     pub ranks: &'l [Rank],
@@ -154,17 +154,23 @@ impl Layers<'_> {
         }
     }
 
-    /// The field of label `a`, `phi` alone, with what of the union lies near a label that touches it.
+    /// The field of label `a`, `phi` alone, with what of its unions lies near a label that touches it.
     fn joined(&self, a: usize, pixel: [usize; 2], phi: f32) -> f32 {
         let LabelReach { far, fill, .. } = self.reach;
-        let Some(union) = self.union[a] else { return phi };
+        if self.unions[a].is_empty() {
+            return phi;
+        }
         let touching = self.touching.iter().filter_map(|&(b, c)| match a {
             _ if a == b => Some(c),
             _ if a == c => Some(b),
             _ => None,
         });
         let nearest = touching.filter_map(|b| self.been[b].at(pixel)).fold(far, f32::min);
-        if nearest < far { phi.min(union.at(pixel).unwrap_or(far).max(nearest - fill)) } else { phi }
+        if nearest >= far {
+            return phi;
+        }
+        let union = self.unions[a].iter().filter_map(|union| union.at(pixel)).fold(far, f32::min);
+        phi.min(union.max(nearest - fill))
     }
 
     /// Whether `a` comes before `b` at a pixel that both may have.

@@ -41,9 +41,11 @@ impl EndingLabels {
     /// of each.
     pub fn of(stack: &LabelStack, groups: &[Vec<usize>]) -> Vec<EndingLabels> {
         let painted = stack.painted();
-        let mut group_of = vec![usize::MAX; stack.labels.len()];
-        groups.iter().enumerate().for_each(|(g, members)| members.iter().for_each(|&a| group_of[a] = g));
-        let settled = |g: usize, k: usize| groups.get(g).is_some_and(|members| stack.settled(members, k));
+        // Whether both are in a union that is known on these slices.
+        let united = |labels: [usize; 2], slices: [usize; 2]| {
+            let of_both = groups.iter().filter(|members| labels.iter().all(|a| members.contains(a)));
+            of_both.into_iter().any(|members| slices.iter().all(|&k| stack.settled(members, k)))
+        };
         let between = |k: usize| {
             let mut pairs = BTreeSet::new();
             for (&low, &high) in stack.drawn[k].iter().zip(&stack.drawn[k + 1]) {
@@ -53,8 +55,7 @@ impl EndingLabels {
             }
             let mut ending = EndingLabels { slices: [k, k + 1], ..EndingLabels::default() };
             for (low, high) in pairs {
-                let group = group_of[low];
-                if group != group_of[high] || !settled(group, k) || !settled(group, k + 1) {
+                if !united([low, high], [k, k + 1]) {
                     continue;
                 }
                 let ends = !painted[k + 1][low] && stack.given[low].settles(k + 1);
@@ -79,7 +80,7 @@ impl EndingLabels {
                 let within = ending.slices[0] >= low && ending.slices[1] <= high;
                 within && (ending.labels.contains(&(a, true)) || ending.labels.contains(&(b, false)))
             };
-            let known = group_of[a] == group_of[b] && [low, high].iter().all(|&k| settled(group_of[a], k));
+            let known = united([a, b], [low, high]);
             if high == low + 1 || !known || all[..near].iter().any(ended) {
                 continue;
             }
@@ -91,7 +92,8 @@ impl EndingLabels {
         all
     }
 
-    /// The labels that go on at a height. `bodies` are the labels without the others, `alone` what they are at this height, `union` that of a label.
+    /// The labels that go on at a height. `bodies` are the labels without the others, `alone` what they are at this height, `union` that of a label with
+    /// one that it faces.
     ///
     /// # Errors
     /// Those of reading the bodies.
@@ -100,7 +102,7 @@ impl EndingLabels {
         at: &HeightBetween,
         bodies: &mut [KeptBody],
         alone: &[LayerPatch],
-        union: impl Fn(usize) -> Option<&'u LayerPatch>,
+        union: impl Fn(usize, &dyn Fn(usize) -> bool) -> Option<&'u LayerPatch>,
     ) -> Result<Vec<GoesOn>> {
         let mut contours = Vec::new();
         for &(a, below) in &self.labels {
@@ -113,7 +115,7 @@ impl EndingLabels {
             let faces = |b: usize| self.across.contains(&((*a).min(b), (*a).max(b)));
             let facing = self.labels.iter().zip(&depths).filter(|((b, other), _)| other != below && faces(*b));
             let depth = facing.map(|(_, depth)| *depth).fold(depth(contour), f32::max);
-            let Some(union) = union(*a) else {
+            let Some(union) = union(*a, &faces) else {
                 patches.push(None);
                 continue;
             };

@@ -75,6 +75,11 @@ impl Given {
         self.shut.binary_search(&slice).is_ok()
     }
 
+    /// Whether it is not known on some slice between its first and its last.
+    pub(super) fn skips(&self) -> bool {
+        self.ends().is_some_and(|[first, last]| self.slices.len() <= last - first)
+    }
+
     /// Why a label with these slices cannot be reconstructed.
     pub fn too_few(&self) -> Option<String> {
         let drawn = match self.slices.len() {

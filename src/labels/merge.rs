@@ -164,7 +164,11 @@ pub fn decide(
                 continue;
             }
             touching.extend(&ending.across);
-            let union = |a: usize| unions.iter().find(|(m, ..)| m.contains(&a)).and_then(|(.., patch)| patch.as_ref());
+            // Of a label in several that which it shares with one that it faces.
+            let union = |a: usize, faces: &dyn Fn(usize) -> bool| {
+                let shared = |members: &&Vec<usize>| members.contains(&a) && members.iter().any(|&b| faces(b));
+                unions.iter().find(|(members, ..)| shared(members)).and_then(|(.., patch)| patch.as_ref())
+            };
             let at = HeightBetween { z, slices: around, same, far, px };
             for on in ending.goes_on(&at, &mut bodies.alone, &alone, union)? {
                 // It is known on both slices: on one it is painted, on the other it is not.
@@ -174,12 +178,12 @@ pub fn decide(
         }
         goes_on.iter_mut().for_each(|on| std::mem::swap(&mut alone[on.label], &mut on.patch));
         let of = |a: usize| {
-            let (_, settled, patch) = unions.iter().find(|(m, ..)| m.contains(&a))?;
             // What is painted is not joined to a union that is interpolated here.
-            let exact = !settled && step.slice.is_some_and(|k| stack.given[a].knows(k));
-            patch.as_ref().filter(|_| !exact)
+            let known = step.slice.is_some_and(|k| stack.given[a].knows(k));
+            let own = unions.iter().filter(|(members, settled, _)| members.contains(&a) && (*settled || !known));
+            own.filter_map(|(.., patch)| patch.as_ref()).collect()
         };
-        let union = (0..count).map(of).collect();
+        let unions_of = (0..count).map(of).collect();
         // However far a label has drawn back, up to its last contour it has been there.
         let mut been: Vec<&LayerPatch> = alone.iter().collect();
         goes_on.iter().for_each(|on| been[on.label] = &on.contour);
@@ -189,7 +193,7 @@ pub fn decide(
             alone: &alone,
             been,
             draws_back,
-            union,
+            unions: unions_of,
             touching: &touching,
             ranks: &ranks,
             reach,

@@ -40,6 +40,12 @@ impl Contacts {
 /// Pixels of a slice that labels have where others are drawn: stretches of them, by the label's place.
 pub type Covered = Vec<(usize, Range<usize>)>;
 
+/// A pair of labels and the slices on which their union has to be known.
+type PairSlices = (LabelPair, Vec<usize>);
+
+/// Unions that a label is in at most: each costs as much as a body, and what is left after so many is little.
+const GROUPINGS: usize = 3;
+
 /// Slices of neighbouring ones in both of which two labels touch.
 fn beside(common: &[(usize, bool)]) -> Vec<usize> {
     let both = common.windows(2).filter(|w| w[0].1 && w[1].1);
@@ -276,8 +282,9 @@ impl LabelStack {
     }
 
     /// Labels that touch each other on two neighbouring slices of both, or where one of both ends, or that face each other ([`facing`]), some by way of
-    /// others; only groups of more than one. Labels whose union would not be known on those slices stay apart: the pair with more drawn pixels comes
-    /// first, whatever their numbers.
+    /// others; only groups of more than one. Labels whose union would not be known on those slices stay apart: the pairs come first of which both are known
+    /// throughout, then those with more drawn pixels, whatever their numbers. What so stays apart is grouped once more by itself, so that a label may be in
+    /// several groups, [`GROUPINGS`] times in all.
     pub(super) fn groups(&self, contacts: &Contacts) -> Vec<Vec<usize>> {
         let ranks: Vec<_> =
             (0..self.labels.len()).map(|a| self.drawn_pixels(a)).map(|(n, k)| (Reverse(n), k)).collect();
@@ -289,13 +296,25 @@ impl LabelStack {
         for (pair, common) in &contacts.pairs {
             needed.entry(*pair).or_default().extend(self.needed(&painted, *pair, common));
         }
-        let mut pairs: Vec<(LabelPair, Vec<usize>)> = needed.into_iter().filter(|(_, k)| !k.is_empty()).collect();
-        pairs.sort_by_key(|((a, b), _)| [ranks[*a].min(ranks[*b]), ranks[*a].max(ranks[*b])]);
+        let mut pairs: Vec<PairSlices> = needed.into_iter().filter(|(_, k)| !k.is_empty()).collect();
+        let skips = |(a, b): LabelPair| self.given[a].skips() || self.given[b].skips();
+        pairs.sort_by_key(|(pair @ (a, b), _)| (skips(*pair), ranks[*a].min(ranks[*b]), ranks[*a].max(ranks[*b])));
+        let mut groups = Vec::new();
+        for _ in 0..GROUPINGS {
+            let grouped = self.grouped(&mut pairs);
+            groups.extend(grouped);
+        }
+        groups.sort_unstable();
+        groups
+    }
+
+    /// Groups of pairs, as far as their unions are known on the slices that they need; leaves the other pairs.
+    fn grouped(&self, pairs: &mut Vec<PairSlices>) -> Vec<Vec<usize>> {
         let mut groups: Vec<(Vec<usize>, BTreeSet<usize>)> =
             (0..self.labels.len()).map(|a| (vec![a], BTreeSet::new())).collect();
-        for ((a, b), needed) in pairs {
-            let at = |a: usize| groups.iter().position(|(members, _)| members.contains(&a));
-            let (Some(into), Some(from)) = (at(a), at(b)) else { continue };
+        pairs.retain(|((a, b), needed)| {
+            let at = |a: &usize| groups.iter().position(|(members, _)| members.contains(a));
+            let (Some(into), Some(from)) = (at(a), at(b)) else { return true };
             let mut members = groups[into].0.clone();
             let mut slices = groups[into].1.clone();
             slices.extend(needed);
@@ -303,18 +322,17 @@ impl LabelStack {
                 members.extend(&groups[from].0);
                 slices.extend(&groups[from].1);
             }
-            if slices.iter().all(|&k| self.settled(&members, k)) {
+            let known = slices.iter().all(|&k| self.settled(&members, k));
+            if known {
                 members.sort_unstable();
                 groups[into] = (members, slices);
                 if into != from {
                     groups.remove(from);
                 }
             }
-        }
-        let mut groups: Vec<Vec<usize>> = groups.into_iter().map(|(members, _)| members).collect();
-        groups.retain(|members| members.len() > 1);
-        groups.sort_unstable();
-        groups
+            !known
+        });
+        groups.into_iter().map(|(members, _)| members).filter(|members| members.len() > 1).collect()
     }
 }
 

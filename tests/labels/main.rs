@@ -11,3 +11,4 @@ mod partitions;
 mod rtss;
 mod segments;
 mod stacked;
+mod unions;

@@ -17,6 +17,7 @@ mod finish;
 pub(crate) mod fit;
 mod grazing;
 mod hole_tiles;
+mod leaps;
 mod links;
 pub(crate) mod matching;
 mod morph;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::context::{Context, stage};
 use super::ends::{EndMatter, passing_field};
 use super::grazing::without_grazing;
+use super::leaps::Surroundings;
 use super::links::{IntervalLinks, frames};
 use crate::backend::jobs::PartJob;
 use crate::backend::requests::{PartRequest, SlopeRequest};
@@ -106,6 +107,35 @@ fn filled_fields<'a>(
     Ok(fields)
 }
 
+/// The slices of an interval and those beyond them.
+struct Around {
+    contours: [Arc<Contour>; 2],
+    beyond: [Option<Arc<Contour>>; 2],
+    gaps: [f64; 2],
+    h: [f64; 2],
+}
+
+impl Around {
+    fn new<'a>(run: &Context<'a>, contours: &SpillVec<'a, Contour>, i: usize) -> Result<Self> {
+        let beyond = |k: usize| contours.some(k, Contour::SEEDS_AND_PARTS);
+        let below = i.checked_sub(1).map(beyond).transpose()?;
+        let above = (i + 2 < contours.len()).then(|| beyond(i + 2)).transpose()?;
+        let gap = |k: Option<usize>| k.and_then(|k| run.span.gaps.get(k)).map_or(1.0, |gap| gap / run.span.gaps[i]);
+        Ok(Around {
+            contours: [contours.get(i)?, contours.get(i + 1)?],
+            beyond: [below, above],
+            gaps: [gap(i.checked_sub(1)), gap(Some(i + 1))],
+            h: run.h,
+        })
+    }
+
+    fn surroundings(&self) -> Surroundings<'_> {
+        let contours = self.contours.each_ref().map(|contour| &**contour);
+        let beyond = self.beyond.each_ref().map(Option::as_deref);
+        Surroundings { contours, beyond, gaps: self.gaps, h: self.h }
+    }
+}
+
 /// Displacements of all intervals, less what would join parts by chance.
 fn field_displacements<'a>(
     run: &Context<'a>,
@@ -118,8 +148,8 @@ fn field_displacements<'a>(
     let mut kept = SpillVec::new(run.budget);
     for (i, links) in links.iter().enumerate() {
         let v = found.get(i)?.as_ref().clone();
-        let pair = [contours.some(i, Contour::PARTS)?, contours.some(i + 1, Contour::PARTS)?];
-        kept.push(without_grazing(v, &*guess.get(i)?, [&pair[0], &pair[1]], &links.joined(), run.h))?;
+        let slices = Around::new(run, contours, i)?;
+        kept.push(without_grazing(v, &*guess.get(i)?, &slices.surroundings(), &links.joined()))?;
     }
     Ok(kept)
 }
@@ -240,8 +270,11 @@ pub(super) fn lone_parts<'a>(
     let most = run.budget.spare(LONE_BYTES);
     let (mut plans, mut jobs, mut bytes) = (Vec::new(), Vec::new(), 0);
     for i in run.span.layers.clone() {
+        let ending = Around::new(run, contours, i)?.surroundings().ending();
         let plan = |direction| -> Result<[LonePlan; 2]> {
-            let [solid, hole] = Side::BOTH.map(|side| plan_lone(run, contours, moving, i, direction, side));
+            let ending = &ending[usize::from(direction == Direction::Down)];
+            let [solid, hole] = [(Side::Solid, &ending[..]), (Side::Hole, &[])]
+                .map(|(side, ending)| plan_lone(run, contours, moving, i, direction, side, ending));
             Ok([solid?, hole?])
         };
         let mut both = [plan(Direction::Up)?, plan(Direction::Down)?];
@@ -268,7 +301,7 @@ pub(super) fn lone_parts<'a>(
     Ok(out)
 }
 
-/// Parts of a contour of interval `i`, or its holes, that meet none in the other one.
+/// Parts of a contour of interval `i`, or its holes, that meet none in the other one, and those that end all the same.
 fn plan_lone<'a>(
     run: &Context<'a>,
     contours: &SpillVec<'a, Contour>,
@@ -276,6 +309,7 @@ fn plan_lone<'a>(
     i: usize,
     direction: Direction,
     side: Side,
+    ending: &[u32],
 ) -> Result<LonePlan> {
     let (number, other, way) = match direction {
         Direction::Up => (i, i + 1, 1.0),
@@ -289,10 +323,13 @@ fn plan_lone<'a>(
     let (own, other) = (side.of(contours, number)?, moving.field(other)?);
     let at_slices = moving.at_slices(i)?;
     let u = &at_slices[usize::from(direction == Direction::Down)];
-    let parts = without_partner(&own, least, |x| {
+    let mut parts = without_partner(&own, least, |x| {
         let inside = other.sample(x + way * u.at(x)) < 0.0;
         inside == (side == Side::Solid)
     });
+    parts.extend(ending);
+    parts.sort_unstable();
+    parts.dedup();
     Ok(LonePlan::new(&own, &parts, run.margin, direction, &run.known))
 }
 

@@ -1,5 +1,6 @@
 //! What the surface is, from the library: exact, closed, connected, the same however it lies, on shapes whose mathematics is known.
 
+mod apart;
 mod body;
 mod borders;
 mod budget;

@@ -1,0 +1,78 @@
+//! Bodies that end beside others: two that never touch stay two, and one that ends where a rod at its side goes on ends as it does by itself.
+
+use crate::shapes::*;
+use crate::support::connected;
+use interslice::progress::Silent;
+use interslice::settings::Method;
+use interslice::{Reference, Settings, reconstruct_with};
+
+const N: usize = 72;
+const C: f64 = 36.0;
+
+/// Layers a unit apart on slices so far apart.
+fn layers(gap: f64, shapes: &[Shape], method: Method) -> Vec<Vec<f32>> {
+    let heights: Vec<f64> = (0..shapes.len()).map(|k| k as f64 * gap).collect();
+    let all: Vec<f64> = (0..=(heights[heights.len() - 1]) as usize).map(|z| z as f64).collect();
+    let settings = Settings { method, ..Settings::default() };
+    let stack = masks(N, &heights, shapes);
+    let body = reconstruct_with(&stack, &all, &settings, &Reference, &Silent).expect("the stack is valid");
+    body.layers.iter().map(|layer| layer.phi.iter().copied().collect()).collect()
+}
+
+#[test]
+fn a_body_that_ends_beside_one_that_begins_is_not_joined_to_it() {
+    for method in [Method::Morph, Method::Field] {
+        for (radius, gap) in [(4.0, 4.0), (4.0, 6.0), (4.0, 8.0), (6.0, 8.0), (8.0, 8.0)] {
+            let [left, right] = [C - radius - 1.0, C + radius + 1.0];
+            let of = |x: f64| circle(x, C, radius);
+            let shapes = [nothing(), of(left), of(left), of(right), of(right), nothing()];
+            let layers = layers(gap, &shapes, method);
+            let all: Vec<&[f32]> = layers.iter().map(Vec::as_slice).collect();
+            let node = |x: f64, z: f64| ((z * gap) as usize, C as usize * N + x as usize);
+            assert!(connected(&all, [N, N], node(left, 1.0), node(left, 2.0)), "each is one");
+            assert!(
+                !connected(&all, [N, N], node(left, 2.0), node(right, 3.0)),
+                "{method:?}: radius {radius}, gaps of {gap}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_moves_on_by_more_than_its_width_stays_one() {
+    for method in [Method::Morph, Method::Field] {
+        let shapes: Vec<Shape> = (0..5).map(|k| circle(12.0 + 11.0 * f64::from(k), C, 4.0)).collect();
+        let layers = layers(6.0, &shapes, method);
+        let all: Vec<&[f32]> = layers.iter().map(Vec::as_slice).collect();
+        let node = |k: usize| (6 * k, C as usize * N + 12 + 11 * k);
+        assert!(connected(&all, [N, N], node(0), node(4)), "{method:?}");
+    }
+}
+
+#[test]
+fn a_body_that_ends_where_a_rod_at_its_side_goes_on_ends_as_it_does_by_itself() {
+    let bodies: [(&str, fn() -> Shape); 2] = [
+        ("ring", || without(circle(C, C, 18.0), circle(C, C, 12.0))),
+        ("slab", || Box::new(|x, y| ((x - C).abs() - 20.0).max((y - C).abs() - 4.0))),
+    ];
+    let inside = |layer: &Vec<f32>| layer.iter().filter(|v| **v < 0.0).count() as f64;
+    for method in [Method::Morph, Method::Field] {
+        for (name, body) in bodies {
+            for upward in [true, false] {
+                let with = |other: fn(Shape) -> Shape| {
+                    let mut shapes = vec![other(body()), other(body()), other(body())];
+                    shapes.extend([other(nothing()), other(nothing())]);
+                    if !upward {
+                        shapes.reverse();
+                    }
+                    layers(8.0, &shapes, method)
+                };
+                let [alone, beside] = [with(|body| body), with(|body| union(body, circle(C + 15.0, C, 3.2)))];
+                let gap = if upward { 17..24 } else { 9..16 };
+                let [alone, beside] = [alone, beside].map(|layers| layers[gap.clone()].iter().map(inside).sum::<f64>());
+                println!("{method:?}, {name}, upward {upward}: {alone} px alone, {beside} with the rod");
+                assert!(beside > 0.9 * alone, "{method:?}, {name}, upward {upward}: {beside} of {alone} px");
+            }
+        }
+    }
+}

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::stack::Geometry;
 use crate::surface::content::Content;
-use crate::surface::{marching, spool, transposed};
+use crate::surface::{marching, own_store, spool, transposed};
 
 /// Format of a file, by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -332,7 +332,8 @@ pub fn extension_at(name: &str) -> usize {
     content.map_or(at, str::len)
 }
 
-/// Whether `path` is a name that the system takes, and nothing stands there that an output, a file or a folder of Zarr, must not replace.
+/// Whether `path` is a name that the system takes, and nothing stands there that an output must not replace: a folder,
+/// for an output of Zarr one that holds anything but such an output.
 pub(super) fn check_place(path: &Path, is_folder: bool) -> Result<()> {
     if let Err(e) = std::fs::symlink_metadata(path)
         && matches!(e.kind(), ErrorKind::InvalidFilename | ErrorKind::InvalidInput)
@@ -347,13 +348,18 @@ pub(super) fn check_place(path: &Path, is_folder: bool) -> Result<()> {
     }
     let special = path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
     let message = match (path.is_dir(), is_folder) {
-        (true, true) if path.join("zarr.json").is_file() => return Ok(()),
-        (true, true) => "is a folder, but none of Zarr, and is not replaced",
-        (true, false) => "is a folder",
-        (false, _) if special => "is no plain file: a pipe, a device or a socket is not replaced",
+        // Of a link only the link is replaced.
+        (true, true) if path.is_symlink() => return Ok(()),
+        (true, true) => match own_store::what_stays(path) {
+            Ok(None) => return Ok(()),
+            Ok(Some(message)) => message,
+            Err(e) => format!("is a folder that cannot be read, and is not replaced: {e}"),
+        },
+        (true, false) => "is a folder".into(),
+        (false, _) if special => "is no plain file: a pipe, a device or a socket is not replaced".into(),
         (false, _) => return Ok(()),
     };
-    Err(Error::Output { path: path.into(), message: message.into() })
+    Err(Error::Output { path: path.into(), message })
 }
 
 /// Bytes of memory that writing `paths` needs at most while layers of `dims` pixels that lie so arrive, however many these are, and the

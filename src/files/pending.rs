@@ -244,8 +244,10 @@ mod tests {
         let write = |number: usize| {
             let pending =
                 Pending::open(&target, true, Temporary::Random, &mut Places::default()).expect("it can be made");
-            (0..2).for_each(|k| fs::write(pending.path().join(k.to_string()), number.to_string()).expect("room"));
-            fs::write(pending.path().join("zarr.json"), "{}").expect("room");
+            let own = r#"{"attributes": {"interslice": {}}}"#;
+            fs::create_dir_all(pending.path().join("0/c")).expect("room");
+            fs::write(pending.path().join("0/c/0"), number.to_string()).expect("room");
+            fs::write(pending.path().join("zarr.json"), own).expect("room");
             pending.rename(&target).expect("it can be renamed");
         };
         write(0);

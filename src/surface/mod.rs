@@ -25,6 +25,7 @@ pub mod nifti;
 pub mod npy;
 pub mod nrrd;
 pub mod origin;
+pub(crate) mod own_store;
 pub mod render;
 #[cfg(feature = "simplify")]
 pub mod simplify;

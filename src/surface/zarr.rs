@@ -21,6 +21,7 @@ use super::Layer;
 use super::content::{Content, Paint, Scalar};
 use super::glb::colour::shown;
 use super::header::Header;
+use super::own_store::{ATTRIBUTE, LEVEL};
 use super::stream::{BodyWriter, Ending};
 use super::voxels::VoxelGrid;
 use crate::stack::appearance::Appearance;
@@ -29,8 +30,6 @@ use crate::stack::appearance::Appearance;
 const CHUNK: [usize; 3] = [256, 256, 64];
 /// Most bytes of the layers that wait for their chunks to be full, if two have room.
 const SLAB_BYTES: usize = 256 << 20;
-/// The array's name in the group.
-const LEVEL: &str = "0";
 /// Level of gzip: as fast as it can.
 const COMPRESSION: u32 = 1;
 
@@ -249,7 +248,7 @@ fn attributes(body: &Header, content: Content, labels: &[Appearance]) -> Map<Str
     if !labels.is_empty() {
         ome["image-label"] = image_label(labels);
     }
-    Map::from_iter([("ome".into(), ome), ("interslice".into(), own)])
+    Map::from_iter([("ome".into(), ome), (ATTRIBUTE.into(), own)])
 }
 
 /// Names and colours of labels.

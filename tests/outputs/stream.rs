@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
-use crate::files::folder;
+use crate::files::{folder, interslice, sound_stack, stderr};
 use flate2::read::{GzDecoder, ZlibDecoder};
 use glam::DVec3;
 use interslice::evaluate::demo::demo;
@@ -390,5 +390,43 @@ mod zarr {
             .expect_err("it must stay");
         assert!(said.to_string().contains("none of Zarr"), "{said}");
         assert_eq!(files_in(&path).len(), 1);
+    }
+
+    #[test]
+    fn a_zarr_that_holds_anything_else_stays() {
+        let (body, stack) = (wide(), folder());
+        sound_stack(stack.path());
+        let spoilt: [(&str, &dyn Fn(&Path)); 5] = [
+            ("`labels`, `notes.txt`", &|path| {
+                fs::create_dir_all(path.join("labels/a/0")).expect("a folder can be made");
+                fs::write(path.join("notes.txt"), "mine").expect("a file can be written");
+            }),
+            ("`1`", &|path| fs::create_dir(path.join("1")).expect("a folder can be made")),
+            ("`0/mine`", &|path| fs::write(path.join("0/mine"), "mine").expect("a file can be written")),
+            ("`a`, `b`, `c`, `d`, `e` and 2 more", &|path| {
+                ["a", "b", "c", "d", "e", "f", "g"].iter().for_each(|n| fs::write(path.join(n), n).expect("room"));
+            }),
+            ("another program", &|path| {
+                fs::write(path.join("zarr.json"), r#"{"node_type": "group", "attributes": {"ome": {}}}"#)
+                    .expect("room");
+            }),
+        ];
+        for (words, spoil) in spoilt {
+            let place = folder();
+            let path = place.path().join("mine.zarr");
+            crate::support::write(&path, &body, true);
+            // Finder's own file is no work of anybody's.
+            fs::write(path.join(".DS_Store"), "").expect("a file can be written");
+            crate::support::write(&path, &body, true);
+            spoil(&path);
+            let had = files_in(&path);
+            let [input, output] = [stack.path(), &path].map(|path| path.display().to_string());
+            let done = interslice(&["reconstruct", &input, "-o", &output, "--backend", "cpu"]);
+            let said = stderr(&done);
+            assert_eq!(done.status.code(), Some(2), "{said}");
+            assert!(said.contains("mine.zarr: cannot write") && said.contains(words), "{said}");
+            assert!(!said.contains("running on"), "it is refused before the work: {said}");
+            assert_eq!(files_in(&path), had, "{words}");
+        }
     }
 }

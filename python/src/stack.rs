@@ -278,7 +278,7 @@ pub fn stack_of_polygons(
     let planes = Planes { unit: lie.unit.clone(), axes: geometry.axes, z_out: None };
     let pixel = pixel.map(|[dy, dx]| [dx, dy]);
     loaded(py, move || {
-        let mut notes = clean(&mut drawings);
+        let mut notes = clean(&mut drawings, pixel);
         let mut stack = drawn(&drawings, &planes, pixel)?;
         notes.extend(doubts(&drawings, &stack, pixel));
         stack.geometry.origin += geometry.origin;

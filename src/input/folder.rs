@@ -209,9 +209,9 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
         regions: entry.polygons.into_iter().map(|polygons| polygons.into_iter().map(points).collect()).collect(),
     };
     let mut drawings: Vec<PlaneDrawing> = parsed.slices.into_iter().enumerate().map(drawing).collect();
-    let mut notes = polygons::clean(&mut drawings);
     let planes = Planes { unit: parsed.unit, axes, z_out: parsed.z_out };
     let pixel = options.pixel.map(|p| [p; 2]).or(parsed.spacing_xy.map(|Numbers(sides)| sides));
+    let mut notes = polygons::clean(&mut drawings, pixel);
     let stack = polygons::stack(&drawings, &planes, pixel).map_err(|error| match error {
         // The sides that are wrong are the file's own.
         Error::Setting { name, message } if name == "pixel" && options.pixel.is_none() && pixel.is_some() => {

@@ -164,7 +164,7 @@ fn coarse(drawings: &[PlaneDrawing], pixel: Option<[f64; 2]>) -> Option<String> 
 }
 
 /// A length with three figures, whatever its unit.
-fn figures(length: f64) -> f64 {
+pub(super) fn figures(length: f64) -> f64 {
     format!("{length:.2e}").parse().unwrap_or(length)
 }
 

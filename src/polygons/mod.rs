@@ -7,21 +7,24 @@
 //! Points inside an odd number of a region's polygons are inside; winding does not count. Work is in proportion to the length of the
 //! contours in pixels, but for the writing of the slices themselves.
 
+mod clean;
 pub mod crossing;
 pub mod distance;
 pub mod edges;
 pub mod fill;
 pub mod grid;
+mod near;
 pub mod plane;
 pub mod zones;
 
-use std::collections::HashSet;
-
+pub use clean::clean;
+pub(crate) use clean::line_key;
 use distance::near_distance;
 use edges::{Edge, contour_edges};
 use fill::fill;
 use glam::{DVec2, DVec3};
 use grid::DrawingGrid;
+pub(crate) use near::near_copies;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
@@ -49,87 +52,11 @@ pub struct PlaneDrawing {
     pub regions: Vec<Vec<Polygon>>,
 }
 
-/// Points of a closed line by which two are the same line, wherever they begin and whichever way they go.
-pub(crate) fn line_key<const N: usize>(points: impl IntoIterator<Item = [f64; N]>) -> Vec<[u64; N]> {
-    // A zero has one sign here.
-    let mut bits: Vec<[u64; N]> = points.into_iter().map(|p| p.map(|v| (v + 0.0).to_bits())).collect();
-    while bits.len() > 1 && bits.first() == bits.last() {
-        bits.pop();
-    }
-    let from_least = |bits: &mut Vec<[u64; N]>| {
-        let first = (0..bits.len()).min_by_key(|k| bits[*k]).unwrap_or(0);
-        bits.rotate_left(first);
-    };
-    let mut back: Vec<[u64; N]> = bits.iter().rev().copied().collect();
-    from_least(&mut bits);
-    from_least(&mut back);
-    bits.min(back)
-}
-
-/// Whether all points of a polygon lie on one straight line, but for what rounding moves them by.
-fn bounds_nothing(polygon: &Polygon) -> bool {
-    let Some(first) = polygon.first() else { return true };
-    let farthest = polygon.iter().map(|p| *p - *first).max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
-    let along = farthest.unwrap_or_default();
-    let scale = along.abs().max_element();
-    let size = |p: &DVec2| p.abs().max(first.abs()).max_element();
-    let off = |p: &DVec2| (along / scale).perp_dot(*p - *first).abs();
-    scale == 0.0 || polygon.iter().all(|p| off(p) <= 4.0 * f64::EPSILON * size(p))
-}
-
 impl PlaneDrawing {
-    /// Leaves out polygons that are drawn before in the same region: under even-odd both would be gone. Returns how many.
-    fn leave_out_copies(&mut self) -> usize {
-        let before = self.polygons().count();
-        for region in &mut self.regions {
-            let mut seen = HashSet::new();
-            region.retain(|polygon| seen.insert(line_key(polygon.iter().map(DVec2::to_array))));
-        }
-        before - self.polygons().count()
-    }
-
-    /// Leaves out polygons that bound no area: of fewer than three points, or on a straight line. Returns a word on each, numbered from 1.
-    fn leave_out_flat(&mut self) -> Vec<String> {
-        let mut flat = Vec::new();
-        let mut number = 0;
-        for region in &mut self.regions {
-            region.retain(|polygon| {
-                number += 1;
-                let points = if polygon.len() == 1 {
-                    "1 point bounds".into()
-                } else {
-                    format!("{} points bound", polygon.len())
-                };
-                let is_flat = bounds_nothing(polygon);
-                flat.extend(is_flat.then(|| format!("polygon {number} left out, its {points} no area")));
-                !is_flat
-            });
-        }
-        flat
-    }
-
     /// All polygons.
     pub fn polygons(&self) -> impl Iterator<Item = &Polygon> {
         self.regions.iter().flatten()
     }
-}
-
-/// Leaves out polygons that bound no area, and those that are drawn before on their plane. Returns a word on each plane that has such.
-pub fn clean(drawings: &mut [PlaneDrawing]) -> Vec<String> {
-    let mut notes = Vec::new();
-    for drawing in &mut *drawings {
-        let flat = drawing.leave_out_flat();
-        notes.extend(flat.into_iter().map(|which| format!("`{}` at {}: {which}", drawing.name, drawing.z)));
-    }
-    for drawing in drawings {
-        let which = match drawing.leave_out_copies() {
-            0 => continue,
-            1 => "a polygon is".into(),
-            count => format!("{count} polygons are"),
-        };
-        notes.push(format!("`{}` at {}: {which} drawn before point by point; left out", drawing.name, drawing.z));
-    }
-    notes
 }
 
 /// What a person should know of drawings and of the stack that was made of them on pixels of these sides, if they were named.
@@ -216,23 +143,4 @@ pub(crate) fn level_set(regions: &[Vec<Polygon>], grid: &DrawingGrid) -> Vec<f32
         level.iter_mut().zip(signed).for_each(|(a, b)| *a = a.min(b));
     }
     level
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_line_that_is_drawn_twice_is_one_and_others_stay() {
-        let square = |x: f64| [[x, 0.0], [x + 4.0, 0.0], [x + 4.0, 4.0], [x, 4.0]].map(DVec2::from).to_vec();
-        let mut turned = square(0.0);
-        turned.rotate_left(2);
-        turned.reverse();
-        turned.push(turned[0]);
-        let regions = vec![vec![square(0.0), square(1.0), turned.clone(), square(0.0)], vec![turned.clone()]];
-        let mut drawing = PlaneDrawing { name: "k=0".into(), z: 0.0, extra: false, regions };
-        assert_eq!(drawing.leave_out_copies(), 2);
-        assert_eq!(drawing.regions, [vec![square(0.0), square(1.0)], vec![turned]]);
-        assert_eq!(drawing.leave_out_copies(), 0);
-    }
 }

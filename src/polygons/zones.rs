@@ -18,7 +18,7 @@ use super::grid::bounds;
 const SAME: f64 = 1e-9;
 
 /// Area, unsigned, and length of a closed line.
-fn measures(line: &[DVec2]) -> [f64; 2] {
+pub(super) fn measures(line: &[DVec2]) -> [f64; 2] {
     let first = line.first().copied().unwrap_or_default();
     let (mut area, mut length) = (0.0, 0.0);
     for (p, q) in line.iter().zip(line.iter().cycle().skip(1)) {

@@ -1,7 +1,8 @@
 //! Choice of the contours that become the stack: ROIs, their closed contours, their planes.
 
-use std::collections::HashMap;
+use std::cell::LazyCell;
 use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use glam::DVec3;
 
@@ -9,7 +10,7 @@ use super::{Contour, Roi, StructureSet};
 use crate::error::{Error, Result, counted};
 use crate::polygons::crossing::crossing;
 use crate::polygons::plane::{Bent, PlaneSet, TOLERANCE, smallest_gap};
-use crate::polygons::{self, PlaneDrawing, Planes, Polygon, line_key};
+use crate::polygons::{self, PlaneDrawing, Planes, Polygon, line_key, near_copies};
 use crate::stack::{ContourStack, ReadOptions};
 
 /// Ratio of a ROI's gaps to those of another one's planes from which on planes were left out.
@@ -50,12 +51,13 @@ impl StructureSet {
             }
             _ => {}
         }
-        self.closed(rois)
+        self.closed(rois, options.pixel)
     }
 
     /// The ROIs that can be reconstructed. `leave_out` hears of each other one, and why.
     pub fn usable(&self, read: &ReadOptions, leave_out: &mut dyn FnMut(String)) -> Vec<&Roi> {
-        let usable = |roi: &&Roi| match self.closed(vec![roi]).and_then(|chosen| chosen.chosen_planes(read)) {
+        let usable = |roi: &&Roi| match self.closed(vec![roi], read.pixel).and_then(|chosen| chosen.chosen_planes(read))
+        {
             Ok(_) => true,
             Err(why) => {
                 let why = if roi.is_drawn() { format!(": {why}") } else { ", not drawn".into() };
@@ -66,12 +68,12 @@ impl StructureSet {
         self.rois.iter().filter(usable).collect()
     }
 
-    /// The closed contours of `rois` and their planes.
+    /// The closed contours of `rois` and their planes; those that nearly coincide are one by pixels of side `pixel`, mm, where it was named.
     ///
     /// # Errors
     /// [`Error::Format`] as [`StructureSet::choose`].
-    pub fn closed<'a>(&'a self, rois: Vec<&'a Roi>) -> Result<ChosenRois<'a>> {
-        let chosen = self.on_planes(rois)?;
+    pub fn closed<'a>(&'a self, rois: Vec<&'a Roi>, pixel: Option<f64>) -> Result<ChosenRois<'a>> {
+        let chosen = self.on_planes(rois, pixel)?;
         if chosen.planes.heights.len() < 2 {
             let names: Vec<String> = chosen.rois.iter().map(|r| r.label()).collect();
             return Err(self.wrong(format!(
@@ -87,7 +89,7 @@ impl StructureSet {
     ///
     /// # Errors
     /// [`Error::Format`] as [`StructureSet::choose`].
-    pub(super) fn on_planes<'a>(&'a self, rois: Vec<&'a Roi>) -> Result<ChosenRois<'a>> {
+    pub(super) fn on_planes<'a>(&'a self, rois: Vec<&'a Roi>, pixel: Option<f64>) -> Result<ChosenRois<'a>> {
         let (mut used, mut notes) = (Vec::new(), Vec::new());
         if let Some(fault) = rois.iter().find_map(|roi| roi.fault.as_ref()) {
             return Err(self.wrong(fault.clone()));
@@ -131,7 +133,9 @@ impl StructureSet {
                 c + 1
             ))
         })?;
-        Ok(ChosenRois { set: self, rois, used, planes, notes })
+        let mut chosen = ChosenRois { set: self, rois, used, planes, notes };
+        chosen.leave_out_near(pixel);
+        Ok(chosen)
     }
 
     fn wrong(&self, message: String) -> Error {
@@ -140,6 +144,40 @@ impl StructureSet {
 }
 
 impl ChosenRois<'_> {
+    /// Leaves out contours that nearly coincide with one before of their ROI, on its plane: under even-odd both would be gone.
+    fn leave_out_near(&mut self, pixel: Option<f64>) {
+        let mut regions: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        for (k, ((roi, _), plane)) in self.used.iter().zip(&self.planes.plane_of).enumerate() {
+            regions.entry((*plane, *roi)).or_default().push(k);
+        }
+        let all = LazyCell::new(|| {
+            let drawing = |k| PlaneDrawing { name: String::new(), z: 0.0, extra: false, regions: self.regions(k) };
+            polygons::grid::pixel_side(&(0..self.planes.heights.len()).map(drawing).collect::<Vec<_>>())
+        });
+        let (mut out, mut notes) = (HashSet::new(), Vec::new());
+        for members in regions.values().filter(|members| members.len() > 1) {
+            let line = |k: &usize| {
+                let (roi, contour) = self.used[*k];
+                self.planes.project(&self.rois[roi].contours[contour].points)
+            };
+            let lines: Vec<Polygon> = members.iter().map(line).collect();
+            for copy in near_copies(&lines, &|| pixel.unwrap_or_else(|| *all)) {
+                let [line, of] = [copy.line, copy.of].map(|k| self.used[members[k]]);
+                let [number, before] = [line.1 + 1, of.1 + 1];
+                let says = copy.says();
+                notes.push(format!(
+                    "{}: contours {before} and {number} {says}; contour {number} left out",
+                    self.rois[line.0].label()
+                ));
+                out.insert(members[copy.line]);
+            }
+        }
+        let [mut places, mut others] = [0.., 0..];
+        self.used.retain(|_| places.next().is_none_or(|k| !out.contains(&k)));
+        self.planes.plane_of.retain(|_| others.next().is_none_or(|k| !out.contains(&k)));
+        self.notes.extend(notes);
+    }
+
     /// The contours of plane `k`, by ROI.
     pub fn on_plane(&self, k: usize) -> impl Iterator<Item = (usize, &Contour)> {
         let here = self.used.iter().zip(&self.planes.plane_of).filter(move |(_, plane)| **plane == k);
@@ -221,7 +259,7 @@ impl ChosenRois<'_> {
         let numbers: Vec<i64> = self.rois.iter().map(|roi| roi.number).collect();
         let own = self.set.frames(&numbers);
         let alike = self.set.rois.iter().filter(|roi| own.is_empty() || self.set.frames(&[roi.number]) == own);
-        let others = alike.filter_map(|roi| self.set.closed(vec![roi]).ok());
+        let others = alike.filter_map(|roi| self.set.closed(vec![roi], None).ok());
         let images = others.filter_map(|other| {
             let off = (other.planes.axes[2] - self.planes.axes[2]).abs().element_sum();
             let theirs = &other.planes.heights;

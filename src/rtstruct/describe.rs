@@ -24,7 +24,7 @@ impl StructureSet {
     pub fn describe_flat(&self, options: &ReadOptions) -> Result<Option<Vec<String>>> {
         let named = options.roi.iter().map(|name| self.find(name)).collect::<Result<Vec<_>>>()?;
         let rois = if named.is_empty() { self.rois.iter().collect() } else { named };
-        let flat = self.on_planes(rois.clone()).is_ok_and(|chosen| chosen.planes.heights.len() < 2);
+        let flat = self.on_planes(rois.clone(), options.pixel).is_ok_and(|chosen| chosen.planes.heights.len() < 2);
         Ok(flat.then(|| rois.into_iter().flat_map(|roi| self.describe_roi(roi)).collect()))
     }
 
@@ -34,7 +34,7 @@ impl StructureSet {
         if !roi.is_drawn() {
             return vec![format!("{head}: not drawn")];
         }
-        match self.closed(vec![roi]) {
+        match self.closed(vec![roi], None) {
             Err(e) if roi.fault.is_some() => vec![format!("{head}: cannot be read: {e}")],
             Err(e) => vec![format!("{head}: {} contours, cannot be reconstructed: {e}", roi.contours.len())],
             Ok(chosen) => chosen.describe(),

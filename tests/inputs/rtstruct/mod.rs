@@ -5,5 +5,6 @@ mod completed;
 mod contours;
 mod damaged;
 mod found;
+mod near_copies;
 mod planes;
 mod rois;

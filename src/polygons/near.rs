@@ -1,0 +1,161 @@
+//! Closed lines that nearly coincide: a contour that was drawn, or written, twice, with other points or a little beside. Under even-odd such a
+//! pair bounds a sliver along the line, and what it goes round is gone.
+//!
+//! A ring as thin may be meant. Its two lines do not cross, and it is one from a tenth of a pixel on. Lines that cross bound no ring: they are
+//! compared by the pixel that one of them would have alone, as the sliver between them makes the drawing's own pixels small.
+
+use glam::DVec2;
+use rstar::primitives::Line;
+use rstar::{AABB, RTree};
+
+use super::grid::{bounds, figures, pixel_side};
+use super::zones::measures;
+use super::{PlaneDrawing, Polygon};
+
+/// Lines nowhere farther apart than this, px, are one.
+const APART: f64 = 0.1;
+/// Boxes around two lines that differ by less, of their longer side, are looked at closely.
+const LIKE: f64 = 0.125;
+
+/// A line that nearly coincides with one before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NearCopy {
+    /// Number of the line in its region, from 0.
+    pub line: usize,
+    /// Number of the one before.
+    pub of: usize,
+    /// The farthest that a point of one lies from the other, in the unit.
+    pub apart: f64,
+}
+
+impl NearCopy {
+    /// What is said of both lines, after their names.
+    pub fn says(&self) -> String {
+        format!("nearly coincide, at most {} apart, and would cancel", figures(self.apart))
+    }
+}
+
+/// Lines of a region that nearly coincide with one before that is none of them. `pixel` is the side of the drawing's pixels; it is asked for
+/// where two lines are alike.
+pub fn near_copies(region: &[Polygon], pixel: &dyn Fn() -> f64) -> Vec<NearCopy> {
+    let boxes: Vec<[DVec2; 2]> = region.iter().map(|line| bounds(line.iter())).collect();
+    let mut order: Vec<usize> = (0..region.len()).filter(|k| measures(&region[*k])[0] > 0.0).collect();
+    order.sort_by(|a, b| boxes[*a][0].x.total_cmp(&boxes[*b][0].x));
+    let mut alike: Vec<[usize; 2]> = Vec::new();
+    for (n, &a) in order.iter().enumerate() {
+        let [low, high] = boxes[a];
+        let slack = LIKE * (high - low).max_element();
+        let near = order[n + 1..].iter().take_while(|b| boxes[**b][0].x <= low.x + slack);
+        let like = |b: &&usize| {
+            let off = (boxes[**b][0] - low).abs().max((boxes[**b][1] - high).abs());
+            off.max_element() <= slack
+        };
+        alike.extend(near.filter(like).map(|&b| [a.max(b), a.min(b)]));
+    }
+    alike.sort_unstable();
+    let mut copies: Vec<NearCopy> = Vec::new();
+    for [line, of] in alike {
+        if copies.iter().all(|copy| copy.line != line && copy.line != of)
+            && let Some(apart) = near([&region[line], &region[of]], pixel)
+        {
+            copies.push(NearCopy { line, of, apart });
+        }
+    }
+    copies
+}
+
+/// How far two lines are apart, if they nearly coincide.
+fn near(lines: [&Polygon; 2], pixel: &dyn Fn() -> f64) -> Option<f64> {
+    let alone = |line: &Polygon| {
+        pixel_side(&[PlaneDrawing { name: String::new(), z: 0.0, extra: false, regions: vec![vec![line.clone()]] }])
+    };
+    let [as_drawn, most] = {
+        let pixel = pixel();
+        [pixel, pixel.max(alone(lines[1]))].map(|side| APART * side)
+    };
+    // A line that goes twice round another is as near, and is another thing.
+    let [[area, length], [other_area, other_length]] = lines.map(|line| measures(line));
+    if (area - other_area).abs() > most * length.max(other_length) {
+        return None;
+    }
+    let trees = lines.map(|line| RTree::bulk_load(sides(line).collect()));
+    let apart = farthest(lines[0], &trees[1], most)?.max(farthest(lines[1], &trees[0], most)?);
+    (apart <= as_drawn || cross(lines[0], &trees[1])).then_some(apart)
+}
+
+/// Sides of a line that have a length.
+fn sides(line: &Polygon) -> impl Iterator<Item = Line<[f64; 2]>> {
+    let ends = line.iter().zip(line.iter().cycle().skip(1));
+    ends.filter(|(p, q)| p != q).map(|(p, q)| Line::new(p.to_array(), q.to_array()))
+}
+
+/// The farthest that a point of a line lies from a side of the other; none beyond `most`.
+fn farthest(line: &Polygon, other: &RTree<Line<[f64; 2]>>, most: f64) -> Option<f64> {
+    line.iter().try_fold(0.0, |farthest: f64, p| {
+        let (_, squared) = other.nearest_neighbor_iter_with_distance_2(p.to_array()).next()?;
+        let apart = squared.sqrt();
+        (apart <= most).then_some(farthest.max(apart))
+    })
+}
+
+/// Whether a side of a line goes from one side of a side of the other to the other side of it.
+fn cross(line: &Polygon, other: &RTree<Line<[f64; 2]>>) -> bool {
+    let parted = |[a, b]: [DVec2; 2], [p, q]: [DVec2; 2]| {
+        let side = |x: DVec2| (b - a).perp_dot(x - a);
+        side(p) * side(q) < 0.0
+    };
+    sides(line).any(|own| {
+        let ends = [own.from, own.to].map(DVec2::from);
+        let around = AABB::from_corners(own.from, own.to);
+        other.locate_in_envelope_intersecting(around).any(|theirs| {
+            let theirs = [theirs.from, theirs.to].map(DVec2::from);
+            parted(ends, theirs) && parted(theirs, ends)
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn circle([x, y]: [f64; 2], r: f64, points: u32) -> Polygon {
+        let turn = std::f64::consts::TAU / f64::from(points);
+        (0..points).map(|k| DVec2::new(x, y) + r * DVec2::from_angle(turn * f64::from(k))).collect()
+    }
+
+    fn copies(region: &[Polygon], pixel: f64) -> Vec<[usize; 2]> {
+        near_copies(region, &|| pixel).iter().map(|copy| [copy.line, copy.of]).collect()
+    }
+
+    #[test]
+    fn a_line_drawn_again_is_a_copy_and_a_thin_ring_is_none() {
+        let disc = circle([100.0, 50.0], 20.0, 60);
+        let mut turned = disc.clone();
+        turned.rotate_left(7);
+        turned.reverse();
+        let resampled = circle([100.0, 50.0], 20.0, 61);
+        let beside = |by: f64| circle([100.0 + by, 50.0], 20.0, 60);
+        for other in [turned, resampled, beside(1e-4), beside(0.01), circle([100.0, 50.0], 19.99, 60)] {
+            assert_eq!(copies(&[disc.clone(), other.clone()], 0.15), [[1, 0]], "{:?}", other[0]);
+            assert_eq!(copies(&[other, disc.clone()], 0.15), [[1, 0]]);
+        }
+        // By the pixels that are given a ring is thick, as a moon is.
+        for other in [circle([100.0, 50.0], 19.97, 60), beside(0.3), circle([100.0, 50.0], 10.0, 60)] {
+            assert_eq!(copies(&[disc.clone(), other.clone()], 0.15), <[[usize; 2]; 0]>::default(), "{:?}", other[0]);
+        }
+        assert_eq!(copies(&[disc.clone(), circle([100.0, 50.0], 19.99, 60)], 0.05), <[[usize; 2]; 0]>::default());
+        // A line that goes round twice is no copy of one that goes once.
+        let twice: Polygon = disc.iter().chain(&disc).copied().collect();
+        assert_eq!(copies(&[disc.clone(), twice], 0.15), <[[usize; 2]; 0]>::default());
+    }
+
+    #[test]
+    fn of_three_the_first_stays_and_a_notch_is_seen() {
+        let disc = |x: f64, y: f64| circle([x, y], 20.0, 60);
+        let region = [disc(0.0, 0.0), disc(90.0, 0.0), disc(0.001, 0.0), disc(0.0, 90.0), disc(0.0, 0.001)];
+        assert_eq!(copies(&region, 1.0), [[2, 0], [4, 0]]);
+        let mut notched = disc(0.0, 0.0);
+        notched[30] *= 0.9;
+        assert_eq!(copies(&[disc(0.0, 0.0), notched], 1.0), <[[usize; 2]; 0]>::default());
+    }
+}

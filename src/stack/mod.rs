@@ -11,6 +11,7 @@ pub mod doubts;
 pub(crate) mod ending;
 mod forgotten;
 pub mod heights;
+pub(crate) mod lengths;
 pub mod level;
 pub mod links;
 pub mod mask;
@@ -20,6 +21,7 @@ pub mod space;
 mod specks;
 pub(crate) mod window;
 
+use lengths::check_length;
 pub use level::LevelSlice;
 pub use mask::Mask;
 pub use options::ReadOptions;
@@ -216,8 +218,8 @@ impl ContourStack {
         (dx / dy).max(dy / dx)
     }
 
-    /// Checks what every reader must guarantee: sizes, finite and strictly increasing heights, positive spacing, at least two
-    /// slices, at least one pixel inside somewhere.
+    /// Checks what every reader must guarantee: sizes, finite and strictly increasing heights, positive spacing, both with steps that single
+    /// precision holds, at least two slices, at least one pixel inside somewhere.
     ///
     /// # Errors
     /// [`Error::Slice`] or [`Error::Stack`], naming slice, value and limit.
@@ -229,9 +231,7 @@ impl ContourStack {
             return Err(Error::Stack(format!("slices have no pixels: {}x{}", self.dims[0], self.dims[1])));
         }
         for (axis, h) in ["dx", "dy"].iter().zip(self.spacing) {
-            if !(h.is_finite() && h > 0.0) {
-                return Err(Error::Stack(format!("pixel spacing {axis} must be a positive number; got {h}")));
-            }
+            check_length(h).map_err(|m| Error::Stack(format!("pixel spacing {axis} {m}")))?;
         }
         if self.aspect() > MOST_ASPECT {
             let [dx, dy] = self.spacing;
@@ -263,10 +263,14 @@ impl ContourStack {
             if !s.z.is_finite() {
                 return fail(format!("height must be a finite number; got {}", s.z));
             }
-            if let Some(b) = below
-                && s.z <= b.z
-            {
-                return fail(format!("height {} must lie above that of the slice before (`{}`: {})", s.z, b.name, b.z));
+            if let Some(b) = below {
+                if s.z <= b.z {
+                    let (z, name, before) = (s.z, &b.name, b.z);
+                    return fail(format!("height {z} must lie above that of the slice before (`{name}`: {before})"));
+                }
+                if let Err(m) = check_length(s.z - b.z) {
+                    return fail(format!("the height above the slice before (`{}`) {m}", b.name));
+                }
             }
             if let SliceContent::Level(u) = &s.content
                 && let Some((k, _)) = u.near().iter().find(|(_, v)| !v.is_finite())
@@ -295,9 +299,7 @@ impl HeightGrid {
         if !self.start.is_finite() {
             return fail(format!("z_out.start must be a finite number; got {}", self.start));
         }
-        if !(self.step.is_finite() && self.step > 0.0) {
-            return fail(format!("z_out.step must be a positive number; got {}", self.step));
-        }
+        check_length(self.step).or_else(|m| fail(format!("z_out.step {m}")))?;
         if self.count == 0 {
             return fail("z_out.count must be at least 1; got 0".into());
         }
@@ -361,6 +363,29 @@ mod tests {
         }
         for spacing in [[1.0, 8.0], [0.25, 0.03125]] {
             assert_eq!(ContourStack { spacing, ..stack([3, 3]) }.doubts(), Vec::<String>::new(), "{spacing:?}");
+        }
+    }
+
+    #[test]
+    fn lengths_are_those_that_single_precision_holds() {
+        let sized = |h: f64| ContourStack { spacing: [h; 2], ..stack([3, 3]) };
+        let high = |z: f64| {
+            let mut stack = stack([3, 3]);
+            stack.slices[1].z = z;
+            stack
+        };
+        let stepped =
+            |step: f64| ContourStack { z_out: Some(HeightGrid { start: 0.0, step, count: 2 }), ..stack([3, 3]) };
+        for (make, words) in [
+            (&sized as &dyn Fn(f64) -> ContourStack, "pixel spacing dx must lie between 1e-15 and 1e15; got "),
+            (&high, "slice 1 (`at 1`): the height above the slice before (`at 0`) must lie between "),
+            (&stepped, "z_out.step must lie between "),
+        ] {
+            [1e-15, 1e-3, 1e15].iter().for_each(|h| assert!(make(*h).validate().is_ok(), "{h:e}: {words}"));
+            for h in [1e-200, 1e-16, 1e16, 1e300] {
+                let message = make(h).validate().expect_err(words).to_string();
+                assert!(message.contains(words) && message.contains(&format!("got {h:e}")), "{message}");
+            }
         }
     }
 

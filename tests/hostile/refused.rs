@@ -113,6 +113,10 @@ fn heights_must_increase() {
 #[test]
 fn spacing_must_be_positive() {
     spoilt("[1.0, 1.0]", "[0.0, 1.0]", &["pixel spacing dx must be a positive number; got 0"]);
+    for [wrong, words] in [["1e-200", "got 1e-200"], ["1e-40", "got 1e-40"], ["1e300", "got 1e300"]] {
+        let pair = format!("[{wrong}, {wrong}]");
+        spoilt("[1.0, 1.0]", &pair, &["pixel spacing dx must lie between 1e-15 and 1e15", words]);
+    }
     spoilt("[1.0, 1.0]", "[1.0, -2.0]", &["pixel spacing dy must be a positive number; got -2"]);
     spoilt("[1.0, 1.0]", "[1.0]", &["stack.json: spacing_xy: invalid length 1, expected 2 numbers at line 2"]);
     spoilt(

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::stack::axis::check_axes;
+use crate::stack::lengths::check_length;
 use crate::stack::space::WorldSpace;
 
 /// Message of a reader without the file's name.
@@ -70,8 +71,8 @@ impl VolumeGrid {
             return Err(format!("the origin holds {bad}"));
         }
         let spacing = self.spacing();
-        if let Some(axis) = (0..3).find(|&a| !(spacing[a].is_finite() && spacing[a] > 0.0)) {
-            return Err(format!("voxel spacing along axis {axis} must be a positive number; got {}", spacing[axis]));
+        for (axis, side) in spacing.into_iter().enumerate() {
+            check_length(side).map_err(|m| format!("voxel spacing along axis {axis} {m}"))?;
         }
         check_axes(&self.axes()).map_err(|m| format!("{m}; resample the volume first"))
     }
@@ -82,10 +83,13 @@ impl VolumeGrid {
 /// # Errors
 /// [`Error::Setting`] for other than three positive numbers.
 pub(crate) fn sides(given: &[f64]) -> Result<[f64; 3]> {
-    let fail = |message: String| Err(Error::Setting { name: "spacing".into(), message });
-    let &[dx, dy, dz] = given else { return fail(format!("must be three numbers DX,DY,DZ; got {}", given.len())) };
-    match given.iter().find(|h| !(h.is_finite() && **h > 0.0)) {
-        Some(bad) => fail(format!("must be three positive numbers; got {bad}")),
-        None => Ok([dx, dy, dz]),
+    let wrong = |message: String| Error::Setting { name: "spacing".into(), message };
+    let &[dx, dy, dz] = given else {
+        return Err(wrong(format!("must be three numbers DX,DY,DZ; got {}", given.len())));
+    };
+    if let Some(bad) = given.iter().find(|h| !(h.is_finite() && **h > 0.0)) {
+        return Err(wrong(format!("must be three positive numbers; got {bad}")));
     }
+    given.iter().try_for_each(|h| check_length(*h)).map_err(wrong)?;
+    Ok([dx, dy, dz])
 }

@@ -12,7 +12,10 @@ use crate::error::{Error, Result, counted};
 /// Extensions of images.
 const IMAGES: [&str; 3] = ["png", "tif", "tiff"];
 /// Extensions of images that are not read.
-const OTHER_IMAGES: [&str; 6] = ["jpg", "jpeg", "bmp", "gif", "webp", "tga"];
+const OTHER_IMAGES: [&str; 12] =
+    ["jpg", "jpeg", "bmp", "gif", "webp", "tga", "jp2", "heic", "avif", "pgm", "pnm", "dcm"];
+/// What such files are called.
+const NOT_READ: &str = "images that are not read, save them as PNG or TIFF";
 /// Files that a message names.
 const NAMED: usize = 3;
 
@@ -27,6 +30,8 @@ pub(super) struct Contents {
     volumes: Vec<PathBuf>,
     /// TIFF whose pages cannot be counted: the reader of the others says why.
     unclear: Vec<PathBuf>,
+    /// Images of formats that are not read.
+    others: Vec<PathBuf>,
 }
 
 impl Contents {
@@ -62,7 +67,8 @@ impl Contents {
             Some((format, _))
                 if format.name == "analyze" && !name.to_ascii_lowercase().ends_with(format.extensions[0]) => {}
             Some(_) => self.volumes.push(path),
-            None if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) => self.images.push(path),
+            None if has_extension(&path, &["png"]) => self.images.push(path),
+            None if has_extension(&path, &OTHER_IMAGES) => self.others.push(path),
             None => {}
         }
     }
@@ -77,19 +83,20 @@ impl Contents {
     }
 
     /// The masks, and what a person should know of files that are none.
-    pub fn masks(self) -> (Vec<PathBuf>, Option<String>) {
+    pub fn masks(self) -> (Vec<PathBuf>, Vec<String>) {
         let stacks = self.stacks.into_iter().map(|(path, _)| path);
         let mut files: Vec<PathBuf> = stacks.chain(self.volumes).chain(self.unclear).collect();
         files.sort_by(|a, b| by_number(&a.to_string_lossy(), &b.to_string_lossy()));
-        let note = left_out(&self.images, "masks", "images of one slice", files.len());
-        (files, note)
+        let of = |left: &[PathBuf], what| left_out(left, "masks", what, files.len());
+        let notes = [of(&self.images, "images of one slice"), of(&self.others, NOT_READ)];
+        (files, notes.into_iter().flatten().collect())
     }
 
-    /// What a person should know of volumes beside the slices.
+    /// What a person should know of volumes, and of images that are not read, beside the slices.
     ///
     /// # Errors
     /// The name of a TIFF of several pages, how many it has, and the way out.
-    pub fn beside_slices(&self) -> std::result::Result<Option<String>, String> {
+    pub fn beside_slices(&self) -> std::result::Result<Vec<String>, String> {
         if let Some((path, pages)) = self.stacks.first() {
             return Err(format!(
                 "`{}` has {pages} pages, and {} beside it one each: a folder of slices has a page per image, and a volume is an input by itself",
@@ -97,8 +104,18 @@ impl Contents {
                 counted(self.images.len(), "image")
             ));
         }
-        Ok(left_out(&self.volumes, "slices", "volumes", self.images.len() + self.unclear.len()))
+        let of = |left: &[PathBuf], what| left_out(left, "slices", what, self.images.len() + self.unclear.len());
+        Ok([of(&self.volumes, "volumes"), of(&self.others, NOT_READ)].into_iter().flatten().collect())
     }
+}
+
+/// Whether a file is an image that is read, by its name.
+pub(super) fn is_image(path: &Path) -> bool {
+    has_extension(path, &IMAGES)
+}
+
+fn has_extension(path: &Path, known: &[&str]) -> bool {
+    path.extension().is_some_and(|e| known.iter().any(|known| e.eq_ignore_ascii_case(known)))
 }
 
 /// Words about files that are not of the kind that the folder is of.
@@ -190,7 +207,7 @@ pub(super) fn images_of(folder: &Path) -> Result<Vec<String>> {
     let mut names = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
-        let image = path.extension().is_some_and(|e| IMAGES.iter().any(|known| e.eq_ignore_ascii_case(known)));
+        let image = is_image(&path);
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if image && !name.starts_with('.') {
             names.push(name);

@@ -76,7 +76,7 @@ pub(super) fn is_of_images(path: &Path) -> bool {
 }
 
 /// What a person should know of files beside the images of a folder without `stack.json`.
-pub(super) fn beside(folder: &Path) -> Result<Option<String>> {
+pub(super) fn beside(folder: &Path) -> Result<Vec<String>> {
     let contents = Contents::of(folder).map_err(|source| Error::Read { path: folder.into(), source })?;
     contents.beside_slices().map_err(|message| Error::Format { path: folder.into(), message })
 }
@@ -155,10 +155,12 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
 /// The errors of [`crate::input::read`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
     let alone = is_of_images(path);
-    let beside = if alone { beside(path)? } else { None };
-    let told = |e| match (e, &beside) {
-        (Error::Format { path, message }, Some(note)) => Error::Format { path, message: format!("{message} ({note})") },
-        (e, _) => e,
+    let beside = if alone { beside(path)? } else { Vec::new() };
+    let told = |e| match e {
+        Error::Format { path, message } if !beside.is_empty() => {
+            Error::Format { path, message: format!("{message} ({})", beside.join("; ")) }
+        }
+        e => e,
     };
     let (parsed, file, folder) = parse(path, options.spacing.as_deref()).map_err(told)?;
     if let Some(z_out) = parsed.z_out {

@@ -25,7 +25,7 @@ const SAME_PLACE: f64 = 1e-3;
 /// [`Error::Read`]; [`Error::Format`] naming the mask, its grid and that of the first.
 pub(super) fn read(folder: &Path) -> Result<Volume> {
     let contents = Contents::of(folder).map_err(|source| Error::Read { path: folder.into(), source })?;
-    let (files, note) = contents.masks();
+    let (files, notes) = contents.masks();
     if files.len() > MOST {
         let message = format!("has {} masks; at most {MOST}", files.len());
         return Err(Error::Format { path: folder.into(), message });
@@ -47,7 +47,7 @@ pub(super) fn read(folder: &Path) -> Result<Volume> {
         return Err(Error::Format { path: folder.into(), message: "has no masks".into() });
     };
     let (grid, stored) = (first.grid.clone(), first.stored);
-    let notes = note.into_iter().chain(first.notes.clone()).collect();
+    let notes = notes.into_iter().chain(first.notes.clone()).collect();
     let segments = (1..).zip(names);
     let segments = segments.map(|(n, name)| (n, Appearance { name: Some(name), ..Appearance::label(n) })).collect();
     let layers = Layers { count: volumes.len(), segments: (0..volumes.len()).map(|k| (k, 1)).collect(), only: None };

@@ -354,6 +354,12 @@ fn slices_and_volumes_in_one_folder_are_told_apart_and_never_left_out_silently()
         &["inspect", &input],
         &["has 5 images, but no stack.json", "(the folder is read as slices, of which it has 5; left out"],
     );
+    // Images of formats that are not read are told, and other files are nobody's slices.
+    ["6.jpg", "7.JPEG", "notes.txt", "about.json", "read.md"].iter().for_each(|name| write(&at(name), b"none"));
+    let done = interslice(&["inspect", &input, "--spacing", "1,1,4"]);
+    let told = stderr(&done) + &String::from_utf8_lossy(&done.stdout);
+    let wanted = "left out as images that are not read, save them as PNG or TIFF: `6.jpg`, `7.JPEG`\n";
+    assert!(told.contains(wanted), "{told}");
     // A page too many among images, and images of another size.
     let page = image::GrayImage::new(32, 32);
     let mut encoder = tiff::encoder::TiffEncoder::new(fs::File::create(at("s6.tif")).expect("a file can be made"));

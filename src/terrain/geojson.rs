@@ -6,23 +6,24 @@ use geojson::{FeatureCollection, GeoJson, GeometryValue, Position};
 use glam::DVec2;
 use serde_json::Value;
 
-use super::{Feature, MapPart};
+use super::{Check, Feature, MapPart};
 use crate::error::{Error, Result};
 use crate::storage::regular;
 use crate::surface::map::MapCrs;
 
-/// The features of a file, and the coordinate system its `crs` member names (of before RFC 7946, still what programs write).
+/// The features of a file, and the coordinate system its `crs` member names (of before RFC 7946, still what programs write), or what is wrong with
+/// that member.
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Format`] with feature and value.
-pub fn read(path: &Path) -> Result<(Vec<Feature>, MapCrs)> {
+pub fn read(path: &Path) -> Result<(Vec<Feature>, Check<MapCrs>)> {
     let wrong = |message: String| Error::Format { path: path.into(), message };
     let text = regular::read_to_string(path).map_err(|source| Error::Read { path: path.into(), source })?;
     let parsed: GeoJson = text.parse().map_err(|e| wrong(format!("is not GeoJSON: {e}")))?;
     let GeoJson::FeatureCollection(collection) = parsed else {
         return Err(wrong("must be a FeatureCollection: each contour a feature with its elevation".into()));
     };
-    let crs = coordinate_system(&collection).map_err(wrong)?;
+    let crs = coordinate_system(&collection);
     let features = collection.features.into_iter().enumerate().map(|(k, feature)| {
         let name = match &feature.id {
             Some(geojson::feature::Id::String(id)) => format!("feature {} (id {id})", k + 1),
@@ -38,15 +39,17 @@ pub fn read(path: &Path) -> Result<(Vec<Feature>, MapCrs)> {
     Ok((features.collect::<Result<_>>()?, crs))
 }
 
-fn coordinate_system(collection: &FeatureCollection) -> std::result::Result<MapCrs, String> {
-    let member = collection.foreign_members.as_ref().and_then(|m| m.get("crs"));
-    match member.map(|crs| &crs["properties"]["name"]) {
-        None => Ok(MapCrs::default()),
-        Some(Value::String(name)) => {
-            MapCrs::named(name).ok_or_else(|| format!("`crs` is `{name}`; only EPSG codes are known: --crs EPSG:N"))
-        }
-        Some(_) => Err("`crs` has no properties.name; --crs EPSG:N".into()),
-    }
+fn coordinate_system(collection: &FeatureCollection) -> Check<MapCrs> {
+    let member = collection.foreign_members.as_ref().and_then(|members| members.get("crs"));
+    let name = match member {
+        None | Some(Value::Null) => return Ok(MapCrs::default()),
+        Some(Value::String(name)) => name,
+        Some(crs) => crs["properties"]["name"].as_str().ok_or("`crs` has no properties.name")?,
+    };
+    MapCrs::named(name).ok_or_else(|| match name.to_uppercase().contains("EPSG") {
+        true => format!("`crs` is `{name}`, whose code is none of the EPSG registry's (1024 to 32766)"),
+        false => format!("`crs` is `{name}`; only EPSG codes are known"),
+    })
 }
 
 fn parts(value: GeometryValue) -> std::result::Result<Vec<MapPart>, String> {

@@ -36,6 +36,9 @@ use crate::stack::{ContourStack, ReadOptions};
 use crate::storage::regular;
 use crate::surface::map::{Crs, Map, MapCrs};
 
+/// What is found, or a message without the file's name.
+type Check<T> = std::result::Result<T, String>;
+
 /// Parts of the middle distance between levels that are the distance between output heights, where none is asked for.
 const STEPS_PER_LEVEL: f64 = 8.0;
 
@@ -92,9 +95,9 @@ impl Terrain {
         }
         let (features, named) = match format {
             MapFormat::GeoJson => geojson::read(path)?,
-            MapFormat::Shapefile => shapefile::read(path)?,
+            MapFormat::Shapefile => shapefile::read(path).map(|(features, crs)| (features, Ok(crs)))?,
             #[cfg(feature = "geopackage")]
-            MapFormat::GeoPackage => geopackage::read(path, layer)?,
+            MapFormat::GeoPackage => geopackage::read(path, layer).map(|(features, crs)| (features, Ok(crs)))?,
             #[cfg(not(feature = "geopackage"))]
             MapFormat::GeoPackage => {
                 return Err(wrong(
@@ -210,14 +213,22 @@ pub fn files(path: &Path) -> Vec<PathBuf> {
     std::iter::once(path.to_path_buf()).chain(beside).collect()
 }
 
-/// That of the options, with a note where the file names another, else of the file. GeoJSON that names none and looks like degrees has them (RFC 7946).
+/// That of the options, with a note where the file names another or none that is understood, else of the file. GeoJSON that names none and looks like degrees has them (RFC 7946).
 fn coordinate_system(
-    named: MapCrs,
+    named: Check<MapCrs>,
     options: &ReadOptions,
     lines: &[lines::ContourLine],
     shape: bool,
     notes: &mut Vec<String>,
-) -> std::result::Result<MapCrs, String> {
+) -> Check<MapCrs> {
+    let named = match (named, &options.crs) {
+        (Ok(named), _) => named,
+        (Err(why), Some(_)) => {
+            notes.push(format!("{why}: coordinates are taken as --crs says"));
+            MapCrs::default()
+        }
+        (Err(why), None) => return Err(format!("{why}; --crs EPSG:N names the system")),
+    };
     let MapCrs { crs, height_metres } = match &options.crs {
         None => named,
         Some(name) => {

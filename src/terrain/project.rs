@@ -5,11 +5,10 @@ use glam::DVec2;
 use proj4rs::Proj;
 use proj4rs::transform::transform;
 
+use super::Check;
 use super::lines::ContourLine;
 use crate::polygons::grid::bounds;
 use crate::surface::map::Crs;
-
-type Check<T> = std::result::Result<T, String>;
 
 /// Longitude and latitude on WGS 84.
 pub const WGS84: u32 = 4326;

@@ -76,6 +76,12 @@ fn trimmed(wkt: &str) -> &str {
     wkt.trim_matches(['\u{feff}', '\0', ' ', '\n', '\r', '\t'])
 }
 
+/// Whether a text begins as well-known text does, with a keyword and what it holds in brackets: `PROJCS["..`.
+fn is_wkt(text: &str) -> bool {
+    let holds = text.trim_start_matches(|c: char| c.is_ascii_alphanumeric() || c == '_').trim_start();
+    text.starts_with(|c: char| c.is_ascii_alphabetic()) && holds.starts_with(['[', '('])
+}
+
 /// What stands between the outermost brackets of a text, apart by commas.
 fn children(wkt: &str) -> Vec<&str> {
     let (mut depth, mut quoted, mut first) = (0, false, 0);
@@ -129,7 +135,7 @@ impl Crs {
         MapCrs::named(name).map(|named| named.crs)
     }
 
-    /// Well-known text, as a .prj has it; its code where it names one.
+    /// Well-known text, as a .prj has it; its code where it names one. What is no such text says nothing.
     pub fn of_wkt(wkt: &str) -> Self {
         let wkt = trimmed(wkt);
         let upper = wkt.to_uppercase();
@@ -137,7 +143,7 @@ impl Crs {
         // What GDAL writes where it knows nothing: "Undefined SRS", of an unknown unit.
         let unknown = local
             && ["UNDEFINED", "UNKNOWN"].iter().any(|word| upper.split('"').nth(1).is_some_and(|n| n.contains(word)));
-        match wkt.is_empty() || unknown || upper == "UNDEFINED" {
+        match !is_wkt(wkt) || unknown {
             true => Crs::Unknown,
             false if local => Crs::Local,
             false => epsg_of(wkt).map_or_else(|| Crs::Wkt(wkt.into()), Crs::Epsg),
@@ -231,7 +237,10 @@ mod tests {
     fn what_is_undefined_is_not_known() {
         let undefined =
             r#"LOCAL_CS["Undefined SRS",LOCAL_DATUM["unknown",32767],UNIT["unknown",0],AXIS["Easting",EAST]]"#;
-        assert_eq!([undefined, "undefined", ""].map(Crs::of_wkt), [Crs::Unknown, Crs::Unknown, Crs::Unknown]);
+        for nothing in [undefined, "undefined", "", "garbage", "GEOGCS", "[]", "<html>[x]", "+proj=utm +zone=33"] {
+            assert_eq!(Crs::of_wkt(nothing), Crs::Unknown, "{nothing}");
+        }
+        assert_eq!(Crs::of_wkt("PROJCS (\"a\")"), Crs::Wkt("PROJCS (\"a\")".into()));
         assert_eq!(Crs::of_wkt(r#"LOCAL_CS["site",UNIT["metre",1]]"#), Crs::Local);
         assert_eq!(Crs::of_wkt(r#"PROJCS["a",UNIT["unknown",0]]"#).metres(), None);
         // A letter whose capitals are longer.

@@ -18,7 +18,7 @@ fn degrees_and_wrong_files_are_refused() {
     let features = [feature(100, &degrees(0.4)), feature(150, &degrees(0.3))];
     let text = |crs: Value| json!({"type": "FeatureCollection", "features": features, "crs": crs}).to_string();
     let named = |name: &str| json!({"type": "name", "properties": {"name": name}});
-    for (crs, words) in [(named("mine"), "`crs` is `mine`"), (Value::Null, "properties.name")] {
+    for (crs, words) in [(named("mine"), "`crs` is `mine`"), (json!({}), "properties.name")] {
         fs::write(&path, text(crs)).expect("a file can be written");
         assert_says(&refused_file(&path, &[]), &["in.geojson", words]);
     }

@@ -165,3 +165,45 @@ fn a_system_that_contradicts_the_files_own_is_told() {
     let said = String::from_utf8_lossy(&said.stdout).into_owned() + &stderr(&said);
     assert_says(&said, &["`crs` is EPSG:2056, but the file names EPSG:32611"]);
 }
+
+/// What a file says of its system may be wrong, or no such thing: who says it wins.
+#[test]
+fn a_system_that_is_not_understood_is_that_of_the_options() {
+    let place = folder();
+    let path = place.path().join("map.geojson");
+    let rings = [feature(100, &circle([0.0; 2], 400.0)), feature(150, &circle([0.0; 2], 200.0))];
+    let with = |crs: Value| {
+        let text = serde_json::json!({"type": "FeatureCollection", "crs": crs, "features": rings}).to_string();
+        fs::write(&path, text).expect("a file can be written");
+    };
+    let read = |crs: Option<&str>| {
+        let options = ReadOptions { crs: crs.map(Into::into), ..pixels(20.0) };
+        Terrain::read(&path, &options).map(|terrain| (terrain.map.crs, terrain.notes.join("; ")))
+    };
+    let named = |name: &str| serde_json::json!({"type": "name", "properties": {"name": name}});
+    for (crs, why) in [
+        (named("EPSG:999999"), "`crs` is `EPSG:999999`, whose code is none of the EPSG registry's (1024 to 32766)"),
+        (named("foo bar"), "`crs` is `foo bar`; only EPSG codes are known"),
+        (Value::from("foo bar"), "`crs` is `foo bar`; only EPSG codes are known"),
+        (serde_json::json!({"type": "link", "properties": {"href": "x"}}), "`crs` has no properties.name"),
+    ] {
+        with(crs);
+        assert_says(&refused_file(&path, &[]), &["map.geojson", &format!("{why}; --crs EPSG:N names the system")]);
+        let said = interslice(&["inspect", &path.display().to_string(), "--crs", "EPSG:32611"]);
+        assert_eq!(said.status.code(), Some(0), "{}", stderr(&said));
+        let (crs, notes) = read(Some("EPSG:32611")).expect("the options say it");
+        assert_eq!(crs, Crs::Epsg(32611));
+        assert_says(&notes, &[&format!("{why}: coordinates are taken as --crs says")]);
+    }
+    with(Value::Null);
+    assert_eq!(read(None).expect("a map").0, Crs::Unknown);
+    with(Value::from("EPSG:32611"));
+    assert_eq!(read(None).expect("a map").0, Crs::Epsg(32611));
+    // A .prj that is none is told as one that is missing.
+    let shape = place.path().join("cone.shp");
+    shapefile(&shape, None);
+    fs::write(shape.with_extension("prj"), "garbage").expect("a file can be written");
+    let terrain = Terrain::read(&shape, &ReadOptions::default()).expect("a map");
+    assert_eq!(terrain.map.crs, Crs::Unknown);
+    assert_says(&terrain.notes.join("; "), &["no coordinate system is named; --crs EPSG:N sets it"]);
+}

@@ -147,12 +147,14 @@ def _itk(of: Any, name: str) -> Image:
 def _nrrd(data: Any, header: dict[str, Any]) -> Image:
     array = np.asarray(data)
     steps, spaced = np.eye(3), False
-    if header.get("space directions") is not None:
+    # A size that is not known is NaN.
+    known = {key: header[key] for key in ("space directions", "spacings") if not _is_nothing(header.get(key))}
+    if "space directions" in known:
         # Axes that are no axes of space have no directions.
-        rows = [row for row in np.asarray(header["space directions"], dtype=float) if np.all(np.isfinite(row))]
+        rows = [row for row in np.asarray(known["space directions"], dtype=float) if np.all(np.isfinite(row))]
         steps, spaced = np.asarray(rows), True
-    elif header.get("spacings") is not None:
-        steps, spaced = np.diag([float(h) for h in header["spacings"]]), True
+    elif "spacings" in known:
+        steps, spaced = np.diag([float(h) for h in known["spacings"]]), True
     if steps.shape != (3, 3):
         raise ValueError(f"the header's directions must be of 3 axes; got {steps.shape[0]}")
     space = str(header.get("space", "left-posterior-superior")).lower()
@@ -166,6 +168,10 @@ def _nrrd(data: Any, header: dict[str, Any]) -> Image:
             raise ValueError(f"space units are {units[0]} and {other}: all axes must have the same")
     unit = units[0] if units else "mm" if spaced else "px"
     return Image(array, (0, 1, 2), tuple(turn @ origin), _rows(steps @ turn), unit, spaced, lambda filled: (filled, header))
+
+
+def _is_nothing(field: Any) -> bool:
+    return field is None or bool(np.all(np.isnan(np.asarray(field, dtype=float))))
 
 
 def _rows(steps: np.ndarray[Any, Any]) -> tuple[tuple[float, ...], ...]:

@@ -14,6 +14,10 @@ use std::sync::Arc;
 use crate::array::{Array, Voxels, of_axes};
 use crate::errors::{raised, wrong};
 
+/// Note on an array without spacing.
+const UNSPACED: &str =
+    "nothing says how large voxels are: they count as cubes of 1 px; `spacing` says their sides (mm)";
+
 /// Place of an array in the world. `order` says which of its axes are x, y and z.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
@@ -56,7 +60,9 @@ impl Place {
         let voxels = Voxels::new(array.clone());
         let stored = voxels.order.map(|axis| self.axis_of(axis));
         let element = array.element;
-        let volume = Volume::given(&self.name, grid, element, stored, Arc::new(voxels)).map_err(raised)?;
+        let assumed = grid.is_assumed();
+        let mut volume = Volume::given(&self.name, grid, element, stored, Arc::new(voxels)).map_err(raised)?;
+        volume.notes.extend(assumed.then(|| UNSPACED.into()));
         Ok((volume, array))
     }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -155,3 +156,17 @@ def test_with_complete_slices_each_painted_slice_counts_for_all() -> None:
 def test_a_choice_that_takes_slices_between_the_painted_ones_is_told() -> None:
     with pytest.warns(UserWarning, match="`keep` takes every slice whose number is a multiple of 3, painted or not"):
         interslice.fill(on_slices({1: [0, 4, 8, 12, 16], 2: [0, 4, 8, 12, 16]}), keep=3)
+
+
+def test_voxels_of_no_size_are_told() -> None:
+    labels = on_slices({1: [0, 4, 8, 12, 16]})
+    says = "nothing says how large voxels are: they count as cubes of 1 px; `spacing` says their sides"
+    with pytest.warns(UserWarning, match=says):
+        interslice.fill(labels)
+    with pytest.warns(UserWarning, match=says):
+        interslice.read(labels)
+    with pytest.warns(UserWarning, match=says):
+        interslice.fill((labels, {"spacings": [float("nan")] * 3}))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        interslice.fill(labels, spacing=1)

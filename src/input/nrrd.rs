@@ -83,7 +83,7 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
     };
     let (origin, steps, spaced) = placement(&field, layers.is_some())?;
     let mut units = field("space units").unwrap_or_default().split('"').skip(1).step_by(2).filter(|u| !u.is_empty());
-    let unit = units.next().unwrap_or("mm");
+    let unit = units.next().unwrap_or(if spaced { "mm" } else { "px" });
     if let Some(other) = units.find(|other| *other != unit) {
         return Err(format!("space units are {unit} and {other}: all axes must have the same"));
     }
@@ -240,8 +240,10 @@ fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>, listed: bool) -> Fail
             None => Ok(DVec3::from(v) * flip),
         }
     };
+    // What is not known is NaN, by the format's own words.
+    let known = |name: &str| field(name).filter(|text| !is_all_nan(text));
     let mut origin = field("space origin").map_or(Ok(DVec3::ZERO), |text| vector("space origin", text))?;
-    let steps = match field("space directions") {
+    let steps = match known("space directions") {
         Some(text) => {
             // The axis of a list has no direction.
             let text = if listed { text.trim_start().trim_start_matches("none") } else { text };
@@ -252,7 +254,7 @@ fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>, listed: bool) -> Fail
             [vector("space directions", x)?, vector("space directions", y)?, vector("space directions", z)?]
         }
         None => {
-            let s = field("spacings")
+            let s = known("spacings")
                 .map_or(Ok(vec![1.0; if listed { 4 } else { 3 }]), |text| numbers::<f64>("spacings", text))?;
             let s = if listed { s.get(1..).unwrap_or_default() } else { &s };
             let &[x, y, z] = s else { return Err(format!("spacings must be 3 numbers; got {}", s.len())) };
@@ -265,5 +267,12 @@ fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>, listed: bool) -> Fail
             [x * DVec3::X, y * DVec3::Y, z * DVec3::Z]
         }
     };
-    Ok((origin, steps, field("space directions").or(field("spacings")).is_some()))
+    Ok((origin, steps, known("space directions").or(known("spacings")).is_some()))
+}
+
+/// Whether all numbers of a field are NaN, or none of an axis without a direction.
+fn is_all_nan(text: &str) -> bool {
+    let mut words =
+        text.split([' ', '\t', ',', '(', ')']).filter(|word| !word.is_empty() && *word != "none").peekable();
+    words.peek().is_some() && words.all(|word| word.eq_ignore_ascii_case("nan"))
 }

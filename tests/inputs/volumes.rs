@@ -398,3 +398,32 @@ fn spacings_within_a_hundredth_are_equal() {
         assert_eq!(choice.axis, axis, "{spacings}: {}", choice.why);
     }
 }
+
+/// As of an array of numpy, of an NRRD nobody may know how large its voxels are: it has no spacing, or says that it is not known.
+#[test]
+fn voxels_of_no_size_are_told() {
+    let place = folder();
+    let (path, out) = (place.path().join("a.nrrd"), place.path().join("a.json").display().to_string());
+    let voxels: Vec<u8> = labels().iter().map(|v| u8::from(*v == 3)).collect();
+    let input = path.display().to_string();
+    let says = "warning: nothing says how large voxels are: they count as cubes of 1 px";
+    for (header, sized) in [
+        ("", false),
+        ("spacings: nan NaN NAN\n", false),
+        ("space: LPS\nspace directions: (nan,nan,nan) (nan,nan,nan) (nan,nan,nan)\n", false),
+        ("spacings: 1 1 2\n", true),
+    ] {
+        fs::write(&path, nrrd(&format!("{header}encoding: raw"), "uint8", SIZES, &voxels))
+            .expect("a file can be written");
+        for run in [&["inspect", &input][..], &["reconstruct", &input, "--backend", "cpu", "-o", &out]] {
+            let done = interslice(run);
+            let said = String::from_utf8_lossy(&done.stdout).into_owned() + &stderr(&done);
+            assert_eq!((done.status.code(), said.contains(says)), (Some(0), !sized), "{header}: {said}");
+        }
+        let options = ReadOptions { spacing: Some(vec![1.0, 2.0, 3.0]), ..ReadOptions::default() };
+        assert_eq!(read(&path, &options).map(|stack| stack.unit == "mm").ok(), (!sized).then_some(true), "{header}");
+    }
+    fs::write(&path, nrrd("spacings: 1 nan 2\nencoding: raw", "uint8", SIZES, &voxels)).expect("a file can be written");
+    let said = stderr(&interslice(&["inspect", &input]));
+    assert!(said.contains("spacings: voxel spacing along axis 1 must be a positive number; got NaN"), "{said}");
+}

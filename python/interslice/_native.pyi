@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any, Literal
+from typing import Any, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ _Progress = Callable[[str, int, int], object]
 class GpuError(RuntimeError):
     """The GPU cannot do the work: there is none, its limits are too small, it was lost, or its self-test has failed."""
 
+@final
 class Settings:
     """Settings of a reconstruction: names, ranges and defaults are those of the command line."""
 
@@ -31,6 +32,7 @@ class Settings:
     def __getattr__(self, name: str) -> Any: ...
     def __eq__(self, other: object) -> bool: ...
 
+@final
 class Stack:
     """A stack of contours, as `read` and `stack` give it."""
 
@@ -48,6 +50,7 @@ class Stack:
     def notes(self) -> list[str]: ...
     def __len__(self) -> int: ...
 
+@final
 class Body:
     """A reconstructed body."""
 

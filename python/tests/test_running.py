@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import signal
 import subprocess
 import sys
@@ -192,3 +193,5 @@ def test_the_command_comes_with_the_wheel(command: Callable[..., Any]) -> None:
     module = subprocess.run(of_module, capture_output=True, text=True, check=True, cwd=HERE)
     assert module.stdout == f"interslice {interslice.__version__}\n"
     assert "unexpected argument" in command("reconstruct", "--nothing", code=2).stderr
+    # A tool that imports every module of a package runs nothing.
+    assert importlib.import_module("interslice.__main__").main

@@ -15,7 +15,7 @@ from interslice import _native
 
 def stubs(name: str) -> set[str]:
     """The names that a class of the stubs lists."""
-    text = (Path(interslice.__file__).parent / "_options.pyi").read_text()
+    text = (Path(interslice.__file__).parent / "_options.py").read_text()
     body = text.split(f"class {name}(")[1].split("class ")[0]
     return {line.split(":")[0].strip() for line in body.splitlines()[1:] if ":" in line}
 

@@ -1,7 +1,10 @@
 """Names and types of options. The names are those of the command line; tests/test_settings.py compares them with the module's."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any, Literal, TypedDict
+
 
 class SettingsOptions(TypedDict, total=False):
     method: Literal["morph", "field"]
@@ -31,6 +34,7 @@ class SettingsOptions(TypedDict, total=False):
     memory: int | str | None
     gpu_memory: int | str | None
 
+
 class RunOptions(SettingsOptions, total=False):
     dz: float | None
     isotropic: bool
@@ -40,6 +44,7 @@ class RunOptions(SettingsOptions, total=False):
     simplify: float | None
     units: Literal["m"] | None
     y_up: bool
+
 
 class ReadOptions(TypedDict, total=False):
     level: float | None

@@ -11,7 +11,9 @@ use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 use super::JobOptions;
+use super::pending::parent;
 use crate::error::{Error, Result};
+use crate::input::Gathered;
 
 /// A file or folder that exists.
 #[cfg(unix)]
@@ -82,6 +84,8 @@ pub struct Places {
     writes: HashMap<Entry, Vec<(PathBuf, String)>>,
     /// Folders outputs will be in.
     around_writes: HashMap<Entry, String>,
+    /// A folder all of whose files of a kind are the input, and its name.
+    gathered: Option<(Gathered, Found, PathBuf)>,
 }
 
 impl Places {
@@ -90,7 +94,8 @@ impl Places {
     /// # Errors
     /// The errors of [`JobOptions::files`].
     pub fn of(input: &Path, options: &JobOptions) -> Result<Self> {
-        Ok(Self::reading(options.files(input)?.iter().chain(&options.settings_file)))
+        let gathered = Gathered::of(input).and_then(|kind| Some((kind, found(input)?, input.into())));
+        Ok(Places { gathered, ..Self::reading(options.files(input)?.iter().chain(&options.settings_file)) })
     }
 
     /// Places that a run over these files reads.
@@ -154,7 +159,7 @@ impl Places {
     /// Adds an output of a run.
     ///
     /// # Errors
-    /// [`Error::Output`] with what it would take the place of.
+    /// [`Error::Output`] with what it would take the place of, or join: the next run of the same input would read it.
     pub(super) fn claim(&mut self, target: &Path) -> Result<()> {
         let said = |what: String| {
             let message = match what.strip_prefix("the output ") {
@@ -164,7 +169,19 @@ impl Places {
             };
             Error::Output { path: target.into(), message }
         };
-        self.write(target, &format!("the output {}", target.display())).map_err(said)
+        self.write(target, &format!("the output {}", target.display())).map_err(said)?;
+        let name = target.file_name().unwrap_or_default().to_string_lossy();
+        match &self.gathered {
+            Some((kind, folder, input)) if kind.takes(&name) && found(parent(target)).as_ref() == Some(folder) => {
+                let message = format!(
+                    "the next run would read it as {} of the input {}; write it to another folder",
+                    kind.one(),
+                    input.display()
+                );
+                Err(Error::Output { path: target.into(), message })
+            }
+            _ => Ok(()),
+        }
     }
 }
 

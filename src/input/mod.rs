@@ -3,6 +3,7 @@
 mod contents;
 pub mod folder;
 pub mod format;
+mod gathered;
 mod grey_image;
 mod grey_rule;
 mod images;
@@ -26,6 +27,7 @@ use std::path::{Path, PathBuf};
 
 use self::format::Kind;
 pub use self::format::expected;
+pub(crate) use self::gathered::Gathered;
 use self::volume::survey::Survey;
 use self::volume::{Lacking, Volume, axis, slices};
 use crate::error::{Error, Result};

@@ -204,6 +204,41 @@ fn no_output_is_named_twice() {
 }
 
 #[test]
+fn no_output_joins_the_input() {
+    let place = folder();
+    let at = |name: &str| place.path().join(name);
+    ["im", "masks", "out"].iter().for_each(|name| fs::create_dir(at(name)).expect("a folder can be made"));
+    (1..4).for_each(|k| crate::files::disc(&at(&format!("im/{k}.png")), 32, 7.0 + f64::from(k)));
+    let voxels: Vec<u8> =
+        (0..32 * 32 * 9).map(|n| u8::from(n / 1024 % 4 == 0 && (8..24).contains(&(n % 32)))).collect();
+    let mask = crate::files::nrrd("spacings: 1 1 2\nencoding: raw", "uint8", [32, 32, 9], &voxels);
+    fs::write(at("masks/liver.nrrd"), mask).expect("a file can be written");
+    let slices = ["reconstruct", "im", "--spacing", "1,1,4", "--backend", "cpu"];
+    let masks = ["reconstruct", "masks", "--label", "liver", "--backend", "cpu"];
+    for (run, output, one) in [
+        (&slices, "im/new.png", "a slice of the input im"),
+        (&slices, "out/../im/new.TIF", "a slice of the input im"),
+        (&masks, "masks/out.nii.gz", "a mask of the input masks"),
+        (&masks, "masks/out.nrrd", "a mask of the input masks"),
+    ] {
+        refused(
+            place.path(),
+            &[&run[..], &["-o", "out/a.stl", "-o", output]].concat(),
+            &[output, one, "another folder"],
+        );
+    }
+    // Others are none of them: the same line works twice.
+    for (run, outputs) in [(&slices, ["im/a.stl", "im/a.json"]), (&masks, ["masks/a.png", "masks/a.stl"])] {
+        for _ in 0..2 {
+            let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_interslice"));
+            let done = command.current_dir(place.path()).args(run).args(["-o", outputs[0], "-o", outputs[1]]).output();
+            let done = done.expect("the program starts");
+            assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+        }
+    }
+}
+
+#[test]
 fn readers_say_all_that_they_read() {
     let place = inputs();
     for (input, named) in READ.iter().filter(|(input, _)| !input.contains("..")) {
@@ -232,12 +267,16 @@ fn readers_say_all_that_they_read() {
 fn a_run_that_is_killed_leaves_what_was_there() {
     let place = folder();
     let at = |name: &str| place.path().join(name);
-    ["in", "out", "out/v.zarr"].iter().for_each(|name| fs::create_dir(at(name)).expect("a folder can be made"));
+    ["in", "out", "out/v.zarr", "out/v.zarr/0"]
+        .iter()
+        .for_each(|name| fs::create_dir(at(name)).expect("a folder can be made"));
     (0..3).for_each(|k| crate::files::disc(&at(&format!("in/s{k}.png")), 300, 100.0 + 10.0 * f64::from(k)));
     let slices = r#"{"file": "s0.png", "z": 0}, {"file": "s1.png", "z": 40}, {"file": "s2.png", "z": 80}"#;
     crate::files::write_stack(&at("in"), &format!(r#"{{"spacing_xy": [1, 1], "slices": [{slices}]}}"#));
-    let had = ["out/v.nrrd", "out/m.stl", "out/v.zarr/zarr.json", "out/v.zarr/mine"];
+    let had = ["out/v.nrrd", "out/m.stl", "out/v.zarr/0/zarr.json"];
     had.iter().for_each(|name| fs::write(at(name), name).expect("a file can be written"));
+    let own = r#"{"attributes": {"interslice": {}}}"#;
+    fs::write(at("out/v.zarr/zarr.json"), own).expect("a file can be written");
     let outputs = ["out/v.nrrd", "out/m.stl", "out/v.zarr"].map(|name| at(name).display().to_string());
     let input = at("in").display().to_string();
     let mut run = std::process::Command::new(env!("CARGO_BIN_EXE_interslice"));
@@ -258,4 +297,5 @@ fn a_run_that_is_killed_leaves_what_was_there() {
     for name in had {
         assert_eq!(fs::read_to_string(at(name)).expect("it is there"), name);
     }
+    assert_eq!(fs::read_to_string(at("out/v.zarr/zarr.json")).expect("it is there"), own);
 }

@@ -56,13 +56,16 @@ pub fn reconstruct(asked: &Asked<'_>, options: JobOptions, device: &DeviceOption
             label.run.broken.iter().for_each(|b| tell!("warning: label {}: does not hold: {b}", label.label));
         }
         if let Some(b) = &report.borders {
-            tell!(
-                "{}, {} changed by others: {} voxels of overlaps and {} of gaps decided",
-                counted(report.labels.len(), "label"),
-                b.changed_labels,
-                b.overlap_voxels,
-                b.gap_voxels
-            );
+            let labels = counted(report.labels.len(), "label");
+            match (b.overlap_voxels, b.gap_voxels) {
+                (0, 0) => tell!("{labels}: no overlaps and no gaps between them to decide"),
+                (overlaps, gaps) => {
+                    let changed = b.changed_labels;
+                    tell!(
+                        "{labels}, {changed} changed by others: {overlaps} voxels of overlaps and {gaps} of gaps decided"
+                    );
+                }
+            }
         }
     }
     chosen.tell_kernels();

@@ -11,4 +11,5 @@ mod partitions;
 mod rtss;
 mod segments;
 mod stacked;
+mod told;
 mod unions;

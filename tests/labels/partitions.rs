@@ -282,7 +282,11 @@ fn wrong_labels_are_told_before_anything_runs() {
         (&empty, &[], "empty.nrrd: has no label: all voxels are 0"),
         (&empty, &["--label", "2"], "empty.nrrd: has no label 2: all voxels are 0"),
         (&empty, &["--labels", "2"], "empty.nrrd: has no label"),
-        (&input, &["--labels", "one"], "must name one of the file's labels; got `one`; the file has no names"),
+        (
+            &input,
+            &["--labels", "1-3"],
+            "must name one of the file's labels; got `1-3`; the file has no names; labels are 1, 2, 3, 4, 5\n",
+        ),
         (&input, &["--labels", "1,2", "--label", "1"], "cannot be used with"),
         (&input, &["--keep-overlaps"], "--labels"),
         (&input, &["--label", "1", "--keep-overlaps"], "'--label <N|NAME>' cannot be used with '--keep-overlaps'"),

@@ -31,6 +31,7 @@ use crate::storage::regular;
 use data::{Data, GivenVoxels};
 use element::{Element, Unreadable, Voxels};
 use grid::{Failure, VolumeGrid};
+use survey::Survey;
 
 /// Names of labels that a message lists.
 const NAMED: usize = 24;
@@ -273,7 +274,13 @@ impl Volume {
             let named = |(n, a): (&i64, &Appearance)| Some(format!("{n} `{}`", a.name.as_ref()?));
             let mut names: Vec<String> = self.segments.iter().filter_map(named).take(NAMED + 1).collect();
             let listed = match names.len() {
-                0 => "the file has no names".to_string(),
+                0 => match Survey::of(self, None) {
+                    Ok(survey) if !survey.labels.is_empty() => {
+                        format!("the file has no names; labels are {}", slices::listed(survey.labels.keys()))
+                    }
+                    // Whoever reads its voxels says what is wrong with them.
+                    _ => "the file has no names".into(),
+                },
                 n => {
                     names.truncate(NAMED);
                     format!("there are {}{}", names.join(", "), if n > NAMED { ", ..." } else { "" })

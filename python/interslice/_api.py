@@ -121,8 +121,8 @@ def fill(
 
     `labels` is an array of three axes with whole numbers, 0 for the background, or an image of nibabel, SimpleITK or ITK, or (array, header) of
     pynrrd, whose geometry is used. The result is of the same kind, type and shape; voxels that are painted keep their labels, and labels
-    that are not filled are as they were. `spacing` is the distance of voxels along each axis of the array, in the array's order; `axis` that along
-    which slices lie (default: that along which painted slices stand alone, else that of the coarsest spacing).
+    that are not filled are as they were. `spacing` is the distance of voxels along each axis of the array, in the array's order (1 where nothing says it,
+    with a warning); `axis` that along which slices lie (default: that along which painted slices stand alone, else that of the coarsest spacing).
 
     `slices` are the slices that count, for all labels or for each one (`{label: slices}`; the others are left alone); by default those on which a
     label is painted: it goes on across slices on which only others are, and a warning names it. With `complete_slices` a painted slice counts for

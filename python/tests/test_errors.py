@@ -118,6 +118,18 @@ def test_axes_are_perpendicular_unit_vectors(masks: NDArray[np.bool_]) -> None:
         interslice.stack(masks, range(5), origin=(0, float("inf"), 0))
 
 
+@pytest.mark.parametrize("side", [1e-200, 1e-40, 1e300])
+def test_lengths_are_those_that_single_precision_holds(labels: Volume, masks: NDArray[np.bool_], side: float) -> None:
+    heights = np.arange(5.0)
+    for call in (
+        lambda: interslice.reconstruct(masks, heights, spacing=side),
+        lambda: interslice.stack(masks, heights * side),
+        lambda: interslice.fill(labels, spacing=side),
+    ):
+        with pytest.raises(ValueError, match="must lie between 1e-15 and 1e15; got"):
+            call()
+
+
 def test_polygons_are_lists_of_lines() -> None:
     line = np.array([(0, 0), (9, 0), (9, 9)])
     with pytest.raises(ValueError, match=r"for each slice, a list of lines, .*; a line of slice 0 has the shape \(2,\)"):

@@ -186,3 +186,14 @@ def test_a_header_that_asks_for_too_much(tmp_path: Path) -> None:
     (tmp_path / "a.nrrd").write_bytes(head.encode() + gzip.compress(b"\0" * 1000))
     with pytest.raises(ValueError, match=r"a\.nrrd: 1600000000000 bytes of voxels are more than"):
         interslice.read_volume(tmp_path / "a.nrrd")
+
+
+def test_a_zarr_that_holds_anything_else_stays(tmp_path: Path, labels: Volume) -> None:
+    path = tmp_path / "exp.zarr"
+    for _ in range(2):
+        interslice.write_volume(path, labels, spacing=1)
+    (path / "labels").mkdir()
+    (path / "labels" / "notes.txt").write_text("mine")
+    with pytest.raises(OSError, match=r"exp.zarr: .* holds more than an output does \(`labels`\), and is not replaced"):
+        interslice.write_volume(path, labels, spacing=1)
+    assert (path / "labels" / "notes.txt").read_text() == "mine"

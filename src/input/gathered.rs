@@ -30,12 +30,12 @@ impl Gathered {
 
     /// Whether a file of this name would be one of them.
     pub fn takes(self, name: &str) -> bool {
-        let is_volume = || InputFormat::of_name(name).is_some_and(|(format, _)| format.is_volume());
+        // A Zarr is a folder itself.
+        let is_volume = |format: &InputFormat| format.is_volume() && format.name != "zarr";
         match self {
             _ if name.starts_with('.') => false,
             Gathered::Slices => is_image(Path::new(name)),
-            // A Zarr is a folder itself.
-            Gathered::Masks => !name.to_ascii_lowercase().ends_with(".zarr") && is_volume(),
+            Gathered::Masks => InputFormat::of_name(name).is_some_and(|(format, _)| is_volume(format)),
         }
     }
 

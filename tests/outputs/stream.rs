@@ -396,7 +396,8 @@ mod zarr {
     fn a_zarr_that_holds_anything_else_stays() {
         let (body, stack) = (wide(), folder());
         sound_stack(stack.path());
-        let spoilt: [(&str, &dyn Fn(&Path)); 5] = [
+        type Spoil<'s> = &'s dyn Fn(&Path);
+        let spoilt: [(&str, Spoil<'_>); 5] = [
             ("`labels`, `notes.txt`", &|path| {
                 fs::create_dir_all(path.join("labels/a/0")).expect("a folder can be made");
                 fs::write(path.join("notes.txt"), "mine").expect("a file can be written");

@@ -4,8 +4,10 @@
 //! A ring as thin may be meant. Its two lines do not cross, and it is one from a tenth of a pixel on. Lines that cross bound no ring: they are
 //! compared by the pixel that one of them would have alone, as the sliver between them makes the drawing's own pixels small.
 
+use std::collections::{BTreeSet, HashSet};
+
 use glam::DVec2;
-use rstar::primitives::Line;
+use rstar::primitives::{GeomWithData, Line};
 use rstar::{AABB, RTree};
 
 use super::grid::{bounds, figures, pixel_side};
@@ -16,6 +18,9 @@ use super::{PlaneDrawing, Polygon};
 const APART: f64 = 0.1;
 /// Boxes around two lines that differ by less, of their longer side, are looked at closely.
 const LIKE: f64 = 0.125;
+/// Pixels along the longer side of the box around a line are at least so many where they are chosen for it alone: its mean width is half of that side
+/// at most, and has eight.
+const LARGEST: f64 = 16.0;
 
 /// A line that nearly coincides with one before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,26 +43,30 @@ impl NearCopy {
 /// Lines of a region that nearly coincide with one before that is none of them. `pixel` is the side of the drawing's pixels; it is asked for
 /// where two lines are alike.
 pub fn near_copies(region: &[Polygon], pixel: &dyn Fn() -> f64) -> Vec<NearCopy> {
-    let boxes: Vec<[DVec2; 2]> = region.iter().map(|line| bounds(line.iter())).collect();
-    let mut order: Vec<usize> = (0..region.len()).filter(|k| measures(&region[*k])[0] > 0.0).collect();
-    order.sort_by(|a, b| boxes[*a][0].x.total_cmp(&boxes[*b][0].x));
-    let mut alike: Vec<[usize; 2]> = Vec::new();
-    for (n, &a) in order.iter().enumerate() {
-        let [low, high] = boxes[a];
-        let slack = LIKE * (high - low).max_element();
-        let near = order[n + 1..].iter().take_while(|b| boxes[**b][0].x <= low.x + slack);
-        let like = |b: &&usize| {
-            let off = (boxes[**b][0] - low).abs().max((boxes[**b][1] - high).abs());
-            off.max_element() <= slack
-        };
-        alike.extend(near.filter(like).map(|&b| [a.max(b), a.min(b)]));
-    }
-    alike.sort_unstable();
+    let drawn = |line: &usize| measures(&region[*line])[0] > 0.0;
+    let boxed = |line: usize| {
+        let [low, high] = bounds(region[line].iter());
+        GeomWithData::new([low.x, low.y, high.x, high.y], line)
+    };
+    let boxes: Vec<_> = (0..region.len()).filter(drawn).map(boxed).collect();
+    let tree = RTree::bulk_load(boxes.clone());
     let mut copies: Vec<NearCopy> = Vec::new();
-    for [line, of] in alike {
-        if copies.iter().all(|copy| copy.line != line && copy.line != of)
-            && let Some(apart) = near([&region[line], &region[of]], pixel)
-        {
+    let mut left_out = HashSet::new();
+    for own in &boxes {
+        let (corners, line) = (own.geom(), own.data);
+        let longer = (corners[2] - corners[0]).max(corners[3] - corners[1]);
+        let around = |slack: f64| AABB::from_corners(corners.map(|x| x - slack), corners.map(|x| x + slack));
+        let before = |slack: f64| {
+            let alike = tree.locate_in_envelope(around(slack)).map(|other| other.data);
+            alike.filter(|of| *of < line && !left_out.contains(of)).collect::<BTreeSet<usize>>()
+        };
+        if before(LIKE * longer).is_empty() {
+            continue;
+        }
+        let farthest = APART * pixel().max(longer / LARGEST);
+        let found = before(farthest).into_iter().find_map(|of| Some((of, near([&region[line], &region[of]], pixel)?)));
+        if let Some((of, apart)) = found {
+            left_out.insert(line);
             copies.push(NearCopy { line, of, apart });
         }
     }

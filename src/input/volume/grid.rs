@@ -70,8 +70,10 @@ impl VolumeGrid {
         if let Some(bad) = self.origin.to_array().into_iter().find(|v| !v.is_finite()) {
             return Err(format!("the origin holds {bad}"));
         }
-        let spacing = self.spacing();
-        for (axis, side) in spacing.into_iter().enumerate() {
+        for (axis, step) in self.steps.into_iter().enumerate() {
+            // The square of a length may be beyond all numbers, where the length is not.
+            let largest = step.abs().max_element();
+            let side = if largest.is_normal() { largest * (step / largest).length() } else { step.length() };
             check_length(side).map_err(|m| format!("voxel spacing along axis {axis} {m}"))?;
         }
         check_axes(&self.axes()).map_err(|m| format!("{m}; resample the volume first"))

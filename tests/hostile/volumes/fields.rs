@@ -21,6 +21,10 @@ fn fields_of_a_metaimage() {
         "ElementSpacing = 1 1 -1",
         &["spacing along axis 2 must be a positive number; got -1"],
     );
+    for side in ["1e-200", "1e-16", "1e300"] {
+        let says = format!("spacing along axis 2 must lie between 1e-15 and 1e15; got {side}");
+        with("ElementSpacing = 1 1 1", &format!("ElementSpacing = 1 1 {side}"), &[&says]);
+    }
     with("ElementSpacing = 1 1 1", "ElementSpacing = 1 NaN 1", &["ElementSpacing holds `NaN`"]);
     with("ElementSpacing = 1 1 1", "ElementSpacing = 1 1", &["ElementSpacing must be 3 numbers; got 2"]);
     with(

@@ -82,12 +82,11 @@ impl Given {
 
     /// Why a label with these slices cannot be reconstructed.
     pub fn too_few(&self) -> Option<String> {
-        let drawn = match self.slices.len() {
-            0 => "none",
-            1 => "1",
-            _ => return None,
-        };
-        Some(format!("is drawn on {drawn} of the slices, at least 2 are needed"))
+        match self.slices.len() {
+            0 => Some("is drawn on none of the slices, at least 2 are needed".into()),
+            1 => Some(format!("is drawn on 1 of the slices, at least 2 are needed{OTHERS}")),
+            _ => None,
+        }
     }
 
     /// First and last slice.
@@ -111,6 +110,8 @@ impl Given {
     }
 }
 
+/// What gives a label that is drawn on one slice others on which it has ended.
+const OTHERS: &str = "; with `--complete-slices` it ends towards those on which it is not";
 /// Most labels that a message names.
 const NAMED: usize = 8;
 

@@ -7,24 +7,22 @@
 //! Points inside an odd number of a region's polygons are inside; winding does not count. Work is in proportion to the length of the
 //! contours in pixels, but for the writing of the slices themselves.
 
-mod clean;
+pub(crate) mod clean;
 pub mod crossing;
 pub mod distance;
 pub mod edges;
 pub mod fill;
 pub mod grid;
-mod near;
+pub(crate) mod near;
 pub mod plane;
 pub mod zones;
 
 pub use clean::clean;
-pub(crate) use clean::line_key;
 use distance::near_distance;
 use edges::{Edge, contour_edges};
 use fill::fill;
 use glam::{DVec2, DVec3};
 use grid::DrawingGrid;
-pub(crate) use near::near_copies;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};

@@ -8,9 +8,11 @@ use glam::DVec3;
 
 use super::{Contour, Roi, StructureSet};
 use crate::error::{Error, Result, counted};
+use crate::polygons::clean::line_key;
 use crate::polygons::crossing::crossing;
+use crate::polygons::near::near_copies;
 use crate::polygons::plane::{Bent, PlaneSet, TOLERANCE, smallest_gap};
-use crate::polygons::{self, PlaneDrawing, Planes, Polygon, line_key, near_copies};
+use crate::polygons::{self, PlaneDrawing, Planes, Polygon};
 use crate::stack::{ContourStack, ReadOptions};
 
 /// Ratio of a ROI's gaps to those of another one's planes from which on planes were left out.

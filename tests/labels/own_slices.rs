@@ -273,7 +273,9 @@ fn p13_of_all_labels_those_that_cannot_be_done_are_left_out() {
     };
     let done = run("all");
     assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
-    assert!(stderr(&done).contains("label 9: left out, is drawn on 1 of the slices"), "{}", stderr(&done));
+    let says =
+        "label 9: left out, is drawn on 1 of the slices, at least 2 are needed; with `--complete-slices` it ends";
+    assert!(stderr(&done).contains(says), "{}", stderr(&done));
     assert!(stderr(&done).contains("; a label volume has it there as it is painted"), "{}", stderr(&done));
     // What is painted stays.
     let survey = interslice::input::survey(&out).expect("the label volume can be read");
@@ -305,6 +307,11 @@ fn p13_of_all_labels_those_that_cannot_be_done_are_left_out() {
     for told in ["warning: in: label 9 drawn on one slice: left out", "warning: none: has no label: left out"] {
         assert!(stderr(&template).contains(told), "{}", stderr(&template));
     }
+    // As it says.
+    let paths = ["-o", text(&out), "--backend", "cpu", "--complete-slices"];
+    let complete = interslice(&[&["reconstruct", text(&input), "--labels", "all"], &paths[..]].concat());
+    assert_eq!(complete.status.code(), Some(0), "{}", stderr(&complete));
+    assert!(!stderr(&complete).contains("left out"), "{}", stderr(&complete));
     // Who names it is told.
     let named = run("1,9");
     assert_eq!(named.status.code(), Some(2));

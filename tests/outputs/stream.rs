@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
-use crate::files::{folder, interslice, sound_stack, stderr};
+use crate::files::folder;
 use flate2::read::{GzDecoder, ZlibDecoder};
 use glam::DVec3;
 use interslice::evaluate::demo::demo;
@@ -323,6 +323,7 @@ mod zarr {
     use zarrs::filesystem::FilesystemStore;
 
     use super::*;
+    use crate::files::{interslice, sound_stack, stderr};
 
     fn open(path: &Path) -> Array<FilesystemStore> {
         let store = Arc::new(FilesystemStore::new(path).expect("it is a folder"));

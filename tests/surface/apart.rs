@@ -51,7 +51,8 @@ fn what_moves_on_by_more_than_its_width_stays_one() {
 
 #[test]
 fn a_body_that_ends_where_a_rod_at_its_side_goes_on_ends_as_it_does_by_itself() {
-    let bodies: [(&str, fn() -> Shape); 2] = [
+    type Made = fn() -> Shape;
+    let bodies: [(&str, Made); 2] = [
         ("ring", || without(circle(C, C, 18.0), circle(C, C, 12.0))),
         ("slab", || Box::new(|x, y| ((x - C).abs() - 20.0).max((y - C).abs() - 4.0))),
     ];

@@ -54,14 +54,18 @@ impl DecidedPairs {
 pub fn match_components(low: (&Components, &Field), high: (&Components, &Field), decided: &DecidedPairs) -> Matching {
     // Deepest pixel of each overlapping pair; the first in row order where several are equally deep.
     let mut pairs: BTreeMap<(u32, u32), (f64, usize)> = BTreeMap::new();
-    for (node, (&a, &b)) in low.0.labels.iter().zip(&high.0.labels).enumerate() {
+    let at = |n: usize| (low.0.labels[n], high.0.labels[n]);
+    let (mut begin, count) = (0, low.0.labels.len());
+    while begin < count {
+        let pair @ (a, b) = at(begin);
+        let end = (begin + 1..count).find(|n| at(*n) != pair).unwrap_or(count);
         if a > 0 && b > 0 {
-            let shallow = low.1.data[node].max(high.1.data[node]);
-            let deepest = pairs.entry((a, b)).or_insert((shallow, node));
-            if shallow < deepest.0 {
-                *deepest = (shallow, node);
-            }
+            let shallow = (begin..end).map(|n| (low.1.data[n].max(high.1.data[n]), n));
+            let least = |p: (f64, usize), q: (f64, usize)| if q.0 < p.0 { q } else { p };
+            let deepest = pairs.entry(pair).or_insert((f64::INFINITY, begin));
+            *deepest = shallow.fold(*deepest, least);
         }
+        begin = end;
     }
     pairs.retain(|pair, _| !decided.parted.contains(pair));
     // Union-find over components below (1..) and above (after them).

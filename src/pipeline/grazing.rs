@@ -55,7 +55,7 @@ pub(super) fn without_grazing(
     around: &Surroundings<'_>,
     joined: &[(u32, u32)],
 ) -> Displacement {
-    let Surroundings { contours, h, .. } = *around;
+    let (contours, h) = (around.contours, around.h);
     if contours.iter().any(|contour| contour.solids.count == 0) {
         return v;
     }
@@ -88,7 +88,7 @@ fn alone(contours: [&Contour; 2], joined: &[(u32, u32)]) -> [Vec<u32>; 2] {
 
 /// Parts of either contour that meet others by chance alone.
 fn grazing(v: &Displacement, around: &Surroundings<'_>, numbers: &[Vec<u32>; 2]) -> [Vec<u32>; 2] {
-    let Surroundings { contours, h, .. } = *around;
+    let (contours, h) = (around.contours, around.h);
     let at_slices = v.at_slices();
     let alone = [0, 1].map(|side| {
         let way = if side == 0 { 1.0 } else { -1.0 };
@@ -202,7 +202,7 @@ mod tests {
 
     /// Two slices with nothing beyond them.
     fn alone<'c>(contours: [&'c Contour; 2], h: [f64; 2]) -> Surroundings<'c> {
-        Surroundings { contours, beyond: [None; 2], gaps: [1.0; 2], h }
+        Surroundings::new(contours, [None; 2], [1.0; 2], h)
     }
 
     /// The displacement at (60, 45), of one that is `v` everywhere.

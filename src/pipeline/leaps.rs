@@ -14,6 +14,7 @@
 //! were joined to others, 4, 11 and 15 are (0, 3 and 4 without motion). Rings, slabs, blocks and vertebrae that end in a gap, a rod of 3.2 px radius at
 //! their side going on, at every height in gaps of 4, 6 and 8: .28 to .70 of their volume before, .84 to 1.02 with it; Dice .36 to .67, and .66 to .76.
 
+use std::cell::OnceCell;
 use std::collections::BTreeSet;
 use std::f64::consts::{FRAC_PI_4, PI};
 
@@ -35,23 +36,47 @@ const COMPACT: f64 = 3.0;
 const SMALLER: f64 = 4.0;
 
 /// Two neighbouring slices, what lies beyond each of them, and the gaps.
-#[derive(Clone, Copy)]
 pub(super) struct Surroundings<'c> {
     /// The slices.
     pub contours: [&'c Contour; 2],
-    /// The slice below the lower and that above the upper one.
-    pub beyond: [Option<&'c Contour>; 2],
-    /// Gaps between them over that between the two.
-    pub gaps: [f64; 2],
     /// Pixel sides, px of the larger.
     pub h: [f64; 2],
+    /// The slice below the lower and that above the upper one.
+    beyond: [Option<&'c Contour>; 2],
+    /// Gaps between them over that between the two.
+    gaps: [f64; 2],
+    /// The parts of the slices, and of those beyond, once they are asked for.
+    own: [OnceCell<Vec<Part>>; 2],
+    farther: [OnceCell<Vec<Part>>; 2],
+}
+
+/// A part of a slice; the parts of a slice are kept by number.
+#[derive(Clone, Default)]
+struct Part {
+    /// Places along its contour, px.
+    outline: RTree<[f64; 2]>,
+    /// Sum of its pixels' places, px, and how many they are.
+    sum: DVec2,
+    count: usize,
+}
+
+impl<'c> Surroundings<'c> {
+    /// Of two slices, with those beyond them, and the gaps to those over the gap between the two.
+    pub fn new(
+        contours: [&'c Contour; 2],
+        beyond: [Option<&'c Contour>; 2],
+        gaps: [f64; 2],
+        h: [f64; 2],
+    ) -> Surroundings<'c> {
+        Surroundings { contours, h, beyond, gaps, own: Default::default(), farther: Default::default() }
+    }
 }
 
 impl Surroundings<'_> {
     /// Whether the way from a part of the lower slice to one of the upper is a leap. Of these `alone` overlap nothing; `whole` is whether motion brings
     /// most of one over the other: then what has not moved as far as is known may move.
     pub fn leaps(&self, [low, high]: [u32; 2], alone: [bool; 2], whole: bool) -> bool {
-        let Some(way) = way((self.contours[0], low), (self.contours[1], high), self.h) else { return false };
+        let Some(way) = way(&self.parts(0)[low as usize], &self.parts(1)[high as usize]) else { return false };
         let length = way.length();
         let is_sheet = |side: usize| alone[side] && !self.is_compact(side, [low, high][side]);
         if length <= NOISE || (0..2).any(is_sheet) {
@@ -66,12 +91,22 @@ impl Surroundings<'_> {
         !moved.is_empty() && moved.iter().all(|moved| length > NOISE + GROWS * moved)
     }
 
+    /// The parts of the lower or the upper slice.
+    fn parts(&self, side: usize) -> &[Part] {
+        self.own[side].get_or_init(|| parts(self.contours[side], self.h))
+    }
+
+    /// Those of the slice beyond it, if there is one.
+    fn parts_beyond(&self, side: usize) -> Option<&[Part]> {
+        let contour = self.beyond[side]?;
+        Some(self.farther[side].get_or_init(|| parts(contour, self.h)))
+    }
+
     /// Whether a part is no sheet or thread that lies along the slice.
     fn is_compact(&self, side: usize, part: u32) -> bool {
-        let contour = self.contours[side];
-        let area = pixels(contour, &[part]).count() as f64 * self.h[0] * self.h[1];
+        let area = self.parts(side)[part as usize].count as f64 * self.h[0] * self.h[1];
         // Depths are those of pixels' centres.
-        area <= COMPACT * PI * (contour.solid_depth[part as usize] + 0.5).powi(2)
+        area <= COMPACT * PI * (self.contours[side].solid_depth[part as usize] + 0.5).powi(2)
     }
 
     /// Parts of either slice that end beside a small one which goes on.
@@ -90,14 +125,13 @@ impl Surroundings<'_> {
     /// On which slice the parts of a group are larger, if they end there.
     fn ends(&self, group: &Group) -> Option<usize> {
         let parts = [&group.low, &group.high];
-        let [low, high] = [0, 1].map(|side| centroid(self.contours[side], parts[side]));
-        let (low, high) = (low?, high?);
-        let larger = usize::from(high.1 > low.1);
-        let [few, many] = if larger == 1 { [low.1, high.1] } else { [high.1, low.1] };
+        let [low, high] = [0, 1].map(|side| whole(self.parts(side), parts[side]));
+        let larger = usize::from(high.count > low.count);
+        let [few, many] = if larger == 1 { [low.count, high.count] } else { [high.count, low.count] };
         if (many as f64) < SMALLER * few as f64 {
             return None;
         }
-        let shift = ((high.0 - low.0) * DVec2::from(self.h)).length();
+        let shift = (high.centre()? - low.centre()?).length();
         let leaps = |moved: f64| shift > NOISE + GROWS * moved;
         let ends = self.moved(larger, parts[larger]).is_some_and(leaps)
             && self.moved(1 - larger, parts[1 - larger]).is_none_or(leaps);
@@ -112,8 +146,9 @@ impl Surroundings<'_> {
         let reach = GROWS * outward.length() * self.gaps[side] + NOISE;
         let around = own.tile_of(&[part], self.h.map(|h| (reach / h).ceil() as usize));
         let near: BTreeSet<u32> = around.nodes(nx).map(|n| beyond.solids.labels[n]).filter(|l| *l > 0).collect();
+        let (here, there) = (&self.parts(side)[part as usize], self.parts_beyond(side)?);
         let goes_on = |other: &u32| {
-            let ahead = way((own, part), (beyond, *other), self.h).filter(|way| way.length() <= reach);
+            let ahead = way(here, &there[*other as usize]).filter(|way| way.length() <= reach);
             ahead.is_some_and(|way| way.angle_to(outward).abs() < AHEAD)
         };
         Some(if near.iter().any(goes_on) { f64::INFINITY } else { 0.0 })
@@ -125,21 +160,52 @@ impl Surroundings<'_> {
         let mut met: Vec<u32> = pixels(own, parts).map(|n| beyond.solids.labels[n]).filter(|l| *l > 0).collect();
         met.sort_unstable();
         met.dedup();
-        let way = centroid(beyond, &met)?.0 - centroid(own, parts)?.0;
-        Some((way * DVec2::from(self.h)).length() / self.gaps[side])
+        let there = whole(self.parts_beyond(side)?, &met).centre()?;
+        let here = whole(self.parts(side), parts).centre()?;
+        Some((there - here).length() / self.gaps[side])
     }
 }
 
-/// Shortest way from one part's contour to another's, px.
-fn way(from: (&Contour, u32), to: (&Contour, u32), h: [f64; 2]) -> Option<DVec2> {
-    let outline = |(contour, part): (&Contour, u32)| {
-        let own = contour.seeds.iter().filter(|seed| contour.solids.labels[seed.inside] == part);
-        own.map(|seed| (seed.x * DVec2::from(h)).to_array()).collect::<Vec<[f64; 2]>>()
+impl Part {
+    /// Its centroid.
+    fn centre(&self) -> Option<DVec2> {
+        (self.count > 0).then(|| self.sum / self.count as f64)
+    }
+}
+
+/// All parts of a slice.
+fn parts(contour: &Contour, h: [f64; 2]) -> Vec<Part> {
+    let mut parts = vec![Part::default(); contour.solids.count + 1];
+    let labels = contour.solids.labels.iter().enumerate().filter(|(_, label)| **label > 0);
+    for (n, &label) in labels {
+        let part = &mut parts[label as usize];
+        part.sum += position(n, contour.phi.dims[0]) * DVec2::from(h);
+        part.count += 1;
+    }
+    let mut outlines = vec![Vec::new(); parts.len()];
+    for seed in &contour.seeds {
+        outlines[contour.solids.labels[seed.inside] as usize].push((seed.x * DVec2::from(h)).to_array());
+    }
+    parts.iter_mut().zip(outlines).for_each(|(part, outline)| part.outline = RTree::bulk_load(outline));
+    parts
+}
+
+/// Some parts as one, without an outline.
+fn whole(all: &[Part], some: &[u32]) -> Part {
+    let sum = some.iter().map(|part| &all[*part as usize]);
+    sum.fold(Part::default(), |a, b| Part { sum: a.sum + b.sum, count: a.count + b.count, ..a })
+}
+
+/// Shortest way from one contour to another, px.
+fn way(from: &Part, to: &Part) -> Option<DVec2> {
+    let nearest = |[some, all]: [&Part; 2]| {
+        let of = |x: &[f64; 2]| Some(DVec2::from(*all.outline.nearest_neighbor(*x)?) - DVec2::from(*x));
+        some.outline.iter().filter_map(of).min_by(|a, b| a.length().total_cmp(&b.length()))
     };
-    let there = RTree::bulk_load(outline(to));
-    let ways =
-        outline(from).into_iter().filter_map(|x| Some(DVec2::from(*there.nearest_neighbor(x)?) - DVec2::from(x)));
-    ways.min_by(|a, b| a.length().total_cmp(&b.length()))
+    match from.outline.size() <= to.outline.size() {
+        true => nearest([from, to]),
+        false => nearest([to, from]).map(|way| -way),
+    }
 }
 
 /// Pixels of some parts, by increasing number.
@@ -150,14 +216,6 @@ fn pixels(contour: &Contour, parts: &[u32]) -> impl Iterator<Item = usize> {
         tile.nodes(nx).filter(move |n| contour.solids.labels[*n] == part).collect::<Vec<usize>>()
     };
     parts.iter().copied().flat_map(of)
-}
-
-/// Mean place of the pixels of some parts, and how many they are.
-fn centroid(contour: &Contour, parts: &[u32]) -> Option<(DVec2, u32)> {
-    let nx = contour.phi.dims[0];
-    let add = |(sum, count): (DVec2, u32), n: usize| (sum + position(n, nx), count + 1);
-    let (sum, count) = pixels(contour, parts).fold((DVec2::ZERO, 0), add);
-    (count > 0).then(|| (sum / f64::from(count), count))
 }
 
 #[cfg(test)]
@@ -179,11 +237,7 @@ mod tests {
     /// Whether the way from the first part of the second of four slices to the first of the third is a leap.
     fn leap(slices: [&[[f64; 3]]; 4], gaps: [f64; 2]) -> bool {
         let [below, low, high, above] = slices.map(discs);
-        Surroundings { contours: [&low, &high], beyond: [Some(&below), Some(&above)], gaps, h: [1.0; 2] }.leaps(
-            [1, 1],
-            [true; 2],
-            false,
-        )
+        Surroundings::new([&low, &high], [Some(&below), Some(&above)], gaps, [1.0; 2]).leaps([1, 1], [true; 2], false)
     }
 
     #[test]
@@ -212,17 +266,16 @@ mod tests {
             Contour::new(0.0, Field::from_fn(DIMS, away), [1.0; 2], 1.0)
         };
         let [low, high] = [sheet(40.0), sheet(46.0)];
-        let slices =
-            Surroundings { contours: [&low, &high], beyond: [Some(&low), Some(&high)], gaps: [1.0; 2], h: [1.0; 2] };
+        let slices = Surroundings::new([&low, &high], [Some(&low), Some(&high)], [1.0; 2], [1.0; 2]);
         assert!(!slices.leaps([1, 1], [true; 2], false));
     }
 
     #[test]
     fn at_the_ends_of_a_stack_nothing_is_known() {
         let [low, high] = [discs(&[[40.0, 30.0, 5.0]]), discs(&[[53.0, 30.0, 5.0]])];
-        let alone = Surroundings { contours: [&low, &high], beyond: [None; 2], gaps: [1.0; 2], h: [1.0; 2] };
-        assert!(!alone.leaps([1, 1], [true; 2], false));
-        assert!(Surroundings { beyond: [None, Some(&high)], ..alone }.leaps([1, 1], [true; 2], false));
+        let with = |above| Surroundings::new([&low, &high], [None, above], [1.0; 2], [1.0; 2]);
+        assert!(!with(None).leaps([1, 1], [true; 2], false));
+        assert!(with(Some(&high)).leaps([1, 1], [true; 2], false));
     }
 
     #[test]
@@ -230,7 +283,7 @@ mod tests {
         let (block, rod) = (discs(&[[40.0, 30.0, 16.0]]), discs(&[[52.0, 30.0, 3.0]]));
         let neither: [Vec<u32>; 2] = Default::default();
         let ending = |below: Option<&Contour>, low, high, above: Option<&Contour>| {
-            Surroundings { contours: [low, high], beyond: [below, above], gaps: [1.0; 2], h: [1.0; 2] }.ending()
+            Surroundings::new([low, high], [below, above], [1.0; 2], [1.0; 2]).ending()
         };
         assert_eq!(ending(Some(&block), &block, &rod, Some(&rod)), [vec![1], vec![]]);
         assert_eq!(ending(Some(&rod), &rod, &block, Some(&block)), [vec![], vec![1]], "upside down");

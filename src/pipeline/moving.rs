@@ -132,7 +132,7 @@ impl Around {
     fn surroundings(&self) -> Surroundings<'_> {
         let contours = self.contours.each_ref().map(|contour| &**contour);
         let beyond = self.beyond.each_ref().map(Option::as_deref);
-        Surroundings { contours, beyond, gaps: self.gaps, h: self.h }
+        Surroundings::new(contours, beyond, self.gaps, self.h)
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! With `phi_a` the signed distance of label a reconstructed alone, `m_a` the least distance of all other labels, `t_a` that of those that touch
 //! a in the drawn slices below and above, and `u` the distance of the union of all labels that touch each other somewhere, reconstructed as
-//! one more body, label a becomes
+//! one more body (the least of several where some are not known on every slice, `stack.rs`), label a becomes
 //!
 //! ```text
 //! psi_a = max(min(phi_a, max(u, t_a - R)), (phi_a - m_a) / 2)

@@ -13,10 +13,12 @@
 // Pseudo-time step in pixels of the smaller side.
 const STEP: f32 = 0.5;
 
-// Difference of neighbours along an axis, from one pixel to the next: the steeper where the contour passes on it, else the mean.
+// Size of the difference of neighbours along an axis, from one pixel to the next: the mean of both sides, half way to the steeper one where the contour
+// passes on it.
 fn slope(below: f32, own: f32, above: f32) -> f32 {
     let passes = (below < 0.0) != (own < 0.0) || (above < 0.0) != (own < 0.0);
-    return select(0.5 * (above - below), max(abs(own - below), abs(above - own)), passes);
+    let mean = 0.5 * abs(above - below);
+    return select(mean, 0.5 * (mean + max(abs(own - below), abs(above - own))), passes);
 }
 
 @compute @workgroup_size(lane_count)

@@ -46,9 +46,9 @@ fn relax_by(step: f64, phi: &mut Field, band: &Band, h: [f64; 2], iterations: us
     }
 }
 
-/// `out <- S(phi)` from a run's start on, gradients by central differences, but of the steeper side along an axis on which the contour passes: on the
-/// ridge of a part of about a pixel both sides cancel out, S would be 1 there and a fraction beside it, and the ridge would come up to the contour
-/// while the other side stays.
+/// `out <- S(phi)` from a run's start on, gradients by central differences; along an axis on which the contour passes half way to the steeper side: on
+/// the ridge of a part of about a pixel both sides cancel out, S would be 1 there and a fraction beside it, and the ridge would come up to the contour
+/// while the other side stays. With the steeper side alone what is thin depends on the size of a step.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn signs(phi: &[f64], nx: usize, start: usize, h: [f64; 2], out: &mut [f64]) {
     let WenoRows { along, across } = WenoRows::new(phi, nx, start, out.len());
@@ -59,7 +59,8 @@ fn signs(phi: &[f64], nx: usize, start: usize, h: [f64; 2], out: &mut [f64]) {
             let [below, own, above] = [REACH - 1, REACH, REACH + 1].map(|at| v[at][k]);
             let passes = (below < 0.0) != (own < 0.0) || (above < 0.0) != (own < 0.0);
             let steeper = (own - below).abs().max((above - own).abs());
-            if passes { steeper } else { 0.5 * (above - below) }
+            let mean = 0.5 * (above - below).abs();
+            if passes { 0.5 * (steeper + mean) } else { mean }
         };
         let gradient = DVec2::new(slope(&along) * per_x, slope(&across) * per_y);
         *s = smeared_sign(across[REACH][k], gradient);

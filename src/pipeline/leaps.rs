@@ -11,7 +11,7 @@
 //! as a part without partner does, besides what goes on.
 //!
 //! Measured: 25 balls of 3 to 7 px radius and a large one, at least 3 px apart, 5 times, every 4th, 6th and 8th slice: of 130, 130 and 120 bodies 11, 22 and 29
-//! were joined to others, 4, 11 and 15 are (0, 3 and 4 without motion). Rings, slabs, blocks and vertebrae that end in a gap, a rod of 3.2 px radius at
+//! were joined to others, 4, 10 and 15 are (0, 3 and 4 without motion). Rings, slabs, blocks and vertebrae that end in a gap, a rod of 3.2 px radius at
 //! their side going on, at every height in gaps of 4, 6 and 8: .28 to .70 of their volume before, .84 to 1.02 with it; Dice .36 to .67, and .66 to .76.
 
 use std::cell::OnceCell;

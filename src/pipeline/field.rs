@@ -87,7 +87,7 @@ pub(super) fn field<'a>(
     let extent = ends.each_ref().map(|end| end.extent);
     let heights = run.heights(heights, extent)?;
     takers.sink.begin(&run.header(&heights, extent))?;
-    let lone = lone_parts(run, contours, &moving, &slopes)?;
+    let lone = lone_parts(run, links, contours, &moving, &slopes)?;
     let made = Made { moving, slopes, lone, ends };
     stage(run, report, "layers", heights.all.len(), |_| {
         faired(run, links, contours, Some(&made.moving), takers, |sink| layers(run, contours, &made, &heights, sink))

@@ -45,20 +45,20 @@ pub(super) struct Surroundings<'c> {
     beyond: [Option<&'c Contour>; 2],
     /// Gaps between them over that between the two.
     gaps: [f64; 2],
-    /// The parts of the slices, and of those beyond, once they are asked for.
-    own: [OnceCell<Vec<Part>>; 2],
-    farther: [OnceCell<Vec<Part>>; 2],
+    /// Pixels and outlines of the slices' parts, and of those beyond, once they are asked for.
+    masses: [OnceCell<Vec<Mass>>; 4],
+    outlines: [OnceCell<Vec<Outline>>; 4],
 }
 
-/// A part of a slice; the parts of a slice are kept by number.
-#[derive(Clone, Default)]
-struct Part {
-    /// Places along its contour, px.
-    outline: RTree<[f64; 2]>,
-    /// Sum of its pixels' places, px, and how many they are.
+/// Sum of a part's pixels' places, px, and how many they are; those of a slice are kept by number.
+#[derive(Debug, Clone, Copy, Default)]
+struct Mass {
     sum: DVec2,
     count: usize,
 }
+
+/// Places along a part's contour, px; those of a slice are kept by number.
+type Outline = RTree<[f64; 2]>;
 
 impl<'c> Surroundings<'c> {
     /// Of two slices, with those beyond them, and the gaps to those over the gap between the two.
@@ -68,7 +68,7 @@ impl<'c> Surroundings<'c> {
         gaps: [f64; 2],
         h: [f64; 2],
     ) -> Surroundings<'c> {
-        Surroundings { contours, h, beyond, gaps, own: Default::default(), farther: Default::default() }
+        Surroundings { contours, h, beyond, gaps, masses: Default::default(), outlines: Default::default() }
     }
 }
 
@@ -76,7 +76,7 @@ impl Surroundings<'_> {
     /// Whether the way from a part of the lower slice to one of the upper is a leap. Of these `alone` overlap nothing; `whole` is whether motion brings
     /// most of one over the other: then what has not moved as far as is known may move.
     pub fn leaps(&self, [low, high]: [u32; 2], alone: [bool; 2], whole: bool) -> bool {
-        let Some(way) = way(&self.parts(0)[low as usize], &self.parts(1)[high as usize]) else { return false };
+        let Some(way) = way(&self.outlines(0)[low as usize], &self.outlines(1)[high as usize]) else { return false };
         let length = way.length();
         let is_sheet = |side: usize| alone[side] && !self.is_compact(side, [low, high][side]);
         if length <= NOISE || (0..2).any(is_sheet) {
@@ -91,30 +91,42 @@ impl Surroundings<'_> {
         !moved.is_empty() && moved.iter().all(|moved| length > NOISE + GROWS * moved)
     }
 
-    /// The parts of the lower or the upper slice.
-    fn parts(&self, side: usize) -> &[Part] {
-        self.own[side].get_or_init(|| parts(self.contours[side], self.h))
+    /// Pixels of the parts of the lower or the upper slice.
+    fn masses(&self, side: usize) -> &[Mass] {
+        self.masses[side].get_or_init(|| masses(self.contours[side], self.h))
     }
 
     /// Those of the slice beyond it, if there is one.
-    fn parts_beyond(&self, side: usize) -> Option<&[Part]> {
+    fn masses_beyond(&self, side: usize) -> Option<&[Mass]> {
         let contour = self.beyond[side]?;
-        Some(self.farther[side].get_or_init(|| parts(contour, self.h)))
+        Some(self.masses[2 + side].get_or_init(|| masses(contour, self.h)))
+    }
+
+    /// Outlines of the parts of the lower or the upper slice.
+    fn outlines(&self, side: usize) -> &[Outline] {
+        self.outlines[side].get_or_init(|| outlines(self.contours[side], self.h))
+    }
+
+    /// Those of the slice beyond it, if there is one.
+    fn outlines_beyond(&self, side: usize) -> Option<&[Outline]> {
+        let contour = self.beyond[side]?;
+        Some(self.outlines[2 + side].get_or_init(|| outlines(contour, self.h)))
     }
 
     /// Whether a part is no sheet or thread that lies along the slice.
     fn is_compact(&self, side: usize, part: u32) -> bool {
-        let area = self.parts(side)[part as usize].count as f64 * self.h[0] * self.h[1];
+        let area = self.masses(side)[part as usize].count as f64 * self.h[0] * self.h[1];
         // Depths are those of pixels' centres.
         area <= COMPACT * PI * (self.contours[side].solid_depth[part as usize] + 0.5).powi(2)
     }
 
-    /// Parts of either slice that end beside a small one which goes on.
-    pub fn ending(&self) -> [Vec<u32>; 2] {
+    /// Parts of either slice that end beside a small one which goes on, unless a pair of theirs is `joined`.
+    pub fn ending(&self, joined: &[(u32, u32)]) -> [Vec<u32>; 2] {
         let [low, high] = self.contours;
-        let matching = match_components((&low.solids, &low.phi), (&high.solids, &high.phi), &DecidedPairs::default());
+        let decided = DecidedPairs::joining(joined);
+        let groups = match_components((&low.solids, &low.phi), (&high.solids, &high.phi), &decided).groups;
         let mut ending: [Vec<u32>; 2] = Default::default();
-        for group in matching.groups {
+        for group in groups.into_iter().filter(|group| joined.iter().all(|pair| !group.low.contains(&pair.0))) {
             if let Some(side) = self.ends(&group) {
                 ending[side].extend([group.low, group.high][side].iter());
             }
@@ -125,7 +137,7 @@ impl Surroundings<'_> {
     /// On which slice the parts of a group are larger, if they end there.
     fn ends(&self, group: &Group) -> Option<usize> {
         let parts = [&group.low, &group.high];
-        let [low, high] = [0, 1].map(|side| whole(self.parts(side), parts[side]));
+        let [low, high] = [0, 1].map(|side| whole(self.masses(side), parts[side]));
         let larger = usize::from(high.count > low.count);
         let [few, many] = if larger == 1 { [low.count, high.count] } else { [high.count, low.count] };
         if (many as f64) < SMALLER * few as f64 {
@@ -146,7 +158,7 @@ impl Surroundings<'_> {
         let reach = GROWS * outward.length() * self.gaps[side] + NOISE;
         let around = own.tile_of(&[part], self.h.map(|h| (reach / h).ceil() as usize));
         let near: BTreeSet<u32> = around.nodes(nx).map(|n| beyond.solids.labels[n]).filter(|l| *l > 0).collect();
-        let (here, there) = (&self.parts(side)[part as usize], self.parts_beyond(side)?);
+        let (here, there) = (&self.outlines(side)[part as usize], self.outlines_beyond(side)?);
         let goes_on = |other: &u32| {
             let ahead = way(here, &there[*other as usize]).filter(|way| way.length() <= reach);
             ahead.is_some_and(|way| way.angle_to(outward).abs() < AHEAD)
@@ -160,49 +172,53 @@ impl Surroundings<'_> {
         let mut met: Vec<u32> = pixels(own, parts).map(|n| beyond.solids.labels[n]).filter(|l| *l > 0).collect();
         met.sort_unstable();
         met.dedup();
-        let there = whole(self.parts_beyond(side)?, &met).centre()?;
-        let here = whole(self.parts(side), parts).centre()?;
+        let there = whole(self.masses_beyond(side)?, &met).centre()?;
+        let here = whole(self.masses(side), parts).centre()?;
         Some((there - here).length() / self.gaps[side])
     }
 }
 
-impl Part {
-    /// Its centroid.
+impl Mass {
+    /// The centroid.
     fn centre(&self) -> Option<DVec2> {
         (self.count > 0).then(|| self.sum / self.count as f64)
     }
 }
 
-/// All parts of a slice.
-fn parts(contour: &Contour, h: [f64; 2]) -> Vec<Part> {
-    let mut parts = vec![Part::default(); contour.solids.count + 1];
+/// Pixels of all parts of a slice.
+fn masses(contour: &Contour, h: [f64; 2]) -> Vec<Mass> {
+    let mut masses = vec![Mass::default(); contour.solids.count + 1];
     let labels = contour.solids.labels.iter().enumerate().filter(|(_, label)| **label > 0);
     for (n, &label) in labels {
-        let part = &mut parts[label as usize];
-        part.sum += position(n, contour.phi.dims[0]) * DVec2::from(h);
-        part.count += 1;
+        let mass = &mut masses[label as usize];
+        mass.sum += position(n, contour.phi.dims[0]) * DVec2::from(h);
+        mass.count += 1;
     }
-    let mut outlines = vec![Vec::new(); parts.len()];
-    for seed in &contour.seeds {
-        outlines[contour.solids.labels[seed.inside] as usize].push((seed.x * DVec2::from(h)).to_array());
-    }
-    parts.iter_mut().zip(outlines).for_each(|(part, outline)| part.outline = RTree::bulk_load(outline));
-    parts
+    masses
 }
 
-/// Some parts as one, without an outline.
-fn whole(all: &[Part], some: &[u32]) -> Part {
-    let sum = some.iter().map(|part| &all[*part as usize]);
-    sum.fold(Part::default(), |a, b| Part { sum: a.sum + b.sum, count: a.count + b.count, ..a })
+/// Outlines of all parts of a slice.
+fn outlines(contour: &Contour, h: [f64; 2]) -> Vec<Outline> {
+    let mut places = vec![Vec::new(); contour.solids.count + 1];
+    for seed in &contour.seeds {
+        places[contour.solids.labels[seed.inside] as usize].push((seed.x * DVec2::from(h)).to_array());
+    }
+    places.into_iter().map(RTree::bulk_load).collect()
+}
+
+/// Pixels of some parts together.
+fn whole(all: &[Mass], some: &[u32]) -> Mass {
+    let each = some.iter().map(|part| all[*part as usize]);
+    each.fold(Mass::default(), |a, b| Mass { sum: a.sum + b.sum, count: a.count + b.count })
 }
 
 /// Shortest way from one contour to another, px.
-fn way(from: &Part, to: &Part) -> Option<DVec2> {
-    let nearest = |[some, all]: [&Part; 2]| {
-        let of = |x: &[f64; 2]| Some(DVec2::from(*all.outline.nearest_neighbor(*x)?) - DVec2::from(*x));
-        some.outline.iter().filter_map(of).min_by(|a, b| a.length().total_cmp(&b.length()))
+fn way(from: &Outline, to: &Outline) -> Option<DVec2> {
+    let nearest = |[some, all]: [&Outline; 2]| {
+        let of = |x: &[f64; 2]| Some(DVec2::from(*all.nearest_neighbor(*x)?) - DVec2::from(*x));
+        some.iter().filter_map(of).min_by(|a, b| a.length().total_cmp(&b.length()))
     };
-    match from.outline.size() <= to.outline.size() {
+    match from.size() <= to.size() {
         true => nearest([from, to]),
         false => nearest([to, from]).map(|way| -way),
     }
@@ -283,10 +299,12 @@ mod tests {
         let (block, rod) = (discs(&[[40.0, 30.0, 16.0]]), discs(&[[52.0, 30.0, 3.0]]));
         let neither: [Vec<u32>; 2] = Default::default();
         let ending = |below: Option<&Contour>, low, high, above: Option<&Contour>| {
-            Surroundings::new([low, high], [below, above], [1.0; 2], [1.0; 2]).ending()
+            Surroundings::new([low, high], [below, above], [1.0; 2], [1.0; 2]).ending(&[])
         };
         assert_eq!(ending(Some(&block), &block, &rod, Some(&rod)), [vec![1], vec![]]);
         assert_eq!(ending(Some(&rod), &rod, &block, Some(&block)), [vec![], vec![1]], "upside down");
+        let linked = Surroundings::new([&block, &rod], [Some(&block), Some(&rod)], [1.0; 2], [1.0; 2]);
+        assert_eq!(linked.ending(&[(1, 1)]), neither, "a link says that it goes on");
         assert_eq!(ending(None, &block, &rod, Some(&rod)), neither, "it may be the end of something that tapers");
         let [middle, half] = [[40.0, 30.0, 3.0], [52.0, 30.0, 9.0]].map(|disc| discs(&[disc]));
         assert_eq!(ending(Some(&block), &block, &middle, Some(&middle)), neither, "a shaft in its middle");

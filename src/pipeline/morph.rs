@@ -79,7 +79,7 @@ pub(super) fn morph<'a>(
         None => None,
         Some(moving) => {
             let slopes = slice_slopes(run, contours, moving, &matter, report)?;
-            let lone = lone_parts(run, contours, moving, &slopes)?;
+            let lone = lone_parts(run, links, contours, moving, &slopes)?;
             Some(FieldFallback { moving, slopes, lone })
         }
     };

@@ -261,6 +261,7 @@ impl Side {
 /// backend is asked for those of several intervals together.
 pub(super) fn lone_parts<'a>(
     run: &Context<'a>,
+    links: &[IntervalLinks],
     contours: &SpillVec<'a, Contour>,
     moving: &MotionStack<'a>,
     slopes: &SpillVec<'a, Field>,
@@ -270,7 +271,7 @@ pub(super) fn lone_parts<'a>(
     let most = run.budget.spare(LONE_BYTES);
     let (mut plans, mut jobs, mut bytes) = (Vec::new(), Vec::new(), 0);
     for i in run.span.layers.clone() {
-        let ending = Around::new(run, contours, i)?.surroundings().ending();
+        let ending = Around::new(run, contours, i)?.surroundings().ending(&links[i].joined());
         let plan = |direction| -> Result<[LonePlan; 2]> {
             let ending = &ending[usize::from(direction == Direction::Down)];
             let [solid, hole] = [(Side::Solid, &ending[..]), (Side::Hole, &[])]

@@ -2,9 +2,11 @@
 //!
 //! A thin part that moves by more than its own width from layer to layer is one body that its layers do not show as one: the shortest way from the
 //! piece, in a layer of its own and through at most [`CRUMB`] pixels, to what hangs together with a contour becomes part of the body. A piece from
-//! which there is no such way belongs to nothing and goes, whatever its size. Between contours of which links keep parts apart neither is done.
+//! which there is no such way belongs to nothing and goes, whatever its size. Of several pieces that with the shortest way comes first, and what was
+//! joined is ground for the others. Between contours of which links keep parts apart neither is done.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::cmp::Ordering;
+use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 
 use crate::connectivity::grounded::{CRUMB, GROUND, pieces, turn};
@@ -17,53 +19,94 @@ pub fn join(layers: &mut [&mut SparseImage<f32>], all: &[Runs], stays: &[Vec<boo
     let Some([nx, ny]) = layers.first().map(|layer| layer.dims()) else { return };
     let mut numbers = pieces(all, Some(stays), nx, Side::Inside);
     let boxes = boxes(all, &numbers);
-    let mut floating: BTreeSet<usize> = boxes.keys().copied().collect();
     let mut bridges: Vec<Vec<[usize; 2]>> = vec![Vec::new(); all.len()];
-    // What was joined may be the ground of another piece.
+    let way = |piece: usize, layers: &[&mut SparseImage<f32>], numbers: &[Numbers], bridges: &[Vec<[usize; 2]>]| {
+        let columns_and_rows = around(&boxes[&piece], [nx, ny]);
+        let view = View::new(all, numbers, bridges, piece, columns_and_rows);
+        let ways = (1..all.len() - 1).filter_map(|layer| Some((layer, view.way(layer, image)?)));
+        ways.map(|(layer, pixels)| Way::new(layer, pixels, &*layers[layer])).min_by(Way::cmp)
+    };
+    let mut floating: BTreeMap<usize, Option<Way>> =
+        boxes.keys().map(|piece| (*piece, way(*piece, layers, &numbers, &bridges))).collect();
+    // The shortest first, as it would be upside down; what was joined may be the ground of another piece.
     loop {
-        let before = floating.len();
-        floating.retain(|piece| {
-            // No way goes farther, and its pixels are asked for their neighbours.
-            let around = |a: usize, end: usize| {
-                let [low, high] = boxes[piece].map(|corner| corner[a]);
-                low.saturating_sub(CRUMB + 1)..(high + CRUMB + 2).min(end)
-            };
-            let view = View::new(all, &numbers, &bridges, *piece, [around(0, nx), around(1, ny)]);
-            let ways = (1..all.len() - 1).filter_map(|k| Some((k, view.way(k, image)?)));
-            // Of ways as short as each other that through the least depth: the first would be another upside down.
-            let depth = |k: usize, way: &[[usize; 2]]| way.iter().map(|[i, j]| layers[k].at(*i, *j).abs()).sum::<f32>();
-            let ways = ways.map(|(k, way)| (way.len(), depth(k, &way), k, way));
-            let Some((.., k, way)) = ways.min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))) else { return true };
-            for &[i, j] in &way {
-                layers[k][j * nx + i] = -layers[k].at(i, j);
+        let ways = floating.iter().filter_map(|(piece, way)| Some((*piece, way.as_ref()?)));
+        let Some((piece, _)) = ways.min_by(|a, b| a.1.cmp(b.1)) else { break };
+        let Some(Some(found)) = floating.remove(&piece) else { break };
+        let mut changed = boxes[&piece];
+        for &[i, j] in &found.pixels {
+            let node = j * nx + i;
+            layers[found.layer][node] = -layers[found.layer].at(i, j);
+            extend(&mut changed, [i, j]);
+        }
+        bridges[found.layer].extend(found.pixels);
+        let joined = |at: &mut Option<usize>| *at = if *at == Some(piece) { Some(GROUND) } else { *at };
+        numbers.iter_mut().flatten().for_each(joined);
+        for (other, found) in &mut floating {
+            if meet(&around(&boxes[other], [nx, ny]), &changed) {
+                *found = way(*other, layers, &numbers, &bridges);
             }
-            bridges[k].extend(way);
-            let joined = |at: &mut Option<usize>| *at = if *at == Some(*piece) { Some(GROUND) } else { *at };
-            numbers.iter_mut().flatten().for_each(joined);
-            false
-        });
-        if floating.len() == before {
-            break;
         }
     }
     for ((layer, runs), numbers) in layers.iter_mut().zip(all).zip(&numbers) {
-        let stays: Vec<bool> = numbers.iter().map(|at| at.is_none_or(|piece| !floating.contains(&piece))).collect();
+        let stays: Vec<bool> = numbers.iter().map(|at| at.is_none_or(|piece| !floating.contains_key(&piece))).collect();
         turn(layer, runs, &stays);
     }
 }
 
-/// First and last column and row of every piece but the ground.
-fn boxes(all: &[Runs], numbers: &[Vec<Option<usize>>]) -> BTreeMap<usize, [[usize; 2]; 2]> {
+/// Piece of each part of a layer.
+type Numbers = Vec<Option<usize>>;
+/// First and last columns and rows of something.
+type Corners = [[usize; 2]; 2];
+
+/// A way from a piece to the ground.
+struct Way {
+    layer: usize,
+    pixels: Vec<[usize; 2]>,
+    /// Distances that it changes, px.
+    depth: f32,
+}
+
+impl Way {
+    fn new(layer: usize, pixels: Vec<[usize; 2]>, phi: &SparseImage<f32>) -> Self {
+        let depth = pixels.iter().map(|[i, j]| phi.at(*i, *j).abs()).sum();
+        Way { layer, pixels, depth }
+    }
+
+    /// The shorter one is less; of those as short as each other that through the least depth, for the first would be another one upside down.
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.pixels.len().cmp(&other.pixels.len()).then(self.depth.total_cmp(&other.depth))
+    }
+}
+
+/// First and last columns and rows of every piece but the ground.
+fn boxes(all: &[Runs], numbers: &[Numbers]) -> BTreeMap<usize, Corners> {
     let mut boxes = BTreeMap::new();
     for (runs, numbers) in all.iter().zip(numbers) {
         for (j, run, part) in runs.all() {
             let Some(piece) = numbers[part].filter(|piece| *piece != GROUND) else { continue };
-            let [low, high] = boxes.entry(piece).or_insert([[usize::MAX; 2], [0; 2]]);
-            *low = [low[0].min(run.start), low[1].min(j)];
-            *high = [high[0].max(run.end - 1), high[1].max(j)];
+            let corners = boxes.entry(piece).or_insert([[usize::MAX; 2], [0; 2]]);
+            extend(corners, [run.start, j]);
+            extend(corners, [run.end - 1, j]);
         }
     }
     boxes
+}
+
+/// The corners with `at` between them.
+fn extend([low, high]: &mut Corners, at: [usize; 2]) {
+    *low = [0, 1].map(|a| low[a].min(at[a]));
+    *high = [0, 1].map(|a| high[a].max(at[a]));
+}
+
+/// Columns and rows that ways from a piece may ask for: none goes farther, and its pixels are asked for their neighbours.
+fn around([low, high]: &Corners, dims: [usize; 2]) -> [Range<usize>; 2] {
+    [0, 1].map(|a| low[a].saturating_sub(CRUMB + 1)..(high[a] + CRUMB + 2).min(dims[a]))
+}
+
+/// Whether something may lie on these columns and rows.
+fn meet(around: &[Range<usize>; 2], [low, high]: &Corners) -> bool {
+    (0..2).all(|a| low[a] < around[a].end && around[a].start <= high[a])
 }
 
 /// What a pixel is.
@@ -216,5 +259,17 @@ mod tests {
         let made = joined(&layers, 0..N);
         assert_eq!(made[2].len(), 3 * 20 + 7 + 7);
         assert_eq!(made[1], line(2));
+    }
+
+    #[test]
+    fn the_shortest_way_comes_first_from_either_side() {
+        // The piece below is far from the ground, but near the piece above it.
+        let layers =
+            [vec![2], vec![2, 12], vec![2, 8], vec![2]].map(|columns| columns.into_iter().flat_map(line).collect());
+        let turned = [3, 2, 1, 0].map(|k: usize| Vec::clone(&layers[k]));
+        let (made, mut back) = (joined(&layers, 0..N), joined(&turned, 0..N));
+        back.reverse();
+        assert_eq!(made, back);
+        assert_eq!([1, 2].map(|k: usize| made[k].len()), [2 * 20 + 4, 2 * 20 + 5]);
     }
 }

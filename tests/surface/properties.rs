@@ -164,6 +164,21 @@ fn a_piece_that_floats_is_joined_in_the_same_layer_from_either_side() {
     check(&masks(N, &z, &shapes), z[2], &settings).expect("the same upside down");
 }
 
+#[test]
+fn discs_on_a_slice_each_are_read_alike_from_either_side() {
+    let gaps = [6.440272801485348, 0.5, 10.2931628623887];
+    let z: Vec<f64> = (0..4).map(|k| gaps[..k].iter().sum()).collect();
+    let shapes = [
+        circle(38.69322286482654, 17.397250990585974, 2.527076459721017),
+        nothing(),
+        circle(21.73024340937658, 38.91274559282184, 2.0),
+        circle(32.359987894191406, 14.890971953724653, 2.484284597185238),
+    ];
+    let settings =
+        Settings { end_top: EndRule::HalfSlice, motion: Motion::Rigid, link: Linking::Auto, ..Settings::default() };
+    check(&masks(N, &z, &shapes), z[3], &settings).expect("the same upside down");
+}
+
 /// Radii of the layers of a stack, from their areas; a pixel on the contour counts by its distance.
 fn radii(stack: &ContourStack, heights: &[f64]) -> Vec<f64> {
     let body = run(stack, heights, &Settings::default());

@@ -13,6 +13,15 @@
 // Pseudo-time step in pixels of the smaller side.
 const STEP: f32 = 0.5;
 
+// Size of the difference of neighbours along an axis, from one pixel to the next: the mean of both sides, and the steeper one where the contour is near.
+fn slope(below: f32, own: f32, above: f32) -> f32 {
+    let mean = 0.5 * abs(above - below);
+    let steeper = max(abs(own - below), abs(above - own));
+    // Pixels to the contour by that side, less than 1 where it passes on it.
+    let near = max(steeper - abs(own), 0.0) / max(steeper, 1e-30);
+    return mean + near * (steeper - mean);
+}
+
 @compute @workgroup_size(lane_count)
 fn reinit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let k = list_index(group, local);
@@ -32,7 +41,8 @@ fn reinit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     );
     var sign = 0.0;
     if stage.first == 1u {
-        sign = smeared_sign(center, vec2<f32>((xs[4] - xs[2]) * (0.5 / params.hx), (ys[4] - ys[2]) * (0.5 / params.hy)));
+        let slopes = vec2<f32>(slope(xs[2], center, xs[4]), slope(ys[2], center, ys[4]));
+        sign = smeared_sign(center, slopes / vec2<f32>(params.hx, params.hy));
         signs[k] = sign;
     } else {
         sign = signs[k];

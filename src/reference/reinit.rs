@@ -46,16 +46,25 @@ fn relax_by(step: f64, phi: &mut Field, band: &Band, h: [f64; 2], iterations: us
     }
 }
 
-/// `out <- S(phi)` from a run's start on, gradients by central differences.
+/// `out <- S(phi)` from a run's start on, gradients by central differences, which go to the steeper side where the contour comes near: on the ridge of a
+/// part of about a pixel both sides cancel out, S would be 1 there and a fraction beside it, and the ridge would come up to the contour while the other
+/// side stays.
 #[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw", "x86_64+avx2"))]
 fn signs(phi: &[f64], nx: usize, start: usize, h: [f64; 2], out: &mut [f64]) {
     let WenoRows { along, across } = WenoRows::new(phi, nx, start, out.len());
-    let (per_x, per_y) = (0.5 / h[0], 0.5 / h[1]);
+    let (per_x, per_y) = (1.0 / h[0], 1.0 / h[1]);
     for k in 0..out.len() {
         let s = &mut out[k];
-        let dx = (along[REACH + 1][k] - along[REACH - 1][k]) * per_x;
-        let dy = (across[REACH + 1][k] - across[REACH - 1][k]) * per_y;
-        *s = smeared_sign(across[REACH][k], DVec2::new(dx, dy));
+        let slope = |v: &[&[f64]; 7]| {
+            let [below, own, above] = [REACH - 1, REACH, REACH + 1].map(|at| v[at][k]);
+            let mean = 0.5 * (above - below).abs();
+            let steeper = (own - below).abs().max((above - own).abs());
+            // Pixels to the contour by that side, less than 1 where it passes on it.
+            let near = (steeper - own.abs()).max(0.0) / steeper.max(f64::MIN_POSITIVE);
+            mean + near * (steeper - mean)
+        };
+        let gradient = DVec2::new(slope(&along) * per_x, slope(&across) * per_y);
+        *s = smeared_sign(across[REACH][k], gradient);
     }
 }
 

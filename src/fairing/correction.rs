@@ -11,6 +11,7 @@ use super::level::MetContour;
 use super::limit::{goes_on, limited};
 use super::near::{SATURATED, fade, nearer, nearness, widest};
 use super::plane::Plane;
+use super::thin::Thin;
 use super::{Fairing, FairingSpec, in_pool};
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::spline::smoothstep;
@@ -146,6 +147,9 @@ impl Fairing<'_> {
             // Both contours' differences and distances along the trajectories, their distances straight along z, and those of the contours beyond.
             let mut there: [Vec<f32>; 8] = Default::default();
             let mut ways = Vec::new();
+            // Without a frame that follows them only means join what moves by its own width.
+            let mut thin = self.spec.moving.map(|_| Thin::new(&node.phi, self.spec.spacing));
+            let mut counts = Vec::new();
             for (j, out) in (first..).zip(rows.chunks_exact_mut(width)) {
                 v.read(left, j, &mut own);
                 gradient.read(left, j, &mut slope);
@@ -160,6 +164,10 @@ impl Fairing<'_> {
                     add(&low.phi, 1.0, offsets[0].as_ref(), j, begin, low_along);
                     add(&high.phi, 1.0, offsets[1].as_ref(), j, begin, high_along);
                     node.phi.read(begin, j, &mut here[pixels.clone()]);
+                    match &mut thin {
+                        Some(thin) => thin.shares(&here[pixels.clone()], [begin, j], &mut counts),
+                        None => counts.resize(pixels.len(), 1.0),
+                    }
                     ways.resize(pixels.len(), DVec2::ZERO);
                     let contours =
                         [(&low.phi, &*low_along, at_low, &mut *low_d), (&high.phi, &*high_along, at_high, high_d)];
@@ -196,7 +204,7 @@ impl Fairing<'_> {
                         } else if high.abs() < low.abs() && beyond[1].is_some() {
                             share = share.max(on_above);
                         }
-                        let alpha = alpha * shares.map_or(1.0, |s| s[j * nx + left + n]) * share;
+                        let alpha = alpha * shares.map_or(1.0, |s| s[j * nx + left + n]) * share * counts[p];
                         let ramps = (on_below + (1.0 - on_below) * w) * (on_above + (1.0 - on_above) * (1.0 - w));
                         let rise =
                             alpha * ramps * (own_d[n] - on_below * (1.0 - w) * low_d[p] - on_above * w * high_d[p]);

@@ -5,9 +5,9 @@
 //! the mean K along the trajectories of the moving field (or straight along z), and P, by which it would move a plane (`plane`), `D = K v - v - P`, a
 //! node between the contours i and i + 1 is moved by `C = alpha n (D - (1 - w) D_i - w D_{i+1})`, `w = 3 t^2 - 2 t^3`, where v is small against B
 //! (`correction`): as smoothing would move it, less what would move the contours. D_i is read where the contour has the node's distance (`level`), and
-//! fades out where its |v| / B goes from 0.82 to 0.88. Nothing moves where the surface lies flat or a part is on one contour alone (`goes_on`). Where
-//! the surface does not go on beyond contour i, so that its tip is there, D_i does not count and C is w times as large, likewise beyond i + 1: how it
-//! closes has no say on the other side. Where slopes may not overshoot, neither may C (`limit`).
+//! fades out where its |v| / B goes from 0.82 to 0.88. Nothing moves where the surface lies flat, where walls are thin (`thin`) or a part is on one contour
+//! alone (`goes_on`). Where the surface does not go on beyond contour i, so that its tip is there, D_i does not count and C is w times as large, likewise
+//! beyond i + 1: how it closes has no say on the other side. Where slopes may not overshoot, neither may C (`limit`).
 //!
 //! A layer at any height moves by the C1 curve in z through the C of the nodes, 0 at contours, cut off where that swings beyond what a node may
 //! move by. Beyond the first and the last contour nothing moves, and nothing there has a say.
@@ -21,6 +21,7 @@ mod limit;
 mod near;
 mod nodes;
 mod plane;
+mod thin;
 mod transform;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};

@@ -1,6 +1,7 @@
 //! Reads the drawn slices of many labels from a label volume.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 use std::path::Path;
 
 use crate::error::{Error, Result};
@@ -15,13 +16,14 @@ use crate::stack::ReadOptions;
 use crate::stack::doubts;
 use crate::stack::doubts::SliceArea;
 use crate::stack::options::{BACKGROUND, LabelName};
+use crate::stack::unresolved::Unresolved;
 use crate::stack::{ContourStack, Slice};
 use crate::storage::room;
 
 /// Most labels of a run.
 const MOST: usize = 4096;
-/// Most labels of which stray slices are said one by one.
-const MOST_STRAY: usize = 8;
+/// Most labels of which a doubt is said one by one.
+const MOST_TOLD: usize = 8;
 
 /// Labels that are wanted.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -189,6 +191,7 @@ fn labels_of(
         labels.some_are_left().map_err(|message| Error::Format { path: path.into(), message })?;
     }
     labels.notes.extend(strays(&labels.labels, &labels.stack.slices, &labels.drawn));
+    labels.notes.extend(unresolved(&labels.labels, &labels.stack, &labels.drawn));
     labels.notes.extend(notes(&labels.labels, &labels.given));
     labels.reading = reading(&labels.labels, &labels.given);
     labels.validate().map_err(|e| e.in_file(path))?;
@@ -248,12 +251,37 @@ fn strays(labels: &[i64], slices: &[Slice], drawn: &[Vec<u32>]) -> Vec<String> {
         let name = |k: usize| format!("slice `{}`", slices[k].name);
         Some(format!("label {label}: {}", doubts::stray(&doubts::strays(sections, overlap), sections, name)?))
     };
-    let mut said: Vec<String> = labels.iter().zip(&sections).enumerate().filter_map(of).collect();
-    let more = said.len().saturating_sub(MOST_STRAY);
-    said.truncate(MOST_STRAY);
-    if more > 0 {
-        said.push(format!("{more} more labels have slices with hardly any pixels"));
+    few(labels.iter().zip(&sections).enumerate().filter_map(of).collect(), "have slices with hardly any pixels")
+}
+
+/// Notes for a person on labels much of which pixels do not resolve.
+fn unresolved(labels: &[i64], stack: &ContourStack, drawn: &[Vec<u32>]) -> Vec<String> {
+    let nx = stack.dims[0].max(1);
+    let mut seen = vec![Unresolved::default(); labels.len()];
+    for (k, slice) in drawn.iter().enumerate() {
+        let mut runs: BTreeMap<usize, Vec<Range<usize>>> = BTreeMap::new();
+        for (row, pixels) in slice.chunks(nx).enumerate() {
+            let mut first = row * nx;
+            for stretch in pixels.chunk_by(|a, b| a == b) {
+                let run = first..first + stretch.len();
+                first = run.end;
+                if let Some(a) = (stretch[0] as usize).checked_sub(1) {
+                    runs.entry(a).or_default().push(run);
+                }
+            }
+        }
+        runs.iter().for_each(|(a, runs)| seen[*a].see(k, runs, nx));
     }
+    let name = |k: usize| format!("slice `{}`", stack.slices[k].name);
+    let said = labels.iter().zip(seen).filter_map(|(l, seen)| Some(format!("label {l}: {}", seen.told(name)?)));
+    few(said.collect(), "have many parts of so few pixels")
+}
+
+/// The first of notes that are each of a label, and how many more labels `have` the same.
+fn few(mut said: Vec<String>, have: &str) -> Vec<String> {
+    let more = said.len().saturating_sub(MOST_TOLD);
+    said.truncate(MOST_TOLD);
+    said.extend((more > 0).then(|| format!("{more} more labels {have}")));
     said
 }
 

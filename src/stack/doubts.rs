@@ -3,6 +3,7 @@
 use super::forgotten::{Forgotten, forgotten_hole, forgotten_part};
 use super::mask::Mask;
 use super::specks::{Speck, specks};
+use super::unresolved::Unresolved;
 use super::{ContourStack, Slice, SliceContent};
 
 /// A slice with less than this share of its neighbours' area is doubted: no section between two others of an organ is so small.
@@ -179,7 +180,7 @@ impl ContourStack {
     }
 
     /// Doubts about slices that look painted by mistake, as a whole or in specks, or left empty, as a whole or where both neighbours have a part, about
-    /// gaps and about the pixels' sides.
+    /// gaps, about what pixels do not resolve and about their sides.
     pub fn doubts(&self) -> Vec<String> {
         let section = |s: &Slice| SliceArea { z: s.z, area: s.content.mask().count() };
         let sections: Vec<SliceArea> = self.slices.iter().map(section).collect();
@@ -204,7 +205,19 @@ impl ContourStack {
         });
         let specked = specked(&specks.collect::<Vec<_>>(), name);
         let slices = stray(&strays, &sections, name).into_iter().chain(empty).chain(lacking.into_iter().flatten());
-        slices.chain(specked).chain(self.undrawn()).chain(self.long_pixels()).collect()
+        let unresolved = self.unresolved().told(name);
+        slices.chain(specked).chain(self.undrawn()).chain(unresolved).chain(self.long_pixels()).collect()
+    }
+
+    /// Parts of masks that pixels do not resolve; grey values and polygons say where their outline lies.
+    fn unresolved(&self) -> Unresolved {
+        let mut seen = Unresolved::default();
+        for (k, slice) in self.slices.iter().enumerate() {
+            if let SliceContent::Mask(mask) = &slice.content {
+                seen.see(k, &mask.rows(self.dims[0]).collect::<Vec<_>>(), self.dims[0]);
+            }
+        }
+        seen
     }
 
     /// Doubt about pixels that are far longer than wide.

@@ -19,6 +19,7 @@ pub mod options;
 mod ruggedness;
 pub mod space;
 mod specks;
+pub(crate) mod unresolved;
 pub(crate) mod window;
 
 use lengths::check_length;

@@ -450,3 +450,13 @@ fn a_rule_for_an_end_that_an_empty_slice_passes_over_is_told() {
     assert!(told(&["--keep", "3"]).is_empty());
     assert!(told(&["--slices", "9,12,15,18,21,24", "--end-top", "extrapolate"]).is_empty());
 }
+
+#[test]
+fn parts_that_pixels_do_not_resolve_are_told_where_they_are_much_of_the_body() {
+    let dots = |at: [usize; 3]| at[2] % 5 == 1 && at[0] % 8 == 3 && at[1] % 8 == 3;
+    let told = "175 parts of slices have at most 3 px, 100 % of what is painted (the first on slice `k=1`)";
+    Case::new(&volume(|at| u16::from(dots(at))), "1 1 1").all_say(&[], 0, told);
+    // Drawn on finer pixels they are resolved.
+    let blocks = |at: [usize; 3]| at[2] % 5 == 1 && at[1] < 32 && [0, 1].iter().all(|&a| (3..6).contains(&(at[a] % 8)));
+    Case::new(&volume(|at| u16::from(blocks(at))), "1 1 1").none_doubts(&[]);
+}

@@ -32,9 +32,15 @@ impl Header {
         u64::try_from(count.checked_add(self.length)?).ok()
     }
 
-    /// The volume of an array of three axes.
+    /// Sizes along z, y and x: those of three axes, or of more all but three of which have a length of 1, as libraries for learning save a volume.
+    pub fn sizes(&self) -> Option<[usize; 3]> {
+        let long = self.shape.iter().copied().filter(|size| self.shape.len() == 3 || *size != 1);
+        long.collect::<Vec<_>>().try_into().ok()
+    }
+
+    /// The volume of an array that has three sizes.
     pub fn volume(&self, path: &Path, format: &'static str, data: Data) -> Failure<Volume> {
-        let &[nz, ny, nx] = &self.shape[..] else {
+        let Some([nz, ny, nx]) = self.sizes() else {
             let sizes: Vec<String> = self.shape.iter().map(usize::to_string).collect();
             let n = self.shape.len();
             return Err(format!(

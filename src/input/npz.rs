@@ -1,5 +1,5 @@
-//! Label volumes as `numpy.savez` packs them (`.npz`): the array of three axes in a ZIP of arrays. Where `spacing`, `origin` and `directions` lie beside
-//! `volume`, as this program writes them, they say where it lies, each for itself.
+//! Label volumes as `numpy.savez` packs them (`.npz`): the array of three axes, or of more of length 1, in a ZIP of arrays. Where `spacing`, `origin` and
+//! `directions` lie beside `volume`, as this program writes them, they say where it lies, each for itself.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
@@ -114,9 +114,9 @@ fn volume(path: &Path, mut input: BufReader<File>) -> Failure<Volume> {
         if let Some((numbers, (_, shape))) = place.iter_mut().zip(PLACE).find(|(_, (own, _))| name == *own) {
             *numbers = Some(npy::numbers(&header, shape, &mut array).map_err(|m| format!("array `{name}` {m}")));
         }
-        match header.shape.len() {
-            3 => volumes.push(Entry { name, header, start, length, coding }),
-            _ => {
+        match header.sizes() {
+            Some(_) => volumes.push(Entry { name, header, start, length, coding }),
+            None => {
                 let shape: Vec<String> = header.shape.iter().map(usize::to_string).collect();
                 others.push(if shape.is_empty() {
                     format!("the number `{name}`")
@@ -125,6 +125,11 @@ fn volume(path: &Path, mut input: BufReader<File>) -> Failure<Volume> {
                 });
             }
         }
+    }
+    // One of three axes is meant before those that have more, of length 1.
+    let plain = |entry: &Entry| entry.header.shape.len() == 3;
+    if volumes.iter().any(plain) {
+        volumes.retain(plain);
     }
     let names = || volumes.iter().map(|v| format!("`{}`", v.name)).collect::<Vec<_>>().join(", ");
     match &volumes[..] {

@@ -19,6 +19,7 @@ fn fields_of_a_numpy_array() {
         &["fortran_order must be True or False; got 3"],
     );
     with("{'descr': '|u1', 'fortran_order': False, 'shape': (2, 5, 10, 12), }", &["shape (2, 5, 10, 12) has 4 axes"]);
+    with("{'descr': '|u1', 'fortran_order': False, 'shape': (1, 1, 5, 120), }", &["shape (1, 1, 5, 120) has 4 axes"]);
     with("{'descr': '|u1', 'fortran_order': False}", &["header has no `shape`"]);
     with(&"(".repeat(60000), &["header has no `descr`"]);
     let sound = sound("a.npy");
@@ -27,6 +28,25 @@ fn fields_of_a_numpy_array() {
     refused("a.npy", &sound, &["--spacing", "1,2,nan"], &["`spacing` must be three positive numbers; got NaN"]);
     refused("a.npy", &sound, &["--axis", "w"], &["w", "auto, x, y, z"]);
     refused("a.npy", &sound, &["--dz", "1", "--isotropic"], &["--isotropic", "--dz"]);
+}
+
+#[test]
+fn axes_of_length_1_are_passed_over() {
+    let place = folder();
+    let path = place.path().join("a.npy");
+    let voxels: Vec<u8> = (0..600).map(|n| u8::from(n % 12 > 3 && n / 12 % 10 > n / 120 + 2)).collect();
+    let volume = |shape: &str, fortran: &str| {
+        let header = format!("{{'descr': '|u1', 'fortran_order': {fortran}, 'shape': {shape}, }}");
+        fs::write(&path, npy(&header, &voxels)).expect("a file can be written");
+        read(&path, &ReadOptions::default())
+            .map(|stack| stack.slices.iter().map(|slice| slice.content.mask().clone()).collect::<Vec<_>>())
+    };
+    for fortran in ["False", "True"] {
+        let wanted = volume("(5, 10, 12)", fortran).expect("three axes");
+        for shape in ["(1, 5, 10, 12)", "(5, 10, 12, 1)", "(1, 1, 5, 10, 1, 12)"] {
+            assert_eq!(volume(shape, fortran).expect(shape), wanted, "{shape}");
+        }
+    }
 }
 
 #[test]
@@ -46,6 +66,10 @@ fn archives_of_arrays() {
     let row = npy("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", &[0; 16]);
     fs::write(&path, archive(&[("labels.npy", sound.clone()), ("row.npy", row.clone()), ("note.txt", b"x".into())]))
         .expect("a file can be written");
+    assert_eq!(read(&path, &ReadOptions::default()).expect("one volume").slices.len(), 5);
+    // An array of three axes is meant before one that has more.
+    let four = npy("{'descr': '|u1', 'fortran_order': False, 'shape': (1, 3, 10, 20), }", &[1; 600]);
+    fs::write(&path, archive(&[("image.npy", four), ("labels.npy", sound.clone())])).expect("a file can be written");
     assert_eq!(read(&path, &ReadOptions::default()).expect("one volume").slices.len(), 5);
     let with = |arrays: &[(&str, Vec<u8>)], says: &[&str]| refused("a.npz", &archive(arrays), &[], says);
     with(

@@ -40,7 +40,7 @@ pub fn write(target: &Path, pending: Pending, manifest: &Manifest, results: &Pat
     let write = || {
         std::fs::write(pending.path(), text)?;
         pending.sync()?;
-        pending.rename(target)
+        pending.rename()
     };
     write().map_err(|source| Error::Write { path: target.into(), source })
 }

@@ -49,7 +49,7 @@ impl Pictures {
         let write = || {
             fs::write(pending.path(), picture)?;
             pending.sync()?;
-            pending.rename(&place)
+            pending.rename()
         };
         write().map_err(|source| Error::Write { path: place.clone(), source })
     }

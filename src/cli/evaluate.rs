@@ -130,7 +130,7 @@ fn json(scores: &impl Serialize) -> String {
 
 fn write(outputs: Vec<(&PathBuf, Pending)>, scores: &impl Serialize) -> Result<()> {
     for (path, pending) in outputs {
-        let written = pending.write_json(scores).and_then(|()| pending.rename(path));
+        let written = pending.write_json(scores).and_then(|()| pending.rename());
         written.map_err(|source| Error::Write { path: path.clone(), source })?;
         tell!("wrote {}", path.display());
     }

@@ -3,6 +3,7 @@
 use std::io::ErrorKind;
 use std::path::Path;
 
+use super::places::place_of;
 use crate::error::{Error, Result};
 use crate::stack::Geometry;
 use crate::surface::content::Content;
@@ -252,7 +253,8 @@ impl Format {
 /// # Errors
 /// [`Error::Output`] with what was expected.
 pub fn check_name(path: &Path) -> Result<()> {
-    check_place(path, Format::of(path)?.is_folder())
+    let format = Format::of(path)?;
+    check_place(path, &place_of(path)?, format.is_folder())
 }
 
 /// Whether `path` can be a page by its name.
@@ -332,34 +334,34 @@ pub fn extension_at(name: &str) -> usize {
     content.map_or(at, str::len)
 }
 
-/// Whether `path` is a name that the system takes, and nothing stands there that an output must not replace: a folder,
-/// for an output of Zarr one that holds anything but such an output.
-pub(super) fn check_place(path: &Path, is_folder: bool) -> Result<()> {
-    if let Err(e) = std::fs::symlink_metadata(path)
+/// Whether `target` is a name that the system takes, and nothing stands at its `place`, behind all links, that an output must not replace: a folder, for an
+/// output of Zarr one that holds anything but such an output.
+pub(super) fn check_place(target: &Path, place: &Path, is_folder: bool) -> Result<()> {
+    let fail = |message: String| Err(Error::Output { path: target.into(), message });
+    if let Err(e) = std::fs::symlink_metadata(place)
         && matches!(e.kind(), ErrorKind::InvalidFilename | ErrorKind::InvalidInput)
     {
-        let bytes = path.file_name().map_or(0, |name| name.as_encoded_bytes().len());
-        let message = format!("is no name for a file here: {e} ({bytes} bytes; most systems take up to 255)");
-        return Err(Error::Output { path: path.into(), message });
+        let bytes = place.file_name().map_or(0, |name| name.as_encoded_bytes().len());
+        return fail(format!("is no name for a file here: {e} ({bytes} bytes; most systems take up to 255)"));
     }
-    if let Some(file) = path.ancestors().skip(1).find(|above| above.is_file()) {
-        let message = format!("lies below {}, which is a file, no folder", file.display());
-        return Err(Error::Output { path: path.into(), message });
+    if let Some(file) = place.ancestors().skip(1).find(|above| above.is_file()) {
+        return fail(format!("lies below {}, which is a file, no folder", file.display()));
     }
-    let special = path.metadata().is_ok_and(|found| !found.is_file() && !found.is_dir());
-    let message = match (path.is_dir(), is_folder) {
-        // Of a link only the link is replaced.
-        (true, true) if path.is_symlink() => return Ok(()),
-        (true, true) => match own_store::what_stays(path) {
-            Ok(None) => return Ok(()),
-            Ok(Some(message)) => message,
-            Err(e) => format!("is a folder that cannot be read, and is not replaced: {e}"),
+    // Of a link to a pipe its own metadata tells.
+    let Ok(found) = target.metadata() else { return Ok(()) };
+    match (found.is_dir(), is_folder) {
+        (true, true) => match own_store::what_stays(place) {
+            Ok(None) => {}
+            Ok(Some(message)) => return fail(message),
+            Err(e) => return fail(format!("is a folder that cannot be read, and is not replaced: {e}")),
         },
-        (true, false) => "is a folder".into(),
-        (false, _) if special => "is no plain file: a pipe, a device or a socket is not replaced".into(),
-        (false, _) => return Ok(()),
-    };
-    Err(Error::Output { path: path.into(), message })
+        (true, false) => return fail("is a folder".into()),
+        (false, _) if !found.is_file() => {
+            return fail("is no plain file: a pipe, a device or a socket is not replaced".into());
+        }
+        (false, _) => {}
+    }
+    Ok(())
 }
 
 /// Bytes of memory that writing `paths` needs at most while layers of `dims` pixels that lie so arrive, however many these are, and the

@@ -287,7 +287,7 @@ impl LabelOutputs {
             written.extend(scenes.rename()?);
         }
         for (path, pending) in self.reports {
-            pending.rename(&path).map_err(|source| Error::Write { path: path.clone(), source })?;
+            pending.rename().map_err(|source| Error::Write { path: path.clone(), source })?;
             written.push(path);
         }
         Ok(written)

@@ -218,7 +218,7 @@ impl Outputs {
         self.go_on()?;
         let mut written = Vec::new();
         for Output { target, pending, .. } in self.files {
-            pending.rename(&target).map_err(|source| Error::Write { path: target.clone(), source })?;
+            pending.rename().map_err(|source| Error::Write { path: target.clone(), source })?;
             written.push(target);
         }
         Ok(written)

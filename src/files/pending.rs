@@ -1,14 +1,14 @@
-//! An output under its temporary name: a file, or for a format of many files a folder.
+//! An output under its temporary name: a file, or for a format of many files a folder. It lies beside the place that it takes, which is behind all links.
 
 use std::fs::{self, File, Permissions};
 use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use tempfile::{Builder, NamedTempFile, TempDir};
 
 use super::format::check_place;
-use super::places::Places;
+use super::places::{Places, place_of};
 use crate::error::{Error, Result};
 use crate::storage::folders::files_below;
 use crate::storage::temporaries::{Listed, uninterrupted};
@@ -24,7 +24,16 @@ pub enum Temporary {
 
 /// Gone with its content when dropped before it is renamed, and when the program is interrupted.
 #[derive(Debug)]
-pub enum Pending {
+pub struct Pending {
+    /// Where it will be.
+    place: PathBuf,
+    /// What there is of it.
+    pub(super) made: Made,
+}
+
+/// A temporary file or folder.
+#[derive(Debug)]
+pub(super) enum Made {
     /// A file.
     File(NamedTempFile, Listed),
     /// A folder.
@@ -32,44 +41,22 @@ pub enum Pending {
 }
 
 impl Pending {
-    /// Opens the temporary file or folder of `target`, beside it, which becomes one of the `places` that the run writes to.
+    /// Opens the temporary file or folder of `target`, which becomes one of the `places` that the run writes to.
     ///
     /// # Errors
     /// [`Error::Output`] for a name that cannot be written, or is that of something else.
     pub fn open(target: &Path, is_folder: bool, temporary: Temporary, places: &mut Places) -> Result<Self> {
         places.claim(target)?;
-        check_place(target, is_folder)?;
-        let folder = parent(target);
+        let place = place_of(target)?;
+        check_place(target, &place, is_folder)?;
+        let folder = parent(&place);
         let message = |e: io::Error| match folder.is_dir() {
             true => format!("in folder {}: {e}", folder.display()),
             false => format!("there is no folder {}", folder.display()),
         };
-        Pending::made(target, is_folder, temporary)
-            .map_err(|e| Error::Output { path: target.into(), message: message(e) })
-    }
-
-    /// Makes it, and removes what a killed run has left.
-    fn made(target: &Path, is_folder: bool, temporary: Temporary) -> io::Result<Self> {
-        let place = parent(target);
-        let mut builder = Builder::new();
-        builder.prefix(".interslice-").suffix(".tmp");
-        let fixed;
-        if temporary == Temporary::Fixed {
-            // The target's own name may be as long as names can be.
-            let name = target.file_name().unwrap_or_default().as_encoded_bytes();
-            fixed = format!(".interslice-{}", &blake3::hash(name).to_hex()[..32]);
-            builder.prefix(&fixed).rand_bytes(0);
-            remove(&place.join(format!("{fixed}.tmp")))?;
-        }
-        if is_folder {
-            set_mode(&mut builder, 0o777);
-            let (folder, listed) = Listed::make(|| builder.tempdir_in(place), TempDir::path)?;
-            Ok(Pending::Folder(folder, listed))
-        } else {
-            set_mode(&mut builder, 0o666);
-            let (file, listed) = Listed::make(|| builder.tempfile_in(place), NamedTempFile::path)?;
-            Ok(Pending::File(file, listed))
-        }
+        let made = Made::beside(&place, is_folder, temporary);
+        let made = made.map_err(|e| Error::Output { path: target.into(), message: message(e) })?;
+        Ok(Pending { place, made })
     }
 
     /// Writes a value as JSON for people, and a last line's end, onto the disk.
@@ -86,9 +73,9 @@ impl Pending {
 
     /// Path until it is renamed.
     pub fn path(&self) -> &Path {
-        match self {
-            Pending::File(file, _) => file.path(),
-            Pending::Folder(folder, _) => folder.path(),
+        match &self.made {
+            Made::File(file, _) => file.path(),
+            Made::Folder(folder, _) => folder.path(),
         }
     }
 
@@ -97,26 +84,53 @@ impl Pending {
     /// # Errors
     /// The errors of the disk.
     pub fn sync(&self) -> io::Result<()> {
-        match self {
-            Pending::File(file, _) => file.as_file().sync_all(),
-            Pending::Folder(folder, _) => {
+        match &self.made {
+            Made::File(file, _) => file.as_file().sync_all(),
+            Made::Folder(folder, _) => {
                 files_below(folder.path())?.iter().try_for_each(|path| File::open(path)?.sync_all())
             }
         }
     }
 
-    /// Gives it its own name, in one step; a file that stood there keeps who may read and write it. Where the system cannot do that with folders, what has that name steps aside until the new one has it;
-    /// it is removed then.
+    /// Gives it its own name, in one step; a file that stood there keeps who may read and write it. Where the system cannot do that with folders, what has that
+    /// name steps aside until the new one has it; it is removed then.
     ///
     /// # Errors
     /// The errors of renaming; what was there is there again.
-    pub fn rename(self, target: &Path) -> io::Result<()> {
-        match self {
-            Pending::File(file, _listed) => {
-                keep_mode(file.as_file(), target)?;
-                uninterrupted(|| file.persist(target)).map(drop).map_err(|e| e.error)
+    pub fn rename(self) -> io::Result<()> {
+        let place = &self.place;
+        match self.made {
+            Made::File(file, _listed) => {
+                keep_mode(file.as_file(), place)?;
+                uninterrupted(|| file.persist(place)).map(drop).map_err(|e| e.error)
             }
-            Pending::Folder(folder, _listed) => uninterrupted(|| Self::rename_folder(folder, target)),
+            Made::Folder(folder, _listed) => uninterrupted(|| Made::rename_folder(folder, place)),
+        }
+    }
+}
+
+impl Made {
+    /// Makes it beside the place that it will take, and removes what a killed run has left.
+    fn beside(target: &Path, is_folder: bool, temporary: Temporary) -> io::Result<Self> {
+        let place = parent(target);
+        let mut builder = Builder::new();
+        builder.prefix(".interslice-").suffix(".tmp");
+        let fixed;
+        if temporary == Temporary::Fixed {
+            // The target's own name may be as long as names can be.
+            let name = target.file_name().unwrap_or_default().as_encoded_bytes();
+            fixed = format!(".interslice-{}", &blake3::hash(name).to_hex()[..32]);
+            builder.prefix(&fixed).rand_bytes(0);
+            remove(&place.join(format!("{fixed}.tmp")))?;
+        }
+        if is_folder {
+            set_mode(&mut builder, 0o777);
+            let (folder, listed) = Listed::make(|| builder.tempdir_in(place), TempDir::path)?;
+            Ok(Made::Folder(folder, listed))
+        } else {
+            set_mode(&mut builder, 0o666);
+            let (file, listed) = Listed::make(|| builder.tempfile_in(place), NamedTempFile::path)?;
+            Ok(Made::File(file, listed))
         }
     }
 
@@ -218,6 +232,35 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
+    fn a_link_stays_and_what_it_leads_to_is_written() {
+        let place = tempfile::tempdir().expect("a folder can be made");
+        let at = |name: &str| place.path().join(name);
+        let link = |to: &str, name: &str| std::os::unix::fs::symlink(to, at(name)).expect("a link can be made");
+        fs::create_dir(at("there")).expect("a folder can be made");
+        fs::write(at("there/old.json"), "old").expect("room");
+        [("there/old.json", "one"), ("one", "two"), ("there/new.json", "dangling"), ("a", "b"), ("b", "a")]
+            .into_iter()
+            .for_each(|(to, name)| link(to, name));
+        let open = |name: &str| Pending::open(&at(name), false, Temporary::Random, &mut Places::default());
+        for (name, to) in [("two", "there/old.json"), ("dangling", "there/new.json")] {
+            let pending = open(name).expect("it can be made");
+            pending.write_json(&1).expect("room");
+            pending.rename().expect("it can be renamed");
+            assert!(at(name).is_symlink() && !at(to).is_symlink(), "{name}");
+            assert_eq!(fs::read_to_string(at(to)).expect("it is there"), "1\n");
+        }
+        assert!(at("one").is_symlink());
+        let circle = open("a").expect_err("it leads nowhere").to_string();
+        assert!(circle.contains("is a link, the first of more than 40 or of a circle"), "{circle}");
+        // Of a link and what it leads to only one can be written.
+        let mut places = Places::default();
+        places.write(&at("there/other.json"), "other").expect("it is the first");
+        link("there/other.json", "beside");
+        assert_eq!(places.write(&at("beside"), "it"), Err("other".into()));
+    }
+
+    #[cfg(unix)]
+    #[test]
     fn a_file_that_is_written_again_stays_as_private_as_it_was() {
         use std::os::unix::fs::PermissionsExt;
         let place = tempfile::tempdir().expect("a folder can be made");
@@ -226,7 +269,7 @@ mod tests {
             let pending =
                 Pending::open(target, false, Temporary::Random, &mut Places::default()).expect("it can be made");
             pending.write_json(&1).expect("room");
-            pending.rename(target).expect("it can be renamed");
+            pending.rename().expect("it can be renamed");
         };
         let [plain, private] = ["plain.json", "private.json"].map(|name| place.path().join(name));
         fs::write(&private, "old").expect("room");
@@ -248,7 +291,7 @@ mod tests {
             fs::create_dir_all(pending.path().join("0/c")).expect("room");
             fs::write(pending.path().join("0/c/0"), number.to_string()).expect("room");
             fs::write(pending.path().join("zarr.json"), own).expect("room");
-            pending.rename(&target).expect("it can be renamed");
+            pending.rename().expect("it can be renamed");
         };
         write(0);
         let stop = AtomicBool::new(false);

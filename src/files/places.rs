@@ -8,6 +8,7 @@
 use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::fs;
+use std::io;
 use std::path::{Component, Path, PathBuf};
 
 use super::JobOptions;
@@ -35,6 +36,40 @@ fn found(path: &Path) -> Option<Found> {
 #[cfg(not(unix))]
 fn found(path: &Path) -> Option<Found> {
     path.canonicalize().ok()
+}
+
+/// Links one behind the other, of which systems follow as many.
+const MOST_LINKS: usize = 40;
+
+/// The place that is written where `target` is: that of a link, or of a link that it leads to, is where the last of them leads, be there anything or not.
+///
+/// # Errors
+/// Words about links that lead to no end.
+fn behind_links(target: &Path) -> io::Result<PathBuf> {
+    let mut place = target.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        match fs::read_link(&place) {
+            Ok(to) => place = parent(&place).join(to),
+            Err(_) => return Ok(place),
+        }
+    }
+    Err(io::Error::other(format!("is a link, the first of more than {MOST_LINKS} or of a circle")))
+}
+
+/// The same for an output, where the system lets a link be followed: not one that somebody else has laid into a folder that all may write.
+///
+/// # Errors
+/// [`Error::Output`].
+pub(super) fn place_of(target: &Path) -> Result<PathBuf> {
+    let fail = |e: io::Error| Error::Output { path: target.into(), message: e.to_string() };
+    let place = behind_links(target).map_err(fail)?;
+    match fs::metadata(target) {
+        Err(e) if place != target && e.kind() == io::ErrorKind::PermissionDenied => {
+            let message = format!("is a link to {}, which is not followed: {e}", place.display());
+            Err(Error::Output { path: target.into(), message })
+        }
+        _ => Ok(place),
+    }
 }
 
 /// A name in a folder: the last folder that exists, and what follows.
@@ -130,6 +165,8 @@ impl Places {
     /// # Errors
     /// Name of the place that it would take.
     pub fn write(&mut self, path: &Path, what: &str) -> std::result::Result<(), String> {
+        let place = behind_links(path).unwrap_or_else(|_| path.into());
+        let path = place.as_path();
         let (entry, found) = (Entry::of(path), found(path));
         let is = found.as_ref().and_then(|found| self.reads.get(found)).or_else(|| self.read_as.get(&entry));
         if let Some(read) = is {
@@ -170,9 +207,13 @@ impl Places {
             Error::Output { path: target.into(), message }
         };
         self.write(target, &format!("the output {}", target.display())).map_err(said)?;
-        let name = target.file_name().unwrap_or_default().to_string_lossy();
+        let place = behind_links(target).unwrap_or_else(|_| target.into());
+        let is_in = |path: &Path, kind: Gathered, folder: &Found| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            kind.takes(&name) && found(parent(path)).as_ref() == Some(folder)
+        };
         match &self.gathered {
-            Some((kind, folder, input)) if kind.takes(&name) && found(parent(target)).as_ref() == Some(folder) => {
+            Some((kind, folder, input)) if is_in(target, *kind, folder) || is_in(&place, *kind, folder) => {
                 let message = format!(
                     "the next run would read it as {} of the input {}; write it to another folder",
                     kind.one(),

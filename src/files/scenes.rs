@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::format::{BUFFER_BYTES, Format, Kind};
 use super::options::OutputOptions;
-use super::pending::{Pending, Temporary, parent};
+use super::pending::{Made, Pending, Temporary, parent};
 use super::places::Places;
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
@@ -111,7 +111,7 @@ impl Scenes {
         let mut scenes = self.shared.lock().map_err(|source| self.shared.fails(source))?;
         self.files.iter_mut().try_for_each(|(target, format, pending)| {
             let mut write = || {
-                let Pending::File(file, _) = &mut *pending else { return Ok(()) };
+                let Made::File(file, _) = &mut pending.made else { return Ok(()) };
                 let Some((_, scene)) = scenes.iter_mut().find(|(of, _)| of == format) else { return Ok(()) };
                 scene.write(&mut BufWriter::with_capacity(BUFFER_BYTES, file.as_file_mut()))?;
                 pending.sync()
@@ -125,7 +125,7 @@ impl Scenes {
     /// # Errors
     /// [`Error::Write`].
     pub fn rename(self) -> Result<Vec<PathBuf>> {
-        let rename = |(target, _, pending): (PathBuf, Format, Pending)| match pending.rename(&target) {
+        let rename = |(target, _, pending): (PathBuf, Format, Pending)| match pending.rename() {
             Ok(()) => Ok(target),
             Err(source) => Err(Error::Write { path: target, source }),
         };

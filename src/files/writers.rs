@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::format::{BUFFER_BYTES, Format, extension_at, named_content};
 use super::options::OutputOptions;
-use super::pending::{Pending, parent};
+use super::pending::{Made, Pending, parent};
 use crate::progress::Stop;
 #[cfg(feature = "dicom")]
 use crate::rtstruct::StructuresWriter;
@@ -65,9 +65,9 @@ pub(super) fn writer(
             Content::Origin | Content::Confidence => Box::new(OriginWriter::new(writer, content, folder)),
         })
     };
-    let file = match pending {
-        Pending::File(file, _) => file.as_file_mut(),
-        Pending::Folder(folder, _) => return in_folder(folder.path(), header, content, &options.bodies).map(volume),
+    let file = match &mut pending.made {
+        Made::File(file, _) => file.as_file_mut(),
+        Made::Folder(folder, _) => return in_folder(folder.path(), header, content, &options.bodies).map(volume),
     };
     let mut file = file.try_clone()?;
     file.set_len(0)?;

@@ -1,5 +1,5 @@
-//! Names out of data files lead nowhere: outputs lie where the user said, links are replaced and not followed, what is no file is not waited for,
-//! and a terminal obeys no name.
+//! Names out of data files lead nowhere: outputs lie where the user said, be it by a link, links under temporary names are replaced and not followed, what
+//! is no file is not waited for, and a terminal obeys no name.
 
 use std::fs;
 use std::io::Write;
@@ -193,16 +193,17 @@ fn names_that_no_file_can_have() {
     }
 }
 
-/// A link under an output's name, or under that of its temporary file, is replaced; what it leads to stays as it is.
+/// A link under an output's name is the user's, and is followed. One under that of its temporary file is not: what it leads to stays as it is.
 #[test]
-fn links_are_replaced_and_not_followed() {
+fn links_are_followed_under_the_names_that_a_user_has_given() {
     let place = folder();
     let (inputs, out) = (place.path().join("in"), place.path().join("out"));
     [&inputs, &out].into_iter().for_each(|folder| fs::create_dir(folder).expect("a folder can be made"));
     sound_stack(&inputs);
     let kept = place.path().join("kept");
     fs::write(&kept, "what the user had").expect("a file can be written");
-    symlink("../kept", out.join("a.stl")).expect("a link can be made");
+    fs::write(place.path().join("old"), "what it leads to").expect("a file can be written");
+    symlink("../old", out.join("a.stl")).expect("a link can be made");
     symlink("../not-there", out.join("b.stl")).expect("a link can be made");
     // The temporary file of a job of a batch has a name that can be known before.
     let fixed = format!(".interslice-{}.tmp", &blake3_of("c.stl")[..32]);
@@ -213,10 +214,11 @@ fn links_are_replaced_and_not_followed() {
     let done = interslice(&["batch", &manifest.display().to_string(), "--backend", "cpu", "--quiet"]);
     assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
     assert_eq!(fs::read_to_string(&kept).expect("it is there"), "what the user had");
-    assert!(!place.path().join("not-there").exists());
     assert_eq!(listing(&out), ["a.stl", "b.stl", "c.stl"].map(|name| out.join(name)));
-    for path in listing(&out) {
-        assert!(fs::symlink_metadata(&path).expect("it is there").is_file(), "{}", path.display());
+    let bytes = |name: &str| fs::read(place.path().join(name)).expect("it was written");
+    assert!(bytes("old") == bytes("out/c.stl") && bytes("not-there") == bytes("out/c.stl"));
+    for (path, is_link) in listing(&out).iter().zip([true, true, false]) {
+        assert_eq!(path.is_symlink(), is_link, "{}", path.display());
     }
 }
 
@@ -226,7 +228,7 @@ fn blake3_of(name: &str) -> String {
 
 #[cfg(feature = "zarr")]
 #[test]
-fn a_folder_behind_a_link_stays() {
+fn a_folder_behind_a_link_is_as_any_other() {
     let place = folder();
     sound_stack(place.path());
     let at = |name: &str| place.path().join(name);
@@ -234,11 +236,18 @@ fn a_folder_behind_a_link_stays() {
     fs::write(at("kept.zarr/zarr.json"), "{}").expect("a file can be written");
     symlink("kept.zarr", at("out.zarr")).expect("a link can be made");
     let [input, output] = [place.path(), &at("out.zarr")].map(|p| p.display().to_string());
-    let done = interslice(&["reconstruct", &input, "--backend", "cpu", "-o", &output]);
-    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    let run = || interslice(&["reconstruct", &input, "--backend", "cpu", "-o", &output]);
+    let refused = run();
+    assert!(refused.status.code() == Some(2) && stderr(&refused).contains("out.zarr"), "{}", stderr(&refused));
     assert_eq!(listing(&at("kept.zarr")), [at("kept.zarr/zarr.json")]);
     assert_eq!(fs::read_to_string(at("kept.zarr/zarr.json")).expect("it is there"), "{}");
-    assert!(fs::symlink_metadata(at("out.zarr")).expect("it is there").is_dir(), "the link has gone");
+    // One that is not there is made, and then written again.
+    fs::remove_dir_all(at("kept.zarr")).expect("it can be removed");
+    for _ in 0..2 {
+        let done = run();
+        assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+        assert!(at("out.zarr").is_symlink() && at("kept.zarr/zarr.json").is_file());
+    }
 }
 
 /// Exit code and words of `inspect`, which must end by itself.

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::files::{folder, interslice, sound_stack, stderr};
+use crate::files::{folder, interslice, listing, sound_stack, stderr};
 use interslice::evaluate::demo::demo;
 use interslice::files::options::OutputOptions;
 use interslice::files::outputs::Outputs;
@@ -318,6 +318,36 @@ fn a_pipe_or_a_device_is_not_replaced() {
     }
     let kind = |name: &str| fs::symlink_metadata(at(name)).expect("it is there").file_type();
     assert!(kind("pipe.stl").is_fifo() && kind("device.nrrd").is_symlink());
+}
+
+/// What it leads to has the new bytes; a link that leads nowhere leads to a file then.
+#[cfg(unix)]
+#[test]
+fn an_output_that_is_a_link_stays_one() {
+    let place = folder();
+    sound_stack(place.path());
+    let at = |name: &str| place.path().join(name);
+    fs::create_dir(at("there")).expect("a folder can be made");
+    fs::write(at("there/old.stl"), "old").expect("a file can be written");
+    let links = [("there/old.stl", "a.stl"), ("there/new.nrrd", "b.nrrd"), ("b.nrrd", "c.nrrd")];
+    links.iter().for_each(|(to, link)| std::os::unix::fs::symlink(to, at(link)).expect("a link can be made"));
+    let input = place.path().display().to_string();
+    let run = |names: &[&str]| {
+        let outputs = names.iter().flat_map(|name| ["-o".into(), at(name).display().to_string()]);
+        let arguments: Vec<String> =
+            ["reconstruct", &input, "--backend", "cpu"].map(String::from).into_iter().chain(outputs).collect();
+        interslice(&arguments.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    let done = run(&["a.stl", "c.nrrd", "plain.stl"]);
+    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    assert!(links.iter().all(|(_, link)| at(link).is_symlink()), "the links have gone");
+    assert!(fs::read(at("there/old.stl")).expect("it is there") == fs::read(at("plain.stl")).expect("it is there"));
+    assert!(fs::read(at("there/new.nrrd")).expect("it was made").starts_with(b"NRRD"));
+    let left = [listing(place.path()), listing(&at("there"))].concat();
+    assert!(!left.iter().any(|path| path.to_string_lossy().contains(".interslice-")), "{left:?}");
+    // Both are one file.
+    let twice = run(&["b.nrrd", "there/new.nrrd"]);
+    assert!(twice.status.code() == Some(2) && stderr(&twice).contains("is named twice: it is "), "{}", stderr(&twice));
 }
 
 #[test]

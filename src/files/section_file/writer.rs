@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::{BUFFER_BYTES, END, Head, LAYER, MAGIC, VALUES, WHOLE};
 use crate::error::{Error, Result};
 use crate::files::Loaded;
-use crate::files::pending::{Pending, Temporary};
+use crate::files::pending::{Made, Pending, Temporary};
 use crate::files::places::Places;
 use crate::report::Report;
 use crate::stack::ContourStack;
@@ -70,7 +70,7 @@ impl SectionWriter {
     }
 
     fn start(&mut self) -> io::Result<()> {
-        let Pending::File(file, _) = &mut self.pending else { return Ok(()) };
+        let Made::File(file, _) = &mut self.pending.made else { return Ok(()) };
         let out = BufWriter::with_capacity(BUFFER_BYTES, file.reopen()?);
         let mut out = Deflate::gzip(out);
         serde_json::to_writer(&mut out, &self.head)?;
@@ -95,7 +95,7 @@ impl SectionWriter {
         let out = self.out.take();
         end(out).and_then(|()| self.pending.sync()).map_err(|e| self.fails(e))?;
         let SectionWriter { target, pending, .. } = self;
-        match pending.rename(&target) {
+        match pending.rename() {
             Ok(()) => Ok(target),
             Err(source) => Err(Error::Write { path: target, source }),
         }
@@ -107,7 +107,7 @@ impl LayerSink for SectionWriter {
         self.head.extent = header.extent;
         // What came before ends in the file first.
         self.out = None;
-        if let Pending::File(file, _) = &mut self.pending {
+        if let Made::File(file, _) = &mut self.pending.made {
             file.as_file_mut().set_len(0).map_err(|source| Error::Write { path: self.target.clone(), source })?;
         }
         self.start().map_err(|e| self.fails(e))

@@ -1,5 +1,6 @@
 //! Formats of outputs: by which name each is known, and what writing it takes of memory.
 
+use std::fs::Metadata;
 use std::io::ErrorKind;
 use std::path::Path;
 
@@ -335,7 +336,7 @@ pub fn extension_at(name: &str) -> usize {
 }
 
 /// Whether `target` is a name that the system takes, and nothing stands at its `place`, behind all links, that an output must not replace: a folder, for an
-/// output of Zarr one that holds anything but such an output.
+/// output of Zarr one that holds anything but such an output, or what nobody may write.
 pub(super) fn check_place(target: &Path, place: &Path, is_folder: bool) -> Result<()> {
     let fail = |message: String| Err(Error::Output { path: target.into(), message });
     if let Err(e) = std::fs::symlink_metadata(place)
@@ -361,7 +362,21 @@ pub(super) fn check_place(target: &Path, place: &Path, is_folder: bool) -> Resul
         }
         (false, _) => {}
     }
-    Ok(())
+    match is_protected(place, &found) {
+        true => fail("is write-protected, and is not replaced; give the output a name of its own".into()),
+        false => Ok(()),
+    }
+}
+
+/// Whether what stands at a place says that it is not to be written, be it by anybody or by who asks.
+fn is_protected(place: &Path, found: &Metadata) -> bool {
+    // A folder of Windows that is called read-only can be written.
+    let nobody = found.permissions().readonly() && (cfg!(unix) || found.is_file());
+    #[cfg(any(target_os = "linux", target_os = "macos"))]
+    let asked = rustix::fs::access(place, rustix::fs::Access::WRITE_OK) == Err(rustix::io::Errno::ACCESS);
+    #[cfg(not(any(target_os = "linux", target_os = "macos")))]
+    let (asked, _) = (false, place);
+    nobody || asked
 }
 
 /// Bytes of memory that writing `paths` needs at most while layers of `dims` pixels that lie so arrive, however many these are, and the

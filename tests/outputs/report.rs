@@ -350,6 +350,30 @@ fn an_output_that_is_a_link_stays_one() {
     assert!(twice.status.code() == Some(2) && stderr(&twice).contains("is named twice: it is "), "{}", stderr(&twice));
 }
 
+#[cfg(unix)]
+#[test]
+fn what_is_write_protected_is_not_replaced() {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    let place = folder();
+    sound_stack(place.path());
+    let at = |name: &str| place.path().join(name);
+    for name in ["a.stl", "a.json", "a.html", "behind.nrrd"] {
+        fs::write(at(name), "kept").expect("a file can be written");
+        fs::set_permissions(at(name), fs::Permissions::from_mode(0o444)).expect("it is ours");
+    }
+    symlink("behind.nrrd", at("link.nrrd")).expect("a link can be made");
+    let input = place.path().display().to_string();
+    for (name, option) in [("a.stl", "-o"), ("a.json", "--report"), ("a.html", "-o"), ("link.nrrd", "-o")] {
+        let (kept, out) = (at(name), at("out.ply").display().to_string());
+        let arguments = ["reconstruct", &input, "-o", &out, option, &kept.display().to_string(), "--backend", "cpu"];
+        let result = interslice(&arguments);
+        let says = format!("{name}: cannot write: is write-protected, and is not replaced");
+        assert!(result.status.code() == Some(2) && stderr(&result).contains(&says), "{}", stderr(&result));
+        assert!(!stderr(&result).contains("running on"), "it is refused before the work");
+        assert!(fs::read(&kept).expect("it is there") == b"kept" && !at("out.ply").exists());
+    }
+}
+
 #[test]
 fn a_glb_holds_the_mesh() {
     use interslice::surface::mesh::closed_surface;

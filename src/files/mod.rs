@@ -77,7 +77,23 @@ impl JobOptions {
     /// [`Error::Read`](crate::Error::Read) or [`Error::Format`](crate::Error::Format) where the input does not say what it consists of.
     pub fn files(&self, input: &Path) -> Result<Vec<PathBuf>> {
         let like = self.output.like.as_deref().map(like::Like::files).transpose()?.unwrap_or_default();
-        Ok(input::files(input)?.into_iter().chain(self.links.links.clone()).chain(like).collect())
+        let own = match self.structure_sets(input) {
+            Some(sets) => sets?,
+            None => input::files(input)?,
+        };
+        Ok(own.into_iter().chain(self.links.links.clone()).chain(like).collect())
+    }
+
+    /// The structure sets of an input that is a folder of them.
+    #[cfg(feature = "dicom")]
+    fn structure_sets(&self, input: &Path) -> Option<Result<Vec<PathBuf>>> {
+        let is_folder = input.is_dir() && input::is_structure_set(input);
+        is_folder.then(|| crate::rtstruct::read_of(input, self.read.series.as_deref()))
+    }
+
+    #[cfg(not(feature = "dicom"))]
+    fn structure_sets(&self, _: &Path) -> Option<Result<Vec<PathBuf>>> {
+        None
     }
 
     /// Checks every range.

@@ -266,6 +266,12 @@ fn uid(hash: blake3::Hash) -> String {
     format!("2.25.{}", u128::from_be_bytes(bytes))
 }
 
+/// Whether a UID is one of those that [`uid`] makes.
+pub(super) fn is_own(uid: &str) -> bool {
+    let number: Option<u128> = uid.strip_prefix("2.25.").and_then(|number| number.parse().ok());
+    number.map(u128::to_be_bytes).is_some_and(|bytes| bytes[6] >> 4 == 8 && bytes[8] >> 6 == 2)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -277,7 +283,8 @@ mod tests {
             let number: u128 = uid.strip_prefix("2.25.").and_then(|n| n.parse().ok()).expect("2.25 and a number");
             let bytes = number.to_be_bytes();
             assert_eq!((bytes[6] >> 4, bytes[8] >> 6), (8, 2), "version and variant of {uid}");
-            assert!(uid.len() <= 64, "{uid}");
+            assert!(uid.len() <= 64 && is_own(&uid), "{uid}");
+            assert!(!is_own(&format!("2.25.{}", number ^ 1 << 78)) && !is_own(&uid[..uid.len() - 5]), "{uid}");
         }
     }
 }

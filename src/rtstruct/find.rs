@@ -1,10 +1,12 @@
-//! The structure sets of a folder of DICOM files, as an archive exports a study: images and, among them, one structure set or several.
+//! The structure sets of a folder of DICOM files, as an archive exports a study: images and, among them, one structure set or several. What this program
+//! has completed may lie beside the one that it was made of, which stays the one that is meant.
 
 use std::path::{Path, PathBuf};
 
 use dicom_dictionary_std::uids;
 
 use super::StructureSet;
+use super::complete::is_own;
 use super::guard;
 use super::parse::{self, Identity};
 use crate::error::{Error, Result};
@@ -29,11 +31,55 @@ impl Found {
 
     /// Line of a list.
     fn told(&self) -> String {
-        let Identity { series, instance, number, label } = &self.identity;
+        let Identity { series, instance, number, label, .. } = &self.identity;
         let number = number.map_or(String::new(), |n| format!("number {n}, "));
         let label = if label.is_empty() { String::new() } else { format!("`{label}`, ") };
         format!("{series} ({number}{label}instance {instance}, {})", self.path.display())
     }
+
+    /// Whether this program has made it of one of `all`.
+    fn is_made_of(&self, all: &[Found]) -> bool {
+        let Identity { instance, predecessor, .. } = &self.identity;
+        let old =
+            |one: &Found| predecessor.as_ref() == Some(&one.identity.instance) && one.identity.instance != *instance;
+        is_own(instance) && all.iter().any(old)
+    }
+}
+
+/// Structure sets of a folder: those that are meant by `series`, or all, and what this program has made of them, of which one is meant by its own UIDs alone.
+struct Sets {
+    all: Vec<Found>,
+    /// Places of those that are meant.
+    meant: Vec<usize>,
+    /// Places of those that would be, were they not made of others there.
+    made: Vec<usize>,
+}
+
+impl Sets {
+    /// # Errors
+    /// The errors of [`structure_sets`]; [`Error::Read`], [`Error::Format`].
+    fn of(folder: &Path, series: Option<&str>) -> Result<Self> {
+        let mut all = Vec::new();
+        for file in structure_sets(folder)? {
+            let bytes = regular::read(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
+            let identity = parse::identity(&bytes).map_err(|message| Error::Format { path: file.clone(), message })?;
+            all.push(Found { path: file, identity });
+        }
+        let wanted = (0..all.len()).filter(|&k| series.is_none_or(|wanted| all[k].is(wanted.trim())));
+        let (made, meant): (Vec<usize>, Vec<usize>) = wanted.partition(|&k| all[k].is_made_of(&all));
+        let [meant, made] = if meant.is_empty() { [made, meant] } else { [meant, made] };
+        Ok(Sets { all, meant, made })
+    }
+}
+
+/// Files of a folder that decide what is read of it where `series` is named: all of its structure sets but those that this program has made of others there.
+///
+/// # Errors
+/// The errors of [`StructureSet::choose_file`], but for a choice among several.
+pub fn read_of(folder: &Path, series: Option<&str>) -> Result<Vec<PathBuf>> {
+    let Sets { all, meant, .. } = Sets::of(folder, series)?;
+    let is_read = |k: &usize| meant.contains(k) || !all[*k].is_made_of(&all);
+    Ok((0..all.len()).filter(is_read).map(|k| all[k].path.clone()).collect())
 }
 
 /// Structure sets of a folder and the folders below, sorted by name.
@@ -80,28 +126,30 @@ impl StructureSet {
                 Some(_) => fail("is not for a single file; it chooses in a folder of DICOM files".into()),
             };
         }
-        let mut found = Vec::new();
-        for file in structure_sets(path)? {
-            let bytes = regular::read(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
-            let identity = parse::identity(&bytes).map_err(|message| Error::Format { path: file.clone(), message })?;
-            found.push(Found { path: file, identity });
-        }
-        let listed: String = found.iter().map(|one| format!("\n  {}", one.told())).collect();
-        match series.map(str::trim) {
-            None if found.len() > 1 => {
-                fail(format!("is needed: {} has {} RTSTRUCTs:{listed}", path.display(), found.len()))
+        let Sets { all, meant, made } = Sets::of(path, series)?;
+        let listed: String = all.iter().map(|one| format!("\n  {}", one.told())).collect();
+        match (&meant[..], series.map(str::trim)) {
+            ([one], _) => {
+                let mut set = Self::read(&all[*one].path)?;
+                let told = |k: &usize| {
+                    let Found { path, identity } = &all[*k];
+                    format!(
+                        "{} is not read: interslice has made it of {}; --series {} takes it",
+                        path.display(),
+                        set.path.display(),
+                        identity.instance
+                    )
+                };
+                let told: Vec<String> = made.iter().map(told).collect();
+                set.left_out.extend(told);
+                Ok(set)
             }
-            wanted => {
-                found.retain(|one| wanted.is_none_or(|wanted| one.is(wanted)));
-                match (&found[..], wanted.unwrap_or_default()) {
-                    ([one], _) => Self::read(&one.path),
-                    ([], wanted) => {
-                        fail(format!("must name an RTSTRUCT of {}; got {wanted}, there are:{listed}", path.display()))
-                    }
-                    (_, wanted) => {
-                        fail(format!("{wanted} stands for several RTSTRUCTs; name one by its instance:{listed}"))
-                    }
-                }
+            (_, None) => fail(format!("is needed: {} has {} RTSTRUCTs:{listed}", path.display(), all.len())),
+            ([], Some(wanted)) => {
+                fail(format!("must name an RTSTRUCT of {}; got {wanted}, there are:{listed}", path.display()))
+            }
+            (_, Some(wanted)) => {
+                fail(format!("{wanted} stands for several RTSTRUCTs; name one by its instance:{listed}"))
             }
         }
     }

@@ -24,7 +24,7 @@ use glam::DVec3;
 use added::Adding;
 pub use added::{Added, Gather, StructuresWriter};
 pub use choose::{ChosenRois, Steps};
-pub use find::structure_sets;
+pub use find::{read_of, structure_sets};
 use parse::Parsed;
 pub use series::ImageSeries;
 

@@ -96,6 +96,8 @@ pub struct Identity {
     pub number: Option<i64>,
     /// Structure Set Label.
     pub label: String,
+    /// SOP Instance UID of the one that it was made of.
+    pub predecessor: Option<String>,
 }
 
 /// What a file calls itself; its ROIs are not looked at.
@@ -107,7 +109,10 @@ pub fn identity(bytes: &[u8]) -> Parse<Identity> {
     let options = OpenFileOptions::new().read_until(tags::STRUCTURE_SET_ROI_SEQUENCE);
     let object = options.from_reader(&bytes[..]).map_err(|e| with_causes(&e))?;
     let said = |tag| text(&object, tag).map(Option::unwrap_or_default);
+    let before = items(&object, tags::PREDECESSOR_STRUCTURE_SET_SEQUENCE)?.and_then(<[_]>::first);
+    let predecessor = before.map(|item| text(item, tags::REFERENCED_SOP_INSTANCE_UID)).transpose()?.flatten();
     Ok(Identity {
+        predecessor,
         series: said(tags::SERIES_INSTANCE_UID)?,
         instance: said(tags::SOP_INSTANCE_UID)?,
         number: said(tags::SERIES_NUMBER)?.parse().ok(),

@@ -152,3 +152,40 @@ fn the_structure_set_of_a_folder_is_found_or_chosen() {
         &["`series` is not for anything but a folder of DICOM"],
     );
 }
+
+/// Beside the images is where viewers look for it; there it is none of the next run's inputs.
+#[test]
+fn a_completed_set_may_lie_in_the_folder_of_its_input() {
+    let place = folder();
+    let study = place.path().join("study");
+    fs::create_dir(&study).expect("a folder can be made");
+    (0..3).for_each(|k| image_file(&study.join(format!("IM{k}"))));
+    let mut object = structure_set(&[("Tube", tube(10.0, &[0.0, 3.0, 6.0])), ("Wide", tube(20.0, &[0.0, 3.0, 6.0]))]);
+    object.put(text(tags::SERIES_NUMBER, VR::IS, "7"));
+    write_as(object, uids::EXPLICIT_VR_LITTLE_ENDIAN, &study.join("rt.dcm"));
+    let [input, one, two, mesh] =
+        [study.clone(), study.join("one.dcm"), study.join("two.dcm"), place.path().join("a.stl")]
+            .map(|path| path.display().to_string());
+    let run = |roi: &str, out: &str, more: &[&str], code: i32| {
+        said(&[&["reconstruct", &input, "--roi", roi, "-o", out, "--backend", "cpu"], more].concat(), code)
+    };
+    run("Tube", &one, &[], 0);
+    let bytes = fs::read(&one).expect("it was written");
+    // Again, by its series, which is the number of both, and another ROI beside it.
+    for more in [&[][..], &["--series", "7"], &["--series", "1.2.3.5"]] {
+        let told = run("Tube", &one, more, 0);
+        assert_eq!(told.contains("one.dcm is not read: interslice has made it of "), more.get(1) != Some(&"1.2.3.5"));
+        assert_eq!(fs::read(&one).expect("it was written"), bytes, "{more:?}");
+    }
+    run("Wide", &two, &[], 0);
+    assert_eq!(contours_of(Path::new(&two)).iter().map(Vec::len).collect::<Vec<_>>(), [3, 5]);
+    // It is read where it is named, and then no output.
+    let object = open_file(&one).expect("the completed file is whole");
+    let instance = object.element(tags::SOP_INSTANCE_UID).expect("it has one").to_str().expect("text").into_owned();
+    assert_says(&run("Tube", &one, &["--series", &instance], 2), &["one.dcm", "is the input"]);
+    run("Tube", &mesh, &["--series", &instance], 0);
+    // Without the one that it was made of it is one as any other.
+    fs::remove_file(study.join("rt.dcm")).expect("it can be removed");
+    fs::remove_file(&two).expect("it can be removed");
+    assert!(!run("Tube", &mesh, &[], 0).contains("is not read"));
+}

@@ -1,6 +1,6 @@
 //! A manifest: the jobs of a batch, all checked before any runs.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -106,9 +106,15 @@ impl Manifest {
         let mut places = places(path, &jobs);
         for (number, target) in claims.targets {
             let own = format!("one of line {number} too");
-            if let Err(what) = places.write(&target, &own) {
-                let what = if what == own { "named twice" } else { &what };
-                wrong.push((number, format!("output {} is {what}", target.display())));
+            match places.write(&target, &own) {
+                Err(what) => {
+                    let what = if what == own { "named twice" } else { &what };
+                    wrong.push((number, format!("output {} is {what}", target.display())));
+                }
+                Ok(()) => {
+                    let joins = places.joins(&target);
+                    wrong.extend(joins.map(|why| (number, format!("output {}: {why}", target.display()))));
+                }
             }
         }
         if jobs.is_empty() && wrong.is_empty() {
@@ -211,6 +217,8 @@ fn options(line: &ManifestLine, folder: &Path, wrong: &mut Vec<String>) -> JobOp
 fn places(manifest: &Path, jobs: &[(usize, Job)]) -> Places {
     let mut places = Places::default();
     places.read(manifest, "the manifest");
+    let inputs: BTreeSet<&Path> = jobs.iter().map(|(_, job)| job.input.as_path()).collect();
+    inputs.into_iter().for_each(|input| places.gathers(input));
     for (number, job) in jobs {
         for file in job.options.files(&job.input).unwrap_or_else(|_| vec![job.input.clone()]) {
             let what = if file == job.input { "the input of" } else { "read by" };

@@ -119,8 +119,8 @@ pub struct Places {
     writes: HashMap<Entry, Vec<(PathBuf, String)>>,
     /// Folders outputs will be in.
     around_writes: HashMap<Entry, String>,
-    /// A folder all of whose files of a kind are the input, and its name.
-    gathered: Option<(Gathered, Found, PathBuf)>,
+    /// Folders all of whose files of a kind are an input, and their names.
+    gathered: Vec<(Gathered, Found, PathBuf)>,
 }
 
 impl Places {
@@ -129,8 +129,14 @@ impl Places {
     /// # Errors
     /// The errors of [`JobOptions::files`].
     pub fn of(input: &Path, options: &JobOptions) -> Result<Self> {
-        let gathered = Gathered::of(input).and_then(|kind| Some((kind, found(input)?, input.into())));
-        Ok(Places { gathered, ..Self::reading(options.files(input)?.iter().chain(&options.settings_file)) })
+        let mut places = Self::reading(options.files(input)?.iter().chain(&options.settings_file));
+        places.gathers(input);
+        Ok(places)
+    }
+
+    /// Adds an input that outputs must not join where it is a folder all of whose files of a kind are read.
+    pub fn gathers(&mut self, input: &Path) {
+        self.gathered.extend(Gathered::of(input).and_then(|kind| Some((kind, found(input)?, input.into()))));
     }
 
     /// Places that a run over these files reads.
@@ -207,22 +213,25 @@ impl Places {
             Error::Output { path: target.into(), message }
         };
         self.write(target, &format!("the output {}", target.display())).map_err(said)?;
+        match self.joins(target) {
+            Some(message) => Err(Error::Output { path: target.into(), message }),
+            None => Ok(()),
+        }
+    }
+
+    /// Words where the next run of an input would read an output with it, under its own name or that of what it leads to.
+    pub fn joins(&self, target: &Path) -> Option<String> {
         let place = behind_links(target).unwrap_or_else(|_| target.into());
-        let is_in = |path: &Path, kind: Gathered, folder: &Found| {
+        let is_in = |path: &Path, (kind, folder, _): &(Gathered, Found, PathBuf)| {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             kind.takes(&name) && found(parent(path)).as_ref() == Some(folder)
         };
-        match &self.gathered {
-            Some((kind, folder, input)) if is_in(target, *kind, folder) || is_in(&place, *kind, folder) => {
-                let message = format!(
-                    "the next run would read it as {} of the input {}; write it to another folder",
-                    kind.one(),
-                    input.display()
-                );
-                Err(Error::Output { path: target.into(), message })
-            }
-            _ => Ok(()),
-        }
+        let (kind, _, input) = self.gathered.iter().find(|of| is_in(target, of) || is_in(&place, of))?;
+        let one = kind.one();
+        Some(format!(
+            "the next run would read it as {one} of the input {}; write it to another folder",
+            input.display()
+        ))
     }
 }
 

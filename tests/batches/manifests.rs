@@ -199,6 +199,34 @@ fn every_wrong_line_is_named_before_anything_runs() {
         &[&sound, slice].map(String::from).join("\n"),
         &["line 2: output", "s1.png is read by line 1"],
     );
+    // A folder whose images need no names reads what is laid into it, be it by another job.
+    fs::create_dir(at("im")).expect("a folder can be made");
+    (1..4).for_each(|k| disc(&at(&format!("im/{k}.png")), 32, 7.0 + f64::from(k)));
+    let joining = [
+        r#"{"id": "im", "input": "im", "outputs": ["out/im.stl", "im/im.png"], "options": {"spacing": [1, 1, 4]}}"#,
+        r#"{"id": "x", "input": "cases/case01", "outputs": ["im/x.png", "im/x.stl"]}"#,
+    ];
+    refused(
+        "bad.jsonl",
+        &[&sound, joining[0], joining[1]].join("\n"),
+        &[
+            "im.png: the next run would read it as a slice of the input",
+            "im/x.png: the next run would read it",
+            "line 3",
+        ],
+    );
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let kept = r#"{"id": "k", "input": "cases/case01", "outputs": ["kept.stl"]}"#;
+        fs::write(at("kept.stl"), "kept").expect("a file can be written");
+        fs::set_permissions(at("kept.stl"), fs::Permissions::from_mode(0o444)).expect("it is ours");
+        refused(
+            "bad.jsonl",
+            &[&sound, kept].join("\n"),
+            &["line 2: outputs: ", "kept.stl: cannot write: is write-protected"],
+        );
+    }
     refused("bad.csv", "id,input\na,cases/case00", &["bad.csv", "column `outputs` is missing"]);
     refused("bad.csv", "id,input,outputs,color\n", &["unknown column `color`", "id, input, outputs, options"]);
     refused(

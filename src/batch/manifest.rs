@@ -128,12 +128,12 @@ impl Manifest {
         Ok(Manifest { path: path.into(), folder, jobs, left_out, places })
     }
 
-    /// Opens a page that is written under a temporary name.
+    /// Opens a page that is written under a temporary name; other processes that share the batch may write it, too.
     ///
     /// # Errors
     /// [`Error::Output`] for a name that is no page's, cannot be written, or is that of something a job reads or writes.
     pub fn page(&mut self, path: &Path) -> Result<Pending> {
-        let page = Pending::open(path, false, Temporary::Random, &mut self.places)?;
+        let page = Pending::open(path, false, Temporary::Shared, &mut self.places)?;
         check_page(path).map(|()| page)
     }
 

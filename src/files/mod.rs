@@ -8,6 +8,7 @@ pub mod fingerprint;
 pub mod format;
 pub mod labels;
 pub mod like;
+mod lock;
 pub mod member_names;
 pub mod named;
 pub mod options;

@@ -8,6 +8,7 @@ use serde::Serialize;
 use tempfile::{Builder, NamedTempFile, TempDir};
 
 use super::format::check_place;
+use super::lock::Lock;
 use super::places::{Places, place_of};
 use crate::error::{Error, Result};
 use crate::storage::folders::files_below;
@@ -16,8 +17,10 @@ use crate::storage::temporaries::{Listed, uninterrupted};
 /// Names of temporary files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Temporary {
-    /// Never two alike: any number of runs may write to one folder.
+    /// Never two alike: any number of runs may write to one folder, but to each place one at a time.
     Random,
+    /// Never two alike, of runs that may write to one place at a time: it is theirs who end last.
+    Shared,
     /// Same name every time, so that what a killed run has left is written over. For a caller that lets nobody else make this output.
     Fixed,
 }
@@ -29,6 +32,8 @@ pub struct Pending {
     place: PathBuf,
     /// What there is of it.
     pub(super) made: Made,
+    /// Keeps other runs from its place.
+    _lock: Option<Lock>,
 }
 
 /// A temporary file or folder.
@@ -47,6 +52,7 @@ impl Pending {
     /// [`Error::Output`] for a name that cannot be written, or is that of something else.
     pub fn open(target: &Path, is_folder: bool, temporary: Temporary, places: &mut Places) -> Result<Self> {
         places.claim(target)?;
+        let fail = |e: io::Error| Error::Output { path: target.into(), message: e.to_string() };
         let place = place_of(target)?;
         check_place(target, &place, is_folder)?;
         let folder = parent(&place);
@@ -54,9 +60,11 @@ impl Pending {
             true => format!("in folder {}: {e}", folder.display()),
             false => format!("there is no folder {}", folder.display()),
         };
+        let locked = temporary == Temporary::Random && places.has_lock();
+        let lock = if locked { Lock::of(&place).map_err(fail)? } else { None };
         let made = Made::beside(&place, is_folder, temporary);
         let made = made.map_err(|e| Error::Output { path: target.into(), message: message(e) })?;
-        Ok(Pending { place, made })
+        Ok(Pending { place, made, _lock: lock })
     }
 
     /// Writes a value as JSON for people, and a last line's end, onto the disk.
@@ -286,7 +294,7 @@ mod tests {
         let target = place.path().join("a.zarr");
         let write = |number: usize| {
             let pending =
-                Pending::open(&target, true, Temporary::Random, &mut Places::default()).expect("it can be made");
+                Pending::open(&target, true, Temporary::Shared, &mut Places::default()).expect("it can be made");
             let own = r#"{"attributes": {"interslice": {}}}"#;
             fs::create_dir_all(pending.path().join("0/c")).expect("room");
             fs::write(pending.path().join("0/c/0"), number.to_string()).expect("room");

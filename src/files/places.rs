@@ -40,6 +40,8 @@ fn found(path: &Path) -> Option<Found> {
 
 /// Links one behind the other, of which systems follow as many.
 const MOST_LINKS: usize = 40;
+/// Outputs of a run that are locked.
+const MOST_LOCKS: usize = 64;
 
 /// The place that is written where `target` is: that of a link, or of a link that it leads to, is where the last of them leads, be there anything or not.
 ///
@@ -121,6 +123,8 @@ pub struct Places {
     around_writes: HashMap<Entry, String>,
     /// Folders all of whose files of a kind are an input, and their names.
     gathered: Vec<(Gathered, Found, PathBuf)>,
+    /// Locks of outputs that were asked for.
+    locks: usize,
 }
 
 impl Places {
@@ -137,6 +141,12 @@ impl Places {
     /// Adds an input that outputs must not join where it is a folder all of whose files of a kind are read.
     pub fn gathers(&mut self, input: &Path) {
         self.gathered.extend(Gathered::of(input).and_then(|kind| Some((kind, found(input)?, input.into()))));
+    }
+
+    /// Whether another output may be locked: of a great many the first say which run they are of, and files that are open at a time are few.
+    pub(super) fn has_lock(&mut self) -> bool {
+        self.locks += 1;
+        self.locks <= MOST_LOCKS
     }
 
     /// Places that a run over these files reads.

@@ -78,3 +78,42 @@ fn a_file_beyond_the_limit_is_an_error_and_leaves_nothing() {
     assert!(message.contains("a.stl") || message.contains("a.npy"), "{message}");
     assert_eq!(listing(place.path()), before);
 }
+
+/// A mesh of one and a report of the other would be of no run at all.
+#[cfg(unix)]
+#[test]
+fn two_runs_do_not_write_to_one_place() {
+    use std::time::{Duration, Instant};
+    let place = folder();
+    sound_stack(place.path());
+    for name in ["s0.png", "s1.png", "s2.png"] {
+        disc(&place.path().join(name), 700, 300.0);
+    }
+    let command = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_interslice"));
+        command.args(["reconstruct", ".", "--backend", "cpu", "-q"]).args(arguments);
+        command.current_dir(place.path()).stderr(Stdio::piped());
+        command
+    };
+    let mut child = command(&["--dz", "0.01", "-o", "a.stl", "-o", "a.json"]).spawn().expect("the program starts");
+    let begin = Instant::now();
+    let works = |path: &std::path::PathBuf| path.to_string_lossy().ends_with(".tmp");
+    while listing(place.path()).iter().filter(|path| works(path)).count() < 2 {
+        let ended = child.try_wait().expect("it can be asked");
+        assert!(ended.is_none() && begin.elapsed() < Duration::from_secs(60), "{ended:?}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    for (outputs, named) in [(["b.stl", "a.json"], "a.json"), (["a.json", "a.stl"], "a.json")] {
+        let refused = command(&["-o", outputs[0], "-o", outputs[1]]).output().expect("the program starts");
+        let says = format!("{named}: cannot write: is written by another run; wait for its end");
+        assert!(refused.status.code() == Some(2) && stderr(&refused).contains(&says), "{}", stderr(&refused));
+    }
+    assert!(child.try_wait().expect("it can be asked").is_none(), "it has ended before it could be disturbed");
+    // A killed one leaves nobody locked out, and the next one no lock.
+    child.kill().expect("it can be killed");
+    child.wait().expect("it has ended");
+    let done = command(&["-o", "a.stl", "-o", "a.json"]).output().expect("the program starts");
+    assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+    let left = listing(place.path());
+    assert!(!left.iter().any(|path| path.to_string_lossy().ends_with(".lock")), "{left:?}");
+}

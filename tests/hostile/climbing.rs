@@ -220,6 +220,20 @@ fn links_are_followed_under_the_names_that_a_user_has_given() {
     for (path, is_link) in listing(&out).iter().zip([true, true, false]) {
         assert_eq!(path.is_symlink(), is_link, "{}", path.display());
     }
+    // A pipe or a link under the name of a lock is not waited for, and not followed.
+    let lock = out.join(format!(".interslice-{}.lock", &blake3_of("d.stl")[..32]));
+    let out = out.join("d.stl").display().to_string();
+    for make in ["mkfifo", "ln"] {
+        let made = match make {
+            "ln" => Command::new(make).args(["-s", "../made"]).arg(&lock).status(),
+            _ => Command::new(make).arg(&lock).status(),
+        };
+        assert!(made.expect("it starts").success(), "{make}");
+        let done = interslice(&["reconstruct", &inputs.display().to_string(), "--backend", "cpu", "-o", &out]);
+        assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
+        assert!(!place.path().join("made").exists());
+        let _ = fs::remove_file(&lock);
+    }
 }
 
 fn blake3_of(name: &str) -> String {

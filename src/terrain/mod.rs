@@ -12,6 +12,7 @@ mod arch;
 mod below;
 mod border;
 mod code_page;
+mod crossing;
 mod elevation;
 mod geojson;
 #[cfg(feature = "geopackage")]
@@ -149,6 +150,7 @@ impl Terrain {
         stack.validate().map_err(|e| e.in_file(path))?;
         notes.extend(levels::too_small(&joined, pixel));
         notes.extend(stack.missing_levels());
+        notes.extend(crossing::crossings(&joined));
         let mut description = joined.describe(&field, features.len());
         description.push(match &map.crs {
             Crs::Epsg(code) => format!("coordinate system EPSG:{code}"),

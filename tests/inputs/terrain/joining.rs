@@ -89,3 +89,38 @@ fn lines_that_dangle_or_cross_are_named() {
     missing.push(feature(200, &circle([800.0, 0.0], 100.0)));
     assert_says(&refused(&missing, &[]), &["feature 5", "line of 200", "missing"]);
 }
+
+/// As hands draw them: told, not refused, where it is by a pixel at most, or of one elevation.
+#[test]
+fn lines_that_cross_are_told() {
+    let outer = feature(100, &circle([0.0, 0.0], 400.0));
+    // A line that goes on beyond its first point, over its own begin.
+    let mut drawn_on: Line = circle([0.0, 0.0], 300.0);
+    drawn_on.truncate(118);
+    drawn_on.extend([[EAST + 310.0, NORTH + 5.0], [EAST + 290.0, NORTH + 40.0]]);
+    drawn_on.push(drawn_on[0]);
+    // One that comes 3 beyond the line around it, of pixels of 10.
+    let mut bulge = circle([0.0, 0.0], 200.0);
+    let near = circle([0.0, 0.0], 303.0);
+    bulge.splice(60..61, [near[60]]);
+    let told = |features: &[Value]| -> Vec<String> {
+        let crossing = |note: &&String| note.contains("lines cross") || note.contains("elevations cross");
+        read(features, &pixels(10.0)).notes.iter().filter(crossing).cloned().collect()
+    };
+    let notes = told(&[outer.clone(), feature(150, &drawn_on), feature(200, &circle([0.0, 0.0], 100.0))]);
+    let [own] = &notes[..] else { panic!("{notes:?}") };
+    assert_says(
+        own,
+        &["lines cross themselves or others of their elevation at 1 place, the first at (5002", "(feature 2 of 150): "],
+    );
+    let notes = told(&[outer.clone(), feature(150, &circle([0.0, 0.0], 300.0)), feature(200, &bulge)]);
+    let [others] = &notes[..] else { panic!("{notes:?}") };
+    assert_says(
+        others,
+        &[
+            "lines of different elevations cross at 2 places, the first at (499700",
+            "(feature 2 of 150 and feature 3 of 200): by no more than a pixel",
+        ],
+    );
+    assert_eq!(told(&cone()), Vec::<String>::new());
+}

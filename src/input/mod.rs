@@ -403,7 +403,8 @@ fn cut(mut volume: Volume, options: &ReadOptions) -> Result<Input> {
     }
     let axis = axis::choose(options.axis, &volume.grid, &survey);
     let stack = slices::stack(&volume, &survey, &axis, options, label)?;
-    let notes = volume.notes.iter().cloned().chain(stack.inside_out(options.invert)).collect();
+    let doubts = stack.inside_out(options.invert).into_iter().chain(axis.doubt.clone());
+    let notes = volume.notes.iter().cloned().chain(doubts).collect();
     Ok(Input { stack, notes, surveyed: Some(Surveyed { volume, survey, axis, label }) })
 }
 

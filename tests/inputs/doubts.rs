@@ -460,3 +460,14 @@ fn parts_that_pixels_do_not_resolve_are_told_where_they_are_much_of_the_body() {
     let blocks = |at: [usize; 3]| at[2] % 5 == 1 && at[1] < 32 && [0, 1].iter().all(|&a| (3..6).contains(&(at[a] % 8)));
     Case::new(&volume(|at| u16::from(blocks(at))), "1 1 1").none_doubts(&[]);
 }
+
+#[test]
+fn painted_slices_that_stand_alone_on_another_axis_than_the_coarsest_are_told() {
+    let sagittal = volume(|at| u16::from(at[1] % 8 == 3 && (4..20).contains(&at[0]) && (5..15).contains(&at[2])));
+    let told = "slices are taken to lie along y, along which 5 stretches of painted ones have empty ones between; those of the coarsest spacing lie along z, \
+                which `axis` = z takes";
+    let coarse = Case::new(&sagittal, "1 1 4");
+    coarse.all_say(&[], 0, told);
+    coarse.none_doubts(&["--axis", "y"]);
+    Case::new(&sagittal, "1 1 1").none_doubts(&[]);
+}

@@ -2,7 +2,7 @@
 
 use crate::input::volume::grid::VolumeGrid;
 use crate::input::volume::survey::Survey;
-use crate::stack::axis::Axis;
+use crate::stack::axis::{Axis, NAMES};
 
 /// Spacings this near to each other, relatively, are the same: pixels of 2.3898 x 2.3852 mm are meant to be square, no scanner's slices are
 /// thicker than its pixels by so little.
@@ -15,11 +15,14 @@ pub struct Choice {
     pub axis: usize,
     /// For people.
     pub why: String,
+    /// Words where another axis may be meant.
+    pub doubt: Option<String>,
 }
 
 /// The axis of a volume's slices.
 pub fn choose(axis: Axis, grid: &VolumeGrid, survey: &Survey) -> Choice {
-    let asked = |axis| Choice { axis, why: "as asked".into() };
+    let sure = |axis: usize, why: &str| Choice { axis, why: why.into(), doubt: None };
+    let asked = |axis| sure(axis, "as asked");
     match axis {
         Axis::X => asked(0),
         Axis::Y => asked(1),
@@ -35,10 +38,17 @@ pub fn choose(axis: Axis, grid: &VolumeGrid, survey: &Survey) -> Choice {
                     let why = format!(
                         "painted slices stand alone along it: {most} stretches of them with empty slices between"
                     );
-                    Choice { axis, why }
+                    let doubt = coarse.filter(|other| *other != axis).map(|other| {
+                        let [own, other] = [axis, other].map(|a| NAMES[a]);
+                        format!(
+                            "slices are taken to lie along {own}, along which {most} stretches of painted ones have empty ones between; those of the \
+                             coarsest spacing lie along {other}, which `axis` = {other} takes"
+                        )
+                    });
+                    Choice { axis, why, doubt }
                 }
-                (_, Some(axis)) => Choice { axis, why: "the coarsest spacing".into() },
-                _ => Choice { axis: 2, why: "no axis has lone painted slices or the coarsest spacing".into() },
+                (_, Some(axis)) => sure(axis, "the coarsest spacing"),
+                _ => sure(2, "no axis has lone painted slices or the coarsest spacing"),
             }
         }
     }

@@ -115,9 +115,7 @@ impl Surroundings<'_> {
 
     /// Whether a part is no sheet or thread that lies along the slice.
     fn is_compact(&self, side: usize, part: u32) -> bool {
-        let area = self.masses(side)[part as usize].count as f64 * self.h[0] * self.h[1];
-        // Depths are those of pixels' centres.
-        area <= COMPACT * PI * (self.contours[side].solid_depth[part as usize] + 0.5).powi(2)
+        is_compact(self.masses(side)[part as usize].count, self.contours[side].solid_depth[part as usize], self.h)
     }
 
     /// Parts of either slice that end beside a small one which goes on, unless a pair of theirs is `joined`.
@@ -176,6 +174,12 @@ impl Surroundings<'_> {
         let here = whole(self.masses(side), parts).centre()?;
         Some((there - here).length() / self.gaps[side])
     }
+}
+
+/// Whether a part of so many pixels and of this depth, px, is no sheet or thread that lies along the slice.
+pub(super) fn is_compact(pixels: usize, depth: f64, h: [f64; 2]) -> bool {
+    // Depths are those of pixels' centres.
+    pixels as f64 * h[0] * h[1] <= COMPACT * PI * (depth + 0.5).powi(2)
 }
 
 impl Mass {

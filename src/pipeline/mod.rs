@@ -12,6 +12,7 @@ mod context;
 mod distance;
 pub(crate) mod ends;
 mod events;
+mod far_motion;
 mod field;
 mod finish;
 pub(crate) mod fit;

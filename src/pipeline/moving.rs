@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::context::{Context, stage};
 use super::ends::{EndMatter, passing_field};
+use super::far_motion::far_motion;
 use super::grazing::without_grazing;
 use super::leaps::Surroundings;
 use super::links::{IntervalLinks, frames};
@@ -144,7 +145,8 @@ fn field_displacements<'a>(
     fields: &SpillVec<'a, Field>,
     guess: SpillVec<'a, Displacement>,
 ) -> Result<SpillVec<'a, Displacement>> {
-    let found = displacements(run, fields, &guess)?;
+    let begin = beginnings(run, contours, &guess)?;
+    let found = displacements(run, fields, &begin)?;
     let mut kept = SpillVec::new(run.budget);
     for (i, links) in links.iter().enumerate() {
         let v = found.get(i)?.as_ref().clone();
@@ -152,6 +154,25 @@ fn field_displacements<'a>(
         kept.push(without_grazing(v, &*guess.get(i)?, &slices.surroundings(), &links.joined()))?;
     }
     Ok(kept)
+}
+
+/// Displacements of all intervals that the search for them begins with and is drawn to.
+fn beginnings<'a>(
+    run: &Context<'a>,
+    contours: &SpillVec<'a, Contour>,
+    guess: &SpillVec<'a, Displacement>,
+) -> Result<SpillVec<'a, Displacement>> {
+    let mut out = SpillVec::new(run.budget);
+    for i in 0..run.span.gaps.len() {
+        let drawn = [i, i + 1].iter().all(|k| contours.light(*k).solids.count > 0);
+        let guess = guess.get(i)?;
+        out.push(if drawn {
+            far_motion([&*contours.get(i)?, &*contours.get(i + 1)?], &guess, run.backend, run.h)?
+        } else {
+            guess.as_ref().clone()
+        })?;
+    }
+    Ok(out)
 }
 
 /// Displacements of all intervals: all rounds together where the fields fit into memory, else round by round a few intervals at a time,

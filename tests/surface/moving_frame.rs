@@ -262,3 +262,29 @@ fn pixels_may_be_long() {
         check_long_pixels(&Settings::default(), backend);
     });
 }
+
+/// A wall that leans by three times its width a gap keeps its area on pixels of any size: a third, an eighth and a thirtieth of its width.
+#[test]
+fn what_leans_is_whole_however_fine_the_pixels_are() {
+    on_backends(|backend| {
+        for width in [3.0, 8.0, 30.0] {
+            let n = (12.0 * width) as usize;
+            let wall = |k: usize| -> Shape {
+                let x = (2.0 + 3.0 * k as f64) * width;
+                Box::new(move |i, j| {
+                    let [along, across] = [(i - x).abs() - 0.5 * width, (j - 6.0 * width).abs() - 4.0 * width];
+                    let beside = libm::hypot(along.max(0.0), across.max(0.0));
+                    beside + along.max(across).min(0.0)
+                })
+            };
+            let stack = levels(n, &[0.0, 4.0, 8.0], &[wall(0), wall(1), wall(2)]);
+            let heights: Vec<f64> = (0..=8).map(f64::from).collect();
+            let body = reconstruct_with(&stack, &heights, &Settings::default(), backend, &Silent).expect("it is valid");
+            for layer in body.layers.iter().filter(|layer| layer.output) {
+                let inside: f64 = layer.phi.iter().map(|v| f64::from(0.5 - v).clamp(0.0, 1.0)).sum();
+                let share = inside / (8.0 * width * width);
+                assert!((0.9..1.1).contains(&share), "{width} px, {}: {share:.2} at {}", backend.name(), layer.z);
+            }
+        }
+    });
+}

@@ -30,21 +30,26 @@ const LEAST: usize = 16;
 /// How many times a pixel is doubled before the sheets and threads of two slices are near: most of what is drawn is such, and most of each contour lies so far
 /// outside the other one. What grows or shrinks, of which one lies outside and the other within, has nowhere to go.
 fn doublings([low, high]: [&Contour; 2], h: [f64; 2]) -> u32 {
-    let away = middle(low, &high.phi, h).min(middle(high, &low.phi, h));
+    // Few are far, and of the others no pixels are looked at: what is compact only takes off.
+    if middle(low, &high.phi, &[]).min(middle(high, &low.phi, &[])) <= NEAR {
+        return 0;
+    }
+    let away = middle(low, &high.phi, &compact(low, h)).min(middle(high, &low.phi, &compact(high, h)));
     let fits = |k: &u32| low.phi.dims.iter().all(|n| n >> k >= LEAST);
     (1..).take_while(|k| fits(k) && away > NEAR * f64::from(1u32 << (k - 1))).last().unwrap_or(0)
 }
 
-/// Median of the other slice's signed distances on a contour, px; what is compact counts as met.
-fn middle(contour: &Contour, other: &Field, h: [f64; 2]) -> f64 {
+/// Whether each part is compact, by number.
+fn compact(contour: &Contour, h: [f64; 2]) -> Vec<bool> {
     let mut pixels = vec![0; contour.solids.count + 1];
     contour.solids.labels.iter().for_each(|part| pixels[*part as usize] += 1);
-    let compact: Vec<bool> =
-        pixels.into_iter().zip(&contour.solid_depth).map(|(n, depth)| is_compact(n, *depth, h)).collect();
-    let of = |seed: &Seed| match compact[contour.solids.labels[seed.inside] as usize] {
-        true => 0.0,
-        false => other.sample(seed.x),
-    };
+    pixels.into_iter().zip(&contour.solid_depth).map(|(n, depth)| is_compact(n, *depth, h)).collect()
+}
+
+/// Median of the other slice's signed distances on a contour, px; what is compact counts as met.
+fn middle(contour: &Contour, other: &Field, compact: &[bool]) -> f64 {
+    let is_compact = |seed: &Seed| compact.get(contour.solids.labels[seed.inside] as usize) == Some(&true);
+    let of = |seed: &Seed| if is_compact(seed) { 0.0 } else { other.sample(seed.x) };
     let mut all: Vec<f64> = contour.seeds.iter().map(of).collect();
     if all.is_empty() {
         return 0.0;

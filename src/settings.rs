@@ -243,7 +243,7 @@ pub struct Settings {
     #[arg(long, value_name = "RULE", default_value_t = Settings::default().end_top, help_heading = "Ends")]
     pub end_top: EndRule,
 
-    /// Largest height of an extrapolated end, in gaps, (0, 10] [default: 2 of the wider of the last two that count, of a contour map 1 of the last: the next level was not drawn]
+    /// Largest height of an extrapolated end, in gaps to where the next slice would lie, (0, 10] [default: 2 of the wider of the last two that count, of a contour map 1: the next level was not drawn]
     #[arg(long, value_name = "GAPS", help_heading = "Ends")]
     pub cap_gaps: Option<f64>,
 
@@ -326,10 +326,10 @@ impl Settings {
             .map(|(rule, clamp)| rule != EndRule::Flat || clamp.is_some())
     }
 
-    /// Largest height of an extrapolated end beside this last gap, where the gap of the slices that have a say is `of_ending`. A slice close beside the
-    /// last one says no less of how the body ends.
-    pub(crate) fn highest_cap(&self, last: f64, of_ending: f64) -> f64 {
-        self.cap_gaps.map_or(CAP_GAPS * of_ending, |count| count * last)
+    /// Largest height of an extrapolated end, where the next slice would lie beyond a gap `to_next`, and the gap of the slices that have a say is
+    /// `of_ending`. A slice close beside the last one says no less of how the body ends.
+    pub(crate) fn highest_cap(&self, to_next: f64, of_ending: f64) -> f64 {
+        self.cap_gaps.map_or(CAP_GAPS * of_ending, |count| count * to_next)
     }
 
     /// A sentence for each setting that was changed and changes nothing, because of another.

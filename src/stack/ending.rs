@@ -41,9 +41,43 @@ pub fn gap_of_ending(z: &[f64], middle: f64) -> f64 {
     apart.max(LEAST * usual(z, middle))
 }
 
+/// The gap to where the next slice would lie, beyond those at heights `z`, from the end inward: a usual one, counted from the innermost that lies nearer
+/// to the end than that, since lines between the levels of a map (30, 60, 61, 90, 91) are drawn beside a level and make no new one; at least the last gap.
+pub fn gap_to_next(z: &[f64], middle: f64) -> f64 {
+    let usual = usual(z, middle);
+    let away = |other: &f64| (other - z[0]).abs();
+    let between = z.iter().map(away).take_while(|away| *away < usual).last().unwrap_or(0.0);
+    z.get(1).map_or(0.0, away).max(usual - between)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lines_between_levels_make_no_nearer_next_level() {
+        for (z, middle, wanted) in [
+            (&[][..], 0.0, 0.0),
+            (&[3.0], 0.0, 0.0),
+            (&[40.0, 30.0, 20.0, 10.0], 10.0, 10.0),
+            // The next level is 120, or 60 or 80.
+            (&[91.0, 90.0, 61.0, 60.0, 30.0], 30.0, 29.0),
+            (&[90.0, 61.0, 60.0, 30.0], 30.0, 29.0),
+            (&[50.0, 40.0, 20.0, 0.0], 20.0, 10.0),
+            (&[75.0, 70.0, 65.0, 60.0, 40.0], 20.0, 5.0),
+            (&[41.0, 40.5, 40.0, 30.0, 20.0], 10.0, 9.0),
+            // Drawn more closely towards the end, or an end in which levels are missing.
+            (&[4.0, 3.0, 2.0, 1.0, 0.0, -20.0], 20.0, 1.0),
+            (&[90.0, 70.0, 68.0, 66.0], 2.0, 20.0),
+        ] {
+            assert_eq!(gap_to_next(z, middle), wanted, "{z:?}");
+            let upside_down: Vec<f64> = z.iter().map(|z| -z).collect();
+            assert_eq!(gap_to_next(&upside_down, middle), wanted, "{z:?}");
+        }
+        // Even gaps stay as they are, however they are rounded.
+        let even: Vec<f64> = (0..9).rev().map(|k| 0.1 * f64::from(k)).collect();
+        assert_eq!(gap_to_next(&even, 0.1), even[0] - even[1]);
+    }
 
     #[test]
     fn slices_close_together_have_one_say() {

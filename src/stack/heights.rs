@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::settings::{EndRule, Settings};
-use crate::stack::ending::gap_of_ending;
+use crate::stack::ending::{gap_of_ending, gap_to_next};
 use crate::stack::{ContourStack, HeightGrid};
 
 /// Share of the gap at which a contour's neighbours are looked at: what moves by 30 px from contour to contour moves by 0.03 px there, while a step
@@ -216,7 +216,7 @@ fn reach(z: &[f64], empty: [bool; 2], settings: &Settings) -> [f64; 2] {
         _ if empty => 0.0,
         EndRule::Flat => 0.0,
         EndRule::HalfSlice => 0.5 * (inward[1] - inward[0]).abs(),
-        EndRule::Extrapolate => settings.highest_cap((inward[1] - inward[0]).abs(), gap_of_ending(inward, middle)),
+        EndRule::Extrapolate => settings.highest_cap(gap_to_next(inward, middle), gap_of_ending(inward, middle)),
         EndRule::Peak(tip) => (tip - inward[0]).abs(),
     };
     if z.len() < 2 {

@@ -16,7 +16,7 @@ use crate::pipeline::fit::Fitted;
 use crate::registration::motion_stack::MotionStack;
 use crate::report::{BodyEnd, CapReport, EndReport, Report};
 use crate::settings::EndRule;
-use crate::stack::ending::{LOOKED_AT, ending, gap_of_ending};
+use crate::stack::ending::{LOOKED_AT, ending, gap_of_ending, gap_to_next};
 use crate::stack::heights::Heights;
 use crate::storage::spill::SpillVec;
 
@@ -75,7 +75,7 @@ pub(super) fn end_matter<'a>(
             parts: levels.parts()?,
             away: says.iter().map(|level| (z[*level] - z[0]).abs()).collect(),
             gap,
-            highest: run.settings.highest_cap(gap, gap_of_ending(&z, run.span.gap)),
+            highest: run.settings.highest_cap(gap_to_next(&z, run.span.gap), gap_of_ending(&z, run.span.gap)),
         })
     };
     Ok([of(0)?, of(1)?])

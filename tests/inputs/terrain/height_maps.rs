@@ -199,6 +199,32 @@ fn above_the_highest_contour_the_terrain_stays_below_the_next_level() {
     assert!(higher > 210.0 && higher <= 250.0, "{higher}");
 }
 
+/// Lines between the levels, each drawn beside one of them, make no nearer next level.
+#[test]
+fn lines_between_levels_cut_no_summit_off() {
+    let place = folder();
+    let (input, output) = (place.path().join("cone.geojson"), place.path().join("cone.dem.tif"));
+    // A cone of 120 with levels 30 apart; the last line but one is of half a level.
+    let top = |levels: &[u32], more: &[&str]| {
+        let lines: Vec<Value> =
+            levels.iter().map(|z| feature(*z, &circle([0.0, 0.0], f64::from(10 * (120 - z))))).collect();
+        write(&input, &lines);
+        let [from, to] = [&input, &output].map(|p| p.to_str().expect("temporary paths are UTF-8"));
+        let run = ["reconstruct", from, "-o", to, "--pixel", "20", "--backend", "cpu", "-q"];
+        let result = interslice(&[&run[..], &["--end-top", "extrapolate"], more].concat());
+        assert_eq!(result.status.code(), Some(0), "{}", stderr(&result));
+        geotiff(&output).heights.into_iter().filter(|z| z.is_finite()).fold(0.0, f32::max)
+    };
+    let (even, between) = (top(&[0, 30, 60, 90], &[]), top(&[30, 60, 61, 90, 91], &[]));
+    assert!(even > 112.0 && even <= 120.0, "{even}");
+    assert!(between > 112.0 && between <= 120.0, "{between}");
+    // The next level is 60, whatever was drawn between 40 and it.
+    let half = top(&[0, 20, 40, 50], &[]);
+    assert!(half > 57.0 && half <= 60.0, "{half}");
+    let lower = top(&[30, 60, 61, 90, 91], &["--cap-gaps", "0.5"]);
+    assert!(lower > 101.0 && lower <= 105.5, "{lower}");
+}
+
 /// A cone whose lowest contour is a circle: beyond it nothing, its height, or a slope that goes on.
 #[test]
 fn below_the_lowest_contour_there_may_be_heights() {

@@ -21,7 +21,7 @@ pub enum Temporary {
     Random,
     /// Never two alike, of runs that may write to one place at a time: it is theirs who end last.
     Shared,
-    /// Same name every time, so that what a killed run has left is written over. For a caller that lets nobody else make this output.
+    /// Same name every time, so that what a killed run has left is written over. For a caller that lets no other of its kind make this output.
     Fixed,
 }
 
@@ -60,7 +60,7 @@ impl Pending {
             true => format!("in folder {}: {e}", folder.display()),
             false => format!("there is no folder {}", folder.display()),
         };
-        let locked = temporary == Temporary::Random && places.has_lock();
+        let locked = temporary != Temporary::Shared && places.has_lock();
         let lock = if locked { Lock::of(&place).map_err(fail)? } else { None };
         let made = Made::beside(&place, is_folder, temporary);
         let made = made.map_err(|e| Error::Output { path: target.into(), message: message(e) })?;

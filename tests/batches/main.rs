@@ -8,4 +8,6 @@ mod faults;
 mod files;
 mod index;
 mod manifests;
+#[cfg(unix)]
+mod one_place;
 mod split;

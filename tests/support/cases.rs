@@ -55,9 +55,9 @@ pub fn outputs(place: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// The same without temporary files.
+/// The same without temporary files and locks.
 pub fn finished_outputs(place: &Path) -> BTreeMap<String, Vec<u8>> {
-    outputs(place).into_iter().filter(|(name, _)| !name.ends_with(".tmp")).collect()
+    outputs(place).into_iter().filter(|(name, _)| !name.ends_with(".tmp") && !name.ends_with(".lock")).collect()
 }
 
 /// Asserts that both hold the same files with the same bytes.

@@ -7,6 +7,7 @@ mod forgotten;
 #[cfg(feature = "geopackage")]
 mod geopackage;
 mod grey_volumes;
+mod image_values;
 #[cfg(feature = "terrain")]
 mod map_units;
 #[cfg(feature = "zarr")]

@@ -3,6 +3,7 @@
 #[path = "../support/files.rs"]
 mod files;
 mod label_images;
+mod left_out;
 mod members;
 mod own_slices;
 mod partitions;
@@ -13,3 +14,4 @@ mod segments;
 mod stacked;
 mod told;
 mod unions;
+mod written;

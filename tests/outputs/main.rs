@@ -3,8 +3,12 @@
 mod appearance;
 #[path = "../support/files.rs"]
 mod files;
+mod idle;
 mod like;
 mod p16_far_from_origin;
+mod page;
+#[cfg(unix)]
+mod places;
 mod provenance;
 mod relief;
 mod report;
@@ -12,8 +16,11 @@ mod report;
 #[path = "../support/rtss.rs"]
 mod rtss;
 mod scenes;
+#[cfg(feature = "simplify")]
+mod simplify;
 mod stream;
 #[path = "../support/mod.rs"]
 mod support;
 mod thin;
 mod volume_formats;
+mod written;

@@ -19,6 +19,7 @@ mod mesh;
 mod moving_frame;
 mod pipeline;
 mod properties;
+mod rigid;
 mod sections;
 #[path = "../shapes/mod.rs"]
 mod shapes;

@@ -1,0 +1,55 @@
+//! A cone, and files that are made of it.
+
+use std::path::{Path, PathBuf};
+
+use interslice::evaluate::demo::demo;
+use interslice::files::options::OutputOptions;
+use interslice::files::outputs::Outputs;
+use interslice::files::pending::Temporary;
+use interslice::files::places::Places;
+use interslice::files::{JobOptions, Loaded};
+use interslice::progress::Silent;
+use interslice::report::Report;
+use interslice::stack::ContourStack;
+use interslice::{Budget, Means, Reconstruction, Reference, Settings, reconstruct_with};
+
+/// Writes `names` of a stack into `place`; gives the report.
+pub fn write(place: &Path, stack: &ContourStack, settings: &Settings, output: OutputOptions, names: &[&str]) -> Report {
+    let options = JobOptions { settings: settings.clone(), output, ..JobOptions::default() };
+    let loaded = Loaded::new(stack.clone(), options).expect("the stack is sound");
+    let paths: Vec<PathBuf> = names.iter().map(|n| place.join(n)).collect();
+    let mut outputs =
+        Outputs::open(&paths, None, Temporary::Random, &mut Places::default()).expect("the folder is there");
+    let budget = Budget::unlimited();
+    let means = Means { backend: &Reference, progress: &Silent, budget: &budget };
+    let mut body = loaded.compute(&means, &mut outputs).expect("it can be computed");
+    outputs.complete(&mut body.report).expect("it can be written");
+    outputs.rename().expect("it can be renamed");
+    body.report
+}
+
+pub fn collected(stack: &ContourStack, settings: &Settings) -> Reconstruction {
+    let heights = interslice::height_grid(stack, settings, None).heights().expect("a few");
+    reconstruct_with(stack, &heights, settings, &Reference, &Silent).expect("it can be computed")
+}
+
+/// A disc that shrinks by a pixel a slice.
+pub fn cone() -> ContourStack {
+    let mut stack = demo("fig10").expect("a demo").stack;
+    let [nx, ny] = [64, 60];
+    let (mut slice, heights) = (stack.slices[0].clone(), [0.0, 3.0, 6.0, 9.0]);
+    stack.dims = [nx, ny];
+    stack.spacing = [1.0, 1.0];
+    stack.z_out = None;
+    stack.slices = heights
+        .into_iter()
+        .map(|z| {
+            let disc = |k: usize| ((k % nx) as f64 - 31.3).hypot((k / nx) as f64 - 29.6) < 24.0 - z;
+            slice.content = interslice::stack::SliceContent::Mask((0..nx * ny).map(disc).collect());
+            slice.name = format!("z{z}");
+            slice.z = z;
+            slice.clone()
+        })
+        .collect();
+    stack
+}

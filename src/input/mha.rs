@@ -9,7 +9,7 @@ use glam::DVec3;
 use crate::error::{Error, Result};
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
-use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
+use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid, three_of};
 use crate::input::volume::{Volume, open};
 use crate::stack::space::WorldSpace;
 use crate::storage::regular;
@@ -52,19 +52,19 @@ impl Fields {
         }
     }
 
-    /// `N` finite numbers.
-    fn numbers<const N: usize>(&self, names: &[&'static str]) -> Failure<Option<[f64; N]>> {
+    /// So many finite numbers.
+    fn numbers(&self, names: &[&'static str], count: usize) -> Failure<Option<Vec<f64>>> {
         let Some((name, text)) = self.get(names) else { return Ok(None) };
-        let mut out = [0.0; N];
         let words: Vec<&str> = text.split_whitespace().collect();
-        if words.len() != N {
-            return Err(format!("{name} must be {N} numbers; got {}", words.len()));
+        if words.len() != count {
+            return Err(format!("{name} must be {count} numbers; got {}", words.len()));
         }
-        for (slot, word) in out.iter_mut().zip(words) {
-            *slot =
-                word.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| format!("{name} holds `{word}`"))?;
-        }
-        Ok(Some(out))
+        let number = |word: &str| word.parse().ok().filter(|v: &f64| v.is_finite());
+        words
+            .into_iter()
+            .map(|word| number(word).ok_or_else(|| format!("{name} holds `{word}`")))
+            .collect::<Failure<_>>()
+            .map(Some)
     }
 }
 
@@ -98,14 +98,13 @@ fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
     if let Some((_, other)) = fields.get(&["ObjectType"]).filter(|(_, kind)| *kind != "Image") {
         return Err(format!("ObjectType must be Image; got {other}"));
     }
-    match need("NDims")? {
-        "3" => {}
-        other => return Err(format!("NDims is {other}; a label volume has 3: {TAKE_ONE}")),
-    }
+    let count = need("NDims")?;
     let text = need("DimSize")?;
     let sizes: Vec<usize> = text.split_whitespace().map_while(|t| t.parse().ok()).collect();
-    let (&[nx, ny, nz], 3) = (&sizes[..], text.split_whitespace().count()) else {
-        return Err(format!("DimSize must be 3 numbers; got `{text}`"));
+    let told = sizes.len().to_string() == count && text.split_whitespace().count() == sizes.len();
+    let axes = match count {
+        "3" if !told => return Err(format!("DimSize must be 3 numbers; got `{text}`")),
+        _ => axes(count, if told { &sizes } else { &[] })?,
     };
     if let Some((_, channels)) = fields.get(&["ElementNumberOfChannels"]).filter(|(_, n)| *n != "1") {
         return Err(format!("ElementNumberOfChannels must be 1; got {channels}"));
@@ -115,7 +114,7 @@ fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
     }
     let big_endian = fields.flag(&["BinaryDataByteOrderMSB", "ElementByteOrderMSB"])?.unwrap_or(false);
     let element = element(need("ElementType")?)?;
-    let (grid, file) = (grid([nx, ny, nz], fields)?, need("ElementDataFile")?);
+    let (grid, file) = (grid(&sizes, axes, fields)?, need("ElementDataFile")?);
     let data = Data::Stream { file: path.into(), offset: end, coding: Coding::Raw, skip: 0 };
     let mut volume = Volume::new(path, "MetaImage", grid, (element, big_endian), data);
     if file == "LIST" || file.starts_with("LIST ") || file.contains('%') {
@@ -150,25 +149,48 @@ fn volume(path: &Path, fields: &Fields, end: u64) -> Failure<Volume> {
     Ok(volume)
 }
 
-fn grid(dims: [usize; 3], fields: &Fields) -> Failure<VolumeGrid> {
-    let own = fields.numbers::<3>(&["ElementSpacing", "ElementSize"])?;
+/// The axes of the volume: an axis of length 1 beside three others is passed over, as of a picture over time that is a single one.
+fn axes(count: &str, sizes: &[usize]) -> Failure<[usize; 3]> {
+    three_of(sizes, |_| true).ok_or_else(|| {
+        let short = sizes.iter().filter(|size| **size == 1).count();
+        if sizes.len() < 3 + short && sizes.len() > 3 {
+            let sizes: Vec<String> = sizes.iter().map(usize::to_string).collect();
+            return format!(
+                "DimSize is {}: {short} axes have a length of 1, and which of them are none of the volume's nobody says; save it with 3 axes",
+                sizes.join(" ")
+            );
+        }
+        format!("NDims is {count}; a label volume has 3, or more of which all but 3 have a length of 1: {TAKE_ONE}")
+    })
+}
+
+/// Place of the voxels of an image of these sizes, by these three of its axes.
+fn grid(sizes: &[usize], axes: [usize; 3], fields: &Fields) -> Failure<VolumeGrid> {
+    let count = sizes.len();
+    let three = |numbers: Vec<f64>| axes.map(|axis| numbers[axis]);
+    let own = fields.numbers(&["ElementSpacing", "ElementSize"], count)?.map(three);
     let spacing = own.unwrap_or([1.0; 3]);
     if let Some((axis, h)) = spacing.iter().enumerate().find(|(_, h)| **h <= 0.0) {
         return Err(format!("ElementSpacing: voxel spacing along axis {axis} must be a positive number; got {h}"));
     }
-    let matrix = fields.numbers::<9>(&["TransformMatrix", "Rotation", "Orientation"])?;
-    let matrix = matrix.unwrap_or([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
-    let axes: [DVec3; 3] = std::array::from_fn(|a| DVec3::from_slice(&matrix[3 * a..]));
-    for (axis, direction) in axes.into_iter().enumerate() {
+    let matrix = fields.numbers(&["TransformMatrix", "Rotation", "Orientation"], count * count)?;
+    if let Some(axis) = matrix.as_ref().and_then(|matrix| turned(matrix, axes, count)) {
+        return Err(format!(
+            "TransformMatrix turns axis {axis}, of length 1, into those of the volume; save it with 3 axes"
+        ));
+    }
+    let directions =
+        matrix.map_or(DVec3::AXES, |matrix| axes.map(|axis| DVec3::from(axes.map(|of| matrix[count * axis + of]))));
+    for (axis, direction) in directions.into_iter().enumerate() {
         let length = direction.length();
         if (length - 1.0).abs() > LENGTH_SLACK {
             return Err(format!("TransformMatrix: the direction of axis {axis} must have length 1; got {length}"));
         }
     }
     Ok(VolumeGrid {
-        dims,
-        origin: fields.numbers::<3>(&["Offset", "Position", "Origin"])?.unwrap_or_default().into(),
-        steps: std::array::from_fn(|a| axes[a] * spacing[a]),
+        dims: axes.map(|axis| sizes[axis]),
+        origin: fields.numbers(&["Offset", "Position", "Origin"], count)?.map(three).unwrap_or_default().into(),
+        steps: std::array::from_fn(|a| directions[a] * spacing[a]),
         unit: match fields.get(&["DistanceUnits"]) {
             Some((_, unit)) if !unit.is_empty() && unit != "?" => unit.into(),
             _ => "mm".into(),
@@ -176,6 +198,12 @@ fn grid(dims: [usize; 3], fields: &Fields) -> Failure<VolumeGrid> {
         spaced: own.is_some(),
         space: WorldSpace::default(),
     })
+}
+
+/// The first axis beside these three of `count` whose direction is not its own alone.
+fn turned(matrix: &[f64], axes: [usize; 3], count: usize) -> Option<usize> {
+    let mut others = (0..count).filter(|axis| !axes.contains(axis));
+    others.find(|&axis| axes.iter().any(|of| matrix[count * axis + of] != 0.0 || matrix[count * of + axis] != 0.0))
 }
 
 /// Types by the sizes that MetaIO gives them: MET_LONG has 4 bytes.

@@ -8,7 +8,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::{Element, Voxels};
-use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
+use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid, three_of};
 use crate::input::volume::{Volume, open};
 
 /// Longest header.
@@ -34,8 +34,7 @@ impl Header {
 
     /// Sizes along z, y and x: those of three axes, or of more all but three of which have a length of 1, as libraries for learning save a volume.
     pub fn sizes(&self) -> Option<[usize; 3]> {
-        let long = self.shape.iter().copied().filter(|size| self.shape.len() == 3 || *size != 1);
-        long.collect::<Vec<_>>().try_into().ok()
+        Some(three_of(&self.shape, |_| true)?.map(|axis| self.shape[axis]))
     }
 
     /// The volume of an array that has three sizes.

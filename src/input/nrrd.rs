@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::input::segments;
 use crate::input::volume::data::{Coding, Data};
 use crate::input::volume::element::Element;
-use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid};
+use crate::input::volume::grid::{Failure, TAKE_ONE, VolumeGrid, three_of};
 use crate::input::volume::{Volume, open};
 use crate::stack::space::WorldSpace;
 use crate::storage::regular;
@@ -18,6 +18,8 @@ use crate::storage::regular;
 /// Longest header line and most lines: a file that is no NRRD must not be read to its end.
 const LONGEST_LINE: u64 = 1 << 16;
 const MOST_LINES: usize = 4096;
+/// Kinds of axes of space, and those that say nothing.
+const SPATIAL: [&str; 4] = ["domain", "space", "none", "???"];
 
 /// Reads the header of a `.nrrd` or `.nhdr`.
 ///
@@ -49,23 +51,22 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
     if sizes.len() != dimension {
         return Err(format!("sizes must be {dimension} numbers; got {}", sizes.len()));
     }
-    let mut kinds: Vec<&str> = field("kinds").unwrap_or_default().split_whitespace().collect();
-    let (dims, layers) = match sizes[..] {
-        [nx, ny, nz] => ([nx, ny, nz], None),
+    let kinds: Vec<&str> = field("kinds").unwrap_or_default().split_whitespace().collect();
+    let (axes, layers) = match sizes[..] {
         // 3D Slicer's segments that overlap: the layers of a voxel one behind the other.
-        [count, nx, ny, nz] if kinds.first() == Some(&"list") && segments::any(&header.pairs) => {
-            kinds.remove(0);
-            ([nx, ny, nz], Some(segments::layers(&header.pairs, count)?))
+        [count, _, _, _] if kinds.first() == Some(&"list") && segments::any(&header.pairs) => {
+            ([1, 2, 3], Some(segments::layers(&header.pairs, count)?))
         }
         _ => {
-            return Err(format!(
-                "dimension is {dimension}; a label volume has 3, or 4 with 3D Slicer's segments in a list; of \
-                 several times or channels {TAKE_ONE}"
-            ));
+            let directions = field("space directions").map(vectors).unwrap_or_default();
+            let of_space = |axis: usize| {
+                kinds.get(axis).is_none_or(|kind| SPATIAL.contains(kind)) && directions.get(axis) != Some(&"none")
+            };
+            (axes(&sizes, of_space)?, None)
         }
     };
-    let known = ["domain", "space", "none", "???"];
-    if let Some(kind) = kinds.into_iter().find(|k| !known.contains(k)) {
+    let dims = axes.map(|axis| sizes[axis]);
+    if let Some(kind) = axes.iter().filter_map(|axis| kinds.get(*axis)).find(|kind| !SPATIAL.contains(kind)) {
         return Err(format!("kinds holds `{kind}`; the axes of a label volume are of kind domain or space"));
     }
     let element = element(need("type")?)?;
@@ -81,7 +82,7 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
         "bzip2" | "bz2" => Coding::Bzip2,
         other => return Err(format!("encoding must be raw, gzip or bzip2; got {other}")),
     };
-    let (origin, steps, spaced) = placement(&field, layers.is_some())?;
+    let (origin, steps, spaced) = placement(&field, axes, dimension)?;
     let mut units = field("space units").unwrap_or_default().split('"').skip(1).step_by(2).filter(|u| !u.is_empty());
     let unit = units.next().unwrap_or(if spaced { "mm" } else { "px" });
     if let Some(other) = units.find(|other| *other != unit) {
@@ -103,6 +104,27 @@ fn volume(path: &Path, header: &Fields, end: u64) -> Failure<Volume> {
     let mut volume = Volume { segments, layers, ..Volume::new(path, "NRRD", grid, (element, big_endian), data) };
     skip(&mut volume, &field)?;
     Ok(volume)
+}
+
+/// The axes of the volume: those of length 1 beside three others are passed over, and where these are too many those that are none of space.
+fn axes(sizes: &[usize], of_space: impl Fn(usize) -> bool) -> Failure<[usize; 3]> {
+    let count = sizes.len();
+    let found = three_of(sizes, &of_space).filter(|axes| count == 3 || axes.iter().all(|axis| of_space(*axis)));
+    found.ok_or_else(|| {
+        let short = sizes.iter().filter(|size| **size == 1).count();
+        if count > 3 && count - 3 < short {
+            let sizes: Vec<String> = sizes.iter().map(usize::to_string).collect();
+            return format!(
+                "sizes are {}: {short} axes have a length of 1, and which of them are none of the volume's `kinds` or `space directions` must say; or \
+                 save it with 3 axes",
+                sizes.join(" ")
+            );
+        }
+        format!(
+            "dimension is {count}; a label volume has 3, or 4 with 3D Slicer's segments in a list, or more of which all but 3 have a length of 1; of \
+             several times or channels {TAKE_ONE}"
+        )
+    })
 }
 
 /// `line skip` and `byte skip`: lines before the packed bytes, and unpacked bytes before the voxels (-1: the voxels are the file's end).
@@ -206,65 +228,121 @@ fn element(name: &str) -> Failure<Element> {
 }
 
 /// Centre of the first sample by `axis mins`, which is where its cell begins, or with `centers: node` its centre; a file with `space` has no such field.
-fn least<'a>(field: &impl Fn(&str) -> Option<&'a str>, listed: bool, sides: [f64; 3]) -> Failure<Option<DVec3>> {
+fn least<'a>(
+    field: &impl Fn(&str) -> Option<&'a str>,
+    axes: [usize; 3],
+    count: usize,
+    sides: [f64; 3],
+) -> Failure<Option<DVec3>> {
     let Some(text) = field("axis mins").or(field("axismins")).filter(|_| field("space").is_none()) else {
         return Ok(None);
     };
     let mins = numbers::<f64>("axis mins", text)?;
-    let mins = if listed { mins.get(1..).unwrap_or_default() } else { &mins };
-    let &[x, y, z] = mins else { return Err(format!("axis mins must be 3 numbers; got {}", mins.len())) };
+    if mins.len() != count {
+        return Err(format!("axis mins must be {count} numbers; got {}", mins.len()));
+    }
+    let mins = axes.map(|axis| mins[axis]);
     if let Some(bad) = mins.iter().find(|v| !v.is_finite()) {
         return Err(format!("axis mins holds {bad}"));
     }
     let centers: Vec<&str> = field("centers").or(field("centerings")).unwrap_or_default().split_whitespace().collect();
-    let half =
-        |axis: usize| if centers.get(axis + usize::from(listed)) == Some(&"node") { 0.0 } else { 0.5 * sides[axis] };
-    Ok(Some(DVec3::new(x + half(0), y + half(1), z + half(2))))
+    let half = |k: usize| if centers.get(axes[k]) == Some(&"node") { 0.0 } else { 0.5 * sides[k] };
+    Ok(Some(DVec3::from_array(std::array::from_fn(|k| mins[k] + half(k)))))
 }
 
-/// Origin and steps in LPS, and whether the header gives steps.
-fn placement<'a>(field: &impl Fn(&str) -> Option<&'a str>, listed: bool) -> Failure<(DVec3, [DVec3; 3], bool)> {
-    let flip = match field("space").map(str::to_lowercase).as_deref() {
+/// The vectors of a text, one by one, with a word for each axis that has none.
+fn vectors(text: &str) -> Vec<&str> {
+    let mut rest = text.trim_start();
+    let next = || {
+        let end = if rest.starts_with('(') { rest.find(')').map(|k| k + 1) } else { rest.find([' ', '\t', '(']) };
+        let (vector, behind) = rest.split_at(end.unwrap_or(rest.len()));
+        rest = behind.trim_start();
+        Some(vector.trim_end()).filter(|vector| !vector.is_empty())
+    };
+    std::iter::from_fn(next).collect()
+}
+
+/// Components of a vector.
+fn components(text: &str) -> Vec<&str> {
+    text.trim().trim_start_matches('(').trim_end_matches(')').split(',').map(str::trim).collect()
+}
+
+/// How many components vectors have, and the three in which these axes lie: of those beside them one may have a component of its own, as that of time.
+fn world(vectors: &[&str], axes: [usize; 3]) -> Failure<(usize, [usize; 3])> {
+    let parts: Vec<Vec<&str>> = vectors.iter().map(|vector| components(vector)).collect();
+    let width = axes.iter().filter_map(|axis| parts.get(*axis)).map(Vec::len).max().unwrap_or(3);
+    if width <= 3 || parts.len() <= 3 {
+        return Ok((3, [0, 1, 2]));
+    }
+    let lacks = |axis: usize, k: usize| parts[axis].get(k).is_some_and(|text| text.parse() == Ok(0.0));
+    let is_of_volume = |k: &usize| {
+        let alone = |axis: usize| (0..width).all(|other| lacks(axis, other) != (other == *k));
+        !axes.iter().all(|axis| lacks(*axis, *k)) || !(0..parts.len()).any(|axis| !axes.contains(&axis) && alone(axis))
+    };
+    let three = (0..width).filter(is_of_volume).collect::<Vec<_>>().try_into();
+    three.map(|three| (width, three)).map_err(|_| {
+        format!("space directions have {width} components, of which axes of length 1 have none of their own: save the volume with 3 axes")
+    })
+}
+
+/// Origin and steps in LPS by these of `count` axes, and whether the header gives steps.
+fn placement<'a>(
+    field: &impl Fn(&str) -> Option<&'a str>,
+    axes: [usize; 3],
+    count: usize,
+) -> Failure<(DVec3, [DVec3; 3], bool)> {
+    // A fourth axis of the world is a time's.
+    let space = field("space").map(str::to_lowercase);
+    let space = space.as_deref().map(|name| match name {
+        "lpst" | "rast" | "last" => &name[..3],
+        _ => name.strip_suffix("-time").unwrap_or(name),
+    });
+    let flip = match space {
         None | Some("left-posterior-superior" | "lps" | "scanner-xyz" | "3d-right-handed") => DVec3::ONE,
         Some("right-anterior-superior" | "ras") => DVec3::new(-1.0, -1.0, 1.0),
         Some("left-anterior-superior" | "las") => DVec3::new(1.0, -1.0, 1.0),
         Some(_) if field("space directions").is_none() => DVec3::ONE,
         Some(other) => return Err(format!("space `{other}` is not known; expected LPS, RAS or LAS")),
     };
+    // What is not known is NaN, by the format's own words.
+    let known = |name: &str| field(name).filter(|text| !is_all_nan(text));
+    let directions = known("space directions").map(vectors);
+    if let Some(vectors) = directions.as_ref().filter(|vectors| vectors.len() != count) {
+        return Err(format!("space directions must be {count} vectors; got `{}`", vectors.join(" ")));
+    }
+    let (width, of_volume) = directions.as_ref().map_or(Ok((3, [0, 1, 2])), |vectors| world(vectors, axes))?;
     let vector = |name: &str, text: &str| -> Failure<DVec3> {
-        let parts: Vec<&str> = text.trim().trim_start_matches('(').trim_end_matches(')').split(',').collect();
-        let &[x, y, z] = &parts[..] else { return Err(format!("{name}: `{text}` is no vector of three")) };
-        let v = [number::<f64>(name, x.trim())?, number(name, y.trim())?, number(name, z.trim())?];
+        let parts = components(text);
+        if parts.len() != width {
+            let words = if width == 3 { "three".into() } else { width.to_string() };
+            return Err(format!("{name}: `{text}` is no vector of {words}"));
+        }
+        let [x, y, z] = of_volume.map(|k| number::<f64>(name, parts[k]));
+        let v = [x?, y?, z?];
         match v.iter().find(|c| !c.is_finite()) {
             Some(bad) => Err(format!("{name} holds {bad}")),
             None => Ok(DVec3::from(v) * flip),
         }
     };
-    // What is not known is NaN, by the format's own words.
-    let known = |name: &str| field(name).filter(|text| !is_all_nan(text));
     let mut origin = field("space origin").map_or(Ok(DVec3::ZERO), |text| vector("space origin", text))?;
-    let steps = match known("space directions") {
-        Some(text) => {
-            // The axis of a list has no direction.
-            let text = if listed { text.trim_start().trim_start_matches("none") } else { text };
-            let vectors: Vec<&str> = text.split_inclusive(')').filter(|t| !t.trim().is_empty()).collect();
-            let &[x, y, z] = &vectors[..] else {
-                return Err(format!("space directions must be 3 vectors; got `{text}`"));
-            };
-            [vector("space directions", x)?, vector("space directions", y)?, vector("space directions", z)?]
+    let steps = match directions {
+        Some(vectors) => {
+            let [x, y, z] = axes.map(|axis| vector("space directions", vectors[axis]));
+            [x?, y?, z?]
         }
         None => {
-            let s = known("spacings")
-                .map_or(Ok(vec![1.0; if listed { 4 } else { 3 }]), |text| numbers::<f64>("spacings", text))?;
-            let s = if listed { s.get(1..).unwrap_or_default() } else { &s };
-            let &[x, y, z] = s else { return Err(format!("spacings must be 3 numbers; got {}", s.len())) };
+            let s = known("spacings").map_or(Ok(vec![1.0; count]), |text| numbers::<f64>("spacings", text))?;
+            if s.len() != count {
+                return Err(format!("spacings must be {count} numbers; got {}", s.len()));
+            }
+            let s = axes.map(|axis| s[axis]);
             if let Some((axis, h)) = s.iter().enumerate().find(|(_, h)| !(h.is_finite() && **h > 0.0)) {
                 return Err(format!("spacings: voxel spacing along axis {axis} must be a positive number; got {h}"));
             }
-            if let Some(least) = least(field, listed, [x, y, z])? {
+            if let Some(least) = least(field, axes, count, s)? {
                 origin = least;
             }
-            [x * DVec3::X, y * DVec3::Y, z * DVec3::Z]
+            std::array::from_fn(|k| s[k] * DVec3::AXES[k])
         }
     };
     Ok((origin, steps, known("space directions").or(known("spacings")).is_some()))

@@ -8,6 +8,7 @@ mod forgotten;
 mod geopackage;
 mod grey_volumes;
 mod image_values;
+mod lone_axes;
 #[cfg(feature = "terrain")]
 mod map_units;
 #[cfg(feature = "zarr")]

@@ -13,6 +13,16 @@ pub(crate) type Failure<T> = std::result::Result<T, String>;
 /// What to do with an image of more than three axes: which of its volumes is meant nobody can guess.
 pub(crate) const TAKE_ONE: &str = "save the one that is meant (a time, a channel) as a file of its own, and give that";
 
+/// The three axes of a volume among those of these sizes: all of three, and of more those that are left without as many of length 1, where no other choice
+/// of these is possible. Of axes of length 1 it is those that are said to be none of space, where these are as many.
+pub(crate) fn three_of(sizes: &[usize], of_space: impl Fn(usize) -> bool) -> Option<[usize; 3]> {
+    let all = || 0..sizes.len();
+    let short = |axis: &usize| sizes.len() > 3 && sizes[*axis] == 1;
+    let without =
+        |passed: &dyn Fn(&usize) -> bool| all().filter(|axis| !passed(axis)).collect::<Vec<_>>().try_into().ok();
+    without(&short).or_else(|| without(&|axis| short(axis) && !of_space(*axis)))
+}
+
 /// Most voxels of a volume: the header of a damaged file may ask for anything.
 const MOST_VOXELS: usize = 1 << 40;
 

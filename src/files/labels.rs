@@ -93,7 +93,7 @@ impl LoadedLabels {
                 stack.leave_out(missed);
                 stack.some_are_left().map_err(|message| Error::Format { path: input.into(), message })?;
             }
-            Wanted::These(_) => {
+            Wanted::These(_) | Wanted::Text(_) => {
                 let first = stack.labels.iter().enumerate().find_map(|(a, label)| Some((label, missed(&stack, a)?)));
                 if let Some((label, message)) = first {
                     return Err(Error::Stack(format!("label {label}: {message}")));

@@ -7,6 +7,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::input::volume::slices::listed;
 use crate::input::volume::{Overlaps, Volume, VoxelRun};
+pub use crate::input::wanted::Wanted;
 use crate::input::{Input, Surveyed};
 use crate::labels::Covered;
 use crate::labels::given::{Completeness, Given, notes, reading};
@@ -15,7 +16,6 @@ use crate::labels::{LabelStack, SingleSlice};
 use crate::stack::ReadOptions;
 use crate::stack::doubts;
 use crate::stack::doubts::SliceArea;
-use crate::stack::options::{BACKGROUND, LabelName};
 use crate::stack::unresolved::Unresolved;
 use crate::stack::{ContourStack, Slice};
 use crate::storage::room;
@@ -24,51 +24,6 @@ use crate::storage::room;
 const MOST: usize = 4096;
 /// Most labels of which a doubt is said one by one.
 const MOST_TOLD: usize = 8;
-
-/// Labels that are wanted.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Wanted {
-    /// All that are not 0.
-    All,
-    /// These.
-    These(Vec<LabelName>),
-}
-
-impl std::fmt::Display for Wanted {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Wanted::These(labels) = self else { return f.write_str("all") };
-        let name = |label: &LabelName| match label {
-            LabelName::Number(number) => number.to_string(),
-            LabelName::Name(name) => name.clone(),
-        };
-        f.write_str(&labels.iter().map(name).collect::<Vec<_>>().join(","))
-    }
-}
-
-impl std::str::FromStr for Wanted {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        if text == "all" { Ok(Wanted::All) } else { Wanted::these(text.split(',')) }
-    }
-}
-
-impl Wanted {
-    /// The labels of these names or numbers.
-    ///
-    /// # Errors
-    /// A message for 0, and for an empty name.
-    pub fn these<'n>(names: impl Iterator<Item = &'n str>) -> std::result::Result<Self, String> {
-        let label = |name: &str| match name.parse() {
-            Ok(LabelName::Number(0)) => Err(BACKGROUND.into()),
-            Ok(LabelName::Name(name)) if name.is_empty() => {
-                Err("expected `all`, or numbers or names with commas between, such as 1,2,5; got an empty name".into())
-            }
-            Ok(label) => Ok(label),
-        };
-        names.map(label).collect::<std::result::Result<_, String>>().map(Wanted::These)
-    }
-}
 
 /// Reads the slices on which any of the wanted labels is drawn, or those that the options choose, from bottom to top. Of all labels those
 /// that cannot be reconstructed are left out.
@@ -118,13 +73,7 @@ fn labels_of(
     let there: BTreeSet<i64> = surveyed.survey.labels.keys().chain(of_all.segments.keys()).copied().collect();
     let mut labels: Vec<i64> = match wanted {
         Wanted::All => there.iter().copied().collect(),
-        Wanted::These(list) => {
-            let numbers = list.iter().map(|name| surveyed.volume.label(name, "labels"));
-            let mut list = numbers.collect::<Result<Vec<i64>>>()?;
-            list.sort_unstable();
-            list.dedup();
-            list
-        }
+        some => some.labels(&surveyed.volume)?,
     };
     if let Some(missing) = labels.iter().find(|l| !there.contains(l)) {
         let message = format!("has no label {missing}; labels are {}", listed(there.iter()));
@@ -136,7 +85,7 @@ fn labels_of(
     surveyed.volume.take_only(&labels);
     let overlaps = if *wanted == Wanted::All { of_all } else { surveyed.volume.overlaps()? };
     let mut left_out = if whole { Vec::new() } else { without_hidden(&mut labels, &surveyed, &overlaps) };
-    if let (Wanted::These(_), Some(hidden)) = (wanted, left_out.first()) {
+    if let Some(hidden) = left_out.first().filter(|_| *wanted != Wanted::All) {
         return fail(format!("cannot have {}: {}", hidden.of(), hidden.why));
     }
     if *wanted == Wanted::All {

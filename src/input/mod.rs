@@ -22,6 +22,7 @@ mod segments;
 mod sniff;
 pub mod tiff;
 pub mod volume;
+mod wanted;
 
 use std::path::{Path, PathBuf};
 

@@ -192,12 +192,18 @@ impl From<i64> for LabelName {
     }
 }
 
+impl From<&str> for LabelName {
+    fn from(text: &str) -> Self {
+        let text = text.trim();
+        text.parse().map_or_else(|_| LabelName::Name(text.into()), LabelName::Number)
+    }
+}
+
 impl FromStr for LabelName {
     type Err = Infallible;
 
     fn from_str(text: &str) -> Result<Self, Infallible> {
-        let text = text.trim();
-        Ok(text.parse().map_or_else(|_| LabelName::Name(text.into()), LabelName::Number))
+        Ok(text.into())
     }
 }
 

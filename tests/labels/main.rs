@@ -1,5 +1,6 @@
 //! Several bodies in one run: label volumes and images, segments, masks, each with its slices and its name.
 
+mod commas;
 #[path = "../support/files.rs"]
 mod files;
 mod label_images;

@@ -26,14 +26,14 @@ fn organs() -> [Vec<bool>; 3] {
     [disc(9.0, 6.0), disc(26.0, 3.0), disc(15.0, 6.0)]
 }
 
-const HEADER: &str = "NRRD0004\ntype: uchar\ndimension: 4\nspace: left-posterior-superior\nsizes: 2 30 20 9\n\
+pub const HEADER: &str = "NRRD0004\ntype: uchar\ndimension: 4\nspace: left-posterior-superior\nsizes: 2 30 20 9\n\
                       space directions: none (1,0,0) (0,1,0) (0,0,3)\nkinds: list domain domain domain\nencoding: raw\n\
                       space origin: (0,0,0)\nSegment0_Name:=Liver\nSegment0_Layer:=0\nSegment0_LabelValue:=1\n\
                       Segment0_Color:=0.8 0.4 0.2\nSegment1_Name:=Cyst\nSegment1_Layer:=0\nSegment1_LabelValue:=2\n\
                       Segment10_Name:=Spleen\nSegment10_Layer:=1\nSegment10_LabelValue:=1\n\n";
 
 /// As 3D Slicer saves segments that overlap.
-fn layered(header: &str) -> Vec<u8> {
+pub fn layered(header: &str) -> Vec<u8> {
     let [liver, cyst, spleen] = organs();
     let voxel = |n: usize| [u8::from(liver[n]) + 2 * u8::from(cyst[n]), u8::from(spleen[n])];
     [header.as_bytes(), &(0..liver.len()).flat_map(voxel).collect::<Vec<u8>>()].concat()
@@ -48,7 +48,7 @@ fn mask(inside: &[bool]) -> Vec<u8> {
     nrrd(PLACED, "uchar", SIZES, &voxels)
 }
 
-fn write(path: &Path, bytes: &[u8]) {
+pub fn write(path: &Path, bytes: &[u8]) {
     fs::write(path, bytes).expect("a file can be written");
 }
 
@@ -62,7 +62,7 @@ fn label(name: &str) -> ReadOptions {
 }
 
 /// The command fails with 2 and says this.
-fn refused(arguments: &[&str], says: &[&str]) {
+pub fn refused(arguments: &[&str], says: &[&str]) {
     let result = interslice(arguments);
     let message = stderr(&result);
     assert_eq!(result.status.code(), Some(2), "{arguments:?}: {message}");
@@ -286,19 +286,6 @@ fn what_is_not_painted_is_told_of() {
         assert_eq!((stack.labels.len(), said.len()), (3, 1), "{said:?}");
         assert!(said[0].ends_with("`Gone`: left out, nothing is painted"), "{said:?}");
     }
-}
-
-#[test]
-fn a_name_in_a_list_may_have_a_comma() {
-    let place = folder();
-    let at = |name: &str| place.path().join(name);
-    write(&at("a.seg.nrrd"), &layered(&HEADER.replace("Name:=Liver", "Name:=Liver, left")));
-    let line = serde_json::json!({"id": "a", "input": "a.seg.nrrd", "outputs": ["a.json"],
-        "options": {"labels": ["Liver, left", 3], "keep_overlaps": true}});
-    write(&at("m.jsonl"), line.to_string().as_bytes());
-    let result = interslice(&["batch", &at("m.jsonl").display().to_string(), "--backend", "cpu"]);
-    assert!(result.status.success(), "{}", stderr(&result));
-    assert!(at("a.1.json").is_file() && at("a.3.json").is_file() && !at("a.2.json").exists());
 }
 
 #[test]

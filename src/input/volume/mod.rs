@@ -10,6 +10,7 @@ pub mod axis;
 pub mod data;
 pub mod element;
 pub mod grid;
+mod naming;
 pub mod sheets;
 pub mod slices;
 pub mod survey;
@@ -26,15 +27,11 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::stack::appearance::Appearance;
-use crate::stack::options::{BACKGROUND, LabelName};
 use crate::storage::regular;
 use data::{Data, GivenVoxels};
 use element::{Element, Unreadable, Voxels};
 use grid::{Failure, VolumeGrid};
-use survey::Survey;
 
-/// Names of labels that a message lists.
-const NAMED: usize = 24;
 /// Voxels decoded at a time.
 const RUN: usize = 1 << 16;
 
@@ -263,54 +260,6 @@ impl Volume {
     /// Bytes of a voxel, of all its layers.
     pub(crate) fn voxel_bytes(&self) -> usize {
         self.element.size() * self.layers.as_ref().map_or(1, |layers| layers.count)
-    }
-
-    /// The label that a user names for the option `option`: by number, else by name, be it in another case.
-    ///
-    /// # Errors
-    /// [`Error::Setting`] with the names that there are.
-    pub fn label(&self, wanted: &LabelName, option: &str) -> Result<i64> {
-        let fail = |message: String| {
-            let named = |(n, a): (&i64, &Appearance)| Some(format!("{n} `{}`", a.name.as_ref()?));
-            let mut names: Vec<String> = self.segments.iter().filter_map(named).take(NAMED + 1).collect();
-            let listed = match names.len() {
-                0 => match Survey::of(self, None) {
-                    Ok(survey) if !survey.labels.is_empty() => {
-                        format!("the file has no names; labels are {}", slices::listed(survey.labels.keys()))
-                    }
-                    // Whoever reads its voxels says what is wrong with them.
-                    _ => "the file has no names".into(),
-                },
-                n => {
-                    names.truncate(NAMED);
-                    format!("there are {}{}", names.join(", "), if n > NAMED { ", ..." } else { "" })
-                }
-            };
-            Err(Error::Setting { name: option.into(), message: format!("{message}; {listed}") })
-        };
-        let background = || Err(Error::Setting { name: option.into(), message: BACKGROUND.into() });
-        let name = match wanted {
-            LabelName::Number(0) => return background(),
-            LabelName::Number(n) if self.layers.is_some() && !self.segments.contains_key(n) => {
-                return fail(format!("must name one of the file's labels; got {n}"));
-            }
-            LabelName::Number(n) => return Ok(*n),
-            LabelName::Name(name) => name.trim(),
-        };
-        let named = |same: fn(&str, &str) -> bool| {
-            let is = |a: &Appearance| a.name.as_deref().is_some_and(|own| same(own.trim(), name));
-            self.segments.iter().filter(|(_, a)| is(a)).map(|(n, _)| *n).collect::<Vec<i64>>()
-        };
-        let mut found = named(|a, b| a == b);
-        if found.is_empty() {
-            found = named(|a, b| a.to_lowercase() == b.to_lowercase());
-        }
-        match (&found[..], name.parse()) {
-            (&[0], _) | (&[], Ok(0)) => background(),
-            (&[label], _) | (&[], Ok(label)) => Ok(label),
-            (&[], Err(_)) => fail(format!("must name one of the file's labels; got `{name}`")),
-            _ => fail(format!("`{name}` is the name of several labels: name it by its number")),
-        }
     }
 
     /// From now on only these labels are there, whatever lies over them.

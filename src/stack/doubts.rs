@@ -2,6 +2,7 @@
 
 use super::forgotten::{Forgotten, forgotten_hole, forgotten_part};
 use super::mask::Mask;
+use super::pinholes::Pinholes;
 use super::specks::{Speck, specks};
 use super::unresolved::Unresolved;
 use super::{ContourStack, Slice, SliceContent};
@@ -179,8 +180,8 @@ impl ContourStack {
         (!listed.is_empty()).then(|| [format!("{usual:.3}"), listed.join(", ") + &more])
     }
 
-    /// Doubts about slices that look painted by mistake, as a whole or in specks, or left empty, as a whole or where both neighbours have a part, about
-    /// gaps, about what pixels do not resolve and about their sides.
+    /// Doubts about slices that look painted by mistake, as a whole or in specks, or left empty, as a whole, where both neighbours have a part or in pinholes,
+    /// about gaps, about what pixels do not resolve and about their sides.
     pub fn doubts(&self) -> Vec<String> {
         let section = |s: &Slice| SliceArea { z: s.z, area: s.content.mask().count() };
         let sections: Vec<SliceArea> = self.slices.iter().map(section).collect();
@@ -205,8 +206,16 @@ impl ContourStack {
         });
         let specked = specked(&specks.collect::<Vec<_>>(), name);
         let slices = stray(&strays, &sections, name).into_iter().chain(empty).chain(lacking.into_iter().flatten());
+        let mut pinholes = Pinholes::default();
+        inner.iter().for_each(|&k| pinholes.see(k, [k - 1, k, k + 1].map(mask), self.dims[0]));
         let unresolved = self.unresolved().told(name);
-        slices.chain(specked).chain(self.undrawn()).chain(unresolved).chain(self.long_pixels()).collect()
+        slices
+            .chain(specked)
+            .chain(pinholes.told(name))
+            .chain(self.undrawn())
+            .chain(unresolved)
+            .chain(self.long_pixels())
+            .collect()
     }
 
     /// Parts of masks that pixels do not resolve; grey values and polygons say where their outline lies.

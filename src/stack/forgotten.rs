@@ -25,11 +25,12 @@ pub fn forgotten_part([below, here, above]: [&Mask; 3], nx: usize) -> Option<For
 
 /// The largest part of what holes of the slices below and above have in common of which the slice between has no pixel outside.
 pub fn forgotten_hole([below, here, above]: [&Mask; 3], nx: usize) -> Option<Forgotten> {
-    largest_unseen([below, above].map(|mask| holes(mask, nx)), here.rows_outside(nx), nx)
+    let runs = |mask| holes(mask, nx).map(|(run, _)| run);
+    largest_unseen([below, above].map(runs), here.rows_outside(nx), nx)
 }
 
-/// Pixels outside that the mask encloses, run by run.
-fn holes(mask: &Mask, nx: usize) -> impl Iterator<Item = Range<usize>> {
+/// Pixels outside that the mask encloses, run by run, each with the number of its hole.
+pub(super) fn holes(mask: &Mask, nx: usize) -> impl Iterator<Item = (Range<usize>, usize)> {
     let nx = nx.max(1);
     let runs: Vec<Range<usize>> = mask.rows_outside(nx).collect();
     let parts = parts_of_runs(runs.iter().cloned(), nx, true);
@@ -38,7 +39,7 @@ fn holes(mask: &Mask, nx: usize) -> impl Iterator<Item = Range<usize>> {
         let at_side = run.start % nx == 0 || run.end % nx == 0;
         open[*part] |= at_side || run.start < nx || run.end + nx > mask.len();
     }
-    runs.into_iter().zip(parts).filter(move |(_, part)| !open[*part]).map(|(run, _)| run)
+    runs.into_iter().zip(parts).filter(move |(_, part)| !open[*part])
 }
 
 /// The largest part of what the runs of two slices have in common of which the runs `here` have no pixel.

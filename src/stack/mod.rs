@@ -16,6 +16,7 @@ pub mod level;
 pub mod links;
 pub mod mask;
 pub mod options;
+mod pinholes;
 mod ruggedness;
 pub mod space;
 mod specks;

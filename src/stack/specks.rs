@@ -20,6 +20,14 @@ pub struct Speck {
     pub at: [usize; 2],
 }
 
+/// The pixels of a run of a row and those up to `reach` px around it, on images of `dims` pixels.
+pub(super) fn around(run: &Range<usize>, [nx, ny]: [usize; 2], reach: usize) -> impl Iterator<Item = usize> {
+    let (columns, row) = (run.start % nx..run.start % nx + run.len(), run.start / nx);
+    let columns = columns.start.saturating_sub(reach)..(columns.end + reach).min(nx);
+    let rows = row.saturating_sub(reach)..(row + reach + 1).min(ny);
+    rows.flat_map(move |row| columns.clone().map(move |column| row * nx + column))
+}
+
 /// The specks of a slice of which those `beside` it are known, on images `nx` wide.
 pub fn specks(here: &Mask, beside: &[&Mask], nx: usize) -> Vec<Speck> {
     let nx = nx.max(1);
@@ -37,13 +45,8 @@ pub fn specks(here: &Mask, beside: &[&Mask], nx: usize) -> Vec<Speck> {
             own.push(run.clone());
         }
     }
-    let touches = |run: &Range<usize>| {
-        let (columns, row) = (run.start % nx..run.start % nx + run.len(), run.start / nx);
-        let around = columns.start.saturating_sub(1)..(columns.end + 1).min(nx);
-        let rows = row.saturating_sub(1)..(row + 2).min(here.len() / nx);
-        rows.flat_map(|row| around.clone().map(move |column| row * nx + column))
-            .any(|node| beside.iter().any(|mask| mask.at(node)))
-    };
+    let dims = [nx, here.len() / nx];
+    let touches = |run: &Range<usize>| around(run, dims, 1).any(|node| beside.iter().any(|mask| mask.at(node)));
     let small = parts.into_values().filter(|(pixels, _)| *pixels <= MOST && *pixels as f64 <= least);
     let alone = small.filter(|(_, runs)| !runs.iter().any(touches));
     alone.map(|(pixels, runs)| Speck { pixels, at: [runs[0].start % nx, runs[0].start / nx] }).collect()

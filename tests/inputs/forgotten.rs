@@ -62,3 +62,19 @@ fn a_speck_is_doubted() {
     // At either end of the stack it may be a tip.
     images(&names, with(&[[1, 2, 0], [30, 3, 4]])).none_doubts(&SPACED);
 }
+
+#[test]
+fn a_hole_of_a_pixel_or_two_is_doubted() {
+    let names = ["s0.png", "s1.png", "s2.png", "s3.png", "s4.png"];
+    let with = |holes: &'static [[usize; 3]]| {
+        move |x: u32, y: u32, k: usize| {
+            255 * u8::from(in_disc(x, y, k) && !holes.contains(&[x as usize, y as usize, k]))
+        }
+    };
+    let told = "2 holes of at most 2 px lie in the midst of what is painted there and on the slices below and above (the first on slice `s1.png` at column 14, row 13)";
+    images(&names, with(&[[14, 13, 1], [17, 16, 3], [18, 16, 3]])).all_say(&SPACED, 0, told);
+    images(&names, with(&[[14, 13, 2]])).all_say(&SPACED, 0, "1 hole of at most 2 px lies in the midst");
+    // On the next slice as well it is a thin channel; three pixels are a hole, and one at the rim is none.
+    images(&names, with(&[[14, 13, 1], [14, 14, 2], [14, 14, 3]])).none_doubts(&SPACED);
+    images(&names, with(&[[14, 13, 2], [15, 13, 2], [16, 13, 2]])).none_doubts(&SPACED);
+}

@@ -2,7 +2,8 @@
 //! table: names and numbers that are ASCII need none, and a byte that a code page lacks is replaced.
 
 use shapefile::dbase::CodePageMark;
-use shapefile::dbase::encoding::{DynEncoding, LossyCodePage, UnicodeLossy};
+use shapefile::dbase::encoding::{DynEncoding, EncodingRs, LossyCodePage, UnicodeLossy};
+use shapefile::dbase::encoding_rs as web;
 use shapefile::dbase::yore::code_pages as page;
 
 /// Offset of the byte that says the code page, and where the fields begin.
@@ -13,75 +14,173 @@ const FIELD: usize = 32;
 const NAME: usize = 11;
 /// Byte behind the last field.
 const END: u8 = 0x0d;
-
-/// Numbers of code pages by which a .cpg knows them; those of ISO 8859 stand for the ones of Windows that contain them.
-const NUMBERS: [(&str, CodePageMark); 16] = [
-    ("437", CodePageMark::CP437),
-    ("850", CodePageMark::CP850),
-    ("852", CodePageMark::CP852),
-    ("861", CodePageMark::CP861),
-    ("865", CodePageMark::CP865),
-    ("866", CodePageMark::CP866),
-    ("874", CodePageMark::CP874),
-    ("1250", CodePageMark::CP1250),
-    ("1251", CodePageMark::CP1251),
-    ("1252", CodePageMark::CP1252),
-    ("1253", CodePageMark::CP1253),
-    ("1254", CodePageMark::CP1254),
-    ("1255", CodePageMark::CP1255),
-    ("1256", CodePageMark::CP1256),
-    ("88591", CodePageMark::CP1252),
-    ("88599", CodePageMark::CP1254),
+/// Number of UTF-8 among code pages, and that of the parts of ISO 8859 less the part.
+const UTF8: u16 = 65001;
+const ISO: u16 = 28590;
+/// Names without a number of code pages, or with another one.
+const NAMES: [(&str, u16); 11] = [
+    ("SHIFT_JIS", 932),
+    ("SHIFT-JIS", 932),
+    ("SJIS", 932),
+    ("GBK", 936),
+    ("GB2312", 936),
+    ("GB18030", 936),
+    ("EUC-KR", 949),
+    ("BIG5", 950),
+    ("BIG-5", 950),
+    ("LATIN1", ISO + 1),
+    ("LATIN2", ISO + 2),
 ];
 
-/// How texts of a table that begins with `head` (all of its header) are read, beside a .cpg that says `cpg`.
-pub fn encoding(cpg: Option<&str>, head: &[u8]) -> DynEncoding {
-    let marked = || head.get(MARK).map_or(CodePageMark::Undefined, |mark| CodePageMark::from(*mark));
-    of(cpg.and_then(named).unwrap_or_else(marked)).unwrap_or_else(|| guess(head))
+/// What the bytes of a text are.
+type OfBytes = fn(&[u8]) -> String;
+
+/// How texts of a table are read.
+pub struct TextPage {
+    /// By the library for tables.
+    pub encoding: DynEncoding,
+    /// What bytes are, of a code page that the library has no name for: it reads them by page 437, which has a letter for every byte.
+    bytes: Option<OfBytes>,
+    /// Words where what the table says is not known here, and matters.
+    pub doubt: Option<String>,
 }
 
-/// The code page that a .cpg names, as in `1252`, `ANSI 1252`, `windows-1252`, `ISO-8859-1`, `LDID/87`, `UTF-8`; none for a name that is not known.
-fn named(cpg: &str) -> Option<CodePageMark> {
+impl TextPage {
+    /// A text that was read by the encoding.
+    pub fn text(&self, read: String) -> String {
+        match self.bytes {
+            Some(of) => of(&page::CP437.encode_lossy(&read, b'?')),
+            None => read,
+        }
+    }
+}
+
+/// How texts of a table that begins with `head` (all of its header) are read, beside a .cpg that says `cpg`.
+pub fn text_page(cpg: Option<&str>, head: &[u8]) -> TextPage {
+    let marked = || head.get(MARK).and_then(|mark| number(CodePageMark::from(*mark)));
+    let said = cpg.and_then(named);
+    let of_cpg = said.filter(|page| *page == UTF8 || known(*page).is_some());
+    let chosen = of_cpg.or_else(marked);
+    if let Some((encoding, bytes)) = chosen.and_then(known) {
+        return TextPage { encoding, bytes, doubt: None };
+    }
+    if are_utf8(head) {
+        return TextPage { encoding: UnicodeLossy.into(), bytes: None, doubt: None };
+    }
+    let unknown = match (cpg.map(str::trim), of_cpg, chosen) {
+        (Some(name), None, _) if !name.is_empty() => Some(name.to_string()),
+        (_, _, Some(page)) if page != UTF8 => Some(page.to_string()),
+        _ => None,
+    };
+    let doubt = unknown.map(|page| {
+        format!(
+            "the code page `{page:.40}` of its table is not known here: names of attributes are read as Windows-1252; save it in UTF-8 if they matter"
+        )
+    });
+    TextPage { encoding: LossyCodePage(page::CP1252).into(), bytes: None, doubt }
+}
+
+/// The number of the code page that a .cpg names, as in `1252`, `ANSI 1252`, `windows-1252`, `ISO-8859-1`, `LDID/87`, `UTF-8`; none for a name without one.
+fn named(cpg: &str) -> Option<u16> {
     let name = cpg.trim_matches(|c: char| !c.is_ascii_graphic()).to_ascii_uppercase();
     if let Some(mark) = name.strip_prefix("LDID/") {
-        return mark.parse::<u8>().ok().map(CodePageMark::from);
+        return number(CodePageMark::from(mark.parse::<u8>().ok()?));
     }
-    let number: String = name.chars().filter(char::is_ascii_digit).collect();
-    if name.starts_with("UTF") || number == "65001" {
-        return Some(CodePageMark::Utf8);
+    if let Some((_, page)) = NAMES.iter().find(|(known, _)| *known == name) {
+        return Some(*page);
     }
-    NUMBERS.iter().find(|(known, _)| *known == number).map(|(_, mark)| *mark)
+    let digits: String = name.chars().filter(char::is_ascii_digit).collect();
+    match digits.strip_prefix("8859").and_then(|part| part.parse::<u16>().ok()) {
+        _ if name.starts_with("UTF") => Some(UTF8),
+        Some(part @ 1..=16) => Some(ISO + part),
+        _ => digits.parse().ok(),
+    }
 }
 
-/// A code page that is a table of 256; none of the others, nor of what is UTF-8 or not said.
-fn of(mark: CodePageMark) -> Option<DynEncoding> {
+/// The number of a mark's code page.
+fn number(mark: CodePageMark) -> Option<u16> {
     Some(match mark {
-        CodePageMark::CP437 => LossyCodePage(page::CP437).into(),
-        CodePageMark::CP850 => LossyCodePage(page::CP850).into(),
-        CodePageMark::CP852 => LossyCodePage(page::CP852).into(),
-        CodePageMark::CP861 => LossyCodePage(page::CP861).into(),
-        CodePageMark::CP865 => LossyCodePage(page::CP865).into(),
-        CodePageMark::CP866 => LossyCodePage(page::CP866).into(),
-        CodePageMark::CP874 => LossyCodePage(page::CP874).into(),
-        CodePageMark::CP1250 => LossyCodePage(page::CP1250).into(),
-        CodePageMark::CP1251 => LossyCodePage(page::CP1251).into(),
-        CodePageMark::CP1252 => LossyCodePage(page::CP1252).into(),
-        CodePageMark::CP1253 => LossyCodePage(page::CP1253).into(),
-        CodePageMark::CP1254 => LossyCodePage(page::CP1254).into(),
-        CodePageMark::CP1255 => LossyCodePage(page::CP1255).into(),
-        CodePageMark::CP1256 => LossyCodePage(page::CP1256).into(),
+        CodePageMark::Undefined | CodePageMark::Invalid => return None,
+        CodePageMark::Utf8 => UTF8,
+        CodePageMark::CP437 => 437,
+        CodePageMark::CP620 => 620,
+        CodePageMark::CP737 => 737,
+        CodePageMark::CP850 => 850,
+        CodePageMark::CP852 => 852,
+        CodePageMark::CP857 => 857,
+        CodePageMark::CP861 => 861,
+        CodePageMark::CP865 => 865,
+        CodePageMark::CP866 => 866,
+        CodePageMark::CP874 => 874,
+        CodePageMark::CP895 => 895,
+        CodePageMark::CP932 => 932,
+        CodePageMark::CP936 => 936,
+        CodePageMark::CP949 => 949,
+        CodePageMark::CP950 => 950,
+        CodePageMark::CP1250 => 1250,
+        CodePageMark::CP1251 => 1251,
+        CodePageMark::CP1252 => 1252,
+        CodePageMark::CP1253 => 1253,
+        CodePageMark::CP1254 => 1254,
+        CodePageMark::CP1255 => 1255,
+        CodePageMark::CP1256 => 1256,
+    })
+}
+
+/// A code page by its number, and what its bytes are where the library reads them by another; none for UTF-8, which a table says and is not often enough.
+fn known(number: u16) -> Option<(DynEncoding, Option<OfBytes>)> {
+    let by_bytes: OfBytes = match number {
+        737 => |bytes| page::CP737.decode(bytes).into(),
+        855 => |bytes| page::CP855.decode(bytes).into(),
+        857 => |bytes| page::CP857.decode_lossy(bytes).into(),
+        862 => |bytes| page::CP862.decode(bytes).into(),
+        _ => return of_library(number).map(|encoding| (encoding, None)),
+    };
+    Some((LossyCodePage(page::CP437).into(), Some(by_bytes)))
+}
+
+/// Those that the library for tables knows; the parts of ISO 8859 that Windows has within a page of its own are that.
+fn of_library(number: u16) -> Option<DynEncoding> {
+    let of_web = |encoding| Some(EncodingRs::from(encoding).into());
+    Some(match number {
+        437 => LossyCodePage(page::CP437).into(),
+        850 => LossyCodePage(page::CP850).into(),
+        852 => LossyCodePage(page::CP852).into(),
+        861 => LossyCodePage(page::CP861).into(),
+        865 => LossyCodePage(page::CP865).into(),
+        866 => LossyCodePage(page::CP866).into(),
+        874 | 28601 => LossyCodePage(page::CP874).into(),
+        1250 => LossyCodePage(page::CP1250).into(),
+        1251 => LossyCodePage(page::CP1251).into(),
+        1252 | 28591 => LossyCodePage(page::CP1252).into(),
+        1253 => LossyCodePage(page::CP1253).into(),
+        1254 | 28599 => LossyCodePage(page::CP1254).into(),
+        1255 => LossyCodePage(page::CP1255).into(),
+        1256 => LossyCodePage(page::CP1256).into(),
+        932 => return of_web(web::SHIFT_JIS),
+        936 => return of_web(web::GBK),
+        949 => return of_web(web::EUC_KR),
+        950 => return of_web(web::BIG5),
+        1257 => return of_web(web::WINDOWS_1257),
+        1258 => return of_web(web::WINDOWS_1258),
+        28592 => return of_web(web::ISO_8859_2),
+        28593 => return of_web(web::ISO_8859_3),
+        28594 => return of_web(web::ISO_8859_4),
+        28595 => return of_web(web::ISO_8859_5),
+        28596 => return of_web(web::ISO_8859_6),
+        28597 => return of_web(web::ISO_8859_7),
+        28598 => return of_web(web::ISO_8859_8),
+        28603 => return of_web(web::ISO_8859_13),
+        28605 => return of_web(web::ISO_8859_15),
         _ => return None,
     })
 }
 
-/// UTF-8 where all names of fields are, else Windows-1252: a file says the one and holds the other often enough.
-fn guess(head: &[u8]) -> DynEncoding {
+/// Whether all names of fields are UTF-8: a file says the one and holds the other often enough.
+fn are_utf8(head: &[u8]) -> bool {
     let fields = head.get(FIELDS..).unwrap_or_default().chunks(FIELD).take_while(|field| field[0] != END);
     let mut names = fields.map(|field| field.split(|b| *b == 0).next().unwrap_or_default());
-    match names.all(|name| std::str::from_utf8(&name[..name.len().min(NAME)]).is_ok()) {
-        true => UnicodeLossy.into(),
-        false => LossyCodePage(page::CP1252).into(),
-    }
+    names.all(|name| std::str::from_utf8(&name[..name.len().min(NAME)]).is_ok())
 }
 
 #[cfg(test)]
@@ -102,7 +201,8 @@ mod tests {
     #[test]
     fn the_cpg_decides_then_the_mark_then_the_names() {
         let read = |cpg: Option<&str>, mark: u8, name: &[u8]| {
-            encoding(cpg, &head(mark, name)).decode(name).expect("nothing is refused").into_owned()
+            let page = text_page(cpg, &head(mark, name));
+            page.text(page.encoding.decode(name).expect("nothing is refused").into_owned())
         };
         let (latin, dos, utf) = (&b"H\xf6he"[..], &b"H\x94he"[..], "H\u{f6}he".as_bytes());
         for cpg in
@@ -133,6 +233,51 @@ mod tests {
         for mark in 0..=255 {
             assert_eq!(read(None, mark, b"CONTOUR"), "CONTOUR", "{mark:02x}");
         }
-        assert_eq!(encoding(None, &[]).decode(b"a").expect("ASCII"), "a");
+        assert_eq!(text_page(None, &[]).encoding.decode(b"a").expect("ASCII"), "a");
+    }
+
+    #[test]
+    fn pages_of_east_and_west_are_known_by_cpg_and_mark() {
+        let read = |cpg: Option<&str>, mark: u8, name: &[u8]| {
+            let page = text_page(cpg, &head(mark, name));
+            assert_eq!(page.doubt, None, "{cpg:?} {mark:02x}");
+            page.text(page.encoding.decode(name).expect("nothing is refused").into_owned())
+        };
+        let (height, kanji, hanzi, hangul) =
+            ("\u{3cd}\u{3c8}\u{3bf}\u{3c2}", "\u{6a19}\u{9ad8}", "\u{9ad8}\u{7a0b}", "\u{b192}\u{c774}");
+        for (cpgs, marks, bytes, wanted) in [
+            (&["737", "CP737", "IBM-737"][..], &[0x6a][..], &b"\xe7\xaf\xa6\xaa"[..], height),
+            (&["857", "OEM 857"], &[0x6b], b"y\x81kseklik", "y\u{fc}kseklik"),
+            (&["932", "SJIS", "Shift_JIS"], &[0x13, 0x7b], b"\x95W\x8d\x82", kanji),
+            (&["936", "GBK", "GB2312", "gb18030"], &[0x4d, 0x7a], b"\xb8\xdf\xb3\xcc", "\u{9ad8}\u{7a0b}"),
+            (&["949", "EUC-KR", "windows-949"], &[0x79], b"\xb3\xf4\xc0\xcc", hangul),
+            (&["950", "BIG5", "Big-5"], &[0x78], b"\xb0\xaa\xb5{", hanzi),
+            (&["ISO-8859-2", "8859-2", "ISO 88592", "latin2"], &[], b"v\xfd\xb9ka", "v\u{fd}\u{161}ka"),
+            (&["1257"], &[], b"augst\xeeba", "augst\u{12b}ba"),
+        ] {
+            cpgs.iter().for_each(|cpg| assert_eq!(read(Some(cpg), 0x57, bytes), wanted, "{cpg}"));
+            marks.iter().for_each(|mark| assert_eq!(read(None, *mark, bytes), wanted, "{mark:02x}"));
+        }
+        // Bytes that are ASCII are that in all of them, and what a page lacks is replaced.
+        assert!(["737", "857", "932", "936", "949", "950"].iter().all(|cpg| read(Some(cpg), 0, b"Z_1 ~") == "Z_1 ~"));
+        assert_eq!(read(Some("857"), 0, b"a\xe7b"), "a\u{fffd}b");
+    }
+
+    #[test]
+    fn a_page_that_is_not_known_is_told_where_it_matters() {
+        let doubt = |cpg: Option<&str>, mark: u8, name: &[u8]| text_page(cpg, &head(mark, name)).doubt;
+        let told = doubt(Some("KOI8-R"), 0, b"H\xf6he").expect("it is not known");
+        assert!(told.starts_with("the code page `KOI8-R` of its table is not known here"), "{told}");
+        assert!(doubt(None, 0x68, b"v\x98ka").is_some_and(|told| told.contains("`895`")));
+        // The table's own mark, names in UTF-8 or ASCII, and no word of a page.
+        assert_eq!(doubt(Some("KOI8-R"), 0x03, b"H\xf6he"), None);
+        for (cpg, mark, name) in [
+            (Some("mine"), 0, &b"HEIGHT"[..]),
+            (None, 0x68, b"H\xc3\xb6he"),
+            (None, 0, b"H\xf6he"),
+            (Some(""), 0, b"H\xf6he"),
+        ] {
+            assert_eq!(doubt(cpg, mark, name), None, "{cpg:?} {mark:02x}");
+        }
     }
 }

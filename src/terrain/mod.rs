@@ -94,9 +94,10 @@ impl Terrain {
             let message = "is not for anything but a GeoPackage, which may have several".into();
             return Err(Error::Setting { name: "layer".into(), message });
         }
+        let mut notes = Vec::new();
         let (features, named) = match format {
             MapFormat::GeoJson => geojson::read(path)?,
-            MapFormat::Shapefile => shapefile::read(path).map(|(features, crs)| (features, Ok(crs)))?,
+            MapFormat::Shapefile => shapefile::read(path, &mut notes).map(|(features, crs)| (features, Ok(crs)))?,
             #[cfg(feature = "geopackage")]
             MapFormat::GeoPackage => geopackage::read(path, layer).map(|(features, crs)| (features, Ok(crs)))?,
             #[cfg(not(feature = "geopackage"))]
@@ -107,7 +108,6 @@ impl Terrain {
             }
         };
         let shape = format == MapFormat::Shapefile;
-        let mut notes = Vec::new();
         let (mut lines, field) = lines::lines(&features, options.elevation.as_deref(), &mut notes).map_err(wrong)?;
         let MapCrs { crs, height_metres } =
             coordinate_system(named, options, &lines, shape, &mut notes).map_err(wrong)?;

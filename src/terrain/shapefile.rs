@@ -18,11 +18,11 @@ const NO_DATA: f64 = -1e38;
 /// Most bytes that a table's header can have: it says their number in 16 bits.
 const HEADER: u64 = 1 << 16;
 
-/// The features of a shapefile, and the coordinate system of its .prj.
+/// The features of a shapefile, and the coordinate system of its .prj. Words for a person go to `notes`.
 ///
 /// # Errors
 /// [`Error::Read`]; [`Error::Format`] with record and value.
-pub fn read(path: &Path) -> Result<(Vec<Feature>, MapCrs)> {
+pub fn read(path: &Path, notes: &mut Vec<String>) -> Result<(Vec<Feature>, MapCrs)> {
     let unreadable = |path: &Path, source| Error::Read { path: path.into(), source };
     let wrong = |path: &Path, message: String| Error::Format { path: path.into(), message };
     let there = |path: &Path| match regular::read(path) {
@@ -58,14 +58,20 @@ pub fn read(path: &Path) -> Result<(Vec<Feature>, MapCrs)> {
     let head = regular::begin(&table, HEADER).map_err(|e| unreadable(&table, e))?;
     let page = there(&path.with_extension("cpg"))?;
     let page = page.as_ref().map(|bytes| String::from_utf8_lossy(bytes));
-    let records = dbase::ReaderBuilder::new().with_encoding(code_page::encoding(page.as_deref(), &head));
+    let page = code_page::text_page(page.as_deref(), &head);
+    notes.extend(page.doubt.iter().cloned());
+    let records = dbase::ReaderBuilder::new().with_encoding(page.encoding.clone());
     let mut records = records.build(BufReader::new(table_file)).map_err(no_table)?;
     let mut count = 0;
     for (k, record) in records.iter_records_as::<Fields>().enumerate() {
         let Fields(fields) = record.map_err(|e| wrong(&table, format!("record {}: {e}", k + 1)))?;
         count += 1;
         if let Some(feature) = features.get_mut(k) {
-            feature.fields = fields;
+            let text = |value| match value {
+                Value::String(text) => Value::from(page.text(text)),
+                other => other,
+            };
+            feature.fields = fields.into_iter().map(|(name, value)| (page.text(name), text(value))).collect();
         }
     }
     if count != features.len() {

@@ -136,6 +136,27 @@ fn shapefiles_are_read_in_whatever_code_page_their_table_is() {
         let terrain = levels(mark, name, cpg, &named);
         assert!(terrain.description.iter().any(|line| line.contains("H\u{f6}he \u{fc}")), "{:?}", terrain.description);
     }
+    // Pages that the library for tables reads by another one, of two bytes a letter, and of ISO 8859.
+    for (mark, bytes, cpg, name) in [
+        (0x6a, &b"\xe7\xaf\xa6\xaa"[..], None, "\u{3cd}\u{3c8}\u{3bf}\u{3c2}"),
+        (0x00, b"y\x81kseklik", Some("857"), "y\u{fc}kseklik"),
+        (0x13, b"\x95W\x8d\x82", None, "\u{6a19}\u{9ad8}"),
+        (0x00, b"\xb8\xdf\xb3\xcc", Some("936"), "\u{9ad8}\u{7a0b}"),
+        (0x79, b"\xb3\xf4\xc0\xcc", None, "\u{b192}\u{c774}"),
+        (0x00, b"\xb0\xaa\xb5{", Some("BIG5"), "\u{9ad8}\u{7a0b}"),
+        (0x57, b"v\xfd\xb9ka", Some("ISO-8859-2"), "v\u{fd}\u{161}ka"),
+    ] {
+        let named = ReadOptions { elevation: Some(name.into()), ..pixels(20.0) };
+        let terrain = levels(mark, bytes, cpg, &named);
+        assert!(terrain.description.iter().any(|line| line.contains(name)), "{name}: {:?}", terrain.description);
+    }
+    // One that is not known is named where it matters.
+    let named = ReadOptions { elevation: Some("H\u{f6}he".into()), ..pixels(20.0) };
+    let notes = |bytes: &[u8], options: &ReadOptions| levels(0, bytes, Some("KOI8-R"), options).notes;
+    assert!(
+        notes(b"H\xf6he", &named).iter().any(|note| note.contains("the code page `KOI8-R` of its table is not known"))
+    );
+    assert!(!notes(b"CONTOUR", &pixels(20.0)).iter().any(|note| note.contains("code page")));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use interslice::input::labels::{Wanted, labels_of_volume, read_labels};
 use interslice::input::{self, Input};
 use interslice::labels::LabelStack;
 #[cfg(feature = "dicom")]
-use interslice::polygons::grid::too_large;
+use interslice::polygons::grid::{chosen_pixel, too_large};
 use interslice::settings::Link;
 use interslice::stack::links::LinkOptions;
 use interslice::stack::{ReadOptions, Slice};
@@ -103,7 +103,7 @@ fn of_volume(input: &Input, read: &ReadOptions, of_labels: Vec<String>, links: &
     let mut doubts = input.doubts(read);
     doubts.extend(of_labels.into_iter().filter(|doubt| !doubts.contains(doubt)).collect::<Vec<_>>());
     let doubts = told(doubts);
-    let lines = input.surveyed.iter().flat_map(volume::describe);
+    let lines = input.surveyed.iter().flat_map(volume::describe).chain(input.chosen.clone());
     Ok(lines.fold(String::new(), |text, line| text + &line + "\n") + &doubts + &describe(&input.stack, links, None)?)
 }
 
@@ -167,7 +167,9 @@ fn structures(arguments: &InspectArguments) -> Result<String> {
     let drawings = chosen.drawings(&arguments.read)?;
     let large = too_large(&drawings, arguments.read.pixel.map(|px| [px; 2]), stack.spacing);
     let doubts = large.into_iter().chain(chosen.crossing(&drawings)).chain(stack.doubts());
-    Ok(left_out + &chosen.describe().join("\n") + "\n" + &told(doubts) + &text)
+    let mut lines = chosen.describe();
+    lines.extend(arguments.read.pixel.is_none().then(|| chosen_pixel(&drawings).to_string()));
+    Ok(left_out + &lines.join("\n") + "\n" + &told(doubts) + &text)
 }
 
 /// Description of a contour map.

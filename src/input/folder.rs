@@ -8,6 +8,7 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::estimate::memory;
+use crate::input::Input;
 use crate::input::contents::{Contents, images_of, other_images_of, repeats, skips};
 use crate::input::grey_image::Grey;
 use crate::input::grey_rule::{Range, Rule};
@@ -153,7 +154,7 @@ pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
 ///
 /// # Errors
 /// The errors of [`crate::input::read`].
-pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Input> {
     let alone = is_of_images(path);
     let beside = if alone { beside(path)? } else { Vec::new() };
     let told = |e| match e {
@@ -179,7 +180,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<Str
     let drawn = parsed.slices.iter().filter(|s| s.polygons.is_some()).count();
     if drawn == 0 {
         let (stack, level) = images(parsed, &file, &folder, options).map_err(|e| if alone { taken(e) } else { e })?;
-        Ok((stack, beside.into_iter().chain(skips).chain(level).collect()))
+        Ok(Input { notes: beside.into_iter().chain(skips).chain(level).collect(), ..Input::of(stack) })
     } else if drawn == parsed.slices.len() {
         drawings(parsed, &file, options)
     } else {
@@ -188,7 +189,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<Str
 }
 
 /// The stack of a file whose slices are polygons, and what a person should know of them.
-fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(ContourStack, Vec<String>)> {
+fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<Input> {
     if options.level.is_some() {
         let message = "is not for polygons; it cuts grey slices".into();
         return Err(Error::Setting { name: "level".into(), message });
@@ -222,7 +223,8 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<(Co
         other => other,
     })?;
     notes.extend(polygons::doubts(&drawings, &stack, pixel));
-    Ok((stack, notes))
+    let chosen = pixel.is_none().then(|| polygons::grid::chosen_pixel(&drawings).to_string());
+    Ok(Input { notes, chosen, ..Input::of(stack) })
 }
 
 /// The stack of a file whose slices are images, and what a person should know of its level.

@@ -65,7 +65,8 @@ fn labels_of(
     if options.level.is_some() {
         return fail("is not for grey values, which `level` cuts".into());
     }
-    let Input { stack, surveyed, notes: mut said } = read(&ReadOptions { complete_slices: false, ..options.clone() })?;
+    let Input { stack, surveyed, notes: mut said, .. } =
+        read(&ReadOptions { complete_slices: false, ..options.clone() })?;
     let Some(mut surveyed) = surveyed else {
         return fail("chooses from a label volume".into());
     };

@@ -202,9 +202,16 @@ pub struct Input {
     pub surveyed: Option<Surveyed>,
     /// Notes on the file for a person.
     pub notes: Vec<String>,
+    /// What has been chosen where nobody has said it, for `inspect`: the pixels of polygons, and why.
+    pub chosen: Option<String>,
 }
 
 impl Input {
+    /// A stack of which there is nothing to say.
+    fn of(stack: ContourStack) -> Self {
+        Input { stack, surveyed: None, notes: Vec::new(), chosen: None }
+    }
+
     /// Reads a stack.
     ///
     /// # Errors
@@ -343,12 +350,11 @@ const UNSPACED: &str =
 
 /// Input as the readers give it, unchecked.
 fn unchecked(kind: Kind, path: &Path, options: &ReadOptions) -> Result<Input> {
-    let plain = |stack| Input { stack, surveyed: None, notes: Vec::new() };
     Ok(match kind {
         Kind::Folder => {
-            let (stack, mut notes) = folder::read(path, options)?;
-            notes.extend(stack.inside_out(options.invert));
-            Input { notes, ..plain(stack) }
+            let mut input = folder::read(path, options)?;
+            input.notes.extend(input.stack.inside_out(options.invert));
+            input
         }
         Kind::Volume(header) => {
             let mut volume = header(path)?;
@@ -364,14 +370,14 @@ fn unchecked(kind: Kind, path: &Path, options: &ReadOptions) -> Result<Input> {
             cut(volume, options)?
         }
         #[cfg(feature = "dicom")]
-        Kind::StructureSet => plain(crate::rtstruct::read(path, options)?),
+        Kind::StructureSet => Input::of(crate::rtstruct::read(path, options)?),
         #[cfg(not(feature = "dicom"))]
         Kind::StructureSet => {
             let message = "is DICOM, which this program was built without (feature `dicom`)".into();
             return Err(Error::Format { path: path.into(), message });
         }
         #[cfg(feature = "terrain")]
-        Kind::Map => plain(crate::terrain::Terrain::read(path, options)?.stack),
+        Kind::Map => Input::of(crate::terrain::Terrain::read(path, options)?.stack),
         #[cfg(not(feature = "terrain"))]
         Kind::Map => {
             let message = "is a contour map, which this program was built without (feature `terrain`)".into();
@@ -406,7 +412,7 @@ fn cut(mut volume: Volume, options: &ReadOptions) -> Result<Input> {
     let stack = slices::stack(&volume, &survey, &axis, options, label)?;
     let doubts = stack.inside_out(options.invert).into_iter().chain(axis.doubt.clone());
     let notes = volume.notes.iter().cloned().chain(doubts).collect();
-    Ok(Input { stack, notes, surveyed: Some(Surveyed { volume, survey, axis, label }) })
+    Ok(Input { notes, surveyed: Some(Surveyed { volume, survey, axis, label }), ..Input::of(stack) })
 }
 
 /// Reads a stack from any input that `docs/formats.md` lists: folders, volumes, RTSTRUCT, polygons, contour maps.

@@ -14,6 +14,7 @@ pub mod edges;
 pub mod fill;
 pub mod grid;
 pub(crate) mod near;
+mod needed;
 pub mod plane;
 pub mod zones;
 

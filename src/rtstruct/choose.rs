@@ -153,8 +153,13 @@ impl ChosenRois<'_> {
             regions.entry((*plane, *roi)).or_default().push(k);
         }
         let all = LazyCell::new(|| {
-            let drawing = |k| PlaneDrawing { name: String::new(), z: 0.0, extra: false, regions: self.regions(k) };
-            polygons::grid::pixel_side(&(0..self.planes.heights.len()).map(drawing).collect::<Vec<_>>())
+            let drawing = |(k, z): (usize, &f64)| PlaneDrawing {
+                name: String::new(),
+                z: *z,
+                extra: false,
+                regions: self.regions(k),
+            };
+            polygons::grid::pixel_side(&self.planes.heights.iter().enumerate().map(drawing).collect::<Vec<_>>())
         });
         let (mut out, mut notes) = (HashSet::new(), Vec::new());
         for members in regions.values().filter(|members| members.len() > 1) {

@@ -38,7 +38,8 @@ pub struct ReadOptions {
     pub series: Option<String>,
 
     /// Polygons, RTSTRUCT and contour maps: side of the pixels the contours are laid on, in the input's unit [default: the input's
-    /// `spacing_xy`; half the distance of neighbouring points, finer for what is thin or drawn with few points; of a map the points' median distance, within an eighth to a quarter
+    /// `spacing_xy`; half the distance of neighbouring points, finer for what is thin or drawn with few points, coarser where points say nothing of the
+    /// shape; of a map the points' median distance, within an eighth to a quarter
     /// of that of its lines]
     #[arg(long, value_name = "LENGTH")]
     pub pixel: Option<f64>,

@@ -1,5 +1,6 @@
 //! What is read: volumes, images, polygons, RT structure sets and contour maps, and what is said of them before the work.
 
+mod dense_polygons;
 mod doubts;
 #[path = "../support/files.rs"]
 mod files;

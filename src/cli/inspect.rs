@@ -109,14 +109,14 @@ fn of_volume(input: &Input, read: &ReadOptions, of_labels: Vec<String>, links: &
 
 /// Descriptions of labels, each by itself.
 fn each_label(arguments: &InspectArguments, wanted: &Wanted) -> Result<String> {
-    let mut text = String::new();
     let left_out = |message: &str| tell!("warning: {message}");
-    for (k, member) in of_labels_alone(&arguments.input, &arguments.read, wanted, &left_out)?.iter().enumerate() {
+    let labels = of_labels_alone(&arguments.input, &arguments.read, wanted, &left_out)?;
+    // What is said of the file is said of all that is painted in it, whatever is wanted.
+    let file = Input::of_labels(&arguments.input, &ReadOptions { complete_slices: false, ..arguments.read.clone() })?;
+    let mut text: String = file.surveyed.iter().flat_map(volume::describe).map(|line| line + "\n").collect();
+    for member in &labels {
         let input = Input::read(&arguments.input, &member.read)?;
         let doubts = told(input.doubts(&member.read));
-        // What the file is is the same for all.
-        let volume = input.surveyed.iter().filter(|_| k == 0).flat_map(volume::describe).map(|line| line + "\n");
-        text += &volume.collect::<String>();
         text += &format!("\n{}\n{doubts}{}", member.name, describe(&input.stack, &[], None)?);
     }
     Ok(text)

@@ -220,11 +220,11 @@ impl Input {
         Self::of_kind(Kind::for_options(path, options)?, path, options)
     }
 
-    /// Reads what labels are chosen from.
+    /// Reads what labels are chosen from: all that is painted.
     ///
     /// # Errors
     /// The errors of [`read`]; [`Error::Setting`] for what is no volume.
-    fn of_labels(path: &Path, options: &ReadOptions) -> Result<Self> {
+    pub fn of_labels(path: &Path, options: &ReadOptions) -> Result<Self> {
         let kind = Kind::of_input(path, true)?.check(options, path)?;
         let fail = |what: &str| Err(Error::Setting { name: "labels".into(), message: format!("is not for {what}") });
         match kind {

@@ -85,6 +85,31 @@ fn labels_are_evaluated_described_and_planned_one_by_one() {
     assert_eq!((plan[1]["option"].as_str(), plan[1]["parts"].as_array().map(Vec::len)), (Some("--label 2"), Some(2)));
 }
 
+/// What is said of the file is not what is said of its first label.
+#[test]
+fn painted_slices_of_a_file_are_those_of_all_its_labels() {
+    let place = folder();
+    let input = place.path().join("in.nrrd").display().to_string();
+    let value = |n: usize| {
+        let (k, j, i) = (n / 600, n / 30 % 20, n % 30);
+        let near = |x: f64| (i as f64 - x).hypot(j as f64 - 9.5) < 4.0;
+        match k {
+            0 | 2 | 4 if near(8.0) => 1,
+            4 | 6 | 8 if near(21.0) => 2,
+            _ => 0,
+        }
+    };
+    let bytes: Vec<u8> = (0..9 * 600).map(value).collect();
+    fs::write(&input, nrrd("spacings: 1 1 1.5\nencoding: raw", "uchar", [30, 20, 9], &bytes)).expect("it is written");
+    for wanted in ["all", "2", "1,2"] {
+        let told = said(&["inspect", &input, "--labels", wanted], 0);
+        let (file, labels) = told.split_once("\n\n").expect("a header");
+        assert!(file.contains("painted: 5 of 9 slices: 0, 2, 4, 6, 8"), "{wanted}: {told}");
+        let slices = 3 * if wanted == "2" { 1 } else { 2 };
+        assert_eq!(labels.matches("1 part, 0 holes").count(), slices, "{wanted}: {told}");
+    }
+}
+
 /// Links between slices that are both kept count; the others are told of.
 #[test]
 fn links_are_used_where_their_slices_are_kept() {

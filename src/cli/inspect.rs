@@ -180,8 +180,11 @@ fn contour_map(arguments: &InspectArguments) -> Result<String> {
     let links = arguments.links.read(&terrain.stack)?;
     let notes = terrain.notes.iter().map(|note| format!("note: {note}"));
     let lines: Vec<String> = terrain.description.iter().cloned().chain(notes).collect();
-    let text =
-        describe(&terrain.stack, &links, terrain.step().map(|step| (step, "an eighth of the distance of levels")))?;
+    let text = describe(
+        &terrain.stack,
+        &links,
+        terrain.step().map(|step| (step, "an eighth of the usual distance of levels")),
+    )?;
     let [beyond, _] = terrain.map.first;
     Ok(lines.join("\n") + &format!("\n(the stack goes on {beyond} px beyond the border)\n") + &text)
 }

@@ -29,7 +29,7 @@ use crate::surface::simplify;
 #[serde(default, deny_unknown_fields)]
 #[command(next_help_heading = "Output")]
 pub struct OutputOptions {
-    /// Distance between output heights [default: the input's own grid or z_out; of a contour map an eighth of the distance of its levels; else the smaller pixel
+    /// Distance between output heights [default: the input's own grid or z_out; of a contour map an eighth of the usual distance of its levels; else the smaller pixel
     /// side]
     #[arg(long, value_name = "HEIGHT")]
     pub dz: Option<f64>,

@@ -33,6 +33,7 @@ use glam::DVec2;
 use join::Edges;
 
 use crate::error::{Error, Result};
+use crate::stack::heights::middle_gap;
 use crate::stack::{ContourStack, ReadOptions};
 use crate::storage::regular;
 use crate::surface::map::{Crs, Map, MapCrs};
@@ -40,7 +41,7 @@ use crate::surface::map::{Crs, Map, MapCrs};
 /// What is found, or a message without the file's name.
 type Check<T> = std::result::Result<T, String>;
 
-/// Parts of the middle distance between levels that are the distance between output heights, where none is asked for.
+/// Parts of the usual distance between levels that are the distance between output heights, where none is asked for.
 const STEPS_PER_LEVEL: f64 = 8.0;
 
 /// Metres by which units differ that are not the same, and feet that are not of the same kind.
@@ -161,11 +162,11 @@ impl Terrain {
         Ok(Terrain { stack, map, notes, description })
     }
 
-    /// Distance between output heights where none is asked for: an eighth of the middle distance between levels.
+    /// Distance between output heights where none is asked for: an eighth of the usual distance between levels, see [`middle_gap`]. Lines that are drawn
+    /// beside levels make no finer map.
     pub fn step(&self) -> Option<f64> {
-        let mut gaps: Vec<f64> = self.stack.slices.windows(2).map(|w| w[1].z - w[0].z).collect();
-        gaps.sort_by(f64::total_cmp);
-        gaps.get(gaps.len() / 2).map(|gap| gap / STEPS_PER_LEVEL)
+        let levels: Vec<f64> = self.stack.slices.iter().map(|level| level.z).collect();
+        Some(middle_gap(&levels) / STEPS_PER_LEVEL).filter(|step| *step > 0.0)
     }
 }
 

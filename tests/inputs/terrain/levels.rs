@@ -64,8 +64,15 @@ fn levels_that_lack_lines_are_told() {
 }
 
 #[test]
-fn heights_are_an_eighth_of_the_middle_distance_between_levels_apart() {
-    let levels = [(100.0, 400.0), (110.0, 300.0), (150.0, 200.0), (250.0, 100.0)];
-    let terrain = read(&levels.map(|(z, r)| feature(z, &circle([0.0, 0.0], r))), &pixels(20.0));
-    assert_eq!(terrain.step(), Some(5.0));
+fn heights_are_an_eighth_of_the_usual_distance_between_levels_apart() {
+    let map = |levels: &[f64]| {
+        let radius = |k: usize| 100.0 * (levels.len() - k) as f64;
+        let lines: Vec<_> =
+            levels.iter().enumerate().map(|(k, &z)| feature(z, &circle([0.0, 0.0], radius(k)))).collect();
+        read(&lines, &pixels(20.0)).step()
+    };
+    // Half of the height lies in gaps of up to 100, or of 29: pairs of lines close together are no finer map.
+    assert_eq!(map(&[100.0, 110.0, 150.0, 250.0]), Some(12.5));
+    assert_eq!(map(&[0.0, 1.0, 30.0, 31.0, 60.0, 61.0]), Some(29.0 / 8.0));
+    assert_eq!(map(&[20.0, 40.0, 60.0, 80.0]), Some(2.5));
 }

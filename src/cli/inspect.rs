@@ -8,7 +8,9 @@ use interslice::input::labels::{Wanted, labels_of_volume, read_labels};
 use interslice::input::{self, Input};
 use interslice::labels::LabelStack;
 #[cfg(feature = "dicom")]
-use interslice::polygons::grid::{chosen_pixel, too_large};
+use interslice::polygons::grid::too_large;
+#[cfg(feature = "dicom")]
+use interslice::polygons::pixel::chosen_pixel;
 use interslice::settings::Link;
 use interslice::stack::links::LinkOptions;
 use interslice::stack::{ReadOptions, Slice};

@@ -223,7 +223,7 @@ fn drawings(parsed: StackFile, file: &Path, options: &ReadOptions) -> Result<Inp
         other => other,
     })?;
     notes.extend(polygons::doubts(&drawings, &stack, pixel));
-    let chosen = pixel.is_none().then(|| polygons::grid::chosen_pixel(&drawings).to_string());
+    let chosen = pixel.is_none().then(|| polygons::pixel::chosen_pixel(&drawings).to_string());
     Ok(Input { notes, chosen, ..Input::of(stack) })
 }
 

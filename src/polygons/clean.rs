@@ -5,8 +5,8 @@ use std::collections::HashSet;
 
 use glam::DVec2;
 
-use super::grid::pixel_side;
 use super::near::near_copies;
+use super::pixel::pixel_side;
 use super::{PlaneDrawing, Polygon};
 
 /// Points of a closed line by which two are the same line, wherever they begin and whichever way they go.

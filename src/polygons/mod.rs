@@ -15,6 +15,7 @@ pub mod fill;
 pub mod grid;
 pub(crate) mod near;
 mod needed;
+pub mod pixel;
 pub mod plane;
 pub mod zones;
 
@@ -84,7 +85,7 @@ pub struct Planes {
     pub z_out: Option<HeightGrid>,
 }
 
-/// The drawings as a stack of level sets on pixels of sides `pixel` (else [`grid::pixel_side`]): signed distances in the unit, negative inside,
+/// The drawings as a stack of level sets on pixels of sides `pixel` (else [`pixel::pixel_side`]): signed distances in the unit, negative inside,
 /// exact where they are below [`CLAMP`] px and clamped there. Pixel (0, 0) lies where it must for x and y to be world coordinates along
 /// the axes; pixel centres are whole multiples of the pixel sides.
 ///
@@ -112,7 +113,7 @@ pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>
         .collect();
     let is_empty = pixel.is_some() && slices.iter().all(|slice| slice.content.is_empty());
     // Finer pixels do not help where lines cancel.
-    if is_empty && grid.spacing.max_element() > grid::pixel_side(drawings) {
+    if is_empty && grid.spacing.max_element() > pixel::pixel_side(drawings) {
         let (DVec2 { x, y }, unit) = (grid.spacing, &planes.unit);
         let message =
             format!("must be smaller: no pixel of {x} x {y} {unit} lies inside a polygon, all slices are empty");

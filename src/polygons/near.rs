@@ -10,7 +10,8 @@ use glam::DVec2;
 use rstar::primitives::{GeomWithData, Line};
 use rstar::{AABB, RTree};
 
-use super::grid::{bounds, figures, pixel_side};
+use super::grid::{bounds, figures};
+use super::pixel::pixel_side;
 use super::zones::measures;
 use super::{PlaneDrawing, Polygon};
 

@@ -159,7 +159,7 @@ impl ChosenRois<'_> {
                 extra: false,
                 regions: self.regions(k),
             };
-            polygons::grid::pixel_side(&self.planes.heights.iter().enumerate().map(drawing).collect::<Vec<_>>())
+            polygons::pixel::pixel_side(&self.planes.heights.iter().enumerate().map(drawing).collect::<Vec<_>>())
         });
         let (mut out, mut notes) = (HashSet::new(), Vec::new());
         for members in regions.values().filter(|members| members.len() > 1) {

@@ -5,7 +5,7 @@ use std::slice::from_ref;
 
 use crate::files::*;
 use glam::DVec2;
-use interslice::polygons::grid::pixel_side;
+use interslice::polygons::pixel::pixel_side;
 use interslice::polygons::{PlaneDrawing, Planes, Polygon, stack};
 use interslice::stack::Geometry;
 

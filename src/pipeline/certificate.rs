@@ -52,8 +52,6 @@ pub struct CertificateSpec {
     pub z: Vec<f64>,
     /// Number of the first of them in the stack.
     pub first: usize,
-    /// Pairs of parts of every interval that are kept apart.
-    pub parted: Vec<Vec<(u32, u32)>>,
 }
 
 /// What a layer says by itself and beside the one before it.
@@ -79,6 +77,8 @@ pub struct Examined {
     beside: Option<SparseImage<f32>>,
     /// Least distance of each pixel below the first contour.
     lower: Option<SparseImage<f32>>,
+    /// Overlapping pairs of parts, and whether they are connected.
+    overlapping: Vec<(PartPair, bool)>,
     /// Facts about the contours.
     pub contours: Vec<Met>,
     /// And of the body.
@@ -96,6 +96,7 @@ impl Examined {
             before: None,
             beside: None,
             lower: None,
+            overlapping: Vec::new(),
             body: BodyReport::default(),
         }
     }
@@ -133,11 +134,20 @@ impl Examined {
         }
     }
 
-    /// Findings.
-    pub fn finish(mut self) -> (Vec<Met>, BodyReport) {
+    /// Findings, but for pairs of parts of every interval that are kept apart.
+    pub fn finish(mut self, parted: &[Vec<(u32, u32)>]) -> (Vec<Met>, BodyReport) {
         // Above the last contour; beyond the last layer everything is outside.
         self.pieces[1].ground_last();
         self.count();
+        for (pair, connected) in self.overlapping {
+            if parted.get(pair.slice - self.spec.first).is_some_and(|apart| apart.contains(&(pair.from, pair.to))) {
+                continue;
+            }
+            self.body.overlapping += 1;
+            if !connected {
+                self.body.torn.push(pair);
+            }
+        }
         (self.contours, self.body)
     }
 
@@ -233,7 +243,7 @@ impl Examined {
         self.body.voids += voids;
     }
 
-    /// Looks whether any part of contour `i` is connected with one of the next, whose parts are `above`, and for overlapping ones that are not.
+    /// Looks whether any part of contour `i` is connected with one of the next, whose parts are `above`, and notes for overlapping ones whether they are.
     fn pairs(&mut self, i: usize, above: &Runs) {
         let pieces = &mut self.pieces[0];
         if pieces.low.count > 0 && above.count > 0 && !pieces.cross() {
@@ -241,12 +251,9 @@ impl Examined {
         }
         let mut pairs = BTreeSet::new();
         pieces.low.meeting(above, |a, b| _ = pairs.insert((a as u32 + 1, b as u32 + 1)));
-        let parted = self.spec.parted.get(i).map_or(&[][..], |parted| parted);
-        for (from, to) in pairs.into_iter().filter(|pair| !parted.contains(pair)) {
-            self.body.overlapping += 1;
-            if !pieces.connects(from as usize - 1, to as usize - 1) {
-                self.body.torn.push(PartPair { slice: self.spec.first + i, from, to });
-            }
+        for (from, to) in pairs {
+            let connected = pieces.connects(from as usize - 1, to as usize - 1);
+            self.overlapping.push((PartPair { slice: self.spec.first + i, from, to }, connected));
         }
     }
 
@@ -410,14 +417,14 @@ mod tests {
     #[test]
     fn a_pixel_is_as_long_as_its_longer_side() {
         for spacing in [[2.0, 1.0], [1.0, 2.0], [2.0, 2.0]] {
-            let spec = CertificateSpec { dims: [N; 2], spacing, z: vec![0.0, 1.0], first: 0, parted: Vec::new() };
+            let spec = CertificateSpec { dims: [N; 2], spacing, z: vec![0.0, 1.0], first: 0 };
             assert_eq!(Examined::new(spec).px(), 2.0);
         }
     }
 
     #[test]
     fn a_change_is_as_large_whichever_way_the_surface_goes() {
-        let spec = CertificateSpec { dims: [N; 2], spacing: [2.0; 2], z: vec![0.0, 1.0], first: 0, parted: Vec::new() };
+        let spec = CertificateSpec { dims: [N; 2], spacing: [2.0; 2], z: vec![0.0, 1.0], first: 0 };
         let examined = Examined::new(spec);
         let layer = |by: f32| {
             let phi: Vec<f32> = (0..N * N).map(|n| 2.0 * (n % N) as f32 - 9.0 + by).collect();

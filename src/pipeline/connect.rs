@@ -60,6 +60,8 @@ fn meanwhile<A, B: Send>(clocks: &Clocks, own: impl FnOnce() -> A, other: impl F
 pub(crate) struct Together<'r, 'b> {
     contours: &'r SpillVec<'b, Contour>,
     parted: Vec<Vec<(u32, u32)>>,
+    /// Of every interval, whether a user keeps parts of it apart.
+    guarded: Vec<bool>,
     shown: OutputImage,
     /// Columns and rows of it that the image has.
     image: [Range<usize>; 2],
@@ -84,10 +86,12 @@ pub(crate) fn together<'a, 'r>(
     let limit = run.settings.margin() as f64;
     let shown = OutputImage { dims: run.stack.dims, pad: run.pad, h: run.h, limit, seen };
     let parted = links.iter().map(IntervalLinks::parted).collect();
+    let guarded = links.iter().map(|links| !links.told_apart().is_empty()).collect();
     let image = run.window.part(Tile::all(run.image));
     Together {
         contours,
         parted,
+        guarded,
         shown,
         image,
         end,
@@ -195,7 +199,7 @@ impl Together<'_, '_> {
         layers.par_iter_mut().zip(&inside).zip(&mut outside).zip(&stays).for_each(work);
         // A way might join what links keep apart.
         let low = layers.first().and_then(|w| w.layer.contour);
-        let apart = low.and_then(|i| self.parted.get(i)).is_some_and(|parted| !parted.is_empty());
+        let apart = low.and_then(|i| self.guarded.get(i)) == Some(&true);
         if floats && !apart {
             let mut phi: Vec<&mut SparseImage<f32>> = layers.iter_mut().map(|w| &mut w.layer.phi).collect();
             join(&mut phi, &inside, &stays, &self.image);
@@ -257,11 +261,22 @@ mod tests {
         let inside_at = |others: &[(f64, &[usize])]| {
             let shown = OutputImage { dims: [N; 2], pad: [0; 2], h: [1.0; 2], limit: 9.0, seen: None };
             let bonds = Bonds { cores: false, grounded: true };
-            let (contours, parted) = (&contours, vec![Vec::new()]);
+            let (contours, parted, guarded) = (&contours, vec![Vec::new()], vec![false]);
             let image = [0..N, 0..N];
             let (waiting, cores) = (Vec::new(), None);
-            let mut together =
-                Together { contours, parted, shown, image, end: &|_| (), beside: None, px: 1.0, bonds, waiting, cores };
+            let mut together = Together {
+                contours,
+                parted,
+                guarded,
+                shown,
+                image,
+                end: &|_| (),
+                beside: None,
+                px: 1.0,
+                bonds,
+                waiting,
+                cores,
+            };
             let mut layers =
                 vec![layer(0.0, &[1]), layer(2.0, &[1]), layer(4.0, &[1, 3]), layer(6.0, &[1]), layer(8.0, &[1])];
             layers.extend(others.iter().map(|(z, inside)| layer(*z, inside)));
@@ -296,10 +311,22 @@ mod tests {
         let block = |i: usize, j: usize| (4..7).contains(&i) && (2..7).contains(&j);
         let middle = |parted: Vec<(u32, u32)>| {
             let shown = OutputImage { dims: [N; 2], pad: [0; 2], h: [1.0; 2], limit: 9.0, seen: None };
+            let guarded = vec![!parted.is_empty()];
             let (contours, parted, image) = (&contours, vec![parted], [0..N, 0..N]);
             let (bonds, waiting, cores) = (Bonds { cores: false, grounded: true }, Vec::new(), None);
-            let mut together =
-                Together { contours, parted, shown, image, end: &|_| (), beside: None, px: 1.0, bonds, waiting, cores };
+            let mut together = Together {
+                contours,
+                parted,
+                guarded,
+                shown,
+                image,
+                end: &|_| (),
+                beside: None,
+                px: 1.0,
+                bonds,
+                waiting,
+                cores,
+            };
             let mut inside = Vec::new();
             let mut sink = |layers: Vec<Layer>| {
                 if let Some(layer) = layers.iter().find(|layer| layer.z == 4.0) {

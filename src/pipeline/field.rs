@@ -73,7 +73,7 @@ pub(super) fn field<'a>(
         let own = [contours.get(i)?, contours.get(i + 1)?];
         report.intervals[i].events.extend(holes(own.each_ref().map(|contour| &**contour), &moving.middle(i)?));
     }
-    see_links(links, contours, Some(&moving))?;
+    see_links(run, links, contours, Some(&moving))?;
     let matter = end_matter(run, contours, Some(&moving))?;
     let slopes = slice_slopes(run, contours, &moving, &matter, report)?;
     let last = contours.len() - 1;

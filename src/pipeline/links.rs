@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::grid::field::{Field, position};
 use crate::grid::spline::smoothstep;
 use crate::pipeline::rigid_frames;
+use crate::pipeline::slits::taken_apart;
 use crate::reference::exact::exact_distance;
 use crate::registration::displacement::Displacement;
 use crate::registration::mid_frame::Frame;
@@ -41,6 +42,11 @@ impl IntervalLinks {
     /// Pairs that do not.
     pub fn parted(&self) -> Vec<(u32, u32)> {
         self.told.iter().filter(|l| !l.join).map(|l| (l.from, l.to)).collect()
+    }
+
+    /// Pairs of which the user says so.
+    pub fn told_apart(&self) -> Vec<(u32, u32)> {
+        self.told.iter().filter(|l| !l.join && l.by == LinkedBy::File).map(|l| (l.from, l.to)).collect()
     }
 }
 
@@ -126,12 +132,25 @@ pub(super) fn frames<'a>(
     Ok(displacements)
 }
 
-/// Finds out how far linked parts meet, in the moving frame if there is one.
+/// Adds what the moving frame, if there is one, takes apart, and finds out how far linked parts meet in it.
 pub(super) fn see_links(
+    run: &Context<'_>,
     links: &mut [IntervalLinks],
     contours: &SpillVec<'_, Contour>,
     moving: Option<&MotionStack<'_>>,
 ) -> Result<()> {
+    if let Some(moving) = moving.filter(|_| run.bonds.cores) {
+        let several = |k: usize| contours.light(k).solids.count > 1;
+        for (i, links) in links.iter_mut().enumerate().filter(|(i, _)| several(*i) && several(i + 1)) {
+            let [low, high] = [contours.get(i)?, contours.get(i + 1)?];
+            let known: BTreeSet<(u32, u32)> = links.told.iter().map(|l| (l.from, l.to)).collect();
+            let apart = taken_apart([&low, &high], &*moving.at_slices(i)?, run.h)
+                .into_iter()
+                .filter(|pair| !known.contains(pair));
+            let told = |(from, to)| LinkReport { from, to, join: false, by: LinkedBy::Motion, meet: 0.0 };
+            links.told.extend(apart.map(told));
+        }
+    }
     for (i, links) in links.iter_mut().enumerate().filter(|(_, links)| !links.told.is_empty()) {
         let [low, high] = [contours.get(i)?, contours.get(i + 1)?];
         let at_slices = moving.map(|m| m.at_slices(i)).transpose()?;
@@ -158,7 +177,7 @@ pub(super) fn fairing_shares(
     contours: &SpillVec<'_, Contour>,
 ) -> Result<Vec<Option<Vec<f32>>>> {
     let share = |(i, links): (usize, &IntervalLinks)| {
-        let parted = links.parted();
+        let parted = links.told_apart();
         if parted.is_empty() {
             return Ok(None);
         }

@@ -26,6 +26,7 @@ mod moving;
 pub(crate) mod propagate;
 pub(crate) mod rigid_frames;
 pub mod section;
+mod slits;
 mod span;
 mod sweep_inputs;
 pub(crate) mod tracks;
@@ -170,7 +171,7 @@ fn apart_of<'s>(
         let k = slice.checked_sub(first)?;
         let [low, high] = [stack.slices.get(k)?, stack.slices.get(k + 1)?];
         let unmatched = report.intervals.get(k)?.groups == 0;
-        let parted = links.get(k).is_some_and(|links| !links.parted().is_empty());
+        let parted = links.get(k).is_some_and(|links| !links.told_apart().is_empty());
         let looked = unmatched || heights.iter().any(|z| low.z < *z && *z < high.z);
         (looked && !parted).then(|| Apart { slices: [&low.name, &high.name], unmatched })
     };
@@ -258,13 +259,8 @@ pub fn run(
     let first = run.span.first;
     let ends = [contours.light(0).z, contours.light(contours.len() - 1).z];
     let z: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
-    let examined = Examined::new(certificate::CertificateSpec {
-        dims: stack.dims,
-        spacing: stack.spacing,
-        z: z.clone(),
-        first,
-        parted: links.iter().map(IntervalLinks::parted).collect(),
-    });
+    let examined =
+        Examined::new(certificate::CertificateSpec { dims: stack.dims, spacing: stack.spacing, z: z.clone(), first });
     let outside = settings.margin() as f32 * px as f32;
     let mut certified = Certified {
         stack: on_image,
@@ -290,7 +286,7 @@ pub fn run(
         serial_seconds: Some(seconds),
         device: DeviceUse::default(),
     });
-    let (met, body) = certified.examined.finish();
+    let (met, body) = certified.examined.finish(&links.iter().map(IntervalLinks::parted).collect::<Vec<_>>());
     for ((c, differing), met) in report.contours.iter_mut().zip(certified.differing).zip(met) {
         c.differing_pixels = differing;
         (c.area, c.below, c.above) = (met.area, met.below, met.above);

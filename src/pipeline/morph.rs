@@ -44,7 +44,7 @@ pub(super) fn morph<'a>(
         Motion::Field | Motion::Rigid => Some(moving_frame(run, links, contours, report)?),
         Motion::None => None,
     };
-    see_links(links, contours, moving.as_ref())?;
+    see_links(run, links, contours, moving.as_ref())?;
     let (seen, parted) = in_frames(run, links, contours, moving.as_ref())?;
     let intervals = stage(run, report, "match", count, |report| {
         let (intervals, reports) = matching(run, &seen, &parted, moving.as_ref())?;
@@ -99,7 +99,7 @@ fn in_frames<'a, 'c>(
 ) -> Result<(SeenStack<'c, 'a>, Vec<Pairs>)> {
     let count = contours.len() - 1;
     let Some(moving) = moving else {
-        let parted = links.iter().map(IntervalLinks::parted).collect();
+        let parted = links.iter().map(IntervalLinks::told_apart).collect();
         return Ok((SeenStack { contours, moved: None }, parted));
     };
     let (mut moved, mut all_parted) = (SpillVec::new(run.budget), Vec::with_capacity(count));
@@ -112,7 +112,7 @@ fn in_frames<'a, 'c>(
     for first in traced.clone().step_by(at_once) {
         let some = first..(first + at_once).min(traced.end);
         let of_interval = |i: usize| {
-            let parted = links[i].parted();
+            let parted = links[i].told_apart();
             let own = |k: usize| match parted.is_empty() && contours.light(k).solids.count > 0 {
                 true => contours.some(k, Contour::SEEDS_AND_FIELD),
                 false => contours.get(k),

@@ -50,6 +50,8 @@ pub enum LinkedBy {
     File,
     /// `link` auto.
     Auto,
+    /// The motion that the slices show, which takes apart what overlaps across a slit as it is drawn.
+    Motion,
 }
 
 /// Tracker particles of an interval.

@@ -38,19 +38,13 @@ fn examined(of: impl Fn(f64) -> Discs, parted: &[(u32, u32)]) -> Report {
     let beside = HEIGHTS.iter().flat_map(|z| [z - 10.0 * BESIDE, z + 10.0 * BESIDE]);
     all.extend(beside.filter(|z| (0.0..20.0).contains(z)));
     all.sort_by(f64::total_cmp);
-    let spec = CertificateSpec {
-        dims: [N, N],
-        spacing: [1.0, 1.0],
-        z: HEIGHTS.to_vec(),
-        first: FIRST,
-        parted: vec![parted.to_vec(), Vec::new()],
-    };
+    let spec = CertificateSpec { dims: [N, N], spacing: [1.0, 1.0], z: HEIGHTS.to_vec(), first: FIRST };
     let layers: Vec<Layer> = all.into_iter().map(|z| layer(z, &of(z))).collect();
     let handed: Vec<(&Layer, bool)> = layers.iter().map(|l| (l, l.output || l.contour.is_some())).collect();
     let by = |count: usize| {
         let mut examined = Examined::new(spec.clone());
         handed.chunks(count).for_each(|some| examined.layers(some));
-        examined.finish()
+        examined.finish(&[parted.to_vec(), Vec::new()])
     };
     let (met, body) = by(1);
     for count in [3, 7, handed.len()] {

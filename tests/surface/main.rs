@@ -1,6 +1,7 @@
 //! What the surface is, from the library: exact, closed, connected, the same however it lies, on shapes whose mathematics is known.
 
 mod apart;
+mod backends;
 mod body;
 mod borders;
 mod budget;
@@ -23,6 +24,7 @@ mod rigid;
 mod sections;
 #[path = "../shapes/mod.rs"]
 mod shapes;
+mod slits;
 mod smooth;
 mod sphere_volumes;
 mod stack;

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use crate::backends::on_backends;
 use crate::shapes::*;
 use glam::DVec2;
 use interslice::grid::field::Field;
@@ -11,17 +12,7 @@ use interslice::reference::displacement::ROUNDS;
 use interslice::registration::displacement::{Displacement, DisplacementJob};
 use interslice::settings::{Method, SlopeRule};
 use interslice::stack::{ContourStack, Slice, SliceContent};
-use interslice::{Backend, Reference, Settings, reconstruct_with};
-
-/// Everything on the reference path, and on a GPU where the build has one.
-fn on_backends(test: impl Fn(&dyn Backend)) {
-    test(&Reference);
-    #[cfg(feature = "gpu")]
-    {
-        use interslice::gpu::{Gpu, GpuOptions};
-        test(&Gpu::open(&GpuOptions::default()).expect("a Vulkan driver (tests/run installs lavapipe)"));
-    }
-}
+use interslice::{Backend, Settings, reconstruct_with};
 
 fn unfaired(method: Method) -> Settings {
     Settings { method, fair: 0.0, ..Settings::default() }

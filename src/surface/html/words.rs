@@ -175,6 +175,7 @@ pub fn link(link: &LinkReport) -> String {
     let by = match by {
         LinkedBy::File => "as the links file says",
         LinkedBy::Auto => "found by the program",
+        LinkedBy::Motion => "as the slit between them moves",
     };
     let what = if *join { "are joined" } else { "are kept apart" };
     format!(

@@ -10,7 +10,7 @@ use crate::input::volume::{Overlaps, Volume, VoxelRun};
 pub use crate::input::wanted::Wanted;
 use crate::input::{Input, Surveyed};
 use crate::labels::Covered;
-use crate::labels::given::{Completeness, Given, notes, reading};
+use crate::labels::given::{Completeness, Given, completed, notes, reading};
 use crate::labels::report::LeftOut;
 use crate::labels::{LabelStack, SingleSlice};
 use crate::stack::ReadOptions;
@@ -185,7 +185,8 @@ fn given(
         covered[k].iter().for_each(|(a, _)| painted[*a][k] = true);
     }
     let numbers: Vec<usize> = slices.iter().map(|slice| (slice.z / thickness).round() as usize).collect();
-    painted.iter().map(|painted| Given::new(painted, &numbers, of)).collect()
+    let given = painted.iter().map(|painted| Given::new(painted, &numbers, of)).collect();
+    if of == Completeness::Own { completed(given, drawn, |k| slices[k].z) } else { given }
 }
 
 /// Notes for a person on slices of labels that look painted by mistake.

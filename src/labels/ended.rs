@@ -2,7 +2,7 @@
 //!
 //! Alone a label ends flat at its last slice, and one that begins in its place does so at the next: between them lay a gap through solid tissue.
 //! But the union of both goes on, and says where there is any. Between slice k, on which label a is painted, and slice k + 1, on which it is not,
-//! as far as is known, and others of its union are painted on its pixels, it goes on as
+//! as far as is known, and others of its union are painted on half of its pixels at least ([`SHARE`]), it goes on as
 //!
 //! ```text
 //! phi_a(t) = min(phi_a, max(phi_a(k) + w t (depth_a + 2 px), u(t))),   w = 1 - m / R between 0 and 1
@@ -13,9 +13,10 @@
 //! fields say nothing. So it draws back from the others, has its contour at t = 0 and nothing of theirs at t = 1, and never leaves the union. Upside
 //! down it is the same.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::facing::{Facing, facing};
+use super::given::SHARE;
 use super::kept::{KeptBody, LayerPatch};
 use super::stack::{LabelPair, LabelStack};
 use crate::error::Result;
@@ -47,19 +48,31 @@ impl EndingLabels {
             of_both.into_iter().any(|members| slices.iter().all(|&k| stack.settled(members, k)))
         };
         let between = |k: usize| {
-            let mut pairs = BTreeSet::new();
+            let mut pairs: BTreeMap<LabelPair, u64> = BTreeMap::new();
+            let mut pixels = [0, 1].map(|_| vec![0u64; painted[k].len()]);
             for (&low, &high) in stack.drawn[k].iter().zip(&stack.drawn[k + 1]) {
-                if low != high && low > 0 && high > 0 {
-                    pairs.insert((low as usize - 1, high as usize - 1));
+                let labels = [low, high].map(|l| (l as usize).checked_sub(1));
+                labels
+                    .iter()
+                    .zip(&mut pixels)
+                    .for_each(|(label, pixels)| label.into_iter().for_each(|a| pixels[*a] += 1));
+                if let [Some(low), Some(high)] = labels
+                    && low != high
+                {
+                    *pairs.entry((low, high)).or_default() += 1;
                 }
             }
+            pairs.retain(|&(low, high), _| united([low, high], [k, k + 1]));
+            let mut covered = pixels.each_ref().map(|pixels| vec![0; pixels.len()]);
+            for (&(low, high), shared) in &pairs {
+                covered[0][low] += shared;
+                covered[1][high] += shared;
+            }
+            let amid = |side: usize, a: usize| covered[side][a] as f64 >= SHARE * pixels[side][a] as f64;
             let mut ending = EndingLabels { slices: [k, k + 1], ..EndingLabels::default() };
-            for (low, high) in pairs {
-                if !united([low, high], [k, k + 1]) {
-                    continue;
-                }
-                let ends = !painted[k + 1][low] && stack.given[low].settles(k + 1);
-                let begins = !painted[k][high] && stack.given[high].settles(k);
+            for (low, high) in pairs.into_keys() {
+                let ends = !painted[k + 1][low] && stack.given[low].settles(k + 1) && amid(0, low);
+                let begins = !painted[k][high] && stack.given[high].settles(k) && amid(1, high);
                 if ends {
                     ending.labels.insert((low, true));
                 }

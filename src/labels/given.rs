@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 /// Meaning of painted slices for labels that are not on them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Completeness {
-    /// Nothing: each label has slices of its own. But where labels are painted on every slice there is nothing left to be interpolated, and
-    /// a slice without one says so (`Given::own`).
+    /// What the label's own slices say: one that is not painted on some slice between its first and its last has slices of its own, and nothing is known
+    /// of it on those of others; one that is painted on all of them has ended on the next slice of such a row ([`completed`]). Where
+    /// labels are painted on every slice there is nothing left to be interpolated, and a slice without one says so (`Given::own`).
     Own,
     /// The labels are not there: each slice counts for each label, from the first to the last.
     Complete,
@@ -21,6 +22,8 @@ pub struct Given {
     pub shut: Vec<usize>,
     /// Whether others are painted between its slices on some that are not given.
     pub crossed: bool,
+    /// Whether it is painted slice by slice.
+    pub dense: bool,
     /// Numbers of the unpainted slices beside which it is painted slice by slice: first and last of each stretch.
     pub holes: Vec<[usize; 2]>,
 }
@@ -28,6 +31,36 @@ pub struct Given {
 /// Share of a label's gaps that are no wider than a slice where it is painted slice by slice; slices painted in pairs with gaps between have half
 /// of them and one.
 const DENSE: f64 = 0.75;
+
+/// A slice beyond a label's first or last one is of the same row if it is this many times as far from it, as the nearest and as the farthest of the label's
+/// own are from each other.
+const SAME_ROW: [f64; 2] = [0.75, 1.5];
+/// Share of a contour, by area, that has to lie on other labels to end amid them.
+pub(super) const SHARE: f64 = 0.5;
+
+/// Adds slices at which labels have ended: a label on two slices at least, and on all that are painted between its first and its last, was looked for on each,
+/// and is not on the next slice of that row. Where most of its contour lies on others there, these say how it ends (`ended.rs`).
+pub fn completed(given: Vec<Given>, drawn: &[Vec<u32>], z: impl Fn(usize) -> f64) -> Vec<Given> {
+    let amid = |a: usize, on: usize, beyond: usize| {
+        let own = drawn[on].iter().zip(&drawn[beyond]).filter(|(label, _)| **label as usize == a + 1);
+        let (pixels, covered) = own.fold((0, 0), |(n, covered), (_, other)| (n + 1, covered + usize::from(*other > 0)));
+        covered as f64 >= SHARE * pixels as f64
+    };
+    let complete = |(a, mut given): (usize, Given)| {
+        let (Some([first, last]), false) = (given.ends(), given.crossed || given.dense) else { return given };
+        let gaps = || given.slices.windows(2).map(|pair| z(pair[1]) - z(pair[0]));
+        let Some((least, most)) = gaps().map(|gap| (gap, gap)).reduce(|(a, b), (c, d)| (a.min(c), b.max(d))) else {
+            return given;
+        };
+        let row = SAME_ROW[0] * least..=SAME_ROW[1] * most;
+        let ended = |on: usize, beyond: usize| row.contains(&(z(on) - z(beyond)).abs()) && !amid(a, on, beyond);
+        let below = first.checked_sub(1).filter(|beyond| ended(first, *beyond));
+        let above = Some(last + 1).filter(|beyond| *beyond < drawn.len() && ended(last, *beyond));
+        given.slices = below.into_iter().chain(given.slices).chain(above).collect();
+        given
+    };
+    given.into_iter().enumerate().map(complete).collect()
+}
 
 impl Given {
     /// The slices of a label, from those on which the label is painted, of those with these numbers on which anything is.
@@ -45,7 +78,7 @@ impl Given {
         let gap = |pair: &[usize]| numbers[pair[1]] - numbers[pair[0]];
         let beside = own.windows(2).filter(|pair| gap(pair) == 1).count();
         let dense = own.len() > 1 && beside as f64 >= DENSE * (own.len() - 1) as f64;
-        let mut given = Given { slices: own[..1].to_vec(), ..Given::default() };
+        let mut given = Given { slices: own[..1].to_vec(), dense, ..Given::default() };
         for pair in own.windows(2) {
             let between = pair[0] + 1..pair[1];
             match dense && gap(pair) > 1 {

@@ -1,6 +1,7 @@
 //! Several bodies in one run: label volumes and images, segments, masks, each with its slices and its name.
 
 mod commas;
+mod ended;
 #[path = "../support/files.rs"]
 mod files;
 mod label_images;

@@ -1,0 +1,49 @@
+//! Labels that end on the way: beyond their last slice in a row of slices, and beside others that go on.
+
+use interslice::stack::ReadOptions;
+
+use crate::own_slices::{Disc, SIZES, areas, decided, volume};
+
+/// Every fifth slice.
+const ROW: [usize; 7] = [0, 5, 10, 15, 20, 25, 30];
+
+/// A label on three slices of a row that another one goes along was looked for on the next one, and ends on the way there. Where that is not of the
+/// row, nothing is known of it.
+#[test]
+fn a_label_of_a_row_of_slices_ends_on_the_way_to_the_next() {
+    let along = |slices| Disc { label: 1, at: [50.0, 24.0], radius: 9.0, slices };
+    let body = Disc { label: 2, at: [20.0, 24.0], radius: 8.0, slices: &[10, 15, 20] };
+    let of = |discs: &[Disc<'_>]| areas(&decided(&volume(discs), &ReadOptions::default(), 1).0, 2);
+    let in_row = of(&[along(&ROW), body]);
+    for (on, way) in [(20usize, 1isize), (10, -1)] {
+        let at = |k: isize| in_row[on.wrapping_add_signed(way * k)];
+        assert!(at(1) > at(0) / 2 && at(1) <= at(0) && at(2) <= at(1) && at(5) == 0, "{in_row:?}");
+    }
+    for others in [&[0, 12, 22, 30][..], &[0, 2, 8, 30], &[0, 15, 30]] {
+        let alone = of(&[along(others), body]);
+        assert!(alone[..10].iter().chain(&alone[21..]).all(|n| *n == 0), "{others:?}: {alone:?}");
+    }
+}
+
+/// A thread that leans out of a ball, of which a few pixels lie over its last slice: the ball is not the thread's from there on.
+#[test]
+fn a_label_that_goes_on_takes_nothing_from_a_larger_one_that_ends() {
+    let [nx, ny, nz] = SIZES;
+    let inside = |n: usize| {
+        let [x, y, z] = [n % nx, n / nx % ny, n / (nx * ny)].map(|k| k as f64);
+        let lean = if z < 15.0 { 0.0 } else { 0.7 * (z - 15.0) };
+        [(x - 30.0 - lean).hypot(y - 24.0) < 3.4, (x - 30.0).hypot(y - 24.0).hypot(1.2 * (z - 6.0)) < 19.0]
+    };
+    let truth: Vec<[bool; 2]> = (0..nx * ny * nz).map(inside).collect();
+    let label = |(n, [thread, ball]): (usize, &[bool; 2])| match n / (nx * ny) % 5 {
+        0 if *thread => 2,
+        0 if *ball => 1,
+        _ => 0,
+    };
+    let voxels: Vec<u8> = truth.iter().enumerate().map(label).collect();
+    let lies_over = (0..nx * ny).filter(|n| voxels[n + 20 * nx * ny] == 1 && voxels[n + 25 * nx * ny] == 2).count();
+    assert!((1..20).contains(&lies_over), "{lies_over} pixels");
+    let thread = areas(&decided(&voxels, &ReadOptions::default(), 1).0, 2);
+    let drawn = thread[0];
+    assert!(thread.iter().all(|n| n.abs_diff(drawn) <= drawn / 3), "{thread:?}");
+}

@@ -52,10 +52,7 @@ impl EndingLabels {
             let mut pixels = [0, 1].map(|_| vec![0u64; painted[k].len()]);
             for (&low, &high) in stack.drawn[k].iter().zip(&stack.drawn[k + 1]) {
                 let labels = [low, high].map(|l| (l as usize).checked_sub(1));
-                labels
-                    .iter()
-                    .zip(&mut pixels)
-                    .for_each(|(label, pixels)| label.into_iter().for_each(|a| pixels[*a] += 1));
+                labels.iter().zip(&mut pixels).for_each(|(label, pixels)| label.iter().for_each(|a| pixels[*a] += 1));
                 if let [Some(low), Some(high)] = labels
                     && low != high
                 {

@@ -9,6 +9,7 @@
 //! that goes around it.
 
 use std::collections::BTreeMap;
+use std::mem::replace;
 
 use glam::DVec2;
 
@@ -69,6 +70,8 @@ impl Brought {
     fn new(own: &Contour, other: &Contour, to: impl Fn(DVec2) -> DVec2) -> Self {
         let [nx, ny] = own.phi.dims;
         let mut found = Brought { pixels: vec![0; own.solids.count + 1], met: BTreeMap::new() };
+        // Pixels of a row mostly belong to the pair of the one before.
+        let mut last = ((0, 0), Meeting::default());
         for (n, &part) in own.solids.labels.iter().enumerate().filter(|(_, part)| **part > 0) {
             found.pixels[part as usize] += 1;
             let DVec2 { x: i, y: j } = to(position(n, nx)).round();
@@ -77,21 +80,32 @@ impl Brought {
             }
             let there = j as usize * nx + i as usize;
             let met = other.solids.labels[there];
-            if met > 0 {
-                let meeting = found.met.entry((part, met)).or_default();
-                meeting.pixels += 1;
-                meeting.depth = meeting.depth.max(-own.phi.data[n].max(other.phi.data[there]));
+            if met == 0 {
+                continue;
             }
+            if last.0 != (part, met) {
+                found.add(replace(&mut last, ((part, met), Meeting::default())));
+            }
+            last.1.pixels += 1;
+            last.1.depth = last.1.depth.max(-own.phi.data[n].max(other.phi.data[there]));
         }
+        found.add(last);
         found
+    }
+
+    fn add(&mut self, (pair, more): ((u32, u32), Meeting)) {
+        if more.pixels > 0 {
+            let meeting = self.met.entry(pair).or_default();
+            meeting.pixels += more.pixels;
+            meeting.depth = meeting.depth.max(more.depth);
+        }
     }
 
     /// Pairs of which each part meets another one, too.
     fn crossed(&self) -> impl Iterator<Item = (u32, u32)> {
-        let others = |&(a, b): &(u32, u32)| {
-            self.of(a).count() > 1 && self.met.keys().any(|(other, met)| *met == b && *other != a)
-        };
-        self.met.keys().copied().filter(others)
+        let mut met_by: BTreeMap<u32, usize> = BTreeMap::new();
+        self.met.keys().for_each(|(_, met)| *met_by.entry(*met).or_default() += 1);
+        self.met.keys().copied().filter(move |(a, b)| met_by[b] > 1 && self.of(*a).nth(1).is_some())
     }
 
     /// Parts that this one meets.

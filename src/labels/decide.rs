@@ -1,6 +1,6 @@
 //! Decision to which label a voxel belongs, layer by layer.
 
-use std::cmp::Reverse;
+use std::cmp::{Ordering, Reverse};
 use std::collections::BTreeSet;
 
 use super::kept::LayerPatch;
@@ -8,6 +8,9 @@ use super::stack::LabelPair;
 
 /// Within this distance of a label, in pixels, the others have a say in its field: farther out no surface is near.
 pub const NEAR: f32 = 3.0;
+/// Share of a thin label's depth beyond which nothing thicker takes it. Of a quarter and a half a quarter keeps a wall of a pixel that leans by 45 degrees
+/// through a body (Dice 0.988 and 0.948, 0.734 without, alone 0.987); shells, cells and two brain atlases have the same with either.
+const CORE: f32 = 0.25;
 
 /// Distances that the rule knows, in the stack's unit.
 #[derive(Debug, Clone, Copy)]
@@ -41,6 +44,8 @@ pub(super) struct Layers<'l> {
     pub reach: LabelReach,
     /// Distances of the nearest slices on which the labels are known.
     pub off: &'l [f32],
+    /// How deep the labels are on the slices around.
+    pub depths: &'l [f32],
 }
 
 /// The decided layer.
@@ -72,13 +77,14 @@ impl Layers<'_> {
         let least = self.least();
         let mut parted = Parted { labels: vec![0; nx * ny], ..Parted::default() };
         for (a, alone) in self.alone.iter().enumerate() {
+            let near = self.near(a);
             let mut field = alone.clone();
             let mut changed = false;
             for (k, psi) in field.phi.iter_mut().enumerate() {
                 let pixel = [alone.origin[0] + k % alone.dims[0], alone.origin[1] + k / alone.dims[0]];
                 let node = pixel[1] * nx + pixel[0];
                 let Least { by, phi: [first, second] } = least[node];
-                *psi = self.value(a, pixel, *psi, if by == a { second } else { first });
+                *psi = self.value((a, &near), pixel, *psi, if by == a { second } else { first });
                 changed |= psi.to_bits() != alone.phi[k].to_bits();
                 if *psi < 0.0 {
                     parted.gap += u64::from(first > 0.0);
@@ -91,6 +97,17 @@ impl Layers<'_> {
         }
         parted.overlap = least.iter().filter(|l| l.phi[1] < 0.0).count() as u64;
         parted
+    }
+
+    /// The other labels whose rectangles meet that of label `a`.
+    fn near(&self, a: usize) -> Vec<usize> {
+        let own = &self.alone[a];
+        let meets = |other: &LayerPatch| {
+            (0..2).all(|k| {
+                own.origin[k] < other.origin[k] + other.dims[k] && other.origin[k] < own.origin[k] + own.dims[k]
+            })
+        };
+        (0..self.alone.len()).filter(|&b| b != a && meets(&self.alone[b])).collect()
     }
 
     fn least(&self) -> Vec<Least> {
@@ -110,8 +127,8 @@ impl Layers<'_> {
         least
     }
 
-    /// psi of label `a` at a pixel where it is `phi` alone and the nearest other label `other`.
-    fn value(&self, a: usize, pixel: [usize; 2], phi: f32, other: f32) -> f32 {
+    /// psi of label `a`, beside those that are `near`, at a pixel where it is `phi` alone and the nearest other label `other`.
+    fn value(&self, (a, near): (usize, &[usize]), pixel: [usize; 2], phi: f32, other: f32) -> f32 {
         let joined = if other < self.reach.far || self.draws_back { self.joined(a, pixel, phi) } else { phi };
         if joined >= self.reach.near {
             return phi;
@@ -123,10 +140,11 @@ impl Layers<'_> {
             None => false,
         };
         let rivals = || {
-            let others = (0..self.alone.len()).filter(|&b| b != a && takes(b));
+            let others = near.iter().copied().filter(|&b| takes(b));
             others.filter_map(|b| Some((b, self.border(a, phi, b, self.alone[b].at(pixel)?))))
         };
-        let border = match gap || self.differ() {
+        let thin = || phi < 0.0 && other < 0.0 && (self.is_thin(a) || near.iter().any(|b| self.is_thin(*b)));
+        let border = match gap || self.differ() || thin() {
             true => rivals().map(|(_, border)| border).fold(0.5 * (phi - self.reach.far), f32::max),
             false => 0.5 * (phi - other),
         };
@@ -145,13 +163,23 @@ impl Layers<'_> {
     }
 
     /// Border of label `a` at `b`, as a field: negative on the side of `a`, the negative of what it is for `b`. The nearer a label is to where it is
-    /// known, the less it gives way.
+    /// known, the less it gives way. The core of what is thin stays where what is thicker lies over it, and would tear it.
     fn border(&self, a: usize, phi: f32, b: usize, other: f32) -> f32 {
         let [own, others] = [self.off[a], self.off[b]];
-        match own == others {
-            true => 0.5 * (phi - other),
-            false => (others * phi - own * other) / (own + others),
+        if own != others {
+            return (others * phi - own * other) / (own + others);
         }
+        let border = 0.5 * (phi - other);
+        let core = |label: usize, phi: f32| phi + CORE * self.depths[label];
+        match self.depths[a].total_cmp(&self.depths[b]) {
+            Ordering::Less if self.is_thin(a) => border.min(core(a, phi)),
+            Ordering::Greater if self.is_thin(b) => border.max(-core(b, other)),
+            _ => border,
+        }
+    }
+
+    fn is_thin(&self, a: usize) -> bool {
+        self.depths[a] < self.reach.near
     }
 
     /// The field of label `a`, `phi` alone, with what of its unions lies near a label that touches it.

@@ -172,7 +172,7 @@ pub(super) struct HeightBetween {
 }
 
 /// Largest distance inside.
-fn depth(contour: &LayerPatch) -> f32 {
+pub(super) fn depth(contour: &LayerPatch) -> f32 {
     -contour.phi.iter().copied().fold(0.0, f32::min)
 }
 

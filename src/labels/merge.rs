@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::decide::{LabelReach, Layers, NEAR, Rank};
-use super::ended::{EndingLabels, GoesOn, HeightBetween};
+use super::ended::{EndingLabels, GoesOn, HeightBetween, depth};
 use super::floating::{DecidedStep, FloatingPieces};
 use super::kept::{KeptBody, LayerPatch};
 use super::report::Borders;
@@ -131,6 +131,13 @@ pub fn decide(
     let steps = Steps::new(stack, plan.heights, &bodies, same);
     let ranks: Vec<Rank> = (0..count).map(|a| stack.drawn_pixels(a)).map(|(n, first)| (Reverse(n), first)).collect();
     let drawn_at: Vec<f64> = slices.iter().map(|s| s.z).collect();
+    let painted = stack.painted();
+    let mut drawn_depths: Vec<DrawnDepths> = Vec::with_capacity(count);
+    for (a, body) in bodies.alone.iter_mut().enumerate() {
+        let of = |k: usize| Ok((drawn_at[k], body.at(drawn_at[k], same)?.map_or(far, |contour| depth(&contour))));
+        let on = (0..slices.len()).filter(|k| painted[*k][a]);
+        drawn_depths.push(DrawnDepths(on.map(of).collect::<Result<_>>()?));
+    }
     let mut decided = DecidedLabels::none(count);
     for alone in &bodies.alone {
         let mut kept = KeptBody::new(plan.folder, far, dims, [0; 2])?;
@@ -155,6 +162,7 @@ pub fn decide(
             let there = step.slice.is_none_or(|k| !given.shuts(k));
             alone.push(if there { body.at(z, same)?.unwrap_or_default() } else { LayerPatch::default() });
         }
+        let depths: Vec<f32> = drawn_depths.iter().map(|drawn| drawn.around(z)).collect();
         let mut touching = step.touching.clone();
         let mut off: Vec<f32> = stack.given.iter().map(|given| given.distance(z, &drawn_at) as f32).collect();
         let mut goes_on = Vec::new();
@@ -198,6 +206,7 @@ pub fn decide(
             ranks: &ranks,
             reach,
             off: &off,
+            depths: &depths,
         };
         let parted = layers.part();
         // What a label has beyond its last slice was a gap where no other had it.
@@ -284,6 +293,18 @@ pub fn decide(
     decided.borders.changed_labels = decided.changed.iter().filter(|c| **c).count();
     decided.borders.unions = bodies.unions.iter().map(|(m, _)| m.iter().map(|&a| stack.labels[a]).collect()).collect();
     Ok(decided)
+}
+
+/// Heights of the slices on which a label is painted, and how deep it is there.
+struct DrawnDepths(Vec<(f64, f32)>);
+
+impl DrawnDepths {
+    /// The depth on the nearest of them below and above a height, of that where it is deeper.
+    fn around(&self, z: f64) -> f32 {
+        let above = self.0.partition_point(|(slice, _)| *slice < z);
+        let near = self.0.iter().take(above + 1).skip(above.saturating_sub(1));
+        near.map(|(_, depth)| *depth).reduce(f32::max).unwrap_or(f32::INFINITY)
+    }
 }
 
 /// Length of a pixel's larger side.

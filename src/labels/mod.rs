@@ -8,7 +8,9 @@
 //! psi_a = max(min(phi_a, max(u, t_a - R)), (phi_a - m_a) / 2)
 //! ```
 //!
-//! - Where labels overlap the deepest wins; `psi_a = -psi_b` there unless a third label is as near: the two surfaces are one.
+//! - Where labels overlap the deepest wins, but one that is less than 3 px deep on the slices around keeps what lies deeper in it than a quarter of
+//!   that: a wall would be torn wherever another label lies over it by more than its thickness. `psi_a = -psi_b` there unless a third label is as
+//!   near: the two surfaces are one.
 //! - Labels may have different slices ([`given`]). With `d_a` the distance from the nearest slice on which a is known, the second half of the
 //!   maximum is that of `(d_b phi_a - d_a phi_b) / (d_a + d_b)` over all b, which is the above where the distances are the same: what is
 //!   painted stays, and gives way to what is interpolated the more the farther off it was painted. No step at any height.

@@ -14,6 +14,7 @@ mod partitions;
 mod rtss;
 mod segments;
 mod stacked;
+mod thin;
 mod told;
 mod unions;
 mod written;

@@ -250,6 +250,23 @@ mod tests {
         Layer { z, phi, output: true, contour: [0.0, 8.0].iter().position(|contour| *contour == z) }
     }
 
+    /// Taker of the layers between two contours, of which a user keeps these parts apart.
+    fn taking<'r, 'b>(contours: &'r SpillVec<'b, Contour>, parted: Vec<(u32, u32)>) -> Together<'r, 'b> {
+        Together {
+            contours,
+            guarded: vec![!parted.is_empty()],
+            parted: vec![parted],
+            shown: OutputImage { dims: [N; 2], pad: [0; 2], h: [1.0; 2], limit: 9.0, seen: None },
+            image: [0..N, 0..N],
+            end: &|_| (),
+            beside: None,
+            px: 1.0,
+            bonds: Bonds { cores: false, grounded: true },
+            waiting: Vec::new(),
+            cores: None,
+        }
+    }
+
     #[test]
     fn what_floats_by_the_nodes_goes_whatever_other_layers_come() {
         let budget = Budget::unlimited();
@@ -259,24 +276,7 @@ mod tests {
             contours.push(Contour::new(z, Field::from_fn([N; 2], field), [1.0; 2], 1.0)).expect("it stays in memory");
         }
         let inside_at = |others: &[(f64, &[usize])]| {
-            let shown = OutputImage { dims: [N; 2], pad: [0; 2], h: [1.0; 2], limit: 9.0, seen: None };
-            let bonds = Bonds { cores: false, grounded: true };
-            let (contours, parted, guarded) = (&contours, vec![Vec::new()], vec![false]);
-            let image = [0..N, 0..N];
-            let (waiting, cores) = (Vec::new(), None);
-            let mut together = Together {
-                contours,
-                parted,
-                guarded,
-                shown,
-                image,
-                end: &|_| (),
-                beside: None,
-                px: 1.0,
-                bonds,
-                waiting,
-                cores,
-            };
+            let mut together = taking(&contours, Vec::new());
             let mut layers =
                 vec![layer(0.0, &[1]), layer(2.0, &[1]), layer(4.0, &[1, 3]), layer(6.0, &[1]), layer(8.0, &[1])];
             layers.extend(others.iter().map(|(z, inside)| layer(*z, inside)));
@@ -310,23 +310,7 @@ mod tests {
         }
         let block = |i: usize, j: usize| (4..7).contains(&i) && (2..7).contains(&j);
         let middle = |parted: Vec<(u32, u32)>| {
-            let shown = OutputImage { dims: [N; 2], pad: [0; 2], h: [1.0; 2], limit: 9.0, seen: None };
-            let guarded = vec![!parted.is_empty()];
-            let (contours, parted, image) = (&contours, vec![parted], [0..N, 0..N]);
-            let (bonds, waiting, cores) = (Bonds { cores: false, grounded: true }, Vec::new(), None);
-            let mut together = Together {
-                contours,
-                parted,
-                guarded,
-                shown,
-                image,
-                end: &|_| (),
-                beside: None,
-                px: 1.0,
-                bonds,
-                waiting,
-                cores,
-            };
+            let mut together = taking(&contours, parted);
             let mut inside = Vec::new();
             let mut sink = |layers: Vec<Layer>| {
                 if let Some(layer) = layers.iter().find(|layer| layer.z == 4.0) {

@@ -123,3 +123,34 @@ impl Brought {
         self.met.get(&pair).copied().unwrap_or_default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::field::Field;
+
+    const DIMS: [usize; 2] = [60, 50];
+
+    /// Two bars of this height, a slit of 2 px between them that begins at x.
+    fn bars(x: f64, height: f64) -> Contour {
+        let value = |i: usize, j: usize| {
+            let [i, j] = [i as f64 + 0.5, j as f64 + 0.5];
+            let slit = 1.0 - (i - x - 1.0).abs();
+            slit.max((i - 30.0).abs() - 25.0).max((j - 25.0).abs() - 0.5 * height)
+        };
+        Contour::new(0.0, Field::from_fn(DIMS, value), [1.0; 2], 1.0)
+    }
+
+    /// What motion by `v` px a gap to the right takes apart, of a slit that moves by 4 px.
+    fn apart(height: f64, v: f64) -> Vec<(u32, u32)> {
+        let moved = Displacement::zero(DIMS).map(|_, _, _| DVec2::new(v, 0.0));
+        taken_apart([&bars(24.0, height), &bars(28.0, height)], &[moved.clone(), moved], [1.0; 2])
+    }
+
+    #[test]
+    fn a_sliver_is_apart_if_motion_says_so_and_it_is_long() {
+        assert_eq!(apart(40.0, 4.0), [(2, 1)], "the right one below and the left one above");
+        assert_eq!(apart(40.0, 0.0), [], "nothing moves");
+        assert_eq!(apart(4.0, 4.0), [], "as wide as long");
+    }
+}

@@ -74,6 +74,7 @@ USES = {
     "tiff": "TIFF volumes in, GeoTIFF and TIFF out",
     "time": "the date in a report",
     "toml": "settings files",
+    "weezl": "TIFF packed by LZW, in",
     "wgpu": "the GPU path",
     "zarrs": "Zarr and OME-Zarr, in and out",
     "zip": ".npz in and out, 3MF out",
@@ -86,6 +87,7 @@ ANOMALIES = {
     "size. `src/rtstruct/guard.rs` refuses such files first.",
     "image": "A colour profile of 1 MB in a PNG unpacks to 1 GB. `src/input/grey_image.rs` sets limits.",
     "shapefile": "Allocates by the numbers of parts and points that a file says. `src/terrain/guard.rs` checks them first.",
+    "tiff": "Refuses sound tiles and strips that are packed by LZW (0.11.3). `src/input/volume/tiff_lzw.rs` unpacks them.",
     "zarrs": "Codecs unpack all there is before they compare sizes. `src/input/volume/zarr_bounded.rs` bounds them.",
 }
 

@@ -1,11 +1,12 @@
 //! One grey image, 8 or 16 bit PNG or TIFF, that takes no more memory than its pixels do, whatever its file says or holds beside them.
 
-use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufRead, Cursor, Seek};
 use std::path::Path;
 
-use image::{DynamicImage, ImageReader, Limits};
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 
+use super::volume::tiff_lzw::unpacked;
+use super::volume::tiff_pages::decoder;
 use crate::storage::regular;
 use crate::storage::room::check_room;
 
@@ -35,19 +36,23 @@ impl Grey {
             image::ImageError::IoError(e) => format!("cannot read: {e}"),
             e => e.to_string(),
         };
-        let open = |bytes: u64| -> Result<ImageReader<BufReader<File>>, String> {
+        let open = |bytes: u64| {
             let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format);
-            let mut reader = reader.map_err(|e| format!("cannot read: {e}"))?;
-            let mut limits = Limits::default();
-            limits.max_alloc = Some(bytes);
-            reader.limits(limits);
-            Ok(reader)
+            reader.map(|reader| within(reader, bytes)).map_err(|e| format!("cannot read: {e}"))
         };
-        let (columns, rows) = open(BESIDE)?.into_dimensions().map_err(unreadable)?;
+        let reader = open(BESIDE)?;
+        let is_tiff = reader.format() == Some(ImageFormat::Tiff);
+        let (columns, rows) = reader.into_dimensions().map_err(unreadable)?;
         let pixels = u64::from(columns) * u64::from(rows);
         let bytes = PIXEL.saturating_mul(pixels);
         check_room(bytes as f64).map_err(|more| format!("{columns}x{rows} px {more}"))?;
-        let image = open(bytes.saturating_add(BESIDE))?.decode().map_err(unreadable)?;
+        let bytes = bytes.saturating_add(BESIDE);
+        let unpacked = if is_tiff { unpacked(&mut decoder(path)?)? } else { None };
+        let image = match unpacked {
+            Some(file) => within(ImageReader::with_format(Cursor::new(file), ImageFormat::Tiff), bytes).decode(),
+            None => open(bytes)?.decode(),
+        };
+        let image = image.map_err(unreadable)?;
         Self::of(image)
     }
 
@@ -81,6 +86,14 @@ impl Grey {
             }
         }
     }
+}
+
+/// A reader that takes no more bytes than these.
+fn within<R: BufRead + Seek>(mut reader: ImageReader<R>, bytes: u64) -> ImageReader<R> {
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(bytes);
+    reader.limits(limits);
+    reader
 }
 
 #[cfg(test)]

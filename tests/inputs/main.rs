@@ -22,4 +22,5 @@ mod rtss;
 mod rtstruct;
 #[cfg(feature = "terrain")]
 mod terrain;
+mod tiff_lzw;
 mod volumes;

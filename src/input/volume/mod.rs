@@ -14,6 +14,7 @@ mod naming;
 pub mod sheets;
 pub mod slices;
 pub mod survey;
+pub(crate) mod tiff_lzw;
 pub(crate) mod tiff_pages;
 #[cfg(feature = "zarr")]
 mod zarr_bounded;

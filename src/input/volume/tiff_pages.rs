@@ -1,7 +1,7 @@
 //! Pages of a TIFF file, decoded one at a time.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
 use tiff::decoder::{Decoder, DecodingSampleType, Limits};
@@ -10,6 +10,7 @@ use tiff::{ColorType, TiffError};
 
 use super::element::Element;
 use super::grid::Failure;
+use super::tiff_lzw::unpacked;
 use crate::storage::regular;
 
 /// Longest description, e.g. OME-XML with an entry per plane.
@@ -79,42 +80,51 @@ impl Pages {
         if self.done > 0 {
             self.decoder.next_image().map_err(told)?;
         }
-        if self.decoder.colortype().map_err(told)? == BILEVEL {
-            return self.next_of_bits();
-        }
-        let layout = self.decoder.image_buffer_layout().map_err(told)?;
-        if layout.complete_len != self.page.len() {
-            return Err(format!("{} bytes, but page 0 has {}", layout.complete_len, self.page.len()));
-        }
-        self.decoder.read_image_bytes(&mut self.page).map_err(told)?;
-        let photometric = self.decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).map_err(told)?;
-        if photometric == Some(PhotometricInterpretation::WhiteIsZero.to_u16()) {
-            as_stored(&mut self.page, layout.sample_type);
+        match unpacked(&mut self.decoder)? {
+            Some(file) => {
+                // What it holds was checked when it was unpacked.
+                let decoder = Decoder::new(Cursor::new(file)).map_err(told)?;
+                decode(&mut decoder.with_limits(Limits::unlimited()), &mut self.page)?;
+            }
+            None => decode(&mut self.decoder, &mut self.page)?,
         }
         (self.done, self.used) = (self.done + 1, 0);
         Ok(())
     }
+}
 
-    /// The next page, of a bit a pixel: rows begin at whole bytes, the first pixel in the highest bit.
-    fn next_of_bits(&mut self) -> Failure<()> {
-        let (width, height) = self.decoder.dimensions().map_err(told)?;
-        let [width, height] = [width, height].map(|n| n as usize);
-        let row = width.div_ceil(8);
-        let length = self.decoder.image_buffer_layout().map_err(told)?.complete_len;
-        if width == 0 || width * height != self.page.len() || length != row * height {
-            return Err(format!(
-                "{width}x{height} px of a bit in {length} bytes, but page 0 has {} px",
-                self.page.len()
-            ));
-        }
-        let mut packed = vec![0; length];
-        self.decoder.read_image_bytes(&mut packed).map_err(told)?;
-        for (pixels, bytes) in self.page.chunks_exact_mut(width).zip(packed.chunks_exact(row)) {
-            pixels.iter_mut().enumerate().for_each(|(i, pixel)| *pixel = bytes[i / 8] >> (7 - i % 8) & 1);
-        }
-        (self.done, self.used) = (self.done + 1, 0);
-        Ok(())
+/// Decodes a page of as many bytes as `page` has.
+fn decode<R: Read + Seek>(decoder: &mut Decoder<R>, page: &mut [u8]) -> Failure<()> {
+    if decoder.colortype().map_err(told)? == BILEVEL {
+        return decode_bits(decoder, page);
     }
+    let layout = decoder.image_buffer_layout().map_err(told)?;
+    if layout.complete_len != page.len() {
+        return Err(format!("{} bytes, but page 0 has {}", layout.complete_len, page.len()));
+    }
+    decoder.read_image_bytes(page).map_err(told)?;
+    let photometric = decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).map_err(told)?;
+    if photometric == Some(PhotometricInterpretation::WhiteIsZero.to_u16()) {
+        as_stored(page, layout.sample_type);
+    }
+    Ok(())
+}
+
+/// Decodes a page of a bit a pixel: rows begin at whole bytes, the first pixel in the highest bit.
+fn decode_bits<R: Read + Seek>(decoder: &mut Decoder<R>, page: &mut [u8]) -> Failure<()> {
+    let (width, height) = decoder.dimensions().map_err(told)?;
+    let [width, height] = [width, height].map(|n| n as usize);
+    let row = width.div_ceil(8);
+    let length = decoder.image_buffer_layout().map_err(told)?.complete_len;
+    if width == 0 || width * height != page.len() || length != row * height {
+        return Err(format!("{width}x{height} px of a bit in {length} bytes, but page 0 has {} px", page.len()));
+    }
+    let mut packed = vec![0; length];
+    decoder.read_image_bytes(&mut packed).map_err(told)?;
+    for (pixels, bytes) in page.chunks_exact_mut(width).zip(packed.chunks_exact(row)) {
+        pixels.iter_mut().enumerate().for_each(|(i, pixel)| *pixel = bytes[i / 8] >> (7 - i % 8) & 1);
+    }
+    Ok(())
 }
 
 /// Undoes what the decoder does to pages that are shown with white as 0: a label is the number in the file, however it is shown.

@@ -4,6 +4,7 @@
 //! unapproved, and says in each completed ROI's description which planes are interpolated. UIDs are hashes of the input and of what was
 //! added: the same work gives the same file. It is written as Implicit VR Little Endian, which has no limit on the length of a contour.
 
+use std::collections::HashSet;
 use std::io::{self, Write};
 
 use dicom_core::value::{DataSetSequence, PrimitiveValue};
@@ -48,15 +49,7 @@ impl StructureSet {
             for image in &series.images {
                 hasher.update(image.instance.as_bytes());
             }
-            let new = referenced(series);
-            let old =
-                object.take(tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE).and_then(|e| e.into_value().into_items());
-            // ROIs may lie in other frames, too.
-            let others = old
-                .into_iter()
-                .flatten()
-                .filter(|item| uid_in(item, tags::FRAME_OF_REFERENCE_UID) != Some(series.frame.clone()));
-            object.put(sequence(tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE, others.chain([new]).collect()));
+            refer_to(&mut object, series);
         }
         let [instance, series] =
             ["instance", "series"].map(|what| uid(hasher.clone().update(what.as_bytes()).finalize()));
@@ -173,8 +166,7 @@ fn runs(heights: &[f64]) -> String {
 
 /// Adds the contours to a ROI's own.
 fn add(item: &mut InMemDicomObject, added: &Added, images: &[(f64, InMemElement)]) {
-    let old = item.take(tags::CONTOUR_SEQUENCE).and_then(|e| e.into_value().into_items());
-    let mut all: Vec<InMemDicomObject> = old.into_iter().flatten().collect();
+    let mut all = taken(item, tags::CONTOUR_SEQUENCE);
     for (z, data) in added.planes.iter().flat_map(|(z, lines)| lines.iter().map(move |data| (z, data))) {
         let count = data.split('\\').count() / 3;
         let mut contour = InMemDicomObject::from_element_iter([
@@ -215,23 +207,49 @@ fn images(object: &InMemDicomObject, added: &Added) -> Vec<(f64, InMemElement)> 
     placed
 }
 
-/// Frame, study and series that the contours refer to, with every image.
-fn referenced(series: &ImageSeries) -> InMemDicomObject {
-    let all = series.images.iter().map(reference).collect();
-    let of_series = InMemDicomObject::from_element_iter([
-        element(tags::SERIES_INSTANCE_UID, VR::UI, &series.uid),
-        sequence(tags::CONTOUR_IMAGE_SEQUENCE, all),
-    ]);
-    let study = InMemDicomObject::from_element_iter([
-        // Retired, and what is expected there: Detached Study Management.
-        element(tags::REFERENCED_SOP_CLASS_UID, VR::UI, "1.2.840.10008.3.1.2.3.1"),
-        element(tags::REFERENCED_SOP_INSTANCE_UID, VR::UI, &series.study),
-        sequence(tags::RT_REFERENCED_SERIES_SEQUENCE, vec![of_series]),
-    ]);
-    InMemDicomObject::from_element_iter([
-        element(tags::FRAME_OF_REFERENCE_UID, VR::UI, &series.frame),
-        sequence(tags::RT_REFERENCED_STUDY_SEQUENCE, vec![study]),
-    ])
+/// Names frame, study and series of the images, and each of them, beside what is named: contours that were drawn refer to that.
+fn refer_to(object: &mut InMemDicomObject, series: &ImageSeries) {
+    let (frames, studies) = (tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE, tags::RT_REFERENCED_STUDY_SEQUENCE);
+    with_item(object, frames, (tags::FRAME_OF_REFERENCE_UID, &series.frame), |frame| {
+        with_item(frame, studies, (tags::REFERENCED_SOP_INSTANCE_UID, &series.study), |study| {
+            if study.get(tags::REFERENCED_SOP_CLASS_UID).is_none() {
+                // Retired, and what is expected there: Detached Study Management.
+                study.put(element(tags::REFERENCED_SOP_CLASS_UID, VR::UI, "1.2.840.10008.3.1.2.3.1"));
+            }
+            let all = tags::RT_REFERENCED_SERIES_SEQUENCE;
+            with_item(study, all, (tags::SERIES_INSTANCE_UID, &series.uid), |named| {
+                let mut images = taken(named, tags::CONTOUR_IMAGE_SEQUENCE);
+                let there: HashSet<String> =
+                    images.iter().filter_map(|image| uid_in(image, tags::REFERENCED_SOP_INSTANCE_UID)).collect();
+                images.extend(series.images.iter().filter(|i| !there.contains(&i.instance)).map(reference));
+                named.put(sequence(tags::CONTOUR_IMAGE_SEQUENCE, images));
+            });
+        });
+    });
+}
+
+/// Applies `change` to the item of a sequence that an identifier names; to a new one, behind the others, where there is none.
+fn with_item(
+    object: &mut InMemDicomObject,
+    in_sequence: Tag,
+    (by, uid): (Tag, &str),
+    change: impl FnOnce(&mut InMemDicomObject),
+) {
+    let mut items = taken(object, in_sequence);
+    let known = items.iter().position(|item| uid_in(item, by).is_some_and(|known| known == uid));
+    let mut new = InMemDicomObject::from_element_iter([element(by, VR::UI, uid)]);
+    let item = known.map_or(&mut new, |k| &mut items[k]);
+    change(item);
+    if known.is_none() {
+        items.push(new);
+    }
+    object.put(sequence(in_sequence, items));
+}
+
+/// The items of a sequence, taken out of it.
+fn taken(object: &mut InMemDicomObject, tag: Tag) -> Vec<InMemDicomObject> {
+    let items = object.take(tag).and_then(|element| element.into_value().into_items());
+    items.into_iter().flatten().collect()
 }
 
 fn reference(image: &SeriesImage) -> InMemDicomObject {

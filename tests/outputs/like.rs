@@ -342,7 +342,66 @@ mod series {
             let text = item.get(tags::FRAME_OF_REFERENCE_UID).expect("a UID").to_str().expect("text").into_owned();
             text.trim_end_matches('\0').to_string()
         };
-        assert_eq!(named.iter().map(uid).collect::<Vec<_>>(), ["1.2.66", "1.2.6"]);
+        assert_eq!(named.iter().map(uid).collect::<Vec<_>>(), ["1.2.6", "1.2.66"]);
+    }
+
+    /// Items that name the images of a series of study 1.2.7.
+    fn named(uid: &str, images: &[String]) -> InMemDicomObject {
+        let image = |name: &String| {
+            InMemDicomObject::from_element_iter([
+                text(tags::REFERENCED_SOP_CLASS_UID, VR::UI, uids::CT_IMAGE_STORAGE),
+                text(tags::REFERENCED_SOP_INSTANCE_UID, VR::UI, name),
+            ])
+        };
+        let images = images.iter().map(image).collect();
+        let series = InMemDicomObject::from_element_iter([
+            text(tags::SERIES_INSTANCE_UID, VR::UI, uid),
+            crate::rtss::sequence(tags::CONTOUR_IMAGE_SEQUENCE, images),
+        ]);
+        let study = InMemDicomObject::from_element_iter([
+            text(tags::REFERENCED_SOP_INSTANCE_UID, VR::UI, "1.2.7"),
+            crate::rtss::sequence(tags::RT_REFERENCED_SERIES_SEQUENCE, vec![series]),
+        ]);
+        InMemDicomObject::from_element_iter([
+            text(tags::FRAME_OF_REFERENCE_UID, VR::UI, "1.2.6"),
+            crate::rtss::sequence(tags::RT_REFERENCED_STUDY_SEQUENCE, vec![study]),
+        ])
+    }
+
+    /// Contours that were drawn on images of one series refer to these, also where those between them lie on another's.
+    #[test]
+    fn the_series_that_was_drawn_on_stays_named() {
+        let place = folder();
+        let at = |name: &str| place.path().join(name).display().to_string();
+        images(&place.path().join("ct"), &[0.0, 1.5, 3.0, 4.5]);
+        let items = |o: &InMemDicomObject, tag| o.get(tag).and_then(|e| e.items()).unwrap_or_default().to_vec();
+        let uid = |o: &InMemDicomObject, tag| {
+            o.get(tag).expect("a UID").to_str().expect("text").trim_matches('\0').to_string()
+        };
+        // Another series; and the same one, of which an image is not in the folder.
+        let drawn_on = ["1.2.9.0", "1.2.9.77"].map(String::from);
+        for (of_series, wanted) in [("1.2.88", vec![("1.2.88", 2), ("1.2.8", 4)]), ("1.2.8", vec![("1.2.8", 5)])] {
+            let mut object = crate::rtss::structure_set(&[("Tumour", tube(20.0, &[0.0, 3.0]))]);
+            let frames = vec![named(of_series, &drawn_on)];
+            object.put(crate::rtss::sequence(tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE, frames));
+            crate::rtss::write_as(object, uids::EXPLICIT_VR_LITTLE_ENDIAN, &place.path().join("rtss.dcm"));
+            done(&[&at("rtss.dcm"), "--like", &at("ct"), "-o", &at("out.dcm")]);
+            let object = open_file(at("out.dcm")).expect("a DICOM file");
+            let frames = items(&object, tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE);
+            assert_eq!(frames.iter().map(|f| uid(f, tags::FRAME_OF_REFERENCE_UID)).collect::<Vec<_>>(), ["1.2.6"]);
+            let studies = items(&frames[0], tags::RT_REFERENCED_STUDY_SEQUENCE);
+            assert_eq!(studies.len(), 1, "both series are of one study");
+            let series = items(&studies[0], tags::RT_REFERENCED_SERIES_SEQUENCE);
+            let listed = |s: &InMemDicomObject| {
+                let named = items(s, tags::CONTOUR_IMAGE_SEQUENCE);
+                let all: std::collections::BTreeSet<_> =
+                    named.iter().map(|image| uid(image, tags::REFERENCED_SOP_INSTANCE_UID)).collect();
+                assert_eq!(all.len(), named.len(), "no image is named twice");
+                (uid(s, tags::SERIES_INSTANCE_UID), all.len())
+            };
+            let found: Vec<_> = series.iter().map(listed).collect();
+            assert_eq!(found.iter().map(|(uid, n)| (uid.as_str(), *n)).collect::<Vec<_>>(), wanted);
+        }
     }
 
     #[test]

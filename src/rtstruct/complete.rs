@@ -2,7 +2,8 @@
 //!
 //! Drawn contours stay as they are, byte by byte in Contour Data. The file is a new instance in a new series that names its predecessor, is
 //! unapproved, and says in each completed ROI's description which planes are interpolated. UIDs are hashes of the input and of what was
-//! added: the same work gives the same file. It is written as Implicit VR Little Endian, which has no limit on the length of a contour.
+//! added: the same work gives the same file. It says the kinds of its values (Explicit VR Little Endian) where the input does, or nobody could know those of
+//! private ones; but where a new contour is too long for that.
 
 use std::collections::HashSet;
 use std::io::{self, Write};
@@ -23,6 +24,10 @@ use crate::polygons::plane::TOLERANCE;
 /// Most characters of a ROI Description (value representation ST).
 const LONGEST_DESCRIPTION: usize = 1024;
 const PROGRAM: &str = concat!("interslice ", env!("CARGO_PKG_VERSION"));
+/// Most characters of an Implementation Version Name (value representation SH).
+const LONGEST_VERSION: usize = 16;
+/// Most bytes of Contour Data (value representation DS) that a file can hold which says the kinds of its values.
+const LONGEST_EXPLICIT: usize = 0xfffe;
 
 impl StructureSet {
     /// Frames of reference of the ROIs with these numbers.
@@ -41,8 +46,10 @@ impl StructureSet {
         let mut object = self.object.clone();
         let mut hasher = blake3::Hasher::new();
         hasher.update(PROGRAM.as_bytes()).update(self.digest.as_bytes());
+        let mut longest = 0;
         for data in added.iter().flat_map(|a| &a.planes).flat_map(|(_, lines)| lines) {
             hasher.update(data.as_bytes());
+            longest = longest.max(data.len());
         }
         let series = added.iter().find_map(|a| a.images.as_deref());
         if let Some(series) = series {
@@ -91,7 +98,11 @@ impl StructureSet {
             });
         }
         object.update_meta(|meta| {
-            meta.transfer_syntax = uids::IMPLICIT_VR_LITTLE_ENDIAN.into();
+            if longest > LONGEST_EXPLICIT {
+                meta.transfer_syntax = uids::IMPLICIT_VR_LITTLE_ENDIAN.into();
+            }
+            meta.implementation_class_uid = uid(blake3::hash(env!("CARGO_PKG_NAME").as_bytes()));
+            meta.implementation_version_name = Some(PROGRAM.chars().take(LONGEST_VERSION).collect());
             meta.media_storage_sop_class_uid = uids::RT_STRUCTURE_SET_STORAGE.into();
             meta.media_storage_sop_instance_uid = instance;
         });
@@ -136,12 +147,13 @@ fn describe(item: &mut InMemDicomObject, added: &Added) {
     };
     let short: String = text.chars().take(LONGEST_DESCRIPTION).collect();
     item.put(element(tags::ROI_DESCRIPTION, VR::ST, &short));
-    if !heights.is_empty()
-        && item
-            .get(tags::ROI_GENERATION_ALGORITHM)
-            .and_then(|e| e.to_str().ok())
-            .is_none_or(|s| s.trim() != "AUTOMATIC")
-    {
+    if heights.is_empty() {
+        return;
+    }
+    // That of what was drawn.
+    item.remove_element(tags::ROI_VOLUME);
+    let algorithm = item.get(tags::ROI_GENERATION_ALGORITHM).and_then(|e| e.to_str().ok());
+    if algorithm.is_none_or(|s| s.trim() != "AUTOMATIC") {
         item.put(element(tags::ROI_GENERATION_ALGORITHM, VR::CS, "SEMIAUTOMATIC"));
     }
 }

@@ -3,7 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use dicom_dictionary_std::tags;
+use dicom_core::value::PrimitiveValue;
+use dicom_core::{DataElement, Tag, VR};
+use dicom_dictionary_std::{tags, uids};
 use dicom_object::open_file;
 
 use super::checks::*;
@@ -66,4 +68,56 @@ fn a_completed_set_needs_a_set_and_one_roi() {
     said(&["reconstruct", &input, "--all-rois", "-o", &out, "-q", "--backend", "cpu"], 0);
     // Every ROI has got its middle plane.
     assert_eq!(contours_of(Path::new(&out)).iter().map(Vec::len).collect::<Vec<_>>(), [3, 3]);
+}
+
+/// What says other things of the old contours, or of the program that wrote them, is not kept.
+#[test]
+fn a_completed_set_says_nothing_of_what_it_was() {
+    let place = folder();
+    let (path, out) = (place.path().join("a.dcm"), place.path().join("b.dcm"));
+    for syntax in [uids::EXPLICIT_VR_LITTLE_ENDIAN, uids::IMPLICIT_VR_LITTLE_ENDIAN] {
+        let mut set = structure_set(&[("a", tube(10.0, &[0.0, 6.0])), ("b", tube(10.0, &[0.0, 6.0]))]);
+        let mut named = set.take(tags::STRUCTURE_SET_ROI_SEQUENCE).expect("there are ROIs");
+        named.items_mut().into_iter().flatten().for_each(|roi| {
+            roi.put(text(tags::ROI_VOLUME, VR::DS, "18.9"));
+        });
+        set.put(named);
+        set.put(text(Tag(0x3007, 0x0010), VR::LO, "ACME"));
+        set.put(DataElement::new(Tag(0x3007, 0x1001), VR::FD, PrimitiveValue::from(1.5)));
+        write_as(set, syntax, &path);
+        let [input, output] = [&path, &out].map(|path| path.display().to_string());
+        said(&["reconstruct", &input, "--roi", "a", "-o", &output, "-q", "--backend", "cpu"], 0);
+        let object = open_file(&out).expect("the file opens");
+        let rois = object.element(tags::STRUCTURE_SET_ROI_SEQUENCE).expect("it is there").items().expect("a sequence");
+        let volumes = rois.iter().map(|roi| roi.get(tags::ROI_VOLUME).is_some());
+        assert_eq!(volumes.collect::<Vec<_>>(), [false, true]);
+        let meta = object.meta();
+        assert!(meta.implementation_class_uid().starts_with("2.25."), "{}", meta.implementation_class_uid());
+        assert_ne!(
+            meta.implementation_class_uid(),
+            open_file(&path).expect("it opens").meta().implementation_class_uid()
+        );
+        let version = meta.implementation_version_name.as_deref().expect("a name").trim().to_string();
+        assert!(version.starts_with("interslice ") && version.len() <= 16, "{version}");
+        // Private attributes keep their kind where the file has kinds.
+        assert_eq!(meta.transfer_syntax(), syntax);
+        let private = object.element(Tag(0x3007, 0x1001)).expect("it is there");
+        if syntax == uids::EXPLICIT_VR_LITTLE_ENDIAN {
+            assert_eq!((private.vr(), private.to_float64().expect("a number")), (VR::FD, 1.5));
+        }
+        assert_eq!(private.to_bytes().expect("bytes")[..], 1.5f64.to_le_bytes());
+    }
+}
+
+/// A contour of more than 65534 bytes has no place in a file that says kinds.
+#[test]
+fn a_long_contour_is_written_whole() {
+    let place = folder();
+    let (path, out) = (place.path().join("a.dcm"), place.path().join("b.dcm"));
+    write(&[("a", tube(200.0, &[0.0, 6.0]))], &path);
+    let [input, output] = [&path, &out].map(|path| path.display().to_string());
+    said(&["reconstruct", &input, "--pixel", "0.3", "-o", &output, "-q", "--backend", "cpu"], 0);
+    let longest = contours_of(&out).iter().flatten().map(|(_, data)| data.len()).max();
+    assert!(longest.is_some_and(|longest| longest > 65534), "{longest:?}");
+    assert_eq!(stack(&out, &["a"]).slices.len(), 3);
 }

@@ -18,7 +18,7 @@ use super::devices::DeviceOptions;
 use super::forecast::{forecast, would_write};
 use super::members::usable_rois;
 use super::say::say;
-use super::session::{Telling, chosen, complete, compute, tell_notes, tell_start};
+use super::session::{Telling, chosen, complete, compute, tell_notes, tell_nothing_added, tell_start};
 
 /// Work to be done with a structure set.
 pub struct All<'a> {
@@ -71,6 +71,9 @@ pub fn run(all: &All<'_>) -> Result<()> {
             said = Some(chosen.reason.clone());
         }
         tell_notes(&loaded, all.telling);
+        if completed.has_structures() {
+            tell_nothing_added(&loaded, all.telling)?;
+        }
         if all.telling == Telling::DryRun {
             let forecast = forecast(&loaded, outputs, chosen.beside(writing))?;
             say(&format!("{}:\n{forecast}\n", roi.label()))?;

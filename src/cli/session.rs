@@ -41,6 +41,10 @@ pub fn reconstruct(loaded: &Loaded, mut outputs: Outputs, device: &DeviceOptions
     let budget = chosen.budget(&loaded.needs(), writing, device.memory())?;
     tell_start(&chosen, &budget, telling);
     tell_notes(loaded, telling);
+    #[cfg(feature = "dicom")]
+    if outputs.has_structures() {
+        tell_nothing_added(loaded, telling)?;
+    }
     if telling == Telling::DryRun {
         return say(&forecast(loaded, &outputs, chosen.beside(writing))?);
     }
@@ -89,6 +93,14 @@ pub fn tell_notes(loaded: &Loaded, telling: Telling) {
     if telling != Telling::Quiet {
         loaded.notes.iter().for_each(|note| tell!("warning: {note}"));
     }
+}
+
+/// Tells that the completed RTSTRUCT gets no contours, and why, where that is so.
+#[cfg(feature = "dicom")]
+pub fn tell_nothing_added(loaded: &Loaded, telling: Telling) -> Result<()> {
+    let nothing = loaded.adds_nothing()?.filter(|_| telling != Telling::Quiet);
+    nothing.iter().for_each(|why| tell!("warning: {why}"));
+    Ok(())
 }
 
 /// Completes the files, which keep their temporary names, when the body is; what was said of the input is not said again.

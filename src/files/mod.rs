@@ -185,6 +185,16 @@ impl Loaded {
         Ok(Loaded { source: Some(given), ..Self::new(stack, options)?.noted(notes) })
     }
 
+    /// Why the completed RTSTRUCT gets no contours; nothing where it gets some, or no RTSTRUCT was read.
+    ///
+    /// # Errors
+    /// The errors of [`StructureSet::choose`].
+    #[cfg(feature = "dicom")]
+    pub fn adds_nothing(&self) -> Result<Option<String>> {
+        let source = self.options.output.source.as_ref();
+        Ok(source.map(|source| source.adds_nothing(&self.heights, self.grid().step)).transpose()?.flatten())
+    }
+
     /// Loads a contour map.
     #[cfg(feature = "terrain")]
     fn map(input: &Path, mut options: JobOptions) -> Result<Self> {

@@ -126,6 +126,11 @@ impl Outputs {
         self.scene.is_some() || self.files.iter().any(|f| matches!(kind(&f.target), Ok(Kind::Mesh)))
     }
 
+    /// Whether there is a completed RTSTRUCT among them.
+    pub fn has_structures(&self) -> bool {
+        self.files.iter().any(|f| f.format == Format::StructureSet)
+    }
+
     /// Whether there is a report among them.
     pub fn has_report(&self) -> bool {
         self.files.iter().any(|f| matches!(f.format, Format::Report | Format::Html))

@@ -29,14 +29,10 @@ pub struct Added {
     pub(super) images: Option<Arc<ImageSeries>>,
 }
 
-/// The contour lines of those output layers that lie between drawn planes, at least half a step from both: with `every`, of those that lie
-/// whole such steps from the lowest contour; else of all.
+/// The planes that get contours: those of output layers that lie between drawn planes, at least half a step from both: with `every`, of those that
+/// lie whole such steps from the lowest contour; else of all.
 #[derive(Debug)]
-pub(super) struct Adding {
-    added: Added,
-    dims: [usize; 2],
-    spacing: [f64; 2],
-    geometry: Geometry,
+pub(super) struct Between {
     /// Heights of the drawn planes, increasing.
     drawn: Vec<f64>,
     /// Least distance from them.
@@ -46,47 +42,69 @@ pub(super) struct Adding {
     every: Option<f64>,
 }
 
+impl Between {
+    /// The planes between those of the chosen ROIs, for output heights in steps of `step`.
+    ///
+    /// # Errors
+    /// The errors of [`ChosenRois::chosen_planes`].
+    pub fn new(chosen: &ChosenRois<'_>, source: &ReferencedSet, step: f64) -> Result<Self> {
+        let ReferencedSet { options, every, images, .. } = source;
+        let step = every.unwrap_or(step);
+        let lowest = chosen.chosen_planes(options)?[0];
+        let same = chosen.planes.tolerance;
+        Ok(Between {
+            drawn: chosen.planes.heights.clone(),
+            // Planes of images that were named are all wanted.
+            apart: if images.is_some() { same } else { (0.5 * step - 1e-6 * step).max(same) },
+            start: chosen.planes.heights[lowest],
+            every: *every,
+        })
+    }
+
+    /// Whether contours at a height are wanted.
+    pub fn wants(&self, z: f64) -> bool {
+        let due = |every: f64| ((z - self.start) / every - ((z - self.start) / every).round()).abs() < 1e-3;
+        let within = self.drawn.first().is_some_and(|low| z > *low) && self.drawn.last().is_some_and(|high| z < *high);
+        within && self.every.is_none_or(due) && self.drawn.iter().all(|d| (d - z).abs() >= self.apart)
+    }
+}
+
+/// The contour lines of the output layers between drawn planes.
+#[derive(Debug)]
+pub(super) struct Adding {
+    added: Added,
+    between: Between,
+    dims: [usize; 2],
+    spacing: [f64; 2],
+    geometry: Geometry,
+}
+
 impl Adding {
     /// To the only one of the chosen ROIs; nothing yet.
     ///
     /// # Errors
     /// The errors of [`ChosenRois::chosen_planes`].
     pub fn new(chosen: &ChosenRois<'_>, source: &ReferencedSet, header: &Header) -> Result<Self> {
-        let ReferencedSet { options, every, images, .. } = source;
         let roi = chosen.rois[0];
         let kind = if roi.contours.iter().any(Contour::is_xor) { CLOSED_XOR } else { CLOSED };
-        let step = every.unwrap_or(header.grid.step);
-        let lowest = chosen.chosen_planes(options)?[0];
-        let same = chosen.planes.tolerance;
         Ok(Adding {
             added: Added {
                 roi: roi.number,
                 kind,
                 normal: chosen.planes.axes[2],
                 planes: Vec::new(),
-                images: images.clone(),
+                images: source.images.clone(),
             },
+            between: Between::new(chosen, source, header.grid.step)?,
             dims: header.dims,
             spacing: header.spacing,
             geometry: header.geometry,
-            // Planes of images that were named are all wanted.
-            apart: if images.is_some() { same } else { (0.5 * step - 1e-6 * step).max(same) },
-            start: chosen.planes.heights[lowest],
-            drawn: chosen.planes.heights.clone(),
-            every: *every,
         })
-    }
-
-    /// Whether contours at a height are wanted.
-    fn wants(&self, z: f64) -> bool {
-        let due = |every: f64| ((z - self.start) / every - ((z - self.start) / every).round()).abs() < 1e-3;
-        let within = self.drawn.first().is_some_and(|low| z > *low) && self.drawn.last().is_some_and(|high| z < *high);
-        within && self.every.is_none_or(due) && self.drawn.iter().all(|d| (d - z).abs() >= self.apart)
     }
 
     /// The next layer.
     pub fn layer(&mut self, layer: &Layer) {
-        if !layer.output || !self.wants(layer.z) {
+        if !layer.output || !self.between.wants(layer.z) {
             return;
         }
         let point = |x: DVec2| {

@@ -21,8 +21,8 @@ use std::sync::Arc;
 use dicom_object::DefaultDicomObject;
 use glam::DVec3;
 
-use added::Adding;
 pub use added::{Added, Gather, StructuresWriter};
+use added::{Adding, Between, decimal};
 pub use choose::{ChosenRois, Steps};
 pub use find::{read_of, structure_sets};
 use parse::Parsed;
@@ -248,6 +248,31 @@ impl ReferencedSet {
         }
         (self.every, self.images) = (None, Some(images.clone()));
         Ok(())
+    }
+
+    /// Why a completed file gets no contours on any of the output heights, which lie `step` apart; nothing where it gets some.
+    ///
+    /// # Errors
+    /// The errors of [`StructureSet::choose`].
+    pub fn adds_nothing(&self, heights: &[f64], step: f64) -> Result<Option<String>> {
+        let chosen = self.set.choose(&self.options)?;
+        let between = Between::new(&chosen, self, step)?;
+        if heights.iter().any(|z| between.wants(*z)) {
+            return Ok(None);
+        }
+        let why = match (&self.images, self.every.map(decimal)) {
+            (Some(_), _) => "no image lies between its planes but those that it was drawn on".into(),
+            (None, Some(every)) => {
+                format!("those of every {every} mm from the lowest contour on were drawn; --dz says another step")
+            }
+            (None, None) => {
+                let step = decimal(step);
+                format!(
+                    "the heights of the layers, {step} mm apart, lie at planes that were drawn; a smaller --dz has others"
+                )
+            }
+        };
+        Ok(Some(format!("no plane is added to {}: {why}", chosen.rois[0].label())))
     }
 
     /// Takes the layers of the body that is made of what was chosen.

@@ -70,6 +70,27 @@ fn a_completed_set_needs_a_set_and_one_roi() {
     assert_eq!(contours_of(Path::new(&out)).iter().map(Vec::len).collect::<Vec<_>>(), [3, 3]);
 }
 
+/// Of `--keep 2` half of the kept gap is where the others are drawn.
+#[test]
+fn that_no_plane_is_added_is_told_with_why() {
+    let place = folder();
+    let of = |name: &str| place.path().join(name).display().to_string();
+    let planes: Vec<f64> = (0..7).map(|k| 6.0 * f64::from(k)).collect();
+    write(&[("a", tube(10.0, &planes))], &place.path().join("a.dcm"));
+    let told = "no plane is added to ROI 1 (`a`): those of every 6 mm from the lowest contour on were drawn";
+    let run = |more: &[&str], out: &str| {
+        said(&[&["reconstruct", &of("a.dcm"), "-o", &of(out), "--backend", "cpu"], more].concat(), 0)
+    };
+    assert_says(&run(&["--keep", "2"], "kept.dcm"), &[told]);
+    assert_says(&run(&["--keep", "2", "--all-rois"], "all.dcm"), &[told]);
+    assert_says(&run(&["--keep", "2", "--dry-run"], "dry.dcm"), &[told]);
+    assert_says(&run(&["--dz", "6"], "six.dcm"), &["no plane is added to ROI 1 (`a`): the heights of the layers"]);
+    for (more, out) in [(&["--keep", "2"][..], "body.stl"), (&[], "a3.dcm"), (&["--keep", "2", "--dz", "2"], "a2.dcm")]
+    {
+        assert!(!run(more, out).contains("no plane is added"), "{more:?}");
+    }
+}
+
 /// What says other things of the old contours, or of the program that wrote them, is not kept.
 #[test]
 fn a_completed_set_says_nothing_of_what_it_was() {

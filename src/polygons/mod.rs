@@ -90,7 +90,7 @@ pub struct Planes {
 /// the axes; pixel centres are whole multiples of the pixel sides.
 ///
 /// # Errors
-/// [`Error::Slice`] for a coordinate that is not finite, [`Error::Stack`] where nothing is drawn, [`Error::Setting`] for a pixel size that
+/// [`Error::Slice`] for a coordinate that is not finite, [`Error::Stack`] where nothing is drawn or lines leave nothing, [`Error::Setting`] for a pixel size that
 /// is none, too small, or so large that all slices are empty.
 pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>) -> Result<ContourStack> {
     for (index, drawing) in drawings.iter().enumerate() {
@@ -111,13 +111,17 @@ pub fn stack(drawings: &[PlaneDrawing], planes: &Planes, pixel: Option<[f64; 2]>
             content: SliceContent::Level(LevelSlice::new(&level_set(&d.regions, &grid), grid.dims[0])),
         })
         .collect();
-    let is_empty = pixel.is_some() && slices.iter().all(|slice| slice.content.is_empty());
+    let is_empty = slices.iter().all(|slice| slice.content.is_empty());
     // Finer pixels do not help where lines cancel.
-    if is_empty && grid.spacing.max_element() > pixel::pixel_side(drawings) {
+    if is_empty && pixel.is_some() && grid.spacing.max_element() > pixel::pixel_side(drawings) {
         let (DVec2 { x, y }, unit) = (grid.spacing, &planes.unit);
         let message =
             format!("must be smaller: no pixel of {x} x {y} {unit} lies inside a polygon, all slices are empty");
         return Err(Error::Setting { name: "pixel".into(), message });
+    }
+    let cancelled = if is_empty { crossing::crossing(drawings) } else { Vec::new() };
+    if !cancelled.is_empty() {
+        return Err(Error::Stack(format!("all slices are empty: {}", cancelled.join("; "))));
     }
     let origin = grid.origin.x * planes.axes[0] + grid.origin.y * planes.axes[1];
     Ok(ContourStack {

@@ -122,6 +122,26 @@ fn a_contour_that_goes_twice_round_is_told() {
     }
 }
 
+/// Where that is so on every plane, nothing is left, and the error says why.
+#[test]
+fn contours_that_all_go_twice_round_are_told_as_what_leaves_nothing() {
+    let place = folder();
+    let path = place.path().join("a.dcm");
+    let again = |z: f64| (CLOSED, [circle(20.0, z), circle(20.0, z)].concat());
+    write(&[("twice", vec![again(0.0), again(4.0)])], &path);
+    let told = [
+        "all slices are empty: a line crosses itself on `k=0` at 0, `k=1` at 4",
+        "what it goes round twice is outside (even-odd); end it where it began",
+    ];
+    assert_says(&said(&["reconstruct", &path.display().to_string(), "-o", "a.stl"], 2), &told);
+    let line = [[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 9.0]].repeat(2);
+    let slices = [0.0, 4.0].map(|z| serde_json::json!({"z": z, "polygons": [line]}));
+    let file = place.path().join("stack.json");
+    std::fs::write(&file, serde_json::json!({"unit": "mm", "slices": slices}).to_string()).expect("it is written");
+    let told = "all slices are empty: a line crosses itself on `polygons 0` at 0, `polygons 1` at 4";
+    assert_says(&said(&["reconstruct", &file.display().to_string(), "-o", "a.stl"], 2), &[told]);
+}
+
 #[test]
 fn short_contours_are_left_out_by_name_and_open_ones_refused() {
     let place = folder();

@@ -1,5 +1,5 @@
 //! Text that changes its character set on the way, by the escape sequences of ISO 2022 (DICOM PS3.3, C.12.1.1.2): names in Japanese, Korean and
-//! Chinese, mostly.
+//! Chinese, mostly. And text in UTF-8 that does not say so.
 
 use dicom_encoding::text::{SpecificCharacterSet, TextCodec};
 
@@ -7,7 +7,7 @@ const ESCAPE: char = '\u{1b}';
 
 /// What follows an escape, and the set that bytes are of from there on.
 const SETS: [(&str, &str); 17] = [
-    ("(B", "ISO_IR 6"),
+    ("(B", ASCII),
     ("(J", "ISO_IR 13"),
     (")I", "ISO_IR 13"),
     ("-A", "ISO_IR 100"),
@@ -28,9 +28,25 @@ const SETS: [(&str, &str); 17] = [
 /// Its decoder takes the escapes, too.
 const JAPANESE: &str = "ISO_IR 87";
 
-/// What `text` says, whose bytes were taken for characters of the same number; itself where it has no escape that is known here.
-pub(super) fn read(text: &str) -> String {
-    spoken(text).unwrap_or_else(|| text.to_string())
+/// What `text` says in a file of the Specific Character Set `set`, whose bytes were taken for characters of the same number; itself where it has
+/// no escape that is known here.
+pub(super) fn read(text: &str, set: &str) -> String {
+    let is_unsaid = [ASCII, ""].contains(&set) && !text.contains(ESCAPE);
+    let read = if is_unsaid { utf_8(text) } else { spoken(text) };
+    read.unwrap_or_else(|| text.to_string())
+}
+
+/// The set of a file that says none: it has no byte from 128 on.
+const ASCII: &str = "ISO_IR 6";
+
+/// The text whose UTF-8 these bytes are; nothing where they are none.
+fn utf_8(text: &str) -> Option<String> {
+    String::from_utf8(bytes(text)?).ok()
+}
+
+/// The bytes that were taken for characters.
+fn bytes(text: &str) -> Option<Vec<u8>> {
+    text.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect()
 }
 
 fn spoken(text: &str) -> Option<String> {
@@ -40,10 +56,9 @@ fn spoken(text: &str) -> Option<String> {
         let (escape, set) = SETS.into_iter().find(|(escape, _)| piece.starts_with(escape))?;
         let rest = &piece[escape.len()..];
         let bytes = match set {
-            JAPANESE => format!("{ESCAPE}{piece}"),
-            _ => rest.to_string(),
+            JAPANESE => bytes(&format!("{ESCAPE}{piece}"))?,
+            _ => bytes(rest)?,
         };
-        let bytes = bytes.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect::<Option<Vec<u8>>>()?;
         out += &SpecificCharacterSet::from_code(set)?.decode(&bytes).ok()?;
     }
     Some(out)
@@ -69,11 +84,11 @@ mod tests {
             (b"\x1b(J\x1b)I\xca\xb0\xc4", "ﾊｰﾄ"),
         ];
         for (bytes, wanted) in cases {
-            assert_eq!(read(&taken(bytes)), wanted);
+            assert_eq!(read(&taken(bytes), "ISO 2022 IR 6"), wanted);
         }
         // What nobody knows stays as it is.
         for strange in ["\u{1b}", "a\u{1b}Z?", "\u{1b}$)C\u{4e00}"] {
-            assert_eq!(read(strange), strange);
+            assert_eq!(read(strange, ""), strange);
         }
     }
 }

@@ -31,6 +31,7 @@ pub fn parse(bytes: &[u8]) -> Parse<Parsed> {
     if class != uids::RT_STRUCTURE_SET_STORAGE {
         return Err(other(&class));
     }
+    let set = text(&object, tags::SPECIFIC_CHARACTER_SET)?.unwrap_or_default();
     let mut rois = Vec::new();
     let named = items(&object, tags::STRUCTURE_SET_ROI_SEQUENCE)?
         .ok_or("Structure Set ROI Sequence (3006,0020) is missing: the file names no ROI")?;
@@ -38,7 +39,7 @@ pub fn parse(bytes: &[u8]) -> Parse<Parsed> {
     for (k, item) in named.iter().enumerate() {
         let at = format!("item {} of Structure Set ROI Sequence", k + 1);
         let number = number(item, tags::ROI_NUMBER, &at)?;
-        let name = escapes::read(&text(item, tags::ROI_NAME)?.unwrap_or_default());
+        let name = escapes::read(&text(item, tags::ROI_NAME)?.unwrap_or_default(), &set);
         if place.insert(number, k).is_some() {
             return Err(format!("{at}: ROI Number {number} is there twice"));
         }

@@ -147,3 +147,30 @@ fn a_roi_on_one_plane_can_be_inspected() {
     assert_says(&said(&["inspect", &input, "--roi", "Flat"], 0), &[says]);
     assert_says(&said(&["reconstruct", &input, "--roi", "Flat", "-o", "a.stl"], 2), &["drawn on 1 plane"]);
 }
+
+/// Many programs write UTF-8 and do not say so.
+#[test]
+fn names_that_are_utf_8_are_read_so_where_no_character_set_is_said() {
+    let place = folder();
+    let path = place.path().join("a.dcm");
+    let utf_8 = "H\u{fc}ft-\u{143}".as_bytes();
+    for (set, bytes, name) in [
+        (None, utf_8, "H\u{fc}ft-\u{143}"),
+        (Some("ISO_IR 6"), utf_8, "H\u{fc}ft-\u{143}"),
+        (Some("ISO_IR 6"), &b"H\xfcft-K "[..], "H\u{fc}ft-K"),
+        (Some("ISO_IR 100"), &b"H\xfcft-K "[..], "H\u{fc}ft-K"),
+        // Said is said.
+        (Some("ISO_IR 100"), &b"\xc3\xbcber"[..], "\u{c3}\u{bc}ber"),
+    ] {
+        let mut object = structure_set(&[(&"X".repeat(bytes.len()), tube(10.0, &[0.0, 3.0]))]);
+        if let Some(set) = set {
+            object.put(text(tags::SPECIFIC_CHARACTER_SET, VR::CS, set));
+        }
+        write_as(object, uids::EXPLICIT_VR_LITTLE_ENDIAN, &path);
+        let file = fs::read(&path).expect("it was written");
+        let at = file.windows(4).position(|w| w == b"XXXX").expect("the name");
+        let named = [&file[..at], bytes, &file[at + bytes.len()..]].concat();
+        fs::write(&path, named).expect("it is written");
+        assert_says(&said(&["inspect", &path.display().to_string()], 0), &[&format!("ROI 1 (`{name}`)")]);
+    }
+}

@@ -71,7 +71,16 @@ pub fn run(all: &All<'_>) -> Result<()> {
             said = Some(chosen.reason.clone());
         }
         tell_notes(&loaded, all.telling);
-        if completed.has_structures() {
+        let source = loaded.options.output.source.as_ref().ok_or_else(|| {
+            let message = "an RTSTRUCT is needed for --all-rois".into();
+            Error::Format { path: all.input.into(), message }
+        })?;
+        let is_whole = completed.has_structures() && source.is_on_every_image()?;
+        if is_whole {
+            let why =
+                "it is drawn on all the planes that others of the file have, and on those between; --dz adds more";
+            tell(all, &format!("no plane is added to {}: {why}", roi.label()));
+        } else if completed.has_structures() {
             tell_nothing_added(&loaded, all.telling)?;
         }
         if all.telling == Telling::DryRun {
@@ -79,13 +88,9 @@ pub fn run(all: &All<'_>) -> Result<()> {
             say(&format!("{}:\n{forecast}\n", roi.label()))?;
             continue;
         }
-        let source = loaded.options.output.source.as_ref().ok_or_else(|| {
-            let message = "an RTSTRUCT is needed for --all-rois".into();
-            Error::Format { path: all.input.into(), message }
-        })?;
         let mut gather = Gather::new(source, outputs.sink(&loaded.options.output));
         let mut body = compute(&loaded, &mut gather, &chosen, &budget, all.telling)?;
-        added.extend(gather.added());
+        added.extend(gather.added().filter(|_| !is_whole));
         complete(outputs, &mut body, &loaded, all.telling)?;
         chosen.tell(&body.report.profile);
     }

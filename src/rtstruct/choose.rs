@@ -263,21 +263,37 @@ impl ChosenRois<'_> {
     pub fn steps(&self, stack: &ContourStack) -> Option<Steps> {
         let heights: Vec<f64> = stack.slices.iter().map(|s| s.z).collect();
         let gap = smallest_gap(&heights)?;
-        let numbers: Vec<i64> = self.rois.iter().map(|roi| roi.number).collect();
-        let own = self.set.frames(&numbers);
-        let alike = self.set.rois.iter().filter(|roi| own.is_empty() || self.set.frames(&[roi.number]) == own);
-        let others = alike.filter_map(|roi| self.set.closed(vec![roi], None).ok());
-        let images = others.filter_map(|other| {
-            let off = (other.planes.axes[2] - self.planes.axes[2]).abs().element_sum();
-            let theirs = &other.planes.heights;
-            let same = self.planes.tolerance.min(other.planes.tolerance);
-            let lies = |z: &f64| theirs.iter().any(|w| (w - z).abs() <= same);
-            let step = smallest_gap(theirs)?;
-            (off < 1e-6 && LEFT_OUT * step <= gap && heights.iter().all(lies)).then_some(step)
-        });
+        let images = self.alike().filter_map(|other| other.lies_between(&heights, self));
         let planes = images.min_by(f64::total_cmp).unwrap_or(0.5 * gap);
         let px = stack.spacing[0].min(stack.spacing[1]);
         Some(Steps { planes, heights: planes / (planes / px).ceil().max(1.0) })
+    }
+
+    /// Whether its planes are those of the images as far as the file tells: another ROI is drawn on some of them, none on others between them, and none is
+    /// left out.
+    pub(super) fn is_on_every_image(&self) -> bool {
+        let heights = &self.planes.heights;
+        let is_even = smallest_gap(heights).is_some_and(|gap| heights.windows(2).all(|w| w[1] - w[0] < LEFT_OUT * gap));
+        let others: Vec<ChosenRois<'_>> = if is_even { self.alike().collect() } else { Vec::new() };
+        others.iter().any(|other| self.lies_between(&other.planes.heights, other).is_some())
+            && others.iter().all(|other| other.lies_between(heights, self).is_none())
+    }
+
+    /// All ROIs of the file in the same frame of reference, each by itself, that are closed.
+    fn alike(&self) -> impl Iterator<Item = ChosenRois<'_>> {
+        let numbers: Vec<i64> = self.rois.iter().map(|roi| roi.number).collect();
+        let own = self.set.frames(&numbers);
+        let alike = move |roi: &&Roi| own.is_empty() || self.set.frames(&[roi.number]) == own;
+        self.set.rois.iter().filter(alike).filter_map(|roi| self.set.closed(vec![roi], None).ok())
+    }
+
+    /// Smallest gap of its planes, where it is drawn at all of these heights of another ROI and on planes between them.
+    fn lies_between(&self, heights: &[f64], other: &Self) -> Option<f64> {
+        let off = (self.planes.axes[2] - other.planes.axes[2]).abs().element_sum();
+        let same = self.planes.tolerance.min(other.planes.tolerance);
+        let lies = |z: &f64| self.planes.heights.iter().any(|w| (w - z).abs() <= same);
+        let (step, gap) = (smallest_gap(&self.planes.heights)?, smallest_gap(heights)?);
+        (off < 1e-6 && LEFT_OUT * step <= gap && heights.iter().all(lies)).then_some(step)
     }
 }
 

@@ -250,6 +250,14 @@ impl ReferencedSet {
         Ok(())
     }
 
+    /// Whether what was chosen is drawn on every image, so that a completed file needs none between unless heights are asked for.
+    ///
+    /// # Errors
+    /// The errors of [`StructureSet::choose`].
+    pub fn is_on_every_image(&self) -> Result<bool> {
+        Ok(self.every.is_some() && self.set.choose(&self.options)?.is_on_every_image())
+    }
+
     /// Why a completed file gets no contours on any of the output heights, which lie `step` apart; nothing where it gets some.
     ///
     /// # Errors

@@ -142,3 +142,24 @@ fn a_long_contour_is_written_whole() {
     assert!(longest.is_some_and(|longest| longest > 65534), "{longest:?}");
     assert_eq!(stack(&out, &["a"]).slices.len(), 3);
 }
+
+/// A ROI on whose planes another lies that has fewer is drawn on every image, and needs none between.
+#[test]
+fn of_all_rois_those_that_are_drawn_on_every_image_are_left_as_they_are() {
+    let place = folder();
+    let of = |name: &str| place.path().join(name).display().to_string();
+    let body: Vec<f64> = (0..13).map(|k| f64::from(k) * 2.0).collect();
+    write(&[("tumour", tube(10.0, &[6.0, 12.0, 18.0])), ("body", tube(40.0, &body))], &place.path().join("a.dcm"));
+    let counts = |out: &str| contours_of(&place.path().join(out)).iter().map(Vec::len).collect::<Vec<_>>();
+    let told = "no plane is added to ROI 2 (`body`): it is drawn on all the planes that others of the file have";
+    let run = |more: &[&str], out: &str| {
+        said(&[&["reconstruct", &of("a.dcm"), "-o", &of(out), "--backend", "cpu"], more].concat(), 0)
+    };
+    assert_says(&run(&["--all-rois"], "all.dcm"), &[told]);
+    assert_eq!(counts("all.dcm"), [7, 13]);
+    // Who asks for more gets it.
+    for (more, body) in [(&["--all-rois", "--dz", "1"][..], 25), (&["--roi", "body"], 25)] {
+        assert!(!run(more, "more.dcm").contains("no plane is added"), "{more:?}");
+        assert_eq!(counts("more.dcm")[1], body, "{more:?}");
+    }
+}

@@ -293,8 +293,11 @@ fn chunks_of_zarr() {
     let array = json!({"zarr_format": 2, "shape": [4, 8, 8], "chunks": [4, 8, 8], "dtype": "|u1", "compressor": {"id": "gzip", "level": 1},
         "fill_value": 0, "order": "C", "filters": null});
     fs::write(path.join(".zarray"), array.to_string()).expect("a file can be written");
-    fs::write(path.join("0.0.0"), gzip(ZEROS)).expect("a file can be written");
+    fs::write(path.join("0.0.0"), &bomb).expect("a file can be written");
     refused_at(&path, &["a.zarr", "0.0.0: gzip unpacks to more", holds]);
+    fs::write(path.join(".zarray"), array.to_string().replace("gzip", "zlib")).expect("a file can be written");
+    fs::write(path.join("0.0.0"), zlib(ZEROS)).expect("a file can be written");
+    refused_at(&path, &["a.zarr", "0.0.0: zlib unpacks to more", holds]);
 }
 
 /// Views whose rows are not in the file.

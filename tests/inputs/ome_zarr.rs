@@ -1,9 +1,12 @@
 //! OME-Zarr in, written here byte by byte: versions 0.4 and 0.5, label images, axes, scales; and what is wrong, in words.
 
 use std::fs;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::files::*;
+use flate2::Compression;
+use flate2::read::{GzEncoder, ZlibEncoder};
 use glam::DVec3;
 use interslice::input::{Input, open_volume, survey};
 use interslice::stack::ReadOptions;
@@ -138,6 +141,39 @@ fn label_images_are_read_with_axes_scale_names_and_colours() {
     let right = ReadOptions { label: Some(LabelName::Name("right".into())), ..ReadOptions::default() };
     let stack = Input::read(&image, &right).expect("a label by its name").stack;
     assert!((0..120).all(|n| stack.slices[1].content.inside(n) == (voxels()[360 + n] == 5)));
+}
+
+/// As numcodecs packs them.
+#[test]
+fn chunks_that_gzip_or_zlib_packed_are_read() {
+    let place = folder();
+    let input = place.path().join("a.zarr");
+    let given = voxels();
+    let pack = |id: &str, bytes: &[u8]| -> Vec<u8> {
+        let (mut packed, level) = (Vec::new(), Compression::fast());
+        let read = match id {
+            "zlib" => ZlibEncoder::new(bytes, level).read_to_end(&mut packed),
+            _ => GzEncoder::new(bytes, level).read_to_end(&mut packed),
+        };
+        read.expect("memory can be read");
+        packed
+    };
+    for id in ["gzip", "zlib"] {
+        array_2(&input);
+        let text = fs::read_to_string(input.join(".zarray")).expect("it was written");
+        let mut array: Value = serde_json::from_str(&text).expect("it is JSON");
+        array["compressor"] = json!({"id": id, "level": 1});
+        put(&input.join(".zarray"), &array);
+        for name in (0..3).flat_map(|k| [0, 1].map(|i| format!("0/0/{k}/0/{i}"))) {
+            let bytes = fs::read(input.join(&name)).expect("a chunk");
+            write(&input.join(&name), &pack(id, &bytes));
+        }
+        let options = ReadOptions { spacing: Some(vec![1.0; 3]), ..ReadOptions::default() };
+        let stack = Input::read(&input, &options).unwrap_or_else(|e| panic!("{id}: {e}")).stack;
+        for (slice, k) in stack.slices.iter().zip([0, 3, 6]) {
+            assert!((0..120).all(|n| slice.content.inside(n) == (given[120 * k + n] > 0)), "{id}: slice {k}");
+        }
+    }
 }
 
 #[test]

@@ -8,12 +8,12 @@ use std::borrow::Cow;
 use std::io::Read;
 use std::sync::{Arc, Once};
 
-use flate2::bufread::GzDecoder;
-use zarrs::array::codec::GzipCodec;
+use flate2::bufread::{GzDecoder, ZlibDecoder};
 use zarrs::array::codec::api::{
     CodecRuntimePluginV2, CodecRuntimePluginV3, PartialDecoderCapability, PartialEncoderCapability, register_codec_v2,
     register_codec_v3,
 };
+use zarrs::array::codec::{GzipCodec, ZlibCodec};
 use zarrs::array::{
     ArrayBytesRaw, BytesRepresentation, BytesToBytesCodecTraits, Codec, CodecError, CodecMetadataOptions, CodecOptions,
     CodecTraits, CodecTraitsV2, CodecTraitsV3, RecommendedConcurrency,
@@ -36,6 +36,7 @@ pub(crate) fn register() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         bound::<GzipCodec>(gzip);
+        bound::<ZlibCodec>(zlib);
         #[cfg(feature = "blosc")]
         bound::<zarrs::array::codec::BloscCodec>(blosc);
         #[cfg(feature = "zstd")]
@@ -58,10 +59,19 @@ fn bound<C: CodecTraitsV2 + CodecTraitsV3 + ExtensionAliasesV2 + ExtensionAliase
 }
 
 fn gzip(packed: &[u8], most: usize) -> Result<Vec<u8>, String> {
+    within("gzip", GzDecoder::new(packed), most)
+}
+
+fn zlib(packed: &[u8], most: usize) -> Result<Vec<u8>, String> {
+    within("zlib", ZlibDecoder::new(packed), most)
+}
+
+/// All that a decoder unpacks, if that is not too much.
+fn within(packing: &str, decoder: impl Read, most: usize) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
-    let mut left = GzDecoder::new(packed).take((most as u64).saturating_add(1));
-    left.read_to_end(&mut bytes).map_err(|e| format!("gzip: {e}"))?;
-    if bytes.len() > most { Err(too_much("gzip", "more".into(), most)) } else { Ok(bytes) }
+    let mut left = decoder.take((most as u64).saturating_add(1));
+    left.read_to_end(&mut bytes).map_err(|e| format!("{packing}: {e}"))?;
+    if bytes.len() > most { Err(too_much(packing, "more".into(), most)) } else { Ok(bytes) }
 }
 
 /// A chunk of Blosc says its size in bytes 4 to 7; c-blosc unpacks no more than that.
@@ -78,11 +88,7 @@ fn blosc(packed: &[u8], most: usize) -> Result<Vec<u8>, String> {
 
 #[cfg(feature = "zstd")]
 fn zstd(packed: &[u8], most: usize) -> Result<Vec<u8>, String> {
-    let mut bytes = Vec::new();
-    let unreadable = |e: std::io::Error| format!("zstd: {e}");
-    let left = zstd::Decoder::with_buffer(packed).map_err(unreadable)?;
-    left.take((most as u64).saturating_add(1)).read_to_end(&mut bytes).map_err(unreadable)?;
-    if bytes.len() > most { Err(too_much("zstd", "more".into(), most)) } else { Ok(bytes) }
+    within("zstd", zstd::Decoder::with_buffer(packed).map_err(|e| format!("zstd: {e}"))?, most)
 }
 
 fn too_much(packing: &str, found: String, most: usize) -> String {

@@ -49,9 +49,10 @@ def volumes():
 
 
 def pages():
-    out = io.BytesIO()
-    tifffile.imwrite(out, DISC, compression="zstd", photometric="minisblack")
-    keep("tiff", "zstd", out.getvalue())
+    for name, settings in [("zstd", {"compression": "zstd"}), ("tiles", {"compression": "lzw", "tile": (16, 16)})]:
+        out = io.BytesIO()
+        tifffile.imwrite(out, DISC, photometric="minisblack", **settings)
+        keep("tiff", name, out.getvalue())
 
 
 def segments():
@@ -84,6 +85,7 @@ def chunks():
     three = {"zarr_format": 3, "node_type": "group", "attributes": {"ome": {"version": "0.5", "multiscales": [image], "image-label": colours}}}
     for name, version, settings in [
         ("blosc", 2, {"chunks": (2, 10, 12), "chunk_key_encoding": {"name": "v2", "separator": "/"}}),
+        ("zlib", 2, {"chunks": (2, 10, 12), "chunk_key_encoding": {"name": "v2", "separator": "/"}}),
         ("zstd", 3, {"chunks": (2, 10, 12)}),
         ("shards", 3, {"chunks": (1, 5, 6), "shards": (2, 10, 12)}),
     ]:
@@ -92,7 +94,7 @@ def chunks():
             compressors = zarr.codecs.BloscCodec() if version == 3 else "auto"
             if version == 2:
                 import numcodecs
-                compressors = numcodecs.Blosc()
+                compressors = numcodecs.Blosc() if name == "blosc" else numcodecs.Zlib()
             elif name == "zstd":
                 compressors = zarr.codecs.ZstdCodec()
             array = zarr.create_array(path, shape=DISC.shape, dtype="uint8", zarr_format=version, compressors=compressors, **settings)

@@ -4,7 +4,8 @@
 //! the other begins. What moves on by more than its width has come that way: its way does not begin there. So a meeting is a leap, and does not count, where
 //! the empty way between both contours is more than a pixel and twice what each such part has moved, by its centroid, from or to the parts that it overlaps
 //! in the gap beyond, in the time of this one. One that overlaps nothing there either has not moved, unless another part lies ahead as near, or
-//! motion brings most of one over the other. Sheets and threads that lie along the slice are exempt: they move on by many times their width.
+//! motion brings most of one over the other. Sheets and threads that lie along the slice are exempt: they move on by many times their width. On a first or
+//! last slice, beyond which nothing is known, a part moves as what the other one overlaps, if it overlaps any: where that stands, it ends beside it.
 //!
 //! Of parts that overlap, one may be a block that ends and the other a rod at its side that goes on: far from the rod contours have nothing to go to, and
 //! the block was swept towards it. Where one is four times as large as the other, and their centroids are as far apart as contours at a leap, the block ends
@@ -78,14 +79,18 @@ impl Surroundings<'_> {
     pub fn leaps(&self, [low, high]: [u32; 2], alone: [bool; 2], whole: bool) -> bool {
         let Some(way) = way(&self.outlines(0)[low as usize], &self.outlines(1)[high as usize]) else { return false };
         let length = way.length();
-        let is_sheet = |side: usize| alone[side] && !self.is_compact(side, [low, high][side]);
-        if length <= NOISE || (0..2).any(is_sheet) {
+        let is_sheet = |side: usize| !self.is_compact(side, [low, high][side]);
+        if length <= NOISE {
             return false;
         }
         let moved = |side: usize| {
-            let (part, outward) = if side == 0 { (low, -way) } else { (high, way) };
+            let (part, other, outward) = if side == 0 { (low, high, -way) } else { (high, low, way) };
+            let own = || match is_sheet(side) {
+                true => Some(f64::INFINITY),
+                false => self.moved(side, &[part]),
+            };
             let stands = || if whole { None } else { self.has_come(side, part, outward) };
-            self.moved(side, &[part]).or_else(stands)
+            self.partners_moved(side, other).or_else(own).or_else(stands)
         };
         let moved: Vec<f64> = (0..2).filter(|side| alone[*side]).filter_map(moved).collect();
         !moved.is_empty() && moved.iter().all(|moved| length > NOISE + GROWS * moved)
@@ -164,13 +169,22 @@ impl Surroundings<'_> {
         Some(if near.iter().any(goes_on) { f64::INFINITY } else { 0.0 })
     }
 
+    /// On the first or last slice, beyond which nothing tells, how far the centroid of what part `other` of the slice opposite overlaps has moved, px;
+    /// `None` where it overlaps nothing.
+    fn partners_moved(&self, side: usize, other: u32) -> Option<f64> {
+        if self.beyond[side].is_some() {
+            return None;
+        }
+        let (own, opposite) = (self.contours[side], self.contours[1 - side]);
+        let partners = overlapped(opposite, &[other], own);
+        let there = self.masses(1 - side)[other as usize].centre()?;
+        Some((there - whole(self.masses(side), &partners).centre()?).length())
+    }
+
     /// Way of the centroid of some parts to that of the parts beyond which they overlap, px in the time of the gap; `None` where they overlap none.
     fn moved(&self, side: usize, parts: &[u32]) -> Option<f64> {
         let (own, beyond) = (self.contours[side], self.beyond[side]?);
-        let mut met: Vec<u32> = pixels(own, parts).map(|n| beyond.solids.labels[n]).filter(|l| *l > 0).collect();
-        met.sort_unstable();
-        met.dedup();
-        let there = whole(self.masses_beyond(side)?, &met).centre()?;
+        let there = whole(self.masses_beyond(side)?, &overlapped(own, parts, beyond)).centre()?;
         let here = whole(self.masses(side), parts).centre()?;
         Some((there - here).length() / self.gaps[side])
     }
@@ -226,6 +240,14 @@ fn way(from: &Outline, to: &Outline) -> Option<DVec2> {
         true => nearest([from, to]),
         false => nearest([to, from]).map(|way| -way),
     }
+}
+
+/// Parts of another slice that some parts overlap as they are drawn, by increasing number.
+fn overlapped(own: &Contour, parts: &[u32], other: &Contour) -> Vec<u32> {
+    let mut met: Vec<u32> = pixels(own, parts).map(|n| other.solids.labels[n]).filter(|l| *l > 0).collect();
+    met.sort_unstable();
+    met.dedup();
+    met
 }
 
 /// Pixels of some parts, by increasing number.
@@ -296,6 +318,25 @@ mod tests {
         let with = |above| Surroundings::new([&low, &high], [None, above], [1.0; 2], [1.0; 2]);
         assert!(!with(None).leaps([1, 1], [true; 2], false));
         assert!(with(Some(&high)).leaps([1, 1], [true; 2], false));
+    }
+
+    #[test]
+    fn on_a_first_slice_a_part_moves_as_what_the_other_one_overlaps() {
+        let bars = |all: &[f64]| {
+            let bar = |i: usize, j: usize, x: f64| ((i as f64 - x).abs() - 3.0).max((j as f64 - 30.0).abs() - 20.0);
+            let away = |i: usize, j: usize| all.iter().map(|x| bar(i, j, *x)).fold(1e3, f64::min);
+            Contour::new(0.0, Field::from_fn(DIMS, away), [1.0; 2], 1.0)
+        };
+        // The left one is on the lower slice alone, 4 px beside the right one.
+        let leap = |right: f64, below: Option<&Contour>, alone: bool| {
+            let [low, high] = [bars(&[40.0, 50.0]), bars(&[right])];
+            let slices = Surroundings::new([&low, &high], [below, None], [1.0; 2], [1.0; 2]);
+            slices.leaps([1, 1], [alone, false], true)
+        };
+        assert!(leap(50.0, None, true), "the right one stands");
+        assert!(!leap(47.0, None, true), "the right one comes");
+        assert!(!leap(50.0, Some(&bars(&[40.0])), true), "slices beyond say how it moves, and sheets may move far");
+        assert!(!leap(50.0, None, false), "what overlaps as drawn is not asked");
     }
 
     #[test]

@@ -14,13 +14,18 @@ use crate::registration::motion_field::MotionField;
 /// Sigma of the mean over particles, px.
 const REACH: f64 = 8.0;
 /// Distances of contours, px a gap: beyond the first a particle's way says less of the pixels beside it, beyond the second nothing. So
-/// there is no unit of height in it.
+/// there is no unit of height in it. Of contours that are deeper than [`SHALLOW`] in proportion to their depth: the same body on finer pixels is the same.
 ///
 /// Mean Dice, unfaired, of helix and gyroid every 8th slice, vertebra, thorax and pelvis medium and hard: from 2 to 6 px 0.9168, 5 to 12 0.9176,
 /// 8 to 20 0.9194, no limit 0.9193; of the real ones alone 0.9221, 0.9221, 0.9216, 0.9212. Relief has its slopes from the field: Jacksboro at 8 levels,
 /// RMSE in m, from 0 to 1 px 14.61, 1 to 3 14.61, 2 to 6 14.98, 4 to 12 15.51, no limit 15.58.
 const LEAPS: [f64; 2] = [8.0, 20.0];
 const LEAPS_OF_RELIEF: [f64; 2] = [1.0, 3.0];
+/// Depth of the deeper one of two contours up to which [`LEAPS`] hold as they are, px.
+///
+/// Radii of balls, waves and necks on 8 gaps of 20 to 50 px, RMS in % of a gap: without proportion 0.6 to 2.1, with it 0.2 to 0.8, with no limit the same;
+/// but with no limit balls of 101 bodies lose 0.0004 of Dice and have 0.07 % more volume.
+const SHALLOW: f64 = 20.0;
 /// Below this share of arrived particles the morph has no say, above the other it has all of it.
 pub const NONE: f64 = 0.75;
 /// See [`NONE`].
@@ -59,7 +64,9 @@ impl Trust {
         }
         smooth::<2>(bytemuck::cast_slice_mut(&mut map.vectors), map.grid, h.map(|side| REACH / (BLOCK as f64 * side)));
         let v = &moving.displacements[i];
-        let [near, far] = [0, 1].map(|k| (1.0 - relief) * LEAPS[k] + relief * LEAPS_OF_RELIEF[k]);
+        let depth = low.data.par_iter().chain(&high.data).map(|d| -d).reduce(|| SHALLOW, f64::max);
+        let leaps = LEAPS.map(|px| px * depth / SHALLOW);
+        let [near, far] = [0, 1].map(|k| (1.0 - relief) * leaps[k] + relief * LEAPS_OF_RELIEF[k]);
         let particles = map.map(|_, x, DVec2 { x: arrived, y: all }| {
             let half = 0.5 * v.at(x);
             let apart = low.sample(x - half) - high.sample(x + half);
@@ -171,6 +178,15 @@ mod tests {
             near(at(apart, relief), wanted(apart, leaps));
             near(at(-apart, relief), wanted(apart, leaps));
         }
+        // Ten times as fine pixels.
+        let (deep, shallow) = ([-200.0, -100.0], [-20.0, -10.0]);
+        let of = |[low, high]: [f64; 2]| {
+            let fields = [low, high].map(|v| Arc::new(Field::filled(DIMS, v))).to_vec();
+            let moving = MotionField::new(vec![0.0, 1.0], 1.0, fields, vec![Displacement::zero(DIMS)]);
+            Trust::new(&moving, 0, [1.0, 1.0], 0.0, particles(|_| 1.0)).at(middle)
+        };
+        near(of(deep), of(shallow));
+        assert!(of(shallow) > 0.0 && of(shallow) < 1.0);
         assert!(at(7.0, 0.0) > 0.999 && at(12.0, 0.0) < 0.1 && at(7.0, 1.0) == 0.0);
         near(at(5.5, 0.5), wanted(5.5, [4.5, 11.5]));
     }

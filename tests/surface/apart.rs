@@ -1,7 +1,10 @@
 //! Bodies that end beside others: two that never touch stay two, and one that ends where a rod at its side goes on ends as it does by itself.
 
+use crate::backends::on_backends;
 use crate::shapes::*;
 use crate::support::connected;
+use interslice::grid::components::label4;
+use interslice::grid::sparse_image::SparseImage;
 use interslice::progress::Silent;
 use interslice::settings::Method;
 use interslice::{Reference, Settings, reconstruct_with};
@@ -76,4 +79,45 @@ fn a_body_that_ends_where_a_rod_at_its_side_goes_on_ends_as_it_does_by_itself() 
             }
         }
     }
+}
+
+/// Slices beyond would say how it moves; where there are none what stands beside it does.
+#[test]
+fn on_two_slices_what_ends_is_not_joined_to_what_stands_beside_it() {
+    on_backends(|backend| {
+        for (height, way) in [(10.0, 3.0), (10.0, 5.0), (4.0, 3.0)] {
+            let bar = |left: f64, wide: f64| -> Shape {
+                Box::new(move |x, y| {
+                    (x - left - 0.5 * wide).abs().max((y - C).abs() - height + 0.5 * wide) - 0.5 * wide
+                })
+            };
+            let stands = 26.0 + way;
+            for upside_down in [false, true] {
+                let mut shapes = [union(bar(20.0, 6.0), bar(stands, 7.0)), bar(stands, 7.0)];
+                if upside_down {
+                    shapes.reverse();
+                }
+                let all: Vec<f64> = (0..=4).map(f64::from).collect();
+                let stack = masks(N, &[0.0, 4.0], &shapes);
+                let body = reconstruct_with(&stack, &all, &Settings::default(), backend, &Silent).expect("it is valid");
+                let parts = |layer: &SparseImage<f32>| {
+                    let inside: Vec<bool> = layer.iter().map(|v| *v < 0.0).collect();
+                    label4(&inside, [N; 2]).count
+                };
+                let found: Vec<usize> =
+                    body.layers.iter().filter(|layer| layer.output).map(|layer| parts(&layer.phi)).collect();
+                let count = |z: usize| found[if upside_down { 4 - z } else { z }];
+                assert!(count(0) == 2 && count(1) == 2 && count(4) == 1, "{height}, {way}: {found:?}");
+                assert!([2, 3].iter().all(|z| count(*z) <= 2), "{height}, {way}: {found:?}");
+                let all: Vec<Vec<f32>> = body.layers.iter().map(|layer| layer.phi.iter().copied().collect()).collect();
+                let all: Vec<&[f32]> = all.iter().map(Vec::as_slice).collect();
+                let node = |x: f64| (if upside_down { 4 } else { 0 }, C as usize * N + x as usize);
+                assert!(
+                    !connected(&all, [N, N], node(23.0), node(stands + 3.0)),
+                    "{height}, {way}, {}",
+                    backend.name()
+                );
+            }
+        }
+    });
 }

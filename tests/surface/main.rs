@@ -12,6 +12,7 @@ mod displacement;
 mod ends;
 #[path = "../support/files.rs"]
 mod files;
+mod fine_pixels;
 mod holdout;
 mod kernels;
 mod known_part;

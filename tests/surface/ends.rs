@@ -99,6 +99,36 @@ fn caps_of_known_bodies_have_about_their_volume() {
     }
 }
 
+/// A crater, whose floor lies 3 below the last contour: its wall goes on outward, and meets the cone's flank in a rim.
+#[test]
+fn a_hole_that_begins_before_the_last_contour_grows_on() {
+    let heights = [0.0, 6.0, 12.0, 18.0];
+    let cone = |z: f64| 40.0 - z;
+    let crater = |z: f64| 64.0 * (z - 15.0) / 3.0;
+    let shape = |z: f64| -> Shape {
+        let [outer, hole] = [cone(z), crater(z).max(0.0).sqrt()];
+        Box::new(move |x, y| {
+            let r = (x - CENTER).hypot(y - CENTER);
+            if hole > 0.0 { (r - outer).max(hole - r) } else { r - outer }
+        })
+    };
+    let stack = levels(121, &heights, &heights.map(shape));
+    let area = |k: usize| {
+        let z = 18.0 + 0.01 * (k as f64 + 0.5);
+        (cone(z).powi(2) - crater(z)).max(0.0)
+    };
+    let exact = std::f64::consts::PI * (0..1000).map(area).sum::<f64>() * 0.01;
+    // The cone's tip is 22 above.
+    let settings = Settings { end_top: EndRule::Extrapolate, cap_gaps: Some(4.0), ..plain() };
+    let told = run(&stack, &settings).report.ends.iter().map(|end| end.extrapolate).fold(0.0, f64::max) / exact - 1.0;
+    let heights: Vec<f64> = (0..=120).map(|k| 18.0 + 0.1 * f64::from(k)).collect();
+    let body = reconstruct_with(&stack, &heights, &settings, &Reference, &Silent).expect("the stack is valid");
+    let inside = |layer: &Layer| layer.phi.iter().filter(|v| **v < 0.0).count() as f64;
+    let drawn = body.output_layers().filter(|l| l.z > 18.0).map(|l| 0.1 * inside(l)).sum::<f64>() / exact - 1.0;
+    println!("rim of a crater: told {:+.1} %, drawn {:+.1} %", 100.0 * told, 100.0 * drawn);
+    assert!(told.abs() < 0.02 && drawn.abs() < 0.04, "{told}, {drawn}");
+}
+
 /// A peak far above where the flank would end is still where the surface ends, on fine and coarse pixels, and the flank gets no needle: its radius is
 /// that of a hyperbola, as steep at the contour as the cone below.
 #[test]

@@ -7,6 +7,7 @@ use crate::contour::Contour;
 use crate::contour::canvas::Canvas;
 use crate::contour::direction::Direction;
 use crate::contour::offsets::{OUT, Offsets};
+use crate::contour::unmatched::HALF_WAY;
 use crate::grid::field::Field;
 use crate::grid::tile::Tile;
 use crate::pipeline::compose::mean_slope;
@@ -70,6 +71,10 @@ impl HoleLaw {
         // One that lies beyond what is known.
         if areas[0] <= 0.0 {
             return HoleLaw::Grows([0.0; 3]);
+        }
+        // As a part that the next contour has not, it is taken to begin half way.
+        if let [area, 0.0] = *areas {
+            return HoleLaw::Grows([area, area / (HALF_WAY * away[1]), 0.0]);
         }
         match Law::through(areas, away, f64::INFINITY) {
             Some((law, _)) => HoleLaw::Closes(law),
@@ -398,7 +403,8 @@ mod tests {
             let law = HoleLaw::new(areas, &[0.0, 1.0, 2.0]);
             assert_eq!([law.at(0.0), law.at(0.7), law.slope()], [0.0; 3], "{areas:?}");
         }
-        // Another one closes by its areas.
+        // One that begins grows, another one closes by its areas.
+        assert_eq!(HoleLaw::new(&[4.0, 0.0], &[0.0, 2.0]).at(1.0), 8.0);
         assert!(HoleLaw::new(&[4.0, 9.0], &[0.0, 1.0]).at(0.4) < 4.0);
     }
 }

@@ -33,7 +33,8 @@ pub struct Region {
     pub seeds: Vec<u32>,
     /// Number of those.
     counted: usize,
-    /// Its area in the end contour and in those farther inward that have a say, as long as there is a counterpart that is its alone, px squared.
+    /// Its area in the end contour and in those farther inward that have a say, as long as there is a counterpart that is its alone, px squared; 0 in the
+    /// contour behind which a hole begins.
     pub areas: Vec<f64>,
 }
 
@@ -129,13 +130,20 @@ impl Levels<'_> {
             }
             let next = HoleMap::new(&pair[1], &told, self.known);
             let met = self.met(level, |a| holes.at(a), |b| next.at(b));
+            // Holes that meet no matter everywhere.
+            let solids = &pair[1].solids.labels;
+            let open = self.met(level, |a| holes.at(a), |b| u32::from(solids[b] == 0));
             let mut found = vec![(usize::MAX, 0); next.areas.len()];
             for (number, &(p, k)) in (1..).zip(&traced).filter(|(_, hole)| hole.0 != usize::MAX) {
+                let mut area = None;
                 if let [counterpart] = alone(&[number], &met)[..] {
-                    let area = next.areas[counterpart as usize - 1];
-                    parts[p].holes[k].areas.extend(says.then_some(area));
+                    area = Some(next.areas[counterpart as usize - 1]);
                     found[counterpart as usize - 1] = (p, k);
+                } else if !now[p].is_empty() && open.binary_search(&(number, 1)).is_err() {
+                    // It begins behind the part's next contour.
+                    area = Some(0.0);
                 }
+                parts[p].holes[k].areas.extend(area.filter(|_| says));
             }
             (holes, traced) = (next, found);
         }

@@ -14,6 +14,7 @@ mod lone_axes;
 mod map_units;
 #[cfg(feature = "zarr")]
 mod ome_zarr;
+mod pixels;
 mod polygons;
 #[cfg(feature = "dicom")]
 #[path = "../support/rtss.rs"]

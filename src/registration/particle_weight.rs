@@ -23,7 +23,7 @@ const LEAPS: [f64; 2] = [8.0, 20.0];
 const LEAPS_OF_RELIEF: [f64; 2] = [1.0, 3.0];
 /// Depth of the deeper one of two contours up to which [`LEAPS`] hold as they are, px.
 ///
-/// Radii of balls, waves and necks on 8 gaps of 20 to 50 px, RMS in % of a gap: without proportion 0.6 to 2.1, with it 0.2 to 0.8, with no limit the same;
+/// Radii of balls, waves and necks on 8 gaps of 20 to 50 px, RMS in % of a gap: without proportion 0.5 to 2.1, with it 0.2 to 0.8, with no limit the same;
 /// but with no limit balls of 101 bodies lose 0.0004 of Dice and have 0.07 % more volume.
 const SHALLOW: f64 = 20.0;
 /// Below this share of arrived particles the morph has no say, above the other it has all of it.

@@ -79,16 +79,12 @@ impl Surroundings<'_> {
     pub fn leaps(&self, [low, high]: [u32; 2], alone: [bool; 2], whole: bool) -> bool {
         let Some(way) = way(&self.outlines(0)[low as usize], &self.outlines(1)[high as usize]) else { return false };
         let length = way.length();
-        let is_sheet = |side: usize| !self.is_compact(side, [low, high][side]);
         if length <= NOISE {
             return false;
         }
         let moved = |side: usize| {
             let (part, other, outward) = if side == 0 { (low, high, -way) } else { (high, low, way) };
-            let own = || match is_sheet(side) {
-                true => Some(f64::INFINITY),
-                false => self.moved(side, &[part]),
-            };
+            let own = || if self.is_compact(side, part) { self.moved(side, &[part]) } else { Some(f64::INFINITY) };
             let stands = || if whole { None } else { self.has_come(side, part, outward) };
             self.partners_moved(side, other).or_else(own).or_else(stands)
         };

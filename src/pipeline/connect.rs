@@ -1,4 +1,4 @@
-//! Topology between slices, made right after all other stages: overlaps stay connected, nothing floats.
+//! Topology between slices and beyond the ends, made right after all other stages: overlaps stay connected, nothing floats.
 
 use std::mem::{replace, take};
 use std::ops::Range;
@@ -113,23 +113,21 @@ impl Together<'_, '_> {
             let next = |this: &Self| if i < last { this.cores(i) } else { Ok(None) };
             let (mut layers, made) = match &self.beside {
                 Some(clocks) if i < last && self.bonds.cores => {
-                    meanwhile(clocks, || self.finished(waiting, cores, true), || next(self))
+                    meanwhile(clocks, || self.finished(waiting, cores), || next(self))
                 }
-                _ => (self.finished(waiting, cores, true), None),
+                _ => (self.finished(waiting, cores), None),
             };
-            if i < last {
-                self.waiting.extend(layers.pop());
-            }
+            self.waiting.extend(layers.pop());
             self.hand_on(layers, sink)?;
             self.cores = made.unwrap_or_else(|| next(self))?;
             return Ok(());
         }
-        let Some(low) = self.waiting.first().and_then(|w| w.layer.contour) else {
-            return self.hand_on(self.finished(vec![IntervalLayer::new(layer, false)], None, false), sink);
-        };
-        let [low, high] = [low, low + 1].map(|k| self.contours.light(k).z);
-        let t = (layer.z - low) / (high - low);
-        let node = NODE_TIMES.iter().any(|node| (t - node).abs() <= SAME_TIME);
+        let low = self.waiting.first().and_then(|w| w.layer.contour);
+        let node = low.filter(|low| *low < last).is_some_and(|low| {
+            let [low, high] = [low, low + 1].map(|k| self.contours.light(k).z);
+            let t = (layer.z - low) / (high - low);
+            NODE_TIMES.iter().any(|node| (t - node).abs() <= SAME_TIME)
+        });
         self.waiting.push(IntervalLayer::new(layer, node));
         Ok(())
     }
@@ -137,7 +135,7 @@ impl Together<'_, '_> {
     /// Hands on everything that is left.
     pub fn finish(mut self, sink: &mut SinkOfSome<'_>) -> Result<()> {
         let (waiting, cores) = (take(&mut self.waiting), self.cores.take());
-        self.hand_on(self.finished(waiting, cores, false), sink)
+        self.hand_on(self.finished(waiting, cores), sink)
     }
 
     /// Hands layers on: together, but one by one where nothing runs beside this thread and memory may be short.
@@ -149,9 +147,9 @@ impl Together<'_, '_> {
         if layers.len() == 0 { Ok(()) } else { sink(layers.collect()) }
     }
 
-    /// Layers, ended at the image's border and with the cores of their interval inside those between its contours; where they are `all` of an
-    /// interval, from contour to contour, with nothing that floats.
-    fn finished(&self, mut layers: Vec<IntervalLayer>, cores: Option<Cores>, all: bool) -> Vec<IntervalLayer> {
+    /// All layers of an interval, from contour to contour, or of an end, with its contour: ended at the image's border, with the cores of the interval
+    /// inside those between its contours, and with nothing that floats.
+    fn finished(&self, mut layers: Vec<IntervalLayer>, cores: Option<Cores>) -> Vec<IntervalLayer> {
         layers.par_iter_mut().for_each(|w| {
             if !replace(&mut w.ended, true) {
                 (self.end)(&mut w.layer.phi);
@@ -161,10 +159,34 @@ impl Together<'_, '_> {
                 w.layer.phi.shrink_to_fit();
             }
         });
-        if all && self.bonds.grounded && layers.len() > 2 {
-            self.repair(&mut layers);
+        if self.bonds.grounded {
+            self.repair_all(&mut layers);
         }
         layers
+    }
+
+    /// Repairs an interval, or an end as one that goes on to nothing.
+    fn repair_all(&self, layers: &mut Vec<IntervalLayer>) {
+        let [below, above] = [layers.first(), layers.last()].map(|w| w.is_some_and(|w| w.layer.contour.is_none()));
+        let nothing = || {
+            let phi = SparseImage::filled(self.shown.dims, (self.shown.limit * self.px) as f32);
+            IntervalLayer::new(Layer { z: f64::NAN, phi, output: false, contour: None }, true)
+        };
+        if below {
+            layers.insert(0, nothing());
+        }
+        if above {
+            layers.push(nothing());
+        }
+        if layers.len() > 2 {
+            self.repair(layers);
+        }
+        if below {
+            layers.remove(0);
+        }
+        if above {
+            layers.pop();
+        }
     }
 
     fn cores(&self, i: usize) -> Result<Option<Cores>> {
@@ -212,23 +234,28 @@ impl Together<'_, '_> {
     /// Parts of the layers that wait which do not float or are more than crumbs, and whether there are such that float.
     fn stays(&self, layers: &[IntervalLayer], all: &[Runs], side: Side) -> (Vec<Vec<bool>>, bool) {
         let nx = self.shown.dims[0];
-        let places: Vec<usize> = (0..all.len()).filter(|&k| layers[k].node).collect();
-        let nodes: Vec<Runs> = places.iter().map(|&k| all[k].clone()).collect();
         let or_whole = |stays: Vec<Vec<bool>>, all: &[Runs]| -> Vec<Vec<bool>> {
             let of =
                 |(stays, runs): (Vec<bool>, &Runs)| stays.into_iter().zip(whole(runs)).map(|(s, w)| s || w).collect();
             stays.into_iter().zip(all).map(of).collect()
         };
-        let stays = or_whole(grounded(&nodes, None, nx, side), &nodes);
-        let of = |(k, runs): (usize, &Runs)| {
-            let above = places.partition_point(|place| *place < k);
-            if places[above] == k {
-                return stays[above].clone();
-            }
-            held(runs, [above - 1, above].map(|n| (&nodes[n], stays[n].as_slice())), nx, side)
+        let by_nodes = || -> Vec<Vec<bool>> {
+            let places: Vec<usize> = (0..all.len()).filter(|&k| layers[k].node).collect();
+            let nodes: Vec<Runs> = places.iter().map(|&k| all[k].clone()).collect();
+            let stays = or_whole(grounded(&nodes, None, nx, side), &nodes);
+            let of = |(k, runs): (usize, &Runs)| {
+                let above = places.partition_point(|place| *place < k);
+                if places[above] == k {
+                    return stays[above].clone();
+                }
+                held(runs, [above - 1, above].map(|n| (&nodes[n], stays[n].as_slice())), nx, side)
+            };
+            all.par_iter().enumerate().map(of).collect()
         };
-        let there: Vec<Vec<bool>> = all.par_iter().enumerate().map(of).collect();
-        let held = grounded(all, Some(&there), nx, side);
+        // An end has no nodes.
+        let ends = [&layers[0], &layers[layers.len() - 1]].map(|w| w.layer.contour.is_none());
+        let there = (ends == [false; 2]).then(by_nodes);
+        let held = grounded(all, there.as_deref(), nx, side);
         let stays = or_whole(held.clone(), all);
         let floats = held != stays;
         (stays, floats)
@@ -297,6 +324,42 @@ mod tests {
         let with = inside_at(&[(5.0, &[1, 2, 3])]);
         assert_eq!(with[3], (5.0, vec![1, 2, 3]));
         assert!(with.into_iter().filter(|layer| layer.0 != 5.0).eq(alone));
+    }
+
+    #[test]
+    fn nothing_floats_beyond_the_ends() {
+        let budget = Budget::unlimited();
+        let mut contours = SpillVec::new(&budget);
+        let field = |i: usize, j: usize| libm::hypot(i as f64 - 1.0, j as f64 - 1.0) - 0.6;
+        for z in [0.0, 8.0] {
+            contours.push(Contour::new(z, Field::from_fn([N; 2], field), [1.0; 2], 1.0)).expect("it stays in memory");
+        }
+        // A stair that hangs on each contour and a pixel in the air, below and above.
+        let stairs: [(f64, &[usize]); 10] = [
+            (-3.0, &[3]),
+            (-2.0, &[2, 3]),
+            (-1.0, &[1, 2, 5]),
+            (0.0, &[1]),
+            (2.0, &[1]),
+            (4.0, &[1]),
+            (6.0, &[1]),
+            (8.0, &[1]),
+            (9.0, &[1, 2, 6]),
+            (10.0, &[2, 4]),
+        ];
+        let mut together = taking(&contours, Vec::new());
+        let mut out: Vec<(f64, Vec<usize>)> = Vec::new();
+        let mut sink = |layers: Vec<Layer>| {
+            let inside = |l: &Layer| (l.z, (0..N).filter(|&i| l.phi.at(i, 1) < 0.0).collect());
+            out.extend(layers.iter().map(inside));
+            Ok(())
+        };
+        for (z, inside) in stairs {
+            together.push(layer(z, inside), &mut sink).expect("nothing fails");
+        }
+        together.finish(&mut sink).expect("nothing fails");
+        let wanted = stairs.map(|(z, inside)| (z, inside.iter().copied().filter(|i| *i < 4).collect::<Vec<_>>()));
+        assert_eq!(out, wanted);
     }
 
     /// A block of 15 pixels in the middle layer, two columns beside a line that goes through all.

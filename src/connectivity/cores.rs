@@ -19,6 +19,9 @@ use crate::surface::Layer;
 /// Share of an overlap's depth by which its core lies within it. The core must neither vanish (1: a point between pixels) nor reach the contours
 /// (0), where it would make a ledge.
 const WITHIN: f64 = 0.5;
+/// Share of the gap over which a core is drawn in: at a contour it is the overlap itself, or what moves fast would stop there all at once. Layers that
+/// are looked at beside contours ([`BESIDE`](crate::stack::heights::BESIDE)) lie well within it, all nodes beyond.
+const BEGINS: f64 = 1.0 / 64.0;
 
 /// The image that layers show: its pixels, where it lies on the padded image on which contours are, and how far distances go.
 #[derive(Debug, Clone)]
@@ -42,6 +45,12 @@ pub struct Cores {
     tile: Tile,
     /// Distances, px.
     phi: SparseImage<f32>,
+    /// What they are drawn in by, px.
+    drawn_in: SparseImage<f32>,
+    /// Heights of the two contours.
+    z: [f64; 2],
+    /// Distances are clamped to this, px.
+    limit: f32,
 }
 
 impl Cores {
@@ -93,7 +102,24 @@ impl Cores {
         let depth = nearest(begin, tile.dims, |n, depth| raised(n, depth) < limit);
         let core = |(n, depth): (usize, &f32)| raised(n, *depth).clamp(-limit, limit);
         let phi: Vec<f32> = depth.par_iter().enumerate().map(core).collect();
-        Some(Cores { tile, phi: SparseImage::of(tile.dims, &phi) })
+        let by: Vec<f32> = depth.par_iter().map(|d| if d.is_finite() { WITHIN as f32 * d } else { 0.0 }).collect();
+        let [phi, drawn_in] = [phi, by].map(|values| SparseImage::of(tile.dims, &values));
+        Some(Cores { tile, phi, drawn_in, z: [low.z, high.z], limit })
+    }
+
+    /// The cores drawn in by this share of what they are.
+    fn begun(&self, share: f32) -> SparseImage<f32> {
+        let [phi] = SparseImage::of_squares(self.tile.dims, |square, [out]| {
+            if let Some(v) = self.phi.whole(square).filter(|v| *v >= self.limit) {
+                return [Some(v)];
+            }
+            let pixels = self.phi.square(square).iter().zip(self.drawn_in.square(square));
+            for (out, (v, by)) in out.iter_mut().zip(pixels) {
+                *out = if *v < self.limit { (v - (1.0 - share) * by).max(-self.limit) } else { *v };
+            }
+            [None]
+        });
+        phi
     }
 
     /// Keeps the cores inside a layer between the two contours; `px` is the length of a pixel's larger side.
@@ -102,7 +128,10 @@ impl Cores {
         let Tile { origin, dims } = self.tile;
         let covered = [0, 1].map(|a| origin[a]..origin[a] + dims[a]);
         let offset = origin.map(|n| -(n as isize));
-        unite_packed(&mut layer.phi, covered, offset, &self.phi, |v| {
+        let [low, high] = self.z;
+        let share = (layer.z - low).min(high - layer.z) / (BEGINS * (high - low));
+        let begun = (share < 1.0).then(|| self.begun(share.max(0.0) as f32));
+        unite_packed(&mut layer.phi, covered, offset, begun.as_ref().unwrap_or(&self.phi), |v| {
             if v * px == 0.0 { f32::MIN_POSITIVE } else { v * px }
         });
     }
@@ -153,6 +182,27 @@ mod tests {
         let dims = [SHOWN.dims[0] + 8, SHOWN.dims[1] + 12];
         let phi = |i: usize, j: usize| (i as f64 - middle[0]).hypot(j as f64 - middle[1]) - radius;
         Contour::with_seeds(0.0, Field::from_fn(dims, phi), Vec::new())
+    }
+
+    #[test]
+    fn a_core_is_the_overlap_at_a_contour_and_half_of_it_from_a_sixty_fourth_of_the_gap_on() {
+        let (low, mut high) = (disc([24.0, 26.0], 8.0), disc([31.0, 26.0], 8.0));
+        high.z = 2.0;
+        let cores = Cores::new(&low, &high, &[], &SHOWN).expect("they overlap");
+        // A pixel where the overlap is deepest, 4 px, and one of its rim.
+        let at = |t: f64| {
+            let phi = SparseImage::filled(SHOWN.dims, SHOWN.limit as f32);
+            let mut layer = Layer { z: 2.0 * t, phi, output: true, contour: None };
+            cores.keep(&mut layer, 1.0);
+            [27, 24].map(|column| layer.phi.at(column - SHOWN.pad[0], 26 - SHOWN.pad[1]))
+        };
+        let close = |a: [f32; 2], b: [f32; 2]| assert!((0..2).all(|k| (a[k] - b[k]).abs() < 1e-5), "{a:?}, not {b:?}");
+        let depth = 4.0;
+        for (t, share) in [(1e-9, 0.0), (1.0 / 256.0, 0.25), (1.0 / 64.0, 1.0), (0.5, 1.0)] {
+            for t in [t, 1.0 - t] {
+                close(at(t), [-4.0, -1.0].map(|v: f32| (v + 0.5 * depth * share).clamp(-3.0, 3.0)));
+            }
+        }
     }
 
     #[test]

@@ -271,7 +271,7 @@ mirrored!(
 
 mirrored!(
     /// Upwind neighbours of a band pixel (`extend.wgsl`).
-    Source { x: u32, y: u32, weight: f32, }
+    Source { x: u32, other_x: u32, y: u32, other_y: u32, weight: f32, }
 );
 
 mirrored!(

@@ -13,6 +13,8 @@ use crate::grid::seen::Seen;
 const SIMILAR: RangeInclusive<f64> = 0.5..=2.0;
 /// Least intersection over union of such parts once their centroids lie on each other.
 const LEAST_IOU: f64 = 0.6;
+/// Parts whose distances differ by less than this are as near, px: rounding must not decide which is the nearer.
+const AS_NEAR: f64 = 1e-9;
 
 /// A solid part of a slice.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,7 +80,8 @@ impl Candidate {
     }
 }
 
-/// Candidates among the parts of two slices that have no partner, `known` pairs left out.
+/// Candidates among the parts of two slices that have no partner, `known` pairs left out. Of two that are as near neither is the nearest: their numbers
+/// say in which order an image's rows are read, no more.
 pub fn candidates(
     low: &[Part],
     high: &[Part],
@@ -91,8 +94,10 @@ pub fn candidates(
     let lone_high: Vec<&Part> = high.iter().filter(|p| !partners.iter().any(|(_, b)| *b == p.number)).collect();
     let allowed = |a: &Part, b: &Part| !known.contains(&(a.number, b.number));
     let nearest = |own: &Part, others: &[&Part], allowed: &dyn Fn(&Part) -> bool| {
-        let allowed = others.iter().filter(|p| allowed(p)).map(|p| (apart(own, p, h), p.number));
-        allowed.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, number)| number)
+        let mut allowed: Vec<_> = others.iter().filter(|p| allowed(p)).map(|p| (apart(own, p, h), p.number)).collect();
+        allowed.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (first, second) = (allowed.first()?, allowed.get(1));
+        second.is_none_or(|second| second.0 - first.0 > AS_NEAR).then_some(first.1)
     };
     let of_low: Vec<(u32, u32)> =
         lone_low.iter().filter_map(|a| nearest(a, &lone_high, &|b| allowed(a, b)).map(|b| (a.number, b))).collect();
@@ -136,6 +141,22 @@ fn aligned_iou(a: &Part, b: &Part, [nx, ny]: [usize; 2]) -> f64 {
 mod tests {
     use super::*;
     use crate::grid::components::label4;
+
+    #[test]
+    fn of_two_parts_that_are_as_near_neither_is_the_nearest() {
+        let dims = [9, 3];
+        let at = |columns: &[usize]| {
+            let inside: Vec<bool> = (0..27).map(|n| n / 9 == 1 && columns.contains(&(n % 9))).collect();
+            parts(&label4(&inside, dims), dims, [1.0; 2])
+        };
+        let found = |high: &[usize]| {
+            let all = candidates(&at(&[4]), &at(high), &BTreeSet::new(), &BTreeSet::new(), dims, [1.0; 2]);
+            all.iter().map(|c| (c.to, c.mutual)).collect::<Vec<_>>()
+        };
+        assert_eq!(found(&[2, 6]), [(1, false), (2, false)]);
+        assert_eq!(found(&[2, 7]), [(1, true), (2, false)]);
+        assert_eq!(found(&[1, 6]), [(1, false), (2, true)]);
+    }
 
     #[test]
     fn a_part_is_what_lies_on_the_image() {

@@ -89,15 +89,17 @@ fn alike(run: &Context<'_>, pair: [&Contour; 2], known: &BTreeMap<(u32, u32), bo
         .filter(|c| c.convinces(run.settings.link_reach))
         .map(|c| (c.from, c.to))
         .collect();
-    // What is in the way of a link, another link or a part that stands still, excludes it.
+    // What is in the way of a link, another link or a part that stands still, excludes it; of links that are as much in each other's way all go.
     while !found.is_empty() {
         let all: Vec<(u32, u32)> = pairs(true).chain(found.iter().copied()).collect();
         let followed = rigid_frames::linked(pair[0], pair[1], &all, run.h).followed;
-        let shares = followed[all.len() - found.len()..].iter().enumerate();
-        match shares.min_by(|a, b| a.1.total_cmp(b.1)) {
-            Some((worst, share)) if *share < FOLLOWED => found.remove(worst),
-            _ => break,
-        };
+        let shares = &followed[all.len() - found.len()..];
+        let worst = shares.iter().copied().fold(f64::INFINITY, f64::min);
+        if worst >= FOLLOWED {
+            break;
+        }
+        let mut shares = shares.iter();
+        found.retain(|_| shares.next().is_some_and(|share| *share > worst));
     }
     found
 }

@@ -1,9 +1,10 @@
-//! Bridges: a piece of matter too large for a crumb that floats among the layers at hand is joined to what does not.
+//! Bridges: a piece of matter too large for a crumb that floats among some layers is joined to what does not.
 //!
 //! A thin part that moves by more than its own width from layer to layer is one body that its layers do not show as one: the shortest way from the
-//! piece, in a layer of its own and through at most [`CRUMB`] pixels, to what hangs together with a contour becomes part of the body. A piece from
-//! which there is no such way belongs to nothing and goes, whatever its size. Of several pieces that with the shortest way comes first, and what was
-//! joined is ground for the others. Between contours of which links keep parts apart neither is done.
+//! piece, in a layer of its own, to what hangs together with a contour becomes part of the body. By the nodes a piece from which there is no way through
+//! at most [`CRUMB`] pixels belongs to nothing and goes, whatever its size. What has stayed there stays: among all layers that are made ways are as long as
+//! they must be, for whether a piece of a layer is there may not depend on the others. Of several pieces that with the shortest way comes first, and
+//! what was joined is ground for the others. Between contours of which links keep parts apart neither is done.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, VecDeque};
@@ -13,25 +14,49 @@ use crate::connectivity::grounded::{CRUMB, GROUND, pieces, turn};
 use crate::connectivity::runs::{Runs, Side};
 use crate::grid::sparse_image::SparseImage;
 
-/// Joins what floats in the layers of an interval, from contour to contour, to what does not, by ways on these columns and rows, or takes it out.
-/// Parts that do not `stay` count as outside.
-pub fn join(layers: &mut [&mut SparseImage<f32>], all: &[Runs], stays: &[Vec<bool>], image: &[Range<usize>; 2]) {
+/// How many times as far ways are looked for where there is none.
+const FARTHER: usize = 4;
+
+/// Joins what floats in some layers, from contour to contour, to what does not, by ways on these columns and rows through at most so many pixels, if there
+/// is a limit, or takes it out. Parts that do not `stay` count as outside.
+pub fn join(
+    layers: &mut [&mut SparseImage<f32>],
+    all: &[Runs],
+    stays: &[Vec<bool>],
+    image: &[Range<usize>; 2],
+    limit: Option<usize>,
+) {
     let Some([nx, ny]) = layers.first().map(|layer| layer.dims()) else { return };
+    let most = limit.unwrap_or(nx * ny);
+    let mut reach = CRUMB;
     let mut numbers = pieces(all, Some(stays), nx, Side::Inside);
     let boxes = boxes(all, &numbers);
     let mut bridges: Vec<Vec<[usize; 2]>> = vec![Vec::new(); all.len()];
-    let way = |piece: usize, layers: &[&mut SparseImage<f32>], numbers: &[Numbers], bridges: &[Vec<[usize; 2]>]| {
-        let columns_and_rows = around(&boxes[&piece], [nx, ny]);
+    let way = |piece: usize,
+               layers: &[&mut SparseImage<f32>],
+               numbers: &[Numbers],
+               bridges: &[Vec<[usize; 2]>],
+               reach: usize| {
+        let columns_and_rows = around(&boxes[&piece], reach, [nx, ny]);
         let view = View::new(all, numbers, bridges, piece, columns_and_rows);
-        let ways = (1..all.len() - 1).filter_map(|layer| Some((layer, view.way(layer, image)?)));
+        let ways = (1..all.len() - 1).filter_map(|layer| Some((layer, view.way(layer, image, reach)?)));
         ways.map(|(layer, pixels)| Way::new(layer, pixels, &*layers[layer])).min_by(Way::cmp)
     };
     let mut floating: BTreeMap<usize, Option<Way>> =
-        boxes.keys().map(|piece| (*piece, way(*piece, layers, &numbers, &bridges))).collect();
+        boxes.keys().map(|piece| (*piece, way(*piece, layers, &numbers, &bridges, reach))).collect();
     // The shortest first, as it would be upside down; what was joined may be the ground of another piece.
     loop {
         let ways = floating.iter().filter_map(|(piece, way)| Some((*piece, way.as_ref()?)));
-        let Some((piece, _)) = ways.min_by(|a, b| a.1.cmp(b.1)) else { break };
+        let Some((piece, _)) = ways.min_by(|a, b| a.1.cmp(b.1)) else {
+            if floating.is_empty() || reach >= most.min(nx + ny) {
+                break;
+            }
+            reach = (FARTHER * reach).min(most);
+            for (piece, found) in &mut floating {
+                *found = way(*piece, layers, &numbers, &bridges, reach);
+            }
+            continue;
+        };
         let Some(Some(found)) = floating.remove(&piece) else { break };
         let mut changed = boxes[&piece];
         for &[i, j] in &found.pixels {
@@ -43,8 +68,8 @@ pub fn join(layers: &mut [&mut SparseImage<f32>], all: &[Runs], stays: &[Vec<boo
         let joined = |at: &mut Option<usize>| *at = if *at == Some(piece) { Some(GROUND) } else { *at };
         numbers.iter_mut().flatten().for_each(joined);
         for (other, found) in &mut floating {
-            if meet(&around(&boxes[other], [nx, ny]), &changed) {
-                *found = way(*other, layers, &numbers, &bridges);
+            if meet(&around(&boxes[other], reach, [nx, ny]), &changed) {
+                *found = way(*other, layers, &numbers, &bridges, reach);
             }
         }
     }
@@ -99,9 +124,9 @@ fn extend([low, high]: &mut Corners, at: [usize; 2]) {
     *high = [0, 1].map(|a| high[a].max(at[a]));
 }
 
-/// Columns and rows that ways from a piece may ask for: none goes farther, and its pixels are asked for their neighbours.
-fn around([low, high]: &Corners, dims: [usize; 2]) -> [Range<usize>; 2] {
-    [0, 1].map(|a| low[a].saturating_sub(CRUMB + 1)..(high[a] + CRUMB + 2).min(dims[a]))
+/// Columns and rows that ways of this `reach` from a piece may ask for: none goes farther, and its pixels are asked for their neighbours.
+fn around([low, high]: &Corners, reach: usize, dims: [usize; 2]) -> [Range<usize>; 2] {
+    [0, 1].map(|a| low[a].saturating_sub(reach + 1)..(high[a] + reach + 2).min(dims[a]))
 }
 
 /// Whether something may lie on these columns and rows.
@@ -159,8 +184,8 @@ impl View {
     }
 
     /// The shortest way in layer `k`, over the edges of pixels of the `image`, from the piece to a pixel that touches the ground there or in the layer
-    /// below or above: its pixels that are outside, the last of which may.
-    fn way(&self, k: usize, image: &[Range<usize>; 2]) -> Option<Vec<[usize; 2]>> {
+    /// below or above, through at most `reach` pixels: its pixels that are outside, the last of which may.
+    fn way(&self, k: usize, image: &[Range<usize>; 2], reach: usize) -> Option<Vec<[usize; 2]>> {
         let [nx, ny] = [self.columns.len(), self.rows.len()];
         let place = |n: usize| [n % nx + self.columns.start, n / nx + self.rows.start];
         let seen = |n: usize| place(n).iter().zip(image).all(|(at, range)| range.contains(at));
@@ -182,7 +207,7 @@ impl View {
                 }
                 return Some(way);
             }
-            if steps == CRUMB {
+            if steps == reach {
                 continue;
             }
             let (i, j) = (at % nx, at / nx);
@@ -217,10 +242,14 @@ mod tests {
     }
 
     fn joined(layers: &[Vec<[usize; 2]>], columns: Range<usize>) -> Vec<Vec<[usize; 2]>> {
+        joined_by(layers, columns, Some(CRUMB))
+    }
+
+    fn joined_by(layers: &[Vec<[usize; 2]>], columns: Range<usize>, limit: Option<usize>) -> Vec<Vec<[usize; 2]>> {
         let mut layers: Vec<SparseImage<f32>> = layers.iter().map(|inside| layer(inside)).collect();
         let runs: Vec<Runs> = layers.iter().map(|l| Runs::new(l, Side::Inside)).collect();
         let stays: Vec<Vec<bool>> = runs.iter().map(|runs| vec![true; runs.count]).collect();
-        join(&mut layers.iter_mut().collect::<Vec<_>>(), &runs, &stays, &[columns, 0..N]);
+        join(&mut layers.iter_mut().collect::<Vec<_>>(), &runs, &stays, &[columns, 0..N], limit);
         let inside = |l: &SparseImage<f32>| {
             let mut inside: Vec<[usize; 2]> = (0..N * N).map(|n| [n % N, n / N]).collect();
             inside.retain(|[i, j]| l.at(*i, *j) < 0.0);
@@ -246,6 +275,8 @@ mod tests {
     fn what_is_far_from_everything_goes_whatever_its_size() {
         let layers = [line(2), line(2), [line(2), line(20), line(21)].concat(), line(2), line(2)];
         assert_eq!(joined(&layers, 0..N), [0; 5].map(|_| line(2)));
+        let without_limit = joined_by(&layers, 0..N, None);
+        assert_eq!(without_limit[2].len(), 3 * 20 + 17, "but for a way that may be as long as it must");
         // Near enough, but for ways that nobody sees.
         let near = [line(2), line(2), [line(2), line(6)].concat(), line(2), line(2)];
         assert_eq!(joined(&near, 0..N)[2].len(), 20 + 20 + 3);

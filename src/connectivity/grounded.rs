@@ -1,10 +1,13 @@
 //! Nothing floats: what touches neither contour of its interval is not part of the body, be it matter or a void.
 //!
 //! An interval's nodes ([`NODE_TIMES`](crate::stack::heights::NODE_TIMES)) say which of their parts hang together, from layer to layer, with a contour (a
-//! void: with what is outside there, or with the image's edge). A part of a layer between two of them stays if it touches a part of either that does;
-//! any other changes sides if it is a crumb, of at most [`CRUMB`] pixels: a thin part that moves by more than its own width in a quarter of a gap meets
-//! itself nowhere and yet is one. So far a layer depends on the stack alone. What still floats once all layers that are made are looked at together changes
-//! sides if it is a crumb; larger pieces of matter are joined to what stays ([`super::bridges`]).
+//! void: with what is outside there, or with the image's edge). A part of a layer between two of them stays if it touches a part of either that does.
+//! Any other changes sides if it is a crumb, of at most [`CRUMB`] pixels; a larger one of matter is joined to what stays, a node's to the other nodes and a
+//! part between nodes to these ([`super::bridges`]), or goes: a thin part that moves by more than its own width in a quarter of a gap meets itself nowhere
+//! and yet is one. So far a layer depends on the stack alone. What still floats once all layers that are made are looked at together, and beyond the ends,
+//! where there are no nodes, changes sides if no part of it is more than a crumb; other pieces of matter are joined to what stays, however far that is.
+
+use std::collections::BTreeSet;
 
 use crate::connectivity::runs::{DisjointSets, Runs, Side};
 use crate::grid::sparse_image::SparseImage;
@@ -62,8 +65,19 @@ pub fn pieces(layers: &[Runs], there: Option<&[Vec<bool>]>, nx: usize, side: Sid
     layers.iter().enumerate().map(of).collect()
 }
 
+/// Parts of an interval's layers that hang together with one of both contours, or belong to a piece of which a part is more than a crumb.
+pub fn without_crumbs(layers: &[Runs], nx: usize) -> Vec<Vec<bool>> {
+    let pieces = pieces(layers, None, nx, Side::Inside);
+    let mut large = BTreeSet::from([GROUND]);
+    for (pieces, runs) in pieces.iter().zip(layers).filter(|(pieces, _)| pieces.iter().any(|p| *p != Some(GROUND))) {
+        large.extend(pieces.iter().zip(whole(runs)).filter(|(_, whole)| *whole).filter_map(|(piece, _)| *piece));
+    }
+    let stays = |piece: Option<usize>| piece.is_some_and(|piece| large.contains(&piece));
+    pieces.into_iter().map(|pieces| pieces.into_iter().map(stays).collect()).collect()
+}
+
 /// Whether parts of a layer touch a part that stays of one of the layers around it.
-pub fn held(runs: &Runs, around: [(&Runs, &[bool]); 2], nx: usize, side: Side) -> Vec<bool> {
+pub fn held_by(runs: &Runs, around: [(&Runs, &[bool]); 2], nx: usize, side: Side) -> Vec<bool> {
     let mut held = vec![false; runs.count];
     for (other, stays) in around {
         runs.meeting(other, |own, there| held[own] |= stays[there]);
@@ -111,7 +125,7 @@ mod tests {
         // Between both, what touches neither stair goes.
         let between = Runs::new(&layer(&[[1, 1], [6, 6], [4, 4]]), Side::Inside);
         let around = [1, 2].map(|k| (&runs[k], stays[k].as_slice()));
-        assert_eq!(held(&between, around, N, Side::Inside), [true, false, false]);
+        assert_eq!(held_by(&between, around, N, Side::Inside), [true, false, false]);
     }
 
     #[test]

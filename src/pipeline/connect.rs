@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::connectivity::bridges::join;
 use crate::connectivity::cores::{Cores, OutputImage};
-use crate::connectivity::grounded::{grounded, held, turn, whole};
+use crate::connectivity::grounded::{CRUMB, grounded, held_by, turn, whole, without_crumbs};
 use crate::connectivity::runs::{Runs, Side};
 use crate::contour::Contour;
 use crate::error::Result;
@@ -203,63 +203,115 @@ impl Together<'_, '_> {
     /// Puts what floats on the other side, or joins it to what does not.
     fn repair(&self, layers: &mut [IntervalLayer]) {
         let all: Vec<[Runs; 2]> = layers.par_iter().map(|w| Runs::both(&w.layer.phi)).collect();
-        let (inside, mut outside): (Vec<Runs>, Vec<Runs>) =
+        let (mut inside, mut outside): (Vec<Runs>, Vec<Runs>) =
             all.into_iter().map(|[inside, outside]| (inside, outside)).unzip();
-        let turned = |w: &mut IntervalLayer, runs: &Runs, stays: &[bool]| {
-            if stays.iter().all(|s| *s) {
-                return None;
-            }
-            turn(&mut w.layer.phi, runs, stays);
-            Some(Runs::new(&w.layer.phi, Side::Outside))
-        };
-        let (stays, floats) = self.stays(layers, &inside, Side::Inside);
-        let work = |(((w, runs), outside), stays): (((&mut IntervalLayer, &Runs), &mut Runs), &Vec<bool>)| {
-            if let Some(runs) = turned(w, runs, stays) {
-                *outside = runs;
-            }
-        };
-        layers.par_iter_mut().zip(&inside).zip(&mut outside).zip(&stays).for_each(work);
         // A way might join what links keep apart.
         let low = layers.first().and_then(|w| w.layer.contour);
-        let apart = low.and_then(|i| self.guarded.get(i)) == Some(&true);
-        if floats && !apart {
-            let mut phi: Vec<&mut SparseImage<f32>> = layers.iter_mut().map(|w| &mut w.layer.phi).collect();
-            join(&mut phi, &inside, &stays, &self.image);
-            outside = layers.par_iter().map(|w| Runs::new(&w.layer.phi, Side::Outside)).collect();
+        let joins = low.and_then(|i| self.guarded.get(i)) != Some(&true);
+        let ends = [&layers[0], &layers[layers.len() - 1]].map(|w| w.layer.contour.is_none());
+        let is_interval = ends == [false; 2];
+        let mut changed = vec![false; layers.len()];
+        if is_interval {
+            self.repair_by_nodes(layers, &inside, joins, &mut changed);
+            renew(layers, &changed, [&mut inside, &mut outside]);
         }
-        let (stays, _) = self.stays(layers, &outside, Side::Outside);
-        layers.par_iter_mut().zip(&outside).zip(&stays).for_each(|((w, runs), stays)| _ = turned(w, runs, stays));
+        let stays = without_crumbs(&inside, self.shown.dims[0]);
+        let mut changed = turn_all(layers, &inside, &stays);
+        if joins && grounded(&inside, Some(&stays), self.shown.dims[0], Side::Inside) != stays {
+            let mut phi: Vec<&mut SparseImage<f32>> = layers.iter_mut().map(|w| &mut w.layer.phi).collect();
+            join(&mut phi, &inside, &stays, &self.image, None);
+            changed.fill(true);
+        }
+        renew(layers, &changed, [&mut inside, &mut outside]);
+        let stays = self.voids_that_stay(layers, &outside, is_interval);
+        turn_all(layers, &outside, &stays);
     }
 
-    /// Parts of the layers that wait which do not float or are more than crumbs, and whether there are such that float.
-    fn stays(&self, layers: &[IntervalLayer], all: &[Runs], side: Side) -> (Vec<Vec<bool>>, bool) {
+    /// Repairs the nodes of an interval, and every other layer by the two nodes around it: none depends on which others are made. Says which have `changed`.
+    fn repair_by_nodes(&self, layers: &mut [IntervalLayer], inside: &[Runs], joins: bool, changed: &mut [bool]) {
         let nx = self.shown.dims[0];
-        let or_whole = |stays: Vec<Vec<bool>>, all: &[Runs]| -> Vec<Vec<bool>> {
-            let of =
-                |(stays, runs): (Vec<bool>, &Runs)| stays.into_iter().zip(whole(runs)).map(|(s, w)| s || w).collect();
-            stays.into_iter().zip(all).map(of).collect()
+        let places: Vec<usize> = (0..layers.len()).filter(|&k| layers[k].node).collect();
+        let mut nodes: Vec<Runs> = places.iter().map(|&k| inside[k].clone()).collect();
+        let held = grounded(&nodes, None, nx, Side::Inside);
+        let stays = or_whole(held.clone(), &nodes);
+        let mut phi: Vec<&mut SparseImage<f32>> =
+            layers.iter_mut().filter(|w| w.node).map(|w| &mut w.layer.phi).collect();
+        for ((phi, runs), stays) in phi.iter_mut().zip(&nodes).zip(&stays) {
+            turn(phi, runs, stays);
+        }
+        if joins && held != stays {
+            join(&mut phi, &nodes, &stays, &self.image, Some(CRUMB));
+        }
+        if held.iter().flatten().any(|held| !held) {
+            nodes = phi.iter().map(|phi| Runs::new(phi, Side::Inside)).collect();
+            places.iter().for_each(|&k| changed[k] = true);
+        }
+        let repair = |(k, (w, changed)): (usize, (&mut IntervalLayer, &mut bool))| {
+            let above = places.partition_point(|place| *place < k);
+            if places[above] == k {
+                return;
+            }
+            let around = [above - 1, above].map(|n| &nodes[n]);
+            let all = around.map(|runs| vec![true; runs.count]);
+            let held = held_by(&inside[k], [0, 1].map(|n| (around[n], all[n].as_slice())), nx, Side::Inside);
+            if held.iter().all(|held| *held) {
+                return;
+            }
+            *changed = true;
+            let stays: Vec<bool> = held.iter().zip(whole(&inside[k])).map(|(held, whole)| *held || whole).collect();
+            turn(&mut w.layer.phi, &inside[k], &stays);
+            if joins && held != stays {
+                // Of the nodes the runs alone are read.
+                let [mut below, mut above] = [(); 2].map(|()| SparseImage::filled(self.shown.dims, 0.0));
+                let [first, last] = all;
+                let runs = [around[0].clone(), inside[k].clone(), around[1].clone()];
+                let mut layers = [&mut below, &mut w.layer.phi, &mut above];
+                join(&mut layers, &runs, &[first, stays, last], &self.image, Some(CRUMB));
+            }
         };
+        layers.par_iter_mut().zip(changed).enumerate().for_each(repair);
+    }
+
+    /// Parts of what is outside that open to a contour or to what is around, or are more than crumbs.
+    fn voids_that_stay(&self, layers: &[IntervalLayer], outside: &[Runs], is_interval: bool) -> Vec<Vec<bool>> {
+        let nx = self.shown.dims[0];
         let by_nodes = || -> Vec<Vec<bool>> {
-            let places: Vec<usize> = (0..all.len()).filter(|&k| layers[k].node).collect();
-            let nodes: Vec<Runs> = places.iter().map(|&k| all[k].clone()).collect();
-            let stays = or_whole(grounded(&nodes, None, nx, side), &nodes);
+            let places: Vec<usize> = (0..outside.len()).filter(|&k| layers[k].node).collect();
+            let nodes: Vec<Runs> = places.iter().map(|&k| outside[k].clone()).collect();
+            let stays = or_whole(grounded(&nodes, None, nx, Side::Outside), &nodes);
             let of = |(k, runs): (usize, &Runs)| {
                 let above = places.partition_point(|place| *place < k);
                 if places[above] == k {
                     return stays[above].clone();
                 }
-                held(runs, [above - 1, above].map(|n| (&nodes[n], stays[n].as_slice())), nx, side)
+                held_by(runs, [above - 1, above].map(|n| (&nodes[n], stays[n].as_slice())), nx, Side::Outside)
             };
-            all.par_iter().enumerate().map(of).collect()
+            outside.par_iter().enumerate().map(of).collect()
         };
         // An end has no nodes.
-        let ends = [&layers[0], &layers[layers.len() - 1]].map(|w| w.layer.contour.is_none());
-        let there = (ends == [false; 2]).then(by_nodes);
-        let held = grounded(all, there.as_deref(), nx, side);
-        let stays = or_whole(held.clone(), all);
-        let floats = held != stays;
-        (stays, floats)
+        let there = is_interval.then(by_nodes);
+        or_whole(grounded(outside, there.as_deref(), nx, Side::Outside), outside)
     }
+}
+
+/// Parts that are chosen or more than crumbs.
+fn or_whole(chosen: Vec<Vec<bool>>, all: &[Runs]) -> Vec<Vec<bool>> {
+    let of = |(chosen, runs): (Vec<bool>, &Runs)| chosen.into_iter().zip(whole(runs)).map(|(c, w)| c || w).collect();
+    chosen.into_iter().zip(all).map(of).collect()
+}
+
+/// Turns the parts that do not stay; which layers that changes.
+fn turn_all(layers: &mut [IntervalLayer], all: &[Runs], stays: &[Vec<bool>]) -> Vec<bool> {
+    let turned =
+        |((w, runs), stays): ((&mut IntervalLayer, &Runs), &Vec<bool>)| turn(&mut w.layer.phi, runs, stays) > 0;
+    layers.par_iter_mut().zip(all).zip(stays).map(turned).collect()
+}
+
+/// Finds the parts of layers that have `changed` anew.
+fn renew(layers: &[IntervalLayer], changed: &[bool], [inside, outside]: [&mut [Runs]; 2]) {
+    let both = layers.par_iter().zip(changed).zip(inside).zip(outside);
+    both.filter(|(((_, changed), _), _)| **changed)
+        .for_each(|(((w, _), inside), outside)| [*inside, *outside] = Runs::both(&w.layer.phi));
 }
 
 #[cfg(test)]
@@ -394,5 +446,44 @@ mod tests {
         assert_eq!(middle(vec![(1, 2)]), apart);
         let joined = middle(Vec::new());
         assert!(joined.len() == apart.len() + 2 && [2, 3].iter().all(|i| joined.contains(&(4 * N + i))), "{joined:?}");
+    }
+
+    /// A block that a node shows two columns beside what hangs on the lower contour, and other layers nowhere near it.
+    #[test]
+    fn a_piece_that_the_nodes_join_stays_whatever_other_layers_come() {
+        const WIDE: usize = 40;
+        let budget = Budget::unlimited();
+        let mut contours = SpillVec::new(&budget);
+        let field = |i: usize, j: usize| libm::hypot(i as f64 - 1.0, j as f64 - 4.0) - 0.6;
+        for z in [0.0, 8.0] {
+            contours.push(Contour::new(z, Field::from_fn([N; 2], field), [1.0; 2], 1.0)).expect("it stays in memory");
+        }
+        let columns = |z: f64| match z {
+            2.0 => [vec![1], vec![20, 21, 22]].concat(),
+            4.0 => vec![1, 24, 25],
+            0.0 => vec![1, 20, 21, 22],
+            _ => vec![1],
+        };
+        let block = |heights: &[f64]| {
+            let shown = OutputImage { dims: [WIDE, N], pad: [0; 2], h: [1.0; 2], limit: 9.0, seen: None };
+            let mut together = Together { shown, image: [0..WIDE, 0..N], ..taking(&contours, Vec::new()) };
+            let mut inside = 0;
+            let mut sink = |layers: Vec<Layer>| {
+                if let Some(layer) = layers.iter().find(|layer| layer.z == 4.0) {
+                    inside = (0..N).filter(|j| layer.phi.at(24, *j) < 0.0 && layer.phi.at(25, *j) < 0.0).count();
+                }
+                Ok(())
+            };
+            for &z in heights {
+                let is_in = |n: usize| columns(z).contains(&(n % WIDE)) && n / WIDE > 0 && n / WIDE < N - 1;
+                let phi: Vec<f32> = (0..WIDE * N).map(|n| if is_in(n) { -0.5 } else { 0.5 }).collect();
+                let layer = Layer { phi: SparseImage::of([WIDE, N], &phi), ..layer(z, &[]) };
+                together.push(layer, &mut sink).expect("nothing fails");
+            }
+            together.finish(&mut sink).expect("nothing fails");
+            inside
+        };
+        assert_eq!(block(&[0.0, 2.0, 4.0, 6.0, 8.0]), N - 2);
+        assert_eq!(block(&[0.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]), N - 2);
     }
 }

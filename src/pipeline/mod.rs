@@ -26,6 +26,7 @@ mod moving;
 pub(crate) mod propagate;
 pub(crate) mod rigid_frames;
 pub mod section;
+mod sliding;
 mod slits;
 mod span;
 mod sweep_inputs;

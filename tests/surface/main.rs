@@ -25,6 +25,7 @@ mod rigid;
 mod sections;
 #[path = "../shapes/mod.rs"]
 mod shapes;
+mod sliding;
 mod slits;
 mod smooth;
 mod sphere_volumes;

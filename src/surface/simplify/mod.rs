@@ -110,7 +110,7 @@ fn collected(mesh: &mut dyn MeshSource) -> io::Result<Mesh> {
 
 /// A closed surface with fewer triangles, of the same Euler number, whose distance from `mesh` is at most `error`, both ways, as far as
 /// samples tell: vertices and middles of triangles of `mesh`, and grids on its triangles and on the new ones, half an error wide or a sixth
-/// and a quarter of the sides of triangles of `mesh`, must be within 0.9 of the error. Nothing where none was found, or `mesh` is not closed.
+/// of the sides of triangles of `mesh`, must be within 0.85 of the error. Nothing where none was found, or `mesh` is not closed.
 /// A simpler mesh within `error` of `mesh`, the same on any number of threads.
 pub fn simplified(mesh: &Mesh, error: f64) -> Option<Mesh> {
     simplified_until(mesh, error, &Stop::default())

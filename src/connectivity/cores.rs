@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use crate::contour::Contour;
 use crate::grid::components::label4;
+use crate::grid::field::around;
 use crate::grid::sparse_image::SparseImage;
 use crate::grid::tile::{Tile, to_rectangle};
 use crate::grid::union::unite_packed;
@@ -145,12 +146,8 @@ fn bounds(contour: &Contour) -> Option<([usize; 2], [usize; 2])> {
 
 /// To pixels that have no finite value that of the nearest that has one, counted in steps over edges and corners, as far as `goes` says; the
 /// least of several equally near, so that a turned image is treated alike.
-fn nearest(mut values: Vec<f32>, [nx, ny]: [usize; 2], goes: impl Fn(usize, f32) -> bool) -> Vec<f32> {
-    let around = |n: usize| {
-        let (i, j) = (n % nx, n / nx);
-        let rows = j.saturating_sub(1)..(j + 2).min(ny);
-        rows.flat_map(move |j| (i.saturating_sub(1)..(i + 2).min(nx)).map(move |i| j * nx + i))
-    };
+fn nearest(mut values: Vec<f32>, dims: [usize; 2], goes: impl Fn(usize, f32) -> bool) -> Vec<f32> {
+    let around = |n: usize| around(n, dims);
     let mut done: Vec<bool> = values.par_iter().map(|v| v.is_finite()).collect();
     let edge = |&n: &usize| done[n] && around(n).any(|m| !done[m]);
     let mut front: Vec<usize> = (0..values.len()).into_par_iter().filter(edge).collect();

@@ -167,6 +167,13 @@ fn catmull_rom(f: f64) -> [f64; 4] {
     ]
 }
 
+/// A pixel and those around it, over edges and corners, row by row.
+pub fn around(node: usize, [nx, ny]: [usize; 2]) -> impl Iterator<Item = usize> + use<> {
+    let (i, j) = (node % nx, node / nx);
+    let rows = j.saturating_sub(1)..(j + 2).min(ny);
+    rows.flat_map(move |j| (i.saturating_sub(1)..(i + 2).min(nx)).map(move |i| j * nx + i))
+}
+
 /// Position of pixel `node` of a tile `nx` pixels wide.
 #[inline(always)]
 pub fn position(node: usize, nx: usize) -> DVec2 {

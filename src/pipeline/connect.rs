@@ -122,18 +122,25 @@ impl Together<'_, '_> {
             self.cores = made.unwrap_or_else(|| next(self))?;
             return Ok(());
         }
-        let low = self.waiting.first().and_then(|w| w.layer.contour);
-        let node = low.filter(|low| *low < last).is_some_and(|low| {
-            let [low, high] = [low, low + 1].map(|k| self.contours.light(k).z);
-            let t = (layer.z - low) / (high - low);
-            NODE_TIMES.iter().any(|node| (t - node).abs() <= SAME_TIME)
-        });
+        let Some(low) = self.waiting.first().and_then(|w| w.layer.contour).filter(|low| *low < last) else {
+            // Beyond the ends nothing hangs together over a layer that is empty: no more waits than the body is high.
+            let is_empty = layer.phi.values().all(|v| v >= 0.0);
+            self.waiting.push(IntervalLayer::new(layer, false));
+            return if is_empty { self.hand_on_all(sink) } else { Ok(()) };
+        };
+        let [low, high] = [low, low + 1].map(|k| self.contours.light(k).z);
+        let t = (layer.z - low) / (high - low);
+        let node = NODE_TIMES.iter().any(|node| (t - node).abs() <= SAME_TIME);
         self.waiting.push(IntervalLayer::new(layer, node));
         Ok(())
     }
 
     /// Hands on everything that is left.
     pub fn finish(mut self, sink: &mut SinkOfSome<'_>) -> Result<()> {
+        self.hand_on_all(sink)
+    }
+
+    fn hand_on_all(&mut self, sink: &mut SinkOfSome<'_>) -> Result<()> {
         let (waiting, cores) = (take(&mut self.waiting), self.cores.take());
         self.hand_on(self.finished(waiting, cores), sink)
     }
@@ -387,7 +394,9 @@ mod tests {
             contours.push(Contour::new(z, Field::from_fn([N; 2], field), [1.0; 2], 1.0)).expect("it stays in memory");
         }
         // A stair that hangs on each contour and a pixel in the air, below and above.
-        let stairs: [(f64, &[usize]); 10] = [
+        let stairs: [(f64, &[usize]); 14] = [
+            (-5.0, &[]),
+            (-4.0, &[]),
             (-3.0, &[3]),
             (-2.0, &[2, 3]),
             (-1.0, &[1, 2, 5]),
@@ -398,6 +407,8 @@ mod tests {
             (8.0, &[1]),
             (9.0, &[1, 2, 6]),
             (10.0, &[2, 4]),
+            (11.0, &[]),
+            (12.0, &[]),
         ];
         let mut together = taking(&contours, Vec::new());
         let mut out: Vec<(f64, Vec<usize>)> = Vec::new();
@@ -408,6 +419,8 @@ mod tests {
         };
         for (z, inside) in stairs {
             together.push(layer(z, inside), &mut sink).expect("nothing fails");
+            let is_empty = inside.is_empty();
+            assert!(!is_empty || together.waiting.is_empty(), "what lies beyond an empty layer at {z} need not wait");
         }
         together.finish(&mut sink).expect("nothing fails");
         let wanted = stairs.map(|(z, inside)| (z, inside.iter().copied().filter(|i| *i < 4).collect::<Vec<_>>()));

@@ -7,7 +7,7 @@
 use glam::DVec2;
 
 use crate::grid::components::{Components, label4, label8};
-use crate::grid::field::{FAR, Field, bilinear, cell};
+use crate::grid::field::{FAR, Field, around, bilinear, cell};
 use crate::grid::tile::{Tile, samples};
 use crate::reference::distance::sweep;
 
@@ -85,14 +85,6 @@ impl Beside {
 
     fn neighbours(&self, n: usize) -> impl Iterator<Item = usize> + use<> {
         self.beside(n).into_iter().flatten().flatten()
-    }
-
-    /// Pixels around a pixel, over edges and corners.
-    fn around(&self, n: usize) -> impl Iterator<Item = usize> + use<> {
-        let [nx, ny] = self.tile.dims;
-        let (i, j) = (n % nx, n / nx);
-        let rows = j.saturating_sub(1)..(j + 2).min(ny);
-        rows.flat_map(move |j| (i.saturating_sub(1)..(i + 2).min(nx)).map(move |i| j * nx + i)).filter(move |m| *m != n)
     }
 
     /// The tails of the part that have at least this share of its pixels, together with what is common where they begin.
@@ -201,14 +193,15 @@ impl Beside {
         own.iter().for_each(|n| known[*n] = along[*n]);
         let mut edge = own.to_vec();
         for _ in 0..AROUND {
-            let mut next: Vec<usize> = edge.iter().flat_map(|n| self.around(*n)).filter(|n| known[*n] >= FAR).collect();
+            let mut next: Vec<usize> =
+                edge.iter().flat_map(|n| around(*n, self.tile.dims)).filter(|n| known[*n] >= FAR).collect();
             next.sort_unstable();
             next.dedup();
             let mean = |n: &usize| {
                 if along[*n] < FAR {
                     return along[*n];
                 }
-                let there = self.around(*n).map(|m| known[m]).filter(|v| *v < FAR);
+                let there = around(*n, self.tile.dims).map(|m| known[m]).filter(|v| *v < FAR);
                 let (sum, count) = there.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
                 sum / count
             };

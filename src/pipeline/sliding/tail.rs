@@ -1,8 +1,9 @@
 //! A tail: what a slice has of a part beyond what it has in common with the next slice, longer than wide, and how it goes back along itself.
 //!
 //! `phi(x, t) = phi(x) + P(g) - P(g + t L)`: g is the distance of x along the tail from what both slices have in common, within the part (Eikonal
-//! equation), P(g) the depth of the part at this distance, `L` the length, beyond which P falls by 1 per px. So the part's width at g is at time t
-//! what it was `t L` farther out: at 0 it is the slice, at 1 nothing is left.
+//! equation), P(g) the depth of the part at this distance, at most `L - g` with the length `L`. So the part's width at g is at time t what it was `t L`
+//! farther out: at 0 it is the slice. Its end goes back from `L` to a pixel within what is common; with the distance d to the other slice's contour
+//! `phi >= d + 1 - (1 - t) (L + 1)`, so that at 1 nothing is added to the other slice, whose distances are read between pixels.
 
 use glam::DVec2;
 
@@ -39,6 +40,8 @@ pub(super) struct Tail {
     along: Vec<f64>,
     /// `phi + P(g)`, px.
     level: Vec<f64>,
+    /// Signed distance to the other slice's contour, px.
+    other: Vec<f64>,
     /// Depth by distance along the tail, one per px from 0 on.
     depths: Vec<f64>,
     /// Its length, px.
@@ -168,7 +171,7 @@ impl Beside {
     /// The tail of these pixels.
     fn tail(&self, along: &[f64], own: &[usize], held: &[u32], areas: &[usize]) -> Option<Tail> {
         let tip = own.iter().copied().max_by(|a, b| along[*a].total_cmp(&along[*b]))?;
-        let length = along[tip];
+        let length = along[tip] - self.own.data[tip];
         let mut root = tip;
         while held[root] == 0 {
             let nearer = self.neighbours(root).min_by(|a, b| along[*a].total_cmp(&along[*b]))?;
@@ -182,7 +185,8 @@ impl Beside {
         let depths = self.depths(&along, length);
         let [nx, _] = self.tile.dims;
         let root = [root % nx + self.tile.origin[0], root / nx + self.tile.origin[1]];
-        let mut tail = Tail { tile: self.tile, along, level: Vec::new(), depths, length, root, pixels };
+        let mut tail =
+            Tail { tile: self.tile, along, level: Vec::new(), other: self.other.clone(), depths, length, root, pixels };
         tail.level = self.own.data.iter().zip(&tail.along).map(|(phi, g)| phi + tail.depth(*g)).collect();
         Some(tail)
     }
@@ -233,18 +237,18 @@ impl Beside {
 impl Tail {
     /// `P(g)`.
     fn depth(&self, g: f64) -> f64 {
-        if g >= self.length {
-            return self.length - g;
-        }
-        let g = g.max(0.0);
-        let k = (g as usize).min(self.depths.len() - 2);
-        self.depths[k] + (g - k as f64).min(1.0) * (self.depths[k + 1] - self.depths[k])
+        let k = (g.max(0.0) as usize).min(self.depths.len() - 2);
+        let depth = self.depths[k] + (g.max(0.0) - k as f64).min(1.0) * (self.depths[k + 1] - self.depths[k]);
+        depth.min(self.length - g)
     }
 
     /// Values at the tile's pixels at time `t` from its slice on; [`FAR`] where nothing is known.
     pub fn at(&self, t: f64) -> Field {
-        let value = |(g, level): (&f64, &f64)| if *g < FAR { level - self.depth(g + t * self.length) } else { FAR };
-        Field { dims: self.tile.dims, data: self.along.iter().zip(&self.level).map(value).collect() }
+        let value = |((g, level), other): ((&f64, &f64), &f64)| match *g < FAR {
+            true => (level - self.depth(g + t * self.length)).max(other + 1.0 - (1.0 - t) * (self.length + 1.0)),
+            false => FAR,
+        };
+        Field { dims: self.tile.dims, data: self.along.iter().zip(&self.level).zip(&self.other).map(value).collect() }
     }
 }
 
@@ -258,4 +262,54 @@ pub(super) fn read(values: &Field, x: DVec2) -> f64 {
     let n = j * nx + i;
     let corners = [n, n + 1, n + nx, n + nx + 1].map(|n| values.data[n]);
     if corners.iter().any(|v| *v >= FAR) { FAR } else { bilinear(corners, place) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A bar from column 3 on that tapers to its end, of which another slice has what lies before `to`.
+    fn tapering(to: f64) -> Beside {
+        let dims = [48, 24];
+        let own = Field::from_fn(dims, |i, j| {
+            let [x, y] = [i as f64, j as f64 - 11.5];
+            (y.abs() - 5.0 + 0.1 * x).max(3.0 - x).max(x - 40.3)
+        });
+        let other: Vec<f64> = (0..dims[0] * dims[1]).map(|n| own.data[n].max((n % dims[0]) as f64 - to)).collect();
+        let part = own.data.iter().map(|v| *v < 0.0).collect();
+        Beside { tile: Tile::all(dims), h: [1.0; 2], own, other, part }
+    }
+
+    #[test]
+    fn a_tail_is_the_slice_at_first_and_nothing_but_what_is_common_at_last() {
+        for to in [14.01, 14.5, 14.99] {
+            let beside = tapering(to);
+            let tails = beside.tails(0.8);
+            let [tail] = tails.as_slice() else { panic!("one tail, not {}", tails.len()) };
+            assert!((tail.length - (40.3 - to)).abs() < 0.5, "{}", tail.length);
+            let [first, last] = [0.0, 1.0].map(|t| tail.at(t));
+            for (n, m) in tail.tile.nodes(beside.tile.dims[0]).enumerate().filter(|(n, _)| tail.along[*n] < FAR) {
+                let (own, other) = (beside.own.data[m], beside.other[m]);
+                if tail.along[n] > 0.0 {
+                    assert!((first.data[n] - own).abs() < 1e-9, "{to} {m}: {} for {own}", first.data[n]);
+                }
+                assert!(last.data[n] >= other + 1.0, "{to} {m}: {} where the other slice has {other}", last.data[n]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_tail_goes_back_along_itself_at_a_constant_rate() {
+        let beside = tapering(14.5);
+        let tails = beside.tails(0.8);
+        let end = |t: f64| {
+            let phi = tails[0].at(t);
+            let row = 11 * phi.dims[0];
+            (0..phi.dims[0]).rev().find(|i| phi.data[row + i] < 0.0).map(|i| (i + tails[0].tile.origin[0]) as f64)
+        };
+        for t in [0.25, 0.5, 0.75] {
+            let wanted = 14.5 + (1.0 - t) * tails[0].length;
+            assert!(end(t).is_some_and(|end| (end - wanted).abs() <= 1.0), "{t}: {:?} for {wanted}", end(t));
+        }
+    }
 }

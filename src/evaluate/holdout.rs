@@ -10,6 +10,7 @@ use crate::progress::Progress;
 use crate::reconstruct::reconstruct_into;
 use crate::reference::exact::exact_distance;
 use crate::settings::{Link, Settings};
+use crate::stack::heights::SAME;
 use crate::stack::{ContourStack, Slice};
 use crate::storage::spill::Budget;
 use crate::surface::Layer;
@@ -118,14 +119,18 @@ pub fn hold_out(
     let (mut tallies, mut linear) = ([Tally::default(); 2], Errors::default());
     let rest = some_of(stack, &kept);
     let means = Means { backend, progress, budget: &Budget::unlimited() };
-    let mut truth = dropped.iter().peekable();
+    // Neighbours of a slice left out are kept: the gap that it lies in, of which heights this near are one.
+    let is_at =
+        |k: usize, z: f64| (stack.slices[k].z - z).abs() <= SAME * (stack.slices[k + 1].z - stack.slices[k - 1].z);
+    let mut found = 0;
     let mut score = |layer: Layer| {
         // The first of the heights lies below the stack.
         if !layer.output || layer.z <= beyond[0] || layer.z >= beyond[1] {
             return Ok(());
         }
         arrival.iter_mut().for_each(|arrival| arrival.layer(&layer));
-        if let Some(&k) = truth.next_if(|&&k| stack.slices[k].z == layer.z) {
+        for &k in dropped.iter().filter(|k| is_at(**k, layer.z)) {
+            found += 1;
             let between = Between::around(&rest, layer.z);
             out.slices.extend(scored(stack, k, &layer, &between, &view, &mut tallies));
             if map.is_some() {
@@ -139,6 +144,10 @@ pub fn hold_out(
     out.links = links.len();
     let settings_of = |links| Settings { links, ..settings.clone() };
     reconstruct_into(&rest, &heights, &settings_of(links), &means, &mut score)?;
+    if found != dropped.len() {
+        let message = format!("{found} layers came for {} slices that were left out", dropped.len());
+        return Err(Error::Numerics { stage: "evaluate", message });
+    }
     let [own, line] = tallies.map(|tally| tally.compared());
     (out.dice, out.surface_distance, out.volume_error_percent) =
         (own.dice, own.surface_distance, own.volume_error_percent);

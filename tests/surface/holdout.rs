@@ -66,3 +66,30 @@ fn volumes_count_each_slice_by_the_gaps_beside_it() {
     );
     assert!(score.linear.volume_error_percent > Some(100.0), "{score:?}");
 }
+
+/// A body and its score do not hang on the unit of heights: output heights in the middle of a gap are those of nodes but for their last bits.
+#[test]
+fn every_slice_that_is_left_out_has_a_score_whatever_the_heights() {
+    let radii = [8.0, 9.0, 11.0, 12.0, 12.0, 11.0, 10.0, 8.0, 7.0, 9.0];
+    let shapes: Vec<Shape> = radii.iter().map(|r| circle(24.0, 24.0, *r)).collect();
+    let score = |heights: &[f64], leave: usize| {
+        let stack = masks(48, heights, &shapes);
+        hold_out(&stack, None, &plain(), leave, &Reference, &Silent).expect("a valid stack")
+    };
+    let steps = [1.0, 0.1, 0.3, 0.625, 0.7, 1.3, 2.7, 3.6, 7.2, 85.714_285_714];
+    for leave in [2, 3] {
+        let mut first = None;
+        for step in steps {
+            let evenly: Vec<f64> = (0..radii.len()).map(|k| 415.71 + step * k as f64).collect();
+            let nearly: Vec<f64> = evenly.iter().map(|z| (1e4 * z).round() / 1e4).collect();
+            for heights in [evenly, nearly] {
+                let found = score(&heights, leave);
+                let left_out = (1..radii.len() - 1).filter(|k| k % leave == leave - 1).count();
+                assert_eq!(found.slices.len(), left_out, "every {leave}th, {step} apart");
+                let dice = found.dice.expect("there is a truth");
+                let first = *first.get_or_insert(dice);
+                assert!((dice - first).abs() < 2e-3, "every {leave}th, {step} apart: {dice}, not {first}");
+            }
+        }
+    }
+}
